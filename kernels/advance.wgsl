@@ -1,0 +1,74 @@
+// Scalars of the conjugate gradients, one workgroup per slot. Twin: advance.rs (formula and states there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> requests: array<vec4<f32>>;         // [slot] tolerance², reference², floor², use_load
+@group(0) @binding(2) var<storage, read> partial_product: array<f32>;        // [slot][group]
+@group(0) @binding(3) var<storage, read> partial_dots: array<vec2<f32>>;     // [slot][group]
+@group(0) @binding(4) var<storage, read> partial_load: array<f32>;           // [group]
+@group(0) @binding(5) var<storage, read_write> scalars: array<vec4<f32>>;    // [slot × 2]
+
+const LANES: u32 = 256u;
+var<workgroup> shared_sum: array<vec4<f32>, 256>;
+
+@compute @workgroup_size(256)
+fn advance(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let slot = params.first_slot + group.y;
+    let groups = (params.node_count + GROUP - 1u) / GROUP;
+    let column_groups = (params.nodes_x * params.nodes_y + GROUP - 1u) / GROUP;
+    var sum = vec4<f32>(0.0); // load, delta, gamma, residual
+    if scalars[slot * 2u].w == 0.0 {
+        let starting = scalars[slot * 2u + 1u].w == 0.0;
+        for (var n = lane; n < groups; n += LANES) {
+            if starting { sum.x += partial_load[n]; }
+            sum.y += partial_product[slot * groups + n];
+        }
+        for (var n = lane; n < column_groups; n += LANES) {
+            sum += vec4<f32>(0.0, 0.0, partial_dots[slot * column_groups + n]);
+        }
+    }
+    shared_sum[lane] = sum;
+    for (var n = LANES / 2u; n > 0u; n >>= 1u) {
+        workgroupBarrier();
+        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+    }
+    if lane == 0u { advance_slot(slot, shared_sum[0]); }
+}
+
+fn advance_slot(slot: u32, sums: vec4<f32>) {
+    let request = requests[slot];
+    var head = scalars[slot * 2u];      // alpha beta gamma done
+    var tail = scalars[slot * 2u + 1u]; // target² rr iterations state
+    if head.w != 0.0 { return; }
+    if tail.w == 0.0 {
+        let reference = select(request.y, sums.x, request.w == 1.0);
+        tail.x = max(request.x * reference, request.z);
+        tail.w = 1.0;
+        scalars[slot * 2u + 1u] = tail;
+        return;
+    }
+    let delta = sums.y;
+    let gamma = sums.z;
+    tail.y = sums.w;
+    var denominator = delta;
+    if tail.y <= tail.x {
+        head.w = 1.0;
+    } else {
+        head.y = 0.0;
+        if tail.w >= 2.0 {
+            head.y = gamma / head.z;
+            denominator = delta - head.y * gamma / head.x;
+        }
+        if denominator > 0.0 && gamma > 0.0 {
+            head.x = gamma / denominator;
+            head.z = gamma;
+            tail.z += 1.0;
+            tail.w = select(3.0, 2.0, tail.w == 1.0);
+        } else {
+            head.w = 2.0;
+        }
+    }
+    scalars[slot * 2u] = head;
+    scalars[slot * 2u + 1u] = tail;
+}

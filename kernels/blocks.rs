@@ -1,0 +1,125 @@
+//! The parts of `A` that the preconditioner uses: each node's 3×3 block `D`, and its block `U` with the node above it.
+//!
+//! `D_i = s Σ_c R_c K_aa R_cᵀ + m_i (1 + h r_M)/h² I`, `U_i = s Σ_c R_c K_{a,a+4} R_cᵀ` over the up to four cells above the node.
+//! Held axes are cut out and get a one on the diagonal. What is kept depends on `params.preconditioner`: 0 the identity, 1 the diagonal
+//! of `D`, 2 `D`, 3 `D` and `U`. Packed as 16 numbers per node: 6 of the symmetric `D`, 9 of `U` by columns, one pad.
+//! Units: N/m.
+
+use super::{Params, Source, corner};
+use crate::math::{M3, Real, V3, V4, rotation_matrix};
+
+/// The shader.
+pub const SOURCE: Source = Source {
+    name: "blocks",
+    wgsl: include_str!("blocks.wgsl"),
+    params: Params::<f32>::FIELDS,
+};
+
+/// A node's part of the preconditioner.
+#[derive(Clone, Copy, Debug)]
+pub struct Block<R> {
+    /// Symmetric.
+    pub d: M3<R>,
+    /// Coupling with the node above.
+    pub g: M3<R>,
+}
+
+/// Reads 16 packed numbers.
+pub fn unpack<R: Real>(k: &[V4<R>]) -> Block<R> {
+    let [a, b, c, e] = [k[0], k[1], k[2], k[3]];
+    Block {
+        d: M3([
+            V3::new(a[0], a[1], a[2]),
+            V3::new(a[1], a[3], b[0]),
+            V3::new(a[2], b[0], b[1]),
+        ]),
+        g: M3([
+            V3::new(b[2], b[3], c[0]),
+            V3::new(c[1], c[2], c[3]),
+            V3::new(e[0], e[1], e[2]),
+        ]),
+    }
+}
+
+/// Packs into 16 numbers.
+pub fn pack<R: Real>(k: Block<R>) -> [V4<R>; 4] {
+    let [d0, d1, d2] = k.d.0;
+    let [g0, g1, g2] = k.g.0;
+    [
+        [d0.x, d0.y, d0.z, d1.y],
+        [d1.z, d2.z, g0.x, g0.y],
+        [g0.z, g1.x, g1.y, g1.z],
+        [g2.x, g2.y, g2.z, R::zero()],
+    ]
+}
+
+/// Fills the blocks of every node.
+pub fn blocks<R: Real>(
+    params: &Params<R>,
+    stiffness: &[M3<R>], // [layer × 64] blocks a×8+b, N/m
+    layer_of: &[u32],    // [cells_z] layer
+    rotation: &[V4<R>],  // [cell] quaternion
+    free: &[V4<R>],      // [node] 1 free, 0 held, per axis; mass kg
+    block: &mut [V4<R>], // [node × 4] packed
+) {
+    for i in 0..params.node_count as usize {
+        let c = params.node_at(i);
+        let mut sum = Block {
+            d: M3::zero(),
+            g: M3::zero(),
+        };
+        for a in 0..8 {
+            let Some(cell) = params.cell_below(c, a) else {
+                continue;
+            };
+            let q = rotation[cell];
+            if q == [R::zero(); 4] {
+                continue;
+            }
+            let first = layer_of[c[2] - corner(a)[2]] as usize * 64 + a * 8;
+            let r = rotation_matrix(q);
+            let turned = r.transpose();
+            sum.d = sum.d + r * stiffness[first + a] * turned;
+            if a < 4 {
+                sum.g = sum.g + r * stiffness[first + a + 4] * turned;
+            }
+        }
+        let above = i + (params.nodes_x * params.nodes_y) as usize;
+        let axes_above = if above < params.node_count as usize {
+            V3::from4(free[above])
+        } else {
+            V3::zero()
+        };
+        block[i * 4..i * 4 + 4].copy_from_slice(&finish(params, sum, free[i], axes_above));
+    }
+}
+
+/// Scales by the step, adds inertia, cuts held axes out and keeps what the preconditioner wants.
+pub fn finish<R: Real>(
+    params: &Params<R>,
+    sum: Block<R>,
+    free: V4<R>,
+    axes_above: V3<R>,
+) -> [V4<R>; 4] {
+    let axes = V3::from4(free);
+    let inertia = M3::diagonal(V3::splat(params.inertia * free[3]));
+    let masked = |m: M3<R>, right: V3<R>| {
+        M3([
+            m.0[0].times(axes) * right.x,
+            m.0[1].times(axes) * right.y,
+            m.0[2].times(axes) * right.z,
+        ])
+    };
+    let held = M3::diagonal(V3::splat(R::one()) - axes);
+    let mut d = masked(sum.d * params.stiffness_factor + inertia, axes) + held;
+    let mut g = masked(sum.g * params.stiffness_factor, axes_above);
+    if params.preconditioner == 0 {
+        d = M3::identity();
+    } else if params.preconditioner == 1 {
+        d = M3::diagonal(V3::new(d.0[0].x, d.0[1].y, d.0[2].z));
+    }
+    if params.preconditioner < 3 {
+        g = M3::zero();
+    }
+    pack(Block { d, g })
+}

@@ -1,0 +1,41 @@
+// Node blocks of A for the preconditioner. Twin: blocks.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> stiffness: array<mat3x3<f32>, 1344>;   // [layer × 64] blocks a×8+b, N/m
+@group(0) @binding(2) var<storage, read> layer_of: array<u32>;            // [cells_z] layer
+@group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;      // [cell] quaternion
+@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(5) var<storage, read_write> block: array<vec4<f32>>;   // [node × 4] packed
+
+@compute @workgroup_size(64)
+fn blocks(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group_of(group, groups) * GROUP + lane;
+    if i >= params.node_count { return; }
+    let c = vec3<u32>(
+        i % params.nodes_x,
+        (i / params.nodes_x) % params.nodes_y,
+        i / (params.nodes_x * params.nodes_y),
+    );
+    let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
+    var d = mat3x3<f32>();
+    var g = mat3x3<f32>();
+    for (var a = 0u; a < 8u; a += 1u) {
+        let at = c - corner(a); // wraps below 0, which the test catches
+        if any(at >= cells) { continue; }
+        let q = rotation[at.x + params.cells_x * (at.y + params.cells_y * at.z)];
+        if all(q == vec4<f32>(0.0)) { continue; }
+        let first = layer_of[at.z] * 64u + a * 8u;
+        let r = rotation_matrix(q);
+        let turned = transpose(r);
+        d += r * stiffness[first + a] * turned;
+        if a < 4u { g += r * stiffness[first + a + 4u] * turned; }
+    }
+    let above = i + params.nodes_x * params.nodes_y;
+    var axes_above = vec3<f32>(0.0);
+    if above < params.node_count { axes_above = free[above].xyz; }
+    let packed = finish(d, g, free[i], axes_above, params.stiffness_factor, params.inertia, params.preconditioner);
+    for (var k = 0u; k < 4u; k += 1u) { block[i * 4u + k] = packed[k]; }
+}

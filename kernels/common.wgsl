@@ -1,0 +1,97 @@
+// Shared by all shaders; see mod.rs.
+struct Params {
+    nodes_x: u32, nodes_y: u32, nodes_z: u32, node_count: u32,
+    cells_x: u32, cells_y: u32, cells_z: u32, cell_count: u32,
+    preconditioner: u32, corotational: u32, slot_count: u32, first_slot: u32,
+    inertia: f32, stiffness_factor: f32, step: f32, gravity_x: f32,
+    gravity_y: f32, gravity_z: f32, pad_0: f32, pad_1: f32,
+}
+
+const GROUP: u32 = 64u;
+
+// Thread number over a dispatch that may be folded into z (65,535 groups per dimension at most); y is the slot.
+fn group_of(group: vec3<u32>, groups: vec3<u32>) -> u32 {
+    return group.x + group.z * groups.x;
+}
+
+// Offset (0 or 1) of a corner along x, y, z; VTK order.
+fn corner(a: u32) -> vec3<u32> {
+    return vec3<u32>(((a + 1u) >> 1u) & 1u, (a >> 1u) & 1u, a >> 2u);
+}
+
+fn rotation_matrix(q: vec4<f32>) -> mat3x3<f32> {
+    let xx = q.x * q.x; let yy = q.y * q.y; let zz = q.z * q.z;
+    let xy = q.x * q.y; let xz = q.x * q.z; let yz = q.y * q.z;
+    let wx = q.w * q.x; let wy = q.w * q.y; let wz = q.w * q.z;
+    return mat3x3<f32>(
+        vec3<f32>(1.0 - 2.0 * (yy + zz), 2.0 * (xy + wz), 2.0 * (xz - wy)),
+        vec3<f32>(2.0 * (xy - wz), 1.0 - 2.0 * (xx + zz), 2.0 * (yz + wx)),
+        vec3<f32>(2.0 * (xz + wy), 2.0 * (yz - wx), 1.0 - 2.0 * (xx + yy)),
+    );
+}
+
+// Rotation matrix minus identity, without cancellation at small angles.
+fn rotation_minus_identity(q: vec4<f32>) -> mat3x3<f32> {
+    let xx = q.x * q.x; let yy = q.y * q.y; let zz = q.z * q.z;
+    let xy = q.x * q.y; let xz = q.x * q.z; let yz = q.y * q.z;
+    let wx = q.w * q.x; let wy = q.w * q.y; let wz = q.w * q.z;
+    return mat3x3<f32>(
+        vec3<f32>(-2.0 * (yy + zz), 2.0 * (xy + wz), 2.0 * (xz - wy)),
+        vec3<f32>(2.0 * (xy - wz), -2.0 * (xx + zz), 2.0 * (yz + wx)),
+        vec3<f32>(2.0 * (xz + wy), 2.0 * (yz - wx), -2.0 * (xx + yy)),
+    );
+}
+
+// Inverse by cofactors.
+fn inverse(m: mat3x3<f32>) -> mat3x3<f32> {
+    let r0 = cross(m[1], m[2]);
+    let r1 = cross(m[2], m[0]);
+    let r2 = cross(m[0], m[1]);
+    let s = 1.0 / dot(m[0], r0);
+    return transpose(mat3x3<f32>(r0 * s, r1 * s, r2 * s));
+}
+
+// A node's 64 bytes of the preconditioner: `d` symmetric (6 numbers) and `g` (9), one pad.
+struct Block { d: mat3x3<f32>, g: mat3x3<f32> }
+
+fn unpack(a: vec4<f32>, b: vec4<f32>, c: vec4<f32>, e: vec4<f32>) -> Block {
+    return Block(
+        mat3x3<f32>(a.xyz, vec3<f32>(a.y, a.w, b.x), vec3<f32>(a.z, b.x, b.y)),
+        mat3x3<f32>(vec3<f32>(b.zw, c.x), c.yzw, e.xyz),
+    );
+}
+
+fn pack(k: Block) -> array<vec4<f32>, 4> {
+    return array<vec4<f32>, 4>(
+        vec4<f32>(k.d[0], k.d[1].y),
+        vec4<f32>(k.d[1].z, k.d[2].z, k.g[0].xy),
+        vec4<f32>(k.g[0].z, k.g[1]),
+        vec4<f32>(k.g[2], 0.0),
+    );
+}
+
+fn masked(m: mat3x3<f32>, left: vec3<f32>, right: vec3<f32>) -> mat3x3<f32> {
+    return mat3x3<f32>(m[0] * left * right.x, m[1] * left * right.y, m[2] * left * right.z);
+}
+
+fn diagonal(d: vec3<f32>) -> mat3x3<f32> {
+    return mat3x3<f32>(d.x, 0.0, 0.0, 0.0, d.y, 0.0, 0.0, 0.0, d.z);
+}
+
+// A node's packed blocks (blocks.rs): scales by the step, adds inertia, cuts held axes out and keeps what the preconditioner wants.
+fn finish(
+    d_sum: mat3x3<f32>, g_sum: mat3x3<f32>, at: vec4<f32>, axes_above: vec3<f32>,
+    factor: f32, rate: f32, kind: u32,
+) -> array<vec4<f32>, 4> {
+    let axes = at.xyz;
+    let inertia = diagonal(vec3<f32>(rate * at.w));
+    var d = masked(d_sum * factor + inertia, axes, axes) + diagonal(1.0 - axes);
+    var g = masked(g_sum * factor, axes, axes_above);
+    if kind == 0u {
+        d = diagonal(vec3<f32>(1.0));
+    } else if kind == 1u {
+        d = diagonal(vec3<f32>(d[0].x, d[1].y, d[2].z));
+    }
+    if kind < 3u { g = mat3x3<f32>(); }
+    return pack(Block(d, g));
+}

@@ -1,0 +1,72 @@
+//! Elastic force of the bricks, gathered per node.
+//!
+//! `f_i = Σ_c R_c Σ_b K_ab (R_cᵀ u_b + (R_cᵀ − I) X_b)`: the force that the node must be held with, so that the body pushes back with −f.
+//! `X_b` is the corner's rest position from the cell's centre; written with displacements, f32 loses nothing to a far origin.
+//! Source: Müller, Gross 2004 (corotational elements); K from `model::element`.
+//! Units: u m, K N/m, f N.
+
+use super::{Params, Source, corner};
+use crate::math::{M3, Real, V3, V4, rotation_matrix, rotation_minus_identity};
+
+/// The shader.
+pub const SOURCE: Source = Source {
+    name: "forces",
+    wgsl: include_str!("forces.wgsl"),
+    params: Params::<f32>::FIELDS,
+};
+
+/// Rest position of corner `b` from the centre of a cell with edges `h`.
+pub fn rest_corner<R: Real>(h: V3<R>, b: usize) -> V3<R> {
+    let o = corner(b);
+    let sign = |i: usize| R::of(o[i] as f64 - 0.5);
+    V3::new(sign(0) * h.x, sign(1) * h.y, sign(2) * h.z)
+}
+
+/// Elastic forces.
+pub fn forces<R: Real>(
+    params: &Params<R>,
+    shape: &[V4<R>],     // [layer] cell edges m, mass of one corner kg
+    stiffness: &[M3<R>], // [layer × 64] blocks a×8+b, N/m
+    layer_of: &[u32],    // [cells_z] layer
+    u: &[V4<R>],         // [node] m
+    rotation: &[V4<R>],  // [cell] quaternion
+    f: &mut [V4<R>],     // [node] N
+) {
+    for (i, out) in f.iter_mut().enumerate() {
+        *out = node_force(params, shape, stiffness, layer_of, u, rotation, i).pad(R::zero());
+    }
+}
+
+/// One node of [`forces`].
+pub fn node_force<R: Real>(
+    params: &Params<R>,
+    shape: &[V4<R>],
+    stiffness: &[M3<R>],
+    layer_of: &[u32],
+    u: &[V4<R>],
+    rotation: &[V4<R>],
+    i: usize,
+) -> V3<R> {
+    let c = params.node_at(i);
+    let mut sum = V3::zero();
+    for a in 0..8 {
+        let Some(cell) = params.cell_below(c, a) else {
+            continue;
+        };
+        let q = rotation[cell];
+        if q == [R::zero(); 4] {
+            continue;
+        }
+        let layer = layer_of[c[2] - corner(a)[2]] as usize;
+        let h = V3::from4(shape[layer]);
+        let r = rotation_matrix(q);
+        let turn = rotation_minus_identity(q).transpose();
+        let mut local = V3::zero();
+        for (b, node) in params.corners(cell).into_iter().enumerate() {
+            let stretch = r.transpose() * V3::from4(u[node]) + turn * rest_corner(h, b);
+            local += stiffness[layer * 64 + a * 8 + b] * stretch;
+        }
+        sum += r * local;
+    }
+    sum
+}

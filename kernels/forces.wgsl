@@ -1,0 +1,44 @@
+// Elastic force of the bricks, gathered per node. Twin: forces.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> shape: array<vec4<f32>, 21>;            // [layer] cell edges m, mass of one corner kg
+@group(0) @binding(2) var<uniform> stiffness: array<mat3x3<f32>, 1344>;    // [layer × 64] blocks a×8+b, N/m
+@group(0) @binding(3) var<storage, read> layer_of: array<u32>;             // [cells_z] layer
+@group(0) @binding(4) var<storage, read> u: array<vec4<f32>>;              // [node] m
+@group(0) @binding(5) var<storage, read> rotation: array<vec4<f32>>;       // [cell] quaternion
+@group(0) @binding(6) var<storage, read_write> f: array<vec4<f32>>;        // [node] N
+
+@compute @workgroup_size(64)
+fn forces(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group_of(group, groups) * GROUP + lane;
+    if i >= params.node_count { return; }
+    let c = vec3<u32>(
+        i % params.nodes_x,
+        (i / params.nodes_x) % params.nodes_y,
+        i / (params.nodes_x * params.nodes_y),
+    );
+    let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
+    var sum = vec3<f32>(0.0);
+    for (var a = 0u; a < 8u; a += 1u) {
+        let at = c - corner(a); // wraps below 0, which the test catches
+        if any(at >= cells) { continue; }
+        let q = rotation[at.x + params.cells_x * (at.y + params.cells_y * at.z)];
+        if all(q == vec4<f32>(0.0)) { continue; }
+        let layer = layer_of[at.z];
+        let h = shape[layer].xyz;
+        let r = rotation_matrix(q);
+        let turn = transpose(rotation_minus_identity(q));
+        var local = vec3<f32>(0.0);
+        for (var b = 0u; b < 8u; b += 1u) {
+            let o = corner(b);
+            let node = (at.x + o.x) + params.nodes_x * ((at.y + o.y) + params.nodes_y * (at.z + o.z));
+            let stretch = u[node].xyz * r + turn * ((vec3<f32>(o) - 0.5) * h);
+            local += stiffness[layer * 64u + a * 8u + b] * stretch;
+        }
+        sum += r * local;
+    }
+    f[i] = vec4<f32>(sum, 0.0);
+}

@@ -1,0 +1,16 @@
+// Picks values by index. Twin: gather.rs.
+struct PickParams { count: u32, pad_0: u32, pad_1: u32, pad_2: u32 }
+@group(0) @binding(0) var<uniform> params: PickParams;
+@group(0) @binding(1) var<storage, read> ids: array<u32>;                   // [picked] into source
+@group(0) @binding(2) var<storage, read> source: array<vec4<f32>>;          // any
+@group(0) @binding(3) var<storage, read_write> picked: array<vec4<f32>>;    // [picked]
+
+@compute @workgroup_size(64)
+fn gather(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let k = group_of(group, groups) * GROUP + lane;
+    if k < params.count { picked[k] = source[ids[k]]; }
+}

@@ -1,0 +1,31 @@
+//! Ends a step: `Δx = x_0 + x_1` (free motion and contact correction), `u += Δx`, `v = Δx/h`.
+//!
+//! `params.slot_count` 1: there was no contact, slot 1 is not read. Units: x m, u m, v m/s.
+
+use super::{Params, Source};
+use crate::math::{Real, V3, V4};
+
+/// The shader.
+pub const SOURCE: Source = Source {
+    name: "integrate",
+    wgsl: include_str!("integrate.wgsl"),
+    params: Params::<f32>::FIELDS,
+};
+
+/// Moves every node.
+pub fn integrate<R: Real>(
+    params: &Params<R>,
+    x: &[V4<R>],     // [slot][node] m
+    u: &mut [V4<R>], // [node] m
+    v: &mut [V4<R>], // [node] m/s
+) {
+    let count = params.node_count as usize;
+    for i in 0..count {
+        let mut dx = V3::from4(x[i]);
+        if params.slot_count > 1 {
+            dx += V3::from4(x[count + i]);
+        }
+        u[i] = (V3::from4(u[i]) + dx).pad(R::zero());
+        v[i] = (dx * (R::one() / params.step)).pad(R::zero());
+    }
+}

@@ -1,0 +1,19 @@
+// Ends a step. Twin: integrate.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> x: array<vec4<f32>>;          // [slot][node] m
+@group(0) @binding(2) var<storage, read_write> u: array<vec4<f32>>;    // [node] m
+@group(0) @binding(3) var<storage, read_write> v: array<vec4<f32>>;    // [node] m/s
+
+@compute @workgroup_size(64)
+fn integrate(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group_of(group, groups) * GROUP + lane;
+    if i >= params.node_count { return; }
+    var dx = x[i].xyz;
+    if params.slot_count > 1u { dx += x[params.node_count + i].xyz; }
+    u[i] = vec4<f32>(u[i].xyz + dx, 0.0);
+    v[i] = vec4<f32>(dx * (1.0 / params.step), 0.0);
+}

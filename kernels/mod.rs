@@ -1,0 +1,180 @@
+//! Kernels: one computation on flat arrays each, twice: `name.wgsl` for the GPU and its Rust twin `name.rs`, generic over f32 and f64.
+//!
+//! A twin has the shader's name, argument names and order of operations, and holds formula, units and source. Grid kernels share one
+//! parameter block, [`Params`]. Arrays over right-hand sides are `[slot][node]`: slot 0 is the free motion, slot 1 the contact
+//! correction, higher slots are contact columns. A cell whose rotation is the zero quaternion is dead: it has been cut away.
+//!
+//! One hexahedron corner order in the whole project, VTK's: 0–3 counter-clockwise at the bottom, 4–7 above them.
+
+pub mod advance;
+pub mod blocks;
+pub mod centres;
+pub mod combine;
+pub mod cut;
+pub mod factor;
+pub mod forces;
+pub mod gather;
+pub mod integrate;
+pub mod precondition;
+pub mod product;
+pub mod rhs;
+pub mod rotations;
+
+pub mod scatter;
+pub mod springs;
+pub mod springs_blocks;
+pub mod springs_product;
+pub mod update;
+
+use crate::math::Real;
+
+/// Text shared by all shaders: `Params`, corners, quaternions, reductions.
+pub const COMMON: &str = include_str!("common.wgsl");
+
+/// A shader as text, with what the host must know about it beyond what naga reads from the text itself.
+#[derive(Debug)]
+pub struct Source {
+    /// Entry point and file name.
+    pub name: &'static str,
+    /// WGSL without the common part.
+    pub wgsl: &'static str,
+    /// Field names of the uniform `params`, one 4-byte scalar each, in order.
+    pub params: &'static [&'static str],
+}
+
+/// Every kernel.
+pub const ALL: &[&Source] = &[
+    &advance::SOURCE,
+    &blocks::SOURCE,
+    &centres::SOURCE,
+    &combine::SOURCE,
+    &cut::SOURCE,
+    &factor::SOURCE,
+    &forces::SOURCE,
+    &gather::SOURCE,
+    &integrate::SOURCE,
+    &precondition::SOURCE,
+    &product::SOURCE,
+    &rhs::SOURCE,
+    &rotations::SOURCE,
+    &scatter::SOURCE,
+    &springs::SOURCE,
+    &springs_blocks::SOURCE,
+    &springs_product::SOURCE,
+    &update::SOURCE,
+];
+
+macro_rules! params {
+    ($(#[$doc:meta])* { $($(#[$udoc:meta])* $u:ident: u32,)* } { $($(#[$rdoc:meta])* $r:ident: real,)* }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        pub struct Params<R> { $($(#[$udoc])* pub $u: u32,)* $($(#[$rdoc])* pub $r: R,)* }
+
+        impl<R: Real> Params<R> {
+            /// Field names in the order of [`Params::words`].
+            pub const FIELDS: &'static [&'static str] = &[$(stringify!($u),)* $(stringify!($r),)*];
+            /// The block as the shaders read it: one 4-byte word per field.
+            pub fn words(&self) -> Vec<u32> {
+                vec![$(self.$u,)* $((self.$r.f64() as f32).to_bits(),)*]
+            }
+        }
+    };
+}
+
+params! {
+    /// What every grid kernel knows of the body and the step.
+    {
+        /// Nodes along x.
+        nodes_x: u32,
+        /// Nodes along y.
+        nodes_y: u32,
+        /// Nodes along z.
+        nodes_z: u32,
+        /// All nodes.
+        node_count: u32,
+        /// Cells along x.
+        cells_x: u32,
+        /// Cells along y.
+        cells_y: u32,
+        /// Cells along z.
+        cells_z: u32,
+        /// All cells.
+        cell_count: u32,
+        /// 0 none, 1 Jacobi, 2 block, 3 column.
+        preconditioner: u32,
+        /// 1 corotational, 0 linear.
+        corotational: u32,
+        /// Slots in use by the running solve.
+        slot_count: u32,
+        /// First slot of the running solve.
+        first_slot: u32,
+    }
+    {
+        /// `(1 + h r_M)/h²`, 1/s².
+        inertia: real,
+        /// `1 + r_K/h`.
+        stiffness_factor: real,
+        /// `h`, s.
+        step: real,
+        /// Gravity, m/s².
+        gravity_x: real,
+        /// Gravity, m/s².
+        gravity_y: real,
+        /// Gravity, m/s².
+        gravity_z: real,
+        /// Fills the block to 16 bytes.
+        pad_0: real,
+        /// Fills the block to 16 bytes.
+        pad_1: real,
+    }
+}
+
+/// Threads per workgroup of every kernel but `advance`.
+pub const GROUP: u32 = 64;
+
+/// Offset (0 or 1) of a corner along x, y, z.
+pub fn corner(a: usize) -> [usize; 3] {
+    [(a + 1) >> 1 & 1, a >> 1 & 1, a >> 2]
+}
+
+impl<R: Real> Params<R> {
+    /// Grid coordinates of a node.
+    pub fn node_at(&self, node: usize) -> [usize; 3] {
+        let (x, y) = (self.nodes_x as usize, self.nodes_y as usize);
+        [node % x, node / x % y, node / (x * y)]
+    }
+    /// Node id at grid coordinates.
+    pub fn node_id(&self, c: [usize; 3]) -> usize {
+        c[0] + self.nodes_x as usize * (c[1] + self.nodes_y as usize * c[2])
+    }
+    /// Cell id at grid coordinates.
+    pub fn cell_id(&self, c: [usize; 3]) -> usize {
+        c[0] + self.cells_x as usize * (c[1] + self.cells_y as usize * c[2])
+    }
+    /// Grid coordinates of a cell.
+    pub fn cell_at(&self, cell: usize) -> [usize; 3] {
+        let (x, y) = (self.cells_x as usize, self.cells_y as usize);
+        [cell % x, cell / x % y, cell / (x * y)]
+    }
+    /// Ids of the eight corners of a cell.
+    pub fn corners(&self, cell: usize) -> [usize; 8] {
+        let c = self.cell_at(cell);
+        std::array::from_fn(|a| {
+            let o = corner(a);
+            self.node_id([c[0] + o[0], c[1] + o[1], c[2] + o[2]])
+        })
+    }
+    /// The cell of which the node at `c` is corner `a`, if the grid has it.
+    pub fn cell_below(&self, c: [usize; 3], a: usize) -> Option<usize> {
+        let o = corner(a);
+        let at = [
+            c[0].checked_sub(o[0])?,
+            c[1].checked_sub(o[1])?,
+            c[2].checked_sub(o[2])?,
+        ];
+        let inside = at[0] < self.cells_x as usize
+            && at[1] < self.cells_y as usize
+            && at[2] < self.cells_z as usize;
+        inside.then(|| self.cell_id(at))
+    }
+}

@@ -1,0 +1,43 @@
+//! Right-hand side of the free motion, and the load that residuals are measured against.
+//!
+//! Implicit Euler with Rayleigh damping in displacement increments `Δx = h v'`:
+//! `A Δx = b`, `A = (1 + h r_M)/h² M + (1 + r_K/h) K`, `b = −f + f_ext + m g + M v/h`.
+//! (SOFA's `EulerImplicitSolver` equations after the substitution `dv = Δx/h − v`, in which the damping terms of the right side cancel.)
+//! `load² = Σ |b|² + |f_ext + m g|²` over free axes plus `Σ |f|²` over held ones: what the step's forces amount to, also at rest.
+//! Units: f N, v m/s, free 0/1 per axis and kg, load N, b N.
+
+use super::{Params, Source};
+use crate::math::{Real, V3, V4};
+
+/// The shader.
+pub const SOURCE: Source = Source {
+    name: "rhs",
+    wgsl: include_str!("rhs.wgsl"),
+    params: Params::<f32>::FIELDS,
+};
+
+/// Fills `b` (slot 0) and returns load² in N².
+pub fn rhs<R: Real>(
+    params: &Params<R>,
+    f: &[V4<R>],     // [node] N
+    v: &[V4<R>],     // [node] m/s
+    free: &[V4<R>],  // [node] 1 free, 0 held, per axis; mass kg
+    load: &[V4<R>],  // [node] N
+    b: &mut [V4<R>], // [slot][node] N
+) -> R {
+    let g = V3::new(params.gravity_x, params.gravity_y, params.gravity_z);
+    let mut load_squared = R::zero();
+    for i in 0..params.node_count as usize {
+        let mass = free[i][3];
+        let axes = V3::from4(free[i]);
+        let elastic = V3::from4(f[i]);
+        let external = V3::from4(load[i]) + g * mass;
+        let rate = mass / params.step;
+        let sum = (external - elastic + V3::from4(v[i]) * rate).times(axes);
+        b[i] = sum.pad(R::zero());
+        let pushed = external.times(axes);
+        let held = elastic - elastic.times(axes);
+        load_squared += sum.dot(sum) + pushed.dot(pushed) + held.dot(held);
+    }
+    load_squared
+}

@@ -1,0 +1,40 @@
+// Right-hand side of the free motion and its load. Twin: rhs.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> f: array<vec4<f32>>;             // [node] N
+@group(0) @binding(2) var<storage, read> v: array<vec4<f32>>;             // [node] m/s
+@group(0) @binding(3) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(4) var<storage, read> load: array<vec4<f32>>;          // [node] N
+@group(0) @binding(5) var<storage, read_write> b: array<vec4<f32>>;       // [slot][node] N
+@group(0) @binding(6) var<storage, read_write> partial_load: array<f32>;  // [group] N²
+
+var<workgroup> shared_sum: array<f32, 64>;
+
+@compute @workgroup_size(64)
+fn rhs(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let block = group_of(group, groups);
+    let i = block * GROUP + lane;
+    var load_squared = 0.0;
+    if i < params.node_count {
+        let g = vec3<f32>(params.gravity_x, params.gravity_y, params.gravity_z);
+        let mass = free[i].w;
+        let axes = free[i].xyz;
+        let elastic = f[i].xyz;
+        let external = load[i].xyz + g * mass;
+        let rate = mass / params.step;
+        let sum = (external - elastic + v[i].xyz * rate) * axes;
+        b[i] = vec4<f32>(sum, 0.0);
+        let pushed = external * axes;
+        let held = elastic - elastic * axes;
+        load_squared = dot(sum, sum) + dot(pushed, pushed) + dot(held, held);
+    }
+    shared_sum[lane] = load_squared;
+    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
+        workgroupBarrier();
+        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+    }
+    if lane == 0u && i < params.node_count { partial_load[block] = shared_sum[0]; }
+}

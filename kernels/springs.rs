@@ -1,0 +1,64 @@
+//! Damped springs between node pairs, gathered per node: forces, and the tangents that `springs_product` multiplies with.
+//! A cut spring has stiffness and damping 0.
+//!
+//! `f_i = −Σ_s k (|d| − L) n`, `d = x_j − x_i`, `n = d/|d|`: the force that the node must be held with, as in `forces`. The damper
+//! `c (v_j − v_i)·n n` acts on the end of step's velocity `Δx/h` and therefore stands in the tangent alone:
+//! `T = a n nᵀ + b I`, `b = s k max(1 − L/|d|, 0)`, `a = s k + c/h − b`, `s = 1 + r_K/h`. The clamp keeps `A` positive definite when a
+//! spring is compressed (SOFA leaves it out).
+//! Source: Provot 1995 (springs of a grid), Baraff, Witkin 1998 (implicit). Differs: damping along the axis only, so spinning costs nothing.
+//! Units: u m, L m, k N/m, c N·s/m, f N, T N/m.
+
+use super::{Params, Source};
+use crate::math::{M3, Real, V3, V4};
+
+/// The shader.
+pub const SOURCE: Source = Source {
+    name: "springs",
+    wgsl: include_str!("springs.wgsl"),
+    params: Params::<f32>::FIELDS,
+};
+
+/// Spring forces and tangents.
+#[allow(clippy::too_many_arguments)]
+pub fn springs<R: Real>(
+    params: &Params<R>,
+    rest: &[V4<R>],        // [node] m
+    u: &[V4<R>],           // [node] m
+    first: &[u32],         // [node + 1] into half
+    half: &[[u32; 2]],     // springs around each node: other node, spring
+    law: &[V4<R>],         // [spring] L, k, c, 0
+    f: &mut [V4<R>],       // [node] N
+    tangent: &mut [V4<R>], // [half × 2] symmetric T: xx xy xz yy; yz zz 0 0
+) {
+    for i in 0..params.node_count as usize {
+        let mut sum = V3::zero();
+        for n in first[i] as usize..first[i + 1] as usize {
+            let [j, s] = half[n].map(|k| k as usize);
+            let d = (V3::from4(rest[j]) - V3::from4(rest[i])) + (V3::from4(u[j]) - V3::from4(u[i]));
+            let [l, k, c, _] = law[s];
+            let length = d.length();
+            let mut t = M3::zero();
+            if length > R::zero() {
+                sum += d * (k * (l - length) / length);
+                let axis = d * (R::one() / length);
+                let stiff = k * params.stiffness_factor;
+                let across = stiff * (R::one() - l / length).max(R::zero());
+                let along = stiff + c / params.step - across;
+                t = axis.outer(axis) * along + M3::diagonal(V3::splat(across));
+            }
+            tangent[n * 2] = [t.0[0].x, t.0[0].y, t.0[0].z, t.0[1].y];
+            tangent[n * 2 + 1] = [t.0[1].z, t.0[2].z, R::zero(), R::zero()];
+        }
+        f[i] = sum.pad(R::zero());
+    }
+}
+
+/// The tangent of one spring end.
+pub fn tangent_of<R: Real>(tangent: &[V4<R>], n: usize) -> M3<R> {
+    let (a, b) = (tangent[n * 2], tangent[n * 2 + 1]);
+    M3([
+        V3::new(a[0], a[1], a[2]),
+        V3::new(a[1], a[3], b[0]),
+        V3::new(a[2], b[0], b[1]),
+    ])
+}

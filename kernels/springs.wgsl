@@ -1,0 +1,41 @@
+// Spring forces and tangents, gathered per node. Twin: springs.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> rest: array<vec4<f32>>;            // [node] m
+@group(0) @binding(2) var<storage, read> u: array<vec4<f32>>;               // [node] m
+@group(0) @binding(3) var<storage, read> first: array<u32>;                 // [node + 1] into half
+@group(0) @binding(4) var<storage, read> half: array<vec2<u32>>;            // other node, spring
+@group(0) @binding(5) var<storage, read> law: array<vec4<f32>>;             // [spring] L, k, c, 0
+@group(0) @binding(6) var<storage, read_write> f: array<vec4<f32>>;         // [node] N
+@group(0) @binding(7) var<storage, read_write> tangent: array<vec4<f32>>;   // [half × 2] xx xy xz yy; yz zz 0 0
+
+@compute @workgroup_size(64)
+fn springs(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group_of(group, groups) * GROUP + lane;
+    if i >= params.node_count { return; }
+    var sum = vec3<f32>(0.0);
+    for (var n = first[i]; n < first[i + 1u]; n += 1u) {
+        let j = half[n].x;
+        let own = law[half[n].y]; // L, k, c
+        let d = (rest[j].xyz - rest[i].xyz) + (u[j].xyz - u[i].xyz);
+        let length = sqrt(dot(d, d));
+        var t0 = vec4<f32>(0.0);
+        var t1 = vec4<f32>(0.0);
+        if length > 0.0 {
+            sum += d * (own.y * (own.x - length) / length);
+            let axis = d * (1.0 / length);
+            let stiff = own.y * params.stiffness_factor;
+            let across = stiff * max(1.0 - own.x / length, 0.0);
+            let along = stiff + own.z / params.step - across;
+            let a = axis * along;
+            t0 = vec4<f32>(a.x * axis.x + across, a.x * axis.y, a.x * axis.z, a.y * axis.y + across);
+            t1 = vec4<f32>(a.y * axis.z, a.z * axis.z + across, 0.0, 0.0);
+        }
+        tangent[n * 2u] = t0;
+        tangent[n * 2u + 1u] = t1;
+    }
+    f[i] = vec4<f32>(sum, 0.0);
+}

@@ -1,0 +1,39 @@
+//! Product with the system matrix of the spring body: `w = A z`, gathered per node, for each slot.
+//!
+//! `w_i = P_i (Σ_s T_s (z_i − z_j) + m_i (1 + h r_M)/h² z_i)` with the tangents of `springs`. Units: z m, w N.
+
+use super::springs::tangent_of;
+use super::{Params, Source};
+use crate::math::{Real, V3, V4};
+
+/// The shader.
+pub const SOURCE: Source = Source {
+    name: "springs_product",
+    wgsl: include_str!("springs_product.wgsl"),
+    params: Params::<f32>::FIELDS,
+};
+
+/// One slot; returns `z·w`.
+#[allow(clippy::too_many_arguments)]
+pub fn springs_product<R: Real>(
+    params: &Params<R>,
+    first: &[u32],     // [node + 1] into half
+    half: &[[u32; 2]], // springs around each node: other node, spring
+    tangent: &[V4<R>], // [half × 2] symmetric T, N/m
+    free: &[V4<R>],    // [node] 1 free, 0 held, per axis; mass kg
+    z: &[V4<R>],       // [node] m
+    w: &mut [V4<R>],   // [node] N
+) -> R {
+    let mut dot = R::zero();
+    for i in 0..params.node_count as usize {
+        let own = V3::from4(z[i]);
+        let mut sum = V3::zero();
+        for n in first[i] as usize..first[i + 1] as usize {
+            sum += tangent_of(tangent, n) * (own - V3::from4(z[half[n][0] as usize]));
+        }
+        let out = (sum + own * (params.inertia * free[i][3])).times(V3::from4(free[i]));
+        w[i] = out.pad(R::zero());
+        dot += own.dot(out);
+    }
+    dot
+}

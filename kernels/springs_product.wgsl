@@ -1,0 +1,47 @@
+// w = A z of the spring body, one slot per dispatch row. Twin: springs_product.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> first: array<u32>;                  // [node + 1] into half
+@group(0) @binding(2) var<storage, read> half: array<vec2<u32>>;             // other node, spring
+@group(0) @binding(3) var<storage, read> tangent: array<vec4<f32>>;          // [half × 2] symmetric T, N/m
+@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;             // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(5) var<storage, read> z: array<vec4<f32>>;                // [slot][node] m
+@group(0) @binding(6) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
+@group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;  // [slot][group] z·w
+@group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2]
+
+var<workgroup> shared_sum: array<f32, 64>;
+
+@compute @workgroup_size(64)
+fn springs_product(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let block = group_of(group, groups);
+    let i = block * GROUP + lane;
+    let slot = params.first_slot + group.y;
+    let offset = slot * params.node_count;
+    let running = scalars[slot * 2u].w == 0.0;
+    var product_dot = 0.0;
+    if running && i < params.node_count {
+        let own = z[offset + i].xyz;
+        var sum = vec3<f32>(0.0);
+        for (var n = first[i]; n < first[i + 1u]; n += 1u) {
+            let a = tangent[n * 2u];
+            let b = tangent[n * 2u + 1u];
+            let t = mat3x3<f32>(a.xyz, vec3<f32>(a.y, a.w, b.x), vec3<f32>(a.z, b.x, b.y));
+            sum += t * (own - z[offset + half[n].x].xyz);
+        }
+        let out = (sum + own * (params.inertia * free[i].w)) * free[i].xyz;
+        w[offset + i] = vec4<f32>(out, 0.0);
+        product_dot = dot(own, out);
+    }
+    shared_sum[lane] = product_dot;
+    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
+        workgroupBarrier();
+        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+    }
+    if lane == 0u && i < params.node_count {
+        partial_product[slot * ((params.node_count + GROUP - 1u) / GROUP) + block] = shared_sum[0];
+    }
+}

@@ -1,0 +1,236 @@
+#!/usr/bin/env python3
+"""Writes the scalpel and its recorded-like path: meshes/scalpel.obj and incision.csv.
+
+Plain Python 3, no packages, no input, no randomness: the same files on every run.
+
+    python3 scenes/make_assets.py
+
+Tool frame (mm): the grip is the origin, the blade lies in the x-z plane, its normal is +y.
+The cutting edge rises at 45 degrees from the tip T to the heel H and faces the material in
+front of it (+x, -z). The handle goes on along the same direction.
+"""
+
+import csv
+import math
+from pathlib import Path
+
+# --- scalpel, mm -----------------------------------------------------------------------------
+TIP = (-12.0, 0.0, -14.0)  # T
+HEEL = (-4.0, 0.0, -6.0)  # H
+BLADE_WIDTH = 3.0  # edge to spine
+BLADE_THICKNESS = 0.4
+BEVEL_WIDTH = 0.6  # from the edge (no thickness) to the full thickness
+POINT_LENGTH = 6.5  # along the edge, tip to full width
+WEDGE_LENGTH = 2.0  # along the edge, tip to full thickness
+SHANK_LENGTH = 2.0  # behind the heel, blunt, up to the handle
+HANDLE_LENGTH = 45.0
+HANDLE_WIDTH = 8.0  # in the blade plane
+HANDLE_THICKNESS = 2.5  # along y
+NECK_LENGTH = 7.0  # handle nose, from shank size to full size
+# Blade and handle are two closed bodies. They do not overlap, so that inside and outside stay
+# defined everywhere; the gap is too small to see.
+GAP = 0.02
+
+# --- path: mm, s, rad, Hz --------------------------------------------------------------------
+RATE = 1000.0  # Hz
+DURATION = 1.2  # s
+SKIN_TOP = 2.3  # mm, z of the undeformed skin
+START_X = -5.0  # mm, tip
+START_Y = 0.05  # mm, tip; off the cell boundary at y = 0
+START_HEIGHT = 1.5  # mm, tip above the skin
+TOUCH_TIME = 0.09  # s, checked below
+PRESS_DEPTH = 1.45  # mm, tip below SKIN_TOP
+SLICE_LENGTH = 10.0  # mm, along +x
+LIFT_HEIGHT = 3.0  # mm, tip above the skin at the end
+APPROACH_WINDOW = (0.0, 0.11)  # s; overlaps the next one, so the tip slows but never stops
+PRESS_WINDOW = (0.04, 0.30)  # s
+SLICE_WINDOW = (0.30, 0.90)  # s
+LIFT_WINDOW = (0.90, 1.15)  # s
+# Hand tremor of the tip: axis, amplitude mm, frequency Hz, phase rad.
+TREMOR = (
+    ("x", 0.008, 8.3, 0.4),
+    ("x", 0.006, 11.2, 2.1),
+    ("y", 0.009, 9.1, 1.3),
+    ("y", 0.006, 10.7, 5.0),
+    ("z", 0.007, 8.8, 3.6),
+    ("z", 0.005, 11.9, 0.9),
+)
+# Wobble of the hand about y, about the tip: amplitude degrees, frequency Hz, phase rad.
+WOBBLE = ((1.1, 1.3, 0.0), (0.4, 2.9, 1.7))
+WOBBLE_WINDOW = (0.0, 0.2)  # s, fades in
+
+HEADER = "# Scalpel, mm. Made by scenes/make_assets.py for the cutis project; edit the script, not this file."
+AXES = ("x", "y", "z")
+
+
+def section(width, thickness, middle, bevel=None):
+    """Ring of 10 points (behind, y) around the tool's long axis, mm.
+
+    `middle` is the distance of the ring's centre behind the edge line. With `bevel` the front is
+    an edge without thickness and full thickness is reached `bevel` behind it; without, a flat bar
+    with rounded sides.
+    """
+    front, back, half = middle - width / 2, middle + width / 2, thickness / 2
+    if bevel is not None:
+        step = (width - bevel) / 3
+        side = [(front + bevel + i * step, half) for i in range(4)]
+    else:
+        round_ = min(0.16 * width, half)
+        side = [
+            (front + 0.3 * round_, 0.7 * half),
+            (front + round_, half),
+            (back - round_, half),
+            (back - 0.3 * round_, 0.7 * half),
+        ]
+    mirrored = [(b, -y) for b, y in reversed(side)]
+    return [(front, 0.0)] + side + [(back, 0.0)] + mirrored
+
+
+def place(along, behind, y):
+    """Point at `along` the edge from the tip and `behind` it, in the tool frame, mm."""
+    r = math.sqrt(0.5)
+    return (TIP[0] + r * (along - behind), TIP[1] + y, TIP[2] + r * (along + behind))
+
+
+def sweep(start, rings, end):
+    """Closed triangle mesh through `rings`, from the point `start` to the point `end`."""
+    count = len(rings[0][1])
+    points = [place(*start)]
+    for along, ring in rings:
+        points += [place(along, b, y) for b, y in ring]
+    points.append(place(*end))
+    first = [1 + r * count for r in range(len(rings))]
+    last = len(points) - 1
+    triangles = []
+    for k in range(count):
+        n = (k + 1) % count
+        triangles.append((0, first[0] + k, first[0] + n))
+        for r in range(len(rings) - 1):
+            a, b = first[r] + k, first[r] + n
+            c, d = first[r + 1] + k, first[r + 1] + n
+            triangles += [(a, c, d), (a, d, b)]
+        triangles.append((last, first[-1] + n, first[-1] + k))
+    if volume(points, triangles) < 0:
+        triangles = [(a, c, b) for a, b, c in triangles]
+    return points, triangles
+
+
+def volume(points, triangles):
+    """Enclosed volume, mm3; positive for outward normals."""
+    total = 0.0
+    for a, b, c in triangles:
+        (ax, ay, az), (bx, by, bz), (cx, cy, cz) = points[a], points[b], points[c]
+        total += ax * (by * cz - bz * cy) + ay * (bz * cx - bx * cz) + az * (bx * cy - by * cx)
+    return total / 6.0
+
+
+def check_closed(name, points, triangles):
+    """Every directed edge is met by its reverse exactly once, and normals point outward."""
+    edges = set()
+    for a, b, c in triangles:
+        for edge in ((a, b), (b, c), (c, a)):
+            assert edge not in edges, f"{name}: directed edge {edge} occurs twice"
+            edges.add(edge)
+    open_edges = [e for e in edges if (e[1], e[0]) not in edges]
+    assert not open_edges, f"{name}: {len(open_edges)} edges without their reverse"
+    assert volume(points, triangles) > 0, f"{name}: normals point inward"
+    used = {i for t in triangles for i in t}
+    assert used == set(range(len(points))), f"{name}: points without a triangle"
+
+
+def blade():
+    edge_length = math.dist(TIP, HEEL)
+    rings = []
+    for along in (WEDGE_LENGTH, 4.0, POINT_LENGTH, 9.0, edge_length):
+        width = BLADE_WIDTH * min(1.0, along / POINT_LENGTH)
+        rings.append((along, section(width, BLADE_THICKNESS, width / 2, BEVEL_WIDTH)))
+    blunt = section(0.9 * BLADE_WIDTH, BLADE_THICKNESS, 0.5 * BLADE_WIDTH)
+    for along in (edge_length + 0.4, edge_length + SHANK_LENGTH):
+        rings.append((along, blunt))
+    return sweep((0.0, 0.0, 0.0), rings, (edge_length + SHANK_LENGTH, 0.5 * BLADE_WIDTH, 0.0))
+
+
+def handle():
+    start = math.dist(TIP, HEEL) + SHANK_LENGTH + GAP
+    middle = 0.5 * BLADE_WIDTH
+    shape = (  # along from the handle's start mm, width and thickness as fractions
+        (0.0, 0.45, 0.50),
+        (0.5, 0.52, 0.72),
+        (NECK_LENGTH / 2, 0.80, 0.95),
+        (NECK_LENGTH, 1.0, 1.0),
+        (0.6 * HANDLE_LENGTH, 1.0, 1.0),
+        (HANDLE_LENGTH - 1.0, 1.0, 1.0),
+        (HANDLE_LENGTH, 0.88, 0.6),
+    )
+    rings = [
+        (start + along, section(w * HANDLE_WIDTH, t * HANDLE_THICKNESS, middle))
+        for along, w, t in shape
+    ]
+    return sweep((start, middle, 0.0), rings, (start + HANDLE_LENGTH, middle, 0.0))
+
+
+def write_scalpel(path):
+    lines, base = [HEADER], 1
+    for name, (points, triangles) in (("blade", blade()), ("handle", handle())):
+        check_closed(name, points, triangles)
+        lines.append(f"g {name}")
+        lines += ["v " + " ".join(number(c) for c in p) for p in points]
+        lines += [f"f {a + base} {b + base} {c + base}" for a, b, c in triangles]
+        base += len(points)
+        print(f"{name}: {len(triangles)} triangles, {volume(points, triangles):.2f} mm3")
+    path.write_text("\n".join(lines) + "\n", encoding="ascii", newline="\n")
+
+
+def number(value):
+    """8 significant digits, no negative zero."""
+    return f"{0.0 if abs(value) < 1e-12 else value:.8g}"
+
+
+def minimum_jerk(window, time):
+    """0 before the window, 1 after; 10u^3 - 15u^4 + 6u^5 between (Flash and Hogan 1985)."""
+    u = min(1.0, max(0.0, (time - window[0]) / (window[1] - window[0])))
+    return u**3 * (10.0 + u * (6.0 * u - 15.0))
+
+
+def tip_path(time):
+    """Tip in the world, mm, without tremor; moves with overlapping windows add up."""
+    x = START_X + SLICE_LENGTH * minimum_jerk(SLICE_WINDOW, time)
+    height = START_HEIGHT * (1.0 - minimum_jerk(APPROACH_WINDOW, time))
+    height -= PRESS_DEPTH * minimum_jerk(PRESS_WINDOW, time)
+    height += (PRESS_DEPTH + LIFT_HEIGHT) * minimum_jerk(LIFT_WINDOW, time)
+    return [x, START_Y, SKIN_TOP + height]
+
+
+def pose(time):
+    """Grip position, mm, and rotation (x, y, z, w): the tip stays on its path while the hand wobbles."""
+    tip = tip_path(time)
+    for axis, amplitude, frequency, phase in TREMOR:
+        tip[AXES.index(axis)] += amplitude * math.sin(2.0 * math.pi * frequency * time + phase)
+    degrees = sum(a * math.sin(2.0 * math.pi * f * time + p) for a, f, p in WOBBLE)
+    angle = math.radians(degrees) * minimum_jerk(WOBBLE_WINDOW, time)
+    c, s = math.cos(angle), math.sin(angle)
+    turned = (c * TIP[0] + s * TIP[2], TIP[1], c * TIP[2] - s * TIP[0])
+    grip = [tip[i] - turned[i] for i in range(3)]
+    return grip + [0.0, math.sin(angle / 2.0), 0.0, math.cos(angle / 2.0)]
+
+
+def write_incision(path):
+    with path.open("w", encoding="ascii", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["time_s", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"])
+        for i in range(round(DURATION * RATE) + 1):
+            rows.writerow([number(v) for v in [i / RATE] + pose(i / RATE)])
+    touch = next(i / RATE for i in range(1000) if tip_path(i / RATE)[2] <= SKIN_TOP)
+    assert abs(touch - TOUCH_TIME) < 0.005, f"the tip touches at {touch} s, wanted {TOUCH_TIME} s"
+    print(f"path: {round(DURATION * RATE) + 1} rows, touch at {touch:.3f} s")
+
+
+def main():
+    here = Path(__file__).resolve().parent
+    (here / "meshes").mkdir(exist_ok=True)
+    write_scalpel(here / "meshes" / "scalpel.obj")
+    write_incision(here / "incision.csv")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,527 @@
+//! The CPU path: the kernels' twins in f32 or f64 on all cores; the reference that the GPU is checked against.
+
+use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, links};
+use crate::error::Result;
+use crate::kernels::advance::Request;
+use crate::kernels::precondition::precondition;
+use crate::kernels::product::{CellForces, product_by_cells};
+use crate::kernels::{
+    Params, blocks, centres, combine, cut, factor, forces, integrate, rhs, rotations, springs,
+    springs_blocks, springs_product,
+};
+use crate::linear::{Outcome, Slot, solve};
+use crate::math::{M3, Real, V3, V4};
+use crate::model::Model;
+use rayon::prelude::*;
+
+/// The body's state and constant arrays in one precision.
+pub struct CpuBackend<R> {
+    params: Params<R>,
+    law: Elastic<R>,
+    max_iterations: u32,
+    floor: f64,
+    node_count: usize,
+    u: Vec<V4<R>>,
+    v: Vec<V4<R>>,
+    f: Vec<V4<R>>,
+    free: Vec<V4<R>>,
+    load: Vec<V4<R>>,
+    block: Vec<V4<R>>,
+    load_squared: R,
+    // [slot][node]
+    x: Vec<V4<R>>,
+    r: Vec<V4<R>>,
+    p: Vec<V4<R>>,
+    s: Vec<V4<R>>,
+    z: Vec<V4<R>>,
+    w: Vec<V4<R>>,
+    cutting: Option<Cutting<R>>,
+}
+
+enum Elastic<R> {
+    Bricks {
+        shape: Vec<V4<R>>,
+        stiffness: Vec<M3<R>>,
+        columns: Vec<CellForces<R>>,
+        layer_of: Vec<u32>,
+        rotation: Vec<V4<R>>,
+    },
+    Springs {
+        rest: Vec<V4<R>>,
+        first: Vec<u32>,
+        half: Vec<[u32; 2]>,
+        law: Vec<V4<R>>,
+        tangent: Vec<V4<R>>,
+    },
+}
+
+struct Cutting<R> {
+    ends: Vec<[u32; 2]>,
+    rest: Vec<V4<R>>,
+    point_u: Vec<V4<R>>,
+    point_v: Vec<V4<R>>,
+}
+
+fn round<R: Real, const N: usize>(a: &[f64; N]) -> [R; N] {
+    a.map(R::of)
+}
+
+fn widen<R: Real>(a: &[V4<R>]) -> Vec<V4<f64>> {
+    a.iter().map(|v| v.map(Real::f64)).collect()
+}
+
+impl<R: Real> CpuBackend<R> {
+    /// The body at rest, with the arrays that `needs` names.
+    pub fn new(
+        model: &Model,
+        needs: Needs,
+        max_iterations: u32,
+        floor: f64,
+        start: &Snapshot,
+    ) -> Self {
+        let node_count = model.grid.node_count();
+        let slots = if needs.columns > 0 {
+            super::FIRST_COLUMN + needs.columns
+        } else {
+            1
+        };
+        let zeros = |n: usize| vec![[R::zero(); 4]; n];
+        let pad = |p: &[f64; 3]| V3::of(*p).pad(R::zero());
+        let law = match &model.springs {
+            Some(s) => Elastic::Springs {
+                rest: model.rest.iter().map(pad).collect(),
+                first: s.first.clone(),
+                half: s.half.clone(),
+                law: s.law.iter().map(round).collect(),
+                tangent: zeros(s.half.len() * 2),
+            },
+            None => Elastic::Bricks {
+                shape: model.shapes(),
+                stiffness: model.stiffness_blocks(),
+                columns: model
+                    .stiffness
+                    .iter()
+                    .flat_map(|k| (0..24).map(move |c| std::array::from_fn(|r| R::of(k[r][c]))))
+                    .collect(),
+                layer_of: model.grid.layer_of.clone(),
+                rotation: vec![
+                    [R::zero(), R::zero(), R::zero(), R::one()];
+                    model.grid.cell_count()
+                ],
+            },
+        };
+        let cutting = needs.cutting.then(|| Cutting::new(model));
+        Self {
+            params: model.params(),
+            law,
+            max_iterations,
+            floor,
+            node_count,
+            u: start.u.iter().map(round).collect(),
+            v: start.v.iter().map(round).collect(),
+            f: zeros(node_count),
+            free: model.free.iter().map(round).collect(),
+            load: zeros(node_count),
+            block: zeros(node_count * 4),
+            load_squared: R::zero(),
+            x: zeros(node_count * slots),
+            r: zeros(node_count * slots),
+            p: zeros(node_count * slots),
+            s: zeros(node_count * slots),
+            z: zeros(node_count * slots),
+            w: zeros(node_count * slots),
+            cutting,
+        }
+    }
+
+    fn slot_mut<'a>(&self, array: &'a mut [V4<R>], slot: usize) -> &'a mut [V4<R>] {
+        &mut array[slot * self.node_count..(slot + 1) * self.node_count]
+    }
+
+    fn fill_blocks(&self, params: &Params<R>, out: &mut [V4<R>]) {
+        match &self.law {
+            Elastic::Bricks {
+                stiffness,
+                layer_of,
+                rotation,
+                ..
+            } => {
+                blocks::blocks(params, stiffness, layer_of, rotation, &self.free, out);
+            }
+            Elastic::Springs {
+                first,
+                half,
+                tangent,
+                ..
+            } => {
+                springs_blocks::springs_blocks(params, first, half, tangent, &self.free, out);
+            }
+        }
+    }
+}
+
+impl<R: Real> Cutting<R> {
+    fn new(model: &Model) -> Self {
+        let params = model.grid.params::<f64>();
+        let pad = |p: [f64; 3]| V3::<R>::of(p).pad(R::zero());
+        let (ends, rest): (_, Vec<_>) = match &model.springs {
+            Some(s) => (s.ends.clone(), model.rest.iter().map(|p| pad(*p)).collect()),
+            None => (
+                links(&params),
+                cell_centres(model).into_iter().map(pad).collect(),
+            ),
+        };
+        let zeros = vec![[R::zero(); 4]; rest.len()];
+        Self {
+            ends,
+            rest,
+            point_u: zeros.clone(),
+            point_v: zeros,
+        }
+    }
+}
+
+/// [cell] rest position of the centre, m.
+pub fn cell_centres(model: &Model) -> Vec<[f64; 3]> {
+    let params = model.grid.params::<f64>();
+    (0..model.grid.cell_count())
+        .map(|cell| {
+            let corners = params.corners(cell);
+            let (a, b) = (model.rest[corners[0]], model.rest[corners[6]]);
+            std::array::from_fn(|n| 0.5 * (a[n] + b[n]))
+        })
+        .collect()
+}
+
+impl<R: Real> Backend for CpuBackend<R> {
+    fn device(&self) -> Device {
+        let arrays = [
+            &self.u,
+            &self.v,
+            &self.f,
+            &self.free,
+            &self.load,
+            &self.block,
+            &self.x,
+        ];
+        let bytes: usize = arrays.iter().map(|a| a.len()).sum::<usize>() + 5 * self.x.len();
+        Device {
+            backend: "cpu",
+            precision: R::NAME,
+            adapter: format!("{} threads", rayon::current_num_threads()),
+            driver: String::new(),
+            software: false,
+            device_bytes: (bytes * size_of::<V4<R>>()) as u64,
+        }
+    }
+
+    fn set_load(&mut self, load: &[[f64; 3]]) {
+        self.load = load.iter().map(|l| V3::of(*l).pad(R::zero())).collect();
+    }
+
+    fn begin(&mut self) -> Result<()> {
+        let params = self.params;
+        match &mut self.law {
+            Elastic::Bricks {
+                shape,
+                stiffness,
+                layer_of,
+                rotation,
+                ..
+            } => {
+                let u = &self.u;
+                if params.corotational == 1 {
+                    rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
+                        *q = rotations::rotate_cell(&params, shape, layer_of, u, cell, *q);
+                    });
+                }
+                self.f.par_iter_mut().enumerate().for_each(|(i, f)| {
+                    *f = forces::node_force(&params, shape, stiffness, layer_of, u, rotation, i)
+                        .pad(R::zero());
+                });
+            }
+            Elastic::Springs {
+                rest,
+                first,
+                half,
+                law,
+                tangent,
+            } => {
+                springs::springs(
+                    &params,
+                    rest,
+                    &self.u,
+                    first,
+                    half,
+                    law,
+                    &mut self.f,
+                    tangent,
+                );
+            }
+        }
+        self.load_squared = rhs::rhs(
+            &params,
+            &self.f,
+            &self.v,
+            &self.free,
+            &self.load,
+            &mut self.r,
+        );
+        let mut block = std::mem::take(&mut self.block);
+        self.fill_blocks(&params, &mut block);
+        factor::factor(&params, &mut block);
+        self.block = block;
+        Ok(())
+    }
+
+    fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()> {
+        let mut r = std::mem::take(&mut self.r);
+        for slot in slots {
+            self.slot_mut(&mut r, *slot).fill([R::zero(); 4]);
+        }
+        for (slot, node, value) in entries {
+            let axes = V3::from4(self.free[*node as usize]);
+            r[slot * self.node_count + *node as usize] = V3::of(*value).times(axes).pad(R::zero());
+        }
+        self.r = r;
+        Ok(())
+    }
+
+    fn forget(&mut self, slots: &[usize]) -> Result<()> {
+        for slot in slots {
+            self.x[slot * self.node_count..(slot + 1) * self.node_count].fill([R::zero(); 4]);
+        }
+        Ok(())
+    }
+
+    fn solve(
+        &mut self,
+        wanted: &[Wanted],
+        pick: &[(usize, u32)],
+    ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+        let n = self.node_count;
+        let (params, free, block, law) = (&self.params, &self.free, &self.block, &self.law);
+        let (load, floor, max_iterations) = (self.load_squared, self.floor, self.max_iterations);
+        let scratch_len = match law {
+            Elastic::Bricks { rotation, .. } => rotation.len(),
+            Elastic::Springs { .. } => 0,
+        };
+        let arrays = (
+            self.x.par_chunks_mut(n),
+            self.r.par_chunks_mut(n),
+            self.p.par_chunks_mut(n),
+            self.s.par_chunks_mut(n),
+            self.z.par_chunks_mut(n),
+            self.w.par_chunks_mut(n),
+        );
+        let mut done: Vec<(usize, Outcome)> = arrays
+            .into_par_iter()
+            .enumerate()
+            .filter_map(|(slot, arrays)| Some((wanted.iter().find(|w| w.slot == slot)?, arrays)))
+            .map_init(
+                || vec![[R::zero(); 24]; scratch_len],
+                |scratch, (want, (x, r, p, s, z, w))| {
+                    let product = |z: &[V4<R>], w: &mut [V4<R>]| match law {
+                        Elastic::Bricks {
+                            columns,
+                            layer_of,
+                            rotation,
+                            ..
+                        } => product_by_cells(
+                            params, columns, layer_of, rotation, free, z, w, scratch,
+                        ),
+                        Elastic::Springs {
+                            first,
+                            half,
+                            tangent,
+                            ..
+                        } => springs_product::springs_product(
+                            params, first, half, tangent, free, z, w,
+                        ),
+                    };
+                    let request = request(want.target, floor);
+                    let outcome = solve(
+                        Slot { x, r, p, s, z, w },
+                        &request,
+                        load,
+                        max_iterations,
+                        product,
+                        |r: &[V4<R>], z: &mut [V4<R>]| precondition(params, block, r, z),
+                    );
+                    (want.slot, outcome)
+                },
+            )
+            .collect();
+        done.sort_by_key(|(slot, _)| *slot);
+        let find = |w: &Wanted| {
+            done.iter()
+                .find(|d| d.0 == w.slot)
+                .map(|d| d.1)
+                .unwrap_or_default()
+        };
+        let outcomes = wanted.iter().map(find).collect();
+        let picked = pick
+            .iter()
+            .map(|(slot, node)| V3::from4(self.x[slot * n + *node as usize]).f64())
+            .collect();
+        Ok((outcomes, picked))
+    }
+
+    fn correct(
+        &mut self,
+        forces: &[(u32, [f64; 3])],
+        coefficients: &[(usize, f64)],
+        keep: bool,
+    ) -> Result<()> {
+        let entries: Vec<_> = forces
+            .iter()
+            .map(|(node, f)| (CORRECTION, *node, *f))
+            .collect();
+        self.set_rows(&[CORRECTION], &entries)?;
+        let mut by_slot = vec![R::zero(); self.x.len() / self.node_count];
+        by_slot[CORRECTION] = if keep { R::one() } else { R::zero() };
+        for (slot, c) in coefficients {
+            by_slot[*slot] = R::of(*c);
+        }
+        combine::combine(self.node_count, &by_slot, &mut self.x);
+        Ok(())
+    }
+
+    fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
+        self.forget(&[CORRECTION])?;
+        for (node, dx) in nodes {
+            let axes = V3::from4(self.free[*node as usize]);
+            self.x[self.node_count + *node as usize] = V3::of(*dx).times(axes).pad(R::zero());
+        }
+        Ok(())
+    }
+
+    fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>> {
+        let params = Params {
+            preconditioner: 2,
+            ..self.params
+        };
+        let mut out = vec![[R::zero(); 4]; self.node_count * 4];
+        self.fill_blocks(&params, &mut out);
+        let read = |n: &u32| {
+            let d = blocks::unpack(&out[*n as usize * 4..*n as usize * 4 + 4]).d;
+            d.0.map(V3::f64)
+        };
+        Ok(nodes.iter().map(read).collect())
+    }
+
+    fn finish(&mut self, corrected: bool) -> Result<()> {
+        let params = Params {
+            slot_count: if corrected { 2 } else { 1 },
+            ..self.params
+        };
+        integrate::integrate(&params, &self.x, &mut self.u, &mut self.v);
+        Ok(())
+    }
+
+    fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
+        Ok(nodes
+            .iter()
+            .map(|n| V3::from4(self.u[*n as usize]).f64())
+            .collect())
+    }
+
+    fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
+        Ok(nodes
+            .iter()
+            .map(|n| V3::from4(self.f[*n as usize]).f64())
+            .collect())
+    }
+
+    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<u32>> {
+        let Some(c) = &mut self.cutting else {
+            return Ok(vec![]);
+        };
+        match &self.law {
+            Elastic::Bricks { .. } => {
+                centres::centres(
+                    &self.params,
+                    &self.u,
+                    &self.v,
+                    &mut c.point_u,
+                    &mut c.point_v,
+                );
+            }
+            Elastic::Springs { .. } => {
+                c.point_u.copy_from_slice(&self.u);
+                c.point_v.copy_from_slice(&self.v);
+            }
+        }
+        let quads: Vec<V4<R>> = quads.iter().map(|p| V3::of(*p).pad(R::zero())).collect();
+        Ok(cut::cut(
+            self.params.step,
+            &c.ends,
+            &c.rest,
+            &c.point_u,
+            &c.point_v,
+            &quads,
+        ))
+    }
+
+    fn remove(&mut self, cells: &[u32], springs: &[u32], free: &[(u32, V4<f64>)]) -> Result<()> {
+        match &mut self.law {
+            Elastic::Bricks { rotation, .. } => {
+                for cell in cells {
+                    rotation[*cell as usize] = [R::zero(); 4];
+                }
+            }
+            Elastic::Springs { law, .. } => {
+                for spring in springs {
+                    law[*spring as usize] = [R::zero(); 4];
+                }
+            }
+        }
+        for (node, value) in free {
+            let node = *node as usize;
+            self.free[node] = round(value);
+            if value[3] == 0.0 {
+                // a node without cells leaves the system where it is
+                self.v[node] = [R::zero(); 4];
+                for slot in self.x.chunks_mut(self.node_count) {
+                    slot[node] = [R::zero(); 4];
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn snapshot(&mut self) -> Result<Snapshot> {
+        let (rotation, law) = match &self.law {
+            Elastic::Bricks { rotation, .. } => (widen(rotation), vec![]),
+            Elastic::Springs { law, .. } => (vec![], widen(law)),
+        };
+        Ok(Snapshot {
+            u: widen(&self.u),
+            v: widen(&self.v),
+            rotation,
+            free: widen(&self.free),
+            law,
+        })
+    }
+
+    fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {
+        Ok(widen(
+            &self.x[slot * self.node_count..(slot + 1) * self.node_count],
+        ))
+    }
+}
+
+fn request<R: Real>(target: Target, floor: f64) -> Request<R> {
+    let (tolerance, reference, use_load) = match target {
+        Target::OfLoad(t) => (t, 0.0, R::one()),
+        Target::Absolute(norm) => (1.0, norm * norm, R::zero()),
+    };
+    Request {
+        tolerance_squared: R::of(tolerance * tolerance),
+        reference_squared: R::of(reference),
+        floor_squared: R::of(floor * floor),
+        use_load,
+    }
+}
+
+const _: () = assert!(FREE == 0 && CORRECTION == 1);

@@ -1,0 +1,153 @@
+//! A backend holds the state of the deformable body and runs kernels on it: [`CpuBackend`] in f32 or f64, [`GpuBackend`] in f32.
+//!
+//! One step, as `step` drives it: [`Backend::begin`] (rotations, forces, right-hand side, preconditioner), [`Backend::set_rows`] (contact
+//! columns), [`Backend::solve`] (free motion and columns together), after the contact problem [`Backend::correct`], then
+//! [`Backend::finish`]. Arrays over right-hand sides are `[slot][node]`: slot [`FREE`] is the free motion, [`CORRECTION`] the contact
+//! correction, columns from [`FIRST_COLUMN`] on. Solutions stay in their slot and are the next solve's start.
+
+mod cpu;
+mod gpu;
+
+pub use cpu::CpuBackend;
+pub use gpu::GpuBackend;
+
+use crate::error::Result;
+use crate::linear::Outcome;
+use crate::math::V4;
+
+/// Slot of the free motion.
+pub const FREE: usize = 0;
+/// Slot of the contact correction.
+pub const CORRECTION: usize = 1;
+/// First slot of the contact columns.
+pub const FIRST_COLUMN: usize = 2;
+
+/// Which arrays a scene needs.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Needs {
+    /// Contact columns; 0 without contact (then there is no correction either).
+    pub columns: usize,
+    /// Segments can be cut.
+    pub cutting: bool,
+    /// 3×3 blocks of `A` are read by the host (uncoupled correction).
+    pub node_blocks: bool,
+}
+
+/// What a slot is solved to.
+#[derive(Clone, Copy, Debug)]
+pub enum Target {
+    /// Relative to the step's load.
+    OfLoad(f64),
+    /// Residual norm, N.
+    Absolute(f64),
+}
+
+/// One slot of a solve.
+#[derive(Clone, Copy, Debug)]
+pub struct Wanted {
+    /// Slot number.
+    pub slot: usize,
+    /// When to stop.
+    pub target: Target,
+}
+
+/// Everything a check may want to see, in f64.
+#[derive(Clone, Debug, Default)]
+pub struct Snapshot {
+    /// [node] displacement, m.
+    pub u: Vec<V4<f64>>,
+    /// [node] velocity, m/s.
+    pub v: Vec<V4<f64>>,
+    /// [cell] rotation quaternion, 0 for a dead cell; empty for springs.
+    pub rotation: Vec<V4<f64>>,
+    /// [node] free axes and mass.
+    pub free: Vec<V4<f64>>,
+    /// [spring] law; empty for bricks.
+    pub law: Vec<V4<f64>>,
+}
+
+/// The device's name for reports.
+#[derive(Clone, Debug, Default)]
+pub struct Device {
+    /// `cpu` or `gpu`.
+    pub backend: &'static str,
+    /// `f32` or `f64`.
+    pub precision: &'static str,
+    /// Adapter, or the CPU's threads.
+    pub adapter: String,
+    /// Driver and version; empty on the CPU.
+    pub driver: String,
+    /// Runs on the CPU in the end.
+    pub software: bool,
+    /// Bytes on the device.
+    pub device_bytes: u64,
+}
+
+/// Runs the kernels. Methods that read back wait for the device; the others may return before it is done.
+pub trait Backend {
+    /// What it runs on.
+    fn device(&self) -> Device;
+    /// Sets the dead loads, [node] N.
+    fn set_load(&mut self, load: &[[f64; 3]]);
+    /// Rotations, elastic forces, right-hand side of the free motion, preconditioner.
+    ///
+    /// # Errors
+    /// When the device fails, as every method here.
+    fn begin(&mut self) -> Result<()>;
+    /// Sets the right-hand sides of columns: (slot, node, N) entries; slots named in `slots` are zeroed first, no entry occurs twice.
+    fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()>;
+    /// Starts columns from zero instead of from what their slot last held.
+    fn forget(&mut self, slots: &[usize]) -> Result<()>;
+    /// Solves slots together and picks values of `x` at (slot, node).
+    fn solve(
+        &mut self,
+        wanted: &[Wanted],
+        pick: &[(usize, u32)],
+    ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)>;
+    /// Right-hand side of the correction: nodal contact forces, N; start: columns times coefficients plus `keep` × the last correction.
+    fn correct(
+        &mut self,
+        forces: &[(u32, [f64; 3])],
+        coefficients: &[(usize, f64)],
+        keep: bool,
+    ) -> Result<()>;
+    /// Writes the correction itself at some nodes (uncoupled correction), zero elsewhere, m.
+    fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()>;
+    /// Diagonal 3×3 blocks of `A` at nodes, by rows, N/m.
+    fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>>;
+    /// Ends the step; `corrected` says that the correction slot counts.
+    fn finish(&mut self, corrected: bool) -> Result<()>;
+    /// Displacements at nodes, m.
+    fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
+    /// Elastic forces at nodes as of the last [`Backend::begin`], N.
+    fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
+    /// Segments crossed by swept quads in the step just finished, sorted `2·segment + half`; quads as four corners each, m.
+    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<u32>>;
+    /// Removes cells and springs, and sets the free axes and masses of nodes.
+    fn remove(&mut self, cells: &[u32], springs: &[u32], free: &[(u32, V4<f64>)]) -> Result<()>;
+    /// All state.
+    fn snapshot(&mut self) -> Result<Snapshot>;
+    /// Solution of a slot, [node] m.
+    fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>>;
+}
+
+/// Links between face neighbours: segment `3·cell + axis` joins the cell to its neighbour at +x, +y or +z; both ends are the cell
+/// itself where the grid ends.
+pub fn links(params: &crate::kernels::Params<f64>) -> Vec<[u32; 2]> {
+    let size = [params.cells_x, params.cells_y, params.cells_z].map(|n| n as usize);
+    let mut out = vec![];
+    for cell in 0..params.cell_count as usize {
+        let at = params.cell_at(cell);
+        for axis in 0..3 {
+            let mut next = at;
+            next[axis] += 1;
+            let other = if next[axis] < size[axis] {
+                params.cell_id(next)
+            } else {
+                cell
+            };
+            out.push([cell as u32, other as u32]);
+        }
+    }
+    out
+}

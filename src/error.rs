@@ -1,0 +1,575 @@
+//! The one error type: where, what was found, what was wanted, what to do.
+//!
+//! Every message is one paragraph. Input from users ends here; a broken invariant of this crate is an `assert!` instead.
+//! Messages show numbers as the file has them, in the file's units.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// What every fallible function of this crate returns.
+pub type Result<T> = std::result::Result<T, Error>;
+
+/// A line of a file; lines count from 1.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// The file as the user named it.
+    pub file: PathBuf,
+    /// Line in it, from 1.
+    pub line: usize,
+}
+
+impl Place {
+    /// The given line of the given file.
+    pub fn new(file: &Path, line: usize) -> Place {
+        Place {
+            file: file.to_path_buf(),
+            line,
+        }
+    }
+}
+
+impl fmt::Display for Place {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.file.display(), self.line)
+    }
+}
+
+/// Everything that can go wrong through the input, the machine or the disk.
+#[derive(Debug, thiserror::Error)]
+pub enum Error {
+    /// The scene file itself cannot be read.
+    #[error(
+        "{path}: the scene cannot be read ({source}); give the path of a scene file in TOML, as UTF-8 text"
+    )]
+    SceneRead {
+        /// The scene file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+
+    /// The text is not TOML.
+    #[error(
+        "{at}: `{text}` is not TOML ({problem}); mend this line: text in quotes, lists in [ ], tables begin with [name], repeated ones with [[name]]"
+    )]
+    Syntax {
+        /// Where.
+        at: Place,
+        /// The parser's words.
+        problem: String,
+        /// The line in question.
+        text: String,
+    },
+
+    /// A key that is not known in its table.
+    #[error("{at}: unknown key `{key}`; {hint}; known here: {known}")]
+    UnknownKey {
+        /// Where.
+        at: Place,
+        /// The key found.
+        key: String,
+        /// The nearest known key, or what to do without one.
+        hint: String,
+        /// Known keys of this table, with commas.
+        known: String,
+    },
+
+    /// A key that has to be there.
+    #[error("{at}: the key `{key}` is missing; {why}; add it to this table")]
+    MissingKey {
+        /// The table's first line; line 1 for the file itself.
+        at: Place,
+        /// The missing key.
+        key: String,
+        /// What asks for it.
+        why: &'static str,
+    },
+
+    /// A key that contradicts another one.
+    #[error("{at}: `{key}` has no effect here; {why}; remove it")]
+    NeedlessKey {
+        /// Where.
+        at: Place,
+        /// The key.
+        key: &'static str,
+        /// When it would have an effect.
+        why: &'static str,
+    },
+
+    /// A value of another type.
+    #[error("{at}: `{text}` holds {found}; wanted {wanted}; rewrite the value")]
+    WrongType {
+        /// Where.
+        at: Place,
+        /// The line in question.
+        text: String,
+        /// The type and value found.
+        found: String,
+        /// The type wanted.
+        wanted: String,
+    },
+
+    /// A list of the wrong length.
+    #[error(
+        "{at}: {key} has {found} entries; wanted {wanted}; write {key} = [..] with {wanted} numbers"
+    )]
+    Length {
+        /// Where.
+        at: Place,
+        /// The key.
+        key: &'static str,
+        /// Entries found.
+        found: usize,
+        /// Entries wanted.
+        wanted: usize,
+    },
+
+    /// A number out of its range.
+    #[error("{at}: {key} = {found:?}; wanted {wanted}, in {unit}; write for example {example:?}")]
+    Number {
+        /// Where.
+        at: Place,
+        /// The key, with the index for a list.
+        key: String,
+        /// The value in the file's unit.
+        found: f64,
+        /// The range.
+        wanted: &'static str,
+        /// The file's unit.
+        unit: &'static str,
+        /// A value in the range.
+        example: f64,
+    },
+
+    /// A count out of its range.
+    #[error("{at}: {key} = {found}; wanted a whole number from {min} to {max}; change the count")]
+    Count {
+        /// Where.
+        at: Place,
+        /// The key, with the index for a list.
+        key: String,
+        /// The count found.
+        found: u32,
+        /// Smallest count.
+        min: u32,
+        /// Largest count.
+        max: u32,
+    },
+
+    /// Poisson's ratio out of range.
+    #[error(
+        "{at}: poisson = {found:?}; linear elements need 0 ≤ poisson < 0.5; use 0.45 for nearly incompressible tissue"
+    )]
+    Poisson {
+        /// Where.
+        at: Place,
+        /// The value found.
+        found: f64,
+    },
+
+    /// Two bounds in the wrong order.
+    #[error(
+        "{at}: {key}: the lower bound {lower:?} must be {relation} the upper bound {upper:?}; {fix}"
+    )]
+    Order {
+        /// Where.
+        at: Place,
+        /// The keys that bound.
+        key: &'static str,
+        /// The lower bound, in the file's unit.
+        lower: f64,
+        /// "below", or "at most".
+        relation: &'static str,
+        /// The upper bound, in the file's unit.
+        upper: f64,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// A word that is none of the known ones.
+    #[error("{at}: {key} = \"{found}\" is not known; {hint}; known: {known}")]
+    Choice {
+        /// Where.
+        at: Place,
+        /// The key.
+        key: &'static str,
+        /// The word found.
+        found: String,
+        /// The nearest known word, or what to do without one; boxed, to keep `Error` below 128 bytes.
+        hint: Box<str>,
+        /// Known words, with commas.
+        known: String,
+    },
+
+    /// A name that cannot be a column of a table.
+    #[error(
+        "{at}: the {what} name \"{found}\" cannot be used; wanted a name that is not empty, without commas, quotes, control characters and spaces at its ends; choose a plain name"
+    )]
+    Name {
+        /// Where.
+        at: Place,
+        /// What is named.
+        what: &'static str,
+        /// The name found.
+        found: String,
+    },
+
+    /// The same name twice.
+    #[error(
+        "{at}: the {what} name \"{name}\" is taken by line {first}; names are unique; rename one of the two"
+    )]
+    Duplicate {
+        /// Where the second one is.
+        at: Place,
+        /// What is named.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// Line of the first one.
+        first: usize,
+    },
+
+    /// Axes other than letters of "xyz".
+    #[error(
+        "{at}: axes = \"{found}\"; wanted one to three different letters of xyz; write for example axes = \"xyz\""
+    )]
+    Axes {
+        /// Where.
+        at: Place,
+        /// The text found.
+        found: String,
+    },
+
+    /// A colour that is not hexadecimal.
+    #[error(
+        "{at}: color = \"{found}\"; wanted # and six hexadecimal digits (sRGB); write for example color = \"#e8b9a0\""
+    )]
+    Color {
+        /// Where.
+        at: Place,
+        /// The text found.
+        found: String,
+    },
+
+    /// A skin without layers.
+    #[error(
+        "{at}: the skin has no layers; wanted at least one; add a table [[skin.layer]] with name, thickness_mm, cells, density_kg_m3"
+    )]
+    NoLayers {
+        /// The skin table.
+        at: Place,
+    },
+
+    /// More nodes than an index can count.
+    #[error("{at}: the grid has {found} nodes; at most {limit} can be numbered; make cells fewer")]
+    TooManyNodes {
+        /// The cells.
+        at: Place,
+        /// Nodes asked for; the largest u64 stands for more.
+        found: u64,
+        /// Most nodes.
+        limit: u32,
+    },
+
+    /// A box that holds no node.
+    #[error(
+        "{at}: the box holds no node of the {grid}: none has {min:?} ≤ {axis} ≤ {max:?} mm, where the body reaches from {body_min:?} to {body_max:?} mm in cells of at most {cell:?} mm; widen box_mm along {axis}"
+    )]
+    EmptyRegion {
+        /// The box.
+        at: Place,
+        /// "scene" or "test form".
+        grid: &'static str,
+        /// x, y or z.
+        axis: char,
+        /// Bounds of the box and the body and the cell along the axis, mm.
+        min: f64,
+        /// mm
+        max: f64,
+        /// mm
+        body_min: f64,
+        /// mm
+        body_max: f64,
+        /// mm
+        cell: f64,
+    },
+
+    /// A load beside the body.
+    #[error(
+        "{at}: rectangle_mm reaches from {min:?} to {max:?} mm along {axis}; the top reaches from -{half:?} to {half:?}; move the rectangle onto it"
+    )]
+    LoadOutside {
+        /// The rectangle.
+        at: Place,
+        /// x or y.
+        axis: char,
+        /// mm
+        min: f64,
+        /// mm
+        max: f64,
+        /// Half of the top's size, mm.
+        half: f64,
+    },
+
+    /// A blade edge that is no line.
+    #[error(
+        "{at}: edge_mm has {found} different points in a row; wanted at least two, from the tip to the heel, each apart from the one before; add or move points"
+    )]
+    BladeEdge {
+        /// The edge.
+        at: Place,
+        /// Points before the first repetition or the end.
+        found: usize,
+    },
+
+    /// A blade whose normal is not across its edge.
+    #[error(
+        "{at}: the blade's normal is {angle:.1} degrees from the line between tip and heel; wanted 90 within {allowed} degrees, because the blade's plane holds the edge; give the direction across the flats"
+    )]
+    BladeNormal {
+        /// The normal.
+        at: Place,
+        /// Angle between the two lines, degrees; 0 for a normal or an edge of no length.
+        angle: f64,
+        /// Allowed departure from 90 degrees.
+        allowed: f64,
+    },
+
+    /// A camera that looks at itself.
+    #[error(
+        "{at}: eye_mm and target_mm are the same point; move eye_mm away from what is looked at"
+    )]
+    ViewPoint {
+        /// The view table.
+        at: Place,
+    },
+
+    /// A file that the scene names cannot be read.
+    #[error("{at}: {key} names {path}, which cannot be read ({reason}); {fix}, or change {key}")]
+    File {
+        /// Where it is named.
+        at: Place,
+        /// The key.
+        key: &'static str,
+        /// The file looked for.
+        path: PathBuf,
+        /// The system's reason.
+        reason: String,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// A mesh that is not Wavefront OBJ.
+    #[error("{path}: not a readable OBJ mesh ({problem}); export the tool again as Wavefront OBJ")]
+    Mesh {
+        /// The mesh.
+        path: PathBuf,
+        /// The reader's words.
+        problem: String,
+    },
+
+    /// A mesh without triangles.
+    #[error(
+        "{path}: the mesh has no triangles; wanted at least one face (a line `f 1 2 3`); export it with its faces"
+    )]
+    MeshEmpty {
+        /// The mesh.
+        path: PathBuf,
+    },
+
+    /// A vertex at no place.
+    #[error(
+        "{path}: vertex {vertex} is at {position:?}; wanted finite coordinates; mend its `v` line or mesh_unit_mm of the scene"
+    )]
+    MeshVertex {
+        /// The mesh.
+        path: PathBuf,
+        /// Vertex in order of first use by a face, from 1.
+        vertex: usize,
+        /// Coordinates, in units of the file.
+        position: [f64; 3],
+    },
+
+    /// A trajectory without samples.
+    #[error(
+        "{path}: the trajectory is empty; wanted the line `{header}` and at least one row below it; record the hand again"
+    )]
+    TrajectoryEmpty {
+        /// The trajectory.
+        path: PathBuf,
+        /// The header wanted.
+        header: &'static str,
+    },
+
+    /// A trajectory with another header.
+    #[error(
+        "{at}: the header is `{found}`; wanted `{wanted}`; name, order and unit of the columns must be these"
+    )]
+    TrajectoryHeader {
+        /// Where.
+        at: Place,
+        /// The line found.
+        found: String,
+        /// The header wanted.
+        wanted: &'static str,
+    },
+
+    /// A row with more or fewer columns.
+    #[error(
+        "{at}: the row has {found} columns; wanted {wanted} (`{header}`); complete or remove the row"
+    )]
+    TrajectoryColumns {
+        /// Where.
+        at: Place,
+        /// Columns found.
+        found: usize,
+        /// Columns wanted.
+        wanted: usize,
+        /// The header.
+        header: &'static str,
+    },
+
+    /// A cell that is no finite number.
+    #[error("{at}: {column} = `{found}`; wanted a finite number; mend the value or remove the row")]
+    TrajectoryNumber {
+        /// Where.
+        at: Place,
+        /// The column's name.
+        column: &'static str,
+        /// The text found.
+        found: String,
+    },
+
+    /// Time that stands still or runs back.
+    #[error(
+        "{at}: time_s = {found:?} after {before:?}; times must rise from row to row; sort or remove rows"
+    )]
+    TrajectoryTime {
+        /// Where.
+        at: Place,
+        /// s
+        found: f64,
+        /// The row before, s.
+        before: f64,
+    },
+
+    /// A quaternion that is no rotation.
+    #[error(
+        "{at}: the quaternion (qx,qy,qz,qw) has length {length:?}; wanted 1 within {allowed:?}; use 0,0,0,1 for no rotation, with the scalar last"
+    )]
+    TrajectoryRotation {
+        /// Where.
+        at: Place,
+        /// Its length.
+        length: f64,
+        /// Allowed departure from 1.
+        allowed: f64,
+    },
+
+    /// No adapter that the program can use.
+    #[error("no usable GPU adapter: wanted {wanted}; found {found}; {how}")]
+    NoAdapter {
+        /// What was asked for.
+        wanted: String,
+        /// What the machine has.
+        found: String,
+        /// How to get one, or go without.
+        how: String,
+    },
+
+    /// A thing larger than a limit of the device.
+    #[error("{what} needs {need}; the limit {limit_name} is {limit}; {fix}")]
+    TooLarge {
+        /// What is too large.
+        what: String,
+        /// What it needs.
+        need: u64,
+        /// The limit's name.
+        limit_name: &'static str,
+        /// The limit.
+        limit: u64,
+        /// What to do.
+        fix: String,
+    },
+
+    /// A kernel that does not compile.
+    #[error(
+        "kernel `{kernel}` does not compile: {message}; mend its WGSL, or report it with adapter and driver if the text is unchanged"
+    )]
+    Shader {
+        /// The kernel.
+        kernel: String,
+        /// The compiler's words.
+        message: String,
+    },
+
+    /// A buffer that does not fit its binding.
+    #[error(
+        "kernel `{kernel}`: binding `{name}` {problem}; known bindings: {known}; bind each of them once, by name"
+    )]
+    Binding {
+        /// The kernel.
+        kernel: &'static str,
+        /// The binding.
+        name: String,
+        /// Known names, with commas.
+        known: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+
+    /// The device stopped working.
+    #[error(
+        "the GPU device failed: {message}; run again, with a smaller scene or on the CPU if it fails at the same place"
+    )]
+    Device {
+        /// The driver's words.
+        message: String,
+    },
+
+    /// A result that cannot be written.
+    #[error(
+        "{path}: cannot be written ({source}); choose a folder that exists, is writable and has space"
+    )]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+
+    /// A VTK file that cannot be written.
+    #[error(
+        "{path}: cannot be written as VTK ({message}); choose a folder that exists, is writable and has space"
+    )]
+    Vtk {
+        /// The file.
+        path: PathBuf,
+        /// The writer's words.
+        message: String,
+    },
+
+    /// A command that makes no sense.
+    #[error("{what}; {fix}")]
+    Usage {
+        /// What was asked.
+        what: String,
+        /// What to do.
+        fix: String,
+    },
+}
+
+impl Error {
+    /// Exit status of the program: 2 for bad input, 3 for no usable adapter, 1 for failures of machine or disk.
+    pub fn exit_code(&self) -> u8 {
+        match self {
+            Error::NoAdapter { .. } => 3,
+            Error::Shader { .. }
+            | Error::Binding { .. }
+            | Error::Device { .. }
+            | Error::Write { .. }
+            | Error::Vtk { .. } => 1,
+            _ => 2,
+        }
+    }
+}

@@ -1,0 +1,520 @@
+//! Adapters, buffers, bound kernels, batches and read-back over wgpu.
+
+use super::shader::{Access, Shader};
+use crate::error::{Error, Result};
+use crate::kernels::Source;
+use bytemuck::{NoUninit, Pod};
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
+use std::sync::{Arc, Mutex};
+
+/// Workgroups per dimension that core WebGPU guarantees; longer dispatches are folded into z.
+const MAX_GROUPS: u64 = 65_535;
+
+const HOW: &str = "on Debian or Ubuntu a software adapter comes with `apt-get install mesa-vulkan-drivers libvulkan1`; \
+                   `--backend cpu` needs no adapter";
+
+/// An adapter that this machine offers.
+#[derive(Clone, Debug)]
+pub struct Adapter {
+    /// Device name.
+    pub name: String,
+    /// Vulkan, Metal or Dx12.
+    pub backend: String,
+    /// Driver and its version.
+    pub driver: String,
+    /// Not a GPU but a program on the CPU.
+    pub software: bool,
+    /// Bytes in one storage binding.
+    pub max_binding: u64,
+    raw: wgpu::Adapter,
+}
+
+/// Every adapter on Vulkan, Metal and DX12 that offers core WebGPU limits, hardware first.
+pub fn adapters() -> Vec<Adapter> {
+    let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+    descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
+    let backends = descriptor.backends;
+    let instance = wgpu::Instance::new(descriptor);
+    let mut found: Vec<Adapter> = pollster::block_on(instance.enumerate_adapters(backends))
+        .into_iter()
+        .filter(|raw| wgpu::Limits::default().check_limits(&raw.limits()))
+        .map(|raw| {
+            let info = raw.get_info();
+            Adapter {
+                name: info.name.clone(),
+                backend: format!("{:?}", info.backend),
+                driver: format!("{} {}", info.driver, info.driver_info)
+                    .trim()
+                    .to_string(),
+                software: info.device_type == wgpu::DeviceType::Cpu,
+                max_binding: raw.limits().max_storage_buffer_binding_size,
+                raw,
+            }
+        })
+        .collect();
+    found.sort_by_key(|a| a.software);
+    found
+}
+
+/// A device with its queue; kernels are compiled once each.
+pub struct Gpu {
+    /// What it runs on.
+    pub adapter: Adapter,
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    limits: wgpu::Limits,
+    pipelines: RefCell<HashMap<&'static str, Rc<Pipeline>>>,
+    fault: Arc<Mutex<Option<String>>>,
+    staging: RefCell<Option<wgpu::Buffer>>,
+}
+
+struct Pipeline {
+    shader: Shader,
+    layout: wgpu::BindGroupLayout,
+    raw: wgpu::ComputePipeline,
+}
+
+/// A named array on the device.
+#[derive(Clone)]
+pub struct Buffer {
+    raw: wgpu::Buffer,
+    /// Name for messages.
+    pub name: &'static str,
+    /// Bytes.
+    pub bytes: u64,
+}
+
+/// A kernel with its buffers.
+pub struct Bound {
+    pipeline: Rc<Pipeline>,
+    group: wgpu::BindGroup,
+}
+
+impl Gpu {
+    /// Opens an adapter: the first whose name, backend or driver contains `text` (any case), or the first at all.
+    ///
+    /// # Errors
+    /// [`Error::NoAdapter`] when none fits, [`Error::Device`] when the driver refuses.
+    pub fn open(text: Option<&str>) -> Result<Self> {
+        let all = adapters();
+        let wanted = text.unwrap_or("").to_lowercase();
+        let fits = |a: &&Adapter| {
+            format!("{} {} {}", a.name, a.backend, a.driver)
+                .to_lowercase()
+                .contains(&wanted)
+        };
+        let Some(adapter) = all.iter().find(fits).cloned() else {
+            let list: Vec<String> = all
+                .iter()
+                .map(|a| format!("`{}` ({})", a.name, a.backend))
+                .collect();
+            return Err(Error::NoAdapter {
+                wanted: text.map_or("any Vulkan, Metal or DX12 adapter".into(), |t| {
+                    format!("an adapter named like `{t}`")
+                }),
+                found: if list.is_empty() {
+                    "none".into()
+                } else {
+                    list.join(", ")
+                },
+                how: HOW.into(),
+            });
+        };
+        let mut limits = wgpu::Limits::default();
+        limits.max_buffer_size = adapter.raw.limits().max_buffer_size;
+        limits.max_storage_buffer_binding_size =
+            adapter.raw.limits().max_storage_buffer_binding_size;
+        let descriptor = wgpu::DeviceDescriptor {
+            label: Some("cutis"),
+            required_limits: limits.clone(),
+            memory_hints: wgpu::MemoryHints::Performance,
+            ..Default::default()
+        };
+        let (device, queue) =
+            pollster::block_on(adapter.raw.request_device(&descriptor)).map_err(|e| {
+                Error::Device {
+                    message: e.to_string(),
+                }
+            })?;
+        let fault: Arc<Mutex<Option<String>>> = Arc::default();
+        let (first, second) = (fault.clone(), fault.clone());
+        let keep = |slot: &Mutex<Option<String>>, message: String| {
+            if let Ok(mut slot) = slot.lock() {
+                slot.get_or_insert(message);
+            }
+        };
+        device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| keep(&first, e.to_string())));
+        device.set_device_lost_callback(move |reason, message| {
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                keep(&second, format!("device lost: {message}"));
+            }
+        });
+        let (pipelines, staging) = (RefCell::default(), RefCell::default());
+        Ok(Self {
+            adapter,
+            device,
+            queue,
+            limits,
+            pipelines,
+            fault,
+            staging,
+        })
+    }
+
+    /// A zeroed storage array of `count` elements (at least 16 bytes, so that an empty one can be bound).
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] when it passes the adapter's limit for one binding.
+    pub fn array<T: NoUninit>(&self, name: &'static str, count: usize) -> Result<Buffer> {
+        let bytes = (count * size_of::<T>()).next_multiple_of(16).max(16) as u64;
+        let limits = [
+            (
+                "max_storage_buffer_binding_size",
+                self.limits.max_storage_buffer_binding_size,
+            ),
+            ("max_buffer_size", self.limits.max_buffer_size),
+        ];
+        for (limit_name, limit) in limits {
+            if bytes > limit {
+                let fix = "use fewer cells or contacts, or an adapter with a larger limit (`cutis adapters` lists them)";
+                return Err(Error::TooLarge {
+                    what: format!("array `{name}`"),
+                    need: bytes,
+                    limit_name,
+                    limit,
+                    fix: fix.into(),
+                });
+            }
+        }
+        let usage = wgpu::BufferUsages::STORAGE
+            | wgpu::BufferUsages::COPY_DST
+            | wgpu::BufferUsages::COPY_SRC;
+        Ok(self.buffer(name, bytes, usage))
+    }
+
+    /// A storage array with the given elements.
+    ///
+    /// # Errors
+    /// As [`Gpu::array`].
+    pub fn array_of<T: NoUninit>(&self, name: &'static str, data: &[T]) -> Result<Buffer> {
+        let buffer = self.array::<T>(name, data.len())?;
+        self.write(&buffer, 0, data);
+        Ok(buffer)
+    }
+
+    /// A uniform buffer of `bytes` at least, filled with `data`.
+    pub fn uniform<T: NoUninit>(&self, name: &'static str, bytes: usize, data: &[T]) -> Buffer {
+        let bytes = bytes.max(size_of_val(data)).next_multiple_of(16) as u64;
+        let buffer = self.buffer(
+            name,
+            bytes,
+            wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+        );
+        self.write(&buffer, 0, data);
+        buffer
+    }
+
+    fn buffer(&self, name: &'static str, bytes: u64, usage: wgpu::BufferUsages) -> Buffer {
+        let descriptor = wgpu::BufferDescriptor {
+            label: Some(name),
+            size: bytes,
+            usage,
+            mapped_at_creation: false,
+        };
+        Buffer {
+            raw: self.device.create_buffer(&descriptor),
+            name,
+            bytes,
+        }
+    }
+
+    /// Writes elements from byte `offset` on; they are there before the next submission runs.
+    pub fn write<T: NoUninit>(&self, buffer: &Buffer, offset: u64, data: &[T]) {
+        if !data.is_empty() {
+            self.queue
+                .write_buffer(&buffer.raw, offset, bytemuck::cast_slice(data));
+        }
+    }
+
+    /// Compiles a kernel (once) and binds buffers by the shader's names.
+    ///
+    /// # Errors
+    /// [`Error::Shader`] when the text is not valid, [`Error::Binding`] for a missing, unknown or too small buffer.
+    pub fn bind(&self, source: &Source, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
+        let known = self.pipelines.borrow().get(source.name).cloned();
+        let pipeline = match known {
+            Some(pipeline) => pipeline,
+            None => {
+                let made = Rc::new(self.compile(Shader::read(source)?)?);
+                self.pipelines
+                    .borrow_mut()
+                    .insert(source.name, made.clone());
+                made
+            }
+        };
+        self.bind_pipeline(pipeline, buffers)
+    }
+
+    /// Compiles and binds a shader text of its own, for tests that break one on purpose.
+    ///
+    /// # Errors
+    /// As [`Gpu::bind`].
+    pub fn bind_shader(&self, shader: Shader, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
+        let pipeline = Rc::new(self.compile(shader)?);
+        self.bind_pipeline(pipeline, buffers)
+    }
+
+    fn compile(&self, shader: Shader) -> Result<Pipeline> {
+        let entries: Vec<wgpu::BindGroupLayoutEntry> = shader
+            .variables
+            .iter()
+            .map(|v| wgpu::BindGroupLayoutEntry {
+                binding: v.binding,
+                visibility: wgpu::ShaderStages::COMPUTE,
+                ty: wgpu::BindingType::Buffer {
+                    ty: match v.access {
+                        Access::Uniform => wgpu::BufferBindingType::Uniform,
+                        Access::Read => wgpu::BufferBindingType::Storage { read_only: true },
+                        Access::ReadWrite => wgpu::BufferBindingType::Storage { read_only: false },
+                    },
+                    has_dynamic_offset: false,
+                    min_binding_size: None,
+                },
+                count: None,
+            })
+            .collect();
+        let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
+        let label = Some(shader.name);
+        let module = self
+            .device
+            .create_shader_module(wgpu::ShaderModuleDescriptor {
+                label,
+                source: wgpu::ShaderSource::Wgsl(shader.text.as_str().into()),
+            });
+        let layout = self
+            .device
+            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
+                label,
+                entries: &entries,
+            });
+        let pipeline_layout = self
+            .device
+            .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label,
+                bind_group_layouts: &[Some(&layout)],
+                immediate_size: 0,
+            });
+        let raw = self
+            .device
+            .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+                label,
+                layout: Some(&pipeline_layout),
+                module: &module,
+                entry_point: Some(shader.name),
+                compilation_options: wgpu::PipelineCompilationOptions::default(),
+                cache: None,
+            });
+        if let Some(e) = pollster::block_on(scope.pop()) {
+            return Err(Error::Shader {
+                kernel: shader.name.into(),
+                message: e.to_string(),
+            });
+        }
+        Ok(Pipeline {
+            shader,
+            layout,
+            raw,
+        })
+    }
+
+    fn bind_pipeline(&self, pipeline: Rc<Pipeline>, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
+        let variables = &pipeline.shader.variables;
+        let known = || {
+            variables
+                .iter()
+                .map(|v| v.name.as_str())
+                .collect::<Vec<_>>()
+                .join(", ")
+        };
+        let fail = |name: &str, problem: String| Error::Binding {
+            kernel: pipeline.shader.name,
+            name: name.to_string(),
+            known: known(),
+            problem,
+        };
+        for (name, _) in buffers {
+            if !variables.iter().any(|v| v.name == *name) {
+                return Err(fail(name, "the shader has no such variable".into()));
+            }
+        }
+        let mut entries = vec![];
+        for v in variables {
+            let given = buffers.iter().find(|(name, _)| *name == v.name);
+            let (_, buffer) =
+                given.ok_or_else(|| fail(&v.name, "no buffer was given for it".into()))?;
+            if buffer.bytes < v.min_bytes {
+                let problem = format!(
+                    "its buffer `{}` has {} bytes, {} are needed",
+                    buffer.name, buffer.bytes, v.min_bytes
+                );
+                return Err(fail(&v.name, problem));
+            }
+            entries.push(wgpu::BindGroupEntry {
+                binding: v.binding,
+                resource: buffer.raw.as_entire_binding(),
+            });
+        }
+        let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some(pipeline.shader.name),
+            layout: &pipeline.layout,
+            entries: &entries,
+        });
+        Ok(Bound { pipeline, group })
+    }
+
+    /// A new batch of commands.
+    pub fn batch(&self) -> Batch {
+        let encoder = self
+            .device
+            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
+                label: Some("batch"),
+            });
+        Batch {
+            pass: None,
+            encoder,
+        }
+    }
+
+    /// Runs a batch; returns at once.
+    pub fn submit(&self, batch: Batch) {
+        self.queue.submit([batch.finish()]);
+    }
+
+    /// Runs a batch and reads buffers back, the first `count` elements of each; waits for the device.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the device was lost or reported an error since the last call.
+    pub fn submit_and_read(
+        &self,
+        mut batch: Batch,
+        wanted: &[(&Buffer, u64)],
+    ) -> Result<Vec<Vec<u8>>> {
+        let total: u64 = wanted
+            .iter()
+            .map(|(_, bytes)| bytes.next_multiple_of(16))
+            .sum();
+        let staging = self.staging(total.max(16));
+        batch.pass = None;
+        let mut offset = 0;
+        for (buffer, bytes) in wanted {
+            let padded = bytes.next_multiple_of(16).min(buffer.bytes);
+            batch
+                .encoder
+                .copy_buffer_to_buffer(&buffer.raw, 0, &staging, offset, padded);
+            offset += bytes.next_multiple_of(16);
+        }
+        self.queue.submit([batch.finish()]);
+        let failed = |message: String| Error::Device { message };
+        staging.map_async(wgpu::MapMode::Read, 0..total.max(16), |_| {});
+        self.device
+            .poll(wgpu::PollType::wait_indefinitely())
+            .map_err(|e| failed(e.to_string()))?;
+        if let Some(message) = self.fault.lock().ok().and_then(|f| f.clone()) {
+            return Err(failed(message));
+        }
+        let view = staging
+            .get_mapped_range(0..total.max(16))
+            .map_err(|e| failed(e.to_string()))?;
+        let mut offset = 0usize;
+        let parts = wanted
+            .iter()
+            .map(|(_, bytes)| {
+                let part = view[offset..offset + *bytes as usize].to_vec();
+                offset += bytes.next_multiple_of(16) as usize;
+                part
+            })
+            .collect();
+        drop(view);
+        staging.unmap();
+        Ok(parts)
+    }
+
+    fn staging(&self, bytes: u64) -> wgpu::Buffer {
+        let mut slot = self.staging.borrow_mut();
+        match &*slot {
+            Some(buffer) if buffer.size() >= bytes => buffer.clone(),
+            _ => {
+                let size = bytes.next_power_of_two();
+                let usage = wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST;
+                let made = self.buffer("staging", size, usage).raw;
+                *slot = Some(made.clone());
+                made
+            }
+        }
+    }
+
+    /// Reads one whole array back.
+    ///
+    /// # Errors
+    /// As [`Gpu::submit_and_read`].
+    pub fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Result<Vec<T>> {
+        let parts =
+            self.submit_and_read(self.batch(), &[(buffer, (count * size_of::<T>()) as u64)])?;
+        Ok(cast(&parts[0]))
+    }
+}
+
+/// Bytes as elements.
+pub fn cast<T: Pod>(bytes: &[u8]) -> Vec<T> {
+    bytemuck::pod_collect_to_vec(bytes)
+}
+
+/// Commands recorded for one submission; each dispatch sees what the ones before it wrote.
+pub struct Batch {
+    // dropped before the encoder
+    pass: Option<wgpu::ComputePass<'static>>,
+    encoder: wgpu::CommandEncoder,
+}
+
+impl Batch {
+    /// Dispatches a kernel over `threads` × `slots`; 0 of either is a no-op.
+    pub fn run(&mut self, kernel: &Bound, threads: usize, slots: u32) {
+        if threads == 0 || slots == 0 {
+            return;
+        }
+        let groups = (threads as u64).div_ceil(u64::from(kernel.pipeline.shader.workgroup));
+        let folds = groups.div_ceil(MAX_GROUPS);
+        let encoder = &mut self.encoder;
+        let pass = self.pass.get_or_insert_with(|| {
+            encoder
+                .begin_compute_pass(&wgpu::ComputePassDescriptor::default())
+                .forget_lifetime()
+        });
+        pass.set_pipeline(&kernel.pipeline.raw);
+        pass.set_bind_group(0, &kernel.group, &[]);
+        pass.dispatch_workgroups(groups.div_ceil(folds) as u32, slots, folds as u32);
+    }
+
+    /// Copies bytes between buffers.
+    pub fn copy(&mut self, from: &Buffer, from_byte: u64, to: &Buffer, to_byte: u64, bytes: u64) {
+        self.pass = None;
+        self.encoder
+            .copy_buffer_to_buffer(&from.raw, from_byte, &to.raw, to_byte, bytes);
+    }
+
+    /// Zeroes bytes of a buffer.
+    pub fn clear(&mut self, buffer: &Buffer, from_byte: u64, bytes: u64) {
+        if bytes > 0 {
+            self.pass = None;
+            self.encoder
+                .clear_buffer(&buffer.raw, from_byte, Some(bytes));
+        }
+    }
+
+    fn finish(mut self) -> wgpu::CommandBuffer {
+        self.pass = None;
+        self.encoder.finish()
+    }
+}

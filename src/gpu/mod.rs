@@ -1,0 +1,10 @@
+//! The GPU without physics: adapters, buffers, kernels bound by the shader's own names, batches of dispatches, read-back.
+//!
+//! A [`Source`](crate::kernels::Source) is read by naga on the host: its `var` names, groups and sizes are the truth that [`Gpu::bind`]
+//! checks buffers against. A [`Batch`] records dispatches and is submitted once. Nothing here knows what a kernel computes.
+
+mod device;
+mod shader;
+
+pub use device::{Adapter, Batch, Bound, Buffer, Gpu, adapters, cast};
+pub use shader::{Access, Shader, Variable};

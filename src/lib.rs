@@ -1,0 +1,11 @@
+//! cutis (draft)
+pub mod backend;
+pub mod error;
+pub mod gpu;
+#[path = "../kernels/mod.rs"]
+pub mod kernels;
+pub mod linear;
+pub mod math;
+pub mod mesh;
+pub mod model;
+pub mod scene;

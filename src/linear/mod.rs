@@ -1,0 +1,74 @@
+//! Conjugate gradients on the CPU, from the kernels' twins: the same recurrences as the GPU runs, one slot at a time.
+
+use crate::kernels::advance::{Request, Scalars, advance};
+use crate::kernels::update::update;
+use crate::math::{Real, V4};
+
+/// Vectors of one right-hand side; `x` holds the start and then the solution, `r` the right-hand side and then the residual.
+pub struct Slot<'a, R> {
+    /// [node] m
+    pub x: &'a mut [V4<R>],
+    /// [node] N
+    pub r: &'a mut [V4<R>],
+    /// [node] m
+    pub p: &'a mut [V4<R>],
+    /// [node] N
+    pub s: &'a mut [V4<R>],
+    /// [node] m
+    pub z: &'a mut [V4<R>],
+    /// [node] N
+    pub w: &'a mut [V4<R>],
+}
+
+/// How a solve ended.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Outcome {
+    /// Iterations done.
+    pub iterations: u32,
+    /// Reached the target.
+    pub converged: bool,
+    /// Residual norm as the recurrence has it, N.
+    pub residual: f64,
+    /// What was asked for, N.
+    pub target: f64,
+}
+
+impl Outcome {
+    /// From the solver's scalars.
+    pub fn of<R: Real>(k: &Scalars<R>) -> Self {
+        Self {
+            iterations: k.iterations.f64() as u32,
+            converged: k.done == R::one(),
+            residual: k.residual_squared.f64().sqrt(),
+            target: k.target_squared.f64().sqrt(),
+        }
+    }
+}
+
+/// Solves `A x = r` from the start `x`; `product` gives `w = A z` and `z·w`, `precondition` gives `z = M⁻¹ r`, `r·z` and `r·r`.
+pub fn solve<R: Real>(
+    slot: Slot<R>,
+    request: &Request<R>,
+    load: R,
+    max_iterations: u32,
+    mut product: impl FnMut(&[V4<R>], &mut [V4<R>]) -> R,
+    mut precondition: impl FnMut(&[V4<R>], &mut [V4<R>]) -> [R; 2],
+) -> Outcome {
+    let Slot { x, r, p, s, z, w } = slot;
+    let mut k = Scalars {
+        alpha: R::one(),
+        ..Scalars::default()
+    };
+    let mut dots = [R::zero(); 2];
+    z.copy_from_slice(x);
+    while k.iterations.f64() <= f64::from(max_iterations) {
+        let delta = product(z, w);
+        advance(request, load, delta, dots[0], dots[1], &mut k);
+        if k.done != R::zero() {
+            break;
+        }
+        update(&k, z, w, x, p, s, r);
+        dots = precondition(r, z);
+    }
+    Outcome::of(&k)
+}

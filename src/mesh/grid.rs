@@ -1,0 +1,135 @@
+//! Regular grid of bricks in layers: z-ranges of one grid that share their interface nodes, so layers are bonded perfectly.
+
+use crate::kernels::Params;
+use crate::scene::{Region, Skin};
+
+/// Geometry of the grid; x fastest, then y, then z; the bottom is z = 0 and x = y = 0 its centre.
+#[derive(Clone, Debug)]
+pub struct Grid {
+    /// Cells along each axis.
+    pub cells: [usize; 3],
+    /// Nodes along each axis.
+    pub nodes: [usize; 3],
+    /// Cell edges along x and y, m.
+    pub edge: [f64; 2],
+    /// [level] height of each level of nodes, m.
+    pub heights: Vec<f64>,
+    /// [cells_z] layer of each level of cells.
+    pub layer_of: Vec<u32>,
+}
+
+impl Grid {
+    /// The grid of a skin.
+    pub fn new(skin: &Skin) -> Self {
+        let mut heights = vec![0.0];
+        let mut layer_of = vec![];
+        let mut bottom = 0.0;
+        for (index, layer) in skin.layers.iter().enumerate() {
+            for k in 1..=layer.cells {
+                heights.push(bottom + layer.thickness * f64::from(k) / f64::from(layer.cells));
+                layer_of.push(index as u32);
+            }
+            bottom += layer.thickness;
+        }
+        let cells = [
+            skin.cells[0] as usize,
+            skin.cells[1] as usize,
+            layer_of.len(),
+        ];
+        Self {
+            cells,
+            nodes: cells.map(|c| c + 1),
+            edge: [
+                skin.size[0] / cells[0] as f64,
+                skin.size[1] / cells[1] as f64,
+            ],
+            heights,
+            layer_of,
+        }
+    }
+
+    /// All nodes.
+    pub fn node_count(&self) -> usize {
+        self.nodes.iter().product()
+    }
+
+    /// All cells.
+    pub fn cell_count(&self) -> usize {
+        self.cells.iter().product()
+    }
+
+    /// m
+    pub fn thickness(&self) -> f64 {
+        self.heights[self.heights.len() - 1]
+    }
+
+    /// Rest position of a node, m.
+    pub fn rest(&self, node: usize) -> [f64; 3] {
+        let [i, j, k] = self.params::<f64>().node_at(node);
+        let along =
+            |i: usize, axis: usize| (i as f64 - 0.5 * self.cells[axis] as f64) * self.edge[axis];
+        [along(i, 0), along(j, 1), self.heights[k]]
+    }
+
+    /// Edges of a layer's cells, m.
+    pub fn cell_edges(&self, layer: u32) -> [f64; 3] {
+        let k = self.layer_of.iter().position(|l| *l == layer).unwrap_or(0);
+        [
+            self.edge[0],
+            self.edge[1],
+            self.heights[k + 1] - self.heights[k],
+        ]
+    }
+
+    /// Sizes as the kernels read them; everything else is zero.
+    pub fn params<R: crate::math::Real>(&self) -> Params<R> {
+        let [nodes_x, nodes_y, nodes_z] = self.nodes.map(|n| n as u32);
+        let [cells_x, cells_y, cells_z] = self.cells.map(|n| n as u32);
+        Params {
+            nodes_x,
+            nodes_y,
+            nodes_z,
+            node_count: self.node_count() as u32,
+            cells_x,
+            cells_y,
+            cells_z,
+            cell_count: self.cell_count() as u32,
+            ..Params::default()
+        }
+    }
+
+    /// Whether a node belongs to a region.
+    pub fn contains(&self, region: &Region, node: usize) -> bool {
+        let [i, j, k] = self.params::<f64>().node_at(node);
+        let [x, y, z] = self.cells;
+        let (on_x, on_y) = (i == 0 || i == x, j == 0 || j == y);
+        match region {
+            Region::Bottom => k == 0,
+            Region::Top => k == z,
+            Region::SidesX => on_x,
+            Region::SidesY => on_y,
+            Region::Sides => on_x || on_y,
+            Region::All => true,
+            Region::Box { min, max } => {
+                let p = self.rest(node);
+                (0..3).all(|n| p[n] >= min[n] - 1e-9 && p[n] <= max[n] + 1e-9)
+            }
+        }
+    }
+
+    /// The node nearest to a rest position.
+    pub fn nearest(&self, point: [f64; 3]) -> usize {
+        let along = |axis: usize| {
+            let i = (point[axis] / self.edge[axis] + 0.5 * self.cells[axis] as f64).round();
+            i.clamp(0.0, self.cells[axis] as f64) as usize
+        };
+        let level = (0..self.heights.len())
+            .min_by(|a, b| {
+                (self.heights[*a] - point[2])
+                    .abs()
+                    .total_cmp(&(self.heights[*b] - point[2]).abs())
+            })
+            .unwrap_or(0);
+        self.params::<f64>().node_id([along(0), along(1), level])
+    }
+}

@@ -1,0 +1,125 @@
+//! The skin's surface: faces between a live cell and nothing, kept up to date as cells are removed.
+
+use super::Grid;
+use crate::kernels::Params;
+
+/// A boundary face: corner nodes counter-clockwise seen from outside.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Quad {
+    /// Node ids.
+    pub nodes: [u32; 4],
+    /// The live cell behind the face.
+    pub cell: u32,
+}
+
+impl Quad {
+    /// The face as two triangles of node ids.
+    pub fn triangles(&self) -> [[u32; 3]; 2] {
+        let [a, b, c, d] = self.nodes;
+        [[a, b, c], [a, c, d]]
+    }
+}
+
+/// Which cells are live.
+#[derive(Clone, Debug)]
+pub struct Surface {
+    params: Params<f64>,
+    /// [cell] still there.
+    pub alive: Vec<bool>,
+}
+
+/// Corners of the six faces, outward, in VTK's corner numbers, with the step to the neighbour.
+const FACES: [([usize; 4], [isize; 3]); 6] = [
+    ([0, 4, 7, 3], [-1, 0, 0]),
+    ([1, 2, 6, 5], [1, 0, 0]),
+    ([0, 1, 5, 4], [0, -1, 0]),
+    ([2, 3, 7, 6], [0, 1, 0]),
+    ([0, 3, 2, 1], [0, 0, -1]),
+    ([4, 5, 6, 7], [0, 0, 1]),
+];
+
+impl Surface {
+    /// The surface of an uncut grid.
+    pub fn new(grid: &Grid) -> Self {
+        Self {
+            params: grid.params(),
+            alive: vec![true; grid.cell_count()],
+        }
+    }
+
+    /// Boundary faces of the cells with grid coordinates in `low..high`, without those that the bottom hides.
+    pub fn quads(&self, low: [usize; 3], high: [usize; 3], out: &mut Vec<Quad>) {
+        for k in low[2]..high[2] {
+            for j in low[1]..high[1] {
+                for i in low[0]..high[0] {
+                    self.cell_quads([i, j, k], out);
+                }
+            }
+        }
+    }
+
+    /// All boundary faces.
+    pub fn all(&self) -> Vec<Quad> {
+        let p = &self.params;
+        let mut out = vec![];
+        self.quads(
+            [0; 3],
+            [p.cells_x as usize, p.cells_y as usize, p.cells_z as usize],
+            &mut out,
+        );
+        out
+    }
+
+    fn cell_quads(&self, at: [usize; 3], out: &mut Vec<Quad>) {
+        let p = &self.params;
+        let cell = p.cell_id(at);
+        if !self.alive[cell] {
+            return;
+        }
+        let size = [p.cells_x, p.cells_y, p.cells_z];
+        let corners = p.corners(cell);
+        for (face, step) in FACES {
+            let mut next = at;
+            let mut inside = true;
+            for axis in 0..3 {
+                let n = at[axis] as isize + step[axis];
+                inside &= n >= 0 && n < size[axis] as isize;
+                next[axis] = n.max(0) as usize;
+            }
+            if !inside || !self.alive[p.cell_id(next)] {
+                out.push(Quad {
+                    nodes: face.map(|a| corners[a] as u32),
+                    cell: cell as u32,
+                });
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashMap;
+
+    #[test]
+    fn every_directed_edge_is_met_by_its_reverse() {
+        let grid = Grid {
+            cells: [3, 3, 2],
+            nodes: [4, 4, 3],
+            edge: [1.0, 1.0],
+            heights: vec![0.0, 1.0, 2.0],
+            layer_of: vec![0, 0],
+        };
+        let mut surface = Surface::new(&grid);
+        surface.alive[13] = false;
+        let mut edges: HashMap<(u32, u32), i32> = HashMap::new();
+        for quad in surface.all() {
+            for n in 0..4 {
+                let (a, b) = (quad.nodes[n], quad.nodes[(n + 1) % 4]);
+                *edges.entry((a.min(b), a.max(b))).or_default() += if a < b { 1 } else { -1 };
+            }
+        }
+        assert!(edges.values().all(|n| *n == 0));
+        assert_eq!(surface.all().len(), 2 * (9 + 6 + 6) + 4);
+    }
+}

@@ -1,0 +1,130 @@
+//! Checks in f64 on the CPU: elastic energy, and the true residual of a step that some backend has solved.
+
+use super::Model;
+use crate::kernels::forces::rest_corner;
+use crate::kernels::product::product;
+use crate::kernels::{forces, rhs, rotations, springs, springs_product};
+use crate::math::{V3, V4, rotation_matrix, rotation_minus_identity};
+
+/// Elastic energy of a displacement field, J: `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X`; for springs `½ Σ k (|d| − L)²`.
+/// `rotation` as the kernels keep it (0 for dead cells), `law` of the springs as cut so far.
+pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], law: &[V4<f64>]) -> f64 {
+    if let Some(s) = &model.springs {
+        let stretch = |[a, b]: [u32; 2], l: f64| {
+            let at = |n: u32| V3::of(model.rest[n as usize]) + V3::from4(u[n as usize]);
+            (at(b) - at(a)).length() - l
+        };
+        return s
+            .ends
+            .iter()
+            .zip(law)
+            .map(|(e, law)| 0.5 * law[1] * stretch(*e, law[0]).powi(2))
+            .sum();
+    }
+    let params = model.params::<f64>();
+    let mut energy = 0.0;
+    for (cell, q) in rotation.iter().enumerate().filter(|(_, q)| **q != [0.0; 4]) {
+        let layer = model.grid.layer_of[params.cell_at(cell)[2]] as usize;
+        let h = V3::from4(model.shape[layer]);
+        let (back, turn) = (
+            rotation_matrix(*q).transpose(),
+            rotation_minus_identity(*q).transpose(),
+        );
+        let mut d = [0.0; 24];
+        for (a, node) in params.corners(cell).into_iter().enumerate() {
+            let local = back * V3::from4(u[node]) + turn * rest_corner(h, a);
+            [d[3 * a], d[3 * a + 1], d[3 * a + 2]] = local.f64();
+        }
+        let k = &model.stiffness[layer];
+        energy += (0..24)
+            .map(|r| 0.5 * d[r] * (0..24).map(|c| k[r][c] * d[c]).sum::<f64>())
+            .sum::<f64>();
+    }
+    energy
+}
+
+/// What a backend held at a step's start, with what it found.
+#[derive(Clone, Debug, Default)]
+pub struct Solved {
+    /// [node] displacement at the start, m.
+    pub u: Vec<V4<f64>>,
+    /// [node] velocity at the start, m/s.
+    pub v: Vec<V4<f64>>,
+    /// [cell] rotations at the start (0 for dead cells).
+    pub rotation: Vec<V4<f64>>,
+    /// [node] free axes and mass.
+    pub free: Vec<V4<f64>>,
+    /// [spring] law.
+    pub law: Vec<V4<f64>>,
+    /// [node] dead loads, N.
+    pub load: Vec<V4<f64>>,
+    /// [node] contact forces of the step, N.
+    pub contact: Vec<V4<f64>>,
+    /// [node] displacement increment that was found, m.
+    pub dx: Vec<V4<f64>>,
+}
+
+/// `|b + Jᵀλ − A Δx|` relative to the step's load (free motion's load and contact force), everything in f64.
+pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
+    let params = model.params::<f64>();
+    let count = solved.u.len();
+    let zeros = vec![[0.0; 4]; count];
+    let (mut f, mut b, mut w) = (zeros.clone(), zeros.clone(), zeros);
+    let shapes = model.shapes::<f64>();
+    if let Some(s) = &model.springs {
+        let rest: Vec<V4<f64>> = model.rest.iter().map(|r| V3::of(*r).pad(0.0)).collect();
+        let mut tangent = vec![[0.0; 4]; s.half.len() * 2];
+        springs::springs(
+            &params,
+            &rest,
+            &solved.u,
+            &s.first,
+            &s.half,
+            &solved.law,
+            &mut f,
+            &mut tangent,
+        );
+        springs_product::springs_product(
+            &params,
+            &s.first,
+            &s.half,
+            &tangent,
+            &solved.free,
+            &solved.dx,
+            &mut w,
+        );
+    } else {
+        let blocks = model.stiffness_blocks::<f64>();
+        let layers = &model.grid.layer_of;
+        let mut rotation = solved.rotation.clone();
+        if model.corotational {
+            rotations::rotations(&params, &shapes, layers, &solved.u, &mut rotation);
+        }
+        forces::forces(
+            &params, &shapes, &blocks, layers, &solved.u, &rotation, &mut f,
+        );
+        product(
+            &params,
+            &blocks,
+            layers,
+            &rotation,
+            &solved.free,
+            &solved.dx,
+            &mut w,
+        );
+    }
+    let mut load = rhs::rhs(&params, &f, &solved.v, &solved.free, &solved.load, &mut b);
+    let mut residual = 0.0;
+    for i in 0..count {
+        for n in 0..3 {
+            let contact = solved.contact[i][n] * solved.free[i][n];
+            load += contact * contact;
+            residual += (b[i][n] + contact - w[i][n]).powi(2);
+        }
+    }
+    if load == 0.0 {
+        0.0
+    } else {
+        (residual / load).sqrt()
+    }
+}

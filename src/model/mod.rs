@@ -1,0 +1,223 @@
+//! The model: flat arrays that never change during a run, made from a scene; and the f64 state that backends hand back.
+
+pub mod element;
+mod energy;
+mod springs;
+
+pub use energy::{elastic_energy, true_residual};
+pub use springs::Springs;
+
+use crate::error::{Error, Result};
+use crate::kernels::Params;
+use crate::math::{M3, Real, V3, V4};
+use crate::mesh::Grid;
+use crate::scene::{Law, Load, Preconditioner, Region, Scene};
+
+/// Layers that one uniform binding of element matrices holds (64 KiB of core WebGPU / 3 KiB each).
+pub const MAX_LAYERS: usize = 21;
+
+/// A deformable body on a grid.
+#[derive(Clone, Debug)]
+pub struct Model {
+    /// Geometry.
+    pub grid: Grid,
+    /// [layer] cell edges m and the mass that a cell gives each corner, kg.
+    pub shape: Vec<[f64; 4]>,
+    /// [layer] element matrices, N/m; empty for a spring body.
+    pub stiffness: Vec<element::Matrix>,
+    /// Springs of a spring body.
+    pub springs: Option<Springs>,
+    /// Corotational bricks.
+    pub corotational: bool,
+    /// [node] rest position, m.
+    pub rest: Vec<[f64; 3]>,
+    /// [node] 1 free or 0 held, per axis, and mass, kg, of the uncut body.
+    pub free: Vec<[f64; 4]>,
+    /// [node] displacement of held axes, m.
+    pub held: Vec<[f64; 3]>,
+    /// [layer] J/m²
+    pub toughness: Vec<f64>,
+    /// Step, gravity, damping, preconditioner.
+    pub step: Step,
+}
+
+/// Constants of the time step.
+#[derive(Clone, Copy, Debug)]
+pub struct Step {
+    /// s
+    pub step: f64,
+    /// m/s²
+    pub gravity: [f64; 3],
+    /// 1/s
+    pub rayleigh_mass: f64,
+    /// s
+    pub rayleigh_stiffness: f64,
+    /// Code of `Params::preconditioner`.
+    pub preconditioner: u32,
+}
+
+/// State of a body in f64, for output and checks.
+#[derive(Clone, Debug, Default)]
+pub struct State {
+    /// [node] displacement, m.
+    pub u: Vec<[f64; 3]>,
+    /// [node] m/s
+    pub v: Vec<[f64; 3]>,
+}
+
+impl Model {
+    /// Builds the arrays of a scene's skin.
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach.
+    pub fn new(scene: &Scene) -> Result<Self> {
+        let skin = &scene.skin;
+        let grid = Grid::new(skin);
+        if skin.layers.len() > MAX_LAYERS {
+            return Err(Error::TooLarge {
+                what: "the layers' element matrices".into(),
+                need: skin.layers.len() as u64,
+                limit_name: "layers in one uniform binding",
+                limit: MAX_LAYERS as u64,
+                fix: "join layers of the same material".into(),
+            });
+        }
+        let indexed =
+            (skin.cells[0] as u64 + 1) * (skin.cells[1] as u64 + 1) * grid.nodes[2] as u64;
+        if indexed > u64::from(u32::MAX) / 64 {
+            return Err(Error::TooLarge {
+                what: "the grid's nodes".into(),
+                need: indexed,
+                limit_name: "nodes reached by 32-bit indices",
+                limit: u64::from(u32::MAX) / 64,
+                fix: "use fewer cells".into(),
+            });
+        }
+        let mut shape = vec![];
+        let mut stiffness = vec![];
+        for (index, layer) in skin.layers.iter().enumerate() {
+            let h = grid.cell_edges(index as u32);
+            shape.push([h[0], h[1], h[2], layer.density * h[0] * h[1] * h[2] / 8.0]);
+            if let Law::Fem { element, .. } = skin.law {
+                stiffness.push(element::stiffness(h, layer.young, layer.poisson, element));
+            }
+        }
+        let params = grid.params::<f64>();
+        let count = grid.node_count();
+        let mut free = vec![[1.0, 1.0, 1.0, 0.0]; count];
+        for cell in 0..grid.cell_count() {
+            let layer = grid.layer_of[params.cell_at(cell)[2]] as usize;
+            for node in params.corners(cell) {
+                free[node][3] += shape[layer][3];
+            }
+        }
+        let mut held = vec![[0.0; 3]; count];
+        for boundary in &scene.boundaries {
+            for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
+                for axis in (0..3).filter(|a| boundary.axes[*a]) {
+                    free[node][axis] = 0.0;
+                    held[node][axis] = boundary.displacement[axis];
+                }
+            }
+        }
+        let springs = match skin.law {
+            Law::Springs { stiffness, damping } => Some(Springs::new(&grid, stiffness, damping)),
+            Law::Fem { .. } => None,
+        };
+        Ok(Self {
+            rest: (0..count).map(|n| grid.rest(n)).collect(),
+            shape,
+            stiffness,
+            springs,
+            corotational: matches!(
+                skin.law,
+                Law::Fem {
+                    corotational: true,
+                    ..
+                }
+            ),
+            free,
+            held,
+            toughness: skin.layers.iter().map(|l| l.toughness).collect(),
+            step: Step {
+                step: scene.time.step,
+                gravity: scene.time.gravity,
+                rayleigh_mass: skin.rayleigh_mass,
+                rayleigh_stiffness: skin.rayleigh_stiffness,
+                preconditioner: match scene.solver.preconditioner {
+                    Preconditioner::None => 0,
+                    Preconditioner::Jacobi => 1,
+                    Preconditioner::Block => 2,
+                    Preconditioner::Column => 3,
+                },
+            },
+            grid,
+        })
+    }
+
+    /// The kernels' parameter block.
+    pub fn params<R: Real>(&self) -> Params<R> {
+        let s = &self.step;
+        Params {
+            preconditioner: s.preconditioner,
+            corotational: u32::from(self.corotational),
+            slot_count: 1,
+            inertia: R::of((1.0 + s.step * s.rayleigh_mass) / (s.step * s.step)),
+            stiffness_factor: R::of(1.0 + s.rayleigh_stiffness / s.step),
+            step: R::of(s.step),
+            gravity_x: R::of(s.gravity[0]),
+            gravity_y: R::of(s.gravity[1]),
+            gravity_z: R::of(s.gravity[2]),
+            ..self.grid.params()
+        }
+    }
+
+    /// [layer × 64] 3×3 blocks of the element matrices.
+    pub fn stiffness_blocks<R: Real>(&self) -> Vec<M3<R>> {
+        let block = |k: &element::Matrix, a: usize, b: usize| {
+            M3([0, 1, 2].map(|j| V3::of([0, 1, 2].map(|i| k[3 * a + i][3 * b + j]))))
+        };
+        let pairs = |k| (0..64).map(move |ab| block(k, ab / 8, ab % 8));
+        self.stiffness.iter().flat_map(pairs).collect()
+    }
+
+    /// [layer] cell edges and corner mass.
+    pub fn shapes<R: Real>(&self) -> Vec<V4<R>> {
+        self.shape.iter().map(|s| s.map(R::of)).collect()
+    }
+
+    /// [node] dead loads that act at a time, N: each pressure's exact share per node (bilinear over the covered part of a face).
+    pub fn load_at(&self, loads: &[Load], time: f64) -> Vec<[f64; 3]> {
+        let mut out = vec![[0.0; 3]; self.grid.node_count()];
+        let params = self.grid.params::<f64>();
+        let top = self.grid.nodes[2] - 1;
+        let [cells_x, cells_y, _] = self.grid.cells;
+        for load in loads.iter().filter(|l| time >= l.start && time < l.end) {
+            for j in 0..cells_y {
+                for i in 0..cells_x {
+                    let low = self.rest[params.node_id([i, j, top])];
+                    let share = |axis: usize| {
+                        let edge = self.grid.edge[axis];
+                        let a = ((load.min[axis] - low[axis]) / edge).clamp(0.0, 1.0);
+                        let b = ((load.max[axis] - low[axis]) / edge).clamp(0.0, 1.0);
+                        let upper = 0.5 * (b * b - a * a);
+                        [(b - a - upper) * edge, upper * edge]
+                    };
+                    let (x, y) = (share(0), share(1));
+                    for (p, q) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+                        out[params.node_id([i + p, j + q, top])][2] -= load.pressure * x[p] * y[q];
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// Nodes of a region.
+    pub fn nodes_in(&self, region: &Region) -> Vec<u32> {
+        (0..self.grid.node_count())
+            .filter(|n| self.grid.contains(region, *n))
+            .map(|n| n as u32)
+            .collect()
+    }
+}

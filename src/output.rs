@@ -1,0 +1,519 @@
+//! Result files: meshes for ParaView (`.vtu`), their times (`.pvd`) and tables (`.csv`).
+//!
+//! Meshes are VTK XML unstructured grids with inline base64 binary arrays in little-endian
+//! order, written through vtkio and read by ParaView and by vtkio. Coordinates are metres.
+//! A killed run leaves readable files: meshes and series are written beside their place and
+//! then renamed over it; tables are flushed in whole lines.
+
+use crate::error::{Error, Result};
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, BufWriter, Write as _};
+use std::path::{Path, PathBuf};
+use vtkio::IOBuffer;
+use vtkio::model::{
+    Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version,
+    VertexNumbers, Vtk,
+};
+
+/// Rows between two flushes of a [`Table`]. At 1 kHz a killed run loses at most 64 ms; a flush
+/// for each row would cost a system call per step.
+const ROWS_PER_FLUSH: usize = 64;
+
+/// Values on the points or cells of a mesh; the unit belongs in the field's name.
+#[derive(Clone, Copy, Debug)]
+pub enum Field<'a> {
+    /// One number each: `[point]` or `[cell]`.
+    Scalars(&'a [f64]),
+    /// Three numbers each: `[point]` or `[cell]`.
+    Vectors(&'a [[f64; 3]]),
+}
+
+impl Field<'_> {
+    fn len(&self) -> usize {
+        match self {
+            Field::Scalars(values) => values.len(),
+            Field::Vectors(values) => values.len(),
+        }
+    }
+}
+
+/// Writes hexahedra to a `.vtu` file; an existing file is replaced at once.
+///
+/// `points`: `[node]` m. `cells`: `[cell]` node ids in VTK's hexahedron order. Fields must have
+/// one value per point or cell, and ids must be in range, else [`Error::Vtk`]. Without cells or
+/// points the file is valid and empty.
+pub fn write_hexes(
+    path: &Path,
+    points: &[[f64; 3]],
+    cells: &[[u32; 8]],
+    point_data: &[(&str, Field)],
+    cell_data: &[(&str, Field)],
+) -> Result<()> {
+    write_grid(
+        path,
+        points,
+        cells,
+        CellType::Hexahedron,
+        point_data,
+        cell_data,
+    )
+}
+
+/// Writes triangles to a `.vtu` file; otherwise as [`write_hexes`].
+pub fn write_triangles(
+    path: &Path,
+    points: &[[f64; 3]],
+    cells: &[[u32; 3]],
+    point_data: &[(&str, Field)],
+    cell_data: &[(&str, Field)],
+) -> Result<()> {
+    write_grid(
+        path,
+        points,
+        cells,
+        CellType::Triangle,
+        point_data,
+        cell_data,
+    )
+}
+
+fn write_grid<const N: usize>(
+    path: &Path,
+    points: &[[f64; 3]],
+    cells: &[[u32; N]],
+    cell_type: CellType,
+    point_data: &[(&str, Field)],
+    cell_data: &[(&str, Field)],
+) -> Result<()> {
+    let vtk_error = |message| Error::Vtk {
+        path: path.to_owned(),
+        message,
+    };
+    let bad_id = cells
+        .as_flattened()
+        .iter()
+        .find(|&&id| id as usize >= points.len());
+    if let Some(id) = bad_id {
+        let count = points.len();
+        return Err(vtk_error(format!(
+            "a cell names point {id}, but there are {count} points"
+        )));
+    }
+    let vtk = Vtk {
+        version: Version::new((1, 0)),
+        title: String::new(),
+        byte_order: ByteOrder::LittleEndian,
+        file_path: None,
+        data: DataSet::inline(UnstructuredGridPiece {
+            points: IOBuffer::F64(points.as_flattened().to_vec()),
+            cells: vtk_cells(cells, cell_type),
+            data: Attributes {
+                point: attributes(point_data, points.len(), "points").map_err(vtk_error)?,
+                cell: attributes(cell_data, cells.len(), "cells").map_err(vtk_error)?,
+            },
+        }),
+    };
+    let mut bytes = Vec::new();
+    vtk.write_xml(&mut bytes)
+        .map_err(|error| vtk_error(error.to_string()))?;
+    if cells.is_empty() {
+        state_no_cells(&mut bytes);
+    }
+    replace(path, &bytes)
+}
+
+/// vtkio's form of cells of one type.
+fn vtk_cells<const N: usize>(cells: &[[u32; N]], cell_type: CellType) -> Cells {
+    let ids = cells.as_flattened().iter();
+    Cells {
+        cell_verts: VertexNumbers::XML {
+            connectivity: ids.map(|&id| u64::from(id)).collect(),
+            offsets: (1..=cells.len()).map(|end| (end * N) as u64).collect(),
+        },
+        types: vec![cell_type; cells.len()],
+    }
+}
+
+/// Adds `NumberOfCells="0"`: VTK refuses a file without it, and vtkio leaves it out when it is 0.
+fn state_no_cells(bytes: &mut Vec<u8>) {
+    let piece = b"<Piece ";
+    let start = bytes.windows(piece.len()).position(|text| text == piece);
+    let end = start.expect("vtkio writes one piece") + piece.len();
+    bytes.splice(end..end, *b"NumberOfCells=\"0\" ");
+}
+
+/// vtkio's form of the fields, or what is wrong with them.
+fn attributes(
+    fields: &[(&str, Field)],
+    count: usize,
+    of: &str,
+) -> std::result::Result<Vec<Attribute>, String> {
+    let mut attributes = Vec::with_capacity(fields.len());
+    for (name, field) in fields {
+        if field.len() != count {
+            let found = field.len();
+            return Err(format!(
+                "field `{name}` has {found} values for {count} {of}; give one each"
+            ));
+        }
+        let attribute = match field {
+            Field::Scalars(values) => Attribute::generic(*name, 1).with_data(values.to_vec()),
+            Field::Vectors(values) => {
+                Attribute::generic(*name, 3).with_data(values.as_flattened().to_vec())
+            }
+        };
+        attributes.push(attribute);
+    }
+    Ok(attributes)
+}
+
+/// Puts `bytes` at `path` so that a reader, or a killed run, sees the old file or the new one.
+fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
+    let mut name = path.as_os_str().to_owned();
+    name.push(".tmp");
+    let temporary = PathBuf::from(name);
+    std::fs::write(&temporary, bytes).map_err(|source| Error::Write {
+        path: temporary.clone(),
+        source,
+    })?;
+    std::fs::rename(&temporary, path).map_err(|source| Error::Write {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// A `.pvd` file: which mesh file belongs to which time.
+#[derive(Clone, Debug)]
+pub struct Series {
+    path: PathBuf,
+    entries: String,
+}
+
+impl Series {
+    /// An empty series. No file is written before the first [`Series::add`].
+    pub fn new(path: impl Into<PathBuf>) -> Self {
+        Self {
+            path: path.into(),
+            entries: String::new(),
+        }
+    }
+
+    /// Adds `file_name`, relative to the `.pvd` file, at `time_s` seconds and rewrites the file.
+    pub fn add(&mut self, time_s: f64, file_name: &str) -> Result<()> {
+        let file = escape(file_name);
+        let time = shortest(time_s);
+        let line = format!("    <DataSet timestep=\"{time}\" part=\"0\" file=\"{file}\"/>\n");
+        self.entries.push_str(&line);
+        let text = format!(
+            "<?xml version=\"1.0\"?>\n\
+             <VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n  \
+             <Collection>\n{}  </Collection>\n</VTKFile>\n",
+            self.entries
+        );
+        replace(&self.path, text.as_bytes())
+    }
+}
+
+fn escape(text: &str) -> String {
+    let text = text.replace('&', "&amp;").replace('<', "&lt;");
+    text.replace('>', "&gt;").replace('"', "&quot;")
+}
+
+/// A CSV file with a header; each value is written with the fewest digits that read back to the
+/// same `f64`. Dropping it flushes; [`Table::finish`] also reports an error of that flush.
+#[derive(Debug)]
+pub struct Table {
+    path: PathBuf,
+    file: BufWriter<File>,
+    column_count: usize,
+    row_count: usize,
+    line: String,
+}
+
+impl Table {
+    /// Creates or empties the file at `path` and writes the column names, with units in them.
+    pub fn create(path: &Path, columns: &[&str]) -> Result<Self> {
+        let write_error = |source| Error::Write {
+            path: path.to_owned(),
+            source,
+        };
+        let mut file = BufWriter::new(File::create(path).map_err(write_error)?);
+        file.write_all((columns.join(",") + "\n").as_bytes())
+            .map_err(write_error)?;
+        file.flush().map_err(write_error)?;
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            column_count: columns.len(),
+            row_count: 0,
+            line: String::new(),
+        })
+    }
+
+    /// Adds a row, one value per column. Lines reach the file whole: each is handed to the buffer
+    /// in one piece, and the buffer is emptied between lines only.
+    ///
+    /// # Panics
+    /// If the number of values is not the number of columns.
+    pub fn row(&mut self, values: &[f64]) -> Result<()> {
+        assert_eq!(
+            values.len(),
+            self.column_count,
+            "values in a row of {}",
+            self.path.display()
+        );
+        self.line.clear();
+        for (column, &value) in values.iter().enumerate() {
+            let comma = if column == 0 { "" } else { "," };
+            write!(self.line, "{comma}{}", shortest(value)).expect("a String takes any text");
+        }
+        self.line.push('\n');
+        self.row_count += 1;
+        let written = self.file.write_all(self.line.as_bytes());
+        let flushed = match self.row_count.is_multiple_of(ROWS_PER_FLUSH) {
+            true => written.and_then(|()| self.file.flush()),
+            false => written,
+        };
+        flushed.map_err(|source| self.error(source))
+    }
+
+    /// Flushes and closes the file.
+    pub fn finish(mut self) -> Result<()> {
+        self.file.flush().map_err(|source| self.error(source))
+    }
+
+    fn error(&self, source: io::Error) -> Error {
+        Error::Write {
+            path: self.path.clone(),
+            source,
+        }
+    }
+}
+
+/// The shortest text that reads back to the same value; very small and large ones as `1.5e-7`.
+fn shortest(value: f64) -> String {
+    let size = value.abs();
+    if size == 0.0 || (1e-5..1e16).contains(&size) || !size.is_finite() {
+        format!("{value}")
+    } else {
+        format!("{value:e}")
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use vtkio::model::Piece;
+
+    /// A folder of its own for one test, removed at the end.
+    struct Folder(PathBuf);
+
+    impl Folder {
+        fn new(name: &str) -> Self {
+            let path = std::env::temp_dir().join(format!("cutis-{}-{name}", std::process::id()));
+            std::fs::create_dir_all(&path).unwrap();
+            Self(path)
+        }
+
+        fn file(&self, name: &str) -> PathBuf {
+            self.0.join(name)
+        }
+    }
+
+    impl Drop for Folder {
+        fn drop(&mut self) {
+            std::fs::remove_dir_all(&self.0).ok();
+        }
+    }
+
+    fn read(path: &Path) -> UnstructuredGridPiece {
+        let vtk = Vtk::import(path).unwrap();
+        match vtk.data {
+            DataSet::UnstructuredGrid { mut pieces, .. } => match pieces.remove(0) {
+                Piece::Inline(piece) => *piece,
+                other => panic!("{other:?}"),
+            },
+            other => panic!("{other:?}"),
+        }
+    }
+
+    fn values(attribute: &Attribute) -> (String, Vec<f64>) {
+        match attribute {
+            Attribute::DataArray(array) => {
+                (array.name.clone(), array.data.clone().into_vec().unwrap())
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+
+    const CUBE: [[f64; 3]; 8] = [
+        [0.0, 0.0, 0.0],
+        [1e-3, 0.0, 0.0],
+        [1e-3, 0.1, 0.0],
+        [0.0, 0.1, 0.0],
+        [0.0, 0.0, 0.3],
+        [1e-3, 0.0, 0.3],
+        [1e-3, 0.1, 0.3],
+        [0.0, 0.1, 0.3],
+    ];
+
+    #[test]
+    fn hexes_read_back_equal() {
+        let folder = Folder::new("hexes");
+        let path = folder.file("cube.vtu");
+        let speed = CUBE.map(|p| [p[0] + 0.1, -p[1], 1.0 / 3.0]);
+        let temperature: Vec<f64> = (0..8).map(|i| f64::from(i) / 7.0).collect();
+        write_hexes(
+            &path,
+            &CUBE,
+            &[[0, 1, 2, 3, 4, 5, 6, 7]],
+            &[
+                ("v_m_s", Field::Vectors(&speed)),
+                ("t_K", Field::Scalars(&temperature)),
+            ],
+            &[("layer", Field::Scalars(&[2.0]))],
+        )
+        .unwrap();
+        let piece = read(&path);
+        assert_eq!(piece.points.into_vec::<f64>().unwrap(), CUBE.as_flattened());
+        assert_eq!(piece.cells.types, [CellType::Hexahedron]);
+        let (ends, ids) = match piece.cells.cell_verts {
+            VertexNumbers::XML {
+                connectivity,
+                offsets,
+            } => (offsets, connectivity),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!((ends, ids), (vec![8], (0..8).collect()));
+        let expected = ("v_m_s".to_owned(), speed.as_flattened().to_vec());
+        assert_eq!(values(&piece.data.point[0]), expected);
+        assert_eq!(
+            values(&piece.data.point[1]),
+            ("t_K".to_owned(), temperature)
+        );
+        assert_eq!(values(&piece.data.cell[0]), ("layer".to_owned(), vec![2.0]));
+        assert!(!folder.file("cube.vtu.tmp").exists());
+    }
+
+    #[test]
+    fn triangles_read_back_equal() {
+        let folder = Folder::new("triangles");
+        let path = folder.file("two.vtu");
+        let normals = [[0.0, 0.0, -1.0], [0.5, 0.25, 0.125]];
+        let data = [("normal", Field::Vectors(&normals))];
+        write_triangles(&path, &CUBE[..4], &[[0, 2, 1], [0, 3, 2]], &[], &data).unwrap();
+        let piece = read(&path);
+        assert_eq!(
+            piece.points.into_vec::<f64>().unwrap(),
+            CUBE[..4].as_flattened()
+        );
+        assert_eq!(piece.cells.types, [CellType::Triangle; 2]);
+        let (_, ids) = piece.cells.cell_verts.into_legacy();
+        assert_eq!(ids, [3, 0, 2, 1, 3, 0, 3, 2]);
+        assert!(piece.data.point.is_empty());
+        let expected = ("normal".to_owned(), normals.as_flattened().to_vec());
+        assert_eq!(values(&piece.data.cell[0]), expected);
+    }
+
+    #[test]
+    fn an_empty_mesh_is_a_valid_file() {
+        let folder = Folder::new("empty");
+        let path = folder.file("empty.vtu");
+        write_hexes(&path, &[], &[], &[("v", Field::Vectors(&[]))], &[]).unwrap();
+        let piece = read(&path);
+        assert_eq!((piece.num_points(), piece.cells.num_cells()), (0, 0));
+        assert_eq!(values(&piece.data.point[0]), ("v".to_owned(), vec![]));
+        write_triangles(&path, &CUBE, &[], &[], &[]).unwrap();
+        assert_eq!(read(&path).num_points(), 8);
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(text.contains("<Piece NumberOfCells=\"0\" NumberOfPoints=\"8\""));
+    }
+
+    #[test]
+    fn wrong_sizes_and_folders_are_errors() {
+        let folder = Folder::new("errors");
+        let path = folder.file("bad.vtu");
+        let short = [("t", Field::Scalars(&[1.0]))];
+        let error = write_triangles(&path, &CUBE, &[], &short, &[]).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains("field `t` has 1 values for 8 points"),
+            "{error}"
+        );
+        let error = write_triangles(&path, &CUBE, &[[0, 1, 8]], &[], &[]).unwrap_err();
+        assert!(
+            error
+                .to_string()
+                .contains("point 8, but there are 8 points"),
+            "{error}"
+        );
+        assert!(!path.exists());
+        let nowhere = folder.file("missing").join("a.vtu");
+        let error = write_triangles(&nowhere, &CUBE, &[], &[], &[]).unwrap_err();
+        assert!(matches!(error, Error::Write { .. }), "{error}");
+    }
+
+    #[test]
+    fn a_series_is_complete_after_each_add() {
+        let folder = Folder::new("series");
+        let path = folder.file("run.pvd");
+        let mut series = Series::new(&path);
+        series.add(0.0, "a.vtu").unwrap();
+        let head = "<?xml version=\"1.0\"?>\n<VTKFile type=\"Collection\" version=\"0.1\" \
+                    byte_order=\"LittleEndian\">\n  <Collection>\n    \
+                    <DataSet timestep=\"0\" part=\"0\" file=\"a.vtu\"/>\n";
+        let tail = "  </Collection>\n</VTKFile>\n";
+        assert_eq!(
+            std::fs::read_to_string(&path).unwrap(),
+            format!("{head}{tail}")
+        );
+        series.add(0.02, "b&\"c.vtu").unwrap();
+        let second = "    <DataSet timestep=\"0.02\" part=\"0\" file=\"b&amp;&quot;c.vtu\"/>\n";
+        assert_eq!(
+            std::fs::read_to_string(&path).unwrap(),
+            format!("{head}{second}{tail}")
+        );
+        assert!(!folder.file("run.pvd.tmp").exists());
+    }
+
+    #[test]
+    fn a_table_holds_whole_lines_that_read_back_equal() {
+        let folder = Folder::new("table");
+        let path = folder.file("force.csv");
+        let mut table = Table::create(&path, &["time_s", "force_N"]).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "time_s,force_N\n");
+        for i in 0..1000 {
+            table.row(&[f64::from(i) * 1e-3, 1.0 / 3.0]).unwrap();
+            let text = std::fs::read_to_string(&path).unwrap();
+            assert!(text.ends_with('\n') && text.lines().all(|l| l.matches(',').count() == 1));
+            assert!(i as usize + 2 - text.lines().count() < ROWS_PER_FLUSH);
+        }
+        table.row(&[-0.0, 1.5e-7]).unwrap();
+        table.row(&[f64::NAN, 2e300]).unwrap();
+        table.finish().unwrap();
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert!(
+            text.starts_with("time_s,force_N\n0,0.3333333333333333\n0.001,"),
+            "{text}"
+        );
+        assert!(text.ends_with("\n-0,1.5e-7\nNaN,2e300\n"), "{text}");
+        let row: Vec<f64> = text
+            .lines()
+            .nth(8)
+            .unwrap()
+            .split(',')
+            .map(|v| v.parse().unwrap())
+            .collect();
+        assert_eq!(row, [7.0 * 1e-3, 1.0 / 3.0]);
+    }
+
+    #[test]
+    fn a_dropped_table_is_flushed() {
+        let folder = Folder::new("dropped");
+        let path = folder.file("t.csv");
+        Table::create(&path, &["a"]).unwrap().row(&[2.0]).unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "a\n2\n");
+    }
+}

@@ -1,0 +1,154 @@
+//! The skin of a scene file: its law and its layers.
+
+use super::grid;
+use super::raw::{self, At, Table};
+use super::text::{
+    Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, SECOND, SPEED, STIFFNESS, SceneText, or,
+    or_vector,
+};
+use super::{Element, Law, Layer, Skin};
+use crate::error::{Error, Result};
+use std::ops::Range;
+
+/// Colours of bottom, middle and top layers: fat, dermis, epidermis (sRGB).
+const PALETTE: [[u8; 3]; 3] = [[242, 211, 138], [217, 136, 128], [232, 185, 160]];
+
+/// The body; absent keys have their defaults.
+pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>) -> Result<Skin> {
+    let raw = table.keys;
+    let law = law(scene, &raw, table.span.clone())?;
+    if raw.layer.is_empty() {
+        return Err(Error::NoLayers {
+            at: scene.place(table.span),
+        });
+    }
+    let count = raw.layer.len();
+    let mut names = Vec::new();
+    let layers = raw.layer.into_iter().enumerate().map(|(i, layer_table)| {
+        let from_top = count - 1 - i;
+        let color = match (i, from_top) {
+            (_, 0) => PALETTE[2],
+            (0, 2..) => PALETTE[0],
+            _ => PALETTE[1],
+        };
+        let name = scene.name("layer", &layer_table.keys.name, &mut names)?;
+        layer(scene, layer_table, name, color, &law)
+    });
+    let layers = layers.collect::<Result<Vec<_>>>()?;
+    let zero = [0.0; 3];
+    let mass = or(raw.rayleigh_mass_per_s, 0.01);
+    let stiffness = or(raw.rayleigh_stiffness_s, 0.01);
+    let velocity = or_vector(raw.velocity_m_s, &zero);
+    let displacement = or_vector(raw.displacement_mm, &zero);
+    let cells = scene.counts("cells", &raw.cells, [1, u32::MAX])?;
+    grid::numbered(scene, cells, &layers, &raw.cells)?;
+    Ok(Skin {
+        size: scene.vector("size_mm", &raw.size_mm, MM, Bound::Positive)?,
+        cells,
+        layers,
+        law,
+        rayleigh_mass: scene.number(
+            "rayleigh_mass_per_s",
+            &mass,
+            PER_SECOND,
+            Bound::NotNegative,
+        )?,
+        rayleigh_stiffness: scene.number(
+            "rayleigh_stiffness_s",
+            &stiffness,
+            SECOND,
+            Bound::NotNegative,
+        )?,
+        velocity: scene.vector("velocity_m_s", &velocity, SPEED, Bound::Finite)?,
+        displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
+    })
+}
+
+fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
+    let number = |key, value: &Option<At<f64>>, unit, bound| match value {
+        Some(value) => scene.number(key, value, unit, bound).map(Some),
+        None => Ok(None),
+    };
+    let stiffness = number(
+        "spring_stiffness_n_m",
+        &raw.spring_stiffness_n_m,
+        STIFFNESS,
+        Bound::Positive,
+    )?;
+    let damping = number(
+        "spring_damping_n_s_m",
+        &raw.spring_damping_n_s_m,
+        DAMPING,
+        Bound::NotNegative,
+    )?;
+    let element = or(raw.element.clone(), "bbar".to_string());
+    let element = scene.choice(
+        "element",
+        &element,
+        &[("bbar", Element::Bbar), ("plain", Element::Plain)],
+    )?;
+    let name = or(raw.law.clone(), "fem".to_string());
+    if scene.choice("law", &name, &[("fem", true), ("springs", false)])? {
+        let corotational = raw.corotational.unwrap_or(true);
+        return Ok(Law::Fem {
+            element,
+            corotational,
+        });
+    }
+    let why = "law = \"springs\" asks for it";
+    Ok(Law::Springs {
+        stiffness: scene.required("spring_stiffness_n_m", stiffness, table.clone(), why)?,
+        damping: scene.required("spring_damping_n_s_m", damping, table, why)?,
+    })
+}
+
+fn layer(
+    scene: &SceneText,
+    table: Table<raw::Layer>,
+    name: String,
+    color: [u8; 3],
+    law: &Law,
+) -> Result<Layer> {
+    let raw = table.keys;
+    let (young, poisson) = match law {
+        Law::Fem { .. } => {
+            let why = "law = \"fem\" (the default) asks for it in each layer";
+            let young = scene.required("young_kpa", raw.young_kpa, table.span.clone(), why)?;
+            let poisson = scene.required("poisson", raw.poisson, table.span, why)?;
+            (Some(young), poisson)
+        }
+        Law::Springs { .. } => (raw.young_kpa, or(raw.poisson, 0.0)),
+    };
+    let ratio = *poisson.get_ref();
+    if !(0.0..0.5).contains(&ratio) {
+        return Err(Error::Poisson {
+            at: scene.place(poisson.span()),
+            found: ratio,
+        });
+    }
+    let toughness = or(raw.toughness_kj_m2, 2.0);
+    Ok(Layer {
+        name,
+        thickness: scene.number("thickness_mm", &raw.thickness_mm, MM, Bound::Positive)?,
+        cells: scene.count("cells", &raw.cells, [1, u32::MAX])?,
+        young: young.map_or(Ok(0.0), |young| {
+            scene.number("young_kpa", &young, KPA, Bound::Positive)
+        })?,
+        poisson: ratio,
+        density: scene.number("density_kg_m3", &raw.density_kg_m3, KG_M3, Bound::Positive)?,
+        toughness: scene.number("toughness_kj_m2", &toughness, KJ_M2, Bound::NotNegative)?,
+        color: raw.color.map_or(Ok(color), |text| srgb(scene, &text))?,
+    })
+}
+
+fn srgb(scene: &SceneText, text: &At<String>) -> Result<[u8; 3]> {
+    let digits = text.get_ref().strip_prefix('#').unwrap_or("");
+    let plain = digits.len() == 6 && digits.chars().all(|digit| digit.is_ascii_hexdigit());
+    match u32::from_str_radix(digits, 16) {
+        Ok(value) if plain => Ok([(value >> 16) as u8, (value >> 8) as u8, value as u8]),
+        _ => Err(Error::Color {
+            at: scene.place(text.span()),
+            found: text.get_ref().clone(),
+        }),
+    }
+}

@@ -1,0 +1,152 @@
+//! From TOML text to raw tables, with the parser's words turned into what was found, wanted and meant.
+
+use super::raw;
+use super::text::SceneText;
+use crate::error::{Error, Result};
+use serde::Deserialize;
+use std::ops::Range;
+
+/// Longest quote from the file in a message, characters.
+const QUOTE_LENGTH: usize = 72;
+
+/// Last words of keys that are units; they are compared away to find a key with a wrong unit.
+const UNIT_WORDS: &[&str] = &[
+    "cm", "cm2", "cm3", "deg", "g", "gpa", "hz", "j", "kg", "kj", "km", "kn", "kpa", "m", "m2",
+    "m3", "mg", "min", "mj", "mm", "mm2", "mm3", "mn", "mpa", "ms", "n", "nm", "pa", "per", "px",
+    "rad", "s", "s2", "um", "us",
+];
+
+/// Reads the tables; every failure becomes an error with a line.
+pub(super) fn tables(scene: &SceneText) -> Result<raw::Scene> {
+    let syntax = |error: toml::de::Error| not_toml(scene, error.message(), error.span());
+    let parsed = toml::Deserializer::parse(scene.text).map_err(syntax)?;
+    raw::Scene::deserialize(parsed).map_err(|error| explain(scene, error.message(), error.span()))
+}
+
+fn not_toml(scene: &SceneText, problem: &str, span: Option<Range<usize>>) -> Error {
+    let span = span.unwrap_or(0..0);
+    Error::Syntax {
+        text: quote(scene, &span),
+        at: scene.place(span),
+        problem: problem.trim().replace('\n', ", "),
+    }
+}
+
+fn explain(scene: &SceneText, message: &str, span: Option<Range<usize>>) -> Error {
+    let place = scene.place(span.clone().unwrap_or(0..0));
+    if let Some((key, known)) = unknown_field(message) {
+        return Error::UnknownKey {
+            at: place,
+            key: shorten(key),
+            hint: key_hint(key, &known),
+            known: known.join(", "),
+        };
+    }
+    if let Some(key) = between(message, "missing field `", "`") {
+        return Error::MissingKey {
+            at: place,
+            key: key.to_string(),
+            why: "it has no default",
+        };
+    }
+    let typed = message.strip_prefix("invalid type: ");
+    let typed = typed.or_else(|| message.strip_prefix("invalid value: "));
+    match typed.and_then(|rest| rest.rsplit_once(", expected ")) {
+        Some((found, wanted)) => Error::WrongType {
+            at: place,
+            text: quote(scene, &span.unwrap_or(0..0)),
+            found: shorten(found),
+            wanted: plain_type(wanted).to_string(),
+        },
+        None => not_toml(scene, message, span),
+    }
+}
+
+/// Key and known keys of serde's "unknown field `a`, expected one of `b`, `c`".
+fn unknown_field(message: &str) -> Option<(&str, Vec<&str>)> {
+    let rest = message.strip_prefix("unknown field `")?;
+    let (key, known) = rest.rsplit_once("`, expected ")?;
+    Some((key, known.split('`').skip(1).step_by(2).collect()))
+}
+
+fn between<'a>(text: &'a str, start: &str, end: &str) -> Option<&'a str> {
+    text.strip_prefix(start)?.split(end).next()
+}
+
+fn plain_type(wanted: &str) -> &str {
+    match wanted {
+        "f64" => "a number, without quotes",
+        "u32" => "a whole number from 0 to 4294967295, without a point",
+        "a boolean" => "true or false",
+        "a string" => "text in quotes",
+        "a sequence" => "a list in [ ]; for tables, headers in [[ ]]",
+        "a table" | "a map" => {
+            "one table: a header in [ ] with its keys below, once (or [[ ]] where tables repeat)"
+        }
+        other => other,
+    }
+}
+
+fn key_hint(key: &str, known: &[&str]) -> String {
+    let same_stem = known.iter().find(|other| stem(other) == stem(key));
+    if let Some(other) = same_stem {
+        return format!(
+            "the unit is part of the key: write `{other}` and convert the value to its unit"
+        );
+    }
+    match nearest(key, known) {
+        Some(other) => format!("did you mean `{other}`?"),
+        None => "remove it, or move it to the table it belongs to".to_string(),
+    }
+}
+
+/// The key without its unit: `thickness` of `thickness_cm`.
+fn stem(key: &str) -> String {
+    let lower = key.to_lowercase().replace('-', "_");
+    let mut words: Vec<&str> = lower.split('_').collect();
+    while words.len() > 1 && words.last().is_some_and(|word| UNIT_WORDS.contains(word)) {
+        words.pop();
+    }
+    words.join("_")
+}
+
+/// The known word within an edit distance of a third of its length, at least 2.
+pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
+    let lower = word.to_lowercase();
+    let ranked = known
+        .iter()
+        .map(|other| (edit_distance(&lower, other), *other));
+    let (distance, other) = ranked.min_by_key(|(distance, _)| *distance)?;
+    (distance <= (other.len() / 3).max(2) && distance < other.len()).then_some(other)
+}
+
+/// Insertions, deletions and replacements between two words (Levenshtein 1966), by rows of the dynamic program.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, from) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, to) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(from != *to);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
+}
+
+/// The first line of a span, whole and trimmed.
+fn quote(scene: &SceneText, span: &Range<usize>) -> String {
+    let line = scene.place(span.clone()).line;
+    shorten(scene.text.lines().nth(line - 1).unwrap_or("").trim())
+}
+
+/// At most [`QUOTE_LENGTH`] characters of a text, on one line.
+pub(super) fn shorten(text: &str) -> String {
+    let mut short: String = text.chars().take(QUOTE_LENGTH).collect();
+    if short.len() < text.len() {
+        short.push('…');
+    }
+    short.replace(char::is_control, " ")
+}

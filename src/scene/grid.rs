@@ -1,0 +1,159 @@
+//! Where nodes are, as far as reading a scene needs it: a region must hold some.
+
+use super::raw::{At, Points};
+use super::text::{SceneText, in_mm};
+use super::{Layer, Region, Skin, TestForm};
+use crate::error::{Error, Result};
+
+/// Rounding between a box in mm and node positions in m; a billionth of a metre is far below any cell.
+const SLACK: f64 = 1e-9;
+
+/// One grid of nodes: the scene's, or its test form's.
+pub(super) struct Grid<'a> {
+    name: &'static str,
+    size: [f64; 2],
+    cells: [u32; 2],
+    layers: &'a [Layer],
+}
+
+/// The scene's grid, then that of its test form if it has its own cells.
+pub(super) fn grids<'a>(skin: &'a Skin, test: &Option<TestForm>) -> Vec<Grid<'a>> {
+    let grid = |name, cells| Grid {
+        name,
+        size: skin.size,
+        cells,
+        layers: &skin.layers,
+    };
+    let mut grids = vec![grid("scene", skin.cells)];
+    grids.extend(
+        test.and_then(|test| test.cells)
+            .map(|cells| grid("test form", cells)),
+    );
+    grids
+}
+
+/// An error when the nodes of a grid cannot be numbered.
+pub(super) fn numbered(
+    scene: &SceneText,
+    cells: [u32; 2],
+    layers: &[Layer],
+    at: &At<Vec<u32>>,
+) -> Result<()> {
+    let over_thickness: u64 = layers.iter().map(|layer| u64::from(layer.cells)).sum();
+    let found = (u64::from(cells[0]) + 1)
+        .saturating_mul(u64::from(cells[1]) + 1)
+        .saturating_mul(over_thickness.saturating_add(1));
+    if found <= u64::from(u32::MAX) {
+        return Ok(());
+    }
+    Err(Error::TooManyNodes {
+        at: scene.place(at.span()),
+        found,
+        limit: u32::MAX,
+    })
+}
+
+/// The named region; a box must hold a node of each grid.
+pub(super) fn region(
+    scene: &SceneText,
+    name: &At<String>,
+    corners: &Option<Points>,
+    grids: &[Grid],
+) -> Result<Region> {
+    let known = [
+        ("bottom", Some(Region::Bottom)),
+        ("top", Some(Region::Top)),
+        ("sides", Some(Region::Sides)),
+        ("sides_x", Some(Region::SidesX)),
+        ("sides_y", Some(Region::SidesY)),
+        ("all", Some(Region::All)),
+        ("box", None),
+    ];
+    let words: Vec<(&str, &Option<Region>)> =
+        known.iter().map(|(word, region)| (*word, region)).collect();
+    if let Some(region) = scene.choice("region", name, &words)? {
+        scene.needless("box_mm", corners, "it belongs to region = \"box\"")?;
+        return Ok(region.clone());
+    }
+    let why = "region = \"box\" asks for box_mm = [[x,y,z],[x,y,z]]";
+    let corners = scene.required("box_mm", corners.as_ref(), name.span(), why)?;
+    let [min, max] = scene.corners::<3>("box_mm", corners)?;
+    for grid in grids {
+        grid.holds_node(scene, corners, min, max)?;
+    }
+    Ok(Region::Box { min, max })
+}
+
+impl Grid<'_> {
+    /// Nodes form a product of three rows, so a box holds one exactly if each of its intervals does.
+    fn holds_node(
+        &self,
+        scene: &SceneText,
+        at: &Points,
+        min: [f64; 3],
+        max: [f64; 3],
+    ) -> Result<()> {
+        for axis in 0..3 {
+            let rows = self.rows(axis);
+            if rows.iter().any(|row| row.holds_node(min[axis], max[axis])) {
+                continue;
+            }
+            return Err(Error::EmptyRegion {
+                at: scene.place(at.span()),
+                grid: self.name,
+                axis: ['x', 'y', 'z'][axis],
+                min: in_mm(min[axis]),
+                max: in_mm(max[axis]),
+                body_min: in_mm(
+                    rows.iter()
+                        .map(|row| row.start)
+                        .fold(f64::INFINITY, f64::min),
+                ),
+                body_max: in_mm(rows.iter().map(Row::end).fold(f64::NEG_INFINITY, f64::max)),
+                cell: in_mm(rows.iter().map(|row| row.step).fold(0.0, f64::max)),
+            });
+        }
+        Ok(())
+    }
+
+    fn rows(&self, axis: usize) -> Vec<Row> {
+        if axis < 2 {
+            let step = self.size[axis] / f64::from(self.cells[axis]);
+            let start = -self.size[axis] / 2.0;
+            let cells = self.cells[axis];
+            return vec![Row { start, step, cells }];
+        }
+        let mut start = 0.0;
+        let layers = self.layers.iter();
+        layers
+            .map(|layer| {
+                let step = layer.thickness / f64::from(layer.cells);
+                let cells = layer.cells;
+                let row = Row { start, step, cells };
+                start += layer.thickness;
+                row
+            })
+            .collect()
+    }
+}
+
+/// Equally spaced nodes along an axis.
+struct Row {
+    start: f64,
+    step: f64,
+    cells: u32,
+}
+
+impl Row {
+    fn end(&self) -> f64 {
+        self.start + self.step * f64::from(self.cells)
+    }
+
+    fn holds_node(&self, min: f64, max: f64) -> bool {
+        let first = ((min - SLACK - self.start) / self.step).ceil().max(0.0);
+        let last = ((max + SLACK - self.start) / self.step)
+            .floor()
+            .min(f64::from(self.cells));
+        first <= last
+    }
+}

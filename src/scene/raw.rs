@@ -1,0 +1,234 @@
+//! The scene file as TOML has it: keys with units, every value with its place in the text.
+//!
+//! Lists are `Vec`, not arrays: TOML's arrays deserialise into shorter Rust arrays without an error.
+
+use serde::de::value::MapAccessDeserializer;
+use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
+use std::collections::BTreeMap;
+use std::fmt;
+use std::marker::PhantomData;
+use std::ops::Range;
+
+/// A value and its bytes in the text.
+pub(super) type At<T> = toml::Spanned<T>;
+/// Numbers of a vector.
+pub(super) type Numbers = At<Vec<f64>>;
+/// Counts of a vector.
+pub(super) type Counts = At<Vec<u32>>;
+/// A list of vectors.
+pub(super) type Points = At<Vec<Numbers>>;
+
+/// A TOML table; a derived struct alone would also take its fields from a list, in order.
+pub(super) struct Table<T> {
+    /// Bytes of the header.
+    pub span: Range<usize>,
+    /// The keys.
+    pub keys: T,
+}
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Table<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Table<T>, D::Error> {
+        let table = At::<Keys<T>>::deserialize(deserializer)?;
+        Ok(Table {
+            span: table.span(),
+            keys: table.into_inner().0,
+        })
+    }
+}
+
+/// The keys of a table; the defaults for an absent one.
+pub(super) fn keys<T: Default>(table: Option<Table<T>>) -> T {
+    table.map(|table| table.keys).unwrap_or_default()
+}
+
+struct Keys<T>(T);
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for Keys<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Keys<T>, D::Error> {
+        deserializer.deserialize_map(KeysVisitor(PhantomData))
+    }
+}
+
+struct KeysVisitor<T>(PhantomData<T>);
+
+impl<'de, T: Deserialize<'de>> Visitor<'de> for KeysVisitor<T> {
+    type Value = Keys<T>;
+
+    fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("a table")
+    }
+
+    fn visit_map<A: MapAccess<'de>>(self, map: A) -> Result<Keys<T>, A::Error> {
+        T::deserialize(MapAccessDeserializer::new(map)).map(Keys)
+    }
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Scene {
+    pub title: At<String>,
+    pub time: Table<Time>,
+    pub solver: Option<Table<Solver>>,
+    pub skin: Table<Skin>,
+    #[serde(default)]
+    pub boundary: Vec<Table<Boundary>>,
+    #[serde(default)]
+    pub load: Vec<Table<Load>>,
+    #[serde(default)]
+    pub tool: Vec<Table<Tool>>,
+    pub contact: Option<Table<Contact>>,
+    #[serde(default)]
+    pub probe: Vec<Table<Probe>>,
+    #[serde(default)]
+    pub check: BTreeMap<At<String>, Table<Check>>,
+    pub test: Option<Table<Test>>,
+    pub view: Option<Table<View>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Time {
+    pub step_ms: At<f64>,
+    pub duration_s: At<f64>,
+    pub gravity_m_s2: Option<Numbers>,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Solver {
+    pub preconditioner: Option<At<String>>,
+    pub tolerance: Option<At<f64>>,
+    pub floor_n: Option<At<f64>>,
+    pub max_iterations: Option<At<u32>>,
+    pub true_residual_every: Option<At<u32>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Skin {
+    pub size_mm: Numbers,
+    pub cells: Counts,
+    pub law: Option<At<String>>,
+    pub element: Option<At<String>>,
+    pub corotational: Option<bool>,
+    pub spring_stiffness_n_m: Option<At<f64>>,
+    pub spring_damping_n_s_m: Option<At<f64>>,
+    pub rayleigh_mass_per_s: Option<At<f64>>,
+    pub rayleigh_stiffness_s: Option<At<f64>>,
+    pub velocity_m_s: Option<Numbers>,
+    pub displacement_mm: Option<Numbers>,
+    #[serde(default)]
+    pub layer: Vec<Table<Layer>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Layer {
+    pub name: At<String>,
+    pub thickness_mm: At<f64>,
+    pub cells: At<u32>,
+    pub young_kpa: Option<At<f64>>,
+    pub poisson: Option<At<f64>>,
+    pub density_kg_m3: At<f64>,
+    pub toughness_kj_m2: Option<At<f64>>,
+    pub color: Option<At<String>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Boundary {
+    pub region: At<String>,
+    pub box_mm: Option<Points>,
+    pub axes: Option<At<String>>,
+    pub displacement_mm: Option<Numbers>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Load {
+    pub pressure_kpa: At<f64>,
+    pub rectangle_mm: Points,
+    pub start_s: Option<At<f64>>,
+    pub end_s: Option<At<f64>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Tool {
+    pub name: At<String>,
+    pub mesh: At<String>,
+    pub mesh_unit_mm: Option<At<f64>>,
+    pub mass_g: At<f64>,
+    pub inertia_g_mm2: Numbers,
+    pub points_mm: Option<Points>,
+    pub trajectory: At<String>,
+    pub coupling: Option<Table<Coupling>>,
+    pub blade: Option<Table<Blade>>,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Coupling {
+    pub stiffness_n_m: Option<At<f64>>,
+    pub damping_n_s_m: Option<At<f64>>,
+    pub angular_stiffness_n_m_rad: Option<At<f64>>,
+    pub angular_damping_n_m_s_rad: Option<At<f64>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Blade {
+    pub edge_mm: Points,
+    pub normal: Option<Numbers>,
+    pub thickness_mm: At<f64>,
+    pub edge_spacing_mm: Option<At<f64>>,
+    pub flat_spacing_mm: Option<At<f64>>,
+    pub depth_mm: Option<At<f64>>,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Contact {
+    pub friction: Option<At<f64>>,
+    pub alarm_mm: Option<At<f64>>,
+    pub distance_mm: Option<At<f64>>,
+    pub correction: Option<At<String>>,
+    pub max_contacts: Option<At<u32>>,
+    pub tolerance: Option<At<f64>>,
+    pub column_tolerance: Option<At<f64>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Probe {
+    pub name: At<String>,
+    pub kind: At<String>,
+    pub point_mm: Option<Numbers>,
+    pub axis: Option<At<String>>,
+    pub region: Option<At<String>>,
+    pub box_mm: Option<Points>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Check {
+    pub min: Option<At<f64>>,
+    pub max: Option<At<f64>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Test {
+    pub cells: Option<Counts>,
+    pub steps: Option<At<u32>>,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct View {
+    pub frames: Option<At<u32>>,
+    pub size_px: Option<Counts>,
+    pub eye_mm: Option<Numbers>,
+    pub target_mm: Option<Numbers>,
+    pub field_of_view_deg: Option<At<f64>>,
+}

@@ -1,0 +1,205 @@
+//! From scene text to a checked [`Scene`] in SI units.
+//!
+//! `raw` holds the tables as TOML has them, `diagnose` explains what TOML refuses, `text` checks and converts values,
+//! `grid` checks regions; `body`, `tools` with `files`, and `outputs` read their tables; the small tables are read here.
+
+use super::diagnose::tables;
+use super::files::Files;
+use super::grid::{self, Grid};
+use super::raw;
+use super::text::{
+    ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector,
+};
+use super::{Boundary, Layer, Load, Preconditioner, Scene, Solver, TestForm, Time};
+use super::{body, outputs, tools};
+use crate::error::{Error, Result};
+use std::path::Path;
+
+/// Rounding between a load's rectangle in mm and the top in m.
+const TOP_SLACK: f64 = 1e-9;
+
+/// Reads a scene file; the files that it names are relative to its folder.
+pub fn read(path: &Path) -> Result<Scene> {
+    let text = std::fs::read_to_string(path).map_err(|source| Error::SceneRead {
+        path: path.to_path_buf(),
+        source,
+    })?;
+    let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
+    parse(&text, path, &Files::Folder(folder))
+}
+
+/// Reads a scene from its text; `file` names it in messages, `files` has the files that it names.
+pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
+    let scene = SceneText { file, text };
+    let raw = tables(&scene)?;
+    let skin = body::skin(&scene, raw.skin)?;
+    let test = raw
+        .test
+        .map(|table| test_form(&scene, table.keys, &skin.layers))
+        .transpose()?;
+    let grids = grid::grids(&skin, &test);
+    let probes = outputs::probes(&scene, raw.probe, &grids)?;
+    let boundaries = raw
+        .boundary
+        .into_iter()
+        .map(|table| boundary(&scene, table.keys, &grids));
+    let loads = raw
+        .load
+        .into_iter()
+        .map(|table| load(&scene, table.keys, skin.size));
+    let tools = tools::tools(&scene, files, raw.tool)?;
+    let contact = tools::contact(&scene, raw::keys(raw.contact))?;
+    Ok(Scene {
+        title: raw.title.into_inner(),
+        file: file.to_path_buf(),
+        time: time(&scene, raw.time.keys)?,
+        solver: solver(&scene, raw::keys(raw.solver))?,
+        boundaries: boundaries.collect::<Result<_>>()?,
+        loads: loads.collect::<Result<_>>()?,
+        contact: (!tools.is_empty()).then_some(contact),
+        tools,
+        checks: outputs::checks(&scene, raw.check, &probes)?,
+        probes,
+        test,
+        view: outputs::view(&scene, raw.view, &skin)?,
+        skin,
+    })
+}
+
+fn time(scene: &SceneText, raw: raw::Time) -> Result<Time> {
+    let gravity = or_vector(raw.gravity_m_s2, &[0.0, 0.0, -9.81]);
+    let time = Time {
+        step: scene.number("step_ms", &raw.step_ms, MS, Bound::Positive)?,
+        duration: scene.number("duration_s", &raw.duration_s, SECOND, Bound::Positive)?,
+        gravity: scene.vector("gravity_m_s2", &gravity, ACCELERATION, Bound::Finite)?,
+    };
+    if time.step > time.duration {
+        return Err(Error::Order {
+            at: scene.place(raw.duration_s.span()),
+            key: "step_ms (here in s) and duration_s",
+            lower: time.step,
+            relation: "at most",
+            upper: time.duration,
+            fix: "run for at least one step; steps are in ms, the duration in s",
+        });
+    }
+    Ok(time)
+}
+
+fn solver(scene: &SceneText, raw: raw::Solver) -> Result<Solver> {
+    let preconditioners = [
+        ("none", Preconditioner::None),
+        ("jacobi", Preconditioner::Jacobi),
+        ("block", Preconditioner::Block),
+        ("column", Preconditioner::Column),
+    ];
+    let preconditioner = or(raw.preconditioner, "column".to_string());
+    let count = |key, value, default| scene.count(key, &or(value, default), [1, u32::MAX]);
+    Ok(Solver {
+        preconditioner: scene.choice("preconditioner", &preconditioner, &preconditioners)?,
+        tolerance: scene.number(
+            "tolerance",
+            &or(raw.tolerance, 1e-3),
+            PLAIN,
+            Bound::Fraction,
+        )?,
+        floor: scene.number(
+            "floor_n",
+            &or(raw.floor_n, 1e-7),
+            NEWTON,
+            Bound::NotNegative,
+        )?,
+        max_iterations: count("max_iterations", raw.max_iterations, 1000)?,
+        true_residual_every: count("true_residual_every", raw.true_residual_every, 20)?,
+    })
+}
+
+fn boundary(scene: &SceneText, raw: raw::Boundary, grids: &[Grid]) -> Result<Boundary> {
+    let letters = or(raw.axes, "xyz".to_string());
+    let mut axes = [false; 3];
+    let mut known = !letters.get_ref().is_empty();
+    for letter in letters.get_ref().chars() {
+        match "xyz".find(letter) {
+            Some(axis) if !axes[axis] => axes[axis] = true,
+            _ => known = false,
+        }
+    }
+    if !known {
+        return Err(Error::Axes {
+            at: scene.place(letters.span()),
+            found: letters.into_inner(),
+        });
+    }
+    let displacement = or_vector(raw.displacement_mm, &[0.0; 3]);
+    Ok(Boundary {
+        region: grid::region(scene, &raw.region, &raw.box_mm, grids)?,
+        axes,
+        displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
+    })
+}
+
+fn load(scene: &SceneText, raw: raw::Load, size: [f64; 2]) -> Result<Load> {
+    let [min, max] = scene.corners::<2>("rectangle_mm", &raw.rectangle_mm)?;
+    for axis in 0..2 {
+        let half = size[axis] / 2.0;
+        if min[axis] < -half - TOP_SLACK || max[axis] > half + TOP_SLACK {
+            return Err(Error::LoadOutside {
+                at: scene.place(raw.rectangle_mm.span()),
+                axis: ['x', 'y'][axis],
+                min: in_mm(min[axis]),
+                max: in_mm(max[axis]),
+                half: in_mm(half),
+            });
+        }
+        if min[axis] >= max[axis] {
+            return Err(Error::Order {
+                at: scene.place(raw.rectangle_mm.span()),
+                key: "rectangle_mm",
+                lower: in_mm(min[axis]),
+                relation: "below",
+                upper: in_mm(max[axis]),
+                fix: "give the rectangle an area",
+            });
+        }
+    }
+    let start = scene.number("start_s", &or(raw.start_s, 0.0), SECOND, Bound::NotNegative)?;
+    let end = match &raw.end_s {
+        Some(end) => scene.number("end_s", end, SECOND, Bound::Positive)?,
+        None => f64::INFINITY,
+    };
+    if start >= end {
+        return Err(Error::Order {
+            at: scene.place(raw.end_s.map_or(0..0, |end| end.span())),
+            key: "start_s and end_s",
+            lower: start,
+            relation: "below",
+            upper: end,
+            fix: "end the load after its start",
+        });
+    }
+    Ok(Load {
+        pressure: scene.number("pressure_kpa", &raw.pressure_kpa, KPA, Bound::Finite)?,
+        min,
+        max,
+        start,
+        end,
+    })
+}
+
+fn test_form(scene: &SceneText, raw: raw::Test, layers: &[Layer]) -> Result<TestForm> {
+    let cells = match &raw.cells {
+        Some(value) => {
+            let cells = scene.counts("cells", value, [1, u32::MAX])?;
+            grid::numbered(scene, cells, layers, value)?;
+            Some(cells)
+        }
+        None => None,
+    };
+    let steps = raw
+        .steps
+        .map(|steps| scene.count("steps", &steps, [1, u32::MAX]));
+    Ok(TestForm {
+        cells,
+        steps: steps.transpose()?,
+    })
+}

@@ -1,0 +1,333 @@
+//! The text of a scene and its checked values: each reader names its line when the value does not fit.
+//!
+//! Conversion to SI happens here and nowhere else: `si = file · times / per`.
+
+use super::diagnose::nearest;
+use super::raw::{At, Counts, Numbers, Points};
+use crate::error::{Error, Place, Result};
+use std::ops::Range;
+use std::path::Path;
+
+/// Largest magnitude in SI units; above it a value becomes infinite in the kernels' f32.
+const LARGEST: f64 = f32::MAX as f64;
+
+/// A file unit. Division by `per` rounds once, so that 0.3 mm is the same number as 0.3e-3 m.
+#[derive(Clone, Copy)]
+pub(super) struct Unit {
+    pub name: &'static str,
+    pub times: f64,
+    pub per: f64,
+}
+
+const fn unit(name: &'static str, times: f64, per: f64) -> Unit {
+    Unit { name, times, per }
+}
+
+pub(super) const PLAIN: Unit = unit("no unit", 1.0, 1.0);
+pub(super) const MM: Unit = unit("mm", 1.0, 1e3);
+pub(super) const MS: Unit = unit("ms", 1.0, 1e3);
+pub(super) const SECOND: Unit = unit("s", 1.0, 1.0);
+pub(super) const PER_SECOND: Unit = unit("1/s", 1.0, 1.0);
+pub(super) const SPEED: Unit = unit("m/s", 1.0, 1.0);
+pub(super) const ACCELERATION: Unit = unit("m/s²", 1.0, 1.0);
+pub(super) const NEWTON: Unit = unit("N", 1.0, 1.0);
+pub(super) const KPA: Unit = unit("kPa", 1e3, 1.0);
+pub(super) const KJ_M2: Unit = unit("kJ/m²", 1e3, 1.0);
+pub(super) const KG_M3: Unit = unit("kg/m³", 1.0, 1.0);
+pub(super) const GRAM: Unit = unit("g", 1.0, 1e3);
+pub(super) const G_MM2: Unit = unit("g·mm²", 1.0, 1e9);
+pub(super) const STIFFNESS: Unit = unit("N/m", 1.0, 1.0);
+pub(super) const DAMPING: Unit = unit("N·s/m", 1.0, 1.0);
+pub(super) const ANGULAR_STIFFNESS: Unit = unit("N·m/rad", 1.0, 1.0);
+pub(super) const ANGULAR_DAMPING: Unit = unit("N·m·s/rad", 1.0, 1.0);
+pub(super) const DEGREE: Unit = unit("degrees", 1.0, 1.0);
+
+/// Metres in mm for messages, rounded to a millionth of a mm, below which is the rounding of the conversion to SI.
+pub(super) fn in_mm(metres: f64) -> f64 {
+    (metres * 1e9).round() / 1e6
+}
+
+/// Which numbers a key takes.
+#[derive(Clone, Copy)]
+pub(super) enum Bound {
+    Finite,
+    Positive,
+    NotNegative,
+    Fraction,
+}
+
+impl Bound {
+    /// Whether `value` fits, and stays in range as `si` in f32.
+    fn holds(self, value: f64, si: f64) -> bool {
+        si.abs() <= LARGEST
+            && match self {
+                Bound::Finite => true,
+                Bound::Positive => value > 0.0 && si > 0.0,
+                Bound::NotNegative => value >= 0.0,
+                Bound::Fraction => value > 0.0 && value < 1.0,
+            }
+    }
+
+    fn wanted(self) -> &'static str {
+        match self {
+            Bound::Finite => "a finite number (at most 3e38 in SI)",
+            Bound::Positive => "a finite number above 0",
+            Bound::NotNegative => "a finite number, 0 or more",
+            Bound::Fraction => "a number between 0 and 1, both excluded",
+        }
+    }
+
+    fn example(self, found: f64) -> f64 {
+        let magnitude = found.abs();
+        match self {
+            Bound::Fraction => 0.001,
+            Bound::Finite => 0.0,
+            _ if magnitude > 0.0 && magnitude < LARGEST.sqrt() => magnitude,
+            _ => 1.0,
+        }
+    }
+}
+
+/// The given value, or a default in the file's unit.
+pub(super) fn or<T>(value: Option<At<T>>, default: T) -> At<T> {
+    value.unwrap_or_else(|| At::new(0..0, default))
+}
+
+/// The given vector, or a default in the file's unit.
+pub(super) fn or_vector<T: Clone>(value: Option<At<Vec<T>>>, default: &[T]) -> At<Vec<T>> {
+    or(value, default.to_vec())
+}
+
+/// A scene's text with its name, for places.
+pub(super) struct SceneText<'a> {
+    pub file: &'a Path,
+    pub text: &'a str,
+}
+
+impl SceneText<'_> {
+    /// The line where a span starts.
+    pub fn place(&self, span: Range<usize>) -> Place {
+        let before = self.text.bytes().take(span.start);
+        Place::new(self.file, 1 + before.filter(|byte| *byte == b'\n').count())
+    }
+
+    fn checked(
+        &self,
+        key: &str,
+        found: f64,
+        span: Range<usize>,
+        unit: Unit,
+        bound: Bound,
+    ) -> Result<f64> {
+        let si = found * unit.times / unit.per;
+        if bound.holds(found, si) {
+            return Ok(si);
+        }
+        Err(Error::Number {
+            at: self.place(span),
+            key: key.to_string(),
+            found,
+            wanted: bound.wanted(),
+            unit: unit.name,
+            example: bound.example(found),
+        })
+    }
+
+    /// A number in SI.
+    pub fn number(&self, key: &str, value: &At<f64>, unit: Unit, bound: Bound) -> Result<f64> {
+        self.checked(key, *value.get_ref(), value.span(), unit, bound)
+    }
+
+    /// N numbers in SI.
+    pub fn vector<const N: usize>(
+        &self,
+        key: &'static str,
+        value: &Numbers,
+        unit: Unit,
+        bound: Bound,
+    ) -> Result<[f64; N]> {
+        self.length(key, value.get_ref().len(), N, value.span())?;
+        let mut si = [0.0; N];
+        for (i, found) in value.get_ref().iter().enumerate() {
+            si[i] = self.checked(&format!("{key}[{i}]"), *found, value.span(), unit, bound)?;
+        }
+        Ok(si)
+    }
+
+    /// Any number of vectors in SI.
+    pub fn points<const N: usize>(
+        &self,
+        key: &'static str,
+        value: &Points,
+        unit: Unit,
+    ) -> Result<Vec<[f64; N]>> {
+        let points = value.get_ref().iter();
+        points
+            .map(|point| self.vector(key, point, unit, Bound::Finite))
+            .collect()
+    }
+
+    /// Two corners in SI, the first below the second in each coordinate.
+    pub fn corners<const N: usize>(
+        &self,
+        key: &'static str,
+        value: &Points,
+    ) -> Result<[[f64; N]; 2]> {
+        let corners = self.points::<N>(key, value, MM)?;
+        self.length(key, corners.len(), 2, value.span())?;
+        for (lower, upper) in corners[0].iter().zip(&corners[1]) {
+            if lower > upper {
+                return Err(Error::Order {
+                    at: self.place(value.span()),
+                    key,
+                    lower: in_mm(*lower),
+                    relation: "at most",
+                    upper: in_mm(*upper),
+                    fix: "write the corner with the smaller coordinates first",
+                });
+            }
+        }
+        Ok([corners[0], corners[1]])
+    }
+
+    fn length(
+        &self,
+        key: &'static str,
+        found: usize,
+        wanted: usize,
+        span: Range<usize>,
+    ) -> Result<()> {
+        if found == wanted {
+            return Ok(());
+        }
+        Err(Error::Length {
+            at: self.place(span),
+            key,
+            found,
+            wanted,
+        })
+    }
+
+    fn counted(&self, key: &str, found: u32, span: Range<usize>, range: [u32; 2]) -> Result<u32> {
+        let [min, max] = range;
+        if (min..=max).contains(&found) {
+            return Ok(found);
+        }
+        Err(Error::Count {
+            at: self.place(span),
+            key: key.to_string(),
+            found,
+            min,
+            max,
+        })
+    }
+
+    /// A count in `[min, max]`.
+    pub fn count(&self, key: &str, value: &At<u32>, range: [u32; 2]) -> Result<u32> {
+        self.counted(key, *value.get_ref(), value.span(), range)
+    }
+
+    /// Two counts, each in `[min, max]`.
+    pub fn counts(&self, key: &'static str, value: &Counts, range: [u32; 2]) -> Result<[u32; 2]> {
+        self.length(key, value.get_ref().len(), 2, value.span())?;
+        let mut counts = [0; 2];
+        for (i, found) in value.get_ref().iter().enumerate() {
+            counts[i] = self.counted(&format!("{key}[{i}]"), *found, value.span(), range)?;
+        }
+        Ok(counts)
+    }
+
+    /// One of the known words.
+    pub fn choice<T: Copy>(
+        &self,
+        key: &'static str,
+        value: &At<String>,
+        known: &[(&str, T)],
+    ) -> Result<T> {
+        let found = value.get_ref();
+        if let Some((_, chosen)) = known.iter().find(|(word, _)| word == found) {
+            return Ok(*chosen);
+        }
+        let words: Vec<&str> = known.iter().map(|(word, _)| *word).collect();
+        Err(self.unknown_word(key, value, &words))
+    }
+
+    /// The error for a word that is none of the known ones.
+    pub fn unknown_word(&self, key: &'static str, value: &At<String>, known: &[&str]) -> Error {
+        let hint = match nearest(value.get_ref(), known) {
+            Some(word) => format!("did you mean \"{word}\"?"),
+            None => "use a known one".to_string(),
+        };
+        let known = match known {
+            [] => "none".to_string(),
+            _ => known.join(", "),
+        };
+        Error::Choice {
+            at: self.place(value.span()),
+            key,
+            found: value.get_ref().clone(),
+            hint: hint.into(),
+            known,
+        }
+    }
+
+    /// A usable name that none of `taken` has; it is added there.
+    pub fn name(
+        &self,
+        what: &'static str,
+        value: &At<String>,
+        taken: &mut Vec<At<String>>,
+    ) -> Result<String> {
+        let name = value.get_ref();
+        let unusable = |c: char| c.is_control() || c == ',' || c == '"';
+        if name.is_empty() || name.trim() != name || name.contains(unusable) {
+            return Err(Error::Name {
+                at: self.place(value.span()),
+                what,
+                found: name.clone(),
+            });
+        }
+        if let Some(first) = taken.iter().find(|other| other.get_ref() == name) {
+            return Err(Error::Duplicate {
+                at: self.place(value.span()),
+                what,
+                name: name.clone(),
+                first: self.place(first.span()).line,
+            });
+        }
+        taken.push(value.clone());
+        Ok(name.clone())
+    }
+
+    /// The value of a key that another key asks for.
+    pub fn required<T>(
+        &self,
+        key: &str,
+        value: Option<T>,
+        table: Range<usize>,
+        why: &'static str,
+    ) -> Result<T> {
+        value.ok_or_else(|| Error::MissingKey {
+            at: self.place(table),
+            key: key.to_string(),
+            why,
+        })
+    }
+
+    /// An error when a key is there that another key makes needless.
+    pub fn needless<T>(
+        &self,
+        key: &'static str,
+        value: &Option<At<T>>,
+        why: &'static str,
+    ) -> Result<()> {
+        match value {
+            None => Ok(()),
+            Some(value) => Err(Error::NeedlessKey {
+                at: self.place(value.span()),
+                key,
+                why,
+            }),
+        }
+    }
+}

@@ -1,0 +1,153 @@
+//! Tools and contact of a scene file.
+
+use super::files::{Files, mesh, trajectory};
+use super::raw::{self, Table};
+use super::text::{
+    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS,
+    SceneText, or, or_vector,
+};
+use super::{Blade, Contact, Correction, Coupling, Tool};
+use crate::error::{Error, Result};
+
+/// How far a blade's normal may lean from the right angle to its edge, degrees. A blade's plane holds its edge; the
+/// slack admits slightly bent edges. Wider, and the flats would visibly leave the plane that cuts.
+const NORMAL_SLACK: f64 = 6.0;
+
+/// Tools in the file's order, with their meshes and trajectories.
+pub(super) fn tools(
+    scene: &SceneText,
+    files: &Files,
+    raw: Vec<Table<raw::Tool>>,
+) -> Result<Vec<Tool>> {
+    let mut names = Vec::new();
+    raw.into_iter()
+        .map(|table| {
+            let name = scene.name("tool", &table.keys.name, &mut names)?;
+            tool(scene, files, name, table.keys)
+        })
+        .collect()
+}
+
+fn tool(scene: &SceneText, files: &Files, name: String, raw: raw::Tool) -> Result<Tool> {
+    let unit = scene.number(
+        "mesh_unit_mm",
+        &or(raw.mesh_unit_mm, 1.0),
+        MM,
+        Bound::Positive,
+    )?;
+    let points = raw
+        .points_mm
+        .map(|points| scene.points("points_mm", &points, MM));
+    let blade = raw.blade.map(|table| blade(scene, table.keys));
+    let coupling = coupling(scene, raw::keys(raw.coupling))?;
+    let (mesh_path, mesh_text) = files.text(scene, "mesh", &raw.mesh)?;
+    let (hand_path, hand_text) = files.text(scene, "trajectory", &raw.trajectory)?;
+    Ok(Tool {
+        name,
+        mesh: mesh(&mesh_text, &mesh_path, unit)?,
+        mass: scene.number("mass_g", &raw.mass_g, GRAM, Bound::Positive)?,
+        inertia: scene.vector("inertia_g_mm2", &raw.inertia_g_mm2, G_MM2, Bound::Positive)?,
+        blade: blade.transpose()?,
+        points: points.transpose()?.unwrap_or_default(),
+        coupling,
+        trajectory: trajectory(&hand_text, &hand_path)?,
+    })
+}
+
+fn coupling(scene: &SceneText, raw: raw::Coupling) -> Result<Coupling> {
+    let stiffness = or(raw.stiffness_n_m, 1000.0);
+    let damping = or(raw.damping_n_s_m, 5.0);
+    let angular_stiffness = or(raw.angular_stiffness_n_m_rad, 1.0);
+    let angular_damping = or(raw.angular_damping_n_m_s_rad, 0.01);
+    Ok(Coupling {
+        stiffness: scene.number("stiffness_n_m", &stiffness, STIFFNESS, Bound::Positive)?,
+        damping: scene.number("damping_n_s_m", &damping, DAMPING, Bound::NotNegative)?,
+        angular_stiffness: scene.number(
+            "angular_stiffness_n_m_rad",
+            &angular_stiffness,
+            ANGULAR_STIFFNESS,
+            Bound::Positive,
+        )?,
+        angular_damping: scene.number(
+            "angular_damping_n_m_s_rad",
+            &angular_damping,
+            ANGULAR_DAMPING,
+            Bound::NotNegative,
+        )?,
+    })
+}
+
+fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
+    let length = |key, value| scene.number(key, &value, MM, Bound::Positive);
+    let edge: Vec<[f64; 3]> = scene.points("edge_mm", &raw.edge_mm, MM)?;
+    let apart = edge
+        .windows(2)
+        .take_while(|pair| pair[0] != pair[1])
+        .count();
+    if edge.len() < 2 || apart + 1 < edge.len() {
+        return Err(Error::BladeEdge {
+            at: scene.place(raw.edge_mm.span()),
+            found: if edge.is_empty() { 0 } else { apart + 1 },
+        });
+    }
+    let normal = or_vector(raw.normal, &[0.0, 1.0, 0.0]);
+    let direction = unit(scene.vector("normal", &normal, PLAIN, Bound::Finite)?);
+    let chord = unit(difference(edge[edge.len() - 1], edge[0]));
+    let angle = match (direction, chord) {
+        (Some(direction), Some(chord)) => dot(direction, chord).abs().min(1.0).acos().to_degrees(),
+        _ => 0.0,
+    };
+    let right = direction.filter(|_| 90.0 - angle <= NORMAL_SLACK);
+    Ok(Blade {
+        edge,
+        normal: right.ok_or_else(|| Error::BladeNormal {
+            at: scene.place(normal.span()),
+            angle,
+            allowed: NORMAL_SLACK,
+        })?,
+        thickness: length("thickness_mm", raw.thickness_mm)?,
+        edge_spacing: length("edge_spacing_mm", or(raw.edge_spacing_mm, 0.4))?,
+        flat_spacing: length("flat_spacing_mm", or(raw.flat_spacing_mm, 1.0))?,
+        depth: length("depth_mm", or(raw.depth_mm, 2.0))?,
+    })
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// The vector at length 1; `None` for a vector of no length.
+fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
+    let length = a[0].hypot(a[1]).hypot(a[2]);
+    (length.is_normal()).then(|| a.map(|part| part / length))
+}
+
+/// The contact law; absent keys have their defaults.
+pub(super) fn contact(scene: &SceneText, raw: raw::Contact) -> Result<Contact> {
+    let number =
+        |key, value, default, unit, bound| scene.number(key, &or(value, default), unit, bound);
+    let corrections = [
+        ("exact", Correction::Exact),
+        ("uncoupled", Correction::Uncoupled),
+    ];
+    let correction = or(raw.correction, "exact".to_string());
+    Ok(Contact {
+        friction: number("friction", raw.friction, 0.3, PLAIN, Bound::NotNegative)?,
+        alarm: number("alarm_mm", raw.alarm_mm, 0.5, MM, Bound::Positive)?,
+        distance: number("distance_mm", raw.distance_mm, 0.0, MM, Bound::NotNegative)?,
+        correction: scene.choice("correction", &correction, &corrections)?,
+        max_contacts: scene.count("max_contacts", &or(raw.max_contacts, 16), [1, u32::MAX])?,
+        tolerance: number("tolerance", raw.tolerance, 1e-3, PLAIN, Bound::Fraction)?,
+        column_tolerance: number(
+            "column_tolerance",
+            raw.column_tolerance,
+            0.05,
+            PLAIN,
+            Bound::Fraction,
+        )?,
+    })
+}

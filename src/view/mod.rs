@@ -1,0 +1,601 @@
+//! Pictures without a graphics adapter: a small software rasteriser.
+//!
+//! Triangles are clipped at the near plane, drawn into a depth buffer of 2 × 2 samples a pixel
+//! and shaded once a pixel and triangle. Wounds are shallow against the patch, so two cheap cues
+//! of depth are added: ambient occlusion from the depth buffer and shadows of the first light.
+//! Triangles are drawn in a fixed order and rows are shaded apart from each other, so that the
+//! same input gives the same bytes on any number of threads.
+//!
+//! View space: x right, y up, z away from the eye, in metres. Lights are fixed to the camera.
+
+mod font;
+mod occlusion;
+mod raster;
+mod shade;
+
+use crate::error::{Error, Result};
+use glam::{DVec3, Vec3};
+use raster::{NO_TRIANGLE, SAMPLES, Samples};
+use std::path::Path;
+
+/// Cosine of 40°: smooth shading keeps edges sharper than this as edges. Larger angles round the
+/// bevel of a blade, smaller ones show the facets of a coarse handle.
+const CREASE_COSINE: f32 = 0.766;
+
+/// Distance of the near plane as a share of the distance from eye to target.
+const NEAR: f64 = 0.01;
+
+/// Colour of triangles beyond the end of `Surface::colors`, sRGB.
+const NO_COLOR: [u8; 3] = [128; 3];
+
+/// Threads of one picture; more of them cost more to start than they save.
+const MOST_THREADS: usize = 8;
+
+/// A triangle mesh with its looks. Both sides of a triangle are drawn.
+pub struct Surface<'a> {
+    /// `[vertex]` m.
+    pub positions: &'a [[f64; 3]],
+    /// `[triangle]` vertex ids; either winding.
+    pub triangles: &'a [[u32; 3]],
+    /// `[triangle]` sRGB; missing ones are grey.
+    pub colors: &'a [[u8; 3]],
+    /// Shade with normals averaged over the faces of a vertex, except across creases; else flat.
+    pub smooth: bool,
+    /// Draw `outline`.
+    pub edges: bool,
+    /// `[line]` vertex ids; drawn as thin dark lines where they are not hidden.
+    pub outline: &'a [[u32; 2]],
+    /// Exponent of the highlight: about 10 for skin, 100 for polished metal; above 50 the surface
+    /// also mirrors its surroundings.
+    pub shininess: f64,
+}
+
+/// Where the picture is seen from.
+#[derive(Clone, Copy, Debug)]
+pub struct Camera {
+    /// m.
+    pub eye: [f64; 3],
+    /// Point in the middle of the picture, m.
+    pub target: [f64; 3],
+    /// Direction that is up in the picture; any length.
+    pub up: [f64; 3],
+    /// Angle between the top and the bottom of the picture, degrees.
+    pub field_of_view_deg: f64,
+}
+
+/// A picture, 8 bits a channel.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Image {
+    /// Pixels.
+    pub width: u32,
+    /// Pixels.
+    pub height: u32,
+    /// `[height][width][3]` sRGB, from the top left.
+    pub rgb: Vec<u8>,
+    /// Triangles left out because a corner is not finite or not in `positions`.
+    pub skipped: usize,
+}
+
+/// A triangle in view space, ready to be drawn.
+struct Triangle {
+    corners: [Vec3; 3],
+    normals: [Vec3; 3],
+    /// Linear, 0 to 1.
+    color: Vec3,
+    shininess: f32,
+}
+
+/// The camera's axes, and its scale in samples.
+struct View {
+    eye: DVec3,
+    axes: [DVec3; 3],
+    /// Distance from eye to target, m.
+    distance: f64,
+    /// Samples per unit of x/z.
+    focal: f64,
+    /// Middle of the picture, samples.
+    center: [f64; 2],
+    /// Tangent of half the field of view.
+    half_tangent: f64,
+}
+
+impl View {
+    /// None if the camera has no direction or a value that is not finite.
+    fn new(camera: &Camera, width: usize, height: usize) -> Option<Self> {
+        let (eye, target) = (DVec3::from(camera.eye), DVec3::from(camera.target));
+        let forward = (target - eye).try_normalize()?;
+        let right = forward.cross(DVec3::from(camera.up).normalize_or_zero());
+        let right = match right.length() > 1e-6 {
+            true => right.normalize(),
+            false => forward.any_orthonormal_vector(),
+        };
+        let half_tangent = (0.5 * camera.field_of_view_deg.clamp(1.0, 170.0))
+            .to_radians()
+            .tan();
+        let center = [
+            0.5 * (width * SAMPLES) as f64,
+            0.5 * (height * SAMPLES) as f64,
+        ];
+        let view = Self {
+            eye,
+            axes: [right, right.cross(forward), forward],
+            distance: eye.distance(target),
+            focal: center[1] / half_tangent,
+            center,
+            half_tangent,
+        };
+        (view.distance.is_finite() && half_tangent.is_finite()).then_some(view)
+    }
+
+    /// World to view space, m; None if not finite.
+    fn place(&self, position: &[f64; 3]) -> Option<Vec3> {
+        let p = DVec3::from(*position) - self.eye;
+        let p = DVec3::from(self.axes.map(|axis| axis.dot(p))).as_vec3();
+        p.is_finite().then_some(p)
+    }
+}
+
+/// Draws `surfaces` in perspective on a light background, with `caption` at the top left.
+///
+/// Nothing is kept of the input. No surfaces, or a camera without a direction, give the
+/// background; a width or height of 0 gives an image without pixels.
+pub fn render(
+    surfaces: &[Surface],
+    camera: &Camera,
+    width: u32,
+    height: u32,
+    caption: &[&str],
+) -> Image {
+    let (columns, rows) = (width as usize, height as usize);
+    let mut skipped = 0;
+    let mut samples = Samples::new(columns, rows);
+    let mut triangles = Vec::new();
+    let view = View::new(camera, columns, rows);
+    if let Some(view) = &view {
+        let near = (NEAR * view.distance) as f32;
+        for surface in surfaces {
+            let placed: Vec<_> = surface.positions.iter().map(|p| view.place(p)).collect();
+            let first = triangles.len();
+            skipped += prepare(surface, &placed, &mut triangles);
+            for (id, triangle) in triangles.iter().enumerate().skip(first) {
+                samples.draw_triangle(view, near, &triangle.corners, id as u32);
+            }
+        }
+        for surface in surfaces.iter().filter(|surface| surface.edges) {
+            draw_outline(surface, view, near, &mut samples);
+        }
+    }
+    let mut image = Image {
+        width,
+        height,
+        rgb: vec![0; 3 * columns * rows],
+        skipped,
+    };
+    shade::shade(&samples, &triangles, view.as_ref(), &mut image);
+    draw_caption(&mut image, caption);
+    image
+}
+
+/// Adds the surface's triangles in view space; returns how many it had to leave out.
+fn prepare(surface: &Surface, placed: &[Option<Vec3>], triangles: &mut Vec<Triangle>) -> usize {
+    let first = triangles.len();
+    let corner = |id: u32| placed.get(id as usize).copied().flatten();
+    let mut kept_ids = Vec::with_capacity(surface.triangles.len());
+    for (index, ids) in surface.triangles.iter().enumerate() {
+        let [Some(a), Some(b), Some(c)] = ids.map(corner) else {
+            continue;
+        };
+        let srgb = surface.colors.get(index).unwrap_or(&NO_COLOR);
+        let color = Vec3::from(srgb.map(|channel| f32::from(channel) / 255.0));
+        triangles.push(Triangle {
+            corners: [a, b, c],
+            normals: [(b - a).cross(c - a).normalize_or_zero(); 3],
+            color: color * color,
+            shininess: (surface.shininess as f32).clamp(1.0, 1e4),
+        });
+        kept_ids.push(*ids);
+    }
+    if surface.smooth {
+        smooth_normals(placed.len(), &kept_ids, &mut triangles[first..]);
+    }
+    surface.triangles.len() - kept_ids.len()
+}
+
+/// Averages normals, weighted by area, over the faces around a vertex that are within the crease
+/// angle of the corner's own face.
+fn smooth_normals(vertex_count: usize, ids: &[[u32; 3]], triangles: &mut [Triangle]) {
+    let mut first = vec![0_usize; vertex_count + 1];
+    for &id in ids.as_flattened() {
+        first[id as usize + 1] += 1;
+    }
+    for vertex in 0..vertex_count {
+        first[vertex + 1] += first[vertex];
+    }
+    let mut next = first.clone();
+    let mut around = vec![0_usize; ids.len() * 3];
+    for (face, corners) in ids.iter().enumerate() {
+        for &id in corners {
+            around[next[id as usize]] = face;
+            next[id as usize] += 1;
+        }
+    }
+    let faces: Vec<(Vec3, Vec3)> = triangles
+        .iter()
+        .map(
+            |Triangle {
+                 corners: [a, b, c],
+                 normals,
+                 ..
+             }| { (normals[0], (b - a).cross(c - a)) },
+        )
+        .collect();
+    for (face, corners) in ids.iter().enumerate() {
+        for (corner, &id) in corners.iter().enumerate() {
+            let sum: Vec3 = around[first[id as usize]..first[id as usize + 1]]
+                .iter()
+                .filter(|&&other| faces[other].0.dot(faces[face].0) > CREASE_COSINE)
+                .map(|&other| faces[other].1)
+                .sum();
+            triangles[face].normals[corner] = sum.try_normalize().unwrap_or(faces[face].0);
+        }
+    }
+}
+
+/// Draws the lines of `surface.outline`; those with a missing or non-finite end are left out.
+fn draw_outline(surface: &Surface, view: &View, near: f32, samples: &mut Samples) {
+    for ids in surface.outline {
+        let ends = ids.map(|id| {
+            surface
+                .positions
+                .get(id as usize)
+                .and_then(|p| view.place(p))
+        });
+        if let [Some(a), Some(b)] = ends {
+            samples.draw_line(view, near, [a, b]);
+        }
+    }
+}
+
+/// Calls `fill(y, row)` for each row of a picture, on all cores. Rows do not depend on each other,
+/// so the number of threads does not show in the result.
+fn for_rows<T: Send>(data: &mut [T], row_size: usize, fill: impl Fn(usize, &mut [T]) + Sync) {
+    let row_size = row_size.max(1);
+    let threads = std::thread::available_parallelism().map_or(1, |n| n.get().min(MOST_THREADS));
+    let band = (data.len() / row_size).div_ceil(threads).max(1);
+    std::thread::scope(|scope| {
+        for (index, rows) in data.chunks_mut(band * row_size).enumerate() {
+            let fill = &fill;
+            scope.spawn(move || {
+                for (y, row) in rows.chunks_mut(row_size).enumerate() {
+                    fill(index * band + y, row);
+                }
+            });
+        }
+    });
+}
+
+/// Dark text with a light rim, so that it reads on the background and on the scene.
+fn draw_caption(image: &mut Image, caption: &[&str]) {
+    const INK: [u8; 3] = [38, 42, 50];
+    const RIM: [u8; 3] = [236, 238, 241];
+    let dot = (image.height as usize / 320).max(1);
+    let (column, row) = ((font::WIDTH + 1) * dot, (font::HEIGHT + 3) * dot);
+    for (color, rim) in [(RIM, 1), (INK, 0)] {
+        for (line, text) in caption.iter().enumerate() {
+            for (place, character) in text.chars().enumerate() {
+                let left = 5 * dot + place * column;
+                let top = 5 * dot + line * row;
+                for (y, bits) in font::glyph(character).into_iter().enumerate() {
+                    for x in (0..font::WIDTH).filter(|x| bits >> (font::WIDTH - 1 - x) & 1 == 1) {
+                        fill_square(image, [left + x * dot, top + y * dot], dot, rim, color);
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// Fills a square of `size` pixels and `rim` more on each side, as far as it is in the picture.
+fn fill_square(image: &mut Image, corner: [usize; 2], size: usize, rim: usize, color: [u8; 3]) {
+    let (width, height) = (image.width as usize, image.height as usize);
+    for y in corner[1] - rim..(corner[1] + size + rim).min(height) {
+        for x in corner[0] - rim..(corner[0] + size + rim).min(width) {
+            image.rgb[3 * (y * width + x)..][..3].copy_from_slice(&color);
+        }
+    }
+}
+
+/// Writes the picture to `path` as a PNG file. An image without pixels is an [`Error::Write`].
+pub fn write_png(image: &Image, path: &Path) -> Result<()> {
+    let encode = || -> std::result::Result<Vec<u8>, png::EncodingError> {
+        let mut bytes = Vec::new();
+        let mut encoder = png::Encoder::new(&mut bytes, image.width, image.height);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
+        let mut writer = encoder.write_header()?;
+        writer.write_image_data(&image.rgb)?;
+        writer.finish()?;
+        Ok(bytes)
+    };
+    encode()
+        .map_err(std::io::Error::from)
+        .and_then(|bytes| std::fs::write(path, bytes))
+        .map_err(|source| Error::Write {
+            path: path.to_owned(),
+            source,
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const RED: [u8; 3] = [200, 30, 30];
+    const BLUE: [u8; 3] = [30, 30, 200];
+    /// From above, y up in the picture, about 8 mm of height at z = 0.
+    const CAMERA: Camera = Camera {
+        eye: [0.0, 0.0, 20e-3],
+        target: [0.0; 3],
+        up: [0.0, 1.0, 0.0],
+        field_of_view_deg: 23.0,
+    };
+
+    fn triangle(half: f64, z: f64) -> [[f64; 3]; 3] {
+        [[-half, -half, z], [half, -half, z], [0.0, half, z]]
+    }
+
+    fn surface<'a>(positions: &'a [[f64; 3]], colors: &'a [[u8; 3]]) -> Surface<'a> {
+        Surface {
+            positions,
+            triangles: &[[0, 1, 2]],
+            colors,
+            smooth: false,
+            edges: false,
+            outline: &[],
+            shininess: 10.0,
+        }
+    }
+
+    fn picture(surfaces: &[Surface]) -> Image {
+        render(surfaces, &CAMERA, 64, 48, &[])
+    }
+
+    fn middle(image: &Image) -> [u8; 3] {
+        let index = 3 * (image.height / 2 * image.width + image.width / 2) as usize;
+        [image.rgb[index], image.rgb[index + 1], image.rgb[index + 2]]
+    }
+
+    type Sheet = (Vec<[f64; 3]>, Vec<[u32; 3]>, Vec<[u32; 2]>);
+
+    /// A bumpy sheet of `n` × `n` cells, 6 mm wide: positions, triangles, outline.
+    fn sheet(n: u32) -> Sheet {
+        let place = |i: u32| 6e-3 * (f64::from(i) / f64::from(n) - 0.5);
+        let points = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j)));
+        let positions = points
+            .map(|(i, j)| [place(i), place(j), 2e-4 * f64::from((i * 7 + j * 5) % 4)])
+            .collect();
+        let cells = (0..n).flat_map(|j| (0..n).map(move |i| j * (n + 1) + i));
+        let triangles = cells
+            .clone()
+            .flat_map(|a| [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]])
+            .collect();
+        (positions, triangles, cells.map(|a| [a, a + 1]).collect())
+    }
+
+    #[test]
+    fn a_triangle_in_front_hides_one_behind() {
+        let (near, far) = (triangle(2e-3, 1e-3), triangle(2e-3, -1e-3));
+        let (red, blue) = (surface(&near, &[RED]), surface(&far, &[BLUE]));
+        let [r, _, b] = middle(&picture(&[red, blue]));
+        assert!(r > 2 * b, "the near triangle is red, seen {r} {b}");
+        let (red, blue) = (surface(&near, &[RED]), surface(&far, &[BLUE]));
+        assert_eq!(picture(&[red, blue]).rgb.len(), 3 * 64 * 48);
+        let (red, blue) = (surface(&far, &[RED]), surface(&near, &[BLUE]));
+        let [r, _, b] = middle(&picture(&[red, blue]));
+        assert!(b > 2 * r, "the near triangle is blue, seen {r} {b}");
+    }
+
+    #[test]
+    fn the_picture_is_not_mirrored() {
+        let right = [[1e-3, -1e-3, 0.0], [3e-3, -1e-3, 0.0], [2e-3, 1e-3, 0.0]];
+        let image = picture(&[surface(&right, &[RED])]);
+        let is_red = |x: usize, y: usize| {
+            let rgb = &image.rgb[3 * (y * 64 + x)..][..3];
+            rgb[0] > rgb[2].saturating_mul(2)
+        };
+        assert!(is_red(43, 24) && !is_red(20, 24));
+        let above = [[-1e-3, 1e-3, 0.0], [1e-3, 1e-3, 0.0], [0.0, 3e-3, 0.0]];
+        let image = picture(&[surface(&above, &[RED])]);
+        let is_red = |x: usize, y: usize| {
+            image.rgb[3 * (y * 64 + x)] > 100 && image.rgb[3 * (y * 64 + x) + 2] < 90
+        };
+        assert!(is_red(32, 14) && !is_red(32, 34));
+    }
+
+    #[test]
+    fn the_same_input_gives_the_same_bytes() {
+        let (positions, triangles, outline) = sheet(20);
+        let colors = vec![RED; triangles.len()];
+        let draw = || {
+            let surface = Surface {
+                positions: &positions,
+                triangles: &triangles,
+                colors: &colors,
+                smooth: true,
+                edges: true,
+                outline: &outline,
+                shininess: 60.0,
+            };
+            render(&[surface], &CAMERA, 123, 77, &["t = 0.1 s"])
+        };
+        assert_eq!(draw(), draw());
+    }
+
+    #[test]
+    fn neighbours_leave_no_gap() {
+        let (positions, triangles, _) = sheet(31);
+        let colors = vec![RED; triangles.len()];
+        let surface = Surface {
+            triangles: &triangles,
+            ..surface(&positions, &colors)
+        };
+        let mut samples = Samples::new(64, 48);
+        let view = View::new(&CAMERA, 64, 48).unwrap();
+        let placed: Vec<_> = positions.iter().map(|p| view.place(p)).collect();
+        let mut prepared = Vec::new();
+        assert_eq!(prepare(&surface, &placed, &mut prepared), 0);
+        for (id, triangle) in prepared.iter().enumerate() {
+            samples.draw_triangle(&view, 1e-4, &triangle.corners, id as u32);
+        }
+        let inside = (40..samples.width - 40).flat_map(|x| (20..76).map(move |y| (x, y)));
+        for (x, y) in inside {
+            let id = samples.triangle[y * samples.width + x];
+            assert_ne!(id, NO_TRIANGLE, "gap at sample {x} {y}");
+        }
+    }
+
+    #[test]
+    fn what_cannot_be_seen_does_not_panic() {
+        let empty = picture(&[]);
+        let cases = [
+            triangle(1e-3, 50e-3),                                       // behind the eye
+            triangle(1e-3, 20e-3),                                       // around the eye
+            [[1.0, 0.0, 0.0], [1.1, 0.0, 0.0], [1.0, 0.1, 0.0]],         // beside the picture
+            [[0.0; 3]; 3],                                               // a point
+            [[-1e-3, 0.0, 0.0], [0.0; 3], [1e-3, 0.0, 0.0]],             // a line
+            [[1e300, 0.0, 0.0], [0.0, 1e300, 0.0], [0.0; 3]],            // not finite in f32
+            [[1e30, 0.0, -1e30], [0.0, 1e30, -1e30], [0.0, 0.0, -1e30]], // huge and far away
+        ];
+        for corners in cases {
+            let lines = [[0, 1], [1, 2], [0, 7]];
+            let hidden = Surface {
+                edges: false,
+                smooth: true,
+                ..surface(&corners, &[RED])
+            };
+            assert_eq!(picture(&[hidden]).rgb.len(), empty.rgb.len());
+            let lined = Surface {
+                edges: true,
+                outline: &lines,
+                ..surface(&corners, &[])
+            };
+            picture(&[lined]);
+        }
+        let behind = triangle(1e-3, 50e-3);
+        assert_eq!(picture(&[surface(&behind, &[RED])]), empty);
+    }
+
+    #[test]
+    fn a_triangle_through_the_near_plane_is_cut_there() {
+        let floor = [[-1.0, -1e-3, 1.0], [1.0, -1e-3, 1.0], [0.0, -1e-3, -5.0]];
+        let image = picture(&[surface(&floor, &[RED])]);
+        let red = |y: usize| image.rgb[3 * (y * 64 + 32) + 2] < 90;
+        assert!(red(47) && red(35) && !red(10));
+    }
+
+    #[test]
+    fn triangles_that_are_not_finite_are_counted() {
+        let mut corners = triangle(1e-3, 0.0).to_vec();
+        corners.push([0.0, f64::NAN, 0.0]);
+        corners.push([f64::INFINITY, 0.0, 0.0]);
+        let ids = [[0, 1, 2], [0, 1, 3], [4, 1, 2], [0, 1, 99]];
+        let image = picture(&[Surface {
+            triangles: &ids,
+            ..surface(&corners, &[RED; 4])
+        }]);
+        assert_eq!(image.skipped, 3);
+        assert_eq!(picture(&[surface(&corners, &[RED])]).rgb, image.rgb);
+    }
+
+    #[test]
+    fn a_useless_camera_or_size_gives_a_picture_without_a_scene() {
+        let corners = triangle(1e-3, 0.0);
+        let surfaces = [surface(&corners, &[RED])];
+        let blind = [
+            Camera {
+                eye: CAMERA.target,
+                ..CAMERA
+            },
+            Camera {
+                eye: [f64::NAN; 3],
+                ..CAMERA
+            },
+            Camera {
+                field_of_view_deg: f64::NAN,
+                ..CAMERA
+            },
+        ];
+        for camera in blind {
+            assert_eq!(render(&surfaces, &camera, 64, 48, &[]), picture(&[]));
+        }
+        let upright = Camera {
+            up: [0.0, 0.0, 1.0],
+            ..CAMERA
+        };
+        assert_ne!(render(&surfaces, &upright, 64, 48, &[]), picture(&[]));
+        assert!(render(&surfaces, &CAMERA, 0, 48, &["text"]).rgb.is_empty());
+        assert_eq!(render(&surfaces, &CAMERA, 1, 1, &["text"]).rgb.len(), 3);
+    }
+
+    #[test]
+    fn a_shallow_trench_is_darker_than_its_surroundings() {
+        // Seen straight from above, the hardest case: 0.5 mm deep, 0.8 mm wide, 20 mm of skin.
+        let (top, floor) = (0.0, -5e-4);
+        let profile = [
+            (-1e-2, top),
+            (-4e-4, top),
+            (-4e-4, floor),
+            (4e-4, floor),
+            (4e-4, top),
+            (1e-2, top),
+        ];
+        let sides = |(y, z)| [[-1e-2, y, z], [1e-2, y, z]];
+        let positions: Vec<_> = profile.into_iter().flat_map(sides).collect();
+        let strip = |k| [[k, k + 1, k + 3], [k, k + 3, k + 2]];
+        let triangles: Vec<_> = (0..10).step_by(2).flat_map(strip).collect();
+        let colors = [[220, 180, 150]; 10];
+        let skin = Surface {
+            triangles: &triangles,
+            ..surface(&positions, &colors)
+        };
+        let camera = Camera {
+            eye: [0.0, 0.0, 50e-3],
+            ..CAMERA
+        };
+        let image = render(&[skin], &camera, 960, 640, &[]);
+        let green = |y: usize| u32::from(image.rgb[3 * (y * 960 + 480) + 1]);
+        let (floor, skin) = (green(320), green(480));
+        assert!(10 * floor < 9 * skin, "floor {floor}, skin {skin}");
+    }
+
+    #[test]
+    fn caption_is_drawn_at_the_top_left() {
+        let (with, without) = (
+            render(&[], &CAMERA, 96, 48, &["Ab µ", "☃"]),
+            render(&[], &CAMERA, 96, 48, &[]),
+        );
+        let changed: Vec<usize> = (0..96 * 48)
+            .filter(|i| with.rgb[3 * i..3 * i + 3] != without.rgb[3 * i..3 * i + 3])
+            .collect();
+        assert!(changed.len() > 50);
+        assert!(changed.iter().all(|i| i % 96 < 40 && i / 96 < 26));
+    }
+
+    #[test]
+    fn a_png_reads_back_equal() {
+        let path = std::env::temp_dir().join(format!("cutis-{}.png", std::process::id()));
+        let corners = triangle(1e-3, 0.0);
+        let image = picture(&[surface(&corners, &[RED])]);
+        write_png(&image, &path).unwrap();
+        let file = std::io::BufReader::new(std::fs::File::open(&path).unwrap());
+        let mut reader = png::Decoder::new(file).read_info().unwrap();
+        let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut rgb).unwrap();
+        assert_eq!((info.width, info.height), (64, 48));
+        assert_eq!(rgb, image.rgb);
+        std::fs::remove_file(&path).unwrap();
+        let none = render(&[], &CAMERA, 0, 0, &[]);
+        assert!(matches!(write_png(&none, &path), Err(Error::Write { .. })));
+    }
+}

@@ -1,0 +1,151 @@
+//! Ambient occlusion: how much of the surroundings each pixel sees, from the depth buffer alone.
+//!
+//! `1 − s Σ max(0, n·v/|v| − b) max(0, 1 − |v|²/R²) / K` at position p with normal n, where `v`
+//! goes from p to the surface seen at K places around the pixel.
+//! Source: McGuire et al. 2011 (Alchemy). Differs: the cosine and a smooth reach R in place of
+//! `1/|v|`, so that no constant depends on the scene's size.
+
+use super::{SAMPLES, View, for_rows};
+use glam::{Vec2, Vec3};
+
+/// Places looked at around a pixel; fewer leave blotches, more cost time.
+const PLACES: usize = 10;
+
+/// The pattern of places is turned differently in each pixel of a block of 4 × 4, and the blur
+/// over 4 × 4 pixels sees all turns.
+const TURNS: usize = 4;
+
+/// Reach of the ambient occlusion as a share of half the picture's height at the target. In a
+/// picture 20 mm high this is 1.5 mm, a little more than the depth of the wounds to be seen.
+const REACH: f32 = 0.15;
+
+/// Cosine below which the surroundings do not count; hides the facets of coarse meshes.
+const OCCLUSION_BIAS: f32 = 0.12;
+
+/// Strength of the ambient occlusion.
+const OCCLUSION_STRENGTH: f32 = 2.6;
+
+/// Least share of the light that ambient occlusion leaves; less makes wounds black.
+const LEAST_OPEN: f32 = 0.12;
+
+/// What is in front at each pixel.
+pub(super) struct Pixels {
+    pub(super) width: usize,
+    pub(super) height: usize,
+    /// `[height][width]`.
+    pub(super) seen: Vec<Seen>,
+}
+
+/// Depth, m, infinite where there is nothing, and the unit normal towards the eye.
+#[derive(Clone, Copy)]
+pub(super) struct Seen {
+    pub(super) depth: f32,
+    pub(super) normal: Vec3,
+}
+
+pub(super) const NOTHING: Seen = Seen {
+    depth: f32::INFINITY,
+    normal: Vec3::ZERO,
+};
+
+impl Pixels {
+    /// `[height][width]` share of the surroundings that is open, 0 to 1.
+    pub(super) fn openness(&self, view: &View) -> Vec<f32> {
+        blur(self, &occlude(self, view))
+    }
+}
+
+/// Share of the surroundings that is open at each pixel, 0 to 1; noisy over 4 × 4 pixels.
+fn occlude(pixels: &Pixels, view: &View) -> Vec<f32> {
+    let reach = REACH * (view.distance * view.half_tangent) as f32;
+    let focal = view.focal as f32 / SAMPLES as f32;
+    let (width, height) = (pixels.width, pixels.height);
+    let middle = Vec2::new(0.5 * width as f32, 0.5 * height as f32);
+    let ray = |x: usize, y: usize| {
+        let at = (Vec2::new(x as f32 + 0.5, y as f32 + 0.5) - middle) / focal;
+        Vec3::new(at.x, -at.y, 1.0)
+    };
+    let pattern = pattern();
+    let hidden = |x: usize, y: usize, offset: Vec2, here: Seen| {
+        let column = x as i32 + offset.x as i32;
+        let row = y as i32 + offset.y as i32;
+        if column < 0 || row < 0 || column >= width as i32 || row >= height as i32 {
+            return 0.0;
+        }
+        let (column, row) = (column as usize, row as usize);
+        let depth = pixels.seen[row * width + column].depth;
+        if (depth - here.depth).abs() >= reach {
+            return 0.0;
+        }
+        let v = ray(column, row) * depth - ray(x, y) * here.depth;
+        let squared = v.length_squared().max(f32::MIN_POSITIVE);
+        let cosine = v.dot(here.normal) / squared.sqrt() - OCCLUSION_BIAS;
+        cosine.max(0.0) * (1.0 - squared / (reach * reach)).max(0.0)
+    };
+    let mut open = vec![1.0; width * height];
+    for_rows(&mut open, width, |y, row| {
+        for (x, open) in row.iter_mut().enumerate() {
+            let here = pixels.seen[y * width + x];
+            if here.depth.is_finite() {
+                let radius = (focal * reach / here.depth).min(0.25 * height as f32);
+                let places = &pattern[(y % TURNS) * TURNS + x % TURNS];
+                let sum: f32 = places.iter().map(|&p| hidden(x, y, p * radius, here)).sum();
+                *open = (1.0 - OCCLUSION_STRENGTH * sum / PLACES as f32).max(LEAST_OPEN);
+            }
+        }
+    });
+    open
+}
+
+/// `[turn][place]` places in the unit disc: a spiral of golden angles, turned for each pixel of a
+/// 4 × 4 block.
+fn pattern() -> [[Vec2; PLACES]; TURNS * TURNS] {
+    // Cosine and sine of the golden angle 137.50776° and of 1/16 of a turn.
+    let golden = Vec2::new(-0.737_368_9, 0.675_490_3);
+    let sixteenth = Vec2::new(0.923_879_5, 0.382_683_43);
+    // Turns of neighbours differ much.
+    const ORDER: [usize; TURNS * TURNS] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
+    let mut pattern = [[Vec2::ZERO; PLACES]; TURNS * TURNS];
+    for (turn, places) in pattern.iter_mut().enumerate() {
+        let mut direction = Vec2::X;
+        for _ in 0..ORDER[turn] {
+            direction = direction.rotate(sixteenth);
+        }
+        for (place, offset) in places.iter_mut().enumerate() {
+            *offset = direction * ((place as f32 + 0.5) / PLACES as f32).sqrt();
+            direction = direction.rotate(golden);
+        }
+    }
+    pattern
+}
+
+/// Mean over 4 × 4 pixels of the same surface: similar normals, and little difference in depth.
+fn blur(pixels: &Pixels, open: &[f32]) -> Vec<f32> {
+    let (width, height) = (pixels.width, pixels.height);
+    let around =
+        |at: usize, size: usize| at.saturating_sub(TURNS / 2)..(at + TURNS - TURNS / 2).min(size);
+    let mut smooth = open.to_vec();
+    for_rows(&mut smooth, width, |y, row| {
+        for (x, smooth) in row.iter_mut().enumerate() {
+            let here = pixels.seen[y * width + x];
+            if here.depth.is_infinite() {
+                continue;
+            }
+            let (mut sum, mut count) = (0.0, 0.0);
+            for index in
+                around(y, height).flat_map(|row| around(x, width).map(move |c| row * width + c))
+            {
+                let there = pixels.seen[index];
+                let near = (there.depth - here.depth).abs() < 0.01 * here.depth;
+                if near && there.normal.dot(here.normal) > 0.8 {
+                    sum += open[index];
+                    count += 1.0;
+                }
+            }
+            if count > 0.0 {
+                *smooth = sum / count;
+            }
+        }
+    });
+    smooth
+}

@@ -1,0 +1,247 @@
+//! Light and colour: three lights, a plain surrounding, resolve to pixels.
+//!
+//! Colours are linear here; sRGB is taken as gamma 2, which needs no power function. The mirror
+//! and the highlight (Schlick 1994) let metal be told from skin; neither claims to be measured.
+
+use super::occlusion::{NOTHING, Pixels, Seen};
+use super::raster::ShadowMap;
+use super::{Image, NO_TRIANGLE, SAMPLES, Samples, Triangle, View, for_rows};
+use glam::Vec3;
+
+/// Share of the colour that is left on an outline.
+const LINE_SHADE: f32 = 0.42;
+
+/// The lights: direction in view space, of any length, and brightness. The first one comes from
+/// the left and casts shadows, so that a wound across the picture has a dark and a light wall; the
+/// others keep the sides of the patch from going dark.
+const KEY: ([f32; 3], f32) = ([-0.55, 0.50, -0.66], 0.66);
+const FILL: ([f32; 3], f32) = ([0.75, -0.05, -0.75], 0.30);
+const RIM: ([f32; 3], f32) = ([0.15, 0.60, 0.75], 0.25);
+
+/// Light from everywhere, from above and from below.
+const AMBIENT: [f32; 2] = [0.37, 0.36];
+
+/// Background at the top and the bottom, linear grey.
+const BACKGROUND: [f32; 2] = [0.86, 0.62];
+
+/// From samples to light.
+struct Shader<'a> {
+    samples: &'a Samples,
+    triangles: &'a [Triangle],
+    view: &'a View,
+    shadow: ShadowMap,
+    lights: [(Vec3, f32); 3],
+}
+
+/// Fills `image` from the samples.
+pub(super) fn shade(
+    samples: &Samples,
+    triangles: &[Triangle],
+    view: Option<&View>,
+    image: &mut Image,
+) {
+    let (width, height) = (image.width as usize, image.height as usize);
+    let shader = match view {
+        Some(view) if !triangles.is_empty() => Some(Shader::new(samples, triangles, view)),
+        _ => None,
+    };
+    let occlusion = shader
+        .as_ref()
+        .map(|s| s.pixels(width, height).openness(s.view));
+    for_rows(&mut image.rgb, 3 * width, |y, row| {
+        for (x, rgb) in row.chunks_exact_mut(3).enumerate() {
+            let behind = background(x, y, width, height);
+            let color = match (&shader, &occlusion) {
+                (Some(shader), Some(open)) => shader.pixel(x, y, open[y * width + x], behind),
+                _ => behind,
+            };
+            let srgb = color.clamp(Vec3::ZERO, Vec3::ONE).map(f32::sqrt) * 255.0 + 0.5;
+            rgb.copy_from_slice(&srgb.to_array().map(|channel| channel as u8));
+        }
+    });
+}
+
+/// Light grey, darker towards the bottom and a little towards the corners; linear.
+fn background(x: usize, y: usize, width: usize, height: usize) -> Vec3 {
+    let (u, v) = (
+        (x as f32 + 0.5) / width as f32,
+        (y as f32 + 0.5) / height as f32,
+    );
+    let grey = BACKGROUND[0] + (BACKGROUND[1] - BACKGROUND[0]) * v * v;
+    let corner = (u - 0.5) * (u - 0.5) + (v - 0.5) * (v - 0.5);
+    Vec3::new(0.985, 0.995, 1.01) * (grey - 0.12 * corner)
+}
+
+impl<'a> Shader<'a> {
+    fn new(samples: &'a Samples, triangles: &'a [Triangle], view: &'a View) -> Self {
+        let lights = [KEY, FILL, RIM].map(|(to, bright)| (Vec3::from(to).normalize(), bright));
+        let shadow = ShadowMap::new(lights[0].0, triangles.iter().map(|t| &t.corners));
+        Self {
+            samples,
+            triangles,
+            view,
+            shadow,
+            lights,
+        }
+    }
+
+    /// Direction with z = 1 through a place in samples.
+    fn ray(&self, x: f32, y: f32) -> Vec3 {
+        let focal = self.view.focal as f32;
+        let center = self.view.center;
+        Vec3::new(
+            (x - center[0] as f32) / focal,
+            (center[1] as f32 - y) / focal,
+            1.0,
+        )
+    }
+
+    /// The nearest sample of each pixel, with its face's normal.
+    fn pixels(&self, width: usize, height: usize) -> Pixels {
+        let mut seen = vec![NOTHING; width * height];
+        let inverse_depth = &self.samples.inverse_depth;
+        for_rows(&mut seen, width, |y, row| {
+            for (x, seen) in row.iter_mut().enumerate() {
+                let front = pixel_samples(x, y, self.samples.width)
+                    .into_iter()
+                    .max_by(|&i, &j| inverse_depth[i].total_cmp(&inverse_depth[j]))
+                    .expect("a pixel has samples");
+                let id = self.samples.triangle[front];
+                if id != NO_TRIANGLE {
+                    let middle = |pixel: usize| (pixel * SAMPLES) as f32 + 0.5 * SAMPLES as f32;
+                    let ray = self.ray(middle(x), middle(y));
+                    *seen = Seen {
+                        depth: 1.0 / inverse_depth[front],
+                        normal: facing(face_normal(&self.triangles[id as usize]), ray),
+                    };
+                }
+            }
+        });
+        Pixels {
+            width,
+            height,
+            seen,
+        }
+    }
+
+    /// Linear colour of a pixel: each triangle in it is shaded once.
+    fn pixel(&self, x: usize, y: usize, open: f32, behind: Vec3) -> Vec3 {
+        let ids = pixel_samples(x, y, self.samples.width).map(|s| self.samples.triangle[s]);
+        if ids == [NO_TRIANGLE; SAMPLES * SAMPLES] {
+            return behind;
+        }
+        let whole = ids.iter().all(|&id| id == ids[0]);
+        let mut color = [behind; SAMPLES * SAMPLES];
+        for k in 0..ids.len() {
+            if ids[k] == NO_TRIANGLE {
+                continue;
+            }
+            let (dx, dy) = ((k % SAMPLES) as f32 + 0.5, (k / SAMPLES) as f32 + 0.5);
+            let middle = 0.5 * SAMPLES as f32;
+            let (dx, dy) = if whole { (middle, middle) } else { (dx, dy) };
+            color[k] = match ids[..k].iter().position(|&id| id == ids[k]) {
+                Some(same) => color[same],
+                None => {
+                    let ray = self.ray((x * SAMPLES) as f32 + dx, (y * SAMPLES) as f32 + dy);
+                    self.light(&self.triangles[ids[k] as usize], ray, open)
+                }
+            };
+        }
+        let mut sum = Vec3::ZERO;
+        for (sample, color) in pixel_samples(x, y, self.samples.width)
+            .into_iter()
+            .zip(color)
+        {
+            let line = if self.samples.line[sample] {
+                LINE_SHADE
+            } else {
+                1.0
+            };
+            sum += color * line;
+        }
+        sum / (SAMPLES * SAMPLES) as f32
+    }
+
+    /// Linear colour of the triangle where the ray meets it; `open` is what the ambient occlusion
+    /// leaves, 0 to 1.
+    fn light(&self, triangle: &Triangle, ray: Vec3, open: f32) -> Vec3 {
+        let (position, normal) = meet(triangle, ray);
+        let face = facing(face_normal(triangle), ray);
+        let normal = if normal.dot(face) < 0.0 {
+            -normal
+        } else {
+            normal
+        };
+        let to_eye = -ray.normalize();
+        let shininess = triangle.shininess;
+        let mirror = shininess * shininess / (shininess * shininess + 2500.0);
+        let shadow = if face.dot(self.lights[0].0) > 0.0 {
+            self.shadow.lit(position, face)
+        } else {
+            0.0
+        };
+        let mut diffuse = AMBIENT[1] + (AMBIENT[0] - AMBIENT[1]) * (0.5 + 0.5 * normal.y);
+        let mut highlight = 0.0;
+        for (index, &(to_light, bright)) in self.lights.iter().enumerate() {
+            let bright = if index == 0 { bright * shadow } else { bright };
+            let cosine = normal.dot(to_light).max(0.0);
+            diffuse += bright * cosine;
+            let half = (to_light + to_eye).normalize_or_zero();
+            let s = normal.dot(half).max(0.0);
+            // Schlick 1994 in place of sⁿ.
+            highlight += bright * cosine.min(0.25) * 4.0 * s / (shininess * (1.0 - s) + s);
+        }
+        let seen = surroundings(ray.normalize().reflect(normal), self.lights[0].0);
+        let matt = triangle.color * diffuse * (1.0 - 0.75 * mirror);
+        let glossy = triangle.color * (mirror * seen) + highlight * (0.07 + 0.5 * mirror);
+        matt * open + glossy * (0.4 + 0.6 * open)
+    }
+}
+
+/// Brightness of what a mirror would see: a light ceiling, a darker floor, a soft lamp.
+fn surroundings(direction: Vec3, lamp: Vec3) -> f32 {
+    let ceiling = smooth_step(-0.5, 0.5, direction.y);
+    0.22 + 0.72 * ceiling + 0.9 * smooth_step(0.55, 0.95, direction.dot(lamp))
+}
+
+fn smooth_step(low: f32, high: f32, value: f32) -> f32 {
+    let t = ((value - low) / (high - low)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// Indices of a pixel's samples, row by row.
+fn pixel_samples(x: usize, y: usize, width: usize) -> [usize; SAMPLES * SAMPLES] {
+    std::array::from_fn(|k| (y * SAMPLES + k / SAMPLES) * width + x * SAMPLES + k % SAMPLES)
+}
+
+fn face_normal(triangle: &Triangle) -> Vec3 {
+    let [a, b, c] = triangle.corners;
+    (b - a).cross(c - a).normalize_or_zero()
+}
+
+/// The normal on the side of the eye.
+fn facing(normal: Vec3, ray: Vec3) -> Vec3 {
+    if normal.dot(ray) > 0.0 {
+        -normal
+    } else {
+        normal
+    }
+}
+
+/// Where a ray from the eye meets the triangle's plane, kept inside the triangle, and the normal
+/// there. Source: Möller and Trumbore 1997.
+fn meet(triangle: &Triangle, ray: Vec3) -> (Vec3, Vec3) {
+    let [a, b, c] = triangle.corners;
+    let (ab, ac) = (b - a, c - a);
+    let p = ray.cross(ac);
+    let volume = ab.dot(p);
+    let (v, w) = (-a.dot(p) / volume, ray.dot(ab.cross(a)) / volume);
+    if !(v.is_finite() && w.is_finite()) {
+        return (a, triangle.normals[0]); // seen exactly edge on
+    }
+    let v = v.clamp(0.0, 1.0);
+    let w = w.clamp(0.0, 1.0 - v);
+    let [na, nb, nc] = triangle.normals;
+    let normal = na * (1.0 - v - w) + nb * v + nc * w;
+    (a + ab * v + ac * w, normal.try_normalize().unwrap_or(na))
+}
