@@ -1,5 +1,12 @@
 //! cutis (draft)
 pub mod backend;
+pub mod collide;
+pub mod constraints;
+pub mod cut;
+pub mod haptic;
+pub mod instrument;
+pub mod output;
+pub mod view;
 pub mod error;
 pub mod gpu;
 #[path = "../kernels/mod.rs"]
@@ -9,3 +16,4 @@ pub mod math;
 pub mod mesh;
 pub mod model;
 pub mod scene;
+pub mod step;

@@ -80,11 +80,7 @@ impl<R: Real> CpuBackend<R> {
         start: &Snapshot,
     ) -> Self {
         let node_count = model.grid.node_count();
-        let slots = if needs.columns > 0 {
-            super::FIRST_COLUMN + needs.columns
-        } else {
-            1
-        };
+        let slots = needs.slots();
         let zeros = |n: usize| vec![[R::zero(); 4]; n];
         let pad = |p: &[f64; 3]| V3::of(*p).pad(R::zero());
         let law = match &model.springs {

@@ -7,7 +7,7 @@
 
 use super::cpu::cell_centres;
 use super::{
-    Backend, CORRECTION, Device, FIRST_COLUMN, FREE, Needs, Snapshot, Target, Wanted, links,
+    Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, links,
 };
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
@@ -45,7 +45,6 @@ pub struct GpuBackend {
 struct Buffers {
     u: Buffer,
     v: Buffer,
-    f: Buffer,
     free: Buffer,
     load: Buffer,
     cell: Buffer, // rotations of bricks, or the law of springs
@@ -112,11 +111,7 @@ impl GpuBackend {
         start: &Snapshot,
     ) -> Result<Self> {
         let n = model.grid.node_count();
-        let slots = if needs.columns > 0 {
-            FIRST_COLUMN + needs.columns
-        } else {
-            1
-        };
+        let slots = needs.slots();
         let mut params = model.params::<f32>();
         params.slot_count = slots as u32;
         let column_count = (params.nodes_x * params.nodes_y) as usize;
@@ -219,7 +214,7 @@ impl GpuBackend {
             }),
         );
         let coefficient = made.of("coefficient", &vec![0f32; slots])?;
-        let correction = if needs.columns > 0 {
+        let correction = if needs.contact {
             let second = made.uniform(
                 "params",
                 0,
@@ -319,7 +314,6 @@ impl GpuBackend {
         let buffers = Buffers {
             u,
             v,
-            f,
             free,
             load,
             cell: law.cell,

@@ -25,12 +25,21 @@ pub const FIRST_COLUMN: usize = 2;
 /// Which arrays a scene needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
-    /// Contact columns; 0 without contact (then there is no correction either).
+    /// There are tools: a correction slot.
+    pub contact: bool,
+    /// Contact columns; 0 with uncoupled correction.
     pub columns: usize,
     /// Segments can be cut.
     pub cutting: bool,
     /// 3×3 blocks of `A` are read by the host (uncoupled correction).
     pub node_blocks: bool,
+}
+
+impl Needs {
+    /// Right-hand sides that are kept.
+    pub fn slots(&self) -> usize {
+        if self.contact { FIRST_COLUMN + self.columns } else { 1 }
+    }
 }
 
 /// What a slot is solved to.

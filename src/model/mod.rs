@@ -4,7 +4,7 @@ pub mod element;
 mod energy;
 mod springs;
 
-pub use energy::{elastic_energy, true_residual};
+pub use energy::{Solved, elastic_energy, true_residual};
 pub use springs::Springs;
 
 use crate::error::{Error, Result};

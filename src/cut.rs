@@ -1,0 +1,211 @@
+//! What a cut leaves: which cells and springs are gone, the masses of their nodes, and the measures of the wound.
+//!
+//! Bricks: a severed link removes the cell in whose half the blade crossed it. Springs: a crossed spring is gone; a cell counts as open
+//! when two or more of its four edges along one axis are gone. A node without live cells (bricks) or springs (springs) leaves the system.
+
+use crate::math::V4;
+use crate::mesh::Surface;
+use crate::model::Model;
+
+/// Totals for the report.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Totals {
+    /// Removed cells.
+    pub hexes: usize,
+    /// Removed springs.
+    pub springs: usize,
+    /// Severed face links.
+    pub links: usize,
+    /// Cut area on one side, m²: each severed link (or spring along an axis) stands for its face.
+    pub area: f64,
+    /// Extent of the open cells along x or y, whichever is longer, m (rest positions).
+    pub length: f64,
+    /// Depth of the deepest open cell's floor under the skin's top, m (rest positions).
+    pub depth: f64,
+}
+
+/// What a backend has to remove.
+#[derive(Clone, Debug, Default)]
+pub struct Removal {
+    /// Cell ids.
+    pub cells: Vec<u32>,
+    /// Spring ids.
+    pub springs: Vec<u32>,
+    /// New free axes and masses.
+    pub free: Vec<(u32, V4<f64>)>,
+}
+
+/// The body as cut so far.
+#[derive(Clone, Debug)]
+pub struct Wound {
+    /// Live cells and their surface.
+    pub surface: Surface,
+    /// Measures.
+    pub totals: Totals,
+    /// Open cells with the axis across the cut, in the order they opened.
+    pub open: Vec<(u32, usize)>,
+    /// [node] free axes and mass now.
+    pub free: Vec<V4<f64>>,
+    live_cells: Vec<u32>,
+    live_springs: Vec<u32>,
+    spring_gone: Vec<bool>,
+    low: [f64; 3],
+    high: [f64; 3],
+}
+
+impl Wound {
+    /// An uncut body.
+    pub fn new(model: &Model) -> Self {
+        let params = model.grid.params::<f64>();
+        let count = model.grid.node_count();
+        let mut live_cells = vec![0; count];
+        for cell in 0..model.grid.cell_count() {
+            for node in params.corners(cell) {
+                live_cells[node] += 1;
+            }
+        }
+        let springs = model.springs.as_ref();
+        Self {
+            surface: Surface::new(&model.grid),
+            totals: Totals::default(),
+            open: vec![],
+            free: model.free.clone(),
+            live_cells,
+            live_springs: springs.map_or(vec![], |s| s.first.windows(2).map(|w| w[1] - w[0]).collect()),
+            spring_gone: vec![false; springs.map_or(0, |s| s.ends.len())],
+            low: [f64::INFINITY; 3],
+            high: [f64::NEG_INFINITY; 3],
+        }
+    }
+
+    /// Takes hits (`2·segment + half`, sorted) over; returns what has to go.
+    pub fn apply(&mut self, model: &Model, hits: &[u32]) -> Removal {
+        let removal = if model.springs.is_some() { self.cut_springs(model, hits) } else { self.cut_links(model, hits) };
+        if self.totals.hexes + self.open.len() > 0 {
+            let extent = |axis: usize| self.high[axis] - self.low[axis];
+            self.totals.length = extent(0).max(extent(1));
+            self.totals.depth = model.grid.thickness() - self.low[2];
+        }
+        removal
+    }
+
+    fn open_cell(&mut self, model: &Model, cell: u32, axis: usize) {
+        self.surface.alive[cell as usize] = false;
+        self.open.push((cell, axis));
+        for node in model.grid.params::<f64>().corners(cell as usize) {
+            for n in 0..3 {
+                self.low[n] = self.low[n].min(model.rest[node][n]);
+                self.high[n] = self.high[n].max(model.rest[node][n]);
+            }
+        }
+    }
+
+    fn leave(&mut self, node: u32, removal: &mut Removal) {
+        let at = node as usize;
+        self.free[at] = [0.0; 4];
+        removal.free.retain(|(n, _)| *n != node);
+        removal.free.push((node, self.free[at]));
+    }
+
+    fn cut_links(&mut self, model: &Model, hits: &[u32]) -> Removal {
+        let params = model.grid.params::<f64>();
+        let step = [1, params.cells_x, params.cells_x * params.cells_y];
+        let mut removal = Removal::default();
+        let mut opened = vec![];
+        for hit in hits {
+            let (link, half) = (hit / 2, hit % 2);
+            let (cell, axis) = (link / 3, (link % 3) as usize);
+            let other = cell + step[axis];
+            if !self.surface.alive[cell as usize] || !self.surface.alive[other as usize] {
+                continue;
+            }
+            let h = model.shape[model.grid.layer_of[params.cell_at(cell as usize)[2]] as usize];
+            self.totals.links += 1;
+            self.totals.area += h[0] * h[1] * h[2] / h[axis];
+            let gone = if half == 0 { cell } else { other };
+            if removal.cells.iter().any(|c| *c == gone) {
+                continue;
+            }
+            removal.cells.push(gone);
+            opened.push((gone, axis));
+        }
+        for (cell, axis) in opened {
+            self.open_cell(model, cell, axis);
+            self.totals.hexes += 1;
+            let corner_mass = model.shape[model.grid.layer_of[params.cell_at(cell as usize)[2]] as usize][3];
+            for node in params.corners(cell as usize) {
+                self.live_cells[node] -= 1;
+                if self.live_cells[node] == 0 {
+                    self.leave(node as u32, &mut removal);
+                } else {
+                    self.free[node][3] -= corner_mass;
+                    removal.free.retain(|(n, _)| *n as usize != node);
+                    removal.free.push((node as u32, self.free[node]));
+                }
+            }
+        }
+        removal
+    }
+
+    fn cut_springs(&mut self, model: &Model, hits: &[u32]) -> Removal {
+        let Some(springs) = &model.springs else { return Removal::default() };
+        let params = model.grid.params::<f64>();
+        let mut removal = Removal::default();
+        for hit in hits {
+            let spring = (hit / 2) as usize;
+            if std::mem::replace(&mut self.spring_gone[spring], true) {
+                continue;
+            }
+            removal.springs.push(spring as u32);
+            self.totals.springs += 1;
+            let [a, b] = springs.ends[spring].map(|n| n as usize);
+            for node in [a, b] {
+                self.live_springs[node] -= 1;
+                if self.live_springs[node] == 0 {
+                    self.leave(node as u32, &mut removal);
+                }
+            }
+            let (p, q) = (params.node_at(a), params.node_at(b));
+            let along: Vec<usize> = (0..3).filter(|n| p[*n] != q[*n]).collect();
+            if let [axis] = along[..] {
+                self.edge_cut(model, springs, a, axis, &mut removal);
+            }
+        }
+        removal
+    }
+
+    /// A grid edge from node `a` along `axis` is gone: opens cells around it that have lost two edges along that axis.
+    fn edge_cut(&mut self, model: &Model, springs: &crate::model::Springs, a: usize, axis: usize, removal: &mut Removal) {
+        let params = model.grid.params::<f64>();
+        let at = params.node_at(a);
+        let stride = [1, params.nodes_x as usize, (params.nodes_x * params.nodes_y) as usize];
+        let gone = |first: usize| {
+            let second = (first + stride[axis]) as u32;
+            let range = springs.first[first] as usize..springs.first[first + 1] as usize;
+            springs.half[range].iter().any(|h| h[0] == second && self.spring_gone[h[1] as usize])
+        };
+        let level = at[2].min(model.grid.cells[2] - 1);
+        let h = model.shape[model.grid.layer_of[level] as usize];
+        self.totals.area += h[0] * h[1] * h[2] / h[axis];
+        let mut opened = vec![];
+        for corner in 0..8 {
+            let o = crate::kernels::corner(corner);
+            if o[axis] == 1 {
+                continue;
+            }
+            let Some(cell) = params.cell_below(at, corner) else { continue };
+            if !self.surface.alive[cell] {
+                continue;
+            }
+            let corners = params.corners(cell);
+            let lost = (0..8).filter(|k| crate::kernels::corner(*k)[axis] == 0).filter(|k| gone(corners[*k])).count();
+            if lost >= 2 {
+                opened.push(cell as u32);
+            }
+        }
+        for cell in opened {
+            self.open_cell(model, cell, axis);
+            removal.cells.push(cell);
+        }
+    }
+}

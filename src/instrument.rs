@@ -1,0 +1,263 @@
+//! A rigid tool held by a hand through a 6-DoF spring and damper.
+//!
+//! Its step is implicit and exact (6×6): with Δ = (Δx, θ) the motion over the step,
+//! `A Δ = m v/h + K (x_hand − x) + B v_hand`, `A = m/h² + B/h + K` (and the same for rotation, with the inertia in world axes).
+//! So the tool's own part of a contact's compliance comes from its whole system, mass, damping and coupling, and λ equals the coupling
+//! force at rest. The hand carries the tool's weight.
+//! Units: m, rad, kg, N, N·m. Source: Colgate, Stanley, Brown 1995 (virtual coupling).
+
+use crate::scene::{Blade, Coupling, Pose, Tool};
+use glam::{DMat3, DQuat, DVec3};
+
+/// What a sample of the tool's surface does to the skin.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Role {
+    /// Blunt: pushes the skin out of its way.
+    Point,
+    /// A piece of the cutting edge of this length, m; the piece's number along the edge.
+    Edge {
+        /// m
+        length: f64,
+        /// From the tip on.
+        piece: usize,
+    },
+    /// One side of the blade, at half its thickness from the sample; `side` is ±1 along the blade's normal.
+    Flat {
+        /// ±1
+        side: f64,
+    },
+}
+
+/// A point of the tool that can touch the skin.
+#[derive(Clone, Copy, Debug)]
+pub struct Sample {
+    /// Tool frame, m.
+    pub position: DVec3,
+    /// What it does.
+    pub role: Role,
+}
+
+/// Cutting edge in the tool frame.
+#[derive(Clone, Debug)]
+pub struct Edge {
+    /// Ends of the pieces from the tip on, m.
+    pub points: Vec<DVec3>,
+    /// Unit: along the edge from tip to heel.
+    pub along: DVec3,
+    /// Unit: where the edge faces, `normal × along`.
+    pub forward: DVec3,
+    /// Unit: normal of the blade's plane.
+    pub normal: DVec3,
+    /// m
+    pub half_thickness: f64,
+}
+
+/// A tool and its motion.
+#[derive(Clone, Debug)]
+pub struct Instrument {
+    /// m
+    pub position: DVec3,
+    /// Unit quaternion.
+    pub rotation: DQuat,
+    /// m/s
+    pub velocity: DVec3,
+    /// rad/s
+    pub spin: DVec3,
+    /// Contact samples.
+    pub samples: Vec<Sample>,
+    /// For tools that cut.
+    pub edge: Option<Edge>,
+    /// kg
+    pub mass: f64,
+    /// Principal, tool axes, kg·m².
+    pub inertia: DVec3,
+    /// To the hand.
+    pub coupling: Coupling,
+    trajectory: Vec<Pose>,
+}
+
+/// The tool's system over one step.
+#[derive(Clone, Copy, Debug)]
+pub struct Free {
+    /// m
+    pub shift: DVec3,
+    /// rad
+    pub turn: DVec3,
+    /// Inverse of the translation's system, m/N.
+    pub compliance: f64,
+    /// Inverse of the rotation's system, rad/(N·m).
+    pub angular_compliance: DMat3,
+}
+
+/// Rotation vector of a unit quaternion, rad, at most π long.
+pub fn rotation_vector(q: DQuat) -> DVec3 {
+    let q = if q.w < 0.0 { -q } else { q };
+    let s = q.xyz().length();
+    if s < 1e-12 { q.xyz() * 2.0 } else { q.xyz() * (2.0 * s.atan2(q.w) / s) }
+}
+
+impl Instrument {
+    /// The tool at the start of its trajectory, at rest.
+    pub fn new(tool: &Tool) -> Self {
+        let first = tool.trajectory.first().copied().unwrap_or(Pose {
+            time: 0.0,
+            position: [0.0; 3],
+            rotation: [0.0, 0.0, 0.0, 1.0],
+        });
+        let point = |p: &[f64; 3]| Sample { position: DVec3::from_array(*p), role: Role::Point };
+        let mut samples: Vec<Sample> = tool.points.iter().map(point).collect();
+        let edge = tool.blade.as_ref().map(|blade| Edge::new(blade, &mut samples));
+        Self {
+            position: DVec3::from_array(first.position),
+            rotation: DQuat::from_array(first.rotation),
+            velocity: DVec3::ZERO,
+            spin: DVec3::ZERO,
+            samples,
+            edge,
+            mass: tool.mass,
+            inertia: DVec3::from_array(tool.inertia),
+            coupling: tool.coupling,
+            trajectory: tool.trajectory.clone(),
+        }
+    }
+
+    /// The hand at a time: linear between samples, resting before the first and after the last.
+    pub fn hand(&self, time: f64) -> (DVec3, DQuat) {
+        let next = self.trajectory.partition_point(|p| p.time <= time);
+        let pose = |p: &Pose| (DVec3::from_array(p.position), DQuat::from_array(p.rotation));
+        let Some(b) = self.trajectory.get(next) else {
+            return self.trajectory.last().map_or((self.position, self.rotation), pose);
+        };
+        let Some(a) = next.checked_sub(1).map(|k| &self.trajectory[k]) else {
+            return pose(b);
+        };
+        let s = (time - a.time) / (b.time - a.time);
+        let ((pa, qa), (pb, qb)) = (pose(a), pose(b));
+        (pa.lerp(pb, s), qa.slerp(qb, s))
+    }
+
+    /// Motion over a step that ends at `time`, without contact.
+    pub fn free_motion(&self, time: f64, step: f64) -> Free {
+        let (from, turned) = self.hand(time - step);
+        let (to, target) = self.hand(time);
+        let c = self.coupling;
+        let stiffness = self.mass / (step * step) + c.damping / step + c.stiffness;
+        let push = self.velocity * (self.mass / step)
+            + (to - self.position) * c.stiffness
+            + (to - from) * (c.damping / step);
+        let axes = DMat3::from_quat(self.rotation);
+        let inertia = axes * DMat3::from_diagonal(self.inertia) * axes.transpose();
+        let angular = inertia * (1.0 / (step * step))
+            + DMat3::IDENTITY * (c.angular_damping / step + c.angular_stiffness);
+        let twist = inertia * self.spin * (1.0 / step)
+            + rotation_vector(target * self.rotation.conjugate()) * c.angular_stiffness
+            + rotation_vector(target * turned.conjugate()) * (c.angular_damping / step);
+        let angular_compliance = angular.inverse();
+        Free { shift: push / stiffness, turn: angular_compliance * twist, compliance: 1.0 / stiffness, angular_compliance }
+    }
+
+    /// Moves by a step's motion.
+    pub fn advance(&mut self, shift: DVec3, turn: DVec3, step: f64) {
+        self.position += shift;
+        self.rotation = (DQuat::from_scaled_axis(turn) * self.rotation).normalize();
+        self.velocity = shift / step;
+        self.spin = turn / step;
+    }
+
+    /// A point of the tool frame in the world.
+    pub fn at(&self, point: DVec3) -> DVec3 {
+        self.position + self.rotation * point
+    }
+}
+
+impl Edge {
+    /// Cuts the edge into pieces of the wanted length and spreads contact samples over edge and flats.
+    fn new(blade: &Blade, samples: &mut Vec<Sample>) -> Self {
+        let corners: Vec<DVec3> = blade.edge.iter().map(|p| DVec3::from_array(*p)).collect();
+        let mut points = vec![corners[0]];
+        for pair in corners.windows(2) {
+            let pieces = (pair[0].distance(pair[1]) / blade.edge_spacing).round().max(1.0) as usize;
+            points.extend((1..=pieces).map(|k| pair[0].lerp(pair[1], k as f64 / pieces as f64)));
+        }
+        let along = (corners[corners.len() - 1] - corners[0]).normalize();
+        let normal = DVec3::from_array(blade.normal);
+        let normal = (normal - along * normal.dot(along)).normalize();
+        let forward = normal.cross(along);
+        for (piece, pair) in points.windows(2).enumerate() {
+            let role = Role::Edge { length: pair[0].distance(pair[1]), piece };
+            samples.push(Sample { position: pair[0].lerp(pair[1], 0.5), role });
+        }
+        // flats: rows behind the edge, half a spacing in
+        let length: f64 = points.windows(2).map(|p| p[0].distance(p[1])).sum();
+        let (columns, rows) = (
+            (length / blade.flat_spacing).floor() as usize,
+            (blade.depth / blade.flat_spacing).floor().max(1.0) as usize,
+        );
+        for row in 0..rows {
+            for column in 0..columns {
+                let behind = (row as f64 + 0.5) * blade.depth / rows as f64;
+                let s = (column as f64 + 0.5) * blade.flat_spacing;
+                let position = points[0] + along * s - forward * behind;
+                for side in [1.0, -1.0] {
+                    samples.push(Sample { position, role: Role::Flat { side } });
+                }
+            }
+        }
+        Self { points, along, forward, normal, half_thickness: 0.5 * blade.thickness }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn instrument() -> Instrument {
+        let pose = |time, x| Pose { time, position: [x, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0] };
+        Instrument::new(&Tool {
+            name: "t".into(),
+            mesh: crate::scene::ToolMesh { positions: vec![], triangles: vec![] },
+            mass: 0.02,
+            inertia: [1e-6, 2e-6, 3e-6],
+            blade: Some(Blade {
+                edge: vec![[0.0; 3], [0.004, 0.0, 0.004]],
+                normal: [0.0, 1.0, 0.0],
+                thickness: 4e-4,
+                edge_spacing: 4e-4,
+                flat_spacing: 1e-3,
+                depth: 2e-3,
+            }),
+            points: vec![],
+            coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },
+            trajectory: vec![pose(0.0, 0.0), pose(0.01, 0.001)],
+        })
+    }
+
+    #[test]
+    fn a_tool_left_alone_comes_to_rest_at_the_hand() {
+        let mut tool = instrument();
+        for k in 1..400 {
+            let free = tool.free_motion(f64::from(k) * 0.005, 0.005);
+            tool.advance(free.shift, free.turn, 0.005);
+        }
+        assert!((tool.position.x - 0.001).abs() < 1e-9, "{}", tool.position);
+    }
+
+    #[test]
+    fn a_constant_push_is_balanced_by_the_coupling_alone() {
+        let mut tool = instrument();
+        let push = DVec3::new(0.0, 0.0, 0.4);
+        for k in 1..800 {
+            let free = tool.free_motion(f64::from(k) * 0.005, 0.005);
+            tool.advance(free.shift + push * free.compliance, free.turn, 0.005);
+        }
+        assert!((tool.position.z - 0.4e-3).abs() < 1e-9, "{}", tool.position);
+    }
+
+    #[test]
+    fn the_edge_faces_forward_and_down() {
+        let edge = instrument().edge.unwrap();
+        let s = 0.5f64.sqrt();
+        assert!((edge.forward - DVec3::new(s, 0.0, -s)).length() < 1e-12);
+        assert_eq!(edge.points.len(), 15);
+    }
+}

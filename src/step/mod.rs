@@ -1,0 +1,388 @@
+//! One time step, written once over [`Backend`]:
+//!
+//! 1. contacts at the step's start (the search is widened by the tool's motion);
+//! 2. free motion of the skin and loose columns of `A⁻¹Jᵀ` in one solve; the tool's free motion;
+//! 3. violations `δ` at the free positions, forces λ by Gauss–Seidel on `W λ + δ`;
+//! 4. correction: `A Δx = Jᵀλ` solved accurately, δ taken again, until the contact law holds ([`contact`]);
+//! 5. integration, the tool's motion, the cut by what the edge swept.
+//!
+//! A scene without contact reads nothing back here. What goes wrong numerically is counted in [`StepReport`], never mended in silence.
+
+mod contact;
+
+pub use contact::ContactReport;
+
+use crate::backend::{Backend, CpuBackend, Device, FREE, FIRST_COLUMN, GpuBackend, Needs, Snapshot, Target, Wanted};
+use crate::collide::{self, Contact, Patch, Search};
+use crate::cut::{Totals, Wound};
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::haptic::Reduced;
+use crate::instrument::{Free, Instrument, Role};
+use crate::linear::Outcome;
+use crate::model::{Model, Solved, true_residual};
+use crate::scene::{Correction, ProbeKind, Scene};
+use glam::DVec3;
+use std::collections::BTreeMap;
+
+/// Where the skin is computed.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// The twins in f64.
+    Cpu64,
+    /// The twins in f32.
+    Cpu32,
+    /// WGSL on the first adapter whose name contains the text, or the first of all.
+    Gpu(Option<String>),
+}
+
+/// Numerical trouble, counted by name.
+pub type Warnings = BTreeMap<&'static str, u32>;
+
+/// What happened in a step.
+#[derive(Clone, Debug, Default)]
+pub struct StepReport {
+    /// End of the step, s.
+    pub time: f64,
+    /// Free motion.
+    pub free: Outcome,
+    /// Accurate corrections of this step, summed iterations.
+    pub correction_iterations: u32,
+    /// Relative residual after the last solve that counts, as its recurrence has it.
+    pub residual: f64,
+    /// Relative residual in f64, when it was asked for.
+    pub true_residual: Option<f64>,
+    /// Contacts and their solve.
+    pub contact: ContactReport,
+    /// Links or springs cut in this step.
+    pub severed: u32,
+    /// Widest parting of the lips of the wound near the tool, m.
+    pub opening: f64,
+    /// Probe values, in the scene's order, SI.
+    pub probes: Vec<f64>,
+    /// Trouble in this step.
+    pub warnings: Warnings,
+}
+
+/// A running scene.
+pub struct Simulation {
+    /// The constant arrays.
+    pub model: Model,
+    /// The body as cut so far.
+    pub wound: Wound,
+    /// The tools.
+    pub tools: Vec<Instrument>,
+    /// Contact problem of each tool after the last step.
+    pub reduced: Vec<Reduced>,
+    /// s
+    pub time: f64,
+    scene: Scene,
+    backend: Box<dyn Backend>,
+    probes: Vec<Prepared>,
+    slots: contact::Slots,
+    load_changes: Vec<f64>,
+    step_number: u32,
+    epoch: u32,
+    reach: f64,
+}
+
+struct Prepared {
+    nodes: Vec<u32>,
+    axis: usize,
+    reaction: bool,
+}
+
+/// Which arrays a scene's backend holds.
+pub fn needs(scene: &Scene) -> Needs {
+    let Some(contact) = &scene.contact else { return Needs::default() };
+    let exact = contact.correction == Correction::Exact;
+    Needs {
+        contact: true,
+        columns: if exact { 3 * contact.max_contacts as usize } else { 0 },
+        cutting: scene.tools.iter().any(|t| t.blade.is_some()),
+        node_blocks: !exact,
+    }
+}
+
+/// The state that a scene starts from.
+pub fn start(scene: &Scene, model: &Model) -> Snapshot {
+    let displaced = |n: usize| {
+        let at = |a: usize| if model.free[n][a] == 0.0 { model.held[n][a] } else { scene.skin.displacement[a] };
+        [at(0), at(1), at(2), 0.0]
+    };
+    let moving = |n: usize| {
+        let at = |a: usize| if model.free[n][a] == 0.0 { 0.0 } else { scene.skin.velocity[a] };
+        [at(0), at(1), at(2), 0.0]
+    };
+    let count = model.grid.node_count();
+    Snapshot {
+        u: (0..count).map(displaced).collect(),
+        v: (0..count).map(moving).collect(),
+        ..Snapshot::default()
+    }
+}
+
+impl Simulation {
+    /// Prepares a scene on a place.
+    ///
+    /// # Errors
+    /// When the model is too large or no adapter fits.
+    pub fn new(scene: &Scene, place: &Place) -> Result<Self> {
+        let model = Model::new(scene)?;
+        let (needs, start) = (needs(scene), start(scene, &model));
+        let (cap, floor) = (scene.solver.max_iterations, scene.solver.floor);
+        let backend: Box<dyn Backend> = match place {
+            Place::Cpu64 => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
+            Place::Cpu32 => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
+            Place::Gpu(text) => {
+                Box::new(GpuBackend::new(Gpu::open(text.as_deref())?, &model, needs, cap, floor, &start)?)
+            }
+        };
+        let prepare = |kind: &ProbeKind| match kind {
+            ProbeKind::Displacement { point, axis } => {
+                Prepared { nodes: vec![model.grid.nearest(*point) as u32], axis: *axis, reaction: false }
+            }
+            ProbeKind::Reaction { region, axis } => {
+                Prepared { nodes: model.nodes_in(region), axis: *axis, reaction: true }
+            }
+        };
+        let tools: Vec<Instrument> = scene.tools.iter().map(Instrument::new).collect();
+        let reach = start.u.iter().flatten().fold(0.0f64, |m, u| m.max(u.abs()));
+        Ok(Self {
+            wound: Wound::new(&model),
+            reduced: vec![Reduced::default(); tools.len()],
+            tools,
+            time: 0.0,
+            backend,
+            probes: scene.probes.iter().map(|p| prepare(&p.kind)).collect(),
+            slots: contact::Slots::default(),
+            load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
+            step_number: 0,
+            epoch: 0,
+            reach,
+            scene: scene.clone(),
+            model,
+        })
+    }
+
+    /// What the skin runs on.
+    pub fn device(&self) -> Device {
+        self.backend.device()
+    }
+
+    /// All state of the skin.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn snapshot(&mut self) -> Result<Snapshot> {
+        self.backend.snapshot()
+    }
+
+    /// Measures of the wound.
+    pub fn totals(&self) -> Totals {
+        self.wound.totals
+    }
+
+    /// Advances by one step; `check` asks for the true residual.
+    ///
+    /// # Errors
+    /// When the device fails or a blade cuts more in a step than can be taken back.
+    pub fn step(&mut self, check: bool) -> Result<StepReport> {
+        let h = self.scene.time.step;
+        let begin = self.time;
+        self.step_number += 1;
+        self.time = f64::from(self.step_number) * h;
+        let mut report = StepReport { time: self.time, ..StepReport::default() };
+        let changed = |t: &f64| *t <= begin && *t > begin - h;
+        if self.step_number == 1 || self.load_changes.iter().any(changed) {
+            self.backend.set_load(&self.model.load_at(&self.scene.loads, begin));
+        }
+        let before = if check { Some(self.backend.snapshot()?) } else { None };
+        let free: Vec<Free> = self.tools.iter().map(|t| t.free_motion(self.time, h)).collect();
+        let contacts = self.find_contacts(&free, &mut report)?;
+        self.backend.begin()?;
+        let tolerance = self.scene.solver.tolerance;
+        let edges: Vec<_> = self.tools.iter().map(Instrument::clone).collect();
+        let correction = if contacts.is_empty() {
+            let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
+            report.free = self.backend.solve(&wanted, &[])?.0[0];
+            for (tool, free) in self.tools.iter_mut().zip(&free) {
+                tool.advance(free.shift, free.turn, h);
+            }
+            self.reduced.fill(Reduced::default());
+            vec![]
+        } else {
+            self.resolve(&contacts, &free, &mut report)?
+        };
+        let corrected = !contacts.is_empty();
+        report.residual = if report.free.target > 0.0 { report.free.residual / report.free.target * tolerance } else { 0.0 };
+        if !report.free.converged {
+            *report.warnings.entry("solver_not_converged").or_default() += 1;
+        }
+        if let Some(before) = before {
+            report.true_residual = Some(self.check_residual(before, &correction, corrected, begin)?);
+        }
+        self.backend.finish(corrected)?;
+        if self.scene.tools.iter().any(|t| t.blade.is_some()) {
+            self.cut(&edges, &contacts, &mut report)?;
+        }
+        self.read_probes(&mut report)?;
+        Ok(report)
+    }
+
+    /// Contacts at the step's start, at most the scene's number, nearest first.
+    fn find_contacts(&mut self, free: &[Free], report: &mut StepReport) -> Result<Vec<Contact>> {
+        let Some(law) = self.scene.contact else { return Ok(vec![]) };
+        let search = Search { alarm: law.alarm, distance: law.distance, friction: law.friction };
+        let mut found = vec![];
+        let mut near = DVec3::ZERO;
+        for (number, tool) in self.tools.iter().enumerate() {
+            let span = tool.samples.iter().map(|s| s.position.length()).fold(0.0, f64::max);
+            let travel = free[number].shift.length() + free[number].turn.length() * span;
+            let area = collide::tool_box(tool, search.alarm + search.distance + travel);
+            let faces = collide::faces_near(&self.model.grid, &self.wound.surface, &area, self.reach);
+            let mut nodes: Vec<u32> = faces.iter().flat_map(|q| q.nodes).collect();
+            nodes.sort_unstable();
+            nodes.dedup();
+            if nodes.is_empty() {
+                continue;
+            }
+            let u = self.backend.displacements(&nodes)?;
+            let position = |id: u32| {
+                let k = nodes.binary_search(&id).unwrap_or(0);
+                DVec3::from_array(self.model.rest[id as usize]) + DVec3::from_array(u[k])
+            };
+            for d in &u {
+                near = near.max(DVec3::from_array(*d).abs());
+            }
+            if u.iter().flatten().any(|c| !c.is_finite()) {
+                *report.warnings.entry("non_finite_nodes").or_default() += 1;
+                continue;
+            }
+            self.note_opening(&nodes, &u, report);
+            let Some(patch) = Patch::new(&faces, position) else { continue };
+            let (model, params) = (&self.model, self.model.grid.params::<f64>());
+            let resistance = |cell: u32| {
+                let level = params.cell_at(cell as usize)[2];
+                model.toughness[model.grid.layer_of[level] as usize]
+            };
+            found.extend(collide::contacts(number, tool, &patch, &search, travel, resistance));
+        }
+        // faces were looked for within last step's reach; a step moves the skin by less than the alarm distance or is widened here
+        self.reach = near.max_element() + search.alarm;
+        let most = law.max_contacts as usize;
+        if found.len() > most {
+            *report.warnings.entry("contacts_dropped").or_default() += (found.len() - most) as u32;
+            found.sort_by(|a, b| a.gap.total_cmp(&b.gap).then(a.id.cmp(&b.id)));
+            found.truncate(most);
+            found.sort_by_key(|c| c.id);
+        }
+        Ok(found)
+    }
+
+    /// How far the lips of open cells have parted, from the nodes that were read back anyway.
+    fn note_opening(&self, nodes: &[u32], u: &[[f64; 3]], report: &mut StepReport) {
+        let params = self.model.grid.params::<f64>();
+        for (cell, axis) in &self.wound.open {
+            let corners = params.corners(*cell as usize);
+            let mut sum = 0.0;
+            let mut pairs = 0;
+            for a in (0..8).filter(|a| crate::kernels::corner(*a)[*axis] == 0) {
+                let mut o = crate::kernels::corner(a);
+                o[*axis] = 1;
+                let Some(b) = (0..8).find(|b| crate::kernels::corner(*b) == o) else { continue };
+                let at = |n: usize| nodes.binary_search(&(corners[n] as u32)).ok();
+                if let (Some(p), Some(q)) = (at(a), at(b)) {
+                    sum += u[q][*axis] - u[p][*axis];
+                    pairs += 1;
+                }
+            }
+            if pairs >= 2 {
+                report.opening = report.opening.max(sum / f64::from(pairs));
+            }
+        }
+    }
+
+    fn check_residual(
+        &mut self,
+        before: Snapshot,
+        contact: &[(u32, [f64; 3])],
+        corrected: bool,
+        time: f64,
+    ) -> Result<f64> {
+        let mut dx = self.backend.solution(FREE)?;
+        if corrected {
+            for (sum, more) in dx.iter_mut().zip(self.backend.solution(crate::backend::CORRECTION)?) {
+                for n in 0..3 {
+                    sum[n] += more[n];
+                }
+            }
+        }
+        let mut forces = vec![[0.0; 4]; dx.len()];
+        for (node, f) in contact {
+            forces[*node as usize] = [f[0], f[1], f[2], 0.0];
+        }
+        let load = self.model.load_at(&self.scene.loads, time);
+        let solved = Solved {
+            u: before.u,
+            v: before.v,
+            rotation: before.rotation,
+            free: before.free,
+            law: before.law,
+            load: load.iter().map(|l| [l[0], l[1], l[2], 0.0]).collect(),
+            contact: forces,
+            dx,
+        };
+        Ok(true_residual(&self.model, &solved))
+    }
+
+    /// Cuts what the freely moving pieces of each edge swept.
+    fn cut(&mut self, before: &[Instrument], contacts: &[Contact], report: &mut StepReport) -> Result<()> {
+        if contacts.is_empty() {
+            return Ok(()); // an edge that meets no skin cuts none
+        }
+        let mut quads = vec![];
+        for (number, (old, new)) in before.iter().zip(&self.tools).enumerate() {
+            let Some(edge) = &new.edge else { continue };
+            for (index, sample) in new.samples.iter().enumerate() {
+                let Role::Edge { piece, .. } = sample.role else { continue };
+                let held = contacts.iter().enumerate().find(|(_, c)| c.id == (number, index)).is_some_and(|(k, c)| {
+                    let f = &report.contact.forces[3 * k..3 * k + 3];
+                    !c.law.at_bound([f[0], f[1], f[2]])
+                });
+                if !held {
+                    let (a, b) = (edge.points[piece], edge.points[piece + 1]);
+                    quads.extend([old.at(a), old.at(b), new.at(b), new.at(a)].map(|p| p.to_array()));
+                }
+            }
+        }
+        let hits = self.backend.cut(&quads)?;
+        let links = self.wound.totals.links + self.wound.totals.springs;
+        let removal = self.wound.apply(&self.model, &hits);
+        report.severed = (self.wound.totals.links + self.wound.totals.springs - links) as u32;
+        if report.severed > 0 {
+            self.epoch += 1;
+            self.backend.remove(&removal.cells, &removal.springs, &removal.free)?;
+        }
+        Ok(())
+    }
+
+    fn read_probes(&mut self, report: &mut StepReport) -> Result<()> {
+        let moved: Vec<u32> = self.probes.iter().filter(|p| !p.reaction).flat_map(|p| p.nodes.clone()).collect();
+        let held: Vec<u32> = self.probes.iter().filter(|p| p.reaction).flat_map(|p| p.nodes.clone()).collect();
+        let u = if moved.is_empty() { vec![] } else { self.backend.displacements(&moved)? };
+        let f = if held.is_empty() { vec![] } else { self.backend.elastic_forces(&held)? };
+        let (mut next_u, mut next_f) = (u.iter(), f.iter());
+        for probe in &self.probes {
+            let source = if probe.reaction { &mut next_f } else { &mut next_u };
+            report.probes.push(source.by_ref().take(probe.nodes.len()).map(|v| v[probe.axis]).sum());
+        }
+        if report.probes.iter().any(|p| !p.is_finite()) {
+            *report.warnings.entry("non_finite_nodes").or_default() += 1;
+        }
+        Ok(())
+    }
+}
+
+/// First column slot, for the contact part.
+const COLUMNS: usize = FIRST_COLUMN;
