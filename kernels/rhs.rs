@@ -31,11 +31,11 @@ pub fn rhs<R: Real>(
         let mass = free[i][3];
         let axes = V3::from4(free[i]);
         let elastic = V3::from4(f[i]);
-        let external = V3::from4(load[i]) + g * mass;
+        let applied = V3::from4(load[i]) + g * mass;
         let rate = mass / params.step;
-        let sum = (external - elastic + V3::from4(v[i]) * rate).times(axes);
+        let sum = (applied - elastic + V3::from4(v[i]) * rate).times(axes);
         b[i] = sum.pad(R::zero());
-        let pushed = external.times(axes);
+        let pushed = applied.times(axes);
         let held = elastic - elastic.times(axes);
         load_squared += sum.dot(sum) + pushed.dot(pushed) + held.dot(held);
     }

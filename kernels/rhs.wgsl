@@ -23,11 +23,11 @@ fn rhs(
         let mass = free[i].w;
         let axes = free[i].xyz;
         let elastic = f[i].xyz;
-        let external = load[i].xyz + g * mass;
+        let applied = load[i].xyz + g * mass;
         let rate = mass / params.step;
-        let sum = (external - elastic + v[i].xyz * rate) * axes;
+        let sum = (applied - elastic + v[i].xyz * rate) * axes;
         b[i] = vec4<f32>(sum, 0.0);
-        let pushed = external * axes;
+        let pushed = applied * axes;
         let held = elastic - elastic * axes;
         load_squared = dot(sum, sum) + dot(pushed, pushed) + dot(held, held);
     }

@@ -39,7 +39,7 @@ START_X = -5.0  # mm, tip
 START_Y = 0.05  # mm, tip; off the cell boundary at y = 0
 START_HEIGHT = 1.5  # mm, tip above the skin
 TOUCH_TIME = 0.09  # s, checked below
-PRESS_DEPTH = 1.45  # mm, tip below SKIN_TOP
+PRESS_DEPTH = 1.30  # mm below the undeformed top
 SLICE_LENGTH = 10.0  # mm, along +x
 LIFT_HEIGHT = 3.0  # mm, tip above the skin at the end
 APPROACH_WINDOW = (0.0, 0.11)  # s; overlaps the next one, so the tip slows but never stops

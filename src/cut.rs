@@ -71,7 +71,9 @@ impl Wound {
             open: vec![],
             free: model.free.clone(),
             live_cells,
-            live_springs: springs.map_or(vec![], |s| s.first.windows(2).map(|w| w[1] - w[0]).collect()),
+            live_springs: springs.map_or(vec![], |s| {
+                s.first.windows(2).map(|w| w[1] - w[0]).collect()
+            }),
             spring_gone: vec![false; springs.map_or(0, |s| s.ends.len())],
             low: [f64::INFINITY; 3],
             high: [f64::NEG_INFINITY; 3],
@@ -80,7 +82,11 @@ impl Wound {
 
     /// Takes hits (`2·segment + half`, sorted) over; returns what has to go.
     pub fn apply(&mut self, model: &Model, hits: &[u32]) -> Removal {
-        let removal = if model.springs.is_some() { self.cut_springs(model, hits) } else { self.cut_links(model, hits) };
+        let removal = if model.springs.is_some() {
+            self.cut_springs(model, hits)
+        } else {
+            self.cut_links(model, hits)
+        };
         if self.totals.hexes + self.open.len() > 0 {
             let extent = |axis: usize| self.high[axis] - self.low[axis];
             self.totals.length = extent(0).max(extent(1));
@@ -132,7 +138,8 @@ impl Wound {
         for (cell, axis) in opened {
             self.open_cell(model, cell, axis);
             self.totals.hexes += 1;
-            let corner_mass = model.shape[model.grid.layer_of[params.cell_at(cell as usize)[2]] as usize][3];
+            let corner_mass =
+                model.shape[model.grid.layer_of[params.cell_at(cell as usize)[2]] as usize][3];
             for node in params.corners(cell as usize) {
                 self.live_cells[node] -= 1;
                 if self.live_cells[node] == 0 {
@@ -148,7 +155,9 @@ impl Wound {
     }
 
     fn cut_springs(&mut self, model: &Model, hits: &[u32]) -> Removal {
-        let Some(springs) = &model.springs else { return Removal::default() };
+        let Some(springs) = &model.springs else {
+            return Removal::default();
+        };
         let params = model.grid.params::<f64>();
         let mut removal = Removal::default();
         for hit in hits {
@@ -175,14 +184,27 @@ impl Wound {
     }
 
     /// A grid edge from node `a` along `axis` is gone: opens cells around it that have lost two edges along that axis.
-    fn edge_cut(&mut self, model: &Model, springs: &crate::model::Springs, a: usize, axis: usize, removal: &mut Removal) {
+    fn edge_cut(
+        &mut self,
+        model: &Model,
+        springs: &crate::model::Springs,
+        a: usize,
+        axis: usize,
+        removal: &mut Removal,
+    ) {
         let params = model.grid.params::<f64>();
         let at = params.node_at(a);
-        let stride = [1, params.nodes_x as usize, (params.nodes_x * params.nodes_y) as usize];
+        let stride = [
+            1,
+            params.nodes_x as usize,
+            (params.nodes_x * params.nodes_y) as usize,
+        ];
         let gone = |first: usize| {
             let second = (first + stride[axis]) as u32;
             let range = springs.first[first] as usize..springs.first[first + 1] as usize;
-            springs.half[range].iter().any(|h| h[0] == second && self.spring_gone[h[1] as usize])
+            springs.half[range]
+                .iter()
+                .any(|h| h[0] == second && self.spring_gone[h[1] as usize])
         };
         let level = at[2].min(model.grid.cells[2] - 1);
         let h = model.shape[model.grid.layer_of[level] as usize];
@@ -193,12 +215,17 @@ impl Wound {
             if o[axis] == 1 {
                 continue;
             }
-            let Some(cell) = params.cell_below(at, corner) else { continue };
+            let Some(cell) = params.cell_below(at, corner) else {
+                continue;
+            };
             if !self.surface.alive[cell] {
                 continue;
             }
             let corners = params.corners(cell);
-            let lost = (0..8).filter(|k| crate::kernels::corner(*k)[axis] == 0).filter(|k| gone(corners[*k])).count();
+            let lost = (0..8)
+                .filter(|k| crate::kernels::corner(*k)[axis] == 0)
+                .filter(|k| gone(corners[*k]))
+                .count();
             if lost >= 2 {
                 opened.push(cell as u32);
             }

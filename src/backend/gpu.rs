@@ -6,9 +6,7 @@
 //! come back (with the values that the host needs anyway), more iterations are submitted.
 
 use super::cpu::cell_centres;
-use super::{
-    Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, links,
-};
+use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, links};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{

@@ -38,7 +38,11 @@ pub struct Needs {
 impl Needs {
     /// Right-hand sides that are kept.
     pub fn slots(&self) -> usize {
-        if self.contact { FIRST_COLUMN + self.columns } else { 1 }
+        if self.contact {
+            FIRST_COLUMN + self.columns
+        } else {
+            1
+        }
     }
 }
 
