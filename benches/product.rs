@@ -1,1 +1,169 @@
-fn main() {}
+//! Product with the system matrix, cells per second: the CPU path in f64 and f32, and the GPU on the first adapter. Each result is
+//! checked against the f64 twin before its time counts.
+
+use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use cutis::gpu::{Bound, Buffer, Gpu};
+use cutis::kernels::GROUP;
+use cutis::kernels::product::{self, CellForces, LANES, cell_groups, product};
+use cutis::math::{Real, V3, V4, rotation_matrix};
+use cutis::model::Model;
+use std::path::Path;
+use std::time::Duration;
+
+/// Largest relative error of a product: about 200 rounded terms per sum, f32.
+const BOUND: f64 = 200.0 * 6e-8;
+
+struct Case {
+    model: Model,
+    rotation: Vec<V4<f64>>,
+    z: Vec<V4<f64>>,
+    exact: Vec<V4<f64>>,
+}
+
+fn case(cells: u32, levels: u32) -> Case {
+    let text = format!(
+        "title = 'bench'\n[time]\nstep_ms = 5.0\nduration_s = 1.0\n[skin]\nsize_mm = [20.0, 20.0]\ncells = [{cells}, {cells}]\n\
+         [[skin.layer]]\nname = 'skin'\nthickness_mm = 2.3\ncells = {levels}\nyoung_kpa = 100.0\npoisson = 0.45\n\
+         density_kg_m3 = 1000.0\n[[boundary]]\nregion = 'bottom'\n"
+    );
+    let files = cutis::scene::Files::Embedded(&[]);
+    let scene = cutis::scene::parse(&text, Path::new("bench.toml"), &files).expect("the text above is a scene");
+    let model = Model::new(&scene).expect("the grid is small");
+    let wave = |i: usize, n: usize| (i as f64 * 0.7 + n as f64).sin();
+    let rotation: Vec<V4<f64>> = (0..model.grid.cell_count())
+        .map(|i| {
+            let q = [0.3 * wave(i, 0), 0.3 * wave(i, 1), 0.3 * wave(i, 2), 1.0];
+            let length = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+            q.map(|c| c / length)
+        })
+        .collect();
+    let z: Vec<V4<f64>> =
+        (0..model.grid.node_count()).map(|i| [wave(i, 3), wave(i, 4), wave(i, 5), 0.0].map(|c| 1e-4 * c)).collect();
+    let exact = dense(&model, &rotation, &z);
+    Case { model, rotation, z, exact }
+}
+
+fn check(name: &str, exact: &[V4<f64>], found: impl Iterator<Item = [f64; 4]>) {
+    let largest = exact.iter().flatten().fold(0.0f64, |m, v| m.max(v.abs()));
+    let worst = exact.iter().zip(found).flat_map(|(a, b)| (0..3).map(move |n| (a[n] - b[n]).abs())).fold(0.0, f64::max);
+    println!("{name}: worst error {:.1e} of the largest force (bound {BOUND:.0e})", worst / largest);
+    assert!(worst <= BOUND * largest, "{name} is wrong: its time would mean nothing");
+}
+
+/// The same product element by element with the whole 24×24 matrices, in f64: shares no code with what is measured.
+fn dense(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>]) -> Vec<V4<f64>> {
+    let params = model.params::<f64>();
+    let mut w = vec![[0.0; 4]; z.len()];
+    for (cell, q) in rotation.iter().enumerate() {
+        let corners = params.corners(cell);
+        let k = &model.stiffness[model.grid.layer_of[params.cell_at(cell)[2]] as usize];
+        let r = rotation_matrix(*q);
+        let local = corners.map(|n| (r.transpose() * V3::from4(z[n])).f64());
+        for (a, node) in corners.into_iter().enumerate() {
+            let force = [0, 1, 2].map(|i| (0..24).map(|c| k[3 * a + i][c] * local[c / 3][c % 3]).sum::<f64>());
+            let turned = (r * V3::of(force)).f64();
+            (0..3).for_each(|n| w[node][n] += params.stiffness_factor * turned[n]);
+        }
+    }
+    for (i, w) in w.iter_mut().enumerate() {
+        let free = model.free[i];
+        *w = [0, 1, 2, 3].map(|n| if n < 3 { free[n] * (w[n] + params.inertia * free[3] * z[i][n]) } else { 0.0 });
+    }
+    w
+}
+
+/// Hands over a closure that multiplies once.
+fn cpu<R: Real>(
+    model: &Model,
+    rotation: &[V4<f64>],
+    z: &[V4<f64>],
+    use_it: impl FnOnce(&mut dyn FnMut() -> Vec<V4<R>>),
+) {
+    let round = |a: &[V4<f64>]| a.iter().map(|v| v.map(R::of)).collect::<Vec<_>>();
+    let (rotation, free, z) = (round(rotation), round(&model.free), round(z));
+    let (params, modes, layers) = (model.params::<R>(), model.modes::<R>(), &model.grid.layer_of);
+    let mut w = vec![[R::zero(); 4]; z.len()];
+    let mut scratch: Vec<CellForces<R>> = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&params)];
+    use_it(&mut || {
+        product(&params, &modes, layers, &rotation, &free, &z, &mut w, &mut scratch);
+        w.clone()
+    });
+}
+
+/// The shader with arrays of its own.
+struct Device {
+    gpu: Gpu,
+    kernel: Bound,
+    w: Buffer,
+    threads: usize,
+    nodes: usize,
+}
+
+impl Device {
+    fn new(gpu: Gpu, case: &Case) -> cutis::error::Result<Self> {
+        let model = &case.model;
+        let params = model.params::<f32>();
+        let narrow = |a: &[V4<f64>]| a.iter().map(|v| v.map(|c| c as f32)).collect::<Vec<_>>();
+        let modes: Vec<[f32; 4]> =
+            model.modes::<f32>().iter().flatten().flatten().map(|c| [c[0], c[1], c[2], 0.0]).collect();
+        let w = gpu.array::<V4<f32>>("w", case.z.len())?;
+        let list = [
+            ("params", gpu.uniform("params", 0, &params.words())),
+            ("modes", gpu.uniform("modes", 168 * 48, &modes)),
+            ("layer_of", gpu.array_of("layer_of", &model.grid.layer_of)?),
+            ("rotation", gpu.array_of("rotation", &narrow(&case.rotation))?),
+            ("free", gpu.array_of("free", &narrow(&model.free))?),
+            ("z", gpu.array_of("z", &narrow(&case.z))?),
+            ("w", w.clone()),
+            ("partial_product", gpu.array::<f32>("partial_product", params.product_groups as usize)?),
+            ("scalars", gpu.array::<V4<f32>>("scalars", 2)?),
+        ];
+        let borrowed: Vec<(&str, &Buffer)> = list.iter().map(|(name, buffer)| (*name, buffer)).collect();
+        let kernel = gpu.bind(&product::SOURCE, &borrowed)?;
+        let threads = (params.product_groups * GROUP) as usize;
+        Ok(Self { kernel, w, threads, nodes: case.z.len(), gpu })
+    }
+
+    fn run(&self, times: usize) -> cutis::error::Result<Vec<V4<f32>>> {
+        let mut batch = self.gpu.batch();
+        for _ in 0..times {
+            batch.run(&self.kernel, self.threads, 1);
+        }
+        let bytes = (self.nodes * 16) as u64;
+        let parts = self.gpu.submit_and_read(batch, &[(&self.w, bytes)])?;
+        Ok(cutis::gpu::cast(&parts[0]))
+    }
+}
+
+fn products(c: &mut Criterion) {
+    let mut group = c.benchmark_group("product");
+    group.sample_size(10).measurement_time(Duration::from_secs(3)).warm_up_time(Duration::from_secs(1));
+    for (cells, levels) in [(24, 5), (40, 23), (64, 23)] {
+        let case = case(cells, levels);
+        let id = format!("{cells}x{cells}x{levels}");
+        group.throughput(Throughput::Elements(case.model.grid.cell_count() as u64));
+        cpu::<f64>(&case.model, &case.rotation, &case.z, |run| {
+            check("cpu f64", &case.exact, run().into_iter());
+            group.bench_function(BenchmarkId::new("cpu_f64", &id), |b| b.iter(&mut *run));
+        });
+        cpu::<f32>(&case.model, &case.rotation, &case.z, |run| {
+            check("cpu f32", &case.exact, run().into_iter().map(|v| v.map(f64::from)));
+            group.bench_function(BenchmarkId::new("cpu_f32", &id), |b| b.iter(&mut *run));
+        });
+        let Ok(gpu) = Gpu::open(None) else {
+            println!("no adapter: the GPU is left out");
+            continue;
+        };
+        println!("adapter {} ({}) {}", gpu.adapter.name, gpu.adapter.backend, gpu.adapter.driver);
+        let device = Device::new(gpu, &case).expect("arrays fit");
+        let found = device.run(1).expect("the device works");
+        check("gpu", &case.exact, found.into_iter().map(|v| v.map(f64::from)));
+        // 20 products a submission, as a solve has them, so that the read-back does not count
+        group.throughput(Throughput::Elements(20 * case.model.grid.cell_count() as u64));
+        group.bench_function(BenchmarkId::new("gpu_20_products", &id), |b| b.iter(|| device.run(20)));
+    }
+    group.finish();
+}
+
+criterion_group!(benches, products);
+criterion_main!(benches);

@@ -9,11 +9,8 @@ use super::Source;
 use crate::math::Real;
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "advance",
-    wgsl: include_str!("advance.wgsl"),
-    params: super::Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source =
+    Source { name: "advance", wgsl: include_str!("advance.wgsl"), params: super::Params::<f32>::FIELDS };
 
 /// Scalars of one slot, in the order of the device's two vec4.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -50,24 +47,13 @@ pub struct Request<R> {
 }
 
 /// One slot after a product, with reduced sums.
-pub fn advance<R: Real>(
-    request: &Request<R>,
-    load: R,
-    delta: R,
-    gamma: R,
-    residual: R,
-    k: &mut Scalars<R>,
-) {
+pub fn advance<R: Real>(request: &Request<R>, load: R, delta: R, gamma: R, residual: R, k: &mut Scalars<R>) {
     let zero = R::zero();
     if k.done != zero {
         return;
     }
     if k.state == zero {
-        let reference = if request.use_load == R::one() {
-            load
-        } else {
-            request.reference_squared
-        };
+        let reference = if request.use_load == R::one() { load } else { request.reference_squared };
         k.target_squared = (request.tolerance_squared * reference).max(request.floor_squared);
         k.state = R::one();
         return;
@@ -92,9 +78,5 @@ pub fn advance<R: Real>(
     k.gamma = gamma;
     k.iterations += R::one();
     // the update of state 2 is the first with a direction; from then on the direction is kept
-    k.state = if k.state == R::one() {
-        R::of(2.0)
-    } else {
-        R::of(3.0)
-    };
+    k.state = if k.state == R::one() { R::of(2.0) } else { R::of(3.0) };
 }

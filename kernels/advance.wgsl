@@ -20,9 +20,11 @@ fn advance(
     var sum = vec4<f32>(0.0); // load, delta, gamma, residual
     if scalars[slot * 2u].w == 0.0 {
         let starting = scalars[slot * 2u + 1u].w == 0.0;
-        for (var n = lane; n < groups; n += LANES) {
-            if starting { sum.x += partial_load[n]; }
-            sum.y += partial_product[slot * groups + n];
+        if starting {
+            for (var n = lane; n < groups; n += LANES) { sum.x += partial_load[n]; }
+        }
+        for (var n = lane; n < params.product_groups; n += LANES) {
+            sum.y += partial_product[slot * params.product_groups + n];
         }
         for (var n = lane; n < column_groups; n += LANES) {
             sum += vec4<f32>(0.0, 0.0, partial_dots[slot * column_groups + n]);

@@ -9,11 +9,7 @@ use super::{Params, Source, corner};
 use crate::math::{M3, Real, V3, V4, rotation_matrix};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "blocks",
-    wgsl: include_str!("blocks.wgsl"),
-    params: Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source = Source { name: "blocks", wgsl: include_str!("blocks.wgsl"), params: Params::<f32>::FIELDS };
 
 /// A node's part of the preconditioner.
 #[derive(Clone, Copy, Debug)]
@@ -28,16 +24,8 @@ pub struct Block<R> {
 pub fn unpack<R: Real>(k: &[V4<R>]) -> Block<R> {
     let [a, b, c, e] = [k[0], k[1], k[2], k[3]];
     Block {
-        d: M3([
-            V3::new(a[0], a[1], a[2]),
-            V3::new(a[1], a[3], b[0]),
-            V3::new(a[2], b[0], b[1]),
-        ]),
-        g: M3([
-            V3::new(b[2], b[3], c[0]),
-            V3::new(c[1], c[2], c[3]),
-            V3::new(e[0], e[1], e[2]),
-        ]),
+        d: M3([V3::new(a[0], a[1], a[2]), V3::new(a[1], a[3], b[0]), V3::new(a[2], b[0], b[1])]),
+        g: M3([V3::new(b[2], b[3], c[0]), V3::new(c[1], c[2], c[3]), V3::new(e[0], e[1], e[2])]),
     }
 }
 
@@ -45,12 +33,7 @@ pub fn unpack<R: Real>(k: &[V4<R>]) -> Block<R> {
 pub fn pack<R: Real>(k: Block<R>) -> [V4<R>; 4] {
     let [d0, d1, d2] = k.d.0;
     let [g0, g1, g2] = k.g.0;
-    [
-        [d0.x, d0.y, d0.z, d1.y],
-        [d1.z, d2.z, g0.x, g0.y],
-        [g0.z, g1.x, g1.y, g1.z],
-        [g2.x, g2.y, g2.z, R::zero()],
-    ]
+    [[d0.x, d0.y, d0.z, d1.y], [d1.z, d2.z, g0.x, g0.y], [g0.z, g1.x, g1.y, g1.z], [g2.x, g2.y, g2.z, R::zero()]]
 }
 
 /// Fills the blocks of every node.
@@ -64,10 +47,7 @@ pub fn blocks<R: Real>(
 ) {
     for i in 0..params.node_count as usize {
         let c = params.node_at(i);
-        let mut sum = Block {
-            d: M3::zero(),
-            g: M3::zero(),
-        };
+        let mut sum = Block { d: M3::zero(), g: M3::zero() };
         for a in 0..8 {
             let Some(cell) = params.cell_below(c, a) else {
                 continue;
@@ -85,30 +65,17 @@ pub fn blocks<R: Real>(
             }
         }
         let above = i + (params.nodes_x * params.nodes_y) as usize;
-        let axes_above = if above < params.node_count as usize {
-            V3::from4(free[above])
-        } else {
-            V3::zero()
-        };
+        let axes_above = if above < params.node_count as usize { V3::from4(free[above]) } else { V3::zero() };
         block[i * 4..i * 4 + 4].copy_from_slice(&finish(params, sum, free[i], axes_above));
     }
 }
 
 /// Scales by the step, adds inertia, cuts held axes out and keeps what the preconditioner wants.
-pub fn finish<R: Real>(
-    params: &Params<R>,
-    sum: Block<R>,
-    free: V4<R>,
-    axes_above: V3<R>,
-) -> [V4<R>; 4] {
+pub fn finish<R: Real>(params: &Params<R>, sum: Block<R>, free: V4<R>, axes_above: V3<R>) -> [V4<R>; 4] {
     let axes = V3::from4(free);
     let inertia = M3::diagonal(V3::splat(params.inertia * free[3]));
     let masked = |m: M3<R>, right: V3<R>| {
-        M3([
-            m.0[0].times(axes) * right.x,
-            m.0[1].times(axes) * right.y,
-            m.0[2].times(axes) * right.z,
-        ])
+        M3([m.0[0].times(axes) * right.x, m.0[1].times(axes) * right.y, m.0[2].times(axes) * right.z])
     };
     let held = M3::diagonal(V3::splat(R::one()) - axes);
     let mut d = masked(sum.d * params.stiffness_factor + inertia, axes) + held;

@@ -6,11 +6,8 @@ use super::{Params, Source};
 use crate::math::{Real, V3, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "centres",
-    wgsl: include_str!("centres.wgsl"),
-    params: Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source =
+    Source { name: "centres", wgsl: include_str!("centres.wgsl"), params: Params::<f32>::FIELDS };
 
 /// Means of `u` and `v` per cell.
 pub fn centres<R: Real>(

@@ -6,11 +6,8 @@ use super::Source;
 use crate::math::{Real, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "combine",
-    wgsl: include_str!("combine.wgsl"),
-    params: super::Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source =
+    Source { name: "combine", wgsl: include_str!("combine.wgsl"), params: super::Params::<f32>::FIELDS };
 
 /// Sums the columns into slot 1.
 pub fn combine<R: Real>(

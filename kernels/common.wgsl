@@ -3,8 +3,8 @@ struct Params {
     nodes_x: u32, nodes_y: u32, nodes_z: u32, node_count: u32,
     cells_x: u32, cells_y: u32, cells_z: u32, cell_count: u32,
     preconditioner: u32, corotational: u32, slot_count: u32, first_slot: u32,
-    inertia: f32, stiffness_factor: f32, step: f32, gravity_x: f32,
-    gravity_y: f32, gravity_z: f32, pad_0: f32, pad_1: f32,
+    product_groups: u32, inertia: f32, stiffness_factor: f32, step: f32,
+    gravity_x: f32, gravity_y: f32, gravity_z: f32, pad_0: f32,
 }
 
 const GROUP: u32 = 64u;

@@ -69,11 +69,7 @@ pub fn crossing<R: Real>(p: V3<R>, q: V3<R>, a: V3<R>, b: V3<R>, c: V3<R>) -> R 
     let side = |s: V3<R>, t: V3<R>| d.dot((s - p).cross(t - p));
     let (x, y, z) = (side(a, b), side(b, c), side(c, a));
     let one_side = (x >= zero && y >= zero && z >= zero) || (x <= zero && y <= zero && z <= zero);
-    if one_side {
-        over / (over - under)
-    } else {
-        miss
-    }
+    if one_side { over / (over - under) } else { miss }
 }
 
 #[cfg(test)]
@@ -83,29 +79,12 @@ mod tests {
     #[test]
     fn a_crossing_is_found_where_it_lies() {
         let v = V3::<f64>::new;
-        let t = crossing(
-            v(0.2, 0.2, -1.0),
-            v(0.2, 0.2, 3.0),
-            v(0.0, 0.0, 0.0),
-            v(1.0, 0.0, 0.0),
-            v(0.0, 1.0, 0.0),
-        );
+        let t = crossing(v(0.2, 0.2, -1.0), v(0.2, 0.2, 3.0), v(0.0, 0.0, 0.0), v(1.0, 0.0, 0.0), v(0.0, 1.0, 0.0));
         assert!((t - 0.25).abs() < 1e-15);
-        let outside = crossing(
-            v(0.8, 0.8, -1.0),
-            v(0.8, 0.8, 3.0),
-            v(0.0, 0.0, 0.0),
-            v(1.0, 0.0, 0.0),
-            v(0.0, 1.0, 0.0),
-        );
+        let outside =
+            crossing(v(0.8, 0.8, -1.0), v(0.8, 0.8, 3.0), v(0.0, 0.0, 0.0), v(1.0, 0.0, 0.0), v(0.0, 1.0, 0.0));
         assert_eq!(outside, -1.0);
-        let short = crossing(
-            v(0.2, 0.2, 1.0),
-            v(0.2, 0.2, 3.0),
-            v(0.0, 0.0, 0.0),
-            v(1.0, 0.0, 0.0),
-            v(0.0, 1.0, 0.0),
-        );
+        let short = crossing(v(0.2, 0.2, 1.0), v(0.2, 0.2, 3.0), v(0.0, 0.0, 0.0), v(1.0, 0.0, 0.0), v(0.0, 1.0, 0.0));
         assert_eq!(short, -1.0);
     }
 
@@ -114,12 +93,7 @@ mod tests {
         // the edge a–b rests on y = 0; the segment along x moved from y = −1 to y = 1 in the step
         let rest = [[-1.0, -1.0, 0.5, 0.0], [1.0, -1.0, 0.5, 0.0]];
         let (u, v) = ([[0.0, 2.0, 0.0, 0.0]; 2], [[0.0, 2.0, 0.0, 0.0]; 2]);
-        let edge = [
-            [0.0, 0.0, 0.0, 0.0],
-            [0.0, 0.0, 1.0, 0.0],
-            [0.0, 0.0, 1.0, 0.0],
-            [0.0, 0.0, 0.0, 0.0],
-        ];
+        let edge = [[0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 0.0]];
         assert_eq!(cut::<f64>(1.0, &[[0, 1]], &rest, &u, &v, &edge).len(), 1);
         let still = [[0.0; 4]; 2];
         assert!(cut::<f64>(1.0, &[[0, 1]], &rest, &u, &still, &edge).is_empty());

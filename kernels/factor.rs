@@ -9,11 +9,7 @@ use super::{Params, Source};
 use crate::math::{M3, Real, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "factor",
-    wgsl: include_str!("factor.wgsl"),
-    params: Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source = Source { name: "factor", wgsl: include_str!("factor.wgsl"), params: Params::<f32>::FIELDS };
 
 /// Factors every column.
 pub fn factor<R: Real>(

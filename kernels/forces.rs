@@ -9,11 +9,7 @@ use super::{Params, Source, corner};
 use crate::math::{M3, Real, V3, V4, rotation_matrix, rotation_minus_identity};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "forces",
-    wgsl: include_str!("forces.wgsl"),
-    params: Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source = Source { name: "forces", wgsl: include_str!("forces.wgsl"), params: Params::<f32>::FIELDS };
 
 /// Rest position of corner `b` from the centre of a cell with edges `h`.
 pub fn rest_corner<R: Real>(h: V3<R>, b: usize) -> V3<R> {

@@ -4,11 +4,8 @@ use super::Source;
 use crate::math::{Real, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "gather",
-    wgsl: include_str!("gather.wgsl"),
-    params: &["count", "pad_0", "pad_1", "pad_2"],
-};
+pub const SOURCE: Source =
+    Source { name: "gather", wgsl: include_str!("gather.wgsl"), params: &["count", "pad_0", "pad_1", "pad_2"] };
 
 /// Copies by index.
 pub fn gather<R: Real>(

@@ -6,11 +6,8 @@ use super::{Params, Source};
 use crate::math::{Real, V3, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "integrate",
-    wgsl: include_str!("integrate.wgsl"),
-    params: Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source =
+    Source { name: "integrate", wgsl: include_str!("integrate.wgsl"), params: Params::<f32>::FIELDS };
 
 /// Moves every node.
 pub fn integrate<R: Real>(

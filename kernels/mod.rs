@@ -108,6 +108,8 @@ params! {
         slot_count: u32,
         /// First slot of the running solve.
         first_slot: u32,
+        /// Partial sums that the product leaves per slot.
+        product_groups: u32,
     }
     {
         /// `(1 + h r_M)/h²`, 1/s².
@@ -124,8 +126,6 @@ params! {
         gravity_z: real,
         /// Fills the block to 16 bytes.
         pad_0: real,
-        /// Fills the block to 16 bytes.
-        pad_1: real,
     }
 }
 
@@ -167,14 +167,8 @@ impl<R: Real> Params<R> {
     /// The cell of which the node at `c` is corner `a`, if the grid has it.
     pub fn cell_below(&self, c: [usize; 3], a: usize) -> Option<usize> {
         let o = corner(a);
-        let at = [
-            c[0].checked_sub(o[0])?,
-            c[1].checked_sub(o[1])?,
-            c[2].checked_sub(o[2])?,
-        ];
-        let inside = at[0] < self.cells_x as usize
-            && at[1] < self.cells_y as usize
-            && at[2] < self.cells_z as usize;
+        let at = [c[0].checked_sub(o[0])?, c[1].checked_sub(o[1])?, c[2].checked_sub(o[2])?];
+        let inside = at[0] < self.cells_x as usize && at[1] < self.cells_y as usize && at[2] < self.cells_z as usize;
         inside.then(|| self.cell_id(at))
     }
 }

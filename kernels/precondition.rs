@@ -8,11 +8,8 @@ use super::{Params, Source};
 use crate::math::{Real, V3, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "precondition",
-    wgsl: include_str!("precondition.wgsl"),
-    params: Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source =
+    Source { name: "precondition", wgsl: include_str!("precondition.wgsl"), params: Params::<f32>::FIELDS };
 
 /// One slot; returns `r·z` and `r·r`.
 pub fn precondition<R: Real>(

@@ -1,15 +1,55 @@
-// w = A z, gathered per node, one slot per dispatch row. Twin: product.rs (formula and units there).
+// w = A z, one slot per dispatch row. Twin: product.rs (formula, mirror blocks and units there).
 @group(0) @binding(0) var<uniform> params: Params;
-@group(0) @binding(1) var<uniform> stiffness: array<mat3x3<f32>, 1344>;      // [layer × 64] blocks a×8+b, N/m
+@group(0) @binding(1) var<uniform> modes: array<mat3x3<f32>, 168>;           // [layer × 8] blocks of B, N/m
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;               // [cells_z] layer
 @group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;         // [cell] quaternion
 @group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;             // [node] 1 free, 0 held, per axis; mass kg
 @group(0) @binding(5) var<storage, read> z: array<vec4<f32>>;                // [slot][node] m
 @group(0) @binding(6) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
-@group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;  // [slot][group] z·w
+@group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;  // [slot][tile] z·w
 @group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
 
+const TILE: u32 = 7u;  // nodes along a side; one thread more computes cells
+var<workgroup> corner_force: array<vec3<f32>, 512>; // [corner][thread], corners by bits x + 2y + 4z
 var<workgroup> shared_sum: array<f32, 64>;
+
+fn patterns(v: array<vec3<f32>, 8>) -> array<vec3<f32>, 8> {
+    let a0 = v[0] + v[1]; let a1 = v[0] - v[1];
+    let a2 = v[2] + v[3]; let a3 = v[2] - v[3];
+    let a4 = v[4] + v[5]; let a5 = v[4] - v[5];
+    let a6 = v[6] + v[7]; let a7 = v[6] - v[7];
+    let b0 = a0 + a2; let b2 = a0 - a2;
+    let b1 = a1 + a3; let b3 = a1 - a3;
+    let b4 = a4 + a6; let b6 = a4 - a6;
+    let b5 = a5 + a7; let b7 = a5 - a7;
+    return array<vec3<f32>, 8>(b0 + b4, b1 + b5, b2 + b6, b3 + b7, b0 - b4, b1 - b5, b2 - b6, b3 - b7);
+}
+
+fn cell_forces(q: vec4<f32>, first: u32, at: array<vec3<f32>, 8>) -> array<vec3<f32>, 8> {
+    let r = rotation_matrix(q);
+    let a = patterns(at);
+    let l1 = a[1] * r; let l2 = a[2] * r; let l3 = a[3] * r; let l4 = a[4] * r;
+    let l5 = a[5] * r; let l6 = a[6] * r; let l7 = a[7] * r;
+    // parity P holds x of pattern P^1, y of P^2, z of P^4
+    let g0 = modes[first] * vec3<f32>(l1.x, l2.y, l4.z);
+    let g1 = modes[first + 1u] * vec3<f32>(0.0, l3.y, l5.z);
+    let g2 = modes[first + 2u] * vec3<f32>(l3.x, 0.0, l6.z);
+    let g3 = modes[first + 3u] * vec3<f32>(l2.x, l1.y, l7.z);
+    let g4 = modes[first + 4u] * vec3<f32>(l5.x, l6.y, 0.0);
+    let g5 = modes[first + 5u] * vec3<f32>(l4.x, l7.y, l1.z);
+    let g6 = modes[first + 6u] * vec3<f32>(l7.x, l4.y, l2.z);
+    let g7 = modes[first + 7u] * vec3<f32>(l6.x, l5.y, l3.z);
+    return patterns(array<vec3<f32>, 8>(
+        vec3<f32>(0.0),
+        r * vec3<f32>(g0.x, g3.y, g5.z),
+        r * vec3<f32>(g3.x, g0.y, g6.z),
+        r * vec3<f32>(g2.x, g1.y, g7.z),
+        r * vec3<f32>(g5.x, g6.y, g0.z),
+        r * vec3<f32>(g4.x, g7.y, g1.z),
+        r * vec3<f32>(g7.x, g4.y, g2.z),
+        r * vec3<f32>(g6.x, g5.y, g3.z),
+    ));
+}
 
 @compute @workgroup_size(64)
 fn product(
@@ -17,46 +57,59 @@ fn product(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let block = group_of(group, groups);
-    let i = block * GROUP + lane;
+    let tile = group_of(group, groups);
+    let tiles_x = (params.nodes_x + TILE - 1u) / TILE;
+    let tiles = tiles_x * ((params.nodes_y + TILE - 1u) / TILE);
     let slot = params.first_slot + group.y;
     let offset = slot * params.node_count;
-    let running = scalars[slot * 2u].w == 0.0;
+    let running = scalars[slot * 2u].w == 0.0 && tile < tiles;
+    let x = (tile % tiles_x) * TILE + lane % 8u; // this thread's node; its cell lies at x − 1, y − 1
+    let y = (tile / tiles_x) * TILE + lane / 8u;
+    let has_cell = running && x >= 1u && y >= 1u && x <= params.cells_x && y <= params.cells_y;
+    let has_node = running && lane % 8u < TILE && lane / 8u < TILE && x < params.nodes_x && y < params.nodes_y;
+    let level = params.nodes_x * params.nodes_y;
+    let corner_0 = offset + (x - 1u) + params.nodes_x * (y - 1u);
+    var at: array<vec3<f32>, 8>;
+    if has_cell {
+        at[4] = z[corner_0].xyz;
+        at[5] = z[corner_0 + 1u].xyz;
+        at[6] = z[corner_0 + params.nodes_x].xyz;
+        at[7] = z[corner_0 + params.nodes_x + 1u].xyz;
+    }
+    var below = vec3<f32>(0.0); // from the cells under the node's level
     var product_dot = 0.0;
-    if running && i < params.node_count {
-        let c = vec3<u32>(
-            i % params.nodes_x,
-            (i / params.nodes_x) % params.nodes_y,
-            i / (params.nodes_x * params.nodes_y),
-        );
-        let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
-        var sum = vec3<f32>(0.0);
-        for (var a = 0u; a < 8u; a += 1u) {
-            let at = c - corner(a); // wraps below 0, which the test catches
-            if any(at >= cells) { continue; }
-            let q = rotation[at.x + params.cells_x * (at.y + params.cells_y * at.z)];
-            if all(q == vec4<f32>(0.0)) { continue; }
-            let first = layer_of[at.z] * 64u + a * 8u;
-            let r = rotation_matrix(q);
-            var local = vec3<f32>(0.0);
-            for (var b = 0u; b < 8u; b += 1u) {
-                let o = corner(b);
-                let node = (at.x + o.x) + params.nodes_x * ((at.y + o.y) + params.nodes_y * (at.z + o.z));
-                local += stiffness[first + b] * (z[offset + node].xyz * r);
-            }
-            sum += r * local;
+    for (var k = 0u; k < params.nodes_z; k += 1u) {
+        var force: array<vec3<f32>, 8>;
+        if has_cell && k < params.cells_z {
+            at[0] = at[4]; at[1] = at[5]; at[2] = at[6]; at[3] = at[7];
+            let upper = corner_0 + (k + 1u) * level;
+            at[4] = z[upper].xyz;
+            at[5] = z[upper + 1u].xyz;
+            at[6] = z[upper + params.nodes_x].xyz;
+            at[7] = z[upper + params.nodes_x + 1u].xyz;
+            let q = rotation[(x - 1u) + params.cells_x * ((y - 1u) + params.cells_y * k)];
+            if any(q != vec4<f32>(0.0)) { force = cell_forces(q, layer_of[k] * 8u, at); }
         }
-        let own = z[offset + i].xyz;
-        let out = (sum * params.stiffness_factor + own * (params.inertia * free[i].w)) * free[i].xyz;
-        w[offset + i] = vec4<f32>(out, 0.0);
-        product_dot = dot(own, out);
+        for (var n = 0u; n < 8u; n += 1u) { corner_force[n * 64u + lane] = force[n]; }
+        workgroupBarrier();
+        if has_node {
+            // the node is corner 3 of the cell at its own thread, 2 of the one at +x, 1 at +y, 0 at +x +y
+            let above = corner_force[192u + lane] + corner_force[129u + lane]
+                + corner_force[72u + lane] + corner_force[9u + lane];
+            let i = x + params.nodes_x * y + k * level;
+            let own = z[offset + i].xyz;
+            let out = ((below + above) * params.stiffness_factor + own * (params.inertia * free[i].w)) * free[i].xyz;
+            w[offset + i] = vec4<f32>(out, 0.0);
+            product_dot += dot(own, out);
+            below = corner_force[448u + lane] + corner_force[385u + lane]
+                + corner_force[328u + lane] + corner_force[265u + lane];
+        }
+        workgroupBarrier();
     }
     shared_sum[lane] = product_dot;
     for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
         workgroupBarrier();
         if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
     }
-    if lane == 0u && i < params.node_count {
-        partial_product[slot * ((params.node_count + GROUP - 1u) / GROUP) + block] = shared_sum[0];
-    }
+    if lane == 0u && tile < tiles { partial_product[slot * tiles + tile] = shared_sum[0]; }
 }

@@ -10,11 +10,7 @@ use super::{Params, Source};
 use crate::math::{Real, V3, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "rhs",
-    wgsl: include_str!("rhs.wgsl"),
-    params: Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source = Source { name: "rhs", wgsl: include_str!("rhs.wgsl"), params: Params::<f32>::FIELDS };
 
 /// Fills `b` (slot 0) and returns load² in N².
 pub fn rhs<R: Real>(

@@ -12,11 +12,8 @@ use super::{Params, Source, corner};
 use crate::math::{M3, Real, V3, V4, quaternion_product, rotation_matrix};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "rotations",
-    wgsl: include_str!("rotations.wgsl"),
-    params: Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source =
+    Source { name: "rotations", wgsl: include_str!("rotations.wgsl"), params: Params::<f32>::FIELDS };
 
 /// Newton steps at most. Warm starts take 1 to 3; a random start on a random, often inverted gradient up to 60.
 const MAX_NEWTON: usize = 64;
@@ -70,23 +67,14 @@ pub fn polar<R: Real>(f: M3<R>, start: V4<R>) -> V4<R> {
         let t = s.trace();
         let half = R::of(-0.5);
         let (xy, xz, yz) = (half * (a.y + b.x), half * (a.z + c.x), half * (b.z + c.y));
-        let hessian = M3([
-            V3::new(t - a.x, xy, xz),
-            V3::new(xy, t - b.y, yz),
-            V3::new(xz, yz, t - c.z),
-        ]);
+        let hessian = M3([V3::new(t - a.x, xy, xz), V3::new(xy, t - b.y, yz), V3::new(xz, yz, t - c.z)]);
         let size = (a.dot(a) + b.dot(b) + c.dot(c)).sqrt();
         let tiny = R::of(1e-6) * size;
         let (hx, hy, hz) = (hessian.0[0].x, hessian.0[1].y, hessian.0[2].z);
         let minor = hx * hy - xy * xy;
-        let definite =
-            hx > tiny && minor > tiny * tiny && hessian.determinant() > tiny * tiny * tiny;
+        let definite = hx > tiny && minor > tiny * tiny && hessian.determinant() > tiny * tiny * tiny;
         // 1.1 |S| I − sym S is definite whatever S is, and turns uphill
-        let shift = if definite {
-            R::zero()
-        } else {
-            R::of(1.1) * size + R::of(1e-6) - t
-        };
+        let shift = if definite { R::zero() } else { R::of(1.1) * size + R::of(1e-6) - t };
         let shifted = hessian + M3::diagonal(V3::splat(shift));
         let mut omega = shifted.inverse() * axial;
         if !definite && axial.dot(axial) < tiny * tiny {
@@ -128,9 +116,7 @@ mod tests {
     fn any_start_finds_the_same_maximum() {
         let mut seed = 7u64;
         let mut random = || {
-            seed = seed
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (seed >> 33) as f64 / (1u64 << 30) as f64 - 1.0
         };
         for case in 0..500 {
@@ -143,9 +129,7 @@ mod tests {
                 assert!(residual(f, r) < 1e-6, "case {case}: {}", residual(f, r));
                 traces.push((rotation_matrix(r).transpose() * f).trace());
             }
-            let spread = traces
-                .iter()
-                .fold(0.0f64, |m, t| m.max((t - traces[0]).abs()));
+            let spread = traces.iter().fold(0.0f64, |m, t| m.max((t - traces[0]).abs()));
             assert!(spread < 1e-9, "case {case}: {traces:?}");
         }
     }
@@ -159,10 +143,7 @@ mod tests {
         let q = polar(inverted, [0.0, 0.0, 0.0, 1.0]);
         assert!((q[3].abs() - 1.0).abs() < 1e-12, "{q:?}");
         for f in [M3::zero(), M3::diagonal(V3::new(1.0, 0.0, 0.0))] {
-            let q = polar::<f32>(
-                M3(f.0.map(|c: V3<f64>| V3::of(c.f64()))),
-                [0.0, 0.0, 0.0, 1.0],
-            );
+            let q = polar::<f32>(M3(f.0.map(|c: V3<f64>| V3::of(c.f64()))), [0.0, 0.0, 0.0, 1.0]);
             assert!(q.iter().all(|c| c.is_finite()));
         }
     }

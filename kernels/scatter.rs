@@ -4,11 +4,8 @@ use super::Source;
 use crate::math::{Real, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "scatter",
-    wgsl: include_str!("scatter.wgsl"),
-    params: &["count", "pad_0", "pad_1", "pad_2"],
-};
+pub const SOURCE: Source =
+    Source { name: "scatter", wgsl: include_str!("scatter.wgsl"), params: &["count", "pad_0", "pad_1", "pad_2"] };
 
 /// Writes by index.
 pub fn scatter<R: Real>(

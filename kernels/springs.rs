@@ -12,14 +12,10 @@ use super::{Params, Source};
 use crate::math::{M3, Real, V3, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "springs",
-    wgsl: include_str!("springs.wgsl"),
-    params: Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source =
+    Source { name: "springs", wgsl: include_str!("springs.wgsl"), params: Params::<f32>::FIELDS };
 
 /// Spring forces and tangents.
-#[allow(clippy::too_many_arguments)]
 pub fn springs<R: Real>(
     params: &Params<R>,
     rest: &[V4<R>],        // [node] m
@@ -56,9 +52,5 @@ pub fn springs<R: Real>(
 /// The tangent of one spring end.
 pub fn tangent_of<R: Real>(tangent: &[V4<R>], n: usize) -> M3<R> {
     let (a, b) = (tangent[n * 2], tangent[n * 2 + 1]);
-    M3([
-        V3::new(a[0], a[1], a[2]),
-        V3::new(a[1], a[3], b[0]),
-        V3::new(a[2], b[0], b[1]),
-    ])
+    M3([V3::new(a[0], a[1], a[2]), V3::new(a[1], a[3], b[0]), V3::new(a[2], b[0], b[1])])
 }

@@ -8,11 +8,8 @@ use super::{Params, Source};
 use crate::math::{M3, Real, V3, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "springs_blocks",
-    wgsl: include_str!("springs_blocks.wgsl"),
-    params: Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source =
+    Source { name: "springs_blocks", wgsl: include_str!("springs_blocks.wgsl"), params: Params::<f32>::FIELDS };
 
 /// Fills the blocks of every node.
 pub fn springs_blocks<R: Real>(
@@ -24,16 +21,10 @@ pub fn springs_blocks<R: Real>(
     block: &mut [V4<R>], // [node × 4] packed
 ) {
     // tangents hold the step's stiffness factor already
-    let scaled = Params {
-        stiffness_factor: R::one(),
-        ..*params
-    };
+    let scaled = Params { stiffness_factor: R::one(), ..*params };
     for i in 0..params.node_count as usize {
         let above = i + (params.nodes_x * params.nodes_y) as usize;
-        let mut sum = Block {
-            d: M3::zero(),
-            g: M3::zero(),
-        };
+        let mut sum = Block { d: M3::zero(), g: M3::zero() };
         for n in first[i] as usize..first[i + 1] as usize {
             let t = tangent_of(tangent, n);
             sum.d = sum.d + t;
@@ -41,11 +32,7 @@ pub fn springs_blocks<R: Real>(
                 sum.g = sum.g - t;
             }
         }
-        let axes_above = if above < params.node_count as usize {
-            V3::from4(free[above])
-        } else {
-            V3::zero()
-        };
+        let axes_above = if above < params.node_count as usize { V3::from4(free[above]) } else { V3::zero() };
         block[i * 4..i * 4 + 4].copy_from_slice(&finish(&scaled, sum, free[i], axes_above));
     }
 }

@@ -7,14 +7,10 @@ use super::{Params, Source};
 use crate::math::{Real, V3, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "springs_product",
-    wgsl: include_str!("springs_product.wgsl"),
-    params: Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source =
+    Source { name: "springs_product", wgsl: include_str!("springs_product.wgsl"), params: Params::<f32>::FIELDS };
 
 /// One slot; returns `z·w`.
-#[allow(clippy::too_many_arguments)]
 pub fn springs_product<R: Real>(
     params: &Params<R>,
     first: &[u32],     // [node + 1] into half

@@ -42,6 +42,6 @@ fn springs_product(
         if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
     }
     if lane == 0u && i < params.node_count {
-        partial_product[slot * ((params.node_count + GROUP - 1u) / GROUP) + block] = shared_sum[0];
+        partial_product[slot * params.product_groups + block] = shared_sum[0];
     }
 }

@@ -8,14 +8,10 @@ use super::Source;
 use crate::math::{Real, V4};
 
 /// The shader.
-pub const SOURCE: Source = Source {
-    name: "update",
-    wgsl: include_str!("update.wgsl"),
-    params: super::Params::<f32>::FIELDS,
-};
+pub const SOURCE: Source =
+    Source { name: "update", wgsl: include_str!("update.wgsl"), params: super::Params::<f32>::FIELDS };
 
 /// One slot.
-#[allow(clippy::too_many_arguments)]
 pub fn update<R: Real>(
     scalars: &super::advance::Scalars<R>,
     z: &[V4<R>],     // [node] m
@@ -30,7 +26,7 @@ pub fn update<R: Real>(
         for i in 0..z.len() {
             x[i] = z[i];
             for n in 0..3 {
-                r[i][n] = r[i][n] - w[i][n];
+                r[i][n] -= w[i][n];
             }
         }
         return;

@@ -99,22 +99,13 @@ impl Patch {
         ids.dedup();
         let origin = position(*ids.first()?);
         let local = |id: u32| ids.binary_search(&id).unwrap_or(0) as u32;
-        let vertices = ids
-            .iter()
-            .map(|id| to_f32(position(*id) - origin))
-            .collect();
+        let vertices = ids.iter().map(|id| to_f32(position(*id) - origin)).collect();
         let triangles: Vec<[u32; 3]> = faces.iter().flat_map(|q| q.triangles()).collect();
         let indices = triangles.iter().map(|t| t.map(local)).collect();
         let mesh = TriMesh::with_flags(vertices, indices, TriMeshFlags::ORIENTED).ok()?;
         let cells = faces.iter().flat_map(|q| [q.cell; 2]).collect();
         let corners = triangles.iter().map(|t| t.map(&position)).collect();
-        Some(Self {
-            mesh,
-            triangles,
-            cells,
-            corners,
-            origin,
-        })
+        Some(Self { mesh, triangles, cells, corners, origin })
     }
 
     fn place(&self, triangle: usize, weights: [f64; 3]) -> DVec3 {
@@ -130,39 +121,25 @@ impl Patch {
     /// Nearest place: triangle, weights, signed distance (negative inside), outward unit normal.
     pub fn project(&self, point: DVec3) -> (usize, [f64; 3], f64, DVec3) {
         let local = to_f32(point - self.origin);
-        let (projection, (triangle, location)) =
-            self.mesh.project_local_point_and_get_location(local, false);
+        let (projection, (triangle, location)) = self.mesh.project_local_point_and_get_location(local, false);
         let triangle = triangle as usize;
         let weights = match location {
             TrianglePointLocation::OnSolid => [1.0 / 3.0; 3],
-            other => other
-                .barycentric_coordinates()
-                .map_or([1.0 / 3.0; 3], |w| w.map(f64::from)),
+            other => other.barycentric_coordinates().map_or([1.0 / 3.0; 3], |w| w.map(f64::from)),
         };
         let away = point - self.place(triangle, weights);
         let distance = away.length();
         // below f32's resolution of the patch the direction is noise
         let noise = 1e-6 * f64::from(self.mesh.local_aabb().half_extents().max_element());
         let sign = if projection.is_inside { -1.0 } else { 1.0 };
-        let normal = if distance > noise {
-            away * (sign / distance)
-        } else {
-            self.face_normal(triangle)
-        };
+        let normal = if distance > noise { away * (sign / distance) } else { self.face_normal(triangle) };
         (triangle, weights, sign * distance, normal)
     }
 
     /// The first thing along a ray, if it is a wall that faces the ray: triangle, weights, distance.
-    pub fn cast(
-        &self,
-        from: DVec3,
-        direction: DVec3,
-        reach: f64,
-    ) -> Option<(usize, [f64; 3], f64)> {
+    pub fn cast(&self, from: DVec3, direction: DVec3, reach: f64) -> Option<(usize, [f64; 3], f64)> {
         let ray = Ray::new(to_f32(from - self.origin), to_f32(direction));
-        let hit = self
-            .mesh
-            .cast_local_ray_and_get_normal(&ray, reach as f32, false)?;
+        let hit = self.mesh.cast_local_ray_and_get_normal(&ray, reach as f32, false)?;
         let count = self.triangles.len();
         let FeatureId::Face(face) = hit.feature else {
             return None;
@@ -201,15 +178,10 @@ pub fn contacts(
             (Role::Edge { length, .. }, Some(edge)) => {
                 edge_contact(tool, edge, patch, point, length, reach, search, &resistance)
             }
-            (Role::Flat { side }, Some(edge)) => {
-                flat_contact(tool, edge, patch, point, side, reach, search)
-            }
+            (Role::Flat { side }, Some(edge)) => flat_contact(tool, edge, patch, point, side, reach, search),
             _ => point_contact(patch, point, reach, search),
         };
-        out.extend(contact.map(|c| Contact {
-            id: (number, index),
-            ..c
-        }));
+        out.extend(contact.map(|c| Contact { id: (number, index), ..c }));
     }
     out
 }
@@ -228,10 +200,7 @@ fn point_contact(patch: &Patch, point: DVec3, reach: f64, search: &Search) -> Op
         point,
         axes: frame(normal),
         gap: distance - search.distance,
-        law: Law::Coulomb {
-            friction: search.friction,
-            bound: f64::INFINITY,
-        },
+        law: Law::Coulomb { friction: search.friction, bound: f64::INFINITY },
     })
 }
 
@@ -240,7 +209,6 @@ const FACING: f64 = 0.5;
 /// Walls whose normal lies closer than this to the blade's normal are the flats' business.
 const SIDEWAYS: f64 = 0.7;
 
-#[allow(clippy::too_many_arguments)]
 fn edge_contact(
     tool: &Instrument,
     edge: &Edge,
@@ -274,16 +242,8 @@ fn edge_contact(
     if normal.dot(side).abs() > SIDEWAYS || normal.dot(forward) > 0.0 {
         return None; // beside or behind the edge
     }
-    let law = Law::Coulomb {
-        friction: search.friction,
-        bound,
-    };
-    Some(Contact {
-        axes: frame(normal),
-        gap: distance,
-        law,
-        ..base
-    })
+    let law = Law::Coulomb { friction: search.friction, bound };
+    Some(Contact { axes: frame(normal), gap: distance, law, ..base })
 }
 
 fn flat_contact(
@@ -296,11 +256,7 @@ fn flat_contact(
     search: &Search,
 ) -> Option<Contact> {
     let direction = tool.rotation * edge.normal * side;
-    let (triangle, weights, distance) = patch.cast(
-        point,
-        direction,
-        edge.half_thickness + reach + search.distance,
-    )?;
+    let (triangle, weights, distance) = patch.cast(point, direction, edge.half_thickness + reach + search.distance)?;
     Some(Contact {
         id: (0, 0),
         nodes: patch.triangles[triangle],
@@ -308,9 +264,6 @@ fn flat_contact(
         point: point + direction * edge.half_thickness,
         axes: frame(-direction),
         gap: distance - edge.half_thickness - search.distance,
-        law: Law::Coulomb {
-            friction: search.friction,
-            bound: f64::INFINITY,
-        },
+        law: Law::Coulomb { friction: search.friction, bound: f64::INFINITY },
     })
 }

@@ -30,9 +30,7 @@ impl Law {
         const NEAR: f64 = 1.0 - 1e-6;
         match self {
             Self::Coulomb { bound, .. } => force[0] >= bound * NEAR,
-            Self::Cut { radius } => {
-                force[0].hypot(force[1]) >= radius * NEAR || force[2].abs() >= radius * NEAR
-            }
+            Self::Cut { radius } => force[0].hypot(force[1]) >= radius * NEAR || force[2].abs() >= radius * NEAR,
         }
     }
 }
@@ -51,18 +49,8 @@ pub struct Ended {
 /// Sweeps until forces change by less than `tolerance` of their sum per sweep, or `max_sweeps`.
 ///
 /// `w` is the compliance by rows, [3·contacts]², m/N; `free` the violation without contact force, m; `force` start and result, N.
-pub fn solve(
-    laws: &[Law],
-    w: &[f64],
-    free: &[f64],
-    force: &mut [f64],
-    tolerance: f64,
-    max_sweeps: u32,
-) -> Ended {
-    let mut ended = Ended {
-        converged: laws.is_empty(),
-        ..Ended::default()
-    };
+pub fn solve(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], tolerance: f64, max_sweeps: u32) -> Ended {
+    let mut ended = Ended { converged: laws.is_empty(), ..Ended::default() };
     while !ended.converged && ended.sweeps < max_sweeps {
         ended.change = sweep(laws, w, free, force);
         ended.sweeps += 1;
@@ -95,13 +83,9 @@ pub fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64]) -> f64 {
             Law::Cut { radius } => {
                 let compliance = 0.5 * (own(first) + own(first + 1));
                 let slip = [violation(first, force), violation(first + 1, force)];
-                let (e, s) = (
-                    (old[0] - slip[0] / compliance).max(0.0),
-                    old[1] - slip[1] / compliance,
-                );
+                let (e, s) = ((old[0] - slip[0] / compliance).max(0.0), old[1] - slip[1] / compliance);
                 (force[first], force[first + 1]) = onto_disc(e, s, radius);
-                force[first + 2] =
-                    (old[2] - violation(first + 2, force) / own(first + 2)).clamp(-radius, radius);
+                force[first + 2] = (old[2] - violation(first + 2, force) / own(first + 2)).clamp(-radius, radius);
             }
         }
         for k in 0..3 {
@@ -113,11 +97,7 @@ pub fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64]) -> f64 {
 
 fn onto_disc(a: f64, b: f64, radius: f64) -> (f64, f64) {
     let length = a.hypot(b);
-    if length <= radius {
-        (a, b)
-    } else {
-        (a * radius / length, b * radius / length)
-    }
+    if length <= radius { (a, b) } else { (a * radius / length, b * radius / length) }
 }
 
 #[cfg(test)]
@@ -135,20 +115,14 @@ mod tests {
 
     #[test]
     fn a_closing_gap_is_stopped_and_an_open_one_left_alone() {
-        let law = Law::Coulomb {
-            friction: 0.0,
-            bound: f64::INFINITY,
-        };
+        let law = Law::Coulomb { friction: 0.0, bound: f64::INFINITY };
         assert!((run(law, [-1e-3, 0.0, 0.0])[0] - 1.0).abs() < 1e-9);
         assert_eq!(run(law, [1e-3, 1e-3, 0.0]), [0.0; 3]);
     }
 
     #[test]
     fn friction_sticks_below_its_limit_and_slides_on_the_disc_above_it() {
-        let law = Law::Coulomb {
-            friction: 0.5,
-            bound: f64::INFINITY,
-        };
+        let law = Law::Coulomb { friction: 0.5, bound: f64::INFINITY };
         let sticks = run(law, [-1e-3, 1e-4, 1e-4]);
         assert!((2e-3 * sticks[1] + 1e-4 * sticks[0] + 1e-4).abs() < 1e-9);
         let slides = run(law, [-1e-3, 1e-2, 1e-2]);
@@ -158,10 +132,7 @@ mod tests {
 
     #[test]
     fn a_bounded_row_gives_way() {
-        let law = Law::Coulomb {
-            friction: 0.0,
-            bound: 0.3,
-        };
+        let law = Law::Coulomb { friction: 0.0, bound: 0.3 };
         let force = run(law, [-1e-3, 0.0, 0.0]);
         assert_eq!(force[0], 0.3);
         assert!(law.at_bound(force));
@@ -174,11 +145,7 @@ mod tests {
         assert!((deep[0].hypot(deep[1]) - 0.4).abs() < 1e-9 && deep[0] > 0.0);
         let back = run(law, [1e-2, 0.0, 5e-4]);
         assert_eq!(back[0], 0.0);
-        assert!(
-            (back[2] + 0.25).abs() < 1e-9,
-            "the row across is two-sided: {}",
-            back[2]
-        );
+        assert!((back[2] + 0.25).abs() < 1e-9, "the row across is two-sided: {}", back[2]);
         assert_eq!(run(law, [1e-2, 0.0, 5e-2])[2], -0.4);
     }
 }

@@ -71,9 +71,7 @@ impl Wound {
             open: vec![],
             free: model.free.clone(),
             live_cells,
-            live_springs: springs.map_or(vec![], |s| {
-                s.first.windows(2).map(|w| w[1] - w[0]).collect()
-            }),
+            live_springs: springs.map_or(vec![], |s| s.first.windows(2).map(|w| w[1] - w[0]).collect()),
             spring_gone: vec![false; springs.map_or(0, |s| s.ends.len())],
             low: [f64::INFINITY; 3],
             high: [f64::NEG_INFINITY; 3],
@@ -82,11 +80,7 @@ impl Wound {
 
     /// Takes hits (`2·segment + half`, sorted) over; returns what has to go.
     pub fn apply(&mut self, model: &Model, hits: &[u32]) -> Removal {
-        let removal = if model.springs.is_some() {
-            self.cut_springs(model, hits)
-        } else {
-            self.cut_links(model, hits)
-        };
+        let removal = if model.springs.is_some() { self.cut_springs(model, hits) } else { self.cut_links(model, hits) };
         if self.totals.hexes + self.open.len() > 0 {
             let extent = |axis: usize| self.high[axis] - self.low[axis];
             self.totals.length = extent(0).max(extent(1));
@@ -129,7 +123,7 @@ impl Wound {
             self.totals.links += 1;
             self.totals.area += h[0] * h[1] * h[2] / h[axis];
             let gone = if half == 0 { cell } else { other };
-            if removal.cells.iter().any(|c| *c == gone) {
+            if removal.cells.contains(&gone) {
                 continue;
             }
             removal.cells.push(gone);
@@ -138,8 +132,7 @@ impl Wound {
         for (cell, axis) in opened {
             self.open_cell(model, cell, axis);
             self.totals.hexes += 1;
-            let corner_mass =
-                model.shape[model.grid.layer_of[params.cell_at(cell as usize)[2]] as usize][3];
+            let corner_mass = model.shape[model.grid.layer_of[params.cell_at(cell as usize)[2]] as usize][3];
             for node in params.corners(cell as usize) {
                 self.live_cells[node] -= 1;
                 if self.live_cells[node] == 0 {
@@ -194,17 +187,11 @@ impl Wound {
     ) {
         let params = model.grid.params::<f64>();
         let at = params.node_at(a);
-        let stride = [
-            1,
-            params.nodes_x as usize,
-            (params.nodes_x * params.nodes_y) as usize,
-        ];
+        let stride = [1, params.nodes_x as usize, (params.nodes_x * params.nodes_y) as usize];
         let gone = |first: usize| {
             let second = (first + stride[axis]) as u32;
             let range = springs.first[first] as usize..springs.first[first + 1] as usize;
-            springs.half[range]
-                .iter()
-                .any(|h| h[0] == second && self.spring_gone[h[1] as usize])
+            springs.half[range].iter().any(|h| h[0] == second && self.spring_gone[h[1] as usize])
         };
         let level = at[2].min(model.grid.cells[2] - 1);
         let h = model.shape[model.grid.layer_of[level] as usize];
@@ -222,10 +209,7 @@ impl Wound {
                 continue;
             }
             let corners = params.corners(cell);
-            let lost = (0..8)
-                .filter(|k| crate::kernels::corner(*k)[axis] == 0)
-                .filter(|k| gone(corners[*k]))
-                .count();
+            let lost = (0..8).filter(|k| crate::kernels::corner(*k)[axis] == 0).filter(|k| gone(corners[*k])).count();
             if lost >= 2 {
                 opened.push(cell as u32);
             }

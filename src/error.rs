@@ -21,10 +21,7 @@ pub struct Place {
 impl Place {
     /// The given line of the given file.
     pub fn new(file: &Path, line: usize) -> Place {
-        Place {
-            file: file.to_path_buf(),
-            line,
-        }
+        Place { file: file.to_path_buf(), line }
     }
 }
 
@@ -38,9 +35,7 @@ impl fmt::Display for Place {
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
     /// The scene file itself cannot be read.
-    #[error(
-        "{path}: the scene cannot be read ({source}); give the path of a scene file in TOML, as UTF-8 text"
-    )]
+    #[error("{path}: the scene cannot be read ({source}); give the path of a scene file in TOML, as UTF-8 text")]
     SceneRead {
         /// The scene file.
         path: PathBuf,
@@ -110,9 +105,7 @@ pub enum Error {
     },
 
     /// A list of the wrong length.
-    #[error(
-        "{at}: {key} has {found} entries; wanted {wanted}; write {key} = [..] with {wanted} numbers"
-    )]
+    #[error("{at}: {key} has {found} entries; wanted {wanted}; write {key} = [..] with {wanted} numbers")]
     Length {
         /// Where.
         at: Place,
@@ -168,9 +161,7 @@ pub enum Error {
     },
 
     /// Two bounds in the wrong order.
-    #[error(
-        "{at}: {key}: the lower bound {lower:?} must be {relation} the upper bound {upper:?}; {fix}"
-    )]
+    #[error("{at}: {key}: the lower bound {lower:?} must be {relation} the upper bound {upper:?}; {fix}")]
     Order {
         /// Where.
         at: Place,
@@ -215,9 +206,7 @@ pub enum Error {
     },
 
     /// The same name twice.
-    #[error(
-        "{at}: the {what} name \"{name}\" is taken by line {first}; names are unique; rename one of the two"
-    )]
+    #[error("{at}: the {what} name \"{name}\" is taken by line {first}; names are unique; rename one of the two")]
     Duplicate {
         /// Where the second one is.
         at: Place,
@@ -230,9 +219,7 @@ pub enum Error {
     },
 
     /// Axes other than letters of "xyz".
-    #[error(
-        "{at}: axes = \"{found}\"; wanted one to three different letters of xyz; write for example axes = \"xyz\""
-    )]
+    #[error("{at}: axes = \"{found}\"; wanted one to three different letters of xyz; write for example axes = \"xyz\"")]
     Axes {
         /// Where.
         at: Place,
@@ -336,9 +323,7 @@ pub enum Error {
     },
 
     /// A camera that looks at itself.
-    #[error(
-        "{at}: eye_mm and target_mm are the same point; move eye_mm away from what is looked at"
-    )]
+    #[error("{at}: eye_mm and target_mm are the same point; move eye_mm away from what is looked at")]
     ViewPoint {
         /// The view table.
         at: Place,
@@ -369,9 +354,7 @@ pub enum Error {
     },
 
     /// A mesh without triangles.
-    #[error(
-        "{path}: the mesh has no triangles; wanted at least one face (a line `f 1 2 3`); export it with its faces"
-    )]
+    #[error("{path}: the mesh has no triangles; wanted at least one face (a line `f 1 2 3`); export it with its faces")]
     MeshEmpty {
         /// The mesh.
         path: PathBuf,
@@ -402,9 +385,7 @@ pub enum Error {
     },
 
     /// A trajectory with another header.
-    #[error(
-        "{at}: the header is `{found}`; wanted `{wanted}`; name, order and unit of the columns must be these"
-    )]
+    #[error("{at}: the header is `{found}`; wanted `{wanted}`; name, order and unit of the columns must be these")]
     TrajectoryHeader {
         /// Where.
         at: Place,
@@ -415,9 +396,7 @@ pub enum Error {
     },
 
     /// A row with more or fewer columns.
-    #[error(
-        "{at}: the row has {found} columns; wanted {wanted} (`{header}`); complete or remove the row"
-    )]
+    #[error("{at}: the row has {found} columns; wanted {wanted} (`{header}`); complete or remove the row")]
     TrajectoryColumns {
         /// Where.
         at: Place,
@@ -441,9 +420,7 @@ pub enum Error {
     },
 
     /// Time that stands still or runs back.
-    #[error(
-        "{at}: time_s = {found:?} after {before:?}; times must rise from row to row; sort or remove rows"
-    )]
+    #[error("{at}: time_s = {found:?} after {before:?}; times must rise from row to row; sort or remove rows")]
     TrajectoryTime {
         /// Where.
         at: Place,
@@ -504,9 +481,7 @@ pub enum Error {
     },
 
     /// A buffer that does not fit its binding.
-    #[error(
-        "kernel `{kernel}`: binding `{name}` {problem}; known bindings: {known}; bind each of them once, by name"
-    )]
+    #[error("kernel `{kernel}`: binding `{name}` {problem}; known bindings: {known}; bind each of them once, by name")]
     Binding {
         /// The kernel.
         kernel: &'static str,
@@ -528,9 +503,7 @@ pub enum Error {
     },
 
     /// A result that cannot be written.
-    #[error(
-        "{path}: cannot be written ({source}); choose a folder that exists, is writable and has space"
-    )]
+    #[error("{path}: cannot be written ({source}); choose a folder that exists, is writable and has space")]
     Write {
         /// The file.
         path: PathBuf,
@@ -539,9 +512,7 @@ pub enum Error {
     },
 
     /// A VTK file that cannot be written.
-    #[error(
-        "{path}: cannot be written as VTK ({message}); choose a folder that exists, is writable and has space"
-    )]
+    #[error("{path}: cannot be written as VTK ({message}); choose a folder that exists, is writable and has space")]
     Vtk {
         /// The file.
         path: PathBuf,

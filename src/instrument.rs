@@ -93,11 +93,7 @@ pub struct Free {
 pub fn rotation_vector(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
     let s = q.xyz().length();
-    if s < 1e-12 {
-        q.xyz() * 2.0
-    } else {
-        q.xyz() * (2.0 * s.atan2(q.w) / s)
-    }
+    if s < 1e-12 { q.xyz() * 2.0 } else { q.xyz() * (2.0 * s.atan2(q.w) / s) }
 }
 
 impl Instrument {
@@ -108,15 +104,9 @@ impl Instrument {
             position: [0.0; 3],
             rotation: [0.0, 0.0, 0.0, 1.0],
         });
-        let point = |p: &[f64; 3]| Sample {
-            position: DVec3::from_array(*p),
-            role: Role::Point,
-        };
+        let point = |p: &[f64; 3]| Sample { position: DVec3::from_array(*p), role: Role::Point };
         let mut samples: Vec<Sample> = tool.points.iter().map(point).collect();
-        let edge = tool
-            .blade
-            .as_ref()
-            .map(|blade| Edge::new(blade, &mut samples));
+        let edge = tool.blade.as_ref().map(|blade| Edge::new(blade, &mut samples));
         Self {
             position: DVec3::from_array(first.position),
             rotation: DQuat::from_array(first.rotation),
@@ -136,10 +126,7 @@ impl Instrument {
         let next = self.trajectory.partition_point(|p| p.time <= time);
         let pose = |p: &Pose| (DVec3::from_array(p.position), DQuat::from_array(p.rotation));
         let Some(b) = self.trajectory.get(next) else {
-            return self
-                .trajectory
-                .last()
-                .map_or((self.position, self.rotation), pose);
+            return self.trajectory.last().map_or((self.position, self.rotation), pose);
         };
         let Some(a) = next.checked_sub(1).map(|k| &self.trajectory[k]) else {
             return pose(b);
@@ -155,13 +142,12 @@ impl Instrument {
         let (to, target) = self.hand(time);
         let c = self.coupling;
         let stiffness = self.mass / (step * step) + c.damping / step + c.stiffness;
-        let push = self.velocity * (self.mass / step)
-            + (to - self.position) * c.stiffness
-            + (to - from) * (c.damping / step);
+        let push =
+            self.velocity * (self.mass / step) + (to - self.position) * c.stiffness + (to - from) * (c.damping / step);
         let axes = DMat3::from_quat(self.rotation);
         let inertia = axes * DMat3::from_diagonal(self.inertia) * axes.transpose();
-        let angular = inertia * (1.0 / (step * step))
-            + DMat3::IDENTITY * (c.angular_damping / step + c.angular_stiffness);
+        let angular =
+            inertia * (1.0 / (step * step)) + DMat3::IDENTITY * (c.angular_damping / step + c.angular_stiffness);
         let twist = inertia * self.spin * (1.0 / step)
             + rotation_vector(target * self.rotation.conjugate()) * c.angular_stiffness
             + rotation_vector(target * turned.conjugate()) * (c.angular_damping / step);
@@ -194,9 +180,7 @@ impl Edge {
         let corners: Vec<DVec3> = blade.edge.iter().map(|p| DVec3::from_array(*p)).collect();
         let mut points = vec![corners[0]];
         for pair in corners.windows(2) {
-            let pieces = (pair[0].distance(pair[1]) / blade.edge_spacing)
-                .round()
-                .max(1.0) as usize;
+            let pieces = (pair[0].distance(pair[1]) / blade.edge_spacing).round().max(1.0) as usize;
             points.extend((1..=pieces).map(|k| pair[0].lerp(pair[1], k as f64 / pieces as f64)));
         }
         let along = (corners[corners.len() - 1] - corners[0]).normalize();
@@ -204,14 +188,8 @@ impl Edge {
         let normal = (normal - along * normal.dot(along)).normalize();
         let forward = normal.cross(along);
         for (piece, pair) in points.windows(2).enumerate() {
-            let role = Role::Edge {
-                length: pair[0].distance(pair[1]),
-                piece,
-            };
-            samples.push(Sample {
-                position: pair[0].lerp(pair[1], 0.5),
-                role,
-            });
+            let role = Role::Edge { length: pair[0].distance(pair[1]), piece };
+            samples.push(Sample { position: pair[0].lerp(pair[1], 0.5), role });
         }
         // flats: rows behind the edge, half a spacing in
         let length: f64 = points.windows(2).map(|p| p[0].distance(p[1])).sum();
@@ -225,20 +203,11 @@ impl Edge {
                 let s = (column as f64 + 0.5) * blade.flat_spacing;
                 let position = points[0] + along * s - forward * behind;
                 for side in [1.0, -1.0] {
-                    samples.push(Sample {
-                        position,
-                        role: Role::Flat { side },
-                    });
+                    samples.push(Sample { position, role: Role::Flat { side } });
                 }
             }
         }
-        Self {
-            points,
-            along,
-            forward,
-            normal,
-            half_thickness: 0.5 * blade.thickness,
-        }
+        Self { points, along, forward, normal, half_thickness: 0.5 * blade.thickness }
     }
 }
 
@@ -247,17 +216,10 @@ mod tests {
     use super::*;
 
     fn instrument() -> Instrument {
-        let pose = |time, x| Pose {
-            time,
-            position: [x, 0.0, 0.0],
-            rotation: [0.0, 0.0, 0.0, 1.0],
-        };
+        let pose = |time, x| Pose { time, position: [x, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0] };
         Instrument::new(&Tool {
             name: "t".into(),
-            mesh: crate::scene::ToolMesh {
-                positions: vec![],
-                triangles: vec![],
-            },
+            mesh: crate::scene::ToolMesh { positions: vec![], triangles: vec![] },
             mass: 0.02,
             inertia: [1e-6, 2e-6, 3e-6],
             blade: Some(Blade {
@@ -269,12 +231,7 @@ mod tests {
                 depth: 2e-3,
             }),
             points: vec![],
-            coupling: Coupling {
-                stiffness: 1000.0,
-                damping: 5.0,
-                angular_stiffness: 1.0,
-                angular_damping: 0.01,
-            },
+            coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },
             trajectory: vec![pose(0.0, 0.0), pose(0.01, 0.001)],
         })
     }

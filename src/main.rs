@@ -2,8 +2,7 @@
 use cutis::step::{Place, Simulation};
 fn main() {
     let mut a = std::env::args().skip(1);
-    let scene = cutis::scene::read(std::path::Path::new(&a.next().unwrap()))
-        .unwrap_or_else(|e| panic!("{e}"));
+    let scene = cutis::scene::read(std::path::Path::new(&a.next().unwrap())).unwrap_or_else(|e| panic!("{e}"));
     let place = match a.next().as_deref() {
         Some("gpu") => Place::Gpu(None),
         Some("f32") => Place::Cpu32,
@@ -27,11 +26,7 @@ fn main() {
                 r.contact.residual,
                 r.contact.column_iterations,
                 r.correction_iterations,
-                r.contact
-                    .on_tool
-                    .iter()
-                    .map(|f| f.map(|c| (c * 1000.0).round() / 1000.0))
-                    .collect::<Vec<_>>(),
+                r.contact.on_tool.iter().map(|f| f.map(|c| (c * 1000.0).round() / 1000.0)).collect::<Vec<_>>(),
                 r.severed,
                 r.opening * 1e3,
                 r.probes,
@@ -39,9 +34,5 @@ fn main() {
             );
         }
     }
-    println!(
-        "{:?} {:?} ms/step",
-        sim.totals(),
-        t.elapsed().as_secs_f64() * 1e3 / f64::from(steps)
-    );
+    println!("{:?} {:?} ms/step", sim.totals(), t.elapsed().as_secs_f64() * 1e3 / f64::from(steps));
 }

@@ -137,11 +137,7 @@ impl<R: Real> V3<R> {
     }
     /// Vector product.
     pub fn cross(self, o: Self) -> Self {
-        Self::new(
-            self.y * o.z - self.z * o.y,
-            self.z * o.x - self.x * o.z,
-            self.x * o.y - self.y * o.x,
-        )
+        Self::new(self.y * o.z - self.z * o.y, self.z * o.x - self.x * o.z, self.x * o.y - self.y * o.x)
     }
     /// Euclidean norm.
     pub fn length(self) -> R {
@@ -209,11 +205,7 @@ impl<R: Real> M3<R> {
     /// Transposed.
     pub fn transpose(self) -> Self {
         let [a, b, c] = self.0;
-        Self([
-            V3::new(a.x, b.x, c.x),
-            V3::new(a.y, b.y, c.y),
-            V3::new(a.z, b.z, c.z),
-        ])
+        Self([V3::new(a.x, b.x, c.x), V3::new(a.y, b.y, c.y), V3::new(a.z, b.z, c.z)])
     }
     /// Trace.
     pub fn trace(self) -> R {

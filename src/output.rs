@@ -12,8 +12,7 @@ use std::io::{self, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 use vtkio::IOBuffer;
 use vtkio::model::{
-    Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version,
-    VertexNumbers, Vtk,
+    Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version, VertexNumbers, Vtk,
 };
 
 /// Rows between two flushes of a [`Table`]. At 1 kHz a killed run loses at most 64 ms; a flush
@@ -50,14 +49,7 @@ pub fn write_hexes(
     point_data: &[(&str, Field)],
     cell_data: &[(&str, Field)],
 ) -> Result<()> {
-    write_grid(
-        path,
-        points,
-        cells,
-        CellType::Hexahedron,
-        point_data,
-        cell_data,
-    )
+    write_grid(path, points, cells, CellType::Hexahedron, point_data, cell_data)
 }
 
 /// Writes triangles to a `.vtu` file; otherwise as [`write_hexes`].
@@ -68,14 +60,7 @@ pub fn write_triangles(
     point_data: &[(&str, Field)],
     cell_data: &[(&str, Field)],
 ) -> Result<()> {
-    write_grid(
-        path,
-        points,
-        cells,
-        CellType::Triangle,
-        point_data,
-        cell_data,
-    )
+    write_grid(path, points, cells, CellType::Triangle, point_data, cell_data)
 }
 
 fn write_grid<const N: usize>(
@@ -86,19 +71,11 @@ fn write_grid<const N: usize>(
     point_data: &[(&str, Field)],
     cell_data: &[(&str, Field)],
 ) -> Result<()> {
-    let vtk_error = |message| Error::Vtk {
-        path: path.to_owned(),
-        message,
-    };
-    let bad_id = cells
-        .as_flattened()
-        .iter()
-        .find(|&&id| id as usize >= points.len());
+    let vtk_error = |message| Error::Vtk { path: path.to_owned(), message };
+    let bad_id = cells.as_flattened().iter().find(|&&id| id as usize >= points.len());
     if let Some(id) = bad_id {
         let count = points.len();
-        return Err(vtk_error(format!(
-            "a cell names point {id}, but there are {count} points"
-        )));
+        return Err(vtk_error(format!("a cell names point {id}, but there are {count} points")));
     }
     let vtk = Vtk {
         version: Version::new((1, 0)),
@@ -115,8 +92,7 @@ fn write_grid<const N: usize>(
         }),
     };
     let mut bytes = Vec::new();
-    vtk.write_xml(&mut bytes)
-        .map_err(|error| vtk_error(error.to_string()))?;
+    vtk.write_xml(&mut bytes).map_err(|error| vtk_error(error.to_string()))?;
     if cells.is_empty() {
         state_no_cells(&mut bytes);
     }
@@ -144,24 +120,16 @@ fn state_no_cells(bytes: &mut Vec<u8>) {
 }
 
 /// vtkio's form of the fields, or what is wrong with them.
-fn attributes(
-    fields: &[(&str, Field)],
-    count: usize,
-    of: &str,
-) -> std::result::Result<Vec<Attribute>, String> {
+fn attributes(fields: &[(&str, Field)], count: usize, of: &str) -> std::result::Result<Vec<Attribute>, String> {
     let mut attributes = Vec::with_capacity(fields.len());
     for (name, field) in fields {
         if field.len() != count {
             let found = field.len();
-            return Err(format!(
-                "field `{name}` has {found} values for {count} {of}; give one each"
-            ));
+            return Err(format!("field `{name}` has {found} values for {count} {of}; give one each"));
         }
         let attribute = match field {
             Field::Scalars(values) => Attribute::generic(*name, 1).with_data(values.to_vec()),
-            Field::Vectors(values) => {
-                Attribute::generic(*name, 3).with_data(values.as_flattened().to_vec())
-            }
+            Field::Vectors(values) => Attribute::generic(*name, 3).with_data(values.as_flattened().to_vec()),
         };
         attributes.push(attribute);
     }
@@ -173,14 +141,8 @@ fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = path.as_os_str().to_owned();
     name.push(".tmp");
     let temporary = PathBuf::from(name);
-    std::fs::write(&temporary, bytes).map_err(|source| Error::Write {
-        path: temporary.clone(),
-        source,
-    })?;
-    std::fs::rename(&temporary, path).map_err(|source| Error::Write {
-        path: path.to_owned(),
-        source,
-    })
+    std::fs::write(&temporary, bytes).map_err(|source| Error::Write { path: temporary.clone(), source })?;
+    std::fs::rename(&temporary, path).map_err(|source| Error::Write { path: path.to_owned(), source })
 }
 
 /// A `.pvd` file: which mesh file belongs to which time.
@@ -193,10 +155,7 @@ pub struct Series {
 impl Series {
     /// An empty series. No file is written before the first [`Series::add`].
     pub fn new(path: impl Into<PathBuf>) -> Self {
-        Self {
-            path: path.into(),
-            entries: String::new(),
-        }
+        Self { path: path.into(), entries: String::new() }
     }
 
     /// Adds `file_name`, relative to the `.pvd` file, at `time_s` seconds and rewrites the file.
@@ -234,21 +193,11 @@ pub struct Table {
 impl Table {
     /// Creates or empties the file at `path` and writes the column names, with units in them.
     pub fn create(path: &Path, columns: &[&str]) -> Result<Self> {
-        let write_error = |source| Error::Write {
-            path: path.to_owned(),
-            source,
-        };
+        let write_error = |source| Error::Write { path: path.to_owned(), source };
         let mut file = BufWriter::new(File::create(path).map_err(write_error)?);
-        file.write_all((columns.join(",") + "\n").as_bytes())
-            .map_err(write_error)?;
+        file.write_all((columns.join(",") + "\n").as_bytes()).map_err(write_error)?;
         file.flush().map_err(write_error)?;
-        Ok(Self {
-            path: path.to_owned(),
-            file,
-            column_count: columns.len(),
-            row_count: 0,
-            line: String::new(),
-        })
+        Ok(Self { path: path.to_owned(), file, column_count: columns.len(), row_count: 0, line: String::new() })
     }
 
     /// Adds a row, one value per column. Lines reach the file whole: each is handed to the buffer
@@ -257,12 +206,7 @@ impl Table {
     /// # Panics
     /// If the number of values is not the number of columns.
     pub fn row(&mut self, values: &[f64]) -> Result<()> {
-        assert_eq!(
-            values.len(),
-            self.column_count,
-            "values in a row of {}",
-            self.path.display()
-        );
+        assert_eq!(values.len(), self.column_count, "values in a row of {}", self.path.display());
         self.line.clear();
         for (column, &value) in values.iter().enumerate() {
             let comma = if column == 0 { "" } else { "," };
@@ -284,10 +228,7 @@ impl Table {
     }
 
     fn error(&self, source: io::Error) -> Error {
-        Error::Write {
-            path: self.path.clone(),
-            source,
-        }
+        Error::Write { path: self.path.clone(), source }
     }
 }
 
@@ -340,9 +281,7 @@ mod tests {
 
     fn values(attribute: &Attribute) -> (String, Vec<f64>) {
         match attribute {
-            Attribute::DataArray(array) => {
-                (array.name.clone(), array.data.clone().into_vec().unwrap())
-            }
+            Attribute::DataArray(array) => (array.name.clone(), array.data.clone().into_vec().unwrap()),
             other => panic!("{other:?}"),
         }
     }
@@ -368,10 +307,7 @@ mod tests {
             &path,
             &CUBE,
             &[[0, 1, 2, 3, 4, 5, 6, 7]],
-            &[
-                ("v_m_s", Field::Vectors(&speed)),
-                ("t_K", Field::Scalars(&temperature)),
-            ],
+            &[("v_m_s", Field::Vectors(&speed)), ("t_K", Field::Scalars(&temperature))],
             &[("layer", Field::Scalars(&[2.0]))],
         )
         .unwrap();
@@ -379,19 +315,13 @@ mod tests {
         assert_eq!(piece.points.into_vec::<f64>().unwrap(), CUBE.as_flattened());
         assert_eq!(piece.cells.types, [CellType::Hexahedron]);
         let (ends, ids) = match piece.cells.cell_verts {
-            VertexNumbers::XML {
-                connectivity,
-                offsets,
-            } => (offsets, connectivity),
+            VertexNumbers::XML { connectivity, offsets } => (offsets, connectivity),
             other => panic!("{other:?}"),
         };
         assert_eq!((ends, ids), (vec![8], (0..8).collect()));
         let expected = ("v_m_s".to_owned(), speed.as_flattened().to_vec());
         assert_eq!(values(&piece.data.point[0]), expected);
-        assert_eq!(
-            values(&piece.data.point[1]),
-            ("t_K".to_owned(), temperature)
-        );
+        assert_eq!(values(&piece.data.point[1]), ("t_K".to_owned(), temperature));
         assert_eq!(values(&piece.data.cell[0]), ("layer".to_owned(), vec![2.0]));
         assert!(!folder.file("cube.vtu.tmp").exists());
     }
@@ -404,10 +334,7 @@ mod tests {
         let data = [("normal", Field::Vectors(&normals))];
         write_triangles(&path, &CUBE[..4], &[[0, 2, 1], [0, 3, 2]], &[], &data).unwrap();
         let piece = read(&path);
-        assert_eq!(
-            piece.points.into_vec::<f64>().unwrap(),
-            CUBE[..4].as_flattened()
-        );
+        assert_eq!(piece.points.into_vec::<f64>().unwrap(), CUBE[..4].as_flattened());
         assert_eq!(piece.cells.types, [CellType::Triangle; 2]);
         let (_, ids) = piece.cells.cell_verts.into_legacy();
         assert_eq!(ids, [3, 0, 2, 1, 3, 0, 3, 2]);
@@ -436,19 +363,9 @@ mod tests {
         let path = folder.file("bad.vtu");
         let short = [("t", Field::Scalars(&[1.0]))];
         let error = write_triangles(&path, &CUBE, &[], &short, &[]).unwrap_err();
-        assert!(
-            error
-                .to_string()
-                .contains("field `t` has 1 values for 8 points"),
-            "{error}"
-        );
+        assert!(error.to_string().contains("field `t` has 1 values for 8 points"), "{error}");
         let error = write_triangles(&path, &CUBE, &[[0, 1, 8]], &[], &[]).unwrap_err();
-        assert!(
-            error
-                .to_string()
-                .contains("point 8, but there are 8 points"),
-            "{error}"
-        );
+        assert!(error.to_string().contains("point 8, but there are 8 points"), "{error}");
         assert!(!path.exists());
         let nowhere = folder.file("missing").join("a.vtu");
         let error = write_triangles(&nowhere, &CUBE, &[], &[], &[]).unwrap_err();
@@ -465,16 +382,10 @@ mod tests {
                     byte_order=\"LittleEndian\">\n  <Collection>\n    \
                     <DataSet timestep=\"0\" part=\"0\" file=\"a.vtu\"/>\n";
         let tail = "  </Collection>\n</VTKFile>\n";
-        assert_eq!(
-            std::fs::read_to_string(&path).unwrap(),
-            format!("{head}{tail}")
-        );
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), format!("{head}{tail}"));
         series.add(0.02, "b&\"c.vtu").unwrap();
         let second = "    <DataSet timestep=\"0.02\" part=\"0\" file=\"b&amp;&quot;c.vtu\"/>\n";
-        assert_eq!(
-            std::fs::read_to_string(&path).unwrap(),
-            format!("{head}{second}{tail}")
-        );
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), format!("{head}{second}{tail}"));
         assert!(!folder.file("run.pvd.tmp").exists());
     }
 
@@ -494,18 +405,9 @@ mod tests {
         table.row(&[f64::NAN, 2e300]).unwrap();
         table.finish().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
-        assert!(
-            text.starts_with("time_s,force_N\n0,0.3333333333333333\n0.001,"),
-            "{text}"
-        );
+        assert!(text.starts_with("time_s,force_N\n0,0.3333333333333333\n0.001,"), "{text}");
         assert!(text.ends_with("\n-0,1.5e-7\nNaN,2e300\n"), "{text}");
-        let row: Vec<f64> = text
-            .lines()
-            .nth(8)
-            .unwrap()
-            .split(',')
-            .map(|v| v.parse().unwrap())
-            .collect();
+        let row: Vec<f64> = text.lines().nth(8).unwrap().split(',').map(|v| v.parse().unwrap()).collect();
         assert_eq!(row, [7.0 * 1e-3, 1.0 / 3.0]);
     }
 

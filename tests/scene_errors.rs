@@ -1,9 +1,7 @@
 //! Scenes: the numbers of a valid one in SI, and for each bad input the line and the way to mend it.
 
 use cutis::error::{Error, Result};
-use cutis::scene::{
-    Correction, Element, Files, Law, Preconditioner, ProbeKind, Region, Scene, parse, read,
-};
+use cutis::scene::{Correction, Element, Files, Law, Preconditioner, ProbeKind, Region, Scene, parse, read};
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -135,42 +133,19 @@ const FILES: &[(&str, &str)] = &[
     ("incision.csv", HAND),
     ("nothing.csv", ""),
     ("header.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n"),
-    (
-        "order.csv",
-        "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz\n0,0,0,0,1,0,0,0\n",
-    ),
-    (
-        "columns.csv",
-        "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,1\n",
-    ),
-    (
-        "word.csv",
-        "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,left,0,0,0,0,1\n",
-    ),
-    (
-        "nan.csv",
-        "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n\n1,0,0,NaN,0,0,0,1\n",
-    ),
-    (
-        "inf.csv",
-        "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,inf,0,0,0,0,0,1\n",
-    ),
-    (
-        "back.csv",
-        "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0.5,0,0,0,0,0,0,1\n0.5,1,0,0,0,0,0,1\n",
-    ),
-    (
-        "twist.csv",
-        "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,0.5,1\n",
-    ),
+    ("order.csv", "time_s,x_mm,y_mm,z_mm,qw,qx,qy,qz\n0,0,0,0,1,0,0,0\n"),
+    ("columns.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n1,0,0,0,0,0,1\n"),
+    ("word.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,left,0,0,0,0,1\n"),
+    ("nan.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n\n1,0,0,NaN,0,0,0,1\n"),
+    ("inf.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,inf,0,0,0,0,0,1\n"),
+    ("back.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0.5,0,0,0,0,0,0,1\n0.5,1,0,0,0,0,0,1\n"),
+    ("twist.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,0.5,1\n"),
 ];
 
 /// One square in two objects of one polygon each.
-const QUAD: &str =
-    "o a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\no b\nv 0 0 1\nf 1//1 2 5\nvn 0 0 1\n";
+const QUAD: &str = "o a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\no b\nv 0 0 1\nf 1//1 2 5\nvn 0 0 1\n";
 /// The second quaternion is longer than 1 by 0.5 %.
-const HAND: &str =
-    "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\r\n0,1,2,3,0,0,0,1\r\n0.25, 4,5,6, 0,0,1.005,0\r\n";
+const HAND: &str = "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\r\n0,1,2,3,0,0,0,1\r\n0.25, 4,5,6, 0,0,1.005,0\r\n";
 
 fn parsed(text: &str) -> Result<Scene> {
     parse(text, Path::new("scenes/full.toml"), &Files::Embedded(FILES))
@@ -179,20 +154,13 @@ fn parsed(text: &str) -> Result<Scene> {
 /// The message for FULL with `from` (which it holds once) replaced by `to`; it must name the line that is `below` lines
 /// under the start of `to`.
 fn message_below(from: &str, to: &str, below: usize) -> String {
-    assert_eq!(
-        FULL.matches(from).count(),
-        1,
-        "`{from}` is not once in FULL"
-    );
+    assert_eq!(FULL.matches(from).count(), 1, "`{from}` is not once in FULL");
     let start = FULL.find(from).expect("counted above");
     let line = 1 + FULL[..start].matches('\n').count() + below;
     let error = parsed(&FULL.replace(from, to)).expect_err("the input is bad");
     let message = error.to_string();
     assert_eq!(error.exit_code(), 2, "{message}");
-    assert!(
-        message.starts_with(&format!("scenes/full.toml:{line}: ")),
-        "line {line} in: {message}"
-    );
+    assert!(message.starts_with(&format!("scenes/full.toml:{line}: ")), "line {line} in: {message}");
     assert!(!message.contains('\n'), "{message}");
     message
 }
@@ -228,48 +196,20 @@ fn full_scene_is_read_in_si() {
     assert_eq!(scene.time.gravity, [0.0, 0.0, -9.8]);
     assert_eq!(scene.solver.preconditioner, Preconditioner::Block);
     assert_eq!((scene.solver.tolerance, scene.solver.floor), (1e-4, 2e-7));
-    assert_eq!(
-        (
-            scene.solver.max_iterations,
-            scene.solver.true_residual_every
-        ),
-        (500, 10)
-    );
+    assert_eq!((scene.solver.max_iterations, scene.solver.true_residual_every), (500, 10));
     let skin = &scene.skin;
     assert_eq!((skin.size, skin.cells), ([0.04, 0.02], [8, 4]));
-    assert!(matches!(
-        skin.law,
-        Law::Fem {
-            element: Element::Bbar,
-            corotational: false
-        }
-    ));
+    assert!(matches!(skin.law, Law::Fem { element: Element::Bbar, corotational: false }));
     assert_eq!((skin.rayleigh_mass, skin.rayleigh_stiffness), (0.02, 0.03));
-    assert_eq!(
-        (skin.velocity, skin.displacement),
-        ([0.0, 0.0, 0.1], [1e-3, 0.0, 0.0])
-    );
-    let names: Vec<&str> = skin
-        .layers
-        .iter()
-        .map(|layer| layer.name.as_str())
-        .collect();
+    assert_eq!((skin.velocity, skin.displacement), ([0.0, 0.0, 0.1], [1e-3, 0.0, 0.0]));
+    let names: Vec<&str> = skin.layers.iter().map(|layer| layer.name.as_str()).collect();
     assert_eq!(names, ["hypodermis", "dermis", "epidermis"]);
     let bottom = &skin.layers[0];
     assert_eq!((bottom.thickness, bottom.cells), (1.2e-3, 2));
-    assert_eq!(
-        (bottom.young, bottom.poisson, bottom.density),
-        (12e3, 0.45, 900.0)
-    );
-    assert_eq!(
-        (bottom.toughness, bottom.color),
-        (500.0, [0x10, 0x20, 0x30])
-    );
+    assert_eq!((bottom.young, bottom.poisson, bottom.density), (12e3, 0.45, 900.0));
+    assert_eq!((bottom.toughness, bottom.color), (500.0, [0x10, 0x20, 0x30]));
     let top = &skin.layers[2];
-    assert_eq!(
-        (top.thickness, top.toughness, top.color),
-        (0.3e-3, 2000.0, [0xe8, 0xb9, 0xa0])
-    );
+    assert_eq!((top.thickness, top.toughness, top.color), (0.3e-3, 2000.0, [0xe8, 0xb9, 0xa0]));
 }
 
 #[test]
@@ -285,24 +225,12 @@ fn full_scene_keeps_boundaries_loads_and_outputs() {
     assert_eq!((load.pressure, load.start, load.end), (1500.0, 0.1, 0.2));
     assert_eq!((load.min, load.max), ([-0.02, -0.01], [0.0, 0.01]));
     let point = [0.0, 0.0, 2.5e-3];
-    assert_eq!(
-        scene.probes[0].kind,
-        ProbeKind::Displacement { point, axis: 0 }
-    );
+    assert_eq!(scene.probes[0].kind, ProbeKind::Displacement { point, axis: 0 });
     let region = Region::SidesX;
-    assert_eq!(
-        scene.probes[1].kind,
-        ProbeKind::Reaction { region, axis: 2 }
-    );
+    assert_eq!(scene.probes[1].kind, ProbeKind::Reaction { region, axis: 2 });
     let check = &scene.checks[0];
-    assert_eq!(
-        (check.key.as_str(), check.min, check.max),
-        ("contact_force_n_max", 0.1, 2.0)
-    );
-    assert_eq!(
-        (scene.checks[1].min, scene.checks[1].max),
-        (f64::NEG_INFINITY, 0.01)
-    );
+    assert_eq!((check.key.as_str(), check.min, check.max), ("contact_force_n_max", 0.1, 2.0));
+    assert_eq!((scene.checks[1].min, scene.checks[1].max), (f64::NEG_INFINITY, 0.01));
     let test = scene.test.expect("FULL has a test form");
     assert_eq!((test.cells, test.steps), (Some([8, 2]), Some(5)));
     assert_eq!((scene.view.frames, scene.view.size), (3, [320, 200]));
@@ -320,50 +248,20 @@ fn full_scene_loads_tool_mesh_and_hand() {
     assert_eq!(tool.points, [[0.0, 0.0, 1e-3]]);
     assert_eq!(tool.mesh.triangles.len(), 3, "a quad and a triangle");
     let corner = |id: u32| tool.mesh.positions[id as usize];
-    assert_eq!(
-        tool.mesh.triangles[2].map(corner),
-        [[0.0; 3], [0.01, 0.0, 0.0], [0.0, 0.0, 0.01]]
-    );
-    assert_eq!(
-        (tool.coupling.stiffness, tool.coupling.damping),
-        (800.0, 4.0)
-    );
-    assert_eq!(
-        (
-            tool.coupling.angular_stiffness,
-            tool.coupling.angular_damping
-        ),
-        (1.0, 0.01)
-    );
+    assert_eq!(tool.mesh.triangles[2].map(corner), [[0.0; 3], [0.01, 0.0, 0.0], [0.0, 0.0, 0.01]]);
+    assert_eq!((tool.coupling.stiffness, tool.coupling.damping), (800.0, 4.0));
+    assert_eq!((tool.coupling.angular_stiffness, tool.coupling.angular_damping), (1.0, 0.01));
     let blade = tool.blade.as_ref().expect("FULL has a blade");
-    assert_eq!(
-        blade.edge,
-        [[0.0; 3], [0.01, 0.0, 0.5e-3], [0.02, 0.0, 2e-3]]
-    );
+    assert_eq!(blade.edge, [[0.0; 3], [0.01, 0.0, 0.5e-3], [0.02, 0.0, 2e-3]]);
     assert_eq!((blade.normal, blade.thickness), ([0.0, 1.0, 0.0], 0.4e-3));
-    assert_eq!(
-        (blade.edge_spacing, blade.flat_spacing, blade.depth),
-        (0.5e-3, 1e-3, 2e-3)
-    );
+    assert_eq!((blade.edge_spacing, blade.flat_spacing, blade.depth), (0.5e-3, 1e-3, 2e-3));
     assert_eq!(tool.trajectory.len(), 2);
     assert_eq!(tool.trajectory[1].time, 0.25);
     assert_eq!(tool.trajectory[1].position, [4e-3, 5e-3, 6e-3]);
-    assert_eq!(
-        tool.trajectory[1].rotation,
-        [0.0, 0.0, 1.0, 0.0],
-        "made a unit quaternion"
-    );
-    let contact = scene
-        .contact
-        .expect("a scene with a tool has a contact law");
-    assert_eq!(
-        (contact.friction, contact.alarm, contact.distance),
-        (0.2, 0.6e-3, 0.0)
-    );
-    assert_eq!(
-        (contact.correction, contact.max_contacts),
-        (Correction::Uncoupled, 8)
-    );
+    assert_eq!(tool.trajectory[1].rotation, [0.0, 0.0, 1.0, 0.0], "made a unit quaternion");
+    let contact = scene.contact.expect("a scene with a tool has a contact law");
+    assert_eq!((contact.friction, contact.alarm, contact.distance), (0.2, 0.6e-3, 0.0));
+    assert_eq!((contact.correction, contact.max_contacts), (Correction::Uncoupled, 8));
     assert_eq!((contact.tolerance, contact.column_tolerance), (1e-3, 0.05));
 }
 
@@ -373,27 +271,15 @@ const SMALL: &str = "title = 'a'\n[time]\nstep_ms = 1\nduration_s = 1\n[skin]\ns
 fn absent_tables_have_defaults() {
     let scene = parsed(SMALL).expect("SMALL is valid");
     assert_eq!(scene.skin.layers[0].young, 0.0, "unused by springs");
-    assert!(matches!(
-        scene.skin.law,
-        Law::Springs {
-            stiffness: 5.0,
-            damping: 0.0
-        }
-    ));
+    assert!(matches!(scene.skin.law, Law::Springs { stiffness: 5.0, damping: 0.0 }));
     assert_eq!(scene.time.gravity, [0.0, 0.0, -9.81]);
     assert_eq!(scene.solver.preconditioner, Preconditioner::Column);
     assert!(scene.contact.is_none() && scene.tools.is_empty() && scene.test.is_none());
-    assert_eq!(
-        (scene.view.frames, scene.view.size, scene.view.field_of_view),
-        (8, [960, 640], 30.0)
-    );
+    assert_eq!((scene.view.frames, scene.view.size, scene.view.field_of_view), (8, [960, 640], 30.0));
     let [x, y, z] = scene.view.eye;
     let distance = x.hypot(y).hypot(z - scene.view.target[2]);
     let radius = 5e-3_f64.hypot(5e-3).hypot(0.5e-3);
-    assert!(
-        distance * 15_f64.to_radians().sin() > radius,
-        "the whole patch is in view"
-    );
+    assert!(distance * 15_f64.to_radians().sin() > radius, "the whole patch is in view");
 }
 
 #[test]
@@ -402,10 +288,7 @@ fn tool_without_contact_table_has_default_contact() {
     let end = FULL.find("[[probe]]").expect("in FULL");
     let scene = parsed(&format!("{}{}", &FULL[..start], &FULL[end..])).expect("valid");
     let contact = scene.contact.expect("default");
-    assert_eq!(
-        (contact.friction, contact.alarm, contact.max_contacts),
-        (0.3, 0.5e-3, 16)
-    );
+    assert_eq!((contact.friction, contact.alarm, contact.max_contacts), (0.3, 0.5e-3, 16));
     assert_eq!(contact.correction, Correction::Exact);
 }
 
@@ -422,151 +305,63 @@ fn scene_is_read_with_files_of_its_folder() {
     write("lost.toml", &FULL.replace("incision.csv", "lost.csv"));
     let error = read(&folder.join("lost.toml")).expect_err("lost.csv is not there");
     assert_eq!(error.exit_code(), 2);
-    says(
-        &error.to_string(),
-        "lost.toml:74: trajectory names  … lost.csv, which cannot … folder",
-    );
+    says(&error.to_string(), "lost.toml:74: trajectory names  … lost.csv, which cannot … folder");
     let error = read(&folder.join("no.toml")).expect_err("no.toml is not there");
     assert_eq!(error.exit_code(), 2);
-    says(
-        &error.to_string(),
-        "no.toml: the scene cannot be read … give the path",
-    );
+    says(&error.to_string(), "no.toml: the scene cannot be read … give the path");
 }
 
 #[test]
 fn wrong_key_names_the_nearest() {
-    refused(
-        "friction = 0.2",
-        "frictoin = 0.2",
-        "unknown key `frictoin` … did you mean `friction`? … max_contacts",
-    );
-    refused(
-        "[view]",
-        "[veiw]",
-        "unknown key `veiw` … did you mean `view`? … boundary, load, tool",
-    );
-    refused(
-        "steps = 5",
-        "elephants = 5",
-        "unknown key `elephants` … remove it … known here: cells, steps",
-    );
+    refused("friction = 0.2", "frictoin = 0.2", "unknown key `frictoin` … did you mean `friction`? … max_contacts");
+    refused("[view]", "[veiw]", "unknown key `veiw` … did you mean `view`? … boundary, load, tool");
+    refused("steps = 5", "elephants = 5", "unknown key `elephants` … remove it … known here: cells, steps");
 }
 
 #[test]
 fn wrong_unit_names_the_key_with_the_right_one() {
-    refused(
-        "thickness_mm = 1.2",
-        "thickness_cm = 0.12",
-        "unit is part of the key: write `thickness_mm`",
-    );
-    refused(
-        "young_kpa = 300",
-        "young_mpa = 0.3",
-        "`young_mpa` … write `young_kpa` and convert",
-    );
-    refused(
-        "density_kg_m3 = 900",
-        "density = 900",
-        "write `density_kg_m3`",
-    );
-    refused(
-        "duration_s = 0.5",
-        "duration_ms = 500",
-        "write `duration_s`",
-    );
+    refused("thickness_mm = 1.2", "thickness_cm = 0.12", "unit is part of the key: write `thickness_mm`");
+    refused("young_kpa = 300", "young_mpa = 0.3", "`young_mpa` … write `young_kpa` and convert");
+    refused("density_kg_m3 = 900", "density = 900", "write `density_kg_m3`");
+    refused("duration_s = 0.5", "duration_ms = 500", "write `duration_s`");
 }
 
 #[test]
 fn missing_keys_name_their_table() {
-    refused(
-        "[time]\nstep_ms = 2.0",
-        "[time]",
-        "key `step_ms` is missing … add it to this table",
-    );
+    refused("[time]\nstep_ms = 2.0", "[time]", "key `step_ms` is missing … add it to this table");
     let message = message_below("[[skin.layer]]\nname = \"dermis\"", "[[skin.layer]]", 0);
     says(&message, "key `name` is missing");
     let error = parsed("").expect_err("an empty scene");
-    says(
-        &error.to_string(),
-        "scenes/full.toml:1: the key `title` is missing",
-    );
+    says(&error.to_string(), "scenes/full.toml:1: the key `title` is missing");
     let layer = "young_kpa = 12\n";
     assert!(FULL.contains(layer));
     let error = parsed(&FULL.replace(layer, "")).expect_err("bricks need a modulus");
-    says(
-        &error.to_string(),
-        "scenes/full.toml:26: the key `young_kpa` is missing … law = \"fem\"",
-    );
+    says(&error.to_string(), "scenes/full.toml:26: the key `young_kpa` is missing … law = \"fem\"");
 }
 
 #[test]
 fn wrong_types_name_the_wanted_one() {
-    refused(
-        "step_ms = 2.0",
-        "step_ms = \"2\"",
-        "`step_ms = \"2\"` holds string … wanted a number, without quotes",
-    );
-    refused(
-        "cells = [8, 4]",
-        "cells = [8.5, 4]",
-        "8.5 … wanted a whole number",
-    );
-    refused(
-        "cells = [8, 4]",
-        "cells = [-8, 4]",
-        "-8 … whole number from 0",
-    );
-    refused(
-        "corotational = false",
-        "corotational = 0",
-        "wanted true or false",
-    );
+    refused("step_ms = 2.0", "step_ms = \"2\"", "`step_ms = \"2\"` holds string … wanted a number, without quotes");
+    refused("cells = [8, 4]", "cells = [8.5, 4]", "8.5 … wanted a whole number");
+    refused("cells = [8, 4]", "cells = [-8, 4]", "-8 … whole number from 0");
+    refused("corotational = false", "corotational = 0", "wanted true or false");
     refused("size_mm = [40, 20]", "size_mm = 40", "wanted a list in [ ]");
     refused("[time]", "[[time]]", "wanted one table");
-    refused(
-        "[[load]]",
-        "[load]",
-        "wanted a list in [ ]; for tables, headers in [[ ]]",
-    );
+    refused("[[load]]", "[load]", "wanted a list in [ ]; for tables, headers in [[ ]]");
 }
 
 #[test]
 fn lists_of_the_wrong_length_are_refused() {
-    refused(
-        "size_mm = [40, 20]",
-        "size_mm = [40]",
-        "size_mm has 1 entries; wanted 2",
-    );
-    refused(
-        "size_mm = [40, 20]",
-        "size_mm = [40, 20, 3]",
-        "size_mm has 3 entries; wanted 2",
-    );
-    refused(
-        "[[-20, -10], [0, 10]]",
-        "[[-20, -10]]",
-        "rectangle_mm has 1 entries; wanted 2",
-    );
-    refused(
-        "points_mm = [[0, 0, 1]]",
-        "points_mm = [[0, 0]]",
-        "points_mm has 2 entries; wanted 3",
-    );
+    refused("size_mm = [40, 20]", "size_mm = [40]", "size_mm has 1 entries; wanted 2");
+    refused("size_mm = [40, 20]", "size_mm = [40, 20, 3]", "size_mm has 3 entries; wanted 2");
+    refused("[[-20, -10], [0, 10]]", "[[-20, -10]]", "rectangle_mm has 1 entries; wanted 2");
+    refused("points_mm = [[0, 0, 1]]", "points_mm = [[0, 0]]", "points_mm has 2 entries; wanted 3");
 }
 
 #[test]
 fn broken_toml_is_quoted() {
-    refused(
-        "[solver]",
-        "[solver",
-        "`[solver` is not TOML … mend this line",
-    );
-    refused(
-        "name = \"dermis\"",
-        "name = \"dermis",
-        "`name = \"dermis` is not TOML",
-    );
+    refused("[solver]", "[solver", "`[solver` is not TOML … mend this line");
+    refused("name = \"dermis\"", "name = \"dermis", "`name = \"dermis` is not TOML");
     refused("poisson = 0.4\n", "poisson = \n", "`poisson =` is not TOML");
     let message = message_below("friction = 0.2", "friction = 0.2\nfriction = 0.3", 1);
     says(&message, "duplicate key");
@@ -579,16 +374,8 @@ fn poisson_outside_its_range_is_refused() {
         "poisson = 0.5",
         "poisson = 0.5; … 0 ≤ poisson < 0.5 … use 0.45 for nearly incompressible tissue",
     );
-    refused(
-        "poisson = 0.45",
-        "poisson = -0.1",
-        "poisson = -0.1; … 0 ≤ poisson < 0.5",
-    );
-    refused(
-        "poisson = 0.45",
-        "poisson = nan",
-        "poisson = NaN; … 0 ≤ poisson < 0.5",
-    );
+    refused("poisson = 0.45", "poisson = -0.1", "poisson = -0.1; … 0 ≤ poisson < 0.5");
+    refused("poisson = 0.45", "poisson = nan", "poisson = NaN; … 0 ≤ poisson < 0.5");
 }
 
 #[test]
@@ -598,85 +385,25 @@ fn numbers_outside_their_range_are_refused() {
         "thickness_mm = -1.2",
         "thickness_mm = -1.2; wanted a finite number above 0, in mm … for example 1.2",
     );
-    refused(
-        "density_kg_m3 = 900",
-        "density_kg_m3 = 0",
-        "above 0, in kg/m³ … for example 1.0",
-    );
-    refused(
-        "young_kpa = 12",
-        "young_kpa = inf",
-        "young_kpa = inf; wanted a finite number",
-    );
-    refused(
-        "young_kpa = 12",
-        "young_kpa = 1e36",
-        "young_kpa = 1e36; wanted a finite number",
-    );
-    refused(
-        "step_ms = 2.0",
-        "step_ms = 0",
-        "step_ms = 0.0 … above 0, in ms",
-    );
-    refused(
-        "tolerance = 1e-4",
-        "tolerance = 1",
-        "tolerance = 1.0 … between 0 and 1 … 0.001",
-    );
-    refused(
-        "friction = 0.2",
-        "friction = -0.2",
-        "friction = -0.2 … 0 or more … 0.2",
-    );
-    refused(
-        "inertia_g_mm2 = [100, 200, 300]",
-        "inertia_g_mm2 = [100, 0, 300]",
-        "inertia_g_mm2[1] = 0.0 … g·mm²",
-    );
-    refused(
-        "gravity_m_s2 = [0, 0, -9.8]",
-        "gravity_m_s2 = [0, 0, nan]",
-        "gravity_m_s2[2] = NaN … finite",
-    );
-    refused(
-        "duration_s = 0.5",
-        "duration_s = 0.001",
-        "0.002 must be at most … 0.001 … at least one step",
-    );
-    refused(
-        "eye_mm = [50, -70, 60]",
-        "field_of_view_deg = 170",
-        "from 1 to 150 … for example 30",
-    );
+    refused("density_kg_m3 = 900", "density_kg_m3 = 0", "above 0, in kg/m³ … for example 1.0");
+    refused("young_kpa = 12", "young_kpa = inf", "young_kpa = inf; wanted a finite number");
+    refused("young_kpa = 12", "young_kpa = 1e36", "young_kpa = 1e36; wanted a finite number");
+    refused("step_ms = 2.0", "step_ms = 0", "step_ms = 0.0 … above 0, in ms");
+    refused("tolerance = 1e-4", "tolerance = 1", "tolerance = 1.0 … between 0 and 1 … 0.001");
+    refused("friction = 0.2", "friction = -0.2", "friction = -0.2 … 0 or more … 0.2");
+    refused("inertia_g_mm2 = [100, 200, 300]", "inertia_g_mm2 = [100, 0, 300]", "inertia_g_mm2[1] = 0.0 … g·mm²");
+    refused("gravity_m_s2 = [0, 0, -9.8]", "gravity_m_s2 = [0, 0, nan]", "gravity_m_s2[2] = NaN … finite");
+    refused("duration_s = 0.5", "duration_s = 0.001", "0.002 must be at most … 0.001 … at least one step");
+    refused("eye_mm = [50, -70, 60]", "field_of_view_deg = 170", "from 1 to 150 … for example 30");
 }
 
 #[test]
 fn counts_outside_their_range_are_refused() {
-    refused(
-        "cells = [8, 4]",
-        "cells = [8, 0]",
-        "cells[1] = 0; wanted a whole number from 1",
-    );
-    refused(
-        "max_iterations = 500",
-        "max_iterations = 0",
-        "max_iterations = 0; wanted … change the count",
-    );
-    refused(
-        "size_px = [320, 200]",
-        "size_px = [320, 9000]",
-        "size_px[1] = 9000 … to 8192",
-    );
-    refused(
-        "cells = [8, 4]",
-        "cells = [4000000000, 4000000000]",
-        "at most 4294967295 … make cells fewer",
-    );
-    refused(
-        "cells = [8, 2]",
-        "cells = [70000, 70000]",
-        "24500700005 nodes … make cells fewer",
-    );
+    refused("cells = [8, 4]", "cells = [8, 0]", "cells[1] = 0; wanted a whole number from 1");
+    refused("max_iterations = 500", "max_iterations = 0", "max_iterations = 0; wanted … change the count");
+    refused("size_px = [320, 200]", "size_px = [320, 9000]", "size_px[1] = 9000 … to 8192");
+    refused("cells = [8, 4]", "cells = [4000000000, 4000000000]", "at most 4294967295 … make cells fewer");
+    refused("cells = [8, 2]", "cells = [70000, 70000]", "24500700005 nodes … make cells fewer");
 }
 
 #[test]
@@ -686,58 +413,23 @@ fn words_outside_their_list_are_refused() {
         "preconditioner = \"blok\"",
         "did you mean \"block\"? … none, jacobi, block, column",
     );
-    refused(
-        "law = \"fem\"",
-        "law = \"spring\"",
-        "law = \"spring\" … did you mean \"springs\"?",
-    );
-    refused(
-        "region = \"sides_x\"",
-        "region = \"left\"",
-        "region = \"left\" … bottom, top, sides",
-    );
-    refused(
-        "axes = \"xz\"",
-        "axes = \"xx\"",
-        "axes = \"xx\" … different letters of xyz … axes = \"xyz\"",
-    );
+    refused("law = \"fem\"", "law = \"spring\"", "law = \"spring\" … did you mean \"springs\"?");
+    refused("region = \"sides_x\"", "region = \"left\"", "region = \"left\" … bottom, top, sides");
+    refused("axes = \"xz\"", "axes = \"xx\"", "axes = \"xx\" … different letters of xyz … axes = \"xyz\"");
     refused("axes = \"xz\"", "axes = \"\"", "one to three");
-    refused(
-        "color = \"#102030\"",
-        "color = \"red\"",
-        "color = \"red\" … six hexadecimal digits … #e8b9a0",
-    );
-    refused(
-        "\"probes.top\"",
-        "\"probes.tpo\"",
-        "probe = \"tpo\" … did you mean \"top\"? … known: top, grip",
-    );
+    refused("color = \"#102030\"", "color = \"red\"", "color = \"red\" … six hexadecimal digits … #e8b9a0");
+    refused("\"probes.top\"", "\"probes.tpo\"", "probe = \"tpo\" … did you mean \"top\"? … known: top, grip");
 }
 
 #[test]
 fn names_are_unique_and_plain() {
-    refused(
-        "name = \"dermis\"",
-        "name = \"hypodermis\"",
-        "layer name \"hypodermis\" is taken by line 27 … rename",
-    );
-    refused(
-        "name = \"grip\"",
-        "name = \"top\"",
-        "probe name \"top\" is taken by line … rename",
-    );
-    refused(
-        "name = \"grip\"",
-        "name = \"a,b\"",
-        "without commas … choose a plain name",
-    );
+    refused("name = \"dermis\"", "name = \"hypodermis\"", "layer name \"hypodermis\" is taken by line 27 … rename");
+    refused("name = \"grip\"", "name = \"top\"", "probe name \"top\" is taken by line … rename");
+    refused("name = \"grip\"", "name = \"a,b\"", "without commas … choose a plain name");
     let tool = FULL.find("[[tool]]").expect("in FULL")..FULL.find("[contact]").expect("in FULL");
     let twice = FULL.replace("[contact]", &format!("{}[contact]", &FULL[tool]));
     let error = parsed(&twice).expect_err("two scalpels");
-    says(
-        &error.to_string(),
-        "tool name \"scalpel\" is taken by line 68",
-    );
+    says(&error.to_string(), "tool name \"scalpel\" is taken by line 68");
 }
 
 #[test]
@@ -745,19 +437,13 @@ fn skin_without_layers_is_refused() {
     let text = &SMALL[..SMALL.find("[[skin").expect("in SMALL")];
     let error = parsed(text).expect_err("no layer");
     assert_eq!(error.exit_code(), 2);
-    says(
-        &error.to_string(),
-        "scenes/full.toml:5: the skin has no layers … [[skin.layer]]",
-    );
+    says(&error.to_string(), "scenes/full.toml:5: the skin has no layers … [[skin.layer]]");
 }
 
 #[test]
 fn springs_need_their_constants() {
     let error = parsed(&SMALL.replace("spring_stiffness_n_m = 5\n", "")).expect_err("no stiffness");
-    says(
-        &error.to_string(),
-        "full.toml:5: the key `spring_stiffness_n_m` is missing … law = \"springs\"",
-    );
+    says(&error.to_string(), "full.toml:5: the key `spring_stiffness_n_m` is missing … law = \"springs\"");
 }
 
 #[test]
@@ -768,21 +454,9 @@ fn boxes_without_nodes_are_refused() {
         "box_mm = [[-19, -10, 0], [-16, 10, 2.5]]",
         "no node of the scene … ≤ x ≤ … cells of at most 5.0 mm … widen box_mm along x",
     );
-    refused(
-        full,
-        "box_mm = [[-20, -10, 3], [-15, 10, 4]]",
-        "≤ z ≤ … 2.5 mm … along z",
-    );
-    refused(
-        full,
-        "box_mm = [[-20, -6, 0], [-15, -4, 2.5]]",
-        "no node of the test form … along y",
-    );
-    refused(
-        full,
-        "box_mm = [[-15, -10, 0], [-20, 10, 2.5]]",
-        "at most … smaller coordinates first",
-    );
+    refused(full, "box_mm = [[-20, -10, 3], [-15, 10, 4]]", "≤ z ≤ … 2.5 mm … along z");
+    refused(full, "box_mm = [[-20, -6, 0], [-15, -4, 2.5]]", "no node of the test form … along y");
+    refused(full, "box_mm = [[-15, -10, 0], [-20, 10, 2.5]]", "at most … smaller coordinates first");
     refused(
         "region = \"box\"\nbox_mm = [[-20, -10, 0], [-15, 10, 2.5]]",
         "region = \"box\"",
@@ -799,46 +473,18 @@ fn loads_beside_the_top_are_refused() {
         "[[-20, -10], [0, 11]]",
         "to 11.0 mm along y … from -10.0 to 10.0 … move the rectangle",
     );
-    refused(
-        "[[-20, -10], [0, 10]]",
-        "[[0, -10], [-20, 10]]",
-        "smaller coordinates first",
-    );
-    refused(
-        "[[-20, -10], [0, 10]]",
-        "[[-20, -10], [0, -10]]",
-        "-10.0 must be below … give the rectangle an area",
-    );
-    refused(
-        "end_s = 0.2",
-        "end_s = 0.1",
-        "start_s and end_s … 0.1 must be below … end the load after its start",
-    );
+    refused("[[-20, -10], [0, 10]]", "[[0, -10], [-20, 10]]", "smaller coordinates first");
+    refused("[[-20, -10], [0, 10]]", "[[-20, -10], [0, -10]]", "-10.0 must be below … give the rectangle an area");
+    refused("end_s = 0.2", "end_s = 0.1", "start_s and end_s … 0.1 must be below … end the load after its start");
 }
 
 #[test]
 fn blades_without_an_edge_or_plane_are_refused() {
     let edge = "edge_mm = [[0, 0, 0], [10, 0, 0.5], [20, 0, 2]]";
-    refused(
-        edge,
-        "edge_mm = [[0, 0, 0]]",
-        "edge_mm has 1 different points … at least two",
-    );
-    refused(
-        edge,
-        "edge_mm = [[0, 0, 0], [1, 0, 0], [1, 0, 0]]",
-        "edge_mm has 2 different points",
-    );
-    refused(
-        "normal = [0, 2, 0]",
-        "normal = [20, 0, 2]",
-        "0.0 degrees from the line … across the flats",
-    );
-    refused(
-        "normal = [0, 2, 0]",
-        "normal = [0, 0, 0]",
-        "0.0 degrees … wanted 90",
-    );
+    refused(edge, "edge_mm = [[0, 0, 0]]", "edge_mm has 1 different points … at least two");
+    refused(edge, "edge_mm = [[0, 0, 0], [1, 0, 0], [1, 0, 0]]", "edge_mm has 2 different points");
+    refused("normal = [0, 2, 0]", "normal = [20, 0, 2]", "0.0 degrees from the line … across the flats");
+    refused("normal = [0, 2, 0]", "normal = [0, 0, 0]", "0.0 degrees … wanted 90");
 }
 
 #[test]
@@ -850,121 +496,53 @@ fn probes_and_checks_need_their_keys() {
     );
     let message = message_below("axis = \"x\"", "axis = \"x\"\nregion = \"top\"", 1);
     says(&message, "`region` has no effect … displacement");
-    refused(
-        "{ max = 0.01 }",
-        "{ }",
-        "key `min` is missing … `min`, `max` or both",
-    );
-    refused(
-        "{ min = 0.1, max = 2.0 }",
-        "{ min = 3, max = 2.0 }",
-        "3.0 must be at most … swap",
-    );
+    refused("{ max = 0.01 }", "{ }", "key `min` is missing … `min`, `max` or both");
+    refused("{ min = 0.1, max = 2.0 }", "{ min = 3, max = 2.0 }", "3.0 must be at most … swap");
 }
 
 #[test]
 fn camera_in_its_target_is_refused() {
-    let text = FULL.replace(
-        "eye_mm = [50, -70, 60]",
-        "eye_mm = [1, 2, 3]\ntarget_mm = [1, 2, 3]",
-    );
+    let text = FULL.replace("eye_mm = [50, -70, 60]", "eye_mm = [1, 2, 3]\ntarget_mm = [1, 2, 3]");
     let error = parsed(&text).expect_err("no direction");
-    says(
-        &error.to_string(),
-        "eye_mm and target_mm are the same point … move eye_mm",
-    );
+    says(&error.to_string(), "eye_mm and target_mm are the same point … move eye_mm");
 }
 
 #[test]
 fn missing_files_name_the_line_of_their_key() {
-    refused(
-        "meshes/scalpel.obj",
-        "meshes/knife.obj",
-        "mesh names meshes/knife.obj … change mesh",
-    );
-    refused(
-        "incision.csv",
-        "lost.csv",
-        "trajectory names lost.csv … change trajectory",
-    );
+    refused("meshes/scalpel.obj", "meshes/knife.obj", "mesh names meshes/knife.obj … change mesh");
+    refused("incision.csv", "lost.csv", "trajectory names lost.csv … change trajectory");
 }
 
 #[test]
 fn bad_meshes_are_refused() {
     let message = |file| file_message("meshes/scalpel.obj", file);
-    says(
-        &message("meshes/nofaces.obj"),
-        "meshes/nofaces.obj: the mesh has no triangles … export",
-    );
-    says(
-        &message("meshes/nan.obj"),
-        "meshes/nan.obj: vertex 2 is at [NaN, 0.0, 0.0] … mend its `v` line",
-    );
-    says(
-        &message("meshes/bad.obj"),
-        "meshes/bad.obj: not a readable OBJ mesh (face vertex … export",
-    );
-    says(
-        &message("meshes/text.obj"),
-        "meshes/text.obj: not a readable OBJ mesh (position",
-    );
-    says(
-        &message("meshes/loose.obj"),
-        "meshes/loose.obj: not a readable OBJ mesh (face parse",
-    );
+    says(&message("meshes/nofaces.obj"), "meshes/nofaces.obj: the mesh has no triangles … export");
+    says(&message("meshes/nan.obj"), "meshes/nan.obj: vertex 2 is at [NaN, 0.0, 0.0] … mend its `v` line");
+    says(&message("meshes/bad.obj"), "meshes/bad.obj: not a readable OBJ mesh (face vertex … export");
+    says(&message("meshes/text.obj"), "meshes/text.obj: not a readable OBJ mesh (position");
+    says(&message("meshes/loose.obj"), "meshes/loose.obj: not a readable OBJ mesh (face parse");
 }
 
 #[test]
 fn bad_trajectories_are_refused() {
     let message = |file| file_message("incision.csv", file);
-    says(
-        &message("nothing.csv"),
-        "nothing.csv: the trajectory is empty … time_s,x_mm … record",
-    );
-    says(
-        &message("header.csv"),
-        "header.csv: the trajectory is empty … at least one row",
-    );
-    says(
-        &message("order.csv"),
-        "order.csv:1: the header is … wanted `time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw`",
-    );
-    says(
-        &message("columns.csv"),
-        "columns.csv:3: the row has 7 columns; wanted 8 … complete or remove",
-    );
-    says(
-        &message("word.csv"),
-        "word.csv:2: y_mm = `left` … finite number",
-    );
-    says(
-        &message("nan.csv"),
-        "nan.csv:4: z_mm = `NaN` … remove the row",
-    );
+    says(&message("nothing.csv"), "nothing.csv: the trajectory is empty … time_s,x_mm … record");
+    says(&message("header.csv"), "header.csv: the trajectory is empty … at least one row");
+    says(&message("order.csv"), "order.csv:1: the header is … wanted `time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw`");
+    says(&message("columns.csv"), "columns.csv:3: the row has 7 columns; wanted 8 … complete or remove");
+    says(&message("word.csv"), "word.csv:2: y_mm = `left` … finite number");
+    says(&message("nan.csv"), "nan.csv:4: z_mm = `NaN` … remove the row");
     says(&message("inf.csv"), "inf.csv:2: x_mm = `inf`");
-    says(
-        &message("back.csv"),
-        "back.csv:3: time_s = 0.5 after 0.5 … times must rise",
-    );
-    says(
-        &message("twist.csv"),
-        "twist.csv:2: the quaternion … wanted 1 within 0.01 … scalar last",
-    );
+    says(&message("back.csv"), "back.csv:3: time_s = 0.5 after 0.5 … times must rise");
+    says(&message("twist.csv"), "twist.csv:2: the quaternion … wanted 1 within 0.01 … scalar last");
 }
 
 #[test]
 fn exit_codes_tell_input_from_machine() {
     let text = String::new;
-    let error = Error::NoAdapter {
-        wanted: text(),
-        found: text(),
-        how: text(),
-    };
+    let error = Error::NoAdapter { wanted: text(), found: text(), how: text() };
     assert_eq!(error.exit_code(), 3);
-    let error = Error::Usage {
-        what: text(),
-        fix: text(),
-    };
+    let error = Error::Usage { what: text(), fix: text() };
     assert_eq!(error.exit_code(), 2);
     assert_eq!(Error::Device { message: text() }.exit_code(), 1);
 }
@@ -1027,13 +605,7 @@ fn edits() -> impl Strategy<Value = Vec<(u8, f64, usize)>> {
 /// A scene, or an error that a user can read.
 fn readable(outcome: Result<Scene>) {
     match outcome {
-        Ok(scene) => assert!(
-            scene
-                .view
-                .eye
-                .iter()
-                .all(|coordinate| coordinate.is_finite())
-        ),
+        Ok(scene) => assert!(scene.view.eye.iter().all(|coordinate| coordinate.is_finite())),
         Err(error) => {
             assert_eq!(error.exit_code(), 2, "{error}");
             assert!(!error.to_string().contains('\n'), "{error:?}");

@@ -4,10 +4,10 @@ use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, 
 use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::precondition::precondition;
-use crate::kernels::product::{CellForces, product_by_cells};
+use crate::kernels::product::{LANES, Modes, cell_groups, product};
 use crate::kernels::{
-    Params, blocks, centres, combine, cut, factor, forces, integrate, rhs, rotations, springs,
-    springs_blocks, springs_product,
+    Params, blocks, centres, combine, cut, factor, forces, integrate, rhs, rotations, springs, springs_blocks,
+    springs_product,
 };
 use crate::linear::{Outcome, Slot, solve};
 use crate::math::{M3, Real, V3, V4};
@@ -39,20 +39,8 @@ pub struct CpuBackend<R> {
 }
 
 enum Elastic<R> {
-    Bricks {
-        shape: Vec<V4<R>>,
-        stiffness: Vec<M3<R>>,
-        columns: Vec<CellForces<R>>,
-        layer_of: Vec<u32>,
-        rotation: Vec<V4<R>>,
-    },
-    Springs {
-        rest: Vec<V4<R>>,
-        first: Vec<u32>,
-        half: Vec<[u32; 2]>,
-        law: Vec<V4<R>>,
-        tangent: Vec<V4<R>>,
-    },
+    Bricks { shape: Vec<V4<R>>, stiffness: Vec<M3<R>>, modes: Vec<Modes<R>>, layer_of: Vec<u32>, rotation: Vec<V4<R>> },
+    Springs { rest: Vec<V4<R>>, first: Vec<u32>, half: Vec<[u32; 2]>, law: Vec<V4<R>>, tangent: Vec<V4<R>> },
 }
 
 struct Cutting<R> {
@@ -72,13 +60,7 @@ fn widen<R: Real>(a: &[V4<R>]) -> Vec<V4<f64>> {
 
 impl<R: Real> CpuBackend<R> {
     /// The body at rest, with the arrays that `needs` names.
-    pub fn new(
-        model: &Model,
-        needs: Needs,
-        max_iterations: u32,
-        floor: f64,
-        start: &Snapshot,
-    ) -> Self {
+    pub fn new(model: &Model, needs: Needs, max_iterations: u32, floor: f64, start: &Snapshot) -> Self {
         let node_count = model.grid.node_count();
         let slots = needs.slots();
         let zeros = |n: usize| vec![[R::zero(); 4]; n];
@@ -94,16 +76,9 @@ impl<R: Real> CpuBackend<R> {
             None => Elastic::Bricks {
                 shape: model.shapes(),
                 stiffness: model.stiffness_blocks(),
-                columns: model
-                    .stiffness
-                    .iter()
-                    .flat_map(|k| (0..24).map(move |c| std::array::from_fn(|r| R::of(k[r][c]))))
-                    .collect(),
+                modes: model.modes(),
                 layer_of: model.grid.layer_of.clone(),
-                rotation: vec![
-                    [R::zero(), R::zero(), R::zero(), R::one()];
-                    model.grid.cell_count()
-                ],
+                rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.grid.cell_count()],
             },
         };
         let cutting = needs.cutting.then(|| Cutting::new(model));
@@ -136,20 +111,10 @@ impl<R: Real> CpuBackend<R> {
 
     fn fill_blocks(&self, params: &Params<R>, out: &mut [V4<R>]) {
         match &self.law {
-            Elastic::Bricks {
-                stiffness,
-                layer_of,
-                rotation,
-                ..
-            } => {
+            Elastic::Bricks { stiffness, layer_of, rotation, .. } => {
                 blocks::blocks(params, stiffness, layer_of, rotation, &self.free, out);
             }
-            Elastic::Springs {
-                first,
-                half,
-                tangent,
-                ..
-            } => {
+            Elastic::Springs { first, half, tangent, .. } => {
                 springs_blocks::springs_blocks(params, first, half, tangent, &self.free, out);
             }
         }
@@ -162,18 +127,10 @@ impl<R: Real> Cutting<R> {
         let pad = |p: [f64; 3]| V3::<R>::of(p).pad(R::zero());
         let (ends, rest): (_, Vec<_>) = match &model.springs {
             Some(s) => (s.ends.clone(), model.rest.iter().map(|p| pad(*p)).collect()),
-            None => (
-                links(&params),
-                cell_centres(model).into_iter().map(pad).collect(),
-            ),
+            None => (links(&params), cell_centres(model).into_iter().map(pad).collect()),
         };
         let zeros = vec![[R::zero(); 4]; rest.len()];
-        Self {
-            ends,
-            rest,
-            point_u: zeros.clone(),
-            point_v: zeros,
-        }
+        Self { ends, rest, point_u: zeros.clone(), point_v: zeros }
     }
 }
 
@@ -191,15 +148,7 @@ pub fn cell_centres(model: &Model) -> Vec<[f64; 3]> {
 
 impl<R: Real> Backend for CpuBackend<R> {
     fn device(&self) -> Device {
-        let arrays = [
-            &self.u,
-            &self.v,
-            &self.f,
-            &self.free,
-            &self.load,
-            &self.block,
-            &self.x,
-        ];
+        let arrays = [&self.u, &self.v, &self.f, &self.free, &self.load, &self.block, &self.x];
         let bytes: usize = arrays.iter().map(|a| a.len()).sum::<usize>() + 5 * self.x.len();
         Device {
             backend: "cpu",
@@ -218,13 +167,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn begin(&mut self) -> Result<()> {
         let params = self.params;
         match &mut self.law {
-            Elastic::Bricks {
-                shape,
-                stiffness,
-                layer_of,
-                rotation,
-                ..
-            } => {
+            Elastic::Bricks { shape, stiffness, layer_of, rotation, .. } => {
                 let u = &self.u;
                 if params.corotational == 1 {
                     rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
@@ -232,37 +175,14 @@ impl<R: Real> Backend for CpuBackend<R> {
                     });
                 }
                 self.f.par_iter_mut().enumerate().for_each(|(i, f)| {
-                    *f = forces::node_force(&params, shape, stiffness, layer_of, u, rotation, i)
-                        .pad(R::zero());
+                    *f = forces::node_force(&params, shape, stiffness, layer_of, u, rotation, i).pad(R::zero());
                 });
             }
-            Elastic::Springs {
-                rest,
-                first,
-                half,
-                law,
-                tangent,
-            } => {
-                springs::springs(
-                    &params,
-                    rest,
-                    &self.u,
-                    first,
-                    half,
-                    law,
-                    &mut self.f,
-                    tangent,
-                );
+            Elastic::Springs { rest, first, half, law, tangent } => {
+                springs::springs(&params, rest, &self.u, first, half, law, &mut self.f, tangent);
             }
         }
-        self.load_squared = rhs::rhs(
-            &params,
-            &self.f,
-            &self.v,
-            &self.free,
-            &self.load,
-            &mut self.r,
-        );
+        self.load_squared = rhs::rhs(&params, &self.f, &self.v, &self.free, &self.load, &mut self.r);
         let mut block = std::mem::take(&mut self.block);
         self.fill_blocks(&params, &mut block);
         factor::factor(&params, &mut block);
@@ -290,16 +210,12 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(())
     }
 
-    fn solve(
-        &mut self,
-        wanted: &[Wanted],
-        pick: &[(usize, u32)],
-    ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+    fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let n = self.node_count;
         let (params, free, block, law) = (&self.params, &self.free, &self.block, &self.law);
         let (load, floor, max_iterations) = (self.load_squared, self.floor, self.max_iterations);
         let scratch_len = match law {
-            Elastic::Bricks { rotation, .. } => rotation.len(),
+            Elastic::Bricks { .. } => cell_groups(params),
             Elastic::Springs { .. } => 0,
         };
         let arrays = (
@@ -315,25 +231,15 @@ impl<R: Real> Backend for CpuBackend<R> {
             .enumerate()
             .filter_map(|(slot, arrays)| Some((wanted.iter().find(|w| w.slot == slot)?, arrays)))
             .map_init(
-                || vec![[R::zero(); 24]; scratch_len],
+                || vec![[[[R::zero(); LANES]; 3]; 8]; scratch_len],
                 |scratch, (want, (x, r, p, s, z, w))| {
                     let product = |z: &[V4<R>], w: &mut [V4<R>]| match law {
-                        Elastic::Bricks {
-                            columns,
-                            layer_of,
-                            rotation,
-                            ..
-                        } => product_by_cells(
-                            params, columns, layer_of, rotation, free, z, w, scratch,
-                        ),
-                        Elastic::Springs {
-                            first,
-                            half,
-                            tangent,
-                            ..
-                        } => springs_product::springs_product(
-                            params, first, half, tangent, free, z, w,
-                        ),
+                        Elastic::Bricks { modes, layer_of, rotation, .. } => {
+                            product(params, modes, layer_of, rotation, free, z, w, scratch)
+                        }
+                        Elastic::Springs { first, half, tangent, .. } => {
+                            springs_product::springs_product(params, first, half, tangent, free, z, w)
+                        }
                     };
                     let request = request(want.target, floor);
                     let outcome = solve(
@@ -349,30 +255,14 @@ impl<R: Real> Backend for CpuBackend<R> {
             )
             .collect();
         done.sort_by_key(|(slot, _)| *slot);
-        let find = |w: &Wanted| {
-            done.iter()
-                .find(|d| d.0 == w.slot)
-                .map(|d| d.1)
-                .unwrap_or_default()
-        };
+        let find = |w: &Wanted| done.iter().find(|d| d.0 == w.slot).map(|d| d.1).unwrap_or_default();
         let outcomes = wanted.iter().map(find).collect();
-        let picked = pick
-            .iter()
-            .map(|(slot, node)| V3::from4(self.x[slot * n + *node as usize]).f64())
-            .collect();
+        let picked = pick.iter().map(|(slot, node)| V3::from4(self.x[slot * n + *node as usize]).f64()).collect();
         Ok((outcomes, picked))
     }
 
-    fn correct(
-        &mut self,
-        forces: &[(u32, [f64; 3])],
-        coefficients: &[(usize, f64)],
-        keep: bool,
-    ) -> Result<()> {
-        let entries: Vec<_> = forces
-            .iter()
-            .map(|(node, f)| (CORRECTION, *node, *f))
-            .collect();
+    fn correct(&mut self, forces: &[(u32, [f64; 3])], coefficients: &[(usize, f64)], keep: bool) -> Result<()> {
+        let entries: Vec<_> = forces.iter().map(|(node, f)| (CORRECTION, *node, *f)).collect();
         self.set_rows(&[CORRECTION], &entries)?;
         let mut by_slot = vec![R::zero(); self.x.len() / self.node_count];
         by_slot[CORRECTION] = if keep { R::one() } else { R::zero() };
@@ -393,10 +283,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     }
 
     fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>> {
-        let params = Params {
-            preconditioner: 2,
-            ..self.params
-        };
+        let params = Params { preconditioner: 2, ..self.params };
         let mut out = vec![[R::zero(); 4]; self.node_count * 4];
         self.fill_blocks(&params, &mut out);
         let read = |n: &u32| {
@@ -407,26 +294,17 @@ impl<R: Real> Backend for CpuBackend<R> {
     }
 
     fn finish(&mut self, corrected: bool) -> Result<()> {
-        let params = Params {
-            slot_count: if corrected { 2 } else { 1 },
-            ..self.params
-        };
+        let params = Params { slot_count: if corrected { 2 } else { 1 }, ..self.params };
         integrate::integrate(&params, &self.x, &mut self.u, &mut self.v);
         Ok(())
     }
 
     fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
-        Ok(nodes
-            .iter()
-            .map(|n| V3::from4(self.u[*n as usize]).f64())
-            .collect())
+        Ok(nodes.iter().map(|n| V3::from4(self.u[*n as usize]).f64()).collect())
     }
 
     fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
-        Ok(nodes
-            .iter()
-            .map(|n| V3::from4(self.f[*n as usize]).f64())
-            .collect())
+        Ok(nodes.iter().map(|n| V3::from4(self.f[*n as usize]).f64()).collect())
     }
 
     fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<u32>> {
@@ -435,13 +313,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         };
         match &self.law {
             Elastic::Bricks { .. } => {
-                centres::centres(
-                    &self.params,
-                    &self.u,
-                    &self.v,
-                    &mut c.point_u,
-                    &mut c.point_v,
-                );
+                centres::centres(&self.params, &self.u, &self.v, &mut c.point_u, &mut c.point_v);
             }
             Elastic::Springs { .. } => {
                 c.point_u.copy_from_slice(&self.u);
@@ -449,14 +321,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             }
         }
         let quads: Vec<V4<R>> = quads.iter().map(|p| V3::of(*p).pad(R::zero())).collect();
-        Ok(cut::cut(
-            self.params.step,
-            &c.ends,
-            &c.rest,
-            &c.point_u,
-            &c.point_v,
-            &quads,
-        ))
+        Ok(cut::cut(self.params.step, &c.ends, &c.rest, &c.point_u, &c.point_v, &quads))
     }
 
     fn remove(&mut self, cells: &[u32], springs: &[u32], free: &[(u32, V4<f64>)]) -> Result<()> {
@@ -491,19 +356,11 @@ impl<R: Real> Backend for CpuBackend<R> {
             Elastic::Bricks { rotation, .. } => (widen(rotation), vec![]),
             Elastic::Springs { law, .. } => (vec![], widen(law)),
         };
-        Ok(Snapshot {
-            u: widen(&self.u),
-            v: widen(&self.v),
-            rotation,
-            free: widen(&self.free),
-            law,
-        })
+        Ok(Snapshot { u: widen(&self.u), v: widen(&self.v), rotation, free: widen(&self.free), law })
     }
 
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {
-        Ok(widen(
-            &self.x[slot * self.node_count..(slot + 1) * self.node_count],
-        ))
+        Ok(widen(&self.x[slot * self.node_count..(slot + 1) * self.node_count]))
     }
 }
 

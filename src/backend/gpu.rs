@@ -10,9 +10,8 @@ use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, 
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{
-    self, GROUP, Params, advance, blocks, centres, combine, cut, factor, forces, gather, integrate,
-    precondition, product, rhs, rotations, scatter, springs, springs_blocks, springs_product,
-    update,
+    self, GROUP, Params, advance, blocks, centres, combine, cut, factor, forces, gather, integrate, precondition,
+    product, rhs, rotations, scatter, springs, springs_blocks, springs_product, update,
 };
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
@@ -114,10 +113,7 @@ impl GpuBackend {
         params.slot_count = slots as u32;
         let column_count = (params.nodes_x * params.nodes_y) as usize;
         let groups = n.div_ceil(GROUP as usize);
-        let mut made = Maker {
-            gpu: &gpu,
-            bytes: 0,
-        };
+        let mut made = Maker { gpu: &gpu, bytes: 0 };
         let words = |p: Params<f32>| p.words();
         let main = made.uniform("params", 0, &words(params));
         let vec = |v: &[V4<f64>]| v.iter().map(|a| a.map(|c| c as f32)).collect::<Vec<_>>();
@@ -133,22 +129,14 @@ impl GpuBackend {
         let block = made.vec4("block", n * 4)?;
         let scalars = made.vec4("scalars", slots * 2)?;
         let requests = made.vec4("requests", slots)?;
-        let partial_product = made.of("partial_product", &vec![0f32; groups * slots])?;
-        let partial_dots = made.of(
-            "partial_dots",
-            &vec![[0f32; 2]; column_count.div_ceil(GROUP as usize) * slots],
-        )?;
+        let partial_product = made.of("partial_product", &vec![0f32; params.product_groups as usize * slots])?;
+        let partial_dots = made.of("partial_dots", &vec![[0f32; 2]; column_count.div_ceil(GROUP as usize) * slots])?;
         let partial_load = made.of("partial_load", &vec![0f32; groups])?;
 
         let law = Law::new(&mut made, model)?;
         let mut with_law: Vec<(&str, &Buffer)> = law.shared.iter().map(|b| (b.name, b)).collect();
         with_law.extend([("free", &free), ("u", &u), ("f", &f), ("block", &block)]);
-        with_law.extend([
-            ("z", &z),
-            ("w", &w),
-            ("partial_product", &partial_product),
-            ("scalars", &scalars),
-        ]);
+        with_law.extend([("z", &z), ("w", &w), ("partial_product", &partial_product), ("scalars", &scalars)]);
         // binds what a kernel names out of all the body's arrays
         let bind = |source: &kernels::Source, params: &Buffer| {
             let shader = crate::gpu::Shader::read(source)?;
@@ -197,40 +185,20 @@ impl GpuBackend {
                 )?,
             })
         };
-        let integrate = |params: &Buffer| {
-            gpu.bind(
-                &integrate::SOURCE,
-                &[("params", params), ("x", &x), ("u", &u), ("v", &v)],
-            )
-        };
-        let single = made.uniform(
-            "params",
-            0,
-            &words(Params {
-                slot_count: 1,
-                ..params
-            }),
-        );
+        let integrate =
+            |params: &Buffer| gpu.bind(&integrate::SOURCE, &[("params", params), ("x", &x), ("u", &u), ("v", &v)]);
+        let single = made.uniform("params", 0, &words(Params { slot_count: 1, ..params }));
         let coefficient = made.of("coefficient", &vec![0f32; slots])?;
         let correction = if needs.contact {
-            let second = made.uniform(
-                "params",
-                0,
-                &words(Params {
-                    first_slot: CORRECTION as u32,
-                    ..params
-                }),
-            );
+            let second = made.uniform("params", 0, &words(Params { first_slot: CORRECTION as u32, ..params }));
             let list = [("params", &main), ("coefficient", &coefficient), ("x", &x)];
             Some((iteration(&second)?, gpu.bind(&combine::SOURCE, &list)?))
         } else {
             None
         };
         let pick_params = made.uniform("params", 16, &[0u32; 4]);
-        let (put_params, kill_params) = (
-            made.uniform("params", 16, &[0u32; 4]),
-            made.uniform("params", 16, &[0u32; 4]),
-        );
+        let (put_params, kill_params) =
+            (made.uniform("params", 16, &[0u32; 4]), made.uniform("params", 16, &[0u32; 4]));
         let capacity = n * slots.min(8) + model.grid.cell_count() + law.springs;
         let ids = made.of("ids", &vec![0u32; capacity])?;
         let picked = made.vec4("picked", capacity)?;
@@ -239,20 +207,10 @@ impl GpuBackend {
         let pick = |source: &Buffer| {
             gpu.bind(
                 &gather::SOURCE,
-                &[
-                    ("params", &pick_params),
-                    ("ids", &ids),
-                    ("source", source),
-                    ("picked", &picked),
-                ],
+                &[("params", &pick_params), ("ids", &ids), ("source", source), ("picked", &picked)],
             )
         };
-        let put = [
-            ("params", &put_params),
-            ("ids", &put_ids),
-            ("values", &put_values),
-            ("destination", &r),
-        ];
+        let put = [("params", &put_params), ("ids", &put_ids), ("values", &put_values), ("destination", &r)];
         let kernels = Kernels {
             elastic: law
                 .elastic
@@ -281,27 +239,13 @@ impl GpuBackend {
             pick_f: pick(&f)?,
             put_r: gpu.bind(&scatter::SOURCE, &put)?,
         };
-        let cutting = if needs.cutting {
-            Some(Cutting::new(&mut made, model, &main, &u, &v)?)
-        } else {
-            None
-        };
+        let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &u, &v)?) } else { None };
         let node_blocks = if needs.node_blocks {
             let out = made.vec4("block", n * 4)?;
-            let params = made.uniform(
-                "params",
-                0,
-                &words(Params {
-                    preconditioner: 2,
-                    ..params
-                }),
-            );
+            let params = made.uniform("params", 0, &words(Params { preconditioner: 2, ..params }));
             let shader = crate::gpu::Shader::read(law.blocks)?;
-            let mut list: Vec<(&str, &Buffer)> = with_law
-                .iter()
-                .filter(|(name, _)| *name != "block")
-                .copied()
-                .collect();
+            let mut list: Vec<(&str, &Buffer)> =
+                with_law.iter().filter(|(name, _)| *name != "block").copied().collect();
             list.extend([("params", &params), ("block", &out)]);
             list.retain(|(name, _)| shader.variables.iter().any(|v| v.name == *name));
             Some((gpu.bind(law.blocks, &list)?, out))
@@ -359,26 +303,19 @@ impl GpuBackend {
     /// Gathers by index from one of the bound sources in the batch's submission; returns the bytes to read from `picked`.
     fn record_pick(&self, batch: &mut Batch, kernel: &Bound, ids: &[u32]) -> u64 {
         let b = &self.buffers;
-        self.gpu
-            .write(&b.pick_params, 0, &[ids.len() as u32, 0, 0, 0]);
+        self.gpu.write(&b.pick_params, 0, &[ids.len() as u32, 0, 0, 0]);
         self.gpu.write(&b.ids, 0, ids);
         batch.run(kernel, ids.len(), 1);
         (ids.len() * 16) as u64
     }
 
-    fn read_picked(
-        &mut self,
-        ids: &[u32],
-        kernel: fn(&Kernels) -> &Bound,
-    ) -> Result<Vec<[f64; 3]>> {
+    fn read_picked(&mut self, ids: &[u32], kernel: fn(&Kernels) -> &Bound) -> Result<Vec<[f64; 3]>> {
         if ids.is_empty() {
             return Ok(vec![]);
         }
         let mut batch = self.record();
         let bytes = self.record_pick(&mut batch, kernel(&self.kernels), ids);
-        let parts = self
-            .gpu
-            .submit_and_read(batch, &[(&self.buffers.picked, bytes)])?;
+        let parts = self.gpu.submit_and_read(batch, &[(&self.buffers.picked, bytes)])?;
         Ok(triples(&parts[0]))
     }
 
@@ -388,18 +325,13 @@ impl GpuBackend {
             return Ok(());
         }
         let b = &self.buffers;
-        let list = [
-            ("params", &b.kill_params),
-            ("ids", &b.put_ids),
-            ("values", &b.put_values),
-            ("destination", destination),
-        ];
+        let list =
+            [("params", &b.kill_params), ("ids", &b.put_ids), ("values", &b.put_values), ("destination", destination)];
         let kernel = self.gpu.bind(&scatter::SOURCE, &list)?;
         let batch = self.record();
         self.gpu.submit(batch);
         let b = &self.buffers;
-        self.gpu
-            .write(&b.kill_params, 0, &[ids.len() as u32, 0, 0, 0]);
+        self.gpu.write(&b.kill_params, 0, &[ids.len() as u32, 0, 0, 0]);
         self.gpu.write(&b.put_ids, 0, ids);
         self.gpu.write(&b.put_values, 0, values);
         let mut batch = self.gpu.batch();
@@ -413,8 +345,9 @@ impl GpuBackend {
             (Some((k, _)), true) => k,
             _ => &self.kernels.all,
         };
+        let product_threads = (self.params.product_groups * GROUP) as usize;
         for _ in 0..count {
-            batch.run(&k.product, self.node_count, rows);
+            batch.run(&k.product, product_threads, rows);
             batch.run(&k.advance, 1, rows);
             batch.run(&k.update, self.node_count, rows);
             batch.run(&k.precondition, self.column_count, rows);
@@ -501,20 +434,22 @@ impl Law {
         let blocks: Vec<u32> = model
             .stiffness_blocks::<f32>()
             .iter()
-            .flat_map(|m| {
-                m.0.map(|c| [c.x.to_bits(), c.y.to_bits(), c.z.to_bits(), 0])
-            })
+            .flat_map(|m| m.0.map(|c| [c.x.to_bits(), c.y.to_bits(), c.z.to_bits(), 0]))
             .flatten()
             .collect();
-        let shape: Vec<u32> = model
-            .shapes::<f32>()
+        // symmetric, so rows serve as columns
+        let modes: Vec<u32> = model
+            .modes::<f32>()
             .iter()
             .flatten()
-            .map(|c| c.to_bits())
+            .flatten()
+            .flat_map(|c| [c[0].to_bits(), c[1].to_bits(), c[2].to_bits(), 0])
             .collect();
+        let shape: Vec<u32> = model.shapes::<f32>().iter().flatten().map(|c| c.to_bits()).collect();
         let shared = vec![
             made.uniform("shape", MAX_LAYERS * 16, &shape),
             made.uniform("stiffness", MAX_LAYERS * 64 * 48, &blocks),
+            made.uniform("modes", MAX_LAYERS * 8 * 48, &modes),
             made.of("layer_of", &model.grid.layer_of)?,
             cell.clone(),
         ];
@@ -523,14 +458,7 @@ impl Law {
             elastic.push((&rotations::SOURCE, cells));
         }
         elastic.push((&forces::SOURCE, n));
-        Ok(Self {
-            shared,
-            cell,
-            springs: 0,
-            elastic,
-            product: &product::SOURCE,
-            blocks: &blocks::SOURCE,
-        })
+        Ok(Self { shared, cell, springs: 0, elastic, product: &product::SOURCE, blocks: &blocks::SOURCE })
     }
 }
 
@@ -553,13 +481,7 @@ impl Cutting {
         } else {
             let cells = model.grid.cell_count();
             let (point_u, point_v) = (made.vec4("point_u", cells)?, made.vec4("point_v", cells)?);
-            let list = [
-                ("params", main),
-                ("u", u),
-                ("v", v),
-                ("point_u", &point_u),
-                ("point_v", &point_v),
-            ];
+            let list = [("params", main), ("u", u), ("v", v), ("point_u", &point_u), ("point_v", &point_v)];
             (Some(gpu.bind(&centres::SOURCE, &list)?), point_u, point_v)
         };
         let cut = gpu.bind(
@@ -575,23 +497,12 @@ impl Cutting {
                 ("hit_count", &hit_count),
             ],
         )?;
-        Ok(Self {
-            centres,
-            cut,
-            params,
-            quads,
-            hits,
-            hit_count,
-            segments,
-        })
+        Ok(Self { centres, cut, params, quads, hits, hit_count, segments })
     }
 }
 
 fn triples(bytes: &[u8]) -> Vec<[f64; 3]> {
-    cast::<V4<f32>>(bytes)
-        .into_iter()
-        .map(|v| V3::from4(v).f64())
-        .collect()
+    cast::<V4<f32>>(bytes).into_iter().map(|v| V3::from4(v).f64()).collect()
 }
 
 impl Backend for GpuBackend {
@@ -630,16 +541,9 @@ impl Backend for GpuBackend {
         for slot in slots {
             batch.clear(&self.buffers.r, self.offset(*slot), bytes);
         }
-        let ids: Vec<u32> = entries
-            .iter()
-            .map(|(s, n, _)| (s * self.node_count) as u32 + n)
-            .collect();
-        let values: Vec<V4<f32>> = entries
-            .iter()
-            .map(|(_, _, v)| V3::of(*v).pad(0.0))
-            .collect();
-        self.gpu
-            .write(&self.buffers.put_params, 0, &[ids.len() as u32, 0, 0, 0]);
+        let ids: Vec<u32> = entries.iter().map(|(s, n, _)| (s * self.node_count) as u32 + n).collect();
+        let values: Vec<V4<f32>> = entries.iter().map(|(_, _, v)| V3::of(*v).pad(0.0)).collect();
+        self.gpu.write(&self.buffers.put_params, 0, &[ids.len() as u32, 0, 0, 0]);
         self.gpu.write(&self.buffers.put_ids, 0, &ids);
         self.gpu.write(&self.buffers.put_values, 0, &values);
         batch.run(&self.kernels.put_r, ids.len(), 1);
@@ -656,23 +560,12 @@ impl Backend for GpuBackend {
         Ok(())
     }
 
-    fn solve(
-        &mut self,
-        wanted: &[Wanted],
-        pick: &[(usize, u32)],
-    ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+    fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let only_correction = wanted.iter().all(|w| w.slot == CORRECTION);
         let last = wanted.iter().map(|w| w.slot).max().unwrap_or(FREE);
-        let (first, rows) = if only_correction {
-            (CORRECTION, 1)
-        } else {
-            (FREE, last as u32 + 1)
-        };
+        let (first, rows) = if only_correction { (CORRECTION, 1) } else { (FREE, last as u32 + 1) };
         self.write_requests(wanted, last + 1);
-        let ids: Vec<u32> = pick
-            .iter()
-            .map(|(slot, node)| (slot * self.node_count) as u32 + node)
-            .collect();
+        let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
         let mut batch = self.record();
         let (from, bytes) = (self.offset(first), self.offset(rows as usize));
         batch.copy(&self.buffers.x, from, &self.buffers.z, from, bytes);
@@ -683,39 +576,14 @@ impl Backend for GpuBackend {
             self.record_iterations(&mut batch, only_correction, rows, count);
             let picked = self.record_pick(&mut batch, &self.kernels.pick_x, &ids);
             let heads = 32 * (last as u64 + 1);
-            let parts = self.gpu.submit_and_read(
-                batch,
-                &[
-                    (&self.buffers.scalars, heads),
-                    (&self.buffers.picked, picked),
-                ],
-            )?;
+            let parts =
+                self.gpu.submit_and_read(batch, &[(&self.buffers.scalars, heads), (&self.buffers.picked, picked)])?;
             let heads: Vec<[f32; 8]> = cast(&parts[0]);
             let of = |w: &Wanted| {
-                let [
-                    alpha,
-                    beta,
-                    gamma,
-                    done,
-                    target_squared,
-                    residual_squared,
-                    iterations,
-                    state,
-                ] = heads[w.slot];
-                advance::Scalars {
-                    alpha,
-                    beta,
-                    gamma,
-                    done,
-                    target_squared,
-                    residual_squared,
-                    iterations,
-                    state,
-                }
+                let [alpha, beta, gamma, done, target_squared, residual_squared, iterations, state] = heads[w.slot];
+                advance::Scalars { alpha, beta, gamma, done, target_squared, residual_squared, iterations, state }
             };
-            let running = wanted
-                .iter()
-                .any(|w| of(w).done == 0.0 && of(w).iterations < self.max_iterations as f32);
+            let running = wanted.iter().any(|w| of(w).done == 0.0 && of(w).iterations < self.max_iterations as f32);
             if !running {
                 let outcomes: Vec<Outcome> = wanted.iter().map(|w| Outcome::of(&of(w))).collect();
                 self.expected[kind] = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
@@ -726,16 +594,8 @@ impl Backend for GpuBackend {
         }
     }
 
-    fn correct(
-        &mut self,
-        forces: &[(u32, [f64; 3])],
-        coefficients: &[(usize, f64)],
-        keep: bool,
-    ) -> Result<()> {
-        let entries: Vec<_> = forces
-            .iter()
-            .map(|(node, f)| (CORRECTION, *node, *f))
-            .collect();
+    fn correct(&mut self, forces: &[(u32, [f64; 3])], coefficients: &[(usize, f64)], keep: bool) -> Result<()> {
+        let entries: Vec<_> = forces.iter().map(|(node, f)| (CORRECTION, *node, *f)).collect();
         self.set_rows(&[CORRECTION], &entries)?;
         let mut by_slot = vec![0f32; self.slots];
         by_slot[CORRECTION] = if keep { 1.0 } else { 0.0 };
@@ -753,10 +613,7 @@ impl Backend for GpuBackend {
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
         self.forget(&[CORRECTION])?;
-        let ids: Vec<u32> = nodes
-            .iter()
-            .map(|(n, _)| self.node_count as u32 + n)
-            .collect();
+        let ids: Vec<u32> = nodes.iter().map(|(n, _)| self.node_count as u32 + n).collect();
         let values: Vec<V4<f32>> = nodes.iter().map(|(_, v)| V3::of(*v).pad(0.0)).collect();
         let x = self.buffers.x.clone();
         self.put(&x, &ids, &values)
@@ -770,22 +627,13 @@ impl Backend for GpuBackend {
         batch.run(kernel, self.node_count, 1);
         let parts = self.gpu.submit_and_read(batch, &[(out, out.bytes)])?;
         let all: Vec<V4<f32>> = cast(&parts[0]);
-        let read = |n: &u32| {
-            blocks::unpack(&all[*n as usize * 4..*n as usize * 4 + 4])
-                .d
-                .0
-                .map(V3::f64)
-        };
+        let read = |n: &u32| blocks::unpack(&all[*n as usize * 4..*n as usize * 4 + 4]).d.0.map(V3::f64);
         Ok(nodes.iter().map(read).collect())
     }
 
     fn finish(&mut self, corrected: bool) -> Result<()> {
         let mut batch = self.record();
-        batch.run(
-            &self.kernels.integrate[usize::from(corrected)],
-            self.node_count,
-            1,
-        );
+        batch.run(&self.kernels.integrate[usize::from(corrected)], self.node_count, 1);
         self.pending = Some(batch);
         Ok(())
     }
@@ -814,16 +662,7 @@ impl Backend for GpuBackend {
             });
         }
         let step = self.params.step.to_bits();
-        self.gpu.write(
-            &c.params,
-            0,
-            &[
-                c.segments as u32,
-                corners.len() as u32 / 4,
-                MAX_HITS as u32,
-                step,
-            ],
-        );
+        self.gpu.write(&c.params, 0, &[c.segments as u32, corners.len() as u32 / 4, MAX_HITS as u32, step]);
         self.gpu.write(&c.quads, 0, &corners);
         self.gpu.write(&c.hit_count, 0, &[0u32; 4]);
         if let Some(centres) = &c.centres {
@@ -832,9 +671,7 @@ impl Backend for GpuBackend {
         batch.run(&c.cut, c.segments, 1);
         // few hits are usual: count and the first of them come in one read-back
         let first = 1024u64;
-        let parts = self
-            .gpu
-            .submit_and_read(batch, &[(&c.hit_count, 4), (&c.hits, first * 4)])?;
+        let parts = self.gpu.submit_and_read(batch, &[(&c.hit_count, 4), (&c.hits, first * 4)])?;
         let count = cast::<u32>(&parts[0])[0] as usize;
         if count > MAX_HITS {
             return Err(Error::TooLarge {
@@ -845,11 +682,7 @@ impl Backend for GpuBackend {
                 fix: "use a shorter step_ms".into(),
             });
         }
-        let mut hits: Vec<u32> = if count as u64 <= first {
-            cast(&parts[1])
-        } else {
-            self.gpu.read(&c.hits, count)?
-        };
+        let mut hits: Vec<u32> = if count as u64 <= first { cast(&parts[1]) } else { self.gpu.read(&c.hits, count)? };
         hits.truncate(count);
         hits.sort_unstable();
         Ok(hits)
@@ -857,31 +690,20 @@ impl Backend for GpuBackend {
 
     fn remove(&mut self, cells: &[u32], springs: &[u32], free: &[(u32, V4<f64>)]) -> Result<()> {
         let cell = self.buffers.cell.clone();
-        let gone = if self.spring_count > 0 {
-            springs
-        } else {
-            cells
-        };
+        let gone = if self.spring_count > 0 { springs } else { cells };
         self.put(&cell, gone, &vec![[0.0; 4]; gone.len()])?;
         let ids: Vec<u32> = free.iter().map(|(n, _)| *n).collect();
         let values: Vec<V4<f32>> = free.iter().map(|(_, v)| v.map(|c| c as f32)).collect();
         let buffer = self.buffers.free.clone();
         self.put(&buffer, &ids, &values)?;
         // nodes without cells leave the system where they are
-        let dead: Vec<u32> = free
-            .iter()
-            .filter(|(_, v)| v[3] == 0.0)
-            .map(|(n, _)| *n)
-            .collect();
+        let dead: Vec<u32> = free.iter().filter(|(_, v)| v[3] == 0.0).map(|(n, _)| *n).collect();
         let zeros = vec![[0.0; 4]; dead.len()];
         let v = self.buffers.v.clone();
         self.put(&v, &dead, &zeros)?;
         let x = self.buffers.x.clone();
         for slot in 0..self.slots {
-            let ids: Vec<u32> = dead
-                .iter()
-                .map(|n| (slot * self.node_count) as u32 + n)
-                .collect();
+            let ids: Vec<u32> = dead.iter().map(|n| (slot * self.node_count) as u32 + n).collect();
             self.put(&x, &ids, &zeros)?;
         }
         Ok(())
@@ -890,39 +712,17 @@ impl Backend for GpuBackend {
     fn snapshot(&mut self) -> Result<Snapshot> {
         let batch = self.record();
         let b = &self.buffers;
-        let wanted = [
-            (&b.u, b.u.bytes),
-            (&b.v, b.v.bytes),
-            (&b.free, b.free.bytes),
-            (&b.cell, b.cell.bytes),
-        ];
+        let wanted = [(&b.u, b.u.bytes), (&b.v, b.v.bytes), (&b.free, b.free.bytes), (&b.cell, b.cell.bytes)];
         let parts = self.gpu.submit_and_read(batch, &wanted)?;
-        let wide = |k: usize| {
-            cast::<V4<f32>>(&parts[k])
-                .iter()
-                .map(|v| v.map(f64::from))
-                .collect::<Vec<_>>()
-        };
-        let (rotation, law) = if self.spring_count > 0 {
-            (vec![], wide(3))
-        } else {
-            (wide(3), vec![])
-        };
-        Ok(Snapshot {
-            u: wide(0),
-            v: wide(1),
-            rotation,
-            free: wide(2),
-            law,
-        })
+        let wide = |k: usize| cast::<V4<f32>>(&parts[k]).iter().map(|v| v.map(f64::from)).collect::<Vec<_>>();
+        let (rotation, law) = if self.spring_count > 0 { (vec![], wide(3)) } else { (wide(3), vec![]) };
+        Ok(Snapshot { u: wide(0), v: wide(1), rotation, free: wide(2), law })
     }
 
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {
         let batch = self.record();
         let n = self.node_count;
-        let parts = self
-            .gpu
-            .submit_and_read(batch, &[(&self.buffers.x, self.offset(slot + 1))])?;
+        let parts = self.gpu.submit_and_read(batch, &[(&self.buffers.x, self.offset(slot + 1))])?;
         let all: Vec<V4<f32>> = cast(&parts[0]);
         Ok(all[slot * n..].iter().map(|v| v.map(f64::from)).collect())
     }

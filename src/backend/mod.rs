@@ -38,11 +38,7 @@ pub struct Needs {
 impl Needs {
     /// Right-hand sides that are kept.
     pub fn slots(&self) -> usize {
-        if self.contact {
-            FIRST_COLUMN + self.columns
-        } else {
-            1
-        }
+        if self.contact { FIRST_COLUMN + self.columns } else { 1 }
     }
 }
 
@@ -112,18 +108,9 @@ pub trait Backend {
     /// Starts columns from zero instead of from what their slot last held.
     fn forget(&mut self, slots: &[usize]) -> Result<()>;
     /// Solves slots together and picks values of `x` at (slot, node).
-    fn solve(
-        &mut self,
-        wanted: &[Wanted],
-        pick: &[(usize, u32)],
-    ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)>;
+    fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)>;
     /// Right-hand side of the correction: nodal contact forces, N; start: columns times coefficients plus `keep` × the last correction.
-    fn correct(
-        &mut self,
-        forces: &[(u32, [f64; 3])],
-        coefficients: &[(usize, f64)],
-        keep: bool,
-    ) -> Result<()>;
+    fn correct(&mut self, forces: &[(u32, [f64; 3])], coefficients: &[(usize, f64)], keep: bool) -> Result<()>;
     /// Writes the correction itself at some nodes (uncoupled correction), zero elsewhere, m.
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()>;
     /// Diagonal 3×3 blocks of `A` at nodes, by rows, N/m.
@@ -154,11 +141,7 @@ pub fn links(params: &crate::kernels::Params<f64>) -> Vec<[u32; 2]> {
         for axis in 0..3 {
             let mut next = at;
             next[axis] += 1;
-            let other = if next[axis] < size[axis] {
-                params.cell_id(next)
-            } else {
-                cell
-            };
+            let other = if next[axis] < size[axis] { params.cell_id(next) } else { cell };
             out.push([cell as u32, other as u32]);
         }
     }

@@ -45,9 +45,7 @@ pub fn adapters() -> Vec<Adapter> {
             Adapter {
                 name: info.name.clone(),
                 backend: format!("{:?}", info.backend),
-                driver: format!("{} {}", info.driver, info.driver_info)
-                    .trim()
-                    .to_string(),
+                driver: format!("{} {}", info.driver, info.driver_info).trim().to_string(),
                 software: info.device_type == wgpu::DeviceType::Cpu,
                 max_binding: raw.limits().max_storage_buffer_binding_size,
                 raw,
@@ -100,44 +98,27 @@ impl Gpu {
     pub fn open(text: Option<&str>) -> Result<Self> {
         let all = adapters();
         let wanted = text.unwrap_or("").to_lowercase();
-        let fits = |a: &&Adapter| {
-            format!("{} {} {}", a.name, a.backend, a.driver)
-                .to_lowercase()
-                .contains(&wanted)
-        };
+        let fits = |a: &&Adapter| format!("{} {} {}", a.name, a.backend, a.driver).to_lowercase().contains(&wanted);
         let Some(adapter) = all.iter().find(fits).cloned() else {
-            let list: Vec<String> = all
-                .iter()
-                .map(|a| format!("`{}` ({})", a.name, a.backend))
-                .collect();
+            let list: Vec<String> = all.iter().map(|a| format!("`{}` ({})", a.name, a.backend)).collect();
             return Err(Error::NoAdapter {
-                wanted: text.map_or("any Vulkan, Metal or DX12 adapter".into(), |t| {
-                    format!("an adapter named like `{t}`")
-                }),
-                found: if list.is_empty() {
-                    "none".into()
-                } else {
-                    list.join(", ")
-                },
+                wanted: text
+                    .map_or("any Vulkan, Metal or DX12 adapter".into(), |t| format!("an adapter named like `{t}`")),
+                found: if list.is_empty() { "none".into() } else { list.join(", ") },
                 how: HOW.into(),
             });
         };
         let mut limits = wgpu::Limits::default();
         limits.max_buffer_size = adapter.raw.limits().max_buffer_size;
-        limits.max_storage_buffer_binding_size =
-            adapter.raw.limits().max_storage_buffer_binding_size;
+        limits.max_storage_buffer_binding_size = adapter.raw.limits().max_storage_buffer_binding_size;
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("cutis"),
             required_limits: limits.clone(),
             memory_hints: wgpu::MemoryHints::Performance,
             ..Default::default()
         };
-        let (device, queue) =
-            pollster::block_on(adapter.raw.request_device(&descriptor)).map_err(|e| {
-                Error::Device {
-                    message: e.to_string(),
-                }
-            })?;
+        let (device, queue) = pollster::block_on(adapter.raw.request_device(&descriptor))
+            .map_err(|e| Error::Device { message: e.to_string() })?;
         let fault: Arc<Mutex<Option<String>>> = Arc::default();
         let (first, second) = (fault.clone(), fault.clone());
         let keep = |slot: &Mutex<Option<String>>, message: String| {
@@ -152,15 +133,7 @@ impl Gpu {
             }
         });
         let (pipelines, staging) = (RefCell::default(), RefCell::default());
-        Ok(Self {
-            adapter,
-            device,
-            queue,
-            limits,
-            pipelines,
-            fault,
-            staging,
-        })
+        Ok(Self { adapter, device, queue, limits, pipelines, fault, staging })
     }
 
     /// A zeroed storage array of `count` elements (at least 16 bytes, so that an empty one can be bound).
@@ -170,15 +143,13 @@ impl Gpu {
     pub fn array<T: NoUninit>(&self, name: &'static str, count: usize) -> Result<Buffer> {
         let bytes = (count * size_of::<T>()).next_multiple_of(16).max(16) as u64;
         let limits = [
-            (
-                "max_storage_buffer_binding_size",
-                self.limits.max_storage_buffer_binding_size,
-            ),
+            ("max_storage_buffer_binding_size", self.limits.max_storage_buffer_binding_size),
             ("max_buffer_size", self.limits.max_buffer_size),
         ];
         for (limit_name, limit) in limits {
             if bytes > limit {
-                let fix = "use fewer cells or contacts, or an adapter with a larger limit (`cutis adapters` lists them)";
+                let fix =
+                    "use fewer cells or contacts, or an adapter with a larger limit (`cutis adapters` lists them)";
                 return Err(Error::TooLarge {
                     what: format!("array `{name}`"),
                     need: bytes,
@@ -188,9 +159,7 @@ impl Gpu {
                 });
             }
         }
-        let usage = wgpu::BufferUsages::STORAGE
-            | wgpu::BufferUsages::COPY_DST
-            | wgpu::BufferUsages::COPY_SRC;
+        let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         Ok(self.buffer(name, bytes, usage))
     }
 
@@ -207,34 +176,20 @@ impl Gpu {
     /// A uniform buffer of `bytes` at least, filled with `data`.
     pub fn uniform<T: NoUninit>(&self, name: &'static str, bytes: usize, data: &[T]) -> Buffer {
         let bytes = bytes.max(size_of_val(data)).next_multiple_of(16) as u64;
-        let buffer = self.buffer(
-            name,
-            bytes,
-            wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
-        );
+        let buffer = self.buffer(name, bytes, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
         self.write(&buffer, 0, data);
         buffer
     }
 
     fn buffer(&self, name: &'static str, bytes: u64, usage: wgpu::BufferUsages) -> Buffer {
-        let descriptor = wgpu::BufferDescriptor {
-            label: Some(name),
-            size: bytes,
-            usage,
-            mapped_at_creation: false,
-        };
-        Buffer {
-            raw: self.device.create_buffer(&descriptor),
-            name,
-            bytes,
-        }
+        let descriptor = wgpu::BufferDescriptor { label: Some(name), size: bytes, usage, mapped_at_creation: false };
+        Buffer { raw: self.device.create_buffer(&descriptor), name, bytes }
     }
 
     /// Writes elements from byte `offset` on; they are there before the next submission runs.
     pub fn write<T: NoUninit>(&self, buffer: &Buffer, offset: u64, data: &[T]) {
         if !data.is_empty() {
-            self.queue
-                .write_buffer(&buffer.raw, offset, bytemuck::cast_slice(data));
+            self.queue.write_buffer(&buffer.raw, offset, bytemuck::cast_slice(data));
         }
     }
 
@@ -248,9 +203,7 @@ impl Gpu {
             Some(pipeline) => pipeline,
             None => {
                 let made = Rc::new(self.compile(Shader::read(source)?)?);
-                self.pipelines
-                    .borrow_mut()
-                    .insert(source.name, made.clone());
+                self.pipelines.borrow_mut().insert(source.name, made.clone());
                 made
             }
         };
@@ -287,57 +240,34 @@ impl Gpu {
             .collect();
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let label = Some(shader.name);
-        let module = self
-            .device
-            .create_shader_module(wgpu::ShaderModuleDescriptor {
-                label,
-                source: wgpu::ShaderSource::Wgsl(shader.text.as_str().into()),
-            });
-        let layout = self
-            .device
-            .create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
-                label,
-                entries: &entries,
-            });
-        let pipeline_layout = self
-            .device
-            .create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label,
-                bind_group_layouts: &[Some(&layout)],
-                immediate_size: 0,
-            });
-        let raw = self
-            .device
-            .create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
-                label,
-                layout: Some(&pipeline_layout),
-                module: &module,
-                entry_point: Some(shader.name),
-                compilation_options: wgpu::PipelineCompilationOptions::default(),
-                cache: None,
-            });
+        let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
+            label,
+            source: wgpu::ShaderSource::Wgsl(shader.text.as_str().into()),
+        });
+        let layout =
+            self.device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label, entries: &entries });
+        let pipeline_layout = self.device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+            label,
+            bind_group_layouts: &[Some(&layout)],
+            immediate_size: 0,
+        });
+        let raw = self.device.create_compute_pipeline(&wgpu::ComputePipelineDescriptor {
+            label,
+            layout: Some(&pipeline_layout),
+            module: &module,
+            entry_point: Some(shader.name),
+            compilation_options: wgpu::PipelineCompilationOptions::default(),
+            cache: None,
+        });
         if let Some(e) = pollster::block_on(scope.pop()) {
-            return Err(Error::Shader {
-                kernel: shader.name.into(),
-                message: e.to_string(),
-            });
+            return Err(Error::Shader { kernel: shader.name.into(), message: e.to_string() });
         }
-        Ok(Pipeline {
-            shader,
-            layout,
-            raw,
-        })
+        Ok(Pipeline { shader, layout, raw })
     }
 
     fn bind_pipeline(&self, pipeline: Rc<Pipeline>, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
         let variables = &pipeline.shader.variables;
-        let known = || {
-            variables
-                .iter()
-                .map(|v| v.name.as_str())
-                .collect::<Vec<_>>()
-                .join(", ")
-        };
+        let known = || variables.iter().map(|v| v.name.as_str()).collect::<Vec<_>>().join(", ");
         let fail = |name: &str, problem: String| Error::Binding {
             kernel: pipeline.shader.name,
             name: name.to_string(),
@@ -352,19 +282,13 @@ impl Gpu {
         let mut entries = vec![];
         for v in variables {
             let given = buffers.iter().find(|(name, _)| *name == v.name);
-            let (_, buffer) =
-                given.ok_or_else(|| fail(&v.name, "no buffer was given for it".into()))?;
+            let (_, buffer) = given.ok_or_else(|| fail(&v.name, "no buffer was given for it".into()))?;
             if buffer.bytes < v.min_bytes {
-                let problem = format!(
-                    "its buffer `{}` has {} bytes, {} are needed",
-                    buffer.name, buffer.bytes, v.min_bytes
-                );
+                let problem =
+                    format!("its buffer `{}` has {} bytes, {} are needed", buffer.name, buffer.bytes, v.min_bytes);
                 return Err(fail(&v.name, problem));
             }
-            entries.push(wgpu::BindGroupEntry {
-                binding: v.binding,
-                resource: buffer.raw.as_entire_binding(),
-            });
+            entries.push(wgpu::BindGroupEntry { binding: v.binding, resource: buffer.raw.as_entire_binding() });
         }
         let group = self.device.create_bind_group(&wgpu::BindGroupDescriptor {
             label: Some(pipeline.shader.name),
@@ -376,15 +300,8 @@ impl Gpu {
 
     /// A new batch of commands.
     pub fn batch(&self) -> Batch {
-        let encoder = self
-            .device
-            .create_command_encoder(&wgpu::CommandEncoderDescriptor {
-                label: Some("batch"),
-            });
-        Batch {
-            pass: None,
-            encoder,
-        }
+        let encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("batch") });
+        Batch { pass: None, encoder }
     }
 
     /// Runs a batch; returns at once.
@@ -396,37 +313,24 @@ impl Gpu {
     ///
     /// # Errors
     /// [`Error::Device`] when the device was lost or reported an error since the last call.
-    pub fn submit_and_read(
-        &self,
-        mut batch: Batch,
-        wanted: &[(&Buffer, u64)],
-    ) -> Result<Vec<Vec<u8>>> {
-        let total: u64 = wanted
-            .iter()
-            .map(|(_, bytes)| bytes.next_multiple_of(16))
-            .sum();
+    pub fn submit_and_read(&self, mut batch: Batch, wanted: &[(&Buffer, u64)]) -> Result<Vec<Vec<u8>>> {
+        let total: u64 = wanted.iter().map(|(_, bytes)| bytes.next_multiple_of(16)).sum();
         let staging = self.staging(total.max(16));
         batch.pass = None;
         let mut offset = 0;
         for (buffer, bytes) in wanted {
             let padded = bytes.next_multiple_of(16).min(buffer.bytes);
-            batch
-                .encoder
-                .copy_buffer_to_buffer(&buffer.raw, 0, &staging, offset, padded);
+            batch.encoder.copy_buffer_to_buffer(&buffer.raw, 0, &staging, offset, padded);
             offset += bytes.next_multiple_of(16);
         }
         self.queue.submit([batch.finish()]);
         let failed = |message: String| Error::Device { message };
         staging.map_async(wgpu::MapMode::Read, 0..total.max(16), |_| {});
-        self.device
-            .poll(wgpu::PollType::wait_indefinitely())
-            .map_err(|e| failed(e.to_string()))?;
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| failed(e.to_string()))?;
         if let Some(message) = self.fault.lock().ok().and_then(|f| f.clone()) {
             return Err(failed(message));
         }
-        let view = staging
-            .get_mapped_range(0..total.max(16))
-            .map_err(|e| failed(e.to_string()))?;
+        let view = staging.get_mapped_range(0..total.max(16)).map_err(|e| failed(e.to_string()))?;
         let mut offset = 0usize;
         let parts = wanted
             .iter()
@@ -460,8 +364,7 @@ impl Gpu {
     /// # Errors
     /// As [`Gpu::submit_and_read`].
     pub fn read<T: Pod>(&self, buffer: &Buffer, count: usize) -> Result<Vec<T>> {
-        let parts =
-            self.submit_and_read(self.batch(), &[(buffer, (count * size_of::<T>()) as u64)])?;
+        let parts = self.submit_and_read(self.batch(), &[(buffer, (count * size_of::<T>()) as u64)])?;
         Ok(cast(&parts[0]))
     }
 }
@@ -488,9 +391,7 @@ impl Batch {
         let folds = groups.div_ceil(MAX_GROUPS);
         let encoder = &mut self.encoder;
         let pass = self.pass.get_or_insert_with(|| {
-            encoder
-                .begin_compute_pass(&wgpu::ComputePassDescriptor::default())
-                .forget_lifetime()
+            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()).forget_lifetime()
         });
         pass.set_pipeline(&kernel.pipeline.raw);
         pass.set_bind_group(0, &kernel.group, &[]);
@@ -500,16 +401,14 @@ impl Batch {
     /// Copies bytes between buffers.
     pub fn copy(&mut self, from: &Buffer, from_byte: u64, to: &Buffer, to_byte: u64, bytes: u64) {
         self.pass = None;
-        self.encoder
-            .copy_buffer_to_buffer(&from.raw, from_byte, &to.raw, to_byte, bytes);
+        self.encoder.copy_buffer_to_buffer(&from.raw, from_byte, &to.raw, to_byte, bytes);
     }
 
     /// Zeroes bytes of a buffer.
     pub fn clear(&mut self, buffer: &Buffer, from_byte: u64, bytes: u64) {
         if bytes > 0 {
             self.pass = None;
-            self.encoder
-                .clear_buffer(&buffer.raw, from_byte, Some(bytes));
+            self.encoder.clear_buffer(&buffer.raw, from_byte, Some(bytes));
         }
     }
 

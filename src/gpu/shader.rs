@@ -59,58 +59,34 @@ impl Shader {
     /// # Errors
     /// As [`Shader::read`].
     pub fn from_text(name: &'static str, text: String) -> Result<Self> {
-        let fail = |message: String| Error::Shader {
-            kernel: name.to_string(),
-            message,
-        };
+        let fail = |message: String| Error::Shader { kernel: name.to_string(), message };
         let module = wgsl::parse_str(&text).map_err(|e| fail(e.emit_to_string(&text)))?;
         Validator::new(ValidationFlags::all(), Capabilities::empty())
             .validate(&module)
             .map_err(|e| fail(e.emit_to_string(&text)))?;
         let entry = module.entry_points.iter().find(|e| e.name == name);
-        let workgroup = entry
-            .ok_or_else(|| fail(format!("there is no entry point `{name}`")))?
-            .workgroup_size[0];
+        let workgroup = entry.ok_or_else(|| fail(format!("there is no entry point `{name}`")))?.workgroup_size[0];
         let context = module.to_ctx();
         let mut variables = vec![];
         let mut params = vec![];
         for (_, variable) in module.global_variables.iter() {
             let access = match variable.space {
                 AddressSpace::Uniform => Access::Uniform,
-                AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => {
-                    Access::ReadWrite
-                }
+                AddressSpace::Storage { access } if access.contains(StorageAccess::STORE) => Access::ReadWrite,
                 AddressSpace::Storage { .. } => Access::Read,
                 _ => continue,
             };
-            let slot = variable
-                .binding
-                .as_ref()
-                .ok_or_else(|| fail("a buffer has no @binding".into()))?;
+            let slot = variable.binding.as_ref().ok_or_else(|| fail("a buffer has no @binding".into()))?;
             let name = variable.name.clone().unwrap_or_default();
             let inner = &module.types[variable.ty].inner;
             if let (true, TypeInner::Struct { members, .. }) = (name == "params", inner) {
-                params = members
-                    .iter()
-                    .map(|m| (m.name.clone().unwrap_or_default(), m.offset))
-                    .collect();
+                params = members.iter().map(|m| (m.name.clone().unwrap_or_default(), m.offset)).collect();
             }
             let min_bytes = u64::from(inner.size(context));
-            variables.push(Variable {
-                name,
-                binding: slot.binding,
-                access,
-                min_bytes,
-            });
+            variables.push(Variable { name, binding: slot.binding, access, min_bytes });
         }
         variables.sort_by_key(|v| v.binding);
-        Ok(Self {
-            name,
-            text,
-            variables,
-            workgroup,
-            params,
-        })
+        Ok(Self { name, text, variables, workgroup, params })
     }
 
     /// Compares the `params` struct with the host's field list, one 4-byte word each.
@@ -118,10 +94,7 @@ impl Shader {
     /// # Errors
     /// [`Error::Shader`] that names the first field out of place.
     pub fn check_params(&self, fields: &[&str]) -> Result<()> {
-        let fail = |message: String| Error::Shader {
-            kernel: self.name.to_string(),
-            message,
-        };
+        let fail = |message: String| Error::Shader { kernel: self.name.to_string(), message };
         for (k, field) in fields.iter().enumerate() {
             let here = 4 * k as u32;
             match self.params.iter().find(|(name, _)| name == field) {
@@ -132,9 +105,7 @@ impl Shader {
                     )));
                 }
                 None => {
-                    return Err(fail(format!(
-                        "field `params.{field}` is missing in WGSL; add it at byte {here}"
-                    )));
+                    return Err(fail(format!("field `params.{field}` is missing in WGSL; add it at byte {here}")));
                 }
             }
         }

@@ -97,10 +97,7 @@ impl Renderer {
     /// One tick of `step` seconds: the force on the hand.
     pub fn tick(&mut self, problem: &Reduced, hand: Hand, step: f64) -> Tick {
         let (k, b) = (self.link.stiffness, self.link.damping / step);
-        let (ka, ba) = (
-            self.link.angular_stiffness,
-            self.link.angular_damping / step,
-        );
+        let (ka, ba) = (self.link.angular_stiffness, self.link.angular_damping / step);
         // where the proxy would go without contact, from the problem's pose
         let moved = hand.position - self.hand.position;
         let target = hand.position - problem.position;
@@ -119,27 +116,15 @@ impl Renderer {
             let (axis, lever) = (problem.axes[i], problem.arms[i].cross(problem.axes[i]));
             let line = &problem.compliance[i * rows..(i + 1) * rows];
             let kept: f64 = line.iter().zip(&problem.force).map(|(w, f)| w * f).sum();
-            self.free
-                .push(problem.violation[i] - kept + axis.dot(shift) + lever.dot(turn));
+            self.free.push(problem.violation[i] - kept + axis.dot(shift) + lever.dot(turn));
             for (j, w) in line.iter().enumerate() {
                 let other = problem.arms[j].cross(problem.axes[j]);
-                self.compliance
-                    .push(w + c * axis.dot(problem.axes[j]) + ca * lever.dot(other));
+                self.compliance.push(w + c * axis.dot(problem.axes[j]) + ca * lever.dot(other));
             }
         }
         self.force.resize(rows, 0.0);
-        let ended = solve(
-            &problem.laws,
-            &self.compliance,
-            &self.free,
-            &mut self.force,
-            1e-4,
-            MAX_SWEEPS,
-        );
-        let mut tick = Tick {
-            sweeps: ended.sweeps,
-            ..Tick::default()
-        };
+        let ended = solve(&problem.laws, &self.compliance, &self.free, &mut self.force, 1e-4, MAX_SWEEPS);
+        let mut tick = Tick { sweeps: ended.sweeps, ..Tick::default() };
         for i in 0..rows {
             tick.force += problem.axes[i] * self.force[i];
             tick.torque += problem.arms[i].cross(problem.axes[i]) * self.force[i];
@@ -155,31 +140,18 @@ impl Renderer {
 mod tests {
     use super::*;
 
-    const LINK: Coupling = Coupling {
-        stiffness: 1000.0,
-        damping: 0.0,
-        angular_stiffness: 1.0,
-        angular_damping: 0.0,
-    };
+    const LINK: Coupling = Coupling { stiffness: 1000.0, damping: 0.0, angular_stiffness: 1.0, angular_damping: 0.0 };
 
     fn hand(z: f64) -> Hand {
-        Hand {
-            position: DVec3::new(0.0, 0.0, z),
-            rotation: DQuat::IDENTITY,
-        }
+        Hand { position: DVec3::new(0.0, 0.0, z), rotation: DQuat::IDENTITY }
     }
 
     fn wall(compliance: f64) -> Reduced {
         Reduced {
             axes: vec![DVec3::Z, DVec3::X, DVec3::Y],
             arms: vec![DVec3::ZERO; 3],
-            laws: vec![Law::Coulomb {
-                friction: 0.0,
-                bound: f64::INFINITY,
-            }],
-            compliance: vec![
-                compliance, 0.0, 0.0, 0.0, compliance, 0.0, 0.0, 0.0, compliance,
-            ],
+            laws: vec![Law::Coulomb { friction: 0.0, bound: f64::INFINITY }],
+            compliance: vec![compliance, 0.0, 0.0, 0.0, compliance, 0.0, 0.0, 0.0, compliance],
             violation: vec![0.0; 3],
             force: vec![0.0; 3],
             ..Reduced::default()
@@ -204,9 +176,6 @@ mod tests {
     #[test]
     fn there_is_no_force_off_the_wall() {
         let mut renderer = Renderer::new(LINK, hand(0.0));
-        assert_eq!(
-            renderer.tick(&wall(0.0), hand(1e-3), 1e-3).force,
-            DVec3::ZERO
-        );
+        assert_eq!(renderer.tick(&wall(0.0), hand(1e-3), 1e-3).force, DVec3::ZERO);
     }
 }

@@ -55,10 +55,7 @@ pub fn solve<R: Real>(
     mut precondition: impl FnMut(&[V4<R>], &mut [V4<R>]) -> [R; 2],
 ) -> Outcome {
     let Slot { x, r, p, s, z, w } = slot;
-    let mut k = Scalars {
-        alpha: R::one(),
-        ..Scalars::default()
-    };
+    let mut k = Scalars { alpha: R::one(), ..Scalars::default() };
     let mut dots = [R::zero(); 2];
     z.copy_from_slice(x);
     while k.iterations.f64() <= f64::from(max_iterations) {

@@ -31,18 +31,11 @@ impl Grid {
             }
             bottom += layer.thickness;
         }
-        let cells = [
-            skin.cells[0] as usize,
-            skin.cells[1] as usize,
-            layer_of.len(),
-        ];
+        let cells = [skin.cells[0] as usize, skin.cells[1] as usize, layer_of.len()];
         Self {
             cells,
             nodes: cells.map(|c| c + 1),
-            edge: [
-                skin.size[0] / cells[0] as f64,
-                skin.size[1] / cells[1] as f64,
-            ],
+            edge: [skin.size[0] / cells[0] as f64, skin.size[1] / cells[1] as f64],
             heights,
             layer_of,
         }
@@ -66,19 +59,14 @@ impl Grid {
     /// Rest position of a node, m.
     pub fn rest(&self, node: usize) -> [f64; 3] {
         let [i, j, k] = self.params::<f64>().node_at(node);
-        let along =
-            |i: usize, axis: usize| (i as f64 - 0.5 * self.cells[axis] as f64) * self.edge[axis];
+        let along = |i: usize, axis: usize| (i as f64 - 0.5 * self.cells[axis] as f64) * self.edge[axis];
         [along(i, 0), along(j, 1), self.heights[k]]
     }
 
     /// Edges of a layer's cells, m.
     pub fn cell_edges(&self, layer: u32) -> [f64; 3] {
         let k = self.layer_of.iter().position(|l| *l == layer).unwrap_or(0);
-        [
-            self.edge[0],
-            self.edge[1],
-            self.heights[k + 1] - self.heights[k],
-        ]
+        [self.edge[0], self.edge[1], self.heights[k + 1] - self.heights[k]]
     }
 
     /// Sizes as the kernels read them; everything else is zero.
@@ -124,11 +112,7 @@ impl Grid {
             i.clamp(0.0, self.cells[axis] as f64) as usize
         };
         let level = (0..self.heights.len())
-            .min_by(|a, b| {
-                (self.heights[*a] - point[2])
-                    .abs()
-                    .total_cmp(&(self.heights[*b] - point[2]).abs())
-            })
+            .min_by(|a, b| (self.heights[*a] - point[2]).abs().total_cmp(&(self.heights[*b] - point[2]).abs()))
             .unwrap_or(0);
         self.params::<f64>().node_id([along(0), along(1), level])
     }

@@ -41,10 +41,7 @@ const FACES: [([usize; 4], [isize; 3]); 6] = [
 impl Surface {
     /// The surface of an uncut grid.
     pub fn new(grid: &Grid) -> Self {
-        Self {
-            params: grid.params(),
-            alive: vec![true; grid.cell_count()],
-        }
+        Self { params: grid.params(), alive: vec![true; grid.cell_count()] }
     }
 
     /// Boundary faces of the cells with grid coordinates in `low..high`, without those that the bottom hides.
@@ -62,11 +59,7 @@ impl Surface {
     pub fn all(&self) -> Vec<Quad> {
         let p = &self.params;
         let mut out = vec![];
-        self.quads(
-            [0; 3],
-            [p.cells_x as usize, p.cells_y as usize, p.cells_z as usize],
-            &mut out,
-        );
+        self.quads([0; 3], [p.cells_x as usize, p.cells_y as usize, p.cells_z as usize], &mut out);
         out
     }
 
@@ -87,10 +80,7 @@ impl Surface {
                 next[axis] = n.max(0) as usize;
             }
             if !inside || !self.alive[p.cell_id(next)] {
-                out.push(Quad {
-                    nodes: face.map(|a| corners[a] as u32),
-                    cell: cell as u32,
-                });
+                out.push(Quad { nodes: face.map(|a| corners[a] as u32), cell: cell as u32 });
             }
         }
     }

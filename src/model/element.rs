@@ -77,14 +77,32 @@ pub fn stiffness(h: [f64; 3], young: f64, poisson: f64, element: Element) -> Mat
             Element::Bbar => strain(&d, &mean),
         };
         for col in 0..24 {
-            let stress: [f64; 6] =
-                std::array::from_fn(|i| (0..6).map(|j| c[i][j] * b[j][col]).sum());
+            let stress: [f64; 6] = std::array::from_fn(|i| (0..6).map(|j| c[i][j] * b[j][col]).sum());
             for row in 0..24 {
                 k[row][col] += weight * (0..6).map(|i| b[i][row] * stress[i]).sum::<f64>();
             }
         }
     }
     k
+}
+
+/// The mirror blocks `B = H K H / 64` of a brick's matrix (see `kernels::product`): block `P` couples the x-displacement in sign pattern
+/// `P⊕1`, y in `P⊕2` and z in `P⊕4`.
+pub fn modes(k: &Matrix) -> [[[f64; 3]; 3]; 8] {
+    let sign = |pattern: usize, a: usize| {
+        let o = corner(a);
+        let bits = o[0] + 2 * o[1] + 4 * o[2];
+        if (pattern & bits).count_ones().is_multiple_of(2) { 1.0 } else { -1.0 }
+    };
+    std::array::from_fn(|parity| {
+        std::array::from_fn(|i| {
+            std::array::from_fn(|j| {
+                let (p, q) = (parity ^ (1 << i), parity ^ (1 << j));
+                let pair = |a: usize, b: usize| sign(p, a) * k[3 * a + i][3 * b + j] * sign(q, b);
+                (0..64).map(|ab| pair(ab / 8, ab % 8)).sum::<f64>() / 64.0
+            })
+        })
+    })
 }
 
 #[cfg(test)]
@@ -97,11 +115,7 @@ mod tests {
     fn constant_strain_has_its_exact_energy() {
         let (young, poisson) = (2e5, 0.45);
         let (lambda, mu) = lame(young, poisson);
-        let g = [
-            [0.01, 0.003, 0.0],
-            [-0.002, 0.02, 0.004],
-            [0.001, 0.0, -0.015],
-        ];
+        let g = [[0.01, 0.003, 0.0], [-0.002, 0.02, 0.004], [0.001, 0.0, -0.015]];
         let mut u = [0.0; 24];
         for a in 0..8 {
             let x: [f64; 3] = std::array::from_fn(|n| corner(a)[n] as f64 * H[n]);
@@ -120,13 +134,24 @@ mod tests {
         let exact = density * H[0] * H[1] * H[2];
         for element in [Element::Plain, Element::Bbar] {
             let k = stiffness(H, young, poisson, element);
-            let energy: f64 = (0..24)
-                .map(|r| 0.5 * u[r] * (0..24).map(|c| k[r][c] * u[c]).sum::<f64>())
-                .sum();
-            assert!(
-                (energy / exact - 1.0).abs() < 1e-12,
-                "{element:?}: {energy} against {exact}"
-            );
+            let energy: f64 = (0..24).map(|r| 0.5 * u[r] * (0..24).map(|c| k[r][c] * u[c]).sum::<f64>()).sum();
+            assert!((energy / exact - 1.0).abs() < 1e-12, "{element:?}: {energy} against {exact}");
+        }
+    }
+
+    #[test]
+    fn mirror_blocks_hold_the_whole_matrix() {
+        let bits = |a: usize| corner(a)[0] + 2 * corner(a)[1] + 4 * corner(a)[2];
+        let sign = |p: usize, a: usize| if (p & bits(a)).count_ones().is_multiple_of(2) { 1.0 } else { -1.0 };
+        for element in [Element::Plain, Element::Bbar] {
+            let k = stiffness(H, 1.0, 0.45, element);
+            let b = modes(&k);
+            let scale: f64 = (0..24).map(|i| k[i][i]).fold(0.0, f64::max);
+            for (row, col) in (0..576).map(|n| (n / 24, n % 24)) {
+                let (a, i, c, j) = (row / 3, row % 3, col / 3, col % 3);
+                let sum: f64 = (0..8).map(|p| sign(p ^ (1 << i), a) * b[p][i][j] * sign(p ^ (1 << j), c)).sum();
+                assert!((sum - k[row][col]).abs() < 1e-13 * scale, "{element:?} {row} {col}");
+            }
         }
     }
 
@@ -139,9 +164,7 @@ mod tests {
             let mut m = k;
             let mut rank = 0;
             for _ in 0..24 {
-                let p = (0..24)
-                    .max_by(|a, b| m[*a][*a].total_cmp(&m[*b][*b]))
-                    .unwrap();
+                let p = (0..24).max_by(|a, b| m[*a][*a].total_cmp(&m[*b][*b])).unwrap();
                 if m[p][p] < 1e-9 * scale {
                     break;
                 }

@@ -2,7 +2,7 @@
 
 use super::Model;
 use crate::kernels::forces::rest_corner;
-use crate::kernels::product::product;
+use crate::kernels::product::{LANES, cell_groups, product};
 use crate::kernels::{forces, rhs, rotations, springs, springs_product};
 use crate::math::{V3, V4, rotation_matrix, rotation_minus_identity};
 
@@ -14,31 +14,21 @@ pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], law: &
             let at = |n: u32| V3::of(model.rest[n as usize]) + V3::from4(u[n as usize]);
             (at(b) - at(a)).length() - l
         };
-        return s
-            .ends
-            .iter()
-            .zip(law)
-            .map(|(e, law)| 0.5 * law[1] * stretch(*e, law[0]).powi(2))
-            .sum();
+        return s.ends.iter().zip(law).map(|(e, law)| 0.5 * law[1] * stretch(*e, law[0]).powi(2)).sum();
     }
     let params = model.params::<f64>();
     let mut energy = 0.0;
     for (cell, q) in rotation.iter().enumerate().filter(|(_, q)| **q != [0.0; 4]) {
         let layer = model.grid.layer_of[params.cell_at(cell)[2]] as usize;
         let h = V3::from4(model.shape[layer]);
-        let (back, turn) = (
-            rotation_matrix(*q).transpose(),
-            rotation_minus_identity(*q).transpose(),
-        );
+        let (back, turn) = (rotation_matrix(*q).transpose(), rotation_minus_identity(*q).transpose());
         let mut d = [0.0; 24];
         for (a, node) in params.corners(cell).into_iter().enumerate() {
             let local = back * V3::from4(u[node]) + turn * rest_corner(h, a);
             [d[3 * a], d[3 * a + 1], d[3 * a + 2]] = local.f64();
         }
         let k = &model.stiffness[layer];
-        energy += (0..24)
-            .map(|r| 0.5 * d[r] * (0..24).map(|c| k[r][c] * d[c]).sum::<f64>())
-            .sum::<f64>();
+        energy += (0..24).map(|r| 0.5 * d[r] * (0..24).map(|c| k[r][c] * d[c]).sum::<f64>()).sum::<f64>();
     }
     energy
 }
@@ -74,25 +64,8 @@ pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
     if let Some(s) = &model.springs {
         let rest: Vec<V4<f64>> = model.rest.iter().map(|r| V3::of(*r).pad(0.0)).collect();
         let mut tangent = vec![[0.0; 4]; s.half.len() * 2];
-        springs::springs(
-            &params,
-            &rest,
-            &solved.u,
-            &s.first,
-            &s.half,
-            &solved.law,
-            &mut f,
-            &mut tangent,
-        );
-        springs_product::springs_product(
-            &params,
-            &s.first,
-            &s.half,
-            &tangent,
-            &solved.free,
-            &solved.dx,
-            &mut w,
-        );
+        springs::springs(&params, &rest, &solved.u, &s.first, &s.half, &solved.law, &mut f, &mut tangent);
+        springs_product::springs_product(&params, &s.first, &s.half, &tangent, &solved.free, &solved.dx, &mut w);
     } else {
         let blocks = model.stiffness_blocks::<f64>();
         let layers = &model.grid.layer_of;
@@ -100,18 +73,9 @@ pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
         if model.corotational {
             rotations::rotations(&params, &shapes, layers, &solved.u, &mut rotation);
         }
-        forces::forces(
-            &params, &shapes, &blocks, layers, &solved.u, &rotation, &mut f,
-        );
-        product(
-            &params,
-            &blocks,
-            layers,
-            &rotation,
-            &solved.free,
-            &solved.dx,
-            &mut w,
-        );
+        forces::forces(&params, &shapes, &blocks, layers, &solved.u, &rotation, &mut f);
+        let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
+        product(&params, &model.modes(), layers, &rotation, &solved.free, &solved.dx, &mut w, &mut scratch);
     }
     let mut load = rhs::rhs(&params, &f, &solved.v, &solved.free, &solved.load, &mut b);
     let mut residual = 0.0;
@@ -122,9 +86,5 @@ pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
             residual += (b[i][n] + contact - w[i][n]).powi(2);
         }
     }
-    if load == 0.0 {
-        0.0
-    } else {
-        (residual / load).sqrt()
-    }
+    if load == 0.0 { 0.0 } else { (residual / load).sqrt() }
 }

@@ -8,7 +8,8 @@ pub use energy::{Solved, elastic_energy, true_residual};
 pub use springs::Springs;
 
 use crate::error::{Error, Result};
-use crate::kernels::Params;
+use crate::kernels::product::{Modes, tiles};
+use crate::kernels::{GROUP, Params};
 use crate::math::{M3, Real, V3, V4};
 use crate::mesh::Grid;
 use crate::scene::{Law, Load, Preconditioner, Region, Scene};
@@ -82,8 +83,7 @@ impl Model {
                 fix: "join layers of the same material".into(),
             });
         }
-        let indexed =
-            (skin.cells[0] as u64 + 1) * (skin.cells[1] as u64 + 1) * grid.nodes[2] as u64;
+        let indexed = (skin.cells[0] as u64 + 1) * (skin.cells[1] as u64 + 1) * grid.nodes[2] as u64;
         if indexed > u64::from(u32::MAX) / 64 {
             return Err(Error::TooLarge {
                 what: "the grid's nodes".into(),
@@ -129,13 +129,7 @@ impl Model {
             shape,
             stiffness,
             springs,
-            corotational: matches!(
-                skin.law,
-                Law::Fem {
-                    corotational: true,
-                    ..
-                }
-            ),
+            corotational: matches!(skin.law, Law::Fem { corotational: true, .. }),
             free,
             held,
             toughness: skin.layers.iter().map(|l| l.toughness).collect(),
@@ -162,6 +156,11 @@ impl Model {
             preconditioner: s.preconditioner,
             corotational: u32::from(self.corotational),
             slot_count: 1,
+            product_groups: if self.springs.is_some() {
+                self.grid.node_count().div_ceil(GROUP as usize) as u32
+            } else {
+                tiles(&self.grid.params::<f64>()) as u32
+            },
             inertia: R::of((1.0 + s.step * s.rayleigh_mass) / (s.step * s.step)),
             stiffness_factor: R::of(1.0 + s.rayleigh_stiffness / s.step),
             step: R::of(s.step),
@@ -179,6 +178,11 @@ impl Model {
         };
         let pairs = |k| (0..64).map(move |ab| block(k, ab / 8, ab % 8));
         self.stiffness.iter().flat_map(pairs).collect()
+    }
+
+    /// [layer] element matrices in their mirror blocks.
+    pub fn modes<R: Real>(&self) -> Vec<Modes<R>> {
+        self.stiffness.iter().map(|k| element::modes(k).map(|b| b.map(|row| row.map(R::of)))).collect()
     }
 
     /// [layer] cell edges and corner mass.
@@ -215,9 +219,6 @@ impl Model {
 
     /// Nodes of a region.
     pub fn nodes_in(&self, region: &Region) -> Vec<u32> {
-        (0..self.grid.node_count())
-            .filter(|n| self.grid.contains(region, *n))
-            .map(|n| n as u32)
-            .collect()
+        (0..self.grid.node_count()).filter(|n| self.grid.contains(region, *n)).map(|n| n as u32).collect()
     }
 }

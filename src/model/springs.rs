@@ -50,11 +50,6 @@ impl Springs {
             half.extend(list);
             first.push(half.len() as u32);
         }
-        Self {
-            ends,
-            law,
-            first,
-            half,
-        }
+        Self { ends, law, first, half }
     }
 }

@@ -3,8 +3,7 @@
 use super::grid;
 use super::raw::{self, At, Table};
 use super::text::{
-    Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, SECOND, SPEED, STIFFNESS, SceneText, or,
-    or_vector,
+    Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
 };
 use super::{Element, Law, Layer, Skin};
 use crate::error::{Error, Result};
@@ -18,9 +17,7 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>) -> Result<Skin> {
     let raw = table.keys;
     let law = law(scene, &raw, table.span.clone())?;
     if raw.layer.is_empty() {
-        return Err(Error::NoLayers {
-            at: scene.place(table.span),
-        });
+        return Err(Error::NoLayers { at: scene.place(table.span) });
     }
     let count = raw.layer.len();
     let mut names = Vec::new();
@@ -47,18 +44,8 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>) -> Result<Skin> {
         cells,
         layers,
         law,
-        rayleigh_mass: scene.number(
-            "rayleigh_mass_per_s",
-            &mass,
-            PER_SECOND,
-            Bound::NotNegative,
-        )?,
-        rayleigh_stiffness: scene.number(
-            "rayleigh_stiffness_s",
-            &stiffness,
-            SECOND,
-            Bound::NotNegative,
-        )?,
+        rayleigh_mass: scene.number("rayleigh_mass_per_s", &mass, PER_SECOND, Bound::NotNegative)?,
+        rayleigh_stiffness: scene.number("rayleigh_stiffness_s", &stiffness, SECOND, Bound::NotNegative)?,
         velocity: scene.vector("velocity_m_s", &velocity, SPEED, Bound::Finite)?,
         displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
     })
@@ -69,31 +56,14 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
         Some(value) => scene.number(key, value, unit, bound).map(Some),
         None => Ok(None),
     };
-    let stiffness = number(
-        "spring_stiffness_n_m",
-        &raw.spring_stiffness_n_m,
-        STIFFNESS,
-        Bound::Positive,
-    )?;
-    let damping = number(
-        "spring_damping_n_s_m",
-        &raw.spring_damping_n_s_m,
-        DAMPING,
-        Bound::NotNegative,
-    )?;
+    let stiffness = number("spring_stiffness_n_m", &raw.spring_stiffness_n_m, STIFFNESS, Bound::Positive)?;
+    let damping = number("spring_damping_n_s_m", &raw.spring_damping_n_s_m, DAMPING, Bound::NotNegative)?;
     let element = or(raw.element.clone(), "bbar".to_string());
-    let element = scene.choice(
-        "element",
-        &element,
-        &[("bbar", Element::Bbar), ("plain", Element::Plain)],
-    )?;
+    let element = scene.choice("element", &element, &[("bbar", Element::Bbar), ("plain", Element::Plain)])?;
     let name = or(raw.law.clone(), "fem".to_string());
     if scene.choice("law", &name, &[("fem", true), ("springs", false)])? {
         let corotational = raw.corotational.unwrap_or(true);
-        return Ok(Law::Fem {
-            element,
-            corotational,
-        });
+        return Ok(Law::Fem { element, corotational });
     }
     let why = "law = \"springs\" asks for it";
     Ok(Law::Springs {
@@ -102,13 +72,7 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     })
 }
 
-fn layer(
-    scene: &SceneText,
-    table: Table<raw::Layer>,
-    name: String,
-    color: [u8; 3],
-    law: &Law,
-) -> Result<Layer> {
+fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 3], law: &Law) -> Result<Layer> {
     let raw = table.keys;
     let (young, poisson) = match law {
         Law::Fem { .. } => {
@@ -121,19 +85,14 @@ fn layer(
     };
     let ratio = *poisson.get_ref();
     if !(0.0..0.5).contains(&ratio) {
-        return Err(Error::Poisson {
-            at: scene.place(poisson.span()),
-            found: ratio,
-        });
+        return Err(Error::Poisson { at: scene.place(poisson.span()), found: ratio });
     }
     let toughness = or(raw.toughness_kj_m2, 2.0);
     Ok(Layer {
         name,
         thickness: scene.number("thickness_mm", &raw.thickness_mm, MM, Bound::Positive)?,
         cells: scene.count("cells", &raw.cells, [1, u32::MAX])?,
-        young: young.map_or(Ok(0.0), |young| {
-            scene.number("young_kpa", &young, KPA, Bound::Positive)
-        })?,
+        young: young.map_or(Ok(0.0), |young| scene.number("young_kpa", &young, KPA, Bound::Positive))?,
         poisson: ratio,
         density: scene.number("density_kg_m3", &raw.density_kg_m3, KG_M3, Bound::Positive)?,
         toughness: scene.number("toughness_kj_m2", &toughness, KJ_M2, Bound::NotNegative)?,
@@ -146,9 +105,6 @@ fn srgb(scene: &SceneText, text: &At<String>) -> Result<[u8; 3]> {
     let plain = digits.len() == 6 && digits.chars().all(|digit| digit.is_ascii_hexdigit());
     match u32::from_str_radix(digits, 16) {
         Ok(value) if plain => Ok([(value >> 16) as u8, (value >> 8) as u8, value as u8]),
-        _ => Err(Error::Color {
-            at: scene.place(text.span()),
-            found: text.get_ref().clone(),
-        }),
+        _ => Err(Error::Color { at: scene.place(text.span()), found: text.get_ref().clone() }),
     }
 }

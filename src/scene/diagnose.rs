@@ -11,9 +11,8 @@ const QUOTE_LENGTH: usize = 72;
 
 /// Last words of keys that are units; they are compared away to find a key with a wrong unit.
 const UNIT_WORDS: &[&str] = &[
-    "cm", "cm2", "cm3", "deg", "g", "gpa", "hz", "j", "kg", "kj", "km", "kn", "kpa", "m", "m2",
-    "m3", "mg", "min", "mj", "mm", "mm2", "mm3", "mn", "mpa", "ms", "n", "nm", "pa", "per", "px",
-    "rad", "s", "s2", "um", "us",
+    "cm", "cm2", "cm3", "deg", "g", "gpa", "hz", "j", "kg", "kj", "km", "kn", "kpa", "m", "m2", "m3", "mg", "min",
+    "mj", "mm", "mm2", "mm3", "mn", "mpa", "ms", "n", "nm", "pa", "per", "px", "rad", "s", "s2", "um", "us",
 ];
 
 /// Reads the tables; every failure becomes an error with a line.
@@ -25,11 +24,7 @@ pub(super) fn tables(scene: &SceneText) -> Result<raw::Scene> {
 
 fn not_toml(scene: &SceneText, problem: &str, span: Option<Range<usize>>) -> Error {
     let span = span.unwrap_or(0..0);
-    Error::Syntax {
-        text: quote(scene, &span),
-        at: scene.place(span),
-        problem: problem.trim().replace('\n', ", "),
-    }
+    Error::Syntax { text: quote(scene, &span), at: scene.place(span), problem: problem.trim().replace('\n', ", ") }
 }
 
 fn explain(scene: &SceneText, message: &str, span: Option<Range<usize>>) -> Error {
@@ -43,11 +38,7 @@ fn explain(scene: &SceneText, message: &str, span: Option<Range<usize>>) -> Erro
         };
     }
     if let Some(key) = between(message, "missing field `", "`") {
-        return Error::MissingKey {
-            at: place,
-            key: key.to_string(),
-            why: "it has no default",
-        };
+        return Error::MissingKey { at: place, key: key.to_string(), why: "it has no default" };
     }
     let typed = message.strip_prefix("invalid type: ");
     let typed = typed.or_else(|| message.strip_prefix("invalid value: "));
@@ -80,9 +71,7 @@ fn plain_type(wanted: &str) -> &str {
         "a boolean" => "true or false",
         "a string" => "text in quotes",
         "a sequence" => "a list in [ ]; for tables, headers in [[ ]]",
-        "a table" | "a map" => {
-            "one table: a header in [ ] with its keys below, once (or [[ ]] where tables repeat)"
-        }
+        "a table" | "a map" => "one table: a header in [ ] with its keys below, once (or [[ ]] where tables repeat)",
         other => other,
     }
 }
@@ -90,9 +79,7 @@ fn plain_type(wanted: &str) -> &str {
 fn key_hint(key: &str, known: &[&str]) -> String {
     let same_stem = known.iter().find(|other| stem(other) == stem(key));
     if let Some(other) = same_stem {
-        return format!(
-            "the unit is part of the key: write `{other}` and convert the value to its unit"
-        );
+        return format!("the unit is part of the key: write `{other}` and convert the value to its unit");
     }
     match nearest(key, known) {
         Some(other) => format!("did you mean `{other}`?"),
@@ -113,9 +100,7 @@ fn stem(key: &str) -> String {
 /// The known word within an edit distance of a third of its length, at least 2.
 pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let lower = word.to_lowercase();
-    let ranked = known
-        .iter()
-        .map(|other| (edit_distance(&lower, other), *other));
+    let ranked = known.iter().map(|other| (edit_distance(&lower, other), *other));
     let (distance, other) = ranked.min_by_key(|(distance, _)| *distance)?;
     (distance <= (other.len() / 3).max(2) && distance < other.len()).then_some(other)
 }

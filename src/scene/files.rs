@@ -37,67 +37,37 @@ impl Files {
                 let path = folder.join(name.get_ref());
                 let text = std::fs::read_to_string(&path).map(Cow::Owned);
                 let text = text.map_err(|error| error.to_string());
-                (
-                    path,
-                    text,
-                    "put the file there: names are relative to the scene's folder",
-                )
+                (path, text, "put the file there: names are relative to the scene's folder")
             }
             Files::Embedded(files) => {
                 let found = files.iter().find(|(known, _)| known == name.get_ref());
                 let text = found.map(|(_, text)| Cow::Borrowed(*text));
                 let text = text.ok_or_else(|| "no such file inside the program".to_string());
-                (
-                    PathBuf::from(name.get_ref()),
-                    text,
-                    "name one of the built-in files",
-                )
+                (PathBuf::from(name.get_ref()), text, "name one of the built-in files")
             }
         };
         match text {
             Ok(text) => Ok((path, text)),
-            Err(reason) => Err(Error::File {
-                at: scene.place(name.span()),
-                key,
-                path,
-                reason,
-                fix,
-            }),
+            Err(reason) => Err(Error::File { at: scene.place(name.span()), key, path, reason, fix }),
         }
     }
 }
 
 /// Triangles of all objects in an OBJ text; `unit` is one unit of the file in m. Polygons become fans.
 pub(super) fn mesh(text: &str, path: &Path, unit: f64) -> Result<ToolMesh> {
-    let options = tobj::LoadOptions {
-        triangulate: true,
-        ignore_points: true,
-        ignore_lines: true,
-        ..Default::default()
-    };
+    let options =
+        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
     let loaded = tobj::load_obj_buf(&mut bare(text).as_bytes(), &options, no_materials);
-    let (models, _) = loaded.map_err(|error| Error::Mesh {
-        path: path.to_path_buf(),
-        problem: error.to_string(),
-    })?;
-    let loaded = models
-        .into_iter()
-        .next()
-        .filter(|model| !model.mesh.indices.is_empty());
-    let loaded = loaded.ok_or_else(|| Error::MeshEmpty {
-        path: path.to_path_buf(),
-    })?;
+    let (models, _) = loaded.map_err(|error| Error::Mesh { path: path.to_path_buf(), problem: error.to_string() })?;
+    let loaded = models.into_iter().next().filter(|model| !model.mesh.indices.is_empty());
+    let loaded = loaded.ok_or_else(|| Error::MeshEmpty { path: path.to_path_buf() })?;
     let vertices = loaded.mesh.positions.as_chunks::<3>().0.iter().enumerate();
     let positions = vertices.map(|(i, vertex)| {
         let position = vertex.map(f64::from);
         let si = position.map(|coordinate| coordinate * unit);
         let finite = si.iter().all(|coordinate| coordinate.is_finite());
-        finite.then_some(si).ok_or_else(|| Error::MeshVertex {
-            path: path.to_path_buf(),
-            vertex: i + 1,
-            position,
-        })
+        finite.then_some(si).ok_or_else(|| Error::MeshVertex { path: path.to_path_buf(), vertex: i + 1, position })
     });
     Ok(ToolMesh {
         positions: positions.collect::<Result<_>>()?,
@@ -133,27 +103,16 @@ pub(super) fn trajectory(text: &str, path: &Path) -> Result<Vec<Pose>> {
     let text = text.trim_start_matches('\u{feff}');
     let lines = text.lines().enumerate();
     let mut lines = lines.map(|(i, line)| (Place::new(path, i + 1), line.trim()));
-    let empty = || Error::TrajectoryEmpty {
-        path: path.to_path_buf(),
-        header: HEADER,
-    };
+    let empty = || Error::TrajectoryEmpty { path: path.to_path_buf(), header: HEADER };
     let (at, header) = lines.find(|(_, line)| !line.is_empty()).ok_or_else(empty)?;
     if !header.split(',').map(str::trim).eq(COLUMNS) {
-        return Err(Error::TrajectoryHeader {
-            at,
-            found: shorten(header),
-            wanted: HEADER,
-        });
+        return Err(Error::TrajectoryHeader { at, found: shorten(header), wanted: HEADER });
     }
     let mut poses: Vec<Pose> = Vec::new();
     for (at, line) in lines.filter(|(_, line)| !line.is_empty()) {
         let pose = pose(&at, line)?;
         if let Some(before) = poses.last().filter(|before| before.time >= pose.time) {
-            return Err(Error::TrajectoryTime {
-                at,
-                found: pose.time,
-                before: before.time,
-            });
+            return Err(Error::TrajectoryTime { at, found: pose.time, before: before.time });
         }
         poses.push(pose);
     }
@@ -166,33 +125,21 @@ pub(super) fn trajectory(text: &str, path: &Path) -> Result<Vec<Pose>> {
 fn pose(at: &Place, line: &str) -> Result<Pose> {
     let found = line.split(',').count();
     if found != COLUMNS.len() {
-        return Err(Error::TrajectoryColumns {
-            at: at.clone(),
-            found,
-            wanted: COLUMNS.len(),
-            header: HEADER,
-        });
+        return Err(Error::TrajectoryColumns { at: at.clone(), found, wanted: COLUMNS.len(), header: HEADER });
     }
     let mut row = [0.0; COLUMNS.len()];
     for ((number, cell), column) in row.iter_mut().zip(line.split(',')).zip(COLUMNS) {
         let parsed = cell.trim().parse::<f64>().ok();
-        *number =
-            parsed
-                .filter(|value| value.is_finite())
-                .ok_or_else(|| Error::TrajectoryNumber {
-                    at: at.clone(),
-                    column,
-                    found: shorten(cell.trim()),
-                })?;
+        *number = parsed.filter(|value| value.is_finite()).ok_or_else(|| Error::TrajectoryNumber {
+            at: at.clone(),
+            column,
+            found: shorten(cell.trim()),
+        })?;
     }
     let [time, x, y, z, qx, qy, qz, qw] = row;
     let length = qx.hypot(qy).hypot(qz).hypot(qw);
     if (length - 1.0).abs() > QUATERNION_SLACK {
-        return Err(Error::TrajectoryRotation {
-            at: at.clone(),
-            length,
-            allowed: QUATERNION_SLACK,
-        });
+        return Err(Error::TrajectoryRotation { at: at.clone(), length, allowed: QUATERNION_SLACK });
     }
     Ok(Pose {
         time,

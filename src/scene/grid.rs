@@ -18,27 +18,14 @@ pub(super) struct Grid<'a> {
 
 /// The scene's grid, then that of its test form if it has its own cells.
 pub(super) fn grids<'a>(skin: &'a Skin, test: &Option<TestForm>) -> Vec<Grid<'a>> {
-    let grid = |name, cells| Grid {
-        name,
-        size: skin.size,
-        cells,
-        layers: &skin.layers,
-    };
+    let grid = |name, cells| Grid { name, size: skin.size, cells, layers: &skin.layers };
     let mut grids = vec![grid("scene", skin.cells)];
-    grids.extend(
-        test.and_then(|test| test.cells)
-            .map(|cells| grid("test form", cells)),
-    );
+    grids.extend(test.and_then(|test| test.cells).map(|cells| grid("test form", cells)));
     grids
 }
 
 /// An error when the nodes of a grid cannot be numbered.
-pub(super) fn numbered(
-    scene: &SceneText,
-    cells: [u32; 2],
-    layers: &[Layer],
-    at: &At<Vec<u32>>,
-) -> Result<()> {
+pub(super) fn numbered(scene: &SceneText, cells: [u32; 2], layers: &[Layer], at: &At<Vec<u32>>) -> Result<()> {
     let over_thickness: u64 = layers.iter().map(|layer| u64::from(layer.cells)).sum();
     let found = (u64::from(cells[0]) + 1)
         .saturating_mul(u64::from(cells[1]) + 1)
@@ -46,20 +33,11 @@ pub(super) fn numbered(
     if found <= u64::from(u32::MAX) {
         return Ok(());
     }
-    Err(Error::TooManyNodes {
-        at: scene.place(at.span()),
-        found,
-        limit: u32::MAX,
-    })
+    Err(Error::TooManyNodes { at: scene.place(at.span()), found, limit: u32::MAX })
 }
 
 /// The named region; a box must hold a node of each grid.
-pub(super) fn region(
-    scene: &SceneText,
-    name: &At<String>,
-    corners: &Option<Points>,
-    grids: &[Grid],
-) -> Result<Region> {
+pub(super) fn region(scene: &SceneText, name: &At<String>, corners: &Option<Points>, grids: &[Grid]) -> Result<Region> {
     let known = [
         ("bottom", Some(Region::Bottom)),
         ("top", Some(Region::Top)),
@@ -69,8 +47,7 @@ pub(super) fn region(
         ("all", Some(Region::All)),
         ("box", None),
     ];
-    let words: Vec<(&str, &Option<Region>)> =
-        known.iter().map(|(word, region)| (*word, region)).collect();
+    let words: Vec<(&str, &Option<Region>)> = known.iter().map(|(word, region)| (*word, region)).collect();
     if let Some(region) = scene.choice("region", name, &words)? {
         scene.needless("box_mm", corners, "it belongs to region = \"box\"")?;
         return Ok(region.clone());
@@ -86,13 +63,7 @@ pub(super) fn region(
 
 impl Grid<'_> {
     /// Nodes form a product of three rows, so a box holds one exactly if each of its intervals does.
-    fn holds_node(
-        &self,
-        scene: &SceneText,
-        at: &Points,
-        min: [f64; 3],
-        max: [f64; 3],
-    ) -> Result<()> {
+    fn holds_node(&self, scene: &SceneText, at: &Points, min: [f64; 3], max: [f64; 3]) -> Result<()> {
         for axis in 0..3 {
             let rows = self.rows(axis);
             if rows.iter().any(|row| row.holds_node(min[axis], max[axis])) {
@@ -104,11 +75,7 @@ impl Grid<'_> {
                 axis: ['x', 'y', 'z'][axis],
                 min: in_mm(min[axis]),
                 max: in_mm(max[axis]),
-                body_min: in_mm(
-                    rows.iter()
-                        .map(|row| row.start)
-                        .fold(f64::INFINITY, f64::min),
-                ),
+                body_min: in_mm(rows.iter().map(|row| row.start).fold(f64::INFINITY, f64::min)),
                 body_max: in_mm(rows.iter().map(Row::end).fold(f64::NEG_INFINITY, f64::max)),
                 cell: in_mm(rows.iter().map(|row| row.step).fold(0.0, f64::max)),
             });
@@ -151,9 +118,7 @@ impl Row {
 
     fn holds_node(&self, min: f64, max: f64) -> bool {
         let first = ((min - SLACK - self.start) / self.step).ceil().max(0.0);
-        let last = ((max + SLACK - self.start) / self.step)
-            .floor()
-            .min(f64::from(self.cells));
+        let last = ((max + SLACK - self.start) / self.step).floor().min(f64::from(self.cells));
         first <= last
     }
 }

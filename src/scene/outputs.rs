@@ -17,11 +17,7 @@ const LARGEST_PICTURE: u32 = 8192;
 const FIELD_OF_VIEW: [f64; 2] = [1.0, 150.0];
 
 /// Probes in the file's order.
-pub(super) fn probes(
-    scene: &SceneText,
-    raw: Vec<Table<raw::Probe>>,
-    grids: &[Grid],
-) -> Result<Vec<Probe>> {
+pub(super) fn probes(scene: &SceneText, raw: Vec<Table<raw::Probe>>, grids: &[Grid]) -> Result<Vec<Probe>> {
     let mut names = Vec::new();
     raw.into_iter()
         .map(|table| {
@@ -36,11 +32,7 @@ fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, grids: &[Grid]) -> Re
     let raw = table.keys;
     let axis = or(raw.axis, "z".to_string());
     let axis = scene.choice("axis", &axis, &[("x", 0), ("y", 1), ("z", 2)])?;
-    if scene.choice(
-        "kind",
-        &raw.kind,
-        &[("displacement", true), ("reaction", false)],
-    )? {
+    if scene.choice("kind", &raw.kind, &[("displacement", true), ("reaction", false)])? {
         let why = "kind = \"displacement\" asks for the point of a node";
         scene.needless("region", &raw.region, why)?;
         scene.needless("box_mm", &raw.box_mm, why)?;
@@ -63,24 +55,15 @@ pub(super) fn checks(
 ) -> Result<Vec<Check>> {
     let mut rows: Vec<_> = raw.into_iter().collect();
     rows.sort_by_key(|(key, _)| key.span().start);
-    rows.into_iter()
-        .map(|(key, table)| check(scene, key, table.keys, probes))
-        .collect()
+    rows.into_iter().map(|(key, table)| check(scene, key, table.keys, probes)).collect()
 }
 
 fn check(scene: &SceneText, key: At<String>, raw: raw::Check, probes: &[Probe]) -> Result<Check> {
     let names: Vec<&str> = probes.iter().map(|probe| probe.name.as_str()).collect();
-    if let Some(name) = key
-        .get_ref()
-        .strip_prefix("probes.")
-        .filter(|name| !names.contains(name))
-    {
+    if let Some(name) = key.get_ref().strip_prefix("probes.").filter(|name| !names.contains(name)) {
         return Err(scene.unknown_word("probe", &At::new(key.span(), name.to_string()), &names));
     }
-    let bounds = [
-        ("min", raw.min, f64::NEG_INFINITY),
-        ("max", raw.max, f64::INFINITY),
-    ];
+    let bounds = [("min", raw.min, f64::NEG_INFINITY), ("max", raw.max, f64::INFINITY)];
     if bounds.iter().all(|(_, value, _)| value.is_none()) {
         let why = "a check needs `min`, `max` or both";
         return scene.required("min", None, key.span(), why);
@@ -105,11 +88,7 @@ fn check(scene: &SceneText, key: At<String>, raw: raw::Check, probes: &[Probe]) 
 }
 
 /// The picture; by default the camera stands where the sphere around the patch fills the field of view.
-pub(super) fn view(
-    scene: &SceneText,
-    table: Option<Table<raw::View>>,
-    skin: &Skin,
-) -> Result<View> {
+pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skin: &Skin) -> Result<View> {
     let span = table.as_ref().map_or(0..0, |table| table.span.clone());
     let raw = raw::keys(table);
     let angle = or(raw.field_of_view_deg, 30.0);
@@ -124,11 +103,7 @@ pub(super) fn view(
             example: 30.0,
         });
     }
-    let size = scene.counts(
-        "size_px",
-        &or_vector(raw.size_px, &[960, 640]),
-        [1, LARGEST_PICTURE],
-    )?;
+    let size = scene.counts("size_px", &or_vector(raw.size_px, &[960, 640]), [1, LARGEST_PICTURE])?;
     let point = |key, value: Option<raw::Numbers>, default: [f64; 3]| match value {
         Some(value) => scene.vector(key, &value, MM, Bound::Finite),
         None => Ok(default),
@@ -143,15 +118,7 @@ pub(super) fn view(
     let eye = [target[0] + x, target[1] + y, target[2] + z];
     let eye = point("eye_mm", raw.eye_mm, eye)?;
     if eye == target {
-        return Err(Error::ViewPoint {
-            at: scene.place(span),
-        });
+        return Err(Error::ViewPoint { at: scene.place(span) });
     }
-    Ok(View {
-        frames: scene.count("frames", &or(raw.frames, 8), [0, u32::MAX])?,
-        size,
-        eye,
-        target,
-        field_of_view,
-    })
+    Ok(View { frames: scene.count("frames", &or(raw.frames, 8), [0, u32::MAX])?, size, eye, target, field_of_view })
 }

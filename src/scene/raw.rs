@@ -29,10 +29,7 @@ pub(super) struct Table<T> {
 impl<'de, T: Deserialize<'de>> Deserialize<'de> for Table<T> {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Table<T>, D::Error> {
         let table = At::<Keys<T>>::deserialize(deserializer)?;
-        Ok(Table {
-            span: table.span(),
-            keys: table.into_inner().0,
-        })
+        Ok(Table { span: table.span(), keys: table.into_inner().0 })
     }
 }
 

@@ -7,9 +7,7 @@ use super::diagnose::tables;
 use super::files::Files;
 use super::grid::{self, Grid};
 use super::raw;
-use super::text::{
-    ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector,
-};
+use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
 use super::{Boundary, Layer, Load, Preconditioner, Scene, Solver, TestForm, Time};
 use super::{body, outputs, tools};
 use crate::error::{Error, Result};
@@ -20,10 +18,7 @@ const TOP_SLACK: f64 = 1e-9;
 
 /// Reads a scene file; the files that it names are relative to its folder.
 pub fn read(path: &Path) -> Result<Scene> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::SceneRead {
-        path: path.to_path_buf(),
-        source,
-    })?;
+    let text = std::fs::read_to_string(path).map_err(|source| Error::SceneRead { path: path.to_path_buf(), source })?;
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
     parse(&text, path, &Files::Folder(folder))
 }
@@ -33,20 +28,11 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let scene = SceneText { file, text };
     let raw = tables(&scene)?;
     let skin = body::skin(&scene, raw.skin)?;
-    let test = raw
-        .test
-        .map(|table| test_form(&scene, table.keys, &skin.layers))
-        .transpose()?;
+    let test = raw.test.map(|table| test_form(&scene, table.keys, &skin.layers)).transpose()?;
     let grids = grid::grids(&skin, &test);
     let probes = outputs::probes(&scene, raw.probe, &grids)?;
-    let boundaries = raw
-        .boundary
-        .into_iter()
-        .map(|table| boundary(&scene, table.keys, &grids));
-    let loads = raw
-        .load
-        .into_iter()
-        .map(|table| load(&scene, table.keys, skin.size));
+    let boundaries = raw.boundary.into_iter().map(|table| boundary(&scene, table.keys, &grids));
+    let loads = raw.load.into_iter().map(|table| load(&scene, table.keys, skin.size));
     let tools = tools::tools(&scene, files, raw.tool)?;
     let contact = tools::contact(&scene, raw::keys(raw.contact))?;
     Ok(Scene {
@@ -97,18 +83,8 @@ fn solver(scene: &SceneText, raw: raw::Solver) -> Result<Solver> {
     let count = |key, value, default| scene.count(key, &or(value, default), [1, u32::MAX]);
     Ok(Solver {
         preconditioner: scene.choice("preconditioner", &preconditioner, &preconditioners)?,
-        tolerance: scene.number(
-            "tolerance",
-            &or(raw.tolerance, 1e-3),
-            PLAIN,
-            Bound::Fraction,
-        )?,
-        floor: scene.number(
-            "floor_n",
-            &or(raw.floor_n, 1e-7),
-            NEWTON,
-            Bound::NotNegative,
-        )?,
+        tolerance: scene.number("tolerance", &or(raw.tolerance, 1e-3), PLAIN, Bound::Fraction)?,
+        floor: scene.number("floor_n", &or(raw.floor_n, 1e-7), NEWTON, Bound::NotNegative)?,
         max_iterations: count("max_iterations", raw.max_iterations, 1000)?,
         true_residual_every: count("true_residual_every", raw.true_residual_every, 20)?,
     })
@@ -125,10 +101,7 @@ fn boundary(scene: &SceneText, raw: raw::Boundary, grids: &[Grid]) -> Result<Bou
         }
     }
     if !known {
-        return Err(Error::Axes {
-            at: scene.place(letters.span()),
-            found: letters.into_inner(),
-        });
+        return Err(Error::Axes { at: scene.place(letters.span()), found: letters.into_inner() });
     }
     let displacement = or_vector(raw.displacement_mm, &[0.0; 3]);
     Ok(Boundary {
@@ -177,13 +150,7 @@ fn load(scene: &SceneText, raw: raw::Load, size: [f64; 2]) -> Result<Load> {
             fix: "end the load after its start",
         });
     }
-    Ok(Load {
-        pressure: scene.number("pressure_kpa", &raw.pressure_kpa, KPA, Bound::Finite)?,
-        min,
-        max,
-        start,
-        end,
-    })
+    Ok(Load { pressure: scene.number("pressure_kpa", &raw.pressure_kpa, KPA, Bound::Finite)?, min, max, start, end })
 }
 
 fn test_form(scene: &SceneText, raw: raw::Test, layers: &[Layer]) -> Result<TestForm> {
@@ -195,11 +162,6 @@ fn test_form(scene: &SceneText, raw: raw::Test, layers: &[Layer]) -> Result<Test
         }
         None => None,
     };
-    let steps = raw
-        .steps
-        .map(|steps| scene.count("steps", &steps, [1, u32::MAX]));
-    Ok(TestForm {
-        cells,
-        steps: steps.transpose()?,
-    })
+    let steps = raw.steps.map(|steps| scene.count("steps", &steps, [1, u32::MAX]));
+    Ok(TestForm { cells, steps: steps.transpose()? })
 }

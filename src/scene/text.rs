@@ -111,14 +111,7 @@ impl SceneText<'_> {
         Place::new(self.file, 1 + before.filter(|byte| *byte == b'\n').count())
     }
 
-    fn checked(
-        &self,
-        key: &str,
-        found: f64,
-        span: Range<usize>,
-        unit: Unit,
-        bound: Bound,
-    ) -> Result<f64> {
+    fn checked(&self, key: &str, found: f64, span: Range<usize>, unit: Unit, bound: Bound) -> Result<f64> {
         let si = found * unit.times / unit.per;
         if bound.holds(found, si) {
             return Ok(si);
@@ -155,24 +148,13 @@ impl SceneText<'_> {
     }
 
     /// Any number of vectors in SI.
-    pub fn points<const N: usize>(
-        &self,
-        key: &'static str,
-        value: &Points,
-        unit: Unit,
-    ) -> Result<Vec<[f64; N]>> {
+    pub fn points<const N: usize>(&self, key: &'static str, value: &Points, unit: Unit) -> Result<Vec<[f64; N]>> {
         let points = value.get_ref().iter();
-        points
-            .map(|point| self.vector(key, point, unit, Bound::Finite))
-            .collect()
+        points.map(|point| self.vector(key, point, unit, Bound::Finite)).collect()
     }
 
     /// Two corners in SI, the first below the second in each coordinate.
-    pub fn corners<const N: usize>(
-        &self,
-        key: &'static str,
-        value: &Points,
-    ) -> Result<[[f64; N]; 2]> {
+    pub fn corners<const N: usize>(&self, key: &'static str, value: &Points) -> Result<[[f64; N]; 2]> {
         let corners = self.points::<N>(key, value, MM)?;
         self.length(key, corners.len(), 2, value.span())?;
         for (lower, upper) in corners[0].iter().zip(&corners[1]) {
@@ -190,22 +172,11 @@ impl SceneText<'_> {
         Ok([corners[0], corners[1]])
     }
 
-    fn length(
-        &self,
-        key: &'static str,
-        found: usize,
-        wanted: usize,
-        span: Range<usize>,
-    ) -> Result<()> {
+    fn length(&self, key: &'static str, found: usize, wanted: usize, span: Range<usize>) -> Result<()> {
         if found == wanted {
             return Ok(());
         }
-        Err(Error::Length {
-            at: self.place(span),
-            key,
-            found,
-            wanted,
-        })
+        Err(Error::Length { at: self.place(span), key, found, wanted })
     }
 
     fn counted(&self, key: &str, found: u32, span: Range<usize>, range: [u32; 2]) -> Result<u32> {
@@ -213,13 +184,7 @@ impl SceneText<'_> {
         if (min..=max).contains(&found) {
             return Ok(found);
         }
-        Err(Error::Count {
-            at: self.place(span),
-            key: key.to_string(),
-            found,
-            min,
-            max,
-        })
+        Err(Error::Count { at: self.place(span), key: key.to_string(), found, min, max })
     }
 
     /// A count in `[min, max]`.
@@ -238,12 +203,7 @@ impl SceneText<'_> {
     }
 
     /// One of the known words.
-    pub fn choice<T: Copy>(
-        &self,
-        key: &'static str,
-        value: &At<String>,
-        known: &[(&str, T)],
-    ) -> Result<T> {
+    pub fn choice<T: Copy>(&self, key: &'static str, value: &At<String>, known: &[(&str, T)]) -> Result<T> {
         let found = value.get_ref();
         if let Some((_, chosen)) = known.iter().find(|(word, _)| word == found) {
             return Ok(*chosen);
@@ -262,30 +222,15 @@ impl SceneText<'_> {
             [] => "none".to_string(),
             _ => known.join(", "),
         };
-        Error::Choice {
-            at: self.place(value.span()),
-            key,
-            found: value.get_ref().clone(),
-            hint: hint.into(),
-            known,
-        }
+        Error::Choice { at: self.place(value.span()), key, found: value.get_ref().clone(), hint: hint.into(), known }
     }
 
     /// A usable name that none of `taken` has; it is added there.
-    pub fn name(
-        &self,
-        what: &'static str,
-        value: &At<String>,
-        taken: &mut Vec<At<String>>,
-    ) -> Result<String> {
+    pub fn name(&self, what: &'static str, value: &At<String>, taken: &mut Vec<At<String>>) -> Result<String> {
         let name = value.get_ref();
         let unusable = |c: char| c.is_control() || c == ',' || c == '"';
         if name.is_empty() || name.trim() != name || name.contains(unusable) {
-            return Err(Error::Name {
-                at: self.place(value.span()),
-                what,
-                found: name.clone(),
-            });
+            return Err(Error::Name { at: self.place(value.span()), what, found: name.clone() });
         }
         if let Some(first) = taken.iter().find(|other| other.get_ref() == name) {
             return Err(Error::Duplicate {
@@ -300,34 +245,15 @@ impl SceneText<'_> {
     }
 
     /// The value of a key that another key asks for.
-    pub fn required<T>(
-        &self,
-        key: &str,
-        value: Option<T>,
-        table: Range<usize>,
-        why: &'static str,
-    ) -> Result<T> {
-        value.ok_or_else(|| Error::MissingKey {
-            at: self.place(table),
-            key: key.to_string(),
-            why,
-        })
+    pub fn required<T>(&self, key: &str, value: Option<T>, table: Range<usize>, why: &'static str) -> Result<T> {
+        value.ok_or_else(|| Error::MissingKey { at: self.place(table), key: key.to_string(), why })
     }
 
     /// An error when a key is there that another key makes needless.
-    pub fn needless<T>(
-        &self,
-        key: &'static str,
-        value: &Option<At<T>>,
-        why: &'static str,
-    ) -> Result<()> {
+    pub fn needless<T>(&self, key: &'static str, value: &Option<At<T>>, why: &'static str) -> Result<()> {
         match value {
             None => Ok(()),
-            Some(value) => Err(Error::NeedlessKey {
-                at: self.place(value.span()),
-                key,
-                why,
-            }),
+            Some(value) => Err(Error::NeedlessKey { at: self.place(value.span()), key, why }),
         }
     }
 }

@@ -3,8 +3,7 @@
 use super::files::{Files, mesh, trajectory};
 use super::raw::{self, Table};
 use super::text::{
-    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS,
-    SceneText, or, or_vector,
+    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS, SceneText, or, or_vector,
 };
 use super::{Blade, Contact, Correction, Coupling, Tool};
 use crate::error::{Error, Result};
@@ -14,11 +13,7 @@ use crate::error::{Error, Result};
 const NORMAL_SLACK: f64 = 6.0;
 
 /// Tools in the file's order, with their meshes and trajectories.
-pub(super) fn tools(
-    scene: &SceneText,
-    files: &Files,
-    raw: Vec<Table<raw::Tool>>,
-) -> Result<Vec<Tool>> {
+pub(super) fn tools(scene: &SceneText, files: &Files, raw: Vec<Table<raw::Tool>>) -> Result<Vec<Tool>> {
     let mut names = Vec::new();
     raw.into_iter()
         .map(|table| {
@@ -29,15 +24,8 @@ pub(super) fn tools(
 }
 
 fn tool(scene: &SceneText, files: &Files, name: String, raw: raw::Tool) -> Result<Tool> {
-    let unit = scene.number(
-        "mesh_unit_mm",
-        &or(raw.mesh_unit_mm, 1.0),
-        MM,
-        Bound::Positive,
-    )?;
-    let points = raw
-        .points_mm
-        .map(|points| scene.points("points_mm", &points, MM));
+    let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm, 1.0), MM, Bound::Positive)?;
+    let points = raw.points_mm.map(|points| scene.points("points_mm", &points, MM));
     let blade = raw.blade.map(|table| blade(scene, table.keys));
     let coupling = coupling(scene, raw::keys(raw.coupling))?;
     let (mesh_path, mesh_text) = files.text(scene, "mesh", &raw.mesh)?;
@@ -80,10 +68,7 @@ fn coupling(scene: &SceneText, raw: raw::Coupling) -> Result<Coupling> {
 fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
     let length = |key, value| scene.number(key, &value, MM, Bound::Positive);
     let edge: Vec<[f64; 3]> = scene.points("edge_mm", &raw.edge_mm, MM)?;
-    let apart = edge
-        .windows(2)
-        .take_while(|pair| pair[0] != pair[1])
-        .count();
+    let apart = edge.windows(2).take_while(|pair| pair[0] != pair[1]).count();
     if edge.len() < 2 || apart + 1 < edge.len() {
         return Err(Error::BladeEdge {
             at: scene.place(raw.edge_mm.span()),
@@ -128,12 +113,8 @@ fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
 
 /// The contact law; absent keys have their defaults.
 pub(super) fn contact(scene: &SceneText, raw: raw::Contact) -> Result<Contact> {
-    let number =
-        |key, value, default, unit, bound| scene.number(key, &or(value, default), unit, bound);
-    let corrections = [
-        ("exact", Correction::Exact),
-        ("uncoupled", Correction::Uncoupled),
-    ];
+    let number = |key, value, default, unit, bound| scene.number(key, &or(value, default), unit, bound);
+    let corrections = [("exact", Correction::Exact), ("uncoupled", Correction::Uncoupled)];
     let correction = or(raw.correction, "exact".to_string());
     Ok(Contact {
         friction: number("friction", raw.friction, 0.3, PLAIN, Bound::NotNegative)?,
@@ -142,12 +123,6 @@ pub(super) fn contact(scene: &SceneText, raw: raw::Contact) -> Result<Contact> {
         correction: scene.choice("correction", &correction, &corrections)?,
         max_contacts: scene.count("max_contacts", &or(raw.max_contacts, 16), [1, u32::MAX])?,
         tolerance: number("tolerance", raw.tolerance, 1e-3, PLAIN, Bound::Fraction)?,
-        column_tolerance: number(
-            "column_tolerance",
-            raw.column_tolerance,
-            0.05,
-            PLAIN,
-            Bound::Fraction,
-        )?,
+        column_tolerance: number("column_tolerance", raw.column_tolerance, 0.05, PLAIN, Bound::Fraction)?,
     })
 }

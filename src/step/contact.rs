@@ -37,8 +37,7 @@ pub struct Slots {
 impl Slots {
     /// First slot of each contact, and the slots that are new.
     fn assign(&mut self, contacts: &[Contact]) -> (Vec<usize>, Vec<usize>) {
-        self.taken
-            .retain(|id, _| contacts.iter().any(|c| c.id == *id));
+        self.taken.retain(|id, _| contacts.iter().any(|c| c.id == *id));
         let mut fresh = vec![];
         let slots = contacts
             .iter()
@@ -47,10 +46,7 @@ impl Slots {
                     return *slot;
                 }
                 let used: Vec<usize> = self.taken.values().copied().collect();
-                let slot = (0..)
-                    .map(|k| COLUMNS + 3 * k)
-                    .find(|s| !used.contains(s))
-                    .unwrap_or(COLUMNS);
+                let slot = (0..).map(|k| COLUMNS + 3 * k).find(|s| !used.contains(s)).unwrap_or(COLUMNS);
                 self.taken.insert(c.id, slot);
                 fresh.extend(slot..slot + 3);
                 slot
@@ -88,9 +84,7 @@ impl Rows<'_> {
     /// `J v` of the skin at a contact's node values.
     fn on_skin(&self, row: usize, values: impl Fn(u32) -> DVec3) -> f64 {
         let c = &self.contacts[row / 3];
-        (0..3)
-            .map(|k| -c.weights[k] * self.axis(row).dot(values(c.nodes[k])))
-            .sum()
+        (0..3).map(|k| -c.weights[k] * self.axis(row).dot(values(c.nodes[k]))).sum()
     }
     /// `Jᵀλ` of the skin, nodes each once.
     fn forces(&self, lambda: &[f64]) -> Vec<(u32, DVec3)> {
@@ -109,8 +103,7 @@ impl Rows<'_> {
             return 0.0;
         }
         let f = &free[self.tool(i)];
-        f.compliance * self.axis(i).dot(self.axis(j))
-            + self.lever(i).dot(f.angular_compliance * self.lever(j))
+        f.compliance * self.axis(i).dot(self.axis(j)) + self.lever(i).dot(f.angular_compliance * self.lever(j))
     }
 }
 
@@ -125,10 +118,7 @@ impl Simulation {
         let Some(law) = self.scene.contact else {
             return Ok(vec![]);
         };
-        let arms = contacts
-            .iter()
-            .map(|c| c.point - self.tools[c.id.0].position)
-            .collect();
+        let arms = contacts.iter().map(|c| c.point - self.tools[c.id.0].position).collect();
         let rows = Rows { contacts, arms };
         let laws: Vec<Law> = contacts.iter().map(|c| c.law).collect();
         let count = rows.count();
@@ -141,10 +131,7 @@ impl Simulation {
 
         // free motion and columns
         let exact = law.correction == Correction::Exact;
-        let mut wanted = vec![Wanted {
-            slot: FREE,
-            target: Target::OfLoad(self.scene.solver.tolerance),
-        }];
+        let mut wanted = vec![Wanted { slot: FREE, target: Target::OfLoad(self.scene.solver.tolerance) }];
         let mut pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
         let mut columns = vec![];
         if exact {
@@ -154,16 +141,9 @@ impl Simulation {
             for (row, slot) in columns.iter().enumerate() {
                 let c = &contacts[row / 3];
                 let norm = c.weights.iter().map(|w| w * w).sum::<f64>().sqrt();
-                wanted.push(Wanted {
-                    slot: *slot,
-                    target: Target::Absolute(law.column_tolerance * norm),
-                });
+                wanted.push(Wanted { slot: *slot, target: Target::Absolute(law.column_tolerance * norm) });
                 for k in 0..3 {
-                    entries.push((
-                        *slot,
-                        c.nodes[k],
-                        (rows.axis(row) * -c.weights[k]).to_array(),
-                    ));
+                    entries.push((*slot, c.nodes[k], (rows.axis(row) * -c.weights[k]).to_array()));
                 }
                 pick.extend(nodes.iter().map(|n| (*slot, *n)));
             }
@@ -172,25 +152,14 @@ impl Simulation {
         }
         let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;
         report.free = outcomes[0];
-        report.contact.column_iterations = outcomes[1..]
-            .iter()
-            .map(|o| o.iterations)
-            .max()
-            .unwrap_or(0);
+        report.contact.column_iterations = outcomes[1..].iter().map(|o| o.iterations).max().unwrap_or(0);
         if outcomes[1..].iter().any(|o| !o.converged) {
             *report.warnings.entry("columns_not_converged").or_default() += 1;
         }
 
         // compliance and violations
-        let blocks = if exact {
-            vec![]
-        } else {
-            self.backend.node_blocks(&nodes)?
-        };
-        let inverse: Vec<DMat3> = blocks
-            .iter()
-            .map(|b| DMat3::from_cols_array_2d(b).inverse())
-            .collect();
+        let blocks = if exact { vec![] } else { self.backend.node_blocks(&nodes)? };
+        let inverse: Vec<DMat3> = blocks.iter().map(|b| DMat3::from_cols_array_2d(b).inverse()).collect();
         let mut skin = vec![0.0; count * count];
         for i in 0..count {
             for j in 0..count {
@@ -206,16 +175,13 @@ impl Simulation {
             }
         }
         symmetrise(&mut skin, count);
-        let w: Vec<f64> = (0..count * count)
-            .map(|k| skin[k] + rows.tool_compliance(k / count, k % count, free))
-            .collect();
+        let w: Vec<f64> =
+            (0..count * count).map(|k| skin[k] + rows.tool_compliance(k / count, k % count, free)).collect();
         let violation: Vec<f64> = (0..count)
             .map(|i| {
                 let gap = if i % 3 == 0 { contacts[i / 3].gap } else { 0.0 };
                 let f = &free[rows.tool(i)];
-                gap + rows.axis(i).dot(f.shift)
-                    + rows.lever(i).dot(f.turn)
-                    + rows.on_skin(i, |n| at(&picked, 0, n))
+                gap + rows.axis(i).dot(f.shift) + rows.lever(i).dot(f.turn) + rows.on_skin(i, |n| at(&picked, 0, n))
             })
             .collect();
 
@@ -225,42 +191,20 @@ impl Simulation {
         let mut found;
         let mut forces;
         loop {
-            let ended = solve(
-                &laws,
-                &w,
-                &shifted,
-                &mut lambda,
-                SWEEP_TOLERANCE,
-                MAX_SWEEPS,
-            );
+            let ended = solve(&laws, &w, &shifted, &mut lambda, SWEEP_TOLERANCE, MAX_SWEEPS);
             if !ended.converged {
                 *report.warnings.entry("contact_not_converged").or_default() += 1;
             }
             forces = rows.forces(&lambda);
-            let nodal: Vec<(u32, [f64; 3])> =
-                forces.iter().map(|(n, f)| (*n, f.to_array())).collect();
+            let nodal: Vec<(u32, [f64; 3])> = forces.iter().map(|(n, f)| (*n, f.to_array())).collect();
             report.contact.passes += 1;
             let moved = if exact {
-                let total = forces
-                    .iter()
-                    .map(|f| f.1.length_squared())
-                    .sum::<f64>()
-                    .sqrt();
-                let coefficients: Vec<(usize, f64)> = columns
-                    .iter()
-                    .copied()
-                    .zip(lambda.iter().copied())
-                    .collect();
+                let total = forces.iter().map(|f| f.1.length_squared()).sum::<f64>().sqrt();
+                let coefficients: Vec<(usize, f64)> = columns.iter().copied().zip(lambda.iter().copied()).collect();
                 self.backend.correct(&nodal, &coefficients, false)?;
                 let target = Target::Absolute(self.scene.solver.tolerance * total);
                 let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
-                let (outcome, moved) = self.backend.solve(
-                    &[Wanted {
-                        slot: CORRECTION,
-                        target,
-                    }],
-                    &pick,
-                )?;
+                let (outcome, moved) = self.backend.solve(&[Wanted { slot: CORRECTION, target }], &pick)?;
                 report.correction_iterations += outcome[0].iterations;
                 if !outcome[0].converged {
                     *report.warnings.entry("solver_not_converged").or_default() += 1;
@@ -270,54 +214,30 @@ impl Simulation {
                 let moved: Vec<DVec3> = nodes
                     .iter()
                     .zip(&inverse)
-                    .map(|(n, m)| {
-                        *m * forces
-                            .iter()
-                            .find(|f| f.0 == *n)
-                            .map_or(DVec3::ZERO, |f| f.1)
-                    })
+                    .map(|(n, m)| *m * forces.iter().find(|f| f.0 == *n).map_or(DVec3::ZERO, |f| f.1))
                     .collect();
-                let list: Vec<_> = nodes
-                    .iter()
-                    .copied()
-                    .zip(moved.iter().map(|m| m.to_array()))
-                    .collect();
+                let list: Vec<_> = nodes.iter().copied().zip(moved.iter().map(|m| m.to_array())).collect();
                 self.backend.set_correction(&list)?;
                 list.into_iter().map(|l| l.1).collect()
             };
             // violations as they are now, then what the compliance model leaves unexplained
-            let tool_part = |i: usize| {
-                (0..count)
-                    .map(|j| rows.tool_compliance(i, j, free) * lambda[j])
-                    .sum::<f64>()
-            };
+            let tool_part = |i: usize| (0..count).map(|j| rows.tool_compliance(i, j, free) * lambda[j]).sum::<f64>();
             found = (0..count)
                 .map(|i| violation[i] + rows.on_skin(i, |n| at(&moved, 0, n)) + tool_part(i))
                 .collect::<Vec<f64>>();
-            let product = |i: usize| {
-                (0..count)
-                    .map(|j| w[i * count + j] * lambda[j])
-                    .sum::<f64>()
-            };
+            let product = |i: usize| (0..count).map(|j| w[i * count + j] * lambda[j]).sum::<f64>();
             shifted = (0..count).map(|i| found[i] - product(i)).collect();
             let mut next = lambda.clone();
             solve(&laws, &w, &shifted, &mut next, SWEEP_TOLERANCE, MAX_SWEEPS);
             // in the energy's norm: redundant contacts may share a force in many ways, which means nothing
             let change: Vec<f64> = next.iter().zip(&lambda).map(|(a, b)| a - b).collect();
             let total = energy(&w, &lambda);
-            report.contact.residual = if total > 0.0 {
-                (energy(&w, &change) / total).sqrt()
-            } else {
-                0.0
-            };
+            report.contact.residual = if total > 0.0 { (energy(&w, &change) / total).sqrt() } else { 0.0 };
             if report.contact.residual <= law.tolerance || !exact {
                 break;
             }
             if report.contact.passes >= MAX_PASSES {
-                *report
-                    .warnings
-                    .entry("contact_passes_exhausted")
-                    .or_default() += 1;
+                *report.warnings.entry("contact_passes_exhausted").or_default() += 1;
                 break;
             }
         }
@@ -332,32 +252,17 @@ impl Simulation {
         let h = self.scene.time.step;
         for (number, (tool, free)) in self.tools.iter_mut().zip(free).enumerate() {
             let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
-            for (row, l) in lambda
-                .iter()
-                .enumerate()
-                .filter(|(row, _)| rows.tool(*row) == number)
-            {
+            for (row, l) in lambda.iter().enumerate().filter(|(row, _)| rows.tool(*row) == number) {
                 force += rows.axis(row) * *l;
                 torque += rows.lever(row) * *l;
             }
-            tool.advance(
-                free.shift + force * free.compliance,
-                free.turn + free.angular_compliance * torque,
-                h,
-            );
+            tool.advance(free.shift + force * free.compliance, free.turn + free.angular_compliance * torque, h);
             report.contact.on_tool.push(force.to_array());
         }
     }
 
     /// The reduced contact problem of each tool, for the haptic side.
-    fn hand_over(
-        &mut self,
-        rows: &Rows,
-        laws: &[Law],
-        skin: &[f64],
-        found: &[f64],
-        lambda: &[f64],
-    ) {
+    fn hand_over(&mut self, rows: &Rows, laws: &[Law], skin: &[f64], found: &[f64], lambda: &[f64]) {
         let count = rows.count();
         for (number, tool) in self.tools.iter().enumerate() {
             let own: Vec<usize> = (0..count).filter(|r| rows.tool(*r) == number).collect();
@@ -370,15 +275,9 @@ impl Simulation {
                 position: tool.position,
                 rotation: tool.rotation,
                 axes: own.iter().map(|r| rows.axis(*r)).collect(),
-                arms: own
-                    .iter()
-                    .map(|r| rows.contacts[r / 3].point - tool.position)
-                    .collect(),
+                arms: own.iter().map(|r| rows.contacts[r / 3].point - tool.position).collect(),
                 laws: own.iter().step_by(3).map(|r| laws[r / 3]).collect(),
-                compliance: own
-                    .iter()
-                    .flat_map(|i| own.iter().map(move |j| skin[i * count + j]))
-                    .collect(),
+                compliance: own.iter().flat_map(|i| own.iter().map(move |j| skin[i * count + j])).collect(),
                 violation: own.iter().map(remaining).collect(),
                 force: own.iter().map(|r| lambda[*r]).collect(),
                 epoch: self.epoch,
@@ -391,18 +290,14 @@ impl Rows<'_> {
     /// `Jᵀ` of one row.
     fn forces_of(&self, row: usize) -> Vec<(u32, DVec3)> {
         let c = &self.contacts[row / 3];
-        (0..3)
-            .map(|k| (c.nodes[k], self.axis(row) * -c.weights[k]))
-            .collect()
+        (0..3).map(|k| (c.nodes[k], self.axis(row) * -c.weights[k])).collect()
     }
 }
 
 /// `λᵀ W λ`, N·m.
 fn energy(w: &[f64], lambda: &[f64]) -> f64 {
     let rows = w.chunks_exact(lambda.len().max(1)).zip(lambda);
-    rows.map(|(line, l)| l * line.iter().zip(lambda).map(|(w, m)| w * m).sum::<f64>())
-        .sum::<f64>()
-        .max(0.0)
+    rows.map(|(line, l)| l * line.iter().zip(lambda).map(|(w, m)| w * m).sum::<f64>()).sum::<f64>().max(0.0)
 }
 
 fn symmetrise(w: &mut [f64], count: usize) {

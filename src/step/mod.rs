@@ -12,9 +12,7 @@ mod contact;
 
 pub use contact::ContactReport;
 
-use crate::backend::{
-    Backend, CpuBackend, Device, FIRST_COLUMN, FREE, GpuBackend, Needs, Snapshot, Target, Wanted,
-};
+use crate::backend::{Backend, CpuBackend, Device, FIRST_COLUMN, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
 use crate::collide::{self, Contact, Patch, Search};
 use crate::cut::{Totals, Wound};
 use crate::error::Result;
@@ -102,11 +100,7 @@ pub fn needs(scene: &Scene) -> Needs {
     let exact = contact.correction == Correction::Exact;
     Needs {
         contact: true,
-        columns: if exact {
-            3 * contact.max_contacts as usize
-        } else {
-            0
-        },
+        columns: if exact { 3 * contact.max_contacts as usize } else { 0 },
         cutting: scene.tools.iter().any(|t| t.blade.is_some()),
         node_blocks: !exact,
     }
@@ -116,30 +110,18 @@ pub fn needs(scene: &Scene) -> Needs {
 pub fn start(scene: &Scene, model: &Model) -> Snapshot {
     let displaced = |n: usize| {
         let at = |a: usize| {
-            if model.free[n][a] == 0.0 {
-                model.held[n][a]
-            } else {
-                scene.skin.displacement[a]
-            }
+            if model.free[n][a] == 0.0 { model.held[n][a] } else { scene.skin.displacement[a] }
         };
         [at(0), at(1), at(2), 0.0]
     };
     let moving = |n: usize| {
         let at = |a: usize| {
-            if model.free[n][a] == 0.0 {
-                0.0
-            } else {
-                scene.skin.velocity[a]
-            }
+            if model.free[n][a] == 0.0 { 0.0 } else { scene.skin.velocity[a] }
         };
         [at(0), at(1), at(2), 0.0]
     };
     let count = model.grid.node_count();
-    Snapshot {
-        u: (0..count).map(displaced).collect(),
-        v: (0..count).map(moving).collect(),
-        ..Snapshot::default()
-    }
+    Snapshot { u: (0..count).map(displaced).collect(), v: (0..count).map(moving).collect(), ..Snapshot::default() }
 }
 
 impl Simulation {
@@ -154,26 +136,17 @@ impl Simulation {
         let backend: Box<dyn Backend> = match place {
             Place::Cpu64 => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
             Place::Cpu32 => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
-            Place::Gpu(text) => Box::new(GpuBackend::new(
-                Gpu::open(text.as_deref())?,
-                &model,
-                needs,
-                cap,
-                floor,
-                &start,
-            )?),
+            Place::Gpu(text) => {
+                Box::new(GpuBackend::new(Gpu::open(text.as_deref())?, &model, needs, cap, floor, &start)?)
+            }
         };
         let prepare = |kind: &ProbeKind| match kind {
-            ProbeKind::Displacement { point, axis } => Prepared {
-                nodes: vec![model.grid.nearest(*point) as u32],
-                axis: *axis,
-                reaction: false,
-            },
-            ProbeKind::Reaction { region, axis } => Prepared {
-                nodes: model.nodes_in(region),
-                axis: *axis,
-                reaction: true,
-            },
+            ProbeKind::Displacement { point, axis } => {
+                Prepared { nodes: vec![model.grid.nearest(*point) as u32], axis: *axis, reaction: false }
+            }
+            ProbeKind::Reaction { region, axis } => {
+                Prepared { nodes: model.nodes_in(region), axis: *axis, reaction: true }
+            }
         };
         let tools: Vec<Instrument> = scene.tools.iter().map(Instrument::new).collect();
         let reach = start.u.iter().flatten().fold(0.0f64, |m, u| m.max(u.abs()));
@@ -221,34 +194,19 @@ impl Simulation {
         let begin = self.time;
         self.step_number += 1;
         self.time = f64::from(self.step_number) * h;
-        let mut report = StepReport {
-            time: self.time,
-            ..StepReport::default()
-        };
+        let mut report = StepReport { time: self.time, ..StepReport::default() };
         let changed = |t: &f64| *t <= begin && *t > begin - h;
         if self.step_number == 1 || self.load_changes.iter().any(changed) {
-            self.backend
-                .set_load(&self.model.load_at(&self.scene.loads, begin));
+            self.backend.set_load(&self.model.load_at(&self.scene.loads, begin));
         }
-        let before = if check {
-            Some(self.backend.snapshot()?)
-        } else {
-            None
-        };
-        let free: Vec<Free> = self
-            .tools
-            .iter()
-            .map(|t| t.free_motion(self.time, h))
-            .collect();
+        let before = if check { Some(self.backend.snapshot()?) } else { None };
+        let free: Vec<Free> = self.tools.iter().map(|t| t.free_motion(self.time, h)).collect();
         let contacts = self.find_contacts(&free, &mut report)?;
         self.backend.begin()?;
         let tolerance = self.scene.solver.tolerance;
         let edges: Vec<_> = self.tools.iter().map(Instrument::clone).collect();
         let correction = if contacts.is_empty() {
-            let wanted = [Wanted {
-                slot: FREE,
-                target: Target::OfLoad(tolerance),
-            }];
+            let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
             report.free = self.backend.solve(&wanted, &[])?.0[0];
             for (tool, free) in self.tools.iter_mut().zip(&free) {
                 tool.advance(free.shift, free.turn, h);
@@ -259,17 +217,13 @@ impl Simulation {
             self.resolve(&contacts, &free, &mut report)?
         };
         let corrected = !contacts.is_empty();
-        report.residual = if report.free.target > 0.0 {
-            report.free.residual / report.free.target * tolerance
-        } else {
-            0.0
-        };
+        report.residual =
+            if report.free.target > 0.0 { report.free.residual / report.free.target * tolerance } else { 0.0 };
         if !report.free.converged {
             *report.warnings.entry("solver_not_converged").or_default() += 1;
         }
         if let Some(before) = before {
-            report.true_residual =
-                Some(self.check_residual(before, &correction, corrected, begin)?);
+            report.true_residual = Some(self.check_residual(before, &correction, corrected, begin)?);
         }
         self.backend.finish(corrected)?;
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {
@@ -284,23 +238,14 @@ impl Simulation {
         let Some(law) = self.scene.contact else {
             return Ok(vec![]);
         };
-        let search = Search {
-            alarm: law.alarm,
-            distance: law.distance,
-            friction: law.friction,
-        };
+        let search = Search { alarm: law.alarm, distance: law.distance, friction: law.friction };
         let mut found = vec![];
         let mut near = DVec3::ZERO;
         for (number, tool) in self.tools.iter().enumerate() {
-            let span = tool
-                .samples
-                .iter()
-                .map(|s| s.position.length())
-                .fold(0.0, f64::max);
+            let span = tool.samples.iter().map(|s| s.position.length()).fold(0.0, f64::max);
             let travel = free[number].shift.length() + free[number].turn.length() * span;
             let area = collide::tool_box(tool, search.alarm + search.distance + travel);
-            let faces =
-                collide::faces_near(&self.model.grid, &self.wound.surface, &area, self.reach);
+            let faces = collide::faces_near(&self.model.grid, &self.wound.surface, &area, self.reach);
             let mut nodes: Vec<u32> = faces.iter().flat_map(|q| q.nodes).collect();
             nodes.sort_unstable();
             nodes.dedup();
@@ -328,9 +273,7 @@ impl Simulation {
                 let level = params.cell_at(cell as usize)[2];
                 model.toughness[model.grid.layer_of[level] as usize]
             };
-            found.extend(collide::contacts(
-                number, tool, &patch, &search, travel, resistance,
-            ));
+            found.extend(collide::contacts(number, tool, &patch, &search, travel, resistance));
         }
         // faces were looked for within last step's reach; a step moves the skin by less than the alarm distance or is widened here
         self.reach = near.max_element() + search.alarm;
@@ -378,10 +321,7 @@ impl Simulation {
     ) -> Result<f64> {
         let mut dx = self.backend.solution(FREE)?;
         if corrected {
-            for (sum, more) in dx
-                .iter_mut()
-                .zip(self.backend.solution(crate::backend::CORRECTION)?)
-            {
+            for (sum, more) in dx.iter_mut().zip(self.backend.solution(crate::backend::CORRECTION)?) {
                 for n in 0..3 {
                     sum[n] += more[n];
                 }
@@ -406,12 +346,7 @@ impl Simulation {
     }
 
     /// Cuts what the freely moving pieces of each edge swept.
-    fn cut(
-        &mut self,
-        before: &[Instrument],
-        contacts: &[Contact],
-        report: &mut StepReport,
-    ) -> Result<()> {
+    fn cut(&mut self, before: &[Instrument], contacts: &[Contact], report: &mut StepReport) -> Result<()> {
         if contacts.is_empty() {
             return Ok(()); // an edge that meets no skin cuts none
         }
@@ -422,18 +357,13 @@ impl Simulation {
                 let Role::Edge { piece, .. } = sample.role else {
                     continue;
                 };
-                let held = contacts
-                    .iter()
-                    .enumerate()
-                    .find(|(_, c)| c.id == (number, index))
-                    .is_some_and(|(k, c)| {
-                        let f = &report.contact.forces[3 * k..3 * k + 3];
-                        !c.law.at_bound([f[0], f[1], f[2]])
-                    });
+                let held = contacts.iter().enumerate().find(|(_, c)| c.id == (number, index)).is_some_and(|(k, c)| {
+                    let f = &report.contact.forces[3 * k..3 * k + 3];
+                    !c.law.at_bound([f[0], f[1], f[2]])
+                });
                 if !held {
                     let (a, b) = (edge.points[piece], edge.points[piece + 1]);
-                    quads
-                        .extend([old.at(a), old.at(b), new.at(b), new.at(a)].map(|p| p.to_array()));
+                    quads.extend([old.at(a), old.at(b), new.at(b), new.at(a)].map(|p| p.to_array()));
                 }
             }
         }
@@ -443,49 +373,20 @@ impl Simulation {
         report.severed = (self.wound.totals.links + self.wound.totals.springs - links) as u32;
         if report.severed > 0 {
             self.epoch += 1;
-            self.backend
-                .remove(&removal.cells, &removal.springs, &removal.free)?;
+            self.backend.remove(&removal.cells, &removal.springs, &removal.free)?;
         }
         Ok(())
     }
 
     fn read_probes(&mut self, report: &mut StepReport) -> Result<()> {
-        let moved: Vec<u32> = self
-            .probes
-            .iter()
-            .filter(|p| !p.reaction)
-            .flat_map(|p| p.nodes.clone())
-            .collect();
-        let held: Vec<u32> = self
-            .probes
-            .iter()
-            .filter(|p| p.reaction)
-            .flat_map(|p| p.nodes.clone())
-            .collect();
-        let u = if moved.is_empty() {
-            vec![]
-        } else {
-            self.backend.displacements(&moved)?
-        };
-        let f = if held.is_empty() {
-            vec![]
-        } else {
-            self.backend.elastic_forces(&held)?
-        };
+        let moved: Vec<u32> = self.probes.iter().filter(|p| !p.reaction).flat_map(|p| p.nodes.clone()).collect();
+        let held: Vec<u32> = self.probes.iter().filter(|p| p.reaction).flat_map(|p| p.nodes.clone()).collect();
+        let u = if moved.is_empty() { vec![] } else { self.backend.displacements(&moved)? };
+        let f = if held.is_empty() { vec![] } else { self.backend.elastic_forces(&held)? };
         let (mut next_u, mut next_f) = (u.iter(), f.iter());
         for probe in &self.probes {
-            let source = if probe.reaction {
-                &mut next_f
-            } else {
-                &mut next_u
-            };
-            report.probes.push(
-                source
-                    .by_ref()
-                    .take(probe.nodes.len())
-                    .map(|v| v[probe.axis])
-                    .sum(),
-            );
+            let source = if probe.reaction { &mut next_f } else { &mut next_u };
+            report.probes.push(source.by_ref().take(probe.nodes.len()).map(|v| v[probe.axis]).sum());
         }
         if report.probes.iter().any(|p| !p.is_finite()) {
             *report.warnings.entry("non_finite_nodes").or_default() += 1;

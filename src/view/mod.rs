@@ -109,13 +109,8 @@ impl View {
             true => right.normalize(),
             false => forward.any_orthonormal_vector(),
         };
-        let half_tangent = (0.5 * camera.field_of_view_deg.clamp(1.0, 170.0))
-            .to_radians()
-            .tan();
-        let center = [
-            0.5 * (width * SAMPLES) as f64,
-            0.5 * (height * SAMPLES) as f64,
-        ];
+        let half_tangent = (0.5 * camera.field_of_view_deg.clamp(1.0, 170.0)).to_radians().tan();
+        let center = [0.5 * (width * SAMPLES) as f64, 0.5 * (height * SAMPLES) as f64];
         let view = Self {
             eye,
             axes: [right, right.cross(forward), forward],
@@ -139,13 +134,7 @@ impl View {
 ///
 /// Nothing is kept of the input. No surfaces, or a camera without a direction, give the
 /// background; a width or height of 0 gives an image without pixels.
-pub fn render(
-    surfaces: &[Surface],
-    camera: &Camera,
-    width: u32,
-    height: u32,
-    caption: &[&str],
-) -> Image {
+pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, caption: &[&str]) -> Image {
     let (columns, rows) = (width as usize, height as usize);
     let mut skipped = 0;
     let mut samples = Samples::new(columns, rows);
@@ -165,12 +154,7 @@ pub fn render(
             draw_outline(surface, view, near, &mut samples);
         }
     }
-    let mut image = Image {
-        width,
-        height,
-        rgb: vec![0; 3 * columns * rows],
-        skipped,
-    };
+    let mut image = Image { width, height, rgb: vec![0; 3 * columns * rows], skipped };
     shade::shade(&samples, &triangles, view.as_ref(), &mut image);
     draw_caption(&mut image, caption);
     image
@@ -221,13 +205,7 @@ fn smooth_normals(vertex_count: usize, ids: &[[u32; 3]], triangles: &mut [Triang
     }
     let faces: Vec<(Vec3, Vec3)> = triangles
         .iter()
-        .map(
-            |Triangle {
-                 corners: [a, b, c],
-                 normals,
-                 ..
-             }| { (normals[0], (b - a).cross(c - a)) },
-        )
+        .map(|Triangle { corners: [a, b, c], normals, .. }| (normals[0], (b - a).cross(c - a)))
         .collect();
     for (face, corners) in ids.iter().enumerate() {
         for (corner, &id) in corners.iter().enumerate() {
@@ -244,12 +222,7 @@ fn smooth_normals(vertex_count: usize, ids: &[[u32; 3]], triangles: &mut [Triang
 /// Draws the lines of `surface.outline`; those with a missing or non-finite end are left out.
 fn draw_outline(surface: &Surface, view: &View, near: f32, samples: &mut Samples) {
     for ids in surface.outline {
-        let ends = ids.map(|id| {
-            surface
-                .positions
-                .get(id as usize)
-                .and_then(|p| view.place(p))
-        });
+        let ends = ids.map(|id| surface.positions.get(id as usize).and_then(|p| view.place(p)));
         if let [Some(a), Some(b)] = ends {
             samples.draw_line(view, near, [a, b]);
         }
@@ -321,10 +294,7 @@ pub fn write_png(image: &Image, path: &Path) -> Result<()> {
     encode()
         .map_err(std::io::Error::from)
         .and_then(|bytes| std::fs::write(path, bytes))
-        .map_err(|source| Error::Write {
-            path: path.to_owned(),
-            source,
-        })
+        .map_err(|source| Error::Write { path: path.to_owned(), source })
 }
 
 #[cfg(test)]
@@ -334,12 +304,8 @@ mod tests {
     const RED: [u8; 3] = [200, 30, 30];
     const BLUE: [u8; 3] = [30, 30, 200];
     /// From above, y up in the picture, about 8 mm of height at z = 0.
-    const CAMERA: Camera = Camera {
-        eye: [0.0, 0.0, 20e-3],
-        target: [0.0; 3],
-        up: [0.0, 1.0, 0.0],
-        field_of_view_deg: 23.0,
-    };
+    const CAMERA: Camera =
+        Camera { eye: [0.0, 0.0, 20e-3], target: [0.0; 3], up: [0.0, 1.0, 0.0], field_of_view_deg: 23.0 };
 
     fn triangle(half: f64, z: f64) -> [[f64; 3]; 3] {
         [[-half, -half, z], [half, -half, z], [0.0, half, z]]
@@ -372,14 +338,9 @@ mod tests {
     fn sheet(n: u32) -> Sheet {
         let place = |i: u32| 6e-3 * (f64::from(i) / f64::from(n) - 0.5);
         let points = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j)));
-        let positions = points
-            .map(|(i, j)| [place(i), place(j), 2e-4 * f64::from((i * 7 + j * 5) % 4)])
-            .collect();
+        let positions = points.map(|(i, j)| [place(i), place(j), 2e-4 * f64::from((i * 7 + j * 5) % 4)]).collect();
         let cells = (0..n).flat_map(|j| (0..n).map(move |i| j * (n + 1) + i));
-        let triangles = cells
-            .clone()
-            .flat_map(|a| [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]])
-            .collect();
+        let triangles = cells.clone().flat_map(|a| [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]).collect();
         (positions, triangles, cells.map(|a| [a, a + 1]).collect())
     }
 
@@ -407,9 +368,7 @@ mod tests {
         assert!(is_red(43, 24) && !is_red(20, 24));
         let above = [[-1e-3, 1e-3, 0.0], [1e-3, 1e-3, 0.0], [0.0, 3e-3, 0.0]];
         let image = picture(&[surface(&above, &[RED])]);
-        let is_red = |x: usize, y: usize| {
-            image.rgb[3 * (y * 64 + x)] > 100 && image.rgb[3 * (y * 64 + x) + 2] < 90
-        };
+        let is_red = |x: usize, y: usize| image.rgb[3 * (y * 64 + x)] > 100 && image.rgb[3 * (y * 64 + x) + 2] < 90;
         assert!(is_red(32, 14) && !is_red(32, 34));
     }
 
@@ -436,10 +395,7 @@ mod tests {
     fn neighbours_leave_no_gap() {
         let (positions, triangles, _) = sheet(31);
         let colors = vec![RED; triangles.len()];
-        let surface = Surface {
-            triangles: &triangles,
-            ..surface(&positions, &colors)
-        };
+        let surface = Surface { triangles: &triangles, ..surface(&positions, &colors) };
         let mut samples = Samples::new(64, 48);
         let view = View::new(&CAMERA, 64, 48).unwrap();
         let placed: Vec<_> = positions.iter().map(|p| view.place(p)).collect();
@@ -469,17 +425,9 @@ mod tests {
         ];
         for corners in cases {
             let lines = [[0, 1], [1, 2], [0, 7]];
-            let hidden = Surface {
-                edges: false,
-                smooth: true,
-                ..surface(&corners, &[RED])
-            };
+            let hidden = Surface { edges: false, smooth: true, ..surface(&corners, &[RED]) };
             assert_eq!(picture(&[hidden]).rgb.len(), empty.rgb.len());
-            let lined = Surface {
-                edges: true,
-                outline: &lines,
-                ..surface(&corners, &[])
-            };
+            let lined = Surface { edges: true, outline: &lines, ..surface(&corners, &[]) };
             picture(&[lined]);
         }
         let behind = triangle(1e-3, 50e-3);
@@ -500,10 +448,7 @@ mod tests {
         corners.push([0.0, f64::NAN, 0.0]);
         corners.push([f64::INFINITY, 0.0, 0.0]);
         let ids = [[0, 1, 2], [0, 1, 3], [4, 1, 2], [0, 1, 99]];
-        let image = picture(&[Surface {
-            triangles: &ids,
-            ..surface(&corners, &[RED; 4])
-        }]);
+        let image = picture(&[Surface { triangles: &ids, ..surface(&corners, &[RED; 4]) }]);
         assert_eq!(image.skipped, 3);
         assert_eq!(picture(&[surface(&corners, &[RED])]).rgb, image.rgb);
     }
@@ -513,26 +458,14 @@ mod tests {
         let corners = triangle(1e-3, 0.0);
         let surfaces = [surface(&corners, &[RED])];
         let blind = [
-            Camera {
-                eye: CAMERA.target,
-                ..CAMERA
-            },
-            Camera {
-                eye: [f64::NAN; 3],
-                ..CAMERA
-            },
-            Camera {
-                field_of_view_deg: f64::NAN,
-                ..CAMERA
-            },
+            Camera { eye: CAMERA.target, ..CAMERA },
+            Camera { eye: [f64::NAN; 3], ..CAMERA },
+            Camera { field_of_view_deg: f64::NAN, ..CAMERA },
         ];
         for camera in blind {
             assert_eq!(render(&surfaces, &camera, 64, 48, &[]), picture(&[]));
         }
-        let upright = Camera {
-            up: [0.0, 0.0, 1.0],
-            ..CAMERA
-        };
+        let upright = Camera { up: [0.0, 0.0, 1.0], ..CAMERA };
         assert_ne!(render(&surfaces, &upright, 64, 48, &[]), picture(&[]));
         assert!(render(&surfaces, &CAMERA, 0, 48, &["text"]).rgb.is_empty());
         assert_eq!(render(&surfaces, &CAMERA, 1, 1, &["text"]).rgb.len(), 3);
@@ -542,27 +475,14 @@ mod tests {
     fn a_shallow_trench_is_darker_than_its_surroundings() {
         // Seen straight from above, the hardest case: 0.5 mm deep, 0.8 mm wide, 20 mm of skin.
         let (top, floor) = (0.0, -5e-4);
-        let profile = [
-            (-1e-2, top),
-            (-4e-4, top),
-            (-4e-4, floor),
-            (4e-4, floor),
-            (4e-4, top),
-            (1e-2, top),
-        ];
+        let profile = [(-1e-2, top), (-4e-4, top), (-4e-4, floor), (4e-4, floor), (4e-4, top), (1e-2, top)];
         let sides = |(y, z)| [[-1e-2, y, z], [1e-2, y, z]];
         let positions: Vec<_> = profile.into_iter().flat_map(sides).collect();
         let strip = |k| [[k, k + 1, k + 3], [k, k + 3, k + 2]];
         let triangles: Vec<_> = (0..10).step_by(2).flat_map(strip).collect();
         let colors = [[220, 180, 150]; 10];
-        let skin = Surface {
-            triangles: &triangles,
-            ..surface(&positions, &colors)
-        };
-        let camera = Camera {
-            eye: [0.0, 0.0, 50e-3],
-            ..CAMERA
-        };
+        let skin = Surface { triangles: &triangles, ..surface(&positions, &colors) };
+        let camera = Camera { eye: [0.0, 0.0, 50e-3], ..CAMERA };
         let image = render(&[skin], &camera, 960, 640, &[]);
         let green = |y: usize| u32::from(image.rgb[3 * (y * 960 + 480) + 1]);
         let (floor, skin) = (green(320), green(480));
@@ -571,13 +491,9 @@ mod tests {
 
     #[test]
     fn caption_is_drawn_at_the_top_left() {
-        let (with, without) = (
-            render(&[], &CAMERA, 96, 48, &["Ab µ", "☃"]),
-            render(&[], &CAMERA, 96, 48, &[]),
-        );
-        let changed: Vec<usize> = (0..96 * 48)
-            .filter(|i| with.rgb[3 * i..3 * i + 3] != without.rgb[3 * i..3 * i + 3])
-            .collect();
+        let (with, without) = (render(&[], &CAMERA, 96, 48, &["Ab µ", "☃"]), render(&[], &CAMERA, 96, 48, &[]));
+        let changed: Vec<usize> =
+            (0..96 * 48).filter(|i| with.rgb[3 * i..3 * i + 3] != without.rgb[3 * i..3 * i + 3]).collect();
         assert!(changed.len() > 50);
         assert!(changed.iter().all(|i| i % 96 < 40 && i / 96 < 26));
     }

@@ -43,10 +43,7 @@ pub(super) struct Seen {
     pub(super) normal: Vec3,
 }
 
-pub(super) const NOTHING: Seen = Seen {
-    depth: f32::INFINITY,
-    normal: Vec3::ZERO,
-};
+pub(super) const NOTHING: Seen = Seen { depth: f32::INFINITY, normal: Vec3::ZERO };
 
 impl Pixels {
     /// `[height][width]` share of the surroundings that is open, 0 to 1.
@@ -122,8 +119,7 @@ fn pattern() -> [[Vec2; PLACES]; TURNS * TURNS] {
 /// Mean over 4 × 4 pixels of the same surface: similar normals, and little difference in depth.
 fn blur(pixels: &Pixels, open: &[f32]) -> Vec<f32> {
     let (width, height) = (pixels.width, pixels.height);
-    let around =
-        |at: usize, size: usize| at.saturating_sub(TURNS / 2)..(at + TURNS - TURNS / 2).min(size);
+    let around = |at: usize, size: usize| at.saturating_sub(TURNS / 2)..(at + TURNS - TURNS / 2).min(size);
     let mut smooth = open.to_vec();
     for_rows(&mut smooth, width, |y, row| {
         for (x, smooth) in row.iter_mut().enumerate() {
@@ -132,9 +128,7 @@ fn blur(pixels: &Pixels, open: &[f32]) -> Vec<f32> {
                 continue;
             }
             let (mut sum, mut count) = (0.0, 0.0);
-            for index in
-                around(y, height).flat_map(|row| around(x, width).map(move |c| row * width + c))
-            {
+            for index in around(y, height).flat_map(|row| around(x, width).map(move |c| row * width + c)) {
                 let there = pixels.seen[index];
                 let near = (there.depth - here.depth).abs() < 0.01 * here.depth;
                 if near && there.normal.dot(here.normal) > 0.8 {

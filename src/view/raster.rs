@@ -52,11 +52,7 @@ impl Samples {
         let (polygon, count) = clip(corners, near);
         let project = |p: Vec3| project(view, p);
         for k in 2..count {
-            let corners = [
-                project(polygon[0]),
-                project(polygon[k - 1]),
-                project(polygon[k]),
-            ];
+            let corners = [project(polygon[0]), project(polygon[k - 1]), project(polygon[k])];
             fill(self.width, self.height, corners, |sample, inverse_depth| {
                 if inverse_depth > self.inverse_depth[sample] {
                     self.inverse_depth[sample] = inverse_depth;
@@ -72,11 +68,7 @@ impl Samples {
         if b.z <= near {
             return;
         }
-        let a = if a.z < near {
-            a.lerp(b, (near - a.z) / (b.z - a.z))
-        } else {
-            a
-        };
+        let a = if a.z < near { a.lerp(b, (near - a.z) / (b.z - a.z)) } else { a };
         let (a, b) = (project(view, a), project(view, b));
         let steep = usize::from((b[1] - a[1]).abs() > (b[0] - a[0]).abs());
         let (a, b) = if a[steep] < b[steep] { (a, b) } else { (b, a) };
@@ -93,11 +85,7 @@ impl Samples {
             let from = (at(1 - steep) - 0.5 * (LINE_WIDTH - 1) as f64).floor() as isize;
             let front = at(2) * (1.0 + LINE_DEPTH_SHARE);
             for minor in from..from.saturating_add(LINE_WIDTH) {
-                let (x, y) = if steep == 1 {
-                    (minor, major)
-                } else {
-                    (major, minor)
-                };
+                let (x, y) = if steep == 1 { (minor, major) } else { (major, minor) };
                 if (0..size[0]).contains(&x) && (0..size[1]).contains(&y) {
                     let sample = y as usize * self.width + x as usize;
                     self.line[sample] |= front >= f64::from(self.inverse_depth[sample]);
@@ -133,28 +121,13 @@ fn clip(corners: &[Vec3; 3], near: f32) -> ([Vec3; 4], usize) {
 fn project(view: &View, p: Vec3) -> [f64; 3] {
     let p = p.as_dvec3();
     let scale = view.focal / p.z;
-    [
-        view.center[0] + scale * p.x,
-        view.center[1] - scale * p.y,
-        1.0 / p.z,
-    ]
+    [view.center[0] + scale * p.x, view.center[1] - scale * p.y, 1.0 / p.z]
 }
 
 /// Calls `visit(sample, value)` for each sample in the triangle; corners are x, y in samples and
 /// a value that is linear between them. Triangles without area or with huge corners give none.
-pub(super) fn fill(
-    width: usize,
-    height: usize,
-    corners: [[f64; 3]; 3],
-    mut visit: impl FnMut(usize, f32),
-) {
-    let snap = |c: [f64; 3]| {
-        [
-            (c[0] * SNAP).round() / SNAP,
-            (c[1] * SNAP).round() / SNAP,
-            c[2],
-        ]
-    };
+pub(super) fn fill(width: usize, height: usize, corners: [[f64; 3]; 3], mut visit: impl FnMut(usize, f32)) {
+    let snap = |c: [f64; 3]| [(c[0] * SNAP).round() / SNAP, (c[1] * SNAP).round() / SNAP, c[2]];
     let [a, mut b, mut c] = corners.map(snap);
     let mut area = cross(a, b, c[0], c[1]);
     if area < 0.0 {
@@ -212,10 +185,7 @@ impl ShadowMap {
     const CELLS: usize = 1280;
 
     /// `to_light` has length 1. `triangles` are in view space, m.
-    pub(super) fn new<'a>(
-        to_light: Vec3,
-        triangles: impl Iterator<Item = &'a [Vec3; 3]> + Clone,
-    ) -> Self {
+    pub(super) fn new<'a>(to_light: Vec3, triangles: impl Iterator<Item = &'a [Vec3; 3]> + Clone) -> Self {
         let (u, v) = to_light.any_orthonormal_pair();
         let axes = [u, v, to_light];
         let place = |p: Vec3| Vec3::from(axes.map(|axis| axis.dot(p)));
@@ -237,12 +207,7 @@ impl ShadowMap {
                 nearest[cell] = nearest[cell].max(height);
             });
         }
-        Self {
-            axes,
-            low,
-            cells_per_metre,
-            nearest,
-        }
+        Self { axes, low, cells_per_metre, nearest }
     }
 
     /// Share of the light that reaches `position`, a point of a surface with `normal`, 0 to 1;

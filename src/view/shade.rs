@@ -34,20 +34,13 @@ struct Shader<'a> {
 }
 
 /// Fills `image` from the samples.
-pub(super) fn shade(
-    samples: &Samples,
-    triangles: &[Triangle],
-    view: Option<&View>,
-    image: &mut Image,
-) {
+pub(super) fn shade(samples: &Samples, triangles: &[Triangle], view: Option<&View>, image: &mut Image) {
     let (width, height) = (image.width as usize, image.height as usize);
     let shader = match view {
         Some(view) if !triangles.is_empty() => Some(Shader::new(samples, triangles, view)),
         _ => None,
     };
-    let occlusion = shader
-        .as_ref()
-        .map(|s| s.pixels(width, height).openness(s.view));
+    let occlusion = shader.as_ref().map(|s| s.pixels(width, height).openness(s.view));
     for_rows(&mut image.rgb, 3 * width, |y, row| {
         for (x, rgb) in row.chunks_exact_mut(3).enumerate() {
             let behind = background(x, y, width, height);
@@ -63,10 +56,7 @@ pub(super) fn shade(
 
 /// Light grey, darker towards the bottom and a little towards the corners; linear.
 fn background(x: usize, y: usize, width: usize, height: usize) -> Vec3 {
-    let (u, v) = (
-        (x as f32 + 0.5) / width as f32,
-        (y as f32 + 0.5) / height as f32,
-    );
+    let (u, v) = ((x as f32 + 0.5) / width as f32, (y as f32 + 0.5) / height as f32);
     let grey = BACKGROUND[0] + (BACKGROUND[1] - BACKGROUND[0]) * v * v;
     let corner = (u - 0.5) * (u - 0.5) + (v - 0.5) * (v - 0.5);
     Vec3::new(0.985, 0.995, 1.01) * (grey - 0.12 * corner)
@@ -76,24 +66,14 @@ impl<'a> Shader<'a> {
     fn new(samples: &'a Samples, triangles: &'a [Triangle], view: &'a View) -> Self {
         let lights = [KEY, FILL, RIM].map(|(to, bright)| (Vec3::from(to).normalize(), bright));
         let shadow = ShadowMap::new(lights[0].0, triangles.iter().map(|t| &t.corners));
-        Self {
-            samples,
-            triangles,
-            view,
-            shadow,
-            lights,
-        }
+        Self { samples, triangles, view, shadow, lights }
     }
 
     /// Direction with z = 1 through a place in samples.
     fn ray(&self, x: f32, y: f32) -> Vec3 {
         let focal = self.view.focal as f32;
         let center = self.view.center;
-        Vec3::new(
-            (x - center[0] as f32) / focal,
-            (center[1] as f32 - y) / focal,
-            1.0,
-        )
+        Vec3::new((x - center[0] as f32) / focal, (center[1] as f32 - y) / focal, 1.0)
     }
 
     /// The nearest sample of each pixel, with its face's normal.
@@ -117,11 +97,7 @@ impl<'a> Shader<'a> {
                 }
             }
         });
-        Pixels {
-            width,
-            height,
-            seen,
-        }
+        Pixels { width, height, seen }
     }
 
     /// Linear colour of a pixel: each triangle in it is shaded once.
@@ -148,15 +124,8 @@ impl<'a> Shader<'a> {
             };
         }
         let mut sum = Vec3::ZERO;
-        for (sample, color) in pixel_samples(x, y, self.samples.width)
-            .into_iter()
-            .zip(color)
-        {
-            let line = if self.samples.line[sample] {
-                LINE_SHADE
-            } else {
-                1.0
-            };
+        for (sample, color) in pixel_samples(x, y, self.samples.width).into_iter().zip(color) {
+            let line = if self.samples.line[sample] { LINE_SHADE } else { 1.0 };
             sum += color * line;
         }
         sum / (SAMPLES * SAMPLES) as f32
@@ -167,19 +136,11 @@ impl<'a> Shader<'a> {
     fn light(&self, triangle: &Triangle, ray: Vec3, open: f32) -> Vec3 {
         let (position, normal) = meet(triangle, ray);
         let face = facing(face_normal(triangle), ray);
-        let normal = if normal.dot(face) < 0.0 {
-            -normal
-        } else {
-            normal
-        };
+        let normal = if normal.dot(face) < 0.0 { -normal } else { normal };
         let to_eye = -ray.normalize();
         let shininess = triangle.shininess;
         let mirror = shininess * shininess / (shininess * shininess + 2500.0);
-        let shadow = if face.dot(self.lights[0].0) > 0.0 {
-            self.shadow.lit(position, face)
-        } else {
-            0.0
-        };
+        let shadow = if face.dot(self.lights[0].0) > 0.0 { self.shadow.lit(position, face) } else { 0.0 };
         let mut diffuse = AMBIENT[1] + (AMBIENT[0] - AMBIENT[1]) * (0.5 + 0.5 * normal.y);
         let mut highlight = 0.0;
         for (index, &(to_light, bright)) in self.lights.iter().enumerate() {
@@ -221,11 +182,7 @@ fn face_normal(triangle: &Triangle) -> Vec3 {
 
 /// The normal on the side of the eye.
 fn facing(normal: Vec3, ray: Vec3) -> Vec3 {
-    if normal.dot(ray) > 0.0 {
-        -normal
-    } else {
-        normal
-    }
+    if normal.dot(ray) > 0.0 { -normal } else { normal }
 }
 
 /// Where a ray from the eye meets the triangle's plane, kept inside the triangle, and the normal
