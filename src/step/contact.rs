@@ -268,7 +268,7 @@ impl Simulation {
             let own: Vec<usize> = (0..count).filter(|r| rows.tool(*r) == number).collect();
             // sticking and cutting start anew from where the step ended; gaps go on
             let remaining = |r: &usize| match laws[r / 3] {
-                Law::Coulomb { .. } if r % 3 == 0 => found[*r],
+                Law::Coulomb { .. } if r.is_multiple_of(3) => found[*r],
                 _ => 0.0,
             };
             self.reduced[number] = Reduced {
