@@ -1,4 +1,37 @@
-//! cutis (draft)
+//! cutis: layered skin that is pressed and cut with a haptic device, on any vendor's GPU or on the CPU.
+//!
+//! This page is the architecture. The idea in nine nouns:
+//! [`Scene`](scene::Scene) (a file) → [`Grid`](mesh::Grid) → [`Model`](model::Model) (flat arrays that never change) and the state (flat
+//! arrays that change). A kernel computes one thing on arrays and exists twice: WGSL, and a Rust twin ([`kernels`]). A
+//! [`Backend`](backend::Backend) (CPU in f64 or f32, or GPU) holds the state and runs kernels. One step is written once over `Backend`
+//! ([`step`]). What is left of the skin after a step, the [`Reduced`](haptic::Reduced) contact problem, goes to the 1 kHz haptic side.
+//!
+//! ```text
+//! scene file ─▶ grid ─▶ model ─┬─▶ backend (cpu | gpu): forces · free motion (matrix-free PCG) · cut
+//!                              │        ▲ few words back per step: positions near the tool, scalars of the solve
+//!              recorded hand ─▶ step: collide (parry3d) ─▶ rows ─▶ W, δ ─▶ contact law ─▶ correction ─▶ cut
+//!                              │                                   └─ Reduced ─▶ haptic tick, 1 kHz ─▶ force
+//!                              └─▶ report.json, CSV, VTU/PVD, PNG
+//! ```
+//!
+//! # One step
+//! With displacement increments Δx = h·v' as unknowns, implicit Euler with Rayleigh damping is `A Δx = b`,
+//! `A = (1 + h r_M)/h² M + (1 + r_K/h) K`, `b = f_ext − f_int + M v/h` ([`kernels::rhs`]): external forces and inertia stand in one
+//! right-hand side, nothing is lost to f32. Contacts are found at the step's start; free motion and loose columns of `A⁻¹Jᵀ` are solved
+//! together; forces λ come from the contact law on `W λ + δ`; the correction `A Δx = Jᵀλ` is solved accurately and δ taken again until
+//! the law holds. The edge of a blade is held by what the tissue bears (toughness × length); beyond that it goes on, and the links or
+//! springs that it sweeps are cut.
+//!
+//! # Rules that hold everywhere
+//! - Imports go downward: main > report > haptic, step > backend > constraints, cut > linear, collide, instrument > model > kernels,
+//!   scene > mesh, gpu > error, math. `gpu` knows no physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
+//! - SI units inside; scene keys carry their unit.
+//! - The GPU keeps displacements, not positions; buffers are flat arrays of scalars, vec2 or vec4.
+//! - One writer per array slot and a fixed order of sums: a run repeats bit for bit on one adapter.
+//! - Core WebGPU limits: 8 storage buffers a kernel, no subgroups, no f64. Sizes beyond a limit are refused with its name.
+//! - Solves stop at a residual relative to the step's load, never after a fixed count; what did not converge is counted.
+//! - Bad input is an [`Error`](error::Error) that says where, what and how to mend; a broken invariant of ours is an assertion.
+
 pub mod backend;
 pub mod collide;
 pub mod constraints;
