@@ -32,6 +32,8 @@ pub struct GpuBackend {
     floor: f64,
     expected: [u32; 2],
     pending: Option<Batch>,
+    rows_pending: bool,
+    axes: Vec<V3<f32>>, // [node] 1 free, 0 held
     bytes: u64,
     buffers: Buffers,
     kernels: Kernels,
@@ -283,6 +285,8 @@ impl GpuBackend {
             floor,
             expected: [8, 8],
             pending: None,
+            rows_pending: false,
+            axes: model.free.iter().map(|f| axes(*f)).collect(),
             bytes,
             buffers,
             kernels,
@@ -293,7 +297,10 @@ impl GpuBackend {
     }
 
     fn record(&mut self) -> Batch {
-        self.pending.take().unwrap_or_else(|| self.gpu.batch())
+        self.pending.take().unwrap_or_else(|| {
+            self.rows_pending = false;
+            self.gpu.batch()
+        })
     }
 
     fn offset(&self, slot: usize) -> u64 {
@@ -501,6 +508,10 @@ impl Cutting {
     }
 }
 
+fn axes(free: V4<f64>) -> V3<f32> {
+    V3::of([free[0], free[1], free[2]])
+}
+
 fn triples(bytes: &[u8]) -> Vec<[f64; 3]> {
     cast::<V4<f32>>(bytes).into_iter().map(|v| V3::from4(v).f64()).collect()
 }
@@ -537,12 +548,19 @@ impl Backend for GpuBackend {
 
     fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()> {
         let mut batch = self.record();
+        if self.rows_pending {
+            // the entries below would replace those that the batch has yet to put
+            self.gpu.submit(batch);
+            batch = self.gpu.batch();
+        }
+        self.rows_pending = true;
         let bytes = self.offset(1);
         for slot in slots {
             batch.clear(&self.buffers.r, self.offset(*slot), bytes);
         }
         let ids: Vec<u32> = entries.iter().map(|(s, n, _)| (s * self.node_count) as u32 + n).collect();
-        let values: Vec<V4<f32>> = entries.iter().map(|(_, _, v)| V3::of(*v).pad(0.0)).collect();
+        let free = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
+        let values: Vec<V4<f32>> = entries.iter().map(|(_, n, v)| free(*n, *v)).collect();
         self.gpu.write(&self.buffers.put_params, 0, &[ids.len() as u32, 0, 0, 0]);
         self.gpu.write(&self.buffers.put_ids, 0, &ids);
         self.gpu.write(&self.buffers.put_values, 0, &values);
@@ -614,7 +632,8 @@ impl Backend for GpuBackend {
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
         self.forget(&[CORRECTION])?;
         let ids: Vec<u32> = nodes.iter().map(|(n, _)| self.node_count as u32 + n).collect();
-        let values: Vec<V4<f32>> = nodes.iter().map(|(_, v)| V3::of(*v).pad(0.0)).collect();
+        let free = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
+        let values: Vec<V4<f32>> = nodes.iter().map(|(n, v)| free(*n, *v)).collect();
         let x = self.buffers.x.clone();
         self.put(&x, &ids, &values)
     }
@@ -696,6 +715,9 @@ impl Backend for GpuBackend {
         let values: Vec<V4<f32>> = free.iter().map(|(_, v)| v.map(|c| c as f32)).collect();
         let buffer = self.buffers.free.clone();
         self.put(&buffer, &ids, &values)?;
+        for (node, value) in free {
+            self.axes[*node as usize] = axes(*value);
+        }
         // nodes without cells leave the system where they are
         let dead: Vec<u32> = free.iter().filter(|(_, v)| v[3] == 0.0).map(|(n, _)| *n).collect();
         let zeros = vec![[0.0; 4]; dead.len()];

@@ -309,17 +309,26 @@ impl Gpu {
         self.queue.submit([batch.finish()]);
     }
 
-    /// Runs a batch and reads buffers back, the first `count` elements of each; waits for the device.
+    /// Runs a batch and reads buffers back, the first bytes of each; waits for the device.
     ///
     /// # Errors
     /// [`Error::Device`] when the device was lost or reported an error since the last call.
+    ///
+    /// # Panics
+    /// When more bytes are wanted than a buffer has.
     pub fn submit_and_read(&self, mut batch: Batch, wanted: &[(&Buffer, u64)]) -> Result<Vec<Vec<u8>>> {
         let total: u64 = wanted.iter().map(|(_, bytes)| bytes.next_multiple_of(16)).sum();
         let staging = self.staging(total.max(16));
         batch.pass = None;
         let mut offset = 0;
         for (buffer, bytes) in wanted {
-            let padded = bytes.next_multiple_of(16).min(buffer.bytes);
+            let padded = bytes.next_multiple_of(16);
+            assert!(
+                padded <= buffer.bytes,
+                "{bytes} bytes asked of buffer `{}`, which has {}",
+                buffer.name,
+                buffer.bytes
+            );
             batch.encoder.copy_buffer_to_buffer(&buffer.raw, 0, &staging, offset, padded);
             offset += bytes.next_multiple_of(16);
         }
