@@ -1,0 +1,326 @@
+//! A random body in SI units, about as soft and as large as skin: every array that a kernel may ask for, by the shader's name.
+//!
+//! Each array is made from its name and the seed when it is asked for, so that a kernel and its twin see the same numbers. One cell is
+//! dead, some axes are held, one spring has no length, one slot in eight is done. What a kernel overwrites starts as noise.
+
+use cutis::error::Result;
+use cutis::gpu::{Buffer, Gpu};
+use cutis::kernels::product::{Modes, tiles};
+use cutis::kernels::{GROUP, Params};
+use cutis::math::{M3, Real, V3, V4};
+use cutis::mesh::Grid;
+use cutis::model::{MAX_LAYERS, Springs};
+
+/// Sizes and seed; the rest follows.
+pub struct Body {
+    /// The kernel that runs on it.
+    pub kernel: &'static str,
+    /// Slots of a solve.
+    pub slots: usize,
+    /// First slot that a dispatch works on.
+    pub first_slot: usize,
+    /// Geometry.
+    pub grid: Grid,
+    /// Springs between all corners of each cell.
+    pub springs: Springs,
+    seed: u64,
+}
+
+/// Quads of the swept edge.
+const QUADS: usize = 6;
+/// Layers of a body.
+const LAYERS: usize = 3;
+
+/// Fills the list of hits; f32 holds it exactly, and every hit before it.
+pub const NO_HIT: u32 = 1 << 24;
+
+/// An array as the device holds it.
+pub enum Array {
+    /// f32
+    Real(Vec<f32>),
+    /// u32
+    Count(Vec<u32>),
+}
+
+/// alpha, beta, gamma, done, target², rr, iterations, state of a slot, by what `advance` makes of it; see [`REQUESTS`] too.
+#[rustfmt::skip]
+const SCALARS: [[f32; 8]; 8] = [
+    [2.0, 0.7, 3.0, 0.0, 1e-9, 0.5, 7.0, 3.0], // goes on
+    [2.0, 0.7, 3.0, 1.0, 1e-9, 0.5, 7.0, 3.0], // is done
+    [1.0, 0.0, 0.0, 0.0, 1e-9, 0.0, 0.0, 1.0], // first iteration
+    [2.0, 0.0, 3.0, 0.0, 1e-9, 0.5, 1.0, 2.0], // second iteration
+    [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],  // starts, measured against the load
+    [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0],  // starts, measured against the request
+    [2.0, 0.7, 3.0, 0.0, 1e9, 0.5, 7.0, 3.0],  // has converged
+    [2.0, 0.7, 3.0, 0.0, 1e-9, 0.5, 7.0, 3.0], // breaks down: negative curvature
+];
+/// tolerance², reference², floor², use_load of the same slots.
+#[rustfmt::skip]
+const REQUESTS: [[f32; 4]; 8] = [
+    [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 0.0],
+    [1e-6, 3.0, 1e-9, 1.0], [1e-6, 3.0, 1e-2, 0.0], [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 0.0],
+];
+
+/// Numbers in −1 to 1, the same on every machine.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        ((self.0 >> 40) as f32) / ((1u32 << 23) as f32) - 1.0
+    }
+    fn many(&mut self, count: usize, scale: f32) -> Vec<f32> {
+        (0..count).map(|_| scale * self.next()).collect()
+    }
+    /// Three numbers and a zero each.
+    fn vectors(&mut self, count: usize, scale: f32) -> Vec<f32> {
+        (0..count).flat_map(|_| [0; 3].map(|_| scale * self.next()).pad()).collect()
+    }
+}
+
+trait Pad {
+    fn pad(self) -> V4<f32>;
+}
+impl Pad for [f32; 3] {
+    fn pad(self) -> V4<f32> {
+        [self[0], self[1], self[2], 0.0]
+    }
+}
+
+impl Body {
+    /// A body of some cells.
+    pub fn new(kernel: &'static str, cells: [usize; 3], slots: usize, first_slot: usize, seed: u64) -> Self {
+        let grid = Grid {
+            cells,
+            nodes: cells.map(|c| c + 1),
+            edge: [1e-3, 1.1e-3],
+            heights: (0..=cells[2]).map(|k| 4e-4 * k as f64).collect(),
+            layer_of: (0..cells[2]).map(|k| (k * LAYERS / cells[2]) as u32).collect(),
+        };
+        Self { kernel, slots, first_slot, springs: Springs::new(&grid, 50.0, 0.05), grid, seed }
+    }
+
+    /// What the grid kernels know of it.
+    pub fn params<R: Real>(&self) -> Params<R> {
+        Params {
+            preconditioner: 3,
+            corotational: 1,
+            slot_count: self.slots as u32,
+            first_slot: self.first_slot as u32,
+            product_groups: self.product_groups() as u32,
+            inertia: R::of(1_010_000.0),
+            stiffness_factor: R::of(11.0),
+            step: R::of(f64::from(1e-3f32)),
+            gravity_x: R::of(0.5),
+            gravity_y: R::of(-0.25),
+            gravity_z: R::of(-9.75),
+            ..self.grid.params()
+        }
+    }
+
+    /// The uniform `params` of a kernel.
+    fn words(&self) -> Vec<u32> {
+        let segments = self.springs.ends.len() as u32;
+        match self.kernel {
+            "cut" => vec![segments, QUADS as u32, segments, 1e-3f32.to_bits()],
+            "gather" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
+            _ => self.params::<f32>().words(),
+        }
+    }
+
+    /// Partial sums of the product, per slot.
+    pub fn product_groups(&self) -> usize {
+        match self.kernel {
+            "product" => tiles(&self.grid.params::<f64>()),
+            _ => self.node_groups(),
+        }
+    }
+    /// Groups of 64 over nodes.
+    pub fn node_groups(&self) -> usize {
+        self.grid.node_count().div_ceil(GROUP as usize)
+    }
+    /// Groups of 64 over columns.
+    pub fn column_groups(&self) -> usize {
+        self.columns().div_ceil(GROUP as usize)
+    }
+    /// Columns of nodes.
+    pub fn columns(&self) -> usize {
+        self.grid.nodes[0] * self.grid.nodes[1]
+    }
+
+    /// Three of four nodes in random order, each once.
+    pub fn ids(&self) -> Vec<u32> {
+        let mut ids: Vec<u32> = (0..self.grid.node_count() as u32).collect();
+        let mut random = Random(self.seed);
+        for k in (1..ids.len()).rev() {
+            ids.swap(k, (0.5 * (random.next() + 1.0) * k as f32) as usize);
+        }
+        ids.truncate((ids.len() * 3).div_ceil(4));
+        ids
+    }
+
+    /// An array by its name in the shaders.
+    pub fn array(&self, name: &str) -> Array {
+        match name {
+            "ids" => Array::Count(self.ids()),
+            "layer_of" => Array::Count(self.grid.layer_of.clone()),
+            "first" => Array::Count(self.springs.first.clone()),
+            "half" => Array::Count(self.springs.half.concat()),
+            "ends" => Array::Count(self.segments().concat()),
+            "hits" => Array::Count(vec![NO_HIT; self.springs.ends.len()]),
+            "hit_count" => Array::Count(vec![0; 4]),
+            _ => Array::Real(self.reals(name)),
+        }
+    }
+
+    /// Springs, of which every fifth is no segment.
+    fn segments(&self) -> Vec<[u32; 2]> {
+        let loops = |(k, [a, b]): (usize, &[u32; 2])| if k % 5 == 3 { [*a, *a] } else { [*a, *b] };
+        self.springs.ends.iter().enumerate().map(loops).collect()
+    }
+
+    fn reals(&self, name: &str) -> Vec<f32> {
+        let (nodes, all) = (self.grid.node_count(), self.grid.node_count() * self.slots.max(2));
+        let seed = name.bytes().fold(self.seed, |s, c| s.wrapping_mul(31).wrapping_add(u64::from(c)));
+        let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+        random.next();
+        match name {
+            "u" => coincide(random.vectors(nodes, 1e-4)),
+            "point_u" => random.vectors(nodes, 1e-4),
+            "point_v" => random.vectors(nodes, 1.0),
+            "v" => random.vectors(nodes, 0.1),
+            "f" | "load" => random.vectors(nodes, 0.01),
+            "z" | "x" | "p" => random.vectors(all, 1e-4),
+            "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
+            "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),
+            "coefficient" => random.many(self.slots, 1.0),
+            "rest" => self.rest(&mut random),
+            "shape" => {
+                (0..LAYERS).flat_map(|_| [1e-3, 1.1e-3, 4e-4, 1e-7].map(|c| c * (1.0 + 0.3 * random.next()))).collect()
+            }
+            "stiffness" => random.vectors(LAYERS * 64 * 3, 100.0),
+            "modes" => (0..LAYERS * 8).flat_map(|_| symmetric(&mut random)).collect(),
+            "rotation" => self.rotation(&mut random),
+            "free" => (0..nodes)
+                .flat_map(|_| {
+                    let axes = [0; 3].map(|_| if random.next() < 0.7 { 1.0 } else { 0.0 });
+                    [axes[0], axes[1], axes[2], 1e-6 * (2.0 + random.next())]
+                })
+                .collect(),
+            "block" => (0..nodes).flat_map(|_| block(&mut random)).collect(),
+            "tangent" => (0..self.springs.half.len())
+                .flat_map(|_| {
+                    let t = random.many(6, 100.0);
+                    [t[0], t[1], t[2], t[3], t[4], t[5], 0.0, 0.0]
+                })
+                .collect(),
+            "law" => (0..self.springs.ends.len())
+                .flat_map(|_| {
+                    let mut near = |mean: f32| mean * (1.0 + 0.5 * random.next());
+                    [near(1e-3), near(50.0), near(0.05), 0.0]
+                })
+                .collect(),
+            "quads" => random.vectors(QUADS * 4, 3e-3).iter().map(|c| c + 1e-3).collect(),
+            "scalars" => SCALARS[..self.slots].concat(),
+            "requests" => REQUESTS[..self.slots].concat(),
+            "partial_product" => {
+                let groups = self.product_groups();
+                let sign = |k: usize| if k / groups == 7 { -1.0 } else { 1.0 };
+                positive(&mut random, self.slots * groups).enumerate().map(|(k, c)| c * sign(k)).collect()
+            }
+            "partial_dots" => positive(&mut random, self.slots * self.column_groups() * 2).collect(),
+            "partial_load" => positive(&mut random, self.node_groups()).collect(),
+            _ => panic!("no array is called `{name}`; give it a shape and a scale here"),
+        }
+    }
+
+    fn rest(&self, random: &mut Random) -> Vec<f32> {
+        let near = |c: f64, r: f32| c as f32 + 1e-4 * r;
+        let nodes = (0..self.grid.node_count()).map(|n| self.grid.rest(n));
+        coincide(nodes.flat_map(|p| p.map(|c| near(c, random.next())).pad()).collect())
+    }
+
+    fn rotation(&self, random: &mut Random) -> Vec<f32> {
+        let cells = self.grid.cell_count();
+        let unit = |q: [f32; 4]| q.map(|c| c / q.iter().map(|c| c * c).sum::<f32>().sqrt());
+        (0..cells)
+            .flat_map(|cell| {
+                let [x, y, z] = [0; 3].map(|_| 0.5 * random.next());
+                // a cell of its own is alive
+                if cell > 0 && cell == cells / 2 { [0.0; 4] } else { unit([x, y, z, 1.0]) }
+            })
+            .collect()
+    }
+
+    /// An array of numbers, for the twin.
+    pub fn scalars<R: Real>(&self, name: &str) -> Vec<R> {
+        self.reals(name).iter().map(|c| R::of(f64::from(*c))).collect()
+    }
+    /// An array of vec4, for the twin.
+    pub fn v4<R: Real>(&self, name: &str) -> Vec<V4<R>> {
+        self.scalars(name).chunks_exact(4).map(|c| [c[0], c[1], c[2], c[3]]).collect()
+    }
+    /// The element matrices, for the twin.
+    pub fn stiffness<R: Real>(&self) -> Vec<M3<R>> {
+        let columns = self.v4("stiffness");
+        columns.chunks_exact(3).map(|c| M3([c[0], c[1], c[2]].map(V3::from4))).collect()
+    }
+    /// The element matrices in mirror blocks, for the twin.
+    pub fn modes<R: Real>(&self) -> Vec<Modes<R>> {
+        let rows: Vec<[R; 3]> = self.v4("modes").iter().map(|c| [c[0], c[1], c[2]]).collect();
+        let block = |k: usize, parity: usize| std::array::from_fn(|row| rows[(k * 8 + parity) * 3 + row]);
+        (0..LAYERS).map(|k| std::array::from_fn(|parity| block(k, parity))).collect()
+    }
+    /// An array of id pairs, for the twin.
+    pub fn pairs(&self, name: &str) -> Vec<[u32; 2]> {
+        match name {
+            "half" => self.springs.half.clone(),
+            _ => self.segments(),
+        }
+    }
+
+    /// An array on the device.
+    pub fn upload(&self, gpu: &Gpu, name: &str) -> Result<Buffer> {
+        let uniform = |bytes| match self.array(name) {
+            Array::Real(data) => gpu.uniform("uniform", bytes, &data),
+            Array::Count(data) => gpu.uniform("uniform", bytes, &data),
+        };
+        match name {
+            "params" => Ok(gpu.uniform("params", 0, &self.words())),
+            "shape" => Ok(uniform(MAX_LAYERS * 16)),
+            "stiffness" => Ok(uniform(MAX_LAYERS * 64 * 48)),
+            "modes" => Ok(uniform(MAX_LAYERS * 8 * 48)),
+            _ => match self.array(name) {
+                Array::Real(data) => gpu.array_of("array", &data),
+                Array::Count(data) => gpu.array_of("array", &data),
+            },
+        }
+    }
+}
+
+/// Puts the second node onto the first.
+fn coincide(mut nodes: Vec<f32>) -> Vec<f32> {
+    nodes.copy_within(0..4, 4);
+    nodes
+}
+
+/// 0.5 to 1.5, so that no sum is near zero.
+fn positive(random: &mut Random, count: usize) -> impl Iterator<Item = f32> {
+    (0..count).map(|_| 1.0 + 0.5 * random.next())
+}
+
+/// A symmetric matrix, by rows of four.
+fn symmetric(random: &mut Random) -> [f32; 12] {
+    let [a, b, c, d, e, f]: [f32; 6] = std::array::from_fn(|_| 100.0 * random.next());
+    [a, b, c, 0.0, b, d, e, 0.0, c, e, f, 0.0]
+}
+
+/// A packed pair of blocks: `d` positive definite, `g` small beside it.
+fn block(random: &mut Random) -> [f32; 16] {
+    let mut k: [f32; 16] = std::array::from_fn(|_| 0.4 * random.next());
+    for diagonal in [0, 3, 5] {
+        k[diagonal] += 4.0;
+    }
+    k[15] = 0.0;
+    k
+}

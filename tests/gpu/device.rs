@@ -1,0 +1,211 @@
+//! The GPU layer without physics: dispatches of any length, read-back, and the words of its errors.
+
+use super::body::Body;
+use super::{Failure, parity};
+use cutis::error::Error;
+use cutis::gpu::{Buffer, Gpu, cast};
+use cutis::kernels::{GROUP, gather, product, scatter, update};
+use cutis::math::V4;
+
+type Test = fn(&Gpu) -> Result<(), Failure>;
+
+/// Every test here, by name.
+pub const TESTS: &[(&str, Test)] = &[
+    ("a_long_dispatch_is_folded", a_long_dispatch_is_folded),
+    ("an_empty_dispatch_does_nothing", an_empty_dispatch_does_nothing),
+    ("what_was_written_is_read_back", what_was_written_is_read_back),
+    ("a_batch_runs_in_order", a_batch_runs_in_order),
+    ("runs_repeat_bit_for_bit", runs_repeat_bit_for_bit),
+    ("a_wrong_binding_says_which_names_are_known", a_wrong_binding_says_which_names_are_known),
+    ("a_too_large_array_names_itself_and_the_limit", a_too_large_array_names_itself_and_the_limit),
+    ("reading_past_an_array_is_refused", reading_past_an_array_is_refused),
+    ("writing_past_an_array_is_an_error_at_the_next_read", writing_past_an_array_is_an_error_at_the_next_read),
+    ("an_unknown_adapter_lists_those_there_are", an_unknown_adapter_lists_those_there_are),
+];
+
+/// 65,535 groups of 64 per dimension is what core WebGPU dispatches; this is more.
+const LONG: usize = 5_000_000;
+
+fn require(holds: bool, what: impl FnOnce() -> String) -> Result<(), Failure> {
+    if holds { Ok(()) } else { Err(what().into()) }
+}
+
+/// `picked_k = source[ids_k]` on the device.
+fn picked(gpu: &Gpu, ids: &[u32], source: &[V4<f32>], threads: usize, rows: u32) -> Result<Vec<V4<f32>>, Failure> {
+    let out = gpu.array_of("picked", &vec![[-1f32; 4]; ids.len()])?;
+    let list = [
+        ("params", &gpu.uniform("params", 16, &[threads as u32, 0, 0, 0])),
+        ("ids", &gpu.array_of("ids", ids)?),
+        ("source", &gpu.array_of("source", source)?),
+        ("picked", &out),
+    ];
+    let kernel = gpu.bind(&gather::SOURCE, &list)?;
+    let mut batch = gpu.batch();
+    batch.run(&kernel, threads, rows);
+    let parts = gpu.submit_and_read(batch, &[(&out, ids.len() as u64 * 16)])?;
+    Ok(cast(&parts[0]))
+}
+
+fn a_long_dispatch_is_folded(gpu: &Gpu) -> Result<(), Failure> {
+    assert!(LONG > 65_535 * GROUP as usize);
+    let source: Vec<V4<f32>> = (0..997).map(|k| [k as f32, 1.0, 2.0, 3.0]).collect();
+    let ids: Vec<u32> = (0..LONG as u32).map(|k| k.wrapping_mul(7919) % 997).collect();
+    let out = picked(gpu, &ids, &source, LONG, 1)?;
+    let wrong = (0..LONG).find(|k| out[*k] != source[ids[*k] as usize]);
+    require(wrong.is_none(), || format!("thread {wrong:?} of {LONG} did not run or ran wrongly"))
+}
+
+fn an_empty_dispatch_does_nothing(gpu: &Gpu) -> Result<(), Failure> {
+    let (ids, source) = ([0u32; 4], [[5f32; 4]]);
+    for (threads, rows) in [(0, 1), (4, 0), (0, 0)] {
+        let out = picked(gpu, &ids, &source, threads, rows)?;
+        require(out == [[-1.0; 4]; 4], || format!("{threads} × {rows} threads wrote {out:?}"))?;
+    }
+    // empty arrays can be bound, an empty batch can be submitted, nothing can be read
+    let (none, ids) = (gpu.array::<V4<f32>>("none", 0)?, gpu.array_of::<u32>("ids", &[])?);
+    let list = [
+        ("params", &gpu.uniform("params", 16, &[0u32; 4])),
+        ("ids", &ids),
+        ("values", &gpu.array_of::<V4<f32>>("values", &[])?),
+        ("destination", &none),
+    ];
+    let mut batch = gpu.batch();
+    batch.run(&gpu.bind(&scatter::SOURCE, &list)?, 1, 1);
+    gpu.submit(batch);
+    gpu.submit(gpu.batch());
+    let parts = gpu.submit_and_read(gpu.batch(), &[(&none, 0)])?;
+    require(parts == [vec![]], || format!("read {parts:?}"))
+}
+
+fn what_was_written_is_read_back(gpu: &Gpu) -> Result<(), Failure> {
+    let lengths = [1usize, 3, 4, 5, 1000, 70_001];
+    let data: Vec<Vec<u32>> =
+        lengths.iter().map(|n| (0..*n as u32).map(|k| k.wrapping_mul(k) ^ 0xA5A5).collect()).collect();
+    let buffers: Vec<Buffer> = data.iter().map(|d| gpu.array_of("data", d)).collect::<Result<_, _>>()?;
+    // twice: the second time from a staging buffer that held something else
+    for take in [1, 2] {
+        let wanted: Vec<(&Buffer, u64)> =
+            buffers.iter().zip(&lengths).map(|(b, n)| (b, (n / take) as u64 * 4)).collect();
+        let parts = gpu.submit_and_read(gpu.batch(), &wanted)?;
+        for ((part, data), n) in parts.iter().zip(&data).zip(lengths) {
+            require(cast::<u32>(part) == data[..n / take], || format!("{n} / {take} words came back wrong"))?;
+        }
+    }
+    gpu.write(&buffers[4], 400, &[7u32, 8]);
+    let back: Vec<u32> = gpu.read(&buffers[4], 1000)?;
+    let mut expected = data[4].clone();
+    expected[100..102].copy_from_slice(&[7, 8]);
+    require(back == expected, || "a write at an offset came back wrong".into())
+}
+
+/// Each command of a batch sees what those before it wrote: gather, copy, clear, gather again.
+fn a_batch_runs_in_order(gpu: &Gpu) -> Result<(), Failure> {
+    let (a, b) = (gpu.array_of("a", &[[1f32; 4], [2.0; 4]])?, gpu.array_of("b", &[[0f32; 4]; 2])?);
+    let (params, ids) = (gpu.uniform("params", 16, &[2u32, 0, 0, 0]), gpu.array_of("ids", &[1u32, 0])?);
+    let bind =
+        |from, to| gpu.bind(&gather::SOURCE, &[("params", &params), ("ids", &ids), ("source", from), ("picked", to)]);
+    let (swap, back) = (bind(&a, &b)?, bind(&b, &a)?);
+    let mut batch = gpu.batch();
+    batch.run(&swap, 2, 1); // b = 2 1
+    batch.clear(&b, 16, 16); // b = 2 0
+    batch.clear(&b, 0, 0);
+    batch.run(&back, 2, 1); // a = 0 2
+    batch.copy(&a, 16, &b, 16, 16); // b = 2 2
+    let parts = gpu.submit_and_read(batch, &[(&a, 32), (&b, 32)])?;
+    let found: Vec<Vec<f32>> = parts.iter().map(|p| cast::<f32>(p).into_iter().step_by(4).collect()).collect();
+    require(found == [[0.0, 2.0], [2.0, 2.0]], || format!("a and b are {found:?}"))
+}
+
+fn runs_repeat_bit_for_bit(gpu: &Gpu) -> Result<(), Failure> {
+    for source in [&product::SOURCE, &update::SOURCE] {
+        let body = Body::new(source.name, [7, 8, 6], 8, 0, 5);
+        let run = || parity::run_kernel(gpu, source, &body);
+        let first = run()?;
+        for _ in 0..3 {
+            require(run()? == first, || format!("`{}` gave other bits", source.name))?;
+        }
+    }
+    Ok(())
+}
+
+fn a_wrong_binding_says_which_names_are_known(gpu: &Gpu) -> Result<(), Failure> {
+    let params = gpu.uniform("params", 16, &[0u32; 4]);
+    let short = gpu.uniform("short", 0, &[0u32; 1]);
+    let array = gpu.array::<V4<f32>>("array", 4)?;
+    let update_params = gpu.uniform("params", 16, &[0u32; 4]);
+    let good = [("params", &params), ("ids", &array), ("source", &array), ("picked", &array)];
+    let known_names = "params, ids, source, picked";
+    let mut unknown = good.to_vec();
+    unknown.push(("sauce", &array));
+    let fails = [
+        ("picked", &good[..3], "no buffer was given for it"),
+        ("sauce", &unknown[..], "the shader has no such variable"),
+    ];
+    for (wanted_name, list, wanted_problem) in fails {
+        match gpu.bind(&gather::SOURCE, list) {
+            Err(Error::Binding { kernel: "gather", name, known, problem }) => {
+                require(name == wanted_name && known == known_names && problem == wanted_problem, || {
+                    format!("`{name}`: {problem} ({known})")
+                })?;
+            }
+            other => {
+                return Err(format!("{wanted_name}: {:?}", other.map(|_| "bound").map_err(|e| e.to_string())).into());
+            }
+        }
+    }
+    // 16 bytes where the shader's block has 80
+    let names = ["scalars", "z", "w", "x", "p", "s", "r"];
+    let mut list: Vec<(&str, &Buffer)> = names.iter().map(|n| (*n, &array)).collect();
+    list.push(("params", &update_params));
+    match gpu.bind(&update::SOURCE, &list) {
+        Err(e @ Error::Binding { .. }) => {
+            let words = e.to_string();
+            let all = ["`update`", "`params`", "has 16 bytes, 80 are needed", "params, scalars, z, w, x, p, s, r"];
+            require(all.iter().all(|part| words.contains(part)), || words)?;
+        }
+        _ => return Err("16 bytes were taken for 80".into()),
+    }
+    require(short.bytes == 16, || format!("a uniform has {} bytes", short.bytes))
+}
+
+fn a_too_large_array_names_itself_and_the_limit(gpu: &Gpu) -> Result<(), Failure> {
+    let count = gpu.adapter.max_binding as usize / 16 + 1;
+    match gpu.array::<V4<f32>>("partial_product", count) {
+        Err(e @ Error::TooLarge { need, limit, .. }) => {
+            require(need > limit && need == count as u64 * 16, || format!("{need} for {limit}"))?;
+            let words = e.to_string();
+            let all = ["`partial_product`", "max_storage_buffer_binding_size", &need.to_string(), &limit.to_string()];
+            require(all.iter().all(|part| words.contains(part)), || words)
+        }
+        Err(e) => Err(e.into()),
+        Ok(_) => Err("it was made".into()),
+    }
+}
+
+fn reading_past_an_array_is_refused(gpu: &Gpu) -> Result<(), Failure> {
+    let array = gpu.array_of("array", &[1u32, 2, 3, 4])?;
+    let read = std::panic::AssertUnwindSafe(|| gpu.read::<u32>(&array, 5).is_ok());
+    require(std::panic::catch_unwind(read).is_err(), || "5 words came from an array of 4".into())
+}
+
+fn writing_past_an_array_is_an_error_at_the_next_read(gpu: &Gpu) -> Result<(), Failure> {
+    let array = gpu.array_of("array", &[1u32, 2, 3, 4])?;
+    gpu.write(&array, 16, &[5u32]);
+    match gpu.read::<u32>(&array, 4) {
+        Err(Error::Device { .. }) => Ok(()),
+        Err(e) => Err(e.into()),
+        Ok(words) => Err(format!("no error; the array is {words:?}").into()),
+    }
+}
+
+fn an_unknown_adapter_lists_those_there_are(gpu: &Gpu) -> Result<(), Failure> {
+    match Gpu::open(Some("no such adapter")) {
+        Err(Error::NoAdapter { wanted, found, .. }) => {
+            require(wanted.contains("no such adapter") && found.contains(&gpu.adapter.name), || {
+                format!("{wanted}; {found}")
+            })
+        }
+        Err(e) => Err(e.into()),
+        Ok(_) => Err("it was opened".into()),
+    }
+}

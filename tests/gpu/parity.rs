@@ -1,0 +1,314 @@
+//! Every kernel against its twin on random bodies, and the same with a kernel broken on purpose, which must be found out.
+//!
+//! `|gpu − twin| ≤ (ORDER + 1) e` for each number, with `e` from the twin on [`Bounded`]: the twin itself may be off by `e`, the GPU by
+//! `ORDER e`. Where `e` is zero (untouched words, copies, integers) both must be equal.
+
+use super::Failure;
+use super::body::{Array, Body};
+use super::bounded::{Bounded, uncertain_comparisons};
+use super::twins::{self, Outputs, slot_sums};
+use cutis::gpu::{Access, Buffer, Gpu, Shader, cast};
+use cutis::kernels::{self, COMMON, GROUP, Source};
+use cutis::math::{M3, V3, V4, rotation_matrix};
+use std::collections::BTreeMap;
+
+/// Sums of three terms (`dot`, matrix times vector) may be associated either way; that at most doubles their roundings.
+const ORDER: f64 = 2.0;
+/// Roundings on the way from displacements to the gradient of `tr(Rᵀ F)`: 8 terms of 2 in F, 10 in R, 3 in RᵀF, 1 in the
+/// difference, each up to 2 ulp with WGSL's rounding in either direction; and what is left when Newton stops at `|ω|² < ulp`.
+const NEWTON_ROUNDINGS: f64 = 64.0;
+
+/// What a dispatch covers.
+#[derive(Clone, Copy)]
+enum Threads {
+    Nodes,
+    Cells,
+    Tiles,
+    Columns,
+    Segments,
+    Ids,
+    One,
+}
+
+/// A kernel with its twin in both precisions, its dispatch, and ways to break its text.
+pub struct Case {
+    /// The kernel.
+    pub source: &'static Source,
+    single: fn(&Body) -> Outputs<f32>,
+    bounded: fn(&Body) -> Outputs<Bounded>,
+    threads: Threads,
+    by_slot: bool,
+    breaks: &'static [(&'static str, &'static str)],
+}
+
+macro_rules! cases {
+    ($($name:ident $threads:ident $by_slot:literal [$($from:literal => $to:literal),+])*) => {
+        &[$(Case {
+            source: &kernels::$name::SOURCE,
+            single: twins::$name::<f32>,
+            bounded: twins::$name::<Bounded>,
+            threads: Threads::$threads,
+            by_slot: $by_slot,
+            breaks: &[$(($from, $to)),+],
+        }),*]
+    };
+}
+
+const CASES: &[Case] = cases! {
+    advance One true [
+        "delta - head.y * gamma / head.x" => "delta + head.y * gamma / head.x",
+        "tail.y <= tail.x" => "tail.y < 0.0",
+        "n < groups; n += LANES" => "n < groups; n += LANES + 1u",
+        "n < params.product_groups; n += LANES" => "n < params.product_groups; n += LANES + 1u",
+        "n < column_groups; n += LANES" => "n < column_groups; n += LANES + 1u",
+        "max(request.x * reference, request.z)" => "min(request.x * reference, request.z)",
+        "denominator > 0.0 &&" => "denominator != 0.0 &&"
+    ]
+    blocks Nodes false [
+        "a + 4u" => "a + 3u", "if a < 4u" => "if a < 3u", "layer_of[at.z] * 64u" => "0u",
+        "any(at >= cells)" => "any(at + 1u >= cells)"
+    ]
+    centres Cells false ["b * 0.125" => "b * 0.126", "params.nodes_y" => "params.cells_y"]
+    combine Nodes false ["slot = 1u" => "slot = 2u"]
+    cut Segments false [
+        "t > 0.5" => "t > 0.3", "b1, a1)" => "b0, a1)", "0.5 * params.step" => "0.0", "> 0.0 ||" => "< 0.0 ||"
+    ]
+    factor Columns false ["own.d - below" => "own.d + below", "transpose(own.g) * g" => "own.g * g"]
+    forces Nodes false ["- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "u[node].xyz * r" => "r * u[node].xyz"]
+    gather Ids false ["source[ids[k]]" => "source[k]"]
+    integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "1.0 / params.step" => "params.step"]
+    precondition Columns true [
+        "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u",
+        "scalars[slot * 2u].w == 0.0" => "true", "dot(residual, residual)" => "dot(above, residual)"
+    ]
+    product Tiles true [
+        "params.inertia * free[i].w" => "params.inertia", "n = GROUP / 2u" => "n = GROUP / 4u",
+        "scalars[slot * 2u].w == 0.0" => "true", "a1 = v[0] - v[1]" => "a1 = v[0] + v[1]",
+        "g3 = modes[first + 3u]" => "g3 = modes[first + 2u]", "r * vec3<f32>(g6.x" => "transpose(r) * vec3<f32>(g6.x",
+        "vec3<f32>(l7.x, l4.y, l2.z)" => "vec3<f32>(l7.x, l4.y, l3.z)", "any(q != vec4<f32>(0.0))" => "true",
+        "corner_force[129u + lane]" => "corner_force[130u + lane]", "(below + above)" => "(above)",
+        "layer_of[k] * 8u" => "0u", "params.first_slot + group.y" => "group.y + 1u"
+    ]
+    rhs Nodes false [
+        "elastic + v[i].xyz" => "elastic - v[i].xyz", "dot(held, held)" => "dot(held, sum)", "n > 0u" => "n > 1u"
+    ]
+    rotations Cells false ["* 2.0 - 1.0" => "* 2.0 - 1.001", "t - s[1].y" => "t + s[1].y", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"]
+    scatter Ids false ["destination[ids[k]]" => "destination[k]"]
+    springs Nodes false [
+        "max(1.0 - own.x / length, 0.0)" => "(1.0 - own.x / length)", "own.x - length" => "length - own.x",
+        "length > 0.0" => "true"
+    ]
+    springs_blocks Nodes false ["g -= t" => "g += t", "== above" => "== i"]
+    springs_product Nodes true [
+        "(own - z" => "(own + z", "n = GROUP / 2u" => "n = GROUP / 4u", "scalars[slot * 2u].w == 0.0" => "true"
+    ]
+    update Nodes true [
+        "head.y * s[i]" => "head.x * s[i]", "|| head.w != 0.0" => "", ".w == 1.0" => ".w == 2.0", "r[i] -= head.x" => "r[i] += head.x"
+    ]
+};
+
+/// What a kernel writes on a body, by name.
+pub fn run_kernel(gpu: &Gpu, source: &Source, body: &Body) -> Result<BTreeMap<String, Vec<f64>>, Failure> {
+    let case = case_of(source).ok_or("no parity case")?;
+    run(gpu, case, body, None)
+}
+
+/// The case of a kernel.
+pub fn case_of(source: &Source) -> Option<&'static Case> {
+    CASES.iter().find(|case| case.source.name == source.name)
+}
+
+/// A body and what a kernel must make of it.
+struct Expected {
+    body: Body,
+    single: Outputs<f32>,
+    bounded: Outputs<Bounded>,
+}
+
+/// Seeds that are tried until rounding decides no branch.
+const SEEDS: u64 = 50;
+
+impl Expected {
+    fn new(case: &Case, cells: [usize; 3], slots: usize, first_slot: usize) -> Result<Self, Failure> {
+        for seed in 0..SEEDS {
+            let body = Body::new(case.source.name, cells, slots, first_slot, seed);
+            uncertain_comparisons();
+            let mut bounded = (case.bounded)(&body);
+            let decides = ["cut", "advance"].contains(&case.source.name);
+            if decides && uncertain_comparisons() > 0 {
+                continue;
+            }
+            if case.source.name == "rotations" {
+                bounded = bounded_rotations(&body);
+            }
+            return Ok(Self { single: (case.single)(&body), bounded, body });
+        }
+        Err(format!("{cells:?} cells: rounding decides a branch with each of {SEEDS} seeds").into())
+    }
+
+    /// One cell and one slot; a few, without the first slot; and enough for several workgroups, with every state of a slot.
+    fn all(case: &Case) -> Result<Vec<Self>, Failure> {
+        let mut all = vec![
+            Self::new(case, [1, 1, 1], 1, 0)?,
+            Self::new(case, [3, 2, 2], 3, 1)?,
+            Self::new(case, [7, 8, 6], 8, 0)?,
+        ];
+        if case.source.name == "advance" {
+            // more partial sums than the workgroup has lanes, of nodes and of columns
+            all.push(Self::new(case, [129, 129, 1], 5, 0)?);
+        }
+        Ok(all)
+    }
+}
+
+/// Runs a kernel on a body; all read-write arrays by name, partial sums summed.
+fn run(gpu: &Gpu, case: &Case, body: &Body, broken: Option<&Shader>) -> Result<BTreeMap<String, Vec<f64>>, Failure> {
+    let shader = match broken {
+        Some(shader) => shader.clone(),
+        None => Shader::read(case.source)?,
+    };
+    let buffers: Vec<(&str, Access, Buffer)> = shader
+        .variables
+        .iter()
+        .map(|v| Ok((v.name.as_str(), v.access, body.upload(gpu, &v.name)?)))
+        .collect::<Result<_, Failure>>()?;
+    let list: Vec<(&str, &Buffer)> = buffers.iter().map(|(name, _, b)| (*name, b)).collect();
+    let bound = match broken {
+        Some(shader) => gpu.bind_shader(shader.clone(), &list)?,
+        None => gpu.bind(case.source, &list)?,
+    };
+    let threads = match case.threads {
+        Threads::Nodes => body.grid.node_count(),
+        Threads::Cells => body.grid.cell_count(),
+        Threads::Tiles => body.product_groups() * GROUP as usize,
+        Threads::Columns => body.columns(),
+        Threads::Segments => body.springs.ends.len(),
+        Threads::Ids => body.ids().len(),
+        Threads::One => 1,
+    };
+    let rows = if case.by_slot { body.slots - body.first_slot } else { 1 };
+    let mut batch = gpu.batch();
+    batch.run(&bound, threads, rows as u32);
+    let written: Vec<_> = buffers.iter().filter(|b| b.1 == Access::ReadWrite).collect();
+    let wanted: Vec<(&Buffer, u64)> = written.iter().map(|(_, _, b)| (b, b.bytes)).collect();
+    let parts = gpu.submit_and_read(batch, &wanted)?;
+    let read =
+        |((name, _, _), bytes): (&&(&str, Access, Buffer), &Vec<u8>)| (name.to_string(), numbers(body, name, bytes));
+    Ok(written.iter().zip(&parts).map(read).collect())
+}
+
+/// An array read back, as the twins give it.
+fn numbers(body: &Body, name: &str, bytes: &[u8]) -> Vec<f64> {
+    let real = || cast::<f32>(bytes).into_iter().map(f64::from).collect::<Vec<_>>();
+    match (name, body.array(name)) {
+        // not the padding to 16 bytes
+        ("partial_dots", Array::Real(all)) => slot_sums(&real()[..all.len()], body.column_groups(), 2),
+        ("partial_product", Array::Real(all)) => slot_sums(&real()[..all.len()], body.product_groups(), 1),
+        ("partial_load", Array::Real(all)) => slot_sums(&real()[..all.len()], body.node_groups(), 1),
+        (_, Array::Real(all)) => real()[..all.len()].to_vec(),
+        (_, Array::Count(all)) => {
+            // hits come in any order
+            let mut words = cast::<u32>(bytes)[..all.len()].to_vec();
+            if name == "hits" {
+                words.sort_unstable();
+            }
+            words.into_iter().map(f64::from).collect()
+        }
+    }
+}
+
+/// Compares one run with both twins; the largest part of its bound that a number used, or what is wrong.
+fn compare(expected: &Expected, gpu: &BTreeMap<String, Vec<f64>>) -> Result<Result<f64, String>, Failure> {
+    let Expected { single, bounded, .. } = expected;
+    let names: Vec<&str> = single.iter().map(|(name, _)| *name).collect();
+    if gpu.len() != names.len() {
+        let found: Vec<&String> = gpu.keys().collect();
+        return Err(format!("the kernel writes {found:?}, its twin {names:?}").into());
+    }
+    let mut worst: f64 = 0.0;
+    for ((name, single), (_, bounded)) in single.iter().zip(bounded) {
+        let gpu = gpu.get(*name).ok_or_else(|| format!("the kernel does not write `{name}`"))?;
+        if gpu.len() != single.len() {
+            return Err(format!("`{name}` has {} numbers, the twin's {}", gpu.len(), single.len()).into());
+        }
+        for (k, ((gpu, single), exact)) in gpu.iter().zip(single).zip(bounded).enumerate() {
+            let twin = f64::from(*single);
+            let own = (twin - exact.value).abs();
+            if !(own <= exact.error && exact.error.is_finite()) {
+                return Err(format!("{name}[{k}]: the bound is no bound: {twin:e} for {exact:?}").into());
+            }
+            let (difference, allowed) = ((gpu - twin).abs(), (ORDER + 1.0) * exact.error);
+            if difference.is_nan() || difference > allowed {
+                return Ok(Err(format!(
+                    "{name}[{k}] is {gpu:e}, the twin's {twin:e}: they differ by {difference:.2e}, allowed are {allowed:.2e}"
+                )));
+            }
+            if allowed > 0.0 {
+                worst = worst.max(difference / allowed);
+            }
+        }
+    }
+    Ok(Ok(worst))
+}
+
+/// Newton forgets the roundings of its early steps, which a running analysis does not know. What counts is the last gradient `g` of
+/// `tr(Rᵀ F)`: `δω = H⁻¹ δg`, `δq = δω / 2`, with `|δg| ≤ ulp (1 + Σ_a |u_a| |∇N_a|)` per rounding.
+fn bounded_rotations(body: &Body) -> Outputs<Bounded> {
+    let params = body.params::<f64>();
+    let (u, shape) = (body.v4::<f64>("u"), body.v4::<f64>("shape"));
+    let start = body.v4::<f64>("rotation");
+    let rotation = &twins::rotations::<f64>(body)[0].1;
+    let mut out = vec![];
+    for (cell, q) in rotation.chunks_exact(4).enumerate() {
+        let q: V4<f64> = [q[0], q[1], q[2], q[3]];
+        let level = params.cell_at(cell)[2];
+        let h = V3::from4(shape[body.grid.layer_of[level] as usize]);
+        let (mut f, mut size) = (M3::identity(), 1.0);
+        for (a, node) in params.corners(cell).into_iter().enumerate() {
+            let sign = kernels::corner(a).map(|o| if o == 1 { 0.25 } else { -0.25 });
+            let gradient = V3::new(sign[0] / h.x, sign[1] / h.y, sign[2] / h.z);
+            f = f + V3::from4(u[node]).outer(gradient);
+            size += V3::from4(u[node]).length() * gradient.length();
+        }
+        let s = rotation_matrix(q).transpose() * f;
+        let symmetric = (s + s.transpose()) * 0.5;
+        let hessian = M3::diagonal(V3::splat(s.trace())) - symmetric;
+        let inverse = hessian.inverse().0.iter().map(|c| c.dot(*c)).sum::<f64>().sqrt();
+        let dead = start[cell] == [0.0; 4];
+        let error = if dead { 0.0 } else { 0.5 * inverse * NEWTON_ROUNDINGS * f64::from(f32::EPSILON) * size };
+        out.extend(q.map(|c| Bounded::with_error(c, error)));
+    }
+    vec![("rotation", out)]
+}
+
+/// The kernel agrees with its twin on every body.
+pub fn agrees(gpu: &Gpu, case: &Case) -> Result<(), Failure> {
+    let mut worst: f64 = 0.0;
+    for expected in Expected::all(case)? {
+        let used = compare(&expected, &run(gpu, case, &expected.body, None)?)?;
+        let cells = expected.body.grid.cells;
+        worst = worst.max(used.map_err(|e| format!("{cells:?} cells: {e}"))?);
+    }
+    super::report(gpu, &format!("{}: at most {:.1} % of the bound", case.source.name, 100.0 * worst));
+    Ok(())
+}
+
+/// A broken kernel does not agree with its twin on one of the bodies: the comparison can fail.
+pub fn is_found_out_when_broken(gpu: &Gpu, case: &Case) -> Result<(), Failure> {
+    let all = Expected::all(case)?;
+    for (from, to) in case.breaks {
+        let wgsl = case.source.wgsl.replacen(from, to, 1);
+        if wgsl == case.source.wgsl {
+            return Err(format!("`{from}` is not in the kernel; choose another part to break").into());
+        }
+        let shader = Shader::from_text(case.source.name, format!("{COMMON}\n{wgsl}"))?;
+        let mut found = false;
+        for expected in all.iter().rev() {
+            found = found || compare(expected, &run(gpu, case, &expected.body, Some(&shader))?)?.is_err();
+        }
+        if !found {
+            return Err(format!("with `{to}` instead of `{from}` it still agrees with its twin").into());
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,221 @@
+//! The twin of each kernel on a [`Body`]: what the kernel's read-write arrays must hold afterwards, by name.
+//!
+//! Partial sums appear as their sum over the groups of a slot.
+
+use super::body::{Body, NO_HIT};
+use cutis::kernels;
+use cutis::kernels::advance::{Request, Scalars};
+use cutis::kernels::product::{LANES, cell_groups};
+use cutis::math::{Real, V4};
+
+/// Name and elements of each read-write array.
+pub type Outputs<R> = Vec<(&'static str, Vec<R>)>;
+
+fn flat<R: Real>(vectors: &[V4<R>]) -> Vec<R> {
+    vectors.concat()
+}
+
+/// Slots that a dispatch works on, with their range in `[slot][node]` arrays.
+fn running(b: &Body) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> {
+    let (n, scalars) = (b.grid.node_count(), b.v4::<f32>("scalars"));
+    (b.first_slot..b.slots)
+        .filter(move |slot| scalars[slot * 2][3] == 0.0)
+        .map(move |slot| (slot, slot * n..(slot + 1) * n))
+}
+
+/// Sums of a `[slot][group][lane]` array over its groups.
+pub fn slot_sums<R: Real>(parts: &[R], groups: usize, lanes: usize) -> Vec<R> {
+    let lane_sum = |slot: &[R], lane: usize| slot.iter().skip(lane).step_by(lanes).copied().sum();
+    parts.chunks_exact(groups * lanes).flat_map(|slot| (0..lanes).map(move |lane| lane_sum(slot, lane))).collect()
+}
+
+/// Before the kernel: noise in slots that it leaves alone, zero where it writes.
+fn start_sums<R: Real>(b: &Body, name: &str, groups: usize, lanes: usize) -> Vec<R> {
+    let mut sums = slot_sums(&b.scalars::<R>(name), groups, lanes);
+    sums[b.first_slot * lanes..].fill(R::zero());
+    sums
+}
+
+pub fn advance<R: Real>(b: &Body) -> Outputs<R> {
+    let product = slot_sums(&b.scalars::<R>("partial_product"), b.product_groups(), 1);
+    let dots = slot_sums(&b.scalars::<R>("partial_dots"), b.column_groups(), 2);
+    let load = b.scalars::<R>("partial_load").into_iter().sum();
+    let mut scalars = b.scalars::<R>("scalars");
+    let requests = b.v4::<R>("requests");
+    for (slot, _) in running(b) {
+        let at = &mut scalars[slot * 8..slot * 8 + 8];
+        let [tolerance_squared, reference_squared, floor_squared, use_load] = requests[slot];
+        let request = Request { tolerance_squared, reference_squared, floor_squared, use_load };
+        let mut k = read_scalars(at);
+        let (gamma, residual) = (dots[slot * 2], dots[slot * 2 + 1]);
+        kernels::advance::advance(&request, load, product[slot], gamma, residual, &mut k);
+        at.copy_from_slice(&[
+            k.alpha,
+            k.beta,
+            k.gamma,
+            k.done,
+            k.target_squared,
+            k.residual_squared,
+            k.iterations,
+            k.state,
+        ]);
+    }
+    vec![("scalars", scalars)]
+}
+
+fn read_scalars<R: Real>(k: &[R]) -> Scalars<R> {
+    Scalars {
+        alpha: k[0],
+        beta: k[1],
+        gamma: k[2],
+        done: k[3],
+        target_squared: k[4],
+        residual_squared: k[5],
+        iterations: k[6],
+        state: k[7],
+    }
+}
+
+pub fn blocks<R: Real>(b: &Body) -> Outputs<R> {
+    let mut block = b.v4::<R>("block");
+    let (layer_of, rotation) = (&b.grid.layer_of, b.v4("rotation"));
+    let (stiffness, free) = (b.stiffness(), b.v4("free"));
+    kernels::blocks::blocks(&b.params(), &stiffness, layer_of, &rotation, &free, &mut block);
+    vec![("block", flat(&block))]
+}
+
+pub fn centres<R: Real>(b: &Body) -> Outputs<R> {
+    let (mut point_u, mut point_v) = (b.v4::<R>("point_u"), b.v4("point_v"));
+    kernels::centres::centres(&b.params(), &b.v4("u"), &b.v4("v"), &mut point_u, &mut point_v);
+    vec![("point_u", flat(&point_u)), ("point_v", flat(&point_v))]
+}
+
+pub fn combine<R: Real>(b: &Body) -> Outputs<R> {
+    let mut x = b.v4::<R>("x");
+    kernels::combine::combine(b.grid.node_count(), &b.scalars("coefficient"), &mut x);
+    vec![("x", flat(&x))]
+}
+
+pub fn cut<R: Real>(b: &Body) -> Outputs<R> {
+    let segments = b.pairs("ends");
+    let (rest, quads) = (b.v4::<R>("rest"), b.v4("quads"));
+    let step = b.params().step;
+    let mut hits = kernels::cut::cut(step, &segments, &rest, &b.v4("point_u"), &b.v4("point_v"), &quads);
+    let count = hits.len() as u32;
+    hits.resize(segments.len(), NO_HIT);
+    let whole = |k: &u32| R::of(f64::from(*k));
+    vec![("hits", hits.iter().map(whole).collect()), ("hit_count", [count, 0, 0, 0].iter().map(whole).collect())]
+}
+
+pub fn factor<R: Real>(b: &Body) -> Outputs<R> {
+    let mut block = b.v4::<R>("block");
+    kernels::factor::factor(&b.params(), &mut block);
+    vec![("block", flat(&block))]
+}
+
+pub fn forces<R: Real>(b: &Body) -> Outputs<R> {
+    let mut f = b.v4::<R>("f");
+    let (shape, stiffness) = (b.v4("shape"), b.stiffness());
+    let (u, rotation) = (b.v4("u"), b.v4("rotation"));
+    kernels::forces::forces(&b.params(), &shape, &stiffness, &b.grid.layer_of, &u, &rotation, &mut f);
+    vec![("f", flat(&f))]
+}
+
+pub fn gather<R: Real>(b: &Body) -> Outputs<R> {
+    let mut picked = b.v4::<R>("picked");
+    kernels::gather::gather(&b.ids(), &b.v4("source"), &mut picked);
+    vec![("picked", flat(&picked))]
+}
+
+pub fn integrate<R: Real>(b: &Body) -> Outputs<R> {
+    let (mut u, mut v) = (b.v4::<R>("u"), b.v4("v"));
+    kernels::integrate::integrate(&b.params(), &b.v4("x"), &mut u, &mut v);
+    vec![("u", flat(&u)), ("v", flat(&v))]
+}
+
+pub fn precondition<R: Real>(b: &Body) -> Outputs<R> {
+    let (block, r, mut z) = (b.v4::<R>("block"), b.v4("r"), b.v4("z"));
+    let mut dots = start_sums(b, "partial_dots", b.column_groups(), 2);
+    for (slot, at) in running(b) {
+        let sums = kernels::precondition::precondition(&b.params(), &block, &r[at.clone()], &mut z[at.clone()]);
+        dots[slot * 2..slot * 2 + 2].copy_from_slice(&sums);
+    }
+    vec![("z", flat(&z)), ("partial_dots", dots)]
+}
+
+pub fn product<R: Real>(b: &Body) -> Outputs<R> {
+    let (modes, rotation) = (b.modes(), b.v4("rotation"));
+    let (free, z, mut w) = (b.v4::<R>("free"), b.v4("z"), b.v4("w"));
+    let (p, layer_of) = (b.params(), &b.grid.layer_of);
+    let mut scratch = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&p)];
+    let mut dots = start_sums(b, "partial_product", b.product_groups(), 1);
+    for (slot, at) in running(b) {
+        let (z, w) = (&z[at.clone()], &mut w[at]);
+        dots[slot] = kernels::product::product(&p, &modes, layer_of, &rotation, &free, z, w, &mut scratch);
+    }
+    vec![("w", flat(&w)), ("partial_product", dots)]
+}
+
+pub fn rhs<R: Real>(b: &Body) -> Outputs<R> {
+    let mut right = b.v4::<R>("b");
+    let (f, v, free, load) = (b.v4("f"), b.v4("v"), b.v4("free"), b.v4("load"));
+    let sum = kernels::rhs::rhs(&b.params(), &f, &v, &free, &load, &mut right);
+    vec![("b", flat(&right)), ("partial_load", vec![sum])]
+}
+
+pub fn rotations<R: Real>(b: &Body) -> Outputs<R> {
+    let mut rotation = b.v4::<R>("rotation");
+    let (shape, u) = (b.v4("shape"), b.v4("u"));
+    kernels::rotations::rotations(&b.params(), &shape, &b.grid.layer_of, &u, &mut rotation);
+    vec![("rotation", flat(&rotation))]
+}
+
+pub fn scatter<R: Real>(b: &Body) -> Outputs<R> {
+    let mut destination = b.v4::<R>("destination");
+    kernels::scatter::scatter(&b.ids(), &b.v4("values"), &mut destination);
+    vec![("destination", flat(&destination))]
+}
+
+pub fn springs<R: Real>(b: &Body) -> Outputs<R> {
+    let (mut f, mut tangent) = (b.v4::<R>("f"), b.v4("tangent"));
+    let (rest, u, law) = (b.v4("rest"), b.v4("u"), b.v4("law"));
+    let s = &b.springs;
+    kernels::springs::springs(&b.params(), &rest, &u, &s.first, &s.half, &law, &mut f, &mut tangent);
+    vec![("f", flat(&f)), ("tangent", flat(&tangent))]
+}
+
+pub fn springs_blocks<R: Real>(b: &Body) -> Outputs<R> {
+    let mut block = b.v4::<R>("block");
+    let (tangent, free, s) = (b.v4("tangent"), b.v4("free"), &b.springs);
+    kernels::springs_blocks::springs_blocks(&b.params(), &s.first, &s.half, &tangent, &free, &mut block);
+    vec![("block", flat(&block))]
+}
+
+pub fn springs_product<R: Real>(b: &Body) -> Outputs<R> {
+    let (tangent, free, s) = (b.v4("tangent"), b.v4("free"), &b.springs);
+    let (z, mut w) = (b.v4::<R>("z"), b.v4("w"));
+    let mut dots = start_sums(b, "partial_product", b.product_groups(), 1);
+    for (slot, at) in running(b) {
+        dots[slot] = kernels::springs_product::springs_product(
+            &b.params(),
+            &s.first,
+            &s.half,
+            &tangent,
+            &free,
+            &z[at.clone()],
+            &mut w[at],
+        );
+    }
+    vec![("w", flat(&w)), ("partial_product", dots)]
+}
+
+pub fn update<R: Real>(b: &Body) -> Outputs<R> {
+    let (z, w, scalars) = (b.v4::<R>("z"), b.v4("w"), b.scalars("scalars"));
+    let [mut x, mut p, mut s, mut r] = ["x", "p", "s", "r"].map(|name| b.v4(name));
+    for (slot, at) in running(b) {
+        let k = read_scalars(&scalars[slot * 8..slot * 8 + 8]);
+        let at = || at.clone();
+        kernels::update::update(&k, &z[at()], &w[at()], &mut x[at()], &mut p[at()], &mut s[at()], &mut r[at()]);
+    }
+    vec![("x", flat(&x)), ("p", flat(&p)), ("s", flat(&s)), ("r", flat(&r))]
+}
