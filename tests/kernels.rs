@@ -158,3 +158,27 @@ fn a_broken_shader_is_an_error_that_shows_the_place() {
     let words = Error::Shader { kernel: "update".into(), message: nameless }.to_string();
     assert!(words.starts_with("kernel `update` does not compile: "), "{words}");
 }
+
+/// What the drivers of Vulkan, Metal and DX12 are given; naga refuses here what it could not write there.
+#[test]
+fn every_kernel_translates_to_spirv_msl_and_hlsl() {
+    use naga::back::{hlsl, msl, spv};
+    for source in ALL {
+        let (module, info) = module(source);
+        let name = || source.name.to_string();
+        let entry = spv::PipelineOptions { shader_stage: ShaderStage::Compute, entry_point: name() };
+        let options = spv::Options { fake_missing_bindings: true, ..spv::Options::default() };
+        let words = spv::write_vec(&module, &info, &options, Some(&entry)).expect(source.name);
+        assert_eq!(words[0], 0x0723_0203, "{}", source.name);
+        let options = msl::Options { lang_version: (2, 4), fake_missing_bindings: true, ..msl::Options::default() };
+        let entry = msl::PipelineOptions { entry_point: Some((ShaderStage::Compute, name())), ..Default::default() };
+        let (text, _) = msl::write_string(&module, &info, &options, &entry).expect(source.name);
+        assert!(text.contains("kernel void"), "{}", source.name);
+        let options = hlsl::Options { fake_missing_bindings: true, ..hlsl::Options::default() };
+        let entry = hlsl::PipelineOptions { entry_point: Some((ShaderStage::Compute, name())) };
+        let mut text = String::new();
+        let mut writer = hlsl::Writer::new(&mut text, &options, &entry);
+        writer.write(&module, &info, None).expect(source.name);
+        assert!(text.contains("[numthreads("), "{}", source.name);
+    }
+}
