@@ -62,7 +62,8 @@ pub fn crossing<R: Real>(p: V3<R>, q: V3<R>, a: V3<R>, b: V3<R>, c: V3<R>) -> R 
     let n = (b - a).cross(c - a);
     let (over, under) = (n.dot(p - a), n.dot(q - a));
     let zero = R::zero();
-    if over * under > zero || over == under {
+    let same_side = (over > zero && under > zero) || (over < zero && under < zero);
+    if same_side || over == under {
         return miss;
     }
     let d = q - p;

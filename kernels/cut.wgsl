@@ -13,7 +13,8 @@ fn crossing(p: vec3<f32>, q: vec3<f32>, a: vec3<f32>, b: vec3<f32>, c: vec3<f32>
     let n = cross(b - a, c - a);
     let over = dot(n, p - a);
     let under = dot(n, q - a);
-    if over * under > 0.0 || over == under { return -1.0; }
+    let same_side = (over > 0.0 && under > 0.0) || (over < 0.0 && under < 0.0);
+    if same_side || over == under { return -1.0; }
     let d = q - p;
     let x = dot(d, cross(a - p, b - p));
     let y = dot(d, cross(b - p, c - p));

@@ -201,7 +201,9 @@ impl GpuBackend {
         let pick_params = made.uniform("params", 16, &[0u32; 4]);
         let (put_params, kill_params) =
             (made.uniform("params", 16, &[0u32; 4]), made.uniform("params", 16, &[0u32; 4]));
-        let capacity = n * slots.min(8) + model.grid.cell_count() + law.springs;
+        // a pick takes a few nodes of every slot, a put at most one whole array
+        let picked_at_once = n.min(3 * needs.columns) * slots;
+        let capacity = n + picked_at_once + model.grid.cell_count() + law.springs;
         let ids = made.of("ids", &vec![0u32; capacity])?;
         let picked = made.vec4("picked", capacity)?;
         let put_ids = made.of("ids", &vec![0u32; capacity])?;
