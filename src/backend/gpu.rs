@@ -319,13 +319,13 @@ impl GpuBackend {
     }
 
     fn read_picked(&mut self, ids: &[u32], kernel: fn(&Kernels) -> &Bound) -> Result<Vec<[f64; 3]>> {
-        if ids.is_empty() {
-            return Ok(vec![]);
+        let mut out = Vec::with_capacity(ids.len());
+        for part in ids.chunks((self.buffers.ids.bytes / 4) as usize) {
+            let mut batch = self.record();
+            let bytes = self.record_pick(&mut batch, kernel(&self.kernels), part);
+            out.extend(triples(&self.gpu.submit_and_read(batch, &[(&self.buffers.picked, bytes)])?[0]));
         }
-        let mut batch = self.record();
-        let bytes = self.record_pick(&mut batch, kernel(&self.kernels), ids);
-        let parts = self.gpu.submit_and_read(batch, &[(&self.buffers.picked, bytes)])?;
-        Ok(triples(&parts[0]))
+        Ok(out)
     }
 
     /// Puts values into an array by index, in its own submission.
