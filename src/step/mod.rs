@@ -149,7 +149,7 @@ impl Simulation {
             }
         };
         let tools: Vec<Instrument> = scene.tools.iter().map(Instrument::new).collect();
-        let reach = start.u.iter().flatten().fold(0.0f64, |m, u| m.max(u.abs()));
+        let reach = start.u.iter().flatten().fold(model.grid.thickness(), |m, u| m.max(u.abs()));
         Ok(Self {
             wound: Wound::new(&model),
             reduced: vec![Reduced::default(); tools.len()],
@@ -275,8 +275,8 @@ impl Simulation {
             };
             found.extend(collide::contacts(number, tool, &patch, &search, travel, resistance));
         }
-        // faces were looked for within last step's reach; a step moves the skin by less than the alarm distance or is widened here
-        self.reach = near.max_element() + search.alarm;
+        // next step's faces: skin near the tool has moved this far; skin that is not near yet by less than its thickness
+        self.reach = (near.max_element() + search.alarm).max(self.model.grid.thickness());
         let most = law.max_contacts as usize;
         if found.len() > most {
             *report.warnings.entry("contacts_dropped").or_default() += (found.len() - most) as u32;
