@@ -1,0 +1,104 @@
+//! What the blade does to the skin, on a small form of the incision scene on the CPU path.
+
+use cutis::scene::{Correction, Pose, Scene};
+use cutis::step::{Place, Simulation, StepReport};
+use glam::DVec3;
+use std::path::Path;
+
+/// The incision scene on 12 × 12 cells, its hand replaced: down by `depth` from where the tip touches, within 0.1 s, then still.
+fn pressed(depth: f64) -> Scene {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut scene = cutis::scene::read(&root.join("scenes/incision.toml")).expect("the shipped scene is valid");
+    scene.skin.cells = [12, 12];
+    let tool = &mut scene.tools[0];
+    let tip = tool.blade.as_ref().expect("a scalpel has a blade").edge[0];
+    let top = scene.skin.layers.iter().map(|l| l.thickness).sum::<f64>();
+    let pose = |time: f64, down: f64| Pose {
+        time,
+        position: [-tip[0], 1e-4 - tip[1], top - down - tip[2]],
+        rotation: [0.0, 0.0, 0.0, 1.0],
+    };
+    tool.trajectory = vec![pose(0.0, -1e-4), pose(0.1, depth), pose(10.0, depth)];
+    scene
+}
+
+fn run(scene: &Scene, steps: u32) -> (Simulation, StepReport) {
+    let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+    let mut last = StepReport::default();
+    for _ in 0..steps {
+        last = simulation.step(false).expect("the CPU path has no device to fail");
+        assert!(!last.warnings.contains_key("non_finite_nodes"));
+    }
+    (simulation, last)
+}
+
+fn force(report: &StepReport) -> DVec3 {
+    DVec3::from_array(report.contact.on_tool.first().copied().unwrap_or_default())
+}
+
+#[test]
+fn a_light_press_dents_and_does_not_cut() {
+    let (simulation, report) = run(&pressed(1e-4), 40);
+    assert_eq!(simulation.totals().hexes, 0);
+    assert!(force(&report).z > 1e-3, "the skin pushes back: {}", force(&report));
+}
+
+#[test]
+fn a_hard_press_enters_and_tougher_skin_withstands_it() {
+    let scene = pressed(1.8e-3);
+    let (cut, _) = run(&scene, 60);
+    assert!(cut.totals().hexes > 0, "the blade should have entered");
+    let mut tough = scene;
+    tough.skin.layers.iter_mut().for_each(|l| l.toughness *= 100.0);
+    let (dented, report) = run(&tough, 60);
+    assert_eq!(dented.totals().hexes, 0, "a hundred times the toughness was cut");
+    assert!(force(&report).z > 0.05);
+}
+
+#[test]
+fn at_rest_the_contact_force_is_the_coupling_force() {
+    // SOFA reports 1/1.2 of it: its contact compliance of the tool leaves the coupling out
+    let scene = pressed(3e-4);
+    let (simulation, report) = run(&scene, 150);
+    let tool = &simulation.tools[0];
+    let pull = (DVec3::from_array(scene.tools[0].trajectory[2].position) - tool.position) * tool.coupling.stiffness;
+    let balance = (force(&report) + pull).length() / pull.length();
+    assert!(pull.length() > 0.01, "there is a force to compare: {pull}");
+    assert!(balance < 2e-3, "contact {} against coupling {pull}", force(&report));
+}
+
+#[test]
+fn forces_do_not_depend_on_how_well_the_columns_were_solved() {
+    let of = |tolerance: f64| {
+        let mut scene = pressed(3e-4);
+        scene.contact.as_mut().expect("the scene has contact").column_tolerance = tolerance;
+        force(&run(&scene, 40).1)
+    };
+    // each step's passes end at 1e-3 of the contact energy's norm; sticking remembers forty of them
+    let (rough, fine) = (of(0.2), of(1e-4));
+    assert!((rough - fine).length() < 1e-2 * fine.length(), "{rough} against {fine}");
+}
+
+#[test]
+fn the_uncoupled_correction_runs_and_its_true_residual_shows_what_it_leaves() {
+    let mut scene = pressed(3e-4);
+    let residual = |scene: &Scene| {
+        let mut simulation = run(scene, 30).0;
+        simulation.step(true).expect("the CPU path has no device to fail").true_residual.expect("it was asked for")
+    };
+    let exact = residual(&scene);
+    scene.contact.as_mut().expect("the scene has contact").correction = Correction::Uncoupled;
+    let uncoupled = residual(&scene);
+    assert!(exact < 3e-3, "exact correction leaves {exact}");
+    assert!(uncoupled > 10.0 * exact, "uncoupled {uncoupled} against exact {exact}");
+}
+
+#[test]
+fn a_run_repeats_bit_for_bit() {
+    let scene = pressed(1.2e-3);
+    let state = |_| {
+        let mut simulation = run(&scene, 30).0;
+        simulation.snapshot().expect("the CPU path has no device to fail").u
+    };
+    assert_eq!(state(0), state(1));
+}
