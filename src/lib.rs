@@ -47,6 +47,7 @@ pub mod math;
 pub mod mesh;
 pub mod model;
 pub mod output;
+pub mod report;
 pub mod scene;
 pub mod step;
 pub mod view;

@@ -137,7 +137,7 @@ fn attributes(fields: &[(&str, Field)], count: usize, of: &str) -> std::result::
 }
 
 /// Puts `bytes` at `path` so that a reader, or a killed run, sees the old file or the new one.
-fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
+pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = path.as_os_str().to_owned();
     name.push(".tmp");
     let temporary = PathBuf::from(name);

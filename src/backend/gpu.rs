@@ -37,6 +37,7 @@ pub struct GpuBackend {
     bytes: u64,
     buffers: Buffers,
     kernels: Kernels,
+    put: Option<Put>,
     cutting: Option<Cutting>,
     node_blocks: Option<(Bound, Buffer)>,
 }
@@ -52,14 +53,19 @@ struct Buffers {
     z: Buffer,
     scalars: Buffer,
     requests: Buffer,
-    coefficient: Buffer,
     pick_params: Buffer,
-    put_params: Buffer,
-    kill_params: Buffer,
     ids: Buffer,
     picked: Buffer,
-    put_ids: Buffer,
-    put_values: Buffer,
+}
+
+/// Values from the host by index: rows and coefficients of contacts, and what a cut changes.
+struct Put {
+    coefficient: Buffer,
+    row_params: Buffer,
+    params: Buffer,
+    ids: Buffer,
+    values: Buffer,
+    rows: Bound,
 }
 
 struct Iteration {
@@ -80,7 +86,6 @@ struct Kernels {
     pick_x: Bound,
     pick_u: Bound,
     pick_f: Bound,
-    put_r: Bound,
 }
 
 struct Cutting {
@@ -190,31 +195,27 @@ impl GpuBackend {
         let integrate =
             |params: &Buffer| gpu.bind(&integrate::SOURCE, &[("params", params), ("x", &x), ("u", &u), ("v", &v)]);
         let single = made.uniform("params", 0, &words(Params { slot_count: 1, ..params }));
-        let coefficient = made.of("coefficient", &vec![0f32; slots])?;
-        let correction = if needs.contact {
-            let second = made.uniform("params", 0, &words(Params { first_slot: CORRECTION as u32, ..params }));
-            let list = [("params", &main), ("coefficient", &coefficient), ("x", &x)];
-            Some((iteration(&second)?, gpu.bind(&combine::SOURCE, &list)?))
-        } else {
-            None
-        };
         let pick_params = made.uniform("params", 16, &[0u32; 4]);
-        let (put_params, kill_params) =
-            (made.uniform("params", 16, &[0u32; 4]), made.uniform("params", 16, &[0u32; 4]));
         // a pick takes a few nodes of every slot, a put at most one whole array
         let picked_at_once = n.min(3 * needs.columns) * slots;
         let capacity = n + picked_at_once + model.grid.cell_count() + law.springs;
         let ids = made.of("ids", &vec![0u32; capacity])?;
         let picked = made.vec4("picked", capacity)?;
-        let put_ids = made.of("ids", &vec![0u32; capacity])?;
-        let put_values = made.vec4("values", capacity)?;
+        let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, slots, capacity, &r)?) } else { None };
+        let correction = match &put {
+            Some(put) if needs.contact => {
+                let second = made.uniform("params", 0, &words(Params { first_slot: CORRECTION as u32, ..params }));
+                let list = [("params", &main), ("coefficient", &put.coefficient), ("x", &x)];
+                Some((iteration(&second)?, gpu.bind(&combine::SOURCE, &list)?))
+            }
+            _ => None,
+        };
         let pick = |source: &Buffer| {
             gpu.bind(
                 &gather::SOURCE,
                 &[("params", &pick_params), ("ids", &ids), ("source", source), ("picked", &picked)],
             )
         };
-        let put = [("params", &put_params), ("ids", &put_ids), ("values", &put_values), ("destination", &r)];
         let kernels = Kernels {
             elastic: law
                 .elastic
@@ -241,7 +242,6 @@ impl GpuBackend {
             pick_x: pick(&x)?,
             pick_u: pick(&u)?,
             pick_f: pick(&f)?,
-            put_r: gpu.bind(&scatter::SOURCE, &put)?,
         };
         let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &u, &v)?) } else { None };
         let node_blocks = if needs.node_blocks {
@@ -257,26 +257,8 @@ impl GpuBackend {
             None
         };
         let bytes = made.bytes;
-        let buffers = Buffers {
-            u,
-            v,
-            free,
-            load,
-            cell: law.cell,
-            x,
-            r,
-            z,
-            scalars,
-            requests,
-            coefficient,
-            pick_params,
-            put_params,
-            kill_params,
-            ids,
-            picked,
-            put_ids,
-            put_values,
-        };
+        let cell = law.cell;
+        let buffers = Buffers { u, v, free, load, cell, x, r, z, scalars, requests, pick_params, ids, picked };
         Ok(Self {
             params,
             node_count: n,
@@ -292,10 +274,16 @@ impl GpuBackend {
             bytes,
             buffers,
             kernels,
+            put,
             cutting,
             node_blocks,
             gpu,
         })
+    }
+
+    /// The device, with its lists of arrays and kernels.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
     }
 
     fn record(&mut self) -> Batch {
@@ -333,16 +321,16 @@ impl GpuBackend {
         if ids.is_empty() {
             return Ok(());
         }
-        let b = &self.buffers;
-        let list =
-            [("params", &b.kill_params), ("ids", &b.put_ids), ("values", &b.put_values), ("destination", destination)];
-        let kernel = self.gpu.bind(&scatter::SOURCE, &list)?;
         let batch = self.record();
         self.gpu.submit(batch);
-        let b = &self.buffers;
-        self.gpu.write(&b.kill_params, 0, &[ids.len() as u32, 0, 0, 0]);
-        self.gpu.write(&b.put_ids, 0, ids);
-        self.gpu.write(&b.put_values, 0, values);
+        let Some(put) = &self.put else {
+            return Ok(()); // a body without tools changes on the device alone
+        };
+        let list = [("params", &put.params), ("ids", &put.ids), ("values", &put.values), ("destination", destination)];
+        let kernel = self.gpu.bind(&scatter::SOURCE, &list)?;
+        self.gpu.write(&put.params, 0, &[ids.len() as u32, 0, 0, 0]);
+        self.gpu.write(&put.ids, 0, ids);
+        self.gpu.write(&put.values, 0, values);
         let mut batch = self.gpu.batch();
         batch.run(&kernel, ids.len(), 1);
         self.gpu.submit(batch);
@@ -377,6 +365,18 @@ impl GpuBackend {
         }
         self.gpu.write(&self.buffers.scalars, 0, &scalars);
         self.gpu.write(&self.buffers.requests, 0, &requests);
+    }
+}
+
+impl Put {
+    fn new(made: &mut Maker, slots: usize, capacity: usize, r: &Buffer) -> Result<Self> {
+        let gpu = made.gpu;
+        let coefficient = made.of("coefficient", &vec![0f32; slots])?;
+        let (row_params, params) = (made.uniform("params", 16, &[0u32; 4]), made.uniform("params", 16, &[0u32; 4]));
+        let (ids, values) = (made.of("ids", &vec![0u32; capacity])?, made.vec4("values", capacity)?);
+        let list = [("params", &row_params), ("ids", &ids), ("values", &values), ("destination", r)];
+        let rows = gpu.bind(&scatter::SOURCE, &list)?;
+        Ok(Self { coefficient, row_params, params, ids, values, rows })
     }
 }
 
@@ -563,10 +563,12 @@ impl Backend for GpuBackend {
         let ids: Vec<u32> = entries.iter().map(|(s, n, _)| (s * self.node_count) as u32 + n).collect();
         let free = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
         let values: Vec<V4<f32>> = entries.iter().map(|(_, n, v)| free(*n, *v)).collect();
-        self.gpu.write(&self.buffers.put_params, 0, &[ids.len() as u32, 0, 0, 0]);
-        self.gpu.write(&self.buffers.put_ids, 0, &ids);
-        self.gpu.write(&self.buffers.put_values, 0, &values);
-        batch.run(&self.kernels.put_r, ids.len(), 1);
+        if let Some(put) = &self.put {
+            self.gpu.write(&put.row_params, 0, &[ids.len() as u32, 0, 0, 0]);
+            self.gpu.write(&put.ids, 0, &ids);
+            self.gpu.write(&put.values, 0, &values);
+            batch.run(&put.rows, ids.len(), 1);
+        }
         self.pending = Some(batch);
         Ok(())
     }
@@ -622,9 +624,9 @@ impl Backend for GpuBackend {
         for (slot, c) in coefficients {
             by_slot[*slot] = *c as f32;
         }
-        self.gpu.write(&self.buffers.coefficient, 0, &by_slot);
         let mut batch = self.record();
-        if let Some((_, combine)) = &self.kernels.correction {
+        if let (Some((_, combine)), Some(put)) = (&self.kernels.correction, &self.put) {
+            self.gpu.write(&put.coefficient, 0, &by_slot);
             batch.run(combine, self.node_count, 1);
         }
         self.pending = Some(batch);

@@ -31,6 +31,20 @@ pub struct Adapter {
     raw: wgpu::Adapter,
 }
 
+impl Adapter {
+    fn new(raw: wgpu::Adapter) -> Self {
+        let info = raw.get_info();
+        Self {
+            name: info.name.clone(),
+            backend: format!("{:?}", info.backend),
+            driver: format!("{} {}", info.driver, info.driver_info).trim().to_string(),
+            software: info.device_type == wgpu::DeviceType::Cpu,
+            max_binding: raw.limits().max_storage_buffer_binding_size,
+            raw,
+        }
+    }
+}
+
 /// Every adapter on Vulkan, Metal and DX12 that offers core WebGPU limits, hardware first.
 pub fn adapters() -> Vec<Adapter> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
@@ -40,17 +54,7 @@ pub fn adapters() -> Vec<Adapter> {
     let mut found: Vec<Adapter> = pollster::block_on(instance.enumerate_adapters(backends))
         .into_iter()
         .filter(|raw| wgpu::Limits::default().check_limits(&raw.limits()))
-        .map(|raw| {
-            let info = raw.get_info();
-            Adapter {
-                name: info.name.clone(),
-                backend: format!("{:?}", info.backend),
-                driver: format!("{} {}", info.driver, info.driver_info).trim().to_string(),
-                software: info.device_type == wgpu::DeviceType::Cpu,
-                max_binding: raw.limits().max_storage_buffer_binding_size,
-                raw,
-            }
-        })
+        .map(Adapter::new)
         .collect();
     found.sort_by_key(|a| a.software);
     found
@@ -66,7 +70,12 @@ pub struct Gpu {
     pipelines: RefCell<HashMap<&'static str, Rc<Pipeline>>>,
     fault: Arc<Mutex<Option<String>>>,
     staging: RefCell<Option<wgpu::Buffer>>,
+    made: RefCell<Vec<(&'static str, u64, u64)>>,
+    dry: bool,
 }
+
+/// Bytes behind a buffer of a dry device, at most; its size on paper has no limit.
+const DRY_BYTES: u64 = 4096;
 
 struct Pipeline {
     shader: Shader,
@@ -108,6 +117,24 @@ impl Gpu {
                 how: HOW.into(),
             });
         };
+        Self::request(adapter, false)
+    }
+
+    /// A device that compiles and binds, but keeps no data and runs nothing: shows what a set-up makes, without an adapter.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when wgpu was built without its `noop` backend.
+    pub fn dry() -> Result<Self> {
+        let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
+        descriptor.backends = wgpu::Backends::NOOP;
+        descriptor.backend_options.noop.enable = true;
+        let instance = wgpu::Instance::new(descriptor);
+        let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::NOOP));
+        let missing = || Error::Device { message: "wgpu was built without its `noop` backend".into() };
+        Self::request(Adapter::new(found.into_iter().next().ok_or_else(missing)?), true)
+    }
+
+    fn request(adapter: Adapter, dry: bool) -> Result<Self> {
         let mut limits = wgpu::Limits::default();
         limits.max_buffer_size = adapter.raw.limits().max_buffer_size;
         limits.max_storage_buffer_binding_size = adapter.raw.limits().max_storage_buffer_binding_size;
@@ -132,8 +159,20 @@ impl Gpu {
                 keep(&second, format!("device lost: {message}"));
             }
         });
-        let (pipelines, staging) = (RefCell::default(), RefCell::default());
-        Ok(Self { adapter, device, queue, limits, pipelines, fault, staging })
+        let (pipelines, staging, made) = (RefCell::default(), RefCell::default(), RefCell::default());
+        Ok(Self { adapter, device, queue, limits, pipelines, fault, staging, made, dry })
+    }
+
+    /// Arrays and uniforms made so far, in order: name, elements, bytes.
+    pub fn arrays(&self) -> Vec<(&'static str, u64, u64)> {
+        self.made.borrow().clone()
+    }
+
+    /// Kernels compiled so far, by name.
+    pub fn kernels(&self) -> Vec<&'static str> {
+        let mut names: Vec<_> = self.pipelines.borrow().keys().copied().collect();
+        names.sort_unstable();
+        names
     }
 
     /// A zeroed storage array of `count` elements (at least 16 bytes, so that an empty one can be bound).
@@ -160,6 +199,7 @@ impl Gpu {
             }
         }
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
+        self.made.borrow_mut().push((name, count as u64, bytes));
         Ok(self.buffer(name, bytes, usage))
     }
 
@@ -176,19 +216,21 @@ impl Gpu {
     /// A uniform buffer of `bytes` at least, filled with `data`.
     pub fn uniform<T: NoUninit>(&self, name: &'static str, bytes: usize, data: &[T]) -> Buffer {
         let bytes = bytes.max(size_of_val(data)).next_multiple_of(16) as u64;
+        self.made.borrow_mut().push((name, bytes / size_of::<T>() as u64, bytes));
         let buffer = self.buffer(name, bytes, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
         self.write(&buffer, 0, data);
         buffer
     }
 
     fn buffer(&self, name: &'static str, bytes: u64, usage: wgpu::BufferUsages) -> Buffer {
-        let descriptor = wgpu::BufferDescriptor { label: Some(name), size: bytes, usage, mapped_at_creation: false };
+        let size = if self.dry { bytes.min(DRY_BYTES) } else { bytes };
+        let descriptor = wgpu::BufferDescriptor { label: Some(name), size, usage, mapped_at_creation: false };
         Buffer { raw: self.device.create_buffer(&descriptor), name, bytes }
     }
 
     /// Writes elements from byte `offset` on; they are there before the next submission runs.
     pub fn write<T: NoUninit>(&self, buffer: &Buffer, offset: u64, data: &[T]) {
-        if !data.is_empty() {
+        if !data.is_empty() && !self.dry {
             self.queue.write_buffer(&buffer.raw, offset, bytemuck::cast_slice(data));
         }
     }

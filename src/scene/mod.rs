@@ -4,6 +4,7 @@
 //! [`read`] turns text into a [`Scene`] or into one error that says file, line, what was found, what was wanted and how to mend it.
 
 mod body;
+mod builtin;
 mod diagnose;
 mod files;
 mod grid;
@@ -13,6 +14,7 @@ mod read;
 mod text;
 mod tools;
 
+pub use builtin::incision;
 pub use files::Files;
 pub use read::{parse, read};
 
@@ -47,6 +49,19 @@ pub struct Scene {
     pub test: Option<TestForm>,
     /// Pictures.
     pub view: View,
+}
+
+impl Scene {
+    /// The scene as the tests run it: with the cells and steps of its test form.
+    #[must_use]
+    pub fn in_test_form(&self) -> Self {
+        let mut scene = self.clone();
+        if let Some(form) = self.test {
+            scene.skin.cells = form.cells.unwrap_or(self.skin.cells);
+            scene.time.duration = form.steps.map_or(self.time.duration, |n| f64::from(n) * self.time.step);
+        }
+        scene
+    }
 }
 
 /// Time stepping.

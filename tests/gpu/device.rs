@@ -74,7 +74,7 @@ fn an_empty_dispatch_does_nothing(gpu: &Gpu) -> Result<(), Failure> {
     gpu.submit(batch);
     gpu.submit(gpu.batch());
     let parts = gpu.submit_and_read(gpu.batch(), &[(&none, 0)])?;
-    require(parts == [vec![]], || format!("read {parts:?}"))
+    require(parts == [Vec::<u8>::new()], || format!("read {parts:?}"))
 }
 
 fn what_was_written_is_read_back(gpu: &Gpu) -> Result<(), Failure> {

@@ -1,0 +1,197 @@
+//! Commands and options.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use cutis::scene::Preconditioner;
+use std::path::PathBuf;
+
+const ABOUT: &str = "GPU soft-tissue engine: layered skin that is pressed and cut";
+
+const LONG_ABOUT: &str = "GPU soft-tissue engine: layered skin that is pressed and cut, on any vendor's GPU or on the CPU.
+
+Without a command, the built-in incision runs: a scalpel slices 10 mm along three-layer skin. Pictures, tables and meshes for ParaView \
+are then in `out/`.";
+
+const AFTER: &str = "Exit status: 0 done; 1 a check or a comparison failed, or the machine or disk did; 2 bad input; 3 no usable adapter.";
+
+/// The whole command line.
+#[derive(Debug, Parser)]
+#[command(name = "cutis", version, about = ABOUT, long_about = LONG_ABOUT, after_help = AFTER)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Cli {
+    /// What to do; `run` when nothing is said.
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    /// Of `run`.
+    #[command(flatten)]
+    pub run: Run,
+}
+
+/// Commands.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Run a scene: report.json, tables, pictures and meshes (the default)
+    ///
+    /// Steps the scene to its end, writes DIR/report.json, probes.csv, haptic.csv, frames/*.png, volume.pvd and surface.pvd, and
+    /// evaluates the scene's [check] table: a failed check is exit status 1.
+    Run(Run),
+    /// Run a scene on the GPU and on the CPU path and list the differences
+    ///
+    /// Three comparisons: the patch under 10 kPa without tools, solved to 1e-6 and to the scene's own tolerance, node by node; then
+    /// the scene as it is, by live mass, removed cells and peak force, because contact makes trajectories chaotic. Exit status 1 if a
+    /// difference is beyond its bound.
+    Compare(Compare),
+    /// List the arrays, kernels, launches and read-backs of a scene; nothing runs, no adapter is needed
+    Inspect(Inspect),
+    /// Read and validate scenes
+    Check(Check),
+    /// List the adapters of this machine and say which one `--backend auto` takes
+    Adapters(Adapters),
+}
+
+/// `run`.
+#[derive(Args, Clone, Debug)]
+pub struct Run {
+    /// Scene file; the built-in incision when none is given
+    pub scene: Option<PathBuf>,
+    /// Where to compute
+    #[arg(long, value_enum, default_value_t = Backend::Auto)]
+    pub backend: Backend,
+    /// GPU whose name, API or driver contains TEXT; the only way to a software adapter under `auto`
+    #[arg(long, value_name = "TEXT")]
+    pub adapter: Option<String>,
+    /// Precision of the CPU path, f64 when none is given; asks for the CPU path under `auto`
+    #[arg(long, value_enum)]
+    pub precision: Option<Precision>,
+    /// Stop after N steps; the scene's checks are evaluated on whole runs only
+    #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = clap::value_parser!(u32).range(1..))]
+    pub steps: Option<u32>,
+    /// Stop after T seconds of the scene
+    #[arg(long, value_name = "T", value_parser = positive)]
+    pub seconds: Option<f64>,
+    /// Folder of the results; files of an earlier run in it are replaced
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub out: PathBuf,
+    /// Pictures and meshes over the run, instead of the scene's number; 0 for none
+    #[arg(long, value_name = "N")]
+    pub frames: Option<u32>,
+    #[command(flatten)]
+    pub solver: Solver,
+    /// Print the report as JSON, nothing else, on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Overrides of the scene's solver.
+#[derive(Args, Clone, Debug)]
+pub struct Solver {
+    /// Residual of a solve, relative to the step's load
+    #[arg(long, value_name = "R", value_parser = fraction)]
+    pub tolerance: Option<f64>,
+    /// Most iterations of a solve; beyond, the step counts as not converged
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub iterations: Option<u32>,
+    /// Preconditioner of the conjugate gradients
+    #[arg(long, value_enum)]
+    pub preconditioner: Option<Precondition>,
+}
+
+/// `compare`.
+#[derive(Args, Clone, Debug)]
+pub struct Compare {
+    /// Scene file; the built-in incision when none is given
+    pub scene: Option<PathBuf>,
+    /// Steps of the scene as it is
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]
+    pub steps: u32,
+    /// GPU whose name, API or driver contains TEXT; hardware first when none is given
+    #[arg(long, value_name = "TEXT")]
+    pub adapter: Option<String>,
+    /// Print JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `inspect`.
+#[derive(Args, Clone, Debug)]
+pub struct Inspect {
+    /// Scene file; the built-in incision when none is given
+    pub scene: Option<PathBuf>,
+    /// Print JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `check`.
+#[derive(Args, Clone, Debug)]
+pub struct Check {
+    /// Scene files
+    #[arg(required = true, value_name = "SCENE")]
+    pub scenes: Vec<PathBuf>,
+    /// Print JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `adapters`.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct Adapters {
+    /// Print JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Where to compute.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Backend {
+    /// A hardware GPU if there is one, else the CPU path
+    Auto,
+    /// The CPU path, on all cores
+    Cpu,
+    /// A GPU, hardware first; a software adapter if there is no other
+    Gpu,
+}
+
+/// Of the CPU path.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Precision {
+    /// 64 bits, the reference
+    F64,
+    /// 32 bits, as on the GPU
+    F32,
+}
+
+/// Preconditioners by the scene's words.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum Precondition {
+    /// Plain conjugate gradients
+    None,
+    /// The diagonal
+    Jacobi,
+    /// 3×3 blocks of the nodes
+    Block,
+    /// Block-tridiagonal along each column of nodes
+    Column,
+}
+
+impl From<Precondition> for Preconditioner {
+    fn from(word: Precondition) -> Self {
+        match word {
+            Precondition::None => Self::None,
+            Precondition::Jacobi => Self::Jacobi,
+            Precondition::Block => Self::Block,
+            Precondition::Column => Self::Column,
+        }
+    }
+}
+
+fn number(text: &str) -> Result<f64, String> {
+    text.parse().map_err(|_| "not a number".to_string())
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    number(text).and_then(|v| if v.is_finite() && v > 0.0 { Ok(v) } else { Err("wanted seconds above 0".into()) })
+}
+
+fn fraction(text: &str) -> Result<f64, String> {
+    number(text).and_then(|v| if v > 0.0 && v < 1.0 { Ok(v) } else { Err("wanted a number between 0 and 1".into()) })
+}

@@ -1,0 +1,197 @@
+//! The program: arguments to library calls, results to text or JSON, errors to exit codes.
+
+mod args;
+mod progress;
+mod text;
+
+use args::{Backend, Cli, Command, Precision, Run};
+use clap::Parser;
+use cutis::error::{Error, Result};
+use cutis::report::{check, compare, inspect, run};
+use cutis::scene::{self, Scene};
+use cutis::step::Place;
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+/// Done, but a check or comparison failed.
+const FAILED: u8 = 1;
+
+/// Runs the command that the arguments name.
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let done = match cli.command.unwrap_or(Command::Run(cli.run)) {
+        Command::Run(args) => run_scene(&args),
+        Command::Compare(args) => compare_paths(&args),
+        Command::Inspect(args) => inspect_scene(&args),
+        Command::Check(args) => check_scenes(&args),
+        Command::Adapters(args) => list_adapters(args),
+    };
+    ExitCode::from(done.unwrap_or_else(|error| {
+        eprintln!("error: {error}");
+        error.exit_code()
+    }))
+}
+
+/// The scene at a path, or the built-in one.
+fn read(path: Option<&PathBuf>) -> Result<Scene> {
+    path.map_or_else(scene::incision, |path| scene::read(path))
+}
+
+fn print_json(value: &impl serde::Serialize) {
+    // every value here is a tree of numbers and strings, which always has a text
+    println!("{}", serde_json::to_string_pretty(value).unwrap_or_default());
+}
+
+fn run_scene(args: &Run) -> Result<u8> {
+    let mut scene = read(args.scene.as_ref())?;
+    let solver = &mut scene.solver;
+    solver.tolerance = args.solver.tolerance.unwrap_or(solver.tolerance);
+    solver.max_iterations = args.solver.iterations.unwrap_or(solver.max_iterations);
+    solver.preconditioner = args.solver.preconditioner.map_or(solver.preconditioner, Into::into);
+    scene.view.frames = args.frames.unwrap_or(scene.view.frames);
+    let of_time = args.seconds.map(|t| (t / scene.time.step).round().max(1.0) as u32);
+    let options = run::Options { place: place(args)?, steps: args.steps.or(of_time), out: args.out.clone() };
+    let mut shown = progress::Shown::new(options.steps.unwrap_or(run::whole(&scene)));
+    let summary = run::run(&scene, &options, &mut |p| shown.update(p));
+    shown.end();
+    let summary = summary?;
+    if args.json {
+        print_json(&summary.report);
+    } else {
+        print!("{}", text::summary(&scene, &summary, &args.out));
+    }
+    for (name, count) in &summary.report.warnings {
+        eprintln!("warning: {name} × {count}");
+    }
+    if summary.cut_short && !scene.checks.is_empty() {
+        eprintln!("note: the scene's checks are for the whole run and were not evaluated");
+    }
+    for failure in &summary.failures {
+        eprintln!("check failed: {failure}");
+    }
+    Ok(if summary.failures.is_empty() { 0 } else { FAILED })
+}
+
+/// D14: hardware if there is any, else the CPU path; a software adapter only when asked for.
+fn place(args: &Run) -> Result<Place> {
+    let usage = |what: &str, fix: &str| Err(Error::Usage { what: what.into(), fix: fix.into() });
+    let cpu = match args.precision.unwrap_or(Precision::F64) {
+        Precision::F64 => Place::Cpu64,
+        Precision::F32 => Place::Cpu32,
+    };
+    if args.adapter.is_some() && (args.backend == Backend::Cpu || args.precision.is_some()) {
+        return usage(
+            "--adapter names a GPU, but the CPU path is asked for",
+            "leave out --adapter, or use --backend gpu",
+        );
+    }
+    match args.backend {
+        Backend::Cpu => Ok(cpu),
+        Backend::Gpu if args.precision == Some(Precision::F64) => usage(
+            "--precision f64 is the CPU path's; the GPU computes in f32",
+            "leave out --precision, or use --backend cpu",
+        ),
+        Backend::Gpu => {
+            note_software(args.adapter.as_deref());
+            Ok(Place::Gpu(args.adapter.clone()))
+        }
+        Backend::Auto if args.adapter.is_some() => Ok(Place::Gpu(args.adapter.clone())),
+        Backend::Auto if args.precision.is_some() => Ok(cpu),
+        Backend::Auto => Ok(inspect::automatic().map_or(cpu, |_| Place::Gpu(None))),
+    }
+}
+
+/// Says so when `--backend gpu` without a name ends on the CPU after all.
+fn note_software(adapter: Option<&str>) {
+    let first = cutis::gpu::adapters().into_iter().next();
+    if let (None, Some(first)) = (adapter, first.filter(|a| a.software)) {
+        eprintln!(
+            "note: no hardware GPU; `{}` is a software adapter: a GPU's results at less than the CPU path's speed",
+            first.name
+        );
+    }
+}
+
+fn compare_paths(args: &args::Compare) -> Result<u8> {
+    let scene = read(args.scene.as_ref())?;
+    note_software(args.adapter.as_deref());
+    let result = compare::compare(&scene, args.adapter.as_deref(), args.steps, &mut |stage| eprintln!("{stage}"))?;
+    let holds = result.rows.iter().all(compare::Row::holds);
+    if args.json {
+        let row = |r: &compare::Row| json!({ "name": r.name, "cpu": r.cpu, "gpu": r.gpu, "difference": r.difference, "bound": r.bound, "holds": r.holds() });
+        let rows: Vec<Value> = result.rows.iter().map(row).collect();
+        print_json(&json!({
+            "scene": scene.file.display().to_string(),
+            "adapter": result.gpu.adapter,
+            "driver": result.gpu.driver,
+            "steps": result.steps,
+            "holds": holds,
+            "rows": rows,
+        }));
+    } else {
+        print!("{}", text::comparison(&result));
+    }
+    Ok(if holds { 0 } else { FAILED })
+}
+
+fn inspect_scene(args: &args::Inspect) -> Result<u8> {
+    let plan = inspect::inspect(&read(args.scene.as_ref())?)?;
+    if args.json {
+        print_json(&plan);
+    } else {
+        print!("{}", text::plan(&plan));
+    }
+    Ok(0)
+}
+
+fn check_scenes(args: &args::Check) -> Result<u8> {
+    let read = |path: &PathBuf| -> Result<Scene> {
+        let scene = scene::read(path)?;
+        check::known(&scene)?;
+        Ok(scene)
+    };
+    let mut worst = 0;
+    let mut list = vec![];
+    for path in &args.scenes {
+        let name = path.display().to_string();
+        let result = read(path);
+        match &result {
+            Ok(scene) if args.json => list.push(json!({ "scene": name, "valid": true, "title": scene.title })),
+            Ok(scene) => println!("{name}: valid: {}", scene.title),
+            Err(error) => {
+                worst = worst.max(error.exit_code());
+                if args.json {
+                    list.push(json!({ "scene": name, "valid": false, "error": error.to_string() }));
+                }
+                eprintln!("error: {error}");
+            }
+        }
+    }
+    if args.json {
+        print_json(&list);
+    }
+    Ok(worst)
+}
+
+fn list_adapters(args: args::Adapters) -> Result<u8> {
+    let all = cutis::gpu::adapters();
+    if args.json {
+        // hardware comes first, so `auto` takes the first one or none
+        let row = |(k, a): (usize, &cutis::gpu::Adapter)| {
+            json!({
+                "name": a.name, "backend": a.backend, "driver": a.driver, "software": a.software,
+                "binding_bytes_max": a.max_binding, "auto": k == 0 && !a.software,
+            })
+        };
+        print_json(&all.iter().enumerate().map(row).collect::<Vec<Value>>());
+    } else {
+        print!("{}", text::adapters(&all));
+    }
+    Ok(0)
+}
+
+/// A path as it is printed, with its separators at the end.
+fn shown(path: &Path) -> String {
+    format!("{}{}", path.display(), std::path::MAIN_SEPARATOR)
+}

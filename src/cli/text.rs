@@ -1,0 +1,141 @@
+//! Results as text for people.
+
+use cutis::gpu::Adapter;
+use cutis::report::Report;
+use cutis::report::compare::Comparison;
+use cutis::report::inspect::{Count, Plan};
+use cutis::report::run::Summary;
+use cutis::scene::Scene;
+use std::fmt::Write as _;
+use std::path::Path;
+
+/// Five lines on what a run did.
+pub fn summary(scene: &Scene, summary: &Summary, out: &Path) -> String {
+    let r = &summary.report;
+    let [size, step, solve, cut] = [body(r), speed(r), accuracy(scene, r), wound(scene, r)];
+    let force = match scene.contact {
+        Some(_) => format!("peak force {:.3} N at {:.3} s", r.contact_force_n_max, summary.peak_time),
+        None => "no tool touches the skin".into(),
+    };
+    let pictures = match summary.frames {
+        0 => "no pictures".to_string(),
+        n => format!("{n} pictures in {}frames", super::shown(out)),
+    };
+    format!("{size}\n{step}\n{solve}\n{cut}\n{force}; {pictures}, everything else in {}\n", super::shown(out))
+}
+
+fn body(r: &Report) -> String {
+    let elements = match r.springs {
+        0 => format!("{} cells", r.hexes),
+        n => format!("{n} springs"),
+    };
+    format!("{elements}, {} nodes, {} steps of {} ms", r.nodes, r.steps, milli(r.step_s))
+}
+
+/// Thousandths without digits of rounding.
+fn milli(value: f64) -> f64 {
+    (value * 1e9).round() / 1e6
+}
+
+fn speed(r: &Report) -> String {
+    let [median, p99] = [r.step_ms.median, r.step_ms.p99].map(|t| t.unwrap_or(f64::NAN));
+    let driver = if r.driver.is_empty() { String::new() } else { format!(", {}", r.driver) };
+    format!(
+        "{median:.1} ms per step (99 of 100 within {p99:.1} ms), {:.1} s in all, on the {}: {}{driver}",
+        r.wall_s,
+        r.backend.to_uppercase(),
+        r.adapter
+    )
+}
+
+fn accuracy(scene: &Scene, r: &Report) -> String {
+    let found = r.solver.residual_true.map_or("not checked".into(), |v| format!("{v:.1e}"));
+    format!(
+        "{:.1} iterations per solve (at most {}), true residual {found} for a tolerance of {:e}",
+        r.solver.iterations_mean, r.solver.iterations_max, scene.solver.tolerance
+    )
+}
+
+fn wound(scene: &Scene, r: &Report) -> String {
+    let c = &r.cut;
+    if !scene.tools.iter().any(|t| t.blade.is_some()) {
+        return "no blade in this scene".into();
+    }
+    let gone = match c.springs_removed {
+        0 => format!("{} cells", c.hexes_removed),
+        n => format!("{n} springs"),
+    };
+    format!("cut {:.1} mm long, {:.2} mm deep, {:.1} mm² ({gone} removed)", c.length_mm, c.depth_mm, c.area_mm2)
+}
+
+/// A table of differences.
+pub fn comparison(c: &Comparison) -> String {
+    let mut text = format!(
+        "GPU: {}, {}\nCPU: {}, {}\n\n{:<84} {:>11} {:>11} {:>11} {:>9}\n",
+        c.gpu.adapter, c.gpu.driver, c.cpu.adapter, c.cpu.precision, "", "CPU", "GPU", "difference", "bound"
+    );
+    for r in &c.rows {
+        let verdict = if r.holds() { "" } else { "  FAILED" };
+        let line = format!(
+            "{:<84} {:>11} {:>11} {:>11.2e} {:>9.0e}{verdict}",
+            r.name,
+            short(r.cpu),
+            short(r.gpu),
+            r.difference,
+            r.bound
+        );
+        writeln!(text, "{line}").ok();
+    }
+    text
+}
+
+fn short(value: f64) -> String {
+    if value == value.trunc() && value.abs() < 1e9 { format!("{value}") } else { format!("{value:.6}") }
+}
+
+/// Arrays, kernels, launches, read-backs.
+pub fn plan(p: &Plan) -> String {
+    let mut text = format!(
+        "{}: {} nodes, {} cells, {} springs, {} degrees of freedom, {} steps, up to {} right-hand sides\n\n{:<18} {:>12} {:>14}\n",
+        p.scene, p.nodes, p.cells, p.springs, p.dof, p.steps, p.right_hand_sides, "array", "elements", "bytes"
+    );
+    for a in &p.arrays {
+        writeln!(text, "{:<18} {:>12} {:>14}", a.name, a.elements, a.bytes).ok();
+    }
+    writeln!(text, "{:<18} {:>12} {:>14}", "on the GPU", "", p.device_bytes).ok();
+    writeln!(text, "{:<18} {:>12} {:>14}\n", "on the host", "", p.host_bytes).ok();
+    writeln!(text, "kernels: {}", p.kernels.join(", ")).ok();
+    writeln!(text, "launches: {}", counts(&p.dispatches)).ok();
+    writeln!(text, "read-backs: {}", counts(&p.read_backs)).ok();
+    text
+}
+
+fn counts(list: &[Count]) -> String {
+    let one = |c: &Count| format!("{} {} per {}", c.name, c.count, c.per);
+    list.iter().map(one).collect::<Vec<_>>().join("; ")
+}
+
+/// A table of adapters, and the choice of `auto`.
+pub fn adapters(all: &[Adapter]) -> String {
+    let mut text = String::new();
+    if !all.is_empty() {
+        let name_width = all.iter().map(|a| a.name.chars().count()).max().unwrap_or(0).max(4);
+        let driver_width = all.iter().map(|a| a.driver.chars().count()).max().unwrap_or(0).max(6);
+        let head = ["name", "API", "driver", "kind", "MiB/binding"];
+        let row = |c: [&str; 5]| {
+            format!("{:<name_width$}  {:<7}  {:<driver_width$}  {:<8}  {:>11}\n", c[0], c[1], c[2], c[3], c[4])
+        };
+        text += &row(head);
+        for a in all {
+            let kind = if a.software { "software" } else { "hardware" };
+            text += &row([&a.name, &a.backend, &a.driver, kind, &(a.max_binding >> 20).to_string()]);
+        }
+    }
+    let choice = match (all.first(), all.is_empty()) {
+        (Some(first), _) if !first.software => format!("`--backend auto` takes `{}`.", first.name),
+        (_, true) => "No adapter here; `--backend auto` takes the CPU path.".into(),
+        _ => "No hardware here; `--backend auto` takes the CPU path. Ask for a software adapter with `--backend gpu`."
+            .into(),
+    };
+    text + &choice + "\n"
+}

@@ -1,0 +1,169 @@
+//! Adds step reports up to the report of a run.
+
+use super::inspect::host_bytes;
+use super::{Memory, Report, SolverReport, Spread, preconditioner_name};
+use crate::scene::{Preconditioner, Scene};
+use crate::step::{Simulation, StepReport};
+use std::time::{Duration, Instant};
+
+/// What was seen so far.
+pub(super) struct Collector {
+    report: Report,
+    start: Instant,
+    plain: Vec<f64>,
+    checked: Vec<f64>,
+    iterations: u64,
+    passes: u64,
+    touching: u32,
+    /// Where the largest force was, s.
+    pub peak_time: f64,
+}
+
+impl Collector {
+    /// Nothing stepped yet.
+    pub fn new(scene: &Scene, simulation: &Simulation) -> Self {
+        let model = &simulation.model;
+        let device = simulation.device();
+        let on_gpu = device.backend == "gpu";
+        let constant = host_bytes(model);
+        let springs = model.springs.as_ref().map_or(0, |s| s.ends.len());
+        let kind = match scene.solver.preconditioner {
+            Preconditioner::None => "cg",
+            _ => "pcg",
+        };
+        let report = Report {
+            scene: scene.file.display().to_string(),
+            backend: device.backend.into(),
+            adapter: match on_gpu {
+                true => device.adapter,
+                false => format!("{}, {}", device.adapter, device.precision),
+            },
+            driver: device.driver,
+            nodes: model.grid.node_count(),
+            hexes: match springs {
+                0 => model.grid.cell_count(),
+                _ => 0,
+            },
+            springs,
+            dof: super::inspect::degrees_of_freedom(model),
+            step_s: scene.time.step,
+            solver: SolverReport {
+                kind: kind.into(),
+                preconditioner: preconditioner_name(scene.solver.preconditioner).into(),
+                ..SolverReport::default()
+            },
+            memory_bytes: match on_gpu {
+                true => Memory { device: device.device_bytes, host: constant },
+                false => Memory { device: 0, host: constant + device.device_bytes },
+            },
+            ..Report::default()
+        };
+        Self {
+            report,
+            start: Instant::now(),
+            plain: vec![],
+            checked: vec![],
+            iterations: 0,
+            passes: 0,
+            touching: 0,
+            peak_time: 0.0,
+        }
+    }
+
+    /// Takes a step in.
+    pub fn add(&mut self, step: &StepReport, took: Duration) {
+        let r = &mut self.report;
+        r.steps += 1;
+        let times = match step.true_residual {
+            Some(_) => &mut self.checked,
+            None => &mut self.plain,
+        };
+        times.push(took.as_secs_f64() * 1e3);
+        self.iterations += u64::from(step.free.iterations);
+        r.solver.iterations_max = r.solver.iterations_max.max(step.free.iterations);
+        r.solver.residual_max = r.solver.residual_max.max(step.residual);
+        if let Some(residual) = step.true_residual {
+            r.solver.residual_true = Some(r.solver.residual_true.unwrap_or(0.0).max(residual));
+        }
+        r.contacts_max = r.contacts_max.max(step.contact.count);
+        if step.contact.count > 0 {
+            self.touching += 1;
+            self.passes += u64::from(step.contact.passes);
+            r.contact.passes_max = r.contact.passes_max.max(step.contact.passes);
+        }
+        let force = force_on_tools(step);
+        if force > r.contact_force_n_max {
+            r.contact_force_n_max = force;
+            self.peak_time = step.time;
+        }
+        r.cut.opening_mm_max = r.cut.opening_mm_max.max(step.opening * 1e3);
+        for (name, count) in &step.warnings {
+            *r.warnings.entry((*name).to_string()).or_default() += u64::from(*count);
+        }
+    }
+
+    /// Counts nodes that are nowhere.
+    pub fn non_finite(&mut self, count: usize) {
+        if count > 0 {
+            *self.report.warnings.entry("non_finite_nodes".into()).or_default() += count as u64;
+        }
+    }
+
+    /// The report as of now.
+    pub fn report(&self, simulation: &Simulation) -> Report {
+        let mut r = self.report.clone();
+        let totals = simulation.totals();
+        r.cut.hexes_removed = totals.hexes;
+        r.cut.springs_removed = totals.springs;
+        r.cut.links_severed = totals.links;
+        r.cut.area_mm2 = totals.area * 1e6;
+        r.cut.length_mm = totals.length * 1e3;
+        r.cut.depth_mm = totals.depth * 1e3;
+        r.solver.iterations_mean = mean(self.iterations, r.steps);
+        r.contact.passes_mean = mean(self.passes, self.touching);
+        r.step_ms = spread(match self.plain.is_empty() {
+            true => &self.checked,
+            false => &self.plain,
+        });
+        r.wall_s = self.start.elapsed().as_secs_f64();
+        r
+    }
+}
+
+/// Largest force on a tool, N.
+pub(super) fn force_on_tools(step: &StepReport) -> f64 {
+    let size = |f: &[f64; 3]| glam::DVec3::from_array(*f).length();
+    step.contact.on_tool.iter().map(size).fold(0.0, f64::max)
+}
+
+fn mean(sum: u64, count: u32) -> f64 {
+    match count {
+        0 => 0.0,
+        _ => sum as f64 / f64::from(count),
+    }
+}
+
+/// Order statistics by the nearest rank; none of no values.
+fn spread(values: &[f64]) -> Spread {
+    let mut sorted = values.to_vec();
+    sorted.sort_by(f64::total_cmp);
+    let rank = |share: f64| {
+        let rank = (share * sorted.len() as f64).ceil() as usize;
+        sorted.get(rank.max(1) - 1).copied()
+    };
+    Spread { median: rank(0.5), p99: rank(0.99), max: sorted.last().copied() }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranks_are_values_that_occurred() {
+        let values: Vec<f64> = (1..=200).rev().map(f64::from).collect();
+        let s = spread(&values);
+        assert_eq!((s.median, s.p99, s.max), (Some(100.0), Some(198.0), Some(200.0)));
+        assert_eq!(spread(&[3.0]).p99, Some(3.0));
+        assert_eq!(spread(&[]).median, None);
+    }
+}

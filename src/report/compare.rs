@@ -1,0 +1,197 @@
+//! The same scene on the GPU and on the CPU path in f64: a row per quantity, each with its bound.
+//!
+//! Before contact fields are comparable node by node, so a pressed patch is: no tools, 10 kPa on the middle of the top, once solved
+//! tightly, once to the scene's own tolerance. After first contact trajectories are chaotic: whole runs are compared by invariants and
+//! by the peak force.
+
+use super::collect::force_on_tools;
+use super::run::non_finite;
+use crate::backend::{Device, Snapshot};
+use crate::error::Result;
+use crate::scene::{Load, Scene};
+use crate::step::{Place, Simulation};
+
+/// Pressure on the middle of the top, Pa; presses the incision's skin by about a tenth of its thickness.
+const PRESSURE: f64 = 10e3;
+/// Half the side of the pressed square, m.
+const HALF_SIDE: f64 = 2e-3;
+/// Steps of the pressed patch, 0.1 s at 5 ms: the skin has settled by then.
+const PRESSED_STEPS: u32 = 20;
+/// Tight tolerance: far below the bound, within what f32 conjugate gradients reach.
+const TIGHT: f64 = 1e-6;
+/// Bound on displacements solved tightly: f32 rounding (6e-8) times the condition of thin stiff layers on fat, about 1e3, over 20 steps.
+const TIGHT_BOUND: f64 = 2e-4;
+/// Bound on displacements solved to the scene's tolerance: two residuals of 1e-3 leave errors of a few 1e-3 each.
+const OWN_BOUND: f64 = 1e-2;
+/// Bound on the peak force, relative.
+const FORCE_BOUND: f64 = 0.05;
+/// Bound on the live mass against the live cells: nodal masses are rounded to f32 (6e-8) and added in f64.
+const MASS_BOUND: f64 = 1e-6;
+/// Bound on the number of removed cells or springs, relative, but one may always differ.
+const CUT_BOUND: f64 = 0.05;
+
+/// One compared quantity.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Row {
+    /// What, with its unit.
+    pub name: String,
+    /// On the CPU path in f64.
+    pub cpu: f64,
+    /// On the GPU.
+    pub gpu: f64,
+    /// As the bound counts it: relative to the CPU's value unless the name says otherwise.
+    pub difference: f64,
+    /// Largest difference that passes.
+    pub bound: f64,
+}
+
+impl Row {
+    /// Within its bound.
+    pub fn holds(&self) -> bool {
+        self.difference <= self.bound // a NaN does not hold
+    }
+}
+
+/// A whole comparison.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// The GPU.
+    pub gpu: Device,
+    /// The CPU path.
+    pub cpu: Device,
+    /// Steps of the scene as it is.
+    pub steps: u32,
+    /// In the order computed.
+    pub rows: Vec<Row>,
+}
+
+/// Compares a scene on both paths; `stage` is told what is being computed.
+///
+/// # Errors
+/// For no adapter or a scene too large.
+pub fn compare(scene: &Scene, adapter: Option<&str>, steps: u32, stage: &mut dyn FnMut(&str)) -> Result<Comparison> {
+    let gpu = Place::Gpu(adapter.map(String::from));
+    let mut rows = vec![];
+    for (tolerance, bound) in [(TIGHT, TIGHT_BOUND), (scene.solver.tolerance, OWN_BOUND)] {
+        let pressed = pressed(scene, tolerance);
+        stage(&format!("pressing the patch, solved to {tolerance:e}, on the GPU"));
+        let on_gpu = after(&pressed, &gpu)?;
+        stage(&format!("pressing the patch, solved to {tolerance:e}, on the CPU"));
+        let on_cpu = after(&pressed, &Place::Cpu64)?;
+        let name = format!("largest displacement under 10 kPa, solved to {tolerance:e} (mm; difference of fields)");
+        let largest = largest(&on_cpu.u);
+        let apart: Vec<[f64; 4]> =
+            on_gpu.u.iter().zip(&on_cpu.u).map(|(a, b)| std::array::from_fn(|n| a[n] - b[n])).collect();
+        rows.push(Row {
+            name,
+            cpu: largest * 1e3,
+            gpu: self::largest(&on_gpu.u) * 1e3,
+            difference: ratio(self::largest(&apart), largest),
+            bound,
+        });
+    }
+    stage(&format!("the scene itself, {steps} steps, on the GPU"));
+    let on_gpu = Outcome::of(scene, &gpu, steps)?;
+    stage(&format!("the scene itself, {steps} steps, on the CPU"));
+    let on_cpu = Outcome::of(scene, &Place::Cpu64, steps)?;
+    rows.extend(outcome_rows(&on_cpu, &on_gpu));
+    Ok(Comparison { gpu: on_gpu.device, cpu: on_cpu.device, steps, rows })
+}
+
+/// The scene without tools under a pressure on the middle of its top.
+fn pressed(scene: &Scene, tolerance: f64) -> Scene {
+    let half = |axis: usize| HALF_SIDE.min(0.5 * scene.skin.size[axis]);
+    let max = [half(0), half(1)];
+    let load = Load { pressure: PRESSURE, min: max.map(|m| -m), max, start: 0.0, end: f64::INFINITY };
+    let mut pressed = scene.clone();
+    (pressed.tools, pressed.contact, pressed.probes) = (vec![], None, vec![]);
+    pressed.loads = vec![load];
+    pressed.solver.tolerance = tolerance;
+    pressed.solver.floor = 0.0;
+    pressed
+}
+
+fn after(scene: &Scene, place: &Place) -> Result<Snapshot> {
+    let mut simulation = Simulation::new(scene, place)?;
+    for _ in 0..PRESSED_STEPS {
+        simulation.step(false)?;
+    }
+    simulation.snapshot()
+}
+
+/// Longest vector, m; NaN when one is not finite.
+fn largest(u: &[[f64; 4]]) -> f64 {
+    let length = |u: &[f64; 4]| (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
+    u.iter().map(length).fold(0.0, |a, b| if b.is_nan() || b > a { b } else { a })
+}
+
+/// Relative to `scale`; 0 for 0 of 0.
+fn ratio(difference: f64, scale: f64) -> f64 {
+    if difference == 0.0 { 0.0 } else { difference.abs() / scale.abs() }
+}
+
+/// What is left of a run.
+struct Outcome {
+    device: Device,
+    peak_force: f64,
+    removed: usize,
+    /// Live mass less the mass of the live cells, relative to the latter.
+    mass_error: f64,
+    mass: f64,
+    non_finite: usize,
+}
+
+impl Outcome {
+    fn of(scene: &Scene, place: &Place, steps: u32) -> Result<Self> {
+        let mut simulation = Simulation::new(scene, place)?;
+        let mut peak_force = 0.0f64;
+        for _ in 0..steps {
+            peak_force = peak_force.max(force_on_tools(&simulation.step(false)?));
+        }
+        let state = simulation.snapshot()?;
+        let mass: f64 = state.free.iter().map(|f| f[3]).sum();
+        let expected = expected_mass(&simulation);
+        let totals = simulation.totals();
+        Ok(Self {
+            device: simulation.device(),
+            peak_force,
+            removed: totals.hexes + totals.springs,
+            mass_error: ratio(mass - expected, expected),
+            mass,
+            non_finite: non_finite(&state),
+        })
+    }
+}
+
+/// Mass that the host's account of the cut leaves, kg: of the live cells; of springs' bodies, of the nodes that still hold a spring.
+fn expected_mass(simulation: &Simulation) -> f64 {
+    let model = &simulation.model;
+    if model.springs.is_some() {
+        return simulation.wound.free.iter().map(|f| f[3]).sum();
+    }
+    let params = model.grid.params::<f64>();
+    let layer = |cell: usize| model.grid.layer_of[params.cell_at(cell)[2]] as usize;
+    let alive = &simulation.wound.surface.alive;
+    (0..model.grid.cell_count()).filter(|c| alive[*c]).map(|c| 8.0 * model.shape[layer(c)][3]).sum()
+}
+
+fn outcome_rows(cpu: &Outcome, gpu: &Outcome) -> Vec<Row> {
+    let row = |name: &str, cpu: f64, gpu: f64, difference: f64, bound: f64| Row {
+        name: name.into(),
+        cpu,
+        gpu,
+        difference,
+        bound,
+    };
+    let force = ratio(gpu.peak_force - cpu.peak_force, cpu.peak_force);
+    let apart = gpu.removed.abs_diff(cpu.removed) as f64;
+    let allowed = (CUT_BOUND * cpu.removed as f64).max(1.0);
+    let lost = (cpu.non_finite + gpu.non_finite) as f64;
+    let error = cpu.mass_error.max(gpu.mass_error);
+    vec![
+        row("peak contact force (N)", cpu.peak_force, gpu.peak_force, force, FORCE_BOUND),
+        row("cells or springs removed (difference is a count)", cpu.removed as f64, gpu.removed as f64, apart, allowed),
+        row("live mass (g; difference from the live cells)", cpu.mass * 1e3, gpu.mass * 1e3, error, MASS_BOUND),
+        row("nodes that are not finite (count)", cpu.non_finite as f64, gpu.non_finite as f64, lost, 0.0),
+    ]
+}

@@ -1,0 +1,168 @@
+//! The folder of a run: tables, meshes for ParaView, pictures, the report.
+//!
+//! ```text
+//! report.json   probes.csv   haptic.csv   volume.pvd   surface.pvd
+//! frames/frame_0001.png …    vtu/volume_0001.vtu …     vtu/surface_0001.vtu …
+//! ```
+//! A killed run leaves every file readable; report.json is then the one of the last picture.
+
+use super::Report;
+use super::frames::{self, SkinSurface};
+use crate::backend::Snapshot;
+use crate::error::{Error, Result};
+use crate::output::{Field, Series, Table, replace, write_hexes, write_triangles};
+use crate::scene::{ProbeKind, Scene};
+use crate::step::{Simulation, StepReport};
+use std::path::{Path, PathBuf};
+
+/// An open folder.
+pub(super) struct Folder {
+    path: PathBuf,
+    probes: Table,
+    contact: bool,
+    volume: Series,
+    surface: Series,
+    frame_count: u32,
+}
+
+fn create(path: &Path) -> Result<()> {
+    std::fs::create_dir_all(path).map_err(|source| Error::Write { path: path.to_owned(), source })
+}
+
+/// Numbered files and reports of an earlier run would pass for this one's.
+fn remove_old(path: &Path) {
+    let numbered = |name: &str| {
+        [("frame_", ".png"), ("volume_", ".vtu"), ("surface_", ".vtu")]
+            .iter()
+            .filter_map(|(start, end)| name.strip_prefix(start)?.strip_suffix(end))
+            .any(|number| number.len() == 4 && number.bytes().all(|b| b.is_ascii_digit()))
+    };
+    for folder in ["frames", "vtu"] {
+        let entries = std::fs::read_dir(path.join(folder)).into_iter().flatten();
+        for entry in entries.flatten() {
+            if entry.file_name().to_str().is_some_and(numbered) {
+                std::fs::remove_file(entry.path()).ok();
+            }
+        }
+    }
+    for name in ["report.json", "volume.pvd", "surface.pvd", "haptic.csv"] {
+        std::fs::remove_file(path.join(name)).ok();
+    }
+}
+
+impl Folder {
+    /// Makes the folder and starts its tables; files of an earlier run go.
+    pub fn create(path: &Path, scene: &Scene) -> Result<Self> {
+        create(path)?;
+        remove_old(path);
+        let contact = scene.contact.is_some();
+        let mut columns = vec!["time_s".to_string()];
+        columns.extend(scene.probes.iter().map(|p| match p.kind {
+            ProbeKind::Displacement { .. } => format!("{}_m", p.name),
+            ProbeKind::Reaction { .. } => format!("{}_n", p.name),
+        }));
+        if contact {
+            columns.extend(["contacts", "contact_force_n", "links_cut"].map(String::from));
+        }
+        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+        Ok(Self {
+            probes: Table::create(&path.join("probes.csv"), &columns)?,
+            contact,
+            volume: Series::new(path.join("volume.pvd")),
+            surface: Series::new(path.join("surface.pvd")),
+            frame_count: 0,
+            path: path.to_owned(),
+        })
+    }
+
+    /// A row of `probes.csv`.
+    pub fn add_step(&mut self, step: &StepReport) -> Result<()> {
+        let mut row = vec![step.time];
+        row.extend(&step.probes);
+        if self.contact {
+            let force = super::collect::force_on_tools(step);
+            row.extend([step.contact.count as f64, force, f64::from(step.severed)]);
+        }
+        self.probes.row(&row)
+    }
+
+    /// A picture and the meshes.
+    pub fn add_frame(
+        &mut self,
+        scene: &Scene,
+        simulation: &Simulation,
+        state: &Snapshot,
+        step: &StepReport,
+    ) -> Result<()> {
+        if self.frame_count == 0 {
+            create(&self.path.join("frames"))?;
+            create(&self.path.join("vtu"))?;
+        }
+        self.frame_count += 1;
+        let number = self.frame_count;
+        let skin = SkinSurface::new(simulation, state);
+        let picture = self.path.join(format!("frames/frame_{number:04}.png"));
+        frames::write(scene, simulation, &skin, step, &picture)?;
+        let volume = format!("vtu/volume_{number:04}.vtu");
+        write_volume(&self.path.join(&volume), simulation, state)?;
+        self.volume.add(step.time, &volume)?;
+        let surface = format!("vtu/surface_{number:04}.vtu");
+        write_surface(&self.path.join(&surface), &skin, state)?;
+        self.surface.add(step.time, &surface)
+    }
+
+    /// Writes report.json.
+    pub fn write_report(&self, report: &Report) -> Result<()> {
+        let path = self.path.join("report.json");
+        let text =
+            serde_json::to_string_pretty(report).map_err(|e| Error::Write { path: path.clone(), source: e.into() })?;
+        replace(&path, format!("{text}\n").as_bytes())
+    }
+
+    /// Closes the tables; returns the number of pictures.
+    pub fn finish(self) -> Result<u32> {
+        self.probes.finish()?;
+        Ok(self.frame_count)
+    }
+}
+
+fn three(values: &[[f64; 4]]) -> Vec<[f64; 3]> {
+    values.iter().map(|v| [v[0], v[1], v[2]]).collect()
+}
+
+/// Live cells at displaced positions; nodes without a live cell stay in the file, unused.
+fn write_volume(path: &Path, simulation: &Simulation, state: &Snapshot) -> Result<()> {
+    let grid = &simulation.model.grid;
+    let params = grid.params::<f64>();
+    let alive = &simulation.wound.surface.alive;
+    let live = (0..grid.cell_count()).filter(|cell| alive[*cell]);
+    let layer = |cell: usize| f64::from(grid.layer_of[params.cell_at(cell)[2]]);
+    let layers: Vec<f64> = live.clone().map(layer).collect();
+    let cells: Vec<[u32; 8]> = live.map(|cell| params.corners(cell).map(|n| n as u32)).collect();
+    write_hexes(
+        path,
+        &frames::positions(simulation, state),
+        &cells,
+        &[("displacement_m", Field::Vectors(&three(&state.u))), ("velocity_m_s", Field::Vectors(&three(&state.v)))],
+        &[("layer", Field::Scalars(&layers))],
+    )
+}
+
+fn write_surface(path: &Path, skin: &SkinSurface, state: &Snapshot) -> Result<()> {
+    let mut used: Vec<u32> = skin.triangles.as_flattened().to_vec();
+    used.sort_unstable();
+    used.dedup();
+    let new_id = |id: u32| used.binary_search(&id).unwrap_or(0) as u32;
+    let triangles: Vec<[u32; 3]> = skin.triangles.iter().map(|t| t.map(new_id)).collect();
+    let pick = |values: &[[f64; 3]]| used.iter().map(|n| values[*n as usize]).collect();
+    let points: Vec<[f64; 3]> = pick(&skin.positions);
+    let (u, v): (Vec<_>, Vec<_>) = (pick(&three(&state.u)), pick(&three(&state.v)));
+    let layers: Vec<f64> = skin.layers.iter().map(|l| f64::from(*l)).collect();
+    write_triangles(
+        path,
+        &points,
+        &triangles,
+        &[("displacement_m", Field::Vectors(&u)), ("velocity_m_s", Field::Vectors(&v))],
+        &[("layer", Field::Scalars(&layers))],
+    )
+}

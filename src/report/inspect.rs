@@ -1,0 +1,175 @@
+//! What a scene will allocate and run, without running anything and without an adapter.
+//!
+//! The body is set up by the code that sets it up on a GPU, on wgpu's device that does nothing: arrays and kernels are those of a run
+//! by construction, every kernel passes wgpu's validation, and nothing is computed. Dispatches and read-backs are counted from how
+//! [`crate::step`] drives the backend.
+
+use crate::backend::GpuBackend;
+use crate::error::Result;
+use crate::gpu::{Gpu, adapters};
+use crate::model::Model;
+use crate::scene::{Correction, ProbeKind, Scene};
+use crate::step::{needs, start};
+use serde::Serialize;
+
+/// One array of the body.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct Array {
+    /// As the kernels call it.
+    pub name: &'static str,
+    /// How many elements.
+    pub elements: u64,
+    /// With padding.
+    pub bytes: u64,
+}
+
+/// Something that happens a number of times.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct Count {
+    /// What.
+    pub name: &'static str,
+    /// How many times,
+    pub count: u32,
+    /// per what.
+    pub per: &'static str,
+}
+
+/// A scene laid open.
+#[derive(Clone, Debug, Serialize)]
+pub struct Plan {
+    /// Scene file.
+    pub scene: String,
+    /// Nodes of the body.
+    pub nodes: usize,
+    /// Cells of its grid.
+    pub cells: usize,
+    /// Springs; 0 for bricks.
+    pub springs: usize,
+    /// Axes of nodes that nothing holds.
+    pub dof: usize,
+    /// Steps of the scene's duration.
+    pub steps: u32,
+    /// Right-hand sides that are solved together at most: free motion, correction, contact columns.
+    pub right_hand_sides: usize,
+    /// Arrays on the GPU.
+    pub arrays: Vec<Array>,
+    /// Kernels that are compiled.
+    pub kernels: Vec<&'static str>,
+    /// Kernel launches.
+    pub dispatches: Vec<Count>,
+    /// Times that the host waits for values.
+    pub read_backs: Vec<Count>,
+    /// Sum of the arrays.
+    pub device_bytes: u64,
+    /// Constant arrays that the host keeps.
+    pub host_bytes: u64,
+}
+
+/// Lists what a run of a scene on a GPU will hold and do.
+///
+/// # Errors
+/// When the scene is too large for 32-bit indices, or a kernel is not valid.
+pub fn inspect(scene: &Scene) -> Result<Plan> {
+    let model = Model::new(scene)?;
+    let needs = needs(scene);
+    let solver = scene.solver;
+    let backend =
+        GpuBackend::new(Gpu::dry()?, &model, needs, solver.max_iterations, solver.floor, &start(scene, &model))?;
+    let arrays: Vec<Array> =
+        backend.gpu().arrays().into_iter().map(|(name, elements, bytes)| Array { name, elements, bytes }).collect();
+    Ok(Plan {
+        scene: scene.file.display().to_string(),
+        nodes: model.grid.node_count(),
+        cells: model.grid.cell_count(),
+        springs: model.springs.as_ref().map_or(0, |s| s.ends.len()),
+        dof: degrees_of_freedom(&model),
+        steps: super::run::whole(scene),
+        right_hand_sides: needs.slots(),
+        device_bytes: arrays.iter().map(|a| a.bytes).sum(),
+        arrays,
+        kernels: backend.gpu().kernels(),
+        dispatches: dispatches(scene, &model),
+        read_backs: read_backs(scene),
+        host_bytes: host_bytes(&model),
+    })
+}
+
+/// Axes of nodes that nothing holds.
+pub(super) fn degrees_of_freedom(model: &Model) -> usize {
+    model.free.iter().map(|f| f[..3].iter().filter(|axis| **axis != 0.0).count()).sum()
+}
+
+/// Constant arrays that the host keeps.
+pub(super) fn host_bytes(model: &Model) -> u64 {
+    let springs = model
+        .springs
+        .as_ref()
+        .map_or(0, |s| size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + 4 * s.first.len() + 8 * s.half.len());
+    let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.held[..]);
+    (nodes + springs + size_of_val(&model.stiffness[..]) + size_of_val(&model.shape[..])) as u64
+}
+
+fn cuts(scene: &Scene) -> bool {
+    scene.tools.iter().any(|t| t.blade.is_some())
+}
+
+fn probes(scene: &Scene) -> u32 {
+    let kind = |reaction: bool| {
+        let is = |p: &ProbeKind| matches!(p, ProbeKind::Reaction { .. }) == reaction;
+        u32::from(scene.probes.iter().any(|p| is(&p.kind)))
+    };
+    kind(true) + kind(false)
+}
+
+fn dispatches(scene: &Scene, model: &Model) -> Vec<Count> {
+    let count = |name, count, per| Count { name, count, per };
+    let elastic = if model.springs.is_none() && model.corotational { 2 } else { 1 };
+    let mut list = vec![
+        // elastic forces, right-hand side, blocks, factor, integration
+        count("free motion", elastic + 4, "step"),
+        // product, advance, update, precondition
+        count("solver", 4, "iteration"),
+    ];
+    if probes(scene) > 0 {
+        list.push(count("probes", probes(scene), "step"));
+    }
+    if let Some(law) = &scene.contact {
+        match law.correction {
+            // positions, rows in, values out; rows in, combination, values out
+            Correction::Exact => {
+                list.push(count("contact", 3, "step with contact"));
+                list.push(count("correction", 3, "pass"));
+            }
+            // positions, values out, blocks, correction in
+            Correction::Uncoupled => list.push(count("contact", 4, "step with contact")),
+        }
+    }
+    if cuts(scene) {
+        list.push(count("cut", if model.springs.is_some() { 1 } else { 2 }, "step with contact"));
+    }
+    list
+}
+
+fn read_backs(scene: &Scene) -> Vec<Count> {
+    let count = |name, count, per| Count { name, count, per };
+    let mut list = vec![count("solver", 1, "step")];
+    if probes(scene) > 0 {
+        list.push(count("probes", probes(scene), "step"));
+    }
+    if let Some(law) = &scene.contact {
+        list.push(count("contact", 1, "step with contact"));
+        match law.correction {
+            Correction::Exact => list.push(count("correction", 1, "pass")),
+            Correction::Uncoupled => list.push(count("blocks", 1, "step with contact")),
+        }
+    }
+    if cuts(scene) {
+        list.push(count("cut", 1, "step with contact"));
+    }
+    list
+}
+
+/// The adapter that `--backend auto` takes; none for the CPU path.
+pub fn automatic() -> Option<crate::gpu::Adapter> {
+    adapters().into_iter().find(|a| !a.software)
+}

@@ -1,0 +1,148 @@
+//! The keys of `report.json`, in the order in which they are written.
+
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// What a run did, as `report.json` has it. A number that was not measured is `null`.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Report {
+    /// Scene file.
+    pub scene: String,
+    /// `cpu` or `gpu`.
+    pub backend: String,
+    /// Adapter; on the CPU path the threads and the precision.
+    pub adapter: String,
+    /// Driver and version; empty on the CPU path.
+    pub driver: String,
+    /// Nodes of the body.
+    pub nodes: usize,
+    /// Bricks of the uncut body; 0 for a body of springs.
+    pub hexes: usize,
+    /// Tetrahedra.
+    pub tets: usize,
+    /// Springs of the uncut body.
+    pub springs: usize,
+    /// Degrees of freedom: axes of nodes that nothing holds.
+    pub dof: usize,
+    /// s
+    pub step_s: f64,
+    /// Steps done.
+    pub steps: u32,
+    /// Whole run with its files and pictures, s.
+    pub wall_s: f64,
+    /// Time of a step, ms. Steps whose residual was checked in f64 are left out, unless all were.
+    pub step_ms: Spread,
+    /// Free motion.
+    pub solver: SolverReport,
+    /// Most contacts in a step.
+    pub contacts_max: usize,
+    /// Largest force on a tool at the end of a step, N.
+    pub contact_force_n_max: f64,
+    /// How the contact forces were found.
+    pub contact: Passes,
+    /// The 1 kHz side.
+    pub haptic: HapticReport,
+    /// The cut.
+    pub cut: CutReport,
+    /// Trouble by name, counted over the steps; what did not occur has no key.
+    pub warnings: BTreeMap<String, u64>,
+    /// Arrays of the body.
+    pub memory_bytes: Memory,
+    /// Last value of each probe, SI.
+    pub probes: BTreeMap<String, f64>,
+}
+
+/// Median, 99th percentile and largest.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Spread {
+    /// Half of the values are not larger.
+    pub median: Option<f64>,
+    /// 99 of 100 are not larger.
+    pub p99: Option<f64>,
+    /// The largest.
+    pub max: Option<f64>,
+}
+
+/// The solver of the free motion.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct SolverReport {
+    /// `cg` or `pcg`.
+    pub kind: String,
+    /// The scene's word for it.
+    pub preconditioner: String,
+    /// Per step.
+    pub iterations_mean: f64,
+    /// In one step.
+    pub iterations_max: u32,
+    /// Largest relative residual at the end of a step, as the recurrence has it.
+    pub residual_max: f64,
+    /// Largest relative residual of the steps that were checked in f64.
+    pub residual_true: Option<f64>,
+}
+
+/// Corrections per step with contact.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Passes {
+    /// Mean over the steps with contact.
+    pub passes_mean: f64,
+    /// In one step.
+    pub passes_max: u32,
+}
+
+/// The haptic side. Under the scene's clock nothing is late: `period_us` and `missed` are `null`.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct HapticReport {
+    /// Ticks per second.
+    pub rate_hz: f64,
+    /// Time between ticks.
+    pub period_us: Periods,
+    /// Ticks that came late.
+    pub missed: Option<u64>,
+    /// Largest force on the hand, N.
+    pub force_n_max: f64,
+    /// Most work that the device has given the hand at any time, less what it took before; J. A passive one never gives any.
+    pub energy_out_j: f64,
+}
+
+/// Time between ticks, µs.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Periods {
+    /// Median.
+    pub p50: Option<f64>,
+    /// 99th percentile.
+    pub p99: Option<f64>,
+    /// The longest.
+    pub max: Option<f64>,
+}
+
+/// What was cut. Lengths and areas are those of the unloaded skin.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct CutReport {
+    /// Removed bricks.
+    pub hexes_removed: usize,
+    /// Removed tetrahedra.
+    pub tets_removed: usize,
+    /// Removed springs.
+    pub springs_removed: usize,
+    /// Severed links between bricks.
+    pub links_severed: usize,
+    /// Node copies in use.
+    pub node_copies: usize,
+    /// One side of the cut.
+    pub area_mm2: f64,
+    /// Extent along x or y, whichever is longer.
+    pub length_mm: f64,
+    /// Below the top.
+    pub depth_mm: f64,
+    /// Widest parting of the lips near the tool during the run, beyond the width of removed bricks.
+    pub opening_mm_max: f64,
+}
+
+/// Bytes of arrays.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct Memory {
+    /// On the GPU; 0 on the CPU path.
+    pub device: u64,
+    /// Constant arrays, and on the CPU path the state.
+    pub host: u64,
+}

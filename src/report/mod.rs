@@ -1,0 +1,28 @@
+//! What a run leaves: the report, tables, meshes and pictures; and the other commands' answers.
+//!
+//! [`run`] steps a scene and writes its folder, [`compare`] puts the GPU beside the CPU path, [`inspect`] says what a scene will
+//! allocate without running it. Nothing here prints: the program does.
+
+pub mod check;
+mod collect;
+pub mod compare;
+mod files;
+pub mod frames;
+mod haptics;
+pub mod inspect;
+mod keys;
+pub mod run;
+
+pub use keys::{CutReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
+
+use crate::scene::Preconditioner;
+
+/// The scene's word for a preconditioner.
+pub fn preconditioner_name(kind: Preconditioner) -> &'static str {
+    match kind {
+        Preconditioner::None => "none",
+        Preconditioner::Jacobi => "jacobi",
+        Preconditioner::Block => "block",
+        Preconditioner::Column => "column",
+    }
+}

@@ -1,0 +1,144 @@
+//! Steps a scene to its end and writes what happened.
+
+use super::collect::{Collector, force_on_tools};
+use super::files::Folder;
+use super::haptics::Haptics;
+use super::{Report, check};
+use crate::backend::Snapshot;
+use crate::error::{Error, Result};
+use crate::scene::Scene;
+use crate::step::{Place, Simulation};
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// How to run.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Where the skin is computed.
+    pub place: Place,
+    /// Steps; none for the scene's duration.
+    pub steps: Option<u32>,
+    /// Folder of the results; made when it is not there.
+    pub out: PathBuf,
+}
+
+/// Between two steps.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// Steps done.
+    pub step: u32,
+    /// Steps in all.
+    pub steps: u32,
+    /// Scene time, s.
+    pub time: f64,
+    /// Force on the tools, N.
+    pub force: f64,
+    /// Length of the cut so far, m.
+    pub cut: f64,
+}
+
+/// The end of a run.
+#[derive(Clone, Debug)]
+pub struct Summary {
+    /// As in `report.json`.
+    pub report: Report,
+    /// When the largest contact force was, s.
+    pub peak_time: f64,
+    /// Pictures written.
+    pub frames: u32,
+    /// Checks that failed; none when the run ended before the scene.
+    pub failures: Vec<check::Failure>,
+    /// The run ended before the scene, so its checks were not evaluated.
+    pub cut_short: bool,
+}
+
+/// Steps of a scene's whole duration.
+pub fn whole(scene: &Scene) -> u32 {
+    (scene.time.duration / scene.time.step).round().max(1.0) as u32
+}
+
+/// Runs a scene; `progress` is called after every step.
+///
+/// # Errors
+/// For a scene too large, no adapter, an unknown key in `[check]`, or a folder that cannot be written.
+pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)) -> Result<Summary> {
+    check::known(scene)?;
+    let steps = options.steps.unwrap_or(whole(scene));
+    if steps == 0 {
+        return Err(Error::Usage {
+            what: "a run of 0 steps".into(),
+            fix: "ask for at least one step, or for at least half a step of time".into(),
+        });
+    }
+    let mut simulation = Simulation::new(scene, &options.place)?;
+    let mut folder = Folder::create(&options.out, scene)?;
+    let mut haptics = Haptics::new(&simulation, &options.out)?;
+    let mut collector = Collector::new(scene, &simulation);
+    let frames = u64::from(scene.view.frames.min(steps));
+    let mut last = vec![];
+    for number in 1..=steps {
+        if let Some(haptics) = &mut haptics {
+            haptics.advance(&simulation, f64::from(number) * scene.time.step)?;
+        }
+        let exact = number == steps || number % scene.solver.true_residual_every == 0;
+        let begin = Instant::now();
+        let step = simulation.step(exact)?;
+        collector.add(&step, begin.elapsed());
+        folder.add_step(&step)?;
+        progress(&Progress {
+            step: number,
+            steps,
+            time: step.time,
+            force: force_on_tools(&step),
+            cut: simulation.totals().length,
+        });
+        last.clone_from(&step.probes);
+        // frame k of F shows the end of step k·steps/F
+        let pictures = |n: u32| u64::from(n) * frames / u64::from(steps);
+        if pictures(number) > pictures(number - 1) {
+            let state = simulation.snapshot()?;
+            folder.add_frame(scene, &simulation, &state, &step)?;
+            let report = complete(scene, &collector, &simulation, &haptics, &last);
+            folder.write_report(&report)?;
+        }
+    }
+    collector.non_finite(non_finite(&simulation.snapshot()?));
+    let report = complete(scene, &collector, &simulation, &haptics, &last);
+    folder.write_report(&report)?;
+    if let Some(haptics) = haptics {
+        haptics.finish()?;
+    }
+    let cut_short = steps < whole(scene);
+    Ok(Summary {
+        failures: match cut_short {
+            true => vec![],
+            false => check::failures(scene, &report),
+        },
+        frames: folder.finish()?,
+        peak_time: collector.peak_time,
+        cut_short,
+        report,
+    })
+}
+
+fn complete(
+    scene: &Scene,
+    collector: &Collector,
+    simulation: &Simulation,
+    haptics: &Option<Haptics>,
+    probes: &[f64],
+) -> Report {
+    let mut report = collector.report(simulation);
+    if let Some(haptics) = haptics {
+        report.haptic = haptics.report();
+    }
+    let names = scene.probes.iter().map(|p| p.name.clone());
+    report.probes = names.zip(probes.iter().copied()).collect();
+    report
+}
+
+/// Nodes that are nowhere.
+pub(super) fn non_finite(state: &Snapshot) -> usize {
+    let lost = |u: &&[f64; 4]| u.iter().any(|c| !c.is_finite());
+    state.u.iter().filter(lost).count()
+}

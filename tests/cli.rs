@@ -1,0 +1,47 @@
+//! The built program from outside: exit codes, messages, files.
+//!
+//! Tests that need an adapter are listed as ignored without one; `CUTIS_GPU=require` makes that a failure.
+
+#[path = "cli/input.rs"]
+mod input;
+#[path = "cli/results.rs"]
+mod results;
+#[path = "cli/work.rs"]
+mod work;
+
+use libtest_mimic::{Arguments, Trial};
+
+/// What went wrong, in words.
+pub type Outcome = Result<(), String>;
+
+/// A test by name; the second list needs an adapter.
+type Test = (&'static str, fn() -> Outcome);
+
+/// Fails with words.
+#[macro_export]
+macro_rules! ensure {
+    ($holds:expr, $($words:tt)*) => {
+        let holds: bool = $holds;
+        if !holds {
+            return Err(format!($($words)*));
+        }
+    };
+}
+
+fn main() {
+    let arguments = Arguments::from_args();
+    let adapter = !cutis::gpu::adapters().is_empty();
+    let required = std::env::var("CUTIS_GPU").is_ok_and(|v| v == "require");
+    let trial = |(name, test): &Test| {
+        let test = *test;
+        Trial::test(*name, move || Ok(test()?))
+    };
+    let (plain, on_gpu) = ([input::TESTS, results::TESTS].concat(), results::GPU_TESTS);
+    let mut trials: Vec<Trial> = plain.iter().map(trial).collect();
+    trials.extend(on_gpu.iter().map(|test| match (adapter, required) {
+        (false, true) => Trial::test(test.0, || Err("no adapter, and CUTIS_GPU=require".into())),
+        (false, false) => trial(test).with_ignored_flag(true).with_kind("no adapter"),
+        (true, _) => trial(test),
+    }));
+    libtest_mimic::run(&arguments, trials).exit();
+}
