@@ -33,11 +33,14 @@ impl std::fmt::Display for Failure {
     }
 }
 
-/// Four significant digits.
+/// A whole number as it is, others with four significant digits.
 fn digits(value: f64) -> String {
     let size = value.abs();
-    if size == 0.0 || (1e-3..1e6).contains(&size) {
-        let places = (3 - size.max(1e-9).log10().floor() as i32).clamp(0, 6) as usize;
+    if value == value.trunc() && size < 1e6 {
+        return format!("{value}");
+    }
+    if (1e-3..1e6).contains(&size) {
+        let places = (3 - size.log10().floor() as i32).clamp(0, 6) as usize;
         format!("{value:.places$}")
     } else {
         format!("{value:.3e}")

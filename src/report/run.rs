@@ -93,7 +93,7 @@ pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)
             cut: simulation.totals().length,
         });
         last.clone_from(&step.probes);
-        // frame k of F shows the end of step k·steps/F
+        // picture k of F shows the end of step k·steps/F, rounded up
         let pictures = |n: u32| u64::from(n) * frames / u64::from(steps);
         if pictures(number) > pictures(number - 1) {
             let state = simulation.snapshot()?;

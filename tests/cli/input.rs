@@ -109,7 +109,7 @@ fn wrong_usage_is_exit_2() -> Outcome {
     let cases: [(&[&str], &str); 7] = [
         (&["run", "--backend", "cuda"], "cuda"),
         (&["run", "--steps", "0"], "0"),
-        (&["run", "--seconds", "-1"], "--seconds"),
+        (&["run", "--seconds", "0"], "--seconds"),
         (&["run", "--steps", "1", "--seconds", "1"], "cannot be used with"),
         (&["run", "--tolerance", "2"], "between 0 and 1"),
         (&["run", "scene.toml", "--backend", "gpu", "--precision", "f64"], "computes in f32"),
