@@ -56,8 +56,8 @@ impl Slots {
     }
 }
 
-/// Passes at most; two are usual (NUMBERS: force error 0.3 % and less after the second).
-const MAX_PASSES: u32 = 8;
+/// Passes at most; two are usual (force error 0.3 % and less after the second), redundant contacts take more.
+const MAX_PASSES: u32 = 16;
 /// Gauss–Seidel sweeps per contact solve at most, and the relative change at which it stops.
 const MAX_SWEEPS: u32 = 2000;
 const SWEEP_TOLERANCE: f64 = 1e-5;
