@@ -1,7 +1,8 @@
 //! Elastic force of the bricks, gathered per node.
 //!
 //! `f_i = Σ_c R_c Σ_b K_ab (R_cᵀ u_b + (R_cᵀ − I) X_b)`: the force that the node must be held with, so that the body pushes back with −f.
-//! `X_b` is the corner's rest position from the cell's centre; written with displacements, f32 loses nothing to a far origin.
+//! `X_b` is the corner's rest position from the cell's centre; written with displacements, f32 loses nothing to a far origin. The node's
+//! own displacement is taken off first: K does not see a shift, but in f32 a body that has moved by its own length would feel `ε K u`.
 //! Source: Müller, Gross 2004 (corotational elements); K from `model::element`.
 //! Units: u m, K N/m, f N.
 
@@ -44,6 +45,7 @@ pub fn node_force<R: Real>(
     i: usize,
 ) -> V3<R> {
     let c = params.node_at(i);
+    let own = V3::from4(u[i]);
     let mut sum = V3::zero();
     for a in 0..8 {
         let Some(cell) = params.cell_below(c, a) else {
@@ -59,7 +61,7 @@ pub fn node_force<R: Real>(
         let turn = rotation_minus_identity(q).transpose();
         let mut local = V3::zero();
         for (b, node) in params.corners(cell).into_iter().enumerate() {
-            let stretch = r.transpose() * V3::from4(u[node]) + turn * rest_corner(h, b);
+            let stretch = r.transpose() * (V3::from4(u[node]) - own) + turn * rest_corner(h, b);
             local += stiffness[layer * 64 + a * 8 + b] * stretch;
         }
         sum += r * local;

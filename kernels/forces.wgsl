@@ -21,6 +21,7 @@ fn forces(
         i / (params.nodes_x * params.nodes_y),
     );
     let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
+    let own = u[i].xyz;
     var sum = vec3<f32>(0.0);
     for (var a = 0u; a < 8u; a += 1u) {
         let at = c - corner(a); // wraps below 0, which the test catches
@@ -35,7 +36,7 @@ fn forces(
         for (var b = 0u; b < 8u; b += 1u) {
             let o = corner(b);
             let node = (at.x + o.x) + params.nodes_x * ((at.y + o.y) + params.nodes_y * (at.z + o.z));
-            let stretch = u[node].xyz * r + turn * ((vec3<f32>(o) - 0.5) * h);
+            let stretch = (u[node].xyz - own) * r + turn * ((vec3<f32>(o) - 0.5) * h);
             local += stiffness[layer * 64u + a * 8u + b] * stretch;
         }
         sum += r * local;

@@ -1,0 +1,189 @@
+//! The matrix-free products against a matrix assembled here, with its own node numbers, corner order and rotations.
+
+use super::Case;
+use super::setup::{Random, block, measured, model};
+use cutis::kernels::Params;
+use cutis::kernels::product::{LANES, cell_groups, product};
+use cutis::math::V4;
+use cutis::model::Model;
+use cutis::scene::Element::{Bbar, Plain};
+use cutis::scene::Scene;
+use glam::{DMat3, DQuat, DVec3};
+
+pub const CASES: &[Case] = &[
+    ("product_is_the_assembled_matrix", product_is_assembled),
+    ("product_sees_a_wrong_entry", product_sees_a_wrong_entry),
+    ("product_sees_a_dead_cell", product_sees_a_dead_cell),
+];
+
+/// VTK's hexahedron, written out.
+const CORNERS: [[usize; 3]; 8] =
+    [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]];
+
+/// A square matrix by rows, with room for its right-hand side.
+pub struct Dense {
+    pub size: usize,
+    pub rows: Vec<Vec<f64>>,
+}
+
+impl Dense {
+    /// `(1 + h r_M)/h² M + (1 + r_K/h) Σ R K Rᵀ`, rows and columns of held axes cut out, in m and N; row `3 node + axis`.
+    pub fn assemble(model: &Model, rotation: &[V4<f64>], held_diagonal: f64) -> Self {
+        let [nx, ny, nz] = model.grid.cells.map(|c| c + 1);
+        let size = 3 * nx * ny * nz;
+        let mut rows = vec![vec![0.0; size]; size];
+        let s = &model.step;
+        let (scale, inertia) = (1.0 + s.rayleigh_stiffness / s.step, (1.0 + s.step * s.rayleigh_mass) / s.step.powi(2));
+        let mut cell = 0;
+        for z in 0..nz - 1 {
+            for y in 0..ny - 1 {
+                for x in 0..nx - 1 {
+                    let q = rotation[cell];
+                    cell += 1;
+                    if q == [0.0; 4] {
+                        continue;
+                    }
+                    let k = &model.stiffness[model.grid.layer_of[z] as usize];
+                    let r = DMat3::from_quat(DQuat::from_array(q));
+                    let ids = CORNERS.map(|o| x + o[0] + nx * (y + o[1] + ny * (z + o[2])));
+                    for (a, i) in ids.into_iter().enumerate() {
+                        for (b, j) in ids.into_iter().enumerate() {
+                            let column = |n: usize| DVec3::from_array([0, 1, 2].map(|m| k[3 * a + m][3 * b + n]));
+                            let turned = r * DMat3::from_cols(column(0), column(1), column(2)) * r.transpose();
+                            for m in 0..3 {
+                                for n in 0..3 {
+                                    rows[3 * i + m][3 * j + n] += scale * turned.col(n)[m];
+                                }
+                            }
+                        }
+                    }
+                }
+            }
+        }
+        for (k, row) in rows.iter_mut().enumerate() {
+            row[k] += inertia * model.free[k / 3][3];
+        }
+        let held: Vec<bool> = (0..size).map(|k| model.free[k / 3][k % 3] == 0.0).collect();
+        for i in 0..size {
+            for j in 0..size {
+                if held[i] || held[j] {
+                    rows[i][j] = if i == j { held_diagonal } else { 0.0 };
+                }
+            }
+        }
+        Self { size, rows }
+    }
+
+    pub fn times(&self, x: &[V4<f64>]) -> Vec<f64> {
+        let row = |r: &Vec<f64>| r.iter().enumerate().map(|(k, m)| m * x[k / 3][k % 3]).sum();
+        self.rows.iter().map(row).collect()
+    }
+
+    /// Solves by Gaussian elimination; the matrix is positive definite, so no pivoting.
+    pub fn solve(mut self, mut b: Vec<f64>) -> Vec<f64> {
+        for k in 0..self.size {
+            let pivot = self.rows[k].clone();
+            for i in k + 1..self.size {
+                let f = self.rows[i][k] / pivot[k];
+                if f != 0.0 {
+                    self.rows[i].iter_mut().zip(&pivot).skip(k).for_each(|(m, p)| *m -= f * p);
+                    b[i] -= f * b[k];
+                }
+            }
+        }
+        for k in (0..self.size).rev() {
+            let sum: f64 = (k + 1..self.size).map(|j| self.rows[k][j] * b[j]).sum();
+            b[k] = (b[k] - sum) / self.rows[k][k];
+        }
+        b
+    }
+}
+
+/// A small layered scene with damping and two held regions' worth of axes: 4×3×4 cells, sides of three lengths.
+pub fn small(element: cutis::scene::Element) -> Scene {
+    let mut scene = block(element, true);
+    for (layer, young) in scene.skin.layers.iter_mut().zip([3.4e4, 2e5, 1e6]) {
+        layer.young = young;
+    }
+    (scene.skin.rayleigh_mass, scene.skin.rayleigh_stiffness) = (0.3, 0.002);
+    scene
+}
+
+/// Holds some axes here and there.
+pub fn hold_some(model: &mut Model) {
+    for (k, free) in model.free.iter_mut().enumerate() {
+        free[k % 3] *= if k % 5 == 0 { 0.0 } else { 1.0 };
+    }
+}
+
+/// [cell] rotations, two cells dead.
+pub fn random_rotations(model: &Model, random: &mut Random) -> Vec<V4<f64>> {
+    let dead = [1, model.grid.cell_count() / 2];
+    (0..model.grid.cell_count()).map(|c| if dead.contains(&c) { [0.0; 4] } else { random.quaternion() }).collect()
+}
+
+/// `w = A z` by the twin; returns `z·w`.
+pub fn multiply(params: &Params<f64>, model: &Model, rotation: &[V4<f64>], z: &[V4<f64>], w: &mut [V4<f64>]) -> f64 {
+    let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(params)];
+    product(params, &model.modes(), &model.grid.layer_of, rotation, &model.free, z, w, &mut scratch)
+}
+
+/// Differences of twin and assembled matrix on a random vector: of `A z`, relative to its largest, and of `z·A z`, relative to itself.
+fn product_error(model: &Model, assembled_from: &Model) -> [f64; 2] {
+    const SEED: u64 = 11;
+    let mut random = Random(SEED);
+    let rotation = random_rotations(model, &mut random);
+    let mut z = random.field(model.rest.len(), 1e-3);
+    // CG only ever gives the product vectors that are zero on held axes
+    for (z, free) in z.iter_mut().zip(&model.free) {
+        (0..3).for_each(|n| z[n] *= free[n]);
+    }
+    let mut w = vec![[0.0; 4]; z.len()];
+    let dot = multiply(&model.params(), model, &rotation, &z, &mut w);
+    let exact = Dense::assemble(assembled_from, &rotation, 0.0).times(&z);
+    let size = exact.iter().fold(0.0f64, |m, e| m.max(e.abs()));
+    let off = |(k, e): (usize, &f64)| (w[k / 3][k % 3] - e).abs();
+    let error = exact.iter().enumerate().map(off).fold(0.0, f64::max);
+    let expected: f64 = exact.iter().enumerate().map(|(k, e)| z[k / 3][k % 3] * e).sum();
+    [error / size, (dot / expected - 1.0).abs()]
+}
+
+/// Sums of 8 cells × 24 products.
+const ROUNDINGS: f64 = 200.0 * f64::EPSILON;
+
+fn product_is_assembled() {
+    // rows of cells that fill no, one and several groups of lanes, and more rows than one thread's share
+    for cells in [[1, 1], [3, 2], [4, 3], [5, 3], [9, 7]] {
+        for element in [Plain, Bbar] {
+            let mut scene = small(element);
+            scene.skin.cells = cells;
+            let mut model = model(&scene);
+            hold_some(&mut model);
+            let [error, dot] = product_error(&model, &model);
+            measured(&format!("product {cells:?} {element:?} against assembled"), error, 0.0);
+            assert!(error < ROUNDINGS && dot < ROUNDINGS, "{cells:?} {element:?}: {error:e} {dot:e}");
+        }
+    }
+}
+
+fn product_sees_a_wrong_entry() {
+    let model = model(&small(Bbar));
+    let mut wrong = model.clone();
+    wrong.stiffness[2][20][5] *= 1.0 + 1e-6;
+    let [error, _] = product_error(&model, &wrong);
+    assert!(error > 1e2 * ROUNDINGS, "{error:e}");
+}
+
+fn product_sees_a_dead_cell() {
+    let model = model(&small(Bbar));
+    let mut random = Random(5);
+    let mut rotation = random_rotations(&model, &mut random);
+    let z = random.field(model.rest.len(), 1e-3);
+    let mut with = vec![[0.0; 4]; z.len()];
+    let mut without = with.clone();
+    multiply(&model.params(), &model, &rotation, &z, &mut with);
+    rotation[0] = [0.0; 4];
+    multiply(&model.params(), &model, &rotation, &z, &mut without);
+    let changed = with.iter().zip(&without).filter(|(a, b)| a != b).count();
+    assert_eq!(changed, 8, "the corners of the cell and no other node");
+}

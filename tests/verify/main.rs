@@ -1,0 +1,81 @@
+//! Known answers: the solver against closed forms, conservation laws, finite differences and converged references.
+//!
+//! Every check has a counter-test: the same measure on something that is deliberately wrong must fail it. Checks that run everywhere are
+//! functions over [`Place`] and run in f64, in f32 and, where there is an adapter, on the GPU; without one the GPU runs are listed as
+//! ignored with the reason, and `CUTIS_GPU=require` makes that a failure. `CUTIS_MEASURED=1` prints what was measured.
+
+mod dense;
+mod differences;
+mod elements;
+mod motion;
+mod release;
+mod setup;
+mod skin_block;
+mod solver;
+mod springs;
+
+use cutis::gpu::adapters;
+use cutis::step::Place;
+use libtest_mimic::{Arguments, Completion, Failed, Trial};
+use std::process::ExitCode;
+
+/// Runs on the CPU path in f64.
+pub type Case = (&'static str, fn());
+/// Runs on every place.
+pub type Everywhere = (&'static str, fn(&Place));
+
+fn on_gpu((name, run): Everywhere, adapter_present: bool) -> Trial {
+    let required = std::env::var("CUTIS_GPU").is_ok_and(|v| v == "require");
+    let trial = move || match (adapter_present, required) {
+        (true, _) => {
+            run(&Place::Gpu(None));
+            Ok(Completion::Completed)
+        }
+        (false, true) => Err(Failed::from("CUTIS_GPU=require, but there is no Vulkan, Metal or DX12 adapter")),
+        (false, false) => {
+            Ok(Completion::ignored_with("no Vulkan, Metal or DX12 adapter; `./tests/run` installs a software one"))
+        }
+    };
+    Trial::ignorable_test(name, trial).with_kind("gpu f32")
+}
+
+fn main() -> ExitCode {
+    let arguments = Arguments::from_args();
+    let found = adapters();
+    if !arguments.list {
+        let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
+        println!("adapters: {:?}", names.collect::<Vec<_>>());
+    }
+    let groups: [&[Case]; 8] = [
+        elements::CASES,
+        differences::CASES,
+        dense::CASES,
+        solver::CASES,
+        springs::CASES,
+        motion::CASES,
+        skin_block::CASES,
+        release::CASES,
+    ];
+    let everywhere: [&[Everywhere]; 4] =
+        [elements::EVERYWHERE, motion::EVERYWHERE, springs::EVERYWHERE, release::EVERYWHERE];
+    let mut trials = vec![];
+    for (name, run) in groups.into_iter().flatten() {
+        let run = move || {
+            run();
+            Ok(())
+        };
+        trials.push(Trial::test(*name, run).with_kind("cpu f64"));
+    }
+    for case in everywhere.into_iter().flatten() {
+        let (name, run) = *case;
+        for (place, kind) in [(Place::Cpu64, "cpu f64"), (Place::Cpu32, "cpu f32")] {
+            let run = move || {
+                run(&place);
+                Ok(())
+            };
+            trials.push(Trial::test(name, run).with_kind(kind));
+        }
+        trials.push(on_gpu(*case, !found.is_empty()));
+    }
+    libtest_mimic::run(&arguments, trials).exit_code()
+}

@@ -1,0 +1,83 @@
+//! One step is one step: the skin block after its load is let go, step by step, against exact backward Euler.
+//!
+//! References: quadratic bricks, exact solves, ν 0.45, no gravity, traction of 10 kPa released at t = 0 from u₀ = −190.82 µm. Compared as
+//! u/u₀, each grid with its own u₀: on bricks of this size the shapes differ by less than the bound.
+
+use super::setup::{Body, displaced, measured, scene};
+use super::skin_block::{Grid, on_grid, static_answer};
+use super::{Case, Everywhere};
+use cutis::backend::Snapshot;
+use cutis::scene::Element::Bbar;
+use cutis::step::Place;
+
+pub const EVERYWHERE: &[Everywhere] =
+    &[("released_block_takes_whole_steps_coarse", |place| released(place, Grid::Coarse))];
+pub const CASES: &[Case] = &[
+    ("released_block_takes_whole_steps_fine", || released(&Place::Cpu64, Grid::Fine)),
+    ("released_block_sees_an_unfinished_step", unfinished),
+];
+
+/// µm at the start.
+const START: f64 = -190.82;
+/// Of u/u₀.
+const BOUND: f64 = 0.003;
+
+struct Row {
+    /// s
+    step: f64,
+    /// Rayleigh mass 1/s and stiffness s.
+    rayleigh: f64,
+    /// µm after steps 1, 2, …
+    after: &'static [f64],
+}
+
+const ROWS: [Row; 3] = [
+    Row { step: 1e-3, rayleigh: 0.0, after: &[-5.353, 5.009, 0.492, -0.124] },
+    Row { step: 1e-3, rayleigh: 0.01, after: &[-173.52, -157.74, -143.40] },
+    Row { step: 5e-3, rayleigh: 0.01, after: &[-127.24, -84.82] },
+];
+
+/// u/u₀ of the centre after each step of a row.
+fn shares(place: &Place, grid: Grid, row: &Row, solver_tolerance: f64) -> Vec<f64> {
+    let mut scene = on_grid(scene("verify/skin_block_045.toml"), grid, Bbar);
+    scene.time.gravity = [0.0; 3];
+    let tight = match place {
+        Place::Cpu64 => 1e-8,
+        _ => 1e-5,
+    };
+    let (mut model, u) = static_answer(place, &scene, tight);
+    let centre = model.grid.nearest([0.0, 0.0, 2.3e-3]);
+    let first = u[centre][2];
+    model.step.step = row.step;
+    (model.step.rayleigh_mass, model.step.rayleigh_stiffness) = (row.rayleigh, row.rayleigh);
+    let start = Snapshot { u, ..displaced(&model, |_| [0.0; 3]) };
+    let mut body = Body::new(place, model, &start, solver_tolerance);
+    let step = |_: &f64| {
+        body.step();
+        body.state().u[centre][2] / first
+    };
+    row.after.iter().map(step).collect()
+}
+
+fn released(place: &Place, grid: Grid) {
+    for row in &ROWS {
+        let found = shares(place, grid, row, 1e-5);
+        for (n, (found, after)) in found.iter().zip(row.after).enumerate() {
+            let wanted = after / START;
+            let what = format!(
+                "released {place:?} {grid:?} {} ms, Rayleigh {}, step {}: u/u0",
+                1e3 * row.step,
+                row.rayleigh,
+                n + 1
+            );
+            measured(&what, *found, wanted);
+            assert!((found - wanted).abs() < BOUND, "{what} {found:.5}, wanted {wanted:.5}");
+        }
+    }
+}
+
+fn unfinished() {
+    // a solve to half of the load leaves a fraction of the step: 97 % of the energy must go in the first one
+    let found = shares(&Place::Cpu64, Grid::Coarse, &ROWS[0], 0.5)[0];
+    assert!((found - ROWS[0].after[0] / START).abs() > BOUND, "{found}");
+}

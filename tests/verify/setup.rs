@@ -1,0 +1,194 @@
+//! A deformable body on any place, driven step by step without a scene's tools; and what tests compare it with.
+
+use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
+use cutis::gpu::Gpu;
+use cutis::linear::Outcome;
+use cutis::math::V4;
+use cutis::model::Model;
+use cutis::scene::{Element, Files, Law, Scene, parse, read};
+use cutis::step::Place;
+use std::path::Path;
+
+/// A free block of three layers of uneven height, one material, no gravity, no damping; tests change what they need.
+const BLOCK: &str = r#"
+title = "block"
+[time]
+step_ms = 1.0
+duration_s = 1.0
+gravity_m_s2 = [0, 0, 0]
+[solver]
+tolerance = 1e-12
+floor_n = 0.0
+max_iterations = 5000
+[skin]
+size_mm = [8, 6]
+cells = [4, 3]
+rayleigh_mass_per_s = 0.0
+rayleigh_stiffness_s = 0.0
+layer = [
+    { name = "a", thickness_mm = 1.2, cells = 2, young_kpa = 50, poisson = 0.45, density_kg_m3 = 1000 },
+    { name = "b", thickness_mm = 1.0, cells = 1, young_kpa = 50, poisson = 0.45, density_kg_m3 = 1000 },
+    { name = "c", thickness_mm = 0.3, cells = 1, young_kpa = 50, poisson = 0.45, density_kg_m3 = 1000 },
+]
+"#;
+
+/// A step so long (s) that inertia vanishes beside stiffness (1e-6 × kg/m³ against Pa/m²: 1e-15 and less): one step is the static answer.
+pub const LONG: f64 = 1e3;
+
+/// [`BLOCK`], with a law.
+pub fn block(element: Element, corotational: bool) -> Scene {
+    let mut scene = parse(BLOCK, Path::new("block.toml"), &Files::Embedded(&[])).unwrap_or_else(|e| panic!("{e}"));
+    scene.skin.law = Law::Fem { element, corotational };
+    scene
+}
+
+/// A scene of the repository.
+pub fn scene(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    read(&path).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The model of a scene.
+pub fn model(scene: &Scene) -> Model {
+    Model::new(scene).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Relative rounding of a place's numbers.
+pub fn epsilon(place: &Place) -> f64 {
+    match place {
+        Place::Cpu64 => f64::EPSILON,
+        Place::Cpu32 | Place::Gpu(_) => f64::from(f32::EPSILON),
+    }
+}
+
+/// Residual that a place's CG can reach on small well-scaled bodies: a few thousand roundings.
+pub fn tolerance(place: &Place) -> f64 {
+    match place {
+        Place::Cpu64 => 1e-12,
+        Place::Cpu32 | Place::Gpu(_) => 1e-6,
+    }
+}
+
+/// Prints a measured value beside its reference when `CUTIS_MEASURED` is set: the tables of reports come from here.
+pub fn measured(what: &str, value: f64, reference: f64) {
+    if std::env::var_os("CUTIS_MEASURED").is_some() {
+        println!("measured {what}: {value:.6e} (reference {reference:.6e})");
+    }
+}
+
+/// A body without contact.
+pub struct Body {
+    pub model: Model,
+    backend: Box<dyn Backend>,
+    tolerance: f64,
+}
+
+impl Body {
+    /// The body in a state; `tolerance` of every solve relative to the step's load.
+    pub fn new(place: &Place, model: Model, start: &Snapshot, tolerance: f64) -> Self {
+        const CAP: u32 = 20_000;
+        let needs = Needs::default();
+        let backend: Box<dyn Backend> = match place {
+            Place::Cpu64 => Box::new(CpuBackend::<f64>::new(&model, needs, CAP, 0.0, start)),
+            Place::Cpu32 => Box::new(CpuBackend::<f32>::new(&model, needs, CAP, 0.0, start)),
+            Place::Gpu(text) => {
+                let gpu = Gpu::open(text.as_deref()).unwrap_or_else(|e| panic!("{e}"));
+                let backend = GpuBackend::new(gpu, &model, needs, CAP, 0.0, start);
+                Box::new(backend.unwrap_or_else(|e| panic!("{e}")))
+            }
+        };
+        Self { model, backend, tolerance }
+    }
+
+    /// Sets the dead loads, [node] N.
+    pub fn load(&mut self, load: &[[f64; 3]]) {
+        self.backend.set_load(load);
+    }
+
+    /// One implicit step; what its solve reports.
+    pub fn try_step(&mut self) -> Outcome {
+        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(self.tolerance) }];
+        let device = "the device works";
+        self.backend.begin().expect(device);
+        let (outcomes, _) = self.backend.solve(&wanted, &[]).expect(device);
+        self.backend.finish(false).expect(device);
+        outcomes[0]
+    }
+
+    /// One implicit step that must converge.
+    pub fn step(&mut self) {
+        let outcome = self.try_step();
+        assert!(outcome.converged, "not converged: {outcome:?}");
+    }
+
+    /// Elastic forces in the present state, [node] N.
+    pub fn forces(&mut self) -> Vec<[f64; 3]> {
+        let all: Vec<u32> = (0..self.model.grid.node_count() as u32).collect();
+        self.backend.begin().expect("the device works");
+        self.backend.elastic_forces(&all).expect("the device works")
+    }
+
+    /// Present state; rotations belong to it.
+    pub fn state(&mut self) -> Snapshot {
+        self.backend.begin().expect("the device works");
+        self.backend.snapshot().expect("the device works")
+    }
+}
+
+/// A state with displacements from rest positions and no velocity.
+pub fn displaced(model: &Model, u: impl Fn([f64; 3]) -> [f64; 3]) -> Snapshot {
+    let field = |x: &[f64; 3]| {
+        let [a, b, c] = u(*x);
+        [a, b, c, 0.0]
+    };
+    Snapshot { u: model.rest.iter().map(field).collect(), v: vec![[0.0; 4]; model.rest.len()], ..Snapshot::default() }
+}
+
+/// `m x`, matrix by rows.
+pub fn times(m: &[[f64; 3]; 3], x: [f64; 3]) -> [f64; 3] {
+    m.map(|row| dot(row, x))
+}
+
+pub fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+pub fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+pub fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+pub fn xyz(a: V4<f64>) -> [f64; 3] {
+    [a[0], a[1], a[2]]
+}
+
+/// Largest component of a field.
+pub fn largest<'a>(field: impl IntoIterator<Item = &'a [f64; 3]>) -> f64 {
+    field.into_iter().flatten().fold(0.0, |m, c| f64::max(m, c.abs()))
+}
+
+/// Numbers in −1…1, the same on every machine (Knuth's MMIX generator).
+pub struct Random(pub u64);
+
+impl Random {
+    pub fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// [node] vectors with a fourth 0.
+    pub fn field(&mut self, count: usize, size: f64) -> Vec<V4<f64>> {
+        let mut one = || size * self.next();
+        (0..count).map(|_| [one(), one(), one(), 0.0]).collect()
+    }
+
+    /// Unit quaternion.
+    pub fn quaternion(&mut self) -> V4<f64> {
+        let q = [self.next(), self.next(), self.next(), self.next()];
+        let n = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+        q.map(|c| c / n)
+    }
+}

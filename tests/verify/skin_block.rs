@@ -1,0 +1,189 @@
+//! The skin block and the confined column: layered static answers against converged and exact references.
+//!
+//! References of the block: quadratic bricks with discontinuous pressure, two refinements (three digits agree). What each brick must give
+//! on the two grids was computed outside this project. One step of 1000 s is the static answer: implicit Euler is stable at any step, and
+//! inertia is then below rounding.
+
+use super::Case;
+use super::setup::{Body, displaced, measured, model, scene};
+use cutis::model::Model;
+use cutis::scene::Element::{self, Bbar, Plain};
+use cutis::scene::{Law, Scene};
+use cutis::step::{Place, Simulation};
+
+pub const CASES: &[Case] = &[
+    ("skin_block_045_coarse", || block_case(0, Grid::Coarse)),
+    ("skin_block_049_coarse", || block_case(1, Grid::Coarse)),
+    ("skin_block_0499_coarse", || block_case(2, Grid::Coarse)),
+    ("skin_block_045_fine", || block_case(0, Grid::Fine)),
+    ("skin_block_049_fine", || block_case(1, Grid::Fine)),
+    ("skin_block_0499_fine", || block_case(2, Grid::Fine)),
+    ("plain_bricks_lock_as_they_must", plain_bricks_lock),
+    ("confined_column_has_its_oedometer_stress", confined_column),
+];
+
+struct Reference {
+    file: &'static str,
+    /// u_z, m, at (0,0,2.3), (2,0,2.3), (4,0,2.3), (0,0,1.2) mm; what is not tabulated is missing.
+    at: &'static [f64],
+    /// m³
+    volume: Option<f64>,
+}
+
+const POINTS: [[f64; 3]; 4] = [[0.0, 0.0, 2.3e-3], [2e-3, 0.0, 2.3e-3], [4e-3, 0.0, 2.3e-3], [0.0, 0.0, 1.2e-3]];
+
+const REFERENCES: [Reference; 3] = [
+    Reference {
+        file: "verify/skin_block_045.toml",
+        at: &[-0.1910e-3, -0.0929e-3, 0.0078e-3, -0.1485e-3],
+        volume: Some(-1.655e-9),
+    },
+    Reference {
+        file: "verify/skin_block_049.toml",
+        at: &[-0.1482e-3, -0.0638e-3, 0.0155e-3, -0.1048e-3],
+        volume: Some(-0.3616e-9),
+    },
+    Reference { file: "verify/skin_block_0499.toml", at: &[-0.1362e-3], volume: None },
+];
+
+#[derive(Clone, Copy, Debug)]
+pub enum Grid {
+    /// 20×20×5
+    Coarse,
+    /// 40×40×8
+    Fine,
+}
+
+/// A scene's skin on a grid.
+pub fn on_grid(mut scene: Scene, grid: Grid, element: Element) -> Scene {
+    let (across, levels) = match grid {
+        Grid::Coarse => (20, [2, 2, 1]),
+        Grid::Fine => (40, [4, 3, 1]),
+    };
+    scene.skin.cells = [across, across];
+    for (layer, cells) in scene.skin.layers.iter_mut().zip(levels) {
+        layer.cells = cells;
+    }
+    let corotational = false;
+    scene.skin.law = Law::Fem { element, corotational };
+    scene
+}
+
+/// Static displacements under the scene's loads, [node] m.
+pub fn static_answer(place: &Place, scene: &Scene, tolerance: f64) -> (Model, Vec<[f64; 4]>) {
+    let model = model(scene);
+    let mut body = Body::new(place, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance);
+    body.load(&model.load_at(&scene.loads, 0.0));
+    body.step();
+    (model, body.state().u)
+}
+
+/// Change of volume of small displacements: mean divergence of each cell times its volume, m³.
+fn volume_change(model: &Model, u: &[[f64; 4]]) -> f64 {
+    let params = model.grid.params::<f64>();
+    (0..model.grid.cell_count())
+        .map(|cell| {
+            let layer = model.grid.layer_of[params.cell_at(cell)[2]] as usize;
+            let h = model.shape[layer];
+            let corners = params.corners(cell);
+            let flux = |axis: usize| -> f64 {
+                let side = |a: usize| {
+                    if cutis::kernels::corner(a)[axis] == 1 { 0.25 } else { -0.25 }
+                };
+                let area = h[0] * h[1] * h[2] / h[axis];
+                area * corners.iter().enumerate().map(|(a, n)| side(a) * u[*n][axis]).sum::<f64>()
+            };
+            flux(0) + flux(1) + flux(2)
+        })
+        .sum()
+}
+
+fn block_case(which: usize, grid: Grid) {
+    let reference = &REFERENCES[which];
+    let scene = on_grid(scene(reference.file), grid, Bbar);
+    let (model, u) = static_answer(&Place::Cpu64, &scene, 1e-8);
+    // share of the centre displacement that its own and the other points' errors may have
+    let (centre_bound, point_bound) = match grid {
+        Grid::Coarse => (0.025, 0.03),
+        Grid::Fine => (0.01, 0.01),
+    };
+    let centre = reference.at[0];
+    let compare = |reference: &[f64]| -> Result<(), String> {
+        for (k, (point, wanted)) in POINTS.iter().zip(reference).enumerate() {
+            let found = u[model.grid.nearest(*point)][2];
+            let error = (found - wanted) / centre;
+            measured(&format!("{} {grid:?} u_z {k} / mm", scene.title), found * 1e3, wanted * 1e3);
+            let bound = if k == 0 { centre_bound } else { point_bound };
+            if error.abs() > bound {
+                let percent = 100.0 * error;
+                return Err(format!("u_z at {point:?}: {found:e} m, wanted {wanted:e}, {percent:.2} % of the centre"));
+            }
+        }
+        Ok(())
+    };
+    if let Err(message) = compare(reference.at) {
+        panic!("{message}");
+    }
+    if let Some(wanted) = reference.volume {
+        let found = volume_change(&model, &u);
+        measured(&format!("{} {grid:?} volume / mm³", scene.title), found * 1e9, wanted * 1e9);
+        let error = found / wanted - 1.0;
+        assert!(error.abs() < 0.005, "volume change {found:e} m³, wanted {wanted:e}, {:.2} %", 100.0 * error);
+    }
+    // counter-test: another material's table is not this one
+    let other = &REFERENCES[(which + 1) % 3];
+    assert!(compare(&other.at[..1]).is_err(), "ν is not noticed");
+}
+
+fn plain_bricks_lock() {
+    for (which, wanted) in [(0, -6.8), (1, -31.4)] {
+        let reference = &REFERENCES[which];
+        let scene = on_grid(scene(reference.file), Grid::Coarse, Plain);
+        let (model, u) = static_answer(&Place::Cpu64, &scene, 1e-8);
+        let found = u[model.grid.nearest(POINTS[0])][2];
+        let error = 100.0 * (found / reference.at[0] - 1.0);
+        measured(&format!("{} plain bricks, error / %", scene.title), error, wanted);
+        assert!((error - wanted).abs() < 0.5, "{} {error:.2} %, wanted {wanted} %", scene.title);
+    }
+}
+
+/// Stress on the top of the confined column, Pa, from the reaction probe.
+fn column_stress(scene: &Scene) -> f64 {
+    let mut run = Simulation::new(scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let mut reaction = 0.0;
+    for _ in 0..2 {
+        // reactions are those of a step's start, so the second step has the static ones
+        let report = run.step(true).unwrap_or_else(|e| panic!("{e}"));
+        assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+        reaction = report.probes[0];
+    }
+    -reaction / (scene.skin.size[0] * scene.skin.size[1])
+}
+
+/// Layers in series under one stress: `σ = w / Σ t/M`, `M = E (1 − ν)/((1 + ν)(1 − 2ν))`.
+fn oedometer(scene: &Scene, compression: f64) -> f64 {
+    let flexibility = |l: &cutis::scene::Layer| {
+        let m = l.young * (1.0 - l.poisson) / ((1.0 + l.poisson) * (1.0 - 2.0 * l.poisson));
+        l.thickness / m
+    };
+    compression / scene.skin.layers.iter().map(flexibility).sum::<f64>()
+}
+
+fn confined_column() {
+    for (file, tabulated) in [("045", 9390.0), ("049", 42368.0)] {
+        let scene = scene(&format!("verify/confined_column_{file}.toml"));
+        let exact = oedometer(&scene, 1e-4);
+        assert!((exact - tabulated).abs() < 0.5, "{exact} Pa, tabulated {tabulated}");
+        for (element, corotational) in [(Bbar, true), (Bbar, false), (Plain, true), (Plain, false)] {
+            let mut scene = scene.clone();
+            scene.skin.law = Law::Fem { element, corotational };
+            let found = column_stress(&scene);
+            measured(&format!("column ν {file} {element:?} {corotational} / Pa"), found, exact);
+            assert!((found / exact - 1.0).abs() < 1e-6, "ν {file} {element:?}: {found} Pa, wanted {exact}");
+            let mut wrong = scene.clone();
+            wrong.skin.layers[0].poisson += 0.001;
+            let found = column_stress(&wrong);
+            assert!((found / exact - 1.0).abs() > 1e-3, "0.001 of ν is not noticed: {found} Pa");
+        }
+    }
+}
