@@ -23,9 +23,9 @@
 //! springs that it sweeps are cut.
 //!
 //! # Rules that hold everywhere
-//! - Imports go downward: main > report > output, view > step > haptic > backend > collide, cut > constraints, linear, instrument > model >
-//!   mesh, gpu > kernels, scene > error, math. Modules of one level do not import each other (a test reads this line). `gpu` knows no
-//!   physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
+//! - Imports go downward: main > cli > report > output, view > step > haptic > backend > collide, cut > constraints, linear,
+//!   instrument > model > mesh, gpu > kernels, scene > error, math. Modules of one level do not import each other (a test reads this).
+//!   `gpu` knows no physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
 //! - SI units inside; scene keys carry their unit.
 //! - The GPU keeps displacements, not positions; buffers are flat arrays of scalars, vec2 or vec4.
 //! - One writer per array slot and a fixed order of sums: a run repeats bit for bit on one adapter.
