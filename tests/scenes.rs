@@ -1,7 +1,8 @@
 //! Every scene of the repository: it parses, README.md says what it shows, and its `[test]` form runs clean on the CPU path.
 
+use cutis::report::{self, run::Options};
 use cutis::scene::{Scene, read};
-use cutis::step::{Place, Simulation, StepReport};
+use cutis::step::Place;
 use std::path::{Path, PathBuf};
 
 fn folder() -> PathBuf {
@@ -35,36 +36,31 @@ fn scene(path: &Path) -> Scene {
 fn test_form(mut scene: Scene) -> Option<(Scene, u32)> {
     let form = scene.test?;
     scene.skin.cells = form.cells.unwrap_or(scene.skin.cells);
-    let all = (scene.time.duration / scene.time.step).round() as u32;
+    scene.view.frames = 0;
+    let all = report::run::whole(&scene);
     Some((scene, form.steps.unwrap_or(all)))
 }
 
-/// The scene's `[check]` table after the last step: bounds on probes. Keys of the run's report are evaluated where the report is made.
-fn evaluate_checks(name: &str, scene: &Scene, last: &StepReport) {
-    for check in &scene.checks {
-        let Some(probe) = check.key.strip_prefix("probes.") else {
-            continue;
-        };
-        let index = scene.probes.iter().position(|p| p.name == probe).expect("the reader checked the name");
-        let value = last.probes[index];
-        let inside = value >= check.min && value <= check.max;
-        assert!(inside, "{name}: {} = {value:e}, wanted {:e} to {:e}", check.key, check.min, check.max);
-    }
-}
-
+/// Runs a scene into a folder of its own and asks for what every run must be: no warning that
+/// its `[check]` table does not bound (nodes that are not finite are one), the true
+/// residual that the scene wants, and its `[check]` table.
 fn run(name: &str, scene: &Scene, steps: u32) {
-    let mut simulation = Simulation::new(scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{name}: {e}"));
-    let mut last = StepReport::default();
-    for step in 1..=steps {
-        last = simulation.step(step == steps).unwrap_or_else(|e| panic!("{name}, step {step}: {e}"));
-        assert!(last.warnings.is_empty(), "{name}, step {step}: {:?}", last.warnings);
-    }
-    let state = simulation.snapshot().unwrap_or_else(|e| panic!("{name}: {e}"));
-    assert!(state.u.iter().chain(&state.v).flatten().all(|c| c.is_finite()), "{name}: not finite");
+    let out =
+        std::env::temp_dir().join(format!("cutis-scenes-{}-{}", std::process::id(), name.replace(['/', ' '], "-")));
+    let options = Options { place: Place::Cpu64, steps: Some(steps), out: out.clone() };
+    let summary = report::run::run(scene, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{name}: {e}"));
+    std::fs::remove_dir_all(&out).unwrap_or_else(|e| panic!("{}: {e}", out.display()));
+    let report = summary.report;
+    let asked = |warning: &str| scene.checks.iter().any(|c| c.key.strip_prefix("warnings.") == Some(warning));
+    let unasked: Vec<_> = report.warnings.iter().filter(|(name, _)| !asked(name)).collect();
+    assert!(unasked.is_empty(), "{name}: {unasked:?}");
+    assert_eq!(report.steps, steps, "{name}");
     // the tolerance of the recurrence, and what f64 loses to it
-    let residual = last.true_residual.expect("the last step was asked for it");
+    let residual = report.solver.residual_true.expect("the last step is asked for it");
     assert!(residual <= 1.1 * scene.solver.tolerance, "{name}: true residual {residual:e}");
-    evaluate_checks(name, scene, &last);
+    let failures = report::check::failures(scene, &report);
+    let text: Vec<String> = failures.iter().map(ToString::to_string).collect();
+    assert!(failures.is_empty(), "{name}: {}", text.join("; "));
 }
 
 #[test]
