@@ -17,13 +17,13 @@ const SKIN_SHININESS: f64 = 14.0;
 
 /// The skin's surface as it is now.
 pub struct SkinSurface {
-    /// [node] m
+    /// `[node]` m
     pub positions: Vec<[f64; 3]>,
-    /// [triangle] node ids
+    /// `[triangle]` node ids
     pub triangles: Vec<[u32; 3]>,
-    /// [triangle] layer of the cell behind it
+    /// `[triangle]` layer of the cell behind it
     pub layers: Vec<u32>,
-    /// [line] node ids, each edge of a boundary face once
+    /// `[line]` node ids, each edge of a boundary face once
     pub edges: Vec<[u32; 2]>,
 }
 
@@ -47,7 +47,7 @@ impl SkinSurface {
     }
 }
 
-/// [node] displaced positions, m.
+/// `[node]` displaced positions, m.
 pub(super) fn positions(simulation: &Simulation, state: &Snapshot) -> Vec<[f64; 3]> {
     let moved = simulation.model.rest.iter().zip(&state.u);
     moved.map(|(x, u)| std::array::from_fn(|n| x[n] + u[n])).collect()
