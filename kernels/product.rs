@@ -33,7 +33,7 @@ pub fn tiles<R: Real>(params: &Params<R>) -> usize {
 /// Element matrix of a layer as the eight 3×3 blocks of `B`, by rows.
 pub type Modes<R> = [[[R; 3]; 3]; 8];
 
-/// Forces of four neighbouring cells on their corners: [corner][axis][cell].
+/// Forces of four neighbouring cells on their corners: `[corner][axis][cell]`.
 pub type CellForces<R> = [[[R; LANES]; 3]; 8];
 
 /// Cells that are worked on at once.

@@ -48,7 +48,7 @@ pub struct Ended {
 
 /// Sweeps until forces change by less than `tolerance` of their sum per sweep, or `max_sweeps`.
 ///
-/// `w` is the compliance by rows, [3·contacts]², m/N; `free` the violation without contact force, m; `force` start and result, N.
+/// `w` is the compliance by rows, `[3·contacts]²`, m/N; `free` the violation without contact force, m; `force` start and result, N.
 pub fn solve(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], tolerance: f64, max_sweeps: u32) -> Ended {
     let mut ended = Ended { converged: laws.is_empty(), ..Ended::default() };
     while !ended.converged && ended.sweeps < max_sweeps {

@@ -44,7 +44,7 @@ pub struct Wound {
     pub totals: Totals,
     /// Open cells with the axis across the cut, in the order they opened.
     pub open: Vec<(u32, usize)>,
-    /// [node] free axes and mass now.
+    /// `[node]` free axes and mass now.
     pub free: Vec<V4<f64>>,
     live_cells: Vec<u32>,
     live_springs: Vec<u32>,

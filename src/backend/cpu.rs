@@ -134,7 +134,7 @@ impl<R: Real> Cutting<R> {
     }
 }
 
-/// [cell] rest position of the centre, m.
+/// `[cell]` rest position of the centre, m.
 pub fn cell_centres(model: &Model) -> Vec<[f64; 3]> {
     let params = model.grid.params::<f64>();
     (0..model.grid.cell_count())

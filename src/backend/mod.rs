@@ -63,15 +63,15 @@ pub struct Wanted {
 /// Everything a check may want to see, in f64.
 #[derive(Clone, Debug, Default)]
 pub struct Snapshot {
-    /// [node] displacement, m.
+    /// `[node]` displacement, m.
     pub u: Vec<V4<f64>>,
-    /// [node] velocity, m/s.
+    /// `[node]` velocity, m/s.
     pub v: Vec<V4<f64>>,
-    /// [cell] rotation quaternion, 0 for a dead cell; empty for springs.
+    /// `[cell]` rotation quaternion, 0 for a dead cell; empty for springs.
     pub rotation: Vec<V4<f64>>,
-    /// [node] free axes and mass.
+    /// `[node]` free axes and mass.
     pub free: Vec<V4<f64>>,
-    /// [spring] law; empty for bricks.
+    /// `[spring]` law; empty for bricks.
     pub law: Vec<V4<f64>>,
 }
 
@@ -96,7 +96,7 @@ pub struct Device {
 pub trait Backend {
     /// What it runs on.
     fn device(&self) -> Device;
-    /// Sets the dead loads, [node] N.
+    /// Sets the dead loads, `[node]` N.
     fn set_load(&mut self, load: &[[f64; 3]]);
     /// Rotations, elastic forces, right-hand side of the free motion, preconditioner.
     ///
@@ -127,7 +127,7 @@ pub trait Backend {
     fn remove(&mut self, cells: &[u32], springs: &[u32], free: &[(u32, V4<f64>)]) -> Result<()>;
     /// All state.
     fn snapshot(&mut self) -> Result<Snapshot>;
-    /// Solution of a slot, [node] m.
+    /// Solution of a slot, `[node]` m.
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>>;
 }
 

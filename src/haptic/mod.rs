@@ -1,6 +1,6 @@
 //! The haptic side: the reduced contact problem that the simulation hands over, and the tick that renders it at 1 kHz.
 //!
-//! A [`Reduced`] problem is what is left of the skin after a step: contact rows with the skin's compliance between them. A [`tick`]
+//! A [`Reduced`] problem is what is left of the skin after a step: contact rows with the skin's compliance between them. A [tick](Renderer::tick)
 //! moves the violations by what the hand did since, solves the same contact laws again with few sweeps, and gives the force of the
 //! virtual coupling: with C = (K + B/h)⁻¹ the compliance is W_skin + J C Jᵀ, so the coupling's spring is counted once.
 //! Source: Saupin, Duriez, Cotin 2008 (contact model at two rates); Colgate, Stanley, Brown 1995 (virtual coupling).
@@ -18,17 +18,17 @@ pub struct Reduced {
     pub position: DVec3,
     /// Unit quaternion.
     pub rotation: DQuat,
-    /// [row] unit directions, three per contact.
+    /// `[row]` unit directions, three per contact.
     pub axes: Vec<DVec3>,
-    /// [row] lever arms from the tool's position, m.
+    /// `[row]` lever arms from the tool's position, m.
     pub arms: Vec<DVec3>,
-    /// [contact]
+    /// `[contact]`
     pub laws: Vec<Law>,
-    /// [row × row] skin compliance, m/N.
+    /// `[row × row]` skin compliance, m/N.
     pub compliance: Vec<f64>,
-    /// [row] violation with `force` applied, m.
+    /// `[row]` violation with `force` applied, m.
     pub violation: Vec<f64>,
-    /// [row] N
+    /// `[row]` N
     pub force: Vec<f64>,
     /// Counts cuts: a problem of an older epoch is from before a cut.
     pub epoch: u32,

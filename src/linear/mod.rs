@@ -6,17 +6,17 @@ use crate::math::{Real, V4};
 
 /// Vectors of one right-hand side; `x` holds the start and then the solution, `r` the right-hand side and then the residual.
 pub struct Slot<'a, R> {
-    /// [node] m
+    /// `[node]` m
     pub x: &'a mut [V4<R>],
-    /// [node] N
+    /// `[node]` N
     pub r: &'a mut [V4<R>],
-    /// [node] m
+    /// `[node]` m
     pub p: &'a mut [V4<R>],
-    /// [node] N
+    /// `[node]` N
     pub s: &'a mut [V4<R>],
-    /// [node] m
+    /// `[node]` m
     pub z: &'a mut [V4<R>],
-    /// [node] N
+    /// `[node]` N
     pub w: &'a mut [V4<R>],
 }
 

@@ -12,9 +12,9 @@ pub struct Grid {
     pub nodes: [usize; 3],
     /// Cell edges along x and y, m.
     pub edge: [f64; 2],
-    /// [level] height of each level of nodes, m.
+    /// `[level]` height of each level of nodes, m.
     pub heights: Vec<f64>,
-    /// [cells_z] layer of each level of cells.
+    /// `[cells_z]` layer of each level of cells.
     pub layer_of: Vec<u32>,
 }
 

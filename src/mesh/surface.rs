@@ -24,7 +24,7 @@ impl Quad {
 #[derive(Clone, Debug)]
 pub struct Surface {
     params: Params<f64>,
-    /// [cell] still there.
+    /// `[cell]` still there.
     pub alive: Vec<bool>,
 }
 

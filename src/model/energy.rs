@@ -36,21 +36,21 @@ pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], law: &
 /// What a backend held at a step's start, with what it found.
 #[derive(Clone, Debug, Default)]
 pub struct Solved {
-    /// [node] displacement at the start, m.
+    /// `[node]` displacement at the start, m.
     pub u: Vec<V4<f64>>,
-    /// [node] velocity at the start, m/s.
+    /// `[node]` velocity at the start, m/s.
     pub v: Vec<V4<f64>>,
-    /// [cell] rotations at the start (0 for dead cells).
+    /// `[cell]` rotations at the start (0 for dead cells).
     pub rotation: Vec<V4<f64>>,
-    /// [node] free axes and mass.
+    /// `[node]` free axes and mass.
     pub free: Vec<V4<f64>>,
-    /// [spring] law.
+    /// `[spring]` law.
     pub law: Vec<V4<f64>>,
-    /// [node] dead loads, N.
+    /// `[node]` dead loads, N.
     pub load: Vec<V4<f64>>,
-    /// [node] contact forces of the step, N.
+    /// `[node]` contact forces of the step, N.
     pub contact: Vec<V4<f64>>,
-    /// [node] displacement increment that was found, m.
+    /// `[node]` displacement increment that was found, m.
     pub dx: Vec<V4<f64>>,
 }
 

@@ -22,21 +22,21 @@ pub const MAX_LAYERS: usize = 21;
 pub struct Model {
     /// Geometry.
     pub grid: Grid,
-    /// [layer] cell edges m and the mass that a cell gives each corner, kg.
+    /// `[layer]` cell edges m and the mass that a cell gives each corner, kg.
     pub shape: Vec<[f64; 4]>,
-    /// [layer] element matrices, N/m; empty for a spring body.
+    /// `[layer]` element matrices, N/m; empty for a spring body.
     pub stiffness: Vec<element::Matrix>,
     /// Springs of a spring body.
     pub springs: Option<Springs>,
     /// Corotational bricks.
     pub corotational: bool,
-    /// [node] rest position, m.
+    /// `[node]` rest position, m.
     pub rest: Vec<[f64; 3]>,
-    /// [node] 1 free or 0 held, per axis, and mass, kg, of the uncut body.
+    /// `[node]` 1 free or 0 held, per axis, and mass, kg, of the uncut body.
     pub free: Vec<[f64; 4]>,
-    /// [node] displacement of held axes, m.
+    /// `[node]` displacement of held axes, m.
     pub held: Vec<[f64; 3]>,
-    /// [layer] J/m²
+    /// `[layer]` J/m²
     pub toughness: Vec<f64>,
     /// Step, gravity, damping, preconditioner.
     pub step: Step,
@@ -60,9 +60,9 @@ pub struct Step {
 /// State of a body in f64, for output and checks.
 #[derive(Clone, Debug, Default)]
 pub struct State {
-    /// [node] displacement, m.
+    /// `[node]` displacement, m.
     pub u: Vec<[f64; 3]>,
-    /// [node] m/s
+    /// `[node]` m/s
     pub v: Vec<[f64; 3]>,
 }
 
@@ -171,7 +171,7 @@ impl Model {
         }
     }
 
-    /// [layer × 64] 3×3 blocks of the element matrices.
+    /// `[layer × 64]` 3×3 blocks of the element matrices.
     pub fn stiffness_blocks<R: Real>(&self) -> Vec<M3<R>> {
         let block = |k: &element::Matrix, a: usize, b: usize| {
             M3([0, 1, 2].map(|j| V3::of([0, 1, 2].map(|i| k[3 * a + i][3 * b + j]))))
@@ -180,17 +180,17 @@ impl Model {
         self.stiffness.iter().flat_map(pairs).collect()
     }
 
-    /// [layer] element matrices in their mirror blocks.
+    /// `[layer]` element matrices in their mirror blocks.
     pub fn modes<R: Real>(&self) -> Vec<Modes<R>> {
         self.stiffness.iter().map(|k| element::modes(k).map(|b| b.map(|row| row.map(R::of)))).collect()
     }
 
-    /// [layer] cell edges and corner mass.
+    /// `[layer]` cell edges and corner mass.
     pub fn shapes<R: Real>(&self) -> Vec<V4<R>> {
         self.shape.iter().map(|s| s.map(R::of)).collect()
     }
 
-    /// [node] dead loads that act at a time, N: each pressure's exact share per node (bilinear over the covered part of a face).
+    /// `[node]` dead loads that act at a time, N: each pressure's exact share per node (bilinear over the covered part of a face).
     pub fn load_at(&self, loads: &[Load], time: f64) -> Vec<[f64; 3]> {
         let mut out = vec![[0.0; 3]; self.grid.node_count()];
         let params = self.grid.params::<f64>();

@@ -7,11 +7,11 @@ use std::collections::BTreeSet;
 /// Spring arrays.
 #[derive(Clone, Debug)]
 pub struct Springs {
-    /// [spring] node ids, first < second.
+    /// `[spring]` node ids, first < second.
     pub ends: Vec<[u32; 2]>,
-    /// [spring] rest length m, stiffness N/m, damping N·s/m, 0.
+    /// `[spring]` rest length m, stiffness N/m, damping N·s/m, 0.
     pub law: Vec<[f64; 4]>,
-    /// [node + 1] into `half`.
+    /// `[node + 1]` into `half`.
     pub first: Vec<u32>,
     /// Springs around each node: other node, spring.
     pub half: Vec<[u32; 2]>,

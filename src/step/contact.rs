@@ -22,7 +22,7 @@ pub struct ContactReport {
     pub residual: f64,
     /// Largest iterations over the columns.
     pub column_iterations: u32,
-    /// [contact × 3] N
+    /// `[contact × 3]` N
     pub forces: Vec<f64>,
     /// Force on each tool, N.
     pub on_tool: Vec<[f64; 3]>,

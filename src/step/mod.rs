@@ -3,7 +3,7 @@
 //! 1. contacts at the step's start (the search is widened by the tool's motion);
 //! 2. free motion of the skin and loose columns of `A⁻¹Jᵀ` in one solve; the tool's free motion;
 //! 3. violations `δ` at the free positions, forces λ by Gauss–Seidel on `W λ + δ`;
-//! 4. correction: `A Δx = Jᵀλ` solved accurately, δ taken again, until the contact law holds ([`contact`]);
+//! 4. correction: `A Δx = Jᵀλ` solved accurately, δ taken again, until the contact law holds;
 //! 5. integration, the tool's motion, the cut by what the edge swept.
 //!
 //! A scene without contact reads nothing back here. What goes wrong numerically is counted in [`StepReport`], never mended in silence.
