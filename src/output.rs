@@ -222,6 +222,11 @@ impl Table {
         flushed.map_err(|source| self.error(source))
     }
 
+    /// Hands all rows so far to the system.
+    pub fn flush(&mut self) -> Result<()> {
+        self.file.flush().map_err(|source| self.error(source))
+    }
+
     /// Flushes and closes the file.
     pub fn finish(mut self) -> Result<()> {
         self.file.flush().map_err(|source| self.error(source))

@@ -83,7 +83,8 @@ impl Folder {
             let force = super::collect::force_on_tools(step);
             row.extend([step.contact.count as f64, force, f64::from(step.severed)]);
         }
-        self.probes.row(&row)
+        self.probes.row(&row)?;
+        self.probes.flush() // a step takes milliseconds, a flush microseconds
     }
 
     /// A picture and the meshes.
