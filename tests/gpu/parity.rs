@@ -71,7 +71,7 @@ const CASES: &[Case] = cases! {
     centres Cells false ["b * 0.125" => "b * 0.126", "params.nodes_y" => "params.cells_y"]
     combine Nodes false ["slot = 1u" => "slot = 2u"]
     cut Segments false [
-        "t > 0.5" => "t > 0.3", "b1, a1)" => "b0, a1)", "0.5 * params.step" => "0.0", "> 0.0 ||" => "< 0.0 ||"
+        "t > 0.5" => "t > 0.3", "b1, a1)" => "b0, a1)", "0.5 * params.step" => "0.0", "if same_side ||" => "if !same_side ||"
     ]
     factor Columns false ["own.d - below" => "own.d + below", "transpose(own.g) * g" => "own.g * g"]
     forces Nodes false ["- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "(u[node].xyz - own) * r" => "r * (u[node].xyz - own)"]
