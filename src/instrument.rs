@@ -8,6 +8,7 @@
 
 use crate::scene::{Blade, Coupling, Pose, Tool};
 use glam::{DMat3, DQuat, DVec3};
+use std::sync::Arc;
 
 /// What a sample of the tool's surface does to the skin.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,7 +74,7 @@ pub struct Instrument {
     pub inertia: DVec3,
     /// To the hand.
     pub coupling: Coupling,
-    trajectory: Vec<Pose>,
+    trajectory: Arc<[Pose]>, // shared: a step keeps a copy of the tool as it was
 }
 
 /// The tool's system over one step.
@@ -117,7 +118,7 @@ impl Instrument {
             mass: tool.mass,
             inertia: DVec3::from_array(tool.inertia),
             coupling: tool.coupling,
-            trajectory: tool.trajectory.clone(),
+            trajectory: tool.trajectory.as_slice().into(),
         }
     }
 
