@@ -2,6 +2,7 @@
 
 pub mod element;
 mod energy;
+pub mod levels;
 mod springs;
 
 pub use energy::{Solved, elastic_energy, true_residual};
@@ -10,7 +11,7 @@ pub use springs::Springs;
 use crate::error::{Error, Result};
 use crate::kernels::product::{Modes, tiles};
 use crate::kernels::{GROUP, Params};
-use crate::math::{M3, Real, V3, V4};
+use crate::math::{M3, Real, V4};
 use crate::mesh::Grid;
 use crate::scene::{Law, Load, Preconditioner, Region, Scene};
 
@@ -40,6 +41,17 @@ pub struct Model {
     pub toughness: Vec<f64>,
     /// Step, gravity, damping, preconditioner.
     pub step: Step,
+    /// Coarse levels, when the preconditioner is multigrid.
+    pub multigrid: Option<Multigrid>,
+}
+
+/// What multigrid adds to a body of bricks.
+#[derive(Clone, Debug)]
+pub struct Multigrid {
+    /// Upper bound of the eigenvalues of `M⁻¹A` on the finest level.
+    pub largest: f64,
+    /// Levels below the finest, finer first.
+    pub coarse: Vec<levels::Level>,
 }
 
 /// Constants of the time step.
@@ -124,7 +136,11 @@ impl Model {
             Law::Springs { stiffness, damping } => Some(Springs::new(&grid, stiffness, damping)),
             Law::Fem { .. } => None,
         };
+        let multigrid = (scene.solver.preconditioner == Preconditioner::Multigrid && springs.is_none()).then(|| {
+            Multigrid { largest: levels::largest(&stiffness), coarse: levels::levels(&grid, &stiffness, &free) }
+        });
         Ok(Self {
+            multigrid,
             rest: (0..count).map(|n| grid.rest(n)).collect(),
             shape,
             stiffness,
@@ -142,7 +158,7 @@ impl Model {
                     Preconditioner::None => 0,
                     Preconditioner::Jacobi => 1,
                     Preconditioner::Block => 2,
-                    Preconditioner::Column => 3,
+                    Preconditioner::Column | Preconditioner::Multigrid => 3,
                 },
             },
             grid,
@@ -173,16 +189,12 @@ impl Model {
 
     /// `[layer × 64]` 3×3 blocks of the element matrices.
     pub fn stiffness_blocks<R: Real>(&self) -> Vec<M3<R>> {
-        let block = |k: &element::Matrix, a: usize, b: usize| {
-            M3([0, 1, 2].map(|j| V3::of([0, 1, 2].map(|i| k[3 * a + i][3 * b + j]))))
-        };
-        let pairs = |k| (0..64).map(move |ab| block(k, ab / 8, ab % 8));
-        self.stiffness.iter().flat_map(pairs).collect()
+        element::blocks(&self.stiffness)
     }
 
     /// `[layer]` element matrices in their mirror blocks.
     pub fn modes<R: Real>(&self) -> Vec<Modes<R>> {
-        self.stiffness.iter().map(|k| element::modes(k).map(|b| b.map(|row| row.map(R::of)))).collect()
+        element::rounded_modes(&self.stiffness)
     }
 
     /// `[layer]` cell edges and corner mass.

@@ -78,6 +78,7 @@ fn solver(scene: &SceneText, raw: raw::Solver) -> Result<Solver> {
         ("jacobi", Preconditioner::Jacobi),
         ("block", Preconditioner::Block),
         ("column", Preconditioner::Column),
+        ("multigrid", Preconditioner::Multigrid),
     ];
     let preconditioner = or(raw.preconditioner, "column".to_string());
     let count = |key, value, default| scene.count(key, &or(value, default), [1, u32::MAX]);

@@ -8,6 +8,7 @@ mod dense;
 mod differences;
 mod elements;
 mod motion;
+mod multigrid;
 mod release;
 mod setup;
 mod skin_block;
@@ -46,7 +47,8 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 8] = [
+    let groups: [&[Case]; 9] = [
+        multigrid::CASES,
         elements::CASES,
         differences::CASES,
         dense::CASES,
