@@ -11,7 +11,6 @@ pub mod advance;
 pub mod blocks;
 pub mod centres;
 pub mod coarsen;
-pub mod combine;
 pub mod converge;
 pub mod cut;
 pub mod factor;
@@ -53,7 +52,6 @@ pub const ALL: &[&Source] = &[
     &blocks::SOURCE,
     &centres::SOURCE,
     &coarsen::SOURCE,
-    &combine::SOURCE,
     &converge::SOURCE,
     &cut::SOURCE,
     &factor::SOURCE,

@@ -6,8 +6,7 @@ use crate::kernels::advance::Request;
 use crate::kernels::precondition::precondition;
 use crate::kernels::product::{LANES, Modes, cell_groups, product};
 use crate::kernels::{
-    Params, blocks, centres, combine, cut, factor, forces, integrate, rhs, rotations, springs, springs_blocks,
-    springs_product,
+    Params, blocks, centres, cut, factor, forces, integrate, rhs, rotations, springs, springs_blocks, springs_product,
 };
 use crate::linear::multigrid::{Hierarchy, Operator, Work, cycle};
 use crate::linear::{Outcome, Slot, solve};
@@ -282,18 +281,6 @@ impl<R: Real> Backend for CpuBackend<R> {
         let outcomes = wanted.iter().map(find).collect();
         let picked = pick.iter().map(|(slot, node)| V3::from4(self.x[slot * n + *node as usize]).f64()).collect();
         Ok((outcomes, picked))
-    }
-
-    fn correct(&mut self, forces: &[(u32, [f64; 3])], coefficients: &[(usize, f64)], keep: bool) -> Result<()> {
-        let entries: Vec<_> = forces.iter().map(|(node, f)| (CORRECTION, *node, *f)).collect();
-        self.set_rows(&[CORRECTION], &entries)?;
-        let mut by_slot = vec![R::zero(); self.x.len() / self.node_count];
-        by_slot[CORRECTION] = if keep { R::one() } else { R::zero() };
-        for (slot, c) in coefficients {
-            by_slot[*slot] = R::of(*c);
-        }
-        combine::combine(self.node_count, &by_slot, &mut self.x);
-        Ok(())
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {

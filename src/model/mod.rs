@@ -82,7 +82,8 @@ impl Model {
     /// Builds the arrays of a scene's skin.
     ///
     /// # Errors
-    /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach.
+    /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach; [`Error::Usage`] for
+    /// multigrid on springs.
     pub fn new(scene: &Scene) -> Result<Self> {
         let skin = &scene.skin;
         let grid = Grid::new(skin);
@@ -103,6 +104,12 @@ impl Model {
                 limit_name: "nodes reached by 32-bit indices",
                 limit: u64::from(u32::MAX) / 64,
                 fix: "use fewer cells".into(),
+            });
+        }
+        if matches!(skin.law, Law::Springs { .. }) && scene.solver.preconditioner == Preconditioner::Multigrid {
+            return Err(Error::Usage {
+                what: "multigrid is for bricks; this skin is of springs".into(),
+                fix: "take the preconditioner column".into(),
             });
         }
         let mut shape = vec![];
@@ -136,8 +143,9 @@ impl Model {
             Law::Springs { stiffness, damping } => Some(Springs::new(&grid, stiffness, damping)),
             Law::Fem { .. } => None,
         };
-        let multigrid = (scene.solver.preconditioner == Preconditioner::Multigrid && springs.is_none()).then(|| {
-            Multigrid { largest: levels::largest(&stiffness), coarse: levels::levels(&grid, &stiffness, &free) }
+        let multigrid = (scene.solver.preconditioner == Preconditioner::Multigrid).then(|| Multigrid {
+            largest: levels::largest(&stiffness),
+            coarse: levels::levels(&grid, &stiffness, &free),
         });
         Ok(Self {
             multigrid,

@@ -58,8 +58,8 @@ fn main() -> ExitCode {
         skin_block::CASES,
         release::CASES,
     ];
-    let everywhere: [&[Everywhere]; 4] =
-        [elements::EVERYWHERE, motion::EVERYWHERE, springs::EVERYWHERE, release::EVERYWHERE];
+    let everywhere: [&[Everywhere]; 5] =
+        [multigrid::EVERYWHERE, elements::EVERYWHERE, motion::EVERYWHERE, springs::EVERYWHERE, release::EVERYWHERE];
     let mut trials = vec![];
     for (name, run) in groups.into_iter().flatten() {
         let run = move || {

@@ -41,7 +41,6 @@ impl Arrays {
 
 /// Values from the host by index: rows and coefficients of contacts, and what a cut changes.
 pub(super) struct Put {
-    pub coefficient: Buffer,
     pub row_params: Buffer,
     pub params: Buffer,
     pub ids: Buffer,
@@ -66,14 +65,13 @@ pub(super) const MAX_HITS: usize = 65_536;
 pub(super) const MAX_QUADS: usize = 256;
 
 impl Put {
-    pub fn new(made: &mut Maker, slots: usize, capacity: usize, r: &Buffer) -> Result<Self> {
+    pub fn new(made: &mut Maker, capacity: usize, r: &Buffer) -> Result<Self> {
         let gpu = made.gpu;
-        let coefficient = made.of("coefficient", &vec![0f32; slots])?;
         let (row_params, params) = (made.uniform("params", 16, &[0u32; 4]), made.uniform("params", 16, &[0u32; 4]));
         let (ids, values) = (made.of("ids", &vec![0u32; capacity])?, made.vec4("values", capacity)?);
         let list = [("params", &row_params), ("ids", &ids), ("values", &values), ("destination", r)];
         let rows = gpu.bind(&scatter::SOURCE, &list)?;
-        Ok(Self { coefficient, row_params, params, ids, values, rows })
+        Ok(Self { row_params, params, ids, values, rows })
     }
 }
 

@@ -12,7 +12,7 @@ use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Wanted};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::GROUP;
-use crate::kernels::{Params, advance, blocks, combine, factor, gather, integrate, rhs, scatter};
+use crate::kernels::{Params, advance, blocks, factor, gather, integrate, rhs, scatter};
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
@@ -38,7 +38,6 @@ pub struct GpuBackend {
     integrate: [Bound; 2], // without, with correction
     pick: Pick,
     put: Option<Put>,
-    combine: Option<Bound>,
     cutting: Option<Cutting>,
     node_blocks: Option<(Bound, Buffer)>,
 }
@@ -105,17 +104,10 @@ impl GpuBackend {
             |params: &Buffer| arrays.bind(&gpu, &integrate::SOURCE, &[("params", params), ("x", &solver.x)]);
         let integrate = [integrate(&single)?, integrate(&main)?];
         // a pick takes a few nodes of every slot, a put at most one whole array
-        let picked_at_once = n.min(3 * needs.columns) * slots;
+        let picked_at_once = n.min(needs.near) * slots;
         let capacity = n + picked_at_once + model.grid.cell_count() + law.springs;
         let pick = Pick::new(&mut made, capacity, [&solver.x, &u, &f])?;
-        let put =
-            if needs.contact || needs.cutting { Some(Put::new(&mut made, slots, capacity, &solver.r)?) } else { None };
-        let combine = match &put {
-            Some(put) if needs.contact => {
-                Some(of_main(&combine::SOURCE, &[("coefficient", &put.coefficient), ("x", &solver.x)])?)
-            }
-            _ => None,
-        };
+        let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, capacity, &solver.r)?) } else { None };
         let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &u, &v)?) } else { None };
         let node_blocks = if needs.node_blocks {
             let out = made.vec4("block", n * 4)?;
@@ -142,7 +134,7 @@ impl GpuBackend {
             integrate,
             pick,
             put,
-            combine,
+
             cutting,
             node_blocks,
             gpu,
@@ -321,23 +313,6 @@ impl Backend for GpuBackend {
             batch = self.gpu.batch();
             count = count.clamp(again, 8 * again);
         }
-    }
-
-    fn correct(&mut self, forces: &[(u32, [f64; 3])], coefficients: &[(usize, f64)], keep: bool) -> Result<()> {
-        let entries: Vec<_> = forces.iter().map(|(node, f)| (CORRECTION, *node, *f)).collect();
-        self.set_rows(&[CORRECTION], &entries)?;
-        let mut by_slot = vec![0f32; self.params.slot_count as usize];
-        by_slot[CORRECTION] = if keep { 1.0 } else { 0.0 };
-        for (slot, c) in coefficients {
-            by_slot[*slot] = *c as f32;
-        }
-        let mut batch = self.record();
-        if let (Some(combine), Some(put)) = (&self.combine, &self.put) {
-            self.gpu.write(&put.coefficient, 0, &by_slot);
-            batch.run(combine, self.node_count, 1);
-        }
-        self.pending = Some(batch);
-        Ok(())
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
