@@ -25,7 +25,8 @@ pub fn relax<R: Real>(
     let columns = (params.nodes_x * params.nodes_y) as usize;
     let fresh = params.fresh == 1;
     let parts = by_columns(w, columns).into_par_iter().zip(by_columns(d, columns)).zip(by_columns(z, columns));
-    let one_part = |(part, ((mut w, mut d), mut z)): (usize, ((Levels<V4<R>>, Levels<V4<R>>), Levels<V4<R>>))| {
+    let one_part = |(part, ((w, d), z)): (usize, ((Levels<_>, Levels<_>), Levels<_>))| -> R {
+        let [mut w, mut d, mut z]: [Levels<V4<R>>; 3] = [w, d, z];
         let mut carried = [V3::zero(); GROUP as usize]; // G_{k−1}ᵀ y_{k−1}
         for k in 0..w.len() {
             let first = part * GROUP as usize + k * columns;

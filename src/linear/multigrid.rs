@@ -156,35 +156,42 @@ impl<R: Real> Work<R> {
     }
 }
 
+impl<R: Real> Operator<'_, R> {
+    /// `w = A z`
+    fn multiply(&self, z: &[V4<R>], work: &mut Work<R>) {
+        let Work { w, scratch, .. } = work;
+        product(&self.params, self.modes, self.layer_of, self.rotation, self.free, z, w, scratch);
+    }
+
+    /// All smoothing steps on `A z = r`, from zero or from `z`; returns `r·z`.
+    fn smooth(&self, from_zero: bool, r: &[V4<R>], z: &mut [V4<R>], work: &mut Work<R>) -> R {
+        let mut gamma = R::zero();
+        for (n, [keep, gain]) in self.steps.iter().enumerate() {
+            let fresh = from_zero && n == 0;
+            if !fresh {
+                self.multiply(z, work);
+            }
+            let params = Params { fresh: u32::from(fresh), keep: *keep, gain: *gain, ..self.params };
+            gamma = relax(&params, self.block, r, &mut work.w, &mut work.d, z);
+        }
+        gamma
+    }
+}
+
 /// `z = M⁻¹ r` by one V-cycle over levels, finest first; returns `r·z`.
 pub fn cycle<R: Real>(levels: &[Operator<R>], work: &mut [Work<R>], r: &[V4<R>], z: &mut [V4<R>]) -> R {
     let (own, coarser) = (&levels[0], &levels[1..]);
     let (here, below) = work.split_at_mut(1);
-    let Work { d, w, scratch, .. } = &mut here[0];
-    let mut gamma = R::zero();
-    let mut multiply = |z: &[V4<R>], w: &mut [V4<R>]| {
-        product(&own.params, own.modes, own.layer_of, own.rotation, own.free, z, w, scratch);
+    let here = &mut here[0];
+    let gamma = own.smooth(true, r, z, here);
+    let (Some(next), Some(work)) = (coarser.first(), below.first_mut()) else {
+        return gamma;
     };
-    let mut sweep =
-        |fresh: bool, z: &mut [V4<R>], w: &mut [V4<R>], multiply: &mut dyn FnMut(&[V4<R>], &mut [V4<R>])| {
-            for (n, [keep, gain]) in own.steps.iter().enumerate() {
-                let fresh = fresh && n == 0;
-                if !fresh {
-                    multiply(z, w);
-                }
-                let params = Params { fresh: u32::from(fresh), keep: *keep, gain: *gain, ..own.params };
-                gamma = relax(&params, own.block, r, w, d, z);
-            }
-        };
-    sweep(true, z, w, &mut multiply);
-    if let Some(next) = coarser.first() {
-        multiply(z, w);
-        let (mut coarse_r, mut coarse_z) = (std::mem::take(&mut below[0].r), std::mem::take(&mut below[0].z));
-        restriction(&own.params, next.free, r, w, &mut coarse_r);
-        cycle(coarser, below, &coarse_r, &mut coarse_z);
-        prolongation(&own.params, own.free, &coarse_z, z);
-        (below[0].r, below[0].z) = (coarse_r, coarse_z);
-        sweep(false, z, w, &mut multiply);
-    }
-    gamma
+    own.multiply(z, here);
+    let (mut coarse_r, mut coarse_z) = (std::mem::take(&mut work.r), std::mem::take(&mut work.z));
+    restriction(&own.params, next.free, r, &here.w, &mut coarse_r);
+    cycle(coarser, below, &coarse_r, &mut coarse_z);
+    prolongation(&own.params, own.free, &coarse_z, z);
+    (below[0].r, below[0].z) = (coarse_r, coarse_z);
+    own.smooth(false, r, z, here)
 }

@@ -208,7 +208,6 @@ impl Body {
             "coarse_rotation" => random.many(self.coarse_cells() * 4, 1.0),
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
             "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),
-            "coefficient" => random.many(self.slots, 1.0),
             "rest" => self.rest(&mut random),
             "shape" => {
                 (0..LAYERS).flat_map(|_| [1e-3, 1.1e-3, 4e-4, 1e-7].map(|c| c * (1.0 + 0.3 * random.next()))).collect()

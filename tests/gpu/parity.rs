@@ -77,7 +77,6 @@ const CASES: &[Case] = cases! {
     converge One true [
         "n < groups" => "n < 1u", "shared_sum[0] <=" => "shared_sum[0] >", "scalars[slot * 2u].w == 0.0" => "true"
     ]
-    combine Nodes false ["slot = 1u" => "slot = 2u"]
     cut Segments false [
         "t > 0.5" => "t > 0.3", "b1, a1)" => "b0, a1)", "0.5 * params.step" => "0.0", "if same_side ||" => "if !same_side ||"
     ]

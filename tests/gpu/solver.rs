@@ -309,9 +309,7 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     seen.push(("picked free motion", SOLUTION, picked[..1].to_vec()));
     seen.push(("picked columns", SOLUTION, picked[1..].to_vec()));
     let f = [0.0, 0.0, -0.05];
-    b.correct(&[(pressed, f), (bottom, f)], &[(FIRST_COLUMN, 0.05)], false)?;
-    let start = b.solution(CORRECTION)?;
-    seen.push(("start of the correction", SOLUTION, triples(&start)));
+    b.set_rows(&[CORRECTION], &[(CORRECTION, pressed, f), (CORRECTION, bottom, f)])?;
     b.solve(&[absolute(CORRECTION)], &[])?;
     seen.push(("correction", SOLUTION, triples(&b.solution(CORRECTION)?)));
     b.finish(true)?;

@@ -102,12 +102,6 @@ pub fn converge<R: Real>(b: &Body) -> Outputs<R> {
     vec![("scalars", scalars)]
 }
 
-pub fn combine<R: Real>(b: &Body) -> Outputs<R> {
-    let mut x = b.v4::<R>("x");
-    kernels::combine::combine(b.grid.node_count(), &b.scalars("coefficient"), &mut x);
-    vec![("x", flat(&x))]
-}
-
 pub fn cut<R: Real>(b: &Body) -> Outputs<R> {
     let segments = b.pairs("ends");
     let (rest, quads) = (b.v4::<R>("rest"), b.v4("quads"));
