@@ -6,7 +6,7 @@ use cutis::kernels::Params;
 use cutis::kernels::product::{LANES, cell_groups, product};
 use cutis::math::V4;
 use cutis::model::Model;
-use cutis::scene::Element::{Bbar, Plain};
+use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::Scene;
 use glam::{DMat3, DQuat, DVec3};
 
@@ -155,7 +155,7 @@ const ROUNDINGS: f64 = 200.0 * f64::EPSILON;
 fn product_is_assembled() {
     // rows of cells that fill no, one and several groups of lanes, and more rows than one thread's share
     for cells in [[1, 1], [3, 2], [4, 3], [5, 3], [9, 7]] {
-        for element in [Plain, Bbar] {
+        for element in [Plain, Bbar, Enhanced] {
             let mut scene = small(element);
             scene.skin.cells = cells;
             let mut model = model(&scene);
