@@ -8,7 +8,7 @@ use cutis::kernels::product::{self, CellForces, LANES, cell_groups, product};
 use cutis::math::{Real, V3, V4, rotation_matrix};
 use cutis::model::Model;
 use std::path::Path;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Largest relative error of a product: about 200 rounded terms per sum, f32.
 const BOUND: f64 = 200.0 * 6e-8;
@@ -73,20 +73,13 @@ fn dense(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>]) -> Vec<V4<f64>> {
 }
 
 /// Hands over a closure that multiplies once.
-fn cpu<R: Real>(
-    model: &Model,
-    rotation: &[V4<f64>],
-    z: &[V4<f64>],
-    use_it: impl FnOnce(&mut dyn FnMut() -> Vec<V4<R>>),
-) {
+fn cpu<R: Real>(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>], use_it: impl FnOnce(&mut dyn FnMut(&mut [V4<R>]))) {
     let round = |a: &[V4<f64>]| a.iter().map(|v| v.map(R::of)).collect::<Vec<_>>();
     let (rotation, free, z) = (round(rotation), round(&model.free), round(z));
     let (params, modes, layers) = (model.params::<R>(), model.modes::<R>(), &model.grid.layer_of);
-    let mut w = vec![[R::zero(); 4]; z.len()];
     let mut scratch: Vec<CellForces<R>> = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&params)];
-    use_it(&mut || {
-        product(&params, &modes, layers, &rotation, &free, &z, &mut w, &mut scratch);
-        w.clone()
+    use_it(&mut |w| {
+        product(&params, &modes, layers, &rotation, &free, &z, w, &mut scratch);
     });
 }
 
@@ -135,29 +128,69 @@ impl Device {
     }
 }
 
+/// Millions of cells per second, median and best of rounds in which every path has its turn, and ratios of the medians: other work on
+/// the machine touches all of them alike.
+fn compare(case: &Case, id: &str, device: Option<&Device>) {
+    const ROUNDS: usize = 25;
+    let (model, cells) = (&case.model, case.model.grid.cell_count() as f64);
+    let (mut w64, mut w32) = (vec![[0f64; 4]; case.z.len()], vec![[0f32; 4]; case.z.len()]);
+    let (mut double, mut single, mut gpu) = (vec![], vec![], vec![]);
+    cpu::<f64>(model, &case.rotation, &case.z, |f64_run| {
+        cpu::<f32>(model, &case.rotation, &case.z, |f32_run| {
+            for _ in 0..ROUNDS {
+                let mut timed = |run: &mut dyn FnMut(), times: f64| {
+                    let start = Instant::now();
+                    run();
+                    1e-6 * times * cells / start.elapsed().as_secs_f64()
+                };
+                double.push(timed(&mut || f64_run(&mut w64), 1.0));
+                single.push(timed(&mut || f32_run(&mut w32), 1.0));
+                if let Some(device) = device {
+                    gpu.push(timed(&mut || drop(device.run(20)), 20.0));
+                }
+            }
+        });
+    });
+    let mut median = |name: &str, rates: &mut Vec<f64>| {
+        rates.sort_by(f64::total_cmp);
+        let (Some(middle), Some(best)) = (rates.get(rates.len() / 2), rates.last()) else { return f64::NAN };
+        println!("{id} {name}: median {middle:.1}, best {best:.1} million cells per second");
+        *middle
+    };
+    let (double, single, gpu) =
+        (median("cpu f64", &mut double), median("cpu f32", &mut single), median("gpu", &mut gpu));
+    println!("{id}: f32 / f64 {:.2}, cpu f32 / gpu {:.2}", single / double, single / gpu);
+}
+
 fn products(c: &mut Criterion) {
     let mut group = c.benchmark_group("product");
     group.sample_size(10).measurement_time(Duration::from_secs(3)).warm_up_time(Duration::from_secs(1));
-    for (cells, levels) in [(24, 5), (40, 23), (64, 23)] {
+    for (cells, levels) in [(64, 5), (32, 23)] {
         let case = case(cells, levels);
         let id = format!("{cells}x{cells}x{levels}");
         group.throughput(Throughput::Elements(case.model.grid.cell_count() as u64));
         cpu::<f64>(&case.model, &case.rotation, &case.z, |run| {
-            check("cpu f64", &case.exact, run().into_iter());
-            group.bench_function(BenchmarkId::new("cpu_f64", &id), |b| b.iter(&mut *run));
+            let mut w = vec![[0.0; 4]; case.z.len()];
+            run(&mut w);
+            check("cpu f64", &case.exact, w.iter().copied());
+            group.bench_function(BenchmarkId::new("cpu_f64", &id), |b| b.iter(|| run(&mut w)));
         });
         cpu::<f32>(&case.model, &case.rotation, &case.z, |run| {
-            check("cpu f32", &case.exact, run().into_iter().map(|v| v.map(f64::from)));
-            group.bench_function(BenchmarkId::new("cpu_f32", &id), |b| b.iter(&mut *run));
+            let mut w = vec![[0.0; 4]; case.z.len()];
+            run(&mut w);
+            check("cpu f32", &case.exact, w.iter().map(|v| v.map(f64::from)));
+            group.bench_function(BenchmarkId::new("cpu_f32", &id), |b| b.iter(|| run(&mut w)));
         });
         let Ok(gpu) = Gpu::open(None) else {
             println!("no adapter: the GPU is left out");
+            compare(&case, &id, None);
             continue;
         };
         println!("adapter {} ({}) {}", gpu.adapter.name, gpu.adapter.backend, gpu.adapter.driver);
         let device = Device::new(gpu, &case).expect("arrays fit");
         let found = device.run(1).expect("the device works");
         check("gpu", &case.exact, found.into_iter().map(|v| v.map(f64::from)));
+        compare(&case, &id, Some(&device));
         // 20 products a submission, as a solve has them, so that the read-back does not count
         group.throughput(Throughput::Elements(20 * case.model.grid.cell_count() as u64));
         group.bench_function(BenchmarkId::new("gpu_20_products", &id), |b| b.iter(|| device.run(20)));

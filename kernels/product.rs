@@ -6,17 +6,30 @@
 //! A box of isotropic material looks the same in three mirrors, so in the basis of the eight sign patterns of its corners (the Hadamard
 //! matrix H, Σ over corners of ±) its 24×24 matrix falls apart into eight symmetric 3×3 blocks, one per parity of the three mirrors:
 //! `K = H B H`, block `P` couples the x-displacement in pattern `P⊕1`, y in `P⊕2`, z in `P⊕4`. Pattern 0 is a translation and costs
-//! nothing. That is 342 operations a cell instead of 720, and 72 numbers a layer instead of 576. (The patterns are the hourglass base
-//! vectors of Flanagan, Belytschko 1981, used here for the whole matrix, whatever the element.)
+//! nothing. That is 342 operations a cell (patterns, turning there and back, blocks) instead of 720, and 72 numbers a layer instead of
+//! 576. (The patterns are the hourglass base vectors of Flanagan, Belytschko 1981, used here for the whole matrix, whatever the element.)
 //!
 //! The shader walks up tiles of 8×8 cell columns: each cell is computed once, its corner forces are shared in workgroup memory, and the
-//! inner 7×7 nodes gather. The twin works on four cells at once, on all cores, and gathers in the same order.
+//! inner 7×7 nodes gather.
+//!
+//! The twin walks up strips of node rows, one strip per core at a time. A level's cells are numbered as the nodes at their lowest corner,
+//! so a register ([`crate::math::wide`]) holds cells that follow each other, also across the ends of rows; the place after a row's last
+//! cell holds a dead one. Each level's vectors are first laid out by component, forces are added up in the same layout, and a level of
+//! nodes is done when the cells on both sides of it are. Neighbouring strips both compute the row of cells between them (1 in 17).
+//! Strips depend on the grid alone, so the order of sums is the same for any number of threads.
+//!
+//! Rotations are taken as `|q|² R(q)`: a zero quaternion gives no force, and a short one scales its cell's stiffness by `|q|⁴`.
+//!
+//! Cost of a cell in the twin: 26 operations for its rotation, 144 for the patterns, 126 for turning there and back, 72 for the blocks,
+//! 24 to add up forces, 19 for its node: 411, a product that is added counted once (543 counted twice). Memory: z, w, mass and rotation,
+//! 64 bytes in f32, 128 in f64; all else stays in a core's cache (16 numbers for each node of 18 rows).
 //! Units: z m, w N, B N/m.
 
 use super::{Params, Source};
-use crate::math::{Real, V3, V4, rotation_matrix};
+use crate::math::wide::{Lanes, MOST, Task};
+use crate::math::{Real, V4};
 use rayon::prelude::*;
-use std::ops::{Add, Mul, Sub};
+use std::ops::Range;
 
 /// The shader.
 pub const SOURCE: Source =
@@ -33,59 +46,38 @@ pub fn tiles<R: Real>(params: &Params<R>) -> usize {
 /// Element matrix of a layer as the eight 3×3 blocks of `B`, by rows.
 pub type Modes<R> = [[[R; 3]; 3]; 8];
 
-/// Forces of four neighbouring cells on their corners: `[corner][axis][cell]`.
+/// Piece of the twin's scratch memory.
 pub type CellForces<R> = [[[R; LANES]; 3]; 8];
 
-/// Cells that are worked on at once.
-pub const LANES: usize = 4;
+/// Numbers in the last index of [`CellForces`].
+pub const LANES: usize = MOST;
 
-/// One number of each of four cells.
-#[derive(Clone, Copy, Debug)]
-struct Lane<R>([R; LANES]);
+/// Node rows of a strip: enough that the row of cells which two neighbours both compute is little, few enough for many cores.
+const STRIP: usize = 16;
+/// Cells below which a product is not worth waking other threads for.
+const ALONE: usize = 2048;
+/// Planes of a strip's scratch: z and force at two levels, by component, and the rotations of one.
+const PLANES: usize = 16;
 
-macro_rules! lanewise {
-    ($trait:ident, $fn:ident, $op:tt) => {
-        impl<R: Real> $trait for Lane<R> {
-            type Output = Self;
-            #[inline(always)]
-            fn $fn(self, o: Self) -> Self {
-                Self(std::array::from_fn(|l| self.0[l] $op o.0[l]))
-            }
-        }
-    };
-}
-lanewise!(Add, add, +);
-lanewise!(Sub, sub, -);
-lanewise!(Mul, mul, *);
-
-impl<R: Real> Mul<R> for Lane<R> {
-    type Output = Self;
-    #[inline(always)]
-    fn mul(self, s: R) -> Self {
-        Self(self.0.map(|a| a * s))
-    }
+/// Node rows of each strip.
+fn strips<R: Real>(params: &Params<R>) -> Vec<Range<usize>> {
+    let rows = params.nodes_y as usize;
+    let count = if (params.cell_count as usize) < ALONE { 1 } else { (rows / STRIP).max(1) };
+    (0..count).map(|s| rows * s / count..rows * (s + 1) / count).collect()
 }
 
-/// Sums over the corners with the eight sign patterns; corner and pattern numbers are bits x + 2y + 4z.
-#[inline(always)]
-fn patterns<T: Copy + Add<Output = T> + Sub<Output = T>>(mut a: [[T; 3]; 8]) -> [[T; 3]; 8] {
-    for bit in [1, 2, 4] {
-        for low in 0..8 {
-            if low & bit == 0 {
-                for n in 0..3 {
-                    let (p, q) = (a[low][n], a[low | bit][n]);
-                    a[low][n] = p + q;
-                    a[low | bit][n] = p - q;
-                }
-            }
-        }
-    }
-    a
+/// Numbers in a plane of a strip: its rows with one on both sides, the diagonal corner and a register too many at the end.
+fn plane_len<R: Real>(params: &Params<R>, rows: usize) -> usize {
+    (rows + 2) * params.nodes_x as usize + 1 + MOST
 }
 
-/// Groups of cells: each row of cells along x in parts of [`LANES`].
+/// Pieces of scratch that a product needs.
 pub fn cell_groups<R: Real>(params: &Params<R>) -> usize {
-    (params.cells_x as usize).div_ceil(LANES) * (params.cells_y * params.cells_z) as usize
+    strips(params).iter().map(|rows| strip_pieces(params, rows)).sum()
+}
+
+fn strip_pieces<R: Real>(params: &Params<R>, rows: &Range<usize>) -> usize {
+    (PLANES * plane_len(params, rows.len())).div_ceil(24 * LANES)
 }
 
 /// One slot; returns `z·w`.
@@ -99,108 +91,294 @@ pub fn product<R: Real>(
     w: &mut [V4<R>],               // [node] N
     scratch: &mut [CellForces<R>], // [cell_groups]
 ) -> R {
-    let row = (params.cells_x as usize).div_ceil(LANES);
-    scratch.par_chunks_mut(row * 4).enumerate().for_each(|(chunk, forces)| {
-        for (k, out) in forces.iter_mut().enumerate() {
-            let line = chunk * 4 + k / row;
-            *out = group_forces(params, modes, layer_of, rotation, z, line, k % row * LANES);
-        }
-    });
-    gather(params, free, z, scratch, w)
+    by_strips(Input { params, modes, layer_of, rotation, free, z }, w, scratch, |strip| R::widest(strip))
 }
 
-/// Four cells of a line (row along x) from cell `from` on; cells that are not there, or dead, push nothing.
-fn group_forces<R: Real>(
-    params: &Params<R>,
-    modes: &[Modes<R>],
-    layer_of: &[u32],
-    rotation: &[V4<R>],
-    z: &[V4<R>],
-    line: usize,
-    from: usize,
-) -> CellForces<R> {
-    let (cells_x, cells_y) = (params.cells_x as usize, params.cells_y as usize);
-    let level = line / cells_y;
-    let last = cells_x - 1 - from;
-    // a lane beyond the row's end repeats the last cell with a dead rotation
-    let q: [V4<R>; LANES] =
-        std::array::from_fn(|l| if l > last { [R::zero(); 4] } else { rotation[line * cells_x + from + l] });
-    let m = q.map(rotation_matrix);
-    let r = |i: usize, j: usize| {
-        Lane(std::array::from_fn(|l| {
-            let c = m[l].0[j];
-            [c.x, c.y, c.z][i]
-        }))
-    };
-    let r: [[Lane<R>; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|j| r(i, j)));
-    let first = params.node_id([from, line % cells_y, level]);
-    let (step_y, step_z) = (params.nodes_x as usize, (params.nodes_x * params.nodes_y) as usize);
-    let mut a: [[Lane<R>; 3]; 8] = std::array::from_fn(|corner| {
-        let base = first + (corner & 1) + (corner >> 1 & 1) * step_y + (corner >> 2) * step_z;
-        std::array::from_fn(|n| Lane(std::array::from_fn(|l| z[base + l.min(last)][n])))
-    });
-    a = patterns(a);
-    let zero = Lane([R::zero(); LANES]);
-    let mut local = [[zero; 3]; 8];
-    for (to, v) in local.iter_mut().zip(&a).skip(1) {
-        *to = std::array::from_fn(|n| r[0][n] * v[0] + r[1][n] * v[1] + r[2][n] * v[2]);
+fn by_strips<R: Real>(
+    input: Input<R>,
+    w: &mut [V4<R>],
+    scratch: &mut [CellForces<R>],
+    run: impl Fn(Strip<R>) -> R + Send + Sync,
+) -> R {
+    let params = input.params;
+    let nodes_x = params.nodes_x as usize;
+    let mut work: Vec<Strip<R>> = vec![];
+    let mut rest = scratch;
+    for rows in strips(params) {
+        let (own, others) = rest.split_at_mut(strip_pieces(params, &rows));
+        rest = others;
+        work.push(Strip { input, rows, w: vec![], scratch: bytemuck::cast_slice_mut(own) });
     }
-    let b = &modes[layer_of[level] as usize];
-    let mut force = [[zero; 3]; 8];
-    for (parity, block) in b.iter().enumerate() {
-        let v: [Lane<R>; 3] = std::array::from_fn(|n| local[parity ^ (1 << n)][n]);
+    for mut level in w[..params.node_count as usize].chunks_exact_mut(nodes_x * params.nodes_y as usize) {
+        for strip in &mut work {
+            let (own, others) = level.split_at_mut(strip.rows.len() * nodes_x);
+            level = others;
+            strip.w.push(own);
+        }
+    }
+    if work.len() == 1 {
+        return work.into_iter().map(run).sum();
+    }
+    // summed in the strips' order, whatever the threads do
+    work.into_par_iter().map(run).collect::<Vec<_>>().into_iter().sum()
+}
+
+#[derive(Clone, Copy)]
+struct Input<'a, R> {
+    params: &'a Params<R>,
+    modes: &'a [Modes<R>],
+    layer_of: &'a [u32],
+    rotation: &'a [V4<R>],
+    free: &'a [V4<R>],
+    z: &'a [V4<R>],
+}
+
+/// The nodes of some rows, all levels.
+struct Strip<'a, R> {
+    input: Input<'a, R>,
+    rows: Range<usize>,
+    w: Vec<&'a mut [V4<R>]>, // [level] the strip's nodes
+    scratch: &'a mut [R],
+}
+
+impl<R: Real> Task<R> for Strip<'_, R> {
+    type Output = R;
+
+    #[inline(always)]
+    fn run<L: Lanes<R>>(self, lanes: L) -> R {
+        let Strip { input, rows, mut w, scratch } = self;
+        let Input { params, modes, layer_of, rotation, free, z } = input;
+        let (nodes_x, cells_x) = (params.nodes_x as usize, params.cells_x as usize);
+        let level_nodes = nodes_x * params.nodes_y as usize;
+        // a row of cells more than of nodes, where the grid has it
+        let cell_rows = rows.start.saturating_sub(1)..rows.end.min(params.cells_y as usize);
+        let first = cell_rows.start * nodes_x;
+        let (cells, nodes) = (cell_rows.len() * nodes_x, (cell_rows.len() + 1) * nodes_x);
+        let own = rows.start * nodes_x - first..rows.end * nodes_x - first;
+
+        scratch.fill(R::zero());
+        let len = plane_len(params, rows.len());
+        let mut planes = scratch.chunks_exact_mut(len);
+        let mut take = || planes.next().expect("PLANES of them");
+        let (mut z_below, mut z_above) = ([take(), take(), take()], [take(), take(), take()]);
+        let (mut f_below, mut f_above) = ([take(), take(), take()], [take(), take(), take()]);
+        let mut q = [take(), take(), take(), take()];
+
+        spread(&z[first..first + nodes], &mut z_below, 0);
+        let mut along = [R::zero(); 4];
+        for k in 0..params.nodes_z as usize {
+            if k < params.cells_z as usize {
+                spread(&z[(k + 1) * level_nodes + first..][..nodes], &mut z_above, 0);
+                for (row, y) in cell_rows.clone().enumerate() {
+                    spread(&rotation[params.cell_id([0, y, k])..][..cells_x], &mut q, row * nodes_x);
+                }
+                let blocks = &modes[layer_of[k] as usize];
+                for at in (0..cells).step_by(L::COUNT) {
+                    let corner = [at, at + 1, at + nodes_x, at + nodes_x + 1];
+                    let mut rotation = [lanes.splat(R::zero()); 4];
+                    for n in 0..4 {
+                        rotation[n] = lanes.load(&q[n][at..]);
+                    }
+                    let mut at_corner = [[lanes.splat(R::zero()); 3]; 8];
+                    for c in 0..4 {
+                        for n in 0..3 {
+                            at_corner[c][n] = lanes.load(&z_below[n][corner[c]..]);
+                            at_corner[c + 4][n] = lanes.load(&z_above[n][corner[c]..]);
+                        }
+                    }
+                    let force = cell_forces(lanes, blocks, rotation, at_corner);
+                    for c in 0..4 {
+                        for n in 0..3 {
+                            add_to(lanes, &mut f_below[n][corner[c]..], force[c][n]);
+                            add_to(lanes, &mut f_above[n][corner[c]..], force[c + 4][n]);
+                        }
+                    }
+                }
+            }
+            let free = &free[k * level_nodes + first..][own.clone()];
+            finish(params, free, &z_below, &f_below, own.start, w[k], &mut along);
+            std::mem::swap(&mut z_below, &mut z_above);
+            std::mem::swap(&mut f_below, &mut f_above);
+            f_above.iter_mut().for_each(|plane| plane.fill(R::zero()));
+        }
+        along[0] + along[1] + along[2]
+    }
+}
+
+/// Writes vectors by component from place `at` on.
+#[inline(always)]
+fn spread<R: Real, const N: usize>(from: &[V4<R>], to: &mut [&mut [R]; N], at: usize) {
+    for n in 0..N {
+        for (to, from) in to[n][at..].iter_mut().zip(from) {
+            *to = from[n];
+        }
+    }
+}
+
+/// Inertia and held axes of a strip's nodes at one level.
+#[inline(always)]
+fn finish<R: Real>(
+    params: &Params<R>,
+    free: &[V4<R>],
+    z: &[&mut [R]; 3],
+    force: &[&mut [R]; 3],
+    from: usize,
+    w: &mut [V4<R>],
+    dot: &mut [R; 4],
+) {
+    let count = w.len();
+    let [z0, z1, z2] = z.each_ref().map(|plane| &plane[from..][..count]);
+    let [f0, f1, f2] = force.each_ref().map(|plane| &plane[from..][..count]);
+    let free = &free[..count];
+    for i in 0..count {
+        let own = [z0[i], z1[i], z2[i], R::zero()];
+        let sum = [f0[i], f1[i], f2[i], R::zero()];
+        let rate = params.inertia * free[i][3];
+        for n in 0..4 {
+            let value = (sum[n] * params.stiffness_factor + own[n] * rate) * free[i][n];
+            w[i][n] = value;
+            dot[n] += own[n] * value;
+        }
+    }
+}
+
+#[inline(always)]
+fn add_to<R: Real, L: Lanes<R>>(l: L, to: &mut [R], value: L::V) {
+    l.store(l.add(l.load(to), value), to);
+}
+
+/// Forces of cells on their corners, without the factor `s`; corner numbers are bits x + 2y + 4z.
+#[inline(always)]
+fn cell_forces<R: Real, L: Lanes<R>>(l: L, blocks: &Modes<R>, q: [L::V; 4], z: [[L::V; 3]; 8]) -> [[L::V; 3]; 8] {
+    let r = rotation_rows(l, q);
+    let a = patterns(l, z);
+    let zero = l.splat(R::zero());
+    let mut local = [[zero; 3]; 8];
+    for p in 1..8 {
         for n in 0..3 {
-            force[parity ^ (1 << n)][n] = v[0] * block[n][0] + v[1] * block[n][1] + v[2] * block[n][2];
+            local[p][n] = dot(l, [r[0][n], r[1][n], r[2][n]], a[p]);
+        }
+    }
+    let mut force = [[zero; 3]; 8];
+    for parity in 0..8 {
+        let v = [local[parity ^ 1][0], local[parity ^ 2][1], local[parity ^ 4][2]];
+        for n in 0..3 {
+            let [a, b, c] = blocks[parity][n];
+            force[parity ^ (1 << n)][n] = dot(l, [l.splat(a), l.splat(b), l.splat(c)], v);
         }
     }
     let mut out = [[zero; 3]; 8];
-    for (to, v) in out.iter_mut().zip(&force).skip(1) {
-        *to = std::array::from_fn(|n| r[n][0] * v[0] + r[n][1] * v[1] + r[n][2] * v[2]);
+    for p in 1..8 {
+        for n in 0..3 {
+            out[p][n] = dot(l, r[n], force[p]);
+        }
     }
-    let dead = q.map(|q| if q == [R::zero(); 4] { R::zero() } else { R::one() });
-    patterns(out).map(|v| v.map(|c| (c * Lane(dead)).0))
+    patterns(l, out)
 }
 
-fn gather<R: Real>(params: &Params<R>, free: &[V4<R>], z: &[V4<R>], scratch: &[CellForces<R>], w: &mut [V4<R>]) -> R {
-    let row = params.nodes_x as usize;
-    let groups = (params.cells_x as usize).div_ceil(LANES);
-    let one_node = |i: usize, slot: &mut V4<R>| -> R {
-        let c = params.node_at(i);
-        let mut sum = V3::zero();
-        // the four cells below, then the four above
-        for above in [1usize, 0] {
-            let mut half = V3::zero();
-            for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                let (x, y, k) = (c[0] + dx, c[1] + dy, c[2] + 1 - above);
-                if x < 1
-                    || y < 1
-                    || k < 1
-                    || x > params.cells_x as usize
-                    || y > params.cells_y as usize
-                    || k > params.cells_z as usize
-                {
-                    continue;
+#[inline(always)]
+fn dot<R: Real, L: Lanes<R>>(l: L, a: [L::V; 3], b: [L::V; 3]) -> L::V {
+    l.mul_add(a[2], b[2], l.mul_add(a[1], b[1], l.mul(a[0], b[0])))
+}
+
+/// Sums over the corners with the eight sign patterns; corner and pattern numbers are bits x + 2y + 4z.
+#[inline(always)]
+fn patterns<R: Real, L: Lanes<R>>(l: L, mut a: [[L::V; 3]; 8]) -> [[L::V; 3]; 8] {
+    for bit in [1, 2, 4] {
+        for low in 0..8 {
+            if low & bit == 0 {
+                for n in 0..3 {
+                    let (p, q) = (a[low][n], a[low | bit][n]);
+                    a[low][n] = l.add(p, q);
+                    a[low | bit][n] = l.sub(p, q);
                 }
-                let cell = x - 1;
-                let group = ((k - 1) * params.cells_y as usize + y - 1) * groups + cell / LANES;
-                let f = &scratch[group][(1 - dx) + 2 * (1 - dy) + 4 * above];
-                let l = cell % LANES;
-                half += V3::new(f[0][l], f[1][l], f[2][l]);
             }
-            sum += half;
         }
-        let own = V3::from4(z[i]);
-        let value = (sum * params.stiffness_factor + own * (params.inertia * free[i][3])).times(V3::from4(free[i]));
-        *slot = value.pad(R::zero());
-        own.dot(value)
-    };
-    let chunks = w[..params.node_count as usize].par_chunks_mut(row * 8).enumerate().map(|(chunk, out)| {
-        let mut dot = R::zero();
-        for (k, slot) in out.iter_mut().enumerate() {
-            dot += one_node(chunk * row * 8 + k, slot);
-        }
-        dot
-    });
-    // summed in a fixed order, whatever the threads do
-    chunks.collect::<Vec<_>>().into_iter().sum()
+    }
+    a
+}
+
+/// Rows of `|q|² R(q)`: nothing for a dead cell.
+#[inline(always)]
+fn rotation_rows<R: Real, L: Lanes<R>>(l: L, [x, y, z, w]: [L::V; 4]) -> [[L::V; 3]; 3] {
+    let (x2, y2, z2) = (l.add(x, x), l.add(y, y), l.add(z, z));
+    let (xx, yy, zz, ww) = (l.mul(x, x), l.mul(y, y), l.mul(z, z), l.mul(w, w));
+    let (xy, xz, yz) = (l.mul(x2, y), l.mul(x2, z), l.mul(y2, z));
+    let (wx, wy, wz) = (l.mul(w, x2), l.mul(w, y2), l.mul(w, z2));
+    let (low, across) = (l.sub(ww, zz), l.sub(xx, yy));
+    [
+        [l.add(low, across), l.sub(xy, wz), l.add(xz, wy)],
+        [l.add(xy, wz), l.sub(low, across), l.sub(yz, wx)],
+        [l.sub(xz, wy), l.add(yz, wx), l.sub(l.add(ww, zz), l.add(xx, yy))],
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::wide::{OneByOne, Wide};
+
+    /// Cells along x, y, z: several strips, rows that are no multiple of a register.
+    const CELLS: [u32; 3] = [19, 41, 3];
+
+    fn with<R: Real>(run: impl Fn(Strip<R>) -> R + Send + Sync) -> (R, Vec<V4<R>>) {
+        let [x, y, z] = CELLS;
+        let (node_count, cell_count) = ((x + 1) * (y + 1) * (z + 1), x * y * z);
+        let (nodes_x, nodes_y, nodes_z) = (x + 1, y + 1, z + 1);
+        let (cells_x, cells_y, cells_z) = (x, y, z);
+        let size = Params {
+            nodes_x,
+            nodes_y,
+            nodes_z,
+            node_count,
+            cells_x,
+            cells_y,
+            cells_z,
+            cell_count,
+            ..Params::default()
+        };
+        let params = Params { inertia: R::of(0.7), stiffness_factor: R::of(1.3), ..size };
+        assert!(strips(&params).len() > 1);
+        let wave = |i: usize, n: usize| R::of((1.7 * i as f64 + n as f64).sin());
+        let field = |count: u32, first: usize| {
+            (0..count as usize).map(|i| [0, 1, 2, 3].map(|n| wave(i, first + n))).collect::<Vec<V4<R>>>()
+        };
+        let (rotation, free, z) = (field(cell_count, 0), field(node_count, 4), field(node_count, 8));
+        let modes = [[[[R::one(), R::of(0.2), R::of(0.1)]; 3]; 8]];
+        let mut w = vec![[R::zero(); 4]; node_count as usize];
+        let mut scratch = vec![[[[R::one(); LANES]; 3]; 8]; cell_groups(&params)];
+        let layer_of = [0; CELLS[2] as usize];
+        let input =
+            Input { params: &params, modes: &modes, layer_of: &layer_of, rotation: &rotation, free: &free, z: &z };
+        (by_strips(input, &mut w, &mut scratch, run), w)
+    }
+
+    /// The registers of this machine against single numbers; `bound` in roundings of the largest of up to 200 terms.
+    fn machines_agree<R: Real>() {
+        let (dot, wide) = with::<R>(|strip| R::widest(strip));
+        let (plain_dot, plain) = with::<R>(|strip| strip.run(OneByOne));
+        let largest = plain.iter().flatten().fold(0.0f64, |m, a| m.max(a.f64().abs()));
+        let bound = 200.0 * R::EPSILON.f64() * largest;
+        let off = wide.iter().flatten().zip(plain.iter().flatten()).map(|(a, b)| (a.f64() - b.f64()).abs());
+        let worst = off.fold(0.0, f64::max);
+        assert!(worst < bound, "{}: {worst:e}, bound {bound:e}", R::NAME);
+        let terms = bound * wide.len() as f64;
+        assert!((dot.f64() - plain_dot.f64()).abs() < terms, "{dot:?} {plain_dot:?}");
+    }
+
+    #[test]
+    fn wide_registers_give_what_single_numbers_give() {
+        machines_agree::<f32>();
+        machines_agree::<f64>();
+    }
+
+    #[test]
+    fn any_number_of_threads_gives_the_same_bits() {
+        let on = |threads: usize| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
+            pool.expect("a few threads can be had").install(|| with::<f32>(|strip| f32::widest(strip)))
+        };
+        let one = on(1);
+        assert!(on(2) == one && on(3) == one);
+    }
 }

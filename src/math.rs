@@ -2,6 +2,8 @@
 //!
 //! Buffers hold [`V4`], a plain array (16 bytes in f32, as WGSL's `vec4<f32>`); arithmetic is done on [`V3`] and [`M3`].
 
+pub mod wide;
+
 use bytemuck::Pod;
 use std::fmt::Debug;
 use std::iter::Sum;
@@ -14,6 +16,7 @@ pub trait Real:
     + Default
     + PartialOrd
     + Pod
+    + wide::Wide
     + Send
     + Sync
     + Sum

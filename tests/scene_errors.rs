@@ -202,6 +202,10 @@ fn full_scene_is_read_in_si() {
     assert!(matches!(skin.law, Law::Fem { element: Element::Bbar, corotational: false }));
     assert_eq!((skin.rayleigh_mass, skin.rayleigh_stiffness), (0.02, 0.03));
     assert_eq!((skin.velocity, skin.displacement), ([0.0, 0.0, 0.1], [1e-3, 0.0, 0.0]));
+    for (word, wanted) in [("enhanced", Element::Enhanced), ("plain", Element::Plain)] {
+        let other = parsed(&FULL.replace("\"bbar\"", &format!("\"{word}\""))).expect("a known brick");
+        assert!(matches!(other.skin.law, Law::Fem { element, .. } if element == wanted), "{word}");
+    }
     let names: Vec<&str> = skin.layers.iter().map(|layer| layer.name.as_str()).collect();
     assert_eq!(names, ["hypodermis", "dermis", "epidermis"]);
     let bottom = &skin.layers[0];
@@ -413,6 +417,7 @@ fn words_outside_their_list_are_refused() {
         "preconditioner = \"blok\"",
         "did you mean \"block\"? … none, jacobi, block, column",
     );
+    refused("element = \"bbar\"", "element = \"enhance\"", "did you mean \"enhanced\"? … bbar, enhanced, plain");
     refused("law = \"fem\"", "law = \"spring\"", "law = \"spring\" … did you mean \"springs\"?");
     refused("region = \"sides_x\"", "region = \"left\"", "region = \"left\" … bottom, top, sides");
     refused("axes = \"xz\"", "axes = \"xx\"", "axes = \"xx\" … different letters of xyz … axes = \"xyz\"");

@@ -59,7 +59,8 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     let stiffness = number("spring_stiffness_n_m", &raw.spring_stiffness_n_m, STIFFNESS, Bound::Positive)?;
     let damping = number("spring_damping_n_s_m", &raw.spring_damping_n_s_m, DAMPING, Bound::NotNegative)?;
     let element = or(raw.element.clone(), "bbar".to_string());
-    let element = scene.choice("element", &element, &[("bbar", Element::Bbar), ("plain", Element::Plain)])?;
+    let known = [("bbar", Element::Bbar), ("enhanced", Element::Enhanced), ("plain", Element::Plain)];
+    let element = scene.choice("element", &element, &known)?;
     let name = or(raw.law.clone(), "fem".to_string());
     if scene.choice("law", &name, &[("fem", true), ("springs", false)])? {
         let corotational = raw.corotational.unwrap_or(true);

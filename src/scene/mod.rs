@@ -173,6 +173,8 @@ pub enum Element {
     Plain,
     /// Trilinear with mean dilatation.
     Bbar,
+    /// Trilinear with nine inner modes.
+    Enhanced,
 }
 
 /// A set of nodes.

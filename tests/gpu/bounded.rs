@@ -11,6 +11,7 @@
 
 use bytemuck::{Pod, Zeroable};
 use cutis::math::Real;
+use cutis::math::wide::Wide;
 use std::cell::Cell;
 use std::cmp::Ordering;
 use std::iter::Sum;
@@ -128,6 +129,8 @@ impl PartialOrd for Bounded {
         self.value.partial_cmp(&o.value)
     }
 }
+
+impl Wide for Bounded {}
 
 impl Real for Bounded {
     const NAME: &'static str = "f64 with a bound for f32";

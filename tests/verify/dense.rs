@@ -6,12 +6,13 @@ use cutis::kernels::Params;
 use cutis::kernels::product::{LANES, cell_groups, product};
 use cutis::math::V4;
 use cutis::model::Model;
-use cutis::scene::Element::{Bbar, Plain};
+use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::Scene;
 use glam::{DMat3, DQuat, DVec3};
 
 pub const CASES: &[Case] = &[
     ("product_is_the_assembled_matrix", product_is_assembled),
+    ("product_of_several_strips_is_the_sum_over_cells", product_of_strips),
     ("product_sees_a_wrong_entry", product_sees_a_wrong_entry),
     ("product_sees_a_dead_cell", product_sees_a_dead_cell),
 ];
@@ -154,7 +155,7 @@ const ROUNDINGS: f64 = 200.0 * f64::EPSILON;
 fn product_is_assembled() {
     // rows of cells that fill no, one and several groups of lanes, and more rows than one thread's share
     for cells in [[1, 1], [3, 2], [4, 3], [5, 3], [9, 7]] {
-        for element in [Plain, Bbar] {
+        for element in [Plain, Bbar, Enhanced] {
             let mut scene = small(element);
             scene.skin.cells = cells;
             let mut model = model(&scene);
@@ -164,6 +165,48 @@ fn product_is_assembled() {
             assert!(error < ROUNDINGS && dot < ROUNDINGS, "{cells:?} {element:?}: {error:e} {dot:e}");
         }
     }
+}
+
+/// `A z` cell by cell with the whole element matrices, node numbers and corner order of this file.
+fn cell_by_cell(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>]) -> Vec<DVec3> {
+    let [cx, cy, _] = model.grid.cells;
+    let p = model.params::<f64>();
+    let mut sum = vec![DVec3::ZERO; z.len()];
+    for (cell, q) in rotation.iter().enumerate() {
+        let at = [cell % cx, cell / cx % cy, cell / (cx * cy)];
+        let ids = CORNERS.map(|o| at[0] + o[0] + (cx + 1) * (at[1] + o[1] + (cy + 1) * (at[2] + o[2])));
+        let k = &model.stiffness[model.grid.layer_of[at[2]] as usize];
+        let r = if *q == [0.0; 4] { DMat3::ZERO } else { DMat3::from_quat(DQuat::from_array(*q)) };
+        let local = ids.map(|i| r.transpose() * DVec3::new(z[i][0], z[i][1], z[i][2]));
+        for (a, i) in ids.into_iter().enumerate() {
+            let force = [0, 1, 2].map(|m| (0..24).map(|c| k[3 * a + m][c] * local[c / 3][c % 3]).sum::<f64>());
+            sum[i] += p.stiffness_factor * (r * DVec3::from_array(force));
+        }
+    }
+    let whole = |(i, f): (usize, &DVec3)| {
+        let ([x, y, z, mass], displacement) = (model.free[i], z[i]);
+        DVec3::new(x, y, z) * (*f + p.inertia * mass * DVec3::new(displacement[0], displacement[1], displacement[2]))
+    };
+    sum.iter().enumerate().map(whole).collect()
+}
+
+/// More cells than one core's share, on every side of the grid's edges and of the strips'.
+fn product_of_strips() {
+    let mut scene = small(Bbar);
+    scene.skin.cells = [13, 50];
+    let mut model = model(&scene);
+    hold_some(&mut model);
+    let mut random = Random(3);
+    let rotation = random_rotations(&model, &mut random);
+    let z = random.field(model.rest.len(), 1e-3);
+    let mut w = vec![[0.0; 4]; z.len()];
+    multiply(&model.params(), &model, &rotation, &z, &mut w);
+    let exact = cell_by_cell(&model, &rotation, &z);
+    let size = exact.iter().fold(0.0f64, |m, e| m.max(e.abs().max_element()));
+    let off = |(w, e): (&V4<f64>, &DVec3)| (DVec3::new(w[0], w[1], w[2]) - *e).abs().max_element();
+    let error = w.iter().zip(&exact).map(off).fold(0.0, f64::max) / size;
+    measured("product of strips against cells", error, 0.0);
+    assert!(error < ROUNDINGS, "{error:e}");
 }
 
 fn product_sees_a_wrong_entry() {

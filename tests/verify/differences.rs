@@ -11,7 +11,7 @@ use cutis::kernels::springs_product::springs_product;
 use cutis::kernels::{forces, rotations, springs};
 use cutis::math::{V3, V4, rotation_matrix};
 use cutis::model::{Model, elastic_energy};
-use cutis::scene::Element::{Bbar, Plain};
+use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::Law;
 
 pub const CASES: &[Case] = &[
@@ -101,7 +101,7 @@ fn tangent_error(model: &Model, u: &[V4<f64>], width: f64) -> f64 {
 const EXACT: f64 = 1e-11;
 
 fn linear_force() {
-    for element in [Plain, Bbar] {
+    for element in [Plain, Bbar, Enhanced] {
         let model = model(&block(element, false));
         let u = Random(SEED + 1).field(model.rest.len(), 1e-5);
         let error = gradient_error(&model, &u, 1.0);
@@ -116,7 +116,7 @@ fn linear_force() {
 }
 
 fn linear_product() {
-    for element in [Plain, Bbar] {
+    for element in [Plain, Bbar, Enhanced] {
         let mut model = model(&block(element, false));
         let u = Random(SEED + 1).field(model.rest.len(), 1e-5);
         let error = tangent_error(&model, &u, 1.0);
@@ -141,7 +141,7 @@ fn strained(model: &Model, strain: f64) -> Vec<V4<f64>> {
 }
 
 fn corotational_force() {
-    for element in [Plain, Bbar] {
+    for element in [Plain, Bbar, Enhanced] {
         let model = model(&block(element, true));
         let errors = [0.04, 0.02, 0.01, 1e-4].map(|s| gradient_error(&model, &strained(&model, s), 1e-2 * s));
         measured("corotational force against energy, strain 0.04", errors[0], 0.0);

@@ -7,7 +7,7 @@ use super::setup::{Body, LONG, add, block, displaced, epsilon, largest, measured
 use super::{Case, Everywhere};
 use cutis::math::rotation_matrix;
 use cutis::model::Model;
-use cutis::scene::Element::{self, Bbar, Plain};
+use cutis::scene::Element::{self, Bbar, Enhanced, Plain};
 use cutis::step::Place;
 
 pub const EVERYWHERE: &[Everywhere] = &[
@@ -62,7 +62,7 @@ fn patch_bound(place: &Place) -> f64 {
 }
 
 fn patch_with(place: &Place, corotational: bool, steps: u32) {
-    for element in [Plain, Bbar] {
+    for element in [Plain, Bbar, Enhanced] {
         let error = patch(place, model(&block(element, corotational)), steps);
         let what = format!("patch {place:?} {element:?} corotational {corotational}");
         measured(&what, error, 0.0);
@@ -118,7 +118,7 @@ fn force_after(place: &Place, element: Element, corotational: bool, degrees: f64
 const RIGID_ROUNDINGS: f64 = 64.0;
 
 fn rigid_motion(place: &Place) {
-    for element in [Plain, Bbar] {
+    for element in [Plain, Bbar, Enhanced] {
         for degrees in [0.0, 30.0, 170.0] {
             let force = force_after(place, element, true, degrees, 1.0);
             let what = format!("rigid {place:?} {element:?} {degrees}°");
