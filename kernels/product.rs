@@ -15,7 +15,7 @@
 //! The twin walks up strips of node rows, one strip per core at a time. A level's cells are numbered as the nodes at their lowest corner,
 //! so a register ([`crate::math::wide`]) holds cells that follow each other, also across the ends of rows; the place after a row's last
 //! cell holds a dead one. Each level's vectors are first laid out by component, forces are added up in the same layout, and a level of
-//! nodes is done when the cells on both sides of it are. Neighbouring strips both compute the row of cells between them (1 in 17).
+//! nodes is done when the cells on both sides of it are. Neighbouring strips both compute the row of cells between them (1 in 9 to 17).
 //! Strips depend on the grid alone, so the order of sums is the same for any number of threads.
 //!
 //! Rotations are taken as `|q|² R(q)`: a zero quaternion gives no force, and a short one scales its cell's stiffness by `|q|⁴`.
@@ -54,6 +54,8 @@ pub const LANES: usize = MOST;
 
 /// Node rows of a strip: enough that the row of cells which two neighbours both compute is little, few enough for many cores.
 const STRIP: usize = 16;
+/// Node rows of a strip at least, where a small grid would give work to fewer than four cores.
+const NARROW: usize = 7;
 /// Cells below which a product is not worth waking other threads for.
 const ALONE: usize = 2048;
 /// Planes of a strip's scratch: z and force at two levels, by component, and the rotations of one.
@@ -62,7 +64,8 @@ const PLANES: usize = 16;
 /// Node rows of each strip.
 fn strips<R: Real>(params: &Params<R>) -> Vec<Range<usize>> {
     let rows = params.nodes_y as usize;
-    let count = if (params.cell_count as usize) < ALONE { 1 } else { (rows / STRIP).max(1) };
+    let most = (rows / STRIP).max(4);
+    let count = if (params.cell_count as usize) < ALONE { 1 } else { (rows / NARROW).clamp(1, most) };
     (0..count).map(|s| rows * s / count..rows * (s + 1) / count).collect()
 }
 
