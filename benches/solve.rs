@@ -1,0 +1,274 @@
+//! Solvers, speed and error in one run: time to 1 % displacement error of one step, multigrid against plain conjugate gradients; 25 plain
+//! iterations as SOFA does them; iterations of multigrid on growing grids. Prints Markdown; every time stands beside its error.
+//!
+//! `cargo bench --bench solve` runs all of it; `-- cpu` leaves the GPU out, `-- gpu` the CPU.
+
+use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
+use cutis::gpu::Gpu;
+use cutis::model::Model;
+use cutis::scene::{Files, Preconditioner, parse};
+use std::path::Path;
+use std::time::Instant;
+
+/// Relative L2 error of the displacement that is asked for.
+const ERROR: f64 = 0.01;
+/// Rounds whose median counts; methods take turns.
+const ROUNDS: usize = 5;
+
+const SCENE: &str = r#"title = "press"
+[time]
+step_ms = STEP
+duration_s = 1.0
+[solver]
+preconditioner = "none"
+[skin]
+size_mm = [20, 20]
+cells = [ACROSS, ACROSS]
+rayleigh_mass_per_s = 0.01
+rayleigh_stiffness_s = 0.01
+layer = [
+    { name = "hypodermis", thickness_mm = 1.2, cells = L0, young_kpa = 34, poisson = NU, density_kg_m3 = 971 },
+    { name = "dermis", thickness_mm = 1.0, cells = L1, young_kpa = 200, poisson = NU, density_kg_m3 = 1116 },
+    { name = "epidermis", thickness_mm = 0.1, cells = L2, young_kpa = 1000, poisson = NU, density_kg_m3 = 1116 },
+]
+[[boundary]]
+region = "bottom"
+[[load]]
+pressure_kpa = 10
+rectangle_mm = [[-2, -2], [2, 2]]
+"#;
+
+const THIN: [u32; 3] = [2, 2, 1];
+const THICK: [u32; 3] = [10, 10, 3];
+
+/// Where a solve runs.
+#[derive(Clone, Copy, PartialEq)]
+enum Place {
+    F64,
+    F32,
+    Gpu,
+}
+
+impl Place {
+    fn name(self) -> &'static str {
+        match self {
+            Self::F64 => "CPU f64",
+            Self::F32 => "CPU f32",
+            Self::Gpu => "GPU f32",
+        }
+    }
+}
+
+/// A press on the skin, to be solved from rest.
+#[derive(Clone, Copy)]
+struct Press {
+    across: u32,
+    levels: [u32; 3],
+    poisson: f64,
+    step_ms: u32,
+}
+
+impl Press {
+    fn name(&self) -> String {
+        format!("{0}×{0}×{1}, ν {2}", self.across, self.levels.iter().sum::<u32>(), self.poisson)
+    }
+
+    fn model(&self, preconditioner: Preconditioner) -> (Model, Vec<[f64; 3]>) {
+        let mut text = SCENE.replace("ACROSS", &self.across.to_string()).replace("NU", &self.poisson.to_string());
+        text = text.replace("STEP", &self.step_ms.to_string());
+        for (k, cells) in self.levels.iter().enumerate() {
+            text = text.replace(&format!("L{k}"), &cells.to_string());
+        }
+        let mut scene = parse(&text, Path::new("press.toml"), &Files::Embedded(&[])).expect("the text is a scene");
+        scene.solver.preconditioner = preconditioner;
+        let model = Model::new(&scene).expect("the grid is small enough");
+        let load = model.load_at(&scene.loads, 0.0);
+        (model, load)
+    }
+
+    fn backend(&self, place: Place, preconditioner: Preconditioner, cap: u32) -> Box<dyn Backend> {
+        let (model, load) = self.model(preconditioner);
+        let rest = vec![[0.0; 4]; model.grid.node_count()];
+        let start = Snapshot { u: rest.clone(), v: rest, ..Snapshot::default() };
+        let needs = Needs::default();
+        let mut backend: Box<dyn Backend> = match place {
+            Place::F64 => Box::new(CpuBackend::<f64>::new(&model, needs, cap, 0.0, &start)),
+            Place::F32 => Box::new(CpuBackend::<f32>::new(&model, needs, cap, 0.0, &start)),
+            Place::Gpu => {
+                let gpu = Gpu::open(None).expect("an adapter");
+                Box::new(GpuBackend::new(gpu, &model, needs, cap, 0.0, &start).expect("the grid fits"))
+            }
+        };
+        backend.set_load(&load);
+        backend
+    }
+
+    /// One step's displacement, solved until `tolerance` or the cap, and the iterations and milliseconds that it took.
+    fn solve(backend: &mut dyn Backend, tolerance: f64) -> (Vec<[f64; 4]>, u32, f64) {
+        backend.forget(&[FREE]).expect("the device works");
+        let begin = Instant::now();
+        backend.begin().expect("the device works");
+        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
+        let outcome = backend.solve(&wanted, &[]).expect("the device works").0[0];
+        let spent = begin.elapsed().as_secs_f64() * 1e3;
+        (backend.solution(FREE).expect("the device works"), outcome.iterations, spent)
+    }
+}
+
+fn error(found: &[[f64; 4]], exact: &[[f64; 4]]) -> f64 {
+    let square = |a: &[f64]| a.iter().map(|c| c * c).sum::<f64>();
+    let difference: f64 = found.iter().zip(exact).map(|(a, b)| square(&[a[0] - b[0], a[1] - b[1], a[2] - b[2]])).sum();
+    (difference / exact.iter().map(|b| square(&b[..3])).sum::<f64>()).sqrt()
+}
+
+fn median(mut times: Vec<f64>) -> f64 {
+    times.sort_by(f64::total_cmp);
+    times[times.len() / 2]
+}
+
+/// Fewest iterations that reach the error from rest, by halving between `low` (not enough) and `high`.
+fn fewest(press: &Press, place: Place, kind: Preconditioner, exact: &[[f64; 4]]) -> u32 {
+    let enough = |cap: u32| error(&Press::solve(press.backend(place, kind, cap).as_mut(), 0.0).0, exact) <= ERROR;
+    let (mut low, mut high) = (0, 1);
+    while !enough(high) {
+        (low, high) = (high, high * 2);
+        assert!(high < 1 << 14, "no convergence");
+    }
+    while high - low > 1 {
+        let middle = low.midpoint(high);
+        if enough(middle) { high = middle } else { low = middle }
+    }
+    high
+}
+
+const KINDS: [(Preconditioner, &str); 3] =
+    [(Preconditioner::None, "plain CG"), (Preconditioner::Column, "columns"), (Preconditioner::Multigrid, "multigrid")];
+
+fn to_one_percent(places: &[Place], rounds: usize) {
+    println!("\n## Time to 1 % displacement error (relative L2) of one step of 10 ms, from rest\n");
+    println!(
+        "| grid | place | method | iterations | error % | ms (begin and solve) | plain / this |\n|---|---|---|---|---|---|---|"
+    );
+    for (across, poisson) in [(14, 0.45), (14, 0.49), (32, 0.45), (32, 0.49)] {
+        let press = Press { across, levels: THICK, poisson, step_ms: 10 };
+        let exact = Press::solve(press.backend(Place::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-10).0;
+        // how many iterations are enough does not depend on the place but for f32's rounding, which the error below shows
+        let caps = KINDS.map(|(kind, _)| fewest(&press, Place::F32, kind, &exact));
+        for place in places {
+            let mut backends = [0, 1, 2].map(|k| press.backend(*place, KINDS[k].0, caps[k]));
+            let mut times = [vec![], vec![], vec![]];
+            let mut errors = [0.0; 3];
+            for _ in 0..rounds {
+                for k in 0..3 {
+                    let (x, _, spent) = Press::solve(backends[k].as_mut(), 0.0);
+                    errors[k] = error(&x, &exact);
+                    times[k].push(spent);
+                }
+            }
+            let plain = median(times[0].clone());
+            for k in 0..3 {
+                let spent = median(times[k].clone());
+                assert!(errors[k] <= 1.2 * ERROR, "{}: {} is off by {}", press.name(), KINDS[k].1, errors[k]);
+                println!(
+                    "| {} | {} | {} | {} | {:.2} | {spent:.1} | {:.1} |",
+                    press.name(),
+                    place.name(),
+                    KINDS[k].1,
+                    caps[k],
+                    100.0 * errors[k],
+                    plain / spent
+                );
+            }
+        }
+    }
+}
+
+/// SOFA's default: 25 plain iterations, whatever they leave.
+fn twenty_five(places: &[Place]) {
+    println!("\n## 25 plain iterations (SOFA: 0.20 to 0.25 µs per hexahedron and iteration on one thread)\n");
+    println!("| cells | place | µs per cell and iteration | error left % |\n|---|---|---|---|");
+    for across in [14, 65] {
+        let press = Press { across, levels: THICK, poisson: 0.45, step_ms: 10 };
+        let exact = Press::solve(press.backend(Place::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-8).0;
+        let cells = across * across * 23;
+        for place in places {
+            let mut few = press.backend(*place, Preconditioner::None, 1);
+            let mut many = press.backend(*place, Preconditioner::None, 26);
+            let mut times = vec![];
+            let mut left = 0.0;
+            for _ in 0..ROUNDS {
+                // the difference leaves out forces and rotations
+                let start = Press::solve(few.as_mut(), 0.0).2;
+                let (x, _, spent) = Press::solve(many.as_mut(), 0.0);
+                left = error(&x, &exact);
+                times.push((spent - start) * 1e3 / 25.0 / f64::from(cells));
+            }
+            println!("| {cells} | {} | {:.4} | {:.0} |", place.name(), median(times), 100.0 * left);
+        }
+    }
+}
+
+/// One step of the seed's grid at 5 ms to 1 % error, everything included.
+fn seed(places: &[Place]) {
+    println!("\n## The seed's grid, one whole step of 5 ms by multigrid to 1 % displacement error\n");
+    println!("| grid | place | iterations | error % | ms per step |\n|---|---|---|---|---|");
+    for poisson in [0.45, 0.49] {
+        let press = Press { across: 14, levels: THICK, poisson, step_ms: 5 };
+        let exact = Press::solve(press.backend(Place::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-10).0;
+        let cap = fewest(&press, Place::F32, Preconditioner::Multigrid, &exact);
+        for place in places {
+            let mut times = vec![];
+            let mut left = 0.0;
+            for _ in 0..2 * ROUNDS {
+                // each round steps a body anew: the second step of one backend would start elsewhere
+                let mut backend = press.backend(*place, Preconditioner::Multigrid, cap);
+                let begin = Instant::now();
+                let x = Press::solve(backend.as_mut(), 0.0).0;
+                backend.finish(false).expect("the device works");
+                times.push(begin.elapsed().as_secs_f64() * 1e3);
+                left = error(&x, &exact);
+            }
+            println!("| {} | {} | {cap} | {:.2} | {:.1} |", press.name(), place.name(), 100.0 * left, median(times));
+        }
+    }
+}
+
+fn table(places: &[Place]) {
+    println!("\n## Multigrid iterations to 1e-3 and 1e-6 (f32: 1e-5), and ms per iteration and million cells\n");
+    println!("| grid | place | iterations | ms per iteration and 10⁶ cells |\n|---|---|---|---|");
+    for (across, levels) in [(16, THIN), (16, THICK), (32, THIN), (32, THICK), (64, THIN), (128, THIN)] {
+        for poisson in [0.45, 0.49] {
+            let press = Press { across, levels, poisson, step_ms: 10 };
+            let cells = f64::from(across * across * levels.iter().sum::<u32>());
+            for place in places {
+                let mut backend = press.backend(*place, Preconditioner::Multigrid, 200);
+                let tight = if *place == Place::F64 { 1e-6 } else { 1e-5 };
+                let runs = [1e-3, tight].map(|t| Press::solve(backend.as_mut(), t));
+                let each = runs[1].2 / f64::from(runs[1].1) / cells * 1e6;
+                println!("| {} | {} | {} / {} | {each:.0} |", press.name(), place.name(), runs[0].1, runs[1].1);
+            }
+        }
+    }
+}
+
+fn main() {
+    let only = std::env::args().skip(1).find(|a| a == "cpu" || a == "gpu");
+    let mut places = vec![];
+    if only.as_deref() != Some("gpu") {
+        places.extend([Place::F64, Place::F32]);
+        println!("CPU: {} threads", std::thread::available_parallelism().map_or(1, usize::from));
+    }
+    if only.as_deref() != Some("cpu") {
+        match Gpu::open(None) {
+            Ok(gpu) => {
+                println!("GPU: {} ({}, {})", gpu.adapter.name, gpu.adapter.backend, gpu.adapter.driver);
+                places.push(Place::Gpu);
+            }
+            Err(e) => println!("the GPU is left out: {e}"),
+        }
+    }
+    seed(&places);
+    twenty_five(&places);
+    table(&places);
+    to_one_percent(&places, ROUNDS);
+}
