@@ -5,17 +5,17 @@
 //! as the last one of its kind took and a quarter more; slots that are done skip their work; if some is not done when its scalars
 //! come back (with the values that the host needs anyway), more iterations are submitted.
 
-use super::cpu::cell_centres;
-use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, links};
+use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, cell_centres, links};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{
-    self, GROUP, Params, advance, blocks, centres, combine, cut, factor, forces, gather, integrate, precondition,
-    product, rhs, rotations, scatter, springs, springs_blocks, springs_product, update,
+    self, GROUP, Params, advance, blocks, centres, combine, cut, factor, forces, gather, integrate, momentum,
+    precondition, product, rhs, rotations, scatter, springs, springs_blocks, springs_product, update,
 };
 use crate::linear::Outcome;
-use crate::math::{V3, V4};
+use crate::math::{M3, V3, V4};
 use crate::model::{MAX_LAYERS, Model};
+use crate::scene::Mass;
 
 /// Hits of one step that the device can hand back; a blade crosses some hundred links at most.
 const MAX_HITS: usize = 65_536;
@@ -140,17 +140,26 @@ impl GpuBackend {
         let partial_dots = made.of("partial_dots", &vec![[0f32; 2]; column_count.div_ceil(GROUP as usize) * slots])?;
         let partial_load = made.of("partial_load", &vec![0f32; groups])?;
 
+        let consistent = model.mass == Mass::Consistent;
+        let mean_v = if consistent { made.vec4("mean_v", n)? } else { v.clone() };
         let law = Law::new(&mut made, model)?;
         let mut with_law: Vec<(&str, &Buffer)> = law.shared.iter().map(|b| (b.name, b)).collect();
         with_law.extend([("free", &free), ("u", &u), ("f", &f), ("block", &block)]);
+        with_law.extend([("v", &v), ("mean_v", &mean_v)]);
         with_law.extend([("z", &z), ("w", &w), ("partial_product", &partial_product), ("scalars", &scalars)]);
-        // binds what a kernel names out of all the body's arrays
-        let bind = |source: &kernels::Source, params: &Buffer| {
+        // binds what a kernel names out of the replacements, and out of all the body's arrays
+        let bind_with = |source: &kernels::Source, replaced: &[(&'static str, &Buffer)]| {
             let shader = crate::gpu::Shader::read(source)?;
-            let mut list: Vec<(&str, &Buffer)> = with_law.clone();
-            list.push(("params", params));
+            let kept = with_law.iter().filter(|(name, _)| replaced.iter().all(|r| r.0 != *name));
+            let mut list: Vec<(&str, &Buffer)> = kept.chain(replaced).copied().collect();
             list.retain(|(name, _)| shader.variables.iter().any(|v| v.name == *name));
             gpu.bind(source, &list)
+        };
+        let bind = |source: &kernels::Source, params: &Buffer| bind_with(source, &[("params", params)]);
+        let bind_blocks = |params: &Buffer, block: &Buffer| {
+            let mut replaced = vec![("params", params), ("block", block)];
+            replaced.extend(law.system.iter().map(|system| ("stiffness", system)));
+            bind_with(law.blocks, &replaced)
         };
         let iteration = |params: &Buffer| -> Result<Iteration> {
             Ok(Iteration {
@@ -227,14 +236,14 @@ impl GpuBackend {
                 &[
                     ("params", &main),
                     ("f", &f),
-                    ("v", &v),
+                    ("v", &mean_v),
                     ("free", &free),
                     ("load", &load),
                     ("b", &r),
                     ("partial_load", &partial_load),
                 ],
             )?,
-            blocks: bind(law.blocks, &main)?,
+            blocks: bind_blocks(&main, &block)?,
             factor: bind(&factor::SOURCE, &main)?,
             all: iteration(&main)?,
             correction,
@@ -247,12 +256,7 @@ impl GpuBackend {
         let node_blocks = if needs.node_blocks {
             let out = made.vec4("block", n * 4)?;
             let params = made.uniform("params", 0, &words(Params { preconditioner: 2, ..params }));
-            let shader = crate::gpu::Shader::read(law.blocks)?;
-            let mut list: Vec<(&str, &Buffer)> =
-                with_law.iter().filter(|(name, _)| *name != "block").copied().collect();
-            list.extend([("params", &params), ("block", &out)]);
-            list.retain(|(name, _)| shader.variables.iter().any(|v| v.name == *name));
-            Some((gpu.bind(law.blocks, &list)?, out))
+            Some((bind_blocks(&params, &out)?, out))
         } else {
             None
         };
@@ -407,6 +411,7 @@ impl Maker<'_> {
 /// Arrays and kernels of the elastic law.
 struct Law {
     shared: Vec<Buffer>,
+    system: Option<Buffer>, // of a consistent mass: for blocks, instead of the stiffness
     cell: Buffer,
     springs: usize,
     elastic: Vec<(&'static kernels::Source, usize)>,
@@ -430,6 +435,7 @@ impl Law {
             ];
             return Ok(Self {
                 shared,
+                system: None,
                 cell,
                 springs: s.ends.len(),
                 elastic: vec![(&springs::SOURCE, n)],
@@ -440,12 +446,17 @@ impl Law {
         let cells = model.grid.cell_count();
         let cell = made.of("rotation", &vec![[0f32, 0.0, 0.0, 1.0]; cells])?;
         // mat3x3 in a uniform: three columns of 16 bytes
-        let blocks: Vec<u32> = model
-            .stiffness_blocks::<f32>()
-            .iter()
-            .flat_map(|m| m.0.map(|c| [c.x.to_bits(), c.y.to_bits(), c.z.to_bits(), 0]))
-            .flatten()
-            .collect();
+        let columns = |blocks: Vec<M3<f32>>| -> Vec<u32> {
+            blocks
+                .iter()
+                .flat_map(|m| m.0.map(|c| [c.x.to_bits(), c.y.to_bits(), c.z.to_bits(), 0]))
+                .flatten()
+                .collect()
+        };
+        let mut blocks = |list: Vec<M3<f32>>| made.uniform("stiffness", MAX_LAYERS * 64 * 48, &columns(list));
+        let stiffness = blocks(model.stiffness_blocks());
+        let consistent = model.mass == Mass::Consistent;
+        let system = consistent.then(|| blocks(model.system_blocks()));
         // symmetric, so rows serve as columns
         let modes: Vec<u32> = model
             .modes::<f32>()
@@ -457,7 +468,7 @@ impl Law {
         let shape: Vec<u32> = model.shapes::<f32>().iter().flatten().map(|c| c.to_bits()).collect();
         let shared = vec![
             made.uniform("shape", MAX_LAYERS * 16, &shape),
-            made.uniform("stiffness", MAX_LAYERS * 64 * 48, &blocks),
+            stiffness,
             made.uniform("modes", MAX_LAYERS * 8 * 48, &modes),
             made.of("layer_of", &model.grid.layer_of)?,
             cell.clone(),
@@ -467,7 +478,10 @@ impl Law {
             elastic.push((&rotations::SOURCE, cells));
         }
         elastic.push((&forces::SOURCE, n));
-        Ok(Self { shared, cell, springs: 0, elastic, product: &product::SOURCE, blocks: &blocks::SOURCE })
+        if consistent {
+            elastic.push((&momentum::SOURCE, n));
+        }
+        Ok(Self { shared, system, cell, springs: 0, elastic, product: &product::SOURCE, blocks: &blocks::SOURCE })
     }
 }
 

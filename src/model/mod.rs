@@ -12,7 +12,7 @@ use crate::kernels::product::{Modes, tiles};
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, Real, V3, V4};
 use crate::mesh::Grid;
-use crate::scene::{Law, Load, Preconditioner, Region, Scene};
+use crate::scene::{Law, Load, Mass, Preconditioner, Region, Scene};
 
 /// Layers that one uniform binding of element matrices holds (64 KiB of core WebGPU / 3 KiB each).
 pub const MAX_LAYERS: usize = 21;
@@ -30,6 +30,8 @@ pub struct Model {
     pub springs: Option<Springs>,
     /// Corotational bricks.
     pub corotational: bool,
+    /// Where the mass lies; `free` has the sums over rows of M.
+    pub mass: Mass,
     /// `[node]` rest position, m.
     pub rest: Vec<[f64; 3]>,
     /// `[node]` 1 free or 0 held, per axis, and mass, kg, of the uncut body.
@@ -111,6 +113,10 @@ impl Model {
                 free[node][3] += shape[layer][3];
             }
         }
+        if skin.mass == Mass::Uniform {
+            let each = free.iter().map(|f| f[3]).sum::<f64>() / count as f64;
+            free.iter_mut().for_each(|f| f[3] = each);
+        }
         let mut held = vec![[0.0; 3]; count];
         for boundary in &scene.boundaries {
             for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
@@ -129,6 +135,7 @@ impl Model {
             shape,
             stiffness,
             springs,
+            mass: skin.mass,
             corotational: matches!(skin.law, Law::Fem { corotational: true, .. }),
             free,
             held,
@@ -171,18 +178,33 @@ impl Model {
         }
     }
 
-    /// `[layer × 64]` 3×3 blocks of the element matrices.
+    /// `[layer × 64]` 3×3 blocks of the element matrices, for elastic forces.
     pub fn stiffness_blocks<R: Real>(&self) -> Vec<M3<R>> {
-        let block = |k: &element::Matrix, a: usize, b: usize| {
-            M3([0, 1, 2].map(|j| V3::of([0, 1, 2].map(|i| k[3 * a + i][3 * b + j]))))
-        };
-        let pairs = |k| (0..64).map(move |ab| block(k, ab / 8, ab % 8));
-        self.stiffness.iter().flat_map(pairs).collect()
+        blocks(&self.stiffness)
     }
 
-    /// `[layer]` element matrices in their mirror blocks.
+    /// `[layer × 64]` 3×3 blocks of what the system matrix has of a cell beside the masses of nodes.
+    pub fn system_blocks<R: Real>(&self) -> Vec<M3<R>> {
+        blocks(&self.system())
+    }
+
+    /// `[layer]` what the system matrix has of a cell beside the masses of nodes, less the factor `s`: K, and with a consistent mass what
+    /// lumping it has put too much on the nodes. Blocks of M are multiples of the identity, so it turns with K.
+    fn system(&self) -> Vec<element::Matrix> {
+        let mut all = self.stiffness.clone();
+        if self.mass == Mass::Consistent {
+            let params = self.params::<f64>();
+            for (k, shape) in all.iter_mut().zip(&self.shape) {
+                let lumping = element::lumping(shape[3] * params.inertia / params.stiffness_factor);
+                k.as_flattened_mut().iter_mut().zip(lumping.as_flattened()).for_each(|(k, m)| *k -= m);
+            }
+        }
+        all
+    }
+
+    /// `[layer]` the same in mirror blocks, for products.
     pub fn modes<R: Real>(&self) -> Vec<Modes<R>> {
-        self.stiffness.iter().map(|k| element::modes(k).map(|b| b.map(|row| row.map(R::of)))).collect()
+        self.system().iter().map(|k| element::modes(k).map(|b| b.map(|row| row.map(R::of)))).collect()
     }
 
     /// `[layer]` cell edges and corner mass.
@@ -221,4 +243,11 @@ impl Model {
     pub fn nodes_in(&self, region: &Region) -> Vec<u32> {
         (0..self.grid.node_count()).filter(|n| self.grid.contains(region, *n)).map(|n| n as u32).collect()
     }
+}
+
+fn blocks<R: Real>(matrices: &[element::Matrix]) -> Vec<M3<R>> {
+    let block = |k: &element::Matrix, a: usize, b: usize| {
+        M3([0, 1, 2].map(|j| V3::of([0, 1, 2].map(|i| k[3 * a + i][3 * b + j]))))
+    };
+    matrices.iter().flat_map(|k| (0..64).map(move |ab| block(k, ab / 8, ab % 8))).collect()
 }

@@ -188,7 +188,7 @@ impl Body {
             "u" => coincide(random.vectors(nodes, 1e-4)),
             "point_u" => random.vectors(nodes, 1e-4),
             "point_v" => random.vectors(nodes, 1.0),
-            "v" => random.vectors(nodes, 0.1),
+            "v" | "mean_v" => random.vectors(nodes, 0.1),
             "f" | "load" => random.vectors(nodes, 0.01),
             "z" | "x" | "p" => random.vectors(all, 1e-4),
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),

@@ -7,6 +7,7 @@
 mod dense;
 mod differences;
 mod elements;
+mod masses;
 mod motion;
 mod release;
 mod setup;
@@ -46,18 +47,19 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 8] = [
+    let groups: [&[Case]; 9] = [
         elements::CASES,
         differences::CASES,
         dense::CASES,
         solver::CASES,
         springs::CASES,
         motion::CASES,
+        masses::CASES,
         skin_block::CASES,
         release::CASES,
     ];
-    let everywhere: [&[Everywhere]; 4] =
-        [elements::EVERYWHERE, motion::EVERYWHERE, springs::EVERYWHERE, release::EVERYWHERE];
+    let everywhere: [&[Everywhere]; 5] =
+        [elements::EVERYWHERE, motion::EVERYWHERE, masses::EVERYWHERE, springs::EVERYWHERE, release::EVERYWHERE];
     let mut trials = vec![];
     for (name, run) in groups.into_iter().flatten() {
         let run = move || {
