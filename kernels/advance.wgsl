@@ -2,9 +2,10 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> requests: array<vec4<f32>>;         // [slot] tolerance², reference², floor², use_load
 @group(0) @binding(2) var<storage, read> partial_product: array<f32>;        // [slot][group]
-@group(0) @binding(3) var<storage, read> partial_dots: array<vec2<f32>>;     // [slot][group]
-@group(0) @binding(4) var<storage, read> partial_load: array<f32>;           // [group]
-@group(0) @binding(5) var<storage, read_write> scalars: array<vec4<f32>>;    // [slot × 2]
+@group(0) @binding(3) var<storage, read> partial_gamma: array<f32>;          // [slot][group]
+@group(0) @binding(4) var<storage, read> partial_residual: array<f32>;       // [slot][group]
+@group(0) @binding(5) var<storage, read> partial_load: array<f32>;           // [group]
+@group(0) @binding(6) var<storage, read_write> scalars: array<vec4<f32>>;    // [slot × 2]
 
 const LANES: u32 = 256u;
 var<workgroup> shared_sum: array<vec4<f32>, 256>;
@@ -27,8 +28,9 @@ fn advance(
             sum.y += partial_product[slot * params.product_groups + n];
         }
         for (var n = lane; n < column_groups; n += LANES) {
-            sum += vec4<f32>(0.0, 0.0, partial_dots[slot * column_groups + n]);
+            sum.z += partial_gamma[slot * column_groups + n];
         }
+        for (var n = lane; n < groups; n += LANES) { sum.w += partial_residual[slot * groups + n]; }
     }
     shared_sum[lane] = sum;
     for (var n = LANES / 2u; n > 0u; n >>= 1u) {

@@ -5,8 +5,9 @@
 //! of `D`, 2 `D`, 3 `D` and `U`. Packed as 16 numbers per node: 6 of the symmetric `D`, 9 of `U` by columns, one pad.
 //! Units: N/m.
 
-use super::{Params, Source, corner};
+use super::{PARALLEL, Params, Source, corner};
 use crate::math::{M3, Real, V3, V4, rotation_matrix};
+use rayon::prelude::*;
 
 /// The shader.
 pub const SOURCE: Source = Source { name: "blocks", wgsl: include_str!("blocks.wgsl"), params: Params::<f32>::FIELDS };
@@ -45,19 +46,15 @@ pub fn blocks<R: Real>(
     free: &[V4<R>],      // [node] 1 free, 0 held, per axis; mass kg
     block: &mut [V4<R>], // [node × 4] packed
 ) {
-    for i in 0..params.node_count as usize {
+    let one_node = |i: usize, out: &mut [V4<R>; 4]| {
         let c = params.node_at(i);
         let mut sum = Block { d: M3::zero(), g: M3::zero() };
         for a in 0..8 {
             let Some(cell) = params.cell_below(c, a) else {
                 continue;
             };
-            let q = rotation[cell];
-            if q == [R::zero(); 4] {
-                continue;
-            }
             let first = layer_of[c[2] - corner(a)[2]] as usize * 64 + a * 8;
-            let r = rotation_matrix(q);
+            let r = rotation_matrix(rotation[cell]);
             let turned = r.transpose();
             sum.d = sum.d + r * stiffness[first + a] * turned;
             if a < 4 {
@@ -66,8 +63,10 @@ pub fn blocks<R: Real>(
         }
         let above = i + (params.nodes_x * params.nodes_y) as usize;
         let axes_above = if above < params.node_count as usize { V3::from4(free[above]) } else { V3::zero() };
-        block[i * 4..i * 4 + 4].copy_from_slice(&finish(params, sum, free[i], axes_above));
-    }
+        *out = finish(params, sum, free[i], axes_above);
+    };
+    let nodes = block.as_chunks_mut::<4>().0;
+    nodes.par_iter_mut().enumerate().with_min_len(PARALLEL / 8).for_each(|(i, out)| one_node(i, out));
 }
 
 /// Scales by the step, adds inertia, cuts held axes out and keeps what the preconditioner wants.

@@ -26,7 +26,6 @@ fn blocks(
         let at = c - corner(a); // wraps below 0, which the test catches
         if any(at >= cells) { continue; }
         let q = rotation[at.x + params.cells_x * (at.y + params.cells_y * at.z)];
-        if all(q == vec4<f32>(0.0)) { continue; }
         let first = layer_of[at.z] * 64u + a * 8u;
         let r = rotation_matrix(q);
         let turned = transpose(r);

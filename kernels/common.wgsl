@@ -3,8 +3,9 @@ struct Params {
     nodes_x: u32, nodes_y: u32, nodes_z: u32, node_count: u32,
     cells_x: u32, cells_y: u32, cells_z: u32, cell_count: u32,
     preconditioner: u32, corotational: u32, slot_count: u32, first_slot: u32,
-    product_groups: u32, inertia: f32, stiffness_factor: f32, step: f32,
-    gravity_x: f32, gravity_y: f32, gravity_z: f32, pad_0: f32,
+    product_groups: u32, fresh: u32, inertia: f32, stiffness_factor: f32,
+    step: f32, gravity_x: f32, gravity_y: f32, gravity_z: f32,
+    keep: f32, gain: f32, pad_0: f32, pad_1: f32,
 }
 
 const GROUP: u32 = 64u;
@@ -14,19 +15,25 @@ fn group_of(group: vec3<u32>, groups: vec3<u32>) -> u32 {
     return group.x + group.z * groups.x;
 }
 
+// Nodes along x, y, z of the next coarser level (coarsen.rs).
+fn coarse_nodes(p: Params) -> vec3<u32> {
+    return vec3<u32>((p.cells_x + 1u) / 2u + 1u, (p.cells_y + 1u) / 2u + 1u, p.nodes_z);
+}
+
 // Offset (0 or 1) of a corner along x, y, z; VTK order.
 fn corner(a: u32) -> vec3<u32> {
     return vec3<u32>(((a + 1u) >> 1u) & 1u, (a >> 1u) & 1u, a >> 2u);
 }
 
+// |q|² times the rotation matrix: 0 for a dead cell.
 fn rotation_matrix(q: vec4<f32>) -> mat3x3<f32> {
-    let xx = q.x * q.x; let yy = q.y * q.y; let zz = q.z * q.z;
+    let xx = q.x * q.x; let yy = q.y * q.y; let zz = q.z * q.z; let ww = q.w * q.w;
     let xy = q.x * q.y; let xz = q.x * q.z; let yz = q.y * q.z;
     let wx = q.w * q.x; let wy = q.w * q.y; let wz = q.w * q.z;
     return mat3x3<f32>(
-        vec3<f32>(1.0 - 2.0 * (yy + zz), 2.0 * (xy + wz), 2.0 * (xz - wy)),
-        vec3<f32>(2.0 * (xy - wz), 1.0 - 2.0 * (xx + zz), 2.0 * (yz + wx)),
-        vec3<f32>(2.0 * (xz + wy), 2.0 * (yz - wx), 1.0 - 2.0 * (xx + yy)),
+        vec3<f32>(ww + xx - yy - zz, 2.0 * (xy + wz), 2.0 * (xz - wy)),
+        vec3<f32>(2.0 * (xy - wz), ww - xx + yy - zz, 2.0 * (yz + wx)),
+        vec3<f32>(2.0 * (xz + wy), 2.0 * (yz - wx), ww - xx - yy + zz),
     );
 }
 

@@ -5,8 +5,9 @@
 //! Source: Golub, Van Loan 2013, section 4.5 (block tridiagonal systems).
 
 use super::blocks::{Block, pack, unpack};
-use super::{Params, Source};
+use super::{GROUP, Levels, Params, Source, by_columns};
 use crate::math::{M3, Real, V4};
+use rayon::prelude::*;
 
 /// The shader.
 pub const SOURCE: Source = Source { name: "factor", wgsl: include_str!("factor.wgsl"), params: Params::<f32>::FIELDS };
@@ -17,15 +18,17 @@ pub fn factor<R: Real>(
     block: &mut [V4<R>], // [node × 4] packed: D, U in; D'⁻¹, G out
 ) {
     let columns = (params.nodes_x * params.nodes_y) as usize;
-    for column in 0..columns {
-        let mut below = M3::zero(); // Uᵀ D'⁻¹ U of the node below
-        for k in 0..params.nodes_z as usize {
-            let at = (column + k * columns) * 4;
-            let own = unpack(&block[at..at + 4]);
-            let d = (own.d - below).inverse();
-            let g = d * own.g;
-            below = own.g.transpose() * g;
-            block[at..at + 4].copy_from_slice(&pack(Block { d, g }));
+    let one_part = |mut block: Levels<[V4<R>; 4]>| {
+        let mut below = [M3::zero(); GROUP as usize]; // Uᵀ D'⁻¹ U of the node below
+        for level in &mut block {
+            for (c, packed) in level.iter_mut().enumerate() {
+                let own = unpack(packed.as_slice());
+                let d = (own.d - below[c]).inverse();
+                let g = d * own.g;
+                below[c] = own.g.transpose() * g;
+                *packed = pack(Block { d, g });
+            }
         }
-    }
+    };
+    by_columns(block.as_chunks_mut::<4>().0, columns).into_par_iter().with_min_len(4).for_each(one_part);
 }

@@ -2,14 +2,16 @@
 //!
 //! A twin has the shader's name, argument names and order of operations, and holds formula, units and source. Grid kernels share one
 //! parameter block, [`Params`]. Arrays over right-hand sides are `[slot][node]`: slot 0 is the free motion, slot 1 the contact
-//! correction, higher slots are contact columns. A cell whose rotation is the zero quaternion is dead: it has been cut away.
+//! correction, higher slots are contact columns. A cell whose rotation is the zero quaternion is dead: it has been cut away; on the coarse
+//! levels of multigrid a quaternion shorter than one scales its cell's stiffness.
 //!
 //! One hexahedron corner order in the whole project, VTK's: 0–3 counter-clockwise at the bottom, 4–7 above them.
 
 pub mod advance;
 pub mod blocks;
 pub mod centres;
-pub mod combine;
+pub mod coarsen;
+pub mod converge;
 pub mod cut;
 pub mod factor;
 pub mod forces;
@@ -18,9 +20,11 @@ pub mod integrate;
 pub mod momentum;
 pub mod precondition;
 pub mod product;
+pub mod prolongation;
+pub mod relax;
+pub mod restriction;
 pub mod rhs;
 pub mod rotations;
-
 pub mod scatter;
 pub mod springs;
 pub mod springs_blocks;
@@ -48,7 +52,8 @@ pub const ALL: &[&Source] = &[
     &advance::SOURCE,
     &blocks::SOURCE,
     &centres::SOURCE,
-    &combine::SOURCE,
+    &coarsen::SOURCE,
+    &converge::SOURCE,
     &cut::SOURCE,
     &factor::SOURCE,
     &forces::SOURCE,
@@ -57,9 +62,12 @@ pub const ALL: &[&Source] = &[
     &momentum::SOURCE,
     &precondition::SOURCE,
     &product::SOURCE,
+    &prolongation::SOURCE,
+    &restriction::SOURCE,
     &rhs::SOURCE,
     &rotations::SOURCE,
     &scatter::SOURCE,
+    &relax::SOURCE,
     &springs::SOURCE,
     &springs_blocks::SOURCE,
     &springs_product::SOURCE,
@@ -102,7 +110,7 @@ params! {
         cells_z: u32,
         /// All cells.
         cell_count: u32,
-        /// 0 none, 1 Jacobi, 2 block, 3 column.
+        /// 0 none, 1 Jacobi, 2 block, 3 column (multigrid smooths by columns).
         preconditioner: u32,
         /// 1 corotational, 0 linear.
         corotational: u32,
@@ -112,6 +120,8 @@ params! {
         first_slot: u32,
         /// Partial sums that the product leaves per slot.
         product_groups: u32,
+        /// 1: the smoother starts from zero.
+        fresh: u32,
     }
     {
         /// `(1 + h r_M)/h²`, 1/s².
@@ -126,13 +136,36 @@ params! {
         gravity_y: real,
         /// Gravity, m/s².
         gravity_z: real,
+        /// Share of the last change that the smoother keeps.
+        keep: real,
+        /// Share of `M⁻¹ r` that the smoother adds.
+        gain: real,
         /// Fills the block to 16 bytes.
         pad_0: real,
+        /// Fills the block to 16 bytes.
+        pad_1: real,
     }
 }
 
-/// Threads per workgroup of every kernel but `advance`.
+/// Threads per workgroup of every kernel but `advance` and `converge`.
 pub const GROUP: u32 = 64;
+
+/// Elements that a thread of the CPU path takes at least; fewer are not worth handing over.
+pub const PARALLEL: usize = 2048;
+
+/// One part's piece of every level, `[level][column of the part]`.
+pub type Levels<'a, T> = Vec<&'a mut [T]>;
+
+/// An array over nodes in parts of [`GROUP`] z-columns, which threads can work on at once.
+pub fn by_columns<T>(array: &mut [T], columns: usize) -> Vec<Levels<'_, T>> {
+    let mut parts: Vec<Levels<T>> = (0..columns.div_ceil(GROUP as usize)).map(|_| vec![]).collect();
+    for level in array.chunks_mut(columns) {
+        for (part, piece) in parts.iter_mut().zip(level.chunks_mut(GROUP as usize)) {
+            part.push(piece);
+        }
+    }
+    parts
+}
 
 /// Offset (0 or 1) of a corner along x, y, z.
 pub fn corner(a: usize) -> [usize; 3] {
@@ -165,6 +198,10 @@ impl<R: Real> Params<R> {
             let o = corner(a);
             self.node_id([c[0] + o[0], c[1] + o[1], c[2] + o[2]])
         })
+    }
+    /// Cells along x, y, z of the next coarser level: pairs along x and y, the last one alone where the number is odd.
+    pub fn coarse_cells(&self) -> [usize; 3] {
+        [self.cells_x.div_ceil(2) as usize, self.cells_y.div_ceil(2) as usize, self.cells_z as usize]
     }
     /// The cell of which the node at `c` is corner `a`, if the grid has it.
     pub fn cell_below(&self, c: [usize; 3], a: usize) -> Option<usize> {

@@ -1,44 +1,50 @@
-//! Applies the factored columns: `z = M⁻¹ r`, with the dots `r·z` and `r·r` that the conjugate gradients need.
+//! Applies the factored columns: `z = M⁻¹ r`, with the dot `r·z` that the conjugate gradients need.
 //!
 //! Up: `y_k = r_k − G_{k−1}ᵀ y_{k−1}`; down: `z_k = D'_k⁻¹ y_k − G_k z_{k+1}`.
 //! Units: r N, z m.
 
 use super::blocks::unpack;
-use super::{Params, Source};
+use super::{GROUP, Levels, Params, Source, by_columns};
 use crate::math::{Real, V3, V4};
+use rayon::prelude::*;
 
 /// The shader.
 pub const SOURCE: Source =
     Source { name: "precondition", wgsl: include_str!("precondition.wgsl"), params: Params::<f32>::FIELDS };
 
-/// One slot; returns `r·z` and `r·r`.
+/// One slot; returns `r·z`.
 pub fn precondition<R: Real>(
     params: &Params<R>,
     block: &[V4<R>], // [node × 4] packed D'⁻¹, G
     r: &[V4<R>],     // [node] N
     z: &mut [V4<R>], // [node] m
-) -> [R; 2] {
+) -> R {
     let columns = (params.nodes_x * params.nodes_y) as usize;
-    let levels = params.nodes_z as usize;
-    let mut dots = [R::zero(); 2];
-    for column in 0..columns {
-        let mut y = V3::zero(); // G_{k−1}ᵀ y_{k−1}
-        for k in 0..levels {
-            let i = column + k * columns;
-            let own = V3::from4(r[i]) - y;
-            z[i] = own.pad(R::zero());
-            y = unpack(&block[i * 4..i * 4 + 4]).g.transpose() * own;
+    let one_part = |(part, mut z): (usize, Levels<V4<R>>)| -> R {
+        let mut gamma = R::zero();
+        let mut y = [V3::zero(); GROUP as usize]; // G_{k−1}ᵀ y_{k−1}
+        for k in 0..z.len() {
+            let first = part * GROUP as usize + k * columns;
+            for (c, slot) in z[k].iter_mut().enumerate() {
+                let i = first + c;
+                let own = V3::from4(r[i]) - y[c];
+                *slot = own.pad(R::zero());
+                y[c] = unpack(&block[i * 4..i * 4 + 4]).g.transpose() * own;
+            }
         }
-        let mut above = V3::zero();
-        for k in (0..levels).rev() {
-            let i = column + k * columns;
-            let own = unpack(&block[i * 4..i * 4 + 4]);
-            above = own.d * V3::from4(z[i]) - own.g * above;
-            z[i] = above.pad(R::zero());
-            let residual = V3::from4(r[i]);
-            dots[0] += residual.dot(above);
-            dots[1] += residual.dot(residual);
+        let mut above = [V3::zero(); GROUP as usize];
+        for k in (0..z.len()).rev() {
+            let first = part * GROUP as usize + k * columns;
+            for (c, slot) in z[k].iter_mut().enumerate() {
+                let i = first + c;
+                let own = unpack(&block[i * 4..i * 4 + 4]);
+                above[c] = own.d * V3::from4(*slot) - own.g * above[c];
+                *slot = above[c].pad(R::zero());
+                gamma += V3::from4(r[i]).dot(above[c]);
+            }
         }
-    }
-    dots
+        gamma
+    };
+    let sums: Vec<R> = by_columns(z, columns).into_par_iter().enumerate().with_min_len(4).map(one_part).collect();
+    sums.into_iter().sum()
 }

@@ -1,12 +1,12 @@
-// z = M⁻¹ r by columns, with r·z and r·r. Twin: precondition.rs (formula and units there).
+// z = M⁻¹ r by columns, with r·z. Twin: precondition.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> block: array<vec4<f32>>;                // [node × 4] packed D'⁻¹, G
 @group(0) @binding(2) var<storage, read> r: array<vec4<f32>>;                    // [slot][node] N
 @group(0) @binding(3) var<storage, read_write> z: array<vec4<f32>>;              // [slot][node] m
-@group(0) @binding(4) var<storage, read_write> partial_dots: array<vec2<f32>>;   // [slot][group] r·z, r·r
+@group(0) @binding(4) var<storage, read_write> partial_gamma: array<f32>;   // [slot][group] r·z
 @group(0) @binding(5) var<storage, read> scalars: array<vec4<f32>>;              // [slot × 2]
 
-var<workgroup> shared_sum: array<vec2<f32>, 64>;
+var<workgroup> shared_sum: array<f32, 64>;
 
 @compute @workgroup_size(64)
 fn precondition(
@@ -20,7 +20,7 @@ fn precondition(
     let slot = params.first_slot + group.y;
     let offset = slot * params.node_count;
     let running = scalars[slot * 2u].w == 0.0;
-    var dots = vec2<f32>(0.0);
+    var gamma = 0.0;
     if running && column < columns {
         var y = vec3<f32>(0.0); // G_{k−1}ᵀ y_{k−1}
         for (var k = 0u; k < params.nodes_z; k += 1u) {
@@ -37,16 +37,15 @@ fn precondition(
             let own = unpack(block[at], block[at + 1u], block[at + 2u], block[at + 3u]);
             above = own.d * z[offset + i].xyz - own.g * above;
             z[offset + i] = vec4<f32>(above, 0.0);
-            let residual = r[offset + i].xyz;
-            dots += vec2<f32>(dot(residual, above), dot(residual, residual));
+            gamma += dot(r[offset + i].xyz, above);
         }
     }
-    shared_sum[lane] = dots;
+    shared_sum[lane] = gamma;
     for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
         workgroupBarrier();
         if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
     }
     if lane == 0u && column < columns {
-        partial_dots[slot * ((columns + GROUP - 1u) / GROUP) + group_index] = shared_sum[0];
+        partial_gamma[slot * ((columns + GROUP - 1u) / GROUP) + group_index] = shared_sum[0];
     }
 }

@@ -88,7 +88,7 @@ fn product(
             at[6] = z[upper + params.nodes_x].xyz;
             at[7] = z[upper + params.nodes_x + 1u].xyz;
             let q = rotation[(x - 1u) + params.cells_x * ((y - 1u) + params.cells_y * k)];
-            if any(q != vec4<f32>(0.0)) { force = cell_forces(q, layer_of[k] * 8u, at); }
+            force = cell_forces(q, layer_of[k] * 8u, at);
         }
         for (var n = 0u; n < 8u; n += 1u) { corner_force[n * 64u + lane] = force[n]; }
         workgroupBarrier();

@@ -7,6 +7,9 @@
 @group(0) @binding(5) var<storage, read_write> p: array<vec4<f32>>;     // [slot][node] m
 @group(0) @binding(6) var<storage, read_write> s: array<vec4<f32>>;     // [slot][node] N
 @group(0) @binding(7) var<storage, read_write> r: array<vec4<f32>>;     // [slot][node] N
+@group(0) @binding(8) var<storage, read_write> partial_residual: array<f32>; // [slot][group] r·r
+
+var<workgroup> shared_sum: array<f32, 64>;
 
 @compute @workgroup_size(64)
 fn update(
@@ -14,15 +17,29 @@ fn update(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 ) {
-    let node = group_of(group, groups) * GROUP + lane;
+    let group_index = group_of(group, groups);
+    let node = group_index * GROUP + lane;
     let slot = params.first_slot + group.y;
+    let running = node < params.node_count && scalars[slot * 2u].w == 0.0;
+    var residual = vec4<f32>(0.0);
+    if running { residual = update_node(slot, slot * params.node_count + node); }
+    shared_sum[lane] = dot(residual, residual);
+    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
+        workgroupBarrier();
+        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+    }
+    if lane == 0u && running {
+        partial_residual[slot * ((params.node_count + GROUP - 1u) / GROUP) + group_index] = shared_sum[0];
+    }
+}
+
+fn update_node(slot: u32, i: u32) -> vec4<f32> {
     let head = scalars[slot * 2u];
-    if node >= params.node_count || head.w != 0.0 { return; }
-    let i = slot * params.node_count + node;
     if scalars[slot * 2u + 1u].w == 1.0 {
         x[i] = z[i];
-        r[i] -= w[i];
-        return;
+        let residual = r[i] - w[i];
+        r[i] = residual;
+        return residual;
     }
     var direction = z[i];
     var change = w[i];
@@ -33,5 +50,7 @@ fn update(
     p[i] = direction;
     s[i] = change;
     x[i] += head.x * direction;
-    r[i] -= head.x * change;
+    let residual = r[i] - head.x * change;
+    r[i] = residual;
+    return residual;
 }

@@ -262,18 +262,17 @@ impl<R: Real> Sub for M3<R> {
     }
 }
 
-/// Rotation matrix of a unit quaternion (x, y, z, w).
+/// `|q|²` times the rotation matrix of a quaternion (x, y, z, w): the rotation of a unit quaternion, 0 for a dead cell's.
 pub fn rotation_matrix<R: Real>(q: V4<R>) -> M3<R> {
     let two = R::of(2.0);
     let [x, y, z, w] = q;
-    let (xx, yy, zz) = (x * x, y * y, z * z);
+    let (xx, yy, zz, ww) = (x * x, y * y, z * z, w * w);
     let (xy, xz, yz) = (x * y, x * z, y * z);
     let (wx, wy, wz) = (w * x, w * y, w * z);
-    let one = R::one();
     M3([
-        V3::new(one - two * (yy + zz), two * (xy + wz), two * (xz - wy)),
-        V3::new(two * (xy - wz), one - two * (xx + zz), two * (yz + wx)),
-        V3::new(two * (xz + wy), two * (yz - wx), one - two * (xx + yy)),
+        V3::new(ww + xx - yy - zz, two * (xy + wz), two * (xz - wy)),
+        V3::new(two * (xy - wz), ww - xx + yy - zz, two * (yz + wx)),
+        V3::new(two * (xz + wy), two * (yz - wx), ww - xx - yy + zz),
     ])
 }
 

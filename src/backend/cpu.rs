@@ -6,9 +6,10 @@ use crate::kernels::advance::Request;
 use crate::kernels::precondition::precondition;
 use crate::kernels::product::{LANES, Modes, cell_groups, product};
 use crate::kernels::{
-    Params, blocks, centres, combine, cut, factor, forces, integrate, momentum, rhs, rotations, springs,
-    springs_blocks, springs_product,
+    Params, blocks, centres, cut, factor, forces, integrate, momentum, rhs, rotations, springs, springs_blocks,
+    springs_product,
 };
+use crate::linear::multigrid::{Hierarchy, Operator, Work, cycle};
 use crate::linear::{Outcome, Slot, solve};
 use crate::math::{M3, Real, V3, V4};
 use crate::model::Model;
@@ -41,21 +42,18 @@ pub struct CpuBackend<R> {
 }
 
 enum Elastic<R> {
-    Bricks {
-        shape: Vec<V4<R>>,
-        stiffness: Vec<M3<R>>,
-        system: Vec<M3<R>>,
-        modes: Vec<Modes<R>>,
-        layer_of: Vec<u32>,
-        rotation: Vec<V4<R>>,
-    },
-    Springs {
-        rest: Vec<V4<R>>,
-        first: Vec<u32>,
-        half: Vec<[u32; 2]>,
-        law: Vec<V4<R>>,
-        tangent: Vec<V4<R>>,
-    },
+    Bricks(Bricks<R>),
+    Springs { rest: Vec<V4<R>>, first: Vec<u32>, half: Vec<[u32; 2]>, law: Vec<V4<R>>, tangent: Vec<V4<R>> },
+}
+
+struct Bricks<R> {
+    shape: Vec<V4<R>>,
+    stiffness: Vec<M3<R>>,
+    system: Vec<M3<R>>,
+    modes: Vec<Modes<R>>,
+    layer_of: Vec<u32>,
+    rotation: Vec<V4<R>>,
+    multigrid: Option<Hierarchy<R>>,
 }
 
 struct Cutting<R> {
@@ -88,14 +86,15 @@ impl<R: Real> CpuBackend<R> {
                 law: s.law.iter().map(round).collect(),
                 tangent: zeros(s.half.len() * 2),
             },
-            None => Elastic::Bricks {
+            None => Elastic::Bricks(Bricks {
                 shape: model.shapes(),
                 stiffness: model.stiffness_blocks(),
                 system: model.system_blocks(),
                 modes: model.modes(),
                 layer_of: model.grid.layer_of.clone(),
                 rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.grid.cell_count()],
-            },
+                multigrid: Hierarchy::new(model),
+            }),
         };
         let cutting = needs.cutting.then(|| Cutting::new(model));
         Self {
@@ -128,8 +127,8 @@ impl<R: Real> CpuBackend<R> {
 
     fn fill_blocks(&self, params: &Params<R>, out: &mut [V4<R>]) {
         match &self.law {
-            Elastic::Bricks { system, layer_of, rotation, .. } => {
-                blocks::blocks(params, system, layer_of, rotation, &self.free, out);
+            Elastic::Bricks(b) => {
+                blocks::blocks(params, &b.system, &b.layer_of, &b.rotation, &self.free, out);
             }
             Elastic::Springs { first, half, tangent, .. } => {
                 springs_blocks::springs_blocks(params, first, half, tangent, &self.free, out);
@@ -172,7 +171,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn begin(&mut self) -> Result<()> {
         let params = self.params;
         match &mut self.law {
-            Elastic::Bricks { shape, stiffness, layer_of, rotation, .. } => {
+            Elastic::Bricks(Bricks { shape, stiffness, layer_of, rotation, .. }) => {
                 let u = &self.u;
                 if params.corotational == 1 {
                     rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
@@ -197,6 +196,9 @@ impl<R: Real> Backend for CpuBackend<R> {
         self.fill_blocks(&params, &mut block);
         factor::factor(&params, &mut block);
         self.block = block;
+        if let Elastic::Bricks(Bricks { multigrid: Some(multigrid), layer_of, rotation, .. }) = &mut self.law {
+            multigrid.refresh(&params, layer_of, rotation);
+        }
         Ok(())
     }
 
@@ -225,9 +227,17 @@ impl<R: Real> Backend for CpuBackend<R> {
         let (params, free, block, law) = (&self.params, &self.free, &self.block, &self.law);
         let (load, floor, max_iterations) = (self.load_squared, self.floor, self.max_iterations);
         let scratch_len = match law {
-            Elastic::Bricks { .. } => cell_groups(params),
+            Elastic::Bricks(_) => cell_groups(params),
             Elastic::Springs { .. } => 0,
         };
+        let operators = match law {
+            Elastic::Bricks(b) => b.multigrid.as_ref().map_or(vec![], |m| {
+                let (modes, layer_of, rotation) = (&b.modes[..], &b.layer_of[..], &b.rotation[..]);
+                m.operators(Operator { params: *params, free, block, steps: &[], modes, layer_of, rotation })
+            }),
+            Elastic::Springs { .. } => vec![],
+        };
+        let levels = &operators[..];
         let arrays = (
             self.x.par_chunks_mut(n),
             self.r.par_chunks_mut(n),
@@ -241,12 +251,10 @@ impl<R: Real> Backend for CpuBackend<R> {
             .enumerate()
             .filter_map(|(slot, arrays)| Some((wanted.iter().find(|w| w.slot == slot)?, arrays)))
             .map_init(
-                || vec![[[[R::zero(); LANES]; 3]; 8]; scratch_len],
-                |scratch, (want, (x, r, p, s, z, w))| {
+                || (vec![[[[R::zero(); LANES]; 3]; 8]; scratch_len], Work::new(levels)),
+                |(scratch, work), (want, (x, r, p, s, z, w))| {
                     let product = |z: &[V4<R>], w: &mut [V4<R>]| match law {
-                        Elastic::Bricks { modes, layer_of, rotation, .. } => {
-                            product(params, modes, layer_of, rotation, free, z, w, scratch)
-                        }
+                        Elastic::Bricks(b) => product(params, &b.modes, &b.layer_of, &b.rotation, free, z, w, scratch),
                         Elastic::Springs { first, half, tangent, .. } => {
                             springs_product::springs_product(params, first, half, tangent, free, z, w)
                         }
@@ -258,7 +266,10 @@ impl<R: Real> Backend for CpuBackend<R> {
                         load,
                         max_iterations,
                         product,
-                        |r: &[V4<R>], z: &mut [V4<R>]| precondition(params, block, r, z),
+                        |r: &[V4<R>], z: &mut [V4<R>]| match levels {
+                            [] => precondition(params, block, r, z),
+                            _ => cycle(levels, work, r, z),
+                        },
                     );
                     (want.slot, outcome)
                 },
@@ -269,18 +280,6 @@ impl<R: Real> Backend for CpuBackend<R> {
         let outcomes = wanted.iter().map(find).collect();
         let picked = pick.iter().map(|(slot, node)| V3::from4(self.x[slot * n + *node as usize]).f64()).collect();
         Ok((outcomes, picked))
-    }
-
-    fn correct(&mut self, forces: &[(u32, [f64; 3])], coefficients: &[(usize, f64)], keep: bool) -> Result<()> {
-        let entries: Vec<_> = forces.iter().map(|(node, f)| (CORRECTION, *node, *f)).collect();
-        self.set_rows(&[CORRECTION], &entries)?;
-        let mut by_slot = vec![R::zero(); self.x.len() / self.node_count];
-        by_slot[CORRECTION] = if keep { R::one() } else { R::zero() };
-        for (slot, c) in coefficients {
-            by_slot[*slot] = R::of(*c);
-        }
-        combine::combine(self.node_count, &by_slot, &mut self.x);
-        Ok(())
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
@@ -322,7 +321,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             return Ok(vec![]);
         };
         match &self.law {
-            Elastic::Bricks { .. } => {
+            Elastic::Bricks(_) => {
                 centres::centres(&self.params, &self.u, &self.v, &mut c.point_u, &mut c.point_v);
             }
             Elastic::Springs { .. } => {
@@ -336,7 +335,7 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn remove(&mut self, cells: &[u32], springs: &[u32], free: &[(u32, V4<f64>)]) -> Result<()> {
         match &mut self.law {
-            Elastic::Bricks { rotation, .. } => {
+            Elastic::Bricks(Bricks { rotation, .. }) => {
                 for cell in cells {
                     rotation[*cell as usize] = [R::zero(); 4];
                 }
@@ -363,7 +362,7 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn snapshot(&mut self) -> Result<Snapshot> {
         let (rotation, law) = match &self.law {
-            Elastic::Bricks { rotation, .. } => (widen(rotation), vec![]),
+            Elastic::Bricks(Bricks { rotation, .. }) => (widen(rotation), vec![]),
             Elastic::Springs { law, .. } => (vec![], widen(law)),
         };
         Ok(Snapshot { u: widen(&self.u), v: widen(&self.v), rotation, free: widen(&self.free), law })

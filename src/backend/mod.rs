@@ -1,7 +1,7 @@
 //! A backend holds the state of the deformable body and runs kernels on it: [`CpuBackend`] in f32 or f64, [`GpuBackend`] in f32.
 //!
-//! One step, as `step` drives it: [`Backend::begin`] (rotations, forces, right-hand side, preconditioner), [`Backend::set_rows`] (contact
-//! columns), [`Backend::solve`] (free motion and columns together), after the contact problem [`Backend::correct`], then
+//! One step, as `step` drives it: [`Backend::begin`] (rotations, forces, right-hand side, preconditioner), then [`Backend::solve`]
+//! for the free motion, for compliance columns and for the correction, their right-hand sides set by [`Backend::set_rows`], then
 //! [`Backend::finish`]. Arrays over right-hand sides are `[slot][node]`: slot [`FREE`] is the free motion, [`CORRECTION`] the contact
 //! correction, columns from [`FIRST_COLUMN`] on. Solutions stay in their slot and are the next solve's start.
 
@@ -27,8 +27,10 @@ pub const FIRST_COLUMN: usize = 2;
 pub struct Needs {
     /// There are tools: a correction slot.
     pub contact: bool,
-    /// Contact columns; 0 with uncoupled correction.
+    /// Compliance columns that are solved at once; 0 with uncoupled correction.
     pub columns: usize,
+    /// Nodes near the tools whose values are picked from each column, at most.
+    pub near: usize,
     /// Segments can be cut.
     pub cutting: bool,
     /// 3×3 blocks of `A` are read by the host (uncoupled correction).
@@ -109,8 +111,6 @@ pub trait Backend {
     fn forget(&mut self, slots: &[usize]) -> Result<()>;
     /// Solves slots together and picks values of `x` at (slot, node).
     fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)>;
-    /// Right-hand side of the correction: nodal contact forces, N; start: columns times coefficients plus `keep` × the last correction.
-    fn correct(&mut self, forces: &[(u32, [f64; 3])], coefficients: &[(usize, f64)], keep: bool) -> Result<()>;
     /// Writes the correction itself at some nodes (uncoupled correction), zero elsewhere, m.
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()>;
     /// Diagonal 3×3 blocks of `A` at nodes, by rows, N/m.

@@ -171,6 +171,8 @@ pub enum Precondition {
     Block,
     /// Block-tridiagonal along each column of nodes
     Column,
+    /// A V-cycle of geometric multigrid; bricks only
+    Multigrid,
 }
 
 impl From<Precondition> for Preconditioner {
@@ -180,6 +182,7 @@ impl From<Precondition> for Preconditioner {
             Precondition::Jacobi => Self::Jacobi,
             Precondition::Block => Self::Block,
             Precondition::Column => Self::Column,
+            Precondition::Multigrid => Self::Multigrid,
         }
     }
 }

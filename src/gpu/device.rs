@@ -1,6 +1,6 @@
 //! Adapters, buffers, bound kernels, batches and read-back over wgpu.
 
-use super::shader::{Access, Shader};
+use super::shader::{Access, Shader, Variable};
 use crate::error::{Error, Result};
 use crate::kernels::Source;
 use bytemuck::{NoUninit, Pod};
@@ -94,6 +94,7 @@ pub struct Buffer {
 }
 
 /// A kernel with its buffers.
+#[derive(Clone)]
 pub struct Bound {
     pipeline: Rc<Pipeline>,
     group: wgpu::BindGroup,
@@ -240,16 +241,31 @@ impl Gpu {
     /// # Errors
     /// [`Error::Shader`] when the text is not valid, [`Error::Binding`] for a missing, unknown or too small buffer.
     pub fn bind(&self, source: &Source, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
+        let pipeline = self.pipeline(source)?;
+        self.bind_pipeline(pipeline, buffers)
+    }
+
+    /// As [`Gpu::bind`], out of a list that may hold more than the shader names; of two with one name the later counts.
+    ///
+    /// # Errors
+    /// As [`Gpu::bind`].
+    pub fn bind_from(&self, source: &Source, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
+        let pipeline = self.pipeline(source)?;
+        let named = |v: &Variable| buffers.iter().rev().find(|(name, _)| *name == v.name).copied();
+        let list: Vec<(&str, &Buffer)> = pipeline.shader.variables.iter().filter_map(named).collect();
+        self.bind_pipeline(pipeline, &list)
+    }
+
+    fn pipeline(&self, source: &Source) -> Result<Rc<Pipeline>> {
         let known = self.pipelines.borrow().get(source.name).cloned();
-        let pipeline = match known {
-            Some(pipeline) => pipeline,
+        match known {
+            Some(pipeline) => Ok(pipeline),
             None => {
                 let made = Rc::new(self.compile(Shader::read(source)?)?);
                 self.pipelines.borrow_mut().insert(source.name, made.clone());
-                made
+                Ok(made)
             }
-        };
-        self.bind_pipeline(pipeline, buffers)
+        }
     }
 
     /// Compiles and binds a shader text of its own, for tests that break one on purpose.

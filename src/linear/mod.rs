@@ -1,6 +1,9 @@
 //! Conjugate gradients on the CPU, from the kernels' twins: the same recurrences as the GPU runs, one slot at a time.
 
+pub mod multigrid;
+
 use crate::kernels::advance::{Request, Scalars, advance};
+use crate::kernels::converge::converge;
 use crate::kernels::update::update;
 use crate::math::{Real, V4};
 
@@ -45,27 +48,30 @@ impl Outcome {
     }
 }
 
-/// Solves `A x = r` from the start `x`; `product` gives `w = A z` and `z·w`, `precondition` gives `z = M⁻¹ r`, `r·z` and `r·r`.
+/// Solves `A x = r` from the start `x`; `product` gives `w = A z` and `z·w`, `precondition` gives `z = M⁻¹ r` and `r·z`.
 pub fn solve<R: Real>(
     slot: Slot<R>,
     request: &Request<R>,
     load: R,
     max_iterations: u32,
     mut product: impl FnMut(&[V4<R>], &mut [V4<R>]) -> R,
-    mut precondition: impl FnMut(&[V4<R>], &mut [V4<R>]) -> [R; 2],
+    mut precondition: impl FnMut(&[V4<R>], &mut [V4<R>]) -> R,
 ) -> Outcome {
     let Slot { x, r, p, s, z, w } = slot;
     let mut k = Scalars { alpha: R::one(), ..Scalars::default() };
-    let mut dots = [R::zero(); 2];
+    let (mut gamma, mut residual) = (R::zero(), R::zero());
     z.copy_from_slice(x);
     while k.iterations.f64() <= f64::from(max_iterations) {
         let delta = product(z, w);
-        advance(request, load, delta, dots[0], dots[1], &mut k);
+        advance(request, load, delta, gamma, residual, &mut k);
+        if k.done == R::zero() {
+            residual = update(&k, z, w, x, p, s, r);
+            converge(residual, &mut k);
+        }
         if k.done != R::zero() {
             break;
         }
-        update(&k, z, w, x, p, s, r);
-        dots = precondition(r, z);
+        gamma = precondition(r, z);
     }
     Outcome::of(&k)
 }

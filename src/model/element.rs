@@ -20,6 +20,8 @@
 
 use crate::kernels::corner;
 use crate::kernels::momentum::share;
+use crate::kernels::product::Modes;
+use crate::math::{M3, Real, V3};
 use crate::scene::Element;
 
 /// 24×24 matrix by rows.
@@ -143,6 +145,18 @@ pub fn modes(k: &Matrix) -> [[[f64; 3]; 3]; 8] {
             })
         })
     })
+}
+
+/// `[layer × 64]` 3×3 blocks `a×8+b` of matrices.
+pub fn blocks<R: Real>(stiffness: &[Matrix]) -> Vec<M3<R>> {
+    let block =
+        |k: &Matrix, a: usize, b: usize| M3([0, 1, 2].map(|j| V3::of([0, 1, 2].map(|i| k[3 * a + i][3 * b + j]))));
+    stiffness.iter().flat_map(|k| (0..64).map(move |ab| block(k, ab / 8, ab % 8))).collect()
+}
+
+/// `[layer]` mirror blocks of matrices.
+pub fn rounded_modes<R: Real>(stiffness: &[Matrix]) -> Vec<Modes<R>> {
+    stiffness.iter().map(|k| modes(k).map(|b| b.map(|row| row.map(R::of)))).collect()
 }
 
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 pub mod element;
 mod energy;
+pub mod levels;
 mod springs;
 
 pub use energy::{Solved, elastic_energy, true_residual};
@@ -10,7 +11,7 @@ pub use springs::Springs;
 use crate::error::{Error, Result};
 use crate::kernels::product::{Modes, tiles};
 use crate::kernels::{GROUP, Params};
-use crate::math::{M3, Real, V3, V4};
+use crate::math::{M3, Real, V4};
 use crate::mesh::Grid;
 use crate::scene::{Law, Load, Mass, Preconditioner, Region, Scene};
 
@@ -42,6 +43,17 @@ pub struct Model {
     pub toughness: Vec<f64>,
     /// Step, gravity, damping, preconditioner.
     pub step: Step,
+    /// Coarse levels, when the preconditioner is multigrid.
+    pub multigrid: Option<Multigrid>,
+}
+
+/// What multigrid adds to a body of bricks.
+#[derive(Clone, Debug)]
+pub struct Multigrid {
+    /// Upper bound of the eigenvalues of `M⁻¹A` on the finest level.
+    pub largest: f64,
+    /// Levels below the finest, finer first.
+    pub coarse: Vec<levels::Level>,
 }
 
 /// Constants of the time step.
@@ -72,7 +84,8 @@ impl Model {
     /// Builds the arrays of a scene's skin.
     ///
     /// # Errors
-    /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach.
+    /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach; [`Error::Usage`] for
+    /// multigrid on springs.
     pub fn new(scene: &Scene) -> Result<Self> {
         let skin = &scene.skin;
         let grid = Grid::new(skin);
@@ -93,6 +106,12 @@ impl Model {
                 limit_name: "nodes reached by 32-bit indices",
                 limit: u64::from(u32::MAX) / 64,
                 fix: "use fewer cells".into(),
+            });
+        }
+        if matches!(skin.law, Law::Springs { .. }) && scene.solver.preconditioner == Preconditioner::Multigrid {
+            return Err(Error::Usage {
+                what: "multigrid is for bricks; this skin is of springs".into(),
+                fix: "take the preconditioner column".into(),
             });
         }
         let mut shape = vec![];
@@ -130,7 +149,12 @@ impl Model {
             Law::Springs { stiffness, damping } => Some(Springs::new(&grid, stiffness, damping)),
             Law::Fem { .. } => None,
         };
+        let multigrid = (scene.solver.preconditioner == Preconditioner::Multigrid).then(|| Multigrid {
+            largest: levels::largest(&stiffness).max(if skin.mass == Mass::Consistent { levels::OF_MASS } else { 1.0 }),
+            coarse: levels::levels(&grid, &stiffness, &free),
+        });
         Ok(Self {
+            multigrid,
             rest: (0..count).map(|n| grid.rest(n)).collect(),
             shape,
             stiffness,
@@ -149,7 +173,7 @@ impl Model {
                     Preconditioner::None => 0,
                     Preconditioner::Jacobi => 1,
                     Preconditioner::Block => 2,
-                    Preconditioner::Column => 3,
+                    Preconditioner::Column | Preconditioner::Multigrid => 3,
                 },
             },
             grid,
@@ -180,17 +204,17 @@ impl Model {
 
     /// `[layer × 64]` 3×3 blocks of the element matrices, for elastic forces.
     pub fn stiffness_blocks<R: Real>(&self) -> Vec<M3<R>> {
-        blocks(&self.stiffness)
+        element::blocks(&self.stiffness)
     }
 
     /// `[layer × 64]` 3×3 blocks of what the system matrix has of a cell beside the masses of nodes.
     pub fn system_blocks<R: Real>(&self) -> Vec<M3<R>> {
-        blocks(&self.system())
+        element::blocks(&self.system())
     }
 
     /// `[layer]` what the system matrix has of a cell beside the masses of nodes, less the factor `s`: K, and with a consistent mass what
     /// lumping it has put too much on the nodes. Blocks of M are multiples of the identity, so it turns with K.
-    fn system(&self) -> Vec<element::Matrix> {
+    pub fn system(&self) -> Vec<element::Matrix> {
         let mut all = self.stiffness.clone();
         if self.mass == Mass::Consistent {
             let params = self.params::<f64>();
@@ -204,7 +228,7 @@ impl Model {
 
     /// `[layer]` the same in mirror blocks, for products.
     pub fn modes<R: Real>(&self) -> Vec<Modes<R>> {
-        self.system().iter().map(|k| element::modes(k).map(|b| b.map(|row| row.map(R::of)))).collect()
+        element::rounded_modes(&self.system())
     }
 
     /// `[layer]` cell edges and corner mass.
@@ -243,11 +267,4 @@ impl Model {
     pub fn nodes_in(&self, region: &Region) -> Vec<u32> {
         (0..self.grid.node_count()).filter(|n| self.grid.contains(region, *n)).map(|n| n as u32).collect()
     }
-}
-
-fn blocks<R: Real>(matrices: &[element::Matrix]) -> Vec<M3<R>> {
-    let block = |k: &element::Matrix, a: usize, b: usize| {
-        M3([0, 1, 2].map(|j| V3::of([0, 1, 2].map(|i| k[3 * a + i][3 * b + j]))))
-    };
-    matrices.iter().flat_map(|k| (0..64).map(move |ab| block(k, ab / 8, ab % 8))).collect()
 }

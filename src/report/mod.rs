@@ -24,5 +24,6 @@ pub fn preconditioner_name(kind: Preconditioner) -> &'static str {
         Preconditioner::Jacobi => "jacobi",
         Preconditioner::Block => "block",
         Preconditioner::Column => "column",
+        Preconditioner::Multigrid => "multigrid",
     }
 }

@@ -88,6 +88,8 @@ pub enum Preconditioner {
     Block,
     /// Block-tridiagonal along each z-column of nodes.
     Column,
+    /// A V-cycle of geometric multigrid, smoothed by columns; bricks only.
+    Multigrid,
 }
 
 /// Linear solver settings.

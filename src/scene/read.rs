@@ -8,7 +8,7 @@ use super::files::Files;
 use super::grid::{self, Grid};
 use super::raw;
 use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
-use super::{Boundary, Layer, Load, Preconditioner, Scene, Solver, TestForm, Time};
+use super::{Boundary, Law, Layer, Load, Preconditioner, Scene, Solver, TestForm, Time};
 use super::{body, outputs, tools};
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -39,7 +39,7 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         title: raw.title.into_inner(),
         file: file.to_path_buf(),
         time: time(&scene, raw.time.keys)?,
-        solver: solver(&scene, raw::keys(raw.solver))?,
+        solver: solver(&scene, raw::keys(raw.solver), &skin.law)?,
         boundaries: boundaries.collect::<Result<_>>()?,
         loads: loads.collect::<Result<_>>()?,
         contact: (!tools.is_empty()).then_some(contact),
@@ -72,14 +72,18 @@ fn time(scene: &SceneText, raw: raw::Time) -> Result<Time> {
     Ok(time)
 }
 
-fn solver(scene: &SceneText, raw: raw::Solver) -> Result<Solver> {
-    let preconditioners = [
+fn solver(scene: &SceneText, raw: raw::Solver, law: &Law) -> Result<Solver> {
+    let mut preconditioners = vec![
         ("none", Preconditioner::None),
         ("jacobi", Preconditioner::Jacobi),
         ("block", Preconditioner::Block),
         ("column", Preconditioner::Column),
     ];
-    let preconditioner = or(raw.preconditioner, "column".to_string());
+    if matches!(law, Law::Fem { .. }) {
+        preconditioners.push(("multigrid", Preconditioner::Multigrid));
+    }
+    let best = preconditioners[preconditioners.len() - 1].0;
+    let preconditioner = or(raw.preconditioner, best.to_string());
     let count = |key, value, default| scene.count(key, &or(value, default), [1, u32::MAX]);
     Ok(Solver {
         preconditioner: scene.choice("preconditioner", &preconditioner, &preconditioners)?,

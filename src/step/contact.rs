@@ -1,6 +1,7 @@
 //! The contact part of a step: rows, compliance `W`, forces, correction and its passes.
 
-use super::{COLUMNS, Simulation, StepReport};
+use super::compliance::Compliance;
+use super::{Simulation, StepReport};
 use crate::backend::{CORRECTION, FREE, Target, Wanted};
 use crate::collide::Contact;
 use crate::constraints::{Law, solve};
@@ -20,40 +21,14 @@ pub struct ContactReport {
     pub passes: u32,
     /// Relative change of the forces that one more pass would make.
     pub residual: f64,
-    /// Largest iterations over the columns.
+    /// Compliance columns solved.
+    pub columns: u32,
+    /// Largest iterations over them.
     pub column_iterations: u32,
     /// `[contact × 3]` N
     pub forces: Vec<f64>,
     /// Force on each tool, N.
     pub on_tool: Vec<[f64; 3]>,
-}
-
-/// Columns keep their slot while their contact lasts, so that the last solution is the next start.
-#[derive(Clone, Debug, Default)]
-pub struct Slots {
-    taken: BTreeMap<(usize, usize), usize>,
-}
-
-impl Slots {
-    /// First slot of each contact, and the slots that are new.
-    fn assign(&mut self, contacts: &[Contact]) -> (Vec<usize>, Vec<usize>) {
-        self.taken.retain(|id, _| contacts.iter().any(|c| c.id == *id));
-        let mut fresh = vec![];
-        let slots = contacts
-            .iter()
-            .map(|c| {
-                if let Some(slot) = self.taken.get(&c.id) {
-                    return *slot;
-                }
-                let used: Vec<usize> = self.taken.values().copied().collect();
-                let slot = (0..).map(|k| COLUMNS + 3 * k).find(|s| !used.contains(s)).unwrap_or(COLUMNS);
-                self.taken.insert(c.id, slot);
-                fresh.extend(slot..slot + 3);
-                slot
-            })
-            .collect();
-        (slots, fresh)
-    }
 }
 
 /// Passes at most; two are usual (force error 0.3 % and less after the second), redundant contacts take more.
@@ -66,6 +41,9 @@ const SWEEP_TOLERANCE: f64 = 1e-5;
 /// slightly indefinite there; raised by more than that error, the sweeps converge (at 0 one solve in ten does not). The passes take
 /// the true violations, so the result does not depend on it.
 const RAISED: f64 = 0.001;
+
+/// A pass that leaves more than this share of the last one's residual shows that the compliance has aged too much.
+const SLOW: f64 = 0.5;
 
 /// One row: contact `k`, axis `n`.
 struct Rows<'a> {
@@ -102,6 +80,35 @@ impl Rows<'_> {
         }
         sum.into_iter().collect()
     }
+    /// The skin's part of `W` from blocks between nodes, by rows.
+    fn compliance(&self, between: &dyn Fn(u32, u32) -> DMat3) -> Vec<f64> {
+        let count = self.count();
+        let mut w = vec![0.0; count * count];
+        for (i, a) in self.contacts.iter().enumerate() {
+            for (j, b) in self.contacts.iter().enumerate().take(i + 1) {
+                let mut block = DMat3::ZERO; // b gives under a
+                for (k, l) in (0..9).map(|n| (n / 3, n % 3)) {
+                    block += between(a.nodes[k], b.nodes[l]) * (a.weights[k] * b.weights[l]);
+                }
+                for (m, n) in (0..9).map(|n| (n / 3, n % 3)) {
+                    let value = b.axes[n].dot(block * a.axes[m]);
+                    w[(3 * i + m) * count + 3 * j + n] = value;
+                    w[(3 * j + n) * count + 3 * i + m] = value;
+                }
+            }
+        }
+        w
+    }
+    /// `W` of skin and tools.
+    fn with_tool(&self, skin: &[f64], free: &[Free], exact: bool) -> Vec<f64> {
+        let count = self.count();
+        let mut w: Vec<f64> =
+            (0..count * count).map(|k| skin[k] + self.tool_compliance(k / count, k % count, free)).collect();
+        if exact {
+            (0..count).for_each(|i| w[i * count + i] *= 1.0 + RAISED);
+        }
+        w
+    }
     /// The tool's part of `W`.
     fn tool_compliance(&self, i: usize, j: usize, free: &[Free]) -> f64 {
         if self.tool(i) != self.tool(j) {
@@ -134,57 +141,26 @@ impl Simulation {
             DVec3::from_array(values[offset + nodes.binary_search(&node).unwrap_or(0)])
         };
 
-        // free motion and columns
+        // free motion, and the compliance of the nodes that the tools newly reach
         let exact = law.correction == Correction::Exact;
-        let mut wanted = vec![Wanted { slot: FREE, target: Target::OfLoad(self.scene.solver.tolerance) }];
-        let mut pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
-        let mut columns = vec![];
-        if exact {
-            let (slots, fresh) = self.slots.assign(contacts);
-            columns = slots.iter().flat_map(|s| [*s, s + 1, s + 2]).collect();
-            let mut entries = vec![];
-            for (row, slot) in columns.iter().enumerate() {
-                let c = &contacts[row / 3];
-                let norm = c.weights.iter().map(|w| w * w).sum::<f64>().sqrt();
-                wanted.push(Wanted { slot: *slot, target: Target::Absolute(law.column_tolerance * norm) });
-                for k in 0..3 {
-                    entries.push((*slot, c.nodes[k], (rows.axis(row) * -c.weights[k]).to_array()));
-                }
-                pick.extend(nodes.iter().map(|n| (*slot, *n)));
-            }
-            self.backend.forget(&fresh)?;
-            self.backend.set_rows(&columns, &entries)?;
-        }
+        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(self.scene.solver.tolerance) }];
+        let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
         let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;
         report.free = outcomes[0];
-        report.contact.column_iterations = outcomes[1..].iter().map(|o| o.iterations).max().unwrap_or(0);
-        if outcomes[1..].iter().any(|o| !o.converged) {
-            *report.warnings.entry("columns_not_converged").or_default() += 1;
-        }
-
-        // compliance and violations
-        let blocks = if exact { vec![] } else { self.backend.node_blocks(&nodes)? };
-        let inverse: Vec<DMat3> = blocks.iter().map(|b| DMat3::from_cols_array_2d(b).inverse()).collect();
-        let mut skin = vec![0.0; count * count];
-        for i in 0..count {
-            for j in 0..count {
-                skin[i * count + j] = if exact {
-                    rows.on_skin(i, |n| at(&picked, (j + 1) * nodes.len(), n))
-                } else {
-                    let push = rows.forces_of(j);
-                    rows.on_skin(i, |n| {
-                        let k = nodes.binary_search(&n).unwrap_or(0);
-                        inverse[k] * push.iter().find(|p| p.0 == n).map_or(DVec3::ZERO, |p| p.1)
-                    })
-                };
-            }
-        }
-        symmetrise(&mut skin, count);
-        let mut w: Vec<f64> =
-            (0..count * count).map(|k| skin[k] + rows.tool_compliance(k / count, k % count, free)).collect();
-        if exact {
-            (0..count).for_each(|i| w[i * count + i] *= 1.0 + RAISED);
-        }
+        let (backend, compliance) = (self.backend.as_mut(), &mut self.compliance);
+        let inverse: Vec<DMat3> = if exact {
+            compliance.prepare(backend, &nodes, law.column_tolerance, law.max_contacts, report)?;
+            vec![]
+        } else {
+            let blocks = backend.node_blocks(&nodes)?;
+            blocks.iter().map(|b| DMat3::from_cols_array_2d(b).inverse()).collect()
+        };
+        let between = |compliance: &Compliance, a: u32, b: u32| match nodes.binary_search(&a) {
+            Ok(k) if !exact && a == b => inverse[k],
+            _ => compliance.between(a, b),
+        };
+        let mut skin = rows.compliance(&|a, b| between(&self.compliance, a, b));
+        let mut w = rows.with_tool(&skin, free, exact);
         let violation: Vec<f64> = (0..count)
             .map(|i| {
                 let gap = if i % 3 == 0 { contacts[i / 3].gap } else { 0.0 };
@@ -208,9 +184,9 @@ impl Simulation {
             report.contact.passes += 1;
             let moved = if exact {
                 let total = forces.iter().map(|f| f.1.length_squared()).sum::<f64>().sqrt();
-                let coefficients: Vec<(usize, f64)> = columns.iter().copied().zip(lambda.iter().copied()).collect();
-                self.backend.correct(&nodal, &coefficients, false)?;
-                let target = Target::Absolute(self.scene.solver.tolerance * total);
+                let entries: Vec<_> = nodal.iter().map(|(n, f)| (CORRECTION, *n, *f)).collect();
+                self.backend.set_rows(&[CORRECTION], &entries)?;
+                let target = Target::Absolute(self.scene.solver.tolerance.min(law.tolerance) * total);
                 let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
                 let (outcome, moved) = self.backend.solve(&[Wanted { slot: CORRECTION, target }], &pick)?;
                 report.correction_iterations += outcome[0].iterations;
@@ -233,14 +209,28 @@ impl Simulation {
             found = (0..count)
                 .map(|i| violation[i] + rows.on_skin(i, |n| at(&moved, 0, n)) + tool_part(i))
                 .collect::<Vec<f64>>();
-            let product = |i: usize| (0..count).map(|j| w[i * count + j] * lambda[j]).sum::<f64>();
-            shifted = (0..count).map(|i| found[i] - product(i)).collect();
             let mut next = lambda.clone();
-            solve(&laws, &w, &shifted, &mut next, SWEEP_TOLERANCE, MAX_SWEEPS);
-            // in the energy's norm: redundant contacts may share a force in many ways, which means nothing
-            let change: Vec<f64> = next.iter().zip(&lambda).map(|(a, b)| a - b).collect();
-            let total = energy(&w, &lambda);
-            report.contact.residual = if total > 0.0 { (energy(&w, &change) / total).sqrt() } else { 0.0 };
+            let before = report.contact.residual;
+            let residual = |w: &[f64], next: &mut Vec<f64>| {
+                let product = |i: usize| (0..count).map(|j| w[i * count + j] * lambda[j]).sum::<f64>();
+                let shifted: Vec<f64> = (0..count).map(|i| found[i] - product(i)).collect();
+                let ended = solve(&laws, w, &shifted, next, SWEEP_TOLERANCE, MAX_SWEEPS);
+                // in the energy's norm: redundant contacts may share a force in many ways, which means nothing
+                let change: Vec<f64> = next.iter().zip(&lambda).map(|(a, b)| a - b).collect();
+                let total = energy(w, &lambda);
+                let size = if total > 0.0 { (energy(w, &change) / total).sqrt() } else { 0.0 };
+                (shifted, size, ended.converged)
+            };
+            let (mut left, mut size, settled) = residual(&w, &mut next);
+            let slow = report.contact.passes > 1 && size > SLOW * before;
+            if exact && size > law.tolerance && (slow || !settled) && self.compliance.aged() {
+                self.compliance.renew(self.backend.as_mut(), law.column_tolerance, report)?;
+                skin = rows.compliance(&|a, b| between(&self.compliance, a, b));
+                w = rows.with_tool(&skin, free, exact);
+                next.clone_from(&lambda);
+                (left, size, _) = residual(&w, &mut next);
+            }
+            (shifted, report.contact.residual) = (left, size);
             if report.contact.residual <= law.tolerance || !exact {
                 break;
             }
@@ -294,25 +284,8 @@ impl Simulation {
     }
 }
 
-impl Rows<'_> {
-    /// `Jᵀ` of one row.
-    fn forces_of(&self, row: usize) -> Vec<(u32, DVec3)> {
-        let c = &self.contacts[row / 3];
-        (0..3).map(|k| (c.nodes[k], self.axis(row) * -c.weights[k])).collect()
-    }
-}
-
 /// `λᵀ W λ`, N·m.
 fn energy(w: &[f64], lambda: &[f64]) -> f64 {
     let rows = w.chunks_exact(lambda.len().max(1)).zip(lambda);
     rows.map(|(line, l)| l * line.iter().zip(lambda).map(|(w, m)| w * m).sum::<f64>()).sum::<f64>().max(0.0)
-}
-
-fn symmetrise(w: &mut [f64], count: usize) {
-    for i in 0..count {
-        for j in 0..i {
-            let mean = 0.5 * (w[i * count + j] + w[j * count + i]);
-            (w[i * count + j], w[j * count + i]) = (mean, mean);
-        }
-    }
 }

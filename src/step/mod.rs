@@ -1,18 +1,19 @@
 //! One time step, written once over [`Backend`]:
 //!
 //! 1. contacts at the step's start (the search is widened by the tool's motion);
-//! 2. free motion of the skin and loose columns of `A⁻¹Jᵀ` in one solve; the tool's free motion;
+//! 2. free motion of the skin, loose columns of `A⁻¹` at nodes that the tools newly reach; the tool's free motion;
 //! 3. violations `δ` at the free positions, forces λ by Gauss–Seidel on `W λ + δ`;
 //! 4. correction: `A Δx = Jᵀλ` solved accurately, δ taken again, until the contact law holds;
 //! 5. integration, the tool's motion, the cut by what the edge swept.
 //!
 //! A scene without contact reads nothing back here. What goes wrong numerically is counted in [`StepReport`], never mended in silence.
 
+mod compliance;
 mod contact;
 
 pub use contact::ContactReport;
 
-use crate::backend::{Backend, CpuBackend, Device, FIRST_COLUMN, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
+use crate::backend::{Backend, CpuBackend, Device, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
 use crate::collide::{self, Contact, Patch, Search};
 use crate::cut::{Totals, Wound};
 use crate::error::Result;
@@ -22,6 +23,7 @@ use crate::instrument::{Free, Instrument, Role};
 use crate::linear::Outcome;
 use crate::model::{Model, Solved, true_residual};
 use crate::scene::{Correction, ProbeKind, Scene};
+use compliance::Compliance;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -79,7 +81,7 @@ pub struct Simulation {
     scene: Scene,
     backend: Box<dyn Backend>,
     probes: Vec<Prepared>,
-    slots: contact::Slots,
+    compliance: Compliance,
     load_changes: Vec<f64>,
     step_number: u32,
     epoch: u32,
@@ -100,7 +102,8 @@ pub fn needs(scene: &Scene) -> Needs {
     let exact = contact.correction == Correction::Exact;
     Needs {
         contact: true,
-        columns: if exact { 3 * contact.max_contacts as usize } else { 0 },
+        columns: if exact { compliance::COLUMNS } else { 0 },
+        near: compliance::most_nodes(contact.max_contacts),
         cutting: scene.tools.iter().any(|t| t.blade.is_some()),
         node_blocks: !exact,
     }
@@ -157,7 +160,7 @@ impl Simulation {
             time: 0.0,
             backend,
             probes: scene.probes.iter().map(|p| prepare(&p.kind)).collect(),
-            slots: contact::Slots::default(),
+            compliance: Compliance::default(),
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
             step_number: 0,
             epoch: 0,
@@ -373,6 +376,7 @@ impl Simulation {
         report.severed = (self.wound.totals.links + self.wound.totals.springs - links) as u32;
         if report.severed > 0 {
             self.epoch += 1;
+            self.compliance.clear();
             self.backend.remove(&removal.cells, &removal.springs, &removal.free)?;
         }
         Ok(())
@@ -394,6 +398,3 @@ impl Simulation {
         Ok(())
     }
 }
-
-/// First column slot, for the contact part.
-const COLUMNS: usize = FIRST_COLUMN;

@@ -213,7 +213,7 @@ fn a_scene_without_contact_has_nothing_of_contact() -> Outcome {
         contact.iter().chain(&cut).chain(&springs).filter(|n| arrays.iter().any(|a| a == *n)).collect();
     ensure!(wrong.is_empty(), "arrays {wrong:?}");
     let kernels = names(&plan["kernels"]);
-    let needless = ["combine", "scatter", "cut", "centres", "springs", "springs_product", "springs_blocks"];
+    let needless = ["scatter", "cut", "centres", "springs", "springs_product", "springs_blocks"];
     ensure!(!needless.iter().any(|n| kernels.iter().any(|k| k == n)), "kernels {kernels:?}");
     ensure!(names(&plan["read_backs"]) == ["solver"], "{}", plan["read_backs"]);
     ensure!(names(&plan["dispatches"]) == ["free motion", "solver"], "{}", plan["dispatches"]);

@@ -111,6 +111,9 @@ impl Body {
             inertia: R::of(1_010_000.0),
             stiffness_factor: R::of(11.0),
             step: R::of(f64::from(1e-3f32)),
+            fresh: u32::from(self.first_slot > 0),
+            keep: R::of(0.375),
+            gain: R::of(0.75),
             gravity_x: R::of(0.5),
             gravity_y: R::of(-0.25),
             gravity_z: R::of(-9.75),
@@ -146,6 +149,15 @@ impl Body {
     /// Columns of nodes.
     pub fn columns(&self) -> usize {
         self.grid.nodes[0] * self.grid.nodes[1]
+    }
+
+    /// Cells of the next coarser level.
+    pub fn coarse_cells(&self) -> usize {
+        self.params::<f64>().coarse_cells().iter().product()
+    }
+    /// Nodes of the next coarser level.
+    pub fn coarse_nodes(&self) -> usize {
+        self.params::<f64>().coarse_cells().iter().map(|c| c + 1).product()
     }
 
     /// Three of four nodes in random order, each once.
@@ -190,10 +202,12 @@ impl Body {
             "point_v" => random.vectors(nodes, 1.0),
             "v" | "mean_v" => random.vectors(nodes, 0.1),
             "f" | "load" => random.vectors(nodes, 0.01),
-            "z" | "x" | "p" => random.vectors(all, 1e-4),
+            "z" | "x" | "p" | "d" => random.vectors(all, 1e-4),
+            "coarse_z" => random.vectors(self.coarse_nodes() * self.slots, 1e-4),
+            "coarse_r" => random.vectors(self.coarse_nodes() * self.slots, 0.01),
+            "coarse_rotation" => random.many(self.coarse_cells() * 4, 1.0),
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
             "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),
-            "coefficient" => random.many(self.slots, 1.0),
             "rest" => self.rest(&mut random),
             "shape" => {
                 (0..LAYERS).flat_map(|_| [1e-3, 1.1e-3, 4e-4, 1e-7].map(|c| c * (1.0 + 0.3 * random.next()))).collect()
@@ -201,7 +215,7 @@ impl Body {
             "stiffness" => random.vectors(LAYERS * 64 * 3, 100.0),
             "modes" => (0..LAYERS * 8).flat_map(|_| symmetric(&mut random)).collect(),
             "rotation" => self.rotation(&mut random),
-            "free" => (0..nodes)
+            "free" | "coarse_free" => (0..nodes)
                 .flat_map(|_| {
                     let axes = [0; 3].map(|_| if random.next() < 0.7 { 1.0 } else { 0.0 });
                     [axes[0], axes[1], axes[2], 1e-6 * (2.0 + random.next())]
@@ -228,7 +242,8 @@ impl Body {
                 let sign = |k: usize| if k / groups == 7 { -1.0 } else { 1.0 };
                 positive(&mut random, self.slots * groups).enumerate().map(|(k, c)| c * sign(k)).collect()
             }
-            "partial_dots" => positive(&mut random, self.slots * self.column_groups() * 2).collect(),
+            "partial_gamma" => positive(&mut random, self.slots * self.column_groups()).collect(),
+            "partial_residual" => positive(&mut random, self.slots * self.node_groups()).collect(),
             "partial_load" => positive(&mut random, self.node_groups()).collect(),
             _ => panic!("no array is called `{name}`; give it a shape and a scale here"),
         }
@@ -246,8 +261,10 @@ impl Body {
         (0..cells)
             .flat_map(|cell| {
                 let [x, y, z] = [0; 3].map(|_| 0.5 * random.next());
+                // a coarse level's cells may be short, and either sign is the same rotation
+                let size = if self.kernel == "coarsen" { [1.0, 0.8, -0.9][cell % 3] } else { 1.0 };
                 // a cell of its own is alive
-                if cell > 0 && cell == cells / 2 { [0.0; 4] } else { unit([x, y, z, 1.0]) }
+                if cell > 0 && cell == cells / 2 { [0.0; 4] } else { unit([x, y, z, 1.0]).map(|c| c * size) }
             })
             .collect()
     }

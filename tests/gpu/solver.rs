@@ -89,7 +89,10 @@ const SPRINGS: &str = "law = \"springs\"\nspring_stiffness_n_m = 30\nspring_damp
 pub fn tests() -> Vec<(String, Test)> {
     let mut all: Vec<(String, Test)> = vec![];
     for (law, text) in [("bricks", FEM), ("heavy_bricks", HEAVY), ("springs", SPRINGS)] {
-        for kind in ["none", "jacobi", "block", "column"] {
+        for kind in ["none", "jacobi", "block", "column", "multigrid"] {
+            if kind == "multigrid" && law == "springs" {
+                continue; // bricks only
+            }
             let case = Case { law: text, preconditioner: kind };
             all.push((format!("free_motion_of_{law}_{kind}"), Box::new(move |gpu| case.free_motion(gpu))));
         }
@@ -137,7 +140,7 @@ impl Case {
         let (model, load) = self.model()?;
         let rest = vec![[0.0; 4]; model.grid.node_count()];
         let start = Snapshot { u: rest.clone(), v: rest, ..Snapshot::default() };
-        let needs = Needs { contact: true, columns: COLUMNS, cutting: true, node_blocks: true };
+        let needs = Needs { contact: true, columns: COLUMNS, near: 64, cutting: true, node_blocks: true };
         let a = &gpu.adapter;
         let own = Gpu::open(Some(&format!("{} {} {}", a.name, a.backend, a.driver)))?;
         let mut three = Three {
@@ -310,9 +313,7 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     seen.push(("picked free motion", SOLUTION, picked[..1].to_vec()));
     seen.push(("picked columns", SOLUTION, picked[1..].to_vec()));
     let f = [0.0, 0.0, -0.05];
-    b.correct(&[(pressed, f), (bottom, f)], &[(FIRST_COLUMN, 0.05)], false)?;
-    let start = b.solution(CORRECTION)?;
-    seen.push(("start of the correction", SOLUTION, triples(&start)));
+    b.set_rows(&[CORRECTION], &[(CORRECTION, pressed, f), (CORRECTION, bottom, f)])?;
     b.solve(&[absolute(CORRECTION)], &[])?;
     seen.push(("correction", SOLUTION, triples(&b.solution(CORRECTION)?)));
     b.finish(true)?;

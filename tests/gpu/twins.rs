@@ -23,22 +23,22 @@ fn running(b: &Body) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> {
         .map(move |slot| (slot, slot * n..(slot + 1) * n))
 }
 
-/// Sums of a `[slot][group][lane]` array over its groups.
-pub fn slot_sums<R: Real>(parts: &[R], groups: usize, lanes: usize) -> Vec<R> {
-    let lane_sum = |slot: &[R], lane: usize| slot.iter().skip(lane).step_by(lanes).copied().sum();
-    parts.chunks_exact(groups * lanes).flat_map(|slot| (0..lanes).map(move |lane| lane_sum(slot, lane))).collect()
+/// Sums of a `[slot][group]` array over its groups.
+pub fn slot_sums<R: Real>(parts: &[R], groups: usize) -> Vec<R> {
+    parts.chunks_exact(groups).map(|slot| slot.iter().copied().sum()).collect()
 }
 
 /// Before the kernel: noise in slots that it leaves alone, zero where it writes.
-fn start_sums<R: Real>(b: &Body, name: &str, groups: usize, lanes: usize) -> Vec<R> {
-    let mut sums = slot_sums(&b.scalars::<R>(name), groups, lanes);
-    sums[b.first_slot * lanes..].fill(R::zero());
+fn start_sums<R: Real>(b: &Body, name: &str, groups: usize) -> Vec<R> {
+    let mut sums = slot_sums(&b.scalars::<R>(name), groups);
+    sums[b.first_slot..].fill(R::zero());
     sums
 }
 
 pub fn advance<R: Real>(b: &Body) -> Outputs<R> {
-    let product = slot_sums(&b.scalars::<R>("partial_product"), b.product_groups(), 1);
-    let dots = slot_sums(&b.scalars::<R>("partial_dots"), b.column_groups(), 2);
+    let product = slot_sums(&b.scalars::<R>("partial_product"), b.product_groups());
+    let gamma = slot_sums(&b.scalars::<R>("partial_gamma"), b.column_groups());
+    let residual = slot_sums(&b.scalars::<R>("partial_residual"), b.node_groups());
     let load = b.scalars::<R>("partial_load").into_iter().sum();
     let mut scalars = b.scalars::<R>("scalars");
     let requests = b.v4::<R>("requests");
@@ -47,18 +47,8 @@ pub fn advance<R: Real>(b: &Body) -> Outputs<R> {
         let [tolerance_squared, reference_squared, floor_squared, use_load] = requests[slot];
         let request = Request { tolerance_squared, reference_squared, floor_squared, use_load };
         let mut k = read_scalars(at);
-        let (gamma, residual) = (dots[slot * 2], dots[slot * 2 + 1]);
-        kernels::advance::advance(&request, load, product[slot], gamma, residual, &mut k);
-        at.copy_from_slice(&[
-            k.alpha,
-            k.beta,
-            k.gamma,
-            k.done,
-            k.target_squared,
-            k.residual_squared,
-            k.iterations,
-            k.state,
-        ]);
+        kernels::advance::advance(&request, load, product[slot], gamma[slot], residual[slot], &mut k);
+        at.copy_from_slice(&write_scalars(&k));
     }
     vec![("scalars", scalars)]
 }
@@ -76,6 +66,10 @@ fn read_scalars<R: Real>(k: &[R]) -> Scalars<R> {
     }
 }
 
+fn write_scalars<R: Real>(k: &Scalars<R>) -> [R; 8] {
+    [k.alpha, k.beta, k.gamma, k.done, k.target_squared, k.residual_squared, k.iterations, k.state]
+}
+
 pub fn blocks<R: Real>(b: &Body) -> Outputs<R> {
     let mut block = b.v4::<R>("block");
     let (layer_of, rotation) = (&b.grid.layer_of, b.v4("rotation"));
@@ -90,10 +84,22 @@ pub fn centres<R: Real>(b: &Body) -> Outputs<R> {
     vec![("point_u", flat(&point_u)), ("point_v", flat(&point_v))]
 }
 
-pub fn combine<R: Real>(b: &Body) -> Outputs<R> {
-    let mut x = b.v4::<R>("x");
-    kernels::combine::combine(b.grid.node_count(), &b.scalars("coefficient"), &mut x);
-    vec![("x", flat(&x))]
+pub fn coarsen<R: Real>(b: &Body) -> Outputs<R> {
+    let mut coarse = vec![[R::zero(); 4]; b.coarse_cells()];
+    kernels::coarsen::coarsen(&b.params(), &b.v4("rotation"), &mut coarse);
+    vec![("coarse_rotation", flat(&coarse))]
+}
+
+pub fn converge<R: Real>(b: &Body) -> Outputs<R> {
+    let residual = slot_sums(&b.scalars::<R>("partial_residual"), b.node_groups());
+    let mut scalars = b.scalars::<R>("scalars");
+    for (slot, _) in running(b) {
+        let at = &mut scalars[slot * 8..slot * 8 + 8];
+        let mut k = read_scalars(at);
+        kernels::converge::converge(residual[slot], &mut k);
+        at.copy_from_slice(&write_scalars(&k));
+    }
+    vec![("scalars", scalars)]
 }
 
 pub fn cut<R: Real>(b: &Body) -> Outputs<R> {
@@ -142,12 +148,11 @@ pub fn momentum<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn precondition<R: Real>(b: &Body) -> Outputs<R> {
     let (block, r, mut z) = (b.v4::<R>("block"), b.v4("r"), b.v4("z"));
-    let mut dots = start_sums(b, "partial_dots", b.column_groups(), 2);
+    let mut gamma = start_sums(b, "partial_gamma", b.column_groups());
     for (slot, at) in running(b) {
-        let sums = kernels::precondition::precondition(&b.params(), &block, &r[at.clone()], &mut z[at.clone()]);
-        dots[slot * 2..slot * 2 + 2].copy_from_slice(&sums);
+        gamma[slot] = kernels::precondition::precondition(&b.params(), &block, &r[at.clone()], &mut z[at]);
     }
-    vec![("z", flat(&z)), ("partial_dots", dots)]
+    vec![("z", flat(&z)), ("partial_gamma", gamma)]
 }
 
 pub fn product<R: Real>(b: &Body) -> Outputs<R> {
@@ -155,12 +160,42 @@ pub fn product<R: Real>(b: &Body) -> Outputs<R> {
     let (free, z, mut w) = (b.v4::<R>("free"), b.v4("z"), b.v4("w"));
     let (p, layer_of) = (b.params(), &b.grid.layer_of);
     let mut scratch = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&p)];
-    let mut dots = start_sums(b, "partial_product", b.product_groups(), 1);
+    let mut dots = start_sums(b, "partial_product", b.product_groups());
     for (slot, at) in running(b) {
         let (z, w) = (&z[at.clone()], &mut w[at]);
         dots[slot] = kernels::product::product(&p, &modes, layer_of, &rotation, &free, z, w, &mut scratch);
     }
     vec![("w", flat(&w)), ("partial_product", dots)]
+}
+
+pub fn prolongation<R: Real>(b: &Body) -> Outputs<R> {
+    let (coarse, mut z, count) = (b.v4::<R>("coarse_z"), b.v4("z"), b.coarse_nodes());
+    for (slot, at) in running(b) {
+        let coarse = &coarse[slot * count..(slot + 1) * count];
+        kernels::prolongation::prolongation(&b.params(), &b.v4("free"), coarse, &mut z[at]);
+    }
+    vec![("z", flat(&z))]
+}
+
+pub fn relax<R: Real>(b: &Body) -> Outputs<R> {
+    let (block, r) = (b.v4::<R>("block"), b.v4("r"));
+    let [mut w, mut d, mut z] = ["w", "d", "z"].map(|name| b.v4(name));
+    let mut gamma = start_sums(b, "partial_gamma", b.column_groups());
+    for (slot, at) in running(b) {
+        let at = || at.clone();
+        gamma[slot] = kernels::relax::relax(&b.params(), &block, &r[at()], &mut w[at()], &mut d[at()], &mut z[at()]);
+    }
+    vec![("w", flat(&w)), ("d", flat(&d)), ("z", flat(&z)), ("partial_gamma", gamma)]
+}
+
+pub fn restriction<R: Real>(b: &Body) -> Outputs<R> {
+    let (free, r, w, mut coarse) = (b.v4::<R>("coarse_free"), b.v4("r"), b.v4("w"), b.v4("coarse_r"));
+    let count = b.coarse_nodes();
+    for (slot, at) in running(b) {
+        let coarse = &mut coarse[slot * count..(slot + 1) * count];
+        kernels::restriction::restriction(&b.params(), &free, &r[at.clone()], &w[at], coarse);
+    }
+    vec![("coarse_r", flat(&coarse))]
 }
 
 pub fn rhs<R: Real>(b: &Body) -> Outputs<R> {
@@ -201,7 +236,7 @@ pub fn springs_blocks<R: Real>(b: &Body) -> Outputs<R> {
 pub fn springs_product<R: Real>(b: &Body) -> Outputs<R> {
     let (tangent, free, s) = (b.v4("tangent"), b.v4("free"), &b.springs);
     let (z, mut w) = (b.v4::<R>("z"), b.v4("w"));
-    let mut dots = start_sums(b, "partial_product", b.product_groups(), 1);
+    let mut dots = start_sums(b, "partial_product", b.product_groups());
     for (slot, at) in running(b) {
         dots[slot] = kernels::springs_product::springs_product(
             &b.params(),
@@ -219,10 +254,13 @@ pub fn springs_product<R: Real>(b: &Body) -> Outputs<R> {
 pub fn update<R: Real>(b: &Body) -> Outputs<R> {
     let (z, w, scalars) = (b.v4::<R>("z"), b.v4("w"), b.scalars("scalars"));
     let [mut x, mut p, mut s, mut r] = ["x", "p", "s", "r"].map(|name| b.v4(name));
+    // a done slot keeps its sums
+    let mut residual = slot_sums(&b.scalars::<R>("partial_residual"), b.node_groups());
     for (slot, at) in running(b) {
         let k = read_scalars(&scalars[slot * 8..slot * 8 + 8]);
         let at = || at.clone();
-        kernels::update::update(&k, &z[at()], &w[at()], &mut x[at()], &mut p[at()], &mut s[at()], &mut r[at()]);
+        residual[slot] =
+            kernels::update::update(&k, &z[at()], &w[at()], &mut x[at()], &mut p[at()], &mut s[at()], &mut r[at()]);
     }
-    vec![("x", flat(&x)), ("p", flat(&p)), ("s", flat(&s)), ("r", flat(&r))]
+    vec![("x", flat(&x)), ("p", flat(&p)), ("s", flat(&s)), ("r", flat(&r)), ("partial_residual", residual)]
 }

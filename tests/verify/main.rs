@@ -9,6 +9,7 @@ mod differences;
 mod elements;
 mod masses;
 mod motion;
+mod multigrid;
 mod release;
 mod setup;
 mod skin_block;
@@ -47,7 +48,8 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 9] = [
+    let groups: [&[Case]; 10] = [
+        multigrid::CASES,
         elements::CASES,
         differences::CASES,
         dense::CASES,
@@ -58,8 +60,14 @@ fn main() -> ExitCode {
         skin_block::CASES,
         release::CASES,
     ];
-    let everywhere: [&[Everywhere]; 5] =
-        [elements::EVERYWHERE, motion::EVERYWHERE, masses::EVERYWHERE, springs::EVERYWHERE, release::EVERYWHERE];
+    let everywhere: [&[Everywhere]; 6] = [
+        multigrid::EVERYWHERE,
+        elements::EVERYWHERE,
+        motion::EVERYWHERE,
+        masses::EVERYWHERE,
+        springs::EVERYWHERE,
+        release::EVERYWHERE,
+    ];
     let mut trials = vec![];
     for (name, run) in groups.into_iter().flatten() {
         let run = move || {

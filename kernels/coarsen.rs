@@ -1,0 +1,58 @@
+//! Rotations of a coarser level's cells: the mean of the up to four cells below, and how much of the coarse cell they fill.
+//!
+//! Multigrid coarsens x and y by two and keeps z. A quaternion's length is `s^¼`, `s` the share of the cell that is alive, so that
+//! `R K Rᵀ` with `|q|²` times the rotation matrix is `s` times the turned stiffness: `q_c = s_c^¼ Σ s_i q̂_i / |Σ s_i q̂_i|`,
+//! `s_c = Σ s_i / 4`. A cell that the finer grid does not have (odd sizes) or that is dead has `s = 0`.
+//! The coarse operator then needs no matrix of its own: one 24×24 matrix per level and layer, `Σ PᵀKP` over the four children
+//! (`model::levels`), turned and scaled per cell.
+
+use super::{Params, Source};
+use crate::math::{Real, V4};
+
+/// The shader.
+pub const SOURCE: Source =
+    Source { name: "coarsen", wgsl: include_str!("coarsen.wgsl"), params: Params::<f32>::FIELDS };
+
+/// Fills the coarser level's rotations.
+pub fn coarsen<R: Real>(
+    params: &Params<R>,            // of the finer level
+    rotation: &[V4<R>],            // [cell] quaternion
+    coarse_rotation: &mut [V4<R>], // [coarse cell] quaternion
+) {
+    let [cells_x, cells_y, _] = params.coarse_cells();
+    for (cell, out) in coarse_rotation.iter_mut().enumerate() {
+        let (x, y, z) = (cell % cells_x, cell / cells_x % cells_y, cell / (cells_x * cells_y));
+        let mut sum = [R::zero(); 4];
+        let mut share = R::zero();
+        for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
+            let (fine_x, fine_y) = (2 * x + dx, 2 * y + dy);
+            if fine_x >= params.cells_x as usize || fine_y >= params.cells_y as usize {
+                continue;
+            }
+            let q = rotation[params.cell_id([fine_x, fine_y, z])];
+            let squared = dot(q, q);
+            if squared == R::zero() {
+                continue;
+            }
+            // s q̂ = |q|⁴ q/|q|; q and −q are the same rotation
+            let mut weight = squared * squared.sqrt();
+            if dot(q, sum) < R::zero() {
+                weight = -weight;
+            }
+            for n in 0..4 {
+                sum[n] += weight * q[n];
+            }
+            share += squared * squared;
+        }
+        let squared = dot(sum, sum);
+        *out = [R::zero(); 4];
+        if squared > R::zero() {
+            let length = (R::of(0.25) * share).sqrt().sqrt() / squared.sqrt();
+            *out = sum.map(|c| c * length);
+        }
+    }
+}
+
+fn dot<R: Real>(a: V4<R>, b: V4<R>) -> R {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+}

@@ -1,0 +1,33 @@
+// Rotations and shares of a coarser level's cells. Twin: coarsen.rs (formula there).
+@group(0) @binding(0) var<uniform> params: Params; // of the finer level
+@group(0) @binding(1) var<storage, read> rotation: array<vec4<f32>>;               // [cell] quaternion
+@group(0) @binding(2) var<storage, read_write> coarse_rotation: array<vec4<f32>>;  // [coarse cell] quaternion
+
+@compute @workgroup_size(64)
+fn coarsen(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let cell = group_of(group, groups) * GROUP + lane;
+    let size = coarse_nodes(params) - 1u;
+    if cell >= size.x * size.y * size.z { return; }
+    let at = vec3<u32>(cell % size.x, (cell / size.x) % size.y, cell / (size.x * size.y));
+    var sum = vec4<f32>(0.0);
+    var share = 0.0;
+    for (var child = 0u; child < 4u; child += 1u) {
+        let x = 2u * at.x + (child & 1u);
+        let y = 2u * at.y + (child >> 1u);
+        if x >= params.cells_x || y >= params.cells_y { continue; }
+        let q = rotation[x + params.cells_x * (y + params.cells_y * at.z)];
+        let squared = dot(q, q);
+        if squared == 0.0 { continue; }
+        let weight = squared * sqrt(squared);
+        sum += select(weight, -weight, dot(q, sum) < 0.0) * q;
+        share += squared * squared;
+    }
+    let squared = dot(sum, sum);
+    var out = vec4<f32>(0.0);
+    if squared > 0.0 { out = sum * (sqrt(sqrt(0.25 * share)) / sqrt(squared)); }
+    coarse_rotation[cell] = out;
+}

@@ -1,0 +1,30 @@
+// Ends a slot whose residual is small enough, one workgroup per slot. Twin: converge.rs (formula there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> partial_residual: array<f32>;       // [slot][group]
+@group(0) @binding(2) var<storage, read_write> scalars: array<vec4<f32>>;    // [slot × 2]
+
+const LANES: u32 = 256u;
+var<workgroup> shared_sum: array<f32, 256>;
+
+@compute @workgroup_size(256)
+fn converge(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let slot = params.first_slot + group.y;
+    let groups = (params.node_count + GROUP - 1u) / GROUP;
+    let running = scalars[slot * 2u].w == 0.0;
+    var sum = 0.0;
+    if running {
+        for (var n = lane; n < groups; n += LANES) { sum += partial_residual[slot * groups + n]; }
+    }
+    shared_sum[lane] = sum;
+    for (var n = LANES / 2u; n > 0u; n >>= 1u) {
+        workgroupBarrier();
+        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+    }
+    if lane == 0u && running {
+        scalars[slot * 2u + 1u].y = shared_sum[0];
+        if shared_sum[0] <= scalars[slot * 2u + 1u].x { scalars[slot * 2u].w = 1.0; }
+    }
+}

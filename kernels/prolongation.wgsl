@@ -1,0 +1,28 @@
+// Correction from the next coarser level. Twin: prolongation.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params; // of the finer level
+@group(0) @binding(1) var<storage, read> free: array<vec4<f32>>;        // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(2) var<storage, read> coarse_z: array<vec4<f32>>;    // [slot][coarse node] m
+@group(0) @binding(3) var<storage, read_write> z: array<vec4<f32>>;     // [slot][node] m
+@group(0) @binding(4) var<storage, read> scalars: array<vec4<f32>>;     // [slot × 2]
+
+@compute @workgroup_size(64)
+fn prolongation(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group_of(group, groups) * GROUP + lane;
+    let slot = params.first_slot + group.y;
+    if i >= params.node_count || scalars[slot * 2u].w != 0.0 { return; }
+    let size = coarse_nodes(params);
+    let x = i % params.nodes_x;
+    let y = (i / params.nodes_x) % params.nodes_y;
+    let level = i / (params.nodes_x * params.nodes_y);
+    let first = slot * size.x * size.y * size.z + x / 2u + size.x * (y / 2u + size.y * level);
+    // the same node twice where the fine one coincides with it
+    let step_x = x % 2u;
+    let step_y = (y % 2u) * size.x;
+    let sum = coarse_z[first].xyz + coarse_z[first + step_x].xyz
+        + coarse_z[first + step_y].xyz + coarse_z[first + step_x + step_y].xyz;
+    z[slot * params.node_count + i] += vec4<f32>(sum * 0.25 * free[i].xyz, 0.0);
+}

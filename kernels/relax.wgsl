@@ -1,0 +1,61 @@
+// One step of the smoother by columns, with r·z. Twin: relax.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> block: array<vec4<f32>>;                // [node × 4] packed D'⁻¹, G
+@group(0) @binding(2) var<storage, read> r: array<vec4<f32>>;                    // [slot][node] N
+@group(0) @binding(3) var<storage, read_write> w: array<vec4<f32>>;              // [slot][node] N, used up
+@group(0) @binding(4) var<storage, read_write> d: array<vec4<f32>>;              // [slot][node] m
+@group(0) @binding(5) var<storage, read_write> z: array<vec4<f32>>;              // [slot][node] m
+@group(0) @binding(6) var<storage, read_write> partial_gamma: array<f32>;   // [slot][group] r·z
+@group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;              // [slot × 2]
+
+var<workgroup> shared_sum: array<f32, 64>;
+
+@compute @workgroup_size(64)
+fn relax(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let group_index = group_of(group, groups);
+    let column = group_index * GROUP + lane;
+    let columns = params.nodes_x * params.nodes_y;
+    let slot = params.first_slot + group.y;
+    let offset = slot * params.node_count;
+    let running = scalars[slot * 2u].w == 0.0;
+    var gamma = 0.0;
+    if running && column < columns {
+        var carried = vec3<f32>(0.0); // G_{k−1}ᵀ y_{k−1}
+        for (var k = 0u; k < params.nodes_z; k += 1u) {
+            let i = column + k * columns;
+            var own = r[offset + i].xyz - carried;
+            if params.fresh == 0u { own = r[offset + i].xyz - w[offset + i].xyz - carried; }
+            w[offset + i] = vec4<f32>(own, 0.0);
+            let at = i * 4u;
+            carried = own * unpack(block[at], block[at + 1u], block[at + 2u], block[at + 3u]).g;
+        }
+        var above = vec3<f32>(0.0);
+        for (var n = 0u; n < params.nodes_z; n += 1u) {
+            let i = column + (params.nodes_z - 1u - n) * columns;
+            let at = i * 4u;
+            let own = unpack(block[at], block[at + 1u], block[at + 2u], block[at + 3u]);
+            above = own.d * w[offset + i].xyz - own.g * above;
+            var change = above * params.gain;
+            var sum = change;
+            if params.fresh == 0u {
+                change += d[offset + i].xyz * params.keep;
+                sum = z[offset + i].xyz + change;
+            }
+            d[offset + i] = vec4<f32>(change, 0.0);
+            z[offset + i] = vec4<f32>(sum, 0.0);
+            gamma += dot(r[offset + i].xyz, sum);
+        }
+    }
+    shared_sum[lane] = gamma;
+    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
+        workgroupBarrier();
+        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+    }
+    if lane == 0u && column < columns {
+        partial_gamma[slot * ((columns + GROUP - 1u) / GROUP) + group_index] = shared_sum[0];
+    }
+}

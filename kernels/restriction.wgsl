@@ -1,0 +1,34 @@
+// Residual of the next coarser level. Twin: restriction.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params; // of the finer level
+@group(0) @binding(1) var<storage, read> coarse_free: array<vec4<f32>>;      // [coarse node] 1 free, 0 held, per axis
+@group(0) @binding(2) var<storage, read> r: array<vec4<f32>>;                // [slot][node] N
+@group(0) @binding(3) var<storage, read> w: array<vec4<f32>>;                // [slot][node] N
+@group(0) @binding(4) var<storage, read_write> coarse_r: array<vec4<f32>>;   // [slot][coarse node] N
+@group(0) @binding(5) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2]
+
+@compute @workgroup_size(64)
+fn restriction(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group_of(group, groups) * GROUP + lane;
+    let slot = params.first_slot + group.y;
+    let size = coarse_nodes(params);
+    let count = size.x * size.y * size.z;
+    if i >= count || scalars[slot * 2u].w != 0.0 { return; }
+    let offset = slot * params.node_count;
+    let at = vec3<u32>(2u * (i % size.x), 2u * ((i / size.x) % size.y), i / (size.x * size.y));
+    var sum = vec3<f32>(0.0);
+    for (var dy = 0u; dy < 3u; dy += 1u) {
+        for (var dx = 0u; dx < 3u; dx += 1u) {
+            let x = at.x + dx; // one more than the node's
+            let y = at.y + dy;
+            if x < 1u || y < 1u || x > params.nodes_x || y > params.nodes_y { continue; }
+            let weight = select(0.5, 1.0, dx == 1u) * select(0.5, 1.0, dy == 1u);
+            let node = offset + (x - 1u) + params.nodes_x * ((y - 1u) + params.nodes_y * at.z);
+            sum += (r[node].xyz - w[node].xyz) * weight;
+        }
+    }
+    coarse_r[slot * count + i] = vec4<f32>(sum * coarse_free[i].xyz, 0.0);
+}

@@ -1,0 +1,217 @@
+//! Arrays of the body on the device by the names that the kernels use, and the groups of them that belong together.
+
+use crate::backend::{cell_centres, links};
+use crate::error::Result;
+use crate::gpu::{Bound, Buffer, Gpu};
+use crate::kernels::{
+    self, Source, centres, cut, forces, momentum, rotations, scatter, springs, springs_blocks, springs_product,
+};
+use crate::kernels::{blocks, product};
+use crate::math::{M3, V3, V4};
+use crate::model::{MAX_LAYERS, Model, element};
+use crate::scene::Mass;
+
+/// A kernel with its arrays, and how many threads it takes.
+pub(super) type Dispatch = (Bound, usize);
+
+/// Arrays by name; of two with one name the later counts.
+#[derive(Clone, Default)]
+pub(super) struct Arrays(Vec<(&'static str, Buffer)>);
+
+impl Arrays {
+    /// Arrays under their own names.
+    pub fn of(buffers: &[Buffer]) -> Self {
+        Self(buffers.iter().map(|b| (b.name, b.clone())).collect())
+    }
+    /// These and more.
+    pub fn joined(&self, more: &Self) -> Self {
+        Self(self.0.iter().chain(&more.0).cloned().collect())
+    }
+    /// The array of a name.
+    pub fn get(&self, name: &str) -> Option<Buffer> {
+        self.0.iter().rev().find(|(n, _)| *n == name).map(|(_, buffer)| buffer.clone())
+    }
+    /// Binds what a kernel names.
+    pub fn bind(&self, gpu: &Gpu, source: &Source, more: &[(&'static str, &Buffer)]) -> Result<Bound> {
+        let list: Vec<(&str, &Buffer)> =
+            self.0.iter().map(|(name, buffer)| (*name, buffer)).chain(more.iter().copied()).collect();
+        gpu.bind_from(source, &list)
+    }
+}
+
+/// Values from the host by index: rows and coefficients of contacts, and what a cut changes.
+pub(super) struct Put {
+    pub row_params: Buffer,
+    pub params: Buffer,
+    pub ids: Buffer,
+    pub values: Buffer,
+    pub rows: Bound,
+}
+
+pub(super) struct Cutting {
+    pub centres: Option<Bound>,
+    pub cut: Bound,
+    pub params: Buffer,
+    pub quads: Buffer,
+    pub hits: Buffer,
+    pub hit_count: Buffer,
+    pub segments: usize,
+}
+
+/// Hits of one step that the device can hand back; a blade crosses some hundred links at most.
+pub(super) const MAX_HITS: usize = 65_536;
+
+/// Swept quads of one step; a blade has as many as its edge has pieces.
+pub(super) const MAX_QUADS: usize = 256;
+
+impl Put {
+    pub fn new(made: &mut Maker, capacity: usize, r: &Buffer) -> Result<Self> {
+        let gpu = made.gpu;
+        let (row_params, params) = (made.uniform("params", 16, &[0u32; 4]), made.uniform("params", 16, &[0u32; 4]));
+        let (ids, values) = (made.of("ids", &vec![0u32; capacity])?, made.vec4("values", capacity)?);
+        let list = [("params", &row_params), ("ids", &ids), ("values", &values), ("destination", r)];
+        let rows = gpu.bind(&scatter::SOURCE, &list)?;
+        Ok(Self { row_params, params, ids, values, rows })
+    }
+}
+
+/// Makes buffers and adds up their bytes.
+pub(super) struct Maker<'a> {
+    pub gpu: &'a Gpu,
+    pub bytes: u64,
+}
+
+impl Maker<'_> {
+    pub fn uniform(&mut self, name: &'static str, bytes: usize, data: &[u32]) -> Buffer {
+        let buffer = self.gpu.uniform(name, bytes, data);
+        self.bytes += buffer.bytes;
+        buffer
+    }
+    pub fn vec4(&mut self, name: &'static str, count: usize) -> Result<Buffer> {
+        let buffer = self.gpu.array::<V4<f32>>(name, count)?;
+        self.bytes += buffer.bytes;
+        Ok(buffer)
+    }
+    pub fn of<T: bytemuck::NoUninit>(&mut self, name: &'static str, data: &[T]) -> Result<Buffer> {
+        let buffer = self.gpu.array_of(name, data)?;
+        self.bytes += buffer.bytes;
+        Ok(buffer)
+    }
+}
+
+/// Element matrices as 3×3 blocks; mat3x3 in a uniform: three columns of 16 bytes.
+pub(super) fn stiffness_uniform(made: &mut Maker, stiffness: &[element::Matrix]) -> Buffer {
+    let column = |c: V3<f32>| [c.x.to_bits(), c.y.to_bits(), c.z.to_bits(), 0];
+    let blocks: Vec<M3<f32>> = element::blocks(stiffness);
+    let words: Vec<u32> = blocks.iter().flat_map(|m| m.0.map(column)).flatten().collect();
+    made.uniform("stiffness", MAX_LAYERS * 64 * 48, &words)
+}
+
+/// Element matrices in mirror blocks, which are symmetric, so rows serve as columns.
+pub(super) fn modes_uniform(made: &mut Maker, stiffness: &[element::Matrix]) -> Buffer {
+    let column = |c: &[f32; 3]| [c[0].to_bits(), c[1].to_bits(), c[2].to_bits(), 0];
+    let modes: Vec<product::Modes<f32>> = element::rounded_modes(stiffness);
+    let words: Vec<u32> = modes.iter().flatten().flatten().flat_map(column).collect();
+    made.uniform("modes", MAX_LAYERS * 8 * 48, &words)
+}
+
+/// Arrays and kernels of the elastic law.
+pub(super) struct Law {
+    pub shared: Arrays,
+    /// `stiffness` of the blocks and `v` of the right-hand side with a consistent mass.
+    pub consistent: Option<[Buffer; 2]>,
+    pub cell: Buffer,
+    pub springs: usize,
+    pub elastic: Vec<(&'static kernels::Source, usize)>,
+    pub product: &'static kernels::Source,
+    pub blocks: &'static kernels::Source,
+}
+
+impl Law {
+    pub fn new(made: &mut Maker, model: &Model) -> Result<Self> {
+        let n = model.grid.node_count();
+        if let Some(s) = &model.springs {
+            let rest: Vec<V4<f32>> = model.rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();
+            let law: Vec<V4<f32>> = s.law.iter().map(|l| l.map(|c| c as f32)).collect();
+            let cell = made.of("law", &law)?;
+            let shared = Arrays::of(&[
+                made.of("rest", &rest)?,
+                made.of("first", &s.first)?,
+                made.of("half", &s.half)?,
+                made.vec4("tangent", s.half.len() * 2)?,
+                cell.clone(),
+            ]);
+            return Ok(Self {
+                shared,
+                consistent: None,
+                cell,
+                springs: s.ends.len(),
+                elastic: vec![(&springs::SOURCE, n)],
+                product: &springs_product::SOURCE,
+                blocks: &springs_blocks::SOURCE,
+            });
+        }
+        let cells = model.grid.cell_count();
+        let cell = made.of("rotation", &vec![[0f32, 0.0, 0.0, 1.0]; cells])?;
+        let shape: Vec<u32> = model.shapes::<f32>().iter().flatten().map(|c| c.to_bits()).collect();
+        let mut shared = Arrays::of(&[
+            made.uniform("shape", MAX_LAYERS * 16, &shape),
+            stiffness_uniform(made, &model.stiffness),
+            modes_uniform(made, &model.system()),
+            made.of("layer_of", &model.grid.layer_of)?,
+            cell.clone(),
+        ]);
+        let mut elastic: Vec<(&'static kernels::Source, usize)> = vec![];
+        if model.corotational {
+            elastic.push((&rotations::SOURCE, cells));
+        }
+        elastic.push((&forces::SOURCE, n));
+        let mut consistent = None;
+        if model.mass == Mass::Consistent {
+            let mean_v = made.vec4("mean_v", n)?;
+            shared = shared.joined(&Arrays::of(std::slice::from_ref(&mean_v)));
+            elastic.push((&momentum::SOURCE, n));
+            consistent = Some([stiffness_uniform(made, &model.system()), mean_v]);
+        }
+        Ok(Self { shared, consistent, cell, springs: 0, elastic, product: &product::SOURCE, blocks: &blocks::SOURCE })
+    }
+}
+
+impl Cutting {
+    pub fn new(made: &mut Maker, model: &Model, main: &Buffer, u: &Buffer, v: &Buffer) -> Result<Self> {
+        let gpu = made.gpu;
+        let (ends, rest) = match &model.springs {
+            Some(s) => (s.ends.clone(), model.rest.clone()),
+            None => (links(&model.grid.params()), cell_centres(model)),
+        };
+        let rest: Vec<V4<f32>> = rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();
+        let segments = ends.len();
+        let (ends, rest) = (made.of("ends", &ends)?, made.of("rest", &rest)?);
+        let params = made.uniform("params", 16, &[0; 4]);
+        let quads = made.vec4("quads", MAX_QUADS * 4)?;
+        let hits = made.of("hits", &vec![0u32; MAX_HITS])?;
+        let hit_count = made.of("hit_count", &[0u32; 4])?;
+        let (centres, point_u, point_v) = if model.springs.is_some() {
+            (None, u.clone(), v.clone())
+        } else {
+            let cells = model.grid.cell_count();
+            let (point_u, point_v) = (made.vec4("point_u", cells)?, made.vec4("point_v", cells)?);
+            let list = [("params", main), ("u", u), ("v", v), ("point_u", &point_u), ("point_v", &point_v)];
+            (Some(gpu.bind(&centres::SOURCE, &list)?), point_u, point_v)
+        };
+        let cut = gpu.bind(
+            &cut::SOURCE,
+            &[
+                ("params", &params),
+                ("ends", &ends),
+                ("rest", &rest),
+                ("point_u", &point_u),
+                ("point_v", &point_v),
+                ("quads", &quads),
+                ("hits", &hits),
+                ("hit_count", &hit_count),
+            ],
+        )?;
+        Ok(Self { centres, cut, params, quads, hits, hit_count, segments })
+    }
+}

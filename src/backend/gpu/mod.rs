@@ -1,0 +1,440 @@
+//! The GPU path: the same arrays and kernels in WGSL, f32.
+//!
+//! Commands are recorded and submitted together with the next read-back: a step without contact is one submission, a step with
+//! contact one for the solve of free motion and columns, one per pass of the correction. A solve is recorded for as many iterations
+//! as the last one of its kind took and a quarter more; slots that are done skip their work; if some is not done when its scalars
+//! come back (with the values that the host needs anyway), more iterations are submitted.
+
+mod arrays;
+mod solver;
+
+use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Wanted};
+use crate::error::{Error, Result};
+use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
+use crate::kernels::GROUP;
+use crate::kernels::{Params, advance, blocks, factor, gather, integrate, rhs, scatter};
+use crate::linear::Outcome;
+use crate::math::{V3, V4};
+use crate::model::Model;
+use arrays::{Arrays, Cutting, Dispatch, Law, MAX_HITS, MAX_QUADS, Maker, Put};
+use solver::Solver;
+
+/// The body's state on the device.
+pub struct GpuBackend {
+    gpu: Gpu,
+    params: Params<f32>,
+    node_count: usize,
+    spring_count: usize,
+    max_iterations: u32,
+    floor: f64,
+    expected: [u32; 2],
+    pending: Option<Batch>,
+    rows_pending: bool,
+    axes: Vec<V3<f32>>, // [node] 1 free, 0 held
+    bytes: u64,
+    body: Body,
+    solver: Solver,
+    begin: Vec<Dispatch>,
+    integrate: [Bound; 2], // without, with correction
+    pick: Pick,
+    put: Option<Put>,
+    cutting: Option<Cutting>,
+    node_blocks: Option<(Bound, Buffer)>,
+}
+
+struct Body {
+    u: Buffer,
+    v: Buffer,
+    free: Buffer,
+    load: Buffer,
+    cell: Buffer, // rotations of bricks, or the law of springs
+}
+
+/// Values for the host by index.
+struct Pick {
+    params: Buffer,
+    ids: Buffer,
+    picked: Buffer,
+    x: Bound,
+    u: Bound,
+    f: Bound,
+}
+
+impl GpuBackend {
+    /// The body at rest on a device, with the arrays that `needs` names.
+    ///
+    /// # Errors
+    /// When an array passes a limit of the adapter, or a kernel does not compile.
+    pub fn new(
+        gpu: Gpu,
+        model: &Model,
+        needs: Needs,
+        max_iterations: u32,
+        floor: f64,
+        start: &Snapshot,
+    ) -> Result<Self> {
+        let n = model.grid.node_count();
+        let slots = needs.slots();
+        let params = Params { slot_count: slots as u32, ..model.params::<f32>() };
+        let mut made = Maker { gpu: &gpu, bytes: 0 };
+        let main = made.uniform("params", 0, &params.words());
+        let vec = |v: &[V4<f64>]| v.iter().map(|a| a.map(|c| c as f32)).collect::<Vec<_>>();
+        let (u, v) = (made.of("u", &vec(&start.u))?, made.of("v", &vec(&start.v))?);
+        let (f, load) = (made.vec4("f", n)?, made.vec4("load", n)?);
+        let free = made.of("free", &vec(&model.free))?;
+        let block = made.vec4("block", n * 4)?;
+        let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
+        let law = Law::new(&mut made, model)?;
+        let own = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
+        let arrays = law.shared.joined(&Arrays::of(&own));
+        let solver = Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact)?;
+        let of_main = |source, more: &[(&'static str, &Buffer)]| {
+            arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
+        };
+        let mut begin: Vec<Dispatch> = vec![];
+        for (source, threads) in &law.elastic {
+            begin.push((of_main(source, &[])?, *threads));
+        }
+        let mean_v = law.consistent.as_ref().map_or(&v, |[_, mean_v]| mean_v);
+        begin.push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v)])?, n));
+        let system = law.consistent.iter().map(|[system, _]| ("stiffness", system)).collect::<Vec<_>>();
+        begin.push((of_main(law.blocks, &system)?, n));
+        begin.push((of_main(&factor::SOURCE, &[])?, (params.nodes_x * params.nodes_y) as usize));
+        begin.extend(solver.refresh.iter().cloned());
+        let single = made.uniform("params", 0, &Params { slot_count: 1, ..params }.words());
+        let integrate =
+            |params: &Buffer| arrays.bind(&gpu, &integrate::SOURCE, &[("params", params), ("x", &solver.x)]);
+        let integrate = [integrate(&single)?, integrate(&main)?];
+        // a pick takes a few nodes of every slot, a put at most one whole array
+        let picked_at_once = n.min(needs.near) * slots;
+        let capacity = n + picked_at_once + model.grid.cell_count() + law.springs;
+        let pick = Pick::new(&mut made, capacity, [&solver.x, &u, &f])?;
+        let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, capacity, &solver.r)?) } else { None };
+        let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &u, &v)?) } else { None };
+        let node_blocks = if needs.node_blocks {
+            let out = made.vec4("block", n * 4)?;
+            let params = made.uniform("params", 0, &Params { preconditioner: 2, ..params }.words());
+            let more = [&system[..], &[("params", &params), ("block", &out)]].concat();
+            Some((arrays.bind(&gpu, law.blocks, &more)?, out))
+        } else {
+            None
+        };
+        let bytes = made.bytes;
+        Ok(Self {
+            params,
+            node_count: n,
+            spring_count: law.springs,
+            max_iterations,
+            floor,
+            expected: [8, 8],
+            pending: None,
+            rows_pending: false,
+            axes: model.free.iter().map(|f| axes(*f)).collect(),
+            bytes,
+            body: Body { u, v, free, load, cell: law.cell },
+            solver,
+            begin,
+            integrate,
+            pick,
+            put,
+
+            cutting,
+            node_blocks,
+            gpu,
+        })
+    }
+
+    /// The device, with its lists of arrays and kernels.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    fn record(&mut self) -> Batch {
+        self.pending.take().unwrap_or_else(|| {
+            self.rows_pending = false;
+            self.gpu.batch()
+        })
+    }
+
+    fn offset(&self, slot: usize) -> u64 {
+        (slot * self.node_count * 16) as u64
+    }
+
+    /// Gathers by index from one of the bound sources in the batch's submission; returns the bytes to read from `picked`.
+    fn record_pick(&self, batch: &mut Batch, kernel: &Bound, ids: &[u32]) -> u64 {
+        self.gpu.write(&self.pick.params, 0, &[ids.len() as u32, 0, 0, 0]);
+        self.gpu.write(&self.pick.ids, 0, ids);
+        batch.run(kernel, ids.len(), 1);
+        (ids.len() * 16) as u64
+    }
+
+    fn read_picked(&mut self, ids: &[u32], kernel: fn(&Pick) -> &Bound) -> Result<Vec<[f64; 3]>> {
+        let mut out = Vec::with_capacity(ids.len());
+        for part in ids.chunks((self.pick.ids.bytes / 4) as usize) {
+            let mut batch = self.record();
+            let bytes = self.record_pick(&mut batch, kernel(&self.pick), part);
+            out.extend(triples(&self.gpu.submit_and_read(batch, &[(&self.pick.picked, bytes)])?[0]));
+        }
+        Ok(out)
+    }
+
+    /// Puts values into an array by index, in its own submission.
+    fn put(&mut self, destination: &Buffer, ids: &[u32], values: &[V4<f32>]) -> Result<()> {
+        if ids.is_empty() {
+            return Ok(());
+        }
+        let batch = self.record();
+        self.gpu.submit(batch);
+        let Some(put) = &self.put else {
+            return Ok(()); // a body without tools changes on the device alone
+        };
+        let list = [("params", &put.params), ("ids", &put.ids), ("values", &put.values), ("destination", destination)];
+        let kernel = self.gpu.bind(&scatter::SOURCE, &list)?;
+        self.gpu.write(&put.params, 0, &[ids.len() as u32, 0, 0, 0]);
+        self.gpu.write(&put.ids, 0, ids);
+        self.gpu.write(&put.values, 0, values);
+        let mut batch = self.gpu.batch();
+        batch.run(&kernel, ids.len(), 1);
+        self.gpu.submit(batch);
+        Ok(())
+    }
+}
+
+impl Pick {
+    fn new(made: &mut Maker, capacity: usize, [x, u, f]: [&Buffer; 3]) -> Result<Self> {
+        let params = made.uniform("params", 16, &[0u32; 4]);
+        let ids = made.of("ids", &vec![0u32; capacity])?;
+        let picked = made.vec4("picked", capacity)?;
+        let bind = |source: &Buffer| {
+            let list = [("params", &params), ("ids", &ids), ("source", source), ("picked", &picked)];
+            made.gpu.bind(&gather::SOURCE, &list)
+        };
+        let (x, u, f) = (bind(x)?, bind(u)?, bind(f)?);
+        Ok(Self { params, ids, picked, x, u, f })
+    }
+}
+
+fn axes(free: V4<f64>) -> V3<f32> {
+    V3::of([free[0], free[1], free[2]])
+}
+
+fn triples(bytes: &[u8]) -> Vec<[f64; 3]> {
+    cast::<V4<f32>>(bytes).into_iter().map(|v| V3::from4(v).f64()).collect()
+}
+
+impl Backend for GpuBackend {
+    fn device(&self) -> Device {
+        let a = &self.gpu.adapter;
+        Device {
+            backend: "gpu",
+            precision: "f32",
+            adapter: format!("{} ({})", a.name, a.backend),
+            driver: a.driver.clone(),
+            software: a.software,
+            device_bytes: self.bytes,
+        }
+    }
+
+    fn set_load(&mut self, load: &[[f64; 3]]) {
+        let load: Vec<V4<f32>> = load.iter().map(|l| V3::of(*l).pad(0.0)).collect();
+        self.gpu.write(&self.body.load, 0, &load);
+    }
+
+    fn begin(&mut self) -> Result<()> {
+        let mut batch = self.record();
+        for (kernel, threads) in &self.begin {
+            batch.run(kernel, *threads, 1);
+        }
+        self.pending = Some(batch);
+        Ok(())
+    }
+
+    fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()> {
+        let mut batch = self.record();
+        if self.rows_pending {
+            // the entries below would replace those that the batch has yet to put
+            self.gpu.submit(batch);
+            batch = self.gpu.batch();
+        }
+        self.rows_pending = true;
+        let bytes = self.offset(1);
+        for slot in slots {
+            batch.clear(&self.solver.r, self.offset(*slot), bytes);
+        }
+        let ids: Vec<u32> = entries.iter().map(|(s, n, _)| (s * self.node_count) as u32 + n).collect();
+        let free = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
+        let values: Vec<V4<f32>> = entries.iter().map(|(_, n, v)| free(*n, *v)).collect();
+        if let Some(put) = &self.put {
+            self.gpu.write(&put.row_params, 0, &[ids.len() as u32, 0, 0, 0]);
+            self.gpu.write(&put.ids, 0, &ids);
+            self.gpu.write(&put.values, 0, &values);
+            batch.run(&put.rows, ids.len(), 1);
+        }
+        self.pending = Some(batch);
+        Ok(())
+    }
+
+    fn forget(&mut self, slots: &[usize]) -> Result<()> {
+        let mut batch = self.record();
+        for slot in slots {
+            batch.clear(&self.solver.x, self.offset(*slot), self.offset(1));
+        }
+        self.pending = Some(batch);
+        Ok(())
+    }
+
+    fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+        let only_correction = wanted.iter().all(|w| w.slot == CORRECTION);
+        let last = wanted.iter().map(|w| w.slot).max().unwrap_or(FREE);
+        let (first, rows) = if only_correction { (CORRECTION, 1) } else { (FREE, last as u32 + 1) };
+        self.solver.write_requests(&self.gpu, wanted, last + 1, self.floor);
+        let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
+        let mut batch = self.record();
+        let (from, bytes) = (self.offset(first), self.offset(rows as usize));
+        batch.copy(&self.solver.x, from, &self.solver.z, from, bytes);
+        let kind = usize::from(only_correction);
+        // one product more forms the start's residual, one more finds out that it is small enough
+        let [spare, again] = self.solver.spare;
+        let mut count = (self.expected[kind] * 5 / 4 + spare).min(self.max_iterations + 2);
+        loop {
+            self.solver.record(&mut batch, only_correction, rows, count);
+            let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
+            let heads = 32 * (last as u64 + 1);
+            let parts =
+                self.gpu.submit_and_read(batch, &[(&self.solver.scalars, heads), (&self.pick.picked, picked)])?;
+            let heads: Vec<[f32; 8]> = cast(&parts[0]);
+            let of = |w: &Wanted| {
+                let [alpha, beta, gamma, done, target_squared, residual_squared, iterations, state] = heads[w.slot];
+                advance::Scalars { alpha, beta, gamma, done, target_squared, residual_squared, iterations, state }
+            };
+            let running = wanted.iter().any(|w| of(w).done == 0.0 && of(w).iterations < self.max_iterations as f32);
+            if !running {
+                let outcomes: Vec<Outcome> = wanted.iter().map(|w| Outcome::of(&of(w))).collect();
+                self.expected[kind] = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
+                return Ok((outcomes, triples(&parts[1])));
+            }
+            batch = self.gpu.batch();
+            count = count.clamp(again, 8 * again);
+        }
+    }
+
+    fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
+        self.forget(&[CORRECTION])?;
+        let ids: Vec<u32> = nodes.iter().map(|(n, _)| self.node_count as u32 + n).collect();
+        let free = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
+        let values: Vec<V4<f32>> = nodes.iter().map(|(n, v)| free(*n, *v)).collect();
+        let x = self.solver.x.clone();
+        self.put(&x, &ids, &values)
+    }
+
+    fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>> {
+        let mut batch = self.record();
+        let Some((kernel, out)) = &self.node_blocks else {
+            return Ok(vec![]);
+        };
+        batch.run(kernel, self.node_count, 1);
+        let parts = self.gpu.submit_and_read(batch, &[(out, out.bytes)])?;
+        let all: Vec<V4<f32>> = cast(&parts[0]);
+        let read = |n: &u32| blocks::unpack(&all[*n as usize * 4..*n as usize * 4 + 4]).d.0.map(V3::f64);
+        Ok(nodes.iter().map(read).collect())
+    }
+
+    fn finish(&mut self, corrected: bool) -> Result<()> {
+        let mut batch = self.record();
+        batch.run(&self.integrate[usize::from(corrected)], self.node_count, 1);
+        self.pending = Some(batch);
+        Ok(())
+    }
+
+    fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
+        self.read_picked(nodes, |p| &p.u)
+    }
+
+    fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
+        self.read_picked(nodes, |p| &p.f)
+    }
+
+    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<u32>> {
+        let mut batch = self.record();
+        let Some(c) = &self.cutting else {
+            return Ok(vec![]);
+        };
+        let corners: Vec<V4<f32>> = quads.iter().map(|p| V3::of(*p).pad(0.0)).collect();
+        if corners.len() > MAX_QUADS * 4 {
+            return Err(Error::TooLarge {
+                what: "the blade's pieces".into(),
+                need: corners.len() as u64 / 4,
+                limit_name: "swept quads per step",
+                limit: MAX_QUADS as u64,
+                fix: "set a larger edge_spacing_mm".into(),
+            });
+        }
+        let step = self.params.step.to_bits();
+        self.gpu.write(&c.params, 0, &[c.segments as u32, corners.len() as u32 / 4, MAX_HITS as u32, step]);
+        self.gpu.write(&c.quads, 0, &corners);
+        self.gpu.write(&c.hit_count, 0, &[0u32; 4]);
+        if let Some(centres) = &c.centres {
+            batch.run(centres, self.params.cell_count as usize, 1);
+        }
+        batch.run(&c.cut, c.segments, 1);
+        // few hits are usual: count and the first of them come in one read-back
+        let first = 1024u64;
+        let parts = self.gpu.submit_and_read(batch, &[(&c.hit_count, 4), (&c.hits, first * 4)])?;
+        let count = cast::<u32>(&parts[0])[0] as usize;
+        if count > MAX_HITS {
+            return Err(Error::TooLarge {
+                what: "the links cut in one step".into(),
+                need: count as u64,
+                limit_name: "hits per step",
+                limit: MAX_HITS as u64,
+                fix: "use a shorter step_ms".into(),
+            });
+        }
+        let mut hits: Vec<u32> = if count as u64 <= first { cast(&parts[1]) } else { self.gpu.read(&c.hits, count)? };
+        hits.truncate(count);
+        hits.sort_unstable();
+        Ok(hits)
+    }
+
+    fn remove(&mut self, cells: &[u32], springs: &[u32], free: &[(u32, V4<f64>)]) -> Result<()> {
+        let cell = self.body.cell.clone();
+        let gone = if self.spring_count > 0 { springs } else { cells };
+        self.put(&cell, gone, &vec![[0.0; 4]; gone.len()])?;
+        let ids: Vec<u32> = free.iter().map(|(n, _)| *n).collect();
+        let values: Vec<V4<f32>> = free.iter().map(|(_, v)| v.map(|c| c as f32)).collect();
+        let buffer = self.body.free.clone();
+        self.put(&buffer, &ids, &values)?;
+        for (node, value) in free {
+            self.axes[*node as usize] = axes(*value);
+        }
+        // nodes without cells leave the system where they are
+        let dead: Vec<u32> = free.iter().filter(|(_, v)| v[3] == 0.0).map(|(n, _)| *n).collect();
+        let zeros = vec![[0.0; 4]; dead.len()];
+        let v = self.body.v.clone();
+        self.put(&v, &dead, &zeros)?;
+        let x = self.solver.x.clone();
+        for slot in 0..self.params.slot_count as usize {
+            let ids: Vec<u32> = dead.iter().map(|n| (slot * self.node_count) as u32 + n).collect();
+            self.put(&x, &ids, &zeros)?;
+        }
+        Ok(())
+    }
+
+    fn snapshot(&mut self) -> Result<Snapshot> {
+        let batch = self.record();
+        let b = &self.body;
+        let wanted = [(&b.u, b.u.bytes), (&b.v, b.v.bytes), (&b.free, b.free.bytes), (&b.cell, b.cell.bytes)];
+        let parts = self.gpu.submit_and_read(batch, &wanted)?;
+        let wide = |k: usize| cast::<V4<f32>>(&parts[k]).iter().map(|v| v.map(f64::from)).collect::<Vec<_>>();
+        let (rotation, law) = if self.spring_count > 0 { (vec![], wide(3)) } else { (wide(3), vec![]) };
+        Ok(Snapshot { u: wide(0), v: wide(1), rotation, free: wide(2), law })
+    }
+
+    fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {
+        let batch = self.record();
+        let n = self.node_count;
+        let parts = self.gpu.submit_and_read(batch, &[(&self.solver.x, self.offset(slot + 1))])?;
+        let all: Vec<V4<f32>> = cast(&parts[0]);
+        Ok(all[slot * n..].iter().map(|v| v.map(f64::from)).collect())
+    }
+}

@@ -1,0 +1,221 @@
+//! The conjugate gradients on the device: vectors, scalars, and an iteration as a flat list of dispatches.
+//!
+//! With multigrid the preconditioner is one V-cycle, unrolled into the same list: every level has its own arrays, and the parameter block
+//! once per pair of smoothing coefficients.
+
+use super::arrays::{Arrays, Dispatch, Law, Maker, modes_uniform, stiffness_uniform};
+use crate::backend::{CORRECTION, Target, Wanted};
+use crate::error::Result;
+use crate::gpu::{Batch, Buffer, Gpu};
+use crate::kernels::{GROUP, Params, Source};
+use crate::kernels::{
+    advance, blocks, coarsen, converge, factor, precondition, product, prolongation, relax, restriction, update,
+};
+use crate::linear::multigrid::steps;
+use crate::model::{Model, Multigrid};
+
+/// Right-hand sides and what the conjugate gradients keep of them.
+pub(super) struct Solver {
+    pub x: Buffer,
+    pub r: Buffer,
+    pub z: Buffer,
+    pub scalars: Buffer,
+    requests: Buffer,
+    /// Rotations and columns of the coarse levels, from the finest level's rotations.
+    pub refresh: Vec<Dispatch>,
+    all: Vec<Dispatch>,
+    correction: Vec<Dispatch>,
+    /// Iterations submitted beyond those that the last solve took, and at a time once those were not enough.
+    pub spare: [u32; 2],
+}
+
+/// One level: its arrays, sizes and smoothing coefficients.
+struct Level {
+    arrays: Arrays,
+    params: Params<f32>,
+    main: Buffer,
+    steps: Vec<[f64; 2]>,
+}
+
+fn columns(params: &Params<f32>) -> usize {
+    (params.nodes_x * params.nodes_y) as usize
+}
+
+impl Solver {
+    /// Vectors for `params.slot_count` right-hand sides; `body` has the arrays of the finest level, `main` its parameters.
+    pub fn new(
+        made: &mut Maker,
+        model: &Model,
+        law: &Law,
+        body: &Arrays,
+        params: Params<f32>,
+        main: &Buffer,
+        with_correction: bool,
+    ) -> Result<Self> {
+        let slots = params.slot_count as usize;
+        let n = params.node_count as usize;
+        let groups = |threads: usize| threads.div_ceil(GROUP as usize) * slots;
+        let [x, r, p, s, z, w] = ["x", "r", "p", "s", "z", "w"].map(|name| made.vec4(name, n * slots));
+        let (x, r, z) = (x?, r?, z?);
+        let scalars = made.vec4("scalars", slots * 2)?;
+        let requests = made.vec4("requests", slots)?;
+        let mut sums = |name, count: usize| made.of(name, &vec![0f32; count]);
+        let shared = Arrays::of(&[
+            scalars.clone(),
+            sums("partial_product", params.product_groups as usize * slots)?,
+            sums("partial_gamma", groups(columns(&params)))?,
+            sums("partial_residual", groups(n))?,
+        ]);
+        let vectors = Arrays::of(&[x.clone(), r.clone(), p?, s?, z.clone(), w?, requests.clone()]);
+        let arrays = body.joined(&shared).joined(&vectors);
+        let gpu = made.gpu;
+        let mut levels = vec![];
+        if let Some(multigrid) = &model.multigrid {
+            levels = make_levels(made, multigrid, arrays.clone(), &shared, params, main)?;
+        }
+        let refresh = refresh(gpu, &levels)?;
+        let mut iteration = |params: Params<f32>, main: &Buffer| -> Result<Vec<Dispatch>> {
+            let bind = |source: &Source, threads: usize| Ok((arrays.bind(gpu, source, &[("params", main)])?, threads));
+            let mut out = vec![
+                bind(law.product, (params.product_groups * GROUP) as usize)?,
+                bind(&advance::SOURCE, 1)?,
+                bind(&update::SOURCE, n)?,
+            ];
+            if levels.is_empty() {
+                out.push(bind(&precondition::SOURCE, columns(&params))?);
+            } else {
+                out.push(bind(&converge::SOURCE, 1)?);
+                cycle(made, &levels, params.first_slot, &mut out)?;
+            }
+            Ok(out)
+        };
+        let all = iteration(params, main)?;
+        let correction = if with_correction {
+            let params = Params { first_slot: CORRECTION as u32, ..params };
+            let second = gpu.uniform("params", 0, &params.words());
+            iteration(params, &second)?
+        } else {
+            vec![]
+        };
+        let spare = if levels.is_empty() { [4, 8] } else { [1, 2] };
+        Ok(Self { x, r, z, scalars, requests, refresh, all, correction, spare })
+    }
+
+    /// Records `count` iterations of `rows` slots, of all or of the correction alone.
+    pub fn record(&self, batch: &mut Batch, only_correction: bool, rows: u32, count: u32) {
+        let list = if only_correction { &self.correction } else { &self.all };
+        for _ in 0..count {
+            for (kernel, threads) in list {
+                batch.run(kernel, *threads, rows);
+            }
+        }
+    }
+
+    /// Sets what each slot is solved to; slots that are not wanted are done before they start.
+    pub fn write_requests(&self, gpu: &Gpu, wanted: &[Wanted], rows: usize, floor: f64) {
+        let mut scalars = vec![[1f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]; rows];
+        let mut requests = vec![[0f32; 4]; rows];
+        for w in wanted {
+            scalars[w.slot][3] = 0.0;
+            let floor = (floor * floor) as f32;
+            requests[w.slot] = match w.target {
+                Target::OfLoad(t) => [(t * t) as f32, 0.0, floor, 1.0],
+                Target::Absolute(norm) => [1.0, (norm * norm) as f32, floor, 0.0],
+            };
+        }
+        gpu.write(&self.scalars, 0, &scalars);
+        gpu.write(&self.requests, 0, &requests);
+    }
+}
+
+/// The finest level, which has the body's arrays, and the coarse ones.
+fn make_levels(
+    made: &mut Maker,
+    multigrid: &Multigrid,
+    finest: Arrays,
+    shared: &Arrays,
+    params: Params<f32>,
+    main: &Buffer,
+) -> Result<Vec<Level>> {
+    let slots = params.slot_count as usize;
+    let count = multigrid.coarse.len();
+    let d = made.vec4("d", params.node_count as usize * slots)?;
+    let first = steps(multigrid.largest, count == 0);
+    let finest = finest.joined(&Arrays::of(&[d]));
+    let layer_of = finest.get("layer_of");
+    let mut out = vec![Level { arrays: finest, params, main: main.clone(), steps: first }];
+    for (number, level) in multigrid.coarse.iter().enumerate() {
+        let params = level.params(params);
+        let n = params.node_count as usize;
+        let free: Vec<[f32; 4]> = level.free.iter().map(|f| f.map(|c| c as f32)).collect();
+        let mut own = vec![stiffness_uniform(made, &level.stiffness), modes_uniform(made, &level.stiffness)];
+        own.extend(layer_of.clone());
+        own.push(made.of("free", &free)?);
+        own.push(made.vec4("rotation", params.cell_count as usize)?);
+        own.push(made.vec4("block", n * 4)?);
+        for name in ["r", "z", "d", "w"] {
+            own.push(made.vec4(name, n * slots)?);
+        }
+        let main = made.uniform("params", 0, &params.words());
+        let steps = steps(level.largest, number + 1 == count);
+        out.push(Level { arrays: shared.joined(&Arrays::of(&own)), params, main, steps });
+    }
+    Ok(out)
+}
+
+fn refresh(gpu: &Gpu, levels: &[Level]) -> Result<Vec<Dispatch>> {
+    let mut out = vec![];
+    for pair in levels.windows(2) {
+        let (fine, coarse) = (&pair[0], &pair[1]);
+        let rotation = coarse.arrays.get("rotation");
+        let below: Vec<_> = rotation.iter().map(|r| ("coarse_rotation", r)).chain([("params", &fine.main)]).collect();
+        out.push((fine.arrays.bind(gpu, &coarsen::SOURCE, &below)?, coarse.params.cell_count as usize));
+        let own = [("params", &coarse.main)];
+        out.push((coarse.arrays.bind(gpu, &blocks::SOURCE, &own)?, coarse.params.node_count as usize));
+        out.push((coarse.arrays.bind(gpu, &factor::SOURCE, &own)?, columns(&coarse.params)));
+    }
+    Ok(out)
+}
+
+/// One V-cycle from the first of `levels` down, as `linear::multigrid::cycle` does it.
+fn cycle(made: &mut Maker, levels: &[Level], first_slot: u32, out: &mut Vec<Dispatch>) -> Result<()> {
+    let gpu = made.gpu;
+    let own = &levels[0];
+    let params = Params { first_slot, ..own.params };
+    let main = made.uniform("params", 0, &params.words());
+    let product = own.arrays.bind(gpu, &product::SOURCE, &[("params", &main)])?;
+    let product = (product, (params.product_groups * GROUP) as usize);
+    let mut smoother = |fresh: bool, [keep, gain]: [f64; 2]| -> Result<Dispatch> {
+        let params = Params { fresh: u32::from(fresh), keep: keep as f32, gain: gain as f32, ..params };
+        let words = made.uniform("params", 0, &params.words());
+        Ok((own.arrays.bind(gpu, &relax::SOURCE, &[("params", &words)])?, columns(&params)))
+    };
+    let first = smoother(true, own.steps[0])?;
+    let later: Vec<Dispatch> = own.steps.iter().map(|s| smoother(false, *s)).collect::<Result<_>>()?;
+    let sweep = |steps: &[Dispatch], out: &mut Vec<Dispatch>| {
+        for step in steps {
+            out.extend([product.clone(), step.clone()]);
+        }
+    };
+    out.push(first);
+    sweep(&later[1..], out);
+    let Some(next) = levels.get(1) else {
+        return Ok(());
+    };
+    let coarse = |names: &[(&'static str, &'static str)]| -> Vec<(&'static str, Buffer)> {
+        names.iter().filter_map(|(theirs, ours)| Some((*ours, next.arrays.get(theirs)?))).collect()
+    };
+    let bind = |source: &Source, names: &[(&'static str, &'static str)]| {
+        let below = coarse(names);
+        let mut more: Vec<_> = below.iter().map(|(name, buffer)| (*name, buffer)).collect();
+        more.push(("params", &main));
+        own.arrays.bind(gpu, source, &more)
+    };
+    out.push(product.clone());
+    let threads = next.params.node_count as usize;
+    out.push((bind(&restriction::SOURCE, &[("free", "coarse_free"), ("r", "coarse_r")])?, threads));
+    cycle(made, &levels[1..], first_slot, out)?;
+    out.push((bind(&prolongation::SOURCE, &[("z", "coarse_z")])?, params.node_count as usize));
+    sweep(&later, out);
+    Ok(())
+}

@@ -1,0 +1,197 @@
+//! Geometric multigrid on the CPU, from the kernels' twins: one V-cycle as preconditioner of the conjugate gradients.
+//!
+//! On each level: smooth, take the residual to the next coarser level, correct from there, smooth. The smoother is the exact solve of each
+//! z-column (layers are thin, their coupling along z is the stiff one), accelerated by Chebyshev polynomials on `[λ/4, λ]`, `λ` the bound
+//! of `model::levels`. The coarsest level gets one long polynomial.
+//! Source: Brandt 1977; line smoothing with semi-coarsening: Schaffer 1998; Chebyshev recurrence: Saad 2003, algorithm 12.1.
+
+use crate::kernels::Params;
+use crate::kernels::blocks::blocks;
+use crate::kernels::coarsen::coarsen;
+use crate::kernels::factor::factor;
+use crate::kernels::product::{CellForces, LANES, Modes, cell_groups, product};
+use crate::kernels::prolongation::prolongation;
+use crate::kernels::relax::relax;
+use crate::kernels::restriction::restriction;
+use crate::math::{M3, Real, V4};
+use crate::model::levels::Level;
+use crate::model::{Model, element};
+
+/// Smoothing steps before and after the correction. 2 take a third more iterations and as long in all; 4 a fifth fewer and as long.
+pub const DEGREE: usize = 3;
+/// The smoother acts on eigenvalues from `λ/SPREAD` up; the coarse levels have the rest. At 8 iterations grow by a seventh.
+const SPREAD: f64 = 20.0;
+/// Steps and span of the polynomial on the coarsest level, which is 2×2 cells; 40 steps change no iteration count.
+pub const COARSEST_DEGREE: usize = 4;
+const COARSEST_SPREAD: f64 = 15.0;
+
+/// Coefficients (keep, gain) of a Chebyshev polynomial's steps on `[largest/spread, largest]`.
+pub fn chebyshev(largest: f64, spread: f64, degree: usize) -> Vec<[f64; 2]> {
+    let (theta, delta) = (0.5 * largest * (1.0 + 1.0 / spread), 0.5 * largest * (1.0 - 1.0 / spread));
+    let sigma = theta / delta;
+    let mut rho = 1.0 / sigma;
+    let mut out = vec![[0.0, 1.0 / theta]];
+    for _ in 1..degree {
+        let next = 1.0 / (2.0 * sigma - rho);
+        out.push([next * rho, 2.0 * next / delta]);
+        rho = next;
+    }
+    out
+}
+
+/// The steps of one smoothing on a level.
+pub fn steps(largest: f64, coarsest: bool) -> Vec<[f64; 2]> {
+    if coarsest { chebyshev(largest, COARSEST_SPREAD, COARSEST_DEGREE) } else { chebyshev(largest, SPREAD, DEGREE) }
+}
+
+/// A level's operator.
+pub struct Operator<'a, R> {
+    /// Sizes.
+    pub params: Params<R>,
+    /// `[node]` 1 free, 0 held, per axis; mass kg
+    pub free: &'a [V4<R>],
+    /// `[node × 4]` factored columns
+    pub block: &'a [V4<R>],
+    /// Smoothing coefficients (keep, gain).
+    pub steps: &'a [[R; 2]],
+    /// `[layer]` element matrices in mirror blocks, N/m
+    pub modes: &'a [Modes<R>],
+    /// `[cells_z]` layer
+    pub layer_of: &'a [u32],
+    /// `[cell]` quaternion
+    pub rotation: &'a [V4<R>],
+}
+
+/// Arrays of all coarse levels.
+pub struct Hierarchy<R> {
+    steps: Vec<[R; 2]>, // of the finest level
+    coarse: Vec<Coarse<R>>,
+}
+
+struct Coarse<R> {
+    params: Params<R>,
+    stiffness: Vec<M3<R>>,
+    modes: Vec<Modes<R>>,
+    steps: Vec<[R; 2]>,
+    rotation: Vec<V4<R>>,
+    free: Vec<V4<R>>,
+    block: Vec<V4<R>>,
+}
+
+impl<R: Real> Hierarchy<R> {
+    /// The levels below a model's grid; `None` when it does not ask for multigrid.
+    pub fn new(model: &Model) -> Option<Self> {
+        let multigrid = model.multigrid.as_ref()?;
+        let rounded = |largest: f64, coarsest: bool| steps(largest, coarsest).iter().map(|s| s.map(R::of)).collect();
+        let levels = multigrid.coarse.len();
+        let of = |(number, level): (usize, &Level)| {
+            let params: Params<R> = level.params(model.params());
+            Coarse {
+                stiffness: element::blocks(&level.stiffness),
+                modes: element::rounded_modes(&level.stiffness),
+                steps: rounded(level.largest, number + 1 == levels),
+                rotation: vec![[R::zero(); 4]; params.cell_count as usize],
+                free: level.free.iter().map(|f| f.map(R::of)).collect(),
+                block: vec![[R::zero(); 4]; params.node_count as usize * 4],
+                params,
+            }
+        };
+        let coarse = multigrid.coarse.iter().enumerate().map(of).collect();
+        Some(Self { steps: rounded(multigrid.largest, levels == 0), coarse })
+    }
+
+    /// Rotations and factored columns of the coarse levels, from the finest level's rotations.
+    pub fn refresh(&mut self, params: &Params<R>, layer_of: &[u32], rotation: &[V4<R>]) {
+        let mut finer = (*params, rotation);
+        for level in &mut self.coarse {
+            coarsen(&finer.0, finer.1, &mut level.rotation);
+            blocks(&level.params, &level.stiffness, layer_of, &level.rotation, &level.free, &mut level.block);
+            factor(&level.params, &mut level.block);
+            finer = (level.params, &level.rotation);
+        }
+    }
+
+    /// Operators of all levels, finest first; that one's own are the caller's, without their `steps`.
+    pub fn operators<'a>(&'a self, finest: Operator<'a, R>) -> Vec<Operator<'a, R>> {
+        let layer_of = finest.layer_of;
+        let coarse = self.coarse.iter().map(|c| Operator {
+            params: c.params,
+            free: &c.free,
+            block: &c.block,
+            steps: &c.steps,
+            modes: &c.modes,
+            layer_of,
+            rotation: &c.rotation,
+        });
+        std::iter::once(Operator { steps: &self.steps, ..finest }).chain(coarse).collect()
+    }
+}
+
+/// Vectors of one level and slot; the finest level's `r` and `z` are those of the conjugate gradients.
+#[derive(Clone, Debug, Default)]
+pub struct Work<R> {
+    /// `[cell group]` of the product
+    pub scratch: Vec<CellForces<R>>,
+    /// `[node]` N
+    pub r: Vec<V4<R>>,
+    /// `[node]` m
+    pub z: Vec<V4<R>>,
+    /// `[node]` m
+    pub d: Vec<V4<R>>,
+    /// `[node]` N
+    pub w: Vec<V4<R>>,
+}
+
+impl<R: Real> Work<R> {
+    /// Zeroed vectors for each level; the finest has no `r` and `z` of its own.
+    pub fn new(levels: &[Operator<R>]) -> Vec<Self> {
+        let of = |(number, level): (usize, &Operator<R>)| {
+            let zeros = |count: usize| vec![[R::zero(); 4]; count];
+            let count = level.params.node_count as usize;
+            let kept = if number == 0 { 0 } else { count };
+            let scratch = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&level.params)];
+            Self { scratch, r: zeros(kept), z: zeros(kept), d: zeros(count), w: zeros(count) }
+        };
+        levels.iter().enumerate().map(of).collect()
+    }
+}
+
+impl<R: Real> Operator<'_, R> {
+    /// `w = A z`
+    fn multiply(&self, z: &[V4<R>], work: &mut Work<R>) {
+        let Work { w, scratch, .. } = work;
+        product(&self.params, self.modes, self.layer_of, self.rotation, self.free, z, w, scratch);
+    }
+
+    /// All smoothing steps on `A z = r`, from zero or from `z`; returns `r·z`.
+    fn smooth(&self, from_zero: bool, r: &[V4<R>], z: &mut [V4<R>], work: &mut Work<R>) -> R {
+        let mut gamma = R::zero();
+        for (n, [keep, gain]) in self.steps.iter().enumerate() {
+            let fresh = from_zero && n == 0;
+            if !fresh {
+                self.multiply(z, work);
+            }
+            let params = Params { fresh: u32::from(fresh), keep: *keep, gain: *gain, ..self.params };
+            gamma = relax(&params, self.block, r, &mut work.w, &mut work.d, z);
+        }
+        gamma
+    }
+}
+
+/// `z = M⁻¹ r` by one V-cycle over levels, finest first; returns `r·z`.
+pub fn cycle<R: Real>(levels: &[Operator<R>], work: &mut [Work<R>], r: &[V4<R>], z: &mut [V4<R>]) -> R {
+    let (own, coarser) = (&levels[0], &levels[1..]);
+    let (here, below) = work.split_at_mut(1);
+    let here = &mut here[0];
+    let gamma = own.smooth(true, r, z, here);
+    let (Some(next), Some(work)) = (coarser.first(), below.first_mut()) else {
+        return gamma;
+    };
+    own.multiply(z, here);
+    let (mut coarse_r, mut coarse_z) = (std::mem::take(&mut work.r), std::mem::take(&mut work.z));
+    restriction(&own.params, next.free, r, &here.w, &mut coarse_r);
+    cycle(coarser, below, &coarse_r, &mut coarse_z);
+    prolongation(&own.params, own.free, &coarse_z, z);
+    (below[0].r, below[0].z) = (coarse_r, coarse_z);
+    own.smooth(false, r, z, here)
+}

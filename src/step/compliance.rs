@@ -1,0 +1,137 @@
+//! Compliance of the skin at the nodes under the tools, kept on the host from step to step.
+//!
+//! `C_ab` is the 3×3 block of `A⁻¹` between nodes `a` and `b`: how far `b` gives under one newton at `a`. Three columns of `A⁻¹` per node,
+//! solved loosely (the passes of the contact solve take the true violations, so `C` decides how many passes, not where they end). Rows
+//! of contacts are sums over their triangle's nodes, `W = J C Jᵀ`, so a contact may slide over its triangle and `C` stays: only nodes that
+//! the tools newly reach cost solves. What was solved in earlier steps has aged by the rotations since; a cut, or passes that do not
+//! close in, make it start anew.
+
+use super::StepReport;
+use crate::backend::{Backend, FIRST_COLUMN, Target, Wanted};
+use crate::error::Result;
+use glam::{DMat3, DVec3};
+use std::collections::BTreeMap;
+
+/// Columns solved at once: two nodes' three axes. More would cost every node of the body 112 bytes each on the device.
+pub const COLUMNS: usize = 6;
+/// Steps that a node's columns are kept for after the last contact near it: contacts flicker between triangles.
+const KEPT: u32 = 20;
+
+/// Nodes that are kept at most, for a scene's number of contacts of three nodes each; beyond it the longest unused are dropped.
+pub fn most_nodes(max_contacts: u32) -> usize {
+    12 * max_contacts as usize
+}
+
+/// See the module.
+#[derive(Debug, Default)]
+pub struct Compliance {
+    known: BTreeMap<u32, Known>,
+    step: u32,
+}
+
+#[derive(Debug, Default)]
+struct Known {
+    used: u32,                     // step of the last contact
+    solved: u32,                   // step of its columns; 0: not yet
+    towards: BTreeMap<u32, DMat3>, // every known node, m/N
+}
+
+impl Compliance {
+    /// Has the columns of these nodes (sorted), solving those that are missing to `tolerance` of their newton.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn prepare(
+        &mut self,
+        backend: &mut dyn Backend,
+        nodes: &[u32],
+        tolerance: f64,
+        max_contacts: u32,
+        report: &mut StepReport,
+    ) -> Result<()> {
+        self.step += 1;
+        let step = self.step;
+        for node in nodes {
+            self.known.entry(*node).or_default().used = step;
+        }
+        let mut by_use: Vec<(u32, u32)> = self.known.iter().map(|(n, k)| (k.used, *n)).collect();
+        by_use.sort_unstable();
+        let surplus = by_use.len().saturating_sub(most_nodes(max_contacts));
+        let old = by_use.iter().take_while(|(used, _)| used + KEPT < step).count();
+        let gone: Vec<u32> = by_use.iter().take(old.max(surplus)).map(|(_, n)| *n).collect();
+        for node in gone {
+            self.known.remove(&node);
+            for known in self.known.values_mut() {
+                known.towards.remove(&node);
+            }
+        }
+        self.complete(backend, tolerance, report)
+    }
+
+    /// Solves the columns of all nodes that have none.
+    fn complete(&mut self, backend: &mut dyn Backend, tolerance: f64, report: &mut StepReport) -> Result<()> {
+        let all: Vec<u32> = self.known.keys().copied().collect();
+        let missing: Vec<u32> = self.known.iter().filter(|(_, k)| k.solved == 0).map(|(n, _)| *n).collect();
+        for pair in missing.chunks(COLUMNS / 3) {
+            let slots: Vec<usize> = (FIRST_COLUMN..FIRST_COLUMN + 3 * pair.len()).collect();
+            let axis = |slot: usize| DVec3::AXES[(slot - FIRST_COLUMN) % 3].to_array();
+            let node = |slot: usize| pair[(slot - FIRST_COLUMN) / 3];
+            let entries: Vec<_> = slots.iter().map(|s| (*s, node(*s), axis(*s))).collect();
+            let wanted: Vec<Wanted> =
+                slots.iter().map(|s| Wanted { slot: *s, target: Target::Absolute(tolerance) }).collect();
+            let pick: Vec<(usize, u32)> = slots.iter().flat_map(|s| all.iter().map(|n| (*s, *n))).collect();
+            backend.forget(&slots)?;
+            backend.set_rows(&slots, &entries)?;
+            let (outcomes, picked) = backend.solve(&wanted, &pick)?;
+            report.contact.columns += slots.len() as u32;
+            let most = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
+            report.contact.column_iterations = report.contact.column_iterations.max(most);
+            if outcomes.iter().any(|o| !o.converged) {
+                *report.warnings.entry("columns_not_converged").or_default() += 1;
+            }
+            for (k, node) in pair.iter().enumerate() {
+                for (b, other) in all.iter().enumerate() {
+                    let column = |axis: usize| DVec3::from_array(picked[(3 * k + axis) * all.len() + b]);
+                    self.set(*node, *other, DMat3::from_cols(column(0), column(1), column(2)));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn set(&mut self, a: u32, b: u32, block: DMat3) {
+        let block = if a == b { (block + block.transpose()) * 0.5 } else { block };
+        let step = self.step;
+        if let Some(known) = self.known.get_mut(&b) {
+            known.towards.insert(a, block.transpose());
+        }
+        if let Some(known) = self.known.get_mut(&a) {
+            known.towards.insert(b, block);
+            known.solved = step;
+        }
+    }
+
+    /// Whether something in here is older than the present step.
+    pub fn aged(&self) -> bool {
+        self.known.values().any(|k| k.solved != self.step)
+    }
+
+    /// Forgets all columns; the next `prepare` solves them anew.
+    pub fn clear(&mut self) {
+        self.known.clear();
+    }
+
+    /// Solves all columns anew in the present step.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn renew(&mut self, backend: &mut dyn Backend, tolerance: f64, report: &mut StepReport) -> Result<()> {
+        self.known.values_mut().for_each(|k| k.solved = 0);
+        self.complete(backend, tolerance, report)
+    }
+
+    /// How node `b` gives under one newton at `a`, m/N; both have been prepared.
+    pub fn between(&self, a: u32, b: u32) -> DMat3 {
+        self.known.get(&a).and_then(|k| k.towards.get(&b)).copied().unwrap_or(DMat3::ZERO)
+    }
+}

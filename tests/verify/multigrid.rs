@@ -1,0 +1,267 @@
+//! Multigrid: how many iterations it takes, on every grid, under rotations and cuts, on every place; and what makes it fail.
+
+use super::setup::{Body, displaced, measured, model, scene, xyz};
+use super::{Case, Everywhere};
+use cutis::backend::Snapshot;
+use cutis::kernels::advance::Request;
+use cutis::kernels::blocks::blocks;
+use cutis::kernels::factor::factor;
+use cutis::kernels::product::{LANES, cell_groups, product};
+use cutis::linear::multigrid::{Hierarchy, Operator, Work, cycle};
+use cutis::linear::{Outcome, Slot, solve};
+use cutis::math::V4;
+use cutis::model::Model;
+use cutis::model::levels::largest;
+use cutis::scene::{Preconditioner, Scene};
+use cutis::step::Place;
+
+pub const CASES: &[Case] = &[
+    ("multigrid_takes_as_few_iterations_on_every_grid", table),
+    ("odd_grids_take_no_more", odd_grids),
+    ("rotations_and_a_slot_cost_little", rotations_and_slot),
+    ("a_wrong_bound_of_the_smoother_is_found_out", wrong_bound),
+    ("the_bound_of_the_smoother_is_one", bound),
+    ("shipped_tolerance_costs_less_than_a_hundredth", shipped_tolerance),
+];
+
+pub const EVERYWHERE: &[Everywhere] = &[("multigrid_iterations_are_those_of_f64", counted)];
+
+/// Cells per layer: 5 and 23 levels.
+const THIN: [u32; 3] = [2, 2, 1];
+const THICK: [u32; 3] = [10, 10, 3];
+
+/// A press on the skin block at a step of 10 ms, Rayleigh stiffness 0.01 s.
+fn press(across: u32, levels: [u32; 3], poisson: f64) -> Scene {
+    let mut scene = scene("verify/skin_block_045.toml");
+    scene.skin.cells = [across, across];
+    for (layer, cells) in scene.skin.layers.iter_mut().zip(levels) {
+        (layer.cells, layer.poisson) = (cells, poisson);
+    }
+    scene.time.step = 0.01;
+    scene.skin.rayleigh_stiffness = 0.01;
+    scene.solver.preconditioner = Preconditioner::Multigrid;
+    scene
+}
+
+fn at_rest(model: &Model) -> Vec<V4<f64>> {
+    vec![[0.0, 0.0, 0.0, 1.0]; model.grid.cell_count()]
+}
+
+/// Quaternions of a dent: cells lean towards the middle by up to `degrees`, most on a ring of 4 mm.
+fn dent(model: &Model, degrees: f64) -> Vec<V4<f64>> {
+    let params = model.grid.params::<f64>();
+    let lean = |cell| {
+        let corners = params.corners(cell);
+        let at = |n: usize| 0.5 * (model.rest[corners[0]][n] + model.rest[corners[6]][n]);
+        let (x, y) = (at(0) / 4e-3, at(1) / 4e-3);
+        let r = x.hypot(y).max(1e-9);
+        let angle = degrees.to_radians() * r * (0.5 * (1.0 - r * r)).exp() * (at(2) / 2.3e-3);
+        let (s, c) = (0.5 * angle).sin_cos();
+        [s * y / r, -s * x / r, 0.0, c]
+    };
+    (0..model.grid.cell_count()).map(lean).collect()
+}
+
+/// Kills the upper half of the levels in a row of cells 10 mm long.
+fn slot(model: &Model, rotation: &mut [V4<f64>]) {
+    let params = model.grid.params::<f64>();
+    let [_, cells_y, cells_z] = model.grid.cells;
+    for (cell, q) in rotation.iter_mut().enumerate() {
+        let at = params.cell_at(cell);
+        let corners = params.corners(cell);
+        let x = 0.5 * (model.rest[corners[0]][0] + model.rest[corners[6]][0]);
+        if at[1] == cells_y / 2 && at[2] >= cells_z / 2 && x.abs() < 5e-3 {
+            *q = [0.0; 4];
+        }
+    }
+}
+
+/// The press solved in given rotations from zero.
+fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) -> (Vec<V4<f64>>, Outcome) {
+    let params = model.params::<f64>();
+    let (stiffness, layers, modes) = (model.stiffness_blocks(), &model.grid.layer_of, model.modes());
+    let count = model.rest.len();
+    let mut free = model.free.clone();
+    for (node, free) in free.iter_mut().enumerate() {
+        let at = params.node_at(node);
+        if (0..8).filter_map(|a| params.cell_below(at, a)).all(|c| rotation[c] == [0.0; 4]) {
+            *free = [0.0; 4];
+        }
+    }
+    let mut block = vec![[0.0; 4]; 4 * count];
+    blocks(&params, &stiffness, layers, rotation, &free, &mut block);
+    factor(&params, &mut block);
+    let mut hierarchy = Hierarchy::new(model).expect("multigrid");
+    hierarchy.refresh(&params, layers, rotation);
+    let finest = Operator { params, free: &free, block: &block, steps: &[], modes: &modes, layer_of: layers, rotation };
+    let levels = hierarchy.operators(finest);
+    let mut work = Work::new(&levels);
+    let load = model.load_at(&scene.loads, 0.0);
+    let mut r: Vec<V4<f64>> =
+        load.iter().zip(&free).map(|(l, f)| [l[0] * f[0], l[1] * f[1], l[2] * f[2], 0.0]).collect();
+    let request = Request {
+        tolerance_squared: tolerance * tolerance,
+        reference_squared: r.as_flattened().iter().map(|c| c * c).sum(),
+        ..Request::default()
+    };
+    let [mut x, mut p, mut s, mut z, mut w] = [0; 5].map(|_| vec![[0.0; 4]; count]);
+    let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
+    let outcome = solve(
+        Slot { x: &mut x, r: &mut r, p: &mut p, s: &mut s, z: &mut z, w: &mut w },
+        &request,
+        0.0,
+        200,
+        |z: &[V4<f64>], w: &mut [V4<f64>]| product(&params, &modes, layers, rotation, &free, z, w, &mut scratch),
+        |r: &[V4<f64>], z: &mut [V4<f64>]| cycle(&levels, &mut work, r, z),
+    );
+    (x, outcome)
+}
+
+/// Iterations to 1e-3 and 1e-6.
+fn iterations(scene: &Scene, rotation: impl Fn(&Model) -> Vec<V4<f64>>) -> [u32; 2] {
+    let model = model(scene);
+    let rotation = rotation(&model);
+    [1e-3, 1e-6].map(|tolerance| {
+        let (_, outcome) = solved(&model, scene, &rotation, tolerance);
+        assert!(outcome.converged, "{outcome:?}");
+        outcome.iterations
+    })
+}
+
+fn shown(what: &str, found: [u32; 2], reference: [u32; 2]) {
+    for (tolerance, k) in [("1e-3", 0), ("1e-6", 1)] {
+        measured(&format!("multigrid, {what}: iterations to {tolerance}"), f64::from(found[k]), reference[k].into());
+    }
+}
+
+/// Iterations to 1e-3 and 1e-6 that a prototype with an assembled Galerkin operator took, by Poisson's ratio.
+const PROTOTYPE: [(f64, [u32; 2]); 2] = [(0.45, [6, 16]), (0.49, [13, 34])];
+
+fn table() {
+    for (across, levels) in [(16, THIN), (16, THICK), (32, THIN), (32, THICK)] {
+        for (poisson, most) in PROTOTYPE {
+            let found = iterations(&press(across, levels, poisson), at_rest);
+            shown(&format!("{across}²×{} ν {poisson}", levels.iter().sum::<u32>()), found, most);
+            assert!(found[0] <= most[0] && found[1] <= most[1], "{across}² {levels:?} ν {poisson}: {found:?}");
+        }
+    }
+}
+
+fn odd_grids() {
+    let even = iterations(&press(16, THIN, 0.45), at_rest);
+    for across in [3, 9, 14, 15, 17, 25, 31] {
+        let found = iterations(&press(across, THIN, 0.45), at_rest);
+        shown(&format!("{across}²×5 ν 0.45"), found, even);
+        assert!(found[0] <= even[0] + 2 && found[1] <= even[1] + 2, "{across}²: {found:?}, 16²: {even:?}");
+    }
+}
+
+fn rotations_and_slot() {
+    for (poisson, _) in PROTOTYPE {
+        let scene = press(32, THIN, poisson);
+        let rest = iterations(&scene, at_rest);
+        let dented = iterations(&scene, |m| dent(m, 70.0));
+        let slotted = iterations(&scene, |m| {
+            let mut rotation = at_rest(m);
+            slot(m, &mut rotation);
+            rotation
+        });
+        shown(&format!("32²×5 ν {poisson}, 70°"), dented, rest);
+        shown(&format!("32²×5 ν {poisson}, slot"), slotted, rest);
+        let grows = |found: [u32; 2], factor: f64| (0..2).all(|k| f64::from(found[k]) <= factor * f64::from(rest[k]));
+        assert!(grows(dented, 1.3), "ν {poisson}: {dented:?} after {rest:?}");
+        assert!(grows(slotted, 2.0), "ν {poisson}: {slotted:?} after {rest:?}");
+    }
+}
+
+/// Counter-test: with half the bound the polynomial grows above it, and the iterations show it.
+fn wrong_bound() {
+    let scene = press(16, THIN, 0.45);
+    let mut model = model(&scene);
+    let right = solved(&model, &scene, &at_rest(&model), 1e-6).1;
+    let multigrid = model.multigrid.as_mut().expect("multigrid");
+    multigrid.largest *= 0.5;
+    let wrong = solved(&model, &scene, &at_rest(&model), 1e-6).1;
+    assert!(!wrong.converged || wrong.iterations > 2 * right.iterations, "{wrong:?} against {right:?}");
+}
+
+/// `λ(M⁻¹A)` by power iterations stays under the bound, and not far: a bound of twice the value would waste half the polynomial.
+fn bound() {
+    for poisson in [0.45, 0.49] {
+        let scene = press(8, THIN, poisson);
+        let model = model(&scene);
+        let params = model.params::<f64>();
+        let rotation = dent(&model, 70.0);
+        let (layers, modes) = (&model.grid.layer_of, model.modes());
+        let count = model.rest.len();
+        let mut block = vec![[0.0; 4]; 4 * count];
+        blocks(&params, &model.stiffness_blocks(), layers, &rotation, &model.free, &mut block);
+        factor(&params, &mut block);
+        let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
+        let mut z = super::setup::Random(3).field(count, 1.0);
+        let mut w = vec![[0.0; 4]; count];
+        let mut found = 0.0;
+        for _ in 0..300 {
+            let size = z.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt();
+            z.iter_mut().for_each(|z| *z = z.map(|c| c / size));
+            product(&params, &modes, layers, &rotation, &model.free, &z, &mut w, &mut scratch);
+            // z·w over z·Mz needs M; the growth of M⁻¹A z does not
+            cutis::kernels::precondition::precondition(&params, &block, &w, &mut z);
+            found = z.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt();
+        }
+        let bound = largest(&model.stiffness);
+        measured(&format!("largest eigenvalue of the columns' inverse times A, ν {poisson}"), found, bound);
+        assert!(found <= bound && found > 0.5 * bound, "ν {poisson}: {found} under {bound}");
+    }
+}
+
+/// Iterations on a place, to a tolerance that f32 can reach, are those of the f64 path.
+fn counted(place: &Place) {
+    for (across, levels) in [(16, THIN), (13, THIN), (16, THICK)] {
+        let scene = press(across, levels, 0.45);
+        let count = |place: &Place| {
+            let model = model(&scene);
+            let mut body = Body::new(place, model.clone(), &displaced(&model, |_| [0.0; 3]), 1e-3);
+            body.load(&model.load_at(&scene.loads, 0.0));
+            let outcome = body.try_step();
+            assert!(outcome.converged, "{outcome:?}");
+            outcome.iterations
+        };
+        let (here, exact) = (count(place), count(&Place::Cpu64));
+        measured(
+            &format!("multigrid, {across}²×{} on {place:?}", levels.iter().sum::<u32>()),
+            here.into(),
+            exact.into(),
+        );
+        assert!(here.abs_diff(exact) <= 1, "{place:?}: {here} iterations, {exact} in f64");
+    }
+}
+
+/// Relative L2 error of one step's displacement, from rest under the press, at the tolerance of the shipped incision.
+fn shipped_tolerance() {
+    let tolerance = scene("incision.toml").solver.tolerance;
+    let mut scene = press(24, THIN, 0.45);
+    scene.time.step = 5e-3;
+    let step = |tolerance: f64| -> Snapshot {
+        let model = model(&scene);
+        let mut body = Body::new(&Place::Cpu64, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance);
+        body.load(&model.load_at(&scene.loads, 0.0));
+        body.step();
+        body.state()
+    };
+    let exact = step(1e-11);
+    let error = |found: &Snapshot| {
+        let square = |a: [f64; 3]| a.iter().map(|c| c * c).sum::<f64>();
+        let pairs = || found.u.iter().zip(&exact.u);
+        let difference: f64 = pairs().map(|(a, b)| square([0, 1, 2].map(|n| a[n] - b[n]))).sum();
+        (difference / pairs().map(|(_, b)| square(xyz(*b))).sum::<f64>()).sqrt()
+    };
+    for (factor, name) in [(0.1, "a tenth of the shipped"), (1.0, "shipped"), (3.0, "3 times"), (10.0, "10 times")] {
+        measured(&format!("error of a step, {name} tolerance"), error(&step(factor * tolerance)), 0.01);
+    }
+    assert!(error(&step(tolerance)) < 0.01);
+    // counter-test: a step that is 2 % too long
+    let mut long = step(tolerance);
+    long.u.iter_mut().for_each(|u| *u = u.map(|c| 1.02 * c));
+    assert!(error(&long) > 0.01);
+}
