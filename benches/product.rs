@@ -138,7 +138,7 @@ fn compare(case: &Case, id: &str, device: Option<&Device>) {
     cpu::<f64>(model, &case.rotation, &case.z, |f64_run| {
         cpu::<f32>(model, &case.rotation, &case.z, |f32_run| {
             for _ in 0..ROUNDS {
-                let mut timed = |run: &mut dyn FnMut(), times: f64| {
+                let timed = |run: &mut dyn FnMut(), times: f64| {
                     let start = Instant::now();
                     run();
                     1e-6 * times * cells / start.elapsed().as_secs_f64()
@@ -151,7 +151,7 @@ fn compare(case: &Case, id: &str, device: Option<&Device>) {
             }
         });
     });
-    let mut median = |name: &str, rates: &mut Vec<f64>| {
+    let median = |name: &str, rates: &mut Vec<f64>| {
         rates.sort_by(f64::total_cmp);
         let (Some(middle), Some(best)) = (rates.get(rates.len() / 2), rates.last()) else { return f64::NAN };
         println!("{id} {name}: median {middle:.1}, best {best:.1} million cells per second");

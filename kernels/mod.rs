@@ -17,6 +17,7 @@ pub mod factor;
 pub mod forces;
 pub mod gather;
 pub mod integrate;
+pub mod momentum;
 pub mod precondition;
 pub mod product;
 pub mod prolongation;
@@ -58,6 +59,7 @@ pub const ALL: &[&Source] = &[
     &forces::SOURCE,
     &gather::SOURCE,
     &integrate::SOURCE,
+    &momentum::SOURCE,
     &precondition::SOURCE,
     &product::SOURCE,
     &prolongation::SOURCE,

@@ -2,10 +2,12 @@
 //!
 //! Bricks: a severed link removes the cell in whose half the blade crossed it. Springs: a crossed spring is gone; a cell counts as open
 //! when two or more of its four edges along one axis are gone. A node without live cells (bricks) or springs (springs) leaves the system.
+//! Lumped and consistent masses go with their cells; a uniform mass goes with its node, as SOFA's UniformMass does by default.
 
 use crate::math::V4;
 use crate::mesh::Surface;
 use crate::model::Model;
+use crate::scene::Mass;
 
 /// Totals for the report.
 #[derive(Clone, Copy, Debug, Default)]
@@ -138,7 +140,7 @@ impl Wound {
                 if self.live_cells[node] == 0 {
                     self.leave(node as u32, &mut removal);
                 } else {
-                    self.free[node][3] -= corner_mass;
+                    self.free[node][3] -= if model.mass == Mass::Uniform { 0.0 } else { corner_mass };
                     removal.free.retain(|(n, _)| *n as usize != node);
                     removal.free.push((node as u32, self.free[node]));
                 }

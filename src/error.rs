@@ -80,6 +80,15 @@ pub enum Error {
         why: &'static str,
     },
 
+    /// A mass that the law cannot carry.
+    #[error("{at}: mass = \"{found}\" cannot be had with springs; use \"lumped\" or \"uniform\", or law = \"fem\"")]
+    Mass {
+        /// Where.
+        at: Place,
+        /// The word.
+        found: String,
+    },
+
     /// A key that contradicts another one.
     #[error("{at}: `{key}` has no effect here; {why}; remove it")]
     NeedlessKey {

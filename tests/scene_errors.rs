@@ -418,6 +418,13 @@ fn words_outside_their_list_are_refused() {
         "did you mean \"block\"? … none, jacobi, block, column",
     );
     refused("element = \"bbar\"", "element = \"enhance\"", "did you mean \"enhanced\"? … bbar, enhanced, plain");
+    refused("law = \"fem\"", "mass = \"lumpy\"", "did you mean \"lumped\"? … lumped, uniform, consistent");
+    let springs = "mass = \"consistent\"\nlaw = \"springs\"\nspring_stiffness_n_m = 1\nspring_damping_n_s_m = 0";
+    refused(
+        "law = \"fem\"",
+        springs,
+        "mass = \"consistent\" cannot be had with springs … \"uniform\", or law = \"fem\"",
+    );
     refused("law = \"fem\"", "law = \"spring\"", "law = \"spring\" … did you mean \"springs\"?");
     refused("region = \"sides_x\"", "region = \"left\"", "region = \"left\" … bottom, top, sides");
     refused("axes = \"xz\"", "axes = \"xx\"", "axes = \"xx\" … different letters of xyz … axes = \"xyz\"");

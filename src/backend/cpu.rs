@@ -1,17 +1,19 @@
 //! The CPU path: the kernels' twins in f32 or f64 on all cores; the reference that the GPU is checked against.
 
-use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, links};
+use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, cell_centres, links};
 use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::precondition::precondition;
 use crate::kernels::product::{LANES, Modes, cell_groups, product};
 use crate::kernels::{
-    Params, blocks, centres, cut, factor, forces, integrate, rhs, rotations, springs, springs_blocks, springs_product,
+    Params, blocks, centres, cut, factor, forces, integrate, momentum, rhs, rotations, springs, springs_blocks,
+    springs_product,
 };
 use crate::linear::multigrid::{Hierarchy, Operator, Work, cycle};
 use crate::linear::{Outcome, Slot, solve};
 use crate::math::{M3, Real, V3, V4};
 use crate::model::Model;
+use crate::scene::Mass;
 use rayon::prelude::*;
 
 /// The body's state and constant arrays in one precision.
@@ -23,6 +25,7 @@ pub struct CpuBackend<R> {
     node_count: usize,
     u: Vec<V4<R>>,
     v: Vec<V4<R>>,
+    mean_v: Vec<V4<R>>, // of a consistent mass; else empty
     f: Vec<V4<R>>,
     free: Vec<V4<R>>,
     load: Vec<V4<R>>,
@@ -46,6 +49,7 @@ enum Elastic<R> {
 struct Bricks<R> {
     shape: Vec<V4<R>>,
     stiffness: Vec<M3<R>>,
+    system: Vec<M3<R>>,
     modes: Vec<Modes<R>>,
     layer_of: Vec<u32>,
     rotation: Vec<V4<R>>,
@@ -85,6 +89,7 @@ impl<R: Real> CpuBackend<R> {
             None => Elastic::Bricks(Bricks {
                 shape: model.shapes(),
                 stiffness: model.stiffness_blocks(),
+                system: model.system_blocks(),
                 modes: model.modes(),
                 layer_of: model.grid.layer_of.clone(),
                 rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.grid.cell_count()],
@@ -100,6 +105,7 @@ impl<R: Real> CpuBackend<R> {
             node_count,
             u: start.u.iter().map(round).collect(),
             v: start.v.iter().map(round).collect(),
+            mean_v: zeros(if model.mass == Mass::Consistent { node_count } else { 0 }),
             f: zeros(node_count),
             free: model.free.iter().map(round).collect(),
             load: zeros(node_count),
@@ -122,7 +128,7 @@ impl<R: Real> CpuBackend<R> {
     fn fill_blocks(&self, params: &Params<R>, out: &mut [V4<R>]) {
         match &self.law {
             Elastic::Bricks(b) => {
-                blocks::blocks(params, &b.stiffness, &b.layer_of, &b.rotation, &self.free, out);
+                blocks::blocks(params, &b.system, &b.layer_of, &b.rotation, &self.free, out);
             }
             Elastic::Springs { first, half, tangent, .. } => {
                 springs_blocks::springs_blocks(params, first, half, tangent, &self.free, out);
@@ -142,18 +148,6 @@ impl<R: Real> Cutting<R> {
         let zeros = vec![[R::zero(); 4]; rest.len()];
         Self { ends, rest, point_u: zeros.clone(), point_v: zeros }
     }
-}
-
-/// `[cell]` rest position of the centre, m.
-pub fn cell_centres(model: &Model) -> Vec<[f64; 3]> {
-    let params = model.grid.params::<f64>();
-    (0..model.grid.cell_count())
-        .map(|cell| {
-            let corners = params.corners(cell);
-            let (a, b) = (model.rest[corners[0]], model.rest[corners[6]]);
-            std::array::from_fn(|n| 0.5 * (a[n] + b[n]))
-        })
-        .collect()
 }
 
 impl<R: Real> Backend for CpuBackend<R> {
@@ -187,12 +181,17 @@ impl<R: Real> Backend for CpuBackend<R> {
                 self.f.par_iter_mut().enumerate().for_each(|(i, f)| {
                     *f = forces::node_force(&params, shape, stiffness, layer_of, u, rotation, i).pad(R::zero());
                 });
+                let (free, v) = (&self.free, &self.v);
+                self.mean_v.par_iter_mut().enumerate().for_each(|(i, mean)| {
+                    *mean = momentum::mean_velocity(&params, shape, layer_of, rotation, free, v, i).pad(R::zero());
+                });
             }
             Elastic::Springs { rest, first, half, law, tangent } => {
                 springs::springs(&params, rest, &self.u, first, half, law, &mut self.f, tangent);
             }
         }
-        self.load_squared = rhs::rhs(&params, &self.f, &self.v, &self.free, &self.load, &mut self.r);
+        let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
+        self.load_squared = rhs::rhs(&params, &self.f, v, &self.free, &self.load, &mut self.r);
         let mut block = std::mem::take(&mut self.block);
         self.fill_blocks(&params, &mut block);
         factor::factor(&params, &mut block);

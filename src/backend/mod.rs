@@ -147,3 +147,15 @@ pub fn links(params: &crate::kernels::Params<f64>) -> Vec<[u32; 2]> {
     }
     out
 }
+
+/// `[cell]` rest position of the centre, m.
+pub fn cell_centres(model: &crate::model::Model) -> Vec<[f64; 3]> {
+    let params = model.grid.params::<f64>();
+    (0..model.grid.cell_count())
+        .map(|cell| {
+            let corners = params.corners(cell);
+            let (a, b) = (model.rest[corners[0]], model.rest[corners[6]]);
+            std::array::from_fn(|n| 0.5 * (a[n] + b[n]))
+        })
+        .collect()
+}

@@ -19,6 +19,7 @@
 //! Units: edges m, Young's modulus Pa, K N/m. Row and column `3a + i` are corner `a` (VTK order), axis `i`.
 
 use crate::kernels::corner;
+use crate::kernels::momentum::share;
 use crate::kernels::product::Modes;
 use crate::math::{M3, Real, V3};
 use crate::scene::Element;
@@ -114,6 +115,17 @@ fn condense(k: &mut [[f64; 24 + INNER]; 24 + INNER]) {
             row.iter_mut().zip(&pivot).take(p).for_each(|(entry, other)| *entry -= share * other);
         }
     }
+}
+
+/// Lumped less consistent mass of a brick, `m (δ_ab − share_ab) I`, for a mass `m` of one corner, kg. Its row sums are zero: a brick that
+/// moves as a whole has the same inertia either way.
+pub fn lumping(corner_mass: f64) -> Matrix {
+    std::array::from_fn(|row| {
+        std::array::from_fn(|col| {
+            let own = if row == col { 1.0 } else { 0.0 };
+            if row % 3 == col % 3 { corner_mass * (own - share::<f64>(row / 3, col / 3)) } else { 0.0 }
+        })
+    })
 }
 
 /// The mirror blocks `B = H K H / 64` of a brick's matrix (see `kernels::product`): block `P` couples the x-displacement in sign pattern

@@ -3,8 +3,9 @@
 use super::Model;
 use crate::kernels::forces::rest_corner;
 use crate::kernels::product::{LANES, cell_groups, product};
-use crate::kernels::{forces, rhs, rotations, springs, springs_product};
+use crate::kernels::{forces, momentum, rhs, rotations, springs, springs_product};
 use crate::math::{V3, V4, rotation_matrix, rotation_minus_identity};
+use crate::scene::Mass;
 
 /// Elastic energy of a displacement field, J: `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X`; for springs `½ Σ k (|d| − L)²`.
 /// `rotation` as the kernels keep it (0 for dead cells), `law` of the springs as cut so far.
@@ -77,7 +78,12 @@ pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         product(&params, &model.modes(), layers, &rotation, &solved.free, &solved.dx, &mut w, &mut scratch);
     }
-    let mut load = rhs::rhs(&params, &f, &solved.v, &solved.free, &solved.load, &mut b);
+    let mut mean_v = solved.v.clone();
+    if model.mass == Mass::Consistent {
+        let layers = &model.grid.layer_of;
+        momentum::momentum(&params, &shapes, layers, &solved.rotation, &solved.free, &solved.v, &mut mean_v);
+    }
+    let mut load = rhs::rhs(&params, &f, &mean_v, &solved.free, &solved.load, &mut b);
     let mut residual = 0.0;
     for i in 0..count {
         for n in 0..3 {

@@ -6,8 +6,9 @@
 //!
 //! The smoother needs an upper bound of the eigenvalues of `M⁻¹A`, `M` the z-columns' blocks of `A`. Cell by cell: with `D` the part of a
 //! cell's `K` that lies within its four vertical edges, `zᵀAz = Σ z_cᵀ K z_c ≤ max λ(K, D) Σ z_cᵀ D z_c = max λ(K, D) zᵀMz` (Wathen
-//! 1987). Rotations turn `K` and `D` alike, a cut or a held node leaves both sums short by the same terms, inertia adds the same to
-//! both: the bound is known once the element is, and holds always.
+//! 1987). Rotations turn `K` and `D` alike, a cut or a held node leaves both sums short by the same terms, lumped inertia adds the same
+//! to both and a consistent mass at most [`OF_MASS`] as much: the bound is known once the element is, and holds always. (Coarse levels
+//! take masses as lumped.)
 
 use super::element::{Matrix, modes};
 use crate::kernels::product::tiles;
@@ -17,6 +18,9 @@ use crate::mesh::Grid;
 
 /// Cells along x or y from which on no further level is made: the coarsest is solved by many sweeps.
 pub const COARSEST: usize = 2;
+
+/// `λ(M, D)` of a consistent mass: 3/2 along x and along y. Lumped masses have 1.
+pub const OF_MASS: f64 = 2.25;
 
 /// One level below the finest.
 #[derive(Clone, Debug)]

@@ -13,7 +13,7 @@ use crate::kernels::product::{Modes, tiles};
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, Real, V4};
 use crate::mesh::Grid;
-use crate::scene::{Law, Load, Preconditioner, Region, Scene};
+use crate::scene::{Law, Load, Mass, Preconditioner, Region, Scene};
 
 /// Layers that one uniform binding of element matrices holds (64 KiB of core WebGPU / 3 KiB each).
 pub const MAX_LAYERS: usize = 21;
@@ -31,6 +31,8 @@ pub struct Model {
     pub springs: Option<Springs>,
     /// Corotational bricks.
     pub corotational: bool,
+    /// Where the mass lies; `free` has the sums over rows of M.
+    pub mass: Mass,
     /// `[node]` rest position, m.
     pub rest: Vec<[f64; 3]>,
     /// `[node]` 1 free or 0 held, per axis, and mass, kg, of the uncut body.
@@ -130,6 +132,10 @@ impl Model {
                 free[node][3] += shape[layer][3];
             }
         }
+        if skin.mass == Mass::Uniform {
+            let each = free.iter().map(|f| f[3]).sum::<f64>() / count as f64;
+            free.iter_mut().for_each(|f| f[3] = each);
+        }
         let mut held = vec![[0.0; 3]; count];
         for boundary in &scene.boundaries {
             for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
@@ -144,7 +150,7 @@ impl Model {
             Law::Fem { .. } => None,
         };
         let multigrid = (scene.solver.preconditioner == Preconditioner::Multigrid).then(|| Multigrid {
-            largest: levels::largest(&stiffness),
+            largest: levels::largest(&stiffness).max(if skin.mass == Mass::Consistent { levels::OF_MASS } else { 1.0 }),
             coarse: levels::levels(&grid, &stiffness, &free),
         });
         Ok(Self {
@@ -153,6 +159,7 @@ impl Model {
             shape,
             stiffness,
             springs,
+            mass: skin.mass,
             corotational: matches!(skin.law, Law::Fem { corotational: true, .. }),
             free,
             held,
@@ -195,14 +202,33 @@ impl Model {
         }
     }
 
-    /// `[layer × 64]` 3×3 blocks of the element matrices.
+    /// `[layer × 64]` 3×3 blocks of the element matrices, for elastic forces.
     pub fn stiffness_blocks<R: Real>(&self) -> Vec<M3<R>> {
         element::blocks(&self.stiffness)
     }
 
-    /// `[layer]` element matrices in their mirror blocks.
+    /// `[layer × 64]` 3×3 blocks of what the system matrix has of a cell beside the masses of nodes.
+    pub fn system_blocks<R: Real>(&self) -> Vec<M3<R>> {
+        element::blocks(&self.system())
+    }
+
+    /// `[layer]` what the system matrix has of a cell beside the masses of nodes, less the factor `s`: K, and with a consistent mass what
+    /// lumping it has put too much on the nodes. Blocks of M are multiples of the identity, so it turns with K.
+    pub fn system(&self) -> Vec<element::Matrix> {
+        let mut all = self.stiffness.clone();
+        if self.mass == Mass::Consistent {
+            let params = self.params::<f64>();
+            for (k, shape) in all.iter_mut().zip(&self.shape) {
+                let lumping = element::lumping(shape[3] * params.inertia / params.stiffness_factor);
+                k.as_flattened_mut().iter_mut().zip(lumping.as_flattened()).for_each(|(k, m)| *k -= m);
+            }
+        }
+        all
+    }
+
+    /// `[layer]` the same in mirror blocks, for products.
     pub fn modes<R: Real>(&self) -> Vec<Modes<R>> {
-        element::rounded_modes(&self.stiffness)
+        element::rounded_modes(&self.system())
     }
 
     /// `[layer]` cell edges and corner mass.

@@ -8,7 +8,7 @@ use super::collect::force_on_tools;
 use super::run::non_finite;
 use crate::backend::{Device, Snapshot};
 use crate::error::Result;
-use crate::scene::{Load, Scene};
+use crate::scene::{Load, Mass, Scene};
 use crate::step::{Place, Simulation};
 
 /// Pressure on the middle of the top, Pa; presses the incision's skin by about a tenth of its thickness.
@@ -163,10 +163,11 @@ impl Outcome {
     }
 }
 
-/// Mass that the host's account of the cut leaves, kg: of the live cells; of springs' bodies, of the nodes that still hold a spring.
+/// Mass that the host's account of the cut leaves, kg: of the live cells; of springs and of uniform masses, of the
+/// nodes that are left.
 fn expected_mass(simulation: &Simulation) -> f64 {
     let model = &simulation.model;
-    if model.springs.is_some() {
+    if model.springs.is_some() || model.mass == Mass::Uniform {
         return simulation.wound.free.iter().map(|f| f[3]).sum();
     }
     let params = model.grid.params::<f64>();

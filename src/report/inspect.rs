@@ -8,7 +8,7 @@ use crate::backend::GpuBackend;
 use crate::error::Result;
 use crate::gpu::{Gpu, adapters};
 use crate::model::Model;
-use crate::scene::{Correction, ProbeKind, Scene};
+use crate::scene::{Correction, Mass, ProbeKind, Scene};
 use crate::step::{needs, start};
 use serde::Serialize;
 
@@ -124,9 +124,10 @@ fn probes(scene: &Scene) -> u32 {
 fn dispatches(scene: &Scene, model: &Model) -> Vec<Count> {
     let count = |name, count, per| Count { name, count, per };
     let elastic = if model.springs.is_none() && model.corotational { 2 } else { 1 };
+    let momentum = u32::from(model.mass == Mass::Consistent);
     let mut list = vec![
         // elastic forces, right-hand side, blocks, factor, integration
-        count("free motion", elastic + 4, "step"),
+        count("free motion", elastic + momentum + 4, "step"),
         // product, advance, update, precondition
         count("solver", 4, "iteration"),
     ];

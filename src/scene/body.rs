@@ -5,7 +5,7 @@ use super::raw::{self, At, Table};
 use super::text::{
     Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
 };
-use super::{Element, Law, Layer, Skin};
+use super::{Element, Law, Layer, Mass, Skin};
 use crate::error::{Error, Result};
 use std::ops::Range;
 
@@ -16,6 +16,7 @@ const PALETTE: [[u8; 3]; 3] = [[242, 211, 138], [217, 136, 128], [232, 185, 160]
 pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>) -> Result<Skin> {
     let raw = table.keys;
     let law = law(scene, &raw, table.span.clone())?;
+    let mass = mass(scene, &raw, &law)?;
     if raw.layer.is_empty() {
         return Err(Error::NoLayers { at: scene.place(table.span) });
     }
@@ -33,7 +34,7 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>) -> Result<Skin> {
     });
     let layers = layers.collect::<Result<Vec<_>>>()?;
     let zero = [0.0; 3];
-    let mass = or(raw.rayleigh_mass_per_s, 0.01);
+    let drag = or(raw.rayleigh_mass_per_s, 0.01);
     let stiffness = or(raw.rayleigh_stiffness_s, 0.01);
     let velocity = or_vector(raw.velocity_m_s, &zero);
     let displacement = or_vector(raw.displacement_mm, &zero);
@@ -44,7 +45,8 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>) -> Result<Skin> {
         cells,
         layers,
         law,
-        rayleigh_mass: scene.number("rayleigh_mass_per_s", &mass, PER_SECOND, Bound::NotNegative)?,
+        mass,
+        rayleigh_mass: scene.number("rayleigh_mass_per_s", &drag, PER_SECOND, Bound::NotNegative)?,
         rayleigh_stiffness: scene.number("rayleigh_stiffness_s", &stiffness, SECOND, Bound::NotNegative)?,
         velocity: scene.vector("velocity_m_s", &velocity, SPEED, Bound::Finite)?,
         displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
@@ -71,6 +73,16 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
         stiffness: scene.required("spring_stiffness_n_m", stiffness, table.clone(), why)?,
         damping: scene.required("spring_damping_n_s_m", damping, table, why)?,
     })
+}
+
+fn mass(scene: &SceneText, raw: &raw::Skin, law: &Law) -> Result<Mass> {
+    let name = or(raw.mass.clone(), "lumped".to_string());
+    let known = [("lumped", Mass::Lumped), ("uniform", Mass::Uniform), ("consistent", Mass::Consistent)];
+    let mass = scene.choice("mass", &name, &known)?;
+    if mass == Mass::Consistent && matches!(law, Law::Springs { .. }) {
+        return Err(Error::Mass { at: scene.place(name.span()), found: name.get_ref().clone() });
+    }
+    Ok(mass)
 }
 
 fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 3], law: &Law) -> Result<Layer> {

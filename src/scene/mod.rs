@@ -11,12 +11,14 @@ mod grid;
 mod outputs;
 mod raw;
 mod read;
+mod recorded;
 mod text;
 mod tools;
 
 pub use builtin::incision;
 pub use files::Files;
 pub use read::{parse, read};
+pub use recorded::{Check, Probe, ProbeKind, TestForm, View};
 
 use std::path::PathBuf;
 
@@ -116,6 +118,8 @@ pub struct Skin {
     pub layers: Vec<Layer>,
     /// The elastic law.
     pub law: Law,
+    /// Where the mass lies.
+    pub mass: Mass,
     /// 1/s
     pub rayleigh_mass: f64,
     /// s
@@ -164,6 +168,17 @@ pub enum Law {
         /// N·s/m
         damping: f64,
     },
+}
+
+/// Where the mass of the skin lies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mass {
+    /// An eighth of each cell's mass at each of its corners, as SOFA's DiagonalMass; it goes with the cell.
+    Lumped,
+    /// The same at every node, as SOFA's UniformMass: total mass over count of nodes. A cut takes it only with nodes that leave.
+    Uniform,
+    /// `∫ ρ N_a N_b dV`, spread over each cell; it goes with the cell. Bricks only.
+    Consistent,
 }
 
 /// Brick element.
@@ -324,67 +339,4 @@ pub struct Contact {
     pub tolerance: f64,
     /// Residual of the columns, relative.
     pub column_tolerance: f64,
-}
-
-/// A value recorded each step.
-#[derive(Clone, Debug)]
-pub struct Probe {
-    /// Column name.
-    pub name: String,
-    /// What is recorded.
-    pub kind: ProbeKind,
-}
-
-/// What a probe records.
-#[derive(Clone, Debug, PartialEq)]
-pub enum ProbeKind {
-    /// Displacement of the node nearest to a rest position along an axis (0, 1, 2), m.
-    Displacement {
-        /// m
-        point: [f64; 3],
-        /// 0, 1 or 2
-        axis: usize,
-    },
-    /// Sum of the elastic reaction over a region along an axis, N.
-    Reaction {
-        /// Which nodes.
-        region: Region,
-        /// 0, 1 or 2
-        axis: usize,
-    },
-}
-
-/// Bounds on a named result: a key of the report with dots (`cut.area_mm2`), or `probes.NAME`.
-#[derive(Clone, Debug)]
-pub struct Check {
-    /// Report key.
-    pub key: String,
-    /// Inclusive lower bound.
-    pub min: f64,
-    /// Inclusive upper bound.
-    pub max: f64,
-}
-
-/// A smaller form of a scene for the tests.
-#[derive(Clone, Copy, Debug)]
-pub struct TestForm {
-    /// Cells in x and y instead of the scene's.
-    pub cells: Option<[u32; 2]>,
-    /// Steps instead of the scene's duration.
-    pub steps: Option<u32>,
-}
-
-/// How frames are drawn.
-#[derive(Clone, Copy, Debug)]
-pub struct View {
-    /// Frames over the whole run.
-    pub frames: u32,
-    /// Pixels.
-    pub size: [u32; 2],
-    /// Camera position, m.
-    pub eye: [f64; 3],
-    /// Looked-at point, m.
-    pub target: [f64; 3],
-    /// Vertical field of view, degrees.
-    pub field_of_view: f64,
 }

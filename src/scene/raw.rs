@@ -108,6 +108,7 @@ pub(super) struct Skin {
     pub law: Option<At<String>>,
     pub element: Option<At<String>>,
     pub corotational: Option<bool>,
+    pub mass: Option<At<String>>,
     pub spring_stiffness_n_m: Option<At<f64>>,
     pub spring_damping_n_s_m: Option<At<f64>>,
     pub rayleigh_mass_per_s: Option<At<f64>>,

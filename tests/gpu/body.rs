@@ -200,7 +200,7 @@ impl Body {
             "u" => coincide(random.vectors(nodes, 1e-4)),
             "point_u" => random.vectors(nodes, 1e-4),
             "point_v" => random.vectors(nodes, 1.0),
-            "v" => random.vectors(nodes, 0.1),
+            "v" | "mean_v" => random.vectors(nodes, 0.1),
             "f" | "load" => random.vectors(nodes, 0.01),
             "z" | "x" | "p" | "d" => random.vectors(all, 1e-4),
             "coarse_z" => random.vectors(self.coarse_nodes() * self.slots, 1e-4),

@@ -84,6 +84,10 @@ const CASES: &[Case] = cases! {
     forces Nodes false ["- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "(u[node].xyz - own) * r" => "r * (u[node].xyz - own)"]
     gather Ids false ["source[ids[k]]" => "source[k]"]
     integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "1.0 / params.step" => "params.step"]
+    momentum Nodes false [
+        "near.y * near.z" => "near.y", "sum * rate" => "sum", "v[node].xyz - own" => "v[node].xyz", "shape[layer_of[at.z]]" => "shape[0]",
+        "any(at >= cells)" => "any(at + 1u >= cells)", "== vec4<f32>(0.0)) { continue" => "== vec4<f32>(9.0)) { continue"
+    ]
     precondition Columns true [
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u",
         "scalars[slot * 2u].w == 0.0" => "true", "dot(r[offset + i].xyz, above)" => "dot(above, above)"

@@ -81,12 +81,14 @@ rectangle_mm = [[-1, -1], [1, 1]]
 "#;
 
 const FEM: &str = "law = \"fem\"";
+/// Consistent mass, and a step so short that it weighs as much as stiffness.
+const HEAVY: &str = "mass = \"consistent\"";
 const SPRINGS: &str = "law = \"springs\"\nspring_stiffness_n_m = 30\nspring_damping_n_s_m = 0.02";
 
 /// Every test here, by name.
 pub fn tests() -> Vec<(String, Test)> {
     let mut all: Vec<(String, Test)> = vec![];
-    for (law, text) in [("bricks", FEM), ("springs", SPRINGS)] {
+    for (law, text) in [("bricks", FEM), ("heavy_bricks", HEAVY), ("springs", SPRINGS)] {
         for kind in ["none", "jacobi", "block", "column", "multigrid"] {
             if kind == "multigrid" && law == "springs" {
                 continue; // bricks only
@@ -125,7 +127,9 @@ impl Case {
     }
 
     fn model(self) -> Result<(Model, Vec<[f64; 3]>), Failure> {
+        let step = if self.law == HEAVY { "step_ms = 0.05" } else { "step_ms = 10" };
         let text = SCENE.replace("LAW", self.law).replace("PRECONDITIONER", self.preconditioner);
+        let text = text.replace("step_ms = 10", step);
         let scene = parse(&text, Path::new("block.toml"), &Files::Embedded(&[]))?;
         let model = Model::new(&scene)?;
         let load = model.load_at(&scene.loads, 0.0);

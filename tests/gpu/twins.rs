@@ -139,6 +139,13 @@ pub fn integrate<R: Real>(b: &Body) -> Outputs<R> {
     vec![("u", flat(&u)), ("v", flat(&v))]
 }
 
+pub fn momentum<R: Real>(b: &Body) -> Outputs<R> {
+    let (shape, rotation, free) = (b.v4("shape"), b.v4("rotation"), b.v4("free"));
+    let mut mean_v = b.v4::<R>("mean_v");
+    kernels::momentum::momentum(&b.params(), &shape, &b.grid.layer_of, &rotation, &free, &b.v4("v"), &mut mean_v);
+    vec![("mean_v", flat(&mean_v))]
+}
+
 pub fn precondition<R: Real>(b: &Body) -> Outputs<R> {
     let (block, r, mut z) = (b.v4::<R>("block"), b.v4("r"), b.v4("z"));
     let mut gamma = start_sums(b, "partial_gamma", b.column_groups());

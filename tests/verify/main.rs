@@ -7,6 +7,7 @@
 mod dense;
 mod differences;
 mod elements;
+mod masses;
 mod motion;
 mod multigrid;
 mod release;
@@ -47,7 +48,7 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 9] = [
+    let groups: [&[Case]; 10] = [
         multigrid::CASES,
         elements::CASES,
         differences::CASES,
@@ -55,11 +56,18 @@ fn main() -> ExitCode {
         solver::CASES,
         springs::CASES,
         motion::CASES,
+        masses::CASES,
         skin_block::CASES,
         release::CASES,
     ];
-    let everywhere: [&[Everywhere]; 5] =
-        [multigrid::EVERYWHERE, elements::EVERYWHERE, motion::EVERYWHERE, springs::EVERYWHERE, release::EVERYWHERE];
+    let everywhere: [&[Everywhere]; 6] = [
+        multigrid::EVERYWHERE,
+        elements::EVERYWHERE,
+        motion::EVERYWHERE,
+        masses::EVERYWHERE,
+        springs::EVERYWHERE,
+        release::EVERYWHERE,
+    ];
     let mut trials = vec![];
     for (name, run) in groups.into_iter().flatten() {
         let run = move || {

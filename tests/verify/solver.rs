@@ -11,6 +11,7 @@ use cutis::linear::{Outcome, Slot, solve};
 use cutis::math::V4;
 use cutis::model::Model;
 use cutis::scene::Element::Bbar;
+use cutis::scene::Mass::{self, Consistent, Lumped};
 use cutis::scene::Preconditioner;
 use cutis::step::{Place, Simulation};
 
@@ -29,7 +30,7 @@ const TOLERANCE: f64 = 1e-12;
 fn cg(model: &Model, b: &[V4<f64>], cap: u32, product_of: f64) -> (Vec<V4<f64>>, Outcome) {
     let params = model.params();
     let rotation = vec![[0.0, 0.0, 0.0, 1.0]; model.grid.cell_count()];
-    let (stiffness, layers) = (model.stiffness_blocks(), &model.grid.layer_of);
+    let (stiffness, layers) = (model.system_blocks(), &model.grid.layer_of);
     let count = model.rest.len();
     let zeros = || vec![[0.0; 4]; count];
     let mut block = vec![[0.0; 4]; 4 * count];
@@ -67,8 +68,13 @@ fn load(model: &Model) -> Vec<V4<f64>> {
 const ALL: [Preconditioner; 4] =
     [Preconditioner::None, Preconditioner::Jacobi, Preconditioner::Block, Preconditioner::Column];
 
-fn with(preconditioner: Preconditioner) -> Model {
+/// With consistent masses, a step so short that they weigh as much as stiffness.
+fn with(preconditioner: Preconditioner, mass: Mass) -> Model {
     let mut scene = small(Bbar);
+    scene.skin.mass = mass;
+    if mass == Consistent {
+        scene.time.step = 1e-5;
+    }
     scene.solver.preconditioner = preconditioner;
     let mut model = model(&scene);
     hold_some(&mut model);
@@ -79,8 +85,8 @@ fn dense_solution() {
     // the condition of this body is under 1e6; a solve to 1e-12 leaves 1e-6 at worst, and less by far in the norm used here
     const BOUND: f64 = 1e-8;
     let mut iterations = vec![];
-    for preconditioner in ALL {
-        let model = with(preconditioner);
+    for (preconditioner, mass) in ALL.map(|p| (p, Lumped)).into_iter().chain([(Preconditioner::Column, Consistent)]) {
+        let model = with(preconditioner, mass);
         let b = load(&model);
         let flat: Vec<f64> = b.iter().flat_map(|b| [b[0], b[1], b[2]]).collect();
         let identity = vec![[0.0, 0.0, 0.0, 1.0]; model.grid.cell_count()];
@@ -93,7 +99,7 @@ fn dense_solution() {
             exact.iter().enumerate().map(at).fold(0.0, f64::max) / size
         };
         measured(&format!("CG {preconditioner:?} against dense"), error(&exact), 0.0);
-        assert!(error(&exact) < BOUND, "{preconditioner:?}: {:e}", error(&exact));
+        assert!(error(&exact) < BOUND, "{preconditioner:?} {mass:?}: {:e}", error(&exact));
         // counter-test: another body's solution is told apart
         let mut other = model.clone();
         other.stiffness[1][0][0] *= 1.001;
@@ -106,8 +112,8 @@ fn dense_solution() {
 }
 
 fn one_column() {
-    let only = |preconditioner| {
-        let mut model = with(preconditioner);
+    let only = |preconditioner, mass| {
+        let mut model = with(preconditioner, mass);
         let p = model.grid.params::<f64>();
         for node in 0..model.rest.len() {
             let [i, j, _] = p.node_at(node);
@@ -119,14 +125,16 @@ fn one_column() {
         outcome.iterations
     };
     // the first iteration is exact; a second may take rounding away
-    let columns = only(Preconditioner::Column);
-    assert!(columns <= 2, "{columns} iterations");
-    let blocks = only(Preconditioner::Block);
+    for mass in [Lumped, Consistent] {
+        let columns = only(Preconditioner::Column, mass);
+        assert!(columns <= 2, "{mass:?}: {columns} iterations");
+    }
+    let blocks = only(Preconditioner::Block, Lumped);
     assert!(blocks > 4, "node blocks cannot do that: {blocks} iterations");
 }
 
 fn indefinite() {
-    let model = with(Preconditioner::Block);
+    let model = with(Preconditioner::Block, Lumped);
     let (_, outcome) = cg(&model, &load(&model), 100, -1.0);
     assert!(!outcome.converged && outcome.iterations < 100, "{outcome:?}");
     let (_, fine) = cg(&model, &load(&model), 5000, 1.0);
@@ -134,7 +142,7 @@ fn indefinite() {
 }
 
 fn non_finite() {
-    let model = with(Preconditioner::Column);
+    let model = with(Preconditioner::Column, Lumped);
     let mut b = load(&model);
     b[model.rest.len() / 2][1] = f64::NAN;
     let (_, outcome) = cg(&model, &b, 100, 1.0);
@@ -148,7 +156,7 @@ fn non_finite() {
 }
 
 fn too_few() {
-    let model = with(Preconditioner::Jacobi);
+    let model = with(Preconditioner::Jacobi, Lumped);
     let (_, outcome) = cg(&model, &load(&model), 3, 1.0);
     assert!(!outcome.converged, "{outcome:?}");
     assert!(outcome.residual > outcome.target && outcome.target > 0.0, "{outcome:?}");

@@ -1,15 +1,15 @@
 //! Arrays of the body on the device by the names that the kernels use, and the groups of them that belong together.
 
-use crate::backend::cpu::cell_centres;
-use crate::backend::links;
+use crate::backend::{cell_centres, links};
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::{
-    self, Source, centres, cut, forces, rotations, scatter, springs, springs_blocks, springs_product,
+    self, Source, centres, cut, forces, momentum, rotations, scatter, springs, springs_blocks, springs_product,
 };
 use crate::kernels::{blocks, product};
 use crate::math::{M3, V3, V4};
 use crate::model::{MAX_LAYERS, Model, element};
+use crate::scene::Mass;
 
 /// A kernel with its arrays, and how many threads it takes.
 pub(super) type Dispatch = (Bound, usize);
@@ -118,6 +118,8 @@ pub(super) fn modes_uniform(made: &mut Maker, stiffness: &[element::Matrix]) -> 
 /// Arrays and kernels of the elastic law.
 pub(super) struct Law {
     pub shared: Arrays,
+    /// `stiffness` of the blocks and `v` of the right-hand side with a consistent mass.
+    pub consistent: Option<[Buffer; 2]>,
     pub cell: Buffer,
     pub springs: usize,
     pub elastic: Vec<(&'static kernels::Source, usize)>,
@@ -141,6 +143,7 @@ impl Law {
             ]);
             return Ok(Self {
                 shared,
+                consistent: None,
                 cell,
                 springs: s.ends.len(),
                 elastic: vec![(&springs::SOURCE, n)],
@@ -151,10 +154,10 @@ impl Law {
         let cells = model.grid.cell_count();
         let cell = made.of("rotation", &vec![[0f32, 0.0, 0.0, 1.0]; cells])?;
         let shape: Vec<u32> = model.shapes::<f32>().iter().flatten().map(|c| c.to_bits()).collect();
-        let shared = Arrays::of(&[
+        let mut shared = Arrays::of(&[
             made.uniform("shape", MAX_LAYERS * 16, &shape),
             stiffness_uniform(made, &model.stiffness),
-            modes_uniform(made, &model.stiffness),
+            modes_uniform(made, &model.system()),
             made.of("layer_of", &model.grid.layer_of)?,
             cell.clone(),
         ]);
@@ -163,7 +166,14 @@ impl Law {
             elastic.push((&rotations::SOURCE, cells));
         }
         elastic.push((&forces::SOURCE, n));
-        Ok(Self { shared, cell, springs: 0, elastic, product: &product::SOURCE, blocks: &blocks::SOURCE })
+        let mut consistent = None;
+        if model.mass == Mass::Consistent {
+            let mean_v = made.vec4("mean_v", n)?;
+            shared = shared.joined(&Arrays::of(std::slice::from_ref(&mean_v)));
+            elastic.push((&momentum::SOURCE, n));
+            consistent = Some([stiffness_uniform(made, &model.system()), mean_v]);
+        }
+        Ok(Self { shared, consistent, cell, springs: 0, elastic, product: &product::SOURCE, blocks: &blocks::SOURCE })
     }
 }
 

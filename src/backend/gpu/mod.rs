@@ -95,8 +95,10 @@ impl GpuBackend {
         for (source, threads) in &law.elastic {
             begin.push((of_main(source, &[])?, *threads));
         }
-        begin.push((of_main(&rhs::SOURCE, &[("b", &solver.r)])?, n));
-        begin.push((of_main(law.blocks, &[])?, n));
+        let mean_v = law.consistent.as_ref().map_or(&v, |[_, mean_v]| mean_v);
+        begin.push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v)])?, n));
+        let system = law.consistent.iter().map(|[system, _]| ("stiffness", system)).collect::<Vec<_>>();
+        begin.push((of_main(law.blocks, &system)?, n));
         begin.push((of_main(&factor::SOURCE, &[])?, (params.nodes_x * params.nodes_y) as usize));
         begin.extend(solver.refresh.iter().cloned());
         let single = made.uniform("params", 0, &Params { slot_count: 1, ..params }.words());
@@ -112,7 +114,8 @@ impl GpuBackend {
         let node_blocks = if needs.node_blocks {
             let out = made.vec4("block", n * 4)?;
             let params = made.uniform("params", 0, &Params { preconditioner: 2, ..params }.words());
-            Some((arrays.bind(&gpu, law.blocks, &[("params", &params), ("block", &out)])?, out))
+            let more = [&system[..], &[("params", &params), ("block", &out)]].concat();
+            Some((arrays.bind(&gpu, law.blocks, &more)?, out))
         } else {
             None
         };

@@ -1,0 +1,44 @@
+// Velocity that a consistent mass sees at each node. Twin: momentum.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> shape: array<vec4<f32>, 21>;           // [layer] cell edges m, mass of one corner kg
+@group(0) @binding(2) var<storage, read> layer_of: array<u32>;            // [cells_z] layer
+@group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;      // [cell] quaternion
+@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(5) var<storage, read> v: array<vec4<f32>>;             // [node] m/s
+@group(0) @binding(6) var<storage, read_write> mean_v: array<vec4<f32>>;  // [node] m/s
+
+@compute @workgroup_size(64)
+fn momentum(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group_of(group, groups) * GROUP + lane;
+    if i >= params.node_count { return; }
+    let c = vec3<u32>(
+        i % params.nodes_x,
+        (i / params.nodes_x) % params.nodes_y,
+        i / (params.nodes_x * params.nodes_y),
+    );
+    let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
+    let own = v[i].xyz;
+    var sum = vec3<f32>(0.0);
+    for (var a = 0u; a < 8u; a += 1u) {
+        let o_a = corner(a);
+        let at = c - o_a; // wraps below 0, which the test catches
+        if any(at >= cells) { continue; }
+        if all(rotation[at.x + params.cells_x * (at.y + params.cells_y * at.z)] == vec4<f32>(0.0)) { continue; }
+        var local = vec3<f32>(0.0);
+        for (var b = 0u; b < 8u; b += 1u) {
+            let o_b = corner(b);
+            let node = (at.x + o_b.x) + params.nodes_x * ((at.y + o_b.y) + params.nodes_y * (at.z + o_b.z));
+            let near = select(vec3<f32>(1.0), vec3<f32>(2.0), o_a == o_b);
+            local += (v[node].xyz - own) * (near.x * near.y * near.z / 27.0);
+        }
+        sum += local * shape[layer_of[at.z]].w;
+    }
+    // a node that has left the system has no mass and no cells
+    let mass = free[i].w;
+    let rate = select(0.0, 1.0 / mass, mass > 0.0);
+    mean_v[i] = vec4<f32>(own + sum * rate, 0.0);
+}
