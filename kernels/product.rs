@@ -94,7 +94,25 @@ pub fn product<R: Real>(
     w: &mut [V4<R>],               // [node] N
     scratch: &mut [CellForces<R>], // [cell_groups]
 ) -> R {
-    by_strips(Input { params, modes, layer_of, rotation, free, z }, w, scratch, |strip| R::widest(strip))
+    let input = Input { params, modes, layer_of, rotation, of: Of::System { free }, z };
+    by_strips(input, w, scratch, |strip| R::widest(strip))
+}
+
+/// Elastic forces (see `kernels::forces`) in the product's form: each cell once, with the patterns of `(Rᵀ − I) X` added to those of
+/// `Rᵀu`. Three of them are not zero: `−4 h_i (Rᵀ − I) e_i` in the pattern of axis `i`. The displacement of a cell's first corner is taken
+/// off first, so that f32 loses nothing in a body that has moved far.
+pub fn elastic_forces<R: Real>(
+    params: &Params<R>,
+    shape: &[V4<R>],               // [layer] cell edges m, mass of one corner kg
+    modes: &[Modes<R>],            // [layer] N/m, of stiffness alone
+    layer_of: &[u32],              // [cells_z] layer
+    rotation: &[V4<R>],            // [cell] quaternion
+    u: &[V4<R>],                   // [node] m
+    f: &mut [V4<R>],               // [node] N
+    scratch: &mut [CellForces<R>], // [cell_groups]
+) {
+    let input = Input { params, modes, layer_of, rotation, of: Of::Elastic { shape }, z: u };
+    by_strips(input, f, scratch, |strip| R::widest(strip));
 }
 
 fn by_strips<R: Real>(
@@ -132,8 +150,17 @@ struct Input<'a, R> {
     modes: &'a [Modes<R>],
     layer_of: &'a [u32],
     rotation: &'a [V4<R>],
-    free: &'a [V4<R>],
+    of: Of<'a, R>,
     z: &'a [V4<R>],
+}
+
+/// What is multiplied.
+#[derive(Clone, Copy)]
+enum Of<'a, R> {
+    /// `A z`: scaled, with inertia, held axes cut out.
+    System { free: &'a [V4<R>] },
+    /// The elastic force of displacements.
+    Elastic { shape: &'a [V4<R>] },
 }
 
 /// The nodes of some rows, all levels.
@@ -150,7 +177,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
     #[inline(always)]
     fn run<L: Lanes<R>>(self, lanes: L) -> R {
         let Strip { input, rows, mut w, scratch } = self;
-        let Input { params, modes, layer_of, rotation, free, z } = input;
+        let Input { params, modes, layer_of, rotation, of, z } = input;
         let (nodes_x, cells_x) = (params.nodes_x as usize, params.cells_x as usize);
         let level_nodes = nodes_x * params.nodes_y as usize;
         // a row of cells more than of nodes, where the grid has it
@@ -175,7 +202,8 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                 for (row, y) in cell_rows.clone().enumerate() {
                     spread(&rotation[params.cell_id([0, y, k])..][..cells_x], &mut q, row * nodes_x);
                 }
-                let blocks = &modes[layer_of[k] as usize];
+                let layer = layer_of[k] as usize;
+                let blocks = &modes[layer];
                 for at in (0..cells).step_by(L::COUNT) {
                     let corner = [at, at + 1, at + nodes_x, at + nodes_x + 1];
                     let mut rotation = [lanes.splat(R::zero()); 4];
@@ -189,7 +217,18 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                             at_corner[c + 4][n] = lanes.load(&z_above[n][corner[c]..]);
                         }
                     }
-                    let force = cell_forces(lanes, blocks, rotation, at_corner);
+                    let mut stretch = [lanes.splat(R::zero()); 3];
+                    if let Of::Elastic { shape } = of {
+                        // the lower corner counts positive in a pattern
+                        stretch = [0, 1, 2].map(|n| lanes.splat(shape[layer][n] * R::of(-4.0)));
+                        let first = at_corner[0];
+                        for corner in &mut at_corner {
+                            for n in 0..3 {
+                                corner[n] = lanes.sub(corner[n], first[n]);
+                            }
+                        }
+                    }
+                    let force = cell_forces(lanes, blocks, rotation, at_corner, stretch);
                     for c in 0..4 {
                         for n in 0..3 {
                             add_to(lanes, &mut f_below[n][corner[c]..], force[c][n]);
@@ -198,8 +237,18 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                     }
                 }
             }
-            let free = &free[k * level_nodes + first..][own.clone()];
-            finish(params, free, &z_below, &f_below, own.start, w[k], &mut along);
+            match of {
+                Of::System { free } => {
+                    let free = &free[k * level_nodes + first..][own.clone()];
+                    finish(params, free, &z_below, &f_below, own.start, w[k], &mut along);
+                }
+                Of::Elastic { .. } => {
+                    for (i, w) in w[k].iter_mut().enumerate() {
+                        let at = own.start + i;
+                        *w = [f_below[0][at], f_below[1][at], f_below[2][at], R::zero()];
+                    }
+                }
+            }
             std::mem::swap(&mut z_below, &mut z_above);
             std::mem::swap(&mut f_below, &mut f_above);
             f_above.iter_mut().for_each(|plane| plane.fill(R::zero()));
@@ -250,9 +299,16 @@ fn add_to<R: Real, L: Lanes<R>>(l: L, to: &mut [R], value: L::V) {
     l.store(l.add(l.load(to), value), to);
 }
 
-/// Forces of cells on their corners, without the factor `s`; corner numbers are bits x + 2y + 4z.
+/// Forces of cells on their corners, without the factor `s`; corner numbers are bits x + 2y + 4z. `stretch_i (Rᵀ − I) e_i` is added to
+/// the pattern of axis `i`.
 #[inline(always)]
-fn cell_forces<R: Real, L: Lanes<R>>(l: L, blocks: &Modes<R>, q: [L::V; 4], z: [[L::V; 3]; 8]) -> [[L::V; 3]; 8] {
+fn cell_forces<R: Real, L: Lanes<R>>(
+    l: L,
+    blocks: &Modes<R>,
+    q: [L::V; 4],
+    z: [[L::V; 3]; 8],
+    stretch: [L::V; 3],
+) -> [[L::V; 3]; 8] {
     let r = rotation_rows(l, q);
     let a = patterns(l, z);
     let zero = l.splat(R::zero());
@@ -260,6 +316,12 @@ fn cell_forces<R: Real, L: Lanes<R>>(l: L, blocks: &Modes<R>, q: [L::V; 4], z: [
     for p in 1..8 {
         for n in 0..3 {
             local[p][n] = dot(l, [r[0][n], r[1][n], r[2][n]], a[p]);
+        }
+    }
+    let turned = rotation_minus_one(l, q, r);
+    for i in 0..3 {
+        for n in 0..3 {
+            local[1 << i][n] = l.mul_add(stretch[i], turned[i][n], local[1 << i][n]);
         }
     }
     let mut force = [[zero; 3]; 8];
@@ -316,6 +378,16 @@ fn rotation_rows<R: Real, L: Lanes<R>>(l: L, [x, y, z, w]: [L::V; 4]) -> [[L::V;
     ]
 }
 
+/// Rows of `R(q) − I` of a unit quaternion, without cancellation at small angles; `r` are those of `R`.
+#[inline(always)]
+fn rotation_minus_one<R: Real, L: Lanes<R>>(l: L, [x, y, z, _]: [L::V; 4], mut r: [[L::V; 3]; 3]) -> [[L::V; 3]; 3] {
+    let minus_two = l.splat(R::of(-2.0));
+    for (n, [a, b]) in [[y, z], [x, z], [x, y]].into_iter().enumerate() {
+        r[n][n] = l.mul(minus_two, l.mul_add(a, a, l.mul(b, b)));
+    }
+    r
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -351,8 +423,14 @@ mod tests {
         let mut w = vec![[R::zero(); 4]; node_count as usize];
         let mut scratch = vec![[[[R::one(); LANES]; 3]; 8]; cell_groups(&params)];
         let layer_of = [0; CELLS[2] as usize];
-        let input =
-            Input { params: &params, modes: &modes, layer_of: &layer_of, rotation: &rotation, free: &free, z: &z };
+        let input = Input {
+            params: &params,
+            modes: &modes,
+            layer_of: &layer_of,
+            rotation: &rotation,
+            of: Of::System { free: &free },
+            z: &z,
+        };
         (by_strips(input, &mut w, &mut scratch, run), w)
     }
 

@@ -147,7 +147,7 @@ fn a_broken_shader_is_an_error_that_shows_the_place() {
     assert!(unparsed.contains("let head +"), "{unparsed}");
     let unknown = broken("head.y * p[i]", "head.y * q[i]");
     assert!(unknown.contains("`q`") || unknown.contains("'q'"), "{unknown}");
-    let mistyped = broken("node >= params.node_count", "node >= params.step");
+    let mistyped = broken("node < params.node_count", "node < params.step");
     assert!(mistyped.contains("params.step"), "{mistyped}");
     let readonly = broken("read_write> x", "read> x");
     assert!(!readonly.is_empty());

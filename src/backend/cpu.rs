@@ -4,15 +4,14 @@ use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, 
 use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::precondition::precondition;
-use crate::kernels::product::{LANES, Modes, cell_groups, product};
+use crate::kernels::product::{CellForces, LANES, Modes, cell_groups, elastic_forces, product};
 use crate::kernels::{
-    Params, blocks, centres, cut, factor, forces, integrate, momentum, rhs, rotations, springs, springs_blocks,
-    springs_product,
+    Params, blocks, centres, cut, factor, integrate, momentum, rhs, rotations, springs, springs_blocks, springs_product,
 };
 use crate::linear::multigrid::{Hierarchy, Operator, Work, cycle};
 use crate::linear::{Outcome, Slot, solve};
 use crate::math::{M3, Real, V3, V4};
-use crate::model::Model;
+use crate::model::{Model, element};
 use crate::scene::Mass;
 use rayon::prelude::*;
 
@@ -39,6 +38,14 @@ pub struct CpuBackend<R> {
     z: Vec<V4<R>>,
     w: Vec<V4<R>>,
     cutting: Option<Cutting<R>>,
+    space: Vec<Space<R>>, // [slot]
+}
+
+/// What a solve works in beside the slot's own vectors.
+#[derive(Clone, Default)]
+struct Space<R> {
+    scratch: Vec<CellForces<R>>,
+    levels: Vec<Work<R>>,
 }
 
 enum Elastic<R> {
@@ -48,7 +55,7 @@ enum Elastic<R> {
 
 struct Bricks<R> {
     shape: Vec<V4<R>>,
-    stiffness: Vec<M3<R>>,
+    elastic: Vec<Modes<R>>,
     system: Vec<M3<R>>,
     modes: Vec<Modes<R>>,
     layer_of: Vec<u32>,
@@ -88,13 +95,17 @@ impl<R: Real> CpuBackend<R> {
             },
             None => Elastic::Bricks(Bricks {
                 shape: model.shapes(),
-                stiffness: model.stiffness_blocks(),
+                elastic: element::rounded_modes(&model.stiffness),
                 system: model.system_blocks(),
                 modes: model.modes(),
                 layer_of: model.grid.layer_of.clone(),
                 rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.grid.cell_count()],
                 multigrid: Hierarchy::new(model),
             }),
+        };
+        let scratch = match &model.springs {
+            Some(_) => vec![],
+            None => vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&model.params::<R>())],
         };
         let cutting = needs.cutting.then(|| Cutting::new(model));
         Self {
@@ -118,6 +129,7 @@ impl<R: Real> CpuBackend<R> {
             z: zeros(node_count * slots),
             w: zeros(node_count * slots),
             cutting,
+            space: vec![Space { scratch, levels: vec![] }; slots],
         }
     }
 
@@ -171,16 +183,23 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn begin(&mut self) -> Result<()> {
         let params = self.params;
         match &mut self.law {
-            Elastic::Bricks(Bricks { shape, stiffness, layer_of, rotation, .. }) => {
+            Elastic::Bricks(Bricks { shape, elastic, layer_of, rotation, .. }) => {
                 let u = &self.u;
                 if params.corotational == 1 {
                     rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
                         *q = rotations::rotate_cell(&params, shape, layer_of, u, cell, *q);
                     });
                 }
-                self.f.par_iter_mut().enumerate().for_each(|(i, f)| {
-                    *f = forces::node_force(&params, shape, stiffness, layer_of, u, rotation, i).pad(R::zero());
-                });
+                elastic_forces(
+                    &params,
+                    shape,
+                    elastic,
+                    layer_of,
+                    rotation,
+                    u,
+                    &mut self.f,
+                    &mut self.space[FREE].scratch,
+                );
                 let (free, v) = (&self.free, &self.v);
                 self.mean_v.par_iter_mut().enumerate().for_each(|(i, mean)| {
                     *mean = momentum::mean_velocity(&params, shape, layer_of, rotation, free, v, i).pad(R::zero());
@@ -226,10 +245,6 @@ impl<R: Real> Backend for CpuBackend<R> {
         let n = self.node_count;
         let (params, free, block, law) = (&self.params, &self.free, &self.block, &self.law);
         let (load, floor, max_iterations) = (self.load_squared, self.floor, self.max_iterations);
-        let scratch_len = match law {
-            Elastic::Bricks(_) => cell_groups(params),
-            Elastic::Springs { .. } => 0,
-        };
         let operators = match law {
             Elastic::Bricks(b) => b.multigrid.as_ref().map_or(vec![], |m| {
                 let (modes, layer_of, rotation) = (&b.modes[..], &b.layer_of[..], &b.rotation[..]);
@@ -245,35 +260,36 @@ impl<R: Real> Backend for CpuBackend<R> {
             self.s.par_chunks_mut(n),
             self.z.par_chunks_mut(n),
             self.w.par_chunks_mut(n),
+            self.space.par_iter_mut(),
         );
         let mut done: Vec<(usize, Outcome)> = arrays
             .into_par_iter()
             .enumerate()
             .filter_map(|(slot, arrays)| Some((wanted.iter().find(|w| w.slot == slot)?, arrays)))
-            .map_init(
-                || (vec![[[[R::zero(); LANES]; 3]; 8]; scratch_len], Work::new(levels)),
-                |(scratch, work), (want, (x, r, p, s, z, w))| {
-                    let product = |z: &[V4<R>], w: &mut [V4<R>]| match law {
-                        Elastic::Bricks(b) => product(params, &b.modes, &b.layer_of, &b.rotation, free, z, w, scratch),
-                        Elastic::Springs { first, half, tangent, .. } => {
-                            springs_product::springs_product(params, first, half, tangent, free, z, w)
-                        }
-                    };
-                    let request = request(want.target, floor);
-                    let outcome = solve(
-                        Slot { x, r, p, s, z, w },
-                        &request,
-                        load,
-                        max_iterations,
-                        product,
-                        |r: &[V4<R>], z: &mut [V4<R>]| match levels {
-                            [] => precondition(params, block, r, z),
-                            _ => cycle(levels, work, r, z),
-                        },
-                    );
-                    (want.slot, outcome)
-                },
-            )
+            .map(|(want, (x, r, p, s, z, w, Space { scratch, levels: work }))| {
+                if work.is_empty() {
+                    *work = Work::new(levels);
+                }
+                let product = |z: &[V4<R>], w: &mut [V4<R>]| match law {
+                    Elastic::Bricks(b) => product(params, &b.modes, &b.layer_of, &b.rotation, free, z, w, scratch),
+                    Elastic::Springs { first, half, tangent, .. } => {
+                        springs_product::springs_product(params, first, half, tangent, free, z, w)
+                    }
+                };
+                let request = request(want.target, floor);
+                let outcome = solve(
+                    Slot { x, r, p, s, z, w },
+                    &request,
+                    load,
+                    max_iterations,
+                    product,
+                    |r: &[V4<R>], z: &mut [V4<R>]| match levels {
+                        [] => precondition(params, block, r, z),
+                        _ => cycle(levels, work, r, z),
+                    },
+                );
+                (want.slot, outcome)
+            })
             .collect();
         done.sort_by_key(|(slot, _)| *slot);
         let find = |w: &Wanted| done.iter().find(|d| d.0 == w.slot).map(|d| d.1).unwrap_or_default();

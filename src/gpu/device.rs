@@ -176,12 +176,11 @@ impl Gpu {
         names
     }
 
-    /// A zeroed storage array of `count` elements (at least 16 bytes, so that an empty one can be bound).
+    /// Whether an array of so many bytes can be made.
     ///
     /// # Errors
     /// [`Error::TooLarge`] when it passes the adapter's limit for one binding.
-    pub fn array<T: NoUninit>(&self, name: &'static str, count: usize) -> Result<Buffer> {
-        let bytes = (count * size_of::<T>()).next_multiple_of(16).max(16) as u64;
+    pub fn fits(&self, name: &str, bytes: u64) -> Result<()> {
         let limits = [
             ("max_storage_buffer_binding_size", self.limits.max_storage_buffer_binding_size),
             ("max_buffer_size", self.limits.max_buffer_size),
@@ -199,6 +198,16 @@ impl Gpu {
                 });
             }
         }
+        Ok(())
+    }
+
+    /// A zeroed storage array of `count` elements (at least 16 bytes, so that an empty one can be bound).
+    ///
+    /// # Errors
+    /// [`Error::TooLarge`] when it passes the adapter's limit for one binding.
+    pub fn array<T: NoUninit>(&self, name: &'static str, count: usize) -> Result<Buffer> {
+        let bytes = (count * size_of::<T>()).next_multiple_of(16).max(16) as u64;
+        self.fits(name, bytes)?;
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
         self.made.borrow_mut().push((name, count as u64, bytes));
         Ok(self.buffer(name, bytes, usage))

@@ -133,15 +133,24 @@ impl Simulation {
     /// # Errors
     /// When the model is too large or no adapter fits.
     pub fn new(scene: &Scene, place: &Place) -> Result<Self> {
+        let needs = needs(scene);
+        let gpu = match place {
+            Place::Gpu(text) => Some(Gpu::open(text.as_deref())?),
+            Place::Cpu64 | Place::Cpu32 => None,
+        };
+        if let Some(gpu) = &gpu {
+            // a grid that does not fit is refused before the host spends minutes on it
+            let [x, y] = scene.skin.cells.map(|c| u64::from(c) + 1);
+            let z: u64 = scene.skin.layers.iter().map(|l| u64::from(l.cells)).sum();
+            gpu.fits("x", x * y * (z + 1) * 16 * needs.slots() as u64)?;
+        }
         let model = Model::new(scene)?;
-        let (needs, start) = (needs(scene), start(scene, &model));
+        let start = start(scene, &model);
         let (cap, floor) = (scene.solver.max_iterations, scene.solver.floor);
-        let backend: Box<dyn Backend> = match place {
-            Place::Cpu64 => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
-            Place::Cpu32 => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
-            Place::Gpu(text) => {
-                Box::new(GpuBackend::new(Gpu::open(text.as_deref())?, &model, needs, cap, floor, &start)?)
-            }
+        let backend: Box<dyn Backend> = match (place, gpu) {
+            (_, Some(gpu)) => Box::new(GpuBackend::new(gpu, &model, needs, cap, floor, &start)?),
+            (Place::Cpu32, _) => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
+            _ => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
         };
         let prepare = |kind: &ProbeKind| match kind {
             ProbeKind::Displacement { point, axis } => {

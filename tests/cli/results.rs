@@ -206,7 +206,7 @@ fn a_scene_without_contact_has_nothing_of_contact() -> Outcome {
     let work = Work::with(ALONE)?;
     let plan = work.json(&["inspect", "scene.toml", "--json"], 0)?;
     let arrays = names(&plan["arrays"]);
-    let contact = ["coefficient", "values"];
+    let contact = ["values"];
     let cut = ["ends", "rest", "quads", "hits", "hit_count", "point_u", "point_v"];
     let springs = ["law", "first", "half", "tangent"];
     let wrong: Vec<&&str> =
@@ -261,8 +261,8 @@ fn inspect_lists_what_the_gpu_holds() -> Outcome {
 
 fn an_array_beyond_a_binding_is_refused() -> Outcome {
     let work = Work::with(PRESS)?;
-    // columns of 200,000,000 contacts on 75 nodes: 720 GB in one array
-    work.write("scene.toml", &format!("{PRESS}\n[contact]\nmax_contacts = 200000000\n"))?;
+    // 8 right-hand sides on 4001 × 4001 × 3 nodes: 6 GB in one array, refused before any is made
+    work.write("scene.toml", &PRESS.replacen("cells = [4, 4]", "cells = [4000, 4000]", 1))?;
     let said = work.cutis(&["scene.toml", "--backend", "gpu"])?;
     ensure!(said.code == 2, "exit status {}: {}", said.code, said.err);
     for word in ["array `x`", "max_storage_buffer_binding_size", "use fewer cells or contacts"] {

@@ -3,9 +3,11 @@
 use super::Case;
 use super::setup::{Random, block, measured, model};
 use cutis::kernels::Params;
-use cutis::kernels::product::{LANES, cell_groups, product};
+use cutis::kernels::forces::forces;
+use cutis::kernels::product::{LANES, cell_groups, elastic_forces, product};
 use cutis::math::V4;
 use cutis::model::Model;
+use cutis::model::element::rounded_modes;
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::Mass::{self, Consistent, Lumped, Uniform};
 use cutis::scene::Scene;
@@ -14,6 +16,7 @@ use glam::{DMat3, DQuat, DVec3};
 pub const CASES: &[Case] = &[
     ("product_is_the_assembled_matrix", product_is_assembled),
     ("product_of_several_strips_is_the_sum_over_cells", product_of_strips),
+    ("forces_in_strips_are_those_gathered_by_node", forces_in_strips),
     ("product_sees_a_wrong_entry", product_sees_a_wrong_entry),
     ("product_sees_a_dead_cell", product_sees_a_dead_cell),
 ];
@@ -245,6 +248,37 @@ fn product_of_strips() {
     let error = w.iter().zip(&exact).map(off).fold(0.0, f64::max) / size;
     measured("product of strips against cells", error, 0.0);
     assert!(error < ROUNDINGS, "{error:e}");
+}
+
+/// The CPU's fast form against the kernel's twin, on a body that is turned, stretched, cut, and far away.
+fn forces_in_strips() {
+    let model = model(&small(Bbar));
+    let params = model.params::<f64>();
+    let mut random = Random(11);
+    let mut rotation = random_rotations(&model, &mut random);
+    rotation[5] = [0.0; 4];
+    let mut u = random.field(model.rest.len(), 1e-4);
+    u.iter_mut().for_each(|u| u[0] += 0.5);
+    let (shape, layers) = (model.shapes(), &model.grid.layer_of);
+    let zeros = vec![[0.0; 4]; u.len()];
+    let (mut plain, mut fast) = (zeros.clone(), zeros);
+    forces(&params, &shape, &model.stiffness_blocks(), layers, &u, &rotation, &mut plain);
+    let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
+    let run = |rotation: &[V4<f64>], fast: &mut [V4<f64>], scratch: &mut [_]| {
+        let modes = rounded_modes(&model.stiffness);
+        elastic_forces(&params, &shape, &modes, layers, rotation, &u, fast, scratch);
+        let largest = plain.as_flattened().iter().fold(0.0f64, |m, c| m.max(c.abs()));
+        let off = plain.as_flattened().iter().zip(fast.as_flattened());
+        off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / largest
+    };
+    // 24 terms of each of 8 cells; the shift of 0.5 m costs 5000 times the displacements' own rounding
+    const BOUND: f64 = 200.0 * 5000.0 * f64::EPSILON;
+    let error = run(&rotation, &mut fast, &mut scratch);
+    measured("forces in strips against the twin", error, BOUND);
+    assert!(error < BOUND, "{error:e}");
+    // counter-test: one cell turned otherwise
+    rotation[7] = rotation[6];
+    assert!(run(&rotation, &mut fast, &mut scratch) > BOUND);
 }
 
 fn product_sees_a_wrong_entry() {

@@ -74,7 +74,7 @@ impl Solver {
             levels = make_levels(made, multigrid, arrays.clone(), &shared, params, main)?;
         }
         let refresh = refresh(gpu, &levels)?;
-        let mut iteration = |params: Params<f32>, main: &Buffer| -> Result<Vec<Dispatch>> {
+        let iteration = |made: &mut Maker, params: Params<f32>, main: &Buffer| -> Result<Vec<Dispatch>> {
             let bind = |source: &Source, threads: usize| Ok((arrays.bind(gpu, source, &[("params", main)])?, threads));
             let mut out = vec![
                 bind(law.product, (params.product_groups * GROUP) as usize)?,
@@ -89,11 +89,11 @@ impl Solver {
             }
             Ok(out)
         };
-        let all = iteration(params, main)?;
+        let all = iteration(made, params, main)?;
         let correction = if with_correction {
             let params = Params { first_slot: CORRECTION as u32, ..params };
-            let second = gpu.uniform("params", 0, &params.words());
-            iteration(params, &second)?
+            let main = made.uniform("params", 0, &params.words());
+            iteration(made, params, &main)?
         } else {
             vec![]
         };
