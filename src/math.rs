@@ -94,6 +94,16 @@ real!(f64, "f64");
 /// Four numbers as they lie in buffers.
 pub type V4<R> = [R; 4];
 
+/// Numbers rounded to a precision.
+pub fn round<R: Real, const N: usize>(a: &[f64; N]) -> [R; N] {
+    a.map(R::of)
+}
+
+/// Vectors widened to f64.
+pub fn widen<R: Real>(a: &[V4<R>]) -> Vec<V4<f64>> {
+    a.iter().map(|v| v.map(Real::f64)).collect()
+}
+
 /// A vector of three numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct V3<R> {

@@ -10,7 +10,7 @@ use crate::kernels::{
 };
 use crate::linear::multigrid::{Hierarchy, Operator, Work, cycle};
 use crate::linear::{Outcome, Slot, solve};
-use crate::math::{M3, Real, V3, V4};
+use crate::math::{M3, Real, V3, V4, round, widen};
 use crate::model::{Model, element};
 use crate::scene::Mass;
 use rayon::prelude::*;
@@ -68,14 +68,6 @@ struct Cutting<R> {
     rest: Vec<V4<R>>,
     point_u: Vec<V4<R>>,
     point_v: Vec<V4<R>>,
-}
-
-fn round<R: Real, const N: usize>(a: &[f64; N]) -> [R; N] {
-    a.map(R::of)
-}
-
-fn widen<R: Real>(a: &[V4<R>]) -> Vec<V4<f64>> {
-    a.iter().map(|v| v.map(Real::f64)).collect()
 }
 
 impl<R: Real> CpuBackend<R> {

@@ -10,10 +10,12 @@
 
 mod compliance;
 mod contact;
+mod start;
 
 pub use contact::ContactReport;
+pub use start::{needs, start};
 
-use crate::backend::{Backend, CpuBackend, Device, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
+use crate::backend::{Backend, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
 use crate::collide::{self, Contact, Patch, Search};
 use crate::cut::{Totals, Wound};
 use crate::error::Result;
@@ -22,7 +24,7 @@ use crate::haptic::Reduced;
 use crate::instrument::{Free, Instrument, Role};
 use crate::linear::Outcome;
 use crate::model::{Model, Solved, true_residual};
-use crate::scene::{Correction, ProbeKind, Scene};
+use crate::scene::{ProbeKind, Scene};
 use compliance::Compliance;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -92,39 +94,6 @@ struct Prepared {
     nodes: Vec<u32>,
     axis: usize,
     reaction: bool,
-}
-
-/// Which arrays a scene's backend holds.
-pub fn needs(scene: &Scene) -> Needs {
-    let Some(contact) = &scene.contact else {
-        return Needs::default();
-    };
-    let exact = contact.correction == Correction::Exact;
-    Needs {
-        contact: true,
-        columns: if exact { compliance::COLUMNS } else { 0 },
-        near: compliance::most_nodes(contact.max_contacts),
-        cutting: scene.tools.iter().any(|t| t.blade.is_some()),
-        node_blocks: !exact,
-    }
-}
-
-/// The state that a scene starts from.
-pub fn start(scene: &Scene, model: &Model) -> Snapshot {
-    let displaced = |n: usize| {
-        let at = |a: usize| {
-            if model.free[n][a] == 0.0 { model.held[n][a] } else { scene.skin.displacement[a] }
-        };
-        [at(0), at(1), at(2), 0.0]
-    };
-    let moving = |n: usize| {
-        let at = |a: usize| {
-            if model.free[n][a] == 0.0 { 0.0 } else { scene.skin.velocity[a] }
-        };
-        [at(0), at(1), at(2), 0.0]
-    };
-    let count = model.grid.node_count();
-    Snapshot { u: (0..count).map(displaced).collect(), v: (0..count).map(moving).collect(), ..Snapshot::default() }
 }
 
 impl Simulation {

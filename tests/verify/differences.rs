@@ -12,7 +12,7 @@ use cutis::kernels::{forces, rotations, springs};
 use cutis::math::{V3, V4, rotation_matrix};
 use cutis::model::{Model, elastic_energy};
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
-use cutis::scene::Law;
+use cutis::scene::{Law, Preconditioner};
 
 pub const CASES: &[Case] = &[
     ("linear_force_is_the_gradient_of_the_energy", linear_force),
@@ -163,6 +163,7 @@ fn corotational_force() {
 fn spring_body() -> Model {
     let mut scene = block(Plain, false);
     scene.skin.law = Law::Springs { stiffness: 100.0, damping: 0.0 };
+    scene.solver.preconditioner = Preconditioner::Column;
     model(&scene)
 }
 

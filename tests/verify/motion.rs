@@ -12,8 +12,8 @@ use cutis::backend::Snapshot;
 use cutis::kernels::momentum;
 use cutis::model::{Model, elastic_energy};
 use cutis::scene::Element::{Bbar, Plain};
-use cutis::scene::Law;
 use cutis::scene::Mass::{self, Consistent, Lumped, Uniform};
+use cutis::scene::{Law, Preconditioner};
 use cutis::step::Place;
 
 pub const EVERYWHERE: &[Everywhere] =
@@ -112,6 +112,9 @@ fn free_block_of(law: Law, mass: Mass, damping: f64) -> Model {
     scene.skin.mass = mass;
     (scene.time.step, scene.skin.rayleigh_stiffness) = (2e-4, damping);
     scene.skin.law = law;
+    if matches!(law, Law::Springs { .. }) {
+        scene.solver.preconditioner = Preconditioner::Column;
+    }
     model(&scene)
 }
 

@@ -8,7 +8,7 @@ use super::setup::{Body, LONG, block, displaced, epsilon, measured, model, toler
 use super::{Case, Everywhere};
 use cutis::model::Model;
 use cutis::scene::Element::Plain;
-use cutis::scene::Law;
+use cutis::scene::{Law, Preconditioner};
 use cutis::step::Place;
 
 pub const EVERYWHERE: &[Everywhere] = &[
@@ -27,6 +27,7 @@ const EDGE: [f64; 3] = [2e-3, 1.5e-3, 1.0e-3]; // m
 fn cell(damping: f64, diagonals: bool) -> Model {
     let mut scene = block(Plain, false);
     scene.skin.law = Law::Springs { stiffness: STIFFNESS, damping };
+    scene.solver.preconditioner = Preconditioner::Column;
     scene.skin.size = [EDGE[0], EDGE[1]];
     scene.skin.cells = [1, 1];
     scene.skin.layers.truncate(1);

@@ -2,11 +2,11 @@
 
 use crate::backend::{cell_centres, links};
 use crate::error::Result;
-use crate::gpu::{Bound, Buffer, Gpu};
+use crate::gpu::{Bound, Buffer, Gpu, cast};
 use crate::kernels::{
-    self, Source, centres, cut, forces, momentum, rotations, scatter, springs, springs_blocks, springs_product,
+    self, Source, blocks, centres, cut, forces, gather, momentum, product, rotations, scatter, springs, springs_blocks,
+    springs_product,
 };
-use crate::kernels::{blocks, product};
 use crate::math::{M3, V3, V4};
 use crate::model::{MAX_LAYERS, Model, element};
 use crate::scene::Mass;
@@ -214,4 +214,36 @@ impl Cutting {
         )?;
         Ok(Self { centres, cut, params, quads, hits, hit_count, segments })
     }
+}
+
+/// Values for the host by index.
+pub(super) struct Pick {
+    pub params: Buffer,
+    pub ids: Buffer,
+    pub picked: Buffer,
+    pub x: Bound,
+    pub u: Bound,
+    pub f: Bound,
+}
+
+impl Pick {
+    pub fn new(made: &mut Maker, capacity: usize, [x, u, f]: [&Buffer; 3]) -> Result<Self> {
+        let params = made.uniform("params", 16, &[0u32; 4]);
+        let ids = made.of("ids", &vec![0u32; capacity])?;
+        let picked = made.vec4("picked", capacity)?;
+        let bind = |source: &Buffer| {
+            let list = [("params", &params), ("ids", &ids), ("source", source), ("picked", &picked)];
+            made.gpu.bind(&gather::SOURCE, &list)
+        };
+        let (x, u, f) = (bind(x)?, bind(u)?, bind(f)?);
+        Ok(Self { params, ids, picked, x, u, f })
+    }
+}
+
+pub(super) fn axes(free: V4<f64>) -> V3<f32> {
+    V3::of([free[0], free[1], free[2]])
+}
+
+pub(super) fn triples(bytes: &[u8]) -> Vec<[f64; 3]> {
+    cast::<V4<f32>>(bytes).into_iter().map(|v| V3::from4(v).f64()).collect()
 }

@@ -1,9 +1,8 @@
 //! The GPU path: the same arrays and kernels in WGSL, f32.
 //!
-//! Commands are recorded and submitted together with the next read-back: a step without contact is one submission, a step with
-//! contact one for the solve of free motion and columns, one per pass of the correction. A solve is recorded for as many iterations
-//! as the last one of its kind took and a quarter more; slots that are done skip their work; if some is not done when its scalars
-//! come back (with the values that the host needs anyway), more iterations are submitted.
+//! Commands are recorded and submitted together with the next read-back: a step without contact is one submission, a step with contact
+//! one for the free motion, one per pass of the correction. A solve is recorded for as many iterations as the last one of its kind took
+//! and some more; slots that are done skip their work; if one is not, more iterations are submitted.
 
 mod arrays;
 mod solver;
@@ -11,12 +10,11 @@ mod solver;
 use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Wanted};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
-use crate::kernels::GROUP;
-use crate::kernels::{Params, advance, blocks, factor, gather, integrate, rhs, scatter};
+use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs, scatter};
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
-use arrays::{Arrays, Cutting, Dispatch, Law, MAX_HITS, MAX_QUADS, Maker, Put};
+use arrays::{Arrays, Cutting, Dispatch, Law, MAX_HITS, MAX_QUADS, Maker, Pick, Put, axes, triples};
 use solver::Solver;
 
 /// The body's state on the device.
@@ -48,16 +46,6 @@ struct Body {
     free: Buffer,
     load: Buffer,
     cell: Buffer, // rotations of bricks, or the law of springs
-}
-
-/// Values for the host by index.
-struct Pick {
-    params: Buffer,
-    ids: Buffer,
-    picked: Buffer,
-    x: Bound,
-    u: Bound,
-    f: Bound,
 }
 
 impl GpuBackend {
@@ -137,7 +125,6 @@ impl GpuBackend {
             integrate,
             pick,
             put,
-
             cutting,
             node_blocks,
             gpu,
@@ -198,28 +185,6 @@ impl GpuBackend {
         self.gpu.submit(batch);
         Ok(())
     }
-}
-
-impl Pick {
-    fn new(made: &mut Maker, capacity: usize, [x, u, f]: [&Buffer; 3]) -> Result<Self> {
-        let params = made.uniform("params", 16, &[0u32; 4]);
-        let ids = made.of("ids", &vec![0u32; capacity])?;
-        let picked = made.vec4("picked", capacity)?;
-        let bind = |source: &Buffer| {
-            let list = [("params", &params), ("ids", &ids), ("source", source), ("picked", &picked)];
-            made.gpu.bind(&gather::SOURCE, &list)
-        };
-        let (x, u, f) = (bind(x)?, bind(u)?, bind(f)?);
-        Ok(Self { params, ids, picked, x, u, f })
-    }
-}
-
-fn axes(free: V4<f64>) -> V3<f32> {
-    V3::of([free[0], free[1], free[2]])
-}
-
-fn triples(bytes: &[u8]) -> Vec<[f64; 3]> {
-    cast::<V4<f32>>(bytes).into_iter().map(|v| V3::from4(v).f64()).collect()
 }
 
 impl Backend for GpuBackend {
@@ -302,14 +267,9 @@ impl Backend for GpuBackend {
             let heads = 32 * (last as u64 + 1);
             let parts =
                 self.gpu.submit_and_read(batch, &[(&self.solver.scalars, heads), (&self.pick.picked, picked)])?;
-            let heads: Vec<[f32; 8]> = cast(&parts[0]);
-            let of = |w: &Wanted| {
-                let [alpha, beta, gamma, done, target_squared, residual_squared, iterations, state] = heads[w.slot];
-                advance::Scalars { alpha, beta, gamma, done, target_squared, residual_squared, iterations, state }
-            };
-            let running = wanted.iter().any(|w| of(w).done == 0.0 && of(w).iterations < self.max_iterations as f32);
-            if !running {
-                let outcomes: Vec<Outcome> = wanted.iter().map(|w| Outcome::of(&of(w))).collect();
+            let heads = solver::scalars(&parts[0], wanted);
+            if !heads.iter().any(|k| k.done == 0.0 && k.iterations < self.max_iterations as f32) {
+                let outcomes: Vec<Outcome> = heads.iter().map(Outcome::of).collect();
                 self.expected[kind] = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
                 return Ok((outcomes, triples(&parts[1])));
             }

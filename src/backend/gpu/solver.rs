@@ -6,7 +6,8 @@
 use super::arrays::{Arrays, Dispatch, Law, Maker, modes_uniform, stiffness_uniform};
 use crate::backend::{CORRECTION, Target, Wanted};
 use crate::error::Result;
-use crate::gpu::{Batch, Buffer, Gpu};
+use crate::gpu::{Batch, Buffer, Gpu, cast};
+use crate::kernels::advance::Scalars;
 use crate::kernels::{GROUP, Params, Source};
 use crate::kernels::{
     advance, blocks, coarsen, converge, factor, precondition, product, prolongation, relax, restriction, update,
@@ -126,6 +127,16 @@ impl Solver {
         gpu.write(&self.scalars, 0, &scalars);
         gpu.write(&self.requests, 0, &requests);
     }
+}
+
+/// Scalars of the wanted slots, from the bytes of the array.
+pub(super) fn scalars(bytes: &[u8], wanted: &[Wanted]) -> Vec<Scalars<f32>> {
+    let heads: Vec<[f32; 8]> = cast(bytes);
+    let of = |w: &Wanted| {
+        let [alpha, beta, gamma, done, target_squared, residual_squared, iterations, state] = heads[w.slot];
+        Scalars { alpha, beta, gamma, done, target_squared, residual_squared, iterations, state }
+    };
+    wanted.iter().map(of).collect()
 }
 
 /// The finest level, which has the body's arrays, and the coarse ones.
