@@ -103,6 +103,10 @@ pub fn plan(p: &Plan) -> String {
         writeln!(text, "{:<18} {:>12} {:>14}", a.name, a.elements, a.bytes).ok();
     }
     writeln!(text, "{:<18} {:>12} {:>14}", "on the GPU", "", p.device_bytes).ok();
+    for share in &p.shares {
+        writeln!(text, "{:<18} {:>12} {:>14.1} per cell", format!("  {}", share.purpose), "", share.bytes_per_cell)
+            .ok();
+    }
     writeln!(text, "{:<18} {:>12} {:>14}\n", "on the host", "", p.host_bytes).ok();
     writeln!(text, "kernels: {}", p.kernels.join(", ")).ok();
     writeln!(text, "launches: {}", counts(&p.dispatches)).ok();

@@ -4,7 +4,7 @@ use super::shader::{Access, Shader, Variable};
 use crate::error::{Error, Result};
 use crate::kernels::Source;
 use bytemuck::{NoUninit, Pod};
-use std::cell::RefCell;
+use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::rc::Rc;
 use std::sync::{Arc, Mutex};
@@ -70,7 +70,8 @@ pub struct Gpu {
     pipelines: RefCell<HashMap<&'static str, Rc<Pipeline>>>,
     fault: Arc<Mutex<Option<String>>>,
     staging: RefCell<Option<wgpu::Buffer>>,
-    made: RefCell<Vec<(&'static str, u64, u64)>>,
+    made: RefCell<Vec<Made>>,
+    purpose: Cell<&'static str>,
     dry: bool,
 }
 
@@ -90,6 +91,19 @@ pub struct Buffer {
     /// Name for messages.
     pub name: &'static str,
     /// Bytes.
+    pub bytes: u64,
+}
+
+/// An array that was made.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Made {
+    /// As the kernels call it.
+    pub name: &'static str,
+    /// What it is for.
+    pub purpose: &'static str,
+    /// How many elements.
+    pub elements: u64,
+    /// With padding.
     pub bytes: u64,
 }
 
@@ -161,11 +175,17 @@ impl Gpu {
             }
         });
         let (pipelines, staging, made) = (RefCell::default(), RefCell::default(), RefCell::default());
-        Ok(Self { adapter, device, queue, limits, pipelines, fault, staging, made, dry })
+        let purpose = Cell::new("");
+        Ok(Self { adapter, device, queue, limits, pipelines, fault, staging, made, purpose, dry })
     }
 
-    /// Arrays and uniforms made so far, in order: name, elements, bytes.
-    pub fn arrays(&self) -> Vec<(&'static str, u64, u64)> {
+    /// Says what the arrays made from now on are for.
+    pub fn making(&self, purpose: &'static str) {
+        self.purpose.set(purpose);
+    }
+
+    /// Arrays and uniforms made so far, in order.
+    pub fn arrays(&self) -> Vec<Made> {
         self.made.borrow().clone()
     }
 
@@ -174,6 +194,10 @@ impl Gpu {
         let mut names: Vec<_> = self.pipelines.borrow().keys().copied().collect();
         names.sort_unstable();
         names
+    }
+
+    fn note(&self, name: &'static str, elements: u64, bytes: u64) {
+        self.made.borrow_mut().push(Made { name, purpose: self.purpose.get(), elements, bytes });
     }
 
     /// Whether an array of so many bytes can be made.
@@ -209,7 +233,7 @@ impl Gpu {
         let bytes = (count * size_of::<T>()).next_multiple_of(16).max(16) as u64;
         self.fits(name, bytes)?;
         let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
-        self.made.borrow_mut().push((name, count as u64, bytes));
+        self.note(name, count as u64, bytes);
         Ok(self.buffer(name, bytes, usage))
     }
 
@@ -226,7 +250,7 @@ impl Gpu {
     /// A uniform buffer of `bytes` at least, filled with `data`.
     pub fn uniform<T: NoUninit>(&self, name: &'static str, bytes: usize, data: &[T]) -> Buffer {
         let bytes = bytes.max(size_of_val(data)).next_multiple_of(16) as u64;
-        self.made.borrow_mut().push((name, bytes / size_of::<T>() as u64, bytes));
+        self.note(name, bytes / size_of::<T>() as u64, bytes);
         let buffer = self.buffer(name, bytes, wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST);
         self.write(&buffer, 0, data);
         buffer

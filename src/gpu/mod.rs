@@ -6,5 +6,5 @@
 mod device;
 mod shader;
 
-pub use device::{Adapter, Batch, Bound, Buffer, Gpu, adapters, cast};
+pub use device::{Adapter, Batch, Bound, Buffer, Gpu, Made, adapters, cast};
 pub use shader::{Access, Shader, Variable};

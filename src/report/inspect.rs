@@ -6,9 +6,9 @@
 
 use crate::backend::GpuBackend;
 use crate::error::Result;
-use crate::gpu::{Gpu, adapters};
+use crate::gpu::{Gpu, Made, adapters};
 use crate::model::Model;
-use crate::scene::{Correction, Mass, ProbeKind, Scene};
+use crate::scene::{Correction, ProbeKind, Scene};
 use crate::step::{needs, start};
 use serde::Serialize;
 
@@ -17,10 +17,21 @@ use serde::Serialize;
 pub struct Array {
     /// As the kernels call it.
     pub name: &'static str,
+    /// What it is for.
+    pub purpose: &'static str,
     /// How many elements.
     pub elements: u64,
     /// With padding.
     pub bytes: u64,
+}
+
+/// Memory of one purpose.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Share {
+    /// What for.
+    pub purpose: &'static str,
+    /// Bytes on the GPU that grow with the grid, by cell; uniforms, which do not, are left out.
+    pub bytes_per_cell: f64,
 }
 
 /// Something that happens a number of times.
@@ -59,6 +70,8 @@ pub struct Plan {
     pub dispatches: Vec<Count>,
     /// Times that the host waits for values.
     pub read_backs: Vec<Count>,
+    /// The arrays by what they are for.
+    pub shares: Vec<Share>,
     /// Sum of the arrays.
     pub device_bytes: u64,
     /// Constant arrays that the host keeps.
@@ -75,8 +88,12 @@ pub fn inspect(scene: &Scene) -> Result<Plan> {
     let solver = scene.solver;
     let backend =
         GpuBackend::new(Gpu::dry()?, &model, needs, solver.max_iterations, solver.floor, &start(scene, &model))?;
-    let arrays: Vec<Array> =
-        backend.gpu().arrays().into_iter().map(|(name, elements, bytes)| Array { name, elements, bytes }).collect();
+    let arrays: Vec<Array> = backend
+        .gpu()
+        .arrays()
+        .into_iter()
+        .map(|Made { name, purpose, elements, bytes }| Array { name, purpose, elements, bytes })
+        .collect();
     Ok(Plan {
         scene: scene.file.display().to_string(),
         nodes: model.grid.node_count(),
@@ -85,13 +102,29 @@ pub fn inspect(scene: &Scene) -> Result<Plan> {
         dof: degrees_of_freedom(&model),
         steps: super::run::whole(scene),
         right_hand_sides: needs.slots(),
+        shares: shares(&arrays, model.grid.cell_count()),
         device_bytes: arrays.iter().map(|a| a.bytes).sum(),
         arrays,
         kernels: backend.gpu().kernels(),
-        dispatches: dispatches(scene, &model),
+        dispatches: dispatches(scene, &model, backend.launches()),
         read_backs: read_backs(scene),
         host_bytes: host_bytes(&model),
     })
+}
+
+/// Uniforms, whose size does not follow the grid's.
+const CONSTANT: [&str; 4] = ["params", "stiffness", "modes", "shape"];
+
+fn shares(arrays: &[Array], cells: usize) -> Vec<Share> {
+    let mut out: Vec<Share> = vec![];
+    for array in arrays.iter().filter(|a| !CONSTANT.contains(&a.name)) {
+        let bytes_per_cell = array.bytes as f64 / cells as f64;
+        match out.iter_mut().find(|s| s.purpose == array.purpose) {
+            Some(share) => share.bytes_per_cell += bytes_per_cell,
+            None => out.push(Share { purpose: array.purpose, bytes_per_cell }),
+        }
+    }
+    out
 }
 
 /// Axes of nodes that nothing holds.
@@ -121,25 +154,20 @@ fn probes(scene: &Scene) -> u32 {
     kind(true) + kind(false)
 }
 
-fn dispatches(scene: &Scene, model: &Model) -> Vec<Count> {
+fn dispatches(scene: &Scene, model: &Model, [begin, iteration]: [u32; 2]) -> Vec<Count> {
     let count = |name, count, per| Count { name, count, per };
-    let elastic = if model.springs.is_none() && model.corotational { 2 } else { 1 };
-    let momentum = u32::from(model.mass == Mass::Consistent);
-    let mut list = vec![
-        // elastic forces, right-hand side, blocks, factor, integration
-        count("free motion", elastic + momentum + 4, "step"),
-        // product, advance, update, precondition
-        count("solver", 4, "iteration"),
-    ];
+    // and integration
+    let mut list = vec![count("free motion", begin + 1, "step"), count("solver", iteration, "iteration")];
     if probes(scene) > 0 {
         list.push(count("probes", probes(scene), "step"));
     }
     if let Some(law) = &scene.contact {
         match law.correction {
-            // positions, rows in, values out; rows in, combination, values out
+            // positions, values out; rows in, values out
             Correction::Exact => {
-                list.push(count("contact", 3, "step with contact"));
-                list.push(count("correction", 3, "pass"));
+                list.push(count("contact", 2, "step with contact"));
+                list.push(count("compliance", 2, "two nodes that the tools newly reach"));
+                list.push(count("correction", 2, "pass"));
             }
             // positions, values out, blocks, correction in
             Correction::Uncoupled => list.push(count("contact", 4, "step with contact")),
@@ -160,7 +188,10 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
     if let Some(law) = &scene.contact {
         list.push(count("contact", 1, "step with contact"));
         match law.correction {
-            Correction::Exact => list.push(count("correction", 1, "pass")),
+            Correction::Exact => {
+                list.push(count("compliance", 1, "two nodes that the tools newly reach"));
+                list.push(count("correction", 1, "pass"));
+            }
             Correction::Uncoupled => list.push(count("blocks", 1, "step with contact")),
         }
     }
@@ -173,4 +204,36 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
 /// The adapter that `--backend auto` takes; none for the CPU path.
 pub fn automatic() -> Option<crate::gpu::Adapter> {
     adapters().into_iter().find(|a| !a.software)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Preconditioner, incision};
+
+    /// Bytes per cell by purpose, on 64 × 64 × 23 cells without tools.
+    fn shares_of(preconditioner: Preconditioner) -> Vec<Share> {
+        let mut scene = incision().expect("the embedded scene is valid");
+        scene.skin.cells = [64, 64];
+        for (layer, cells) in scene.skin.layers.iter_mut().zip([10, 10, 3]) {
+            layer.cells = cells;
+        }
+        (scene.contact, scene.tools) = (None, vec![]);
+        scene.solver.preconditioner = preconditioner;
+        inspect(&scene).expect("a dry device takes any grid").shares
+    }
+
+    #[test]
+    fn multigrid_takes_less_than_200_bytes_a_cell() {
+        let of = |shares: &[Share], purpose: &str| {
+            shares.iter().filter(|s| s.purpose == purpose).map(|s| s.bytes_per_cell).sum::<f64>()
+        };
+        let with = shares_of(Preconditioner::Multigrid);
+        let own = of(&with, "multigrid");
+        assert!(own > 0.0 && own + of(&with, "columns") < 200.0, "{with:?}");
+        // displacements, velocities, forces, loads, axes and mass; rotations: 96 bytes a cell
+        let state = of(&with, "state");
+        assert!((96.0..110.0).contains(&state), "{with:?}");
+        assert_eq!(of(&shares_of(Preconditioner::Column), "multigrid"), 0.0);
+    }
 }

@@ -39,6 +39,15 @@ impl Arrays {
     }
 }
 
+/// What a step changes.
+pub(super) struct Body {
+    pub u: Buffer,
+    pub v: Buffer,
+    pub free: Buffer,
+    pub load: Buffer,
+    pub cell: Buffer, // rotations of bricks, or the law of springs
+}
+
 /// Values from the host by index: rows and coefficients of contacts, and what a cut changes.
 pub(super) struct Put {
     pub row_params: Buffer,
@@ -72,6 +81,20 @@ impl Put {
         let list = [("params", &row_params), ("ids", &ids), ("values", &values), ("destination", r)];
         let rows = gpu.bind(&scatter::SOURCE, &list)?;
         Ok(Self { row_params, params, ids, values, rows })
+    }
+
+    /// Puts values into any array, in its own submission.
+    pub fn now(&self, gpu: &Gpu, destination: &Buffer, ids: &[u32], values: &[V4<f32>]) -> Result<()> {
+        let list =
+            [("params", &self.params), ("ids", &self.ids), ("values", &self.values), ("destination", destination)];
+        let kernel = gpu.bind(&scatter::SOURCE, &list)?;
+        gpu.write(&self.params, 0, &[ids.len() as u32, 0, 0, 0]);
+        gpu.write(&self.ids, 0, ids);
+        gpu.write(&self.values, 0, values);
+        let mut batch = gpu.batch();
+        batch.run(&kernel, ids.len(), 1);
+        gpu.submit(batch);
+        Ok(())
     }
 }
 

@@ -10,12 +10,15 @@ mod solver;
 use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Wanted};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
-use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs, scatter};
+use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
-use arrays::{Arrays, Cutting, Dispatch, Law, MAX_HITS, MAX_QUADS, Maker, Pick, Put, axes, triples};
+use arrays::{Arrays, Body, Cutting, Dispatch, Law, MAX_HITS, MAX_QUADS, Maker, Pick, Put, axes, triples};
 use solver::Solver;
+
+/// Nodes of a slot that are picked at once at least; more take another submission.
+const PICKED: usize = 1024;
 
 /// The body's state on the device.
 pub struct GpuBackend {
@@ -40,14 +43,6 @@ pub struct GpuBackend {
     node_blocks: Option<(Bound, Buffer)>,
 }
 
-struct Body {
-    u: Buffer,
-    v: Buffer,
-    free: Buffer,
-    load: Buffer,
-    cell: Buffer, // rotations of bricks, or the law of springs
-}
-
 impl GpuBackend {
     /// The body at rest on a device, with the arrays that `needs` names.
     ///
@@ -65,14 +60,17 @@ impl GpuBackend {
         let slots = needs.slots();
         let params = Params { slot_count: slots as u32, ..model.params::<f32>() };
         let mut made = Maker { gpu: &gpu, bytes: 0 };
+        gpu.making("state");
         let main = made.uniform("params", 0, &params.words());
         let vec = |v: &[V4<f64>]| v.iter().map(|a| a.map(|c| c as f32)).collect::<Vec<_>>();
         let (u, v) = (made.of("u", &vec(&start.u))?, made.of("v", &vec(&start.v))?);
         let (f, load) = (made.vec4("f", n)?, made.vec4("load", n)?);
         let free = made.of("free", &vec(&model.free))?;
-        let block = made.vec4("block", n * 4)?;
-        let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
         let law = Law::new(&mut made, model)?;
+        gpu.making("columns");
+        let block = made.vec4("block", n * 4)?;
+        gpu.making("solver");
+        let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
         let own = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
         let arrays = law.shared.joined(&Arrays::of(&own));
         let solver = Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact)?;
@@ -93,11 +91,12 @@ impl GpuBackend {
         let integrate =
             |params: &Buffer| arrays.bind(&gpu, &integrate::SOURCE, &[("params", params), ("x", &solver.x)]);
         let integrate = [integrate(&single)?, integrate(&main)?];
-        // a pick takes a few nodes of every slot, a put at most one whole array
-        let picked_at_once = n.min(needs.near) * slots;
-        let capacity = n + picked_at_once + model.grid.cell_count() + law.springs;
-        let pick = Pick::new(&mut made, capacity, [&solver.x, &u, &f])?;
-        let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, capacity, &solver.r)?) } else { None };
+        gpu.making("exchange with the host");
+        let picked = n.min(needs.near.max(PICKED)) * slots;
+        let pick = Pick::new(&mut made, picked, [&solver.x, &u, &f])?;
+        let most = n.max(model.grid.cell_count()).max(law.springs);
+        let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, most, &solver.r)?) } else { None };
+        gpu.making("cut");
         let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &u, &v)?) } else { None };
         let node_blocks = if needs.node_blocks {
             let out = made.vec4("block", n * 4)?;
@@ -136,6 +135,11 @@ impl GpuBackend {
         &self.gpu
     }
 
+    /// Dispatches at a step's begin, and per iteration of a solve.
+    pub fn launches(&self) -> [u32; 2] {
+        [self.begin.len() as u32, self.solver.launches()]
+    }
+
     fn record(&mut self) -> Batch {
         self.pending.take().unwrap_or_else(|| {
             self.rows_pending = false;
@@ -172,18 +176,10 @@ impl GpuBackend {
         }
         let batch = self.record();
         self.gpu.submit(batch);
-        let Some(put) = &self.put else {
-            return Ok(()); // a body without tools changes on the device alone
-        };
-        let list = [("params", &put.params), ("ids", &put.ids), ("values", &put.values), ("destination", destination)];
-        let kernel = self.gpu.bind(&scatter::SOURCE, &list)?;
-        self.gpu.write(&put.params, 0, &[ids.len() as u32, 0, 0, 0]);
-        self.gpu.write(&put.ids, 0, ids);
-        self.gpu.write(&put.values, 0, values);
-        let mut batch = self.gpu.batch();
-        batch.run(&kernel, ids.len(), 1);
-        self.gpu.submit(batch);
-        Ok(())
+        match &self.put {
+            Some(put) => put.now(&self.gpu, destination, ids, values),
+            None => Ok(()), // a body without tools changes on the device alone
+        }
     }
 }
 

@@ -102,6 +102,11 @@ impl Solver {
         Ok(Self { x, r, z, scalars, requests, refresh, all, correction, spare })
     }
 
+    /// Dispatches of one iteration.
+    pub fn launches(&self) -> u32 {
+        self.all.len() as u32
+    }
+
     /// Records `count` iterations of `rows` slots, of all or of the correction alone.
     pub fn record(&self, batch: &mut Batch, only_correction: bool, rows: u32, count: u32) {
         let list = if only_correction { &self.correction } else { &self.all };
@@ -148,6 +153,7 @@ fn make_levels(
     params: Params<f32>,
     main: &Buffer,
 ) -> Result<Vec<Level>> {
+    made.gpu.making("multigrid");
     let slots = params.slot_count as usize;
     let count = multigrid.coarse.len();
     let d = made.vec4("d", params.node_count as usize * slots)?;
