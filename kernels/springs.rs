@@ -1,12 +1,14 @@
 //! Damped springs between node pairs, gathered per node: forces, and the tangents that `springs_product` multiplies with.
 //! A cut spring has stiffness and damping 0.
 //!
-//! `f_i = −Σ_s k (|d| − L) n`, `d = x_j − x_i`, `n = d/|d|`: the force that the node must be held with, as in `forces`. The damper
+//! `f_i = −Σ_s k ε n`, `d = D + δ = x_j − x_i`, `n = d/|d|`: the force that the node must be held with, as in `forces`. The elongation
+//! `ε = e + (2 D·δ + δ·δ)/(|d| + |D|)` is `|d| − L` without its cancellation (`D` at rest, `δ = u_j − u_i`, `e = |D| − L` from f64): in
+//! f32 `|d| − L` knows the elongation to 10⁻⁷ of the length only, which leaves a true residual of 2·10⁻³ at rest. The damper
 //! `c (v_j − v_i)·n n` acts on the end of step's velocity `Δx/h` and therefore stands in the tangent alone:
-//! `T = a n nᵀ + b I`, `b = s k max(1 − L/|d|, 0)`, `a = s k + c/h − b`, `s = 1 + r_K/h`. The clamp keeps `A` positive definite when a
+//! `T = a n nᵀ + b I`, `b = s k max(ε/|d|, 0)`, `a = s k + c/h − b`, `s = 1 + r_K/h`. The clamp keeps `A` positive definite when a
 //! spring is compressed (SOFA leaves it out).
 //! Source: Provot 1995 (springs of a grid), Baraff, Witkin 1998 (implicit). Differs: damping along the axis only, so spinning costs nothing.
-//! Units: u m, L m, k N/m, c N·s/m, f N, T N/m.
+//! Units: u m, e m, k N/m, c N·s/m, f N, T N/m.
 
 use super::{Params, Source};
 use crate::math::{M3, Real, V3, V4};
@@ -22,7 +24,7 @@ pub fn springs<R: Real>(
     u: &[V4<R>],           // [node] m
     first: &[u32],         // [node + 1] into half
     half: &[[u32; 2]],     // springs around each node: other node, spring
-    law: &[V4<R>],         // [spring] L, k, c, 0
+    law: &[V4<R>],         // [spring] e, k, c, 0
     f: &mut [V4<R>],       // [node] N
     tangent: &mut [V4<R>], // [half × 2] symmetric T: xx xy xz yy; yz zz 0 0
 ) {
@@ -30,15 +32,18 @@ pub fn springs<R: Real>(
         let mut sum = V3::zero();
         for n in first[i] as usize..first[i + 1] as usize {
             let [j, s] = half[n].map(|k| k as usize);
-            let d = (V3::from4(rest[j]) - V3::from4(rest[i])) + (V3::from4(u[j]) - V3::from4(u[i]));
-            let [l, k, c, _] = law[s];
+            let span = V3::from4(rest[j]) - V3::from4(rest[i]);
+            let shift = V3::from4(u[j]) - V3::from4(u[i]);
+            let [e, k, c, _] = law[s];
+            let d = span + shift;
             let length = d.length();
             let mut t = M3::zero();
             if length > R::zero() {
-                sum += d * (k * (l - length) / length);
+                let stretch = (e + elongation(span, shift, length)) / length;
+                sum = sum - d * (k * stretch);
                 let axis = d * (R::one() / length);
                 let stiff = k * params.stiffness_factor;
-                let across = stiff * (R::one() - l / length).max(R::zero());
+                let across = stiff * stretch.max(R::zero());
                 let along = stiff + c / params.step - across;
                 t = axis.outer(axis) * along + M3::diagonal(V3::splat(across));
             }
@@ -47,6 +52,11 @@ pub fn springs<R: Real>(
         }
         f[i] = sum.pad(R::zero());
     }
+}
+
+/// `|D + δ| − |D|`, m; `length` is `|D + δ|`.
+pub fn elongation<R: Real>(span: V3<R>, shift: V3<R>, length: R) -> R {
+    (span + span + shift).dot(shift) / (length + span.length())
 }
 
 /// The tangent of one spring end.

@@ -22,6 +22,8 @@ pub struct Totals {
     pub area: f64,
     /// Extent of the open cells along x or y, whichever is longer, m (rest positions).
     pub length: f64,
+    /// The same of the open cells of the topmost level alone: the wound as one sees it from above, m.
+    pub length_top: f64,
     /// Depth of the deepest open cell's floor under the skin's top, m (rest positions).
     pub depth: f64,
 }
@@ -51,8 +53,30 @@ pub struct Wound {
     live_cells: Vec<u32>,
     live_springs: Vec<u32>,
     spring_gone: Vec<bool>,
+    all: Extent,
+    top: Extent,
+}
+
+/// Box around open cells at rest, m.
+#[derive(Clone, Copy, Debug)]
+struct Extent {
     low: [f64; 3],
     high: [f64; 3],
+}
+
+impl Extent {
+    const NONE: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
+
+    fn add(&mut self, p: &[f64; 3]) {
+        for n in 0..3 {
+            self.low[n] = self.low[n].min(p[n]);
+            self.high[n] = self.high[n].max(p[n]);
+        }
+    }
+    /// Along x or y, whichever is longer.
+    fn length(&self) -> f64 {
+        (self.high[0] - self.low[0]).max(self.high[1] - self.low[1]).max(0.0)
+    }
 }
 
 impl Wound {
@@ -75,8 +99,8 @@ impl Wound {
             live_cells,
             live_springs: springs.map_or(vec![], |s| s.first.windows(2).map(|w| w[1] - w[0]).collect()),
             spring_gone: vec![false; springs.map_or(0, |s| s.ends.len())],
-            low: [f64::INFINITY; 3],
-            high: [f64::NEG_INFINITY; 3],
+            all: Extent::NONE,
+            top: Extent::NONE,
         }
     }
 
@@ -84,9 +108,9 @@ impl Wound {
     pub fn apply(&mut self, model: &Model, hits: &[u32]) -> Removal {
         let removal = if model.springs.is_some() { self.cut_springs(model, hits) } else { self.cut_links(model, hits) };
         if self.totals.hexes + self.open.len() > 0 {
-            let extent = |axis: usize| self.high[axis] - self.low[axis];
-            self.totals.length = extent(0).max(extent(1));
-            self.totals.depth = model.grid.thickness() - self.low[2];
+            self.totals.length = self.all.length();
+            self.totals.length_top = self.top.length();
+            self.totals.depth = model.grid.thickness() - self.all.low[2];
         }
         removal
     }
@@ -94,10 +118,12 @@ impl Wound {
     fn open_cell(&mut self, model: &Model, cell: u32, axis: usize) {
         self.surface.alive[cell as usize] = false;
         self.open.push((cell, axis));
-        for node in model.grid.params::<f64>().corners(cell as usize) {
-            for n in 0..3 {
-                self.low[n] = self.low[n].min(model.rest[node][n]);
-                self.high[n] = self.high[n].max(model.rest[node][n]);
+        let params = model.grid.params::<f64>();
+        let topmost = params.cell_at(cell as usize)[2] + 1 == model.grid.cells[2];
+        for node in params.corners(cell as usize) {
+            self.all.add(&model.rest[node]);
+            if topmost {
+                self.top.add(&model.rest[node]);
             }
         }
     }

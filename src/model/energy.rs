@@ -7,15 +7,17 @@ use crate::kernels::{forces, momentum, rhs, rotations, springs, springs_product}
 use crate::math::{V3, V4, rotation_matrix, rotation_minus_identity};
 use crate::scene::Mass;
 
-/// Elastic energy of a displacement field, J: `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X`; for springs `½ Σ k (|d| − L)²`.
+/// Elastic energy of a displacement field, J: `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X`; for springs `½ Σ k ε²`.
 /// `rotation` as the kernels keep it (0 for dead cells), `law` of the springs as cut so far.
 pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], law: &[V4<f64>]) -> f64 {
     if let Some(s) = &model.springs {
-        let stretch = |[a, b]: [u32; 2], l: f64| {
-            let at = |n: u32| V3::of(model.rest[n as usize]) + V3::from4(u[n as usize]);
-            (at(b) - at(a)).length() - l
+        let stretch = |[a, b]: [u32; 2]| {
+            let rest = |n: u32| V3::of(model.rest[n as usize]);
+            let span = rest(b) - rest(a);
+            let shift = V3::from4(u[b as usize]) - V3::from4(u[a as usize]);
+            springs::elongation(span, shift, (span + shift).length())
         };
-        return s.ends.iter().zip(law).map(|(e, law)| 0.5 * law[1] * stretch(*e, law[0]).powi(2)).sum();
+        return s.ends.iter().zip(law).map(|(ends, law)| 0.5 * law[1] * (law[0] + stretch(*ends)).powi(2)).sum();
     }
     let params = model.params::<f64>();
     let mut energy = 0.0;

@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 pub struct Springs {
     /// `[spring]` node ids, first < second.
     pub ends: Vec<[u32; 2]>,
-    /// `[spring]` rest length m, stiffness N/m, damping N·s/m, 0.
+    /// `[spring]` elongation at the grid's rest (its length less the spring's own) m, stiffness N/m, damping N·s/m, 0.
     pub law: Vec<[f64; 4]>,
     /// `[node + 1]` into `half`.
     pub first: Vec<u32>,
@@ -31,14 +31,7 @@ impl Springs {
             }
         }
         let ends: Vec<[u32; 2]> = pairs.into_iter().collect();
-        let law = ends
-            .iter()
-            .map(|[a, b]| {
-                let (p, q) = (grid.rest(*a as usize), grid.rest(*b as usize));
-                let length = (0..3).map(|n| (p[n] - q[n]).powi(2)).sum::<f64>().sqrt();
-                [length, stiffness, damping, 0.0]
-            })
-            .collect();
+        let law = vec![[0.0, stiffness, damping, 0.0]; ends.len()];
         let mut around = vec![vec![]; grid.node_count()];
         for (s, [a, b]) in ends.iter().enumerate() {
             around[*a as usize].push([*b, s as u32]);

@@ -118,6 +118,7 @@ impl Collector {
         r.cut.links_severed = totals.links;
         r.cut.area_mm2 = totals.area * 1e6;
         r.cut.length_mm = totals.length * 1e3;
+        r.cut.length_top_mm = totals.length_top * 1e3;
         r.cut.depth_mm = totals.depth * 1e3;
         r.solver.iterations_mean = mean(self.iterations, r.steps);
         r.contact.passes_mean = mean(self.passes, self.touching);

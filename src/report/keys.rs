@@ -132,6 +132,8 @@ pub struct CutReport {
     pub area_mm2: f64,
     /// Extent along x or y, whichever is longer.
     pub length_mm: f64,
+    /// The same of what is open at the top.
+    pub length_top_mm: f64,
     /// Below the top.
     pub depth_mm: f64,
     /// Widest parting of the lips near the tool during the run, beyond the width of removed bricks.

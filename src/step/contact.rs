@@ -27,6 +27,8 @@ pub struct ContactReport {
     pub column_iterations: u32,
     /// `[contact × 3]` N
     pub forces: Vec<f64>,
+    /// `[contact]` how far the tool has moved over the skin in the step, m.
+    pub slips: Vec<DVec3>,
     /// Force on each tool, N.
     pub on_tool: Vec<[f64; 3]>,
 }
@@ -242,6 +244,11 @@ impl Simulation {
         self.move_tools(&rows, free, &lambda, report);
         self.hand_over(&rows, &laws, &skin, &found, &lambda);
         report.contact.count = contacts.len();
+        report.contact.slips = contacts
+            .iter()
+            .zip(found.chunks_exact(3))
+            .map(|(c, f)| c.axes[0] * (f[0] - c.gap) + c.axes[1] * f[1] + c.axes[2] * f[2])
+            .collect();
         report.contact.forces = lambda;
         Ok(forces.into_iter().map(|(n, f)| (n, f.to_array())).collect())
     }

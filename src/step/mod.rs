@@ -10,6 +10,7 @@
 
 mod compliance;
 mod contact;
+mod incise;
 mod start;
 
 pub use contact::ContactReport;
@@ -21,7 +22,7 @@ use crate::cut::{Totals, Wound};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::haptic::Reduced;
-use crate::instrument::{Free, Instrument, Role};
+use crate::instrument::{Free, Instrument};
 use crate::linear::Outcome;
 use crate::model::{Model, Solved, true_residual};
 use crate::scene::{ProbeKind, Scene};
@@ -84,6 +85,7 @@ pub struct Simulation {
     backend: Box<dyn Backend>,
     probes: Vec<Prepared>,
     compliance: Compliance,
+    held: incise::Held,
     load_changes: Vec<f64>,
     step_number: u32,
     epoch: u32,
@@ -139,6 +141,7 @@ impl Simulation {
             backend,
             probes: scene.probes.iter().map(|p| prepare(&p.kind)).collect(),
             compliance: Compliance::default(),
+            held: incise::Held::new(),
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
             step_number: 0,
             epoch: 0,
@@ -185,7 +188,7 @@ impl Simulation {
         let contacts = self.find_contacts(&free, &mut report)?;
         self.backend.begin()?;
         let tolerance = self.scene.solver.tolerance;
-        let edges: Vec<_> = self.tools.iter().map(Instrument::clone).collect();
+        let old = self.tools.clone();
         let correction = if contacts.is_empty() {
             let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
             report.free = self.backend.solve(&wanted, &[])?.0[0];
@@ -208,7 +211,7 @@ impl Simulation {
         }
         self.backend.finish(corrected)?;
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {
-            self.cut(&edges, &contacts, &mut report)?;
+            self.incise(&old, &contacts, &mut report)?;
         }
         self.read_probes(&mut report)?;
         Ok(report)
@@ -268,31 +271,6 @@ impl Simulation {
         Ok(found)
     }
 
-    /// How far the lips of open cells have parted, from the nodes that were read back anyway.
-    fn note_opening(&self, nodes: &[u32], u: &[[f64; 3]], report: &mut StepReport) {
-        let params = self.model.grid.params::<f64>();
-        for (cell, axis) in &self.wound.open {
-            let corners = params.corners(*cell as usize);
-            let mut sum = 0.0;
-            let mut pairs = 0;
-            for a in (0..8).filter(|a| crate::kernels::corner(*a)[*axis] == 0) {
-                let mut o = crate::kernels::corner(a);
-                o[*axis] = 1;
-                let Some(b) = (0..8).find(|b| crate::kernels::corner(*b) == o) else {
-                    continue;
-                };
-                let at = |n: usize| nodes.binary_search(&(corners[n] as u32)).ok();
-                if let (Some(p), Some(q)) = (at(a), at(b)) {
-                    sum += u[q][*axis] - u[p][*axis];
-                    pairs += 1;
-                }
-            }
-            if pairs >= 2 {
-                report.opening = report.opening.max(sum / f64::from(pairs));
-            }
-        }
-    }
-
     fn check_residual(
         &mut self,
         before: Snapshot,
@@ -324,40 +302,6 @@ impl Simulation {
             dx,
         };
         Ok(true_residual(&self.model, &solved))
-    }
-
-    /// Cuts what the freely moving pieces of each edge swept.
-    fn cut(&mut self, before: &[Instrument], contacts: &[Contact], report: &mut StepReport) -> Result<()> {
-        if contacts.is_empty() {
-            return Ok(()); // an edge that meets no skin cuts none
-        }
-        let mut quads = vec![];
-        for (number, (old, new)) in before.iter().zip(&self.tools).enumerate() {
-            let Some(edge) = &new.edge else { continue };
-            for (index, sample) in new.samples.iter().enumerate() {
-                let Role::Edge { piece, .. } = sample.role else {
-                    continue;
-                };
-                let held = contacts.iter().enumerate().find(|(_, c)| c.id == (number, index)).is_some_and(|(k, c)| {
-                    let f = &report.contact.forces[3 * k..3 * k + 3];
-                    !c.law.at_bound([f[0], f[1], f[2]])
-                });
-                if !held {
-                    let (a, b) = (edge.points[piece], edge.points[piece + 1]);
-                    quads.extend([old.at(a), old.at(b), new.at(b), new.at(a)].map(|p| p.to_array()));
-                }
-            }
-        }
-        let hits = self.backend.cut(&quads)?;
-        let links = self.wound.totals.links + self.wound.totals.springs;
-        let removal = self.wound.apply(&self.model, &hits);
-        report.severed = (self.wound.totals.links + self.wound.totals.springs - links) as u32;
-        if report.severed > 0 {
-            self.epoch += 1;
-            self.compliance.clear();
-            self.backend.remove(&removal.cells, &removal.springs, &removal.free)?;
-        }
-        Ok(())
     }
 
     fn read_probes(&mut self, report: &mut StepReport) -> Result<()> {

@@ -231,7 +231,7 @@ impl Body {
             "law" => (0..self.springs.ends.len())
                 .flat_map(|_| {
                     let mut near = |mean: f32| mean * (1.0 + 0.5 * random.next());
-                    [near(1e-3), near(50.0), near(0.05), 0.0]
+                    [near(1e-4) - 1e-4, near(50.0), near(0.05), 0.0]
                 })
                 .collect(),
             "quads" => random.vectors(QUADS * 4, 3e-3).iter().map(|c| c + 1e-3).collect(),

@@ -119,8 +119,8 @@ const CASES: &[Case] = cases! {
     rotations Cells false ["* 2.0 - 1.0" => "* 2.0 - 1.001", "t - s[1].y" => "t + s[1].y", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"]
     scatter Ids false ["destination[ids[k]]" => "destination[k]"]
     springs Nodes false [
-        "max(1.0 - own.x / length, 0.0)" => "(1.0 - own.x / length)", "own.x - length" => "length - own.x",
-        "length > 0.0" => "true"
+        "max(stretch, 0.0)" => "stretch", "sum -= d" => "sum += d", "own.x + elongation" => "elongation",
+        "span + span + shift, shift" => "span + span, shift", "length > 0.0" => "true"
     ]
     springs_blocks Nodes false ["g -= t" => "g += t", "== above" => "== i"]
     springs_product Nodes true [

@@ -186,7 +186,7 @@ fn spring_force() {
     }
     let mut wrong = body.clone();
     if let Some(s) = &mut wrong.springs {
-        s.half[0][1] = s.half[2][1]; // one end of an edge takes itself for a diagonal, the other does not
+        s.half[0][0] = s.half[2][0]; // one end of an edge takes itself for a diagonal, the other does not
     }
     let error = gradient_error(&wrong, &grown(&wrong, 0.1), 1e-2);
     assert!(error > 1e2 * SPRING, "{error:e}");

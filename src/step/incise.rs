@@ -1,0 +1,97 @@
+//! The blade's part of a step: the surface that its edge swept through the skin goes to the cut kernel, what is hit is removed.
+//!
+//! A piece of edge that the tissue holds (a force below its bound) cuts nothing, but parts of it may pass a spring or link all the same:
+//! the piece is held at its sample alone. So its sweep is not given up but put off: the piece keeps the line from which it has not swept
+//! yet, carried along with the skin at its contact, until the tissue lets go.
+
+use super::{Simulation, StepReport};
+use crate::collide::Contact;
+use crate::constraints::Law;
+use crate::error::Result;
+use crate::instrument::{Instrument, Role};
+use glam::DVec3;
+use std::collections::BTreeMap;
+
+/// Pieces of edge that are held, by tool and sample.
+pub(super) type Held = BTreeMap<(usize, usize), Line>;
+
+/// What a held piece has not swept yet.
+#[derive(Clone, Copy)]
+pub(super) struct Line {
+    /// Where its ends stood when it last swept, moved with the skin since, m.
+    ends: [DVec3; 2],
+    /// It is inside the tissue; one that was only pressed on it and lifts off has cut nothing.
+    inside: bool,
+}
+
+impl Simulation {
+    /// Cuts what the pieces of each edge that move through the skin have swept.
+    pub(super) fn incise(&mut self, old: &[Instrument], contacts: &[Contact], report: &mut StepReport) -> Result<()> {
+        let held = std::mem::take(&mut self.held);
+        if contacts.is_empty() {
+            return Ok(()); // an edge that meets no skin cuts none
+        }
+        let mut quads = vec![];
+        for (number, (old, new)) in old.iter().zip(&self.tools).enumerate() {
+            let Some(edge) = &new.edge else { continue };
+            for (index, sample) in new.samples.iter().enumerate() {
+                let Role::Edge { piece, .. } = sample.role else {
+                    continue;
+                };
+                let id = (number, index);
+                let ends = [edge.points[piece], edge.points[piece + 1]];
+                let contact = contacts.iter().position(|c| c.id == id);
+                let line = held.get(&id).filter(|line| line.inside || contact.is_some());
+                let start = line.map_or(ends.map(|p| old.at(p)), |line| line.ends);
+                match contact.filter(|k| !lets_go(&contacts[*k], &report.contact.forces[3 * k..3 * k + 3])) {
+                    Some(k) => {
+                        let moved = new.at(sample.position) - old.at(sample.position) - report.contact.slips[k];
+                        let inside = matches!(contacts[k].law, Law::Cut { .. });
+                        self.held.insert(id, Line { ends: start.map(|p| p + moved), inside });
+                    }
+                    None => quads.extend([start[0], start[1], new.at(ends[1]), new.at(ends[0])].map(|p| p.to_array())),
+                }
+            }
+        }
+        let hits = self.backend.cut(&quads)?;
+        let links = self.wound.totals.links + self.wound.totals.springs;
+        let removal = self.wound.apply(&self.model, &hits);
+        report.severed = (self.wound.totals.links + self.wound.totals.springs - links) as u32;
+        if report.severed > 0 {
+            self.epoch += 1;
+            self.compliance.clear();
+            self.backend.remove(&removal.cells, &removal.springs, &removal.free)?;
+        }
+        Ok(())
+    }
+
+    /// How far the lips of open cells have parted, from the nodes that were read back anyway.
+    pub(super) fn note_opening(&self, nodes: &[u32], u: &[[f64; 3]], report: &mut StepReport) {
+        let params = self.model.grid.params::<f64>();
+        for (cell, axis) in &self.wound.open {
+            let corners = params.corners(*cell as usize);
+            let mut sum = 0.0;
+            let mut pairs = 0;
+            for a in (0..8).filter(|a| crate::kernels::corner(*a)[*axis] == 0) {
+                let mut o = crate::kernels::corner(a);
+                o[*axis] = 1;
+                let Some(b) = (0..8).find(|b| crate::kernels::corner(*b) == o) else {
+                    continue;
+                };
+                let at = |n: usize| nodes.binary_search(&(corners[n] as u32)).ok();
+                if let (Some(p), Some(q)) = (at(a), at(b)) {
+                    sum += u[q][*axis] - u[p][*axis];
+                    pairs += 1;
+                }
+            }
+            if pairs >= 2 {
+                report.opening = report.opening.max(sum / f64::from(pairs));
+            }
+        }
+    }
+}
+
+/// Whether the force of a contact has reached what the tissue bears.
+fn lets_go(contact: &Contact, force: &[f64]) -> bool {
+    contact.law.at_bound([force[0], force[1], force[2]])
+}
