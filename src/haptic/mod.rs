@@ -34,6 +34,13 @@ pub struct Reduced {
     pub epoch: u32,
 }
 
+impl Reduced {
+    /// A tool at this pose that touches nothing.
+    pub fn free(position: DVec3, rotation: DQuat, epoch: u32) -> Self {
+        Self { position, rotation, epoch, ..Self::default() }
+    }
+}
+
 /// The hand at a tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Hand {

@@ -73,9 +73,7 @@ impl Haptics {
 
     /// Takes the last step's contact problems and ticks until `end`, s.
     pub fn advance(&mut self, simulation: &Simulation, end: f64) -> Result<()> {
-        let problems: Vec<Reduced> =
-            simulation.tools.iter().zip(&simulation.reduced).map(|(tool, reduced)| problem(tool, reduced)).collect();
-        for (device, problem) in self.devices.iter_mut().zip(&problems) {
+        for (device, problem) in self.devices.iter_mut().zip(&simulation.reduced) {
             device.renderer.receive(problem);
         }
         loop {
@@ -84,7 +82,7 @@ impl Haptics {
                 return Ok(());
             }
             self.tick_number += 1;
-            for (number, (device, problem)) in self.devices.iter_mut().zip(&problems).enumerate() {
+            for (number, (device, problem)) in self.devices.iter_mut().zip(&simulation.reduced).enumerate() {
                 let row = device.tick(&simulation.tools[number], problem, time, number);
                 self.force_max = self.force_max.max(DVec3::new(row[8], row[9], row[10]).length());
                 self.table.row(&row)?;
@@ -105,14 +103,6 @@ impl Haptics {
     /// Closes the table.
     pub fn finish(self) -> Result<()> {
         self.table.finish()
-    }
-}
-
-/// A problem without rows has no pose of its own: the tool is where the step left it.
-fn problem(tool: &Instrument, reduced: &Reduced) -> Reduced {
-    match reduced.axes.is_empty() {
-        true => Reduced { position: tool.position, rotation: tool.rotation, ..Reduced::default() },
-        false => reduced.clone(),
     }
 }
 

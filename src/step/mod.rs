@@ -135,7 +135,7 @@ impl Simulation {
         let reach = start.u.iter().flatten().fold(model.grid.thickness(), |m, u| m.max(u.abs()));
         Ok(Self {
             wound: Wound::new(&model),
-            reduced: vec![Reduced::default(); tools.len()],
+            reduced: tools.iter().map(|t| Reduced::free(t.position, t.rotation, 0)).collect(),
             tools,
             time: 0.0,
             backend,
@@ -195,7 +195,9 @@ impl Simulation {
             for (tool, free) in self.tools.iter_mut().zip(&free) {
                 tool.advance(free.shift, free.turn, h);
             }
-            self.reduced.fill(Reduced::default());
+            for (reduced, tool) in self.reduced.iter_mut().zip(&self.tools) {
+                *reduced = Reduced::free(tool.position, tool.rotation, self.epoch);
+            }
             vec![]
         } else {
             self.resolve(&contacts, &free, &mut report)?
