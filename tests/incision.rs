@@ -57,6 +57,25 @@ fn a_hard_press_enters_and_tougher_skin_withstands_it() {
 }
 
 #[test]
+fn refinement_counts_contact_forces_in() {
+    let mut scene = pressed(1e-4);
+    scene.solver.tolerance = 1e-6;
+    let (_, plain) = run(&scene, 25);
+    scene.solver.refinements = 4;
+    let mut single = Simulation::new(&scene, &Place::Cpu32).expect("the scene fits");
+    let mut last = StepReport::default();
+    let mut rounds = 0;
+    for _ in 0..25 {
+        last = single.step(false).expect("the CPU path has no device to fail");
+        assert!(last.free.converged, "{:?}", last.free);
+        rounds += last.refinements;
+    }
+    assert!(rounds > 0 && last.contact.count > 0);
+    let difference = (force(&last) - force(&plain)).length() / force(&plain).length();
+    assert!(difference < 1e-3, "{difference:e}");
+}
+
+#[test]
 fn at_rest_the_contact_force_is_the_coupling_force() {
     // SOFA reports 1/1.2 of it: its contact compliance of the tool leaves the coupling out
     let scene = pressed(3e-4);

@@ -1,6 +1,6 @@
 //! The CPU path: the kernels' twins in f32 or f64 on all cores; the reference that the GPU is checked against.
 
-use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Wanted, cell_centres, links};
+use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Vector, Wanted, cell_centres, links};
 use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::precondition::precondition;
@@ -223,6 +223,12 @@ impl<R: Real> Backend for CpuBackend<R> {
             r[slot * self.node_count + *node as usize] = V3::of(*value).times(axes).pad(R::zero());
         }
         self.r = r;
+        Ok(())
+    }
+
+    fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()> {
+        let array = if which == Vector::Solution { &mut self.x } else { &mut self.r };
+        array[slot * self.node_count..].iter_mut().zip(values).for_each(|(to, v)| *to = round(v));
         Ok(())
     }
 

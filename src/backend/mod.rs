@@ -53,6 +53,15 @@ pub enum Target {
     Absolute(f64),
 }
 
+/// A vector of a slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Vector {
+    /// N
+    RightHandSide,
+    /// m
+    Solution,
+}
+
 /// One slot of a solve.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted {
@@ -107,6 +116,8 @@ pub trait Backend {
     fn begin(&mut self) -> Result<()>;
     /// Sets the right-hand sides of columns: (slot, node, N) entries; slots named in `slots` are zeroed first, no entry occurs twice.
     fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()>;
+    /// Sets a slot's right-hand side, `[node]` N, or its solution and next start, `[node]` m.
+    fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()>;
     /// Starts columns from zero instead of from what their slot last held.
     fn forget(&mut self, slots: &[usize]) -> Result<()>;
     /// Solves slots together and picks values of `x` at (slot, node).

@@ -59,6 +59,13 @@ pub struct Solved {
 
 /// `|b + Jᵀλ − A Δx|` relative to the step's load (free motion's load and contact force), everything in f64.
 pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
+    let (rest, load) = residual(model, solved);
+    let size = rest.iter().map(|r| r[0] * r[0] + r[1] * r[1] + r[2] * r[2]).sum::<f64>().sqrt();
+    if load == 0.0 { 0.0 } else { size / load }
+}
+
+/// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the step's load, N, everything in f64.
+pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
     let params = model.params::<f64>();
     let count = solved.u.len();
     let zeros = vec![[0.0; 4]; count];
@@ -86,13 +93,12 @@ pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
         momentum::momentum(&params, &shapes, layers, &solved.rotation, &solved.free, &solved.v, &mut mean_v);
     }
     let mut load = rhs::rhs(&params, &f, &mean_v, &solved.free, &solved.load, &mut b);
-    let mut residual = 0.0;
     for i in 0..count {
         for n in 0..3 {
             let contact = solved.contact[i][n] * solved.free[i][n];
             load += contact * contact;
-            residual += (b[i][n] + contact - w[i][n]).powi(2);
+            b[i][n] += contact - w[i][n];
         }
     }
-    if load == 0.0 { 0.0 } else { (residual / load).sqrt() }
+    (b, load.sqrt())
 }

@@ -5,7 +5,7 @@ mod energy;
 pub mod levels;
 mod springs;
 
-pub use energy::{Solved, elastic_energy, true_residual};
+pub use energy::{Solved, elastic_energy, residual, true_residual};
 pub use springs::Springs;
 
 use crate::error::{Error, Result};

@@ -81,6 +81,7 @@ impl Collector {
         times.push(took.as_secs_f64() * 1e3);
         self.iterations += u64::from(step.free.iterations);
         r.solver.iterations_max = r.solver.iterations_max.max(step.free.iterations);
+        r.solver.refinements += u64::from(step.refinements);
         r.solver.residual_max = r.solver.residual_max.max(step.residual);
         if let Some(residual) = step.true_residual {
             r.solver.residual_true = Some(r.solver.residual_true.unwrap_or(0.0).max(residual));

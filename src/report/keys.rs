@@ -74,7 +74,9 @@ pub struct SolverReport {
     pub iterations_mean: f64,
     /// In one step.
     pub iterations_max: u32,
-    /// Largest relative residual at the end of a step, as the recurrence has it.
+    /// Rounds of iterative refinement, over all steps.
+    pub refinements: u64,
+    /// Largest relative residual at the end of a step, as the recurrence has it; with refinement in f64.
     pub residual_max: f64,
     /// Largest relative residual of the steps that were checked in f64.
     pub residual_true: Option<f64>,

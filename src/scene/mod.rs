@@ -103,6 +103,8 @@ pub struct Solver {
     pub floor: f64,
     /// Iterations per solve after which the solve counts as not converged.
     pub max_iterations: u32,
+    /// Rounds of iterative refinement per step at most: residual in f64 on the host, correction in the backend's precision.
+    pub refinements: u32,
     /// Every how many steps the true residual is computed in f64; the last step always.
     pub true_residual_every: u32,
 }

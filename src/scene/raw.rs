@@ -97,6 +97,7 @@ pub(super) struct Solver {
     pub tolerance: Option<At<f64>>,
     pub floor_n: Option<At<f64>>,
     pub max_iterations: Option<At<u32>>,
+    pub refinements: Option<At<u32>>,
     pub true_residual_every: Option<At<u32>>,
 }
 

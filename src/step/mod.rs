@@ -11,12 +11,13 @@
 mod compliance;
 mod contact;
 mod incise;
+mod refine;
 mod start;
 
 pub use contact::ContactReport;
 pub use start::{needs, start};
 
-use crate::backend::{Backend, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
+use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
 use crate::collide::{self, Contact, Patch, Search};
 use crate::cut::{Totals, Wound};
 use crate::error::Result;
@@ -24,6 +25,7 @@ use crate::gpu::Gpu;
 use crate::haptic::Reduced;
 use crate::instrument::{Free, Instrument};
 use crate::linear::Outcome;
+use crate::math::V4;
 use crate::model::{Model, Solved, true_residual};
 use crate::scene::{ProbeKind, Scene};
 use compliance::Compliance;
@@ -51,6 +53,8 @@ pub struct StepReport {
     pub time: f64,
     /// Free motion.
     pub free: Outcome,
+    /// Rounds of iterative refinement.
+    pub refinements: u32,
     /// Accurate corrections of this step, summed iterations.
     pub correction_iterations: u32,
     /// Relative residual after the last solve that counts, as its recurrence has it.
@@ -183,7 +187,8 @@ impl Simulation {
         if self.step_number == 1 || self.load_changes.iter().any(changed) {
             self.backend.set_load(&self.model.load_at(&self.scene.loads, begin));
         }
-        let before = if check { Some(self.backend.snapshot()?) } else { None };
+        let refined = self.scene.solver.refinements > 0;
+        let before = if check || refined { Some(self.backend.snapshot()?) } else { None };
         let free: Vec<Free> = self.tools.iter().map(|t| t.free_motion(self.time, h)).collect();
         let contacts = self.find_contacts(&free, &mut report)?;
         self.backend.begin()?;
@@ -203,13 +208,19 @@ impl Simulation {
             self.resolve(&contacts, &free, &mut report)?
         };
         let corrected = !contacts.is_empty();
+        if let Some(before) = before {
+            let mut solved = self.solved(before, &correction, begin);
+            solved.dx = self.increment(corrected)?;
+            if refined {
+                self.refine(&mut solved, corrected, &mut report)?;
+                solved.dx = self.increment(corrected)?; // as the backend has rounded it
+            }
+            report.true_residual = check.then(|| true_residual(&self.model, &solved));
+        }
         report.residual =
             if report.free.target > 0.0 { report.free.residual / report.free.target * tolerance } else { 0.0 };
         if !report.free.converged {
             *report.warnings.entry("solver_not_converged").or_default() += 1;
-        }
-        if let Some(before) = before {
-            report.true_residual = Some(self.check_residual(before, &correction, corrected, begin)?);
         }
         self.backend.finish(corrected)?;
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {
@@ -273,27 +284,25 @@ impl Simulation {
         Ok(found)
     }
 
-    fn check_residual(
-        &mut self,
-        before: Snapshot,
-        contact: &[(u32, [f64; 3])],
-        corrected: bool,
-        time: f64,
-    ) -> Result<f64> {
+    /// What the solves have found together, `[node]` m.
+    fn increment(&mut self, corrected: bool) -> Result<Vec<V4<f64>>> {
         let mut dx = self.backend.solution(FREE)?;
         if corrected {
-            for (sum, more) in dx.iter_mut().zip(self.backend.solution(crate::backend::CORRECTION)?) {
-                for n in 0..3 {
-                    sum[n] += more[n];
-                }
+            for (sum, more) in dx.iter_mut().zip(self.backend.solution(CORRECTION)?) {
+                (0..3).for_each(|n| sum[n] += more[n]);
             }
         }
-        let mut forces = vec![[0.0; 4]; dx.len()];
-        for (node, f) in contact {
-            forces[*node as usize] = [f[0], f[1], f[2], 0.0];
+        Ok(dx)
+    }
+
+    /// The step's equations for a check in f64, without their solution.
+    fn solved(&self, before: Snapshot, contact: &[(u32, [f64; 3])], time: f64) -> Solved {
+        let mut forces = vec![[0.0; 4]; before.u.len()];
+        for (node, [x, y, z]) in contact {
+            forces[*node as usize] = [*x, *y, *z, 0.0];
         }
         let load = self.model.load_at(&self.scene.loads, time);
-        let solved = Solved {
+        Solved {
             u: before.u,
             v: before.v,
             rotation: before.rotation,
@@ -301,9 +310,8 @@ impl Simulation {
             law: before.law,
             load: load.iter().map(|l| [l[0], l[1], l[2], 0.0]).collect(),
             contact: forces,
-            dx,
-        };
-        Ok(true_residual(&self.model, &solved))
+            dx: vec![],
+        }
     }
 
     fn read_probes(&mut self, report: &mut StepReport) -> Result<()> {

@@ -10,6 +10,7 @@ mod elements;
 mod masses;
 mod motion;
 mod multigrid;
+mod refinement;
 mod release;
 mod setup;
 mod skin_block;
@@ -60,13 +61,14 @@ fn main() -> ExitCode {
         skin_block::CASES,
         release::CASES,
     ];
-    let everywhere: [&[Everywhere]; 6] = [
+    let everywhere: [&[Everywhere]; 7] = [
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
         motion::EVERYWHERE,
         masses::EVERYWHERE,
         springs::EVERYWHERE,
         release::EVERYWHERE,
+        refinement::EVERYWHERE,
     ];
     let mut trials = vec![];
     for (name, run) in groups.into_iter().flatten() {

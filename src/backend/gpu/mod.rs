@@ -7,7 +7,7 @@
 mod arrays;
 mod solver;
 
-use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Wanted};
+use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Vector, Wanted};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
@@ -232,6 +232,15 @@ impl Backend for GpuBackend {
             batch.run(&put.rows, ids.len(), 1);
         }
         self.pending = Some(batch);
+        Ok(())
+    }
+
+    fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()> {
+        let batch = self.record();
+        self.gpu.submit(batch); // a write comes before what is recorded after it
+        let array = if which == Vector::Solution { &self.solver.x } else { &self.solver.r };
+        let rounded: Vec<V4<f32>> = values.iter().map(|v| v.map(|c| c as f32)).collect();
+        self.gpu.write(array, self.offset(slot), &rounded);
         Ok(())
     }
 
