@@ -9,6 +9,7 @@
 
 const LANES: u32 = 256u;
 var<workgroup> shared_sum: array<vec4<f32>, 256>;
+var<workgroup> shared_rest: array<vec4<f32>, 256>; // what the sums have lost
 
 @compute @workgroup_size(256)
 fn advance(
@@ -18,26 +19,32 @@ fn advance(
     let slot = params.first_slot + group.y;
     let groups = (params.node_count + GROUP - 1u) / GROUP;
     let column_groups = (params.nodes_x * params.nodes_y + GROUP - 1u) / GROUP;
+    let starting = scalars[slot * 2u + 1u].w == 0.0;
+    let most = max(max(groups, column_groups), params.product_groups);
     var sum = vec4<f32>(0.0); // load, delta, gamma, residual
-    if scalars[slot * 2u].w == 0.0 {
-        let starting = scalars[slot * 2u + 1u].w == 0.0;
-        if starting {
-            for (var n = lane; n < groups; n += LANES) { sum.x += partial_load[n]; }
-        }
-        for (var n = lane; n < params.product_groups; n += LANES) {
-            sum.y += partial_product[slot * params.product_groups + n];
-        }
-        for (var n = lane; n < column_groups; n += LANES) {
-            sum.z += partial_gamma[slot * column_groups + n];
-        }
-        for (var n = lane; n < groups; n += LANES) { sum.w += partial_residual[slot * groups + n]; }
+    var rest = vec4<f32>(0.0);
+    for (var n = lane; n < most && scalars[slot * 2u].w == 0.0; n += LANES) {
+        var part = vec4<f32>(0.0);
+        if starting && n < groups { part.x = partial_load[n]; }
+        if n < params.product_groups { part.y = partial_product[slot * params.product_groups + n]; }
+        if n < column_groups { part.z = partial_gamma[slot * column_groups + n]; }
+        if n < groups { part.w = partial_residual[slot * groups + n]; }
+        if params.compensated == 1u { rest += lost(sum, part, params.zero); }
+        sum += part;
     }
     shared_sum[lane] = sum;
+    shared_rest[lane] = rest;
     for (var n = LANES / 2u; n > 0u; n >>= 1u) {
         workgroupBarrier();
-        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+        if lane < n {
+            let part = shared_sum[lane + n];
+            rest += shared_rest[lane + n];
+            if params.compensated == 1u { rest += lost(shared_sum[lane], part, params.zero); }
+            shared_sum[lane] += part;
+            shared_rest[lane] = rest;
+        }
     }
-    if lane == 0u { advance_slot(slot, shared_sum[0]); }
+    if lane == 0u { advance_slot(slot, shared_sum[0] + rest); }
 }
 
 fn advance_slot(slot: u32, sums: vec4<f32>) {

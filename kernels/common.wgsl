@@ -3,9 +3,9 @@ struct Params {
     nodes_x: u32, nodes_y: u32, nodes_z: u32, node_count: u32,
     cells_x: u32, cells_y: u32, cells_z: u32, cell_count: u32,
     preconditioner: u32, corotational: u32, slot_count: u32, first_slot: u32,
-    product_groups: u32, fresh: u32, inertia: f32, stiffness_factor: f32,
-    step: f32, gravity_x: f32, gravity_y: f32, gravity_z: f32,
-    keep: f32, gain: f32, pad_0: f32, pad_1: f32,
+    product_groups: u32, fresh: u32, compensated: u32, zero: u32,
+    inertia: f32, stiffness_factor: f32, step: f32, gravity_x: f32,
+    gravity_y: f32, gravity_z: f32, keep: f32, gain: f32,
 }
 
 const GROUP: u32 = 64u;
@@ -18,6 +18,19 @@ fn group_of(group: vec3<u32>, groups: vec3<u32>) -> u32 {
 // Nodes along x, y, z of the next coarser level (coarsen.rs).
 fn coarse_nodes(p: Params) -> vec3<u32> {
     return vec3<u32>((p.cells_x + 1u) / 2u + 1u, (p.cells_y + 1u) / 2u + 1u, p.nodes_z);
+}
+
+// A number that the compiler cannot follow: `zero` is 0 at run time only.
+fn hidden(x: vec4<f32>, zero: u32) -> vec4<f32> {
+    return bitcast<vec4<f32>>(bitcast<vec4<u32>>(x) ^ vec4<u32>(zero));
+}
+
+// What rounding took from `a + b` (probe.rs).
+fn lost(a: vec4<f32>, b: vec4<f32>, zero: u32) -> vec4<f32> {
+    let sum = hidden(a + b, zero);
+    let part = hidden(sum - a, zero);
+    let other = hidden(sum - part, zero);
+    return hidden(a - other, zero) + hidden(b - part, zero);
 }
 
 // Offset (0 or 1) of a corner along x, y, z; VTK order.

@@ -19,6 +19,7 @@ pub mod gather;
 pub mod integrate;
 pub mod momentum;
 pub mod precondition;
+pub mod probe;
 pub mod product;
 pub mod prolongation;
 pub mod relax;
@@ -61,6 +62,7 @@ pub const ALL: &[&Source] = &[
     &integrate::SOURCE,
     &momentum::SOURCE,
     &precondition::SOURCE,
+    &probe::SOURCE,
     &product::SOURCE,
     &prolongation::SOURCE,
     &restriction::SOURCE,
@@ -122,6 +124,10 @@ params! {
         product_groups: u32,
         /// 1: the smoother starts from zero.
         fresh: u32,
+        /// 1: the device keeps what sums lose (`probe`).
+        compensated: u32,
+        /// Always 0, which the compiler of the shaders cannot know.
+        zero: u32,
     }
     {
         /// `(1 + h r_M)/h²`, 1/s².
@@ -140,10 +146,6 @@ params! {
         keep: real,
         /// Share of `M⁻¹ r` that the smoother adds.
         gain: real,
-        /// Fills the block to 16 bytes.
-        pad_0: real,
-        /// Fills the block to 16 bytes.
-        pad_1: real,
     }
 }
 
@@ -165,6 +167,11 @@ pub fn by_columns<T>(array: &mut [T], columns: usize) -> Vec<Levels<'_, T>> {
         }
     }
     parts
+}
+
+/// Parts of [`by_columns`] that make up [`PARALLEL`] nodes.
+pub fn parts_at_once<R>(params: &Params<R>) -> usize {
+    (PARALLEL / (GROUP * params.nodes_z) as usize).max(1)
 }
 
 /// Offset (0 or 1) of a corner along x, y, z.

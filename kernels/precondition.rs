@@ -4,7 +4,7 @@
 //! Units: r N, z m.
 
 use super::blocks::unpack;
-use super::{GROUP, Levels, Params, Source, by_columns};
+use super::{GROUP, Levels, Params, Source, by_columns, parts_at_once};
 use crate::math::{Real, V3, V4};
 use rayon::prelude::*;
 
@@ -45,6 +45,7 @@ pub fn precondition<R: Real>(
         }
         gamma
     };
-    let sums: Vec<R> = by_columns(z, columns).into_par_iter().enumerate().with_min_len(4).map(one_part).collect();
+    let sums: Vec<R> =
+        by_columns(z, columns).into_par_iter().enumerate().with_min_len(parts_at_once(params)).map(one_part).collect();
     sums.into_iter().sum()
 }

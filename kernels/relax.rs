@@ -6,7 +6,7 @@
 //! Units: r w N; z d m.
 
 use super::blocks::unpack;
-use super::{GROUP, Levels, Params, Source, by_columns};
+use super::{GROUP, Levels, Params, Source, by_columns, parts_at_once};
 use crate::math::{Real, V3, V4};
 use rayon::prelude::*;
 
@@ -61,6 +61,6 @@ pub fn relax<R: Real>(
         }
         gamma
     };
-    let sums: Vec<R> = parts.enumerate().with_min_len(4).map(one_part).collect();
+    let sums: Vec<R> = parts.enumerate().with_min_len(parts_at_once(params)).map(one_part).collect();
     sums.into_iter().sum()
 }

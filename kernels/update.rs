@@ -5,8 +5,10 @@
 //! Leaves `r·r` of the new residual.
 //! Units: x p z m; r s w N.
 
-use super::Source;
+use super::advance::Scalars;
+use super::{PARALLEL, Source};
 use crate::math::{Real, V4};
+use rayon::prelude::*;
 
 /// The shader.
 pub const SOURCE: Source =
@@ -14,13 +16,31 @@ pub const SOURCE: Source =
 
 /// One slot; returns `r·r`.
 pub fn update<R: Real>(
-    scalars: &super::advance::Scalars<R>,
+    scalars: &Scalars<R>,
     z: &[V4<R>],     // [node] m
     w: &[V4<R>],     // [node] N
     x: &mut [V4<R>], // [node] m
     p: &mut [V4<R>], // [node] m
     s: &mut [V4<R>], // [node] N
     r: &mut [V4<R>], // [node] N
+) -> R {
+    let one_part = |(n, (((x, p), s), r)): (usize, (((&mut [V4<R>], &mut [V4<R>]), &mut [V4<R>]), &mut [V4<R>]))| {
+        let span = n * PARALLEL..n * PARALLEL + x.len();
+        update_part(scalars, &z[span.clone()], &w[span], x, p, s, r)
+    };
+    let parts = x.par_chunks_mut(PARALLEL).zip(p.par_chunks_mut(PARALLEL)).zip(s.par_chunks_mut(PARALLEL));
+    let sums: Vec<R> = parts.zip(r.par_chunks_mut(PARALLEL)).enumerate().map(one_part).collect();
+    sums.into_iter().sum()
+}
+
+fn update_part<R: Real>(
+    scalars: &Scalars<R>,
+    z: &[V4<R>],
+    w: &[V4<R>],
+    x: &mut [V4<R>],
+    p: &mut [V4<R>],
+    s: &mut [V4<R>],
+    r: &mut [V4<R>],
 ) -> R {
     let (alpha, beta) = (scalars.alpha, scalars.beta);
     let mut residual = R::zero();

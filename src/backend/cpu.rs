@@ -164,6 +164,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             adapter: format!("{} threads", rayon::current_num_threads()),
             driver: String::new(),
             software: false,
+            sums: "plain",
             device_bytes: (bytes * size_of::<V4<R>>()) as u64,
         }
     }

@@ -99,6 +99,8 @@ pub struct Device {
     pub driver: String,
     /// Runs on the CPU in the end.
     pub software: bool,
+    /// How the conjugate gradients sum: `compensated`, or `plain` where the device loses what compensates.
+    pub sums: &'static str,
     /// Bytes on the device.
     pub device_bytes: u64,
 }

@@ -50,6 +50,7 @@ impl Collector {
             solver: SolverReport {
                 kind: kind.into(),
                 preconditioner: preconditioner_name(scene.solver.preconditioner).into(),
+                sums: device.sums.into(),
                 ..SolverReport::default()
             },
             memory_bytes: match on_gpu {

@@ -74,6 +74,8 @@ pub struct SolverReport {
     pub iterations_mean: f64,
     /// In one step.
     pub iterations_max: u32,
+    /// `compensated` or `plain`.
+    pub sums: String,
     /// Rounds of iterative refinement, over all steps.
     pub refinements: u64,
     /// Largest relative residual at the end of a step, as the recurrence has it; with refinement in f64.

@@ -5,6 +5,7 @@
 
 use cutis::error::Result;
 use cutis::gpu::{Buffer, Gpu};
+use cutis::kernels::probe;
 use cutis::kernels::product::{Modes, tiles};
 use cutis::kernels::{GROUP, Params};
 use cutis::math::{M3, Real, V3, V4};
@@ -112,6 +113,7 @@ impl Body {
             stiffness_factor: R::of(11.0),
             step: R::of(f64::from(1e-3f32)),
             fresh: u32::from(self.first_slot > 0),
+            compensated: u32::from(self.slots > 3),
             keep: R::of(0.375),
             gain: R::of(0.75),
             gravity_x: R::of(0.5),
@@ -243,6 +245,8 @@ impl Body {
                 positive(&mut random, self.slots * groups).enumerate().map(|(k, c)| c * sign(k)).collect()
             }
             "partial_gamma" => positive(&mut random, self.slots * self.column_groups()).collect(),
+            "cases" => probe::cases().concat(),
+            "errors" => random.many(probe::CASES, 1.0),
             "partial_residual" => positive(&mut random, self.slots * self.node_groups()).collect(),
             "partial_load" => positive(&mut random, self.node_groups()).collect(),
             _ => panic!("no array is called `{name}`; give it a shape and a scale here"),

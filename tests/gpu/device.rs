@@ -4,7 +4,7 @@ use super::body::Body;
 use super::{Failure, parity};
 use cutis::error::Error;
 use cutis::gpu::{Buffer, Gpu, cast};
-use cutis::kernels::{GROUP, gather, product, scatter, update};
+use cutis::kernels::{GROUP, Params, converge, gather, product, scatter, update};
 use cutis::math::V4;
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
@@ -20,6 +20,7 @@ pub const TESTS: &[(&str, Test)] = &[
     ("a_too_large_array_names_itself_and_the_limit", a_too_large_array_names_itself_and_the_limit),
     ("reading_past_an_array_is_refused", reading_past_an_array_is_refused),
     ("writing_past_an_array_is_an_error_at_the_next_read", writing_past_an_array_is_an_error_at_the_next_read),
+    ("compensated_sums_are_right_to_one_rounding", compensated_sums_are_right_to_one_rounding),
     ("an_unknown_adapter_lists_those_there_are", an_unknown_adapter_lists_those_there_are),
 ];
 
@@ -213,4 +214,30 @@ fn an_unknown_adapter_lists_those_there_are(gpu: &Gpu) -> Result<(), Failure> {
         Err(e) => Err(e.into()),
         Ok(_) => Err("it was opened".into()),
     }
+}
+
+/// `r·r` of a running slot as `converge` sums it, and as f64 does; parts of 0.5 to 1.5.
+fn summed(gpu: &Gpu, compensated: u32) -> Result<f64, Failure> {
+    const NODES: u32 = 1 << 24;
+    let parts: Vec<f32> =
+        (0..NODES / GROUP).map(|k| 0.5 + (k.wrapping_mul(2_654_435_761) >> 8) as f32 / 16_777_216.0).collect();
+    let exact: f64 = parts.iter().map(|p| f64::from(*p)).sum();
+    let params = Params::<f32> { node_count: NODES, slot_count: 1, compensated, ..Params::default() };
+    let scalars = gpu.array_of("scalars", &[[1f32, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 3.0]])?;
+    let list = [
+        ("params", &gpu.uniform("params", 0, &params.words())),
+        ("partial_residual", &gpu.array_of("partial_residual", &parts)?),
+        ("scalars", &scalars),
+    ];
+    let mut batch = gpu.batch();
+    batch.run(&gpu.bind(&converge::SOURCE, &list)?, 1, 1);
+    let found = f64::from(cast::<f32>(&gpu.submit_and_read(batch, &[(&scalars, 32)])?[0])[5]);
+    Ok((found / exact - 1.0).abs())
+}
+
+fn compensated_sums_are_right_to_one_rounding(gpu: &Gpu) -> Result<(), Failure> {
+    let (plain, kept) = (summed(gpu, 0)?, summed(gpu, 1)?);
+    super::report(gpu, &format!("a sum of 262,144 parts is off by {plain:.1e}, compensated by {kept:.1e}"));
+    require(kept <= f64::from(f32::EPSILON), || format!("compensated: off by {kept:e}"))?;
+    require(plain > 2.0 * kept, || format!("plain sums are as good: {plain:e} and {kept:e}; nothing to compensate"))
 }

@@ -90,6 +90,13 @@ pub fn coarsen<R: Real>(b: &Body) -> Outputs<R> {
     vec![("coarse_rotation", flat(&coarse))]
 }
 
+/// Exact, or useless: the bound of every error is zero.
+pub fn probe<R: Real>(b: &Body) -> Outputs<R> {
+    let (cases, mut errors) = (b.v4::<f32>("cases"), b.scalars::<f32>("errors"));
+    kernels::probe::probe(&cases, &mut errors);
+    vec![("errors", errors.iter().map(|e| R::of(f64::from(*e))).collect())]
+}
+
 pub fn converge<R: Real>(b: &Body) -> Outputs<R> {
     let residual = slot_sums(&b.scalars::<R>("partial_residual"), b.node_groups());
     let mut scalars = b.scalars::<R>("scalars");

@@ -2,8 +2,8 @@
 //!
 //! One static step of the skin block: the hardest shipped system, since stiffness stands alone (no inertia beside it).
 
-use super::setup::{measured, scene};
 use super::Everywhere;
+use super::setup::{measured, scene};
 use cutis::math::V4;
 use cutis::scene::Scene;
 use cutis::step::{Place, Simulation, StepReport};

@@ -4,8 +4,8 @@ use crate::backend::{cell_centres, links};
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu, cast};
 use crate::kernels::{
-    self, Source, blocks, centres, cut, forces, gather, momentum, product, rotations, scatter, springs, springs_blocks,
-    springs_product,
+    self, Params, Source, blocks, centres, cut, forces, gather, momentum, probe, product, rotations, scatter, springs,
+    springs_blocks, springs_product,
 };
 use crate::math::{M3, V3, V4};
 use crate::model::{MAX_LAYERS, Model, element};
@@ -96,6 +96,21 @@ impl Put {
         gpu.submit(batch);
         Ok(())
     }
+}
+
+/// Runs the probe of compensated sums.
+pub(super) fn keeps_what_sums_lose(made: &mut Maker) -> Result<bool> {
+    let gpu = made.gpu;
+    let cases = probe::cases();
+    let errors = made.of("errors", &[0f32; probe::CASES])?;
+    let params = made.uniform("params", 0, &Params::<f32>::default().words());
+    let list = [("params", &params), ("cases", &made.of("cases", &cases)?), ("errors", &errors)];
+    let mut batch = gpu.batch();
+    batch.run(&gpu.bind(&probe::SOURCE, &list)?, probe::CASES, 1);
+    let found: Vec<f32> = cast(&gpu.submit_and_read(batch, &[(&errors, errors.bytes)])?[0]);
+    let mut exact = [0f32; probe::CASES];
+    probe::probe(&cases, &mut exact);
+    Ok(found[..probe::CASES] == exact)
 }
 
 /// Makes buffers and adds up their bytes.

@@ -14,7 +14,9 @@ use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
-use arrays::{Arrays, Body, Cutting, Dispatch, Law, MAX_HITS, MAX_QUADS, Maker, Pick, Put, axes, triples};
+use arrays::{
+    Arrays, Body, Cutting, Dispatch, Law, MAX_HITS, MAX_QUADS, Maker, Pick, Put, axes, keeps_what_sums_lose, triples,
+};
 use solver::Solver;
 
 /// Nodes of a slot that are picked at once at least; more take another submission.
@@ -58,8 +60,10 @@ impl GpuBackend {
     ) -> Result<Self> {
         let n = model.grid.node_count();
         let slots = needs.slots();
-        let params = Params { slot_count: slots as u32, ..model.params::<f32>() };
         let mut made = Maker { gpu: &gpu, bytes: 0 };
+        gpu.making("probe of sums");
+        let compensated = u32::from(keeps_what_sums_lose(&mut made)?);
+        let params = Params { slot_count: slots as u32, compensated, ..model.params::<f32>() };
         gpu.making("state");
         let main = made.uniform("params", 0, &params.words());
         let vec = |v: &[V4<f64>]| v.iter().map(|a| a.map(|c| c as f32)).collect::<Vec<_>>();
@@ -192,6 +196,7 @@ impl Backend for GpuBackend {
             adapter: format!("{} ({})", a.name, a.backend),
             driver: a.driver.clone(),
             software: a.software,
+            sums: if self.params.compensated == 1 { "compensated" } else { "plain" },
             device_bytes: self.bytes,
         }
     }
