@@ -1,7 +1,7 @@
 //! Arrays of the body on the device by the names that the kernels use, and the groups of them that belong together.
 
 use crate::backend::{cell_centres, links};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{Bound, Buffer, Gpu, cast};
 use crate::kernels::{
     self, Source, blocks, centres, cut, forces, gather, momentum, product, rotations, scatter, springs, springs_blocks,
@@ -152,6 +152,12 @@ pub(super) struct Law {
 
 impl Law {
     pub fn new(made: &mut Maker, model: &Model) -> Result<Self> {
+        if model.direct {
+            return Err(Error::Usage {
+                what: "the direct solver runs on the CPU path, not on a GPU".into(),
+                fix: "run it with --backend cpu, or take the preconditioner multigrid".into(),
+            });
+        }
         let n = model.grid.node_count();
         if let Some(s) = &model.springs {
             let rest: Vec<V4<f32>> = model.rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();
