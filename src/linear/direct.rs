@@ -202,7 +202,9 @@ impl Direct {
             None => {
                 let supernodal_flop_ratio_threshold = SupernodalThreshold::FORCE_SUPERNODAL;
                 let how = CholeskySymbolicParams { supernodal_flop_ratio_threshold, ..Default::default() };
-                let made = factorize_symbolic_cholesky(places, Side::Lower, SymmetricOrdering::Identity, how);
+                // with an order as given, faer analyses the upper half whatever side it is told
+                let upper = places.transpose().to_col_major().map_err(|_| no_memory(pattern.row.len()))?;
+                let made = factorize_symbolic_cholesky(upper.as_ref(), Side::Upper, SymmetricOrdering::Identity, how);
                 symbolic.insert(made.map_err(|_| no_memory(pattern.row.len()))?)
             }
         };
