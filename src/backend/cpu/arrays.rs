@@ -29,7 +29,7 @@ pub(super) struct Bricks<R> {
     pub layer_of: Vec<u32>,
     pub rotation: Vec<V4<R>>,
     pub multigrid: Option<Hierarchy<R>>,
-    pub direct: Option<Direct>,
+    pub direct: Option<Box<Direct>>,
 }
 
 pub(super) struct Cutting<R> {
@@ -60,7 +60,7 @@ impl<R: Real> Elastic<R> {
                 layer_of: model.grid.layer_of.clone(),
                 rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.grid.cell_count()],
                 multigrid: Hierarchy::new(model),
-                direct: Direct::new(model),
+                direct: Direct::new(model).map(Box::new),
             }),
         }
     }
