@@ -201,6 +201,7 @@ impl Direct {
     /// # Errors
     /// [`Error::NotPositive`] with the first node whose pivot is not above its rounding; [`Error::Usage`] when there is no memory for L.
     pub fn factor(&mut self, rotation: &[V4<f64>], free: &[V4<f64>]) -> Result<()> {
+        self.current = false;
         let Self { params, stiffness, layer_of, pattern, value, symbolic, factor, .. } = self;
         let size = 3 * pattern.node.len();
         let places = SymbolicSparseColMatRef::new_checked(size, size, &pattern.first, None, &pattern.row);
