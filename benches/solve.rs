@@ -1,10 +1,11 @@
 //! Solvers, speed and error in one run: time to 1 % displacement error of one step, multigrid against plain conjugate gradients; 25 plain
-//! iterations as SOFA does them; iterations of multigrid on growing grids. Prints Markdown; every time stands beside its error.
+//! iterations as SOFA does them; iterations of multigrid on growing grids; the direct solver. Prints Markdown; every time stands beside its error.
 //!
-//! `cargo bench --bench solve` runs all of it; `-- cpu` leaves the GPU out, `-- gpu` the CPU.
+//! `cargo bench --bench solve` runs all of it; `-- cpu` leaves the GPU out, `-- gpu` the CPU; `-- direct` has the direct solver alone.
 
 use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
 use cutis::gpu::Gpu;
+use cutis::linear::direct::Direct;
 use cutis::model::Model;
 use cutis::scene::{Files, Preconditioner, parse};
 use std::path::Path;
@@ -233,6 +234,60 @@ fn seed(places: &[Place]) {
     }
 }
 
+/// The press in the slot of the free motion, solved with what [`Backend::begin`] left, in ms.
+fn solve_alone(backend: &mut dyn Backend, load: &[[f64; 3]], tolerance: f64) -> f64 {
+    let rows: Vec<_> = load.iter().enumerate().map(|(node, f)| (FREE, node as u32, *f)).collect();
+    backend.forget(&[FREE]).expect("the device works");
+    backend.set_rows(&[FREE], &rows).expect("the device works");
+    let begin = Instant::now();
+    let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
+    backend.solve(&wanted, &[]).expect("the device works");
+    begin.elapsed().as_secs_f64() * 1e3
+}
+
+/// Exact solves against multigrid; the first step also analyses the pattern.
+fn direct(places: &[Place]) {
+    println!("\n## The direct solver, one step of 10 ms, against multigrid to 1e-6 (f32: 1e-5)\n");
+    println!(
+        "| grid | place | factor MB | ms: first step | each step | solve alone | iterations | multigrid: ms each step | solve alone | iterations |"
+    );
+    println!("|---|---|---|---|---|---|---|---|---|---|");
+    for (across, levels, poisson) in [(24, THIN, 0.45), (14, THICK, 0.45), (14, THICK, 0.49), (32, THICK, 0.45)] {
+        let press = Press { across, levels, poisson, step_ms: 10 };
+        let (model, load) = press.model(Preconditioner::Direct);
+        let mut factor = Direct::new(&model).expect("direct");
+        let at_rest = vec![[0.0, 0.0, 0.0, 1.0]; model.grid.cell_count()];
+        factor.factor(&at_rest, &model.free).expect("the bottom is held");
+        let megabytes = factor.numbers() / 125_000;
+        drop(factor);
+        for place in places.iter().filter(|p| **p != Place::Gpu) {
+            let tight = if *place == Place::F64 { 1e-6 } else { 1e-5 };
+            let run = |kind: Preconditioner| {
+                let mut backend = press.backend(*place, kind, 500);
+                let (x, count, first) = Press::solve(backend.as_mut(), tight);
+                let each = median((0..3).map(|_| Press::solve(backend.as_mut(), tight).2).collect());
+                let alone = median((0..3).map(|_| solve_alone(backend.as_mut(), &load, tight)).collect());
+                (x, count, first, each, alone)
+            };
+            let (exact, by_cycles) = (run(Preconditioner::Direct), run(Preconditioner::Multigrid));
+            let apart = error(&by_cycles.0, &exact.0);
+            assert!(apart <= ERROR, "{}: the two are apart by {apart}", press.name());
+            println!(
+                "| {} | {} | {megabytes} | {:.0} | {:.0} | {:.1} | {} | {:.0} | {:.1} | {} |",
+                press.name(),
+                place.name(),
+                exact.2,
+                exact.3,
+                exact.4,
+                exact.1,
+                by_cycles.3,
+                by_cycles.4,
+                by_cycles.1
+            );
+        }
+    }
+}
+
 fn table(places: &[Place]) {
     println!("\n## Multigrid iterations to 1e-3 and 1e-6 (f32: 1e-5), and ms per iteration and million cells\n");
     println!("| grid | place | iterations | ms per iteration and 10⁶ cells |\n|---|---|---|---|");
@@ -267,6 +322,10 @@ fn main() {
             Err(e) => println!("the GPU is left out: {e}"),
         }
     }
+    if std::env::args().any(|a| a == "direct") {
+        return direct(&places);
+    }
+    direct(&places);
     seed(&places);
     twenty_five(&places);
     table(&places);

@@ -18,7 +18,7 @@ pub const CASES: usize = 64;
 /// Pairs whose sums lose between nothing and nearly half a unit in the last place, of either sign and of many sizes.
 pub fn cases() -> Vec<[f32; 4]> {
     let case = |k: usize| {
-        let a = (1.0 + 0.013 * k as f32) * if k % 3 == 0 { -1.0 } else { 1.0 };
+        let a = (1.0 + 0.013 * k as f32) * if k.is_multiple_of(3) { -1.0 } else { 1.0 };
         let b = (0.7 + 0.031 * k as f32) * 0.5f32.powi(k as i32 % 24);
         [a, b, 0.0, 0.0]
     };

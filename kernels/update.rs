@@ -24,12 +24,15 @@ pub fn update<R: Real>(
     s: &mut [V4<R>], // [node] N
     r: &mut [V4<R>], // [node] N
 ) -> R {
-    let one_part = |(n, (((x, p), s), r)): (usize, (((&mut [V4<R>], &mut [V4<R>]), &mut [V4<R>]), &mut [V4<R>]))| {
-        let span = n * PARALLEL..n * PARALLEL + x.len();
-        update_part(scalars, &z[span.clone()], &w[span], x, p, s, r)
-    };
     let parts = x.par_chunks_mut(PARALLEL).zip(p.par_chunks_mut(PARALLEL)).zip(s.par_chunks_mut(PARALLEL));
-    let sums: Vec<R> = parts.zip(r.par_chunks_mut(PARALLEL)).enumerate().map(one_part).collect();
+    let sums: Vec<R> = parts
+        .zip(r.par_chunks_mut(PARALLEL))
+        .enumerate()
+        .map(|(n, (((x, p), s), r))| {
+            let span = n * PARALLEL..n * PARALLEL + x.len();
+            update_part(scalars, &z[span.clone()], &w[span], x, p, s, r)
+        })
+        .collect();
     sums.into_iter().sum()
 }
 

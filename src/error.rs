@@ -529,6 +529,17 @@ pub enum Error {
         message: String,
     },
 
+    /// A system that has no one solution.
+    #[error(
+        "the step's matrix is not positive definite at node {node:?} of the grid (counted from 0 along x, y, z), axis {axis}: nothing holds a part of the body there that has no mass either, or positions are not finite; hold the body, give it mass, or take a shorter step"
+    )]
+    NotPositive {
+        /// Node along x, y, z.
+        node: [usize; 3],
+        /// x, y or z.
+        axis: char,
+    },
+
     /// A command that makes no sense.
     #[error("{what}; {fix}")]
     Usage {

@@ -17,10 +17,11 @@
 //! # One step
 //! With displacement increments Δx = h·v' as unknowns, implicit Euler with Rayleigh damping is `A Δx = b`,
 //! `A = (1 + h r_M)/h² M + (1 + r_K/h) K`, `b = f_ext − f_int + M v/h` ([`kernels::rhs`], M lumped, uniform or consistent): external forces and inertia stand in one
-//! right-hand side, nothing is lost to f32. Contacts are found at the step's start; free motion and loose columns of `A⁻¹Jᵀ` are solved
-//! together; forces λ come from the contact law on `W λ + δ`; the correction `A Δx = Jᵀλ` is solved accurately and δ taken again until
-//! the law holds. The edge of a blade is held by what the tissue bears (toughness × length); beyond that it goes on, and the links or
-//! springs that it sweeps are cut.
+//! right-hand side, nothing is lost to f32. `A` is never assembled, but by the CPU path when a scene asks for a factor of it
+//! ([`linear::direct`]). Contacts are found at the step's start; free motion and loose columns of `A⁻¹Jᵀ` are solved together; forces λ
+//! come from the contact law on `W λ + δ`; the correction `A Δx = Jᵀλ` is solved accurately and δ taken again until the law holds. The edge
+//! of a blade is held by what the tissue bears (toughness × length); beyond that it goes on, and the links or springs that it sweeps are
+//! cut.
 //!
 //! # Rules that hold everywhere
 //! - Imports go downward: main > cli > report > output, view > step > haptic > backend > collide, cut > constraints, linear,

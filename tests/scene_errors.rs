@@ -287,6 +287,23 @@ fn absent_tables_have_defaults() {
 }
 
 #[test]
+fn direct_is_for_bricks() {
+    let scene = parsed(&FULL.replace("preconditioner = \"block\"", "preconditioner = \"direct\"")).expect("bricks");
+    assert_eq!(scene.solver.preconditioner, Preconditioner::Direct);
+    let error = parsed(&format!("{SMALL}[solver]\npreconditioner = 'direct'\n")).expect_err("springs");
+    says(&error.to_string(), "preconditioner = \"direct\" is not known … known: none, jacobi, block, column");
+    // the command line can ask for it after the scene was read
+    let mut scene = parsed(SMALL).expect("SMALL is valid");
+    scene.solver.preconditioner = Preconditioner::Direct;
+    let error = cutis::model::Model::new(&scene).expect_err("springs");
+    says(
+        &error.to_string(),
+        "the direct solver is for bricks; this skin is of springs; take the preconditioner column",
+    );
+    assert_eq!(error.exit_code(), 2);
+}
+
+#[test]
 fn tool_without_contact_table_has_default_contact() {
     let start = FULL.find("[contact]").expect("in FULL");
     let end = FULL.find("[[probe]]").expect("in FULL");
@@ -415,7 +432,7 @@ fn words_outside_their_list_are_refused() {
     refused(
         "preconditioner = \"block\"",
         "preconditioner = \"blok\"",
-        "did you mean \"block\"? … none, jacobi, block, column",
+        "did you mean \"block\"? … none, jacobi, block, column, multigrid, direct",
     );
     refused("element = \"bbar\"", "element = \"enhance\"", "did you mean \"enhanced\"? … bbar, enhanced, plain");
     refused("law = \"fem\"", "mass = \"lumpy\"", "did you mean \"lumped\"? … lumped, uniform, consistent");

@@ -173,6 +173,8 @@ pub enum Precondition {
     Column,
     /// A V-cycle of geometric multigrid; bricks only
     Multigrid,
+    /// An exact sparse factor; bricks only, on the CPU path, which `auto` then takes
+    Direct,
 }
 
 impl From<Precondition> for Preconditioner {
@@ -183,6 +185,7 @@ impl From<Precondition> for Preconditioner {
             Precondition::Block => Self::Block,
             Precondition::Column => Self::Column,
             Precondition::Multigrid => Self::Multigrid,
+            Precondition::Direct => Self::Direct,
         }
     }
 }

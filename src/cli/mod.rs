@@ -8,7 +8,7 @@ use args::{Backend, Cli, Command, Precision, Run};
 use clap::Parser;
 use cutis::error::{Error, Result};
 use cutis::report::{check, compare, inspect, run};
-use cutis::scene::{self, Scene};
+use cutis::scene::{self, Preconditioner, Scene};
 use cutis::step::Place;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -51,7 +51,7 @@ fn run_scene(args: &Run) -> Result<u8> {
     solver.preconditioner = args.solver.preconditioner.map_or(solver.preconditioner, Into::into);
     scene.view.frames = args.frames.unwrap_or(scene.view.frames);
     let of_time = args.seconds.map(|t| (t / scene.time.step).round().max(1.0) as u32);
-    let options = run::Options { place: place(args)?, steps: args.steps.or(of_time), out: args.out.clone() };
+    let options = run::Options { place: place(args, &scene)?, steps: args.steps.or(of_time), out: args.out.clone() };
     let mut shown = progress::Shown::new(options.steps.unwrap_or(run::whole(&scene)));
     let summary = run::run(&scene, &options, &mut |p| shown.update(p));
     shown.end();
@@ -74,7 +74,7 @@ fn run_scene(args: &Run) -> Result<u8> {
 }
 
 /// D14: hardware if there is any, else the CPU path; a software adapter only when asked for.
-fn place(args: &Run) -> Result<Place> {
+fn place(args: &Run, scene: &Scene) -> Result<Place> {
     let usage = |what: &str, fix: &str| Err(Error::Usage { what: what.into(), fix: fix.into() });
     let cpu = match args.precision.unwrap_or(Precision::F64) {
         Precision::F64 => Place::Cpu64,
@@ -84,6 +84,13 @@ fn place(args: &Run) -> Result<Place> {
         return usage(
             "--adapter names a GPU, but the CPU path is asked for",
             "leave out --adapter, or use --backend gpu",
+        );
+    }
+    let direct = scene.solver.preconditioner == Preconditioner::Direct;
+    if direct && (args.backend == Backend::Gpu || args.adapter.is_some()) {
+        return usage(
+            "the direct solver runs on the CPU path, but a GPU is asked for",
+            "use --backend cpu, or --preconditioner multigrid",
         );
     }
     match args.backend {
@@ -97,7 +104,7 @@ fn place(args: &Run) -> Result<Place> {
             Ok(Place::Gpu(args.adapter.clone()))
         }
         Backend::Auto if args.adapter.is_some() => Ok(Place::Gpu(args.adapter.clone())),
-        Backend::Auto if args.precision.is_some() => Ok(cpu),
+        Backend::Auto if args.precision.is_some() || direct => Ok(cpu),
         Backend::Auto => Ok(inspect::automatic().map_or(cpu, |_| Place::Gpu(None))),
     }
 }

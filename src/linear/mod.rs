@@ -1,5 +1,6 @@
 //! Conjugate gradients on the CPU, from the kernels' twins: the same recurrences as the GPU runs, one slot at a time.
 
+pub mod direct;
 pub mod multigrid;
 
 use crate::kernels::advance::{Request, Scalars, advance};

@@ -45,6 +45,8 @@ pub struct Model {
     pub step: Step,
     /// Coarse levels, when the preconditioner is multigrid.
     pub multigrid: Option<Multigrid>,
+    /// The CPU path solves by an exact factor.
+    pub direct: bool,
 }
 
 /// What multigrid adds to a body of bricks.
@@ -85,7 +87,7 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach; [`Error::Usage`] for
-    /// multigrid on springs.
+    /// multigrid or the direct solver on springs.
     pub fn new(scene: &Scene) -> Result<Self> {
         let skin = &scene.skin;
         let grid = Grid::new(skin);
@@ -108,9 +110,14 @@ impl Model {
                 fix: "use fewer cells".into(),
             });
         }
-        if matches!(skin.law, Law::Springs { .. }) && scene.solver.preconditioner == Preconditioner::Multigrid {
+        let for_bricks = match scene.solver.preconditioner {
+            Preconditioner::Multigrid => Some("multigrid"),
+            Preconditioner::Direct => Some("the direct solver"),
+            _ => None,
+        };
+        if let (Law::Springs { .. }, Some(name)) = (skin.law, for_bricks) {
             return Err(Error::Usage {
-                what: "multigrid is for bricks; this skin is of springs".into(),
+                what: format!("{name} is for bricks; this skin is of springs"),
                 fix: "take the preconditioner column".into(),
             });
         }
@@ -155,6 +162,7 @@ impl Model {
         });
         Ok(Self {
             multigrid,
+            direct: scene.solver.preconditioner == Preconditioner::Direct,
             rest: (0..count).map(|n| grid.rest(n)).collect(),
             shape,
             stiffness,
@@ -173,7 +181,7 @@ impl Model {
                     Preconditioner::None => 0,
                     Preconditioner::Jacobi => 1,
                     Preconditioner::Block => 2,
-                    Preconditioner::Column | Preconditioner::Multigrid => 3,
+                    Preconditioner::Column | Preconditioner::Multigrid | Preconditioner::Direct => 3,
                 },
             },
             grid,

@@ -25,5 +25,6 @@ pub fn preconditioner_name(kind: Preconditioner) -> &'static str {
         Preconditioner::Block => "block",
         Preconditioner::Column => "column",
         Preconditioner::Multigrid => "multigrid",
+        Preconditioner::Direct => "direct",
     }
 }

@@ -90,6 +90,8 @@ pub enum Preconditioner {
     Column,
     /// A V-cycle of geometric multigrid, smoothed by columns; bricks only.
     Multigrid,
+    /// A sparse Cholesky factor of the whole matrix, so that a solve is exact; bricks only, on the CPU path.
+    Direct,
 }
 
 /// Linear solver settings.

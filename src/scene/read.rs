@@ -79,10 +79,11 @@ fn solver(scene: &SceneText, raw: raw::Solver, law: &Law) -> Result<Solver> {
         ("block", Preconditioner::Block),
         ("column", Preconditioner::Column),
     ];
+    let mut best = "column";
     if matches!(law, Law::Fem { .. }) {
-        preconditioners.push(("multigrid", Preconditioner::Multigrid));
+        preconditioners.extend([("multigrid", Preconditioner::Multigrid), ("direct", Preconditioner::Direct)]);
+        best = "multigrid";
     }
-    let best = preconditioners[preconditioners.len() - 1].0;
     let preconditioner = or(raw.preconditioner, best.to_string());
     let count = |key, value, default| scene.count(key, &or(value, default), [1, u32::MAX]);
     Ok(Solver {

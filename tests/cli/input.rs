@@ -16,6 +16,7 @@ pub const TESTS: &[Test] = &[
     ("a_check_on_an_unknown_key_is_refused_before_the_run", a_check_on_an_unknown_key_is_refused_before_the_run),
     ("an_unknown_adapter_is_exit_3", an_unknown_adapter_is_exit_3),
     ("wrong_usage_is_exit_2", wrong_usage_is_exit_2),
+    ("the_direct_solver_is_the_cpus", the_direct_solver_is_the_cpus),
     ("check_reads_every_scene", check_reads_every_scene),
 ];
 
@@ -118,6 +119,18 @@ fn wrong_usage_is_exit_2() -> Outcome {
     for (arguments, word) in cases {
         says(&work, arguments, 2, &[word])?;
     }
+    Ok(())
+}
+
+fn the_direct_solver_is_the_cpus() -> Outcome {
+    let work = Work::with(&ALONE.replace("[skin]\n", "[solver]\npreconditioner = \"direct\"\n\n[skin]\n"))?;
+    let words = ["direct solver runs on the CPU path", "--backend cpu", "multigrid"];
+    says(&work, &["run", "scene.toml", "--backend", "gpu"], 2, &words)?;
+    says(&work, &["run", "scene.toml", "--adapter", "any"], 2, &words)?;
+    says(&work, &["inspect", "scene.toml"], 2, &words)?;
+    let report = work.json(&["run", "scene.toml", "--frames", "0", "--json"], 0)?;
+    ensure!(report["backend"] == "cpu" && report["solver"]["preconditioner"] == "direct", "{report}");
+    ensure!(report["solver"]["iterations_max"] == 1, "{report}");
     Ok(())
 }
 

@@ -151,7 +151,7 @@ pub fn random_rotations(model: &Model, random: &mut Random) -> Vec<V4<f64>> {
 }
 
 /// The masses that dead cells leave.
-fn without_dead(model: &Model, rotation: &[V4<f64>]) -> Model {
+pub fn without_dead(model: &Model, rotation: &[V4<f64>]) -> Model {
     let mut left = model.clone();
     let p = model.grid.params::<f64>();
     for cell in (0..rotation.len()).filter(|c| rotation[*c] == [0.0; 4] && model.mass != Uniform) {

@@ -6,6 +6,7 @@
 
 mod dense;
 mod differences;
+mod direct;
 mod elements;
 mod masses;
 mod motion;
@@ -49,8 +50,9 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 10] = [
+    let groups: [&[Case]; 11] = [
         multigrid::CASES,
+        direct::CASES,
         elements::CASES,
         differences::CASES,
         dense::CASES,

@@ -1,8 +1,8 @@
 //! Arrays of the body on the device by the names that the kernels use, and the groups of them that belong together.
 
 use crate::backend::{cell_centres, links};
-use crate::error::Result;
-use crate::gpu::{Bound, Buffer, Gpu, cast};
+use crate::error::{Error, Result};
+use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{
     self, Params, Source, blocks, centres, cut, forces, gather, momentum, probe, product, rotations, scatter, springs,
     springs_blocks, springs_product,
@@ -58,20 +58,20 @@ pub(super) struct Put {
 }
 
 pub(super) struct Cutting {
-    pub centres: Option<Bound>,
-    pub cut: Bound,
-    pub params: Buffer,
-    pub quads: Buffer,
-    pub hits: Buffer,
-    pub hit_count: Buffer,
-    pub segments: usize,
+    centres: Option<Dispatch>,
+    cut: Bound,
+    params: Buffer,
+    quads: Buffer,
+    hits: Buffer,
+    hit_count: Buffer,
+    segments: usize,
 }
 
 /// Hits of one step that the device can hand back; a blade crosses some hundred links at most.
-pub(super) const MAX_HITS: usize = 65_536;
+const MAX_HITS: usize = 65_536;
 
 /// Swept quads of one step; a blade has as many as its edge has pieces.
-pub(super) const MAX_QUADS: usize = 256;
+const MAX_QUADS: usize = 256;
 
 impl Put {
     pub fn new(made: &mut Maker, capacity: usize, r: &Buffer) -> Result<Self> {
@@ -167,6 +167,12 @@ pub(super) struct Law {
 
 impl Law {
     pub fn new(made: &mut Maker, model: &Model) -> Result<Self> {
+        if model.direct {
+            return Err(Error::Usage {
+                what: "the direct solver runs on the CPU path, not on a GPU".into(),
+                fix: "run it with --backend cpu, or take the preconditioner multigrid".into(),
+            });
+        }
         let n = model.grid.node_count();
         if let Some(s) = &model.springs {
             let rest: Vec<V4<f32>> = model.rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();
@@ -235,7 +241,7 @@ impl Cutting {
             let cells = model.grid.cell_count();
             let (point_u, point_v) = (made.vec4("point_u", cells)?, made.vec4("point_v", cells)?);
             let list = [("params", main), ("u", u), ("v", v), ("point_u", &point_u), ("point_v", &point_v)];
-            (Some(gpu.bind(&centres::SOURCE, &list)?), point_u, point_v)
+            (Some((gpu.bind(&centres::SOURCE, &list)?, cells)), point_u, point_v)
         };
         let cut = gpu.bind(
             &cut::SOURCE,
@@ -251,6 +257,44 @@ impl Cutting {
             ],
         )?;
         Ok(Self { centres, cut, params, quads, hits, hit_count, segments })
+    }
+
+    /// Runs what the batch holds and the cut: segments crossed by the quads, sorted `2·segment + half`.
+    pub fn hits(&self, gpu: &Gpu, mut batch: Batch, step: f32, quads: &[[f64; 3]]) -> Result<Vec<u32>> {
+        let corners: Vec<V4<f32>> = quads.iter().map(|p| V3::of(*p).pad(0.0)).collect();
+        if corners.len() > MAX_QUADS * 4 {
+            return Err(Error::TooLarge {
+                what: "the blade's pieces".into(),
+                need: corners.len() as u64 / 4,
+                limit_name: "swept quads per step",
+                limit: MAX_QUADS as u64,
+                fix: "set a larger edge_spacing_mm".into(),
+            });
+        }
+        gpu.write(&self.params, 0, &[self.segments as u32, corners.len() as u32 / 4, MAX_HITS as u32, step.to_bits()]);
+        gpu.write(&self.quads, 0, &corners);
+        gpu.write(&self.hit_count, 0, &[0u32; 4]);
+        if let Some((centres, cells)) = &self.centres {
+            batch.run(centres, *cells, 1);
+        }
+        batch.run(&self.cut, self.segments, 1);
+        // few hits are usual: count and the first of them come in one read-back
+        let first = 1024u64;
+        let parts = gpu.submit_and_read(batch, &[(&self.hit_count, 4), (&self.hits, first * 4)])?;
+        let count = cast::<u32>(&parts[0])[0] as usize;
+        if count > MAX_HITS {
+            return Err(Error::TooLarge {
+                what: "the links cut in one step".into(),
+                need: count as u64,
+                limit_name: "hits per step",
+                limit: MAX_HITS as u64,
+                fix: "use a shorter step_ms".into(),
+            });
+        }
+        let mut hits: Vec<u32> = if count as u64 <= first { cast(&parts[1]) } else { gpu.read(&self.hits, count)? };
+        hits.truncate(count);
+        hits.sort_unstable();
+        Ok(hits)
     }
 }
 

@@ -8,15 +8,13 @@ mod arrays;
 mod solver;
 
 use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Vector, Wanted};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
-use arrays::{
-    Arrays, Body, Cutting, Dispatch, Law, MAX_HITS, MAX_QUADS, Maker, Pick, Put, axes, keeps_what_sums_lose, triples,
-};
+use arrays::{Arrays, Body, Cutting, Dispatch, Law, Maker, Pick, Put, axes, keeps_what_sums_lose, triples};
 use solver::Solver;
 
 /// Nodes of a slot that are picked at once at least; more take another submission.
@@ -325,45 +323,11 @@ impl Backend for GpuBackend {
     }
 
     fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<u32>> {
-        let mut batch = self.record();
-        let Some(c) = &self.cutting else {
-            return Ok(vec![]);
-        };
-        let corners: Vec<V4<f32>> = quads.iter().map(|p| V3::of(*p).pad(0.0)).collect();
-        if corners.len() > MAX_QUADS * 4 {
-            return Err(Error::TooLarge {
-                what: "the blade's pieces".into(),
-                need: corners.len() as u64 / 4,
-                limit_name: "swept quads per step",
-                limit: MAX_QUADS as u64,
-                fix: "set a larger edge_spacing_mm".into(),
-            });
+        let batch = self.record();
+        match &self.cutting {
+            Some(cutting) => cutting.hits(&self.gpu, batch, self.params.step, quads),
+            None => Ok(vec![]),
         }
-        let step = self.params.step.to_bits();
-        self.gpu.write(&c.params, 0, &[c.segments as u32, corners.len() as u32 / 4, MAX_HITS as u32, step]);
-        self.gpu.write(&c.quads, 0, &corners);
-        self.gpu.write(&c.hit_count, 0, &[0u32; 4]);
-        if let Some(centres) = &c.centres {
-            batch.run(centres, self.params.cell_count as usize, 1);
-        }
-        batch.run(&c.cut, c.segments, 1);
-        // few hits are usual: count and the first of them come in one read-back
-        let first = 1024u64;
-        let parts = self.gpu.submit_and_read(batch, &[(&c.hit_count, 4), (&c.hits, first * 4)])?;
-        let count = cast::<u32>(&parts[0])[0] as usize;
-        if count > MAX_HITS {
-            return Err(Error::TooLarge {
-                what: "the links cut in one step".into(),
-                need: count as u64,
-                limit_name: "hits per step",
-                limit: MAX_HITS as u64,
-                fix: "use a shorter step_ms".into(),
-            });
-        }
-        let mut hits: Vec<u32> = if count as u64 <= first { cast(&parts[1]) } else { self.gpu.read(&c.hits, count)? };
-        hits.truncate(count);
-        hits.sort_unstable();
-        Ok(hits)
     }
 
     fn remove(&mut self, cells: &[u32], springs: &[u32], free: &[(u32, V4<f64>)]) -> Result<()> {

@@ -1,18 +1,19 @@
 //! The CPU path: the kernels' twins in f32 or f64 on all cores; the reference that the GPU is checked against.
 
-use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Vector, Wanted, cell_centres, links};
+mod arrays;
+
+use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Vector, Wanted};
 use crate::error::Result;
 use crate::kernels::advance::Request;
-use crate::kernels::precondition::precondition;
-use crate::kernels::product::{CellForces, LANES, Modes, cell_groups, elastic_forces, product};
+use crate::kernels::product::{LANES, cell_groups, elastic_forces, product};
 use crate::kernels::{
     Params, blocks, centres, cut, factor, integrate, momentum, rhs, rotations, springs, springs_blocks, springs_product,
 };
-use crate::linear::multigrid::{Hierarchy, Operator, Work, cycle};
 use crate::linear::{Outcome, Slot, solve};
-use crate::math::{M3, Real, V3, V4, round, widen};
-use crate::model::{Model, element};
+use crate::math::{Real, V3, V4, round, widen};
+use crate::model::Model;
 use crate::scene::Mass;
+use arrays::{Bricks, Cutting, Elastic, Inverse, Space};
 use rayon::prelude::*;
 
 /// The body's state and constant arrays in one precision.
@@ -41,60 +42,12 @@ pub struct CpuBackend<R> {
     space: Vec<Space<R>>, // [slot]
 }
 
-/// What a solve works in beside the slot's own vectors.
-#[derive(Clone, Default)]
-struct Space<R> {
-    scratch: Vec<CellForces<R>>,
-    levels: Vec<Work<R>>,
-}
-
-enum Elastic<R> {
-    Bricks(Bricks<R>),
-    Springs { rest: Vec<V4<R>>, first: Vec<u32>, half: Vec<[u32; 2]>, law: Vec<V4<R>>, tangent: Vec<V4<R>> },
-}
-
-struct Bricks<R> {
-    shape: Vec<V4<R>>,
-    elastic: Vec<Modes<R>>,
-    system: Vec<M3<R>>,
-    modes: Vec<Modes<R>>,
-    layer_of: Vec<u32>,
-    rotation: Vec<V4<R>>,
-    multigrid: Option<Hierarchy<R>>,
-}
-
-struct Cutting<R> {
-    ends: Vec<[u32; 2]>,
-    rest: Vec<V4<R>>,
-    point_u: Vec<V4<R>>,
-    point_v: Vec<V4<R>>,
-}
-
 impl<R: Real> CpuBackend<R> {
     /// The body at rest, with the arrays that `needs` names.
     pub fn new(model: &Model, needs: Needs, max_iterations: u32, floor: f64, start: &Snapshot) -> Self {
         let node_count = model.grid.node_count();
         let slots = needs.slots();
         let zeros = |n: usize| vec![[R::zero(); 4]; n];
-        let pad = |p: &[f64; 3]| V3::of(*p).pad(R::zero());
-        let law = match &model.springs {
-            Some(s) => Elastic::Springs {
-                rest: model.rest.iter().map(pad).collect(),
-                first: s.first.clone(),
-                half: s.half.clone(),
-                law: s.law.iter().map(round).collect(),
-                tangent: zeros(s.half.len() * 2),
-            },
-            None => Elastic::Bricks(Bricks {
-                shape: model.shapes(),
-                elastic: element::rounded_modes(&model.stiffness),
-                system: model.system_blocks(),
-                modes: model.modes(),
-                layer_of: model.grid.layer_of.clone(),
-                rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.grid.cell_count()],
-                multigrid: Hierarchy::new(model),
-            }),
-        };
         let scratch = match &model.springs {
             Some(_) => vec![],
             None => vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&model.params::<R>())],
@@ -102,7 +55,7 @@ impl<R: Real> CpuBackend<R> {
         let cutting = needs.cutting.then(|| Cutting::new(model));
         Self {
             params: model.params(),
-            law,
+            law: Elastic::new(model),
             max_iterations,
             floor,
             node_count,
@@ -138,19 +91,6 @@ impl<R: Real> CpuBackend<R> {
                 springs_blocks::springs_blocks(params, first, half, tangent, &self.free, out);
             }
         }
-    }
-}
-
-impl<R: Real> Cutting<R> {
-    fn new(model: &Model) -> Self {
-        let params = model.grid.params::<f64>();
-        let pad = |p: [f64; 3]| V3::<R>::of(p).pad(R::zero());
-        let (ends, rest): (_, Vec<_>) = match &model.springs {
-            Some(s) => (s.ends.clone(), model.rest.iter().map(|p| pad(*p)).collect()),
-            None => (links(&params), cell_centres(model).into_iter().map(pad).collect()),
-        };
-        let zeros = vec![[R::zero(); 4]; rest.len()];
-        Self { ends, rest, point_u: zeros.clone(), point_v: zeros }
     }
 }
 
@@ -204,6 +144,10 @@ impl<R: Real> Backend for CpuBackend<R> {
         }
         let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
         self.load_squared = rhs::rhs(&params, &self.f, v, &self.free, &self.load, &mut self.r);
+        if let Elastic::Bricks(Bricks { direct: Some(direct), .. }) = &mut self.law {
+            direct.current = false;
+            return Ok(());
+        }
         let mut block = std::mem::take(&mut self.block);
         self.fill_blocks(&params, &mut block);
         factor::factor(&params, &mut block);
@@ -242,16 +186,17 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let n = self.node_count;
+        if let Elastic::Bricks(Bricks { direct: Some(direct), rotation, .. }) = &mut self.law
+            && !direct.current
+        {
+            direct.factor(&widen(rotation), &widen(&self.free))?;
+        }
         let (params, free, block, law) = (&self.params, &self.free, &self.block, &self.law);
         let (load, floor, max_iterations) = (self.load_squared, self.floor, self.max_iterations);
-        let operators = match law {
-            Elastic::Bricks(b) => b.multigrid.as_ref().map_or(vec![], |m| {
-                let (modes, layer_of, rotation) = (&b.modes[..], &b.layer_of[..], &b.rotation[..]);
-                m.operators(Operator { params: *params, free, block, steps: &[], modes, layer_of, rotation })
-            }),
-            Elastic::Springs { .. } => vec![],
+        let inverse = match law {
+            Elastic::Bricks(b) => b.inverse(params, free, block),
+            Elastic::Springs { .. } => Inverse::Columns { params, block },
         };
-        let levels = &operators[..];
         let arrays = (
             self.x.par_chunks_mut(n),
             self.r.par_chunks_mut(n),
@@ -266,9 +211,6 @@ impl<R: Real> Backend for CpuBackend<R> {
             .enumerate()
             .filter_map(|(slot, arrays)| Some((wanted.iter().find(|w| w.slot == slot)?, arrays)))
             .map(|(want, (x, r, p, s, z, w, Space { scratch, levels: work }))| {
-                if work.is_empty() {
-                    *work = Work::new(levels);
-                }
                 let product = |z: &[V4<R>], w: &mut [V4<R>]| match law {
                     Elastic::Bricks(b) => product(params, &b.modes, &b.layer_of, &b.rotation, free, z, w, scratch),
                     Elastic::Springs { first, half, tangent, .. } => {
@@ -282,10 +224,7 @@ impl<R: Real> Backend for CpuBackend<R> {
                     load,
                     max_iterations,
                     product,
-                    |r: &[V4<R>], z: &mut [V4<R>]| match levels {
-                        [] => precondition(params, block, r, z),
-                        _ => cycle(levels, work, r, z),
-                    },
+                    |r: &[V4<R>], z: &mut [V4<R>]| inverse.apply(work, r, z),
                 );
                 (want.slot, outcome)
             })

@@ -1,0 +1,117 @@
+//! What the CPU path keeps of an elastic law and of cutting, and where its solves work.
+
+use super::super::{cell_centres, links};
+use crate::kernels::Params;
+use crate::kernels::precondition::precondition;
+use crate::kernels::product::{CellForces, Modes};
+use crate::linear::direct::Direct;
+use crate::linear::multigrid::{Hierarchy, Operator, Work, cycle};
+use crate::math::{M3, Real, V3, V4, round};
+use crate::model::{Model, element};
+
+/// What a solve works in beside the slot's own vectors.
+#[derive(Clone, Default)]
+pub(super) struct Space<R> {
+    pub scratch: Vec<CellForces<R>>,
+    pub levels: Vec<Work<R>>,
+}
+
+pub(super) enum Elastic<R> {
+    Bricks(Bricks<R>),
+    Springs { rest: Vec<V4<R>>, first: Vec<u32>, half: Vec<[u32; 2]>, law: Vec<V4<R>>, tangent: Vec<V4<R>> },
+}
+
+pub(super) struct Bricks<R> {
+    pub shape: Vec<V4<R>>,
+    pub elastic: Vec<Modes<R>>,
+    pub system: Vec<M3<R>>,
+    pub modes: Vec<Modes<R>>,
+    pub layer_of: Vec<u32>,
+    pub rotation: Vec<V4<R>>,
+    pub multigrid: Option<Hierarchy<R>>,
+    pub direct: Option<Box<Direct>>,
+}
+
+pub(super) struct Cutting<R> {
+    pub ends: Vec<[u32; 2]>,
+    pub rest: Vec<V4<R>>,
+    pub point_u: Vec<V4<R>>,
+    pub point_v: Vec<V4<R>>,
+}
+
+impl<R: Real> Elastic<R> {
+    /// A model's law, nothing of it turned or cut.
+    pub fn new(model: &Model) -> Self {
+        let pad = |p: &[f64; 3]| V3::of(*p).pad(R::zero());
+        let zeros = |n: usize| vec![[R::zero(); 4]; n];
+        match &model.springs {
+            Some(s) => Elastic::Springs {
+                rest: model.rest.iter().map(pad).collect(),
+                first: s.first.clone(),
+                half: s.half.clone(),
+                law: s.law.iter().map(round).collect(),
+                tangent: zeros(s.half.len() * 2),
+            },
+            None => Elastic::Bricks(Bricks {
+                shape: model.shapes(),
+                elastic: element::rounded_modes(&model.stiffness),
+                system: model.system_blocks(),
+                modes: model.modes(),
+                layer_of: model.grid.layer_of.clone(),
+                rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.grid.cell_count()],
+                multigrid: Hierarchy::new(model),
+                direct: Direct::new(model).map(Box::new),
+            }),
+        }
+    }
+}
+
+/// What stands for `A⁻¹` in the conjugate gradients.
+pub(super) enum Inverse<'a, R> {
+    Columns { params: &'a Params<R>, block: &'a [V4<R>] },
+    Cycle(Vec<Operator<'a, R>>),
+    Exact(&'a Direct),
+}
+
+impl<R: Real> Bricks<R> {
+    pub fn inverse<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>], block: &'a [V4<R>]) -> Inverse<'a, R> {
+        let (modes, layer_of, rotation) = (&self.modes[..], &self.layer_of[..], &self.rotation[..]);
+        match (&self.direct, &self.multigrid) {
+            (Some(direct), _) => Inverse::Exact(direct),
+            (None, Some(m)) => {
+                let steps = &[];
+                Inverse::Cycle(m.operators(Operator { params: *params, free, block, steps, modes, layer_of, rotation }))
+            }
+            (None, None) => Inverse::Columns { params, block },
+        }
+    }
+}
+
+impl<R: Real> Inverse<'_, R> {
+    /// `z = M⁻¹ r`; returns `r·z`.
+    pub fn apply(&self, work: &mut Vec<Work<R>>, r: &[V4<R>], z: &mut [V4<R>]) -> R {
+        match self {
+            Self::Columns { params, block } => precondition(params, block, r, z),
+            Self::Cycle(levels) => {
+                if work.is_empty() {
+                    *work = Work::new(levels);
+                }
+                cycle(levels, work, r, z)
+            }
+            Self::Exact(direct) => direct.solve(r, z),
+        }
+    }
+}
+
+impl<R: Real> Cutting<R> {
+    pub fn new(model: &Model) -> Self {
+        let params = model.grid.params::<f64>();
+        let pad = |p: [f64; 3]| V3::<R>::of(p).pad(R::zero());
+        let (ends, rest): (_, Vec<_>) = match &model.springs {
+            Some(s) => (s.ends.clone(), model.rest.iter().map(|p| pad(*p)).collect()),
+            None => (links(&params), cell_centres(model).into_iter().map(pad).collect()),
+        };
+        let zeros = vec![[R::zero(); 4]; rest.len()];
+        Self { ends, rest, point_u: zeros.clone(), point_v: zeros }
+    }
+}
