@@ -5,7 +5,7 @@
 //! Source: Golub, Van Loan 2013, section 4.5 (block tridiagonal systems).
 
 use super::blocks::{Block, pack, unpack};
-use super::{GROUP, Levels, Params, Source, by_columns};
+use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
 use crate::math::{M3, Real, V4};
 use rayon::prelude::*;
 
@@ -19,7 +19,7 @@ pub fn factor<R: Real>(
 ) {
     let columns = (params.nodes_x * params.nodes_y) as usize;
     let one_part = |mut block: Levels<[V4<R>; 4]>| {
-        let mut below = [M3::zero(); GROUP as usize]; // Uᵀ D'⁻¹ U of the node below
+        let mut below = [M3::zero(); PART]; // Uᵀ D'⁻¹ U of the node below
         for level in &mut block {
             for (c, packed) in level.iter_mut().enumerate() {
                 let own = unpack(packed.as_slice());
@@ -30,5 +30,5 @@ pub fn factor<R: Real>(
             }
         }
     };
-    by_columns(block.as_chunks_mut::<4>().0, columns).into_par_iter().with_min_len(4).for_each(one_part);
+    by_columns(block.as_chunks_mut::<4>().0, columns).into_par_iter().with_min_len((parts_at_once(params) / 4).max(1)).for_each(one_part);
 }

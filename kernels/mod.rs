@@ -152,17 +152,20 @@ params! {
 /// Threads per workgroup of every kernel but `advance` and `converge`.
 pub const GROUP: u32 = 64;
 
+/// z-columns that a thread of the CPU path works on at once.
+pub const PART: usize = 32;
+
 /// Elements that a thread of the CPU path takes at least; fewer are not worth handing over.
 pub const PARALLEL: usize = 2048;
 
 /// One part's piece of every level, `[level][column of the part]`.
 pub type Levels<'a, T> = Vec<&'a mut [T]>;
 
-/// An array over nodes in parts of [`GROUP`] z-columns, which threads can work on at once.
+/// An array over nodes in parts of [`PART`] z-columns, which threads can work on at once.
 pub fn by_columns<T>(array: &mut [T], columns: usize) -> Vec<Levels<'_, T>> {
-    let mut parts: Vec<Levels<T>> = (0..columns.div_ceil(GROUP as usize)).map(|_| vec![]).collect();
+    let mut parts: Vec<Levels<T>> = (0..columns.div_ceil(PART)).map(|_| vec![]).collect();
     for level in array.chunks_mut(columns) {
-        for (part, piece) in parts.iter_mut().zip(level.chunks_mut(GROUP as usize)) {
+        for (part, piece) in parts.iter_mut().zip(level.chunks_mut(PART)) {
             part.push(piece);
         }
     }
@@ -171,7 +174,7 @@ pub fn by_columns<T>(array: &mut [T], columns: usize) -> Vec<Levels<'_, T>> {
 
 /// Parts of [`by_columns`] that make up [`PARALLEL`] nodes.
 pub fn parts_at_once<R>(params: &Params<R>) -> usize {
-    (PARALLEL / (GROUP * params.nodes_z) as usize).max(1)
+    (PARALLEL / (PART * params.nodes_z as usize)).max(1)
 }
 
 /// Offset (0 or 1) of a corner along x, y, z.

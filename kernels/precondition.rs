@@ -4,7 +4,7 @@
 //! Units: r N, z m.
 
 use super::blocks::unpack;
-use super::{GROUP, Levels, Params, Source, by_columns, parts_at_once};
+use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
 use crate::math::{Real, V3, V4};
 use rayon::prelude::*;
 
@@ -22,9 +22,9 @@ pub fn precondition<R: Real>(
     let columns = (params.nodes_x * params.nodes_y) as usize;
     let one_part = |(part, mut z): (usize, Levels<V4<R>>)| -> R {
         let mut gamma = R::zero();
-        let mut y = [V3::zero(); GROUP as usize]; // G_{k−1}ᵀ y_{k−1}
+        let mut y = [V3::zero(); PART]; // G_{k−1}ᵀ y_{k−1}
         for k in 0..z.len() {
-            let first = part * GROUP as usize + k * columns;
+            let first = part * PART + k * columns;
             for (c, slot) in z[k].iter_mut().enumerate() {
                 let i = first + c;
                 let own = V3::from4(r[i]) - y[c];
@@ -32,9 +32,9 @@ pub fn precondition<R: Real>(
                 y[c] = unpack(&block[i * 4..i * 4 + 4]).g.transpose() * own;
             }
         }
-        let mut above = [V3::zero(); GROUP as usize];
+        let mut above = [V3::zero(); PART];
         for k in (0..z.len()).rev() {
-            let first = part * GROUP as usize + k * columns;
+            let first = part * PART + k * columns;
             for (c, slot) in z[k].iter_mut().enumerate() {
                 let i = first + c;
                 let own = unpack(&block[i * 4..i * 4 + 4]);

@@ -57,7 +57,7 @@ const STRIP: usize = 16;
 /// Node rows of a strip at least, where a small grid would give work to fewer than four cores.
 const NARROW: usize = 7;
 /// Cells below which a product is not worth waking other threads for.
-const ALONE: usize = 2048;
+const ALONE: usize = 512;
 /// Planes of a strip's scratch: z and force at two levels, by component, and the rotations of one.
 const PLANES: usize = 16;
 

@@ -6,7 +6,7 @@
 //! Units: r w N; z d m.
 
 use super::blocks::unpack;
-use super::{GROUP, Levels, Params, Source, by_columns, parts_at_once};
+use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
 use crate::math::{Real, V3, V4};
 use rayon::prelude::*;
 
@@ -27,9 +27,9 @@ pub fn relax<R: Real>(
     let parts = by_columns(w, columns).into_par_iter().zip(by_columns(d, columns)).zip(by_columns(z, columns));
     let one_part = |(part, ((w, d), z)): (usize, ((Levels<_>, Levels<_>), Levels<_>))| -> R {
         let [mut w, mut d, mut z]: [Levels<V4<R>>; 3] = [w, d, z];
-        let mut carried = [V3::zero(); GROUP as usize]; // G_{k−1}ᵀ y_{k−1}
+        let mut carried = [V3::zero(); PART]; // G_{k−1}ᵀ y_{k−1}
         for k in 0..w.len() {
-            let first = part * GROUP as usize + k * columns;
+            let first = part * PART + k * columns;
             for (c, slot) in w[k].iter_mut().enumerate() {
                 let i = first + c;
                 let mut own = V3::from4(r[i]) - carried[c];
@@ -40,10 +40,10 @@ pub fn relax<R: Real>(
                 carried[c] = unpack(&block[i * 4..i * 4 + 4]).g.transpose() * own;
             }
         }
-        let mut above = [V3::zero(); GROUP as usize];
+        let mut above = [V3::zero(); PART];
         let mut gamma = R::zero();
         for k in (0..w.len()).rev() {
-            let first = part * GROUP as usize + k * columns;
+            let first = part * PART + k * columns;
             for c in 0..w[k].len() {
                 let i = first + c;
                 let own = unpack(&block[i * 4..i * 4 + 4]);

@@ -62,14 +62,15 @@ pub fn solve<R: Real>(
     let mut k = Scalars { alpha: R::one(), ..Scalars::default() };
     let (mut gamma, mut residual) = (R::zero(), R::zero());
     z.copy_from_slice(x);
-    while k.iterations.f64() <= f64::from(max_iterations) {
+    loop {
         let delta = product(z, w);
         advance(request, load, delta, gamma, residual, &mut k);
-        if k.done == R::zero() {
-            residual = update(&k, z, w, x, p, s, r);
-            converge(residual, &mut k);
-        }
         if k.done != R::zero() {
+            break;
+        }
+        residual = update(&k, z, w, x, p, s, r);
+        converge(residual, &mut k);
+        if k.done != R::zero() || k.iterations.f64() >= f64::from(max_iterations) {
             break;
         }
         gamma = precondition(r, z);
