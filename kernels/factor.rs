@@ -30,5 +30,8 @@ pub fn factor<R: Real>(
             }
         }
     };
-    by_columns(block.as_chunks_mut::<4>().0, columns).into_par_iter().with_min_len((parts_at_once(params) / 4).max(1)).for_each(one_part);
+    by_columns(block.as_chunks_mut::<4>().0, columns)
+        .into_par_iter()
+        .with_min_len((parts_at_once(params) / 4).max(1))
+        .for_each(one_part);
 }

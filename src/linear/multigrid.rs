@@ -1,7 +1,7 @@
 //! Geometric multigrid on the CPU, from the kernels' twins: one V-cycle as preconditioner of the conjugate gradients.
 //!
 //! On each level: smooth, take the residual to the next coarser level, correct from there, smooth. The smoother is the exact solve of each
-//! z-column (layers are thin, their coupling along z is the stiff one), accelerated by Chebyshev polynomials on `[λ/4, λ]`, `λ` the bound
+//! z-column (layers are thin, their coupling along z is the stiff one), accelerated by Chebyshev polynomials on `[λ/20, λ]`, `λ` the bound
 //! of `model::levels`. The coarsest level gets one long polynomial.
 //! Source: Brandt 1977; line smoothing with semi-coarsening: Schaffer 1998; Chebyshev recurrence: Saad 2003, algorithm 12.1.
 
