@@ -1,7 +1,8 @@
 //! Solvers, speed and error in one run: time to 1 % displacement error of one step, multigrid against plain conjugate gradients; 25 plain
 //! iterations as SOFA does them; iterations of multigrid on growing grids; the direct solver. Prints Markdown; every time stands beside its error.
 //!
-//! `cargo bench --bench solve` runs all of it; `-- cpu` leaves the GPU out, `-- gpu` the CPU; `-- direct` has the direct solver alone.
+//! `cargo bench --bench solve` runs all of it; `-- cpu` leaves the GPU out, `-- gpu` the CPU; `-- direct`, `table`,
+//! `one-percent` one part alone.
 
 use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
 use cutis::gpu::Gpu;
@@ -131,11 +132,10 @@ fn median(mut times: Vec<f64>) -> f64 {
     times[times.len() / 2]
 }
 
-/// The fewest iterations that reach the error from rest, by halving, and the tolerance that stops a solve right there. Both hardly depend
-/// on the place; what a place makes of them is measured with it.
-fn loosest(press: &Press, kind: Preconditioner, exact: &[[f64; 4]]) -> (u32, f64) {
+/// The fewest iterations that reach the error from rest, by halving, and the tolerance that stops a solve right there.
+fn loosest(press: &Press, place: Place, kind: Preconditioner, exact: &[[f64; 4]]) -> (u32, f64) {
     let at = |cap: u32| {
-        let mut backend = press.backend(Place::F32, kind, cap);
+        let mut backend = press.backend(place, kind, cap);
         backend.begin().expect("the device works");
         let wanted = [Wanted { slot: FREE, target: Target::OfLoad(TIGHT) }];
         let outcome = backend.solve(&wanted, &[]).expect("the device works").0[0];
@@ -151,7 +151,8 @@ fn loosest(press: &Press, kind: Preconditioner, exact: &[[f64; 4]]) -> (u32, f64
         let middle = low.midpoint(high);
         if at(middle).0 <= ERROR { high = middle } else { low = middle }
     }
-    (high, 1.001 * at(high).1)
+    // the residual of plain CG goes up and down: it may be as small long before
+    (high, if kind == Preconditioner::None { 0.0 } else { 1.001 * at(high).1 })
 }
 
 const KINDS: [(Preconditioner, &str); 3] =
@@ -165,8 +166,10 @@ fn to_one_percent(places: &[Place], rounds: usize) {
     for (across, poisson) in [(14, 0.45), (14, 0.49), (32, 0.45), (32, 0.49)] {
         let press = Press { across, levels: THICK, poisson, step_ms: 10 };
         let exact = Press::solve(press.backend(Place::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-10).0;
-        let stops = KINDS.map(|(kind, _)| loosest(&press, kind, &exact));
         for place in places {
+            // plain CG needs up to a third more iterations in f32; a GPU rounds as the f32 twins do
+            let precision = if *place == Place::F64 { Place::F64 } else { Place::F32 };
+            let stops = KINDS.map(|(kind, _)| loosest(&press, precision, kind, &exact));
             let mut backends = [0, 1, 2].map(|k| press.backend(*place, KINDS[k].0, stops[k].0));
             let mut times = [vec![], vec![], vec![]];
             let (mut errors, mut counts) = ([0.0; 3], [0; 3]);
@@ -180,7 +183,9 @@ fn to_one_percent(places: &[Place], rounds: usize) {
             let plain = median(times[0].clone());
             for k in 0..3 {
                 let spent = median(times[k].clone());
-                assert!(errors[k] <= 1.5 * ERROR, "{}: {} is off by {}", press.name(), KINDS[k].1, errors[k]);
+                // plain CG in another rounding may need more iterations than are counted here, to its advantage
+                let most = if k == 0 { 2.0 * ERROR } else { 1.1 * ERROR };
+                assert!(errors[k] <= most, "{}: {} is off by {}", press.name(), KINDS[k].1, errors[k]);
                 println!(
                     "| {} | {} | {} | {} | {:.2} | {spent:.1} | {:.1} |",
                     press.name(),
@@ -227,7 +232,7 @@ fn seed(places: &[Place]) {
     for poisson in [0.45, 0.49] {
         let press = Press { across: 14, levels: THICK, poisson, step_ms: 5 };
         let exact = Press::solve(press.backend(Place::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-10).0;
-        let (_, tolerance) = loosest(&press, Preconditioner::Multigrid, &exact);
+        let (_, tolerance) = loosest(&press, Place::F32, Preconditioner::Multigrid, &exact);
         for place in places {
             let mut backend = press.backend(*place, Preconditioner::Multigrid, CAP);
             // the first is not timed: a software adapter compiles there
@@ -327,8 +332,12 @@ fn main() {
             Err(e) => println!("the GPU is left out: {e}"),
         }
     }
-    if std::env::args().any(|a| a == "direct") {
-        return direct(&places);
+    let part = |name: &str| std::env::args().any(|a| a == name);
+    match () {
+        () if part("direct") => return direct(&places),
+        () if part("table") => return table(&places),
+        () if part("one-percent") => return to_one_percent(&places, ROUNDS),
+        () => {}
     }
     direct(&places);
     seed(&places);
