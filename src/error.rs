@@ -267,6 +267,28 @@ pub enum Error {
         limit: u32,
     },
 
+    /// A region that holds no node.
+    #[error(
+        "{at}: the {region} holds no node of the {grid}; look at its place and size (origin: centre of the bottom; z up), or widen it to a cell at least"
+    )]
+    NoNode {
+        /// The region's name.
+        at: Place,
+        /// "scene" or "test form".
+        grid: &'static str,
+        /// Its word.
+        region: String,
+    },
+
+    /// A direction of no length.
+    #[error("{at}: `{key}` has no length; write a direction such as [0, 0, 1]")]
+    NoDirection {
+        /// The vector.
+        at: Place,
+        /// Its key.
+        key: &'static str,
+    },
+
     /// A box that holds no node.
     #[error(
         "{at}: the box holds no node of the {grid}: none has {min:?} ≤ {axis} ≤ {max:?} mm, where the body reaches from {body_min:?} to {body_max:?} mm in cells of at most {cell:?} mm; widen box_mm along {axis}"

@@ -244,6 +244,47 @@ fn full_scene_keeps_boundaries_loads_and_outputs() {
     assert!((scene.view.target[2] - middle).abs() < 1e-15);
 }
 
+/// FULL with its first boundary's region replaced.
+fn with_region(keys: &str) -> String {
+    FULL.replacen("region = \"bottom\"", keys, 1)
+}
+
+#[test]
+fn regions_hold_the_nodes_they_name() {
+    // the skin of FULL is 40 × 20 × 2.5 mm
+    let cases = [
+        ("region = \"sphere\"\ncentre_mm = [0, 0, 2.5]\nradius_mm = 3", [0.0, 0.0, 0.0], [0.0, 0.0, -1e-3]),
+        (
+            "region = \"plane\"\nthrough_mm = [0, 0, 0]\nnormal = [2, 0, 0]\nwithin_mm = 1",
+            [9e-4, 5e-3, 1e-3],
+            [1.1e-3, 0.0, 0.0],
+        ),
+        ("region = \"bottom_rim\"\nmargin_mm = 2", [0.0, 8.5e-3, 0.0], [0.0, 7.5e-3, 0.0]),
+        ("region = \"bottom_core\"\nmargin_mm = 2", [0.0, 7.5e-3, 0.0], [0.0, 8.5e-3, 0.0]),
+    ];
+    for (keys, inside, outside) in cases {
+        let scene = parsed(&with_region(keys)).unwrap_or_else(|e| panic!("{keys}: {e}"));
+        let holds = |p| scene.boundaries[0].region.holds(p, scene.skin.size, 2.5e-3);
+        assert!(holds(inside) && !holds(outside), "{keys}");
+    }
+}
+
+#[test]
+fn regions_without_their_keys_or_nodes_are_errors() {
+    let cases = [
+        ("region = \"sphere\"\ncentre_mm = [0, 0, 2.5]", "`radius_mm`"),
+        ("region = \"sphere\"\ncentre_mm = [90, 0, 2.5]\nradius_mm = 3", "holds no node"),
+        ("region = \"plane\"\nthrough_mm = [0, 0, 0]\nnormal = [0, 0, 0]\nwithin_mm = 1", "has no length"),
+        ("region = \"bottom_core\"\nmargin_mm = 30", "holds no node"),
+        ("region = \"bottom\"\nmargin_mm = 3", "bottom_rim"),
+        ("region = \"bottom_edge\"\nmargin_mm = 3", "bottom_core"),
+    ];
+    for (keys, wanted) in cases {
+        let message = parsed(&with_region(keys)).err().unwrap_or_else(|| panic!("{keys} is no error")).to_string();
+        assert!(message.contains(wanted), "{keys}: {message}");
+    }
+}
+
 #[test]
 fn full_scene_loads_tool_mesh_and_hand() {
     let scene = parsed(FULL).expect("FULL is valid");

@@ -88,21 +88,8 @@ impl Grid {
 
     /// Whether a node belongs to a region.
     pub fn contains(&self, region: &Region, node: usize) -> bool {
-        let [i, j, k] = self.params::<f64>().node_at(node);
-        let [x, y, z] = self.cells;
-        let (on_x, on_y) = (i == 0 || i == x, j == 0 || j == y);
-        match region {
-            Region::Bottom => k == 0,
-            Region::Top => k == z,
-            Region::SidesX => on_x,
-            Region::SidesY => on_y,
-            Region::Sides => on_x || on_y,
-            Region::All => true,
-            Region::Box { min, max } => {
-                let p = self.rest(node);
-                (0..3).all(|n| p[n] >= min[n] - 1e-9 && p[n] <= max[n] + 1e-9)
-            }
-        }
+        let size = [0, 1].map(|n| self.edge[n] * self.cells[n] as f64);
+        region.holds(self.rest(node), size, self.thickness())
     }
 
     /// The node nearest to a rest position.

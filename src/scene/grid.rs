@@ -10,7 +10,7 @@ const SLACK: f64 = 1e-9;
 
 /// One grid of nodes: the scene's, or its test form's.
 pub(super) struct Grid<'a> {
-    name: &'static str,
+    pub name: &'static str,
     size: [f64; 2],
     cells: [u32; 2],
     layers: &'a [Layer],
@@ -36,34 +36,9 @@ pub(super) fn numbered(scene: &SceneText, cells: [u32; 2], layers: &[Layer], at:
     Err(Error::TooManyNodes { at: scene.place(at.span()), found, limit: u32::MAX })
 }
 
-/// The named region; a box must hold a node of each grid.
-pub(super) fn region(scene: &SceneText, name: &At<String>, corners: &Option<Points>, grids: &[Grid]) -> Result<Region> {
-    let known = [
-        ("bottom", Some(Region::Bottom)),
-        ("top", Some(Region::Top)),
-        ("sides", Some(Region::Sides)),
-        ("sides_x", Some(Region::SidesX)),
-        ("sides_y", Some(Region::SidesY)),
-        ("all", Some(Region::All)),
-        ("box", None),
-    ];
-    let words: Vec<(&str, &Option<Region>)> = known.iter().map(|(word, region)| (*word, region)).collect();
-    if let Some(region) = scene.choice("region", name, &words)? {
-        scene.needless("box_mm", corners, "it belongs to region = \"box\"")?;
-        return Ok(region.clone());
-    }
-    let why = "region = \"box\" asks for box_mm = [[x,y,z],[x,y,z]]";
-    let corners = scene.required("box_mm", corners.as_ref(), name.span(), why)?;
-    let [min, max] = scene.corners::<3>("box_mm", corners)?;
-    for grid in grids {
-        grid.holds_node(scene, corners, min, max)?;
-    }
-    Ok(Region::Box { min, max })
-}
-
 impl Grid<'_> {
     /// Nodes form a product of three rows, so a box holds one exactly if each of its intervals does.
-    fn holds_node(&self, scene: &SceneText, at: &Points, min: [f64; 3], max: [f64; 3]) -> Result<()> {
+    pub fn holds_node(&self, scene: &SceneText, at: &Points, min: [f64; 3], max: [f64; 3]) -> Result<()> {
         for axis in 0..3 {
             let rows = self.rows(axis);
             if rows.iter().any(|row| row.holds_node(min[axis], max[axis])) {
@@ -81,6 +56,14 @@ impl Grid<'_> {
             });
         }
         Ok(())
+    }
+
+    /// Whether the region holds one of the nodes.
+    pub fn holds(&self, region: &Region) -> bool {
+        let along = |axis: usize| self.rows(axis).iter().flat_map(Row::places).collect::<Vec<f64>>();
+        let (xs, ys, zs) = (along(0), along(1), along(2));
+        let top = zs[zs.len() - 1];
+        zs.iter().any(|z| ys.iter().any(|y| xs.iter().any(|x| region.holds([*x, *y, *z], self.size, top))))
     }
 
     fn rows(&self, axis: usize) -> Vec<Row> {
@@ -114,6 +97,11 @@ struct Row {
 impl Row {
     fn end(&self) -> f64 {
         self.start + self.step * f64::from(self.cells)
+    }
+
+    fn places(&self) -> impl Iterator<Item = f64> {
+        let (start, step) = (self.start, self.step);
+        (0..=self.cells).map(move |k| start + step * f64::from(k))
     }
 
     fn holds_node(&self, min: f64, max: f64) -> bool {

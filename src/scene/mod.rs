@@ -12,6 +12,7 @@ mod outputs;
 mod raw;
 mod read;
 mod recorded;
+mod region;
 mod text;
 mod tools;
 
@@ -19,6 +20,7 @@ pub use builtin::incision;
 pub use files::Files;
 pub use read::{parse, read};
 pub use recorded::{Check, Probe, ProbeKind, TestForm, View};
+pub use region::Region;
 
 use std::path::PathBuf;
 
@@ -194,30 +196,6 @@ pub enum Element {
     Bbar,
     /// Trilinear with nine inner modes.
     Enhanced,
-}
-
-/// A set of nodes.
-#[derive(Clone, Debug, PartialEq)]
-pub enum Region {
-    /// z = 0.
-    Bottom,
-    /// z = thickness.
-    Top,
-    /// The four vertical faces.
-    Sides,
-    /// The two faces x = ±size/2.
-    SidesX,
-    /// The two faces y = ±size/2.
-    SidesY,
-    /// Every node.
-    All,
-    /// Inside the box (rest positions, boundary included), m.
-    Box {
-        /// m
-        min: [f64; 3],
-        /// m
-        max: [f64; 3],
-    },
 }
 
 /// Nodes held, or moved, along chosen axes.

@@ -1,7 +1,8 @@
 //! What a scene asks for at the end: probes, checks and pictures.
 
-use super::grid::{self, Grid};
+use super::grid::Grid;
 use super::raw::{self, At, Table};
+use super::region::region;
 use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, or, or_vector};
 use super::{Check, Probe, ProbeKind, Skin, View};
 use crate::error::{Error, Result};
@@ -29,21 +30,22 @@ pub(super) fn probes(scene: &SceneText, raw: Vec<Table<raw::Probe>>, grids: &[Gr
 }
 
 fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, grids: &[Grid]) -> Result<ProbeKind> {
-    let raw = table.keys;
+    let mut raw = table.keys;
+    let extent = raw.extent();
     let axis = or(raw.axis, "z".to_string());
     let axis = scene.choice("axis", &axis, &[("x", 0), ("y", 1), ("z", 2)])?;
     if scene.choice("kind", &raw.kind, &[("displacement", true), ("reaction", false)])? {
         let why = "kind = \"displacement\" asks for the point of a node";
         scene.needless("region", &raw.region, why)?;
-        scene.needless("box_mm", &raw.box_mm, why)?;
+        scene.needless("box_mm", &extent.box_mm, why)?;
         let point = scene.required("point_mm", raw.point_mm, table.span, why)?;
         let point = scene.vector("point_mm", &point, MM, Bound::Finite)?;
         return Ok(ProbeKind::Displacement { point, axis });
     }
     let why = "kind = \"reaction\" asks for a region";
     scene.needless("point_mm", &raw.point_mm, why)?;
-    let region = scene.required("region", raw.region, table.span, why)?;
-    let region = grid::region(scene, &region, &raw.box_mm, grids)?;
+    let word = scene.required("region", raw.region, table.span, why)?;
+    let region = region(scene, &word, extent, grids)?;
     Ok(ProbeKind::Reaction { region, axis })
 }
 

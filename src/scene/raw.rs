@@ -133,11 +133,48 @@ pub(super) struct Layer {
     pub color: Option<At<String>>,
 }
 
+/// The keys that say where a region is; they stand in the tables of boundaries and probes.
+pub(super) struct Extent {
+    pub box_mm: Option<Points>,
+    pub centre_mm: Option<Numbers>,
+    pub radius_mm: Option<At<f64>>,
+    pub through_mm: Option<Numbers>,
+    pub normal: Option<Numbers>,
+    pub within_mm: Option<At<f64>>,
+    pub margin_mm: Option<At<f64>>,
+}
+
+macro_rules! with_extent {
+    ($($table:ty),*) => {$(
+        impl $table {
+            /// Takes the keys of its region out.
+            pub(super) fn extent(&mut self) -> Extent {
+                Extent {
+                    box_mm: self.box_mm.take(),
+                    centre_mm: self.centre_mm.take(),
+                    radius_mm: self.radius_mm.take(),
+                    through_mm: self.through_mm.take(),
+                    normal: self.normal.take(),
+                    within_mm: self.within_mm.take(),
+                    margin_mm: self.margin_mm.take(),
+                }
+            }
+        }
+    )*};
+}
+with_extent!(Boundary, Probe);
+
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Boundary {
     pub region: At<String>,
     pub box_mm: Option<Points>,
+    pub centre_mm: Option<Numbers>,
+    pub radius_mm: Option<At<f64>>,
+    pub through_mm: Option<Numbers>,
+    pub normal: Option<Numbers>,
+    pub within_mm: Option<At<f64>>,
+    pub margin_mm: Option<At<f64>>,
     pub axes: Option<At<String>>,
     pub displacement_mm: Option<Numbers>,
 }
@@ -206,6 +243,12 @@ pub(super) struct Probe {
     pub axis: Option<At<String>>,
     pub region: Option<At<String>>,
     pub box_mm: Option<Points>,
+    pub centre_mm: Option<Numbers>,
+    pub radius_mm: Option<At<f64>>,
+    pub through_mm: Option<Numbers>,
+    pub normal: Option<Numbers>,
+    pub within_mm: Option<At<f64>>,
+    pub margin_mm: Option<At<f64>>,
 }
 
 #[derive(serde::Deserialize)]

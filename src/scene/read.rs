@@ -1,12 +1,13 @@
 //! From scene text to a checked [`Scene`] in SI units.
 //!
 //! `raw` holds the tables as TOML has them, `diagnose` explains what TOML refuses, `text` checks and converts values,
-//! `grid` checks regions; `body`, `tools` with `files`, and `outputs` read their tables; the small tables are read here.
+//! `region` with `grid` reads regions; `body`, `tools` with `files`, and `outputs` read their tables; the small tables are read here.
 
 use super::diagnose::tables;
 use super::files::Files;
 use super::grid::{self, Grid};
 use super::raw;
+use super::region::region;
 use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
 use super::{Boundary, Law, Layer, Load, Preconditioner, Scene, Solver, TestForm, Time};
 use super::{body, outputs, tools};
@@ -96,7 +97,8 @@ fn solver(scene: &SceneText, raw: raw::Solver, law: &Law) -> Result<Solver> {
     })
 }
 
-fn boundary(scene: &SceneText, raw: raw::Boundary, grids: &[Grid]) -> Result<Boundary> {
+fn boundary(scene: &SceneText, mut raw: raw::Boundary, grids: &[Grid]) -> Result<Boundary> {
+    let extent = raw.extent();
     let letters = or(raw.axes, "xyz".to_string());
     let mut axes = [false; 3];
     let mut known = !letters.get_ref().is_empty();
@@ -111,7 +113,7 @@ fn boundary(scene: &SceneText, raw: raw::Boundary, grids: &[Grid]) -> Result<Bou
     }
     let displacement = or_vector(raw.displacement_mm, &[0.0; 3]);
     Ok(Boundary {
-        region: grid::region(scene, &raw.region, &raw.box_mm, grids)?,
+        region: region(scene, &raw.region, extent, grids)?,
         axes,
         displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
     })
