@@ -3,7 +3,7 @@
 use cutis::gpu::Adapter;
 use cutis::report::Report;
 use cutis::report::compare::Comparison;
-use cutis::report::inspect::{Count, Plan};
+use cutis::report::inspect::{Array, Count, Plan};
 use cutis::report::run::Summary;
 use cutis::scene::Scene;
 use std::fmt::Write as _;
@@ -93,21 +93,31 @@ fn short(value: f64) -> String {
     if value == value.trunc() && value.abs() < 1e9 { format!("{value}") } else { format!("{value:.6}") }
 }
 
-/// Arrays, kernels, launches, read-backs.
+/// Arrays by purpose (equal ones once, with their number), kernels, launches, read-backs.
 pub fn plan(p: &Plan) -> String {
     let mut text = format!(
-        "{}: {} nodes, {} cells, {} springs, {} degrees of freedom, {} steps, up to {} right-hand sides\n\n{:<18} {:>12} {:>14}\n",
-        p.scene, p.nodes, p.cells, p.springs, p.dof, p.steps, p.right_hand_sides, "array", "elements", "bytes"
+        "{}: {} nodes, {} cells, {} springs, {} degrees of freedom, {} steps, up to {} right-hand sides\n",
+        p.scene, p.nodes, p.cells, p.springs, p.dof, p.steps, p.right_hand_sides
     );
-    for a in &p.arrays {
-        writeln!(text, "{:<18} {:>12} {:>14}", a.name, a.elements, a.bytes).ok();
+    let mut purposes: Vec<&str> = p.arrays.iter().map(|a| a.purpose).collect();
+    purposes.dedup();
+    for purpose in purposes {
+        let each = p.shares.iter().find(|s| s.purpose == purpose).map_or(0.0, |s| s.bytes_per_cell);
+        writeln!(text, "\n{purpose:<24} {:>12} {each:>14.1} bytes per cell", "elements").ok();
+        let mut equal: Vec<(&Array, usize)> = vec![];
+        for array in p.arrays.iter().filter(|a| a.purpose == purpose) {
+            match equal.iter_mut().find(|(a, _)| (a.name, a.elements) == (array.name, array.elements)) {
+                Some((_, count)) => *count += 1,
+                None => equal.push((array, 1)),
+            }
+        }
+        for (array, count) in equal {
+            let times = if count > 1 { format!("{} × {count}", array.name) } else { array.name.to_string() };
+            let bytes = array.bytes * count as u64;
+            writeln!(text, "  {times:<22} {:>12} {bytes:>14} bytes", array.elements).ok();
+        }
     }
-    writeln!(text, "{:<18} {:>12} {:>14}", "on the GPU", "", p.device_bytes).ok();
-    for share in &p.shares {
-        writeln!(text, "{:<18} {:>12} {:>14.1} per cell", format!("  {}", share.purpose), "", share.bytes_per_cell)
-            .ok();
-    }
-    writeln!(text, "{:<18} {:>12} {:>14}\n", "on the host", "", p.host_bytes).ok();
+    writeln!(text, "\non the GPU {} bytes, constant arrays on the host {}", p.device_bytes, p.host_bytes).ok();
     writeln!(text, "kernels: {}", p.kernels.join(", ")).ok();
     writeln!(text, "launches: {}", counts(&p.dispatches)).ok();
     writeln!(text, "read-backs: {}", counts(&p.read_backs)).ok();

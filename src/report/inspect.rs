@@ -112,8 +112,8 @@ pub fn inspect(scene: &Scene) -> Result<Plan> {
     })
 }
 
-/// Uniforms, whose size does not follow the grid's.
-const CONSTANT: [&str; 4] = ["params", "stiffness", "modes", "shape"];
+/// Arrays whose size does not follow the grid.s: uniforms, and those of the probe.
+const CONSTANT: [&str; 6] = ["params", "stiffness", "modes", "shape", "cases", "errors"];
 
 fn shares(arrays: &[Array], cells: usize) -> Vec<Share> {
     let mut out: Vec<Share> = vec![];
