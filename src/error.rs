@@ -329,6 +329,23 @@ pub enum Error {
         half: f64,
     },
 
+    /// A probe's point beyond the skin.
+    #[error(
+        "{at}: the point lies outside the skin: {axis} = {found} mm, where the skin at rest reaches from {min} to {max} mm; move it onto the skin (origin: centre of the bottom; z up)"
+    )]
+    PointOutside {
+        /// The point.
+        at: Place,
+        /// x, y or z.
+        axis: char,
+        /// mm
+        found: f64,
+        /// mm
+        min: f64,
+        /// mm
+        max: f64,
+    },
+
     /// A blade edge that is no line.
     #[error(
         "{at}: edge_mm has {found} different points in a row; wanted at least two, from the tip to the heel, each apart from the one before; add or move points"
@@ -486,7 +503,7 @@ pub enum Error {
     },
 
     /// A thing larger than a limit of the device.
-    #[error("{what} needs {need}; the limit {limit_name} is {limit}; {fix}")]
+    #[error("{what}: {need} wanted, but {limit_name} is {limit}; {fix}")]
     TooLarge {
         /// What is too large.
         what: String,

@@ -286,6 +286,11 @@ fn regions_without_their_keys_or_nodes_are_errors() {
 }
 
 #[test]
+fn a_probe_beyond_the_skin_is_refused() {
+    refused("point_mm = [0, 0, 2.5]", "point_mm = [0, 0, 2.6]", "outside the skin: z = 2.6 mm … from 0 to 2.5 mm");
+}
+
+#[test]
 fn full_scene_loads_tool_mesh_and_hand() {
     let scene = parsed(FULL).expect("FULL is valid");
     let tool = &scene.tools[0];
@@ -464,7 +469,7 @@ fn counts_outside_their_range_are_refused() {
     refused("cells = [8, 4]", "cells = [8, 0]", "cells[1] = 0; wanted a whole number from 1");
     refused("max_iterations = 500", "max_iterations = 0", "max_iterations = 0; wanted … change the count");
     refused("size_px = [320, 200]", "size_px = [320, 9000]", "size_px[1] = 9000 … to 8192");
-    refused("cells = [8, 4]", "cells = [4000000000, 4000000000]", "at most 4294967295 … make cells fewer");
+    refused("cells = [8, 4]", "cells = [4000000000, 4000000000]", "at most 67108863 … make cells fewer");
     refused("cells = [8, 2]", "cells = [70000, 70000]", "24500700005 nodes … make cells fewer");
 }
 

@@ -211,10 +211,9 @@ impl Gpu {
         ];
         for (limit_name, limit) in limits {
             if bytes > limit {
-                let fix =
-                    "use fewer cells or contacts, or an adapter with a larger limit (`cutis adapters` lists them)";
+                let fix = "use fewer cells or contacts, the CPU path, or an adapter with a larger limit (`cutis adapters` lists them)";
                 return Err(Error::TooLarge {
-                    what: format!("array `{name}`"),
+                    what: format!("bytes of array `{name}`"),
                     need: bytes,
                     limit_name,
                     limit,

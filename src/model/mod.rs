@@ -13,7 +13,7 @@ use crate::kernels::product::{Modes, tiles};
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, Real, V4};
 use crate::mesh::Grid;
-use crate::scene::{Law, Load, Mass, Preconditioner, Region, Scene};
+use crate::scene::{Law, Load, MOST_NODES, Mass, Preconditioner, Region, Scene};
 
 /// Layers that one uniform binding of element matrices holds (64 KiB of core WebGPU / 3 KiB each).
 pub const MAX_LAYERS: usize = 21;
@@ -101,12 +101,12 @@ impl Model {
             });
         }
         let indexed = (skin.cells[0] as u64 + 1) * (skin.cells[1] as u64 + 1) * grid.nodes[2] as u64;
-        if indexed > u64::from(u32::MAX) / 64 {
+        if indexed > u64::from(MOST_NODES) {
             return Err(Error::TooLarge {
                 what: "the grid's nodes".into(),
                 need: indexed,
                 limit_name: "nodes reached by 32-bit indices",
-                limit: u64::from(u32::MAX) / 64,
+                limit: u64::from(MOST_NODES),
                 fix: "use fewer cells".into(),
             });
         }

@@ -83,6 +83,7 @@ impl Collector {
         self.iterations += u64::from(step.free.iterations);
         r.solver.iterations_max = r.solver.iterations_max.max(step.free.iterations);
         r.solver.refinements += u64::from(step.refinements);
+        r.solver.at_floor += u64::from(step.at_floor);
         r.solver.residual_max = r.solver.residual_max.max(step.residual);
         if let Some(residual) = step.true_residual {
             r.solver.residual_true = Some(r.solver.residual_true.unwrap_or(0.0).max(residual));

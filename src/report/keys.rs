@@ -78,7 +78,9 @@ pub struct SolverReport {
     pub sums: String,
     /// Rounds of iterative refinement, over all steps.
     pub refinements: u64,
-    /// Largest relative residual at the end of a step, as the recurrence has it; with refinement in f64.
+    /// Steps whose load is so small that `floor_n` decided when to stop.
+    pub at_floor: u64,
+    /// Largest relative residual at the end of the other steps, as the recurrence has it; with refinement in f64.
     pub residual_max: f64,
     /// Largest relative residual of the steps that were checked in f64.
     pub residual_true: Option<f64>,

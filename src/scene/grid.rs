@@ -8,6 +8,9 @@ use crate::error::{Error, Result};
 /// Rounding between a box in mm and node positions in m; a billionth of a metre is far below any cell.
 const SLACK: f64 = 1e-9;
 
+/// Nodes that 32-bit indices reach in every array: the largest has 64 numbers a node.
+pub const MOST_NODES: u32 = u32::MAX / 64;
+
 /// One grid of nodes: the scene's, or its test form's.
 pub(super) struct Grid<'a> {
     pub name: &'static str,
@@ -30,10 +33,10 @@ pub(super) fn numbered(scene: &SceneText, cells: [u32; 2], layers: &[Layer], at:
     let found = (u64::from(cells[0]) + 1)
         .saturating_mul(u64::from(cells[1]) + 1)
         .saturating_mul(over_thickness.saturating_add(1));
-    if found <= u64::from(u32::MAX) {
+    if found <= u64::from(MOST_NODES) {
         return Ok(());
     }
-    Err(Error::TooManyNodes { at: scene.place(at.span()), found, limit: u32::MAX })
+    Err(Error::TooManyNodes { at: scene.place(at.span()), found, limit: MOST_NODES })
 }
 
 impl Grid<'_> {
@@ -64,6 +67,17 @@ impl Grid<'_> {
         let (xs, ys, zs) = (along(0), along(1), along(2));
         let top = zs[zs.len() - 1];
         zs.iter().any(|z| ys.iter().any(|y| xs.iter().any(|x| region.holds([*x, *y, *z], self.size, top))))
+    }
+
+    /// The first axis along which a point lies beyond the skin, and the skin's ends along it, m.
+    pub fn beyond(&self, point: [f64; 3]) -> Option<(usize, [f64; 2])> {
+        let ends = |axis: usize| {
+            let rows = self.rows(axis);
+            [rows[0].start, rows[rows.len() - 1].end()]
+        };
+        let outside =
+            |(axis, [low, high]): &(usize, [f64; 2])| point[*axis] < low - SLACK || point[*axis] > high + SLACK;
+        (0..3).map(|axis| (axis, ends(axis))).find(outside)
     }
 
     fn rows(&self, axis: usize) -> Vec<Row> {

@@ -18,6 +18,7 @@ mod tools;
 
 pub use builtin::incision;
 pub use files::Files;
+pub use grid::MOST_NODES;
 pub use read::{parse, read};
 pub use recorded::{Check, Probe, ProbeKind, TestForm, View};
 pub use region::Region;

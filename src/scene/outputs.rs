@@ -3,7 +3,7 @@
 use super::grid::Grid;
 use super::raw::{self, At, Table};
 use super::region::region;
-use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, or, or_vector};
+use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, in_mm, or, or_vector};
 use super::{Check, Probe, ProbeKind, Skin, View};
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
@@ -38,9 +38,18 @@ fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, grids: &[Grid]) -> Re
         let why = "kind = \"displacement\" asks for the point of a node";
         scene.needless("region", &raw.region, why)?;
         scene.needless("box_mm", &extent.box_mm, why)?;
-        let point = scene.required("point_mm", raw.point_mm, table.span, why)?;
-        let point = scene.vector("point_mm", &point, MM, Bound::Finite)?;
-        return Ok(ProbeKind::Displacement { point, axis });
+        let point_text = scene.required("point_mm", raw.point_mm, table.span, why)?;
+        let point: [f64; 3] = scene.vector("point_mm", &point_text, MM, Bound::Finite)?;
+        return match grids[0].beyond(point) {
+            None => Ok(ProbeKind::Displacement { point, axis }),
+            Some((axis, [min, max])) => Err(Error::PointOutside {
+                at: scene.place(point_text.span()),
+                axis: ['x', 'y', 'z'][axis],
+                found: in_mm(point[axis]),
+                min: in_mm(min),
+                max: in_mm(max),
+            }),
+        };
     }
     let why = "kind = \"reaction\" asks for a region";
     scene.needless("point_mm", &raw.point_mm, why)?;

@@ -90,7 +90,7 @@ fn solver(scene: &SceneText, raw: raw::Solver, law: &Law) -> Result<Solver> {
     Ok(Solver {
         preconditioner: scene.choice("preconditioner", &preconditioner, &preconditioners)?,
         tolerance: scene.number("tolerance", &or(raw.tolerance, 1e-3), PLAIN, Bound::Fraction)?,
-        floor: scene.number("floor_n", &or(raw.floor_n, 1e-7), NEWTON, Bound::NotNegative)?,
+        floor: scene.number("floor_n", &or(raw.floor_n, 1e-10), NEWTON, Bound::NotNegative)?,
         max_iterations: count("max_iterations", raw.max_iterations, 1000)?,
         refinements: scene.count("refinements", &or(raw.refinements, 0), [0, 100])?,
         true_residual_every: count("true_residual_every", raw.true_residual_every, 20)?,

@@ -57,6 +57,8 @@ pub struct StepReport {
     pub refinements: u32,
     /// Accurate corrections of this step, summed iterations.
     pub correction_iterations: u32,
+    /// The solve was asked for no more than the absolute floor.
+    pub at_floor: bool,
     /// Relative residual after the last solve that counts, as its recurrence has it.
     pub residual: f64,
     /// Relative residual in f64, when it was asked for.
@@ -72,6 +74,9 @@ pub struct StepReport {
     /// Trouble in this step.
     pub warnings: Warnings,
 }
+
+/// Above 1 by more than what a square and its root round in f32.
+const AT_FLOOR: f64 = 1.0 + 1e-5;
 
 /// A running scene.
 pub struct Simulation {
@@ -217,8 +222,12 @@ impl Simulation {
             }
             report.true_residual = check.then(|| true_residual(&self.model, &solved));
         }
-        report.residual =
-            if report.free.target > 0.0 { report.free.residual / report.free.target * tolerance } else { 0.0 };
+        // at the floor the load is so small that a share of it says nothing
+        report.at_floor = report.free.target <= self.scene.solver.floor * AT_FLOOR;
+        report.residual = match report.at_floor || report.free.target == 0.0 {
+            true => 0.0,
+            false => report.free.residual / report.free.target * tolerance,
+        };
         if !report.free.converged {
             *report.warnings.entry("solver_not_converged").or_default() += 1;
         }
