@@ -4,7 +4,7 @@ use super::compliance::Compliance;
 use super::{Simulation, StepReport};
 use crate::backend::{CORRECTION, FREE, Target, Wanted};
 use crate::collide::Contact;
-use crate::constraints::{Law, solve};
+use crate::constraints::{self, Law, solve};
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::instrument::Free;
@@ -21,6 +21,10 @@ pub struct ContactReport {
     pub passes: u32,
     /// Relative change of the forces that one more pass would make.
     pub residual: f64,
+    /// Largest change of a force that one more projection would make, the violations as they are after the correction, N.
+    pub residual_n: f64,
+    /// Largest violation of complementarity then: penetration, and slip of what should stick, m.
+    pub residual_m: f64,
     /// Compliance columns solved.
     pub columns: u32,
     /// Largest iterations over them.
@@ -240,6 +244,11 @@ impl Simulation {
                 *report.warnings.entry("contact_passes_exhausted").or_default() += 1;
                 break;
             }
+        }
+        let left = constraints::residual(&laws, &w, &shifted, &lambda);
+        (report.contact.residual_n, report.contact.residual_m) = (left.force, left.gap);
+        if left.dropped > 0 {
+            *report.warnings.entry("contact_rows_dropped").or_default() += left.dropped;
         }
         self.move_tools(&rows, free, &lambda, report);
         self.hand_over(&rows, &laws, &skin, &found, &lambda);
