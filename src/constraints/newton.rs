@@ -86,7 +86,11 @@ fn slope(law: &Law, aim: [f64; 3]) -> [[f64; 3]; 3] {
             let normal = one(aim[0] > 0.0 && aim[0] < bound);
             let (plane, out) = disc(aim[1], aim[2], friction * between(aim[0], 0.0, bound));
             let follow = friction * normal;
-            [[normal, 0.0, 0.0], [follow * out[0], plane[0][0], plane[0][1]], [follow * out[1], plane[1][0], plane[1][1]]]
+            [
+                [normal, 0.0, 0.0],
+                [follow * out[0], plane[0][0], plane[0][1]],
+                [follow * out[1], plane[1][0], plane[1][1]],
+            ]
         }
         Law::Cut { radius } => {
             let ahead = one(aim[0] > 0.0);
