@@ -5,7 +5,17 @@
 //! span the blade's plane (forward, along), row 2 is its normal, two-sided, and ends at the same bound: tissue splits sideways no later. The force in the plane opposes the motion, forward force
 //! only pushes back, and both together are at most `radius` = toughness × length (Atkins 2009: push and slice); whatever the motion, the
 //! force takes energy out. The disc is projected as friction is (true disc, no pyramid).
-//! Source: Jourdan, Alart, Jean 1998 (block Gauss–Seidel); Duriez et al. 2006 (its use for haptics).
+//!
+//! [`relax`] is plain sweeps, for the haptic tick. [`solve`] adds Newton steps where sweeps close in slowly, and says what is left in
+//! newtons and metres. To 1e-8 on random `W` of 3 to 120 rows, eigenvalues over 0, 6 and 10 decades, 400 problems each: without friction
+//! all converge, in 13, 18 and 33 sweeps and 0.3, 1.4 and 3.2 Newton steps on average (sweeps alone, 90 rows: 50, 100 and 250); with μ 0.3
+//! all, 99 % and 88 % (the rest, of random coupling between normals and tangents, is reported as not converged). In the cut of the demo
+//! scene 20 sweeps and 1 step, at most 477 and 25, where sweeps alone took 37 and ended one solve in fifty at 2000 without an answer.
+//! Tried and left: Newton steps that may get worse for a while (a third fewer sweeps at 10 decades, as many failures); going back to the
+//! sweeps' result after a failed try (more failures).
+//!
+//! Source: Jourdan, Alart, Jean 1998 (block Gauss–Seidel); Duriez et al. 2006 (its use for haptics); Alart, Curnier 1991 (Newton).
+//! Differs: a disc's rows are divided by the largest compliance of their plane, not the mean, so that sticking always converges.
 
 mod newton;
 
