@@ -6,7 +6,7 @@
 //! Source: Saupin, Duriez, Cotin 2008 (contact model at two rates); Colgate, Stanley, Brown 1995 (virtual coupling).
 //! Units: m, N, N·m, s.
 
-use crate::constraints::{Law, solve};
+use crate::constraints::{Law, relax};
 use crate::instrument::rotation_vector;
 use crate::scene::Coupling;
 use glam::{DQuat, DVec3};
@@ -130,8 +130,8 @@ impl Renderer {
             }
         }
         self.force.resize(rows, 0.0);
-        let ended = solve(&problem.laws, &self.compliance, &self.free, &mut self.force, 1e-4, MAX_SWEEPS);
-        let mut tick = Tick { sweeps: ended.sweeps, ..Tick::default() };
+        let sweeps = relax(&problem.laws, &self.compliance, &self.free, &mut self.force, 1e-4, MAX_SWEEPS);
+        let mut tick = Tick { sweeps, ..Tick::default() };
         for i in 0..rows {
             tick.force += problem.axes[i] * self.force[i];
             tick.torque += problem.arms[i].cross(problem.axes[i]) * self.force[i];

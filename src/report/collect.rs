@@ -93,6 +93,8 @@ impl Collector {
             self.touching += 1;
             self.passes += u64::from(step.contact.passes);
             r.contact.passes_max = r.contact.passes_max.max(step.contact.passes);
+            r.contact.residual_n_max = r.contact.residual_n_max.max(step.contact.residual_n);
+            r.contact.residual_m_max = r.contact.residual_m_max.max(step.contact.residual_m);
         }
         let force = force_on_tools(step);
         if force > r.contact_force_n_max {

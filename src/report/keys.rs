@@ -93,6 +93,10 @@ pub struct Passes {
     pub passes_mean: f64,
     /// In one step.
     pub passes_max: u32,
+    /// Largest change of a force at the end of a step that one more projection would make, N.
+    pub residual_n_max: f64,
+    /// Largest violation of complementarity at the end of a step: penetration, and slip of what should stick, m.
+    pub residual_m_max: f64,
 }
 
 /// The haptic side. Under the scene's clock nothing is late: `period_us` and `missed` are `null`.

@@ -31,8 +31,9 @@ const RUN: &[&str] = &["run", "scene.toml", "--backend", "cpu", "--json"];
 
 /// Keys that DESIGN.md asks for, and the ones added since.
 const KEYS: &str = "scene backend adapter driver nodes hexes tets springs dof step_s steps wall_s step_ms.median step_ms.p99 \
-    step_ms.max solver.kind solver.preconditioner solver.iterations_mean solver.iterations_max solver.sums solver.refinements solver.at_floor solver.residual_max \
-    solver.residual_true contacts_max contact_force_n_max contact.passes_mean contact.passes_max haptic.rate_hz \
+    step_ms.max solver.kind solver.preconditioner solver.iterations_mean solver.iterations_max solver.sums solver.refinements \
+    solver.at_floor solver.residual_max solver.residual_true contacts_max contact_force_n_max contact.passes_mean contact.passes_max \
+    contact.residual_n_max contact.residual_m_max haptic.rate_hz \
     haptic.period_us.p50 haptic.period_us.p99 haptic.period_us.max haptic.missed haptic.force_n_max haptic.energy_out_j \
     cut.hexes_removed cut.tets_removed cut.springs_removed cut.links_severed cut.node_copies cut.area_mm2 cut.length_mm cut.length_top_mm \
     cut.depth_mm cut.opening_mm_max warnings memory_bytes.device memory_bytes.host probes.top probes.bed";

@@ -1,0 +1,141 @@
+//! Newton steps on the contact laws, where sweeps close in slowly.
+//!
+//! The laws hold where `F(λ) = λ − P(y) = 0`, `y = λ − δ/c`, with the projection `P` of [`Law`]. `F` has a derivative nearly everywhere,
+//! `J = I − P′ (I − C⁻¹ W)`; steps `J Δλ = −F` end at the solution once open, sticking and sliding contacts are told apart.
+//! Source: Alart, Curnier 1991. Differs: the disc is that of the projected normal force, as in the sweeps; `W`'s diagonal is raised in
+//! `J` alone, so that redundant contacts share a force instead of dividing by zero. `F` is untouched: the result is the law's own.
+
+use super::{Law, Residual, between, floor, residual, scales, violation};
+
+/// Newton steps at one go.
+const STEPS: u32 = 30;
+/// Halvings of a step that does not lessen `Σ c F²`.
+const HALVINGS: u32 = 8;
+/// Share by which the diagonal is raised in `J`: well above rounding (1e-16 × 300 rows), well below the tolerance wanted of λ.
+const RAISED: f64 = 1e-11;
+
+/// Steps until `done`, or until none lessens the residual; returns how many. `force` never gets worse.
+pub(super) fn polish(
+    laws: &[Law],
+    w: &[f64],
+    free: &[f64],
+    force: &mut [f64],
+    done: impl Fn(&Residual, &[f64]) -> bool,
+) -> u32 {
+    let rows = force.len();
+    let (mut jacobian, mut step) = (vec![0.0; rows * rows], vec![0.0; rows]);
+    let mut trial = force.to_vec();
+    let mut before = residual(laws, w, free, force);
+    for count in 0..STEPS {
+        if done(&before, force) {
+            return count;
+        }
+        linearise(laws, w, free, force, &mut jacobian, &mut step);
+        if !eliminate(&mut jacobian, &mut step) {
+            return count;
+        }
+        let mut share = 1.0;
+        let better = (0..HALVINGS).any(|_| {
+            trial.iter_mut().zip(force.iter().zip(&step)).for_each(|(t, (f, s))| *t = f + share * s);
+            let after = residual(laws, w, free, &trial);
+            let less = after.energy < before.energy * (1.0 - 1e-4 * share);
+            share *= 0.5;
+            if less {
+                before = after;
+            }
+            less
+        });
+        if !better {
+            return count;
+        }
+        force.copy_from_slice(&trial);
+    }
+    STEPS
+}
+
+/// `J` by rows and `−F`.
+fn linearise(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], jacobian: &mut [f64], minus: &mut [f64]) {
+    let rows = force.len();
+    let floor = floor(w, rows);
+    jacobian.fill(0.0);
+    for (contact, law) in laws.iter().enumerate() {
+        let first = 3 * contact;
+        let scales = scales(law, w, rows, first, floor);
+        let aim = |k: usize| scales.map_or(0.0, |c| force[first + k] - violation(w, free, force, first + k) / c[k]);
+        let aim = [0, 1, 2].map(aim);
+        let (held, slope) = (law.project(aim), slope(law, aim));
+        for a in 0..3 {
+            let line = &mut jacobian[(first + a) * rows..(first + a + 1) * rows];
+            line[first + a] = 1.0;
+            minus[first + a] = if scales.is_some() { held[a] - force[first + a] } else { -force[first + a] };
+            for (b, c) in scales.iter().flatten().enumerate().filter(|(b, _)| slope[a][*b] != 0.0) {
+                let row = first + b;
+                let m = slope[a][b];
+                line.iter_mut().zip(&w[row * rows..(row + 1) * rows]).for_each(|(j, w)| *j += m / c * w);
+                line[row] += m * (RAISED * w[row * rows + row] / c - 1.0);
+            }
+        }
+    }
+}
+
+/// `P′`, three by three.
+fn slope(law: &Law, aim: [f64; 3]) -> [[f64; 3]; 3] {
+    let one = |inside: bool| f64::from(u8::from(inside));
+    match *law {
+        Law::Coulomb { friction, bound } => {
+            let normal = one(aim[0] > 0.0 && aim[0] < bound);
+            let (plane, out) = disc(aim[1], aim[2], friction * between(aim[0], 0.0, bound));
+            let follow = friction * normal;
+            [
+                [normal, 0.0, 0.0],
+                [follow * out[0], plane[0][0], plane[0][1]],
+                [follow * out[1], plane[1][0], plane[1][1]],
+            ]
+        }
+        Law::Cut { radius } => {
+            let ahead = one(aim[0] > 0.0);
+            let (plane, _) = disc(aim[0].max(0.0), aim[1], radius);
+            let across = one(aim[2].abs() < radius);
+            [[plane[0][0] * ahead, plane[0][1], 0.0], [plane[1][0] * ahead, plane[1][1], 0.0], [0.0, 0.0, across]]
+        }
+    }
+}
+
+/// Derivatives of the projection on a disc: by the point, and by the radius (zero inside).
+fn disc(a: f64, b: f64, radius: f64) -> ([[f64; 2]; 2], [f64; 2]) {
+    let length = a.hypot(b);
+    if length <= radius {
+        return ([[1.0, 0.0], [0.0, 1.0]], [0.0; 2]);
+    }
+    let (x, y, share) = (a / length, b / length, radius / length);
+    ([[share * y * y, -share * x * y], [-share * x * y, share * x * x]], [x, y])
+}
+
+/// Solves in place by elimination with row pivoting; false where the matrix is singular.
+fn eliminate(matrix: &mut [f64], right: &mut [f64]) -> bool {
+    let rows = right.len();
+    for k in 0..rows {
+        let size = |i: usize, matrix: &[f64]| matrix[i * rows + k].abs();
+        let pivot = (k..rows).fold(k, |best, i| if size(i, matrix) > size(best, matrix) { i } else { best });
+        if !matrix[pivot * rows + k].is_normal() {
+            return false;
+        }
+        if pivot != k {
+            (0..rows).for_each(|j| matrix.swap(k * rows + j, pivot * rows + j));
+            right.swap(k, pivot);
+        }
+        let (above, below) = matrix.split_at_mut((k + 1) * rows);
+        let line = &above[k * rows..];
+        for (i, other) in below.chunks_exact_mut(rows).enumerate().filter(|(_, other)| other[k] != 0.0) {
+            let factor = other[k] / line[k];
+            other[k..].iter_mut().zip(&line[k..]).for_each(|(o, l)| *o -= factor * l);
+            right[k + 1 + i] -= factor * right[k];
+        }
+    }
+    for k in (0..rows).rev() {
+        let line = &matrix[k * rows..(k + 1) * rows];
+        let known: f64 = line[k + 1..].iter().zip(&right[k + 1..]).map(|(m, x)| m * x).sum();
+        right[k] = (right[k] - known) / line[k];
+    }
+    right.iter().all(|x| x.is_finite())
+}

@@ -1,0 +1,353 @@
+//! Known answers of the contact laws' solver: blocks, stacks, redundant and empty rows, two bodies, and random compliances.
+//!
+//! A body of mass `m` gives by `h²/m` under a newton in a step `h`, so `W = J M⁻¹ Jᵀ h²` and `δ_free` is the contact's motion without
+//! contact force. Every measure has a counter-test: on forces that are deliberately wrong it must be large.
+
+use cutis::constraints::{Ended, Law, relax, residual, solve};
+use proptest::prelude::*;
+use proptest::test_runner::RngSeed;
+
+/// Step, s.
+const H: f64 = 0.01;
+/// m/s²
+const G: f64 = 9.81;
+/// Relative error of known forces; the solver is asked for `ASKED`, the factor between is the conditioning of these cases.
+const NEAR: f64 = 1e-6;
+const ASKED: f64 = 1e-10;
+const MOST: u32 = 2000;
+/// Complementarity on random compliances, relative.
+const COMPLEMENTARY: f64 = 1e-8;
+
+type V = [f64; 3];
+
+fn coulomb(friction: f64) -> Law {
+    Law::Coulomb { friction, bound: f64::INFINITY }
+}
+
+fn solved(laws: &[Law], w: &[f64], free: &[f64]) -> (Vec<f64>, Ended) {
+    let mut force = vec![0.0; free.len()];
+    let ended = solve(laws, w, free, &mut force, ASKED, MOST);
+    assert!(ended.converged, "{ended:?}");
+    (force, ended)
+}
+
+/// Sums over contacts of normal and tangential forces, N.
+fn total(force: &[f64]) -> V {
+    let mut sum = [0.0; 3];
+    force.iter().enumerate().for_each(|(i, f)| sum[i % 3] += f);
+    sum
+}
+
+fn apart(a: V, b: V) -> f64 {
+    a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
+}
+
+/// Gauss–Seidel without any care, with a box in place of the disc; what the counter-tests compare with.
+fn boxed(w: &[f64], free: &[f64], friction: f64, sweeps: u32) -> Vec<f64> {
+    let rows = free.len();
+    let mut force = vec![0.0; rows];
+    for _ in 0..sweeps {
+        for i in 0..rows {
+            let violation = free[i] + (0..rows).map(|j| w[i * rows + j] * force[j]).sum::<f64>();
+            let aim = force[i] - violation / w[i * rows + i];
+            let most = friction * force[i - i % 3];
+            force[i] = if i % 3 == 0 { aim.max(0.0) } else { aim.min(most).max(-most) };
+        }
+    }
+    force
+}
+
+/// A box of 0.2 m × 0.1 m × 0.04 m on a plane, touching at some points of its underside: `W` and `δ_free` under its weight and a push.
+struct Block {
+    points: Vec<[f64; 2]>,
+    mass: f64,
+    push: [f64; 2],
+}
+
+impl Block {
+    fn rows(&self) -> (Vec<f64>, Vec<f64>) {
+        let size = [0.2, 0.1, 0.04];
+        let inertia = |k: usize| {
+            self.mass / 12.0 * (size[(k + 1) % 3] * size[(k + 1) % 3] + size[(k + 2) % 3] * size[(k + 2) % 3])
+        };
+        let axes: [V; 3] = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+        let cross = |a: V, b: V| [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+        let rows: Vec<(V, V)> = (self.points.iter())
+            .flat_map(|p| axes.map(|axis| (axis, cross([p[0], p[1], -0.5 * size[2]], axis))))
+            .collect();
+        let gives = |a: &(V, V), b: &(V, V)| {
+            (0..3).map(|k| a.0[k] * b.0[k] / self.mass + a.1[k] * b.1[k] / inertia(k)).sum::<f64>() * H * H
+        };
+        let w = rows.iter().flat_map(|a| rows.iter().map(move |b| (a, b))).map(|(a, b)| gives(a, b)).collect();
+        let load = [self.push[0], self.push[1], -self.mass * G];
+        let free = rows.iter().map(|r| (0..3).map(|k| r.0[k] * load[k]).sum::<f64>() * H * H / self.mass).collect();
+        (w, free)
+    }
+}
+
+const THREE: &[[f64; 2]] = &[[0.1, 0.0], [-0.1, 0.05], [-0.1, -0.05]];
+const FOUR: &[[f64; 2]] = &[[0.1, 0.05], [0.1, -0.05], [-0.1, 0.05], [-0.1, -0.05]];
+
+#[test]
+fn friction_known_block_on_a_plane() {
+    let (friction, mass) = (0.3, 2.0);
+    let weight = mass * G;
+    for points in [THREE, FOUR] {
+        for (share, angle) in [(0.0f64, 0.0f64), (0.5, 0.7), (0.99, 2.0), (1.01, 0.785), (3.0, 0.785), (3.0, 4.0)] {
+            let (x, y) = (angle.cos(), angle.sin());
+            let push = friction * weight * share;
+            let block = Block { points: points.to_vec(), mass, push: [push * x, push * y] };
+            let (w, free) = block.rows();
+            let laws = vec![coulomb(friction); points.len()];
+            let (force, _) = solved(&laws, &w, &free);
+            let held = push.min(friction * weight); // sticks below the limit, slides at it, opposite to the slip
+            let known = [weight, -held * x, -held * y];
+            let error = apart(total(&force), known) / weight;
+            assert!(error < NEAR, "{} points, {share} of the limit: {error:e}", points.len());
+            if share > 2.0 {
+                let error = apart(total(&boxed(&w, &free, friction, 5000)), known) / weight;
+                assert!(error > 0.05, "counter-test: a pyramid holds more along its diagonals: {error:e}");
+                let pushed: Vec<f64> = free.iter().enumerate().map(|(i, d)| if i % 3 == 0 { *d } else { -d }).collect();
+                let error = apart(total(&solved(&laws, &w, &pushed).0), known) / weight;
+                assert!(error > 0.1, "counter-test: pushed the other way: {error:e}");
+            }
+        }
+    }
+}
+
+/// Masses on each other from the ground up; `sign` is that of the coupling through a mass.
+fn stack(masses: &[f64], sign: f64) -> (Vec<f64>, Vec<f64>) {
+    let (count, rows) = (masses.len(), 3 * masses.len());
+    let mut w = vec![0.0; rows * rows];
+    let mut free = vec![0.0; rows];
+    free[0] = -H * H * G;
+    for k in 0..count {
+        for axis in 0..3 {
+            let i = 3 * k + axis;
+            w[i * rows + i] = H * H * (1.0 / masses[k] + if k > 0 { 1.0 / masses[k - 1] } else { 0.0 });
+            if k > 0 {
+                let coupling = -sign * H * H / masses[k - 1];
+                w[i * rows + i - 3] = coupling;
+                w[(i - 3) * rows + i] = coupling;
+            }
+        }
+    }
+    (w, free)
+}
+
+/// Largest error of the forces under each mass, of the whole weight.
+fn stack_error(masses: &[f64], force: &[f64]) -> f64 {
+    let above = |k: usize| masses[k..].iter().sum::<f64>() * G;
+    (0..masses.len()).map(|k| (force[3 * k] - above(k)).abs() / above(0)).fold(0.0, f64::max)
+}
+
+#[test]
+fn each_contact_of_a_stack_bears_what_is_above() {
+    let heavy_top = [1e-3, 1e-3, 2.0];
+    let heavy_below = [2.0, 1e-3, 1e-3];
+    for masses in [&[0.5; 10][..], &[0.5; 60], &heavy_top, &heavy_below] {
+        let (w, free) = stack(masses, 1.0);
+        let laws = vec![coulomb(0.4); masses.len()];
+        let (force, ended) = solved(&laws, &w, &free);
+        let error = stack_error(masses, &force);
+        assert!(error < NEAR, "{} masses: {error:e}, {ended:?}", masses.len());
+        let (wrong, free) = stack(masses, -1.0);
+        let mut force = vec![0.0; free.len()];
+        solve(&laws, &wrong, &free, &mut force, ASKED, MOST);
+        assert!(stack_error(masses, &force) > 1e-4, "counter-test: coupling of the wrong sign");
+    }
+}
+
+#[test]
+fn a_mass_ratio_of_2000_needs_the_newton_steps() {
+    // a scalpel's light part under a heavy one: one sweep takes 1/2000 of the error off
+    let masses = [1e-3, 2.0];
+    let (w, free) = stack(&masses, 1.0);
+    let laws = vec![coulomb(0.0); 2];
+    let (force, ended) = solved(&laws, &w, &free);
+    assert!(stack_error(&masses, &force) < NEAR && ended.sweeps < 100, "{ended:?}");
+    let mut plain = vec![0.0; 6];
+    relax(&laws, &w, &free, &mut plain, 0.0, ended.sweeps);
+    assert!(stack_error(&masses, &plain) > 0.1, "counter-test: as many sweeps without them");
+}
+
+#[test]
+fn redundant_contacts_share_the_right_total() {
+    // one contact with coupled rows, pressed and dragged beyond its friction; then the same contact again and again
+    let own = [1e-3, 1e-4, -5e-5, 1e-4, 2e-3, 0.0, -5e-5, 0.0, 2e-3];
+    for drag in [[2e-4, 1e-4], [4e-3, 3e-3]] {
+        let free = [-1e-3, drag[0], drag[1]];
+        let known = total(&solved(&[coulomb(0.5)], &own, &free).0);
+        for copies in [2usize, 8] {
+            let rows = 3 * copies;
+            let w: Vec<f64> = (0..rows * rows).map(|k| own[(k / rows % 3) * 3 + k % rows % 3]).collect();
+            let free: Vec<f64> = (0..rows).map(|i| free[i % 3]).collect();
+            let laws = vec![coulomb(0.5); copies];
+            let error = apart(total(&solved(&laws, &w, &free).0), known) / known[0];
+            assert!(error < NEAR, "{copies} copies: {error:e}");
+            let apart_rows = |k: usize| k / rows / 3 == k % rows / 3;
+            let alone: Vec<f64> = w.iter().enumerate().map(|(k, w)| if apart_rows(k) { *w } else { 0.0 }).collect();
+            let error = apart(total(&solved(&laws, &alone, &free).0), known) / known[0];
+            assert!(error > 0.5, "counter-test: copies that do not feel each other: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn a_row_without_compliance_is_dropped_and_counted() {
+    let (w, free) = Block { points: FOUR.to_vec(), mass: 2.0, push: [1.0, 0.0] }.rows();
+    let (rows, known) = (free.len(), total(&solved(&[coulomb(0.3); 4], &w, &free).0));
+    for entry in [0.0, 1e-25, -1e-3, f64::NAN, f64::INFINITY] {
+        // a fifth contact whose two sides hang on one body
+        let wide = rows + 3;
+        let mut w = (0..wide * wide)
+            .map(|k| if k / wide < rows && k % wide < rows { w[k / wide * rows + k % wide] } else { 0.0 })
+            .collect::<Vec<f64>>();
+        (rows..wide).for_each(|i| w[i * wide + i] = entry);
+        let free: Vec<f64> = free.iter().copied().chain([-1e-4, 1e-5, 0.0]).collect();
+        let laws = [coulomb(0.3); 5];
+        if entry.is_finite() {
+            let (force, ended) = solved(&laws, &w, &free);
+            assert_eq!((ended.residual.dropped, &force[rows..]), (1, &[0.0; 3][..]), "{entry}");
+            assert!(apart(total(&force), known) / known[0] < NEAR, "{entry}: {force:?}");
+        } else {
+            // what is not a number spreads through products, so the solve ends without claiming anything
+            let mut force = vec![0.0; wide];
+            let ended = solve(&laws, &w, &free, &mut force, ASKED, 50);
+            assert_eq!((ended.residual.dropped, &force[rows..]), (1, &[0.0; 3][..]), "{entry}");
+        }
+        if entry == 0.0 {
+            let divided = boxed(&w, &free, 0.3, 3);
+            assert!(divided.iter().any(|f| !f.is_finite()), "counter-test: division by it: {divided:?}");
+        }
+    }
+}
+
+#[test]
+fn two_bodies_that_meet_go_on_together_with_their_momentum() {
+    let (a, b) = (0.3, 0.7);
+    let (va, vb) = ([2.0, 1.0, -0.5], [-1.0, 0.2, 0.1]); // m/s; rows: normal, two tangents; b stands where the normal points from
+    let end = |wa: f64, wb: f64| {
+        let mut w = vec![0.0; 9];
+        (0..3).for_each(|i| w[4 * i] = H * H * (wa + wb));
+        let free: Vec<f64> = (0..3).map(|k| (vb[k] - va[k]) * H).collect();
+        let (force, _) = solved(&[coulomb(10.0)], &w, &free);
+        let after = |v: V, share: f64| [0, 1, 2].map(|k| v[k] + share * H * force[k]);
+        (after(va, -1.0 / a), after(vb, 1.0 / b))
+    };
+    let together = [0, 1, 2].map(|k| (a * va[k] + b * vb[k]) / (a + b));
+    let momentum = |(p, q): (V, V)| [0, 1, 2].map(|k| (a * p[k] + b * q[k]) / (a + b));
+    let right = end(1.0 / a, 1.0 / b);
+    assert!(apart(momentum(right), together) < NEAR, "force on one is that on the other, turned round");
+    assert!(apart(right.0, together) < NEAR && apart(right.1, together) < NEAR, "it sticks: one velocity");
+    let wrong = end(1.0 / a, 0.0);
+    assert!(apart(wrong.0, together) > 0.1, "counter-test: the other body's mass forgotten in W");
+}
+
+#[test]
+fn an_edge_within_its_disc_opposes_the_motion() {
+    let own = [1e-3, 0.0, 0.0, 0.0, 1e-3, 0.0, 0.0, 0.0, 1e-3];
+    for (motion, known) in [
+        ([-3e-3, -4e-3, 0.0], [0.24, 0.32, 0.0]), // slides on the disc of 0.4 N
+        ([-1e-4, 2e-4, -1e-4], [0.1, -0.2, 0.1]), // held
+        ([3e-3, -4e-3, 1e-2], [0.0, 0.4, -0.4]),  // goes back: no forward force
+    ] {
+        let law = [Law::Cut { radius: 0.4 }];
+        let force = solved(&law, &own, &motion).0;
+        assert!(apart([force[0], force[1], force[2]], known) < NEAR, "{motion:?}: {force:?}");
+        assert!(residual(&law, &own, &motion, &[known[0], known[1], known[2] + 0.01]).force > 5e-3, "counter-test");
+    }
+}
+
+/// A random problem that has a solution; `W`'s eigenvalues fall over `decades`.
+#[derive(Debug)]
+struct Problem {
+    contacts: usize,
+    decades: f64,
+    seed: u64,
+}
+
+impl Problem {
+    fn rows(&self) -> (Vec<f64>, Vec<f64>) {
+        let rows = 3 * self.contacts;
+        let mut state = self.seed | 1;
+        let mut even = move || {
+            state ^= state << 13;
+            state ^= state >> 7;
+            state ^= state << 17;
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let mut normal = || (0..12).map(|_| even()).sum::<f64>() - 6.0;
+        let size: Vec<f64> = (0..rows).map(|j| 10f64.powf(-0.5 * self.decades * j as f64 / rows as f64)).collect();
+        let b: Vec<f64> = (0..rows * rows).map(|k| normal() * size[k % rows]).collect();
+        let line = |i: usize| &b[i * rows..(i + 1) * rows];
+        let entry = |i: usize, j: usize| 1e-3 * line(i).iter().zip(line(j)).map(|(a, b)| a * b).sum::<f64>();
+        let w: Vec<f64> = (0..rows * rows).map(|k| entry(k / rows, k % rows)).collect();
+        let z: Vec<f64> = (0..rows).map(|i| normal() * if i % 3 == 0 { 1.0 } else { 0.3 }).collect();
+        let gap = |i: usize| -(0..rows).map(|j| w[i * rows + j] * z[j]).sum::<f64>();
+        let free = (0..rows).map(|i| if i % 3 == 0 && z[i] < 0.0 { gap(i).abs() } else { gap(i) }).collect();
+        (w, free)
+    }
+}
+
+/// Largest relative violation of Coulomb's law: `0 ≤ λ ⊥ δ ≥ 0`, `|λ_t| ≤ μ λ_n`, and `μ λ_n |δ_t| + λ_t·δ_t = 0`.
+fn wrong(w: &[f64], free: &[f64], friction: f64, force: &[f64]) -> f64 {
+    let rows = free.len();
+    let largest = |v: &[f64]| v.iter().fold(f64::MIN_POSITIVE, |m, x| m.max(x.abs()));
+    let (newton, metre) = (largest(force), largest(free));
+    let violation = |i: usize| (free[i] + (0..rows).map(|j| w[i * rows + j] * force[j]).sum::<f64>()) / metre;
+    let mut most = 0.0f64;
+    for first in (0..rows).step_by(3) {
+        let [n, t, s] = [0, 1, 2].map(|k| force[first + k] / newton);
+        let [gap, p, q] = [0, 1, 2].map(|k| violation(first + k));
+        let power = friction * n * p.hypot(q) + t * p + s * q;
+        let open = if n == 0.0 { 0.0 } else { (n * gap).abs() };
+        most = [-n, -gap, open, t.hypot(s) - friction * n, power.abs()].into_iter().fold(most, f64::max);
+    }
+    most
+}
+
+fn problems() -> impl Strategy<Value = Problem> {
+    (1usize..=100, 0.0..10.0, any::<u64>()).prop_map(|(contacts, decades, seed)| Problem { contacts, decades, seed })
+}
+
+fn config() -> ProptestConfig {
+    ProptestConfig { cases: 48, failure_persistence: None, rng_seed: RngSeed::Fixed(15), ..ProptestConfig::default() }
+}
+
+proptest! {
+    #![proptest_config(config())]
+
+    #[test]
+    fn gap_and_force_are_complementary(problem in problems()) {
+        let (w, free) = problem.rows();
+        let laws = vec![coulomb(0.0); problem.contacts];
+        let mut force = vec![0.0; free.len()];
+        let ended = solve(&laws, &w, &free, &mut force, ASKED, MOST);
+        let error = wrong(&w, &free, 0.0, &force);
+        prop_assert!(ended.converged && error < COMPLEMENTARY, "{error:e} {ended:?}");
+    }
+
+    #[test]
+    fn friction_holds_where_the_solver_says_so(problem in problems(), friction in 0.0..0.5f64) {
+        let (w, free) = problem.rows();
+        let laws = vec![coulomb(friction); problem.contacts];
+        let mut force = vec![0.0; free.len()];
+        let ended = solve(&laws, &w, &free, &mut force, ASKED, MOST);
+        let error = wrong(&w, &free, friction, &force);
+        // a random coupling of normals and tangents that is worse conditioned need not have a solution (Painlevé)
+        prop_assert!(ended.converged || problem.decades > 3.0, "{ended:?}");
+        prop_assert!(!ended.converged || error < COMPLEMENTARY, "{error:e} {ended:?}");
+    }
+}
+
+#[test]
+fn the_measure_of_complementarity_tells_wrong_forces() {
+    let problem = Problem { contacts: 20, decades: 8.0, seed: 7 };
+    let (w, free) = problem.rows();
+    let mut force = vec![0.0; free.len()];
+    relax(&[coulomb(0.0); 20], &w, &free, &mut force, 0.0, 20);
+    assert!(wrong(&w, &free, 0.0, &force) > 100.0 * COMPLEMENTARY, "twenty sweeps are not enough");
+    assert!(wrong(&w, &free, 0.3, &boxed(&w, &free, 0.3, 5000)) > 100.0 * COMPLEMENTARY, "a box is no disc");
+    assert!(wrong(&w, &free, 0.0, &vec![-1.0; free.len()]) > 0.1, "nothing pulls");
+}
