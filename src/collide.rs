@@ -7,9 +7,12 @@
 //! then taken from f64 positions.
 //! Units: m.
 
+pub mod round;
+
 use crate::constraints::Law;
 use crate::instrument::{Edge, Instrument, Role};
 use crate::mesh::{Grid, Quad, Surface};
+use crate::scene::Filter;
 use glam::DVec3;
 use parry3d::bounding_volume::{Aabb, BoundingVolume};
 use parry3d::math::Vector;
@@ -45,10 +48,13 @@ pub struct Search {
     pub distance: f64,
     /// μ
     pub friction: f64,
+    /// For round tools.
+    pub filter: Filter,
 }
 
 /// Box of a tool's samples over a step, widened.
 pub fn tool_box(tool: &Instrument, margin: f64) -> Aabb {
+    let margin = margin + tool.round.map_or(0.0, |round| round.radius);
     let points = tool.samples.iter().map(|s| to_f32(tool.at(s.position)));
     Aabb::from_points(points).loosened(margin as f32)
 }

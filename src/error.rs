@@ -370,6 +370,24 @@ pub enum Error {
         allowed: f64,
     },
 
+    /// A round tool that is neither sphere nor capsule.
+    #[error(
+        "{at}: points_mm of a round tool has {found} points; wanted one, a sphere's centre, or two different ones, the ends of a capsule's axis; change the list"
+    )]
+    RoundPoints {
+        /// The list.
+        at: Place,
+        /// Points found.
+        found: usize,
+    },
+
+    /// A hand without places.
+    #[error("{at}: path_mm has no rows; wanted at least one [t_s, x, y, z]; write where the hand rests")]
+    PathEmpty {
+        /// The list.
+        at: Place,
+    },
+
     /// A camera that looks at itself.
     #[error("{at}: eye_mm and target_mm are the same point; move eye_mm away from what is looked at")]
     ViewPoint {

@@ -6,7 +6,7 @@
 //! force at rest. The hand carries the tool's weight.
 //! Units: m, rad, kg, N, N·m. Source: Colgate, Stanley, Brown 1995 (virtual coupling).
 
-use crate::scene::{Blade, Coupling, Pose, Tool};
+use crate::scene::{Blade, Coupling, Pose, Round, Tool};
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
 
@@ -22,6 +22,8 @@ pub enum Role {
         /// From the tip on.
         piece: usize,
     },
+    /// Centre of a sphere along the axis of a round tool.
+    Axis,
     /// One side of the blade, at half its thickness from the sample; `side` is ±1 along the blade's normal.
     Flat {
         /// ±1
@@ -53,6 +55,9 @@ pub struct Edge {
     pub half_thickness: f64,
 }
 
+/// Pieces of a capsule's axis at most: a longer needle has its centres further apart, and the skin's surface points between them.
+const MOST_PIECES: f64 = 64.0;
+
 /// A tool and its motion.
 #[derive(Clone, Debug)]
 pub struct Instrument {
@@ -68,6 +73,8 @@ pub struct Instrument {
     pub samples: Vec<Sample>,
     /// For tools that cut.
     pub edge: Option<Edge>,
+    /// For spheres and capsules.
+    pub round: Option<Round>,
     /// kg
     pub mass: f64,
     /// Principal, tool axes, kg·m².
@@ -108,6 +115,7 @@ impl Instrument {
         let point = |p: &[f64; 3]| Sample { position: DVec3::from_array(*p), role: Role::Point };
         let mut samples: Vec<Sample> = tool.points.iter().map(point).collect();
         let edge = tool.blade.as_ref().map(|blade| Edge::new(blade, &mut samples));
+        samples.extend(tool.round.iter().flat_map(axis_samples));
         Self {
             position: DVec3::from_array(first.position),
             rotation: DQuat::from_array(first.rotation),
@@ -115,6 +123,7 @@ impl Instrument {
             spin: DVec3::ZERO,
             samples,
             edge,
+            round: tool.round,
             mass: tool.mass,
             inertia: DVec3::from_array(tool.inertia),
             coupling: tool.coupling,
@@ -175,6 +184,14 @@ impl Instrument {
     }
 }
 
+/// Centres along the axis of a round tool, at most a radius apart, both ends included; a sphere has one.
+fn axis_samples(round: &Round) -> Vec<Sample> {
+    let [a, b] = round.ends.map(DVec3::from_array);
+    let pieces = (a.distance(b) / round.radius).ceil().min(MOST_PIECES) as u32;
+    let place = |k: u32| a.lerp(b, f64::from(k) / f64::from(pieces.max(1)));
+    (0..=pieces).map(|k| Sample { position: place(k), role: Role::Axis }).collect()
+}
+
 impl Edge {
     /// Cuts the edge into pieces of the wanted length and spreads contact samples over edge and flats.
     fn new(blade: &Blade, samples: &mut Vec<Sample>) -> Self {
@@ -232,6 +249,7 @@ mod tests {
                 depth: 2e-3,
             }),
             points: vec![],
+            round: None,
             coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },
             trajectory: vec![pose(0.0, 0.0), pose(0.01, 0.001)],
         })

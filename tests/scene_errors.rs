@@ -1,7 +1,7 @@
 //! Scenes: the numbers of a valid one in SI, and for each bad input the line and the way to mend it.
 
 use cutis::error::{Error, Result};
-use cutis::scene::{Correction, Element, Files, Law, Preconditioner, ProbeKind, Region, Scene, parse, read};
+use cutis::scene::{Correction, Element, Files, Filter, Law, Preconditioner, ProbeKind, Region, Scene, parse, read};
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -304,6 +304,7 @@ fn full_scene_loads_tool_mesh_and_hand() {
     let blade = tool.blade.as_ref().expect("FULL has a blade");
     assert_eq!(blade.edge, [[0.0; 3], [0.01, 0.0, 0.5e-3], [0.02, 0.0, 2e-3]]);
     assert_eq!((blade.normal, blade.thickness), ([0.0, 1.0, 0.0], 0.4e-3));
+    assert!(tool.round.is_none());
     assert_eq!((blade.edge_spacing, blade.flat_spacing, blade.depth), (0.5e-3, 1e-3, 2e-3));
     assert_eq!(tool.trajectory.len(), 2);
     assert_eq!(tool.trajectory[1].time, 0.25);
@@ -580,6 +581,64 @@ fn camera_in_its_target_is_refused() {
     let text = FULL.replace("eye_mm = [50, -70, 60]", "eye_mm = [1, 2, 3]\ntarget_mm = [1, 2, 3]");
     let error = parsed(&text).expect_err("no direction");
     says(&error.to_string(), "eye_mm and target_mm are the same point … move eye_mm");
+}
+
+/// FULL with its tool turned into a capsule with a hand written in the scene.
+fn rounded() -> String {
+    let (head, rest) = FULL.split_once("mesh = \"meshes/scalpel.obj\"\nmesh_unit_mm = 10\n").expect("FULL has a mesh");
+    let rest = rest.replace(
+        "points_mm = [[0, 0, 1]]\ntrajectory = \"incision.csv\"\n",
+        "path_mm = [[0, 1, 2, 3], [0.3, 4, 5, 6]]\n",
+    );
+    let (before, blade) = rest.split_once("[tool.blade]").expect("FULL has a blade");
+    let (_, after) = blade.split_once("[contact]").expect("FULL has contact");
+    let round = "[tool.round]\nradius_mm = 2\npoints_mm = [[0, 0, 0], [0, 0, 5]]\n\n[contact]\nfilter = \"one\"";
+    format!("{head}{before}{round}{after}")
+}
+
+#[test]
+fn a_round_tool_has_a_mesh_of_its_own_and_a_hand_from_the_scene() {
+    let scene = parsed(&rounded()).unwrap_or_else(|e| panic!("{e}"));
+    let tool = &scene.tools[0];
+    let round = tool.round.expect("it is round");
+    assert_eq!((round.radius, round.ends), (2e-3, [[0.0; 3], [0.0, 0.0, 5e-3]]));
+    assert!(tool.mesh.triangles.len() > 300 && tool.blade.is_none() && tool.points.is_empty());
+    let (low, high) = tool.mesh.positions.iter().fold((0.0f64, 0.0f64), |(l, h), p| (l.min(p[2]), h.max(p[2])));
+    assert!((low + 2e-3).abs() < 1e-15 && (high - 7e-3).abs() < 1e-15, "{low} to {high}");
+    assert_eq!((tool.trajectory[1].time, tool.trajectory[1].position), (0.3, [4e-3, 5e-3, 6e-3]));
+    assert_eq!(tool.trajectory[1].rotation, [0.0, 0.0, 0.0, 1.0]);
+    assert_eq!(scene.contact.expect("it has a tool").filter, Filter::One);
+    let sphere = rounded().replace("[[0, 0, 0], [0, 0, 5]]", "[[1, 0, 0]]");
+    let sphere = parsed(&sphere).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(sphere.tools[0].round.map(|r| r.ends), Some([[1e-3, 0.0, 0.0]; 2]));
+}
+
+#[test]
+fn bad_round_tools_and_hands_are_refused() {
+    let refused = |from: &str, to: &str, parts: &str| {
+        let text = rounded();
+        assert_eq!(text.matches(from).count(), 1, "{from}");
+        let error = parsed(&text.replace(from, to)).expect_err("the input is bad");
+        assert_eq!(error.exit_code(), 2, "{error}");
+        says(&error.to_string(), parts);
+    };
+    let path = "path_mm = [[0, 1, 2, 3], [0.3, 4, 5, 6]]\n";
+    refused(path, "", "full.toml:67: the key `trajectory` is missing … `path_mm`");
+    refused(path, &format!("{path}trajectory = \"incision.csv\"\n"), "full.toml:71: `path_mm` has no effect … remove");
+    refused("[0.3, 4", "[0, 4", "full.toml:71: time_s = 0.0 after 0.0; times must rise");
+    refused("[0.3, 4, 5, 6]", "[0.3, 4, 5]", "full.toml:71: path_mm has 3 entries; wanted 4");
+    refused("[0.3, 4", "[inf, 4", "path_mm[0] = inf … finite");
+    refused("[[0, 1, 2, 3], [0.3, 4, 5, 6]]", "[]", "full.toml:71: path_mm has no rows … where the hand rests");
+    refused("radius_mm = 2", "radius_mm = -2", "radius_mm = -2.0; wanted a finite number above 0, in mm");
+    refused("[[0, 0, 0], [0, 0, 5]]", "[]", "points_mm of a round tool has 0 points … a sphere's centre");
+    refused("[0, 0, 5]]", "[0, 0, 0]]", "points_mm of a round tool has 2 points … two different");
+    refused("\"one\"", "\"two\"", "filter = \"two\" … points, one");
+    let why = "`points_mm` has no effect here … `round` table";
+    refused(path, &format!("{path}points_mm = [[0, 0, 1]]\n"), why);
+    let blade = "[tool.blade]\nedge_mm = [[0, 0, 0], [1, 0, 0]]\nthickness_mm = 1\n[tool.round]";
+    refused("[tool.round]", blade, "`blade` has no effect here … `round` table … remove");
+    let bare = parsed(&FULL.replace("mesh = \"meshes/scalpel.obj\"\n", "")).expect_err("a blade needs a mesh");
+    says(&bare.to_string(), "full.toml:67: the key `mesh` is missing … drawn");
 }
 
 #[test]

@@ -13,6 +13,7 @@ mod raw;
 mod read;
 mod recorded;
 mod region;
+mod round;
 mod text;
 mod tools;
 
@@ -240,10 +241,21 @@ pub struct Tool {
     pub blade: Option<Blade>,
     /// Points of the tool (tool frame, m) that touch the skin and do not cut.
     pub points: Vec<[f64; 3]>,
+    /// The whole surface, for tools that are a sphere or a capsule; such a tool has neither blade nor points.
+    pub round: Option<Round>,
     /// Coupling to the hand.
     pub coupling: Coupling,
     /// The recorded hand, at least one sample, times rising.
     pub trajectory: Vec<Pose>,
+}
+
+/// A sphere, or a capsule: all places within `radius` of a line, tool frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Round {
+    /// m
+    pub radius: f64,
+    /// Ends of the line, m; the same point twice for a sphere.
+    pub ends: [[f64; 3]; 2],
 }
 
 /// Triangles of a tool in its own frame.
@@ -305,6 +317,15 @@ pub enum Correction {
     Uncoupled,
 }
 
+/// Which of the contacts of a round tool are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filter {
+    /// All of the skin's surface points that the tool touches.
+    Points,
+    /// The nearest place alone, which is what is left of a sphere's contacts behind SOFA's LocalMinDistance.
+    One,
+}
+
 /// Contact law and solver.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact {
@@ -316,6 +337,8 @@ pub struct Contact {
     pub distance: f64,
     /// Which correction.
     pub correction: Correction,
+    /// For round tools.
+    pub filter: Filter,
     /// Most contacts at a time.
     pub max_contacts: u32,
     /// Relative residual at which the passes stop.

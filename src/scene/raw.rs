@@ -192,14 +192,23 @@ pub(super) struct Load {
 #[serde(deny_unknown_fields)]
 pub(super) struct Tool {
     pub name: At<String>,
-    pub mesh: At<String>,
+    pub mesh: Option<At<String>>,
     pub mesh_unit_mm: Option<At<f64>>,
     pub mass_g: At<f64>,
     pub inertia_g_mm2: Numbers,
     pub points_mm: Option<Points>,
-    pub trajectory: At<String>,
+    pub trajectory: Option<At<String>>,
+    pub path_mm: Option<Points>,
     pub coupling: Option<Table<Coupling>>,
     pub blade: Option<Table<Blade>>,
+    pub round: Option<Table<Round>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Round {
+    pub radius_mm: At<f64>,
+    pub points_mm: Points,
 }
 
 #[derive(Default, serde::Deserialize)]
@@ -229,6 +238,7 @@ pub(super) struct Contact {
     pub alarm_mm: Option<At<f64>>,
     pub distance_mm: Option<At<f64>>,
     pub correction: Option<At<String>>,
+    pub filter: Option<At<String>>,
     pub max_contacts: Option<At<u32>>,
     pub tolerance: Option<At<f64>>,
     pub column_tolerance: Option<At<f64>>,

@@ -2,11 +2,13 @@
 
 use super::files::{Files, mesh, trajectory};
 use super::raw::{self, Table};
+use super::round::{path, round};
 use super::text::{
     ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS, SceneText, or, or_vector,
 };
-use super::{Blade, Contact, Correction, Coupling, Tool};
+use super::{Blade, Contact, Correction, Coupling, Filter, Pose, Tool, ToolMesh};
 use crate::error::{Error, Result};
+use std::ops::Range;
 
 /// How far a blade's normal may lean from the right angle to its edge, degrees. A blade's plane holds its edge; the
 /// slack admits slightly bent edges. Wider, and the flats would visibly leave the plane that cuts.
@@ -18,28 +20,64 @@ pub(super) fn tools(scene: &SceneText, files: &Files, raw: Vec<Table<raw::Tool>>
     raw.into_iter()
         .map(|table| {
             let name = scene.name("tool", &table.keys.name, &mut names)?;
-            tool(scene, files, name, table.keys)
+            tool(scene, files, name, table)
         })
         .collect()
 }
 
-fn tool(scene: &SceneText, files: &Files, name: String, raw: raw::Tool) -> Result<Tool> {
-    let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm, 1.0), MM, Bound::Positive)?;
-    let points = raw.points_mm.map(|points| scene.points("points_mm", &points, MM));
-    let blade = raw.blade.map(|table| blade(scene, table.keys));
-    let coupling = coupling(scene, raw::keys(raw.coupling))?;
-    let (mesh_path, mesh_text) = files.text(scene, "mesh", &raw.mesh)?;
-    let (hand_path, hand_text) = files.text(scene, "trajectory", &raw.trajectory)?;
+fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>) -> Result<Tool> {
+    let (at, raw) = (table.span, table.keys);
+    let round = raw.round.as_ref().map(|table| round(scene, &table.keys)).transpose()?;
+    if round.is_some() {
+        let why = "a tool with a `round` table touches with that surface";
+        scene.needless("points_mm", &raw.points_mm, why)?;
+        if let Some(blade) = &raw.blade {
+            return Err(Error::NeedlessKey { at: scene.place(blade.span.clone()), key: "blade", why });
+        }
+    }
+    let points = raw.points_mm.as_ref().map(|points| scene.points("points_mm", points, MM));
+    let trajectory = hand(scene, files, &raw, at.clone())?;
+    let mesh = match (&raw.mesh, &round) {
+        (None, Some(round)) => {
+            scene.needless("mesh_unit_mm", &raw.mesh_unit_mm, "there is no `mesh`")?;
+            super::round::mesh(round)
+        }
+        _ => loaded(scene, files, &raw, at)?,
+    };
     Ok(Tool {
         name,
-        mesh: mesh(&mesh_text, &mesh_path, unit)?,
+        mesh,
         mass: scene.number("mass_g", &raw.mass_g, GRAM, Bound::Positive)?,
         inertia: scene.vector("inertia_g_mm2", &raw.inertia_g_mm2, G_MM2, Bound::Positive)?,
-        blade: blade.transpose()?,
+        blade: raw.blade.map(|table| blade(scene, table.keys)).transpose()?,
         points: points.transpose()?.unwrap_or_default(),
-        coupling,
-        trajectory: trajectory(&hand_text, &hand_path)?,
+        round,
+        coupling: coupling(scene, raw::keys(raw.coupling))?,
+        trajectory,
     })
+}
+
+/// The mesh file of a tool.
+fn loaded(scene: &SceneText, files: &Files, raw: &raw::Tool, table: Range<usize>) -> Result<ToolMesh> {
+    let unit = raw.mesh_unit_mm.clone();
+    let unit = scene.number("mesh_unit_mm", &or(unit, 1.0), MM, Bound::Positive)?;
+    let why = "a tool without a `round` table has no shape of its own to be drawn";
+    let name = scene.required("mesh", raw.mesh.as_ref(), table, why)?;
+    let (path, text) = files.text(scene, "mesh", name)?;
+    mesh(&text, &path, unit)
+}
+
+/// The hand of a tool, from its file or from the scene.
+fn hand(scene: &SceneText, files: &Files, raw: &raw::Tool, table: Range<usize>) -> Result<Vec<Pose>> {
+    if raw.trajectory.is_some() {
+        scene.needless("path_mm", &raw.path_mm, "`trajectory` already gives the hand")?;
+    } else if let Some(points) = &raw.path_mm {
+        return path(scene, points);
+    }
+    let why = "a tool needs a hand: a file here, or rows [t_s, x, y, z] in `path_mm`";
+    let name = scene.required("trajectory", raw.trajectory.as_ref(), table, why)?;
+    let (path, text) = files.text(scene, "trajectory", name)?;
+    trajectory(&text, &path)
 }
 
 fn coupling(scene: &SceneText, raw: raw::Coupling) -> Result<Coupling> {
@@ -116,11 +154,14 @@ pub(super) fn contact(scene: &SceneText, raw: raw::Contact) -> Result<Contact> {
     let number = |key, value, default, unit, bound| scene.number(key, &or(value, default), unit, bound);
     let corrections = [("exact", Correction::Exact), ("uncoupled", Correction::Uncoupled)];
     let correction = or(raw.correction, "exact".to_string());
+    let filters = [("points", Filter::Points), ("one", Filter::One)];
+    let filter = or(raw.filter, "points".to_string());
     Ok(Contact {
         friction: number("friction", raw.friction, 0.3, PLAIN, Bound::NotNegative)?,
         alarm: number("alarm_mm", raw.alarm_mm, 0.5, MM, Bound::Positive)?,
         distance: number("distance_mm", raw.distance_mm, 0.0, MM, Bound::NotNegative)?,
         correction: scene.choice("correction", &correction, &corrections)?,
+        filter: scene.choice("filter", &filter, &filters)?,
         max_contacts: scene.count("max_contacts", &or(raw.max_contacts, 16), [1, u32::MAX])?,
         tolerance: number("tolerance", raw.tolerance, 1e-3, PLAIN, Bound::Fraction)?,
         column_tolerance: number("column_tolerance", raw.column_tolerance, 0.05, PLAIN, Bound::Fraction)?,

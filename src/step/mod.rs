@@ -244,7 +244,7 @@ impl Simulation {
         let Some(law) = self.scene.contact else {
             return Ok(vec![]);
         };
-        let search = Search { alarm: law.alarm, distance: law.distance, friction: law.friction };
+        let search = Search { alarm: law.alarm, distance: law.distance, friction: law.friction, filter: law.filter };
         let mut found = vec![];
         let mut near = DVec3::ZERO;
         for (number, tool) in self.tools.iter().enumerate() {
@@ -279,7 +279,12 @@ impl Simulation {
                 let level = params.cell_at(cell as usize)[2];
                 model.toughness[model.grid.layer_of[level] as usize]
             };
-            found.extend(collide::contacts(number, tool, &patch, &search, travel, resistance));
+            found.extend(match &tool.round {
+                Some(round) => {
+                    collide::round::contacts(number, tool, round, &faces, &patch, &position, &search, &free[number])
+                }
+                None => collide::contacts(number, tool, &patch, &search, travel, resistance),
+            });
         }
         // next step's faces: skin near the tool has moved this far; skin that is not near yet by less than its thickness
         self.reach = (near.max_element() + search.alarm).max(self.model.grid.thickness());
