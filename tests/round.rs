@@ -132,7 +132,7 @@ fn a_small_sphere_never_slips_through_wherever_it_is_pressed() {
 /// it within a step.
 const DEEPEST: f64 = 0.05;
 /// The same for a sphere of a fifth of a cell in a dent with slopes of a whole cell, radii: measured 0.45. Surface points are 2.5 radii
-/// apart there, so what holds it is the nearest place alone, and where two faces meet at the ground of the dent the other one gives.
+/// apart there, so often the nearest place alone holds it; the likely reason is that where two faces meet the other one then gives.
 const FOLD: f64 = 0.5;
 
 #[test]
