@@ -179,17 +179,7 @@ impl Simulation {
             let nodal: Vec<(u32, [f64; 3])> = forces.iter().map(|(n, f)| (*n, f.to_array())).collect();
             report.contact.passes += 1;
             let moved = if exact {
-                let total = forces.iter().map(|f| f.1.length_squared()).sum::<f64>().sqrt();
-                let entries: Vec<_> = nodal.iter().map(|(n, f)| (CORRECTION, *n, *f)).collect();
-                self.backend.set_rows(&[CORRECTION], &entries)?;
-                let target = Target::Absolute(self.scene.solver.tolerance.min(law.tolerance) * total);
-                let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
-                let (outcome, moved) = self.backend.solve(&[Wanted { slot: CORRECTION, target }], &pick)?;
-                report.correction_iterations += outcome[0].iterations;
-                if !outcome[0].converged {
-                    *report.warnings.entry("solver_not_converged").or_default() += 1;
-                }
-                moved
+                self.correct(&nodes, &nodal, self.scene.solver.tolerance.min(law.tolerance), report)?
             } else {
                 let moved: Vec<DVec3> = nodes
                     .iter()
@@ -250,6 +240,32 @@ impl Simulation {
             .collect();
         report.contact.forces = lambda;
         Ok(forces.into_iter().map(|(n, f)| (n, f.to_array())).collect())
+    }
+
+    /// The skin's displacement at nodes under contact forces, solved to a tolerance of the forces, m.
+    fn correct(
+        &mut self,
+        nodes: &[u32],
+        forces: &[(u32, [f64; 3])],
+        tolerance: f64,
+        report: &mut StepReport,
+    ) -> Result<Vec<[f64; 3]>> {
+        let total = forces.iter().map(|f| DVec3::from_array(f.1).length_squared()).sum::<f64>().sqrt();
+        if total == 0.0 {
+            // nothing to solve for, and no share of nothing to solve to
+            self.backend.forget(&[CORRECTION])?;
+            return Ok(vec![[0.0; 3]; nodes.len()]);
+        }
+        let entries: Vec<_> = forces.iter().map(|(n, f)| (CORRECTION, *n, *f)).collect();
+        self.backend.set_rows(&[CORRECTION], &entries)?;
+        let wanted = [Wanted { slot: CORRECTION, target: Target::Absolute(tolerance * total) }];
+        let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
+        let (outcome, moved) = self.backend.solve(&wanted, &pick)?;
+        report.correction_iterations += outcome[0].iterations;
+        if !outcome[0].converged {
+            *report.warnings.entry("solver_not_converged").or_default() += 1;
+        }
+        Ok(moved)
     }
 
     fn move_tools(&mut self, rows: &Rows, free: &[Free], lambda: &[f64], report: &mut StepReport) {
