@@ -43,6 +43,13 @@ pub enum Error {
         source: std::io::Error,
     },
 
+    /// A scene file without text.
+    #[error("{path}: the scene is empty; start from a scene that works, for instance scenes/incision.toml")]
+    EmptyScene {
+        /// The scene file.
+        path: PathBuf,
+    },
+
     /// The text is not TOML.
     #[error(
         "{at}: `{text}` is not TOML ({problem}); mend this line: text in quotes, lists in [ ], tables begin with [name], repeated ones with [[name]]"

@@ -286,6 +286,12 @@ fn regions_without_their_keys_or_nodes_are_errors() {
 }
 
 #[test]
+fn an_empty_scene_is_called_empty() {
+    let message = parsed(" \n").expect_err("nothing is no scene").to_string();
+    assert!(message.starts_with("scenes/full.toml: the scene is empty"), "{message}");
+}
+
+#[test]
 fn a_probe_beyond_the_skin_is_refused() {
     refused("point_mm = [0, 0, 2.5]", "point_mm = [0, 0, 2.6]", "outside the skin: z = 2.6 mm … from 0 to 2.5 mm");
 }
@@ -399,7 +405,7 @@ fn missing_keys_name_their_table() {
     refused("[time]\nstep_ms = 2.0", "[time]", "key `step_ms` is missing … add it to this table");
     let message = message_below("[[skin.layer]]\nname = \"dermis\"", "[[skin.layer]]", 0);
     says(&message, "key `name` is missing");
-    let error = parsed("").expect_err("an empty scene");
+    let error = parsed("[time]\nstep_ms = 1\nduration_s = 1").expect_err("a scene without a title");
     says(&error.to_string(), "scenes/full.toml:1: the key `title` is missing");
     let layer = "young_kpa = 12\n";
     assert!(FULL.contains(layer));

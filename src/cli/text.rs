@@ -19,6 +19,7 @@ pub fn summary(scene: &Scene, summary: &Summary, out: &Path) -> String {
     };
     let pictures = match summary.frames {
         0 => "no pictures".to_string(),
+        1 => format!("1 picture in {}frames", super::shown(out)),
         n => format!("{n} pictures in {}frames", super::shown(out)),
     };
     format!("{size}\n{step}\n{solve}\n{cut}\n{force}; {pictures}, everything else in {}\n", super::shown(out))
@@ -29,7 +30,8 @@ fn body(r: &Report) -> String {
         0 => format!("{} cells", r.hexes),
         n => format!("{n} springs"),
     };
-    format!("{elements}, {} nodes, {} steps of {} ms", r.nodes, r.steps, milli(r.step_s))
+    let steps = if r.steps == 1 { "step" } else { "steps" };
+    format!("{elements}, {} nodes, {} {steps} of {} ms", r.nodes, r.steps, milli(r.step_s))
 }
 
 /// Thousandths without digits of rounding.

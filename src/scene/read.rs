@@ -27,6 +27,9 @@ pub fn read(path: &Path) -> Result<Scene> {
 /// Reads a scene from its text; `file` names it in messages, `files` has the files that it names.
 pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let scene = SceneText { file, text };
+    if text.trim().is_empty() {
+        return Err(Error::EmptyScene { path: file.to_path_buf() });
+    }
     let raw = tables(&scene)?;
     let skin = body::skin(&scene, raw.skin)?;
     let test = raw.test.map(|table| test_form(&scene, table.keys, &skin.layers)).transpose()?;
