@@ -14,18 +14,14 @@ fn blocks(
 ) {
     let i = group_of(group, groups) * GROUP + lane;
     if i >= params.node_count { return; }
-    let c = vec3<u32>(
-        i % params.nodes_x,
-        (i / params.nodes_x) % params.nodes_y,
-        i / (params.nodes_x * params.nodes_y),
-    );
+    let c = node_at(params, i);
     let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
     var d = mat3x3<f32>();
     var g = mat3x3<f32>();
     for (var a = 0u; a < 8u; a += 1u) {
         let at = c - corner(a); // wraps below 0, which the test catches
         if any(at >= cells) { continue; }
-        let q = rotation[at.x + params.cells_x * (at.y + params.cells_y * at.z)];
+        let q = rotation[cell_id(params, at)];
         let first = layer_of[at.z] * 64u + a * 8u;
         let r = rotation_matrix(q);
         let turned = transpose(r);

@@ -15,6 +15,19 @@ fn group_of(group: vec3<u32>, groups: vec3<u32>) -> u32 {
     return group.x + group.z * groups.x;
 }
 
+// Grid coordinates and ids, as `Params` in mod.rs has them.
+fn node_at(p: Params, i: u32) -> vec3<u32> {
+    return vec3<u32>(i % p.nodes_x, (i / p.nodes_x) % p.nodes_y, i / (p.nodes_x * p.nodes_y));
+}
+
+fn node_id(p: Params, c: vec3<u32>) -> u32 {
+    return c.x + p.nodes_x * (c.y + p.nodes_y * c.z);
+}
+
+fn cell_id(p: Params, c: vec3<u32>) -> u32 {
+    return c.x + p.cells_x * (c.y + p.cells_y * c.z);
+}
+
 // Nodes along x, y, z of the next coarser level (coarsen.rs).
 fn coarse_nodes(p: Params) -> vec3<u32> {
     return vec3<u32>((p.cells_x + 1u) / 2u + 1u, (p.cells_y + 1u) / 2u + 1u, p.nodes_z);

@@ -15,18 +15,14 @@ fn forces(
 ) {
     let i = group_of(group, groups) * GROUP + lane;
     if i >= params.node_count { return; }
-    let c = vec3<u32>(
-        i % params.nodes_x,
-        (i / params.nodes_x) % params.nodes_y,
-        i / (params.nodes_x * params.nodes_y),
-    );
+    let c = node_at(params, i);
     let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
     let own = u[i].xyz;
     var sum = vec3<f32>(0.0);
     for (var a = 0u; a < 8u; a += 1u) {
         let at = c - corner(a); // wraps below 0, which the test catches
         if any(at >= cells) { continue; }
-        let q = rotation[at.x + params.cells_x * (at.y + params.cells_y * at.z)];
+        let q = rotation[cell_id(params, at)];
         if all(q == vec4<f32>(0.0)) { continue; }
         let layer = layer_of[at.z];
         let h = shape[layer].xyz;
@@ -35,7 +31,7 @@ fn forces(
         var local = vec3<f32>(0.0);
         for (var b = 0u; b < 8u; b += 1u) {
             let o = corner(b);
-            let node = (at.x + o.x) + params.nodes_x * ((at.y + o.y) + params.nodes_y * (at.z + o.z));
+            let node = node_id(params, at + o);
             let stretch = (u[node].xyz - own) * r + turn * ((vec3<f32>(o) - 0.5) * h);
             local += stiffness[layer * 64u + a * 8u + b] * stretch;
         }

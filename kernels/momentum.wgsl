@@ -15,11 +15,7 @@ fn momentum(
 ) {
     let i = group_of(group, groups) * GROUP + lane;
     if i >= params.node_count { return; }
-    let c = vec3<u32>(
-        i % params.nodes_x,
-        (i / params.nodes_x) % params.nodes_y,
-        i / (params.nodes_x * params.nodes_y),
-    );
+    let c = node_at(params, i);
     let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
     let own = v[i].xyz;
     var sum = vec3<f32>(0.0);
@@ -27,11 +23,11 @@ fn momentum(
         let o_a = corner(a);
         let at = c - o_a; // wraps below 0, which the test catches
         if any(at >= cells) { continue; }
-        if all(rotation[at.x + params.cells_x * (at.y + params.cells_y * at.z)] == vec4<f32>(0.0)) { continue; }
+        if all(rotation[cell_id(params, at)] == vec4<f32>(0.0)) { continue; }
         var local = vec3<f32>(0.0);
         for (var b = 0u; b < 8u; b += 1u) {
             let o_b = corner(b);
-            let node = (at.x + o_b.x) + params.nodes_x * ((at.y + o_b.y) + params.nodes_y * (at.z + o_b.z));
+            let node = node_id(params, at + o_b);
             let near = select(vec3<f32>(1.0), vec3<f32>(2.0), o_a == o_b);
             local += (v[node].xyz - own) * (near.x * near.y * near.z / 27.0);
         }
