@@ -333,11 +333,14 @@ fn main() {
         }
     }
     let part = |name: &str| std::env::args().any(|a| a == name);
-    match () {
-        () if part("direct") => return direct(&places),
-        () if part("table") => return table(&places),
-        () if part("one-percent") => return to_one_percent(&places, ROUNDS),
-        () => {}
+    if part("direct") {
+        return direct(&places);
+    }
+    if part("table") {
+        return table(&places);
+    }
+    if part("one-percent") {
+        return to_one_percent(&places, ROUNDS);
     }
     direct(&places);
     seed(&places);

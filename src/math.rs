@@ -104,6 +104,11 @@ pub fn widen<R: Real>(a: &[V4<R>]) -> Vec<V4<f64>> {
     a.iter().map(|v| v.map(Real::f64)).collect()
 }
 
+/// Root of the sum of squares of a field's components, the fourth left out.
+pub fn norm(a: &[V4<f64>]) -> f64 {
+    a.iter().map(|v| v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sum::<f64>().sqrt()
+}
+
 /// A vector of three numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct V3<R> {

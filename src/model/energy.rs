@@ -4,7 +4,7 @@ use super::Model;
 use crate::kernels::forces::rest_corner;
 use crate::kernels::product::{LANES, cell_groups, product};
 use crate::kernels::{forces, momentum, rhs, rotations, springs, springs_product};
-use crate::math::{V3, V4, rotation_matrix, rotation_minus_identity};
+use crate::math::{V3, V4, norm, rotation_matrix, rotation_minus_identity};
 use crate::scene::Mass;
 
 /// Elastic energy of a displacement field, J: `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X`; for springs `½ Σ k ε²`.
@@ -60,8 +60,7 @@ pub struct Solved {
 /// `|b + Jᵀλ − A Δx|` relative to the step's load (free motion's load and contact force), everything in f64.
 pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
     let (rest, load) = residual(model, solved);
-    let size = rest.iter().map(|r| r[0] * r[0] + r[1] * r[1] + r[2] * r[2]).sum::<f64>().sqrt();
-    if load == 0.0 { 0.0 } else { size / load }
+    if load == 0.0 { 0.0 } else { norm(&rest) / load }
 }
 
 /// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the step's load, N, everything in f64.

@@ -5,8 +5,8 @@ use super::text::{SceneText, in_mm};
 use super::{Layer, Region, Skin, TestForm};
 use crate::error::{Error, Result};
 
-/// Rounding between a box in mm and node positions in m; a billionth of a metre is far below any cell.
-const SLACK: f64 = 1e-9;
+/// Rounding between lengths in mm and node positions in m; a billionth of a metre is far below any cell.
+pub(super) const SLACK: f64 = 1e-9;
 
 /// Nodes that 32-bit indices reach in every array: the largest has 64 numbers a node.
 pub const MOST_NODES: u32 = u32::MAX / 64;

@@ -1,12 +1,10 @@
 //! Sets of nodes by where they are at rest.
 
-use super::grid::Grid;
+use super::grid::{Grid, SLACK};
 use super::raw::{At, Extent, Points};
 use super::text::{Bound, MM, PLAIN, SceneText};
+use super::tools::unit;
 use crate::error::{Error, Result};
-
-/// Rounding between lengths in mm and node positions in m; far below any cell, m.
-const SLACK: f64 = 1e-9;
 
 /// A set of nodes.
 #[derive(Clone, Debug, PartialEq)]
@@ -128,14 +126,11 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
             let through = scene.required("through_mm", through_mm.as_ref(), name.span(), why)?;
             let normal = scene.required("normal", normal.as_ref(), name.span(), why)?;
             let within = scene.required("within_mm", within_mm.as_ref(), name.span(), why)?;
-            let direction: [f64; 3] = scene.vector("normal", normal, PLAIN, Bound::Finite)?;
-            let length = direction.iter().map(|c| c * c).sum::<f64>().sqrt();
-            if !length.is_normal() {
-                return Err(Error::NoDirection { at: scene.place(normal.span()), key: "normal" });
-            }
+            let direction = unit(scene.vector("normal", normal, PLAIN, Bound::Finite)?);
+            let none = || Error::NoDirection { at: scene.place(normal.span()), key: "normal" };
             Region::Plane {
                 through: scene.vector("through_mm", through, MM, Bound::Finite)?,
-                normal: direction.map(|c| c / length),
+                normal: direction.ok_or_else(none)?,
                 within: scene.number("within_mm", within, MM, Bound::NotNegative)?,
             }
         }

@@ -2,6 +2,7 @@
 
 use super::raw::{self, Points};
 use super::text::{Bound, MM, SceneText};
+use super::tools::{difference, unit};
 use super::{Pose, Round, ToolMesh};
 use crate::error::{Error, Result};
 use std::f64::consts::{PI, TAU};
@@ -75,12 +76,7 @@ pub(super) fn mesh(round: &Round) -> ToolMesh {
 
 /// Unit vectors along the line from `a` to `b` (z for a point) and across it.
 fn axes(a: [f64; 3], b: [f64; 3]) -> ([f64; 3], [f64; 3]) {
-    let line = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
-    let unit = |v: [f64; 3]| {
-        let length = v[0].hypot(v[1]).hypot(v[2]);
-        (length > 0.0).then(|| v.map(|part| part / length))
-    };
-    let along = unit(line).unwrap_or([0.0, 0.0, 1.0]);
+    let along = unit(difference(b, a)).unwrap_or([0.0, 0.0, 1.0]);
     let off = if along[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
     (along, unit(cross(along, off)).unwrap_or([0.0, 1.0, 0.0]))
 }

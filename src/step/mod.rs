@@ -218,6 +218,8 @@ impl Simulation {
             solved.dx = self.increment(corrected)?;
             if refined {
                 self.refine(&mut solved, corrected, &mut report)?;
+            }
+            if check && refined {
                 solved.dx = self.increment(corrected)?; // as the backend has rounded it
             }
             report.true_residual = check.then(|| true_residual(&self.model, &solved));
@@ -302,9 +304,7 @@ impl Simulation {
     fn increment(&mut self, corrected: bool) -> Result<Vec<V4<f64>>> {
         let mut dx = self.backend.solution(FREE)?;
         if corrected {
-            for (sum, more) in dx.iter_mut().zip(self.backend.solution(CORRECTION)?) {
-                (0..3).for_each(|n| sum[n] += more[n]);
-            }
+            refine::add(&mut dx, &self.backend.solution(CORRECTION)?, 1.0);
         }
         Ok(dx)
     }

@@ -8,6 +8,7 @@
 use super::{Simulation, StepReport};
 use crate::backend::{CORRECTION, FREE, Target, Vector, Wanted};
 use crate::error::Result;
+use crate::math::norm;
 use crate::model::{Solved, residual};
 
 /// Share of the residual that one round is asked to leave at least: f32 keeps what it promises down to here on the hardest scenes.
@@ -49,11 +50,8 @@ impl Simulation {
     }
 }
 
-fn norm(v: &[[f64; 4]]) -> f64 {
-    v.iter().map(|v| v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sum::<f64>().sqrt()
-}
-
-fn add(sum: &mut [[f64; 4]], more: &[[f64; 4]], factor: f64) {
+/// `sum += factor · more`, the fourth components left alone.
+pub(super) fn add(sum: &mut [[f64; 4]], more: &[[f64; 4]], factor: f64) {
     for (sum, more) in sum.iter_mut().zip(more) {
         for n in 0..3 {
             sum[n] += factor * more[n];

@@ -2,14 +2,14 @@
 
 use super::Case;
 use super::dense::{hold_some, multiply, random_rotations, small, without_dead};
-use super::setup::{LONG, Random, displaced, measured, model};
+use super::setup::{LONG, Random, apart, displaced, measured, model};
 use cutis::backend::{Backend, CpuBackend, FREE, Needs, Target, Wanted};
 use cutis::error::Error;
 use cutis::kernels::Params;
 use cutis::kernels::advance::Request;
 use cutis::linear::direct::{Direct, Pattern};
 use cutis::linear::{Outcome, Slot, solve};
-use cutis::math::{Real, V4, widen};
+use cutis::math::{Real, V4, norm, widen};
 use cutis::model::Model;
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::Mass::{Consistent, Lumped, Uniform};
@@ -58,15 +58,6 @@ fn field(model: &Model, seed: u64) -> Vec<V4<f64>> {
         (0..3).for_each(|n| z[n] *= free[n]);
     }
     z
-}
-
-fn norm(a: &[V4<f64>]) -> f64 {
-    a.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt()
-}
-
-fn apart(a: &[V4<f64>], b: &[V4<f64>]) -> f64 {
-    let difference: Vec<_> = a.iter().zip(b).map(|(a, b)| [0, 1, 2, 3].map(|n| a[n] - b[n])).collect();
-    norm(&difference) / norm(b)
 }
 
 /// `A z` by the assembled lower half.

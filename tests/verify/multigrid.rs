@@ -1,6 +1,6 @@
 //! Multigrid: how many iterations it takes, on every grid, under rotations and cuts, on every place; and what makes it fail.
 
-use super::setup::{Body, displaced, measured, model, scene, xyz};
+use super::setup::{Body, apart, displaced, measured, model, scene};
 use super::{Case, Everywhere};
 use cutis::backend::Snapshot;
 use cutis::kernels::advance::Request;
@@ -254,12 +254,7 @@ fn shipped_tolerance() {
             body.state()
         };
         let exact = step(1e-11);
-        let error = |found: &Snapshot| {
-            let square = |a: [f64; 3]| a.iter().map(|c| c * c).sum::<f64>();
-            let pairs = || found.u.iter().zip(&exact.u);
-            let difference: f64 = pairs().map(|(a, b)| square([0, 1, 2].map(|n| a[n] - b[n]))).sum();
-            (difference / pairs().map(|(_, b)| square(xyz(*b))).sum::<f64>()).sqrt()
-        };
+        let error = |found: &Snapshot| apart(&found.u, &exact.u);
         for (factor, what) in [(0.1, "a tenth of the shipped"), (1.0, "shipped"), (3.0, "3 times"), (10.0, "10 times")]
         {
             measured(&format!("{name}: error of a step, {what} tolerance"), error(&step(factor * tolerance)), 0.01);

@@ -3,7 +3,7 @@
 //! One static step of the skin block: the hardest shipped system, since stiffness stands alone (no inertia beside it).
 
 use super::Everywhere;
-use super::setup::{measured, scene};
+use super::setup::{apart, measured, scene};
 use cutis::math::V4;
 use cutis::scene::Scene;
 use cutis::step::{Place, Simulation, StepReport};
@@ -22,13 +22,6 @@ fn step(place: &Place, scene: &Scene) -> (Vec<V4<f64>>, StepReport) {
     (simulation.snapshot().unwrap_or_else(|e| panic!("{e}")).u, report)
 }
 
-/// Relative L2 difference.
-fn error(u: &[V4<f64>], exact: &[V4<f64>]) -> f64 {
-    let square = |v: &V4<f64>| v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-    let difference: f64 = u.iter().zip(exact).map(|(a, b)| square(&std::array::from_fn(|n| a[n] - b[n]))).sum();
-    (difference / exact.iter().map(square).sum::<f64>()).sqrt()
-}
-
 /// Largest error that rounding a displacement to f32 makes, relative L2, with some room.
 const ROUNDED: f64 = 6e-8;
 
@@ -36,7 +29,7 @@ fn reaches(place: &Place) {
     let (exact, _) = step(&Place::Cpu64, &block(1e-12, 0));
     let (plain, once) = step(place, &block(1e-7, 0));
     let (refined, again) = step(place, &block(1e-7, 8));
-    let (before, after) = (error(&plain, &exact), error(&refined, &exact));
+    let (before, after) = (apart(&plain, &exact), apart(&refined, &exact));
     measured(&format!("step error unrefined {place:?}"), before, 0.0);
     measured(&format!("step error refined {place:?}"), after, 0.0);
     assert!(again.free.converged && again.residual <= 1e-7, "{:e}", again.residual);

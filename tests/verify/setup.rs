@@ -3,7 +3,7 @@
 use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
-use cutis::math::V4;
+use cutis::math::{V4, norm};
 use cutis::model::Model;
 use cutis::scene::{Element, Files, Law, Scene, parse, read};
 use cutis::step::Place;
@@ -142,6 +142,12 @@ pub fn displaced(model: &Model, u: impl Fn([f64; 3]) -> [f64; 3]) -> Snapshot {
         [a, b, c, 0.0]
     };
     Snapshot { u: model.rest.iter().map(field).collect(), v: vec![[0.0; 4]; model.rest.len()], ..Snapshot::default() }
+}
+
+/// `|a − b| / |b|` of two fields.
+pub fn apart(a: &[V4<f64>], b: &[V4<f64>]) -> f64 {
+    let difference: Vec<_> = a.iter().zip(b).map(|(a, b)| [0, 1, 2, 3].map(|n| a[n] - b[n])).collect();
+    norm(&difference) / norm(b)
 }
 
 /// `m x`, matrix by rows.
