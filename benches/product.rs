@@ -28,7 +28,7 @@ fn case(cells: u32, levels: u32) -> Case {
     );
     let files = cutis::scene::Files::Embedded(&[]);
     let scene = cutis::scene::parse(&text, Path::new("bench.toml"), &files).expect("the text above is a scene");
-    let model = Model::new(&scene).expect("the grid is small");
+    let model = Model::new(&scene, 0).expect("the grid is small");
     let wave = |i: usize, n: usize| (i as f64 * 0.7 + n as f64).sin();
     let rotation: Vec<V4<f64>> = (0..model.grid.cell_count())
         .map(|i| {

@@ -87,7 +87,7 @@ impl Press {
         }
         let mut scene = parse(&text, Path::new("press.toml"), &Files::Embedded(&[])).expect("the text is a scene");
         scene.solver.preconditioner = preconditioner;
-        let model = Model::new(&scene).expect("the grid is small enough");
+        let model = Model::new(&scene, 0).expect("the grid is small enough");
         let load = model.load_at(&scene.loads, 0.0);
         (model, load)
     }

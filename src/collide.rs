@@ -7,36 +7,73 @@
 //! then taken from f64 positions.
 //! Units: m.
 
+pub mod bodies;
 pub mod round;
 
 use crate::constraints::Law;
 use crate::instrument::{Edge, Instrument, Role};
 use crate::mesh::{Grid, Quad, Surface};
-use crate::scene::Filter;
+use crate::scene::{Filter, Plane, Who};
 use glam::DVec3;
-use parry3d::bounding_volume::{Aabb, BoundingVolume};
+use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::Vector;
 use parry3d::query::details::RayCast;
 use parry3d::query::{PointQueryWithLocation, Ray};
 use parry3d::shape::{FeatureId, TriMesh, TriMeshFlags, TrianglePointLocation};
 
-/// One contact: three rows between a tool's point and a point of the skin.
+/// A place of a deformable body: nodes and weights; fewer than three nodes repeat one with weight 0.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spot {
+    /// Node ids.
+    pub nodes: [u32; 3],
+    /// They sum to 1.
+    pub weights: [f64; 3],
+}
+
+impl Spot {
+    /// A node.
+    pub fn node(id: u32) -> Self {
+        Self { nodes: [id; 3], weights: [1.0, 0.0, 0.0] }
+    }
+}
+
+/// One contact, or one tie: three rows between two places that move.
 #[derive(Clone, Copy, Debug)]
 pub struct Contact {
-    /// Tool and sample: what a contact is called from step to step.
-    pub id: (usize, usize),
-    /// Surface triangle, node ids.
-    pub nodes: [u32; 3],
-    /// Place on it.
-    pub weights: [f64; 3],
-    /// Where the tool is touched, world, m.
+    /// The two bodies; forces act on the first along the axes and on the second against them.
+    pub on: [Who; 2],
+    /// Where on each of them, if it is deformable.
+    pub spots: [Spot; 2],
+    /// Sample of the pair: with it, what a contact is called from step to step.
+    pub feature: usize,
+    /// Where they touch, world, m.
     pub point: DVec3,
-    /// Unit directions of the three rows; motion of the tool along them, relative to the skin, is what they measure.
+    /// Unit directions of the three rows; motion of the first body along them, relative to the second, is what they measure.
     pub axes: [DVec3; 3],
-    /// Violation of row 0 at the step's start, m.
-    pub gap: f64,
+    /// Violations of the rows at the step's start, m.
+    pub gap: [f64; 3],
     /// Bounds.
     pub law: Law,
+}
+
+impl Contact {
+    /// A rigid body's sample on a place of a deformable body; rows and law are still to be set.
+    pub fn on_skin(tool: usize, feature: usize, skin: usize, spot: Spot, point: DVec3) -> Self {
+        Self {
+            on: [Who::Rigid(tool), Who::Skin(skin)],
+            spots: [Spot::default(), spot],
+            feature,
+            point,
+            axes: DVec3::AXES,
+            gap: [0.0; 3],
+            law: Law::Coulomb { friction: 0.0, bound: f64::INFINITY },
+        }
+    }
+
+    /// What it is called from step to step.
+    pub fn id(&self) -> ([Who; 2], usize) {
+        (self.on, self.feature)
+    }
 }
 
 /// Numbers of the search.
@@ -52,6 +89,14 @@ pub struct Search {
     pub filter: Filter,
 }
 
+/// A box along the world's axes, f32.
+pub use parry3d::bounding_volume::Aabb;
+
+/// The box between two corners, wider by a margin on all sides, m.
+pub fn area(low: DVec3, high: DVec3, margin: f64) -> Aabb {
+    Aabb::new(to_f32(low), to_f32(high)).loosened(margin as f32)
+}
+
 /// Box of a tool's samples over a step, widened.
 pub fn tool_box(tool: &Instrument, margin: f64) -> Aabb {
     let margin = margin + tool.round.map_or(0.0, |round| round.radius);
@@ -59,10 +104,31 @@ pub fn tool_box(tool: &Instrument, margin: f64) -> Aabb {
     Aabb::from_points(points).loosened(margin as f32)
 }
 
-/// Faces that the box may meet when no node has moved by more than `reach`.
-pub fn faces_near(grid: &Grid, surface: &Surface, area: &Aabb, reach: f64) -> Vec<Quad> {
+/// The part of a body's box that may touch a wall; none when it is clear of it.
+pub fn slab(plane: &Plane, area: &Aabb, search: &Search) -> Option<Aabb> {
+    let (through, normal) = (DVec3::from_array(plane.through), DVec3::from_array(plane.normal));
+    let (centre, half) = (area.center().as_dvec3(), area.half_extents().as_dvec3());
+    let reach = normal.abs().dot(half);
+    let gap = normal.dot(centre - through) - reach - search.alarm - search.distance;
+    if gap > 0.0 {
+        return None;
+    }
+    // along an axis that the wall is square to, only the part near it
+    let mut near = *area;
+    if let Some(axis) = (0..3).find(|n| normal[*n].abs() > 1.0 - 1e-9) {
+        let end = (through[axis] + normal[axis] * (search.alarm + search.distance)) as f32;
+        match normal[axis] > 0.0 {
+            true => near.maxs[axis] = near.maxs[axis].min(end),
+            false => near.mins[axis] = near.mins[axis].max(end),
+        }
+    }
+    Some(near)
+}
+
+/// Faces of a grid put `at` a place that the box may meet when no node has moved by more than `reach`.
+pub fn faces_near(grid: &Grid, at: DVec3, surface: &Surface, area: &Aabb, reach: f64) -> Vec<Quad> {
     let area = area.loosened(reach as f32);
-    let (low, high) = (area.mins.as_dvec3(), area.maxs.as_dvec3());
+    let (low, high) = (area.mins.as_dvec3() - at, area.maxs.as_dvec3() - at);
     if low.z > grid.thickness() || high.z < 0.0 {
         return vec![];
     }
@@ -112,6 +178,12 @@ impl Patch {
         let cells = faces.iter().flat_map(|q| [q.cell; 2]).collect();
         let corners = triangles.iter().map(|t| t.map(&position)).collect();
         Some(Self { mesh, triangles, cells, corners, origin })
+    }
+
+    /// Nearest place, and how far it is, m.
+    pub fn spot(&self, point: DVec3) -> (Spot, f64) {
+        let (triangle, weights, distance, _) = self.project(point);
+        (Spot { nodes: self.triangles[triangle], weights }, distance.abs())
     }
 
     fn place(&self, triangle: usize, weights: [f64; 3]) -> DVec3 {
@@ -166,12 +238,11 @@ impl Patch {
     }
 }
 
-/// Contacts of one tool with a patch. `travel` is how far a sample may move in the step; `resistance` gives the force per length that
-/// the tissue of a cell bears, N/m.
+/// Contacts of one tool's samples with a patch of a deformable body. `travel` is how far a sample may move in the step; `resistance`
+/// gives the force per length that the tissue of a cell bears, N/m.
 pub fn contacts(
-    number: usize,
-    tool: &Instrument,
-    patch: &Patch,
+    (number, tool): (usize, &Instrument),
+    (body, patch): (usize, &Patch),
     search: &Search,
     travel: f64,
     resistance: impl Fn(u32) -> f64,
@@ -180,29 +251,41 @@ pub fn contacts(
     for (index, sample) in tool.samples.iter().enumerate() {
         let point = tool.at(sample.position);
         let reach = search.alarm + travel;
-        let contact = match (sample.role, &tool.edge) {
+        let found = match (sample.role, &tool.edge) {
             (Role::Edge { length, .. }, Some(edge)) => {
                 edge_contact(tool, edge, patch, point, length, reach, search, &resistance)
             }
             (Role::Flat { side }, Some(edge)) => flat_contact(tool, edge, patch, point, side, reach, search),
             _ => point_contact(patch, point, reach, search),
         };
-        out.extend(contact.map(|c| Contact { id: (number, index), ..c }));
+        let on_skin = |f: Found| {
+            let contact = Contact::on_skin(number, index, body, f.spot, f.point);
+            Contact { axes: f.axes, gap: [f.gap, 0.0, 0.0], law: f.law, ..contact }
+        };
+        out.extend(found.map(on_skin));
     }
     out
 }
 
-fn frame(normal: DVec3) -> [DVec3; 3] {
+/// A sample's contact, without the names of the bodies.
+struct Found {
+    spot: Spot,
+    point: DVec3,
+    axes: [DVec3; 3],
+    gap: f64,
+    law: Law,
+}
+
+/// A normal and two directions across it.
+pub fn frame(normal: DVec3) -> [DVec3; 3] {
     let (t, s) = normal.any_orthonormal_pair();
     [normal, t, s]
 }
 
-fn point_contact(patch: &Patch, point: DVec3, reach: f64, search: &Search) -> Option<Contact> {
+fn point_contact(patch: &Patch, point: DVec3, reach: f64, search: &Search) -> Option<Found> {
     let (triangle, weights, distance, normal) = patch.project(point);
-    (distance < reach + search.distance).then(|| Contact {
-        id: (0, 0),
-        nodes: patch.triangles[triangle],
-        weights,
+    (distance < reach + search.distance).then(|| Found {
+        spot: Spot { nodes: patch.triangles[triangle], weights },
         point,
         axes: frame(normal),
         gap: distance - search.distance,
@@ -224,18 +307,15 @@ fn edge_contact(
     reach: f64,
     search: &Search,
     resistance: &impl Fn(u32) -> f64,
-) -> Option<Contact> {
+) -> Option<Found> {
     let (triangle, weights, distance, normal) = patch.project(point);
     if distance >= reach {
         return None;
     }
-    let nodes = patch.triangles[triangle];
     let bound = resistance(patch.cells[triangle]) * length;
     let [forward, along, side] = [edge.forward, edge.along, edge.normal].map(|a| tool.rotation * a);
-    let base = Contact {
-        id: (0, 0),
-        nodes,
-        weights,
+    let base = Found {
+        spot: Spot { nodes: patch.triangles[triangle], weights },
         point,
         axes: [-forward, along, side],
         gap: 0.0,
@@ -249,7 +329,7 @@ fn edge_contact(
         return None; // beside or behind the edge
     }
     let law = Law::Coulomb { friction: search.friction, bound };
-    Some(Contact { axes: frame(normal), gap: distance, law, ..base })
+    Some(Found { axes: frame(normal), gap: distance, law, ..base })
 }
 
 fn flat_contact(
@@ -260,13 +340,11 @@ fn flat_contact(
     side: f64,
     reach: f64,
     search: &Search,
-) -> Option<Contact> {
+) -> Option<Found> {
     let direction = tool.rotation * edge.normal * side;
     let (triangle, weights, distance) = patch.cast(point, direction, edge.half_thickness + reach + search.distance)?;
-    Some(Contact {
-        id: (0, 0),
-        nodes: patch.triangles[triangle],
-        weights,
+    Some(Found {
+        spot: Spot { nodes: patch.triangles[triangle], weights },
         point: point + direction * edge.half_thickness,
         axes: frame(-direction),
         gap: distance - edge.half_thickness - search.distance,

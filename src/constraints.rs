@@ -4,7 +4,8 @@
 //! bound); rows 1 and 2 are tangents, `|λ_t| ≤ μ λ_n`, opposing the slip. [`Law::Cut`]: a piece of edge inside the tissue; rows 0 and 1
 //! span the blade's plane (forward, along), row 2 is its normal, two-sided, and ends at the same bound: tissue splits sideways no later. The force in the plane opposes the motion, forward force
 //! only pushes back, and both together are at most `radius` = toughness × length (Atkins 2009: push and slice); whatever the motion, the
-//! force takes energy out. The disc is projected as friction is (true disc, no pyramid).
+//! force takes energy out. The disc is projected as friction is (true disc, no pyramid). [`Law::Hold`]: ties, with all rows held
+//! (attached, bilateral) or without the one along which something slides.
 //!
 //! [`relax`] is plain sweeps, for the haptic tick. [`solve`] adds Newton steps where sweeps close in slowly, and says what is left in
 //! newtons and metres. To 1e-8 on random `W` of 3 to 120 rows, eigenvalues over 0, 6 and 10 decades, 400 problems each: without friction
@@ -18,6 +19,8 @@
 //! Differs: a disc's rows are divided by the largest compliance of their plane, not the mean, so that sticking always converges.
 
 mod newton;
+
+use crate::math::larger;
 
 /// How the three forces of a contact are bounded.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +37,11 @@ pub enum Law {
         /// N
         radius: f64,
     },
+    /// Tied: rows that are held have no violation, whatever force that takes; the others have no force.
+    Hold {
+        /// Which of the three.
+        held: [bool; 3],
+    },
 }
 
 impl Law {
@@ -49,6 +57,7 @@ impl Law {
                 let (e, s) = onto_disc(aim[0].max(0.0), aim[1], radius);
                 [e, s, between(aim[2], -radius, radius)]
             }
+            Self::Hold { held } => [0, 1, 2].map(|k| if held[k] { aim[k] } else { 0.0 }),
         }
     }
 
@@ -58,6 +67,7 @@ impl Law {
         match self {
             Self::Coulomb { bound, .. } => force[0] >= bound * NEAR,
             Self::Cut { radius } => force[0].hypot(force[1]) >= radius * NEAR || force[2].abs() >= radius * NEAR,
+            Self::Hold { .. } => false,
         }
     }
 }
@@ -160,6 +170,11 @@ fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], floor: f64) -
                 (force[first], force[first + 1]) = onto_disc(e, s, radius);
                 force[first + 2] = between(aim(2, force), -radius, radius);
             }
+            Law::Hold { held } => {
+                for k in 0..3 {
+                    force[first + k] = if held[k] { aim(k, force) } else { 0.0 };
+                }
+            }
         }
         for k in 0..3 {
             largest = largest.max((force[first + k] - old[k]).abs());
@@ -190,11 +205,6 @@ pub fn residual(laws: &[Law], w: &[f64], free: &[f64], force: &[f64]) -> Residua
     found
 }
 
-/// `max` that keeps what is not a number.
-fn larger(a: f64, b: f64) -> f64 {
-    if a >= b { a } else { b }
-}
-
 /// `δ` of a row, m.
 fn violation(w: &[f64], free: &[f64], force: &[f64], row: usize) -> f64 {
     let line = &w[row * force.len()..(row + 1) * force.len()];
@@ -221,6 +231,7 @@ fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> Option
     Some(match law {
         Law::Coulomb { .. } => [at(0, 0), plane(1, 2), plane(1, 2)],
         Law::Cut { .. } => [plane(0, 1), plane(0, 1), at(2, 2)],
+        Law::Hold { .. } => [at(0, 0), at(1, 1), at(2, 2)],
     })
 }
 

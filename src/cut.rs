@@ -28,6 +28,21 @@ pub struct Totals {
     pub depth: f64,
 }
 
+impl Totals {
+    /// Of two wounds together.
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            hexes: self.hexes + other.hexes,
+            springs: self.springs + other.springs,
+            links: self.links + other.links,
+            area: self.area + other.area,
+            length: self.length + other.length,
+            length_top: self.length_top + other.length_top,
+            depth: self.depth.max(other.depth),
+        }
+    }
+}
+
 /// What a backend has to remove.
 #[derive(Clone, Debug, Default)]
 pub struct Removal {
@@ -110,7 +125,7 @@ impl Wound {
         if self.totals.hexes + self.open.len() > 0 {
             self.totals.length = self.all.length();
             self.totals.length_top = self.top.length();
-            self.totals.depth = model.grid.thickness() - self.all.low[2];
+            self.totals.depth = model.position[2] + model.grid.thickness() - self.all.low[2];
         }
         removal
     }

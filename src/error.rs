@@ -50,6 +50,44 @@ pub enum Error {
         path: PathBuf,
     },
 
+    /// A scene of nothing.
+    #[error("{}: the scene has no body; give it a `[skin]`, a `[[block]]`, a `[[tool]]` or a `[[rigid]]`", path.display())]
+    NoBodies {
+        /// The scene file.
+        path: PathBuf,
+    },
+
+    /// A table of compliances that a cut would make false.
+    #[error("{}: correction = \"precomputed\" knows the uncut body alone, but a tool has a blade; take \"exact\"", path.display())]
+    PrecomputedCut {
+        /// The scene file.
+        path: PathBuf,
+    },
+
+    /// An attachment across a gap.
+    #[error(
+        "the node at ({:.3}, {:.3}, {:.3}) mm is to be tied to a body that is {distance:.3} mm away from it; let the bodies touch where \
+         they are tied, or choose another region",
+        at[0],
+        at[1],
+        at[2]
+    )]
+    TiedToNothing {
+        /// mm
+        at: [f64; 3],
+        /// mm
+        distance: f64,
+    },
+
+    /// A body as its own other end.
+    #[error("{at}: \"{name}\" is tied to itself; name another body in `to`, or leave `to` away to tie it to its place")]
+    TiedToItself {
+        /// The name.
+        at: Place,
+        /// Found.
+        name: String,
+    },
+
     /// The text is not TOML.
     #[error(
         "{at}: `{text}` is not TOML ({problem}); mend this line: text in quotes, lists in [ ], tables begin with [name], repeated ones with [[name]]"

@@ -1,9 +1,10 @@
-//! A rigid tool held by a hand through a 6-DoF spring and damper.
+//! A rigid body: a tool held by a hand through a 6-DoF spring and damper, or one that nothing holds.
 //!
 //! Its step is implicit and exact (6×6): with Δ = (Δx, θ) the motion over the step,
-//! `A Δ = m v/h + K (x_hand − x) + B v_hand`, `A = m/h² + B/h + K` (and the same for rotation, with the inertia in world axes).
-//! So the tool's own part of a contact's compliance comes from its whole system, mass, damping and coupling, and λ equals the coupling
-//! force at rest. The hand carries the tool's weight.
+//! `A Δ = m v/h + m g + K (x_hand − x) + B v_hand`, `A = m/h² + B/h + K` (and the same for rotation, with the inertia in world axes).
+//! So the body's own part of a contact's compliance comes from its whole system, mass, damping and coupling, and λ equals the coupling
+//! force at rest. The hand carries a tool's weight; what no hand holds has K = B = 0 and falls. Angular momentum is what is carried from
+//! step to step, so a body that nothing touches keeps it to rounding however it tumbles.
 //! Units: m, rad, kg, N, N·m. Source: Colgate, Stanley, Brown 1995 (virtual coupling).
 
 use crate::scene::{Blade, Coupling, Pose, Round, Tool};
@@ -24,6 +25,8 @@ pub enum Role {
     },
     /// Centre of a sphere along the axis of a round tool.
     Axis,
+    /// Corner of a box.
+    Corner,
     /// One side of the blade, at half its thickness from the sample; `side` is ±1 along the blade's normal.
     Flat {
         /// ±1
@@ -75,6 +78,12 @@ pub struct Instrument {
     pub edge: Option<Edge>,
     /// For spheres and capsules.
     pub round: Option<Round>,
+    /// Half edges of a box, m.
+    pub cuboid: Option<DVec3>,
+    /// No hand holds it.
+    pub free: bool,
+    /// What pulls at its mass, m/s²: gravity, or nothing where the hand carries the weight.
+    pub gravity: DVec3,
     /// kg
     pub mass: f64,
     /// Principal, tool axes, kg·m².
@@ -105,8 +114,8 @@ pub fn rotation_vector(q: DQuat) -> DVec3 {
 }
 
 impl Instrument {
-    /// The tool at the start of its trajectory, at rest.
-    pub fn new(tool: &Tool) -> Self {
+    /// The body at the start of its trajectory.
+    pub fn new(tool: &Tool, gravity: [f64; 3]) -> Self {
         let first = tool.trajectory.first().copied().unwrap_or(Pose {
             time: 0.0,
             position: [0.0; 3],
@@ -116,14 +125,20 @@ impl Instrument {
         let mut samples: Vec<Sample> = tool.points.iter().map(point).collect();
         let edge = tool.blade.as_ref().map(|blade| Edge::new(blade, &mut samples));
         samples.extend(tool.round.iter().flat_map(axis_samples));
+        let cuboid = tool.cuboid.map(DVec3::from_array);
+        samples.extend(cuboid.iter().flat_map(|half| corners(*half)));
+        let start = tool.free.unwrap_or_default();
         Self {
             position: DVec3::from_array(first.position),
             rotation: DQuat::from_array(first.rotation),
-            velocity: DVec3::ZERO,
-            spin: DVec3::ZERO,
+            velocity: DVec3::from_array(start.velocity),
+            spin: DVec3::from_array(start.spin),
             samples,
             edge,
             round: tool.round,
+            cuboid,
+            free: tool.free.is_some(),
+            gravity: if tool.free.is_some() { DVec3::from_array(gravity) } else { DVec3::ZERO },
             mass: tool.mass,
             inertia: DVec3::from_array(tool.inertia),
             coupling: tool.coupling,
@@ -152,10 +167,10 @@ impl Instrument {
         let (to, target) = self.hand(time);
         let c = self.coupling;
         let stiffness = self.mass / (step * step) + c.damping / step + c.stiffness;
-        let push =
-            self.velocity * (self.mass / step) + (to - self.position) * c.stiffness + (to - from) * (c.damping / step);
-        let axes = DMat3::from_quat(self.rotation);
-        let inertia = axes * DMat3::from_diagonal(self.inertia) * axes.transpose();
+        let push = (self.velocity / step + self.gravity) * self.mass
+            + (to - self.position) * c.stiffness
+            + (to - from) * (c.damping / step);
+        let inertia = self.world_inertia();
         let angular =
             inertia * (1.0 / (step * step)) + DMat3::IDENTITY * (c.angular_damping / step + c.angular_stiffness);
         let twist = inertia * self.spin * (1.0 / step)
@@ -172,10 +187,23 @@ impl Instrument {
 
     /// Moves by a step's motion.
     pub fn advance(&mut self, shift: DVec3, turn: DVec3, step: f64) {
+        let momentum = self.world_inertia() * turn / step;
         self.position += shift;
         self.rotation = (DQuat::from_scaled_axis(turn) * self.rotation).normalize();
         self.velocity = shift / step;
-        self.spin = turn / step;
+        self.spin = self.world_inertia().inverse() * momentum;
+    }
+
+    /// Inertia in world axes, kg·m².
+    pub fn world_inertia(&self) -> DMat3 {
+        let axes = DMat3::from_quat(self.rotation);
+        axes * DMat3::from_diagonal(self.inertia) * axes.transpose()
+    }
+
+    /// Largest distance of a sample from the origin of the body, its radius included, m.
+    pub fn span(&self) -> f64 {
+        let samples = self.samples.iter().map(|s| s.position.length());
+        samples.fold(0.0, f64::max) + self.round.map_or(0.0, |round| round.radius)
     }
 
     /// A point of the tool frame in the world.
@@ -190,6 +218,12 @@ fn axis_samples(round: &Round) -> Vec<Sample> {
     let pieces = (a.distance(b) / round.radius).ceil().min(MOST_PIECES) as u32;
     let place = |k: u32| a.lerp(b, f64::from(k) / f64::from(pieces.max(1)));
     (0..=pieces).map(|k| Sample { position: place(k), role: Role::Axis }).collect()
+}
+
+fn corners(half: DVec3) -> impl Iterator<Item = Sample> {
+    let sign = |bit: u32| if bit == 1 { 1.0 } else { -1.0 };
+    let place = move |k: u32| half * DVec3::new(sign(k & 1), sign(k >> 1 & 1), sign(k >> 2));
+    (0..8).map(move |k| Sample { position: place(k), role: Role::Corner })
 }
 
 impl Edge {
@@ -250,9 +284,11 @@ mod tests {
             }),
             points: vec![],
             round: None,
+            cuboid: None,
+            free: None,
             coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },
             trajectory: vec![pose(0.0, 0.0), pose(0.01, 0.001)],
-        })
+        }, [0.0, 0.0, -9.81])
     }
 
     #[test]

@@ -104,6 +104,11 @@ pub fn widen<R: Real>(a: &[V4<R>]) -> Vec<V4<f64>> {
     a.iter().map(|v| v.map(Real::f64)).collect()
 }
 
+/// `max` that keeps what is not a number.
+pub fn larger(a: f64, b: f64) -> f64 {
+    if a >= b { a } else { b }
+}
+
 /// Root of the sum of squares of a field's components, the fourth left out.
 pub fn norm(a: &[V4<f64>]) -> f64 {
     a.iter().map(|v| v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sum::<f64>().sqrt()

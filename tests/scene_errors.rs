@@ -197,14 +197,14 @@ fn full_scene_is_read_in_si() {
     assert_eq!(scene.solver.preconditioner, Preconditioner::Block);
     assert_eq!((scene.solver.tolerance, scene.solver.floor), (1e-4, 2e-7));
     assert_eq!((scene.solver.max_iterations, scene.solver.true_residual_every), (500, 10));
-    let skin = &scene.skin;
+    let skin = &scene.skins[0];
     assert_eq!((skin.size, skin.cells), ([0.04, 0.02], [8, 4]));
     assert!(matches!(skin.law, Law::Fem { element: Element::Bbar, corotational: false }));
     assert_eq!((skin.rayleigh_mass, skin.rayleigh_stiffness), (0.02, 0.03));
     assert_eq!((skin.velocity, skin.displacement), ([0.0, 0.0, 0.1], [1e-3, 0.0, 0.0]));
     for (word, wanted) in [("enhanced", Element::Enhanced), ("plain", Element::Plain)] {
         let other = parsed(&FULL.replace("\"bbar\"", &format!("\"{word}\""))).expect("a known brick");
-        assert!(matches!(other.skin.law, Law::Fem { element, .. } if element == wanted), "{word}");
+        assert!(matches!(other.skins[0].law, Law::Fem { element, .. } if element == wanted), "{word}");
     }
     let names: Vec<&str> = skin.layers.iter().map(|layer| layer.name.as_str()).collect();
     assert_eq!(names, ["hypodermis", "dermis", "epidermis"]);
@@ -229,9 +229,9 @@ fn full_scene_keeps_boundaries_loads_and_outputs() {
     assert_eq!((load.pressure, load.start, load.end), (1500.0, 0.1, 0.2));
     assert_eq!((load.min, load.max), ([-0.02, -0.01], [0.0, 0.01]));
     let point = [0.0, 0.0, 2.5e-3];
-    assert_eq!(scene.probes[0].kind, ProbeKind::Displacement { point, axis: 0 });
+    assert_eq!(scene.probes[0].kind, ProbeKind::Displacement { body: 0, point, axis: 0 });
     let region = Region::SidesX;
-    assert_eq!(scene.probes[1].kind, ProbeKind::Reaction { region, axis: 2 });
+    assert_eq!(scene.probes[1].kind, ProbeKind::Reaction { body: 0, region, axis: 2 });
     let check = &scene.checks[0];
     assert_eq!((check.key.as_str(), check.min, check.max), ("contact_force_n_max", 0.1, 2.0));
     assert_eq!((scene.checks[1].min, scene.checks[1].max), (f64::NEG_INFINITY, 0.01));
@@ -264,7 +264,7 @@ fn regions_hold_the_nodes_they_name() {
     ];
     for (keys, inside, outside) in cases {
         let scene = parsed(&with_region(keys)).unwrap_or_else(|e| panic!("{keys}: {e}"));
-        let holds = |p| scene.boundaries[0].region.holds(p, scene.skin.size, 2.5e-3);
+        let holds = |p| scene.boundaries[0].region.holds(p, scene.skins[0].size, 2.5e-3);
         assert!(holds(inside) && !holds(outside), "{keys}");
     }
 }
@@ -327,8 +327,8 @@ const SMALL: &str = "title = 'a'\n[time]\nstep_ms = 1\nduration_s = 1\n[skin]\ns
 #[test]
 fn absent_tables_have_defaults() {
     let scene = parsed(SMALL).expect("SMALL is valid");
-    assert_eq!(scene.skin.layers[0].young, 0.0, "unused by springs");
-    assert!(matches!(scene.skin.law, Law::Springs { stiffness: 5.0, damping: 0.0 }));
+    assert_eq!(scene.skins[0].layers[0].young, 0.0, "unused by springs");
+    assert!(matches!(scene.skins[0].law, Law::Springs { stiffness: 5.0, damping: 0.0 }));
     assert_eq!(scene.time.gravity, [0.0, 0.0, -9.81]);
     assert_eq!(scene.solver.preconditioner, Preconditioner::Column);
     assert!(scene.contact.is_none() && scene.tools.is_empty() && scene.test.is_none());
@@ -348,7 +348,7 @@ fn direct_is_for_bricks() {
     // the command line can ask for it after the scene was read
     let mut scene = parsed(SMALL).expect("SMALL is valid");
     scene.solver.preconditioner = Preconditioner::Direct;
-    let error = cutis::model::Model::new(&scene).expect_err("springs");
+    let error = cutis::model::Model::new(&scene, 0).expect_err("springs");
     says(
         &error.to_string(),
         "the direct solver is for bricks; this skin is of springs; take the preconditioner column",

@@ -35,7 +35,7 @@ fn scene(path: &Path) -> Scene {
 /// The scene with the cells of its `[test]` table, and the steps to run.
 fn test_form(mut scene: Scene) -> Option<(Scene, u32)> {
     let form = scene.test?;
-    scene.skin.cells = form.cells.unwrap_or(scene.skin.cells);
+    scene.skins[0].cells = form.cells.unwrap_or(scene.skins[0].cells);
     scene.view.frames = 0;
     let all = report::run::whole(&scene);
     Some((scene, form.steps.unwrap_or(all)))
@@ -90,7 +90,7 @@ fn every_test_form_runs_without_a_warning_and_passes_its_checks() {
 fn a_failing_check_is_noticed() {
     let (mut scene, steps) =
         test_form(scene(&folder().join("verify/confined_column_045.toml"))).expect("it has a [test] table");
-    scene.skin.layers[0].poisson = 0.451;
+    scene.skins[0].layers[0].poisson = 0.451;
     let outcome = std::panic::catch_unwind(|| run("a wrong column", &scene, steps));
     let message = outcome.expect_err("0.001 of ν fails the check");
     assert!(message.downcast_ref::<String>().is_some_and(|m| m.contains("probes.top_reaction")));

@@ -121,13 +121,17 @@ fn surface_points(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> BTreeMap<
     points
 }
 
+/// Number of a surface point among a tool's contacts, after those of its own samples.
+fn point_id(tool: &Instrument, i: u32, j: u32) -> usize {
+    tool.samples.len() + ((i as usize) << 32 | j as usize)
+}
+
 /// Contacts of one round tool with the faces near it, of which `patch` is made; `position` says where a node is now.
 pub fn contacts(
-    number: usize,
-    tool: &Instrument,
+    (number, tool): (usize, &Instrument),
     round: &Round,
+    (body, patch): (usize, &Patch),
     faces: &[Quad],
-    patch: &Patch,
     position: &impl Fn(u32) -> DVec3,
     search: &Search,
     free: &Free,
@@ -135,14 +139,11 @@ pub fn contacts(
     let sweep = Sweep::new(tool, round, free);
     let reach = search.alarm + search.distance;
     let (nearest, out) = nearest_places(tool, patch, &sweep, reach);
-    let made = |index: usize, (nodes, weights): Spot, touch: &Touch| Contact {
-        id: (number, index),
-        nodes,
-        weights,
-        point: touch.axis - touch.normal * sweep.radius,
-        axes: frame(touch.normal),
-        gap: touch.gap - search.distance,
-        law: Law::Coulomb { friction: search.friction, bound: f64::INFINITY },
+    let made = |index: usize, (nodes, weights): Spot, touch: &Touch| {
+        let point = touch.axis - touch.normal * sweep.radius;
+        let contact = Contact::on_skin(number, index, body, super::Spot { nodes, weights }, point);
+        let law = Law::Coulomb { friction: search.friction, bound: f64::INFINITY };
+        Contact { axes: frame(touch.normal), gap: [touch.gap - search.distance, 0.0, 0.0], law, ..contact }
     };
     if search.filter == Filter::One {
         let deepest = nearest.iter().min_by(|a, b| a.2.gap.total_cmp(&b.2.gap));
@@ -150,14 +151,14 @@ pub fn contacts(
     }
     let mut found = vec![];
     let mut places = vec![];
-    for (k, ((i, j), outward)) in surface_points(faces, position).into_iter().enumerate() {
+    for ((i, j), outward) in surface_points(faces, position) {
         let p = (position(i) + position(j)) * 0.5;
         let touch = match out {
             Some(out) => sweep.buries(p, out),
             None => sweep.meets(p, reach),
         };
         if let Some(touch) = touch.filter(|t| t.normal.dot(outward) > FACING * outward.length()) {
-            found.push(made(tool.samples.len() + k, ([i, j, j], [0.5, 0.5, 0.0]), &touch));
+            found.push(made(point_id(tool, i, j), ([i, j, j], [0.5, 0.5, 0.0]), &touch));
             places.push(p);
         }
     }

@@ -21,7 +21,11 @@ pub const MAX_LAYERS: usize = 21;
 /// A deformable body on a grid.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// Geometry.
+    /// Number in the scene's list of deformable bodies.
+    pub body: usize,
+    /// Where the middle of the grid's bottom is at rest, m.
+    pub position: [f64; 3],
+    /// Geometry, around its own origin.
     pub grid: Grid,
     /// `[layer]` cell edges m and the mass that a cell gives each corner, kg.
     pub shape: Vec<[f64; 4]>,
@@ -83,13 +87,13 @@ pub struct State {
 }
 
 impl Model {
-    /// Builds the arrays of a scene's skin.
+    /// Builds the arrays of a scene's deformable body of that number.
     ///
     /// # Errors
     /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach; [`Error::Usage`] for
     /// multigrid or the direct solver on springs.
-    pub fn new(scene: &Scene) -> Result<Self> {
-        let skin = &scene.skin;
+    pub fn new(scene: &Scene, body: usize) -> Result<Self> {
+        let skin = &scene.skins[body];
         let grid = Grid::new(skin);
         if skin.layers.len() > MAX_LAYERS {
             return Err(Error::TooLarge {
@@ -144,7 +148,7 @@ impl Model {
             free.iter_mut().for_each(|f| f[3] = each);
         }
         let mut held = vec![[0.0; 3]; count];
-        for boundary in &scene.boundaries {
+        for boundary in scene.boundaries.iter().filter(|b| b.body == body) {
             for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
                 for axis in (0..3).filter(|a| boundary.axes[*a]) {
                     free[node][axis] = 0.0;
@@ -163,7 +167,9 @@ impl Model {
         Ok(Self {
             multigrid,
             direct: scene.solver.preconditioner == Preconditioner::Direct,
-            rest: (0..count).map(|n| grid.rest(n)).collect(),
+            rest: (0..count).map(|n| [0, 1, 2].map(|a| grid.rest(n)[a] + skin.position[a])).collect(),
+            position: skin.position,
+            body,
             shape,
             stiffness,
             springs,
@@ -250,10 +256,10 @@ impl Model {
         let params = self.grid.params::<f64>();
         let top = self.grid.nodes[2] - 1;
         let [cells_x, cells_y, _] = self.grid.cells;
-        for load in loads.iter().filter(|l| time >= l.start && time < l.end) {
+        for load in loads.iter().filter(|l| l.body == self.body && time >= l.start && time < l.end) {
             for j in 0..cells_y {
                 for i in 0..cells_x {
-                    let low = self.rest[params.node_id([i, j, top])];
+                    let low = self.grid.rest(params.node_id([i, j, top]));
                     let share = |axis: usize| {
                         let edge = self.grid.edge[axis];
                         let a = ((load.min[axis] - low[axis]) / edge).clamp(0.0, 1.0);

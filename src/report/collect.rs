@@ -22,11 +22,11 @@ pub(super) struct Collector {
 impl Collector {
     /// Nothing stepped yet.
     pub fn new(scene: &Scene, simulation: &Simulation) -> Self {
-        let model = &simulation.model;
+        let models = || simulation.bodies.iter().map(|body| &body.model);
         let device = simulation.device();
         let on_gpu = device.backend == "gpu";
-        let constant = host_bytes(model);
-        let springs = model.springs.as_ref().map_or(0, |s| s.ends.len());
+        let constant: u64 = models().map(host_bytes).sum();
+        let of_bricks = || models().filter(|m| m.springs.is_none());
         let kind = match scene.solver.preconditioner {
             Preconditioner::None => "cg",
             _ => "pcg",
@@ -39,13 +39,10 @@ impl Collector {
                 false => format!("{}, {}", device.adapter, device.precision),
             },
             driver: device.driver,
-            nodes: model.grid.node_count(),
-            hexes: match springs {
-                0 => model.grid.cell_count(),
-                _ => 0,
-            },
-            springs,
-            dof: super::inspect::degrees_of_freedom(model),
+            nodes: models().map(|m| m.grid.node_count()).sum(),
+            hexes: of_bricks().map(|m| m.grid.cell_count()).sum(),
+            springs: models().flat_map(|m| &m.springs).map(|s| s.ends.len()).sum(),
+            dof: models().map(super::inspect::degrees_of_freedom).sum(),
             step_s: scene.time.step,
             solver: SolverReport {
                 kind: kind.into(),
@@ -88,8 +85,8 @@ impl Collector {
         if let Some(residual) = step.true_residual {
             r.solver.residual_true = Some(r.solver.residual_true.unwrap_or(0.0).max(residual));
         }
-        r.contacts_max = r.contacts_max.max(step.contact.count);
-        if step.contact.count > 0 {
+        r.contacts_max = r.contacts_max.max(step.contact.count());
+        if step.contact.count() > 0 {
             self.touching += 1;
             self.passes += u64::from(step.contact.passes);
             r.contact.passes_max = r.contact.passes_max.max(step.contact.passes);

@@ -5,11 +5,12 @@
 //! by the peak force.
 
 use super::collect::force_on_tools;
-use super::run::non_finite;
-use crate::backend::{Device, Snapshot};
-use crate::error::Result;
-use crate::scene::{Load, Mass, Scene};
-use crate::step::{Place, Simulation};
+use super::run::{non_finite, snapshots};
+use crate::backend::Device;
+use crate::error::{Error, Result};
+use crate::math::V4;
+use crate::scene::{Load, Mass, Scene, Skin};
+use crate::step::{Body, Place, Simulation};
 
 /// Pressure on the middle of the top, Pa; presses the incision's skin by about a tenth of its thickness.
 const PRESSURE: f64 = 10e3;
@@ -70,6 +71,12 @@ pub struct Comparison {
 /// # Errors
 /// For no adapter or a scene too large.
 pub fn compare(scene: &Scene, adapter: Option<&str>, steps: u32, stage: &mut dyn FnMut(&str)) -> Result<Comparison> {
+    if scene.skins.is_empty() {
+        return Err(Error::Usage {
+            what: "a comparison of GPU and CPU path on a scene of rigid bodies alone, which the CPU moves".into(),
+            fix: "compare a scene with a `[skin]` or a `[[block]]`".into(),
+        });
+    }
     let gpu = Place::Gpu(adapter.map(String::from));
     let mut rows = vec![];
     for (tolerance, bound) in [(TIGHT, TIGHT_BOUND), (scene.solver.tolerance, OWN_BOUND)] {
@@ -79,13 +86,13 @@ pub fn compare(scene: &Scene, adapter: Option<&str>, steps: u32, stage: &mut dyn
         stage(&format!("pressing the patch, solved to {tolerance:e}, on the CPU"));
         let on_cpu = after(&pressed, &Place::Cpu64)?;
         let name = format!("largest displacement under 10 kPa, solved to {tolerance:e} (mm; difference of fields)");
-        let largest = largest(&on_cpu.u);
+        let largest = largest(&on_cpu);
         let apart: Vec<[f64; 4]> =
-            on_gpu.u.iter().zip(&on_cpu.u).map(|(a, b)| std::array::from_fn(|n| a[n] - b[n])).collect();
+            on_gpu.iter().zip(&on_cpu).map(|(a, b)| std::array::from_fn(|n| a[n] - b[n])).collect();
         rows.push(Row {
             name,
             cpu: largest * 1e3,
-            gpu: self::largest(&on_gpu.u) * 1e3,
+            gpu: self::largest(&on_gpu) * 1e3,
             difference: ratio(self::largest(&apart), largest),
             bound,
         });
@@ -98,25 +105,28 @@ pub fn compare(scene: &Scene, adapter: Option<&str>, steps: u32, stage: &mut dyn
     Ok(Comparison { gpu: on_gpu.device, cpu: on_cpu.device, steps, rows })
 }
 
-/// The scene without tools under a pressure on the middle of its top.
+/// The deformable bodies alone under a pressure on the middle of their tops.
 fn pressed(scene: &Scene, tolerance: f64) -> Scene {
-    let half = |axis: usize| HALF_SIDE.min(0.5 * scene.skin.size[axis]);
-    let max = [half(0), half(1)];
-    let load = Load { pressure: PRESSURE, min: max.map(|m| -m), max, start: 0.0, end: f64::INFINITY };
+    let load = |(body, skin): (usize, &Skin)| {
+        let max = skin.size.map(|size| HALF_SIDE.min(0.5 * size));
+        Load { body, pressure: PRESSURE, min: max.map(|m| -m), max, start: 0.0, end: f64::INFINITY }
+    };
     let mut pressed = scene.clone();
     (pressed.tools, pressed.contact, pressed.probes) = (vec![], None, vec![]);
-    pressed.loads = vec![load];
+    (pressed.planes, pressed.attachments) = (vec![], vec![]);
+    pressed.loads = scene.skins.iter().enumerate().map(load).collect();
     pressed.solver.tolerance = tolerance;
     pressed.solver.floor = 0.0;
     pressed
 }
 
-fn after(scene: &Scene, place: &Place) -> Result<Snapshot> {
+/// `[node of all bodies]` displacements, m.
+fn after(scene: &Scene, place: &Place) -> Result<Vec<V4<f64>>> {
     let mut simulation = Simulation::new(scene, place)?;
     for _ in 0..PRESSED_STEPS {
         simulation.step(false)?;
     }
-    simulation.snapshot()
+    Ok(snapshots(&mut simulation)?.into_iter().flat_map(|s| s.u).collect())
 }
 
 /// Longest vector, m; NaN when one is not finite.
@@ -148,9 +158,9 @@ impl Outcome {
         for _ in 0..steps {
             peak_force = peak_force.max(force_on_tools(&simulation.step(false)?));
         }
-        let state = simulation.snapshot()?;
-        let mass: f64 = state.free.iter().map(|f| f[3]).sum();
-        let expected = expected_mass(&simulation);
+        let state = snapshots(&mut simulation)?;
+        let mass: f64 = state.iter().flat_map(|s| &s.free).map(|f| f[3]).sum();
+        let expected = simulation.bodies.iter().map(expected_mass).sum::<f64>();
         let totals = simulation.totals();
         Ok(Self {
             device: simulation.device(),
@@ -158,22 +168,22 @@ impl Outcome {
             removed: totals.hexes + totals.springs,
             mass_error: ratio(mass - expected, expected),
             mass,
-            non_finite: non_finite(&state),
+            non_finite: state.iter().map(non_finite).sum(),
         })
     }
 }
 
 /// Mass that the host's account of the cut leaves, kg: of the live cells; of springs and of uniform masses, of the
 /// nodes that are left.
-fn expected_mass(simulation: &Simulation) -> f64 {
-    let model = &simulation.model;
+fn expected_mass(body: &Body) -> f64 {
+    let Body { model, wound, .. } = body;
     if model.springs.is_some() || model.mass == Mass::Uniform {
-        return simulation.wound.free.iter().map(|f| f[3]).sum();
+        return wound.free.iter().map(|f| f[3]).sum();
     }
     let params = model.grid.params::<f64>();
     let layer = |cell: usize| model.grid.layer_of[params.cell_at(cell)[2]] as usize;
-    let alive = &simulation.wound.surface.alive;
-    (0..model.grid.cell_count()).filter(|c| alive[*c]).map(|c| 8.0 * model.shape[layer(c)][3]).sum()
+    let live = (0..model.grid.cell_count()).filter(|c| wound.surface.alive[*c]);
+    live.map(|c| 8.0 * model.shape[layer(c)][3]).sum()
 }
 
 fn outcome_rows(cpu: &Outcome, gpu: &Outcome) -> Vec<Row> {

@@ -10,8 +10,9 @@ use super::Report;
 use super::frames::{self, SkinSurface};
 use crate::backend::Snapshot;
 use crate::error::{Error, Result};
+use crate::math::V4;
 use crate::output::{Field, Series, Table, replace, write_hexes, write_triangles};
-use crate::scene::{ProbeKind, Scene};
+use crate::scene::Scene;
 use crate::step::{Simulation, StepReport};
 use std::path::{Path, PathBuf};
 
@@ -57,10 +58,7 @@ impl Folder {
         remove_old(path);
         let contact = scene.contact.is_some();
         let mut columns = vec!["time_s".to_string()];
-        columns.extend(scene.probes.iter().map(|p| match p.kind {
-            ProbeKind::Displacement { .. } => format!("{}_m", p.name),
-            ProbeKind::Reaction { .. } => format!("{}_n", p.name),
-        }));
+        columns.extend(scene.probes.iter().map(|p| format!("{}_{}", p.name, p.kind.unit())));
         if contact {
             columns.extend(["contacts", "contact_force_n", "links_cut"].map(String::from));
         }
@@ -81,7 +79,7 @@ impl Folder {
         row.extend(&step.probes);
         if self.contact {
             let force = super::collect::force_on_tools(step);
-            row.extend([step.contact.count as f64, force, f64::from(step.severed)]);
+            row.extend([step.contact.count() as f64, force, f64::from(step.severed)]);
         }
         self.probes.row(&row)?;
         self.probes.flush() // a step takes milliseconds, a flush microseconds
@@ -92,7 +90,7 @@ impl Folder {
         &mut self,
         scene: &Scene,
         simulation: &Simulation,
-        state: &Snapshot,
+        state: &[Snapshot],
         step: &StepReport,
     ) -> Result<()> {
         if self.frame_count == 0 {
@@ -127,29 +125,38 @@ impl Folder {
     }
 }
 
-fn three(values: &[[f64; 4]]) -> Vec<[f64; 3]> {
-    values.iter().map(|v| [v[0], v[1], v[2]]).collect()
+/// A field over the nodes of all bodies.
+fn joined(state: &[Snapshot], field: fn(&Snapshot) -> &Vec<V4<f64>>) -> Vec<[f64; 3]> {
+    state.iter().flat_map(field).map(|v| [v[0], v[1], v[2]]).collect()
 }
 
 /// Live cells at displaced positions; nodes without a live cell stay in the file, unused.
-fn write_volume(path: &Path, simulation: &Simulation, state: &Snapshot) -> Result<()> {
-    let grid = &simulation.model.grid;
-    let params = grid.params::<f64>();
-    let alive = &simulation.wound.surface.alive;
-    let live = (0..grid.cell_count()).filter(|cell| alive[*cell]);
-    let layer = |cell: usize| f64::from(grid.layer_of[params.cell_at(cell)[2]]);
-    let layers: Vec<f64> = live.clone().map(layer).collect();
-    let cells: Vec<[u32; 8]> = live.map(|cell| params.corners(cell).map(|n| n as u32)).collect();
+fn write_volume(path: &Path, simulation: &Simulation, state: &[Snapshot]) -> Result<()> {
+    let (mut cells, mut layers, mut bodies) = (vec![], vec![], vec![]);
+    let mut first = 0;
+    for (number, body) in simulation.bodies.iter().enumerate() {
+        let grid = &body.model.grid;
+        let params = grid.params::<f64>();
+        for cell in (0..grid.cell_count()).filter(|cell| body.wound.surface.alive[*cell]) {
+            cells.push(params.corners(cell).map(|n| first + n as u32));
+            layers.push(f64::from(grid.layer_of[params.cell_at(cell)[2]]));
+            bodies.push(number as f64);
+        }
+        first += grid.node_count() as u32;
+    }
     write_hexes(
         path,
         &frames::positions(simulation, state),
         &cells,
-        &[("displacement_m", Field::Vectors(&three(&state.u))), ("velocity_m_s", Field::Vectors(&three(&state.v)))],
-        &[("layer", Field::Scalars(&layers))],
+        &[
+            ("displacement_m", Field::Vectors(&joined(state, |s| &s.u))),
+            ("velocity_m_s", Field::Vectors(&joined(state, |s| &s.v))),
+        ],
+        &[("layer", Field::Scalars(&layers)), ("body", Field::Scalars(&bodies))],
     )
 }
 
-fn write_surface(path: &Path, skin: &SkinSurface, state: &Snapshot) -> Result<()> {
+fn write_surface(path: &Path, skin: &SkinSurface, state: &[Snapshot]) -> Result<()> {
     let mut used: Vec<u32> = skin.triangles.as_flattened().to_vec();
     used.sort_unstable();
     used.dedup();
@@ -157,8 +164,8 @@ fn write_surface(path: &Path, skin: &SkinSurface, state: &Snapshot) -> Result<()
     let triangles: Vec<[u32; 3]> = skin.triangles.iter().map(|t| t.map(new_id)).collect();
     let pick = |values: &[[f64; 3]]| used.iter().map(|n| values[*n as usize]).collect();
     let points: Vec<[f64; 3]> = pick(&skin.positions);
-    let (u, v): (Vec<_>, Vec<_>) = (pick(&three(&state.u)), pick(&three(&state.v)));
-    let layers: Vec<f64> = skin.layers.iter().map(|l| f64::from(*l)).collect();
+    let (u, v): (Vec<_>, Vec<_>) = (pick(&joined(state, |s| &s.u)), pick(&joined(state, |s| &s.v)));
+    let layers: Vec<f64> = skin.layers.iter().map(|[_, layer]| f64::from(*layer)).collect();
     write_triangles(
         path,
         &points,

@@ -15,31 +15,36 @@ const STEEL_SHININESS: f64 = 90.0;
 /// Highlight of moist skin.
 const SKIN_SHININESS: f64 = 14.0;
 
-/// The skin's surface as it is now.
+/// The surface of the deformable bodies as it is now.
 pub struct SkinSurface {
     /// `[node]` m
     pub positions: Vec<[f64; 3]>,
     /// `[triangle]` node ids
     pub triangles: Vec<[u32; 3]>,
-    /// `[triangle]` layer of the cell behind it
-    pub layers: Vec<u32>,
+    /// `[triangle]` body and layer of the cell behind it
+    pub layers: Vec<[u32; 2]>,
     /// `[line]` node ids, each edge of a boundary face once
     pub edges: Vec<[u32; 2]>,
 }
 
 impl SkinSurface {
     /// Boundary faces of the live cells at displaced positions.
-    pub fn new(simulation: &Simulation, state: &Snapshot) -> Self {
-        let model = &simulation.model;
-        let params = model.grid.params::<f64>();
+    pub fn new(simulation: &Simulation, state: &[Snapshot]) -> Self {
         let positions = positions(simulation, state);
         let (mut triangles, mut layers, mut edges) = (vec![], vec![], vec![]);
-        for quad in simulation.wound.surface.all() {
-            let level = params.cell_at(quad.cell as usize)[2];
-            triangles.extend(quad.triangles());
-            layers.extend([model.grid.layer_of[level]; 2]);
-            let n = quad.nodes;
-            edges.extend([[0, 1], [1, 2], [2, 3], [3, 0]].map(|[a, b]: [usize; 2]| [n[a].min(n[b]), n[a].max(n[b])]));
+        let mut first = 0;
+        for (number, body) in simulation.bodies.iter().enumerate() {
+            let grid = &body.model.grid;
+            let params = grid.params::<f64>();
+            for quad in body.wound.surface.all() {
+                let level = params.cell_at(quad.cell as usize)[2];
+                triangles.extend(quad.triangles().map(|t| t.map(|n| first + n)));
+                layers.extend([[number as u32, grid.layer_of[level]]; 2]);
+                let n = quad.nodes.map(|n| first + n);
+                let sides = [[0, 1], [1, 2], [2, 3], [3, 0]];
+                edges.extend(sides.map(|[a, b]: [usize; 2]| [n[a].min(n[b]), n[a].max(n[b])]));
+            }
+            first += grid.node_count() as u32;
         }
         edges.sort_unstable();
         edges.dedup();
@@ -47,15 +52,16 @@ impl SkinSurface {
     }
 }
 
-/// `[node]` displaced positions, m.
-pub(super) fn positions(simulation: &Simulation, state: &Snapshot) -> Vec<[f64; 3]> {
-    let moved = simulation.model.rest.iter().zip(&state.u);
+/// `[node]` displaced positions of all bodies, m.
+pub(super) fn positions(simulation: &Simulation, state: &[Snapshot]) -> Vec<[f64; 3]> {
+    let bodies = simulation.bodies.iter().zip(state);
+    let moved = bodies.flat_map(|(body, state)| body.model.rest.iter().zip(&state.u));
     moved.map(|(x, u)| std::array::from_fn(|n| x[n] + u[n])).collect()
 }
 
 /// Draws the scene as its view says.
 pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Image {
-    let color = |layer: &u32| scene.skin.layers[*layer as usize].color;
+    let color = |[body, layer]: &[u32; 2]| scene.skins[*body as usize].layers[*layer as usize].color;
     let colors: Vec<[u8; 3]> = skin.layers.iter().map(color).collect();
     let place = |(tool, now): (&Tool, &Instrument)| {
         let at = |p: &[f64; 3]| now.at(glam::DVec3::from_array(*p)).to_array();

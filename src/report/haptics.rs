@@ -49,9 +49,10 @@ struct Device {
 }
 
 impl Haptics {
-    /// Devices that rest at their hands; none without tools.
+    /// Devices that rest at their hands; none without tools that a hand holds.
     pub fn new(simulation: &Simulation, folder: &Path) -> Result<Option<Self>> {
-        if simulation.tools.is_empty() {
+        let held = || simulation.tools.iter().take_while(|tool| !tool.free);
+        if held().next().is_none() {
             return Ok(None);
         }
         let device = |tool: &Instrument| {
@@ -64,7 +65,7 @@ impl Haptics {
             }
         };
         Ok(Some(Self {
-            devices: simulation.tools.iter().map(device).collect(),
+            devices: held().map(device).collect(),
             table: Table::create(&folder.join("haptic.csv"), &COLUMNS)?,
             tick_number: 0,
             force_max: 0.0,

@@ -46,13 +46,13 @@ pub struct Count {
 }
 
 /// A scene laid open.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, Default, Serialize)]
 pub struct Plan {
     /// Scene file.
     pub scene: String,
-    /// Nodes of the body.
+    /// Nodes of the deformable bodies.
     pub nodes: usize,
-    /// Cells of its grid.
+    /// Cells of their grids.
     pub cells: usize,
     /// Springs; 0 for bricks.
     pub springs: usize,
@@ -66,7 +66,7 @@ pub struct Plan {
     pub arrays: Vec<Array>,
     /// Kernels that are compiled.
     pub kernels: Vec<&'static str>,
-    /// Kernel launches.
+    /// Kernel launches, body by body.
     pub dispatches: Vec<Count>,
     /// Times that the host waits for values.
     pub read_backs: Vec<Count>,
@@ -83,33 +83,40 @@ pub struct Plan {
 /// # Errors
 /// When the scene is too large for 32-bit indices, or a kernel is not valid.
 pub fn inspect(scene: &Scene) -> Result<Plan> {
-    let model = Model::new(scene)?;
-    let needs = needs(scene);
-    let solver = scene.solver;
-    let backend =
-        GpuBackend::new(Gpu::dry()?, &model, needs, solver.max_iterations, solver.floor, &start(scene, &model))?;
-    let arrays: Vec<Array> = backend
-        .gpu()
-        .arrays()
-        .into_iter()
-        .map(|Made { name, purpose, elements, bytes }| Array { name, purpose, elements, bytes })
-        .collect();
-    Ok(Plan {
+    let mut plan = Plan {
         scene: scene.file.display().to_string(),
-        nodes: model.grid.node_count(),
-        cells: model.grid.cell_count(),
-        springs: model.springs.as_ref().map_or(0, |s| s.ends.len()),
-        dof: degrees_of_freedom(&model),
         steps: super::run::whole(scene),
-        right_hand_sides: needs.slots(),
-        shares: shares(&arrays, model.grid.cell_count()),
-        device_bytes: arrays.iter().map(|a| a.bytes).sum(),
-        arrays,
-        kernels: backend.gpu().kernels(),
-        dispatches: dispatches(scene, &model, backend.launches()),
         read_backs: read_backs(scene),
-        host_bytes: host_bytes(&model),
-    })
+        ..Plan::default()
+    };
+    for number in 0..scene.skins.len() {
+        add_body(&mut plan, scene, &Model::new(scene, number)?)?;
+    }
+    plan.shares = shares(&plan.arrays, plan.cells);
+    plan.device_bytes = plan.arrays.iter().map(|a| a.bytes).sum();
+    Ok(plan)
+}
+
+/// What one deformable body adds.
+fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
+    let (needs, solver) = (needs(scene, model), scene.solver);
+    let start = start(scene, model);
+    let backend = GpuBackend::new(Gpu::dry()?, model, needs, solver.max_iterations, solver.floor, &start)?;
+    plan.nodes += model.grid.node_count();
+    plan.cells += model.grid.cell_count();
+    plan.springs += model.springs.as_ref().map_or(0, |s| s.ends.len());
+    plan.dof += degrees_of_freedom(model);
+    plan.right_hand_sides = plan.right_hand_sides.max(needs.slots());
+    plan.host_bytes += host_bytes(model);
+    let made = backend.gpu().arrays().into_iter();
+    plan.arrays.extend(made.map(|Made { name, purpose, elements, bytes }| Array { name, purpose, elements, bytes }));
+    for kernel in backend.gpu().kernels() {
+        if !plan.kernels.contains(&kernel) {
+            plan.kernels.push(kernel);
+        }
+    }
+    plan.dispatches.extend(dispatches(scene, model, backend.launches()));
+    Ok(())
 }
 
 /// Arrays whose size does not follow the grid.s: uniforms, and those of the probe.
@@ -146,12 +153,10 @@ fn cuts(scene: &Scene) -> bool {
     scene.tools.iter().any(|t| t.blade.is_some())
 }
 
+/// Kinds of probes that ask the backend.
 fn probes(scene: &Scene) -> u32 {
-    let kind = |reaction: bool| {
-        let is = |p: &ProbeKind| matches!(p, ProbeKind::Reaction { .. }) == reaction;
-        u32::from(scene.probes.iter().any(|p| is(&p.kind)))
-    };
-    kind(true) + kind(false)
+    let any = |is: fn(&ProbeKind) -> bool| u32::from(scene.probes.iter().any(|p| is(&p.kind)));
+    any(|k| matches!(k, ProbeKind::Reaction { .. })) + any(|k| matches!(k, ProbeKind::Displacement { .. }))
 }
 
 fn dispatches(scene: &Scene, model: &Model, [begin, iteration]: [u32; 2]) -> Vec<Count> {
@@ -167,6 +172,11 @@ fn dispatches(scene: &Scene, model: &Model, [begin, iteration]: [u32; 2]) -> Vec
             Correction::Exact => {
                 list.push(count("contact", 2, "step with contact"));
                 list.push(count("compliance", 2, "two nodes that the tools newly reach"));
+                list.push(count("correction", 2, "pass"));
+            }
+            // positions, values out; rows in, values out
+            Correction::Precomputed => {
+                list.push(count("contact", 2, "step with contact"));
                 list.push(count("correction", 2, "pass"));
             }
             // positions, values out, blocks, correction in
@@ -192,6 +202,7 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
                 list.push(count("compliance", 1, "two nodes that the tools newly reach"));
                 list.push(count("correction", 1, "pass"));
             }
+            Correction::Precomputed => list.push(count("correction", 1, "pass")),
             Correction::Uncoupled => list.push(count("blocks", 1, "step with contact")),
         }
     }
@@ -214,8 +225,8 @@ mod tests {
     /// Bytes per cell by purpose, on 64 × 64 × 23 cells without tools.
     fn shares_of(preconditioner: Preconditioner) -> Vec<Share> {
         let mut scene = incision().expect("the embedded scene is valid");
-        scene.skin.cells = [64, 64];
-        for (layer, cells) in scene.skin.layers.iter_mut().zip([10, 10, 3]) {
+        scene.skins[0].cells = [64, 64];
+        for (layer, cells) in scene.skins[0].layers.iter_mut().zip([10, 10, 3]) {
             layer.cells = cells;
         }
         (scene.contact, scene.tools) = (None, vec![]);

@@ -96,13 +96,13 @@ pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)
         // picture k of F shows the end of step k·steps/F, rounded up
         let pictures = |n: u32| u64::from(n) * frames / u64::from(steps);
         if pictures(number) > pictures(number - 1) {
-            let state = simulation.snapshot()?;
+            let state = snapshots(&mut simulation)?;
             folder.add_frame(scene, &simulation, &state, &step)?;
             let report = complete(scene, &collector, &simulation, &haptics, &last);
             folder.write_report(&report)?;
         }
     }
-    collector.non_finite(non_finite(&simulation.snapshot()?));
+    collector.non_finite(snapshots(&mut simulation)?.iter().map(non_finite).sum());
     let report = complete(scene, &collector, &simulation, &haptics, &last);
     folder.write_report(&report)?;
     if let Some(haptics) = haptics {
@@ -135,6 +135,11 @@ fn complete(
     let names = scene.probes.iter().map(|p| p.name.clone());
     report.probes = names.zip(probes.iter().copied()).collect();
     report
+}
+
+/// The state of every deformable body.
+pub(super) fn snapshots(simulation: &mut Simulation) -> Result<Vec<Snapshot>> {
+    simulation.bodies.iter_mut().map(|body| body.snapshot()).collect()
 }
 
 /// Nodes that are nowhere.

@@ -12,9 +12,27 @@ use std::ops::Range;
 /// Colours of bottom, middle and top layers: fat, dermis, epidermis (sRGB).
 const PALETTE: [[u8; 3]; 3] = [[242, 211, 138], [217, 136, 128], [232, 185, 160]];
 
-/// The body; absent keys have their defaults.
-pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>) -> Result<Skin> {
+/// A body; absent keys have their defaults. A block has a name that none of `taken` has, and a place; the skin has neither.
+pub(super) fn skin(
+    scene: &SceneText,
+    table: Table<raw::Skin>,
+    taken: Option<&mut Vec<At<String>>>,
+) -> Result<Skin> {
     let raw = table.keys;
+    let (name, position) = match taken {
+        Some(taken) => {
+            let word = scene.required("name", raw.name.as_ref(), table.span.clone(), "a block is called by its name")?;
+            let why = "a block stands where it is put: the middle of its bottom";
+            let place = scene.required("position_mm", raw.position_mm.as_ref(), table.span.clone(), why)?;
+            (scene.name("body", word, taken)?, scene.vector("position_mm", place, MM, Bound::Finite)?)
+        }
+        None => {
+            let why = "the `[skin]` is called skin and stands at the origin; other bodies are `[[block]]`s";
+            scene.needless("name", &raw.name, why)?;
+            scene.needless("position_mm", &raw.position_mm, why)?;
+            ("skin".to_string(), [0.0; 3])
+        }
+    };
     let law = law(scene, &raw, table.span.clone())?;
     let mass = mass(scene, &raw, &law)?;
     if raw.layer.is_empty() {
@@ -41,6 +59,8 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>) -> Result<Skin> {
     let cells = scene.counts("cells", &raw.cells, [1, u32::MAX])?;
     grid::numbered(scene, cells, &layers, &raw.cells)?;
     Ok(Skin {
+        name,
+        position,
         size: scene.vector("size_mm", &raw.size_mm, MM, Bound::Positive)?,
         cells,
         layers,

@@ -3,6 +3,7 @@
 //! A scene file is TOML; every key carries its unit (`size_mm`, `young_kpa`). In memory everything is SI: m, kg, s, N, Pa.
 //! [`read`] turns text into a [`Scene`] or into one error that says file, line, what was found, what was wanted and how to mend it.
 
+mod bodies;
 mod body;
 mod builtin;
 mod diagnose;
@@ -37,15 +38,19 @@ pub struct Scene {
     pub time: Time,
     /// Linear solver of the free motion.
     pub solver: Solver,
-    /// The deformable body.
-    pub skin: Skin,
+    /// Deformable bodies: the `[skin]`, then the `[[block]]`s; none in a scene of rigid bodies alone.
+    pub skins: Vec<Skin>,
     /// Constrained regions; none for a free body.
     pub boundaries: Vec<Boundary>,
     /// Dead loads.
     pub loads: Vec<Load>,
-    /// Rigid tools, each driven by a hand.
+    /// Rigid bodies: the `[[tool]]`s, each driven by a hand, then the `[[rigid]]`s, which nothing holds.
     pub tools: Vec<Tool>,
-    /// Contact law; `None` when the scene has no tool.
+    /// Walls that nothing moves.
+    pub planes: Vec<Plane>,
+    /// What is tied to what.
+    pub attachments: Vec<Attachment>,
+    /// Contact law; `None` when nothing in the scene can touch and nothing is tied.
     pub contact: Option<Contact>,
     /// Values written each step to `probes.csv`.
     pub probes: Vec<Probe>,
@@ -63,7 +68,9 @@ impl Scene {
     pub fn in_test_form(&self) -> Self {
         let mut scene = self.clone();
         if let Some(form) = self.test {
-            scene.skin.cells = form.cells.unwrap_or(self.skin.cells);
+            if let (Some(skin), Some(cells)) = (scene.skins.first_mut(), form.cells) {
+                skin.cells = cells;
+            }
             scene.time.duration = form.steps.map_or(self.time.duration, |n| f64::from(n) * self.time.step);
         }
         scene
@@ -79,6 +86,8 @@ pub struct Time {
     pub duration: f64,
     /// m/s²
     pub gravity: [f64; 3],
+    /// Parts that each step is divided into; results are of whole steps.
+    pub substeps: u32,
 }
 
 /// Which preconditioner the conjugate gradients use.
@@ -115,9 +124,13 @@ pub struct Solver {
     pub true_residual_every: u32,
 }
 
-/// The deformable body: a regular grid of bricks in bonded layers, bottom at z = 0, centred on x = y = 0.
+/// A deformable body: a regular grid of bricks in bonded layers.
 #[derive(Clone, Debug)]
 pub struct Skin {
+    /// `skin`, or the name of a block.
+    pub name: String,
+    /// Where the middle of its bottom is at rest, m.
+    pub position: [f64; 3],
     /// Extent in x and y, m.
     pub size: [f64; 2],
     /// Cells in x and y.
@@ -203,6 +216,8 @@ pub enum Element {
 /// Nodes held, or moved, along chosen axes.
 #[derive(Clone, Debug)]
 pub struct Boundary {
+    /// Number of the deformable body.
+    pub body: usize,
     /// Which nodes.
     pub region: Region,
     /// Which of x, y, z are held.
@@ -214,6 +229,8 @@ pub struct Boundary {
 /// A dead pressure on a rectangle of the top.
 #[derive(Clone, Copy, Debug)]
 pub struct Load {
+    /// Number of the deformable body.
+    pub body: usize,
     /// Pa, downward.
     pub pressure: f64,
     /// Rectangle on the top (x, y), m.
@@ -243,10 +260,58 @@ pub struct Tool {
     pub points: Vec<[f64; 3]>,
     /// The whole surface, for tools that are a sphere or a capsule; such a tool has neither blade nor points.
     pub round: Option<Round>,
-    /// Coupling to the hand.
+    /// Half edges of a body that is a box around its origin, m.
+    pub cuboid: Option<[f64; 3]>,
+    /// Coupling to the hand; none of it for a body that no hand holds.
     pub coupling: Coupling,
-    /// The recorded hand, at least one sample, times rising.
+    /// The recorded hand, at least one sample, times rising; the start alone of a body that no hand holds.
     pub trajectory: Vec<Pose>,
+    /// How a body that no hand holds starts; it falls. None for a tool: the hand carries its weight.
+    pub free: Option<Motion>,
+}
+
+/// Motion of a rigid body.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Motion {
+    /// m/s
+    pub velocity: [f64; 3],
+    /// rad/s
+    pub spin: [f64; 3],
+}
+
+/// A half space that nothing enters.
+#[derive(Clone, Debug)]
+pub struct Plane {
+    /// Name for messages and probes.
+    pub name: String,
+    /// A point of its surface, m.
+    pub through: [f64; 3],
+    /// Unit, out of the wall.
+    pub normal: [f64; 3],
+}
+
+/// A body, by its kind and number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Who {
+    /// In [`Scene::tools`].
+    Rigid(usize),
+    /// In [`Scene::skins`].
+    Skin(usize),
+    /// In [`Scene::planes`]; as the other end of an attachment any number means the place itself.
+    Plane(usize),
+}
+
+/// Nodes of a deformable body that are tied, both ways, to what is there at rest.
+#[derive(Clone, Debug)]
+pub struct Attachment {
+    /// Number of the deformable body whose nodes are tied.
+    pub body: usize,
+    /// Which of them.
+    pub region: Region,
+    /// What they are tied to.
+    pub to: Who,
+    /// Unit direction along which they slide; none for all held.
+    pub slide: Option<[f64; 3]>,
 }
 
 /// A sphere, or a capsule: all places within `radius` of a line, tool frame.
@@ -315,6 +380,17 @@ pub enum Correction {
     Exact,
     /// Only the 3×3 diagonal blocks of A.
     Uncoupled,
+    /// Columns of the body at rest, from one factor of its matrix, whatever has moved since; refused after a cut.
+    Precomputed,
+}
+
+/// How contacts get their forces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Loop {
+    /// Free motion, laws on the violations, correction.
+    Constraints,
+    /// A spring pushes where things overlap at the step's start, without friction; N/m.
+    Penalty(f64),
 }
 
 /// Which of the contacts of a round tool are kept.
@@ -335,6 +411,8 @@ pub struct Contact {
     pub alarm: f64,
     /// Resting gap of points and flats, m.
     pub distance: f64,
+    /// How forces are found.
+    pub forces: Loop,
     /// Which correction.
     pub correction: Correction,
     /// For round tools.

@@ -1,12 +1,14 @@
 //! What a scene asks for at the end: probes, checks and pictures.
 
+use super::bodies::Names;
 use super::grid::Grid;
-use super::raw::{self, At, Table};
+use super::raw::{self, At, Extent, Table};
 use super::region::region;
 use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, in_mm, or, or_vector};
-use super::{Check, Probe, ProbeKind, Skin, View};
+use super::{Check, Probe, ProbeKind, Skin, Tool, View};
 use crate::error::{Error, Result};
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// Direction from the skin to the camera: from the front right, 30 degrees above.
 const VIEW_DIRECTION: [f64; 3] = [0.5, -0.7, 0.51];
@@ -18,44 +20,102 @@ const LARGEST_PICTURE: u32 = 8192;
 const FIELD_OF_VIEW: [f64; 2] = [1.0, 150.0];
 
 /// Probes in the file's order.
-pub(super) fn probes(scene: &SceneText, raw: Vec<Table<raw::Probe>>, grids: &[Grid]) -> Result<Vec<Probe>> {
+pub(super) fn probes(
+    scene: &SceneText,
+    raw: Vec<Table<raw::Probe>>,
+    bodies: &Names,
+    grids: &[Vec<Grid>],
+) -> Result<Vec<Probe>> {
     let mut names = Vec::new();
     raw.into_iter()
         .map(|table| {
             let name = scene.name("probe", &table.keys.name, &mut names)?;
-            let kind = probe_kind(scene, table, grids)?;
+            let kind = probe_kind(scene, table, bodies, grids)?;
             Ok(Probe { name, kind })
         })
         .collect()
 }
 
-fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, grids: &[Grid]) -> Result<ProbeKind> {
-    let mut raw = table.keys;
+const KINDS: [(&str, Kind); 5] = [
+    ("displacement", Kind::Displacement),
+    ("reaction", Kind::Reaction),
+    ("position", Kind::Position),
+    ("velocity", Kind::Velocity),
+    ("force", Kind::Force),
+];
+
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Displacement,
+    Reaction,
+    Position,
+    Velocity,
+    Force,
+}
+
+fn probe_kind(
+    scene: &SceneText,
+    table: Table<raw::Probe>,
+    bodies: &Names,
+    grids: &[Vec<Grid>],
+) -> Result<ProbeKind> {
+    let (at, mut raw) = (table.span, table.keys);
     let extent = raw.extent();
-    let axis = or(raw.axis, "z".to_string());
+    let kind = scene.choice("kind", &raw.kind, &KINDS)?;
+    let axis = or(raw.axis.take(), "z".to_string());
     let axis = scene.choice("axis", &axis, &[("x", 0), ("y", 1), ("z", 2)])?;
-    if scene.choice("kind", &raw.kind, &[("displacement", true), ("reaction", false)])? {
-        let why = "kind = \"displacement\" asks for the point of a node";
+    if kind != Kind::Displacement {
+        scene.needless("point_mm", &raw.point_mm, "only kind = \"displacement\" asks for the point of a node")?;
+    }
+    if kind != Kind::Reaction {
+        let why = "only kind = \"reaction\" asks for a region";
         scene.needless("region", &raw.region, why)?;
         scene.needless("box_mm", &extent.box_mm, why)?;
-        let point_text = scene.required("point_mm", raw.point_mm, table.span, why)?;
-        let point: [f64; 3] = scene.vector("point_mm", &point_text, MM, Bound::Finite)?;
-        return match grids[0].beyond(point) {
-            None => Ok(ProbeKind::Displacement { point, axis }),
-            Some((axis, [min, max])) => Err(Error::PointOutside {
-                at: scene.place(point_text.span()),
-                axis: ['x', 'y', 'z'][axis],
-                found: in_mm(point[axis]),
-                min: in_mm(min),
-                max: in_mm(max),
-            }),
-        };
     }
-    let why = "kind = \"reaction\" asks for a region";
-    scene.needless("point_mm", &raw.point_mm, why)?;
-    let word = scene.required("region", raw.region, table.span, why)?;
-    let region = region(scene, &word, extent, grids)?;
-    Ok(ProbeKind::Reaction { region, axis })
+    if kind != Kind::Force {
+        scene.needless("from", &raw.from, "only kind = \"force\" asks from whom")?;
+    }
+    if matches!(kind, Kind::Displacement | Kind::Reaction) {
+        return skin_probe(scene, kind, axis, raw, extent, at, bodies, grids);
+    }
+    let name = scene.required("body", raw.body.as_ref(), at, "this kind of probe is of a named body")?;
+    if kind == Kind::Force {
+        let from = raw.from.as_ref().map(|name| bodies.find(scene, "from", name)).transpose()?;
+        return Ok(ProbeKind::Force { on: bodies.find(scene, "body", name)?, from, axis });
+    }
+    let body = bodies.rigid(scene, name)?;
+    Ok(if kind == Kind::Position { ProbeKind::Position { body, axis } } else { ProbeKind::Velocity { body, axis } })
+}
+
+fn skin_probe(
+    scene: &SceneText,
+    kind: Kind,
+    axis: usize,
+    raw: raw::Probe,
+    extent: Extent,
+    at: Range<usize>,
+    bodies: &Names,
+    grids: &[Vec<Grid>],
+) -> Result<ProbeKind> {
+    let body = bodies.skin(scene, &raw.body, at.clone())?;
+    let grids = &grids[body];
+    if kind == Kind::Reaction {
+        let word = scene.required("region", raw.region, at, "kind = \"reaction\" asks for a region")?;
+        return Ok(ProbeKind::Reaction { body, region: region(scene, &word, extent, grids)?, axis });
+    }
+    let why = "kind = \"displacement\" asks for the point of a node";
+    let point_text = scene.required("point_mm", raw.point_mm, at, why)?;
+    let point: [f64; 3] = scene.vector("point_mm", &point_text, MM, Bound::Finite)?;
+    match grids[0].beyond(point) {
+        None => Ok(ProbeKind::Displacement { body, point, axis }),
+        Some((axis, [min, max])) => Err(Error::PointOutside {
+            at: scene.place(point_text.span()),
+            axis: ['x', 'y', 'z'][axis],
+            found: in_mm(point[axis]),
+            min: in_mm(min),
+            max: in_mm(max),
+        }),
+    }
 }
 
 /// Checks in the file's order; one on a probe must name one that is there.
@@ -98,8 +158,8 @@ fn check(scene: &SceneText, key: At<String>, raw: raw::Check, probes: &[Probe]) 
     Ok(Check { key, min, max })
 }
 
-/// The picture; by default the camera stands where the sphere around the patch fills the field of view.
-pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skin: &Skin) -> Result<View> {
+/// The picture; by default the camera stands where the sphere around what is drawn fills the field of view.
+pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skins: &[Skin], tools: &[Tool]) -> Result<View> {
     let span = table.as_ref().map_or(0..0, |table| table.span.clone());
     let raw = raw::keys(table);
     let angle = or(raw.field_of_view_deg, 30.0);
@@ -119,9 +179,8 @@ pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skin: &Sk
         Some(value) => scene.vector(key, &value, MM, Bound::Finite),
         None => Ok(default),
     };
-    let thickness: f64 = skin.layers.iter().map(|layer| layer.thickness).sum();
-    let target = point("target_mm", raw.target_mm, [0.0, 0.0, thickness / 2.0])?;
-    let radius = skin.size[0].hypot(skin.size[1]).hypot(thickness) / 2.0;
+    let (centre, radius) = sphere_around(skins, tools);
+    let target = point("target_mm", raw.target_mm, centre)?;
     let narrow = f64::from(size[0].min(size[1])) / f64::from(size[1]);
     let half_angle = (narrow * (field_of_view / 2.0).to_radians().tan()).atan();
     let distance = VIEW_MARGIN * radius / half_angle.sin();
@@ -132,4 +191,33 @@ pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skin: &Sk
         return Err(Error::ViewPoint { at: scene.place(span) });
     }
     Ok(View { frames: scene.count("frames", &or(raw.frames, 8), [0, u32::MAX])?, size, eye, target, field_of_view })
+}
+
+/// Centre and radius of a sphere around the deformable bodies; without one, around what no hand holds, m.
+fn sphere_around(skins: &[Skin], tools: &[Tool]) -> ([f64; 3], f64) {
+    let mut ends = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    let mut add = |p: [f64; 3]| {
+        for n in 0..3 {
+            ends[0][n] = ends[0][n].min(p[n]);
+            ends[1][n] = ends[1][n].max(p[n]);
+        }
+    };
+    for skin in skins {
+        let thickness: f64 = skin.layers.iter().map(|layer| layer.thickness).sum();
+        let [x, y, z] = skin.position;
+        let half = skin.size.map(|size| size / 2.0);
+        add([x - half[0], y - half[1], z]);
+        add([x + half[0], y + half[1], z + thickness]);
+    }
+    if skins.is_empty() {
+        for tool in tools {
+            let start = tool.trajectory[0].position;
+            let reach = tool.mesh.positions.iter().map(|p| p[0].hypot(p[1]).hypot(p[2])).fold(0.0, f64::max);
+            add(start.map(|c| c - reach));
+            add(start.map(|c| c + reach));
+        }
+    }
+    let [low, high] = ends;
+    let size = [0, 1, 2].map(|n| high[n] - low[n]);
+    ([0, 1, 2].map(|n| (low[n] + high[n]) / 2.0), size[0].hypot(size[1]).hypot(size[2]) / 2.0)
 }

@@ -66,7 +66,15 @@ pub(super) struct Scene {
     pub title: At<String>,
     pub time: Table<Time>,
     pub solver: Option<Table<Solver>>,
-    pub skin: Table<Skin>,
+    pub skin: Option<Table<Skin>>,
+    #[serde(default)]
+    pub block: Vec<Table<Skin>>,
+    #[serde(default)]
+    pub rigid: Vec<Table<Rigid>>,
+    #[serde(default)]
+    pub plane: Vec<Table<Plane>>,
+    #[serde(default)]
+    pub attach: Vec<Table<Attach>>,
     #[serde(default)]
     pub boundary: Vec<Table<Boundary>>,
     #[serde(default)]
@@ -88,6 +96,7 @@ pub(super) struct Time {
     pub step_ms: At<f64>,
     pub duration_s: At<f64>,
     pub gravity_m_s2: Option<Numbers>,
+    pub substeps: Option<At<u32>>,
 }
 
 #[derive(Default, serde::Deserialize)]
@@ -104,6 +113,8 @@ pub(super) struct Solver {
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Skin {
+    pub name: Option<At<String>>,
+    pub position_mm: Option<Numbers>,
     pub size_mm: Numbers,
     pub cells: Counts,
     pub law: Option<At<String>>,
@@ -162,11 +173,12 @@ macro_rules! with_extent {
         }
     )*};
 }
-with_extent!(Boundary, Probe);
+with_extent!(Boundary, Probe, Attach);
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Boundary {
+    pub body: Option<At<String>>,
     pub region: At<String>,
     pub box_mm: Option<Points>,
     pub centre_mm: Option<Numbers>,
@@ -182,6 +194,7 @@ pub(super) struct Boundary {
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Load {
+    pub body: Option<At<String>>,
     pub pressure_kpa: At<f64>,
     pub rectangle_mm: Points,
     pub start_s: Option<At<f64>>,
@@ -202,6 +215,43 @@ pub(super) struct Tool {
     pub coupling: Option<Table<Coupling>>,
     pub blade: Option<Table<Blade>>,
     pub round: Option<Table<Round>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Rigid {
+    pub name: At<String>,
+    pub box_mm: Option<Numbers>,
+    pub radius_mm: Option<At<f64>>,
+    pub mass_g: At<f64>,
+    pub position_mm: Numbers,
+    pub turn_deg: Option<Numbers>,
+    pub velocity_m_s: Option<Numbers>,
+    pub spin_rad_s: Option<Numbers>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Plane {
+    pub name: At<String>,
+    pub through_mm: Numbers,
+    pub normal: Numbers,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Attach {
+    pub body: Option<At<String>>,
+    pub to: Option<At<String>>,
+    pub slide: Option<Numbers>,
+    pub region: At<String>,
+    pub box_mm: Option<Points>,
+    pub centre_mm: Option<Numbers>,
+    pub radius_mm: Option<At<f64>>,
+    pub through_mm: Option<Numbers>,
+    pub normal: Option<Numbers>,
+    pub within_mm: Option<At<f64>>,
+    pub margin_mm: Option<At<f64>>,
 }
 
 #[derive(serde::Deserialize)]
@@ -237,6 +287,8 @@ pub(super) struct Contact {
     pub friction: Option<At<f64>>,
     pub alarm_mm: Option<At<f64>>,
     pub distance_mm: Option<At<f64>>,
+    pub forces: Option<At<String>>,
+    pub penalty_n_m: Option<At<f64>>,
     pub correction: Option<At<String>>,
     pub filter: Option<At<String>>,
     pub max_contacts: Option<At<u32>>,
@@ -249,6 +301,8 @@ pub(super) struct Contact {
 pub(super) struct Probe {
     pub name: At<String>,
     pub kind: At<String>,
+    pub body: Option<At<String>>,
+    pub from: Option<At<String>>,
     pub point_mm: Option<Numbers>,
     pub axis: Option<At<String>>,
     pub region: Option<At<String>>,

@@ -1,15 +1,17 @@
 //! From scene text to a checked [`Scene`] in SI units.
 //!
 //! `raw` holds the tables as TOML has them, `diagnose` explains what TOML refuses, `text` checks and converts values,
-//! `region` with `grid` reads regions; `body`, `tools` with `files`, and `outputs` read their tables; the small tables are read here.
+//! `region` with `grid` reads regions; `body`, `bodies`, `tools` with `files`, and `outputs` read their tables; the small tables are
+//! read here.
 
 use super::diagnose::tables;
 use super::files::Files;
 use super::grid::{self, Grid};
-use super::raw;
+use super::bodies::{self, Names};
+use super::raw::{self, At, Table};
 use super::region::region;
 use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
-use super::{Boundary, Law, Layer, Load, Preconditioner, Scene, Solver, TestForm, Time};
+use super::{Boundary, Correction, Law, Load, Preconditioner, Scene, Skin, Solver, TestForm, Time};
 use super::{body, outputs, tools};
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -31,28 +33,56 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         return Err(Error::EmptyScene { path: file.to_path_buf() });
     }
     let raw = tables(&scene)?;
-    let skin = body::skin(&scene, raw.skin)?;
-    let test = raw.test.map(|table| test_form(&scene, table.keys, &skin.layers)).transpose()?;
-    let grids = grid::grids(&skin, &test);
-    let probes = outputs::probes(&scene, raw.probe, &grids)?;
-    let boundaries = raw.boundary.into_iter().map(|table| boundary(&scene, table.keys, &grids));
-    let loads = raw.load.into_iter().map(|table| load(&scene, table.keys, skin.size));
-    let tools = tools::tools(&scene, files, raw.tool)?;
+    let mut taken = Vec::new();
+    let mut skins = Vec::new();
+    if let Some(table) = raw.skin {
+        skins.push(body::skin(&scene, table, None)?);
+    }
+    let has_skin = !skins.is_empty();
+    if has_skin {
+        taken.push(At::new(0..0, "skin".to_string()));
+    }
+    for table in raw.block {
+        skins.push(body::skin(&scene, table, Some(&mut taken))?);
+    }
+    let mut tools = tools::tools(&scene, files, raw.tool, &mut taken)?;
+    tools.extend(bodies::rigids(&scene, raw.rigid, &mut taken)?);
+    let planes = bodies::planes(&scene, raw.plane, &mut taken)?;
+    if skins.is_empty() && tools.is_empty() {
+        return Err(Error::NoBodies { path: file.to_path_buf() });
+    }
+    let test = raw.test.map(|table| test_form(&scene, table.keys, skins.first().filter(|_| has_skin))).transpose()?;
+    let grids: Vec<Vec<Grid>> = skins
+        .iter()
+        .enumerate()
+        .map(|(k, skin)| grid::grids(skin, &test.filter(|_| has_skin && k == 0)))
+        .collect();
+    let names = Names::new(&skins, &tools, &planes);
+    let attachments = bodies::attachments(&scene, raw.attach, &names, &grids)?;
+    let probes = outputs::probes(&scene, raw.probe, &names, &grids)?;
+    let boundaries = raw.boundary.into_iter().map(|table| boundary(&scene, table, &names, &grids));
+    let loads = raw.load.into_iter().map(|table| load(&scene, table, &names, &skins));
     let contact = tools::contact(&scene, raw::keys(raw.contact))?;
+    let touching = !tools.is_empty() || !attachments.is_empty() || skins.len() > 1 || !planes.is_empty();
+    if contact.correction == Correction::Precomputed && tools.iter().any(|t| t.blade.is_some()) {
+        return Err(Error::PrecomputedCut { path: file.to_path_buf() });
+    }
     Ok(Scene {
         title: raw.title.into_inner(),
         file: file.to_path_buf(),
         time: time(&scene, raw.time.keys)?,
-        solver: solver(&scene, raw::keys(raw.solver), &skin.law)?,
+        solver: solver(&scene, raw::keys(raw.solver), &skins)?,
         boundaries: boundaries.collect::<Result<_>>()?,
         loads: loads.collect::<Result<_>>()?,
-        contact: (!tools.is_empty()).then_some(contact),
-        tools,
+        contact: touching.then_some(contact),
         checks: outputs::checks(&scene, raw.check, &probes)?,
+        view: outputs::view(&scene, raw.view, &skins, &tools)?,
+        skins,
+        tools,
+        planes,
+        attachments,
         probes,
         test,
-        view: outputs::view(&scene, raw.view, &skin)?,
-        skin,
     })
 }
 
@@ -62,6 +92,7 @@ fn time(scene: &SceneText, raw: raw::Time) -> Result<Time> {
         step: scene.number("step_ms", &raw.step_ms, MS, Bound::Positive)?,
         duration: scene.number("duration_s", &raw.duration_s, SECOND, Bound::Positive)?,
         gravity: scene.vector("gravity_m_s2", &gravity, ACCELERATION, Bound::Finite)?,
+        substeps: scene.count("substeps", &or(raw.substeps, 1), [1, 10_000])?,
     };
     if time.step > time.duration {
         return Err(Error::Order {
@@ -76,7 +107,7 @@ fn time(scene: &SceneText, raw: raw::Time) -> Result<Time> {
     Ok(time)
 }
 
-fn solver(scene: &SceneText, raw: raw::Solver, law: &Law) -> Result<Solver> {
+fn solver(scene: &SceneText, raw: raw::Solver, skins: &[Skin]) -> Result<Solver> {
     let mut preconditioners = vec![
         ("none", Preconditioner::None),
         ("jacobi", Preconditioner::Jacobi),
@@ -84,7 +115,7 @@ fn solver(scene: &SceneText, raw: raw::Solver, law: &Law) -> Result<Solver> {
         ("column", Preconditioner::Column),
     ];
     let mut best = "column";
-    if matches!(law, Law::Fem { .. }) {
+    if skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. })) {
         preconditioners.extend([("multigrid", Preconditioner::Multigrid), ("direct", Preconditioner::Direct)]);
         best = "multigrid";
     }
@@ -100,7 +131,14 @@ fn solver(scene: &SceneText, raw: raw::Solver, law: &Law) -> Result<Solver> {
     })
 }
 
-fn boundary(scene: &SceneText, mut raw: raw::Boundary, grids: &[Grid]) -> Result<Boundary> {
+fn boundary(
+    scene: &SceneText,
+    table: Table<raw::Boundary>,
+    names: &Names,
+    grids: &[Vec<Grid>],
+) -> Result<Boundary> {
+    let (at, mut raw) = (table.span, table.keys);
+    let body = names.skin(scene, &raw.body, at)?;
     let extent = raw.extent();
     let letters = or(raw.axes, "xyz".to_string());
     let mut axes = [false; 3];
@@ -116,13 +154,17 @@ fn boundary(scene: &SceneText, mut raw: raw::Boundary, grids: &[Grid]) -> Result
     }
     let displacement = or_vector(raw.displacement_mm, &[0.0; 3]);
     Ok(Boundary {
-        region: region(scene, &raw.region, extent, grids)?,
+        body,
+        region: region(scene, &raw.region, extent, &grids[body])?,
         axes,
         displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
     })
 }
 
-fn load(scene: &SceneText, raw: raw::Load, size: [f64; 2]) -> Result<Load> {
+fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin]) -> Result<Load> {
+    let raw = table.keys;
+    let body = names.skin(scene, &raw.body, table.span)?;
+    let size = skins[body].size;
     let [min, max] = scene.corners::<2>("rectangle_mm", &raw.rectangle_mm)?;
     for axis in 0..2 {
         let half = size[axis] / 2.0;
@@ -161,17 +203,21 @@ fn load(scene: &SceneText, raw: raw::Load, size: [f64; 2]) -> Result<Load> {
             fix: "end the load after its start",
         });
     }
-    Ok(Load { pressure: scene.number("pressure_kpa", &raw.pressure_kpa, KPA, Bound::Finite)?, min, max, start, end })
+    let pressure = scene.number("pressure_kpa", &raw.pressure_kpa, KPA, Bound::Finite)?;
+    Ok(Load { body, pressure, min, max, start, end })
 }
 
-fn test_form(scene: &SceneText, raw: raw::Test, layers: &[Layer]) -> Result<TestForm> {
-    let cells = match &raw.cells {
-        Some(value) => {
+fn test_form(scene: &SceneText, raw: raw::Test, skin: Option<&Skin>) -> Result<TestForm> {
+    let cells = match (&raw.cells, skin) {
+        (Some(value), Some(skin)) => {
             let cells = scene.counts("cells", value, [1, u32::MAX])?;
-            grid::numbered(scene, cells, layers, value)?;
+            grid::numbered(scene, cells, &skin.layers, value)?;
             Some(cells)
         }
-        None => None,
+        (cells, _) => {
+            scene.needless("cells", cells, "there is no `[skin]` whose cells could be others")?;
+            None
+        }
     };
     let steps = raw.steps.map(|steps| scene.count("steps", &steps, [1, u32::MAX]));
     Ok(TestForm { cells, steps: steps.transpose()? })

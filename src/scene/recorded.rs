@@ -1,6 +1,6 @@
 //! What a scene records of a run: probes, bounds on results, the tests' smaller form, pictures.
 
-use super::Region;
+use super::{Region, Who};
 
 /// A value recorded each step.
 #[derive(Clone, Debug)]
@@ -16,6 +16,8 @@ pub struct Probe {
 pub enum ProbeKind {
     /// Displacement of the node nearest to a rest position along an axis (0, 1, 2), m.
     Displacement {
+        /// Number of the deformable body.
+        body: usize,
         /// m
         point: [f64; 3],
         /// 0, 1 or 2
@@ -23,11 +25,47 @@ pub enum ProbeKind {
     },
     /// Sum of the elastic reaction over a region along an axis, N.
     Reaction {
+        /// Number of the deformable body.
+        body: usize,
         /// Which nodes.
         region: Region,
         /// 0, 1 or 2
         axis: usize,
     },
+    /// Position of a rigid body along an axis, m.
+    Position {
+        /// Number of the rigid body.
+        body: usize,
+        /// 0, 1 or 2
+        axis: usize,
+    },
+    /// Velocity of a rigid body along an axis, m/s.
+    Velocity {
+        /// Number of the rigid body.
+        body: usize,
+        /// 0, 1 or 2
+        axis: usize,
+    },
+    /// Force on a body along an axis from another, or from all that touch it or that it is tied to, N.
+    Force {
+        /// Which body.
+        on: Who,
+        /// From whom; none for all.
+        from: Option<Who>,
+        /// 0, 1 or 2
+        axis: usize,
+    },
+}
+
+impl ProbeKind {
+    /// Unit of its values, as in the column's name.
+    pub fn unit(&self) -> &'static str {
+        match self {
+            Self::Displacement { .. } | Self::Position { .. } => "m",
+            Self::Velocity { .. } => "m_s",
+            Self::Reaction { .. } | Self::Force { .. } => "n",
+        }
+    }
 }
 
 /// Bounds on a named result: a key of the report with dots (`cut.area_mm2`), or `probes.NAME`.

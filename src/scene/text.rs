@@ -29,6 +29,7 @@ pub(super) const MS: Unit = unit("ms", 1.0, 1e3);
 pub(super) const SECOND: Unit = unit("s", 1.0, 1.0);
 pub(super) const PER_SECOND: Unit = unit("1/s", 1.0, 1.0);
 pub(super) const SPEED: Unit = unit("m/s", 1.0, 1.0);
+pub(super) const RADIAN_PER_SECOND: Unit = unit("rad/s", 1.0, 1.0);
 pub(super) const ACCELERATION: Unit = unit("m/s²", 1.0, 1.0);
 pub(super) const NEWTON: Unit = unit("N", 1.0, 1.0);
 pub(super) const KPA: Unit = unit("kPa", 1e3, 1.0);

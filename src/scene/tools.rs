@@ -1,12 +1,12 @@
 //! Tools and contact of a scene file.
 
 use super::files::{Files, mesh, trajectory};
-use super::raw::{self, Table};
+use super::raw::{self, At, Table};
 use super::round::{path, round};
 use super::text::{
     ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS, SceneText, or, or_vector,
 };
-use super::{Blade, Contact, Correction, Coupling, Filter, Pose, Tool, ToolMesh};
+use super::{Blade, Contact, Correction, Coupling, Filter, Loop, Pose, Tool, ToolMesh};
 use crate::error::{Error, Result};
 use std::ops::Range;
 
@@ -15,11 +15,15 @@ use std::ops::Range;
 const NORMAL_SLACK: f64 = 6.0;
 
 /// Tools in the file's order, with their meshes and trajectories.
-pub(super) fn tools(scene: &SceneText, files: &Files, raw: Vec<Table<raw::Tool>>) -> Result<Vec<Tool>> {
-    let mut names = Vec::new();
+pub(super) fn tools(
+    scene: &SceneText,
+    files: &Files,
+    raw: Vec<Table<raw::Tool>>,
+    taken: &mut Vec<At<String>>,
+) -> Result<Vec<Tool>> {
     raw.into_iter()
         .map(|table| {
-            let name = scene.name("tool", &table.keys.name, &mut names)?;
+            let name = scene.name("tool", &table.keys.name, taken)?;
             tool(scene, files, name, table)
         })
         .collect()
@@ -52,8 +56,10 @@ fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>)
         blade: raw.blade.map(|table| blade(scene, table.keys)).transpose()?,
         points: points.transpose()?.unwrap_or_default(),
         round,
+        cuboid: None,
         coupling: coupling(scene, raw::keys(raw.coupling))?,
         trajectory,
+        free: None,
     })
 }
 
@@ -152,7 +158,11 @@ pub(super) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
 /// The contact law; absent keys have their defaults.
 pub(super) fn contact(scene: &SceneText, raw: raw::Contact) -> Result<Contact> {
     let number = |key, value, default, unit, bound| scene.number(key, &or(value, default), unit, bound);
-    let corrections = [("exact", Correction::Exact), ("uncoupled", Correction::Uncoupled)];
+    let corrections = [
+        ("exact", Correction::Exact),
+        ("uncoupled", Correction::Uncoupled),
+        ("precomputed", Correction::Precomputed),
+    ];
     let correction = or(raw.correction, "exact".to_string());
     let filters = [("points", Filter::Points), ("one", Filter::One)];
     let filter = or(raw.filter, "points".to_string());
@@ -160,10 +170,22 @@ pub(super) fn contact(scene: &SceneText, raw: raw::Contact) -> Result<Contact> {
         friction: number("friction", raw.friction, 0.3, PLAIN, Bound::NotNegative)?,
         alarm: number("alarm_mm", raw.alarm_mm, 0.5, MM, Bound::Positive)?,
         distance: number("distance_mm", raw.distance_mm, 0.0, MM, Bound::NotNegative)?,
+        forces: forces(scene, raw.forces, raw.penalty_n_m)?,
         correction: scene.choice("correction", &correction, &corrections)?,
         filter: scene.choice("filter", &filter, &filters)?,
         max_contacts: scene.count("max_contacts", &or(raw.max_contacts, 16), [1, u32::MAX])?,
         tolerance: number("tolerance", raw.tolerance, 1e-3, PLAIN, Bound::Fraction)?,
         column_tolerance: number("column_tolerance", raw.column_tolerance, 0.05, PLAIN, Bound::Fraction)?,
     })
+}
+
+fn forces(scene: &SceneText, forces: Option<At<String>>, stiffness: Option<At<f64>>) -> Result<Loop> {
+    let forces = or(forces, "constraints".to_string());
+    if scene.choice("forces", &forces, &[("constraints", false), ("penalty", true)])? {
+        let why = "forces = \"penalty\" asks for the spring's stiffness";
+        let stiffness = scene.required("penalty_n_m", stiffness, forces.span(), why)?;
+        return Ok(Loop::Penalty(scene.number("penalty_n_m", &stiffness, STIFFNESS, Bound::Positive)?));
+    }
+    scene.needless("penalty_n_m", &stiffness, "it belongs to forces = \"penalty\"")?;
+    Ok(Loop::Constraints)
 }

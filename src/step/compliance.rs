@@ -7,8 +7,9 @@
 //! close in, make it start anew.
 
 use super::StepReport;
-use crate::backend::{Backend, FIRST_COLUMN, Target, Wanted};
+use crate::backend::{Backend, CpuBackend, FIRST_COLUMN, Needs, Snapshot, Target, Wanted};
 use crate::error::Result;
+use crate::model::Model;
 use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
 
@@ -37,7 +38,8 @@ struct Known {
 }
 
 impl Compliance {
-    /// Has the columns of these nodes (sorted), solving those that are missing to `tolerance` of their newton.
+    /// Has the columns of these nodes (sorted), solving those that are missing to `tolerance` of their newton; remembers at most `most`
+    /// nodes.
     ///
     /// # Errors
     /// When the device fails.
@@ -46,7 +48,7 @@ impl Compliance {
         backend: &mut dyn Backend,
         nodes: &[u32],
         tolerance: f64,
-        max_contacts: u32,
+        most: usize,
         report: &mut StepReport,
     ) -> Result<()> {
         self.step += 1;
@@ -56,7 +58,7 @@ impl Compliance {
         }
         let mut by_use: Vec<(u32, u32)> = self.known.iter().map(|(n, k)| (k.used, *n)).collect();
         by_use.sort_unstable();
-        let surplus = by_use.len().saturating_sub(most_nodes(max_contacts));
+        let surplus = by_use.len().saturating_sub(most);
         let old = by_use.iter().take_while(|(used, _)| used + KEPT < step).count();
         let gone: Vec<u32> = by_use.iter().take(old.max(surplus)).map(|(_, n)| *n).collect();
         for node in gone {
@@ -133,5 +135,45 @@ impl Compliance {
     /// How node `b` gives under one newton at `a`, m/N; both have been prepared.
     pub fn between(&self, a: u32, b: u32) -> DMat3 {
         self.known.get(&a).and_then(|k| k.towards.get(&b)).copied().unwrap_or(DMat3::ZERO)
+    }
+}
+
+/// The compliance of a body at rest, whatever it does later: the columns of one matrix, by its factor in f64 on the host (bricks), or to
+/// [`EXACT`] (springs). Filled as nodes are reached.
+#[derive(Default)]
+pub struct AtRest {
+    backend: Option<Box<CpuBackend<f64>>>,
+    known: Compliance,
+}
+
+/// Residual of the columns at rest, relative to their newton.
+const EXACT: f64 = 1e-9;
+/// Iterations that springs may take to it.
+const ITERATIONS: u32 = 100_000;
+
+impl AtRest {
+    /// Has the columns of these nodes; see [`Compliance::prepare`].
+    ///
+    /// # Errors
+    /// None that the host's path gives.
+    pub fn prepare(&mut self, model: &Model, nodes: &[u32], most: usize, report: &mut StepReport) -> Result<()> {
+        let backend = match &mut self.backend {
+            Some(backend) => backend,
+            none => {
+                let rest = Model { direct: model.springs.is_none(), multigrid: None, ..model.clone() };
+                let zero = vec![[0.0; 4]; model.grid.node_count()];
+                let start = Snapshot { u: zero.clone(), v: zero, ..Snapshot::default() };
+                let needs = Needs { contact: true, columns: COLUMNS, near: most, ..Needs::default() };
+                let mut backend = CpuBackend::new(&rest, needs, ITERATIONS, 0.0, &start);
+                backend.begin()?;
+                none.insert(Box::new(backend))
+            }
+        };
+        self.known.prepare(backend.as_mut(), nodes, EXACT, most, report)
+    }
+
+    /// As [`Compliance::between`].
+    pub fn between(&self, a: u32, b: u32) -> DMat3 {
+        self.known.between(a, b)
     }
 }

@@ -1,22 +1,22 @@
 //! The contact part of a step: rows, compliance `W`, forces, correction and its passes.
 
-use super::compliance::Compliance;
-use super::{Simulation, StepReport};
-use crate::backend::{CORRECTION, FREE, Target, Wanted};
+use super::rows::Rows;
+use super::{Body, Simulation, StepReport};
+use crate::backend::{CORRECTION, Target, Wanted};
 use crate::collide::Contact;
 use crate::constraints::{self, Law, solve};
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::instrument::Free;
-use crate::scene::Correction;
+use crate::linear::Outcome;
+use crate::scene::{self, Correction, Loop, Who};
 use glam::{DMat3, DVec3};
-use std::collections::BTreeMap;
 
 /// Contacts of a step and how their forces were found.
 #[derive(Clone, Debug, Default)]
 pub struct ContactReport {
-    /// How many.
-    pub count: usize,
+    /// What touched and what was tied.
+    pub contacts: Vec<Contact>,
     /// Corrections solved.
     pub passes: u32,
     /// Relative change of the forces that one more pass would make.
@@ -31,10 +31,31 @@ pub struct ContactReport {
     pub column_iterations: u32,
     /// `[contact × 3]` N
     pub forces: Vec<f64>,
-    /// `[contact]` how far the tool has moved over the skin in the step, m.
+    /// `[contact]` how far the first body has moved over the second in the step, m.
     pub slips: Vec<DVec3>,
-    /// Force on each tool, N.
+    /// Force on each rigid body, N.
     pub on_tool: Vec<[f64; 3]>,
+}
+
+impl ContactReport {
+    /// Contacts, ties left out.
+    pub fn count(&self) -> usize {
+        self.contacts.iter().filter(|c| !matches!(c.law, Law::Hold { .. })).count()
+    }
+
+    /// Force on a body from another, or from all, N.
+    pub fn force(&self, on: Who, from: Option<Who>) -> DVec3 {
+        let mut sum = DVec3::ZERO;
+        for (c, f) in self.contacts.iter().zip(self.forces.chunks_exact(3)) {
+            let force = c.axes[0] * f[0] + c.axes[1] * f[1] + c.axes[2] * f[2];
+            for (side, sign) in [(0, 1.0), (1, -1.0)] {
+                if c.on[side] == on && from.is_none_or(|from| c.on[1 - side] == from) {
+                    sum += force * sign;
+                }
+            }
+        }
+        sum
+    }
 }
 
 /// Passes at most; two are usual (force error 0.3 % and less after the second), redundant contacts take more.
@@ -46,203 +67,287 @@ const SWEEP_TOLERANCE: f64 = 1e-5;
 /// A pass that leaves more than this share of the last one's residual shows that the compliance has aged too much.
 const SLOW: f64 = 0.5;
 
-/// One row: contact `k`, axis `n`.
-struct Rows<'a> {
-    contacts: &'a [Contact],
-    arms: Vec<DVec3>,
+/// Forces on nodes of each deformable body, and how its free motion was solved.
+pub(super) struct Resolved {
+    pub forces: Vec<Vec<(u32, [f64; 3])>>,
+    pub free: Vec<Outcome>,
 }
 
-impl Rows<'_> {
-    fn count(&self) -> usize {
-        3 * self.contacts.len()
+/// The contact problem of a step.
+struct Problem<'a> {
+    law: scene::Contact,
+    rows: Rows<'a>,
+    laws: Vec<Law>,
+    free: &'a [Free],
+    /// `[body]` nodes that rows act on, sorted.
+    nodes: Vec<Vec<u32>>,
+    /// `[body][node]` inverse blocks of `A`, for the uncoupled correction.
+    blocks: Vec<Vec<DMat3>>,
+    /// `[row × row]` m/N
+    w: Vec<f64>,
+    /// `[row]` at the free positions, m.
+    violation: Vec<f64>,
+}
+
+impl Problem<'_> {
+    /// Value of a node in a body's list.
+    fn at(&self, values: &[Vec<[f64; 3]>], body: usize, node: u32) -> DVec3 {
+        let found = self.nodes[body].binary_search(&node);
+        found.map_or(DVec3::ZERO, |k| DVec3::from_array(values[body][k]))
     }
-    fn axis(&self, row: usize) -> DVec3 {
-        self.contacts[row / 3].axes[row % 3]
+
+    /// Violations once forces have moved nodes by `moved` and rigid bodies by what they give.
+    fn after(&self, lambda: &[f64], moved: &[Vec<[f64; 3]>]) -> Vec<f64> {
+        let given: Vec<(DVec3, DVec3)> = (0..self.free.len())
+            .map(|number| {
+                let (force, torque) = self.rows.on_rigid(number, lambda);
+                (force * self.free[number].compliance, self.free[number].angular_compliance * torque)
+            })
+            .collect();
+        let opening = |row| self.rows.opening(row, |number| given[number], |body, node| self.at(moved, body, node));
+        self.violation.iter().enumerate().map(|(row, v)| v + opening(row)).collect()
     }
-    fn tool(&self, row: usize) -> usize {
-        self.contacts[row / 3].id.0
-    }
-    fn lever(&self, row: usize) -> DVec3 {
-        self.arms[row / 3].cross(self.axis(row))
-    }
-    /// `J v` of the skin at a contact's node values.
-    fn on_skin(&self, row: usize, values: impl Fn(u32) -> DVec3) -> f64 {
-        let c = &self.contacts[row / 3];
-        (0..3).map(|k| -c.weights[k] * self.axis(row).dot(values(c.nodes[k]))).sum()
-    }
-    /// `Jᵀλ` of the skin, nodes each once.
-    fn forces(&self, lambda: &[f64]) -> Vec<(u32, DVec3)> {
-        let mut sum: BTreeMap<u32, DVec3> = BTreeMap::new();
-        for (row, force) in lambda.iter().enumerate() {
-            let c = &self.contacts[row / 3];
-            for k in 0..3 {
-                *sum.entry(c.nodes[k]).or_default() -= self.axis(row) * (c.weights[k] * force);
-            }
-        }
-        sum.into_iter().collect()
-    }
-    /// The skin's part of `W` from blocks between nodes, by rows.
-    fn compliance(&self, between: &dyn Fn(u32, u32) -> DMat3) -> Vec<f64> {
-        let count = self.count();
-        let mut w = vec![0.0; count * count];
-        for (i, a) in self.contacts.iter().enumerate() {
-            for (j, b) in self.contacts.iter().enumerate().take(i + 1) {
-                let mut block = DMat3::ZERO; // b gives under a
-                for (k, l) in (0..9).map(|n| (n / 3, n % 3)) {
-                    block += between(a.nodes[k], b.nodes[l]) * (a.weights[k] * b.weights[l]);
-                }
-                for (m, n) in (0..9).map(|n| (n / 3, n % 3)) {
-                    let value = b.axes[n].dot(block * a.axes[m]);
-                    w[(3 * i + m) * count + 3 * j + n] = value;
-                    w[(3 * j + n) * count + 3 * i + m] = value;
-                }
-            }
-        }
-        w
-    }
-    /// `W` of skin and tools.
-    fn with_tool(&self, skin: &[f64], free: &[Free]) -> Vec<f64> {
-        let count = self.count();
-        (0..count * count).map(|k| skin[k] + self.tool_compliance(k / count, k % count, free)).collect()
-    }
-    /// The tool's part of `W`.
-    fn tool_compliance(&self, i: usize, j: usize, free: &[Free]) -> f64 {
-        if self.tool(i) != self.tool(j) {
-            return 0.0;
-        }
-        let f = &free[self.tool(i)];
-        f.compliance * self.axis(i).dot(self.axis(j)) + self.lever(i).dot(f.angular_compliance * self.lever(j))
+
+    /// Forces that the laws ask for where the violations are `found` under `lambda`, by the model `W`: the violations without force,
+    /// the relative change of the forces (in the energy's norm: redundant contacts may share a force in many ways, which means
+    /// nothing), and whether the solve converged.
+    fn judge(&self, found: &[f64], lambda: &[f64]) -> (Vec<f64>, f64, bool) {
+        let count = lambda.len();
+        let product = |i: usize| (0..count).map(|j| self.w[i * count + j] * lambda[j]).sum::<f64>();
+        let shifted: Vec<f64> = (0..count).map(|i| found[i] - product(i)).collect();
+        let mut next = lambda.to_vec();
+        let ended = solve(&self.laws, &self.w, &shifted, &mut next, SWEEP_TOLERANCE, MAX_SWEEPS);
+        let change: Vec<f64> = next.iter().zip(lambda).map(|(a, b)| a - b).collect();
+        let total = energy(&self.w, lambda);
+        let size = if total > 0.0 { (energy(&self.w, &change) / total).sqrt() } else { 0.0 };
+        (shifted, size, ended.converged)
     }
 }
 
 impl Simulation {
-    /// Solves free motion and contact together; returns nodal contact forces.
+    /// Solves free motion and contact together.
     pub(super) fn resolve(
         &mut self,
-        contacts: &[Contact],
+        law: scene::Contact,
+        contacts: Vec<Contact>,
         free: &[Free],
         report: &mut StepReport,
-    ) -> Result<Vec<(u32, [f64; 3])>> {
-        let Some(law) = self.scene.contact else {
-            return Ok(vec![]);
-        };
-        let arms = contacts.iter().map(|c| c.point - self.tools[c.id.0].position).collect();
-        let rows = Rows { contacts, arms };
-        let laws: Vec<Law> = contacts.iter().map(|c| c.law).collect();
-        let count = rows.count();
-        let mut nodes: Vec<u32> = contacts.iter().flat_map(|c| c.nodes).collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        let at = |values: &[[f64; 3]], offset: usize, node: u32| {
-            DVec3::from_array(values[offset + nodes.binary_search(&node).unwrap_or(0)])
-        };
-
-        // free motion, and the compliance of the nodes that the tools newly reach
-        let exact = law.correction == Correction::Exact;
-        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(self.scene.solver.tolerance) }];
-        let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
-        let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;
-        report.free = outcomes[0];
-        let (backend, compliance) = (self.backend.as_mut(), &mut self.compliance);
-        let inverse: Vec<DMat3> = if exact {
-            compliance.prepare(backend, &nodes, law.column_tolerance, law.max_contacts, report)?;
-            vec![]
-        } else {
-            let blocks = backend.node_blocks(&nodes)?;
-            blocks.iter().map(|b| DMat3::from_cols_array_2d(b).inverse()).collect()
-        };
-        let between = |compliance: &Compliance, a: u32, b: u32| match nodes.binary_search(&a) {
-            Ok(k) if !exact && a == b => inverse[k],
-            _ => compliance.between(a, b),
-        };
-        let mut skin = rows.compliance(&|a, b| between(&self.compliance, a, b));
-        let mut w = rows.with_tool(&skin, free);
-        let violation: Vec<f64> = (0..count)
-            .map(|i| {
-                let gap = if i % 3 == 0 { contacts[i / 3].gap } else { 0.0 };
-                let f = &free[rows.tool(i)];
-                gap + rows.axis(i).dot(f.shift) + rows.lever(i).dot(f.turn) + rows.on_skin(i, |n| at(&picked, 0, n))
-            })
-            .collect();
-
-        // forces, correction, passes
-        let mut lambda = vec![0.0; count];
-        let mut shifted = violation.clone();
-        let mut found;
-        let mut forces;
-        loop {
-            let ended = solve(&laws, &w, &shifted, &mut lambda, SWEEP_TOLERANCE, MAX_SWEEPS);
-            if !ended.converged {
-                *report.warnings.entry("contact_not_converged").or_default() += 1;
+    ) -> Result<Resolved> {
+        let (mut problem, ended) = self.pose(law, &contacts, free, report)?;
+        let mut lambda = self.first_forces(&problem);
+        let (found, shifted) = match law.forces {
+            Loop::Constraints => self.close(&mut problem, &mut lambda, report)?,
+            Loop::Penalty(_) => {
+                let moved = self.correct(&problem, &lambda, report)?;
+                (problem.after(&lambda, &moved), problem.violation.clone())
             }
-            forces = rows.forces(&lambda);
-            let nodal: Vec<(u32, [f64; 3])> = forces.iter().map(|(n, f)| (*n, f.to_array())).collect();
-            report.contact.passes += 1;
-            let moved = if exact {
-                self.correct(&nodes, &nodal, self.scene.solver.tolerance.min(law.tolerance), report)?
-            } else {
-                let moved: Vec<DVec3> = nodes
-                    .iter()
-                    .zip(&inverse)
-                    .map(|(n, m)| *m * forces.iter().find(|f| f.0 == *n).map_or(DVec3::ZERO, |f| f.1))
-                    .collect();
-                let list: Vec<_> = nodes.iter().copied().zip(moved.iter().map(|m| m.to_array())).collect();
-                self.backend.set_correction(&list)?;
-                list.into_iter().map(|l| l.1).collect()
-            };
-            // violations as they are now, then what the compliance model leaves unexplained
-            let tool_part = |i: usize| (0..count).map(|j| rows.tool_compliance(i, j, free) * lambda[j]).sum::<f64>();
-            found = (0..count)
-                .map(|i| violation[i] + rows.on_skin(i, |n| at(&moved, 0, n)) + tool_part(i))
-                .collect::<Vec<f64>>();
-            let mut next = lambda.clone();
-            let before = report.contact.residual;
-            let residual = |w: &[f64], next: &mut Vec<f64>| {
-                let product = |i: usize| (0..count).map(|j| w[i * count + j] * lambda[j]).sum::<f64>();
-                let shifted: Vec<f64> = (0..count).map(|i| found[i] - product(i)).collect();
-                let ended = solve(&laws, w, &shifted, next, SWEEP_TOLERANCE, MAX_SWEEPS);
-                // in the energy's norm: redundant contacts may share a force in many ways, which means nothing
-                let change: Vec<f64> = next.iter().zip(&lambda).map(|(a, b)| a - b).collect();
-                let total = energy(w, &lambda);
-                let size = if total > 0.0 { (energy(w, &change) / total).sqrt() } else { 0.0 };
-                (shifted, size, ended.converged)
-            };
-            let (mut left, mut size, settled) = residual(&w, &mut next);
-            let slow = report.contact.passes > 1 && size > SLOW * before;
-            if exact && size > law.tolerance && (slow || !settled) && self.compliance.aged() {
-                self.compliance.renew(self.backend.as_mut(), law.column_tolerance, report)?;
-                skin = rows.compliance(&|a, b| between(&self.compliance, a, b));
-                w = rows.with_tool(&skin, free);
-                next.clone_from(&lambda);
-                (left, size, _) = residual(&w, &mut next);
-            }
-            (shifted, report.contact.residual) = (left, size);
-            if report.contact.residual <= law.tolerance || !exact {
-                break;
-            }
-            if report.contact.passes >= MAX_PASSES {
-                *report.warnings.entry("contact_passes_exhausted").or_default() += 1;
-                break;
-            }
+        };
+        if law.forces == Loop::Constraints {
+            let left = constraints::residual(&problem.laws, &problem.w, &shifted, &lambda);
+            (report.contact.residual_n, report.contact.residual_m) = (left.force, left.gap);
+            report.warn("contact_rows_dropped", left.dropped);
         }
-        let left = constraints::residual(&laws, &w, &shifted, &lambda);
-        (report.contact.residual_n, report.contact.residual_m) = (left.force, left.gap);
-        if left.dropped > 0 {
-            *report.warnings.entry("contact_rows_dropped").or_default() += left.dropped;
-        }
-        self.move_tools(&rows, free, &lambda, report);
-        self.hand_over(&rows, &laws, &skin, &found, &lambda);
-        report.contact.count = contacts.len();
+        self.move_tools(&problem, &lambda, report);
+        self.hand_over(&problem, &found, &lambda);
+        let forces = (0..self.bodies.len()).map(|body| problem.rows.on_nodes(body, &lambda)).collect();
+        self.last_forces = contacts.iter().zip(lambda.chunks_exact(3)).map(|(c, f)| (c.id(), in_world(c, f))).collect();
         report.contact.slips = contacts
             .iter()
             .zip(found.chunks_exact(3))
-            .map(|(c, f)| c.axes[0] * (f[0] - c.gap) + c.axes[1] * f[1] + c.axes[2] * f[2])
+            .map(|(c, f)| in_world(c, &[f[0] - c.gap[0], f[1] - c.gap[1], f[2] - c.gap[2]]))
             .collect();
+        report.contact.contacts = contacts;
         report.contact.forces = lambda;
-        Ok(forces.into_iter().map(|(n, f)| (n, f.to_array())).collect())
+        Ok(Resolved { forces, free: ended })
     }
 
-    /// The skin's displacement at nodes under contact forces, solved to a tolerance of the forces, m.
+    /// Free motion, the compliance of what rows newly act on, and the violations.
+    fn pose<'a>(
+        &mut self,
+        law: scene::Contact,
+        contacts: &'a [Contact],
+        free: &'a [Free],
+        report: &mut StepReport,
+    ) -> Result<(Problem<'a>, Vec<Outcome>)> {
+        let rows = Rows::new(contacts, &self.tools);
+        let mut nodes = vec![];
+        let (mut ended, mut picked, mut blocks) = (vec![], vec![], vec![]);
+        for (number, body) in self.bodies.iter_mut().enumerate() {
+            let own = rows.nodes(number);
+            let (outcome, values) = body.solve_free(&self.scene.solver, &own)?;
+            ended.push(outcome);
+            picked.push(values);
+            blocks.push(body.give(&law, &own, self.near[number], report)?);
+            nodes.push(own);
+        }
+        let laws = contacts.iter().map(|c| c.law).collect();
+        let mut problem = Problem { law, rows, laws, free, nodes, blocks, w: vec![], violation: vec![] };
+        problem.w = self.compliance_of(&problem);
+        problem.violation = (0..problem.rows.count())
+            .map(|row| {
+                let rigid = |number: usize| (free[number].shift, free[number].turn);
+                let gap = contacts[row / 3].gap[row % 3];
+                gap + problem.rows.opening(row, rigid, |body, node| problem.at(&picked, body, node))
+            })
+            .collect();
+        Ok((problem, ended))
+    }
+
+    /// `W` as the bodies know it now.
+    fn compliance_of(&self, problem: &Problem) -> Vec<f64> {
+        let between = |body: usize, a: u32, b: u32| match problem.law.correction {
+            Correction::Exact => self.bodies[body].compliance.between(a, b),
+            Correction::Precomputed => self.bodies[body].at_rest.between(a, b),
+            Correction::Uncoupled => match problem.nodes[body].binary_search(&a) {
+                Ok(k) if a == b => problem.blocks[body][k],
+                _ => DMat3::ZERO,
+            },
+        };
+        problem.rows.compliance(&between, problem.free)
+    }
+
+    /// Where the solve starts: the last step's forces of contacts that are still there; or all that there is to the penalty loop.
+    fn first_forces(&self, problem: &Problem) -> Vec<f64> {
+        let mut out = vec![];
+        for contact in problem.rows.contacts {
+            out.extend(match (problem.law.forces, contact.law) {
+                (Loop::Penalty(stiffness), Law::Hold { held }) => {
+                    [0, 1, 2].map(|k| if held[k] { -stiffness * contact.gap[k] } else { 0.0 })
+                }
+                (Loop::Penalty(stiffness), _) => [stiffness * (-contact.gap[0]).max(0.0), 0.0, 0.0],
+                (Loop::Constraints, _) => {
+                    let last = self.last_forces.get(&contact.id()).copied().unwrap_or_default();
+                    contact.axes.map(|axis| axis.dot(last))
+                }
+            });
+        }
+        out
+    }
+
+    /// Forces, correction, passes: until the laws hold on the true violations. Returns these, and those without force.
+    fn close(
+        &mut self,
+        problem: &mut Problem,
+        lambda: &mut [f64],
+        report: &mut StepReport,
+    ) -> Result<(Vec<f64>, Vec<f64>)> {
+        let law = problem.law;
+        let mut shifted = problem.violation.clone();
+        loop {
+            let ended = solve(&problem.laws, &problem.w, &shifted, lambda, SWEEP_TOLERANCE, MAX_SWEEPS);
+            report.warn("contact_not_converged", u32::from(!ended.converged));
+            report.contact.passes += 1;
+            let moved = self.correct(problem, lambda, report)?;
+            // violations as they are now, then what the compliance model leaves unexplained
+            let found = problem.after(lambda, &moved);
+            let before = report.contact.residual;
+            let (mut left, mut size, settled) = problem.judge(&found, lambda);
+            let slow = report.contact.passes > 1 && size > SLOW * before;
+            let aged = law.correction == Correction::Exact && self.bodies.iter().any(|b| b.compliance.aged());
+            if size > law.tolerance && (slow || !settled) && aged {
+                for body in &mut self.bodies {
+                    body.compliance.renew(body.backend.as_mut(), law.column_tolerance, report)?;
+                }
+                problem.w = self.compliance_of(problem);
+                (left, size, _) = problem.judge(&found, lambda);
+            }
+            (shifted, report.contact.residual) = (left, size);
+            if size <= law.tolerance || law.correction != Correction::Exact {
+                return Ok((found, shifted));
+            }
+            if report.contact.passes >= MAX_PASSES {
+                report.warn("contact_passes_exhausted", 1);
+                return Ok((found, shifted));
+            }
+        }
+    }
+
+    /// How far forces move the nodes that rows act on, `[body][node]` m; the backends keep the whole correction.
+    fn correct(&mut self, problem: &Problem, lambda: &[f64], report: &mut StepReport) -> Result<Vec<Vec<[f64; 3]>>> {
+        let tolerance = self.scene.solver.tolerance.min(problem.law.tolerance);
+        let mut out = vec![];
+        for (number, body) in self.bodies.iter_mut().enumerate() {
+            let (nodes, forces) = (&problem.nodes[number], problem.rows.on_nodes(number, lambda));
+            out.push(match problem.law.correction {
+                Correction::Uncoupled => {
+                    let force = |n: &u32| forces.binary_search_by_key(n, |f| f.0).map_or([0.0; 3], |k| forces[k].1);
+                    let blocks = problem.blocks[number].iter();
+                    let moved = nodes.iter().zip(blocks).map(|(n, m)| (*m * DVec3::from_array(force(n))).to_array());
+                    let moved: Vec<[f64; 3]> = moved.collect();
+                    let list: Vec<_> = nodes.iter().copied().zip(moved.iter().copied()).collect();
+                    body.backend.set_correction(&list)?;
+                    moved
+                }
+                _ => body.correct(nodes, &forces, tolerance, report)?,
+            });
+        }
+        Ok(out)
+    }
+
+    fn move_tools(&mut self, problem: &Problem, lambda: &[f64], report: &mut StepReport) {
+        let h = self.step_size();
+        for (number, (tool, free)) in self.tools.iter_mut().zip(problem.free).enumerate() {
+            let (force, torque) = problem.rows.on_rigid(number, lambda);
+            tool.advance(free.shift + force * free.compliance, free.turn + free.angular_compliance * torque, h);
+            report.contact.on_tool.push(force.to_array());
+        }
+    }
+
+    /// The reduced contact problem of each tool, for the haptic side.
+    fn hand_over(&mut self, problem: &Problem, found: &[f64], lambda: &[f64]) {
+        let (rows, laws) = (&problem.rows, &problem.laws);
+        let count = rows.count();
+        for (number, tool) in self.tools.iter().enumerate() {
+            let sides: Vec<(usize, f64)> = (0..count)
+                .filter_map(|row| rows.side(row, Who::Rigid(number)).map(|(sign, _)| (row, sign)))
+                .collect();
+            // sticking and cutting start anew from where the step ended; gaps go on
+            let remaining = |row: usize| match laws[row / 3] {
+                Law::Coulomb { .. } if row.is_multiple_of(3) => found[row],
+                _ => 0.0,
+            };
+            let free = &problem.free[number];
+            let give = |i: usize, j: usize| problem.w[i * count + j] - rows.rigid_part(i, j, number, free);
+            self.reduced[number] = Reduced {
+                position: tool.position,
+                rotation: tool.rotation,
+                axes: sides.iter().map(|(row, sign)| rows.axis(*row) * *sign).collect(),
+                arms: sides.iter().map(|(row, _)| rows.contacts[row / 3].point - tool.position).collect(),
+                laws: sides.iter().step_by(3).map(|(row, _)| laws[row / 3]).collect(),
+                compliance: sides.iter().flat_map(|(i, _)| sides.iter().map(move |(j, _)| give(*i, *j))).collect(),
+                violation: sides.iter().map(|(row, _)| remaining(*row)).collect(),
+                force: sides.iter().map(|(row, _)| lambda[*row]).collect(),
+                epoch: self.epoch,
+            };
+        }
+    }
+}
+
+impl Body {
+    /// Has how these nodes give; returns the inverse blocks of `A` that the uncoupled correction takes for it. `most` is how many nodes
+    /// are remembered.
+    fn give(
+        &mut self,
+        law: &scene::Contact,
+        nodes: &[u32],
+        most: usize,
+        report: &mut StepReport,
+    ) -> Result<Vec<DMat3>> {
+        match law.correction {
+            Correction::Exact => {
+                let backend = self.backend.as_mut();
+                self.compliance.prepare(backend, nodes, law.column_tolerance, most, report)?;
+            }
+            Correction::Precomputed => self.at_rest.prepare(&self.model, nodes, most, report)?,
+            Correction::Uncoupled => {
+                let blocks = self.backend.node_blocks(nodes)?;
+                return Ok(blocks.iter().map(|b| DMat3::from_cols_array_2d(b).inverse()).collect());
+            }
+        }
+        Ok(vec![])
+    }
+
+    /// The body's displacement at nodes under contact forces, solved to a tolerance of the forces, m.
     fn correct(
         &mut self,
         nodes: &[u32],
@@ -262,48 +367,14 @@ impl Simulation {
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
         let (outcome, moved) = self.backend.solve(&wanted, &pick)?;
         report.correction_iterations += outcome[0].iterations;
-        if !outcome[0].converged {
-            *report.warnings.entry("solver_not_converged").or_default() += 1;
-        }
+        report.warn("solver_not_converged", u32::from(!outcome[0].converged));
         Ok(moved)
     }
+}
 
-    fn move_tools(&mut self, rows: &Rows, free: &[Free], lambda: &[f64], report: &mut StepReport) {
-        let h = self.scene.time.step;
-        for (number, (tool, free)) in self.tools.iter_mut().zip(free).enumerate() {
-            let (mut force, mut torque) = (DVec3::ZERO, DVec3::ZERO);
-            for (row, l) in lambda.iter().enumerate().filter(|(row, _)| rows.tool(*row) == number) {
-                force += rows.axis(row) * *l;
-                torque += rows.lever(row) * *l;
-            }
-            tool.advance(free.shift + force * free.compliance, free.turn + free.angular_compliance * torque, h);
-            report.contact.on_tool.push(force.to_array());
-        }
-    }
-
-    /// The reduced contact problem of each tool, for the haptic side.
-    fn hand_over(&mut self, rows: &Rows, laws: &[Law], skin: &[f64], found: &[f64], lambda: &[f64]) {
-        let count = rows.count();
-        for (number, tool) in self.tools.iter().enumerate() {
-            let own: Vec<usize> = (0..count).filter(|r| rows.tool(*r) == number).collect();
-            // sticking and cutting start anew from where the step ended; gaps go on
-            let remaining = |r: &usize| match laws[r / 3] {
-                Law::Coulomb { .. } if r.is_multiple_of(3) => found[*r],
-                _ => 0.0,
-            };
-            self.reduced[number] = Reduced {
-                position: tool.position,
-                rotation: tool.rotation,
-                axes: own.iter().map(|r| rows.axis(*r)).collect(),
-                arms: own.iter().map(|r| rows.contacts[r / 3].point - tool.position).collect(),
-                laws: own.iter().step_by(3).map(|r| laws[r / 3]).collect(),
-                compliance: own.iter().flat_map(|i| own.iter().map(move |j| skin[i * count + j])).collect(),
-                violation: own.iter().map(remaining).collect(),
-                force: own.iter().map(|r| lambda[*r]).collect(),
-                epoch: self.epoch,
-            };
-        }
-    }
+/// Values along a contact's axes as a vector.
+fn in_world(contact: &Contact, along: &[f64]) -> DVec3 {
+    contact.axes[0] * along[0] + contact.axes[1] * along[1] + contact.axes[2] * along[2]
 }
 
 /// `λᵀ W λ`, N·m.

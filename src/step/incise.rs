@@ -4,11 +4,13 @@
 //! the piece is held at its sample alone. So its sweep is not given up but put off: the piece keeps the line from which it has not swept
 //! yet, carried along with the skin at its contact, until the tissue lets go.
 
+use super::body::{Body, Located};
 use super::{Simulation, StepReport};
 use crate::collide::Contact;
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::instrument::{Instrument, Role};
+use crate::scene::Who;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -26,7 +28,14 @@ pub(super) struct Line {
 
 impl Simulation {
     /// Cuts what the pieces of each edge that move through the skin have swept.
-    pub(super) fn incise(&mut self, old: &[Instrument], contacts: &[Contact], report: &mut StepReport) -> Result<()> {
+    pub(super) fn incise(&mut self, old: &[Instrument], report: &mut StepReport) -> Result<()> {
+        let contacts = std::mem::take(&mut report.contact.contacts);
+        let done = self.sweep(old, &contacts, report);
+        report.contact.contacts = contacts;
+        done
+    }
+
+    fn sweep(&mut self, old: &[Instrument], contacts: &[Contact], report: &mut StepReport) -> Result<()> {
         let held = std::mem::take(&mut self.held);
         if contacts.is_empty() {
             return Ok(()); // an edge that meets no skin cuts none
@@ -40,7 +49,8 @@ impl Simulation {
                 };
                 let id = (number, index);
                 let ends = [edge.points[piece], edge.points[piece + 1]];
-                let contact = contacts.iter().position(|c| c.id == id);
+                let of_piece = |c: &Contact| c.on[0] == Who::Rigid(number) && c.feature == index;
+                let contact = contacts.iter().position(of_piece);
                 let line = held.get(&id).filter(|line| line.inside || contact.is_some());
                 let start = line.map_or(ends.map(|p| old.at(p)), |line| line.ends);
                 match contact.filter(|k| !lets_go(&contacts[*k], &report.contact.forces[3 * k..3 * k + 3])) {
@@ -53,21 +63,28 @@ impl Simulation {
                 }
             }
         }
-        let hits = self.backend.cut(&quads)?;
-        let links = self.wound.totals.links + self.wound.totals.springs;
-        let removal = self.wound.apply(&self.model, &hits);
-        report.severed = (self.wound.totals.links + self.wound.totals.springs - links) as u32;
-        if report.severed > 0 {
-            self.epoch += 1;
-            self.compliance.clear();
-            self.backend.remove(&removal.cells, &removal.springs, &removal.free)?;
+        for body in &mut self.bodies {
+            let hits = body.backend.cut(&quads)?;
+            let links = body.wound.totals.links + body.wound.totals.springs;
+            let removal = body.wound.apply(&body.model, &hits);
+            let severed = (body.wound.totals.links + body.wound.totals.springs - links) as u32;
+            if severed > 0 {
+                self.epoch += 1;
+                report.severed += severed;
+                body.compliance.clear();
+                body.backend.remove(&removal.cells, &removal.springs, &removal.free)?;
+            }
         }
         Ok(())
     }
+}
 
-    /// How far the lips of open cells have parted, from the nodes that were read back anyway.
-    pub(super) fn note_opening(&self, nodes: &[u32], u: &[[f64; 3]], report: &mut StepReport) {
+impl Body {
+    /// How far the lips of open cells have parted, from the nodes that were located anyway, m.
+    pub(super) fn opening(&self) -> f64 {
         let params = self.model.grid.params::<f64>();
+        let Located { nodes, u, .. } = &self.located;
+        let mut widest = 0.0f64;
         for (cell, axis) in &self.wound.open {
             let corners = params.corners(*cell as usize);
             let mut sum = 0.0;
@@ -85,9 +102,10 @@ impl Simulation {
                 }
             }
             if pairs >= 2 {
-                report.opening = report.opening.max(sum / f64::from(pairs));
+                widest = widest.max(sum / f64::from(pairs));
             }
         }
+        widest
     }
 }
 

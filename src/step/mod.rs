@@ -1,34 +1,36 @@
-//! One time step, written once over [`Backend`]:
+//! One time step, written once over [`Backend`](crate::backend::Backend):
 //!
-//! 1. contacts at the step's start (the search is widened by the tool's motion);
-//! 2. free motion of the skin, loose columns of `A⁻¹` at nodes that the tools newly reach; the tool's free motion;
+//! 1. contacts at the step's start (the search is widened by the rigid bodies' motion), and the ties;
+//! 2. free motion of every body, loose columns of `A⁻¹` at nodes that rows newly act on;
 //! 3. violations `δ` at the free positions, forces λ by Gauss–Seidel on `W λ + δ`;
-//! 4. correction: `A Δx = Jᵀλ` solved accurately, δ taken again, until the contact law holds;
-//! 5. integration, the tool's motion, the cut by what the edge swept.
+//! 4. correction: `A Δx = Jᵀλ` solved accurately, δ taken again, until the laws hold;
+//! 5. integration, the rigid bodies' motion, the cut by what an edge swept.
 //!
-//! A scene without contact reads nothing back here. What goes wrong numerically is counted in [`StepReport`], never mended in silence.
+//! Each body has its own free motion; only rows couple bodies. A scene without contact reads nothing back here. What goes wrong
+//! numerically is counted in [`StepReport`], never mended in silence.
 
+mod body;
 mod compliance;
 mod contact;
+mod find;
 mod incise;
 mod refine;
+mod rows;
 mod start;
 
+pub use body::Body;
 pub use contact::ContactReport;
 pub use start::{needs, start};
 
-use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
-use crate::collide::{self, Contact, Patch, Search};
-use crate::cut::{Totals, Wound};
+use crate::backend::Device;
+use crate::cut::Totals;
 use crate::error::Result;
-use crate::gpu::Gpu;
 use crate::haptic::Reduced;
 use crate::instrument::{Free, Instrument};
 use crate::linear::Outcome;
-use crate::math::V4;
-use crate::model::{Model, Solved, true_residual};
-use crate::scene::{ProbeKind, Scene};
-use compliance::Compliance;
+use crate::math::larger;
+use crate::scene::{ProbeKind, Scene, Who};
+use contact::Resolved;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -75,107 +77,120 @@ pub struct StepReport {
     pub warnings: Warnings,
 }
 
+impl StepReport {
+    /// Counts trouble.
+    fn warn(&mut self, name: &'static str, count: u32) {
+        if count > 0 {
+            *self.warnings.entry(name).or_default() += count;
+        }
+    }
+
+    /// Takes in the part of a step that came after this one: the later state, the trouble and the work of both.
+    fn followed_by(&mut self, later: Self) {
+        let before = std::mem::replace(self, later);
+        self.free.iterations += before.free.iterations;
+        self.refinements += before.refinements;
+        self.correction_iterations += before.correction_iterations;
+        self.residual = larger(before.residual, self.residual);
+        self.at_floor &= before.at_floor;
+        self.severed += before.severed;
+        self.opening = self.opening.max(before.opening);
+        let (old, new) = (&before.contact, &mut self.contact);
+        new.passes = new.passes.max(old.passes);
+        new.columns += old.columns;
+        new.residual_n = larger(old.residual_n, new.residual_n);
+        new.residual_m = larger(old.residual_m, new.residual_m);
+        for (name, count) in before.warnings {
+            self.warn(name, count);
+        }
+    }
+}
+
 /// Above 1 by more than what a square and its root round in f32.
 const AT_FLOOR: f64 = 1.0 + 1e-5;
 
 /// A running scene.
 pub struct Simulation {
-    /// The constant arrays.
-    pub model: Model,
-    /// The body as cut so far.
-    pub wound: Wound,
-    /// The tools.
+    /// The deformable bodies, as the scene lists them.
+    pub bodies: Vec<Body>,
+    /// The rigid bodies: tools, then those that no hand holds.
     pub tools: Vec<Instrument>,
-    /// Contact problem of each tool after the last step.
+    /// Contact problem of each rigid body after the last step.
     pub reduced: Vec<Reduced>,
     /// s
     pub time: f64,
     scene: Scene,
-    backend: Box<dyn Backend>,
     probes: Vec<Prepared>,
-    compliance: Compliance,
+    ties: Vec<find::Tie>,
+    near: Vec<usize>,
     held: incise::Held,
+    last_forces: BTreeMap<([Who; 2], usize), DVec3>,
     load_changes: Vec<f64>,
-    step_number: u32,
+    step_number: u64,
     epoch: u32,
-    reach: f64,
 }
 
+/// A probe and the nodes that it needs.
 struct Prepared {
+    kind: ProbeKind,
     nodes: Vec<u32>,
-    axis: usize,
-    reaction: bool,
 }
 
 impl Simulation {
     /// Prepares a scene on a place.
     ///
     /// # Errors
-    /// When the model is too large or no adapter fits.
+    /// When a model is too large, no adapter fits, or something is tied to what is not there.
     pub fn new(scene: &Scene, place: &Place) -> Result<Self> {
-        let needs = needs(scene);
-        let gpu = match place {
-            Place::Gpu(text) => Some(Gpu::open(text.as_deref())?),
-            Place::Cpu64 | Place::Cpu32 => None,
+        let count = scene.skins.len();
+        let bodies = (0..count).map(|number| Body::new(scene, number, place)).collect::<Result<Vec<_>>>()?;
+        let prepare = |kind: &ProbeKind| {
+            let nodes = match kind {
+                ProbeKind::Displacement { body, point, .. } => vec![bodies[*body].model.grid.nearest(*point) as u32],
+                ProbeKind::Reaction { body, region, .. } => bodies[*body].model.nodes_in(region),
+                _ => vec![],
+            };
+            Prepared { kind: kind.clone(), nodes }
         };
-        if let Some(gpu) = &gpu {
-            // a grid that does not fit is refused before the host spends minutes on it
-            let [x, y] = scene.skin.cells.map(|c| u64::from(c) + 1);
-            let z: u64 = scene.skin.layers.iter().map(|l| u64::from(l.cells)).sum();
-            gpu.fits("x", x * y * (z + 1) * 16 * needs.slots() as u64)?;
-        }
-        let model = Model::new(scene)?;
-        let start = start(scene, &model);
-        let (cap, floor) = (scene.solver.max_iterations, scene.solver.floor);
-        let backend: Box<dyn Backend> = match (place, gpu) {
-            (_, Some(gpu)) => Box::new(GpuBackend::new(gpu, &model, needs, cap, floor, &start)?),
-            (Place::Cpu32, _) => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
-            _ => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
-        };
-        let prepare = |kind: &ProbeKind| match kind {
-            ProbeKind::Displacement { point, axis } => {
-                Prepared { nodes: vec![model.grid.nearest(*point) as u32], axis: *axis, reaction: false }
-            }
-            ProbeKind::Reaction { region, axis } => {
-                Prepared { nodes: model.nodes_in(region), axis: *axis, reaction: true }
-            }
-        };
-        let tools: Vec<Instrument> = scene.tools.iter().map(Instrument::new).collect();
-        let reach = start.u.iter().flatten().fold(model.grid.thickness(), |m, u| m.max(u.abs()));
-        Ok(Self {
-            wound: Wound::new(&model),
+        let tools: Vec<Instrument> = scene.tools.iter().map(|t| Instrument::new(t, scene.time.gravity)).collect();
+        let mut simulation = Self {
             reduced: tools.iter().map(|t| Reduced::free(t.position, t.rotation, 0)).collect(),
             tools,
             time: 0.0,
-            backend,
             probes: scene.probes.iter().map(|p| prepare(&p.kind)).collect(),
-            compliance: Compliance::default(),
+            ties: vec![],
+            near: bodies.iter().map(|body| needs(scene, &body.model).near).collect(),
             held: incise::Held::new(),
+            last_forces: BTreeMap::new(),
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
             step_number: 0,
             epoch: 0,
-            reach,
             scene: scene.clone(),
-            model,
-        })
+            bodies,
+        };
+        simulation.ties = find::ties(&simulation, scene)?;
+        for tie in &simulation.ties {
+            tie.note_nodes(&mut simulation.bodies);
+        }
+        Ok(simulation)
     }
 
-    /// What the skin runs on.
+    /// What the deformable bodies run on; of rigid bodies alone, the CPU.
     pub fn device(&self) -> Device {
-        self.backend.device()
+        let rigid = Device { backend: "cpu", precision: "f64", adapter: "rigid bodies alone".into(), ..Device::default() };
+        let mut device = self.bodies.first().map_or(rigid, Body::device);
+        device.device_bytes = self.bodies.iter().map(|b| b.device().device_bytes).sum();
+        device
     }
 
-    /// All state of the skin.
-    ///
-    /// # Errors
-    /// When the device fails.
-    pub fn snapshot(&mut self) -> Result<Snapshot> {
-        self.backend.snapshot()
-    }
-
-    /// Measures of the wound.
+    /// Measures of all wounds together.
     pub fn totals(&self) -> Totals {
-        self.wound.totals
+        self.bodies.iter().map(Body::totals).fold(Totals::default(), Totals::and)
+    }
+
+    /// Length of what is advanced at once, s.
+    fn step_size(&self) -> f64 {
+        self.scene.time.step / f64::from(self.scene.time.substeps)
     }
 
     /// Advances by one step; `check` asks for the true residual.
@@ -183,164 +198,140 @@ impl Simulation {
     /// # Errors
     /// When the device fails or a blade cuts more in a step than can be taken back.
     pub fn step(&mut self, check: bool) -> Result<StepReport> {
-        let h = self.scene.time.step;
+        let parts = self.scene.time.substeps;
+        let mut report = self.advance(check && parts == 1)?;
+        for part in 2..=parts {
+            report.followed_by(self.advance(check && part == parts)?);
+        }
+        Ok(report)
+    }
+
+    fn advance(&mut self, check: bool) -> Result<StepReport> {
+        let h = self.step_size();
         let begin = self.time;
         self.step_number += 1;
-        self.time = f64::from(self.step_number) * h;
+        self.time = self.step_number as f64 * h;
         let mut report = StepReport { time: self.time, ..StepReport::default() };
         let changed = |t: &f64| *t <= begin && *t > begin - h;
-        if self.step_number == 1 || self.load_changes.iter().any(changed) {
-            self.backend.set_load(&self.model.load_at(&self.scene.loads, begin));
-        }
+        let loaded = self.step_number == 1 || self.load_changes.iter().any(changed);
         let refined = self.scene.solver.refinements > 0;
-        let before = if check || refined { Some(self.backend.snapshot()?) } else { None };
+        let mut before = vec![];
+        for body in &mut self.bodies {
+            if loaded {
+                body.backend.set_load(&body.model.load_at(&self.scene.loads, begin));
+            }
+            before.push(if check || refined { Some(body.backend.snapshot()?) } else { None });
+        }
         let free: Vec<Free> = self.tools.iter().map(|t| t.free_motion(self.time, h)).collect();
-        let contacts = self.find_contacts(&free, &mut report)?;
-        self.backend.begin()?;
-        let tolerance = self.scene.solver.tolerance;
+        let contacts = match self.scene.contact {
+            Some(law) => self.find_contacts(&law, &free, &mut report)?,
+            None => vec![],
+        };
+        for body in &mut self.bodies {
+            body.backend.begin()?;
+        }
         let old = self.tools.clone();
-        let correction = if contacts.is_empty() {
-            let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
-            report.free = self.backend.solve(&wanted, &[])?.0[0];
-            for (tool, free) in self.tools.iter_mut().zip(&free) {
-                tool.advance(free.shift, free.turn, h);
+        let (mut ended, forces) = match self.scene.contact.filter(|_| !contacts.is_empty()) {
+            Some(law) => {
+                let Resolved { free: ended, forces } = self.resolve(law, contacts, &free, &mut report)?;
+                (ended, Some(forces))
             }
-            for (reduced, tool) in self.reduced.iter_mut().zip(&self.tools) {
-                *reduced = Reduced::free(tool.position, tool.rotation, self.epoch);
-            }
-            vec![]
-        } else {
-            self.resolve(&contacts, &free, &mut report)?
+            None => (self.move_freely(&free)?, None),
         };
-        let corrected = !contacts.is_empty();
-        if let Some(before) = before {
-            let mut solved = self.solved(before, &correction, begin);
-            solved.dx = self.increment(corrected)?;
-            if refined {
-                self.refine(&mut solved, corrected, &mut report)?;
+        for (number, (body, before)) in self.bodies.iter_mut().zip(before).enumerate() {
+            if let Some(before) = before {
+                let forces = forces.as_ref().map(|forces| forces[number].as_slice());
+                body.review(before, forces, &self.scene, (begin, check), &mut ended[number], &mut report)?;
             }
-            if check && refined {
-                solved.dx = self.increment(corrected)?; // as the backend has rounded it
-            }
-            report.true_residual = check.then(|| true_residual(&self.model, &solved));
+            body.backend.finish(forces.is_some())?;
         }
-        // at the floor the load is so small that a share of it says nothing
-        report.at_floor = report.free.target <= self.scene.solver.floor * AT_FLOOR;
-        report.residual = match report.at_floor || report.free.target == 0.0 {
-            true => 0.0,
-            false => report.free.residual / report.free.target * tolerance,
-        };
-        if !report.free.converged {
-            *report.warnings.entry("solver_not_converged").or_default() += 1;
-        }
-        self.backend.finish(corrected)?;
+        self.note_solves(&ended, &mut report);
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {
-            self.incise(&old, &contacts, &mut report)?;
+            self.incise(&old, &mut report)?;
         }
         self.read_probes(&mut report)?;
         Ok(report)
     }
 
-    /// Contacts at the step's start, at most the scene's number, nearest first.
-    fn find_contacts(&mut self, free: &[Free], report: &mut StepReport) -> Result<Vec<Contact>> {
-        let Some(law) = self.scene.contact else {
-            return Ok(vec![]);
-        };
-        let search = Search { alarm: law.alarm, distance: law.distance, friction: law.friction, filter: law.filter };
-        let mut found = vec![];
-        let mut near = DVec3::ZERO;
-        for (number, tool) in self.tools.iter().enumerate() {
-            let span = tool.samples.iter().map(|s| s.position.length()).fold(0.0, f64::max);
-            let travel = free[number].shift.length() + free[number].turn.length() * span;
-            let area = collide::tool_box(tool, search.alarm + search.distance + travel);
-            let faces = collide::faces_near(&self.model.grid, &self.wound.surface, &area, self.reach);
-            let mut nodes: Vec<u32> = faces.iter().flat_map(|q| q.nodes).collect();
-            nodes.sort_unstable();
-            nodes.dedup();
-            if nodes.is_empty() {
-                continue;
-            }
-            let u = self.backend.displacements(&nodes)?;
-            let position = |id: u32| {
-                let k = nodes.binary_search(&id).unwrap_or(0);
-                DVec3::from_array(self.model.rest[id as usize]) + DVec3::from_array(u[k])
-            };
-            for d in &u {
-                near = near.max(DVec3::from_array(*d).abs());
-            }
-            if u.iter().flatten().any(|c| !c.is_finite()) {
-                *report.warnings.entry("non_finite_nodes").or_default() += 1;
-                continue;
-            }
-            self.note_opening(&nodes, &u, report);
-            let Some(patch) = Patch::new(&faces, position) else {
-                continue;
-            };
-            let (model, params) = (&self.model, self.model.grid.params::<f64>());
-            let resistance = |cell: u32| {
-                let level = params.cell_at(cell as usize)[2];
-                model.toughness[model.grid.layer_of[level] as usize]
-            };
-            found.extend(match &tool.round {
-                Some(round) => {
-                    collide::round::contacts(number, tool, round, &faces, &patch, &position, &search, &free[number])
-                }
-                None => collide::contacts(number, tool, &patch, &search, travel, resistance),
-            });
+    /// A step in which nothing touches.
+    fn move_freely(&mut self, free: &[Free]) -> Result<Vec<Outcome>> {
+        let h = self.step_size();
+        let solver = self.scene.solver;
+        let solves = self.bodies.iter_mut().map(|body| Ok(body.solve_free(&solver, &[])?.0));
+        let ended = solves.collect::<Result<_>>()?;
+        for (tool, free) in self.tools.iter_mut().zip(free) {
+            tool.advance(free.shift, free.turn, h);
         }
-        // next step's faces: skin near the tool has moved this far; skin that is not near yet by less than its thickness
-        self.reach = (near.max_element() + search.alarm).max(self.model.grid.thickness());
-        let most = law.max_contacts as usize;
-        if found.len() > most {
-            *report.warnings.entry("contacts_dropped").or_default() += (found.len() - most) as u32;
-            found.sort_by(|a, b| a.gap.total_cmp(&b.gap).then(a.id.cmp(&b.id)));
-            found.truncate(most);
-            found.sort_by_key(|c| c.id);
+        for (reduced, tool) in self.reduced.iter_mut().zip(&self.tools) {
+            *reduced = Reduced::free(tool.position, tool.rotation, self.epoch);
         }
-        Ok(found)
+        self.last_forces.clear();
+        Ok(ended)
     }
 
-    /// What the solves have found together, `[node]` m.
-    fn increment(&mut self, corrected: bool) -> Result<Vec<V4<f64>>> {
-        let mut dx = self.backend.solution(FREE)?;
-        if corrected {
-            refine::add(&mut dx, &self.backend.solution(CORRECTION)?, 1.0);
-        }
-        Ok(dx)
-    }
-
-    /// The step's equations for a check in f64, without their solution.
-    fn solved(&self, before: Snapshot, contact: &[(u32, [f64; 3])], time: f64) -> Solved {
-        let mut forces = vec![[0.0; 4]; before.u.len()];
-        for (node, [x, y, z]) in contact {
-            forces[*node as usize] = [*x, *y, *z, 0.0];
-        }
-        let load = self.model.load_at(&self.scene.loads, time);
-        Solved {
-            u: before.u,
-            v: before.v,
-            rotation: before.rotation,
-            free: before.free,
-            law: before.law,
-            load: load.iter().map(|l| [l[0], l[1], l[2], 0.0]).collect(),
-            contact: forces,
-            dx: vec![],
+    /// How the free motions were solved: the most iterations, the worst residual.
+    fn note_solves(&self, ended: &[Outcome], report: &mut StepReport) {
+        let solver = &self.scene.solver;
+        report.at_floor = !ended.is_empty();
+        report.free.converged = true;
+        for outcome in ended {
+            // at the floor the load is so small that a share of it says nothing
+            let at_floor = outcome.target <= solver.floor * AT_FLOOR;
+            report.at_floor &= at_floor;
+            if !at_floor && outcome.target != 0.0 {
+                report.residual = larger(report.residual, outcome.residual / outcome.target * solver.tolerance);
+            }
+            report.warn("solver_not_converged", u32::from(!outcome.converged));
+            report.free = Outcome {
+                iterations: report.free.iterations.max(outcome.iterations),
+                converged: report.free.converged && outcome.converged,
+                residual: larger(report.free.residual, outcome.residual),
+                target: report.free.target.max(outcome.target),
+            };
         }
     }
 
     fn read_probes(&mut self, report: &mut StepReport) -> Result<()> {
-        let moved: Vec<u32> = self.probes.iter().filter(|p| !p.reaction).flat_map(|p| p.nodes.clone()).collect();
-        let held: Vec<u32> = self.probes.iter().filter(|p| p.reaction).flat_map(|p| p.nodes.clone()).collect();
+        let values = self.bodies.iter_mut().enumerate().map(|(number, body)| body.probe(&self.probes, number));
+        let mut values: Vec<_> = values.collect::<Result<_>>()?;
+        for probe in &self.probes {
+            report.probes.push(match probe.kind {
+                ProbeKind::Displacement { body, .. } | ProbeKind::Reaction { body, .. } => values[body].remove(0),
+                ProbeKind::Position { body, axis } => self.tools[body].position[axis],
+                ProbeKind::Velocity { body, axis } => self.tools[body].velocity[axis],
+                ProbeKind::Force { on, from, axis } => report.contact.force(on, from)[axis],
+            });
+        }
+        if report.probes.iter().any(|p| !p.is_finite()) {
+            report.warn("non_finite_nodes", 1);
+        }
+        Ok(())
+    }
+}
+
+impl Body {
+    /// Values of the probes on this body, in their order: displacements m, reactions N.
+    fn probe(&mut self, probes: &[Prepared], number: usize) -> Result<Vec<f64>> {
+        let own = |p: &&Prepared| match p.kind {
+            ProbeKind::Displacement { body, .. } | ProbeKind::Reaction { body, .. } => body == number,
+            _ => false,
+        };
+        let own: Vec<&Prepared> = probes.iter().filter(own).collect();
+        let reaction = |p: &Prepared| matches!(p.kind, ProbeKind::Reaction { .. });
+        let nodes = |wanted: bool| {
+            own.iter().filter(|p| reaction(p) == wanted).flat_map(|p| p.nodes.iter().copied()).collect::<Vec<u32>>()
+        };
+        let (moved, held) = (nodes(false), nodes(true));
         let u = if moved.is_empty() { vec![] } else { self.backend.displacements(&moved)? };
         let f = if held.is_empty() { vec![] } else { self.backend.elastic_forces(&held)? };
         let (mut next_u, mut next_f) = (u.iter(), f.iter());
-        for probe in &self.probes {
-            let source = if probe.reaction { &mut next_f } else { &mut next_u };
-            report.probes.push(source.by_ref().take(probe.nodes.len()).map(|v| v[probe.axis]).sum());
-        }
-        if report.probes.iter().any(|p| !p.is_finite()) {
-            *report.warnings.entry("non_finite_nodes").or_default() += 1;
-        }
-        Ok(())
+        let value = |probe: &&Prepared| {
+            let (ProbeKind::Displacement { axis, .. } | ProbeKind::Reaction { axis, .. }) = probe.kind else {
+                return 0.0;
+            };
+            let source = if reaction(probe) { &mut next_f } else { &mut next_u };
+            source.by_ref().take(probe.nodes.len()).map(|v| v[axis]).sum()
+        };
+        Ok(own.iter().map(value).collect())
     }
 }

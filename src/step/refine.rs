@@ -5,19 +5,28 @@
 //! here every round starts from the true one. What the backend then keeps is `Δx` rounded once.
 //! Source: Wilkinson 1963; Higham 2002, chapter 12 (mixed precision).
 
-use super::{Simulation, StepReport};
+use super::{Body, StepReport};
 use crate::backend::{CORRECTION, FREE, Target, Vector, Wanted};
 use crate::error::Result;
+use crate::linear::Outcome;
 use crate::math::norm;
 use crate::model::{Solved, residual};
+use crate::scene::Solver;
 
 /// Share of the residual that one round is asked to leave at least: f32 keeps what it promises down to here on the hardest scenes.
 const ROUND: f64 = 1e-3;
 
-impl Simulation {
-    /// Improves the free motion's solution in up to the scene's number of rounds; `solved.dx` becomes the whole step's.
-    pub(super) fn refine(&mut self, solved: &mut Solved, corrected: bool, report: &mut StepReport) -> Result<()> {
-        let solver = self.scene.solver;
+impl Body {
+    /// Improves the free motion's solution in up to the scene's number of rounds; `solved.dx` becomes the whole step's
+    /// and `free` says how it ended.
+    pub(super) fn refine(
+        &mut self,
+        solved: &mut Solved,
+        solver: &Solver,
+        corrected: bool,
+        free: &mut Outcome,
+        report: &mut StepReport,
+    ) -> Result<()> {
         let (mut rest, load) = residual(&self.model, solved);
         let wanted = (solver.tolerance * load).max(solver.floor);
         let mut size = norm(&rest);
@@ -31,7 +40,7 @@ impl Simulation {
             let (outcome, _) = self.backend.solve(&[Wanted { slot: FREE, target }], &[])?;
             let before = solved.dx.clone();
             add(&mut solved.dx, &self.backend.solution(FREE)?, 1.0);
-            report.free.iterations += outcome[0].iterations;
+            free.iterations += outcome[0].iterations;
             rest = residual(&self.model, solved).0;
             let left = norm(&rest);
             if left >= size {
@@ -41,12 +50,12 @@ impl Simulation {
             size = left;
             report.refinements += 1;
         }
-        (report.free.residual, report.free.target, report.free.converged) = (size, wanted, size <= wanted);
-        let mut free = solved.dx.clone();
+        (free.residual, free.target, free.converged) = (size, wanted, size <= wanted);
+        let mut alone = solved.dx.clone();
         if corrected {
-            add(&mut free, &self.backend.solution(CORRECTION)?, -1.0);
+            add(&mut alone, &self.backend.solution(CORRECTION)?, -1.0);
         }
-        self.backend.set_vector(Vector::Solution, FREE, &free)
+        self.backend.set_vector(Vector::Solution, FREE, &alone)
     }
 }
 

@@ -131,7 +131,7 @@ impl Case {
         let text = SCENE.replace("LAW", self.law).replace("PRECONDITIONER", self.preconditioner);
         let text = text.replace("step_ms = 10", step);
         let scene = parse(&text, Path::new("block.toml"), &Files::Embedded(&[]))?;
-        let model = Model::new(&scene)?;
+        let model = Model::new(&scene, 0)?;
         let load = model.load_at(&scene.loads, 0.0);
         Ok((model, load))
     }

@@ -130,10 +130,10 @@ fn masses(model: &Model, rotation: &[V4<f64>]) -> Vec<(usize, usize, f64)> {
 /// A small layered scene with damping and two held regions' worth of axes: 4×3×4 cells, sides of three lengths.
 pub fn small(element: cutis::scene::Element) -> Scene {
     let mut scene = block(element, true);
-    for (layer, young) in scene.skin.layers.iter_mut().zip([3.4e4, 2e5, 1e6]) {
+    for (layer, young) in scene.skins[0].layers.iter_mut().zip([3.4e4, 2e5, 1e6]) {
         layer.young = young;
     }
-    (scene.skin.rayleigh_mass, scene.skin.rayleigh_stiffness) = (0.3, 0.002);
+    (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (0.3, 0.002);
     scene
 }
 
@@ -196,7 +196,7 @@ fn product_is_assembled() {
     for cells in [[1, 1], [3, 2], [4, 3], [5, 3], [9, 7]] {
         for (element, mass) in [(Plain, Lumped), (Bbar, Uniform), (Bbar, Consistent), (Enhanced, Lumped)] {
             let mut scene = small(element);
-            (scene.skin.cells, scene.skin.mass) = (cells, mass);
+            (scene.skins[0].cells, scene.skins[0].mass) = (cells, mass);
             // inertia as large as stiffness, so that the mass counts
             scene.time.step = 1e-5;
             let mut model = model(&scene);
@@ -234,7 +234,7 @@ fn cell_by_cell(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>]) -> Vec<DVec3
 /// More cells than one core's share, on every side of the grid's edges and of the strips'.
 fn product_of_strips() {
     let mut scene = small(Bbar);
-    scene.skin.cells = [13, 50];
+    scene.skins[0].cells = [13, 50];
     let mut model = model(&scene);
     hold_some(&mut model);
     let mut random = Random(3);

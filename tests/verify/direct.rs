@@ -28,7 +28,7 @@ const KINDS: [(Element, Mass); 5] =
 /// A small body; the step is so short that inertia is as large as stiffness.
 fn of(element: Element, mass: Mass, preconditioner: Preconditioner) -> Scene {
     let mut scene = small(element);
-    scene.skin.mass = mass;
+    scene.skins[0].mass = mass;
     scene.time.step = 1e-5;
     scene.solver.preconditioner = preconditioner;
     scene
@@ -141,7 +141,7 @@ fn as_multigrid() {
         for corotational in [true, false] {
             let with = |preconditioner| {
                 let mut scene = of(element, mass, preconditioner);
-                scene.skin.law = Law::Fem { element, corotational };
+                scene.skins[0].law = Law::Fem { element, corotational };
                 scene.time.step = 1e-3;
                 scene
             };

@@ -80,7 +80,7 @@ fn patch_corotational(place: &Place) {
 
 fn second_material() {
     let mut scene = block(Bbar, false);
-    scene.skin.layers[1].young *= 1.01;
+    scene.skins[0].layers[1].young *= 1.01;
     let error = patch(&Place::Cpu64, model(&scene), 2);
     assert!(error > 1e-6, "1 % of stiffness is not noticed: {error:e}");
 }

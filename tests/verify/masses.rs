@@ -49,7 +49,7 @@ layer = [{ name = "a", thickness_mm = 1.0, cells = 1, young_kpa = 100, poisson =
 
 fn bar_model(mass: Mass) -> Model {
     let mut scene = parse(BAR, Path::new("bar.toml"), &Files::Embedded(&[])).unwrap_or_else(|e| panic!("{e}"));
-    scene.skin.mass = mass;
+    scene.skins[0].mass = mass;
     let mut model = model(&scene);
     for (free, rest) in model.free.iter_mut().zip(&model.rest) {
         if rest[0] < -0.49 * LENGTH {
@@ -138,11 +138,11 @@ fn frequency_order() {
 
 fn sums() {
     let mut scene = block(Bbar, true);
-    scene.skin.layers[1].density = 1500.0;
-    let [x, y] = scene.skin.size;
-    let exact: f64 = scene.skin.layers.iter().map(|l| l.density * l.thickness * x * y).sum();
+    scene.skins[0].layers[1].density = 1500.0;
+    let [x, y] = scene.skins[0].size;
+    let exact: f64 = scene.skins[0].layers.iter().map(|l| l.density * l.thickness * x * y).sum();
     for mass in ALL {
-        scene.skin.mass = mass;
+        scene.skins[0].mass = mass;
         let model = model(&scene);
         let sum: f64 = model.free.iter().map(|f| f[3]).sum();
         assert!((sum / exact - 1.0).abs() < 1e-14, "{mass:?}: {sum}, wanted {exact}");
@@ -155,7 +155,7 @@ fn sums() {
 fn cut_masses() {
     for mass in ALL {
         let mut scene = block(Bbar, true);
-        scene.skin.mass = mass;
+        scene.skins[0].mass = mass;
         let model = model(&scene);
         let mut wound = Wound::new(&model);
         let removal = wound.apply(&model, &[0]);

@@ -30,9 +30,9 @@ fn free_fall(place: &Place) {
     const STEPS: i32 = 20;
     for (drag, mass) in [(0.0, Lumped), (5.0, Lumped), (5.0, Uniform), (5.0, Consistent)] {
         let mut scene = block(Bbar, true);
-        scene.skin.mass = mass;
+        scene.skins[0].mass = mass;
         (scene.time.step, scene.time.gravity) = (5e-3, [1.0, -2.0, -9.81]);
-        (scene.skin.rayleigh_mass, scene.skin.rayleigh_stiffness) = (drag, 0.01);
+        (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (drag, 0.01);
         let model = model(&scene);
         let mut body = Body::new(place, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance(place));
         let (h, q) = (scene.time.step, 1.0 / (1.0 + scene.time.step * drag));
@@ -109,9 +109,9 @@ fn free_block(law: Law, damping: f64) -> Model {
 
 fn free_block_of(law: Law, mass: Mass, damping: f64) -> Model {
     let mut scene = block(Bbar, true);
-    scene.skin.mass = mass;
-    (scene.time.step, scene.skin.rayleigh_stiffness) = (2e-4, damping);
-    scene.skin.law = law;
+    scene.skins[0].mass = mass;
+    (scene.time.step, scene.skins[0].rayleigh_stiffness) = (2e-4, damping);
+    scene.skins[0].law = law;
     if matches!(law, Law::Springs { .. }) {
         scene.solver.preconditioner = Preconditioner::Column;
     }

@@ -33,12 +33,12 @@ const THICK: [u32; 3] = [10, 10, 3];
 /// A press on the skin block at a step of 10 ms, Rayleigh stiffness 0.01 s.
 fn press(across: u32, levels: [u32; 3], poisson: f64) -> Scene {
     let mut scene = scene("verify/skin_block_045.toml");
-    scene.skin.cells = [across, across];
-    for (layer, cells) in scene.skin.layers.iter_mut().zip(levels) {
+    scene.skins[0].cells = [across, across];
+    for (layer, cells) in scene.skins[0].layers.iter_mut().zip(levels) {
         (layer.cells, layer.poisson) = (cells, poisson);
     }
     scene.time.step = 0.01;
-    scene.skin.rayleigh_stiffness = 0.01;
+    scene.skins[0].rayleigh_stiffness = 0.01;
     scene.solver.preconditioner = Preconditioner::Multigrid;
     scene
 }
@@ -244,7 +244,7 @@ fn shipped_tolerance() {
         scene.tools.clear();
         scene.contact = None;
         let (start, end) = (0.0, f64::INFINITY);
-        scene.loads.push(Load { pressure: 1e4, min: [-2e-3; 2], max: [2e-3; 2], start, end });
+        scene.loads.push(Load { body: 0, pressure: 1e4, min: [-2e-3; 2], max: [2e-3; 2], start, end });
         let tolerance = scene.solver.tolerance;
         let step = |tolerance: f64| -> Snapshot {
             let model = model(&scene);

@@ -19,7 +19,7 @@ fn block(tolerance: f64, refinements: u32) -> Scene {
 fn step(place: &Place, scene: &Scene) -> (Vec<V4<f64>>, StepReport) {
     let mut simulation = Simulation::new(scene, place).unwrap_or_else(|e| panic!("{e}"));
     let report = simulation.step(true).unwrap_or_else(|e| panic!("{e}"));
-    (simulation.snapshot().unwrap_or_else(|e| panic!("{e}")).u, report)
+    (simulation.bodies[0].snapshot().unwrap_or_else(|e| panic!("{e}")).u, report)
 }
 
 /// Largest error that rounding a displacement to f32 makes, relative L2, with some room.

@@ -38,7 +38,7 @@ pub const LONG: f64 = 1e3;
 /// [`BLOCK`], with a law.
 pub fn block(element: Element, corotational: bool) -> Scene {
     let mut scene = parse(BLOCK, Path::new("block.toml"), &Files::Embedded(&[])).unwrap_or_else(|e| panic!("{e}"));
-    scene.skin.law = Law::Fem { element, corotational };
+    scene.skins[0].law = Law::Fem { element, corotational };
     scene
 }
 
@@ -50,7 +50,7 @@ pub fn scene(name: &str) -> Scene {
 
 /// The model of a scene.
 pub fn model(scene: &Scene) -> Model {
-    Model::new(scene).unwrap_or_else(|e| panic!("{e}"))
+    Model::new(scene, 0).unwrap_or_else(|e| panic!("{e}"))
 }
 
 /// Relative rounding of a place's numbers.

@@ -61,12 +61,12 @@ pub fn on_grid(mut scene: Scene, grid: Grid, element: Element) -> Scene {
         Grid::Coarse => (20, [2, 2, 1]),
         Grid::Fine => (40, [4, 3, 1]),
     };
-    scene.skin.cells = [across, across];
-    for (layer, cells) in scene.skin.layers.iter_mut().zip(levels) {
+    scene.skins[0].cells = [across, across];
+    for (layer, cells) in scene.skins[0].layers.iter_mut().zip(levels) {
         layer.cells = cells;
     }
     let corotational = false;
-    scene.skin.law = Law::Fem { element, corotational };
+    scene.skins[0].law = Law::Fem { element, corotational };
     scene
 }
 
@@ -177,7 +177,7 @@ fn column_stress(scene: &Scene) -> f64 {
         assert!(report.warnings.is_empty(), "{:?}", report.warnings);
         reaction = report.probes[0];
     }
-    -reaction / (scene.skin.size[0] * scene.skin.size[1])
+    -reaction / (scene.skins[0].size[0] * scene.skins[0].size[1])
 }
 
 /// Layers in series under one stress: `σ = w / Σ t/M`, `M = E (1 − ν)/((1 + ν)(1 − 2ν))`.
@@ -186,7 +186,7 @@ fn oedometer(scene: &Scene, compression: f64) -> f64 {
         let m = l.young * (1.0 - l.poisson) / ((1.0 + l.poisson) * (1.0 - 2.0 * l.poisson));
         l.thickness / m
     };
-    compression / scene.skin.layers.iter().map(flexibility).sum::<f64>()
+    compression / scene.skins[0].layers.iter().map(flexibility).sum::<f64>()
 }
 
 fn confined_column() {
@@ -198,12 +198,12 @@ fn confined_column() {
             [(Bbar, true), (Bbar, false), (Enhanced, true), (Enhanced, false), (Plain, true), (Plain, false)]
         {
             let mut scene = scene.clone();
-            scene.skin.law = Law::Fem { element, corotational };
+            scene.skins[0].law = Law::Fem { element, corotational };
             let found = column_stress(&scene);
             measured(&format!("column ν {file} {element:?} {corotational} / Pa"), found, exact);
             assert!((found / exact - 1.0).abs() < 1e-6, "ν {file} {element:?}: {found} Pa, wanted {exact}");
             let mut wrong = scene.clone();
-            wrong.skin.layers[0].poisson += 0.001;
+            wrong.skins[0].layers[0].poisson += 0.001;
             let found = column_stress(&wrong);
             assert!((found / exact - 1.0).abs() > 1e-3, "0.001 of ν is not noticed: {found} Pa");
         }

@@ -71,7 +71,7 @@ const ALL: [Preconditioner; 4] =
 /// With consistent masses, a step so short that they weigh as much as stiffness.
 fn with(preconditioner: Preconditioner, mass: Mass) -> Model {
     let mut scene = small(Bbar);
-    scene.skin.mass = mass;
+    scene.skins[0].mass = mass;
     if mass == Consistent {
         scene.time.step = 1e-5;
     }

@@ -26,12 +26,12 @@ const EDGE: [f64; 3] = [2e-3, 1.5e-3, 1.0e-3]; // m
 /// One cell whose top moves along z only; `diagonals` keeps the springs that are no edges along z.
 fn cell(damping: f64, diagonals: bool) -> Model {
     let mut scene = block(Plain, false);
-    scene.skin.law = Law::Springs { stiffness: STIFFNESS, damping };
+    scene.skins[0].law = Law::Springs { stiffness: STIFFNESS, damping };
     scene.solver.preconditioner = Preconditioner::Column;
-    scene.skin.size = [EDGE[0], EDGE[1]];
-    scene.skin.cells = [1, 1];
-    scene.skin.layers.truncate(1);
-    (scene.skin.layers[0].thickness, scene.skin.layers[0].cells) = (EDGE[2], 1);
+    scene.skins[0].size = [EDGE[0], EDGE[1]];
+    scene.skins[0].cells = [1, 1];
+    scene.skins[0].layers.truncate(1);
+    (scene.skins[0].layers[0].thickness, scene.skins[0].layers[0].cells) = (EDGE[2], 1);
     let mut model = model(&scene);
     for node in 0..8 {
         let top = if node < 4 { 0.0 } else { 1.0 };

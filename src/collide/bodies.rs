@@ -1,0 +1,203 @@
+//! Contacts of rigid bodies with walls and with each other, and of deformable bodies with walls and with each other.
+//!
+//! Wall: corners, points and sphere centres of a rigid body, nodes of a deformable one, gap `n·(p − q)` in f64. Rigid bodies: a sphere
+//! against a sphere in closed form, everything else by parry3d's contact manifolds (clipped faces, so a box on a box has four contacts),
+//! whose normal and places are f32; the gap is taken again in f64 from the places that they name, and is exact on boxes whose faces
+//! meet. Deformable bodies: nodes of the one against faces of the other, both ways; where two nodes meet, once.
+//! Units: m.
+
+use super::{Contact, Patch, Search, Spot, frame};
+use crate::constraints::Law;
+use crate::instrument::{Instrument, Role};
+use crate::mesh::Quad;
+use crate::scene::{Plane, Who};
+use glam::DVec3;
+use parry3d::math::Pose;
+use parry3d::query::{ContactManifold, DefaultQueryDispatcher, PersistentQueryDispatcher};
+use parry3d::shape::{Ball, Capsule, Cuboid, Shape};
+use std::collections::BTreeMap;
+
+/// A normal closer than this to a box's own axis is that axis: parry's is rounded to f32.
+const ALIGNED: f64 = 1e-5;
+/// Faces that look at each other by less than this (cosine) do not touch: the sides of two blocks that stand on each other.
+const FACING: f64 = 0.1;
+
+fn contact(on: [Who; 2], feature: usize, point: DVec3, normal: DVec3, gap: f64, search: &Search) -> Contact {
+    Contact {
+        on,
+        spots: [Spot::default(); 2],
+        feature,
+        point,
+        axes: frame(normal),
+        gap: [gap - search.distance, 0.0, 0.0],
+        law: Law::Coulomb { friction: search.friction, bound: f64::INFINITY },
+    }
+}
+
+/// Contacts of a rigid body with a wall; `travel` is how far a sample may move in the step.
+pub fn with_plane(
+    (number, tool): (usize, &Instrument),
+    (wall, plane): (usize, &Plane),
+    search: &Search,
+    travel: f64,
+) -> Vec<Contact> {
+    let (through, normal) = (DVec3::from_array(plane.through), DVec3::from_array(plane.normal));
+    let on = [Who::Rigid(number), Who::Plane(wall)];
+    let sample = |(index, sample): (usize, &crate::instrument::Sample)| {
+        let radius = match sample.role {
+            Role::Axis => tool.round.map_or(0.0, |round| round.radius),
+            Role::Point | Role::Corner | Role::Edge { .. } => 0.0,
+            Role::Flat { .. } => return None,
+        };
+        let point = tool.at(sample.position) - normal * radius;
+        let gap = normal.dot(point - through);
+        (gap < search.alarm + search.distance + travel).then(|| contact(on, index, point, normal, gap, search))
+    };
+    tool.samples.iter().enumerate().filter_map(sample).collect()
+}
+
+/// Contacts of two rigid bodies, spheres, capsules or boxes; others have no volume to touch with.
+pub fn between_rigid(
+    (first, a): (usize, &Instrument),
+    (second, b): (usize, &Instrument),
+    search: &Search,
+    travel: f64,
+) -> Vec<Contact> {
+    let on = [Who::Rigid(first), Who::Rigid(second)];
+    let reach = search.alarm + search.distance + travel;
+    if let (Some(ra), Some(rb)) = (sphere(a), sphere(b)) {
+        let away = a.at(ra.0) - b.at(rb.0);
+        let gap = away.length() - ra.1 - rb.1;
+        let normal = away.try_normalize().unwrap_or(DVec3::Z);
+        let point = b.at(rb.0) + normal * (rb.1 + 0.5 * gap);
+        return if gap < reach { vec![contact(on, 0, point, normal, gap, search)] } else { vec![] };
+    }
+    let (Some(shape_a), Some(shape_b)) = (shape(a), shape(b)) else {
+        return vec![];
+    };
+    let mut manifolds: Vec<ContactManifold<(), ()>> = vec![];
+    let back = a.rotation.inverse();
+    let apart = (back * (b.position - a.position)).as_vec3();
+    let relative = Pose::from_parts(apart, (back * b.rotation).as_quat());
+    let asked = DefaultQueryDispatcher.contact_manifolds(
+        &relative,
+        shape_a.as_ref(),
+        shape_b.as_ref(),
+        reach as f32,
+        &mut manifolds,
+        &mut None,
+    );
+    if asked.is_err() {
+        return vec![]; // no such pair among spheres, capsules and boxes
+    }
+    let mut out = vec![];
+    for manifold in &manifolds {
+        let normal = snapped(-(a.rotation * manifold.local_n1.as_dvec3()), a, b);
+        for found in &manifold.points {
+            let (p, q) = (a.at(on_box(a, found.local_p1.as_dvec3())), b.at(on_box(b, found.local_p2.as_dvec3())));
+            let gap = normal.dot(p - q);
+            if gap < reach {
+                out.push(contact(on, out.len(), (p + q) * 0.5, normal, gap, search));
+            }
+        }
+    }
+    out
+}
+
+fn sphere(body: &Instrument) -> Option<(DVec3, f64)> {
+    let round = body.round?;
+    let [p, q] = round.ends.map(DVec3::from_array);
+    (p == q).then_some((p, round.radius))
+}
+
+/// The body's shape in its own frame.
+fn shape(body: &Instrument) -> Option<Box<dyn Shape>> {
+    if let Some(half) = body.cuboid {
+        return Some(Box::new(Cuboid::new(half.as_vec3())));
+    }
+    let round = body.round?;
+    let [p, q] = round.ends.map(|end| DVec3::from_array(end).as_vec3());
+    // a ball has no place of its own, so one that is off the origin is a capsule without length
+    match p == q && p == glam::Vec3::ZERO {
+        true => Some(Box::new(Ball::new(round.radius as f32))),
+        false => Some(Box::new(Capsule::new(p, q, round.radius as f32))),
+    }
+}
+
+/// The normal, or the axis of a box that it is to rounding.
+fn snapped(normal: DVec3, a: &Instrument, b: &Instrument) -> DVec3 {
+    let boxes = [a, b].into_iter().filter(|body| body.cuboid.is_some());
+    let axes = boxes.flat_map(|body| DVec3::AXES.map(|axis| body.rotation * axis));
+    let near = axes.flat_map(|axis| [axis, -axis]).find(|axis| axis.distance(normal) < ALIGNED);
+    near.unwrap_or_else(|| normal.normalize_or_zero())
+}
+
+/// A place on a box, with the coordinates that are its faces' to rounding made exact.
+fn on_box(body: &Instrument, place: DVec3) -> DVec3 {
+    let Some(half) = body.cuboid else { return place };
+    let exact = |x: f64, h: f64| if (x.abs() - h).abs() < ALIGNED * h { h.copysign(x) } else { x };
+    DVec3::new(exact(place.x, half.x), exact(place.y, half.y), exact(place.z, half.z))
+}
+
+/// Nodes of faces and their outward directions, not of unit length.
+fn nodes(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> BTreeMap<u32, DVec3> {
+    let mut out: BTreeMap<u32, DVec3> = BTreeMap::new();
+    for face in faces {
+        let [a, b, c, d] = face.nodes;
+        let outward = (position(c) - position(a)).cross(position(d) - position(b));
+        for node in face.nodes {
+            *out.entry(node).or_default() += outward;
+        }
+    }
+    out
+}
+
+/// Contacts of a deformable body's faces with a wall.
+pub fn skin_on_plane(
+    (number, faces): (usize, &[Quad]),
+    position: &impl Fn(u32) -> DVec3,
+    (wall, plane): (usize, &Plane),
+    search: &Search,
+) -> Vec<Contact> {
+    let (through, normal) = (DVec3::from_array(plane.through), DVec3::from_array(plane.normal));
+    let on = [Who::Skin(number), Who::Plane(wall)];
+    let mut out = vec![];
+    for (node, _) in nodes(faces, position) {
+        let point = position(node);
+        let gap = normal.dot(point - through);
+        if gap < search.alarm + search.distance {
+            let found = contact(on, node as usize, point, normal, gap, search);
+            out.push(Contact { spots: [Spot::node(node), Spot::default()], ..found });
+        }
+    }
+    out
+}
+
+/// Contacts of the first body's nodes with the second's faces; nodes within `same` of one of `skip` are left out.
+pub fn skin_on_skin(
+    (first, faces, position): (usize, &[Quad], &impl Fn(u32) -> DVec3),
+    (second, patch): (usize, &Patch),
+    search: &Search,
+    skip: &[DVec3],
+    same: f64,
+) -> Vec<Contact> {
+    let on = [Who::Skin(first), Who::Skin(second)];
+    let mut out = vec![];
+    for (node, outward) in nodes(faces, position) {
+        let point = position(node);
+        let (triangle, weights, distance, _) = patch.project(point);
+        // the face's own normal: at a rim, nearest place to node may lie along the face
+        let normal = patch.face_normal(triangle);
+        if distance.abs() >= search.alarm + search.distance || normal.dot(outward) > -FACING * outward.length() {
+            continue;
+        }
+        let place = patch.place(triangle, weights);
+        let beside = (point - place) - normal * normal.dot(point - place);
+        if beside.length() > same || skip.iter().any(|p| p.distance(point) < same) {
+            continue; // over the rim, or the other body's node is here
+        }
+        let found = contact(on, node as usize, point, normal, normal.dot(point - place), search);
+        out.push(Contact { spots: [Spot::node(node), Spot { nodes: patch.triangles[triangle], weights }], ..found });
+    }
+    out
+}

@@ -1,0 +1,173 @@
+//! Rigid bodies, walls, and what is tied to what, of a scene file; bodies by name.
+
+use super::grid::Grid;
+use super::raw::{self, At, Table};
+use super::region::region;
+use super::text::{Bound, DEGREE, GRAM, MM, PLAIN, RADIAN_PER_SECOND, SPEED, SceneText, or_vector};
+use super::tools::unit;
+use super::{Attachment, Coupling, Motion, Plane, Pose, Round, Skin, Tool, ToolMesh, Who, round};
+use crate::error::{Error, Result};
+use glam::{DQuat, DVec3};
+
+/// All bodies of a scene by name.
+pub(super) struct Names(Vec<(String, Who)>);
+
+impl Names {
+    /// Deformable bodies, tools and rigid bodies, walls; `taken` are the places of the names of all but the first skin.
+    pub fn new(skins: &[Skin], tools: &[Tool], planes: &[Plane]) -> Self {
+        let skins = skins.iter().enumerate().map(|(k, s)| (s.name.clone(), Who::Skin(k)));
+        let tools = tools.iter().enumerate().map(|(k, t)| (t.name.clone(), Who::Rigid(k)));
+        let planes = planes.iter().enumerate().map(|(k, p)| (p.name.clone(), Who::Plane(k)));
+        Self(skins.chain(tools).chain(planes).collect())
+    }
+
+    /// The body of a name.
+    pub fn find(&self, scene: &SceneText, key: &'static str, name: &At<String>) -> Result<Who> {
+        self.among(scene, key, name, |_| true)
+    }
+
+    /// Number of the deformable body of a name; without one, the first.
+    pub fn skin(&self, scene: &SceneText, name: &Option<At<String>>, at: std::ops::Range<usize>) -> Result<usize> {
+        let found = match name {
+            Some(name) => self.among(scene, "body", name, |who| matches!(who, Who::Skin(_)))?,
+            None => {
+                let first = self.0.iter().map(|(_, who)| *who).find(|who| matches!(who, Who::Skin(_)));
+                let why = "the scene has no deformable body: give it a `[skin]` or a `[[block]]`";
+                scene.required("skin", first, at, why)?
+            }
+        };
+        Ok(if let Who::Skin(number) = found { number } else { 0 })
+    }
+
+    /// Number of the rigid body of a name.
+    pub fn rigid(&self, scene: &SceneText, name: &At<String>) -> Result<usize> {
+        let found = self.among(scene, "body", name, |who| matches!(who, Who::Rigid(_)))?;
+        Ok(if let Who::Rigid(number) = found { number } else { 0 })
+    }
+
+    fn among(&self, scene: &SceneText, key: &'static str, name: &At<String>, fits: fn(&Who) -> bool) -> Result<Who> {
+        let known: Vec<&(String, Who)> = self.0.iter().filter(|(_, who)| fits(who)).collect();
+        let words: Vec<&str> = known.iter().map(|(word, _)| word.as_str()).collect();
+        let found = known.iter().find(|(word, _)| word == name.get_ref());
+        found.map(|(_, who)| *who).ok_or_else(|| scene.unknown_word(key, name, &words))
+    }
+}
+
+/// Rigid bodies in the file's order; `taken` has the names of the other bodies.
+pub(super) fn rigids(
+    scene: &SceneText,
+    raw: Vec<Table<raw::Rigid>>,
+    taken: &mut Vec<At<String>>,
+) -> Result<Vec<Tool>> {
+    raw.into_iter().map(|table| rigid(scene, table, taken)).collect()
+}
+
+fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Vec<At<String>>) -> Result<Tool> {
+    let raw = table.keys;
+    let name = scene.name("body", &raw.name, taken)?;
+    let mass = scene.number("mass_g", &raw.mass_g, GRAM, Bound::Positive)?;
+    let (round, cuboid, inertia) = match (&raw.box_mm, &raw.radius_mm) {
+        (Some(edges), radius) => {
+            scene.needless("radius_mm", radius, "`box_mm` already gives the shape")?;
+            let [a, b, c]: [f64; 3] = scene.vector("box_mm", edges, MM, Bound::Positive)?;
+            let inertia = [b * b + c * c, a * a + c * c, a * a + b * b].map(|square| mass * square / 12.0);
+            (None, Some([a, b, c].map(|edge| 0.5 * edge)), inertia)
+        }
+        (None, radius) => {
+            let why = "a rigid body is a box (`box_mm`, its edges) or a sphere (`radius_mm`)";
+            let radius = scene.required("box_mm", radius.as_ref(), table.span, why)?;
+            let radius = scene.number("radius_mm", radius, MM, Bound::Positive)?;
+            (Some(Round { radius, ends: [[0.0; 3]; 2] }), None, [0.4 * mass * radius * radius; 3])
+        }
+    };
+    let position = scene.vector("position_mm", &raw.position_mm, MM, Bound::Finite)?;
+    let turn: [f64; 3] = scene.vector("turn_deg", &or_vector(raw.turn_deg, &[0.0; 3]), DEGREE, Bound::Finite)?;
+    let turn = DVec3::from_array(turn.map(f64::to_radians));
+    let zero = [0.0; 3];
+    let velocity = scene.vector("velocity_m_s", &or_vector(raw.velocity_m_s, &zero), SPEED, Bound::Finite)?;
+    let spin = scene.vector("spin_rad_s", &or_vector(raw.spin_rad_s, &zero), RADIAN_PER_SECOND, Bound::Finite)?;
+    Ok(Tool {
+        name,
+        mesh: match (&round, cuboid) {
+            (Some(round), _) => round::mesh(round),
+            (None, half) => block(half.unwrap_or_default()),
+        },
+        mass,
+        inertia,
+        blade: None,
+        points: vec![],
+        round,
+        cuboid,
+        coupling: Coupling { stiffness: 0.0, damping: 0.0, angular_stiffness: 0.0, angular_damping: 0.0 },
+        trajectory: vec![Pose { time: 0.0, position, rotation: DQuat::from_scaled_axis(turn).to_array() }],
+        free: Some(Motion { velocity, spin }),
+    })
+}
+
+/// Walls in the file's order.
+pub(super) fn planes(
+    scene: &SceneText,
+    raw: Vec<Table<raw::Plane>>,
+    taken: &mut Vec<At<String>>,
+) -> Result<Vec<Plane>> {
+    let plane = |table: Table<raw::Plane>| {
+        let raw = table.keys;
+        let normal = unit(scene.vector("normal", &raw.normal, PLAIN, Bound::Finite)?);
+        let none = || Error::NoDirection { at: scene.place(raw.normal.span()), key: "normal" };
+        Ok(Plane {
+            name: scene.name("body", &raw.name, taken)?,
+            through: scene.vector("through_mm", &raw.through_mm, MM, Bound::Finite)?,
+            normal: normal.ok_or_else(none)?,
+        })
+    };
+    raw.into_iter().map(plane).collect()
+}
+
+/// What is tied to what.
+pub(super) fn attachments(
+    scene: &SceneText,
+    raw: Vec<Table<raw::Attach>>,
+    names: &Names,
+    grids: &[Vec<Grid>],
+) -> Result<Vec<Attachment>> {
+    raw.into_iter().map(|table| attachment(scene, table, names, grids)).collect()
+}
+
+fn attachment(
+    scene: &SceneText,
+    table: Table<raw::Attach>,
+    names: &Names,
+    grids: &[Vec<Grid>],
+) -> Result<Attachment> {
+    let (at, mut raw) = (table.span, table.keys);
+    let extent = raw.extent();
+    let body = names.skin(scene, &raw.body, at)?;
+    let to = match &raw.to {
+        Some(name) => names.find(scene, "to", name)?,
+        None => Who::Plane(0),
+    };
+    if let (Who::Skin(other), Some(name)) = (to, &raw.to)
+        && other == body
+    {
+        return Err(Error::TiedToItself { at: scene.place(name.span()), name: name.get_ref().clone() });
+    }
+    let slide = match &raw.slide {
+        Some(value) => {
+            let direction = unit(scene.vector("slide", value, PLAIN, Bound::Finite)?);
+            let none = || Error::NoDirection { at: scene.place(value.span()), key: "slide" };
+            Some(direction.ok_or_else(none)?)
+        }
+        None => None,
+    };
+    Ok(Attachment { body, region: region(scene, &raw.region, extent, &grids[body])?, to, slide })
+}
+
+/// Triangles of a box around the origin, counter-clockwise seen from outside.
+fn block(half: [f64; 3]) -> ToolMesh {
+    let corner = |k: u32| [0, 1, 2].map(|n| if k >> n & 1 == 1 { half[n] } else { -half[n] });
+    let quads = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    ToolMesh {
+        positions: (0..8).map(corner).collect(),
+        triangles: quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect(),
+    }
+}

@@ -1,0 +1,217 @@
+//! A deformable body as it runs: its model, its state on a backend, how it was cut, how it gives.
+
+use super::compliance::{AtRest, Compliance};
+use super::start::{needs, slots, start};
+use super::{Place, StepReport};
+use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
+use crate::collide::{self, Aabb, Patch};
+use crate::cut::{Totals, Wound};
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::linear::Outcome;
+use crate::math::{V4, larger};
+use crate::mesh::Quad;
+use crate::model::{Model, Solved, true_residual};
+use crate::scene::{Scene, Solver};
+use glam::DVec3;
+
+/// See the module.
+pub struct Body {
+    /// The constant arrays.
+    pub model: Model,
+    /// The body as cut so far.
+    pub wound: Wound,
+    pub(super) backend: Box<dyn Backend>,
+    pub(super) compliance: Compliance,
+    pub(super) at_rest: AtRest,
+    pub(super) located: Located,
+    pub(super) reach: f64,
+    /// Nodes of the scene's ties.
+    pub(super) tied: Vec<u32>,
+}
+
+/// What is near other bodies and where it is, of the present step: faces near each tool, each other deformable body, each wall.
+#[derive(Default)]
+pub(super) struct Located {
+    pub faces: Vec<Vec<Quad>>,
+    pub nodes: Vec<u32>,
+    pub u: Vec<[f64; 3]>,
+}
+
+impl Body {
+    /// Puts a scene's deformable body of that number on a place.
+    ///
+    /// # Errors
+    /// When the model is too large or no adapter fits.
+    pub(super) fn new(scene: &Scene, number: usize, place: &Place) -> Result<Self> {
+        let gpu = match place {
+            Place::Gpu(text) => Some(Gpu::open(text.as_deref())?),
+            Place::Cpu64 | Place::Cpu32 => None,
+        };
+        let skin = &scene.skins[number];
+        if let Some(gpu) = &gpu {
+            // a grid that does not fit is refused before the host spends minutes on it
+            let [x, y] = skin.cells.map(|c| u64::from(c) + 1);
+            let z: u64 = skin.layers.iter().map(|l| u64::from(l.cells)).sum();
+            gpu.fits("x", x * y * (z + 1) * 16 * slots(scene) as u64)?;
+        }
+        let model = Model::new(scene, number)?;
+        let needs = needs(scene, &model);
+        let start = start(scene, &model);
+        let (cap, floor) = (scene.solver.max_iterations, scene.solver.floor);
+        let backend: Box<dyn Backend> = match (place, gpu) {
+            (_, Some(gpu)) => Box::new(GpuBackend::new(gpu, &model, needs, cap, floor, &start)?),
+            (Place::Cpu32, _) => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
+            _ => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
+        };
+        let reach = start.u.iter().flatten().fold(model.grid.thickness(), |m, u| m.max(u.abs()));
+        Ok(Self {
+            wound: Wound::new(&model),
+            compliance: Compliance::default(),
+            at_rest: AtRest::default(),
+            located: Located::default(),
+            backend,
+            reach,
+            tied: vec![],
+            model,
+        })
+    }
+
+    /// What it runs on.
+    pub fn device(&self) -> Device {
+        self.backend.device()
+    }
+
+    /// All its state.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn snapshot(&mut self) -> Result<Snapshot> {
+        self.backend.snapshot()
+    }
+
+    /// Measures of its wound.
+    pub fn totals(&self) -> Totals {
+        self.wound.totals
+    }
+
+    /// Where the middle of its bottom is at rest, m.
+    pub(super) fn place(&self) -> DVec3 {
+        DVec3::from_array(self.model.position)
+    }
+
+    /// Box around the body, wherever it may have moved, wider by a margin.
+    pub(super) fn area(&self, margin: f64) -> Aabb {
+        let grid = &self.model.grid;
+        let half = [0, 1].map(|n| 0.5 * grid.edge[n] * grid.cells[n] as f64);
+        let low = self.place() - DVec3::new(half[0], half[1], 0.0);
+        let high = self.place() + DVec3::new(half[0], half[1], grid.thickness());
+        collide::area(low, high, self.reach + margin)
+    }
+
+    /// Faces that a box may meet.
+    pub(super) fn faces_near(&self, area: &Aabb) -> Vec<Quad> {
+        collide::faces_near(&self.model.grid, self.place(), &self.wound.surface, area, self.reach)
+    }
+
+    /// Reads back where the nodes of these faces, and of the ties, are.
+    pub(super) fn locate(&mut self, faces: Vec<Vec<Quad>>) -> Result<()> {
+        let mut nodes = self.tied.clone();
+        nodes.extend(faces.iter().flatten().flat_map(|q| q.nodes));
+        nodes.sort_unstable();
+        nodes.dedup();
+        let u = if nodes.is_empty() { vec![] } else { self.backend.displacements(&nodes)? };
+        self.located = Located { faces, nodes, u };
+        Ok(())
+    }
+
+    /// The located faces as patches, one for each list of faces.
+    pub(super) fn patches(&self) -> Vec<Option<Patch>> {
+        self.located.faces.iter().map(|faces| Patch::new(faces, |id| self.position(id))).collect()
+    }
+
+    /// Force per length of edge that the tissue of a cell bears, N/m.
+    pub(super) fn resistance(&self, cell: u32) -> f64 {
+        let level = self.model.grid.params::<f64>().cell_at(cell as usize)[2];
+        self.model.toughness[self.model.grid.layer_of[level] as usize]
+    }
+
+    /// Next step's faces: skin near other bodies has moved this far, skin that is not near yet by less than its thickness.
+    pub(super) fn widen_reach(&mut self, alarm: f64) {
+        let most = self.located.u.iter().flatten().fold(0.0f64, |m, c| m.max(c.abs()));
+        self.reach = (most + alarm).max(self.model.grid.thickness());
+    }
+
+    /// Where a node that was located is, m.
+    pub(super) fn position(&self, node: u32) -> DVec3 {
+        let u = self.located.nodes.binary_search(&node).map_or([0.0; 3], |k| self.located.u[k]);
+        DVec3::from_array(self.model.rest[node as usize]) + DVec3::from_array(u)
+    }
+
+    /// Solves the free motion, with values at nodes.
+    pub(super) fn solve_free(
+        &mut self,
+        solver: &Solver,
+        nodes: &[u32],
+    ) -> Result<(Outcome, Vec<[f64; 3]>)> {
+        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(solver.tolerance) }];
+        let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
+        let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;
+        Ok((outcomes[0], picked))
+    }
+
+    /// What the solves of a step have found together, `[node]` m.
+    pub(super) fn increment(&mut self, corrected: bool) -> Result<Vec<V4<f64>>> {
+        let mut dx = self.backend.solution(FREE)?;
+        if corrected {
+            super::refine::add(&mut dx, &self.backend.solution(CORRECTION)?, 1.0);
+        }
+        Ok(dx)
+    }
+
+    /// The step's equations for a check in f64, without their solution.
+    pub(super) fn solved(&self, before: Snapshot, contact: &[(u32, [f64; 3])], scene: &Scene, time: f64) -> Solved {
+        let mut forces = vec![[0.0; 4]; before.u.len()];
+        for (node, [x, y, z]) in contact {
+            forces[*node as usize] = [*x, *y, *z, 0.0];
+        }
+        let load = self.model.load_at(&scene.loads, time);
+        Solved {
+            u: before.u,
+            v: before.v,
+            rotation: before.rotation,
+            free: before.free,
+            law: before.law,
+            load: load.iter().map(|l| [l[0], l[1], l[2], 0.0]).collect(),
+            contact: forces,
+            dx: vec![],
+        }
+    }
+
+    /// Refines and checks what a step has solved; `before` is the state at its start.
+    pub(super) fn review(
+        &mut self,
+        before: Snapshot,
+        contact: Option<&[(u32, [f64; 3])]>,
+        scene: &Scene,
+        (time, check): (f64, bool),
+        free: &mut Outcome,
+        report: &mut StepReport,
+    ) -> Result<()> {
+        let corrected = contact.is_some();
+        let refined = scene.solver.refinements > 0;
+        let mut solved = self.solved(before, contact.unwrap_or_default(), scene, time);
+        solved.dx = self.increment(corrected)?;
+        if refined {
+            self.refine(&mut solved, &scene.solver, corrected, free, report)?;
+        }
+        if check && refined {
+            solved.dx = self.increment(corrected)?; // as the backend has rounded it
+        }
+        if check {
+            let residual = true_residual(&self.model, &solved);
+            report.true_residual = Some(report.true_residual.map_or(residual, |worst| larger(worst, residual)));
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,233 @@
+//! What touches what at a step's start, and the ties that hold all the time.
+
+use super::{Body, Simulation, StepReport};
+use crate::collide::{self, Aabb, Contact, Patch, Search, Spot, bodies, round};
+use crate::constraints::Law;
+use crate::error::{Error, Result};
+use crate::instrument::Free;
+use crate::mesh::Quad;
+use crate::scene::{self, Attachment, Scene, Who};
+use glam::DVec3;
+
+/// Nodes of two deformable bodies closer than this share of the contact's alarm distance are one place.
+const SAME: f64 = 1e-3;
+/// What an attachment's node is tied to must be no farther from it than this at rest, m.
+const TOUCHES: f64 = 1e-4;
+
+/// A tie: rows that hold from the first step on.
+#[derive(Clone, Debug)]
+pub(super) struct Tie {
+    contact: Contact,
+    /// Where the second body holds it: on a rigid body in its frame, of a place in the world.
+    anchor: DVec3,
+}
+
+impl Tie {
+    /// Tells the bodies which nodes the tie needs.
+    pub fn note_nodes(&self, bodies: &mut [Body]) {
+        for (on, spot) in self.contact.on.iter().zip(&self.contact.spots) {
+            if let Who::Skin(number) = on {
+                bodies[*number].tied.extend(spot.nodes);
+            }
+        }
+    }
+}
+
+impl Simulation {
+    /// Contacts at the step's start, at most the scene's number, nearest first; then the ties.
+    pub(super) fn find_contacts(
+        &mut self,
+        law: &scene::Contact,
+        free: &[Free],
+        report: &mut StepReport,
+    ) -> Result<Vec<Contact>> {
+        let search = Search { alarm: law.alarm, distance: law.distance, friction: law.friction, filter: law.filter };
+        let travel: Vec<f64> = (self.tools.iter().zip(free))
+            .map(|(tool, free)| free.shift.length() + free.turn.length() * tool.span())
+            .collect();
+        let mut found = self.rigid_contacts(&search, &travel);
+        self.locate(&search, &travel)?;
+        found.extend(self.skin_contacts(&search, &travel, free, report));
+        let most = law.max_contacts as usize;
+        if found.len() > most {
+            report.warn("contacts_dropped", (found.len() - most) as u32);
+            found.sort_by(|a, b| a.gap[0].total_cmp(&b.gap[0]).then(a.id().cmp(&b.id())));
+            found.truncate(most);
+        }
+        found.sort_by_key(Contact::id);
+        found.extend(self.ties.iter().map(|tie| self.tied(tie)));
+        Ok(found)
+    }
+
+    /// Contacts of rigid bodies with walls and each other.
+    fn rigid_contacts(&self, search: &Search, travel: &[f64]) -> Vec<Contact> {
+        let mut found = vec![];
+        for (number, tool) in self.tools.iter().enumerate() {
+            for plane in self.scene.planes.iter().enumerate() {
+                found.extend(bodies::with_plane((number, tool), plane, search, travel[number]));
+            }
+            for (other, second) in self.tools.iter().enumerate().skip(number + 1) {
+                let travel = travel[number] + travel[other];
+                found.extend(bodies::between_rigid((number, tool), (other, second), search, travel));
+            }
+        }
+        found
+    }
+
+    /// Reads back where the deformable bodies' nodes near other bodies are.
+    fn locate(&mut self, search: &Search, travel: &[f64]) -> Result<()> {
+        let around = |(tool, travel): (_, &f64)| collide::tool_box(tool, search.alarm + search.distance + travel);
+        let tools: Vec<Aabb> = self.tools.iter().zip(travel).map(around).collect();
+        let bodies: Vec<Aabb> = self.bodies.iter().map(|b| b.area(search.alarm)).collect();
+        for number in 0..self.bodies.len() {
+            let walls = self.scene.planes.iter().map(|plane| collide::slab(plane, &bodies[number], search));
+            let others = bodies.iter().enumerate().filter(|(other, _)| *other != number).map(|(_, area)| Some(*area));
+            let body = &self.bodies[number];
+            let areas = tools.iter().map(|area| Some(*area)).chain(others).chain(walls);
+            let near: Vec<Vec<Quad>> = areas.map(|area| area.map_or(vec![], |area| body.faces_near(&area))).collect();
+            self.bodies[number].locate(near)?;
+        }
+        Ok(())
+    }
+
+    /// Contacts of deformable bodies with everything else.
+    fn skin_contacts(
+        &mut self,
+        search: &Search,
+        travel: &[f64],
+        free: &[Free],
+        report: &mut StepReport,
+    ) -> Vec<Contact> {
+        let mut found = vec![];
+        let (tools, walls) = (self.tools.len(), self.scene.planes.len());
+        let patches: Vec<Vec<Option<Patch>>> = self.bodies.iter().map(|body| body.patches()).collect();
+        for (number, body) in self.bodies.iter().enumerate() {
+            if body.located.u.iter().flatten().any(|c| !c.is_finite()) {
+                report.warn("non_finite_nodes", 1);
+                continue;
+            }
+            report.opening = report.opening.max(body.opening());
+            let position = |id: u32| body.position(id);
+            for (k, tool) in self.tools.iter().enumerate() {
+                let Some(patch) = &patches[number][k] else { continue };
+                let faces = &body.located.faces[k];
+                found.extend(match &tool.round {
+                    Some(round) => {
+                        round::contacts((k, tool), round, (number, patch), faces, &position, search, &free[k])
+                    }
+                    None => {
+                        let resistance = |cell| body.resistance(cell);
+                        collide::contacts((k, tool), (number, patch), search, travel[k], resistance)
+                    }
+                });
+            }
+            let others = self.bodies.len() - 1;
+            for (wall, plane) in self.scene.planes.iter().enumerate() {
+                let faces = &body.located.faces[tools + others + wall];
+                found.extend(bodies::skin_on_plane((number, faces), &position, (wall, plane), search));
+            }
+            for other in number + 1..self.bodies.len() {
+                let second = &self.bodies[other];
+                let (here, there) = (tools + other - 1, tools + number);
+                let at_second = |id: u32| second.position(id);
+                let same = SAME * search.alarm;
+                let mut pairs = vec![];
+                if let Some(patch) = &patches[other][there] {
+                    let faces = &body.located.faces[here];
+                    pairs = bodies::skin_on_skin((number, faces, &position), (other, patch), search, &[], same);
+                }
+                if let Some(patch) = &patches[number][here] {
+                    let skip: Vec<DVec3> = pairs.iter().map(|c: &Contact| c.point).collect();
+                    let faces = &second.located.faces[there];
+                    let back = (other, &faces[..], &at_second);
+                    found.extend(bodies::skin_on_skin(back, (number, patch), search, &skip, same));
+                }
+                found.extend(pairs);
+            }
+            debug_assert_eq!(body.located.faces.len(), tools + others + walls);
+        }
+        for body in &mut self.bodies {
+            body.widen_reach(search.alarm);
+        }
+        found
+    }
+
+    /// A tie's rows as the bodies are now.
+    fn tied(&self, tie: &Tie) -> Contact {
+        let mut contact = tie.contact;
+        let place = |side: usize| match contact.on[side] {
+            Who::Skin(body) => {
+                let spot = &contact.spots[side];
+                (0..3).map(|k| self.bodies[body].position(spot.nodes[k]) * spot.weights[k]).sum()
+            }
+            Who::Rigid(number) => self.tools[number].at(tie.anchor),
+            Who::Plane(_) => tie.anchor,
+        };
+        let (first, second): (DVec3, DVec3) = (place(0), place(1));
+        contact.point = first;
+        contact.gap = contact.axes.map(|axis| axis.dot(first - second));
+        contact
+    }
+}
+
+/// The ties of a scene, from the bodies at rest.
+///
+/// # Errors
+/// [`Error::TiedToNothing`] when a node of the region is not on what it is to be tied to.
+pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
+    let mut out = vec![];
+    for (number, attachment) in scene.attachments.iter().enumerate() {
+        let model = &simulation.bodies[attachment.body].model;
+        let patch = match attachment.to {
+            Who::Skin(other) => {
+                let (model, wound) = (&simulation.bodies[other].model, &simulation.bodies[other].wound);
+                Patch::new(&wound.surface.all(), |id| DVec3::from_array(model.rest[id as usize]))
+            }
+            _ => None,
+        };
+        for node in model.nodes_in(&attachment.region) {
+            let at = DVec3::from_array(model.rest[node as usize]);
+            let feature = number << 32 | node as usize;
+            out.push(tie(simulation, attachment, patch.as_ref(), node, at, feature)?);
+        }
+    }
+    Ok(out)
+}
+
+fn tie(
+    simulation: &Simulation,
+    attachment: &Attachment,
+    patch: Option<&Patch>,
+    node: u32,
+    at: DVec3,
+    feature: usize,
+) -> Result<Tie> {
+    let (spot, anchor) = match (attachment.to, patch) {
+        (Who::Rigid(number), _) => {
+            let tool = &simulation.tools[number];
+            (Spot::default(), tool.rotation.inverse() * (at - tool.position))
+        }
+        (_, Some(patch)) => {
+            let (spot, distance) = patch.spot(at);
+            if distance > TOUCHES {
+                return Err(Error::TiedToNothing { at: at.to_array().map(|c| c * 1e3), distance: distance * 1e3 });
+            }
+            (spot, at)
+        }
+        _ => (Spot::default(), at),
+    };
+    let (axes, held) = match attachment.slide {
+        None => (DVec3::AXES, [true; 3]),
+        Some(along) => (collide::frame(DVec3::from_array(along)), [false, true, true]),
+    };
+    let contact = Contact {
+        on: [Who::Skin(attachment.body), attachment.to],
+        spots: [Spot::node(node), spot],
+        feature,
+        point: at,
+        axes,
+        gap: [0.0; 3],
+        law: Law::Hold { held },
+    };
+    Ok(Tie { contact, anchor })
+}

@@ -1,0 +1,185 @@
+//! The rows of a step's contacts and ties: what they move, how that gives, and which forces they are.
+//!
+//! Row `3k + n` is axis `n` of contact `k`. With the sign + for the first of its bodies and − for the second, `J` of a rigid body is
+//! `(axis, arm × axis)`, of a deformable one the axis at the nodes of its spot by their weights, of a wall nothing. `W = Σ_bodies J C Jᵀ`
+//! with each body's own compliance `C`; only rows couple bodies.
+
+use crate::collide::Contact;
+use crate::instrument::{Free, Instrument};
+use crate::scene::Who;
+use glam::{DMat3, DVec3};
+use std::collections::BTreeMap;
+
+/// Signs of the two bodies of a contact.
+const SIGN: [f64; 2] = [1.0, -1.0];
+
+/// See the module.
+pub(super) struct Rows<'a> {
+    pub contacts: &'a [Contact],
+    arms: Vec<[DVec3; 2]>,
+}
+
+impl<'a> Rows<'a> {
+    pub fn new(contacts: &'a [Contact], tools: &[Instrument]) -> Self {
+        let arm = |c: &Contact, who: Who| match who {
+            Who::Rigid(number) => c.point - tools[number].position,
+            _ => DVec3::ZERO,
+        };
+        Self { contacts, arms: contacts.iter().map(|c| c.on.map(|who| arm(c, who))).collect() }
+    }
+
+    pub fn count(&self) -> usize {
+        3 * self.contacts.len()
+    }
+
+    pub fn axis(&self, row: usize) -> DVec3 {
+        self.contacts[row / 3].axes[row % 3]
+    }
+
+    /// Sign and place of a body in a row's contact.
+    pub fn side(&self, row: usize, who: Who) -> Option<(f64, usize)> {
+        let side = self.contacts[row / 3].on.iter().position(|on| *on == who)?;
+        Some((SIGN[side], side))
+    }
+
+    /// Signed axis and lever of a rigid body in a row.
+    pub fn of_rigid(&self, row: usize, number: usize) -> Option<(DVec3, DVec3)> {
+        let (sign, side) = self.side(row, Who::Rigid(number))?;
+        let axis = self.axis(row) * sign;
+        Some((axis, self.arms[row / 3][side].cross(axis)))
+    }
+
+    /// Nodes of a deformable body that the rows act on, sorted.
+    pub fn nodes(&self, body: usize) -> Vec<u32> {
+        let mut nodes: Vec<u32> = self
+            .contacts
+            .iter()
+            .flat_map(|c| c.on.iter().zip(&c.spots))
+            .filter(|(on, _)| **on == Who::Skin(body))
+            .flat_map(|(_, spot)| spot.nodes)
+            .collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+
+    /// How far a row opens when rigid bodies move by (shift, turn) and nodes by vectors, m.
+    pub fn opening(
+        &self,
+        row: usize,
+        rigid: impl Fn(usize) -> (DVec3, DVec3),
+        node: impl Fn(usize, u32) -> DVec3,
+    ) -> f64 {
+        let c = &self.contacts[row / 3];
+        let axis = self.axis(row);
+        let mut sum = 0.0;
+        for side in 0..2 {
+            let moved = match c.on[side] {
+                Who::Rigid(number) => {
+                    let (shift, turn) = rigid(number);
+                    axis.dot(shift) + self.arms[row / 3][side].cross(axis).dot(turn)
+                }
+                Who::Skin(body) => {
+                    let spot = &c.spots[side];
+                    (0..3).map(|k| spot.weights[k] * axis.dot(node(body, spot.nodes[k]))).sum()
+                }
+                Who::Plane(_) => 0.0,
+            };
+            sum += SIGN[side] * moved;
+        }
+        sum
+    }
+
+    /// `Jᵀλ` on a deformable body, nodes each once, N.
+    pub fn on_nodes(&self, body: usize, lambda: &[f64]) -> Vec<(u32, [f64; 3])> {
+        let mut sum: BTreeMap<u32, DVec3> = BTreeMap::new();
+        for (row, force) in lambda.iter().enumerate() {
+            if let Some((sign, side)) = self.side(row, Who::Skin(body)) {
+                let spot = &self.contacts[row / 3].spots[side];
+                for k in 0..3 {
+                    *sum.entry(spot.nodes[k]).or_default() += self.axis(row) * (sign * spot.weights[k] * force);
+                }
+            }
+        }
+        sum.into_iter().map(|(node, force)| (node, force.to_array())).collect()
+    }
+
+    /// `Jᵀλ` on a rigid body: force N, torque N·m.
+    pub fn on_rigid(&self, number: usize, lambda: &[f64]) -> (DVec3, DVec3) {
+        let mut sum = (DVec3::ZERO, DVec3::ZERO);
+        for (row, force) in lambda.iter().enumerate() {
+            if let Some((axis, lever)) = self.of_rigid(row, number) {
+                sum.0 += axis * *force;
+                sum.1 += lever * *force;
+            }
+        }
+        sum
+    }
+
+    /// `W` by rows, from how nodes of a body give under each other (`between(body, a, b)`: b under a newton at a) and the rigid systems.
+    pub fn compliance(&self, between: &dyn Fn(usize, u32, u32) -> DMat3, free: &[Free]) -> Vec<f64> {
+        let count = self.count();
+        let mut w = vec![0.0; count * count];
+        for i in 0..self.contacts.len() {
+            for j in 0..=i {
+                let block = self.block(i, j, between, free);
+                for (m, n) in (0..9).map(|n| (n / 3, n % 3)) {
+                    w[(3 * i + m) * count + 3 * j + n] = block[m][n];
+                    w[(3 * j + n) * count + 3 * i + m] = block[m][n];
+                }
+            }
+        }
+        w
+    }
+
+    /// What the rows of contact `j` do to those of `i`.
+    fn block(
+        &self,
+        i: usize,
+        j: usize,
+        between: &dyn Fn(usize, u32, u32) -> DMat3,
+        free: &[Free],
+    ) -> [[f64; 3]; 3] {
+        let (a, b) = (&self.contacts[i], &self.contacts[j]);
+        let mut sum = [[0.0; 3]; 3];
+        for (s, t) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+            if a.on[s] != b.on[t] {
+                continue;
+            }
+            let sign = SIGN[s] * SIGN[t];
+            match a.on[s] {
+                Who::Rigid(number) => {
+                    let f = &free[number];
+                    for (m, n) in (0..9).map(|n| (n / 3, n % 3)) {
+                        let (p, q) = (self.arms[i][s].cross(a.axes[m]), self.arms[j][t].cross(b.axes[n]));
+                        let turned = p.dot(f.angular_compliance * q);
+                        sum[m][n] += sign * (f.compliance * a.axes[m].dot(b.axes[n]) + turned);
+                    }
+                }
+                Who::Skin(body) => {
+                    let (p, q) = (&a.spots[s], &b.spots[t]);
+                    let mut give = DMat3::ZERO;
+                    for (k, l) in (0..9).map(|n| (n / 3, n % 3)) {
+                        let weight = p.weights[k] * q.weights[l];
+                        if weight != 0.0 {
+                            give += between(body, p.nodes[k], q.nodes[l]) * weight;
+                        }
+                    }
+                    for (m, n) in (0..9).map(|n| (n / 3, n % 3)) {
+                        sum[m][n] += sign * b.axes[n].dot(give * a.axes[m]);
+                    }
+                }
+                Who::Plane(_) => {}
+            }
+        }
+        sum
+    }
+
+    /// A rigid body's own part of `W`.
+    pub fn rigid_part(&self, i: usize, j: usize, number: usize, free: &Free) -> f64 {
+        match (self.of_rigid(i, number), self.of_rigid(j, number)) {
+            (Some((a, p)), Some((b, q))) => free.compliance * a.dot(b) + p.dot(free.angular_compliance * q),
+            _ => 0.0,
+        }
+    }
+}
