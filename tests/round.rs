@@ -211,7 +211,7 @@ fn a_capsule_lies_on_the_skin_along_its_whole_length() {
     let pose = |time: f64, z: f64| Pose { time, position: [0.0, 0.0, z], rotation: [0.0, 0.0, 0.0, 1.0] };
     tool.trajectory = vec![pose(0.0, 3.31e-3), pose(0.05, 3.0e-3)];
     let (mut simulation, reports) = run(&lying, Some(30));
-    assert!(reports[29].contact.count()() >= 8, "{}", reports[29].contact.count);
+    assert!(reports[29].contact.count() >= 8, "{}", reports[29].contact.count());
     assert!(depth(&mut simulation, 0) < 0.05e-3);
     let tilt = 2.0 * simulation.tools[0].rotation.xyz().length();
     assert!(tilt < 0.02, "tilted by {tilt} rad");

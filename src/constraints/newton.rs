@@ -10,9 +10,12 @@ use super::{Law, Residual, between, floor, residual, scales, violation};
 /// Newton steps at one go.
 const STEPS: u32 = 30;
 /// Halvings of a step that does not lessen `Σ c F²`.
-const HALVINGS: u32 = 8;
-/// Share by which the diagonal is raised in `J`: well above rounding (1e-16 × 300 rows), well below the tolerance wanted of λ.
-const RAISED: f64 = 1e-11;
+const HALVINGS: i32 = 8;
+/// Shares by which the diagonal is raised in `J`, one after the other while steps fail. The first is well above rounding (1e-16 × 300
+/// rows) and well below the tolerance wanted of λ. Redundant contacts whose violations do not agree (four corners of a rigid face, by
+/// the rounding of where they are) ask for their disagreement over this share, in newtons without end: then a larger one is due
+/// (Levenberg 1944).
+const RAISED: [f64; 4] = [1e-11, 1e-9, 1e-7, 1e-5];
 
 /// Steps until `done`, or until none lessens the residual; returns how many. `force` never gets worse.
 pub(super) fn polish(
@@ -26,25 +29,27 @@ pub(super) fn polish(
     let (mut jacobian, mut step) = (vec![0.0; rows * rows], vec![0.0; rows]);
     let mut trial = force.to_vec();
     let mut before = residual(laws, w, free, force);
+    let mut raised = 0;
     for count in 0..STEPS {
         if done(&before, force) {
             return count;
         }
-        linearise(laws, w, free, force, &mut jacobian, &mut step);
-        if !eliminate(&mut jacobian, &mut step) {
-            return count;
+        let mut better = false;
+        while !better && raised < RAISED.len() {
+            linearise(laws, w, free, force, RAISED[raised], &mut jacobian, &mut step);
+            better = eliminate(&mut jacobian, &mut step)
+                && (0..HALVINGS).any(|halving| {
+                    let share = 0.5f64.powi(halving);
+                    trial.iter_mut().zip(force.iter().zip(&step)).for_each(|(t, (f, s))| *t = f + share * s);
+                    let after = residual(laws, w, free, &trial);
+                    let less = after.energy < before.energy * (1.0 - 1e-4 * share);
+                    if less {
+                        before = after;
+                    }
+                    less
+                });
+            raised += usize::from(!better);
         }
-        let mut share = 1.0;
-        let better = (0..HALVINGS).any(|_| {
-            trial.iter_mut().zip(force.iter().zip(&step)).for_each(|(t, (f, s))| *t = f + share * s);
-            let after = residual(laws, w, free, &trial);
-            let less = after.energy < before.energy * (1.0 - 1e-4 * share);
-            share *= 0.5;
-            if less {
-                before = after;
-            }
-            less
-        });
         if !better {
             return count;
         }
@@ -54,7 +59,15 @@ pub(super) fn polish(
 }
 
 /// `J` by rows and `−F`.
-fn linearise(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], jacobian: &mut [f64], minus: &mut [f64]) {
+fn linearise(
+    laws: &[Law],
+    w: &[f64],
+    free: &[f64],
+    force: &[f64],
+    raised: f64,
+    jacobian: &mut [f64],
+    minus: &mut [f64],
+) {
     let rows = force.len();
     let floor = floor(w, rows);
     jacobian.fill(0.0);
@@ -72,7 +85,7 @@ fn linearise(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], jacobian: &mu
                 let row = first + b;
                 let m = slope[a][b];
                 line.iter_mut().zip(&w[row * rows..(row + 1) * rows]).for_each(|(j, w)| *j += m / c * w);
-                line[row] += m * (RAISED * w[row * rows + row] / c - 1.0);
+                line[row] += m * (raised * w[row * rows + row] / c - 1.0);
             }
         }
     }

@@ -62,7 +62,7 @@ impl ContactReport {
 const MAX_PASSES: u32 = 16;
 /// Gauss–Seidel sweeps per contact solve at most (the incision takes 20, and 477 once), and the relative residual at which it stops.
 const MAX_SWEEPS: u32 = 2000;
-const SWEEP_TOLERANCE: f64 = 1e-5;
+const SWEEP_TOLERANCE: f64 = 1e-8;
 
 /// A pass that leaves more than this share of the last one's residual shows that the compliance has aged too much.
 const SLOW: f64 = 0.5;
