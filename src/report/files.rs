@@ -165,12 +165,13 @@ fn write_surface(path: &Path, skin: &SkinSurface, state: &[Snapshot]) -> Result<
     let pick = |values: &[[f64; 3]]| used.iter().map(|n| values[*n as usize]).collect();
     let points: Vec<[f64; 3]> = pick(&skin.positions);
     let (u, v): (Vec<_>, Vec<_>) = (pick(&joined(state, |s| &s.u)), pick(&joined(state, |s| &s.v)));
-    let layers: Vec<f64> = skin.layers.iter().map(|[_, layer]| f64::from(*layer)).collect();
+    let (bodies, layers): (Vec<f64>, Vec<f64>) =
+        skin.layers.iter().map(|[body, layer]| (f64::from(*body), f64::from(*layer))).unzip();
     write_triangles(
         path,
         &points,
         &triangles,
         &[("displacement_m", Field::Vectors(&u)), ("velocity_m_s", Field::Vectors(&v))],
-        &[("layer", Field::Scalars(&layers))],
+        &[("layer", Field::Scalars(&layers)), ("body", Field::Scalars(&bodies))],
     )
 }

@@ -65,10 +65,17 @@ fn probe_kind(
     let axis = or(raw.axis.take(), "z".to_string());
     let axis = scene.choice("axis", &axis, &[("x", 0), ("y", 1), ("z", 2)])?;
     if kind != Kind::Displacement {
-        scene.needless("point_mm", &raw.point_mm, "only kind = \"displacement\" asks for the point of a node")?;
+        let why = match kind {
+            Kind::Reaction => "kind = \"reaction\" asks for a region",
+            _ => "only kind = \"displacement\" asks for the point of a node",
+        };
+        scene.needless("point_mm", &raw.point_mm, why)?;
     }
     if kind != Kind::Reaction {
-        let why = "only kind = \"reaction\" asks for a region";
+        let why = match kind {
+            Kind::Displacement => "kind = \"displacement\" asks for the point of a node",
+            _ => "only kind = \"reaction\" asks for a region",
+        };
         scene.needless("region", &raw.region, why)?;
         scene.needless("box_mm", &extent.box_mm, why)?;
     }

@@ -126,7 +126,7 @@ fn meshes_read_back() -> Outcome {
         };
         ensure!(offsets.len() == cells && connectivity.len() == cells * corners, "{name}: {} cells", offsets.len());
         let fields = (piece.data.point.len(), piece.data.cell.len());
-        ensure!(fields == (2, 1), "{name}: {fields:?} fields");
+        ensure!(fields == (2, 2), "{name}: {fields:?} fields");
     }
     Ok(())
 }

@@ -1,0 +1,185 @@
+//! What touches: rigid bodies, walls, ties, and the law of contact.
+
+use super::Region;
+
+/// A rigid tool coupled to a hand.
+#[derive(Clone, Debug)]
+pub struct Tool {
+    /// Name for outputs.
+    pub name: String,
+    /// OBJ text of the mesh, already loaded.
+    pub mesh: ToolMesh,
+    /// kg
+    pub mass: f64,
+    /// Principal inertia about the tool's origin in tool axes, kg·m².
+    pub inertia: [f64; 3],
+    /// Blade, for tools that cut.
+    pub blade: Option<Blade>,
+    /// Points of the tool (tool frame, m) that touch the skin and do not cut.
+    pub points: Vec<[f64; 3]>,
+    /// The whole surface, for tools that are a sphere or a capsule; such a tool has neither blade nor points.
+    pub round: Option<Round>,
+    /// Half edges of a body that is a box around its origin, m.
+    pub cuboid: Option<[f64; 3]>,
+    /// Coupling to the hand; none of it for a body that no hand holds.
+    pub coupling: Coupling,
+    /// The recorded hand, at least one sample, times rising; the start alone of a body that no hand holds.
+    pub trajectory: Vec<Pose>,
+    /// How a body that no hand holds starts; it falls. None for a tool: the hand carries its weight.
+    pub free: Option<Motion>,
+}
+
+/// Motion of a rigid body.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Motion {
+    /// m/s
+    pub velocity: [f64; 3],
+    /// rad/s
+    pub spin: [f64; 3],
+}
+
+/// A half space that nothing enters.
+#[derive(Clone, Debug)]
+pub struct Plane {
+    /// Name for messages and probes.
+    pub name: String,
+    /// A point of its surface, m.
+    pub through: [f64; 3],
+    /// Unit, out of the wall.
+    pub normal: [f64; 3],
+}
+
+/// A body, by its kind and number.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Who {
+    /// In [`Scene::tools`].
+    Rigid(usize),
+    /// In [`Scene::skins`].
+    Skin(usize),
+    /// In [`Scene::planes`]; as the other end of an attachment any number means the place itself.
+    Plane(usize),
+}
+
+/// Nodes of a deformable body that are tied, both ways, to what is there at rest.
+#[derive(Clone, Debug)]
+pub struct Attachment {
+    /// Number of the deformable body whose nodes are tied.
+    pub body: usize,
+    /// Which of them.
+    pub region: Region,
+    /// What they are tied to.
+    pub to: Who,
+    /// Unit direction along which they slide; none for all held.
+    pub slide: Option<[f64; 3]>,
+}
+
+/// A sphere, or a capsule: all places within `radius` of a line, tool frame.
+#[derive(Clone, Copy, Debug)]
+pub struct Round {
+    /// m
+    pub radius: f64,
+    /// Ends of the line, m; the same point twice for a sphere.
+    pub ends: [[f64; 3]; 2],
+}
+
+/// Triangles of a tool in its own frame.
+#[derive(Clone, Debug)]
+pub struct ToolMesh {
+    /// `[vertex]` m
+    pub positions: Vec<[f64; 3]>,
+    /// `[triangle]` vertex ids
+    pub triangles: Vec<[u32; 3]>,
+}
+
+/// The cutting part of a tool: a thin plate with one sharp edge, tool frame.
+#[derive(Clone, Debug)]
+pub struct Blade {
+    /// Edge polyline from the tip to the heel, at least two points, m.
+    pub edge: Vec<[f64; 3]>,
+    /// Unit normal of the blade plane; the edge faces `normal × (heel − tip)`.
+    pub normal: [f64; 3],
+    /// m
+    pub thickness: f64,
+    /// Length of edge that one contact row stands for, m.
+    pub edge_spacing: f64,
+    /// Spacing of the contact points on the flats, m.
+    pub flat_spacing: f64,
+    /// How far the flats reach behind the edge, m.
+    pub depth: f64,
+}
+
+/// 6-DoF spring and damper between hand and tool.
+#[derive(Clone, Copy, Debug)]
+pub struct Coupling {
+    /// N/m
+    pub stiffness: f64,
+    /// N·s/m
+    pub damping: f64,
+    /// N·m/rad
+    pub angular_stiffness: f64,
+    /// N·m·s/rad
+    pub angular_damping: f64,
+}
+
+/// A sample of a recorded hand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// s
+    pub time: f64,
+    /// m
+    pub position: [f64; 3],
+    /// Unit quaternion x, y, z, w.
+    pub rotation: [f64; 4],
+}
+
+/// How contact forces are corrected for the skin's compliance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Correction {
+    /// Loose columns of A⁻¹Jᵀ, accurate correction, repeated until the contact residual is small.
+    Exact,
+    /// Only the 3×3 diagonal blocks of A.
+    Uncoupled,
+    /// Columns of the body at rest, from one factor of its matrix, whatever has moved since; refused after a cut.
+    Precomputed,
+}
+
+/// How contacts get their forces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Loop {
+    /// Free motion, laws on the violations, correction.
+    Constraints,
+    /// A spring pushes where things overlap at the step's start, without friction; N/m.
+    Penalty(f64),
+}
+
+/// Which of the contacts of a round tool are kept.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Filter {
+    /// All of the skin's surface points that the tool touches.
+    Points,
+    /// The nearest place alone, which is what is left of a sphere's contacts behind SOFA's LocalMinDistance.
+    One,
+}
+
+/// Contact law and solver.
+#[derive(Clone, Copy, Debug)]
+pub struct Contact {
+    /// Coulomb coefficient.
+    pub friction: f64,
+    /// Contacts are looked for within this distance, m.
+    pub alarm: f64,
+    /// Resting gap of points and flats, m.
+    pub distance: f64,
+    /// How forces are found.
+    pub forces: Loop,
+    /// Which correction.
+    pub correction: Correction,
+    /// For round tools.
+    pub filter: Filter,
+    /// Most contacts at a time.
+    pub max_contacts: u32,
+    /// Relative residual at which the passes stop.
+    pub tolerance: f64,
+    /// Residual of the columns, relative.
+    pub column_tolerance: f64,
+}
