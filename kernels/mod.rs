@@ -9,6 +9,7 @@
 
 pub mod advance;
 pub mod blocks;
+pub mod bounds;
 pub mod centres;
 pub mod coarsen;
 pub mod converge;
@@ -52,6 +53,7 @@ pub struct Source {
 pub const ALL: &[&Source] = &[
     &advance::SOURCE,
     &blocks::SOURCE,
+    &bounds::SOURCE,
     &centres::SOURCE,
     &coarsen::SOURCE,
     &converge::SOURCE,

@@ -162,6 +162,7 @@ fn dispatches(scene: &Scene, model: &Model, [begin, iteration]: [u32; 2]) -> Vec
         list.push(count("probes", probes(scene), "step"));
     }
     if let Some(law) = &scene.contact {
+        list.push(count("boxes", 1, "step"));
         match law.correction {
             // positions, values out; rows in, values out
             Correction::Exact => {
@@ -186,6 +187,7 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
         list.push(count("probes", probes(scene), "step"));
     }
     if let Some(law) = &scene.contact {
+        list.push(count("boxes", 1, "step"));
         list.push(count("contact", 1, "step with contact"));
         match law.correction {
             Correction::Exact => {

@@ -17,6 +17,10 @@ use std::collections::BTreeMap;
 pub struct ContactReport {
     /// How many.
     pub count: usize,
+    /// Faces of the skin that the broad phase gave to the narrow phase, over all tools.
+    pub candidates: usize,
+    /// Most that a contact's gap is below its resting gap at the step's start, m.
+    pub depth: f64,
     /// Corrections solved.
     pub passes: u32,
     /// Relative change of the forces that one more pass would make.

@@ -11,6 +11,7 @@
 mod compliance;
 mod contact;
 mod incise;
+mod near;
 mod refine;
 mod start;
 
@@ -18,7 +19,8 @@ pub use contact::ContactReport;
 pub use start::{needs, start};
 
 use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
-use crate::collide::{self, Contact, Patch, Search};
+use crate::collide::broad::Boxes;
+use crate::collide::{self, Contact, Search};
 use crate::cut::{Totals, Wound};
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -29,7 +31,6 @@ use crate::math::V4;
 use crate::model::{Model, Solved, true_residual};
 use crate::scene::{ProbeKind, Scene};
 use compliance::Compliance;
-use glam::DVec3;
 use std::collections::BTreeMap;
 
 /// Where the skin is computed.
@@ -98,7 +99,7 @@ pub struct Simulation {
     load_changes: Vec<f64>,
     step_number: u32,
     epoch: u32,
-    reach: f64,
+    boxes: Boxes,
 }
 
 struct Prepared {
@@ -141,7 +142,6 @@ impl Simulation {
             }
         };
         let tools: Vec<Instrument> = scene.tools.iter().map(Instrument::new).collect();
-        let reach = start.u.iter().flatten().fold(model.grid.thickness(), |m, u| m.max(u.abs()));
         Ok(Self {
             wound: Wound::new(&model),
             reduced: tools.iter().map(|t| Reduced::free(t.position, t.rotation, 0)).collect(),
@@ -154,7 +154,7 @@ impl Simulation {
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
             step_number: 0,
             epoch: 0,
-            reach,
+            boxes: Boxes::new(&model.grid),
             scene: scene.clone(),
             model,
         })
@@ -248,32 +248,13 @@ impl Simulation {
         };
         let search = Search { alarm: law.alarm, distance: law.distance, friction: law.friction, filter: law.filter };
         let mut found = vec![];
-        let mut near = DVec3::ZERO;
-        for (number, tool) in self.tools.iter().enumerate() {
+        self.refit_boxes(report)?;
+        for number in 0..self.tools.len() {
+            let tool = &self.tools[number];
             let span = tool.samples.iter().map(|s| s.position.length()).fold(0.0, f64::max);
             let travel = free[number].shift.length() + free[number].turn.length() * span;
-            let area = collide::tool_box(tool, search.alarm + search.distance + travel);
-            let faces = collide::faces_near(&self.model.grid, &self.wound.surface, &area, self.reach);
-            let mut nodes: Vec<u32> = faces.iter().flat_map(|q| q.nodes).collect();
-            nodes.sort_unstable();
-            nodes.dedup();
-            if nodes.is_empty() {
-                continue;
-            }
-            let u = self.backend.displacements(&nodes)?;
-            let position = |id: u32| {
-                let k = nodes.binary_search(&id).unwrap_or(0);
-                DVec3::from_array(self.model.rest[id as usize]) + DVec3::from_array(u[k])
-            };
-            for d in &u {
-                near = near.max(DVec3::from_array(*d).abs());
-            }
-            if u.iter().flatten().any(|c| !c.is_finite()) {
-                *report.warnings.entry("non_finite_nodes").or_default() += 1;
-                continue;
-            }
-            self.note_opening(&nodes, &u, report);
-            let Some(patch) = Patch::new(&faces, position) else {
+            let margin = search.alarm + search.distance + travel;
+            let Some(near) = self.near(number, margin, report)? else {
                 continue;
             };
             let (model, params) = (&self.model, self.model.grid.params::<f64>());
@@ -281,15 +262,14 @@ impl Simulation {
                 let level = params.cell_at(cell as usize)[2];
                 model.toughness[model.grid.layer_of[level] as usize]
             };
+            let (tool, patch, position) = (&self.tools[number], &near.patch, |id| near.position(model, id));
             found.extend(match &tool.round {
                 Some(round) => {
-                    collide::round::contacts(number, tool, round, &faces, &patch, &position, &search, &free[number])
+                    collide::round::contacts(number, tool, round, &near.faces, patch, &position, &search, &free[number])
                 }
-                None => collide::contacts(number, tool, &patch, &search, travel, resistance),
+                None => collide::contacts(number, tool, patch, &search, travel, resistance),
             });
         }
-        // next step's faces: skin near the tool has moved this far; skin that is not near yet by less than its thickness
-        self.reach = (near.max_element() + search.alarm).max(self.model.grid.thickness());
         let most = law.max_contacts as usize;
         if found.len() > most {
             *report.warnings.entry("contacts_dropped").or_default() += (found.len() - most) as u32;
@@ -297,6 +277,7 @@ impl Simulation {
             found.truncate(most);
             found.sort_by_key(|c| c.id);
         }
+        report.contact.depth = found.iter().map(|c| -c.gap).fold(0.0, f64::max);
         Ok(found)
     }
 

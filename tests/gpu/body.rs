@@ -5,6 +5,7 @@
 
 use cutis::error::Result;
 use cutis::gpu::{Buffer, Gpu};
+use cutis::kernels::bounds;
 use cutis::kernels::probe;
 use cutis::kernels::product::{Modes, tiles};
 use cutis::kernels::{GROUP, Params};
@@ -153,6 +154,11 @@ impl Body {
         self.grid.nodes[0] * self.grid.nodes[1]
     }
 
+    /// Tiles whose displacements are bounded.
+    pub fn tiles(&self) -> usize {
+        bounds::tiles(&self.params::<f64>()).iter().product()
+    }
+
     /// Cells of the next coarser level.
     pub fn coarse_cells(&self) -> usize {
         self.params::<f64>().coarse_cells().iter().product()
@@ -199,7 +205,9 @@ impl Body {
         let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         random.next();
         match name {
+            "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4)),
             "u" => coincide(random.vectors(nodes, 1e-4)),
+            "tile_bounds" => random.many(self.tiles() * 8, 1.0),
             "point_u" => random.vectors(nodes, 1e-4),
             "point_v" => random.vectors(nodes, 1.0),
             "v" | "mean_v" => random.vectors(nodes, 0.1),
@@ -317,6 +325,13 @@ impl Body {
             },
         }
     }
+}
+
+/// Puts three nodes nowhere, the last two of them on the grid's last seams.
+fn nowhere(mut nodes: Vec<f32>) -> Vec<f32> {
+    let count = nodes.len();
+    (nodes[1], nodes[count - 6], nodes[count - 4]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY);
+    nodes
 }
 
 /// Puts the second node onto the first.

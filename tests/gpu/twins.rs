@@ -78,6 +78,12 @@ pub fn blocks<R: Real>(b: &Body) -> Outputs<R> {
     vec![("block", flat(&block))]
 }
 
+pub fn bounds<R: Real>(b: &Body) -> Outputs<R> {
+    let mut tile_bounds = b.v4::<R>("tile_bounds");
+    kernels::bounds::bounds(&b.params(), &b.v4("u"), &mut tile_bounds);
+    vec![("tile_bounds", flat(&tile_bounds))]
+}
+
 pub fn centres<R: Real>(b: &Body) -> Outputs<R> {
     let (mut point_u, mut point_v) = (b.v4::<R>("point_u"), b.v4("point_v"));
     kernels::centres::centres(&b.params(), &b.v4("u"), &b.v4("v"), &mut point_u, &mut point_v);

@@ -7,7 +7,8 @@ use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::product::{LANES, cell_groups, elastic_forces, product};
 use crate::kernels::{
-    Params, blocks, centres, cut, factor, integrate, momentum, rhs, rotations, springs, springs_blocks, springs_product,
+    Params, blocks, bounds, centres, cut, factor, integrate, momentum, rhs, rotations, springs, springs_blocks,
+    springs_product,
 };
 use crate::linear::{Outcome, Slot, solve};
 use crate::math::{Real, V3, V4, round, widen};
@@ -23,6 +24,7 @@ pub struct CpuBackend<R> {
     max_iterations: u32,
     floor: f64,
     node_count: usize,
+    contact: bool,
     u: Vec<V4<R>>,
     v: Vec<V4<R>>,
     mean_v: Vec<V4<R>>, // of a consistent mass; else empty
@@ -59,6 +61,7 @@ impl<R: Real> CpuBackend<R> {
             max_iterations,
             floor,
             node_count,
+            contact: needs.contact,
             u: start.u.iter().map(round).collect(),
             v: start.v.iter().map(round).collect(),
             mean_v: zeros(if model.mass == Mass::Consistent { node_count } else { 0 }),
@@ -264,6 +267,13 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
         Ok(nodes.iter().map(|n| V3::from4(self.u[*n as usize]).f64()).collect())
+    }
+
+    fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>> {
+        let [x, y] = bounds::tiles(&self.params);
+        let count = if self.contact { x * y } else { 0 };
+        let of = |tile| bounds::bounds_of_tile(&self.params, &self.u, tile).map(|v| v.map(R::f64));
+        Ok((0..count).into_par_iter().map(of).collect())
     }
 
     fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {

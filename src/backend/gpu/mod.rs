@@ -14,7 +14,7 @@ use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
-use arrays::{Arrays, Body, Cutting, Dispatch, Law, Maker, Pick, Put, axes, keeps_what_sums_lose, triples};
+use arrays::{Arrays, Body, Bounds, Cutting, Dispatch, Law, Maker, Pick, Put, axes, keeps_what_sums_lose, triples};
 use solver::Solver;
 
 /// Nodes of a slot that are picked at once at least; more take another submission.
@@ -39,6 +39,7 @@ pub struct GpuBackend {
     integrate: [Bound; 2], // without, with correction
     pick: Pick,
     put: Option<Put>,
+    bounds: Option<Bounds>,
     cutting: Option<Cutting>,
     node_blocks: Option<(Bound, Buffer)>,
 }
@@ -98,6 +99,7 @@ impl GpuBackend {
         let pick = Pick::new(&mut made, picked, [&solver.x, &u, &f])?;
         let most = n.max(model.grid.cell_count()).max(law.springs);
         let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, most, &solver.r)?) } else { None };
+        let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
         gpu.making("cut");
         let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &u, &v)?) } else { None };
         let node_blocks = if needs.node_blocks {
@@ -126,6 +128,7 @@ impl GpuBackend {
             integrate,
             pick,
             put,
+            bounds,
             cutting,
             node_blocks,
             gpu,
@@ -316,6 +319,17 @@ impl Backend for GpuBackend {
 
     fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
         self.read_picked(nodes, |p| &p.u)
+    }
+
+    fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>> {
+        let batch = self.record();
+        match &self.bounds {
+            Some(bounds) => bounds.read(&self.gpu, batch),
+            None => {
+                self.pending = Some(batch);
+                Ok(vec![])
+            }
+        }
     }
 
     fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
