@@ -16,6 +16,9 @@ use parry3d::bounding_volume::Aabb;
 use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 
+/// What f64 may take from a place along the grid, cells (10⁶ of them are known to 10⁻¹⁰): a face on the rim of an area stays in.
+const ROUNDING: f64 = 1e-6;
+
 /// Boxes over the tiles of one body.
 pub struct Boxes {
     tree: Bvh,
@@ -87,9 +90,8 @@ impl Boxes {
             let [mut first, mut last] = columns(&params, tile);
             for axis in 0..2 {
                 let at = |x: f64| x / grid.edge[axis] + 0.5 * grid.cells[axis] as f64;
-                // a cell further on each side: what rounding may have taken
-                first[axis] = first[axis].max((at(low[axis]).floor() - 1.0).max(0.0) as usize);
-                last[axis] = last[axis].min((at(high[axis]).ceil() + 1.0).max(0.0) as usize);
+                first[axis] = first[axis].max((at(low[axis]) - ROUNDING).floor().max(0.0) as usize);
+                last[axis] = last[axis].min((at(high[axis]) + ROUNDING).ceil().max(0.0) as usize);
             }
             surface.quads([first[0], first[1], 0], [last[0], last[1], grid.cells[2]], &mut out);
         }
