@@ -21,7 +21,8 @@
 //! ([`linear::direct`]). Contacts are found at the step's start. The compliance of the skin at the nodes that tools reach, columns of
 //! `A⁻¹` solved loosely, is kept from step to step until the skin is cut or it has aged; forces λ come from the contact law on `W λ + δ`;
 //! the correction `A Δx = Jᵀλ` is solved accurately and δ taken again until the law holds, so λ does not depend on how loose the columns
-//! are ([`step`]). The edge of a blade is held by what the tissue bears (toughness × length); beyond that it goes on, and the links or
+//! are ([`step`]). Which faces are looked at is told by a tree of boxes over tiles of the skin, refitted each step to what the device says
+//! that they move between ([`collide::broad`]). The edge of a blade is held by what the tissue bears (toughness × length); beyond that it goes on, and the links or
 //! springs that it sweeps are cut; what a held piece passes is swept when it lets go.
 //!
 //! # Solving
