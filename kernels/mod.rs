@@ -8,6 +8,7 @@
 //! One hexahedron corner order in the whole project, VTK's: 0–3 counter-clockwise at the bottom, 4–7 above them.
 
 pub mod advance;
+pub mod anchors;
 pub mod blocks;
 pub mod bounds;
 pub mod centres;
@@ -52,6 +53,7 @@ pub struct Source {
 /// Every kernel.
 pub const ALL: &[&Source] = &[
     &advance::SOURCE,
+    &anchors::SOURCE,
     &blocks::SOURCE,
     &bounds::SOURCE,
     &centres::SOURCE,

@@ -139,7 +139,8 @@ pub(super) fn host_bytes(model: &Model) -> u64 {
         .as_ref()
         .map_or(0, |s| size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + 4 * s.first.len() + 8 * s.half.len());
     let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.held[..]);
-    (nodes + springs + size_of_val(&model.stiffness[..]) + size_of_val(&model.shape[..])) as u64
+    let anchors = size_of_val(&model.anchors.nodes[..]) + size_of_val(&model.anchors.stiffness[..]);
+    (nodes + springs + anchors + size_of_val(&model.stiffness[..]) + size_of_val(&model.shape[..])) as u64
 }
 
 fn cuts(scene: &Scene) -> bool {

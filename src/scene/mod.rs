@@ -3,6 +3,7 @@
 //! A scene file is TOML; every key carries its unit (`size_mm`, `young_kpa`). In memory everything is SI: m, kg, s, N, Pa.
 //! [`read`] turns text into a [`Scene`] or into one error that says file, line, what was found, what was wanted and how to mend it.
 
+mod anchor;
 mod body;
 mod builtin;
 mod diagnose;
@@ -17,6 +18,7 @@ mod round;
 mod text;
 mod tools;
 
+pub use anchor::Anchor;
 pub use builtin::incision;
 pub use files::Files;
 pub use grid::MOST_NODES;
@@ -41,6 +43,8 @@ pub struct Scene {
     pub skin: Skin,
     /// Constrained regions; none for a free body.
     pub boundaries: Vec<Boundary>,
+    /// Regions on springs to their rest shape.
+    pub anchors: Vec<Anchor>,
     /// Dead loads.
     pub loads: Vec<Load>,
     /// Rigid tools, each driven by a hand.

@@ -70,6 +70,8 @@ pub(super) struct Scene {
     #[serde(default)]
     pub boundary: Vec<Table<Boundary>>,
     #[serde(default)]
+    pub anchor: Vec<Table<Anchor>>,
+    #[serde(default)]
     pub load: Vec<Table<Load>>,
     #[serde(default)]
     pub tool: Vec<Table<Tool>>,
@@ -133,7 +135,7 @@ pub(super) struct Layer {
     pub color: Option<At<String>>,
 }
 
-/// The keys that say where a region is; they stand in the tables of boundaries and probes.
+/// The keys that say where a region is; they stand in the tables of boundaries, anchors and probes.
 pub(super) struct Extent {
     pub box_mm: Option<Points>,
     pub centre_mm: Option<Numbers>,
@@ -162,7 +164,7 @@ macro_rules! with_extent {
         }
     )*};
 }
-with_extent!(Boundary, Probe);
+with_extent!(Boundary, Anchor, Probe);
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -177,6 +179,20 @@ pub(super) struct Boundary {
     pub margin_mm: Option<At<f64>>,
     pub axes: Option<At<String>>,
     pub displacement_mm: Option<Numbers>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Anchor {
+    pub region: At<String>,
+    pub box_mm: Option<Points>,
+    pub centre_mm: Option<Numbers>,
+    pub radius_mm: Option<At<f64>>,
+    pub through_mm: Option<Numbers>,
+    pub normal: Option<Numbers>,
+    pub within_mm: Option<At<f64>>,
+    pub margin_mm: Option<At<f64>>,
+    pub stiffness_n_m: At<f64>,
 }
 
 #[derive(serde::Deserialize)]

@@ -10,7 +10,7 @@ use super::raw;
 use super::region::region;
 use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
 use super::{Boundary, Law, Layer, Load, Preconditioner, Scene, Solver, TestForm, Time};
-use super::{body, outputs, tools};
+use super::{anchor, body, outputs, tools};
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -45,6 +45,7 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         time: time(&scene, raw.time.keys)?,
         solver: solver(&scene, raw::keys(raw.solver), &skin.law)?,
         boundaries: boundaries.collect::<Result<_>>()?,
+        anchors: anchor::anchors(&scene, raw.anchor, &skin, &grids)?,
         loads: loads.collect::<Result<_>>()?,
         contact: (!tools.is_empty()).then_some(contact),
         tools,

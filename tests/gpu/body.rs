@@ -129,7 +129,7 @@ impl Body {
         let segments = self.springs.ends.len() as u32;
         match self.kernel {
             "cut" => vec![segments, QUADS as u32, segments, 1e-3f32.to_bits()],
-            "gather" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
+            "anchors" | "gather" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
             _ => self.params::<f32>().words(),
         }
     }
@@ -218,6 +218,7 @@ impl Body {
             "coarse_rotation" => random.many(self.coarse_cells() * 4, 1.0),
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
             "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),
+            "anchor" => positive(&mut random, self.ids().len()).map(|k| 100.0 * k).collect(),
             "rest" => self.rest(&mut random),
             "shape" => {
                 (0..LAYERS).flat_map(|_| [1e-3, 1.1e-3, 4e-4, 1e-7].map(|c| c * (1.0 + 0.3 * random.next()))).collect()

@@ -65,6 +65,9 @@ const CASES: &[Case] = cases! {
         "max(request.x * reference, request.z)" => "min(request.x * reference, request.z)",
         "denominator > 0.0 &&" => "denominator != 0.0 &&"
     ]
+    anchors Ids false [
+        "* anchor[k]" => "* anchor[0]", "* free[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
+    ]
     blocks Nodes false [
         "a + 4u" => "a + 3u", "if a < 4u" => "if a < 3u", "layer_of[at.z] * 64u" => "0u",
         "any(at >= cells)" => "any(at + 1u >= cells)"

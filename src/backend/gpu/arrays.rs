@@ -43,7 +43,8 @@ impl Arrays {
 pub(super) struct Body {
     pub u: Buffer,
     pub v: Buffer,
-    pub free: Buffer,
+    pub free: Buffer,   // as A has them
+    pub masses: Buffer, // as they are; the same array where nothing is anchored
     pub load: Buffer,
     pub cell: Buffer, // rotations of bricks, or the law of springs
 }
