@@ -66,12 +66,6 @@ box_mm = [[-20, -10, 0], [-15, 10, 2.5]]
 axes = "xz"
 displacement_mm = [-2, 0, 0]
 
-[[anchor]]
-region = "sphere"
-centre_mm = [20, 10, 0]
-radius_mm = 6
-stiffness_n_m = 40
-
 [[load]]
 pressure_kpa = 1.5
 rectangle_mm = [[-20, -10], [0, 10]]
@@ -126,6 +120,12 @@ steps = 5
 frames = 3
 size_px = [320, 200]
 eye_mm = [50, -70, 60]
+
+[[anchor]]
+region = "sphere"
+centre_mm = [20, 10, 0]
+radius_mm = 6
+stiffness_n_m = 40
 "##;
 
 /// Files that the scene names, good and bad.

@@ -22,6 +22,7 @@ pub const EVERYWHERE: &[Everywhere] = &[
 pub const CASES: &[Case] = &[
     ("stiff_anchors_approach_a_fixed_boundary_with_one_over_k", fixed_limit),
     ("stiff_anchors_cost_multigrid_no_more_than_a_fixed_boundary", iterations),
+    ("every_preconditioner_solves_the_anchored_block_alike", preconditioners),
     ("true_residual_knows_the_anchors", residual_without_anchors),
     ("energy_of_an_anchored_block_never_rises", energy),
     ("anchors_outlive_a_cut_and_masses_follow_it", cut),
@@ -42,7 +43,7 @@ fn anchored(law: Law, region: Region, stiffness: f64) -> Scene {
 }
 
 fn oscillator(place: &Place) {
-    const STEPS: usize = 30;
+    const STEPS: usize = 6;
     const STIFFNESS: f64 = 0.4; // N/m
     const START: [f64; 3] = [3e-4, -2e-4, 1e-4]; // m
     for law in [LINEAR, COROTATIONAL, SPRINGS] {
@@ -78,18 +79,19 @@ fn oscillator(place: &Place) {
         let off = far(exact(STIFFNESS, damping));
         measured(&format!("anchored oscillator {place:?} {law:?}"), off, 0.0);
         // each step adds its solve's and its sum's rounding
-        let bound = 10.0 * STEPS as f64 * (tolerance(place) + 8.0 * epsilon(place));
+        let bound = 4.0 * STEPS as f64 * (tolerance(place) + 8.0 * epsilon(place));
         assert!(off < bound, "{place:?} {law:?}: {off:e} above {bound:e}");
         // counter-tests: a hundredth of the stiffness is seen, and whether the springs are damped
         for wrong in [exact(1.01 * STIFFNESS, damping), exact(STIFFNESS, 0.0)] {
-            assert!(far(wrong) > 1e-3, "{place:?} {law:?}: {:e}", far(wrong));
+            assert!(far(wrong) > 5e-4, "{place:?} {law:?}: {:e}", far(wrong));
         }
     }
 }
 
 /// The block at rest under a push of the middle of its top, `[node]` m; and the force on it, N.
-fn pressed(place: &Place, mut model: Model) -> (Body, V4<f64>) {
-    model.step.step = LONG;
+fn pressed(place: &Place, mut scene: Scene) -> (Body, V4<f64>) {
+    scene.time.step = LONG;
+    let model = model(&scene);
     let top = model.nodes_in(&Region::Top);
     let mut load = vec![[0.0; 3]; model.rest.len()];
     for node in &top {
@@ -106,9 +108,8 @@ fn pressed(place: &Place, mut model: Model) -> (Body, V4<f64>) {
 
 fn balance(place: &Place) {
     for law in [LINEAR, Law::Springs { stiffness: 30.0, damping: 0.0 }] {
-        let model = model(&anchored(law, Region::Bottom, 25.0));
-        let anchors = model.anchors.clone();
-        let (mut body, total) = pressed(place, model);
+        let (mut body, total) = pressed(place, anchored(law, Region::Bottom, 25.0));
+        let anchors = body.model.anchors.clone();
         if matches!(law, Law::Springs { .. }) {
             // springs are linear at the step's start alone: on to where the forces balance
             (0..8).for_each(|_| body.step());
@@ -145,9 +146,9 @@ fn fixed() -> Scene {
 }
 
 fn fixed_limit() {
-    let wanted = pressed(&Place::Cpu64, model(&fixed())).0.state().u;
+    let wanted = pressed(&Place::Cpu64, fixed()).0.state().u;
     let off = [1e4, 1e5, 1e6].map(|k| {
-        let u = pressed(&Place::Cpu64, model(&anchored(LINEAR, Region::Bottom, k))).0.state().u;
+        let u = pressed(&Place::Cpu64, anchored(LINEAR, Region::Bottom, k)).0.state().u;
         apart(&u, &wanted)
     });
     measured("anchors of 1e6 N/m beside a fixed boundary", off[2], 0.0);
@@ -157,15 +158,34 @@ fn fixed_limit() {
     }
     assert!(off[2] < 1e-4, "{off:?}");
     // the counter-test: soft anchors are no boundary
-    let soft = pressed(&Place::Cpu64, model(&anchored(LINEAR, Region::Bottom, 1.0))).0.state().u;
+    let soft = pressed(&Place::Cpu64, anchored(LINEAR, Region::Bottom, 1.0)).0.state().u;
     assert!(apart(&soft, &wanted) > 1.0, "{}", apart(&soft, &wanted));
+}
+
+fn preconditioners() {
+    use Preconditioner::{Block, Column, Direct, Jacobi, Multigrid, None};
+    let with = |preconditioner| {
+        let mut scene = anchored(LINEAR, Region::Bottom, 25.0);
+        scene.solver.preconditioner = preconditioner;
+        pressed(&Place::Cpu64, scene).0.state().u
+    };
+    let wanted = with(Direct);
+    for kind in [None, Jacobi, Block, Column, Multigrid] {
+        let off = apart(&with(kind), &wanted);
+        measured(&format!("anchored block, {kind:?} beside direct"), off, 0.0);
+        // the residual of 1e-12 times the block's condition, some 1e4 on springs softer than its cells
+        assert!(off < 1e-8, "{kind:?}: {off:e}");
+    }
+    // the counter-test: a tenth less stiffness is another answer
+    let softer = pressed(&Place::Cpu64, anchored(LINEAR, Region::Bottom, 22.5)).0.state().u;
+    assert!(apart(&softer, &wanted) > 1e-2);
 }
 
 /// Iterations of a step under a load, with multigrid on a finer block.
 fn iterations_of(mut scene: Scene) -> u32 {
     (scene.skin.cells, scene.solver.preconditioner) = ([16, 12], Preconditioner::Multigrid);
-    let mut model = model(&scene);
-    model.step.step = 1e-2;
+    scene.time.step = 1e-2;
+    let model = model(&scene);
     let top = model.nodes_in(&Region::Top);
     let mut load = vec![[0.0; 3]; model.rest.len()];
     load[top[top.len() / 2] as usize] = [0.0, 0.0, -1e-3];
@@ -179,10 +199,11 @@ fn iterations_of(mut scene: Scene) -> u32 {
 
 fn iterations() {
     let held = iterations_of(fixed());
-    for k in [0.1, 10.0, 1e3, 1e5, 1e8] {
+    // soft ones leave the block to swing as a whole: more of the spectrum; measured is 13 for 8
+    for (k, more) in [(0.1, 8), (10.0, 2), (1e3, 2), (1e5, 2), (1e8, 2)] {
         let count = iterations_of(anchored(LINEAR, Region::Bottom, k));
         measured(&format!("iterations with anchors of {k} N/m"), f64::from(count), f64::from(held));
-        assert!(2 * count <= 3 * held + 4, "{k} N/m: {count} iterations, {held} with a fixed boundary");
+        assert!(count <= held + more, "{k} N/m: {count} iterations, {held} with a fixed boundary");
     }
 }
 
