@@ -8,7 +8,9 @@
 //! One hexahedron corner order in the whole project, VTK's: 0–3 counter-clockwise at the bottom, 4–7 above them.
 
 pub mod advance;
+pub mod anchors;
 pub mod blocks;
+pub mod bounds;
 pub mod centres;
 pub mod coarsen;
 pub mod converge;
@@ -51,7 +53,9 @@ pub struct Source {
 /// Every kernel.
 pub const ALL: &[&Source] = &[
     &advance::SOURCE,
+    &anchors::SOURCE,
     &blocks::SOURCE,
+    &bounds::SOURCE,
     &centres::SOURCE,
     &coarsen::SOURCE,
     &converge::SOURCE,

@@ -1,18 +1,18 @@
 //! Finds contacts between a tool's samples and the skin's surface, on parry3d.
 //!
-//! Only the surface near the tool is looked at: faces of live cells whose rest box, widened by how far the skin has moved, meets the
-//! tool's box. Each sample is projected on that patch (point–triangle, the nearest feature); the patch's pseudo-normals tell inside from
+//! Only the surface near the tool is looked at ([`broad`]). Each sample is projected on that patch (point–triangle, the nearest feature); the patch's pseudo-normals tell inside from
 //! outside, so a point that is already inside is pushed out. The flats of a blade look along ± their normal alone: a ray from the
 //! blade's middle plane to the first wall that faces it. parry3d works in f32 and finds triangle and place on it; gaps and normals are
 //! then taken from f64 positions.
 //! Units: m.
 
 pub mod bodies;
+pub mod broad;
 pub mod round;
 
 use crate::constraints::Law;
 use crate::instrument::{Edge, Instrument, Role};
-use crate::mesh::{Grid, Quad, Surface};
+use crate::mesh::Quad;
 use crate::scene::{Filter, Plane, Who};
 use glam::DVec3;
 use parry3d::bounding_volume::BoundingVolume;
@@ -97,9 +97,18 @@ pub fn area(low: DVec3, high: DVec3, margin: f64) -> Aabb {
     Aabb::new(to_f32(low), to_f32(high)).loosened(margin as f32)
 }
 
-/// Box of a tool's samples over a step, widened.
+/// A box elsewhere.
+pub fn moved(area: &Aabb, by: DVec3) -> Aabb {
+    // added in f64 and rounded outward by the loosening, so that what the box held stays in it
+    let [low, high] = [area.mins, area.maxs].map(|corner| corner.as_dvec3() + by);
+    let rounding = f64::from(f32::EPSILON) * low.abs().max(high.abs()).max_element();
+    self::area(low, high, rounding)
+}
+
+/// Box of a tool over a step: its samples with what is around them (a round tool's radius, half a blade's thickness), widened.
 pub fn tool_box(tool: &Instrument, margin: f64) -> Aabb {
-    let margin = margin + tool.round.map_or(0.0, |round| round.radius);
+    let thick = tool.edge.as_ref().map_or(0.0, |edge| edge.half_thickness);
+    let margin = margin + tool.round.map_or(thick, |round| round.radius);
     let points = tool.samples.iter().map(|s| to_f32(tool.at(s.position)));
     Aabb::from_points(points).loosened(margin as f32)
 }
@@ -123,31 +132,6 @@ pub fn slab(plane: &Plane, area: &Aabb, search: &Search) -> Option<Aabb> {
         }
     }
     Some(near)
-}
-
-/// Faces of a grid put `at` a place that the box may meet when no node has moved by more than `reach`.
-pub fn faces_near(grid: &Grid, at: DVec3, surface: &Surface, area: &Aabb, reach: f64) -> Vec<Quad> {
-    let area = area.loosened(reach as f32);
-    let (low, high) = (area.mins.as_dvec3() - at, area.maxs.as_dvec3() - at);
-    if low.z > grid.thickness() || high.z < 0.0 {
-        return vec![];
-    }
-    let mut range = [[0usize; 3]; 2];
-    for axis in 0..2 {
-        let cells = grid.cells[axis];
-        let at = |x: f64| x / grid.edge[axis] + 0.5 * cells as f64;
-        if at(high[axis]) < 0.0 || at(low[axis]) > cells as f64 {
-            return vec![];
-        }
-        range[0][axis] = at(low[axis]).floor().clamp(0.0, cells as f64) as usize;
-        range[1][axis] = at(high[axis]).ceil().clamp(0.0, cells as f64) as usize;
-    }
-    let levels = &grid.heights;
-    range[0][2] = levels.partition_point(|z| *z < low.z).saturating_sub(1);
-    range[1][2] = levels.partition_point(|z| *z <= high.z).min(grid.cells[2]);
-    let mut out = vec![];
-    surface.quads(range[0], range[1], &mut out);
-    out
 }
 
 /// A patch of skin where it is now.
@@ -212,6 +196,13 @@ impl Patch {
         let sign = if projection.is_inside { -1.0 } else { 1.0 };
         let normal = if distance > noise { away * (sign / distance) } else { self.face_normal(triangle) };
         (triangle, weights, sign * distance, normal)
+    }
+
+    /// How far the deepest of the tool's samples that look for the nearest place is inside, m; 0 when all are outside.
+    pub fn deepest(&self, tool: &Instrument) -> f64 {
+        let sinks = |role: Role| !matches!(role, Role::Flat { .. });
+        let depth = |p: DVec3| -self.project(tool.at(p)).2;
+        tool.samples.iter().filter(|s| sinks(s.role)).map(|s| depth(s.position)).fold(0.0, f64::max)
     }
 
     /// The first thing along a ray, if it is a wall that faces the ray: triangle, weights, distance.

@@ -125,6 +125,16 @@ pub enum Error {
         why: &'static str,
     },
 
+    /// Anchors on a mass that is not the nodes'.
+    #[error(
+        "{at}: an anchor acts through the masses of nodes, and mass = \"consistent\" lies between them too; \
+             use mass = \"lumped\" or \"uniform\", or hold the region with [[boundary]]"
+    )]
+    AnchoredMass {
+        /// Where.
+        at: Place,
+    },
+
     /// A mass that the law cannot carry.
     #[error("{at}: mass = \"{found}\" cannot be had with springs; use \"lumped\" or \"uniform\", or law = \"fem\"")]
     Mass {

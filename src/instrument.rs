@@ -269,26 +269,29 @@ mod tests {
 
     fn instrument() -> Instrument {
         let pose = |time, x| Pose { time, position: [x, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0] };
-        Instrument::new(&Tool {
-            name: "t".into(),
-            mesh: crate::scene::ToolMesh { positions: vec![], triangles: vec![] },
-            mass: 0.02,
-            inertia: [1e-6, 2e-6, 3e-6],
-            blade: Some(Blade {
-                edge: vec![[0.0; 3], [0.004, 0.0, 0.004]],
-                normal: [0.0, 1.0, 0.0],
-                thickness: 4e-4,
-                edge_spacing: 4e-4,
-                flat_spacing: 1e-3,
-                depth: 2e-3,
-            }),
-            points: vec![],
-            round: None,
-            cuboid: None,
-            free: None,
-            coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },
-            trajectory: vec![pose(0.0, 0.0), pose(0.01, 0.001)],
-        }, [0.0, 0.0, -9.81])
+        Instrument::new(
+            &Tool {
+                name: "t".into(),
+                mesh: crate::scene::ToolMesh { positions: vec![], triangles: vec![] },
+                mass: 0.02,
+                inertia: [1e-6, 2e-6, 3e-6],
+                blade: Some(Blade {
+                    edge: vec![[0.0; 3], [0.004, 0.0, 0.004]],
+                    normal: [0.0, 1.0, 0.0],
+                    thickness: 4e-4,
+                    edge_spacing: 4e-4,
+                    flat_spacing: 1e-3,
+                    depth: 2e-3,
+                }),
+                points: vec![],
+                round: None,
+                cuboid: None,
+                free: None,
+                coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },
+                trajectory: vec![pose(0.0, 0.0), pose(0.01, 0.001)],
+            },
+            [0.0, 0.0, -9.81],
+        )
     }
 
     #[test]

@@ -120,6 +120,12 @@ steps = 5
 frames = 3
 size_px = [320, 200]
 eye_mm = [50, -70, 60]
+
+[[anchor]]
+region = "sphere"
+centre_mm = [20, 10, 0]
+radius_mm = 6
+stiffness_n_m = 40
 "##;
 
 /// Files that the scene names, good and bad.
@@ -224,6 +230,8 @@ fn full_scene_keeps_boundaries_loads_and_outputs() {
     let (min, max) = ([-0.02, -0.01, 0.0], [-0.015, 0.01, 2.5e-3]);
     assert_eq!(scene.boundaries[1].region, Region::Box { min, max });
     assert_eq!(scene.boundaries[1].axes, [true, false, true]);
+    assert_eq!(scene.anchors[0].region, Region::Sphere { centre: [0.02, 0.01, 0.0], radius: 6e-3 });
+    assert_eq!(scene.anchors[0].stiffness, 40.0);
     assert_eq!(scene.boundaries[1].displacement, [-2e-3, 0.0, 0.0]);
     let load = scene.loads[0];
     assert_eq!((load.pressure, load.start, load.end), (1500.0, 0.1, 0.2));
@@ -388,7 +396,7 @@ fn scene_is_read_with_files_of_its_folder() {
 #[test]
 fn wrong_key_names_the_nearest() {
     refused("friction = 0.2", "frictoin = 0.2", "unknown key `frictoin` … did you mean `friction`? … max_contacts");
-    refused("[view]", "[veiw]", "unknown key `veiw` … did you mean `view`? … boundary, load, tool");
+    refused("[view]", "[veiw]", "unknown key `veiw` … did you mean `view`? … boundary, anchor, load, tool");
     refused("steps = 5", "elephants = 5", "unknown key `elephants` … remove it … known here: cells, steps");
 }
 
@@ -558,6 +566,20 @@ fn loads_beside_the_top_are_refused() {
     refused("[[-20, -10], [0, 10]]", "[[0, -10], [-20, 10]]", "smaller coordinates first");
     refused("[[-20, -10], [0, 10]]", "[[-20, -10], [0, -10]]", "-10.0 must be below … give the rectangle an area");
     refused("end_s = 0.2", "end_s = 0.1", "start_s and end_s … 0.1 must be below … end the load after its start");
+}
+
+#[test]
+fn anchors_that_hold_nothing_or_act_on_no_node_are_refused() {
+    refused("stiffness_n_m = 40\n", "stiffness_n_m = 0\n", "stiffness_n_m … 0");
+    refused("region = \"sphere\"\ncentre_mm = [20, 10, 0]", "region = \"sphere\"\ncentre_mm = [20, 10, 90]", "no node");
+    let bare = "[[anchor]]\nregion = \"sphere\"\ncentre_mm = [20, 10, 0]\nradius_mm = 6\n";
+    let message = message_below(&format!("{bare}stiffness_n_m = 40\n"), bare, 0);
+    says(&message, "key `stiffness_n_m` is missing");
+    let text = FULL.replace("law = \"fem\"", "mass = \"consistent\"");
+    let error = parsed(&text).expect_err("a consistent mass").to_string();
+    says(&error, "consistent … \"lumped\" or \"uniform\", or hold the region with [[boundary]]");
+    let line = 1 + text[..text.find("[[anchor]]").expect("FULL has one")].matches('\n').count();
+    assert!(error.starts_with(&format!("scenes/full.toml:{line}: ")), "{error}");
 }
 
 #[test]

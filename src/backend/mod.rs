@@ -25,7 +25,7 @@ pub const FIRST_COLUMN: usize = 2;
 /// Which arrays a scene needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
-    /// There are tools: a correction slot.
+    /// There are tools: a correction slot, and bounds of the skin's tiles.
     pub contact: bool,
     /// Compliance columns that are solved at once; 0 with uncoupled correction.
     pub columns: usize,
@@ -132,6 +132,9 @@ pub trait Backend {
     fn finish(&mut self, corrected: bool) -> Result<()>;
     /// Displacements at nodes, m.
     fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
+    /// Least and greatest displacement of each tile ([`crate::kernels::bounds`]), m; the fourth component of the first is the number of
+    /// its nodes that are nowhere. Empty where there are no tools.
+    fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>>;
     /// Elastic forces at nodes as of the last [`Backend::begin`], N.
     fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
     /// Segments crossed by swept quads in the step just finished, sorted `2·segment + half`; quads as four corners each, m.

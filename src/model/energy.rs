@@ -1,15 +1,16 @@
 //! Checks in f64 on the CPU: elastic energy, and the true residual of a step that some backend has solved.
 
-use super::Model;
+use super::{Model, rate};
 use crate::kernels::forces::rest_corner;
 use crate::kernels::product::{LANES, cell_groups, product};
-use crate::kernels::{forces, momentum, rhs, rotations, springs, springs_product};
+use crate::kernels::{anchors, forces, momentum, rhs, rotations, springs, springs_product};
 use crate::math::{V3, V4, norm, rotation_matrix, rotation_minus_identity};
 use crate::scene::Mass;
 
 /// Elastic energy of a displacement field, J: `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X`; for springs `½ Σ k ε²`.
-/// `rotation` as the kernels keep it (0 for dead cells), `law` of the springs as cut so far.
+/// Anchors add `½ Σ k |u|²`. `rotation` as the kernels keep it (0 for dead cells), `law` of the springs as cut so far.
 pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], law: &[V4<f64>]) -> f64 {
+    let anchored = model.anchors.energy(u, |node| model.stays(rotation, law, node));
     if let Some(s) = &model.springs {
         let stretch = |[a, b]: [u32; 2]| {
             let rest = |n: u32| V3::of(model.rest[n as usize]);
@@ -17,10 +18,11 @@ pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], law: &
             let shift = V3::from4(u[b as usize]) - V3::from4(u[a as usize]);
             springs::elongation(span, shift, (span + shift).length())
         };
-        return s.ends.iter().zip(law).map(|(ends, law)| 0.5 * law[1] * (law[0] + stretch(*ends)).powi(2)).sum();
+        return anchored
+            + s.ends.iter().zip(law).map(|(ends, law)| 0.5 * law[1] * (law[0] + stretch(*ends)).powi(2)).sum::<f64>();
     }
     let params = model.params::<f64>();
-    let mut energy = 0.0;
+    let mut energy = anchored;
     for (cell, q) in rotation.iter().enumerate().filter(|(_, q)| **q != [0.0; 4]) {
         let layer = model.grid.layer_of[params.cell_at(cell)[2]] as usize;
         let h = V3::from4(model.shape[layer]);
@@ -70,11 +72,12 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
     let zeros = vec![[0.0; 4]; count];
     let (mut f, mut b, mut w) = (zeros.clone(), zeros.clone(), zeros);
     let shapes = model.shapes::<f64>();
+    let in_system = model.anchors.all_in_system(rate(&model.step), &solved.free);
     if let Some(s) = &model.springs {
         let rest: Vec<V4<f64>> = model.rest.iter().map(|r| V3::of(*r).pad(0.0)).collect();
         let mut tangent = vec![[0.0; 4]; s.half.len() * 2];
         springs::springs(&params, &rest, &solved.u, &s.first, &s.half, &solved.law, &mut f, &mut tangent);
-        springs_product::springs_product(&params, &s.first, &s.half, &tangent, &solved.free, &solved.dx, &mut w);
+        springs_product::springs_product(&params, &s.first, &s.half, &tangent, &in_system, &solved.dx, &mut w);
     } else {
         let blocks = model.stiffness_blocks::<f64>();
         let layers = &model.grid.layer_of;
@@ -84,7 +87,7 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
         }
         forces::forces(&params, &shapes, &blocks, layers, &solved.u, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
-        product(&params, &model.modes(), layers, &rotation, &solved.free, &solved.dx, &mut w, &mut scratch);
+        product(&params, &model.modes(), layers, &rotation, &in_system, &solved.dx, &mut w, &mut scratch);
     }
     let mut mean_v = solved.v.clone();
     if model.mass == Mass::Consistent {
@@ -92,6 +95,7 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
         momentum::momentum(&params, &shapes, layers, &solved.rotation, &solved.free, &solved.v, &mut mean_v);
     }
     let mut load = rhs::rhs(&params, &f, &mean_v, &solved.free, &solved.load, &mut b);
+    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, &solved.free, &solved.u, &mut b);
     for i in 0..count {
         for n in 0..3 {
             let contact = solved.contact[i][n] * solved.free[i][n];

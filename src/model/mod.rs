@@ -1,10 +1,12 @@
 //! The model: flat arrays that never change during a run, made from a scene; and the f64 state that backends hand back.
 
+mod anchors;
 pub mod element;
 mod energy;
 pub mod levels;
 mod springs;
 
+pub use anchors::{Anchors, rate};
 pub use energy::{Solved, elastic_energy, residual, true_residual};
 pub use springs::Springs;
 
@@ -13,7 +15,7 @@ use crate::kernels::product::{Modes, tiles};
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, Real, V4};
 use crate::mesh::Grid;
-use crate::scene::{Law, Load, MOST_NODES, Mass, Preconditioner, Region, Scene};
+use crate::scene::{Anchor, Law, Load, MOST_NODES, Mass, Preconditioner, Region, Scene, Skin};
 
 /// Layers that one uniform binding of element matrices holds (64 KiB of core WebGPU / 3 KiB each).
 pub const MAX_LAYERS: usize = 21;
@@ -41,6 +43,8 @@ pub struct Model {
     pub rest: Vec<[f64; 3]>,
     /// `[node]` 1 free or 0 held, per axis, and mass, kg, of the uncut body.
     pub free: Vec<[f64; 4]>,
+    /// Springs to rest positions.
+    pub anchors: Anchors,
     /// `[node]` displacement of held axes, m.
     pub held: Vec<[f64; 3]>,
     /// `[layer]` J/m²
@@ -86,12 +90,28 @@ pub struct State {
     pub v: Vec<[f64; 3]>,
 }
 
+/// Constants of a scene's time step.
+fn step_of(scene: &Scene, skin: &Skin) -> Step {
+    Step {
+        step: scene.time.part(),
+        gravity: scene.time.gravity,
+        rayleigh_mass: skin.rayleigh_mass,
+        rayleigh_stiffness: skin.rayleigh_stiffness,
+        preconditioner: match scene.solver.preconditioner {
+            Preconditioner::None => 0,
+            Preconditioner::Jacobi => 1,
+            Preconditioner::Block => 2,
+            Preconditioner::Column | Preconditioner::Multigrid | Preconditioner::Direct => 3,
+        },
+    }
+}
+
 impl Model {
     /// Builds the arrays of a scene's deformable body of that number.
     ///
     /// # Errors
     /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach; [`Error::Usage`] for
-    /// multigrid or the direct solver on springs.
+    /// multigrid or the direct solver on springs, or for anchors on a consistent mass.
     pub fn new(scene: &Scene, body: usize) -> Result<Self> {
         let skin = &scene.skins[body];
         let grid = Grid::new(skin);
@@ -123,6 +143,13 @@ impl Model {
             return Err(Error::Usage {
                 what: format!("{name} is for bricks; this skin is of springs"),
                 fix: "take the preconditioner column".into(),
+            });
+        }
+        let anchors: Vec<Anchor> = scene.anchors.iter().filter(|a| a.body == body).cloned().collect();
+        if skin.mass == Mass::Consistent && !anchors.is_empty() {
+            return Err(Error::Usage {
+                what: "anchors act through the masses of nodes; this skin's mass is consistent".into(),
+                fix: "take a lumped or uniform mass".into(),
             });
         }
         let mut shape = vec![];
@@ -160,9 +187,13 @@ impl Model {
             Law::Springs { stiffness, damping } => Some(Springs::new(&grid, stiffness, damping)),
             Law::Fem { .. } => None,
         };
+        let inside = |region: &Region| (0..count).filter(|n| grid.contains(region, *n)).map(|n| n as u32).collect();
+        let anchors = Anchors::new(&anchors, |anchor| inside(&anchor.region));
+        let step = step_of(scene, skin);
+        let in_system = anchors.all_in_system(rate(&step), &free);
         let multigrid = (scene.solver.preconditioner == Preconditioner::Multigrid).then(|| Multigrid {
             largest: levels::largest(&stiffness).max(if skin.mass == Mass::Consistent { levels::OF_MASS } else { 1.0 }),
-            coarse: levels::levels(&grid, &stiffness, &free),
+            coarse: levels::levels(&grid, &stiffness, &in_system),
         });
         Ok(Self {
             multigrid,
@@ -176,20 +207,10 @@ impl Model {
             mass: skin.mass,
             corotational: matches!(skin.law, Law::Fem { corotational: true, .. }),
             free,
+            anchors,
             held,
             toughness: skin.layers.iter().map(|l| l.toughness).collect(),
-            step: Step {
-                step: scene.time.step,
-                gravity: scene.time.gravity,
-                rayleigh_mass: skin.rayleigh_mass,
-                rayleigh_stiffness: skin.rayleigh_stiffness,
-                preconditioner: match scene.solver.preconditioner {
-                    Preconditioner::None => 0,
-                    Preconditioner::Jacobi => 1,
-                    Preconditioner::Block => 2,
-                    Preconditioner::Column | Preconditioner::Multigrid | Preconditioner::Direct => 3,
-                },
-            },
+            step,
             grid,
         })
     }

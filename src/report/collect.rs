@@ -86,6 +86,8 @@ impl Collector {
             r.solver.residual_true = Some(r.solver.residual_true.unwrap_or(0.0).max(residual));
         }
         r.contacts_max = r.contacts_max.max(step.contact.count());
+        r.contact.candidates_max = r.contact.candidates_max.max(step.contact.candidates);
+        r.contact.depth_mm_max = r.contact.depth_mm_max.max(step.contact.depth * 1e3);
         if step.contact.count() > 0 {
             self.touching += 1;
             self.passes += u64::from(step.contact.passes);

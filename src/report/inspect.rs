@@ -146,7 +146,8 @@ pub(super) fn host_bytes(model: &Model) -> u64 {
         .as_ref()
         .map_or(0, |s| size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + 4 * s.first.len() + 8 * s.half.len());
     let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.held[..]);
-    (nodes + springs + size_of_val(&model.stiffness[..]) + size_of_val(&model.shape[..])) as u64
+    let anchors = size_of_val(&model.anchors.nodes[..]) + size_of_val(&model.anchors.stiffness[..]);
+    (nodes + springs + anchors + size_of_val(&model.stiffness[..]) + size_of_val(&model.shape[..])) as u64
 }
 
 fn cuts(scene: &Scene) -> bool {
@@ -167,6 +168,7 @@ fn dispatches(scene: &Scene, model: &Model, [begin, iteration]: [u32; 2]) -> Vec
         list.push(count("probes", probes(scene), "step"));
     }
     if let Some(law) = &scene.contact {
+        list.push(count("boxes", 1, "step"));
         match law.correction {
             // positions, values out; rows in, values out
             Correction::Exact => {
@@ -196,6 +198,7 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
         list.push(count("probes", probes(scene), "step"));
     }
     if let Some(law) = &scene.contact {
+        list.push(count("boxes", 1, "step"));
         list.push(count("contact", 1, "step with contact"));
         match law.correction {
             Correction::Exact => {

@@ -86,7 +86,7 @@ pub struct SolverReport {
     pub residual_true: Option<f64>,
 }
 
-/// Corrections per step with contact.
+/// Contacts in detail: what was looked at, and the corrections per step with contact.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Passes {
     /// Mean over the steps with contact.
@@ -97,6 +97,10 @@ pub struct Passes {
     pub residual_n_max: f64,
     /// Largest violation of complementarity at the end of a step: penetration, and slip of what should stick, m.
     pub residual_m_max: f64,
+    /// Most faces of the skin that the broad phase gave to the narrow phase in a step, over all tools.
+    pub candidates_max: usize,
+    /// Most that a contact's gap was below its resting gap at the start of a step, mm: how deep tool and skin overlapped.
+    pub depth_mm_max: f64,
 }
 
 /// The haptic side. Under the scene's clock nothing is late: `period_us` and `missed` are `null`.

@@ -54,11 +54,7 @@ impl Names {
 }
 
 /// Rigid bodies in the file's order; `taken` has the names of the other bodies.
-pub(super) fn rigids(
-    scene: &SceneText,
-    raw: Vec<Table<raw::Rigid>>,
-    taken: &mut Vec<At<String>>,
-) -> Result<Vec<Tool>> {
+pub(super) fn rigids(scene: &SceneText, raw: Vec<Table<raw::Rigid>>, taken: &mut Vec<At<String>>) -> Result<Vec<Tool>> {
     raw.into_iter().map(|table| rigid(scene, table, taken)).collect()
 }
 
@@ -133,12 +129,7 @@ pub(super) fn attachments(
     raw.into_iter().map(|table| attachment(scene, table, names, grids)).collect()
 }
 
-fn attachment(
-    scene: &SceneText,
-    table: Table<raw::Attach>,
-    names: &Names,
-    grids: &[Vec<Grid>],
-) -> Result<Attachment> {
+fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids: &[Vec<Grid>]) -> Result<Attachment> {
     let (at, mut raw) = (table.span, table.keys);
     let extent = raw.extent();
     let body = names.skin(scene, &raw.body, at)?;

@@ -13,15 +13,12 @@ use std::ops::Range;
 const PALETTE: [[u8; 3]; 3] = [[242, 211, 138], [217, 136, 128], [232, 185, 160]];
 
 /// A body; absent keys have their defaults. A block has a name that none of `taken` has, and a place; the skin has neither.
-pub(super) fn skin(
-    scene: &SceneText,
-    table: Table<raw::Skin>,
-    taken: Option<&mut Vec<At<String>>>,
-) -> Result<Skin> {
+pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mut Vec<At<String>>>) -> Result<Skin> {
     let raw = table.keys;
     let (name, position) = match taken {
         Some(taken) => {
-            let word = scene.required("name", raw.name.as_ref(), table.span.clone(), "a block is called by its name")?;
+            let word =
+                scene.required("name", raw.name.as_ref(), table.span.clone(), "a block is called by its name")?;
             let why = "a block stands where it is put: the middle of its bottom";
             let place = scene.required("position_mm", raw.position_mm.as_ref(), table.span.clone(), why)?;
             (scene.name("body", word, taken)?, scene.vector("position_mm", place, MM, Bound::Finite)?)

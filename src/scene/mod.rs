@@ -3,6 +3,7 @@
 //! A scene file is TOML; every key carries its unit (`size_mm`, `young_kpa`). In memory everything is SI: m, kg, s, N, Pa.
 //! [`read`] turns text into a [`Scene`] or into one error that says file, line, what was found, what was wanted and how to mend it.
 
+mod anchor;
 mod bodies;
 mod body;
 mod builtin;
@@ -19,6 +20,7 @@ mod text;
 mod tools;
 mod touching;
 
+pub use anchor::Anchor;
 pub use builtin::incision;
 pub use files::Files;
 pub use grid::MOST_NODES;
@@ -46,6 +48,8 @@ pub struct Scene {
     pub skins: Vec<Skin>,
     /// Constrained regions; none for a free body.
     pub boundaries: Vec<Boundary>,
+    /// Regions on springs to their rest shape.
+    pub anchors: Vec<Anchor>,
     /// Dead loads.
     pub loads: Vec<Load>,
     /// Rigid bodies: the `[[tool]]`s, each driven by a hand, then the `[[rigid]]`s, which nothing holds.
@@ -92,6 +96,13 @@ pub struct Time {
     pub gravity: [f64; 3],
     /// Parts that each step is divided into; results are of whole steps.
     pub substeps: u32,
+}
+
+impl Time {
+    /// Length of what is advanced at once, s.
+    pub fn part(&self) -> f64 {
+        self.step / f64::from(self.substeps)
+    }
 }
 
 /// Which preconditioner the conjugate gradients use.

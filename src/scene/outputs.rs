@@ -53,12 +53,7 @@ enum Kind {
     Force,
 }
 
-fn probe_kind(
-    scene: &SceneText,
-    table: Table<raw::Probe>,
-    bodies: &Names,
-    grids: &[Vec<Grid>],
-) -> Result<ProbeKind> {
+fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, bodies: &Names, grids: &[Vec<Grid>]) -> Result<ProbeKind> {
     let (at, mut raw) = (table.span, table.keys);
     let extent = raw.extent();
     let kind = scene.choice("kind", &raw.kind, &KINDS)?;

@@ -78,6 +78,8 @@ pub(super) struct Scene {
     #[serde(default)]
     pub boundary: Vec<Table<Boundary>>,
     #[serde(default)]
+    pub anchor: Vec<Table<Anchor>>,
+    #[serde(default)]
     pub load: Vec<Table<Load>>,
     #[serde(default)]
     pub tool: Vec<Table<Tool>>,
@@ -144,7 +146,7 @@ pub(super) struct Layer {
     pub color: Option<At<String>>,
 }
 
-/// The keys that say where a region is; they stand in the tables of boundaries and probes.
+/// The keys that say where a region is; they stand in the tables of boundaries, anchors and probes.
 pub(super) struct Extent {
     pub box_mm: Option<Points>,
     pub centre_mm: Option<Numbers>,
@@ -173,7 +175,7 @@ macro_rules! with_extent {
         }
     )*};
 }
-with_extent!(Boundary, Probe, Attach);
+with_extent!(Boundary, Anchor, Probe, Attach);
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -189,6 +191,21 @@ pub(super) struct Boundary {
     pub margin_mm: Option<At<f64>>,
     pub axes: Option<At<String>>,
     pub displacement_mm: Option<Numbers>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Anchor {
+    pub body: Option<At<String>>,
+    pub region: At<String>,
+    pub box_mm: Option<Points>,
+    pub centre_mm: Option<Numbers>,
+    pub radius_mm: Option<At<f64>>,
+    pub through_mm: Option<Numbers>,
+    pub normal: Option<Numbers>,
+    pub within_mm: Option<At<f64>>,
+    pub margin_mm: Option<At<f64>>,
+    pub stiffness_n_m: At<f64>,
 }
 
 #[derive(serde::Deserialize)]

@@ -4,15 +4,15 @@
 //! `region` with `grid` reads regions; `body`, `bodies`, `tools` with `files`, and `outputs` read their tables; the small tables are
 //! read here.
 
+use super::bodies::{self, Names};
 use super::diagnose::tables;
 use super::files::Files;
 use super::grid::{self, Grid};
-use super::bodies::{self, Names};
 use super::raw::{self, At, Table};
 use super::region::region;
 use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
 use super::{Boundary, Correction, Law, Load, Preconditioner, Scene, Skin, Solver, TestForm, Time};
-use super::{body, outputs, tools};
+use super::{anchor, body, outputs, tools};
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -52,11 +52,8 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         return Err(Error::NoBodies { path: file.to_path_buf() });
     }
     let test = raw.test.map(|table| test_form(&scene, table.keys, skins.first().filter(|_| has_skin))).transpose()?;
-    let grids: Vec<Vec<Grid>> = skins
-        .iter()
-        .enumerate()
-        .map(|(k, skin)| grid::grids(skin, &test.filter(|_| has_skin && k == 0)))
-        .collect();
+    let grids: Vec<Vec<Grid>> =
+        skins.iter().enumerate().map(|(k, skin)| grid::grids(skin, &test.filter(|_| has_skin && k == 0))).collect();
     let names = Names::new(&skins, &tools, &planes);
     let attachments = bodies::attachments(&scene, raw.attach, &names, &grids)?;
     let probes = outputs::probes(&scene, raw.probe, &names, &grids)?;
@@ -73,6 +70,7 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         time: time(&scene, raw.time.keys)?,
         solver: solver(&scene, raw::keys(raw.solver), &skins)?,
         boundaries: boundaries.collect::<Result<_>>()?,
+        anchors: anchor::anchors(&scene, raw.anchor, &names, &skins, &grids)?,
         loads: loads.collect::<Result<_>>()?,
         contact: touching.then_some(contact),
         checks: outputs::checks(&scene, raw.check, &probes)?,
@@ -131,12 +129,7 @@ fn solver(scene: &SceneText, raw: raw::Solver, skins: &[Skin]) -> Result<Solver>
     })
 }
 
-fn boundary(
-    scene: &SceneText,
-    table: Table<raw::Boundary>,
-    names: &Names,
-    grids: &[Vec<Grid>],
-) -> Result<Boundary> {
+fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids: &[Vec<Grid>]) -> Result<Boundary> {
     let (at, mut raw) = (table.span, table.keys);
     let body = names.skin(scene, &raw.body, at)?;
     let extent = raw.extent();

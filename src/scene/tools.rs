@@ -158,11 +158,8 @@ pub(super) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
 /// The contact law; absent keys have their defaults.
 pub(super) fn contact(scene: &SceneText, raw: raw::Contact) -> Result<Contact> {
     let number = |key, value, default, unit, bound| scene.number(key, &or(value, default), unit, bound);
-    let corrections = [
-        ("exact", Correction::Exact),
-        ("uncoupled", Correction::Uncoupled),
-        ("precomputed", Correction::Precomputed),
-    ];
+    let corrections =
+        [("exact", Correction::Exact), ("uncoupled", Correction::Uncoupled), ("precomputed", Correction::Precomputed)];
     let correction = or(raw.correction, "exact".to_string());
     let filters = [("points", Filter::Points), ("one", Filter::One)];
     let filter = or(raw.filter, "points".to_string());

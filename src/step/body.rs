@@ -4,6 +4,7 @@ use super::compliance::{AtRest, Compliance};
 use super::start::{needs, slots, start};
 use super::{Place, StepReport};
 use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
+use crate::collide::broad::Boxes;
 use crate::collide::{self, Aabb, Patch};
 use crate::cut::{Totals, Wound};
 use crate::error::Result;
@@ -25,15 +26,28 @@ pub struct Body {
     pub(super) compliance: Compliance,
     pub(super) at_rest: AtRest,
     pub(super) located: Located,
-    pub(super) reach: f64,
+    boxes: Boxes,
+    /// Share of the scene's column tolerance that this body's columns are solved to.
+    pub(super) looseness: f64,
     /// Nodes of the scene's ties.
     pub(super) tied: Vec<u32>,
+}
+
+/// A body that nothing holds resists a push of all its nodes by its inertia alone, which is 10⁻³ to 10⁻⁵ of its stiffness: the same
+/// residual is that much more of its motion. With 1 the passes on a stack of five blocks never close in; with this one suffices.
+const OF_FLOATING: f64 = 1e-4;
+
+/// Whether an axis is held nowhere.
+fn floats(model: &Model) -> bool {
+    let free = |axis: usize| model.free.iter().all(|f| f[axis] != 0.0);
+    model.anchors.nodes.is_empty() && (0..3).any(free)
 }
 
 /// What is near other bodies and where it is, of the present step: faces near each tool, each other deformable body, each wall.
 #[derive(Default)]
 pub(super) struct Located {
     pub faces: Vec<Vec<Quad>>,
+    pub patches: Vec<Option<Patch>>,
     pub nodes: Vec<u32>,
     pub u: Vec<[f64; 3]>,
 }
@@ -64,14 +78,14 @@ impl Body {
             (Place::Cpu32, _) => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
             _ => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
         };
-        let reach = start.u.iter().flatten().fold(model.grid.thickness(), |m, u| m.max(u.abs()));
         Ok(Self {
             wound: Wound::new(&model),
             compliance: Compliance::default(),
             at_rest: AtRest::default(),
             located: Located::default(),
             backend,
-            reach,
+            boxes: Boxes::new(&model.grid),
+            looseness: if floats(&model) { OF_FLOATING } else { 1.0 },
             tied: vec![],
             model,
         })
@@ -100,18 +114,22 @@ impl Body {
         DVec3::from_array(self.model.position)
     }
 
-    /// Box around the body, wherever it may have moved, wider by a margin.
+    /// Fits the boxes of the broad phase to the body as it is.
+    pub(super) fn refit_boxes(&mut self, report: &mut StepReport) -> Result<()> {
+        let lost = self.boxes.refit(&self.backend.bounds()?);
+        report.warn("non_finite_nodes", u32::from(lost > 0));
+        Ok(())
+    }
+
+    /// Box around the body, wider by a margin.
     pub(super) fn area(&self, margin: f64) -> Aabb {
-        let grid = &self.model.grid;
-        let half = [0, 1].map(|n| 0.5 * grid.edge[n] * grid.cells[n] as f64);
-        let low = self.place() - DVec3::new(half[0], half[1], 0.0);
-        let high = self.place() + DVec3::new(half[0], half[1], grid.thickness());
-        collide::area(low, high, self.reach + margin)
+        let [low, high] = self.boxes.all();
+        collide::area(self.place() + low, self.place() + high, margin)
     }
 
     /// Faces that a box may meet.
     pub(super) fn faces_near(&self, area: &Aabb) -> Vec<Quad> {
-        collide::faces_near(&self.model.grid, self.place(), &self.wound.surface, area, self.reach)
+        self.boxes.faces(&self.model.grid, &self.wound.surface, &collide::moved(area, -self.place()))
     }
 
     /// Reads back where the nodes of these faces, and of the ties, are.
@@ -121,25 +139,16 @@ impl Body {
         nodes.sort_unstable();
         nodes.dedup();
         let u = if nodes.is_empty() { vec![] } else { self.backend.displacements(&nodes)? };
-        self.located = Located { faces, nodes, u };
+        self.located = Located { faces: vec![], patches: vec![], nodes, u };
+        self.located.patches = faces.iter().map(|faces| Patch::new(faces, |id| self.position(id))).collect();
+        self.located.faces = faces;
         Ok(())
-    }
-
-    /// The located faces as patches, one for each list of faces.
-    pub(super) fn patches(&self) -> Vec<Option<Patch>> {
-        self.located.faces.iter().map(|faces| Patch::new(faces, |id| self.position(id))).collect()
     }
 
     /// Force per length of edge that the tissue of a cell bears, N/m.
     pub(super) fn resistance(&self, cell: u32) -> f64 {
         let level = self.model.grid.params::<f64>().cell_at(cell as usize)[2];
         self.model.toughness[self.model.grid.layer_of[level] as usize]
-    }
-
-    /// Next step's faces: skin near other bodies has moved this far, skin that is not near yet by less than its thickness.
-    pub(super) fn widen_reach(&mut self, alarm: f64) {
-        let most = self.located.u.iter().flatten().fold(0.0f64, |m, c| m.max(c.abs()));
-        self.reach = (most + alarm).max(self.model.grid.thickness());
     }
 
     /// Where a node that was located is, m.
@@ -149,11 +158,7 @@ impl Body {
     }
 
     /// Solves the free motion, with values at nodes.
-    pub(super) fn solve_free(
-        &mut self,
-        solver: &Solver,
-        nodes: &[u32],
-    ) -> Result<(Outcome, Vec<[f64; 3]>)> {
+    pub(super) fn solve_free(&mut self, solver: &Solver, nodes: &[u32]) -> Result<(Outcome, Vec<[f64; 3]>)> {
         let wanted = [Wanted { slot: FREE, target: Target::OfLoad(solver.tolerance) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
         let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;

@@ -17,6 +17,10 @@ use glam::{DMat3, DVec3};
 pub struct ContactReport {
     /// What touched and what was tied.
     pub contacts: Vec<Contact>,
+    /// Faces that the broad phase gave to the narrow phase, over all pairs.
+    pub candidates: usize,
+    /// Most that a contact's gap is below its resting gap at the step's start, m.
+    pub depth: f64,
     /// Corrections solved.
     pub passes: u32,
     /// Relative change of the forces that one more pass would make.
@@ -246,7 +250,8 @@ impl Simulation {
             let aged = law.correction == Correction::Exact && self.bodies.iter().any(|b| b.compliance.aged());
             if size > law.tolerance && (slow || !settled) && aged {
                 for body in &mut self.bodies {
-                    body.compliance.renew(body.backend.as_mut(), law.column_tolerance, report)?;
+                    let tolerance = law.column_tolerance * body.looseness;
+                    body.compliance.renew(body.backend.as_mut(), tolerance, report)?;
                 }
                 problem.w = self.compliance_of(problem);
                 (left, size, _) = problem.judge(&found, lambda);
@@ -298,9 +303,8 @@ impl Simulation {
         let (rows, laws) = (&problem.rows, &problem.laws);
         let count = rows.count();
         for (number, tool) in self.tools.iter().enumerate() {
-            let sides: Vec<(usize, f64)> = (0..count)
-                .filter_map(|row| rows.side(row, Who::Rigid(number)).map(|(sign, _)| (row, sign)))
-                .collect();
+            let sides: Vec<(usize, f64)> =
+                (0..count).filter_map(|row| rows.side(row, Who::Rigid(number)).map(|(sign, _)| (row, sign))).collect();
             // sticking and cutting start anew from where the step ended; gaps go on
             let remaining = |row: usize| match laws[row / 3] {
                 Law::Coulomb { .. } if row.is_multiple_of(3) => found[row],
@@ -336,7 +340,8 @@ impl Body {
         match law.correction {
             Correction::Exact => {
                 let backend = self.backend.as_mut();
-                self.compliance.prepare(backend, nodes, law.column_tolerance, most, report)?;
+                let tolerance = law.column_tolerance * self.looseness;
+                self.compliance.prepare(backend, nodes, tolerance, most, report)?;
             }
             Correction::Precomputed => self.at_rest.prepare(&self.model, nodes, most, report)?,
             Correction::Uncoupled => {

@@ -46,7 +46,7 @@ impl Simulation {
             .map(|(tool, free)| free.shift.length() + free.turn.length() * tool.span())
             .collect();
         let mut found = self.rigid_contacts(&search, &travel);
-        self.locate(&search, &travel)?;
+        self.locate(&search, &travel, report)?;
         found.extend(self.skin_contacts(&search, &travel, free, report));
         let most = law.max_contacts as usize;
         if found.len() > most {
@@ -54,6 +54,7 @@ impl Simulation {
             found.sort_by(|a, b| a.gap[0].total_cmp(&b.gap[0]).then(a.id().cmp(&b.id())));
             found.truncate(most);
         }
+        report.contact.depth = found.iter().map(|c| -c.gap[0]).fold(0.0, f64::max);
         found.sort_by_key(Contact::id);
         found.extend(self.ties.iter().map(|tie| self.tied(tie)));
         Ok(found)
@@ -75,10 +76,38 @@ impl Simulation {
     }
 
     /// Reads back where the deformable bodies' nodes near other bodies are.
-    fn locate(&mut self, search: &Search, travel: &[f64]) -> Result<()> {
-        let around = |(tool, travel): (_, &f64)| collide::tool_box(tool, search.alarm + search.distance + travel);
-        let tools: Vec<Aabb> = self.tools.iter().zip(travel).map(around).collect();
-        let bodies: Vec<Aabb> = self.bodies.iter().map(|b| b.area(search.alarm)).collect();
+    ///
+    /// A point outside looks no further than the search does. One that has sunk in by `d` belongs to the nearest surface, which may be as
+    /// far as `d`: where that is further than was looked, the search of its tool is widened by `d` and all is located again.
+    fn locate(&mut self, search: &Search, travel: &[f64], report: &mut StepReport) -> Result<()> {
+        for body in &mut self.bodies {
+            body.refit_boxes(report)?;
+        }
+        let mut margins: Vec<f64> = travel.iter().map(|travel| search.alarm + search.distance + travel).collect();
+        loop {
+            self.locate_within(search, &margins)?;
+            let mut widened = false;
+            for body in &self.bodies {
+                for (k, tool) in self.tools.iter().enumerate() {
+                    let depth = body.located.patches[k].as_ref().map_or(0.0, |patch| patch.deepest(tool));
+                    if depth > margins[k] {
+                        margins[k] += depth;
+                        widened = true;
+                    }
+                }
+            }
+            if !widened {
+                let faces = self.bodies.iter().flat_map(|body| &body.located.faces);
+                report.contact.candidates = faces.map(Vec::len).sum();
+                return Ok(());
+            }
+        }
+    }
+
+    fn locate_within(&mut self, search: &Search, margins: &[f64]) -> Result<()> {
+        let around = |(tool, margin): (_, &f64)| collide::tool_box(tool, *margin);
+        let tools: Vec<Aabb> = self.tools.iter().zip(margins).map(around).collect();
+        let bodies: Vec<Aabb> = self.bodies.iter().map(|b| b.area(search.alarm + search.distance)).collect();
         for number in 0..self.bodies.len() {
             let walls = self.scene.planes.iter().map(|plane| collide::slab(plane, &bodies[number], search));
             let others = bodies.iter().enumerate().filter(|(other, _)| *other != number).map(|(_, area)| Some(*area));
@@ -91,16 +120,10 @@ impl Simulation {
     }
 
     /// Contacts of deformable bodies with everything else.
-    fn skin_contacts(
-        &mut self,
-        search: &Search,
-        travel: &[f64],
-        free: &[Free],
-        report: &mut StepReport,
-    ) -> Vec<Contact> {
+    fn skin_contacts(&self, search: &Search, travel: &[f64], free: &[Free], report: &mut StepReport) -> Vec<Contact> {
         let mut found = vec![];
         let (tools, walls) = (self.tools.len(), self.scene.planes.len());
-        let patches: Vec<Vec<Option<Patch>>> = self.bodies.iter().map(|body| body.patches()).collect();
+        let patches: Vec<&Vec<Option<Patch>>> = self.bodies.iter().map(|body| &body.located.patches).collect();
         for (number, body) in self.bodies.iter().enumerate() {
             if body.located.u.iter().flatten().any(|c| !c.is_finite()) {
                 report.warn("non_finite_nodes", 1);
@@ -145,9 +168,6 @@ impl Simulation {
                 found.extend(pairs);
             }
             debug_assert_eq!(body.located.faces.len(), tools + others + walls);
-        }
-        for body in &mut self.bodies {
-            body.widen_reach(search.alarm);
         }
         found
     }

@@ -98,6 +98,8 @@ impl StepReport {
         let (old, new) = (&before.contact, &mut self.contact);
         new.passes = new.passes.max(old.passes);
         new.columns += old.columns;
+        new.candidates = new.candidates.max(old.candidates);
+        new.depth = larger(old.depth, new.depth);
         new.residual_n = larger(old.residual_n, new.residual_n);
         new.residual_m = larger(old.residual_m, new.residual_m);
         for (name, count) in before.warnings {
@@ -177,7 +179,8 @@ impl Simulation {
 
     /// What the deformable bodies run on; of rigid bodies alone, the CPU.
     pub fn device(&self) -> Device {
-        let rigid = Device { backend: "cpu", precision: "f64", adapter: "rigid bodies alone".into(), ..Device::default() };
+        let rigid =
+            Device { backend: "cpu", precision: "f64", adapter: "rigid bodies alone".into(), ..Device::default() };
         let mut device = self.bodies.first().map_or(rigid, Body::device);
         device.device_bytes = self.bodies.iter().map(|b| b.device().device_bytes).sum();
         device
@@ -190,7 +193,7 @@ impl Simulation {
 
     /// Length of what is advanced at once, s.
     fn step_size(&self) -> f64 {
-        self.scene.time.step / f64::from(self.scene.time.substeps)
+        self.scene.time.part()
     }
 
     /// Advances by one step; `check` asks for the true residual.

@@ -133,13 +133,7 @@ impl<'a> Rows<'a> {
     }
 
     /// What the rows of contact `j` do to those of `i`.
-    fn block(
-        &self,
-        i: usize,
-        j: usize,
-        between: &dyn Fn(usize, u32, u32) -> DMat3,
-        free: &[Free],
-    ) -> [[f64; 3]; 3] {
+    fn block(&self, i: usize, j: usize, between: &dyn Fn(usize, u32, u32) -> DMat3, free: &[Free]) -> [[f64; 3]; 3] {
         let (a, b) = (&self.contacts[i], &self.contacts[j]);
         let mut sum = [[0.0; 3]; 3];
         for (s, t) in [(0, 0), (0, 1), (1, 0), (1, 1)] {

@@ -33,7 +33,7 @@ const RUN: &[&str] = &["run", "scene.toml", "--backend", "cpu", "--json"];
 const KEYS: &str = "scene backend adapter driver nodes hexes tets springs dof step_s steps wall_s step_ms.median step_ms.p99 \
     step_ms.max solver.kind solver.preconditioner solver.iterations_mean solver.iterations_max solver.sums solver.refinements \
     solver.at_floor solver.residual_max solver.residual_true contacts_max contact_force_n_max contact.passes_mean contact.passes_max \
-    contact.residual_n_max contact.residual_m_max haptic.rate_hz \
+    contact.residual_n_max contact.residual_m_max contact.candidates_max contact.depth_mm_max haptic.rate_hz \
     haptic.period_us.p50 haptic.period_us.p99 haptic.period_us.max haptic.missed haptic.force_n_max haptic.energy_out_j \
     cut.hexes_removed cut.tets_removed cut.springs_removed cut.links_severed cut.node_copies cut.area_mm2 cut.length_mm cut.length_top_mm \
     cut.depth_mm cut.opening_mm_max warnings memory_bytes.device memory_bytes.host probes.top probes.bed";
@@ -102,6 +102,8 @@ fn the_report_has_every_key() -> Outcome {
         ensure!(written.pointer(key).and_then(Value::as_f64) == Some(value), "{key}: {written}");
     }
     let number = |key: &str| written.pointer(key).and_then(Value::as_f64).unwrap_or(f64::NAN);
+    let (candidates, depth) = (number("/contact/candidates_max"), number("/contact/depth_mm_max"));
+    ensure!((2.0..=80.0).contains(&candidates) && (0.0..1.0).contains(&depth), "{candidates} faces, {depth} mm");
     ensure!(number("/contact_force_n_max") > 0.01 && number("/contacts_max") == 1.0, "{written}");
     ensure!(number("/solver/residual_true") < 2e-3, "{written}");
     ensure!(number("/probes/top") < -1e-5, "{written}");
@@ -207,14 +209,14 @@ fn a_scene_without_contact_has_nothing_of_contact() -> Outcome {
     let work = Work::with(ALONE)?;
     let plan = work.json(&["inspect", "scene.toml", "--json"], 0)?;
     let arrays = names(&plan["arrays"]);
-    let contact = ["values"];
+    let contact = ["values", "tile_bounds"];
     let cut = ["ends", "rest", "quads", "hits", "hit_count", "point_u", "point_v"];
     let springs = ["law", "first", "half", "tangent"];
     let wrong: Vec<&&str> =
         contact.iter().chain(&cut).chain(&springs).filter(|n| arrays.iter().any(|a| a == *n)).collect();
     ensure!(wrong.is_empty(), "arrays {wrong:?}");
     let kernels = names(&plan["kernels"]);
-    let needless = ["scatter", "cut", "centres", "springs", "springs_product", "springs_blocks"];
+    let needless = ["bounds", "scatter", "cut", "centres", "springs", "springs_product", "springs_blocks"];
     ensure!(!needless.iter().any(|n| kernels.iter().any(|k| k == n)), "kernels {kernels:?}");
     ensure!(names(&plan["read_backs"]) == ["solver"], "{}", plan["read_backs"]);
     ensure!(names(&plan["dispatches"]) == ["free motion", "solver"], "{}", plan["dispatches"]);
@@ -224,7 +226,11 @@ fn a_scene_without_contact_has_nothing_of_contact() -> Outcome {
     let plan = work.json(&["inspect", "--json"], 0)?;
     let arrays = names(&plan["arrays"]);
     ensure!(contact.iter().chain(&cut).all(|n| arrays.iter().any(|a| a == n)), "{arrays:?}");
-    ensure!(names(&plan["read_backs"]).contains(&"cut".to_string()), "{}", plan["read_backs"]);
+    for name in ["cut", "boxes"] {
+        ensure!(names(&plan["read_backs"]).contains(&name.to_string()), "{}", plan["read_backs"]);
+    }
+    let kernels = names(&plan["kernels"]);
+    ensure!(kernels.iter().any(|k| k == "bounds"), "kernels {kernels:?}");
     Ok(())
 }
 

@@ -5,6 +5,7 @@
 
 use cutis::error::Result;
 use cutis::gpu::{Buffer, Gpu};
+use cutis::kernels::bounds;
 use cutis::kernels::probe;
 use cutis::kernels::product::{Modes, tiles};
 use cutis::kernels::{GROUP, Params};
@@ -128,7 +129,7 @@ impl Body {
         let segments = self.springs.ends.len() as u32;
         match self.kernel {
             "cut" => vec![segments, QUADS as u32, segments, 1e-3f32.to_bits()],
-            "gather" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
+            "anchors" | "gather" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
             _ => self.params::<f32>().words(),
         }
     }
@@ -151,6 +152,11 @@ impl Body {
     /// Columns of nodes.
     pub fn columns(&self) -> usize {
         self.grid.nodes[0] * self.grid.nodes[1]
+    }
+
+    /// Tiles whose displacements are bounded.
+    pub fn tiles(&self) -> usize {
+        bounds::tiles(&self.params::<f64>()).iter().product()
     }
 
     /// Cells of the next coarser level.
@@ -199,7 +205,9 @@ impl Body {
         let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         random.next();
         match name {
+            "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4)),
             "u" => coincide(random.vectors(nodes, 1e-4)),
+            "tile_bounds" => random.many(self.tiles() * 8, 1.0),
             "point_u" => random.vectors(nodes, 1e-4),
             "point_v" => random.vectors(nodes, 1.0),
             "v" | "mean_v" => random.vectors(nodes, 0.1),
@@ -210,6 +218,7 @@ impl Body {
             "coarse_rotation" => random.many(self.coarse_cells() * 4, 1.0),
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
             "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),
+            "anchor" => positive(&mut random, self.ids().len()).map(|k| 100.0 * k).collect(),
             "rest" => self.rest(&mut random),
             "shape" => {
                 (0..LAYERS).flat_map(|_| [1e-3, 1.1e-3, 4e-4, 1e-7].map(|c| c * (1.0 + 0.3 * random.next()))).collect()
@@ -317,6 +326,13 @@ impl Body {
             },
         }
     }
+}
+
+/// Puts three nodes nowhere, the last two of them on the grid's last seams.
+fn nowhere(mut nodes: Vec<f32>) -> Vec<f32> {
+    let count = nodes.len();
+    (nodes[1], nodes[count - 6], nodes[count - 4]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY);
+    nodes
 }
 
 /// Puts the second node onto the first.

@@ -24,6 +24,7 @@ enum Threads {
     Nodes,
     Cells,
     Tiles,
+    Bounds,
     Columns,
     Segments,
     Ids,
@@ -64,9 +65,16 @@ const CASES: &[Case] = cases! {
         "max(request.x * reference, request.z)" => "min(request.x * reference, request.z)",
         "denominator > 0.0 &&" => "denominator != 0.0 &&"
     ]
+    anchors Ids false [
+        "* anchor[k]" => "* anchor[0]", "* free[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
+    ]
     blocks Nodes false [
         "a + 4u" => "a + 3u", "if a < 4u" => "if a < 3u", "layer_of[at.z] * 64u" => "0u",
         "any(at >= cells)" => "any(at + 1u >= cells)"
+    ]
+    bounds Bounds false [
+        "last - first + 1u" => "last - first", "max(high, d)" => "min(high, d)", "low.w += 1.0" => "low.w += 0.0", "n += GROUP" => "n += 2u * GROUP",
+        "n = GROUP / 2u" => "n = GROUP / 4u", "tile / tiles.x" => "tile / tiles.y", "min(first + TILE," => "max(first,"
     ]
     centres Cells false ["b * 0.125" => "b * 0.126", "params.nodes_y" => "params.cells_y"]
     coarsen Cells false [
@@ -182,6 +190,10 @@ impl Expected {
             // more partial sums than the workgroup has lanes, of nodes and of columns
             all.push(Self::new(case, [129, 129, 1], 5, 0)?);
         }
+        if case.source.name == "bounds" {
+            // several tiles, the last ones narrower
+            all.push(Self::new(case, [17, 9, 2], 1, 0)?);
+        }
         Ok(all)
     }
 }
@@ -206,6 +218,7 @@ fn run(gpu: &Gpu, case: &Case, body: &Body, broken: Option<&Shader>) -> Result<B
         Threads::Nodes => body.grid.node_count(),
         Threads::Cells => body.grid.cell_count(),
         Threads::Tiles => body.product_groups() * GROUP as usize,
+        Threads::Bounds => body.tiles() * GROUP as usize,
         Threads::Columns => body.columns(),
         Threads::Segments => body.springs.ends.len(),
         Threads::Ids => body.ids().len(),

@@ -85,6 +85,9 @@ const FEM: &str = "law = \"fem\"";
 const HEAVY: &str = "mass = \"consistent\"";
 const SPRINGS: &str = "law = \"springs\"\nspring_stiffness_n_m = 30\nspring_damping_n_s_m = 0.02";
 
+/// Every node on a spring, a node's share of the cells' stiffness along x here.
+const ANCHOR: &str = "[[anchor]]\nregion = \"all\"\nstiffness_n_m = 20\n";
+
 /// Every test here, by name.
 pub fn tests() -> Vec<(String, Test)> {
     let mut all: Vec<(String, Test)> = vec![];
@@ -93,15 +96,21 @@ pub fn tests() -> Vec<(String, Test)> {
             if kind == "multigrid" && law == "springs" {
                 continue; // bricks only
             }
-            let case = Case { law: text, preconditioner: kind };
+            let case = Case { law: text, preconditioner: kind, anchored: false };
             all.push((format!("free_motion_of_{law}_{kind}"), Box::new(move |gpu| case.free_motion(gpu))));
         }
-        let case = Case { law: text, preconditioner: "column" };
+        let case = Case { law: text, preconditioner: "column", anchored: false };
         all.push((format!("columns_of_{law}_alone_or_together"), Box::new(move |gpu| case.columns(gpu))));
         all.push((format!("wrong_load_on_{law}_is_found_out"), Box::new(move |gpu| case.wrong_load(gpu))));
         all.push((format!("cut_of_{law}"), Box::new(move |gpu| case.cut(gpu))));
         all.push((format!("two_steps_of_{law}"), Box::new(move |gpu| case.two_steps(gpu))));
+        if text != HEAVY {
+            let case = Case { anchored: true, ..case };
+            all.push((format!("two_steps_of_anchored_{law}"), Box::new(move |gpu| case.two_steps(gpu))));
+        }
     }
+    let case = Case { law: FEM, preconditioner: "multigrid", anchored: true };
+    all.push(("free_motion_of_anchored_bricks_multigrid".into(), Box::new(move |gpu| case.free_motion(gpu))));
     all
 }
 
@@ -110,6 +119,7 @@ pub fn tests() -> Vec<(String, Test)> {
 struct Case {
     law: &'static str,
     preconditioner: &'static str,
+    anchored: bool,
 }
 
 /// The same body on each backend.
@@ -129,7 +139,7 @@ impl Case {
     fn model(self) -> Result<(Model, Vec<[f64; 3]>), Failure> {
         let step = if self.law == HEAVY { "step_ms = 0.05" } else { "step_ms = 10" };
         let text = SCENE.replace("LAW", self.law).replace("PRECONDITIONER", self.preconditioner);
-        let text = text.replace("step_ms = 10", step);
+        let text = text.replace("step_ms = 10", step) + if self.anchored { ANCHOR } else { "" };
         let scene = parse(&text, Path::new("block.toml"), &Files::Embedded(&[]))?;
         let model = Model::new(&scene, 0)?;
         let load = model.load_at(&scene.loads, 0.0);
@@ -318,6 +328,7 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     seen.push(("correction", SOLUTION, triples(&b.solution(CORRECTION)?)));
     b.finish(true)?;
     seen.push(("displacements", SOLUTION, b.displacements(top)?));
+    seen.push(("tile bounds", SOLUTION, triples(&b.bounds()?.concat())));
     // one cell (or its springs) and, at the corner, a node go
     let (cells, springs, nodes) = removal(model);
     b.remove(&cells, &springs, &nodes)?;

@@ -70,12 +70,24 @@ fn write_scalars<R: Real>(k: &Scalars<R>) -> [R; 8] {
     [k.alpha, k.beta, k.gamma, k.done, k.target_squared, k.residual_squared, k.iterations, k.state]
 }
 
+pub fn anchors<R: Real>(b: &Body) -> Outputs<R> {
+    let mut right = b.v4::<R>("b");
+    kernels::anchors::anchors(&b.ids(), &b.scalars("anchor"), &b.v4("free"), &b.v4("u"), &mut right);
+    vec![("b", flat(&right))]
+}
+
 pub fn blocks<R: Real>(b: &Body) -> Outputs<R> {
     let mut block = b.v4::<R>("block");
     let (layer_of, rotation) = (&b.grid.layer_of, b.v4("rotation"));
     let (stiffness, free) = (b.stiffness(), b.v4("free"));
     kernels::blocks::blocks(&b.params(), &stiffness, layer_of, &rotation, &free, &mut block);
     vec![("block", flat(&block))]
+}
+
+pub fn bounds<R: Real>(b: &Body) -> Outputs<R> {
+    let mut tile_bounds = b.v4::<R>("tile_bounds");
+    kernels::bounds::bounds(&b.params(), &b.v4("u"), &mut tile_bounds);
+    vec![("tile_bounds", flat(&tile_bounds))]
 }
 
 pub fn centres<R: Real>(b: &Body) -> Outputs<R> {

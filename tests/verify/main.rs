@@ -4,6 +4,7 @@
 //! functions over [`Place`] and run in f64, in f32 and, where there is an adapter, on the GPU; without one the GPU runs are listed as
 //! ignored with the reason, and `CUTIS_GPU=require` makes that a failure. `CUTIS_MEASURED=1` prints what was measured.
 
+mod anchors;
 mod dense;
 mod differences;
 mod direct;
@@ -50,7 +51,8 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 11] = [
+    let groups: [&[Case]; 12] = [
+        anchors::CASES,
         multigrid::CASES,
         direct::CASES,
         elements::CASES,
@@ -63,7 +65,8 @@ fn main() -> ExitCode {
         skin_block::CASES,
         release::CASES,
     ];
-    let everywhere: [&[Everywhere]; 7] = [
+    let everywhere: [&[Everywhere]; 8] = [
+        anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
         motion::EVERYWHERE,

@@ -7,11 +7,12 @@ use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::product::{LANES, cell_groups, elastic_forces, product};
 use crate::kernels::{
-    Params, blocks, centres, cut, factor, integrate, momentum, rhs, rotations, springs, springs_blocks, springs_product,
+    Params, anchors, blocks, bounds, centres, cut, factor, integrate, momentum, rhs, rotations, springs,
+    springs_blocks, springs_product,
 };
 use crate::linear::{Outcome, Slot, solve};
 use crate::math::{Real, V3, V4, round, widen};
-use crate::model::Model;
+use crate::model::{Anchors, Model, rate};
 use crate::scene::Mass;
 use arrays::{Bricks, Cutting, Elastic, Inverse, Space};
 use rayon::prelude::*;
@@ -23,11 +24,16 @@ pub struct CpuBackend<R> {
     max_iterations: u32,
     floor: f64,
     node_count: usize,
+    contact: bool,
     u: Vec<V4<R>>,
     v: Vec<V4<R>>,
     mean_v: Vec<V4<R>>, // of a consistent mass; else empty
     f: Vec<V4<R>>,
-    free: Vec<V4<R>>,
+    free: Vec<V4<R>>,   // as A has them
+    masses: Vec<V4<R>>, // of an anchored body, as they are; else empty
+    anchors: Anchors,
+    anchor: Vec<R>,
+    anchor_rate: f64,
     load: Vec<V4<R>>,
     block: Vec<V4<R>>,
     load_squared: R,
@@ -52,6 +58,7 @@ impl<R: Real> CpuBackend<R> {
             Some(_) => vec![],
             None => vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&model.params::<R>())],
         };
+        let (anchors, anchor_rate) = (model.anchors.clone(), rate(&model.step));
         let cutting = needs.cutting.then(|| Cutting::new(model));
         Self {
             params: model.params(),
@@ -59,11 +66,16 @@ impl<R: Real> CpuBackend<R> {
             max_iterations,
             floor,
             node_count,
+            contact: needs.contact,
             u: start.u.iter().map(round).collect(),
             v: start.v.iter().map(round).collect(),
             mean_v: zeros(if model.mass == Mass::Consistent { node_count } else { 0 }),
             f: zeros(node_count),
-            free: model.free.iter().map(round).collect(),
+            free: model.in_system().iter().map(round).collect(),
+            masses: if anchors.nodes.is_empty() { vec![] } else { model.free.iter().map(round).collect() },
+            anchor: anchors.stiffness.iter().map(|k| R::of(*k)).collect(),
+            anchor_rate,
+            anchors,
             load: zeros(node_count),
             block: zeros(node_count * 4),
             load_squared: R::zero(),
@@ -76,6 +88,11 @@ impl<R: Real> CpuBackend<R> {
             cutting,
             space: vec![Space { scratch, levels: vec![] }; slots],
         }
+    }
+
+    /// Free axes and masses as they are.
+    fn own(&self) -> &[V4<R>] {
+        if self.masses.is_empty() { &self.free } else { &self.masses }
     }
 
     fn slot_mut<'a>(&self, array: &'a mut [V4<R>], slot: usize) -> &'a mut [V4<R>] {
@@ -96,7 +113,7 @@ impl<R: Real> CpuBackend<R> {
 
 impl<R: Real> Backend for CpuBackend<R> {
     fn device(&self) -> Device {
-        let arrays = [&self.u, &self.v, &self.f, &self.free, &self.load, &self.block, &self.x];
+        let arrays = [&self.u, &self.v, &self.f, &self.free, &self.masses, &self.load, &self.block, &self.x];
         let bytes: usize = arrays.iter().map(|a| a.len()).sum::<usize>() + 5 * self.x.len();
         Device {
             backend: "cpu",
@@ -143,7 +160,9 @@ impl<R: Real> Backend for CpuBackend<R> {
             }
         }
         let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
-        self.load_squared = rhs::rhs(&params, &self.f, v, &self.free, &self.load, &mut self.r);
+        let own = if self.masses.is_empty() { &self.free } else { &self.masses };
+        self.load_squared = rhs::rhs(&params, &self.f, v, own, &self.load, &mut self.r);
+        anchors::anchors(&self.anchors.nodes, &self.anchor, own, &self.u, &mut self.r);
         if let Elastic::Bricks(Bricks { direct: Some(direct), .. }) = &mut self.law {
             direct.current = false;
             return Ok(());
@@ -266,6 +285,13 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(nodes.iter().map(|n| V3::from4(self.u[*n as usize]).f64()).collect())
     }
 
+    fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>> {
+        let [x, y] = bounds::tiles(&self.params);
+        let count = if self.contact { x * y } else { 0 };
+        let of = |tile| bounds::bounds_of_tile(&self.params, &self.u, tile).map(|v| v.map(R::f64));
+        Ok((0..count).into_par_iter().map(of).collect())
+    }
+
     fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
         Ok(nodes.iter().map(|n| V3::from4(self.f[*n as usize]).f64()).collect())
     }
@@ -301,8 +327,12 @@ impl<R: Real> Backend for CpuBackend<R> {
             }
         }
         for (node, value) in free {
+            let in_system = self.anchors.in_system(self.anchor_rate, *node, *value);
             let node = *node as usize;
-            self.free[node] = round(value);
+            self.free[node] = round(&in_system);
+            if let Some(own) = self.masses.get_mut(node) {
+                *own = round(value);
+            }
             if value[3] == 0.0 {
                 // a node without cells leaves the system where it is
                 self.v[node] = [R::zero(); 4];
@@ -319,7 +349,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             Elastic::Bricks(Bricks { rotation, .. }) => (widen(rotation), vec![]),
             Elastic::Springs { law, .. } => (vec![], widen(law)),
         };
-        Ok(Snapshot { u: widen(&self.u), v: widen(&self.v), rotation, free: widen(&self.free), law })
+        Ok(Snapshot { u: widen(&self.u), v: widen(&self.v), rotation, free: widen(self.own()), law })
     }
 
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {

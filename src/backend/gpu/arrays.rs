@@ -4,8 +4,8 @@ use crate::backend::{cell_centres, links};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{
-    self, Params, Source, blocks, centres, cut, forces, gather, momentum, probe, product, rotations, scatter, springs,
-    springs_blocks, springs_product,
+    self, GROUP, Params, Source, blocks, bounds, centres, cut, forces, gather, momentum, probe, product, rotations,
+    scatter, springs, springs_blocks, springs_product,
 };
 use crate::math::{M3, V3, V4};
 use crate::model::{MAX_LAYERS, Model, element};
@@ -43,7 +43,8 @@ impl Arrays {
 pub(super) struct Body {
     pub u: Buffer,
     pub v: Buffer,
-    pub free: Buffer,
+    pub free: Buffer,   // as A has them
+    pub masses: Buffer, // as they are; the same array where nothing is anchored
     pub load: Buffer,
     pub cell: Buffer, // rotations of bricks, or the law of springs
 }
@@ -319,6 +320,30 @@ impl Pick {
         };
         let (x, u, f) = (bind(x)?, bind(u)?, bind(f)?);
         Ok(Self { params, ids, picked, x, u, f })
+    }
+}
+
+/// What each tile of the skin moves between.
+pub(super) struct Bounds {
+    kernel: Bound,
+    tiles: usize,
+    out: Buffer,
+}
+
+impl Bounds {
+    pub fn new(made: &mut Maker, model: &Model, main: &Buffer, u: &Buffer) -> Result<Self> {
+        let [x, y] = bounds::tiles(&model.grid.params::<f32>());
+        let out = made.vec4("tile_bounds", x * y * 2)?;
+        let list = [("params", main), ("u", u), ("tile_bounds", &out)];
+        Ok(Self { kernel: made.gpu.bind(&bounds::SOURCE, &list)?, tiles: x * y, out })
+    }
+
+    /// Runs what the batch holds, and the bounds of the skin then.
+    pub fn read(&self, gpu: &Gpu, mut batch: Batch) -> Result<Vec<[V4<f64>; 2]>> {
+        batch.run(&self.kernel, self.tiles * GROUP as usize, 1);
+        let parts = gpu.submit_and_read(batch, &[(&self.out, self.out.bytes)])?;
+        let all: Vec<[V4<f32>; 2]> = cast(&parts[0]);
+        Ok(all.iter().map(|pair| pair.map(|v| v.map(f64::from))).collect())
     }
 }
 

@@ -4,6 +4,7 @@
 //! one for the free motion, one per pass of the correction. A solve is recorded for as many iterations as the last one of its kind took
 //! and some more; slots that are done skip their work; if one is not, more iterations are submitted.
 
+mod anchors;
 mod arrays;
 mod solver;
 
@@ -14,7 +15,8 @@ use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
-use arrays::{Arrays, Body, Cutting, Dispatch, Law, Maker, Pick, Put, axes, keeps_what_sums_lose, triples};
+use anchors::Anchored;
+use arrays::{Arrays, Body, Bounds, Cutting, Dispatch, Law, Maker, Pick, Put, axes, keeps_what_sums_lose, triples};
 use solver::Solver;
 
 /// Nodes of a slot that are picked at once at least; more take another submission.
@@ -34,11 +36,13 @@ pub struct GpuBackend {
     axes: Vec<V3<f32>>, // [node] 1 free, 0 held
     bytes: u64,
     body: Body,
+    anchored: Option<Anchored>,
     solver: Solver,
     begin: Vec<Dispatch>,
     integrate: [Bound; 2], // without, with correction
     pick: Pick,
     put: Option<Put>,
+    bounds: Option<Bounds>,
     cutting: Option<Cutting>,
     node_blocks: Option<(Bound, Buffer)>,
 }
@@ -67,7 +71,9 @@ impl GpuBackend {
         let vec = |v: &[V4<f64>]| v.iter().map(|a| a.map(|c| c as f32)).collect::<Vec<_>>();
         let (u, v) = (made.of("u", &vec(&start.u))?, made.of("v", &vec(&start.v))?);
         let (f, load) = (made.vec4("f", n)?, made.vec4("load", n)?);
-        let free = made.of("free", &vec(&model.free))?;
+        let free = made.of("free", &vec(&model.in_system()))?;
+        let anchored = Anchored::new(&mut made, model)?;
+        let masses = anchored.as_ref().map_or(&free, |a| &a.masses).clone();
         let law = Law::new(&mut made, model)?;
         gpu.making("columns");
         let block = made.vec4("block", n * 4)?;
@@ -84,7 +90,8 @@ impl GpuBackend {
             begin.push((of_main(source, &[])?, *threads));
         }
         let mean_v = law.consistent.as_ref().map_or(&v, |[_, mean_v]| mean_v);
-        begin.push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v)])?, n));
+        begin.push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("free", &masses)])?, n));
+        begin.extend(anchored.as_ref().map(|a| a.bind(&gpu, &u, &solver.r)).transpose()?);
         let system = law.consistent.iter().map(|[system, _]| ("stiffness", system)).collect::<Vec<_>>();
         begin.push((of_main(law.blocks, &system)?, n));
         begin.push((of_main(&factor::SOURCE, &[])?, (params.nodes_x * params.nodes_y) as usize));
@@ -98,6 +105,7 @@ impl GpuBackend {
         let pick = Pick::new(&mut made, picked, [&solver.x, &u, &f])?;
         let most = n.max(model.grid.cell_count()).max(law.springs);
         let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, most, &solver.r)?) } else { None };
+        let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
         gpu.making("cut");
         let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &u, &v)?) } else { None };
         let node_blocks = if needs.node_blocks {
@@ -120,12 +128,14 @@ impl GpuBackend {
             rows_pending: false,
             axes: model.free.iter().map(|f| axes(*f)).collect(),
             bytes,
-            body: Body { u, v, free, load, cell: law.cell },
+            body: Body { u, v, free, masses, load, cell: law.cell },
+            anchored,
             solver,
             begin,
             integrate,
             pick,
             put,
+            bounds,
             cutting,
             node_blocks,
             gpu,
@@ -318,6 +328,17 @@ impl Backend for GpuBackend {
         self.read_picked(nodes, |p| &p.u)
     }
 
+    fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>> {
+        let batch = self.record();
+        match &self.bounds {
+            Some(bounds) => bounds.read(&self.gpu, batch),
+            None => {
+                self.pending = Some(batch);
+                Ok(vec![])
+            }
+        }
+    }
+
     fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
         self.read_picked(nodes, |p| &p.f)
     }
@@ -336,8 +357,12 @@ impl Backend for GpuBackend {
         self.put(&cell, gone, &vec![[0.0; 4]; gone.len()])?;
         let ids: Vec<u32> = free.iter().map(|(n, _)| *n).collect();
         let values: Vec<V4<f32>> = free.iter().map(|(_, v)| v.map(|c| c as f32)).collect();
-        let buffer = self.body.free.clone();
+        let buffer = self.body.masses.clone();
         self.put(&buffer, &ids, &values)?;
+        if let Some(anchored) = &self.anchored {
+            let (buffer, values) = (self.body.free.clone(), anchored.in_system(free));
+            self.put(&buffer, &ids, &values)?;
+        }
         for (node, value) in free {
             self.axes[*node as usize] = axes(*value);
         }
@@ -357,7 +382,7 @@ impl Backend for GpuBackend {
     fn snapshot(&mut self) -> Result<Snapshot> {
         let batch = self.record();
         let b = &self.body;
-        let wanted = [(&b.u, b.u.bytes), (&b.v, b.v.bytes), (&b.free, b.free.bytes), (&b.cell, b.cell.bytes)];
+        let wanted = [(&b.u, b.u.bytes), (&b.v, b.v.bytes), (&b.masses, b.masses.bytes), (&b.cell, b.cell.bytes)];
         let parts = self.gpu.submit_and_read(batch, &wanted)?;
         let wide = |k: usize| cast::<V4<f32>>(&parts[k]).iter().map(|v| v.map(f64::from)).collect::<Vec<_>>();
         let (rotation, law) = if self.spring_count > 0 { (vec![], wide(3)) } else { (wide(3), vec![]) };

@@ -1,0 +1,20 @@
+// Springs from nodes to their rest positions. Twin: anchors.rs (formula and units there).
+struct AnchorParams { count: u32, pad_0: u32, pad_1: u32, pad_2: u32 }
+@group(0) @binding(0) var<uniform> params: AnchorParams;
+@group(0) @binding(1) var<storage, read> ids: array<u32>;              // [anchor] node, each once
+@group(0) @binding(2) var<storage, read> anchor: array<f32>;           // [anchor] N/m
+@group(0) @binding(3) var<storage, read> free: array<vec4<f32>>;       // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(4) var<storage, read> u: array<vec4<f32>>;          // [node] m
+@group(0) @binding(5) var<storage, read_write> b: array<vec4<f32>>;    // [slot][node] N
+
+@compute @workgroup_size(64)
+fn anchors(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let k = group_of(group, groups) * GROUP + lane;
+    if k >= params.count { return; }
+    let i = ids[k];
+    b[i] = vec4<f32>(b[i].xyz - u[i].xyz * anchor[k] * free[i].xyz, 0.0);
+}

@@ -1,0 +1,62 @@
+//! Least and greatest displacement over each tile of the body, for boxes that no part of the skin leaves.
+//!
+//! A tile is 8×8 columns of cells over all levels; its nodes are the 9×9 columns of their corners, so nodes on a seam count for each
+//! tile there. A point of a brick moves by a mean of its corners' displacements, so every point of a tile moves by something between
+//! the two. A node whose displacement is infinite or NaN counts as nowhere: it is left out and its number given, so that it is seen.
+//! A tile without any other node has the least above the greatest.
+//! Units: m.
+
+use super::{Params, Source};
+use crate::math::{Real, V4};
+
+/// The shader.
+pub const SOURCE: Source = Source { name: "bounds", wgsl: include_str!("bounds.wgsl"), params: Params::<f32>::FIELDS };
+
+/// Cells along one side of a tile.
+pub const TILE: usize = 8;
+
+/// Tiles along x and y.
+pub fn tiles<R: Real>(params: &Params<R>) -> [usize; 2] {
+    [params.cells_x, params.cells_y].map(|n| (n as usize).div_ceil(TILE))
+}
+
+/// First cell column of a tile along x and y, and the one after its last.
+pub fn columns<R: Real>(params: &Params<R>, tile: usize) -> [[usize; 2]; 2] {
+    let across = tiles(params)[0];
+    let first = [tile % across * TILE, tile / across * TILE];
+    [first, [(first[0] + TILE).min(params.cells_x as usize), (first[1] + TILE).min(params.cells_y as usize)]]
+}
+
+/// All tiles.
+pub fn bounds<R: Real>(
+    params: &Params<R>,
+    u: &[V4<R>],               // [node] m
+    tile_bounds: &mut [V4<R>], // [tile × 2] least m and nodes that are nowhere; greatest m, 0
+) {
+    for (tile, pair) in tile_bounds.chunks_exact_mut(2).enumerate() {
+        pair.copy_from_slice(&bounds_of_tile(params, u, tile));
+    }
+}
+
+/// One tile of [`bounds`].
+pub fn bounds_of_tile<R: Real>(params: &Params<R>, u: &[V4<R>], tile: usize) -> [V4<R>; 2] {
+    let [first, last] = columns(params, tile);
+    let largest = R::of(f64::from(f32::MAX));
+    let (mut low, mut high) = ([largest, largest, largest, R::zero()], [-largest, -largest, -largest, R::zero()]);
+    for k in 0..params.nodes_z as usize {
+        for j in first[1]..=last[1] {
+            for i in first[0]..=last[0] {
+                let d = u[params.node_id([i, j, k])];
+                if !d[..3].iter().all(|c| c.is_finite()) {
+                    low[3] += R::one();
+                    continue;
+                }
+                for n in 0..3 {
+                    low[n] = low[n].min(d[n]);
+                    high[n] = high[n].max(d[n]);
+                }
+            }
+        }
+    }
+    [low, high]
+}

@@ -1,0 +1,49 @@
+//! Anchors on the device: which nodes, how stiff, and the nodes' own masses beside those that `A` has.
+
+use super::arrays::{Dispatch, Maker};
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu};
+use crate::kernels::anchors::SOURCE;
+use crate::math::V4;
+use crate::model::{Anchors, Model, rate};
+
+/// Arrays of an anchored body.
+pub(super) struct Anchored {
+    /// `[node]` free axes and masses as they are.
+    pub masses: Buffer,
+    params: Buffer,
+    ids: Buffer,
+    anchor: Buffer,
+    list: Anchors,
+    rate: f64,
+}
+
+impl Anchored {
+    /// None for a body without anchors.
+    pub fn new(made: &mut Maker, model: &Model) -> Result<Option<Self>> {
+        let (nodes, stiffness) = (&model.anchors.nodes, &model.anchors.stiffness);
+        if nodes.is_empty() {
+            return Ok(None);
+        }
+        made.gpu.making("anchors");
+        let masses: Vec<V4<f32>> = model.free.iter().map(|f| f.map(|c| c as f32)).collect();
+        let stiffness: Vec<f32> = stiffness.iter().map(|k| *k as f32).collect();
+        let masses = made.of("free", &masses)?;
+        let (ids, anchor) = (made.of("ids", nodes)?, made.of("anchor", &stiffness)?);
+        let params = made.uniform("params", 16, &[nodes.len() as u32, 0, 0, 0]);
+        made.gpu.making("state");
+        Ok(Some(Self { masses, params, ids, anchor, list: model.anchors.clone(), rate: rate(&model.step) }))
+    }
+
+    /// Free axes and masses of nodes as `A` has them.
+    pub fn in_system(&self, free: &[(u32, V4<f64>)]) -> Vec<V4<f32>> {
+        free.iter().map(|(node, value)| self.list.in_system(self.rate, *node, *value).map(|c| c as f32)).collect()
+    }
+
+    /// The kernel on a state and a right-hand side.
+    pub fn bind(&self, gpu: &Gpu, u: &Buffer, b: &Buffer) -> Result<Dispatch> {
+        let list = [("params", &self.params), ("ids", &self.ids), ("anchor", &self.anchor), ("free", &self.masses)];
+        let kernel = gpu.bind(&SOURCE, &[&list[..], &[("u", u), ("b", b)]].concat())?;
+        Ok((kernel, self.list.nodes.len()))
+    }
+}

@@ -1,0 +1,44 @@
+//! Anchors of a scene file: regions that springs hold to their rest shape.
+
+use super::bodies::Names;
+use super::grid::Grid;
+use super::raw::{self, Table};
+use super::region::{Region, region};
+use super::text::{Bound, STIFFNESS, SceneText};
+use super::{Mass, Skin};
+use crate::error::{Error, Result};
+
+/// Springs from the nodes of a region to their rest positions.
+#[derive(Clone, Debug)]
+pub struct Anchor {
+    /// Number of the deformable body.
+    pub body: usize,
+    /// Which nodes.
+    pub region: Region,
+    /// Of each node's spring, N/m.
+    pub stiffness: f64,
+}
+
+/// All of them.
+pub(super) fn anchors(
+    scene: &SceneText,
+    list: Vec<Table<raw::Anchor>>,
+    names: &Names,
+    skins: &[Skin],
+    grids: &[Vec<Grid>],
+) -> Result<Vec<Anchor>> {
+    let one = |table: Table<raw::Anchor>| {
+        let mut raw = table.keys;
+        let body = names.skin(scene, &raw.body, table.span.clone())?;
+        if skins[body].mass == Mass::Consistent {
+            return Err(Error::AnchoredMass { at: scene.place(table.span) });
+        }
+        let extent = raw.extent();
+        Ok(Anchor {
+            body,
+            region: region(scene, &raw.region, extent, &grids[body])?,
+            stiffness: scene.number("stiffness_n_m", &raw.stiffness_n_m, STIFFNESS, Bound::Positive)?,
+        })
+    };
+    list.into_iter().map(one).collect()
+}
