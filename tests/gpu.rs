@@ -11,6 +11,8 @@ mod bounded;
 mod device;
 #[path = "gpu/parity.rs"]
 mod parity;
+#[path = "gpu/scenes.rs"]
+mod scenes;
 #[path = "gpu/solver.rs"]
 mod solver;
 #[path = "gpu/twins.rs"]
@@ -65,6 +67,9 @@ fn tests() -> Vec<(String, Test)> {
         ));
     }
     for (name, test) in device::TESTS {
+        all.push((name.to_string(), Box::new(test)));
+    }
+    for (name, test) in scenes::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in solver::tests() {

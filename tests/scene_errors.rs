@@ -605,6 +605,44 @@ fn probes_and_checks_need_their_keys() {
 }
 
 #[test]
+fn bodies_say_who_they_are_and_where() {
+    let block = "[[block]]\nsize_mm = [4, 4]\ncells = [2, 2]\n[[block.layer]]\nname = \"b\"\nthickness_mm = 1\ncells = 1\nyoung_kpa = 9\n\
+                 poisson = 0.4\ndensity_kg_m3 = 1000\n";
+    let with = |more: &str| parsed(&format!("{FULL}\n{more}")).expect_err(more).to_string();
+    says(&with(block), "key `name` is missing … a block is called by its name");
+    let named = block.replace("[[block]]\n", "[[block]]\nname = \"b\"\n");
+    says(&with(&named), "key `position_mm` is missing … the middle of its bottom");
+    let placed = named.replace("[[block]]\n", "[[block]]\nposition_mm = [0, 0, 9]\n");
+    says(&with(&placed.replace("name = \"b\"\nsize", "name = \"skin\"\nsize")), "skin");
+    says(&with(&format!("{placed}[[attach]]\nregion = \"top\"\nto = \"skim\"\n")), "`to`… did you mean \"skin\"");
+    let itself = with(&format!("{placed}[[attach]]\nregion = \"top\"\nto = \"skin\"\n"));
+    says(&itself, "\"skin\" is tied to itself … leave `to` away");
+    let direction = with("[[attach]]\nregion = \"top\"\nslide = [0, 0, 0]\n");
+    says(&direction, "slide");
+    says(&with("[[plane]]\nname = \"p\"\nthrough_mm = [0, 0, 0]\nnormal = [0, 0, 0]\n"), "normal");
+    let rigid = "[[rigid]]\nname = \"r\"\nmass_g = 1\nposition_mm = [0, 0, 9]\n";
+    says(&with(rigid), "key `box_mm` is missing … a box … or a sphere");
+    says(&with(&format!("{rigid}box_mm = [1, 1, 1]\nradius_mm = 1\n")), "`radius_mm` has no effect … `box_mm`");
+    says(&with("[[probe]]\nname = \"v\"\nkind = \"velocity\"\n"), "key `body` is missing");
+    says(&with("[[probe]]\nname = \"v\"\nkind = \"velocity\"\nbody = \"skin\"\n"), "skin");
+}
+
+#[test]
+fn loops_and_corrections_that_do_not_fit_are_refused() {
+    refused("[contact]\n", "[contact]\nforces = \"penalty\"\n", "key `penalty_n_m` is missing … stiffness");
+    refused("[contact]\n", "[contact]\npenalty_n_m = 5\n", "`penalty_n_m` has no effect … penalty");
+    let text = FULL.replace("correction = \"uncoupled\"", "correction = \"precomputed\"");
+    let error = parsed(&text).expect_err("it has a blade").to_string();
+    says(&error, "precomputed … uncut … exact");
+}
+
+#[test]
+fn a_scene_of_nothing_is_refused() {
+    let error = parsed("title = \"\"\n[time]\nstep_ms = 1\nduration_s = 1\n").expect_err("no body").to_string();
+    says(&error, "no body … `[skin]`");
+}
+
+#[test]
 fn camera_in_its_target_is_refused() {
     let text = FULL.replace("eye_mm = [50, -70, 60]", "eye_mm = [1, 2, 3]\ntarget_mm = [1, 2, 3]");
     let error = parsed(&text).expect_err("no direction");

@@ -8,6 +8,7 @@ use crate::instrument::Free;
 use crate::mesh::Quad;
 use crate::scene::{self, Attachment, Scene, Who};
 use glam::DVec3;
+use std::collections::BTreeSet;
 
 /// Nodes of two deformable bodies closer than this share of the contact's alarm distance are one place.
 const SAME: f64 = 1e-3;
@@ -23,8 +24,10 @@ pub(super) struct Tie {
 }
 
 impl Tie {
-    /// Tells the bodies which nodes the tie needs.
-    pub fn note_nodes(&self, bodies: &mut [Body]) {
+    /// Tells the bodies which nodes the tie needs, and the list of pairs which bodies it joins.
+    pub fn note(&self, bodies: &mut [Body], pairs: &mut BTreeSet<[Who; 2]>) {
+        let [first, second] = self.contact.on;
+        pairs.extend([[first, second], [second, first]]);
         for (on, spot) in self.contact.on.iter().zip(&self.contact.spots) {
             if let Who::Skin(number) = on {
                 bodies[*number].tied.extend(spot.nodes);
@@ -48,6 +51,8 @@ impl Simulation {
         let mut found = self.rigid_contacts(&search, &travel);
         self.locate(&search, &travel, report)?;
         found.extend(self.skin_contacts(&search, &travel, free, report));
+        // what is tied does not touch as well
+        found.retain(|contact| !self.tied_pairs.contains(&contact.on));
         let most = law.max_contacts as usize;
         if found.len() > most {
             report.warn("contacts_dropped", (found.len() - most) as u32);

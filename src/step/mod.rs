@@ -32,7 +32,7 @@ use crate::math::larger;
 use crate::scene::{ProbeKind, Scene, Who};
 use contact::Resolved;
 use glam::DVec3;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// Where the skin is computed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -124,6 +124,7 @@ pub struct Simulation {
     scene: Scene,
     probes: Vec<Prepared>,
     ties: Vec<find::Tie>,
+    tied_pairs: BTreeSet<[Who; 2]>,
     near: Vec<usize>,
     held: incise::Held,
     last_forces: BTreeMap<([Who; 2], usize), DVec3>,
@@ -161,6 +162,7 @@ impl Simulation {
             time: 0.0,
             probes: scene.probes.iter().map(|p| prepare(&p.kind)).collect(),
             ties: vec![],
+            tied_pairs: BTreeSet::new(),
             near: bodies.iter().map(|body| needs(scene, &body.model).near).collect(),
             held: incise::Held::new(),
             last_forces: BTreeMap::new(),
@@ -172,7 +174,7 @@ impl Simulation {
         };
         simulation.ties = find::ties(&simulation, scene)?;
         for tie in &simulation.ties {
-            tie.note_nodes(&mut simulation.bodies);
+            tie.note(&mut simulation.bodies, &mut simulation.tied_pairs);
         }
         Ok(simulation)
     }

@@ -1,0 +1,40 @@
+//! Whole scenes of several bodies on the GPU, beside the CPU path in f64.
+
+use super::Failure;
+use cutis::gpu::Gpu;
+use cutis::scene::read;
+use cutis::step::{Place, Simulation};
+use std::path::Path;
+
+/// Tests of this file by name.
+pub const TESTS: [(&str, fn(&Gpu) -> Result<(), Failure>); 1] =
+    [("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other)];
+
+/// Steps after which the blocks have settled to their weights.
+const STEPS: u32 = 10;
+/// Difference between the paths, of the lowest force: the stack's motion in f32, amplified by the free fall's share of `A`.
+const APART: f64 = 2e-3;
+
+fn forces(place: &Place) -> Result<Vec<f64>, Failure> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/stack_five_soft.toml");
+    let mut scene = read(&path)?;
+    scene.solver.tolerance = 1e-5;
+    let mut simulation = Simulation::new(&scene, place)?;
+    let mut last = vec![];
+    for _ in 0..STEPS {
+        last = simulation.step(false)?.probes;
+    }
+    Ok(last)
+}
+
+fn soft_blocks_stand_on_each_other(gpu: &Gpu) -> Result<(), Failure> {
+    let a = &gpu.adapter;
+    let on_gpu = forces(&Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver))))?;
+    let on_cpu = forces(&Place::Cpu64)?;
+    for (gpu, cpu) in on_gpu.iter().zip(&on_cpu).take(5) {
+        if (gpu - cpu).abs() > APART * on_cpu[4].abs() || on_cpu[4] < 0.07 {
+            return Err(format!("forces under the blocks: {on_gpu:?} N and {on_cpu:?} N").into());
+        }
+    }
+    Ok(())
+}
