@@ -18,7 +18,7 @@ use parry3d::bounding_volume::{Aabb, BoundingVolume};
 use parry3d::math::Vector;
 use parry3d::query::details::RayCast;
 use parry3d::query::{PointQueryWithLocation, Ray};
-use parry3d::shape::{FeatureId, TriMesh, TriMeshFlags, TrianglePointLocation};
+use parry3d::shape::{FeatureId, TriMesh, TriMeshFlags, Triangle, TrianglePointLocation};
 
 /// One contact: three rows between a tool's point and a point of the skin.
 #[derive(Clone, Copy, Debug)]
@@ -140,6 +140,14 @@ impl Patch {
         let sign = if projection.is_inside { -1.0 } else { 1.0 };
         let normal = if distance > noise { away * (sign / distance) } else { self.face_normal(triangle) };
         (triangle, weights, sign * distance, normal)
+    }
+
+    /// Weights of the place of a triangle that is nearest to a point.
+    fn nearest_on(&self, triangle: usize, point: DVec3) -> [f64; 3] {
+        let [a, b, c] = self.corners[triangle].map(|p| to_f32(p - self.origin));
+        let (_, location) =
+            Triangle::new(a, b, c).project_local_point_and_get_location(to_f32(point - self.origin), false);
+        location.barycentric_coordinates().map_or([1.0 / 3.0; 3], |w| w.map(f64::from))
     }
 
     /// The first thing along a ray, if it is a wall that faces the ray: triangle, weights, distance.

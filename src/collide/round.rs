@@ -2,7 +2,13 @@
 //!
 //! Surface points: the corners of each face, the middles of its edges and its centre (on the diagonal of its triangles), so half a cell
 //! apart, each once. For a point `p` and the tool's axis `a`, radius R: `n = (a − p)/|a − p|`, gap `n·(a − p) − R`, negative when the
-//! point is inside the tool. Between the points the skin is held by one more contact per axis sample, at the nearest place of the faces.
+//! point is inside the tool. Where triangles are longer than R a small tool would sink between the points: there each place of the faces
+//! that is nearest among its neighbours holds it too, so both sides of a fold.
+//!
+//! Faces are flat, and skin that follows a tool is not. Between corners that lie on the tool a triangle stands into it, at weights `w` by
+//! `s = Σ_{i<j} w_i w_j L_ij²/2R` (`L` across the axis), on average by `s̄ = Σ L_ij²/24R`. Contacts there may overlap by `s − s̄`, where
+//! that is positive: the skin's mean place is then the tool's, and forces converge with the square of the cell, where flat faces kept out
+//! of the tool would make it too large by `s̄/2` or so.
 //!
 //! Continuous: along the tool's motion s of the step, `a(t) = a + t s`, the first t with `|a(t) − p| = R` is looked for by conservative
 //! advancement (Mirtich 1996: no step is longer than the clearance). Normal and place on the axis are taken there, the gap of that plane
@@ -27,10 +33,16 @@ const MOST_STEPS: u32 = 128;
 const FACING: f64 = 0.1;
 /// Nearest places closer than this to a surface point, radii, add nothing to it.
 const SAME: f64 = 1e-3;
+/// A weight below which a place is on the opposite edge: a multiple of f32's rounding.
+const ON_EDGE: f64 = 1e-5;
+/// The overlap of flat faces at most, radii: beyond it (triangles longer than 0.7 radii) the skin does not follow the tool.
+const OVERLAP: f64 = 0.02;
 
 /// The tool's axis at the step's start and its motion.
 struct Sweep {
     ends: [DVec3; 2],
+    /// Unit; zero for a sphere.
+    along: DVec3,
     shift: DVec3,
     radius: f64,
 }
@@ -45,7 +57,7 @@ struct Touch {
 /// A place of the skin as nodes and weights.
 type Spot = ([u32; 3], [f64; 3]);
 
-/// Where an axis sample first touches: number of the sample, spot, touch, place.
+/// Where an axis sample first touches: number of the contact, spot, touch, place.
 type Nearest = (usize, Spot, Touch, DVec3);
 
 impl Sweep {
@@ -53,7 +65,7 @@ impl Sweep {
         let ends = round.ends.map(|end| tool.at(DVec3::from_array(end)));
         let middle = (ends[0] + ends[1]) * 0.5;
         let shift = free.shift + free.turn.cross(middle - tool.position);
-        Self { ends, shift, radius: round.radius }
+        Self { ends, along: (ends[1] - ends[0]).normalize_or_zero(), shift, radius: round.radius }
     }
 
     /// Nearest place of the axis, before the motion.
@@ -84,6 +96,20 @@ impl Sweep {
         best
     }
 
+    /// Square of a line's length across the axis, m².
+    fn across_squared(&self, line: DVec3) -> f64 {
+        (line - self.along * line.dot(self.along)).length_squared()
+    }
+
+    /// How far a place of a triangle may overlap the tool, m.
+    fn overlap(&self, corners: [DVec3; 3], weights: [f64; 3]) -> f64 {
+        let edges = [(0, 1), (1, 2), (2, 0)];
+        let share = |(i, j): (usize, usize)| {
+            self.across_squared(corners[i] - corners[j]) * (weights[i] * weights[j] - 1.0 / 12.0)
+        };
+        (edges.map(share).iter().sum::<f64>() / (2.0 * self.radius)).clamp(0.0, OVERLAP * self.radius)
+    }
+
     /// How the tool meets a surface point, when it comes within `reach`.
     fn meets(&self, p: DVec3, reach: f64) -> Option<Touch> {
         let (clear, (axis, away)) = self.advance(|t| {
@@ -108,14 +134,31 @@ impl Sweep {
     }
 }
 
-/// Surface points of faces: their two nodes (the same twice for a corner) and outward direction, not of unit length.
-fn surface_points(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> BTreeMap<(u32, u32), DVec3> {
-    let mut points: BTreeMap<(u32, u32), DVec3> = BTreeMap::new();
+/// A surface point: outward direction, not of unit length, and how far it may overlap the tool, m.
+struct SurfacePoint {
+    outward: DVec3,
+    overlap: f64,
+}
+
+/// Surface points of faces, by their two nodes (the same twice for a corner).
+fn surface_points(
+    faces: &[Quad],
+    position: &impl Fn(u32) -> DVec3,
+    sweep: &Sweep,
+) -> BTreeMap<(u32, u32), SurfacePoint> {
+    let mut points: BTreeMap<(u32, u32), SurfacePoint> = BTreeMap::new();
     for face in faces {
-        let [a, b, c, d] = face.nodes;
-        let outward = (position(c) - position(a)).cross(position(d) - position(b));
-        for (i, j) in [(a, a), (b, b), (c, c), (d, d), (a, b), (b, c), (c, d), (d, a), (a, c)] {
-            *points.entry((i.min(j), i.max(j))).or_default() += outward;
+        let corners = face.nodes.map(position);
+        let turned = (corners[2] - corners[0]).cross(corners[3] - corners[1]);
+        // two nodes of a triangle and its third; the diagonal of a face is that of its triangles
+        let pairs = [(0, 0, 0), (1, 1, 1), (2, 2, 2), (3, 3, 3), (0, 1, 2), (1, 2, 0), (2, 3, 0), (3, 0, 2), (0, 2, 1)];
+        for (i, j, k) in pairs {
+            let overlap = sweep.overlap([corners[i], corners[j], corners[k]], [0.5, 0.5, 0.0]);
+            let (a, b) = (face.nodes[i], face.nodes[j]);
+            let first = SurfacePoint { outward: DVec3::ZERO, overlap };
+            let point = points.entry((a.min(b), a.max(b))).or_insert(first);
+            point.outward += turned;
+            point.overlap = point.overlap.min(overlap);
         }
     }
     points
@@ -134,7 +177,7 @@ pub fn contacts(
 ) -> Vec<Contact> {
     let sweep = Sweep::new(tool, round, free);
     let reach = search.alarm + search.distance;
-    let (nearest, out) = nearest_places(tool, patch, &sweep, reach);
+    let (mut nearest, out) = nearest_places(tool, patch, &sweep, reach);
     let made = |index: usize, (nodes, weights): Spot, touch: &Touch| Contact {
         id: (number, index),
         nodes,
@@ -148,15 +191,20 @@ pub fn contacts(
         let deepest = nearest.iter().min_by(|a, b| a.2.gap.total_cmp(&b.2.gap));
         return deepest.map(|(index, spot, touch, _)| made(*index, *spot, touch)).into_iter().collect();
     }
+    if out.is_none() {
+        // behind the numbers of samples and surface points
+        nearest = places_on_triangles(tool, patch, &sweep, reach, tool.samples.len() + 9 * faces.len());
+    }
     let mut found = vec![];
     let mut places = vec![];
-    for (k, ((i, j), outward)) in surface_points(faces, position).into_iter().enumerate() {
+    for (k, ((i, j), point)) in surface_points(faces, position, &sweep).into_iter().enumerate() {
         let p = (position(i) + position(j)) * 0.5;
         let touch = match out {
             Some(out) => sweep.buries(p, out),
             None => sweep.meets(p, reach),
         };
-        if let Some(touch) = touch.filter(|t| t.normal.dot(outward) > FACING * outward.length()) {
+        if let Some(touch) = touch.filter(|t| t.normal.dot(point.outward) > FACING * point.outward.length()) {
+            let touch = Touch { gap: touch.gap + point.overlap, ..touch };
             found.push(made(tool.samples.len() + k, ([i, j, j], [0.5, 0.5, 0.0]), &touch));
             places.push(p);
         }
@@ -175,8 +223,7 @@ pub fn contacts(
 fn nearest_places(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64) -> (Vec<Nearest>, Option<DVec3>) {
     let mut found = vec![];
     let mut deepest: Option<(f64, DVec3)> = None;
-    for (index, sample) in tool.samples.iter().enumerate().filter(|(_, s)| s.role == Role::Axis) {
-        let axis = tool.at(sample.position);
+    for (index, axis) in samples_on_axis(tool) {
         let (clear, (triangle, weights, normal)) = sweep.advance(|t| {
             let (triangle, weights, distance, normal) = patch.project(axis + sweep.shift * t);
             (distance - sweep.radius, (triangle, weights, normal))
@@ -194,4 +241,40 @@ fn nearest_places(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64) -
         found.push((index, (patch.triangles[triangle], weights), Touch { normal, axis, gap }, place));
     }
     (found, deepest.map(|d| d.1))
+}
+
+/// For each triangle with an edge longer than the tool's radius, the place that an axis sample first meets on it, where the triangles
+/// around that place are not met earlier elsewhere: the local minima of the distance. Their numbers are `first` and the triangle's.
+fn places_on_triangles(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64, first: usize) -> Vec<Nearest> {
+    let mut met: Vec<(f64, usize, Nearest)> = vec![];
+    for (triangle, corners) in patch.corners.iter().enumerate() {
+        let longest = (0..3).map(|k| corners[k].distance(corners[(k + 1) % 3])).fold(0.0, f64::max);
+        if longest <= sweep.radius {
+            continue;
+        }
+        let outward = patch.face_normal(triangle);
+        let places = samples_on_axis(tool).filter_map(|(_, at)| {
+            let (clear, weights) = sweep.advance(|t| {
+                let centre = at + sweep.shift * t;
+                let weights = patch.nearest_on(triangle, centre);
+                (patch.place(triangle, weights).distance(centre) - sweep.radius, weights)
+            });
+            let place = patch.place(triangle, weights);
+            let touch = sweep.meets(place, reach).filter(|t| t.normal.dot(outward) > FACING)?;
+            let touch = Touch { gap: touch.gap + sweep.overlap(*corners, weights), ..touch };
+            Some((clear, triangle, (first + triangle, (patch.triangles[triangle], weights), touch, place)))
+        });
+        met.extend(places.min_by(|a, b| a.0.total_cmp(&b.0)));
+    }
+    let earlier = |(clear, triangle, (_, (nodes, weights), ..)): &(f64, usize, Nearest)| {
+        let holds = |other: &[u32; 3]| (0..3).all(|k| weights[k] < ON_EDGE || other.contains(&nodes[k]));
+        met.iter().any(|m| m.1 != *triangle && m.0 < clear - SAME * sweep.radius && holds(&m.2.1.0))
+    };
+    let least: Vec<bool> = met.iter().map(|m| !earlier(m)).collect();
+    met.into_iter().zip(least).filter(|(_, least)| *least).map(|(m, _)| m.2).collect()
+}
+
+fn samples_on_axis(tool: &Instrument) -> impl Iterator<Item = (usize, DVec3)> {
+    let axis = tool.samples.iter().enumerate().filter(|(_, s)| s.role == Role::Axis);
+    axis.map(|(index, sample)| (index, tool.at(sample.position)))
 }
