@@ -152,6 +152,54 @@ const DEEPEST: f64 = 0.05;
 /// Change of the force at rest from step to step, share: measured 0.035 at the worst of 206 places, and 0.51 with one nearest place.
 const NOISE: f64 = 0.1;
 
+/// Force on the bed of a scene's test form at its end, N.
+fn on_bed(scene: &Scene) -> f64 {
+    let (_, reports) = run(&scene.in_test_form(), None);
+    reports.last().map_or(f64::NAN, |r| r.probes[0].abs())
+}
+
+#[test]
+fn a_sphere_on_a_half_space_meets_hertz_and_neither_one_point_nor_plain_bricks_do() {
+    let hertz = scene("verify/hertz.toml");
+    let (r, d, h, poisson, young) = (5e-3f64, 1e-4f64, 1e-2, 0.49, 1e5);
+    let alpha = -(1.2876 - 1.4678 * poisson + 1.3442 * poisson * poisson) / (1.0 - poisson);
+    let beta = (0.6387 - 1.0277 * poisson + 1.5164 * poisson * poisson) / (1.0 - poisson);
+    let (pi, thin) = (std::f64::consts::PI, (r * d).sqrt() / h);
+    let terms = [1.0, -2.0 * alpha / pi, (2.0 * alpha / pi).powi(2)];
+    let third = -8.0 / pi.powi(3) * (alpha.powi(3) + 4.0 * pi * pi / 15.0 * beta);
+    let correction = terms[0] + thin * (terms[1] + thin * (terms[2] + thin * third));
+    let quarter = young / (3.0 * (1.0 - poisson * poisson)) * r.sqrt() * d.powf(1.5) * correction;
+    let error = |scene: &Scene| on_bed(scene) / quarter - 1.0;
+    let found = error(&hertz);
+    println!("{:.2} % on cells of 0.375 mm", found * 100.0);
+    assert!(found.abs() < 0.02, "{found}");
+    let mut one = hertz.clone();
+    one.contact.as_mut().expect("it has a tool").filter = Filter::One;
+    assert!(error(&one) < -0.2, "one point: {}", error(&one));
+    let mut plain = hertz;
+    plain.skin.law = Law::Fem { element: cutis::scene::Element::Plain, corotational: false };
+    assert!(error(&plain) > 0.05, "plain bricks: {}", error(&plain));
+}
+
+#[test]
+fn friction_slides_with_its_limit_and_sticks_below() {
+    let known = scene("verify/friction_known.toml");
+    let at_end = |scene: &Scene| {
+        let reports = run(scene, None).1;
+        let end = reports.last().expect("it has steps").clone();
+        [0, 1].map(|tool| force(&end, tool))
+    };
+    let tangential = |f: DVec3| f.truncate().length();
+    let [slides, sticks] = at_end(&known);
+    assert!((slides.z / 1e-3 - 1.0).abs() < 0.01 && (sticks.z / 1e-3 - 1.0).abs() < 0.01, "{slides} {sticks}");
+    assert!((tangential(slides) / 0.3e-3 - 1.0).abs() < 0.02, "{slides}");
+    assert!((tangential(sticks) / 0.15e-3 - 1.0).abs() < 0.02, "{sticks}");
+    let mut smooth = known;
+    smooth.contact.as_mut().expect("it has tools").friction = 0.1;
+    let [_, slips] = at_end(&smooth);
+    assert!(tangential(slips) < 0.11e-3, "under μ 0.1 the second slides too: {slips}");
+}
+
 #[test]
 fn a_deep_press_is_held_by_the_same_force_fast_and_slow() {
     let press = scene("hard/press_deep.toml");
