@@ -85,8 +85,8 @@ const REFERENCE: f64 = 0.172;
 #[test]
 fn half_a_cell_of_1_mm_is_coarse_for_a_sphere_of_2_mm_and_one_point_far_too_soft() {
     let points = last(&run(&coarse_press(), None).1);
-    // measured +10 %: the contact's radius is about one cell
-    assert!((points / REFERENCE - 1.10).abs() < 0.03, "{points} N");
+    // measured +12 %: the contact's radius is about one cell
+    assert!((points / REFERENCE - 1.125).abs() < 0.03, "{points} N");
     let mut one = coarse_press();
     one.contact.as_mut().expect("it has a tool").filter = Filter::One;
     let (_, reports) = run(&one, None);
