@@ -19,7 +19,7 @@ use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::Vector;
 use parry3d::query::details::RayCast;
 use parry3d::query::{PointQueryWithLocation, Ray};
-use parry3d::shape::{FeatureId, TriMesh, TriMeshFlags, TrianglePointLocation};
+use parry3d::shape::{FeatureId, TriMesh, TriMeshFlags, Triangle, TrianglePointLocation};
 
 /// A place of a deformable body: nodes and weights; fewer than three nodes repeat one with weight 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -203,6 +203,14 @@ impl Patch {
         let sinks = |role: Role| !matches!(role, Role::Flat { .. });
         let depth = |p: DVec3| -self.project(tool.at(p)).2;
         tool.samples.iter().filter(|s| sinks(s.role)).map(|s| depth(s.position)).fold(0.0, f64::max)
+    }
+
+    /// Weights of the place of a triangle that is nearest to a point.
+    fn nearest_on(&self, triangle: usize, point: DVec3) -> [f64; 3] {
+        let [a, b, c] = self.corners[triangle].map(|p| to_f32(p - self.origin));
+        let (_, location) =
+            Triangle::new(a, b, c).project_local_point_and_get_location(to_f32(point - self.origin), false);
+        location.barycentric_coordinates().map_or([1.0 / 3.0; 3], |w| w.map(f64::from))
     }
 
     /// The first thing along a ray, if it is a wall that faces the ray: triangle, weights, distance.

@@ -83,10 +83,10 @@ fn coarse_press() -> Scene {
 const REFERENCE: f64 = 0.172;
 
 #[test]
-fn half_a_cell_of_1_mm_is_too_coarse_for_a_sphere_of_2_mm_and_one_point_far_too_soft() {
+fn half_a_cell_of_1_mm_is_coarse_for_a_sphere_of_2_mm_and_one_point_far_too_soft() {
     let points = last(&run(&coarse_press(), None).1);
-    // measured +26 %: the contact's radius is about one cell
-    assert!((points / REFERENCE - 1.26).abs() < 0.03, "{points} N");
+    // measured +12 %: the contact's radius is about one cell
+    assert!((points / REFERENCE - 1.125).abs() < 0.03, "{points} N");
     let mut one = coarse_press();
     one.contact.as_mut().expect("it has a tool").filter = Filter::One;
     let (_, reports) = run(&one, None);
@@ -110,18 +110,36 @@ fn a_small_sphere_never_slips_through_wherever_it_is_pressed() {
         seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         ((seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5) * 2e-3
     };
-    // vertex, edges along x and y, the diagonal, face
-    let mut places = vec![[0.0, 0.0], [5e-4, 0.0], [0.0, 5e-4], [2.5e-4, 2.5e-4], [7.5e-4, 2.5e-4]];
-    places.push([5e-4, 5e-4]);
-    places.extend((0..30).map(|_| [random(), random()]));
-    let mut worst = f64::NEG_INFINITY;
-    for [x, y] in places {
+    // vertex, edges along x and y, the diagonal, faces
+    let mut places = vec![[0.0, 0.0], [5e-4, 0.0], [0.0, 5e-4], [2.5e-4, 2.5e-4], [7.5e-4, 2.5e-4], [5e-4, 5e-4]];
+    places.extend((0..200).map(|_| [random(), random()]));
+    let pressed = |[x, y]: [f64; 2]| {
         let (mut simulation, reports) = run(&moved(&press, x, y), None);
-        worst = worst.max(depth(&mut simulation, 0));
-        assert!(last(&reports) > 0.01, "at {x}, {y}: {} N", last(&reports));
-    }
-    println!("deepest {:.2} µm", worst * 1e6);
-    assert!(worst < FOLD * radius, "{worst} m under the surface");
+        let forces: Vec<f64> = reports.iter().map(|r| force(r, 0).length()).collect();
+        let rest = &forces[forces.len() - 6..];
+        let noise = rest.windows(2).map(|f| (f[1] - f[0]).abs()).fold(0.0, f64::max) / rest[5];
+        let most = reports.iter().map(|r| r.contact.count()).max().unwrap_or(0);
+        assert!(rest[5] > 0.01, "at {x}, {y}: {} N", rest[5]);
+        (depth(&mut simulation, 0), noise, most)
+    };
+    let (left, right) = places.split_at(places.len() / 2);
+    let all = |places: &[[f64; 2]]| places.iter().map(|p| pressed(*p)).collect::<Vec<_>>();
+    let mut found = std::thread::scope(|scope| {
+        let other = scope.spawn(|| all(right));
+        [all(left), other.join().expect("its message is above")].concat()
+    });
+    println!("vertex, edges, diagonals, face: {:?}", &found[..6]);
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let worst = found[found.len() - 1].0;
+    let noise = found.iter().map(|f| f.1).fold(0.0, f64::max);
+    let most = found.iter().map(|f| f.2).max();
+    println!(
+        "depth/R median {:.4}, largest {:.4}; noise {noise:.4}; contacts {most:?}",
+        found[found.len() / 2].0 / radius,
+        worst / radius
+    );
+    assert!(worst < DEEPEST * radius, "{worst} m under the surface");
+    assert!(noise < NOISE, "the force at rest changes by {noise} of itself in a step");
     let mut free = press;
     free.contact = None;
     let mut simulation = run(&free, None).0;
@@ -131,9 +149,56 @@ fn a_small_sphere_never_slips_through_wherever_it_is_pressed() {
 /// How far a sphere at rest may be under the surface, radii: the first touch is found to 1 % of the radius, and the skin turns under
 /// it within a step.
 const DEEPEST: f64 = 0.05;
-/// The same for a sphere of a fifth of a cell in a dent with slopes of a whole cell, radii: measured 0.45. Surface points are 2.5 radii
-/// apart there, so often the nearest place alone holds it; the likely reason is that where two faces meet the other one then gives.
-const FOLD: f64 = 0.5;
+/// Change of the force at rest from step to step, share: measured 0.035 at the worst of 206 places, and 0.51 with one nearest place.
+const NOISE: f64 = 0.1;
+
+/// Force on the bed of a scene's test form at its end, N.
+fn on_bed(scene: &Scene) -> f64 {
+    let (_, reports) = run(&scene.in_test_form(), None);
+    reports.last().map_or(f64::NAN, |r| r.probes[0].abs())
+}
+
+#[test]
+fn a_sphere_on_a_half_space_meets_hertz_and_neither_one_point_nor_plain_bricks_do() {
+    let hertz = scene("verify/hertz.toml");
+    let (r, d, h, poisson, young) = (5e-3f64, 1e-4f64, 1e-2, 0.49, 1e5);
+    let alpha = -(1.2876 - 1.4678 * poisson + 1.3442 * poisson * poisson) / (1.0 - poisson);
+    let beta = (0.6387 - 1.0277 * poisson + 1.5164 * poisson * poisson) / (1.0 - poisson);
+    let (pi, thin) = (std::f64::consts::PI, (r * d).sqrt() / h);
+    let terms = [1.0, -2.0 * alpha / pi, (2.0 * alpha / pi).powi(2)];
+    let third = -8.0 / pi.powi(3) * (alpha.powi(3) + 4.0 * pi * pi / 15.0 * beta);
+    let correction = terms[0] + thin * (terms[1] + thin * (terms[2] + thin * third));
+    let quarter = young / (3.0 * (1.0 - poisson * poisson)) * r.sqrt() * d.powf(1.5) * correction;
+    let error = |scene: &Scene| on_bed(scene) / quarter - 1.0;
+    let found = error(&hertz);
+    println!("{:.2} % on cells of 0.375 mm", found * 100.0);
+    assert!(found.abs() < 0.02, "{found}");
+    let mut one = hertz.clone();
+    one.contact.as_mut().expect("it has a tool").filter = Filter::One;
+    assert!(error(&one) < -0.2, "one point: {}", error(&one));
+    let mut plain = hertz;
+    plain.skins[0].law = Law::Fem { element: cutis::scene::Element::Plain, corotational: false };
+    assert!(error(&plain) > 0.05, "plain bricks: {}", error(&plain));
+}
+
+#[test]
+fn friction_slides_with_its_limit_and_sticks_below() {
+    let known = scene("verify/friction_known.toml");
+    let at_end = |scene: &Scene| {
+        let reports = run(scene, None).1;
+        let end = reports.last().expect("it has steps").clone();
+        [0, 1].map(|tool| force(&end, tool))
+    };
+    let tangential = |f: DVec3| f.truncate().length();
+    let [slides, sticks] = at_end(&known);
+    assert!((slides.z / 1e-3 - 1.0).abs() < 0.01 && (sticks.z / 1e-3 - 1.0).abs() < 0.01, "{slides} {sticks}");
+    assert!((tangential(slides) / 0.3e-3 - 1.0).abs() < 0.02, "{slides}");
+    assert!((tangential(sticks) / 0.15e-3 - 1.0).abs() < 0.02, "{sticks}");
+    let mut smooth = known;
+    smooth.contact.as_mut().expect("it has tools").friction = 0.1;
+    let [_, slips] = at_end(&smooth);
+    assert!(tangential(slips) < 0.11e-3, "under μ 0.1 the second slides too: {slips}");
+}
 
 #[test]
 fn a_deep_press_is_held_by_the_same_force_fast_and_slow() {

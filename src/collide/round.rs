@@ -2,7 +2,15 @@
 //!
 //! Surface points: the corners of each face, the middles of its edges and its centre (on the diagonal of its triangles), so half a cell
 //! apart, each once. For a point `p` and the tool's axis `a`, radius R: `n = (a − p)/|a − p|`, gap `n·(a − p) − R`, negative when the
-//! point is inside the tool. Between the points the skin is held by one more contact per axis sample, at the nearest place of the faces.
+//! point is inside the tool. Where triangles are longer than R a small tool would sink between the points: there each place of the faces
+//! that is nearest among its neighbours holds it too, so both sides of a fold. Larger tools sink by 3 % of R there at most; tried and
+//! left: more places for them too (forces at rest that change by 1 to 3 % from step to step).
+//!
+//! Faces are flat, and skin that follows a tool is not. Skin of curvature κ (hollow, at most 1/R) stands above the chords between its
+//! nodes by `s = κ/2 Σ_{i<j} w_i w_j L_ij²` at weights `w` (`L` across the axis), on average by `s̄ = κ/24 Σ L_ij²`. So chords through nodes
+//! on the tool stand into it; contacts may overlap by `s − s̄` where that is positive. The skin's mean place is then the tool's, and forces
+//! converge with the square of the cell; chords kept out of the tool would make it too large by about `s̄/2`. Skin that is touched lightly
+//! is still flat, and nothing overlaps.
 //!
 //! Continuous: along the tool's motion s of the step, `a(t) = a + t s`, the first t with `|a(t) − p| = R` is looked for by conservative
 //! advancement (Mirtich 1996: no step is longer than the clearance). Normal and place on the axis are taken there, the gap of that plane
@@ -27,10 +35,19 @@ const MOST_STEPS: u32 = 128;
 const FACING: f64 = 0.1;
 /// Nearest places closer than this to a surface point, radii, add nothing to it.
 const SAME: f64 = 1e-3;
+/// A weight below which a place is on the opposite edge: a multiple of f32's rounding.
+const ON_EDGE: f64 = 1e-5;
+/// Neighbours whose normals have less than this in common (cosine) meet at an edge of the body or of a wound, not in curved skin.
+const SMOOTH: f64 = 0.5;
+/// The overlap of flat faces at most, radii; met by triangles longer than 0.7 radii, on which the estimate of what is between their
+/// corners is no better than a guess.
+const OVERLAP: f64 = 0.02;
 
 /// The tool's axis at the step's start and its motion.
 struct Sweep {
     ends: [DVec3; 2],
+    /// Unit; zero for a sphere.
+    along: DVec3,
     shift: DVec3,
     radius: f64,
 }
@@ -45,7 +62,7 @@ struct Touch {
 /// A place of the skin as nodes and weights.
 type Spot = ([u32; 3], [f64; 3]);
 
-/// Where an axis sample first touches: number of the sample, spot, touch, place.
+/// Where an axis sample first touches: number of the contact, spot, touch, place.
 type Nearest = (usize, Spot, Touch, DVec3);
 
 impl Sweep {
@@ -53,7 +70,7 @@ impl Sweep {
         let ends = round.ends.map(|end| tool.at(DVec3::from_array(end)));
         let middle = (ends[0] + ends[1]) * 0.5;
         let shift = free.shift + free.turn.cross(middle - tool.position);
-        Self { ends, shift, radius: round.radius }
+        Self { ends, along: (ends[1] - ends[0]).normalize_or_zero(), shift, radius: round.radius }
     }
 
     /// Nearest place of the axis, before the motion.
@@ -84,6 +101,21 @@ impl Sweep {
         best
     }
 
+    /// Square of a line's length across the axis, m².
+    fn across_squared(&self, line: DVec3) -> f64 {
+        (line - self.along * line.dot(self.along)).length_squared()
+    }
+
+    /// How far a place of a triangle on skin of this curvature (1/m) may overlap the tool, m.
+    fn overlap(&self, corners: [DVec3; 3], weights: [f64; 3], curvature: f64) -> f64 {
+        let edges = [(0, 1), (1, 2), (2, 0)];
+        let share = |(i, j): (usize, usize)| {
+            self.across_squared(corners[i] - corners[j]) * (weights[i] * weights[j] - 1.0 / 12.0)
+        };
+        let followed = curvature.clamp(0.0, 1.0 / self.radius);
+        (0.5 * followed * edges.map(share).iter().sum::<f64>()).clamp(0.0, OVERLAP * self.radius)
+    }
+
     /// How the tool meets a surface point, when it comes within `reach`.
     fn meets(&self, p: DVec3, reach: f64) -> Option<Touch> {
         let (clear, (axis, away)) = self.advance(|t| {
@@ -108,14 +140,58 @@ impl Sweep {
     }
 }
 
-/// Surface points of faces: their two nodes (the same twice for a corner) and outward direction, not of unit length.
-fn surface_points(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> BTreeMap<(u32, u32), DVec3> {
-    let mut points: BTreeMap<(u32, u32), DVec3> = BTreeMap::new();
-    for face in faces {
-        let [a, b, c, d] = face.nodes;
-        let outward = (position(c) - position(a)).cross(position(d) - position(b));
-        for (i, j) in [(a, a), (b, b), (c, c), (d, d), (a, b), (b, c), (c, d), (d, a), (a, c)] {
-            *points.entry((i.min(j), i.max(j))).or_default() += outward;
+/// `[face]` curvature of the skin, 1/m, positive in a hollow: turn of the normal over the way to a neighbour, the largest: at the
+/// end of a contact the skin leaves the tool on one side.
+fn curvatures(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> Vec<f64> {
+    let shape = |face: &Quad| {
+        let [a, b, c, d] = face.nodes.map(position);
+        ((a + b + c + d) * 0.25, (c - a).cross(d - b).normalize_or_zero())
+    };
+    let shapes: Vec<(DVec3, DVec3)> = faces.iter().map(shape).collect();
+    let mut beside: BTreeMap<(u32, u32), usize> = BTreeMap::new();
+    let mut most = vec![0.0f64; faces.len()];
+    for (k, face) in faces.iter().enumerate() {
+        for (a, b) in (0..4).map(|n| (face.nodes[n], face.nodes[(n + 1) % 4])) {
+            let Some(other) = beside.insert((a.min(b), a.max(b)), k) else { continue };
+            let ((here, up), (there, turned)) = (shapes[k], shapes[other]);
+            let way = there - here;
+            if up.dot(turned) > SMOOTH && way.length_squared() > 0.0 {
+                let bent = (up - turned).dot(way) / way.length_squared();
+                for face in [k, other] {
+                    most[face] = most[face].max(bent);
+                }
+            }
+        }
+    }
+    most
+}
+
+/// A surface point: outward direction, not of unit length, and how far it may overlap the tool, m.
+struct SurfacePoint {
+    outward: DVec3,
+    overlap: f64,
+}
+
+/// Surface points of faces, by their two nodes (the same twice for a corner).
+fn surface_points(
+    faces: &[Quad],
+    position: &impl Fn(u32) -> DVec3,
+    sweep: &Sweep,
+    curvature: &[f64],
+) -> BTreeMap<(u32, u32), SurfacePoint> {
+    let mut points: BTreeMap<(u32, u32), SurfacePoint> = BTreeMap::new();
+    for (face, curvature) in faces.iter().zip(curvature) {
+        let corners = face.nodes.map(position);
+        let turned = (corners[2] - corners[0]).cross(corners[3] - corners[1]);
+        // two nodes of a triangle and its third; the diagonal of a face is that of its triangles
+        let pairs = [(0, 0, 0), (1, 1, 1), (2, 2, 2), (3, 3, 3), (0, 1, 2), (1, 2, 0), (2, 3, 0), (3, 0, 2), (0, 2, 1)];
+        for (i, j, k) in pairs {
+            let overlap = sweep.overlap([corners[i], corners[j], corners[k]], [0.5, 0.5, 0.0], *curvature);
+            let (a, b) = (face.nodes[i], face.nodes[j]);
+            let first = SurfacePoint { outward: DVec3::ZERO, overlap };
+            let point = points.entry((a.min(b), a.max(b))).or_insert(first);
+            point.outward += turned;
+            point.overlap = point.overlap.min(overlap);
         }
     }
     points
@@ -124,6 +200,13 @@ fn surface_points(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> BTreeMap<
 /// Number of a surface point among a tool's contacts, after those of its own samples.
 fn point_id(tool: &Instrument, i: u32, j: u32) -> usize {
     tool.samples.len() + ((i as usize) << 32 | j as usize)
+}
+
+/// Number of a triangle among a tool's contacts, behind those of its surface points: the same from step to step.
+fn triangle_id(nodes: [u32; 3]) -> usize {
+    let mixed =
+        nodes.iter().fold(0usize, |sum, node| sum.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(*node as usize));
+    1 << 63 | mixed >> 1
 }
 
 /// Contacts of one round tool with the faces near it, of which `patch` is made; `position` says where a node is now.
@@ -138,7 +221,7 @@ pub fn contacts(
 ) -> Vec<Contact> {
     let sweep = Sweep::new(tool, round, free);
     let reach = search.alarm + search.distance;
-    let (nearest, out) = nearest_places(tool, patch, &sweep, reach);
+    let (mut nearest, out) = nearest_places(tool, patch, &sweep, reach);
     let made = |index: usize, (nodes, weights): Spot, touch: &Touch| {
         let point = touch.axis - touch.normal * sweep.radius;
         let contact = Contact::on_skin(number, index, body, super::Spot { nodes, weights }, point);
@@ -149,15 +232,20 @@ pub fn contacts(
         let deepest = nearest.iter().min_by(|a, b| a.2.gap.total_cmp(&b.2.gap));
         return deepest.map(|(index, spot, touch, _)| made(*index, *spot, touch)).into_iter().collect();
     }
+    let curvature = curvatures(faces, position);
+    if out.is_none() {
+        nearest = places_on_triangles(tool, patch, &sweep, &curvature, reach);
+    }
     let mut found = vec![];
     let mut places = vec![];
-    for ((i, j), outward) in surface_points(faces, position) {
+    for ((i, j), point) in surface_points(faces, position, &sweep, &curvature) {
         let p = (position(i) + position(j)) * 0.5;
         let touch = match out {
             Some(out) => sweep.buries(p, out),
             None => sweep.meets(p, reach),
         };
-        if let Some(touch) = touch.filter(|t| t.normal.dot(outward) > FACING * outward.length()) {
+        if let Some(touch) = touch.filter(|t| t.normal.dot(point.outward) > FACING * point.outward.length()) {
+            let touch = Touch { gap: touch.gap + point.overlap, ..touch };
             found.push(made(point_id(tool, i, j), ([i, j, j], [0.5, 0.5, 0.0]), &touch));
             places.push(p);
         }
@@ -176,8 +264,7 @@ pub fn contacts(
 fn nearest_places(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64) -> (Vec<Nearest>, Option<DVec3>) {
     let mut found = vec![];
     let mut deepest: Option<(f64, DVec3)> = None;
-    for (index, sample) in tool.samples.iter().enumerate().filter(|(_, s)| s.role == Role::Axis) {
-        let axis = tool.at(sample.position);
+    for (index, axis) in samples_on_axis(tool) {
         let (clear, (triangle, weights, normal)) = sweep.advance(|t| {
             let (triangle, weights, distance, normal) = patch.project(axis + sweep.shift * t);
             (distance - sweep.radius, (triangle, weights, normal))
@@ -195,4 +282,99 @@ fn nearest_places(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64) -
         found.push((index, (patch.triangles[triangle], weights), Touch { normal, axis, gap }, place));
     }
     (found, deepest.map(|d| d.1))
+}
+
+/// For each triangle with an edge longer than the tool's radius, the place that an axis sample first meets on it, where the triangles
+/// around that place are not met earlier elsewhere: the local minima of the distance. Their numbers are `first` and the triangle's.
+fn places_on_triangles(tool: &Instrument, patch: &Patch, sweep: &Sweep, curvature: &[f64], reach: f64) -> Vec<Nearest> {
+    let mut met: Vec<(f64, usize, Nearest)> = vec![];
+    for (triangle, corners) in patch.corners.iter().enumerate() {
+        let longest = (0..3).map(|k| corners[k].distance(corners[(k + 1) % 3])).fold(0.0, f64::max);
+        if longest <= sweep.radius {
+            continue;
+        }
+        let outward = patch.face_normal(triangle);
+        let places = samples_on_axis(tool).filter_map(|(_, at)| {
+            let (clear, weights) = sweep.advance(|t| {
+                let centre = at + sweep.shift * t;
+                let weights = patch.nearest_on(triangle, centre);
+                (patch.place(triangle, weights).distance(centre) - sweep.radius, weights)
+            });
+            let place = patch.place(triangle, weights);
+            let touch = sweep.meets(place, reach).filter(|t| t.normal.dot(outward) > FACING)?;
+            let touch = Touch { gap: touch.gap + sweep.overlap(*corners, weights, curvature[triangle / 2]), ..touch };
+            Some((
+                clear,
+                triangle,
+                (triangle_id(patch.triangles[triangle]), (patch.triangles[triangle], weights), touch, place),
+            ))
+        });
+        met.extend(places.min_by(|a, b| a.0.total_cmp(&b.0)));
+    }
+    let earlier = |(clear, triangle, (_, (nodes, weights), ..)): &(f64, usize, Nearest)| {
+        let holds = |other: &[u32; 3]| (0..3).all(|k| weights[k] < ON_EDGE || other.contains(&nodes[k]));
+        met.iter().any(|m| m.1 != *triangle && m.0 < clear - SAME * sweep.radius && holds(&m.2.1.0))
+    };
+    let least: Vec<bool> = met.iter().map(|m| !earlier(m)).collect();
+    met.into_iter().zip(least).filter(|(_, least)| *least).map(|(m, _)| m.2).collect()
+}
+
+fn samples_on_axis(tool: &Instrument) -> impl Iterator<Item = (usize, DVec3)> {
+    let axis = tool.samples.iter().enumerate().filter(|(_, s)| s.role == Role::Axis);
+    axis.map(|(index, sample)| (index, tool.at(sample.position)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Side of a cell, m.
+    const CELL: f64 = 1e-3;
+    const RADIUS: f64 = 4e-3;
+
+    fn sweep(along: DVec3) -> Sweep {
+        Sweep { ends: [DVec3::ZERO; 2], along, shift: DVec3::ZERO, radius: RADIUS }
+    }
+
+    /// A patch of 4 × 4 faces at height `z(x, y)`, and its nodes.
+    fn patch(z: impl Fn(f64, f64) -> f64) -> (Vec<Quad>, Vec<DVec3>) {
+        let at = |k: u32| (f64::from(k) - 2.0) * CELL;
+        let places = (0..25).map(|n| (at(n % 5), at(n / 5)));
+        let corner = |k: u32| k % 4 + 5 * (k / 4);
+        let quad = |k: u32| Quad { nodes: [0, 1, 6, 5].map(|n| corner(k) + n), cell: 0 };
+        ((0..16).map(quad).collect(), places.map(|(x, y)| DVec3::new(x, y, z(x, y))).collect())
+    }
+
+    #[test]
+    fn curvature_is_that_of_a_bowl_and_none_on_a_plane_a_hill_or_over_an_edge() {
+        let found = |z: &dyn Fn(f64, f64) -> f64| {
+            let (faces, nodes) = patch(z);
+            curvatures(&faces, &|id| nodes[id as usize])
+        };
+        let bowl = found(&|x, y| (x * x + y * y) / (2.0 * RADIUS));
+        // tangents of up to 0.375 against angles
+        assert!(bowl.iter().all(|k| (k * RADIUS - 1.0).abs() < 0.2), "{bowl:?}");
+        assert!(found(&|x, _| 0.3 * x).iter().all(|k| k.abs() < 1e-9));
+        assert!(found(&|x, y| -(x * x + y * y) / (2.0 * RADIUS)).iter().all(|k| *k == 0.0));
+        assert!(found(&|x, _| 3.0 * x.abs()).iter().all(|k| k.abs() < 1e-6), "walls of a wound");
+    }
+
+    #[test]
+    fn chords_of_a_bowl_overlap_by_what_their_mean_leaves() {
+        let corners = [DVec3::ZERO, DVec3::X * CELL, (DVec3::X + DVec3::Y) * CELL];
+        let (sphere, middle) = (sweep(DVec3::ZERO), [0.5, 0.0, 0.5]);
+        let diagonal = 2.0 * CELL * CELL;
+        let third_of_sag = diagonal / (24.0 * RADIUS);
+        assert!((sphere.overlap(corners, middle, 1.0 / RADIUS) - third_of_sag).abs() < 1e-12);
+        assert!(
+            (sphere.overlap(corners, middle, 9.0 / RADIUS) - third_of_sag).abs() < 1e-12,
+            "no more than the tool's"
+        );
+        assert_eq!(sphere.overlap(corners, [1.0, 0.0, 0.0], 1.0 / RADIUS), 0.0, "a corner");
+        assert_eq!(sphere.overlap(corners, middle, 0.0), 0.0, "flat skin");
+        assert_eq!(sphere.overlap(corners.map(|c| c * 50.0), middle, 1.0 / RADIUS), OVERLAP * RADIUS);
+        // a capsule along x: the same chords, seen along its axis, are half as much
+        let capsule = sweep(DVec3::X).overlap(corners, middle, 1.0 / RADIUS);
+        assert!((capsule - 0.5 * third_of_sag).abs() < 1e-12, "{capsule}");
+    }
 }

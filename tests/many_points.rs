@@ -1,0 +1,93 @@
+//! One rigid tool with many contact points: the force is that of a flat punch, whatever the points' number and however redundant.
+
+use cutis::report::run::whole;
+use cutis::scene::{Boundary, ProbeKind, Region, Scene, read};
+use cutis::step::{Place, Simulation};
+use std::path::Path;
+
+/// Relative error of a force between two solves: the passes stop at 1e-3 of the energy, that is well below of the sum.
+const SAME: f64 = 2e-3;
+
+/// 64 rows on 25 nodes: forces may be shared in so many ways that the solver says it has not settled on one; their sum has.
+const REDUNDANT: &[&str] = &["contact_not_converged", "contact_passes_exhausted"];
+
+fn punch() -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hard/tools_many_points.toml");
+    read(&path).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn with_points(count: usize, times: usize) -> Scene {
+    let mut scene = punch();
+    let points = &mut scene.tools[0].points;
+    points.truncate(count);
+    *points = points.repeat(times);
+    scene.contact.as_mut().expect("it has a tool").max_contacts = (count * times) as u32;
+    scene
+}
+
+/// Force on the tool at rest, and how many points touch. `asked` warnings are counted and printed, all others fail.
+fn pressed_with(scene: &Scene, asked: &[&str]) -> (f64, usize) {
+    let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+    let mut last = (0.0, 0);
+    for _ in 0..whole(scene) {
+        let report = simulation.step(false).expect("the CPU path has no device to fail");
+        let unasked: Vec<_> = report.warnings.iter().filter(|(name, _)| !asked.contains(name)).collect();
+        assert!(unasked.is_empty(), "at {} s: {unasked:?}", report.time);
+        if !report.warnings.is_empty() {
+            let (newtons, metres) = (report.contact.residual_n, report.contact.residual_m);
+            println!("at {} s: {:?}, {newtons:e} N, {metres:e} m", report.time, report.warnings);
+        }
+        assert!(report.contact.forces.iter().all(|f| f.is_finite()));
+        last = (report.contact.on_tool.first().map_or(0.0, |f| f[2]), report.contact.count());
+    }
+    last
+}
+
+fn pressed(scene: &Scene) -> (f64, usize) {
+    pressed_with(scene, &[])
+}
+
+/// The flat punch itself: the top under it held where the tool holds it, N.
+fn held_down() -> f64 {
+    let mut scene = punch();
+    let end = scene.tools[0].trajectory.last().expect("it has a hand").position[2];
+    let top: f64 = scene.skins[0].layers.iter().map(|l| l.thickness).sum();
+    let region = Region::Box { min: [-1e-3, -1e-3, top], max: [1e-3, 1e-3, top] };
+    let displacement = [0.0, 0.0, end - top];
+    scene.boundaries.push(Boundary { region, axes: [false, false, true], displacement });
+    (scene.tools, scene.contact) = (vec![], None);
+    assert!(matches!(scene.probes[0].kind, ProbeKind::Reaction { .. }));
+    let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+    let mut reports = (0..3).map(|_| simulation.step(false).expect("the CPU path has no device to fail"));
+    reports.nth(2).map_or(0.0, |r| r.probes[0].abs())
+}
+
+#[test]
+fn more_points_press_harder_up_to_a_flat_punch() {
+    let flat = held_down();
+    let forces = [1, 2, 4, 8, 64].map(|count| pressed_with(&with_points(count, 1), REDUNDANT));
+    println!("{forces:?}, flat {flat} N");
+    for pair in forces.windows(2) {
+        assert!(pair[1].0 > pair[0].0 * (1.0 - SAME), "{forces:?}");
+    }
+    let (most, touching) = forces[4];
+    assert!(touching == 64, "{touching}");
+    assert!((most / flat - 1.0).abs() < 0.02, "{most} N, flat {flat} N");
+    assert!(forces[0].0 < 0.5 * flat, "one point is no punch: {} N", forces[0].0);
+}
+
+#[test]
+fn points_at_one_place_share_what_one_of_them_bears() {
+    for (count, times) in [(1, 8), (2, 4), (8, 8)] {
+        let (alone, together) = (pressed(&with_points(count, 1)).0, pressed(&with_points(count, times)).0);
+        assert!((together / alone - 1.0).abs() < SAME, "{count} points {alone} N, each {times} times {together} N");
+    }
+}
+
+#[test]
+fn friction_on_redundant_points_changes_little_and_stays_finite() {
+    let mut rough = punch();
+    rough.contact.as_mut().expect("it has a tool").friction = 0.3;
+    let (rough, flat) = (pressed_with(&rough, REDUNDANT).0, held_down());
+    assert!((rough / flat - 1.0).abs() < 0.05, "rough {rough} N, smooth and flat {flat} N");
+}
