@@ -6,7 +6,7 @@
 //! force at rest. The hand carries the tool's weight.
 //! Units: m, rad, kg, N, N·m. Source: Colgate, Stanley, Brown 1995 (virtual coupling).
 
-use crate::scene::{Blade, Coupling, Pose, Round, Tool};
+use crate::scene::{Blade, Coupling, Lines, Pose, Round, Tool};
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
 
@@ -75,6 +75,8 @@ pub struct Instrument {
     pub edge: Option<Edge>,
     /// For spheres and capsules.
     pub round: Option<Round>,
+    /// For tools of points and lines; its vertices are the samples.
+    pub lines: Option<Arc<Lines>>,
     /// kg
     pub mass: f64,
     /// Principal, tool axes, kg·m².
@@ -116,6 +118,7 @@ impl Instrument {
         let mut samples: Vec<Sample> = tool.points.iter().map(point).collect();
         let edge = tool.blade.as_ref().map(|blade| Edge::new(blade, &mut samples));
         samples.extend(tool.round.iter().flat_map(axis_samples));
+        samples.extend(tool.lines.iter().flat_map(|lines| lines.positions.iter().map(point)));
         Self {
             position: DVec3::from_array(first.position),
             rotation: DQuat::from_array(first.rotation),
@@ -124,6 +127,7 @@ impl Instrument {
             samples,
             edge,
             round: tool.round,
+            lines: tool.lines.clone().map(Arc::new),
             mass: tool.mass,
             inertia: DVec3::from_array(tool.inertia),
             coupling: tool.coupling,
@@ -250,6 +254,7 @@ mod tests {
             }),
             points: vec![],
             round: None,
+            lines: None,
             coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },
             trajectory: vec![pose(0.0, 0.0), pose(0.01, 0.001)],
         })

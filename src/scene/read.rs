@@ -38,7 +38,7 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let boundaries = raw.boundary.into_iter().map(|table| boundary(&scene, table.keys, &grids));
     let loads = raw.load.into_iter().map(|table| load(&scene, table.keys, skin.size));
     let tools = tools::tools(&scene, files, raw.tool)?;
-    let contact = tools::contact(&scene, raw::keys(raw.contact))?;
+    let contact = tools::contact(&scene, raw::keys(raw.contact), &tools)?;
     Ok(Scene {
         title: raw.title.into_inner(),
         file: file.to_path_buf(),
