@@ -7,6 +7,7 @@
 //! then taken from f64 positions.
 //! Units: m.
 
+pub mod features;
 pub mod round;
 
 use crate::constraints::Law;
@@ -48,13 +49,16 @@ pub struct Search {
     pub distance: f64,
     /// μ
     pub friction: f64,
-    /// For round tools.
+    /// For round tools and tools of points and lines.
     pub filter: Filter,
+    /// How far normal cones are widened: sine of the angle.
+    pub angle_cone: f64,
 }
 
 /// Box of a tool's samples over a step, widened.
 pub fn tool_box(tool: &Instrument, margin: f64) -> Aabb {
-    let margin = margin + tool.round.map_or(0.0, |round| round.radius);
+    let radius = tool.round.map_or(0.0, |round| round.radius) + tool.lines.as_ref().map_or(0.0, |lines| lines.radius);
+    let margin = margin + radius;
     let points = tool.samples.iter().map(|s| to_f32(tool.at(s.position)));
     Aabb::from_points(points).loosened(margin as f32)
 }
@@ -140,6 +144,16 @@ impl Patch {
         let sign = if projection.is_inside { -1.0 } else { 1.0 };
         let normal = if distance > noise { away * (sign / distance) } else { self.face_normal(triangle) };
         (triangle, weights, sign * distance, normal)
+    }
+
+    /// Triangles that may meet a box, in rising order.
+    pub fn near(&self, low: DVec3, high: DVec3) -> Vec<u32> {
+        // corners are rounded to f32 relative to the patch's origin, by half a millionth of it at most
+        let slack = 1e-6 * f64::from(self.mesh.local_aabb().half_extents().max_element());
+        let area = Aabb::new(to_f32(low - self.origin), to_f32(high - self.origin)).loosened(slack as f32);
+        let mut found: Vec<u32> = self.mesh.bvh().intersect_aabb(&area).collect();
+        found.sort_unstable();
+        found
     }
 
     /// The first thing along a ray, if it is a wall that faces the ray: triangle, weights, distance.

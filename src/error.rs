@@ -420,7 +420,9 @@ pub enum Error {
     },
 
     /// A segment of no length.
-    #[error("{at}: vertices {a} and {b} of the line are at the same place; wanted segments with a length; leave one out")]
+    #[error(
+        "{at}: vertices {a} and {b} of the line are at the same place; wanted segments with a length; leave one out"
+    )]
     LinesShort {
         /// The `l` line.
         at: Place,
@@ -444,7 +446,9 @@ pub enum Error {
     },
 
     /// A file without points and lines.
-    #[error("{path}: there are no points and lines; wanted a line `l 1 2` or `p 1` at least; export the tool with its edges")]
+    #[error(
+        "{path}: there are no points and lines; wanted a line `l 1 2` or `p 1` at least; export the tool with its edges"
+    )]
     LinesEmpty {
         /// The file.
         path: PathBuf,

@@ -117,7 +117,9 @@ pub(super) fn filter(scene: &SceneText, word: Option<At<String>>, tools: &[Tool]
         fits,
     };
     match tools.iter().find(unfit) {
-        Some(tool) if filter == Filter::One => Err(misfit(tool, "tools with a `round` table, and this one has `lines`")),
+        Some(tool) if filter == Filter::One => {
+            Err(misfit(tool, "tools with a `round` table, and this one has `lines`"))
+        }
         Some(tool) => Err(misfit(tool, "tools with a `lines` table, and this one is `round`")),
         None => Ok(filter),
     }

@@ -246,7 +246,13 @@ impl Simulation {
         let Some(law) = self.scene.contact else {
             return Ok(vec![]);
         };
-        let search = Search { alarm: law.alarm, distance: law.distance, friction: law.friction, filter: law.filter };
+        let search = Search {
+            alarm: law.alarm,
+            distance: law.distance,
+            friction: law.friction,
+            filter: law.filter,
+            angle_cone: law.angle_cone,
+        };
         let mut found = vec![];
         let mut near = DVec3::ZERO;
         for (number, tool) in self.tools.iter().enumerate() {
@@ -281,11 +287,12 @@ impl Simulation {
                 let level = params.cell_at(cell as usize)[2];
                 model.toughness[model.grid.layer_of[level] as usize]
             };
-            found.extend(match &tool.round {
-                Some(round) => {
+            found.extend(match (&tool.round, &tool.lines) {
+                (Some(round), _) => {
                     collide::round::contacts(number, tool, round, &faces, &patch, &position, &search, &free[number])
                 }
-                None => collide::contacts(number, tool, &patch, &search, travel, resistance),
+                (None, Some(lines)) => collide::features::contacts(number, tool, lines, &patch, &search, &free[number]),
+                (None, None) => collide::contacts(number, tool, &patch, &search, travel, resistance),
             });
         }
         // next step's faces: skin near the tool has moved this far; skin that is not near yet by less than its thickness

@@ -1,0 +1,268 @@
+//! Tools of points and lines on the skin: each pair of features on a configuration known by hand, the normal cones, the way out of the
+//! skin, and whole presses; each check with what it would miss.
+
+use cutis::collide::features::closest;
+use cutis::collide::features::cones::Cone;
+use cutis::collide::features::{contacts, contacts_among};
+use cutis::collide::{Contact, Patch, Search};
+use cutis::instrument::{Free, Instrument};
+use cutis::mesh::Quad;
+use cutis::scene::{Coupling, Filter, Lines, Pose, Scene, Tool, ToolMesh, read};
+use cutis::step::{Place, Simulation, StepReport};
+use glam::{DMat3, DVec3};
+use proptest::prelude::*;
+use std::path::Path;
+
+/// m
+const MM: f64 = 1e-3;
+/// Relative error of places and gaps that are known exactly.
+const EXACT: f64 = 1e-9;
+/// Nodes along a side of the hand-made surfaces, a millimetre apart, the middle one at the origin.
+const SIDE: u32 = 7;
+
+fn node(i: i32, j: i32) -> u32 {
+    let half = (SIDE / 2) as i32;
+    ((j + half) * SIDE as i32 + i + half) as u32
+}
+
+fn place(id: u32) -> [f64; 2] {
+    let half = f64::from(SIDE / 2);
+    [f64::from(id % SIDE) - half, f64::from(id / SIDE) - half]
+}
+
+/// A surface of heights over x and y, mm.
+fn surface(height: impl Fn(f64, f64) -> f64) -> Patch {
+    let mut quads = vec![];
+    for j in 0..SIDE - 1 {
+        for i in 0..SIDE - 1 {
+            let a = j * SIDE + i;
+            quads.push(Quad { nodes: [a, a + 1, a + SIDE + 1, a + SIDE], cell: 0 });
+        }
+    }
+    let position = |id: u32| {
+        let [x, y] = place(id);
+        DVec3::new(x, y, height(x, y)) * MM
+    };
+    Patch::new(&quads, position).expect("it has faces")
+}
+
+/// A tool at the origin, places in mm.
+fn tool(places: &[[f64; 3]], segments: &[[u32; 2]], radius: f64) -> (Instrument, Lines) {
+    let positions = places.iter().map(|p| p.map(|c| c * MM)).collect();
+    let lines = Lines { positions, segments: segments.to_vec(), radius: radius * MM };
+    let tool = Instrument::new(&Tool {
+        name: "wire".into(),
+        mesh: ToolMesh { positions: vec![], triangles: vec![] },
+        mass: 0.01,
+        inertia: [1e-6; 3],
+        blade: None,
+        points: vec![],
+        round: None,
+        lines: Some(lines.clone()),
+        coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },
+        trajectory: vec![Pose { time: 0.0, position: [0.0; 3], rotation: [0.0, 0.0, 0.0, 1.0] }],
+    });
+    (tool, lines)
+}
+
+fn still(shift: DVec3) -> Free {
+    Free { shift, turn: DVec3::ZERO, compliance: 1e-3, angular_compliance: DMat3::ZERO }
+}
+
+fn search(filter: Filter) -> Search {
+    Search { alarm: 0.2 * MM, distance: 0.0, friction: 0.3, filter, angle_cone: 0.02 }
+}
+
+/// Contacts of a tool that rests.
+fn found(patch: &Patch, places: &[[f64; 3]], segments: &[[u32; 2]]) -> Vec<Contact> {
+    let (tool, lines) = tool(places, segments, 0.0);
+    contacts(0, &tool, &lines, patch, &search(Filter::Own), &still(DVec3::ZERO))
+}
+
+/// Nodes of a contact that bear something, with their weights, in rising order.
+fn bearing(contact: &Contact) -> Vec<(u32, f64)> {
+    let mut list: Vec<(u32, f64)> = contact.nodes.into_iter().zip(contact.weights).filter(|n| n.1 != 0.0).collect();
+    list.sort_by_key(|n| n.0);
+    list
+}
+
+#[track_caller]
+fn is(contact: &Contact, nodes: &[(u32, f64)], normal: DVec3, gap: f64) {
+    let bears = bearing(contact);
+    let same =
+        bears.len() == nodes.len() && bears.iter().zip(nodes).all(|(a, b)| a.0 == b.0 && (a.1 - b.1).abs() < EXACT);
+    assert!(same, "{bears:?}, wanted {nodes:?}");
+    assert!(contact.axes[0].distance(normal.normalize()) < EXACT, "{}", contact.axes[0]);
+    assert!((contact.gap - gap * MM).abs() < EXACT * MM, "gap {} m, wanted {gap} mm", contact.gap);
+}
+
+#[track_caller]
+fn only(list: &[Contact]) -> &Contact {
+    assert_eq!(list.len(), 1, "{list:#?}");
+    &list[0]
+}
+
+fn ridge(x: f64, _: f64) -> f64 {
+    -0.5 * x.abs()
+}
+
+/// Flat but for the node at the origin.
+fn lone(height: f64) -> impl Fn(f64, f64) -> f64 {
+    move |x, y| if x == 0.0 && y == 0.0 { height } else { 0.0 }
+}
+
+#[test]
+fn a_point_meets_triangle_edge_and_vertex() {
+    let list = found(&surface(|_, _| 0.0), &[[0.6, 0.2, 0.1]], &[]);
+    is(only(&list), &[(node(0, 0), 0.4), (node(1, 0), 0.4), (node(1, 1), 0.2)], DVec3::Z, 0.1);
+    let list = found(&surface(ridge), &[[0.02, 0.3, 0.1]], &[]);
+    let away = DVec3::new(0.02, 0.0, 0.1);
+    is(only(&list), &[(node(0, 0), 0.7), (node(0, 1), 0.3)], away, away.length());
+    let list = found(&surface(lone(0.5)), &[[0.01, -0.02, 0.6]], &[]);
+    let away = DVec3::new(0.01, -0.02, 0.1);
+    is(only(&list), &[(node(0, 0), 1.0)], away, away.length());
+    assert!(found(&surface(lone(0.5)), &[[0.0, 0.0, 0.71]], &[]).is_empty(), "beyond the alarm distance");
+}
+
+#[test]
+fn a_segment_meets_edge_and_vertex() {
+    // its ends are 0.9 mm above the flanks
+    let list = found(&surface(ridge), &[[-1.8, 0.3, 0.1], [1.8, 0.3, 0.1]], &[[0, 1]]);
+    is(only(&list), &[(node(0, 0), 0.7), (node(0, 1), 0.3)], DVec3::Z, 0.1);
+    let list = found(&surface(lone(0.9)), &[[-1.8, -0.6, 1.0], [1.8, 0.6, 1.0]], &[[0, 1]]);
+    is(only(&list), &[(node(0, 0), 1.0)], DVec3::Z, 0.1);
+    // a thickness comes off the gap, and the tool is touched at its surface
+    let (tool, lines) = tool(&[[-1.8, 0.3, 0.15], [1.8, 0.3, 0.15]], &[[0, 1]], 0.05);
+    let list = contacts(0, &tool, &lines, &surface(ridge), &search(Filter::Cones), &still(DVec3::ZERO));
+    is(only(&list), &[(node(0, 0), 0.7), (node(0, 1), 0.3)], DVec3::Z, 0.1);
+    assert!(list[0].point.distance(DVec3::new(0.0, 0.3, 0.1) * MM) < EXACT * MM, "{}", list[0].point);
+}
+
+#[test]
+fn a_segment_that_pierces_is_pushed_out() {
+    let triangle = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(DVec3::from_array);
+    let line = |z: [f64; 2], x: f64| [DVec3::new(x, 0.2, z[0]), DVec3::new(x, 0.2, z[1])];
+    assert_eq!(closest::pierces(line([1.0, -3.0], 0.3), triangle), Some((0.25, true)));
+    assert_eq!(closest::pierces(line([-1.0, 1.0], 0.3), triangle), Some((0.5, false)));
+    assert_eq!(closest::pierces(line([1.0, 0.1], 0.3), triangle), None);
+    assert_eq!(closest::pierces(line([1.0, -3.0], 0.9), triangle), None);
+    // under the ridge both ends are outside: the edge above it holds it
+    let list = found(&surface(ridge), &[[-1.8, 0.3, -0.1], [1.8, 0.3, -0.1]], &[[0, 1]]);
+    is(only(&list), &[(node(0, 0), 0.7), (node(0, 1), 0.3)], DVec3::Z, -0.1);
+    // through a cone's flank, off its edges and across none of them: the stretch inside is held at its middle
+    let pyramid = surface(lone(0.9));
+    let chord = [[0.6, 0.1, -0.5], [0.6, 0.3, 1.3]];
+    let list = found(&pyramid, &chord, &[[0, 1]]);
+    assert!(list.iter().any(|c| c.gap < 0.0), "its lower end is inside: {list:?}");
+    let through = [[0.75, -0.5, 0.2], [0.45, 0.9, 0.2]];
+    let list = found(&pyramid, &through, &[[0, 1]]);
+    let ends_outside = through.iter().all(|p| pyramid.project(DVec3::from_array(*p) * MM).2 > 0.0);
+    let deepest = list.iter().map(|c| c.gap).fold(0.0, f64::min);
+    assert!(ends_outside && deepest < -0.02 * MM, "ends outside {ends_outside}, deepest {deepest}");
+    assert!(list.iter().all(|c| c.axes[0].z > 0.3), "it is pushed into the skin: {list:?}");
+    // counter-test: without its segment the same tool has no contact there
+    assert!(found(&pyramid, &through, &[]).is_empty());
+}
+
+#[test]
+fn a_cone_admits_what_its_formula_says() {
+    // an edge between two triangles that fall off at slope 1/2 on both sides
+    let unit = |x: f64, z: f64| DVec3::new(x, 0.0, z).normalize();
+    let convex = Cone { normal: DVec3::Z, outward: vec![unit(1.0, 0.5), unit(-1.0, 0.5)] };
+    let concave = Cone { normal: DVec3::Z, outward: vec![unit(1.0, -0.5), unit(-1.0, -0.5)] };
+    let flat = Cone { normal: DVec3::Z, outward: vec![DVec3::X, -DVec3::X] };
+    // the exact cone of the convex edge ends at 26.57°; with half of n·l = 0.447 it ends where l·d = −0.2236, 12.92° further
+    let tilted = |degrees: f64| DVec3::new(degrees.to_radians().sin(), 0.0, degrees.to_radians().cos());
+    assert!(convex.admits(tilted(39.4), 0.0) && !convex.admits(tilted(39.6), 0.0));
+    assert!(convex.admits(tilted(-39.4), 0.0) && !convex.admits(tilted(-39.6), 0.0));
+    assert!(convex.admits(tilted(40.5), 0.02) && !convex.admits(tilted(41.0), 0.02)); // l·d = −0.2436: 40.67°
+    assert!(!convex.admits(-DVec3::Z, 0.5), "from behind");
+    assert!(flat.admits(DVec3::Z, 0.0) && !flat.admits(tilted(1.0), 0.0));
+    assert!(flat.admits(tilted(1.1), 0.02) && !flat.admits(tilted(1.2), 0.02)); // sine 0.02: 1.146°
+    assert!(!concave.admits(DVec3::Z, 0.02) && concave.admits(DVec3::Z, 0.45), "l·d = −0.447");
+    let face = Cone { normal: DVec3::Z, outward: vec![] };
+    assert!(face.admits(tilted(89.0), 0.0) && !face.admits(tilted(91.0), 0.5));
+}
+
+#[test]
+fn a_vertex_in_a_dimple_of_rounding_is_lost_without_widened_cones_and_held_with_them() {
+    let dimple = surface(lone(-3e-7));
+    let (tool, lines) = tool(&[[0.0, 0.0, 0.1]], &[], 0.0);
+    let count = |angle_cone: f64| {
+        let search = Search { angle_cone, ..search(Filter::Cones) };
+        contacts(0, &tool, &lines, &dimple, &search, &still(DVec3::ZERO)).len()
+    };
+    assert_eq!(count(0.0), 0, "no feature has the pair");
+    assert_eq!(count(0.02), 1, "the default holds it");
+}
+
+#[test]
+fn a_tool_vertex_meets_what_is_before_it_and_not_what_its_segments_are_nearer_to() {
+    let flat = surface(|_, _| 0.0);
+    // a wire that rises from its first end by 45°: that end alone
+    let rising = [[0.3, 0.1, 0.05], [0.4, 0.1, 0.15], [0.5, 0.1, 0.25]];
+    let list = found(&flat, &rising, &[[0, 1], [1, 2]]);
+    assert_eq!((only(&list).id, only(&list).gap), ((0, 0), 0.05 * MM));
+    // counter-test: as loose points the second one is near enough too
+    assert_eq!(found(&flat, &rising, &[]).len(), 2);
+}
+
+#[test]
+fn a_point_inside_is_pushed_out_along_the_nearest_surface() {
+    let list = found(&surface(ridge), &[[0.4, 0.3, -0.3]], &[]);
+    let contact = only(&list);
+    let depth = 0.1 * (1.0f64 / 1.25).sqrt(); // under a flank of slope 1/2
+    assert!((contact.gap + depth * MM).abs() < 1e-6 * MM, "{} m", contact.gap);
+    assert!(contact.axes[0].distance(DVec3::new(0.5, 0.0, 1.0).normalize()) < 1e-6);
+    // counter-test: the direction from skin to tool, which LocalMinDistance looks along, is refused by the face
+    let face = Cone { normal: DVec3::new(0.5, 0.0, 1.0).normalize(), outward: vec![] };
+    assert!(!face.admits(-contact.axes[0], 0.02));
+}
+
+#[test]
+fn contact_does_not_depend_on_which_side_of_the_surface_rounding_puts_a_tool_at_rest() {
+    for (places, segments) in [
+        (vec![[0.0, 0.0, 0.0]], vec![]),
+        (vec![[0.3, 0.0, 0.0]], vec![]),
+        (vec![[0.6, 0.2, 0.0]], vec![]),
+        (vec![[0.2, 0.5, 0.0], [0.9, 0.55, 0.0]], vec![[0, 1]]),
+    ] {
+        let mut counts = vec![];
+        for height in [-1e-7, -1e-10, 0.0, 1e-10, 1e-7, 1e-5] {
+            let lifted: Vec<[f64; 3]> = places.iter().map(|[x, y, z]| [*x, *y, z + height]).collect();
+            let list = found(&surface(|_, _| 0.0), &lifted, &segments);
+            assert!(list.iter().all(|c| c.axes[0].z > 1.0 - 1e-6), "{places:?} at {height} mm: {list:?}");
+            counts.push(list.len());
+        }
+        assert!(counts[0] >= 1 && counts.iter().all(|n| *n == counts[0]), "{places:?}: {counts:?}");
+    }
+}
+
+#[test]
+fn a_fast_point_is_stopped_where_it_comes_to_the_skin() {
+    // 3 mm along x and 2 mm down in the step: it would end under the flat, and meets it at x = 0.3
+    let (tool, lines) = tool(&[[-1.2, 0.1, 1.0]], &[], 0.0);
+    let step =
+        |motion: DVec3| contacts(0, &tool, &lines, &surface(|_, _| 0.0), &search(Filter::Cones), &still(motion * MM));
+    let list = step(DVec3::new(3.0, 0.0, -2.0));
+    let hit = list.iter().find(|c| bearing(c).len() == 3).expect("it meets a face");
+    let x: f64 = bearing(hit).iter().map(|(n, w)| place(*n)[0] * w).sum();
+    assert!((x - 0.3).abs() < 2e-3, "{x} mm");
+    assert!((hit.gap - MM).abs() < 1e-6 * MM && hit.axes[0].z > 1.0 - 1e-9);
+    // counter-tests: it is not stopped by what it passes over, and a search at the step's start alone finds nothing
+    assert!(step(DVec3::new(3.0, 0.0, 0.0)).is_empty());
+    assert!(step(DVec3::ZERO).is_empty());
+}
+
+#[test]
+fn a_probe_along_a_curved_skin_keeps_few_contacts() {
+    let curved = surface(|x, y| -0.02 * (x * x + 0.5 * y * y));
+    let places: Vec<[f64; 3]> = (0..11).map(|k| [-2.5 + 0.5 * f64::from(k), 0.21, 0.01]).collect();
+    let segments: Vec<[u32; 2]> = (0..10).map(|k| [k, k + 1]).collect();
+    let (tool, lines) = tool(&places, &segments, 0.0);
+    let count = |filter| contacts(0, &tool, &lines, &curved, &search(filter), &still(DVec3::ZERO)).len();
+    let (cones, points) = (count(Filter::Cones), count(Filter::Points));
+    println!("{cones} contacts with cones, {points} without");
+    assert!((1..=12).contains(&cones), "{cones}");
+    assert!(points > 5 * cones, "counter-test: {points} without cones, {cones} with");
+}
