@@ -10,8 +10,9 @@
 //!   the normal of the nearest surface ([`Patch::project`] has the sign). A segment under an edge or vertex is the mirrored problem: the
 //!   same pair with the normal turned round, when the tool's place is inside and the pair is about as near as the surface. A stretch of a
 //!   segment between two triangles that it pierces has one contact, at its middle, when no pair holds it.
-//! - Touching. Below a thousandth of the alarm distance PQ has no direction: the normal is that of the triangle, of both lines
-//!   (`e × s`), or the feature's mean normal. So a tool at rest keeps its contacts whatever rounding does.
+//! - Touching. Below a hundredth of the alarm distance PQ has no direction: the normal is the mean one of the vertex, edge or
+//!   triangle that a point rests on, and across both lines (`e × s`) for a segment. So a tool at rest keeps its contacts whatever
+//!   rounding does.
 //! - Continuous. All ends move along their free motion of the step; a pair is taken where it first touches, or comes nearest, found by
 //!   conservative advancement (Mirtich 1996), and its gap is that of the plane there at the step's start.
 //!
@@ -28,14 +29,15 @@ use closest::Near;
 use cones::{Cone, Feature, Features};
 use glam::DVec3;
 
-/// Distance below which a pair touches, alarm distances: 0.2 to 0.5 µm as scenes have it, far above what f64 and the patch's f32 tree
-/// lose. Larger, and contacts at rest take a mean normal where a face has its own; smaller, and their direction is rounding.
-const TOUCH: f64 = 1e-3;
+/// Distance below which a pair touches, alarm distances: 2 µm as most scenes have it, above what a step leaves of a gap at rest (0.1 µm).
+/// Larger, and contacts at rest take a mean normal where a face has its own; smaller, and a point at rest on a dimpled vertex has each of
+/// the faces round it as a contact at one place, more than friction there is determined by (sweeps of the contact law then do not end).
+const TOUCH: f64 = 1e-2;
 /// Steps of the advancement at most; a near miss that takes more is treated as it was found until then.
 const MOST_STEPS: u32 = 64;
-/// A pair inside the skin may be this many times further from its place than the nearest surface is: edges of faces that meet at more
-/// than 60° from flat. More, and a tool just under the top would be pushed through the bottom.
-const DEEPER: f64 = 2.0;
+/// A pair inside the skin may be this many times further from its place than the nearest surface is: its normal leans from
+/// theirs by at most 48°. More, and a tool just under the top would be pushed through the bottom.
+const DEEPER: f64 = 1.5;
 /// Pairs at one place whose normals have at least this cosine (2.6°) are one contact.
 const ALIKE: f64 = 0.999;
 
@@ -134,6 +136,12 @@ pub fn contacts_among(
         };
         out.push((contact, pair.on_skin));
     }
+    if std::env::var("DBG").is_ok() {
+        for o in &out {
+            let c = &o.0;
+            eprintln!("{:?} {:?} {:?} n {:?} gap {:e} at {:?}", c.id, c.nodes, c.weights, c.axes[0], c.gap, c.point);
+        }
+    }
     out.into_iter().map(|(contact, _)| contact).collect()
 }
 
@@ -154,20 +162,24 @@ fn pieces(tool: &Instrument, lines: &Lines, free: &Free) -> Vec<Piece> {
 }
 
 impl Hunt<'_> {
-    /// Pairs of a tool's point: the way out when it is inside, else local minima; where it touches at least one of them.
+    /// Pairs of a tool's point: what it rests on and other local minima; the way out when it is inside.
     fn point(&self, piece: &Piece, triangles: &[u32]) -> Vec<Pair> {
         let p = piece.ends[0];
-        let distance = self.patch.project(p).2;
-        if distance < -self.touch {
+        let features = || self.features.of(triangles).into_iter().map(|id| &self.features.all[id]);
+        let rests = features().find_map(|feature| self.rests(piece, feature));
+        if rests.is_none() && self.patch.project(p).2 < 0.0 {
             return self.way_out(p, 0.0).into_iter().collect();
         }
-        let features = self.features.of(triangles).into_iter().map(|id| &self.features.all[id]);
-        let mut found: Vec<Pair> = features.filter_map(|feature| self.meets(piece, feature)).collect();
-        let holds = |pair: &Pair| pair.on_tool.distance(pair.on_skin) <= self.touch;
-        if distance <= self.touch && !found.iter().any(holds) {
-            found.extend(self.way_out(p, 0.0));
-        }
-        found
+        rests.into_iter().chain(features().filter_map(|feature| self.meets(piece, feature))).collect()
+    }
+
+    /// The pair of a point with a feature that it touches, vertices before edges before faces: one of them is enough, since what is
+    /// round it moves with it.
+    fn rests(&self, piece: &Piece, feature: &Feature) -> Option<Pair> {
+        let near = feature.near(piece.ends, piece.point)?;
+        let normal = feature.cone.normal;
+        let rests = near.away.length() <= self.touch && normal != DVec3::ZERO;
+        rests.then(|| self.pair(piece, feature, &near, normal))
     }
 
     /// Pairs of a tool's segment, and one for each stretch inside the skin that has none.
@@ -238,7 +250,8 @@ impl Hunt<'_> {
     fn mirrored(&self, piece: &Piece, feature: &Feature, near: &Near) -> Option<Pair> {
         let depth = -self.patch.project(piece.place(near.u)).2;
         let normal = -near.away.normalize();
-        let nearest = near.strict && depth > 0.0 && near.away.length() <= DEEPER * depth;
+        let reach = self.search.alarm + self.search.distance + self.radius;
+        let nearest = near.strict && depth > 0.0 && near.away.length() <= reach.min(DEEPER * depth);
         let admitted = self.search.filter == Filter::Points || feature.cone.admits(normal, self.search.angle_cone);
         (nearest && admitted).then(|| self.pair(piece, feature, near, normal))
     }
@@ -272,13 +285,12 @@ impl Hunt<'_> {
     }
 }
 
-/// Normal of a pair that touches: of the triangle; across both lines; across the segment, as near to the vertex's as that allows. A
-/// point on an edge or vertex has none here: it is held at its nearest place.
+/// Normal of a segment's pair that touches: across both lines; across the segment, as near to the vertex's as that allows. A point
+/// that touches rests already.
 fn touching(piece: &Piece, feature: &Feature) -> Option<DVec3> {
     let outward = feature.cone.normal;
     let line = (piece.ends[1] - piece.ends[0]).normalize_or_zero();
     match (piece.point, &feature.places[..]) {
-        (true, [_, _, _]) => Some(outward),
         (false, [_]) => outward.reject_from(line).try_normalize(),
         (false, [a, b]) => {
             let across = (*b - *a).cross(line).try_normalize()?;
