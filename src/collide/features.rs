@@ -69,6 +69,7 @@ struct Pair {
     on_skin: DVec3,
     normal: DVec3,
     gap: f64,
+    rubs: bool,
 }
 
 /// One tool and one patch.
@@ -132,15 +133,9 @@ pub fn contacts_among(
             point,
             axes: frame(pair.normal),
             gap: pair.gap - search.distance,
-            law: Law::Coulomb { friction: search.friction, bound: f64::INFINITY },
+            law: Law::Coulomb { friction: if pair.rubs { search.friction } else { 0.0 }, bound: f64::INFINITY },
         };
         out.push((contact, pair.on_skin));
-    }
-    if std::env::var("DBG").is_ok() {
-        for o in &out {
-            let c = &o.0;
-            eprintln!("{:?} {:?} {:?} n {:?} gap {:e} at {:?}", c.id, c.nodes, c.weights, c.axes[0], c.gap, c.point);
-        }
     }
     out.into_iter().map(|(contact, _)| contact).collect()
 }
@@ -167,10 +162,38 @@ impl Hunt<'_> {
         let p = piece.ends[0];
         let features = || self.features.of(triangles).into_iter().map(|id| &self.features.all[id]);
         let rests = features().find_map(|feature| self.rests(piece, feature));
-        if rests.is_none() && self.patch.project(p).2 < 0.0 {
-            return self.way_out(p, 0.0).into_iter().collect();
+        let mut found: Vec<Pair> = match rests.is_none() && self.patch.project(p).2 < 0.0 {
+            true => self.way_out(p, 0.0).into_iter().collect(),
+            false => rests.into_iter().chain(features().filter_map(|feature| self.meets(piece, feature))).collect(),
+        };
+        let walls: Vec<Pair> = found.iter().flat_map(|pair| self.walls(pair)).collect();
+        found.extend(walls);
+        found
+    }
+
+    /// The faces that rise round the place of a pair with a face, without friction: a point that slides along its own face within the
+    /// step would go through them. On an edge or vertex the mean normal stands for them: it depends on theirs, and forces would be
+    /// undetermined.
+    fn walls(&self, pair: &Pair) -> Vec<Pair> {
+        let used: Vec<u32> = (0..3).filter(|k| pair.spot.1[*k] > closest::MARGIN).map(|k| pair.spot.0[k]).collect();
+        let mut walls = vec![];
+        if used.len() < 3 {
+            return walls;
         }
-        rests.into_iter().chain(features().filter_map(|feature| self.meets(piece, feature))).collect()
+        for face in self.features.faces_at(&used) {
+            let normal = face.cone.normal;
+            let high = normal.dot(pair.on_skin - face.places[0]);
+            let rises = face.places.iter().all(|c| pair.normal.dot(*c - pair.on_skin) > -self.touch);
+            let steep = normal != DVec3::ZERO && normal.dot(pair.normal) < ALIKE;
+            if rises && steep && high > -self.touch && high < self.search.alarm {
+                let near = closest::point_face(pair.on_skin, [face.places[0], face.places[1], face.places[2]]);
+                let on_skin = face.place(near.weights);
+                let gap = normal.dot(pair.on_tool - on_skin) - self.radius;
+                let spot = face.spot(near.weights);
+                walls.push(Pair { spot, u: pair.u, on_tool: pair.on_tool, on_skin, normal, gap, rubs: false });
+            }
+        }
+        walls
     }
 
     /// The pair of a point with a feature that it touches, vertices before edges before faces: one of them is enough, since what is
@@ -217,7 +240,7 @@ impl Hunt<'_> {
         };
         let spot = (self.patch.triangles[triangle], weights);
         let gap = normal.dot(p - on_skin) - self.radius;
-        (normal != DVec3::ZERO).then_some(Pair { spot, u, on_tool: p, on_skin, normal, gap })
+        (normal != DVec3::ZERO).then_some(Pair { spot, u, on_tool: p, on_skin, normal, gap, rubs: true })
     }
 
     /// The pair of a tool's feature and one of the skin, where they first touch or come nearest, if it is kept.
@@ -259,7 +282,7 @@ impl Hunt<'_> {
     fn pair(&self, piece: &Piece, feature: &Feature, near: &Near, normal: DVec3) -> Pair {
         let (on_tool, on_skin) = (piece.place(near.u), feature.place(near.weights));
         let gap = normal.dot(on_tool - on_skin) - self.radius;
-        Pair { spot: feature.spot(near.weights), u: near.u, on_tool, on_skin, normal, gap }
+        Pair { spot: feature.spot(near.weights), u: near.u, on_tool, on_skin, normal, gap, rubs: true }
     }
 
     /// The share of the motion at which the two touch or are nearest, with their nearest places there: never closer than the distance

@@ -78,6 +78,8 @@ pub struct Features {
     pub all: Vec<Feature>,
     /// Of each triangle: three corners, the edges after each of them, itself.
     of: Vec<[usize; 7]>,
+    /// Triangles round each node.
+    around: BTreeMap<u32, Vec<usize>>,
 }
 
 impl Features {
@@ -108,7 +110,11 @@ impl Features {
                 }
             }
         }
-        let mut features = Self { all, of };
+        let mut around: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+        for (t, node) in patch.triangles.iter().enumerate().flat_map(|(t, nodes)| nodes.map(|node| (t, node))) {
+            around.entry(node).or_default().push(t);
+        }
+        let mut features = Self { all, of, around };
         features.look(patch);
         features
     }
@@ -141,6 +147,14 @@ impl Features {
         ids.sort_unstable();
         ids.dedup();
         ids
+    }
+
+    /// Faces that have one of these nodes, each once, in order.
+    pub fn faces_at(&self, nodes: &[u32]) -> Vec<&Feature> {
+        let mut found: Vec<usize> = nodes.iter().filter_map(|node| self.around.get(node)).flatten().copied().collect();
+        found.sort_unstable();
+        found.dedup();
+        found.into_iter().map(|t| &self.all[self.of[t][6]]).collect()
     }
 
     /// The vertex, edge or face of a triangle that has the place of these weights strictly inside.
