@@ -339,7 +339,7 @@ fn faces_that_rise_round_a_point_hold_it_without_friction() {
     let on_flank = [[0.1, 0.3, 0.05]];
     let list = found(&surface(|x, y| -ridge(x, y)), &on_flank, &[]);
     let across = DVec3::new(0.5, 0.0, 1.0).normalize();
-    let (own, other): (Vec<_>, Vec<_>) = list.iter().partition(|c| c.axes[0].x < 0.0);
+    let (own, other): (Vec<Contact>, Vec<Contact>) = list.into_iter().partition(|c| c.axes[0].x < 0.0);
     assert!(own.len() == 1 && own[0].gap.abs() < EXACT * MM, "{own:?}");
     assert!(!other.is_empty(), "the other flank");
     for wall in other {
