@@ -233,7 +233,10 @@ def probe_mesh(points, radii):
             vertices.append((points[k][0] + out * down[0], side, points[k][2] + out * down[2]))
     vertices.append(points[-1])
     rings, last = len(points) - 1, len(vertices) - 1
-    at = lambda ring, n: 1 + ring * PROBE_AROUND + n % PROBE_AROUND
+
+    def at(ring, n):
+        return 1 + ring * PROBE_AROUND + n % PROBE_AROUND
+
     for n in range(PROBE_AROUND):
         triangles.append((0, at(0, n), at(0, n + 1)))
         for ring in range(rings - 1):

@@ -269,9 +269,9 @@ fn a_probe_along_a_curved_skin_keeps_few_contacts() {
     assert!(points > 3 * cones, "counter-test: {points} without cones, {cones} with");
 }
 
-/// Everything that a contact says, for comparisons.
-fn said(list: &[Contact]) -> Vec<((usize, usize), [u32; 3], [f64; 3], [f64; 3], f64)> {
-    list.iter().map(|c| (c.id, c.nodes, c.weights, c.axes[0].to_array(), c.gap)).collect()
+/// Everything that contacts say, bit for bit.
+fn said(list: &[Contact]) -> Vec<String> {
+    list.iter().map(|c| format!("{:?} {:?} {:?} {:?} {:?}", c.id, c.nodes, c.weights, c.axes, c.gap)).collect()
 }
 
 /// Waves of heights up to 0.3 mm, and a wire near them.
@@ -394,6 +394,21 @@ fn force(report: &StepReport) -> f64 {
 
 /// How far the tool's first point is under the surface of the skin, m; negative outside.
 fn depth(simulation: &mut Simulation) -> f64 {
+    let tip = simulation.tools[0].at(simulation.tools[0].samples[0].position);
+    deepest(simulation, &[tip])
+}
+
+/// How far the deepest place of the tool's segments is under the surface, m: 50 places along each.
+fn depth_along(simulation: &mut Simulation) -> f64 {
+    let tool = &simulation.tools[0];
+    let lines = tool.lines.as_ref().expect("it has lines");
+    let at = |id: u32| tool.at(DVec3::from_array(lines.positions[id as usize]));
+    let along = |[a, b]: [u32; 2]| (0..=50).map(move |k| at(a).lerp(at(b), f64::from(k) / 50.0));
+    let places: Vec<DVec3> = lines.segments.iter().copied().flat_map(along).collect();
+    deepest(simulation, &places)
+}
+
+fn deepest(simulation: &mut Simulation, places: &[DVec3]) -> f64 {
     let u = simulation.snapshot().expect("the CPU path has no device to fail").u;
     let rest = &simulation.model.rest;
     let position = |id: u32| {
@@ -401,11 +416,10 @@ fn depth(simulation: &mut Simulation) -> f64 {
         DVec3::new(x[0] + u[0], x[1] + u[1], x[2] + u[2])
     };
     let patch = Patch::new(&simulation.wound.surface.all(), position).expect("the skin has faces");
-    let tip = simulation.tools[0].at(simulation.tools[0].samples[0].position);
-    -patch.project(tip).2
+    places.iter().map(|p| -patch.project(*p).2).fold(f64::NEG_INFINITY, f64::max)
 }
 
-/// How far the end of a wire may be under the surface after a step, m: what the surface turns under it within the step. Measured 0.1 µm
+/// How far a wire may be under the surface after a step, m: what the surface turns under it within the step. Measured 0.1 µm
 /// at rest; 120 µm when the faces that rise round a point are left out.
 const DEEPEST: f64 = 2e-3 * MM;
 
@@ -471,15 +485,46 @@ fn a_wire_that_starts_inside_is_pushed_out() {
 }
 
 #[test]
+fn a_wire_lies_on_the_skin_along_its_whole_length() {
+    let mut lying = with_wire(scene("hard/withdraw_sudden.toml"));
+    let positions = [[-2.2, 0.13], [-0.9, 0.2], [0.7, 0.26], [2.1, 0.2]].map(|[x, y]| [x * MM, y * MM, 0.0]);
+    let lines = Lines { positions: positions.to_vec(), segments: vec![[0, 1], [1, 2], [2, 3]], radius: 0.0 };
+    lying.tools[0].lines = Some(lines);
+    let pose = |time: f64, z: f64| Pose { time, position: [0.0, 0.0, z], rotation: [0.0, 0.0, 0.0, 1.0] };
+    lying.tools[0].trajectory = vec![pose(0.0, 2.31 * MM), pose(0.05, 2.0 * MM)];
+    let (mut simulation, reports) = run(&lying, Some(30));
+    let under = depth_along(&mut simulation);
+    println!("{} contacts, {} N, {} µm under", reports[29].contact.count, force(&reports[29]), under * 1e6);
+    assert!(under < DEEPEST, "{under} m under the surface");
+    let mut loose = lying;
+    loose.tools[0].lines.as_mut().expect("set above").segments.clear();
+    let (mut simulation, _) = run(&loose, Some(30));
+    simulation.tools[0].lines = Instrument::new(&loose_with(&loose, &[[0, 1], [1, 2], [2, 3]])).lines;
+    let through = depth_along(&mut simulation);
+    assert!(through > 10.0 * DEEPEST, "counter-test: its points alone let the skin through, {through} m");
+}
+
+fn loose_with(scene: &Scene, segments: &[[u32; 2]]) -> Tool {
+    let mut tool = scene.tools[0].clone();
+    tool.lines.as_mut().expect("it has lines").segments = segments.to_vec();
+    tool
+}
+
+#[test]
 fn a_probe_lies_on_the_skin_with_its_side_and_stays_within_its_contacts() {
     let probe = scene("dental_probe.toml").in_test_form();
     let most = probe.contact.expect("it has a tool").max_contacts as usize;
+    let (mut held, _) = run(&probe, Some(60));
+    let under = depth_along(&mut held);
+    println!("along the hook {} µm under", under * 1e6);
+    assert!(under < DEEPEST, "{under} m");
     let (_, reports) = run(&probe, None);
     let counts: Vec<usize> = reports.iter().map(|r| r.contact.count).collect();
     println!("{counts:?}");
     assert!(counts.iter().all(|n| *n <= most));
     assert!(counts[40..65].iter().all(|n| *n >= 2), "tip and side: {counts:?}");
     let held: Vec<f64> = reports[55..65].iter().map(force).collect();
-    println!("held {held:?}");
+    let (least, most) = held.iter().fold((f64::MAX, 0.0f64), |(l, m), f| (l.min(*f), m.max(*f)));
+    assert!(least > 0.05 && most < 1.02 * least, "a hand that rests is pushed evenly: {held:?}");
     assert!(reports.last().map_or(1.0, force) == 0.0, "withdrawn");
 }
