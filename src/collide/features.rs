@@ -166,7 +166,7 @@ impl Hunt<'_> {
             true => self.way_out(p, 0.0).into_iter().collect(),
             false => rests.into_iter().chain(features().filter_map(|feature| self.meets(piece, feature))).collect(),
         };
-        let walls: Vec<Pair> = found.iter().flat_map(|pair| self.walls(pair)).collect();
+        let walls: Vec<Pair> = found.iter().flat_map(|pair| self.walls(pair, piece.travel())).collect();
         found.extend(walls);
         found
     }
@@ -174,7 +174,8 @@ impl Hunt<'_> {
     /// The faces that rise round the place of a pair with a face, without friction: a point that slides along its own face within the
     /// step would go through them. On an edge or vertex the mean normal stands for them: it depends on theirs, and forces would be
     /// undetermined.
-    fn walls(&self, pair: &Pair) -> Vec<Pair> {
+    fn walls(&self, pair: &Pair, travel: f64) -> Vec<Pair> {
+        let reach = travel.min(self.search.alarm) + self.touch;
         let used: Vec<u32> = (0..3).filter(|k| pair.spot.1[*k] > closest::MARGIN).map(|k| pair.spot.0[k]).collect();
         let mut walls = vec![];
         if used.len() < 3 {
@@ -185,7 +186,7 @@ impl Hunt<'_> {
             let high = normal.dot(pair.on_skin - face.places[0]);
             let rises = face.places.iter().all(|c| pair.normal.dot(*c - pair.on_skin) > -self.touch);
             let steep = normal != DVec3::ZERO && normal.dot(pair.normal) < ALIKE;
-            if rises && steep && high > -self.touch && high < self.search.alarm {
+            if rises && steep && high > -self.touch && high < reach {
                 let near = closest::point_face(pair.on_skin, [face.places[0], face.places[1], face.places[2]]);
                 let on_skin = face.place(near.weights);
                 let gap = normal.dot(pair.on_tool - on_skin) - self.radius;
