@@ -166,16 +166,16 @@ impl Hunt<'_> {
             true => self.way_out(p, 0.0).into_iter().collect(),
             false => rests.into_iter().chain(features().filter_map(|feature| self.meets(piece, feature))).collect(),
         };
-        let walls: Vec<Pair> = found.iter().flat_map(|pair| self.walls(pair, piece.travel())).collect();
+        let walls: Vec<Pair> = found.iter().flat_map(|pair| self.walls(pair, piece.shift[0])).collect();
         found.extend(walls);
         found
     }
 
-    /// The faces that rise round the place of a pair with a face, without friction: a point that slides along its own face within the
-    /// step would go through them. On an edge or vertex the mean normal stands for them: it depends on theirs, and forces would be
+    /// The faces that rise round the place of a pair with a face, without friction: a point that slides along its own face, by as much
+    /// as its motion of the step has along it, would go through them. On an edge or vertex the mean normal stands for them: it depends on theirs, and forces would be
     /// undetermined.
-    fn walls(&self, pair: &Pair, travel: f64) -> Vec<Pair> {
-        let reach = travel.min(self.search.alarm) + self.touch;
+    fn walls(&self, pair: &Pair, shift: DVec3) -> Vec<Pair> {
+        let reach = shift.reject_from(pair.normal).length().min(self.search.alarm) + self.touch;
         let used: Vec<u32> = (0..3).filter(|k| pair.spot.1[*k] > closest::MARGIN).map(|k| pair.spot.0[k]).collect();
         let mut walls = vec![];
         if used.len() < 3 {
