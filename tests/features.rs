@@ -150,7 +150,12 @@ fn a_segment_that_pierces_is_pushed_out() {
     // under the ridge both ends are outside: the edge above it holds it
     let list = found(&surface(ridge), &[[-1.8, 0.3, -0.1], [1.8, 0.3, -0.1]], &[[0, 1]]);
     is(only(&list), &[(node(0, 0), 0.7), (node(0, 1), 0.3)], DVec3::Z, -0.1);
-    // through a cone's flank, off its edges and across none of them: the stretch inside is held at its middle
+    // so deep under it that no pair is within reach, the stretch inside is held at its middle
+    let list = found(&surface(ridge), &[[-2.5, 0.3, -0.5], [2.5, 0.3, -0.5]], &[[0, 1]]);
+    let depth = 0.5 * (1.0f64 / 1.25).sqrt(); // to a flank of slope 1/2
+    assert!((only(&list).gap + depth * MM).abs() < EXACT * MM, "{list:?}");
+    assert!((list[0].axes[0].z - (1.0f64 / 1.25).sqrt()).abs() < EXACT && list[0].point.x.abs() < EXACT * MM);
+    // through a peak's flank
     let pyramid = surface(lone(0.9));
     let chord = [[0.6, 0.1, -0.5], [0.6, 0.3, 1.3]];
     let list = found(&pyramid, &chord, &[[0, 1]]);

@@ -4,7 +4,7 @@
 //! segment–vertex, segment–edge. It is kept when both lie strictly inside their features and |PQ| is below the alarm distance (and the
 //! tool's radius), and, with `filter = "cones"`, when the direction is in the normal cones of both features ([`cones`]): local minima of
 //! the distance. With `filter = "points"` every pair within reach is kept whose skin feature is turned to the tool.
-//! Source: Johnson, Willemsen 2003, and SOFA's LocalMinDistance, whose pairs and cones these are. Three things differ:
+//! Source: Johnson, Willemsen 2003, and SOFA's LocalMinDistance, whose pairs and cones these are. Three things differ, and what touches is told apart:
 //!
 //! - Signed. LocalMinDistance has no inside: a tool behind the surface has no contact any more. Here a point inside is pushed out along
 //!   the normal of the nearest surface ([`Patch::project`] has the sign). A segment under an edge or vertex is the mirrored problem: the
@@ -14,7 +14,8 @@
 //!   triangle that a point rests on, and across both lines (`e × s`) for a segment. So a tool at rest keeps its contacts whatever
 //!   rounding does.
 //! - Continuous. All ends move along their free motion of the step; a pair is taken where it first touches, or comes nearest, found by
-//!   conservative advancement (Mirtich 1996), and its gap is that of the plane there at the step's start.
+//!   conservative advancement (Mirtich 1996), and its gap is that of the plane there at the step's start. A point on a face that may
+//!   slide along it into a face that rises there is held by the planes of both: the other one is no local minimum yet.
 //!
 //! Triangles near a tool feature come from parry3d's tree of boxes; all else is in f64. Units: m.
 
