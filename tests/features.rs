@@ -485,6 +485,17 @@ fn a_tip_of_lines_at_1_m_s_does_not_pass_through_2_mm_of_skin() {
 }
 
 #[test]
+fn a_press_is_held_the_same_without_cones() {
+    let mut press = with_wire(scene("hard/press_vertex_edge_face.toml"));
+    let cones = run(&press, None).1.last().map_or(0.0, force);
+    press.contact.as_mut().expect("it has a tool").filter = Filter::Points;
+    let (mut simulation, reports) = run(&press, None);
+    let points = reports.last().map_or(0.0, force);
+    assert!(depth(&mut simulation) < DEEPEST);
+    assert!((points / cones - 1.0).abs() < 0.02, "{points} N, with cones {cones} N");
+}
+
+#[test]
 fn a_wire_that_starts_inside_is_pushed_out() {
     let mut inside = with_wire(scene("hard/tool_starts_inside.toml"));
     let (mut simulation, reports) = run(&inside, None);

@@ -4,7 +4,7 @@
 //! segment–vertex, segment–edge. It is kept when both lie strictly inside their features and |PQ| is below the alarm distance (and the
 //! tool's radius), and, with `filter = "cones"`, when the direction is in the normal cones of both features ([`cones`]): local minima of
 //! the distance. With `filter = "points"` every pair within reach is kept whose skin feature is turned to the tool.
-//! Source: Johnson, Willemsen 2003, and SOFA's LocalMinDistance, whose pairs and cones these are. Three things differ, and what touches is told apart:
+//! Source: Johnson, Willemsen 2003, and SOFA's LocalMinDistance, whose pairs and cones these are. Three things differ:
 //!
 //! - Signed. LocalMinDistance has no inside: a tool behind the surface has no contact any more. Here a point inside is pushed out along
 //!   the normal of the nearest surface ([`Patch::project`] has the sign). A segment under an edge or vertex is the mirrored problem: the
@@ -64,12 +64,15 @@ impl Piece {
 
 /// A pair that is kept.
 struct Pair {
+    /// Nodes and weights of the place on the skin.
     spot: ([u32; 3], [f64; 3]),
+    /// Place on the tool's segment.
     u: f64,
     on_tool: DVec3,
     on_skin: DVec3,
     normal: DVec3,
     gap: f64,
+    /// With friction.
     rubs: bool,
 }
 
@@ -116,6 +119,7 @@ pub fn contacts_among(
         let found = if piece.point { hunt.point(piece, &triangles) } else { hunt.segment(piece, &triangles) };
         kept.extend(found.into_iter().map(|pair| (index, pair)));
     }
+    kept.sort_by_key(|(_, pair)| !pair.rubs); // of two at one place the one with friction stays
     let mut out: Vec<(Contact, DVec3)> = vec![];
     for (index, pair) in kept {
         let point = pair.on_tool - pair.normal * lines.radius;
