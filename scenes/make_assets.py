@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Writes the scalpel and its recorded-like path: meshes/scalpel.obj and incision.csv.
+"""Writes the scalpel and its recorded-like path (meshes/scalpel.obj, incision.csv), and a dental
+probe (meshes/dental_probe.obj, and its touching lines in meshes/dental_probe_lines.obj).
 
 Plain Python 3, no packages, no input, no randomness: the same files on every run.
 
@@ -8,6 +9,9 @@ Plain Python 3, no packages, no input, no randomness: the same files on every ru
 Tool frame (mm): the grip is the origin, the blade lies in the x-z plane, its normal is +y.
 The cutting edge rises at 45 degrees from the tip T to the heel H and faces the material in
 front of it (+x, -z). The handle goes on along the same direction.
+
+The probe bends in the x-z plane: from the tip, its lowest place, back along a hook to the shank and
+the handle. Its lines run along the belly of the hook, the side that meets the skin.
 """
 
 import csv
@@ -30,6 +34,21 @@ NECK_LENGTH = 7.0  # handle nose, from shank size to full size
 # Blade and handle are two closed bodies. They do not overlap, so that inside and outside stay
 # defined everywhere; the gap is too small to see.
 GAP = 0.02
+
+# --- dental probe, mm and degrees --------------------------------------------------------------
+PROBE_TIP = (-8.0, 0.0, -16.0)
+# From the tip on: pieces, length of each, rise of the first and of the last above the horizontal.
+PROBE_RUNS = (
+    (3, 0.5, 14.0, 20.0),  # point
+    (7, 0.55, 28.0, 82.0),  # hook
+    (2, 3.0, 82.0, 74.0),  # shank
+    (2, 2.5, 66.0, 62.0),  # neck
+    (1, 34.0, 62.0, 62.0),  # handle
+)
+# Radius of the steel after as many pieces; between two entries it grows evenly.
+PROBE_RADII = ((0, 0.0), (3, 0.16), (10, 0.42), (12, 0.75), (14, 2.0), (15, 2.0))
+PROBE_AROUND = 12  # facets around it
+PROBE_HEADER = "# Dental probe, mm. Made by scenes/make_assets.py for the cutis project; edit the script, not this file."
 
 # --- path: mm, s, rad, Hz --------------------------------------------------------------------
 RATE = 1000.0  # Hz
@@ -181,6 +200,74 @@ def write_scalpel(path):
     path.write_text("\n".join(lines) + "\n", encoding="ascii", newline="\n")
 
 
+def probe_line():
+    """Centre line from the tip to the handle's end, and the radius there, mm."""
+    points, radii = [PROBE_TIP], [0.0]
+    for pieces, length, first, last in PROBE_RUNS:
+        for k in range(pieces):
+            rise = math.radians(first + (last - first) * k / max(1, pieces - 1))
+            x, _, z = points[-1]
+            points.append((x + length * math.cos(rise), 0.0, z + length * math.sin(rise)))
+            n = len(points) - 1
+            after = next(i for i, entry in enumerate(PROBE_RADII) if entry[0] >= n)
+            (start, small), (end, large) = PROBE_RADII[after - 1], PROBE_RADII[after]
+            radii.append(small + (large - small) * (n - start) / (end - start))
+    return points, radii
+
+
+def across(points, k):
+    """Unit vector across the line at its point k, in the x-z plane, towards the belly."""
+    a, b = points[max(0, k - 1)], points[min(len(points) - 1, k + 1)]
+    length = math.dist(a, b)
+    return ((b[2] - a[2]) / length, 0.0, -(b[0] - a[0]) / length)
+
+
+def probe_mesh(points, radii):
+    """Closed tube around the centre line, pointed at the tip, flat at the handle's end."""
+    vertices, triangles = [points[0]], []
+    for k in range(1, len(points)):
+        down = across(points, k)
+        for n in range(PROBE_AROUND):
+            turn = 2.0 * math.pi * n / PROBE_AROUND
+            out, side = radii[k] * math.cos(turn), radii[k] * math.sin(turn)
+            vertices.append((points[k][0] + out * down[0], side, points[k][2] + out * down[2]))
+    vertices.append(points[-1])
+    rings, last = len(points) - 1, len(vertices) - 1
+
+    def at(ring, n):
+        return 1 + ring * PROBE_AROUND + n % PROBE_AROUND
+
+    for n in range(PROBE_AROUND):
+        triangles.append((0, at(0, n), at(0, n + 1)))
+        for ring in range(rings - 1):
+            a, b, c, d = at(ring, n), at(ring, n + 1), at(ring + 1, n), at(ring + 1, n + 1)
+            triangles += [(a, c, d), (a, d, b)]
+        triangles.append((last, at(rings - 1, n + 1), at(rings - 1, n)))
+    if volume(vertices, triangles) < 0:
+        triangles = [(a, c, b) for a, b, c in triangles]
+    return vertices, triangles
+
+
+def write_probe(shape, lines):
+    points, radii = probe_line()
+    vertices, triangles = probe_mesh(points, radii)
+    check_closed("probe", vertices, triangles)
+    text = [PROBE_HEADER, "g probe"]
+    text += ["v " + " ".join(number(c) for c in p) for p in vertices]
+    text += [f"f {a + 1} {b + 1} {c + 1}" for a, b, c in triangles]
+    shape.write_text("\n".join(text) + "\n", encoding="ascii", newline="\n")
+    belly = [
+        tuple(c + r * d for c, d in zip(p, across(points, k)))
+        for k, (p, r) in enumerate(zip(points, radii))
+    ]
+    assert min(belly, key=lambda p: p[2]) == PROBE_TIP, "the tip is not the lowest place"
+    text = [PROBE_HEADER.replace("probe, mm", "probe's touching lines, mm")]
+    text += ["v " + " ".join(number(c) for c in p) for p in belly]
+    text.append("l " + " ".join(str(k + 1) for k in range(len(belly))))
+    lines.write_text("\n".join(text) + "\n", encoding="ascii", newline="\n")
+    print(f"probe: {len(triangles)} triangles, {volume(vertices, triangles):.2f} mm3, {len(belly) - 1} lines")
+
+
 def number(value):
     """8 significant digits, no negative zero."""
     return f"{0.0 if abs(value) < 1e-12 else value:.8g}"
@@ -229,6 +316,7 @@ def main():
     here = Path(__file__).resolve().parent
     (here / "meshes").mkdir(exist_ok=True)
     write_scalpel(here / "meshes" / "scalpel.obj")
+    write_probe(here / "meshes" / "dental_probe.obj", here / "meshes" / "dental_probe_lines.obj")
     write_incision(here / "incision.csv")
 
 

@@ -8,6 +8,7 @@
 
 pub mod bodies;
 pub mod broad;
+pub mod features;
 pub mod round;
 
 use crate::constraints::Law;
@@ -85,8 +86,10 @@ pub struct Search {
     pub distance: f64,
     /// μ
     pub friction: f64,
-    /// For round tools.
+    /// For round tools and tools of points and lines.
     pub filter: Filter,
+    /// How far normal cones are widened: sine of the angle.
+    pub angle_cone: f64,
 }
 
 /// A box along the world's axes, f32.
@@ -108,7 +111,8 @@ pub fn moved(area: &Aabb, by: DVec3) -> Aabb {
 /// Box of a tool over a step: its samples with what is around them (a round tool's radius, half a blade's thickness), widened.
 pub fn tool_box(tool: &Instrument, margin: f64) -> Aabb {
     let thick = tool.edge.as_ref().map_or(0.0, |edge| edge.half_thickness);
-    let margin = margin + tool.round.map_or(thick, |round| round.radius);
+    let around = tool.lines.as_ref().map_or(thick, |lines| lines.radius);
+    let margin = margin + tool.round.map_or(around, |round| round.radius);
     let points = tool.samples.iter().map(|s| to_f32(tool.at(s.position)));
     Aabb::from_points(points).loosened(margin as f32)
 }
@@ -211,6 +215,16 @@ impl Patch {
         let (_, location) =
             Triangle::new(a, b, c).project_local_point_and_get_location(to_f32(point - self.origin), false);
         location.barycentric_coordinates().map_or([1.0 / 3.0; 3], |w| w.map(f64::from))
+    }
+
+    /// Triangles that may meet a box, in rising order.
+    pub fn near(&self, low: DVec3, high: DVec3) -> Vec<u32> {
+        // corners are rounded to f32 relative to the patch's origin, by half a millionth of it at most
+        let slack = 1e-6 * f64::from(self.mesh.local_aabb().half_extents().max_element());
+        let area = Aabb::new(to_f32(low - self.origin), to_f32(high - self.origin)).loosened(slack as f32);
+        let mut found: Vec<u32> = self.mesh.bvh().intersect_aabb(&area).collect();
+        found.sort_unstable();
+        found
     }
 
     /// The first thing along a ray, if it is a wall that faces the ray: triangle, weights, distance.

@@ -436,6 +436,87 @@ pub enum Error {
         found: usize,
     },
 
+    /// A vertex of a tool's lines that is not three numbers.
+    #[error("{at}: `{found}`; wanted `v` and three finite numbers; mend the line, or export the lines again")]
+    LinesNumber {
+        /// The `v` line.
+        at: Place,
+        /// The line.
+        found: String,
+    },
+
+    /// An index of a tool's lines that no vertex has.
+    #[error(
+        "{at}: `{found}` is no vertex; {count} `v` lines stand above, so wanted 1 to {count}, or -{count} to -1; mend the index, or move the vertices up"
+    )]
+    LinesIndex {
+        /// The `l` or `p` line.
+        at: Place,
+        /// The index found.
+        found: String,
+        /// Vertices so far.
+        count: usize,
+    },
+
+    /// A line with one end.
+    #[error("{at}: the line has {found} vertices; wanted at least two; add one, or write `p` for a point")]
+    LinesLone {
+        /// The `l` line.
+        at: Place,
+        /// Vertices found.
+        found: usize,
+    },
+
+    /// A segment of no length.
+    #[error(
+        "{at}: vertices {a} and {b} of the line are at the same place; wanted segments with a length; leave one out"
+    )]
+    LinesShort {
+        /// The `l` line.
+        at: Place,
+        /// The vertices, from 1.
+        a: usize,
+        /// The other one.
+        b: usize,
+    },
+
+    /// A vertex of a tool's lines that is too far away.
+    #[error(
+        "{at}: vertex {vertex} is at {position:?}; in metres that is more than a number can hold; mend its `v` line or mesh_unit_mm of the scene"
+    )]
+    LinesVertex {
+        /// The line that names it.
+        at: Place,
+        /// From 1.
+        vertex: usize,
+        /// Coordinates, in units of the file.
+        position: [f64; 3],
+    },
+
+    /// A file without points and lines.
+    #[error(
+        "{path}: there are no points and lines; wanted a line `l 1 2` or `p 1` at least; export the tool with its edges"
+    )]
+    LinesEmpty {
+        /// The file.
+        path: PathBuf,
+    },
+
+    /// A contact filter that a tool cannot have.
+    #[error(
+        "{at}: filter = \"{filter}\" does not fit the tool \"{tool}\": it is for {fits}; remove the key (each tool then has its own filter), or write filter = \"points\", which fits all"
+    )]
+    FilterTool {
+        /// The filter.
+        at: Place,
+        /// Its word.
+        filter: String,
+        /// The tool's name.
+        tool: String,
+        /// Which tools it fits, and what this one is.
+        fits: &'static str,
+    },
+
     /// A hand without places.
     #[error("{at}: path_mm has no rows; wanted at least one [t_s, x, y, z]; write where the hand rests")]
     PathEmpty {

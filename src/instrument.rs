@@ -7,7 +7,7 @@
 //! step to step, so a body that nothing touches keeps it to rounding however it tumbles.
 //! Units: m, rad, kg, N, N·m. Source: Colgate, Stanley, Brown 1995 (virtual coupling).
 
-use crate::scene::{Blade, Coupling, Pose, Round, Tool};
+use crate::scene::{Blade, Coupling, Lines, Pose, Round, Tool};
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
 
@@ -84,6 +84,8 @@ pub struct Instrument {
     pub free: bool,
     /// What pulls at its mass, m/s²: gravity, or nothing where the hand carries the weight.
     pub gravity: DVec3,
+    /// For tools of points and lines; its vertices are the samples.
+    pub lines: Option<Arc<Lines>>,
     /// kg
     pub mass: f64,
     /// Principal, tool axes, kg·m².
@@ -125,6 +127,7 @@ impl Instrument {
         let mut samples: Vec<Sample> = tool.points.iter().map(point).collect();
         let edge = tool.blade.as_ref().map(|blade| Edge::new(blade, &mut samples));
         samples.extend(tool.round.iter().flat_map(axis_samples));
+        samples.extend(tool.lines.iter().flat_map(|lines| lines.positions.iter().map(point)));
         let cuboid = tool.cuboid.map(DVec3::from_array);
         samples.extend(cuboid.iter().flat_map(|half| corners(*half)));
         let start = tool.free.unwrap_or_default();
@@ -139,6 +142,7 @@ impl Instrument {
             cuboid,
             free: tool.free.is_some(),
             gravity: if tool.free.is_some() { DVec3::from_array(gravity) } else { DVec3::ZERO },
+            lines: tool.lines.clone().map(Arc::new),
             mass: tool.mass,
             inertia: DVec3::from_array(tool.inertia),
             coupling: tool.coupling,
@@ -285,6 +289,7 @@ mod tests {
                 }),
                 points: vec![],
                 round: None,
+                lines: None,
                 cuboid: None,
                 free: None,
                 coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },

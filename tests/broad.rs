@@ -113,6 +113,7 @@ fn tool(at: DVec3, points: Vec<[f64; 3]>) -> Instrument {
         blade: None,
         points,
         round: None,
+        lines: None,
         cuboid: None,
         free: None,
         coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },
@@ -121,7 +122,7 @@ fn tool(at: DVec3, points: Vec<[f64; 3]>) -> Instrument {
     Instrument::new(&tool, [0.0; 3])
 }
 
-const SEARCH: Search = Search { alarm: 5e-4, distance: 1e-4, friction: 0.3, filter: Filter::Points };
+const SEARCH: Search = Search { alarm: 5e-4, distance: 1e-4, friction: 0.3, filter: Filter::Points, angle_cone: 0.0 };
 const TRAVEL: f64 = 1e-4;
 const MARGIN: f64 = SEARCH.alarm + SEARCH.distance + TRAVEL;
 

@@ -136,6 +136,18 @@ const FILES: &[(&str, &str)] = &[
     ("meshes/bad.obj", "v 0 0 0\nf 1 2 9\n"),
     ("meshes/loose.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf /1 2 3\n"),
     ("meshes/text.obj", "v zero 0 0\n"),
+    ("lines/good.obj", "# a hook\nv 9 9 9\nv 0 0 -1 0.5\nv 0 0 0\nv 1 0 2\nf 1 2 3\nvn 0 0 1\nl 2/1 3 -1\np 3 4\n"),
+    ("lines/none.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
+    ("lines/number.obj", "v 0 0 0\nv 1 zero 0\nl 1 2\n"),
+    ("lines/short.obj", "v 0 0 0\nv 1 0\nl 1 2\n"),
+    ("lines/nan.obj", "v 0 0 0\nv 1 0 nan\nl 1 2\n"),
+    ("lines/index.obj", "v 0 0 0\nv 1 0 0\nl 1 3\n"),
+    ("lines/zero.obj", "v 0 0 0\np 0\n"),
+    ("lines/back.obj", "v 0 0 0\np -2\n"),
+    ("lines/word.obj", "v 0 0 0\nl 1 b\n"),
+    ("lines/lone.obj", "v 0 0 0\n\nl 1\n"),
+    ("lines/same.obj", "v 0 0 0\nv 0 0 0\nl 1 2\n"),
+    ("lines/far.obj", "v 0 0 0\nv 1e300 0 0\nl 1 2\n"),
     ("incision.csv", HAND),
     ("nothing.csv", ""),
     ("header.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n"),
@@ -698,13 +710,87 @@ fn bad_round_tools_and_hands_are_refused() {
     refused("radius_mm = 2", "radius_mm = -2", "radius_mm = -2.0; wanted a finite number above 0, in mm");
     refused("[[0, 0, 0], [0, 0, 5]]", "[]", "points_mm of a round tool has 0 points … a sphere's centre");
     refused("[0, 0, 5]]", "[0, 0, 0]]", "points_mm of a round tool has 2 points … two different");
-    refused("\"one\"", "\"two\"", "filter = \"two\" … points, one");
+    refused("\"one\"", "\"two\"", "filter = \"two\" … points, one, cones");
     let why = "`points_mm` has no effect here … `round` table";
     refused(path, &format!("{path}points_mm = [[0, 0, 1]]\n"), why);
     let blade = "[tool.blade]\nedge_mm = [[0, 0, 0], [1, 0, 0]]\nthickness_mm = 1\n[tool.round]";
     refused("[tool.round]", blade, "`blade` has no effect here … `round` table … remove");
     let bare = parsed(&FULL.replace("mesh = \"meshes/scalpel.obj\"\n", "")).expect_err("a blade needs a mesh");
     says(&bare.to_string(), "full.toml:67: the key `mesh` is missing … drawn");
+}
+
+/// FULL with its tool turned into points and lines.
+fn wired() -> String {
+    let text = FULL.replace("points_mm = [[0, 0, 1]]\n", "");
+    let (before, blade) = text.split_once("[tool.blade]").expect("FULL has a blade");
+    let (_, after) = blade.split_once("[contact]").expect("FULL has contact");
+    format!("{before}[tool.lines]\nmesh = \"lines/good.obj\"\nmesh_unit_mm = 2\nradius_mm = 0.1\n\n[contact]{after}")
+}
+
+#[test]
+fn a_tool_of_lines_has_the_vertices_that_its_file_uses() {
+    let scene = parsed(&wired()).unwrap_or_else(|e| panic!("{e}"));
+    let lines = scene.tools[0].lines.as_ref().expect("it has lines");
+    assert_eq!(lines.positions, [[0.0, 0.0, -2e-3], [0.0; 3], [2e-3, 0.0, 4e-3]]);
+    assert_eq!((&lines.segments[..], lines.radius), (&[[0, 1], [1, 2]][..], 1e-4));
+    let contact = scene.contact.expect("it has a tool");
+    assert_eq!((contact.filter, contact.angle_cone), (Filter::Own, 0.02));
+    let chosen = wired().replace("[contact]", "[contact]\nfilter = \"cones\"\nangle_cone = 0");
+    let contact = parsed(&chosen).unwrap_or_else(|e| panic!("{e}")).contact.expect("it has a tool");
+    assert_eq!((contact.filter, contact.angle_cone), (Filter::Cones, 0.0));
+}
+
+#[test]
+fn bad_lines_are_refused() {
+    let refused = |from: &str, to: &str, parts: &str| {
+        let text = wired();
+        assert_eq!(text.matches(from).count(), 1, "{from}");
+        let error = parsed(&text.replace(from, to)).expect_err("the input is bad");
+        assert_eq!(error.exit_code(), 2, "{error}");
+        says(&error.to_string(), parts);
+    };
+    let file = |name: &str, parts: &str| refused("lines/good.obj", &format!("lines/{name}.obj"), parts);
+    file("none", "lines/none.obj: there are no points and lines … `l 1 2` … export");
+    file("number", "lines/number.obj:2: `v 1 zero 0`; wanted `v` and three finite numbers; mend");
+    file("short", "lines/short.obj:2: `v 1 0`; wanted");
+    file("nan", "lines/nan.obj:2: `v 1 0 nan`; wanted");
+    file("index", "lines/index.obj:3: `3` is no vertex; 2 `v` lines … 1 to 2, or -2 to -1; mend the index");
+    file("zero", "lines/zero.obj:2: `0` is no vertex");
+    file("back", "lines/back.obj:2: `-2` is no vertex");
+    file("word", "lines/word.obj:2: `b` is no vertex");
+    file("lone", "lines/lone.obj:3: the line has 1 vertices; wanted at least two … `p`");
+    file("same", "lines/same.obj:3: vertices 1 and 2 … same place … leave one out");
+    file("far", "lines/far.obj:3: vertex 2 is at [1e300, 0.0, 0.0] … mesh_unit_mm");
+    file("lost", "mesh names lines/lost.obj … change mesh");
+    refused("radius_mm = 0.1", "radius_mm = -1", "radius_mm = -1.0; wanted a finite number, 0 or more, in mm");
+    let table = "[tool.lines]";
+    let blade = "[tool.blade]\nedge_mm = [[0, 0, 0], [1, 0, 0]]\nthickness_mm = 1\n[tool.lines]";
+    refused(table, blade, "`blade` has no effect here … `lines` table … remove");
+    let round = "[tool.round]\nradius_mm = 1\npoints_mm = [[0, 0, 0]]\n[tool.lines]";
+    refused(table, round, "`lines` has no effect here … `round` table … remove");
+    refused("mass_g = 25", "mass_g = 25\npoints_mm = [[0, 0, 1]]", "`points_mm` has no effect here … `lines` table");
+}
+
+#[test]
+fn a_filter_that_a_tool_cannot_have_is_refused() {
+    let message = |text: String| parsed(&text).expect_err("the filter does not fit").to_string();
+    let one = message(wired().replace("[contact]", "[contact]\nfilter = \"one\""));
+    says(&one, "filter = \"one\" does not fit the tool \"scalpel\" … for tools with a `round` table … remove the key");
+    let cones = message(rounded().replace("\"one\"", "\"cones\""));
+    says(
+        &cones,
+        "filter = \"cones\" does not fit … for tools with a `lines` table, and this one is `round` … \"points\"",
+    );
+    let both = wired().replace("[contact]", "[contact]\nfilter = \"points\"");
+    assert_eq!(parsed(&both).expect("it fits").contact.expect("it has a tool").filter, Filter::Points);
+    let angle = message(both.replace("[contact]", "[contact]\nangle_cone = 0.1"));
+    says(&angle, "`angle_cone` has no effect here … filter = \"points\" … remove");
+    says(
+        &message(FULL.replace("[contact]", "[contact]\nangle_cone = 0.1")),
+        "`angle_cone` has no effect here … `lines` table",
+    );
+    let angle = message(wired().replace("[contact]", "[contact]\nangle_cone = -0.1"));
+    says(&angle, "angle_cone = -0.1; wanted a finite number, 0 or more");
 }
 
 #[test]

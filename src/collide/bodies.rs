@@ -173,6 +173,34 @@ pub fn skin_on_plane(
     out
 }
 
+/// Contacts of a deformable body's nodes with the faces of a box that they are over, or inside of; none when the tool is no box.
+pub fn skin_on_box(
+    (number, faces): (usize, &[Quad]),
+    position: &impl Fn(u32) -> DVec3,
+    (rigid, tool): (usize, &Instrument),
+    search: &Search,
+    travel: f64,
+) -> Vec<Contact> {
+    let Some(half) = tool.cuboid else { return vec![] };
+    let on = [Who::Rigid(rigid), Who::Skin(number)];
+    let mut out = vec![];
+    for (node, outward) in nodes(faces, position) {
+        let point = position(node);
+        let local = tool.rotation.inverse() * (point - tool.position);
+        let out_of = local.abs() - half; // of each pair of faces
+        let axis = out_of.max_position();
+        let beside = (0..3).any(|n| n != axis && out_of[n] > 0.0);
+        let normal = -(tool.rotation * (DVec3::AXES[axis] * local[axis].signum()));
+        let looks = normal.dot(outward) > FACING * outward.length();
+        if !beside && looks && out_of[axis] < search.alarm + search.distance + travel {
+            // behind the numbers of the box's own corners
+            let found = contact(on, tool.samples.len() + node as usize, point, normal, out_of[axis], search);
+            out.push(Contact { spots: [Spot::default(), Spot::node(node)], ..found });
+        }
+    }
+    out
+}
+
 /// Contacts of the first body's nodes with the second's faces; nodes within `same` of one of `skip` are left out.
 pub fn skin_on_skin(
     (first, faces, position): (usize, &[Quad], &impl Fn(u32) -> DVec3),

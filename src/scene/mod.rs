@@ -10,6 +10,7 @@ mod builtin;
 mod diagnose;
 mod files;
 mod grid;
+mod lines;
 mod outputs;
 mod raw;
 mod read;
@@ -28,7 +29,8 @@ pub use read::{parse, read};
 pub use recorded::{Check, Probe, ProbeKind, TestForm, View};
 pub use region::Region;
 pub use touching::{
-    Attachment, Blade, Contact, Correction, Coupling, Filter, Loop, Motion, Plane, Pose, Round, Tool, ToolMesh, Who,
+    Attachment, Blade, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Tool, ToolMesh,
+    Who,
 };
 
 use std::path::PathBuf;

@@ -232,6 +232,7 @@ pub(super) struct Tool {
     pub coupling: Option<Table<Coupling>>,
     pub blade: Option<Table<Blade>>,
     pub round: Option<Table<Round>>,
+    pub lines: Option<Table<Lines>>,
 }
 
 #[derive(serde::Deserialize)]
@@ -278,6 +279,14 @@ pub(super) struct Round {
     pub points_mm: Points,
 }
 
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Lines {
+    pub mesh: At<String>,
+    pub mesh_unit_mm: Option<At<f64>>,
+    pub radius_mm: Option<At<f64>>,
+}
+
 #[derive(Default, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Coupling {
@@ -308,6 +317,7 @@ pub(super) struct Contact {
     pub penalty_n_m: Option<At<f64>>,
     pub correction: Option<At<String>>,
     pub filter: Option<At<String>>,
+    pub angle_cone: Option<At<f64>>,
     pub max_contacts: Option<At<u32>>,
     pub tolerance: Option<At<f64>>,
     pub column_tolerance: Option<At<f64>>,

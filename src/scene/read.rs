@@ -59,7 +59,7 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let probes = outputs::probes(&scene, raw.probe, &names, &grids)?;
     let boundaries = raw.boundary.into_iter().map(|table| boundary(&scene, table, &names, &grids));
     let loads = raw.load.into_iter().map(|table| load(&scene, table, &names, &skins));
-    let contact = tools::contact(&scene, raw::keys(raw.contact))?;
+    let contact = tools::contact(&scene, raw::keys(raw.contact), &tools)?;
     let touching = !tools.is_empty() || !attachments.is_empty() || skins.len() > 1 || !planes.is_empty();
     if contact.correction == Correction::Precomputed && tools.iter().any(|t| t.blade.is_some()) {
         return Err(Error::PrecomputedCut { path: file.to_path_buf() });

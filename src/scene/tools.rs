@@ -1,12 +1,13 @@
 //! Tools and contact of a scene file.
 
 use super::files::{Files, mesh, trajectory};
+use super::lines::{angle_cone, filter, lines};
 use super::raw::{self, At, Table};
 use super::round::{path, round};
 use super::text::{
     ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS, SceneText, or, or_vector,
 };
-use super::{Blade, Contact, Correction, Coupling, Filter, Loop, Pose, Tool, ToolMesh};
+use super::{Blade, Contact, Correction, Coupling, Loop, Pose, Tool, ToolMesh};
 use crate::error::{Error, Result};
 use std::ops::Range;
 
@@ -32,13 +33,8 @@ pub(super) fn tools(
 fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>) -> Result<Tool> {
     let (at, raw) = (table.span, table.keys);
     let round = raw.round.as_ref().map(|table| round(scene, &table.keys)).transpose()?;
-    if round.is_some() {
-        let why = "a tool with a `round` table touches with that surface";
-        scene.needless("points_mm", &raw.points_mm, why)?;
-        if let Some(blade) = &raw.blade {
-            return Err(Error::NeedlessKey { at: scene.place(blade.span.clone()), key: "blade", why });
-        }
-    }
+    let lines = raw.lines.as_ref().map(|table| lines(scene, files, &table.keys)).transpose()?;
+    alone(scene, &raw)?;
     let points = raw.points_mm.as_ref().map(|points| scene.points("points_mm", points, MM));
     let trajectory = hand(scene, files, &raw, at.clone())?;
     let mesh = match (&raw.mesh, &round) {
@@ -56,11 +52,28 @@ fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>)
         blade: raw.blade.map(|table| blade(scene, table.keys)).transpose()?,
         points: points.transpose()?.unwrap_or_default(),
         round,
+        lines,
         cuboid: None,
         coupling: coupling(scene, raw::keys(raw.coupling))?,
         trajectory,
         free: None,
     })
+}
+
+/// A tool touches with its blade and points, or with one surface, or with its lines.
+fn alone(scene: &SceneText, raw: &raw::Tool) -> Result<()> {
+    let why = match (&raw.round, &raw.lines) {
+        (None, None) => return Ok(()),
+        (Some(_), _) => "a tool with a `round` table touches with that surface",
+        (None, Some(_)) => "a tool with a `lines` table touches with the points and lines of its file",
+    };
+    scene.needless("points_mm", &raw.points_mm, why)?;
+    let span = |table: &Option<Table<raw::Lines>>| table.as_ref().map(|t| t.span.clone());
+    let lines = span(&raw.lines).filter(|_| raw.round.is_some()).map(|span| ("lines", span));
+    match raw.blade.as_ref().map(|table| ("blade", table.span.clone())).or(lines) {
+        Some((key, span)) => Err(Error::NeedlessKey { at: scene.place(span), key, why }),
+        None => Ok(()),
+    }
 }
 
 /// The mesh file of a tool.
@@ -156,20 +169,20 @@ pub(super) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
 }
 
 /// The contact law; absent keys have their defaults.
-pub(super) fn contact(scene: &SceneText, raw: raw::Contact) -> Result<Contact> {
+pub(super) fn contact(scene: &SceneText, raw: raw::Contact, tools: &[Tool]) -> Result<Contact> {
     let number = |key, value, default, unit, bound| scene.number(key, &or(value, default), unit, bound);
     let corrections =
         [("exact", Correction::Exact), ("uncoupled", Correction::Uncoupled), ("precomputed", Correction::Precomputed)];
     let correction = or(raw.correction, "exact".to_string());
-    let filters = [("points", Filter::Points), ("one", Filter::One)];
-    let filter = or(raw.filter, "points".to_string());
+    let filter = filter(scene, raw.filter, tools)?;
     Ok(Contact {
         friction: number("friction", raw.friction, 0.3, PLAIN, Bound::NotNegative)?,
         alarm: number("alarm_mm", raw.alarm_mm, 0.5, MM, Bound::Positive)?,
         distance: number("distance_mm", raw.distance_mm, 0.0, MM, Bound::NotNegative)?,
         forces: forces(scene, raw.forces, raw.penalty_n_m)?,
         correction: scene.choice("correction", &correction, &corrections)?,
-        filter: scene.choice("filter", &filter, &filters)?,
+        filter,
+        angle_cone: angle_cone(scene, raw.angle_cone, filter, tools)?,
         max_contacts: scene.count("max_contacts", &or(raw.max_contacts, 16), [1, u32::MAX])?,
         tolerance: number("tolerance", raw.tolerance, 1e-3, PLAIN, Bound::Fraction)?,
         column_tolerance: number("column_tolerance", raw.column_tolerance, 0.05, PLAIN, Bound::Fraction)?,

@@ -19,6 +19,8 @@ pub struct Tool {
     pub points: Vec<[f64; 3]>,
     /// The whole surface, for tools that are a sphere or a capsule; such a tool has neither blade nor points.
     pub round: Option<Round>,
+    /// Points and segments, for tools that touch with those alone; such a tool has neither blade nor points, and is not round.
+    pub lines: Option<Lines>,
     /// Half edges of a body that is a box around its origin, m.
     pub cuboid: Option<[f64; 3]>,
     /// Coupling to the hand; none of it for a body that no hand holds.
@@ -80,6 +82,17 @@ pub struct Round {
     pub radius: f64,
     /// Ends of the line, m; the same point twice for a sphere.
     pub ends: [[f64; 3]; 2],
+}
+
+/// Points and straight segments of a tool in its own frame; every vertex touches as a point.
+#[derive(Clone, Debug)]
+pub struct Lines {
+    /// `[vertex]` m
+    pub positions: Vec<[f64; 3]>,
+    /// `[segment]` two different vertices
+    pub segments: Vec<[u32; 2]>,
+    /// How far the tool's surface stands off its points and segments, m; 0 for a wire without thickness.
+    pub radius: f64,
 }
 
 /// Triangles of a tool in its own frame.
@@ -152,13 +165,17 @@ pub enum Loop {
     Penalty(f64),
 }
 
-/// Which of the contacts of a round tool are kept.
+/// Which of the contacts of a round tool, or of a tool of points and lines, are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Filter {
-    /// All of the skin's surface points that the tool touches.
+    /// What fits the tool: `Points` for a round one, `Cones` for one of points and lines.
+    Own,
+    /// All of the skin's surface points that a round tool touches; all pairs of features within reach for a tool of lines.
     Points,
-    /// The nearest place alone, which is what is left of a sphere's contacts behind SOFA's LocalMinDistance.
+    /// For round tools, the nearest place alone, which is what is left of a sphere's contacts behind SOFA's LocalMinDistance.
     One,
+    /// For tools of lines, pairs at a local minimum of the distance, told by the normal cones of the features.
+    Cones,
 }
 
 /// Contact law and solver.
@@ -174,8 +191,10 @@ pub struct Contact {
     pub forces: Loop,
     /// Which correction.
     pub correction: Correction,
-    /// For round tools.
+    /// For round tools and tools of points and lines.
     pub filter: Filter,
+    /// How far normal cones are widened: sine of the angle.
+    pub angle_cone: f64,
     /// Most contacts at a time.
     pub max_contacts: u32,
     /// Relative residual at which the passes stop.

@@ -1,7 +1,7 @@
 //! What touches what at a step's start, and the ties that hold all the time.
 
 use super::{Body, Simulation, StepReport};
-use crate::collide::{self, Aabb, Contact, Patch, Search, Spot, bodies, round};
+use crate::collide::{self, Aabb, Contact, Patch, Search, Spot, bodies, features, round};
 use crate::constraints::Law;
 use crate::error::{Error, Result};
 use crate::instrument::Free;
@@ -44,7 +44,13 @@ impl Simulation {
         free: &[Free],
         report: &mut StepReport,
     ) -> Result<Vec<Contact>> {
-        let search = Search { alarm: law.alarm, distance: law.distance, friction: law.friction, filter: law.filter };
+        let search = Search {
+            alarm: law.alarm,
+            distance: law.distance,
+            friction: law.friction,
+            filter: law.filter,
+            angle_cone: law.angle_cone,
+        };
         let travel: Vec<f64> = (self.tools.iter().zip(free))
             .map(|(tool, free)| free.shift.length() + free.turn.length() * tool.span())
             .collect();
@@ -139,15 +145,15 @@ impl Simulation {
             for (k, tool) in self.tools.iter().enumerate() {
                 let Some(patch) = &patches[number][k] else { continue };
                 let faces = &body.located.faces[k];
-                found.extend(match &tool.round {
-                    Some(round) => {
-                        round::contacts((k, tool), round, (number, patch), faces, &position, search, &free[k])
-                    }
-                    None => {
-                        let resistance = |cell| body.resistance(cell);
-                        collide::contacts((k, tool), (number, patch), search, travel[k], resistance)
+                let (of_tool, of_skin) = ((k, tool), (number, patch));
+                found.extend(match (&tool.round, &tool.lines) {
+                    (Some(round), _) => round::contacts(of_tool, round, of_skin, faces, &position, search, &free[k]),
+                    (None, Some(lines)) => features::contacts(of_tool, lines, of_skin, search, &free[k]),
+                    (None, None) => {
+                        collide::contacts(of_tool, of_skin, search, travel[k], |cell| body.resistance(cell))
                     }
                 });
+                found.extend(bodies::skin_on_box((number, faces), &position, of_tool, search, travel[k]));
             }
             let others = self.bodies.len() - 1;
             for (wall, plane) in self.scene.planes.iter().enumerate() {

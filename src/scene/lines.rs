@@ -1,0 +1,137 @@
+//! Tools of points and lines: the `v`, `l` and `p` lines of a Wavefront OBJ, and which filter fits which tool.
+//!
+//! Polylines (`l 1 2 3`) become segments between neighbours; `p 1 2` adds points that no line has. Indices count from 1, or back from the
+//! last vertex when negative; what follows a slash is left out. All other lines (faces, normals, groups) are skipped: the same file may
+//! show the tool. tobj makes triangles of polylines with three vertices, so it is not used here.
+
+use super::diagnose::shorten;
+use super::files::Files;
+use super::raw::{self, At};
+use super::text::{Bound, MM, SceneText, or};
+use super::{Filter, Lines, Tool};
+use crate::error::{Error, Place, Result};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// The points and segments of a tool.
+pub(super) fn lines(scene: &SceneText, files: &Files, raw: &raw::Lines) -> Result<Lines> {
+    let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm.clone(), 1.0), MM, Bound::Positive)?;
+    let radius = scene.number("radius_mm", &or(raw.radius_mm.clone(), 0.0), MM, Bound::NotNegative)?;
+    let (path, text) = files.text(scene, "mesh", &raw.mesh)?;
+    let file = read(&text, &path)?;
+    let mut places = BTreeMap::new(); // vertices in use, by their number in the file
+    for (id, at) in file.points.iter().chain(file.segments.iter().flatten()) {
+        places.entry(*id).or_insert_with(|| at.clone());
+    }
+    if places.is_empty() {
+        return Err(Error::LinesEmpty { path });
+    }
+    let mut positions = vec![];
+    for (id, at) in &places {
+        let position = file.vertices[*id].map(|coordinate| coordinate * unit);
+        if !position.iter().all(|coordinate| (*coordinate as f32).is_finite()) {
+            return Err(Error::LinesVertex { at: at.clone(), vertex: id + 1, position: file.vertices[*id] });
+        }
+        positions.push(position);
+    }
+    let ids: Vec<usize> = places.into_keys().collect();
+    let number = |id: usize| ids.partition_point(|known| *known < id) as u32;
+    let mut segments = vec![];
+    for [(a, at), (b, _)] in &file.segments {
+        if file.vertices[*a] == file.vertices[*b] {
+            return Err(Error::LinesShort { at: at.clone(), a: a + 1, b: b + 1 });
+        }
+        segments.push([number(*a), number(*b)]);
+    }
+    Ok(Lines { positions, segments, radius })
+}
+
+/// What an OBJ says of points and lines; ids from 0, each with the line that names it.
+#[derive(Default)]
+struct Obj {
+    vertices: Vec<[f64; 3]>,
+    points: Vec<(usize, Place)>,
+    segments: Vec<[(usize, Place); 2]>,
+}
+
+fn read(text: &str, path: &Path) -> Result<Obj> {
+    let mut obj = Obj::default();
+    for (k, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
+        let at = Place::new(path, k + 1);
+        let mut words = line.split('#').next().unwrap_or("").split_whitespace();
+        match words.next() {
+            Some("v") => obj.vertices.push(vertex(&at, line, words)?),
+            Some("p") => {
+                for word in words {
+                    obj.points.push((index(&at, word, obj.vertices.len())?, at.clone()));
+                }
+            }
+            Some("l") => {
+                let ids: Vec<usize> = words.map(|word| index(&at, word, obj.vertices.len())).collect::<Result<_>>()?;
+                if ids.len() < 2 {
+                    return Err(Error::LinesLone { at, found: ids.len() });
+                }
+                obj.segments.extend(ids.windows(2).map(|pair| [pair[0], pair[1]].map(|id| (id, at.clone()))));
+            }
+            _ => {}
+        }
+    }
+    Ok(obj)
+}
+
+/// The three coordinates of a `v` line; a weight or a colour may follow them.
+fn vertex<'a>(at: &Place, line: &str, words: impl Iterator<Item = &'a str>) -> Result<[f64; 3]> {
+    let numbers = words.take(3).map(|word| word.parse::<f64>().ok().filter(|number| number.is_finite()));
+    let numbers: Option<Vec<f64>> = numbers.collect();
+    let found = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
+    found.ok_or_else(|| Error::LinesNumber { at: at.clone(), found: shorten(line.trim()) })
+}
+
+fn index(at: &Place, word: &str, count: usize) -> Result<usize> {
+    let number = word.split('/').next().and_then(|first| first.parse::<i64>().ok());
+    let found = number.and_then(|number| match number {
+        1.. => usize::try_from(number - 1).ok(),
+        0 => None,
+        _ => count.checked_sub(usize::try_from(number.unsigned_abs()).ok()?),
+    });
+    let known = found.filter(|id| *id < count);
+    known.ok_or_else(|| Error::LinesIndex { at: at.clone(), found: shorten(word), count })
+}
+
+/// The filter that the scene asks for; each tool of the scene has to be of a kind that it fits.
+pub(super) fn filter(scene: &SceneText, word: Option<At<String>>, tools: &[Tool]) -> Result<Filter> {
+    let Some(word) = word else {
+        return Ok(Filter::Own);
+    };
+    let known = [("points", Filter::Points), ("one", Filter::One), ("cones", Filter::Cones)];
+    let filter = scene.choice("filter", &word, &known)?;
+    let unfit = |tool: &&Tool| match filter {
+        Filter::One => tool.lines.is_some(),
+        Filter::Cones => tool.round.is_some(),
+        Filter::Points | Filter::Own => false,
+    };
+    let misfit = |tool: &Tool, fits| Error::FilterTool {
+        at: scene.place(word.span()),
+        filter: word.get_ref().clone(),
+        tool: tool.name.clone(),
+        fits,
+    };
+    match tools.iter().find(unfit) {
+        Some(tool) if filter == Filter::One => {
+            Err(misfit(tool, "tools with a `round` table, and this one has `lines`"))
+        }
+        Some(tool) => Err(misfit(tool, "tools with a `lines` table, and this one is `round`")),
+        None => Ok(filter),
+    }
+}
+
+/// How far the normal cones of [`Filter::Cones`] are widened; a key that does nothing is refused.
+pub(super) fn angle_cone(scene: &SceneText, raw: Option<At<f64>>, filter: Filter, tools: &[Tool]) -> Result<f64> {
+    if !tools.iter().any(|tool| tool.lines.is_some()) {
+        scene.needless("angle_cone", &raw, "no tool has a `lines` table")?;
+    }
+    if filter == Filter::Points {
+        scene.needless("angle_cone", &raw, "filter = \"points\" looks at no cones")?;
+    }
+    scene.number("angle_cone", &or(raw, 0.02), super::text::PLAIN, Bound::NotNegative)
+}
