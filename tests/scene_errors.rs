@@ -626,7 +626,10 @@ fn bodies_say_who_they_are_and_where() {
     says(&with(&named), "key `position_mm` is missing … the middle of its bottom");
     let placed = named.replace("[[block]]\n", "[[block]]\nposition_mm = [0, 0, 9]\n");
     says(&with(&placed.replace("name = \"b\"\nsize", "name = \"skin\"\nsize")), "skin");
-    says(&with(&format!("{placed}[[attach]]\nregion = \"top\"\nto = \"skim\"\n")), "`to`… did you mean \"skin\"");
+    says(
+        &with(&format!("{placed}[[attach]]\nregion = \"top\"\nto = \"skim\"\n")),
+        "to = \"skim\" … did you mean \"skin\"",
+    );
     let itself = with(&format!("{placed}[[attach]]\nregion = \"top\"\nto = \"skin\"\n"));
     says(&itself, "\"skin\" is tied to itself … leave `to` away");
     let direction = with("[[attach]]\nregion = \"top\"\nslide = [0, 0, 0]\n");
@@ -641,8 +644,9 @@ fn bodies_say_who_they_are_and_where() {
 
 #[test]
 fn loops_and_corrections_that_do_not_fit_are_refused() {
-    refused("[contact]\n", "[contact]\nforces = \"penalty\"\n", "key `penalty_n_m` is missing … stiffness");
-    refused("[contact]\n", "[contact]\npenalty_n_m = 5\n", "`penalty_n_m` has no effect … penalty");
+    let message = message_below("[contact]", "[contact]\nforces = \"penalty\"", 1);
+    says(&message, "key `penalty_n_m` is missing … stiffness");
+    says(&message_below("[contact]", "[contact]\npenalty_n_m = 5", 1), "`penalty_n_m` has no effect … penalty");
     let text = FULL.replace("correction = \"uncoupled\"", "correction = \"precomputed\"");
     let error = parsed(&text).expect_err("it has a blade").to_string();
     says(&error, "precomputed … uncut … exact");

@@ -91,6 +91,8 @@ struct Problem<'a> {
     w: Vec<f64>,
     /// `[row]` at the free positions, m.
     violation: Vec<f64>,
+    /// What the step's forces on the bodies amount to, N: forces of a share of it are as good as none.
+    load: f64,
 }
 
 impl Problem<'_> {
@@ -114,7 +116,7 @@ impl Problem<'_> {
 
     /// Forces that the laws ask for where the violations are `found` under `lambda`, by the model `W`: the violations without force,
     /// the relative change of the forces (in the energy's norm: redundant contacts may share a force in many ways, which means
-    /// nothing), and whether the solve converged.
+    /// nothing; 0 where it is a negligible share of the step's load), and whether the solve converged.
     fn judge(&self, found: &[f64], lambda: &[f64]) -> (Vec<f64>, f64, bool) {
         let count = lambda.len();
         let product = |i: usize| (0..count).map(|j| self.w[i * count + j] * lambda[j]).sum::<f64>();
@@ -123,7 +125,8 @@ impl Problem<'_> {
         let ended = solve(&self.laws, &self.w, &shifted, &mut next, SWEEP_TOLERANCE, MAX_SWEEPS);
         let change: Vec<f64> = next.iter().zip(lambda).map(|(a, b)| a - b).collect();
         let total = energy(&self.w, lambda);
-        let size = if total > 0.0 { (energy(&self.w, &change) / total).sqrt() } else { 0.0 };
+        let negligible = change.iter().all(|c| c.abs() <= self.law.tolerance * self.load);
+        let size = if total > 0.0 && !negligible { (energy(&self.w, &change) / total).sqrt() } else { 0.0 };
         (shifted, size, ended.converged)
     }
 }
@@ -185,7 +188,8 @@ impl Simulation {
             nodes.push(own);
         }
         let laws = contacts.iter().map(|c| c.law).collect();
-        let mut problem = Problem { law, rows, laws, free, nodes, blocks, w: vec![], violation: vec![] };
+        let load = ended.iter().map(|e| e.target / self.scene.solver.tolerance).fold(0.0, f64::max);
+        let mut problem = Problem { law, rows, laws, free, nodes, blocks, w: vec![], violation: vec![], load };
         problem.w = self.compliance_of(&problem);
         problem.violation = (0..problem.rows.count())
             .map(|row| {
