@@ -232,6 +232,11 @@ fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], floor: f64) -
 
 /// What `force` leaves of the laws. Arguments as in [`solve`].
 pub fn residual(laws: &[Law], w: &[f64], free: &[f64], force: &[f64]) -> Residual {
+    residual_at(laws, w, free, force, 1.0)
+}
+
+/// The same with the compliances `c` of the natural map times a share; it is zero at the same forces.
+fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64) -> Residual {
     let floor = floor(w, force.len());
     let mut found = Residual::default();
     for (contact, law) in laws.iter().enumerate() {
@@ -240,6 +245,7 @@ pub fn residual(laws: &[Law], w: &[f64], free: &[f64], force: &[f64]) -> Residua
             found.dropped += 1;
             continue;
         };
+        let c = c.map(|c| share * c);
         let aim = [0, 1, 2].map(|k| force[first + k] - violation(w, free, force, first + k) / c[k]);
         let held = law.project(aim);
         for k in 0..3 {

@@ -5,7 +5,7 @@
 //! Source: Alart, Curnier 1991. Differs: the disc is that of the projected normal force, as in the sweeps; `W`'s diagonal is raised in
 //! `J` alone, so that redundant contacts share a force instead of dividing by zero. `F` is untouched: the result is the law's own.
 
-use super::{Law, Residual, between, floor, residual, scales, violation};
+use super::{Law, Residual, between, floor, residual, residual_at, scales, violation};
 
 /// Newton steps at one go.
 const STEPS: u32 = 30;
@@ -15,7 +15,12 @@ const HALVINGS: i32 = 8;
 /// rows) and well below the tolerance wanted of λ. Redundant contacts whose violations do not agree (four corners of a rigid face, by
 /// the rounding of where they are) ask for their disagreement over this share, in newtons without end: then a larger one is due
 /// (Levenberg 1944).
-const RAISED: [f64; 4] = [1e-11, 1e-9, 1e-7, 1e-5];
+const RAISED: [f64; 2] = [1e-11, 1e-7];
+
+/// Shares of the rows' own compliance that take the place of `c`. What a row gives is mostly what all rows near it give together; what
+/// tells them apart gives a hundred to a million times less, and a map whose `c` is nearer to that finds the contacts that close. On 27
+/// contacts in one dent: five steps with 10⁻³, none that lessens the residual with 1. With well conditioned `W` it is the other way round.
+const SHARES: [f64; 2] = [1.0, 1e-3];
 
 /// Steps until `done`, or until none lessens the residual; returns how many. `force` never gets worse.
 pub(super) fn polish(
@@ -25,24 +30,50 @@ pub(super) fn polish(
     force: &mut [f64],
     done: impl Fn(&Residual, &[f64]) -> bool,
 ) -> u32 {
+    let mut count = 0;
+    let mut best = residual(laws, w, free, force).energy;
+    for share in SHARES {
+        let mut trial = force.to_vec();
+        count += descend(laws, w, free, &mut trial, share, &done);
+        let found = residual(laws, w, free, &trial);
+        if found.energy < best {
+            best = found.energy;
+            force.copy_from_slice(&trial);
+        }
+        if done(&found, &trial) {
+            break;
+        }
+    }
+    count
+}
+
+/// Steps that lessen the natural map of one share.
+fn descend(
+    laws: &[Law],
+    w: &[f64],
+    free: &[f64],
+    force: &mut [f64],
+    share: f64,
+    done: impl Fn(&Residual, &[f64]) -> bool,
+) -> u32 {
     let rows = force.len();
     let (mut jacobian, mut step) = (vec![0.0; rows * rows], vec![0.0; rows]);
     let mut trial = force.to_vec();
-    let mut before = residual(laws, w, free, force);
+    let mut before = residual_at(laws, w, free, force, share).energy;
     let mut raised = 0;
     for count in 0..STEPS {
-        if done(&before, force) {
+        if done(&residual(laws, w, free, force), force) {
             return count;
         }
         let mut better = false;
         while !better && raised < RAISED.len() {
-            linearise(laws, w, free, force, RAISED[raised], &mut jacobian, &mut step);
+            linearise(laws, w, free, force, (RAISED[raised], share), &mut jacobian, &mut step);
             better = eliminate(&mut jacobian, &mut step)
                 && (0..HALVINGS).any(|halving| {
-                    let share = 0.5f64.powi(halving);
-                    trial.iter_mut().zip(force.iter().zip(&step)).for_each(|(t, (f, s))| *t = f + share * s);
-                    let after = residual(laws, w, free, &trial);
-                    let less = after.energy < before.energy * (1.0 - 1e-4 * share);
+                    let part = 0.5f64.powi(halving);
+                    trial.iter_mut().zip(force.iter().zip(&step)).for_each(|(t, (f, s))| *t = f + part * s);
+                    let after = residual_at(laws, w, free, &trial, share).energy;
+                    let less = after < before * (1.0 - 1e-4 * part);
                     if less {
                         before = after;
                     }
@@ -64,7 +95,7 @@ fn linearise(
     w: &[f64],
     free: &[f64],
     force: &[f64],
-    raised: f64,
+    (raised, share): (f64, f64),
     jacobian: &mut [f64],
     minus: &mut [f64],
 ) {
@@ -73,7 +104,7 @@ fn linearise(
     jacobian.fill(0.0);
     for (contact, law) in laws.iter().enumerate() {
         let first = 3 * contact;
-        let scales = scales(law, w, rows, first, floor);
+        let scales = scales(law, w, rows, first, floor).map(|c| c.map(|c| share * c));
         let aim = |k: usize| scales.map_or(0.0, |c| force[first + k] - violation(w, free, force, first + k) / c[k]);
         let aim = [0, 1, 2].map(aim);
         let (held, slope) = (law.project(aim), slope(law, aim));
