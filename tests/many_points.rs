@@ -8,9 +8,6 @@ use std::path::Path;
 /// Relative error of a force between two solves: the passes stop at 1e-3 of the energy, that is well below of the sum.
 const SAME: f64 = 2e-3;
 
-/// 64 rows on 25 nodes: forces may be shared in so many ways that the solver says it has not settled on one; their sum has.
-const REDUNDANT: &[&str] = &["contact_not_converged", "contact_passes_exhausted"];
-
 fn punch() -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hard/tools_many_points.toml");
     read(&path).unwrap_or_else(|e| panic!("{e}"))
@@ -25,26 +22,28 @@ fn with_points(count: usize, times: usize) -> Scene {
     scene
 }
 
-/// Force on the tool at rest, and how many points touch. `asked` warnings are counted and printed, all others fail.
+/// What a solve that has not settled may leave: a millionth of the force, and a thousandth of the resting depth of a point.
+const LEFT: [f64; 2] = [1e-6, 1e-8];
+
+/// Force on the tool at rest, and how many points touch; no warning.
+fn pressed(scene: &Scene) -> (f64, usize) {
+    pressed_with(scene, &[])
+}
+
+/// The same with warnings that are asked for, as long as little is left.
 fn pressed_with(scene: &Scene, asked: &[&str]) -> (f64, usize) {
     let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
     let mut last = (0.0, 0);
     for _ in 0..whole(scene) {
         let report = simulation.step(false).expect("the CPU path has no device to fail");
-        let unasked: Vec<_> = report.warnings.iter().filter(|(name, _)| !asked.contains(name)).collect();
-        assert!(unasked.is_empty(), "at {} s: {unasked:?}", report.time);
-        if !report.warnings.is_empty() {
-            let (newtons, metres) = (report.contact.residual_n, report.contact.residual_m);
-            println!("at {} s: {:?}, {newtons:e} N, {metres:e} m", report.time, report.warnings);
-        }
+        let unasked = report.warnings.keys().any(|name| !asked.contains(name));
+        let left = [report.contact.residual_n, report.contact.residual_m];
+        assert!(!unasked, "at {} s: {:?}", report.time, report.warnings);
+        assert!(left[0] < LEFT[0] && left[1] < LEFT[1], "at {} s: {left:?} N, m", report.time);
         assert!(report.contact.forces.iter().all(|f| f.is_finite()));
         last = (report.contact.on_tool.first().map_or(0.0, |f| f[2]), report.contact.count());
     }
     last
-}
-
-fn pressed(scene: &Scene) -> (f64, usize) {
-    pressed_with(scene, &[])
 }
 
 /// The flat punch itself: the top under it held where the tool holds it, N.
@@ -65,7 +64,7 @@ fn held_down() -> f64 {
 #[test]
 fn more_points_press_harder_up_to_a_flat_punch() {
     let flat = held_down();
-    let forces = [1, 2, 4, 8, 64].map(|count| pressed_with(&with_points(count, 1), REDUNDANT));
+    let forces = [1, 2, 4, 8, 64].map(|count| pressed(&with_points(count, 1)));
     println!("{forces:?}, flat {flat} N");
     for pair in forces.windows(2) {
         assert!(pair[1].0 > pair[0].0 * (1.0 - SAME), "{forces:?}");
@@ -88,6 +87,7 @@ fn points_at_one_place_share_what_one_of_them_bears() {
 fn friction_on_redundant_points_changes_little_and_stays_finite() {
     let mut rough = punch();
     rough.contact.as_mut().expect("it has a tool").friction = 0.3;
-    let (rough, flat) = (pressed_with(&rough, REDUNDANT).0, held_down());
+    // 192 rows on 75 axes, each of 64 points free to stick or slide: sweeps and steps may end beside the law by a little
+    let (rough, flat) = (pressed_with(&rough, &["contact_not_converged"]).0, held_down());
     assert!((rough / flat - 1.0).abs() < 0.05, "rough {rough} N, smooth and flat {flat} N");
 }
