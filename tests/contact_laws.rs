@@ -26,7 +26,7 @@ fn coulomb(friction: f64) -> Law {
 
 fn solved(laws: &[Law], w: &[f64], free: &[f64]) -> (Vec<f64>, Ended) {
     let mut force = vec![0.0; free.len()];
-    let ended = solve(laws, w, free, &mut force, ASKED, MOST);
+    let ended = solve(laws, w, free, &mut force, [ASKED; 2], MOST);
     assert!(ended.converged, "{ended:?}");
     (force, ended)
 }
@@ -153,7 +153,7 @@ fn each_contact_of_a_stack_bears_what_is_above() {
         assert!(error < NEAR, "{} masses: {error:e}, {ended:?}", masses.len());
         let (wrong, free) = stack(masses, -1.0);
         let mut force = vec![0.0; free.len()];
-        solve(&laws, &wrong, &free, &mut force, ASKED, MOST);
+        solve(&laws, &wrong, &free, &mut force, [ASKED; 2], MOST);
         assert!(stack_error(masses, &force) > 1e-4, "counter-test: coupling of the wrong sign");
     }
 }
@@ -213,7 +213,7 @@ fn a_row_without_compliance_is_dropped_and_counted() {
         } else {
             // what is not a number spreads through products, so the solve ends without claiming anything
             let mut force = vec![0.0; wide];
-            let ended = solve(&laws, &w, &free, &mut force, ASKED, 50);
+            let ended = solve(&laws, &w, &free, &mut force, [ASKED; 2], 50);
             assert_eq!((ended.residual.dropped, &force[rows..]), (1, &[0.0; 3][..]), "{entry}");
         }
         if entry == 0.0 {
@@ -312,7 +312,7 @@ fn problems() -> impl Strategy<Value = Problem> {
 }
 
 fn config() -> ProptestConfig {
-    ProptestConfig { cases: 48, failure_persistence: None, rng_seed: RngSeed::Fixed(15), ..ProptestConfig::default() }
+    ProptestConfig { cases: 400, failure_persistence: None, rng_seed: RngSeed::Fixed(15), ..ProptestConfig::default() }
 }
 
 proptest! {
@@ -323,21 +323,19 @@ proptest! {
         let (w, free) = problem.rows();
         let laws = vec![coulomb(0.0); problem.contacts];
         let mut force = vec![0.0; free.len()];
-        let ended = solve(&laws, &w, &free, &mut force, ASKED, MOST);
+        let ended = solve(&laws, &w, &free, &mut force, [ASKED; 2], MOST);
         let error = wrong(&w, &free, 0.0, &force);
         prop_assert!(ended.converged && error < COMPLEMENTARY, "{error:e} {ended:?}");
     }
 
     #[test]
-    fn friction_holds_where_the_solver_says_so(problem in problems(), friction in 0.0..0.5f64) {
+    fn friction_is_on_its_disc_and_opposes_the_slip(problem in problems(), friction in 0.0..0.5f64) {
         let (w, free) = problem.rows();
         let laws = vec![coulomb(friction); problem.contacts];
         let mut force = vec![0.0; free.len()];
-        let ended = solve(&laws, &w, &free, &mut force, ASKED, MOST);
+        let ended = solve(&laws, &w, &free, &mut force, [ASKED; 2], MOST);
         let error = wrong(&w, &free, friction, &force);
-        // a random coupling of normals and tangents that is worse conditioned need not have a solution (Painlevé)
-        prop_assert!(ended.converged || problem.decades > 3.0, "{ended:?}");
-        prop_assert!(!ended.converged || error < COMPLEMENTARY, "{error:e} {ended:?}");
+        prop_assert!(ended.converged && error < COMPLEMENTARY, "{error:e} {ended:?}");
     }
 }
 

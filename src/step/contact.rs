@@ -64,9 +64,10 @@ impl ContactReport {
 
 /// Passes at most; two are usual (force error 0.3 % and less after the second), redundant contacts take more.
 const MAX_PASSES: u32 = 16;
-/// Gauss–Seidel sweeps per contact solve at most (the incision takes 20, and 477 once), and the relative residual at which it stops.
+/// Gauss–Seidel sweeps per contact solve at most, and the relative residuals that are wanted and enough. With 1e-5 wanted, two kilograms
+/// on a gram jump by 3 % of their weight; friction on redundant contacts does not always end at 1e-8.
 const MAX_SWEEPS: u32 = 2000;
-const SWEEP_TOLERANCE: f64 = 1e-8;
+const SWEEP_TOLERANCES: [f64; 2] = [1e-8, 1e-5];
 
 /// A pass that leaves more than this share of the last one's residual shows that the compliance has aged too much.
 const SLOW: f64 = 0.5;
@@ -122,7 +123,7 @@ impl Problem<'_> {
         let product = |i: usize| (0..count).map(|j| self.w[i * count + j] * lambda[j]).sum::<f64>();
         let shifted: Vec<f64> = (0..count).map(|i| found[i] - product(i)).collect();
         let mut next = lambda.to_vec();
-        let ended = solve(&self.laws, &self.w, &shifted, &mut next, SWEEP_TOLERANCE, MAX_SWEEPS);
+        let ended = solve(&self.laws, &self.w, &shifted, &mut next, SWEEP_TOLERANCES, MAX_SWEEPS);
         let change: Vec<f64> = next.iter().zip(lambda).map(|(a, b)| a - b).collect();
         let total = energy(&self.w, lambda);
         let negligible = change.iter().all(|c| c.abs() <= self.law.tolerance * self.load);
@@ -242,7 +243,7 @@ impl Simulation {
         let law = problem.law;
         let mut shifted = problem.violation.clone();
         loop {
-            let ended = solve(&problem.laws, &problem.w, &shifted, lambda, SWEEP_TOLERANCE, MAX_SWEEPS);
+            let ended = solve(&problem.laws, &problem.w, &shifted, lambda, SWEEP_TOLERANCES, MAX_SWEEPS);
             report.warn("contact_not_converged", u32::from(!ended.converged));
             report.contact.passes += 1;
             let moved = self.correct(problem, lambda, report)?;
