@@ -7,7 +7,7 @@
 //! force takes energy out. The disc is projected as friction is (true disc, no pyramid). [`Law::Hold`]: ties, with all rows held
 //! (attached, bilateral) or without the one along which something slides.
 //!
-//! [`relax`] is plain sweeps, for the haptic tick. [`solve`] adds Newton steps where sweeps close in slowly ([`newton`]), and where those
+//! [`relax`] is plain sweeps, for the haptic tick. [`solve`] adds Newton steps where sweeps close in slowly (`newton`), and where those
 //! stop too, the same problem with its friction brought in step by step; it says what is left in newtons and metres. To 1e-8 on random `W`
 //! of 3 to 120 rows, eigenvalues over 0, 3, 6 and 10 decades, 400 problems each: without friction all converge, in 14 to 18 sweeps and 0.3
 //! to 2.1 Newton steps on average; with μ 0.3 all, in 18 to 23 sweeps and 0.8 to 10.5 steps (sweeps alone, 90 rows: 50, 100 and 250 over

@@ -18,13 +18,17 @@
 //! With displacement increments Δx = h·v' as unknowns, implicit Euler with Rayleigh damping is `A Δx = b`, `A = (1 + h r_M)/h² M + (1 +
 //! r_K/h) K`, `b = f_ext − f_int + M v/h` ([`kernels::rhs`], M lumped, uniform or consistent; springs to rest positions are part of
 //! `f_int` and `K`, [`model::Anchors`]): external forces and inertia stand in one right-hand side, nothing is lost to f32. `A` is never
-//! assembled, but by the CPU path when a scene asks for a factor of it ([`linear::direct`]). Contacts are found at the step's start.
-//! The compliance of the skin at the nodes that tools reach, columns of `A⁻¹` solved loosely, is kept from step to step until the skin
-//! is cut or it has aged; forces λ come from the contact law on `W λ + δ`; the correction `A Δx = Jᵀλ` is solved accurately and δ taken
-//! again until the law holds, so λ does not depend on how loose the columns are ([`step`]). Which faces are looked at is told by a tree
-//! of boxes over tiles of the skin, refitted each step to what the device says that they move between ([`collide::broad`]). The edge of
-//! a blade is held by what the tissue bears (toughness × length); beyond that it goes on, and the links or springs that it sweeps are
-//! cut; what a held piece passes is swept when it lets go.
+//! assembled, but by the CPU path when a scene asks for a factor of it ([`linear::direct`]).
+//!
+//! Bodies are grids of skin, each with its own backend, and rigid ones ([`instrument`]): tools held by a hand, and those that fall. Only
+//! rows couple them, of contacts and of ties, between any two bodies or a body and a wall ([`collide`], [`constraints`]). Contacts are
+//! found at the step's start: a tree of boxes over tiles of each grid, refitted to what the device says that they move between
+//! ([`collide::broad`]), gives the few faces whose nodes are read back; sphere, capsule, point, line and box then have their own narrow
+//! phase. The compliance of a body at the nodes that rows reach, columns of `A⁻¹` solved loosely, is kept from step to step until the body
+//! is cut or it has aged; forces λ come from the laws on `W λ + δ`, `W = Σ J C Jᵀ` over the bodies; the correction `A Δx = Jᵀλ` is solved
+//! accurately and δ taken again until the laws hold, so λ does not depend on how loose the columns are ([`step`]). The edge of a blade is
+//! held by what the tissue bears (toughness × length); beyond that it goes on, and the links or springs that it sweeps are cut; what a
+//! held piece passes is swept when it lets go.
 //!
 //! # Solving
 //! Conjugate gradients with one reduction per iteration ([`kernels::advance`], [`kernels::update`]) around one V-cycle

@@ -54,11 +54,11 @@ pub struct Plane {
 /// A body, by its kind and number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Who {
-    /// In [`Scene::tools`].
+    /// In [`Scene::tools`](super::Scene::tools).
     Rigid(usize),
-    /// In [`Scene::skins`].
+    /// In [`Scene::skins`](super::Scene::skins).
     Skin(usize),
-    /// In [`Scene::planes`]; as the other end of an attachment any number means the place itself.
+    /// In [`Scene::planes`](super::Scene::planes); as the other end of an attachment any number means the place itself.
     Plane(usize),
 }
 

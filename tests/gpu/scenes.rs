@@ -7,8 +7,10 @@ use cutis::step::{Place, Simulation};
 use std::path::Path;
 
 /// Tests of this file by name.
-pub const TESTS: [(&str, fn(&Gpu) -> Result<(), Failure>); 1] =
-    [("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other)];
+pub const TESTS: [(&str, Test); 1] = [("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other)];
+
+/// A test on an adapter.
+type Test = fn(&Gpu) -> Result<(), Failure>;
 
 /// Steps after which the blocks have settled to their weights.
 const STEPS: u32 = 10;
