@@ -1,8 +1,8 @@
 //! Contacts of rigid bodies with walls and with each other, and of deformable bodies with walls and with each other.
 //!
-//! Wall: corners, points and sphere centres of a rigid body, nodes of a deformable one, gap `n·(p − q)` in f64. Rigid bodies: a sphere
-//! against a sphere in closed form, everything else by parry3d's contact manifolds (clipped faces, so a box on a box has four contacts),
-//! whose normal and places are f32; the gap is taken again in f64 from the places that they name, and is exact on boxes whose faces
+//! Wall: corners, points and sphere centres of a rigid body, nodes of a deformable one, gap `n·(p − q)` in f64. Rigid bodies: points and
+//! spheres in closed form, everything else by parry3d's contact manifolds (clipped faces, so a box on a box has four contacts), whose
+//! normal and places are f32; the gap is taken again in f64 from the places that they name, and is exact on boxes whose faces
 //! meet. Deformable bodies: nodes of the one against faces of the other, both ways; where two nodes meet, once.
 //! Units: m.
 
@@ -14,7 +14,7 @@ use crate::scene::{Plane, Who};
 use glam::DVec3;
 use parry3d::math::Pose;
 use parry3d::query::{ContactManifold, DefaultQueryDispatcher, PersistentQueryDispatcher};
-use parry3d::shape::{Ball, Capsule, Cuboid, Shape};
+use parry3d::shape::{Capsule, Cuboid, Shape};
 use std::collections::BTreeMap;
 
 /// A normal closer than this to a box's own axis is that axis: parry's is rounded to f32.
@@ -56,7 +56,8 @@ pub fn with_plane(
     tool.samples.iter().enumerate().filter_map(sample).collect()
 }
 
-/// Contacts of two rigid bodies, spheres, capsules or boxes; others have no volume to touch with.
+/// Contacts of two rigid bodies by their parts: spheres, capsules, boxes, the segments and points of lines, the points of a tool and of
+/// an edge. Parts of one body never meet each other.
 pub fn between_rigid(
     (first, a): (usize, &Instrument),
     (second, b): (usize, &Instrument),
@@ -65,62 +66,102 @@ pub fn between_rigid(
 ) -> Vec<Contact> {
     let on = [Who::Rigid(first), Who::Rigid(second)];
     let reach = search.alarm + search.distance + travel;
-    if let (Some(ra), Some(rb)) = (sphere(a), sphere(b)) {
-        let away = a.at(ra.0) - b.at(rb.0);
-        let gap = away.length() - ra.1 - rb.1;
-        let normal = away.try_normalize().unwrap_or(DVec3::Z);
-        let point = b.at(rb.0) + normal * (rb.1 + 0.5 * gap);
-        return if gap < reach { vec![contact(on, 0, point, normal, gap, search)] } else { vec![] };
-    }
-    let (Some(shape_a), Some(shape_b)) = (shape(a), shape(b)) else {
+    if a.position.distance(b.position) > a.span() + b.span() + reach {
         return vec![];
-    };
-    let mut manifolds: Vec<ContactManifold<(), ()>> = vec![];
-    let back = a.rotation.inverse();
-    let apart = (back * (b.position - a.position)).as_vec3();
-    let relative = Pose::from_parts(apart, (back * b.rotation).as_quat());
-    let asked = DefaultQueryDispatcher.contact_manifolds(
-        &relative,
-        shape_a.as_ref(),
-        shape_b.as_ref(),
-        reach as f32,
-        &mut manifolds,
-        &mut None,
-    );
-    if asked.is_err() {
-        return vec![]; // no such pair among spheres, capsules and boxes
     }
-    let mut out = vec![];
-    for manifold in &manifolds {
-        let normal = snapped(-(a.rotation * manifold.local_n1.as_dvec3()), a, b);
-        for found in &manifold.points {
-            let (p, q) = (a.at(on_box(a, found.local_p1.as_dvec3())), b.at(on_box(b, found.local_p2.as_dvec3())));
-            let gap = normal.dot(p - q);
-            if gap < reach {
-                out.push(contact(on, out.len(), (p + q) * 0.5, normal, gap, search));
+    let (mut out, mut feature) = (vec![], 0);
+    let others = parts(b);
+    for part in parts(a) {
+        for other in &others {
+            feature += PLACES;
+            for (k, (point, normal, gap)) in meet((a, &part), (b, other), reach).into_iter().enumerate() {
+                if gap < reach {
+                    out.push(contact(on, feature + k, point, normal, gap, search));
+                }
             }
         }
     }
     out
 }
 
-fn sphere(body: &Instrument) -> Option<(DVec3, f64)> {
-    let round = body.round?;
-    let [p, q] = round.ends.map(DVec3::from_array);
-    (p == q).then_some((p, round.radius))
+/// Numbers that each pair of parts keeps for its places.
+const PLACES: usize = 64;
+
+/// A convex part of a rigid body in its frame.
+enum Part {
+    /// Half edges, m.
+    Box(DVec3),
+    /// Ends of the axis and radius, m; a point is one without length.
+    Round([DVec3; 2], f64),
 }
 
-/// The body's shape in its own frame.
-fn shape(body: &Instrument) -> Option<Box<dyn Shape>> {
+/// Radius that parry is given for what has none: its directions come from distances that are not zero, m. The gap is of the true one.
+const THIN: f64 = 1e-5;
+
+fn parts(body: &Instrument) -> Vec<Part> {
     if let Some(half) = body.cuboid {
-        return Some(Box::new(Cuboid::new(half.as_vec3())));
+        return vec![Part::Box(half)];
     }
-    let round = body.round?;
-    let [p, q] = round.ends.map(|end| DVec3::from_array(end).as_vec3());
-    // a ball has no place of its own, so one that is off the origin is a capsule without length
-    match p == q && p == glam::Vec3::ZERO {
-        true => Some(Box::new(Ball::new(round.radius as f32))),
-        false => Some(Box::new(Capsule::new(p, q, round.radius as f32))),
+    if let Some(round) = &body.round {
+        return vec![Part::Round(round.ends.map(DVec3::from_array), round.radius)];
+    }
+    let Some(lines) = &body.lines else {
+        let points = body.samples.iter().filter(|s| matches!(s.role, Role::Point | Role::Edge { .. }));
+        return points.map(|s| Part::Round([s.position; 2], 0.0)).collect();
+    };
+    let at = |vertex: u32| DVec3::from_array(lines.positions[vertex as usize]);
+    let alone = |vertex: &u32| lines.segments.iter().all(|ends| !ends.contains(vertex));
+    let points = (0..lines.positions.len() as u32).filter(alone).map(|v| Part::Round([at(v); 2], lines.radius));
+    lines.segments.iter().map(|ends| Part::Round(ends.map(at), lines.radius)).chain(points).collect()
+}
+
+/// Places where two parts are near each other, normals towards the first body, gaps.
+fn meet((a, part): (&Instrument, &Part), (b, other): (&Instrument, &Part), reach: f64) -> Vec<(DVec3, DVec3, f64)> {
+    if let (Part::Round([p, q], r), Part::Round([s, t], o)) = (part, other)
+        && p == q
+        && s == t
+    {
+        let (centre, second) = (a.at(*p), b.at(*s));
+        let away = centre - second;
+        let normal = away.try_normalize().unwrap_or(DVec3::Z);
+        let gap = away.length() - r - o;
+        return vec![(second + normal * (o + 0.5 * gap), normal, gap)];
+    }
+    let mut manifolds: Vec<ContactManifold<(), ()>> = vec![];
+    let back = a.rotation.inverse();
+    let apart = (back * (b.position - a.position)).as_vec3();
+    let relative = Pose::from_parts(apart, (back * b.rotation).as_quat());
+    let ((shape, grown), (second, more)) = (shape(part), shape(other));
+    let asked = DefaultQueryDispatcher.contact_manifolds(
+        &relative,
+        shape.as_ref(),
+        second.as_ref(),
+        reach as f32,
+        &mut manifolds,
+        &mut None,
+    );
+    if asked.is_err() {
+        return vec![]; // no such pair among balls, capsules and boxes
+    }
+    let mut out = vec![];
+    for manifold in &manifolds {
+        let normal = snapped(-(a.rotation * manifold.local_n1.as_dvec3()), a, b);
+        for found in manifold.points.iter().take(PLACES) {
+            let (p, q) = (a.at(on_box(a, found.local_p1.as_dvec3())), b.at(on_box(b, found.local_p2.as_dvec3())));
+            out.push(((p + q) * 0.5, normal, normal.dot(p - q) + grown + more));
+        }
+    }
+    out
+}
+
+/// A part's shape for parry, and by how much it is thicker than the part.
+fn shape(part: &Part) -> (Box<dyn Shape>, f64) {
+    match part {
+        Part::Box(half) => (Box::new(Cuboid::new(half.as_vec3())), 0.0),
+        Part::Round([p, q], radius) => {
+            let thick = radius.max(THIN);
+            (Box::new(Capsule::new(p.as_vec3(), q.as_vec3(), thick as f32)), thick - radius)
+        }
     }
 }
 
