@@ -201,4 +201,7 @@ pub struct Contact {
     pub tolerance: f64,
     /// Residual of the columns, relative.
     pub column_tolerance: f64,
+    /// Passes of the exact correction at most; two are usual, redundant contacts take more. A step that needs more counts
+    /// `contact_passes_exhausted`.
+    pub max_passes: u32,
 }

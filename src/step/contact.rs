@@ -62,8 +62,6 @@ impl ContactReport {
     }
 }
 
-/// Passes at most; two are usual (force error 0.3 % and less after the second), redundant contacts take more.
-const MAX_PASSES: u32 = 16;
 /// Gauss–Seidel sweeps per contact solve at most (the incision takes 20, and 477 once), and the relative residual at which it stops.
 const MAX_SWEEPS: u32 = 2000;
 const SWEEP_TOLERANCE: f64 = 1e-8;
@@ -264,7 +262,7 @@ impl Simulation {
             if size <= law.tolerance || law.correction != Correction::Exact {
                 return Ok((found, shifted));
             }
-            if report.contact.passes >= MAX_PASSES {
+            if report.contact.passes >= law.max_passes {
                 report.warn("contact_passes_exhausted", 1);
                 return Ok((found, shifted));
             }
