@@ -136,7 +136,7 @@ fn variants(scene: &Scene) -> Vec<Variant> {
     list
 }
 
-/// Springs of the penalty loop, N/m, and substeps: few enough to ring, and enough to hold still.
+/// Springs of the penalty loop, N/m, and substeps.
 const PENALTIES: [(f64, u32); 4] = [(100.0, 1), (1000.0, 1), (1000.0, 4), (3000.0, 10)];
 
 fn law(scene: &mut Scene) -> &mut cutis::scene::Contact {

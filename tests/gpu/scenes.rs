@@ -6,9 +6,10 @@ use cutis::scene::read;
 use cutis::step::{Place, Simulation};
 use std::path::Path;
 
+type Test = fn(&Gpu) -> Result<(), Failure>;
+
 /// Tests of this file by name.
-pub const TESTS: [(&str, fn(&Gpu) -> Result<(), Failure>); 1] =
-    [("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other)];
+pub const TESTS: &[(&str, Test)] = &[("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other)];
 
 /// Steps after which the blocks have settled to their weights.
 const STEPS: u32 = 10;
