@@ -100,6 +100,11 @@ pub fn area(low: DVec3, high: DVec3, margin: f64) -> Aabb {
     Aabb::new(to_f32(low), to_f32(high)).loosened(margin as f32)
 }
 
+/// A box with a margin on all sides.
+pub fn wider(area: &Aabb, margin: f64) -> Aabb {
+    area.loosened(margin as f32)
+}
+
 /// A box elsewhere.
 pub fn moved(area: &Aabb, by: DVec3) -> Aabb {
     // added in f64 and rounded outward by the loosening, so that what the box held stays in it

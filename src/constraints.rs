@@ -205,11 +205,8 @@ fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], floor: f64) -
     for (contact, law) in laws.iter().enumerate() {
         let first = 3 * contact;
         let old = [force[first], force[first + 1], force[first + 2]];
-        let Some(c) = scales(law, w, force.len(), first, floor) else {
-            force[first..first + 3].fill(0.0);
-            continue;
-        };
-        let aim = |k: usize, force: &[f64]| old[k] - violation(w, free, force, first + k) / c[k];
+        let c = scales(law, w, force.len(), first, floor);
+        let aim = |k: usize, force: &[f64]| aim(w, free, force, first + k, c[k]);
         match *law {
             Law::Coulomb { friction, bound } => {
                 force[first] = between(aim(0, force), 0.0, bound);
@@ -245,12 +242,10 @@ fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64)
     let mut found = Residual::default();
     for (contact, law) in laws.iter().enumerate() {
         let first = 3 * contact;
-        let Some(c) = scales(law, w, force.len(), first, floor) else {
-            found.dropped += 1;
-            continue;
-        };
-        let c = c.map(|c| share * c);
-        let aim = [0, 1, 2].map(|k| force[first + k] - violation(w, free, force, first + k) / c[k]);
+        let c = scales(law, w, force.len(), first, floor).map(|c| share * c);
+        let tied = matches!(law, Law::Hold { .. }); // what is held already needs no tie
+        found.dropped += u32::from(!tied && c.contains(&0.0));
+        let aim = [0, 1, 2].map(|k| aim(w, free, force, first + k, c[k]));
         let held = law.project(aim);
         for k in 0..3 {
             let change = (force[first + k] - held[k]).abs();
@@ -275,21 +270,30 @@ fn floor(w: &[f64], rows: usize) -> f64 {
 }
 
 /// Compliances `c` by which violations become forces, m/N: a row's own, and for a disc the largest of its plane (with less a row that
-/// sticks may swing for ever). None where a row has no compliance that a force could act on.
-fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> Option<[f64; 3]> {
+/// sticks may swing for ever). 0 for a row without compliance that a force could act on; it has none.
+fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> [f64; 3] {
     let at = |i: usize, j: usize| w[(first + i) * rows + first + j];
-    if (0..3).any(|k| !at(k, k).is_finite() || at(k, k) <= floor) {
-        return None;
-    }
-    let plane = |i: usize, j: usize| {
-        let coupling = 0.5 * (at(i, j) + at(j, i));
-        0.5 * (at(i, i) + at(j, j)) + (0.5 * (at(i, i) - at(j, j))).hypot(coupling)
+    let gives = |k: usize| at(k, k).is_finite() && at(k, k) > floor;
+    let plane = |i: usize, j: usize| match (gives(i), gives(j)) {
+        (true, true) => {
+            let coupling = 0.5 * (at(i, j) + at(j, i));
+            0.5 * (at(i, i) + at(j, j)) + (0.5 * (at(i, i) - at(j, j))).hypot(coupling)
+        }
+        (true, false) => at(i, i),
+        _ => at(j, j),
     };
-    Some(match law {
+    let [a, b, c] = match law {
         Law::Coulomb { .. } => [at(0, 0), plane(1, 2), plane(1, 2)],
         Law::Cut { .. } => [plane(0, 1), plane(0, 1), at(2, 2)],
         Law::Hold { .. } => [at(0, 0), at(1, 1), at(2, 2)],
-    })
+    };
+    let of = |k: usize, c: f64| if gives(k) { c } else { 0.0 };
+    [of(0, a), of(1, b), of(2, c)]
+}
+
+/// Where a row's force would go without its bounds, N; 0 for a row without compliance.
+fn aim(w: &[f64], free: &[f64], force: &[f64], row: usize, scale: f64) -> f64 {
+    if scale > 0.0 { force[row] - violation(w, free, force, row) / scale } else { 0.0 }
 }
 
 /// `clamp` that takes any bounds and keeps what is not a number.

@@ -64,6 +64,13 @@ pub enum Error {
         path: PathBuf,
     },
 
+    /// Ties that a correction does not hold.
+    #[error("{}: correction = \"uncoupled\" lets tied nodes drift apart, as each knows itself alone; take \"exact\"", path.display())]
+    UncoupledTies {
+        /// The scene file.
+        path: PathBuf,
+    },
+
     /// An attachment across a gap.
     #[error(
         "the node at ({:.3}, {:.3}, {:.3}) mm is to be tied to a body that is {distance:.3} mm away from it; let the bodies touch where \

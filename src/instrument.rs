@@ -207,7 +207,8 @@ impl Instrument {
     /// Largest distance of a sample from the origin of the body, its radius included, m.
     pub fn span(&self) -> f64 {
         let samples = self.samples.iter().map(|s| s.position.length());
-        samples.fold(0.0, f64::max) + self.round.map_or(0.0, |round| round.radius)
+        let lines = self.lines.as_ref().map_or(0.0, |lines| lines.radius);
+        samples.fold(0.0, f64::max) + self.round.map_or(lines, |round| round.radius)
     }
 
     /// A point of the tool frame in the world.

@@ -292,3 +292,58 @@ fn a_tie_across_a_gap_is_refused() {
     let error = Simulation::new(&scene(&text), &Place::Cpu64).err().expect("half a millimetre apart");
     assert!(error.to_string().contains("0.500 mm away"), "{error}");
 }
+
+/// A block of 8 mm over what it falls on.
+fn falling(on: &str, start: &str, more: &str) -> String {
+    format!(
+        "title = \"fall\"\n[time]\nstep_ms = 5\nduration_s = 0.4\n[contact]\nalarm_mm = 0.2\nmax_contacts = 200\n{on}\
+         [[block]]\nname = \"falls\"\nposition_mm = [0, 0, {start}]\nsize_mm = [8, 8]\ncells = [2, 2]\n{more}\
+         [[block.layer]]\nname = \"b\"\nthickness_mm = 4\ncells = 2\nyoung_kpa = 50\npoisson = 0.4\ndensity_kg_m3 = 1000\n\
+         [[probe]]\nname = \"low\"\nkind = \"displacement\"\nbody = \"falls\"\npoint_mm = [0, 0, 0]\n\
+         [[probe]]\nname = \"bears\"\nkind = \"force\"\nbody = \"falls\"\n"
+    )
+}
+
+const FLOOR: &str = "[[plane]]\nname = \"floor\"\nthrough_mm = [0, 0, 0]\nnormal = [0, 0, 1]\n";
+const BED: &str = "[skin]\nsize_mm = [14, 14]\ncells = [4, 4]\n[[skin.layer]]\nname = \"s\"\nthickness_mm = 4\ncells = 2\n\
+                   young_kpa = 50\npoisson = 0.4\ndensity_kg_m3 = 1000\n[[boundary]]\nregion = \"bottom\"\n";
+
+#[test]
+fn a_block_that_falls_fast_is_stopped_by_what_it_falls_on() {
+    let weight = 64e-6 * 4e-3 * 1000.0 * 9.81;
+    for (on, top) in [(FLOOR, 0.0), (BED, 4.0)] {
+        for height in [0.1, 2.0, 5.0, 10.0] {
+            let text = falling(on, &format!("{}", top + height), "");
+            let mut simulation = Simulation::new(&scene(&text), &Place::Cpu64).expect("it is small");
+            let lowest = (0..80)
+                .map(|_| simulation.step(false).expect("the CPU path has no device to fail").probes)
+                .fold((0.0f64, 0.0f64), |(low, most), p| (low.min(p[0]), most.max(p[1])));
+            // never more than half into the bed of 4 mm, which dents, and it bears at least its weight on the way
+            assert!(lowest.0 > -(height + 2.0) * 1e-3, "{height} mm over {top} mm: {} m", lowest.0);
+            assert!(lowest.1 > 0.9 * weight, "{height} mm over {top} mm: {} N", lowest.1);
+        }
+    }
+}
+
+#[test]
+fn a_row_that_nothing_can_move_leaves_its_contact_standing() {
+    // held along x and y everywhere, so that friction has nothing to act on; the normal has
+    let text = falling(FLOOR, "0.05", "") + "[[boundary]]\nbody = \"falls\"\nregion = \"all\"\naxes = \"xy\"\n";
+    let mut simulation = Simulation::new(&scene(&text), &Place::Cpu64).expect("it is small");
+    let mut last = vec![];
+    for _ in 0..80 {
+        let report = simulation.step(false).expect("the CPU path has no device to fail");
+        assert!(report.warnings.keys().all(|name| *name == "contact_rows_dropped"), "{:?}", report.warnings);
+        last = report.probes;
+    }
+    assert!(last[0] > -0.2e-3 && apart(last[1], 64e-6 * 4e-3 * 1000.0 * 9.81) < 0.02, "{last:?}");
+}
+
+#[test]
+fn a_tie_to_a_place_leaves_contact_with_a_wall() {
+    let tie =
+        "[[attach]]\nbody = \"falls\"\nregion = \"box\"\nbox_mm = [[-4, -4, 4], [-4, -4, 4]]\nslide = [0, 0, 1]\n";
+    let (_, reports) = run(&scene(&(falling(FLOOR, "0.05", "") + tie)));
+    let last = &reports.last().expect("there was a step").probes;
+    assert!(last[0] > -0.2e-3 && last[1] > 0.0, "{last:?}");
+}

@@ -100,6 +100,32 @@ fn forces_do_not_depend_on_how_well_the_columns_were_solved() {
 }
 
 #[test]
+fn a_step_cut_short_is_counted_and_further_from_the_exact_force() {
+    let after = |passes: u32| {
+        let mut scene = pressed(3e-4);
+        let law = scene.contact.as_mut().expect("the scene has contact");
+        (law.max_passes, law.column_tolerance) = (passes, 0.3);
+        let wanted = law.tolerance;
+        let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene is valid");
+        let mut last = StepReport::default();
+        let mut short = 0;
+        for _ in 0..40 {
+            last = simulation.step(false).expect("the CPU path has no device to fail");
+            let counted = last.warnings.contains_key("contact_passes_exhausted");
+            assert!(last.contact.passes <= passes, "{} of {passes} passes", last.contact.passes);
+            assert_eq!(counted, last.contact.passes == passes && last.contact.residual > wanted);
+            short += u32::from(counted);
+        }
+        (force(&last), short)
+    };
+    let ((one, cut), (two, _), (exact, none)) = (after(1), after(2), after(16));
+    let [one, two] = [one, two].map(|f| (f - exact).length() / exact.length());
+    println!("one pass is {one:e} off, two {two:e}; {cut} steps cut short");
+    assert!(cut > 0 && none == 0, "{cut} steps cut short by one pass, {none} by sixteen");
+    assert!(one > 3.0 * two, "one pass is {one} off, two {two}");
+}
+
+#[test]
 fn the_uncoupled_correction_runs_and_its_true_residual_shows_what_it_leaves() {
     let mut scene = pressed(3e-4);
     let residual = |scene: &Scene| {

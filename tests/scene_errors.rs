@@ -339,7 +339,9 @@ fn full_scene_loads_tool_mesh_and_hand() {
     let contact = scene.contact.expect("a scene with a tool has a contact law");
     assert_eq!((contact.friction, contact.alarm, contact.distance), (0.2, 0.6e-3, 0.0));
     assert_eq!((contact.correction, contact.max_contacts), (Correction::Uncoupled, 8));
-    assert_eq!((contact.tolerance, contact.column_tolerance), (1e-3, 0.05));
+    assert_eq!((contact.tolerance, contact.column_tolerance, contact.max_passes), (1e-3, 0.05, 16));
+    let short = parsed(&FULL.replace("max_contacts = 8", "max_passes = 2")).expect("two passes are allowed");
+    assert_eq!(short.contact.map(|c| c.max_passes), Some(2));
 }
 
 const SMALL: &str = "title = 'a'\n[time]\nstep_ms = 1\nduration_s = 1\n[skin]\nsize_mm = [10, 10]\ncells = [2, 2]\nlaw = 'springs'\nspring_stiffness_n_m = 5\nspring_damping_n_s_m = 0\n[[skin.layer]]\nname = 'a'\nthickness_mm = 1\ncells = 1\ndensity_kg_m3 = 1000\n";
@@ -496,6 +498,13 @@ fn counts_outside_their_range_are_refused() {
     refused("cells = [8, 4]", "cells = [8, 0]", "cells[1] = 0; wanted a whole number from 1");
     refused("max_iterations = 500", "max_iterations = 0", "max_iterations = 0; wanted … change the count");
     refused("size_px = [320, 200]", "size_px = [320, 9000]", "size_px[1] = 9000 … to 8192");
+    refused(
+        "max_contacts = 8",
+        "max_passes = 0",
+        "max_passes = 0; wanted a whole number from 1 to 100; change the count",
+    );
+    refused("max_contacts = 8", "max_passes = 101", "max_passes = 101; wanted a whole number from 1 to 100");
+    refused("max_contacts = 8", "max_pases = 2", "unknown key `max_pases` … did you mean `max_passes`?");
     refused("cells = [8, 4]", "cells = [4000000000, 4000000000]", "at most 67108863 … make cells fewer");
     refused("cells = [8, 2]", "cells = [70000, 70000]", "24500700005 nodes … make cells fewer");
 }
@@ -650,6 +659,8 @@ fn loops_and_corrections_that_do_not_fit_are_refused() {
     let text = FULL.replace("correction = \"uncoupled\"", "correction = \"precomputed\"");
     let error = parsed(&text).expect_err("it has a blade").to_string();
     says(&error, "precomputed … uncut … exact");
+    let tied = parsed(&format!("{FULL}\n[[attach]]\nregion = \"top\"\n")).expect_err("it is uncoupled").to_string();
+    says(&tied, "uncoupled … drift apart … exact");
 }
 
 #[test]

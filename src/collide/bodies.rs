@@ -46,7 +46,8 @@ pub fn with_plane(
     let sample = |(index, sample): (usize, &crate::instrument::Sample)| {
         let radius = match sample.role {
             Role::Axis => tool.round.map_or(0.0, |round| round.radius),
-            Role::Point | Role::Corner | Role::Edge { .. } => 0.0,
+            Role::Point => tool.lines.as_ref().map_or(0.0, |lines| lines.radius),
+            Role::Corner | Role::Edge { .. } => 0.0,
             Role::Flat { .. } => return None,
         };
         let point = tool.at(sample.position) - normal * radius;
@@ -257,7 +258,7 @@ pub fn skin_on_skin(
         let (triangle, weights, distance, _) = patch.project(point);
         // the face's own normal: at a rim, nearest place to node may lie along the face
         let normal = patch.face_normal(triangle);
-        if distance.abs() >= search.alarm + search.distance || normal.dot(outward) > -FACING * outward.length() {
+        if distance >= search.alarm + search.distance || normal.dot(outward) > -FACING * outward.length() {
             continue;
         }
         let place = patch.place(triangle, weights);

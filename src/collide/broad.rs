@@ -24,6 +24,7 @@ pub struct Boxes {
     tree: Bvh,
     rest: Vec<[DVec3; 2]>,   // [tile] box at rest
     motion: Vec<[DVec3; 2]>, // [tile] least and greatest displacement
+    moved: f64,              // most that one of these changed at the last refit, m
 }
 
 /// The f32 box that holds an f64 one.
@@ -46,16 +47,19 @@ impl Boxes {
             .collect();
         let leaves: Vec<Aabb> = rest.iter().map(|[low, high]| outward(*low, *high)).collect();
         let motion = vec![[DVec3::ZERO; 2]; rest.len()];
-        Self { tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &leaves), rest, motion }
+        Self { tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &leaves), rest, motion, moved: 0.0 }
     }
 
     /// Fits the boxes to what the tiles move between, `[tile]` least and greatest displacement as `Backend::bounds` has them; returns how
     /// many nodes are nowhere. A tile all of whose nodes are nowhere keeps its rest box.
     pub fn refit(&mut self, bounds: &[[V4<f64>; 2]]) -> usize {
+        self.moved = 0.0;
         for (tile, pair) in bounds.iter().enumerate().take(self.rest.len()) {
             let [least, greatest] = pair.map(|v| DVec3::new(v[0], v[1], v[2]));
             let nowhere = least.x > greatest.x;
-            self.motion[tile] = if nowhere { [DVec3::ZERO; 2] } else { [least, greatest] };
+            let now = if nowhere { [DVec3::ZERO; 2] } else { [least, greatest] };
+            let before = std::mem::replace(&mut self.motion[tile], now);
+            self.moved = (0..2).map(|n| now[n].distance(before[n])).fold(self.moved, f64::max);
             self.tree.insert_or_update_partially(self.around(tile), tile as u32, 0.0);
         }
         self.tree.refit_without_opt();
@@ -66,6 +70,11 @@ impl Boxes {
     pub fn around(&self, tile: usize) -> Aabb {
         let ([low, high], [least, greatest]) = (self.rest[tile], self.motion[tile]);
         outward(low + least, high + greatest)
+    }
+
+    /// Most that a tile's least or greatest displacement changed at the last refit, m: how far the body moves in a step.
+    pub fn moved(&self) -> f64 {
+        self.moved
     }
 
     /// Corners of the box around all tiles.

@@ -5,7 +5,7 @@
 //! Source: Alart, Curnier 1991. Differs: the disc is that of the projected normal force, as in the sweeps; `W`'s diagonal is raised in
 //! `J` alone, so that redundant contacts share a force instead of dividing by zero. `F` is untouched: the result is the law's own.
 
-use super::{Law, Residual, between, floor, residual, residual_at, scales, violation};
+use super::{Law, Residual, aim, between, floor, residual, residual_at, scales};
 
 /// Newton steps at one go.
 const STEPS: u32 = 30;
@@ -104,19 +104,18 @@ fn linearise(
     jacobian.fill(0.0);
     for (contact, law) in laws.iter().enumerate() {
         let first = 3 * contact;
-        let scales = scales(law, w, rows, first, floor).map(|c| c.map(|c| share * c));
-        let aim = |k: usize| scales.map_or(0.0, |c| force[first + k] - violation(w, free, force, first + k) / c[k]);
-        let aim = [0, 1, 2].map(aim);
+        let c = scales(law, w, rows, first, floor).map(|c| share * c);
+        let aim = [0, 1, 2].map(|k| aim(w, free, force, first + k, c[k]));
         let (held, slope) = (law.project(aim), slope(law, aim));
         for a in 0..3 {
             let line = &mut jacobian[(first + a) * rows..(first + a + 1) * rows];
             line[first + a] = 1.0;
-            minus[first + a] = if scales.is_some() { held[a] - force[first + a] } else { -force[first + a] };
-            for (b, c) in scales.iter().flatten().enumerate().filter(|(b, _)| slope[a][*b] != 0.0) {
+            minus[first + a] = if c[a] > 0.0 { held[a] - force[first + a] } else { -force[first + a] };
+            for b in (0..3).filter(|b| c[a] > 0.0 && c[*b] > 0.0 && slope[a][*b] != 0.0) {
                 let row = first + b;
                 let m = slope[a][b];
-                line.iter_mut().zip(&w[row * rows..(row + 1) * rows]).for_each(|(j, w)| *j += m / c * w);
-                line[row] += m * (raised * w[row * rows + row] / c - 1.0);
+                line.iter_mut().zip(&w[row * rows..(row + 1) * rows]).for_each(|(j, w)| *j += m / c[b] * w);
+                line[row] += m * (raised * w[row * rows + row] / c[b] - 1.0);
             }
         }
     }

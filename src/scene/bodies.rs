@@ -13,7 +13,7 @@ use glam::{DQuat, DVec3};
 pub(super) struct Names(Vec<(String, Who)>);
 
 impl Names {
-    /// Deformable bodies, tools and rigid bodies, walls; `taken` are the places of the names of all but the first skin.
+    /// Deformable bodies, tools and rigid bodies, walls.
     pub fn new(skins: &[Skin], tools: &[Tool], planes: &[Plane]) -> Self {
         let skins = skins.iter().enumerate().map(|(k, s)| (s.name.clone(), Who::Skin(k)));
         let tools = tools.iter().enumerate().map(|(k, t)| (t.name.clone(), Who::Rigid(k)));
@@ -136,7 +136,7 @@ fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids
     let body = names.skin(scene, &raw.body, at)?;
     let to = match &raw.to {
         Some(name) => names.find(scene, "to", name)?,
-        None => Who::Plane(0),
+        None => Who::Place,
     };
     if let (Who::Skin(other), Some(name)) = (to, &raw.to)
         && other == body

@@ -321,6 +321,7 @@ pub(super) struct Contact {
     pub max_contacts: Option<At<u32>>,
     pub tolerance: Option<At<f64>>,
     pub column_tolerance: Option<At<f64>>,
+    pub max_passes: Option<At<u32>>,
 }
 
 #[derive(serde::Deserialize)]

@@ -61,6 +61,9 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let loads = raw.load.into_iter().map(|table| load(&scene, table, &names, &skins));
     let contact = tools::contact(&scene, raw::keys(raw.contact), &tools)?;
     let touching = !tools.is_empty() || !attachments.is_empty() || skins.len() > 1 || !planes.is_empty();
+    if contact.correction == Correction::Uncoupled && !attachments.is_empty() {
+        return Err(Error::UncoupledTies { path: file.to_path_buf() });
+    }
     if contact.correction == Correction::Precomputed && tools.iter().any(|t| t.blade.is_some()) {
         return Err(Error::PrecomputedCut { path: file.to_path_buf() });
     }

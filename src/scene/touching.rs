@@ -58,8 +58,10 @@ pub enum Who {
     Rigid(usize),
     /// In [`Scene::skins`](super::Scene::skins).
     Skin(usize),
-    /// In [`Scene::planes`](super::Scene::planes); as the other end of an attachment any number means the place itself.
+    /// In [`Scene::planes`](super::Scene::planes).
     Plane(usize),
+    /// A place in the world, as the other end of a tie.
+    Place,
 }
 
 /// Nodes of a deformable body that are tied, both ways, to what is there at rest.
@@ -201,4 +203,7 @@ pub struct Contact {
     pub tolerance: f64,
     /// Residual of the columns, relative.
     pub column_tolerance: f64,
+    /// Passes of the exact correction at most; two are usual, redundant contacts take more. A step that needs more counts
+    /// `contact_passes_exhausted`.
+    pub max_passes: u32,
 }

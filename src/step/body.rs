@@ -27,6 +27,10 @@ pub struct Body {
     pub(super) at_rest: AtRest,
     pub(super) located: Located,
     boxes: Boxes,
+    /// How far it may move in the present step: as far as in the last one, and what gravity adds, m.
+    pub(super) travel: f64,
+    first_motion: f64,
+    fall: f64,
     /// Share of the scene's column tolerance that this body's columns are solved to.
     pub(super) looseness: f64,
     /// Nodes of the scene's ties.
@@ -37,10 +41,38 @@ pub struct Body {
 /// residual is that much more of its motion. With 1 the passes on a stack of five blocks never close in; with this one suffices.
 const OF_FLOATING: f64 = 1e-4;
 
-/// Whether an axis is held nowhere.
+/// Share of the largest below which a pivot of the held motions counts as none.
+const NONE: f64 = 1e-9;
+
+/// Whether the body can move as a rigid one: what its held axes and anchors see of the six rigid motions leaves one out.
 fn floats(model: &Model) -> bool {
-    let free = |axis: usize| model.free.iter().all(|f| f[axis] != 0.0);
-    model.anchors.nodes.is_empty() && (0..3).any(free)
+    let mut seen = [[0.0; 6]; 6]; // Σ rᵀr over held axes, r what they see of shifts and of turns (in units of a metre)
+    let length = model.grid.thickness().max(model.grid.edge[0] * model.grid.cells[0] as f64);
+    for (node, free) in model.free.iter().enumerate() {
+        let anchored = model.anchors.nodes.binary_search(&(node as u32)).is_ok();
+        let at = (DVec3::from_array(model.rest[node]) - DVec3::from_array(model.position)) / length;
+        for axis in (0..3).filter(|axis| anchored || free[*axis] == 0.0) {
+            let shift = DVec3::AXES[axis];
+            let turn = at.cross(shift);
+            let row = [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z];
+            (0..36).for_each(|k| seen[k / 6][k % 6] += row[k / 6] * row[k % 6]);
+        }
+    }
+    let largest = (0..6).map(|k| seen[k][k]).fold(0.0, f64::max);
+    for k in 0..6 {
+        // symmetric elimination, the largest pivot first
+        let Some(pivot) = (k..6).max_by(|a, b| seen[*a][*a].total_cmp(&seen[*b][*b])) else { return true };
+        if seen[pivot][pivot] <= NONE * largest {
+            return true;
+        }
+        seen.swap(k, pivot);
+        seen.iter_mut().for_each(|row| row.swap(k, pivot));
+        for i in k + 1..6 {
+            let factor = seen[i][k] / seen[k][k];
+            (k..6).for_each(|j| seen[i][j] -= factor * seen[k][j]);
+        }
+    }
+    false
 }
 
 /// What is near other bodies and where it is, of the present step: faces near each tool, each other deformable body, each wall.
@@ -85,6 +117,13 @@ impl Body {
             located: Located::default(),
             backend,
             boxes: Boxes::new(&model.grid),
+            travel: 0.0,
+            first_motion: DVec3::from_array(skin.velocity).length() * scene.time.part(),
+            fall: if floats(&model) {
+                DVec3::from_array(scene.time.gravity).length() * scene.time.part().powi(2)
+            } else {
+                0.0
+            },
             looseness: if floats(&model) { OF_FLOATING } else { 1.0 },
             tied: vec![],
             model,
@@ -117,6 +156,8 @@ impl Body {
     /// Fits the boxes of the broad phase to the body as it is.
     pub(super) fn refit_boxes(&mut self, report: &mut StepReport) -> Result<()> {
         let lost = self.boxes.refit(&self.backend.bounds()?);
+        let first = std::mem::replace(&mut self.first_motion, 0.0);
+        self.travel = self.boxes.moved().max(first) + self.fall;
         report.warn("non_finite_nodes", u32::from(lost > 0));
         Ok(())
     }

@@ -62,8 +62,6 @@ impl ContactReport {
     }
 }
 
-/// Passes at most; two are usual (force error 0.3 % and less after the second), redundant contacts take more.
-const MAX_PASSES: u32 = 16;
 /// Gauss–Seidel sweeps per contact solve at most, and the relative residuals that are wanted and enough. With 1e-5 wanted, two kilograms
 /// on a gram jump by 3 % of their weight; friction on redundant contacts does not always end at 1e-8.
 const MAX_SWEEPS: u32 = 2000;
@@ -265,7 +263,7 @@ impl Simulation {
             if size <= law.tolerance || law.correction != Correction::Exact {
                 return Ok((found, shifted));
             }
-            if report.contact.passes >= MAX_PASSES {
+            if report.contact.passes >= law.max_passes {
                 report.warn("contact_passes_exhausted", 1);
                 return Ok((found, shifted));
             }

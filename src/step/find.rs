@@ -24,13 +24,12 @@ pub(super) struct Tie {
 }
 
 impl Tie {
-    /// Tells the bodies which nodes the tie needs, and the list of pairs which bodies it joins.
-    pub fn note(&self, bodies: &mut [Body], pairs: &mut BTreeSet<[Who; 2]>) {
-        let [first, second] = self.contact.on;
-        pairs.extend([[first, second], [second, first]]);
-        for (on, spot) in self.contact.on.iter().zip(&self.contact.spots) {
-            if let Who::Skin(number) = on {
-                bodies[*number].tied.extend(spot.nodes);
+    /// Tells the bodies which nodes the tie needs, and the list of what is tied: to whom, of which body, the node.
+    pub fn note(&self, bodies: &mut [Body], tied: &mut BTreeSet<(Who, usize, u32)>) {
+        for side in 0..2 {
+            if let Who::Skin(number) = self.contact.on[side] {
+                bodies[number].tied.extend(self.contact.spots[side].nodes);
+                tied.extend(held_nodes(&self.contact, side).map(|node| (self.contact.on[1 - side], number, node)));
             }
         }
     }
@@ -57,8 +56,7 @@ impl Simulation {
         let mut found = self.rigid_contacts(&search, &travel);
         self.locate(&search, &travel, report)?;
         found.extend(self.skin_contacts(&search, &travel, free, report));
-        // what is tied does not touch as well
-        found.retain(|contact| !self.tied_pairs.contains(&contact.on));
+        found.retain(|contact| !self.ties_hold(contact));
         let most = law.max_contacts as usize;
         if found.len() > most {
             report.warn("contacts_dropped", (found.len() - most) as u32);
@@ -118,12 +116,14 @@ impl Simulation {
     fn locate_within(&mut self, search: &Search, margins: &[f64]) -> Result<()> {
         let around = |(tool, margin): (_, &f64)| collide::tool_box(tool, *margin);
         let tools: Vec<Aabb> = self.tools.iter().zip(margins).map(around).collect();
-        let bodies: Vec<Aabb> = self.bodies.iter().map(|b| b.area(search.alarm + search.distance)).collect();
+        let bodies: Vec<Aabb> = self.bodies.iter().map(|b| b.area(search.alarm + search.distance + b.travel)).collect();
         for number in 0..self.bodies.len() {
-            let walls = self.scene.planes.iter().map(|plane| collide::slab(plane, &bodies[number], search));
+            let own = Search { alarm: search.alarm + self.bodies[number].travel, ..*search };
+            let walls = self.scene.planes.iter().map(|plane| collide::slab(plane, &bodies[number], &own));
             let others = bodies.iter().enumerate().filter(|(other, _)| *other != number).map(|(_, area)| Some(*area));
             let body = &self.bodies[number];
-            let areas = tools.iter().map(|area| Some(*area)).chain(others).chain(walls);
+            let tools = tools.iter().map(|area| Some(collide::wider(area, body.travel)));
+            let areas = tools.chain(others).chain(walls);
             let near: Vec<Vec<Quad>> = areas.map(|area| area.map_or(vec![], |area| body.faces_near(&area))).collect();
             self.bodies[number].locate(near)?;
         }
@@ -141,46 +141,57 @@ impl Simulation {
                 continue;
             }
             report.opening = report.opening.max(body.opening());
+            // what may come near in the step by the body's own motion
+            let own = Search { alarm: search.alarm + body.travel, ..*search };
             let position = |id: u32| body.position(id);
             for (k, tool) in self.tools.iter().enumerate() {
                 let Some(patch) = &patches[number][k] else { continue };
                 let faces = &body.located.faces[k];
                 let (of_tool, of_skin) = ((k, tool), (number, patch));
                 found.extend(match (&tool.round, &tool.lines) {
-                    (Some(round), _) => round::contacts(of_tool, round, of_skin, faces, &position, search, &free[k]),
-                    (None, Some(lines)) => features::contacts(of_tool, lines, of_skin, search, &free[k]),
-                    (None, None) => {
-                        collide::contacts(of_tool, of_skin, search, travel[k], |cell| body.resistance(cell))
-                    }
+                    (Some(round), _) => round::contacts(of_tool, round, of_skin, faces, &position, &own, &free[k]),
+                    (None, Some(lines)) => features::contacts(of_tool, lines, of_skin, &own, &free[k]),
+                    (None, None) => collide::contacts(of_tool, of_skin, &own, travel[k], |cell| body.resistance(cell)),
                 });
-                found.extend(bodies::skin_on_box((number, faces), &position, of_tool, search, travel[k]));
+                found.extend(bodies::skin_on_box((number, faces), &position, of_tool, &own, travel[k]));
             }
             let others = self.bodies.len() - 1;
             for (wall, plane) in self.scene.planes.iter().enumerate() {
                 let faces = &body.located.faces[tools + others + wall];
-                found.extend(bodies::skin_on_plane((number, faces), &position, (wall, plane), search));
+                found.extend(bodies::skin_on_plane((number, faces), &position, (wall, plane), &own));
             }
             for other in number + 1..self.bodies.len() {
                 let second = &self.bodies[other];
                 let (here, there) = (tools + other - 1, tools + number);
                 let at_second = |id: u32| second.position(id);
                 let same = SAME * search.alarm;
+                let both = Search { alarm: own.alarm + second.travel, ..*search };
                 let mut pairs = vec![];
                 if let Some(patch) = &patches[other][there] {
                     let faces = &body.located.faces[here];
-                    pairs = bodies::skin_on_skin((number, faces, &position), (other, patch), search, &[], same);
+                    pairs = bodies::skin_on_skin((number, faces, &position), (other, patch), &both, &[], same);
                 }
                 if let Some(patch) = &patches[number][here] {
                     let skip: Vec<DVec3> = pairs.iter().map(|c: &Contact| c.point).collect();
                     let faces = &second.located.faces[there];
                     let back = (other, &faces[..], &at_second);
-                    found.extend(bodies::skin_on_skin(back, (number, patch), search, &skip, same));
+                    found.extend(bodies::skin_on_skin(back, (number, patch), &both, &skip, same));
                 }
                 found.extend(pairs);
             }
             debug_assert_eq!(body.located.faces.len(), tools + others + walls);
         }
         found
+    }
+
+    /// Whether a contact acts on a node that is tied to the other body already.
+    fn ties_hold(&self, contact: &Contact) -> bool {
+        (0..2).any(|side| match contact.on[side] {
+            Who::Skin(number) => {
+                held_nodes(contact, side).any(|node| self.tied.contains(&(contact.on[1 - side], number, node)))
+            }
+            _ => false,
+        })
     }
 
     /// A tie's rows as the bodies are now.
@@ -192,13 +203,19 @@ impl Simulation {
                 (0..3).map(|k| self.bodies[body].position(spot.nodes[k]) * spot.weights[k]).sum()
             }
             Who::Rigid(number) => self.tools[number].at(tie.anchor),
-            Who::Plane(_) => tie.anchor,
+            Who::Plane(_) | Who::Place => tie.anchor,
         };
         let (first, second): (DVec3, DVec3) = (place(0), place(1));
         contact.point = first;
         contact.gap = contact.axes.map(|axis| axis.dot(first - second));
         contact
     }
+}
+
+/// Nodes that a contact acts on, on one of its sides.
+fn held_nodes(contact: &Contact, side: usize) -> impl Iterator<Item = u32> {
+    let Spot { nodes, weights } = contact.spots[side];
+    (0..3).filter(move |k| weights[*k] != 0.0).map(move |k| nodes[k])
 }
 
 /// The ties of a scene, from the bodies at rest.

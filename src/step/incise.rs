@@ -37,7 +37,11 @@ impl Simulation {
 
     fn sweep(&mut self, old: &[Instrument], contacts: &[Contact], report: &mut StepReport) -> Result<()> {
         let held = std::mem::take(&mut self.held);
-        if contacts.is_empty() {
+        let by_edge = |c: &Contact| match c.on {
+            [Who::Rigid(number), Who::Skin(_)] => self.tools[number].edge.is_some(),
+            _ => false,
+        };
+        if !contacts.iter().any(by_edge) {
             return Ok(()); // an edge that meets no skin cuts none
         }
         let mut quads = vec![];

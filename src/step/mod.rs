@@ -89,6 +89,7 @@ impl StepReport {
     fn followed_by(&mut self, later: Self) {
         let before = std::mem::replace(self, later);
         self.free.iterations += before.free.iterations;
+        self.free.converged &= before.free.converged;
         self.refinements += before.refinements;
         self.correction_iterations += before.correction_iterations;
         self.residual = larger(before.residual, self.residual);
@@ -98,6 +99,8 @@ impl StepReport {
         let (old, new) = (&before.contact, &mut self.contact);
         new.passes = new.passes.max(old.passes);
         new.columns += old.columns;
+        new.column_iterations = new.column_iterations.max(old.column_iterations);
+        new.residual = larger(old.residual, new.residual);
         new.candidates = new.candidates.max(old.candidates);
         new.depth = larger(old.depth, new.depth);
         new.residual_n = larger(old.residual_n, new.residual_n);
@@ -124,7 +127,7 @@ pub struct Simulation {
     scene: Scene,
     probes: Vec<Prepared>,
     ties: Vec<find::Tie>,
-    tied_pairs: BTreeSet<[Who; 2]>,
+    tied: BTreeSet<(Who, usize, u32)>,
     near: Vec<usize>,
     held: incise::Held,
     last_forces: BTreeMap<([Who; 2], usize), DVec3>,
@@ -162,7 +165,7 @@ impl Simulation {
             time: 0.0,
             probes: scene.probes.iter().map(|p| prepare(&p.kind)).collect(),
             ties: vec![],
-            tied_pairs: BTreeSet::new(),
+            tied: BTreeSet::new(),
             near: bodies.iter().map(|body| needs(scene, &body.model).near).collect(),
             held: incise::Held::new(),
             last_forces: BTreeMap::new(),
@@ -174,7 +177,7 @@ impl Simulation {
         };
         simulation.ties = find::ties(&simulation, scene)?;
         for tie in &simulation.ties {
-            tie.note(&mut simulation.bodies, &mut simulation.tied_pairs);
+            tie.note(&mut simulation.bodies, &mut simulation.tied);
         }
         Ok(simulation)
     }

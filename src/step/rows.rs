@@ -83,7 +83,7 @@ impl<'a> Rows<'a> {
                     let spot = &c.spots[side];
                     (0..3).map(|k| spot.weights[k] * axis.dot(node(body, spot.nodes[k]))).sum()
                 }
-                Who::Plane(_) => 0.0,
+                Who::Plane(_) | Who::Place => 0.0,
             };
             sum += SIGN[side] * moved;
         }
@@ -163,7 +163,7 @@ impl<'a> Rows<'a> {
                         sum[m][n] += sign * b.axes[n].dot(give * a.axes[m]);
                     }
                 }
-                Who::Plane(_) => {}
+                Who::Plane(_) | Who::Place => {}
             }
         }
         sum
