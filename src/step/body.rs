@@ -33,6 +33,8 @@ pub struct Body {
     fall: f64,
     /// Share of the scene's column tolerance that this body's columns are solved to.
     pub(super) looseness: f64,
+    /// Nodes that its compliance is remembered of at most.
+    pub(super) near: usize,
     /// Nodes of the scene's ties.
     pub(super) tied: Vec<u32>,
 }
@@ -110,6 +112,11 @@ impl Body {
             (Place::Cpu32, _) => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
             _ => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
         };
+        let part = scene.time.part();
+        let (fall, looseness) = match floats(&model) {
+            true => (DVec3::from_array(scene.time.gravity).length() * part.powi(2), OF_FLOATING),
+            false => (0.0, 1.0),
+        };
         Ok(Self {
             wound: Wound::new(&model),
             compliance: Compliance::default(),
@@ -118,13 +125,10 @@ impl Body {
             backend,
             boxes: Boxes::new(&model.grid),
             travel: 0.0,
-            first_motion: DVec3::from_array(skin.velocity).length() * scene.time.part(),
-            fall: if floats(&model) {
-                DVec3::from_array(scene.time.gravity).length() * scene.time.part().powi(2)
-            } else {
-                0.0
-            },
-            looseness: if floats(&model) { OF_FLOATING } else { 1.0 },
+            first_motion: DVec3::from_array(skin.velocity).length() * part,
+            fall,
+            looseness,
+            near: needs.near,
             tied: vec![],
             model,
         })
@@ -173,15 +177,16 @@ impl Body {
         self.boxes.faces(&self.model.grid, &self.wound.surface, &collide::moved(area, -self.place()))
     }
 
-    /// Reads back where the nodes of these faces, and of the ties, are.
-    pub(super) fn locate(&mut self, faces: Vec<Vec<Quad>>) -> Result<()> {
+    /// Reads back where the nodes of these faces, and of the ties, are; the first `patched` lists of faces are made patches of.
+    pub(super) fn locate(&mut self, faces: Vec<Vec<Quad>>, patched: usize) -> Result<()> {
         let mut nodes = self.tied.clone();
         nodes.extend(faces.iter().flatten().flat_map(|q| q.nodes));
         nodes.sort_unstable();
         nodes.dedup();
         let u = if nodes.is_empty() { vec![] } else { self.backend.displacements(&nodes)? };
         self.located = Located { faces: vec![], patches: vec![], nodes, u };
-        self.located.patches = faces.iter().map(|faces| Patch::new(faces, |id| self.position(id))).collect();
+        self.located.patches =
+            faces.iter().take(patched).map(|faces| Patch::new(faces, |id| self.position(id))).collect();
         self.located.faces = faces;
         Ok(())
     }

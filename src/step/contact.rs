@@ -183,7 +183,7 @@ impl Simulation {
             let (outcome, values) = body.solve_free(&self.scene.solver, &own)?;
             ended.push(outcome);
             picked.push(values);
-            blocks.push(body.give(&law, &own, self.near[number], report)?);
+            blocks.push(body.give(&law, &own, report)?);
             nodes.push(own);
         }
         let laws = contacts.iter().map(|c| c.law).collect();
@@ -331,22 +331,15 @@ impl Simulation {
 }
 
 impl Body {
-    /// Has how these nodes give; returns the inverse blocks of `A` that the uncoupled correction takes for it. `most` is how many nodes
-    /// are remembered.
-    fn give(
-        &mut self,
-        law: &scene::Contact,
-        nodes: &[u32],
-        most: usize,
-        report: &mut StepReport,
-    ) -> Result<Vec<DMat3>> {
+    /// Has how these nodes give; returns the inverse blocks of `A` that the uncoupled correction takes for it.
+    fn give(&mut self, law: &scene::Contact, nodes: &[u32], report: &mut StepReport) -> Result<Vec<DMat3>> {
         match law.correction {
             Correction::Exact => {
                 let backend = self.backend.as_mut();
                 let tolerance = law.column_tolerance * self.looseness;
-                self.compliance.prepare(backend, nodes, tolerance, most, report)?;
+                self.compliance.prepare(backend, nodes, tolerance, self.near, report)?;
             }
-            Correction::Precomputed => self.at_rest.prepare(&self.model, nodes, most, report)?,
+            Correction::Precomputed => self.at_rest.prepare(&self.model, nodes, self.near, report)?,
             Correction::Uncoupled => {
                 let blocks = self.backend.node_blocks(nodes)?;
                 return Ok(blocks.iter().map(|b| DMat3::from_cols_array_2d(b).inverse()).collect());

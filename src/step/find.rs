@@ -125,7 +125,9 @@ impl Simulation {
             let tools = tools.iter().map(|area| Some(collide::wider(area, body.travel)));
             let areas = tools.chain(others).chain(walls);
             let near: Vec<Vec<Quad>> = areas.map(|area| area.map_or(vec![], |area| body.faces_near(&area))).collect();
-            self.bodies[number].locate(near)?;
+            let walls = self.scene.planes.len(); // the last lists; a wall meets nodes, not faces
+            let patched = near.len() - walls;
+            self.bodies[number].locate(near, patched)?;
         }
         Ok(())
     }
