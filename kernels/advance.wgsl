@@ -18,7 +18,7 @@ fn advance(
 ) {
     let slot = params.first_slot + group.y;
     let groups = (params.node_count + GROUP - 1u) / GROUP;
-    let column_groups = (params.nodes_x * params.nodes_y + GROUP - 1u) / GROUP;
+    let column_groups = (column_count(params) + GROUP - 1u) / GROUP;
     let starting = scalars[slot * 2u + 1u].w == 0.0;
     let most = max(max(groups, column_groups), params.product_groups);
     var sum = vec4<f32>(0.0); // load, delta, gamma, residual

@@ -1,6 +1,8 @@
 //! The parts of `A` that the preconditioner uses: each node's 3×3 block `D`, and its block `U` with the node above it.
 //!
 //! `D_i = s Σ_c R_c K_aa R_cᵀ + m_i (1 + h r_M)/h² I`, `U_i = s Σ_c R_c K_{a,a+4} R_cᵀ` over the up to four cells above the node.
+//! Where a cut has put a cell's two nodes along a vertical edge into different columns, `U` leaves their coupling out and `D` counts
+//! the cell twice at both: a positive matrix is at most twice its diagonal blocks, so the smoother's bound still holds.
 //! Held axes are cut out and get a one on the diagonal. What is kept depends on `params.preconditioner`: 0 the identity, 1 the diagonal
 //! of `D`, 2 `D`, 3 `D` and `U`. Packed as 16 numbers per node: 6 of the symmetric `D`, 9 of `U` by columns, one pad.
 //! Units: N/m.
@@ -44,24 +46,32 @@ pub fn blocks<R: Real>(
     layer_of: &[u32],    // [cells_z] layer
     rotation: &[V4<R>],  // [cell] quaternion
     free: &[V4<R>],      // [node] 1 free, 0 held, per axis; mass kg
+    split: &[u32],       // see `split`
     block: &mut [V4<R>], // [node × 4] packed
 ) {
     let one_node = |i: usize, out: &mut [V4<R>; 4]| {
-        let c = params.node_at(i);
+        let c = params.place(split, i).unwrap_or([usize::MAX; 3]);
+        let above = params.above(i);
         let mut sum = Block { d: M3::zero(), g: M3::zero() };
         for a in 0..8 {
             let Some(cell) = params.cell_below(c, a) else {
                 continue;
             };
+            let corners = params.corner_nodes(split, cell);
+            if corners[a] != i {
+                continue;
+            }
+            let other = corners[a ^ 4]; // along the vertical edge
+            let chained = if a < 4 { other == above } else { params.above(other) == i };
+            let twice = R::of(if chained { 1.0 } else { 2.0 });
             let first = layer_of[c[2] - corner(a)[2]] as usize * 64 + a * 8;
             let r = rotation_matrix(rotation[cell]);
             let turned = r.transpose();
-            sum.d = sum.d + r * stiffness[first + a] * turned;
-            if a < 4 {
+            sum.d = sum.d + r * stiffness[first + a] * turned * twice;
+            if a < 4 && chained {
                 sum.g = sum.g + r * stiffness[first + a + 4] * turned;
             }
         }
-        let above = i + (params.nodes_x * params.nodes_y) as usize;
         let axes_above = if above < params.node_count as usize { V3::from4(free[above]) } else { V3::zero() };
         *out = finish(params, sum, free[i], axes_above);
     };

@@ -5,6 +5,7 @@
 @group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;      // [cell] quaternion
 @group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 held, per axis; mass kg
 @group(0) @binding(5) var<storage, read_write> block: array<vec4<f32>>;   // [node × 4] packed
+@group(0) @binding(6) var<storage, read> split: array<u32>;               // see split.rs
 
 @compute @workgroup_size(64)
 fn blocks(
@@ -14,23 +15,26 @@ fn blocks(
 ) {
     let i = group_of(group, groups) * GROUP + lane;
     if i >= params.node_count { return; }
-    let c = node_at(params, i);
+    let c = place(params, i);
+    let over = above(params, i);
     let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
     var d = mat3x3<f32>();
     var g = mat3x3<f32>();
     for (var a = 0u; a < 8u; a += 1u) {
         let at = c - corner(a); // wraps below 0, which the test catches
         if any(at >= cells) { continue; }
+        if corner_node(params, at, a) != i { continue; }
         let q = rotation[cell_id(params, at)];
         let first = layer_of[at.z] * 64u + a * 8u;
         let r = rotation_matrix(q);
         let turned = transpose(r);
-        d += r * stiffness[first + a] * turned;
-        if a < 4u { g += r * stiffness[first + a + 4u] * turned; }
+        let other = corner_node(params, at, a ^ 4u); // along the vertical edge
+        let chained = select(above(params, other) == i, other == over, a < 4u);
+        d += r * stiffness[first + a] * turned * select(2.0, 1.0, chained);
+        if a < 4u && chained { g += r * stiffness[first + a + 4u] * turned; }
     }
-    let above = i + params.nodes_x * params.nodes_y;
     var axes_above = vec3<f32>(0.0);
-    if above < params.node_count { axes_above = free[above].xyz; }
+    if over < params.node_count { axes_above = free[over].xyz; }
     let packed = finish(d, g, free[i], axes_above, params.stiffness_factor, params.inertia, params.preconditioner);
     for (var k = 0u; k < 4u; k += 1u) { block[i * 4u + k] = packed[k]; }
 }

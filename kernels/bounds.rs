@@ -20,6 +20,12 @@ pub fn tiles<R: Real>(params: &Params<R>) -> [usize; 2] {
     [params.cells_x, params.cells_y].map(|n| (n as usize).div_ceil(TILE))
 }
 
+/// All tiles: the grid's, then the groups of [`TILE`] extra columns.
+pub fn tile_count<R: Real>(params: &Params<R>) -> usize {
+    let [x, y] = tiles(params);
+    x * y + (params.extra_columns as usize).div_ceil(TILE)
+}
+
 /// First cell column of a tile along x and y, and the one after its last.
 pub fn columns<R: Real>(params: &Params<R>, tile: usize) -> [[usize; 2]; 2] {
     let across = tiles(params)[0];
@@ -40,22 +46,29 @@ pub fn bounds<R: Real>(
 
 /// One tile of [`bounds`].
 pub fn bounds_of_tile<R: Real>(params: &Params<R>, u: &[V4<R>], tile: usize) -> [V4<R>; 2] {
-    let [first, last] = columns(params, tile);
+    let [x, y] = tiles(params);
     let largest = R::of(f64::from(f32::MAX));
     let (mut low, mut high) = ([largest, largest, largest, R::zero()], [-largest, -largest, -largest, R::zero()]);
+    let mut add = |d: V4<R>| {
+        if !d[..3].iter().all(|c| c.is_finite()) {
+            low[3] += R::one();
+            return;
+        }
+        for n in 0..3 {
+            low[n] = low[n].min(d[n]);
+            high[n] = high[n].max(d[n]);
+        }
+    };
     for k in 0..params.nodes_z as usize {
-        for j in first[1]..=last[1] {
-            for i in first[0]..=last[0] {
-                let d = u[params.node_id([i, j, k])];
-                if !d[..3].iter().all(|c| c.is_finite()) {
-                    low[3] += R::one();
-                    continue;
-                }
-                for n in 0..3 {
-                    low[n] = low[n].min(d[n]);
-                    high[n] = high[n].max(d[n]);
-                }
+        if tile < x * y {
+            let [first, last] = columns(params, tile);
+            for (j, i) in (first[1]..=last[1]).flat_map(|j| (first[0]..=last[0]).map(move |i| (j, i))) {
+                add(u[params.node_id([i, j, k])]);
             }
+        } else {
+            let (extra, first) = (params.extra_columns as usize, (tile - x * y) * TILE);
+            let level = params.grid_nodes() + k * extra;
+            u[level + first..level + (first + TILE).min(extra)].iter().for_each(|d| add(*d));
         }
     }
     [low, high]

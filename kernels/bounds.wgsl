@@ -16,15 +16,22 @@ fn bounds(
 ) {
     let tile = group_of(group, groups);
     let tiles = (vec2<u32>(params.cells_x, params.cells_y) + TILE - 1u) / TILE;
-    let first = vec2<u32>(tile % tiles.x, tile / tiles.x) * TILE;
+    let of_grid = tiles.x * tiles.y;
+    var first = vec2<u32>(tile % tiles.x, tile / tiles.x) * TILE;
     let last = min(first + TILE, vec2<u32>(params.cells_x, params.cells_y));
-    let inside = tile < tiles.x * tiles.y;
-    let size = select(vec2<u32>(0u), last - first + 1u, inside); // columns of nodes, seams included
+    let inside = tile < of_grid + (params.extra_columns + TILE - 1u) / TILE;
+    var size = last - first + 1u; // columns of nodes, seams included
+    if tile >= of_grid {
+        first = vec2<u32>((tile - of_grid) * TILE, 0u);
+        size = vec2<u32>(min(TILE, params.extra_columns - min(first.x, params.extra_columns)), 1u);
+    }
     var low = vec4<f32>(LARGEST, LARGEST, LARGEST, 0.0);
     var high = vec3<f32>(-LARGEST);
     for (var n = lane; n < size.x * size.y * params.nodes_z; n += GROUP) {
         let at = vec3<u32>(first + vec2<u32>(n % size.x, n / size.x % size.y), n / (size.x * size.y));
-        let d = u[node_id(params, at)].xyz;
+        var i = node_id(params, at);
+        if tile >= of_grid { i = params.nodes_x * params.nodes_y * params.nodes_z + at.x + params.extra_columns * at.z; }
+        let d = u[i].xyz;
         // exponent bits all set: infinite or NaN, which comparisons of floats need not see
         if any((bitcast<vec3<u32>>(d) & vec3<u32>(0x7f800000u)) == vec3<u32>(0x7f800000u)) {
             low.w += 1.0;

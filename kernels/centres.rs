@@ -12,6 +12,7 @@ pub const SOURCE: Source =
 /// Means of `u` and `v` per cell.
 pub fn centres<R: Real>(
     params: &Params<R>,
+    split: &[u32],         // see `split`
     u: &[V4<R>],           // [node] m
     v: &[V4<R>],           // [node] m/s
     point_u: &mut [V4<R>], // [cell] m
@@ -20,7 +21,7 @@ pub fn centres<R: Real>(
     let eighth = R::of(0.125);
     for cell in 0..params.cell_count as usize {
         let (mut a, mut b) = (V3::zero(), V3::zero());
-        for node in params.corners(cell) {
+        for node in params.corner_nodes(split, cell) {
             a += V3::from4(u[node]);
             b += V3::from4(v[node]);
         }

@@ -4,6 +4,7 @@
 @group(0) @binding(2) var<storage, read> v: array<vec4<f32>>;                // [node] m/s
 @group(0) @binding(3) var<storage, read_write> point_u: array<vec4<f32>>;    // [cell] m
 @group(0) @binding(4) var<storage, read_write> point_v: array<vec4<f32>>;    // [cell] m/s
+@group(0) @binding(5) var<storage, read> split: array<u32>;                  // see split.rs
 
 @compute @workgroup_size(64)
 fn centres(
@@ -19,8 +20,7 @@ fn centres(
     var a = vec3<f32>(0.0);
     var b = vec3<f32>(0.0);
     for (var k = 0u; k < 8u; k += 1u) {
-        let o = corner(k);
-        let node = (x + o.x) + params.nodes_x * ((y + o.y) + params.nodes_y * (z + o.z));
+        let node = corner_node(params, vec3<u32>(x, y, z), k);
         a += u[node].xyz;
         b += v[node].xyz;
     }

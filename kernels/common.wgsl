@@ -4,6 +4,7 @@ struct Params {
     cells_x: u32, cells_y: u32, cells_z: u32, cell_count: u32,
     preconditioner: u32, corotational: u32, slot_count: u32, first_slot: u32,
     product_groups: u32, fresh: u32, compensated: u32, zero: u32,
+    extra_columns: u32, split_cells: u32, touched_nodes: u32, pad: u32,
     inertia: f32, stiffness_factor: f32, step: f32, gravity_x: f32,
     gravity_y: f32, gravity_z: f32, keep: f32, gain: f32,
 }
@@ -26,6 +27,17 @@ fn node_id(p: Params, c: vec3<u32>) -> u32 {
 
 fn cell_id(p: Params, c: vec3<u32>) -> u32 {
     return c.x + p.cells_x * (c.y + p.cells_y * c.z);
+}
+
+// Columns of nodes, copies' too, and of one of them the first node and the step to the next (split.rs).
+fn column_count(p: Params) -> u32 {
+    return p.nodes_x * p.nodes_y + p.extra_columns;
+}
+
+fn column_nodes(p: Params, column: u32) -> vec2<u32> {
+    let columns = p.nodes_x * p.nodes_y;
+    if column < columns { return vec2<u32>(column, columns); }
+    return vec2<u32>(columns * p.nodes_z + column - columns, p.extra_columns);
 }
 
 // Nodes along x, y, z of the next coarser level (coarsen.rs).

@@ -17,7 +17,13 @@ pub fn factor<R: Real>(
     params: &Params<R>,
     block: &mut [V4<R>], // [node × 4] packed: D, U in; D'⁻¹, G out
 ) {
-    let columns = (params.nodes_x * params.nodes_y) as usize;
+    for (first, set) in params.column_sets() {
+        factor_set(&set, &mut block[first * 4..(first + set.node_count as usize) * 4]);
+    }
+}
+
+fn factor_set<R: Real>(params: &Params<R>, block: &mut [V4<R>]) {
+    let columns = params.columns();
     let one_part = |mut block: Levels<[V4<R>; 4]>| {
         let mut below = [M3::zero(); PART]; // Uᵀ D'⁻¹ U of the node below
         for level in &mut block {

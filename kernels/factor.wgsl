@@ -9,11 +9,12 @@ fn factor(
     @builtin(local_invocation_index) lane: u32,
 ) {
     let column = group_of(group, groups) * GROUP + lane;
-    let columns = params.nodes_x * params.nodes_y;
+    let columns = column_count(params);
+    let nodes = column_nodes(params, column);
     if column >= columns { return; }
     var below = mat3x3<f32>(); // Uᵀ D'⁻¹ U of the node below
     for (var k = 0u; k < params.nodes_z; k += 1u) {
-        let at = (column + k * columns) * 4u;
+        let at = (nodes.x + k * nodes.y) * 4u;
         let own = unpack(block[at], block[at + 1u], block[at + 2u], block[at + 3u]);
         let d = inverse(own.d - below);
         let g = d * own.g;

@@ -25,12 +25,13 @@ pub fn forces<R: Real>(
     shape: &[V4<R>],     // [layer] cell edges m, mass of one corner kg
     stiffness: &[M3<R>], // [layer × 64] blocks a×8+b, N/m
     layer_of: &[u32],    // [cells_z] layer
+    split: &[u32],       // see `split`
     u: &[V4<R>],         // [node] m
     rotation: &[V4<R>],  // [cell] quaternion
     f: &mut [V4<R>],     // [node] N
 ) {
     for (i, out) in f.iter_mut().enumerate() {
-        *out = node_force(params, shape, stiffness, layer_of, u, rotation, i).pad(R::zero());
+        *out = node_force(params, shape, stiffness, layer_of, split, u, rotation, i).pad(R::zero());
     }
 }
 
@@ -40,11 +41,14 @@ pub fn node_force<R: Real>(
     shape: &[V4<R>],
     stiffness: &[M3<R>],
     layer_of: &[u32],
+    split: &[u32],
     u: &[V4<R>],
     rotation: &[V4<R>],
     i: usize,
 ) -> V3<R> {
-    let c = params.node_at(i);
+    let Some(c) = params.place(split, i) else {
+        return V3::zero();
+    };
     let own = V3::from4(u[i]);
     let mut sum = V3::zero();
     for a in 0..8 {
@@ -52,7 +56,8 @@ pub fn node_force<R: Real>(
             continue;
         };
         let q = rotation[cell];
-        if q == [R::zero(); 4] {
+        let corners = params.corner_nodes(split, cell);
+        if q == [R::zero(); 4] || corners[a] != i {
             continue;
         }
         let layer = layer_of[c[2] - corner(a)[2]] as usize;
@@ -60,7 +65,7 @@ pub fn node_force<R: Real>(
         let r = rotation_matrix(q);
         let turn = rotation_minus_identity(q).transpose();
         let mut local = V3::zero();
-        for (b, node) in params.corners(cell).into_iter().enumerate() {
+        for (b, node) in corners.into_iter().enumerate() {
             let stretch = r.transpose() * (V3::from4(u[node]) - own) + turn * rest_corner(h, b);
             local += stiffness[layer * 64 + a * 8 + b] * stretch;
         }

@@ -6,6 +6,7 @@
 @group(0) @binding(4) var<storage, read> u: array<vec4<f32>>;              // [node] m
 @group(0) @binding(5) var<storage, read> rotation: array<vec4<f32>>;       // [cell] quaternion
 @group(0) @binding(6) var<storage, read_write> f: array<vec4<f32>>;        // [node] N
+@group(0) @binding(7) var<storage, read> split: array<u32>;                // see split.rs
 
 @compute @workgroup_size(64)
 fn forces(
@@ -15,7 +16,7 @@ fn forces(
 ) {
     let i = group_of(group, groups) * GROUP + lane;
     if i >= params.node_count { return; }
-    let c = node_at(params, i);
+    let c = place(params, i);
     let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
     let own = u[i].xyz;
     var sum = vec3<f32>(0.0);
@@ -23,16 +24,14 @@ fn forces(
         let at = c - corner(a); // wraps below 0, which the test catches
         if any(at >= cells) { continue; }
         let q = rotation[cell_id(params, at)];
-        if all(q == vec4<f32>(0.0)) { continue; }
+        if all(q == vec4<f32>(0.0)) || corner_node(params, at, a) != i { continue; }
         let layer = layer_of[at.z];
         let h = shape[layer].xyz;
         let r = rotation_matrix(q);
         let turn = transpose(rotation_minus_identity(q));
         var local = vec3<f32>(0.0);
         for (var b = 0u; b < 8u; b += 1u) {
-            let o = corner(b);
-            let node = node_id(params, at + o);
-            let stretch = (u[node].xyz - own) * r + turn * ((vec3<f32>(o) - 0.5) * h);
+            let stretch = (u[corner_node(params, at, b)].xyz - own) * r + turn * ((vec3<f32>(corner(b)) - 0.5) * h);
             local += stiffness[layer * 64u + a * 8u + b] * stretch;
         }
         sum += r * local;

@@ -15,6 +15,7 @@ pub mod centres;
 pub mod coarsen;
 pub mod converge;
 pub mod cut;
+pub mod duplicate;
 pub mod factor;
 pub mod forces;
 pub mod gather;
@@ -29,6 +30,8 @@ pub mod restriction;
 pub mod rhs;
 pub mod rotations;
 pub mod scatter;
+pub mod split;
+pub mod split_product;
 pub mod springs;
 pub mod springs_blocks;
 pub mod springs_product;
@@ -38,6 +41,12 @@ use crate::math::Real;
 
 /// Text shared by all shaders: `Params`, corners, quaternions, reductions.
 pub const COMMON: &str = include_str!("common.wgsl");
+
+/// The whole text of a kernel: the common part, the access to the table of split nodes where it is bound, the kernel's own.
+pub fn text(source: &Source) -> String {
+    let split = if source.wgsl.contains("> split: array") { split::WGSL } else { "" };
+    format!("{COMMON}\n{split}\n{}", source.wgsl)
+}
 
 /// A shader as text, with what the host must know about it beyond what naga reads from the text itself.
 #[derive(Debug)]
@@ -60,6 +69,7 @@ pub const ALL: &[&Source] = &[
     &coarsen::SOURCE,
     &converge::SOURCE,
     &cut::SOURCE,
+    &duplicate::SOURCE,
     &factor::SOURCE,
     &forces::SOURCE,
     &gather::SOURCE,
@@ -74,6 +84,7 @@ pub const ALL: &[&Source] = &[
     &rotations::SOURCE,
     &scatter::SOURCE,
     &relax::SOURCE,
+    &split_product::SOURCE,
     &springs::SOURCE,
     &springs_blocks::SOURCE,
     &springs_product::SOURCE,
@@ -106,7 +117,7 @@ params! {
         nodes_y: u32,
         /// Nodes along z.
         nodes_z: u32,
-        /// All nodes.
+        /// All nodes, copies too (`split`).
         node_count: u32,
         /// Cells along x.
         cells_x: u32,
@@ -132,6 +143,14 @@ params! {
         compensated: u32,
         /// Always 0, which the compiler of the shaders cannot know.
         zero: u32,
+        /// Columns of copies beside the grid's.
+        extra_columns: u32,
+        /// Split cells that the table has room for.
+        split_cells: u32,
+        /// Touched nodes that the table has room for.
+        touched_nodes: u32,
+        /// Nothing: a uniform block is whole 16 bytes.
+        pad: u32,
     }
     {
         /// `(1 + h r_M)/h²`, 1/s².

@@ -25,13 +25,14 @@ pub fn momentum<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],      // [layer] cell edges m, mass of one corner kg
     layer_of: &[u32],     // [cells_z] layer
+    split: &[u32],        // see `split`
     rotation: &[V4<R>],   // [cell] quaternion
     free: &[V4<R>],       // [node] 1 free, 0 held, per axis; mass kg
     v: &[V4<R>],          // [node] m/s
     mean_v: &mut [V4<R>], // [node] m/s
 ) {
     for (i, out) in mean_v.iter_mut().enumerate() {
-        *out = mean_velocity(params, shape, layer_of, rotation, free, v, i).pad(R::zero());
+        *out = mean_velocity(params, shape, layer_of, split, rotation, free, v, i).pad(R::zero());
     }
 }
 
@@ -40,23 +41,27 @@ pub fn mean_velocity<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],
     layer_of: &[u32],
+    split: &[u32],
     rotation: &[V4<R>],
     free: &[V4<R>],
     v: &[V4<R>],
     i: usize,
 ) -> V3<R> {
-    let c = params.node_at(i);
+    let Some(c) = params.place(split, i) else {
+        return V3::zero();
+    };
     let own = V3::from4(v[i]);
     let mut sum = V3::zero();
     for a in 0..8 {
         let Some(cell) = params.cell_below(c, a) else {
             continue;
         };
-        if rotation[cell] == [R::zero(); 4] {
+        let corners = params.corner_nodes(split, cell);
+        if rotation[cell] == [R::zero(); 4] || corners[a] != i {
             continue;
         }
         let mut local = V3::zero();
-        for (b, node) in params.corners(cell).into_iter().enumerate() {
+        for (b, node) in corners.into_iter().enumerate() {
             local += (V3::from4(v[node]) - own) * share(a, b);
         }
         sum += local * shape[layer_of[c[2] - corner(a)[2]] as usize][3];

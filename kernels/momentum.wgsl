@@ -6,6 +6,7 @@
 @group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 held, per axis; mass kg
 @group(0) @binding(5) var<storage, read> v: array<vec4<f32>>;             // [node] m/s
 @group(0) @binding(6) var<storage, read_write> mean_v: array<vec4<f32>>;  // [node] m/s
+@group(0) @binding(7) var<storage, read> split: array<u32>;               // see split.rs
 
 @compute @workgroup_size(64)
 fn momentum(
@@ -15,7 +16,7 @@ fn momentum(
 ) {
     let i = group_of(group, groups) * GROUP + lane;
     if i >= params.node_count { return; }
-    let c = node_at(params, i);
+    let c = place(params, i);
     let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
     let own = v[i].xyz;
     var sum = vec3<f32>(0.0);
@@ -23,13 +24,12 @@ fn momentum(
         let o_a = corner(a);
         let at = c - o_a; // wraps below 0, which the test catches
         if any(at >= cells) { continue; }
-        if all(rotation[cell_id(params, at)] == vec4<f32>(0.0)) { continue; }
+        if all(rotation[cell_id(params, at)] == vec4<f32>(0.0)) || corner_node(params, at, a) != i { continue; }
         var local = vec3<f32>(0.0);
         for (var b = 0u; b < 8u; b += 1u) {
             let o_b = corner(b);
-            let node = node_id(params, at + o_b);
             let near = select(vec3<f32>(1.0), vec3<f32>(2.0), o_a == o_b);
-            local += (v[node].xyz - own) * (near.x * near.y * near.z / 27.0);
+            local += (v[corner_node(params, at, b)].xyz - own) * (near.x * near.y * near.z / 27.0);
         }
         sum += local * shape[layer_of[at.z]].w;
     }

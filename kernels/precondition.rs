@@ -19,7 +19,15 @@ pub fn precondition<R: Real>(
     r: &[V4<R>],     // [node] N
     z: &mut [V4<R>], // [node] m
 ) -> R {
-    let columns = (params.nodes_x * params.nodes_y) as usize;
+    let of_set = |(first, set): (usize, Params<R>)| {
+        let nodes = first..first + set.node_count as usize;
+        precondition_set(&set, &block[nodes.start * 4..nodes.end * 4], &r[nodes.clone()], &mut z[nodes])
+    };
+    params.column_sets().into_iter().map(of_set).sum()
+}
+
+fn precondition_set<R: Real>(params: &Params<R>, block: &[V4<R>], r: &[V4<R>], z: &mut [V4<R>]) -> R {
+    let columns = params.columns();
     let one_part = |(part, mut z): (usize, Levels<V4<R>>)| -> R {
         let mut gamma = R::zero();
         let mut y = [V3::zero(); PART]; // G_{k−1}ᵀ y_{k−1}

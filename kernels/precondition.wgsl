@@ -16,7 +16,8 @@ fn precondition(
 ) {
     let group_index = group_of(group, groups);
     let column = group_index * GROUP + lane;
-    let columns = params.nodes_x * params.nodes_y;
+    let columns = column_count(params);
+    let nodes = column_nodes(params, column);
     let slot = params.first_slot + group.y;
     let offset = slot * params.node_count;
     let running = scalars[slot * 2u].w == 0.0;
@@ -24,7 +25,7 @@ fn precondition(
     if running && column < columns {
         var y = vec3<f32>(0.0); // G_{k−1}ᵀ y_{k−1}
         for (var k = 0u; k < params.nodes_z; k += 1u) {
-            let i = column + k * columns;
+            let i = nodes.x + k * nodes.y;
             let own = r[offset + i].xyz - y;
             z[offset + i] = vec4<f32>(own, 0.0);
             let at = i * 4u;
@@ -32,7 +33,7 @@ fn precondition(
         }
         var above = vec3<f32>(0.0);
         for (var n = 0u; n < params.nodes_z; n += 1u) {
-            let i = column + (params.nodes_z - 1u - n) * columns;
+            let i = nodes.x + (params.nodes_z - 1u - n) * nodes.y;
             let at = i * 4u;
             let own = unpack(block[at], block[at + 1u], block[at + 2u], block[at + 3u]);
             above = own.d * z[offset + i].xyz - own.g * above;

@@ -18,6 +18,8 @@
 //! nodes is done when the cells on both sides of it are. Neighbouring strips both compute the row of cells between them (1 in 9 to 17).
 //! Strips depend on the grid alone, so the order of sums is the same for any number of threads.
 //!
+//! Split cells (`split`) are left out here, and so are the rows of copies: `split_product` adds both.
+//!
 //! Rotations are taken as `|q|² R(q)`: a zero quaternion gives no force, and a short one scales its cell's stiffness by `|q|⁴`.
 //!
 //! Cost of a cell in the twin: 26 operations for its rotation, 144 for the patterns, 126 for turning there and back, 72 for the blocks,
@@ -90,11 +92,12 @@ pub fn product<R: Real>(
     layer_of: &[u32],              // [cells_z] layer
     rotation: &[V4<R>],            // [cell] quaternion
     free: &[V4<R>],                // [node] 1 free, 0 held, per axis; mass kg
+    split: &[u32],                 // see `split`
     z: &[V4<R>],                   // [node] m
     w: &mut [V4<R>],               // [node] N
     scratch: &mut [CellForces<R>], // [cell_groups]
 ) -> R {
-    let input = Input { params, modes, layer_of, rotation, of: Of::System { free }, z };
+    let input = Input { params, modes, layer_of, rotation, split, of: Of::System { free }, z };
     by_strips(input, w, scratch, |strip| R::widest(strip))
 }
 
@@ -107,11 +110,12 @@ pub fn elastic_forces<R: Real>(
     modes: &[Modes<R>],            // [layer] N/m, of stiffness alone
     layer_of: &[u32],              // [cells_z] layer
     rotation: &[V4<R>],            // [cell] quaternion
+    split: &[u32],                 // see `split`
     u: &[V4<R>],                   // [node] m
     f: &mut [V4<R>],               // [node] N
     scratch: &mut [CellForces<R>], // [cell_groups]
 ) {
-    let input = Input { params, modes, layer_of, rotation, of: Of::Elastic { shape }, z: u };
+    let input = Input { params, modes, layer_of, rotation, split, of: Of::Elastic { shape }, z: u };
     by_strips(input, f, scratch, |strip| R::widest(strip));
 }
 
@@ -130,7 +134,7 @@ fn by_strips<R: Real>(
         rest = others;
         work.push(Strip { input, rows, w: vec![], scratch: bytemuck::cast_slice_mut(own) });
     }
-    for mut level in w[..params.node_count as usize].chunks_exact_mut(nodes_x * params.nodes_y as usize) {
+    for mut level in w[..params.grid_nodes()].chunks_exact_mut(nodes_x * params.nodes_y as usize) {
         for strip in &mut work {
             let (own, others) = level.split_at_mut(strip.rows.len() * nodes_x);
             level = others;
@@ -150,6 +154,7 @@ struct Input<'a, R> {
     modes: &'a [Modes<R>],
     layer_of: &'a [u32],
     rotation: &'a [V4<R>],
+    split: &'a [u32],
     of: Of<'a, R>,
     z: &'a [V4<R>],
 }
@@ -177,7 +182,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
     #[inline(always)]
     fn run<L: Lanes<R>>(self, lanes: L) -> R {
         let Strip { input, rows, mut w, scratch } = self;
-        let Input { params, modes, layer_of, rotation, of, z } = input;
+        let Input { params, modes, layer_of, rotation, split, of, z } = input;
         let (nodes_x, cells_x) = (params.nodes_x as usize, params.cells_x as usize);
         let level_nodes = nodes_x * params.nodes_y as usize;
         // a row of cells more than of nodes, where the grid has it
@@ -200,7 +205,11 @@ impl<R: Real> Task<R> for Strip<'_, R> {
             if k < params.cells_z as usize {
                 spread(&z[(k + 1) * level_nodes + first..][..nodes], &mut z_above, 0);
                 for (row, y) in cell_rows.clone().enumerate() {
-                    spread(&rotation[params.cell_id([0, y, k])..][..cells_x], &mut q, row * nodes_x);
+                    let first = params.cell_id([0, y, k]);
+                    spread(&rotation[first..][..cells_x], &mut q, row * nodes_x);
+                    if params.extra_columns > 0 {
+                        leave_out(&split[params.layout().row + first..][..cells_x], &mut q, row * nodes_x);
+                    }
                 }
                 let layer = layer_of[k] as usize;
                 let blocks = &modes[layer];
@@ -267,6 +276,14 @@ fn spread<R: Real, const N: usize>(from: &[V4<R>], to: &mut [&mut [R]; N], at: u
     }
 }
 
+/// Makes split cells dead, from place `at` on.
+#[inline(always)]
+fn leave_out<R: Real>(row: &[u32], q: &mut [&mut [R]; 4], at: usize) {
+    for (x, _) in row.iter().enumerate().filter(|(_, row)| **row != 0) {
+        q.iter_mut().for_each(|plane| plane[at + x] = R::zero());
+    }
+}
+
 /// Inertia and held axes of a strip's nodes at one level.
 #[inline(always)]
 fn finish<R: Real>(
@@ -302,7 +319,7 @@ fn add_to<R: Real, L: Lanes<R>>(l: L, to: &mut [R], value: L::V) {
 /// Forces of cells on their corners, without the factor `s`; corner numbers are bits x + 2y + 4z. `stretch_i (Rᵀ − I) e_i` is added to
 /// the pattern of axis `i`.
 #[inline(always)]
-fn cell_forces<R: Real, L: Lanes<R>>(
+pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
     l: L,
     blocks: &Modes<R>,
     q: [L::V; 4],

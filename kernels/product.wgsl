@@ -8,6 +8,7 @@
 @group(0) @binding(6) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
 @group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;  // [slot][tile] z·w
 @group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
+@group(0) @binding(9) var<storage, read> split: array<u32>;                  // see split.rs
 
 const TILE: u32 = 7u;  // nodes along a side; one thread more computes cells
 var<workgroup> corner_force: array<vec3<f32>, 512>; // [corner][thread], corners by bits x + 2y + 4z
@@ -87,8 +88,8 @@ fn product(
             at[5] = z[upper + 1u].xyz;
             at[6] = z[upper + params.nodes_x].xyz;
             at[7] = z[upper + params.nodes_x + 1u].xyz;
-            let q = rotation[(x - 1u) + params.cells_x * ((y - 1u) + params.cells_y * k)];
-            force = cell_forces(q, layer_of[k] * 8u, at);
+            let cell = (x - 1u) + params.cells_x * ((y - 1u) + params.cells_y * k);
+            if !is_split(params, cell) { force = cell_forces(rotation[cell], layer_of[k] * 8u, at); }
         }
         for (var n = 0u; n < 8u; n += 1u) { corner_force[n * 64u + lane] = force[n]; }
         workgroupBarrier();
@@ -111,5 +112,5 @@ fn product(
         workgroupBarrier();
         if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
     }
-    if lane == 0u && tile < tiles { partial_product[slot * tiles + tile] = shared_sum[0]; }
+    if lane == 0u && tile < tiles { partial_product[slot * params.product_groups + tile] = shared_sum[0]; }
 }

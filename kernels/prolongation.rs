@@ -14,13 +14,16 @@ pub const SOURCE: Source =
 pub fn prolongation<R: Real>(
     params: &Params<R>, // of the finer level
     free: &[V4<R>],     // [node] 1 free, 0 held, per axis
+    split: &[u32],      // see `split`
     coarse_z: &[V4<R>], // [coarse node] m
     z: &mut [V4<R>],    // [node] m
 ) {
     let [nodes_x, nodes_y, _] = params.coarse_cells().map(|c| c + 1);
     let quarter = R::of(0.25);
     let one_node = |i: usize, out: &mut V4<R>| {
-        let [x, y, level] = params.node_at(i);
+        let Some([x, y, level]) = params.place(split, i) else {
+            return;
+        };
         let first = x / 2 + nodes_x * (y / 2 + nodes_y * level);
         // the same node twice where the fine one coincides with it
         let (step_x, step_y) = (x % 2, y % 2 * nodes_x);

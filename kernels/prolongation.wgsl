@@ -4,6 +4,7 @@
 @group(0) @binding(2) var<storage, read> coarse_z: array<vec4<f32>>;    // [slot][coarse node] m
 @group(0) @binding(3) var<storage, read_write> z: array<vec4<f32>>;     // [slot][node] m
 @group(0) @binding(4) var<storage, read> scalars: array<vec4<f32>>;     // [slot × 2]
+@group(0) @binding(5) var<storage, read> split: array<u32>;             // see split.rs
 
 @compute @workgroup_size(64)
 fn prolongation(
@@ -15,9 +16,11 @@ fn prolongation(
     let slot = params.first_slot + group.y;
     if i >= params.node_count || scalars[slot * 2u].w != 0.0 { return; }
     let size = coarse_nodes(params);
-    let x = i % params.nodes_x;
-    let y = (i / params.nodes_x) % params.nodes_y;
-    let level = i / (params.nodes_x * params.nodes_y);
+    let at = place(params, i);
+    if at.x >= params.nodes_x { return; }
+    let x = at.x;
+    let y = at.y;
+    let level = at.z;
     let first = slot * size.x * size.y * size.z + x / 2u + size.x * (y / 2u + size.y * level);
     // the same node twice where the fine one coincides with it
     let step_x = x % 2u;

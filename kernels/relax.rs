@@ -22,7 +22,23 @@ pub fn relax<R: Real>(
     d: &mut [V4<R>], // [node] m
     z: &mut [V4<R>], // [node] m
 ) -> R {
-    let columns = (params.nodes_x * params.nodes_y) as usize;
+    let of_set = |(first, set): (usize, Params<R>)| {
+        let nodes = first..first + set.node_count as usize;
+        let block = &block[nodes.start * 4..nodes.end * 4];
+        relax_set(&set, block, &r[nodes.clone()], &mut w[nodes.clone()], &mut d[nodes.clone()], &mut z[nodes])
+    };
+    params.column_sets().into_iter().map(of_set).sum()
+}
+
+fn relax_set<R: Real>(
+    params: &Params<R>,
+    block: &[V4<R>],
+    r: &[V4<R>],
+    w: &mut [V4<R>],
+    d: &mut [V4<R>],
+    z: &mut [V4<R>],
+) -> R {
+    let columns = params.columns();
     let fresh = params.fresh == 1;
     let parts = by_columns(w, columns).into_par_iter().zip(by_columns(d, columns)).zip(by_columns(z, columns));
     let one_part = |(part, ((w, d), z)): (usize, ((Levels<_>, Levels<_>), Levels<_>))| -> R {

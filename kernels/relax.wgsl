@@ -18,7 +18,8 @@ fn relax(
 ) {
     let group_index = group_of(group, groups);
     let column = group_index * GROUP + lane;
-    let columns = params.nodes_x * params.nodes_y;
+    let columns = column_count(params);
+    let nodes = column_nodes(params, column);
     let slot = params.first_slot + group.y;
     let offset = slot * params.node_count;
     let running = scalars[slot * 2u].w == 0.0;
@@ -26,7 +27,7 @@ fn relax(
     if running && column < columns {
         var carried = vec3<f32>(0.0); // G_{k−1}ᵀ y_{k−1}
         for (var k = 0u; k < params.nodes_z; k += 1u) {
-            let i = column + k * columns;
+            let i = nodes.x + k * nodes.y;
             var own = r[offset + i].xyz - carried;
             if params.fresh == 0u { own = r[offset + i].xyz - w[offset + i].xyz - carried; }
             w[offset + i] = vec4<f32>(own, 0.0);
@@ -35,7 +36,7 @@ fn relax(
         }
         var above = vec3<f32>(0.0);
         for (var n = 0u; n < params.nodes_z; n += 1u) {
-            let i = column + (params.nodes_z - 1u - n) * columns;
+            let i = nodes.x + (params.nodes_z - 1u - n) * nodes.y;
             let at = i * 4u;
             let own = unpack(block[at], block[at + 1u], block[at + 2u], block[at + 3u]);
             above = own.d * w[offset + i].xyz - own.g * above;

@@ -1,6 +1,7 @@
 //! Residual of a level, gathered by the next coarser one: `r_c = F_c Pᵀ (r − w)`, `w = A z`.
 //!
 //! `P` interpolates bilinearly in x and y: node `2i` of the finer level is node `i` of the coarser one, the odd ones lie between two.
+//! The copies of a node share its unknown on the coarser level: a cut changes nothing there.
 //! `F` are the free axes. Units: N.
 
 use super::{Params, Source};
@@ -15,11 +16,13 @@ pub const SOURCE: Source =
 pub fn restriction<R: Real>(
     params: &Params<R>,     // of the finer level
     coarse_free: &[V4<R>],  // [coarse node] 1 free, 0 held, per axis
+    split: &[u32],          // see `split`
     r: &[V4<R>],            // [node] N
     w: &[V4<R>],            // [node] N
     coarse_r: &mut [V4<R>], // [coarse node] N
 ) {
     let [nodes_x, nodes_y, _] = params.coarse_cells().map(|c| c + 1);
+    let extra = params.extra_columns as usize;
     let one_node = |i: usize, out: &mut V4<R>| {
         let at = [2 * (i % nodes_x), 2 * (i / nodes_x % nodes_y), i / (nodes_x * nodes_y)];
         let mut sum = V3::zero();
@@ -32,6 +35,15 @@ pub fn restriction<R: Real>(
                 let weight = R::of([0.5, 1.0, 0.5][dx] * [0.5, 1.0, 0.5][dy]);
                 let node = params.node_id([x - 1, y - 1, at[2]]);
                 sum += (V3::from4(r[node]) - V3::from4(w[node])) * weight;
+                if extra == 0 {
+                    continue;
+                }
+                let mut next = split[2 * extra + node % params.columns()] as usize;
+                while next != 0 {
+                    let copy = params.grid_nodes() + next - 1 + extra * at[2];
+                    sum += (V3::from4(r[copy]) - V3::from4(w[copy])) * weight;
+                    next = split[extra + next - 1] as usize;
+                }
             }
         }
         *out = sum.times(V3::from4(coarse_free[i])).pad(R::zero());

@@ -5,6 +5,7 @@
 @group(0) @binding(3) var<storage, read> w: array<vec4<f32>>;                // [slot][node] N
 @group(0) @binding(4) var<storage, read_write> coarse_r: array<vec4<f32>>;   // [slot][coarse node] N
 @group(0) @binding(5) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2]
+@group(0) @binding(6) var<storage, read> split: array<u32>;                  // see split.rs
 
 @compute @workgroup_size(64)
 fn restriction(
@@ -26,8 +27,16 @@ fn restriction(
             let y = at.y + dy;
             if x < 1u || y < 1u || x > params.nodes_x || y > params.nodes_y { continue; }
             let weight = select(0.5, 1.0, dx == 1u) * select(0.5, 1.0, dy == 1u);
-            let node = offset + (x - 1u) + params.nodes_x * ((y - 1u) + params.nodes_y * at.z);
+            let column = (x - 1u) + params.nodes_x * (y - 1u);
+            let node = offset + column + params.nodes_x * params.nodes_y * at.z;
             sum += (r[node].xyz - w[node].xyz) * weight;
+            if params.extra_columns == 0u { continue; }
+            var next = split[2u * params.extra_columns + column];
+            while next != 0u {
+                let copy = offset + params.nodes_x * params.nodes_y * params.nodes_z + next - 1u + params.extra_columns * at.z;
+                sum += (r[copy].xyz - w[copy].xyz) * weight;
+                next = split[params.extra_columns + next - 1u];
+            }
         }
     }
     coarse_r[slot * count + i] = vec4<f32>(sum * coarse_free[i].xyz, 0.0);

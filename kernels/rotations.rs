@@ -23,11 +23,12 @@ pub fn rotations<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
     layer_of: &[u32],       // [cells_z] layer
+    split: &[u32],          // see `split`
     u: &[V4<R>],            // [node] m
     rotation: &mut [V4<R>], // [cell] quaternion
 ) {
     for (cell, q) in rotation.iter_mut().enumerate() {
-        *q = rotate_cell(params, shape, layer_of, u, cell, *q);
+        *q = rotate_cell(params, shape, layer_of, split, u, cell, *q);
     }
 }
 
@@ -36,6 +37,7 @@ pub fn rotate_cell<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],
     layer_of: &[u32],
+    split: &[u32],
     u: &[V4<R>],
     cell: usize,
     q: V4<R>,
@@ -48,7 +50,7 @@ pub fn rotate_cell<R: Real>(
     let quarter = R::of(0.25);
     let g = V3::new(quarter / h.x, quarter / h.y, quarter / h.z);
     let mut f = M3::identity();
-    for (a, node) in params.corners(cell).into_iter().enumerate() {
+    for (a, node) in params.corner_nodes(split, cell).into_iter().enumerate() {
         let o = corner(a);
         let sign = |i: usize| if o[i] == 1 { R::one() } else { -R::one() };
         let gradient = V3::new(sign(0) * g.x, sign(1) * g.y, sign(2) * g.z);

@@ -4,6 +4,7 @@
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;           // [cells_z] layer
 @group(0) @binding(3) var<storage, read> u: array<vec4<f32>>;            // [node] m
 @group(0) @binding(4) var<storage, read_write> rotation: array<vec4<f32>>; // [cell] quaternion
+@group(0) @binding(5) var<storage, read> split: array<u32>;              // see split.rs
 
 const MAX_NEWTON: u32 = 64u;
 const EPSILON: f32 = 1.1920929e-7;
@@ -69,9 +70,8 @@ fn rotations(
     var f = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
     for (var a = 0u; a < 8u; a += 1u) {
         let o = corner(a);
-        let node = (x + o.x) + params.nodes_x * ((y + o.y) + params.nodes_y * (z + o.z));
         let gradient = (vec3<f32>(o) * 2.0 - 1.0) * g;
-        let d = u[node].xyz;
+        let d = u[corner_node(params, vec3<u32>(x, y, z), a)].xyz;
         f += mat3x3<f32>(d * gradient.x, d * gradient.y, d * gradient.z);
     }
     rotation[cell] = polar(f, q);

@@ -1,11 +1,12 @@
-//! What a cut leaves: which cells and springs are gone, the masses of their nodes, and the measures of the wound.
+//! What a cut leaves: severed links and split nodes, or cells and springs that are gone; masses, and the measures of the wound.
 //!
-//! Bricks: a severed link removes the cell in whose half the blade crossed it. Springs: a crossed spring is gone; a cell counts as open
+//! Bricks: links are severed and nodes split ([`Parts`](crate::mesh::Parts)); each copy has the mass that its cells give it. Or, where the
+//! scene asks for it, a crossed link removes the cell in whose half the blade crossed it. Springs: a crossed spring is gone; a cell counts as open
 //! when two or more of its four edges along one axis are gone. A node without live cells (bricks) or springs (springs) leaves the system.
 //! Lumped and consistent masses go with their cells; a uniform mass goes with its node, as SOFA's UniformMass does by default.
 
 use crate::math::V4;
-use crate::mesh::Surface;
+use crate::mesh::{Change, Surface};
 use crate::model::Model;
 use crate::scene::Mass;
 
@@ -18,6 +19,10 @@ pub struct Totals {
     pub springs: usize,
     /// Severed face links.
     pub links: usize,
+    /// Links that the blade crossed and that hold because the reserve of copies is used up.
+    pub refused: usize,
+    /// Copies of nodes.
+    pub copies: usize,
     /// Cut area on one side, m²: each severed link (or spring along an axis) stands for its face.
     pub area: f64,
     /// Extent of the open cells along x or y, whichever is longer, m (rest positions).
@@ -35,6 +40,8 @@ impl Totals {
             hexes: self.hexes + other.hexes,
             springs: self.springs + other.springs,
             links: self.links + other.links,
+            refused: self.refused + other.refused,
+            copies: self.copies + other.copies,
             area: self.area + other.area,
             length: self.length + other.length,
             length_top: self.length_top + other.length_top,
@@ -43,13 +50,17 @@ impl Totals {
     }
 }
 
-/// What a backend has to remove.
+/// What a backend has to change.
 #[derive(Clone, Debug, Default)]
 pub struct Removal {
     /// Cell ids.
     pub cells: Vec<u32>,
     /// Spring ids.
     pub springs: Vec<u32>,
+    /// Copies, each with the node that it takes its state from.
+    pub copies: Vec<[u32; 2]>,
+    /// Words of the table of split nodes.
+    pub words: Vec<(u32, u32)>,
     /// New free axes and masses.
     pub free: Vec<(u32, V4<f64>)>,
 }
@@ -65,6 +76,8 @@ pub struct Wound {
     pub open: Vec<(u32, usize)>,
     /// `[node]` free axes and mass now.
     pub free: Vec<V4<f64>>,
+    /// `[node]` rest position, of a copy that of the node that it stands for, m.
+    pub rest: Vec<[f64; 3]>,
     live_cells: Vec<u32>,
     live_springs: Vec<u32>,
     spring_gone: Vec<bool>,
@@ -107,10 +120,11 @@ impl Wound {
         }
         let springs = model.springs.as_ref();
         Self {
-            surface: Surface::new(&model.grid),
+            surface: Surface::with_reserve(model.params()),
             totals: Totals::default(),
             open: vec![],
             free: model.free.clone(),
+            rest: model.rest.iter().copied().chain(std::iter::repeat([0.0; 3])).take(model.node_count()).collect(),
             live_cells,
             live_springs: springs.map_or(vec![], |s| s.first.windows(2).map(|w| w[1] - w[0]).collect()),
             spring_gone: vec![false; springs.map_or(0, |s| s.ends.len())],
@@ -121,8 +135,12 @@ impl Wound {
 
     /// Takes hits (`2·segment + half`, sorted) over; returns what has to go.
     pub fn apply(&mut self, model: &Model, hits: &[u32]) -> Removal {
-        let removal = if model.springs.is_some() { self.cut_springs(model, hits) } else { self.cut_links(model, hits) };
-        if self.totals.hexes + self.open.len() > 0 {
+        let removal = match (&model.springs, model.extra_columns) {
+            (Some(_), _) => self.cut_springs(model, hits),
+            (None, 0) => self.cut_links(model, hits),
+            _ => self.split(model, hits),
+        };
+        if self.totals.links + self.open.len() > 0 {
             self.totals.length = self.all.length();
             self.totals.length_top = self.top.length();
             self.totals.depth = model.position[2] + model.grid.thickness() - self.all.low[2];
@@ -148,6 +166,58 @@ impl Wound {
         self.free[at] = [0.0; 4];
         removal.free.retain(|(n, _)| *n != node);
         removal.free.push((node, self.free[at]));
+    }
+
+    /// Severs links and splits nodes.
+    fn split(&mut self, model: &Model, hits: &[u32]) -> Removal {
+        let links: Vec<(u32, f64)> = hits.iter().map(|hit| (hit / 2, if hit % 2 == 1 { 0.75 } else { 0.25 })).collect();
+        let Change { links, refused, copies, words, nodes } = self.surface.parts.cut(&links);
+        let params = model.grid.params::<f64>();
+        let shape = |cell: usize| model.shape[model.grid.layer_of[params.cell_at(cell)[2]] as usize];
+        for (cell, axis) in &links {
+            let h = shape(*cell as usize);
+            self.totals.area += h[0] * h[1] * h[2] / h[*axis];
+            self.measure(model, *cell as usize, *axis);
+        }
+        self.totals.links += links.len();
+        self.totals.refused += refused as usize;
+        self.totals.copies += copies.len();
+        let mut removal = Removal { copies, words, ..Removal::default() };
+        for [copy, source] in &removal.copies {
+            self.rest[*copy as usize] = self.rest[*source as usize];
+        }
+        for node in nodes {
+            let parts = &self.surface.parts;
+            let original = parts.original(node as usize);
+            let whole = model.free[original];
+            let around = |node: usize| parts.cells_of(node).into_iter().map(|cell| shape(cell)[3]).sum::<f64>();
+            let corners = around(node as usize);
+            // a uniform mass is shared by the cells' volumes
+            let all = match model.mass {
+                Mass::Uniform => (0..8)
+                    .filter_map(|a| params.cell_below(params.node_at(original), a))
+                    .map(|cell| shape(cell)[3])
+                    .sum(),
+                Mass::Lumped | Mass::Consistent => whole[3],
+            };
+            self.free[node as usize] = [whole[0], whole[1], whole[2], whole[3] * corners / all];
+            removal.free.push((node, self.free[node as usize]));
+        }
+        removal
+    }
+
+    /// Takes the face of a severed link into the extent of the wound.
+    fn measure(&mut self, model: &Model, cell: usize, axis: usize) {
+        let params = model.grid.params::<f64>();
+        let topmost = params.cell_at(cell)[2] + 1 == model.grid.cells[2];
+        let corners = params.corners(cell);
+        for a in (0..8).filter(|a| crate::kernels::corner(*a)[axis] == 1) {
+            let at = &model.rest[corners[a]];
+            self.all.add(at);
+            if topmost {
+                self.top.add(at);
+            }
+        }
     }
 
     fn cut_links(&mut self, model: &Model, hits: &[u32]) -> Removal {

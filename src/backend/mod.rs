@@ -11,6 +11,7 @@ mod gpu;
 pub use cpu::CpuBackend;
 pub use gpu::GpuBackend;
 
+use crate::cut::Removal;
 use crate::error::Result;
 use crate::linear::Outcome;
 use crate::math::V4;
@@ -82,6 +83,8 @@ pub struct Snapshot {
     pub rotation: Vec<V4<f64>>,
     /// `[node]` free axes and mass.
     pub free: Vec<V4<f64>>,
+    /// Table of split nodes ([`crate::kernels::split`]); empty where none can be split.
+    pub split: Vec<u32>,
     /// `[spring]` law; empty for bricks.
     pub law: Vec<V4<f64>>,
 }
@@ -139,8 +142,8 @@ pub trait Backend {
     fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
     /// Segments crossed by swept quads in the step just finished, sorted `2·segment + half`; quads as four corners each, m.
     fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<u32>>;
-    /// Removes cells and springs, and sets the free axes and masses of nodes.
-    fn remove(&mut self, cells: &[u32], springs: &[u32], free: &[(u32, V4<f64>)]) -> Result<()>;
+    /// Takes over what a cut has changed.
+    fn remove(&mut self, removal: &Removal) -> Result<()>;
     /// All state.
     fn snapshot(&mut self) -> Result<Snapshot>;
     /// Solution of a slot, `[node]` m.

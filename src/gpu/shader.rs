@@ -1,7 +1,7 @@
 //! What naga says of a kernel: its variables, their access and size, the parameter layout; and the check of the text.
 
 use crate::error::{Error, Result};
-use crate::kernels::{COMMON, Source};
+use crate::kernels::{Source, text};
 use naga::front::wgsl;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, StorageAccess, TypeInner};
@@ -51,7 +51,7 @@ impl Shader {
     /// # Errors
     /// [`Error::Shader`] with naga's message when the text does not parse, validate or follow the project's layout.
     pub fn read(source: &Source) -> Result<Self> {
-        Self::from_text(source.name, format!("{COMMON}\n{}", source.wgsl))
+        Self::from_text(source.name, text(source))
     }
 
     /// Parses and validates WGSL text that holds the entry point `name`.

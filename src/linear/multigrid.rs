@@ -13,6 +13,7 @@ use crate::kernels::product::{CellForces, LANES, Modes, cell_groups, product};
 use crate::kernels::prolongation::prolongation;
 use crate::kernels::relax::relax;
 use crate::kernels::restriction::restriction;
+use crate::kernels::split_product::split_product;
 use crate::math::{M3, Real, V4};
 use crate::model::levels::Level;
 use crate::model::{Model, element};
@@ -60,6 +61,8 @@ pub struct Operator<'a, R> {
     pub layer_of: &'a [u32],
     /// `[cell]` quaternion
     pub rotation: &'a [V4<R>],
+    /// Table of split nodes and the split cells, by their rows; of the finest level alone.
+    pub split: (&'a [u32], &'a [u32]),
 }
 
 /// Arrays of all coarse levels.
@@ -105,7 +108,7 @@ impl<R: Real> Hierarchy<R> {
         let mut finer = (*params, rotation);
         for level in &mut self.coarse {
             coarsen(&finer.0, finer.1, &mut level.rotation);
-            blocks(&level.params, &level.stiffness, layer_of, &level.rotation, &level.free, &mut level.block);
+            blocks(&level.params, &level.stiffness, layer_of, &level.rotation, &level.free, &[], &mut level.block);
             factor(&level.params, &mut level.block);
             finer = (level.params, &level.rotation);
         }
@@ -122,6 +125,7 @@ impl<R: Real> Hierarchy<R> {
             modes: &c.modes,
             layer_of,
             rotation: &c.rotation,
+            split: (&[], &[]),
         });
         std::iter::once(Operator { steps: &self.steps, ..finest }).chain(coarse).collect()
     }
@@ -160,7 +164,11 @@ impl<R: Real> Operator<'_, R> {
     /// `w = A z`
     fn multiply(&self, z: &[V4<R>], work: &mut Work<R>) {
         let Work { w, scratch, .. } = work;
-        product(&self.params, self.modes, self.layer_of, self.rotation, self.free, z, w, scratch);
+        let (split, cells) = self.split;
+        product(&self.params, self.modes, self.layer_of, self.rotation, self.free, split, z, w, scratch);
+        if !cells.is_empty() {
+            split_product(&self.params, self.modes, self.layer_of, self.rotation, self.free, split, cells, z, w);
+        }
     }
 
     /// All smoothing steps on `A z = r`, from zero or from `z`; returns `r·z`.
@@ -189,9 +197,9 @@ pub fn cycle<R: Real>(levels: &[Operator<R>], work: &mut [Work<R>], r: &[V4<R>],
     };
     own.multiply(z, here);
     let (mut coarse_r, mut coarse_z) = (std::mem::take(&mut work.r), std::mem::take(&mut work.z));
-    restriction(&own.params, next.free, r, &here.w, &mut coarse_r);
+    restriction(&own.params, next.free, own.split.0, r, &here.w, &mut coarse_r);
     cycle(coarser, below, &coarse_r, &mut coarse_z);
-    prolongation(&own.params, own.free, &coarse_z, z);
+    prolongation(&own.params, own.free, own.split.0, &coarse_z, z);
     (below[0].r, below[0].z) = (coarse_r, coarse_z);
     own.smooth(false, r, z, here)
 }

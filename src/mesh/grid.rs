@@ -86,6 +86,13 @@ impl Grid {
         }
     }
 
+    /// Edges of the cells before and beyond a node at a level, along x, y, z, m; 0 where there is none.
+    pub fn around(&self, level: usize) -> [[f64; 2]; 3] {
+        let below = if level > 0 { self.heights[level] - self.heights[level - 1] } else { 0.0 };
+        let above = self.heights.get(level + 1).map_or(0.0, |h| h - self.heights[level]);
+        [[self.edge[0]; 2], [self.edge[1]; 2], [below, above]]
+    }
+
     /// Whether a node belongs to a region.
     pub fn contains(&self, region: &Region, node: usize) -> bool {
         let size = [0, 1].map(|n| self.edge[n] * self.cells[n] as f64);

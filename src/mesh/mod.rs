@@ -1,7 +1,9 @@
 //! Meshes: the regular grid of the skin and its surface.
 
 mod grid;
+mod parts;
 mod surface;
 
 pub use grid::Grid;
+pub use parts::{Change, Parts};
 pub use surface::{Quad, Surface};

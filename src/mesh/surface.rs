@@ -1,6 +1,6 @@
-//! The skin's surface: faces between a live cell and nothing, kept up to date as cells are removed.
+//! The skin's surface: faces between a live cell and nothing, and both sides of every severed link.
 
-use super::Grid;
+use super::{Grid, Parts};
 use crate::kernels::Params;
 
 /// A boundary face: corner nodes counter-clockwise seen from outside.
@@ -20,12 +20,14 @@ impl Quad {
     }
 }
 
-/// Which cells are live.
+/// Which cells are live, and which hang together.
 #[derive(Clone, Debug)]
 pub struct Surface {
     params: Params<f64>,
     /// `[cell]` still there.
     pub alive: Vec<bool>,
+    /// What a cut has severed.
+    pub parts: Parts,
 }
 
 /// Corners of the six faces, outward, in VTK's corner numbers, with the step to the neighbour.
@@ -41,7 +43,12 @@ const FACES: [([usize; 4], [isize; 3]); 6] = [
 impl Surface {
     /// The surface of an uncut grid.
     pub fn new(grid: &Grid) -> Self {
-        Self { params: grid.params(), alive: vec![true; grid.cell_count()] }
+        Self::with_reserve(grid.params())
+    }
+
+    /// The same where a cut may split as much as the parameters say.
+    pub fn with_reserve(params: Params<f64>) -> Self {
+        Self { params, alive: vec![true; params.cell_count as usize], parts: Parts::new(params) }
     }
 
     /// Boundary faces of the cells with grid coordinates in `low..high`, without those that the bottom hides.
@@ -70,8 +77,8 @@ impl Surface {
             return;
         }
         let size = [p.cells_x, p.cells_y, p.cells_z];
-        let corners = p.corners(cell);
-        for (face, step) in FACES {
+        let corners = self.parts.corners(cell);
+        for (number, (face, step)) in FACES.into_iter().enumerate() {
             let mut next = at;
             let mut inside = true;
             for axis in 0..3 {
@@ -79,7 +86,10 @@ impl Surface {
                 inside &= n >= 0 && n < size[axis] as isize;
                 next[axis] = n.max(0) as usize;
             }
-            if !inside || !self.alive[p.cell_id(next)] {
+            // faces come in pairs, one per axis
+            let other = p.cell_id(next);
+            let bare = !inside || !self.alive[other] || self.parts.is_severed(cell.min(other), number / 2);
+            if bare {
                 out.push(Quad { nodes: face.map(|a| corners[a] as u32), cell: cell as u32 });
             }
         }

@@ -3,13 +3,21 @@
 use super::{Model, rate};
 use crate::kernels::forces::rest_corner;
 use crate::kernels::product::{LANES, cell_groups, product};
+use crate::kernels::split::split_cells;
+use crate::kernels::split_product::split_product;
 use crate::kernels::{anchors, forces, momentum, rhs, rotations, springs, springs_product};
 use crate::math::{V3, V4, norm, rotation_matrix, rotation_minus_identity};
 use crate::scene::Mass;
 
 /// Elastic energy of a displacement field, J: `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X`; for springs `½ Σ k ε²`.
 /// Anchors add `½ Σ k |u|²`. `rotation` as the kernels keep it (0 for dead cells), `law` of the springs as cut so far.
-pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], law: &[V4<f64>]) -> f64 {
+pub fn elastic_energy(
+    model: &Model,
+    u: &[V4<f64>],
+    rotation: &[V4<f64>],
+    split: &[u32],
+    law: &[V4<f64>],
+) -> f64 {
     let anchored = model.anchors.energy(u, |node| model.stays(rotation, law, node));
     if let Some(s) = &model.springs {
         let stretch = |[a, b]: [u32; 2]| {
@@ -28,7 +36,7 @@ pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], law: &
         let h = V3::from4(model.shape[layer]);
         let (back, turn) = (rotation_matrix(*q).transpose(), rotation_minus_identity(*q).transpose());
         let mut d = [0.0; 24];
-        for (a, node) in params.corners(cell).into_iter().enumerate() {
+        for (a, node) in params.corner_nodes(split, cell).into_iter().enumerate() {
             let local = back * V3::from4(u[node]) + turn * rest_corner(h, a);
             [d[3 * a], d[3 * a + 1], d[3 * a + 2]] = local.f64();
         }
@@ -47,6 +55,8 @@ pub struct Solved {
     pub v: Vec<V4<f64>>,
     /// `[cell]` rotations at the start (0 for dead cells).
     pub rotation: Vec<V4<f64>>,
+    /// Table of split nodes.
+    pub split: Vec<u32>,
     /// `[node]` free axes and mass.
     pub free: Vec<V4<f64>>,
     /// `[spring]` law.
@@ -83,16 +93,21 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
         let layers = &model.grid.layer_of;
         let mut rotation = solved.rotation.clone();
         if model.corotational {
-            rotations::rotations(&params, &shapes, layers, &solved.u, &mut rotation);
+            rotations::rotations(&params, &shapes, layers, &solved.split, &solved.u, &mut rotation);
         }
-        forces::forces(&params, &shapes, &blocks, layers, &solved.u, &rotation, &mut f);
+        forces::forces(&params, &shapes, &blocks, layers, &solved.split, &solved.u, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
-        product(&params, &model.modes(), layers, &rotation, &in_system, &solved.dx, &mut w, &mut scratch);
+        let (modes, split) = (model.modes(), &solved.split);
+        product(&params, &modes, layers, &rotation, &in_system, split, &solved.dx, &mut w, &mut scratch);
+        let cells = split_cells(&params, split);
+        if !cells.is_empty() {
+            split_product(&params, &modes, layers, &rotation, &in_system, split, &cells, &solved.dx, &mut w);
+        }
     }
     let mut mean_v = solved.v.clone();
     if model.mass == Mass::Consistent {
         let layers = &model.grid.layer_of;
-        momentum::momentum(&params, &shapes, layers, &solved.rotation, &solved.free, &solved.v, &mut mean_v);
+        momentum::momentum(&params, &shapes, layers, &solved.split, &solved.rotation, &solved.free, &solved.v, &mut mean_v);
     }
     let mut load = rhs::rhs(&params, &f, &mean_v, &solved.free, &solved.load, &mut b);
     anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, &solved.free, &solved.u, &mut b);

@@ -48,6 +48,9 @@ impl Level {
             cells_y,
             cells_z,
             cell_count: cells_x * cells_y * cells_z,
+            extra_columns: 0,
+            split_cells: 0,
+            touched_nodes: 0,
             ..finest
         };
         params.product_groups = tiles(&params) as u32;

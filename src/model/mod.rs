@@ -15,7 +15,7 @@ use crate::kernels::product::{Modes, tiles};
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, Real, V4};
 use crate::mesh::Grid;
-use crate::scene::{Anchor, Law, Load, MOST_NODES, Mass, Preconditioner, Region, Scene, Skin};
+use crate::scene::{Anchor, Cut, Law, Load, MOST_NODES, Mass, Preconditioner, Region, Scene, Skin};
 
 /// Layers that one uniform binding of element matrices holds (64 KiB of core WebGPU / 3 KiB each).
 pub const MAX_LAYERS: usize = 21;
@@ -39,9 +39,9 @@ pub struct Model {
     pub corotational: bool,
     /// Where the mass lies; `free` has the sums over rows of M.
     pub mass: Mass,
-    /// `[node]` rest position, m.
+    /// `[node of the grid]` rest position, m.
     pub rest: Vec<[f64; 3]>,
-    /// `[node]` 1 free or 0 held, per axis, and mass, kg, of the uncut body.
+    /// `[node]` 1 free or 0 held, per axis, and mass, kg, of the uncut body; zero in the reserve of copies, which follows the grid.
     pub free: Vec<[f64; 4]>,
     /// Springs to rest positions.
     pub anchors: Anchors,
@@ -49,6 +49,8 @@ pub struct Model {
     pub held: Vec<[f64; 3]>,
     /// `[layer]` J/m²
     pub toughness: Vec<f64>,
+    /// Columns of copies that a cut may split nodes into ([`crate::kernels::split`]).
+    pub extra_columns: usize,
     /// Step, gravity, damping, preconditioner.
     pub step: Step,
     /// Coarse levels, when the preconditioner is multigrid.
@@ -90,6 +92,21 @@ pub struct State {
     pub v: Vec<[f64; 3]>,
 }
 
+/// Split cells and touched nodes for each copy: a stair through the grid has four cells around each edge of it, and six columns.
+const CELLS: usize = 4;
+const TOUCHED: usize = 6;
+/// And around the first one.
+const AROUND: usize = 64;
+
+/// Columns of copies of a body that a blade may cut.
+fn reserve(scene: &Scene, skin: &Skin) -> usize {
+    let blade = scene.tools.iter().any(|t| t.blade.is_some());
+    match (skin.cut, skin.law) {
+        (Cut::Split { reserve_columns }, Law::Fem { .. }) if blade => reserve_columns as usize,
+        _ => 0,
+    }
+}
+
 /// Constants of a scene's time step.
 fn step_of(scene: &Scene, skin: &Skin) -> Step {
     Step {
@@ -124,7 +141,9 @@ impl Model {
                 fix: "join layers of the same material".into(),
             });
         }
-        let indexed = (skin.cells[0] as u64 + 1) * (skin.cells[1] as u64 + 1) * grid.nodes[2] as u64;
+        let extra_columns = reserve(scene, skin);
+        let columns = (skin.cells[0] as u64 + 1) * (skin.cells[1] as u64 + 1) + extra_columns as u64;
+        let indexed = columns * grid.nodes[2] as u64;
         if indexed > u64::from(MOST_NODES) {
             return Err(Error::TooLarge {
                 what: "the grid's nodes".into(),
@@ -187,13 +206,14 @@ impl Model {
             Law::Springs { stiffness, damping } => Some(Springs::new(&grid, stiffness, damping)),
             Law::Fem { .. } => None,
         };
+        free.resize(count + extra_columns * grid.nodes[2], [0.0; 4]);
         let inside = |region: &Region| (0..count).filter(|n| grid.contains(region, *n)).map(|n| n as u32).collect();
         let anchors = Anchors::new(&anchors, |anchor| inside(&anchor.region));
         let step = step_of(scene, skin);
         let in_system = anchors.all_in_system(rate(&step), &free);
         let multigrid = (scene.solver.preconditioner == Preconditioner::Multigrid).then(|| Multigrid {
             largest: levels::largest(&stiffness).max(if skin.mass == Mass::Consistent { levels::OF_MASS } else { 1.0 }),
-            coarse: levels::levels(&grid, &stiffness, &in_system),
+            coarse: levels::levels(&grid, &stiffness, &in_system[..count]),
         });
         Ok(Self {
             multigrid,
@@ -209,23 +229,35 @@ impl Model {
             free,
             anchors,
             held,
+            extra_columns,
             toughness: skin.layers.iter().map(|l| l.toughness).collect(),
             step,
             grid,
         })
     }
 
+    /// Nodes of the grid and the reserve of copies.
+    pub fn node_count(&self) -> usize {
+        self.grid.node_count() + self.extra_columns * self.grid.nodes[2]
+    }
+
     /// The kernels' parameter block.
     pub fn params<R: Real>(&self) -> Params<R> {
         let s = &self.step;
+        let split = self.extra_columns * self.grid.nodes[2];
+        let touched = if split > 0 { TOUCHED * split + AROUND } else { 0 };
         Params {
+            node_count: self.node_count() as u32,
+            extra_columns: self.extra_columns as u32,
+            split_cells: if split > 0 { CELLS * split + AROUND } else { 0 } as u32,
+            touched_nodes: touched as u32,
             preconditioner: s.preconditioner,
             corotational: u32::from(self.corotational),
             slot_count: 1,
             product_groups: if self.springs.is_some() {
                 self.grid.node_count().div_ceil(GROUP as usize) as u32
             } else {
-                tiles(&self.grid.params::<f64>()) as u32
+                (tiles(&self.grid.params::<f64>()) + touched.div_ceil(GROUP as usize)) as u32
             },
             inertia: R::of((1.0 + s.step * s.rayleigh_mass) / (s.step * s.step)),
             stiffness_factor: R::of(1.0 + s.rayleigh_stiffness / s.step),
@@ -271,9 +303,16 @@ impl Model {
         self.shape.iter().map(|s| s.map(R::of)).collect()
     }
 
-    /// `[node]` dead loads that act at a time, N: each pressure's exact share per node (bilinear over the covered part of a face).
+    /// `[node]` dead loads that act on the uncut body at a time, N.
     pub fn load_at(&self, loads: &[Load], time: f64) -> Vec<[f64; 3]> {
-        let mut out = vec![[0.0; 3]; self.grid.node_count()];
+        let params = self.grid.params::<f64>();
+        self.load_on(loads, time, |cell| params.corners(cell))
+    }
+
+    /// The same once a cut has given cells other `corners`: each pressure's exact share per node (bilinear over the covered part of a
+    /// face).
+    pub fn load_on(&self, loads: &[Load], time: f64, corners: impl Fn(usize) -> [usize; 8]) -> Vec<[f64; 3]> {
+        let mut out = vec![[0.0; 3]; self.node_count()];
         let params = self.grid.params::<f64>();
         let top = self.grid.nodes[2] - 1;
         let [cells_x, cells_y, _] = self.grid.cells;
@@ -289,8 +328,9 @@ impl Model {
                         [(b - a - upper) * edge, upper * edge]
                     };
                     let (x, y) = (share(0), share(1));
-                    for (p, q) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
-                        out[params.node_id([i + p, j + q, top])][2] -= load.pressure * x[p] * y[q];
+                    let nodes = corners(params.cell_id([i, j, top - 1]));
+                    for (a, p, q) in [(4, 0, 0), (5, 1, 0), (7, 0, 1), (6, 1, 1)] {
+                        out[nodes[a]][2] -= load.pressure * x[p] * y[q];
                     }
                 }
             }

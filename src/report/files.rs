@@ -138,11 +138,11 @@ fn write_volume(path: &Path, simulation: &Simulation, state: &[Snapshot]) -> Res
         let grid = &body.model.grid;
         let params = grid.params::<f64>();
         for cell in (0..grid.cell_count()).filter(|cell| body.wound.surface.alive[*cell]) {
-            cells.push(params.corners(cell).map(|n| first + n as u32));
+            cells.push(body.wound.surface.parts.corners(cell).map(|n| first + n as u32));
             layers.push(f64::from(grid.layer_of[params.cell_at(cell)[2]]));
             bodies.push(number as f64);
         }
-        first += grid.node_count() as u32;
+        first += body.model.node_count() as u32;
     }
     write_hexes(
         path,

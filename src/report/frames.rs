@@ -44,7 +44,7 @@ impl SkinSurface {
                 let sides = [[0, 1], [1, 2], [2, 3], [3, 0]];
                 edges.extend(sides.map(|[a, b]: [usize; 2]| [n[a].min(n[b]), n[a].max(n[b])]));
             }
-            first += grid.node_count() as u32;
+            first += body.model.node_count() as u32;
         }
         edges.sort_unstable();
         edges.dedup();
@@ -55,7 +55,7 @@ impl SkinSurface {
 /// `[node]` displaced positions of all bodies, m.
 pub(super) fn positions(simulation: &Simulation, state: &[Snapshot]) -> Vec<[f64; 3]> {
     let bodies = simulation.bodies.iter().zip(state);
-    let moved = bodies.flat_map(|(body, state)| body.model.rest.iter().zip(&state.u));
+    let moved = bodies.flat_map(|(body, state)| body.wound.rest.iter().zip(&state.u));
     moved.map(|(x, u)| std::array::from_fn(|n| x[n] + u[n])).collect()
 }
 

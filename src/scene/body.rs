@@ -5,7 +5,7 @@ use super::raw::{self, At, Table};
 use super::text::{
     Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
 };
-use super::{Element, Law, Layer, Mass, Skin};
+use super::{Cut, Element, Law, Layer, Mass, Skin};
 use crate::error::{Error, Result};
 use std::ops::Range;
 
@@ -55,6 +55,7 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
     let displacement = or_vector(raw.displacement_mm, &zero);
     let cells = scene.counts("cells", &raw.cells, [1, u32::MAX])?;
     grid::numbered(scene, cells, &layers, &raw.cells)?;
+    let cut = cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, cells)?;
     Ok(Skin {
         name,
         position,
@@ -63,6 +64,7 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
         layers,
         law,
         mass,
+        cut,
         rayleigh_mass: scene.number("rayleigh_mass_per_s", &drag, PER_SECOND, Bound::NotNegative)?,
         rayleigh_stiffness: scene.number("rayleigh_stiffness_s", &stiffness, SECOND, Bound::NotNegative)?,
         velocity: scene.vector("velocity_m_s", &velocity, SPEED, Bound::Finite)?,
@@ -90,6 +92,30 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
         stiffness: scene.required("spring_stiffness_n_m", stiffness, table.clone(), why)?,
         damping: scene.required("spring_damping_n_s_m", damping, table, why)?,
     })
+}
+
+/// Two cuts right across the body either way have room by default.
+fn cut(
+    scene: &SceneText,
+    word: &Option<At<String>>,
+    reserve: &Option<At<u32>>,
+    law: &Law,
+    cells: [u32; 2],
+) -> Result<Cut> {
+    if matches!(law, Law::Springs { .. }) {
+        let why = "a blade removes springs; only bricks are split";
+        scene.needless("cut", word, why)?;
+        scene.needless("cut_reserve_columns", reserve, why)?;
+        return Ok(Cut::Remove);
+    }
+    let name = or(word.clone(), "split".to_string());
+    if scene.choice("cut", &name, &[("split", false), ("remove", true)])? {
+        scene.needless("cut_reserve_columns", reserve, "cut = \"remove\" splits nothing")?;
+        return Ok(Cut::Remove);
+    }
+    let enough = cells[0].saturating_add(cells[1]).saturating_add(2).saturating_mul(2);
+    let reserve = or(reserve.clone(), enough);
+    Ok(Cut::Split { reserve_columns: scene.count("cut_reserve_columns", &reserve, [1, u32::MAX])? })
 }
 
 fn mass(scene: &SceneText, raw: &raw::Skin, law: &Law) -> Result<Mass> {

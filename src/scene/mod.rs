@@ -158,6 +158,8 @@ pub struct Skin {
     pub law: Law,
     /// Where the mass lies.
     pub mass: Mass,
+    /// What a blade does to it.
+    pub cut: Cut,
     /// 1/s
     pub rayleigh_mass: f64,
     /// s
@@ -166,6 +168,18 @@ pub struct Skin {
     pub velocity: [f64; 3],
     /// Displacement of every node at the start, m.
     pub displacement: [f64; 3],
+}
+
+/// What a blade does to a body of bricks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cut {
+    /// It severs links between cells; nodes split where cells hang together no more, and nothing is lost.
+    Split {
+        /// Columns of nodes that can be split off; where they are used up nothing more is cut.
+        reserve_columns: u32,
+    },
+    /// It removes the cell in whose half it crossed a link.
+    Remove,
 }
 
 /// One layer of the skin.

@@ -123,6 +123,8 @@ pub(super) struct Skin {
     pub element: Option<At<String>>,
     pub corotational: Option<bool>,
     pub mass: Option<At<String>>,
+    pub cut: Option<At<String>>,
+    pub cut_reserve_columns: Option<At<u32>>,
     pub spring_stiffness_n_m: Option<At<f64>>,
     pub spring_damping_n_s_m: Option<At<f64>>,
     pub rayleigh_mass_per_s: Option<At<f64>>,

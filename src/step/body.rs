@@ -31,6 +31,8 @@ pub struct Body {
     pub(super) travel: f64,
     first_motion: f64,
     fall: f64,
+    /// Its dead loads are where its nodes are.
+    pub(super) loaded: bool,
     /// Share of the scene's column tolerance that this body's columns are solved to.
     pub(super) looseness: f64,
     /// Nodes that its compliance is remembered of at most.
@@ -127,6 +129,7 @@ impl Body {
             travel: 0.0,
             first_motion: DVec3::from_array(skin.velocity).length() * part,
             fall,
+            loaded: false,
             looseness,
             near: needs.near,
             tied: vec![],
@@ -200,7 +203,7 @@ impl Body {
     /// Where a node that was located is, m.
     pub(super) fn position(&self, node: u32) -> DVec3 {
         let u = self.located.nodes.binary_search(&node).map_or([0.0; 3], |k| self.located.u[k]);
-        DVec3::from_array(self.model.rest[node as usize]) + DVec3::from_array(u)
+        DVec3::from_array(self.wound.rest[node as usize]) + DVec3::from_array(u)
     }
 
     /// Solves the free motion, with values at nodes.
@@ -220,17 +223,23 @@ impl Body {
         Ok(dx)
     }
 
+    /// `[node]` dead loads at a time, N.
+    pub(super) fn load_at(&self, scene: &Scene, time: f64) -> Vec<[f64; 3]> {
+        self.model.load_on(&scene.loads, time, |cell| self.wound.surface.parts.corners(cell))
+    }
+
     /// The step's equations for a check in f64, without their solution.
     pub(super) fn solved(&self, before: Snapshot, contact: &[(u32, [f64; 3])], scene: &Scene, time: f64) -> Solved {
         let mut forces = vec![[0.0; 4]; before.u.len()];
         for (node, [x, y, z]) in contact {
             forces[*node as usize] = [*x, *y, *z, 0.0];
         }
-        let load = self.model.load_at(&scene.loads, time);
+        let load = self.load_at(scene, time);
         Solved {
             u: before.u,
             v: before.v,
             rotation: before.rotation,
+            split: before.split,
             free: before.free,
             law: before.law,
             load: load.iter().map(|l| [l[0], l[1], l[2], 0.0]).collect(),

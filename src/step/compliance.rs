@@ -161,7 +161,7 @@ impl AtRest {
             Some(backend) => backend,
             none => {
                 let rest = Model { direct: model.springs.is_none(), multigrid: None, ..model.clone() };
-                let zero = vec![[0.0; 4]; model.grid.node_count()];
+                let zero = vec![[0.0; 4]; model.node_count()];
                 let start = Snapshot { u: zero.clone(), v: zero, ..Snapshot::default() };
                 let needs = Needs { contact: true, columns: COLUMNS, near: most, ..Needs::default() };
                 let mut backend = CpuBackend::new(&rest, needs, ITERATIONS, 0.0, &start);

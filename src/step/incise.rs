@@ -76,7 +76,8 @@ impl Simulation {
                 self.epoch += 1;
                 report.severed += severed;
                 body.compliance.clear();
-                body.backend.remove(&removal.cells, &removal.springs, &removal.free)?;
+                body.backend.remove(&removal)?;
+                body.loaded = false;
             }
         }
         Ok(())

@@ -223,8 +223,9 @@ impl Simulation {
         let refined = self.scene.solver.refinements > 0;
         let mut before = vec![];
         for body in &mut self.bodies {
-            if loaded {
-                body.backend.set_load(&body.model.load_at(&self.scene.loads, begin));
+            if loaded || !body.loaded {
+                body.backend.set_load(&body.load_at(&self.scene, begin));
+                body.loaded = true;
             }
             before.push(if check || refined { Some(body.backend.snapshot()?) } else { None });
         }

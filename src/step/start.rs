@@ -57,5 +57,9 @@ pub fn start(scene: &Scene, model: &Model) -> Snapshot {
         [at(0), at(1), at(2), 0.0]
     };
     let count = model.grid.node_count();
-    Snapshot { u: (0..count).map(displaced).collect(), v: (0..count).map(moving).collect(), ..Snapshot::default() }
+    let mut start =
+        Snapshot { u: (0..count).map(displaced).collect(), v: (0..count).map(moving).collect(), ..Snapshot::default() };
+    start.u.resize(model.node_count(), [0.0; 4]);
+    start.v.resize(model.node_count(), [0.0; 4]);
+    start
 }

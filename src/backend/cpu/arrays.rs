@@ -3,10 +3,12 @@
 use super::super::{cell_centres, links};
 use crate::kernels::Params;
 use crate::kernels::precondition::precondition;
-use crate::kernels::product::{CellForces, Modes};
+use crate::kernels::product::{CellForces, Modes, product};
+use crate::kernels::split_product::split_product;
 use crate::linear::direct::Direct;
 use crate::linear::multigrid::{Hierarchy, Operator, Work, cycle};
 use crate::math::{M3, Real, V3, V4, round};
+use crate::mesh::Parts;
 use crate::model::{Model, element};
 
 /// What a solve works in beside the slot's own vectors.
@@ -23,11 +25,14 @@ pub(super) enum Elastic<R> {
 
 pub(super) struct Bricks<R> {
     pub shape: Vec<V4<R>>,
+    pub stiffness: Vec<M3<R>>,
     pub elastic: Vec<Modes<R>>,
     pub system: Vec<M3<R>>,
     pub modes: Vec<Modes<R>>,
     pub layer_of: Vec<u32>,
     pub rotation: Vec<V4<R>>,
+    pub split: Vec<u32>,
+    pub split_cells: Vec<u32>,
     pub multigrid: Option<Hierarchy<R>>,
     pub direct: Option<Box<Direct>>,
 }
@@ -54,11 +59,14 @@ impl<R: Real> Elastic<R> {
             },
             None => Elastic::Bricks(Bricks {
                 shape: model.shapes(),
+                stiffness: model.stiffness_blocks(),
                 elastic: element::rounded_modes(&model.stiffness),
                 system: model.system_blocks(),
                 modes: model.modes(),
                 layer_of: model.grid.layer_of.clone(),
                 rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.grid.cell_count()],
+                split: Parts::new(model.params()).table().to_vec(),
+                split_cells: vec![],
                 multigrid: Hierarchy::new(model),
                 direct: Direct::new(model).map(Box::new),
             }),
@@ -74,13 +82,32 @@ pub(super) enum Inverse<'a, R> {
 }
 
 impl<R: Real> Bricks<R> {
+    /// `w = A z`; returns `z·w`.
+    pub fn multiply(
+        &self,
+        params: &Params<R>,
+        free: &[V4<R>],
+        z: &[V4<R>],
+        w: &mut [V4<R>],
+        scratch: &mut [CellForces<R>],
+    ) -> R {
+        let Self { modes, layer_of, rotation, split, split_cells, .. } = self;
+        let dot = product(params, modes, layer_of, rotation, free, split, z, w, scratch);
+        match split_cells[..] {
+            [] => dot,
+            _ => dot + split_product(params, modes, layer_of, rotation, free, split, split_cells, z, w),
+        }
+    }
+
     pub fn inverse<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>], block: &'a [V4<R>]) -> Inverse<'a, R> {
         let (modes, layer_of, rotation) = (&self.modes[..], &self.layer_of[..], &self.rotation[..]);
         match (&self.direct, &self.multigrid) {
             (Some(direct), _) => Inverse::Exact(direct),
             (None, Some(m)) => {
                 let steps = &[];
-                Inverse::Cycle(m.operators(Operator { params: *params, free, block, steps, modes, layer_of, rotation }))
+                let split = (&self.split[..], &self.split_cells[..]);
+                let finest = Operator { params: *params, free, block, steps, modes, layer_of, rotation, split };
+                Inverse::Cycle(m.operators(finest))
             }
             (None, None) => Inverse::Columns { params, block },
         }

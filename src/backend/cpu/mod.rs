@@ -3,11 +3,12 @@
 mod arrays;
 
 use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Vector, Wanted};
+use crate::cut::Removal;
 use crate::error::Result;
 use crate::kernels::advance::Request;
-use crate::kernels::product::{LANES, cell_groups, elastic_forces, product};
+use crate::kernels::product::{LANES, cell_groups, elastic_forces};
 use crate::kernels::{
-    Params, anchors, blocks, bounds, centres, cut, factor, integrate, momentum, rhs, rotations, springs,
+    Params, anchors, blocks, bounds, centres, cut, duplicate, factor, forces, integrate, momentum, rhs, rotations, springs,
     springs_blocks, springs_product,
 };
 use crate::linear::{Outcome, Slot, solve};
@@ -51,7 +52,7 @@ pub struct CpuBackend<R> {
 impl<R: Real> CpuBackend<R> {
     /// The body at rest, with the arrays that `needs` names.
     pub fn new(model: &Model, needs: Needs, max_iterations: u32, floor: f64, start: &Snapshot) -> Self {
-        let node_count = model.grid.node_count();
+        let node_count = model.node_count();
         let slots = needs.slots();
         let zeros = |n: usize| vec![[R::zero(); 4]; n];
         let scratch = match &model.springs {
@@ -102,7 +103,7 @@ impl<R: Real> CpuBackend<R> {
     fn fill_blocks(&self, params: &Params<R>, out: &mut [V4<R>]) {
         match &self.law {
             Elastic::Bricks(b) => {
-                blocks::blocks(params, &b.system, &b.layer_of, &b.rotation, &self.free, out);
+                blocks::blocks(params, &b.system, &b.layer_of, &b.rotation, &self.free, &b.split, out);
             }
             Elastic::Springs { first, half, tangent, .. } => {
                 springs_blocks::springs_blocks(params, first, half, tangent, &self.free, out);
@@ -133,11 +134,11 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn begin(&mut self) -> Result<()> {
         let params = self.params;
         match &mut self.law {
-            Elastic::Bricks(Bricks { shape, elastic, layer_of, rotation, .. }) => {
+            Elastic::Bricks(Bricks { shape, stiffness, elastic, layer_of, rotation, split, .. }) => {
                 let u = &self.u;
                 if params.corotational == 1 {
                     rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
-                        *q = rotations::rotate_cell(&params, shape, layer_of, u, cell, *q);
+                        *q = rotations::rotate_cell(&params, shape, layer_of, split, u, cell, *q);
                     });
                 }
                 elastic_forces(
@@ -146,13 +147,18 @@ impl<R: Real> Backend for CpuBackend<R> {
                     elastic,
                     layer_of,
                     rotation,
+                    split,
                     u,
                     &mut self.f,
                     &mut self.space[FREE].scratch,
                 );
+                for node in params.touched(split).iter().map(|n| *n as usize) {
+                    let force = forces::node_force(&params, shape, stiffness, layer_of, split, u, rotation, node);
+                    self.f[node] = force.pad(R::zero());
+                }
                 let (free, v) = (&self.free, &self.v);
                 self.mean_v.par_iter_mut().enumerate().for_each(|(i, mean)| {
-                    *mean = momentum::mean_velocity(&params, shape, layer_of, rotation, free, v, i).pad(R::zero());
+                    *mean = momentum::mean_velocity(&params, shape, layer_of, split, rotation, free, v, i).pad(R::zero());
                 });
             }
             Elastic::Springs { rest, first, half, law, tangent } => {
@@ -231,7 +237,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             .filter_map(|(slot, arrays)| Some((wanted.iter().find(|w| w.slot == slot)?, arrays)))
             .map(|(want, (x, r, p, s, z, w, Space { scratch, levels: work }))| {
                 let product = |z: &[V4<R>], w: &mut [V4<R>]| match law {
-                    Elastic::Bricks(b) => product(params, &b.modes, &b.layer_of, &b.rotation, free, z, w, scratch),
+                    Elastic::Bricks(b) => b.multiply(params, free, z, w, scratch),
                     Elastic::Springs { first, half, tangent, .. } => {
                         springs_product::springs_product(params, first, half, tangent, free, z, w)
                     }
@@ -286,8 +292,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     }
 
     fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>> {
-        let [x, y] = bounds::tiles(&self.params);
-        let count = if self.contact { x * y } else { 0 };
+        let count = if self.contact { bounds::tile_count(&self.params) } else { 0 };
         let of = |tile| bounds::bounds_of_tile(&self.params, &self.u, tile).map(|v| v.map(R::f64));
         Ok((0..count).into_par_iter().map(of).collect())
     }
@@ -301,8 +306,8 @@ impl<R: Real> Backend for CpuBackend<R> {
             return Ok(vec![]);
         };
         match &self.law {
-            Elastic::Bricks(_) => {
-                centres::centres(&self.params, &self.u, &self.v, &mut c.point_u, &mut c.point_v);
+            Elastic::Bricks(Bricks { split, .. }) => {
+                centres::centres(&self.params, split, &self.u, &self.v, &mut c.point_u, &mut c.point_v);
             }
             Elastic::Springs { .. } => {
                 c.point_u.copy_from_slice(&self.u);
@@ -313,11 +318,26 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(cut::cut(self.params.step, &c.ends, &c.rest, &c.point_u, &c.point_v, &quads))
     }
 
-    fn remove(&mut self, cells: &[u32], springs: &[u32], free: &[(u32, V4<f64>)]) -> Result<()> {
+    fn remove(&mut self, removal: &Removal) -> Result<()> {
+        let Removal { cells, springs, copies, words, free } = removal;
+        for values in [&mut self.u, &mut self.v, &mut self.x] {
+            duplicate::duplicate(self.node_count, copies, values);
+        }
         match &mut self.law {
-            Elastic::Bricks(Bricks { rotation, .. }) => {
+            Elastic::Bricks(Bricks { rotation, split, split_cells, .. }) => {
                 for cell in cells {
                     rotation[*cell as usize] = [R::zero(); 4];
+                }
+                for (word, value) in words {
+                    split[*word as usize] = *value;
+                }
+                // words come in rising order: the rows of cells, and of new ones of these the rising rows
+                let row = self.params.layout().row;
+                let rows = words.iter().filter(|(word, _)| (row..row + self.params.cell_count as usize).contains(&(*word as usize)));
+                for (word, value) in rows {
+                    let at = *value as usize - 1;
+                    split_cells.resize(split_cells.len().max(at + 1), 0);
+                    split_cells[at] = word - row as u32;
                 }
             }
             Elastic::Springs { law, .. } => {
@@ -349,7 +369,11 @@ impl<R: Real> Backend for CpuBackend<R> {
             Elastic::Bricks(Bricks { rotation, .. }) => (widen(rotation), vec![]),
             Elastic::Springs { law, .. } => (vec![], widen(law)),
         };
-        Ok(Snapshot { u: widen(&self.u), v: widen(&self.v), rotation, free: widen(self.own()), law })
+        let split = match &self.law {
+            Elastic::Bricks(bricks) => bricks.split.clone(),
+            Elastic::Springs { .. } => vec![],
+        };
+        Ok(Snapshot { u: widen(&self.u), v: widen(&self.v), rotation, split, free: widen(self.own()), law })
     }
 
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {

@@ -8,6 +8,7 @@ use crate::kernels::{
     scatter, springs, springs_blocks, springs_product,
 };
 use crate::math::{M3, V3, V4};
+use crate::mesh::Parts;
 use crate::model::{MAX_LAYERS, Model, element};
 use crate::scene::Mass;
 
@@ -174,7 +175,7 @@ impl Law {
                 fix: "run it with --backend cpu, or take the preconditioner multigrid".into(),
             });
         }
-        let n = model.grid.node_count();
+        let n = model.node_count();
         if let Some(s) = &model.springs {
             let rest: Vec<V4<f32>> = model.rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();
             let law: Vec<V4<f32>> = s.law.iter().map(|l| l.map(|c| c as f32)).collect();
@@ -199,7 +200,10 @@ impl Law {
         let cells = model.grid.cell_count();
         let cell = made.of("rotation", &vec![[0f32, 0.0, 0.0, 1.0]; cells])?;
         let shape: Vec<u32> = model.shapes::<f32>().iter().flatten().map(|c| c.to_bits()).collect();
+        let parts = Parts::new(model.params());
+        let table = if parts.table().is_empty() { &[0] } else { parts.table() };
         let mut shared = Arrays::of(&[
+            made.of("split", table)?,
             made.uniform("shape", MAX_LAYERS * 16, &shape),
             stiffness_uniform(made, &model.stiffness),
             modes_uniform(made, &model.system()),
@@ -223,7 +227,7 @@ impl Law {
 }
 
 impl Cutting {
-    pub fn new(made: &mut Maker, model: &Model, main: &Buffer, u: &Buffer, v: &Buffer) -> Result<Self> {
+    pub fn new(made: &mut Maker, model: &Model, main: &Buffer, law: &Arrays, u: &Buffer, v: &Buffer) -> Result<Self> {
         let gpu = made.gpu;
         let (ends, rest) = match &model.springs {
             Some(s) => (s.ends.clone(), model.rest.clone()),
@@ -242,7 +246,7 @@ impl Cutting {
             let cells = model.grid.cell_count();
             let (point_u, point_v) = (made.vec4("point_u", cells)?, made.vec4("point_v", cells)?);
             let list = [("params", main), ("u", u), ("v", v), ("point_u", &point_u), ("point_v", &point_v)];
-            (Some((gpu.bind(&centres::SOURCE, &list)?, cells)), point_u, point_v)
+            (Some((law.bind(gpu, &centres::SOURCE, &list)?, cells)), point_u, point_v)
         };
         let cut = gpu.bind(
             &cut::SOURCE,
@@ -332,10 +336,10 @@ pub(super) struct Bounds {
 
 impl Bounds {
     pub fn new(made: &mut Maker, model: &Model, main: &Buffer, u: &Buffer) -> Result<Self> {
-        let [x, y] = bounds::tiles(&model.grid.params::<f32>());
-        let out = made.vec4("tile_bounds", x * y * 2)?;
+        let tiles = bounds::tile_count(&model.params::<f32>());
+        let out = made.vec4("tile_bounds", tiles * 2)?;
         let list = [("params", main), ("u", u), ("tile_bounds", &out)];
-        Ok(Self { kernel: made.gpu.bind(&bounds::SOURCE, &list)?, tiles: x * y, out })
+        Ok(Self { kernel: made.gpu.bind(&bounds::SOURCE, &list)?, tiles, out })
     }
 
     /// Runs what the batch holds, and the bounds of the skin then.

@@ -7,8 +7,10 @@
 mod anchors;
 mod arrays;
 mod solver;
+mod split;
 
 use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Vector, Wanted};
+use crate::cut::Removal;
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
@@ -18,6 +20,7 @@ use crate::model::Model;
 use anchors::Anchored;
 use arrays::{Arrays, Body, Bounds, Cutting, Dispatch, Law, Maker, Pick, Put, axes, keeps_what_sums_lose, triples};
 use solver::Solver;
+use split::Split;
 
 /// Nodes of a slot that are picked at once at least; more take another submission.
 const PICKED: usize = 1024;
@@ -44,6 +47,7 @@ pub struct GpuBackend {
     put: Option<Put>,
     bounds: Option<Bounds>,
     cutting: Option<Cutting>,
+    split: Option<Split>,
     node_blocks: Option<(Bound, Buffer)>,
 }
 
@@ -60,7 +64,7 @@ impl GpuBackend {
         floor: f64,
         start: &Snapshot,
     ) -> Result<Self> {
-        let n = model.grid.node_count();
+        let n = model.node_count();
         let slots = needs.slots();
         let mut made = Maker { gpu: &gpu, bytes: 0 };
         gpu.making("probe of sums");
@@ -94,7 +98,7 @@ impl GpuBackend {
         begin.extend(anchored.as_ref().map(|a| a.bind(&gpu, &u, &solver.r)).transpose()?);
         let system = law.consistent.iter().map(|[system, _]| ("stiffness", system)).collect::<Vec<_>>();
         begin.push((of_main(law.blocks, &system)?, n));
-        begin.push((of_main(&factor::SOURCE, &[])?, (params.nodes_x * params.nodes_y) as usize));
+        begin.push((of_main(&factor::SOURCE, &[])?, params.columns() + model.extra_columns));
         begin.extend(solver.refresh.iter().cloned());
         let single = made.uniform("params", 0, &Params { slot_count: 1, ..params }.words());
         let integrate =
@@ -107,7 +111,8 @@ impl GpuBackend {
         let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, most, &solver.r)?) } else { None };
         let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
         gpu.making("cut");
-        let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &u, &v)?) } else { None };
+        let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &law.shared, &u, &v)?) } else { None };
+        let split = Split::new(&mut made, model, &law.shared, &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
         let node_blocks = if needs.node_blocks {
             let out = made.vec4("block", n * 4)?;
             let params = made.uniform("params", 0, &Params { preconditioner: 2, ..params }.words());
@@ -137,6 +142,7 @@ impl GpuBackend {
             put,
             bounds,
             cutting,
+            split,
             node_blocks,
             gpu,
         })
@@ -351,7 +357,14 @@ impl Backend for GpuBackend {
         }
     }
 
-    fn remove(&mut self, cells: &[u32], springs: &[u32], free: &[(u32, V4<f64>)]) -> Result<()> {
+    fn remove(&mut self, removal: &Removal) -> Result<()> {
+        let Removal { cells, springs, copies, words, free } = removal;
+        let batch = self.record();
+        self.gpu.submit(batch);
+        if let Some(split) = &mut self.split {
+            split.take(&self.gpu, self.node_count, words, copies);
+            self.solver.touched = split.touched(&self.params);
+        }
         let cell = self.body.cell.clone();
         let gone = if self.spring_count > 0 { springs } else { cells };
         self.put(&cell, gone, &vec![[0.0; 4]; gone.len()])?;
@@ -386,7 +399,8 @@ impl Backend for GpuBackend {
         let parts = self.gpu.submit_and_read(batch, &wanted)?;
         let wide = |k: usize| cast::<V4<f32>>(&parts[k]).iter().map(|v| v.map(f64::from)).collect::<Vec<_>>();
         let (rotation, law) = if self.spring_count > 0 { (vec![], wide(3)) } else { (wide(3), vec![]) };
-        Ok(Snapshot { u: wide(0), v: wide(1), rotation, free: wide(2), law })
+        let split = self.split.as_ref().map_or(vec![], |split| split.host.clone());
+        Ok(Snapshot { u: wide(0), v: wide(1), rotation, split, free: wide(2), law })
     }
 
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {

@@ -10,7 +10,8 @@ use crate::gpu::{Batch, Buffer, Gpu, cast};
 use crate::kernels::advance::Scalars;
 use crate::kernels::{GROUP, Params, Source};
 use crate::kernels::{
-    advance, blocks, coarsen, converge, factor, precondition, product, prolongation, relax, restriction, update,
+    advance, blocks, coarsen, converge, factor, precondition, product, prolongation, relax, restriction, split_product,
+    update,
 };
 use crate::linear::multigrid::steps;
 use crate::model::{Model, Multigrid};
@@ -28,7 +29,12 @@ pub(super) struct Solver {
     correction: Vec<Dispatch>,
     /// Iterations submitted beyond those that the last solve took, and at a time once those were not enough.
     pub spare: [u32; 2],
+    /// Nodes of split cells, which some dispatches are as many as.
+    pub touched: usize,
 }
+
+/// Threads of a dispatch over the touched nodes.
+const TOUCHED: usize = usize::MAX;
 
 /// One level: its arrays, sizes and smoothing coefficients.
 struct Level {
@@ -39,7 +45,7 @@ struct Level {
 }
 
 fn columns(params: &Params<f32>) -> usize {
-    (params.nodes_x * params.nodes_y) as usize
+    params.columns() + params.extra_columns as usize
 }
 
 impl Solver {
@@ -71,22 +77,22 @@ impl Solver {
         let arrays = body.joined(&shared).joined(&vectors);
         let gpu = made.gpu;
         let mut levels = vec![];
+        let shared = shared.joined(&Arrays::of(&body.get("split").into_iter().collect::<Vec<_>>()));
         if let Some(multigrid) = &model.multigrid {
             levels = make_levels(made, multigrid, arrays.clone(), &shared, params, main)?;
         }
         let refresh = refresh(gpu, &levels)?;
         let iteration = |made: &mut Maker, params: Params<f32>, main: &Buffer| -> Result<Vec<Dispatch>> {
             let bind = |source: &Source, threads: usize| Ok((arrays.bind(gpu, source, &[("params", main)])?, threads));
-            let mut out = vec![
-                bind(law.product, (params.product_groups * GROUP) as usize)?,
-                bind(&advance::SOURCE, 1)?,
-                bind(&update::SOURCE, n)?,
-            ];
+            let tiles = if law.springs > 0 { params.product_groups as usize } else { product::tiles(&params) };
+            let mut out = vec![bind(law.product, tiles * GROUP as usize)?];
+            out.extend(split_product(gpu, law, &arrays, &params, main)?);
+            out.extend([bind(&advance::SOURCE, 1)?, bind(&update::SOURCE, n)?]);
             if levels.is_empty() {
                 out.push(bind(&precondition::SOURCE, columns(&params))?);
             } else {
                 out.push(bind(&converge::SOURCE, 1)?);
-                cycle(made, &levels, params.first_slot, &mut out)?;
+                cycle(made, law, &levels, params.first_slot, &mut out)?;
             }
             Ok(out)
         };
@@ -99,7 +105,7 @@ impl Solver {
             vec![]
         };
         let spare = if levels.is_empty() { [4, 8] } else { [1, 2] };
-        Ok(Self { x, r, z, scalars, requests, refresh, all, correction, spare })
+        Ok(Self { x, r, z, scalars, requests, refresh, all, correction, spare, touched: 0 })
     }
 
     /// Dispatches of one iteration.
@@ -112,7 +118,10 @@ impl Solver {
         let list = if only_correction { &self.correction } else { &self.all };
         for _ in 0..count {
             for (kernel, threads) in list {
-                batch.run(kernel, *threads, rows);
+                let threads = if *threads == TOUCHED { self.touched } else { *threads };
+                if threads > 0 {
+                    batch.run(kernel, threads, rows);
+                }
             }
         }
     }
@@ -173,6 +182,8 @@ fn make_levels(
         for name in ["r", "z", "d", "w"] {
             own.push(made.vec4(name, n * slots)?);
         }
+        // its own, so that what the finest level has summed up stays
+        own.push(made.of("partial_product", &vec![0f32; params.product_groups as usize * slots])?);
         let main = made.uniform("params", 0, &params.words());
         let steps = steps(level.largest, number + 1 == count);
         out.push(Level { arrays: shared.joined(&Arrays::of(&own)), params, main, steps });
@@ -194,14 +205,31 @@ fn refresh(gpu: &Gpu, levels: &[Level]) -> Result<Vec<Dispatch>> {
     Ok(out)
 }
 
+/// What split cells add to a product; nothing where no cell can be split.
+fn split_product(
+    gpu: &Gpu,
+    law: &Law,
+    arrays: &Arrays,
+    params: &Params<f32>,
+    main: &Buffer,
+) -> Result<Option<Dispatch>> {
+    if params.extra_columns == 0 {
+        return Ok(None);
+    }
+    let system = law.consistent.iter().map(|[system, _]| ("stiffness", system));
+    let more: Vec<_> = system.chain([("params", main)]).collect();
+    Ok(Some((arrays.bind(gpu, &split_product::SOURCE, &more)?, TOUCHED)))
+}
+
 /// One V-cycle from the first of `levels` down, as `linear::multigrid::cycle` does it.
-fn cycle(made: &mut Maker, levels: &[Level], first_slot: u32, out: &mut Vec<Dispatch>) -> Result<()> {
+fn cycle(made: &mut Maker, law: &Law, levels: &[Level], first_slot: u32, out: &mut Vec<Dispatch>) -> Result<()> {
     let gpu = made.gpu;
     let own = &levels[0];
     let params = Params { first_slot, ..own.params };
     let main = made.uniform("params", 0, &params.words());
     let product = own.arrays.bind(gpu, &product::SOURCE, &[("params", &main)])?;
-    let product = (product, (params.product_groups * GROUP) as usize);
+    let mut products = vec![(product, product::tiles(&params) * GROUP as usize)];
+    products.extend(split_product(gpu, law, &own.arrays, &params, &main)?);
     let mut smoother = |fresh: bool, [keep, gain]: [f64; 2]| -> Result<Dispatch> {
         let params = Params { fresh: u32::from(fresh), keep: keep as f32, gain: gain as f32, ..params };
         let words = made.uniform("params", 0, &params.words());
@@ -211,7 +239,7 @@ fn cycle(made: &mut Maker, levels: &[Level], first_slot: u32, out: &mut Vec<Disp
     let later: Vec<Dispatch> = own.steps.iter().map(|s| smoother(false, *s)).collect::<Result<_>>()?;
     let sweep = |steps: &[Dispatch], out: &mut Vec<Dispatch>| {
         for step in steps {
-            out.extend([product.clone(), step.clone()]);
+            out.extend(products.iter().chain([step]).cloned());
         }
     };
     out.push(first);
@@ -228,10 +256,10 @@ fn cycle(made: &mut Maker, levels: &[Level], first_slot: u32, out: &mut Vec<Disp
         more.push(("params", &main));
         own.arrays.bind(gpu, source, &more)
     };
-    out.push(product.clone());
+    out.extend(products.iter().cloned());
     let threads = next.params.node_count as usize;
     out.push((bind(&restriction::SOURCE, &[("free", "coarse_free"), ("r", "coarse_r")])?, threads));
-    cycle(made, &levels[1..], first_slot, out)?;
+    cycle(made, law, &levels[1..], first_slot, out)?;
     out.push((bind(&prolongation::SOURCE, &[("z", "coarse_z")])?, params.node_count as usize));
     sweep(&later, out);
     Ok(())

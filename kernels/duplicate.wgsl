@@ -1,0 +1,17 @@
+// Gives copies the values of the nodes that they were split from. Twin: duplicate.rs.
+struct DuplicateParams { count: u32, stride: u32, pad_0: u32, pad_1: u32 }
+@group(0) @binding(0) var<uniform> params: DuplicateParams;
+@group(0) @binding(1) var<storage, read> pairs: array<vec2<u32>>;       // [entry] copy, source
+@group(0) @binding(2) var<storage, read_write> values: array<vec4<f32>>; // [slot][node] any
+
+@compute @workgroup_size(64)
+fn duplicate(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let k = group_of(group, groups) * GROUP + lane;
+    if k >= params.count { return; }
+    let offset = group.y * params.stride;
+    values[offset + pairs[k].x] = values[offset + pairs[k].y];
+}

@@ -1,0 +1,125 @@
+//! The table of a body whose nodes a cut has split, as all kernels read it.
+//!
+//! A node whose cells no longer hang together is there once for each part of them: once as the grid's node, and as copies. Copies live in
+//! *extra columns*, z-columns beside the grid's, each beside one of its node columns (its *parent*): copy `k` of an extra column stands for
+//! the node at level `k` of the parent. All nodes are numbered grid first, then `grid + extra column + k × extra columns`, so the extra
+//! columns are laid out like a second grid of one row. Places of an extra column that hold no copy have no free axis and no mass.
+//!
+//! A *split cell* has a copy among its corners. It has a row of eight node ids, one per corner; all other cells find their corners by
+//! their place in the grid. *Touched* nodes are the corners of split cells.
+//!
+//! One array of 32-bit words, empty where nothing can be split (`params.extra_columns` 0):
+//! `parent [extra column]` node column, or [`NONE`]; `next [extra column]` and `first [node column]`, 1 + the next extra column of the same
+//! parent, or 0; `row [cell]`, 1 + its row in `corners`, or 0; `touched [touched_nodes]` node ids, then [`NONE`]; `corners [split_cells × 8]`.
+
+use super::Params;
+use crate::math::Real;
+
+/// Text that Shader::read adds to kernels that bind `split`.
+pub const WGSL: &str = include_str!("split.wgsl");
+
+/// No column, no node.
+pub const NONE: u32 = u32::MAX;
+
+/// Where the parts of the table begin, in words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Layout {
+    /// `next [extra column]`; `parent` begins at 0.
+    pub next: usize,
+    /// `first [node column]`
+    pub first: usize,
+    /// `row [cell]`
+    pub row: usize,
+    /// `touched [touched_nodes]`
+    pub touched: usize,
+    /// `corners [split_cells × 8]`
+    pub corners: usize,
+    /// All words.
+    pub words: usize,
+}
+
+impl<R: Real> Params<R> {
+    /// Node columns of the grid.
+    pub fn columns(&self) -> usize {
+        (self.nodes_x * self.nodes_y) as usize
+    }
+    /// Nodes of the grid, without copies.
+    pub fn grid_nodes(&self) -> usize {
+        self.columns() * self.nodes_z as usize
+    }
+    /// Where the table's parts begin.
+    pub fn layout(&self) -> Layout {
+        let extra = self.extra_columns as usize;
+        let row = 2 * extra + self.columns();
+        let touched = row + self.cell_count as usize;
+        let corners = touched + self.touched_nodes as usize;
+        Layout { next: extra, first: 2 * extra, row, touched, corners, words: corners + 8 * self.split_cells as usize }
+    }
+    /// The grid's columns, then the extra ones, each as a grid of its own, with its first node.
+    pub fn column_sets(&self) -> Vec<(usize, Self)> {
+        let grid = self.grid_nodes();
+        let own = Self { node_count: grid as u32, extra_columns: 0, ..*self };
+        match self.extra_columns {
+            0 => vec![(0, own)],
+            extra => {
+                vec![(0, own), (grid, Self { nodes_x: extra, nodes_y: 1, node_count: extra * self.nodes_z, ..own })]
+            }
+        }
+    }
+    /// Whether a cell has copies among its corners.
+    pub fn is_split(&self, split: &[u32], cell: usize) -> bool {
+        self.extra_columns > 0 && split[self.layout().row + cell] != 0
+    }
+    /// Ids of the eight corners of a cell.
+    pub fn corner_nodes(&self, split: &[u32], cell: usize) -> [usize; 8] {
+        if self.extra_columns > 0 {
+            let layout = self.layout();
+            let row = split[layout.row + cell] as usize;
+            if row > 0 {
+                let first = layout.corners + (row - 1) * 8;
+                return std::array::from_fn(|a| split[first + a] as usize);
+            }
+        }
+        self.corners(cell)
+    }
+    /// Grid coordinates of a node, of a copy those of the node that it stands for; none of a place without a copy.
+    pub fn place(&self, split: &[u32], node: usize) -> Option<[usize; 3]> {
+        let (columns, grid) = (self.columns(), self.grid_nodes());
+        let (column, level) = if node < grid {
+            (node % columns, node / columns)
+        } else {
+            let extra = self.extra_columns as usize;
+            let parent = split[(node - grid) % extra];
+            if parent == NONE {
+                return None;
+            }
+            (parent as usize, (node - grid) / extra)
+        };
+        Some([column % self.nodes_x as usize, column / self.nodes_x as usize, level])
+    }
+    /// The node above in the same column; beyond the last one of its kind at the top.
+    pub fn above(&self, node: usize) -> usize {
+        node + if node < self.grid_nodes() { self.columns() } else { self.extra_columns as usize }
+    }
+    /// The touched nodes.
+    pub fn touched<'a>(&self, split: &'a [u32]) -> &'a [u32] {
+        if self.extra_columns == 0 {
+            return &[];
+        }
+        let layout = self.layout();
+        let all = &split[layout.touched..layout.corners];
+        &all[..all.iter().position(|node| *node == NONE).unwrap_or(all.len())]
+    }
+}
+
+/// Split cells, by their rows in the table.
+pub fn split_cells<R: Real>(params: &Params<R>, split: &[u32]) -> Vec<u32> {
+    if params.extra_columns == 0 {
+        return vec![];
+    }
+    let row = params.layout().row;
+    let rows = &split[row..row + params.cell_count as usize];
+    let mut own: Vec<(u32, u32)> = (0u32..).zip(rows).filter(|(_, row)| **row > 0).map(|(cell, row)| (*row, cell)).collect();
+    own.sort_unstable();
+    own.into_iter().map(|(_, cell)| cell).collect()
+}

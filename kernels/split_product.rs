@@ -1,0 +1,110 @@
+//! What split cells (`split`) add to `w = A z`, and the rows of copies; `product` leaves both out.
+//!
+//! `w_i += P_i s Σ_c (R_c K R_cᵀ z)_i` over the split cells at node `i`, for a copy with its inertia `m_i (1 + h r_M)/h² z_i` and from
+//! zero. A cut touches few cells, so they are looked up one by one: the shader gathers at each touched node, the twin takes as many cells
+//! at once as a register holds and scatters, by the same mirror blocks as `product`.
+//! Units: z m, w N, K N/m.
+
+use super::product::{LANES, Modes, cell_forces};
+use super::{Params, Source};
+use crate::math::wide::{Lanes, Task};
+use crate::math::{Real, V3, V4};
+
+/// The shader.
+pub const SOURCE: Source =
+    Source { name: "split_product", wgsl: include_str!("split_product.wgsl"), params: Params::<f32>::FIELDS };
+
+/// One slot; returns what is added to `z·w`.
+pub fn split_product<R: Real>(
+    params: &Params<R>,
+    modes: &[Modes<R>],  // [layer] N/m
+    layer_of: &[u32],    // [cells_z] layer
+    rotation: &[V4<R>],  // [cell] quaternion
+    free: &[V4<R>],      // [node] 1 free, 0 held, per axis; mass kg
+    split: &[u32],       // see `split`
+    cells: &[u32],       // split cells, by their rows in the table
+    z: &[V4<R>],         // [node] m
+    w: &mut [V4<R>],     // [node] N
+) -> R {
+    let mut dot = R::zero();
+    for node in params.touched(split).iter().map(|n| *n as usize).filter(|n| *n >= params.grid_nodes()) {
+        let own = V3::from4(z[node]);
+        let out = (own * (params.inertia * free[node][3])).times(V3::from4(free[node]));
+        w[node] = out.pad(R::zero());
+        dot += own.dot(out);
+    }
+    let corners = split.get(params.layout().corners..).unwrap_or_default();
+    dot + R::widest(Cells { params, modes, layer_of, rotation, free, corners, cells, z, w })
+}
+
+struct Cells<'a, R> {
+    params: &'a Params<R>,
+    modes: &'a [Modes<R>],
+    layer_of: &'a [u32],
+    rotation: &'a [V4<R>],
+    free: &'a [V4<R>],
+    corners: &'a [u32],
+    cells: &'a [u32],
+    z: &'a [V4<R>],
+    w: &'a mut [V4<R>],
+}
+
+/// Corners of VTK's order by bits x + 2y + 4z.
+const BY_BITS: [usize; 8] = [0, 1, 3, 2, 4, 5, 7, 6];
+
+impl<R: Real> Task<R> for Cells<'_, R> {
+    type Output = R;
+
+    #[inline(always)]
+    fn run<L: Lanes<R>>(self, lanes: L) -> R {
+        let Cells { params, modes, layer_of, rotation, free, corners, cells, z, w } = self;
+        let level_cells = (params.cells_x * params.cells_y) as usize;
+        let layer = |cell: u32| layer_of[cell as usize / level_cells] as usize;
+        let mut sum = R::zero();
+        let mut first = 0;
+        while first < cells.len() {
+            // as many as a register holds, of one layer
+            let own = layer(cells[first]);
+            let count = cells[first..].iter().take(L::COUNT).take_while(|cell| layer(**cell) == own).count();
+            let mut at = [[[R::zero(); LANES]; 3]; 8];
+            let mut q = [[R::zero(); LANES]; 4];
+            for lane in 0..count {
+                for n in 0..4 {
+                    q[n][lane] = rotation[cells[first + lane] as usize][n];
+                }
+                for c in 0..8 {
+                    let node = corners[(first + lane) * 8 + BY_BITS[c]] as usize;
+                    for n in 0..3 {
+                        at[c][n][lane] = z[node][n];
+                    }
+                }
+            }
+            let zero = [lanes.splat(R::zero()); 3];
+            let load = |v: &[R; LANES]| lanes.load(v);
+            let force = cell_forces(
+                lanes,
+                &modes[own],
+                q.each_ref().map(load),
+                at.each_ref().map(|v| v.each_ref().map(load)),
+                zero,
+            );
+            for c in 0..8 {
+                for n in 0..3 {
+                    lanes.store(force[c][n], &mut at[c][n]);
+                }
+            }
+            for lane in 0..count {
+                for c in 0..8 {
+                    let node = corners[(first + lane) * 8 + BY_BITS[c]] as usize;
+                    for n in 0..3 {
+                        let out = at[c][n][lane] * params.stiffness_factor * free[node][n];
+                        w[node][n] += out;
+                        sum += z[node][n] * out;
+                    }
+                }
+            }
+            first += count;
+        }
+        sum
+    }
+}

@@ -1,0 +1,71 @@
+// Adds to w = A z what split cells do, and the rows of copies. Twin: split_product.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<uniform> stiffness: array<mat3x3<f32>, 1344>;      // [layer × 64] blocks a×8+b, N/m
+@group(0) @binding(2) var<storage, read> layer_of: array<u32>;               // [cells_z] layer
+@group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;         // [cell] quaternion
+@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;             // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(5) var<storage, read> split: array<u32>;                  // see split.rs
+@group(0) @binding(6) var<storage, read> z: array<vec4<f32>>;                // [slot][node] m
+@group(0) @binding(7) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
+@group(0) @binding(8) var<storage, read_write> partial_product: array<f32>;  // [slot][group] z·w
+@group(0) @binding(9) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
+
+const TILE: u32 = 7u; // of product.wgsl, whose sums come first
+var<workgroup> shared_sum: array<f32, 64>;
+
+// Force of split cells on node `i`, without the factor s.
+fn force_on(i: u32, offset: u32) -> vec3<f32> {
+    let c = place(params, i);
+    let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
+    let own = z[offset + i].xyz;
+    var sum = vec3<f32>(0.0);
+    for (var a = 0u; a < 8u; a += 1u) {
+        let at = c - corner(a); // wraps below 0, which the test catches
+        if any(at >= cells) { continue; }
+        let cell = cell_id(params, at);
+        if !is_split(params, cell) || corner_node(params, at, a) != i { continue; }
+        let first = layer_of[at.z] * 64u + a * 8u;
+        let r = rotation_matrix(rotation[cell]);
+        var local = vec3<f32>(0.0);
+        for (var b = 0u; b < 8u; b += 1u) {
+            // K does not see a shift
+            local += stiffness[first + b] * ((z[offset + corner_node(params, at, b)].xyz - own) * r);
+        }
+        sum += r * local;
+    }
+    return sum;
+}
+
+@compute @workgroup_size(64)
+fn split_product(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let index = group_of(group, groups);
+    let entry = index * GROUP + lane;
+    let slot = params.first_slot + group.y;
+    let offset = slot * params.node_count;
+    var i = NONE;
+    if entry < params.touched_nodes { i = split[split_row(params) + params.cell_count + entry]; }
+    var product_dot = 0.0;
+    if i != NONE && scalars[slot * 2u].w == 0.0 {
+        let own = z[offset + i].xyz;
+        var out = force_on(i, offset) * params.stiffness_factor;
+        let of_grid = i < params.nodes_x * params.nodes_y * params.nodes_z;
+        if !of_grid { out += own * (params.inertia * free[i].w); }
+        out *= free[i].xyz;
+        product_dot = dot(own, out);
+        if of_grid { out += w[offset + i].xyz; }
+        w[offset + i] = vec4<f32>(out, 0.0);
+    }
+    shared_sum[lane] = product_dot;
+    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
+        workgroupBarrier();
+        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+    }
+    if lane == 0u && entry < params.touched_nodes {
+        let tiles = ((params.nodes_x + TILE - 1u) / TILE) * ((params.nodes_y + TILE - 1u) / TILE);
+        partial_product[slot * params.product_groups + tiles + index] = shared_sum[0];
+    }
+}

@@ -1,0 +1,394 @@
+//! Which links between face-neighbour cells a cut has severed, and into which parts the nodes have fallen by it.
+//!
+//! The up to eight cells around a node hang together by the links between them. When they fall into parts, each part gets the node for
+//! itself: one keeps it as it is, the others get copies from a reserve ([`crate::kernels::split`]), so no volume is lost. A part that
+//! falls apart again keeps its copy for one of its pieces.
+//!
+//! Copies of one node column should follow each other up and down one extra column, since the smoother works by columns. So the piece that
+//! keeps a node is the one that shares more cells with that column's nodes right above and below; where that does not decide, the one
+//! with the cells of lowest y, then x, then z. The others join the extra column that they share most cells with, a new one where they
+//! share none. A vertical cut thus gives two whole columns. A horizontal cut has no such order: the part below keeps the node, and the
+//! part above gets a copy whose column has nothing at the next level: it is smoothed alone there.
+//!
+//! Links that were crossed know where, and the corners of the wound lie at the mean of the crossings around them: a smooth wound in a
+//! grid of boxes (after Ju, Losasso, Schaefer, Warren 2002: one vertex per dual cell at the mean of its edges' crossings).
+
+use super::Grid;
+use crate::kernels::split::NONE;
+use crate::kernels::{Params, corner};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Cells around a link's face, touched nodes around it and copies at most: what must be left in the reserve before it is cut.
+const AROUND: [usize; 2] = [18, 48 + 4];
+
+/// What a cut has changed.
+#[derive(Clone, Debug, Default)]
+pub struct Change {
+    /// Links that were severed: cell and axis.
+    pub links: Vec<(u32, usize)>,
+    /// Links that hold because the reserve is used up.
+    pub refused: u32,
+    /// New copies, each with the node that it was split from, as it was before.
+    pub copies: Vec<[u32; 2]>,
+    /// Words of the table with their new value, each once.
+    pub words: Vec<(u32, u32)>,
+    /// Nodes that have lost or got cells, sorted.
+    pub nodes: Vec<u32>,
+}
+
+/// See the module.
+#[derive(Clone, Debug)]
+pub struct Parts {
+    params: Params<f64>,
+    table: Vec<u32>,
+    severed: Vec<u8>, // [cell] bit per axis: the link to the neighbour beyond
+    crossings: BTreeMap<u32, f64>,
+    used: usize,         // extra columns
+    occupied: Vec<bool>, // [extra column][level]
+    cells: Vec<u32>,     // split cells, by rows
+    touched: BTreeSet<u32>,
+}
+
+/// Cells around a node, by z + 2 x + 4 y: 1 beyond the node, 0 before it.
+fn octant(n: usize) -> [usize; 3] {
+    [n >> 1 & 1, n >> 2, n & 1]
+}
+
+/// Number of an offset among a cell's corners, VTK's.
+fn corner_number([x, y, z]: [usize; 3]) -> usize {
+    (x ^ y) + 2 * y + 4 * z
+}
+
+impl Parts {
+    /// Of an uncut grid; `params` say how much can be split.
+    pub fn new(params: Params<f64>) -> Self {
+        let layout = params.layout();
+        let extra = params.extra_columns as usize;
+        let can_split = extra > 0;
+        let mut table = vec![0; if can_split { layout.words } else { 0 }];
+        if can_split {
+            table[..layout.next].fill(NONE);
+            table[layout.touched..].fill(NONE);
+        }
+        Self {
+            table,
+            severed: vec![0; if can_split { params.cell_count as usize } else { 0 }],
+            crossings: BTreeMap::new(),
+            used: 0,
+            occupied: vec![false; extra * params.nodes_z as usize],
+            cells: vec![],
+            touched: BTreeSet::new(),
+            params,
+        }
+    }
+
+    /// The table that kernels read.
+    pub fn table(&self) -> &[u32] {
+        &self.table
+    }
+
+    /// Split cells, by their rows in the table.
+    pub fn split_cells(&self) -> &[u32] {
+        &self.cells
+    }
+
+    /// Ids of the eight corners of a cell.
+    pub fn corners(&self, cell: usize) -> [usize; 8] {
+        self.params.corner_nodes(&self.table, cell)
+    }
+
+    /// The node of the grid that a node is a copy of; itself if it is none.
+    pub fn original(&self, node: usize) -> usize {
+        self.params.place(&self.table, node).map_or(node, |c| self.params.node_id(c))
+    }
+
+    /// The copies of a node of the grid.
+    pub fn copies(&self, node: usize) -> Vec<u32> {
+        let [x, y, level] = self.params.node_at(node);
+        let (extra, grid) = (self.params.extra_columns as usize, self.params.grid_nodes());
+        let mut out = vec![];
+        let mut next = match extra {
+            0 => 0,
+            _ => self.table[2 * extra + x + self.params.nodes_x as usize * y] as usize,
+        };
+        while next != 0 {
+            if self.occupied[(next - 1) * self.params.nodes_z as usize + level] {
+                out.push((grid + next - 1 + extra * level) as u32);
+            }
+            next = self.table[extra + next - 1] as usize;
+        }
+        out
+    }
+
+    /// Parent node columns of the extra columns in use.
+    pub fn parents(&self) -> &[u32] {
+        &self.table[..self.used]
+    }
+
+    /// Whether the link of a cell to its neighbour beyond along an axis is cut.
+    pub fn is_severed(&self, cell: usize, axis: usize) -> bool {
+        self.severed.get(cell).is_some_and(|bits| bits >> axis & 1 == 1)
+    }
+
+    /// Links that were cut: cell, axis, and how far along the link the blade crossed it, 0 to 1.
+    pub fn cuts(&self) -> impl Iterator<Item = (u32, usize, f64)> {
+        self.crossings.iter().map(|(link, at)| (link / 3, (link % 3) as usize, *at))
+    }
+
+    /// The neighbour beyond along an axis.
+    fn beyond(&self, cell: usize, axis: usize) -> Option<usize> {
+        let p = &self.params;
+        let mut at = p.cell_at(cell);
+        at[axis] += 1;
+        (at[axis] < [p.cells_x, p.cells_y, p.cells_z][axis] as usize).then(|| p.cell_id(at))
+    }
+
+    /// The cell of an octant of the node at `c`, with the number of the corner that the node is in it.
+    fn cell_in(&self, c: [usize; 3], n: usize) -> Option<(usize, usize)> {
+        let o = octant(n).map(|b| 1 - b);
+        Some((self.params.cell_below(c, corner_number(o))?, corner_number(o)))
+    }
+
+    /// The part of each octant of a node, named by its lowest octant; those without a cell are parts of their own.
+    fn parts_at(&self, c: [usize; 3]) -> [usize; 8] {
+        let mut part = [0, 1, 2, 3, 4, 5, 6, 7];
+        // a part's name reaches its last octant within seven links
+        for _ in 0..7 {
+            for n in 0..8 {
+                for (axis, bit) in [(0, 2), (1, 4), (2, 1)] {
+                    if n & bit != 0 {
+                        continue;
+                    }
+                    let (Some((cell, _)), Some(_)) = (self.cell_in(c, n), self.cell_in(c, n | bit)) else {
+                        continue;
+                    };
+                    if !self.is_severed(cell, axis) {
+                        let least = part[n].min(part[n | bit]);
+                        (part[n], part[n | bit]) = (least, least);
+                    }
+                }
+            }
+        }
+        part
+    }
+
+    /// Severs links at (`3·cell + axis`, place along the link), in their order; those that are cut already stay as they are.
+    pub fn cut(&mut self, hits: &[(u32, f64)]) -> Change {
+        let mut change = Change::default();
+        let mut words = BTreeMap::new();
+        let mut nodes = BTreeSet::new();
+        for (link, at) in hits {
+            let (cell, axis) = ((link / 3) as usize, (link % 3) as usize);
+            if self.beyond(cell, axis).is_none() || self.is_severed(cell, axis) {
+                continue;
+            }
+            self.severed[cell] |= 1 << axis;
+            let around = self.face(cell, axis).map(|node| self.params.node_at(node));
+            let falls_apart: Vec<[usize; 3]> = around.into_iter().filter(|c| self.falls_apart(*c)).collect();
+            let room = self.used + falls_apart.len() <= self.params.extra_columns as usize
+                && self.cells.len() + AROUND[0] <= self.params.split_cells as usize
+                && self.touched.len() + AROUND[1] <= self.params.touched_nodes as usize;
+            if !falls_apart.is_empty() && !room {
+                self.severed[cell] &= !(1 << axis);
+                change.refused += 1;
+                continue;
+            }
+            self.crossings.insert(*link, *at);
+            change.links.push((cell as u32, axis));
+            for c in falls_apart {
+                self.divide(c, &mut change.copies, &mut words, &mut nodes);
+            }
+        }
+        // what a new copy was split from may be new itself
+        let sources: BTreeMap<u32, u32> = change.copies.iter().map(|[copy, source]| (*copy, *source)).collect();
+        for [_, source] in &mut change.copies {
+            while let Some(older) = sources.get(source) {
+                *source = *older;
+            }
+        }
+        change.words = words.into_iter().collect();
+        change.nodes = nodes.into_iter().collect();
+        change
+    }
+
+    /// Grid's nodes of the face between a cell and its neighbour beyond along an axis.
+    fn face(&self, cell: usize, axis: usize) -> [usize; 4] {
+        let corners = self.params.corners(cell);
+        let mut beyond = (0..8).filter(|a| corner(*a)[axis] == 1).map(|a| corners[a]);
+        std::array::from_fn(|_| beyond.next().expect("a face has four corners"))
+    }
+
+    /// Whether cells that share a node hang together no more.
+    fn falls_apart(&self, c: [usize; 3]) -> bool {
+        let part = self.parts_at(c);
+        let mut of_node: BTreeMap<usize, usize> = BTreeMap::new();
+        (0..8).any(|n| {
+            self.cell_in(c, n).is_some_and(|(cell, a)| *of_node.entry(self.corners(cell)[a]).or_insert(part[n]) != part[n])
+        })
+    }
+
+    /// Gives each part at a node its own.
+    fn divide(
+        &mut self,
+        c: [usize; 3],
+        copies: &mut Vec<[u32; 2]>,
+        words: &mut BTreeMap<u32, u32>,
+        changed: &mut BTreeSet<u32>,
+    ) {
+        let part = self.parts_at(c);
+        // parts of each node, in the order of their lowest octants
+        let mut of_node: BTreeMap<usize, Vec<Vec<(usize, usize)>>> = BTreeMap::new();
+        for name in 0..8 {
+            let own: Vec<(usize, usize)> =
+                (0..8).filter(|n| part[*n] == name).filter_map(|n| self.cell_in(c, n)).collect();
+            if let Some((cell, a)) = own.first() {
+                of_node.entry(self.corners(*cell)[*a]).or_default().push(own);
+            }
+        }
+        for (node, mut parts) in of_node {
+            let column = self.column_of(node);
+            let shared = |own: &[(usize, usize)]| self.shares(own, column);
+            let most = parts.iter().map(|own| shared(own)).max().unwrap_or(0);
+            let keeper = parts.iter().position(|own| shared(own) == most).unwrap_or(0);
+            parts.remove(keeper);
+            for own in parts {
+                let copy = self.take_copy(c, &own, words) as u32;
+                copies.push([copy, node as u32]);
+                changed.extend([copy, node as u32]);
+                for (cell, a) in own {
+                    self.set_corner(cell, a, copy, words);
+                }
+            }
+        }
+    }
+
+    /// Column of a node: the grid's come first.
+    fn column_of(&self, node: usize) -> usize {
+        let (columns, grid) = (self.params.columns(), self.params.grid_nodes());
+        if node < grid { node % columns } else { columns + (node - grid) % self.params.extra_columns as usize }
+    }
+
+    /// How many cells of a part have their corner right above or below in a column.
+    fn shares(&self, own: &[(usize, usize)], column: usize) -> usize {
+        own.iter().filter(|(cell, a)| self.column_of(self.corners(*cell)[a ^ 4]) == column).count()
+    }
+
+    /// A place for a copy of the node at `c` for a part.
+    fn take_copy(&mut self, c: [usize; 3], own: &[(usize, usize)], words: &mut BTreeMap<u32, u32>) -> usize {
+        let (extra, levels) = (self.params.extra_columns as usize, self.params.nodes_z as usize);
+        let parent = c[0] + self.params.nodes_x as usize * c[1];
+        let mut best = (0, None);
+        let mut next = self.table[2 * extra + parent] as usize;
+        while next != 0 {
+            let e = next - 1;
+            let shared = self.shares(own, self.params.columns() + e);
+            if !self.occupied[e * levels + c[2]] && shared > best.0 {
+                best = (shared, Some(e));
+            }
+            next = self.table[extra + e] as usize;
+        }
+        let e = best.1.unwrap_or_else(|| {
+            let e = self.used;
+            self.used += 1;
+            self.set(e, parent as u32, words);
+            self.set(extra + e, self.table[2 * extra + parent], words);
+            self.set(2 * extra + parent, e as u32 + 1, words);
+            e
+        });
+        self.occupied[e * levels + c[2]] = true;
+        self.params.grid_nodes() + e + extra * c[2]
+    }
+
+    fn set(&mut self, word: usize, value: u32, words: &mut BTreeMap<u32, u32>) {
+        self.table[word] = value;
+        words.insert(word as u32, value);
+    }
+
+    fn set_corner(&mut self, cell: usize, a: usize, node: u32, words: &mut BTreeMap<u32, u32>) {
+        let layout = self.params.layout();
+        if self.table[layout.row + cell] == 0 {
+            self.cells.push(cell as u32);
+            self.set(layout.row + cell, self.cells.len() as u32, words);
+            for (b, corner) in self.params.corners(cell).into_iter().enumerate() {
+                self.set(layout.corners + (self.cells.len() - 1) * 8 + b, corner as u32, words);
+                self.touch(corner as u32, words);
+            }
+        }
+        let row = self.table[layout.row + cell] as usize - 1;
+        self.set(layout.corners + row * 8 + a, node, words);
+        self.touch(node, words);
+    }
+
+    fn touch(&mut self, node: u32, words: &mut BTreeMap<u32, u32>) {
+        let at = self.params.layout().touched + self.touched.len();
+        if self.touched.insert(node) {
+            self.set(at, node, words);
+        }
+    }
+
+    /// Cells that a node is a corner of.
+    pub fn cells_of(&self, node: usize) -> Vec<usize> {
+        let Some(c) = self.params.place(&self.table, node) else {
+            return vec![];
+        };
+        let own = (0..8).filter_map(|n| self.cell_in(c, n));
+        own.filter(|(cell, a)| self.corners(*cell)[*a] == node).map(|(cell, _)| cell).collect()
+    }
+
+    /// Where the wound's surface has a node, from the node's rest position, m: the mean of the crossings of the cut links around it, on
+    /// the outside of the body without what would leave it. Zero where no link is cut.
+    pub fn offset(&self, grid: &Grid, node: usize) -> [f64; 3] {
+        let zero = [0.0; 3];
+        let Some(c) = self.params.place(&self.table, node).filter(|_| !self.crossings.is_empty()) else {
+            return zero;
+        };
+        let (mut sum, mut count) = (zero, 0.0);
+        let steps = grid.around(c[2]);
+        for n in 0..8 {
+            for (axis, bit) in [(0, 2), (1, 4), (2, 1)] {
+                let Some((cell, _)) = self.cell_in(c, n).filter(|_| n & bit == 0) else { continue };
+                let Some(at) = self.crossings.get(&(3 * cell as u32 + axis as u32)) else { continue };
+                let o = octant(n);
+                for m in 0..3 {
+                    // from the centre of the cell to that of its neighbour
+                    let place = |beyond: usize| if beyond == 1 { 0.5 * steps[m][1] } else { -0.5 * steps[m][0] };
+                    sum[m] += if m == axis { place(0) + at * (place(1) - place(0)) } else { place(o[m]) };
+                }
+                count += 1.0;
+            }
+        }
+        if count == 0.0 {
+            return zero;
+        }
+        let size = [self.params.nodes_x, self.params.nodes_y, self.params.nodes_z].map(|n| n as usize - 1);
+        std::array::from_fn(|m| if c[m] == 0 || c[m] == size[m] { 0.0 } else { sum[m] / count })
+    }
+
+    /// How many pieces the live cells have fallen into.
+    pub fn pieces(&self, alive: &[bool]) -> usize {
+        let strides = [1, self.params.cells_x as usize, (self.params.cells_x * self.params.cells_y) as usize];
+        let mut seen: Vec<bool> = alive.iter().map(|live| !live).collect();
+        let mut count = 0;
+        let mut open = vec![];
+        for first in 0..seen.len() {
+            if std::mem::replace(&mut seen[first], true) {
+                continue;
+            }
+            count += 1;
+            open.push(first);
+            while let Some(cell) = open.pop() {
+                let at = self.params.cell_at(cell);
+                for axis in 0..3 {
+                    let before = (at[axis] > 0).then(|| cell - strides[axis]).filter(|b| !self.is_severed(*b, axis));
+                    let beyond = self.beyond(cell, axis).filter(|_| !self.is_severed(cell, axis));
+                    for next in before.into_iter().chain(beyond) {
+                        if !std::mem::replace(&mut seen[next], true) {
+                            open.push(next);
+                        }
+                    }
+                }
+            }
+        }
+        count
+    }
+}
