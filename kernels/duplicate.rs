@@ -11,9 +11,9 @@ pub const SOURCE: Source =
 
 /// All slots of an array.
 pub fn duplicate<R: Copy>(
-    stride: usize,         // nodes of a slot
-    pairs: &[[u32; 2]],    // [entry] copy, source
-    values: &mut [V4<R>],  // [slot][node] any
+    stride: usize,        // nodes of a slot
+    pairs: &[[u32; 2]],   // [entry] copy, source
+    values: &mut [V4<R>], // [slot][node] any
 ) {
     for slot in values.chunks_exact_mut(stride) {
         for [copy, source] in pairs {

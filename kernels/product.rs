@@ -445,6 +445,7 @@ mod tests {
             modes: &modes,
             layer_of: &layer_of,
             rotation: &rotation,
+            split: &[],
             of: Of::System { free: &free },
             z: &z,
         };

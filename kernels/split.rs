@@ -119,7 +119,8 @@ pub fn split_cells<R: Real>(params: &Params<R>, split: &[u32]) -> Vec<u32> {
     }
     let row = params.layout().row;
     let rows = &split[row..row + params.cell_count as usize];
-    let mut own: Vec<(u32, u32)> = (0u32..).zip(rows).filter(|(_, row)| **row > 0).map(|(cell, row)| (*row, cell)).collect();
+    let mut own: Vec<(u32, u32)> =
+        (0u32..).zip(rows).filter(|(_, row)| **row > 0).map(|(cell, row)| (*row, cell)).collect();
     own.sort_unstable();
     own.into_iter().map(|(_, cell)| cell).collect()
 }

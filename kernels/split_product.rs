@@ -17,14 +17,14 @@ pub const SOURCE: Source =
 /// One slot; returns what is added to `z·w`.
 pub fn split_product<R: Real>(
     params: &Params<R>,
-    modes: &[Modes<R>],  // [layer] N/m
-    layer_of: &[u32],    // [cells_z] layer
-    rotation: &[V4<R>],  // [cell] quaternion
-    free: &[V4<R>],      // [node] 1 free, 0 held, per axis; mass kg
-    split: &[u32],       // see `split`
-    cells: &[u32],       // split cells, by their rows in the table
-    z: &[V4<R>],         // [node] m
-    w: &mut [V4<R>],     // [node] N
+    modes: &[Modes<R>], // [layer] N/m
+    layer_of: &[u32],   // [cells_z] layer
+    rotation: &[V4<R>], // [cell] quaternion
+    free: &[V4<R>],     // [node] 1 free, 0 held, per axis; mass kg
+    split: &[u32],      // see `split`
+    cells: &[u32],      // split cells, by their rows in the table
+    z: &[V4<R>],        // [node] m
+    w: &mut [V4<R>],    // [node] N
 ) -> R {
     let mut dot = R::zero();
     for node in params.touched(split).iter().map(|n| *n as usize).filter(|n| *n >= params.grid_nodes()) {

@@ -8,13 +8,15 @@
 //! meet the tool's box goes to the narrow phase. Leaves are rounded outward to the f32 of parry3d.
 //! Units: m.
 
-use crate::kernels::bounds::{columns, tiles};
+use crate::kernels::Params;
+use crate::kernels::bounds::{TILE, columns, tile_count, tiles};
 use crate::math::V4;
 use crate::mesh::{Grid, Quad, Surface};
 use glam::DVec3;
 use parry3d::bounding_volume::Aabb;
 use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
+use std::collections::BTreeSet;
 
 /// What f64 may take from a place along the grid, cells (10⁶ of them are known to 10⁻¹⁰): a face on the rim of an area stays in.
 const ROUNDING: f64 = 1e-6;
@@ -24,6 +26,7 @@ pub struct Boxes {
     tree: Bvh,
     rest: Vec<[DVec3; 2]>,   // [tile] box at rest
     motion: Vec<[DVec3; 2]>, // [tile] least and greatest displacement
+    of_grid: usize,          // tiles of the grid; groups of extra columns follow
     moved: f64,              // most that one of these changed at the last refit, m
 }
 
@@ -33,28 +36,50 @@ fn outward(low: DVec3, high: DVec3) -> Aabb {
     Aabb::new(next(low, f32::next_down), next(high, f32::next_up))
 }
 
+/// Box at rest around the nodes of some node columns.
+fn around_columns(grid: &Grid, columns: &[u32]) -> [DVec3; 2] {
+    let top = grid.thickness();
+    let nothing = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    columns.iter().fold(nothing, |[low, high], column| {
+        let at = DVec3::from_array(grid.rest(*column as usize));
+        [low.min(at), high.max(at.with_z(top))]
+    })
+}
+
+/// Columns of cells around a node column.
+fn cells_around(params: &Params<f64>, column: u32) -> Vec<[usize; 2]> {
+    let (x, y) = (column as usize % params.nodes_x as usize, column as usize / params.nodes_x as usize);
+    let ends = |n: usize, cells: u32| n.saturating_sub(1)..(n + 1).min(cells as usize);
+    ends(y, params.cells_y).flat_map(|j| ends(x, params.cells_x).map(move |i| [i, j])).collect()
+}
+
 impl Boxes {
-    /// Boxes of a body at rest.
-    pub fn new(grid: &Grid) -> Self {
-        let params = grid.params::<f64>();
-        let [x, y] = tiles(&params);
-        let rest: Vec<[DVec3; 2]> = (0..x * y)
+    /// Boxes of a body at rest; `params` say how many columns of copies it may get.
+    pub fn new(grid: &Grid, params: &Params<f64>) -> Self {
+        let [x, y] = tiles(params);
+        let mut rest: Vec<[DVec3; 2]> = (0..x * y)
             .map(|tile| {
-                let [first, last] = columns(&params, tile);
+                let [first, last] = columns(params, tile);
                 let corner = |c: [usize; 2], z: usize| grid.rest(params.node_id([c[0], c[1], z]));
                 [corner(first, 0), corner(last, grid.cells[2])].map(DVec3::from_array)
             })
             .collect();
+        // nowhere, until there are copies
+        rest.resize(tile_count(params), [rest[0][0]; 2]);
         let leaves: Vec<Aabb> = rest.iter().map(|[low, high]| outward(*low, *high)).collect();
         let motion = vec![[DVec3::ZERO; 2]; rest.len()];
-        Self { tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &leaves), rest, motion, moved: 0.0 }
+        Self { tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &leaves), rest, motion, of_grid: x * y, moved: 0.0 }
     }
 
     /// Fits the boxes to what the tiles move between, `[tile]` least and greatest displacement as `Backend::bounds` has them; returns how
     /// many nodes are nowhere. A tile all of whose nodes are nowhere keeps its rest box.
-    pub fn refit(&mut self, bounds: &[[V4<f64>; 2]]) -> usize {
+    pub fn refit(&mut self, grid: &Grid, parents: &[u32], bounds: &[[V4<f64>; 2]]) -> usize {
         self.moved = 0.0;
-        for (tile, pair) in bounds.iter().enumerate().take(self.rest.len()) {
+        self.rest.truncate(self.of_grid);
+        self.rest.extend(parents.chunks(TILE).map(|group| around_columns(grid, group)));
+        let count = self.rest.len();
+        self.motion.resize(count, [DVec3::ZERO; 2]);
+        for (tile, pair) in bounds.iter().enumerate().take(count) {
             let [least, greatest] = pair.map(|v| DVec3::new(v[0], v[1], v[2]));
             let nowhere = least.x > greatest.x;
             let now = if nowhere { [DVec3::ZERO; 2] } else { [least, greatest] };
@@ -102,16 +127,31 @@ impl Boxes {
     pub fn faces(&self, grid: &Grid, surface: &Surface, area: &Aabb) -> Vec<Quad> {
         let params = grid.params::<f64>();
         let mut out = vec![];
+        let parents = surface.parts.parents();
+        let spread = if parents.is_empty() { 0.0 } else { 1.0 }; // corners of a wound lie up to half a cell beside their nodes
+        let mut looked_at = vec![];
+        let mut by_copies = BTreeSet::new(); // columns of cells around copies in the area
         for tile in self.tiles(area) {
+            if tile >= self.of_grid {
+                let group = parents.chunks(TILE).nth(tile - self.of_grid).unwrap_or_default();
+                by_copies.extend(group.iter().flat_map(|parent| cells_around(&params, *parent)));
+                continue;
+            }
             let [least, greatest] = self.motion[tile];
             let (low, high) = (area.mins.as_dvec3() - greatest, area.maxs.as_dvec3() - least);
             let [mut first, mut last] = columns(&params, tile);
             for axis in 0..2 {
                 let at = |x: f64| x / grid.edge[axis] + 0.5 * grid.cells[axis] as f64;
-                first[axis] = first[axis].max((at(low[axis]) - ROUNDING).floor().max(0.0) as usize);
-                last[axis] = last[axis].min((at(high[axis]) + ROUNDING).ceil().max(0.0) as usize);
+                first[axis] = first[axis].max((at(low[axis]) - ROUNDING - spread).floor().max(0.0) as usize);
+                last[axis] = last[axis].min((at(high[axis]) + ROUNDING + spread).ceil().max(0.0) as usize);
             }
             surface.quads([first[0], first[1], 0], [last[0], last[1], grid.cells[2]], &mut out);
+            looked_at.push([first, last]);
+        }
+        let new =
+            |[x, y]: &[usize; 2]| !looked_at.iter().any(|[a, b]| (a[0]..b[0]).contains(x) && (a[1]..b[1]).contains(y));
+        for [x, y] in by_copies.into_iter().filter(new) {
+            surface.quads([x, y, 0], [x + 1, y + 1, grid.cells[2]], &mut out);
         }
         out
     }

@@ -223,7 +223,8 @@ impl Parts {
         let part = self.parts_at(c);
         let mut of_node: BTreeMap<usize, usize> = BTreeMap::new();
         (0..8).any(|n| {
-            self.cell_in(c, n).is_some_and(|(cell, a)| *of_node.entry(self.corners(cell)[a]).or_insert(part[n]) != part[n])
+            self.cell_in(c, n)
+                .is_some_and(|(cell, a)| *of_node.entry(self.corners(cell)[a]).or_insert(part[n]) != part[n])
         })
     }
 

@@ -11,13 +11,7 @@ use crate::scene::Mass;
 
 /// Elastic energy of a displacement field, J: `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X`; for springs `½ Σ k ε²`.
 /// Anchors add `½ Σ k |u|²`. `rotation` as the kernels keep it (0 for dead cells), `law` of the springs as cut so far.
-pub fn elastic_energy(
-    model: &Model,
-    u: &[V4<f64>],
-    rotation: &[V4<f64>],
-    split: &[u32],
-    law: &[V4<f64>],
-) -> f64 {
+pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64 {
     let anchored = model.anchors.energy(u, |node| model.stays(rotation, law, node));
     if let Some(s) = &model.springs {
         let stretch = |[a, b]: [u32; 2]| {
@@ -107,7 +101,16 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
     let mut mean_v = solved.v.clone();
     if model.mass == Mass::Consistent {
         let layers = &model.grid.layer_of;
-        momentum::momentum(&params, &shapes, layers, &solved.split, &solved.rotation, &solved.free, &solved.v, &mut mean_v);
+        momentum::momentum(
+            &params,
+            &shapes,
+            layers,
+            &solved.split,
+            &solved.rotation,
+            &solved.free,
+            &solved.v,
+            &mut mean_v,
+        );
     }
     let mut load = rhs::rhs(&params, &f, &mean_v, &solved.free, &solved.load, &mut b);
     anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, &solved.free, &solved.u, &mut b);

@@ -52,9 +52,9 @@ const NONE: f64 = 1e-9;
 fn floats(model: &Model) -> bool {
     let mut seen = [[0.0; 6]; 6]; // Σ rᵀr over held axes, r what they see of shifts and of turns (in units of a metre)
     let length = model.grid.thickness().max(model.grid.edge[0] * model.grid.cells[0] as f64);
-    for (node, free) in model.free.iter().enumerate() {
+    for (node, (free, rest)) in model.free.iter().zip(&model.rest).enumerate() {
         let anchored = model.anchors.nodes.binary_search(&(node as u32)).is_ok();
-        let at = (DVec3::from_array(model.rest[node]) - DVec3::from_array(model.position)) / length;
+        let at = (DVec3::from_array(*rest) - DVec3::from_array(model.position)) / length;
         for axis in (0..3).filter(|axis| anchored || free[*axis] == 0.0) {
             let shift = DVec3::AXES[axis];
             let turn = at.cross(shift);
@@ -125,7 +125,7 @@ impl Body {
             at_rest: AtRest::default(),
             located: Located::default(),
             backend,
-            boxes: Boxes::new(&model.grid),
+            boxes: Boxes::new(&model.grid, &model.params()),
             travel: 0.0,
             first_motion: DVec3::from_array(skin.velocity).length() * part,
             fall,
@@ -162,7 +162,8 @@ impl Body {
 
     /// Fits the boxes of the broad phase to the body as it is.
     pub(super) fn refit_boxes(&mut self, report: &mut StepReport) -> Result<()> {
-        let lost = self.boxes.refit(&self.backend.bounds()?);
+        let bounds = self.backend.bounds()?;
+        let lost = self.boxes.refit(&self.model.grid, self.wound.surface.parts.parents(), &bounds);
         let first = std::mem::replace(&mut self.first_motion, 0.0);
         self.travel = self.boxes.moved().max(first) + self.fall;
         report.warn("non_finite_nodes", u32::from(lost > 0));

@@ -8,8 +8,8 @@ use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::product::{LANES, cell_groups, elastic_forces};
 use crate::kernels::{
-    Params, anchors, blocks, bounds, centres, cut, duplicate, factor, forces, integrate, momentum, rhs, rotations, springs,
-    springs_blocks, springs_product,
+    Params, anchors, blocks, bounds, centres, cut, duplicate, factor, forces, integrate, momentum, rhs, rotations,
+    springs, springs_blocks, springs_product,
 };
 use crate::linear::{Outcome, Slot, solve};
 use crate::math::{Real, V3, V4, round, widen};
@@ -158,7 +158,8 @@ impl<R: Real> Backend for CpuBackend<R> {
                 }
                 let (free, v) = (&self.free, &self.v);
                 self.mean_v.par_iter_mut().enumerate().for_each(|(i, mean)| {
-                    *mean = momentum::mean_velocity(&params, shape, layer_of, split, rotation, free, v, i).pad(R::zero());
+                    *mean =
+                        momentum::mean_velocity(&params, shape, layer_of, split, rotation, free, v, i).pad(R::zero());
                 });
             }
             Elastic::Springs { rest, first, half, law, tangent } => {
@@ -333,7 +334,9 @@ impl<R: Real> Backend for CpuBackend<R> {
                 }
                 // words come in rising order: the rows of cells, and of new ones of these the rising rows
                 let row = self.params.layout().row;
-                let rows = words.iter().filter(|(word, _)| (row..row + self.params.cell_count as usize).contains(&(*word as usize)));
+                let rows = words
+                    .iter()
+                    .filter(|(word, _)| (row..row + self.params.cell_count as usize).contains(&(*word as usize)));
                 for (word, value) in rows {
                     let at = *value as usize - 1;
                     split_cells.resize(split_cells.len().max(at + 1), 0);

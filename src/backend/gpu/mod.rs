@@ -111,7 +111,8 @@ impl GpuBackend {
         let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, most, &solver.r)?) } else { None };
         let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
         gpu.making("cut");
-        let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &law.shared, &u, &v)?) } else { None };
+        let cutting =
+            if needs.cutting { Some(Cutting::new(&mut made, model, &main, &law.shared, &u, &v)?) } else { None };
         let split = Split::new(&mut made, model, &law.shared, &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
         let node_blocks = if needs.node_blocks {
             let out = made.vec4("block", n * 4)?;
