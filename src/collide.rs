@@ -148,6 +148,7 @@ pub struct Patch {
     mesh: TriMesh,
     triangles: Vec<[u32; 3]>,
     cells: Vec<u32>,
+    walls: Vec<bool>,
     corners: Vec<[DVec3; 3]>,
     origin: DVec3,
 }
@@ -169,8 +170,9 @@ impl Patch {
         let indices = triangles.iter().map(|t| t.map(local)).collect();
         let mesh = TriMesh::with_flags(vertices, indices, TriMeshFlags::ORIENTED).ok()?;
         let cells = faces.iter().flat_map(|q| [q.cell; 2]).collect();
+        let walls = faces.iter().flat_map(|q| [q.wall; 2]).collect();
         let corners = triangles.iter().map(|t| t.map(&position)).collect();
-        Some(Self { mesh, triangles, cells, corners, origin })
+        Some(Self { mesh, triangles, cells, walls, corners, origin })
     }
 
     /// Nearest place, and how far it is, m.
@@ -205,6 +207,12 @@ impl Patch {
         let sign = if projection.is_inside { -1.0 } else { 1.0 };
         let normal = if distance > noise { away * (sign / distance) } else { self.face_normal(triangle) };
         (triangle, weights, sign * distance, normal)
+    }
+
+    /// Whether a point is inside, or nearer to a wall of the wound than to the outside.
+    pub fn in_wound(&self, point: DVec3) -> bool {
+        let (triangle, _, distance, _) = self.project(point);
+        distance <= 0.0 || self.walls[triangle]
     }
 
     /// How far the deepest of the tool's samples that look for the nearest place is inside, m; 0 when all are outside.
@@ -257,13 +265,15 @@ impl Patch {
 }
 
 /// Contacts of one tool's samples with a patch of a deformable body. `travel` is how far a sample may move in the step; `resistance`
-/// gives the force per length that the tissue of a cell bears, N/m.
+/// gives the force per length that the tissue of a cell bears, N/m; `retreat` how far a piece of edge has gone back from where it has
+/// cut to, m, if it has cut.
 pub fn contacts(
     (number, tool): (usize, &Instrument),
     (body, patch): (usize, &Patch),
     search: &Search,
     travel: f64,
     resistance: impl Fn(u32) -> f64,
+    retreat: impl Fn(usize) -> Option<f64>,
 ) -> Vec<Contact> {
     let mut out = vec![];
     for (index, sample) in tool.samples.iter().enumerate() {
@@ -271,7 +281,7 @@ pub fn contacts(
         let reach = search.alarm + travel;
         let found = match (sample.role, &tool.edge) {
             (Role::Edge { length, .. }, Some(edge)) => {
-                edge_contact(tool, edge, patch, point, length, reach, search, &resistance)
+                edge_contact(tool, edge, patch, point, length, reach, search, &resistance, retreat(index))
             }
             (Role::Flat { side }, Some(edge)) => flat_contact(tool, edge, patch, point, side, reach, search),
             _ => point_contact(patch, point, reach, search),
@@ -325,6 +335,7 @@ fn edge_contact(
     reach: f64,
     search: &Search,
     resistance: &impl Fn(u32) -> f64,
+    retreat: Option<f64>,
 ) -> Option<Found> {
     let (triangle, weights, distance, normal) = patch.project(point);
     if distance >= reach {
@@ -339,9 +350,13 @@ fn edge_contact(
         gap: 0.0,
         law: Law::Cut { radius: bound },
     };
-    if distance <= 0.0 {
+    let in_wound = distance <= 0.0 || patch.walls[triangle];
+    match retreat.filter(|_| in_wound) {
+        // back in its own cut: nothing holds it before it is where it has cut to
+        Some(retreat) => return (retreat < reach).then_some(Found { gap: retreat, ..base }),
         // inside: held by the tissue where it is
-        return Some(base);
+        None if distance <= 0.0 => return Some(base),
+        None => {}
     }
     if normal.dot(side).abs() > SIDEWAYS || normal.dot(forward) > 0.0 {
         return None; // beside or behind the edge

@@ -2,9 +2,12 @@
 //!
 //! Each contact has three rows. [`Law::Coulomb`]: row 0 is the normal, `0 ≤ λ_n ≤ bound`, `δ_n ≥ 0` with one of them zero (below the
 //! bound); rows 1 and 2 are tangents, `|λ_t| ≤ μ λ_n`, opposing the slip. [`Law::Cut`]: a piece of edge inside the tissue; rows 0 and 1
-//! span the blade's plane (forward, along), row 2 is its normal, two-sided, and ends at the same bound: tissue splits sideways no later. The force in the plane opposes the motion, forward force
-//! only pushes back, and both together are at most `radius` = toughness × length (Atkins 2009: push and slice); whatever the motion, the
-//! force takes energy out. The disc is projected as friction is (true disc, no pyramid). [`Law::Hold`]: ties, with all rows held
+//! span the blade's plane (forward, along), row 2 is its normal, two-sided, and ends at the same bound: tissue splits sideways no later.
+//! The force in the plane opposes the motion and is at most `radius · cos θ`, `radius` = toughness × length, θ the angle between motion
+//! and forward (Atkins 2009: push and slice): the work is toughness × area whatever the motion, and slicing lowers the push that a cut
+//! takes. So forces lie in the circle through the origin with diameter `radius` along forward, and are projected on it along their own
+//! direction, since they oppose the motion; a piece that goes back is free. (The whole disc of that radius, as friction has it, took 1.41
+//! times toughness × area of an edge at 45°.) [`Law::Hold`]: ties, with all rows held
 //! (attached, bilateral) or without the one along which something slides.
 //!
 //! [`relax`] is plain sweeps, for the haptic tick. [`solve`] adds Newton steps where sweeps close in slowly (`newton`), and where those
@@ -55,7 +58,7 @@ impl Law {
                 [normal, t, s]
             }
             Self::Cut { radius } => {
-                let (e, s) = onto_disc(aim[0].max(0.0), aim[1], radius);
+                let (e, s) = onto_circle(aim[0], aim[1], radius);
                 [e, s, between(aim[2], -radius, radius)]
             }
             Self::Hold { held } => [0, 1, 2].map(|k| if held[k] { aim[k] } else { 0.0 }),
@@ -67,7 +70,10 @@ impl Law {
         const NEAR: f64 = 1.0 - 1e-6;
         match self {
             Self::Coulomb { bound, .. } => force[0] >= bound * NEAR,
-            Self::Cut { radius } => force[0].hypot(force[1]) >= radius * NEAR || force[2].abs() >= radius * NEAR,
+            Self::Cut { radius } => {
+                let [f, s, n] = force;
+                f * f + s * s >= radius * f * NEAR || n.abs() >= radius * NEAR
+            }
             Self::Hold { .. } => false,
         }
     }
@@ -214,8 +220,8 @@ fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], floor: f64) -
                 (force[first + 1], force[first + 2]) = onto_disc(t, s, friction * force[first]);
             }
             Law::Cut { radius } => {
-                let (e, s) = (aim(0, force).max(0.0), aim(1, force));
-                (force[first], force[first + 1]) = onto_disc(e, s, radius);
+                let (e, s) = (aim(0, force), aim(1, force));
+                (force[first], force[first + 1]) = onto_circle(e, s, radius);
                 force[first + 2] = between(aim(2, force), -radius, radius);
             }
             Law::Hold { held } => {
@@ -312,6 +318,18 @@ fn onto_disc(a: f64, b: f64, radius: f64) -> (f64, f64) {
     if length <= radius { (a, b) } else { (a * radius / length, b * radius / length) }
 }
 
+/// Along its own direction onto the circle through the origin whose diameter is `radius` along `a`; nothing where it points back.
+fn onto_circle(a: f64, b: f64, radius: f64) -> (f64, f64) {
+    let squared = a * a + b * b;
+    if a <= 0.0 {
+        (0.0, 0.0)
+    } else if squared <= radius * a {
+        (a, b)
+    } else {
+        (a * radius * a / squared, b * radius * a / squared)
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -351,10 +369,21 @@ mod tests {
     }
 
     #[test]
-    fn a_cutting_edge_resists_forward_motion_within_its_disc_and_lets_go_backward() {
+    fn a_cutting_edge_takes_toughness_times_area_and_lets_go_backward() {
         let law = Law::Cut { radius: 0.4 };
-        let deep = run(law, [-1e-2, -1e-2, 0.0]);
-        assert!((deep[0].hypot(deep[1]) - 0.4).abs() < 1e-9 && deep[0] > 0.0);
+        for free in [[-1e-2, -1e-2, 0.0], [-1e-2, 0.0, 0.0], [-3e-3, 1e-2, 0.0], [-1e-2, -2e-2, 0.0]] {
+            let force = run(law, free);
+            let motion = [0, 1].map(|k| free[k] + (0..3).map(|j| W[3 * k + j] * force[j]).sum::<f64>());
+            let work = force[0] * motion[0] + force[1] * motion[1];
+            assert!(
+                (work - 0.4 * motion[0]).abs() < 1e-9,
+                "{force:?} over {motion:?}: what the edge goes forward counts"
+            );
+            assert!((force[0] * motion[1] - force[1] * motion[0]).abs() < 1e-9, "against the motion");
+            assert!(law.at_bound(force));
+        }
+        let push = run(law, [-1e-2, 0.0, 0.0])[0];
+        assert!(run(law, [-1e-2, -2e-2, 0.0])[0] < 0.3 * push, "slicing lowers the push");
         let back = run(law, [1e-2, 0.0, 5e-4]);
         assert_eq!(back[0], 0.0);
         assert!((back[2] + 0.25).abs() < 1e-9, "the row across is two-sided: {}", back[2]);

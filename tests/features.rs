@@ -37,7 +37,7 @@ fn surface(height: impl Fn(f64, f64) -> f64) -> Patch {
     for j in 0..SIDE - 1 {
         for i in 0..SIDE - 1 {
             let a = j * SIDE + i;
-            quads.push(Quad { nodes: [a, a + 1, a + SIDE + 1, a + SIDE], cell: 0 });
+            quads.push(Quad { nodes: [a, a + 1, a + SIDE + 1, a + SIDE], cell: 0, wall: false });
         }
     }
     let position = |id: u32| {

@@ -341,7 +341,7 @@ mod tests {
         let at = |k: u32| (f64::from(k) - 2.0) * CELL;
         let places = (0..25).map(|n| (at(n % 5), at(n / 5)));
         let corner = |k: u32| k % 4 + 5 * (k / 4);
-        let quad = |k: u32| Quad { nodes: [0, 1, 6, 5].map(|n| corner(k) + n), cell: 0 };
+        let quad = |k: u32| Quad { nodes: [0, 1, 6, 5].map(|n| corner(k) + n), cell: 0, wall: false };
         ((0..16).map(quad).collect(), places.map(|(x, y)| DVec3::new(x, y, z(x, y))).collect())
     }
 

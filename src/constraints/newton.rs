@@ -136,10 +136,9 @@ fn slope(law: &Law, aim: [f64; 3]) -> [[f64; 3]; 3] {
             ]
         }
         Law::Cut { radius } => {
-            let ahead = one(aim[0] > 0.0);
-            let (plane, _) = disc(aim[0].max(0.0), aim[1], radius);
+            let plane = circle(aim[0], aim[1], radius);
             let across = one(aim[2].abs() < radius);
-            [[plane[0][0] * ahead, plane[0][1], 0.0], [plane[1][0] * ahead, plane[1][1], 0.0], [0.0, 0.0, across]]
+            [[plane[0][0], plane[0][1], 0.0], [plane[1][0], plane[1][1], 0.0], [0.0, 0.0, across]]
         }
         Law::Hold { held } => {
             let [a, b, c] = held.map(one);
@@ -156,6 +155,19 @@ fn disc(a: f64, b: f64, radius: f64) -> ([[f64; 2]; 2], [f64; 2]) {
     }
     let (x, y, share) = (a / length, b / length, radius / length);
     ([[share * y * y, -share * x * y], [-share * x * y, share * x * x]], [x, y])
+}
+
+/// Derivative of the projection on a blade's circle.
+fn circle(a: f64, b: f64, radius: f64) -> [[f64; 2]; 2] {
+    let squared = a * a + b * b;
+    if a <= 0.0 {
+        return [[0.0; 2]; 2];
+    }
+    if squared <= radius * a {
+        return [[1.0, 0.0], [0.0, 1.0]];
+    }
+    let (r, twice) = (radius / squared, 2.0 * radius * a / (squared * squared));
+    [[2.0 * r * a - twice * a * a, -twice * a * b], [r * b - twice * b * a, r * a - twice * b * b]]
 }
 
 /// Solves in place by elimination with row pivoting; false where the matrix is singular.

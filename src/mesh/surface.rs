@@ -10,6 +10,8 @@ pub struct Quad {
     pub nodes: [u32; 4],
     /// The live cell behind the face.
     pub cell: u32,
+    /// A cut has made it: a wall of the wound.
+    pub wall: bool,
 }
 
 impl Quad {
@@ -88,9 +90,9 @@ impl Surface {
             }
             // faces come in pairs, one per axis
             let other = p.cell_id(next);
-            let bare = !inside || !self.alive[other] || self.parts.is_severed(cell.min(other), number / 2);
-            if bare {
-                out.push(Quad { nodes: face.map(|a| corners[a] as u32), cell: cell as u32 });
+            let wall = inside && (!self.alive[other] || self.parts.is_severed(cell.min(other), number / 2));
+            if wall || !inside {
+                out.push(Quad { nodes: face.map(|a| corners[a] as u32), cell: cell as u32, wall });
             }
         }
     }

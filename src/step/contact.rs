@@ -311,6 +311,8 @@ impl Simulation {
             // sticking and cutting start anew from where the step ended; gaps go on
             let remaining = |row: usize| match laws[row / 3] {
                 Law::Coulomb { .. } if row.is_multiple_of(3) => found[row],
+                // what an edge has gone back it may go on freely
+                Law::Cut { .. } if row.is_multiple_of(3) => found[row].max(0.0),
                 _ => 0.0,
             };
             let free = &problem.free[number];

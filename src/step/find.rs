@@ -153,7 +153,10 @@ impl Simulation {
                 found.extend(match (&tool.round, &tool.lines) {
                     (Some(round), _) => round::contacts(of_tool, round, of_skin, faces, &position, &own, &free[k]),
                     (None, Some(lines)) => features::contacts(of_tool, lines, of_skin, &own, &free[k]),
-                    (None, None) => collide::contacts(of_tool, of_skin, &own, travel[k], |cell| body.resistance(cell)),
+                    (None, None) => {
+                        let retreat = |sample| self.fronts.get(&(k, sample)).copied();
+                        collide::contacts(of_tool, of_skin, &own, travel[k], |cell| body.resistance(cell), retreat)
+                    }
                 });
                 found.extend(bodies::skin_on_box((number, faces), &position, of_tool, &own, travel[k]));
             }

@@ -3,6 +3,10 @@
 //! A piece of edge that the tissue holds (a force below its bound) cuts nothing, but parts of it may pass a spring or link all the same:
 //! the piece is held at its sample alone. So its sweep is not given up but put off: the piece keeps the line from which it has not swept
 //! yet, carried along with the skin at its contact, until the tissue lets go.
+//!
+//! A piece that has cut stands at the front of its cut, whatever the grid's cells show of it, and is held there as it moves on: what it
+//! has opened and what it meets are told apart by how far it has gone back from its front, not by which cell it is in. So the work of
+//! cutting is toughness times area, and the force does not beat with the cells.
 
 use super::body::{Body, Located};
 use super::{Simulation, StepReport};
@@ -16,6 +20,9 @@ use std::collections::BTreeMap;
 
 /// Pieces of edge that are held, by tool and sample.
 pub(super) type Held = BTreeMap<(usize, usize), Line>;
+
+/// How far pieces of edge have gone back from where they have cut to, m, by tool and sample.
+pub(super) type Fronts = BTreeMap<(usize, usize), f64>;
 
 /// What a held piece has not swept yet.
 #[derive(Clone, Copy)]
@@ -35,7 +42,39 @@ impl Simulation {
         done
     }
 
+    /// Moves the fronts of the pieces of edge: those that were held in the skin go on or back with it, the others by their own motion; a
+    /// piece that has left the wound forgets its front.
+    fn follow_fronts(&mut self, old: &[Instrument], contacts: &[Contact], report: &StepReport) {
+        let fronts = std::mem::take(&mut self.fronts);
+        for (number, (old, new)) in old.iter().zip(&self.tools).enumerate() {
+            let Some(edge) = &new.edge else { continue };
+            let forward = new.rotation * edge.forward;
+            let pieces = new.samples.iter().enumerate().filter(|(_, s)| matches!(s.role, Role::Edge { .. }));
+            for (index, sample) in pieces {
+                let held = |c: &Contact| {
+                    c.on[0] == Who::Rigid(number) && c.feature == index && matches!(c.law, Law::Cut { .. })
+                };
+                let before = fronts.get(&(number, index));
+                let (retreat, motion) = match (contacts.iter().position(held), before) {
+                    (Some(k), _) => (contacts[k].gap[0], report.contact.slips[k]),
+                    (None, Some(retreat)) if self.in_wound(number, new.at(sample.position)) => {
+                        (*retreat, new.at(sample.position) - old.at(sample.position))
+                    }
+                    _ => continue,
+                };
+                self.fronts.insert((number, index), (retreat - motion.dot(forward)).max(0.0));
+            }
+        }
+    }
+
+    /// Whether a point near a tool is inside of a body, or in its wound.
+    fn in_wound(&self, tool: usize, point: DVec3) -> bool {
+        let patches = self.bodies.iter().filter_map(|body| body.located.patches.get(tool)?.as_ref());
+        patches.into_iter().any(|patch| patch.in_wound(point))
+    }
+
     fn sweep(&mut self, old: &[Instrument], contacts: &[Contact], report: &mut StepReport) -> Result<()> {
+        self.follow_fronts(old, contacts, report);
         let held = std::mem::take(&mut self.held);
         let by_edge = |c: &Contact| match c.on {
             [Who::Rigid(number), Who::Skin(_)] => self.tools[number].edge.is_some(),
