@@ -221,7 +221,9 @@ fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], floor: f64) -
             }
             Law::Cut { radius } => {
                 let (e, s) = (aim(0, force), aim(1, force));
-                (force[first], force[first + 1]) = onto_circle(e, s, radius);
+                // half way: the whole way, pieces of one edge may chase each other for ever
+                let (e, s) = onto_circle(e, s, radius);
+                (force[first], force[first + 1]) = (0.5 * (old[0] + e), 0.5 * (old[1] + s));
                 force[first + 2] = between(aim(2, force), -radius, radius);
             }
             Law::Hold { held } => {

@@ -118,9 +118,16 @@ impl Compliance {
         self.known.values().any(|k| k.solved != self.step)
     }
 
-    /// Forgets all columns; the next `prepare` solves them anew.
-    pub fn clear(&mut self) {
-        self.known.clear();
+    /// Forgets the columns of nodes that a cut has changed; the next `prepare` solves them anew. The others have aged, no more: away from
+    /// the cut it changes little, and passes that do not close in renew them.
+    pub fn forget(&mut self, nodes: impl Iterator<Item = u32>) {
+        for node in nodes {
+            if self.known.remove(&node).is_some() {
+                self.known.values_mut().for_each(|known| {
+                    known.towards.remove(&node);
+                });
+            }
+        }
     }
 
     /// Solves all columns anew in the present step.

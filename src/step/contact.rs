@@ -241,7 +241,13 @@ impl Simulation {
         let law = problem.law;
         let mut shifted = problem.violation.clone();
         loop {
-            let ended = solve(&problem.laws, &problem.w, &shifted, lambda, SWEEP_TOLERANCES, MAX_SWEEPS);
+            let start = lambda.to_vec();
+            let mut ended = solve(&problem.laws, &problem.w, &shifted, lambda, SWEEP_TOLERANCES, MAX_SWEEPS);
+            if !ended.converged && self.renew(problem, report)? {
+                // columns of different age need not make a compliance together
+                lambda.copy_from_slice(&start);
+                ended = solve(&problem.laws, &problem.w, &shifted, lambda, SWEEP_TOLERANCES, MAX_SWEEPS);
+            }
             report.warn("contact_not_converged", u32::from(!ended.converged));
             report.contact.passes += 1;
             let moved = self.correct(problem, lambda, report)?;
@@ -250,13 +256,7 @@ impl Simulation {
             let before = report.contact.residual;
             let (mut left, mut size, settled) = problem.judge(&found, lambda);
             let slow = report.contact.passes > 1 && size > SLOW * before;
-            let aged = law.correction == Correction::Exact && self.bodies.iter().any(|b| b.compliance.aged());
-            if size > law.tolerance && (slow || !settled) && aged {
-                for body in &mut self.bodies {
-                    let tolerance = law.column_tolerance * body.looseness;
-                    body.compliance.renew(body.backend.as_mut(), tolerance, report)?;
-                }
-                problem.w = self.compliance_of(problem);
+            if size > law.tolerance && (slow || !settled) && self.renew(problem, report)? {
                 (left, size, _) = problem.judge(&found, lambda);
             }
             (shifted, report.contact.residual) = (left, size);
@@ -268,6 +268,19 @@ impl Simulation {
                 return Ok((found, shifted));
             }
         }
+    }
+
+    /// Solves columns of earlier steps anew; false where there are none.
+    fn renew(&mut self, problem: &mut Problem, report: &mut StepReport) -> Result<bool> {
+        if problem.law.correction != Correction::Exact || !self.bodies.iter().any(|b| b.compliance.aged()) {
+            return Ok(false);
+        }
+        for body in &mut self.bodies {
+            let tolerance = problem.law.column_tolerance * body.looseness;
+            body.compliance.renew(body.backend.as_mut(), tolerance, report)?;
+        }
+        problem.w = self.compliance_of(problem);
+        Ok(true)
     }
 
     /// How far forces move the nodes that rows act on, `[body][node]` m; the backends keep the whole correction.

@@ -114,7 +114,7 @@ impl Simulation {
             if severed > 0 {
                 self.epoch += 1;
                 report.severed += severed;
-                body.compliance.clear();
+                body.compliance.forget(removal.free.iter().map(|(node, _)| *node));
                 body.backend.remove(&removal)?;
                 body.loaded = false;
             }
