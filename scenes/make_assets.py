@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the scalpel and its recorded-like path (meshes/scalpel.obj, incision.csv), and a dental
+"""Writes the scalpel and its paths (meshes/scalpel.obj, incision.csv, incision_shapes.csv), and a dental
 probe (meshes/dental_probe.obj, and its touching lines in meshes/dental_probe_lines.obj).
 
 Plain Python 3, no packages, no input, no randomness: the same files on every run.
@@ -77,6 +77,17 @@ TREMOR = (
 # Wobble of the hand about y, about the tip: amplitude degrees, frequency Hz, phase rad.
 WOBBLE = ((1.1, 1.3, 0.0), (0.4, 2.9, 1.7))
 WOBBLE_WINDOW = (0.0, 0.2)  # s, fades in
+
+# --- path of the shapes: mm, s, Hz -------------------------------------------------------------
+SHAPES_RATE = 200.0  # Hz
+SHAPES_DEPTH = 1.3  # mm below the undeformed top
+SHAPES_LIFT = 2.0  # mm, tip above the skin between cuts
+S_START, S_LENGTH, S_MIDDLE, S_HEIGHT = -5.0, 10.0, 4.0, 1.5  # along x; y of its middle, and how far it swings
+CROSS_X, CROSS_Y = 0.37, (0.6, 7.4)  # a straight cut along y, across the S
+FLAP_Z = 1.75  # in the middle of the dermis
+FLAP_TIP_Y = -5.03
+FLAP_X = (-16.0, -7.0)  # of the tip, before and after
+FLAP_LIFT = 1.2
 
 HEADER = "# Scalpel, mm. Made by scenes/make_assets.py for the cutis project; edit the script, not this file."
 AXES = ("x", "y", "z")
@@ -312,12 +323,82 @@ def write_incision(path):
     print(f"path: {round(DURATION * RATE) + 1} rows, touch at {touch:.3f} s")
 
 
+def turned_by(q, v):
+    """A vector turned by a quaternion (x, y, z, w)."""
+    x, y, z, w = q
+    t = [2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0])]
+    return [
+        v[0] + w * t[0] + y * t[2] - z * t[1],
+        v[1] + w * t[1] + z * t[0] - x * t[2],
+        v[2] + w * t[2] + x * t[1] - y * t[0],
+    ]
+
+
+def s_curve(u):
+    """Tip on the S at 0..1, mm, and the direction there, rad."""
+    phase = 2.0 * math.pi * u
+    slope = S_HEIGHT * 2.0 * math.pi / S_LENGTH * math.cos(phase)
+    return (S_START + S_LENGTH * u, S_MIDDLE + S_HEIGHT * math.sin(phase)), math.atan(slope)
+
+
+def shapes_keys():
+    """(duration s, tip mm, turn about z rad, roll about x rad) of the path's corners; the S is longer than its ends."""
+    over, under = SKIN_TOP + SHAPES_LIFT, SKIN_TOP - SHAPES_DEPTH
+    (x, y), turn = s_curve(0.0)
+    keys = [(0.0, (x, y, over), turn, 0.0), (0.2, (x, y, under), turn, 0.0)]
+    (x, y), turn = s_curve(1.0)
+    keys += [(0.8, (x, y, under), turn, 0.0), (0.15, (x, y, over), turn, 0.0)]
+    right, (low, high) = math.pi / 2.0, CROSS_Y
+    keys += [(0.2, (CROSS_X, low, over), right, 0.0), (0.15, (CROSS_X, low, under), right, 0.0)]
+    keys += [(0.5, (CROSS_X, high, under), right, 0.0), (0.15, (CROSS_X, high, over), right, 0.0)]
+    outside, inside = FLAP_X
+    far = SKIN_TOP + 12.0  # room for the blade to roll over
+    keys += [(0.25, (outside, FLAP_TIP_Y, far), 0.0, right), (0.15, (outside, FLAP_TIP_Y, FLAP_Z), 0.0, right)]
+    keys += [(0.6, (inside, FLAP_TIP_Y, FLAP_Z), 0.0, right)]
+    keys += [(0.25, (inside, FLAP_TIP_Y, FLAP_Z + FLAP_LIFT), 0.0, right)]
+    return keys
+
+
+def shapes_pose(time):
+    """Grip position, mm, and rotation: each key is reached at rest; along the S the blade follows the curve."""
+    keys = shapes_keys()
+    start, number = 0.0, 1
+    while number + 1 < len(keys) and time > start + keys[number][0]:
+        start += keys[number][0]
+        number += 1
+    (_, tip, turn, roll), (duration, to_tip, to_turn, to_roll) = keys[number - 1], keys[number]
+    u = minimum_jerk((start, start + duration), time)
+    if number == 2:
+        (x, y), turn = s_curve(u)
+        tip = (x, y, tip[2])
+    else:
+        tip = [a + u * (b - a) for a, b in zip(tip, to_tip)]
+        turn, roll = turn + u * (to_turn - turn), roll + u * (to_roll - roll)
+    # about x, then about z
+    cx, sx, cz, sz = math.cos(roll / 2), math.sin(roll / 2), math.cos(turn / 2), math.sin(turn / 2)
+    rotation = [cz * sx, sz * sx, sz * cx, cz * cx]
+    offset = turned_by(rotation, TIP)
+    return [a - b for a, b in zip(tip, offset)] + rotation
+
+
+def write_shapes(path):
+    duration = sum(key[0] for key in shapes_keys())
+    count = round(duration * SHAPES_RATE) + 1
+    with path.open("w", encoding="ascii", newline="") as file:
+        rows = csv.writer(file, lineterminator="\n")
+        rows.writerow(["time_s", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"])
+        for i in range(count):
+            rows.writerow([number(v) for v in [i / SHAPES_RATE] + shapes_pose(i / SHAPES_RATE)])
+    print(f"shapes: {count} rows, {duration:.2f} s")
+
+
 def main():
     here = Path(__file__).resolve().parent
     (here / "meshes").mkdir(exist_ok=True)
     write_scalpel(here / "meshes" / "scalpel.obj")
     write_probe(here / "meshes" / "dental_probe.obj", here / "meshes" / "dental_probe_lines.obj")
     write_incision(here / "incision.csv")
+    write_shapes(here / "incision_shapes.csv")
 
 
 if __name__ == "__main__":
