@@ -23,6 +23,7 @@ pub(super) enum Elastic<R> {
 
 pub(super) struct Bricks<R> {
     pub shape: Vec<V4<R>>,
+    pub pre_strain: Vec<V4<R>>,
     pub elastic: Vec<Modes<R>>,
     pub system: Vec<M3<R>>,
     pub modes: Vec<Modes<R>>,
@@ -54,6 +55,7 @@ impl<R: Real> Elastic<R> {
             },
             None => Elastic::Bricks(Bricks {
                 shape: model.shapes(),
+                pre_strain: model.pre_strains(),
                 elastic: element::rounded_modes(&model.stiffness),
                 system: model.system_blocks(),
                 modes: model.modes(),

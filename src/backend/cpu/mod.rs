@@ -133,7 +133,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn begin(&mut self) -> Result<()> {
         let params = self.params;
         match &mut self.law {
-            Elastic::Bricks(Bricks { shape, elastic, layer_of, rotation, .. }) => {
+            Elastic::Bricks(Bricks { shape, pre_strain, elastic, layer_of, rotation, .. }) => {
                 let u = &self.u;
                 if params.corotational == 1 {
                     rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
@@ -143,6 +143,7 @@ impl<R: Real> Backend for CpuBackend<R> {
                 elastic_forces(
                     &params,
                     shape,
+                    pre_strain,
                     elastic,
                     layer_of,
                     rotation,
