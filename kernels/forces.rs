@@ -1,6 +1,7 @@
 //! Elastic force of the bricks, gathered per node.
 //!
-//! `f_i = Σ_c R_c Σ_b K_ab (R_cᵀ u_b + (R_cᵀ − I) X_b)`: the force that the node must be held with, so that the body pushes back with −f.
+//! `f_i = Σ_c R_c Σ_b K_ab (R_cᵀ u_b + (R_cᵀ − I) X_b + e∘X_b)`: the force that the node must be held with, so that the body pushes back
+//! with −f. `e` is the elastic strain that a layer has at rest, along the cell's axes, so `e∘X_b` is what it has been pulled by already.
 //! `X_b` is the corner's rest position from the cell's centre; written with displacements, f32 loses nothing to a far origin. The node's
 //! own displacement is taken off first: K does not see a shift, but in f32 a body that has moved by its own length would feel `ε K u`.
 //! Source: Müller, Gross 2004 (corotational elements); K from `model::element`.
@@ -22,16 +23,17 @@ pub fn rest_corner<R: Real>(h: V3<R>, b: usize) -> V3<R> {
 /// Elastic forces.
 pub fn forces<R: Real>(
     params: &Params<R>,
-    shape: &[V4<R>],     // [layer] cell edges m, mass of one corner kg
-    stiffness: &[M3<R>], // [layer × 64] blocks a×8+b, N/m
-    layer_of: &[u32],    // [cells_z] layer
-    split: &[u32],       // see `split`
-    u: &[V4<R>],         // [node] m
-    rotation: &[V4<R>],  // [cell] quaternion
-    f: &mut [V4<R>],     // [node] N
+    shape: &[V4<R>],      // [layer] cell edges m, mass of one corner kg
+    pre_strain: &[V4<R>], // [layer] elastic strain at rest along x, y, z
+    stiffness: &[M3<R>],  // [layer × 64] blocks a×8+b, N/m
+    layer_of: &[u32],     // [cells_z] layer
+    split: &[u32],        // see `split`
+    u: &[V4<R>],          // [node] m
+    rotation: &[V4<R>],   // [cell] quaternion
+    f: &mut [V4<R>],      // [node] N
 ) {
     for (i, out) in f.iter_mut().enumerate() {
-        *out = node_force(params, shape, stiffness, layer_of, split, u, rotation, i).pad(R::zero());
+        *out = node_force(params, shape, pre_strain, stiffness, layer_of, split, u, rotation, i).pad(R::zero());
     }
 }
 
@@ -39,6 +41,7 @@ pub fn forces<R: Real>(
 pub fn node_force<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],
+    pre_strain: &[V4<R>],
     stiffness: &[M3<R>],
     layer_of: &[u32],
     split: &[u32],
@@ -62,11 +65,14 @@ pub fn node_force<R: Real>(
         }
         let layer = layer_of[c[2] - corner(a)[2]] as usize;
         let h = V3::from4(shape[layer]);
+        let e = V3::from4(pre_strain[layer]);
         let r = rotation_matrix(q);
         let turn = rotation_minus_identity(q).transpose();
         let mut local = V3::zero();
         for (b, node) in corners.into_iter().enumerate() {
-            let stretch = r.transpose() * (V3::from4(u[node]) - own) + turn * rest_corner(h, b);
+            let x = rest_corner(h, b);
+            let pulled = V3::new(e.x * x.x, e.y * x.y, e.z * x.z);
+            let stretch = r.transpose() * (V3::from4(u[node]) - own) + turn * x + pulled;
             local += stiffness[layer * 64 + a * 8 + b] * stretch;
         }
         sum += r * local;

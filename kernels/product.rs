@@ -101,12 +101,13 @@ pub fn product<R: Real>(
     by_strips(input, w, scratch, |strip| R::widest(strip))
 }
 
-/// Elastic forces (see `kernels::forces`) in the product's form: each cell once, with the patterns of `(Rᵀ − I) X` added to those of
-/// `Rᵀu`. Three of them are not zero: `−4 h_i (Rᵀ − I) e_i` in the pattern of axis `i`. The displacement of a cell's first corner is taken
+/// Elastic forces (see `kernels::forces`) in the product's form: each cell once, with the patterns of `(Rᵀ − I) X + e∘X` added to those of
+/// `Rᵀu`. Three of them are not zero: `−4 h_i (Rᵀ − I + e_i I) e_i` in the pattern of axis `i`. The displacement of a cell's first corner is taken
 /// off first, so that f32 loses nothing in a body that has moved far.
 pub fn elastic_forces<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],               // [layer] cell edges m, mass of one corner kg
+    pre_strain: &[V4<R>],          // [layer] elastic strain at rest along x, y, z
     modes: &[Modes<R>],            // [layer] N/m, of stiffness alone
     layer_of: &[u32],              // [cells_z] layer
     rotation: &[V4<R>],            // [cell] quaternion
@@ -115,7 +116,7 @@ pub fn elastic_forces<R: Real>(
     f: &mut [V4<R>],               // [node] N
     scratch: &mut [CellForces<R>], // [cell_groups]
 ) {
-    let input = Input { params, modes, layer_of, rotation, split, of: Of::Elastic { shape }, z: u };
+    let input = Input { params, modes, layer_of, rotation, split, of: Of::Elastic { shape, pre_strain }, z: u };
     by_strips(input, f, scratch, |strip| R::widest(strip));
 }
 
@@ -165,7 +166,7 @@ enum Of<'a, R> {
     /// `A z`: scaled, with inertia, held axes cut out.
     System { free: &'a [V4<R>] },
     /// The elastic force of displacements.
-    Elastic { shape: &'a [V4<R>] },
+    Elastic { shape: &'a [V4<R>], pre_strain: &'a [V4<R>] },
 }
 
 /// The nodes of some rows, all levels.
@@ -226,10 +227,11 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                             at_corner[c + 4][n] = lanes.load(&z_above[n][corner[c]..]);
                         }
                     }
-                    let mut stretch = [lanes.splat(R::zero()); 3];
-                    if let Of::Elastic { shape } = of {
+                    let [mut stretch, mut pulled] = [[lanes.splat(R::zero()); 3]; 2];
+                    if let Of::Elastic { shape, pre_strain } = of {
                         // the lower corner counts positive in a pattern
                         stretch = [0, 1, 2].map(|n| lanes.splat(shape[layer][n] * R::of(-4.0)));
+                        pulled = [0, 1, 2].map(|n| lanes.mul(stretch[n], lanes.splat(pre_strain[layer][n])));
                         let first = at_corner[0];
                         for corner in &mut at_corner {
                             for n in 0..3 {
@@ -237,7 +239,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                             }
                         }
                     }
-                    let force = cell_forces(lanes, blocks, rotation, at_corner, stretch);
+                    let force = cell_forces(lanes, blocks, rotation, at_corner, stretch, pulled);
                     for c in 0..4 {
                         for n in 0..3 {
                             add_to(lanes, &mut f_below[n][corner[c]..], force[c][n]);
@@ -316,8 +318,8 @@ fn add_to<R: Real, L: Lanes<R>>(l: L, to: &mut [R], value: L::V) {
     l.store(l.add(l.load(to), value), to);
 }
 
-/// Forces of cells on their corners, without the factor `s`; corner numbers are bits x + 2y + 4z. `stretch_i (Rᵀ − I) e_i` is added to
-/// the pattern of axis `i`.
+/// Forces of cells on their corners, without the factor `s`; corner numbers are bits x + 2y + 4z. `stretch_i (Rᵀ − I) e_i + pulled_i e_i` is
+/// added to the pattern of axis `i`.
 #[inline(always)]
 pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
     l: L,
@@ -325,6 +327,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
     q: [L::V; 4],
     z: [[L::V; 3]; 8],
     stretch: [L::V; 3],
+    pulled: [L::V; 3],
 ) -> [[L::V; 3]; 8] {
     let r = rotation_rows(l, q);
     let a = patterns(l, z);
@@ -340,6 +343,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
         for n in 0..3 {
             local[1 << i][n] = l.mul_add(stretch[i], turned[i][n], local[1 << i][n]);
         }
+        local[1 << i][i] = l.add(local[1 << i][i], pulled[i]);
     }
     let mut force = [[zero; 3]; 8];
     for parity in 0..8 {

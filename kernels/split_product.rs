@@ -87,6 +87,7 @@ impl<R: Real> Task<R> for Cells<'_, R> {
                 q.each_ref().map(load),
                 at.each_ref().map(|v| v.each_ref().map(load)),
                 zero,
+                zero,
             );
             for c in 0..8 {
                 for n in 0..3 {

@@ -33,6 +33,12 @@ pub fn lame(young: f64, poisson: f64) -> (f64, f64) {
     (lambda, young / (2.0 * (1.0 + poisson)))
 }
 
+/// Elastic strain at rest along x, y and z (and 0) of a layer that is strained by `[e_x, e_y]` in its plane:
+/// `e_z = −ν/(1 − ν) (e_x + e_y)`, so that no stress acts across the plane.
+pub fn pre_strain([x, y]: [f64; 2], poisson: f64) -> [f64; 4] {
+    [x, y, -poisson / (1.0 - poisson) * (x + y), 0.0]
+}
+
 /// Gradients of the eight shape functions at natural coordinates in −1…1, 1/m.
 pub fn gradients(h: [f64; 3], at: [f64; 3]) -> [[f64; 3]; 8] {
     std::array::from_fn(|a| {

@@ -9,7 +9,7 @@ use crate::kernels::{anchors, forces, momentum, rhs, rotations, springs, springs
 use crate::math::{V3, V4, norm, rotation_matrix, rotation_minus_identity};
 use crate::scene::Mass;
 
-/// Elastic energy of a displacement field, J: `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X`; for springs `½ Σ k ε²`.
+/// Elastic energy of a displacement field, J: `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X + e∘X` with the strain `e` at rest; for springs `½ Σ k ε²`.
 /// Anchors add `½ Σ k |u|²`. `rotation` as the kernels keep it (0 for dead cells), `law` of the springs as cut so far.
 pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64 {
     let anchored = model.anchors.energy(u, |node| model.stays(rotation, law, node));
@@ -28,11 +28,15 @@ pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split:
     for (cell, q) in rotation.iter().enumerate().filter(|(_, q)| **q != [0.0; 4]) {
         let layer = model.grid.layer_of[params.cell_at(cell)[2]] as usize;
         let h = V3::from4(model.shape[layer]);
+        let e = model.pre_strain[layer];
         let (back, turn) = (rotation_matrix(*q).transpose(), rotation_minus_identity(*q).transpose());
         let mut d = [0.0; 24];
         for (a, node) in params.corner_nodes(split, cell).into_iter().enumerate() {
-            let local = back * V3::from4(u[node]) + turn * rest_corner(h, a);
-            [d[3 * a], d[3 * a + 1], d[3 * a + 2]] = local.f64();
+            let x = rest_corner(h, a);
+            let local = (back * V3::from4(u[node]) + turn * x).f64();
+            for (i, x) in x.f64().into_iter().enumerate() {
+                d[3 * a + i] = local[i] + e[i] * x;
+            }
         }
         let k = &model.stiffness[layer];
         energy += (0..24).map(|r| 0.5 * d[r] * (0..24).map(|c| k[r][c] * d[c]).sum::<f64>()).sum::<f64>();
@@ -89,7 +93,8 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
         if model.corotational {
             rotations::rotations(&params, &shapes, layers, &solved.split, &solved.u, &mut rotation);
         }
-        forces::forces(&params, &shapes, &blocks, layers, &solved.split, &solved.u, &rotation, &mut f);
+        let (pre_strains, split) = (model.pre_strains(), &solved.split);
+        forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, &solved.u, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         let (modes, split) = (model.modes(), &solved.split);
         product(&params, &modes, layers, &rotation, &in_system, split, &solved.dx, &mut w, &mut scratch);

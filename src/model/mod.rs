@@ -31,6 +31,8 @@ pub struct Model {
     pub grid: Grid,
     /// `[layer]` cell edges m and the mass that a cell gives each corner, kg.
     pub shape: Vec<[f64; 4]>,
+    /// `[layer]` elastic strain at rest along x, y, z, and 0.
+    pub pre_strain: Vec<[f64; 4]>,
     /// `[layer]` element matrices, N/m; empty for a spring body.
     pub stiffness: Vec<element::Matrix>,
     /// Springs of a spring body.
@@ -222,6 +224,7 @@ impl Model {
             position: skin.position,
             body,
             shape,
+            pre_strain: skin.layers.iter().map(|l| element::pre_strain(l.pre_strain, l.poisson)).collect(),
             stiffness,
             springs,
             mass: skin.mass,
@@ -301,6 +304,11 @@ impl Model {
     /// `[layer]` cell edges and corner mass.
     pub fn shapes<R: Real>(&self) -> Vec<V4<R>> {
         self.shape.iter().map(|s| s.map(R::of)).collect()
+    }
+
+    /// `[layer]` elastic strain at rest.
+    pub fn pre_strains<R: Real>(&self) -> Vec<V4<R>> {
+        self.pre_strain.iter().map(|e| e.map(R::of)).collect()
     }
 
     /// `[node]` dead loads that act on the uncut body at a time, N.

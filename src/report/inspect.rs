@@ -120,7 +120,7 @@ fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
 }
 
 /// Arrays whose size does not follow the grid.s: uniforms, and those of the probe.
-const CONSTANT: [&str; 6] = ["params", "stiffness", "modes", "shape", "cases", "errors"];
+const CONSTANT: [&str; 7] = ["params", "stiffness", "modes", "shape", "pre_strain", "cases", "errors"];
 
 fn shares(arrays: &[Array], cells: usize) -> Vec<Share> {
     let mut out: Vec<Share> = vec![];
@@ -147,7 +147,8 @@ pub(super) fn host_bytes(model: &Model) -> u64 {
         .map_or(0, |s| size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + 4 * s.first.len() + 8 * s.half.len());
     let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.held[..]);
     let anchors = size_of_val(&model.anchors.nodes[..]) + size_of_val(&model.anchors.stiffness[..]);
-    (nodes + springs + anchors + size_of_val(&model.stiffness[..]) + size_of_val(&model.shape[..])) as u64
+    let layers = size_of_val(&model.shape[..]) + size_of_val(&model.pre_strain[..]);
+    (nodes + springs + anchors + size_of_val(&model.stiffness[..]) + layers) as u64
 }
 
 fn cuts(scene: &Scene) -> bool {

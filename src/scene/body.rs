@@ -3,7 +3,7 @@
 use super::grid;
 use super::raw::{self, At, Table};
 use super::text::{
-    Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
+    Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
 };
 use super::{Cut, Element, Law, Layer, Mass, Skin};
 use crate::error::{Error, Result};
@@ -137,13 +137,18 @@ fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 
             let poisson = scene.required("poisson", raw.poisson, table.span, why)?;
             (Some(young), poisson)
         }
-        Law::Springs { .. } => (raw.young_kpa, or(raw.poisson, 0.0)),
+        Law::Springs { .. } => {
+            let why = "springs are at rest where the scene puts them; pre-strain belongs to law = \"fem\"";
+            scene.needless("pre_strain", &raw.pre_strain, why)?;
+            (raw.young_kpa, or(raw.poisson, 0.0))
+        }
     };
     let ratio = *poisson.get_ref();
     if !(0.0..0.5).contains(&ratio) {
         return Err(Error::Poisson { at: scene.place(poisson.span()), found: ratio });
     }
     let toughness = or(raw.toughness_kj_m2, 2.0);
+    let pre_strain = or_vector(raw.pre_strain, &[0.0; 2]);
     Ok(Layer {
         name,
         thickness: scene.number("thickness_mm", &raw.thickness_mm, MM, Bound::Positive)?,
@@ -151,6 +156,7 @@ fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 
         young: young.map_or(Ok(0.0), |young| scene.number("young_kpa", &young, KPA, Bound::Positive))?,
         poisson: ratio,
         density: scene.number("density_kg_m3", &raw.density_kg_m3, KG_M3, Bound::Positive)?,
+        pre_strain: scene.vector("pre_strain", &pre_strain, PLAIN, Bound::Strain)?,
         toughness: scene.number("toughness_kj_m2", &toughness, KJ_M2, Bound::NotNegative)?,
         color: raw.color.map_or(Ok(color), |text| srgb(scene, &text))?,
     })

@@ -197,6 +197,8 @@ pub struct Layer {
     pub poisson: f64,
     /// kg/m³
     pub density: f64,
+    /// Elastic strain along x and y that the material has in the reference position; zero in the spring law.
+    pub pre_strain: [f64; 2],
     /// Cutting energy per area, J/m².
     pub toughness: f64,
     /// sRGB

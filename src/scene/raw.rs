@@ -144,6 +144,7 @@ pub(super) struct Layer {
     pub young_kpa: Option<At<f64>>,
     pub poisson: Option<At<f64>>,
     pub density_kg_m3: At<f64>,
+    pub pre_strain: Option<Numbers>,
     pub toughness_kj_m2: Option<At<f64>>,
     pub color: Option<At<String>>,
 }

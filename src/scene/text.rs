@@ -55,6 +55,9 @@ pub(super) enum Bound {
     Positive,
     NotNegative,
     Fraction,
+    /// Elastic strain at rest. A free cell comes to lie at `I − e`; within these limits that is no inversion, through the thickness
+    /// neither: `e_z < 1` wherever `e_x + e_y > −1` and ν < 0.5.
+    Strain,
 }
 
 impl Bound {
@@ -66,6 +69,7 @@ impl Bound {
                 Bound::Positive => value > 0.0 && si > 0.0,
                 Bound::NotNegative => value >= 0.0,
                 Bound::Fraction => value > 0.0 && value < 1.0,
+                Bound::Strain => value > -0.5 && value < 1.0,
             }
     }
 
@@ -75,6 +79,7 @@ impl Bound {
             Bound::Positive => "a finite number above 0",
             Bound::NotNegative => "a finite number, 0 or more",
             Bound::Fraction => "a number between 0 and 1, both excluded",
+            Bound::Strain => "a strain between -0.5 and 1, both excluded",
         }
     }
 
@@ -82,6 +87,7 @@ impl Bound {
         let magnitude = found.abs();
         match self {
             Bound::Fraction => 0.001,
+            Bound::Strain => 0.1,
             Bound::Finite => 0.0,
             _ if magnitude > 0.0 && magnitude < LARGEST.sqrt() => magnitude,
             _ => 1.0,

@@ -223,6 +223,7 @@ impl Body {
             "shape" => {
                 (0..LAYERS).flat_map(|_| [1e-3, 1.1e-3, 4e-4, 1e-7].map(|c| c * (1.0 + 0.3 * random.next()))).collect()
             }
+            "pre_strain" => random.vectors(LAYERS, 0.3),
             "stiffness" => random.vectors(LAYERS * 64 * 3, 100.0),
             "modes" => (0..LAYERS * 8).flat_map(|_| symmetric(&mut random)).collect(),
             "rotation" => self.rotation(&mut random),
@@ -317,7 +318,7 @@ impl Body {
         };
         match name {
             "params" => Ok(gpu.uniform("params", 0, &self.words())),
-            "shape" => Ok(uniform(MAX_LAYERS * 16)),
+            "shape" | "pre_strain" => Ok(uniform(MAX_LAYERS * 16)),
             "stiffness" => Ok(uniform(MAX_LAYERS * 64 * 48)),
             "modes" => Ok(uniform(MAX_LAYERS * 8 * 48)),
             _ => match self.array(name) {

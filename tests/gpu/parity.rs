@@ -88,7 +88,10 @@ const CASES: &[Case] = cases! {
         "t > 0.5" => "t > 0.3", "b1, a1)" => "b0, a1)", "0.5 * params.step" => "0.0", "if same_side ||" => "if !same_side ||"
     ]
     factor Columns false ["own.d - below" => "own.d + below", "transpose(own.g) * g" => "own.g * g"]
-    forces Nodes false ["- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "(u[node].xyz - own) * r" => "r * (u[node].xyz - own)"]
+    forces Nodes false [
+        "- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "(u[node].xyz - own) * r" => "r * (u[node].xyz - own)",
+        "turn * x + e * x" => "turn * x", "pre_strain[layer]" => "pre_strain[0]"
+    ]
     gather Ids false ["source[ids[k]]" => "source[k]"]
     integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "1.0 / params.step" => "params.step"]
     momentum Nodes false [

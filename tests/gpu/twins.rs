@@ -140,9 +140,9 @@ pub fn factor<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn forces<R: Real>(b: &Body) -> Outputs<R> {
     let mut f = b.v4::<R>("f");
-    let (shape, stiffness) = (b.v4("shape"), b.stiffness());
+    let (shape, pre_strain, stiffness) = (b.v4("shape"), b.v4("pre_strain"), b.stiffness());
     let (u, rotation) = (b.v4("u"), b.v4("rotation"));
-    kernels::forces::forces(&b.params(), &shape, &stiffness, &b.grid.layer_of, &u, &rotation, &mut f);
+    kernels::forces::forces(&b.params(), &shape, &pre_strain, &stiffness, &b.grid.layer_of, &u, &rotation, &mut f);
     vec![("f", flat(&f))]
 }
 

@@ -250,9 +250,10 @@ fn product_of_strips() {
     assert!(error < ROUNDINGS, "{error:e}");
 }
 
-/// The CPU's fast form against the kernel's twin, on a body that is turned, stretched, cut, and far away.
+/// The CPU's fast form against the kernel's twin, on a body that is turned, stretched, pre-strained, cut, and far away.
 fn forces_in_strips() {
-    let model = model(&small(Bbar));
+    let mut model = model(&small(Bbar));
+    model.pre_strain.iter_mut().zip(1..).for_each(|(e, k)| *e = [0.1, 0.2 * f64::from(k), -0.3, 0.0]);
     let params = model.params::<f64>();
     let mut random = Random(11);
     let mut rotation = random_rotations(&model, &mut random);
@@ -262,11 +263,11 @@ fn forces_in_strips() {
     let (shape, layers) = (model.shapes(), &model.grid.layer_of);
     let zeros = vec![[0.0; 4]; u.len()];
     let (mut plain, mut fast) = (zeros.clone(), zeros);
-    forces(&params, &shape, &model.stiffness_blocks(), layers, &u, &rotation, &mut plain);
+    forces(&params, &shape, &model.pre_strains(), &model.stiffness_blocks(), layers, &u, &rotation, &mut plain);
     let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
     let run = |rotation: &[V4<f64>], fast: &mut [V4<f64>], scratch: &mut [_]| {
         let modes = rounded_modes(&model.stiffness);
-        elastic_forces(&params, &shape, &modes, layers, rotation, &u, fast, scratch);
+        elastic_forces(&params, &shape, &model.pre_strains(), &modes, layers, rotation, &u, fast, scratch);
         let largest = plain.as_flattened().iter().fold(0.0f64, |m, c| m.max(c.abs()));
         let off = plain.as_flattened().iter().zip(fast.as_flattened());
         off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / largest

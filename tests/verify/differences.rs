@@ -40,7 +40,7 @@ fn force(model: &Model, u: &[V4<f64>]) -> [Vec<V4<f64>>; 3] {
         rotations::rotations(&params, &shapes, layers, u, &mut rotation);
     }
     let blocks = model.stiffness_blocks();
-    forces::forces(&params, &shapes, &blocks, layers, u, &rotation, &mut f);
+    forces::forces(&params, &shapes, &model.pre_strains(), &blocks, layers, u, &rotation, &mut f);
     [f, rotation, vec![]]
 }
 

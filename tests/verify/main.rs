@@ -12,6 +12,7 @@ mod elements;
 mod masses;
 mod motion;
 mod multigrid;
+mod prestrain;
 mod refinement;
 mod release;
 mod setup;
@@ -51,7 +52,7 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 12] = [
+    let groups: [&[Case]; 13] = [
         anchors::CASES,
         multigrid::CASES,
         direct::CASES,
@@ -64,6 +65,7 @@ fn main() -> ExitCode {
         masses::CASES,
         skin_block::CASES,
         release::CASES,
+        prestrain::CASES,
     ];
     let everywhere: [&[Everywhere]; 8] = [
         anchors::EVERYWHERE,

@@ -26,6 +26,7 @@ pub(super) enum Elastic<R> {
 pub(super) struct Bricks<R> {
     pub shape: Vec<V4<R>>,
     pub stiffness: Vec<M3<R>>,
+    pub pre_strain: Vec<V4<R>>,
     pub elastic: Vec<Modes<R>>,
     pub system: Vec<M3<R>>,
     pub modes: Vec<Modes<R>>,
@@ -60,6 +61,7 @@ impl<R: Real> Elastic<R> {
             None => Elastic::Bricks(Bricks {
                 shape: model.shapes(),
                 stiffness: model.stiffness_blocks(),
+                pre_strain: model.pre_strains(),
                 elastic: element::rounded_modes(&model.stiffness),
                 system: model.system_blocks(),
                 modes: model.modes(),

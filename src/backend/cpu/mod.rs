@@ -134,7 +134,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn begin(&mut self) -> Result<()> {
         let params = self.params;
         match &mut self.law {
-            Elastic::Bricks(Bricks { shape, stiffness, elastic, layer_of, rotation, split, .. }) => {
+            Elastic::Bricks(Bricks { shape, pre_strain, stiffness, elastic, layer_of, rotation, split, .. }) => {
                 let u = &self.u;
                 if params.corotational == 1 {
                     rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
@@ -144,6 +144,7 @@ impl<R: Real> Backend for CpuBackend<R> {
                 elastic_forces(
                     &params,
                     shape,
+                    pre_strain,
                     elastic,
                     layer_of,
                     rotation,
@@ -153,7 +154,8 @@ impl<R: Real> Backend for CpuBackend<R> {
                     &mut self.space[FREE].scratch,
                 );
                 for node in params.touched(split).iter().map(|n| *n as usize) {
-                    let force = forces::node_force(&params, shape, stiffness, layer_of, split, u, rotation, node);
+                    let force =
+                        forces::node_force(&params, shape, pre_strain, stiffness, layer_of, split, u, rotation, node);
                     self.f[node] = force.pad(R::zero());
                 }
                 let (free, v) = (&self.free, &self.v);

@@ -199,12 +199,13 @@ impl Law {
         }
         let cells = model.grid.cell_count();
         let cell = made.of("rotation", &vec![[0f32, 0.0, 0.0, 1.0]; cells])?;
-        let shape: Vec<u32> = model.shapes::<f32>().iter().flatten().map(|c| c.to_bits()).collect();
+        let words = |rows: Vec<V4<f32>>| rows.iter().flatten().map(|c| c.to_bits()).collect::<Vec<u32>>();
         let parts = Parts::new(model.params());
         let table = if parts.table().is_empty() { &[0] } else { parts.table() };
         let mut shared = Arrays::of(&[
             made.of("split", table)?,
-            made.uniform("shape", MAX_LAYERS * 16, &shape),
+            made.uniform("shape", MAX_LAYERS * 16, &words(model.shapes())),
+            made.uniform("pre_strain", MAX_LAYERS * 16, &words(model.pre_strains())),
             stiffness_uniform(made, &model.stiffness),
             modes_uniform(made, &model.system()),
             made.of("layer_of", &model.grid.layer_of)?,
