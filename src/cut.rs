@@ -4,6 +4,7 @@
 //! when two or more of its four edges along one axis are gone. A node without live cells (bricks) or springs (springs) leaves the system.
 //! Lumped and consistent masses go with their cells; a uniform mass goes with its node, as SOFA's UniformMass does by default.
 
+use crate::kernels::cut::Hit;
 use crate::math::V4;
 use crate::mesh::Surface;
 use crate::model::Model;
@@ -119,8 +120,8 @@ impl Wound {
         }
     }
 
-    /// Takes hits (`2·segment + half`, sorted) over; returns what has to go.
-    pub fn apply(&mut self, model: &Model, hits: &[u32]) -> Removal {
+    /// Takes hits (in the order of segments) over; returns what has to go.
+    pub fn apply(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let removal = if model.springs.is_some() { self.cut_springs(model, hits) } else { self.cut_links(model, hits) };
         if self.totals.hexes + self.open.len() > 0 {
             self.totals.length = self.all.length();
@@ -150,14 +151,13 @@ impl Wound {
         removal.free.push((node, self.free[at]));
     }
 
-    fn cut_links(&mut self, model: &Model, hits: &[u32]) -> Removal {
+    fn cut_links(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let params = model.grid.params::<f64>();
         let step = [1, params.cells_x, params.cells_x * params.cells_y];
         let mut removal = Removal::default();
         let mut opened = vec![];
         for hit in hits {
-            let (link, half) = (hit / 2, hit % 2);
-            let (cell, axis) = (link / 3, (link % 3) as usize);
+            let (cell, axis) = (hit.segment / 3, (hit.segment % 3) as usize);
             let other = cell + step[axis];
             if !self.surface.alive[cell as usize] || !self.surface.alive[other as usize] {
                 continue;
@@ -165,7 +165,7 @@ impl Wound {
             let h = model.shape[model.grid.layer_of[params.cell_at(cell as usize)[2]] as usize];
             self.totals.links += 1;
             self.totals.area += h[0] * h[1] * h[2] / h[axis];
-            let gone = if half == 0 { cell } else { other };
+            let gone = if hit.at > 0.5 { other } else { cell };
             if removal.cells.contains(&gone) {
                 continue;
             }
@@ -190,14 +190,14 @@ impl Wound {
         removal
     }
 
-    fn cut_springs(&mut self, model: &Model, hits: &[u32]) -> Removal {
+    fn cut_springs(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let Some(springs) = &model.springs else {
             return Removal::default();
         };
         let params = model.grid.params::<f64>();
         let mut removal = Removal::default();
         for hit in hits {
-            let spring = (hit / 2) as usize;
+            let spring = hit.segment as usize;
             if std::mem::replace(&mut self.spring_gone[spring], true) {
                 continue;
             }
