@@ -175,7 +175,7 @@ pub fn crossing<R: Real>(corners: [V3<R>; 3], slack: R) -> R {
         let spread = slack * (R::one() + (n.x.abs() + n.y.abs()) / n.z.abs());
         (low, high) = (low.min(inside - spread), high.max(inside + spread));
     }
-    let hit = low <= high && low <= half && high >= -half;
+    let hit = low <= half && high >= -half;
     if hit { half + half * (low.max(-half) + high.min(half)) } else { miss }
 }
 

@@ -90,7 +90,7 @@ fn crossing(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, slack: f32) -> f32 {
         let spread = slack * (1.0 + (abs(n.x) + abs(n.y)) / abs(n.z));
         reach = vec2<f32>(min(reach.x, inside - spread), max(reach.y, inside + spread));
     }
-    let hit = reach.x <= reach.y && reach.x <= 0.5 && reach.y >= -0.5;
+    let hit = reach.x <= 0.5 && reach.y >= -0.5;
     return select(-1.0, 0.5 + 0.5 * (max(reach.x, -0.5) + min(reach.y, 0.5)), hit);
 }
 

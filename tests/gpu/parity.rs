@@ -87,9 +87,9 @@ const CASES: &[Case] = cases! {
     cut Segments false [
         "quads[k * 4u + 3u]" => "quads[k * 4u + 1u]", "b0 = place(start" => "b0 = place(end", "0.5 + 0.5 * (max" => "0.5 + 0.4 * (max",
         "crossing(a0, b1, a1, slack)" => "-1.0", "e - rounded(" => "e + rounded(", "f - rounded(" => "f + rounded(",
-        "(q.y - p.y)" => "(p.y - q.y)", "* (p.y / (p.y - q.y))" => "* 0.5", "sign * (own.x" => "(own.x", "both.x - both.y" => "both.x + both.y",
-        "own = -own" => "own = own", "all(rest[first].xyz == rest[second].xyz)" => "false", "point_before[second]" => "point_before[first]",
-        "spread = slack" => "spread = 1e4 * slack", "frame.scale);" => "1000.0);"
+        "(passes[1].x > 0.0)" => "(passes[1].x > 0.5)", "* (p.y / (p.y - q.y))" => "* 0.5", "sign * (own.x" => "(own.x",
+        "both.x - both.y" => "both.x + both.y", "point_before[second]" => "point_before[first]", "spread = slack" => "spread = 1e4 * slack",
+        "* frame.scale);" => "* 1000.0);"
     ]
     factor Columns false ["own.d - below" => "own.d + below", "transpose(own.g) * g" => "own.g * g"]
     forces Nodes false ["- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "(u[node].xyz - own) * r" => "r * (u[node].xyz - own)"]
@@ -174,7 +174,8 @@ impl Expected {
             if case.source.name == "cut" {
                 body.no_segments = twins::uncertain_segments(&body);
                 if body.no_segments.len() as f64 > UNCERTAIN * body.springs.ends.len() as f64 + 1.0 {
-                    return Err(format!("rounding decides {} segments", body.no_segments.len()).into());
+                    let (left_out, all) = (body.no_segments.len(), body.springs.ends.len());
+                    return Err(format!("rounding decides {left_out} of {all} segments").into());
                 }
             }
             uncertain_comparisons();
