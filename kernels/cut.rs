@@ -197,3 +197,69 @@ fn beside<R: Real>(p: V3<R>, q: V3<R>, side: R, slack: R) -> [R; 2] {
     let (from, to) = (z(nearest - around), z(nearest + around));
     [from.min(to) - slack, from.max(to) + slack]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// From −1 to 1.
+    fn random(state: &mut u64) -> f64 {
+        *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (*state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+
+    /// A segment at rest, before and now, up to 90° turned and then up to 20° more, and a corner: m.
+    fn case(seed: &mut u64) -> ([[V3<f64>; 2]; 3], V4<f64>) {
+        let mut vector = |size: f64| V3::new(random(seed), random(seed), random(seed)) * size;
+        let rest = vector(0.03);
+        let (own, other) = (vector(1e-3), vector(1e-3));
+        let before = if own.dot(other) < 0.0 { -other } else { other };
+        let now = before + vector(0.3 * before.length());
+        let place = rest + vector(1e-3);
+        let corner = (place + vector(5e-3)).pad(0.0);
+        let round = |v: V3<f64>| V3::new(f64::from(v.x as f32), f64::from(v.y as f32), f64::from(v.z as f32));
+        let segment = |p: V3<f64>, d: V3<f64>| [round(p), round(p + d)];
+        let ends = [segment(rest, own), segment(place, before), segment(place, now)];
+        (ends, corner.map(|c| f64::from(c as f32)))
+    }
+
+    #[test]
+    fn rounding_in_a_frame_is_within_half_the_slack() {
+        let single = |v: V3<f64>| V3::<f32>::of(v.f64());
+        let mut seed = 1;
+        let mut used: f64 = 0.0;
+        for _ in 0..100_000 {
+            let ([rest, before, now], corner) = case(&mut seed);
+            let exact = frames(rest, before, now).expect("it has a length");
+            let rounded = [rest, before, now].map(|ends| ends.map(single));
+            let rounded = frames(rounded[0], rounded[1], rounded[2]).expect("it has a length");
+            for (exact, rounded) in exact.iter().zip(&rounded) {
+                let c = exact.place(corner);
+                let off = largest(V3::of(rounded.place(corner.map(|c| c as f32)).f64()) - c);
+                let r = largest(c);
+                let bound = 0.5 * SLACK * f64::from(f32::EPSILON) * (1.0 + exact.offset + r) * (1.0 + r);
+                used = used.max(off / bound);
+            }
+        }
+        println!("at most {used:.3} of the bound");
+        assert!(used < 1.0 && used > 0.05, "{used} of the bound");
+    }
+
+    #[test]
+    fn a_frame_turns_the_segment_into_its_direction_at_rest() {
+        let mut seed = 2;
+        for _ in 0..1000 {
+            let ([rest, before, now], _) = case(&mut seed);
+            let frames = frames(rest, before, now).expect("it has a length");
+            for (frame, ends) in frames.iter().zip([before, now]) {
+                for (end, z) in ends.iter().zip([-0.5, 0.5]) {
+                    let off = frame.place(end.pad(0.0)) - V3::new(0.0, 0.0, z);
+                    assert!(off.length() < 1e-11, "{off:?}");
+                }
+                let [x, y, z] = frame.axes;
+                let off = V3::new(x.dot(y), y.dot(z), z.dot(x)).length() + (x.dot(x) + y.dot(y) + z.dot(z) - 3.0).abs();
+                assert!(off < 1e-12, "{off:e}");
+            }
+        }
+    }
+}
