@@ -44,6 +44,7 @@ fn never_missed(path: Path, seed: u64) {
 #[test]
 fn a_path_through_a_link_that_turns_and_stretches_is_never_missed() {
     never_missed(Path::Through, 1);
+    never_missed(Path::Near, 8);
 }
 
 #[test]
@@ -88,7 +89,7 @@ fn crosses<R: Real>(p: V3<R>, q: V3<R>, [a, b, c]: [V3<R>; 3]) -> bool {
 
 #[test]
 fn a_sweep_that_is_only_shifted_misses_some_of_the_same_paths() {
-    let (single, double) = (missed(Path::Through, 1, shifted::<f32>), missed(Path::Through, 1, shifted::<f64>));
+    let (single, double) = (missed(Path::Near, 8, shifted::<f32>), missed(Path::Near, 8, shifted::<f64>));
     println!("missed {single} in f32, {double} in f64 of {CASES}");
     assert!(single > CASES / 1000 && double > CASES / 1000, "missed {single} and {double} of {CASES}");
 }

@@ -45,6 +45,8 @@ impl Random {
 pub enum Path {
     /// From one side to the other, back and forth between; every other edge lies exactly across the segment.
     Through,
+    /// From one side to the other, in small steps near the segment.
+    Near,
     /// From a side onto the segment.
     Ends,
     /// From the segment to a side.
@@ -124,14 +126,18 @@ fn edge(random: &mut Random, path: Path, state: usize) -> [DVec3; 2] {
         Path::Between if 2 * state == STATES => 0.0,
         Path::Between => random.between(0.1, 0.5) * if 2 * state < STATES { -1.0 } else { 1.0 },
         _ if state == 0 || last => side * random.between(0.1, 0.5),
+        Path::Near => 0.04 * (state as f64 - 0.5 * SWEEPS as f64) + 0.02 * random.next(),
         _ if state % 2 == 0 => 0.0,
         _ => 0.5 * random.next(),
     };
     let (above, below) = (random.between(0.6, 3.0), random.between(0.6, 3.0));
-    let (slant, rise) = (0.1 * random.next(), if path == Path::Between { 3.0 } else { 0.4 } * random.next());
-    let b = DVec3::new(x - slant * below, -below, -rise * (below / 3.0));
+    let slant = 0.1 * random.next();
+    // where it passes along the segment, and its slope
+    let (z, rise) =
+        if path == Path::Between { (0.0, random.next()) } else { (0.4 * random.next(), 0.02 * random.next()) };
+    let at = |y: f64| DVec3::new(x + slant * y, y, z + rise * y);
     match path {
-        Path::Grazes => [DVec3::new(x, 0.0, 0.4 * random.next()), b],
-        _ => [DVec3::new(x + slant * above, above, rise * (above / 3.0)), b],
+        Path::Grazes => [at(0.0), at(-below)],
+        _ => [at(above), at(-below)],
     }
 }
