@@ -17,8 +17,10 @@ const APART: f64 = 12e-3;
 const BATCHES: usize = 20;
 const PATHS: [Path; 6] = [Path::Through, Path::Near, Path::Ends, Path::Starts, Path::Grazes, Path::Between];
 
+type Test = fn(&Gpu) -> Result<(), Failure>;
+
 /// Every test here, by name.
-pub const TESTS: &[(&str, fn(&Gpu) -> Result<(), Failure>)] = &[
+pub const TESTS: &[(&str, Test)] = &[
     ("no_path_through_a_link_is_missed", no_path_is_missed),
     ("links_are_missed_where_both_ends_of_a_step_have_one_frame", missed_with_one_frame),
     ("random_sweeps_hit_what_they_hit_on_the_cpu", hits_are_those_of_the_cpu),

@@ -127,7 +127,7 @@ fn edge(random: &mut Random, path: Path, state: usize) -> [DVec3; 2] {
         Path::Between => random.between(0.1, 0.5) * if 2 * state < STATES { -1.0 } else { 1.0 },
         _ if state == 0 || last => side * random.between(0.1, 0.5),
         Path::Near => 0.04 * (state as f64 - 0.5 * SWEEPS as f64) + 0.02 * random.next(),
-        _ if state % 2 == 0 => 0.0,
+        _ if state.is_multiple_of(2) => 0.0,
         _ => 0.5 * random.next(),
     };
     let (above, below) = (random.between(0.6, 3.0), random.between(0.6, 3.0));
