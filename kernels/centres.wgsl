@@ -1,10 +1,8 @@
-// Motion of the cell centres. Twin: centres.rs (units there).
+// Displacements of the cell centres. Twin: centres.rs (units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> u: array<vec4<f32>>;                // [node] m
-@group(0) @binding(2) var<storage, read> v: array<vec4<f32>>;                // [node] m/s
-@group(0) @binding(3) var<storage, read_write> point_u: array<vec4<f32>>;    // [cell] m
-@group(0) @binding(4) var<storage, read_write> point_v: array<vec4<f32>>;    // [cell] m/s
-@group(0) @binding(5) var<storage, read> split: array<u32>;                  // see split.rs
+@group(0) @binding(2) var<storage, read_write> point_u: array<vec4<f32>>;    // [cell] m
+@group(0) @binding(3) var<storage, read> split: array<u32>;                  // see split.rs
 
 @compute @workgroup_size(64)
 fn centres(
@@ -17,13 +15,9 @@ fn centres(
     let x = cell % params.cells_x;
     let y = (cell / params.cells_x) % params.cells_y;
     let z = cell / (params.cells_x * params.cells_y);
-    var a = vec3<f32>(0.0);
-    var b = vec3<f32>(0.0);
+    var sum = vec3<f32>(0.0);
     for (var k = 0u; k < 8u; k += 1u) {
-        let node = corner_node(params, vec3<u32>(x, y, z), k);
-        a += u[node].xyz;
-        b += v[node].xyz;
+        sum += u[corner_node(params, vec3<u32>(x, y, z), k)].xyz;
     }
-    point_u[cell] = vec4<f32>(a * 0.125, 0.0);
-    point_v[cell] = vec4<f32>(b * 0.125, 0.0);
+    point_u[cell] = vec4<f32>(sum * 0.125, 0.0);
 }

@@ -5,6 +5,7 @@
 //! when two or more of its four edges along one axis are gone. A node without live cells (bricks) or springs (springs) leaves the system.
 //! Lumped and consistent masses go with their cells; a uniform mass goes with its node, as SOFA's UniformMass does by default.
 
+use crate::kernels::cut::Hit;
 use crate::math::V4;
 use crate::mesh::{Change, Surface};
 use crate::model::Model;
@@ -133,8 +134,8 @@ impl Wound {
         }
     }
 
-    /// Takes hits (`2·segment + half`, sorted) over; returns what has to go.
-    pub fn apply(&mut self, model: &Model, hits: &[u32]) -> Removal {
+    /// Takes hits (in the order of segments) over; returns what has to go.
+    pub fn apply(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let removal = match (&model.springs, model.extra_columns) {
             (Some(_), _) => self.cut_springs(model, hits),
             (None, 0) => self.cut_links(model, hits),
@@ -169,8 +170,8 @@ impl Wound {
     }
 
     /// Severs links and splits nodes.
-    fn split(&mut self, model: &Model, hits: &[u32]) -> Removal {
-        let links: Vec<(u32, f64)> = hits.iter().map(|hit| (hit / 2, if hit % 2 == 1 { 0.75 } else { 0.25 })).collect();
+    fn split(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
+        let links: Vec<(u32, f64)> = hits.iter().map(|hit| (hit.segment, hit.at)).collect();
         let Change { links, refused, copies, words, nodes } = self.surface.parts.cut(&links);
         let params = model.grid.params::<f64>();
         let shape = |cell: usize| model.shape[model.grid.layer_of[params.cell_at(cell)[2]] as usize];
@@ -220,14 +221,13 @@ impl Wound {
         }
     }
 
-    fn cut_links(&mut self, model: &Model, hits: &[u32]) -> Removal {
+    fn cut_links(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let params = model.grid.params::<f64>();
         let step = [1, params.cells_x, params.cells_x * params.cells_y];
         let mut removal = Removal::default();
         let mut opened = vec![];
         for hit in hits {
-            let (link, half) = (hit / 2, hit % 2);
-            let (cell, axis) = (link / 3, (link % 3) as usize);
+            let (cell, axis) = (hit.segment / 3, (hit.segment % 3) as usize);
             let other = cell + step[axis];
             if !self.surface.alive[cell as usize] || !self.surface.alive[other as usize] {
                 continue;
@@ -235,7 +235,7 @@ impl Wound {
             let h = model.shape[model.grid.layer_of[params.cell_at(cell as usize)[2]] as usize];
             self.totals.links += 1;
             self.totals.area += h[0] * h[1] * h[2] / h[axis];
-            let gone = if half == 0 { cell } else { other };
+            let gone = if hit.at > 0.5 { other } else { cell };
             if removal.cells.contains(&gone) {
                 continue;
             }
@@ -260,14 +260,14 @@ impl Wound {
         removal
     }
 
-    fn cut_springs(&mut self, model: &Model, hits: &[u32]) -> Removal {
+    fn cut_springs(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let Some(springs) = &model.springs else {
             return Removal::default();
         };
         let params = model.grid.params::<f64>();
         let mut removal = Removal::default();
         for hit in hits {
-            let spring = (hit / 2) as usize;
+            let spring = hit.segment as usize;
             if std::mem::replace(&mut self.spring_gone[spring], true) {
                 continue;
             }

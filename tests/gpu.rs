@@ -15,6 +15,9 @@ mod parity;
 mod scenes;
 #[path = "gpu/solver.rs"]
 mod solver;
+mod sweeps;
+#[path = "gpu/swept.rs"]
+mod swept;
 #[path = "gpu/twins.rs"]
 mod twins;
 
@@ -70,6 +73,9 @@ fn tests() -> Vec<(String, Test)> {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in scenes::TESTS {
+        all.push((name.to_string(), Box::new(test)));
+    }
+    for (name, test) in swept::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in solver::tests() {

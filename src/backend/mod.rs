@@ -13,6 +13,7 @@ pub use gpu::GpuBackend;
 
 use crate::cut::Removal;
 use crate::error::Result;
+use crate::kernels::cut::Hit;
 use crate::linear::Outcome;
 use crate::math::V4;
 
@@ -140,8 +141,8 @@ pub trait Backend {
     fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>>;
     /// Elastic forces at nodes as of the last [`Backend::begin`], N.
     fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
-    /// Segments crossed by swept quads in the step just finished, sorted `2·segment + half`; quads as four corners each, m.
-    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<u32>>;
+    /// Segments crossed by swept quads in the step just finished, in their order, each once; quads as four corners each, m.
+    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>>;
     /// Takes over what a cut has changed.
     fn remove(&mut self, removal: &Removal) -> Result<()>;
     /// All state.

@@ -187,6 +187,10 @@ fn dispatches(scene: &Scene, model: &Model, [begin, iteration]: [u32; 2]) -> Vec
         }
     }
     if cuts(scene) {
+        // where the segments are before the step; springs copy the nodes
+        if model.springs.is_none() {
+            list.push(count("segments", 1, "step"));
+        }
         list.push(count("cut", if model.springs.is_some() { 1 } else { 2 }, "step with contact"));
     }
     list

@@ -210,7 +210,7 @@ fn a_scene_without_contact_has_nothing_of_contact() -> Outcome {
     let plan = work.json(&["inspect", "scene.toml", "--json"], 0)?;
     let arrays = names(&plan["arrays"]);
     let contact = ["values", "tile_bounds"];
-    let cut = ["ends", "rest", "quads", "hits", "hit_count", "point_u", "point_v"];
+    let cut = ["ends", "rest", "quads", "hits", "hit_count", "point_u", "point_before"];
     let springs = ["law", "first", "half", "tangent"];
     let wrong: Vec<&&str> =
         contact.iter().chain(&cut).chain(&springs).filter(|n| arrays.iter().any(|a| a == *n)).collect();

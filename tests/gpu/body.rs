@@ -25,6 +25,8 @@ pub struct Body {
     pub grid: Grid,
     /// Springs between all corners of each cell.
     pub springs: Springs,
+    /// Springs that are no segments, beside every fifth.
+    pub no_segments: Vec<usize>,
     seed: u64,
 }
 
@@ -99,7 +101,7 @@ impl Body {
             heights: (0..=cells[2]).map(|k| 4e-4 * k as f64).collect(),
             layer_of: (0..cells[2]).map(|k| (k * LAYERS / cells[2]) as u32).collect(),
         };
-        Self { kernel, slots, first_slot, springs: Springs::new(&grid, 50.0, 0.05), grid, seed }
+        Self { kernel, slots, first_slot, springs: Springs::new(&grid, 50.0, 0.05), no_segments: vec![], grid, seed }
     }
 
     /// What the grid kernels know of it.
@@ -128,7 +130,7 @@ impl Body {
     fn words(&self) -> Vec<u32> {
         let segments = self.springs.ends.len() as u32;
         match self.kernel {
-            "cut" => vec![segments, QUADS as u32, segments, 1e-3f32.to_bits()],
+            "cut" => vec![segments, QUADS as u32, segments, 0],
             "anchors" | "gather" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
             _ => self.params::<f32>().words(),
         }
@@ -187,15 +189,16 @@ impl Body {
             "first" => Array::Count(self.springs.first.clone()),
             "half" => Array::Count(self.springs.half.concat()),
             "ends" => Array::Count(self.segments().concat()),
-            "hits" => Array::Count(vec![NO_HIT; self.springs.ends.len()]),
+            "hits" => Array::Count(vec![NO_HIT; 2 * self.springs.ends.len()]),
             "hit_count" => Array::Count(vec![0; 4]),
             _ => Array::Real(self.reals(name)),
         }
     }
 
-    /// Springs, of which every fifth is no segment.
+    /// Springs, of which every fifth and some more are no segments.
     fn segments(&self) -> Vec<[u32; 2]> {
-        let loops = |(k, [a, b]): (usize, &[u32; 2])| if k % 5 == 3 { [*a, *a] } else { [*a, *b] };
+        let none = |k: usize| k % 5 == 3 || self.no_segments.binary_search(&k).is_ok();
+        let loops = |(k, [a, b]): (usize, &[u32; 2])| if none(k) { [*a, *a] } else { [*a, *b] };
         self.springs.ends.iter().enumerate().map(loops).collect()
     }
 
@@ -208,8 +211,7 @@ impl Body {
             "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4)),
             "u" => coincide(random.vectors(nodes, 1e-4)),
             "tile_bounds" => random.many(self.tiles() * 8, 1.0),
-            "point_u" => random.vectors(nodes, 1e-4),
-            "point_v" => random.vectors(nodes, 1.0),
+            "point_u" | "point_before" => random.vectors(nodes, 3e-4),
             "v" | "mean_v" => random.vectors(nodes, 0.1),
             "f" | "load" => random.vectors(nodes, 0.01),
             "z" | "x" | "p" | "d" => random.vectors(all, 1e-4),

@@ -28,6 +28,9 @@ const ITERATIONS: (f64, f64) = (0.1, 2.0);
 const COUNTED: f64 = 1e-3;
 /// Most iterations of any solve here; plain conjugate gradients need some hundred.
 const MAX_ITERATIONS: u32 = 3000;
+/// Difference of where links are crossed, in their lengths: solutions differ by SOLUTION of at most 0.1 mm, the shortest link has 0.1 mm,
+/// and the blade meets the links at a slope of no more than 5.
+const ALONG: f64 = 5.0 * SOLUTION;
 /// N
 const FLOOR: f64 = 1e-9;
 /// Columns at a time.
@@ -269,8 +272,15 @@ impl Case {
             b.finish(false)?;
             b.cut(&quads)
         })?;
-        if hits[0] != hits[1] || hits[0] != hits[2] || hits[0].len() < 5 {
+        let segments = |k: usize| hits[k].iter().map(|hit| hit.segment).collect::<Vec<_>>();
+        if segments(0) != segments(1) || segments(0) != segments(2) || hits[0].len() < 5 {
             return Err(format!("{hits:?}").into());
+        }
+        for (k, hit) in hits[0].iter().enumerate() {
+            let apart = (1..3).map(|n| (hits[n][k].at - hit.at).abs()).fold(0.0, f64::max);
+            if apart > ALONG {
+                return Err(format!("segment {} is crossed {apart:e} of its length apart", hit.segment).into());
+            }
         }
         let none = three.each(|b| b.cut(&quads[8..]))?;
         if none.iter().any(|hits| !hits.is_empty()) {

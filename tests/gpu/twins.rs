@@ -3,8 +3,10 @@
 //! Partial sums appear as their sum over the groups of a slot.
 
 use super::body::{Body, NO_HIT};
+use super::bounded::{Bounded, uncertain_comparisons};
 use cutis::kernels;
 use cutis::kernels::advance::{Request, Scalars};
+use cutis::kernels::cut::Hit;
 use cutis::kernels::product::{LANES, cell_groups};
 use cutis::math::{Real, V4};
 
@@ -91,9 +93,9 @@ pub fn bounds<R: Real>(b: &Body) -> Outputs<R> {
 }
 
 pub fn centres<R: Real>(b: &Body) -> Outputs<R> {
-    let (mut point_u, mut point_v) = (b.v4::<R>("point_u"), b.v4("point_v"));
-    kernels::centres::centres(&b.params(), &b.v4("u"), &b.v4("v"), &mut point_u, &mut point_v);
-    vec![("point_u", flat(&point_u)), ("point_v", flat(&point_v))]
+    let mut point_u = b.v4::<R>("point_u");
+    kernels::centres::centres(&b.params(), &b.v4("u"), &mut point_u);
+    vec![("point_u", flat(&point_u))]
 }
 
 pub fn coarsen<R: Real>(b: &Body) -> Outputs<R> {
@@ -123,13 +125,30 @@ pub fn converge<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn cut<R: Real>(b: &Body) -> Outputs<R> {
     let segments = b.pairs("ends");
-    let (rest, quads) = (b.v4::<R>("rest"), b.v4("quads"));
-    let step = b.params().step;
-    let mut hits = kernels::cut::cut(step, &segments, &rest, &b.v4("point_u"), &b.v4("point_v"), &quads);
-    let count = hits.len() as u32;
-    hits.resize(segments.len(), NO_HIT);
-    let whole = |k: &u32| R::of(f64::from(*k));
-    vec![("hits", hits.iter().map(whole).collect()), ("hit_count", [count, 0, 0, 0].iter().map(whole).collect())]
+    let found = hits_of(b, &segments);
+    let whole = |k: u32| R::of(f64::from(k));
+    let mut hits: Vec<R> = found.iter().flat_map(|hit| [whole(hit.segment), hit.at]).collect();
+    hits.resize(2 * segments.len(), whole(NO_HIT));
+    let count = [found.len() as u32, 0, 0, 0].map(whole);
+    vec![("hits", hits), ("hit_count", count.to_vec())]
+}
+
+fn hits_of<R: Real>(b: &Body, segments: &[[u32; 2]]) -> Vec<Hit<R>> {
+    let [rest, point_u, point_before, quads] = ["rest", "point_u", "point_before", "quads"].map(|name| b.v4::<R>(name));
+    kernels::cut::cut(segments, &rest, &point_u, &point_before, &quads)
+}
+
+/// Segments of a body whose hits rounding decides.
+pub fn uncertain_segments(b: &Body) -> Vec<usize> {
+    let segments = b.pairs("ends");
+    let [rest, point_u, point_before, quads] =
+        ["rest", "point_u", "point_before", "quads"].map(|name| b.v4::<Bounded>(name));
+    let uncertain = |k: &usize| {
+        uncertain_comparisons();
+        kernels::cut::cut(&segments[*k..k + 1], &rest, &point_u, &point_before, &quads);
+        uncertain_comparisons() > 0
+    };
+    (0..segments.len()).filter(uncertain).collect()
 }
 
 pub fn factor<R: Real>(b: &Body) -> Outputs<R> {

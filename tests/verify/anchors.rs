@@ -8,6 +8,7 @@ use super::setup::{Body, LONG, apart, block, displaced, dot, epsilon, largest, m
 use super::{Case, Everywhere};
 use cutis::backend::{Backend, CpuBackend, Needs, Snapshot};
 use cutis::cut::Wound;
+use cutis::kernels::cut::Hit;
 use cutis::math::V4;
 use cutis::model::{Anchors, Model, Solved, elastic_energy, true_residual};
 use cutis::scene::Element::Bbar;
@@ -298,7 +299,7 @@ fn cut() {
     const STIFFNESS: f64 = 7.0;
     let ((mut with, model), (mut without, _)) = (of(Some(STIFFNESS)), of(None));
     let mut wound = Wound::new(&model);
-    let removal = wound.apply(&model, &[0]);
+    let removal = wound.apply(&model, &[Hit { segment: 0, at: 0.25 }]);
     assert_eq!(removal.cells, [0]);
     // a corner of the grid, a neighbour on the bottom, one further on, and the one above the corner
     let nodes = [0, 1, 2, 20];

@@ -9,6 +9,7 @@
 use super::setup::{Body, block, displaced, epsilon, measured, model, tolerance};
 use super::{Case, Everywhere};
 use cutis::cut::Wound;
+use cutis::kernels::cut::Hit;
 use cutis::model::Model;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Mass::{self, Consistent, Lumped, Uniform};
@@ -158,7 +159,7 @@ fn cut_masses() {
         scene.skins[0].mass = mass;
         let model = model(&scene);
         let mut wound = Wound::new(&model);
-        let removal = wound.apply(&model, &[0]);
+        let removal = wound.apply(&model, &[Hit { segment: 0, at: 0.25 }]);
         assert_eq!(removal.cells, [0]);
         let total = |free: &[[f64; 4]]| free.iter().map(|f| f[3]).sum::<f64>();
         let lost = total(&model.free) - total(&wound.free);

@@ -42,7 +42,7 @@ pub(super) struct Cutting<R> {
     pub ends: Vec<[u32; 2]>,
     pub rest: Vec<V4<R>>,
     pub point_u: Vec<V4<R>>,
-    pub point_v: Vec<V4<R>>,
+    pub point_before: Vec<V4<R>>,
 }
 
 impl<R: Real> Elastic<R> {
@@ -141,6 +141,6 @@ impl<R: Real> Cutting<R> {
             None => (links(&params), cell_centres(model).into_iter().map(pad).collect()),
         };
         let zeros = vec![[R::zero(); 4]; rest.len()];
-        Self { ends, rest, point_u: zeros.clone(), point_v: zeros }
+        Self { ends, rest, point_u: zeros.clone(), point_before: zeros }
     }
 }

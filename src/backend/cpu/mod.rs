@@ -6,6 +6,7 @@ use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Vector, 
 use crate::cut::Removal;
 use crate::error::Result;
 use crate::kernels::advance::Request;
+use crate::kernels::cut::Hit;
 use crate::kernels::product::{LANES, cell_groups, elastic_forces};
 use crate::kernels::{
     Params, anchors, blocks, bounds, centres, cut, duplicate, factor, forces, integrate, momentum, rhs, rotations,
@@ -285,6 +286,9 @@ impl<R: Real> Backend for CpuBackend<R> {
     }
 
     fn finish(&mut self, corrected: bool) -> Result<()> {
+        if let Some(c) = &mut self.cutting {
+            points(&self.params, &self.law, &self.u, &mut c.point_before);
+        }
         let params = Params { slot_count: if corrected { 2 } else { 1 }, ..self.params };
         integrate::integrate(&params, &self.x, &mut self.u, &mut self.v);
         Ok(())
@@ -304,21 +308,14 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(nodes.iter().map(|n| V3::from4(self.f[*n as usize]).f64()).collect())
     }
 
-    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<u32>> {
+    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>> {
         let Some(c) = &mut self.cutting else {
             return Ok(vec![]);
         };
-        match &self.law {
-            Elastic::Bricks(Bricks { split, .. }) => {
-                centres::centres(&self.params, split, &self.u, &self.v, &mut c.point_u, &mut c.point_v);
-            }
-            Elastic::Springs { .. } => {
-                c.point_u.copy_from_slice(&self.u);
-                c.point_v.copy_from_slice(&self.v);
-            }
-        }
+        points(&self.params, &self.law, &self.u, &mut c.point_u);
         let quads: Vec<V4<R>> = quads.iter().map(|p| V3::of(*p).pad(R::zero())).collect();
-        Ok(cut::cut(self.params.step, &c.ends, &c.rest, &c.point_u, &c.point_v, &quads))
+        let hits = cut::cut(&c.ends, &c.rest, &c.point_u, &c.point_before, &quads);
+        Ok(hits.iter().map(|hit| Hit { segment: hit.segment, at: hit.at.f64() }).collect())
     }
 
     fn remove(&mut self, removal: &Removal) -> Result<()> {
@@ -383,6 +380,14 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {
         Ok(widen(&self.x[slot * self.node_count..(slot + 1) * self.node_count]))
+    }
+}
+
+/// Displacements of the segments' ends: cell centres of bricks, nodes of springs.
+fn points<R: Real>(params: &Params<R>, law: &Elastic<R>, u: &[V4<R>], points: &mut [V4<R>]) {
+    match law {
+        Elastic::Bricks(Bricks { split, .. }) => centres::centres(params, split, u, points),
+        Elastic::Springs { .. } => points.copy_from_slice(u),
     }
 }
 

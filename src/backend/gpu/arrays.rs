@@ -3,6 +3,7 @@
 use crate::backend::{cell_centres, links};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
+use crate::kernels::cut::Hit;
 use crate::kernels::{
     self, GROUP, Params, Source, blocks, bounds, centres, cut, forces, gather, momentum, probe, product, rotations,
     scatter, springs, springs_blocks, springs_product,
@@ -60,7 +61,8 @@ pub(super) struct Put {
 }
 
 pub(super) struct Cutting {
-    centres: Option<Dispatch>,
+    centres: Option<[Dispatch; 2]>, // at the step's start and end; of springs the nodes count
+    point_before: Buffer,
     cut: Bound,
     params: Buffer,
     quads: Buffer,
@@ -228,7 +230,7 @@ impl Law {
 }
 
 impl Cutting {
-    pub fn new(made: &mut Maker, model: &Model, main: &Buffer, law: &Arrays, u: &Buffer, v: &Buffer) -> Result<Self> {
+    pub fn new(made: &mut Maker, model: &Model, main: &Buffer, law: &Arrays, u: &Buffer) -> Result<Self> {
         let gpu = made.gpu;
         let (ends, rest) = match &model.springs {
             Some(s) => (s.ends.clone(), model.rest.clone()),
@@ -239,15 +241,16 @@ impl Cutting {
         let (ends, rest) = (made.of("ends", &ends)?, made.of("rest", &rest)?);
         let params = made.uniform("params", 16, &[0; 4]);
         let quads = made.vec4("quads", MAX_QUADS * 4)?;
-        let hits = made.of("hits", &vec![0u32; MAX_HITS])?;
+        let hits = made.of("hits", &vec![[0u32; 2]; MAX_HITS])?;
         let hit_count = made.of("hit_count", &[0u32; 4])?;
-        let (centres, point_u, point_v) = if model.springs.is_some() {
-            (None, u.clone(), v.clone())
+        let points = if model.springs.is_some() { model.grid.node_count() } else { model.grid.cell_count() };
+        let point_before = made.vec4("point_before", points)?;
+        let (centres, point_u) = if model.springs.is_some() {
+            (None, u.clone())
         } else {
-            let cells = model.grid.cell_count();
-            let (point_u, point_v) = (made.vec4("point_u", cells)?, made.vec4("point_v", cells)?);
-            let list = [("params", main), ("u", u), ("v", v), ("point_u", &point_u), ("point_v", &point_v)];
-            (Some((law.bind(gpu, &centres::SOURCE, &list)?, cells)), point_u, point_v)
+            let point_u = made.vec4("point_u", points)?;
+            let of = |to: &Buffer| law.bind(gpu, &centres::SOURCE, &[("params", main), ("u", u), ("point_u", to)]);
+            (Some([(of(&point_before)?, points), (of(&point_u)?, points)]), point_u)
         };
         let cut = gpu.bind(
             &cut::SOURCE,
@@ -256,17 +259,25 @@ impl Cutting {
                 ("ends", &ends),
                 ("rest", &rest),
                 ("point_u", &point_u),
-                ("point_v", &point_v),
+                ("point_before", &point_before),
                 ("quads", &quads),
                 ("hits", &hits),
                 ("hit_count", &hit_count),
             ],
         )?;
-        Ok(Self { centres, cut, params, quads, hits, hit_count, segments })
+        Ok(Self { centres, point_before, cut, params, quads, hits, hit_count, segments })
     }
 
-    /// Runs what the batch holds and the cut: segments crossed by the quads, sorted `2·segment + half`.
-    pub fn hits(&self, gpu: &Gpu, mut batch: Batch, step: f32, quads: &[[f64; 3]]) -> Result<Vec<u32>> {
+    /// Keeps where the segments' ends are; comes before the step's integration.
+    pub fn keep_points(&self, batch: &mut Batch, u: &Buffer) {
+        match &self.centres {
+            Some([(before, cells), _]) => batch.run(before, *cells, 1),
+            None => batch.copy(u, 0, &self.point_before, 0, u.bytes),
+        }
+    }
+
+    /// Runs what the batch holds and the cut: segments crossed by the quads, in their order.
+    pub fn hits(&self, gpu: &Gpu, mut batch: Batch, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>> {
         let corners: Vec<V4<f32>> = quads.iter().map(|p| V3::of(*p).pad(0.0)).collect();
         if corners.len() > MAX_QUADS * 4 {
             return Err(Error::TooLarge {
@@ -277,16 +288,16 @@ impl Cutting {
                 fix: "set a larger edge_spacing_mm".into(),
             });
         }
-        gpu.write(&self.params, 0, &[self.segments as u32, corners.len() as u32 / 4, MAX_HITS as u32, step.to_bits()]);
+        gpu.write(&self.params, 0, &[self.segments as u32, corners.len() as u32 / 4, MAX_HITS as u32, 0]);
         gpu.write(&self.quads, 0, &corners);
         gpu.write(&self.hit_count, 0, &[0u32; 4]);
-        if let Some((centres, cells)) = &self.centres {
+        if let Some([_, (centres, cells)]) = &self.centres {
             batch.run(centres, *cells, 1);
         }
         batch.run(&self.cut, self.segments, 1);
         // few hits are usual: count and the first of them come in one read-back
         let first = 1024u64;
-        let parts = gpu.submit_and_read(batch, &[(&self.hit_count, 4), (&self.hits, first * 4)])?;
+        let parts = gpu.submit_and_read(batch, &[(&self.hit_count, 4), (&self.hits, first * 8)])?;
         let count = cast::<u32>(&parts[0])[0] as usize;
         if count > MAX_HITS {
             return Err(Error::TooLarge {
@@ -297,10 +308,11 @@ impl Cutting {
                 fix: "use a shorter step_ms".into(),
             });
         }
-        let mut hits: Vec<u32> = if count as u64 <= first { cast(&parts[1]) } else { gpu.read(&self.hits, count)? };
+        let mut hits: Vec<[u32; 2]> =
+            if count as u64 <= first { cast(&parts[1]) } else { gpu.read(&self.hits, count)? };
         hits.truncate(count);
         hits.sort_unstable();
-        Ok(hits)
+        Ok(hits.iter().map(|[segment, at]| Hit { segment: *segment, at: f64::from(f32::from_bits(*at)) }).collect())
     }
 }
 

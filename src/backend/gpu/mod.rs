@@ -13,7 +13,7 @@ use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Vector, Wanted};
 use crate::cut::Removal;
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
-use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
+use crate::kernels::{GROUP, Params, blocks, cut::Hit, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
@@ -111,8 +111,7 @@ impl GpuBackend {
         let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, most, &solver.r)?) } else { None };
         let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
         gpu.making("cut");
-        let cutting =
-            if needs.cutting { Some(Cutting::new(&mut made, model, &main, &law.shared, &u, &v)?) } else { None };
+        let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &law.shared, &u)?) } else { None };
         let split = Split::new(&mut made, model, &law.shared, &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
         let node_blocks = if needs.node_blocks {
             let out = made.vec4("block", n * 4)?;
@@ -326,6 +325,7 @@ impl Backend for GpuBackend {
 
     fn finish(&mut self, corrected: bool) -> Result<()> {
         let mut batch = self.record();
+        self.cutting.iter().for_each(|c| c.keep_points(&mut batch, &self.body.u));
         batch.run(&self.integrate[usize::from(corrected)], self.node_count, 1);
         self.pending = Some(batch);
         Ok(())
@@ -350,10 +350,10 @@ impl Backend for GpuBackend {
         self.read_picked(nodes, |p| &p.f)
     }
 
-    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<u32>> {
+    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>> {
         let batch = self.record();
         match &self.cutting {
-            Some(cutting) => cutting.hits(&self.gpu, batch, self.params.step, quads),
+            Some(cutting) => cutting.hits(&self.gpu, batch, quads),
             None => Ok(vec![]),
         }
     }
