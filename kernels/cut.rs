@@ -23,9 +23,9 @@
 //! `2 u X`, `c − m` in all `3.5 u X`, so `d` is off by `2.8 u κ + u`, the axes by up to twice that (smallest rotations up to 90° spin by
 //! `tan(θ/2) ≤ 1` of what `d` moves) and `6 u` of their own; `1/L` by `3.5 u κ + 3 u`. Together `u (3.5 κ + r (9.2 κ + 16))` of a length; with
 //! the largest components instead of norms, `X ≤ |m| + (r + ½) L`, and `ε = 2 u`, at most `10 ε (1 + |m|/L + r) (1 + r)`. `slack` is twice
-//! that: two evaluations of one point lie no further apart. Random cases use a twentieth of it. It decides
+//! that: two evaluations of one point lie no further apart. Random cases use a twentieth of the bound. `slack` decides
 //! - touching: an edge that passes the origin within `slack` crosses, so that grazing, starting or ending on a segment cuts it;
-//! - where: `z` is known to `slack (1 + |∂z/∂x| + |∂z/∂y|)`, and that much of it must meet `[−½ − slack, ½ + slack]`: links that
+//! - where: `z` is known to `slack (1 + |∂z/∂x| + |∂z/∂y|)`, and that range of it must meet `[−½, ½]`: links that
 //!   meet in a cell's centre, and turn and stretch alike, leave no gap there;
 //! - slivers: a triangle thinner than `slack` has no inside, only edges: a blade at rest on a segment's line cuts it only where it lies.
 //!
