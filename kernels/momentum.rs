@@ -48,7 +48,7 @@ pub fn mean_velocity<R: Real>(
     i: usize,
 ) -> V3<R> {
     let Some(c) = params.place(split, i) else {
-        return V3::zero();
+        return V3::from4(v[i]);
     };
     let own = V3::from4(v[i]);
     let mut sum = V3::zero();

@@ -182,6 +182,10 @@ impl Parts {
             if self.beyond(cell, axis).is_none() || self.is_severed(cell, axis) {
                 continue;
             }
+            if self.severed.is_empty() {
+                change.refused += 1; // there is no reserve at all
+                continue;
+            }
             self.severed[cell] |= 1 << axis;
             let around = self.face(cell, axis).map(|node| self.params.node_at(node));
             let falls_apart: Vec<[usize; 3]> = around.into_iter().filter(|c| self.falls_apart(*c)).collect();

@@ -10,7 +10,7 @@ use cutis::kernels::probe;
 use cutis::kernels::product::{Modes, tiles};
 use cutis::kernels::{GROUP, Params};
 use cutis::math::{M3, Real, V3, V4};
-use cutis::mesh::Grid;
+use cutis::mesh::{Grid, Parts};
 use cutis::model::{MAX_LAYERS, Springs};
 
 /// Sizes and seed; the rest follows.
@@ -27,6 +27,8 @@ pub struct Body {
     pub springs: Springs,
     /// Springs that are no segments, beside every fifth.
     pub no_segments: Vec<usize>,
+    /// Split nodes, for kernels that know of them.
+    pub parts: Parts,
     seed: u64,
 }
 
@@ -101,7 +103,8 @@ impl Body {
             heights: (0..=cells[2]).map(|k| 4e-4 * k as f64).collect(),
             layer_of: (0..cells[2]).map(|k| (k * LAYERS / cells[2]) as u32).collect(),
         };
-        Self { kernel, slots, first_slot, springs: Springs::new(&grid, 50.0, 0.05), no_segments: vec![], grid, seed }
+        let (parts, springs) = (parts(kernel, &grid, seed), Springs::new(&grid, 50.0, 0.05));
+        Self { kernel, slots, first_slot, springs, no_segments: vec![], grid, parts, seed }
     }
 
     /// What the grid kernels know of it.
@@ -122,7 +125,7 @@ impl Body {
             gravity_x: R::of(0.5),
             gravity_y: R::of(-0.25),
             gravity_z: R::of(-9.75),
-            ..self.grid.params()
+            ..reserved(self.kernel, &self.grid)
         }
     }
 
@@ -132,20 +135,47 @@ impl Body {
         match self.kernel {
             "cut" => vec![segments, QUADS as u32, segments, 0],
             "anchors" | "gather" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
+            "duplicate" => vec![self.copies().len() as u32, self.nodes() as u32, 0, 0],
             _ => self.params::<f32>().words(),
         }
+    }
+
+    fn params_of_split(&self) -> Params<f64> {
+        reserved(self.kernel, &self.grid)
+    }
+
+    /// Nodes of the grid and places for copies.
+    pub fn nodes(&self) -> usize {
+        self.params_of_split().node_count as usize
+    }
+
+    /// The table of split nodes; a word where there is none.
+    pub fn split(&self) -> Vec<u32> {
+        if self.parts.table().is_empty() { vec![0] } else { self.parts.table().to_vec() }
+    }
+
+    /// Pairs of nodes, none of them twice.
+    pub fn copies(&self) -> Vec<[u32; 2]> {
+        self.ids().chunks_exact(2).map(|pair| [pair[0], pair[1]]).collect()
+    }
+
+    /// Workgroups of the product.
+    pub fn product_tiles(&self) -> usize {
+        tiles(&self.grid.params::<f64>())
     }
 
     /// Partial sums of the product, per slot.
     pub fn product_groups(&self) -> usize {
         match self.kernel {
-            "product" => tiles(&self.grid.params::<f64>()),
+            "product" | "split_product" => {
+                self.product_tiles() + (self.params_of_split().touched_nodes as usize).div_ceil(GROUP as usize)
+            }
             _ => self.node_groups(),
         }
     }
     /// Groups of 64 over nodes.
     pub fn node_groups(&self) -> usize {
-        self.grid.node_count().div_ceil(GROUP as usize)
+        self.nodes().div_ceil(GROUP as usize)
     }
     /// Groups of 64 over columns.
     pub fn column_groups(&self) -> usize {
@@ -153,12 +183,13 @@ impl Body {
     }
     /// Columns of nodes.
     pub fn columns(&self) -> usize {
-        self.grid.nodes[0] * self.grid.nodes[1]
+        let params = self.params_of_split();
+        params.columns() + params.extra_columns as usize
     }
 
     /// Tiles whose displacements are bounded.
     pub fn tiles(&self) -> usize {
-        bounds::tiles(&self.params::<f64>()).iter().product()
+        bounds::tile_count(&self.params::<f64>())
     }
 
     /// Cells of the next coarser level.
@@ -191,6 +222,8 @@ impl Body {
             "ends" => Array::Count(self.segments().concat()),
             "hits" => Array::Count(vec![NO_HIT; 2 * self.springs.ends.len()]),
             "hit_count" => Array::Count(vec![0; 4]),
+            "split" => Array::Count(self.split()),
+            "pairs" => Array::Count(self.copies().concat()),
             _ => Array::Real(self.reals(name)),
         }
     }
@@ -203,7 +236,7 @@ impl Body {
     }
 
     fn reals(&self, name: &str) -> Vec<f32> {
-        let (nodes, all) = (self.grid.node_count(), self.grid.node_count() * self.slots.max(2));
+        let (nodes, all) = (self.nodes(), self.nodes() * self.slots.max(2));
         let seed = name.bytes().fold(self.seed, |s, c| s.wrapping_mul(31).wrapping_add(u64::from(c)));
         let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         random.next();
@@ -219,6 +252,7 @@ impl Body {
             "coarse_r" => random.vectors(self.coarse_nodes() * self.slots, 0.01),
             "coarse_rotation" => random.many(self.coarse_cells() * 4, 1.0),
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
+            "values" if self.kernel == "duplicate" => random.many(all * 4, 1.0),
             "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),
             "anchor" => positive(&mut random, self.ids().len()).map(|k| 100.0 * k).collect(),
             "rest" => self.rest(&mut random),
@@ -254,7 +288,14 @@ impl Body {
             "partial_product" => {
                 let groups = self.product_groups();
                 let sign = |k: usize| if k / groups == 7 { -1.0 } else { 1.0 };
-                positive(&mut random, self.slots * groups).enumerate().map(|(k, c)| c * sign(k)).collect()
+                // what the kernel leaves to another one is zero
+                let own = |k: usize| match self.kernel {
+                    "product" => k % groups < self.product_tiles(),
+                    "split_product" => k % groups >= self.product_tiles(),
+                    _ => true,
+                };
+                let all = positive(&mut random, self.slots * groups).enumerate();
+                all.map(|(k, c)| if own(k) { c * sign(k) } else { 0.0 }).collect()
             }
             "partial_gamma" => positive(&mut random, self.slots * self.column_groups()).collect(),
             "cases" => probe::cases().concat(),
@@ -329,6 +370,57 @@ impl Body {
             },
         }
     }
+}
+
+/// Kernels that are tried on a body with split nodes.
+const SPLIT: [&str; 13] = [
+    "blocks",
+    "bounds",
+    "centres",
+    "factor",
+    "forces",
+    "momentum",
+    "precondition",
+    "product",
+    "prolongation",
+    "relax",
+    "restriction",
+    "rotations",
+    "split_product",
+];
+/// Columns of copies: more than a group of `bounds`.
+const EXTRA_COLUMNS: u32 = 11;
+
+/// Sizes, with room for copies where the kernel knows of them.
+fn reserved<R: Real>(kernel: &str, grid: &Grid) -> Params<R> {
+    let params: Params<R> = grid.params();
+    if !SPLIT.contains(&kernel) {
+        return params;
+    }
+    let node_count = params.node_count + EXTRA_COLUMNS * params.nodes_z;
+    Params { node_count, extra_columns: EXTRA_COLUMNS, split_cells: 200, touched_nodes: 300, ..params }
+}
+
+/// Planes across x, y and z that reach part of the way, and links here and there.
+fn parts(kernel: &str, grid: &Grid, seed: u64) -> Parts {
+    let params = reserved::<f64>(kernel, grid);
+    let mut parts = Parts::new(params);
+    let mut random = Random(seed);
+    let middle = grid.cells.map(|c| (c / 2).max(1) - 1);
+    let mut hits = vec![];
+    for cell in 0..grid.cell_count() {
+        let at = params.cell_at(cell);
+        let upper = at[2] >= middle[2];
+        let planes =
+            [upper && at[1] <= middle[1] + 1, upper && at[0] <= middle[0], at[0] >= middle[0] && at[1] > middle[1]];
+        for axis in 0..3 {
+            if (at[axis] == middle[axis] && planes[axis]) || random.next() > 0.9 {
+                hits.push(((3 * cell + axis) as u32, 0.5));
+            }
+        }
+    }
+    parts.cut(&hits);
+    parts
 }
 
 /// Puts three nodes nowhere, the last two of them on the grid's last seams.

@@ -164,7 +164,7 @@ fn a_wrong_binding_says_which_names_are_known(gpu: &Gpu) -> Result<(), Failure> 
             let all = [
                 "`update`",
                 "`params`",
-                "has 16 bytes, 96 are needed",
+                "has 16 bytes, 112 are needed",
                 "params, scalars, z, w, x, p, s, r, partial_residual",
             ];
             require(all.iter().all(|part| words.contains(part)), || words)?;

@@ -8,7 +8,7 @@ use super::body::{Array, Body, NO_HIT};
 use super::bounded::{Bounded, uncertain_comparisons};
 use super::twins::{self, Outputs, slot_sums};
 use cutis::gpu::{Access, Buffer, Gpu, Shader, cast};
-use cutis::kernels::{self, COMMON, GROUP, Source};
+use cutis::kernels::{self, GROUP, Source};
 use cutis::math::{M3, V3, V4, rotation_matrix};
 use std::collections::BTreeMap;
 
@@ -24,6 +24,7 @@ enum Threads {
     Nodes,
     Cells,
     Tiles,
+    Touched,
     Bounds,
     Columns,
     Segments,
@@ -70,13 +71,15 @@ const CASES: &[Case] = cases! {
     ]
     blocks Nodes false [
         "a + 4u" => "a + 3u", "if a < 4u" => "if a < 3u", "layer_of[at.z] * 64u" => "0u",
-        "any(at >= cells)" => "any(at + 1u >= cells)"
+        "any(at >= cells)" => "any(at + 1u >= cells)", "corner_node(params, at, a) != i" => "false", "a < 4u && chained" => "a < 4u",
+        "select(2.0, 1.0, chained)" => "1.0", "above(params, other) == i" => "true", "free[over].xyz" => "free[i].xyz"
     ]
     bounds Bounds false [
         "last - first + 1u" => "last - first", "max(high, d)" => "min(high, d)", "low.w += 1.0" => "low.w += 0.0", "n += GROUP" => "n += 2u * GROUP",
-        "n = GROUP / 2u" => "n = GROUP / 4u", "tile / tiles.x" => "tile / tiles.y", "min(first + TILE," => "max(first,"
+        "n = GROUP / 2u" => "n = GROUP / 4u", "tile / tiles.x" => "tile / tiles.y", "min(first + TILE," => "max(first,",
+        "if tile >= of_grid { i" => "if false { i", "vec2<u32>((tile - of_grid) * TILE, 0u)" => "vec2<u32>(0u, 0u)"
     ]
-    centres Cells false ["sum * 0.125" => "sum * 0.126", "params.nodes_y" => "params.cells_y"]
+    centres Cells false ["sum * 0.125" => "sum * 0.126", "corner_node(params, vec3<u32>(x, y, z), k)" => "node_id(params, vec3<u32>(x, y, z) + corner(k))"]
     coarsen Cells false [
         "0.25 * share" => "share", "select(weight, -weight," => "select(weight, weight,",
         "x >= params.cells_x ||" => "", "weight = squared *" => "weight =", "child & 1u" => "child & 0u"
@@ -91,16 +94,19 @@ const CASES: &[Case] = cases! {
         "both.x - both.y" => "both.x + both.y", "point_before[second]" => "point_before[first]", "spread = slack" => "spread = 1e4 * slack",
         "* frame.scale);" => "* 1000.0);"
     ]
-    factor Columns false ["own.d - below" => "own.d + below", "transpose(own.g) * g" => "own.g * g"]
+    duplicate Ids true [
+        "k >= params.count" => "k >= params.count / 2u", "pairs[k].y]" => "pairs[0].y]", "group.y * params.stride" => "params.stride"
+    ]
+    factor Columns false ["own.d - below" => "own.d + below", "transpose(own.g) * g" => "own.g * g", "p.extra_columns);" => "columns);"]
     forces Nodes false [
-        "- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "(u[node].xyz - own) * r" => "r * (u[node].xyz - own)",
+        "- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "own) * r" => "own) * transpose(r)", "|| corner_node(params, at, a) != i" => "", "u[corner_node(params, at, b)]" => "u[node_id(params, at + corner(b))]",
         "turn * x + e * x" => "turn * x", "pre_strain[layer]" => "pre_strain[0]"
     ]
     gather Ids false ["source[ids[k]]" => "source[k]"]
     integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "1.0 / params.step" => "params.step"]
     momentum Nodes false [
-        "near.y * near.z" => "near.y", "sum * rate" => "sum", "v[node].xyz - own" => "v[node].xyz", "shape[layer_of[at.z]]" => "shape[0]",
-        "any(at >= cells)" => "any(at + 1u >= cells)", "== vec4<f32>(0.0)) { continue" => "== vec4<f32>(9.0)) { continue"
+        "near.y * near.z" => "near.y", "sum * rate" => "sum", "v[corner_node(params, at, b)].xyz - own" => "v[corner_node(params, at, b)].xyz", "|| corner_node(params, at, a) != i" => "", "shape[layer_of[at.z]]" => "shape[0]",
+        "any(at >= cells)" => "any(at + 1u >= cells)", "== vec4<f32>(0.0)) ||" => "== vec4<f32>(9.0)) ||"
     ]
     precondition Columns true [
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u",
@@ -113,10 +119,10 @@ const CASES: &[Case] = cases! {
         "g3 = modes[first + 3u]" => "g3 = modes[first + 2u]", "r * vec3<f32>(g6.x" => "transpose(r) * vec3<f32>(g6.x",
         "vec3<f32>(l7.x, l4.y, l2.z)" => "vec3<f32>(l7.x, l4.y, l3.z)", "(below + above)" => "(above)",
         "corner_force[129u + lane]" => "corner_force[130u + lane]",
-        "layer_of[k] * 8u" => "0u", "params.first_slot + group.y" => "group.y + 1u"
+        "layer_of[k] * 8u" => "0u", "params.first_slot + group.y" => "group.y + 1u", "if !is_split(params, cell)" => "if true"
     ]
     prolongation Nodes true [
-        "0.25 *" => "0.5 *", "free[i].xyz" => "free[0].xyz", "slot * size.x" => "0u * size.x", "x % 2u" => "y % 2u",
+        "0.25 *" => "0.5 *", "free[i].xyz" => "free[0].xyz", "slot * size.x" => "0u * size.x", "x % 2u" => "y % 2u", "let at = place(params, i)" => "let at = node_at(params, i)",
         "|| scalars[slot * 2u].w != 0.0" => ""
     ]
     relax Columns true [
@@ -126,13 +132,19 @@ const CASES: &[Case] = cases! {
     ]
     restriction Nodes true [
         "0.5, 1.0, dx == 1u" => "0.5, 1.0, dx == 0u", "- w[node].xyz" => "+ w[node].xyz", "x > params.nodes_x ||" => "",
-        "coarse_free[i].xyz" => "coarse_free[0].xyz", "|| scalars[slot * 2u].w != 0.0" => ""
+        "coarse_free[i].xyz" => "coarse_free[0].xyz", "while next != 0u" => "while next != 0u && false",
+        "next = split[params.extra_columns + next - 1u]" => "next = 0u", "|| scalars[slot * 2u].w != 0.0" => ""
     ]
     rhs Nodes false [
         "elastic + v[i].xyz" => "elastic - v[i].xyz", "dot(held, held)" => "dot(held, sum)", "n > 0u" => "n > 1u"
     ]
-    rotations Cells false ["* 2.0 - 1.0" => "* 2.0 - 1.001", "t - s[1].y" => "t + s[1].y", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"]
+    rotations Cells false ["u[corner_node(params, vec3<u32>(x, y, z), a)]" => "u[node_id(params, vec3<u32>(x, y, z) + o)]", "* 2.0 - 1.0" => "* 2.0 - 1.001", "t - s[1].y" => "t + s[1].y", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"]
     scatter Ids false ["destination[ids[k]]" => "destination[k]"]
+    split_product Touched true [
+        "!is_split(params, cell) ||" => "", "|| corner_node(params, at, a) != i" => "", "if !of_grid { out" => "if of_grid { out",
+        "if of_grid { out +=" => "if false { out +=", "* 64u + a * 8u" => "* 64u", "n = GROUP / 2u" => "n = GROUP / 4u", "scalars[slot * 2u].w == 0.0" => "true",
+        "parent % p.nodes_x" => "0u", "out *= free[i].xyz" => "out *= free[0].xyz", "- own) * r)" => "- own) * transpose(r))"
+    ]
     springs Nodes false [
         "max(stretch, 0.0)" => "stretch", "sum -= d" => "sum += d", "own.x + elongation" => "elongation",
         "span + span + shift, shift" => "span + span, shift", "length > 0.0" => "true"
@@ -231,9 +243,10 @@ fn run(gpu: &Gpu, case: &Case, body: &Body, broken: Option<&Shader>) -> Result<B
         None => gpu.bind(case.source, &list)?,
     };
     let threads = match case.threads {
-        Threads::Nodes => body.grid.node_count(),
+        Threads::Nodes => body.nodes(),
         Threads::Cells => body.grid.cell_count(),
-        Threads::Tiles => body.product_groups() * GROUP as usize,
+        Threads::Tiles => body.product_tiles() * GROUP as usize,
+        Threads::Touched => body.params::<f32>().touched_nodes as usize,
         Threads::Bounds => body.tiles() * GROUP as usize,
         Threads::Columns => body.columns(),
         Threads::Segments => body.springs.ends.len(),
@@ -328,7 +341,7 @@ fn bounded_rotations(body: &Body) -> Outputs<Bounded> {
         let level = params.cell_at(cell)[2];
         let h = V3::from4(shape[body.grid.layer_of[level] as usize]);
         let (mut f, mut size) = (M3::identity(), 1.0);
-        for (a, node) in params.corners(cell).into_iter().enumerate() {
+        for (a, node) in params.corner_nodes(&body.split(), cell).into_iter().enumerate() {
             let sign = kernels::corner(a).map(|o| if o == 1 { 0.25 } else { -0.25 });
             let gradient = V3::new(sign[0] / h.x, sign[1] / h.y, sign[2] / h.z);
             f = f + V3::from4(u[node]).outer(gradient);
@@ -361,13 +374,15 @@ pub fn agrees(gpu: &Gpu, case: &Case) -> Result<(), Failure> {
 pub fn is_found_out_when_broken(gpu: &Gpu, case: &Case) -> Result<(), Failure> {
     let all = Expected::all(case)?;
     for (from, to) in case.breaks {
-        let (mut common, mut wgsl) = (COMMON.to_string(), case.source.wgsl.to_string());
+        let whole = kernels::text(case.source);
+        let (common, wgsl) = whole.split_at(whole.len() - case.source.wgsl.len());
+        let (mut common, mut wgsl) = (common.to_string(), wgsl.to_string());
         let text = if wgsl.contains(from) { &mut wgsl } else { &mut common };
         if !text.contains(from) {
             return Err(format!("`{from}` is not in the kernel; choose another part to break").into());
         }
         *text = text.replacen(from, to, 1);
-        let shader = Shader::from_text(case.source.name, format!("{common}\n{wgsl}"))?;
+        let shader = Shader::from_text(case.source.name, format!("{common}{wgsl}"))?;
         let mut found = false;
         for expected in all.iter().rev() {
             found = found || compare(expected, &run(gpu, case, &expected.body, Some(&shader))?)?.is_err();

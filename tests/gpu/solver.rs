@@ -341,7 +341,7 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     seen.push(("tile bounds", SOLUTION, triples(&b.bounds()?.concat())));
     // one cell (or its springs) and, at the corner, a node go
     let (cells, springs, nodes) = removal(model);
-    b.remove(&cells, &springs, &nodes)?;
+    b.remove(&cutis::cut::Removal { cells, springs, free: nodes, ..Default::default() })?;
     b.begin()?;
     let all: Vec<u32> = (0..model.grid.node_count() as u32).collect();
     seen.push(("elastic forces", FORCE, b.elastic_forces(&all)?));

@@ -5,10 +5,11 @@
 use super::body::{Body, NO_HIT};
 use super::bounded::{Bounded, uncertain_comparisons};
 use cutis::kernels;
+use cutis::kernels::Params;
 use cutis::kernels::advance::{Request, Scalars};
 use cutis::kernels::cut::Hit;
 use cutis::kernels::product::{LANES, cell_groups};
-use cutis::math::{Real, V4};
+use cutis::math::{Real, V3, V4, rotation_matrix};
 
 /// Name and elements of each read-write array.
 pub type Outputs<R> = Vec<(&'static str, Vec<R>)>;
@@ -19,7 +20,7 @@ fn flat<R: Real>(vectors: &[V4<R>]) -> Vec<R> {
 
 /// Slots that a dispatch works on, with their range in `[slot][node]` arrays.
 fn running(b: &Body) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> {
-    let (n, scalars) = (b.grid.node_count(), b.v4::<f32>("scalars"));
+    let (n, scalars) = (b.nodes(), b.v4::<f32>("scalars"));
     (b.first_slot..b.slots)
         .filter(move |slot| scalars[slot * 2][3] == 0.0)
         .map(move |slot| (slot, slot * n..(slot + 1) * n))
@@ -82,7 +83,7 @@ pub fn blocks<R: Real>(b: &Body) -> Outputs<R> {
     let mut block = b.v4::<R>("block");
     let (layer_of, rotation) = (&b.grid.layer_of, b.v4("rotation"));
     let (stiffness, free) = (b.stiffness(), b.v4("free"));
-    kernels::blocks::blocks(&b.params(), &stiffness, layer_of, &rotation, &free, &mut block);
+    kernels::blocks::blocks(&b.params(), &stiffness, layer_of, &rotation, &free, &b.split(), &mut block);
     vec![("block", flat(&block))]
 }
 
@@ -94,7 +95,7 @@ pub fn bounds<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn centres<R: Real>(b: &Body) -> Outputs<R> {
     let mut point_u = b.v4::<R>("point_u");
-    kernels::centres::centres(&b.params(), &b.v4("u"), &mut point_u);
+    kernels::centres::centres(&b.params(), &b.split(), &b.v4("u"), &mut point_u);
     vec![("point_u", flat(&point_u))]
 }
 
@@ -161,7 +162,8 @@ pub fn forces<R: Real>(b: &Body) -> Outputs<R> {
     let mut f = b.v4::<R>("f");
     let (shape, pre_strain, stiffness) = (b.v4("shape"), b.v4("pre_strain"), b.stiffness());
     let (u, rotation) = (b.v4("u"), b.v4("rotation"));
-    kernels::forces::forces(&b.params(), &shape, &pre_strain, &stiffness, &b.grid.layer_of, &u, &rotation, &mut f);
+    let (layer_of, split) = (&b.grid.layer_of, b.split());
+    kernels::forces::forces(&b.params(), &shape, &pre_strain, &stiffness, layer_of, &split, &u, &rotation, &mut f);
     vec![("f", flat(&f))]
 }
 
@@ -180,7 +182,8 @@ pub fn integrate<R: Real>(b: &Body) -> Outputs<R> {
 pub fn momentum<R: Real>(b: &Body) -> Outputs<R> {
     let (shape, rotation, free) = (b.v4("shape"), b.v4("rotation"), b.v4("free"));
     let mut mean_v = b.v4::<R>("mean_v");
-    kernels::momentum::momentum(&b.params(), &shape, &b.grid.layer_of, &rotation, &free, &b.v4("v"), &mut mean_v);
+    let (layer_of, split, v) = (&b.grid.layer_of, b.split(), b.v4("v"));
+    kernels::momentum::momentum(&b.params(), &shape, layer_of, &split, &rotation, &free, &v, &mut mean_v);
     vec![("mean_v", flat(&mean_v))]
 }
 
@@ -196,12 +199,12 @@ pub fn precondition<R: Real>(b: &Body) -> Outputs<R> {
 pub fn product<R: Real>(b: &Body) -> Outputs<R> {
     let (modes, rotation) = (b.modes(), b.v4("rotation"));
     let (free, z, mut w) = (b.v4::<R>("free"), b.v4("z"), b.v4("w"));
-    let (p, layer_of) = (b.params(), &b.grid.layer_of);
+    let (p, layer_of, split) = (b.params(), &b.grid.layer_of, b.split());
     let mut scratch = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&p)];
     let mut dots = start_sums(b, "partial_product", b.product_groups());
     for (slot, at) in running(b) {
         let (z, w) = (&z[at.clone()], &mut w[at]);
-        dots[slot] = kernels::product::product(&p, &modes, layer_of, &rotation, &free, z, w, &mut scratch);
+        dots[slot] = kernels::product::product(&p, &modes, layer_of, &rotation, &free, &split, z, w, &mut scratch);
     }
     vec![("w", flat(&w)), ("partial_product", dots)]
 }
@@ -210,7 +213,7 @@ pub fn prolongation<R: Real>(b: &Body) -> Outputs<R> {
     let (coarse, mut z, count) = (b.v4::<R>("coarse_z"), b.v4("z"), b.coarse_nodes());
     for (slot, at) in running(b) {
         let coarse = &coarse[slot * count..(slot + 1) * count];
-        kernels::prolongation::prolongation(&b.params(), &b.v4("free"), coarse, &mut z[at]);
+        kernels::prolongation::prolongation(&b.params(), &b.v4("free"), &b.split(), coarse, &mut z[at]);
     }
     vec![("z", flat(&z))]
 }
@@ -231,9 +234,52 @@ pub fn restriction<R: Real>(b: &Body) -> Outputs<R> {
     let count = b.coarse_nodes();
     for (slot, at) in running(b) {
         let coarse = &mut coarse[slot * count..(slot + 1) * count];
-        kernels::restriction::restriction(&b.params(), &free, &r[at.clone()], &w[at], coarse);
+        kernels::restriction::restriction(&b.params(), &free, &b.split(), &r[at.clone()], &w[at], coarse);
     }
     vec![("coarse_r", flat(&coarse))]
+}
+
+pub fn duplicate<R: Real>(b: &Body) -> Outputs<R> {
+    let mut values = b.v4::<R>("values");
+    let slots = (b.slots - b.first_slot) * b.nodes();
+    kernels::duplicate::duplicate(b.nodes(), &b.copies(), &mut values[..slots]);
+    vec![("values", flat(&values))]
+}
+
+/// The shader is given 3×3 blocks, the twin the same matrices in mirror blocks: those of `stiffness` have no mirrors, so the twin here
+/// is the gather that the shader does, over the split cells alone.
+pub fn split_product<R: Real>(b: &Body) -> Outputs<R> {
+    let (p, split): (Params<R>, _) = (b.params(), b.split());
+    let (stiffness, rotation, free) = (b.stiffness::<R>(), b.v4::<R>("rotation"), b.v4::<R>("free"));
+    let (z, mut w) = (b.v4::<R>("z"), b.v4("w"));
+    let mut dots = start_sums(b, "partial_product", b.product_groups());
+    for (slot, at) in running(b) {
+        let (z, w) = (&z[at.clone()], &mut w[at]);
+        for i in p.touched(&split).iter().map(|n| *n as usize) {
+            let own = V3::from4(z[i]);
+            let mut sum = V3::zero();
+            for cell in b.parts.cells_of(i).into_iter().filter(|cell| p.is_split(&split, *cell)) {
+                let corners = p.corner_nodes(&split, cell);
+                let a = corners.iter().position(|n| *n == i).expect("a cell of the node");
+                let first = b.grid.layer_of[p.cell_at(cell)[2]] as usize * 64 + a * 8;
+                let r = rotation_matrix(rotation[cell]);
+                let mut local = V3::zero();
+                for (k, node) in corners.into_iter().enumerate() {
+                    local += stiffness[first + k] * (r.transpose() * (V3::from4(z[node]) - own));
+                }
+                sum += r * local;
+            }
+            let mut out = sum * p.stiffness_factor;
+            let of_grid = i < p.grid_nodes();
+            if !of_grid {
+                out += own * (p.inertia * free[i][3]);
+            }
+            out = out.times(V3::from4(free[i]));
+            dots[slot] += own.dot(out);
+            w[i] = if of_grid { (out + V3::from4(w[i])).pad(R::zero()) } else { out.pad(R::zero()) };
+        }
+    }
+    vec![("w", flat(&w)), ("partial_product", dots)]
 }
 
 pub fn rhs<R: Real>(b: &Body) -> Outputs<R> {
@@ -246,7 +292,7 @@ pub fn rhs<R: Real>(b: &Body) -> Outputs<R> {
 pub fn rotations<R: Real>(b: &Body) -> Outputs<R> {
     let mut rotation = b.v4::<R>("rotation");
     let (shape, u) = (b.v4("shape"), b.v4("u"));
-    kernels::rotations::rotations(&b.params(), &shape, &b.grid.layer_of, &u, &mut rotation);
+    kernels::rotations::rotations(&b.params(), &shape, &b.grid.layer_of, &b.split(), &u, &mut rotation);
     vec![("rotation", flat(&rotation))]
 }
 
