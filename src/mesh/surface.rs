@@ -22,6 +22,15 @@ impl Quad {
     }
 }
 
+/// What the edges of a surface say of it; both are 0 of an uncut body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Edges {
+    /// Edges that more than one pair of faces meets at: parts that touch along an edge and have its nodes in common.
+    pub nonmanifold: usize,
+    /// Edges that are not run along as often one way as the other: the surface has a hole there.
+    pub open: usize,
+}
+
 /// Which cells are live, and which hang together.
 #[derive(Clone, Debug)]
 pub struct Surface {
@@ -70,6 +79,23 @@ impl Surface {
         let mut out = vec![];
         self.quads([0; 3], [p.cells_x as usize, p.cells_y as usize, p.cells_z as usize], &mut out);
         out
+    }
+
+    /// Counts edges by how faces meet at them.
+    pub fn edges(&self) -> Edges {
+        let mut sides: Vec<([u32; 2], bool)> = vec![];
+        for Quad { nodes, .. } in self.all() {
+            let next = [1, 2, 3, 0].map(|k| nodes[k]);
+            sides.extend(nodes.into_iter().zip(next).map(|(a, b)| ([a.min(b), a.max(b)], a < b)));
+        }
+        sides.sort_unstable();
+        let mut found = Edges::default();
+        for at_edge in sides.chunk_by(|a, b| a.0 == b.0) {
+            let forward = at_edge.iter().filter(|(_, forward)| *forward).count();
+            found.nonmanifold += usize::from(at_edge.len() > 2);
+            found.open += usize::from(2 * forward != at_edge.len());
+        }
+        found
     }
 
     fn cell_quads(&self, at: [usize; 3], out: &mut Vec<Quad>) {
