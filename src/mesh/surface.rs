@@ -150,4 +150,38 @@ mod tests {
         assert!(edges.values().all(|n| *n == 0));
         assert_eq!(surface.all().len(), 2 * (9 + 6 + 6) + 4);
     }
+
+    /// Three cells along each axis, with a reserve.
+    fn splittable() -> Surface {
+        let grid = Grid {
+            cells: [3, 3, 3],
+            nodes: [4, 4, 4],
+            edge: [1.0, 1.0],
+            heights: vec![0.0, 1.0, 2.0, 3.0],
+            layer_of: vec![0; 3],
+        };
+        let params = Params { extra_columns: 16, split_cells: 100, touched_nodes: 400, ..grid.params::<f64>() };
+        Surface::with_reserve(params)
+    }
+
+    #[test]
+    fn a_cut_leaves_no_hole_and_edges_are_counted_where_its_parts_still_share_them() {
+        let mut surface = splittable();
+        assert_eq!(surface.edges(), Edges::default());
+        let cell = |surface: &Surface, at| surface.params.cell_id(at) as u32;
+        // half through along x: two links of the top level
+        let links = [[0, 0, 2], [0, 1, 2]].map(|at| (3 * cell(&surface, at), 0.5));
+        surface.parts.cut(&links);
+        assert_eq!(surface.edges(), Edges::default());
+        // two links in the middle of the body: the nodes between them are of one part still, so four faces meet at the edge
+        let mut inner = splittable();
+        let links = [[0, 1, 0], [0, 1, 1]].map(|at| (3 * cell(&inner, at), 0.5));
+        inner.parts.cut(&links);
+        let found = inner.edges();
+        assert_eq!(found, Edges { nonmanifold: 1, open: 0 });
+        // a hole: a face that is not there
+        let mut lost = splittable();
+        lost.alive[13] = false;
+        assert_eq!(lost.edges(), Edges::default());
+    }
 }
