@@ -129,9 +129,11 @@ impl Boxes {
         let mut out = vec![];
         let parents = surface.parts.parents();
         let spread = if parents.is_empty() { 0.0 } else { 1.0 }; // corners of a wound lie up to half a cell beside their nodes
+        let beside = spread * 0.5 * DVec3::new(grid.edge[0], grid.edge[1], 0.0);
+        let wider = outward(area.mins.as_dvec3() - beside, area.maxs.as_dvec3() + beside);
         let mut looked_at = vec![];
         let mut by_copies = BTreeSet::new(); // columns of cells around copies in the area
-        for tile in self.tiles(area) {
+        for tile in self.tiles(&wider) {
             if tile >= self.of_grid {
                 let group = parents.chunks(TILE).nth(tile - self.of_grid).unwrap_or_default();
                 by_copies.extend(group.iter().flat_map(|parent| cells_around(&params, *parent)));

@@ -5,5 +5,5 @@ mod parts;
 mod surface;
 
 pub use grid::Grid;
-pub use parts::{Change, Parts};
-pub use surface::{Quad, Surface};
+pub use parts::{Change, Corner, Parts};
+pub use surface::{Edges, Quad, Surface};

@@ -13,7 +13,10 @@
 //! Links that were crossed know where, and the corners of the wound lie at the mean of the crossings around them: a smooth wound in a
 //! grid of boxes (after Ju, Losasso, Schaefer, Warren 2002: one vertex per dual cell at the mean of its edges' crossings).
 
-use super::Grid;
+mod corner;
+
+pub use corner::Corner;
+
 use crate::kernels::split::NONE;
 use crate::kernels::{Params, corner};
 use std::collections::{BTreeMap, BTreeSet};
@@ -331,6 +334,11 @@ impl Parts {
         }
     }
 
+    /// Whether a node is there: a node of the grid, or a place of the reserve that has been taken for a copy.
+    pub fn in_use(&self, node: usize) -> bool {
+        node < self.params.grid_nodes() || !self.cells_of(node).is_empty()
+    }
+
     /// Cells that a node is a corner of.
     pub fn cells_of(&self, node: usize) -> Vec<usize> {
         let Some(c) = self.params.place(&self.table, node) else {
@@ -338,35 +346,6 @@ impl Parts {
         };
         let own = (0..8).filter_map(|n| self.cell_in(c, n));
         own.filter(|(cell, a)| self.corners(*cell)[*a] == node).map(|(cell, _)| cell).collect()
-    }
-
-    /// Where the wound's surface has a node, from the node's rest position, m: the mean of the crossings of the cut links around it, on
-    /// the outside of the body without what would leave it. Zero where no link is cut.
-    pub fn offset(&self, grid: &Grid, node: usize) -> [f64; 3] {
-        let zero = [0.0; 3];
-        let Some(c) = self.params.place(&self.table, node).filter(|_| !self.crossings.is_empty()) else {
-            return zero;
-        };
-        let (mut sum, mut count) = (zero, 0.0);
-        let steps = grid.around(c[2]);
-        for n in 0..8 {
-            for (axis, bit) in [(0, 2), (1, 4), (2, 1)] {
-                let Some((cell, _)) = self.cell_in(c, n).filter(|_| n & bit == 0) else { continue };
-                let Some(at) = self.crossings.get(&(3 * cell as u32 + axis as u32)) else { continue };
-                let o = octant(n);
-                for m in 0..3 {
-                    // from the centre of the cell to that of its neighbour
-                    let place = |beyond: usize| if beyond == 1 { 0.5 * steps[m][1] } else { -0.5 * steps[m][0] };
-                    sum[m] += if m == axis { place(0) + at * (place(1) - place(0)) } else { place(o[m]) };
-                }
-                count += 1.0;
-            }
-        }
-        if count == 0.0 {
-            return zero;
-        }
-        let size = [self.params.nodes_x, self.params.nodes_y, self.params.nodes_z].map(|n| n as usize - 1);
-        std::array::from_fn(|m| if c[m] == 0 || c[m] == size[m] { 0.0 } else { sum[m] / count })
     }
 
     /// How many pieces the live cells have fallen into.

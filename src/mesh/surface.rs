@@ -22,6 +22,15 @@ impl Quad {
     }
 }
 
+/// What the edges of a surface say of it; both are 0 of an uncut body.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Edges {
+    /// Edges that more than one pair of faces meets at: parts that touch along an edge and have its nodes in common.
+    pub nonmanifold: usize,
+    /// Edges that are not run along as often one way as the other: the surface has a hole there.
+    pub open: usize,
+}
+
 /// Which cells are live, and which hang together.
 #[derive(Clone, Debug)]
 pub struct Surface {
@@ -70,6 +79,23 @@ impl Surface {
         let mut out = vec![];
         self.quads([0; 3], [p.cells_x as usize, p.cells_y as usize, p.cells_z as usize], &mut out);
         out
+    }
+
+    /// Counts edges by how faces meet at them.
+    pub fn edges(&self) -> Edges {
+        let mut sides: Vec<([u32; 2], bool)> = vec![];
+        for Quad { nodes, .. } in self.all() {
+            let next = [1, 2, 3, 0].map(|k| nodes[k]);
+            sides.extend(nodes.into_iter().zip(next).map(|(a, b)| ([a.min(b), a.max(b)], a < b)));
+        }
+        sides.sort_unstable();
+        let mut found = Edges::default();
+        for at_edge in sides.chunk_by(|a, b| a.0 == b.0) {
+            let forward = at_edge.iter().filter(|(_, forward)| *forward).count();
+            found.nonmanifold += usize::from(at_edge.len() > 2);
+            found.open += usize::from(2 * forward != at_edge.len());
+        }
+        found
     }
 
     fn cell_quads(&self, at: [usize; 3], out: &mut Vec<Quad>) {
@@ -123,5 +149,39 @@ mod tests {
         }
         assert!(edges.values().all(|n| *n == 0));
         assert_eq!(surface.all().len(), 2 * (9 + 6 + 6) + 4);
+    }
+
+    /// Three cells along each axis, with a reserve.
+    fn splittable() -> Surface {
+        let grid = Grid {
+            cells: [3, 3, 3],
+            nodes: [4, 4, 4],
+            edge: [1.0, 1.0],
+            heights: vec![0.0, 1.0, 2.0, 3.0],
+            layer_of: vec![0; 3],
+        };
+        let params = Params { extra_columns: 16, split_cells: 100, touched_nodes: 400, ..grid.params::<f64>() };
+        Surface::with_reserve(params)
+    }
+
+    #[test]
+    fn a_cut_leaves_no_hole_and_edges_are_counted_where_its_parts_still_share_them() {
+        let mut surface = splittable();
+        assert_eq!(surface.edges(), Edges::default());
+        let cell = |surface: &Surface, at| surface.params.cell_id(at) as u32;
+        // half through along x: two links of the top level
+        let links = [[0, 0, 2], [0, 1, 2]].map(|at| (3 * cell(&surface, at), 0.5));
+        surface.parts.cut(&links);
+        assert_eq!(surface.edges(), Edges::default());
+        // two links in the middle of the body: the nodes between them are of one part still, so four faces meet at the edge
+        let mut inner = splittable();
+        let links = [[0, 1, 0], [0, 1, 1]].map(|at| (3 * cell(&inner, at), 0.5));
+        inner.parts.cut(&links);
+        let found = inner.edges();
+        assert_eq!(found, Edges { nonmanifold: 1, open: 0 });
+        // a hole: a face that is not there
+        let mut lost = splittable();
+        lost.alive[13] = false;
+        assert_eq!(lost.edges(), Edges::default());
     }
 }

@@ -113,6 +113,14 @@ impl Collector {
         }
     }
 
+    /// What the cut has left at the end of the run.
+    pub fn ended(&mut self, simulation: &Simulation) {
+        let bricks: Vec<_> = simulation.bodies.iter().filter(|body| body.model.springs.is_none()).collect();
+        let surfaces = || bricks.iter().map(|body| &body.wound.surface);
+        self.report.cut.pieces = Some(surfaces().map(|surface| surface.parts.pieces(&surface.alive)).sum());
+        self.report.cut.nonmanifold_edges = Some(surfaces().map(|surface| surface.edges().nonmanifold).sum());
+    }
+
     /// The report as of now.
     pub fn report(&self, simulation: &Simulation) -> Report {
         let mut r = self.report.clone();
@@ -120,6 +128,7 @@ impl Collector {
         r.cut.hexes_removed = totals.hexes;
         r.cut.springs_removed = totals.springs;
         r.cut.links_severed = totals.links;
+        r.cut.node_copies = totals.copies;
         r.cut.area_mm2 = totals.area * 1e6;
         r.cut.length_mm = totals.length * 1e3;
         r.cut.length_top_mm = totals.length_top * 1e3;

@@ -10,7 +10,7 @@ use super::Report;
 use super::frames::{self, SkinSurface};
 use crate::backend::Snapshot;
 use crate::error::{Error, Result};
-use crate::math::V4;
+use crate::mesh::Surface;
 use crate::output::{Field, Series, Table, replace, write_hexes, write_triangles};
 use crate::scene::Scene;
 use crate::step::{Simulation, StepReport};
@@ -106,7 +106,7 @@ impl Folder {
         write_volume(&self.path.join(&volume), simulation, state)?;
         self.volume.add(step.time, &volume)?;
         let surface = format!("vtu/surface_{number:04}.vtu");
-        write_surface(&self.path.join(&surface), &skin, state)?;
+        write_surface(&self.path.join(&surface), &skin)?;
         self.surface.add(step.time, &surface)
     }
 
@@ -125,53 +125,72 @@ impl Folder {
     }
 }
 
-/// A field over the nodes of all bodies.
-fn joined(state: &[Snapshot], field: fn(&Snapshot) -> &Vec<V4<f64>>) -> Vec<[f64; 3]> {
-    state.iter().flat_map(field).map(|v| [v[0], v[1], v[2]]).collect()
+/// Points that a file keeps, and cells in their numbers.
+struct Kept {
+    old: Vec<u32>, // in rising order
 }
 
-/// Live cells at displaced positions; nodes without a live cell stay in the file, unused.
+impl Kept {
+    fn of<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        self.old.iter().map(|n| values[*n as usize]).collect()
+    }
+
+    fn renumbered<const N: usize>(&self, cells: &[[u32; N]]) -> Vec<[u32; N]> {
+        let new = |id: &u32| self.old.binary_search(id).expect("points of cells are kept") as u32;
+        cells.iter().map(|cell| cell.each_ref().map(new)).collect()
+    }
+}
+
+/// Live cells at displaced positions; nodes of the grid without a live cell stay in the file, unused, places for copies do not.
 fn write_volume(path: &Path, simulation: &Simulation, state: &[Snapshot]) -> Result<()> {
-    let (mut cells, mut layers, mut bodies) = (vec![], vec![], vec![]);
+    let (mut cells, mut layers, mut bodies, mut old) = (vec![], vec![], vec![], vec![]);
     let mut first = 0;
     for (number, body) in simulation.bodies.iter().enumerate() {
         let grid = &body.model.grid;
         let params = grid.params::<f64>();
-        for cell in (0..grid.cell_count()).filter(|cell| body.wound.surface.alive[*cell]) {
-            cells.push(body.wound.surface.parts.corners(cell).map(|n| first + n as u32));
+        let Surface { alive, parts, .. } = &body.wound.surface;
+        for cell in (0..grid.cell_count()).filter(|cell| alive[*cell]) {
+            cells.push(parts.corners(cell).map(|n| first + n as u32));
             layers.push(f64::from(grid.layer_of[params.cell_at(cell)[2]]));
             bodies.push(number as f64);
         }
-        first += body.model.node_count() as u32;
+        let count = body.model.node_count();
+        old.extend((0..count).filter(|node| parts.in_use(*node)).map(|node| first + node as u32));
+        first += count as u32;
     }
+    let kept = Kept { old };
     write_hexes(
         path,
-        &frames::positions(simulation, state),
-        &cells,
+        &kept.of(&frames::positions(simulation, state)),
+        &kept.renumbered(&cells),
         &[
-            ("displacement_m", Field::Vectors(&joined(state, |s| &s.u))),
-            ("velocity_m_s", Field::Vectors(&joined(state, |s| &s.v))),
+            ("displacement_m", Field::Vectors(&kept.of(&frames::joined(state, |s| &s.u)))),
+            ("velocity_m_s", Field::Vectors(&kept.of(&frames::joined(state, |s| &s.v)))),
         ],
         &[("layer", Field::Scalars(&layers)), ("body", Field::Scalars(&bodies))],
     )
 }
 
-fn write_surface(path: &Path, skin: &SkinSurface, state: &[Snapshot]) -> Result<()> {
-    let mut used: Vec<u32> = skin.triangles.as_flattened().to_vec();
-    used.sort_unstable();
-    used.dedup();
-    let new_id = |id: u32| used.binary_search(&id).unwrap_or(0) as u32;
-    let triangles: Vec<[u32; 3]> = skin.triangles.iter().map(|t| t.map(new_id)).collect();
-    let pick = |values: &[[f64; 3]]| used.iter().map(|n| values[*n as usize]).collect();
-    let points: Vec<[f64; 3]> = pick(&skin.positions);
-    let (u, v): (Vec<_>, Vec<_>) = (pick(&joined(state, |s| &s.u)), pick(&joined(state, |s| &s.v)));
+/// The surface as the pictures show it; `wall` is 1 where a cut has made it.
+fn write_surface(path: &Path, surface: &SkinSurface) -> Result<()> {
+    let SkinSurface { skin, walls, .. } = surface;
+    let triangles = [&skin.triangles[..], &walls.triangles].concat();
+    let mut old: Vec<u32> = triangles.as_flattened().to_vec();
+    old.sort_unstable();
+    old.dedup();
+    let kept = Kept { old };
+    let behind = || skin.layers.iter().chain(&walls.layers);
     let (bodies, layers): (Vec<f64>, Vec<f64>) =
-        skin.layers.iter().map(|[body, layer]| (f64::from(*body), f64::from(*layer))).unzip();
+        behind().map(|[body, layer]| (f64::from(*body), f64::from(*layer))).unzip();
+    let wall: Vec<f64> = (0..triangles.len()).map(|t| f64::from(t >= skin.triangles.len())).collect();
     write_triangles(
         path,
-        &points,
-        &triangles,
-        &[("displacement_m", Field::Vectors(&u)), ("velocity_m_s", Field::Vectors(&v))],
-        &[("layer", Field::Scalars(&layers)), ("body", Field::Scalars(&bodies))],
+        &kept.of(&surface.positions),
+        &kept.renumbered(&triangles),
+        &[
+            ("displacement_m", Field::Vectors(&kept.of(&surface.displacements))),
+            ("velocity_m_s", Field::Vectors(&kept.of(&surface.velocities))),
+        ],
+        &[("layer", Field::Scalars(&layers)), ("body", Field::Scalars(&bodies)), ("wall", Field::Scalars(&wall))],
     )
 }

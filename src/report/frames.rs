@@ -1,12 +1,15 @@
-//! Pictures of a run: the skin coloured by layer, wound walls included, its cells as thin lines, the tools in steel.
+//! Pictures of a run: the skin coloured by layer, its cells as thin lines, a wound's walls wet with blood and its rim marked, the tools in
+//! steel.
 
 use super::collect::force_on_tools;
 use crate::backend::Snapshot;
 use crate::error::Result;
 use crate::instrument::Instrument;
+use crate::math::V4;
+use crate::mesh::Quad;
 use crate::scene::{Scene, Tool};
-use crate::step::{Simulation, StepReport};
-use crate::view::{self, Camera, Image, Surface};
+use crate::step::{Body, Simulation, StepReport};
+use crate::view::{self, Camera, Image, Outline, Surface};
 use std::path::Path;
 
 /// Looks of the tools.
@@ -15,41 +18,116 @@ const STEEL_SHININESS: f64 = 90.0;
 /// Highlight of moist skin.
 const SKIN_SHININESS: f64 = 14.0;
 
-/// The surface of the deformable bodies as it is now.
+/// What light leaves of its colour on thin lines between cells, and on the rim of a wound: blood gathers there.
+const CELL_INK: [f32; 3] = [0.42; 3];
+const RIM_INK: [f32; 3] = [0.34, 0.03, 0.03];
+/// Widths of lines, samples: between cells of the skin and of the wound's walls, along the rim.
+const CELL_LINE: u32 = 2;
+const WALL_LINE: u32 = 1;
+const RIM_LINE: u32 = 4;
+/// A fresh wall is wet with blood: this much of its layer's colour is left, the rest is blood.
+const LAYER_SHARE: f64 = 0.62;
+const BLOOD: [u8; 3] = [128, 12, 16];
+const WET_SHININESS: f64 = 36.0;
+
+/// The surface of the deformable bodies as it is now. Its points are numbered as the nodes are that they lie at.
 pub struct SkinSurface {
     /// `[node]` m
     pub positions: Vec<[f64; 3]>,
+    /// `[node]` displacement of the surface there, m
+    pub displacements: Vec<[f64; 3]>,
+    /// `[node]` m/s
+    pub velocities: Vec<[f64; 3]>,
+    /// Outside of the bodies.
+    pub skin: Faces,
+    /// Walls of wounds.
+    pub walls: Faces,
+    /// `[line]` node ids of the rims of wounds, where skin and walls meet
+    pub rims: Vec<[u32; 2]>,
+}
+
+/// Some faces of the surface.
+#[derive(Default)]
+pub struct Faces {
     /// `[triangle]` node ids
     pub triangles: Vec<[u32; 3]>,
     /// `[triangle]` body and layer of the cell behind it
     pub layers: Vec<[u32; 2]>,
-    /// `[line]` node ids, each edge of a boundary face once
+    /// `[line]` node ids, each edge of a face once
     pub edges: Vec<[u32; 2]>,
 }
 
 impl SkinSurface {
     /// Boundary faces of the live cells at displaced positions.
     pub fn new(simulation: &Simulation, state: &[Snapshot]) -> Self {
-        let positions = positions(simulation, state);
-        let (mut triangles, mut layers, mut edges) = (vec![], vec![], vec![]);
+        let mut out = Self {
+            positions: positions(simulation, state),
+            displacements: joined(state, |s| &s.u),
+            velocities: joined(state, |s| &s.v),
+            skin: Faces::default(),
+            walls: Faces::default(),
+            rims: vec![],
+        };
         let mut first = 0;
         for (number, body) in simulation.bodies.iter().enumerate() {
             let grid = &body.model.grid;
             let params = grid.params::<f64>();
-            for quad in body.wound.surface.all() {
-                let level = params.cell_at(quad.cell as usize)[2];
-                triangles.extend(quad.triangles().map(|t| t.map(|n| first + n)));
-                layers.extend([[number as u32, grid.layer_of[level]]; 2]);
-                let n = quad.nodes.map(|n| first + n);
-                let sides = [[0, 1], [1, 2], [2, 3], [3, 0]];
-                edges.extend(sides.map(|[a, b]: [usize; 2]| [n[a].min(n[b]), n[a].max(n[b])]));
+            let quads = body.wound.surface.all();
+            for quad in &quads {
+                let layer = grid.layer_of[params.cell_at(quad.cell as usize)[2]];
+                let faces = if quad.wall { &mut out.walls } else { &mut out.skin };
+                faces.add(quad, first, [number as u32, layer]);
             }
+            out.smooth(body, &state[number], &quads, first as usize);
             first += body.model.node_count() as u32;
         }
-        edges.sort_unstable();
-        edges.dedup();
-        Self { positions, triangles, layers, edges }
+        for faces in [&mut out.skin, &mut out.walls] {
+            faces.edges.sort_unstable();
+            faces.edges.dedup();
+        }
+        let skin = &out.skin.edges;
+        out.rims = out.walls.edges.iter().filter(|edge| skin.binary_search(edge).is_ok()).copied().collect();
+        out
     }
+
+    /// Moves points of a body from its nodes to the corners of its surface.
+    fn smooth(&mut self, body: &Body, state: &Snapshot, quads: &[Quad], first: usize) {
+        let mut nodes: Vec<u32> = quads.iter().flat_map(|quad| quad.nodes).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        for node in nodes.into_iter().map(|n| n as usize) {
+            let corner = body.wound.surface.parts.corner(&body.model.grid, node);
+            let of = |values: &[V4<f64>]| corner.moved(|n| std::array::from_fn(|axis| values[n as usize][axis]));
+            let (u, v, rest) = (of(&state.u), of(&state.v), body.wound.rest[node]);
+            self.positions[first + node] = std::array::from_fn(|axis| rest[axis] + corner.offset[axis] + u[axis]);
+            self.displacements[first + node] = u;
+            self.velocities[first + node] = v;
+        }
+    }
+}
+
+impl Faces {
+    fn add(&mut self, quad: &Quad, first: u32, layer: [u32; 2]) {
+        self.triangles.extend(quad.triangles().map(|t| t.map(|n| first + n)));
+        self.layers.extend([layer; 2]);
+        let n = quad.nodes.map(|n| first + n);
+        let sides = [[0, 1], [1, 2], [2, 3], [3, 0]];
+        self.edges.extend(sides.map(|[a, b]: [usize; 2]| [n[a].min(n[b]), n[a].max(n[b])]));
+    }
+
+    /// `[triangle]` colours of the layers, mixed with another colour.
+    fn colors(&self, scene: &Scene, share: f64, other: [u8; 3]) -> Vec<[u8; 3]> {
+        let color = |[body, layer]: &[u32; 2]| {
+            let own = scene.skins[*body as usize].layers[*layer as usize].color;
+            std::array::from_fn(|k| (share * f64::from(own[k]) + (1.0 - share) * f64::from(other[k])).round() as u8)
+        };
+        self.layers.iter().map(color).collect()
+    }
+}
+
+/// A field over the nodes of all bodies.
+pub(super) fn joined(state: &[Snapshot], field: fn(&Snapshot) -> &Vec<V4<f64>>) -> Vec<[f64; 3]> {
+    state.iter().flat_map(field).map(|v| [v[0], v[1], v[2]]).collect()
 }
 
 /// `[node]` displaced positions of all bodies, m.
@@ -61,8 +139,6 @@ pub(super) fn positions(simulation: &Simulation, state: &[Snapshot]) -> Vec<[f64
 
 /// Draws the scene as its view says.
 pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Image {
-    let color = |[body, layer]: &[u32; 2]| scene.skins[*body as usize].layers[*layer as usize].color;
-    let colors: Vec<[u8; 3]> = skin.layers.iter().map(color).collect();
     let place = |(tool, now): (&Tool, &Instrument)| {
         let at = |p: &[f64; 3]| now.at(glam::DVec3::from_array(*p)).to_array();
         tool.mesh.positions.iter().map(at).collect::<Vec<_>>()
@@ -70,23 +146,38 @@ pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &S
     let tools: Vec<Vec<[f64; 3]>> = scene.tools.iter().zip(&simulation.tools).map(place).collect();
     let triangle_count = scene.tools.iter().map(|t| t.mesh.triangles.len()).max();
     let steel = vec![STEEL; triangle_count.unwrap_or(0)];
-    let mut surfaces = vec![Surface {
-        positions: &skin.positions,
-        triangles: &skin.triangles,
-        colors: &colors,
-        smooth: true,
-        edges: true,
-        outline: &skin.edges,
-        shininess: SKIN_SHININESS,
-    }];
+    let (skin_colors, wall_colors) =
+        (skin.skin.colors(scene, 1.0, BLOOD), skin.walls.colors(scene, LAYER_SHARE, BLOOD));
+    let of_skin = [
+        Outline { lines: &skin.skin.edges, width: CELL_LINE, ink: CELL_INK },
+        Outline { lines: &skin.rims, width: RIM_LINE, ink: RIM_INK },
+    ];
+    let of_walls = [Outline { lines: &skin.walls.edges, width: WALL_LINE, ink: CELL_INK }];
+    let mut surfaces = vec![
+        Surface {
+            positions: &skin.positions,
+            triangles: &skin.walls.triangles,
+            colors: &wall_colors,
+            smooth: true,
+            outlines: &of_walls,
+            shininess: WET_SHININESS,
+        },
+        Surface {
+            positions: &skin.positions,
+            triangles: &skin.skin.triangles,
+            colors: &skin_colors,
+            smooth: true,
+            outlines: &of_skin,
+            shininess: SKIN_SHININESS,
+        },
+    ];
     for (tool, positions) in scene.tools.iter().zip(&tools) {
         surfaces.push(Surface {
             positions,
             triangles: &tool.mesh.triangles,
             colors: &steel,
             smooth: true,
-            edges: false,
-            outline: &[],
+            outlines: &[],
             shininess: STEEL_SHININESS,
         });
     }

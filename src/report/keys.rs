@@ -129,7 +129,8 @@ pub struct Periods {
     pub max: Option<f64>,
 }
 
-/// What was cut. Lengths and areas are those of the unloaded skin.
+/// What was cut. Lengths and areas are those of the unloaded skin. Links that hold since `cut_reserve_columns` are used up are counted in
+/// `warnings.cut_reserve_exhausted`.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct CutReport {
     /// Removed bricks.
@@ -142,6 +143,10 @@ pub struct CutReport {
     pub links_severed: usize,
     /// Node copies in use.
     pub node_copies: usize,
+    /// Pieces that the bodies of bricks are in at the end of the run.
+    pub pieces: Option<usize>,
+    /// Edges of their surface at the end of the run where more than one pair of faces meet.
+    pub nonmanifold_edges: Option<usize>,
     /// One side of the cut.
     pub area_mm2: f64,
     /// Extent along x or y, whichever is longer.

@@ -103,6 +103,7 @@ pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)
         }
     }
     collector.non_finite(snapshots(&mut simulation)?.iter().map(non_finite).sum());
+    collector.ended(&simulation);
     let report = complete(scene, &collector, &simulation, &haptics, &last);
     folder.write_report(&report)?;
     if let Some(haptics) = haptics {

@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::linear::Outcome;
 use crate::math::{V4, larger};
-use crate::mesh::Quad;
+use crate::mesh::{Corner, Quad};
 use crate::model::{Model, Solved, true_residual};
 use crate::scene::{Scene, Solver};
 use glam::DVec3;
@@ -84,8 +84,24 @@ fn floats(model: &Model) -> bool {
 pub(super) struct Located {
     pub faces: Vec<Vec<Quad>>,
     pub patches: Vec<Option<Patch>>,
+    /// Nodes that were read, and their displacements, m.
     pub nodes: Vec<u32>,
     pub u: Vec<[f64; 3]>,
+    /// Nodes of the faces, and the places of the surface's corners there, m.
+    pub corners: Vec<u32>,
+    pub places: Vec<DVec3>,
+}
+
+impl Located {
+    /// Place of the surface's corner at a node, if that was located, m.
+    pub fn place(&self, node: u32) -> Option<DVec3> {
+        self.corners.binary_search(&node).ok().map(|k| self.places[k])
+    }
+
+    /// Displacement of a node, 0 of one that was not read, m.
+    fn displacement(&self, node: u32) -> [f64; 3] {
+        self.nodes.binary_search(&node).map_or([0.0; 3], |k| self.u[k])
+    }
 }
 
 impl Body {
@@ -181,14 +197,25 @@ impl Body {
         self.boxes.faces(&self.model.grid, &self.wound.surface, &collide::moved(area, -self.place()))
     }
 
-    /// Reads back where the nodes of these faces, and of the ties, are; the first `patched` lists of faces are made patches of.
+    /// Reads back where the corners of these faces, and the nodes of the ties, are; the first `patched` lists of faces are made patches of.
     pub(super) fn locate(&mut self, faces: Vec<Vec<Quad>>, patched: usize) -> Result<()> {
+        let mut corners: Vec<u32> = faces.iter().flatten().flat_map(|q| q.nodes).collect();
+        corners.sort_unstable();
+        corners.dedup();
+        let parts = &self.wound.surface.parts;
+        let moving: Vec<Corner> = corners.iter().map(|n| parts.corner(&self.model.grid, *n as usize)).collect();
         let mut nodes = self.tied.clone();
-        nodes.extend(faces.iter().flatten().flat_map(|q| q.nodes));
+        nodes.extend(moving.iter().flat_map(|corner| corner.nodes));
         nodes.sort_unstable();
         nodes.dedup();
         let u = if nodes.is_empty() { vec![] } else { self.backend.displacements(&nodes)? };
-        self.located = Located { faces: vec![], patches: vec![], nodes, u };
+        self.located = Located { nodes, u, ..Located::default() };
+        let place = |(node, corner): (&u32, &Corner)| {
+            let moved = corner.moved(|id| self.located.displacement(id));
+            [self.wound.rest[*node as usize], corner.offset, moved].map(DVec3::from_array).iter().sum()
+        };
+        self.located.places = corners.iter().zip(&moving).map(place).collect();
+        self.located.corners = corners;
         self.located.patches =
             faces.iter().take(patched).map(|faces| Patch::new(faces, |id| self.position(id))).collect();
         self.located.faces = faces;
@@ -201,10 +228,17 @@ impl Body {
         self.model.toughness[self.model.grid.layer_of[level] as usize]
     }
 
-    /// Where a node that was located is, m.
+    /// Where the surface's corner at a node that was located is, m: beside the node in a wound ([`crate::mesh::Corner`]).
+    ///
+    /// Rows act on the corner's own node. So what a step moves the corner by differs from what its rows say of it, by the offset times
+    /// the gradient of the step's motion; the geometry is taken anew at each step, and the difference does not add up.
     pub(super) fn position(&self, node: u32) -> DVec3 {
-        let u = self.located.nodes.binary_search(&node).map_or([0.0; 3], |k| self.located.u[k]);
-        DVec3::from_array(self.wound.rest[node as usize]) + DVec3::from_array(u)
+        self.located.place(node).unwrap_or_else(|| self.node_position(node))
+    }
+
+    /// Where a node itself is, of one that was not read at rest, m.
+    pub(super) fn node_position(&self, node: u32) -> DVec3 {
+        DVec3::from_array(self.wound.rest[node as usize]) + DVec3::from_array(self.located.displacement(node))
     }
 
     /// Solves the free motion, with values at nodes.

@@ -204,8 +204,9 @@ impl Simulation {
         let mut contact = tie.contact;
         let place = |side: usize| match contact.on[side] {
             Who::Skin(body) => {
+                // nodes, not corners of the surface: what a tie holds does not move beside them when it is cut
                 let spot = &contact.spots[side];
-                (0..3).map(|k| self.bodies[body].position(spot.nodes[k]) * spot.weights[k]).sum()
+                (0..3).map(|k| self.bodies[body].node_position(spot.nodes[k]) * spot.weights[k]).sum()
             }
             Who::Rigid(number) => self.tools[number].at(tie.anchor),
             Who::Plane(_) | Who::Place => tie.anchor,

@@ -14,6 +14,7 @@ use crate::collide::Contact;
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::instrument::{Instrument, Role};
+use crate::kernels::corner;
 use crate::scene::Who;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -37,8 +38,10 @@ impl Simulation {
     /// Cuts what the pieces of each edge that move through the skin have swept.
     pub(super) fn incise(&mut self, old: &[Instrument], report: &mut StepReport) -> Result<()> {
         let contacts = std::mem::take(&mut report.contact.contacts);
+        let refused = self.totals().refused;
         let done = self.sweep(old, &contacts, report);
         report.contact.contacts = contacts;
+        report.warn("cut_reserve_exhausted", (self.totals().refused - refused) as u32);
         done
     }
 
@@ -124,8 +127,29 @@ impl Simulation {
 }
 
 impl Body {
-    /// How far the lips of open cells have parted, from the nodes that were located anyway, m.
+    /// How far the lips of the wound have parted, of what was located anyway: its severed links and its open cells, m.
     pub(super) fn opening(&self) -> f64 {
+        let surface = &self.wound.surface;
+        let cuts = surface.parts.cuts();
+        cuts.filter_map(|(cell, axis, _)| self.parted(cell as usize, axis)).fold(self.opening_of_cells(), f64::max)
+    }
+
+    /// How far the two sides of a severed link have parted along it, the mean of its face's corners, m; none of a face not located whole.
+    fn parted(&self, cell: usize, axis: usize) -> Option<f64> {
+        let params = self.model.grid.params::<f64>();
+        let mut at = params.cell_at(cell);
+        at[axis] += 1;
+        let parts = &self.wound.surface.parts;
+        let (near, far) = (parts.corners(cell), parts.corners(params.cell_id(at)));
+        let mut sum = 0.0;
+        for (a, b) in face_pairs(axis) {
+            let [near, far] = [near[b], far[a]].map(|node| self.located.place(node as u32));
+            sum += (far? - near?)[axis];
+        }
+        Some(0.25 * sum)
+    }
+
+    fn opening_of_cells(&self) -> f64 {
         let params = self.model.grid.params::<f64>();
         let Located { nodes, u, .. } = &self.located;
         let mut widest = 0.0f64;
@@ -133,12 +157,7 @@ impl Body {
             let corners = params.corners(*cell as usize);
             let mut sum = 0.0;
             let mut pairs = 0;
-            for a in (0..8).filter(|a| crate::kernels::corner(*a)[*axis] == 0) {
-                let mut o = crate::kernels::corner(a);
-                o[*axis] = 1;
-                let Some(b) = (0..8).find(|b| crate::kernels::corner(*b) == o) else {
-                    continue;
-                };
+            for (a, b) in face_pairs(*axis) {
                 let at = |n: usize| nodes.binary_search(&(corners[n] as u32)).ok();
                 if let (Some(p), Some(q)) = (at(a), at(b)) {
                     sum += u[q][*axis] - u[p][*axis];
@@ -151,6 +170,15 @@ impl Body {
         }
         widest
     }
+}
+
+/// Corners of a cell's face before along an axis, each with the one beyond.
+fn face_pairs(axis: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..8).filter(move |a| corner(*a)[axis] == 0).filter_map(move |a| {
+        let mut beyond = corner(a);
+        beyond[axis] = 1;
+        Some((a, (0..8).find(|b| corner(*b) == beyond)?))
+    })
 }
 
 /// Whether the force of a contact has reached what the tissue bears.

@@ -41,13 +41,22 @@ pub struct Surface<'a> {
     pub colors: &'a [[u8; 3]],
     /// Shade with normals averaged over the faces of a vertex, except across creases; else flat.
     pub smooth: bool,
-    /// Draw `outline`.
-    pub edges: bool,
-    /// `[line]` vertex ids; drawn as thin dark lines where they are not hidden.
-    pub outline: &'a [[u32; 2]],
+    /// Lines in it, later ones over earlier ones.
+    pub outlines: &'a [Outline<'a>],
     /// Exponent of the highlight: about 10 for skin, 100 for polished metal; above 50 the surface
     /// also mirrors its surroundings.
     pub shininess: f64,
+}
+
+/// Lines of one look, drawn where they are not hidden.
+#[derive(Clone, Copy, Debug)]
+pub struct Outline<'a> {
+    /// `[line]` vertex ids.
+    pub lines: &'a [[u32; 2]],
+    /// Samples; a pixel has two along each side.
+    pub width: u32,
+    /// What they leave of the surface's linear colour, 0 to 1.
+    pub ink: [f32; 3],
 }
 
 /// Where the picture is seen from.
@@ -150,8 +159,10 @@ pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, ca
                 samples.draw_triangle(view, near, &triangle.corners, id as u32);
             }
         }
-        for surface in surfaces.iter().filter(|surface| surface.edges) {
-            draw_outline(surface, view, near, &mut samples);
+        for surface in surfaces {
+            for outline in surface.outlines {
+                draw_outline(surface.positions, outline, view, near, &mut samples);
+            }
         }
     }
     let mut image = Image { width, height, rgb: vec![0; 3 * columns * rows], skipped };
@@ -219,12 +230,13 @@ fn smooth_normals(vertex_count: usize, ids: &[[u32; 3]], triangles: &mut [Triang
     }
 }
 
-/// Draws the lines of `surface.outline`; those with a missing or non-finite end are left out.
-fn draw_outline(surface: &Surface, view: &View, near: f32, samples: &mut Samples) {
-    for ids in surface.outline {
-        let ends = ids.map(|id| surface.positions.get(id as usize).and_then(|p| view.place(p)));
+/// Draws lines between positions; those with a missing or non-finite end are left out.
+fn draw_outline(positions: &[[f64; 3]], outline: &Outline, view: &View, near: f32, samples: &mut Samples) {
+    let pen = samples.pen(outline.ink);
+    for ids in outline.lines {
+        let ends = ids.map(|id| positions.get(id as usize).and_then(|p| view.place(p)));
         if let [Some(a), Some(b)] = ends {
-            samples.draw_line(view, near, [a, b]);
+            samples.draw_line(view, near, [a, b], (pen, outline.width as isize));
         }
     }
 }
@@ -312,15 +324,7 @@ mod tests {
     }
 
     fn surface<'a>(positions: &'a [[f64; 3]], colors: &'a [[u8; 3]]) -> Surface<'a> {
-        Surface {
-            positions,
-            triangles: &[[0, 1, 2]],
-            colors,
-            smooth: false,
-            edges: false,
-            outline: &[],
-            shininess: 10.0,
-        }
+        Surface { positions, triangles: &[[0, 1, 2]], colors, smooth: false, outlines: &[], shininess: 10.0 }
     }
 
     fn picture(surfaces: &[Surface]) -> Image {
@@ -382,8 +386,7 @@ mod tests {
                 triangles: &triangles,
                 colors: &colors,
                 smooth: true,
-                edges: true,
-                outline: &outline,
+                outlines: &[Outline { lines: &outline, width: 2, ink: [0.4; 3] }],
                 shininess: 60.0,
             };
             render(&[surface], &CAMERA, 123, 77, &["t = 0.1 s"])
@@ -425,9 +428,10 @@ mod tests {
         ];
         for corners in cases {
             let lines = [[0, 1], [1, 2], [0, 7]];
-            let hidden = Surface { edges: false, smooth: true, ..surface(&corners, &[RED]) };
+            let hidden = Surface { smooth: true, ..surface(&corners, &[RED]) };
             assert_eq!(picture(&[hidden]).rgb.len(), empty.rgb.len());
-            let lined = Surface { edges: true, outline: &lines, ..surface(&corners, &[]) };
+            let outlines = [Outline { lines: &lines, width: 2, ink: [0.4; 3] }];
+            let lined = Surface { outlines: &outlines, ..surface(&corners, &[]) };
             picture(&[lined]);
         }
         let behind = triangle(1e-3, 50e-3);

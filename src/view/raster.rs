@@ -19,9 +19,6 @@ const SNAP: f64 = 256.0;
 /// surface: less makes them break up on slanted faces, more lets them show through thin layers.
 const LINE_DEPTH_SHARE: f64 = 2e-3;
 
-/// Width of a line, samples.
-const LINE_WIDTH: isize = 2;
-
 /// What is in front at each sample.
 pub(super) struct Samples {
     pub(super) width: usize,
@@ -30,8 +27,10 @@ pub(super) struct Samples {
     pub(super) inverse_depth: Vec<f32>,
     /// `[height][width]` triangle ids.
     pub(super) triangle: Vec<u32>,
-    /// `[height][width]` true on lines.
-    pub(super) line: Vec<bool>,
+    /// `[height][width]` pen of the line there; 0 where there is none.
+    pub(super) line: Vec<u8>,
+    /// `[pen]` what a line leaves of the linear colour under it.
+    pub(super) inks: Vec<Vec3>,
 }
 
 impl Samples {
@@ -43,7 +42,8 @@ impl Samples {
             height,
             inverse_depth: vec![0.0; width * height],
             triangle: vec![NO_TRIANGLE; width * height],
-            line: vec![false; width * height],
+            line: vec![0; width * height],
+            inks: vec![Vec3::ONE],
         }
     }
 
@@ -62,8 +62,20 @@ impl Samples {
         }
     }
 
-    /// Marks the samples of a line in view space that are not behind a surface.
-    pub(super) fn draw_line(&mut self, view: &View, near: f32, [a, b]: [Vec3; 2]) {
+    /// A pen of a colour; of more than 255 colours the last ones are drawn as the 255th.
+    pub(super) fn pen(&mut self, ink: [f32; 3]) -> u8 {
+        let ink = Vec3::from(ink);
+        let known = self.inks.iter().position(|other| *other == ink);
+        known
+            .unwrap_or_else(|| {
+                self.inks.push(ink);
+                self.inks.len() - 1
+            })
+            .min(255) as u8
+    }
+
+    /// Marks the samples of a line in view space that are not behind a surface; `pen` is its colour and its width in samples.
+    pub(super) fn draw_line(&mut self, view: &View, near: f32, [a, b]: [Vec3; 2], (pen, line_width): (u8, isize)) {
         let (a, b) = if a.z < b.z { (a, b) } else { (b, a) };
         if b.z <= near {
             return;
@@ -82,13 +94,15 @@ impl Samples {
         for major in start..end {
             let t = ((major as f64 + 0.5 - a[steep]) / length).clamp(0.0, 1.0);
             let at = |axis: usize| a[axis] + t * (b[axis] - a[axis]);
-            let from = (at(1 - steep) - 0.5 * (LINE_WIDTH - 1) as f64).floor() as isize;
+            let from = (at(1 - steep) - 0.5 * (line_width - 1) as f64).floor() as isize;
             let front = at(2) * (1.0 + LINE_DEPTH_SHARE);
-            for minor in from..from.saturating_add(LINE_WIDTH) {
+            for minor in from..from.saturating_add(line_width) {
                 let (x, y) = if steep == 1 { (minor, major) } else { (major, minor) };
                 if (0..size[0]).contains(&x) && (0..size[1]).contains(&y) {
                     let sample = y as usize * self.width + x as usize;
-                    self.line[sample] |= front >= f64::from(self.inverse_depth[sample]);
+                    if front >= f64::from(self.inverse_depth[sample]) {
+                        self.line[sample] = pen;
+                    }
                 }
             }
         }

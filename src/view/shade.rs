@@ -8,9 +8,6 @@ use super::raster::ShadowMap;
 use super::{Image, NO_TRIANGLE, SAMPLES, Samples, Triangle, View, for_rows};
 use glam::Vec3;
 
-/// Share of the colour that is left on an outline.
-const LINE_SHADE: f32 = 0.42;
-
 /// The lights: direction in view space, of any length, and brightness. The first one comes from
 /// the left and casts shadows, so that a wound across the picture has a dark and a light wall; the
 /// others keep the sides of the patch from going dark.
@@ -125,8 +122,7 @@ impl<'a> Shader<'a> {
         }
         let mut sum = Vec3::ZERO;
         for (sample, color) in pixel_samples(x, y, self.samples.width).into_iter().zip(color) {
-            let line = if self.samples.line[sample] { LINE_SHADE } else { 1.0 };
-            sum += color * line;
+            sum += color * self.samples.inks[usize::from(self.samples.line[sample])];
         }
         sum / (SAMPLES * SAMPLES) as f32
     }

@@ -35,8 +35,8 @@ const KEYS: &str = "scene backend adapter driver nodes hexes tets springs dof st
     solver.at_floor solver.residual_max solver.residual_true contacts_max contact_force_n_max contact.passes_mean contact.passes_max \
     contact.residual_n_max contact.residual_m_max contact.candidates_max contact.depth_mm_max haptic.rate_hz \
     haptic.period_us.p50 haptic.period_us.p99 haptic.period_us.max haptic.missed haptic.force_n_max haptic.energy_out_j \
-    cut.hexes_removed cut.tets_removed cut.springs_removed cut.links_severed cut.node_copies cut.area_mm2 cut.length_mm cut.length_top_mm \
-    cut.depth_mm cut.opening_mm_max warnings memory_bytes.device memory_bytes.host probes.top probes.bed";
+    cut.hexes_removed cut.tets_removed cut.springs_removed cut.links_severed cut.node_copies cut.pieces cut.nonmanifold_edges \
+    cut.area_mm2 cut.length_mm cut.length_top_mm cut.depth_mm cut.opening_mm_max warnings memory_bytes.device memory_bytes.host probes.top probes.bed";
 
 fn keys(prefix: &str, tree: &Value, found: &mut Vec<String>) {
     match tree.as_object() {
@@ -96,9 +96,15 @@ fn the_report_has_every_key() -> Outcome {
     found.sort();
     wanted.sort();
     ensure!(found == wanted, "found {found:?}");
-    for (key, value) in
-        [("/nodes", 75.0), ("/hexes", 32.0), ("/dof", 150.0), ("/steps", 5.0), ("/haptic/rate_hz", 1000.0)]
-    {
+    for (key, value) in [
+        ("/nodes", 75.0),
+        ("/hexes", 32.0),
+        ("/dof", 150.0),
+        ("/steps", 5.0),
+        ("/cut/pieces", 1.0),
+        ("/cut/nonmanifold_edges", 0.0),
+        ("/haptic/rate_hz", 1000.0),
+    ] {
         ensure!(written.pointer(key).and_then(Value::as_f64) == Some(value), "{key}: {written}");
     }
     let number = |key: &str| written.pointer(key).and_then(Value::as_f64).unwrap_or(f64::NAN);
@@ -128,7 +134,8 @@ fn meshes_read_back() -> Outcome {
         };
         ensure!(offsets.len() == cells && connectivity.len() == cells * corners, "{name}: {} cells", offsets.len());
         let fields = (piece.data.point.len(), piece.data.cell.len());
-        ensure!(fields == (2, 2), "{name}: {fields:?} fields");
+        let of_cells = if name == "surface" { 3 } else { 2 };
+        ensure!(fields == (2, of_cells), "{name}: {fields:?} fields");
     }
     Ok(())
 }
