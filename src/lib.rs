@@ -27,8 +27,14 @@
 //! phase. The compliance of a body at the nodes that rows reach, columns of `A⁻¹` solved loosely, is kept from step to step until the body
 //! is cut or it has aged; forces λ come from the laws on `W λ + δ`, `W = Σ J C Jᵀ` over the bodies; the correction `A Δx = Jᵀλ` is solved
 //! accurately and δ taken again until the laws hold, so λ does not depend on how loose the columns are ([`step`]). The edge of a blade is
-//! held by what the tissue bears (toughness × length); beyond that it goes on, and the links or springs that it sweeps are cut; what a
-//! held piece passes is swept when it lets go.
+//! held by what the tissue bears (toughness × length); beyond that it goes on, and the links or springs that it sweeps are cut; what a held
+//! piece passes is swept when it lets go.
+//!
+//! # Cutting
+//! Nothing is removed: a blade severs links between face-neighbour cells ([`kernels::cut`]), and where the cells around a node hang together
+//! no more, each part of them gets a copy of the node from a reserve ([`mesh::Parts`], [`kernels::split`]). Arrays and the product over the
+//! grid stay as they are; cells with copies among their corners are added one by one ([`kernels::split_product`]), the smoother runs over
+//! extra columns, and the coarse levels ignore the cut. The wound's surface goes through the crossings, not along the cells.
 //!
 //! # Solving
 //! Conjugate gradients with one reduction per iteration ([`kernels::advance`], [`kernels::update`]) around one V-cycle

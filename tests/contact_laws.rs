@@ -245,12 +245,13 @@ fn two_bodies_that_meet_go_on_together_with_their_momentum() {
 }
 
 #[test]
-fn an_edge_within_its_disc_opposes_the_motion() {
+fn an_edge_opposes_the_motion_by_what_its_forward_part_takes() {
     let own = [1e-3, 0.0, 0.0, 0.0, 1e-3, 0.0, 0.0, 0.0, 1e-3];
     for (motion, known) in [
-        ([-3e-3, -4e-3, 0.0], [0.24, 0.32, 0.0]), // slides on the disc of 0.4 N
-        ([-1e-4, 2e-4, -1e-4], [0.1, -0.2, 0.1]), // held
-        ([3e-3, -4e-3, 1e-2], [0.0, 0.4, -0.4]),  // goes back: no forward force
+        ([-3e-3, -4e-3, 0.0], [0.144, 0.192, 0.0]), // cuts: 0.4 N × 3/5 against the motion
+        ([-1e-2, 0.0, 0.0], [0.4, 0.0, 0.0]),       // straight ahead
+        ([-2e-4, 2e-4, -1e-4], [0.2, -0.2, 0.1]),   // just held: 0.4 N × cos 45°
+        ([3e-3, -4e-3, 1e-2], [0.0, 0.0, -0.4]),    // goes back: free in the blade's plane
     ] {
         let law = [Law::Cut { radius: 0.4 }];
         let force = solved(&law, &own, &motion).0;

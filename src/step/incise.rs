@@ -12,9 +12,11 @@ use super::body::{Body, Located};
 use super::{Simulation, StepReport};
 use crate::collide::Contact;
 use crate::constraints::Law;
+use crate::cut::Wound;
 use crate::error::Result;
 use crate::instrument::{Instrument, Role};
 use crate::kernels::corner;
+use crate::kernels::cut::Hit;
 use crate::scene::Who;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -111,22 +113,32 @@ impl Simulation {
         }
         for body in &mut self.bodies {
             let hits = body.backend.cut(&quads)?;
-            let links = body.wound.totals.links + body.wound.totals.springs;
-            let removal = body.wound.apply(&body.model, &hits);
-            let severed = (body.wound.totals.links + body.wound.totals.springs - links) as u32;
-            if severed > 0 {
-                self.epoch += 1;
-                report.severed += severed;
-                body.compliance.forget(removal.free.iter().map(|(node, _)| *node));
-                body.backend.remove(&removal)?;
-                body.loaded = false;
-            }
+            let severed = body.sever(&hits)?;
+            report.severed += severed;
+            self.epoch += u32::from(severed > 0);
         }
         Ok(())
     }
 }
 
 impl Body {
+    /// Severs links or springs where they were crossed; returns how many went.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn sever(&mut self, hits: &[Hit<f64>]) -> Result<u32> {
+        let count = |wound: &Wound| wound.totals.links + wound.totals.springs;
+        let before = count(&self.wound);
+        let removal = self.wound.apply(&self.model, hits);
+        let severed = (count(&self.wound) - before) as u32;
+        if severed > 0 {
+            self.compliance.forget(removal.free.iter().map(|(node, _)| *node));
+            self.backend.remove(&removal)?;
+            self.loaded = false;
+        }
+        Ok(severed)
+    }
+
     /// How far the lips of the wound have parted, of what was located anyway: its severed links and its open cells, m.
     pub(super) fn opening(&self) -> f64 {
         let surface = &self.wound.surface;
