@@ -37,7 +37,7 @@ pub enum Command {
     /// Run a scene on the GPU and on the CPU path and list the differences
     ///
     /// Three comparisons: the patch under 10 kPa without tools, solved to 1e-6 and to the scene's own tolerance, node by node; then
-    /// the scene as it is, by live mass, removed cells and peak force, because contact makes trajectories chaotic. Exit status 1 if a
+    /// the scene as it is, by live mass, cut links and peak force, because contact makes trajectories chaotic. Exit status 1 if a
     /// difference is beyond its bound.
     Compare(Compare),
     /// List the arrays, kernels, launches and read-backs of a scene; nothing runs, no adapter is needed

@@ -63,11 +63,12 @@ fn wound(scene: &Scene, r: &Report) -> String {
     if !scene.tools.iter().any(|t| t.blade.is_some()) {
         return "no blade in this scene".into();
     }
-    let gone = match c.springs_removed {
-        0 => format!("{} cells", c.hexes_removed),
-        n => format!("{n} springs"),
+    let gone = match (c.springs_removed, c.hexes_removed) {
+        (0, 0) => format!("{} links severed", c.links_severed),
+        (0, cells) => format!("{cells} cells removed"),
+        (springs, _) => format!("{springs} springs removed"),
     };
-    format!("cut {:.1} mm long, {:.2} mm deep, {:.1} mm² ({gone} removed)", c.length_mm, c.depth_mm, c.area_mm2)
+    format!("cut {:.1} mm long, {:.2} mm deep, {:.1} mm² ({gone})", c.length_mm, c.depth_mm, c.area_mm2)
 }
 
 /// A table of differences.

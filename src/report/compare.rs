@@ -28,7 +28,7 @@ const OWN_BOUND: f64 = 1e-2;
 const FORCE_BOUND: f64 = 0.05;
 /// Bound on the live mass against the live cells: nodal masses are rounded to f32 (6e-8) and added in f64.
 const MASS_BOUND: f64 = 1e-6;
-/// Bound on the number of removed cells or springs, relative, but one may always differ.
+/// Bound on the number of cut links or springs, relative, but one may always differ.
 const CUT_BOUND: f64 = 0.05;
 
 /// One compared quantity.
@@ -144,7 +144,8 @@ fn ratio(difference: f64, scale: f64) -> f64 {
 struct Outcome {
     device: Device,
     peak_force: f64,
-    removed: usize,
+    /// Links or springs.
+    cut: usize,
     /// Live mass less the mass of the live cells, relative to the latter.
     mass_error: f64,
     mass: f64,
@@ -165,7 +166,7 @@ impl Outcome {
         Ok(Self {
             device: simulation.device(),
             peak_force,
-            removed: totals.hexes + totals.springs,
+            cut: totals.links + totals.springs,
             mass_error: ratio(mass - expected, expected),
             mass,
             non_finite: state.iter().map(non_finite).sum(),
@@ -195,13 +196,13 @@ fn outcome_rows(cpu: &Outcome, gpu: &Outcome) -> Vec<Row> {
         bound,
     };
     let force = ratio(gpu.peak_force - cpu.peak_force, cpu.peak_force);
-    let apart = gpu.removed.abs_diff(cpu.removed) as f64;
-    let allowed = (CUT_BOUND * cpu.removed as f64).max(1.0);
+    let apart = gpu.cut.abs_diff(cpu.cut) as f64;
+    let allowed = (CUT_BOUND * cpu.cut as f64).max(1.0);
     let lost = (cpu.non_finite + gpu.non_finite) as f64;
     let error = cpu.mass_error.max(gpu.mass_error);
     vec![
         row("peak contact force (N)", cpu.peak_force, gpu.peak_force, force, FORCE_BOUND),
-        row("cells or springs removed (difference is a count)", cpu.removed as f64, gpu.removed as f64, apart, allowed),
+        row("links or springs cut (difference is a count)", cpu.cut as f64, gpu.cut as f64, apart, allowed),
         row("live mass (g; difference from the live cells)", cpu.mass * 1e3, gpu.mass * 1e3, error, MASS_BOUND),
         row("nodes that are not finite (count)", cpu.non_finite as f64, gpu.non_finite as f64, lost, 0.0),
     ]
