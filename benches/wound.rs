@@ -96,7 +96,9 @@ fn main() {
         true => vec![Place::Gpu(None)],
         false => vec![Place::Cpu64, Place::Cpu32],
     };
-    println!("| cells | path | steps free / touching / cutting | free step, ms | touching / free | cutting / free | columns solved | cut length / path | depth, mm | work / (toughness × area) | copies | warnings |");
+    println!(
+        "| cells | path | steps free / touching / cutting | free step, ms | touching / free | cutting / free | columns solved | cut length / path | depth, mm | work / (toughness × area) | copies | warnings |"
+    );
     println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     for columns in grids {
         places.iter().for_each(|place| row(scene.clone(), columns, place));
