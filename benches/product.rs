@@ -79,7 +79,7 @@ fn cpu<R: Real>(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>], use_it: impl
     let (params, modes, layers) = (model.params::<R>(), model.modes::<R>(), &model.grid.layer_of);
     let mut scratch: Vec<CellForces<R>> = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&params)];
     use_it(&mut |w| {
-        product(&params, &modes, layers, &rotation, &free, &z, w, &mut scratch);
+        product(&params, &modes, layers, &rotation, &free, &[], &z, w, &mut scratch);
     });
 }
 

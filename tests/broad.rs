@@ -44,7 +44,7 @@ struct Skin {
 
 impl Skin {
     fn new(grid: Grid, u: Vec<V4<f64>>) -> Self {
-        let mut skin = Self { surface: Surface::new(&grid), boxes: Boxes::new(&grid), grid, u };
+        let mut skin = Self { surface: Surface::new(&grid), boxes: Boxes::new(&grid, &grid.params()), grid, u };
         skin.refit();
         skin
     }
@@ -73,7 +73,7 @@ impl Skin {
 
     fn refit(&mut self) -> usize {
         let bounds = self.bounds();
-        self.boxes.refit(&bounds)
+        self.boxes.refit(&self.grid, &[], &bounds)
     }
 
     fn at(&self, id: u32) -> DVec3 {
@@ -128,7 +128,7 @@ const MARGIN: f64 = SEARCH.alarm + SEARCH.distance + TRAVEL;
 
 fn contacts_with(skin: &Skin, tool: &Instrument, faces: &[Quad]) -> Vec<Contact> {
     let patch = Patch::new(faces, |id| skin.at(id));
-    patch.map_or(vec![], |patch| contacts((0, tool), (0, &patch), &SEARCH, TRAVEL, |_| 0.0))
+    patch.map_or(vec![], |patch| contacts((0, tool), (0, &patch), &SEARCH, TRAVEL, |_| 0.0, |_| None))
 }
 
 /// Lengths in f32 are known to this within the few centimetres that a body and its displacements span, m: 2⁻²⁴ × 0.1 m, a few times.
@@ -228,7 +228,7 @@ fn skin_that_has_come_10_mm_is_found_where_it_is() {
     let guessed = within_reach(&skin, &area, skin.grid.heights[2]);
     assert!(contacts_with(&skin, &tool, &guessed).is_empty(), "{} faces", guessed.len());
     // and boxes that were not refitted find none
-    let stale = Boxes::new(&skin.grid).faces(&skin.grid, &skin.surface, &area);
+    let stale = Boxes::new(&skin.grid, &skin.grid.params()).faces(&skin.grid, &skin.surface, &area);
     assert!(stale.is_empty(), "{} faces", stale.len());
 }
 

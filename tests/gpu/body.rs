@@ -181,10 +181,16 @@ impl Body {
         ids
     }
 
+    /// The table of split nodes.
+    pub fn split(&self) -> Vec<u32> {
+        vec![]
+    }
+
     /// An array by its name in the shaders.
     pub fn array(&self, name: &str) -> Array {
         match name {
             "ids" => Array::Count(self.ids()),
+            "split" => Array::Count(self.split()),
             "layer_of" => Array::Count(self.grid.layer_of.clone()),
             "first" => Array::Count(self.springs.first.clone()),
             "half" => Array::Count(self.springs.half.concat()),

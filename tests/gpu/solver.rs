@@ -4,9 +4,9 @@ use super::Failure;
 use cutis::backend::{
     Backend, CORRECTION, CpuBackend, FIRST_COLUMN, FREE, GpuBackend, Needs, Snapshot, Target, Wanted,
 };
+use cutis::cut::Removal;
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
-use cutis::math::V4;
 use cutis::model::Model;
 use cutis::scene::{Files, parse};
 use std::path::Path;
@@ -340,8 +340,7 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     seen.push(("displacements", SOLUTION, b.displacements(top)?));
     seen.push(("tile bounds", SOLUTION, triples(&b.bounds()?.concat())));
     // one cell (or its springs) and, at the corner, a node go
-    let (cells, springs, nodes) = removal(model);
-    b.remove(&cells, &springs, &nodes)?;
+    b.remove(&removal(model))?;
     b.begin()?;
     let all: Vec<u32> = (0..model.grid.node_count() as u32).collect();
     seen.push(("elastic forces", FORCE, b.elastic_forces(&all)?));
@@ -360,9 +359,6 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     Ok(seen)
 }
 
-/// Cells, springs, and free axes and mass of nodes.
-type Removal = (Vec<u32>, Vec<u32>, Vec<(u32, V4<f64>)>);
-
 /// The last cell, its springs to the last node, and what is left of its corners: the last node has no other cell and leaves the system.
 fn removal(model: &Model) -> Removal {
     let params = model.grid.params::<f64>();
@@ -372,12 +368,12 @@ fn removal(model: &Model) -> Removal {
         let [x, y, z, mass] = model.free[node];
         if node == last { [0.0; 4] } else { [x, y, z, mass - share] }
     };
-    let nodes = params.corners(cell).map(|n| (n as u32, left(n))).to_vec();
+    let free = params.corners(cell).map(|n| (n as u32, left(n))).to_vec();
     let springs = model.springs.as_ref().map_or(vec![], |s| {
         let own = s.first[last] as usize..s.first[last + 1] as usize;
         s.half[own].iter().map(|[_, spring]| *spring).collect()
     });
-    (vec![cell as u32], springs, nodes)
+    Removal { cells: vec![cell as u32], springs, free, ..Removal::default() }
 }
 
 fn triples(x: &[[f64; 4]]) -> Vec<[f64; 3]> {

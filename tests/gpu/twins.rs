@@ -81,8 +81,8 @@ pub fn anchors<R: Real>(b: &Body) -> Outputs<R> {
 pub fn blocks<R: Real>(b: &Body) -> Outputs<R> {
     let mut block = b.v4::<R>("block");
     let (layer_of, rotation) = (&b.grid.layer_of, b.v4("rotation"));
-    let (stiffness, free) = (b.stiffness(), b.v4("free"));
-    kernels::blocks::blocks(&b.params(), &stiffness, layer_of, &rotation, &free, &mut block);
+    let (stiffness, free, split) = (b.stiffness(), b.v4("free"), b.split());
+    kernels::blocks::blocks(&b.params(), &stiffness, layer_of, &rotation, &free, &split, &mut block);
     vec![("block", flat(&block))]
 }
 
@@ -94,7 +94,7 @@ pub fn bounds<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn centres<R: Real>(b: &Body) -> Outputs<R> {
     let mut point_u = b.v4::<R>("point_u");
-    kernels::centres::centres(&b.params(), &b.v4("u"), &mut point_u);
+    kernels::centres::centres(&b.params(), &b.split(), &b.v4("u"), &mut point_u);
     vec![("point_u", flat(&point_u))]
 }
 
@@ -161,7 +161,17 @@ pub fn forces<R: Real>(b: &Body) -> Outputs<R> {
     let mut f = b.v4::<R>("f");
     let (shape, pre_strain, stiffness) = (b.v4("shape"), b.v4("pre_strain"), b.stiffness());
     let (u, rotation) = (b.v4("u"), b.v4("rotation"));
-    kernels::forces::forces(&b.params(), &shape, &pre_strain, &stiffness, &b.grid.layer_of, &u, &rotation, &mut f);
+    kernels::forces::forces(
+        &b.params(),
+        &shape,
+        &pre_strain,
+        &stiffness,
+        &b.grid.layer_of,
+        &b.split(),
+        &u,
+        &rotation,
+        &mut f,
+    );
     vec![("f", flat(&f))]
 }
 
@@ -180,7 +190,16 @@ pub fn integrate<R: Real>(b: &Body) -> Outputs<R> {
 pub fn momentum<R: Real>(b: &Body) -> Outputs<R> {
     let (shape, rotation, free) = (b.v4("shape"), b.v4("rotation"), b.v4("free"));
     let mut mean_v = b.v4::<R>("mean_v");
-    kernels::momentum::momentum(&b.params(), &shape, &b.grid.layer_of, &rotation, &free, &b.v4("v"), &mut mean_v);
+    kernels::momentum::momentum(
+        &b.params(),
+        &shape,
+        &b.grid.layer_of,
+        &b.split(),
+        &rotation,
+        &free,
+        &b.v4("v"),
+        &mut mean_v,
+    );
     vec![("mean_v", flat(&mean_v))]
 }
 
@@ -201,7 +220,7 @@ pub fn product<R: Real>(b: &Body) -> Outputs<R> {
     let mut dots = start_sums(b, "partial_product", b.product_groups());
     for (slot, at) in running(b) {
         let (z, w) = (&z[at.clone()], &mut w[at]);
-        dots[slot] = kernels::product::product(&p, &modes, layer_of, &rotation, &free, z, w, &mut scratch);
+        dots[slot] = kernels::product::product(&p, &modes, layer_of, &rotation, &free, &b.split(), z, w, &mut scratch);
     }
     vec![("w", flat(&w)), ("partial_product", dots)]
 }
@@ -210,7 +229,7 @@ pub fn prolongation<R: Real>(b: &Body) -> Outputs<R> {
     let (coarse, mut z, count) = (b.v4::<R>("coarse_z"), b.v4("z"), b.coarse_nodes());
     for (slot, at) in running(b) {
         let coarse = &coarse[slot * count..(slot + 1) * count];
-        kernels::prolongation::prolongation(&b.params(), &b.v4("free"), coarse, &mut z[at]);
+        kernels::prolongation::prolongation(&b.params(), &b.v4("free"), &b.split(), coarse, &mut z[at]);
     }
     vec![("z", flat(&z))]
 }
@@ -231,7 +250,7 @@ pub fn restriction<R: Real>(b: &Body) -> Outputs<R> {
     let count = b.coarse_nodes();
     for (slot, at) in running(b) {
         let coarse = &mut coarse[slot * count..(slot + 1) * count];
-        kernels::restriction::restriction(&b.params(), &free, &r[at.clone()], &w[at], coarse);
+        kernels::restriction::restriction(&b.params(), &free, &b.split(), &r[at.clone()], &w[at], coarse);
     }
     vec![("coarse_r", flat(&coarse))]
 }
@@ -246,7 +265,7 @@ pub fn rhs<R: Real>(b: &Body) -> Outputs<R> {
 pub fn rotations<R: Real>(b: &Body) -> Outputs<R> {
     let mut rotation = b.v4::<R>("rotation");
     let (shape, u) = (b.v4("shape"), b.v4("u"));
-    kernels::rotations::rotations(&b.params(), &shape, &b.grid.layer_of, &u, &mut rotation);
+    kernels::rotations::rotations(&b.params(), &shape, &b.grid.layer_of, &b.split(), &u, &mut rotation);
     vec![("rotation", flat(&rotation))]
 }
 

@@ -237,8 +237,8 @@ fn residual_without_anchors() {
     let after = body.state();
     let dx = before.u.iter().zip(&after.u).map(|(a, b)| [0, 1, 2, 3].map(|n| b[n] - a[n])).collect();
     let zeros = vec![[0.0; 4]; before.u.len()];
-    let Snapshot { u, v, rotation, free, law } = before;
-    let solved = Solved { u, v, rotation, free, law, load: zeros.clone(), contact: zeros, dx };
+    let Snapshot { u, v, rotation, free, split, law } = before;
+    let solved = Solved { u, v, rotation, split, free, law, load: zeros.clone(), contact: zeros, dx };
     let found = true_residual(&model, &solved);
     assert!(found < 1e-9, "{found:e}");
     let without = Model { anchors: Anchors::default(), ..model };
@@ -258,7 +258,7 @@ fn energy_rise(law: Law, damping: f64, counted: bool) -> f64 {
     let total = |body: &mut Body| {
         let s = body.state();
         let kinetic: f64 = s.v.iter().zip(&judged.free).map(|(v, f)| 0.5 * f[3] * dot(xyz(*v), xyz(*v))).sum();
-        kinetic + elastic_energy(&judged, &s.u, &s.rotation, &s.law)
+        kinetic + elastic_energy(&judged, &s.u, &s.rotation, &s.split, &s.law)
     };
     let first = total(&mut body);
     let (mut last, mut rise) = (first, f64::NEG_INFINITY);
@@ -316,7 +316,7 @@ fn cut() {
         assert!(near(found, k), "{before:?}, wanted {wanted}");
     }
     for backend in [&mut with, &mut without] {
-        backend.remove(&removal.cells, &removal.springs, &removal.free).expect("the CPU path has no device to fail");
+        backend.remove(&removal).expect("the CPU path has no device to fail");
     }
     let after = added(&mut with, &mut without);
     for (found, k) in after.iter().zip([0.0, wanted, wanted, 0.0]) {
@@ -326,7 +326,7 @@ fn cut() {
     assert_eq!(free(&mut with), wound.free, "masses are the body's, not those of its system");
     // the energy of the corner's spring went with it
     let state = with.snapshot().expect("the CPU path has no device to fail");
-    let energy = elastic_energy(&model, &state.u, &state.rotation, &state.law);
+    let energy = elastic_energy(&model, &state.u, &state.rotation, &state.split, &state.law);
     let springs = 0.5 * STIFFNESS * 1e-10 * (model.anchors.nodes.len() - 1) as f64;
     assert!((energy / springs - 1.0).abs() < 1e-9, "{energy:e} J, wanted {springs:e}");
     assert!(free(&mut with)[1][3] < model.free[1][3]);

@@ -164,7 +164,7 @@ pub fn without_dead(model: &Model, rotation: &[V4<f64>]) -> Model {
 /// `w = A z` by the twin; returns `z·w`.
 pub fn multiply(params: &Params<f64>, model: &Model, rotation: &[V4<f64>], z: &[V4<f64>], w: &mut [V4<f64>]) -> f64 {
     let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(params)];
-    product(params, &model.modes(), &model.grid.layer_of, rotation, &model.free, z, w, &mut scratch)
+    product(params, &model.modes(), &model.grid.layer_of, rotation, &model.free, &[], z, w, &mut scratch)
 }
 
 /// Differences of twin and assembled matrix on a random vector: of `A z`, relative to its largest, and of `z·A z`, relative to itself.
@@ -263,11 +263,11 @@ fn forces_in_strips() {
     let (shape, layers) = (model.shapes(), &model.grid.layer_of);
     let zeros = vec![[0.0; 4]; u.len()];
     let (mut plain, mut fast) = (zeros.clone(), zeros);
-    forces(&params, &shape, &model.pre_strains(), &model.stiffness_blocks(), layers, &u, &rotation, &mut plain);
+    forces(&params, &shape, &model.pre_strains(), &model.stiffness_blocks(), layers, &[], &u, &rotation, &mut plain);
     let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
     let run = |rotation: &[V4<f64>], fast: &mut [V4<f64>], scratch: &mut [_]| {
         let modes = rounded_modes(&model.stiffness);
-        elastic_forces(&params, &shape, &model.pre_strains(), &modes, layers, rotation, &u, fast, scratch);
+        elastic_forces(&params, &shape, &model.pre_strains(), &modes, layers, rotation, &[], &u, fast, scratch);
         let largest = plain.as_flattened().iter().fold(0.0f64, |m, c| m.max(c.abs()));
         let off = plain.as_flattened().iter().zip(fast.as_flattened());
         off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / largest

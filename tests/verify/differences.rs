@@ -37,16 +37,16 @@ fn force(model: &Model, u: &[V4<f64>]) -> [Vec<V4<f64>>; 3] {
     let mut rotation = vec![[0.0, 0.0, 0.0, 1.0]; model.grid.cell_count()];
     let (shapes, layers) = (model.shapes(), &model.grid.layer_of);
     if model.corotational {
-        rotations::rotations(&params, &shapes, layers, u, &mut rotation);
+        rotations::rotations(&params, &shapes, layers, &[], u, &mut rotation);
     }
     let blocks = model.stiffness_blocks();
-    forces::forces(&params, &shapes, &model.pre_strains(), &blocks, layers, u, &rotation, &mut f);
+    forces::forces(&params, &shapes, &model.pre_strains(), &blocks, layers, &[], u, &rotation, &mut f);
     [f, rotation, vec![]]
 }
 
 fn energy(model: &Model, u: &[V4<f64>]) -> f64 {
     let law = model.springs.as_ref().map_or(&[][..], |s| &s.law);
-    elastic_energy(model, u, &force(model, u)[1], law)
+    elastic_energy(model, u, &force(model, u)[1], &[], law)
 }
 
 fn along(u: &[V4<f64>], z: &[V4<f64>], step: f64) -> Vec<V4<f64>> {

@@ -4,6 +4,7 @@ use super::Case;
 use super::dense::{hold_some, multiply, random_rotations, small, without_dead};
 use super::setup::{LONG, Random, apart, displaced, measured, model};
 use cutis::backend::{Backend, CpuBackend, FREE, Needs, Target, Wanted};
+use cutis::cut::Removal;
 use cutis::error::Error;
 use cutis::kernels::Params;
 use cutis::kernels::advance::Request;
@@ -128,7 +129,8 @@ fn increment<R: Real>(scene: &Scene, tolerance: f64) -> (Vec<V4<f64>>, Outcome) 
     let mut left = without_dead(&model, &rotation);
     left.free[0] = [0.0; 4];
     let free: Vec<(u32, V4<f64>)> = left.free.iter().enumerate().map(|(k, f)| (k as u32, *f)).collect();
-    backend.remove(&gone.map(|c| c as u32), &[], &free).expect("the CPU works");
+    let removal = Removal { cells: gone.map(|c| c as u32).to_vec(), free, ..Removal::default() };
+    backend.remove(&removal).expect("the CPU works");
     backend.begin().expect("the CPU works");
     let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
     let outcome = backend.solve(&wanted, &[]).expect("the matrix is regular").0[0];

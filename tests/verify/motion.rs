@@ -78,7 +78,7 @@ fn momentum_of(model: &Model, state: &Snapshot) -> ([f64; 3], [f64; 3]) {
     if model.mass == Consistent {
         let alive = vec![[0.0, 0.0, 0.0, 1.0]; model.grid.cell_count()];
         let (shape, layers) = (model.shapes(), &model.grid.layer_of);
-        momentum::momentum(&model.params(), &shape, layers, &alive, &model.free, &state.v, &mut v);
+        momentum::momentum(&model.params(), &shape, layers, &[], &alive, &model.free, &state.v, &mut v);
     }
     for node in 0..model.rest.len() {
         let p = xyz(v[node]).map(|v| v * model.free[node][3]);
@@ -153,7 +153,7 @@ fn energy_rise(model: Model, steps: u32) -> f64 {
         let state = body.state();
         let kinetic: f64 =
             state.v.iter().zip(&body.model.free).map(|(v, free)| 0.5 * free[3] * dot(xyz(*v), xyz(*v))).sum();
-        kinetic + elastic_energy(&body.model, &state.u, &state.rotation, &state.law)
+        kinetic + elastic_energy(&body.model, &state.u, &state.rotation, &state.split, &state.law)
     };
     let first = total(&mut body);
     let (mut last, mut rise) = (first, f64::NEG_INFINITY);

@@ -89,11 +89,20 @@ fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) ->
         }
     }
     let mut block = vec![[0.0; 4]; 4 * count];
-    blocks(&params, &stiffness, layers, rotation, &free, &mut block);
+    blocks(&params, &stiffness, layers, rotation, &free, &[], &mut block);
     factor(&params, &mut block);
     let mut hierarchy = Hierarchy::new(model).expect("multigrid");
     hierarchy.refresh(&params, layers, rotation);
-    let finest = Operator { params, free: &free, block: &block, steps: &[], modes: &modes, layer_of: layers, rotation };
+    let finest = Operator {
+        params,
+        free: &free,
+        block: &block,
+        steps: &[],
+        modes: &modes,
+        layer_of: layers,
+        rotation,
+        split: (&[], &[]),
+    };
     let levels = hierarchy.operators(finest);
     let mut work = Work::new(&levels);
     let load = model.load_at(&scene.loads, 0.0);
@@ -111,7 +120,7 @@ fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) ->
         &request,
         0.0,
         200,
-        |z: &[V4<f64>], w: &mut [V4<f64>]| product(&params, &modes, layers, rotation, &free, z, w, &mut scratch),
+        |z: &[V4<f64>], w: &mut [V4<f64>]| product(&params, &modes, layers, rotation, &free, &[], z, w, &mut scratch),
         |r: &[V4<f64>], z: &mut [V4<f64>]| cycle(&levels, &mut work, r, z),
     );
     (x, outcome)
@@ -195,7 +204,7 @@ fn bound() {
         let (layers, modes) = (&model.grid.layer_of, model.modes());
         let count = model.rest.len();
         let mut block = vec![[0.0; 4]; 4 * count];
-        blocks(&params, &model.stiffness_blocks(), layers, &rotation, &model.free, &mut block);
+        blocks(&params, &model.stiffness_blocks(), layers, &rotation, &model.free, &[], &mut block);
         factor(&params, &mut block);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         let mut z = super::setup::Random(3).field(count, 1.0);
@@ -204,7 +213,7 @@ fn bound() {
         for _ in 0..300 {
             let size = z.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt();
             z.iter_mut().for_each(|z| *z = z.map(|c| c / size));
-            product(&params, &modes, layers, &rotation, &model.free, &z, &mut w, &mut scratch);
+            product(&params, &modes, layers, &rotation, &model.free, &[], &z, &mut w, &mut scratch);
             // z·w over z·Mz needs M; the growth of M⁻¹A z does not
             cutis::kernels::precondition::precondition(&params, &block, &w, &mut z);
             found = z.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt();

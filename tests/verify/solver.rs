@@ -34,7 +34,7 @@ fn cg(model: &Model, b: &[V4<f64>], cap: u32, product_of: f64) -> (Vec<V4<f64>>,
     let count = model.rest.len();
     let zeros = || vec![[0.0; 4]; count];
     let mut block = vec![[0.0; 4]; 4 * count];
-    blocks(&params, &stiffness, layers, &rotation, &model.free, &mut block);
+    blocks(&params, &stiffness, layers, &rotation, &model.free, &[], &mut block);
     factor(&params, &mut block);
     let (mut x, mut r, mut p, mut s, mut z, mut w) = (zeros(), b.to_vec(), zeros(), zeros(), zeros(), zeros());
     let request = Request {
