@@ -47,10 +47,10 @@ pub fn mean_velocity<R: Real>(
     v: &[V4<R>],
     i: usize,
 ) -> V3<R> {
-    let Some(c) = params.place(split, i) else {
-        return V3::zero();
-    };
     let own = V3::from4(v[i]);
+    let Some(c) = params.place(split, i) else {
+        return own;
+    };
     let mut sum = V3::zero();
     for a in 0..8 {
         let Some(cell) = params.cell_below(c, a) else {

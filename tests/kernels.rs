@@ -3,7 +3,7 @@
 
 use cutis::error::Error;
 use cutis::gpu::{Access, Shader};
-use cutis::kernels::{ALL, COMMON, Source, update};
+use cutis::kernels::{ALL, COMMON, Source, text, update};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, ShaderStage, TypeInner};
 use std::collections::BTreeSet;
@@ -17,8 +17,11 @@ const WORKGROUP_BYTES: u32 = 16 * 1024;
 /// Bytes of a uniform binding that core WebGPU guarantees.
 const UNIFORM_BYTES: u64 = 64 * 1024;
 
+/// Text that kernels share; no kernels.
+const SHARED: [&str; 2] = ["common.wgsl", "split.wgsl"];
+
 fn module(source: &Source) -> (Module, ModuleInfo) {
-    let module = naga::front::wgsl::parse_str(&format!("{COMMON}\n{}", source.wgsl)).expect(source.name);
+    let module = naga::front::wgsl::parse_str(&text(source)).expect(source.name);
     let info = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).expect(source.name);
     (module, info)
 }
@@ -44,7 +47,7 @@ fn every_kernel_has_one_name_and_one_twin() {
     let mut files = BTreeSet::new();
     for entry in std::fs::read_dir(&folder).expect("the kernels' folder") {
         let path = entry.expect("an entry").path();
-        if path.extension().is_some_and(|e| e == "wgsl") && !path.ends_with("common.wgsl") {
+        if path.extension().is_some_and(|e| e == "wgsl") && !SHARED.iter().any(|file| path.ends_with(file)) {
             assert!(path.with_extension("rs").is_file(), "{} has no twin", path.display());
             files.insert(path.file_stem().expect("a name").to_string_lossy().into_owned());
         }

@@ -1,7 +1,8 @@
 //! A random body in SI units, about as soft and as large as skin: every array that a kernel may ask for, by the shader's name.
 //!
 //! Each array is made from its name and the seed when it is asked for, so that a kernel and its twin see the same numbers. One cell is
-//! dead, some axes are held, one spring has no length, one slot in eight is done. What a kernel overwrites starts as noise.
+//! dead, some axes are held, one spring has no length, one slot in eight is done. What a kernel overwrites starts as noise. A cut has
+//! gone through the bricks, down from the top, level below it and here and there, so that nodes are split.
 
 use cutis::error::Result;
 use cutis::gpu::{Buffer, Gpu};
@@ -10,8 +11,10 @@ use cutis::kernels::probe;
 use cutis::kernels::product::{Modes, tiles};
 use cutis::kernels::{GROUP, Params};
 use cutis::math::{M3, Real, V3, V4};
-use cutis::mesh::Grid;
+use cutis::mesh::{Grid, Parts};
+use cutis::model::element::{self, Matrix};
 use cutis::model::{MAX_LAYERS, Springs};
+use cutis::scene::Element;
 
 /// Sizes and seed; the rest follows.
 pub struct Body {
@@ -25,6 +28,8 @@ pub struct Body {
     pub grid: Grid,
     /// Springs between all corners of each cell.
     pub springs: Springs,
+    /// What a cut has severed.
+    pub parts: Parts,
     /// Springs that are no segments, beside every fifth.
     pub no_segments: Vec<usize>,
     seed: u64,
@@ -101,7 +106,11 @@ impl Body {
             heights: (0..=cells[2]).map(|k| 4e-4 * k as f64).collect(),
             layer_of: (0..cells[2]).map(|k| (k * LAYERS / cells[2]) as u32).collect(),
         };
-        Self { kernel, slots, first_slot, springs: Springs::new(&grid, 50.0, 0.05), no_segments: vec![], grid, seed }
+        let parts = severed(&grid, extra_columns(kernel, &grid), seed);
+        // copies are made in all slots
+        let first_slot = if kernel == "duplicate" { 0 } else { first_slot };
+        let springs = Springs::new(&grid, 50.0, 0.05);
+        Self { kernel, slots, first_slot, springs, no_segments: vec![], parts, grid, seed }
     }
 
     /// What the grid kernels know of it.
@@ -122,8 +131,18 @@ impl Body {
             gravity_x: R::of(0.5),
             gravity_y: R::of(-0.25),
             gravity_z: R::of(-9.75),
-            ..self.grid.params()
+            ..with_reserve(&self.grid, self.extra_columns())
         }
+    }
+
+    /// Columns of copies.
+    pub fn extra_columns(&self) -> usize {
+        extra_columns(self.kernel, &self.grid)
+    }
+
+    /// All nodes, the reserve's too.
+    pub fn node_count(&self) -> usize {
+        self.grid.node_count() + self.extra_columns() * self.grid.nodes[2]
     }
 
     /// The uniform `params` of a kernel.
@@ -131,6 +150,7 @@ impl Body {
         let segments = self.springs.ends.len() as u32;
         match self.kernel {
             "cut" => vec![segments, QUADS as u32, segments, 0],
+            "duplicate" => vec![self.copied().len() as u32, self.node_count() as u32, 0, 0],
             "anchors" | "gather" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
             _ => self.params::<f32>().words(),
         }
@@ -139,26 +159,33 @@ impl Body {
     /// Partial sums of the product, per slot.
     pub fn product_groups(&self) -> usize {
         match self.kernel {
-            "product" => tiles(&self.grid.params::<f64>()),
+            "advance" | "product" | "split_product" => {
+                let touched = with_reserve::<f64>(&self.grid, self.extra_columns()).touched_nodes;
+                self.node_tiles() + (touched as usize).div_ceil(GROUP as usize)
+            }
             _ => self.node_groups(),
         }
     }
+    /// Tiles of the product; sums over split cells follow theirs.
+    fn node_tiles(&self) -> usize {
+        tiles(&self.grid.params::<f64>())
+    }
     /// Groups of 64 over nodes.
     pub fn node_groups(&self) -> usize {
-        self.grid.node_count().div_ceil(GROUP as usize)
+        self.node_count().div_ceil(GROUP as usize)
     }
     /// Groups of 64 over columns.
     pub fn column_groups(&self) -> usize {
         self.columns().div_ceil(GROUP as usize)
     }
-    /// Columns of nodes.
+    /// Columns of nodes and of copies.
     pub fn columns(&self) -> usize {
-        self.grid.nodes[0] * self.grid.nodes[1]
+        self.grid.nodes[0] * self.grid.nodes[1] + self.extra_columns()
     }
 
     /// Tiles whose displacements are bounded.
     pub fn tiles(&self) -> usize {
-        bounds::tiles(&self.params::<f64>()).iter().product()
+        bounds::tile_count(&self.params::<f64>())
     }
 
     /// Cells of the next coarser level.
@@ -172,7 +199,7 @@ impl Body {
 
     /// Three of four nodes in random order, each once.
     pub fn ids(&self) -> Vec<u32> {
-        let mut ids: Vec<u32> = (0..self.grid.node_count() as u32).collect();
+        let mut ids: Vec<u32> = (0..self.node_count() as u32).collect();
         let mut random = Random(self.seed);
         for k in (1..ids.len()).rev() {
             ids.swap(k, (0.5 * (random.next() + 1.0) * k as f32) as usize);
@@ -183,7 +210,20 @@ impl Body {
 
     /// The table of split nodes.
     pub fn split(&self) -> Vec<u32> {
-        vec![]
+        self.parts.table().to_vec()
+    }
+
+    /// Nodes and what they are made copies of: no node is both.
+    pub fn copied(&self) -> Vec<[u32; 2]> {
+        let ids = self.ids();
+        let (copies, sources) = ids.split_at(ids.len() / 2);
+        copies.iter().enumerate().map(|(k, copy)| [*copy, sources[k / 2]]).collect()
+    }
+
+    /// Element matrices of the layers, of which a kernel and its twin take different forms.
+    fn matrices(&self) -> Vec<Matrix> {
+        let height = |k: usize| 4e-4 * (1.0 + 0.5 * k as f64);
+        (0..LAYERS).map(|k| element::stiffness([1e-3, 1.1e-3, height(k)], 5e4, 0.45, Element::Bbar)).collect()
     }
 
     /// An array by its name in the shaders.
@@ -191,6 +231,7 @@ impl Body {
         match name {
             "ids" => Array::Count(self.ids()),
             "split" => Array::Count(self.split()),
+            "pairs" => Array::Count(self.copied().concat()),
             "layer_of" => Array::Count(self.grid.layer_of.clone()),
             "first" => Array::Count(self.springs.first.clone()),
             "half" => Array::Count(self.springs.half.concat()),
@@ -209,12 +250,12 @@ impl Body {
     }
 
     fn reals(&self, name: &str) -> Vec<f32> {
-        let (nodes, all) = (self.grid.node_count(), self.grid.node_count() * self.slots.max(2));
+        let (nodes, all) = (self.node_count(), self.node_count() * self.slots.max(2));
         let seed = name.bytes().fold(self.seed, |s, c| s.wrapping_mul(31).wrapping_add(u64::from(c)));
         let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         random.next();
         match name {
-            "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4)),
+            "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4), self.grid.node_count()),
             "u" => coincide(random.vectors(nodes, 1e-4)),
             "tile_bounds" => random.many(self.tiles() * 8, 1.0),
             "point_u" | "point_before" => random.vectors(nodes, 3e-4),
@@ -225,6 +266,7 @@ impl Body {
             "coarse_r" => random.vectors(self.coarse_nodes() * self.slots, 0.01),
             "coarse_rotation" => random.many(self.coarse_cells() * 4, 1.0),
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
+            "values" if self.kernel == "duplicate" => random.many(nodes * self.slots * 4, 1.0),
             "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),
             "anchor" => positive(&mut random, self.ids().len()).map(|k| 100.0 * k).collect(),
             "rest" => self.rest(&mut random),
@@ -232,13 +274,19 @@ impl Body {
                 (0..LAYERS).flat_map(|_| [1e-3, 1.1e-3, 4e-4, 1e-7].map(|c| c * (1.0 + 0.3 * random.next()))).collect()
             }
             "pre_strain" => random.vectors(LAYERS, 0.3),
+            "stiffness" if self.kernel == "split_product" => {
+                let columns = element::blocks::<f32>(&self.matrices()).into_iter().flat_map(|k| k.0);
+                columns.flat_map(|c| [c.x, c.y, c.z, 0.0]).collect()
+            }
             "stiffness" => random.vectors(LAYERS * 64 * 3, 100.0),
             "modes" => (0..LAYERS * 8).flat_map(|_| symmetric(&mut random)).collect(),
             "rotation" => self.rotation(&mut random),
             "free" | "coarse_free" => (0..nodes)
-                .flat_map(|_| {
+                .flat_map(|node| {
                     let axes = [0; 3].map(|_| if random.next() < 0.7 { 1.0 } else { 0.0 });
-                    [axes[0], axes[1], axes[2], 1e-6 * (2.0 + random.next())]
+                    let own = [axes[0], axes[1], axes[2], 1e-6 * (2.0 + random.next())];
+                    // a place without a copy
+                    if node >= self.grid.node_count() && self.parts.cells_of(node).is_empty() { [0.0; 4] } else { own }
                 })
                 .collect(),
             "block" => (0..nodes).flat_map(|_| block(&mut random)).collect(),
@@ -259,7 +307,13 @@ impl Body {
             "requests" => REQUESTS[..self.slots].concat(),
             "partial_product" => {
                 let groups = self.product_groups();
-                let sign = |k: usize| if k / groups == 7 { -1.0 } else { 1.0 };
+                let sign = |k: usize| match self.kernel {
+                    // not written by this one of the two
+                    "product" if k % groups >= self.node_tiles() => 0.0,
+                    "split_product" if k % groups < self.node_tiles() => 0.0,
+                    _ if k / groups == 7 => -1.0,
+                    _ => 1.0,
+                };
                 positive(&mut random, self.slots * groups).enumerate().map(|(k, c)| c * sign(k)).collect()
             }
             "partial_gamma" => positive(&mut random, self.slots * self.column_groups()).collect(),
@@ -306,6 +360,9 @@ impl Body {
     }
     /// The element matrices in mirror blocks, for the twin.
     pub fn modes<R: Real>(&self) -> Vec<Modes<R>> {
+        if self.kernel == "split_product" {
+            return element::rounded_modes(&self.matrices());
+        }
         let rows: Vec<[R; 3]> = self.v4("modes").iter().map(|c| [c[0], c[1], c[2]]).collect();
         let block = |k: usize, parity: usize| std::array::from_fn(|row| rows[(k * 8 + parity) * 3 + row]);
         (0..LAYERS).map(|k| std::array::from_fn(|parity| block(k, parity))).collect()
@@ -337,9 +394,54 @@ impl Body {
     }
 }
 
-/// Puts three nodes nowhere, the last two of them on the grid's last seams.
-fn nowhere(mut nodes: Vec<f32>) -> Vec<f32> {
-    let count = nodes.len();
+/// Columns of copies: enough for one workgroup more, few enough that some stay unused. Nothing splits springs.
+fn extra_columns(kernel: &str, grid: &Grid) -> usize {
+    let whole = kernel.starts_with("springs") || ["cut", "probe"].contains(&kernel) || grid.cell_count() == 1;
+    if whole { 0 } else { (grid.nodes[0] * grid.nodes[1] * 5 / 6).min(60) }
+}
+
+/// Parameters with room for copies.
+fn with_reserve<R: Real>(grid: &Grid, extra_columns: usize) -> Params<R> {
+    const AROUND: u32 = 64; // more than one link's nodes and cells
+    let copies = (extra_columns * grid.nodes[2]) as u32;
+    let grid = grid.params::<R>();
+    let room = |count: u32| if copies > 0 { count + AROUND } else { 0 };
+    Params {
+        node_count: grid.node_count + copies,
+        extra_columns: extra_columns as u32,
+        split_cells: room(grid.cell_count),
+        touched_nodes: room(grid.node_count + copies),
+        ..grid
+    }
+}
+
+/// A slit down from the top that ends inside, a cut level below some of it, and links here and there, up to three quarters of the reserve.
+fn severed(grid: &Grid, extra_columns: usize, seed: u64) -> Parts {
+    let params = with_reserve::<f64>(grid, extra_columns);
+    let mut parts = Parts::new(params);
+    let [x, y, z] = grid.cells;
+    let link = |cell: usize, axis: usize| (3 * cell + axis) as u32;
+    let cells = || (0..grid.cell_count()).map(|cell| (cell, params.cell_at(cell)));
+    let slit = cells().filter(|(_, at)| at[0] + 1 == x.div_ceil(2) && 2 * at[1] <= y && 2 * at[2] + 1 >= z);
+    let level = cells().filter(|(_, at)| at[2] + 1 == z.div_ceil(2) && 2 * at[0] <= x && 3 * at[1] <= y);
+    let mut links: Vec<u32> = slit.map(|(cell, _)| link(cell, 0)).collect();
+    links.extend(level.map(|(cell, _)| link(cell, 2)));
+    let mut random = Random(seed);
+    links.extend((0..6 * extra_columns).map(|_| (0.5 * (random.next() + 1.0) * 3.0 * grid.cell_count() as f32) as u32));
+    for link in links {
+        if 4 * parts.parents().len() < 3 * extra_columns {
+            parts.cut(&[(link, 0.5)]);
+        }
+    }
+    parts
+}
+
+/// Puts three nodes nowhere, the last two of them on the grid's last seams, and a copy.
+fn nowhere(mut nodes: Vec<f32>, of_grid: usize) -> Vec<f32> {
+    if let Some(copy) = nodes.get_mut(of_grid * 4 + 1) {
+        *copy = f32::NAN;
+    }
+    let count = of_grid * 4;
     (nodes[1], nodes[count - 6], nodes[count - 4]) = (f32::NAN, f32::INFINITY, f32::NEG_INFINITY);
     nodes
 }

@@ -8,7 +8,7 @@ use super::body::{Array, Body, NO_HIT};
 use super::bounded::{Bounded, uncertain_comparisons};
 use super::twins::{self, Outputs, slot_sums};
 use cutis::gpu::{Access, Buffer, Gpu, Shader, cast};
-use cutis::kernels::{self, COMMON, GROUP, Source};
+use cutis::kernels::{self, GROUP, Source};
 use cutis::math::{M3, V3, V4, rotation_matrix};
 use std::collections::BTreeMap;
 
@@ -28,6 +28,8 @@ enum Threads {
     Columns,
     Segments,
     Ids,
+    Pairs,
+    Touched,
     One,
 }
 
@@ -63,20 +65,26 @@ const CASES: &[Case] = cases! {
         "if n < params.product_groups" => "if n + 1u < params.product_groups", "if n < column_groups" => "if n < 1u",
         "if n < groups" => "if n < 1u", "shared_sum[lane] += part" => "shared_sum[lane] = part",
         "max(request.x * reference, request.z)" => "min(request.x * reference, request.z)",
-        "denominator > 0.0 &&" => "denominator != 0.0 &&"
+        "denominator > 0.0 &&" => "denominator != 0.0 &&",
+        "max(max(groups, column_groups), params.product_groups)" => "max(groups, column_groups)",
+        "p.nodes_y + p.extra_columns" => "p.nodes_y"
     ]
     anchors Ids false [
         "* anchor[k]" => "* anchor[0]", "* free[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
     ]
     blocks Nodes false [
         "a + 4u" => "a + 3u", "if a < 4u" => "if a < 3u", "layer_of[at.z] * 64u" => "0u",
-        "any(at >= cells)" => "any(at + 1u >= cells)"
+        "any(at >= cells)" => "any(at + 1u >= cells)",
+        "select(2.0, 1.0, chained)" => "1.0", "above(params, other) == i, other == over" => "true, true",
+        "a < 4u && chained" => "a < 4u", "if corner_node(params, at, a) != i { continue; }" => ""
     ]
     bounds Bounds false [
         "last - first + 1u" => "last - first", "max(high, d)" => "min(high, d)", "low.w += 1.0" => "low.w += 0.0", "n += GROUP" => "n += 2u * GROUP",
-        "n = GROUP / 2u" => "n = GROUP / 4u", "tile / tiles.x" => "tile / tiles.y", "min(first + TILE," => "max(first,"
+        "n = GROUP / 2u" => "n = GROUP / 4u", "tile / tiles.x" => "tile / tiles.y", "min(first + TILE," => "max(first,",
+        "(tile - of_grid) * TILE" => "0u", "params.extra_columns * at.z" => "at.z", "if tile >= of_grid { i" => "if false { i",
+        "at.x + params.extra" => "at.y + params.extra"
     ]
-    centres Cells false ["sum * 0.125" => "sum * 0.126", "params.nodes_y" => "params.cells_y"]
+    centres Cells false ["corner_node(params, vec3<u32>(x, y, z), k)" => "node_id(params, vec3<u32>(x, y, z) + corner(k))", "sum * 0.125" => "sum * 0.126", "% params.cells_y" => "% params.nodes_y"]
     coarsen Cells false [
         "0.25 * share" => "share", "select(weight, -weight," => "select(weight, weight,",
         "x >= params.cells_x ||" => "", "weight = squared *" => "weight =", "child & 1u" => "child & 0u"
@@ -91,23 +99,35 @@ const CASES: &[Case] = cases! {
         "both.x - both.y" => "both.x + both.y", "point_before[second]" => "point_before[first]", "spread = slack" => "spread = 1e4 * slack",
         "* frame.scale);" => "* 1000.0);"
     ]
-    factor Columns false ["own.d - below" => "own.d + below", "transpose(own.g) * g" => "own.g * g"]
+    duplicate Pairs true [
+        "params.stride" => "0u", "pairs[k].x] = values[offset + pairs[k].y]" => "pairs[k].y] = values[offset + pairs[k].x]",
+        "k >= params.count" => "k + 1u >= params.count"
+    ]
+    factor Columns false [
+        "p.nodes_y + p.extra_columns" => "p.nodes_y", "column - columns, p.extra_columns" => "column - columns, 1u",
+        "own.d - below" => "own.d + below", "transpose(own.g) * g" => "own.g * g"]
     forces Nodes false [
-        "- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "(u[node].xyz - own) * r" => "r * (u[node].xyz - own)",
+        "|| corner_node(params, at, a) != i" => "", "place(params, i)" => "node_at(params, i)",
+        "u[corner_node(params, at, b)]" => "u[node_id(params, at + corner(b))]",
+
+        "- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "(u[corner_node(params, at, b)].xyz - own) * r" => "r * (u[corner_node(params, at, b)].xyz - own)",
         "turn * x + e * x" => "turn * x", "pre_strain[layer]" => "pre_strain[0]"
     ]
     gather Ids false ["source[ids[k]]" => "source[k]"]
     integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "1.0 / params.step" => "params.step"]
     momentum Nodes false [
-        "near.y * near.z" => "near.y", "sum * rate" => "sum", "v[node].xyz - own" => "v[node].xyz", "shape[layer_of[at.z]]" => "shape[0]",
+        "near.y * near.z" => "near.y", "|| corner_node(params, at, a) != i" => "",
+        "v[corner_node(params, at, b)]" => "v[node_id(params, at + o_b)]", "sum * rate" => "sum", "v[corner_node(params, at, b)].xyz - own" => "v[corner_node(params, at, b)].xyz", "shape[layer_of[at.z]]" => "shape[0]",
         "any(at >= cells)" => "any(at + 1u >= cells)", "== vec4<f32>(0.0)) { continue" => "== vec4<f32>(9.0)) { continue"
     ]
     precondition Columns true [
-        "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u",
+        "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u", "p.nodes_y + p.extra_columns" => "p.nodes_y",
+        "column - columns, p.extra_columns" => "column - columns, 1u",
         "scalars[slot * 2u].w == 0.0" => "true", "dot(r[offset + i].xyz, above)" => "dot(above, above)"
     ]
     probe One false ["(sum - a," => "(sum - b,", "+ hidden(b - part" => "- hidden(b - part"]
     product Tiles true [
+        "if !is_split(params, cell) { force" => "if true { force",
         "params.inertia * free[i].w" => "params.inertia", "n = GROUP / 2u" => "n = GROUP / 4u",
         "scalars[slot * 2u].w == 0.0" => "true", "a1 = v[0] - v[1]" => "a1 = v[0] + v[1]",
         "g3 = modes[first + 3u]" => "g3 = modes[first + 2u]", "r * vec3<f32>(g6.x" => "transpose(r) * vec3<f32>(g6.x",
@@ -117,22 +137,36 @@ const CASES: &[Case] = cases! {
     ]
     prolongation Nodes true [
         "0.25 *" => "0.5 *", "free[i].xyz" => "free[0].xyz", "slot * size.x" => "0u * size.x", "x % 2u" => "y % 2u",
-        "|| scalars[slot * 2u].w != 0.0" => ""
+        "|| scalars[slot * 2u].w != 0.0" => "", "let at = place(params, i);" => "let at = node_at(params, i);",
+        "return vec3<u32>(parent % p.nodes_x" => "return vec3<u32>(parent % p.cells_x"
     ]
     relax Columns true [
+        "p.nodes_y + p.extra_columns" => "p.nodes_y", "column - columns, p.extra_columns" => "column - columns, 1u",
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u", "* params.keep" => "* params.gain",
         "params.fresh == 0u { own" => "true { own", "params.fresh == 0u {\n                change" => "true {\n                change",
         "scalars[slot * 2u].w == 0.0" => "true", "z[offset + i].xyz + change" => "change", "w[offset + i].xyz - carried" => "carried"
     ]
     restriction Nodes true [
+        "while next != 0u" => "while false", "next = split[params.extra" => "next = 0u * split[params.extra",
+        "next - 1u + params.extra_columns * at.z" => "next - 1u + at.z",
         "0.5, 1.0, dx == 1u" => "0.5, 1.0, dx == 0u", "- w[node].xyz" => "+ w[node].xyz", "x > params.nodes_x ||" => "",
         "coarse_free[i].xyz" => "coarse_free[0].xyz", "|| scalars[slot * 2u].w != 0.0" => ""
     ]
     rhs Nodes false [
         "elastic + v[i].xyz" => "elastic - v[i].xyz", "dot(held, held)" => "dot(held, sum)", "n > 0u" => "n > 1u"
     ]
-    rotations Cells false ["* 2.0 - 1.0" => "* 2.0 - 1.001", "t - s[1].y" => "t + s[1].y", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"]
+    rotations Cells false [
+        "corner_node(params, vec3<u32>(x, y, z), a)" => "node_id(params, vec3<u32>(x, y, z) + o)",
+        "* 2.0 - 1.0" => "* 2.0 - 1.001", "t - s[1].y" => "t + s[1].y", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"]
     scatter Ids false ["destination[ids[k]]" => "destination[k]"]
+    split_product Touched true [
+        "corner_node(params, at, a) != i" => "false", "!is_split(params, cell)" => "false",
+        "if of_grid { out += w[offset + i].xyz; }" => "", "if of_grid { out += w" => "if true { out += w",
+        "if !of_grid { out" => "if true { out", "params.inertia * free[i].w" => "params.inertia", "out *= free[i].xyz" => "out *= 1.0",
+        "n = GROUP / 2u" => "n = GROUP / 4u", "tiles + index" => "index", "scalars[slot * 2u].w == 0.0" => "true",
+        "a * 8u;" => "0u;", "z[offset + corner_node(params, at, b)]" => "z[offset + node_id(params, at + corner(b))]",
+        "sum += r * local" => "sum += local", "* params.stiffness_factor" => "* params.step", "layer_of[at.z] * 64u" => "0u"
+    ]
     springs Nodes false [
         "max(stretch, 0.0)" => "stretch", "sum -= d" => "sum += d", "own.x + elongation" => "elongation",
         "span + span + shift, shift" => "span + span, shift", "length > 0.0" => "true"
@@ -231,13 +265,15 @@ fn run(gpu: &Gpu, case: &Case, body: &Body, broken: Option<&Shader>) -> Result<B
         None => gpu.bind(case.source, &list)?,
     };
     let threads = match case.threads {
-        Threads::Nodes => body.grid.node_count(),
+        Threads::Nodes => body.node_count(),
         Threads::Cells => body.grid.cell_count(),
         Threads::Tiles => body.product_groups() * GROUP as usize,
         Threads::Bounds => body.tiles() * GROUP as usize,
         Threads::Columns => body.columns(),
         Threads::Segments => body.springs.ends.len(),
         Threads::Ids => body.ids().len(),
+        Threads::Pairs => body.copied().len(),
+        Threads::Touched => body.params::<f64>().touched_nodes as usize,
         Threads::One => 1,
     };
     let rows = if case.by_slot { body.slots - body.first_slot } else { 1 };
@@ -328,7 +364,7 @@ fn bounded_rotations(body: &Body) -> Outputs<Bounded> {
         let level = params.cell_at(cell)[2];
         let h = V3::from4(shape[body.grid.layer_of[level] as usize]);
         let (mut f, mut size) = (M3::identity(), 1.0);
-        for (a, node) in params.corners(cell).into_iter().enumerate() {
+        for (a, node) in params.corner_nodes(&body.split(), cell).into_iter().enumerate() {
             let sign = kernels::corner(a).map(|o| if o == 1 { 0.25 } else { -0.25 });
             let gradient = V3::new(sign[0] / h.x, sign[1] / h.y, sign[2] / h.z);
             f = f + V3::from4(u[node]).outer(gradient);
@@ -361,13 +397,16 @@ pub fn agrees(gpu: &Gpu, case: &Case) -> Result<(), Failure> {
 pub fn is_found_out_when_broken(gpu: &Gpu, case: &Case) -> Result<(), Failure> {
     let all = Expected::all(case)?;
     for (from, to) in case.breaks {
-        let (mut common, mut wgsl) = (COMMON.to_string(), case.source.wgsl.to_string());
-        let text = if wgsl.contains(from) { &mut wgsl } else { &mut common };
-        if !text.contains(from) {
-            return Err(format!("`{from}` is not in the kernel; choose another part to break").into());
-        }
-        *text = text.replacen(from, to, 1);
-        let shader = Shader::from_text(case.source.name, format!("{common}\n{wgsl}"))?;
+        // the kernel's own text first, then what it shares
+        let whole = kernels::text(case.source);
+        let own = whole.len() - case.source.wgsl.len();
+        let at = match (case.source.wgsl.find(from), whole.find(from)) {
+            (Some(at), _) => own + at,
+            (None, Some(at)) => at,
+            (None, None) => return Err(format!("`{from}` is not in the kernel; choose another part to break").into()),
+        };
+        let broken = format!("{}{to}{}", &whole[..at], &whole[at + from.len()..]);
+        let shader = Shader::from_text(case.source.name, broken)?;
         let mut found = false;
         for expected in all.iter().rev() {
             found = found || compare(expected, &run(gpu, case, &expected.body, Some(&shader))?)?.is_err();

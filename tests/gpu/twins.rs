@@ -19,7 +19,7 @@ fn flat<R: Real>(vectors: &[V4<R>]) -> Vec<R> {
 
 /// Slots that a dispatch works on, with their range in `[slot][node]` arrays.
 fn running(b: &Body) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> {
-    let (n, scalars) = (b.grid.node_count(), b.v4::<f32>("scalars"));
+    let (n, scalars) = (b.node_count(), b.v4::<f32>("scalars"));
     (b.first_slot..b.slots)
         .filter(move |slot| scalars[slot * 2][3] == 0.0)
         .map(move |slot| (slot, slot * n..(slot + 1) * n))
@@ -151,6 +151,12 @@ pub fn uncertain_segments(b: &Body) -> Vec<usize> {
     (0..segments.len()).filter(uncertain).collect()
 }
 
+pub fn duplicate<R: Real>(b: &Body) -> Outputs<R> {
+    let mut values = b.v4::<R>("values");
+    kernels::duplicate::duplicate(b.node_count(), &b.copied(), &mut values);
+    vec![("values", flat(&values))]
+}
+
 pub fn factor<R: Real>(b: &Body) -> Outputs<R> {
     let mut block = b.v4::<R>("block");
     kernels::factor::factor(&b.params(), &mut block);
@@ -273,6 +279,18 @@ pub fn scatter<R: Real>(b: &Body) -> Outputs<R> {
     let mut destination = b.v4::<R>("destination");
     kernels::scatter::scatter(&b.ids(), &b.v4("values"), &mut destination);
     vec![("destination", flat(&destination))]
+}
+
+pub fn split_product<R: Real>(b: &Body) -> Outputs<R> {
+    let (p, modes, rotation, split) = (b.params(), b.modes(), b.v4("rotation"), b.split());
+    let (free, z, mut w) = (b.v4::<R>("free"), b.v4("z"), b.v4("w"));
+    let (cells, layer_of) = (b.parts.split_cells(), &b.grid.layer_of);
+    let mut dots = start_sums(b, "partial_product", b.product_groups());
+    for (slot, at) in running(b) {
+        let (z, w) = (&z[at.clone()], &mut w[at]);
+        dots[slot] = kernels::split_product::split_product(&p, &modes, layer_of, &rotation, &free, &split, cells, z, w);
+    }
+    vec![("w", flat(&w)), ("partial_product", dots)]
 }
 
 pub fn springs<R: Real>(b: &Body) -> Outputs<R> {
