@@ -118,7 +118,7 @@ const CASES: &[Case] = cases! {
     momentum Nodes false [
         "near.y * near.z" => "near.y", "|| corner_node(params, at, a) != i" => "",
         "v[corner_node(params, at, b)]" => "v[node_id(params, at + o_b)]", "sum * rate" => "sum", "v[corner_node(params, at, b)].xyz - own" => "v[corner_node(params, at, b)].xyz", "shape[layer_of[at.z]]" => "shape[0]",
-        "any(at >= cells)" => "any(at + 1u >= cells)", "== vec4<f32>(0.0)) { continue" => "== vec4<f32>(9.0)) { continue"
+        "any(at >= cells)" => "any(at + 1u >= cells)", "at)] == vec4<f32>(0.0)" => "at)] == vec4<f32>(9.0)"
     ]
     precondition Columns true [
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u", "p.nodes_y + p.extra_columns" => "p.nodes_y",
