@@ -1,7 +1,9 @@
 //! Scenes: the numbers of a valid one in SI, and for each bad input the line and the way to mend it.
 
 use cutis::error::{Error, Result};
-use cutis::scene::{Correction, Element, Files, Filter, Law, Preconditioner, ProbeKind, Region, Scene, parse, read};
+use cutis::scene::{
+    Correction, Cut, Element, Files, Filter, Law, Preconditioner, ProbeKind, Region, Scene, parse, read,
+};
 use proptest::prelude::*;
 use std::path::Path;
 
@@ -932,4 +934,34 @@ proptest! {
         let files = vec![("meshes/scalpel.obj", QUAD), ("incision.csv", hands)].leak();
         readable(parse(FULL, file, &Files::Embedded(files)));
     }
+}
+
+#[test]
+fn cuts_are_chosen_where_bricks_can_be_split() {
+    refused("law = \"fem\"\nelement", "cut = \"splits\"\nlaw = \"fem\"\nelement", "cut = \"splits\" … \"split\"");
+    let none = "cut_reserve_columns = 0\nlaw = \"fem\"\nelement";
+    refused("law = \"fem\"\nelement", none, "cut_reserve_columns … 0 … 1");
+    let both = "cut_reserve_columns = 5\ncut = \"remove\"\nlaw = \"fem\"\nelement";
+    refused("law = \"fem\"\nelement", both, "cut_reserve_columns … cut = \"remove\" splits nothing");
+    let springs = |key: &str| {
+        let text = SMALL.replace("law = 'springs'\n", &format!("law = 'springs'\n{key}\n"));
+        parsed(&text).expect_err("springs").to_string()
+    };
+    says(&springs("cut = 'remove'"), "scenes/full.toml:9: … cut … a blade removes springs; only bricks are split");
+    says(&springs("cut_reserve_columns = 3"), "scenes/full.toml:9: … cut_reserve_columns … only bricks are split");
+    // what is not asked for has room for two cuts right across either way
+    let scene = parsed(FULL).expect("FULL is valid");
+    assert_eq!(scene.skins[0].cut, Cut::Split { reserve_columns: 2 * (8 + 4 + 2) });
+}
+
+#[test]
+fn the_direct_solver_does_not_split() {
+    let direct = FULL.replace("preconditioner = \"block\"", "preconditioner = \"direct\"");
+    let model = |text: &str| cutis::model::Model::new(&parsed(text).expect("a valid scene"), 0);
+    let error = model(&direct).expect_err("a blade may split nodes");
+    says(&error.to_string(), "direct solver … a blade splits … cut = \"remove\" or the preconditioner multigrid");
+    assert_eq!(error.exit_code(), 2);
+    let remove = direct.replace("law = \"fem\"\n", "law = \"fem\"\ncut = \"remove\"\n");
+    assert!(model(&remove).is_ok(), "cells may go");
+    assert!(model(FULL).is_ok(), "other solvers split");
 }

@@ -130,7 +130,7 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach; [`Error::Usage`] for
-    /// multigrid or the direct solver on springs, or for anchors on a consistent mass.
+    /// multigrid or the direct solver on springs, the direct solver where nodes may be split, or anchors on a consistent mass.
     pub fn new(scene: &Scene, body: usize) -> Result<Self> {
         let skin = &scene.skins[body];
         let grid = Grid::new(skin);
@@ -144,6 +144,12 @@ impl Model {
             });
         }
         let extra_columns = reserve(scene, skin);
+        if extra_columns > 0 && scene.solver.preconditioner == Preconditioner::Direct {
+            return Err(Error::Usage {
+                what: "the direct solver's matrix has no room for nodes that a blade splits".into(),
+                fix: "take cut = \"remove\" or the preconditioner multigrid".into(),
+            });
+        }
         let columns = (skin.cells[0] as u64 + 1) * (skin.cells[1] as u64 + 1) + extra_columns as u64;
         let indexed = columns * grid.nodes[2] as u64;
         if indexed > u64::from(MOST_NODES) {
