@@ -17,6 +17,7 @@ mod refinement;
 mod release;
 mod setup;
 mod skin_block;
+mod slit;
 mod solver;
 mod springs;
 
@@ -52,7 +53,7 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 13] = [
+    let groups: [&[Case]; 14] = [
         anchors::CASES,
         multigrid::CASES,
         direct::CASES,
@@ -66,8 +67,9 @@ fn main() -> ExitCode {
         skin_block::CASES,
         release::CASES,
         prestrain::CASES,
+        slit::CASES,
     ];
-    let everywhere: [&[Everywhere]; 8] = [
+    let everywhere: [&[Everywhere]; 9] = [
         anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
@@ -76,6 +78,7 @@ fn main() -> ExitCode {
         springs::EVERYWHERE,
         release::EVERYWHERE,
         refinement::EVERYWHERE,
+        slit::EVERYWHERE,
     ];
     let mut trials = vec![];
     for (name, run) in groups.into_iter().flatten() {

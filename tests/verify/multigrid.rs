@@ -27,11 +27,11 @@ pub const CASES: &[Case] = &[
 pub const EVERYWHERE: &[Everywhere] = &[("multigrid_iterations_are_those_of_f64", counted)];
 
 /// Cells per layer: 5 and 23 levels.
-const THIN: [u32; 3] = [2, 2, 1];
+pub const THIN: [u32; 3] = [2, 2, 1];
 const THICK: [u32; 3] = [10, 10, 3];
 
 /// A press on the skin block at a step of 10 ms, Rayleigh stiffness 0.01 s.
-fn press(across: u32, levels: [u32; 3], poisson: f64) -> Scene {
+pub fn press(across: u32, levels: [u32; 3], poisson: f64) -> Scene {
     let mut scene = scene("verify/skin_block_045.toml");
     scene.skins[0].cells = [across, across];
     for (layer, cells) in scene.skins[0].layers.iter_mut().zip(levels) {

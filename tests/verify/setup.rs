@@ -1,6 +1,7 @@
 //! A deformable body on any place, driven step by step without a scene's tools; and what tests compare it with.
 
 use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
+use cutis::cut::Removal;
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
 use cutis::math::{V4, norm};
@@ -103,6 +104,12 @@ impl Body {
     /// Sets the dead loads, [node] N.
     pub fn load(&mut self, load: &[[f64; 3]]) {
         self.backend.set_load(load);
+    }
+
+    /// Takes what a cut has changed.
+    pub fn remove(&mut self, removal: &Removal) {
+        self.backend.begin().expect("the device works");
+        self.backend.remove(removal).expect("the device works");
     }
 
     /// One implicit step; what its solve reports.
