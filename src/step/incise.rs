@@ -1,8 +1,9 @@
 //! The blade's part of a step: the surface that its edge swept through the skin goes to the cut kernel, what is hit is removed.
 //!
 //! A piece of edge that the tissue holds (a force below its bound) cuts nothing, but parts of it may pass a spring or link all the same:
-//! the piece is held at its sample alone. So its sweep is not given up but put off: the piece keeps the line from which it has not swept
-//! yet, carried along with the skin at its contact, until the tissue lets go.
+//! the piece is held at its sample alone. So its sweep is not given up but put off: the ends of the piece keep the places from which they
+//! have not swept yet, carried along with the skin at its contact, until the tissue lets go. Pieces share their ends, so that what one
+//! sweeps now and its neighbour later leaves no gap.
 //!
 //! A piece that has cut stands at the front of its cut, whatever the grid's cells show of it, and is held there as it moves on: what it
 //! has opened and what it meets are told apart by how far it has gone back from its front, not by which cell it is in. So the work of
@@ -21,19 +22,28 @@ use crate::scene::Who;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// Pieces of edge that are held, by tool and sample.
-pub(super) type Held = BTreeMap<(usize, usize), Line>;
+/// Ends of pieces of edge that are held, by tool and number along the edge.
+pub(super) type Held = BTreeMap<(usize, usize), End>;
 
 /// How far pieces of edge have gone back from where they have cut to, m, by tool and sample.
 pub(super) type Fronts = BTreeMap<(usize, usize), f64>;
 
-/// What a held piece has not swept yet.
+/// Where the end of a held piece has swept to.
 #[derive(Clone, Copy)]
-pub(super) struct Line {
-    /// Where its ends stood when it last swept, moved with the skin since, m.
-    ends: [DVec3; 2],
-    /// It is inside the tissue; one that was only pressed on it and lifts off has cut nothing.
+pub(super) struct End {
+    /// Where it stood when it last swept, moved with the skin since, m.
+    at: DVec3,
+    /// It is inside the tissue; one that was only pressed on it and lifts off has cut nothing, unless the wound has opened under it.
     inside: bool,
+}
+
+/// What a piece of edge does in a step.
+#[derive(Clone, Copy, Default)]
+struct Piece {
+    /// It touches the skin or is in its wound.
+    touches: bool,
+    /// How far the skin that holds it has moved, m, and whether it is inside; none of a piece that goes on.
+    held: Option<(DVec3, bool)>,
 }
 
 impl Simulation {
@@ -78,6 +88,27 @@ impl Simulation {
         patches.into_iter().any(|patch| patch.in_wound(point))
     }
 
+    /// What the pieces of a tool's edge do, in their order.
+    fn pieces(&self, number: usize, old: &Instrument, contacts: &[Contact], report: &StepReport) -> Vec<Piece> {
+        let new = &self.tools[number];
+        let count = new.edge.as_ref().map_or(0, |edge| edge.points.len() - 1);
+        let mut out = vec![Piece::default(); count];
+        for (index, sample) in new.samples.iter().enumerate() {
+            let Role::Edge { piece, .. } = sample.role else { continue };
+            let of_piece = |c: &Contact| c.on[0] == Who::Rigid(number) && c.feature == index;
+            let contact = contacts.iter().position(of_piece);
+            let holds = |k: &usize| !lets_go(&contacts[*k], &report.contact.forces[3 * k..3 * k + 3]);
+            out[piece] = Piece {
+                touches: contact.is_some() || self.in_wound(number, new.at(sample.position)),
+                held: contact.filter(holds).map(|k| {
+                    let moved = new.at(sample.position) - old.at(sample.position) - report.contact.slips[k];
+                    (moved, matches!(contacts[k].law, Law::Cut { .. }))
+                }),
+            };
+        }
+        out
+    }
+
     fn sweep(&mut self, old: &[Instrument], contacts: &[Contact], report: &mut StepReport) -> Result<()> {
         self.follow_fronts(old, contacts, report);
         let held = std::mem::take(&mut self.held);
@@ -91,24 +122,26 @@ impl Simulation {
         let mut quads = vec![];
         for (number, (old, new)) in old.iter().zip(&self.tools).enumerate() {
             let Some(edge) = &new.edge else { continue };
-            for (index, sample) in new.samples.iter().enumerate() {
-                let Role::Edge { piece, .. } = sample.role else {
-                    continue;
-                };
-                let id = (number, index);
-                let ends = [edge.points[piece], edge.points[piece + 1]];
-                let of_piece = |c: &Contact| c.on[0] == Who::Rigid(number) && c.feature == index;
-                let contact = contacts.iter().position(of_piece);
-                let line = held.get(&id).filter(|line| line.inside || contact.is_some());
-                let start = line.map_or(ends.map(|p| old.at(p)), |line| line.ends);
-                match contact.filter(|k| !lets_go(&contacts[*k], &report.contact.forces[3 * k..3 * k + 3])) {
-                    Some(k) => {
-                        let moved = new.at(sample.position) - old.at(sample.position) - report.contact.slips[k];
-                        let inside = matches!(contacts[k].law, Law::Cut { .. });
-                        self.held.insert(id, Line { ends: start.map(|p| p + moved), inside });
+            let pieces = self.pieces(number, old, contacts, report);
+            // an end is held where one of its two pieces is
+            let ends: Vec<[DVec3; 2]> = (0..edge.points.len())
+                .map(|end| {
+                    let beside = &pieces[end.saturating_sub(1)..(end + 1).min(pieces.len())];
+                    let kept = held.get(&(number, end)).filter(|e| e.inside || beside.iter().any(|p| p.touches));
+                    let start = kept.map_or(old.at(edge.points[end]), |e| e.at);
+                    let holding: Vec<(DVec3, bool)> = beside.iter().filter_map(|p| p.held).collect();
+                    if holding.is_empty() {
+                        return [start, new.at(edge.points[end])];
                     }
-                    None => quads.extend([start[0], start[1], new.at(ends[1]), new.at(ends[0])].map(|p| p.to_array())),
-                }
+                    let moved = holding.iter().map(|h| h.0).sum::<DVec3>() / holding.len() as f64;
+                    let kept = End { at: start + moved, inside: holding.iter().any(|h| h.1) };
+                    self.held.insert((number, end), kept);
+                    [start, kept.at]
+                })
+                .collect();
+            for (piece, _) in pieces.iter().enumerate().filter(|(_, p)| p.held.is_none()) {
+                let [a, b] = [ends[piece], ends[piece + 1]];
+                quads.extend([a[0], b[0], b[1], a[1]].map(|p| p.to_array()));
             }
         }
         for body in &mut self.bodies {
