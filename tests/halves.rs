@@ -238,3 +238,54 @@ fn a_slit_opens_alike_whichever_way_it_lies_on_the_grid() {
         assert!((area / 8e-6 - 1.0).abs() < 0.1, "{found:?}");
     }
 }
+
+/// A block on its bottom, and a blade that passes straight through its upper half in 0.2 s, in steps of some length.
+fn sliced(step_ms: f64, toughness: f64) -> (Simulation, f64) {
+    let text = format!(
+        "[skin]\nsize_mm = [12, 8]\ncells = [12, 8]\n[[skin.layer]]\nname = \"gel\"\nthickness_mm = 3\ncells = 5\n\
+         young_kpa = 100\npoisson = 0.45\ndensity_kg_m3 = 1000\ntoughness_kj_m2 = {toughness}\n[[boundary]]\nregion = \"bottom\"\n"
+    );
+    let mut scene = scene(&text);
+    (scene.time.step, scene.solver.tolerance) = (step_ms * 1e-3, 1e-4);
+    // the tip enters at one side, 1.4 mm deep, and leaves at the other
+    let pose = |time: f64, x: f64| Pose {
+        time,
+        position: [x + 12e-3, 1.3e-4, 1.6e-3 + 14e-3],
+        rotation: [0.0, 0.0, 0.0, 1.0],
+    };
+    scene.tools[0].trajectory = vec![pose(0.0, -11e-3), pose(0.2, 9e-3), pose(9.0, 9e-3)];
+    let mut simulation = simulation(&scene);
+    let mut work = 0.0;
+    for _ in 0..(220.0 / step_ms).round() as u32 {
+        let before = simulation.tools[0].position;
+        let report = simulation.step(false).expect("the CPU path has no device to fail");
+        let force = report.contact.on_tool.first().map_or(DVec3::ZERO, |f| DVec3::from_array(*f));
+        work -= force.dot(simulation.tools[0].position - before);
+    }
+    (simulation, work)
+}
+
+#[test]
+fn a_straight_path_through_a_body_at_rest_cuts_the_same_links_in_steps_of_any_length() {
+    // tissue that bears nothing stays where it is
+    let cuts = |step_ms: f64| -> Vec<(u32, usize)> {
+        let (simulation, _) = sliced(step_ms, 1e-9);
+        simulation.bodies[0].wound.surface.parts.cuts().map(|(cell, axis, _)| (cell, axis)).collect()
+    };
+    let fine = cuts(1.0);
+    assert_eq!(fine.len(), 24, "two levels of cells have their middle above the tip: {fine:?}");
+    assert_eq!(fine, cuts(5.0));
+    assert_eq!(fine, cuts(20.0));
+}
+
+#[test]
+fn the_work_of_a_slice_is_toughness_times_area() {
+    const TOUGHNESS: f64 = 0.05;
+    let (simulation, work) = sliced(2.0, TOUGHNESS);
+    let area = simulation.totals().area;
+    // the tip goes 1.4 mm under the top of 12 mm of gel
+    let swept = 1.4e-3 * 12e-3;
+    measured("work over toughness times swept area", work / (TOUGHNESS * 1e3 * swept));
+    measured("severed area over swept area", area / swept);
+    assert!((work / (TOUGHNESS * 1e3 * swept) - 1.0).abs() < 0.1, "{:e} J over {:e}", work, TOUGHNESS * 1e3 * swept);
+}
