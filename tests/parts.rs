@@ -333,6 +333,7 @@ proptest! {
         surface_is_closed(&wound)?;
         mass_is_kept(&model, &wound)?;
         product_is_that_of_cells(&model, &wound, 3)?;
+        blocks_are_those_of_the_matrix(&model, &wound, 4)?;
     }
 }
 

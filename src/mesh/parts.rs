@@ -7,19 +7,24 @@
 //! Copies of one node column should follow each other up and down one extra column, since the smoother works by columns. So the piece that
 //! keeps a node is the one that shares more cells with that column's nodes right above and below; where that does not decide, the one
 //! with the cells of lowest y, then x, then z. The others join the extra column that they share most cells with, a new one where they
-//! share none. A vertical cut thus gives two whole columns. A horizontal cut has no such order: the part below keeps the node, and the
+//! share none, and any with a free place when no new one is left or seven stand beside their node's column: a node has no more than seven
+//! copies. A vertical cut thus gives two whole columns. A horizontal cut has no such order: the part below keeps the node, and the
 //! part above gets a copy whose column has nothing at the next level: it is smoothed alone there.
 //!
 //! Links that were crossed know where, and the corners of the wound lie at the mean of the crossings around them: a smooth wound in a
 //! grid of boxes (after Ju, Losasso, Schaefer, Warren 2002: one vertex per dual cell at the mean of its edges' crossings).
 
 mod corner;
+mod pieces;
 
 pub use corner::Corner;
 
 use crate::kernels::split::NONE;
 use crate::kernels::{Params, corner};
 use std::collections::{BTreeMap, BTreeSet};
+
+/// Copies of a node at most, for eight cells around it.
+const COPIES: usize = 7;
 
 /// What a cut has changed.
 #[derive(Clone, Debug, Default)]
@@ -294,17 +299,20 @@ impl Parts {
     fn take_copy(&mut self, c: [usize; 3], own: &[(usize, usize)], trial: &mut Trial) -> Option<usize> {
         let (extra, levels) = (self.params.extra_columns as usize, self.params.nodes_z as usize);
         let parent = c[0] + self.params.nodes_x as usize * c[1];
-        let mut best = (0, None);
+        let mut best: Option<(usize, usize)> = None; // cells shared, extra column
+        let mut beside = 0;
         let mut next = self.table[2 * extra + parent] as usize;
         while next != 0 {
             let e = next - 1;
+            beside += 1;
             let shared = self.shares(own, self.params.columns() + e);
-            if !self.occupied[e * levels + c[2]] && shared > best.0 {
-                best = (shared, Some(e));
+            if !self.occupied[e * levels + c[2]] && best.is_none_or(|(most, _)| shared > most) {
+                best = Some((shared, e));
             }
             next = self.table[extra + e] as usize;
         }
-        let e = best.1.or_else(|| self.take_column(parent, trial))?;
+        let joined = best.filter(|(shared, _)| *shared > 0 || beside >= COPIES).map(|(_, e)| e);
+        let e = joined.or_else(|| self.take_column(parent, trial)).or(best.map(|(_, e)| e))?;
         self.occupied[e * levels + c[2]] = true;
         Some(self.params.grid_nodes() + e + extra * c[2])
     }
@@ -368,33 +376,5 @@ impl Parts {
         };
         let own = (0..8).filter_map(|n| self.cell_in(c, n));
         own.filter(|(cell, a)| self.corners(*cell)[*a] == node).map(|(cell, _)| cell).collect()
-    }
-
-    /// How many pieces the live cells have fallen into.
-    pub fn pieces(&self, alive: &[bool]) -> usize {
-        let strides = [1, self.params.cells_x as usize, (self.params.cells_x * self.params.cells_y) as usize];
-        let mut seen: Vec<bool> = alive.iter().map(|live| !live).collect();
-        let mut count = 0;
-        let mut open = vec![];
-        for first in 0..seen.len() {
-            if std::mem::replace(&mut seen[first], true) {
-                continue;
-            }
-            count += 1;
-            open.push(first);
-            while let Some(cell) = open.pop() {
-                let at = self.params.cell_at(cell);
-                for axis in 0..3 {
-                    let before = (at[axis] > 0).then(|| cell - strides[axis]).filter(|b| !self.is_severed(*b, axis));
-                    let beyond = self.beyond(cell, axis).filter(|_| !self.is_severed(cell, axis));
-                    for next in before.into_iter().chain(beyond) {
-                        if !std::mem::replace(&mut seen[next], true) {
-                            open.push(next);
-                        }
-                    }
-                }
-            }
-        }
-        count
     }
 }
