@@ -186,12 +186,6 @@ impl Patch {
         c[0] * weights[0] + c[1] * weights[1] + c[2] * weights[2]
     }
 
-    /// Half the longest edge of a triangle, m.
-    fn half_edge(&self, triangle: usize) -> f64 {
-        let [a, b, c] = self.corners[triangle];
-        0.5 * a.distance(b).max(b.distance(c)).max(c.distance(a))
-    }
-
     fn face_normal(&self, triangle: usize) -> DVec3 {
         let [a, b, c] = self.corners[triangle];
         (b - a).cross(c - a).normalize_or_zero()
@@ -358,13 +352,8 @@ fn edge_contact(
     };
     let in_wound = distance <= 0.0 || patch.walls[triangle];
     match retreat.filter(|_| in_wound) {
-        // back in its own cut: nothing holds it before it is where it has cut to, and there the tissue ahead of it, where the lips meet
-        Some(retreat) => {
-            let (triangle, weights, ..) = patch.project(point + forward * patch.half_edge(triangle));
-            let spot = Spot { nodes: patch.triangles[triangle], weights };
-            let law = Law::Cut { radius: resistance(patch.cells[triangle]) * length };
-            return (retreat < reach).then_some(Found { gap: retreat, spot, law, ..base });
-        }
+        // back in its own cut: nothing holds it before it is where it has cut to
+        Some(retreat) => return (retreat < reach).then_some(Found { gap: retreat, ..base }),
         // inside: held by the tissue where it is
         None if distance <= 0.0 => return Some(base),
         None => {}
