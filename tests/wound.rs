@@ -57,7 +57,7 @@ fn sliced(reserve_columns: u32) -> (Vec<DVec3>, usize, Simulation) {
     for _ in 0..steps {
         let step = simulation.step(false).expect("the CPU path has no device to fail");
         let other: Vec<_> = step.warnings.keys().filter(|name| **name != "cut_reserve_exhausted").collect();
-        assert!(other.is_empty(), "at {} s: {other:?}", step.time);
+        assert!(other.is_empty(), "{reserve_columns} columns at {} s: {other:?}", step.time);
         held += step.warnings.get("cut_reserve_exhausted").copied().unwrap_or_default() as usize;
         path.push(simulation.tools[0].position);
     }

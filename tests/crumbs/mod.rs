@@ -28,8 +28,6 @@ layer = [
 [[boundary]]
 region = "bottom"
 "#;
-/// Eight cells around a node are at most eight parts.
-pub const ENOUGH: usize = 7 * 9 * 9;
 /// Iterations of a solve at most.
 pub const CAP: u32 = 500;
 /// Length of the edge and of its way, m.

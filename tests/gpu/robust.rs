@@ -18,9 +18,9 @@ const SWEEPS: usize = 50;
 /// Columns of copies: used up on the way.
 const RESERVE: usize = 60;
 /// Residual that each step is solved to, of its load.
-const TOLERANCE: f64 = 1e-5;
+const TOLERANCE: f64 = 2e-6;
 /// Difference of a step's motion, of the largest.
-const STEP: f64 = 1e-3;
+const STEP: f64 = 5e-3;
 /// Links of which rounding decides whether they are cut, of all that are.
 const DECIDED: f64 = 2e-3;
 
@@ -131,7 +131,7 @@ fn sweeps_agree(gpu: &Gpu) -> Result<(), Failure> {
     let (mut run, mut next) = (Run::new(gpu)?, random(2));
     for n in 0..ROUNDS {
         run.round(&mut next, |_| ()).map_err(|e| format!("round {n}: {}", e.0))?;
-        if !(run.apart <= STEP) {
+        if run.apart.is_nan() || run.apart > STEP {
             return Err(format!("round {n}: the step is {:.1e} off that of the CPU", run.apart).into());
         }
     }

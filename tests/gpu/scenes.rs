@@ -59,7 +59,7 @@ fn severed(place: &Place) -> Result<BTreeSet<(u32, usize)>, Failure> {
     for _ in 0..(scene.time.duration / scene.time.step).round() as usize {
         let warnings = simulation.step(false)?.warnings;
         if !warnings.is_empty() {
-            return Err(format!("{warnings:?}").into());
+            return Err(format!("{place:?} at {} s: {warnings:?}", simulation.time).into());
         }
     }
     Ok(simulation.bodies[0].wound.surface.parts.cuts().map(|(cell, axis, _)| (cell, axis)).collect())
