@@ -1,4 +1,4 @@
-//! Ten thousand random sweeps on the device: they cut what they cut on the CPU path in f32, and each step of the body that is left is the
+//! Three thousand random sweeps on the device: they cut what they cut on the CPU path in f32, and each step of the body that is left is the
 //! CPU path's from the same state.
 //!
 //! The CPU's body starts each round from what the device's holds then, with the whole wound at once; the device's goes through all
@@ -13,22 +13,23 @@ use cutis::model::Model;
 use std::collections::BTreeSet;
 
 /// Rounds of a step and sweeps.
-const ROUNDS: usize = 200;
+const ROUNDS: usize = 60;
 const SWEEPS: usize = 50;
 /// Columns of copies: used up on the way.
-const RESERVE: usize = 60;
+const RESERVE: usize = 40;
 /// Residual that each step is solved to, of its load.
 const TOLERANCE: f64 = 2e-6;
-/// Difference of a step's motion, of the largest.
+/// Difference of a step's motion, of the largest: two residuals of the tolerance, times the condition that single cells hanging by
+/// an edge leave, about 1e3.
 const STEP: f64 = 5e-3;
 /// Links of which rounding decides whether they are cut, of all that are.
-const DECIDED: f64 = 2e-3;
+const DECIDED: f64 = 1e-3;
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
 
 /// Every test here, by name.
 pub const TESTS: &[(&str, Test)] = &[
-    ("a_body_cut_by_ten_thousand_sweeps_is_that_of_the_cpu", sweeps_agree),
+    ("a_body_cut_by_random_sweeps_is_that_of_the_cpu", sweeps_agree),
     ("a_word_that_the_device_lacks_is_noticed", a_lost_word_is_noticed),
 ];
 

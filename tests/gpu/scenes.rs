@@ -4,16 +4,12 @@ use super::Failure;
 use cutis::gpu::Gpu;
 use cutis::scene::{ProbeKind, Who, read};
 use cutis::step::{Place, Simulation};
-use std::collections::BTreeSet;
 use std::path::Path;
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
 
 /// Tests of this file by name.
-pub const TESTS: &[(&str, Test)] = &[
-    ("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other),
-    ("the_incision_severs_the_same_links", the_incision_severs_the_same_links),
-];
+pub const TESTS: &[(&str, Test)] = &[("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other)];
 
 /// Steps after which the blocks have settled to their weights.
 const STEPS: u32 = 10;
@@ -45,35 +41,4 @@ fn soft_blocks_stand_on_each_other(gpu: &Gpu) -> Result<(), Failure> {
         }
     }
     Ok(())
-}
-
-/// Links that one path alone severs, of all: those that the blade's outline meets, where a step's rounding and tolerance decide.
-const SEVERED: f64 = 0.02;
-
-/// Links that the test form of the incision severs.
-fn severed(place: &Place) -> Result<BTreeSet<(u32, usize)>, Failure> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/incision.toml");
-    let mut scene = read(&path)?;
-    scene.skins[0].cells = scene.test.and_then(|form| form.cells).ok_or("the incision has a test form")?;
-    let mut simulation = Simulation::new(&scene, place)?;
-    for _ in 0..(scene.time.duration / scene.time.step).round() as usize {
-        let warnings = simulation.step(false)?.warnings;
-        if !warnings.is_empty() {
-            return Err(format!("{place:?} at {} s: {warnings:?}", simulation.time).into());
-        }
-    }
-    Ok(simulation.bodies[0].wound.surface.parts.cuts().map(|(cell, axis, _)| (cell, axis)).collect())
-}
-
-fn the_incision_severs_the_same_links(gpu: &Gpu) -> Result<(), Failure> {
-    let a = &gpu.adapter;
-    let there = severed(&Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver))))?;
-    let here = severed(&Place::Cpu64)?;
-    let other = there.symmetric_difference(&here).count();
-    let text = format!("{} links severed, {} on the CPU path, {other} on one alone", there.len(), here.len());
-    super::report(gpu, &text);
-    match here.len() > 50 && other as f64 <= SEVERED * here.len() as f64 {
-        true => Ok(()),
-        false => Err(text.into()),
-    }
 }
