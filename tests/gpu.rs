@@ -7,10 +7,13 @@
 mod body;
 #[path = "gpu/bounded.rs"]
 mod bounded;
+mod crumbs;
 #[path = "gpu/device.rs"]
 mod device;
 #[path = "gpu/parity.rs"]
 mod parity;
+#[path = "gpu/robust.rs"]
+mod robust;
 #[path = "gpu/scenes.rs"]
 mod scenes;
 #[path = "gpu/solver.rs"]
@@ -73,6 +76,9 @@ fn tests() -> Vec<(String, Test)> {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in scenes::TESTS {
+        all.push((name.to_string(), Box::new(test)));
+    }
+    for (name, test) in robust::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in swept::TESTS {

@@ -7,13 +7,15 @@
 //! Copies of one node column should follow each other up and down one extra column, since the smoother works by columns. So the piece that
 //! keeps a node is the one that shares more cells with that column's nodes right above and below; where that does not decide, the one
 //! with the cells of lowest y, then x, then z. The others join the extra column that they share most cells with, a new one where they
-//! share none. A vertical cut thus gives two whole columns. A horizontal cut has no such order: the part below keeps the node, and the
+//! share none, and any with a free place when no new one is left or seven stand beside their node's column: a node has no more than seven
+//! copies. A vertical cut thus gives two whole columns. A horizontal cut has no such order: the part below keeps the node, and the
 //! part above gets a copy whose column has nothing at the next level: it is smoothed alone there.
 //!
 //! Links that were crossed know where, and the corners of the wound lie at the mean of the crossings around them: a smooth wound in a
 //! grid of boxes (after Ju, Losasso, Schaefer, Warren 2002: one vertex per dual cell at the mean of its edges' crossings).
 
 mod corner;
+mod pieces;
 
 pub use corner::Corner;
 
@@ -21,8 +23,8 @@ use crate::kernels::split::NONE;
 use crate::kernels::{Params, corner};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Cells around a link's face, touched nodes around it and copies at most: what must be left in the reserve before it is cut.
-const AROUND: [usize; 2] = [18, 48 + 4];
+/// Copies of a node at most, for eight cells around it.
+const COPIES: usize = 7;
 
 /// What a cut has changed.
 #[derive(Clone, Debug, Default)]
@@ -50,6 +52,15 @@ pub struct Parts {
     occupied: Vec<bool>, // [extra column][level]
     cells: Vec<u32>,     // split cells, by rows
     touched: BTreeSet<u32>,
+}
+
+/// What severing one link has changed, and how much was in use before: taken back when the reserve runs out in the midst of it.
+struct Trial {
+    used: usize,
+    cells: usize,
+    touched: usize,
+    words: Vec<(usize, u32)>, // with their value before
+    copies: Vec<[u32; 2]>,
 }
 
 /// Cells around a node, by z + 2 x + 4 y: 1 beyond the node, 0 before it.
@@ -178,8 +189,7 @@ impl Parts {
     /// Severs links at (`3·cell + axis`, place along the link), in their order; those that are cut already stay as they are.
     pub fn cut(&mut self, hits: &[(u32, f64)]) -> Change {
         let mut change = Change::default();
-        let mut words = BTreeMap::new();
-        let mut nodes = BTreeSet::new();
+        let mut words = BTreeSet::new();
         for (link, at) in hits {
             let (cell, axis) = ((link / 3) as usize, (link % 3) as usize);
             if self.beyond(cell, axis).is_none() || self.is_severed(cell, axis) {
@@ -190,22 +200,20 @@ impl Parts {
                 continue;
             }
             self.severed[cell] |= 1 << axis;
+            let mut trial = self.trial();
             let around = self.face(cell, axis).map(|node| self.params.node_at(node));
-            let falls_apart: Vec<[usize; 3]> = around.into_iter().filter(|c| self.falls_apart(*c)).collect();
-            let room = self.used + falls_apart.len() <= self.params.extra_columns as usize
-                && self.cells.len() + AROUND[0] <= self.params.split_cells as usize
-                && self.touched.len() + AROUND[1] <= self.params.touched_nodes as usize;
-            if !falls_apart.is_empty() && !room {
+            if around.into_iter().any(|c| self.divide(c, &mut trial).is_none()) {
+                self.take_back(trial);
                 self.severed[cell] &= !(1 << axis);
                 change.refused += 1;
                 continue;
             }
             self.crossings.insert(*link, *at);
             change.links.push((cell as u32, axis));
-            for c in falls_apart {
-                self.divide(c, &mut change.copies, &mut words, &mut nodes);
-            }
+            words.extend(trial.words.iter().map(|(word, _)| *word as u32));
+            change.copies.extend(trial.copies);
         }
+        let nodes: BTreeSet<u32> = change.copies.iter().flatten().copied().collect();
         // what a new copy was split from may be new itself
         let sources: BTreeMap<u32, u32> = change.copies.iter().map(|[copy, source]| (*copy, *source)).collect();
         for [_, source] in &mut change.copies {
@@ -213,7 +221,7 @@ impl Parts {
                 *source = *older;
             }
         }
-        change.words = words.into_iter().collect();
+        change.words = words.into_iter().map(|word| (word, self.table[word as usize])).collect();
         change.nodes = nodes.into_iter().collect();
         change
     }
@@ -225,24 +233,30 @@ impl Parts {
         std::array::from_fn(|_| beyond.next().expect("a face has four corners"))
     }
 
-    /// Whether cells that share a node hang together no more.
-    fn falls_apart(&self, c: [usize; 3]) -> bool {
-        let part = self.parts_at(c);
-        let mut of_node: BTreeMap<usize, usize> = BTreeMap::new();
-        (0..8).any(|n| {
-            self.cell_in(c, n)
-                .is_some_and(|(cell, a)| *of_node.entry(self.corners(cell)[a]).or_insert(part[n]) != part[n])
-        })
+    fn trial(&self) -> Trial {
+        let (used, cells, touched) = (self.used, self.cells.len(), self.touched.len());
+        Trial { used, cells, touched, words: vec![], copies: vec![] }
     }
 
-    /// Gives each part at a node its own.
-    fn divide(
-        &mut self,
-        c: [usize; 3],
-        copies: &mut Vec<[u32; 2]>,
-        words: &mut BTreeMap<u32, u32>,
-        changed: &mut BTreeSet<u32>,
-    ) {
+    /// Makes everything as it was before.
+    fn take_back(&mut self, trial: Trial) {
+        let (extra, levels) = (self.params.extra_columns as usize, self.params.nodes_z as usize);
+        let first = self.params.layout().touched;
+        for node in &self.table[first + trial.touched..first + self.touched.len()] {
+            self.touched.remove(node);
+        }
+        for (word, before) in trial.words.into_iter().rev() {
+            self.table[word] = before;
+        }
+        for place in trial.copies.iter().map(|[copy, _]| *copy as usize - self.params.grid_nodes()) {
+            self.occupied[place % extra * levels + place / extra] = false;
+        }
+        self.cells.truncate(trial.cells);
+        self.used = trial.used;
+    }
+
+    /// Gives each part at a node its own; none where the reserve does not suffice.
+    fn divide(&mut self, c: [usize; 3], trial: &mut Trial) -> Option<()> {
         let part = self.parts_at(c);
         // parts of each node, in the order of their lowest octants
         let mut of_node: BTreeMap<usize, Vec<Vec<(usize, usize)>>> = BTreeMap::new();
@@ -260,14 +274,14 @@ impl Parts {
             let keeper = parts.iter().position(|own| shared(own) == most).unwrap_or(0);
             parts.remove(keeper);
             for own in parts {
-                let copy = self.take_copy(c, &own, words) as u32;
-                copies.push([copy, node as u32]);
-                changed.extend([copy, node as u32]);
+                let copy = self.take_copy(c, &own, trial)? as u32;
+                trial.copies.push([copy, node as u32]);
                 for (cell, a) in own {
-                    self.set_corner(cell, a, copy, words);
+                    self.set_corner(cell, a, copy, trial)?;
                 }
             }
         }
+        Some(())
     }
 
     /// Column of a node: the grid's come first.
@@ -282,56 +296,72 @@ impl Parts {
     }
 
     /// A place for a copy of the node at `c` for a part.
-    fn take_copy(&mut self, c: [usize; 3], own: &[(usize, usize)], words: &mut BTreeMap<u32, u32>) -> usize {
+    fn take_copy(&mut self, c: [usize; 3], own: &[(usize, usize)], trial: &mut Trial) -> Option<usize> {
         let (extra, levels) = (self.params.extra_columns as usize, self.params.nodes_z as usize);
         let parent = c[0] + self.params.nodes_x as usize * c[1];
-        let mut best = (0, None);
+        let mut best: Option<(usize, usize)> = None; // cells shared, extra column
+        let mut beside = 0;
         let mut next = self.table[2 * extra + parent] as usize;
         while next != 0 {
             let e = next - 1;
+            beside += 1;
             let shared = self.shares(own, self.params.columns() + e);
-            if !self.occupied[e * levels + c[2]] && shared > best.0 {
-                best = (shared, Some(e));
+            if !self.occupied[e * levels + c[2]] && best.is_none_or(|(most, _)| shared > most) {
+                best = Some((shared, e));
             }
             next = self.table[extra + e] as usize;
         }
-        let e = best.1.unwrap_or_else(|| {
-            let e = self.used;
-            self.used += 1;
-            self.set(e, parent as u32, words);
-            self.set(extra + e, self.table[2 * extra + parent], words);
-            self.set(2 * extra + parent, e as u32 + 1, words);
-            e
-        });
+        let joined = best.filter(|(shared, _)| *shared > 0 || beside >= COPIES).map(|(_, e)| e);
+        let e = joined.or_else(|| self.take_column(parent, trial)).or(best.map(|(_, e)| e))?;
         self.occupied[e * levels + c[2]] = true;
-        self.params.grid_nodes() + e + extra * c[2]
+        Some(self.params.grid_nodes() + e + extra * c[2])
     }
 
-    fn set(&mut self, word: usize, value: u32, words: &mut BTreeMap<u32, u32>) {
-        self.table[word] = value;
-        words.insert(word as u32, value);
+    /// A new extra column beside a node column.
+    fn take_column(&mut self, parent: usize, trial: &mut Trial) -> Option<usize> {
+        let (e, extra) = (self.used, self.params.extra_columns as usize);
+        if e == extra {
+            return None;
+        }
+        self.used += 1;
+        self.set(e, parent as u32, trial);
+        self.set(extra + e, self.table[2 * extra + parent], trial);
+        self.set(2 * extra + parent, e as u32 + 1, trial);
+        Some(e)
     }
 
-    fn set_corner(&mut self, cell: usize, a: usize, node: u32, words: &mut BTreeMap<u32, u32>) {
+    fn set(&mut self, word: usize, value: u32, trial: &mut Trial) {
+        trial.words.push((word, std::mem::replace(&mut self.table[word], value)));
+    }
+
+    fn set_corner(&mut self, cell: usize, a: usize, node: u32, trial: &mut Trial) -> Option<()> {
         let layout = self.params.layout();
         if self.table[layout.row + cell] == 0 {
+            if self.cells.len() == self.params.split_cells as usize {
+                return None;
+            }
             self.cells.push(cell as u32);
-            self.set(layout.row + cell, self.cells.len() as u32, words);
+            self.set(layout.row + cell, self.cells.len() as u32, trial);
             for (b, corner) in self.params.corners(cell).into_iter().enumerate() {
-                self.set(layout.corners + (self.cells.len() - 1) * 8 + b, corner as u32, words);
-                self.touch(corner as u32, words);
+                self.set(layout.corners + (self.cells.len() - 1) * 8 + b, corner as u32, trial);
+                self.touch(corner as u32, trial)?;
             }
         }
         let row = self.table[layout.row + cell] as usize - 1;
-        self.set(layout.corners + row * 8 + a, node, words);
-        self.touch(node, words);
+        self.set(layout.corners + row * 8 + a, node, trial);
+        self.touch(node, trial)
     }
 
-    fn touch(&mut self, node: u32, words: &mut BTreeMap<u32, u32>) {
-        let at = self.params.layout().touched + self.touched.len();
-        if self.touched.insert(node) {
-            self.set(at, node, words);
+    fn touch(&mut self, node: u32, trial: &mut Trial) -> Option<()> {
+        if self.touched.contains(&node) {
+            return Some(());
         }
+        if self.touched.len() == self.params.touched_nodes as usize {
+            return None;
+        }
+        self.set(self.params.layout().touched + self.touched.len(), node, trial);
+        self.touched.insert(node);
+        Some(())
     }
 
     /// Whether a node is there: a node of the grid, or a place of the reserve that has been taken for a copy.
@@ -346,33 +376,5 @@ impl Parts {
         };
         let own = (0..8).filter_map(|n| self.cell_in(c, n));
         own.filter(|(cell, a)| self.corners(*cell)[*a] == node).map(|(cell, _)| cell).collect()
-    }
-
-    /// How many pieces the live cells have fallen into.
-    pub fn pieces(&self, alive: &[bool]) -> usize {
-        let strides = [1, self.params.cells_x as usize, (self.params.cells_x * self.params.cells_y) as usize];
-        let mut seen: Vec<bool> = alive.iter().map(|live| !live).collect();
-        let mut count = 0;
-        let mut open = vec![];
-        for first in 0..seen.len() {
-            if std::mem::replace(&mut seen[first], true) {
-                continue;
-            }
-            count += 1;
-            open.push(first);
-            while let Some(cell) = open.pop() {
-                let at = self.params.cell_at(cell);
-                for axis in 0..3 {
-                    let before = (at[axis] > 0).then(|| cell - strides[axis]).filter(|b| !self.is_severed(*b, axis));
-                    let beyond = self.beyond(cell, axis).filter(|_| !self.is_severed(cell, axis));
-                    for next in before.into_iter().chain(beyond) {
-                        if !std::mem::replace(&mut seen[next], true) {
-                            open.push(next);
-                        }
-                    }
-                }
-            }
-        }
-        count
     }
 }
