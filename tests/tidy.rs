@@ -134,7 +134,7 @@ fn imports_go_downward_as_the_architecture_page_says() {
 #[test]
 fn gpu_knows_no_physics() {
     let files = tracked();
-    let kernels = ["kernels::COMMON", "kernels::Source", "kernels::{COMMON, Source}"];
+    let kernels = ["kernels::Source", "kernels::text", "kernels::{Source, text}"];
     for file in in_folder(&files, &["src/gpu"]).filter(|f| f.ends_with(".rs")) {
         let text = read(file);
         for line in without_tests(&text).lines().filter(|l| code(l).contains("crate::kernels")) {

@@ -1,6 +1,6 @@
 //! The contact part of a step: rows, compliance `W`, forces, correction and its passes.
 
-use super::rows::Rows;
+use super::rows::{Rows, in_world};
 use super::{Body, Simulation, StepReport};
 use crate::backend::{CORRECTION, Target, Wanted};
 use crate::collide::Contact;
@@ -394,11 +394,6 @@ impl Body {
         report.warn("solver_not_converged", u32::from(!outcome[0].converged));
         Ok(moved)
     }
-}
-
-/// Values along a contact's axes as a vector.
-fn in_world(contact: &Contact, along: &[f64]) -> DVec3 {
-    contact.axes[0] * along[0] + contact.axes[1] * along[1] + contact.axes[2] * along[2]
 }
 
 /// `λᵀ W λ`, N·m.

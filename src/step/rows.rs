@@ -177,3 +177,8 @@ impl<'a> Rows<'a> {
         }
     }
 }
+
+/// Values along a contact's axes as a vector.
+pub(super) fn in_world(contact: &Contact, along: &[f64]) -> DVec3 {
+    contact.axes[0] * along[0] + contact.axes[1] * along[1] + contact.axes[2] * along[2]
+}

@@ -2,6 +2,7 @@
 
 use super::super::{cell_centres, links};
 use crate::kernels::Params;
+use crate::kernels::centres::centres;
 use crate::kernels::precondition::precondition;
 use crate::kernels::product::{CellForces, Modes, product};
 use crate::kernels::split_product::split_product;
@@ -74,6 +75,14 @@ impl<R: Real> Elastic<R> {
             }),
         }
     }
+
+    /// Displacements of the segments' ends: cell centres of bricks, nodes of springs.
+    pub fn points(&self, params: &Params<R>, u: &[V4<R>], points: &mut [V4<R>]) {
+        match self {
+            Elastic::Bricks(Bricks { split, .. }) => centres(params, split, u, points),
+            Elastic::Springs { .. } => points.copy_from_slice(u),
+        }
+    }
 }
 
 /// What stands for `A⁻¹` in the conjugate gradients.
@@ -84,6 +93,24 @@ pub(super) enum Inverse<'a, R> {
 }
 
 impl<R: Real> Bricks<R> {
+    /// Takes what a cut has changed: dead cells, and words of the table in rising order.
+    pub fn take(&mut self, params: &Params<R>, cells: &[u32], words: &[(u32, u32)]) {
+        for cell in cells {
+            self.rotation[*cell as usize] = [R::zero(); 4];
+        }
+        for (word, value) in words {
+            self.split[*word as usize] = *value;
+        }
+        // rising words: the rows of cells rise, and of new ones the numbers too
+        let row = params.layout().row;
+        let of_cells = row..row + params.cell_count as usize;
+        for (word, value) in words.iter().filter(|(word, _)| of_cells.contains(&(*word as usize))) {
+            let at = *value as usize - 1;
+            self.split_cells.resize(self.split_cells.len().max(at + 1), 0);
+            self.split_cells[at] = word - row as u32;
+        }
+    }
+
     /// `w = A z`; returns `z·w`.
     pub fn multiply(
         &self,

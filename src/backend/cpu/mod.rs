@@ -9,8 +9,8 @@ use crate::kernels::advance::Request;
 use crate::kernels::cut::Hit;
 use crate::kernels::product::{LANES, cell_groups, elastic_forces};
 use crate::kernels::{
-    Params, anchors, blocks, bounds, centres, cut, duplicate, factor, forces, integrate, momentum, rhs, rotations,
-    springs, springs_blocks, springs_product,
+    Params, anchors, blocks, bounds, cut, duplicate, factor, forces, integrate, momentum, rhs, rotations, springs,
+    springs_blocks, springs_product,
 };
 use crate::linear::{Outcome, Slot, solve};
 use crate::math::{Real, V3, V4, round, widen};
@@ -287,7 +287,7 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn finish(&mut self, corrected: bool) -> Result<()> {
         if let Some(c) = &mut self.cutting {
-            points(&self.params, &self.law, &self.u, &mut c.point_before);
+            self.law.points(&self.params, &self.u, &mut c.point_before);
         }
         let params = Params { slot_count: if corrected { 2 } else { 1 }, ..self.params };
         integrate::integrate(&params, &self.x, &mut self.u, &mut self.v);
@@ -312,7 +312,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         let Some(c) = &mut self.cutting else {
             return Ok(vec![]);
         };
-        points(&self.params, &self.law, &self.u, &mut c.point_u);
+        self.law.points(&self.params, &self.u, &mut c.point_u);
         let quads: Vec<V4<R>> = quads.iter().map(|p| V3::of(*p).pad(R::zero())).collect();
         let hits = cut::cut(&c.ends, &c.rest, &c.point_u, &c.point_before, &quads);
         Ok(hits.iter().map(|hit| Hit { segment: hit.segment, at: hit.at.f64() }).collect())
@@ -324,24 +324,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             duplicate::duplicate(self.node_count, copies, values);
         }
         match &mut self.law {
-            Elastic::Bricks(Bricks { rotation, split, split_cells, .. }) => {
-                for cell in cells {
-                    rotation[*cell as usize] = [R::zero(); 4];
-                }
-                for (word, value) in words {
-                    split[*word as usize] = *value;
-                }
-                // words come in rising order: the rows of cells, and of new ones of these the rising rows
-                let row = self.params.layout().row;
-                let rows = words
-                    .iter()
-                    .filter(|(word, _)| (row..row + self.params.cell_count as usize).contains(&(*word as usize)));
-                for (word, value) in rows {
-                    let at = *value as usize - 1;
-                    split_cells.resize(split_cells.len().max(at + 1), 0);
-                    split_cells[at] = word - row as u32;
-                }
-            }
+            Elastic::Bricks(bricks) => bricks.take(&self.params, cells, words),
             Elastic::Springs { law, .. } => {
                 for spring in springs {
                     law[*spring as usize] = [R::zero(); 4];
@@ -380,14 +363,6 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {
         Ok(widen(&self.x[slot * self.node_count..(slot + 1) * self.node_count]))
-    }
-}
-
-/// Displacements of the segments' ends: cell centres of bricks, nodes of springs.
-fn points<R: Real>(params: &Params<R>, law: &Elastic<R>, u: &[V4<R>], points: &mut [V4<R>]) {
-    match law {
-        Elastic::Bricks(Bricks { split, .. }) => centres::centres(params, split, u, points),
-        Elastic::Springs { .. } => points.copy_from_slice(u),
     }
 }
 

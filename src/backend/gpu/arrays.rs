@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::cut::Hit;
 use crate::kernels::{
-    self, GROUP, Params, Source, blocks, bounds, centres, cut, forces, gather, momentum, probe, product, rotations,
-    scatter, springs, springs_blocks, springs_product,
+    self, GROUP, Params, Source, blocks, bounds, centres, cut, forces, momentum, probe, product, rotations, springs,
+    springs_blocks, springs_product,
 };
 use crate::math::{M3, V3, V4};
 use crate::mesh::Parts;
@@ -51,15 +51,6 @@ pub(super) struct Body {
     pub cell: Buffer, // rotations of bricks, or the law of springs
 }
 
-/// Values from the host by index: rows and coefficients of contacts, and what a cut changes.
-pub(super) struct Put {
-    pub row_params: Buffer,
-    pub params: Buffer,
-    pub ids: Buffer,
-    pub values: Buffer,
-    pub rows: Bound,
-}
-
 pub(super) struct Cutting {
     centres: Option<[Dispatch; 2]>, // at the step's start and end; of springs the nodes count
     point_before: Buffer,
@@ -76,31 +67,6 @@ const MAX_HITS: usize = 65_536;
 
 /// Swept quads of one step; a blade has as many as its edge has pieces.
 const MAX_QUADS: usize = 256;
-
-impl Put {
-    pub fn new(made: &mut Maker, capacity: usize, r: &Buffer) -> Result<Self> {
-        let gpu = made.gpu;
-        let (row_params, params) = (made.uniform("params", 16, &[0u32; 4]), made.uniform("params", 16, &[0u32; 4]));
-        let (ids, values) = (made.of("ids", &vec![0u32; capacity])?, made.vec4("values", capacity)?);
-        let list = [("params", &row_params), ("ids", &ids), ("values", &values), ("destination", r)];
-        let rows = gpu.bind(&scatter::SOURCE, &list)?;
-        Ok(Self { row_params, params, ids, values, rows })
-    }
-
-    /// Puts values into any array, in its own submission.
-    pub fn now(&self, gpu: &Gpu, destination: &Buffer, ids: &[u32], values: &[V4<f32>]) -> Result<()> {
-        let list =
-            [("params", &self.params), ("ids", &self.ids), ("values", &self.values), ("destination", destination)];
-        let kernel = gpu.bind(&scatter::SOURCE, &list)?;
-        gpu.write(&self.params, 0, &[ids.len() as u32, 0, 0, 0]);
-        gpu.write(&self.ids, 0, ids);
-        gpu.write(&self.values, 0, values);
-        let mut batch = gpu.batch();
-        batch.run(&kernel, ids.len(), 1);
-        gpu.submit(batch);
-        Ok(())
-    }
-}
 
 /// Runs the probe of compensated sums.
 pub(super) fn keeps_what_sums_lose(made: &mut Maker) -> Result<bool> {
@@ -316,30 +282,6 @@ impl Cutting {
     }
 }
 
-/// Values for the host by index.
-pub(super) struct Pick {
-    pub params: Buffer,
-    pub ids: Buffer,
-    pub picked: Buffer,
-    pub x: Bound,
-    pub u: Bound,
-    pub f: Bound,
-}
-
-impl Pick {
-    pub fn new(made: &mut Maker, capacity: usize, [x, u, f]: [&Buffer; 3]) -> Result<Self> {
-        let params = made.uniform("params", 16, &[0u32; 4]);
-        let ids = made.of("ids", &vec![0u32; capacity])?;
-        let picked = made.vec4("picked", capacity)?;
-        let bind = |source: &Buffer| {
-            let list = [("params", &params), ("ids", &ids), ("source", source), ("picked", &picked)];
-            made.gpu.bind(&gather::SOURCE, &list)
-        };
-        let (x, u, f) = (bind(x)?, bind(u)?, bind(f)?);
-        Ok(Self { params, ids, picked, x, u, f })
-    }
-}
-
 /// What each tile of the skin moves between.
 pub(super) struct Bounds {
     kernel: Bound,
@@ -366,8 +308,4 @@ impl Bounds {
 
 pub(super) fn axes(free: V4<f64>) -> V3<f32> {
     V3::of([free[0], free[1], free[2]])
-}
-
-pub(super) fn triples(bytes: &[u8]) -> Vec<[f64; 3]> {
-    cast::<V4<f32>>(bytes).into_iter().map(|v| V3::from4(v).f64()).collect()
 }

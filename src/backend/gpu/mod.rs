@@ -6,6 +6,7 @@
 
 mod anchors;
 mod arrays;
+mod exchange;
 mod solver;
 mod split;
 
@@ -18,7 +19,8 @@ use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
 use anchors::Anchored;
-use arrays::{Arrays, Body, Bounds, Cutting, Dispatch, Law, Maker, Pick, Put, axes, keeps_what_sums_lose, triples};
+use arrays::{Arrays, Body, Bounds, Cutting, Dispatch, Law, Maker, axes, keeps_what_sums_lose};
+use exchange::{Pick, Put, triples};
 use solver::Solver;
 use split::Split;
 
@@ -167,35 +169,6 @@ impl GpuBackend {
 
     fn offset(&self, slot: usize) -> u64 {
         (slot * self.node_count * 16) as u64
-    }
-
-    /// Gathers by index from one of the bound sources in the batch's submission; returns the bytes to read from `picked`.
-    fn record_pick(&self, batch: &mut Batch, kernel: &Bound, ids: &[u32]) -> u64 {
-        self.gpu.write(&self.pick.params, 0, &[ids.len() as u32, 0, 0, 0]);
-        self.gpu.write(&self.pick.ids, 0, ids);
-        batch.run(kernel, ids.len(), 1);
-        (ids.len() * 16) as u64
-    }
-
-    fn read_picked(&mut self, ids: &[u32], kernel: fn(&Pick) -> &Bound) -> Result<Vec<[f64; 3]>> {
-        let mut out = Vec::with_capacity(ids.len());
-        for part in ids.chunks((self.pick.ids.bytes / 4) as usize) {
-            let mut batch = self.record();
-            let bytes = self.record_pick(&mut batch, kernel(&self.pick), part);
-            out.extend(triples(&self.gpu.submit_and_read(batch, &[(&self.pick.picked, bytes)])?[0]));
-        }
-        Ok(out)
-    }
-
-    /// Puts values into an array by index, in its own submission.
-    fn put(&mut self, destination: &Buffer, ids: &[u32], values: &[V4<f32>]) -> Result<()> {
-        if ids.is_empty() {
-            return Ok(());
-        }
-        let batch = self.record();
-        self.gpu.submit(batch);
-        let put = self.put.as_ref().expect("only a body that is touched or cut is given values by index");
-        put.now(&self.gpu, destination, ids, values)
     }
 }
 
