@@ -4,6 +4,8 @@
 //! with −f. `e` is the elastic strain that a layer has at rest, along the cell's axes, so `e∘X_b` is what it has been pulled by already.
 //! `X_b` is the corner's rest position from the cell's centre; written with displacements, f32 loses nothing to a far origin. The node's
 //! own displacement is taken off first: K does not see a shift, but in f32 a body that has moved by its own length would feel `ε K u`.
+//! `K`, turned, stands for the derivative of `f` in a step. It leaves out how `R_c` changes with `u`, so a body that is strained, or
+//! pre-strained, has no initial-stress stiffness: one step is off by about the strain, and steps converge to `f` in balance.
 //! Source: Müller, Gross 2004 (corotational elements); K from `model::element`.
 //! Units: u m, K N/m, f N.
 

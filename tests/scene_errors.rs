@@ -40,6 +40,7 @@ cells = 2
 young_kpa = 12
 poisson = 0.45
 density_kg_m3 = 900
+pre_strain = [0.2, -0.05]
 toughness_kj_m2 = 0.5
 color = "#102030"
 
@@ -232,7 +233,9 @@ fn full_scene_is_read_in_si() {
     assert_eq!((bottom.thickness, bottom.cells), (1.2e-3, 2));
     assert_eq!((bottom.young, bottom.poisson, bottom.density), (12e3, 0.45, 900.0));
     assert_eq!((bottom.toughness, bottom.color), (500.0, [0x10, 0x20, 0x30]));
+    assert_eq!(bottom.pre_strain, [0.2, -0.05]);
     let top = &skin.layers[2];
+    assert_eq!(top.pre_strain, [0.0; 2]);
     assert_eq!((top.thickness, top.toughness, top.color), (0.3e-3, 2000.0, [0xe8, 0xb9, 0xa0]));
 }
 
@@ -474,6 +477,21 @@ fn poisson_outside_its_range_is_refused() {
     );
     refused("poisson = 0.45", "poisson = -0.1", "poisson = -0.1; … 0 ≤ poisson < 0.5");
     refused("poisson = 0.45", "poisson = nan", "poisson = NaN; … 0 ≤ poisson < 0.5");
+}
+
+#[test]
+fn pre_strain_outside_its_range_is_refused() {
+    let from = "pre_strain = [0.2, -0.05]";
+    let wanted = "wanted a strain between -0.5 and 1, both excluded … for example 0.1";
+    refused(from, "pre_strain = [1, 0]", &format!("pre_strain[0] = 1.0; … {wanted}"));
+    refused(from, "pre_strain = [0, -0.5]", &format!("pre_strain[1] = -0.5; … {wanted}"));
+    refused(from, "pre_strain = [0, nan]", &format!("pre_strain[1] = NaN; … {wanted}"));
+    refused(from, "pre_strain = [0.1]", "pre_strain has 1 entries; wanted 2");
+    refused(from, "pre_strain = [0.1, 0, 0]", "pre_strain has 3 entries; wanted 2");
+    assert!(parsed(&FULL.replace(from, "pre_strain = [0.999, -0.499]")).is_ok(), "both limits are excluded");
+    let springs = SMALL.replace("cells = 1\n", "cells = 1\npre_strain = [0.1, 0.1]\n");
+    let message = parsed(&springs).expect_err("springs are at rest").to_string();
+    says(&message, "scenes/full.toml:14: … pre_strain … pre-strain belongs to law = \"fem\"");
 }
 
 #[test]

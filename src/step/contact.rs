@@ -1,6 +1,6 @@
 //! The contact part of a step: rows, compliance `W`, forces, correction and its passes.
 
-use super::rows::{Rows, in_world};
+use super::rows::{Rows, energy, in_world};
 use super::{Body, Simulation, StepReport};
 use crate::backend::{CORRECTION, Target, Wanted};
 use crate::collide::Contact;
@@ -394,10 +394,4 @@ impl Body {
         report.warn("solver_not_converged", u32::from(!outcome[0].converged));
         Ok(moved)
     }
-}
-
-/// `λᵀ W λ`, N·m.
-fn energy(w: &[f64], lambda: &[f64]) -> f64 {
-    let rows = w.chunks_exact(lambda.len().max(1)).zip(lambda);
-    rows.map(|(line, l)| l * line.iter().zip(lambda).map(|(w, m)| w * m).sum::<f64>()).sum::<f64>().max(0.0)
 }

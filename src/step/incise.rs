@@ -139,8 +139,9 @@ impl Simulation {
                     [start, kept.at]
                 })
                 .collect();
-            for (piece, _) in pieces.iter().enumerate().filter(|(_, p)| p.held.is_none()) {
-                let [a, b] = [ends[piece], ends[piece + 1]];
+            // a held piece as well: a link that slips past it, by moving otherwise than the skin at its contact, is behind the blade
+            for pair in ends.windows(2) {
+                let [a, b] = [pair[0], pair[1]];
                 quads.extend([a[0], b[0], b[1], a[1]].map(|p| p.to_array()));
             }
         }

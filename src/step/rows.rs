@@ -182,3 +182,9 @@ impl<'a> Rows<'a> {
 pub(super) fn in_world(contact: &Contact, along: &[f64]) -> DVec3 {
     contact.axes[0] * along[0] + contact.axes[1] * along[1] + contact.axes[2] * along[2]
 }
+
+/// `λᵀ W λ`, N·m.
+pub(super) fn energy(w: &[f64], lambda: &[f64]) -> f64 {
+    let rows = w.chunks_exact(lambda.len().max(1)).zip(lambda);
+    rows.map(|(line, l)| l * line.iter().zip(lambda).map(|(w, m)| w * m).sum::<f64>()).sum::<f64>().max(0.0)
+}

@@ -69,7 +69,7 @@ fn main() -> ExitCode {
         prestrain::CASES,
         slit::CASES,
     ];
-    let everywhere: [&[Everywhere]; 9] = [
+    let everywhere: [&[Everywhere]; 10] = [
         anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
@@ -77,6 +77,7 @@ fn main() -> ExitCode {
         masses::EVERYWHERE,
         springs::EVERYWHERE,
         release::EVERYWHERE,
+        prestrain::EVERYWHERE,
         refinement::EVERYWHERE,
         slit::EVERYWHERE,
     ];
