@@ -406,7 +406,7 @@ fn scene_is_read_with_files_of_its_folder() {
     write("lost.toml", &FULL.replace("incision.csv", "lost.csv"));
     let error = read(&folder.join("lost.toml")).expect_err("lost.csv is not there");
     assert_eq!(error.exit_code(), 2);
-    says(&error.to_string(), "lost.toml:74: trajectory names  … lost.csv, which cannot … folder");
+    says(&error.to_string(), "lost.toml:75: trajectory names  … lost.csv, which cannot … folder");
     let error = read(&folder.join("no.toml")).expect_err("no.toml is not there");
     assert_eq!(error.exit_code(), 2);
     says(&error.to_string(), "no.toml: the scene cannot be read … give the path");
@@ -491,7 +491,7 @@ fn pre_strain_outside_its_range_is_refused() {
     assert!(parsed(&FULL.replace(from, "pre_strain = [0.999, -0.499]")).is_ok(), "both limits are excluded");
     let springs = SMALL.replace("cells = 1\n", "cells = 1\npre_strain = [0.1, 0.1]\n");
     let message = parsed(&springs).expect_err("springs are at rest").to_string();
-    says(&message, "scenes/full.toml:14: … pre_strain … pre-strain belongs to law = \"fem\"");
+    says(&message, "scenes/full.toml:15: … pre_strain … pre-strain belongs to law = \"fem\"");
 }
 
 #[test]
@@ -560,7 +560,7 @@ fn names_are_unique_and_plain() {
     let tool = FULL.find("[[tool]]").expect("in FULL")..FULL.find("[contact]").expect("in FULL");
     let twice = FULL.replace("[contact]", &format!("{}[contact]", &FULL[tool]));
     let error = parsed(&twice).expect_err("two scalpels");
-    says(&error.to_string(), "tool name \"scalpel\" is taken by line 68");
+    says(&error.to_string(), "tool name \"scalpel\" is taken by line 69");
 }
 
 #[test]
@@ -736,12 +736,12 @@ fn bad_round_tools_and_hands_are_refused() {
         says(&error.to_string(), parts);
     };
     let path = "path_mm = [[0, 1, 2, 3], [0.3, 4, 5, 6]]\n";
-    refused(path, "", "full.toml:67: the key `trajectory` is missing … `path_mm`");
-    refused(path, &format!("{path}trajectory = \"incision.csv\"\n"), "full.toml:71: `path_mm` has no effect … remove");
-    refused("[0.3, 4", "[0, 4", "full.toml:71: time_s = 0.0 after 0.0; times must rise");
-    refused("[0.3, 4, 5, 6]", "[0.3, 4, 5]", "full.toml:71: path_mm has 3 entries; wanted 4");
+    refused(path, "", "full.toml:68: the key `trajectory` is missing … `path_mm`");
+    refused(path, &format!("{path}trajectory = \"incision.csv\"\n"), "full.toml:72: `path_mm` has no effect … remove");
+    refused("[0.3, 4", "[0, 4", "full.toml:72: time_s = 0.0 after 0.0; times must rise");
+    refused("[0.3, 4, 5, 6]", "[0.3, 4, 5]", "full.toml:72: path_mm has 3 entries; wanted 4");
     refused("[0.3, 4", "[inf, 4", "path_mm[0] = inf … finite");
-    refused("[[0, 1, 2, 3], [0.3, 4, 5, 6]]", "[]", "full.toml:71: path_mm has no rows … where the hand rests");
+    refused("[[0, 1, 2, 3], [0.3, 4, 5, 6]]", "[]", "full.toml:72: path_mm has no rows … where the hand rests");
     refused("radius_mm = 2", "radius_mm = -2", "radius_mm = -2.0; wanted a finite number above 0, in mm");
     refused("[[0, 0, 0], [0, 0, 5]]", "[]", "points_mm of a round tool has 0 points … a sphere's centre");
     refused("[0, 0, 5]]", "[0, 0, 0]]", "points_mm of a round tool has 2 points … two different");
@@ -751,7 +751,7 @@ fn bad_round_tools_and_hands_are_refused() {
     let blade = "[tool.blade]\nedge_mm = [[0, 0, 0], [1, 0, 0]]\nthickness_mm = 1\n[tool.round]";
     refused("[tool.round]", blade, "`blade` has no effect here … `round` table … remove");
     let bare = parsed(&FULL.replace("mesh = \"meshes/scalpel.obj\"\n", "")).expect_err("a blade needs a mesh");
-    says(&bare.to_string(), "full.toml:67: the key `mesh` is missing … drawn");
+    says(&bare.to_string(), "full.toml:68: the key `mesh` is missing … drawn");
 }
 
 /// FULL with its tool turned into points and lines.
