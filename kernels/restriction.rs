@@ -22,7 +22,6 @@ pub fn restriction<R: Real>(
     coarse_r: &mut [V4<R>], // [coarse node] N
 ) {
     let [nodes_x, nodes_y, _] = params.coarse_cells().map(|c| c + 1);
-    let extra = params.extra_columns as usize;
     let one_node = |i: usize, out: &mut V4<R>| {
         let at = [2 * (i % nodes_x), 2 * (i / nodes_x % nodes_y), i / (nodes_x * nodes_y)];
         let mut sum = V3::zero();
@@ -35,14 +34,9 @@ pub fn restriction<R: Real>(
                 let weight = R::of([0.5, 1.0, 0.5][dx] * [0.5, 1.0, 0.5][dy]);
                 let node = params.node_id([x - 1, y - 1, at[2]]);
                 sum += (V3::from4(r[node]) - V3::from4(w[node])) * weight;
-                if extra == 0 {
-                    continue;
-                }
-                let mut next = split[2 * extra + node % params.columns()] as usize;
-                while next != 0 {
-                    let copy = params.grid_nodes() + next - 1 + extra * at[2];
+                for e in params.extra_columns_beside(split, node % params.columns()) {
+                    let copy = params.grid_nodes() + e + params.extra_columns as usize * at[2];
                     sum += (V3::from4(r[copy]) - V3::from4(w[copy])) * weight;
-                    next = split[extra + next - 1] as usize;
                 }
             }
         }

@@ -97,6 +97,13 @@ impl<R: Real> Params<R> {
         };
         Some([column % self.nodes_x as usize, column / self.nodes_x as usize, level])
     }
+    /// The extra columns beside a node column, the latest first.
+    pub fn extra_columns_beside(&self, split: &[u32], column: usize) -> impl Iterator<Item = usize> {
+        let layout = self.layout();
+        let first = if self.extra_columns > 0 { split[layout.first + column] } else { 0 };
+        let number = |next: u32| (next as usize).checked_sub(1);
+        std::iter::successors(number(first), move |e| number(split[layout.next + e]))
+    }
     /// The node above in the same column; beyond the last one of its kind at the top.
     pub fn above(&self, node: usize) -> usize {
         node + if node < self.grid_nodes() { self.columns() } else { self.extra_columns as usize }

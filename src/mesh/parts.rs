@@ -120,18 +120,9 @@ impl Parts {
     pub fn copies(&self, node: usize) -> Vec<u32> {
         let [x, y, level] = self.params.node_at(node);
         let (extra, grid) = (self.params.extra_columns as usize, self.params.grid_nodes());
-        let mut out = vec![];
-        let mut next = match extra {
-            0 => 0,
-            _ => self.table[2 * extra + x + self.params.nodes_x as usize * y] as usize,
-        };
-        while next != 0 {
-            if self.occupied[(next - 1) * self.params.nodes_z as usize + level] {
-                out.push((grid + next - 1 + extra * level) as u32);
-            }
-            next = self.table[extra + next - 1] as usize;
-        }
-        out
+        let beside = self.params.extra_columns_beside(&self.table, x + self.params.nodes_x as usize * y);
+        let taken = beside.filter(|e| self.occupied[e * self.params.nodes_z as usize + level]);
+        taken.map(|e| (grid + e + extra * level) as u32).collect()
     }
 
     /// Parent node columns of the extra columns in use.
@@ -301,15 +292,12 @@ impl Parts {
         let parent = c[0] + self.params.nodes_x as usize * c[1];
         let mut best: Option<(usize, usize)> = None; // cells shared, extra column
         let mut beside = 0;
-        let mut next = self.table[2 * extra + parent] as usize;
-        while next != 0 {
-            let e = next - 1;
+        for e in self.params.extra_columns_beside(&self.table, parent) {
             beside += 1;
             let shared = self.shares(own, self.params.columns() + e);
             if !self.occupied[e * levels + c[2]] && best.is_none_or(|(most, _)| shared > most) {
                 best = Some((shared, e));
             }
-            next = self.table[extra + e] as usize;
         }
         let joined = best.filter(|(shared, _)| *shared > 0 || beside >= COPIES).map(|(_, e)| e);
         let e = joined.or_else(|| self.take_column(parent, trial)).or(best.map(|(_, e)| e))?;
@@ -325,8 +313,9 @@ impl Parts {
         }
         self.used += 1;
         self.set(e, parent as u32, trial);
-        self.set(extra + e, self.table[2 * extra + parent], trial);
-        self.set(2 * extra + parent, e as u32 + 1, trial);
+        let layout = self.params.layout();
+        self.set(layout.next + e, self.table[layout.first + parent], trial);
+        self.set(layout.first + parent, e as u32 + 1, trial);
         Some(e)
     }
 
