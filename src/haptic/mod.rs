@@ -6,6 +6,8 @@
 //! Source: Saupin, Duriez, Cotin 2008 (contact model at two rates); Colgate, Stanley, Brown 1995 (virtual coupling).
 //! Units: m, N, N·m, s.
 
+pub mod device;
+
 use crate::constraints::{Law, relax};
 use crate::instrument::rotation_vector;
 use crate::scene::Coupling;
