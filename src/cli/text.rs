@@ -121,6 +121,15 @@ pub fn plan(p: &Plan) -> String {
         }
     }
     writeln!(text, "\non the GPU {} bytes, constant arrays on the host {}", p.device_bytes, p.host_bytes).ok();
+    if p.blade_bytes > 0 {
+        let each = p.blade_bytes as f64 / p.cells.max(1) as f64;
+        writeln!(
+            text,
+            "of these for cutting {} bytes, {each:.1} per cell; without a blade they are not there",
+            p.blade_bytes
+        )
+        .ok();
+    }
     writeln!(text, "kernels: {}", p.kernels.join(", ")).ok();
     writeln!(text, "launches: {}", counts(&p.dispatches)).ok();
     writeln!(text, "read-backs: {}", counts(&p.read_backs)).ok();

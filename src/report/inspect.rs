@@ -72,6 +72,8 @@ pub struct Plan {
     pub read_backs: Vec<Count>,
     /// The arrays by what they are for.
     pub shares: Vec<Share>,
+    /// What the scene's blades add to the arrays: the cut's own, the table of split nodes, and the copies' places in all arrays of nodes.
+    pub blade_bytes: u64,
     /// Sum of the arrays.
     pub device_bytes: u64,
     /// Constant arrays that the host keeps.
@@ -83,6 +85,16 @@ pub struct Plan {
 /// # Errors
 /// When the scene is too large for 32-bit indices, or a kernel is not valid.
 pub fn inspect(scene: &Scene) -> Result<Plan> {
+    let mut plan = all_bodies(scene)?;
+    if cuts(scene) {
+        let mut blunt = scene.clone();
+        blunt.tools.iter_mut().for_each(|tool| tool.blade = None);
+        plan.blade_bytes = plan.device_bytes - all_bodies(&blunt)?.device_bytes;
+    }
+    Ok(plan)
+}
+
+fn all_bodies(scene: &Scene) -> Result<Plan> {
     let mut plan = Plan {
         scene: scene.file.display().to_string(),
         steps: super::run::whole(scene),
@@ -119,7 +131,7 @@ fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
     Ok(())
 }
 
-/// Arrays whose size does not follow the grid.s: uniforms, and those of the probe.
+/// Arrays whose size does not follow the grid: uniforms, and those of the probe.
 const CONSTANT: [&str; 7] = ["params", "stiffness", "modes", "shape", "pre_strain", "cases", "errors"];
 
 fn shares(arrays: &[Array], cells: usize) -> Vec<Share> {
@@ -228,7 +240,7 @@ pub fn automatic() -> Option<crate::gpu::Adapter> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Preconditioner, incision};
+    use crate::scene::{Cut, Preconditioner, incision};
 
     /// Bytes per cell by purpose, on 64 × 64 × 23 cells without tools.
     fn shares_of(preconditioner: Preconditioner) -> Vec<Share> {
@@ -254,5 +266,24 @@ mod tests {
         let state = of(&with, "state");
         assert!((96.0..110.0).contains(&state), "{with:?}");
         assert_eq!(of(&shares_of(Preconditioner::Column), "multigrid"), 0.0);
+    }
+
+    #[test]
+    fn a_blade_takes_memory_with_its_reserve_and_a_blunt_tool_none() {
+        let mut scene = incision().expect("the embedded scene is valid");
+        let mut blade_bytes = |reserve_columns: u32| {
+            scene.skins[0].cut = Cut::Split { reserve_columns };
+            inspect(&scene).expect("a dry device takes the scene")
+        };
+        let [small, large] = [100, 200].map(&mut blade_bytes);
+        assert!(small.blade_bytes > 0);
+        // displacements, velocities, forces, loads, masses, blocks of columns, CG vectors of eight right-hand sides: over 1 kB a node
+        let copies = 100 * 6;
+        assert!(large.blade_bytes - small.blade_bytes > 1000 * copies, "{} {}", small.blade_bytes, large.blade_bytes);
+        scene.tools.iter_mut().for_each(|tool| tool.blade = None);
+        let blunt = inspect(&scene).expect("a dry device takes the scene");
+        assert_eq!(blunt.blade_bytes, 0);
+        assert_eq!(blunt.device_bytes, small.device_bytes - small.blade_bytes);
+        assert!(!blunt.kernels.iter().any(|k| ["cut", "duplicate", "split_product"].contains(k)));
     }
 }

@@ -117,13 +117,17 @@ impl Problem<'_> {
         self.violation.iter().enumerate().map(|(row, v)| v + opening(row)).collect()
     }
 
+    /// Violations without force, by the model `W`, of those `found` under `lambda`.
+    fn without_force(&self, found: &[f64], lambda: &[f64]) -> Vec<f64> {
+        let product = |line: &[f64]| line.iter().zip(lambda).map(|(w, l)| w * l).sum::<f64>();
+        found.iter().zip(self.w.chunks_exact(lambda.len())).map(|(f, line)| f - product(line)).collect()
+    }
+
     /// Forces that the laws ask for where the violations are `found` under `lambda`, by the model `W`: the violations without force,
     /// the relative change of the forces (in the energy's norm: redundant contacts may share a force in many ways, which means
     /// nothing; 0 where it is a negligible share of the step's load), and whether the solve converged.
     fn judge(&self, found: &[f64], lambda: &[f64]) -> (Vec<f64>, f64, bool) {
-        let count = lambda.len();
-        let product = |i: usize| (0..count).map(|j| self.w[i * count + j] * lambda[j]).sum::<f64>();
-        let shifted: Vec<f64> = (0..count).map(|i| found[i] - product(i)).collect();
+        let shifted = self.without_force(found, lambda);
         let mut next = lambda.to_vec();
         let ended = solve(&self.laws, &self.w, &shifted, &mut next, SWEEP_TOLERANCES, MAX_SWEEPS);
         let change: Vec<f64> = next.iter().zip(lambda).map(|(a, b)| a - b).collect();
@@ -244,12 +248,16 @@ impl Simulation {
     ) -> Result<(Vec<f64>, Vec<f64>)> {
         let law = problem.law;
         let mut shifted = problem.violation.clone();
+        let mut last: Option<Vec<f64>> = None; // violations under `lambda`, after a pass
         loop {
             let start = lambda.to_vec();
             let mut ended = solve(&problem.laws, &problem.w, &shifted, lambda, SWEEP_TOLERANCES, MAX_SWEEPS);
             if !ended.converged && self.renew(problem, FINER, report)? {
                 // columns of different age, or loose ones of nodes that hardly differ, need not make a compliance together
                 lambda.copy_from_slice(&start);
+                if let Some(found) = &last {
+                    shifted = problem.without_force(found, lambda);
+                }
                 ended = solve(&problem.laws, &problem.w, &shifted, lambda, SWEEP_TOLERANCES, MAX_SWEEPS);
             }
             report.warn("contact_not_converged", u32::from(!ended.converged));
@@ -271,6 +279,7 @@ impl Simulation {
                 report.warn("contact_passes_exhausted", 1);
                 return Ok((found, shifted));
             }
+            last = Some(found);
         }
     }
 
