@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
-"""Writes the scalpel and its paths (meshes/scalpel.obj, incision.csv, incision_shapes.csv), and a dental
-probe (meshes/dental_probe.obj, and its touching lines in meshes/dental_probe_lines.obj).
+"""Writes the scalpel and its paths (meshes/scalpel.obj, incision.csv, incision_shapes.csv), a dental
+probe (meshes/dental_probe.obj, and its touching lines in meshes/dental_probe_lines.obj), and a suture needle
+in its holder (meshes/needle.obj).
 
 Plain Python 3, no packages, no input, no randomness: the same files on every run.
 
@@ -12,6 +13,9 @@ front of it (+x, -z). The handle goes on along the same direction.
 
 The probe bends in the x-z plane: from the tip, its lowest place, back along a hook to the shank and
 the handle. Its lines run along the belly of the hook, the side that meets the skin.
+
+The needle is three eighths of a circle in the x-z plane. The holder grips it at the origin; its tip is its
+lowest place and points straight down.
 """
 
 import csv
@@ -49,6 +53,16 @@ PROBE_RUNS = (
 PROBE_RADII = ((0, 0.0), (3, 0.16), (10, 0.42), (12, 0.75), (14, 2.0), (15, 2.0))
 PROBE_AROUND = 12  # facets around it
 PROBE_HEADER = "# Dental probe, mm. Made by scenes/make_assets.py for the cutis project; edit the script, not this file."
+
+# --- suture needle in its holder, mm and degrees --------------------------------------------------
+NEEDLE_RADIUS = 8.0  # of the circle
+NEEDLE_ARC = 135.0  # three eighths of a circle, from the tip at 0
+NEEDLE_STEEL = 0.25  # radius of the wire
+NEEDLE_POINT = 2.5  # length of the point along the arc
+NEEDLE_PIECES = 27
+NEEDLE_AROUND = 10  # facets around it
+HOLDER = ((-1.0, 0.7), (0.6, 1.1), (9.0, 1.3), (12.0, 2.2), (45.0, 2.2))  # z and radius
+NEEDLE_HEADER = "# Suture needle, mm. Made by scenes/make_assets.py for the cutis project; edit the script, not this file."
 
 # --- path: mm, s, rad, Hz --------------------------------------------------------------------
 RATE = 1000.0  # Hz
@@ -233,27 +247,28 @@ def across(points, k):
     return ((b[2] - a[2]) / length, 0.0, -(b[0] - a[0]) / length)
 
 
-def probe_mesh(points, radii):
-    """Closed tube around the centre line, pointed at the tip, flat at the handle's end."""
-    vertices, triangles = [points[0]], []
-    for k in range(1, len(points)):
-        down = across(points, k)
-        for n in range(PROBE_AROUND):
-            turn = 2.0 * math.pi * n / PROBE_AROUND
-            out, side = radii[k] * math.cos(turn), radii[k] * math.sin(turn)
-            vertices.append((points[k][0] + out * down[0], side, points[k][2] + out * down[2]))
-    vertices.append(points[-1])
-    rings, last = len(points) - 1, len(vertices) - 1
+def tube(line, radii, around, aside):
+    """Closed tube around a line in the x-z plane, a point at its first place if the radius is 0 there; `aside(k)` lies across it."""
+    vertices, triangles = [line[0]], []
+    rings = [k for k in range(len(line)) if radii[k] > 0.0]
+    for k in rings:
+        out = aside(k)
+        for n in range(around):
+            turn = 2.0 * math.pi * n / around
+            a, b = radii[k] * math.cos(turn), radii[k] * math.sin(turn)
+            vertices.append((line[k][0] + a * out[0], b, line[k][2] + a * out[2]))
+    vertices.append(line[-1])
+    last = len(vertices) - 1
 
     def at(ring, n):
-        return 1 + ring * PROBE_AROUND + n % PROBE_AROUND
+        return 1 + ring * around + n % around
 
-    for n in range(PROBE_AROUND):
+    for n in range(around):
         triangles.append((0, at(0, n), at(0, n + 1)))
-        for ring in range(rings - 1):
+        for ring in range(len(rings) - 1):
             a, b, c, d = at(ring, n), at(ring, n + 1), at(ring + 1, n), at(ring + 1, n + 1)
             triangles += [(a, c, d), (a, d, b)]
-        triangles.append((last, at(rings - 1, n + 1), at(rings - 1, n)))
+        triangles.append((last, at(len(rings) - 1, n + 1), at(len(rings) - 1, n)))
     if volume(vertices, triangles) < 0:
         triangles = [(a, c, b) for a, b, c in triangles]
     return vertices, triangles
@@ -261,7 +276,7 @@ def probe_mesh(points, radii):
 
 def write_probe(shape, lines):
     points, radii = probe_line()
-    vertices, triangles = probe_mesh(points, radii)
+    vertices, triangles = tube(points, radii, PROBE_AROUND, lambda k: across(points, k))
     check_closed("probe", vertices, triangles)
     text = [PROBE_HEADER, "g probe"]
     text += ["v " + " ".join(number(c) for c in p) for p in vertices]
@@ -277,6 +292,35 @@ def write_probe(shape, lines):
     text.append("l " + " ".join(str(k + 1) for k in range(len(belly))))
     lines.write_text("\n".join(text) + "\n", encoding="ascii", newline="\n")
     print(f"probe: {len(triangles)} triangles, {volume(vertices, triangles):.2f} mm3, {len(belly) - 1} lines")
+
+
+def needle():
+    """The needle from its tip on, and the holder."""
+    line, radii, out = [], [], []
+    for k in range(NEEDLE_PIECES + 1):
+        angle = math.radians(NEEDLE_ARC * k / NEEDLE_PIECES)
+        outward = (math.cos(angle), 0.0, math.sin(angle))
+        line.append((NEEDLE_RADIUS * outward[0], 0.0, NEEDLE_RADIUS * (outward[2] - 1.0)))
+        radii.append(NEEDLE_STEEL * min(1.0, NEEDLE_RADIUS * angle / NEEDLE_POINT))
+        out.append(outward)
+    holder = [(0.0, 0.0, z) for z, _ in HOLDER]
+    bodies = [("needle", tube(line, radii, NEEDLE_AROUND, lambda k: out[k]))]
+    bodies.append(("holder", tube(holder, [r for _, r in HOLDER], NEEDLE_AROUND, lambda k: (1.0, 0.0, 0.0))))
+    assert min(line, key=lambda p: p[2]) == line[0], "the tip is not the lowest place"
+    return line[0], bodies
+
+
+def write_needle(path):
+    tip, bodies = needle()
+    lines, base = [NEEDLE_HEADER], 1
+    for name, (points, triangles) in bodies:
+        check_closed(name, points, triangles)
+        lines.append(f"g {name}")
+        lines += ["v " + " ".join(number(c) for c in p) for p in points]
+        lines += [f"f {a + base} {b + base} {c + base}" for a, b, c in triangles]
+        base += len(points)
+    path.write_text("\n".join(lines) + "\n", encoding="ascii", newline="\n")
+    print(f"needle: tip at {tip}, {base - 1} vertices")
 
 
 def number(value):
@@ -397,6 +441,7 @@ def main():
     (here / "meshes").mkdir(exist_ok=True)
     write_scalpel(here / "meshes" / "scalpel.obj")
     write_probe(here / "meshes" / "dental_probe.obj", here / "meshes" / "dental_probe_lines.obj")
+    write_needle(here / "meshes" / "needle.obj")
     write_incision(here / "incision.csv")
     write_shapes(here / "incision_shapes.csv")
 
