@@ -149,10 +149,15 @@ fn a_bar_cut_through_is_two_bars() {
 
 /// A sheet with held sides, taut along both axes, linear.
 fn sheet(cells: usize) -> Simulation {
+    held_sheet(cells, "[0.1, 0.1]", "[[boundary]]\nregion = \"sides\"\n")
+}
+
+/// A linear sheet with this strain, held as the boundaries say.
+fn held_sheet(cells: usize, pre_strain: &str, boundaries: &str) -> Simulation {
     let text = format!(
         "[skin]\nsize_mm = [20, 20]\ncells = [{cells}, {cells}]\ncorotational = false\ncut_reserve_columns = 600\n\
          [[skin.layer]]\nname = \"sheet\"\nthickness_mm = 1\ncells = 2\nyoung_kpa = 100\npoisson = 0.3\ndensity_kg_m3 = 1000\n\
-         pre_strain = [0.1, 0.1]\n[[boundary]]\nregion = \"sides\"\n"
+         pre_strain = {pre_strain}\n{boundaries}"
     );
     let mut scene = scene(&text);
     // a step so long that inertia is nothing
@@ -237,6 +242,31 @@ fn a_slit_opens_alike_whichever_way_it_lies_on_the_grid() {
         assert!((opening / found[0].0 - 1.0).abs() < 0.1, "{found:?}");
         assert!((area / 8e-6 - 1.0).abs() < 0.1, "{found:?}");
     }
+}
+
+/// A sheet that is taut along y by a tenth of its 20 mm, with its two ends brought together by so much each, m.
+fn brought_together(by: f64) -> Simulation {
+    let end = |y: f64, by: f64| {
+        format!(
+            "[[boundary]]\nregion = \"plane\"\nthrough_mm = [0, {y}, 0]\nnormal = [0, 1, 0]\nwithin_mm = 0.01\n\
+             axes = \"xy\"\ndisplacement_mm = [0, {by}, 0]\n"
+        )
+    };
+    // its thickness is free to follow
+    let bottom = "[[boundary]]\nregion = \"bottom\"\naxes = \"z\"\n";
+    held_sheet(24, "[0.0, 0.1]", &(end(10.0, -by * 1e3) + &end(-10.0, by * 1e3) + bottom))
+}
+
+#[test]
+fn a_slit_closes_when_its_sides_are_brought_together() {
+    let opening = |by: f64| slit(&mut brought_together(by), 8e-3, 0.0).0;
+    let (taut, half, slack) = (opening(0.0), opening(0.5e-3), opening(1e-3));
+    [taut, half, slack].iter().for_each(|o| measured("opening, mm", o * 1e3));
+    assert!(taut > 1e-4, "{taut}");
+    // linear: by as much as the stretch is taken back; without stretch there is nothing that opens it
+    assert!((half / taut - 0.5).abs() < 1e-5, "{half} of {taut}");
+    assert!((slack / taut).abs() < 1e-5, "{slack} of {taut}");
+    assert!(opening(-0.5e-3) > 1.4 * taut, "pulled apart it opens further");
 }
 
 /// A block on its bottom, and a blade that passes straight through its upper half in 0.2 s, in steps of some length.
