@@ -157,3 +157,57 @@ impl About {
         own.or_else(|| self.data.as_ref().and_then(|inner| inner.said()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::{Value, json};
+
+    fn written(command: &Command) -> Value {
+        serde_json::to_value(command).expect("a tree")
+    }
+
+    #[test]
+    fn the_first_frame_is_the_documentations() {
+        let mut command = Command::force(ArmKind::Inverse3, "049D", DVec3::new(0.0, 0.0, 1.5), Version::VECTOR);
+        let profile = Profile { name: "org.example.incision".into(), required_version: Some(">=3.5".into()) };
+        command.session = Some(Session { configure: Configure { profile } });
+        let wanted = json!({
+            "session": { "configure": { "profile": { "name": "org.example.incision", "required_version": ">=3.5" } } },
+            "inverse3": [ { "device_id": "049D",
+                "commands": { "set_cursor_force": { "vector": {"x": 0.0, "y": 0.0, "z": 1.5} } } } ]
+        });
+        assert_eq!(written(&command), wanted);
+        assert_eq!(serde_json::from_value::<Command>(wanted).expect("it is one"), command);
+    }
+
+    #[test]
+    fn a_force_is_called_values_before_3_5_and_vector_since() {
+        for (version, word, other) in
+            [("3.4.9", "values", "vector"), ("3.5.0", "vector", "values"), ("4.0", "vector", "values")]
+        {
+            let version = Version::of(version).expect("a version");
+            let set = &written(&Command::force(ArmKind::Minverse, "A", DVec3::X, version))["minverse"][0]["commands"];
+            assert_eq!(set["set_cursor_force"][word]["x"], 1.0, "{version}");
+            assert!(set["set_cursor_force"].get(other).is_none(), "{version}");
+        }
+    }
+
+    #[test]
+    fn versions_are_ordered_by_their_numbers() {
+        let of = |text| Version::of(text).expect("a version");
+        assert!(of("3.10.0") > of("3.5.0.0") && of("3.0.5") < Version::OLDEST && of("v3.1") == Version::OLDEST);
+        for none in ["", "3", "x.y", "3.x", "-3.5", "99999999999.0"] {
+            assert_eq!(Version::of(none), None, "{none}");
+        }
+    }
+
+    #[test]
+    fn the_version_is_found_bare_and_in_its_envelope() {
+        let bare = r#"{"git_tag": "3.5.0", "project_name": "haply-inverse-service", "project_version": "3.5.0.0"}"#;
+        for text in [bare.to_string(), format!(r#"{{"ok": true, "data": {bare}}}"#)] {
+            assert_eq!(serde_json::from_str::<About>(&text).expect("it is one").said(), Some("3.5.0.0"));
+        }
+        assert_eq!(serde_json::from_str::<About>(r#"{"ok": false, "error": "no"}"#).expect("it is one").said(), None);
+    }
+}

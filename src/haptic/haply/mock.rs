@@ -22,9 +22,8 @@ mod options;
 pub use options::{Event, Faults, Options, Record};
 
 use super::command::{Command, SetForce, Version};
-use super::wire::{ArmKind, ArmState, Buttons, Config, Entry, Frame, GripKind, GripState, Status};
+use super::wire::{ArmState, Buttons, Config, Entry, Frame, GripState, Status};
 use crate::error::{Error, Result};
-use crate::scene::Pose;
 use glam::DVec3;
 use hand::Hand;
 use std::io::{self, ErrorKind, Read, Write};
@@ -301,7 +300,7 @@ impl Shared {
             let entry = Entry { device_id: id.clone(), config: config(kind.word()), state: Some(arm), status };
             frame.arms_mut(*kind).push(entry);
         }
-        let Some(hand) = state.hands.first() else { return frame };
+        let hand = state.hands.first().copied().unwrap_or_else(|| Hand::at_start(&self.options.path));
         let pressed = self.options.buttons.partition_point(|(from, _)| *from <= hand.time());
         let bits = pressed.checked_sub(1).map_or(0, |k| self.options.buttons[k].1);
         for (kind, id) in &self.options.grips {

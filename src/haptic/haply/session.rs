@@ -232,3 +232,156 @@ pub(super) fn reading(frame: &Frame, chosen: &Chosen, last: Reading) -> std::res
     let reading = Reading { position, rotation, velocity, spin: DVec3::ZERO, buttons, age: 0.0 };
     if reading.is_sound() { Ok((reading, whole)) } else { Err(Fault::NonFinite) }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::wire::tests::INVENTORY;
+    use super::*;
+    use glam::DQuat;
+    use proptest::prelude::*;
+    use serde_json::Value;
+
+    fn chosen() -> Chosen {
+        let inventory = frame(INVENTORY).expect("a frame");
+        Chosen::of(&inventory, &Settings::default()).expect("it has an arm")
+    }
+
+    fn said(text: &str) -> std::result::Result<(Reading, bool), Fault> {
+        let turned = Reading { rotation: DQuat::from_rotation_x(1.0), buttons: 7, ..Reading::at_rest(0.0) };
+        reading(&frame(text).expect("a frame"), &chosen(), turned)
+    }
+
+    #[test]
+    fn a_frame_says_position_velocity_rotation_and_buttons() {
+        let text = INVENTORY
+            .replace(r#""cursor_velocity": {"x":0"#, r#""cursor_velocity": {"x":0.25"#)
+            .replace(r#""orientation": {"x":0,"y":0,"z":0,"w":1}"#, r#""orientation": {"x":0,"y":0,"z":1,"w":0}"#)
+            .replace(r#""b":false"#, r#""b":true"#);
+        let (reading, whole) = said(&text).expect("a pose");
+        assert_eq!(reading.position, DVec3::new(0.0, -0.12, 0.15));
+        assert_eq!(reading.velocity, DVec3::new(0.25, 0.0, 0.0));
+        assert_eq!(reading.rotation, DQuat::from_xyzw(0.0, 0.0, 1.0, 0.0));
+        assert_eq!((reading.buttons, reading.age, whole), (2, 0.0, true));
+    }
+
+    #[test]
+    fn without_its_grip_the_last_rotation_is_kept_and_no_button_is_down() {
+        let (reading, whole) = said(&INVENTORY.replace("1402", "1403")).expect("a pose");
+        assert_eq!((reading.rotation, reading.buttons, whole), (DQuat::from_rotation_x(1.0), 0, false));
+    }
+
+    #[test]
+    fn what_is_no_pose_is_told_apart() {
+        let fault = |from, to| said(&INVENTORY.replacen(from, to, 1)).expect_err("no pose");
+        assert_eq!(fault("049D", "049E"), Fault::Absent);
+        assert_eq!(fault("\"calibrated\": true", "\"calibrated\": false"), Fault::Uncalibrated);
+        assert_eq!(fault("-0.12", "null"), Fault::NonFinite);
+        assert_eq!(fault("\"orientation\": {\"x\":0", "\"orientation\": {\"x\":3"), Fault::NonFinite);
+    }
+
+    #[test]
+    fn an_address_needs_a_scheme_a_host_and_a_port() {
+        for good in ["ws://localhost:10001", "ws://[::1]:10001", "ws://10.0.0.7:1/path"] {
+            assert!(Address::of(good).is_ok(), "{good}");
+        }
+        for bad in [
+            "",
+            "localhost:10001",
+            "http://localhost:10001",
+            "wss://localhost:10001",
+            "ws://localhost",
+            "ws://:1",
+            "ws://a b:1",
+        ] {
+            let error = Address::of(bad).expect_err(bad).to_string();
+            assert!(error.contains("write ws://host:port"), "{error}");
+        }
+    }
+
+    #[test]
+    fn a_version_is_read_once_it_is_whole() {
+        let answer = "HTTP/1.1 200 OK\r\nContent-Type: application/json\r\n\r\n{\"project_version\": \"3.5.0.0\"}";
+        assert_eq!(version_of(answer.as_bytes()).as_deref(), Some("3.5.0.0"));
+        for end in 0..answer.len() {
+            assert_eq!(version_of(&answer.as_bytes()[..end]), None, "{end}");
+        }
+        assert_eq!(version_of(answer.replace("200 OK", "404 Not Found").as_bytes()), None);
+    }
+
+    /// What any text gives: no pose, or a sound one.
+    fn harmless(text: &str) -> bool {
+        let pose = frame(text).ok().and_then(|frame| reading(&frame, &chosen(), Reading::at_rest(0.0)).ok());
+        assert!(pose.is_none_or(|(reading, _)| reading.is_sound()), "{text}");
+        pose.is_some()
+    }
+
+    /// JSON of the words that frames have, in any order and depth.
+    fn tree() -> impl Strategy<Value = Value> {
+        let number = prop_oneof![any::<f64>(), Just(0.0), Just(1.0)];
+        let leaf = prop_oneof![
+            Just(Value::Null),
+            any::<bool>().prop_map(Value::from),
+            number.prop_map(Value::from),
+            prop_oneof![Just("049D".to_string()), ".*"].prop_map(Value::from),
+        ];
+        const WORDS: [&str; 12] = [
+            "inverse3",
+            "device_id",
+            "state",
+            "status",
+            "cursor_position",
+            "cursor_velocity",
+            "x",
+            "y",
+            "z",
+            "w",
+            "verse_grip",
+            "orientation",
+        ];
+        let word = prop::sample::select(&WORDS[..]);
+        leaf.prop_recursive(6, 64, 6, move |inner| {
+            let table = prop::collection::vec((word.clone(), inner.clone()), 0..6);
+            let table = table.prop_map(|rows| rows.into_iter().map(|(k, v)| (k.to_string(), v)).collect::<Value>());
+            prop_oneof![prop::collection::vec(inner, 0..4).prop_map(Value::from), table]
+        })
+    }
+
+    /// Places of a tree, by pointer.
+    fn places(value: &Value, at: &str, into: &mut Vec<String>) {
+        into.push(at.to_string());
+        match value {
+            Value::Array(list) => list.iter().enumerate().for_each(|(i, v)| places(v, &format!("{at}/{i}"), into)),
+            Value::Object(table) => table.iter().for_each(|(k, v)| places(v, &format!("{at}/{k}"), into)),
+            _ => {}
+        }
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 10_000, failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn random_bytes_do_no_harm(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+            harmless(&String::from_utf8_lossy(&bytes));
+        }
+
+        #[test]
+        fn random_trees_do_no_harm(tree in tree()) {
+            harmless(&tree.to_string());
+        }
+
+        #[test]
+        fn a_frame_with_one_part_exchanged_does_no_harm(which in any::<prop::sample::Index>(), part in tree()) {
+            let mut whole: Value = serde_json::from_str(INVENTORY).expect("JSON");
+            let mut all = Vec::new();
+            places(&whole, "", &mut all);
+            *whole.pointer_mut(which.get::<String>(&all).as_str()).expect("one of its places") = part;
+            harmless(&whole.to_string());
+        }
+    }
+
+    #[test]
+    fn the_frame_that_parts_are_exchanged_in_has_a_pose() {
+        assert!(harmless(INVENTORY));
+        assert!(!harmless(&INVENTORY.replace("-0.12", "null")));
+    }
+}

@@ -303,3 +303,93 @@ impl Frame {
 pub fn frame(text: &str) -> Result<Frame, serde_json::Error> {
     serde_json::from_str(text)
 }
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// First frame of a service 3.5, abridged.
+    pub const INVENTORY: &str = r#"{ "session_id": 7,
+      "inverse3": [ { "device_id": "049D",
+        "config": { "type": "inverse3", "handedness": "right", "basis": {"permutation": "XYZ"},
+                    "gravity_compensation": {"enabled": true, "scaling_factor": 1.0},
+                    "filters": {"force_gate": {"gain": 0.3}, "damping": {"scalar": 0.0}} },
+        "state": { "cursor_position": {"x":0,"y":-0.12,"z":0.15}, "cursor_velocity": {"x":0,"y":0,"z":0},
+                   "current_cursor_force": {"x":0,"y":0,"z":0}, "body_orientation": {"x":0,"y":0,"z":0,"w":1},
+                   "angular_position": {"a0":0,"a1":0,"a2":0}, "angular_velocity": {"a0":0,"a1":0,"a2":0},
+                   "control_domain": "cartesian", "control_mode": "idle", "mode": "idle",
+                   "transform": { } },
+        "status": { "calibrated": true, "in_use": false, "power_supply": true, "ready": true, "started": true } } ],
+      "wireless_verse_grip": [ { "device_id": "1402",
+        "state": { "orientation": {"x":0,"y":0,"z":0,"w":1}, "buttons": {"a":false,"b":false,"c":false},
+                   "hall": 0, "battery_level": 0.9 },
+        "status": { "ready": true, "connected": true, "awake": true } } ] }"#;
+
+    #[test]
+    fn the_inventory_of_the_documentation_is_read() {
+        let frame = frame(INVENTORY).expect("the documentation's frame");
+        assert_eq!(frame.session_id, Some(7));
+        let arm = &frame.inverse3[0];
+        assert_eq!(arm.device_id, "049D");
+        assert_eq!(arm.status, Status { calibrated: Some(true), ready: Some(true) });
+        let state = arm.state.expect("it has one");
+        assert_eq!(DVec3::from(state.cursor_position), DVec3::new(0.0, -0.12, 0.15));
+        assert_eq!(state.transform, Transform::default());
+        assert_eq!(arm.config.as_ref().and_then(|c| c.handedness.as_deref()), Some("right"));
+        let grip = frame.wireless_verse_grip[0].state.expect("it has one");
+        assert_eq!((grip.orientation.rotation(), grip.buttons.bits()), (Some(DQuat::IDENTITY), 0));
+        assert!(frame.inverse3x.is_empty() && frame.minverse.is_empty() && frame.verse_grip.is_empty());
+    }
+
+    #[test]
+    fn parts_of_a_transform_that_are_left_out_are_the_identity() {
+        let text = INVENTORY.replace(r#""transform": { }"#, r#""transform": { "position": {"x":1,"y":2,"z":3} }"#);
+        let transform = frame(&text).expect("a frame").inverse3[0].state.expect("it has one").transform;
+        assert_eq!(DVec3::from(transform.position), DVec3::new(1.0, 2.0, 3.0));
+        assert_eq!(DVec3::from(transform.scale), DVec3::ONE);
+        assert_eq!(transform.rotation.rotation(), Some(DQuat::IDENTITY));
+    }
+
+    #[test]
+    fn arms_and_grips_of_every_kind_are_found() {
+        for kind in ArmKind::ALL {
+            let frame =
+                frame(&INVENTORY.replace("\"inverse3\": [", &format!("\"{}\": [", kind.word()))).expect("a frame");
+            assert_eq!(frame.arms(kind).len(), 1, "{kind:?}");
+            assert_eq!(ArmKind::ALL.iter().map(|other| frame.arms(*other).len()).sum::<usize>(), 1);
+        }
+        for kind in GripKind::ALL {
+            let frame = frame(&INVENTORY.replace("wireless_verse_grip", kind.word())).expect("a frame");
+            assert_eq!(frame.grips(kind).len(), 1, "{kind:?}");
+            assert_eq!(GripKind::ALL.iter().map(|other| frame.grips(*other).len()).sum::<usize>(), 1);
+        }
+    }
+
+    #[test]
+    fn a_null_is_a_number_that_is_none_and_a_missing_number_is_another_shape() {
+        let null = frame(&INVENTORY.replace("-0.12", "null")).expect("a frame");
+        assert!(null.inverse3[0].state.expect("it has one").cursor_position.y.is_nan());
+        assert!(frame(&INVENTORY.replace("\"y\":-0.12,", "")).is_err());
+        assert!(frame(&INVENTORY.replace("-0.12", "NaN")).is_err());
+        assert!(frame(&INVENTORY.replace("-0.12", "1e999")).is_err());
+        assert!(frame(&INVENTORY.replace("-0.12", "\"up\"")).is_err());
+        assert!(frame(&INVENTORY[..INVENTORY.len() / 2]).is_err());
+    }
+
+    #[test]
+    fn a_quaternion_of_another_length_is_no_rotation() {
+        let q = |w: f64| Quaternion { x: 0.0, y: 0.0, z: 0.0, w };
+        assert!(q(0.995).rotation().is_some_and(|q| (q.w - 1.0).abs() < 1e-15));
+        for w in [0.0, 0.9, 1.1, f64::NAN, f64::INFINITY, f64::MAX] {
+            assert_eq!(q(w).rotation(), None, "{w}");
+        }
+    }
+
+    #[test]
+    fn buttons_are_bits_in_their_order() {
+        for bits in 0..8 {
+            assert_eq!(Buttons::of(bits).bits(), bits);
+        }
+        assert_eq!(Buttons { a: false, b: true, c: true }.bits(), 0b110);
+    }
+}

@@ -25,7 +25,7 @@ pub struct Options {
     pub version: String,
     /// Arms by kind and name.
     pub arms: Vec<(ArmKind, String)>,
-    /// Grips by kind and name; all show the first arm's rotation.
+    /// Grips by kind and name; all are in the first arm's hand, or at rest without an arm.
     pub grips: Vec<(GripKind, String)>,
     /// What the hands follow, m; they rest without one.
     pub path: Vec<Pose>,
