@@ -4,15 +4,17 @@
 
 use cutis::error::{Error, Result};
 use cutis::haptic::device::{Device, Limits, Reading, Wrench};
-use cutis::haptic::haply::command::Version;
+use cutis::haptic::haply::command::{Command, Version};
 use cutis::haptic::haply::mock::{Faults, Mock, Options};
-use cutis::haptic::haply::wire::{ArmKind, GripKind};
+use cutis::haptic::haply::wire::{ArmKind, ArmState, Entry, Frame, GripKind, Vector};
 use cutis::haptic::haply::{Client, Settings, open};
 use cutis::scene::Pose;
 use glam::{DQuat, DVec3};
 use std::io::Write;
 use std::net::TcpListener;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, channel};
 use std::time::{Duration, Instant};
+use tungstenite::Message;
 
 /// A tick of the loop.
 const TICK: Duration = Duration::from_millis(1);
@@ -132,35 +134,80 @@ fn a_service_that_passes_forces_over_would_be_caught() {
 }
 
 #[test]
-fn a_loop_that_stops_and_a_client_that_closes_leave_no_force() {
+fn a_loop_that_stops_leaves_no_force() {
     let mock = mock(Faults::default());
     let mut client = client(&mock);
     ticks(&mut client, DVec3::Z, |_, _| mock.record().forces[0] == DVec3::Z);
     wait("the dead man lets go", || mock.record().forces[0] == DVec3::ZERO);
-    assert_eq!(client.trouble().disconnects, 0);
+    // by a frame of zero force, not because the service missed one
+    assert_eq!((mock.record().idled, client.trouble().disconnects), (0, 0));
     // and it goes on when the loop does
     ticks(&mut client, DVec3::X, |_, _| mock.record().forces[0] == DVec3::X);
-    let before = mock.record().frames;
+}
+
+#[test]
+fn a_client_that_closes_leaves_no_force() {
+    let mock = mock(Faults::default());
+    let mut client = client(&mock);
+    ticks(&mut client, DVec3::Z, |_, _| mock.record().forces[0] == DVec3::Z);
     client.close().expect("it lets go");
-    let record = mock.record();
-    assert_eq!(record.forces[0], DVec3::ZERO);
-    assert!(record.frames > before, "a last frame without force");
     wait("the connection ends", || mock.record().ended == 1);
+    assert_eq!(mock.record().last_forces, [[DVec3::ZERO]]);
     // a closed device takes what comes, and says nothing new
     let frames = client.frames();
     client.write(0.0, push(DVec3::X));
     assert!(client.read(0.0).is_sound() && client.frames() == frames);
 }
 
+/// A service that falls silent at the first force, and tells the forces that it hears: of the first connection alone.
+fn falls_silent() -> (String, Receiver<DVec3>) {
+    let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
+    let url = format!("ws://{}", listener.local_addr().expect("it has one"));
+    let (tell, told) = channel();
+    std::thread::spawn(move || {
+        let (stream, _) = listener.accept().expect("a client");
+        let mut socket = tungstenite::accept(stream).expect("its handshake");
+        let zero = Vector::from(DVec3::ZERO);
+        let state = ArmState {
+            cursor_position: zero,
+            cursor_velocity: zero,
+            current_cursor_force: None,
+            transform: Default::default(),
+        };
+        let arm = Entry { device_id: "A".into(), config: None, state: Some(state), status: Default::default() };
+        let text = serde_json::to_string(&Frame { inverse3: vec![arm], ..Frame::default() }).expect("a text");
+        socket.send(text.as_str().into()).expect("the client listens");
+        let mut speaks = true;
+        while let Ok(Message::Text(heard)) = socket.read() {
+            let command: Command = serde_json::from_str(&heard).expect("a command");
+            let set = command.inverse3[0].commands.set_cursor_force.and_then(|set| set.vector);
+            let force = DVec3::from(set.expect("a force"));
+            speaks &= force == DVec3::ZERO;
+            if speaks {
+                socket.send(text.as_str().into()).expect("the client listens");
+            }
+            if tell.send(force).is_err() {
+                return;
+            }
+        }
+    });
+    (url, told)
+}
+
 #[test]
-fn a_loop_that_stops_before_a_slow_service_leaves_no_force() {
-    let mock = mock(Faults { delay: Duration::from_millis(300), ..Faults::default() });
-    let mut client = client(&mock);
-    ticks(&mut client, DVec3::Z, |_, _| mock.record().forces[0] == DVec3::Z);
-    // the answer to this force is 300 ms away, and the zero is sent without it
-    wait("the dead man lets go", || mock.record().forces[0] == DVec3::ZERO);
-    assert_eq!((client.trouble().disconnects, mock.record().ended), (0, 0));
-    assert!(client.trouble().late > 0);
+fn a_loop_that_stops_before_a_silent_service_leaves_no_force() {
+    let (url, told) = falls_silent();
+    let settings = Settings { url, version: Some(Version::VECTOR), ..Settings::default() };
+    let mut client = open(&settings).expect("a device");
+    let mut forces = Vec::new();
+    ticks(&mut client, DVec3::Z, |_, _| {
+        forces.extend(told.try_iter());
+        forces.last() == Some(&DVec3::Z)
+    });
+    // the answer to that force never comes, and the zero is sent without it, before the silence counts as the connection's end
+    assert_eq!(told.recv_timeout(PATIENCE), Ok(DVec3::ZERO));
+    assert_eq!(told.recv_timeout(PATIENCE), Err(RecvTimeoutError::Disconnected));
+    wait("the connection counts as lost", || client.trouble().disconnects == 1);
 }
 
 #[test]

@@ -5,6 +5,7 @@ use crate::{Outcome, Test, ensure};
 use cutis::haptic::device::{Device, Wrench};
 use cutis::haptic::haply::{Client, Settings, open};
 use glam::DVec3;
+use std::f64::consts::FRAC_PI_2;
 use std::io::{BufRead, BufReader, Read};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -107,7 +108,8 @@ fn haply_mock_without_a_grip_is_not_turned() -> Outcome {
     // a quarter turn about z from the start on
     let half = 0.5_f64.sqrt();
     work.write("hand.csv", &format!("time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,{half},{half}\n"))?;
-    for (more, wanted) in [(&["--scene", "scene.toml"][..], 1.5708), (&["--scene", "scene.toml", "--no-grip"], 0.0)] {
+    for (more, wanted) in [(&["--scene", "scene.toml"][..], FRAC_PI_2), (&["--scene", "scene.toml", "--no-grip"], 0.0)]
+    {
         let stand_in = StandIn::start(&work, more)?;
         let (_, angle) = follow(&mut stand_in.client()?, DVec3::ZERO, 10)?;
         ensure!((angle - wanted).abs() < 1e-3, "{more:?}: turned by {angle}");

@@ -2,7 +2,7 @@
 //!
 //! Each connection has a thread, is sent the inventory, and then one state frame per frame of its own. A hand (a mass on a damped spring
 //! to a path) moves on by 1 ms per frame under the force that the frame carries, and by nothing else: what a stand-in says depends on the
-//! frames alone, not on the clock. Without a frame for 100 ms, or a connection, the force is zero. `GET /version` is answered on the same
+//! frames alone, not on the clock. Without a frame for 500 ms, or a connection, the force is zero. `GET /version` is answered on the same
 //! port. [`Faults`] make it misbehave, for tests.
 //!
 //! ```
@@ -37,8 +37,8 @@ use tungstenite::{Message, WebSocket};
 /// Port of the service's simulation channel.
 pub const PORT: u16 = 10001;
 
-/// A device without a command for this long is idle.
-const IDLE: Duration = Duration::from_millis(100);
+/// A device without a command for this long is idle; ten times what a client takes to let go by itself.
+const IDLE: Duration = Duration::from_millis(500);
 /// Longest wait between two looks at whether to stop.
 const SLICE: Duration = Duration::from_millis(20);
 /// A peer has to say within this time what it wants.
@@ -189,10 +189,10 @@ impl Shared {
         self.state().record.connections += 1;
         self.tell(Event::Connected(from));
         let frames = self.serve(socket);
-        let mut state = self.state();
-        state.record.ended += 1;
-        state.record.forces.fill(DVec3::ZERO);
-        drop(state);
+        let record = &mut self.state().record;
+        record.ended += 1;
+        record.last_forces.push(record.forces.clone());
+        record.forces.fill(DVec3::ZERO);
         self.tell(Event::Left(from, frames));
         Ok(())
     }
@@ -224,7 +224,7 @@ impl Shared {
                 Ok(_) => {}
                 Err(tungstenite::Error::Io(e)) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
                     if heard.elapsed() > IDLE {
-                        self.state().record.forces.fill(DVec3::ZERO);
+                        self.let_go();
                     }
                 }
                 Err(_) => return frames,
@@ -232,6 +232,15 @@ impl Shared {
         }
         socket.close(None).and_then(|()| socket.flush()).ok();
         frames
+    }
+
+    /// The client is silent: no force any more.
+    fn let_go(&self) {
+        let record = &mut self.state().record;
+        if record.forces.iter().any(|force| *force != DVec3::ZERO) {
+            record.idled += 1;
+            record.forces.fill(DVec3::ZERO);
+        }
     }
 
     /// Takes a client's frame in: forces of one frame on one arm add up, and the hands move on by a tick.

@@ -88,6 +88,10 @@ pub struct Record {
     pub forces: Vec<DVec3>,
     /// `[arm]` force of each connection's first frame, N.
     pub first_forces: Vec<Vec<DVec3>>,
+    /// `[arm]` force of each ended connection's last frame, N.
+    pub last_forces: Vec<Vec<DVec3>>,
+    /// Times that a force was let go because no frame came.
+    pub idled: u64,
     /// Largest force so far, N.
     pub peak: f64,
     /// What the last client called itself.
