@@ -740,6 +740,85 @@ pub enum Error {
         axis: char,
     },
 
+    /// An address that is none of the Inverse Service.
+    #[error(
+        "{url}: no address of an Inverse Service ({problem}); write ws://host:port, for example ws://localhost:10001"
+    )]
+    HaplyAddress {
+        /// What was given.
+        url: String,
+        /// What is wrong with it.
+        problem: String,
+    },
+
+    /// Nobody at the Inverse Service's address.
+    #[error(
+        "{url}: nothing listens there ({reason}); start Haply's Inverse Service, or `cutis haply-mock` as a stand-in, or change the address"
+    )]
+    HaplyNobody {
+        /// The address.
+        url: String,
+        /// The system's reason.
+        reason: String,
+    },
+
+    /// Somebody else at the Inverse Service's address.
+    #[error(
+        "{url}: what listens there is no Inverse Service ({found}); wanted a WebSocket that sends its inventory; look at the port: the service's simulation channel is 10001 unless its settings say otherwise"
+    )]
+    HaplyNoService {
+        /// The address.
+        url: String,
+        /// What it did instead.
+        found: String,
+    },
+
+    /// An Inverse Service that speaks other frames, or does not say which.
+    #[error(
+        "{url}: the Inverse Service says version {found}; wanted {wanted} or newer; update the service, or state its version if it does not tell"
+    )]
+    HaplyVersion {
+        /// The address.
+        url: String,
+        /// As it was said, or why it was not.
+        found: String,
+        /// The oldest that will do.
+        wanted: String,
+    },
+
+    /// An Inverse Service without an arm.
+    #[error("{url}: the Inverse Service has no Inverse3; it has {there}; plug one in, switch it on and calibrate it")]
+    HaplyNoArm {
+        /// The address.
+        url: String,
+        /// The devices that are there.
+        there: String,
+    },
+
+    /// A device that the Inverse Service does not have.
+    #[error("{url}: the Inverse Service has no {what} \"{id}\"; it has {there}; plug it in, or name one of these")]
+    HaplyUnknown {
+        /// The address.
+        url: String,
+        /// "arm" or "grip".
+        what: &'static str,
+        /// The name wanted.
+        id: String,
+        /// The devices that are there.
+        there: String,
+    },
+
+    /// A port that the stand-in of the Inverse Service cannot have.
+    #[error(
+        "{address}: cannot listen there ({source}); end what listens there (the Inverse Service itself, or another stand-in), or choose another port: --port 0 takes a free one"
+    )]
+    HaplyPort {
+        /// The address.
+        address: String,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+
     /// A command that makes no sense.
     #[error("{what}; {fix}")]
     Usage {
@@ -759,7 +838,10 @@ impl Error {
             | Error::Binding { .. }
             | Error::Device { .. }
             | Error::Write { .. }
-            | Error::Vtk { .. } => 1,
+            | Error::Vtk { .. }
+            | Error::HaplyNobody { .. }
+            | Error::HaplyNoService { .. }
+            | Error::HaplyPort { .. } => 1,
             _ => 2,
         }
     }

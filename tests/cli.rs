@@ -6,6 +6,8 @@
 mod input;
 #[path = "cli/results.rs"]
 mod results;
+#[path = "cli/stand_in.rs"]
+mod stand_in;
 #[path = "cli/work.rs"]
 mod work;
 
@@ -36,7 +38,7 @@ fn main() {
         let test = *test;
         Trial::test(*name, move || Ok(test()?))
     };
-    let (plain, on_gpu) = ([input::TESTS, results::TESTS].concat(), results::GPU_TESTS);
+    let (plain, on_gpu) = ([input::TESTS, results::TESTS, stand_in::TESTS].concat(), results::GPU_TESTS);
     let mut trials: Vec<Trial> = plain.iter().map(trial).collect();
     trials.extend(on_gpu.iter().map(|test| match (adapter, required) {
         (false, true) => Trial::test(test.0, || Err("no adapter, and CUTIS_GPU=require".into())),

@@ -46,6 +46,11 @@ pub enum Command {
     Check(Check),
     /// List the adapters of this machine and say which one `--backend auto` takes
     Adapters(Adapters),
+    /// Stand in for Haply's Inverse Service: an Inverse3 and a simulated hand that pushes back, on a port of this machine
+    ///
+    /// Speaks the service's WebSocket frames, so that a scene with a Haply device runs without one. The hand is a mass on a spring; it
+    /// moves on by 1 ms per frame of the client. Ends with Ctrl-C or with the end of standard input.
+    HaplyMock(HaplyMock),
 }
 
 /// `run`.
@@ -138,6 +143,26 @@ pub struct Adapters {
     /// Print JSON on standard output
     #[arg(long)]
     pub json: bool,
+}
+
+/// `haply-mock`.
+#[derive(Args, Clone, Debug)]
+pub struct HaplyMock {
+    /// Port to listen on, 0 for any that is free; clients look at 10001 when nothing is said
+    #[arg(long, value_name = "N", default_value_t = cutis::haptic::haply::mock::PORT)]
+    pub port: u16,
+    /// Name of the arm
+    #[arg(long, value_name = "ID", default_value = "MOCK")]
+    pub device: String,
+    /// Name of the grip, whose rotation and buttons the hand has
+    #[arg(long, value_name = "ID", default_value = "GRIP", conflicts_with = "no_grip")]
+    pub grip: String,
+    /// An arm alone: no rotation and no buttons
+    #[arg(long)]
+    pub no_grip: bool,
+    /// Scene whose recorded hand the simulated one follows; it rests when none is given
+    #[arg(long, value_name = "SCENE")]
+    pub scene: Option<PathBuf>,
 }
 
 /// Where to compute.

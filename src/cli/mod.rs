@@ -2,6 +2,7 @@
 
 mod args;
 mod progress;
+mod stand_in;
 mod text;
 
 use args::{Backend, Cli, Command, Precision, Run};
@@ -26,6 +27,7 @@ pub fn main() -> ExitCode {
         Command::Inspect(args) => inspect_scene(&args),
         Command::Check(args) => check_scenes(&args),
         Command::Adapters(args) => list_adapters(args),
+        Command::HaplyMock(args) => stand_in::stand_in(&args),
     };
     ExitCode::from(done.unwrap_or_else(|error| {
         eprintln!("error: {error}");

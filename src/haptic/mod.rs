@@ -7,6 +7,7 @@
 //! Units: m, N, N·m, s.
 
 pub mod device;
+pub mod haply;
 
 use crate::constraints::{Law, relax};
 use crate::instrument::rotation_vector;

@@ -1,0 +1,44 @@
+//! `cutis haply-mock`: a stand-in for Haply's Inverse Service until it is told to end.
+
+use super::args::HaplyMock;
+use cutis::error::{Error, Result};
+use cutis::haptic::haply::mock::{Event, Mock, Options};
+use cutis::haptic::haply::wire::{ArmKind, GripKind};
+use cutis::scene::{self, Pose};
+use std::path::Path;
+
+/// Serves until standard input ends.
+pub fn stand_in(args: &HaplyMock) -> Result<u8> {
+    let mut options = Options { port: args.port, tell: Some(tell), ..Options::default() };
+    options.arms = vec![(ArmKind::Inverse3, args.device.clone())];
+    options.grips = if args.no_grip { Vec::new() } else { vec![(GripKind::Wired, args.grip.clone())] };
+    options.path = args.scene.as_deref().map_or(Ok(Vec::new()), hand)?;
+    let mock = Mock::start(options)?;
+    let with = if args.no_grip { String::new() } else { format!(" with verse_grip {}", args.grip) };
+    println!(
+        "listens at {} as inverse3 {}{with}; Ctrl-C or the end of standard input ends it",
+        mock.url(),
+        args.device
+    );
+    // an input that cannot be read has ended
+    std::io::copy(&mut std::io::stdin(), &mut std::io::sink()).ok();
+    Ok(0)
+}
+
+/// The recorded hand of a scene's first tool.
+fn hand(path: &Path) -> Result<Vec<Pose>> {
+    let scene = scene::read(path)?;
+    let tool = scene.tools.into_iter().find(|tool| tool.free.is_none());
+    tool.map(|tool| tool.trajectory).ok_or_else(|| Error::Usage {
+        what: format!("{}: no tool of this scene is held by a hand", path.display()),
+        fix: "name a scene with a [[tool]], for instance scenes/incision.toml, or leave out --scene for a hand at rest"
+            .into(),
+    })
+}
+
+fn tell(event: Event) {
+    match event {
+        Event::Connected(from) => println!("connected: {from}"),
+        Event::Left(from, frames) => println!("left: {from} after {frames} frames"),
+    }
+}

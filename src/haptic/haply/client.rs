@@ -1,0 +1,352 @@
+//! The device: the loop's end of the cells, and the I/O thread that keeps the socket in lock step with the loop.
+
+use super::command::{Command, Configure, Profile, Session, Version};
+use super::session::{Address, Chosen, Fault, Heard, Socket, hear, reading};
+use super::trouble::{Counts, Trouble, count};
+use super::wire::frame;
+use super::{DEAD_MAN, PATIENCE, Settings};
+use crate::error::{Error, Result};
+use crate::haptic::device::{Device, Limits, Reading, Wrench};
+use glam::DVec3;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+use triple_buffer::{Input, Output, triple_buffer};
+use tungstenite::Message;
+
+/// An answer is late after five ticks of 1 kHz.
+const LATE: Duration = Duration::from_millis(5);
+
+/// A peer that owes an answer for this long is gone.
+const SILENCE: Duration = Duration::from_secs(1);
+
+/// First wait before a lost connection is taken up again; it doubles up to [`LONGEST_WAIT`].
+const FIRST_WAIT: Duration = Duration::from_millis(20);
+/// So that a service that comes back is found within a second, and one that does not costs nothing.
+const LONGEST_WAIT: Duration = Duration::from_secs(1);
+/// Patience of a further try, short so that closing does not wait long for one.
+const RETRY_PATIENCE: Duration = Duration::from_millis(500);
+
+/// How long a goodbye may take.
+const GOODBYE: Duration = Duration::from_millis(200);
+
+/// Frames taken at once beyond the answer; a peer that sends more without being asked is slowed by its socket.
+const MOST_UNASKED: usize = 256;
+
+/// Under which the program is listed in Haply's hub.
+const PROFILE: &str = "org.cutis.haptic";
+
+/// What the device said last.
+#[derive(Clone, Copy, Debug)]
+struct Said {
+    reading: Reading,
+    at: Instant,
+}
+
+/// What the loop wants last.
+#[derive(Clone, Copy, Debug)]
+struct Wanted {
+    /// N
+    force: DVec3,
+    at: Instant,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    counts: Counts,
+    stop: AtomicBool,
+}
+
+impl Shared {
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Acquire)
+    }
+}
+
+/// An arm of an Inverse Service, as a [`Device`]. Let go of when dropped.
+pub struct Client {
+    name: String,
+    limits: Limits,
+    said: Output<Said>,
+    wanted: Input<Wanted>,
+    shared: Arc<Shared>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Client {
+    pub(super) fn open(settings: &Settings) -> Result<Self> {
+        let limit = settings.limits.force;
+        if !(limit.is_finite() && limit >= 0.0) {
+            return Err(Error::Usage {
+                what: format!("a force limit of {limit} N for {}", settings.url),
+                fix: "wanted a number from 0 up, in N; 2 is a careful one".into(),
+            });
+        }
+        let address = Address::of(&settings.url)?;
+        let mut socket = address.connect(PATIENCE)?;
+        let version = settings.version.map_or_else(|| address.version(), Ok)?;
+        let inventory = address.inventory(&mut socket, PATIENCE)?;
+        let chosen = Chosen::of(&inventory, settings)?;
+        let mut name = format!("Haply {} {}", chosen.arm.word(), chosen.device);
+        if let Some((kind, id)) = &chosen.grip {
+            name += &format!(" with {} {id}", kind.word());
+        }
+        let now = Instant::now();
+        let (said, out) = triple_buffer(&Said { reading: Reading::at_rest(f64::INFINITY), at: now });
+        let (wanted, orders) = triple_buffer(&Wanted { force: DVec3::ZERO, at: now });
+        let shared = Arc::new(Shared::default());
+        let last = Reading::at_rest(f64::INFINITY);
+        let mut pump = Pump { address, chosen, version, said, orders, shared: shared.clone(), last };
+        pump.take(&inventory);
+        let thread = thread::Builder::new().name("haply".into()).spawn(move || pump.run(socket));
+        let thread = thread.map_err(|e| Error::HaplyNobody { url: settings.url.clone(), reason: e.to_string() })?;
+        let limits = Limits { force: limit, torque: 0.0 };
+        Ok(Self { name, limits, said: out, wanted, shared, thread: Some(thread) })
+    }
+
+    /// What went wrong since it was opened.
+    pub fn trouble(&self) -> Trouble {
+        self.shared.counts.trouble()
+    }
+
+    /// Sound states since it was opened.
+    pub fn frames(&self) -> u64 {
+        self.shared.counts.frames.load(Ordering::Relaxed)
+    }
+
+    fn end(&mut self) {
+        self.shared.stop.store(true, Ordering::Release);
+        if let Some(thread) = self.thread.take() {
+            thread.thread().unpark();
+            // a thread that panicked has let go already: its socket is closed
+            thread.join().ok();
+        }
+    }
+}
+
+impl Device for Client {
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn limits(&self) -> Limits {
+        self.limits
+    }
+
+    fn read(&mut self, _time: f64) -> Reading {
+        let said = *self.said.read();
+        // a device that never spoke stays infinitely old
+        Reading { age: said.reading.age + said.at.elapsed().as_secs_f64(), ..said.reading }
+    }
+
+    fn write(&mut self, _time: f64, wrench: Wrench) {
+        let mut force = wrench.force;
+        if !force.is_finite() {
+            count(&self.shared.counts.refused);
+            force = DVec3::ZERO;
+        } else if force.length() > self.limits.force {
+            count(&self.shared.counts.clamped);
+            force = force.clamp_length_max(self.limits.force);
+        }
+        self.wanted.write(Wanted { force, at: Instant::now() });
+        if let Some(thread) = &self.thread {
+            thread.thread().unpark();
+        }
+    }
+
+    fn close(&mut self) -> Result<()> {
+        self.end();
+        Ok(())
+    }
+}
+
+impl Drop for Client {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+/// How a connection ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    Lost,
+    Stopped,
+}
+
+/// The I/O thread.
+struct Pump {
+    address: Address,
+    chosen: Chosen,
+    version: Version,
+    said: Input<Said>,
+    orders: Output<Wanted>,
+    shared: Arc<Shared>,
+    last: Reading,
+}
+
+/// One connection's lock step.
+struct Step {
+    socket: Socket,
+    /// Answers that the peer owes.
+    owed: usize,
+    /// The last force sent is not zero.
+    pushing: bool,
+    /// A sound answer has come: forces may go out.
+    trusted: bool,
+}
+
+impl Pump {
+    fn run(mut self, socket: Socket) {
+        let mut next = Some(socket);
+        while let Some(socket) = next.take() {
+            if self.serve(socket) == End::Stopped {
+                return;
+            }
+            count(&self.shared.counts.disconnects);
+            next = self.again();
+        }
+    }
+
+    /// Connects again, until it is told to stop.
+    fn again(&mut self) -> Option<Socket> {
+        let mut wait = FIRST_WAIT;
+        while !self.shared.stopped() {
+            let until = Instant::now() + wait;
+            // the loop's writes wake this thread too
+            while !self.shared.stopped() && Instant::now() < until {
+                thread::park_timeout(until.saturating_duration_since(Instant::now()));
+            }
+            wait = (wait * 2).min(LONGEST_WAIT);
+            let Ok(mut socket) = self.address.connect(RETRY_PATIENCE) else { continue };
+            let Ok(inventory) = self.address.inventory(&mut socket, RETRY_PATIENCE) else { continue };
+            if self.take(&inventory) {
+                count(&self.shared.counts.reconnects);
+                return Some(socket);
+            }
+        }
+        None
+    }
+
+    /// Lock step with the loop until the connection is lost or the loop lets go.
+    fn serve(&mut self, socket: Socket) -> End {
+        let mut step = Step { socket, owed: 0, pushing: false, trusted: false };
+        let needed = if self.version >= Version::VECTOR { Version::VECTOR } else { Version::OLDEST };
+        let profile = Profile { name: PROFILE.into(), required_version: Some(format!(">={needed}")) };
+        let mut session = Some(Session { configure: Configure { profile } });
+        loop {
+            if self.shared.stopped() {
+                self.leave(step, session);
+                return End::Stopped;
+            }
+            if session.is_none() {
+                self.wait_for_order();
+            }
+            let force = if step.trusted { self.force() } else { DVec3::ZERO };
+            let sent = self.send(&mut step, force, session.take()).and_then(|()| self.answer(&mut step));
+            if sent.is_err() {
+                return End::Lost;
+            }
+        }
+    }
+
+    /// Until the loop has written, or has not for too long.
+    fn wait_for_order(&mut self) {
+        let until = Instant::now() + DEAD_MAN;
+        while !self.orders.update() && !self.shared.stopped() {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            thread::park_timeout(left);
+        }
+    }
+
+    /// The newest force, zero once the loop is silent.
+    fn force(&mut self) -> DVec3 {
+        let wanted = self.orders.read();
+        if wanted.at.elapsed() > DEAD_MAN { DVec3::ZERO } else { wanted.force }
+    }
+
+    fn send(&self, step: &mut Step, force: DVec3, session: Option<Session>) -> std::result::Result<(), End> {
+        let mut command = Command::force(self.chosen.arm, &self.chosen.device, force, self.version);
+        command.session = session;
+        let text = serde_json::to_string(&command).expect("strings and finite numbers always have a text");
+        step.socket.send(Message::text(text)).map_err(|_| End::Lost)?;
+        step.owed += 1;
+        step.pushing = force != DVec3::ZERO;
+        Ok(())
+    }
+
+    /// Waits for the answer, then takes what else has come, so that the next frame answers the next force.
+    fn answer(&mut self, step: &mut Step) -> std::result::Result<(), End> {
+        let asked = Instant::now();
+        while step.owed > 0 {
+            match hear(&mut step.socket) {
+                Heard::Text(text) => self.heard(step, &text),
+                Heard::End(_) => return Err(End::Lost),
+                Heard::Nothing if self.shared.stopped() => return Ok(()),
+                Heard::Nothing if asked.elapsed() > SILENCE => return Err(End::Lost),
+                // out of step, as the peer may hold this force for as long as it is silent
+                Heard::Nothing if step.pushing && self.force() == DVec3::ZERO => {
+                    self.send(step, DVec3::ZERO, None)?;
+                }
+                Heard::Nothing => {}
+            }
+        }
+        if asked.elapsed() > LATE {
+            count(&self.shared.counts.late);
+        }
+        let blocking = |step: &Step, on: bool| step.socket.get_ref().set_nonblocking(!on).map_err(|_| End::Lost);
+        blocking(step, false)?;
+        for _ in 0..MOST_UNASKED {
+            match hear(&mut step.socket) {
+                Heard::Text(text) => self.heard(step, &text),
+                Heard::Nothing => break,
+                Heard::End(_) => return Err(End::Lost),
+            }
+        }
+        blocking(step, true)
+    }
+
+    fn heard(&mut self, step: &mut Step, text: &str) {
+        if step.owed == 0 {
+            count(&self.shared.counts.unasked);
+        }
+        step.owed = step.owed.saturating_sub(1);
+        match frame(text) {
+            Ok(frame) => step.trusted |= self.take(&frame),
+            Err(_) => count(&self.shared.counts.malformed),
+        }
+    }
+
+    /// Publishes what a frame says, if it says a pose.
+    fn take(&mut self, frame: &super::wire::Frame) -> bool {
+        let counts = &self.shared.counts;
+        match reading(frame, &self.chosen, self.last) {
+            Ok((reading, whole)) => {
+                if !whole {
+                    count(&counts.grip_absent);
+                }
+                self.last = reading;
+                self.said.write(Said { reading, at: Instant::now() });
+                count(&counts.frames);
+                return true;
+            }
+            Err(Fault::Absent) => count(&counts.absent),
+            Err(Fault::Uncalibrated) => count(&counts.uncalibrated),
+            Err(Fault::NonFinite) => count(&counts.non_finite),
+        }
+        false
+    }
+
+    /// No force, and a proper end, as far as the peer takes part in it.
+    fn leave(&self, mut step: Step, session: Option<Session>) {
+        let until = Instant::now() + GOODBYE;
+        if self.send(&mut step, DVec3::ZERO, session).is_err() {
+            return;
+        }
+        step.socket.close(None).ok();
+        while Instant::now() < until && !matches!(hear(&mut step.socket), Heard::End(_)) {}
+    }
+}

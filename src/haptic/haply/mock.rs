@@ -1,0 +1,323 @@
+//! A stand-in for the Inverse Service: the same frames on a port of this machine, with simulated hands behind them.
+//!
+//! Each connection has a thread, is sent the inventory, and then one state frame per frame of its own. A hand (a mass on a damped spring
+//! to a path) moves on by 1 ms per frame under the force that the frame carries, and by nothing else: what a stand-in says depends on the
+//! frames alone, not on the clock. Without a frame for 500 ms, or a connection, the force is zero. `GET /version` is answered on the same
+//! port. [`Faults`] make it misbehave, for tests.
+//!
+//! ```
+//! use cutis::haptic::{device::Device, haply};
+//! # fn main() -> cutis::error::Result<()> {
+//! let mock = haply::mock::Mock::start(haply::mock::Options { port: 0, ..Default::default() })?;
+//! let settings = haply::Settings { url: mock.url(), ..Default::default() };
+//! let mut device = haply::open(&settings)?;
+//! assert!(device.read(0.0).position.z > 0.1);
+//! # Ok(())
+//! # }
+//! ```
+
+mod hand;
+mod options;
+
+pub use options::{Event, Faults, Options, Record};
+
+use super::command::{Command, SetForce, Version};
+use super::wire::{ArmState, Buttons, Config, Entry, Frame, GripState, Status};
+use crate::error::{Error, Result};
+use glam::DVec3;
+use hand::Hand;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+use tungstenite::{Message, WebSocket};
+
+/// Port of the service's simulation channel.
+pub const PORT: u16 = 10001;
+
+/// A device without a command for this long is idle; ten times what a client takes to let go by itself.
+const IDLE: Duration = Duration::from_millis(500);
+/// Longest wait between two looks at whether to stop.
+const SLICE: Duration = Duration::from_millis(20);
+/// A peer has to say within this time what it wants.
+const PATIENCE: Duration = Duration::from_secs(1);
+
+struct State {
+    hands: Vec<Hand>,
+    record: Record,
+}
+
+struct Shared {
+    options: Options,
+    version: Version,
+    state: Mutex<State>,
+    stop: AtomicBool,
+}
+
+/// A stand-in that serves until it is dropped.
+pub struct Mock {
+    address: SocketAddr,
+    shared: Arc<Shared>,
+    door: Option<JoinHandle<()>>,
+}
+
+impl Mock {
+    /// Listens on this machine's loopback.
+    ///
+    /// # Errors
+    /// When the port is taken, or the version is none.
+    pub fn start(options: Options) -> Result<Self> {
+        let wanted = SocketAddr::from((Ipv4Addr::LOCALHOST, options.port));
+        let refused = |source: io::Error| Error::HaplyPort { address: wanted.to_string(), source };
+        let version = Version::of(&options.version).ok_or_else(|| Error::Usage {
+            what: format!("a stand-in of version \"{}\"", options.version),
+            fix: "wanted numbers with dots, such as 3.5.0".into(),
+        })?;
+        let listener = TcpListener::bind(wanted).map_err(refused)?;
+        let address = listener.local_addr().map_err(refused)?;
+        let hands = vec![Hand::at_start(&options.path); options.arms.len()];
+        let record = Record { forces: vec![DVec3::ZERO; hands.len()], ..Record::default() };
+        let state = Mutex::new(State { hands, record });
+        let shared = Arc::new(Shared { options, version, state, stop: AtomicBool::new(false) });
+        let inside = shared.clone();
+        let door = thread::Builder::new().name("haply-mock".into()).spawn(move || admit(&listener, &inside));
+        Ok(Self { address, shared, door: Some(door.map_err(refused)?) })
+    }
+
+    /// Where clients find it.
+    pub fn url(&self) -> String {
+        format!("ws://{}", self.address)
+    }
+
+    /// What it has seen so far.
+    pub fn record(&self) -> Record {
+        self.shared.state().record.clone()
+    }
+}
+
+impl Drop for Mock {
+    fn drop(&mut self) {
+        self.shared.stop.store(true, Ordering::Release);
+        // a connection wakes the thread that waits for one
+        TcpStream::connect_timeout(&self.address, PATIENCE).ok();
+        if let Some(door) = self.door.take() {
+            door.join().ok();
+        }
+    }
+}
+
+/// Waits for clients and gives each a thread.
+fn admit(listener: &TcpListener, shared: &Arc<Shared>) {
+    let mut guests: Vec<JoinHandle<()>> = Vec::new();
+    while !shared.stopped() {
+        guests.retain(|guest| !guest.is_finished());
+        let Ok((stream, from)) = listener.accept() else { continue };
+        let inside = shared.clone();
+        // a client whose start or handshake fails has its connection closed, which tells it
+        let guest = thread::Builder::new().spawn(move || drop(inside.receive(stream, from)));
+        guests.extend(guest);
+    }
+    for guest in guests {
+        guest.join().ok();
+    }
+}
+
+/// The first bytes of a connection up to the empty line, left in the socket.
+fn head(stream: &TcpStream) -> io::Result<String> {
+    let until = Instant::now() + PATIENCE;
+    let mut bytes = [0; 4096];
+    while Instant::now() < until {
+        match stream.peek(&mut bytes)? {
+            0 => return Err(ErrorKind::UnexpectedEof.into()),
+            read => {
+                let text = String::from_utf8_lossy(&bytes[..read]);
+                if text.contains("\r\n\r\n") || read == bytes.len() {
+                    return Ok(text.to_ascii_lowercase());
+                }
+            }
+        }
+        thread::sleep(Duration::from_millis(1));
+    }
+    Err(ErrorKind::TimedOut.into())
+}
+
+/// Sends an old frame so many times, then a new one; whether it could.
+fn say(socket: &mut WebSocket<TcpStream>, old: &str, times: u32, new: &str) -> bool {
+    let mut send = |text: &str| socket.send(Message::text(text)).is_ok();
+    (0..times).all(|_| send(old)) && send(new)
+}
+
+impl Shared {
+    fn stopped(&self) -> bool {
+        self.stop.load(Ordering::Acquire)
+    }
+
+    fn state(&self) -> MutexGuard<'_, State> {
+        // the state is whole between any two statements that hold it
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn tell(&self, event: Event) {
+        if let Some(tell) = self.options.tell {
+            tell(event);
+        }
+    }
+
+    /// A WebSocket or a question over HTTP.
+    fn receive(&self, mut stream: TcpStream, from: SocketAddr) -> io::Result<()> {
+        stream.set_nodelay(true)?;
+        stream.set_read_timeout(Some(PATIENCE))?;
+        stream.set_write_timeout(Some(PATIENCE))?;
+        let head = head(&stream)?;
+        if !head.contains("upgrade: websocket") {
+            let mut asked = [0; 4096];
+            let _ = stream.read(&mut asked)?;
+            let (status, body) = match head.starts_with("get /version ") {
+                true => ("200 OK", format!("{{\"project_version\": \"{}\"}}", self.options.version)),
+                false => ("404 Not Found", "{\"error\": \"this stand-in answers /version alone\"}".into()),
+            };
+            let length = body.len();
+            return write!(
+                stream,
+                "HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"
+            );
+        }
+        let socket = tungstenite::accept(stream).map_err(io::Error::other)?;
+        socket.get_ref().set_read_timeout(Some(SLICE))?;
+        self.state().record.connections += 1;
+        self.tell(Event::Connected(from));
+        let frames = self.serve(socket);
+        let record = &mut self.state().record;
+        record.ended += 1;
+        record.last_forces.push(record.forces.clone());
+        record.forces.fill(DVec3::ZERO);
+        self.tell(Event::Left(from, frames));
+        Ok(())
+    }
+
+    /// Inventory, then frame by frame; the number of frames.
+    fn serve(&self, mut socket: WebSocket<TcpStream>) -> u64 {
+        let faults = self.options.faults;
+        let (mut frames, mut heard, mut before) = (0, Instant::now(), String::new());
+        if !faults.silent && socket.send(Message::text(self.frame(true, 0))).is_err() {
+            return 0;
+        }
+        while !self.stopped() {
+            match socket.read() {
+                Ok(Message::Text(text)) => {
+                    frames += 1;
+                    heard = Instant::now();
+                    self.obey(&text, frames == 1);
+                    thread::sleep(faults.delay);
+                    let now = self.frame(false, frames);
+                    let old = if frames.is_multiple_of(10) { faults.burst } else { 0 };
+                    if !say(&mut socket, &before, old, &now) {
+                        return frames;
+                    }
+                    before = now;
+                    if frames == faults.drop_after {
+                        return frames;
+                    }
+                }
+                Ok(_) => {}
+                Err(tungstenite::Error::Io(e)) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
+                    if heard.elapsed() > IDLE {
+                        self.let_go();
+                    }
+                }
+                Err(_) => return frames,
+            }
+        }
+        socket.close(None).and_then(|()| socket.flush()).ok();
+        frames
+    }
+
+    /// The client is silent: no force any more.
+    fn let_go(&self) {
+        let record = &mut self.state().record;
+        if record.forces.iter().any(|force| *force != DVec3::ZERO) {
+            record.idled += 1;
+            record.forces.fill(DVec3::ZERO);
+        }
+    }
+
+    /// Takes a client's frame in: forces of one frame on one arm add up, and the hands move on by a tick.
+    fn obey(&self, text: &str, first: bool) {
+        let command: Command = serde_json::from_str(text).unwrap_or_default();
+        let mut state = self.state();
+        let State { hands, record } = &mut *state;
+        record.frames += 1;
+        for (i, (kind, id)) in self.options.arms.iter().enumerate() {
+            let own = command.orders(*kind).iter().filter(|order| order.device_id == *id);
+            let sets = own.filter_map(|order| order.commands.set_cursor_force);
+            let force = sets.filter_map(|set| self.hear(set, record)).sum::<DVec3>();
+            let force = if self.options.faults.deaf || !force.is_finite() { DVec3::ZERO } else { force };
+            record.forces[i] = force;
+            record.peak = record.peak.max(force.length());
+            hands[i].advance(&self.options.path, force);
+        }
+        if first {
+            record.first_forces.push(record.forces.clone());
+        }
+        if let Some(session) = command.session {
+            record.profile = Some(session.configure.profile.name);
+            record.required_version = session.configure.profile.required_version;
+        }
+    }
+
+    /// A force in the words that this version knows.
+    fn hear(&self, set: SetForce, record: &mut Record) -> Option<DVec3> {
+        let vector = set.vector.filter(|_| self.version >= Version::VECTOR);
+        let word = if vector.is_some() { "vector" } else { "values" };
+        let force = vector.or(set.values)?;
+        record.wording = Some(word);
+        Some(force.into())
+    }
+
+    /// A frame of the service, after so many of the client's; with faults but in the inventory.
+    fn frame(&self, inventory: bool, frames: u64) -> String {
+        let faults = self.options.faults;
+        let due = |every: u64| !inventory && every > 0 && frames.is_multiple_of(every);
+        let mut frame = if due(faults.empty_every) { Frame::default() } else { self.devices(inventory) };
+        if due(faults.null_every) {
+            // a NaN is written as null
+            for arm in frame.inverse3.iter_mut().chain(&mut frame.inverse3x).chain(&mut frame.minverse) {
+                if let Some(state) = &mut arm.state {
+                    state.cursor_position.y = f64::NAN;
+                }
+            }
+        }
+        let text = serde_json::to_string(&frame).expect("strings and numbers always have a text");
+        if due(faults.malformed_every) { text[..text.len() / 2].into() } else { text }
+    }
+
+    fn devices(&self, inventory: bool) -> Frame {
+        let state = self.state();
+        let mut frame = Frame { session_id: inventory.then_some(state.record.connections), ..Frame::default() };
+        let config =
+            |word: &str| inventory.then(|| Config { kind: Some(word.into()), handedness: Some("right".into()) });
+        for (((kind, id), hand), force) in self.options.arms.iter().zip(&state.hands).zip(&state.record.forces) {
+            let arm = ArmState {
+                cursor_position: hand.encoded().into(),
+                cursor_velocity: hand.velocity.into(),
+                current_cursor_force: Some((*force).into()),
+                transform: Default::default(),
+            };
+            let status = Status { calibrated: Some(!self.options.faults.uncalibrated), ready: Some(true) };
+            let entry = Entry { device_id: id.clone(), config: config(kind.word()), state: Some(arm), status };
+            frame.arms_mut(*kind).push(entry);
+        }
+        let hand = state.hands.first().copied().unwrap_or_else(|| Hand::at_start(&self.options.path));
+        let pressed = self.options.buttons.partition_point(|(from, _)| *from <= hand.time());
+        let bits = pressed.checked_sub(1).map_or(0, |k| self.options.buttons[k].1);
+        for (kind, id) in &self.options.grips {
+            let grip = GripState { orientation: hand.rotation.into(), buttons: Buttons::of(bits) };
+            let status = Status { calibrated: None, ready: Some(true) };
+            let entry = Entry { device_id: id.clone(), config: config(kind.word()), state: Some(grip), status };
+            frame.grips_mut(*kind).push(entry);
+        }
+        frame
+    }
+}
