@@ -163,6 +163,9 @@ pub struct HaplyMock {
     /// Scene whose recorded hand the simulated one follows; it rests when none is given
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    /// Tool of that scene, the first one when none is given
+    #[arg(long, value_name = "NAME", requires = "scene")]
+    pub tool: Option<String>,
 }
 
 /// Where to compute.

@@ -4,7 +4,7 @@ use super::args::HaplyMock;
 use cutis::error::{Error, Result};
 use cutis::haptic::haply::mock::{Event, Mock, Options};
 use cutis::haptic::haply::wire::{ArmKind, GripKind};
-use cutis::scene::{self, Pose};
+use cutis::scene::{self, Pose, Tool};
 use std::path::Path;
 
 /// Serves until standard input ends.
@@ -12,7 +12,7 @@ pub fn stand_in(args: &HaplyMock) -> Result<u8> {
     let mut options = Options { port: args.port, tell: Some(tell), ..Options::default() };
     options.arms = vec![(ArmKind::Inverse3, args.device.clone())];
     options.grips = if args.no_grip { Vec::new() } else { vec![(GripKind::Wired, args.grip.clone())] };
-    options.path = args.scene.as_deref().map_or(Ok(Vec::new()), hand)?;
+    options.path = args.scene.as_deref().map_or(Ok(Vec::new()), |scene| hand(scene, args.tool.as_deref()))?;
     let mock = Mock::start(options)?;
     let with = if args.no_grip { String::new() } else { format!(" with verse_grip {}", args.grip) };
     println!(
@@ -25,14 +25,22 @@ pub fn stand_in(args: &HaplyMock) -> Result<u8> {
     Ok(0)
 }
 
-/// The recorded hand of a scene's first tool.
-fn hand(path: &Path) -> Result<Vec<Pose>> {
+/// The recorded hand of a scene's tool.
+fn hand(path: &Path, wanted: Option<&str>) -> Result<Vec<Pose>> {
     let scene = scene::read(path)?;
-    let tool = scene.tools.into_iter().find(|tool| tool.free.is_none());
-    tool.map(|tool| tool.trajectory).ok_or_else(|| Error::Usage {
-        what: format!("{}: no tool of this scene is held by a hand", path.display()),
-        fix: "name a scene with a [[tool]], for instance scenes/incision.toml, or leave out --scene for a hand at rest"
-            .into(),
+    let held: Vec<Tool> = scene.tools.into_iter().filter(|tool| tool.free.is_none()).collect();
+    let names: Vec<String> = held.iter().map(|tool| format!("\"{}\"", tool.name)).collect();
+    let found = held.into_iter().find(|tool| wanted.is_none_or(|name| name == tool.name));
+    found.map(|tool| tool.trajectory).ok_or_else(|| Error::Usage {
+        what: match wanted.filter(|_| !names.is_empty()) {
+            Some(name) => format!("{}: no tool of this scene is called \"{name}\"", path.display()),
+            None => format!("{}: no tool of this scene is held by a hand", path.display()),
+        },
+        fix: match names.is_empty() {
+            true => "name a scene with a [[tool]], for instance scenes/incision.toml, or leave out --scene for a hand at rest"
+                .into(),
+            false => format!("its tools are {}", names.join(", ")),
+        },
     })
 }
 

@@ -96,6 +96,10 @@ fn haply_mock_follows_a_scenes_hand() -> Outcome {
     // the recorded hand ends at rest after 20 ms
     let (end, _) = follow(&mut client, DVec3::ZERO, 400)?;
     ensure!((end - DVec3::new(0.3e-3, 0.2e-3, 1.7e-3)).length() < 2e-5, "ended at {end}");
+    StandIn::start(&work, &["--scene", "scene.toml", "--tool", "tip"])?.client()?;
+    let other = work.cutis(&["haply-mock", "--port", "0", "--scene", "scene.toml", "--tool", "needle"])?;
+    let says = other.err.contains("no tool of this scene is called \"needle\"") && other.err.contains("are \"tip\"");
+    ensure!(other.code == 2 && says, "{} {}", other.code, other.err);
     let none = work.cutis(&["haply-mock", "--port", "0", "--scene", "missing.toml"])?;
     ensure!(none.code == 2 && none.err.contains("missing.toml"), "{} {}", none.code, none.err);
     let bare = Work::with(ALONE)?.cutis(&["haply-mock", "--port", "0", "--scene", "scene.toml"])?;
@@ -133,7 +137,7 @@ fn a_second_haply_mock_on_a_port_is_refused() -> Outcome {
 fn haply_mock_explains_itself() -> Outcome {
     let said = Work::with(ALONE)?.cutis(&["haply-mock", "--help"])?;
     ensure!(said.code == 0, "exit status {}", said.code);
-    for word in ["--port", "10001", "--device", "--grip", "--no-grip", "--scene", "Ctrl-C"] {
+    for word in ["--port", "10001", "--device", "--grip", "--no-grip", "--scene", "--tool", "Ctrl-C"] {
         ensure!(said.out.contains(word), "no `{word}` in {}", said.out);
     }
     Ok(())
