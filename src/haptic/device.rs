@@ -6,6 +6,7 @@
 //! Units: m, m/s, rad/s, N, N·m, s.
 
 use crate::error::Result;
+use crate::scene;
 use glam::{DQuat, DVec3};
 
 /// What a device says.
@@ -99,6 +100,15 @@ impl Workspace {
     /// The device's frame is the scene's.
     pub const SAME: Self = Self { position: DVec3::ZERO, rotation: DQuat::IDENTITY, scale: 1.0 };
 
+    /// As a device of a scene is placed.
+    pub fn new(device: &scene::Device) -> Self {
+        Self {
+            position: DVec3::from_array(device.position),
+            rotation: DQuat::from_array(device.rotation),
+            scale: device.scale,
+        }
+    }
+
     /// What the device says, in the scene.
     pub fn to_scene(&self, reading: Reading) -> Reading {
         Reading {
@@ -108,6 +118,17 @@ impl Workspace {
             spin: self.rotation * reading.spin,
             ..reading
         }
+    }
+
+    /// A pose of the scene, in the device's frame.
+    pub fn from_scene(&self, position: DVec3, rotation: DQuat) -> (DVec3, DQuat) {
+        let back = self.rotation.conjugate();
+        (back * (position - self.position) / self.scale, back * rotation)
+    }
+
+    /// A force and torque of the device's frame in the scene's; forces are not scaled here.
+    pub fn wrench_to_scene(&self, wrench: Wrench) -> Wrench {
+        Wrench { force: self.rotation * wrench.force, torque: self.rotation * wrench.torque }
     }
 
     /// What the scene gives, in the device's frame; forces are not scaled here.

@@ -84,6 +84,7 @@ pub(super) struct Scene {
     #[serde(default)]
     pub tool: Vec<Table<Tool>>,
     pub contact: Option<Table<Contact>>,
+    pub haptic: Option<Table<Haptic>>,
     #[serde(default)]
     pub probe: Vec<Table<Probe>>,
     #[serde(default)]
@@ -236,6 +237,35 @@ pub(super) struct Tool {
     pub blade: Option<Table<Blade>>,
     pub round: Option<Table<Round>>,
     pub lines: Option<Table<Lines>>,
+    pub device: Option<Table<Device>>,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Haptic {
+    pub rate_hz: Option<At<f64>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Device {
+    pub kind: At<String>,
+    pub rendering: Option<At<String>>,
+    pub force_scale: Option<At<f64>>,
+    pub max_force_n: Option<At<f64>>,
+    pub max_torque_n_mm: Option<At<f64>>,
+    pub position_mm: Option<Numbers>,
+    pub turn_deg: Option<Numbers>,
+    pub scale: Option<At<f64>>,
+    pub buttons: Option<Vec<At<String>>>,
+    pub passivity: Option<At<bool>>,
+    pub hand_mass_g: Option<At<f64>>,
+    pub hand_stiffness_n_m: Option<At<f64>>,
+    pub hand_damping_n_s_m: Option<At<f64>>,
+    pub encoder_um: Option<At<f64>>,
+    pub url: Option<At<String>>,
+    pub device: Option<At<String>>,
+    pub grip: Option<At<String>>,
 }
 
 #[derive(serde::Deserialize)]

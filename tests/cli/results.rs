@@ -34,7 +34,11 @@ const KEYS: &str = "scene backend adapter driver nodes hexes tets springs dof st
     step_ms.max solver.kind solver.preconditioner solver.iterations_mean solver.iterations_max solver.sums solver.refinements \
     solver.at_floor solver.residual_max solver.residual_true contacts_max contact_force_n_max contact.passes_mean contact.passes_max \
     contact.residual_n_max contact.residual_m_max contact.candidates_max contact.depth_mm_max haptic.rate_hz \
-    haptic.period_us.p50 haptic.period_us.p99 haptic.period_us.max haptic.missed haptic.force_n_max haptic.energy_out_j \
+    haptic.period_us.p50 haptic.period_us.p99 haptic.period_us.p99_9 haptic.period_us.max \
+    haptic.tick_us.p50 haptic.tick_us.p99 haptic.tick_us.p99_9 haptic.tick_us.max haptic.coupling_age_ms.p50 haptic.coupling_age_ms.p99 \
+    haptic.coupling_age_ms.p99_9 haptic.coupling_age_ms.max haptic.missed haptic.records_lost haptic.late_steps haptic.sweeps_max \
+    haptic.out_of_time haptic.unsound haptic.non_finite haptic.late_ticks haptic.stale_ticks haptic.clamped haptic.fades haptic.stops \
+    haptic.force_n_max haptic.force_jump_n_max haptic.cut_jump_n haptic.energy_out_j haptic.energy_uncontrolled_j haptic.energy_damped_j \
     cut.hexes_removed cut.tets_removed cut.springs_removed cut.links_severed cut.node_copies cut.pieces cut.nonmanifold_edges \
     cut.area_mm2 cut.length_mm cut.length_top_mm cut.depth_mm cut.opening_mm_max warnings memory_bytes.device memory_bytes.host probes.top probes.bed";
 
