@@ -4,12 +4,13 @@
 //! shows, whatever the hand did in between (for a force; for a torque, of turns small enough that its axis stays). The observer sums that
 //! up: `E`, J. A passive device never has `E > 0`.
 //!
-//! The controller looks one tick ahead: if the hand goes on as it moved last, Δx̂, the wanted force would bring E to `E + F·Δx̂`. What is
-//! above zero of that is taken away first by leaving out the part of the force that pushes along the motion, and then, for energy that
-//! is already out, by a damper `−α v` with `α = excess / (v² T)`, at most [`MOST_DAMPING`].
+//! The controller looks one tick ahead: if the hand goes on as it moved last, Δx̂, and changes its motion no more than it did last, by c,
+//! the wanted force brings E to `E + F·Δx̂ + |F| c` at most. What is above zero of that is taken away first by leaving out the part of the
+//! force that pushes along the motion, and then, for energy that is already out, by a damper `−α v` with `α = excess / (v² T)`, at most
+//! [`MOST_DAMPING`].
 //!
 //! Source: Hannaford, Ryu 2002 (time-domain passivity observer and controller); Ryu, Preusche, Hannaford, Hirzinger 2005 (the observer's
-//! prediction). Differs: what pushes is left out before anything is damped, so that the damper stays small.
+//! prediction). Differs: what pushes is left out before anything is damped, so that the damper stays small; the prediction has a margin.
 //! Units: N, N·m, m, rad, J, s.
 
 use super::device::Wrench;
@@ -37,6 +38,8 @@ pub struct Passivity {
     asked: Wrench,
     moved: DVec3,
     turned: DVec3,
+    /// How the motion has changed from one tick to the next: m, rad.
+    changed: [f64; 2],
 }
 
 impl Passivity {
@@ -47,6 +50,7 @@ impl Passivity {
         self.wanted += work(self.asked);
         self.energy_most = self.energy_most.max(self.energy);
         self.wanted_most = self.wanted_most.max(self.wanted);
+        self.changed = [(moved - self.moved).length(), (turned - self.turned).length()];
         (self.moved, self.turned) = (moved, turned);
     }
 
@@ -55,7 +59,8 @@ impl Passivity {
         let mut out = wanted;
         let push = wanted.force.dot(self.moved).max(0.0);
         let twist = wanted.torque.dot(self.turned).max(0.0);
-        let ahead = self.energy + wanted.force.dot(self.moved) + wanted.torque.dot(self.turned);
+        let margin = wanted.force.length() * self.changed[0] + wanted.torque.length() * self.changed[1];
+        let ahead = self.energy + wanted.force.dot(self.moved) + wanted.torque.dot(self.turned) + margin;
         if ahead <= 0.0 {
             return out;
         }

@@ -27,11 +27,10 @@ type Ended = Result<(Timing, Felt)>;
 /// All devices, running.
 pub(super) struct Live {
     links: Vec<Link>,
-    ticks: Ticks,
+    ticks: Option<Ticks>,
     stop: Arc<AtomicBool>,
     start: Instant,
     rate: f64,
-    step: f64,
     late_steps: u64,
     /// When the hands were looked at last, s.
     seen: f64,
@@ -48,19 +47,10 @@ impl Live {
     /// Opens the devices and starts their threads; none without tools that a hand holds.
     pub fn start(scene: &Scene, simulation: &Simulation, folder: &Path) -> Result<Self> {
         let (start, stop) = (Instant::now(), Arc::new(AtomicBool::new(false)));
-        let ticks = Ticks::create(folder)?;
+        let ticks = Some(Ticks::create(folder)?);
         let opened = lines(scene, simulation, true)?;
-        let mut live = Self {
-            links: vec![],
-            ticks,
-            stop,
-            start,
-            rate: scene.haptic.rate,
-            step: scene.time.step,
-            late_steps: 0,
-            seen: 0.0,
-            done: None,
-        };
+        let mut live =
+            Self { links: vec![], ticks, stop, start, rate: scene.haptic.rate, late_steps: 0, seen: 0.0, done: None };
         for (line, tool) in opened.into_iter().zip(&simulation.tools) {
             let Line { servo, device, .. } = line;
             let settings = crate::haptic::servo::Settings { budget: Some(BUDGET), ..servo.settings };
@@ -87,7 +77,7 @@ impl Live {
             sleep(Duration::from_secs_f64(left));
         }
         self.seen = self.start.elapsed().as_secs_f64();
-        self.late_steps += u64::from(self.seen > begin + 1.0 / self.rate + 0.1 * self.step);
+        self.late_steps += u64::from(self.seen > begin + 1.0 / self.rate);
         for (link, tool) in self.links.iter_mut().zip(&mut simulation.tools) {
             let felt = link.cells.felt.read();
             tool.follow((felt.hand.position, felt.hand.rotation), begin, end);
@@ -104,9 +94,10 @@ impl Live {
     }
 
     fn drain(&mut self) -> Result<()> {
+        let Some(ticks) = &mut self.ticks else { return Ok(()) };
         for (number, link) in self.links.iter_mut().enumerate() {
             while let Ok(record) = link.records.pop() {
-                self.ticks.add(number, &record)?;
+                ticks.add(number, &record)?;
             }
         }
         Ok(())
@@ -139,9 +130,19 @@ impl Live {
     }
 
     /// Closes the table.
-    pub fn finish(self) -> Result<()> {
-        let Self { ticks, .. } = self;
-        ticks.finish()
+    pub fn finish(mut self) -> Result<()> {
+        self.ticks.take().map_or(Ok(()), Ticks::finish)
+    }
+}
+
+impl Drop for Live {
+    /// A run that fails lets its devices go as well: each thread writes no force and closes its device.
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Release);
+        for thread in self.links.iter_mut().filter_map(|link| link.thread.take()) {
+            // the run's own error is what is told
+            drop(thread.join());
+        }
     }
 }
 

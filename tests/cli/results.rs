@@ -12,6 +12,7 @@ pub const TESTS: &[Test] = &[
     ("options_override_the_scene", options_override_the_scene),
     ("both_precisions_agree", both_precisions_agree),
     ("a_failed_check_is_exit_1", a_failed_check_is_exit_1),
+    ("a_run_by_the_wall_clock_says_what_the_clock_has_shown", a_run_by_the_wall_clock_says_what_the_clock_has_shown),
     ("a_run_cut_short_skips_checks_and_says_so", a_run_cut_short_skips_checks_and_says_so),
     ("files_of_an_earlier_run_go", files_of_an_earlier_run_go),
     ("an_unwritable_folder_is_exit_1", an_unwritable_folder_is_exit_1),
@@ -173,6 +174,19 @@ fn both_precisions_agree() -> Outcome {
 
 fn ensure_told(told: bool, report: &Value) -> Outcome {
     ensure!(told, "the adapter does not name the precision: {report}");
+    Ok(())
+}
+
+fn a_run_by_the_wall_clock_says_what_the_clock_has_shown() -> Outcome {
+    let work = Work::with(PRESS)?;
+    let report = work.json(&[RUN, &["--realtime", "--frames", "0"]].concat(), 0)?;
+    let haptic = &report["haptic"];
+    for key in ["/period_us/p50", "/tick_us/max", "/coupling_age_ms/p99", "/missed", "/records_lost", "/late_steps"] {
+        ensure!(haptic.pointer(key).is_some_and(Value::is_number), "{key}: {haptic}");
+    }
+    let cores = std::thread::available_parallelism().map_err(|e| e.to_string())?.get();
+    let told = format!("{} threads", cores.saturating_sub(1).max(1));
+    ensure!(report["adapter"].as_str().is_some_and(|a| a.starts_with(&told)), "{}", report["adapter"]);
     Ok(())
 }
 
