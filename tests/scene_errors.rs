@@ -111,9 +111,6 @@ hand_stiffness_n_m = 250
 hand_damping_n_s_m = 4
 encoder_um = 5
 
-[haptic]
-rate_hz = 2000
-
 [contact]
 friction = 0.2
 alarm_mm = 0.6
@@ -149,6 +146,9 @@ region = "sphere"
 centre_mm = [20, 10, 0]
 radius_mm = 6
 stiffness_n_m = 40
+
+[haptic]
+rate_hz = 2000
 "##;
 
 /// Files that the scene names, good and bad.
@@ -393,7 +393,8 @@ fn full_scene_says_which_device_holds_the_tool() {
     let end = FULL.find("[contact]").expect("in FULL");
     let with = |device: &str| parsed(&format!("{}{device}{}", &FULL[..start], &FULL[end..])).expect("valid");
     let bare = with("");
-    assert!(bare.tools[0].device.is_none() && bare.haptic.rate == 1000.0);
+    assert!(bare.tools[0].device.is_none());
+    assert_eq!(parsed(&FULL.replace("rate_hz = 2000", "")).expect("valid").haptic.rate, 1000.0);
     let haply = with("[tool.device]\nkind = \"haply\"\nurl = \"ws://here:1\"\ndevice = \"04BA\"\n");
     let device = haply.tools[0].device.clone().expect("it has one");
     let kind = DeviceKind::Haply { url: "ws://here:1".into(), device: "04BA".into(), grip: String::new() };
@@ -450,7 +451,7 @@ fn keys_of_another_kind_of_device_are_needless() {
     }
     for key in ["hand_mass_g", "hand_stiffness_n_m", "hand_damping_n_s_m", "encoder_um"] {
         let start = FULL.find("kind = \"hand\"").expect("in FULL");
-        let end = FULL.find("[haptic]").expect("in FULL");
+        let end = FULL.find("[contact]").expect("in FULL");
         let text = format!("{}kind = \"null\"\n{key} = 1\n{}", &FULL[..start], &FULL[end..]);
         let message = parsed(&text).expect_err("it is no hand").to_string();
         says(&message, &format!("`{key}` has no effect here; only kind = \"hand\" is a simulated hand; remove it"));

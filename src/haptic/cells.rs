@@ -38,6 +38,8 @@ pub struct Felt {
     pub velocity: DVec3,
     /// rad/s
     pub spin: DVec3,
+    /// Bit k is set while button k is down.
+    pub buttons: u32,
     /// The blade cuts.
     pub active: bool,
     /// What was counted so far.

@@ -3,7 +3,8 @@
 //! A [`Reduced`] problem is what is left of the skin after a step: contact rows with the skin's compliance between them. A [tick](Renderer::tick)
 //! moves the violations by what the hand did since, solves the same contact laws again with few sweeps, and gives the force of the
 //! virtual coupling: with C = (K + B/h)⁻¹ the compliance is W_skin + J C Jᵀ, so the coupling's spring is counted once. Direct rendering
-//! has C = 0: the proxy is at the hand, and what a tick adds to the force is the skin's own answer.
+//! has C = 0: the proxy is at the hand, and what a tick adds to the force is the skin's own answer; what does not give at all (a wall, another
+//! rigid body) then has no force, as no force could hold the hand.
 //!
 //! A [`Servo`](servo::Servo) is the whole tick of one device around that: place, render, limit, watch the energy. It runs in a thread of its own
 //! under the wall clock ([`thread`]), with [`cells`] between it and the simulation, or in the simulation's thread under the scene's clock.
@@ -138,11 +139,6 @@ impl Renderer {
         self.force.reserve(rows);
         self.free.reserve(rows);
         self.compliance.reserve(rows * rows);
-    }
-
-    /// Lets the proxy rest at a hand that has come from elsewhere.
-    pub fn rest_at(&mut self, hand: Hand) {
-        (self.position, self.rotation, self.hand) = (hand.position, hand.rotation, hand);
     }
 
     /// Takes a new problem over: forces start at its own, and the proxy where its tool was.

@@ -276,7 +276,6 @@ impl Servo {
         if self.held {
             self.shift = self.hand.position - there.position;
             self.turn = there.rotation.conjugate() * self.hand.rotation;
-            self.renderer.rest_at(self.hand);
             self.held = false;
         }
         self.hand = Hand { position: there.position + self.shift, rotation: there.rotation * self.turn };
@@ -333,7 +332,8 @@ impl Servo {
     /// What the simulation has to know.
     pub fn felt(&self) -> Felt {
         let Self { hand, velocity, spin, active, counts, .. } = *self;
-        Felt { hand, velocity, spin, active, counts }
+        let buttons = self.last.map_or(0, |last| last.buttons);
+        Felt { hand, velocity, spin, buttons, active, counts }
     }
 }
 

@@ -2,6 +2,10 @@
 //!
 //! Lists are `Vec`, not arrays: TOML's arrays deserialise into shorter Rust arrays without an error.
 
+mod devices;
+
+pub(super) use devices::{Device, Haptic};
+
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use std::collections::BTreeMap;
@@ -238,34 +242,6 @@ pub(super) struct Tool {
     pub round: Option<Table<Round>>,
     pub lines: Option<Table<Lines>>,
     pub device: Option<Table<Device>>,
-}
-
-#[derive(Default, serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Haptic {
-    pub rate_hz: Option<At<f64>>,
-}
-
-#[derive(serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(super) struct Device {
-    pub kind: At<String>,
-    pub rendering: Option<At<String>>,
-    pub force_scale: Option<At<f64>>,
-    pub max_force_n: Option<At<f64>>,
-    pub max_torque_n_mm: Option<At<f64>>,
-    pub position_mm: Option<Numbers>,
-    pub turn_deg: Option<Numbers>,
-    pub scale: Option<At<f64>>,
-    pub buttons: Option<Vec<At<String>>>,
-    pub passivity: Option<At<bool>>,
-    pub hand_mass_g: Option<At<f64>>,
-    pub hand_stiffness_n_m: Option<At<f64>>,
-    pub hand_damping_n_s_m: Option<At<f64>>,
-    pub encoder_um: Option<At<f64>>,
-    pub url: Option<At<String>>,
-    pub device: Option<At<String>>,
-    pub grip: Option<At<String>>,
 }
 
 #[derive(serde::Deserialize)]

@@ -5,7 +5,7 @@ use cutis::haptic::cells::Problem;
 use cutis::haptic::device::{Limits, Reading, Workspace, Wrench};
 use cutis::haptic::guard::{FADE_TIME, LATE_STEPS, LOST_AFTER, RAMP_TIME, SOUND_FOR, STOP_TIME};
 use cutis::haptic::servo::{Buttons, Record, Servo, Settings};
-use cutis::scene::Role;
+use cutis::scene::{Coupling, Role};
 use glam::{DQuat, DVec3};
 
 /// 1 mm into a rigid wall behind 1000 N/m: 1 N.
@@ -192,15 +192,17 @@ fn the_clutch_moves_the_hand_and_not_the_tool() {
 
 #[test]
 fn freezing_holds_tool_and_force() {
-    let buttons = Buttons::new(&[Role::Freeze]);
-    let mut rig = Rig::new(Settings { buttons, ..guarded() });
+    // with damping, a proxy that jumps would be felt
+    let link = Coupling { damping: 5.0, ..spring(1000.0) };
+    let mut rig = Rig::new(Settings { buttons: Buttons::new(&[Role::Freeze]), guarded: true, ..plain(link) });
     rig.run(0.3, reading(DEPTH));
     let held = rig.run(0.05, Reading { buttons: 1, ..reading(4.0 * DEPTH) });
     assert!(held.iter().all(|r| r.hand.position == DEPTH && (force(r) - 1.0).abs() < 1e-6));
     let after = rig.run(0.05, reading(4.0 * DEPTH));
     assert!(after.iter().all(|r| (force(r) - 1.0).abs() < 1e-6), "no jump at its end");
-    let deeper = rig.run(TICK, reading(5.0 * DEPTH));
-    assert!((force(&deeper[0]) - 2.0).abs() < 1e-6, "and it goes on from there: {}", force(&deeper[0]));
+    let deeper = rig.run(0.05, reading(5.0 * DEPTH));
+    let (last, wanted) = (deeper.last().expect("ticks"), 2.0);
+    assert!((force(last) - wanted).abs() < 1e-6, "and it goes on from there: {} N", force(last));
 }
 
 #[test]
