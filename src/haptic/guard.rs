@@ -39,7 +39,7 @@ pub struct Guard {
     late: bool,
     /// Times that a fade-out began.
     pub fades: u64,
-    /// Times that it stopped.
+    /// Times that a force that was there stopped.
     pub stops: u64,
 }
 
@@ -54,7 +54,7 @@ impl Guard {
         self.sound = if signs.lost { 0.0 } else { self.sound + step };
         if signs.lost && !self.stopped {
             self.stopped = true;
-            self.stops += 1;
+            self.stops += u64::from(self.ramp > 0.0);
         } else if self.stopped && self.sound >= SOUND_FOR && self.ramp == 0.0 {
             self.stopped = false;
         }

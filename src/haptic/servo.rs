@@ -164,6 +164,10 @@ pub struct Servo {
     guard: Guard,
     counts: Counts,
     last: Option<Reading>,
+    /// The device has said something.
+    heard: bool,
+    /// Some force was let through once.
+    begun: bool,
     hand: Hand,
     held: bool,
     shift: DVec3,
@@ -189,6 +193,8 @@ impl Servo {
             guard: Guard::default(),
             counts: Counts::default(),
             last: None,
+            heard: false,
+            begun: false,
             hand: start,
             held: false,
             shift: DVec3::ZERO,
@@ -209,15 +215,17 @@ impl Servo {
         let age = time - problem.time;
         let late = age > LATE_STEPS * self.settings.step;
         let is_pose = reading.position.is_finite() && reading.rotation.is_finite();
-        let heard_of = reading.age <= LOST_AFTER; // false for an age that is no number
+        let lost = !(is_pose && reading.age <= LOST_AFTER); // an age that is no number is lost as well
+        self.heard |= !lost && reading.is_sound();
         let reading = self.sound(reading);
         let down = |mask: u32| reading.is_some_and(|r| r.buttons & mask != 0);
         let Buttons { active, clutch, freeze } = self.settings.buttons;
         let (clutched, frozen) = (down(clutch), down(freeze));
         self.active = active == 0 || down(active);
-        let signs = Signs { lost: !(is_pose && heard_of), late, clutched };
+        let signs = Signs { lost, late, clutched };
         let gain = if self.settings.guarded { self.guard.update(signs, self.settings.tick) } else { 1.0 };
-        self.place(reading, clutched || frozen || self.guard.stopped());
+        self.begun |= gain > 0.0;
+        self.place(reading, clutched || frozen || (self.begun && self.guard.stopped()));
         let cut = self.receive(problem, age);
         if !frozen {
             self.rendered = self.renderer.tick(&problem.reduced, self.hand, self.settings.tick);
@@ -248,10 +256,13 @@ impl Servo {
         }
     }
 
-    /// The reading, or the last one in its place where it is none; the observer sees how the hand has moved.
+    /// The reading, or the last one in its place where it is none, or nothing before the first; the observer sees how the hand has moved.
     fn sound(&mut self, reading: Reading) -> Option<Reading> {
         let sound = reading.is_sound();
         self.counts.unsound += u64::from(!sound);
+        if !self.heard {
+            return None;
+        }
         let reading = match sound {
             true => Some(reading),
             false => self.last.map(|last| Reading { velocity: DVec3::ZERO, spin: DVec3::ZERO, ..last }),
@@ -264,7 +275,8 @@ impl Servo {
         reading
     }
 
-    /// Moves the hand in the scene, or holds it; where it was held, it goes on from there.
+    /// Moves the hand in the scene, or holds it; where it was held, it goes on from there. A device that is heard of for the first time
+    /// is where its workspace says.
     fn place(&mut self, reading: Option<Reading>, hold: bool) {
         (self.velocity, self.spin) = (DVec3::ZERO, DVec3::ZERO);
         let Some(reading) = reading else { return };

@@ -125,9 +125,18 @@ fn a_pose_that_is_no_number_stops_and_one_that_is_unsound_keeps_the_last() {
         assert!(records.iter().all(finite) && force(records.last().expect("ticks")) == 0.0, "{broken:?}");
         assert_eq!(rig.servo.counts().stops, 1);
     }
-    let mut never = Rig::new(guarded());
-    let silent = never.run(0.3, Reading::at_rest(f64::INFINITY));
-    assert!(silent.iter().all(|r| force(r) == 0.0), "a device before its first word");
+}
+
+#[test]
+fn a_device_is_where_its_workspace_says_from_its_first_word_on() {
+    let workspace = Workspace { position: DVec3::X, ..Workspace::SAME };
+    let mut rig = Rig::new(Settings { workspace, ..guarded() });
+    let silent = rig.run(0.3, Reading::at_rest(f64::INFINITY));
+    assert!(silent.iter().all(|r| force(r) == 0.0 && r.hand.position == DVec3::ZERO), "before its first word");
+    let records = rig.run(SOUND_FOR + RAMP_TIME + 0.01, reading(DEPTH));
+    assert!(records.iter().all(|r| r.hand.position == DVec3::X + DEPTH));
+    assert!((force(records.last().expect("ticks")) - 1.0).abs() < 1e-6 && jump(&records) < 1.01 * TICK / RAMP_TIME);
+    assert_eq!(rig.servo.counts().stops, 0);
 }
 
 #[test]
