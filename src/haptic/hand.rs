@@ -1,6 +1,6 @@
 //! A simulated hand on a device: a mass and a damper, drawn to a path by a spring, pushed by the force that the servo writes.
 //!
-//! `m v' = F + k (target − x) − b v`, `x' = v`, with F held from one write to the next, in steps of [`STEP`] that are implicit in the
+//! `m v' = F + k (target − x) − b v`, `x' = v`, with F held from one write to the next, in steps of 10 µs at most that are implicit in the
 //! damper: with constant F the position is right to second order, so the sampled force alone can make it unstable, as in a real hand.
 //! The rotation follows the path. Positions are read in steps of the encoder. Source: Colgate, Brown 1994 (the model of a device that
 //! meets a sampled wall). Units: m, kg, N, N/m, N·s/m, s.
