@@ -280,7 +280,7 @@ pub fn contacts(
         let point = tool.at(sample.position);
         let reach = search.alarm + travel;
         let found = match (sample.role, &tool.edge) {
-            (Role::Edge { length, .. }, Some(edge)) => {
+            (Role::Edge { length, .. }, Some(edge)) if tool.sharp => {
                 edge_contact(tool, edge, patch, point, length, reach, search, &resistance, retreat(index))
             }
             (Role::Flat { side }, Some(edge)) => flat_contact(tool, edge, patch, point, side, reach, search),

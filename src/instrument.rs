@@ -92,7 +92,19 @@ pub struct Instrument {
     pub inertia: DVec3,
     /// To the hand.
     pub coupling: Coupling,
+    /// The blade cuts; otherwise its edge is blunt, and touches as points do.
+    pub sharp: bool,
     trajectory: Arc<[Pose]>, // shared: a step keeps a copy of the tool as it was
+    live: Option<Live>,
+}
+
+/// A hand that is there: where it was and where it is, with the times of the step that takes it from one to the other, s.
+#[derive(Clone, Copy, Debug)]
+struct Live {
+    from: (DVec3, DQuat),
+    to: (DVec3, DQuat),
+    begin: f64,
+    end: f64,
 }
 
 /// The tool's system over one step.
@@ -113,6 +125,21 @@ pub fn rotation_vector(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
     let s = q.xyz().length();
     if s < 1e-12 { q.xyz() * 2.0 } else { q.xyz() * (2.0 * s.atan2(q.w) / s) }
+}
+
+/// The recorded hand at a time: linear between samples, resting before the first and after the last; none without samples.
+pub fn along(poses: &[Pose], time: f64) -> Option<(DVec3, DQuat)> {
+    let next = poses.partition_point(|p| p.time <= time);
+    let pose = |p: &Pose| (DVec3::from_array(p.position), DQuat::from_array(p.rotation));
+    let Some(b) = poses.get(next) else {
+        return poses.last().map(pose);
+    };
+    let Some(a) = next.checked_sub(1).map(|k| &poses[k]) else {
+        return Some(pose(b));
+    };
+    let s = (time - a.time) / (b.time - a.time);
+    let ((pa, qa), (pb, qb)) = (pose(a), pose(b));
+    Some((pa.lerp(pb, s), qa.slerp(qb, s)))
 }
 
 impl Instrument {
@@ -146,23 +173,26 @@ impl Instrument {
             mass: tool.mass,
             inertia: DVec3::from_array(tool.inertia),
             coupling: tool.coupling,
+            sharp: true,
             trajectory: tool.trajectory.as_slice().into(),
+            live: None,
         }
     }
 
-    /// The hand at a time: linear between samples, resting before the first and after the last.
+    /// From now on the hand is a live one: it goes from where it was to `to` during the step from `begin` to `end`, s. What was the end
+    /// of the last step is the start of this one, so that no motion is lost.
+    pub fn follow(&mut self, to: (DVec3, DQuat), begin: f64, end: f64) {
+        let from = self.live.map_or_else(|| self.hand(begin), |live| live.to);
+        self.live = Some(Live { from, to, begin, end });
+    }
+
+    /// The hand at a time: the live one, or the recorded one, linear between samples, resting before the first and after the last.
     pub fn hand(&self, time: f64) -> (DVec3, DQuat) {
-        let next = self.trajectory.partition_point(|p| p.time <= time);
-        let pose = |p: &Pose| (DVec3::from_array(p.position), DQuat::from_array(p.rotation));
-        let Some(b) = self.trajectory.get(next) else {
-            return self.trajectory.last().map_or((self.position, self.rotation), pose);
-        };
-        let Some(a) = next.checked_sub(1).map(|k| &self.trajectory[k]) else {
-            return pose(b);
-        };
-        let s = (time - a.time) / (b.time - a.time);
-        let ((pa, qa), (pb, qb)) = (pose(a), pose(b));
-        (pa.lerp(pb, s), qa.slerp(qb, s))
+        if let Some(Live { from, to, begin, end }) = self.live {
+            let s = ((time - begin) / (end - begin)).clamp(0.0, 1.0);
+            return (from.0.lerp(to.0, s), from.1.slerp(to.1, s));
+        }
+        along(&self.trajectory, time).unwrap_or((self.position, self.rotation))
     }
 
     /// Motion over a step that ends at `time`, without contact.
@@ -293,6 +323,7 @@ mod tests {
                 lines: None,
                 cuboid: None,
                 free: None,
+                device: None,
                 coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },
                 trajectory: vec![pose(0.0, 0.0), pose(0.01, 0.001)],
             },
@@ -308,6 +339,19 @@ mod tests {
             tool.advance(free.shift, free.turn, 0.005);
         }
         assert!((tool.position.x - 0.001).abs() < 1e-9, "{}", tool.position);
+    }
+
+    #[test]
+    fn a_live_hand_goes_on_from_where_it_was() {
+        let mut tool = instrument();
+        let turn = DQuat::from_rotation_z(0.2);
+        tool.follow((DVec3::X, turn), 0.0, 0.01);
+        assert_eq!(tool.hand(0.0).0, DVec3::ZERO, "from the start of the recorded one");
+        assert!((tool.hand(0.005).0 - DVec3::X * 0.5).length() < 1e-12);
+        tool.follow((DVec3::Y, turn), 0.01, 0.02);
+        assert_eq!(tool.hand(0.01).0, DVec3::X, "no motion is lost");
+        assert_eq!(tool.hand(0.02).0, DVec3::Y);
+        assert!(tool.hand(0.015).1.dot(turn).abs() > 1.0 - 1e-12);
     }
 
     #[test]

@@ -68,6 +68,14 @@
 //! The contact tolerance sets the error, how loosely columns are solved does not; a step cut short is about as wrong as columns at rest. The
 //! skin without the tool takes 0.14 of a step.
 //!
+//! # The haptic side
+//! Each device has a [`Servo`](haptic::servo::Servo): one plain function per tick, without allocation, lock or wait. It places the reading
+//! in the scene, solves the newest [`Reduced`](haptic::Reduced) problem again with the hand where it is now, limits the force and watches the
+//! energy ([`haptic::passivity`]). By the wall clock (`cutis run --realtime`) it runs in a thread of its own ([`haptic::thread`]): problems
+//! come and hands go through triple buffers ([`haptic::cells`]), records through a ring, and a slow step costs the force, never a tick: it
+//! is held by the last problem, fades when that is too old ([`haptic::guard`]), and comes back. By the scene's clock the same function runs
+//! between the steps, so that a run repeats.
+//!
 //! # Rules that hold everywhere
 //! - Imports go downward: main > cli > report > output, view > step > haptic > backend > collide, cut > constraints, linear,
 //!   instrument > model > mesh, gpu > kernels, scene > error, math. Modules of one level do not import each other (a test reads this).

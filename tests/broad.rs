@@ -116,6 +116,7 @@ fn tool(at: DVec3, points: Vec<[f64; 3]>) -> Instrument {
         lines: None,
         cuboid: None,
         free: None,
+        device: None,
         coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },
         trajectory: vec![Pose { time: 0.0, position: at.to_array(), rotation: [0.0, 0.0, 0.0, 1.0] }],
     };

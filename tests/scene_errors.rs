@@ -2,7 +2,8 @@
 
 use cutis::error::{Error, Result};
 use cutis::scene::{
-    Correction, Cut, Element, Files, Filter, Law, Preconditioner, ProbeKind, Region, Scene, parse, read,
+    Correction, Cut, DeviceKind, Element, Files, Filter, Law, Preconditioner, ProbeKind, Region, Rendering, Role,
+    Scene, parse, read,
 };
 use proptest::prelude::*;
 use std::path::Path;
@@ -94,6 +95,22 @@ normal = [0, 2, 0]
 thickness_mm = 0.4
 edge_spacing_mm = 0.5
 
+[tool.device]
+kind = "hand"
+rendering = "direct"
+force_scale = 0.5
+max_force_n = 3
+max_torque_n_mm = 20
+position_mm = [1, 2, 3]
+turn_deg = [0, 0, 180]
+scale = 2
+buttons = ["active", "none", "freeze"]
+passivity = false
+hand_mass_g = 200
+hand_stiffness_n_m = 250
+hand_damping_n_s_m = 4
+encoder_um = 5
+
 [contact]
 friction = 0.2
 alarm_mm = 0.6
@@ -129,6 +146,9 @@ region = "sphere"
 centre_mm = [20, 10, 0]
 radius_mm = 6
 stiffness_n_m = 40
+
+[haptic]
+rate_hz = 2000
 "##;
 
 /// Files that the scene names, good and bad.
@@ -160,6 +180,11 @@ const FILES: &[(&str, &str)] = &[
     ("nan.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,0,1\n\n1,0,0,NaN,0,0,0,1\n"),
     ("inf.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,inf,0,0,0,0,0,1\n"),
     ("back.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0.5,0,0,0,0,0,0,1\n0.5,1,0,0,0,0,0,1\n"),
+    ("felt.csv", FELT),
+    (
+        "felt_short.csv",
+        "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw,force_x_n,force_y_n,force_z_n,torque_x_n_mm,torque_y_n_mm,torque_z_n_mm\n0,0,0,0,0,0,0,1\n",
+    ),
     ("twist.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,0,0,0,0.5,1\n"),
 ];
 
@@ -167,6 +192,10 @@ const FILES: &[(&str, &str)] = &[
 const QUAD: &str = "o a\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\no b\nv 0 0 1\nf 1//1 2 5\nvn 0 0 1\n";
 /// The second quaternion is longer than 1 by 0.5 %.
 const HAND: &str = "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\r\n0,1,2,3,0,0,0,1\r\n0.25, 4,5,6, 0,0,1.005,0\r\n";
+
+/// A recorded hand with what it felt.
+const FELT: &str = "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw,force_x_n,force_y_n,force_z_n,torque_x_n_mm,torque_y_n_mm,torque_z_n_mm\n\
+    0,1,2,3,0,0,0,1,0,0,0,0,0,0\n0.25,4,5,6,0,0,0,1,0.1,0.2,0.3,1,2,3\n";
 
 fn parsed(text: &str) -> Result<Scene> {
     parse(text, Path::new("scenes/full.toml"), &Files::Embedded(FILES))
@@ -347,6 +376,93 @@ fn full_scene_loads_tool_mesh_and_hand() {
     assert_eq!((contact.tolerance, contact.column_tolerance, contact.max_passes), (1e-3, 0.05, 16));
     let short = parsed(&FULL.replace("max_contacts = 8", "max_passes = 2")).expect("two passes are allowed");
     assert_eq!(short.contact.map(|c| c.max_passes), Some(2));
+}
+
+#[test]
+fn full_scene_says_which_device_holds_the_tool() {
+    let scene = parsed(FULL).expect("FULL is valid");
+    assert_eq!(scene.haptic.rate, 2000.0);
+    let device = scene.tools[0].device.clone().expect("FULL has a device");
+    assert_eq!(device.kind, DeviceKind::Hand { mass: 0.2, stiffness: 250.0, damping: 4.0, encoder: 5e-6 });
+    assert_eq!((device.rendering, device.passivity), (Rendering::Direct, false));
+    assert_eq!((device.force_scale, device.max_force, device.max_torque), (0.5, 3.0, 0.02));
+    assert_eq!((device.position, device.scale), ([1e-3, 2e-3, 3e-3], 2.0));
+    assert!((device.rotation[2] - 1.0).abs() < 1e-12, "half a turn about z: {:?}", device.rotation);
+    assert_eq!(device.buttons, [Role::Active, Role::None, Role::Freeze]);
+    let start = FULL.find("[tool.device]").expect("in FULL");
+    let end = FULL.find("[contact]").expect("in FULL");
+    let with = |device: &str| parsed(&format!("{}{device}{}", &FULL[..start], &FULL[end..])).expect("valid");
+    let bare = with("");
+    assert!(bare.tools[0].device.is_none());
+    assert_eq!(parsed(&FULL.replace("rate_hz = 2000", "")).expect("valid").haptic.rate, 1000.0);
+    let haply = with("[tool.device]\nkind = \"haply\"\nurl = \"ws://here:1\"\ndevice = \"04BA\"\n");
+    let device = haply.tools[0].device.clone().expect("it has one");
+    let kind = DeviceKind::Haply { url: "ws://here:1".into(), device: "04BA".into(), grip: String::new() };
+    assert_eq!((device.kind, device.passivity, device.rendering), (kind, true, Rendering::Coupling));
+    assert!(device.max_force.is_infinite() && device.buttons.is_empty());
+}
+
+#[test]
+fn devices_are_known_words_in_range() {
+    refused(
+        "kind = \"hand\"",
+        "kind = \"hamd\"",
+        "kind = \"hamd\" is not known; did you mean \"hand\"? … replay, hand, null, haply",
+    );
+    refused("rendering = \"direct\"", "rendering = \"force\"", "rendering = \"force\" is not known … coupling, direct");
+    refused("force_scale = 0.5", "force_scale = 0", "force_scale = 0.0; wanted a finite number above 0");
+    refused("max_force_n = 3", "max_force_n = -3", "max_force_n = -3.0; wanted a finite number, 0 or more, in N;");
+    refused(
+        "max_force_n = 3",
+        "max_force = 3",
+        "unknown key `max_force`; the unit is part of the key: write `max_force_n`",
+    );
+    refused("max_torque_n_mm = 20", "max_torque_n_mm = -1", "0 or more, in N·mm;");
+    refused("scale = 2\n", "scale = -2\n", "scale = -2.0; wanted a finite number above 0");
+    refused("encoder_um = 5", "encoder_um = -5", "encoder_um = -5.0; wanted a finite number, 0 or more, in µm;");
+    refused("hand_mass_g = 200", "hand_mass_g = 0", "hand_mass_g = 0.0; wanted a finite number above 0, in g;");
+    refused("passivity = false", "passivity = 0", "passivity = 0 … wanted true or false");
+    refused(
+        "rate_hz = 2000",
+        "rate_hz = 20",
+        "rate_hz = 20.0; wanted a number from 100 to 4000, in Hz; write for example 1000.0",
+    );
+}
+
+#[test]
+fn buttons_have_known_roles_each_once() {
+    let from = "buttons = [\"active\", \"none\", \"freeze\"]";
+    refused(
+        from,
+        "buttons = [\"activ\"]",
+        "buttons = \"activ\" is not known; did you mean \"active\"? … none, active, clutch, freeze",
+    );
+    refused(from, "buttons = [\"clutch\", \"clutch\"]", "the button name \"clutch\" is taken by line");
+    let many = format!("buttons = [{}]", ["\"none\""; 33].join(", "));
+    refused(from, &many, "buttons = 33; wanted a whole number from 0 to 32");
+}
+
+#[test]
+fn keys_of_another_kind_of_device_are_needless() {
+    for key in ["url", "device", "grip"] {
+        let wanted =
+            format!("`{key}` has no effect here; only kind = \"haply\" asks a service for a device; remove it");
+        says(&message_below("encoder_um = 5\n", &format!("encoder_um = 5\n{key} = \"a\"\n"), 1), &wanted);
+    }
+    for key in ["hand_mass_g", "hand_stiffness_n_m", "hand_damping_n_s_m", "encoder_um"] {
+        let start = FULL.find("kind = \"hand\"").expect("in FULL");
+        let end = FULL.find("[contact]").expect("in FULL");
+        let text = format!("{}kind = \"null\"\n{key} = 1\n{}", &FULL[..start], &FULL[end..]);
+        let message = parsed(&text).expect_err("it is no hand").to_string();
+        says(&message, &format!("`{key}` has no effect here; only kind = \"hand\" is a simulated hand; remove it"));
+    }
+}
+
+#[test]
+fn a_trajectory_may_have_the_forces_of_a_recording() {
+    let found = parsed(&FULL.replace("incision.csv", "felt.csv")).expect("forces are passed over");
+    assert_eq!(found.tools[0].trajectory[1].position, [4e-3, 5e-3, 6e-3]);
+    says(&file_message("incision.csv", "felt_short.csv"), "felt_short.csv:2: the row has 8 columns; wanted 14");
 }
 
 const SMALL: &str = "title = 'a'\n[time]\nstep_ms = 1\nduration_s = 1\n[skin]\nsize_mm = [10, 10]\ncells = [2, 2]\nlaw = 'springs'\nspring_stiffness_n_m = 5\nspring_damping_n_s_m = 0\n[[skin.layer]]\nname = 'a'\nthickness_mm = 1\ncells = 1\ndensity_kg_m3 = 1000\n";

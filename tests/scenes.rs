@@ -47,7 +47,7 @@ fn test_form(mut scene: Scene) -> Option<(Scene, u32)> {
 fn run(name: &str, scene: &Scene, steps: u32) {
     let out =
         std::env::temp_dir().join(format!("cutis-scenes-{}-{}", std::process::id(), name.replace(['/', ' '], "-")));
-    let options = Options { place: Place::Cpu64, steps: Some(steps), out: out.clone() };
+    let options = Options { place: Place::Cpu64, steps: Some(steps), out: out.clone(), realtime: false, record: false };
     let summary = report::run::run(scene, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{name}: {e}"));
     std::fs::remove_dir_all(&out).unwrap_or_else(|e| panic!("{}: {e}", out.display()));
     let report = summary.report;

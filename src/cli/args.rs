@@ -73,6 +73,12 @@ pub struct Run {
     /// Stop after T seconds of the scene
     #[arg(long, value_name = "T", value_parser = positive)]
     pub seconds: Option<f64>,
+    /// Pace the steps by the wall clock, with a 1 kHz thread for each device; pictures take time, so think of --frames 0
+    #[arg(long)]
+    pub realtime: bool,
+    /// Keep what each device says and is given in DIR/hand_TOOL.csv, which a scene can take as a `trajectory`
+    #[arg(long)]
+    pub record: bool,
     /// Folder of the results; files of an earlier run in it are replaced
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,

@@ -53,7 +53,16 @@ fn run_scene(args: &Run) -> Result<u8> {
     solver.preconditioner = args.solver.preconditioner.map_or(solver.preconditioner, Into::into);
     scene.view.frames = args.frames.unwrap_or(scene.view.frames);
     let of_time = args.seconds.map(|t| (t / scene.time.step).round().max(1.0) as u32);
-    let options = run::Options { place: place(args, &scene)?, steps: args.steps.or(of_time), out: args.out.clone() };
+    if args.realtime {
+        cutis::report::leave_a_core()?;
+    }
+    let options = run::Options {
+        place: place(args, &scene)?,
+        steps: args.steps.or(of_time),
+        out: args.out.clone(),
+        realtime: args.realtime,
+        record: args.record,
+    };
     let mut shown = progress::Shown::new(options.steps.unwrap_or(run::whole(&scene)));
     let summary = run::run(&scene, &options, &mut |p| shown.update(p));
     shown.end();

@@ -6,6 +6,7 @@
 //! Units: m, m/s, rad/s, N, N·m, s.
 
 use crate::error::Result;
+use crate::scene;
 use glam::{DQuat, DVec3};
 
 /// What a device says.
@@ -77,6 +78,11 @@ pub trait Device: Send {
     /// The force and torque on the hand from now on.
     fn write(&mut self, time: f64, wrench: Wrench);
 
+    /// What went wrong on the way to it so far: messages that were of no use, connections lost; 0 for a device that nothing lies between.
+    fn faults(&self) -> u64 {
+        0
+    }
+
     /// Lets go: no force, connection closed.
     ///
     /// # Errors
@@ -84,7 +90,7 @@ pub trait Device: Send {
     fn close(&mut self) -> Result<()>;
 }
 
-/// Where a device's frame lies in the scene: `x = position + rotation · scale · x_device`.
+/// Where a device's frame lies in the scene, `x = position + rotation · scale · x_device`, and where the tool sits in its hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Workspace {
     /// m
@@ -93,27 +99,68 @@ pub struct Workspace {
     pub rotation: DQuat,
     /// Metres of the scene per metre of the device.
     pub scale: f64,
+    /// Where the tool's origin is in the end effector's frame, m of the scene.
+    pub tool: DVec3,
+    /// How the tool is turned there, unit quaternion.
+    pub tool_rotation: DQuat,
 }
 
 impl Workspace {
-    /// The device's frame is the scene's.
-    pub const SAME: Self = Self { position: DVec3::ZERO, rotation: DQuat::IDENTITY, scale: 1.0 };
+    /// The device's frame is the scene's, and its end effector is the tool.
+    pub const SAME: Self = Self {
+        position: DVec3::ZERO,
+        rotation: DQuat::IDENTITY,
+        scale: 1.0,
+        tool: DVec3::ZERO,
+        tool_rotation: DQuat::IDENTITY,
+    };
 
-    /// What the device says, in the scene.
+    /// As a device of a scene is placed, and its tool in it.
+    pub fn new(device: &scene::Device) -> Self {
+        Self {
+            position: DVec3::from_array(device.position),
+            rotation: DQuat::from_array(device.rotation),
+            scale: device.scale,
+            tool: DVec3::from_array(device.tool),
+            tool_rotation: DQuat::from_array(device.tool_rotation),
+        }
+    }
+
+    /// From the end effector to the tool's origin, in the scene, m; `effector` is its rotation as the device says it.
+    fn lever(&self, effector: DQuat) -> DVec3 {
+        self.rotation * effector * self.tool
+    }
+
+    /// The tool in the scene where the device says this of its end effector.
     pub fn to_scene(&self, reading: Reading) -> Reading {
+        let (lever, spin) = (self.lever(reading.rotation), self.rotation * reading.spin);
         Reading {
-            position: self.position + self.rotation * (reading.position * self.scale),
-            rotation: self.rotation * reading.rotation,
-            velocity: self.rotation * (reading.velocity * self.scale),
-            spin: self.rotation * reading.spin,
+            position: self.position + self.rotation * (reading.position * self.scale) + lever,
+            rotation: self.rotation * reading.rotation * self.tool_rotation,
+            velocity: self.rotation * (reading.velocity * self.scale) + spin.cross(lever),
+            spin,
             ..reading
         }
     }
 
-    /// What the scene gives, in the device's frame; forces are not scaled here.
-    pub fn to_device(&self, wrench: Wrench) -> Wrench {
+    /// The end effector in the device's frame where the tool has this pose in the scene.
+    pub fn from_scene(&self, position: DVec3, rotation: DQuat) -> (DVec3, DQuat) {
         let back = self.rotation.conjugate();
-        Wrench { force: back * wrench.force, torque: back * wrench.torque }
+        let effector = back * rotation * self.tool_rotation.conjugate();
+        (back * (position - self.lever(effector) - self.position) / self.scale, effector)
+    }
+
+    /// A force and torque on the end effector as one at the tool's origin, in the scene's frame; forces are not scaled here.
+    pub fn wrench_to_scene(&self, wrench: Wrench, effector: DQuat) -> Wrench {
+        let force = self.rotation * wrench.force;
+        Wrench { force, torque: self.rotation * wrench.torque - self.lever(effector).cross(force) }
+    }
+
+    /// A force and torque at the tool's origin as one on the end effector, in the device's frame; forces are not scaled here.
+    pub fn to_device(&self, wrench: Wrench, effector: DQuat) -> Wrench {
+        let back = self.rotation.conjugate();
+        let torque = wrench.torque + self.lever(effector).cross(wrench.force);
+        Wrench { force: back * wrench.force, torque: back * torque }
     }
 }
 
@@ -121,15 +168,44 @@ impl Workspace {
 mod tests {
     use super::*;
 
+    fn workspace() -> Workspace {
+        Workspace {
+            position: DVec3::X,
+            rotation: DQuat::from_rotation_z(0.7),
+            scale: 2.0,
+            tool: DVec3::new(0.01, -0.02, 0.1),
+            tool_rotation: DQuat::from_rotation_x(-0.4),
+        }
+    }
+
     #[test]
     fn power_is_the_same_in_both_frames_but_for_the_scale() {
-        let workspace = Workspace { position: DVec3::X, rotation: DQuat::from_rotation_z(0.7), scale: 2.0 };
-        let reading = Reading { velocity: DVec3::new(0.1, 0.2, 0.3), spin: DVec3::Y, ..Reading::at_rest(0.0) };
+        let turned = DQuat::from_rotation_y(0.9);
         let wrench = Wrench { force: DVec3::new(1.0, -2.0, 0.5), torque: DVec3::new(0.1, 0.3, 0.0) };
-        let (there, given) = (workspace.to_scene(reading), workspace.to_device(wrench));
-        assert!((wrench.force.dot(there.velocity) - 2.0 * given.force.dot(reading.velocity)).abs() < 1e-12);
-        assert!((wrench.torque.dot(there.spin) - given.torque.dot(reading.spin)).abs() < 1e-12);
-        assert!((there.position - DVec3::X).length() < 1e-12);
+        let given = workspace().to_device(wrench, turned);
+        let power = |velocity: DVec3, spin: DVec3| {
+            let reading = Reading { rotation: turned, velocity, spin, ..Reading::at_rest(0.0) };
+            let there = workspace().to_scene(reading);
+            let moved = wrench.force.dot(there.velocity) + wrench.torque.dot(there.spin);
+            (moved, 2.0 * given.force.dot(velocity), given.torque.dot(spin))
+        };
+        let (straight, wanted, _) = power(DVec3::new(0.1, 0.2, 0.3), DVec3::ZERO);
+        assert!((straight - wanted).abs() < 1e-12, "{straight} {wanted}");
+        let (turning, _, wanted) = power(DVec3::ZERO, DVec3::new(0.5, -1.0, 2.0));
+        assert!((turning - wanted).abs() < 1e-12, "{turning} {wanted}");
+        let back = workspace().wrench_to_scene(given, turned);
+        assert!((back.force - wrench.force).length() + (back.torque - wrench.torque).length() < 1e-12);
+    }
+
+    #[test]
+    fn the_tool_sits_in_the_hand_as_it_is_told() {
+        let there = workspace().to_scene(Reading::at_rest(0.0));
+        let held = DVec3::X + DQuat::from_rotation_z(0.7) * DVec3::new(0.01, -0.02, 0.1);
+        assert!((there.position - held).length() < 1e-12);
+        let (position, rotation) = workspace().from_scene(DVec3::new(0.3, 0.1, -0.2), DQuat::from_rotation_y(0.3));
+        let back = workspace().to_scene(Reading { position, rotation, ..Reading::at_rest(0.0) });
+        assert!((back.position - DVec3::new(0.3, 0.1, -0.2)).length() < 1e-12);
+        assert!(back.rotation.dot(DQuat::from_rotation_y(0.3)).abs() > 1.0 - 1e-12);
     }
 
     #[test]

@@ -1,22 +1,32 @@
-//! The haptic tick under the scene's clock: 1 kHz of scene time, one renderer per tool, into `haptic.csv`.
+//! The haptic side of a run, into `haptic.csv`: under the scene's clock here, under the wall clock in [`live`](super::live).
 //!
-//! A step's contact problem serves the ticks of the time until the next step has ended, as a live device gets it.
+//! Under the scene's clock a step's contact problem serves the ticks of the time until the next step has ended, as a live device gets it.
+//! A tool without a `[tool.device]` is held by its recorded hand, and what that would feel is found as it is: no ramp, no limits, no
+//! controller. A tool with one is treated as under the wall clock, and its device moves the tool in the simulation.
 
-use super::HapticReport;
-use crate::error::Result;
-use crate::haptic::{Hand, Reduced, Renderer};
+use super::run::Options;
+use super::{HapticReport, Periods};
+use crate::error::{Error, Result};
+use crate::haptic::cells::Problem;
+use crate::haptic::device::{Device, Limits, Workspace};
+use crate::haptic::devices::open;
+use crate::haptic::replay::Recorder;
+use crate::haptic::servo::{Counts, Record, Servo, Settings};
+use crate::haptic::thread::Timing;
+use crate::haptic::{Hand, Reduced};
 use crate::instrument::Instrument;
 use crate::output::Table;
+use crate::scene::{self, DeviceKind, Scene};
 use crate::step::Simulation;
-use glam::{DQuat, DVec3};
+use glam::DVec3;
 use std::path::Path;
 
-/// Ticks per second of scene time.
-const RATE_HZ: f64 = 1000.0;
 /// A tick belongs to the step in which its time falls; times are sums of rounded steps, so they may differ by this, s.
 const SLACK: f64 = 1e-9;
+/// Rows for which memory is taken at the start; a problem with more grows it once.
+const MOST_ROWS: usize = 600;
 
-const COLUMNS: [&str; 14] = [
+const COLUMNS: [&str; 18] = [
     "time_s",
     "tool",
     "hand_x_mm",
@@ -31,96 +41,189 @@ const COLUMNS: [&str; 14] = [
     "torque_x_n_mm",
     "torque_y_n_mm",
     "torque_z_n_mm",
+    "coupling_age_ms",
+    "gain",
+    "sweeps",
+    "active",
 ];
 
-/// One device per tool.
-pub(super) struct Haptics {
-    devices: Vec<Device>,
-    table: Table,
-    tick_number: u64,
-    force_max: f64,
-}
+/// The table of all ticks.
+pub(super) struct Ticks(Table);
 
-struct Device {
-    renderer: Renderer,
-    hand: (DVec3, DQuat),
-    work: f64,
-    work_max: f64,
-}
-
-impl Haptics {
-    /// Devices that rest at their hands; none without tools that a hand holds.
-    pub fn new(simulation: &Simulation, folder: &Path) -> Result<Option<Self>> {
-        let held = || simulation.tools.iter().take_while(|tool| !tool.free);
-        if held().next().is_none() {
-            return Ok(None);
-        }
-        let device = |tool: &Instrument| {
-            let (position, rotation) = tool.hand(0.0);
-            Device {
-                renderer: Renderer::new(tool.coupling, Hand { position, rotation }),
-                hand: (position, rotation),
-                work: 0.0,
-                work_max: 0.0,
-            }
-        };
-        Ok(Some(Self {
-            devices: held().map(device).collect(),
-            table: Table::create(&folder.join("haptic.csv"), &COLUMNS)?,
-            tick_number: 0,
-            force_max: 0.0,
-        }))
+impl Ticks {
+    /// Creates `haptic.csv` in a folder.
+    pub fn create(folder: &Path) -> Result<Self> {
+        Ok(Self(Table::create(&folder.join("haptic.csv"), &COLUMNS)?))
     }
 
-    /// Takes the last step's contact problems and ticks until `end`, s.
-    pub fn advance(&mut self, simulation: &Simulation, end: f64) -> Result<()> {
-        for (device, problem) in self.devices.iter_mut().zip(&simulation.reduced) {
-            device.renderer.receive(problem);
+    /// One tick of a tool: places and forces in the scene.
+    pub fn add(&mut self, tool: usize, record: &Record) -> Result<()> {
+        let mut row = [0.0; COLUMNS.len()];
+        (row[0], row[1]) = (record.time, tool as f64);
+        let groups = [record.hand.position * 1e3, record.proxy * 1e3, record.felt.force, record.felt.torque * 1e3];
+        for (at, group) in groups.iter().enumerate() {
+            row[2 + 3 * at..5 + 3 * at].copy_from_slice(&group.to_array());
         }
-        loop {
-            let time = (self.tick_number + 1) as f64 / RATE_HZ;
-            if time > end + SLACK {
-                return Ok(());
-            }
-            self.tick_number += 1;
-            for (number, (device, problem)) in self.devices.iter_mut().zip(&simulation.reduced).enumerate() {
-                let row = device.tick(&simulation.tools[number], problem, time, number);
-                self.force_max = self.force_max.max(DVec3::new(row[8], row[9], row[10]).length());
-                self.table.row(&row)?;
-            }
-        }
-    }
-
-    /// For the report.
-    pub fn report(&self) -> HapticReport {
-        HapticReport {
-            rate_hz: RATE_HZ,
-            force_n_max: self.force_max,
-            energy_out_j: self.devices.iter().map(|d| d.work_max).fold(0.0, f64::max),
-            ..HapticReport::default()
-        }
+        row[14..].copy_from_slice(&[
+            record.age * 1e3,
+            record.gain,
+            f64::from(record.sweeps),
+            f64::from(u8::from(record.active)),
+        ]);
+        self.0.row(&row)
     }
 
     /// Closes the table.
     pub fn finish(self) -> Result<()> {
-        self.table.finish()
+        self.0.finish()
     }
 }
 
-impl Device {
-    fn tick(&mut self, tool: &Instrument, problem: &Reduced, time: f64, number: usize) -> [f64; COLUMNS.len()] {
-        let (position, rotation) = tool.hand(time);
-        let tick = self.renderer.tick(problem, Hand { position, rotation }, 1.0 / RATE_HZ);
-        let turned = crate::instrument::rotation_vector(rotation * self.hand.1.conjugate());
-        self.work += tick.force.dot(position - self.hand.0) + tick.torque.dot(turned);
-        self.work_max = self.work_max.max(self.work);
-        self.hand = (position, rotation);
-        let mut row = [0.0; COLUMNS.len()];
-        (row[0], row[1]) = (time, number as f64);
-        let groups = [position * 1e3, self.renderer.position * 1e3, tick.force, tick.torque * 1e3];
-        for (at, group) in groups.iter().enumerate() {
-            row[2 + 3 * at..5 + 3 * at].copy_from_slice(&group.to_array());
+/// A tool's device and its servo.
+pub(super) struct Line {
+    pub servo: Servo,
+    pub device: Box<dyn Device>,
+    /// The scene has a device for the tool, which moves it.
+    pub moves: bool,
+}
+
+/// Ticks that a recording has room for: of the scene three times over and a minute, for a run by the wall clock may fall behind.
+fn room(scene: &Scene) -> usize {
+    ((3.0 * scene.time.duration + 60.0) * scene.haptic.rate) as usize
+}
+
+/// Devices and servos of the tools that a hand holds, all at rest; by the wall clock those without a device of their own are guarded too.
+pub(super) fn lines(scene: &Scene, simulation: &Simulation, options: &Options) -> Result<Vec<Line>> {
+    let live = options.realtime;
+    let times = [1.0 / scene.haptic.rate, scene.time.step];
+    let others = scene.skins.len() + scene.planes.len() + scene.tools.len();
+    let rows = scene.contact.map_or(0, |c| 3 * c.max_contacts as usize * others).min(MOST_ROWS);
+    let line = |(tool, asked): (&Instrument, &scene::Tool)| {
+        let spec = asked.device.clone().unwrap_or_default();
+        if !live && matches!(spec.kind, DeviceKind::Haply { .. }) {
+            return Err(Error::Usage {
+                what: format!("the tool \"{}\" is held by a haply device, which goes by the wall clock", asked.name),
+                fix: "run it with --realtime, or write kind = \"hand\" in its [tool.device]".into(),
+            });
         }
-        row
+        let mut device = open(&spec, asked)?;
+        if options.record {
+            let file = options.out.join(format!("hand_{}.csv", asked.name));
+            device = Box::new(Recorder::new(device, Workspace::new(&spec), file, room(scene)));
+        }
+        let unlimited = Limits { force: f64::INFINITY, torque: f64::INFINITY };
+        let moves = asked.device.is_some();
+        let can = if moves { device.limits() } else { unlimited };
+        let plain = Settings::new(&spec, tool.coupling, can, times);
+        let guarded = moves || live;
+        let settings = Settings { guarded, passivity: plain.passivity && guarded, rows, ..plain };
+        let (position, rotation) = tool.hand(0.0);
+        Ok(Line { servo: Servo::new(settings, Hand { position, rotation }), device, moves })
+    };
+    let held = simulation.tools.iter().zip(&scene.tools).take_while(|(tool, _)| !tool.free);
+    held.map(line).collect()
+}
+
+/// All devices under the scene's clock.
+pub(super) struct Haptics {
+    lines: Vec<(Line, Problem)>,
+    ticks: Ticks,
+    rate: f64,
+    tick_number: u64,
+}
+
+impl Haptics {
+    /// Devices that rest at their hands; none without tools that a hand holds.
+    pub fn new(scene: &Scene, simulation: &Simulation, options: &Options) -> Result<Option<Self>> {
+        let lines = lines(scene, simulation, options)?;
+        if lines.is_empty() {
+            return Ok(None);
+        }
+        let lines = lines.into_iter().map(|line| (line, Problem::default())).collect();
+        Ok(Some(Self { lines, ticks: Ticks::create(&options.out)?, rate: scene.haptic.rate, tick_number: 0 }))
     }
+
+    /// Takes the last step's contact problems and ticks until `end`, s; then the tools go where the devices are.
+    pub fn advance(&mut self, simulation: &mut Simulation, end: f64) -> Result<()> {
+        let (now, announced) = (simulation.time, simulation.epoch());
+        for ((_, problem), reduced) in self.lines.iter_mut().zip(&simulation.reduced) {
+            let number = problem.number + 1;
+            problem.refill(reduced, now, number, announced);
+        }
+        while (self.tick_number + 1) as f64 / self.rate <= end + SLACK {
+            self.tick_number += 1;
+            let time = self.tick_number as f64 / self.rate;
+            for (number, (line, problem)) in self.lines.iter_mut().enumerate() {
+                let record = line.servo.tick(line.device.read(time), problem, time);
+                line.device.write(time, record.wrench);
+                self.ticks.add(number, &record)?;
+            }
+        }
+        for ((line, _), tool) in self.lines.iter().zip(&mut simulation.tools).filter(|((line, _), _)| line.moves) {
+            let felt = line.servo.felt();
+            tool.follow((felt.hand.position, felt.hand.rotation), now, end);
+            tool.sharp = felt.active;
+        }
+        Ok(())
+    }
+
+    /// For the report.
+    pub fn report(&self) -> HapticReport {
+        report(self.rate, self.lines.iter().map(|(line, _)| line.servo.counts()))
+    }
+
+    /// Lets the devices go and closes the table.
+    pub fn finish(self) -> Result<()> {
+        for (mut line, _) in self.lines {
+            line.device.close()?;
+        }
+        self.ticks.finish()
+    }
+}
+
+/// What servos have counted, without the clock: sums of counts and energies, the largest of sizes.
+pub(super) fn report(rate_hz: f64, counts: impl Iterator<Item = Counts>) -> HapticReport {
+    let mut r = HapticReport { rate_hz, ..HapticReport::default() };
+    for c in counts {
+        r.force_n_max = r.force_n_max.max(c.force_max);
+        r.sweeps_max = r.sweeps_max.max(c.sweeps_max);
+        r.out_of_time += c.out_of_time;
+        r.unsound += c.unsound;
+        r.non_finite += c.non_finite;
+        r.late_ticks += c.late;
+        r.stale_ticks += c.stale;
+        r.clamped += c.clamped;
+        r.fades += c.fades;
+        r.stops += c.stops;
+        r.force_jump_n_max = r.force_jump_n_max.max(c.jump_max);
+        r.cut_jump_n = r.cut_jump_n.max(c.cut_jump);
+        r.energy_out_j = r.energy_out_j.max(c.energy_out);
+        r.energy_uncontrolled_j = r.energy_uncontrolled_j.max(c.energy_uncontrolled);
+        r.energy_damped_j += c.energy_damped;
+    }
+    r
+}
+
+/// Adds what the clock has shown.
+pub(super) fn timed(mut r: HapticReport, timing: &Timing, late_steps: u64) -> HapticReport {
+    let spread = |h: &crate::haptic::histogram::Histogram, unit: f64| Periods {
+        p50: h.quantile(0.5).map(|v| v * unit),
+        p99: h.quantile(0.99).map(|v| v * unit),
+        p99_9: h.quantile(0.999).map(|v| v * unit),
+        max: h.max().map(|v| v * unit),
+    };
+    r.period_us = spread(&timing.period, 1e6);
+    r.tick_us = spread(&timing.tick, 1e6);
+    r.coupling_age_ms = spread(&timing.age, 1e3);
+    r.missed = Some(timing.missed);
+    r.records_lost = Some(timing.lost);
+    r.device_faults = Some(timing.faults);
+    r.late_steps = Some(late_steps);
+    r
+}
+
+/// What a tool that nothing touches has, for the first ticks.
+pub(super) fn untouched(tool: &Instrument) -> Problem {
+    let (position, rotation): (DVec3, _) = (tool.position, tool.rotation);
+    Problem { reduced: Reduced::free(position, rotation, 0), ..Problem::default() }
 }

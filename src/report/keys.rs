@@ -103,28 +103,67 @@ pub struct Passes {
     pub depth_mm_max: f64,
 }
 
-/// The haptic side. Under the scene's clock nothing is late: `period_us` and `missed` are `null`.
+/// The haptic side. Under the scene's clock nothing is late, and what only a clock can show is `null`. Of several devices: the largest of
+/// sizes and energies out, sums of counts.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct HapticReport {
     /// Ticks per second.
     pub rate_hz: f64,
-    /// Time between ticks.
+    /// Time between ticks, µs.
     pub period_us: Periods,
-    /// Ticks that came late.
+    /// What a tick took, µs.
+    pub tick_us: Periods,
+    /// Age of the contact problem at a tick: since the hand was looked at for the step that made it, ms.
+    pub coupling_age_ms: Periods,
+    /// Deadlines that went by without a tick.
     pub missed: Option<u64>,
+    /// Ticks that are not in `haptic.csv`, because who writes it was too slow.
+    pub records_lost: Option<u64>,
+    /// What went wrong on the way to the devices: messages of no use, connections lost.
+    pub device_faults: Option<u64>,
+    /// Steps that began after their time.
+    pub late_steps: Option<u64>,
+    /// Most Gauss–Seidel sweeps of a tick.
+    pub sweeps_max: u32,
+    /// Ticks whose time for sweeps was used up.
+    pub out_of_time: u64,
+    /// Readings that were no poses; the last pose was kept.
+    pub unsound: u64,
+    /// Ticks whose force was no number; none was given.
+    pub non_finite: u64,
+    /// Ticks on a contact problem so old that the force fades.
+    pub late_ticks: u64,
+    /// Ticks on a contact problem from before a cut.
+    pub stale_ticks: u64,
+    /// Ticks that asked for more than the device can give, or may.
+    pub clamped: u64,
+    /// Times that the force faded because the simulation was late.
+    pub fades: u64,
+    /// Times that the force stopped because a device was lost.
+    pub stops: u64,
     /// Largest force on the hand, N.
     pub force_n_max: f64,
-    /// Most work that the device has given the hand at any time, less what it took before; J. A passive one never gives any.
+    /// Largest change of that force from one tick to the next, N.
+    pub force_jump_n_max: f64,
+    /// The same at the first tick after a cut has come in, N.
+    pub cut_jump_n: f64,
+    /// Most energy that the device has given the hand at any time, less what it took before; J. A passive one never gives any.
     pub energy_out_j: f64,
+    /// The same along the same motions without the passivity controller, J.
+    pub energy_uncontrolled_j: f64,
+    /// What the controller took out, J.
+    pub energy_damped_j: f64,
 }
 
-/// Time between ticks, µs.
+/// Order statistics of a time.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 pub struct Periods {
     /// Median.
     pub p50: Option<f64>,
     /// 99th percentile.
     pub p99: Option<f64>,
+    /// 999 of 1000 are not longer.
+    pub p99_9: Option<f64>,
     /// The longest.
     pub max: Option<f64>,
 }

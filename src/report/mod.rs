@@ -11,9 +11,11 @@ pub mod frames;
 mod haptics;
 pub mod inspect;
 mod keys;
+mod live;
 pub mod run;
 
 pub use keys::{CutReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
+pub use live::leave_a_core;
 
 use crate::scene::Preconditioner;
 

@@ -3,7 +3,8 @@
 use super::collect::{Collector, force_on_tools};
 use super::files::Folder;
 use super::haptics::Haptics;
-use super::{Report, check};
+use super::live::Live;
+use super::{HapticReport, Report, check};
 use crate::backend::Snapshot;
 use crate::error::{Error, Result};
 use crate::scene::Scene;
@@ -20,6 +21,67 @@ pub struct Options {
     pub steps: Option<u32>,
     /// Folder of the results; made when it is not there.
     pub out: PathBuf,
+    /// Paced by the wall clock, with a thread for each device.
+    pub realtime: bool,
+    /// Keep what each device says and is given in `hand_TOOL.csv`, a trajectory that a scene can read.
+    pub record: bool,
+}
+
+/// What feels the skin while it runs, and by which clock.
+enum Hands {
+    None,
+    Scene(Haptics),
+    Live(Box<Live>),
+}
+
+impl Hands {
+    fn new(scene: &Scene, options: &Options, simulation: &Simulation) -> Result<Self> {
+        if options.realtime {
+            return Ok(Self::Live(Box::new(Live::start(scene, simulation, options)?)));
+        }
+        Ok(Haptics::new(scene, simulation, options)?.map_or(Self::None, Self::Scene))
+    }
+
+    fn before_step(&mut self, simulation: &mut Simulation, begin: f64, end: f64) -> Result<()> {
+        match self {
+            Self::None => Ok(()),
+            Self::Scene(haptics) => haptics.advance(simulation, end),
+            Self::Live(live) => {
+                live.before_step(simulation, begin, end);
+                Ok(())
+            }
+        }
+    }
+
+    fn after_step(&mut self, simulation: &Simulation) -> Result<()> {
+        match self {
+            Self::Live(live) => live.after_step(simulation),
+            _ => Ok(()),
+        }
+    }
+
+    fn stop(&mut self) -> Result<()> {
+        match self {
+            Self::Live(live) => live.stop(),
+            _ => Ok(()),
+        }
+    }
+
+    fn report(&mut self) -> Option<HapticReport> {
+        match self {
+            Self::None => None,
+            Self::Scene(haptics) => Some(haptics.report()),
+            Self::Live(live) => Some(live.report()),
+        }
+    }
+
+    fn finish(self) -> Result<()> {
+        match self {
+            Self::None => Ok(()),
+            Self::Scene(haptics) => haptics.finish(),
+            Self::Live(live) => live.finish(),
+        }
+    }
 }
 
 /// Between two steps.
@@ -72,18 +134,18 @@ pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)
     }
     let mut simulation = Simulation::new(scene, &options.place)?;
     let mut folder = Folder::create(&options.out, scene)?;
-    let mut haptics = Haptics::new(&simulation, &options.out)?;
+    let mut hands = Hands::new(scene, options, &simulation)?;
     let mut collector = Collector::new(scene, &simulation);
     let frames = u64::from(scene.view.frames.min(steps));
     let mut last = vec![];
     for number in 1..=steps {
-        if let Some(haptics) = &mut haptics {
-            haptics.advance(&simulation, f64::from(number) * scene.time.step)?;
-        }
+        let [begin_s, end_s] = [number - 1, number].map(|n| f64::from(n) * scene.time.step);
+        hands.before_step(&mut simulation, begin_s, end_s)?;
         let exact = number == steps || number % scene.solver.true_residual_every == 0;
         let begin = Instant::now();
         let step = simulation.step(exact)?;
         collector.add(&step, begin.elapsed());
+        hands.after_step(&simulation)?;
         folder.add_step(&step)?;
         progress(&Progress {
             step: number,
@@ -98,17 +160,16 @@ pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)
         if pictures(number) > pictures(number - 1) {
             let state = snapshots(&mut simulation)?;
             folder.add_frame(scene, &simulation, &state, &step)?;
-            let report = complete(scene, &collector, &simulation, &haptics, &last);
+            let report = complete(scene, &collector, &simulation, &mut hands, &last);
             folder.write_report(&report)?;
         }
     }
+    hands.stop()?;
     collector.non_finite(snapshots(&mut simulation)?.iter().map(non_finite).sum());
     collector.ended(&simulation);
-    let report = complete(scene, &collector, &simulation, &haptics, &last);
+    let report = complete(scene, &collector, &simulation, &mut hands, &last);
     folder.write_report(&report)?;
-    if let Some(haptics) = haptics {
-        haptics.finish()?;
-    }
+    hands.finish()?;
     let cut_short = steps < whole(scene);
     Ok(Summary {
         failures: match cut_short {
@@ -126,13 +187,11 @@ fn complete(
     scene: &Scene,
     collector: &Collector,
     simulation: &Simulation,
-    haptics: &Option<Haptics>,
+    hands: &mut Hands,
     probes: &[f64],
 ) -> Report {
     let mut report = collector.report(simulation);
-    if let Some(haptics) = haptics {
-        report.haptic = haptics.report();
-    }
+    report.haptic = hands.report().unwrap_or_default();
     let names = scene.probes.iter().map(|p| p.name.clone());
     report.probes = names.zip(probes.iter().copied()).collect();
     report

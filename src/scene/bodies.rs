@@ -98,6 +98,7 @@ fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Vec<At<String>
         coupling: Coupling { stiffness: 0.0, damping: 0.0, angular_stiffness: 0.0, angular_damping: 0.0 },
         trajectory: vec![Pose { time: 0.0, position, rotation: DQuat::from_scaled_axis(turn).to_array() }],
         free: Some(Motion { velocity, spin }),
+        device: None,
     })
 }
 

@@ -11,7 +11,10 @@ use std::path::{Path, PathBuf};
 /// First line of a trajectory; the quaternion has its scalar last.
 const HEADER: &str = "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw";
 /// Columns of a trajectory.
-const COLUMNS: [&str; 8] = ["time_s", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"];
+pub const COLUMNS: [&str; 8] = ["time_s", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"];
+/// What a recorded device was given; these columns may follow, and are passed over.
+pub const FORCE_COLUMNS: [&str; 6] =
+    ["force_x_n", "force_y_n", "force_z_n", "torque_x_n_mm", "torque_y_n_mm", "torque_z_n_mm"];
 /// Allowed departure of a quaternion's length from 1: two printed digits pass, a wrong column order seldom does.
 const QUATERNION_SLACK: f64 = 0.01;
 
@@ -105,12 +108,14 @@ pub(super) fn trajectory(text: &str, path: &Path) -> Result<Vec<Pose>> {
     let mut lines = lines.map(|(i, line)| (Place::new(path, i + 1), line.trim()));
     let empty = || Error::TrajectoryEmpty { path: path.to_path_buf(), header: HEADER };
     let (at, header) = lines.find(|(_, line)| !line.is_empty()).ok_or_else(empty)?;
-    if !header.split(',').map(str::trim).eq(COLUMNS) {
+    let words = || header.split(',').map(str::trim);
+    let with_forces = words().eq(COLUMNS.into_iter().chain(FORCE_COLUMNS));
+    if !with_forces && !words().eq(COLUMNS) {
         return Err(Error::TrajectoryHeader { at, found: shorten(header), wanted: HEADER });
     }
     let mut poses: Vec<Pose> = Vec::new();
     for (at, line) in lines.filter(|(_, line)| !line.is_empty()) {
-        let pose = pose(&at, line)?;
+        let pose = pose(&at, line, with_forces)?;
         if let Some(before) = poses.last().filter(|before| before.time >= pose.time) {
             return Err(Error::TrajectoryTime { at, found: pose.time, before: before.time });
         }
@@ -122,10 +127,11 @@ pub(super) fn trajectory(text: &str, path: &Path) -> Result<Vec<Pose>> {
     Ok(poses)
 }
 
-fn pose(at: &Place, line: &str) -> Result<Pose> {
+fn pose(at: &Place, line: &str, with_forces: bool) -> Result<Pose> {
     let found = line.split(',').count();
-    if found != COLUMNS.len() {
-        return Err(Error::TrajectoryColumns { at: at.clone(), found, wanted: COLUMNS.len(), header: HEADER });
+    let wanted = if with_forces { COLUMNS.len() + FORCE_COLUMNS.len() } else { COLUMNS.len() };
+    if found != wanted {
+        return Err(Error::TrajectoryColumns { at: at.clone(), found, wanted, header: HEADER });
     }
     let mut row = [0.0; COLUMNS.len()];
     for ((number, cell), column) in row.iter_mut().zip(line.split(',')).zip(COLUMNS) {

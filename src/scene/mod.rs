@@ -7,6 +7,7 @@ mod anchor;
 mod bodies;
 mod body;
 mod builtin;
+mod devices;
 mod diagnose;
 mod files;
 mod grid;
@@ -23,7 +24,8 @@ mod touching;
 
 pub use anchor::Anchor;
 pub use builtin::incision;
-pub use files::Files;
+pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
+pub use files::{COLUMNS as TRAJECTORY_COLUMNS, FORCE_COLUMNS, Files};
 pub use grid::MOST_NODES;
 pub use read::{parse, read};
 pub use recorded::{Check, Probe, ProbeKind, TestForm, View};
@@ -62,6 +64,8 @@ pub struct Scene {
     pub attachments: Vec<Attachment>,
     /// Contact law; `None` when nothing in the scene can touch and nothing is tied.
     pub contact: Option<Contact>,
+    /// The haptic loop.
+    pub haptic: Haptic,
     /// Values written each step to `probes.csv`.
     pub probes: Vec<Probe>,
     /// Bounds on the outcome, evaluated at the end of a run.

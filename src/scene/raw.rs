@@ -2,6 +2,10 @@
 //!
 //! Lists are `Vec`, not arrays: TOML's arrays deserialise into shorter Rust arrays without an error.
 
+mod devices;
+
+pub(super) use devices::{Device, Haptic};
+
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use std::collections::BTreeMap;
@@ -84,6 +88,7 @@ pub(super) struct Scene {
     #[serde(default)]
     pub tool: Vec<Table<Tool>>,
     pub contact: Option<Table<Contact>>,
+    pub haptic: Option<Table<Haptic>>,
     #[serde(default)]
     pub probe: Vec<Table<Probe>>,
     #[serde(default)]
@@ -236,6 +241,7 @@ pub(super) struct Tool {
     pub blade: Option<Table<Blade>>,
     pub round: Option<Table<Round>>,
     pub lines: Option<Table<Lines>>,
+    pub device: Option<Table<Device>>,
 }
 
 #[derive(serde::Deserialize)]

@@ -12,7 +12,7 @@ use super::raw::{self, At, Table};
 use super::region::region;
 use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
 use super::{Boundary, Correction, Law, Load, Preconditioner, Scene, Skin, Solver, TestForm, Time};
-use super::{anchor, body, outputs, tools};
+use super::{anchor, body, devices, outputs, tools};
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -76,6 +76,7 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         anchors: anchor::anchors(&scene, raw.anchor, &names, &skins, &grids)?,
         loads: loads.collect::<Result<_>>()?,
         contact: touching.then_some(contact),
+        haptic: devices::haptic(&scene, raw::keys(raw.haptic))?,
         checks: outputs::checks(&scene, raw.check, &probes)?,
         view: outputs::view(&scene, raw.view, &skins, &tools)?,
         skins,

@@ -41,6 +41,9 @@ pub(super) const STIFFNESS: Unit = unit("N/m", 1.0, 1.0);
 pub(super) const DAMPING: Unit = unit("N·s/m", 1.0, 1.0);
 pub(super) const ANGULAR_STIFFNESS: Unit = unit("N·m/rad", 1.0, 1.0);
 pub(super) const ANGULAR_DAMPING: Unit = unit("N·m·s/rad", 1.0, 1.0);
+pub(super) const HERTZ: Unit = unit("Hz", 1.0, 1.0);
+pub(super) const MICRON: Unit = unit("µm", 1.0, 1e6);
+pub(super) const N_MM: Unit = unit("N·mm", 1.0, 1e3);
 pub(super) const DEGREE: Unit = unit("degrees", 1.0, 1.0);
 
 /// Metres in mm for messages, rounded to a millionth of a mm, below which is the rounding of the conversion to SI.

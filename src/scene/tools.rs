@@ -1,5 +1,6 @@
 //! Tools and contact of a scene file.
 
+use super::devices::device;
 use super::files::{Files, mesh, trajectory};
 use super::lines::{angle_cone, filter, lines};
 use super::raw::{self, At, Table};
@@ -56,6 +57,7 @@ fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>)
         cuboid: None,
         coupling: coupling(scene, raw::keys(raw.coupling))?,
         trajectory,
+        device: raw.device.map(|table| device(scene, table)).transpose()?,
         free: None,
     })
 }

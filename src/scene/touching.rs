@@ -1,6 +1,6 @@
 //! What touches: rigid bodies, walls, ties, and the law of contact.
 
-use super::Region;
+use super::{Device, Region};
 
 /// A rigid tool coupled to a hand.
 #[derive(Clone, Debug)]
@@ -27,6 +27,8 @@ pub struct Tool {
     pub coupling: Coupling,
     /// The recorded hand, at least one sample, times rising; the start alone of a body that no hand holds.
     pub trajectory: Vec<Pose>,
+    /// What moves the hand; without one the recorded hand does, and what it would feel is found without limits or guards.
+    pub device: Option<Device>,
     /// How a body that no hand holds starts; it falls. None for a tool: the hand carries its weight.
     pub free: Option<Motion>,
 }

@@ -62,7 +62,7 @@ impl Simulation {
     fn follow_fronts(&mut self, old: &[Instrument], contacts: &[Contact], report: &StepReport) {
         let fronts = std::mem::take(&mut self.fronts);
         for (number, (old, new)) in old.iter().zip(&self.tools).enumerate() {
-            let Some(edge) = &new.edge else { continue };
+            let Some(edge) = new.edge.as_ref().filter(|_| new.sharp) else { continue };
             let forward = new.rotation * edge.forward;
             let pieces = new.samples.iter().enumerate().filter(|(_, s)| matches!(s.role, Role::Edge { .. }));
             for (index, sample) in pieces {
@@ -113,7 +113,7 @@ impl Simulation {
         self.follow_fronts(old, contacts, report);
         let held = std::mem::take(&mut self.held);
         let by_edge = |c: &Contact| match c.on {
-            [Who::Rigid(number), Who::Skin(_)] => self.tools[number].edge.is_some(),
+            [Who::Rigid(number), Who::Skin(_)] => self.tools[number].edge.is_some() && self.tools[number].sharp,
             _ => false,
         };
         if !contacts.iter().any(by_edge) {
@@ -121,7 +121,7 @@ impl Simulation {
         }
         let mut quads = vec![];
         for (number, (old, new)) in old.iter().zip(&self.tools).enumerate() {
-            let Some(edge) = &new.edge else { continue };
+            let Some(edge) = new.edge.as_ref().filter(|_| new.sharp) else { continue };
             let pieces = self.pieces(number, old, contacts, report);
             // an end is held where one of its two pieces is
             let ends: Vec<[DVec3; 2]> = (0..edge.points.len())

@@ -196,6 +196,11 @@ impl Simulation {
         self.bodies.iter().map(Body::totals).fold(Totals::default(), Totals::and)
     }
 
+    /// Counts the steps that have cut; a [`Reduced`] problem of an older epoch is from before the last cut.
+    pub fn epoch(&self) -> u32 {
+        self.epoch
+    }
+
     /// Length of what is advanced at once, s.
     fn step_size(&self) -> f64 {
         self.scene.time.part()

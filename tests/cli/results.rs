@@ -12,6 +12,7 @@ pub const TESTS: &[Test] = &[
     ("options_override_the_scene", options_override_the_scene),
     ("both_precisions_agree", both_precisions_agree),
     ("a_failed_check_is_exit_1", a_failed_check_is_exit_1),
+    ("a_run_by_the_wall_clock_says_what_the_clock_has_shown", a_run_by_the_wall_clock_says_what_the_clock_has_shown),
     ("a_run_cut_short_skips_checks_and_says_so", a_run_cut_short_skips_checks_and_says_so),
     ("files_of_an_earlier_run_go", files_of_an_earlier_run_go),
     ("an_unwritable_folder_is_exit_1", an_unwritable_folder_is_exit_1),
@@ -34,7 +35,11 @@ const KEYS: &str = "scene backend adapter driver nodes hexes tets springs dof st
     step_ms.max solver.kind solver.preconditioner solver.iterations_mean solver.iterations_max solver.sums solver.refinements \
     solver.at_floor solver.residual_max solver.residual_true contacts_max contact_force_n_max contact.passes_mean contact.passes_max \
     contact.residual_n_max contact.residual_m_max contact.candidates_max contact.depth_mm_max haptic.rate_hz \
-    haptic.period_us.p50 haptic.period_us.p99 haptic.period_us.max haptic.missed haptic.force_n_max haptic.energy_out_j \
+    haptic.period_us.p50 haptic.period_us.p99 haptic.period_us.p99_9 haptic.period_us.max \
+    haptic.tick_us.p50 haptic.tick_us.p99 haptic.tick_us.p99_9 haptic.tick_us.max haptic.coupling_age_ms.p50 haptic.coupling_age_ms.p99 \
+    haptic.coupling_age_ms.p99_9 haptic.coupling_age_ms.max haptic.missed haptic.records_lost haptic.device_faults haptic.late_steps haptic.sweeps_max \
+    haptic.out_of_time haptic.unsound haptic.non_finite haptic.late_ticks haptic.stale_ticks haptic.clamped haptic.fades haptic.stops \
+    haptic.force_n_max haptic.force_jump_n_max haptic.cut_jump_n haptic.energy_out_j haptic.energy_uncontrolled_j haptic.energy_damped_j \
     cut.hexes_removed cut.tets_removed cut.springs_removed cut.links_severed cut.node_copies cut.pieces cut.nonmanifold_edges \
     cut.area_mm2 cut.length_mm cut.length_top_mm cut.depth_mm cut.opening_mm_max warnings memory_bytes.device memory_bytes.host probes.top probes.bed";
 
@@ -169,6 +174,27 @@ fn both_precisions_agree() -> Outcome {
 
 fn ensure_told(told: bool, report: &Value) -> Outcome {
     ensure!(told, "the adapter does not name the precision: {report}");
+    Ok(())
+}
+
+fn a_run_by_the_wall_clock_says_what_the_clock_has_shown() -> Outcome {
+    let work = Work::with(PRESS)?;
+    let report = work.json(&[RUN, &["--realtime", "--frames", "0"]].concat(), 0)?;
+    let haptic = &report["haptic"];
+    for key in [
+        "/period_us/p50",
+        "/tick_us/max",
+        "/coupling_age_ms/p99",
+        "/missed",
+        "/records_lost",
+        "/device_faults",
+        "/late_steps",
+    ] {
+        ensure!(haptic.pointer(key).is_some_and(Value::is_number), "{key}: {haptic}");
+    }
+    let cores = std::thread::available_parallelism().map_err(|e| e.to_string())?.get();
+    let told = format!("{} threads", cores.saturating_sub(1).max(1));
+    ensure!(report["adapter"].as_str().is_some_and(|a| a.starts_with(&told)), "{}", report["adapter"]);
     Ok(())
 }
 

@@ -155,6 +155,10 @@ impl Device for Client {
         }
     }
 
+    fn faults(&self) -> u64 {
+        self.trouble().faults()
+    }
+
     fn close(&mut self) -> Result<()> {
         self.end();
         Ok(())

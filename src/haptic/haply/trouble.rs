@@ -29,6 +29,13 @@ pub struct Trouble {
     pub refused: u64,
 }
 
+impl Trouble {
+    /// Frames that were of no use, and connections lost.
+    pub fn faults(&self) -> u64 {
+        self.malformed + self.non_finite + self.absent + self.uncalibrated + self.grip_absent + self.disconnects
+    }
+}
+
 /// The counters behind [`Trouble`], and the count of sound states.
 #[derive(Debug, Default)]
 pub(super) struct Counts {

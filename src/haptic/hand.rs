@@ -1,0 +1,101 @@
+//! A simulated hand on a device: a mass and a damper, drawn to a path by a spring, pushed by the force that the servo writes.
+//!
+//! `m v' = F + k (target − x) − b v`, `x' = v`, with F held from one write to the next, in steps of 10 µs at most that are implicit in the
+//! damper: with constant F the position is right to second order, so the sampled force alone can make it unstable, as in a real hand.
+//! The rotation follows the path. Positions are read in steps of the encoder. Source: Colgate, Brown 1994 (the model of a device that
+//! meets a sampled wall). Units: m, kg, N, N/m, N·s/m, s.
+
+use super::device::{Device, Limits, Reading, Wrench};
+use super::replay::Path;
+use crate::error::Result;
+use glam::DVec3;
+
+/// Longest step of its own, s: a hundredth of a tick at 1 kHz, so that its own rounding is 1 % of what sampling does.
+const STEP: f64 = 1e-5;
+/// Ticks that it catches up with at most in one read, s: a stalled loop must not stall more by that.
+const MOST: f64 = 0.1;
+
+/// The hand and its state.
+#[derive(Clone, Debug)]
+pub struct SimulatedHand {
+    /// kg
+    pub mass: f64,
+    /// Of the spring to the path, N/m.
+    pub stiffness: f64,
+    /// N·s/m
+    pub damping: f64,
+    /// m; 0 for exact positions.
+    pub encoder: f64,
+    /// Where it wants to be.
+    pub path: Path,
+    /// m
+    pub position: DVec3,
+    /// m/s
+    pub velocity: DVec3,
+    /// Work that the force has done on it, J.
+    pub work: f64,
+    force: DVec3,
+    time: Option<f64>,
+}
+
+impl SimulatedHand {
+    /// At rest where its path starts.
+    pub fn new(path: Path, [mass, stiffness, damping, encoder]: [f64; 4]) -> Self {
+        Self {
+            mass,
+            stiffness,
+            damping,
+            encoder,
+            position: path.at(f64::NEG_INFINITY).0,
+            velocity: DVec3::ZERO,
+            work: 0.0,
+            force: DVec3::ZERO,
+            time: None,
+            path,
+        }
+    }
+
+    fn advance(&mut self, from: f64, to: f64) {
+        let count = ((to - from) / STEP - 1e-6).ceil().max(1.0);
+        let h = (to - from) / count;
+        let divisor = 1.0 + h * self.damping / self.mass;
+        for k in 0..count as u32 {
+            let target = self.path.at(from + f64::from(k) * h).0;
+            let push = self.force + (target - self.position) * self.stiffness;
+            let next = (self.velocity + push * (h / self.mass)) / divisor;
+            let moved = (self.velocity + next) * (0.5 * h);
+            self.position += moved;
+            self.work += self.force.dot(moved);
+            self.velocity = next;
+        }
+    }
+}
+
+impl Device for SimulatedHand {
+    fn name(&self) -> &str {
+        "hand"
+    }
+
+    fn limits(&self) -> Limits {
+        Limits { force: f64::INFINITY, torque: 0.0 }
+    }
+
+    fn read(&mut self, time: f64) -> Reading {
+        let from = self.time.unwrap_or(time).max(time - MOST);
+        if time > from {
+            self.advance(from, time);
+        }
+        self.time = Some(time);
+        let quantised = |x: f64| if self.encoder > 0.0 { (x / self.encoder).round() * self.encoder } else { x };
+        let position = DVec3::from_array(self.position.to_array().map(quantised));
+        Reading { position, velocity: self.velocity, ..self.path.reading(time) }
+    }
+
+    fn write(&mut self, _time: f64, wrench: Wrench) {
+        self.force = wrench.force;
+    }
+
+    fn close(&mut self) -> Result<()> {
+        Ok(())
+    }
+}

@@ -1,0 +1,131 @@
+//! The loop of a device under the wall clock: a thread of its own, deadlines that do not drift.
+//!
+//! Tick k is due at `start + k T`. The thread sleeps until shortly before, then looks at the clock until the time has come, since a
+//! sleep may end late by more than a tick has. Deadlines that have gone by are counted and left out; they are not made up for.
+//! Times of ticks and of what they cost are counted in fixed memory; records go through a wait-free ring, and those that find it full
+//! are counted and lost.
+
+use super::cells::{Felt, ServoEnd};
+use super::device::Device;
+use super::histogram::Histogram;
+use super::servo::{Record, Servo};
+use crate::error::Result;
+use rtrb::Producer;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+/// How long before a deadline the thread stops sleeping, s: sleeps of a common kernel end 0.05 to 0.1 ms late.
+const SPIN: f64 = 2e-4;
+
+/// What a loop has seen of the clock.
+#[derive(Clone, Debug)]
+pub struct Timing {
+    /// Time between ticks, s.
+    pub period: Histogram,
+    /// What a tick took, s.
+    pub tick: Histogram,
+    /// Age of the problem at a tick, s.
+    pub age: Histogram,
+    /// Deadlines that went by without a tick.
+    pub missed: u64,
+    /// Records that found the ring full.
+    pub lost: u64,
+    /// What went wrong on the way to the device.
+    pub faults: u64,
+}
+
+impl Timing {
+    /// Nothing seen; ages are told apart to 0.1 ms up to 0.8 s, times to 1 µs up to 8 ms.
+    pub fn new() -> Self {
+        Self {
+            period: Histogram::new(1e-6),
+            tick: Histogram::new(1e-6),
+            age: Histogram::new(1e-4),
+            missed: 0,
+            lost: 0,
+            faults: 0,
+        }
+    }
+
+    /// Takes in what another loop has seen.
+    pub fn merge(&mut self, other: &Self) {
+        self.period.merge(&other.period);
+        self.tick.merge(&other.tick);
+        self.age.merge(&other.age);
+        self.missed += other.missed;
+        self.lost += other.lost;
+        self.faults += other.faults;
+    }
+}
+
+impl Default for Timing {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// All that a loop works on.
+pub struct Loop {
+    /// The tick.
+    pub servo: Servo,
+    /// What it reads and writes.
+    pub device: Box<dyn Device>,
+    /// To and from the simulation.
+    pub cells: ServoEnd,
+    /// To who writes records down.
+    pub records: Producer<Record>,
+}
+
+impl Loop {
+    /// Ticks from `start` until `stop` is set; then lets the device go.
+    ///
+    /// # Errors
+    /// When closing the device fails.
+    pub fn run(mut self, start: Instant, stop: &AtomicBool) -> Result<(Timing, Felt)> {
+        let mut timing = Timing::new();
+        let tick = self.servo.settings.tick;
+        let mut number = 0u64;
+        let mut before: Option<f64> = None;
+        while !stop.load(Ordering::Acquire) {
+            let due = number as f64 * tick;
+            wait(start, due);
+            let begin = start.elapsed().as_secs_f64();
+            if let Some(before) = before.replace(begin) {
+                timing.period.add(begin - before);
+            }
+            self.once(begin, &mut timing);
+            let end = start.elapsed().as_secs_f64();
+            timing.tick.add(end - begin);
+            // the next deadline that is still ahead
+            let next = ((end / tick).ceil() as u64).max(number + 1);
+            timing.missed += next - number - 1;
+            number = next;
+        }
+        self.device.write(start.elapsed().as_secs_f64(), super::device::Wrench::default());
+        let felt = self.servo.felt();
+        timing.faults = self.device.faults();
+        self.device.close()?;
+        Ok((timing, felt))
+    }
+
+    fn once(&mut self, time: f64, timing: &mut Timing) {
+        let reading = self.device.read(time);
+        let record = self.servo.tick(reading, self.cells.problem.read(), time);
+        self.device.write(time, record.wrench);
+        self.cells.felt.write(self.servo.felt());
+        timing.age.add(record.age);
+        timing.lost += u64::from(self.records.push(record).is_err());
+    }
+}
+
+/// Waits until `due` seconds after `start`.
+fn wait(start: Instant, due: f64) {
+    let left = due - start.elapsed().as_secs_f64();
+    if left > SPIN {
+        sleep(Duration::from_secs_f64(left - SPIN));
+    }
+    while start.elapsed().as_secs_f64() < due {
+        std::hint::spin_loop();
+    }
+}

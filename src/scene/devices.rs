@@ -1,0 +1,235 @@
+//! The haptic loop and the devices of a scene file: `[haptic]`, `[tool.device]`.
+
+use super::raw::{self, At, Table};
+use super::text::{
+    Bound, DAMPING, DEGREE, GRAM, HERTZ, MICRON, MM, N_MM, NEWTON, PLAIN, STIFFNESS, SceneText, or, or_vector,
+};
+use crate::error::{Error, Result};
+use glam::{DQuat, DVec3};
+
+/// The haptic loop.
+#[derive(Clone, Copy, Debug)]
+pub struct Haptic {
+    /// Ticks per second.
+    pub rate: f64,
+}
+
+/// How the force on the hand is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rendering {
+    /// Through the spring and damper between hand and tool, in series with the skin.
+    #[default]
+    Coupling,
+    /// As if the hand held the tool itself: what is felt is the skin's own compliance.
+    Direct,
+}
+
+/// What a button is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// Nothing.
+    None,
+    /// The blade cuts while it is down, and is blunt otherwise.
+    Active,
+    /// While it is down the hand moves and the tool stays.
+    Clutch,
+    /// While it is down tool and force hold their place.
+    Freeze,
+}
+
+/// What moves a tool's hand.
+#[derive(Clone, Debug, PartialEq)]
+pub enum DeviceKind {
+    /// The tool's recorded path; it feels nothing.
+    Replay,
+    /// A simulated hand that wants to follow the tool's path, and gives way to the force.
+    Hand {
+        /// kg
+        mass: f64,
+        /// Of the spring to the path, N/m.
+        stiffness: f64,
+        /// N·s/m
+        damping: f64,
+        /// Step of the encoders, m; 0 for exact ones.
+        encoder: f64,
+    },
+    /// Rests where the tool's path starts.
+    Null,
+    /// A device behind the Haply Inverse Service.
+    Haply {
+        /// Address of the service.
+        url: String,
+        /// Which device; the first one for an empty name.
+        device: String,
+        /// Which grip; the first one for an empty name.
+        grip: String,
+    },
+}
+
+/// The device that holds a tool.
+#[derive(Clone, Debug)]
+pub struct Device {
+    /// What moves the hand.
+    pub kind: DeviceKind,
+    /// How the force is found.
+    pub rendering: Rendering,
+    /// Newtons on the hand per newton on the tool.
+    pub force_scale: f64,
+    /// N; infinite for what the device itself can give.
+    pub max_force: f64,
+    /// N·m; infinite for what the device itself can give.
+    pub max_torque: f64,
+    /// Where the device's origin lies in the scene, m.
+    pub position: [f64; 3],
+    /// How the device's frame is turned, unit quaternion.
+    pub rotation: [f64; 4],
+    /// Metres of the scene per metre of the device.
+    pub scale: f64,
+    /// Where the tool's origin is in the frame of the device's end effector, m.
+    pub tool: [f64; 3],
+    /// How the tool is turned there, unit quaternion.
+    pub tool_rotation: [f64; 4],
+    /// `[button]` what it is for.
+    pub buttons: Vec<Role>,
+    /// A controller keeps the device from giving energy.
+    pub passivity: bool,
+}
+
+impl Default for Device {
+    fn default() -> Self {
+        Self {
+            kind: DeviceKind::Replay,
+            rendering: Rendering::Coupling,
+            force_scale: 1.0,
+            max_force: f64::INFINITY,
+            max_torque: f64::INFINITY,
+            position: [0.0; 3],
+            rotation: [0.0, 0.0, 0.0, 1.0],
+            scale: 1.0,
+            tool: [0.0; 3],
+            tool_rotation: [0.0, 0.0, 0.0, 1.0],
+            buttons: vec![],
+            passivity: true,
+        }
+    }
+}
+
+/// Fewest and most ticks per second: below, a stiff contact buzzes in any hand; above, a tick has no time left for contacts.
+const RATES: [f64; 2] = [100.0, 4000.0];
+
+/// The haptic loop; absent keys have their defaults.
+pub(super) fn haptic(scene: &SceneText, raw: raw::Haptic) -> Result<Haptic> {
+    let rate = or(raw.rate_hz, 1000.0);
+    let found = scene.number("rate_hz", &rate, HERTZ, Bound::Positive)?;
+    if !(RATES[0]..=RATES[1]).contains(&found) {
+        return Err(Error::Number {
+            at: scene.place(rate.span()),
+            key: "rate_hz".to_string(),
+            found,
+            wanted: "a number from 100 to 4000",
+            unit: HERTZ.name,
+            example: 1000.0,
+        });
+    }
+    Ok(Haptic { rate: found })
+}
+
+#[derive(Clone, Copy, PartialEq)]
+enum Word {
+    Replay,
+    Hand,
+    Null,
+    Haply,
+}
+
+/// The device of a tool.
+pub(super) fn device(scene: &SceneText, table: Table<raw::Device>) -> Result<Device> {
+    let raw = table.keys;
+    let words = [("replay", Word::Replay), ("hand", Word::Hand), ("null", Word::Null), ("haply", Word::Haply)];
+    let word = scene.choice("kind", &raw.kind, &words)?;
+    let kind = kind(scene, word, &raw)?;
+    let renderings = [("coupling", Rendering::Coupling), ("direct", Rendering::Direct)];
+    let number = |key, value, default, unit, bound| scene.number(key, &or(value, default), unit, bound);
+    let limit = |key, value: Option<At<f64>>, unit| match value {
+        Some(value) => scene.number(key, &value, unit, Bound::NotNegative),
+        None => Ok(f64::INFINITY),
+    };
+    let turned = |key, value| {
+        let turn: [f64; 3] = scene.vector(key, &or_vector(value, &[0.0; 3]), DEGREE, Bound::Finite)?;
+        Ok(DQuat::from_scaled_axis(DVec3::from_array(turn.map(f64::to_radians))).to_array())
+    };
+    Ok(Device {
+        kind,
+        rendering: scene.choice("rendering", &or(raw.rendering, "coupling".to_string()), &renderings)?,
+        force_scale: number("force_scale", raw.force_scale, 1.0, PLAIN, Bound::Positive)?,
+        max_force: limit("max_force_n", raw.max_force_n, NEWTON)?,
+        max_torque: limit("max_torque_n_mm", raw.max_torque_n_mm, N_MM)?,
+        position: scene.vector("position_mm", &or_vector(raw.position_mm, &[0.0; 3]), MM, Bound::Finite)?,
+        rotation: turned("turn_deg", raw.turn_deg)?,
+        scale: number("scale", raw.scale, 1.0, PLAIN, Bound::Positive)?,
+        tool: scene.vector("tool_mm", &or_vector(raw.tool_mm, &[0.0; 3]), MM, Bound::Finite)?,
+        tool_rotation: turned("tool_turn_deg", raw.tool_turn_deg)?,
+        buttons: buttons(scene, raw.buttons.as_deref().unwrap_or_default())?,
+        passivity: raw.passivity.is_none_or(|on| *on.get_ref()),
+    })
+}
+
+fn kind(scene: &SceneText, word: Word, raw: &raw::Device) -> Result<DeviceKind> {
+    if word != Word::Hand {
+        let why = "only kind = \"hand\" is a simulated hand";
+        scene.needless("hand_mass_g", &raw.hand_mass_g, why)?;
+        scene.needless("hand_stiffness_n_m", &raw.hand_stiffness_n_m, why)?;
+        scene.needless("hand_damping_n_s_m", &raw.hand_damping_n_s_m, why)?;
+        scene.needless("encoder_um", &raw.encoder_um, why)?;
+    }
+    if word != Word::Haply {
+        let why = "only kind = \"haply\" asks a service for a device";
+        scene.needless("url", &raw.url, why)?;
+        scene.needless("device", &raw.device, why)?;
+        scene.needless("grip", &raw.grip, why)?;
+    }
+    let number = |key, value: &Option<At<f64>>, default, unit, bound| {
+        scene.number(key, &or(value.clone(), default), unit, bound)
+    };
+    let text = |value: &Option<At<String>>, default: &str| or(value.clone(), default.to_string()).into_inner();
+    Ok(match word {
+        Word::Replay => DeviceKind::Replay,
+        Word::Null => DeviceKind::Null,
+        Word::Haply => DeviceKind::Haply {
+            url: text(&raw.url, "ws://localhost:10001"),
+            device: text(&raw.device, ""),
+            grip: text(&raw.grip, ""),
+        },
+        Word::Hand => DeviceKind::Hand {
+            mass: number("hand_mass_g", &raw.hand_mass_g, 150.0, GRAM, Bound::Positive)?,
+            stiffness: number("hand_stiffness_n_m", &raw.hand_stiffness_n_m, 300.0, STIFFNESS, Bound::Positive)?,
+            damping: number("hand_damping_n_s_m", &raw.hand_damping_n_s_m, 5.0, DAMPING, Bound::NotNegative)?,
+            encoder: number("encoder_um", &raw.encoder_um, 0.0, MICRON, Bound::NotNegative)?,
+        },
+    })
+}
+
+/// Roles in the order of the buttons, each but `none` once; a device tells 32 buttons apart.
+fn buttons(scene: &SceneText, words: &[At<String>]) -> Result<Vec<Role>> {
+    let roles = [("none", Role::None), ("active", Role::Active), ("clutch", Role::Clutch), ("freeze", Role::Freeze)];
+    let mut taken: Vec<(Role, usize)> = vec![];
+    for word in words {
+        let role = scene.choice("buttons", word, &roles)?;
+        let line = scene.place(word.span()).line;
+        if let Some((_, first)) = taken.iter().find(|(other, _)| *other == role && role != Role::None) {
+            return Err(Error::Duplicate {
+                at: scene.place(word.span()),
+                what: "button",
+                name: word.get_ref().clone(),
+                first: *first,
+            });
+        }
+        taken.push((role, line));
+    }
+    if let Some(word) = words.get(u32::BITS as usize) {
+        let found = words.len() as u32;
+        let at = scene.place(word.span());
+        return Err(Error::Count { at, key: "buttons".into(), found, min: 0, max: u32::BITS });
+    }
+    Ok(taken.into_iter().map(|(role, _)| role).collect())
+}

@@ -1,0 +1,282 @@
+//! Servos with a simulation behind them: continuity of the force, simulated hands, runs by the wall clock.
+
+use crate::bench::{TICK, at, measured, plain};
+use cutis::haptic::cells::Problem;
+use cutis::haptic::device::Device;
+use cutis::haptic::haply::mock;
+use cutis::haptic::replay::{Path, Recorder, Replay};
+use cutis::haptic::servo::Servo;
+use cutis::haptic::{device::Workspace, device::Wrench};
+use cutis::report::run::{Options, Summary, run};
+use cutis::scene::{DeviceKind, Files, Scene, parse};
+use cutis::step::{Place, Simulation};
+use glam::DVec3;
+use std::path::{Path as FilePath, PathBuf};
+
+/// A ball pressed 0.4 mm into a small block in half a second.
+const PRESS: &str = r#"title = "A ball presses a block"
+[time]
+step_ms = 5.0
+duration_s = 0.5
+[skin]
+size_mm = [8.0, 8.0]
+cells = [4, 4]
+[[skin.layer]]
+name = "dermis"
+thickness_mm = 2.0
+cells = 2
+young_kpa = 100.0
+poisson = 0.4
+density_kg_m3 = 1100.0
+[[boundary]]
+region = "bottom"
+[view]
+frames = 0
+[[tool]]
+name = "ball"
+mass_g = 10.0
+inertia_g_mm2 = [100.0, 100.0, 100.0]
+path_mm = [[0.0, 0.0, 0.0, 3.05], [0.5, 0.0, 0.0, 2.65]]
+[tool.round]
+radius_mm = 1.0
+points_mm = [[0.0, 0.0, 0.0]]
+"#;
+
+/// A mesh for a tool that touches with one point.
+const TIP: &str = "v 0 0 0\nv 1 0 2\nv -1 1 2\nv -1 -1 2\nf 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n";
+
+/// The same block under a tip, which always has one contact.
+fn tip() -> Scene {
+    let text = PRESS.replace("3.05", "2.05").replace("2.65", "1.65");
+    let round = text.find("[tool.round]").expect("there");
+    let text = format!("{}mesh = \"tip.obj\"\npoints_mm = [[0.0, 0.0, 0.0]]\n", &text[..round]);
+    scene(&text)
+}
+
+fn scene(text: &str) -> Scene {
+    parse(text, FilePath::new("press.toml"), &Files::Embedded(&[("tip.obj", TIP)])).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn folder(name: &str) -> PathBuf {
+    FilePath::new(env!("CARGO_TARGET_TMPDIR")).join(format!("haptic_{name}"))
+}
+
+fn options(name: &str, realtime: bool) -> Options {
+    Options { place: Place::Cpu64, steps: None, out: folder(name), realtime, record: name == "recorded" }
+}
+
+fn ran(text: &str, name: &str, realtime: bool) -> (Summary, Vec<Vec<f64>>) {
+    let summary = run(&scene(text), &options(name, realtime), &mut |_| {}).unwrap_or_else(|e| panic!("{e}"));
+    let table = std::fs::read_to_string(folder(name).join("haptic.csv")).expect("a run with a tool writes it");
+    let row = |line: &str| line.split(',').map(|cell| cell.parse().expect("numbers")).collect();
+    (summary, table.lines().skip(1).map(row).collect())
+}
+
+/// Largest change of the force from one tick to the next over the press, and the force at its end, N; problems come a step late.
+fn jumps(hz: f64) -> (f64, f64) {
+    let mut scene = tip();
+    scene.time.step = 1.0 / hz;
+    let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+    let tool = simulation.tools[0].clone();
+    let mut servo = Servo::new(plain(tool.coupling), at(tool.position));
+    let (mut problem, mut tick) = (Problem::default(), 0u32);
+    problem.reduced.position = tool.position;
+    let (mut most, mut last): (f64, f64) = (0.0, 0.0);
+    while simulation.time + 1.0 / hz < scene.time.duration + 1e-9 {
+        simulation.step(false).expect("the CPU path does not fail");
+        let number = problem.number + 1;
+        // what the ticks know is one step old when it comes, and two when the next one does
+        let end = simulation.time + 1.0 / hz;
+        while f64::from(tick) * TICK < end {
+            let time = f64::from(tick) * TICK;
+            let (position, rotation) = tool.hand(time);
+            let reading = cutis::haptic::device::Reading { rotation, ..crate::bench::reading(position) };
+            let force = servo.tick(reading, &problem, time).wrench.force.length();
+            most = most.max((force - last).abs());
+            (last, tick) = (force, tick + 1);
+        }
+        problem.refill(&simulation.reduced[0], simulation.time, number, 0);
+    }
+    (most, last)
+}
+
+#[test]
+fn the_force_of_a_slow_press_is_continuous_the_more_so_the_faster_the_simulation() {
+    let rows = [20.0, 60.0, 200.0].map(|hz| (hz, jumps(hz)));
+    for (hz, (jump, force)) in rows {
+        measured(&format!("{hz} Hz: largest jump per tick {:.1} mN of {:.1} mN", jump * 1e3, force * 1e3));
+    }
+    let [slow, middle, fast] = rows.map(|(_, (jump, force))| jump / force);
+    assert!(fast < middle && middle < slow, "{slow} {middle} {fast}");
+    assert!(fast < 0.05 && slow < 0.5, "{slow} {middle} {fast}");
+}
+
+#[test]
+fn a_recorded_hand_feels_under_the_scenes_clock_what_it_is_rendered() {
+    let (summary, rows) = ran(PRESS, "recorded", false);
+    assert_eq!(rows.len(), 500);
+    let last = rows.last().expect("rows");
+    assert!((last[4] - 2.65).abs() < 1e-9 && last[10] > 0.03, "{last:?}");
+    assert!(rows.iter().all(|row| row[15] == 1.0), "no ramp where the scene asks for no device");
+    let report = summary.report.haptic;
+    assert_eq!((report.stops, report.fades, report.clamped, report.missed), (0, 0, 0, None));
+    assert!(report.force_jump_n_max > 0.0 && report.force_jump_n_max < 0.2 * report.force_n_max, "{report:?}");
+    // and its recording is the hand that it followed
+    let kept = std::fs::read_to_string(folder("recorded").join("hand_ball.csv")).expect("asked for");
+    let last = kept.lines().last().expect("rows").split(',').map(|cell| cell.parse::<f64>().expect("numbers"));
+    assert_eq!((kept.lines().count(), last.skip(3).step_by(100).next()), (501, Some(2.65)), "{kept}");
+}
+
+#[test]
+fn a_simulated_hand_gives_way_and_moves_the_tool() {
+    let soft = "[tool.device]\nkind = \"hand\"\nhand_stiffness_n_m = 100\nhand_damping_n_s_m = 5\nencoder_um = 2\n";
+    let (summary, rows) = ran(&format!("{PRESS}{soft}"), "hand", false);
+    let (_, recorded) = ran(PRESS, "hand_recorded", false);
+    let (felt, unyielding) = (rows.last().expect("rows"), recorded.last().expect("rows"));
+    let yielded = felt[4] - 2.65;
+    // the hand's spring holds the force
+    assert!((yielded * 1e-3 * 100.0 / felt[10] - 1.0).abs() < 0.1, "{yielded} mm at {} N", felt[10]);
+    assert!(felt[10] < 0.9 * unyielding[10], "{} N instead of {} N", felt[10], unyielding[10]);
+    assert!(((felt[4] * 500.0).round() - felt[4] * 500.0).abs() < 1e-6, "in steps of 2 µm: {}", felt[4]);
+    assert!(summary.report.haptic.energy_out_j < 1e-6, "{:?}", summary.report.haptic);
+}
+
+#[test]
+fn a_hand_at_rest_and_a_frame_of_its_own() {
+    let null = "[tool.device]\nkind = \"null\"\nposition_mm = [1, 2, 3]\nturn_deg = [0, 90, 0]\nscale = 2.0\n";
+    let (_, rows) = ran(&format!("{PRESS}{null}"), "null", false);
+    assert!(rows.iter().all(|row| (row[4] - 3.05).abs() < 1e-9 && row[10] == 0.0));
+    let replay = null.replace("null", "replay");
+    let (_, rows) = ran(&format!("{PRESS}{replay}"), "frame", false);
+    let (_, recorded) = ran(PRESS, "frame_recorded", false);
+    for (row, plain) in rows.iter().zip(&recorded).skip(250) {
+        assert!((row[4] - plain[4]).abs() < 1e-9 && (row[10] - plain[10]).abs() < 1e-6, "{row:?} {plain:?}");
+    }
+}
+
+#[test]
+fn a_run_by_the_wall_clock_takes_its_time_and_leaves_every_tick() {
+    let begin = std::time::Instant::now();
+    let (summary, rows) = ran(PRESS, "live", true);
+    let took = begin.elapsed().as_secs_f64();
+    let report = summary.report.haptic;
+    assert!(took > 0.49, "half a second of scene in {took} s");
+    let [missed, lost] = [report.missed, report.records_lost].map(|count| count.expect("by the wall clock"));
+    // each deadline has a tick or is missed; the run ends once the last step is done
+    let due = rows.len() as u64 + missed + lost;
+    assert!(due as f64 > 490.0 && due as f64 <= took * 1000.0 + 1.0, "{} rows, {missed} missed, {took} s", rows.len());
+    assert!(rows.len() > 200, "{} rows, {missed} missed", rows.len());
+    assert!(rows.windows(2).all(|pair| pair[0][0] < pair[1][0]), "times rise");
+    let period = report.period_us.p50.expect("measured");
+    assert!((period / 1000.0 - 1.0).abs() < 0.2, "{period} µs between ticks");
+    assert!(rows.last().expect("rows")[10] > 0.03 || report.late_ticks > 0, "{report:?}");
+    assert!(rows[0][15] < 0.1, "it ramps in");
+    measured(&format!("{report:?}"));
+}
+
+#[test]
+fn a_haply_device_asks_for_the_wall_clock_and_for_its_service() {
+    let mut scene = scene(&format!("{PRESS}[tool.device]\nkind = \"haply\"\n"));
+    let device = scene.tools[0].device.as_mut().expect("the scene has one");
+    assert!(matches!(&device.kind, DeviceKind::Haply { url, .. } if url == "ws://localhost:10001"));
+    // nothing listens at port 1
+    device.kind = DeviceKind::Haply { url: "ws://127.0.0.1:1".into(), device: String::new(), grip: String::new() };
+    let said = |realtime: bool| {
+        let ended = run(&scene, &options("haply", realtime), &mut |_| {});
+        ended.expect_err("no such device").to_string()
+    };
+    let (scene_clock, wall_clock) = (said(false), said(true));
+    assert!(scene_clock.contains("\"ball\"") && scene_clock.contains("--realtime"), "{scene_clock}");
+    assert!(wall_clock.contains("ws://127.0.0.1:1"), "{wall_clock}");
+}
+
+/// The shipped scene for two hands, coarser, with longer steps for a machine that is busy, on stand-ins that follow its paths.
+#[test]
+fn two_hands_feel_the_skin_on_two_stand_ins() {
+    let path = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("scenes/two_hands.toml");
+    let mut scene = cutis::scene::read(&path).unwrap_or_else(|e| panic!("{e}"));
+    (scene.skins[0].cells, scene.time.step, scene.time.duration, scene.view.frames) = ([8, 8], 0.05, 1.4, 0);
+    let start = |tool: &cutis::scene::Tool| {
+        let options = mock::Options { port: 0, path: tool.trajectory.clone(), ..mock::Options::default() };
+        mock::Mock::start(options).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let mocks: Vec<mock::Mock> = scene.tools.iter().map(start).collect();
+    for (tool, mock) in scene.tools.iter_mut().zip(&mocks) {
+        let device = tool.device.as_mut().expect("both have one");
+        let DeviceKind::Haply { url, .. } = &mut device.kind else { panic!("{:?}", device.kind) };
+        *url = mock.url();
+    }
+    let summary = run(&scene, &options("two_hands", true), &mut |_| {}).unwrap_or_else(|e| panic!("{e}"));
+    let report = summary.report.haptic;
+    measured(&format!("{report:?}"));
+    assert_eq!((report.unsound, report.non_finite, report.device_faults), (0, 0, Some(0)), "{report:?}");
+    let table = std::fs::read_to_string(folder("two_hands").join("haptic.csv")).expect("written");
+    let rows: Vec<Vec<f64>> = table
+        .lines()
+        .skip(1)
+        .map(|line| line.split(',').map(|cell| cell.parse().expect("numbers")).collect())
+        .collect();
+    for (tool, mock) in mocks.iter().enumerate() {
+        let own: Vec<&Vec<f64>> = rows.iter().filter(|row| row[1] == tool as f64).collect();
+        let most = own.iter().map(|row| row[10]).fold(0.0, f64::max);
+        assert!(own.len() > 200 && most > 0.01, "tool {tool}: {} ticks, {most} N", own.len());
+        assert!(mock.record().frames > 200, "tool {tool}: {:?}", mock.record());
+        // two stand-ins: the tools are where their own hands are
+        assert!(own.iter().all(|row| (row[2] - [-12.0, 11.0][tool]).abs() < 1.0), "tool {tool} is elsewhere");
+    }
+}
+
+#[test]
+fn what_a_recorder_writes_is_a_hand_that_a_scene_reads() {
+    let scene = scene(PRESS);
+    let workspace = Workspace { position: DVec3::X, scale: 3.0, ..Workspace::SAME };
+    let path = Path { poses: scene.tools[0].trajectory.as_slice().into(), workspace };
+    std::fs::create_dir_all(folder("recorder")).expect("writable");
+    let file = folder("recorder").join("hand.csv");
+    let mut recorder = Recorder::new(Box::new(Replay(path.clone())), workspace, file.clone(), 500);
+    for k in 0..500 {
+        let time = f64::from(k) * TICK;
+        recorder.read(time);
+        recorder.write(time, Wrench { force: DVec3::Z, torque: DVec3::ZERO });
+    }
+    recorder.close().expect("the folder is there");
+    let text = std::fs::read_to_string(&file).expect("written");
+    assert!(text.lines().nth(1).is_some_and(|line| line.ends_with(",0,0,1,0,0,0")), "{text}");
+    let (before, after) = PRESS.split_at(PRESS.find("path_mm").expect("there"));
+    let with_file = format!("{before}trajectory = \"hand.csv\"\n{}", &after[after.find('\n').expect("there")..]);
+    let read = parse(&with_file, FilePath::new("press.toml"), &Files::Folder(folder("recorder")));
+    let read = read.unwrap_or_else(|e| panic!("{e}"));
+    let [found, wanted] = [&read.tools[0].trajectory, &scene.tools[0].trajectory]
+        .map(|poses| cutis::instrument::along(poses, 0.3).expect("samples").0);
+    assert!((found - wanted).length() < 1e-12, "{found} {wanted}");
+    // a full one says so
+    let mut full = Recorder::new(Box::new(Replay(path)), workspace, file, 1);
+    full.read(0.0);
+    full.read(TICK);
+    assert!(full.close().expect_err("full").to_string().contains("1 ticks are not in it"));
+}
+
+#[test]
+fn a_blade_that_is_not_active_presses_and_does_not_cut() {
+    let path = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("scenes/incision.toml");
+    let mut scene = cutis::scene::read(&path).unwrap_or_else(|e| panic!("{e}")).in_test_form();
+    scene.skins[0].cells = [16, 12];
+    let cut_after = |sharp: bool, steps: u32| {
+        let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+        simulation.tools[0].sharp = sharp;
+        let mut force: f64 = 0.0;
+        for number in 1..=steps {
+            let report = simulation.step(false).expect("the CPU path does not fail");
+            force = report.contact.on_tool.first().map_or(0.0, |f| f[2]).max(force);
+            if simulation.totals().links > 0 {
+                return (Some(number), force);
+            }
+        }
+        (None, force)
+    };
+    let (first, sharp) = cut_after(true, 150);
+    let first = first.expect("the counter-test: the sharp blade cuts");
+    let (none, blunt) = cut_after(false, first + 10);
+    assert_eq!(none, None);
+    assert!(blunt > sharp && sharp > 0.0, "blunt {blunt} N, sharp {sharp} N");
+}
