@@ -6,10 +6,11 @@
 //! the tools newly reach cost solves. What was solved in earlier steps has aged by the rotations since; a cut, or passes that do not
 //! close in, make it start anew.
 
-use super::StepReport;
-use crate::backend::{Backend, CpuBackend, FIRST_COLUMN, Needs, Snapshot, Target, Wanted};
+use super::{Body, StepReport};
+use crate::backend::{Backend, CORRECTION, CpuBackend, FIRST_COLUMN, Needs, Snapshot, Target, Wanted};
 use crate::error::Result;
 use crate::model::Model;
+use crate::scene::{self, Correction};
 use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
 
@@ -182,5 +183,48 @@ impl AtRest {
     /// As [`Compliance::between`].
     pub fn between(&self, a: u32, b: u32) -> DMat3 {
         self.known.between(a, b)
+    }
+}
+
+impl Body {
+    /// Has how these nodes give; returns the inverse blocks of `A` that the uncoupled correction takes for it.
+    pub(super) fn give(&mut self, law: &scene::Contact, nodes: &[u32], report: &mut StepReport) -> Result<Vec<DMat3>> {
+        match law.correction {
+            Correction::Exact => {
+                let backend = self.backend.as_mut();
+                let tolerance = law.column_tolerance * self.looseness;
+                self.compliance.prepare(backend, nodes, tolerance, self.near, report)?;
+            }
+            Correction::Precomputed => self.at_rest.prepare(&self.model, nodes, self.near, report)?,
+            Correction::Uncoupled => {
+                let blocks = self.backend.node_blocks(nodes)?;
+                return Ok(blocks.iter().map(|b| DMat3::from_cols_array_2d(b).inverse()).collect());
+            }
+        }
+        Ok(vec![])
+    }
+
+    /// The body's displacement at nodes under contact forces, solved to a tolerance of the forces, m.
+    pub(super) fn correct(
+        &mut self,
+        nodes: &[u32],
+        forces: &[(u32, [f64; 3])],
+        tolerance: f64,
+        report: &mut StepReport,
+    ) -> Result<Vec<[f64; 3]>> {
+        let total = forces.iter().map(|f| DVec3::from_array(f.1).length_squared()).sum::<f64>().sqrt();
+        if total == 0.0 {
+            // nothing to solve for, and no share of nothing to solve to
+            self.backend.forget(&[CORRECTION])?;
+            return Ok(vec![[0.0; 3]; nodes.len()]);
+        }
+        let entries: Vec<_> = forces.iter().map(|(n, f)| (CORRECTION, *n, *f)).collect();
+        self.backend.set_rows(&[CORRECTION], &entries)?;
+        let wanted = [Wanted { slot: CORRECTION, target: Target::Absolute(tolerance * total) }];
+        let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
+        let (outcome, moved) = self.backend.solve(&wanted, &pick)?;
+        report.correction_iterations += outcome[0].iterations;
+        report.warn("solver_not_converged", u32::from(!outcome[0].converged));
+        Ok(moved)
     }
 }

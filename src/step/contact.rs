@@ -1,8 +1,7 @@
 //! The contact part of a step: rows, compliance `W`, forces, correction and its passes.
 
 use super::rows::{Rows, energy, in_world};
-use super::{Body, Simulation, StepReport};
-use crate::backend::{CORRECTION, Target, Wanted};
+use super::{Simulation, StepReport};
 use crate::collide::Contact;
 use crate::constraints::{self, Law, solve};
 use crate::error::Result;
@@ -360,48 +359,5 @@ impl Simulation {
                 epoch: self.epoch,
             };
         }
-    }
-}
-
-impl Body {
-    /// Has how these nodes give; returns the inverse blocks of `A` that the uncoupled correction takes for it.
-    fn give(&mut self, law: &scene::Contact, nodes: &[u32], report: &mut StepReport) -> Result<Vec<DMat3>> {
-        match law.correction {
-            Correction::Exact => {
-                let backend = self.backend.as_mut();
-                let tolerance = law.column_tolerance * self.looseness;
-                self.compliance.prepare(backend, nodes, tolerance, self.near, report)?;
-            }
-            Correction::Precomputed => self.at_rest.prepare(&self.model, nodes, self.near, report)?,
-            Correction::Uncoupled => {
-                let blocks = self.backend.node_blocks(nodes)?;
-                return Ok(blocks.iter().map(|b| DMat3::from_cols_array_2d(b).inverse()).collect());
-            }
-        }
-        Ok(vec![])
-    }
-
-    /// The body's displacement at nodes under contact forces, solved to a tolerance of the forces, m.
-    fn correct(
-        &mut self,
-        nodes: &[u32],
-        forces: &[(u32, [f64; 3])],
-        tolerance: f64,
-        report: &mut StepReport,
-    ) -> Result<Vec<[f64; 3]>> {
-        let total = forces.iter().map(|f| DVec3::from_array(f.1).length_squared()).sum::<f64>().sqrt();
-        if total == 0.0 {
-            // nothing to solve for, and no share of nothing to solve to
-            self.backend.forget(&[CORRECTION])?;
-            return Ok(vec![[0.0; 3]; nodes.len()]);
-        }
-        let entries: Vec<_> = forces.iter().map(|(n, f)| (CORRECTION, *n, *f)).collect();
-        self.backend.set_rows(&[CORRECTION], &entries)?;
-        let wanted = [Wanted { slot: CORRECTION, target: Target::Absolute(tolerance * total) }];
-        let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
-        let (outcome, moved) = self.backend.solve(&wanted, &pick)?;
-        report.correction_iterations += outcome[0].iterations;
-        report.warn("solver_not_converged", u32::from(!outcome[0].converged));
-        Ok(moved)
     }
 }
