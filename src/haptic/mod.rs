@@ -1,7 +1,7 @@
 //! The haptic side: the reduced contact problem that the simulation hands over, and the tick that renders it at 1 kHz.
 //!
-//! A [`Reduced`] problem is what is left of the skin after a step: contact rows with the skin's compliance between them. A [tick](Renderer::tick)
-//! moves the violations by what the hand did since, solves the same contact laws again with few sweeps, and gives the force of the
+//! A [`Reduced`] problem is what is left of the skin after a step: contact rows with the skin's compliance between them, and how fast the
+//! skin opens them by itself. A [tick](Renderer::tick) moves the violations by what hand and skin did since, solves the same contact laws again with few sweeps, and gives the force of the
 //! virtual coupling: with C = (K + B/h)⁻¹ the compliance is W_skin + J C Jᵀ, so the coupling's spring is counted once. Direct rendering
 //! has C = 0: the proxy is at the hand, and what a tick adds to the force is the skin's own answer; what does not give at all (a wall, another
 //! rigid body) then has no force, as no force could hold the hand.
@@ -46,6 +46,8 @@ pub struct Reduced {
     pub compliance: Vec<f64>,
     /// `[row]` violation with `force` applied, m.
     pub violation: Vec<f64>,
+    /// `[row]` how fast the skin goes on to open the row under these forces, m/s.
+    pub rate: Vec<f64>,
     /// `[row]` N
     pub force: Vec<f64>,
     /// Counts cuts: a problem of an older epoch is from before a cut.
@@ -66,6 +68,7 @@ impl Reduced {
         self.laws.clone_from(&other.laws);
         self.compliance.clone_from(&other.compliance);
         self.violation.clone_from(&other.violation);
+        self.rate.clone_from(&other.rate);
         self.force.clone_from(&other.force);
     }
 }
@@ -108,6 +111,11 @@ pub struct Renderer {
     hand: Hand,
     force: Vec<f64>,
     free: Vec<f64>,
+    /// `[row]` arm × axis
+    levers: Vec<DVec3>,
+    /// `[row]` violation without force, before the hand moves, m.
+    kept: Vec<f64>,
+    /// `[row × row]` W + J C Jᵀ, m/N.
     compliance: Vec<f64>,
 }
 
@@ -131,6 +139,8 @@ impl Renderer {
             hand,
             force: none.clone(),
             free: none.clone(),
+            levers: vec![],
+            kept: none.clone(),
             compliance: none,
         }
     }
@@ -139,42 +149,60 @@ impl Renderer {
     pub fn reserve(&mut self, rows: usize) {
         self.force.reserve(rows);
         self.free.reserve(rows);
+        self.levers.reserve(rows);
+        self.kept.reserve(rows);
         self.compliance.reserve(rows * rows);
     }
 
-    /// Takes a new problem over: forces start at its own, and the proxy where its tool was.
-    pub fn receive(&mut self, problem: &Reduced) {
+    /// Takes a new problem over, for ticks of `step` seconds: forces start at its own, and the proxy where its tool was.
+    pub fn receive(&mut self, problem: &Reduced, step: f64) {
         self.position = problem.position;
         self.rotation = problem.rotation;
-        self.receive_late(problem);
+        self.receive_late(problem, step);
     }
 
     /// Takes over a problem from some ticks ago: the proxy has gone on since, and stays where it is.
-    pub fn receive_late(&mut self, problem: &Reduced) {
+    pub fn receive_late(&mut self, problem: &Reduced, step: f64) {
         self.force.clone_from(&problem.force);
+        self.prepare(problem, step);
     }
 
-    /// One tick of `step` seconds: the force on the hand.
-    pub fn tick(&mut self, problem: &Reduced, hand: Hand, step: f64) -> Tick {
-        let Place { shift, turn, c, ca } = self.without_contact(problem, hand, step);
+    /// What ticks on a problem share.
+    fn prepare(&mut self, problem: &Reduced, step: f64) {
         let rows = problem.axes.len();
-        self.free.clear();
+        let (c, ca) = self.compliances(step);
+        self.levers.clear();
+        self.levers.extend(problem.arms.iter().zip(&problem.axes).map(|(arm, axis)| arm.cross(*axis)));
+        self.kept.clear();
         self.compliance.clear();
+        for (i, line) in problem.compliance.chunks_exact(rows.max(1)).enumerate() {
+            let held: f64 = line.iter().zip(&problem.force).map(|(w, f)| w * f).sum();
+            self.kept.push(problem.violation[i] - held);
+            let (axis, lever) = (problem.axes[i], self.levers[i]);
+            let through = |j: usize| c * axis.dot(problem.axes[j]) + ca * lever.dot(self.levers[j]);
+            self.compliance.extend(line.iter().enumerate().map(|(j, w)| w + through(j)));
+        }
+    }
+
+    /// One tick of `step` seconds, `age` seconds after the hand that the problem knows: the force on the hand. Until the next problem comes
+    /// the skin creeps on as it would under the problem's forces; what the hand does to it on top is its compliance.
+    pub fn tick(&mut self, problem: &Reduced, hand: Hand, step: f64, age: f64) -> Tick {
+        let rows = problem.axes.len();
+        if self.kept.len() != rows {
+            self.prepare(problem, step);
+        }
+        let (c, ca) = self.compliances(step);
+        let (shift, turn) = self.without_contact(problem, hand, step);
+        self.free.clear();
         for i in 0..rows {
-            let (axis, lever) = (problem.axes[i], problem.arms[i].cross(problem.axes[i]));
-            let line = &problem.compliance[i * rows..(i + 1) * rows];
-            let kept: f64 = line.iter().zip(&problem.force).map(|(w, f)| w * f).sum();
-            self.free.push(problem.violation[i] - kept + axis.dot(shift) + lever.dot(turn));
-            for (j, w) in line.iter().enumerate() {
-                let other = problem.arms[j].cross(problem.axes[j]);
-                self.compliance.push(w + c * axis.dot(problem.axes[j]) + ca * lever.dot(other));
-            }
+            let drift = problem.rate.get(i).map_or(0.0, |rate| rate * age);
+            self.free.push(self.kept[i] + drift + problem.axes[i].dot(shift) + self.levers[i].dot(turn));
         }
         self.force.resize(rows, 0.0);
         let mut tick = self.solve(&problem.laws);
         for i in 0..rows {
             tick.force += problem.axes[i] * self.force[i];
-            tick.torque += problem.arms[i].cross(problem.axes[i]) * self.force[i];
+            tick.torque += self.levers[i] * self.force[i];
         }
         self.position = problem.position + shift + tick.force * c;
         self.rotation = DQuat::from_scaled_axis(turn + tick.torque * ca) * problem.rotation;
@@ -182,25 +210,32 @@ impl Renderer {
         tick
     }
 
-    /// Where the proxy would go without contact, from the problem's pose, and how it gives.
-    fn without_contact(&self, problem: &Reduced, hand: Hand, step: f64) -> Place {
+    /// How the coupling gives, m/N and rad/(N·m).
+    fn compliances(&self, step: f64) -> (f64, f64) {
+        let Coupling { stiffness, damping, angular_stiffness, angular_damping } = self.link;
+        match self.rendering {
+            Rendering::Direct => (0.0, 0.0),
+            Rendering::Coupling => {
+                (1.0 / (stiffness + damping / step), 1.0 / (angular_stiffness + angular_damping / step))
+            }
+        }
+    }
+
+    /// Motion of the proxy without contact, from the problem's pose, m and rad.
+    fn without_contact(&self, problem: &Reduced, hand: Hand, step: f64) -> (DVec3, DVec3) {
         let (k, b) = (self.link.stiffness, self.link.damping / step);
         let (ka, ba) = (self.link.angular_stiffness, self.link.angular_damping / step);
         let target = hand.position - problem.position;
         let aim = rotation_vector(hand.rotation * problem.rotation.conjugate());
         if self.rendering == Rendering::Direct {
-            return Place { shift: target, turn: aim, c: 0.0, ca: 0.0 };
+            return (target, aim);
         }
         let moved = hand.position - self.hand.position;
         let from = self.position - problem.position;
         let turned = rotation_vector(hand.rotation * self.hand.rotation.conjugate());
         let turn_from = rotation_vector(self.rotation * problem.rotation.conjugate());
-        Place {
-            shift: (target * k + (from + moved) * b) / (k + b),
-            turn: (aim * ka + (turn_from + turned) * ba) / (ka + ba),
-            c: 1.0 / (k + b),
-            ca: 1.0 / (ka + ba),
-        }
+        let shift = (target * k + (from + moved) * b) / (k + b);
+        (shift, (aim * ka + (turn_from + turned) * ba) / (ka + ba))
     }
 
     /// Sweeps until they end, or the time for them does.
@@ -223,14 +258,6 @@ impl Renderer {
         }
         tick
     }
-}
-
-/// Motion of the proxy without contact, m and rad, and the coupling's compliances, m/N and rad/(N·m).
-struct Place {
-    shift: DVec3,
-    turn: DVec3,
-    c: f64,
-    ca: f64,
 }
 
 #[cfg(test)]
@@ -258,14 +285,14 @@ mod tests {
     #[test]
     fn a_rigid_wall_feels_as_stiff_as_the_coupling() {
         let mut renderer = Renderer::new(LINK, hand(0.0));
-        let force = renderer.tick(&wall(0.0), hand(-1e-3), 1e-3).force.z;
+        let force = renderer.tick(&wall(0.0), hand(-1e-3), 1e-3, 0.0).force.z;
         assert!((force - 1.0).abs() < 1e-6, "{force}");
     }
 
     #[test]
     fn skin_and_coupling_are_springs_in_series() {
         let mut renderer = Renderer::new(LINK, hand(0.0));
-        let force = renderer.tick(&wall(3e-3), hand(-1e-3), 1e-3).force.z;
+        let force = renderer.tick(&wall(3e-3), hand(-1e-3), 1e-3, 0.0).force.z;
         assert!((force - 0.25).abs() < 1e-6, "{force}");
         assert!((renderer.position.z + 0.75e-3).abs() < 1e-9);
     }
@@ -273,6 +300,6 @@ mod tests {
     #[test]
     fn there_is_no_force_off_the_wall() {
         let mut renderer = Renderer::new(LINK, hand(0.0));
-        assert_eq!(renderer.tick(&wall(0.0), hand(1e-3), 1e-3).force, DVec3::ZERO);
+        assert_eq!(renderer.tick(&wall(0.0), hand(1e-3), 1e-3, 0.0).force, DVec3::ZERO);
     }
 }

@@ -20,6 +20,10 @@ pub const BUDGET: Duration = Duration::from_micros(300);
 /// A problem that is at most this many ticks old is of the hand as it is, and says where the proxy is; to an older one it has moved on.
 const FRESH: f64 = 1.5;
 
+/// Steps of the simulation for which the skin is taken to go on as it moved at the end of the last one: a problem is up to two steps old
+/// before the next one comes, and what moves for longer has been stopped by something.
+const MOST_STEPS: f64 = 2.0;
+
 /// Which buttons do what; bit k for button k.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Buttons {
@@ -228,7 +232,8 @@ impl Servo {
         self.place(reading, clutched || frozen || (self.begun && self.guard.stopped()));
         let cut = self.receive(problem, age);
         if !frozen {
-            self.rendered = self.renderer.tick(&problem.reduced, self.hand, self.settings.tick);
+            let ahead = age.clamp(0.0, MOST_STEPS * self.settings.step);
+            self.rendered = self.renderer.tick(&problem.reduced, self.hand, self.settings.tick, ahead);
             if !(self.rendered.force.is_finite() && self.rendered.torque.is_finite()) {
                 self.counts.non_finite += 1;
                 self.rendered = Tick { sweeps: self.rendered.sweeps, ..Tick::default() };
@@ -300,8 +305,8 @@ impl Servo {
             return false;
         }
         match age <= FRESH * self.settings.tick {
-            true => self.renderer.receive(&problem.reduced),
-            false => self.renderer.receive_late(&problem.reduced),
+            true => self.renderer.receive(&problem.reduced, self.settings.tick),
+            false => self.renderer.receive_late(&problem.reduced, self.settings.tick),
         }
         let cut = self.number.is_some() && problem.reduced.epoch != self.epoch;
         (self.number, self.epoch) = (Some(problem.number), problem.reduced.epoch);

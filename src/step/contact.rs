@@ -331,6 +331,20 @@ impl Simulation {
         }
     }
 
+    /// How fast what one of two bodies has moved by in a step goes on under held forces, per s. What is rigid keeps its motion; skin creeps on
+    /// by its viscosity alone: `K x + τ K ẋ = f` in implicit Euler has `Δx' = τ/(τ + h) Δx`, τ the Rayleigh damping by stiffness.
+    fn goes_on(&self, on: [Who; 2]) -> f64 {
+        let h = self.step_size();
+        let memory = |who: &Who| match who {
+            Who::Skin(body) => {
+                let viscosity = self.scene.skins[*body].rayleigh_stiffness;
+                viscosity / (viscosity + h)
+            }
+            _ => 1.0,
+        };
+        on.iter().map(memory).fold(1.0, f64::min) / h
+    }
+
     /// The reduced contact problem of each tool, for the haptic side.
     fn hand_over(&mut self, problem: &Problem, found: &[f64], lambda: &[f64]) {
         let (rows, laws) = (&problem.rows, &problem.laws);
@@ -346,6 +360,17 @@ impl Simulation {
                 _ => 0.0,
             };
             let free = &problem.free[number];
+            let (force, torque) = rows.on_rigid(number, lambda);
+            let own = [free.shift + force * free.compliance, free.turn + free.angular_compliance * torque];
+            // what the tool has not opened itself goes on; an edge that cuts has no hold on the skin's motion
+            let rate = |row: usize| match (laws[row / 3], rows.of_rigid(row, number)) {
+                (Law::Coulomb { .. }, Some((axis, lever))) => {
+                    let contact = &rows.contacts[row / 3];
+                    let opened = found[row] - contact.gap[row % 3] - axis.dot(own[0]) - lever.dot(own[1]);
+                    self.goes_on(contact.on) * opened
+                }
+                _ => 0.0,
+            };
             let give = |i: usize, j: usize| problem.w[i * count + j] - rows.rigid_part(i, j, number, free);
             self.reduced[number] = Reduced {
                 position: tool.position,
@@ -355,6 +380,7 @@ impl Simulation {
                 laws: sides.iter().step_by(3).map(|(row, _)| laws[row / 3]).collect(),
                 compliance: sides.iter().flat_map(|(i, _)| sides.iter().map(move |(j, _)| give(*i, *j))).collect(),
                 violation: sides.iter().map(|(row, _)| remaining(*row)).collect(),
+                rate: sides.iter().map(|(row, _)| rate(*row)).collect(),
                 force: sides.iter().map(|(row, _)| lambda[*row]).collect(),
                 epoch: self.epoch,
             };

@@ -50,7 +50,7 @@ fn energy(link: Coupling, compliance: f64, depth: f64, tilt: f64) -> (f64, f64) 
         |depth: f64, tilt: f64| Hand { position: DVec3::new(0.0, 0.0, -depth), rotation: DQuat::from_rotation_y(tilt) };
     let wall = wall(&[DVec3::new(HALF, 0.0, 0.0), DVec3::new(-HALF, 0.0, 0.0)], compliance);
     let mut renderer = Renderer::new(link, at(DVec3::ZERO));
-    let tick = (0..200).map(|_| renderer.tick(&wall, hand(depth, tilt), TICK)).last().expect("ticks");
+    let tick = (0..200).map(|_| renderer.tick(&wall, hand(depth, tilt), TICK, 0.0)).last().expect("ticks");
     let (force, torque) = (tick.force.z, tick.torque.y);
     // at x = ±HALF the torque about y is ∓HALF times the force
     let [a, b] = [1.0, -1.0].map(|side| 0.5 * force - side * 0.5 * torque / HALF);
@@ -84,14 +84,14 @@ fn the_proxy_does_not_jump_back_when_an_old_problem_comes_in() {
         let (soft, speed) = (wall(&[DVec3::ZERO], 1e-3), 0.05);
         let mut last = 0.0;
         for k in 0..100 {
-            last = renderer.tick(&soft, at(DVec3::new(0.0, 0.0, -speed * TICK * f64::from(k))), TICK).force.z;
+            last = renderer.tick(&soft, at(DVec3::new(0.0, 0.0, -speed * TICK * f64::from(k))), TICK, 0.0).force.z;
         }
         if late {
-            renderer.receive_late(&soft)
+            renderer.receive_late(&soft, TICK)
         } else {
-            renderer.receive(&soft)
+            renderer.receive(&soft, TICK)
         }
-        (renderer.tick(&soft, at(DVec3::new(0.0, 0.0, -speed * 0.1)), TICK).force.z - last).abs() / last
+        (renderer.tick(&soft, at(DVec3::new(0.0, 0.0, -speed * 0.1)), TICK, 0.0).force.z - last).abs() / last
     };
     assert!(jump(true) < 0.03, "{}", jump(true));
     assert!(jump(false) > 0.3, "the counter-test: {}", jump(false));
