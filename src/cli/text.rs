@@ -9,7 +9,7 @@ use cutis::scene::Scene;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Five lines on what a run did.
+/// Five lines on what a run did, and one more on its haptic loop where the wall clock paced it.
 pub fn summary(scene: &Scene, summary: &Summary, out: &Path) -> String {
     let r = &summary.report;
     let [size, step, solve, cut] = [body(r), speed(r), accuracy(scene, r), wound(scene, r)];
@@ -22,7 +22,24 @@ pub fn summary(scene: &Scene, summary: &Summary, out: &Path) -> String {
         1 => format!("1 picture in {}frames", super::shown(out)),
         n => format!("{n} pictures in {}frames", super::shown(out)),
     };
-    format!("{size}\n{step}\n{solve}\n{cut}\n{force}; {pictures}, everything else in {}\n", super::shown(out))
+    let ticks = ticks(r);
+    format!("{size}\n{step}\n{solve}\n{cut}\n{ticks}{force}; {pictures}, everything else in {}\n", super::shown(out))
+}
+
+/// How the loop kept its time; nothing of a run by the scene's clock.
+fn ticks(r: &Report) -> String {
+    let h = &r.haptic;
+    let Some(missed) = h.missed else { return String::new() };
+    let us = |value: Option<f64>| value.map_or("no".into(), |v| format!("{v:.0}"));
+    format!(
+        "haptic loop at {} Hz: 99 of 100 periods within {} µs and ticks within {} µs, {missed} deadlines missed; largest force {:.3} N, \
+         change in a tick {:.3} N\n",
+        h.rate_hz,
+        us(h.period_us.p99),
+        us(h.tick_us.p99),
+        h.force_n_max,
+        h.force_jump_n_max
+    )
 }
 
 fn body(r: &Report) -> String {

@@ -104,6 +104,8 @@ pub struct Renderer {
     pub rendering: Rendering,
     /// Time for the sweeps of a tick; none where results must not depend on a clock.
     pub budget: Option<Duration>,
+    /// Sweeps of a tick at most.
+    pub max_sweeps: u32,
     /// Proxy position, m.
     pub position: DVec3,
     /// Proxy rotation.
@@ -119,8 +121,8 @@ pub struct Renderer {
     compliance: Vec<f64>,
 }
 
-/// Sweeps of one tick at most: with warm starts the force moves by under 0.1 % after ten (0.3 ms allows hundreds of rows' worth).
-const MAX_SWEEPS: u32 = 20;
+/// Sweeps of one tick at most: with warm starts the force moves by under 0.1 % after ten (`benches/haptic.rs`).
+pub const MAX_SWEEPS: u32 = 20;
 /// Relative change of the forces per sweep at which sweeps end: 0.1 mN of 1 N, far below what a hand can tell.
 const SWEEP_TOLERANCE: f64 = 1e-4;
 /// Sweeps between two looks at the clock: a look costs about as much as a sweep over one contact.
@@ -134,6 +136,7 @@ impl Renderer {
             link,
             rendering: Rendering::Coupling,
             budget: None,
+            max_sweeps: MAX_SWEEPS,
             position: hand.position,
             rotation: hand.rotation,
             hand,
@@ -241,9 +244,10 @@ impl Renderer {
     /// Sweeps until they end, or the time for them does.
     fn solve(&mut self, laws: &[Law]) -> Tick {
         let mut tick = Tick::default();
-        let chunk = self.budget.map_or(MAX_SWEEPS, |_| SWEEPS_PER_LOOK);
         let begin = self.budget.map(|_| Instant::now());
-        while tick.sweeps < MAX_SWEEPS {
+        while tick.sweeps < self.max_sweeps {
+            let left = self.max_sweeps - tick.sweeps;
+            let chunk = self.budget.map_or(left, |_| SWEEPS_PER_LOOK.min(left));
             let done = relax(laws, &self.compliance, &self.free, &mut self.force, SWEEP_TOLERANCE, chunk);
             tick.sweeps += done;
             if done < chunk {

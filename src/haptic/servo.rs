@@ -9,7 +9,7 @@ use super::cells::{Felt, Problem};
 use super::device::{Limits, Reading, Workspace, Wrench};
 use super::guard::{Guard, LATE_STEPS, LOST_AFTER, Signs};
 use super::passivity::Passivity;
-use super::{Hand, Renderer, Tick};
+use super::{Hand, MAX_SWEEPS, Renderer, Tick};
 use crate::instrument::rotation_vector;
 use crate::scene::{self, Coupling, Rendering, Role};
 use glam::{DQuat, DVec3};
@@ -71,6 +71,8 @@ pub struct Settings {
     pub guarded: bool,
     /// Time for the sweeps; none where results must not depend on a clock.
     pub budget: Option<Duration>,
+    /// Sweeps of a tick at most.
+    pub max_sweeps: u32,
     /// Rows of the largest problem.
     pub rows: usize,
 }
@@ -90,6 +92,7 @@ impl Settings {
             passivity: device.passivity,
             guarded: true,
             budget: None,
+            max_sweeps: MAX_SWEEPS,
             rows: 0,
         }
     }
@@ -190,6 +193,7 @@ impl Servo {
     pub fn new(settings: Settings, start: Hand) -> Self {
         let mut renderer = Renderer::new(settings.link, start);
         (renderer.rendering, renderer.budget) = (settings.rendering, settings.budget);
+        renderer.max_sweeps = settings.max_sweeps;
         renderer.reserve(settings.rows);
         Self {
             renderer,

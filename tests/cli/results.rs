@@ -193,6 +193,8 @@ fn a_run_by_the_wall_clock_says_what_the_clock_has_shown() -> Outcome {
         ensure!(haptic.pointer(key).is_some_and(Value::is_number), "{key}: {haptic}");
     }
     let cores = std::thread::available_parallelism().map_err(|e| e.to_string())?.get();
+    let said = work.cutis(&["scene.toml", "--backend", "cpu", "--realtime", "--frames", "0"])?.out;
+    ensure!(said.lines().count() == 6 && said.contains("haptic loop at 1000 Hz: 99 of 100 periods within"), "{said}");
     let told = format!("{} threads", cores.saturating_sub(1).max(1));
     ensure!(report["adapter"].as_str().is_some_and(|a| a.starts_with(&told)), "{}", report["adapter"]);
     Ok(())

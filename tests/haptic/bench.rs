@@ -4,7 +4,7 @@ use cutis::constraints::Law;
 use cutis::haptic::cells::Problem;
 use cutis::haptic::device::{Limits, Reading, Workspace};
 use cutis::haptic::servo::{Buttons, Servo, Settings};
-use cutis::haptic::{Hand, Reduced};
+use cutis::haptic::{Hand, MAX_SWEEPS, Reduced};
 use cutis::scene::{Coupling, Pose, Rendering};
 use glam::{DQuat, DVec3};
 
@@ -30,6 +30,7 @@ pub fn plain(link: Coupling) -> Settings {
         passivity: false,
         guarded: false,
         budget: None,
+        max_sweeps: MAX_SWEEPS,
         rows: 30,
     }
 }

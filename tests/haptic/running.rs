@@ -184,6 +184,50 @@ fn a_simulated_hand_gives_way_and_moves_the_tool() {
     assert!(summary.report.haptic.energy_out_j < 1e-6, "{:?}", summary.report.haptic);
 }
 
+/// A ball that a hand moves about at random on the skin: in and out, and sideways.
+fn shaken(seed: u64, passivity: bool) -> cutis::report::HapticReport {
+    let mut state = seed;
+    let mut random = |low: f64, high: f64| {
+        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        low + (high - low) * (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let mut path = String::from("[0.0, 0.0, 0.0, 3.05]");
+    for k in 1..=40 {
+        let at = [random(-0.5, 0.5), random(-0.5, 0.5), random(2.5, 3.1)];
+        path += &format!(", [{}, {}, {}, {}]", f64::from(k) * 0.0125, at[0], at[1], at[2]);
+    }
+    // nothing that takes energy, and problems of 20 ms
+    let press = PRESS
+        .replace("step_ms = 5.0", "step_ms = 20.0")
+        .replace("cells = [4, 4]\n", "cells = [4, 4]\nrayleigh_stiffness_s = 0\nrayleigh_mass_per_s = 0\n");
+    let (before, after) = press.split_at(press.find("path_mm").expect("there"));
+    let after = &after[after.find('\n').expect("there")..];
+    let device = format!(
+        "[tool.coupling]\nstiffness_n_m = 1000\ndamping_n_s_m = 0\n[tool.device]\nkind = \"replay\"\n\
+         passivity = {passivity}\n[contact]\nfriction = 0.0\n"
+    );
+    ran(&format!("{before}path_mm = [{path}]{after}{device}"), &format!("shaken_{seed}_{passivity}"), false)
+        .0
+        .report
+        .haptic
+}
+
+#[test]
+fn a_hand_that_moves_at_random_on_the_skin_gets_no_energy_out_of_it() {
+    // what a force, held over one tick, may give before the next reading shows it: 0.6 mm in 12.5 ms
+    let tick = 0.6e-3 / 12.5;
+    let mut without: f64 = 0.0;
+    for seed in 1..=6 {
+        let (with, free) = (shaken(seed, true), shaken(seed, false));
+        without = without.max(free.energy_out_j / free.force_n_max / tick);
+        let out = with.energy_out_j / with.force_n_max / tick;
+        measured(&format!("seed {seed}: {out:.3} ticks of the largest force, {without:.3} without the controller"));
+        // where the path turns on a tick, what that tick gives is seen one tick later
+        assert!(with.force_n_max > 0.01 && out < 0.25, "seed {seed}: {with:?}");
+    }
+    assert!(without > 2.0, "the counter-test: {without} without the controller");
+}
+
 #[test]
 fn a_hand_at_rest_and_a_frame_of_its_own() {
     let null = "[tool.device]\nkind = \"null\"\nposition_mm = [1, 2, 3]\nturn_deg = [0, 90, 0]\nscale = 2.0\n";

@@ -9,8 +9,8 @@
 //!             ◀──read─── [newest state] ◀── (the socket) ◀─one frame──
 //! ```
 //!
-//! [`open`] waits for the inventory, picks an arm and a grip, and starts the thread. [`Client`] is the loop's end: [`read`](Client::read)
-//! and [`write`](Client::write) touch cells with the newest value, and never wait, lock or allocate. The thread sends when the loop has
+//! [`open`] waits for the inventory, picks an arm and a grip, and starts the thread. [`Client`] is the loop's end: [`read`](super::device::Device::read)
+//! and [`write`](super::device::Device::write) touch cells with the newest value, and never wait, lock or allocate. The thread sends when the loop has
 //! written, and takes every frame that has come before it sends again, so nothing piles up before a slow peer or after a burst.
 //!
 //! What keeps the hand safe: a force goes out only while the loop writes (50 ms after its last word the thread sends zero), only after a
