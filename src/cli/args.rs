@@ -76,7 +76,7 @@ pub struct Run {
     /// Pace the steps by the wall clock, with a 1 kHz thread for each device; pictures take time, so think of --frames 0
     #[arg(long)]
     pub realtime: bool,
-    /// Keep what each device says and is given in DIR/hand_TOOL.csv, which a scene can take as a `trajectory`
+    /// Keep how each device moved and what it was given in DIR/hand_TOOL.csv, which a scene can take as a `trajectory`
     #[arg(long)]
     pub record: bool,
     /// Folder of the results; files of an earlier run in it are replaced

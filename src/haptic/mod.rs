@@ -127,6 +127,8 @@ pub const MAX_SWEEPS: u32 = 20;
 const SWEEP_TOLERANCE: f64 = 1e-4;
 /// Sweeps between two looks at the clock: a look costs about as much as a sweep over one contact.
 const SWEEPS_PER_LOOK: u32 = 4;
+/// Contacts from which a sweep takes far longer than a look at the clock.
+const CROWDED: usize = 10;
 
 impl Renderer {
     /// A proxy that rests at the hand.
@@ -155,6 +157,12 @@ impl Renderer {
         self.levers.reserve(rows);
         self.kept.reserve(rows);
         self.compliance.reserve(rows * rows);
+    }
+
+    /// Forgets what it was doing: the proxy rests at a hand, without force.
+    pub fn rest_at(&mut self, hand: Hand) {
+        (self.position, self.rotation, self.hand) = (hand.position, hand.rotation, hand);
+        self.force.fill(0.0);
     }
 
     /// Takes a new problem over, for ticks of `step` seconds: forces start at its own, and the proxy where its tool was.
@@ -245,9 +253,10 @@ impl Renderer {
     fn solve(&mut self, laws: &[Law]) -> Tick {
         let mut tick = Tick::default();
         let begin = self.budget.map(|_| Instant::now());
+        let between = if laws.len() < CROWDED { SWEEPS_PER_LOOK } else { 1 };
         while tick.sweeps < self.max_sweeps {
             let left = self.max_sweeps - tick.sweeps;
-            let chunk = self.budget.map_or(left, |_| SWEEPS_PER_LOOK.min(left));
+            let chunk = self.budget.map_or(left, |_| between.min(left));
             let done = relax(laws, &self.compliance, &self.free, &mut self.force, SWEEP_TOLERANCE, chunk);
             tick.sweeps += done;
             if done < chunk {

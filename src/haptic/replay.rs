@@ -4,6 +4,7 @@
 //! Units: m, s, N, N·m; files in mm, N, N·mm.
 
 use super::device::{Device, Limits, Reading, Workspace, Wrench};
+use super::guard::LOST_AFTER;
 use crate::error::{Error, Result};
 use crate::instrument::along;
 use crate::scene::{FORCE_COLUMNS, Pose, TRAJECTORY_COLUMNS};
@@ -93,12 +94,12 @@ impl Device for Null {
     }
 }
 
-/// Keeps what a device says and is given, and writes it when it is closed. Its memory is taken at the start: a tick allocates nothing.
+/// Keeps what a device says (as it moved, not as clutch or freeze moved its tool) and is given, and writes it when it is closed. Its memory is taken at the start: a tick allocates nothing.
 pub struct Recorder {
     inner: Box<dyn Device>,
     workspace: Workspace,
     path: PathBuf,
-    rows: Vec<(f64, Reading, Wrench)>,
+    rows: Vec<(f64, Reading, Option<Wrench>)>,
     lost: usize,
 }
 
@@ -112,13 +113,13 @@ impl Recorder {
         let header: Vec<&str> = TRAJECTORY_COLUMNS.iter().chain(&FORCE_COLUMNS).copied().collect();
         let mut text = header.join(",") + "\n";
         let mut last = f64::NEG_INFINITY;
-        for (time, reading, wrench) in self.rows.iter().filter(|row| row.1.is_sound()) {
+        for (time, reading, wrench) in self.rows.iter().filter(|row| row.1.is_sound() && row.1.age <= LOST_AFTER) {
             if *time <= last {
                 continue; // times rise in a trajectory; a device that is read twice at once says the same
             }
             last = *time;
             let there = self.workspace.to_scene(*reading);
-            let felt = self.workspace.wrench_to_scene(*wrench, reading.rotation);
+            let felt = self.workspace.wrench_to_scene(wrench.unwrap_or_default(), reading.rotation);
             let groups = [there.position.to_array().map(|x| x * 1e3), felt.force.to_array()];
             let [place, force] = groups.map(|g| format!("{},{},{}", g[0], g[1], g[2]));
             let [qx, qy, qz, qw] = there.rotation.to_array();
@@ -142,15 +143,15 @@ impl Device for Recorder {
     fn read(&mut self, time: f64) -> Reading {
         let reading = self.inner.read(time);
         match self.rows.len() < self.rows.capacity() {
-            true => self.rows.push((time, reading, Wrench::default())),
+            true => self.rows.push((time, reading, None)),
             false => self.lost += 1,
         }
         reading
     }
 
     fn write(&mut self, time: f64, wrench: Wrench) {
-        if let Some(row) = self.rows.last_mut().filter(|_| self.lost == 0) {
-            row.2 = wrench;
+        if let Some(row) = self.rows.last_mut().filter(|row| self.lost == 0 && row.2.is_none()) {
+            row.2 = Some(wrench);
         }
         self.inner.write(time, wrench);
     }

@@ -175,6 +175,11 @@ pub struct Servo {
     heard: bool,
     /// Some force was let through once.
     begun: bool,
+    /// When the last tick was, and the last sound reading, s.
+    ticked: Option<f64>,
+    sound_at: Option<f64>,
+    /// The last tick's force was no number.
+    spoilt: bool,
     hand: Hand,
     held: bool,
     shift: DVec3,
@@ -203,6 +208,9 @@ impl Servo {
             last: None,
             heard: false,
             begun: false,
+            ticked: None,
+            sound_at: None,
+            spoilt: false,
             hand: start,
             held: false,
             shift: DVec3::ZERO,
@@ -223,7 +231,15 @@ impl Servo {
         let age = time - problem.time;
         let late = age > LATE_STEPS * self.settings.step;
         let is_pose = reading.position.is_finite() && reading.rotation.is_finite();
-        let lost = !(is_pose && reading.age <= LOST_AFTER); // an age that is no number is lost as well
+        // a reading is lost when it is no pose or old (or of an age that is no number), when none was sound for long, when the loop itself
+        // has stood still for so long that the device has let go by itself, and when what was rendered is no force
+        let stood_still = time - self.ticked.replace(time).unwrap_or(time) > LOST_AFTER;
+        if reading.is_sound() || self.sound_at.is_none() {
+            self.sound_at = Some(time);
+        }
+        let silent = self.sound_at.is_some_and(|at| time - at > LOST_AFTER);
+        let lost = !(is_pose && reading.age <= LOST_AFTER) || silent || stood_still || self.spoilt;
+        self.spoilt = false;
         self.heard |= !lost && reading.is_sound();
         let reading = self.sound(reading);
         let down = |mask: u32| reading.is_some_and(|r| r.buttons & mask != 0);
@@ -240,6 +256,8 @@ impl Servo {
             self.rendered = self.renderer.tick(&problem.reduced, self.hand, self.settings.tick, ahead);
             if !(self.rendered.force.is_finite() && self.rendered.torque.is_finite()) {
                 self.counts.non_finite += 1;
+                self.spoilt = true;
+                self.renderer.rest_at(self.hand);
                 self.rendered = Tick { sweeps: self.rendered.sweeps, ..Tick::default() };
             }
         }

@@ -108,7 +108,9 @@ pub(super) fn lines(scene: &Scene, simulation: &Simulation, options: &Options) -
         }
         let mut device = open(&spec, asked)?;
         if options.record {
-            let file = options.out.join(format!("hand_{}.csv", asked.name));
+            let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+            let name: String = asked.name.chars().map(plain).collect();
+            let file = options.out.join(format!("hand_{name}.csv"));
             device = Box::new(Recorder::new(device, Workspace::new(&spec), file, room(scene)));
         }
         let unlimited = Limits { force: f64::INFINITY, torque: f64::INFINITY };

@@ -22,7 +22,7 @@ use std::time::{Duration, Instant};
 /// Seconds of ticks that the ring between a servo and the table holds: a picture takes less.
 const RING: f64 = 8.0;
 
-type Ended = Result<(Timing, Felt)>;
+type Ended = (Timing, Felt, Result<()>);
 
 /// All devices, running.
 pub(super) struct Live {
@@ -35,6 +35,8 @@ pub(super) struct Live {
     /// When the hands were looked at last, s.
     seen: f64,
     done: Option<(Timing, Vec<Counts>)>,
+    /// What a loop ended with; told after the report is written.
+    failed: Option<Error>,
 }
 
 struct Link {
@@ -46,11 +48,22 @@ struct Link {
 impl Live {
     /// Opens the devices and starts their threads; none without tools that a hand holds.
     pub fn start(scene: &Scene, simulation: &Simulation, options: &Options) -> Result<Self> {
-        let (start, stop) = (Instant::now(), Arc::new(AtomicBool::new(false)));
+        let stop = Arc::new(AtomicBool::new(false));
         let ticks = Some(Ticks::create(&options.out)?);
         let opened = lines(scene, simulation, options)?;
-        let mut live =
-            Self { links: vec![], ticks, stop, start, rate: scene.haptic.rate, late_steps: 0, seen: 0.0, done: None };
+        // devices take their time to open; the clock begins when all are there
+        let start = Instant::now();
+        let mut live = Self {
+            links: vec![],
+            ticks,
+            stop,
+            start,
+            rate: scene.haptic.rate,
+            late_steps: 0,
+            seen: 0.0,
+            done: None,
+            failed: None,
+        };
         for (line, tool) in opened.into_iter().zip(&simulation.tools) {
             let Line { servo, device, .. } = line;
             let settings = crate::haptic::servo::Settings { budget: Some(BUDGET), ..servo.settings };
@@ -109,13 +122,18 @@ impl Live {
         let (mut timing, mut counts) = (Timing::new(), vec![]);
         for link in &mut self.links {
             let Some(thread) = link.thread.take() else { continue };
-            let ended = thread.join().map_err(|_| Error::Usage {
+            let panicked = |_| Error::Usage {
                 what: "a haptic thread has panicked".into(),
                 fix: "report what it said above, with the scene".into(),
-            })?;
-            let (of_one, felt) = ended?;
-            timing.merge(&of_one);
-            counts.push(felt.counts);
+            };
+            match thread.join().map_err(panicked) {
+                Ok((of_one, felt, closed)) => {
+                    timing.merge(&of_one);
+                    counts.push(felt.counts);
+                    self.failed = self.failed.take().or(closed.err());
+                }
+                Err(error) => self.failed = Some(error),
+            }
         }
         self.done = Some((timing, counts));
         self.drain()
@@ -130,8 +148,12 @@ impl Live {
     }
 
     /// Closes the table.
+    ///
+    /// # Errors
+    /// When it cannot be written, or a device was not closed as it should.
     pub fn finish(mut self) -> Result<()> {
-        self.ticks.take().map_or(Ok(()), Ticks::finish)
+        self.ticks.take().map_or(Ok(()), Ticks::finish)?;
+        self.failed.take().map_or(Ok(()), Err)
     }
 }
 

@@ -71,7 +71,7 @@ fn a_hand_settles_in_walls_up_to_the_stiffness_of_theory() {
             if settles(damping, spring(middle), tick) { low = middle } else { high = middle }
         }
         measured(&format!("b {damping} N·s/m, T {tick} s: settles up to {low:.0} N/m, {:.3} of 2 b / T", low / theory));
-        assert!((low / theory - 1.0).abs() < 0.1, "{low} N/m, theory {theory} N/m");
+        assert!((low / theory - 1.0).abs() < 0.01, "{low} N/m, theory {theory} N/m");
     }
 }
 

@@ -112,6 +112,9 @@ fn a_pose_that_is_no_number_stops_and_one_that_is_unsound_keeps_the_last() {
     let fast = Reading { velocity: DVec3::NAN, ..reading(DVec3::ONE) };
     assert!(rig.run(0.005, fast).iter().all(|r| r.velocity == DVec3::ZERO && (force(r) - 1.0).abs() < 1e-6));
     assert_eq!((rig.servo.counts().stops, rig.servo.counts().unsound), (0, 10));
+    // but not for ever: where it is now, nobody knows
+    let gone = rig.run(LOST_AFTER + 0.02, twisted);
+    assert_eq!((force(gone.last().expect("ticks")), rig.servo.counts().stops), (0.0, 1));
     for broken in [
         reading(DVec3::NAN),
         reading(DVec3::new(f64::INFINITY, 0.0, 0.0)),
@@ -142,10 +145,31 @@ fn a_device_is_where_its_workspace_says_from_its_first_word_on() {
 #[test]
 fn a_problem_that_is_no_number_gives_no_force() {
     let mut rig = Rig::new(plain(spring(1000.0)));
+    let sound = rig.problem.clone();
     rig.problem.reduced.violation[0] = f64::NAN;
     let records = rig.run(0.01, reading(DEPTH));
     assert!(records.iter().all(|r| r.wrench == Wrench::default()));
     assert_eq!(rig.servo.counts().non_finite, 10);
+    // a sound one after it is felt again, also when it is some ticks old
+    rig.servo.settings.step = 1e3;
+    rig.problem = Problem { number: 7, time: 0.0, ..sound };
+    let records = rig.go_on(0.01, reading(DEPTH));
+    let last = records.last().expect("ticks");
+    assert!((force(last) - 1.0).abs() < 1e-3 && last.proxy.is_finite(), "{last:?}");
+}
+
+#[test]
+fn a_loop_that_stood_still_ramps_in_again() {
+    let mut rig = Rig::new(guarded());
+    rig.run(0.5, reading(DEPTH));
+    rig.time += 1.2 * LOST_AFTER;
+    let after = rig.run(0.02, reading(DEPTH));
+    assert!(force(after.last().expect("ticks")) == 0.0 && rig.servo.counts().stops == 1);
+    let mut other = Rig::new(guarded());
+    other.run(0.5, reading(DEPTH));
+    other.time += 0.5 * LOST_AFTER;
+    other.run(0.02, reading(DEPTH));
+    assert_eq!(other.servo.counts().stops, 0, "the counter-test: a shorter pause");
 }
 
 #[test]

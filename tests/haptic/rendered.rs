@@ -99,15 +99,19 @@ fn the_proxy_does_not_jump_back_when_an_old_problem_comes_in() {
 
 #[test]
 fn a_tick_allocates_nothing() {
-    let settings = cutis::haptic::servo::Settings { passivity: true, guarded: true, ..plain(spring(1000.0)) };
+    let budget = Some(cutis::haptic::servo::BUDGET);
+    let settings = cutis::haptic::servo::Settings { passivity: true, guarded: true, budget, ..plain(spring(1000.0)) };
     let mut servo = servo(settings);
     let arms: Vec<DVec3> = (0..8).map(|k| DVec3::new(1e-3 * f64::from(k), 0.0, 0.0)).collect();
-    let problems = [problem(wall(&arms, 1e-3)), problem(wall(&arms[..3], 2e-3))];
-    let ticks = |servo: &mut Servo, kept: &mut Vec<Reading>, keep: bool| {
+    let mut problems = [problem(wall(&arms, 1e-3)), problem(wall(&arms[..3], 2e-3))];
+    let mut ticks = |servo: &mut Servo, kept: &mut Vec<Reading>, keep: bool| {
         for k in 0..1000 {
             let time = f64::from(k) * TICK;
             let hand = reading(DVec3::new(0.0, 0.0, -1e-3 * (10.0 * time).sin()));
-            servo.tick(hand, &problems[usize::from(k / 100 % 2 == 1)], time);
+            // each hundred ticks a problem that it has not seen
+            let problem = &mut problems[usize::from(k / 100 % 2 == 1)];
+            problem.number += u64::from(k % 100 == 0);
+            servo.tick(hand, problem, time);
             if keep && k == 500 {
                 kept.push(hand);
             }

@@ -219,9 +219,12 @@ fn a_hand_that_moves_at_random_on_the_skin_gets_no_energy_out_of_it() {
     let mut without: f64 = 0.0;
     for seed in 1..=6 {
         let (with, free) = (shaken(seed, true), shaken(seed, false));
-        without = without.max(free.energy_out_j / free.force_n_max / tick);
+        let uncontrolled = free.energy_out_j / free.force_n_max / tick;
+        without = without.max(uncontrolled);
         let out = with.energy_out_j / with.force_n_max / tick;
-        measured(&format!("seed {seed}: {out:.3} ticks of the largest force, {without:.3} without the controller"));
+        measured(&format!(
+            "seed {seed}: {out:.3} ticks of the largest force, {uncontrolled:.3} without the controller"
+        ));
         // where the path turns on a tick, what that tick gives is seen one tick later
         assert!(with.force_n_max > 0.01 && out < 0.25, "seed {seed}: {with:?}");
     }
@@ -256,7 +259,11 @@ fn a_run_by_the_wall_clock_takes_its_time_and_leaves_every_tick() {
     assert!(rows.windows(2).all(|pair| pair[0][0] < pair[1][0]), "times rise");
     let period = report.period_us.p50.expect("measured");
     assert!((period / 1000.0 - 1.0).abs() < 0.2, "{period} µs between ticks");
-    assert!(rows.last().expect("rows")[10] > 0.03 || report.late_ticks > 0, "{report:?}");
+    let whole = rows.iter().rev().find(|row| row[15] == 1.0);
+    match whole {
+        Some(row) => assert!(row[10] > 0.005, "{row:?} {report:?}"),
+        None => println!("the machine was too busy for a force: {} late ticks", report.late_ticks),
+    }
     assert!(rows[0][15] < 0.1, "it ramps in");
     measured(&format!("{report:?}"));
 }
@@ -284,7 +291,9 @@ fn two_hands_feel_the_skin_on_two_stand_ins() {
     let mut scene = cutis::scene::read(&path).unwrap_or_else(|e| panic!("{e}"));
     (scene.skins[0].cells, scene.time.step, scene.time.duration, scene.view.frames) = ([8, 8], 0.05, 1.4, 0);
     let start = |tool: &cutis::scene::Tool| {
-        let options = mock::Options { port: 0, path: tool.trajectory.clone(), ..mock::Options::default() };
+        // a stand-in's time is frames: at half the path's times it is in the skin early, also where frames get lost
+        let path = tool.trajectory.iter().map(|pose| Pose { time: 0.5 * pose.time, ..*pose }).collect();
+        let options = mock::Options { port: 0, path, ..mock::Options::default() };
         mock::Mock::start(options).unwrap_or_else(|e| panic!("{e}"))
     };
     let mocks: Vec<mock::Mock> = scene.tools.iter().map(start).collect();

@@ -21,8 +21,9 @@ const LATE: Duration = Duration::from_millis(5);
 /// A peer that owes an answer for this long is gone.
 const SILENCE: Duration = Duration::from_secs(1);
 
-/// First wait before a lost connection is taken up again; it doubles up to [`LONGEST_WAIT`].
-const FIRST_WAIT: Duration = Duration::from_millis(20);
+/// First wait before a lost connection is taken up again; it doubles up to [`LONGEST_WAIT`]. Longer than what a servo takes for lost
+/// ([`LOST_AFTER`](crate::haptic::guard::LOST_AFTER)), so that the force ramps in again after it.
+const FIRST_WAIT: Duration = Duration::from_millis(70);
 /// So that a service that comes back is found within a second, and one that does not costs nothing.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
 /// Patience of a further try, short so that closing does not wait long for one.

@@ -39,6 +39,8 @@ pub const PORT: u16 = 10001;
 
 /// A device without a command for this long is idle; ten times what a client takes to let go by itself.
 const IDLE: Duration = Duration::from_millis(500);
+/// Hands go back to the start of their path when nobody was there for this long: the next client is another run.
+const ANEW: Duration = Duration::from_millis(1500);
 /// Longest wait between two looks at whether to stop.
 const SLICE: Duration = Duration::from_millis(20);
 /// A peer has to say within this time what it wants.
@@ -47,6 +49,8 @@ const PATIENCE: Duration = Duration::from_secs(1);
 struct State {
     hands: Vec<Hand>,
     record: Record,
+    /// When the last client left.
+    left: Option<Instant>,
 }
 
 struct Shared {
@@ -79,7 +83,7 @@ impl Mock {
         let address = listener.local_addr().map_err(refused)?;
         let hands = vec![Hand::at_start(&options.path); options.arms.len()];
         let record = Record { forces: vec![DVec3::ZERO; hands.len()], ..Record::default() };
-        let state = Mutex::new(State { hands, record });
+        let state = Mutex::new(State { hands, record, left: None });
         let shared = Arc::new(Shared { options, version, state, stop: AtomicBool::new(false) });
         let inside = shared.clone();
         let door = thread::Builder::new().name("haply-mock".into()).spawn(move || admit(&listener, &inside));
@@ -186,10 +190,20 @@ impl Shared {
         }
         let socket = tungstenite::accept(stream).map_err(io::Error::other)?;
         socket.get_ref().set_read_timeout(Some(SLICE))?;
-        self.state().record.connections += 1;
+        {
+            let state = &mut *self.state();
+            // the first one after a while begins anew; one that was only lost goes on
+            let alone = state.record.connections == state.record.ended;
+            if alone && state.left.is_some_and(|left| left.elapsed() > ANEW) {
+                state.hands.fill(Hand::at_start(&self.options.path));
+            }
+            state.record.connections += 1;
+        }
         self.tell(Event::Connected(from));
         let frames = self.serve(socket);
-        let record = &mut self.state().record;
+        let state = &mut *self.state();
+        state.left = Some(Instant::now());
+        let record = &mut state.record;
         record.ended += 1;
         record.last_forces.push(record.forces.clone());
         record.forces.fill(DVec3::ZERO);
@@ -247,7 +261,7 @@ impl Shared {
     fn obey(&self, text: &str, first: bool) {
         let command: Command = serde_json::from_str(text).unwrap_or_default();
         let mut state = self.state();
-        let State { hands, record } = &mut *state;
+        let State { hands, record, .. } = &mut *state;
         record.frames += 1;
         for (i, (kind, id)) in self.options.arms.iter().enumerate() {
             let own = command.orders(*kind).iter().filter(|order| order.device_id == *id);
