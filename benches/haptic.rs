@@ -47,6 +47,7 @@ fn settings(rows: usize) -> Settings {
         workspace: Workspace::SAME,
         buttons: Buttons::default(),
         passivity: true,
+        resolution: 0.0,
         guarded: false,
         budget: Some(BUDGET),
         max_sweeps: MAX_SWEEPS,

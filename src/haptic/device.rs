@@ -64,6 +64,23 @@ pub struct Limits {
     pub torque: f64,
 }
 
+impl Limits {
+    /// A wrench within the limits, its directions kept, and whether one was met; a device without torque gets none.
+    pub fn apply(&self, wrench: Wrench) -> (Wrench, bool) {
+        let (force, torque) = (wrench.force.length(), wrench.torque.length());
+        let mut out = wrench;
+        if force > self.force {
+            out.force *= self.force / force;
+        }
+        if self.torque == 0.0 {
+            out.torque = DVec3::ZERO;
+        } else if torque > self.torque {
+            out.torque *= self.torque / torque;
+        }
+        (out, force > self.force || (self.torque > 0.0 && torque > self.torque))
+    }
+}
+
 /// A haptic device.
 pub trait Device: Send {
     /// For the report: what it is, and which one.
@@ -71,6 +88,11 @@ pub trait Device: Send {
 
     /// What it can give.
     fn limits(&self) -> Limits;
+
+    /// Step of its position sensors, m; 0 for exact ones.
+    fn resolution(&self) -> f64 {
+        0.0
+    }
 
     /// What it says at `time`, s since the loop began.
     fn read(&mut self, time: f64) -> Reading;

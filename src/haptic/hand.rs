@@ -76,6 +76,10 @@ impl Device for SimulatedHand {
         "hand"
     }
 
+    fn resolution(&self) -> f64 {
+        self.encoder
+    }
+
     fn limits(&self) -> Limits {
         Limits { force: f64::INFINITY, torque: 0.0 }
     }

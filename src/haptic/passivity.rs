@@ -9,6 +9,9 @@
 //! force that pushes along the motion, and then, for energy that is already out, by a damper `−α v` that takes a fifth of it back in the
 //! tick, `α = excess / (5 v² T)`, at most [`MOST_DAMPING`].
 //!
+//! Sensors with steps do not tell energy finer than a step times the force: what is within four of these is left alone, and motions are the
+//! mean of some ticks.
+//!
 //! Source: Hannaford, Ryu 2002 (time-domain passivity observer and controller); Ryu, Preusche, Hannaford, Hirzinger 2005 (the observer's
 //! prediction). Differs: what pushes is left out before anything is damped, so that the damper stays small; the prediction has a margin.
 //! Units: N, N·m, m, rad, J, s.
@@ -23,6 +26,12 @@ pub const MOST_ANGULAR_DAMPING: f64 = 0.013;
 /// Share of the energy that is out which a tick takes back. All of it at once is a force as large as the energy over one step of an encoder:
 /// 0.05 N of clicks from half a microjoule at 10 µm.
 const TAKEN_BACK: f64 = 0.2;
+/// Share of the newest tick in the mean motion of a device with coarse sensors. A slow hand moves by a step of an encoder in one tick and by
+/// nothing in the next ones: a controller that takes each step for the hand's speed pushes and pulls it with the encoder. On a press and a
+/// withdrawal with 10 µm steps it gave 5 µJ instead of 2 without any controller, in clicks of 0.07 N.
+const MEAN_OF: f64 = 1.0 / 16.0;
+/// Steps of coarse sensors times the largest force: energy that they cannot tell from none, and that is not acted upon.
+const UNSURE: f64 = 4.0;
 /// A motion per tick below this (m², rad²) has no direction to damp along: a nanometre.
 const STILL: f64 = 1e-18;
 
@@ -39,20 +48,28 @@ pub struct Passivity {
     pub wanted_most: f64,
     given: Wrench,
     asked: Wrench,
+    /// Motion of a tick, of a device with coarse sensors the mean of the last ones.
     moved: DVec3,
     turned: DVec3,
+    /// Largest force that was wanted, N, and the step of the sensors, m.
+    largest: f64,
+    resolution: f64,
     /// How the motion has changed from one tick to the next: m, rad.
     changed: [f64; 2],
 }
 
 impl Passivity {
-    /// Takes in how the hand has moved since the last tick, m and rad.
-    pub fn observe(&mut self, moved: DVec3, turned: DVec3) {
+    /// Takes in how the hand has moved since the last tick, m and rad, by sensors of this step, m.
+    pub fn observe(&mut self, moved: DVec3, turned: DVec3, resolution: f64) {
         let work = |w: Wrench| w.force.dot(moved) + w.torque.dot(turned);
         self.energy += work(self.given);
         self.wanted += work(self.asked);
         self.energy_most = self.energy_most.max(self.energy);
         self.wanted_most = self.wanted_most.max(self.wanted);
+        self.resolution = resolution;
+        let share = if resolution > 0.0 { MEAN_OF } else { 1.0 };
+        let moved = self.moved.lerp(moved, share);
+        let turned = self.turned.lerp(turned, share);
         self.changed = [(moved - self.moved).length(), (turned - self.turned).length()];
         (self.moved, self.turned) = (moved, turned);
     }
@@ -64,6 +81,7 @@ impl Passivity {
         let twist = wanted.torque.dot(self.turned).max(0.0);
         let margin = wanted.force.length() * self.changed[0] + wanted.torque.length() * self.changed[1];
         let ahead = self.energy + wanted.force.dot(self.moved) + wanted.torque.dot(self.turned) + margin;
+        let ahead = ahead - UNSURE * self.largest * self.resolution;
         if ahead <= 0.0 {
             return out;
         }
@@ -95,5 +113,6 @@ impl Passivity {
     /// Notes what is given from now on, and what was wanted.
     pub fn hold(&mut self, given: Wrench, asked: Wrench) {
         (self.given, self.asked) = (given, asked);
+        self.largest = self.largest.max(asked.force.length());
     }
 }

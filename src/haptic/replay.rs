@@ -156,6 +156,10 @@ impl Device for Recorder {
         self.inner.write(time, wrench);
     }
 
+    fn resolution(&self) -> f64 {
+        self.inner.resolution()
+    }
+
     fn faults(&self) -> u64 {
         self.inner.faults()
     }

@@ -67,6 +67,8 @@ pub struct Settings {
     pub buttons: Buttons,
     /// Keep the device from giving energy.
     pub passivity: bool,
+    /// Step of the device's position sensors, m.
+    pub resolution: f64,
     /// Ramp in, fade when the simulation is late, stop when the device is lost.
     pub guarded: bool,
     /// Time for the sweeps; none where results must not depend on a clock.
@@ -90,6 +92,7 @@ impl Settings {
             workspace: Workspace::new(device),
             buttons: Buttons::new(&device.buttons),
             passivity: device.passivity,
+            resolution: 0.0,
             guarded: true,
             budget: None,
             max_sweeps: MAX_SWEEPS,
@@ -296,7 +299,7 @@ impl Servo {
         };
         if let (Some(now), Some(last)) = (reading, self.last) {
             let turned = rotation_vector(now.rotation * last.rotation.conjugate());
-            self.passivity.observe(now.position - last.position, turned);
+            self.passivity.observe(now.position - last.position, turned, self.settings.resolution);
         }
         self.last = reading;
         reading
@@ -378,22 +381,5 @@ impl Servo {
         let Self { hand, velocity, spin, active, counts, .. } = *self;
         let buttons = self.last.map_or(0, |last| last.buttons);
         Felt { hand, velocity, spin, buttons, active, counts }
-    }
-}
-
-impl Limits {
-    /// A wrench within the limits, its directions kept, and whether one was met; a device without torque gets none.
-    pub fn apply(&self, wrench: Wrench) -> (Wrench, bool) {
-        let (force, torque) = (wrench.force.length(), wrench.torque.length());
-        let mut out = wrench;
-        if force > self.force {
-            out.force *= self.force / force;
-        }
-        if self.torque == 0.0 {
-            out.torque = DVec3::ZERO;
-        } else if torque > self.torque {
-            out.torque *= self.torque / torque;
-        }
-        (out, force > self.force || (self.torque > 0.0 && torque > self.torque))
     }
 }

@@ -118,7 +118,8 @@ pub(super) fn lines(scene: &Scene, simulation: &Simulation, options: &Options) -
         let can = if moves { device.limits() } else { unlimited };
         let plain = Settings::new(&spec, tool.coupling, can, times);
         let guarded = moves || live;
-        let settings = Settings { guarded, passivity: plain.passivity && guarded, rows, ..plain };
+        let passivity = plain.passivity && guarded;
+        let settings = Settings { guarded, passivity, resolution: device.resolution(), rows, ..plain };
         let (position, rotation) = tool.hand(0.0);
         Ok(Line { servo: Servo::new(settings, Hand { position, rotation }), device, moves })
     };

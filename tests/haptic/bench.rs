@@ -28,6 +28,7 @@ pub fn plain(link: Coupling) -> Settings {
         workspace: Workspace::SAME,
         buttons: Buttons::default(),
         passivity: false,
+        resolution: 0.0,
         guarded: false,
         budget: None,
         max_sweeps: MAX_SWEEPS,

@@ -215,3 +215,34 @@ fn without_the_controller_random_motions_do_extract_energy() {
     assert!(without > 10.0 * TICKS_OUT, "{without}");
     assert!(with <= TICKS_OUT, "{with}");
 }
+
+/// Largest change of the force from one tick to the next, N, and most energy out, J, of a slow press and withdrawal whose place is known to
+/// 10 µm; sideways the place flickers between two steps.
+fn pressed_in_steps(passivity: bool, resolution: f64) -> (f64, f64) {
+    const STEP: f64 = 1e-5;
+    let settings = Settings { passivity, resolution, ..plain(spring(1000.0)) };
+    let mut servo = Servo::new(settings, at(DVec3::ZERO));
+    let skin = problem(wall(&[DVec3::ZERO], 1e-2));
+    let (mut last, mut jump) = (0.0f64, 0.0f64);
+    for k in 0..2000 {
+        let time = f64::from(k) * TICK;
+        let depth = (0.7e-3 * (0.5 * std::f64::consts::PI * time).sin() / STEP).round() * STEP;
+        let aside = if k % 7 < 3 { 0.0 } else { STEP };
+        let record = servo.tick(crate::bench::reading(DVec3::new(aside, 0.0, -depth)), &skin, time);
+        let force = record.wrench.force.length();
+        (jump, last) = (jump.max((force - last).abs()), force);
+    }
+    (jump, servo.counts().energy_out)
+}
+
+#[test]
+fn the_steps_of_an_encoder_do_not_make_the_controller_click() {
+    let (free, controlled, taken_at_its_word) =
+        (pressed_in_steps(false, 0.0), pressed_in_steps(true, 1e-5), pressed_in_steps(true, 0.0));
+    measured(&format!(
+        "jump N and energy out J: {free:?} free, {controlled:?} controlled, {taken_at_its_word:?} step by step"
+    ));
+    assert!(controlled.0 < 2.0 * free.0, "{controlled:?}, without the controller {free:?}");
+    assert!(controlled.1 < free.1 + 1e-7, "{controlled:?}, without the controller {free:?}");
+    assert!(taken_at_its_word.0 > 2.0 * controlled.0, "the counter-test: {taken_at_its_word:?}");
+}

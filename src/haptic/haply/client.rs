@@ -4,7 +4,7 @@ use super::command::{Command, Configure, Profile, Session, Version};
 use super::session::{Address, Chosen, Fault, Heard, Socket, hear, reading};
 use super::trouble::{Counts, Trouble, count};
 use super::wire::frame;
-use super::{DEAD_MAN, PATIENCE, Settings};
+use super::{DEAD_MAN, PATIENCE, RESOLUTION, Settings};
 use crate::error::{Error, Result};
 use crate::haptic::device::{Device, Limits, Reading, Wrench};
 use glam::DVec3;
@@ -154,6 +154,10 @@ impl Device for Client {
         if let Some(thread) = &self.thread {
             thread.thread().unpark();
         }
+    }
+
+    fn resolution(&self) -> f64 {
+        RESOLUTION
     }
 
     fn faults(&self) -> u64 {

@@ -46,6 +46,9 @@ pub const URL: &str = "ws://localhost:10001";
 /// Force limit without better knowledge, N: the clip of NVIDIA Isaac Lab's Haply device.
 pub const FORCE_LIMIT: f64 = 2.0;
 
+/// Step of the position, m; assumed, as the service does not tell it.
+pub const RESOLUTION: f64 = 1e-5;
+
 /// How long [`open`] waits for the service: for each of connection, version and inventory.
 pub const PATIENCE: Duration = Duration::from_secs(2);
 
