@@ -120,6 +120,13 @@ pub struct Free {
     pub angular_compliance: DMat3,
 }
 
+impl Free {
+    /// How far a force, N, and a torque, N·m, move it beyond that: shift, m, and turn, rad.
+    pub fn gives(&self, (force, torque): (DVec3, DVec3)) -> (DVec3, DVec3) {
+        (force * self.compliance, self.angular_compliance * torque)
+    }
+}
+
 /// Rotation vector of a unit quaternion, rad, at most π long.
 pub fn rotation_vector(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };

@@ -106,12 +106,8 @@ impl Problem<'_> {
 
     /// Violations once forces have moved nodes by `moved` and rigid bodies by what they give.
     fn after(&self, lambda: &[f64], moved: &[Vec<[f64; 3]>]) -> Vec<f64> {
-        let given: Vec<(DVec3, DVec3)> = (0..self.free.len())
-            .map(|number| {
-                let (force, torque) = self.rows.on_rigid(number, lambda);
-                (force * self.free[number].compliance, self.free[number].angular_compliance * torque)
-            })
-            .collect();
+        let given: Vec<(DVec3, DVec3)> =
+            (0..).zip(self.free).map(|(number, free)| free.gives(self.rows.on_rigid(number, lambda))).collect();
         let opening = |row| self.rows.opening(row, |number| given[number], |body, node| self.at(moved, body, node));
         self.violation.iter().enumerate().map(|(row, v)| v + opening(row)).collect()
     }
@@ -326,7 +322,8 @@ impl Simulation {
         let h = self.step_size();
         for (number, (tool, free)) in self.tools.iter_mut().zip(problem.free).enumerate() {
             let (force, torque) = problem.rows.on_rigid(number, lambda);
-            tool.advance(free.shift + force * free.compliance, free.turn + free.angular_compliance * torque, h);
+            let (shift, turn) = free.gives((force, torque));
+            tool.advance(free.shift + shift, free.turn + turn, h);
             report.contact.on_tool.push(force.to_array());
         }
     }
@@ -360,8 +357,8 @@ impl Simulation {
                 _ => 0.0,
             };
             let free = &problem.free[number];
-            let (force, torque) = rows.on_rigid(number, lambda);
-            let own = [free.shift + force * free.compliance, free.turn + free.angular_compliance * torque];
+            let (shift, turn) = free.gives(rows.on_rigid(number, lambda));
+            let own = [free.shift + shift, free.turn + turn];
             // what the tool has not opened itself goes on; an edge that cuts has no hold on the skin's motion
             let rate = |row: usize| match (laws[row / 3], rows.of_rigid(row, number)) {
                 (Law::Coulomb { .. }, Some((axis, lever))) => {

@@ -142,15 +142,16 @@ impl Device for Client {
     }
 
     fn write(&mut self, _time: f64, wrench: Wrench) {
-        let mut force = wrench.force;
-        if !force.is_finite() {
+        let mut wanted = wrench;
+        if !wanted.force.is_finite() {
             count(&self.shared.counts.refused);
-            force = DVec3::ZERO;
-        } else if force.length() > self.limits.force {
-            count(&self.shared.counts.clamped);
-            force = force.clamp_length_max(self.limits.force);
+            wanted = Wrench::default();
         }
-        self.wanted.write(Wanted { force, at: Instant::now() });
+        let (given, clamped) = self.limits.apply(wanted);
+        if clamped {
+            count(&self.shared.counts.clamped);
+        }
+        self.wanted.write(Wanted { force: given.force, at: Instant::now() });
         if let Some(thread) = &self.thread {
             thread.thread().unpark();
         }

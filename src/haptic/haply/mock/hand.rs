@@ -5,6 +5,7 @@
 //! stand-in says depends on the frames alone.
 //! Units: x m, v m/s, f N, m kg, d N·s/m, k N/m.
 
+use crate::instrument::along;
 use crate::scene::Pose;
 use glam::{DQuat, DVec3};
 
@@ -33,19 +34,9 @@ pub(super) struct Hand {
     ticks: u64,
 }
 
-/// The path at a time: linear between samples, resting before the first and after the last.
+/// The path at a time.
 fn target(path: &[Pose], time: f64) -> (DVec3, DQuat) {
-    let place = |pose: &Pose| (DVec3::from_array(pose.position), DQuat::from_array(pose.rotation));
-    let next = path.partition_point(|pose| pose.time <= time);
-    match (next.checked_sub(1).map(|k| &path[k]), path.get(next)) {
-        (None, None) => (REST, DQuat::IDENTITY),
-        (Some(pose), None) | (None, Some(pose)) => place(pose),
-        (Some(a), Some(b)) => {
-            let s = (time - a.time) / (b.time - a.time);
-            let ((pa, qa), (pb, qb)) = (place(a), place(b));
-            (pa.lerp(pb, s), qa.slerp(qb, s))
-        }
-    }
+    along(path, time).unwrap_or((REST, DQuat::IDENTITY))
 }
 
 impl Hand {
