@@ -248,6 +248,19 @@ pub enum Error {
         fix: &'static str,
     },
 
+    /// Steps of a study whose runs have no common times.
+    #[error(
+        "{at}: a step of {step} ms is no whole part of the longest, {longest} ms, so that runs could not be compared; take halves, fifths, tenths of it"
+    )]
+    StudyStep {
+        /// Where.
+        at: Place,
+        /// ms
+        step: f64,
+        /// ms
+        longest: f64,
+    },
+
     /// A word that is none of the known ones.
     #[error("{at}: {key} = \"{found}\" is not known; {hint}; known: {known}")]
     Choice {

@@ -147,6 +147,12 @@ pub trait Backend {
     fn remove(&mut self, removal: &Removal) -> Result<()>;
     /// All state.
     fn snapshot(&mut self) -> Result<Snapshot>;
+    /// Begins or ends timing by the device's own clock, if it has one.
+    fn time_device(&mut self, _on: bool) {}
+    /// How long the device was busy since this was last asked, s; none where nothing says so.
+    fn device_time(&mut self) -> Result<Option<f64>> {
+        Ok(None)
+    }
     /// Solution of a slot, `[node]` m.
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>>;
 }

@@ -40,6 +40,11 @@ pub enum Command {
     /// the scene as it is, by live mass, cut links and peak force, because contact makes trajectories chaotic. Exit status 1 if a
     /// difference is beyond its bound.
     Compare(Compare),
+    /// Run a scene in many settings and say how fast and how wrong each is
+    ///
+    /// Element, preconditioner, tolerance or iterations, grid, step, precision, backend and contact correction, as the scene's [study]
+    /// table lists them, against the scene on a finer grid solved exactly (or known values). Writes DIR/study.csv, study.md and study.svg.
+    Study(Study),
     /// List the arrays, kernels, launches and read-backs of a scene; nothing runs, no adapter is needed
     Inspect(Inspect),
     /// Read and validate scenes
@@ -118,6 +123,28 @@ pub struct Compare {
     #[arg(long, value_name = "TEXT")]
     pub adapter: Option<String>,
     /// Print JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `study`.
+#[derive(Args, Clone, Debug)]
+pub struct Study {
+    /// Scene file; the built-in incision when none is given
+    pub scene: Option<PathBuf>,
+    /// Under two minutes: the scene's own setting and what differs from it in one thing, over few steps, on no finer grid
+    #[arg(long)]
+    pub quick: bool,
+    /// GPU whose name, API or driver contains TEXT, beside the CPU path; a hardware GPU is taken without being named
+    #[arg(long, value_name = "TEXT")]
+    pub adapter: Option<String>,
+    /// Stop a run after so many seconds; its errors are then not known (what others are measured against runs to its end)
+    #[arg(long, value_name = "T", default_value = "60", value_parser = positive)]
+    pub limit: f64,
+    /// Folder of study.csv, study.md and study.svg
+    #[arg(long, value_name = "DIR", default_value = "out")]
+    pub out: PathBuf,
+    /// Print the rows as JSON on standard output
     #[arg(long)]
     pub json: bool,
 }

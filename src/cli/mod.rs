@@ -8,7 +8,7 @@ mod text;
 use args::{Backend, Cli, Command, Precision, Run};
 use clap::Parser;
 use cutis::error::{Error, Result};
-use cutis::report::{check, compare, inspect, run};
+use cutis::report::{check, compare, inspect, run, study};
 use cutis::scene::{self, Preconditioner, Scene};
 use cutis::step::Place;
 use serde_json::{Value, json};
@@ -24,6 +24,7 @@ pub fn main() -> ExitCode {
     let done = match cli.command.unwrap_or(Command::Run(cli.run)) {
         Command::Run(args) => run_scene(&args),
         Command::Compare(args) => compare_paths(&args),
+        Command::Study(args) => study_scene(&args),
         Command::Inspect(args) => inspect_scene(&args),
         Command::Check(args) => check_scenes(&args),
         Command::Adapters(args) => list_adapters(args),
@@ -151,6 +152,25 @@ fn compare_paths(args: &args::Compare) -> Result<u8> {
         print!("{}", text::comparison(&result));
     }
     Ok(if holds { 0 } else { FAILED })
+}
+
+fn study_scene(args: &args::Study) -> Result<u8> {
+    let scene = read(args.scene.as_ref())?;
+    let gpu = match &args.adapter {
+        Some(text) => Some(Place::Gpu(Some(text.clone()))),
+        None => inspect::automatic().map(|_| Place::Gpu(None)),
+    };
+    let options = study::Options { gpu, quick: args.quick, limit_s: args.limit, out: args.out.clone() };
+    let mut shown = progress::Share::new();
+    let result = study::study(&scene, &options, &mut |p| shown.update(p));
+    shown.end();
+    let result = result?;
+    if args.json {
+        print_json(&result.to_json());
+    } else {
+        print!("{}", text::study(&result, &args.out));
+    }
+    Ok(0)
 }
 
 fn inspect_scene(args: &args::Inspect) -> Result<u8> {

@@ -1,6 +1,6 @@
 //! Progress of a run on standard error: a bar on a terminal, about ten lines elsewhere.
 
-use cutis::report::run::Progress;
+use cutis::report::{run::Progress, study};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::Instant;
@@ -39,6 +39,53 @@ impl Shown {
             let spent = self.start.elapsed().as_secs_f64();
             let left = spent / f64::from(p.step) * f64::from(p.steps - p.step);
             eprintln!("step {}/{}, {:.3} s, {state}; {spent:.0} s spent, {left:.0} s left", p.step, p.steps, p.time);
+        }
+    }
+
+    /// After the last one.
+    pub fn end(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}
+
+/// What the user sees while a scene is studied: runs differ in length, so the time left follows the share of the work.
+pub struct Share {
+    bar: Option<ProgressBar>,
+    start: Instant,
+    line: u64,
+}
+
+/// Steps of the bar over the whole work.
+const PARTS: f64 = 1000.0;
+
+impl Share {
+    /// Before the first run.
+    pub fn new() -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let style = ProgressStyle::with_template("{bar:30} {msg}");
+            let bar = ProgressBar::new(PARTS as u64);
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar
+        });
+        Self { bar, start: Instant::now(), line: 0 }
+    }
+
+    /// After a step.
+    pub fn update(&mut self, p: &study::Progress) {
+        let spent = self.start.elapsed().as_secs_f64();
+        let left = spent / p.share.max(1e-3) * (1.0 - p.share);
+        let text = format!("run {}/{}, {spent:.0} s spent, about {left:.0} s left", p.run + 1, p.runs);
+        if let Some(bar) = &self.bar {
+            bar.set_position((p.share * PARTS) as u64);
+            bar.set_message(text);
+            return;
+        }
+        let line = (p.share * LINES as f64) as u64;
+        if line > self.line {
+            self.line = line;
+            eprintln!("{text}");
         }
     }
 

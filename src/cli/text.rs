@@ -5,6 +5,7 @@ use cutis::report::Report;
 use cutis::report::compare::Comparison;
 use cutis::report::inspect::{Array, Count, Plan};
 use cutis::report::run::Summary;
+use cutis::report::study::Study;
 use cutis::scene::Scene;
 use std::fmt::Write as _;
 use std::path::Path;
@@ -86,6 +87,20 @@ fn wound(scene: &Scene, r: &Report) -> String {
         (springs, _) => format!("{springs} springs removed"),
     };
     format!("cut {:.1} mm long, {:.2} mm deep, {:.1} mm² ({gone})", c.length_mm, c.depth_mm, c.area_mm2)
+}
+
+/// What a study found, and where it is.
+pub fn study(s: &Study, out: &Path) -> String {
+    let mut text =
+        format!("{} settings; errors are of {}, relative to {}\n", s.rows.len(), s.signals.join(", "), s.reference);
+    if s.left_out > 0 {
+        writeln!(text, "left out for want of time: {}", s.left_out).ok();
+    }
+    for line in s.advice() {
+        writeln!(text, "{line}").ok();
+    }
+    writeln!(text, "{}: study.csv, study.md, study.svg", super::shown(out)).ok();
+    text
 }
 
 /// A table of differences.

@@ -1,6 +1,7 @@
 //! Adapters, buffers, bound kernels, batches and read-back over wgpu.
 
 use super::shader::{Access, Shader, Variable};
+use super::timing::Timing;
 use crate::error::{Error, Result};
 use crate::kernels::Source;
 use bytemuck::{NoUninit, Pod};
@@ -43,6 +44,11 @@ impl Adapter {
             raw,
         }
     }
+
+    /// Whether its name, API or driver contains a text, in any case.
+    pub fn named(&self, text: &str) -> bool {
+        format!("{} {} {}", self.name, self.backend, self.driver).to_lowercase().contains(&text.to_lowercase())
+    }
 }
 
 /// Every adapter on Vulkan, Metal and DX12 that offers core WebGPU limits, hardware first.
@@ -64,8 +70,9 @@ pub fn adapters() -> Vec<Adapter> {
 pub struct Gpu {
     /// What it runs on.
     pub adapter: Adapter,
-    device: wgpu::Device,
-    queue: wgpu::Queue,
+    pub(super) device: wgpu::Device,
+    pub(super) queue: wgpu::Queue,
+    pub(super) timing: RefCell<Option<Rc<Timing>>>,
     limits: wgpu::Limits,
     pipelines: RefCell<HashMap<&'static str, Rc<Pipeline>>>,
     fault: Arc<Mutex<Option<String>>>,
@@ -121,9 +128,7 @@ impl Gpu {
     /// [`Error::NoAdapter`] when none fits, [`Error::Device`] when the driver refuses.
     pub fn open(text: Option<&str>) -> Result<Self> {
         let all = adapters();
-        let wanted = text.unwrap_or("").to_lowercase();
-        let fits = |a: &&Adapter| format!("{} {} {}", a.name, a.backend, a.driver).to_lowercase().contains(&wanted);
-        let Some(adapter) = all.iter().find(fits).cloned() else {
+        let Some(adapter) = all.iter().find(|a| a.named(text.unwrap_or(""))).cloned() else {
             let list: Vec<String> = all.iter().map(|a| format!("`{}` ({})", a.name, a.backend)).collect();
             return Err(Error::NoAdapter {
                 wanted: text
@@ -156,6 +161,7 @@ impl Gpu {
         let descriptor = wgpu::DeviceDescriptor {
             label: Some("cutis"),
             required_limits: limits.clone(),
+            required_features: adapter.raw.features() & wgpu::Features::TIMESTAMP_QUERY,
             memory_hints: wgpu::MemoryHints::Performance,
             ..Default::default()
         };
@@ -176,7 +182,8 @@ impl Gpu {
         });
         let (pipelines, staging, made) = (RefCell::default(), RefCell::default(), RefCell::default());
         let purpose = Cell::new("");
-        Ok(Self { adapter, device, queue, limits, pipelines, fault, staging, made, purpose, dry })
+        let timing = RefCell::default();
+        Ok(Self { adapter, device, queue, timing, limits, pipelines, fault, staging, made, purpose, dry })
     }
 
     /// Says what the arrays made from now on are for.
@@ -255,7 +262,7 @@ impl Gpu {
         buffer
     }
 
-    fn buffer(&self, name: &'static str, bytes: u64, usage: wgpu::BufferUsages) -> Buffer {
+    pub(super) fn buffer(&self, name: &'static str, bytes: u64, usage: wgpu::BufferUsages) -> Buffer {
         let size = if self.dry { bytes.min(DRY_BYTES) } else { bytes };
         let descriptor = wgpu::BufferDescriptor { label: Some(name), size, usage, mapped_at_creation: false };
         Buffer { raw: self.device.create_buffer(&descriptor), name, bytes }
@@ -391,7 +398,7 @@ impl Gpu {
     /// A new batch of commands.
     pub fn batch(&self) -> Batch {
         let encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("batch") });
-        Batch { pass: None, encoder }
+        Batch { pass: None, encoder, timing: self.timing.borrow().clone() }
     }
 
     /// Runs a batch; returns at once.
@@ -478,6 +485,7 @@ pub struct Batch {
     // dropped before the encoder
     pass: Option<wgpu::ComputePass<'static>>,
     encoder: wgpu::CommandEncoder,
+    timing: Option<Rc<Timing>>,
 }
 
 impl Batch {
@@ -488,9 +496,11 @@ impl Batch {
         }
         let groups = (threads as u64).div_ceil(u64::from(kernel.pipeline.shader.workgroup));
         let folds = groups.div_ceil(MAX_GROUPS);
-        let encoder = &mut self.encoder;
+        let (encoder, timing) = (&mut self.encoder, &self.timing);
         let pass = self.pass.get_or_insert_with(|| {
-            encoder.begin_compute_pass(&wgpu::ComputePassDescriptor::default()).forget_lifetime()
+            let timestamp_writes = timing.as_ref().and_then(|timing| timing.of_pass());
+            let descriptor = wgpu::ComputePassDescriptor { label: None, timestamp_writes };
+            encoder.begin_compute_pass(&descriptor).forget_lifetime()
         });
         pass.set_pipeline(&kernel.pipeline.raw);
         pass.set_bind_group(0, &kernel.group, &[]);
@@ -509,6 +519,12 @@ impl Batch {
             self.pass = None;
             self.encoder.clear_buffer(&buffer.raw, from_byte, Some(bytes));
         }
+    }
+
+    /// Copies the first timestamps of a set into a buffer.
+    pub(super) fn resolve(&mut self, set: &wgpu::QuerySet, count: u32, to: &Buffer) {
+        self.pass = None;
+        self.encoder.resolve_query_set(set, 0..count, &to.raw, 0);
     }
 
     fn finish(mut self) -> wgpu::CommandBuffer {

@@ -5,6 +5,7 @@
 
 mod device;
 mod shader;
+mod timing;
 
 pub use device::{Adapter, Batch, Bound, Buffer, Gpu, Made, adapters, cast};
 pub use shader::{Access, Shader, Variable};

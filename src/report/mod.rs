@@ -13,6 +13,7 @@ pub mod inspect;
 mod keys;
 mod live;
 pub mod run;
+pub mod study;
 
 pub use keys::{CutReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
 pub use live::leave_a_core;

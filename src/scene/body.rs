@@ -2,10 +2,11 @@
 
 use super::grid;
 use super::raw::{self, At, Table};
+use super::study::ELEMENTS;
 use super::text::{
     Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
 };
-use super::{Cut, Element, Law, Layer, Mass, Skin};
+use super::{Cut, Law, Layer, Mass, Skin};
 use crate::error::{Error, Result};
 use std::ops::Range;
 
@@ -80,8 +81,7 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     let stiffness = number("spring_stiffness_n_m", &raw.spring_stiffness_n_m, STIFFNESS, Bound::Positive)?;
     let damping = number("spring_damping_n_s_m", &raw.spring_damping_n_s_m, DAMPING, Bound::NotNegative)?;
     let element = or(raw.element.clone(), "bbar".to_string());
-    let known = [("bbar", Element::Bbar), ("enhanced", Element::Enhanced), ("plain", Element::Plain)];
-    let element = scene.choice("element", &element, &known)?;
+    let element = scene.choice("element", &element, &ELEMENTS)?;
     let name = or(raw.law.clone(), "fem".to_string());
     if scene.choice("law", &name, &[("fem", true), ("springs", false)])? {
         let corotational = raw.corotational.unwrap_or(true);

@@ -18,6 +18,7 @@ mod read;
 mod recorded;
 mod region;
 mod round;
+mod study;
 mod text;
 mod tools;
 mod touching;
@@ -30,6 +31,7 @@ pub use grid::MOST_NODES;
 pub use read::{parse, read};
 pub use recorded::{Check, Probe, ProbeKind, TestForm, View};
 pub use region::Region;
+pub use study::Study;
 pub use touching::{
     Attachment, Blade, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Tool, ToolMesh,
     Who,
@@ -70,6 +72,8 @@ pub struct Scene {
     pub probes: Vec<Probe>,
     /// Bounds on the outcome, evaluated at the end of a run.
     pub checks: Vec<Check>,
+    /// What `cutis study` varies.
+    pub study: Study,
     /// A smaller form of the scene for its run in the tests.
     pub test: Option<TestForm>,
     /// Pictures.

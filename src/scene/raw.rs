@@ -93,6 +93,7 @@ pub(super) struct Scene {
     pub probe: Vec<Table<Probe>>,
     #[serde(default)]
     pub check: BTreeMap<At<String>, Table<Check>>,
+    pub study: Option<Table<Study>>,
     pub test: Option<Table<Test>>,
     pub view: Option<Table<View>>,
 }
@@ -364,6 +365,23 @@ pub(super) struct Check {
 pub(super) struct Test {
     pub cells: Option<Counts>,
     pub steps: Option<At<u32>>,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Study {
+    pub probes: Option<Vec<At<String>>>,
+    pub known: Option<BTreeMap<At<String>, At<f64>>>,
+    pub duration_s: Option<At<f64>>,
+    pub elements: Option<At<Vec<At<String>>>>,
+    pub preconditioners: Option<At<Vec<At<String>>>>,
+    pub tolerances: Option<At<Vec<At<f64>>>>,
+    pub iterations: Option<At<Vec<At<u32>>>>,
+    pub grids: Option<Numbers>,
+    pub steps_ms: Option<Numbers>,
+    pub corrections: Option<At<Vec<At<String>>>>,
+    pub reference_grid: Option<At<f64>>,
+    pub reference_step_ms: Option<At<f64>>,
 }
 
 #[derive(Default, serde::Deserialize)]

@@ -10,8 +10,9 @@ use super::files::Files;
 use super::grid::{self, Grid};
 use super::raw::{self, At, Table};
 use super::region::region;
+use super::study;
 use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
-use super::{Boundary, Correction, Law, Load, Preconditioner, Scene, Skin, Solver, TestForm, Time};
+use super::{Boundary, Correction, Law, Load, Scene, Skin, Solver, TestForm, Time};
 use super::{anchor, body, devices, outputs, tools};
 use crate::error::{Error, Result};
 use std::path::Path;
@@ -67,10 +68,10 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     if contact.correction == Correction::Precomputed && tools.iter().any(|t| t.blade.is_some()) {
         return Err(Error::PrecomputedCut { path: file.to_path_buf() });
     }
+    let time = time(&scene, raw.time.keys)?;
     Ok(Scene {
         title: raw.title.into_inner(),
         file: file.to_path_buf(),
-        time: time(&scene, raw.time.keys)?,
         solver: solver(&scene, raw::keys(raw.solver), &skins)?,
         boundaries: boundaries.collect::<Result<_>>()?,
         anchors: anchor::anchors(&scene, raw.anchor, &names, &skins, &grids)?,
@@ -79,6 +80,8 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         haptic: devices::haptic(&scene, raw::keys(raw.haptic))?,
         checks: outputs::checks(&scene, raw.check, &probes)?,
         view: outputs::view(&scene, raw.view, &skins, &tools)?,
+        study: study::study(&scene, raw.study, &time, &skins, &probes)?,
+        time,
         skins,
         tools,
         planes,
@@ -110,17 +113,8 @@ fn time(scene: &SceneText, raw: raw::Time) -> Result<Time> {
 }
 
 fn solver(scene: &SceneText, raw: raw::Solver, skins: &[Skin]) -> Result<Solver> {
-    let mut preconditioners = vec![
-        ("none", Preconditioner::None),
-        ("jacobi", Preconditioner::Jacobi),
-        ("block", Preconditioner::Block),
-        ("column", Preconditioner::Column),
-    ];
-    let mut best = "column";
-    if skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. })) {
-        preconditioners.extend([("multigrid", Preconditioner::Multigrid), ("direct", Preconditioner::Direct)]);
-        best = "multigrid";
-    }
+    let preconditioners = study::preconditioners(skins);
+    let best = if skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. })) { "multigrid" } else { "column" };
     let preconditioner = or(raw.preconditioner, best.to_string());
     let count = |key, value, default| scene.count(key, &or(value, default), [1, u32::MAX]);
     Ok(Solver {

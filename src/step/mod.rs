@@ -191,6 +191,20 @@ impl Simulation {
         device
     }
 
+    /// Begins or ends timing by the devices' own clocks.
+    pub fn time_device(&mut self, on: bool) {
+        self.bodies.iter_mut().for_each(|body| body.backend.time_device(on));
+    }
+
+    /// How long the devices were busy since this was last asked, s; none where nothing says so.
+    ///
+    /// # Errors
+    /// When a device fails.
+    pub fn device_time(&mut self) -> Result<Option<f64>> {
+        let each = self.bodies.iter_mut().map(|body| body.backend.device_time());
+        Ok(each.collect::<Result<Vec<_>>>()?.into_iter().sum())
+    }
+
     /// Measures of all wounds together.
     pub fn totals(&self) -> Totals {
         self.bodies.iter().map(Body::totals).fold(Totals::default(), Totals::and)

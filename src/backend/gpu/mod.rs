@@ -375,6 +375,15 @@ impl Backend for GpuBackend {
         Ok(Snapshot { u: wide(0), v: wide(1), rotation, split, free: wide(2), law })
     }
 
+    fn time_device(&mut self, on: bool) {
+        self.gpu.time_passes(on);
+    }
+
+    fn device_time(&mut self) -> Result<Option<f64>> {
+        let batch = self.record();
+        self.gpu.busy(batch)
+    }
+
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {
         let batch = self.record();
         let n = self.node_count;

@@ -1,0 +1,79 @@
+//! How long the device was busy: timestamps at the begin and end of every compute pass, where the adapter has them.
+
+use super::device::{Batch, Buffer, Gpu};
+use crate::error::Result;
+use std::cell::Cell;
+use std::rc::Rc;
+
+/// Timestamps between two readings, at most: as many as core WebGPU allows in a set.
+const MOST: u32 = 4096;
+
+/// Timestamps of the passes since the last reading.
+pub(super) struct Timing {
+    set: wgpu::QuerySet,
+    resolved: Buffer,
+    /// ns
+    period: f32,
+    next: Cell<u32>,
+    missed: Cell<bool>,
+}
+
+impl Timing {
+    /// What a pass that begins now writes; nothing once the set is full.
+    pub fn of_pass(&self) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
+        let begin = self.next.get();
+        if begin + 2 > MOST {
+            self.missed.set(true);
+            return None;
+        }
+        self.next.set(begin + 2);
+        Some(wgpu::ComputePassTimestampWrites {
+            query_set: &self.set,
+            beginning_of_pass_write_index: Some(begin),
+            end_of_pass_write_index: Some(begin + 1),
+        })
+    }
+}
+
+impl Gpu {
+    /// Times the passes of batches made from now on, or no longer; an adapter without timestamps goes on without.
+    pub fn time_passes(&self, on: bool) {
+        if !on || !self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
+            self.timing.replace(None);
+            return;
+        }
+        let set = self.device.create_query_set(&wgpu::QuerySetDescriptor {
+            label: Some("passes"),
+            ty: wgpu::QueryType::Timestamp,
+            count: MOST,
+        });
+        let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
+        let resolved = self.buffer("timestamps", u64::from(MOST) * 8, usage);
+        let period = self.queue.get_timestamp_period();
+        let (next, missed) = (Cell::new(0), Cell::new(false));
+        self.timing.replace(Some(Rc::new(Timing { set, resolved, period, next, missed })));
+    }
+
+    /// Submits a batch and waits: s that the passes took since this was last asked; none without timestamps, or when there were more
+    /// passes than timestamps.
+    ///
+    /// # Errors
+    /// As [`Gpu::submit_and_read`].
+    pub fn busy(&self, mut batch: Batch) -> Result<Option<f64>> {
+        let Some(timing) = self.timing.borrow().clone() else {
+            self.submit(batch);
+            return Ok(None);
+        };
+        let count = timing.next.replace(0);
+        let missed = timing.missed.replace(false);
+        if count == 0 {
+            self.submit(batch);
+            return Ok(Some(0.0));
+        }
+        batch.resolve(&timing.set, count, &timing.resolved);
+        let parts = self.submit_and_read(batch, &[(&timing.resolved, u64::from(count) * 8)])?;
+        let stamps: Vec<u64> = super::cast(&parts[0]);
+        let ticks: u64 = stamps.chunks(2).map(|pass| pass[1].saturating_sub(pass[0])).sum();
+        Ok((!missed).then(|| ticks as f64 * f64::from(timing.period) * 1e-9))
+    }
+}

@@ -1,0 +1,272 @@
+//! study.csv, study.md, and the words that settings have in them.
+
+use super::{Row, Setting, Stop, Study, plot};
+use crate::error::{Error, Result};
+use crate::output::replace;
+use crate::report::preconditioner_name;
+use crate::scene::{Correction, Element};
+use crate::step::Place;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Bounds of the error that the page names the cheapest setting for.
+const NEEDS: [f64; 5] = [0.2, 0.1, 0.05, 0.02, 0.01];
+
+/// Columns of study.csv.
+const COLUMNS: [&str; 25] = [
+    "scene",
+    "element",
+    "preconditioner",
+    "tolerance",
+    "iteration_limit",
+    "iterations",
+    "grid",
+    "poisson",
+    "step_ms",
+    "correction",
+    "backend",
+    "precision",
+    "adapter",
+    "error_discretisation",
+    "error_solver",
+    "error_rounding",
+    "error_step",
+    "error_total",
+    "ms_per_step",
+    "time_ratio",
+    "device_ms_per_step",
+    "steps",
+    "steps_wanted",
+    "warnings",
+    "pareto",
+];
+
+/// Writes the three files.
+pub(super) fn write(study: &Study, folder: &Path) -> Result<()> {
+    std::fs::create_dir_all(folder).map_err(|source| Error::Write { path: folder.to_owned(), source })?;
+    replace(&folder.join("study.csv"), table(study).as_bytes())?;
+    replace(&folder.join("study.md"), page(study).as_bytes())?;
+    replace(&folder.join("study.svg"), plot::picture(study)?.as_bytes())
+}
+
+/// `bbar`, `enhanced`, `plain`, or `springs`.
+pub(super) fn element_name(element: Option<Element>) -> &'static str {
+    match element {
+        Some(Element::Bbar) => "bbar",
+        Some(Element::Enhanced) => "enhanced",
+        Some(Element::Plain) => "plain",
+        None => "springs",
+    }
+}
+
+fn correction_name(correction: Option<Correction>) -> &'static str {
+    match correction {
+        Some(Correction::Exact) => "exact",
+        Some(Correction::Uncoupled) => "uncoupled",
+        Some(Correction::Precomputed) => "precomputed",
+        None => "",
+    }
+}
+
+/// Backend and precision.
+pub(super) fn path_name(place: &Place) -> [&'static str; 2] {
+    match place {
+        Place::Cpu64 => ["cpu", "f64"],
+        Place::Cpu32 => ["cpu", "f32"],
+        Place::Gpu(_) => ["gpu", "f32"],
+    }
+}
+
+fn table(study: &Study) -> String {
+    let lines = study.rows.iter().map(|row| cells(study, row).map(|cell| quoted(&cell)).join(",") + "\n");
+    COLUMNS.join(",") + "\n" + &lines.collect::<String>()
+}
+
+/// The rows as JSON, by the columns of study.csv; what is empty there is null.
+pub(super) fn json(study: &Study) -> serde_json::Value {
+    let value = |text: String| match text.parse::<f64>() {
+        Ok(number) => serde_json::json!(number),
+        Err(_) if text.is_empty() => serde_json::Value::Null,
+        Err(_) => text.into(),
+    };
+    let row = |row: &Row| {
+        let named = COLUMNS.iter().zip(cells(study, row)).map(|(name, cell)| (name.to_string(), value(cell)));
+        serde_json::Value::Object(named.collect())
+    };
+    study.rows.iter().map(row).collect()
+}
+
+/// One row in the order of the columns.
+fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
+    let s = &row.setting;
+    let [backend, precision] = path_name(&s.place);
+    let cell = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.4e}"));
+    let (tolerance, limit) = match s.stop {
+        Stop::Tolerance(t) => (format!("{t:e}"), String::new()),
+        Stop::Iterations(n) => (String::new(), n.to_string()),
+        Stop::Exact => (String::new(), String::new()),
+    };
+    let adapter = if backend == "gpu" { study.adapter.clone().unwrap_or_default() } else { study.machine.clone() };
+    let poisson: Vec<String> = study.poisson.iter().map(f64::to_string).collect();
+    [
+        study.scene.clone(),
+        element_name(s.element).into(),
+        preconditioner_name(s.preconditioner).into(),
+        tolerance,
+        limit,
+        format!("{:.2}", row.trace.iterations),
+        s.grid.to_string(),
+        poisson.join(" "),
+        format!("{}", (s.step * 1e9).round() / 1e6),
+        correction_name(s.correction).into(),
+        backend.into(),
+        precision.into(),
+        adapter,
+        cell(row.error_discretisation),
+        cell(row.error_solver),
+        cell(row.error_rounding),
+        cell(row.error_step),
+        cell(row.error_total),
+        format!("{:.4}", row.trace.ms_per_step),
+        cell(study.own_ms.map(|own| row.trace.ms_per_step / own)),
+        cell(row.trace.device_ms_per_step),
+        row.trace.steps.to_string(),
+        row.trace.wanted.to_string(),
+        row.trace.warnings.to_string(),
+        u8::from(row.pareto).to_string(),
+    ]
+}
+
+fn quoted(text: &str) -> String {
+    if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
+}
+
+/// A share in per cent with two digits.
+fn percent(value: Option<f64>) -> String {
+    match value {
+        None => "–".into(),
+        Some(v) if !v.is_finite() => "lost".into(),
+        Some(0.0) => "0".into(),
+        Some(v) if v < 1e-6 => format!("{:.0e}", v * 100.0),
+        Some(v) => {
+            let size = v * 100.0;
+            let places = (1 - size.log10().floor() as i32).clamp(0, 5) as usize;
+            format!("{size:.places$}")
+        }
+    }
+}
+
+/// A setting in a line.
+fn words(s: &Setting) -> String {
+    let stop = match s.stop {
+        Stop::Tolerance(t) => format!(" to {t:e}"),
+        Stop::Iterations(n) => format!(", {n} iterations"),
+        Stop::Exact => String::new(),
+    };
+    let [backend, precision] = path_name(&s.place);
+    let correction = match s.correction {
+        None | Some(Correction::Exact) => String::new(),
+        other => format!(", {}", correction_name(other)),
+    };
+    format!(
+        "{} {}{stop}, grid × {}, {} ms{correction}, {backend} {precision}",
+        element_name(s.element),
+        preconditioner_name(s.preconditioner),
+        s.grid,
+        (s.step * 1e9).round() / 1e6,
+    )
+}
+
+/// The fastest settings within each error, none where there is none.
+fn advice(study: &Study) -> [(f64, Option<&Row>); NEEDS.len()] {
+    NEEDS.map(|need| {
+        let within = study.rows.iter().filter(|r| r.error_total.is_some_and(|e| e <= need));
+        (need, within.min_by(|a, b| a.trace.ms_per_step.total_cmp(&b.trace.ms_per_step)))
+    })
+}
+
+/// The same in lines of text.
+pub(super) fn advice_lines(study: &Study) -> Vec<String> {
+    let one = |(need, row): (f64, Option<&Row>)| match row {
+        Some(row) => {
+            let [ms, error] = [row.trace.ms_per_step, row.error_total.unwrap_or(f64::NAN) * 100.0];
+            format!("within {} %: {}: {ms:.2} ms per step, {error:.2} %", need * 100.0, words(&row.setting))
+        }
+        None => format!("within {} %: none of these", need * 100.0),
+    };
+    advice(study).map(one).to_vec()
+}
+
+const HEAD: &str = "| setting | total % | discretisation % | time step % | solver % | rounding % | iterations | ms per step | × own | device ms |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
+";
+
+fn line(study: &Study, row: &Row) -> String {
+    let ms = row.trace.ms_per_step;
+    let times = study.own_ms.map_or("–".into(), |own| format!("{:.2}", ms / own));
+    let device = row.trace.device_ms_per_step.map_or("–".into(), |ms| format!("{ms:.2}"));
+    let cut = match row.trace.whole() {
+        true => String::new(),
+        false => format!(" (stopped at the time limit, step {} of {})", row.trace.steps, row.trace.wanted),
+    };
+    format!(
+        "| {}{cut} | {} | {} | {} | {} | {} | {:.1} | {ms:.2} | {times} | {device} |\n",
+        words(&row.setting),
+        percent(row.error_total),
+        percent(row.error_discretisation),
+        percent(row.error_step),
+        percent(row.error_solver),
+        percent(row.error_rounding),
+        row.trace.iterations,
+    )
+}
+
+fn page(study: &Study) -> String {
+    let mut out = format!("# Speed against error: {}\n\n", study.scene);
+    let adapter = study.adapter.as_ref().map_or(String::new(), |a| format!("; GPU: {a}"));
+    let _ = writeln!(out, "Machine: {}{adapter}.", study.machine);
+    let _ = writeln!(out, "Errors are of {}, relative to {}.", study.signals.join(", "), study.reference);
+    if let Some(own) = study.own_ms {
+        let _ = writeln!(
+            out,
+            "Times are medians; × own is the ratio to the scene's own setting on the CPU in f64, {own:.2} ms."
+        );
+    }
+    if study.left_out > 0 {
+        let _ = writeln!(out, "Left out for want of time: {} settings.", study.left_out);
+    }
+    out += "\n![study.svg](study.svg)\n\n## The fastest setting within an error\n\n";
+    out += &HEAD.replace("| setting |", "| total error within | setting |").replacen("| --- |", "| --- | --- |", 1);
+    for (need, row) in advice(study) {
+        match row {
+            Some(row) => out += &format!("| {} % {}", need * 100.0, line(study, row)),
+            None => out += &format!("| {} % | none of these {}|\n", need * 100.0, "| – ".repeat(9)),
+        }
+    }
+    out += "\n## Nothing is both faster and nearer\n\n";
+    out += HEAD;
+    let mut front: Vec<&Row> = study.rows.iter().filter(|r| r.pareto).collect();
+    front.sort_by(|a, b| a.trace.ms_per_step.total_cmp(&b.trace.ms_per_step));
+    front.iter().for_each(|row| out += &line(study, row));
+    out += "\n## All settings\n\n";
+    out += HEAD;
+    study.rows.iter().for_each(|row| out += &line(study, row));
+    out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shares_have_two_digits() {
+        let of = |v: f64| percent(Some(v));
+        assert_eq!([of(0.1234), of(0.01234), of(1.5), of(0.000123), of(0.0)], ["12", "1.2", "150", "0.012", "0"]);
+        assert_eq!([of(3e-9), of(f64::INFINITY), percent(None)], ["3e-7", "lost", "–"]);
+    }
+
+    #[test]
+    fn cells_with_commas_are_quoted() {
+        assert_eq!([quoted("a"), quoted("a, b"), quoted("a\"b")], ["a", "\"a, b\"", "\"a\"\"b\""]);
+    }
+}

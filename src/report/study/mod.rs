@@ -1,0 +1,373 @@
+//! Speed against error: a scene run in many settings, each beside what it costs.
+//!
+//! Errors are relative, of the probes and the forces on tools over the whole course of a run (of their values at the end, where the scene
+//! knows these from elsewhere), and separated by runs that differ in one thing alone:
+//!
+//! | error | between |
+//! |---|---|
+//! | discretisation | this grid and bricks, solved exactly at the shortest step, and the reference |
+//! | time step | this step and the shortest, both solved exactly on this grid |
+//! | solver | this solver and contact correction in f64, and solved exactly |
+//! | rounding | this precision and f64, all else the same |
+//! | total | this run and the reference |
+//!
+//! The reference is the finest grid at the shortest step, solved exactly (a sparse factor, or conjugate gradients to 10⁻⁹), or the known
+//! values. Times are medians of the steps of one run; each is also stated as a ratio to the scene's own setting on the CPU path in f64.
+
+mod files;
+mod plot;
+mod settings;
+mod trace;
+
+pub use settings::{Setting, Stop};
+pub use trace::{Signal, Trace};
+
+use crate::error::{Error, Result};
+use crate::gpu::adapters;
+use crate::scene::Scene;
+use crate::step::Place;
+use settings::{Axes, exact, own, scene_of};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+use trace::{apart, signals, trace};
+
+/// A quick study runs at most so many of its longest steps,
+const QUICK_STEPS: f64 = 20.0;
+/// no run longer than this,
+const QUICK_RUN: Duration = Duration::from_secs(6);
+/// and leaves out what does not begin before this, s.
+const QUICK_SECONDS: f64 = 90.0;
+
+/// How to study.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// An adapter to run on beside the CPU path.
+    pub gpu: Option<Place>,
+    /// Under two minutes: the scene's own setting and what differs from it in one thing, on no finer grid, over few steps.
+    pub quick: bool,
+    /// No run takes longer, s.
+    pub limit_s: f64,
+    /// Folder of study.csv, study.md, study.svg.
+    pub out: PathBuf,
+}
+
+/// A setting with what it gave.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// What was run.
+    pub setting: Setting,
+    /// How it went.
+    pub trace: Trace,
+    /// This grid against the reference; all errors are relative, none where a run was cut short.
+    pub error_discretisation: Option<f64>,
+    /// This solver against an exact one.
+    pub error_solver: Option<f64>,
+    /// This precision against f64.
+    pub error_rounding: Option<f64>,
+    /// This step against the shortest.
+    pub error_step: Option<f64>,
+    /// This run against the reference.
+    pub error_total: Option<f64>,
+    /// No other run is both faster and nearer.
+    pub pareto: bool,
+}
+
+/// A whole study.
+#[derive(Clone, Debug)]
+pub struct Study {
+    /// Scene file.
+    pub scene: String,
+    /// Processor and threads.
+    pub machine: String,
+    /// The GPU, if one was used.
+    pub adapter: Option<String>,
+    /// What errors are measured against.
+    pub reference: String,
+    /// What errors are of.
+    pub signals: Vec<String>,
+    /// Poisson's ratios of the layers, each once.
+    pub poisson: Vec<f64>,
+    /// In the order run.
+    pub rows: Vec<Row>,
+    /// Variants that a quick study had no time for.
+    pub left_out: usize,
+    /// What the ratios of times are to: ms per step of the scene's own setting on the CPU path in f64.
+    pub own_ms: Option<f64>,
+}
+
+/// Between two steps of a study.
+#[derive(Clone, Copy, Debug)]
+pub struct Progress {
+    /// Runs done.
+    pub run: usize,
+    /// Runs in all, at most.
+    pub runs: usize,
+    /// Share of the work that is done, by an estimate of each run's cost.
+    pub share: f64,
+}
+
+/// Runs and their traces, each once; what is left to do.
+struct Runs<'a> {
+    scene: &'a Scene,
+    signals: Vec<Signal>,
+    duration: f64,
+    every: Option<f64>,
+    limit: Duration,
+    done: Vec<(Setting, bool, Trace)>,
+    wanted: Vec<(Setting, bool)>,
+    progress: &'a mut dyn FnMut(&Progress),
+}
+
+/// Studies a scene and writes its three files; `progress` is told after every step.
+///
+/// # Errors
+/// For a scene of rigid bodies alone, a grid that its regions or probes do not fit, no adapter, a folder that cannot be written.
+pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)) -> Result<Study> {
+    let signals = signals(scene);
+    if scene.skins.is_empty() || signals.is_empty() {
+        return Err(Error::Usage {
+            what: format!("{}: nothing to study: errors are of probes of a deformable scene", scene.file.display()),
+            fix: "give the scene a `[skin]` or a `[[block]]`, and a `[[probe]]`".into(),
+        });
+    }
+    let axes = Axes::new(scene, options.gpu.as_ref(), options.quick);
+    let variants = if options.quick { axes.star(&own(scene)) } else { axes.all(&own(scene)) };
+    let reference = reference(scene, options.quick);
+    let all_steps = scene.study.all_steps(&scene.time);
+    let mut duration = scene.study.duration.unwrap_or(scene.time.duration);
+    if options.quick {
+        duration = duration.min(QUICK_STEPS * all_steps[0]);
+    }
+    duration = (duration / all_steps[0]).round().max(1.0) * all_steps[0];
+    let known = !scene.study.known.is_empty();
+    let mut runs = Runs {
+        scene,
+        signals,
+        duration,
+        every: (!known).then_some(all_steps[0]),
+        limit: if options.quick { QUICK_RUN } else { Duration::from_secs_f64(options.limit_s) },
+        done: vec![],
+        wanted: vec![],
+        progress,
+    };
+    let settings = variants.iter().flat_map(|s| runs.needed(s));
+    let mut wanted: Vec<(Setting, bool)> = vec![];
+    for run in settings.chain((!known).then(|| (reference.clone(), true))) {
+        if !wanted.contains(&run) {
+            scene_of(scene, &run.0, duration, run.1)?; // refused before the first run
+            wanted.push(run);
+        }
+    }
+    runs.wanted = wanted;
+    let start = Instant::now();
+    let course = match known {
+        true => vec![scene.study.known.iter().map(|(_, value)| *value).collect()],
+        false => runs.whole(&reference, "the reference")?.samples,
+    };
+    let mut rows = vec![];
+    let mut left_out = 0;
+    for setting in &variants {
+        if options.quick && start.elapsed().as_secs_f64() > QUICK_SECONDS {
+            left_out += 1;
+            continue;
+        }
+        rows.push(row(&mut runs, setting, &course)?);
+    }
+    mark_front(&mut rows);
+    let own_ms = rows.iter().find(|r| r.setting == own(scene)).map(|r| r.trace.ms_per_step);
+    let study = Study {
+        scene: scene.file.display().to_string(),
+        machine: machine(),
+        adapter: options.gpu.as_ref().and_then(adapter),
+        reference: described(scene, &reference),
+        signals: runs.signals.iter().map(|s| named(scene, *s)).collect(),
+        poisson: poisson(scene),
+        rows,
+        left_out,
+        own_ms,
+    };
+    files::write(&study, &options.out)?;
+    Ok(study)
+}
+
+impl Study {
+    /// The rows by the columns of study.csv.
+    pub fn to_json(&self) -> serde_json::Value {
+        files::json(self)
+    }
+
+    /// The fastest setting within each of some errors, a line each.
+    pub fn advice(&self) -> Vec<String> {
+        files::advice_lines(self)
+    }
+}
+
+impl Runs<'_> {
+    /// A setting's own run and those that its errors are differences of.
+    fn needed(&self, setting: &Setting) -> Vec<(Setting, bool)> {
+        let twin = Setting { place: Place::Cpu64, ..setting.clone() };
+        let exactly = exact(self.scene, setting);
+        let shortest = Setting { step: self.scene.study.finest_step(&self.scene.time), ..exactly.clone() };
+        vec![(setting.clone(), false), (twin, false), (exactly, true), (shortest, true)]
+    }
+
+    /// The trace of a setting, run now if it was not before.
+    fn get(&mut self, setting: &Setting, exactly: bool) -> Result<Trace> {
+        let known = |(s, e, _): &&(Setting, bool, Trace)| s == setting && *e == exactly;
+        if let Some((_, _, trace)) = self.done.iter().find(known) {
+            return Ok(trace.clone());
+        }
+        let scene = scene_of(self.scene, setting, self.duration, exactly)?;
+        let total: f64 = self.wanted.iter().map(|(s, e)| self.cost(s, *e)).sum();
+        let before: f64 = self.done.iter().map(|(s, e, _)| self.cost(s, *e)).sum();
+        let own = self.cost(setting, exactly);
+        let (run, runs) = (self.done.len(), self.wanted.len());
+        let progress = &mut *self.progress;
+        let mut stepped = |part: f64| progress(&Progress { run, runs, share: (before + own * part) / total });
+        // what others are measured against is always run to its end
+        let limit = if exactly { Duration::MAX } else { self.limit };
+        let trace = trace(&scene, &setting.place, &self.signals, self.every, limit, &mut stepped)?;
+        self.done.push((setting.clone(), exactly, trace.clone()));
+        Ok(trace)
+    }
+
+    fn whole(&mut self, setting: &Setting, what: &str) -> Result<Trace> {
+        let trace = self.get(setting, true)?;
+        if trace.samples.iter().flatten().all(|v| v.is_finite()) {
+            return Ok(trace);
+        }
+        Err(Error::Usage {
+            what: format!("{}: {what} of the study left the numbers", self.scene.file.display()),
+            fix: "take a shorter reference_step_ms, or a scene that `cutis run` gets through".into(),
+        })
+    }
+
+    /// Cost of a run, in cells times steps times what its solver roughly takes.
+    fn cost(&self, setting: &Setting, exactly: bool) -> f64 {
+        use crate::scene::Preconditioner::{Block, Column, Direct, Jacobi, Multigrid, None};
+        let solver = match (setting.preconditioner, setting.stop) {
+            (Multigrid, _) => 5.0,
+            (Direct, _) => 20.0,
+            (Column, _) => 4.0,
+            (None | Jacobi | Block, Stop::Iterations(n)) => (f64::from(n) / 15.0).min(10.0),
+            (None | Jacobi | Block, _) => 10.0,
+        };
+        let place = if matches!(setting.place, Place::Gpu(_)) { 3.0 } else { 1.0 };
+        let more = if exactly { 3.0 } else { 1.0 };
+        setting.grid.powi(3) * self.duration / setting.step * (solver + 1.0) * place * more
+    }
+}
+
+/// Runs a setting and what its errors are differences of.
+fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>]) -> Result<Row> {
+    let mut traces = vec![];
+    for (setting, exactly) in runs.needed(setting) {
+        traces.push(runs.get(&setting, exactly)?);
+    }
+    let signals = &runs.signals;
+    let error = |a: &Trace, b: &Trace| (a.whole() && b.whole()).then(|| apart(&a.samples, &b.samples, course, signals));
+    let against = |a: &Trace| a.whole().then(|| apart(&a.samples, course, course, signals));
+    let [own, twin, exactly, shortest] = &traces[..] else { unreachable!("four runs are needed") };
+    Ok(Row {
+        setting: setting.clone(),
+        error_discretisation: against(shortest),
+        error_solver: error(twin, exactly),
+        error_rounding: error(own, twin),
+        error_step: error(exactly, shortest),
+        error_total: against(own),
+        pareto: false,
+        trace: own.clone(),
+    })
+}
+
+/// The reference: the finest grid, the shortest step, solved exactly with the scene's own bricks.
+fn reference(scene: &Scene, quick: bool) -> Setting {
+    let finest = scene.study.grids.iter().copied().fold(2.0, f64::max);
+    let grid = if scene.study.reference_grid > 0.0 { scene.study.reference_grid } else { finest };
+    let grid = if quick { grid.min(2.0) } else { grid };
+    exact(scene, &Setting { grid, step: scene.study.finest_step(&scene.time), ..own(scene) })
+}
+
+/// Marks the rows that no other beats in both time and total error.
+fn mark_front(rows: &mut [Row]) {
+    let point = |row: &Row| {
+        let error = row.error_total.filter(|e| e.is_finite())?;
+        Some((row.trace.ms_per_step, error))
+    };
+    let points: Vec<Option<(f64, f64)>> = rows.iter().map(point).collect();
+    for (k, row) in rows.iter_mut().enumerate() {
+        let Some((ms, error)) = points[k] else { continue };
+        let beats = |other: &(f64, f64)| other.0 <= ms && other.1 <= error && (other.0 < ms || other.1 < error);
+        row.pareto = !points.iter().flatten().any(beats);
+    }
+}
+
+fn named(scene: &Scene, signal: Signal) -> String {
+    match signal {
+        Signal::Probe(probe, _) => scene.probes[probe].name.clone(),
+        Signal::Force => "force on the tools".into(),
+    }
+}
+
+fn described(scene: &Scene, reference: &Setting) -> String {
+    let known = &scene.study.known;
+    if !known.is_empty() {
+        let values = known.iter().map(|(probe, value)| format!("{} = {value}", scene.probes[*probe].name));
+        return format!("known values at the end: {}", values.collect::<Vec<_>>().join(", "));
+    }
+    let how = if reference.stop == Stop::Exact { "a sparse factor" } else { "conjugate gradients to 1e-9" };
+    let (grid, step) = (reference.grid, reference.step * 1e3);
+    format!("{grid} times the scene's cells along each axis, steps of {step} ms, {how}, f64")
+}
+
+fn poisson(scene: &Scene) -> Vec<f64> {
+    let mut all: Vec<f64> = scene.skins.iter().flat_map(|s| &s.layers).map(|l| l.poisson).collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
+}
+
+/// The processor's name where the system says it.
+fn machine() -> String {
+    let threads = rayon::current_num_threads();
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let name = text.lines().find_map(|line| line.strip_prefix("model name")?.split(':').nth(1));
+    let name = name.map_or_else(|| std::env::consts::ARCH.to_string(), |name| name.trim().to_string());
+    format!("{name}, {threads} threads")
+}
+
+/// Name and driver of the adapter that a place takes.
+fn adapter(place: &Place) -> Option<String> {
+    let Place::Gpu(text) = place else { return None };
+    let found = adapters().into_iter().find(|a| a.named(text.as_deref().unwrap_or("")))?;
+    let kind = if found.software { ", a software adapter" } else { "" };
+    Some(format!("{}, {} {}{kind}", found.name, found.backend, found.driver))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(ms: f64, error: Option<f64>) -> Row {
+        let scene = crate::scene::incision().expect("the embedded scene is valid");
+        Row {
+            setting: own(&scene),
+            trace: Trace { ms_per_step: ms, ..Trace::default() },
+            error_discretisation: None,
+            error_solver: None,
+            error_rounding: None,
+            error_step: None,
+            error_total: error,
+            pareto: false,
+        }
+    }
+
+    #[test]
+    fn the_front_has_what_nothing_beats() {
+        let points = [(1.0, Some(0.5)), (2.0, Some(0.1)), (3.0, Some(0.2)), (0.5, Some(f64::INFINITY)), (0.1, None)];
+        let mut rows: Vec<Row> = points.iter().map(|(ms, error)| row(*ms, *error)).collect();
+        mark_front(&mut rows);
+        let marked: Vec<bool> = rows.iter().map(|r| r.pareto).collect();
+        assert_eq!(marked, [true, true, false, false, false]);
+    }
+}

@@ -1,0 +1,261 @@
+//! The variants of a study: which settings are run, and the scene that each of them is.
+
+use crate::error::{Error, Result};
+use crate::mesh::Grid;
+use crate::scene::{Correction, Cut, Element, Law, Preconditioner, ProbeKind, Region, Scene};
+use crate::step::Place;
+
+/// Relative residual of a solve that counts as exact.
+const EXACT: f64 = 1e-9;
+/// Contact residual of a step that counts as exact.
+const EXACT_CONTACT: f64 = 1e-5;
+/// Unknowns up to which a sparse factor is the exact answer; beyond, its fill costs more than conjugate gradients to [`EXACT`].
+const FACTORED: usize = 20_000;
+/// A node that is nearer than this to a probe's point is there, m.
+const AT_NODE: f64 = 1e-8;
+
+/// When a solve ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stop {
+    /// At a residual relative to the step's load.
+    Tolerance(f64),
+    /// After so many iterations, whatever is left.
+    Iterations(u32),
+    /// Solved by a factor.
+    Exact,
+}
+
+/// One point of a study.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Setting {
+    /// None for springs.
+    pub element: Option<Element>,
+    /// Of the conjugate gradients.
+    pub preconditioner: Preconditioner,
+    /// When a solve ends.
+    pub stop: Stop,
+    /// Cells, times the scene's.
+    pub grid: f64,
+    /// s
+    pub step: f64,
+    /// None without contact.
+    pub correction: Option<Correction>,
+    /// Where it runs.
+    pub place: Place,
+}
+
+/// The scene's own setting, on the CPU path in f64.
+pub fn own(scene: &Scene) -> Setting {
+    let element = scene.skins.first().and_then(|skin| match skin.law {
+        Law::Fem { element, .. } => Some(element),
+        Law::Springs { .. } => None,
+    });
+    Setting {
+        element,
+        preconditioner: scene.solver.preconditioner,
+        stop: stop(scene.solver.preconditioner, Stop::Tolerance(scene.solver.tolerance)),
+        grid: 1.0,
+        step: scene.time.step,
+        correction: scene.contact.map(|contact| contact.correction),
+        place: Place::Cpu64,
+    }
+}
+
+fn stop(preconditioner: Preconditioner, wanted: Stop) -> Stop {
+    if preconditioner == Preconditioner::Direct { Stop::Exact } else { wanted }
+}
+
+/// The study's axes, in `quick` form without grids finer than the scene's.
+pub struct Axes {
+    elements: Vec<Option<Element>>,
+    preconditioners: Vec<Preconditioner>,
+    stops: Vec<Stop>,
+    grids: Vec<f64>,
+    steps: Vec<f64>,
+    corrections: Vec<Option<Correction>>,
+    places: Vec<Place>,
+}
+
+fn or_own<T: Clone>(list: &[T], own: T) -> Vec<T> {
+    if list.is_empty() { vec![own] } else { list.to_vec() }
+}
+
+impl Axes {
+    /// What a scene says, its own value where it says nothing; `gpu` is an adapter that runs it too.
+    pub fn new(scene: &Scene, gpu: Option<&Place>, quick: bool) -> Self {
+        let (study, own) = (&scene.study, own(scene));
+        let some = |list: &[Element]| list.iter().copied().map(Some).collect::<Vec<_>>();
+        let mut stops: Vec<Stop> = study.tolerances.iter().copied().map(Stop::Tolerance).collect();
+        stops.extend(study.iterations.iter().copied().map(Stop::Iterations));
+        let tolerance = Stop::Tolerance(scene.solver.tolerance);
+        let mut grids = or_own(&study.grids, 1.0);
+        if quick {
+            grids.retain(|grid| *grid <= 1.0);
+        }
+        let corrections: Vec<_> = study.corrections.iter().copied().map(Some).collect();
+        let mut places = vec![Place::Cpu64, Place::Cpu32];
+        places.extend(gpu.cloned());
+        Self {
+            elements: or_own(&some(&study.elements), own.element),
+            preconditioners: or_own(&study.preconditioners, own.preconditioner),
+            stops: or_own(&stops, tolerance),
+            grids: or_own(&grids, 1.0),
+            steps: or_own(&study.steps, own.step),
+            corrections: or_own(&corrections, own.correction),
+            places,
+        }
+    }
+
+    /// The scene's own setting, then every combination that runs: a factor is the CPU path's in f64, and no tolerance changes it.
+    pub fn all(&self, own: &Setting) -> Vec<Setting> {
+        let mut out: Vec<Setting> = vec![own.clone()];
+        let mut add = |setting: Setting| {
+            let runs = setting.preconditioner != Preconditioner::Direct || setting.place == Place::Cpu64;
+            if runs && !out.contains(&setting) {
+                out.push(setting);
+            }
+        };
+        for place in &self.places {
+            for (grid, step) in self.grids.iter().flat_map(|g| self.steps.iter().map(move |s| (*g, *s))) {
+                for (element, correction) in
+                    self.elements.iter().flat_map(|e| self.corrections.iter().map(move |c| (*e, *c)))
+                {
+                    for preconditioner in self.preconditioners.iter().copied() {
+                        for wanted in self.stops.iter().copied() {
+                            let (stop, place) = (stop(preconditioner, wanted), place.clone());
+                            add(Setting { element, preconditioner, stop, grid, step, correction, place });
+                        }
+                    }
+                }
+            }
+        }
+        out
+    }
+
+    /// The scene's own setting, then those that differ from it along one axis alone.
+    pub fn star(&self, own: &Setting) -> Vec<Setting> {
+        let differing = |s: &Setting| {
+            [
+                s.element != own.element,
+                s.preconditioner != own.preconditioner,
+                s.stop != own.stop && s.stop != Stop::Exact,
+                s.grid != own.grid,
+                s.step != own.step,
+                s.correction != own.correction,
+                s.place != own.place,
+            ]
+            .into_iter()
+            .filter(|differs| *differs)
+            .count()
+        };
+        self.all(own).into_iter().filter(|s| differing(s) <= 1).collect()
+    }
+}
+
+/// The scene with other cells; `factor` times its own along each axis, of a layer at least one.
+///
+/// # Errors
+/// [`Error::Usage`] when that is no whole number along x or y, when a region holds no node there, or a probe lies between nodes.
+pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
+    let mut out = scene.clone();
+    let refused = |what: String, fix: &str| {
+        let what = format!("{}: [study] grid {factor}: {what}", scene.file.display());
+        Err(Error::Usage { what, fix: fix.into() })
+    };
+    for skin in &mut out.skins {
+        for cells in &mut skin.cells {
+            let wanted = f64::from(*cells) * factor;
+            if (wanted - wanted.round()).abs() > 1e-9 || !(1.0..=f64::from(u32::MAX)).contains(&wanted) {
+                let fix = "take factors that give whole numbers of cells along x and y";
+                return refused(format!("{cells} cells times it are {wanted} cells"), fix);
+            }
+            *cells = wanted.round() as u32;
+        }
+        for layer in &mut skin.layers {
+            layer.cells = (f64::from(layer.cells) * factor).round().max(1.0) as u32;
+        }
+        if let (Cut::Split { reserve_columns }, true) = (&mut skin.cut, factor > 1.0) {
+            *reserve_columns = (f64::from(*reserve_columns) * factor).ceil() as u32;
+        }
+    }
+    let grids: Vec<Grid> = out.skins.iter().map(Grid::new).collect();
+    let empty = |body: usize, region: &Region| {
+        let grid: &Grid = &grids[body];
+        !(0..grid.node_count()).any(|node| grid.contains(region, node))
+    };
+    let regions = scene.boundaries.iter().map(|b| (b.body, &b.region));
+    if regions.chain(scene.anchors.iter().map(|a| (a.body, &a.region))).any(|(body, region)| empty(body, region)) {
+        return refused("a region holds no node of it".into(), "take a finer grid, or a wider region");
+    }
+    for probe in &scene.probes {
+        let between = match &probe.kind {
+            ProbeKind::Displacement { body, point, .. } => {
+                let rest = grids[*body].rest(grids[*body].nearest(*point));
+                (0..3).any(|n| (rest[n] - point[n]).abs() > AT_NODE)
+            }
+            ProbeKind::Reaction { body, region, .. } => empty(*body, region),
+            _ => false,
+        };
+        if between && measured(scene, &probe.name) {
+            let what = format!("probe {} is at no node of it", probe.name);
+            return refused(what, "probe points that are nodes of every grid of the study, or name others in `probes`");
+        }
+    }
+    Ok(out)
+}
+
+/// Whether errors are of this probe.
+fn measured(scene: &Scene, name: &str) -> bool {
+    let number = scene.probes.iter().position(|p| p.name == name);
+    let study = &scene.study;
+    match study.known.is_empty() {
+        true => study.probes.is_empty() || study.probes.iter().any(|p| Some(*p) == number),
+        false => study.known.iter().any(|(p, _)| Some(*p) == number),
+    }
+}
+
+/// The scene that a setting runs, over `duration` s; `exactly` asks for contact solved as well as can be.
+///
+/// # Errors
+/// As [`on_grid`].
+pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) -> Result<Scene> {
+    let mut out = on_grid(scene, setting.grid)?;
+    for skin in &mut out.skins {
+        if let (Law::Fem { element, .. }, Some(wanted)) = (&mut skin.law, setting.element) {
+            *element = wanted;
+        }
+    }
+    (out.time.step, out.time.duration) = (setting.step, duration);
+    out.solver.preconditioner = setting.preconditioner;
+    match setting.stop {
+        Stop::Tolerance(tolerance) => out.solver.tolerance = tolerance,
+        Stop::Iterations(most) => (out.solver.tolerance, out.solver.max_iterations) = (EXACT, most),
+        Stop::Exact => out.solver.tolerance = EXACT,
+    }
+    if let (Some(contact), Some(correction)) = (&mut out.contact, setting.correction) {
+        contact.correction = correction;
+        if exactly {
+            contact.tolerance = contact.tolerance.min(EXACT_CONTACT);
+        }
+    }
+    Ok(out)
+}
+
+/// The same bricks, grid and step solved exactly, in f64.
+pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
+    let bricks = scene.skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. }));
+    let splits = scene.tools.iter().any(|t| t.blade.is_some());
+    let unknowns = |skin: &crate::scene::Skin| {
+        let [x, y] = skin.cells.map(|n| f64::from(n) * setting.grid + 1.0);
+        let z: f64 = skin.layers.iter().map(|l| (f64::from(l.cells) * setting.grid).max(1.0)).sum();
+        (3.0 * x * y * (z + 1.0)) as usize
+    };
+    let few = scene.skins.iter().map(unknowns).sum::<usize>() <= FACTORED;
+    let (preconditioner, stop) = match (bricks, few && !splits) {
+        (true, true) => (Preconditioner::Direct, Stop::Exact),
+        (true, false) => (Preconditioner::Multigrid, Stop::Tolerance(EXACT)),
+        (false, _) => (Preconditioner::Column, Stop::Tolerance(EXACT)),
+    };
+    let correction = setting.correction.map(|_| Correction::Exact);
+    Setting { preconditioner, stop, correction, place: Place::Cpu64, ..setting.clone() }
+}

@@ -1,0 +1,160 @@
+//! One run of a study: what its probes saw at common times, and what a step cost.
+
+use super::super::collect::force_on_tools;
+use super::super::run::whole;
+use crate::error::Result;
+use crate::scene::Scene;
+use crate::step::{Place, Simulation};
+use std::time::{Duration, Instant};
+
+/// The device's own clock is read after so many steps, so that the reading costs the others nothing.
+const TIMED: u32 = 4;
+
+/// A quantity that errors are of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Signal {
+    /// Probe by number, and its unit.
+    Probe(usize, &'static str),
+    /// Largest force on a tool, N.
+    Force,
+}
+
+impl Signal {
+    fn unit(self) -> &'static str {
+        match self {
+            Self::Probe(_, unit) => unit,
+            Self::Force => "n",
+        }
+    }
+}
+
+/// The quantities of a scene: named probes or all of them, and forces on tools; of known values their probes alone.
+pub fn signals(scene: &Scene) -> Vec<Signal> {
+    let unit = |probe: usize| Signal::Probe(probe, scene.probes[probe].kind.unit());
+    if !scene.study.known.is_empty() {
+        return scene.study.known.iter().map(|(probe, _)| unit(*probe)).collect();
+    }
+    let mut out: Vec<Signal> = match scene.study.probes.is_empty() {
+        true => (0..scene.probes.len()).map(unit).collect(),
+        false => scene.study.probes.iter().map(|probe| unit(*probe)).collect(),
+    };
+    if !scene.tools.is_empty() {
+        out.push(Signal::Force);
+    }
+    out
+}
+
+/// What a run gave.
+#[derive(Clone, Debug, Default)]
+pub struct Trace {
+    /// `[time][signal]`, SI, at the ends of the study's longest step; of known values at the end alone.
+    pub samples: Vec<Vec<f64>>,
+    /// Mean over the steps.
+    pub iterations: f64,
+    /// Median, by the wall clock.
+    pub ms_per_step: f64,
+    /// Median time that the device was busy, from its timestamps.
+    pub device_ms_per_step: Option<f64>,
+    /// All warnings.
+    pub warnings: u64,
+    /// Steps done, of
+    pub steps: u32,
+    /// so many.
+    pub wanted: u32,
+}
+
+impl Trace {
+    /// Ran to its end.
+    pub fn whole(&self) -> bool {
+        self.steps == self.wanted
+    }
+}
+
+/// Runs a scene, at most for `limit`, and takes samples every `every` s, or at the end alone.
+///
+/// # Errors
+/// When a model is too large or the device fails.
+pub fn trace(
+    scene: &Scene,
+    place: &Place,
+    signals: &[Signal],
+    every: Option<f64>,
+    limit: Duration,
+    stepped: &mut dyn FnMut(f64),
+) -> Result<Trace> {
+    let wanted = whole(scene);
+    let sampled = every.map_or(wanted, |every| (every / scene.time.step).round().max(1.0) as u32);
+    let start = Instant::now();
+    let mut simulation = Simulation::new(scene, place)?;
+    simulation.time_device(true);
+    let mut trace = Trace { wanted, ..Trace::default() };
+    let (mut wall, mut busy, mut iterations) = (vec![], vec![], 0u64);
+    for number in 1..=wanted {
+        let begin = Instant::now();
+        let step = simulation.step(false)?;
+        wall.push(begin.elapsed().as_secs_f64() * 1e3);
+        if number % TIMED == 0 {
+            busy.extend(simulation.device_time()?.map(|s| s * 1e3 / f64::from(TIMED)));
+        }
+        iterations += u64::from(step.free.iterations);
+        trace.warnings += step.warnings.values().map(|n| u64::from(*n)).sum::<u64>();
+        trace.steps = number;
+        if number % sampled == 0 {
+            let value = |signal: &Signal| match signal {
+                Signal::Probe(probe, _) => step.probes[*probe],
+                Signal::Force => force_on_tools(&step),
+            };
+            trace.samples.push(signals.iter().map(value).collect());
+        }
+        stepped(f64::from(number) / f64::from(wanted));
+        if start.elapsed() > limit {
+            break;
+        }
+    }
+    trace.iterations = iterations as f64 / f64::from(trace.steps.max(1));
+    trace.ms_per_step = median(&mut wall).unwrap_or(f64::NAN);
+    trace.device_ms_per_step = median(&mut busy);
+    Ok(trace)
+}
+
+fn median(values: &mut [f64]) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied()
+}
+
+/// How far two runs are apart, relative to a reference: root of the sum of squares over all samples of the signals of one unit; the worst
+/// unit counts. Infinite where a run left the numbers or the reference has nothing.
+pub fn apart(a: &[Vec<f64>], b: &[Vec<f64>], reference: &[Vec<f64>], signals: &[Signal]) -> f64 {
+    let mut worst = 0.0f64;
+    for unit in ["m", "m_s", "n"] {
+        let (mut difference, mut size) = (0.0, 0.0);
+        for ((a, b), r) in a.iter().zip(b).zip(reference) {
+            for (k, _) in signals.iter().enumerate().filter(|(_, s)| s.unit() == unit) {
+                difference += (a[k] - b[k]).powi(2);
+                size += r[k].powi(2);
+            }
+        }
+        let error = if difference == 0.0 { 0.0 } else { (difference / size).sqrt() };
+        worst = if error.is_finite() { worst.max(error) } else { f64::INFINITY };
+    }
+    worst
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_worst_unit_counts_and_what_is_no_number_is_infinitely_wrong() {
+        let signals = [Signal::Probe(0, "m"), Signal::Probe(1, "m"), Signal::Force];
+        let reference = [vec![3e-3, 4e-3, 1.0], vec![0.0, 0.0, 1.0]];
+        let near = [vec![3e-3, 4.5e-3, 1.0], vec![0.0, 0.0, 1.2]];
+        let error = apart(&near, &reference, &reference, &signals);
+        assert!((error - 0.2 / 2f64.sqrt()).abs() < 1e-12, "{error}");
+        let displaced = apart(&near, &reference, &reference, &signals[..2]);
+        assert!((displaced - 0.1).abs() < 1e-12, "{displaced}");
+        let lost = [vec![f64::NAN, 0.0, 0.0], vec![0.0; 3]];
+        assert_eq!(apart(&lost, &reference, &reference, &signals), f64::INFINITY);
+        assert_eq!(apart(&reference, &reference, &reference, &signals), 0.0);
+    }
+}

@@ -1,0 +1,193 @@
+//! What `cutis study` varies of a scene, and what it measures errors against.
+
+use super::raw::{self, At, Numbers, Table};
+use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
+use super::{Correction, Element, Law, Preconditioner, Probe, Skin, Time};
+use crate::error::{Error, Result};
+
+/// Most values of one axis of a study.
+const MOST_VALUES: usize = 20;
+
+/// The axes of a study; of an empty one the scene's own value alone is taken.
+#[derive(Clone, Debug, Default)]
+pub struct Study {
+    /// Probes that errors are of, by number; empty for all.
+    pub probes: Vec<usize>,
+    /// Values of probes at the end of a run that are known from elsewhere: (probe, value in SI). With them errors are of these values
+    /// at the end; without, of the whole course of the probes and forces, against a run on the reference grid.
+    pub known: Vec<(usize, f64)>,
+    /// s; none for the scene's.
+    pub duration: Option<f64>,
+    /// Bricks.
+    pub elements: Vec<Element>,
+    /// Preconditioners.
+    pub preconditioners: Vec<Preconditioner>,
+    /// Relative residuals that solves stop at.
+    pub tolerances: Vec<f64>,
+    /// Iterations that solves stop after, whatever is left.
+    pub iterations: Vec<u32>,
+    /// Cells along each axis, times the scene's.
+    pub grids: Vec<f64>,
+    /// s
+    pub steps: Vec<f64>,
+    /// Contact corrections.
+    pub corrections: Vec<Correction>,
+    /// Grid of the reference, times the scene's cells; 0 for the finest of `grids` and one twice the scene's.
+    pub reference_grid: f64,
+    /// Step of the reference, s; 0 for half of the shortest one.
+    pub reference_step: f64,
+}
+
+/// Preconditioners by the words of the file.
+pub(super) fn preconditioners(skins: &[Skin]) -> Vec<(&'static str, Preconditioner)> {
+    let mut known = vec![
+        ("none", Preconditioner::None),
+        ("jacobi", Preconditioner::Jacobi),
+        ("block", Preconditioner::Block),
+        ("column", Preconditioner::Column),
+    ];
+    if skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. })) {
+        known.extend([("multigrid", Preconditioner::Multigrid), ("direct", Preconditioner::Direct)]);
+    }
+    known
+}
+
+/// Bricks by the words of the file.
+pub(super) const ELEMENTS: [(&str, Element); 3] =
+    [("bbar", Element::Bbar), ("enhanced", Element::Enhanced), ("plain", Element::Plain)];
+
+/// The table, checked; every step is a whole part of the longest one, so that runs can be compared at its ends.
+pub(super) fn study(
+    scene: &SceneText,
+    table: Option<Table<raw::Study>>,
+    time: &Time,
+    skins: &[Skin],
+    probes: &[Probe],
+) -> Result<Study> {
+    let raw = raw::keys(table);
+    let number = |word: &At<String>| {
+        let names: Vec<&str> = probes.iter().map(|probe| probe.name.as_str()).collect();
+        let found = names.iter().position(|name| name == word.get_ref());
+        found.ok_or_else(|| scene.unknown_word("probes", word, &names))
+    };
+    let mut known = vec![];
+    for (word, value) in raw.known.unwrap_or_default() {
+        known.push((number(&word)?, scene.number("known", &value, PLAIN, Bound::Finite)?));
+    }
+    known.sort_by_key(|(probe, _)| *probe);
+    let bricks = skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. }));
+    if !bricks {
+        let why = "a skin of springs has no bricks";
+        scene.needless("elements", &raw.elements, why)?;
+    }
+    let grids = numbers(scene, "grids", &raw.grids, PLAIN)?;
+    let one = |key, value: &Option<At<f64>>, unit| match value {
+        Some(value) => scene.number(key, value, unit, Bound::Positive),
+        None => Ok(0.0),
+    };
+    let study = Study {
+        probes: raw.probes.unwrap_or_default().iter().map(number).collect::<Result<_>>()?,
+        known,
+        duration: raw
+            .duration_s
+            .as_ref()
+            .map(|t| scene.number("duration_s", t, SECOND, Bound::Positive))
+            .transpose()?,
+        elements: words(scene, "elements", raw.elements, &ELEMENTS)?,
+        preconditioners: words(scene, "preconditioners", raw.preconditioners, &preconditioners(skins))?,
+        tolerances: match &raw.tolerances {
+            Some(list) => each(scene, "tolerances", list, |v| scene.number("tolerances", v, PLAIN, Bound::Fraction))?,
+            None => vec![],
+        },
+        iterations: match &raw.iterations {
+            Some(list) => each(scene, "iterations", list, |v| scene.count("iterations", v, [1, u32::MAX]))?,
+            None => vec![],
+        },
+        grids,
+        steps: numbers(scene, "steps_ms", &raw.steps_ms, MS)?,
+        corrections: words(
+            scene,
+            "corrections",
+            raw.corrections,
+            &[
+                ("exact", Correction::Exact),
+                ("uncoupled", Correction::Uncoupled),
+                ("precomputed", Correction::Precomputed),
+            ],
+        )?,
+        reference_grid: one("reference_grid", &raw.reference_grid, PLAIN)?,
+        reference_step: one("reference_step_ms", &raw.reference_step_ms, MS)?,
+    };
+    let at = raw.steps_ms.map_or(0..0, |list| list.span());
+    study.commensurate(time).map_err(|(step, longest)| Error::StudyStep {
+        at: scene.place(at),
+        step: step * 1e3,
+        longest: longest * 1e3,
+    })?;
+    Ok(study)
+}
+
+impl Study {
+    /// Steps of the study's runs, those of the reference too, longest first, s.
+    pub fn all_steps(&self, time: &Time) -> Vec<f64> {
+        let mut all = if self.steps.is_empty() { vec![time.step] } else { self.steps.clone() };
+        all.push(self.finest_step(time));
+        all.sort_by(|a, b| b.total_cmp(a));
+        all.dedup();
+        all
+    }
+
+    /// Step of the reference, s.
+    pub fn finest_step(&self, time: &Time) -> f64 {
+        let shortest = self.steps.iter().copied().fold(f64::INFINITY, f64::min);
+        let shortest = if shortest.is_finite() { shortest } else { time.step };
+        if self.reference_step > 0.0 { self.reference_step } else { shortest / 2.0 }
+    }
+
+    /// The first step that is no whole part of the longest, and that one.
+    fn commensurate(&self, time: &Time) -> std::result::Result<(), (f64, f64)> {
+        let all = self.all_steps(time);
+        let longest = all[0];
+        let whole = |step: &f64| {
+            let parts = longest / step;
+            (parts - parts.round()).abs() < 1e-6 * parts
+        };
+        all.iter().find(|step| !whole(step)).map_or(Ok(()), |step| Err((*step, longest)))
+    }
+}
+
+fn numbers(scene: &SceneText, key: &'static str, list: &Option<Numbers>, unit: super::text::Unit) -> Result<Vec<f64>> {
+    let Some(list) = list else { return Ok(vec![]) };
+    let values: Vec<At<f64>> = list.get_ref().iter().map(|v| At::new(list.span(), *v)).collect();
+    each(scene, key, &At::new(list.span(), values), |v| scene.number(key, v, unit, Bound::Positive))
+}
+
+fn words<T: Copy>(
+    scene: &SceneText,
+    key: &'static str,
+    list: Option<At<Vec<At<String>>>>,
+    known: &[(&str, T)],
+) -> Result<Vec<T>> {
+    let Some(list) = list else { return Ok(vec![]) };
+    each(scene, key, &list, |word| scene.choice(key, word, known))
+}
+
+/// Every value of a list that is neither empty nor endless.
+fn each<A, T>(
+    scene: &SceneText,
+    key: &'static str,
+    list: &At<Vec<A>>,
+    read: impl Fn(&A) -> Result<T>,
+) -> Result<Vec<T>> {
+    let count = list.get_ref().len();
+    if count == 0 || count > MOST_VALUES {
+        return Err(Error::Count {
+            at: scene.place(list.span()),
+            key: format!("values of {key}"),
+            found: count as u32,
+            min: 1,
+            max: MOST_VALUES as u32,
+        });
+    }
+    list.get_ref().iter().map(read).collect()
+}
