@@ -733,6 +733,13 @@ pub enum Error {
         source: std::io::Error,
     },
 
+    /// A picture that cannot be drawn.
+    #[error("study.svg cannot be drawn ({message}); study.csv has the same numbers")]
+    Plot {
+        /// The drawing library's words.
+        message: String,
+    },
+
     /// A VTK file that cannot be written.
     #[error("{path}: cannot be written as VTK ({message}); choose a folder that exists, is writable and has space")]
     Vtk {
@@ -851,6 +858,7 @@ impl Error {
             | Error::Binding { .. }
             | Error::Device { .. }
             | Error::Write { .. }
+            | Error::Plot { .. }
             | Error::Vtk { .. }
             | Error::HaplyNobody { .. }
             | Error::HaplyNoService { .. }

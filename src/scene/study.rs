@@ -118,11 +118,12 @@ pub(super) fn study(
         reference_grid: one("reference_grid", &raw.reference_grid, PLAIN)?,
         reference_step: one("reference_step_ms", &raw.reference_step_ms, MS)?,
     };
-    let at = raw.steps_ms.map_or(0..0, |list| list.span());
-    study.commensurate(time).map_err(|(step, longest)| Error::StudyStep {
-        at: scene.place(at),
-        step: step * 1e3,
-        longest: longest * 1e3,
+    let listed = raw.steps_ms.map(|list| list.span());
+    let reference = raw.reference_step_ms.map(|step| step.span());
+    study.commensurate(time).map_err(|(step, longest)| {
+        let first = if step == study.reference_step { [reference, listed] } else { [listed, reference] };
+        let at = scene.place(first.into_iter().flatten().next().unwrap_or(0..0));
+        Error::StudyStep { at, step: step * 1e3, longest: longest * 1e3 }
     })?;
     Ok(study)
 }

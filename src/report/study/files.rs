@@ -13,7 +13,7 @@ use std::path::Path;
 const NEEDS: [f64; 5] = [0.2, 0.1, 0.05, 0.02, 0.01];
 
 /// Columns of study.csv.
-const COLUMNS: [&str; 25] = [
+const COLUMNS: [&str; 26] = [
     "scene",
     "element",
     "preconditioner",
@@ -34,6 +34,7 @@ const COLUMNS: [&str; 25] = [
     "error_total",
     "ms_per_step",
     "time_ratio",
+    "times_real_time",
     "device_ms_per_step",
     "steps",
     "steps_wanted",
@@ -129,12 +130,18 @@ fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
         cell(row.error_total),
         format!("{:.4}", row.trace.ms_per_step),
         cell(study.own_ms.map(|own| row.trace.ms_per_step / own)),
+        cell(Some(real_time(row))),
         cell(row.trace.device_ms_per_step),
         row.trace.steps.to_string(),
         row.trace.wanted.to_string(),
         row.trace.warnings.to_string(),
         u8::from(row.pareto).to_string(),
     ]
+}
+
+/// Time per step over the step: below 1 it keeps up with the clock.
+fn real_time(row: &Row) -> f64 {
+    row.trace.ms_per_step / (row.setting.step * 1e3)
 }
 
 fn quoted(text: &str) -> String {
@@ -197,8 +204,8 @@ pub(super) fn advice_lines(study: &Study) -> Vec<String> {
     advice(study).map(one).to_vec()
 }
 
-const HEAD: &str = "| setting | total % | discretisation % | time step % | solver % | rounding % | iterations | ms per step | × own | device ms |
-| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
+const HEAD: &str = "| setting | total % | discretisation % | time step % | solver % | rounding % | iterations | ms per step | × own | × real time | device ms |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 ";
 
 fn line(study: &Study, row: &Row) -> String {
@@ -210,7 +217,7 @@ fn line(study: &Study, row: &Row) -> String {
         false => format!(" (stopped at the time limit, step {} of {})", row.trace.steps, row.trace.wanted),
     };
     format!(
-        "| {}{cut} | {} | {} | {} | {} | {} | {:.1} | {ms:.2} | {times} | {device} |\n",
+        "| {}{cut} | {} | {} | {} | {} | {} | {:.1} | {ms:.2} | {times} | {:.2} | {device} |\n",
         words(&row.setting),
         percent(row.error_total),
         percent(row.error_discretisation),
@@ -218,6 +225,7 @@ fn line(study: &Study, row: &Row) -> String {
         percent(row.error_solver),
         percent(row.error_rounding),
         row.trace.iterations,
+        real_time(row),
     )
 }
 
@@ -240,7 +248,7 @@ fn page(study: &Study) -> String {
     for (need, row) in advice(study) {
         match row {
             Some(row) => out += &format!("| {} % {}", need * 100.0, line(study, row)),
-            None => out += &format!("| {} % | none of these {}|\n", need * 100.0, "| – ".repeat(9)),
+            None => out += &format!("| {} % | none of these {}|\n", need * 100.0, "| – ".repeat(10)),
         }
     }
     out += "\n## Nothing is both faster and nearer\n\n";

@@ -6,34 +6,32 @@ use crate::error::{Error, Result};
 use crate::report::preconditioner_name;
 use crate::scene::{Element, Preconditioner};
 use plotters::coord::Shift;
+use plotters::coord::combinators::LogCoord;
 use plotters::prelude::*;
 use std::ops::Range;
 
 /// Size of a panel, px.
-const PANEL: (u32, u32) = (460, 470);
-/// Of the title.
+const PANEL: (u32, u32) = (430, 470);
+/// Height of the title and width of the legend, px.
 const TITLE: u32 = 56;
+const LEGEND: u32 = 190;
 /// Errors below this are drawn at it.
 const LEAST: f64 = 1e-5;
 /// And above this are not drawn.
 const MOST: f64 = 10.0;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
-type Chart<'a, 'b> = ChartContext<
-    'a,
-    SVGBackend<'b>,
-    Cartesian2d<plotters::coord::combinators::LogCoord<f64>, plotters::coord::combinators::LogCoord<f64>>,
->;
+type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogCoord<f64>, LogCoord<f64>>>;
+type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 
-/// Time per step, ms, and total error.
+/// Time per step, ms, and total error, %.
 fn point(row: &Row) -> Option<(f64, f64)> {
     let error = row.error_total.filter(|e| *e <= MOST)?;
-    Some((row.trace.ms_per_step, error.max(LEAST)))
+    Some((row.trace.ms_per_step, error.max(LEAST) * 100.0))
 }
 
 /// The picture's text.
 pub(super) fn picture(study: &Study) -> Result<String> {
-    let failed = |e: &dyn std::fmt::Display| Error::Device { message: format!("the picture cannot be drawn: {e}") };
     let mut text = String::new();
     let mut paths: Vec<[&str; 2]> = vec![];
     for row in &study.rows {
@@ -43,14 +41,14 @@ pub(super) fn picture(study: &Study) -> Result<String> {
         }
     }
     {
-        let size = (PANEL.0 * paths.len().max(1) as u32, PANEL.1 + TITLE);
+        let size = (PANEL.0 * paths.len().max(1) as u32 + LEGEND, PANEL.1 + TITLE);
         let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
-        draw(study, &paths, &area).map_err(|e| failed(&e))?;
+        draw(study, &paths, &area).map_err(|e| Error::Plot { message: e.to_string() })?;
     }
     Ok(text)
 }
 
-fn draw(study: &Study, paths: &[[&str; 2]], area: &Area) -> std::result::Result<(), Box<dyn std::error::Error>> {
+fn draw(study: &Study, paths: &[[&str; 2]], area: &Area) -> Drawn {
     area.fill(&WHITE)?;
     let (head, body) = area.split_vertically(TITLE);
     let font = ("sans-serif", 15).into_font();
@@ -59,8 +57,9 @@ fn draw(study: &Study, paths: &[[&str; 2]], area: &Area) -> std::result::Result<
     let small = ("sans-serif", 12).into_font();
     head.draw(&Text::new(format!("{}{adapter}", study.machine), (14, 32), small))?;
     let points: Vec<(f64, f64)> = study.rows.iter().filter_map(point).collect();
-    let (times, errors) = (range(points.iter().map(|p| p.0)), range(points.iter().map(|p| p.1)));
-    for (panel, path) in body.split_evenly((1, paths.len().max(1))).iter().zip(paths) {
+    let (times, errors) = (decades(points.iter().map(|p| p.0)), decades(points.iter().map(|p| p.1)));
+    let (panels, beside) = body.split_horizontally(PANEL.0 * paths.len().max(1) as u32);
+    for (panel, path) in panels.split_evenly((1, paths.len().max(1))).iter().zip(paths) {
         let name = format!("{} {}", path[0].to_uppercase(), path[1]);
         let mut chart = ChartBuilder::on(panel)
             .caption(name, font.clone())
@@ -68,78 +67,96 @@ fn draw(study: &Study, paths: &[[&str; 2]], area: &Area) -> std::result::Result<
             .x_label_area_size(38)
             .y_label_area_size(58)
             .build_cartesian_2d(times.clone().log_scale(), errors.clone().log_scale())?;
-        chart
-            .configure_mesh()
-            .light_line_style(BLACK.mix(0.05))
-            .x_desc("time per step, ms")
-            .y_desc("error, relative")
-            .draw()?;
-        let own: Vec<&Row> = study.rows.iter().filter(|r| path_name(&r.setting.place) == *path).collect();
-        curves(&mut chart, &own)?;
+        let mut mesh = chart.configure_mesh();
+        mesh.light_line_style(BLACK.mix(0.06)).x_desc("time per step, ms").y_desc("error, %").draw()?;
         front(&mut chart, study, path)?;
-        chart
-            .configure_series_labels()
-            .position(SeriesLabelPosition::LowerLeft)
-            .background_style(WHITE.mix(0.8))
-            .border_style(BLACK.mix(0.2))
-            .label_font(("sans-serif", 11))
-            .draw()?;
+        let own: Vec<&Row> = study.rows.iter().filter(|r| path_name(&r.setting.place) == *path).collect();
+        for method in methods(&own) {
+            curve(&mut chart, &own, method)?;
+        }
     }
+    legend(&beside, &study.rows.iter().collect::<Vec<_>>())?;
     area.present()?;
     Ok(())
 }
 
-/// From a little below the least to a little above the greatest.
-fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
+/// Whole decades around some values, at least one.
+fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
-    if low <= high { low / 1.5..high * 1.5 } else { 0.1..10.0 }
+    if low > high {
+        return 0.1..10.0;
+    }
+    let (low, high) = (low.log10().floor(), (high * 1.0001).log10().ceil());
+    10f64.powf(low)..10f64.powf(high.max(low + 1.0))
 }
 
 /// What one curve is of.
-fn method(s: &Setting) -> (Option<Element>, Preconditioner) {
+type Method = (Option<Element>, Preconditioner);
+
+fn method(s: &Setting) -> Method {
     (s.element, s.preconditioner)
+}
+
+fn methods(rows: &[&Row]) -> Vec<Method> {
+    let mut found = vec![];
+    for row in rows {
+        if !found.contains(&method(&row.setting)) {
+            found.push(method(&row.setting));
+        }
+    }
+    found
 }
 
 fn color(preconditioner: Preconditioner) -> RGBColor {
     match preconditioner {
         Preconditioner::None => RGBColor(120, 120, 120),
-        Preconditioner::Jacobi => RGBColor(200, 140, 40),
+        Preconditioner::Jacobi => RGBColor(210, 150, 30),
         Preconditioner::Block => RGBColor(150, 90, 160),
-        Preconditioner::Column => RGBColor(50, 130, 190),
-        Preconditioner::Multigrid => RGBColor(200, 60, 50),
-        Preconditioner::Direct => RGBColor(60, 150, 90),
+        Preconditioner::Column => RGBColor(40, 120, 190),
+        Preconditioner::Multigrid => RGBColor(205, 50, 40),
+        Preconditioner::Direct => RGBColor(50, 150, 80),
     }
 }
 
-/// All points of each method, small, and its own front as a curve.
-fn curves(chart: &mut Chart, rows: &[&Row]) -> std::result::Result<(), Box<dyn std::error::Error>> {
-    let mut methods = vec![];
-    for row in rows {
-        if !methods.contains(&method(&row.setting)) {
-            methods.push(method(&row.setting));
-        }
+/// Dash and gap of a curve, px; none for a whole line.
+fn dash(element: Option<Element>) -> Option<[u32; 2]> {
+    match element {
+        Some(Element::Plain) => Some([2, 4]),
+        Some(Element::Enhanced) => Some([8, 4]),
+        _ => None,
     }
-    for (element, preconditioner) in methods {
-        let own = rows.iter().filter(|r| method(&r.setting) == (element, preconditioner));
-        let color = color(preconditioner);
-        let filled = element != Some(Element::Plain);
-        let all: Vec<(f64, f64, bool)> =
-            own.filter_map(|r| point(r).map(|(x, y)| (x, y, matches!(r.setting.stop, Stop::Iterations(_))))).collect();
-        // what stops after a number of iterations is a hollow ring: its error is what it left unsolved
-        chart.draw_series(all.iter().map(|(x, y, limited)| {
-            let style = if *limited { color.stroke_width(1) } else { color.mix(0.45).filled() };
-            Circle::new((*x, *y), 2, style)
-        }))?;
-        let width = if filled { 2 } else { 1 };
-        let line = lower_left(all.iter().map(|(x, y, _)| (*x, *y)).collect());
-        let label = format!("{} {}", element_name(element), preconditioner_name(preconditioner));
-        let style = color.stroke_width(width);
-        let dashes = if filled { 1000 } else { 5 };
-        let drawn = chart.draw_series(DashedLineSeries::new(line, dashes, if filled { 0 } else { 4 }, style))?;
-        drawn.label(label).legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], style));
-    }
+}
+
+/// All points of a method, and its own front as a curve. A ring is a run that stopped after a number of iterations.
+fn curve(chart: &mut Chart, rows: &[&Row], (element, preconditioner): Method) -> Drawn {
+    let own = rows.iter().filter(|r| method(&r.setting) == (element, preconditioner));
+    let color = color(preconditioner);
+    let all: Vec<(f64, f64, bool)> =
+        own.filter_map(|r| point(r).map(|(x, y)| (x, y, matches!(r.setting.stop, Stop::Iterations(_))))).collect();
+    chart.draw_series(all.iter().map(|(x, y, limited)| {
+        let style = if *limited { color.stroke_width(1) } else { color.mix(0.6).filled() };
+        Circle::new((*x, *y), 3, style)
+    }))?;
+    let line = lower_left(all.iter().map(|(x, y, _)| (*x, *y)).collect());
+    let style = color.stroke_width(2);
+    match dash(element) {
+        None => chart.draw_series(LineSeries::new(line, style))?,
+        Some([on, off]) => chart.draw_series(DashedLineSeries::new(line, on, off, style))?,
+    };
     Ok(())
 }
+
+/// The study's front as a broad line in every panel; its own points of this panel ringed.
+fn front(chart: &mut Chart, study: &Study, path: &[&str; 2]) -> Drawn {
+    let marked = || study.rows.iter().filter(|r| r.pareto);
+    let all = lower_left(marked().filter_map(point).collect());
+    chart.draw_series(LineSeries::new(all, FRONT.mix(0.3).stroke_width(7)))?;
+    let here = marked().filter(|r| path_name(&r.setting.place) == *path).filter_map(point);
+    chart.draw_series(here.map(|p| Circle::new(p, 7, BLACK.stroke_width(1))))?;
+    Ok(())
+}
+
+const FRONT: RGBColor = RGBColor(120, 120, 120);
 
 /// Points that none of the others beats, by time.
 fn lower_left(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
@@ -153,17 +170,41 @@ fn lower_left(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     points
 }
 
-/// The study's front as a grey line in every panel; its own points of this panel ringed.
-fn front(chart: &mut Chart, study: &Study, path: &[&str; 2]) -> std::result::Result<(), Box<dyn std::error::Error>> {
-    let of = |here: bool| {
-        let marked = study.rows.iter().filter(move |r| r.pareto && (!here || path_name(&r.setting.place) == *path));
-        lower_left(marked.filter_map(point).collect())
+fn legend(area: &Area, rows: &[&Row]) -> Drawn {
+    let mut y = 40;
+    let mut write = |text: String, draw: &dyn Fn(i32) -> Drawn| -> Drawn {
+        draw(y)?;
+        area.draw(&Text::new(text, (36, y - 6), ("sans-serif", 12).into_font()))?;
+        y += 19;
+        Ok(())
     };
-    let style = BLACK.mix(0.25).stroke_width(4);
-    let drawn = chart.draw_series(LineSeries::new(of(false), style))?;
-    drawn.label("front of all paths").legend(move |(x, y)| PathElement::new(vec![(x, y), (x + 18, y)], style));
-    chart.draw_series(of(true).into_iter().map(|p| Circle::new(p, 6, BLACK.stroke_width(1))))?;
-    Ok(())
+    for (element, preconditioner) in methods(rows) {
+        let style = color(preconditioner).stroke_width(2);
+        let line = |y: i32| -> Drawn {
+            let [on, off] = dash(element).unwrap_or([26, 0]).map(|n| n as i32);
+            let mut x = 4;
+            while x < 30 {
+                area.draw(&PathElement::new(vec![(x, y), ((x + on).min(30), y)], style))?;
+                x += on + off;
+            }
+            Ok(())
+        };
+        write(format!("{} {}", element_name(element), preconditioner_name(preconditioner)), &line)?;
+    }
+    let broad = |y: i32| -> Drawn {
+        area.draw(&PathElement::new(vec![(4, y), (30, y)], FRONT.mix(0.3).stroke_width(7)))?;
+        Ok(())
+    };
+    write("front of all panels".into(), &broad)?;
+    let ring = |radius: i32, style: ShapeStyle| {
+        move |y: i32| -> Drawn {
+            area.draw(&Circle::new((17, y), radius, style))?;
+            Ok(())
+        }
+    };
+    write("on that front".into(), &ring(7, BLACK.stroke_width(1)))?;
+    write("to a tolerance".into(), &ring(3, FRONT.filled()))?;
+    write("a number of iterations".into(), &ring(3, FRONT.stroke_width(1)))
 }
 
 #[cfg(test)]
@@ -178,7 +219,8 @@ mod tests {
 
     #[test]
     fn a_range_of_nothing_can_be_drawn() {
-        assert_eq!(range(std::iter::empty()), 0.1..10.0);
-        assert_eq!(range([2.0, 4.0].into_iter()), 2.0 / 1.5..6.0);
+        assert_eq!(decades(std::iter::empty()), 0.1..10.0);
+        assert_eq!(decades([2.0, 4.0].into_iter()), 1.0..10.0);
+        assert_eq!(decades([0.5, 100.0].into_iter()), 0.1..1000.0);
     }
 }

@@ -11,8 +11,8 @@ const EXACT: f64 = 1e-9;
 const EXACT_CONTACT: f64 = 1e-5;
 /// Unknowns up to which a sparse factor is the exact answer; beyond, its fill costs more than conjugate gradients to [`EXACT`].
 const FACTORED: usize = 20_000;
-/// A node that is nearer than this to a probe's point is there, m.
-const AT_NODE: f64 = 1e-8;
+/// A node that is nearer than this to a probe's point is there, m: a micrometre, as decimals in a scene are rounded.
+const AT_NODE: f64 = 1e-6;
 
 /// When a solve ends.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -134,21 +134,27 @@ impl Axes {
 
     /// The scene's own setting, then those that differ from it along one axis alone.
     pub fn star(&self, own: &Setting) -> Vec<Setting> {
-        let differing = |s: &Setting| {
-            [
-                s.element != own.element,
-                s.preconditioner != own.preconditioner,
-                s.stop != own.stop && s.stop != Stop::Exact,
-                s.grid != own.grid,
-                s.step != own.step,
-                s.correction != own.correction,
-                s.place != own.place,
-            ]
-            .into_iter()
-            .filter(|differs| *differs)
-            .count()
-        };
-        self.all(own).into_iter().filter(|s| differing(s) <= 1).collect()
+        let mut out = vec![own.clone()];
+        let one = || own.clone();
+        out.extend(self.elements.iter().map(|v| Setting { element: *v, ..one() }));
+        let solved = |v: &Preconditioner| Setting { preconditioner: *v, stop: stop(*v, own.stop), ..one() };
+        out.extend(self.preconditioners.iter().map(solved));
+        if own.stop != Stop::Exact {
+            out.extend(self.stops.iter().map(|v| Setting { stop: *v, ..one() }));
+        }
+        out.extend(self.grids.iter().map(|v| Setting { grid: *v, ..one() }));
+        out.extend(self.steps.iter().map(|v| Setting { step: *v, ..one() }));
+        out.extend(self.corrections.iter().map(|v| Setting { correction: *v, ..one() }));
+        if own.preconditioner != Preconditioner::Direct {
+            out.extend(self.places.iter().map(|v| Setting { place: v.clone(), ..one() }));
+        }
+        let mut once: Vec<Setting> = vec![];
+        for setting in out {
+            if !once.contains(&setting) {
+                once.push(setting);
+            }
+        }
+        once
     }
 }
 

@@ -1,0 +1,261 @@
+//! `cutis study`: each error is of the one thing that it names, and the files say what was run.
+
+use cutis::error::{Error, Result};
+use cutis::report::study::{Options, Row, Setting, Stop, Study, study};
+use cutis::scene::{Element, Files, Preconditioner, Scene, parse};
+use cutis::step::Place;
+use std::path::{Path, PathBuf};
+
+/// A block pressed on a quarter of its top.
+const BLOCK: &str = r#"title = "A pressed block"
+
+[time]
+step_ms = 4.0
+duration_s = 0.016
+gravity_m_s2 = [0.0, 0.0, 0.0]
+
+[solver]
+preconditioner = "multigrid"
+tolerance = 1e-2
+
+[skin]
+size_mm = [8.0, 8.0]
+cells = [8, 8]
+
+[[skin.layer]]
+name = "dermis"
+thickness_mm = 2.0
+cells = 2
+young_kpa = 100.0
+poisson = 0.49
+density_kg_m3 = 1100.0
+
+[[boundary]]
+region = "bottom"
+
+[[load]]
+pressure_kpa = 5.0
+rectangle_mm = [[-2.0, -2.0], [2.0, 2.0]]
+
+[[probe]]
+name = "top"
+kind = "displacement"
+point_mm = [0.0, 0.0, 2.0]
+
+[[probe]]
+name = "off"
+kind = "displacement"
+point_mm = [0.3, 0.0, 2.0]
+"#;
+
+const AXES: &str = r#"
+[study]
+probes = ["top"]
+elements = ["bbar", "plain"]
+preconditioners = ["jacobi", "direct"]
+tolerances = [1e-1, 1e-4]
+iterations = [3]
+grids = [0.5, 1]
+steps_ms = [4.0, 2.0]
+reference_grid = 2
+reference_step_ms = 1.0
+"#;
+
+fn parsed(text: &str) -> Result<Scene> {
+    parse(text, Path::new("scenes/block.toml"), &Files::Folder(PathBuf::new()))
+}
+
+fn with(axes: &str) -> Scene {
+    parsed(&format!("{BLOCK}{axes}")).unwrap_or_else(|e| panic!("{e}"))
+}
+
+fn refusal(axes: &str) -> String {
+    parsed(&format!("{BLOCK}{axes}")).expect_err("the table does not fit").to_string()
+}
+
+fn folder(name: &str) -> PathBuf {
+    std::env::temp_dir().join(format!("cutis-study-{}-{name}", std::process::id()))
+}
+
+fn options(name: &str, quick: bool) -> Options {
+    Options { gpu: None, quick, limit_s: 60.0, out: folder(name) }
+}
+
+/// Runs a study, hands its files to `look`, and removes them.
+fn studied(name: &str, scene: &Scene, quick: bool, look: impl Fn(&Study, &dyn Fn(&str) -> String)) {
+    let options = options(name, quick);
+    let mut last = 0.0;
+    let result = study(scene, &options, &mut |p| {
+        assert!(p.share >= last && p.share < 1.0 + 1e-9 && p.run < p.runs, "{p:?} after {last}");
+        last = p.share;
+    });
+    let result = result.unwrap_or_else(|e| panic!("{e}"));
+    assert!((last - 1.0).abs() < 1e-9, "the work ends at its end: {last}");
+    look(&result, &|file| std::fs::read_to_string(options.out.join(file)).expect("the study wrote it"));
+    std::fs::remove_dir_all(&options.out).expect("it was made");
+}
+
+fn find(study: &Study, fits: impl Fn(&Setting) -> bool) -> &Row {
+    study.rows.iter().find(|r| fits(&r.setting)).expect("it was run")
+}
+
+/// Direct, bricks, grid × 1, the long step: nothing but grid and step is wrong of it.
+fn exact(s: &Setting, element: Element, step: f64) -> bool {
+    s.preconditioner == Preconditioner::Direct && s.element == Some(element) && s.grid == 1.0 && s.step == step
+}
+
+#[test]
+fn each_error_is_of_what_it_names() {
+    studied("errors", &with(AXES), false, |study, _| {
+        let of = |element, step| find(study, |s| exact(s, element, step));
+        let (long, short) = (of(Element::Bbar, 4e-3), of(Element::Bbar, 2e-3));
+        // solver and rounding: none of a factor in f64
+        assert_eq!((long.error_solver, long.error_rounding), (Some(0.0), Some(0.0)));
+        // implicit Euler is of first order; against the step of 1 ms the errors are as 3 to 1
+        let ratio = long.error_step.unwrap() / short.error_step.unwrap();
+        assert!((2.0..4.0).contains(&ratio), "steps of 4 and 2 ms: {ratio}");
+        // plain bricks lock at ν 0.49 where B-bar does not; a coarser grid is worse
+        let plain = of(Element::Plain, 4e-3).error_discretisation.unwrap();
+        let bbar = long.error_discretisation.unwrap();
+        assert!(plain > 3.0 * bbar && bbar > 0.0, "plain {plain}, B-bar {bbar}");
+        let coarse = find(study, |s| {
+            s.element == Some(Element::Bbar) && s.grid == 0.5 && s.preconditioner == Preconditioner::Direct
+        });
+        assert!(coarse.error_discretisation.unwrap() > bbar);
+        // a looser solve is a larger error of the solver, and three iterations are none at all
+        let jacobi = |stop| {
+            let fits = |s: &Setting| {
+                s.preconditioner == Preconditioner::Jacobi
+                    && s.stop == stop
+                    && s.place == Place::Cpu64
+                    && s.element == Some(Element::Bbar)
+                    && s.grid == 1.0
+                    && s.step == 4e-3
+            };
+            find(study, fits)
+        };
+        let [loose, tight, three] = [Stop::Tolerance(1e-1), Stop::Tolerance(1e-4), Stop::Iterations(3)]
+            .map(|s| jacobi(s).error_solver.unwrap());
+        assert!(three > loose && loose > 10.0 * tight && tight > 0.0, "{three} {loose} {tight}");
+        assert!(jacobi(Stop::Iterations(3)).trace.iterations <= 3.0);
+        // f32 is wrong by rounding, and by nothing else more than its twin
+        let single = find(study, |s| {
+            s.place == Place::Cpu32 && s.stop == Stop::Tolerance(1e-4) && s.element == Some(Element::Bbar)
+        });
+        let rounding = single.error_rounding.unwrap();
+        assert!(rounding > 0.0 && rounding < 1e-3, "{rounding}");
+        // errors add up to no more than their sum
+        for row in &study.rows {
+            let parts = [row.error_discretisation, row.error_step, row.error_solver, row.error_rounding];
+            let sum: f64 = parts.iter().map(|e| e.unwrap()).sum();
+            assert!(row.error_total.unwrap() <= sum * (1.0 + 1e-9), "{row:?}");
+        }
+    });
+}
+
+#[test]
+fn the_files_have_every_setting_once() {
+    studied("files", &with(AXES), false, |study, read| {
+        // elements × grids × steps × ((jacobi × 3 stops) × (f64, f32) + direct), and the scene's own
+        assert_eq!(study.rows.len(), 2 * 2 * 2 * (3 * 2 + 1) + 1);
+        let csv = read("study.csv");
+        let lines: Vec<&str> = csv.lines().collect();
+        assert_eq!(lines.len(), study.rows.len() + 1);
+        let columns = "scene,element,preconditioner,tolerance,iteration_limit,iterations,grid,poisson,step_ms,correction,backend,\
+                       precision,adapter,error_discretisation,error_solver,error_rounding,error_step,error_total,ms_per_step,";
+        assert!(lines[0].starts_with(columns), "{}", lines[0]);
+        assert!(lines[0].ends_with(",pareto"), "{}", lines[0]);
+        let mut settings: Vec<String> = study.rows.iter().map(|r| format!("{:?}", r.setting)).collect();
+        settings.sort();
+        settings.dedup();
+        assert_eq!(settings.len(), study.rows.len(), "a setting was run twice");
+        let json = study.to_json();
+        assert_eq!(json[0]["preconditioner"], "multigrid", "the scene's own setting comes first");
+        assert_eq!(json[0]["time_ratio"], 1.0);
+        assert!(json.as_array().unwrap().iter().any(|row| row["pareto"] == 1.0));
+        let page = read("study.md");
+        assert!(page.contains("## The fastest setting within an error") && page.contains("study.svg"), "{page}");
+        assert!(page.lines().filter(|l| l.contains("grid × ")).count() >= study.rows.len());
+        let picture = read("study.svg");
+        assert!(picture.starts_with("<svg") && picture.trim_end().ends_with("</svg>"));
+        for label in ["bbar jacobi", "plain direct", "CPU f64", "CPU f32", "error, %"] {
+            assert!(picture.contains(label), "{label}");
+        }
+    });
+}
+
+#[test]
+fn a_quick_study_varies_one_thing_at_a_time() {
+    studied("quick", &with(AXES), true, |study, _| {
+        let own = &study.rows[0].setting;
+        for row in &study.rows {
+            let s = &row.setting;
+            let differs = [
+                s.element != own.element,
+                s.preconditioner != own.preconditioner,
+                s.stop != own.stop && s.stop != Stop::Exact,
+                s.grid != own.grid,
+                s.step != own.step,
+                s.place != own.place,
+            ];
+            assert!(differs.iter().filter(|d| **d).count() <= 1 && s.grid <= 1.0, "{s:?}");
+        }
+        assert_eq!(
+            (study.rows.len(), study.left_out),
+            (10, 0),
+            "own, 1 element, 2 preconditioners, 3 stops, grid, step, f32"
+        );
+    });
+}
+
+#[test]
+fn known_values_take_the_place_of_a_reference() {
+    let scene = with("[study]\npreconditioners = [\"direct\"]\nsteps_ms = [4.0]\nknown = { top = -1e-4 }\n");
+    studied("known", &scene, false, |study, _| {
+        assert!(study.reference.contains("top = -0.0001"), "{}", study.reference);
+        let row = find(study, |s| s.preconditioner == Preconditioner::Direct);
+        let [found] = row.trace.samples[0][..] else { panic!("one value at the end: {:?}", row.trace.samples) };
+        assert!((row.error_total.unwrap() - (found / -1e-4 - 1.0).abs()).abs() < 1e-12);
+    });
+}
+
+#[test]
+fn tables_that_do_not_fit_are_refused_with_their_line() {
+    let cases = [
+        ("[study]\nprobes = [\"tip\"]", "probes = \"tip\" is not known; did you mean \"top\"?"),
+        ("[study]\nelements = [\"bar\"]", "did you mean \"bbar\"?"),
+        ("[study]\ntolerances = [1.5]", "wanted a number between 0 and 1"),
+        ("[study]\ntolerances = []", "values of tolerances = 0"),
+        ("[study]\niterations = [0]", "iterations = 0"),
+        ("[study]\ngrids = [-1]", "wanted a finite number above 0"),
+        ("[study]\nsteps_ms = [4, 3]", "a step of 3 ms is no whole part of the longest, 4 ms"),
+        ("[study]\nreference_step_ms = 3", "a step of 3 ms is no whole part"),
+        ("[study]\ntolerance = [1e-3]", "unknown key `tolerance`"),
+        ("[study]\nknown = { tip = 1.0 }", "did you mean \"top\"?"),
+        ("[study]\ncorrections = [\"exakt\"]", "did you mean \"exact\"?"),
+        ("[study]\nduration_s = 0", "wanted a finite number above 0"),
+    ];
+    let line = BLOCK.lines().count() + 1;
+    for (axes, wanted) in cases {
+        let message = refusal(axes);
+        assert!(message.contains(wanted), "{axes}: {message}");
+        let place = [line, line + 1].map(|line| format!("scenes/block.toml:{line}: "));
+        assert!(place.iter().any(|place| message.starts_with(place.as_str())), "{axes}: {message}");
+    }
+}
+
+#[test]
+fn grids_that_do_not_fit_are_refused_before_the_first_run() {
+    let refused = |axes: &str| {
+        let result = study(&with(axes), &options("refused", false), &mut |_| panic!("nothing is run"));
+        let error = result.expect_err("it does not fit");
+        assert!(matches!(error, Error::Usage { .. }) && error.exit_code() == 2, "{error}");
+        error.to_string()
+    };
+    assert!(refused("[study]\nprobes = [\"top\"]\ngrids = [0.3]").contains("8 cells times it are 2.4"));
+    assert!(refused("[study]\ngrids = [1]").contains("probe off is at no node"));
+    let mut bare = with("");
+    bare.probes.clear();
+    let error = study(&bare, &options("bare", false), &mut |_| {}).expect_err("there is nothing to compare");
+    assert!(error.to_string().contains("nothing to study"), "{error}");
+}
