@@ -19,6 +19,7 @@ pub const TESTS: &[Test] = &[
     ("a_scene_without_contact_has_nothing_of_contact", a_scene_without_contact_has_nothing_of_contact),
     ("the_incision_inside_is_the_one_in_scenes", the_incision_inside_is_the_one_in_scenes),
     ("help_names_every_command", help_names_every_command),
+    ("a_study_leaves_its_three_files", a_study_leaves_its_three_files),
 ];
 
 pub const GPU_TESTS: &[Test] = &[
@@ -284,9 +285,29 @@ fn the_incision_inside_is_the_one_in_scenes() -> Outcome {
 fn help_names_every_command() -> Outcome {
     let said = Work::with(ALONE)?.cutis(&["--help"])?;
     ensure!(said.code == 0, "exit status {}", said.code);
-    for word in ["run", "compare", "inspect", "check", "adapters", "haply-mock", "--json", "Exit status"] {
+    for word in ["run", "compare", "study", "inspect", "check", "adapters", "haply-mock", "--json", "Exit status"] {
         ensure!(said.out.contains(word), "no `{word}` in {}", said.out);
     }
+    Ok(())
+}
+
+fn a_study_leaves_its_three_files() -> Outcome {
+    let work =
+        Work::with(&format!("{PRESS}\n[study]\nprobes = [\"top\"]\ncorrections = [\"exact\", \"uncoupled\"]\n"))?;
+    let rows = work.json(&["study", "scene.toml", "--quick", "--json", "--out", "s"], 0)?;
+    let of = |key: &str| rows.as_array().map(|r| r.iter().map(|row| row[key].clone()).collect::<Vec<_>>());
+    ensure!(of("precision") == Some(vec!["f64".into(), "f64".into(), "f32".into()]), "{rows}");
+    let solver: Vec<f64> = of("error_solver").unwrap_or_default().iter().filter_map(Value::as_f64).collect();
+    ensure!(solver.len() == 3 && solver[1] > 2.0 * solver[0], "uncoupled contact is worse than exact: {solver:?}");
+    let table = work.read("s/study.csv")?;
+    ensure!(table.lines().count() == 4 && table.contains("uncoupled"), "{table}");
+    ensure!(work.read("s/study.md")?.contains("force on the tools"), "errors are of forces too");
+    ensure!(work.read("s/study.svg")?.contains("</svg>"), "the picture is whole");
+    let said = work.cutis(&["study", "scene.toml", "--quick", "--out", "s"])?;
+    ensure!(said.code == 0 && said.out.contains("within 20 %"), "{} {}", said.out, said.err);
+    ensure!(said.err.contains("s left"), "progress with the time left: {}", said.err);
+    let said = work.cutis(&["study", "scene.toml", "--adapter", "no such adapter"])?;
+    ensure!(said.code == 3, "exit status {} without the adapter: {}", said.code, said.err);
     Ok(())
 }
 

@@ -22,6 +22,7 @@ pub const TESTS: &[(&str, Test)] = &[
     ("writing_past_an_array_is_an_error_at_the_next_read", writing_past_an_array_is_an_error_at_the_next_read),
     ("compensated_sums_are_right_to_one_rounding", compensated_sums_are_right_to_one_rounding),
     ("an_unknown_adapter_lists_those_there_are", an_unknown_adapter_lists_those_there_are),
+    ("the_device_says_how_long_it_was_busy", the_device_says_how_long_it_was_busy),
 ];
 
 /// 65,535 groups of 64 per dimension is what core WebGPU dispatches; this is more.
@@ -240,4 +241,46 @@ fn compensated_sums_are_right_to_one_rounding(gpu: &Gpu) -> Result<(), Failure> 
     super::report(gpu, &format!("a sum of 262,144 parts is off by {plain:.1e}, compensated by {kept:.1e}"));
     require(kept <= f64::from(f32::EPSILON), || format!("compensated: off by {kept:e}"))?;
     require(plain > 2.0 * kept, || format!("plain sums are as good: {plain:e} and {kept:e}; nothing to compensate"))
+}
+
+/// Copies 65,536 values so many times, a pass each (the clear between them ends it); s busy and s by the wall clock.
+fn timed(gpu: &Gpu, passes: usize) -> Result<(Option<f64>, f64), Failure> {
+    let count = 1 << 16;
+    let ids: Vec<u32> = (0..count as u32).collect();
+    let out = gpu.array::<V4<f32>>("picked", count)?;
+    let list = [
+        ("params", &gpu.uniform("params", 16, &[count as u32, 0, 0, 0])),
+        ("ids", &gpu.array_of("ids", &ids)?),
+        ("source", &gpu.array::<V4<f32>>("source", count)?),
+        ("picked", &out),
+    ];
+    let kernel = gpu.bind(&gather::SOURCE, &list)?;
+    gpu.busy(gpu.batch())?; // what was before does not count
+    let mut batch = gpu.batch();
+    for _ in 0..passes {
+        batch.clear(&out, 0, 16);
+        batch.run(&kernel, count, 1);
+    }
+    let start = std::time::Instant::now();
+    let busy = gpu.busy(batch)?;
+    Ok((busy, start.elapsed().as_secs_f64()))
+}
+
+fn the_device_says_how_long_it_was_busy(gpu: &Gpu) -> Result<(), Failure> {
+    require(timed(gpu, 4)?.0.is_none(), || "timed without being asked to".into())?;
+    gpu.time_passes(true);
+    let (busy, wall) = timed(gpu, 20)?;
+    let Some(busy) = busy else {
+        gpu.time_passes(false);
+        return Ok(()); // an adapter without timestamps says nothing
+    };
+    require(busy > 0.0 && busy <= wall, || format!("busy for {busy} s of {wall} s"))?;
+    let nothing = gpu.busy(gpu.batch())?;
+    require(nothing == Some(0.0), || format!("{nothing:?} s for nothing"))?;
+    let (beyond, _) = timed(gpu, 3000)?;
+    require(beyond.is_none(), || format!("{beyond:?} s of more passes than there are timestamps"))?;
+    let (again, _) = timed(gpu, 20)?;
+    require(again.is_some_and(|s| s > 0.0), || format!("{again:?} s after too many passes"))?;
+    gpu.time_passes(false);
+    require(timed(gpu, 4)?.0.is_none(), || "goes on timing".into())
 }

@@ -204,11 +204,11 @@ impl Study {
 
 impl Runs<'_> {
     /// A setting's own run and those that its errors are differences of.
-    fn needed(&self, setting: &Setting) -> Vec<(Setting, bool)> {
+    fn needed(&self, setting: &Setting) -> [(Setting, bool); 4] {
         let twin = Setting { place: Place::Cpu64, ..setting.clone() };
         let exactly = exact(self.scene, setting);
         let shortest = Setting { step: self.scene.study.finest_step(&self.scene.time), ..exactly.clone() };
-        vec![(setting.clone(), false), (twin, false), (exactly, true), (shortest, true)]
+        [(setting.clone(), false), (twin, false), (exactly, true), (shortest, true)]
     }
 
     /// The trace of a setting, run now if it was not before.
@@ -260,23 +260,20 @@ impl Runs<'_> {
 
 /// Runs a setting and what its errors are differences of.
 fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>]) -> Result<Row> {
-    let mut traces = vec![];
-    for (setting, exactly) in runs.needed(setting) {
-        traces.push(runs.get(&setting, exactly)?);
-    }
+    let [own, twin, exactly, shortest] = runs.needed(setting).map(|(setting, exactly)| runs.get(&setting, exactly));
+    let (own, twin, exactly, shortest) = (own?, twin?, exactly?, shortest?);
     let signals = &runs.signals;
     let error = |a: &Trace, b: &Trace| (a.whole() && b.whole()).then(|| apart(&a.samples, &b.samples, course, signals));
     let against = |a: &Trace| a.whole().then(|| apart(&a.samples, course, course, signals));
-    let [own, twin, exactly, shortest] = &traces[..] else { unreachable!("four runs are needed") };
     Ok(Row {
         setting: setting.clone(),
-        error_discretisation: against(shortest),
-        error_solver: error(twin, exactly),
-        error_rounding: error(own, twin),
-        error_step: error(exactly, shortest),
-        error_total: against(own),
+        error_discretisation: against(&shortest),
+        error_solver: error(&twin, &exactly),
+        error_rounding: error(&own, &twin),
+        error_step: error(&exactly, &shortest),
+        error_total: against(&own),
         pareto: false,
-        trace: own.clone(),
+        trace: own,
     })
 }
 
