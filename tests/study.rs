@@ -57,6 +57,7 @@ tolerances = [1e-1, 1e-4]
 iterations = [3]
 grids = [0.5, 1]
 steps_ms = [4.0, 2.0]
+quick_grid = 1
 reference_grid = 2
 reference_step_ms = 1.0
 "#;

@@ -132,7 +132,7 @@ pub struct Compare {
 pub struct Study {
     /// Scene file; the built-in incision when none is given
     pub scene: Option<PathBuf>,
-    /// Under two minutes: the scene's own setting and what differs from it in one thing, over few steps, on no finer grid
+    /// Under two minutes: one setting, on the grid that the scene says for it, and what differs from it in one thing
     #[arg(long)]
     pub quick: bool,
     /// GPU whose name, API or driver contains TEXT, beside the CPU path; a hardware GPU is taken without being named

@@ -380,6 +380,7 @@ pub(super) struct Study {
     pub grids: Option<Numbers>,
     pub steps_ms: Option<Numbers>,
     pub corrections: Option<At<Vec<At<String>>>>,
+    pub quick_grid: Option<At<f64>>,
     pub reference_grid: Option<At<f64>>,
     pub reference_step_ms: Option<At<f64>>,
 }

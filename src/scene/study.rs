@@ -32,6 +32,8 @@ pub struct Study {
     pub steps: Vec<f64>,
     /// Contact corrections.
     pub corrections: Vec<Correction>,
+    /// Grid of a quick study, times the scene's cells; 0 for the coarsest of `grids`.
+    pub quick_grid: f64,
     /// Grid of the reference, times the scene's cells; 0 for the finest of `grids` and one twice the scene's.
     pub reference_grid: f64,
     /// Step of the reference, s; 0 for half of the shortest one.
@@ -115,6 +117,7 @@ pub(super) fn study(
                 ("precomputed", Correction::Precomputed),
             ],
         )?,
+        quick_grid: one("quick_grid", &raw.quick_grid, PLAIN)?,
         reference_grid: one("reference_grid", &raw.reference_grid, PLAIN)?,
         reference_step: one("reference_step_ms", &raw.reference_step_ms, MS)?,
     };

@@ -235,10 +235,7 @@ fn page(study: &Study) -> String {
     let _ = writeln!(out, "Machine: {}{adapter}.", study.machine);
     let _ = writeln!(out, "Errors are of {}, relative to {}.", study.signals.join(", "), study.reference);
     if let Some(own) = study.own_ms {
-        let _ = writeln!(
-            out,
-            "Times are medians; × own is the ratio to the scene's own setting on the CPU in f64, {own:.2} ms."
-        );
+        let _ = writeln!(out, "Times are medians; × own is the ratio to the first of all settings, {own:.2} ms.");
     }
     if study.left_out > 0 {
         let _ = writeln!(out, "Left out for want of time: {} settings.", study.left_out);

@@ -12,7 +12,7 @@
 //! | total | this run and the reference |
 //!
 //! The reference is the finest grid at the shortest step, solved exactly (a sparse factor, or conjugate gradients to 10⁻⁹), or the known
-//! values. Times are medians of the steps of one run; each is also stated as a ratio to the scene's own setting on the CPU path in f64.
+//! values. Times are medians of the steps of one run; each is also stated as a ratio to the first setting, the scene's own on the CPU path in f64.
 
 mod files;
 mod plot;
@@ -26,16 +26,14 @@ use crate::error::{Error, Result};
 use crate::gpu::adapters;
 use crate::scene::Scene;
 use crate::step::Place;
-use settings::{Axes, exact, own, scene_of};
+use settings::{Axes, exact, own, quick, scene_of};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use trace::{apart, signals, trace};
 
-/// A quick study runs at most so many of its longest steps,
-const QUICK_STEPS: f64 = 20.0;
-/// no run longer than this,
-const QUICK_RUN: Duration = Duration::from_secs(6);
-/// and leaves out what does not begin before this, s.
+/// No run of a quick study is longer than this,
+const QUICK_RUN: Duration = Duration::from_secs(12);
+/// and it leaves out what does not begin before this, s.
 const QUICK_SECONDS: f64 = 90.0;
 
 /// How to study.
@@ -43,7 +41,7 @@ const QUICK_SECONDS: f64 = 90.0;
 pub struct Options {
     /// An adapter to run on beside the CPU path.
     pub gpu: Option<Place>,
-    /// Under two minutes: the scene's own setting and what differs from it in one thing, on no finer grid, over few steps.
+    /// Under two minutes: one setting, on the grid that the scene says for it, and what differs from it in one thing.
     pub quick: bool,
     /// No run takes longer, s.
     pub limit_s: f64,
@@ -91,7 +89,7 @@ pub struct Study {
     pub rows: Vec<Row>,
     /// Variants that a quick study had no time for.
     pub left_out: usize,
-    /// What the ratios of times are to: ms per step of the scene's own setting on the CPU path in f64.
+    /// What the ratios of times are to: ms per step of the first setting, the scene's own on the CPU path in f64.
     pub own_ms: Option<f64>,
 }
 
@@ -130,15 +128,13 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
             fix: "give the scene a `[skin]` or a `[[block]]`, and a `[[probe]]`".into(),
         });
     }
-    let axes = Axes::new(scene, options.gpu.as_ref(), options.quick);
-    let variants = if options.quick { axes.star(&own(scene)) } else { axes.all(&own(scene)) };
+    let axes = Axes::new(scene, options.gpu.as_ref());
+    let first = if options.quick { quick(scene) } else { own(scene) };
+    let variants = if options.quick { axes.star(&first) } else { axes.all(&first) };
     let reference = reference(scene, options.quick);
     let all_steps = scene.study.all_steps(&scene.time);
-    let mut duration = scene.study.duration.unwrap_or(scene.time.duration);
-    if options.quick {
-        duration = duration.min(QUICK_STEPS * all_steps[0]);
-    }
-    duration = (duration / all_steps[0]).round().max(1.0) * all_steps[0];
+    let duration = scene.study.duration.unwrap_or(scene.time.duration);
+    let duration = (duration / all_steps[0]).round().max(1.0) * all_steps[0];
     let known = !scene.study.known.is_empty();
     let mut runs = Runs {
         scene,
@@ -174,7 +170,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         rows.push(row(&mut runs, setting, &course)?);
     }
     mark_front(&mut rows);
-    let own_ms = rows.iter().find(|r| r.setting == own(scene)).map(|r| r.trace.ms_per_step);
+    let own_ms = rows.iter().find(|r| r.setting == first).map(|r| r.trace.ms_per_step);
     let study = Study {
         scene: scene.file.display().to_string(),
         machine: machine(),
@@ -281,7 +277,7 @@ fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>]) -> Result<Row> {
 fn reference(scene: &Scene, quick: bool) -> Setting {
     let finest = scene.study.grids.iter().copied().fold(2.0, f64::max);
     let grid = if scene.study.reference_grid > 0.0 { scene.study.reference_grid } else { finest };
-    let grid = if quick { grid.min(2.0) } else { grid };
+    let grid = if quick { grid.min(2.0 * settings::quick(scene).grid) } else { grid };
     exact(scene, &Setting { grid, step: scene.study.finest_step(&scene.time), ..own(scene) })
 }
 

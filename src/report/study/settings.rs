@@ -65,7 +65,14 @@ fn stop(preconditioner: Preconditioner, wanted: Stop) -> Stop {
     if preconditioner == Preconditioner::Direct { Stop::Exact } else { wanted }
 }
 
-/// The study's axes, in `quick` form without grids finer than the scene's.
+/// The setting that a quick study varies: the scene's own, on the grid that it says or the coarsest of the study.
+pub fn quick(scene: &Scene) -> Setting {
+    let coarsest = scene.study.grids.iter().copied().fold(1.0, f64::min);
+    let grid = if scene.study.quick_grid > 0.0 { scene.study.quick_grid } else { coarsest };
+    Setting { grid, ..own(scene) }
+}
+
+/// The study's axes.
 pub struct Axes {
     elements: Vec<Option<Element>>,
     preconditioners: Vec<Preconditioner>,
@@ -82,16 +89,12 @@ fn or_own<T: Clone>(list: &[T], own: T) -> Vec<T> {
 
 impl Axes {
     /// What a scene says, its own value where it says nothing; `gpu` is an adapter that runs it too.
-    pub fn new(scene: &Scene, gpu: Option<&Place>, quick: bool) -> Self {
+    pub fn new(scene: &Scene, gpu: Option<&Place>) -> Self {
         let (study, own) = (&scene.study, own(scene));
         let some = |list: &[Element]| list.iter().copied().map(Some).collect::<Vec<_>>();
         let mut stops: Vec<Stop> = study.tolerances.iter().copied().map(Stop::Tolerance).collect();
         stops.extend(study.iterations.iter().copied().map(Stop::Iterations));
         let tolerance = Stop::Tolerance(scene.solver.tolerance);
-        let mut grids = or_own(&study.grids, 1.0);
-        if quick {
-            grids.retain(|grid| *grid <= 1.0);
-        }
         let corrections: Vec<_> = study.corrections.iter().copied().map(Some).collect();
         let mut places = vec![Place::Cpu64, Place::Cpu32];
         places.extend(gpu.cloned());
@@ -99,7 +102,7 @@ impl Axes {
             elements: or_own(&some(&study.elements), own.element),
             preconditioners: or_own(&study.preconditioners, own.preconditioner),
             stops: or_own(&stops, tolerance),
-            grids: or_own(&grids, 1.0),
+            grids: or_own(&study.grids, 1.0),
             steps: or_own(&study.steps, own.step),
             corrections: or_own(&corrections, own.correction),
             places,
@@ -132,7 +135,7 @@ impl Axes {
         out
     }
 
-    /// The scene's own setting, then those that differ from it along one axis alone.
+    /// A setting, then those that differ from it along one axis alone, on no finer grid.
     pub fn star(&self, own: &Setting) -> Vec<Setting> {
         let mut out = vec![own.clone()];
         let one = || own.clone();
@@ -142,7 +145,7 @@ impl Axes {
         if own.stop != Stop::Exact {
             out.extend(self.stops.iter().map(|v| Setting { stop: *v, ..one() }));
         }
-        out.extend(self.grids.iter().map(|v| Setting { grid: *v, ..one() }));
+        out.extend(self.grids.iter().filter(|v| **v <= own.grid).map(|v| Setting { grid: *v, ..one() }));
         out.extend(self.steps.iter().map(|v| Setting { step: *v, ..one() }));
         out.extend(self.corrections.iter().map(|v| Setting { correction: *v, ..one() }));
         if own.preconditioner != Preconditioner::Direct {
