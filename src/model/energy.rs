@@ -5,7 +5,7 @@ use crate::kernels::forces::rest_corner;
 use crate::kernels::product::{LANES, cell_groups, product};
 use crate::kernels::split::split_cells;
 use crate::kernels::split_product::split_product;
-use crate::kernels::{anchors, forces, momentum, rhs, rotations, springs, springs_product};
+use crate::kernels::{ahead, anchors, forces, momentum, rhs, rotations, springs, springs_product};
 use crate::math::{V3, V4, norm, rotation_matrix, rotation_minus_identity};
 use crate::scene::Mass;
 
@@ -81,10 +81,12 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
     let (mut f, mut b, mut w) = (zeros.clone(), zeros.clone(), zeros);
     let shapes = model.shapes::<f64>();
     let in_system = model.anchors.all_in_system(rate(&model.step), &solved.free);
+    let mut at = solved.u.clone(); // where elastic forces are taken
+    ahead::ahead(&params, &solved.u, &solved.v, &mut at);
     if let Some(s) = &model.springs {
         let rest: Vec<V4<f64>> = model.rest.iter().map(|r| V3::of(*r).pad(0.0)).collect();
         let mut tangent = vec![[0.0; 4]; s.half.len() * 2];
-        springs::springs(&params, &rest, &solved.u, &s.first, &s.half, &solved.law, &mut f, &mut tangent);
+        springs::springs(&params, &rest, &at, &s.first, &s.half, &solved.law, &mut f, &mut tangent);
         springs_product::springs_product(&params, &s.first, &s.half, &tangent, &in_system, &solved.dx, &mut w);
     } else {
         let blocks = model.stiffness_blocks::<f64>();
@@ -94,7 +96,7 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
             rotations::rotations(&params, &shapes, layers, &solved.split, &solved.u, &mut rotation);
         }
         let (pre_strains, split) = (model.pre_strains(), &solved.split);
-        forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, &solved.u, &rotation, &mut f);
+        forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, &at, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         let (modes, split) = (model.modes(), &solved.split);
         product(&params, &modes, layers, &rotation, &in_system, split, &solved.dx, &mut w, &mut scratch);
@@ -118,7 +120,7 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
         );
     }
     let mut load = rhs::rhs(&params, &f, &mean_v, &solved.free, &solved.load, &mut b);
-    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, &solved.free, &solved.u, &mut b);
+    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, &solved.free, &at, &mut b);
     for i in 0..count {
         for n in 0..3 {
             let contact = solved.contact[i][n] * solved.free[i][n];

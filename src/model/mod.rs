@@ -5,10 +5,13 @@ pub mod element;
 mod energy;
 pub mod levels;
 mod springs;
+mod stable;
+mod step;
 
 pub use anchors::{Anchors, rate};
 pub use energy::{Solved, elastic_energy, residual, true_residual};
 pub use springs::Springs;
+pub use step::Step;
 
 use crate::error::{Error, Result};
 use crate::kernels::product::{Modes, tiles};
@@ -70,21 +73,6 @@ pub struct Multigrid {
     pub coarse: Vec<levels::Level>,
 }
 
-/// Constants of the time step.
-#[derive(Clone, Copy, Debug)]
-pub struct Step {
-    /// s
-    pub step: f64,
-    /// m/s²
-    pub gravity: [f64; 3],
-    /// 1/s
-    pub rayleigh_mass: f64,
-    /// s
-    pub rayleigh_stiffness: f64,
-    /// Code of `Params::preconditioner`.
-    pub preconditioner: u32,
-}
-
 /// State of a body in f64, for output and checks.
 #[derive(Clone, Debug, Default)]
 pub struct State {
@@ -106,22 +94,6 @@ fn reserve(scene: &Scene, skin: &Skin) -> usize {
     match (skin.cut, skin.law) {
         (Cut::Split { reserve_columns }, Law::Fem { .. }) if blade => reserve_columns as usize,
         _ => 0,
-    }
-}
-
-/// Constants of a scene's time step.
-fn step_of(scene: &Scene, skin: &Skin) -> Step {
-    Step {
-        step: scene.time.part(),
-        gravity: scene.time.gravity,
-        rayleigh_mass: skin.rayleigh_mass,
-        rayleigh_stiffness: skin.rayleigh_stiffness,
-        preconditioner: match scene.solver.preconditioner {
-            Preconditioner::None => 0,
-            Preconditioner::Jacobi => 1,
-            Preconditioner::Block => 2,
-            Preconditioner::Column | Preconditioner::Multigrid | Preconditioner::Direct => 3,
-        },
     }
 }
 
@@ -217,15 +189,16 @@ impl Model {
         free.resize(count + extra_columns * grid.nodes[2], [0.0; 4]);
         let inside = |region: &Region| (0..count).filter(|n| grid.contains(region, *n)).map(|n| n as u32).collect();
         let anchors = Anchors::new(&anchors, |anchor| inside(&anchor.region));
-        let step = step_of(scene, skin);
+        let step = Step::new(scene, skin);
         let in_system = anchors.all_in_system(rate(&step), &free);
-        let multigrid = (scene.solver.preconditioner == Preconditioner::Multigrid).then(|| Multigrid {
+        let solved = |by| !step.explicit() && scene.solver.preconditioner == by;
+        let multigrid = solved(Preconditioner::Multigrid).then(|| Multigrid {
             largest: levels::largest(&stiffness).max(if skin.mass == Mass::Consistent { levels::OF_MASS } else { 1.0 }),
             coarse: levels::levels(&grid, &stiffness, &in_system[..count]),
         });
         Ok(Self {
             multigrid,
-            direct: scene.solver.preconditioner == Preconditioner::Direct,
+            direct: solved(Preconditioner::Direct),
             rest: (0..count).map(|n| [0, 1, 2].map(|a| grid.rest(n)[a] + skin.position[a])).collect(),
             position: skin.position,
             body,
@@ -268,9 +241,12 @@ impl Model {
             } else {
                 (tiles(&self.grid.params::<f64>()) + touched.div_ceil(GROUP as usize)) as u32
             },
-            inertia: R::of((1.0 + s.step * s.rayleigh_mass) / (s.step * s.step)),
-            stiffness_factor: R::of(1.0 + s.rayleigh_stiffness / s.step),
+            inertia: R::of(s.inertia()),
+            stiffness_factor: R::of(s.stiffness_factor()),
             step: R::of(s.step),
+            carried: R::of(s.carried()),
+            reach: R::of(s.reach()),
+            lead: R::of(s.lead()),
             gravity_x: R::of(s.gravity[0]),
             gravity_y: R::of(s.gravity[1]),
             gravity_z: R::of(s.gravity[2]),

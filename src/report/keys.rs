@@ -66,7 +66,7 @@ pub struct Spread {
 /// The solver of the free motion.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct SolverReport {
-    /// `cg` or `pcg`.
+    /// `cg`, `pcg`, or `none` of explicit steps.
     pub kind: String,
     /// The scene's word for it.
     pub preconditioner: String,

@@ -11,6 +11,7 @@ mod devices;
 mod diagnose;
 mod files;
 mod grid;
+mod integrator;
 mod lines;
 mod outputs;
 mod raw;
@@ -102,6 +103,19 @@ pub struct Time {
     pub gravity: [f64; 3],
     /// Parts that each step is divided into; results are of whole steps.
     pub substeps: u32,
+    /// How steps are taken.
+    pub integrator: Integrator,
+}
+
+/// How a step is taken ([`crate::model::Step`] has the formulas).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integrator {
+    /// Stable at any step, damps by itself.
+    ImplicitEuler,
+    /// Average acceleration: of second order, keeps the energy of a linear body.
+    Newmark,
+    /// Explicit: nothing is solved, steps are short.
+    SymplecticEuler,
 }
 
 impl Time {

@@ -104,6 +104,7 @@ pub(super) struct Time {
     pub duration_s: At<f64>,
     pub gravity_m_s2: Option<Numbers>,
     pub substeps: Option<At<u32>>,
+    pub integrator: Option<At<String>>,
 }
 
 #[derive(Default, serde::Deserialize)]

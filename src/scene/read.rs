@@ -11,8 +11,8 @@ use super::grid::{self, Grid};
 use super::raw::{self, At, Table};
 use super::region::region;
 use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
-use super::{Boundary, Correction, Law, Load, Preconditioner, Scene, Skin, Solver, TestForm, Time};
-use super::{anchor, body, devices, outputs, tools};
+use super::{Boundary, Correction, Integrator, Law, Load, Preconditioner, Scene, Skin, Solver, TestForm, Time};
+use super::{anchor, body, devices, integrator, outputs, tools};
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -67,11 +67,15 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     if contact.correction == Correction::Precomputed && tools.iter().any(|t| t.blade.is_some()) {
         return Err(Error::PrecomputedCut { path: file.to_path_buf() });
     }
+    let mut time_keys = raw.time.keys;
+    let raw_solver = raw::keys(raw.solver);
+    let word = time_keys.integrator.take();
+    let integrator = integrator::integrator(&scene, word, &raw_solver, &skins, touching)?;
     Ok(Scene {
         title: raw.title.into_inner(),
         file: file.to_path_buf(),
-        time: time(&scene, raw.time.keys)?,
-        solver: solver(&scene, raw::keys(raw.solver), &skins)?,
+        time: time(&scene, time_keys, integrator)?,
+        solver: solver(&scene, raw_solver, &skins)?,
         boundaries: boundaries.collect::<Result<_>>()?,
         anchors: anchor::anchors(&scene, raw.anchor, &names, &skins, &grids)?,
         loads: loads.collect::<Result<_>>()?,
@@ -88,13 +92,14 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     })
 }
 
-fn time(scene: &SceneText, raw: raw::Time) -> Result<Time> {
+fn time(scene: &SceneText, raw: raw::Time, integrator: Integrator) -> Result<Time> {
     let gravity = or_vector(raw.gravity_m_s2, &[0.0, 0.0, -9.81]);
     let time = Time {
         step: scene.number("step_ms", &raw.step_ms, MS, Bound::Positive)?,
         duration: scene.number("duration_s", &raw.duration_s, SECOND, Bound::Positive)?,
         gravity: scene.vector("gravity_m_s2", &gravity, ACCELERATION, Bound::Finite)?,
         substeps: scene.count("substeps", &or(raw.substeps, 1), [1, 10_000])?,
+        integrator,
     };
     if time.step > time.duration {
         return Err(Error::Order {

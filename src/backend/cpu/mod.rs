@@ -1,16 +1,16 @@
 //! The CPU path: the kernels' twins in f32 or f64 on all cores; the reference that the GPU is checked against.
 
 mod arrays;
+mod explicit;
 
 use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Vector, Wanted};
 use crate::cut::Removal;
 use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::cut::Hit;
-use crate::kernels::product::{LANES, cell_groups, elastic_forces};
+use crate::kernels::product::{LANES, cell_groups};
 use crate::kernels::{
-    Params, anchors, blocks, bounds, cut, duplicate, factor, forces, integrate, momentum, rhs, rotations, springs,
-    springs_blocks, springs_product,
+    Params, ahead, anchors, blocks, bounds, cut, duplicate, factor, integrate, rhs, springs_blocks, springs_product,
 };
 use crate::linear::{Outcome, Slot, solve};
 use crate::math::{Real, V3, V4, round, widen};
@@ -27,8 +27,10 @@ pub struct CpuBackend<R> {
     floor: f64,
     node_count: usize,
     contact: bool,
+    explicit: bool,
     u: Vec<V4<R>>,
     v: Vec<V4<R>>,
+    ahead: Vec<V4<R>>,  // of a damped explicit step; else empty
     mean_v: Vec<V4<R>>, // of a consistent mass; else empty
     f: Vec<V4<R>>,
     free: Vec<V4<R>>,   // as A has them
@@ -55,6 +57,7 @@ impl<R: Real> CpuBackend<R> {
     pub fn new(model: &Model, needs: Needs, max_iterations: u32, floor: f64, start: &Snapshot) -> Self {
         let node_count = model.node_count();
         let slots = needs.slots();
+        let solved = if model.step.explicit() { 0 } else { node_count }; // nodes that a solve needs vectors of
         let zeros = |n: usize| vec![[R::zero(); 4]; n];
         let scratch = match &model.springs {
             Some(_) => vec![],
@@ -69,8 +72,10 @@ impl<R: Real> CpuBackend<R> {
             floor,
             node_count,
             contact: needs.contact,
+            explicit: model.step.explicit(),
             u: start.u.iter().map(round).collect(),
             v: start.v.iter().map(round).collect(),
+            ahead: zeros(if model.step.lead() > 0.0 { node_count } else { 0 }),
             mean_v: zeros(if model.mass == Mass::Consistent { node_count } else { 0 }),
             f: zeros(node_count),
             free: model.in_system().iter().map(round).collect(),
@@ -79,14 +84,14 @@ impl<R: Real> CpuBackend<R> {
             anchor_rate,
             anchors,
             load: zeros(node_count),
-            block: zeros(node_count * 4),
+            block: zeros(solved * 4),
             load_squared: R::zero(),
             x: zeros(node_count * slots),
             r: zeros(node_count * slots),
-            p: zeros(node_count * slots),
-            s: zeros(node_count * slots),
-            z: zeros(node_count * slots),
-            w: zeros(node_count * slots),
+            p: zeros(solved * slots),
+            s: zeros(solved * slots),
+            z: zeros(solved * slots),
+            w: zeros(solved * slots),
             cutting,
             space: vec![Space { scratch, levels: vec![] }; slots],
         }
@@ -116,7 +121,8 @@ impl<R: Real> CpuBackend<R> {
 impl<R: Real> Backend for CpuBackend<R> {
     fn device(&self) -> Device {
         let arrays = [&self.u, &self.v, &self.f, &self.free, &self.masses, &self.load, &self.block, &self.x];
-        let bytes: usize = arrays.iter().map(|a| a.len()).sum::<usize>() + 5 * self.x.len();
+        let solver = [&self.r, &self.p, &self.s, &self.z, &self.w, &self.ahead];
+        let bytes: usize = arrays.iter().chain(&solver).map(|a| a.len()).sum();
         Device {
             backend: "cpu",
             precision: R::NAME,
@@ -134,45 +140,17 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn begin(&mut self) -> Result<()> {
         let params = self.params;
-        match &mut self.law {
-            Elastic::Bricks(Bricks { shape, pre_strain, stiffness, elastic, layer_of, rotation, split, .. }) => {
-                let u = &self.u;
-                if params.corotational == 1 {
-                    rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
-                        *q = rotations::rotate_cell(&params, shape, layer_of, split, u, cell, *q);
-                    });
-                }
-                elastic_forces(
-                    &params,
-                    shape,
-                    pre_strain,
-                    elastic,
-                    layer_of,
-                    rotation,
-                    split,
-                    u,
-                    &mut self.f,
-                    &mut self.space[FREE].scratch,
-                );
-                for node in params.touched(split).iter().map(|n| *n as usize) {
-                    let force =
-                        forces::node_force(&params, shape, pre_strain, stiffness, layer_of, split, u, rotation, node);
-                    self.f[node] = force.pad(R::zero());
-                }
-                let (free, v) = (&self.free, &self.v);
-                self.mean_v.par_iter_mut().enumerate().for_each(|(i, mean)| {
-                    *mean =
-                        momentum::mean_velocity(&params, shape, layer_of, split, rotation, free, v, i).pad(R::zero());
-                });
-            }
-            Elastic::Springs { rest, first, half, law, tangent } => {
-                springs::springs(&params, rest, &self.u, first, half, law, &mut self.f, tangent);
-            }
-        }
+        ahead::ahead(&params, &self.u, &self.v, &mut self.ahead);
+        let at = if self.ahead.is_empty() { &self.u } else { &self.ahead };
+        self.law.forces(&params, &self.u, at, &mut self.f, &mut self.space[FREE]);
+        self.law.mean_velocities(&params, &self.free, &self.v, &mut self.mean_v);
         let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
         let own = if self.masses.is_empty() { &self.free } else { &self.masses };
         self.load_squared = rhs::rhs(&params, &self.f, v, own, &self.load, &mut self.r);
-        anchors::anchors(&self.anchors.nodes, &self.anchor, own, &self.u, &mut self.r);
+        anchors::anchors(&self.anchors.nodes, &self.anchor, own, at, &mut self.r);
+        if self.explicit {
+            return Ok(());
+        }
         if let Elastic::Bricks(Bricks { direct: Some(direct), .. }) = &mut self.law {
             direct.current = false;
             return Ok(());
@@ -214,6 +192,9 @@ impl<R: Real> Backend for CpuBackend<R> {
     }
 
     fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+        if self.explicit {
+            return Ok(self.accelerate(wanted, pick));
+        }
         let n = self.node_count;
         if let Elastic::Bricks(Bricks { direct: Some(direct), rotation, .. }) = &mut self.law
             && !direct.current
