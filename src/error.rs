@@ -57,6 +57,27 @@ pub enum Error {
         path: PathBuf,
     },
 
+    /// A neo-Hookean body with what it does not go with.
+    #[error("{at}: law = \"neo_hookean\" {why}; {fix}")]
+    LawUnfit {
+        /// Where.
+        at: Place,
+        /// What does not fit.
+        why: &'static str,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// A neo-Hookean cell without volume, where the law has no energy.
+    #[error(
+        "cell {cell:?} of a neo-Hookean body is inside out at a step's start; take a shorter step_ms, let contacts and held nodes move \
+         less in one step, or take law = \"fem\""
+    )]
+    InsideOut {
+        /// Cells along x, y, z.
+        cell: [usize; 3],
+    },
+
     /// An integrator that a scene's bodies do not fit.
     #[error("{at}: integrator = \"{found}\" {why}; {fix}")]
     IntegratorUnfit {

@@ -43,6 +43,11 @@ impl Outcome {
         Self { iterations: 0, converged: true, residual: 0.0, target: f64::INFINITY }
     }
 
+    /// Broken down before it had converged or used up its iterations: the matrix is not positive.
+    pub fn broken(&self, max_iterations: u32) -> bool {
+        !self.converged && self.iterations < max_iterations
+    }
+
     /// From the solver's scalars.
     pub fn of<R: Real>(k: &Scalars<R>) -> Self {
         Self {

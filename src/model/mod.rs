@@ -4,12 +4,14 @@ mod anchors;
 pub mod element;
 mod energy;
 pub mod levels;
+mod neo_hookean;
 mod springs;
 mod stable;
 mod step;
 
 pub use anchors::{Anchors, rate};
 pub use energy::{Solved, elastic_energy, residual, true_residual};
+pub use neo_hookean::{Cell, Forces, Material, NeoHookean, gather, times};
 pub use springs::Springs;
 pub use step::Step;
 
@@ -18,7 +20,7 @@ use crate::kernels::product::{Modes, tiles};
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, Real, V4};
 use crate::mesh::Grid;
-use crate::scene::{Anchor, Cut, Law, Load, MOST_NODES, Mass, Preconditioner, Region, Scene, Skin};
+use crate::scene::{Anchor, Cut, Element, Law, Load, MOST_NODES, Mass, Preconditioner, Region, Scene, Skin};
 
 /// Layers that one uniform binding of element matrices holds (64 KiB of core WebGPU / 3 KiB each).
 pub const MAX_LAYERS: usize = 21;
@@ -38,6 +40,8 @@ pub struct Model {
     pub pre_strain: Vec<[f64; 4]>,
     /// `[layer]` element matrices, N/m; empty for a spring body.
     pub stiffness: Vec<element::Matrix>,
+    /// The law of a neo-Hookean body; its `stiffness` is that of small strains.
+    pub neo_hookean: Option<NeoHookean>,
     /// Springs of a spring body.
     pub springs: Option<Springs>,
     /// Corotational bricks.
@@ -156,9 +160,12 @@ impl Model {
         for (index, layer) in skin.layers.iter().enumerate() {
             let h = grid.cell_edges(index as u32);
             shape.push([h[0], h[1], h[2], layer.density * h[0] * h[1] * h[2] / 8.0]);
-            if let Law::Fem { element, .. } = skin.law {
-                stiffness.push(element::stiffness(h, layer.young, layer.poisson, element));
-            }
+            let element = match skin.law {
+                Law::Fem { element, .. } => element,
+                Law::NeoHookean => Element::Bbar,
+                Law::Springs { .. } => continue,
+            };
+            stiffness.push(element::stiffness(h, layer.young, layer.poisson, element));
         }
         let params = grid.params::<f64>();
         let count = grid.node_count();
@@ -184,7 +191,7 @@ impl Model {
         }
         let springs = match skin.law {
             Law::Springs { stiffness, damping } => Some(Springs::new(&grid, stiffness, damping)),
-            Law::Fem { .. } => None,
+            Law::Fem { .. } | Law::NeoHookean => None,
         };
         free.resize(count + extra_columns * grid.nodes[2], [0.0; 4]);
         let inside = |region: &Region| (0..count).filter(|n| grid.contains(region, *n)).map(|n| n as u32).collect();
@@ -205,9 +212,10 @@ impl Model {
             shape,
             pre_strain: skin.layers.iter().map(|l| element::pre_strain(l.pre_strain, l.poisson)).collect(),
             stiffness,
+            neo_hookean: NeoHookean::of(scene, skin, &grid),
             springs,
             mass: skin.mass,
-            corotational: matches!(skin.law, Law::Fem { corotational: true, .. }),
+            corotational: matches!(skin.law, Law::Fem { corotational: true, .. } | Law::NeoHookean),
             free,
             anchors,
             held,

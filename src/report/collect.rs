@@ -82,6 +82,7 @@ impl Collector {
         self.iterations += u64::from(step.free.iterations);
         r.solver.iterations_max = r.solver.iterations_max.max(step.free.iterations);
         r.solver.refinements += u64::from(step.refinements);
+        r.solver.newton_iterations_max = r.solver.newton_iterations_max.max(step.newton_iterations);
         r.solver.at_floor += u64::from(step.at_floor);
         r.solver.residual_max = r.solver.residual_max.max(step.residual);
         if let Some(residual) = step.true_residual {

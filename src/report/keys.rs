@@ -74,6 +74,8 @@ pub struct SolverReport {
     pub iterations_mean: f64,
     /// In one step.
     pub iterations_max: u32,
+    /// Newton iterations in one step; 0 where the law is linear in a step.
+    pub newton_iterations_max: u32,
     /// `compensated` or `plain`.
     pub sums: String,
     /// Rounds of iterative refinement, over all steps.

@@ -11,6 +11,7 @@ mod devices;
 mod diagnose;
 mod files;
 mod grid;
+mod hyperelastic;
 mod integrator;
 mod lines;
 mod outputs;
@@ -233,6 +234,8 @@ pub enum Law {
         /// Corotational, or linear ("small") when false.
         corotational: bool,
     },
+    /// Bricks of compressible neo-Hookean material ([`crate::model::NeoHookean`]); on the CPU path.
+    NeoHookean,
     /// Springs between every pair of nodes of a cell, as SOFA's MeshSpringForceField makes them.
     Springs {
         /// N/m

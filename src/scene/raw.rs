@@ -127,7 +127,7 @@ pub(super) struct Skin {
     pub cells: Counts,
     pub law: Option<At<String>>,
     pub element: Option<At<String>>,
-    pub corotational: Option<bool>,
+    pub corotational: Option<At<bool>>,
     pub mass: Option<At<String>>,
     pub cut: Option<At<String>>,
     pub cut_reserve_columns: Option<At<u32>>,

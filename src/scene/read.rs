@@ -12,7 +12,7 @@ use super::raw::{self, At, Table};
 use super::region::region;
 use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
 use super::{Boundary, Correction, Integrator, Law, Load, Preconditioner, Scene, Skin, Solver, TestForm, Time};
-use super::{anchor, body, devices, integrator, outputs, tools};
+use super::{anchor, body, devices, hyperelastic, integrator, outputs, tools};
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -35,6 +35,7 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let raw = tables(&scene)?;
     let mut taken = Vec::new();
     let mut skins = Vec::new();
+    let neo_hookean = hyperelastic::asked_for(&raw.skin, &raw.block);
     if let Some(table) = raw.skin {
         skins.push(body::skin(&scene, table, None)?);
     }
@@ -71,6 +72,7 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let raw_solver = raw::keys(raw.solver);
     let word = time_keys.integrator.take();
     let integrator = integrator::integrator(&scene, word, &raw_solver, &skins, touching)?;
+    hyperelastic::fits(&scene, &neo_hookean, &tools, integrator, &raw_solver)?;
     Ok(Scene {
         title: raw.title.into_inner(),
         file: file.to_path_buf(),
@@ -122,7 +124,7 @@ fn solver(scene: &SceneText, raw: raw::Solver, skins: &[Skin]) -> Result<Solver>
         ("column", Preconditioner::Column),
     ];
     let mut best = "column";
-    if skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. })) {
+    if skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. })) {
         preconditioners.extend([("multigrid", Preconditioner::Multigrid), ("direct", Preconditioner::Direct)]);
         best = "multigrid";
     }

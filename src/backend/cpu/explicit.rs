@@ -2,17 +2,21 @@
 
 use super::CpuBackend;
 use super::arrays::{Bricks, Elastic, Space};
-use crate::backend::{FREE, Wanted};
+use crate::backend::{FREE, Nonlinear, Wanted};
+use crate::error::Result;
 use crate::kernels::accelerate::accelerate;
 use crate::kernels::product::elastic_forces;
 use crate::kernels::{Params, forces, momentum, rotations, springs};
 use crate::linear::Outcome;
-use crate::math::{Real, V3, V4};
+use crate::math::{Real, V3, V4, round, widen};
 use rayon::prelude::*;
 
 impl<R: Real> Elastic<R> {
     /// Rotations of the cells at `u`, then elastic forces at `at`, which is `u` unless the step is explicit, N; a law of springs leaves its
     /// tangents.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::InsideOut`] of a neo-Hookean body.
     pub(super) fn forces(
         &mut self,
         params: &Params<R>,
@@ -20,24 +24,35 @@ impl<R: Real> Elastic<R> {
         at: &[V4<R>],
         f: &mut [V4<R>],
         space: &mut Space<R>,
-    ) {
+    ) -> Result<()> {
         let bricks = match self {
             Elastic::Bricks(bricks) => bricks,
             Elastic::Springs { rest, first, half, law, tangent } => {
-                return springs::springs(params, rest, at, first, half, law, f, tangent);
+                springs::springs(params, rest, at, first, half, law, f, tangent);
+                return Ok(());
             }
         };
-        let Bricks { shape, pre_strain, stiffness, elastic, layer_of, rotation, split, .. } = bricks;
+        let Bricks { shape, pre_strain, stiffness, elastic, layer_of, rotation, split, neo, .. } = bricks;
         if params.corotational == 1 {
             rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
                 *q = rotations::rotate_cell(params, shape, layer_of, split, u, cell, *q);
             });
+        }
+        if let Some(neo) = neo {
+            let place = widen(at);
+            f.iter_mut().zip(neo.forces(&place)?).for_each(|(f, force)| *f = round(&force));
+            (neo.shift, neo.count) = (0.0, Nonlinear::default());
+            if !neo.newton() {
+                neo.linearise(&place);
+            }
+            return Ok(());
         }
         elastic_forces(params, shape, pre_strain, elastic, layer_of, rotation, split, at, f, &mut space.scratch);
         for node in params.touched(split).iter().map(|n| *n as usize) {
             let force = forces::node_force(params, shape, pre_strain, stiffness, layer_of, split, at, rotation, node);
             f[node] = force.pad(R::zero());
         }
+        Ok(())
     }
 
     /// Velocities that a consistent mass sees; nothing where there is no room for them.

@@ -2,21 +2,21 @@
 
 mod arrays;
 mod explicit;
+mod hyperelastic;
+mod slots;
 
-use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Vector, Wanted};
+use super::{Backend, CORRECTION, Device, FREE, Needs, Nonlinear, Snapshot, Target, Vector, Wanted};
 use crate::cut::Removal;
 use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::cut::Hit;
 use crate::kernels::product::{LANES, cell_groups};
-use crate::kernels::{
-    Params, ahead, anchors, blocks, bounds, cut, duplicate, factor, integrate, rhs, springs_blocks, springs_product,
-};
-use crate::linear::{Outcome, Slot, solve};
+use crate::kernels::{Params, ahead, anchors, blocks, bounds, cut, duplicate, factor, integrate, rhs, springs_blocks};
+use crate::linear::Outcome;
 use crate::math::{Real, V3, V4, round, widen};
 use crate::model::{Anchors, Model, rate};
 use crate::scene::Mass;
-use arrays::{Bricks, Cutting, Elastic, Inverse, Space};
+use arrays::{Bricks, Cutting, Elastic, Space};
 use rayon::prelude::*;
 
 /// The body's state and constant arrays in one precision.
@@ -142,7 +142,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         let params = self.params;
         ahead::ahead(&params, &self.u, &self.v, &mut self.ahead);
         let at = if self.ahead.is_empty() { &self.u } else { &self.ahead };
-        self.law.forces(&params, &self.u, at, &mut self.f, &mut self.space[FREE]);
+        self.law.forces(&params, &self.u, at, &mut self.f, &mut self.space[FREE])?;
         self.law.mean_velocities(&params, &self.free, &self.v, &mut self.mean_v);
         let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
         let own = if self.masses.is_empty() { &self.free } else { &self.masses };
@@ -195,55 +195,22 @@ impl<R: Real> Backend for CpuBackend<R> {
         if self.explicit {
             return Ok(self.accelerate(wanted, pick));
         }
-        let n = self.node_count;
-        if let Elastic::Bricks(Bricks { direct: Some(direct), rotation, .. }) = &mut self.law
-            && !direct.current
-        {
-            direct.factor(&widen(rotation), &widen(&self.free))?;
+        match (&self.law, wanted) {
+            (
+                Elastic::Bricks(Bricks { neo: Some(neo), .. }),
+                [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }],
+            ) if neo.newton() => {
+                let outcome = self.newton(*tolerance)?;
+                let value = |(slot, node): &(usize, u32)| self.x[slot * self.node_count + *node as usize];
+                Ok((vec![outcome], pick.iter().map(|p| V3::from4(value(p)).f64()).collect()))
+            }
+            (Elastic::Bricks(Bricks { neo: Some(_), .. }), _) => self.solve_linearised(wanted, pick),
+            _ => self.solve_slots(wanted, pick),
         }
-        let (params, free, block, law) = (&self.params, &self.free, &self.block, &self.law);
-        let (load, floor, max_iterations) = (self.load_squared, self.floor, self.max_iterations);
-        let inverse = match law {
-            Elastic::Bricks(b) => b.inverse(params, free, block),
-            Elastic::Springs { .. } => Inverse::Columns { params, block },
-        };
-        let arrays = (
-            self.x.par_chunks_mut(n),
-            self.r.par_chunks_mut(n),
-            self.p.par_chunks_mut(n),
-            self.s.par_chunks_mut(n),
-            self.z.par_chunks_mut(n),
-            self.w.par_chunks_mut(n),
-            self.space.par_iter_mut(),
-        );
-        let mut done: Vec<(usize, Outcome)> = arrays
-            .into_par_iter()
-            .enumerate()
-            .filter_map(|(slot, arrays)| Some((wanted.iter().find(|w| w.slot == slot)?, arrays)))
-            .map(|(want, (x, r, p, s, z, w, Space { scratch, levels: work }))| {
-                let product = |z: &[V4<R>], w: &mut [V4<R>]| match law {
-                    Elastic::Bricks(b) => b.multiply(params, free, z, w, scratch),
-                    Elastic::Springs { first, half, tangent, .. } => {
-                        springs_product::springs_product(params, first, half, tangent, free, z, w)
-                    }
-                };
-                let request = request(want.target, floor);
-                let outcome = solve(
-                    Slot { x, r, p, s, z, w },
-                    &request,
-                    load,
-                    max_iterations,
-                    product,
-                    |r: &[V4<R>], z: &mut [V4<R>]| inverse.apply(work, r, z),
-                );
-                (want.slot, outcome)
-            })
-            .collect();
-        done.sort_by_key(|(slot, _)| *slot);
-        let find = |w: &Wanted| done.iter().find(|d| d.0 == w.slot).map(|d| d.1).unwrap_or_default();
-        let outcomes = wanted.iter().map(find).collect();
-        let picked = pick.iter().map(|(slot, node)| V3::from4(self.x[slot * n + *node as usize]).f64()).collect();
-        Ok((outcomes, picked))
+    }
+
+    fn nonlinear(&self) -> Nonlinear {
+        self.count()
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
