@@ -1,5 +1,6 @@
-//! Ends a step: `Δx = x_0 + x_1` (free motion and contact correction), `u += Δx`, `v = Δx/h`.
+//! Ends a step: `Δx = x_0 + x_1` (free motion and contact correction), `u += Δx`, `v' = v + ρ (Δx/h − v)`.
 //!
+//! `ρ = params.reach`: 1 where the step has one velocity, `v' = Δx/h`; 2 for trapezoids, where `Δx/h` is the mean of `v` and `v'`.
 //! `params.slot_count` 1: there was no contact, slot 1 is not read. Units: x m, u m, v m/s.
 
 use super::{Params, Source};
@@ -23,6 +24,7 @@ pub fn integrate<R: Real>(
             dx += V3::from4(x[count + i]);
         }
         u[i] = (V3::from4(u[i]) + dx).pad(R::zero());
-        v[i] = (dx * (R::one() / params.step)).pad(R::zero());
+        let kept = V3::from4(v[i]) * (params.reach - R::one());
+        v[i] = (dx * (params.reach / params.step) - kept).pad(R::zero());
     }
 }

@@ -15,5 +15,6 @@ fn integrate(
     var dx = x[i].xyz;
     if params.slot_count > 1u { dx += x[params.node_count + i].xyz; }
     u[i] = vec4<f32>(u[i].xyz + dx, 0.0);
-    v[i] = vec4<f32>(dx * (1.0 / params.step), 0.0);
+    let kept = v[i].xyz * (params.reach - 1.0);
+    v[i] = vec4<f32>(dx * (params.reach / params.step) - kept, 0.0);
 }

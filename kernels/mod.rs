@@ -7,7 +7,9 @@
 //!
 //! One hexahedron corner order in the whole project, VTK's: 0–3 counter-clockwise at the bottom, 4–7 above them.
 
+pub mod accelerate;
 pub mod advance;
+pub mod ahead;
 pub mod anchors;
 pub mod blocks;
 pub mod bounds;
@@ -61,7 +63,9 @@ pub struct Source {
 
 /// Every kernel.
 pub const ALL: &[&Source] = &[
+    &accelerate::SOURCE,
     &advance::SOURCE,
+    &ahead::SOURCE,
     &anchors::SOURCE,
     &blocks::SOURCE,
     &bounds::SOURCE,
@@ -151,14 +155,22 @@ params! {
         touched_nodes: u32,
         /// Nothing: a uniform block is whole 16 bytes.
         pad: u32,
+        /// Nothing.
+        pad_1: u32,
     }
     {
-        /// `(1 + h r_M)/h²`, 1/s².
+        /// Factor of `M` in `A`: `(1 + h r_M)/h²` in implicit Euler, 1/s² (others: `model::Step`).
         inertia: real,
-        /// `1 + r_K/h`.
+        /// Factor of `K` in `A`: `1 + r_K/h` in implicit Euler.
         stiffness_factor: real,
         /// `h`, s.
         step: real,
+        /// Share of `M v/h` in the right-hand side: 1 in implicit Euler.
+        carried: real,
+        /// How many times as far as the step's mean velocity its last one lies from its first: 1 in implicit Euler.
+        reach: real,
+        /// Time by which the place of elastic forces runs ahead along the velocity, s (`ahead`).
+        lead: real,
         /// Gravity, m/s².
         gravity_x: real,
         /// Gravity, m/s².

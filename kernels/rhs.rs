@@ -2,6 +2,7 @@
 //!
 //! Implicit Euler with Rayleigh damping in displacement increments `Δx = h v'`:
 //! `A Δx = b`, `A = (1 + h r_M)/h² M + (1 + r_K/h) K`, `b = −f + f_ext + m g + M v/h`.
+//! Newmark's trapezoids have `2 M v/h`, symplectic Euler `(1 − h r_M) M v/h`: `params.carried` (`model::Step` has their `A`).
 //! (SOFA's `EulerImplicitSolver` equations after the substitution `dv = Δx/h − v`, in which the damping terms of the right side cancel.)
 //! `load² = Σ |b|² + |f_ext + m g|²` over free axes plus `Σ |f|²` over held ones: what the step's forces amount to, also at rest.
 //! Units: f N, v m/s, free 0/1 per axis and kg, load N, b N.
@@ -28,7 +29,7 @@ pub fn rhs<R: Real>(
         let axes = V3::from4(free[i]);
         let elastic = V3::from4(f[i]);
         let applied = V3::from4(load[i]) + g * mass;
-        let rate = mass / params.step;
+        let rate = mass * params.carried / params.step;
         let sum = (applied - elastic + V3::from4(v[i]) * rate).times(axes);
         b[i] = sum.pad(R::zero());
         let pushed = applied.times(axes);

@@ -57,6 +57,60 @@ pub enum Error {
         path: PathBuf,
     },
 
+    /// A neo-Hookean body with what it does not go with.
+    #[error("{at}: law = \"neo_hookean\" {why}; {fix}")]
+    LawUnfit {
+        /// Where.
+        at: Place,
+        /// What does not fit.
+        why: &'static str,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// A neo-Hookean cell without volume, where the law has no energy.
+    #[error(
+        "cell {cell:?} of a neo-Hookean body is inside out at a step's start; take a shorter step_ms, let contacts and held nodes move \
+         less in one step, or take law = \"fem\""
+    )]
+    InsideOut {
+        /// Cells along x, y, z.
+        cell: [usize; 3],
+    },
+
+    /// An integrator that a scene's bodies do not fit.
+    #[error("{at}: integrator = \"{found}\" {why}; {fix}")]
+    IntegratorUnfit {
+        /// Where.
+        at: Place,
+        /// The integrator.
+        found: String,
+        /// What does not fit.
+        why: &'static str,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// A step at which an explicit run would blow up.
+    #[error(
+        "{}: {name} is stable under integrator = \"symplectic_euler\" up to a step of {stable_ms:.3e} ms, and its step (step_ms over \
+         substeps) is {step_ms:.3e} ms; take at least substeps = {substeps} or a smaller step_ms, a smaller rayleigh_stiffness_s, coarser \
+         cells, or integrator = \"implicit_euler\"",
+        path.display()
+    )]
+    UnstableStep {
+        /// The scene file.
+        path: PathBuf,
+        /// The body.
+        name: String,
+        /// ms
+        step_ms: f64,
+        /// ms
+        stable_ms: f64,
+        /// Parts of a whole step that are stable.
+        substeps: u64,
+    },
+
     /// A table of compliances that a cut would make false.
     #[error("{}: correction = \"precomputed\" knows the uncut body alone, but a tool has a blade; take \"exact\"", path.display())]
     PrecomputedCut {

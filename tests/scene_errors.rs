@@ -2,8 +2,8 @@
 
 use cutis::error::{Error, Result};
 use cutis::scene::{
-    Correction, Cut, DeviceKind, Element, Files, Filter, Law, Preconditioner, ProbeKind, Region, Rendering, Role,
-    Scene, parse, read,
+    Correction, Cut, DeviceKind, Element, Files, Filter, Integrator, Law, Preconditioner, ProbeKind, Region, Rendering,
+    Role, Scene, parse, read,
 };
 use proptest::prelude::*;
 use std::path::Path;
@@ -1098,4 +1098,65 @@ fn the_direct_solver_does_not_split() {
     let remove = direct.replace("law = \"fem\"\n", "law = \"fem\"\ncut = \"remove\"\n");
     assert!(model(&remove).is_ok(), "cells may go");
     assert!(model(FULL).is_ok(), "other solvers split");
+}
+
+/// A body that touches nothing, by what stands in its tables of time, solver and skin.
+fn alone(time: &str, solver: &str, skin: &str) -> String {
+    format!(
+        "title = \"alone\"\n[time]\nstep_ms = 1\nduration_s = 1\n{time}\n[solver]\n{solver}\n[skin]\nsize_mm = [4, 4]\ncells = [2, 2]\n{skin}\n\
+         [[skin.layer]]\nname = \"a\"\nthickness_mm = 1\ncells = 1\nyoung_kpa = 10\npoisson = 0.45\ndensity_kg_m3 = 1000\n"
+    )
+}
+
+#[test]
+fn integrator_is_read_and_has_a_default() {
+    let read = |word: &str| parsed(&alone(word, "", "")).expect("the scene is valid").time.integrator;
+    assert_eq!(read(""), Integrator::ImplicitEuler);
+    assert_eq!(read("integrator = \"implicit_euler\""), Integrator::ImplicitEuler);
+    assert_eq!(read("integrator = \"newmark\""), Integrator::Newmark);
+    assert_eq!(read("integrator = \"symplectic_euler\""), Integrator::SymplecticEuler);
+}
+
+#[test]
+fn integrator_that_is_not_known() {
+    let error = parsed(&alone("integrator = \"newmarck\"", "", "")).expect_err("a misspelt word").to_string();
+    says(&error, "scenes/full.toml:5: … newmarck … newmark");
+}
+
+#[test]
+fn integrator_of_bodies_that_touch() {
+    for word in ["newmark", "symplectic_euler"] {
+        let to = format!("step_ms = 2.0\nintegrator = \"{word}\"");
+        says(&message_below("step_ms = 2.0", &to, 1), &format!("integrator = \"{word}\" … tools … \"implicit_euler\""));
+    }
+}
+
+#[test]
+fn explicit_steps_of_a_consistent_mass() {
+    let text = alone("integrator = \"symplectic_euler\"", "", "mass = \"consistent\"");
+    says(&parsed(&text).expect_err("no diagonal").to_string(), "scenes/full.toml:5: … consistent … lumped or uniform");
+    assert!(parsed(&text.replace("symplectic_euler", "newmark")).is_ok());
+}
+
+#[test]
+fn explicit_steps_of_springs() {
+    let springs = "law = \"springs\"\nspring_stiffness_n_m = 5\nspring_damping_n_s_m = 0";
+    let text = alone("integrator = \"symplectic_euler\"", "", springs);
+    says(
+        &parsed(&text).expect_err("dampers are implicit").to_string(),
+        "scenes/full.toml:5: … springs … \"implicit_euler\"",
+    );
+    assert!(parsed(&text.replace("symplectic_euler", "newmark")).is_ok());
+}
+
+#[test]
+fn explicit_steps_need_no_solver() {
+    let keys =
+        ["preconditioner = \"column\"", "tolerance = 1e-4", "floor_n = 0", "max_iterations = 9", "refinements = 1"];
+    for key in keys {
+        let text = alone("integrator = \"symplectic_euler\"", key, "");
+        let error = parsed(&text).expect_err("a key that does nothing").to_string();
+        says(&error, &format!("scenes/full.toml:7: … {} … symplectic_euler", &key[..key.find(' ').expect("a key")]));
+        assert!(parsed(&text.replace("symplectic_euler", "newmark")).is_ok());
+    }
 }

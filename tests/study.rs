@@ -2,7 +2,7 @@
 
 use cutis::error::{Error, Result};
 use cutis::report::study::{Options, Row, Setting, Stop, Study, study};
-use cutis::scene::{Element, Files, Preconditioner, Scene, parse};
+use cutis::scene::{Element, Files, Integrator, Law, Preconditioner, Scene, parse};
 use cutis::step::Place;
 use std::path::{Path, PathBuf};
 
@@ -100,9 +100,13 @@ fn find(study: &Study, fits: impl Fn(&Setting) -> bool) -> &Row {
     study.rows.iter().find(|r| fits(&r.setting)).expect("it was run")
 }
 
+fn brick(element: Element) -> Law {
+    Law::Fem { element, corotational: true }
+}
+
 /// Direct, bricks, grid × 1, the long step: nothing but grid and step is wrong of it.
 fn exact(s: &Setting, element: Element, step: f64) -> bool {
-    s.preconditioner == Preconditioner::Direct && s.element == Some(element) && s.grid == 1.0 && s.step == step
+    s.preconditioner == Preconditioner::Direct && s.law == brick(element) && s.grid == 1.0 && s.step == step
 }
 
 #[test]
@@ -120,7 +124,7 @@ fn each_error_is_of_what_it_names() {
         let bbar = long.error_discretisation.unwrap();
         assert!(plain > 3.0 * bbar && bbar > 0.0, "plain {plain}, B-bar {bbar}");
         let coarse = find(study, |s| {
-            s.element == Some(Element::Bbar) && s.grid == 0.5 && s.preconditioner == Preconditioner::Direct
+            s.law == brick(Element::Bbar) && s.grid == 0.5 && s.preconditioner == Preconditioner::Direct
         });
         assert!(coarse.error_discretisation.unwrap() > bbar);
         // a looser solve is a larger error of the solver, and three iterations are none at all
@@ -129,7 +133,7 @@ fn each_error_is_of_what_it_names() {
                 s.preconditioner == Preconditioner::Jacobi
                     && s.stop == stop
                     && s.place == Place::Cpu64
-                    && s.element == Some(Element::Bbar)
+                    && s.law == brick(Element::Bbar)
                     && s.grid == 1.0
                     && s.step == 4e-3
             };
@@ -141,7 +145,7 @@ fn each_error_is_of_what_it_names() {
         assert!(jacobi(Stop::Iterations(3)).trace.iterations <= 3.0);
         // f32 is wrong by rounding, and by nothing else more than its twin
         let single = find(study, |s| {
-            s.place == Place::Cpu32 && s.stop == Stop::Tolerance(1e-4) && s.element == Some(Element::Bbar)
+            s.place == Place::Cpu32 && s.stop == Stop::Tolerance(1e-4) && s.law == brick(Element::Bbar)
         });
         let rounding = single.error_rounding.unwrap();
         assert!(rounding > 0.0 && rounding < 1e-3, "{rounding}");
@@ -162,7 +166,7 @@ fn the_files_have_every_setting_once() {
         let csv = read("study.csv");
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines.len(), study.rows.len() + 1);
-        let columns = "scene,element,preconditioner,tolerance,iteration_limit,iterations,grid,poisson,step_ms,correction,backend,\
+        let columns = "scene,element,preconditioner,tolerance,iteration_limit,iterations,grid,poisson,step_ms,integrator,correction,backend,\
                        precision,adapter,error_discretisation,error_solver,error_rounding,error_step,error_total,ms_per_step,";
         assert!(lines[0].starts_with(columns), "{}", lines[0]);
         assert!(lines[0].ends_with(",pareto"), "{}", lines[0]);
@@ -192,7 +196,7 @@ fn a_quick_study_varies_one_thing_at_a_time() {
         for row in &study.rows {
             let s = &row.setting;
             let differs = [
-                s.element != own.element,
+                s.law != own.law,
                 s.preconditioner != own.preconditioner,
                 s.stop != own.stop && s.stop != Stop::Exact,
                 s.grid != own.grid,
@@ -234,6 +238,7 @@ fn tables_that_do_not_fit_are_refused_with_their_line() {
         ("[study]\ntolerance = [1e-3]", "unknown key `tolerance`"),
         ("[study]\nknown = { tip = 1.0 }", "did you mean \"top\"?"),
         ("[study]\ncorrections = [\"exakt\"]", "did you mean \"exact\"?"),
+        ("[study]\nintegrators = [\"newmrk\"]", "did you mean \"newmark\"?"),
         ("[study]\nduration_s = 0", "wanted a finite number above 0"),
     ];
     let line = BLOCK.lines().count() + 1;
@@ -259,4 +264,23 @@ fn grids_that_do_not_fit_are_refused_before_the_first_run() {
     bare.probes.clear();
     let error = study(&bare, &options("bare", false), &mut |_| {}).expect_err("there is nothing to compare");
     assert!(error.to_string().contains("nothing to study"), "{error}");
+}
+
+#[test]
+fn newmark_has_the_smaller_error_of_the_step() {
+    let axes = "[study]\nprobes = [\"top\"]\npreconditioners = [\"direct\"]\nintegrators = [\"implicit_euler\", \"newmark\"]\n\
+                steps_ms = [4.0, 2.0]\nreference_step_ms = 0.25\nreference_grid = 1\n";
+    studied("integrators", &with(axes), false, |study, read| {
+        let error = |integrator, step| {
+            let fits = |s: &Setting| {
+                s.integrator == integrator && s.step == step && s.preconditioner == Preconditioner::Direct
+            };
+            find(study, fits).error_step.unwrap()
+        };
+        let first = [4e-3, 2e-3].map(|step| error(Integrator::ImplicitEuler, step));
+        let second = [4e-3, 2e-3].map(|step| error(Integrator::Newmark, step));
+        assert!((1.6..2.6).contains(&(first[0] / first[1])), "first order: {first:?}");
+        assert!(second[0] < 0.5 * first[0] && second[0] / second[1] > 3.0, "second order: {second:?}");
+        assert!(read("study.csv").contains(",newmark,"));
+    });
 }

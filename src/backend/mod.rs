@@ -90,6 +90,15 @@ pub struct Snapshot {
     pub law: Vec<V4<f64>>,
 }
 
+/// Work on a law that is not linear, of one step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Nonlinear {
+    /// Newton iterations; 0 where the step is one linearisation.
+    pub iterations: u32,
+    /// Tangents that were not positive and had to be raised.
+    pub indefinite: u32,
+}
+
 /// The device's name for reports.
 #[derive(Clone, Debug, Default)]
 pub struct Device {
@@ -134,6 +143,10 @@ pub trait Backend {
     fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>>;
     /// Ends the step; `corrected` says that the correction slot counts.
     fn finish(&mut self, corrected: bool) -> Result<()>;
+    /// What a law that is not linear took since the last [`Backend::begin`].
+    fn nonlinear(&self) -> Nonlinear {
+        Nonlinear::default()
+    }
     /// Displacements at nodes, m.
     fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
     /// Least and greatest displacement of each tile ([`crate::kernels::bounds`]), m; the fourth component of the first is the number of

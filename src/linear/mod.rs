@@ -38,6 +38,16 @@ pub struct Outcome {
 }
 
 impl Outcome {
+    /// Of a system that needs no iterations: whatever is asked for is met.
+    pub fn exact() -> Self {
+        Self { iterations: 0, converged: true, residual: 0.0, target: f64::INFINITY }
+    }
+
+    /// Broken down before it had converged or used up its iterations: the matrix is not positive.
+    pub fn broken(&self, max_iterations: u32) -> bool {
+        !self.converged && self.iterations < max_iterations
+    }
+
     /// From the solver's scalars.
     pub fn of<R: Real>(k: &Scalars<R>) -> Self {
         Self {

@@ -1,7 +1,7 @@
 //! Springs from nodes to their rest positions: which nodes, how stiff, and what they add to the system matrix and to the energy.
 //!
 //! `A` gains `k (1 + r_K/h)` on the diagonal of an anchored node, the same along each axis, as a mass of `k (1 + r_K/h) / ((1 + h r_M)/h²)`
-//! would: so the kernels of `A` are given that mass on top of the node's own, and weight and inertia on the right-hand side the own mass
+//! would (with another integrator, what [`Step`] has in place of these two): so the kernels of `A` are given that mass on top of the node's own, and weight and inertia on the right-hand side the own mass
 //! alone.
 //! Units: N/m, kg, m.
 
@@ -21,8 +21,7 @@ pub struct Anchors {
 
 /// `s²`: mass in `A` of a stiffness of 1 N/m.
 pub fn rate(step: &Step) -> f64 {
-    let h = step.step;
-    (1.0 + step.rayleigh_stiffness / h) * h * h / (1.0 + h * step.rayleigh_mass)
+    step.stiffness_factor() / step.inertia()
 }
 
 impl Anchors {

@@ -1,16 +1,17 @@
 //! Checks in f64 on the CPU: elastic energy, and the true residual of a step that some backend has solved.
 
-use super::{Model, rate};
+use super::{Model, NeoHookean, rate};
 use crate::kernels::forces::rest_corner;
 use crate::kernels::product::{LANES, cell_groups, product};
 use crate::kernels::split::split_cells;
 use crate::kernels::split_product::split_product;
-use crate::kernels::{anchors, forces, momentum, rhs, rotations, springs, springs_product};
+use crate::kernels::{ahead, anchors, forces, momentum, rhs, rotations, springs, springs_product};
 use crate::math::{V3, V4, norm, rotation_matrix, rotation_minus_identity};
 use crate::scene::Mass;
 
 /// Elastic energy of a displacement field, J: `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X + e∘X` with the strain `e` at rest; for springs `½ Σ k ε²`.
-/// Anchors add `½ Σ k |u|²`. `rotation` as the kernels keep it (0 for dead cells), `law` of the springs as cut so far.
+/// Anchors add `½ Σ k |u|²`; a neo-Hookean body has its own law, and no
+/// bound where it is inside out. `rotation` as the kernels keep it (0 for dead cells), `law` of the springs as cut so far.
 pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64 {
     let anchored = model.anchors.energy(u, |node| model.stays(rotation, law, node));
     if let Some(s) = &model.springs {
@@ -24,6 +25,9 @@ pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split:
             + s.ends.iter().zip(law).map(|(ends, law)| 0.5 * law[1] * (law[0] + stretch(*ends)).powi(2)).sum::<f64>();
     }
     let params = model.params::<f64>();
+    if let Some(law) = &model.neo_hookean {
+        return anchored + law.energy(&params, u).unwrap_or(f64::INFINITY);
+    }
     let mut energy = anchored;
     for (cell, q) in rotation.iter().enumerate().filter(|(_, q)| **q != [0.0; 4]) {
         let layer = model.grid.layer_of[params.cell_at(cell)[2]] as usize;
@@ -73,6 +77,32 @@ pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
     if load == 0.0 { 0.0 } else { norm(&rest) / load }
 }
 
+/// Forces of a neo-Hookean body at the step's start, and what of their change over the step it sees: by Newton's method the law's own, else
+/// the tangent's. NaN where a cell is inside out.
+fn at_neo_hookean(model: &Model, law: &NeoHookean, solved: &Solved, f: &mut [V4<f64>]) -> Vec<V4<f64>> {
+    let params = model.params::<f64>();
+    let nowhere = vec![[f64::NAN; 4]; f.len()];
+    f.copy_from_slice(&law.forces(&params, &solved.u).unwrap_or_else(|_| nowhere.clone()));
+    let mut change = if law.newton {
+        let end: Vec<V4<f64>> =
+            solved.u.iter().zip(&solved.dx).map(|(u, d)| std::array::from_fn(|n| u[n] + d[n])).collect();
+        let mut end = law.forces(&params, &end).unwrap_or(nowhere);
+        end.iter_mut().zip(f).for_each(|(e, f)| (0..3).for_each(|n| e[n] -= f[n]));
+        end
+    } else {
+        law.tangent_product(&params, &solved.u, &solved.dx)
+    };
+    change.iter_mut().for_each(|c| *c = c.map(|c| c * model.step.end_share()));
+    change
+}
+
+/// `sum += P more`, `P` the free axes.
+fn add(sum: &mut [V4<f64>], more: &[V4<f64>], free: &[V4<f64>]) {
+    for ((sum, more), free) in sum.iter_mut().zip(more).zip(free) {
+        (0..3).for_each(|n| sum[n] += more[n] * free[n]);
+    }
+}
+
 /// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the step's load, N, everything in f64.
 pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
     let params = model.params::<f64>();
@@ -81,10 +111,12 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
     let (mut f, mut b, mut w) = (zeros.clone(), zeros.clone(), zeros);
     let shapes = model.shapes::<f64>();
     let in_system = model.anchors.all_in_system(rate(&model.step), &solved.free);
+    let mut at = solved.u.clone(); // where elastic forces are taken
+    ahead::ahead(&params, &solved.u, &solved.v, &mut at);
     if let Some(s) = &model.springs {
         let rest: Vec<V4<f64>> = model.rest.iter().map(|r| V3::of(*r).pad(0.0)).collect();
         let mut tangent = vec![[0.0; 4]; s.half.len() * 2];
-        springs::springs(&params, &rest, &solved.u, &s.first, &s.half, &solved.law, &mut f, &mut tangent);
+        springs::springs(&params, &rest, &at, &s.first, &s.half, &solved.law, &mut f, &mut tangent);
         springs_product::springs_product(&params, &s.first, &s.half, &tangent, &in_system, &solved.dx, &mut w);
     } else {
         let blocks = model.stiffness_blocks::<f64>();
@@ -94,13 +126,21 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
             rotations::rotations(&params, &shapes, layers, &solved.split, &solved.u, &mut rotation);
         }
         let (pre_strains, split) = (model.pre_strains(), &solved.split);
-        forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, &solved.u, &rotation, &mut f);
+        forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, &at, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
+        let mut params = params;
+        if model.neo_hookean.is_some() {
+            params.stiffness_factor -= model.step.end_share();
+        }
         let (modes, split) = (model.modes(), &solved.split);
         product(&params, &modes, layers, &rotation, &in_system, split, &solved.dx, &mut w, &mut scratch);
         let cells = split_cells(&params, split);
         if !cells.is_empty() {
             split_product(&params, &modes, layers, &rotation, &in_system, split, &cells, &solved.dx, &mut w);
+        }
+        if let Some(law) = &model.neo_hookean {
+            let change = at_neo_hookean(model, law, solved, &mut f);
+            add(&mut w, &change, &solved.free);
         }
     }
     let mut mean_v = solved.v.clone();
@@ -118,7 +158,7 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
         );
     }
     let mut load = rhs::rhs(&params, &f, &mean_v, &solved.free, &solved.load, &mut b);
-    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, &solved.free, &solved.u, &mut b);
+    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, &solved.free, &at, &mut b);
     for i in 0..count {
         for n in 0..3 {
             let contact = solved.contact[i][n] * solved.free[i][n];

@@ -4,18 +4,23 @@ mod anchors;
 pub mod element;
 mod energy;
 pub mod levels;
+mod neo_hookean;
 mod springs;
+mod stable;
+mod step;
 
 pub use anchors::{Anchors, rate};
 pub use energy::{Solved, elastic_energy, residual, true_residual};
+pub use neo_hookean::{Cell, Forces, Material, NeoHookean, gather, times};
 pub use springs::Springs;
+pub use step::Step;
 
 use crate::error::{Error, Result};
 use crate::kernels::product::{Modes, tiles};
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, Real, V4};
 use crate::mesh::Grid;
-use crate::scene::{Anchor, Cut, Law, Load, MOST_NODES, Mass, Preconditioner, Region, Scene, Skin};
+use crate::scene::{Anchor, Cut, Element, Law, Load, MOST_NODES, Mass, Preconditioner, Region, Scene, Skin};
 
 /// Layers that one uniform binding of element matrices holds (64 KiB of core WebGPU / 3 KiB each).
 pub const MAX_LAYERS: usize = 21;
@@ -35,6 +40,8 @@ pub struct Model {
     pub pre_strain: Vec<[f64; 4]>,
     /// `[layer]` element matrices, N/m; empty for a spring body.
     pub stiffness: Vec<element::Matrix>,
+    /// The law of a neo-Hookean body; its `stiffness` is that of small strains.
+    pub neo_hookean: Option<NeoHookean>,
     /// Springs of a spring body.
     pub springs: Option<Springs>,
     /// Corotational bricks.
@@ -70,21 +77,6 @@ pub struct Multigrid {
     pub coarse: Vec<levels::Level>,
 }
 
-/// Constants of the time step.
-#[derive(Clone, Copy, Debug)]
-pub struct Step {
-    /// s
-    pub step: f64,
-    /// m/s²
-    pub gravity: [f64; 3],
-    /// 1/s
-    pub rayleigh_mass: f64,
-    /// s
-    pub rayleigh_stiffness: f64,
-    /// Code of `Params::preconditioner`.
-    pub preconditioner: u32,
-}
-
 /// State of a body in f64, for output and checks.
 #[derive(Clone, Debug, Default)]
 pub struct State {
@@ -106,22 +98,6 @@ fn reserve(scene: &Scene, skin: &Skin) -> usize {
     match (skin.cut, skin.law) {
         (Cut::Split { reserve_columns }, Law::Fem { .. }) if blade => reserve_columns as usize,
         _ => 0,
-    }
-}
-
-/// Constants of a scene's time step.
-fn step_of(scene: &Scene, skin: &Skin) -> Step {
-    Step {
-        step: scene.time.part(),
-        gravity: scene.time.gravity,
-        rayleigh_mass: skin.rayleigh_mass,
-        rayleigh_stiffness: skin.rayleigh_stiffness,
-        preconditioner: match scene.solver.preconditioner {
-            Preconditioner::None => 0,
-            Preconditioner::Jacobi => 1,
-            Preconditioner::Block => 2,
-            Preconditioner::Column | Preconditioner::Multigrid | Preconditioner::Direct => 3,
-        },
     }
 }
 
@@ -184,9 +160,12 @@ impl Model {
         for (index, layer) in skin.layers.iter().enumerate() {
             let h = grid.cell_edges(index as u32);
             shape.push([h[0], h[1], h[2], layer.density * h[0] * h[1] * h[2] / 8.0]);
-            if let Law::Fem { element, .. } = skin.law {
-                stiffness.push(element::stiffness(h, layer.young, layer.poisson, element));
-            }
+            let element = match skin.law {
+                Law::Fem { element, .. } => element,
+                Law::NeoHookean => Element::Bbar,
+                Law::Springs { .. } => continue,
+            };
+            stiffness.push(element::stiffness(h, layer.young, layer.poisson, element));
         }
         let params = grid.params::<f64>();
         let count = grid.node_count();
@@ -212,29 +191,31 @@ impl Model {
         }
         let springs = match skin.law {
             Law::Springs { stiffness, damping } => Some(Springs::new(&grid, stiffness, damping)),
-            Law::Fem { .. } => None,
+            Law::Fem { .. } | Law::NeoHookean => None,
         };
         free.resize(count + extra_columns * grid.nodes[2], [0.0; 4]);
         let inside = |region: &Region| (0..count).filter(|n| grid.contains(region, *n)).map(|n| n as u32).collect();
         let anchors = Anchors::new(&anchors, |anchor| inside(&anchor.region));
-        let step = step_of(scene, skin);
+        let step = Step::new(scene, skin);
         let in_system = anchors.all_in_system(rate(&step), &free);
-        let multigrid = (scene.solver.preconditioner == Preconditioner::Multigrid).then(|| Multigrid {
+        let solved = |by| !step.explicit() && scene.solver.preconditioner == by;
+        let multigrid = solved(Preconditioner::Multigrid).then(|| Multigrid {
             largest: levels::largest(&stiffness).max(if skin.mass == Mass::Consistent { levels::OF_MASS } else { 1.0 }),
             coarse: levels::levels(&grid, &stiffness, &in_system[..count]),
         });
         Ok(Self {
             multigrid,
-            direct: scene.solver.preconditioner == Preconditioner::Direct,
+            direct: solved(Preconditioner::Direct),
             rest: (0..count).map(|n| [0, 1, 2].map(|a| grid.rest(n)[a] + skin.position[a])).collect(),
             position: skin.position,
             body,
             shape,
             pre_strain: skin.layers.iter().map(|l| element::pre_strain(l.pre_strain, l.poisson)).collect(),
             stiffness,
+            neo_hookean: NeoHookean::of(scene, skin, &grid),
             springs,
             mass: skin.mass,
-            corotational: matches!(skin.law, Law::Fem { corotational: true, .. }),
+            corotational: matches!(skin.law, Law::Fem { corotational: true, .. } | Law::NeoHookean),
             free,
             anchors,
             held,
@@ -268,9 +249,12 @@ impl Model {
             } else {
                 (tiles(&self.grid.params::<f64>()) + touched.div_ceil(GROUP as usize)) as u32
             },
-            inertia: R::of((1.0 + s.step * s.rayleigh_mass) / (s.step * s.step)),
-            stiffness_factor: R::of(1.0 + s.rayleigh_stiffness / s.step),
+            inertia: R::of(s.inertia()),
+            stiffness_factor: R::of(s.stiffness_factor()),
             step: R::of(s.step),
+            carried: R::of(s.carried()),
+            reach: R::of(s.reach()),
+            lead: R::of(s.lead()),
             gravity_x: R::of(s.gravity[0]),
             gravity_y: R::of(s.gravity[1]),
             gravity_z: R::of(s.gravity[2]),

@@ -2,7 +2,7 @@
 
 use super::inspect::host_bytes;
 use super::{Memory, Report, SolverReport, Spread, preconditioner_name};
-use crate::scene::{Preconditioner, Scene};
+use crate::scene::{Integrator, Preconditioner, Scene};
 use crate::step::{Simulation, StepReport};
 use std::time::{Duration, Instant};
 
@@ -27,7 +27,9 @@ impl Collector {
         let on_gpu = device.backend == "gpu";
         let constant: u64 = models().map(host_bytes).sum();
         let of_bricks = || models().filter(|m| m.springs.is_none());
+        let explicit = scene.time.integrator == Integrator::SymplecticEuler;
         let kind = match scene.solver.preconditioner {
+            _ if explicit => "none",
             Preconditioner::None => "cg",
             _ => "pcg",
         };
@@ -46,7 +48,7 @@ impl Collector {
             step_s: scene.time.step,
             solver: SolverReport {
                 kind: kind.into(),
-                preconditioner: preconditioner_name(scene.solver.preconditioner).into(),
+                preconditioner: if explicit { "none" } else { preconditioner_name(scene.solver.preconditioner) }.into(),
                 sums: device.sums.into(),
                 ..SolverReport::default()
             },
@@ -80,6 +82,7 @@ impl Collector {
         self.iterations += u64::from(step.free.iterations);
         r.solver.iterations_max = r.solver.iterations_max.max(step.free.iterations);
         r.solver.refinements += u64::from(step.refinements);
+        r.solver.newton_iterations_max = r.solver.newton_iterations_max.max(step.newton_iterations);
         r.solver.at_floor += u64::from(step.at_floor);
         r.solver.residual_max = r.solver.residual_max.max(step.residual);
         if let Some(residual) = step.true_residual {

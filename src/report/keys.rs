@@ -66,7 +66,7 @@ pub struct Spread {
 /// The solver of the free motion.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct SolverReport {
-    /// `cg` or `pcg`.
+    /// `cg`, `pcg`, or `none` of explicit steps.
     pub kind: String,
     /// The scene's word for it.
     pub preconditioner: String,
@@ -74,6 +74,8 @@ pub struct SolverReport {
     pub iterations_mean: f64,
     /// In one step.
     pub iterations_max: u32,
+    /// Newton iterations in one step; 0 where the law is linear in a step.
+    pub newton_iterations_max: u32,
     /// `compensated` or `plain`.
     pub sums: String,
     /// Rounds of iterative refinement, over all steps.

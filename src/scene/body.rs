@@ -1,6 +1,7 @@
 //! The skin of a scene file: its law and its layers.
 
 use super::grid;
+use super::hyperelastic::WORD;
 use super::raw::{self, At, Table};
 use super::study::ELEMENTS;
 use super::text::{
@@ -83,9 +84,18 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     let element = or(raw.element.clone(), "bbar".to_string());
     let element = scene.choice("element", &element, &ELEMENTS)?;
     let name = or(raw.law.clone(), "fem".to_string());
-    if scene.choice("law", &name, &[("fem", true), ("springs", false)])? {
-        let corotational = raw.corotational.unwrap_or(true);
-        return Ok(Law::Fem { element, corotational });
+    let corotational = raw.corotational.as_ref().is_none_or(|word| *word.get_ref());
+    let fem = Law::Fem { element, corotational };
+    let springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
+    match scene.choice("law", &name, &[("fem", fem), ("springs", springs), (WORD, Law::NeoHookean)])? {
+        Law::Fem { .. } => return Ok(fem),
+        Law::NeoHookean => {
+            let why = "law = \"neo_hookean\" has one brick, of mean dilatation at any rotation";
+            scene.needless("element", &raw.element, why)?;
+            scene.needless("corotational", &raw.corotational, why)?;
+            return Ok(Law::NeoHookean);
+        }
+        Law::Springs { .. } => {}
     }
     let why = "law = \"springs\" asks for it";
     Ok(Law::Springs {
@@ -122,7 +132,7 @@ fn mass(scene: &SceneText, raw: &raw::Skin, law: &Law) -> Result<Mass> {
     let name = or(raw.mass.clone(), "lumped".to_string());
     let known = [("lumped", Mass::Lumped), ("uniform", Mass::Uniform), ("consistent", Mass::Consistent)];
     let mass = scene.choice("mass", &name, &known)?;
-    if mass == Mass::Consistent && matches!(law, Law::Springs { .. }) {
+    if mass == Mass::Consistent && !matches!(law, Law::Fem { .. }) {
         return Err(Error::Mass { at: scene.place(name.span()), found: name.get_ref().clone() });
     }
     Ok(mass)
@@ -131,7 +141,12 @@ fn mass(scene: &SceneText, raw: &raw::Skin, law: &Law) -> Result<Mass> {
 fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 3], law: &Law) -> Result<Layer> {
     let raw = table.keys;
     let (young, poisson) = match law {
-        Law::Fem { .. } => {
+        Law::Fem { .. } | Law::NeoHookean => {
+            if matches!(law, Law::NeoHookean) {
+                let why =
+                    "law = \"neo_hookean\" is at rest where the scene puts it; pre-strain belongs to law = \"fem\"";
+                scene.needless("pre_strain", &raw.pre_strain, why)?;
+            }
             let why = "law = \"fem\" (the default) asks for it in each layer";
             let young = scene.required("young_kpa", raw.young_kpa, table.span.clone(), why)?;
             let poisson = scene.required("poisson", raw.poisson, table.span, why)?;

@@ -11,6 +11,8 @@ mod devices;
 mod diagnose;
 mod files;
 mod grid;
+mod hyperelastic;
+mod integrator;
 mod lines;
 mod outputs;
 mod raw;
@@ -106,6 +108,19 @@ pub struct Time {
     pub gravity: [f64; 3],
     /// Parts that each step is divided into; results are of whole steps.
     pub substeps: u32,
+    /// How steps are taken.
+    pub integrator: Integrator,
+}
+
+/// How a step is taken ([`crate::model::Step`] has the formulas).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integrator {
+    /// Stable at any step, damps by itself.
+    ImplicitEuler,
+    /// Average acceleration: of second order, keeps the energy of a linear body.
+    Newmark,
+    /// Explicit: nothing is solved, steps are short.
+    SymplecticEuler,
 }
 
 impl Time {
@@ -214,7 +229,7 @@ pub struct Layer {
 }
 
 /// The elastic law of the skin.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
     /// Bricks.
     Fem {
@@ -223,6 +238,8 @@ pub enum Law {
         /// Corotational, or linear ("small") when false.
         corotational: bool,
     },
+    /// Bricks of compressible neo-Hookean material ([`crate::model::NeoHookean`]); on the CPU path.
+    NeoHookean,
     /// Springs between every pair of nodes of a cell, as SOFA's MeshSpringForceField makes them.
     Springs {
         /// N/m

@@ -105,6 +105,7 @@ pub(super) struct Time {
     pub duration_s: At<f64>,
     pub gravity_m_s2: Option<Numbers>,
     pub substeps: Option<At<u32>>,
+    pub integrator: Option<At<String>>,
 }
 
 #[derive(Default, serde::Deserialize)]
@@ -127,7 +128,7 @@ pub(super) struct Skin {
     pub cells: Counts,
     pub law: Option<At<String>>,
     pub element: Option<At<String>>,
-    pub corotational: Option<bool>,
+    pub corotational: Option<At<bool>>,
     pub mass: Option<At<String>>,
     pub cut: Option<At<String>>,
     pub cut_reserve_columns: Option<At<u32>>,
@@ -379,6 +380,7 @@ pub(super) struct Study {
     pub iterations: Option<At<Vec<At<u32>>>>,
     pub grids: Option<Numbers>,
     pub steps_ms: Option<Numbers>,
+    pub integrators: Option<At<Vec<At<String>>>>,
     pub corrections: Option<At<Vec<At<String>>>>,
     pub quick_grid: Option<At<f64>>,
     pub reference_grid: Option<At<f64>>,

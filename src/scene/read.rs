@@ -12,8 +12,8 @@ use super::raw::{self, At, Table};
 use super::region::region;
 use super::study;
 use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
-use super::{Boundary, Correction, Law, Load, Scene, Skin, Solver, TestForm, Time};
-use super::{anchor, body, devices, outputs, tools};
+use super::{Boundary, Correction, Integrator, Law, Load, Scene, Skin, Solver, TestForm, Time};
+use super::{anchor, body, devices, hyperelastic, integrator, outputs, tools};
 use crate::error::{Error, Result};
 use std::path::Path;
 
@@ -36,6 +36,7 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let raw = tables(&scene)?;
     let mut taken = Vec::new();
     let mut skins = Vec::new();
+    let neo_hookean = hyperelastic::asked_for(&raw.skin, &raw.block);
     if let Some(table) = raw.skin {
         skins.push(body::skin(&scene, table, None)?);
     }
@@ -68,11 +69,16 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     if contact.correction == Correction::Precomputed && tools.iter().any(|t| t.blade.is_some()) {
         return Err(Error::PrecomputedCut { path: file.to_path_buf() });
     }
-    let time = time(&scene, raw.time.keys)?;
+    let mut time_keys = raw.time.keys;
+    let raw_solver = raw::keys(raw.solver);
+    let word = time_keys.integrator.take();
+    let integrator = integrator::integrator(&scene, word, &raw_solver, &skins, touching)?;
+    hyperelastic::fits(&scene, &neo_hookean, &tools, integrator, &raw_solver)?;
+    let time = time(&scene, time_keys, integrator)?;
     Ok(Scene {
         title: raw.title.into_inner(),
         file: file.to_path_buf(),
-        solver: solver(&scene, raw::keys(raw.solver), &skins)?,
+        solver: solver(&scene, raw_solver, &skins)?,
         boundaries: boundaries.collect::<Result<_>>()?,
         anchors: anchor::anchors(&scene, raw.anchor, &names, &skins, &grids)?,
         loads: loads.collect::<Result<_>>()?,
@@ -80,7 +86,7 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         haptic: devices::haptic(&scene, raw::keys(raw.haptic))?,
         checks: outputs::checks(&scene, raw.check, &probes)?,
         view: outputs::view(&scene, raw.view, &skins, &tools)?,
-        study: study::study(&scene, raw.study, &time, &skins, &probes)?,
+        study: study::study(&scene, raw.study, &time, &skins, &probes, touching)?,
         time,
         skins,
         tools,
@@ -91,13 +97,14 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     })
 }
 
-fn time(scene: &SceneText, raw: raw::Time) -> Result<Time> {
+fn time(scene: &SceneText, raw: raw::Time, integrator: Integrator) -> Result<Time> {
     let gravity = or_vector(raw.gravity_m_s2, &[0.0, 0.0, -9.81]);
     let time = Time {
         step: scene.number("step_ms", &raw.step_ms, MS, Bound::Positive)?,
         duration: scene.number("duration_s", &raw.duration_s, SECOND, Bound::Positive)?,
         gravity: scene.vector("gravity_m_s2", &gravity, ACCELERATION, Bound::Finite)?,
         substeps: scene.count("substeps", &or(raw.substeps, 1), [1, 10_000])?,
+        integrator,
     };
     if time.step > time.duration {
         return Err(Error::Order {
@@ -114,7 +121,8 @@ fn time(scene: &SceneText, raw: raw::Time) -> Result<Time> {
 
 fn solver(scene: &SceneText, raw: raw::Solver, skins: &[Skin]) -> Result<Solver> {
     let preconditioners = study::preconditioners(skins);
-    let best = if skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. })) { "multigrid" } else { "column" };
+    let springs = skins.iter().any(|skin| matches!(skin.law, Law::Springs { .. }));
+    let best = if springs { "column" } else { "multigrid" };
     let preconditioner = or(raw.preconditioner, best.to_string());
     let count = |key, value, default| scene.count(key, &or(value, default), [1, u32::MAX]);
     Ok(Solver {

@@ -1,8 +1,9 @@
 //! What `cutis study` varies of a scene, and what it measures errors against.
 
+use super::integrator::integrator;
 use super::raw::{self, At, Numbers, Table};
 use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
-use super::{Correction, Element, Law, Preconditioner, Probe, Skin, Time};
+use super::{Correction, Element, Integrator, Law, Preconditioner, Probe, Skin, Time};
 use crate::error::{Error, Result};
 
 /// Most values of one axis of a study.
@@ -30,6 +31,8 @@ pub struct Study {
     pub grids: Vec<f64>,
     /// s
     pub steps: Vec<f64>,
+    /// Integrators; the reference takes the one of highest order among them.
+    pub integrators: Vec<Integrator>,
     /// Contact corrections.
     pub corrections: Vec<Correction>,
     /// Grid of a quick study, times the scene's cells; 0 for the coarsest of `grids`.
@@ -48,7 +51,7 @@ pub(super) fn preconditioners(skins: &[Skin]) -> Vec<(&'static str, Precondition
         ("block", Preconditioner::Block),
         ("column", Preconditioner::Column),
     ];
-    if skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. })) {
+    if skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. })) {
         known.extend([("multigrid", Preconditioner::Multigrid), ("direct", Preconditioner::Direct)]);
     }
     known
@@ -58,13 +61,14 @@ pub(super) fn preconditioners(skins: &[Skin]) -> Vec<(&'static str, Precondition
 pub(super) const ELEMENTS: [(&str, Element); 3] =
     [("bbar", Element::Bbar), ("enhanced", Element::Enhanced), ("plain", Element::Plain)];
 
-/// The table, checked; every step is a whole part of the longest one, so that runs can be compared at its ends.
+/// The table, checked; `touching` says that bodies may touch or are tied. Every step is a whole part of the longest one, so that runs can be compared at its ends.
 pub(super) fn study(
     scene: &SceneText,
     table: Option<Table<raw::Study>>,
     time: &Time,
     skins: &[Skin],
     probes: &[Probe],
+    touching: bool,
 ) -> Result<Study> {
     let raw = raw::keys(table);
     let number = |word: &At<String>| {
@@ -79,7 +83,7 @@ pub(super) fn study(
     known.sort_by_key(|(probe, _)| *probe);
     let bricks = skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. }));
     if !bricks {
-        let why = "a skin of springs has no bricks";
+        let why = "a skin of springs or of neo-Hookean bricks has no others to choose from";
         scene.needless("elements", &raw.elements, why)?;
     }
     let grids = numbers(scene, "grids", &raw.grids, PLAIN)?;
@@ -107,6 +111,12 @@ pub(super) fn study(
         },
         grids,
         steps: numbers(scene, "steps_ms", &raw.steps_ms, MS)?,
+        integrators: match &raw.integrators {
+            Some(list) => each(scene, "integrators", list, |word| {
+                integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, touching)
+            })?,
+            None => vec![],
+        },
         corrections: words(
             scene,
             "corrections",

@@ -1,7 +1,7 @@
 //! A deformable body as it runs: its model, its state on a backend, how it was cut, how it gives.
 
 use super::compliance::{AtRest, Compliance};
-use super::start::{needs, slots, start};
+use super::start::{check_step, needs, slots, start};
 use super::{Place, StepReport};
 use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
 use crate::collide::broad::Boxes;
@@ -122,6 +122,7 @@ impl Body {
             gpu.fits("x", x * y * (z + 1) * 16 * slots(scene) as u64)?;
         }
         let model = Model::new(scene, number)?;
+        check_step(scene, &model)?;
         let needs = needs(scene, &model);
         let start = start(scene, &model);
         let (cap, floor) = (scene.solver.max_iterations, scene.solver.floor);

@@ -57,6 +57,8 @@ pub struct StepReport {
     pub free: Outcome,
     /// Rounds of iterative refinement.
     pub refinements: u32,
+    /// Newton iterations of a body whose law is not linear; the most of the bodies and of the parts of a step.
+    pub newton_iterations: u32,
     /// Accurate corrections of this step, summed iterations.
     pub correction_iterations: u32,
     /// The solve was asked for no more than the absolute floor.
@@ -91,6 +93,7 @@ impl StepReport {
         self.free.iterations += before.free.iterations;
         self.free.converged &= before.free.converged;
         self.refinements += before.refinements;
+        self.newton_iterations = self.newton_iterations.max(before.newton_iterations);
         self.correction_iterations += before.correction_iterations;
         self.residual = larger(before.residual, self.residual);
         self.at_floor &= before.at_floor;
@@ -272,6 +275,9 @@ impl Simulation {
                 body.review(before, forces, &self.scene, (begin, check), &mut ended[number], &mut report)?;
             }
             body.backend.finish(forces.is_some())?;
+            let work = body.backend.nonlinear();
+            report.newton_iterations = report.newton_iterations.max(work.iterations);
+            report.warn("tangent_indefinite", work.indefinite);
         }
         self.note_solves(&ended, &mut report);
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {

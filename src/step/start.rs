@@ -2,6 +2,7 @@
 
 use super::compliance;
 use crate::backend::{Needs, Snapshot};
+use crate::error::{Error, Result};
 use crate::mesh::Grid;
 use crate::model::Model;
 use crate::scene::{Attachment, Correction, Scene, Who};
@@ -11,6 +12,24 @@ pub(super) fn slots(scene: &Scene) -> usize {
     let exact = scene.contact.is_some_and(|contact| contact.correction == Correction::Exact);
     let columns = if exact { compliance::COLUMNS } else { 0 };
     Needs { contact: scene.contact.is_some(), columns, ..Needs::default() }.slots()
+}
+
+/// Refuses an explicit step that would blow up.
+pub(super) fn check_step(scene: &Scene, model: &Model) -> Result<()> {
+    if !model.step.explicit() {
+        return Ok(());
+    }
+    let (step, stable) = (model.step.step, model.stable_step());
+    if step <= stable {
+        return Ok(());
+    }
+    Err(Error::UnstableStep {
+        path: scene.file.clone(),
+        name: scene.skins[model.body].name.clone(),
+        step_ms: 1e3 * step,
+        stable_ms: 1e3 * stable,
+        substeps: (scene.time.step / stable).ceil() as u64,
+    })
 }
 
 /// Which arrays the backend of a scene's deformable body of that number holds; `model` says how many nodes are tied.

@@ -57,6 +57,10 @@ macro_rules! cases {
 }
 
 const CASES: &[Case] = cases! {
+    accelerate Nodes false [
+        "free[i].w * params.inertia" => "params.inertia", "1.0 / inertia" => "inertia", "* free[i].xyz" => ""
+    ]
+    ahead Nodes false ["* params.lead" => "* params.step", "u[i].xyz + v" => "v", "u[i].xyz + v" => "u[i].xyz - v"]
     advance One true [
         "delta - head.y * gamma / head.x" => "delta + head.y * gamma / head.x",
         "tail.y <= tail.x" => "tail.y < 0.0",
@@ -103,7 +107,7 @@ const CASES: &[Case] = cases! {
         "turn * x + e * x" => "turn * x", "pre_strain[layer]" => "pre_strain[0]"
     ]
     gather Ids false ["source[ids[k]]" => "source[k]"]
-    integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "1.0 / params.step" => "params.step"]
+    integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "params.reach / params.step" => "1.0 / params.step", "- kept" => "", "params.reach - 1.0" => "params.reach"]
     momentum Nodes false [
         "near.y * near.z" => "near.y", "sum * rate" => "sum", "v[corner_node(params, at, b)].xyz - own" => "v[corner_node(params, at, b)].xyz", "|| corner_node(params, at, a) != i" => "", "shape[layer_of[at.z]]" => "shape[0]",
         "any(at >= cells)" => "any(at + 1u >= cells)", "== vec4<f32>(0.0)) ||" => "== vec4<f32>(9.0)) ||"

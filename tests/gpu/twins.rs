@@ -38,6 +38,18 @@ fn start_sums<R: Real>(b: &Body, name: &str, groups: usize) -> Vec<R> {
     sums
 }
 
+pub fn accelerate<R: Real>(b: &Body) -> Outputs<R> {
+    let mut x = b.v4::<R>("x");
+    kernels::accelerate::accelerate(&b.params(), &b.v4("free"), &b.v4("b"), &mut x);
+    vec![("x", flat(&x))]
+}
+
+pub fn ahead<R: Real>(b: &Body) -> Outputs<R> {
+    let mut y = b.v4::<R>("y");
+    kernels::ahead::ahead(&b.params(), &b.v4("u"), &b.v4("v"), &mut y);
+    vec![("y", flat(&y))]
+}
+
 pub fn advance<R: Real>(b: &Body) -> Outputs<R> {
     let product = slot_sums(&b.scalars::<R>("partial_product"), b.product_groups());
     let gamma = slot_sums(&b.scalars::<R>("partial_gamma"), b.column_groups());

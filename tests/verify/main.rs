@@ -9,6 +9,7 @@ mod dense;
 mod differences;
 mod direct;
 mod elements;
+mod integrators;
 mod masses;
 mod motion;
 mod multigrid;
@@ -53,11 +54,12 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 14] = [
+    let groups: [&[Case]; 15] = [
         anchors::CASES,
         multigrid::CASES,
         direct::CASES,
         elements::CASES,
+        integrators::CASES,
         differences::CASES,
         dense::CASES,
         solver::CASES,
@@ -69,10 +71,11 @@ fn main() -> ExitCode {
         prestrain::CASES,
         slit::CASES,
     ];
-    let everywhere: [&[Everywhere]; 10] = [
+    let everywhere: [&[Everywhere]; 11] = [
         anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
+        integrators::EVERYWHERE,
         motion::EVERYWHERE,
         masses::EVERYWHERE,
         springs::EVERYWHERE,

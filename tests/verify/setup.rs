@@ -106,6 +106,11 @@ impl Body {
         self.backend.set_load(load);
     }
 
+    /// Bytes of its arrays.
+    pub fn bytes(&self) -> u64 {
+        self.backend.device().device_bytes
+    }
+
     /// Takes what a cut has changed.
     pub fn remove(&mut self, removal: &Removal) {
         self.backend.begin().expect("the device works");

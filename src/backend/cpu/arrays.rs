@@ -1,6 +1,7 @@
 //! What the CPU path keeps of an elastic law and of cutting, and where its solves work.
 
 use super::super::{cell_centres, links};
+use super::hyperelastic::Neo;
 use crate::kernels::Params;
 use crate::kernels::centres::centres;
 use crate::kernels::precondition::precondition;
@@ -37,6 +38,7 @@ pub(super) struct Bricks<R> {
     pub split_cells: Vec<u32>,
     pub multigrid: Option<Hierarchy<R>>,
     pub direct: Option<Box<Direct>>,
+    pub neo: Option<Box<Neo<R>>>,
 }
 
 pub(super) struct Cutting<R> {
@@ -72,6 +74,10 @@ impl<R: Real> Elastic<R> {
                 split_cells: vec![],
                 multigrid: Hierarchy::new(model),
                 direct: Direct::new(model).map(Box::new),
+                neo: model
+                    .neo_hookean
+                    .as_ref()
+                    .map(|law| Box::new(Neo::new(law.clone(), model.params(), model.step.end_share()))),
             }),
         }
     }
@@ -113,6 +119,23 @@ impl<R: Real> Bricks<R> {
 
     /// `w = A z`; returns `z·w`.
     pub fn multiply(
+        &self,
+        params: &Params<R>,
+        free: &[V4<R>],
+        z: &[V4<R>],
+        w: &mut [V4<R>],
+        scratch: &mut [CellForces<R>],
+    ) -> R {
+        let Some(neo) = &self.neo else {
+            return self.linear_product(params, free, z, w, scratch);
+        };
+        let params = Params { stiffness_factor: R::of(neo.damping + neo.shift), ..*params };
+        let dot = self.linear_product(&params, free, z, w, scratch);
+        dot + neo.add_product(free, z, w)
+    }
+
+    /// The same of the small-strain bricks, turned with the cells.
+    pub fn linear_product(
         &self,
         params: &Params<R>,
         free: &[V4<R>],

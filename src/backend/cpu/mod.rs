@@ -1,22 +1,22 @@
 //! The CPU path: the kernels' twins in f32 or f64 on all cores; the reference that the GPU is checked against.
 
 mod arrays;
+mod explicit;
+mod hyperelastic;
+mod slots;
 
-use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Target, Vector, Wanted};
+use super::{Backend, CORRECTION, Device, FREE, Needs, Nonlinear, Snapshot, Target, Vector, Wanted};
 use crate::cut::Removal;
 use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::cut::Hit;
-use crate::kernels::product::{LANES, cell_groups, elastic_forces};
-use crate::kernels::{
-    Params, anchors, blocks, bounds, cut, duplicate, factor, forces, integrate, momentum, rhs, rotations, springs,
-    springs_blocks, springs_product,
-};
-use crate::linear::{Outcome, Slot, solve};
+use crate::kernels::product::{LANES, cell_groups};
+use crate::kernels::{Params, ahead, anchors, blocks, bounds, cut, duplicate, factor, integrate, rhs, springs_blocks};
+use crate::linear::Outcome;
 use crate::math::{Real, V3, V4, round, widen};
 use crate::model::{Anchors, Model, rate};
 use crate::scene::Mass;
-use arrays::{Bricks, Cutting, Elastic, Inverse, Space};
+use arrays::{Bricks, Cutting, Elastic, Space};
 use rayon::prelude::*;
 
 /// The body's state and constant arrays in one precision.
@@ -27,8 +27,10 @@ pub struct CpuBackend<R> {
     floor: f64,
     node_count: usize,
     contact: bool,
+    explicit: bool,
     u: Vec<V4<R>>,
     v: Vec<V4<R>>,
+    ahead: Vec<V4<R>>,  // of a damped explicit step; else empty
     mean_v: Vec<V4<R>>, // of a consistent mass; else empty
     f: Vec<V4<R>>,
     free: Vec<V4<R>>,   // as A has them
@@ -55,6 +57,7 @@ impl<R: Real> CpuBackend<R> {
     pub fn new(model: &Model, needs: Needs, max_iterations: u32, floor: f64, start: &Snapshot) -> Self {
         let node_count = model.node_count();
         let slots = needs.slots();
+        let solved = if model.step.explicit() { 0 } else { node_count }; // nodes that a solve needs vectors of
         let zeros = |n: usize| vec![[R::zero(); 4]; n];
         let scratch = match &model.springs {
             Some(_) => vec![],
@@ -69,8 +72,10 @@ impl<R: Real> CpuBackend<R> {
             floor,
             node_count,
             contact: needs.contact,
+            explicit: model.step.explicit(),
             u: start.u.iter().map(round).collect(),
             v: start.v.iter().map(round).collect(),
+            ahead: zeros(if model.step.lead() > 0.0 { node_count } else { 0 }),
             mean_v: zeros(if model.mass == Mass::Consistent { node_count } else { 0 }),
             f: zeros(node_count),
             free: model.in_system().iter().map(round).collect(),
@@ -79,14 +84,14 @@ impl<R: Real> CpuBackend<R> {
             anchor_rate,
             anchors,
             load: zeros(node_count),
-            block: zeros(node_count * 4),
+            block: zeros(solved * 4),
             load_squared: R::zero(),
             x: zeros(node_count * slots),
             r: zeros(node_count * slots),
-            p: zeros(node_count * slots),
-            s: zeros(node_count * slots),
-            z: zeros(node_count * slots),
-            w: zeros(node_count * slots),
+            p: zeros(solved * slots),
+            s: zeros(solved * slots),
+            z: zeros(solved * slots),
+            w: zeros(solved * slots),
             cutting,
             space: vec![Space { scratch, levels: vec![] }; slots],
         }
@@ -116,7 +121,8 @@ impl<R: Real> CpuBackend<R> {
 impl<R: Real> Backend for CpuBackend<R> {
     fn device(&self) -> Device {
         let arrays = [&self.u, &self.v, &self.f, &self.free, &self.masses, &self.load, &self.block, &self.x];
-        let bytes: usize = arrays.iter().map(|a| a.len()).sum::<usize>() + 5 * self.x.len();
+        let solver = [&self.r, &self.p, &self.s, &self.z, &self.w, &self.ahead];
+        let bytes: usize = arrays.iter().chain(&solver).map(|a| a.len()).sum();
         Device {
             backend: "cpu",
             precision: R::NAME,
@@ -134,45 +140,17 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn begin(&mut self) -> Result<()> {
         let params = self.params;
-        match &mut self.law {
-            Elastic::Bricks(Bricks { shape, pre_strain, stiffness, elastic, layer_of, rotation, split, .. }) => {
-                let u = &self.u;
-                if params.corotational == 1 {
-                    rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
-                        *q = rotations::rotate_cell(&params, shape, layer_of, split, u, cell, *q);
-                    });
-                }
-                elastic_forces(
-                    &params,
-                    shape,
-                    pre_strain,
-                    elastic,
-                    layer_of,
-                    rotation,
-                    split,
-                    u,
-                    &mut self.f,
-                    &mut self.space[FREE].scratch,
-                );
-                for node in params.touched(split).iter().map(|n| *n as usize) {
-                    let force =
-                        forces::node_force(&params, shape, pre_strain, stiffness, layer_of, split, u, rotation, node);
-                    self.f[node] = force.pad(R::zero());
-                }
-                let (free, v) = (&self.free, &self.v);
-                self.mean_v.par_iter_mut().enumerate().for_each(|(i, mean)| {
-                    *mean =
-                        momentum::mean_velocity(&params, shape, layer_of, split, rotation, free, v, i).pad(R::zero());
-                });
-            }
-            Elastic::Springs { rest, first, half, law, tangent } => {
-                springs::springs(&params, rest, &self.u, first, half, law, &mut self.f, tangent);
-            }
-        }
+        ahead::ahead(&params, &self.u, &self.v, &mut self.ahead);
+        let at = if self.ahead.is_empty() { &self.u } else { &self.ahead };
+        self.law.forces(&params, &self.u, at, &mut self.f, &mut self.space[FREE])?;
+        self.law.mean_velocities(&params, &self.free, &self.v, &mut self.mean_v);
         let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
         let own = if self.masses.is_empty() { &self.free } else { &self.masses };
         self.load_squared = rhs::rhs(&params, &self.f, v, own, &self.load, &mut self.r);
-        anchors::anchors(&self.anchors.nodes, &self.anchor, own, &self.u, &mut self.r);
+        anchors::anchors(&self.anchors.nodes, &self.anchor, own, at, &mut self.r);
+        if self.explicit {
+            return Ok(());
+        }
         if let Elastic::Bricks(Bricks { direct: Some(direct), .. }) = &mut self.law {
             direct.current = false;
             return Ok(());
@@ -214,55 +192,25 @@ impl<R: Real> Backend for CpuBackend<R> {
     }
 
     fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
-        let n = self.node_count;
-        if let Elastic::Bricks(Bricks { direct: Some(direct), rotation, .. }) = &mut self.law
-            && !direct.current
-        {
-            direct.factor(&widen(rotation), &widen(&self.free))?;
+        if self.explicit {
+            return Ok(self.accelerate(wanted, pick));
         }
-        let (params, free, block, law) = (&self.params, &self.free, &self.block, &self.law);
-        let (load, floor, max_iterations) = (self.load_squared, self.floor, self.max_iterations);
-        let inverse = match law {
-            Elastic::Bricks(b) => b.inverse(params, free, block),
-            Elastic::Springs { .. } => Inverse::Columns { params, block },
-        };
-        let arrays = (
-            self.x.par_chunks_mut(n),
-            self.r.par_chunks_mut(n),
-            self.p.par_chunks_mut(n),
-            self.s.par_chunks_mut(n),
-            self.z.par_chunks_mut(n),
-            self.w.par_chunks_mut(n),
-            self.space.par_iter_mut(),
-        );
-        let mut done: Vec<(usize, Outcome)> = arrays
-            .into_par_iter()
-            .enumerate()
-            .filter_map(|(slot, arrays)| Some((wanted.iter().find(|w| w.slot == slot)?, arrays)))
-            .map(|(want, (x, r, p, s, z, w, Space { scratch, levels: work }))| {
-                let product = |z: &[V4<R>], w: &mut [V4<R>]| match law {
-                    Elastic::Bricks(b) => b.multiply(params, free, z, w, scratch),
-                    Elastic::Springs { first, half, tangent, .. } => {
-                        springs_product::springs_product(params, first, half, tangent, free, z, w)
-                    }
-                };
-                let request = request(want.target, floor);
-                let outcome = solve(
-                    Slot { x, r, p, s, z, w },
-                    &request,
-                    load,
-                    max_iterations,
-                    product,
-                    |r: &[V4<R>], z: &mut [V4<R>]| inverse.apply(work, r, z),
-                );
-                (want.slot, outcome)
-            })
-            .collect();
-        done.sort_by_key(|(slot, _)| *slot);
-        let find = |w: &Wanted| done.iter().find(|d| d.0 == w.slot).map(|d| d.1).unwrap_or_default();
-        let outcomes = wanted.iter().map(find).collect();
-        let picked = pick.iter().map(|(slot, node)| V3::from4(self.x[slot * n + *node as usize]).f64()).collect();
-        Ok((outcomes, picked))
+        match (&self.law, wanted) {
+            (
+                Elastic::Bricks(Bricks { neo: Some(neo), .. }),
+                [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }],
+            ) if neo.newton() => {
+                let outcome = self.newton(*tolerance)?;
+                let value = |(slot, node): &(usize, u32)| self.x[slot * self.node_count + *node as usize];
+                Ok((vec![outcome], pick.iter().map(|p| V3::from4(value(p)).f64()).collect()))
+            }
+            (Elastic::Bricks(Bricks { neo: Some(_), .. }), _) => self.solve_linearised(wanted, pick),
+            _ => self.solve_slots(wanted, pick),
+        }
+    }
+
+    fn nonlinear(&self) -> Nonlinear {
+        self.count()
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {

@@ -143,6 +143,12 @@ impl Law {
                 fix: "run it with --backend cpu, or take the preconditioner multigrid".into(),
             });
         }
+        if model.neo_hookean.is_some() {
+            return Err(Error::Usage {
+                what: "law = \"neo_hookean\" runs on the CPU path, not on a GPU".into(),
+                fix: "run it with --backend cpu, or take law = \"fem\"".into(),
+            });
+        }
         let n = model.node_count();
         if let Some(s) = &model.springs {
             let rest: Vec<V4<f32>> = model.rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();

@@ -7,6 +7,7 @@
 mod anchors;
 mod arrays;
 mod exchange;
+mod explicit;
 mod solver;
 mod split;
 
@@ -14,7 +15,7 @@ use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Vector, Wanted};
 use crate::cut::Removal;
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
-use crate::kernels::{GROUP, Params, blocks, cut::Hit, factor, integrate, rhs};
+use crate::kernels::{GROUP, Params, blocks, cut::Hit, factor, forces, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
@@ -37,6 +38,8 @@ pub struct GpuBackend {
     floor: f64,
     expected: [u32; 2],
     pending: Option<Batch>,
+    explicit: bool,
+    unread: u32,
     rows_pending: bool,
     axes: Vec<V3<f32>>, // [node] 1 free, 0 held
     bytes: u64,
@@ -76,31 +79,41 @@ impl GpuBackend {
         let main = made.uniform("params", 0, &params.words());
         let vec = |v: &[V4<f64>]| v.iter().map(|a| a.map(|c| c as f32)).collect::<Vec<_>>();
         let (u, v) = (made.of("u", &vec(&start.u))?, made.of("v", &vec(&start.v))?);
+        let explicit = model.step.explicit();
+        let ahead = explicit::Ahead::new(&mut made, model, &main, &u, &v)?;
         let (f, load) = (made.vec4("f", n)?, made.vec4("load", n)?);
         let free = made.of("free", &vec(&model.in_system()))?;
         let anchored = Anchored::new(&mut made, model)?;
         let masses = anchored.as_ref().map_or(&free, |a| &a.masses).clone();
         let law = Law::new(&mut made, model)?;
         gpu.making("columns");
-        let block = made.vec4("block", n * 4)?;
+        let block = made.vec4("block", if explicit { 0 } else { n * 4 })?;
         gpu.making("solver");
         let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
         let own = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
         let arrays = law.shared.joined(&Arrays::of(&own));
-        let solver = Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact)?;
+        let solver = match explicit {
+            true => Solver::explicit(&mut made, &arrays, params, &main)?,
+            false => Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact)?,
+        };
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
         };
         let mut begin: Vec<Dispatch> = vec![];
+        begin.extend(ahead.iter().map(|a| a.kernel.clone()));
         for (source, threads) in &law.elastic {
-            begin.push((of_main(source, &[])?, *threads));
+            let more = ahead.iter().filter(|_| source.name == forces::SOURCE.name).map(|a| ("u", &a.y));
+            begin.push((of_main(source, &more.collect::<Vec<_>>())?, *threads));
         }
         let mean_v = law.consistent.as_ref().map_or(&v, |[_, mean_v]| mean_v);
         begin.push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("free", &masses)])?, n));
-        begin.extend(anchored.as_ref().map(|a| a.bind(&gpu, &u, &solver.r)).transpose()?);
+        let at = ahead.as_ref().map_or(&u, |a| &a.y);
+        begin.extend(anchored.as_ref().map(|a| a.bind(&gpu, at, &solver.r)).transpose()?);
         let system = law.consistent.iter().map(|[system, _]| ("stiffness", system)).collect::<Vec<_>>();
-        begin.push((of_main(law.blocks, &system)?, n));
-        begin.push((of_main(&factor::SOURCE, &[])?, params.columns() + model.extra_columns));
+        if !explicit {
+            begin.push((of_main(law.blocks, &system)?, n));
+            begin.push((of_main(&factor::SOURCE, &[])?, params.columns() + model.extra_columns));
+        }
         begin.extend(solver.refresh.iter().cloned());
         let single = made.uniform("params", 0, &Params { slot_count: 1, ..params }.words());
         let integrate =
@@ -132,6 +145,8 @@ impl GpuBackend {
             floor,
             expected: [8, 8],
             pending: None,
+            explicit,
+            unread: 0,
             rows_pending: false,
             axes: model.free.iter().map(|f| axes(*f)).collect(),
             bytes,
@@ -244,6 +259,9 @@ impl Backend for GpuBackend {
     }
 
     fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+        if self.explicit {
+            return self.accelerate(wanted, pick);
+        }
         let only_correction = wanted.iter().all(|w| w.slot == CORRECTION);
         let last = wanted.iter().map(|w| w.slot).max().unwrap_or(FREE);
         let (first, rows) = if only_correction { (CORRECTION, 1) } else { (FREE, last as u32 + 1) };

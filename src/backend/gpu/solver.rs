@@ -108,6 +108,13 @@ impl Solver {
         Ok(Self { x, r, z, scalars, requests, refresh, all, correction, spare, touched: 0 })
     }
 
+    /// Of a system that one dispatch solves.
+    pub(super) fn of_one(x: Buffer, r: Buffer, kernel: Dispatch) -> Self {
+        let (z, scalars, requests) = (r.clone(), r.clone(), r.clone());
+        let all = vec![kernel];
+        Self { x, r, z, scalars, requests, refresh: vec![], all, correction: vec![], spare: [0, 0], touched: 0 }
+    }
+
     /// Dispatches of one iteration.
     pub fn launches(&self) -> u32 {
         self.all.len() as u32

@@ -4,7 +4,7 @@ use super::{Row, Setting, Stop, Study, plot};
 use crate::error::{Error, Result};
 use crate::output::replace;
 use crate::report::preconditioner_name;
-use crate::scene::{Correction, Element};
+use crate::scene::{Correction, Element, Integrator, Law};
 use crate::step::Place;
 use std::fmt::Write;
 use std::path::Path;
@@ -13,7 +13,7 @@ use std::path::Path;
 const NEEDS: [f64; 5] = [0.2, 0.1, 0.05, 0.02, 0.01];
 
 /// Columns of study.csv.
-const COLUMNS: [&str; 26] = [
+const COLUMNS: [&str; 27] = [
     "scene",
     "element",
     "preconditioner",
@@ -23,6 +23,7 @@ const COLUMNS: [&str; 26] = [
     "grid",
     "poisson",
     "step_ms",
+    "integrator",
     "correction",
     "backend",
     "precision",
@@ -50,13 +51,22 @@ pub(super) fn write(study: &Study, folder: &Path) -> Result<()> {
     replace(&folder.join("study.svg"), plot::picture(study)?.as_bytes())
 }
 
-/// `bbar`, `enhanced`, `plain`, or `springs`.
-pub(super) fn element_name(element: Option<Element>) -> &'static str {
-    match element {
-        Some(Element::Bbar) => "bbar",
-        Some(Element::Enhanced) => "enhanced",
-        Some(Element::Plain) => "plain",
-        None => "springs",
+/// `bbar`, `enhanced`, `plain`, `neo_hookean` or `springs`.
+pub(super) fn element_name(law: Law) -> &'static str {
+    match law {
+        Law::Fem { element: Element::Bbar, .. } => "bbar",
+        Law::Fem { element: Element::Enhanced, .. } => "enhanced",
+        Law::Fem { element: Element::Plain, .. } => "plain",
+        Law::NeoHookean => "neo_hookean",
+        Law::Springs { .. } => "springs",
+    }
+}
+
+fn integrator_name(integrator: Integrator) -> &'static str {
+    match integrator {
+        Integrator::ImplicitEuler => "implicit_euler",
+        Integrator::Newmark => "newmark",
+        Integrator::SymplecticEuler => "symplectic_euler",
     }
 }
 
@@ -111,7 +121,7 @@ fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
     let poisson: Vec<String> = study.poisson.iter().map(f64::to_string).collect();
     [
         study.scene.clone(),
-        element_name(s.element).into(),
+        element_name(s.law).into(),
         preconditioner_name(s.preconditioner).into(),
         tolerance,
         limit,
@@ -119,6 +129,7 @@ fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
         s.grid.to_string(),
         poisson.join(" "),
         format!("{}", (s.step * 1e9).round() / 1e6),
+        integrator_name(s.integrator).into(),
         correction_name(s.correction).into(),
         backend.into(),
         precision.into(),
@@ -175,9 +186,13 @@ fn words(s: &Setting) -> String {
         None | Some(Correction::Exact) => String::new(),
         other => format!(", {}", correction_name(other)),
     };
+    let integrator = match s.integrator {
+        Integrator::ImplicitEuler => String::new(),
+        other => format!(", {}", integrator_name(other)),
+    };
     format!(
-        "{} {}{stop}, grid × {}, {} ms{correction}, {backend} {precision}",
-        element_name(s.element),
+        "{} {}{stop}, grid × {}, {} ms{integrator}{correction}, {backend} {precision}",
+        element_name(s.law),
         preconditioner_name(s.preconditioner),
         s.grid,
         (s.step * 1e9).round() / 1e6,

@@ -24,7 +24,7 @@ pub use trace::{Signal, Trace};
 
 use crate::error::{Error, Result};
 use crate::gpu::adapters;
-use crate::scene::Scene;
+use crate::scene::{Integrator, Scene};
 use crate::step::Place;
 use settings::{Axes, exact, own, quick, scene_of};
 use std::path::PathBuf;
@@ -203,7 +203,7 @@ impl Runs<'_> {
     fn needed(&self, setting: &Setting) -> [(Setting, bool); 4] {
         let twin = Setting { place: Place::Cpu64, ..setting.clone() };
         let exactly = exact(self.scene, setting);
-        let shortest = Setting { step: self.scene.study.finest_step(&self.scene.time), ..exactly.clone() };
+        let shortest = at_shortest(self.scene, &exactly);
         [(setting.clone(), false), (twin, false), (exactly, true), (shortest, true)]
     }
 
@@ -273,12 +273,19 @@ fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>]) -> Result<Row> {
     })
 }
 
+/// The same at the shortest step, with the integrator of highest order.
+fn at_shortest(scene: &Scene, setting: &Setting) -> Setting {
+    let second = scene.study.integrators.contains(&Integrator::Newmark);
+    let integrator = if second { Integrator::Newmark } else { scene.time.integrator };
+    Setting { step: scene.study.finest_step(&scene.time), integrator, ..setting.clone() }
+}
+
 /// The reference: the finest grid, the shortest step, solved exactly with the scene's own bricks.
 fn reference(scene: &Scene, quick: bool) -> Setting {
     let finest = scene.study.grids.iter().copied().fold(2.0, f64::max);
     let grid = if scene.study.reference_grid > 0.0 { scene.study.reference_grid } else { finest };
     let grid = if quick { grid.min(2.0 * settings::quick(scene).grid) } else { grid };
-    exact(scene, &Setting { grid, step: scene.study.finest_step(&scene.time), ..own(scene) })
+    at_shortest(scene, &exact(scene, &Setting { grid, ..own(scene) }))
 }
 
 /// Marks the rows that no other beats in both time and total error.

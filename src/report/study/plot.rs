@@ -4,7 +4,7 @@ use super::files::{element_name, path_name};
 use super::{Row, Setting, Stop, Study};
 use crate::error::{Error, Result};
 use crate::report::preconditioner_name;
-use crate::scene::{Element, Preconditioner};
+use crate::scene::{Element, Law, Preconditioner};
 use plotters::coord::Shift;
 use plotters::coord::combinators::LogCoord;
 use plotters::prelude::*;
@@ -91,10 +91,10 @@ fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
 }
 
 /// What one curve is of.
-type Method = (Option<Element>, Preconditioner);
+type Method = (Law, Preconditioner);
 
 fn method(s: &Setting) -> Method {
-    (s.element, s.preconditioner)
+    (s.law, s.preconditioner)
 }
 
 fn methods(rows: &[&Row]) -> Vec<Method> {
@@ -119,17 +119,17 @@ fn color(preconditioner: Preconditioner) -> RGBColor {
 }
 
 /// Dash and gap of a curve, px; none for a whole line.
-fn dash(element: Option<Element>) -> Option<[u32; 2]> {
-    match element {
-        Some(Element::Plain) => Some([2, 4]),
-        Some(Element::Enhanced) => Some([8, 4]),
+fn dash(law: Law) -> Option<[u32; 2]> {
+    match law {
+        Law::Fem { element: Element::Plain, .. } => Some([2, 4]),
+        Law::Fem { element: Element::Enhanced, .. } => Some([8, 4]),
         _ => None,
     }
 }
 
 /// All points of a method, and its own front as a curve. A ring is a run that stopped after a number of iterations.
-fn curve(chart: &mut Chart, rows: &[&Row], (element, preconditioner): Method) -> Drawn {
-    let own = rows.iter().filter(|r| method(&r.setting) == (element, preconditioner));
+fn curve(chart: &mut Chart, rows: &[&Row], (law, preconditioner): Method) -> Drawn {
+    let own = rows.iter().filter(|r| method(&r.setting) == (law, preconditioner));
     let color = color(preconditioner);
     let all: Vec<(f64, f64, bool)> =
         own.filter_map(|r| point(r).map(|(x, y)| (x, y, matches!(r.setting.stop, Stop::Iterations(_))))).collect();
@@ -139,7 +139,7 @@ fn curve(chart: &mut Chart, rows: &[&Row], (element, preconditioner): Method) ->
     }))?;
     let line = lower_left(all.iter().map(|(x, y, _)| (*x, *y)).collect());
     let style = color.stroke_width(2);
-    match dash(element) {
+    match dash(law) {
         None => chart.draw_series(LineSeries::new(line, style))?,
         Some([on, off]) => chart.draw_series(DashedLineSeries::new(line, on, off, style))?,
     };
@@ -178,10 +178,10 @@ fn legend(area: &Area, rows: &[&Row]) -> Drawn {
         y += 19;
         Ok(())
     };
-    for (element, preconditioner) in methods(rows) {
+    for (law, preconditioner) in methods(rows) {
         let style = color(preconditioner).stroke_width(2);
         let line = |y: i32| -> Drawn {
-            let [on, off] = dash(element).unwrap_or([26, 0]).map(|n| n as i32);
+            let [on, off] = dash(law).unwrap_or([26, 0]).map(|n| n as i32);
             let mut x = 4;
             while x < 30 {
                 area.draw(&PathElement::new(vec![(x, y), ((x + on).min(30), y)], style))?;
@@ -189,7 +189,7 @@ fn legend(area: &Area, rows: &[&Row]) -> Drawn {
             }
             Ok(())
         };
-        write(format!("{} {}", element_name(element), preconditioner_name(preconditioner)), &line)?;
+        write(format!("{} {}", element_name(law), preconditioner_name(preconditioner)), &line)?;
     }
     let broad = |y: i32| -> Drawn {
         area.draw(&PathElement::new(vec![(4, y), (30, y)], FRONT.mix(0.3).stroke_width(7)))?;

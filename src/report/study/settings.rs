@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::mesh::Grid;
-use crate::scene::{Correction, Cut, Element, Law, Preconditioner, ProbeKind, Region, Scene};
+use crate::scene::{Correction, Cut, Element, Integrator, Law, Preconditioner, ProbeKind, Region, Scene};
 use crate::step::Place;
 
 /// Relative residual of a solve that counts as exact.
@@ -28,8 +28,8 @@ pub enum Stop {
 /// One point of a study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// None for springs.
-    pub element: Option<Element>,
+    /// Bricks, or springs.
+    pub law: Law,
     /// Of the conjugate gradients.
     pub preconditioner: Preconditioner,
     /// When a solve ends.
@@ -38,6 +38,8 @@ pub struct Setting {
     pub grid: f64,
     /// s
     pub step: f64,
+    /// How steps are taken.
+    pub integrator: Integrator,
     /// None without contact.
     pub correction: Option<Correction>,
     /// Where it runs.
@@ -46,16 +48,13 @@ pub struct Setting {
 
 /// The scene's own setting, on the CPU path in f64.
 pub fn own(scene: &Scene) -> Setting {
-    let element = scene.skins.first().and_then(|skin| match skin.law {
-        Law::Fem { element, .. } => Some(element),
-        Law::Springs { .. } => None,
-    });
     Setting {
-        element,
+        law: scene.skins[0].law,
         preconditioner: scene.solver.preconditioner,
         stop: stop(scene.solver.preconditioner, Stop::Tolerance(scene.solver.tolerance)),
         grid: 1.0,
         step: scene.time.step,
+        integrator: scene.time.integrator,
         correction: scene.contact.map(|contact| contact.correction),
         place: Place::Cpu64,
     }
@@ -72,13 +71,27 @@ pub fn quick(scene: &Scene) -> Setting {
     Setting { grid, ..own(scene) }
 }
 
+/// Every pair of two lists.
+fn both<A: Copy, B: Copy>(a: &[A], b: &[B]) -> Vec<(A, B)> {
+    a.iter().flat_map(|a| b.iter().map(move |b| (*a, *b))).collect()
+}
+
+/// A law with other bricks, where it has any to choose from.
+fn with(law: Law, element: Element) -> Law {
+    match law {
+        Law::Fem { corotational, .. } => Law::Fem { element, corotational },
+        other => other,
+    }
+}
+
 /// The study's axes.
 pub struct Axes {
-    elements: Vec<Option<Element>>,
+    laws: Vec<Law>,
     preconditioners: Vec<Preconditioner>,
     stops: Vec<Stop>,
     grids: Vec<f64>,
     steps: Vec<f64>,
+    integrators: Vec<Integrator>,
     corrections: Vec<Option<Correction>>,
     places: Vec<Place>,
 }
@@ -91,7 +104,7 @@ impl Axes {
     /// What a scene says, its own value where it says nothing; `gpu` is an adapter that runs it too.
     pub fn new(scene: &Scene, gpu: Option<&Place>) -> Self {
         let (study, own) = (&scene.study, own(scene));
-        let some = |list: &[Element]| list.iter().copied().map(Some).collect::<Vec<_>>();
+        let laws: Vec<Law> = study.elements.iter().map(|element| with(own.law, *element)).collect();
         let mut stops: Vec<Stop> = study.tolerances.iter().copied().map(Stop::Tolerance).collect();
         stops.extend(study.iterations.iter().copied().map(Stop::Iterations));
         let tolerance = Stop::Tolerance(scene.solver.tolerance);
@@ -99,7 +112,8 @@ impl Axes {
         let mut places = vec![Place::Cpu64, Place::Cpu32];
         places.extend(gpu.cloned());
         Self {
-            elements: or_own(&some(&study.elements), own.element),
+            laws: or_own(&laws, own.law),
+            integrators: or_own(&study.integrators, own.integrator),
             preconditioners: or_own(&study.preconditioners, own.preconditioner),
             stops: or_own(&stops, tolerance),
             grids: or_own(&study.grids, 1.0),
@@ -109,24 +123,25 @@ impl Axes {
         }
     }
 
-    /// The scene's own setting, then every combination that runs: a factor is the CPU path's in f64, and no tolerance changes it.
+    /// The scene's own setting, then every combination that runs: a factor is the CPU path's in f64, and
+    /// no tolerance changes it; the neo-Hookean law is the CPU path's.
     pub fn all(&self, own: &Setting) -> Vec<Setting> {
         let mut out: Vec<Setting> = vec![own.clone()];
         let mut add = |setting: Setting| {
-            let runs = setting.preconditioner != Preconditioner::Direct || setting.place == Place::Cpu64;
+            let factor = setting.preconditioner == Preconditioner::Direct && setting.place != Place::Cpu64;
+            let newton = setting.law == Law::NeoHookean && matches!(setting.place, Place::Gpu(_));
+            let runs = !factor && !newton;
             if runs && !out.contains(&setting) {
                 out.push(setting);
             }
         };
         for place in &self.places {
-            for (grid, step) in self.grids.iter().flat_map(|g| self.steps.iter().map(move |s| (*g, *s))) {
-                for (element, correction) in
-                    self.elements.iter().flat_map(|e| self.corrections.iter().map(move |c| (*e, *c)))
-                {
-                    for preconditioner in self.preconditioners.iter().copied() {
+            for (grid, step) in both(&self.grids, &self.steps) {
+                for (law, correction) in both(&self.laws, &self.corrections) {
+                    for (integrator, preconditioner) in both(&self.integrators, &self.preconditioners) {
                         for wanted in self.stops.iter().copied() {
                             let (stop, place) = (stop(preconditioner, wanted), place.clone());
-                            add(Setting { element, preconditioner, stop, grid, step, correction, place });
+                            add(Setting { law, preconditioner, stop, grid, step, integrator, correction, place });
                         }
                     }
                 }
@@ -139,7 +154,8 @@ impl Axes {
     pub fn star(&self, own: &Setting) -> Vec<Setting> {
         let mut out = vec![own.clone()];
         let one = || own.clone();
-        out.extend(self.elements.iter().map(|v| Setting { element: *v, ..one() }));
+        out.extend(self.laws.iter().map(|v| Setting { law: *v, ..one() }));
+        out.extend(self.integrators.iter().map(|v| Setting { integrator: *v, ..one() }));
         let solved = |v: &Preconditioner| Setting { preconditioner: *v, stop: stop(*v, own.stop), ..one() };
         out.extend(self.preconditioners.iter().map(solved));
         if own.stop != Stop::Exact {
@@ -149,7 +165,8 @@ impl Axes {
         out.extend(self.steps.iter().map(|v| Setting { step: *v, ..one() }));
         out.extend(self.corrections.iter().map(|v| Setting { correction: *v, ..one() }));
         if own.preconditioner != Preconditioner::Direct {
-            out.extend(self.places.iter().map(|v| Setting { place: v.clone(), ..one() }));
+            let runs = |v: &&Place| own.law != Law::NeoHookean || !matches!(v, Place::Gpu(_));
+            out.extend(self.places.iter().filter(runs).map(|v| Setting { place: v.clone(), ..one() }));
         }
         let mut once: Vec<Setting> = vec![];
         for setting in out {
@@ -230,10 +247,11 @@ fn measured(scene: &Scene, name: &str) -> bool {
 pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) -> Result<Scene> {
     let mut out = on_grid(scene, setting.grid)?;
     for skin in &mut out.skins {
-        if let (Law::Fem { element, .. }, Some(wanted)) = (&mut skin.law, setting.element) {
-            *element = wanted;
+        if let Law::Fem { element, .. } = setting.law {
+            skin.law = with(skin.law, element);
         }
     }
+    out.time.integrator = setting.integrator;
     (out.time.step, out.time.duration) = (setting.step, duration);
     out.solver.preconditioner = setting.preconditioner;
     match setting.stop {
@@ -252,7 +270,7 @@ pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) 
 
 /// The same bricks, grid and step solved exactly, in f64.
 pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
-    let bricks = scene.skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. }));
+    let bricks = scene.skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
     let splits = scene.tools.iter().any(|t| t.blade.is_some());
     let unknowns = |skin: &crate::scene::Skin| {
         let [x, y] = skin.cells.map(|n| f64::from(n) * setting.grid + 1.0);

@@ -1,0 +1,25 @@
+//! The explicit step's whole solve: `A = M/h²` is diagonal, so `x_i = P_i b_i / (m_i/h²)`, `P_i` the free axes.
+//!
+//! `params.inertia` is `1/h²`. A node without mass stays where it is.
+//! Units: b N, mass kg, x m.
+
+use super::{Params, Source};
+use crate::math::{Real, V3, V4};
+
+/// The shader.
+pub const SOURCE: Source =
+    Source { name: "accelerate", wgsl: include_str!("accelerate.wgsl"), params: Params::<f32>::FIELDS };
+
+/// Displacement increments of all nodes (slot 0).
+pub fn accelerate<R: Real>(
+    params: &Params<R>,
+    free: &[V4<R>],  // [node] 1 free, 0 held, per axis; mass kg
+    b: &[V4<R>],     // [slot][node] N
+    x: &mut [V4<R>], // [slot][node] m
+) {
+    for i in 0..params.node_count as usize {
+        let inertia = free[i][3] * params.inertia;
+        let give = if inertia > R::zero() { R::one() / inertia } else { R::zero() };
+        x[i] = (V3::from4(b[i]) * give).times(V3::from4(free[i])).pad(R::zero());
+    }
+}

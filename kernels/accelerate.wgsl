@@ -1,0 +1,18 @@
+// The explicit step's whole solve. Twin: accelerate.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> free: array<vec4<f32>>;       // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(2) var<storage, read> b: array<vec4<f32>>;          // [slot][node] N
+@group(0) @binding(3) var<storage, read_write> x: array<vec4<f32>>;    // [slot][node] m
+
+@compute @workgroup_size(64)
+fn accelerate(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group_of(group, groups) * GROUP + lane;
+    if i >= params.node_count { return; }
+    let inertia = free[i].w * params.inertia;
+    let give = select(0.0, 1.0 / inertia, inertia > 0.0);
+    x[i] = vec4<f32>(b[i].xyz * give * free[i].xyz, 0.0);
+}

@@ -1,0 +1,16 @@
+// Where an explicit step takes its elastic forces. Twin: ahead.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> u: array<vec4<f32>>;          // [node] m
+@group(0) @binding(2) var<storage, read> v: array<vec4<f32>>;          // [node] m/s
+@group(0) @binding(3) var<storage, read_write> y: array<vec4<f32>>;    // [node] m
+
+@compute @workgroup_size(64)
+fn ahead(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let i = group_of(group, groups) * GROUP + lane;
+    if i >= params.node_count { return; }
+    y[i] = vec4<f32>(u[i].xyz + v[i].xyz * params.lead, 0.0);
+}

@@ -1,0 +1,69 @@
+//! Explicit steps on the device: one division per node where others iterate, and none of the arrays of the conjugate gradients.
+
+use super::GpuBackend;
+use super::arrays::{Arrays, Dispatch, Maker};
+use super::exchange::triples;
+use super::solver::Solver;
+use crate::backend::Wanted;
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::kernels::{Params, accelerate, ahead};
+use crate::linear::Outcome;
+use crate::model::Model;
+
+/// Steps that are handed to the device before one is waited for: more fill its queue, fewer cost a wait each.
+const UNREAD: u32 = 32;
+
+/// Where a damped explicit step takes its elastic forces.
+pub(super) struct Ahead {
+    pub kernel: Dispatch,
+    pub y: Buffer,
+}
+
+impl Ahead {
+    /// None for a body whose forces are taken where it is.
+    pub fn new(made: &mut Maker, model: &Model, main: &Buffer, u: &Buffer, v: &Buffer) -> Result<Option<Self>> {
+        if model.step.lead() <= 0.0 {
+            return Ok(None);
+        }
+        let n = model.node_count();
+        let y = made.vec4("y", n)?;
+        let kernel = made.gpu.bind(&ahead::SOURCE, &[("params", main), ("u", u), ("v", v), ("y", &y)])?;
+        Ok(Some(Self { kernel: (kernel, n), y }))
+    }
+}
+
+impl Solver {
+    /// A diagonal system: right-hand side, increments and one dispatch. There is nothing to iterate, so the names of what iterations
+    /// keep stand for the right-hand side.
+    pub fn explicit(made: &mut Maker, arrays: &Arrays, params: Params<f32>, main: &Buffer) -> Result<Self> {
+        let n = params.node_count as usize;
+        let [x, r] = ["x", "r"].map(|name| made.vec4(name, n * params.slot_count as usize));
+        let (x, r) = (x?, r?);
+        let kernel = arrays.bind(made.gpu, &accelerate::SOURCE, &[("params", main), ("b", &r), ("x", &x)])?;
+        Ok(Self::of_one(x, r, (kernel, n)))
+    }
+}
+
+impl GpuBackend {
+    /// The free motion of an explicit step, and its values at nodes.
+    pub(super) fn accelerate(
+        &mut self,
+        wanted: &[Wanted],
+        pick: &[(usize, u32)],
+    ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+        let mut batch = self.record();
+        self.solver.record(&mut batch, false, 1, 1);
+        let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
+        let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
+        self.unread += 1;
+        let values = if ids.is_empty() && self.unread < UNREAD {
+            self.gpu.submit(batch);
+            vec![]
+        } else {
+            self.unread = 0;
+            triples(&self.gpu.submit_and_read(batch, &[(&self.pick.picked, picked.max(16))])?[0])
+        };
+        Ok((vec![Outcome::exact(); wanted.len()], values.into_iter().take(ids.len()).collect()))
+    }
+}

@@ -1,0 +1,57 @@
+//! Which integrator a scene asks for, and whether its bodies fit it.
+
+use super::raw::{self, At};
+use super::text::{SceneText, or};
+use super::{Integrator, Law, Mass, Skin};
+use crate::error::{Error, Result};
+
+/// Integrators by the words of the file.
+pub(super) const INTEGRATORS: [(&str, Integrator); 3] = [
+    ("implicit_euler", Integrator::ImplicitEuler),
+    ("newmark", Integrator::Newmark),
+    ("symplectic_euler", Integrator::SymplecticEuler),
+];
+
+/// The integrator; `touching` says that bodies may touch or are tied.
+pub(super) fn integrator(
+    scene: &SceneText,
+    word: Option<At<String>>,
+    solver: &raw::Solver,
+    skins: &[Skin],
+    touching: bool,
+) -> Result<Integrator> {
+    let word = or(word, "implicit_euler".to_string());
+    let integrator = scene.choice("integrator", &word, &INTEGRATORS)?;
+    let unfit = |why: &'static str, fix: &'static str| Error::IntegratorUnfit {
+        at: scene.place(word.span()),
+        found: word.get_ref().clone(),
+        why,
+        fix,
+    };
+    if integrator == Integrator::ImplicitEuler {
+        return Ok(integrator);
+    }
+    if touching {
+        let why = "is for one body that touches nothing, and this scene has tools, walls, ties or several bodies";
+        return Err(unfit(why, "take \"implicit_euler\", or leave them out"));
+    }
+    if integrator == Integrator::Newmark {
+        return Ok(integrator);
+    }
+    if skins.iter().any(|s| s.mass == Mass::Consistent) {
+        return Err(unfit(
+            "divides by the masses of nodes, and this mass is consistent",
+            "use a lumped or uniform mass",
+        ));
+    }
+    if skins.iter().any(|s| matches!(s.law, Law::Springs { .. })) {
+        return Err(unfit("is for bricks, and this skin is of springs", "take \"implicit_euler\" or \"newmark\""));
+    }
+    let why = "integrator = \"symplectic_euler\" solves no system";
+    scene.needless("preconditioner", &solver.preconditioner, why)?;
+    scene.needless("tolerance", &solver.tolerance, why)?;
+    scene.needless("floor_n", &solver.floor_n, why)?;
+    scene.needless("max_iterations", &solver.max_iterations, why)?;
+    scene.needless("refinements", &solver.refinements, why)?;
+    Ok(integrator)
+}
