@@ -167,7 +167,8 @@ fn the_files_have_every_setting_once() {
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines.len(), study.rows.len() + 1);
         let columns = "scene,element,preconditioner,tolerance,iteration_limit,iterations,grid,poisson,step_ms,integrator,correction,backend,\
-                       precision,adapter,error_discretisation,error_solver,error_rounding,error_step,error_total,ms_per_step,";
+                       precision,adapter,error_discretisation,error_solver,error_rounding,error_step,error_total,\
+                       error_displacement,error_velocity,error_force,ms_per_step,";
         assert!(lines[0].starts_with(columns), "{}", lines[0]);
         assert!(lines[0].ends_with(",pareto"), "{}", lines[0]);
         let mut settings: Vec<String> = study.rows.iter().map(|r| format!("{:?}", r.setting)).collect();

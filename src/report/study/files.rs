@@ -13,7 +13,7 @@ use std::path::Path;
 const NEEDS: [f64; 5] = [0.2, 0.1, 0.05, 0.02, 0.01];
 
 /// Columns of study.csv.
-const COLUMNS: [&str; 27] = [
+const COLUMNS: [&str; 30] = [
     "scene",
     "element",
     "preconditioner",
@@ -33,6 +33,9 @@ const COLUMNS: [&str; 27] = [
     "error_rounding",
     "error_step",
     "error_total",
+    "error_displacement",
+    "error_velocity",
+    "error_force",
     "ms_per_step",
     "time_ratio",
     "times_real_time",
@@ -139,6 +142,9 @@ fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
         cell(row.error_rounding),
         cell(row.error_step),
         cell(row.error_total),
+        cell(row.by_unit[0]),
+        cell(row.by_unit[1]),
+        cell(row.by_unit[2]),
         format!("{:.4}", row.trace.ms_per_step),
         cell(study.own_ms.map(|own| row.trace.ms_per_step / own)),
         cell(Some(real_time(row))),

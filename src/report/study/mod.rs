@@ -29,7 +29,7 @@ use crate::step::Place;
 use settings::{Axes, exact, own, quick, scene_of};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-use trace::{apart, signals, trace};
+use trace::{UNITS, apart, apart_in, signals, trace};
 
 /// No run of a quick study is longer than this,
 const QUICK_RUN: Duration = Duration::from_secs(12);
@@ -66,6 +66,8 @@ pub struct Row {
     pub error_step: Option<f64>,
     /// This run against the reference.
     pub error_total: Option<f64>,
+    /// Parts of the total: displacements, velocities and forces alone; the worst of them is the total.
+    pub by_unit: [Option<f64>; UNITS.len()],
     /// No other run is both faster and nearer.
     pub pareto: bool,
 }
@@ -268,6 +270,7 @@ fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>]) -> Result<Row> {
         error_rounding: error(&own, &twin),
         error_step: error(&exactly, &shortest),
         error_total: against(&own),
+        by_unit: UNITS.map(|unit| own.whole().then(|| apart_in(unit, &own.samples, course, course, signals)).flatten()),
         pareto: false,
         trace: own,
     })
@@ -358,6 +361,7 @@ mod tests {
             error_rounding: None,
             error_step: None,
             error_total: error,
+            by_unit: [None; UNITS.len()],
             pareto: false,
         }
     }

@@ -125,19 +125,28 @@ fn median(values: &mut [f64]) -> Option<f64> {
 /// How far two runs are apart, relative to a reference: root of the sum of squares over all samples of the signals of one unit; the worst
 /// unit counts. Infinite where a run left the numbers or the reference has nothing.
 pub fn apart(a: &[Vec<f64>], b: &[Vec<f64>], reference: &[Vec<f64>], signals: &[Signal]) -> f64 {
-    let mut worst = 0.0f64;
-    for unit in ["m", "m_s", "n"] {
-        let (mut difference, mut size) = (0.0, 0.0);
-        for ((a, b), r) in a.iter().zip(b).zip(reference) {
-            for (k, _) in signals.iter().enumerate().filter(|(_, s)| s.unit() == unit) {
-                difference += (a[k] - b[k]).powi(2);
-                size += r[k].powi(2);
-            }
-        }
-        let error = if difference == 0.0 { 0.0 } else { (difference / size).sqrt() };
-        worst = if error.is_finite() { worst.max(error) } else { f64::INFINITY };
+    let units = UNITS.iter().filter_map(|unit| apart_in(unit, a, b, reference, signals));
+    units.fold(0.0, |worst, error| if error > worst { error } else { worst })
+}
+
+/// Units of signals.
+pub const UNITS: [&str; 3] = ["m", "m_s", "n"];
+
+/// The same of the signals of one unit; none when there is no such signal.
+pub fn apart_in(unit: &str, a: &[Vec<f64>], b: &[Vec<f64>], reference: &[Vec<f64>], signals: &[Signal]) -> Option<f64> {
+    let own: Vec<usize> = (0..signals.len()).filter(|k| signals[*k].unit() == unit).collect();
+    if own.is_empty() {
+        return None;
     }
-    worst
+    let (mut difference, mut size) = (0.0, 0.0);
+    for ((a, b), r) in a.iter().zip(b).zip(reference) {
+        for k in &own {
+            difference += (a[*k] - b[*k]).powi(2);
+            size += r[*k].powi(2);
+        }
+    }
+    let error = if difference == 0.0 { 0.0 } else { (difference / size).sqrt() };
+    Some(if error.is_finite() { error } else { f64::INFINITY })
 }
 
 #[cfg(test)]
