@@ -20,7 +20,7 @@ use crate::model::NeoHookean;
 use rayon::prelude::*;
 
 /// Newton iterations of a step at most; 3 to 10 are usual.
-const MOST: u32 = 60;
+const MOST: u32 = 100;
 /// Largest share of its residual that an iteration's solve leaves: less costs more inside, more costs more iterations.
 const SHARE: f64 = 0.1;
 /// Armijo's share of the promised fall.
@@ -125,6 +125,14 @@ impl<R: Real> CpuBackend<R> {
         }
     }
 
+    /// Bytes of the cells' tangents.
+    pub(super) fn tangent_bytes(&self) -> u64 {
+        match &self.law {
+            Elastic::Bricks(bricks) => bricks.neo.as_ref().map_or(0, |n| size_of_val(&n.tangent[..]) as u64),
+            Elastic::Springs { .. } => 0,
+        }
+    }
+
     /// Counts of the step so far.
     pub(super) fn count(&self) -> Nonlinear {
         match &self.law {
@@ -189,6 +197,14 @@ impl<R: Real> CpuBackend<R> {
             };
             here = next;
             size = norm(&widen(&here.rest));
+            if std::env::var_os("CUTIS_NEWTON").is_some() {
+                eprintln!(
+                    "newton {newton} size {size:e} potential {:e} cg {} shift {}",
+                    here.potential,
+                    outcome.iterations,
+                    self.neo().map_or(0.0, |n| n.shift)
+                );
+            }
         }
         if let Some(neo) = self.neo() {
             neo.count.iterations = newton;

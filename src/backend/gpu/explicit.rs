@@ -36,7 +36,7 @@ impl Ahead {
 impl Solver {
     /// A diagonal system: right-hand side, increments and one dispatch. There is nothing to iterate, so the names of what iterations
     /// keep stand for the right-hand side.
-    pub fn explicit(made: &mut Maker, arrays: &Arrays, params: Params<f32>, main: &Buffer) -> Result<Self> {
+    pub(super) fn explicit(made: &mut Maker, arrays: &Arrays, params: Params<f32>, main: &Buffer) -> Result<Self> {
         let n = params.node_count as usize;
         let [x, r] = ["x", "r"].map(|name| made.vec4(name, n * params.slot_count as usize));
         let (x, r) = (x?, r?);
@@ -56,12 +56,13 @@ impl GpuBackend {
         self.solver.record(&mut batch, false, 1, 1);
         let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
         let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
-        self.unread += 1;
-        let values = if ids.is_empty() && self.unread < UNREAD {
+        let unread = self.unread.unwrap_or(0) + 1;
+        let wait = !ids.is_empty() || unread == UNREAD;
+        self.unread = Some(if wait { 0 } else { unread });
+        let values = if !wait {
             self.gpu.submit(batch);
             vec![]
         } else {
-            self.unread = 0;
             triples(&self.gpu.submit_and_read(batch, &[(&self.pick.picked, picked.max(16))])?[0])
         };
         Ok((vec![Outcome::exact(); wanted.len()], values.into_iter().take(ids.len()).collect()))

@@ -38,8 +38,7 @@ pub struct GpuBackend {
     floor: f64,
     expected: [u32; 2],
     pending: Option<Batch>,
-    explicit: bool,
-    unread: u32,
+    unread: Option<u32>, // steps since the device was waited for, of an explicit body
     rows_pending: bool,
     axes: Vec<V3<f32>>, // [node] 1 free, 0 held
     bytes: u64,
@@ -92,10 +91,7 @@ impl GpuBackend {
         let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
         let own = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
         let arrays = law.shared.joined(&Arrays::of(&own));
-        let solver = match explicit {
-            true => Solver::explicit(&mut made, &arrays, params, &main)?,
-            false => Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact)?,
-        };
+        let solver = Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact)?;
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
         };
@@ -145,8 +141,7 @@ impl GpuBackend {
             floor,
             expected: [8, 8],
             pending: None,
-            explicit,
-            unread: 0,
+            unread: explicit.then_some(0),
             rows_pending: false,
             axes: model.free.iter().map(|f| axes(*f)).collect(),
             bytes,
@@ -259,7 +254,7 @@ impl Backend for GpuBackend {
     }
 
     fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
-        if self.explicit {
+        if self.unread.is_some() {
             return self.accelerate(wanted, pick);
         }
         let only_correction = wanted.iter().all(|w| w.slot == CORRECTION);
