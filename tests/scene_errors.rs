@@ -1185,7 +1185,7 @@ fn neo_hookean_skin_with_keys_of_other_bricks() {
     for key in ["element = \"bbar\"", "corotational = true"] {
         let error =
             parsed(&alone("", "", &format!("law = \"neo_hookean\"\n{key}"))).expect_err("one brick").to_string();
-        says(&error, &format!("scenes/full.toml:11: … {} … neo_hookean", &key[..key.find(' ').expect("a key")]));
+        says(&error, &format!("scenes/full.toml:12: … {} … neo_hookean", &key[..key.find(' ').expect("a key")]));
     }
     let strained = alone("", "", "law = \"neo_hookean\"") + "pre_strain = [0.1, 0]\n";
     says(&parsed(&strained).expect_err("no pre-strain").to_string(), "pre_strain … neo_hookean");
@@ -1194,7 +1194,7 @@ fn neo_hookean_skin_with_keys_of_other_bricks() {
 #[test]
 fn neo_hookean_skin_of_a_consistent_mass() {
     let error = parsed(&alone("", "", "law = \"neo_hookean\"\nmass = \"consistent\"")).expect_err("no such mass");
-    says(&error.to_string(), "scenes/full.toml:11: … consistent … lumped");
+    says(&error.to_string(), "scenes/full.toml:12: … consistent … lumped");
 }
 
 #[test]
@@ -1202,9 +1202,9 @@ fn neo_hookean_skin_with_explicit_steps_or_refinements() {
     let explicit = alone("integrator = \"symplectic_euler\"", "", "law = \"neo_hookean\"");
     says(
         &parsed(&explicit).expect_err("implicit alone").to_string(),
-        "scenes/full.toml:10: … symplectic_euler … newmark",
+        "scenes/full.toml:11: … symplectic_euler … newmark",
     );
     let refined = alone("", "refinements = 2", "law = \"neo_hookean\"");
-    says(&parsed(&refined).expect_err("Newton alone").to_string(), "scenes/full.toml:10: … Newton … refinements");
+    says(&parsed(&refined).expect_err("Newton alone").to_string(), "scenes/full.toml:11: … Newton … refinements");
     assert!(parsed(&alone("", "refinements = 0", "law = \"neo_hookean\"")).is_ok());
 }
