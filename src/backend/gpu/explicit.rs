@@ -1,13 +1,13 @@
 //! Explicit steps on the device: one division per node where others iterate, and none of the arrays of the conjugate gradients.
 
 use super::GpuBackend;
-use super::arrays::{Arrays, Dispatch, Maker};
+use super::arrays::{Arrays, Dispatch, Law, Maker};
 use super::exchange::triples;
 use super::solver::Solver;
 use crate::backend::Wanted;
 use crate::error::Result;
-use crate::gpu::Buffer;
-use crate::kernels::{Params, accelerate, ahead};
+use crate::gpu::{Buffer, Gpu};
+use crate::kernels::{Params, accelerate, ahead, forces};
 use crate::linear::Outcome;
 use crate::model::Model;
 
@@ -31,6 +31,23 @@ impl Ahead {
         let kernel = made.gpu.bind(&ahead::SOURCE, &[("params", main), ("u", u), ("v", v), ("y", &y)])?;
         Ok(Some(Self { kernel: (kernel, n), y }))
     }
+}
+
+/// The dispatches of elastic forces, and before them of where an explicit step takes these.
+pub(super) fn elastic(
+    gpu: &Gpu,
+    law: &Law,
+    arrays: &Arrays,
+    main: &Buffer,
+    ahead: Option<&Ahead>,
+) -> Result<Vec<Dispatch>> {
+    let mut list: Vec<Dispatch> = ahead.iter().map(|a| a.kernel.clone()).collect();
+    for (source, threads) in &law.elastic {
+        let place = ahead.filter(|_| source.name == forces::SOURCE.name).map(|a| ("u", &a.y));
+        let more: Vec<_> = place.into_iter().chain([("params", main)]).collect();
+        list.push((arrays.bind(gpu, source, &more)?, *threads));
+    }
+    Ok(list)
 }
 
 impl Solver {

@@ -15,7 +15,7 @@ use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Vector, Wanted};
 use crate::cut::Removal;
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
-use crate::kernels::{GROUP, Params, blocks, cut::Hit, factor, forces, integrate, rhs};
+use crate::kernels::{GROUP, Params, blocks, cut::Hit, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
@@ -68,8 +68,7 @@ impl GpuBackend {
         floor: f64,
         start: &Snapshot,
     ) -> Result<Self> {
-        let n = model.node_count();
-        let slots = needs.slots();
+        let (n, slots) = (model.node_count(), needs.slots());
         let mut made = Maker { gpu: &gpu, bytes: 0 };
         gpu.making("probe of sums");
         let compensated = u32::from(keeps_what_sums_lose(&mut made)?);
@@ -95,16 +94,11 @@ impl GpuBackend {
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
         };
-        let mut begin: Vec<Dispatch> = vec![];
-        begin.extend(ahead.iter().map(|a| a.kernel.clone()));
-        for (source, threads) in &law.elastic {
-            let more = ahead.iter().filter(|_| source.name == forces::SOURCE.name).map(|a| ("u", &a.y));
-            begin.push((of_main(source, &more.collect::<Vec<_>>())?, *threads));
-        }
+        let mut begin = explicit::elastic(&gpu, &law, &arrays, &main, ahead.as_ref())?;
         let mean_v = law.consistent.as_ref().map_or(&v, |[_, mean_v]| mean_v);
         begin.push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("free", &masses)])?, n));
         let at = ahead.as_ref().map_or(&u, |a| &a.y);
-        begin.extend(anchored.as_ref().map(|a| a.bind(&gpu, at, &solver.r)).transpose()?);
+        begin.extend(anchored.iter().map(|a| a.bind(&gpu, at, &solver.r)).collect::<Result<Vec<_>>>()?);
         let system = law.consistent.iter().map(|[system, _]| ("stiffness", system)).collect::<Vec<_>>();
         if !explicit {
             begin.push((of_main(law.blocks, &system)?, n));
@@ -124,14 +118,13 @@ impl GpuBackend {
         gpu.making("cut");
         let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &law.shared, &u)?) } else { None };
         let split = Split::new(&mut made, model, &law.shared, &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
-        let node_blocks = if needs.node_blocks {
+        let own_blocks = |made: &mut Maker| -> Result<(Bound, Buffer)> {
             let out = made.vec4("block", n * 4)?;
             let params = made.uniform("params", 0, &Params { preconditioner: 2, ..params }.words());
             let more = [&system[..], &[("params", &params), ("block", &out)]].concat();
-            Some((arrays.bind(&gpu, law.blocks, &more)?, out))
-        } else {
-            None
+            Ok((arrays.bind(&gpu, law.blocks, &more)?, out))
         };
+        let node_blocks = needs.node_blocks.then(|| own_blocks(&mut made)).transpose()?;
         let bytes = made.bytes;
         Ok(Self {
             params,
