@@ -74,8 +74,7 @@ fn deformed(h: &Matrix3) -> Option<(f64, Matrix3)> {
     let third = h[0][0] * minor(1, 2) - h[0][1] * (h[1][0] * h[2][2] - h[1][2] * h[2][0])
         + h[0][2] * (h[1][0] * h[2][1] - h[1][1] * h[2][0]);
     let growth = h[0][0] + h[1][1] + h[2][2] + minor(0, 1) + minor(0, 2) + minor(1, 2) + third;
-    // written so that NaN fails it
-    if !(1.0 + growth > 0.0) {
+    if growth.is_nan() || growth <= -1.0 {
         return None;
     }
     let f: Matrix3 = std::array::from_fn(|i| std::array::from_fn(|j| h[i][j] + if i == j { 1.0 } else { 0.0 }));

@@ -13,6 +13,7 @@ use cutis::backend::Snapshot;
 use cutis::error::Error;
 use cutis::math::norm;
 use cutis::model::{Model, elastic_energy};
+use cutis::report::inspect::inspect;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Integrator::{self, ImplicitEuler, Newmark, SymplecticEuler};
 use cutis::scene::{Anchor, Boundary, Mass, Preconditioner, Region, Scene};
@@ -413,9 +414,16 @@ fn nothing_to_solve() {
         let body = Body::new(&Place::Cpu64, model(scene), &displaced(&model(scene), |_| [0.0; 3]), 1e-9);
         (body.model.multigrid.is_some(), body.bytes())
     };
+    let names = |scene: &Scene| {
+        let plan = inspect(scene).unwrap_or_else(|e| panic!("{e}"));
+        let vectors = plan.arrays.iter().filter(|a| ["p", "s", "z", "w", "d"].contains(&a.name)).count();
+        (vectors, plan.kernels.contains(&"product"), plan.kernels.contains(&"accelerate"))
+    };
+    assert!(matches!(names(&scene), (5.., true, false)), "{:?}", names(&scene));
     let implicit = size(&scene);
     scene.time.integrator = SymplecticEuler;
     let explicit = size(&scene);
+    assert_eq!(names(&scene), (0, false, true));
     assert!(implicit.0 && !explicit.0);
     // four of the solver's vectors, and four words a node of its columns
     let nodes = model(&scene).node_count() as u64;

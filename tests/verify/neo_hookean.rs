@@ -348,8 +348,8 @@ fn distance() {
         measured(&format!("small strain at {pressure} Pa, %"), 100.0 * (small / neo - 1.0), wanted[1]);
         found.push((pressure, [corotational, small].map(|u| 100.0 * (u / neo - 1.0)), wanted));
     }
-    for (pressure, found, wanted) in found {
-        for (found, wanted) in found.iter().zip(wanted) {
+    for (pressure, found, wanted) in &found {
+        for (found, wanted) in found.iter().zip(wanted.iter()) {
             assert!((found - wanted).abs() < 0.2, "{pressure} Pa: {found:.2} %, wanted {wanted}");
         }
     }
