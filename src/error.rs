@@ -197,7 +197,9 @@ pub enum Error {
     },
 
     /// A mass that the law cannot carry.
-    #[error("{at}: mass = \"{found}\" cannot be had with springs; use \"lumped\" or \"uniform\", or law = \"fem\"")]
+    #[error(
+        "{at}: mass = \"{found}\" cannot be had with springs or neo-Hookean bricks; use \"lumped\" or \"uniform\", or law = \"fem\""
+    )]
     Mass {
         /// Where.
         at: Place,

@@ -20,6 +20,10 @@
 //! `f_int` and `K`, [`model::Anchors`]): external forces and inertia stand in one right-hand side, nothing is lost to f32. `A` is never
 //! assembled, but by the CPU path when a scene asks for a factor of it ([`linear::direct`]).
 //!
+//! Newmark's method and symplectic Euler are other factors in the same `A` and `b` ([`model::Step`] has them, and what each does to a
+//! vibration); the latter's `A` is diagonal, so that nothing is solved. Neo-Hookean bricks ([`model::NeoHookean`], on the CPU path) have
+//! a tangent of their own in each cell, and a step is solved by Newton's method.
+//!
 //! Bodies are grids of skin, each with its own backend, and rigid ones ([`instrument`]): tools held by a hand, and those that fall. Only
 //! rows couple them, of contacts and of ties, between any two bodies or a body and a wall ([`collide`], [`constraints`]). Contacts are
 //! found at the step's start: a tree of boxes over tiles of each grid, refitted to what the device says that they move between

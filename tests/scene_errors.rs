@@ -1160,3 +1160,51 @@ fn explicit_steps_need_no_solver() {
         assert!(parsed(&text.replace("symplectic_euler", "newmark")).is_ok());
     }
 }
+
+#[test]
+fn neo_hookean_law_is_read() {
+    let scene = parsed(&alone("", "", "law = \"neo_hookean\"")).expect("the scene is valid");
+    assert!(matches!(scene.skins[0].law, Law::NeoHookean));
+    assert_eq!(scene.solver.preconditioner, Preconditioner::Multigrid);
+    let newmark = alone("integrator = \"newmark\"", "", "law = \"neo_hookean\"");
+    assert!(parsed(&newmark).is_ok());
+}
+
+#[test]
+fn neo_hookean_skin_under_a_blade() {
+    let text =
+        FULL.replace("element = \"bbar\"\ncorotational = false\n", "").replace("pre_strain = [0.2, -0.05]\n", "");
+    let text = text.replace("law = \"fem\"", "law = \"neo_hookean\"");
+    let line = 1 + text.lines().position(|l| l.starts_with("law")).expect("it is there");
+    let error = parsed(&text).expect_err("no cut").to_string();
+    says(&error, &format!("scenes/full.toml:{line}: law = \"neo_hookean\" … blade … \"fem\""));
+}
+
+#[test]
+fn neo_hookean_skin_with_keys_of_other_bricks() {
+    for key in ["element = \"bbar\"", "corotational = true"] {
+        let error =
+            parsed(&alone("", "", &format!("law = \"neo_hookean\"\n{key}"))).expect_err("one brick").to_string();
+        says(&error, &format!("scenes/full.toml:12: … {} … neo_hookean", &key[..key.find(' ').expect("a key")]));
+    }
+    let strained = alone("", "", "law = \"neo_hookean\"") + "pre_strain = [0.1, 0]\n";
+    says(&parsed(&strained).expect_err("no pre-strain").to_string(), "pre_strain … neo_hookean");
+}
+
+#[test]
+fn neo_hookean_skin_of_a_consistent_mass() {
+    let error = parsed(&alone("", "", "law = \"neo_hookean\"\nmass = \"consistent\"")).expect_err("no such mass");
+    says(&error.to_string(), "scenes/full.toml:12: … consistent … lumped");
+}
+
+#[test]
+fn neo_hookean_skin_with_explicit_steps_or_refinements() {
+    let explicit = alone("integrator = \"symplectic_euler\"", "", "law = \"neo_hookean\"");
+    says(
+        &parsed(&explicit).expect_err("implicit alone").to_string(),
+        "scenes/full.toml:11: … symplectic_euler … newmark",
+    );
+    let refined = alone("", "refinements = 2", "law = \"neo_hookean\"");
+    says(&parsed(&refined).expect_err("Newton alone").to_string(), "scenes/full.toml:11: … Newton … refinements");
+    assert!(parsed(&alone("", "refinements = 0", "law = \"neo_hookean\"")).is_ok());
+}

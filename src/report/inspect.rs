@@ -8,7 +8,7 @@ use crate::backend::GpuBackend;
 use crate::error::Result;
 use crate::gpu::{Gpu, Made, adapters};
 use crate::model::Model;
-use crate::scene::{Correction, ProbeKind, Scene};
+use crate::scene::{Correction, Integrator, ProbeKind, Scene};
 use crate::step::{needs, start};
 use serde::Serialize;
 
@@ -176,7 +176,8 @@ fn probes(scene: &Scene) -> u32 {
 fn dispatches(scene: &Scene, model: &Model, [begin, iteration]: [u32; 2]) -> Vec<Count> {
     let count = |name, count, per| Count { name, count, per };
     // and integration
-    let mut list = vec![count("free motion", begin + 1, "step"), count("solver", iteration, "iteration")];
+    let per = if model.step.explicit() { "step" } else { "iteration" };
+    let mut list = vec![count("free motion", begin + 1, "step"), count("solver", iteration, per)];
     if probes(scene) > 0 {
         list.push(count("probes", probes(scene), "step"));
     }
@@ -210,7 +211,10 @@ fn dispatches(scene: &Scene, model: &Model, [begin, iteration]: [u32; 2]) -> Vec
 
 fn read_backs(scene: &Scene) -> Vec<Count> {
     let count = |name, count, per| Count { name, count, per };
-    let mut list = vec![count("solver", 1, "step")];
+    let mut list = match scene.time.integrator {
+        Integrator::SymplecticEuler => vec![count("queue", 1, "32 steps")],
+        _ => vec![count("solver", 1, "step")],
+    };
     if probes(scene) > 0 {
         list.push(count("probes", probes(scene), "step"));
     }

@@ -4,11 +4,16 @@
 //! One vibration with closed forms: a column of one cell between smooth walls, its top moving up and down as one. With `M_o` the oedometer
 //! modulus, `k = M_o A/t` (and the anchors' springs), `m = ρ A t/2` lumped or `ρ A t/3` consistent, `c = r_M m + r_K k`.
 
-use super::setup::{Body, Random, block, displaced, dot, epsilon, measured, model, tolerance, xyz};
+use super::setup::{
+    Body, Random, apart as far, block, displaced, dot, epsilon, measured, model, scene, tolerance, xyz,
+};
+use super::skin_block::{Grid, on_grid, static_answer};
 use super::{Case, Everywhere};
 use cutis::backend::Snapshot;
 use cutis::error::Error;
+use cutis::math::norm;
 use cutis::model::{Model, elastic_energy};
+use cutis::report::inspect::inspect;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Integrator::{self, ImplicitEuler, Newmark, SymplecticEuler};
 use cutis::scene::{Anchor, Boundary, Mass, Preconditioner, Region, Scene};
@@ -27,6 +32,7 @@ pub const CASES: &[Case] = &[
     ("explicit_steps_blow_up_where_theory_says", stable_steps),
     ("unstable_steps_are_refused_with_the_stable_one", refused_steps),
     ("an_explicit_body_has_nothing_to_solve", nothing_to_solve),
+    ("integrators_leave_a_released_block_its_energy_or_not", released),
 ];
 
 const ALL: [Integrator; 3] = [ImplicitEuler, Newmark, SymplecticEuler];
@@ -408,9 +414,16 @@ fn nothing_to_solve() {
         let body = Body::new(&Place::Cpu64, model(scene), &displaced(&model(scene), |_| [0.0; 3]), 1e-9);
         (body.model.multigrid.is_some(), body.bytes())
     };
+    let names = |scene: &Scene| {
+        let plan = inspect(scene).unwrap_or_else(|e| panic!("{e}"));
+        let vectors = plan.arrays.iter().filter(|a| ["p", "s", "z", "w", "d"].contains(&a.name)).count();
+        (vectors, plan.kernels.contains(&"product"), plan.kernels.contains(&"accelerate"))
+    };
+    assert!(matches!(names(&scene), (5.., true, false)), "{:?}", names(&scene));
     let implicit = size(&scene);
     scene.time.integrator = SymplecticEuler;
     let explicit = size(&scene);
+    assert_eq!(names(&scene), (0, false, true));
     assert!(implicit.0 && !explicit.0);
     // four of the solver's vectors, and four words a node of its columns
     let nodes = model(&scene).node_count() as u64;
@@ -446,4 +459,51 @@ fn true_residuals(place: &Place) {
             }
         }
     }
+}
+
+/// The skin block one millisecond after its load is let go, undamped: displacements, the energy left, and seconds per step.
+fn release(model: &Model, start: &Snapshot, integrator: Integrator, steps: u32) -> (Vec<[f64; 4]>, f64, f64) {
+    let mut model = model.clone();
+    (model.step.integrator, model.step.step) = (integrator, 1e-3 / f64::from(steps));
+    if integrator == SymplecticEuler {
+        model.multigrid = None;
+    }
+    let mut body = Body::new(&Place::Cpu64, model, start, 1e-6);
+    let first = body.state();
+    let first = energy(&body.model, &first);
+    let clock = std::time::Instant::now();
+    (0..steps).for_each(|_| body.step());
+    let seconds = clock.elapsed().as_secs_f64() / f64::from(steps);
+    let state = body.state();
+    let left = energy(&body.model, &state) / first;
+    (state.u, left, seconds)
+}
+
+fn released() {
+    let mut scene = on_grid(scene("verify/skin_block_045.toml"), Grid::Coarse, Bbar);
+    scene.time.gravity = [0.0; 3];
+    let (mut model, u) = static_answer(&Place::Cpu64, &scene, 1e-8);
+    (model.step.rayleigh_mass, model.step.rayleigh_stiffness) = (0.0, 0.0);
+    let start = Snapshot { u, ..displaced(&model, |_| [0.0; 3]) };
+    let stable = (1e-3 / model.stable_step()).ceil() as u32;
+    let (exact, _, _) = release(&model, &start, SymplecticEuler, 4 * stable);
+    let share = norm(&exact) / norm(&start.u);
+    let (_, _, unit) = release(&model, &start, ImplicitEuler, 8);
+    let row = |integrator, steps: u32| {
+        let (u, left, seconds) = release(&model, &start, integrator, steps);
+        let error = far(&u, &exact) * share;
+        let what = format!("release, {integrator:?}, {steps} steps in 1 ms");
+        measured(&format!("{what}: energy left"), left, 1.0);
+        measured(&format!("{what}: error, of the start's displacement"), error, 0.0);
+        measured(&format!("{what}: time of a step, of implicit Euler's at 8"), seconds / unit, 0.0);
+        [left, error]
+    };
+    let euler = [1, 8, 64].map(|steps| row(ImplicitEuler, steps));
+    let newmark = [1, 8, 64].map(|steps| row(Newmark, steps));
+    let symplectic = row(SymplecticEuler, stable);
+    // 97 % of the energy goes in one step of 1 ms, and much of it at any step that skin is run at
+    assert!(euler[0][0] < 0.03 && euler[2][0] < 0.9, "{euler:?}");
+    assert!(newmark.iter().all(|n| (n[0] - 1.0).abs() < 1e-3), "{newmark:?}");
+    assert!((symplectic[0] - 1.0).abs() < 0.05, "{symplectic:?}");
+    assert!(newmark[2][1] < 0.5 * euler[2][1] && symplectic[1] < newmark[2][1], "{euler:?} {newmark:?} {symplectic:?}");
 }

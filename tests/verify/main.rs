@@ -13,6 +13,7 @@ mod integrators;
 mod masses;
 mod motion;
 mod multigrid;
+mod neo_hookean;
 mod prestrain;
 mod refinement;
 mod release;
@@ -54,7 +55,7 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 15] = [
+    let groups: [&[Case]; 16] = [
         anchors::CASES,
         multigrid::CASES,
         direct::CASES,
@@ -65,6 +66,7 @@ fn main() -> ExitCode {
         solver::CASES,
         springs::CASES,
         motion::CASES,
+        neo_hookean::CASES,
         masses::CASES,
         skin_block::CASES,
         release::CASES,

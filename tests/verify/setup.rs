@@ -106,6 +106,16 @@ impl Body {
         self.backend.set_load(load);
     }
 
+    /// Newton iterations of the last step.
+    pub fn newton(&self) -> u32 {
+        self.backend.nonlinear().iterations
+    }
+
+    /// Tangents of the last step that were not positive.
+    pub fn indefinite(&self) -> u32 {
+        self.backend.nonlinear().indefinite
+    }
+
     /// Bytes of its arrays.
     pub fn bytes(&self) -> u64 {
         self.backend.device().device_bytes

@@ -31,7 +31,7 @@ struct Reference {
     volume: Option<f64>,
 }
 
-const POINTS: [[f64; 3]; 4] = [[0.0, 0.0, 2.3e-3], [2e-3, 0.0, 2.3e-3], [4e-3, 0.0, 2.3e-3], [0.0, 0.0, 1.2e-3]];
+pub const POINTS: [[f64; 3]; 4] = [[0.0, 0.0, 2.3e-3], [2e-3, 0.0, 2.3e-3], [4e-3, 0.0, 2.3e-3], [0.0, 0.0, 1.2e-3]];
 
 const REFERENCES: [Reference; 3] = [
     Reference {
@@ -80,7 +80,7 @@ pub fn static_answer(place: &Place, scene: &Scene, tolerance: f64) -> (Model, Ve
 }
 
 /// Change of volume of small displacements: mean divergence of each cell times its volume, m³.
-fn volume_change(model: &Model, u: &[[f64; 4]]) -> f64 {
+pub fn volume_change(model: &Model, u: &[[f64; 4]]) -> f64 {
     let params = model.grid.params::<f64>();
     (0..model.grid.cell_count())
         .map(|cell| {

@@ -130,7 +130,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             driver: String::new(),
             software: false,
             sums: "plain",
-            device_bytes: (bytes * size_of::<V4<R>>()) as u64,
+            device_bytes: (bytes * size_of::<V4<R>>()) as u64 + self.tangent_bytes(),
         }
     }
 

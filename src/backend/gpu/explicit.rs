@@ -1,13 +1,13 @@
 //! Explicit steps on the device: one division per node where others iterate, and none of the arrays of the conjugate gradients.
 
 use super::GpuBackend;
-use super::arrays::{Arrays, Dispatch, Maker};
+use super::arrays::{Arrays, Dispatch, Law, Maker};
 use super::exchange::triples;
 use super::solver::Solver;
 use crate::backend::Wanted;
 use crate::error::Result;
-use crate::gpu::Buffer;
-use crate::kernels::{Params, accelerate, ahead};
+use crate::gpu::{Buffer, Gpu};
+use crate::kernels::{Params, accelerate, ahead, forces};
 use crate::linear::Outcome;
 use crate::model::Model;
 
@@ -33,10 +33,27 @@ impl Ahead {
     }
 }
 
+/// The dispatches of elastic forces, and before them of where an explicit step takes these.
+pub(super) fn elastic(
+    gpu: &Gpu,
+    law: &Law,
+    arrays: &Arrays,
+    main: &Buffer,
+    ahead: Option<&Ahead>,
+) -> Result<Vec<Dispatch>> {
+    let mut list: Vec<Dispatch> = ahead.iter().map(|a| a.kernel.clone()).collect();
+    for (source, threads) in &law.elastic {
+        let place = ahead.filter(|_| source.name == forces::SOURCE.name).map(|a| ("u", &a.y));
+        let more: Vec<_> = place.into_iter().chain([("params", main)]).collect();
+        list.push((arrays.bind(gpu, source, &more)?, *threads));
+    }
+    Ok(list)
+}
+
 impl Solver {
     /// A diagonal system: right-hand side, increments and one dispatch. There is nothing to iterate, so the names of what iterations
     /// keep stand for the right-hand side.
-    pub fn explicit(made: &mut Maker, arrays: &Arrays, params: Params<f32>, main: &Buffer) -> Result<Self> {
+    pub(super) fn explicit(made: &mut Maker, arrays: &Arrays, params: Params<f32>, main: &Buffer) -> Result<Self> {
         let n = params.node_count as usize;
         let [x, r] = ["x", "r"].map(|name| made.vec4(name, n * params.slot_count as usize));
         let (x, r) = (x?, r?);
@@ -56,12 +73,13 @@ impl GpuBackend {
         self.solver.record(&mut batch, false, 1, 1);
         let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
         let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
-        self.unread += 1;
-        let values = if ids.is_empty() && self.unread < UNREAD {
+        let unread = self.unread.unwrap_or(0) + 1;
+        let wait = !ids.is_empty() || unread == UNREAD;
+        self.unread = Some(if wait { 0 } else { unread });
+        let values = if !wait {
             self.gpu.submit(batch);
             vec![]
         } else {
-            self.unread = 0;
             triples(&self.gpu.submit_and_read(batch, &[(&self.pick.picked, picked.max(16))])?[0])
         };
         Ok((vec![Outcome::exact(); wanted.len()], values.into_iter().take(ids.len()).collect()))

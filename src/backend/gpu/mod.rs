@@ -15,7 +15,7 @@ use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Vector, Wanted};
 use crate::cut::Removal;
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
-use crate::kernels::{GROUP, Params, blocks, cut::Hit, factor, forces, integrate, rhs};
+use crate::kernels::{GROUP, Params, blocks, cut::Hit, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4};
 use crate::model::Model;
@@ -38,8 +38,7 @@ pub struct GpuBackend {
     floor: f64,
     expected: [u32; 2],
     pending: Option<Batch>,
-    explicit: bool,
-    unread: u32,
+    unread: Option<u32>, // steps since the device was waited for, of an explicit body
     rows_pending: bool,
     axes: Vec<V3<f32>>, // [node] 1 free, 0 held
     bytes: u64,
@@ -69,8 +68,7 @@ impl GpuBackend {
         floor: f64,
         start: &Snapshot,
     ) -> Result<Self> {
-        let n = model.node_count();
-        let slots = needs.slots();
+        let (n, slots) = (model.node_count(), needs.slots());
         let mut made = Maker { gpu: &gpu, bytes: 0 };
         gpu.making("probe of sums");
         let compensated = u32::from(keeps_what_sums_lose(&mut made)?);
@@ -92,23 +90,15 @@ impl GpuBackend {
         let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
         let own = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
         let arrays = law.shared.joined(&Arrays::of(&own));
-        let solver = match explicit {
-            true => Solver::explicit(&mut made, &arrays, params, &main)?,
-            false => Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact)?,
-        };
+        let solver = Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact)?;
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
         };
-        let mut begin: Vec<Dispatch> = vec![];
-        begin.extend(ahead.iter().map(|a| a.kernel.clone()));
-        for (source, threads) in &law.elastic {
-            let more = ahead.iter().filter(|_| source.name == forces::SOURCE.name).map(|a| ("u", &a.y));
-            begin.push((of_main(source, &more.collect::<Vec<_>>())?, *threads));
-        }
+        let mut begin = explicit::elastic(&gpu, &law, &arrays, &main, ahead.as_ref())?;
         let mean_v = law.consistent.as_ref().map_or(&v, |[_, mean_v]| mean_v);
         begin.push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("free", &masses)])?, n));
         let at = ahead.as_ref().map_or(&u, |a| &a.y);
-        begin.extend(anchored.as_ref().map(|a| a.bind(&gpu, at, &solver.r)).transpose()?);
+        begin.extend(anchored.iter().map(|a| a.bind(&gpu, at, &solver.r)).collect::<Result<Vec<_>>>()?);
         let system = law.consistent.iter().map(|[system, _]| ("stiffness", system)).collect::<Vec<_>>();
         if !explicit {
             begin.push((of_main(law.blocks, &system)?, n));
@@ -128,14 +118,13 @@ impl GpuBackend {
         gpu.making("cut");
         let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &law.shared, &u)?) } else { None };
         let split = Split::new(&mut made, model, &law.shared, &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
-        let node_blocks = if needs.node_blocks {
+        let own_blocks = |made: &mut Maker| -> Result<(Bound, Buffer)> {
             let out = made.vec4("block", n * 4)?;
             let params = made.uniform("params", 0, &Params { preconditioner: 2, ..params }.words());
             let more = [&system[..], &[("params", &params), ("block", &out)]].concat();
-            Some((arrays.bind(&gpu, law.blocks, &more)?, out))
-        } else {
-            None
+            Ok((arrays.bind(&gpu, law.blocks, &more)?, out))
         };
+        let node_blocks = needs.node_blocks.then(|| own_blocks(&mut made)).transpose()?;
         let bytes = made.bytes;
         Ok(Self {
             params,
@@ -145,8 +134,7 @@ impl GpuBackend {
             floor,
             expected: [8, 8],
             pending: None,
-            explicit,
-            unread: 0,
+            unread: explicit.then_some(0),
             rows_pending: false,
             axes: model.free.iter().map(|f| axes(*f)).collect(),
             bytes,
@@ -259,7 +247,7 @@ impl Backend for GpuBackend {
     }
 
     fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
-        if self.explicit {
+        if self.unread.is_some() {
             return self.accelerate(wanted, pick);
         }
         let only_correction = wanted.iter().all(|w| w.slot == CORRECTION);

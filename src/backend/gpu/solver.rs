@@ -59,6 +59,9 @@ impl Solver {
         main: &Buffer,
         with_correction: bool,
     ) -> Result<Self> {
+        if model.step.explicit() {
+            return Self::explicit(made, body, params, main);
+        }
         let slots = params.slot_count as usize;
         let n = params.node_count as usize;
         let groups = |threads: usize| threads.div_ceil(GROUP as usize) * slots;
