@@ -75,7 +75,7 @@ impl Share {
     /// After a step.
     pub fn update(&mut self, p: &study::Progress) {
         let spent = self.start.elapsed().as_secs_f64();
-        let left = spent / p.share.max(1e-3) * (1.0 - p.share);
+        let left = spent / p.share.max(1e-3) * (1.0 - p.share).max(0.0);
         let text = format!("run {}/{}, {spent:.0} s spent, about {left:.0} s left", p.run + 1, p.runs);
         if let Some(bar) = &self.bar {
             bar.set_position((p.share * PARTS) as u64);
