@@ -92,6 +92,12 @@ const TOUCHED: usize = 6;
 /// And around the first one.
 const AROUND: usize = 64;
 
+/// What a turn about the z axis moves a place by, m.
+pub fn turned([x, y, _]: [f64; 3], angle: f64) -> [f64; 3] {
+    let (sin, cos) = angle.sin_cos();
+    [cos * x - sin * y - x, sin * x + cos * y - y, 0.0]
+}
+
 /// Columns of copies of a body that a blade may cut.
 fn reserve(scene: &Scene, skin: &Skin) -> usize {
     let blade = scene.tools.iter().any(|t| t.blade.is_some());
@@ -183,9 +189,10 @@ impl Model {
         let mut held = vec![[0.0; 3]; count];
         for boundary in scene.boundaries.iter().filter(|b| b.body == body) {
             for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
+                let turned = turned(grid.rest(node), boundary.turn);
                 for axis in (0..3).filter(|a| boundary.axes[*a]) {
                     free[node][axis] = 0.0;
-                    held[node][axis] = boundary.displacement[axis];
+                    held[node][axis] = turned[axis] + boundary.displacement[axis];
                 }
             }
         }

@@ -138,6 +138,10 @@ pub(super) struct Skin {
     pub rayleigh_stiffness_s: Option<At<f64>>,
     pub velocity_m_s: Option<Numbers>,
     pub displacement_mm: Option<Numbers>,
+    pub start: Option<At<String>>,
+    pub start_mm: Option<At<f64>>,
+    pub start_seed: Option<At<u32>>,
+    pub start_deg: Option<At<f64>>,
     #[serde(default)]
     pub layer: Vec<Table<Layer>>,
 }
@@ -201,6 +205,7 @@ pub(super) struct Boundary {
     pub margin_mm: Option<At<f64>>,
     pub axes: Option<At<String>>,
     pub displacement_mm: Option<Numbers>,
+    pub turn_deg: Option<At<f64>>,
 }
 
 #[derive(serde::Deserialize)]
