@@ -4,6 +4,7 @@ mod anchors;
 pub mod element;
 mod energy;
 pub mod levels;
+mod measures;
 mod neo_hookean;
 mod springs;
 mod stable;
@@ -11,6 +12,7 @@ mod step;
 
 pub use anchors::{Anchors, rate};
 pub use energy::{Solved, elastic_energy, residual, true_residual};
+pub use measures::{energy, inverted_cells};
 pub use neo_hookean::{Cell, Forces, Material, NeoHookean, gather, times};
 pub use springs::Springs;
 pub use step::Step;

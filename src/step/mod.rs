@@ -22,13 +22,14 @@ pub use body::Body;
 pub use contact::ContactReport;
 pub use start::{needs, start};
 
-use crate::backend::Device;
+use crate::backend::{Device, Snapshot};
 use crate::cut::Totals;
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::instrument::{Free, Instrument};
 use crate::linear::Outcome;
 use crate::math::larger;
+use crate::model::{Model, Solved, energy, inverted_cells};
 use crate::scene::{ProbeKind, Scene, Who};
 use contact::Resolved;
 use glam::DVec3;
@@ -67,6 +68,8 @@ pub struct StepReport {
     pub residual: f64,
     /// Relative residual in f64, when it was asked for.
     pub true_residual: Option<f64>,
+    /// The deformable bodies as the checked step found them; none of an unchecked one.
+    pub measured: Option<Measured>,
     /// Contacts and their solve.
     pub contact: ContactReport,
     /// Links or springs cut in this step.
@@ -111,6 +114,27 @@ impl StepReport {
         for (name, count) in before.warnings {
             self.warn(name, count);
         }
+    }
+}
+
+/// What the states of the deformable bodies amount to, together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// Kinetic, elastic and potential, J ([`crate::model::energy`]).
+    pub energy: f64,
+    /// Cells that are inside out.
+    pub inverted: u32,
+}
+
+impl Measured {
+    /// Of one body.
+    fn of(model: &Model, state: &Solved) -> Self {
+        Self { energy: energy(model, state), inverted: inverted_cells(model, state) }
+    }
+
+    /// Both together.
+    fn and(self, other: Self) -> Self {
+        Self { energy: self.energy + other.energy, inverted: self.inverted + other.inverted }
     }
 }
 
@@ -211,6 +235,14 @@ impl Simulation {
     /// Measures of all wounds together.
     pub fn totals(&self) -> Totals {
         self.bodies.iter().map(Body::totals).fold(Totals::default(), Totals::and)
+    }
+
+    /// What the deformable bodies amount to now, from their states.
+    pub fn measure(&self, states: &[Snapshot]) -> Measured {
+        let of = |(body, state): (&Body, &Snapshot)| {
+            Measured::of(&body.model, &body.solved(state.clone(), &[], &self.scene, self.time))
+        };
+        self.bodies.iter().zip(states).map(of).fold(Measured::default(), Measured::and)
     }
 
     /// Counts the steps that have cut; a [`Reduced`] problem of an older epoch is from before the last cut.
