@@ -10,6 +10,9 @@ mod bounded;
 mod crumbs;
 #[path = "gpu/device.rs"]
 mod device;
+mod forms;
+#[path = "gpu/hard.rs"]
+mod hard;
 #[path = "gpu/parity.rs"]
 mod parity;
 #[path = "gpu/robust.rs"]
@@ -84,9 +87,8 @@ fn tests() -> Vec<(String, Test)> {
     for (name, test) in swept::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
-    for (name, test) in solver::tests() {
-        all.push((name, test));
-    }
+    all.extend(solver::tests());
+    all.extend(hard::tests());
     all
 }
 
