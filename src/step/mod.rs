@@ -14,22 +14,23 @@ mod compliance;
 mod contact;
 mod find;
 mod incise;
+mod measured;
 mod refine;
 mod rows;
 mod start;
 
 pub use body::Body;
 pub use contact::ContactReport;
+pub use measured::Measured;
 pub use start::{needs, start};
 
-use crate::backend::{Device, Snapshot};
+use crate::backend::Device;
 use crate::cut::Totals;
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::instrument::{Free, Instrument};
 use crate::linear::Outcome;
 use crate::math::larger;
-use crate::model::{Model, Solved, energy, inverted_cells};
 use crate::scene::{ProbeKind, Scene, Who};
 use contact::Resolved;
 use glam::DVec3;
@@ -114,27 +115,6 @@ impl StepReport {
         for (name, count) in before.warnings {
             self.warn(name, count);
         }
-    }
-}
-
-/// What the states of the deformable bodies amount to, together.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Measured {
-    /// Kinetic, elastic and potential, J ([`crate::model::energy`]).
-    pub energy: f64,
-    /// Cells that are inside out.
-    pub inverted: u32,
-}
-
-impl Measured {
-    /// Of one body.
-    fn of(model: &Model, state: &Solved) -> Self {
-        Self { energy: energy(model, state), inverted: inverted_cells(model, state) }
-    }
-
-    /// Both together.
-    fn and(self, other: Self) -> Self {
-        Self { energy: self.energy + other.energy, inverted: self.inverted + other.inverted }
     }
 }
 
@@ -235,14 +215,6 @@ impl Simulation {
     /// Measures of all wounds together.
     pub fn totals(&self) -> Totals {
         self.bodies.iter().map(Body::totals).fold(Totals::default(), Totals::and)
-    }
-
-    /// What the deformable bodies amount to now, from their states.
-    pub fn measure(&self, states: &[Snapshot]) -> Measured {
-        let of = |(body, state): (&Body, &Snapshot)| {
-            Measured::of(&body.model, &body.solved(state.clone(), &[], &self.scene, self.time))
-        };
-        self.bodies.iter().zip(states).map(of).fold(Measured::default(), Measured::and)
     }
 
     /// Counts the steps that have cut; a [`Reduced`] problem of an older epoch is from before the last cut.
