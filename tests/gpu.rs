@@ -13,6 +13,7 @@ mod device;
 mod forms;
 #[path = "gpu/hard.rs"]
 mod hard;
+mod long;
 #[path = "gpu/parity.rs"]
 mod parity;
 #[path = "gpu/robust.rs"]

@@ -4,45 +4,19 @@
 //! `CUTIS_MEASURED=1 cargo test --release --test hard -- --nocapture`.
 
 mod forms;
+mod long;
 
-use cutis::math::V4;
 use cutis::report::Report;
 use cutis::scene::{Element, Law, Load, Scene};
-use cutis::step::{Place, Simulation};
+use cutis::step::Place;
 use forms::{hard, passes, report_of};
-
-fn case(name: &str) -> (Scene, u32) {
-    let found = hard().into_iter().find(|(known, ..)| known == name);
-    let (_, scene, steps) = found.unwrap_or_else(|| panic!("scenes/hard/{name}.toml is gone"));
-    (scene, steps)
-}
-
-fn measured() -> bool {
-    std::env::var_os("CUTIS_MEASURED").is_some()
-}
+use long::{PRECISIONS, apart, case, difference_over, displacements, largest, measured, pressed, simulate};
 
 /// The failure of a scene that must not pass.
 #[track_caller]
 fn fails(name: &str, scene: &Scene, steps: u32) -> String {
     let report = report_of(&format!("counter-{name}"), scene, steps, &Place::Cpu64).expect("it runs");
     passes(name, scene, steps, &report).expect_err("the case is made wrong")
-}
-
-fn simulate(scene: &Scene, place: &Place) -> Simulation {
-    Simulation::new(scene, place).expect("the scene runs anywhere")
-}
-
-fn displacements(simulation: &mut Simulation) -> Vec<V4<f64>> {
-    simulation.bodies[0].snapshot().expect("the CPU path has no device to fail").u
-}
-
-/// Largest component, no number being larger than all.
-fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
-    values.into_iter().fold(0.0, |m: f64, c| if c.abs() <= m { m } else { c.abs() })
-}
-
-fn apart(a: &[V4<f64>], b: &[V4<f64>]) -> f64 {
-    largest(a.iter().flatten().zip(b.iter().flatten()).map(|(p, q)| p - q))
 }
 
 #[test]
@@ -165,59 +139,10 @@ fn an_island_falls_as_a_free_body() {
     assert!((acceleration / 9.81 - 1.0).abs() < 1e-2, "{acceleration} m/s²");
 }
 
-/// Skin of 8 × 8 × 3 cells that is pressed for half of the time and free for the other half.
-fn pressed(steps: u32, half_free: bool) -> Scene {
-    let (mut scene, _) = case("step_05ms");
-    let skin = &mut scene.skins[0];
-    skin.cells = [8, 8];
-    skin.layers.iter_mut().for_each(|layer| layer.cells = 1);
-    if half_free {
-        scene.loads[0].end = 0.5 * f64::from(steps) * scene.time.step;
-    }
-    scene
-}
-
-/// Largest difference of the displacements on two places at every hundredth step, m, and the largest displacement, m.
-fn difference_over(steps: u32, places: [&Place; 2]) -> [f64; 2] {
-    let scene = pressed(steps, true);
-    let mut both = places.map(|place| simulate(&scene, place));
-    let mut found = [0.0f64; 2];
-    for step in 1..=steps {
-        for simulation in &mut both {
-            let report = simulation.step(false).expect("it runs");
-            assert!(report.warnings.is_empty(), "step {step}: {:?}", report.warnings);
-        }
-        if step % 100 == 0 || step < 20 {
-            let [a, b] = both.each_mut().map(displacements);
-            found = [largest([found[0], apart(&a, &b)]), largest(b.iter().flatten().copied().chain([found[1]]))];
-        }
-    }
-    found
-}
-
-/// Both solve to 1e-4 of a load, which on thin stiff layers over fat is up to ten times that of the displacement.
-const PRECISIONS: f64 = 1e-3;
-
 #[test]
 fn f32_is_f64_over_ten_thousand_steps() {
     let [difference, motion] = difference_over(10_000, [&Place::Cpu32, &Place::Cpu64]);
     println!("f32 and f64 over 10,000 steps: {:.2e} of {motion:.3e} m", difference / motion);
-    assert!(motion > 1e-4 && difference < PRECISIONS * motion, "{difference:e} m of {motion:e} m");
-}
-
-#[test]
-fn a_device_is_f64_over_ten_thousand_steps() {
-    let Some(adapter) = cutis::gpu::adapters().into_iter().next() else {
-        assert!(
-            std::env::var("CUTIS_GPU").map_or(true, |v| v != "require"),
-            "CUTIS_GPU=require, but no adapter was found"
-        );
-        return;
-    };
-    let steps = if measured() { 10_000 } else { 200 };
-    let place = Place::Gpu(Some(format!("{} {} {}", adapter.name, adapter.backend, adapter.driver)));
-    let [difference, motion] = difference_over(steps, [&place, &Place::Cpu64]);
-    println!("{} and f64 over {steps} steps: {:.2e} of {motion:.3e} m", adapter.name, difference / motion);
     assert!(motion > 1e-4 && difference < PRECISIONS * motion, "{difference:e} m of {motion:e} m");
 }
 
