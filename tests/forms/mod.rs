@@ -47,8 +47,9 @@ pub fn test_form(mut scene: Scene) -> Option<(Scene, u32)> {
 pub fn hard() -> Vec<(String, Scene, u32)> {
     let hard = files().into_iter().filter_map(|(file, path)| {
         let name = file.strip_prefix("hard/")?.strip_suffix(".toml")?.to_string();
-        let (scene, steps) = test_form(scene(&path)).unwrap_or_else(|| panic!("{file} has no [test] table"));
-        (!scene.skins.is_empty()).then_some((name, scene, steps))
+        let scene = Some(scene(&path)).filter(|scene| !scene.skins.is_empty())?;
+        let (scene, steps) = test_form(scene).unwrap_or_else(|| panic!("{file} has no [test] table"));
+        Some((name, scene, steps))
     });
     hard.collect()
 }

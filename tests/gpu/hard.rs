@@ -32,13 +32,17 @@ pub fn tests() -> Vec<(String, Test)> {
 
 fn stays(gpu: &Gpu) -> Result<(), Failure> {
     let (scene, steps) = case("still");
-    let mut simulation = Simulation::new(&scene, &place(gpu))?;
-    for _ in 0..steps {
-        simulation.step(false)?;
-    }
-    let state = simulation.bodies[0].snapshot()?;
-    if state.u.iter().chain(&state.v).flatten().any(|c| *c != 0.0) {
-        return Err("something has moved".into());
+    let mut pulled = scene.clone();
+    pulled.time.gravity[2] = -1e-3;
+    for (scene, steps, moves) in [(scene, steps, false), (pulled, 1, true)] {
+        let mut simulation = Simulation::new(&scene, &place(gpu))?;
+        for _ in 0..steps {
+            simulation.step(false)?;
+        }
+        let state = simulation.bodies[0].snapshot()?;
+        if state.u.iter().chain(&state.v).flatten().any(|c| *c != 0.0) != moves {
+            return Err(format!("something has moved: {}", !moves).into());
+        }
     }
     Ok(())
 }
