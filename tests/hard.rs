@@ -7,7 +7,7 @@ mod forms;
 mod long;
 
 use cutis::report::Report;
-use cutis::scene::{Element, Law, Load, Scene};
+use cutis::scene::{Check, Element, Law, Load, Scene};
 use cutis::step::Place;
 use forms::{hard, passes, report_of};
 use long::{PRECISIONS, apart, case, difference_over, displacements, largest, measured, pressed, simulate};
@@ -180,17 +180,15 @@ fn pressed_skin_does_not_drift() {
     assert!(found > 100.0 * DRIFT, "{found:e}");
 }
 
-/// How much of its bounds a run uses at most: 0 in the middle of both, 1 at one of them; of an upper bound alone the share of it.
-fn used(scene: &Scene, report: &Report) -> f64 {
-    let tree = serde_json::to_value(report).expect("a report is a table of numbers");
-    let found = |key: &str| {
-        let (table, name) = key.split_once('.').unwrap_or((key, ""));
-        let value = if name.is_empty() { &tree[table] } else { &tree[table][name] };
-        value.as_f64().unwrap_or(f64::NAN)
+/// How much of the bounds of its probes a run uses at most: 0 in the middle of both, 1 at one of them; none without such bounds.
+fn used(scene: &Scene, report: &Report) -> Option<f64> {
+    let bounded = |c: &&Check| c.key.starts_with("probes.") && c.min < c.max && (c.max - c.min).is_finite();
+    let share = |c: &Check| {
+        let found = report.probes[c.key.trim_start_matches("probes.")];
+        (2.0 * found - c.min - c.max) / (c.max - c.min)
     };
-    let probes = scene.checks.iter().filter(|c| c.key.starts_with("probes.") && c.max > c.min);
-    let share = |c: &cutis::scene::Check| (2.0 * found(&c.key) - c.min - c.max) / (c.max - c.min);
-    largest(probes.filter(|c| c.min.is_finite() && c.max.is_finite()).map(share))
+    let shares: Vec<f64> = scene.checks.iter().filter(bounded).map(share).collect();
+    (!shares.is_empty()).then(|| largest(shares))
 }
 
 /// Largest difference of the probes, of the largest probe.
@@ -221,7 +219,7 @@ fn table_of_the_hard_cases() {
             texts.collect::<Vec<_>>().join(", ")
         };
         let iterations = each(&|r| format!("{:.1}/{}", r.solver.iterations_mean, r.solver.iterations_max));
-        let bounds = each(&|r| format!("{:.2}", used(&scene, r)));
+        let bounds = each(&|r| used(&scene, r).map_or("–".into(), |share| format!("{share:.2}")));
         let others =
             runs[1..].iter().map(|run| run.as_ref().map_or("–".to_string(), |r| format!("{:.0e}", off(r, first))));
         let others = others.collect::<Vec<_>>().join(", ");
