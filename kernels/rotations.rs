@@ -45,6 +45,18 @@ pub fn rotate_cell<R: Real>(
     if q == [R::zero(); 4] {
         return q;
     }
+    polar(mean_gradient(params, shape, layer_of, split, u, cell), q)
+}
+
+/// `F = I + Σ_a u_a ⊗ ∇N_a` of a cell, at its centre.
+pub fn mean_gradient<R: Real>(
+    params: &Params<R>,
+    shape: &[V4<R>],
+    layer_of: &[u32],
+    split: &[u32],
+    u: &[V4<R>],
+    cell: usize,
+) -> M3<R> {
     let level = params.cell_at(cell)[2];
     let h = V3::from4(shape[layer_of[level] as usize]);
     let quarter = R::of(0.25);
@@ -56,7 +68,7 @@ pub fn rotate_cell<R: Real>(
         let gradient = V3::new(sign(0) * g.x, sign(1) * g.y, sign(2) * g.z);
         f = f + V3::from4(u[node]).outer(gradient);
     }
-    polar(f, q)
+    f
 }
 
 /// Rotation quaternion that maximises `tr(Rᵀ f)`, started at `q`.

@@ -367,6 +367,15 @@ pub enum Error {
         found: String,
     },
 
+    /// A turn of nodes that are not held in the plane of the turn.
+    #[error("{at}: turn_deg turns nodes in the x-y plane, but axes = \"{axes}\" leaves them free there; hold x and y")]
+    TurnAxes {
+        /// Where the turn is.
+        at: Place,
+        /// Held axes.
+        axes: String,
+    },
+
     /// A colour that is not hexadecimal.
     #[error(
         "{at}: color = \"{found}\"; wanted # and six hexadecimal digits (sRGB); write for example color = \"#e8b9a0\""

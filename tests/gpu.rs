@@ -10,6 +10,10 @@ mod bounded;
 mod crumbs;
 #[path = "gpu/device.rs"]
 mod device;
+mod forms;
+#[path = "gpu/hard.rs"]
+mod hard;
+mod long;
 #[path = "gpu/parity.rs"]
 mod parity;
 #[path = "gpu/robust.rs"]
@@ -84,9 +88,8 @@ fn tests() -> Vec<(String, Test)> {
     for (name, test) in swept::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
-    for (name, test) in solver::tests() {
-        all.push((name, test));
-    }
+    all.extend(solver::tests());
+    all.extend(hard::tests());
     all
 }
 

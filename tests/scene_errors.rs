@@ -3,7 +3,7 @@
 use cutis::error::{Error, Result};
 use cutis::scene::{
     Correction, Cut, DeviceKind, Element, Files, Filter, Integrator, Law, Preconditioner, ProbeKind, Region, Rendering,
-    Role, Scene, parse, read,
+    Role, Scene, Start, parse, read,
 };
 use proptest::prelude::*;
 use std::path::Path;
@@ -627,6 +627,56 @@ fn numbers_outside_their_range_are_refused() {
     refused("gravity_m_s2 = [0, 0, -9.8]", "gravity_m_s2 = [0, 0, nan]", "gravity_m_s2[2] = NaN … finite");
     refused("duration_s = 0.5", "duration_s = 0.001", "0.002 must be at most … 0.001 … at least one step");
     refused("eye_mm = [50, -70, 60]", "field_of_view_deg = 170", "from 1 to 150 … for example 30");
+}
+
+#[test]
+fn a_layer_without_mass_is_refused_wherever_it_is() {
+    for density in ["900", "1100", "1150"] {
+        let (from, to) = (format!("density_kg_m3 = {density}"), "density_kg_m3 = 0.0");
+        refused(&from, to, "density_kg_m3 = 0.0; wanted a finite number above 0, in kg/m³ … for example 1.0");
+    }
+    refused("density_kg_m3 = 1100", "density_kg_m3 = -1100", "above 0, in kg/m³ … for example 1100");
+}
+
+#[test]
+fn a_body_starts_in_a_shape_that_is_known() {
+    let start = |keys: &str| {
+        let text = FULL.replace("displacement_mm = [1, 0, 0]", &format!("displacement_mm = [1, 0, 0]\n{keys}"));
+        parsed(&text).expect("the keys are valid").skins[0].start
+    };
+    assert_eq!(start(""), Start::Rest);
+    assert_eq!(start("start = \"random\"\nstart_mm = 2"), Start::Random { amplitude: 2e-3, seed: 1 });
+    assert_eq!(start("start = \"random\"\nstart_mm = 2\nstart_seed = 7"), Start::Random { amplitude: 2e-3, seed: 7 });
+    assert_eq!(start("start = \"flat\""), Start::Flat);
+    assert_eq!(start("start = \"inside_out\""), Start::InsideOut);
+    assert_eq!(start("start = \"twist\"\nstart_deg = 180"), Start::Twist(std::f64::consts::PI));
+    let key = "law = \"fem\"";
+    refused(key, "start = \"falt\"", "did you mean \"flat\"? … rest, random, flat, inside_out, twist");
+    refused(key, "start_mm = 1", "start_mm … start = \"random\"");
+    refused(key, "start_seed = 1", "start_seed … start = \"random\"");
+    refused(key, "start_deg = 1", "start_deg … start = \"twist\"");
+    says(&message_below(key, "start = \"random\"\nstart_mm = 0", 1), "start_mm = 0.0 … above 0, in mm");
+    says(&message_below(key, "start = \"twist\"\nstart_deg = inf", 1), "start_deg = inf … finite");
+    for (word, missing) in [("random", "start_mm"), ("twist", "start_deg")] {
+        let error = parsed(&FULL.replace(key, &format!("start = \"{word}\""))).expect_err("a key is missing");
+        says(&error.to_string(), &format!("`{missing}` is missing; start = \"{word}\""));
+    }
+}
+
+#[test]
+fn boundaries_turn_what_they_hold() {
+    let turned = parsed(&FULL.replace("axes = \"xz\"", "axes = \"xy\"\nturn_deg = 90")).expect("x and y are held");
+    assert_eq!((turned.boundaries[0].turn, turned.boundaries[1].turn), (0.0, std::f64::consts::FRAC_PI_2));
+    let held = cutis::model::Model::new(&turned, 0).expect("the scene is valid");
+    // the corner at (-20, -10, 2.5) mm comes to (10, -20) mm, and goes on by -2 mm along x
+    let corner = held.grid.nearest([-20e-3, -10e-3, 2.5e-3]);
+    let [x, y, z] = held.held[corner];
+    assert!((x - 28e-3).abs() < 1e-12 && (y + 10e-3).abs() < 1e-12 && z == 0.0, "{:?}", held.held[corner]);
+    says(
+        &message_below("axes = \"xz\"", "axes = \"xz\"\nturn_deg = 90", 1),
+        "turn_deg … x-y plane … axes = \"xz\" … hold x and y",
+    );
+    says(&message_below("axes = \"xz\"", "axes = \"xy\"\nturn_deg = inf", 1), "turn_deg = inf … finite … degrees");
 }
 
 #[test]

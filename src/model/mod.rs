@@ -4,6 +4,7 @@ mod anchors;
 pub mod element;
 mod energy;
 pub mod levels;
+mod measures;
 mod neo_hookean;
 mod springs;
 mod stable;
@@ -11,6 +12,7 @@ mod step;
 
 pub use anchors::{Anchors, rate};
 pub use energy::{Solved, elastic_energy, residual, true_residual};
+pub use measures::{energy, inverted_cells};
 pub use neo_hookean::{Cell, Forces, Material, NeoHookean, gather, times};
 pub use springs::Springs;
 pub use step::Step;
@@ -91,6 +93,12 @@ const CELLS: usize = 4;
 const TOUCHED: usize = 6;
 /// And around the first one.
 const AROUND: usize = 64;
+
+/// What a turn about the z axis moves a place by, m.
+pub fn turned([x, y, _]: [f64; 3], angle: f64) -> [f64; 3] {
+    let (sin, cos) = angle.sin_cos();
+    [cos * x - sin * y - x, sin * x + cos * y - y, 0.0]
+}
 
 /// Columns of copies of a body that a blade may cut.
 fn reserve(scene: &Scene, skin: &Skin) -> usize {
@@ -183,9 +191,10 @@ impl Model {
         let mut held = vec![[0.0; 3]; count];
         for boundary in scene.boundaries.iter().filter(|b| b.body == body) {
             for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
+                let turned = turned(grid.rest(node), boundary.turn);
                 for axis in (0..3).filter(|a| boundary.axes[*a]) {
                     free[node][axis] = 0.0;
-                    held[node][axis] = boundary.displacement[axis];
+                    held[node][axis] = turned[axis] + boundary.displacement[axis];
                 }
             }
         }

@@ -1,9 +1,12 @@
 //! Adds step reports up to the report of a run.
 
 use super::inspect::host_bytes;
+use super::run::non_finite;
 use super::{Memory, Report, SolverReport, Spread, preconditioner_name};
+use crate::backend::Snapshot;
+use crate::math::larger;
 use crate::scene::{Integrator, Preconditioner, Scene};
-use crate::step::{Simulation, StepReport};
+use crate::step::{Measured, Simulation, StepReport};
 use std::time::{Duration, Instant};
 
 /// What was seen so far.
@@ -88,6 +91,8 @@ impl Collector {
         if let Some(residual) = step.true_residual {
             r.solver.residual_true = Some(r.solver.residual_true.unwrap_or(0.0).max(residual));
         }
+        step.measured.iter().for_each(|measured| self.measured(measured));
+        let r = &mut self.report;
         r.contacts_max = r.contacts_max.max(step.contact.count());
         r.contact.candidates_max = r.contact.candidates_max.max(step.contact.candidates);
         r.contact.depth_mm_max = r.contact.depth_mm_max.max(step.contact.depth * 1e3);
@@ -109,15 +114,33 @@ impl Collector {
         }
     }
 
+    /// Takes the state before the first step in.
+    pub fn began(&mut self, measured: &Measured) {
+        self.measured(measured);
+        self.report.energy_j.start = Some(measured.energy);
+    }
+
+    fn measured(&mut self, measured: &Measured) {
+        let r = &mut self.report;
+        r.energy_j.max = Some(r.energy_j.max.map_or(measured.energy, |most| larger(most, measured.energy)));
+        r.inverted_cells_max = r.inverted_cells_max.max(Some(measured.inverted));
+    }
+
     /// Counts nodes that are nowhere.
-    pub fn non_finite(&mut self, count: usize) {
+    fn non_finite(&mut self, count: usize) {
         if count > 0 {
             *self.report.warnings.entry("non_finite_nodes".into()).or_default() += count as u64;
         }
     }
 
-    /// What the cut has left at the end of the run.
-    pub fn ended(&mut self, simulation: &Simulation) {
+    /// What the run has left at its end.
+    pub fn ended(&mut self, simulation: &Simulation, states: &[Snapshot]) {
+        self.non_finite(states.iter().map(non_finite).sum());
+        if !states.is_empty() {
+            let measured = simulation.measure(states);
+            self.measured(&measured);
+            self.report.energy_j.end = Some(measured.energy);
+        }
         let bricks: Vec<_> = simulation.bodies.iter().filter(|body| body.model.springs.is_none()).collect();
         let surfaces = || bricks.iter().map(|body| &body.wound.surface);
         self.report.cut.pieces = Some(surfaces().map(|surface| surface.parts.pieces(&surface.alive)).sum());

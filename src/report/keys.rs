@@ -36,6 +36,10 @@ pub struct Report {
     pub solver: SolverReport,
     /// Most contacts in a step.
     pub contacts_max: usize,
+    /// Energy of the deformable bodies.
+    pub energy_j: EnergyReport,
+    /// Most cells inside out at once, at the start, before a step that was checked in f64, or at the end; none without a deformable body.
+    pub inverted_cells_max: Option<u32>,
     /// Largest force on a tool at the end of a step, N.
     pub contact_force_n_max: f64,
     /// How the contact forces were found.
@@ -86,6 +90,18 @@ pub struct SolverReport {
     pub residual_max: f64,
     /// Largest relative residual of the steps that were checked in f64.
     pub residual_true: Option<f64>,
+}
+
+/// Kinetic and elastic energy, and what gravity and dead loads have to give ([`crate::model::energy`]), of all deformable bodies, J; `null`
+/// without one.
+#[derive(Clone, Copy, Debug, Default, Serialize)]
+pub struct EnergyReport {
+    /// Before the first step.
+    pub start: Option<f64>,
+    /// The largest at the start, before a step that was checked in f64, or at the end.
+    pub max: Option<f64>,
+    /// After the last step.
+    pub end: Option<f64>,
 }
 
 /// Contacts in detail: what was looked at, and the corrections per step with contact.

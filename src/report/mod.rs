@@ -15,7 +15,7 @@ mod live;
 pub mod run;
 pub mod study;
 
-pub use keys::{CutReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
+pub use keys::{CutReport, EnergyReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
 pub use live::leave_a_core;
 
 use crate::scene::Preconditioner;

@@ -136,6 +136,10 @@ pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)
     let mut folder = Folder::create(&options.out, scene)?;
     let mut hands = Hands::new(scene, options, &simulation)?;
     let mut collector = Collector::new(scene, &simulation);
+    if !simulation.bodies.is_empty() {
+        let state = snapshots(&mut simulation)?;
+        collector.began(&simulation.measure(&state));
+    }
     let frames = u64::from(scene.view.frames.min(steps));
     let mut last = vec![];
     for number in 1..=steps {
@@ -165,8 +169,8 @@ pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)
         }
     }
     hands.stop()?;
-    collector.non_finite(snapshots(&mut simulation)?.iter().map(non_finite).sum());
-    collector.ended(&simulation);
+    let state = snapshots(&mut simulation)?;
+    collector.ended(&simulation, &state);
     let report = complete(scene, &collector, &simulation, &mut hands, &last);
     folder.write_report(&report)?;
     hands.finish()?;

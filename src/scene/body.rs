@@ -1,6 +1,5 @@
 //! The skin of a scene file: its law and its layers.
 
-use super::grid;
 use super::hyperelastic::WORD;
 use super::raw::{self, At, Table};
 use super::study::ELEMENTS;
@@ -8,6 +7,7 @@ use super::text::{
     Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
 };
 use super::{Cut, Law, Layer, Mass, Skin};
+use super::{grid, start};
 use crate::error::{Error, Result};
 use std::ops::Range;
 
@@ -33,6 +33,7 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
         }
     };
     let law = law(scene, &raw, table.span.clone())?;
+    let start = start::start(scene, &raw, table.span.clone())?;
     let mass = mass(scene, &raw, &law)?;
     if raw.layer.is_empty() {
         return Err(Error::NoLayers { at: scene.place(table.span) });
@@ -71,6 +72,7 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
         rayleigh_stiffness: scene.number("rayleigh_stiffness_s", &stiffness, SECOND, Bound::NotNegative)?,
         velocity: scene.vector("velocity_m_s", &velocity, SPEED, Bound::Finite)?,
         displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
+        start,
     })
 }
 

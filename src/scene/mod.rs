@@ -20,6 +20,7 @@ mod read;
 mod recorded;
 mod region;
 mod round;
+mod start;
 mod study;
 mod text;
 mod tools;
@@ -33,6 +34,7 @@ pub use grid::MOST_NODES;
 pub use read::{parse, read};
 pub use recorded::{Check, Probe, ProbeKind, TestForm, View};
 pub use region::Region;
+pub use start::Start;
 pub use study::Study;
 pub use touching::{
     Attachment, Blade, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Tool, ToolMesh,
@@ -191,6 +193,8 @@ pub struct Skin {
     pub velocity: [f64; 3],
     /// Displacement of every node at the start, m.
     pub displacement: [f64; 3],
+    /// Shape at the start, before that displacement.
+    pub start: Start,
 }
 
 /// What a blade does to a body of bricks.
@@ -282,6 +286,8 @@ pub struct Boundary {
     pub axes: [bool; 3],
     /// Displacement of the held axes from the first step on, m.
     pub displacement: [f64; 3],
+    /// Turn of the held nodes about the vertical axis through the middle of the body, before that displacement, rad.
+    pub turn: f64,
 }
 
 /// A dead pressure on a rectangle of the top.

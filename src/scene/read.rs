@@ -11,7 +11,7 @@ use super::grid::{self, Grid};
 use super::raw::{self, At, Table};
 use super::region::region;
 use super::study;
-use super::text::{ACCELERATION, Bound, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
+use super::text::{ACCELERATION, Bound, DEGREE, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
 use super::{Boundary, Correction, Integrator, Law, Load, Scene, Skin, Solver, TestForm, Time};
 use super::{anchor, body, devices, hyperelastic, integrator, outputs, tools};
 use crate::error::{Error, Result};
@@ -152,11 +152,18 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
         return Err(Error::Axes { at: scene.place(letters.span()), found: letters.into_inner() });
     }
     let displacement = or_vector(raw.displacement_mm, &[0.0; 3]);
+    if let (Some(turn), [x, y, _]) = (&raw.turn_deg, axes)
+        && !(x && y)
+    {
+        return Err(Error::TurnAxes { at: scene.place(turn.span()), axes: letters.into_inner() });
+    }
+    let turn = or(raw.turn_deg, 0.0);
     Ok(Boundary {
         body,
         region: region(scene, &raw.region, extent, &grids[body])?,
         axes,
         displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
+        turn: scene.number("turn_deg", &turn, DEGREE, Bound::Finite)?.to_radians(),
     })
 }
 

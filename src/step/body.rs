@@ -2,7 +2,7 @@
 
 use super::compliance::{AtRest, Compliance};
 use super::start::{check_step, needs, slots, start};
-use super::{Place, StepReport};
+use super::{Measured, Place, StepReport};
 use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
 use crate::collide::broad::Boxes;
 use crate::collide::{self, Aabb, Patch};
@@ -297,6 +297,10 @@ impl Body {
         let corrected = contact.is_some();
         let refined = scene.solver.refinements > 0;
         let mut solved = self.solved(before, contact.unwrap_or_default(), scene, time);
+        if check {
+            let measured = Measured::of(&self.model, &solved);
+            report.measured = Some(report.measured.unwrap_or_default().and(measured));
+        }
         solved.dx = self.increment(corrected)?;
         if refined {
             self.refine(&mut solved, &scene.solver, corrected, free, report)?;

@@ -14,12 +14,14 @@ mod compliance;
 mod contact;
 mod find;
 mod incise;
+mod measured;
 mod refine;
 mod rows;
 mod start;
 
 pub use body::Body;
 pub use contact::ContactReport;
+pub use measured::Measured;
 pub use start::{needs, start};
 
 use crate::backend::Device;
@@ -67,6 +69,8 @@ pub struct StepReport {
     pub residual: f64,
     /// Relative residual in f64, when it was asked for.
     pub true_residual: Option<f64>,
+    /// The deformable bodies as the checked step found them; none of an unchecked one.
+    pub measured: Option<Measured>,
     /// Contacts and their solve.
     pub contact: ContactReport,
     /// Links or springs cut in this step.

@@ -142,7 +142,8 @@ fn balance(place: &Place) {
 fn fixed() -> Scene {
     let mut scene = anchored(LINEAR, Region::Bottom, 1.0);
     scene.anchors.clear();
-    scene.boundaries = vec![Boundary { body: 0, region: Region::Bottom, axes: [true; 3], displacement: [0.0; 3] }];
+    scene.boundaries =
+        vec![Boundary { body: 0, region: Region::Bottom, axes: [true; 3], displacement: [0.0; 3], turn: 0.0 }];
     scene
 }
 

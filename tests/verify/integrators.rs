@@ -57,7 +57,7 @@ const THICKNESS: f64 = 2e-3; // m
 const ANCHORS: f64 = 7.0; // N/m at each of four nodes
 
 fn held(region: Region, axes: [bool; 3]) -> Boundary {
-    Boundary { body: 0, region, axes, displacement: [0.0; 3] }
+    Boundary { body: 0, region, axes, displacement: [0.0; 3], turn: 0.0 }
 }
 
 fn column(integrator: Integrator, mass: Mass, anchored: bool, damped: bool) -> Column {

@@ -35,7 +35,7 @@ fn neo_block() -> Scene {
 }
 
 fn held(region: Region, axes: [bool; 3]) -> Boundary {
-    Boundary { body: 0, region, axes, displacement: [0.0; 3] }
+    Boundary { body: 0, region, axes, displacement: [0.0; 3], turn: 0.0 }
 }
 
 /// Relative tolerance of static steps, by place.

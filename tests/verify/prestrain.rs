@@ -154,7 +154,7 @@ const STEPS: usize = 3;
 const CORNER: [f64; 3] = [-4e-3, -3e-3, 0.0];
 
 fn hold(region: Region, axes: [bool; 3]) -> Boundary {
-    Boundary { body: 0, region, axes, displacement: [0.0; 3] }
+    Boundary { body: 0, region, axes, displacement: [0.0; 3], turn: 0.0 }
 }
 
 fn shrinks(place: &Place) {

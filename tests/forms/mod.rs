@@ -1,0 +1,80 @@
+//! Scenes of the repository in their test forms, run on any path.
+
+use cutis::report::{self, Report, run::Options};
+use cutis::scene::{Scene, read};
+use cutis::step::Place;
+use std::path::{Path, PathBuf};
+
+pub fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
+}
+
+/// Every `*.toml` under scenes/, sorted, with its path from there.
+pub fn files() -> Vec<(String, PathBuf)> {
+    let mut open = vec![folder()];
+    let mut found = vec![];
+    while let Some(folder) = open.pop() {
+        for entry in std::fs::read_dir(&folder).unwrap_or_else(|e| panic!("{}: {e}", folder.display())) {
+            let path = entry.expect("the folder can be listed").path();
+            if path.is_dir() {
+                open.push(path);
+            } else if path.extension().is_some_and(|e| e == "toml") {
+                found.push(path);
+            }
+        }
+    }
+    found.sort();
+    let name = |p: &Path| p.strip_prefix(self::folder()).expect("it was found there").display().to_string();
+    found.into_iter().map(|p| (name(&p).replace('\\', "/"), p)).collect()
+}
+
+pub fn scene(path: &Path) -> Scene {
+    read(path).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The scene with the cells of its `[test]` table, and the steps to run.
+pub fn test_form(mut scene: Scene) -> Option<(Scene, u32)> {
+    let form = scene.test?;
+    if let (Some(skin), Some(cells)) = (scene.skins.first_mut(), form.cells) {
+        skin.cells = cells;
+    }
+    scene.view.frames = 0;
+    let all = report::run::whole(&scene);
+    Some((scene, form.steps.unwrap_or(all)))
+}
+
+/// The test forms of the hard cases of deformable bodies, by name.
+pub fn hard() -> Vec<(String, Scene, u32)> {
+    let hard = files().into_iter().filter_map(|(file, path)| {
+        let name = file.strip_prefix("hard/")?.strip_suffix(".toml")?.to_string();
+        let scene = Some(scene(&path)).filter(|scene| !scene.skins.is_empty())?;
+        let (scene, steps) = test_form(scene).unwrap_or_else(|| panic!("{file} has no [test] table"));
+        Some((name, scene, steps))
+    });
+    hard.collect()
+}
+
+/// Runs a scene into a folder of its own.
+pub fn report_of(name: &str, scene: &Scene, steps: u32, place: &Place) -> Result<Report, String> {
+    let mut folder = format!("cutis-forms-{}-{name}-{place:?}", std::process::id());
+    folder.retain(|c| c.is_ascii_alphanumeric() || c == '-');
+    let out = std::env::temp_dir().join(folder);
+    let options =
+        Options { place: place.clone(), steps: Some(steps), out: out.clone(), realtime: false, record: false };
+    let summary = report::run::run(scene, &options, &mut |_| {}).map_err(|e| format!("{name}: {e}"))?;
+    std::fs::remove_dir_all(&out).map_err(|e| format!("{}: {e}", out.display()))?;
+    Ok(summary.report)
+}
+
+/// What every run must be: no warning that its `[check]` table does not bound (nodes that are not finite are one), all steps, and its
+/// `[check]` table.
+pub fn passes(name: &str, scene: &Scene, steps: u32, report: &Report) -> Result<(), String> {
+    let asked = |warning: &str| scene.checks.iter().any(|c| c.key.strip_prefix("warnings.") == Some(warning));
+    let unasked: Vec<_> = report.warnings.iter().filter(|(name, _)| !asked(name)).collect();
+    if !unasked.is_empty() || report.steps != steps {
+        return Err(format!("{name}: {} of {steps} steps, {unasked:?}", report.steps));
+    }
+    let failures = report::check::failures(scene, report);
+    let text: Vec<String> = failures.iter().map(ToString::to_string).collect();
+    if text.is_empty() { Ok(()) } else { Err(format!("{name}: {}", text.join("; "))) }
+}
