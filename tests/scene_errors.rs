@@ -744,6 +744,9 @@ fn blades_without_an_edge_or_plane_are_refused() {
     let edge = "edge_mm = [[0, 0, 0], [10, 0, 0.5], [20, 0, 2]]";
     refused(edge, "edge_mm = [[0, 0, 0]]", "edge_mm has 1 different points … at least two");
     refused(edge, "edge_mm = [[0, 0, 0], [1, 0, 0], [1, 0, 0]]", "edge_mm has 2 different points");
+    let finer = "edge_mm = [[0, 0, 0], [10, 0, 0.5], [20, 0, 2]]\nflat_spacing_mm = 1e-30";
+    refused(edge, finer, "places that touch; at most 1e5 are looked at … flat_spacing_mm larger");
+    refused(edge, "edge_mm = [[0, 0, 0], [1e30, 0, 0.5]]", "places that touch … mend edge_mm");
     refused("normal = [0, 2, 0]", "normal = [20, 0, 2]", "0.0 degrees from the line … across the flats");
     refused("normal = [0, 2, 0]", "normal = [0, 0, 0]", "0.0 degrees … wanted 90");
 }

@@ -1,0 +1,1 @@
+//! Inputs that once were read wrongly.
