@@ -420,7 +420,11 @@ fn devices_are_known_words_in_range() {
     refused("max_torque_n_mm = 20", "max_torque_n_mm = -1", "0 or more, in N·mm;");
     refused("scale = 2\n", "scale = -2\n", "scale = -2.0; wanted a finite number above 0");
     refused("encoder_um = 5", "encoder_um = -5", "encoder_um = -5.0; wanted a finite number, 0 or more, in µm;");
-    refused("hand_mass_g = 200", "hand_mass_g = 0", "hand_mass_g = 0.0; wanted a finite number above 0, in g;");
+    refused(
+        "hand_mass_g = 200",
+        "hand_mass_g = 0",
+        "hand_mass_g = 0.0; wanted a finite number above 0 (at least 1.2e-38 in SI), in g;",
+    );
     refused("passivity = false", "passivity = 0", "passivity = 0 … wanted true or false");
     refused(
         "rate_hz = 2000",
@@ -615,7 +619,7 @@ fn numbers_outside_their_range_are_refused() {
     refused(
         "thickness_mm = 1.2",
         "thickness_mm = -1.2",
-        "thickness_mm = -1.2; wanted a finite number above 0, in mm … for example 1.2",
+        "thickness_mm = -1.2; wanted a finite number above 0 (at least 1.2e-38 in SI), in mm … for example 1.2",
     );
     refused("density_kg_m3 = 900", "density_kg_m3 = 0", "above 0, in kg/m³ … for example 1.0");
     refused("young_kpa = 12", "young_kpa = inf", "young_kpa = inf; wanted a finite number");
@@ -861,7 +865,11 @@ fn bad_round_tools_and_hands_are_refused() {
     refused("[0.3, 4, 5, 6]", "[0.3, 4, 5]", "full.toml:72: path_mm has 3 entries; wanted 4");
     refused("[0.3, 4", "[inf, 4", "path_mm[0] = inf … finite");
     refused("[[0, 1, 2, 3], [0.3, 4, 5, 6]]", "[]", "full.toml:72: path_mm has no rows … where the hand rests");
-    refused("radius_mm = 2", "radius_mm = -2", "radius_mm = -2.0; wanted a finite number above 0, in mm");
+    refused(
+        "radius_mm = 2",
+        "radius_mm = -2",
+        "radius_mm = -2.0; wanted a finite number above 0 (at least 1.2e-38 in SI), in mm",
+    );
     refused("[[0, 0, 0], [0, 0, 5]]", "[]", "points_mm of a round tool has 0 points … a sphere's centre");
     refused("[0, 0, 5]]", "[0, 0, 0]]", "points_mm of a round tool has 2 points … two different");
     refused("\"one\"", "\"two\"", "filter = \"two\" … points, one, cones");

@@ -86,7 +86,7 @@ fn folder() -> Folder {
     folder
 }
 
-/// Reads the scene with one of its files changed; steps it twice for one of sixteen.
+/// Reads the scene with one of its files changed; steps it twice for one of a hundred.
 fn holds(folder: &Path, name: &str, text: &[u8], luck: u32) -> Result<(), String> {
     fs::write(folder.join(name), text).map_err(|e| e.to_string())?;
     match bounded(TO_READ, || scene::read(&folder.join("scene.toml")))? {
@@ -102,7 +102,7 @@ fn holds(folder: &Path, name: &str, text: &[u8], luck: u32) -> Result<(), String
 }
 
 fn inputs() -> impl Strategy<Value = (usize, Vec<Change>, u32)> {
-    (0..2usize, vec(change(&LINES), 0..6), 0u32..16)
+    (0..2usize, vec(change(&LINES), 0..6), 0u32..100)
 }
 
 #[test]
