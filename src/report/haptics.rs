@@ -81,6 +81,11 @@ impl Ticks {
     pub fn finish(self) -> Result<()> {
         self.0.finish()
     }
+
+    /// Hands all rows so far to the system.
+    pub fn flush(&mut self) -> Result<()> {
+        self.0.flush()
+    }
 }
 
 /// A tool's device and its servo.
@@ -180,14 +185,14 @@ impl Haptics {
         report(self.rate, self.lines.iter().map(|(line, _)| line.servo.counts()))
     }
 
-    /// Lets the devices go and closes the table.
-    pub fn finish(self) -> Result<()> {
+    /// Lets the devices go and closes the tables.
+    pub fn finish(&mut self) -> Result<()> {
         let mut closed = Ok(());
-        for (mut line, _) in self.lines {
+        for (line, _) in &mut self.lines {
             closed = closed.and(line.device.close());
-            closed = closed.and(line.recording.map_or(Ok(()), Recording::finish));
+            closed = closed.and(line.recording.take().map_or(Ok(()), Recording::finish));
         }
-        self.ticks.finish().and(closed)
+        self.ticks.flush().and(closed)
     }
 }
 

@@ -151,7 +151,7 @@ impl Live {
     ///
     /// # Errors
     /// When it cannot be written, or a device was not closed as it should.
-    pub fn finish(mut self) -> Result<()> {
+    pub fn finish(&mut self) -> Result<()> {
         self.ticks.take().map_or(Ok(()), Ticks::finish)?;
         for link in &mut self.links {
             link.recording.take().map_or(Ok(()), Recording::finish)?;

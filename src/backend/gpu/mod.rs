@@ -126,6 +126,7 @@ impl GpuBackend {
         };
         let node_blocks = needs.node_blocks.then(|| own_blocks(&mut made)).transpose()?;
         let bytes = made.bytes;
+        gpu.sound()?; // what memory does not hold is told before anything runs
         Ok(Self {
             params,
             node_count: n,
@@ -379,6 +380,10 @@ impl Backend for GpuBackend {
         let (rotation, law) = if self.spring_count > 0 { (vec![], wide(3)) } else { (wide(3), vec![]) };
         let split = self.split.as_ref().map_or(vec![], |split| split.host.clone());
         Ok(Snapshot { u: wide(0), v: wide(1), rotation, split, free: wide(2), law })
+    }
+
+    fn gpu(&self) -> Option<&Gpu> {
+        Some(&self.gpu)
     }
 
     fn time_device(&mut self, on: bool) {
