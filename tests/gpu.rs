@@ -10,6 +10,8 @@ mod bounded;
 mod crumbs;
 #[path = "gpu/device.rs"]
 mod device;
+#[path = "gpu/lost.rs"]
+mod lost;
 #[path = "gpu/parity.rs"]
 mod parity;
 #[path = "gpu/robust.rs"]
@@ -73,6 +75,9 @@ fn tests() -> Vec<(String, Test)> {
         ));
     }
     for (name, test) in device::TESTS {
+        all.push((name.to_string(), Box::new(test)));
+    }
+    for (name, test) in lost::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in scenes::TESTS {

@@ -118,6 +118,7 @@ impl GpuBackend {
         gpu.making("cut");
         let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &law.shared, &u)?) } else { None };
         let split = Split::new(&mut made, model, &law.shared, &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
+        gpu.making("exchange with the host");
         let own_blocks = |made: &mut Maker| -> Result<(Bound, Buffer)> {
             let out = made.vec4("block", n * 4)?;
             let params = made.uniform("params", 0, &Params { preconditioner: 2, ..params }.words());
