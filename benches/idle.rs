@@ -8,7 +8,7 @@ use cutis::step::{Place, Simulation};
 use std::path::Path;
 use std::time::Instant;
 
-/// Pairs of steps; the median of so many differs by about a hundredth from one run to the next.
+/// Pairs of steps. The first row, of the same skin twice, says how far medians of so many are from each other by chance.
 const PAIRS: usize = 201;
 /// Steps before the clock starts, in which the skin settles.
 const WARM_UP: usize = 20;

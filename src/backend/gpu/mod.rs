@@ -160,9 +160,10 @@ impl GpuBackend {
         &self.gpu
     }
 
-    /// Dispatches at a step's begin, and per iteration of a solve.
-    pub fn launches(&self) -> [u32; 2] {
-        [self.begin.len() as u32, self.solver.launches()]
+    /// Dispatches at a step's begin, per iteration of a solve, and per iteration once a cut has split cells.
+    pub fn launches(&self) -> [u32; 3] {
+        let [iteration, split] = self.solver.launches();
+        [self.begin.len() as u32, iteration, split]
     }
 
     fn record(&mut self) -> Batch {

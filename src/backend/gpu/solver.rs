@@ -118,9 +118,10 @@ impl Solver {
         Self { x, r, z, scalars, requests, refresh: vec![], all, correction: vec![], spare: [0, 0], touched: 0 }
     }
 
-    /// Dispatches of one iteration.
-    pub fn launches(&self) -> u32 {
-        self.all.len() as u32
+    /// Dispatches of one iteration, and how many more there are once a cut has split cells.
+    pub fn launches(&self) -> [u32; 2] {
+        let split = self.all.iter().filter(|(_, threads)| *threads == TOUCHED).count() as u32;
+        [self.all.len() as u32 - split, split]
     }
 
     /// Records `count` iterations of `rows` slots, of all or of the correction alone.
