@@ -90,7 +90,9 @@ fn timed(simulation: &mut Simulation) -> (f64, u32) {
 fn compared(scene: &Scene, place: &Place) -> Result<(f64, [String; 2]), cutis::error::Error> {
     let mut pair = [Simulation::new(&alone(), place)?, Simulation::new(scene, place)?];
     for _ in 0..WARM_UP {
-        pair.iter_mut().for_each(|simulation| drop(timed(simulation)));
+        for simulation in &mut pair {
+            timed(simulation);
+        }
     }
     let work = |s: &Simulation| s.bodies[0].gpu().map(Gpu::work);
     let before = [work(&pair[0]), work(&pair[1])];
