@@ -150,7 +150,7 @@ pub fn run_prepared(
     let hands = Hands::new(scene, options, &simulation)?;
     let collector = Collector::new(scene, &simulation);
     let mut running = Running { scene, simulation, folder, hands, collector, last: vec![] };
-    let report = match running.to_end(steps, progress) {
+    let report = match running.all_steps(steps, progress) {
         Ok(report) => report,
         Err(error) => {
             running.keep(&error);
@@ -182,7 +182,7 @@ struct Running<'a> {
 }
 
 impl Running<'_> {
-    fn to_end(&mut self, steps: u32, progress: &mut dyn FnMut(&Progress)) -> Result<Report> {
+    fn all_steps(&mut self, steps: u32, progress: &mut dyn FnMut(&Progress)) -> Result<Report> {
         let frames = u64::from(self.scene.view.frames.min(steps));
         // picture k of F shows the end of step k·steps/F, rounded up
         let pictures = |n: u32| u64::from(n) * frames / u64::from(steps);
@@ -215,7 +215,7 @@ impl Running<'_> {
     fn step(&mut self, number: u32, steps: u32) -> Result<StepReport> {
         let [begin_s, end_s] = [number - 1, number].map(|n| f64::from(n) * self.scene.time.step);
         self.hands.before_step(&mut self.simulation, begin_s, end_s)?;
-        let exact = number == steps || number % self.scene.solver.true_residual_every == 0;
+        let exact = number == steps || number.is_multiple_of(self.scene.solver.true_residual_every);
         let begin = Instant::now();
         let step = self.simulation.step(exact)?;
         self.collector.add(&step, begin.elapsed());

@@ -86,9 +86,15 @@ fn folder() -> Folder {
     folder
 }
 
+/// Puts a file where another one was. A new one: what overwrites an old one waits for the disk.
+fn put(path: &Path, bytes: &[u8]) -> Result<(), String> {
+    fs::remove_file(path).ok();
+    fs::write(path, bytes).map_err(|e| e.to_string())
+}
+
 /// Reads the scene with one of its files changed; steps it twice for one of a hundred.
 fn holds(folder: &Path, name: &str, text: &[u8], luck: u32) -> Result<(), String> {
-    fs::write(folder.join(name), text).map_err(|e| e.to_string())?;
+    put(&folder.join(name), text)?;
     match bounded(TO_READ, || scene::read(&folder.join("scene.toml")))? {
         Ok(scene) if luck == 0 => bounded(TO_RUN, || {
             let mut simulation = Simulation::new(&scene, &Place::Cpu64)?;
@@ -111,7 +117,7 @@ fn changed_trajectories_and_recorded_hands_are_refused_with_words_or_followed() 
     tried(count(1), inputs(), |(which, changes, luck)| {
         let (name, text) = [("hand.csv", HAND), ("recorded.csv", RECORDED)][*which];
         let outcome = holds(&folder.0, name, changed(text, changes).as_bytes(), *luck);
-        fs::write(folder.0.join(name), text).map_err(|e| e.to_string())?;
+        put(&folder.0.join(name), text.as_bytes())?;
         outcome
     });
 }
@@ -122,7 +128,7 @@ fn changed_meshes_are_refused_with_words_or_taken() {
     tried(count(1), inputs(), |(which, changes, luck)| {
         let (name, text) = [("tip.obj", TIP), ("wire.obj", WIRE)][*which];
         let outcome = holds(&folder.0, name, changed(text, changes).as_bytes(), *luck);
-        fs::write(folder.0.join(name), text).map_err(|e| e.to_string())?;
+        put(&folder.0.join(name), text.as_bytes())?;
         outcome
     });
 }
@@ -146,11 +152,11 @@ fn meshes_and_trajectories_of_any_numbers_are_refused_with_words_or_taken() {
         }
         let name = ["tip.obj", "wire.obj"][*which];
         holds(&folder.0, name, text.as_bytes(), 1)?;
-        fs::write(folder.0.join(name), [TIP, WIRE][*which]).map_err(|e| e.to_string())?;
+        put(&folder.0.join(name), [TIP, WIRE][*which].as_bytes())?;
         let rows = lines.iter().map(|(_, row)| row.iter().map(|(_, v)| format!("{v:e}")).collect::<Vec<_>>().join(","));
         let table = format!("time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n{}\n", rows.collect::<Vec<_>>().join("\n"));
         holds(&folder.0, "hand.csv", table.as_bytes(), 1)?;
-        fs::write(folder.0.join("hand.csv"), HAND).map_err(|e| e.to_string())
+        put(&folder.0.join("hand.csv"), HAND.as_bytes())
     });
 }
 
