@@ -155,17 +155,6 @@ impl GpuBackend {
         })
     }
 
-    /// The device, with its lists of arrays and kernels.
-    pub fn gpu(&self) -> &Gpu {
-        &self.gpu
-    }
-
-    /// Dispatches at a step's begin, per iteration of a solve, and per iteration once a cut has split cells.
-    pub fn launches(&self) -> [u32; 3] {
-        let [iteration, split] = self.solver.launches();
-        [self.begin.len() as u32, iteration, split]
-    }
-
     fn record(&mut self) -> Batch {
         self.pending.take().unwrap_or_else(|| {
             self.rows_pending = false;

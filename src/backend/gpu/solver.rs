@@ -3,6 +3,7 @@
 //! With multigrid the preconditioner is one V-cycle, unrolled into the same list: every level has its own arrays, and the parameter block
 //! once per pair of smoothing coefficients.
 
+use super::GpuBackend;
 use super::arrays::{Arrays, Dispatch, Law, Maker, modes_uniform, stiffness_uniform};
 use crate::backend::{CORRECTION, Target, Wanted};
 use crate::error::Result;
@@ -151,6 +152,19 @@ impl Solver {
         }
         gpu.write(&self.scalars, 0, &scalars);
         gpu.write(&self.requests, 0, &requests);
+    }
+}
+
+impl GpuBackend {
+    /// The device, with its lists of arrays and kernels.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Dispatches at a step's begin, per iteration of a solve, and per iteration once a cut has split cells.
+    pub fn launches(&self) -> [u32; 3] {
+        let [iteration, split] = self.solver.launches();
+        [self.begin.len() as u32, iteration, split]
     }
 }
 
