@@ -97,12 +97,12 @@ pub use parry3d::bounding_volume::Aabb;
 
 /// The box between two corners, wider by a margin on all sides, m.
 pub fn area(low: DVec3, high: DVec3, margin: f64) -> Aabb {
-    Aabb::new(to_f32(low), to_f32(high)).loosened(margin as f32)
+    wider(&Aabb::new(to_f32(low), to_f32(high)), margin)
 }
 
-/// A box with a margin on all sides.
+/// A box with a margin on all sides; without one where the margin is not a number, as of a motion that overflowed.
 pub fn wider(area: &Aabb, margin: f64) -> Aabb {
-    area.loosened(margin as f32)
+    area.loosened(margin.max(0.0) as f32)
 }
 
 /// A box elsewhere.
@@ -113,13 +113,15 @@ pub fn moved(area: &Aabb, by: DVec3) -> Aabb {
     self::area(low, high, rounding)
 }
 
-/// Box of a tool over a step: its samples with what is around them (a round tool's radius, half a blade's thickness), widened.
+/// Box of a tool over a step: its samples with what is around them (a round tool's radius, half a blade's thickness), widened. A tool
+/// without samples touches nothing; its box is around its origin.
 pub fn tool_box(tool: &Instrument, margin: f64) -> Aabb {
     let thick = tool.edge.as_ref().map_or(0.0, |edge| edge.half_thickness);
     let around = tool.lines.as_ref().map_or(thick, |lines| lines.radius);
     let margin = margin + tool.round.map_or(around, |round| round.radius);
     let points = tool.samples.iter().map(|s| to_f32(tool.at(s.position)));
-    Aabb::from_points(points).loosened(margin as f32)
+    let first = tool.samples.first().map_or(tool.position, |s| tool.at(s.position));
+    wider(&Aabb::from_points(points.chain([to_f32(first)])), margin)
 }
 
 /// The part of a body's box that may touch a wall; none when it is clear of it.
@@ -234,7 +236,7 @@ impl Patch {
     pub fn near(&self, low: DVec3, high: DVec3) -> Vec<u32> {
         // corners are rounded to f32 relative to the patch's origin, by half a millionth of it at most
         let slack = 1e-6 * f64::from(self.mesh.local_aabb().half_extents().max_element());
-        let area = Aabb::new(to_f32(low - self.origin), to_f32(high - self.origin)).loosened(slack as f32);
+        let area = wider(&Aabb::new(to_f32(low - self.origin), to_f32(high - self.origin)), slack);
         let mut found: Vec<u32> = self.mesh.bvh().intersect_aabb(&area).collect();
         found.sort_unstable();
         found

@@ -497,6 +497,19 @@ pub enum Error {
         found: usize,
     },
 
+    /// A blade of too many pieces.
+    #[error(
+        "{at}: the blade has {found:e} places that touch; at most {most:e} are looked at; make edge_spacing_mm or flat_spacing_mm larger, or mend edge_mm"
+    )]
+    BladeSamples {
+        /// The edge.
+        at: Place,
+        /// Samples of edge and flats.
+        found: f64,
+        /// Most samples.
+        most: f64,
+    },
+
     /// A blade whose normal is not across its edge.
     #[error(
         "{at}: the blade's normal is {angle:.1} degrees from the line between tip and heel; wanted 90 within {allowed} degrees, because the blade's plane holds the edge; give the direction across the flats"

@@ -141,7 +141,10 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = path.as_os_str().to_owned();
     name.push(".tmp");
     let temporary = PathBuf::from(name);
-    std::fs::write(&temporary, bytes).map_err(|source| Error::Write { path: temporary.clone(), source })?;
+    std::fs::write(&temporary, bytes).map_err(|source| {
+        std::fs::remove_file(&temporary).ok(); // a part of it would take the last of a full disk
+        Error::Write { path: temporary.clone(), source }
+    })?;
     std::fs::rename(&temporary, path).map_err(|source| Error::Write { path: path.to_owned(), source })
 }
 

@@ -14,6 +14,8 @@ mod forms;
 #[path = "gpu/hard.rs"]
 mod hard;
 mod long;
+#[path = "gpu/lost.rs"]
+mod lost;
 #[path = "gpu/parity.rs"]
 mod parity;
 #[path = "gpu/robust.rs"]
@@ -77,6 +79,9 @@ fn tests() -> Vec<(String, Test)> {
         ));
     }
     for (name, test) in device::TESTS {
+        all.push((name.to_string(), Box::new(test)));
+    }
+    for (name, test) in lost::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in scenes::TESTS {

@@ -420,7 +420,11 @@ fn devices_are_known_words_in_range() {
     refused("max_torque_n_mm = 20", "max_torque_n_mm = -1", "0 or more, in N·mm;");
     refused("scale = 2\n", "scale = -2\n", "scale = -2.0; wanted a finite number above 0");
     refused("encoder_um = 5", "encoder_um = -5", "encoder_um = -5.0; wanted a finite number, 0 or more, in µm;");
-    refused("hand_mass_g = 200", "hand_mass_g = 0", "hand_mass_g = 0.0; wanted a finite number above 0, in g;");
+    refused(
+        "hand_mass_g = 200",
+        "hand_mass_g = 0",
+        "hand_mass_g = 0.0; wanted a finite number above 0 (at least 1.2e-38 in SI), in g;",
+    );
     refused("passivity = false", "passivity = 0", "passivity = 0 … wanted true or false");
     refused(
         "rate_hz = 2000",
@@ -615,7 +619,7 @@ fn numbers_outside_their_range_are_refused() {
     refused(
         "thickness_mm = 1.2",
         "thickness_mm = -1.2",
-        "thickness_mm = -1.2; wanted a finite number above 0, in mm … for example 1.2",
+        "thickness_mm = -1.2; wanted a finite number above 0 (at least 1.2e-38 in SI), in mm … for example 1.2",
     );
     refused("density_kg_m3 = 900", "density_kg_m3 = 0", "above 0, in kg/m³ … for example 1.0");
     refused("young_kpa = 12", "young_kpa = inf", "young_kpa = inf; wanted a finite number");
@@ -794,6 +798,9 @@ fn blades_without_an_edge_or_plane_are_refused() {
     let edge = "edge_mm = [[0, 0, 0], [10, 0, 0.5], [20, 0, 2]]";
     refused(edge, "edge_mm = [[0, 0, 0]]", "edge_mm has 1 different points … at least two");
     refused(edge, "edge_mm = [[0, 0, 0], [1, 0, 0], [1, 0, 0]]", "edge_mm has 2 different points");
+    let finer = "edge_mm = [[0, 0, 0], [10, 0, 0.5], [20, 0, 2]]\nflat_spacing_mm = 1e-30";
+    refused(edge, finer, "places that touch; at most 1e5 are looked at … flat_spacing_mm larger");
+    refused(edge, "edge_mm = [[0, 0, 0], [1e30, 0, 0.5]]", "places that touch … mend edge_mm");
     refused("normal = [0, 2, 0]", "normal = [20, 0, 2]", "0.0 degrees from the line … across the flats");
     refused("normal = [0, 2, 0]", "normal = [0, 0, 0]", "0.0 degrees … wanted 90");
 }
@@ -908,7 +915,11 @@ fn bad_round_tools_and_hands_are_refused() {
     refused("[0.3, 4, 5, 6]", "[0.3, 4, 5]", "full.toml:72: path_mm has 3 entries; wanted 4");
     refused("[0.3, 4", "[inf, 4", "path_mm[0] = inf … finite");
     refused("[[0, 1, 2, 3], [0.3, 4, 5, 6]]", "[]", "full.toml:72: path_mm has no rows … where the hand rests");
-    refused("radius_mm = 2", "radius_mm = -2", "radius_mm = -2.0; wanted a finite number above 0, in mm");
+    refused(
+        "radius_mm = 2",
+        "radius_mm = -2",
+        "radius_mm = -2.0; wanted a finite number above 0 (at least 1.2e-38 in SI), in mm",
+    );
     refused("[[0, 0, 0], [0, 0, 5]]", "[]", "points_mm of a round tool has 0 points … a sphere's centre");
     refused("[0, 0, 5]]", "[0, 0, 0]]", "points_mm of a round tool has 2 points … two different");
     refused("\"one\"", "\"two\"", "filter = \"two\" … points, one, cones");

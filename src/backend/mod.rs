@@ -13,6 +13,7 @@ pub use gpu::GpuBackend;
 
 use crate::cut::Removal;
 use crate::error::Result;
+use crate::gpu::Gpu;
 use crate::kernels::cut::Hit;
 use crate::linear::Outcome;
 use crate::math::V4;
@@ -160,6 +161,10 @@ pub trait Backend {
     fn remove(&mut self, removal: &Removal) -> Result<()>;
     /// All state.
     fn snapshot(&mut self) -> Result<Snapshot>;
+    /// The GPU that it runs on; none of the CPU path.
+    fn gpu(&self) -> Option<&Gpu> {
+        None
+    }
     /// Begins or ends timing by the device's own clock, if it has one.
     fn time_device(&mut self, _on: bool) {}
     /// How long the device was busy since this was last asked, s; none where nothing says so.

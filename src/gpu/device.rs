@@ -1,5 +1,6 @@
 //! Adapters, buffers, bound kernels, batches and read-back over wgpu.
 
+use super::health::{Fault, Work};
 use super::shader::{Access, Shader, Variable};
 use super::timing::Timing;
 use crate::error::{Error, Result};
@@ -8,7 +9,6 @@ use bytemuck::{NoUninit, Pod};
 use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
 use std::rc::Rc;
-use std::sync::{Arc, Mutex};
 
 /// Workgroups per dimension that core WebGPU guarantees; longer dispatches are folded into z.
 const MAX_GROUPS: u64 = 65_535;
@@ -75,7 +75,8 @@ pub struct Gpu {
     pub(super) timing: RefCell<Option<Rc<Timing>>>,
     limits: wgpu::Limits,
     pipelines: RefCell<HashMap<&'static str, Rc<Pipeline>>>,
-    fault: Arc<Mutex<Option<String>>>,
+    pub(super) fault: Fault,
+    pub(super) work: Cell<Work>,
     staging: RefCell<Option<wgpu::Buffer>>,
     made: RefCell<Vec<Made>>,
     purpose: Cell<&'static str>,
@@ -167,23 +168,11 @@ impl Gpu {
         };
         let (device, queue) = pollster::block_on(adapter.raw.request_device(&descriptor))
             .map_err(|e| Error::Device { message: e.to_string() })?;
-        let fault: Arc<Mutex<Option<String>>> = Arc::default();
-        let (first, second) = (fault.clone(), fault.clone());
-        let keep = |slot: &Mutex<Option<String>>, message: String| {
-            if let Ok(mut slot) = slot.lock() {
-                slot.get_or_insert(message);
-            }
-        };
-        device.on_uncaptured_error(Arc::new(move |e: wgpu::Error| keep(&first, e.to_string())));
-        device.set_device_lost_callback(move |reason, message| {
-            if reason != wgpu::DeviceLostReason::Destroyed {
-                keep(&second, format!("device lost: {message}"));
-            }
-        });
+        let fault = Fault::listen(&device);
         let (pipelines, staging, made) = (RefCell::default(), RefCell::default(), RefCell::default());
         let purpose = Cell::new("");
-        let timing = RefCell::default();
-        Ok(Self { adapter, device, queue, timing, limits, pipelines, fault, staging, made, purpose, dry })
+        let (timing, work) = (RefCell::default(), Cell::default());
+        Ok(Self { adapter, device, queue, timing, work, limits, pipelines, fault, staging, made, purpose, dry })
     }
 
     /// Says what the arrays made from now on are for.
@@ -398,11 +387,12 @@ impl Gpu {
     /// A new batch of commands.
     pub fn batch(&self) -> Batch {
         let encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("batch") });
-        Batch { pass: None, encoder, timing: self.timing.borrow().clone() }
+        Batch { pass: None, encoder, timing: self.timing.borrow().clone(), dispatches: 0 }
     }
 
     /// Runs a batch; returns at once.
     pub fn submit(&self, batch: Batch) {
+        self.count(batch.dispatches, false);
         self.queue.submit([batch.finish()]);
     }
 
@@ -429,13 +419,12 @@ impl Gpu {
             batch.encoder.copy_buffer_to_buffer(&buffer.raw, 0, &staging, offset, padded);
             offset += bytes.next_multiple_of(16);
         }
+        self.count(batch.dispatches, true);
         self.queue.submit([batch.finish()]);
         let failed = |message: String| Error::Device { message };
         staging.map_async(wgpu::MapMode::Read, 0..total.max(16), |_| {});
         self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| failed(e.to_string()))?;
-        if let Some(message) = self.fault.lock().ok().and_then(|f| f.clone()) {
-            return Err(failed(message));
-        }
+        self.sound()?;
         let view = staging.get_mapped_range(0..total.max(16)).map_err(|e| failed(e.to_string()))?;
         let mut offset = 0usize;
         let parts = wanted
@@ -486,6 +475,7 @@ pub struct Batch {
     pass: Option<wgpu::ComputePass<'static>>,
     encoder: wgpu::CommandEncoder,
     timing: Option<Rc<Timing>>,
+    dispatches: u64,
 }
 
 impl Batch {
@@ -502,6 +492,7 @@ impl Batch {
             let descriptor = wgpu::ComputePassDescriptor { label: None, timestamp_writes };
             encoder.begin_compute_pass(&descriptor).forget_lifetime()
         });
+        self.dispatches += 1;
         pass.set_pipeline(&kernel.pipeline.raw);
         pass.set_bind_group(0, &kernel.group, &[]);
         pass.dispatch_workgroups(groups.div_ceil(folds) as u32, slots, folds as u32);

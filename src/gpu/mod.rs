@@ -4,8 +4,10 @@
 //! checks buffers against. A [`Batch`] records dispatches and is submitted once. Nothing here knows what a kernel computes.
 
 mod device;
+mod health;
 mod shader;
 mod timing;
 
 pub use device::{Adapter, Batch, Bound, Buffer, Gpu, Made, adapters, cast};
+pub use health::{Handle, Work};
 pub use shader::{Access, Shader, Variable};

@@ -1,6 +1,6 @@
 //! Devices that feel nothing: a recorded path, a hand at rest; and a recorder around any device.
 //!
-//! What a [`Recorder`] writes is a trajectory as scenes read them, with the forces in six more columns, which scenes pass over.
+//! What a [`Recorder`] tells is a trajectory as scenes read them, with the forces in six more columns, which scenes pass over.
 //! Units: m, s, N, N·m; files in mm, N, N·mm.
 
 use super::device::{Device, Limits, Reading, Workspace, Wrench};
@@ -9,8 +9,7 @@ use crate::error::{Error, Result};
 use crate::instrument::along;
 use crate::scene::{FORCE_COLUMNS, Pose, TRAJECTORY_COLUMNS};
 use glam::{DQuat, DVec3};
-use std::fmt::Write as _;
-use std::path::PathBuf;
+use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::Arc;
 
 /// Over which a path's velocity is taken, s: a tick at 1 kHz.
@@ -94,40 +93,43 @@ impl Device for Null {
     }
 }
 
-/// Keeps what a device says (as it moved, not as clutch or freeze moved its tool) and is given, and writes it when it is closed. Its memory is taken at the start: a tick allocates nothing.
+/// A tick of a recording, in the columns of a trajectory with its forces: s, mm, the quaternion, N, N·mm.
+pub type Row = [f64; TRAJECTORY_COLUMNS.len() + FORCE_COLUMNS.len()];
+
+/// Tells what a device says (as it moved, not as clutch or freeze moved its tool) and is given to who writes it down. A tick allocates
+/// nothing and does not wait: what finds the ring full is counted as lost.
 pub struct Recorder {
     inner: Box<dyn Device>,
     workspace: Workspace,
-    path: PathBuf,
-    rows: Vec<(f64, Reading, Option<Wrench>)>,
+    rows: Producer<Row>,
+    open: Option<(f64, Reading, Option<Wrench>)>, // the last reading, until the next one
+    last: f64,
     lost: usize,
 }
 
 impl Recorder {
-    /// Around a device whose frame lies there, for so many ticks; writes to `path`.
-    pub fn new(inner: Box<dyn Device>, workspace: Workspace, path: PathBuf, ticks: usize) -> Self {
-        Self { inner, workspace, path, rows: Vec::with_capacity(ticks), lost: 0 }
+    /// Around a device whose frame lies there; so many ticks may wait to be written down.
+    pub fn new(inner: Box<dyn Device>, workspace: Workspace, ticks: usize) -> (Self, Consumer<Row>) {
+        let (rows, written) = RingBuffer::new(ticks);
+        (Self { inner, workspace, rows, open: None, last: f64::NEG_INFINITY, lost: 0 }, written)
     }
 
-    fn text(&self) -> String {
-        let header: Vec<&str> = TRAJECTORY_COLUMNS.iter().chain(&FORCE_COLUMNS).copied().collect();
-        let mut text = header.join(",") + "\n";
-        let mut last = f64::NEG_INFINITY;
-        for (time, reading, wrench) in self.rows.iter().filter(|row| row.1.is_sound() && row.1.age <= LOST_AFTER) {
-            if *time <= last {
-                continue; // times rise in a trajectory; a device that is read twice at once says the same
-            }
-            last = *time;
-            let there = self.workspace.to_scene(*reading);
-            let felt = self.workspace.wrench_to_scene(wrench.unwrap_or_default(), reading.rotation);
-            let groups = [there.position.to_array().map(|x| x * 1e3), felt.force.to_array()];
-            let [place, force] = groups.map(|g| format!("{},{},{}", g[0], g[1], g[2]));
-            let [qx, qy, qz, qw] = there.rotation.to_array();
-            let [tx, ty, tz] = felt.torque.to_array().map(|t| t * 1e3);
-            writeln!(text, "{time},{place},{qx},{qy},{qz},{qw},{force},{tx},{ty},{tz}")
-                .expect("a String takes any text");
+    /// Passes the last reading on. Times rise in a trajectory; a device that is read twice at once says the same.
+    fn pass_on(&mut self) {
+        let Some((time, reading, wrench)) = self.open.take() else { return };
+        if !reading.is_sound() || reading.age > LOST_AFTER || time <= self.last {
+            return;
         }
-        text
+        self.last = time;
+        let there = self.workspace.to_scene(reading);
+        let felt = self.workspace.wrench_to_scene(wrench.unwrap_or_default(), reading.rotation);
+        let mut row = [0.0; TRAJECTORY_COLUMNS.len() + FORCE_COLUMNS.len()];
+        row[0] = time;
+        row[1..4].copy_from_slice(&(there.position * 1e3).to_array());
+        row[4..8].copy_from_slice(&there.rotation.to_array());
+        row[8..11].copy_from_slice(&felt.force.to_array());
+        row[11..].copy_from_slice(&(felt.torque * 1e3).to_array());
+        self.lost += usize::from(self.rows.push(row).is_err());
     }
 }
 
@@ -142,16 +144,14 @@ impl Device for Recorder {
 
     fn read(&mut self, time: f64) -> Reading {
         let reading = self.inner.read(time);
-        match self.rows.len() < self.rows.capacity() {
-            true => self.rows.push((time, reading, None)),
-            false => self.lost += 1,
-        }
+        self.pass_on();
+        self.open = Some((time, reading, None));
         reading
     }
 
     fn write(&mut self, time: f64, wrench: Wrench) {
-        if let Some(row) = self.rows.last_mut().filter(|row| self.lost == 0 && row.2.is_none()) {
-            row.2 = Some(wrench);
+        if let Some((_, _, given)) = &mut self.open {
+            given.get_or_insert(wrench);
         }
         self.inner.write(time, wrench);
     }
@@ -166,14 +166,16 @@ impl Device for Recorder {
 
     fn close(&mut self) -> Result<()> {
         let closed = self.inner.close();
-        let written = std::fs::write(&self.path, self.text());
-        written.map_err(|source| Error::Write { path: self.path.clone(), source })?;
+        self.pass_on();
         closed?;
         match self.lost {
             0 => Ok(()),
             lost => Err(Error::Usage {
-                what: format!("{}: the recording was full, and {lost} ticks are not in it", self.path.display()),
-                fix: "record for a shorter time".into(),
+                what: format!(
+                    "the recording of the {} device waited too long to be written, and {lost} ticks are not in it",
+                    self.name()
+                ),
+                fix: "use fewer pictures while recording, or a disk that keeps up".into(),
             }),
         }
     }

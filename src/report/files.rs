@@ -4,7 +4,8 @@
 //! report.json   probes.csv   haptic.csv   volume.pvd   surface.pvd
 //! frames/frame_0001.png …    vtu/volume_0001.vtu …     vtu/surface_0001.vtu …
 //! ```
-//! A killed run leaves every file readable; report.json is then the one of the last picture.
+//! A killed run leaves every file readable; report.json is then the one of the last picture. A run that an error ends leaves the report
+//! of the steps done, with the error in it.
 
 use super::Report;
 use super::frames::{self, SkinSurface};
@@ -30,8 +31,12 @@ fn create(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|source| Error::Write { path: path.to_owned(), source })
 }
 
-/// Numbered files and reports of an earlier run would pass for this one's.
+/// Numbered files and reports of an earlier run would pass for this one's. What names others goes first, so that a run that is killed here
+/// leaves no name of a file that is gone.
 fn remove_old(path: &Path) {
+    for name in ["report.json", "volume.pvd", "surface.pvd", "haptic.csv"] {
+        std::fs::remove_file(path.join(name)).ok();
+    }
     let numbered = |name: &str| {
         [("frame_", ".png"), ("volume_", ".vtu"), ("surface_", ".vtu")]
             .iter()
@@ -45,9 +50,6 @@ fn remove_old(path: &Path) {
                 std::fs::remove_file(entry.path()).ok();
             }
         }
-    }
-    for name in ["report.json", "volume.pvd", "surface.pvd", "haptic.csv"] {
-        std::fs::remove_file(path.join(name)).ok();
     }
 }
 
@@ -116,6 +118,11 @@ impl Folder {
         let text =
             serde_json::to_string_pretty(report).map_err(|e| Error::Write { path: path.clone(), source: e.into() })?;
         replace(&path, format!("{text}\n").as_bytes())
+    }
+
+    /// Hands all rows so far to the system.
+    pub fn flush(&mut self) -> Result<()> {
+        self.probes.flush()
     }
 
     /// Closes the tables; returns the number of pictures.

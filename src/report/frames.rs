@@ -3,10 +3,11 @@
 
 use super::collect::force_on_tools;
 use crate::backend::Snapshot;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::instrument::Instrument;
 use crate::math::V4;
 use crate::mesh::Quad;
+use crate::output::replace;
 use crate::scene::{Scene, Tool};
 use crate::step::{Body, Simulation, StepReport};
 use crate::view::{self, Camera, Image, Outline, Surface};
@@ -201,7 +202,7 @@ fn caption(scene: &Scene, simulation: &Simulation, step: &StepReport) -> Vec<Str
     lines
 }
 
-/// Draws into a PNG file.
+/// Draws into a PNG file, which is whole or not there.
 pub(super) fn write(
     scene: &Scene,
     simulation: &Simulation,
@@ -209,5 +210,6 @@ pub(super) fn write(
     step: &StepReport,
     path: &Path,
 ) -> Result<()> {
-    view::write_png(&draw(scene, simulation, skin, step), path)
+    let bytes = view::png(&draw(scene, simulation, skin, step));
+    replace(path, &bytes.map_err(|source| Error::Write { path: path.to_owned(), source })?)
 }

@@ -4,6 +4,7 @@
 //! A tool without a `[tool.device]` is held by its recorded hand, and what that would feel is found as it is: no ramp, no limits, no
 //! controller. A tool with one is treated as under the wall clock, and its device moves the tool in the simulation.
 
+use super::recording::Recording;
 use super::run::Options;
 use super::{HapticReport, Periods};
 use crate::error::{Error, Result};
@@ -25,6 +26,9 @@ use std::path::Path;
 const SLACK: f64 = 1e-9;
 /// Rows for which memory is taken at the start; a problem with more grows it once.
 const MOST_ROWS: usize = 600;
+
+/// Seconds of ticks that wait to be written down at most: a picture takes less.
+pub(super) const RING: f64 = 8.0;
 
 const COLUMNS: [&str; 18] = [
     "time_s",
@@ -77,6 +81,11 @@ impl Ticks {
     pub fn finish(self) -> Result<()> {
         self.0.finish()
     }
+
+    /// Hands all rows so far to the system.
+    pub fn flush(&mut self) -> Result<()> {
+        self.0.flush()
+    }
 }
 
 /// A tool's device and its servo.
@@ -85,11 +94,8 @@ pub(super) struct Line {
     pub device: Box<dyn Device>,
     /// The scene has a device for the tool, which moves it.
     pub moves: bool,
-}
-
-/// Ticks that a recording has room for: of the scene three times over and a minute, for a run by the wall clock may fall behind.
-fn room(scene: &Scene) -> usize {
-    ((3.0 * scene.time.duration + 60.0) * scene.haptic.rate) as usize
+    /// Where the device is recorded.
+    pub recording: Option<Recording>,
 }
 
 /// Devices and servos of the tools that a hand holds, all at rest; by the wall clock those without a device of their own are guarded too.
@@ -107,11 +113,14 @@ pub(super) fn lines(scene: &Scene, simulation: &Simulation, options: &Options) -
             });
         }
         let mut device = open(&spec, asked)?;
+        let mut recording = None;
         if options.record {
             let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
             let name: String = asked.name.chars().map(plain).collect();
             let file = options.out.join(format!("hand_{name}.csv"));
-            device = Box::new(Recorder::new(device, Workspace::new(&spec), file, room(scene)));
+            let (recorder, rows) = Recorder::new(device, Workspace::new(&spec), (RING * scene.haptic.rate) as usize);
+            device = Box::new(recorder);
+            recording = Some(Recording::create(&file, rows)?);
         }
         let unlimited = Limits { force: f64::INFINITY, torque: f64::INFINITY };
         let moves = asked.device.is_some();
@@ -121,7 +130,7 @@ pub(super) fn lines(scene: &Scene, simulation: &Simulation, options: &Options) -
         let passivity = plain.passivity && guarded;
         let settings = Settings { guarded, passivity, resolution: device.resolution(), rows, ..plain };
         let (position, rotation) = tool.hand(0.0);
-        Ok(Line { servo: Servo::new(settings, Hand { position, rotation }), device, moves })
+        Ok(Line { servo: Servo::new(settings, Hand { position, rotation }), device, moves, recording })
     };
     let held = simulation.tools.iter().zip(&scene.tools).take_while(|(tool, _)| !tool.free);
     held.map(line).collect()
@@ -160,6 +169,7 @@ impl Haptics {
                 let record = line.servo.tick(line.device.read(time), problem, time);
                 line.device.write(time, record.wrench);
                 self.ticks.add(number, &record)?;
+                line.recording.as_mut().map_or(Ok(()), Recording::drain)?;
             }
         }
         for ((line, _), tool) in self.lines.iter().zip(&mut simulation.tools).filter(|((line, _), _)| line.moves) {
@@ -175,12 +185,14 @@ impl Haptics {
         report(self.rate, self.lines.iter().map(|(line, _)| line.servo.counts()))
     }
 
-    /// Lets the devices go and closes the table.
-    pub fn finish(self) -> Result<()> {
-        for (mut line, _) in self.lines {
-            line.device.close()?;
+    /// Lets the devices go and closes the tables.
+    pub fn finish(&mut self) -> Result<()> {
+        let mut closed = Ok(());
+        for (line, _) in &mut self.lines {
+            closed = closed.and(line.device.close());
+            closed = closed.and(line.recording.take().map_or(Ok(()), Recording::finish));
         }
-        self.ticks.finish()
+        self.ticks.flush().and(closed)
     }
 }
 

@@ -173,11 +173,14 @@ fn probes(scene: &Scene) -> u32 {
     any(|k| matches!(k, ProbeKind::Reaction { .. })) + any(|k| matches!(k, ProbeKind::Displacement { .. }))
 }
 
-fn dispatches(scene: &Scene, model: &Model, [begin, iteration]: [u32; 2]) -> Vec<Count> {
+fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split]: [u32; 3]) -> Vec<Count> {
     let count = |name, count, per| Count { name, count, per };
     // and integration
     let per = if model.step.explicit() { "step" } else { "iteration" };
     let mut list = vec![count("free motion", begin + 1, "step"), count("solver", iteration, per)];
+    if split > 0 {
+        list.push(count("split cells", split, "iteration after a cut"));
+    }
     if probes(scene) > 0 {
         list.push(count("probes", probes(scene), "step"));
     }

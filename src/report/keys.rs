@@ -28,6 +28,8 @@ pub struct Report {
     pub step_s: f64,
     /// Steps done.
     pub steps: u32,
+    /// What ended the run before its last step; empty when nothing did.
+    pub error: String,
     /// Whole run with its files and pictures, s.
     pub wall_s: f64,
     /// Time of a step, ms. Steps whose residual was checked in f64 are left out, unless all were.

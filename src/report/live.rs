@@ -5,7 +5,8 @@
 //! motion is lost. When it has ended its contact problems go to the servos, with the time of the hands that they know.
 
 use super::HapticReport;
-use super::haptics::{Line, Ticks, lines, report, timed, untouched};
+use super::haptics::{Line, RING, Ticks, lines, report, timed, untouched};
+use super::recording::Recording;
 use super::run::Options;
 use crate::error::{Error, Result};
 use crate::haptic::cells::{Felt, SimulationEnd, cells};
@@ -18,9 +19,6 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
-
-/// Seconds of ticks that the ring between a servo and the table holds: a picture takes less.
-const RING: f64 = 8.0;
 
 type Ended = (Timing, Felt, Result<()>);
 
@@ -42,6 +40,7 @@ pub(super) struct Live {
 struct Link {
     cells: SimulationEnd,
     records: Consumer<Record>,
+    recording: Option<Recording>,
     thread: Option<JoinHandle<Ended>>,
 }
 
@@ -65,7 +64,7 @@ impl Live {
             failed: None,
         };
         for (line, tool) in opened.into_iter().zip(&simulation.tools) {
-            let Line { servo, device, .. } = line;
+            let Line { servo, device, recording, .. } = line;
             let settings = crate::haptic::servo::Settings { budget: Some(BUDGET), ..servo.settings };
             let servo = Servo::new(settings, servo.felt().hand);
             let (cells, ours) = cells(&untouched(tool), &servo.felt());
@@ -78,7 +77,7 @@ impl Live {
                 what: format!("the haptic thread cannot be started ({source})"),
                 fix: "let the system have more threads, or run without --realtime".into(),
             })?;
-            live.links.push(Link { cells: ours, records, thread: Some(thread) });
+            live.links.push(Link { cells: ours, records, recording, thread: Some(thread) });
         }
         Ok(live)
     }
@@ -112,6 +111,7 @@ impl Live {
             while let Ok(record) = link.records.pop() {
                 ticks.add(number, &record)?;
             }
+            link.recording.as_mut().map_or(Ok(()), Recording::drain)?;
         }
         Ok(())
     }
@@ -151,8 +151,11 @@ impl Live {
     ///
     /// # Errors
     /// When it cannot be written, or a device was not closed as it should.
-    pub fn finish(mut self) -> Result<()> {
+    pub fn finish(&mut self) -> Result<()> {
         self.ticks.take().map_or(Ok(()), Ticks::finish)?;
+        for link in &mut self.links {
+            link.recording.take().map_or(Ok(()), Recording::finish)?;
+        }
         self.failed.take().map_or(Ok(()), Err)
     }
 }

@@ -12,6 +12,7 @@ mod haptics;
 pub mod inspect;
 mod keys;
 mod live;
+pub mod recording;
 pub mod run;
 pub mod study;
 

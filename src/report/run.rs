@@ -8,7 +8,7 @@ use super::{HapticReport, Report, check};
 use crate::backend::Snapshot;
 use crate::error::{Error, Result};
 use crate::scene::Scene;
-use crate::step::{Place, Simulation};
+use crate::step::{Place, Simulation, StepReport};
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -75,7 +75,7 @@ impl Hands {
         }
     }
 
-    fn finish(self) -> Result<()> {
+    fn finish(&mut self) -> Result<()> {
         match self {
             Self::None => Ok(()),
             Self::Scene(haptics) => haptics.finish(),
@@ -122,83 +122,130 @@ pub fn whole(scene: &Scene) -> u32 {
 /// Runs a scene; `progress` is called after every step.
 ///
 /// # Errors
-/// For a scene too large, no adapter, an unknown key in `[check]`, or a folder that cannot be written.
+/// For a scene too large, no adapter, an unknown key in `[check]`, a folder that cannot be written, a device that fails. What was done
+/// until then is in the folder.
 pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)) -> Result<Summary> {
     check::known(scene)?;
-    let steps = options.steps.unwrap_or(whole(scene));
-    if steps == 0 {
+    if options.steps == Some(0) {
         return Err(Error::Usage {
             what: "a run of 0 steps".into(),
             fix: "ask for at least one step, or for at least half a step of time".into(),
         });
     }
-    let mut simulation = Simulation::new(scene, &options.place)?;
-    let mut folder = Folder::create(&options.out, scene)?;
-    let mut hands = Hands::new(scene, options, &simulation)?;
-    let mut collector = Collector::new(scene, &simulation);
-    if !simulation.bodies.is_empty() {
-        let state = snapshots(&mut simulation)?;
-        collector.began(&simulation.measure(&state));
-    }
-    let frames = u64::from(scene.view.frames.min(steps));
-    let mut last = vec![];
-    for number in 1..=steps {
-        let [begin_s, end_s] = [number - 1, number].map(|n| f64::from(n) * scene.time.step);
-        hands.before_step(&mut simulation, begin_s, end_s)?;
-        let exact = number == steps || number % scene.solver.true_residual_every == 0;
-        let begin = Instant::now();
-        let step = simulation.step(exact)?;
-        collector.add(&step, begin.elapsed());
-        hands.after_step(&simulation)?;
-        folder.add_step(&step)?;
-        progress(&Progress {
-            step: number,
-            steps,
-            time: step.time,
-            force: force_on_tools(&step),
-            cut: simulation.totals().length,
-        });
-        last.clone_from(&step.probes);
-        // picture k of F shows the end of step k·steps/F, rounded up
-        let pictures = |n: u32| u64::from(n) * frames / u64::from(steps);
-        if pictures(number) > pictures(number - 1) {
-            let state = snapshots(&mut simulation)?;
-            folder.add_frame(scene, &simulation, &state, &step)?;
-            let report = complete(scene, &collector, &simulation, &mut hands, &last);
-            folder.write_report(&report)?;
+    run_prepared(scene, options, Simulation::new(scene, &options.place)?, progress)
+}
+
+/// The same with a simulation that is there already, at its start.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_prepared(
+    scene: &Scene,
+    options: &Options,
+    simulation: Simulation,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<Summary> {
+    let steps = options.steps.unwrap_or(whole(scene));
+    let folder = Folder::create(&options.out, scene)?;
+    let hands = Hands::new(scene, options, &simulation)?;
+    let collector = Collector::new(scene, &simulation);
+    let mut running = Running { scene, simulation, folder, hands, collector, last: vec![] };
+    let report = match running.all_steps(steps, progress) {
+        Ok(report) => report,
+        Err(error) => {
+            running.keep(&error);
+            return Err(error);
         }
-    }
-    hands.stop()?;
-    let state = snapshots(&mut simulation)?;
-    collector.ended(&simulation, &state);
-    let report = complete(scene, &collector, &simulation, &mut hands, &last);
-    folder.write_report(&report)?;
-    hands.finish()?;
+    };
     let cut_short = steps < whole(scene);
     Ok(Summary {
         failures: match cut_short {
             true => vec![],
             false => check::failures(scene, &report),
         },
-        frames: folder.finish()?,
-        peak_time: collector.peak_time,
+        frames: running.folder.finish()?,
+        peak_time: running.collector.peak_time,
         cut_short,
         report,
     })
 }
 
-fn complete(
-    scene: &Scene,
-    collector: &Collector,
-    simulation: &Simulation,
-    hands: &mut Hands,
-    probes: &[f64],
-) -> Report {
-    let mut report = collector.report(simulation);
-    report.haptic = hands.report().unwrap_or_default();
-    let names = scene.probes.iter().map(|p| p.name.clone());
-    report.probes = names.zip(probes.iter().copied()).collect();
-    report
+/// A run between its begin and its end.
+struct Running<'a> {
+    scene: &'a Scene,
+    simulation: Simulation,
+    folder: Folder,
+    hands: Hands,
+    collector: Collector,
+    /// Probes of the last step.
+    last: Vec<f64>,
+}
+
+impl Running<'_> {
+    fn all_steps(&mut self, steps: u32, progress: &mut dyn FnMut(&Progress)) -> Result<Report> {
+        if !self.simulation.bodies.is_empty() {
+            let state = snapshots(&mut self.simulation)?;
+            self.collector.began(&self.simulation.measure(&state));
+        }
+        let frames = u64::from(self.scene.view.frames.min(steps));
+        // picture k of F shows the end of step k·steps/F, rounded up
+        let pictures = |n: u32| u64::from(n) * frames / u64::from(steps);
+        for number in 1..=steps {
+            let step = self.step(number, steps)?;
+            progress(&Progress {
+                step: number,
+                steps,
+                time: step.time,
+                force: force_on_tools(&step),
+                cut: self.simulation.totals().length,
+            });
+            if pictures(number) > pictures(number - 1) {
+                let state = snapshots(&mut self.simulation)?;
+                self.folder.add_frame(self.scene, &self.simulation, &state, &step)?;
+                let report = self.report();
+                self.folder.write_report(&report)?;
+            }
+        }
+        self.hands.stop()?;
+        let state = snapshots(&mut self.simulation)?;
+        self.collector.ended(&self.simulation, &state);
+        let report = self.report();
+        self.folder.write_report(&report)?;
+        self.hands.finish()?;
+        Ok(report)
+    }
+
+    /// One step with what belongs to it, written down.
+    fn step(&mut self, number: u32, steps: u32) -> Result<StepReport> {
+        let [begin_s, end_s] = [number - 1, number].map(|n| f64::from(n) * self.scene.time.step);
+        self.hands.before_step(&mut self.simulation, begin_s, end_s)?;
+        let exact = number == steps || number.is_multiple_of(self.scene.solver.true_residual_every);
+        let begin = Instant::now();
+        let step = self.simulation.step(exact)?;
+        self.collector.add(&step, begin.elapsed());
+        self.last.clone_from(&step.probes);
+        self.hands.after_step(&self.simulation)?;
+        self.folder.add_step(&step)?;
+        Ok(step)
+    }
+
+    fn report(&mut self) -> Report {
+        let mut report = self.collector.report(&self.simulation);
+        report.haptic = self.hands.report().unwrap_or_default();
+        let names = self.scene.probes.iter().map(|p| p.name.clone());
+        report.probes = names.zip(self.last.iter().copied()).collect();
+        report
+    }
+
+    /// Writes down what was done before an error ended it. What fails here as well, as on a full disk, follows from that error, which is
+    /// the one to be told.
+    fn keep(&mut self, error: &Error) {
+        drop(self.hands.stop());
+        let report = Report { error: error.to_string(), ..self.report() };
+        drop(self.folder.write_report(&report));
+        drop(self.hands.finish());
+        drop(self.folder.flush());
+    }
 }
 
 /// The state of every deformable body.

@@ -61,12 +61,27 @@ impl Grid<'_> {
         Ok(())
     }
 
-    /// Whether the region holds one of the nodes.
+    /// Whether the region holds one of the nodes. Along a line of nodes each region is one interval, or both ends of the line, so along
+    /// the longest axis the ends and the nodes beside the region's own place on the line stand for all.
     pub fn holds(&self, region: &Region) -> bool {
-        let along = |axis: usize| self.rows(axis).iter().flat_map(Row::places).collect::<Vec<f64>>();
-        let (xs, ys, zs) = (along(0), along(1), along(2));
-        let top = zs[zs.len() - 1];
-        zs.iter().any(|z| ys.iter().any(|y| xs.iter().any(|x| region.holds([*x, *y, *z], self.size, top))))
+        let rows = [0, 1, 2].map(|axis| self.rows(axis));
+        let count = |axis: usize| rows[axis].iter().map(|row| u64::from(row.cells) + 1).sum::<u64>();
+        let longest = (0..3).max_by_key(|axis| count(*axis)).unwrap_or(0);
+        let [first, second] = [[1, 2], [0, 2], [0, 1]][longest];
+        let top = rows[2].last().map_or(0.0, Row::end);
+        let places = |axis: usize| rows[axis].iter().flat_map(Row::places);
+        let holds = |p: [f64; 3]| region.holds(p, self.size, top);
+        places(first).any(|a| {
+            places(second).any(|b| {
+                let at = |along: f64| {
+                    let mut p = [0.0; 3];
+                    (p[longest], p[first], p[second]) = (along, a, b);
+                    p
+                };
+                let own = region.place_along(longest, at(0.0));
+                rows[longest].iter().any(|row| row.around(own).any(|along| holds(at(along))))
+            })
+        })
     }
 
     /// The first axis along which a point lies beyond the skin, and the skin's ends along it, m.
@@ -118,9 +133,82 @@ impl Row {
         (0..=self.cells).map(move |k| start + step * f64::from(k))
     }
 
+    /// Both ends, and the nodes beside a place.
+    fn around(&self, place: f64) -> impl Iterator<Item = f64> {
+        let (start, step, cells) = (self.start, self.step, f64::from(self.cells));
+        let below = ((place - start) / step).floor();
+        [0.0, below, below + 1.0, cells].into_iter().map(move |k| start + step * k.clamp(0.0, cells))
+    }
+
     fn holds_node(&self, min: f64, max: f64) -> bool {
         let first = ((min - SLACK - self.start) / self.step).ceil().max(0.0);
         let last = ((max + SLACK - self.start) / self.step).floor().min(f64::from(self.cells));
         first <= last
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn region() -> impl Strategy<Value = Region> {
+        let point = || prop::array::uniform3(-3.0f64..3.0);
+        // on a coarse raster, so that places fall on nodes now and then
+        let raster = || prop::array::uniform3((-6i32..7).prop_map(|n| f64::from(n) / 2.0));
+        prop_oneof![
+            (point(), 0.0f64..2.0).prop_map(|(centre, radius)| Region::Sphere { centre, radius }),
+            (raster(), 0.0f64..1.0).prop_map(|(centre, radius)| Region::Sphere { centre, radius }),
+            (point(), point(), 0.0f64..0.3).prop_map(|(through, n, within)| {
+                let length = n.iter().map(|c| c * c).sum::<f64>().sqrt().max(1e-3);
+                Region::Plane { through, normal: n.map(|c| c / length), within }
+            }),
+            (raster(), 0usize..3).prop_map(|(through, axis)| {
+                let mut normal = [0.0; 3];
+                normal[axis] = 1.0;
+                Region::Plane { through, normal, within: 0.0 }
+            }),
+            (raster(), raster()).prop_map(|(min, max)| Region::Box { min, max }),
+            (0.0f64..3.0).prop_map(Region::Rim),
+            (0.0f64..3.0).prop_map(Region::Core),
+            prop::sample::select(vec![
+                Region::Bottom,
+                Region::Top,
+                Region::Sides,
+                Region::SidesX,
+                Region::SidesY,
+                Region::All
+            ]),
+        ]
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig { cases: 4000, failure_persistence: None, ..ProptestConfig::default() })]
+
+        #[test]
+        fn a_region_holds_a_node_if_one_of_all_nodes_is_inside(
+            region in region(),
+            cells in prop::array::uniform2(1u32..7),
+            over in prop::collection::vec((1u32..5, 0.1f64..2.0), 1..4),
+        ) {
+            let layer = |(cells, thickness): &(u32, f64)| Layer {
+                name: String::new(),
+                thickness: *thickness,
+                cells: *cells,
+                young: 1.0,
+                poisson: 0.0,
+                density: 1.0,
+                pre_strain: [0.0; 2],
+                toughness: 0.0,
+                color: [0; 3],
+            };
+            let layers: Vec<Layer> = over.iter().map(layer).collect();
+            let grid = Grid { name: "scene", size: [4.0, 3.0], cells, layers: &layers };
+            let places = [0, 1, 2].map(|axis| grid.rows(axis).iter().flat_map(Row::places).collect::<Vec<f64>>());
+            let top = places[2][places[2].len() - 1];
+            let all = places[2].iter().flat_map(|z| places[1].iter().flat_map(|y| places[0].iter().map(|x| [*x, *y, *z])));
+            let wanted = all.collect::<Vec<_>>().into_iter().any(|p| region.holds(p, grid.size, top));
+            prop_assert_eq!(grid.holds(&region), wanted);
+        }
     }
 }

@@ -72,6 +72,20 @@ impl Region {
             Self::Core(margin) => at_bottom && to_side(0).min(to_side(1)) > margin + SLACK,
         }
     }
+
+    /// Where a line along an axis through a place is deepest inside the region, or nearest to it; 0 where all or only the line's ends
+    /// are as good.
+    pub(super) fn place_along(&self, axis: usize, through: [f64; 3]) -> f64 {
+        match self {
+            Self::Sphere { centre, .. } => centre[axis],
+            Self::Plane { through: q, normal, .. } if normal[axis] != 0.0 => {
+                let others: f64 = (0..3).filter(|n| *n != axis).map(|n| (through[n] - q[n]) * normal[n]).sum();
+                q[axis] - others / normal[axis]
+            }
+            Self::Box { min, max } => 0.5 * (min[axis] + max[axis]),
+            _ => 0.0,
+        }
+    }
 }
 
 /// The named region; it must hold a node of each grid.

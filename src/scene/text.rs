@@ -10,6 +10,8 @@ use std::path::Path;
 
 /// Largest magnitude in SI units; above it a value becomes infinite in the kernels' f32.
 const LARGEST: f64 = f32::MAX as f64;
+/// Least of what must be positive, in SI units; below it a value loses its digits in the kernels' f32, and what is divided by it overflows.
+const LEAST: f64 = f32::MIN_POSITIVE as f64;
 
 /// A file unit. Division by `per` rounds once, so that 0.3 mm is the same number as 0.3e-3 m.
 #[derive(Clone, Copy)]
@@ -69,7 +71,7 @@ impl Bound {
         si.abs() <= LARGEST
             && match self {
                 Bound::Finite => true,
-                Bound::Positive => value > 0.0 && si > 0.0,
+                Bound::Positive => si >= LEAST,
                 Bound::NotNegative => value >= 0.0,
                 Bound::Fraction => value > 0.0 && value < 1.0,
                 Bound::Strain => value > -0.5 && value < 1.0,
@@ -79,7 +81,7 @@ impl Bound {
     fn wanted(self) -> &'static str {
         match self {
             Bound::Finite => "a finite number (at most 3e38 in SI)",
-            Bound::Positive => "a finite number above 0",
+            Bound::Positive => "a finite number above 0 (at least 1.2e-38 in SI)",
             Bound::NotNegative => "a finite number, 0 or more",
             Bound::Fraction => "a number between 0 and 1, both excluded",
             Bound::Strain => "a strain between -0.5 and 1, both excluded",
@@ -92,7 +94,7 @@ impl Bound {
             Bound::Fraction => 0.001,
             Bound::Strain => 0.1,
             Bound::Finite => 0.0,
-            _ if magnitude > 0.0 && magnitude < LARGEST.sqrt() => magnitude,
+            _ if magnitude > LEAST.sqrt() && magnitude < LARGEST.sqrt() => magnitude,
             _ => 1.0,
         }
     }

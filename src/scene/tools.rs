@@ -16,6 +16,9 @@ use std::ops::Range;
 /// slack admits slightly bent edges. Wider, and the flats would visibly leave the plane that cuts.
 const NORMAL_SLACK: f64 = 6.0;
 
+/// Most contact samples of a blade: a scalpel has some hundred, and the search looks at each in every step.
+const MOST_SAMPLES: f64 = 1e5;
+
 /// Tools in the file's order, with their meshes and trajectories.
 pub(super) fn tools(
     scene: &SceneText,
@@ -141,6 +144,15 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
         (Some(direction), Some(chord)) => dot(direction, chord).abs().min(1.0).acos().to_degrees(),
         _ => 0.0,
     };
+    let (edge_mm, depth) = (raw.edge_mm.span(), length("depth_mm", or(raw.depth_mm, 2.0))?);
+    let spacing = [
+        length("edge_spacing_mm", or(raw.edge_spacing_mm, 0.4))?,
+        length("flat_spacing_mm", or(raw.flat_spacing_mm, 1.0))?,
+    ];
+    let found = samples(&edge, depth, spacing);
+    if found > MOST_SAMPLES {
+        return Err(Error::BladeSamples { at: scene.place(edge_mm), found, most: MOST_SAMPLES });
+    }
     let right = direction.filter(|_| 90.0 - angle <= NORMAL_SLACK);
     Ok(Blade {
         edge,
@@ -150,10 +162,17 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
             allowed: NORMAL_SLACK,
         })?,
         thickness: length("thickness_mm", raw.thickness_mm)?,
-        edge_spacing: length("edge_spacing_mm", or(raw.edge_spacing_mm, 0.4))?,
-        flat_spacing: length("flat_spacing_mm", or(raw.flat_spacing_mm, 1.0))?,
-        depth: length("depth_mm", or(raw.depth_mm, 2.0))?,
+        edge_spacing: spacing[0],
+        flat_spacing: spacing[1],
+        depth,
     })
+}
+
+/// Contact samples of a blade, as [`Instrument`](crate::instrument::Instrument) spreads them over edge and flats.
+fn samples(edge: &[[f64; 3]], depth: f64, [along, flat]: [f64; 2]) -> f64 {
+    let lengths = || edge.windows(2).map(|pair| difference(pair[1], pair[0])).map(|d| d[0].hypot(d[1]).hypot(d[2]));
+    let pieces: f64 = lengths().map(|length| (length / along).round().max(1.0)).sum();
+    pieces + 2.0 * (lengths().sum::<f64>() / flat).floor() * (depth / flat).floor().max(1.0)
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

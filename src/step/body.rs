@@ -159,6 +159,11 @@ impl Body {
         self.backend.device()
     }
 
+    /// The GPU that it runs on; none on the CPU path.
+    pub fn gpu(&self) -> Option<&Gpu> {
+        self.backend.gpu()
+    }
+
     /// All its state.
     ///
     /// # Errors

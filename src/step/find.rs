@@ -4,7 +4,7 @@ use super::{Body, Simulation, StepReport};
 use crate::collide::{self, Aabb, Contact, Patch, Search, Spot, bodies, features, round};
 use crate::constraints::Law;
 use crate::error::{Error, Result};
-use crate::instrument::Free;
+use crate::instrument::{Free, Instrument};
 use crate::mesh::Quad;
 use crate::scene::{self, Attachment, Scene, Who};
 use glam::DVec3;
@@ -53,6 +53,8 @@ impl Simulation {
         let travel: Vec<f64> = (self.tools.iter().zip(free))
             .map(|(tool, free)| free.shift.length() + free.turn.length() * tool.span())
             .collect();
+        let nowhere = |(tool, travel): &(&Instrument, &f64)| !travel.is_finite() || !tool.position.is_finite();
+        report.warn("non_finite_tools", self.tools.iter().zip(&travel).filter(nowhere).count() as u32);
         let mut found = self.rigid_contacts(&search, &travel);
         self.locate(&search, &travel, report)?;
         found.extend(self.skin_contacts(&search, &travel, free, report));

@@ -7,6 +7,7 @@ use cutis::haptic::haply::mock;
 use cutis::haptic::replay::{Path, Recorder, Replay};
 use cutis::haptic::servo::Servo;
 use cutis::haptic::{device::Workspace, device::Wrench};
+use cutis::report::recording::Recording;
 use cutis::report::run::{Options, Summary, run};
 use cutis::scene::{DeviceKind, Files, Pose, Scene, parse};
 use cutis::step::{Place, Simulation};
@@ -329,13 +330,18 @@ fn what_a_recorder_writes_is_a_hand_that_a_scene_reads() {
     let path = Path { poses: scene.tools[0].trajectory.as_slice().into(), workspace };
     std::fs::create_dir_all(folder("recorder")).expect("writable");
     let file = folder("recorder").join("hand.csv");
-    let mut recorder = Recorder::new(Box::new(Replay(path.clone())), workspace, file.clone(), 500);
+    let (mut recorder, rows) = Recorder::new(Box::new(Replay(path.clone())), workspace, 500);
+    let mut recording = Recording::create(&file, rows).expect("the folder is there");
     for k in 0..500 {
         let time = f64::from(k) * TICK;
         recorder.read(time);
         recorder.write(time, Wrench { force: DVec3::Z, torque: DVec3::ZERO });
     }
-    recorder.close().expect("the folder is there");
+    recording.drain().expect("the folder is there");
+    let soon = std::fs::read_to_string(&file).expect("written").lines().count();
+    assert!(soon > 430, "{soon} lines before its end: a killed run leaves what it has recorded");
+    recorder.close().expect("nothing was lost");
+    recording.finish().expect("the folder is there");
     let text = std::fs::read_to_string(&file).expect("written");
     assert!(text.lines().nth(1).is_some_and(|line| line.ends_with(",0,0,1,0,0,0")), "{text}");
     let (before, after) = PRESS.split_at(PRESS.find("path_mm").expect("there"));
@@ -346,7 +352,7 @@ fn what_a_recorder_writes_is_a_hand_that_a_scene_reads() {
         .map(|poses| cutis::instrument::along(poses, 0.3).expect("samples").0);
     assert!((found - wanted).length() < 1e-12, "{found} {wanted}");
     // a full one says so
-    let mut full = Recorder::new(Box::new(Replay(path)), workspace, file, 1);
+    let (mut full, _rows) = Recorder::new(Box::new(Replay(path)), workspace, 1);
     full.read(0.0);
     full.read(TICK);
     assert!(full.close().expect_err("full").to_string().contains("1 ticks are not in it"));

@@ -118,6 +118,7 @@ impl GpuBackend {
         gpu.making("cut");
         let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &law.shared, &u)?) } else { None };
         let split = Split::new(&mut made, model, &law.shared, &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
+        gpu.making("exchange with the host");
         let own_blocks = |made: &mut Maker| -> Result<(Bound, Buffer)> {
             let out = made.vec4("block", n * 4)?;
             let params = made.uniform("params", 0, &Params { preconditioner: 2, ..params }.words());
@@ -126,6 +127,7 @@ impl GpuBackend {
         };
         let node_blocks = needs.node_blocks.then(|| own_blocks(&mut made)).transpose()?;
         let bytes = made.bytes;
+        gpu.sound()?; // what memory does not hold is told before anything runs
         Ok(Self {
             params,
             node_count: n,
@@ -151,16 +153,6 @@ impl GpuBackend {
             node_blocks,
             gpu,
         })
-    }
-
-    /// The device, with its lists of arrays and kernels.
-    pub fn gpu(&self) -> &Gpu {
-        &self.gpu
-    }
-
-    /// Dispatches at a step's begin, and per iteration of a solve.
-    pub fn launches(&self) -> [u32; 2] {
-        [self.begin.len() as u32, self.solver.launches()]
     }
 
     fn record(&mut self) -> Batch {
@@ -379,6 +371,10 @@ impl Backend for GpuBackend {
         let (rotation, law) = if self.spring_count > 0 { (vec![], wide(3)) } else { (wide(3), vec![]) };
         let split = self.split.as_ref().map_or(vec![], |split| split.host.clone());
         Ok(Snapshot { u: wide(0), v: wide(1), rotation, split, free: wide(2), law })
+    }
+
+    fn gpu(&self) -> Option<&Gpu> {
+        Some(&self.gpu)
     }
 
     fn time_device(&mut self, on: bool) {

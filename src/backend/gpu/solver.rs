@@ -3,6 +3,7 @@
 //! With multigrid the preconditioner is one V-cycle, unrolled into the same list: every level has its own arrays, and the parameter block
 //! once per pair of smoothing coefficients.
 
+use super::GpuBackend;
 use super::arrays::{Arrays, Dispatch, Law, Maker, modes_uniform, stiffness_uniform};
 use crate::backend::{CORRECTION, Target, Wanted};
 use crate::error::Result;
@@ -118,9 +119,10 @@ impl Solver {
         Self { x, r, z, scalars, requests, refresh: vec![], all, correction: vec![], spare: [0, 0], touched: 0 }
     }
 
-    /// Dispatches of one iteration.
-    pub fn launches(&self) -> u32 {
-        self.all.len() as u32
+    /// Dispatches of one iteration, and how many more there are once a cut has split cells.
+    pub fn launches(&self) -> [u32; 2] {
+        let split = self.all.iter().filter(|(_, threads)| *threads == TOUCHED).count() as u32;
+        [self.all.len() as u32 - split, split]
     }
 
     /// Records `count` iterations of `rows` slots, of all or of the correction alone.
@@ -150,6 +152,19 @@ impl Solver {
         }
         gpu.write(&self.scalars, 0, &scalars);
         gpu.write(&self.requests, 0, &requests);
+    }
+}
+
+impl GpuBackend {
+    /// The device, with its lists of arrays and kernels.
+    pub fn gpu(&self) -> &Gpu {
+        &self.gpu
+    }
+
+    /// Dispatches at a step's begin, per iteration of a solve, and per iteration once a cut has split cells.
+    pub fn launches(&self) -> [u32; 3] {
+        let [iteration, split] = self.solver.launches();
+        [self.begin.len() as u32, iteration, split]
     }
 }
 

@@ -1,0 +1,77 @@
+//! What a device was given to do, and whether it still does it: counts of its work, its first fault, and a way to take it away.
+
+use super::Gpu;
+use crate::error::{Error, Result};
+use std::sync::{Arc, Mutex};
+
+/// Work handed to a device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Work {
+    /// Kernels launched.
+    pub dispatches: u64,
+    /// Times that the host waited for values.
+    pub read_backs: u64,
+}
+
+/// The first thing that went wrong on a device since it was opened; what follows from it is not kept.
+#[derive(Clone, Default)]
+pub(super) struct Fault(Arc<Mutex<Option<String>>>);
+
+impl Fault {
+    fn keep(&self, message: String) {
+        if let Ok(mut slot) = self.0.lock() {
+            slot.get_or_insert(message);
+        }
+    }
+
+    /// Listens to a device: its errors that nobody asked for, and its end.
+    pub fn listen(device: &wgpu::Device) -> Self {
+        let fault = Self::default();
+        let (errors, end) = (fault.clone(), fault.clone());
+        device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| match error {
+            wgpu::Error::OutOfMemory { .. } => errors.keep("its memory is used up".into()),
+            other => errors.keep(other.to_string()),
+        }));
+        device
+            .set_device_lost_callback(move |reason, message| end.keep(format!("it was lost ({reason:?}): {message}")));
+        fault
+    }
+}
+
+/// A device, to be taken away while it works.
+#[derive(Clone)]
+pub struct Handle(wgpu::Device);
+
+impl Handle {
+    /// Ends the device under whoever uses it, as a driver's reset or a pulled plug does; for tests of what follows.
+    pub fn destroy(&self) {
+        self.0.destroy();
+    }
+}
+
+impl Gpu {
+    /// Work handed over since the device was opened.
+    pub fn work(&self) -> Work {
+        self.work.get()
+    }
+
+    /// Counts the launches of a batch that is submitted, and whether the host waits for it.
+    pub(super) fn count(&self, dispatches: u64, read_back: bool) {
+        let Work { dispatches: before, read_backs } = self.work.get();
+        self.work.set(Work { dispatches: before + dispatches, read_backs: read_backs + u64::from(read_back) });
+    }
+
+    /// The device, to be taken away.
+    pub fn handle(&self) -> Handle {
+        Handle(self.device.clone())
+    }
+
+    /// Whether all went well so far.
+    ///
+    /// # Errors
+    /// [`Error::Device`] with what went wrong first.
+    pub fn sound(&self) -> Result<()> {
+        let found = self.fault.0.lock().ok().and_then(|fault| fault.clone());
+        found.map_or(Ok(()), |message| Err(Error::Device { message }))
+    }
+}

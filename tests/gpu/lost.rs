@@ -1,0 +1,172 @@
+//! A device that is taken away while a scene runs, memory that is used up, and the work that a run hands over beside what `inspect` says.
+
+use super::Failure;
+use cutis::error::Error;
+use cutis::gpu::{Gpu, Work};
+use cutis::report::{inspect, run};
+use cutis::scene::{Preconditioner, Scene, read};
+use cutis::step::{Place, Simulation};
+use std::path::{Path, PathBuf};
+
+type Test = fn(&Gpu) -> Result<(), Failure>;
+
+/// Every test here, by name.
+pub const TESTS: &[(&str, Test)] = &[
+    ("a_lost_device_ends_the_run_and_leaves_what_was_done", a_lost_device_ends_the_run_and_leaves_what_was_done),
+    (
+        "a_device_that_fails_says_so_at_the_next_read_and_from_then_on",
+        a_device_that_fails_says_so_at_the_next_read_and_from_then_on,
+    ),
+    ("a_run_launches_and_waits_as_inspect_says", a_run_launches_and_waits_as_inspect_says),
+];
+
+fn require(holds: bool, what: impl FnOnce() -> String) -> Result<(), Failure> {
+    if holds { Ok(()) } else { Err(what().into()) }
+}
+
+/// A shipped scene on a few cells.
+fn small(name: &str) -> Result<Scene, Failure> {
+    let mut scene = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name))?;
+    for skin in &mut scene.skins {
+        skin.cells = skin.cells.map(|n| n.min(8));
+        skin.layers.iter_mut().for_each(|layer| layer.cells = 1);
+    }
+    scene.checks.clear();
+    (scene.view.frames, scene.view.size) = (10, [32, 24]);
+    Ok(scene)
+}
+
+fn place(gpu: &Gpu) -> Place {
+    Place::Gpu(Some(format!("{} {} {}", gpu.adapter.name, gpu.adapter.backend, gpu.adapter.driver)))
+}
+
+/// A folder of its own, removed at the end.
+struct Folder(PathBuf);
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        std::fs::remove_dir_all(&self.0).ok();
+    }
+}
+
+/// Steps before the device goes.
+const DONE: u32 = 3;
+
+fn a_lost_device_ends_the_run_and_leaves_what_was_done(gpu: &Gpu) -> Result<(), Failure> {
+    let scene = small("verify/sphere_press.toml")?;
+    let folder =
+        Folder(std::env::temp_dir().join(format!("cutis-lost-{}-{}", std::process::id(), super::label(&gpu.adapter))));
+    let run = |lost: bool| {
+        let simulation = Simulation::new(&scene, &place(gpu))?;
+        let device = simulation.bodies[0].gpu().map(Gpu::handle).ok_or("it is not on a GPU")?;
+        let out = folder.0.clone();
+        let options = run::Options { place: place(gpu), steps: Some(10), out, realtime: false, record: true };
+        let ended = run::run_prepared(&scene, &options, simulation, &mut |progress| {
+            if lost && progress.step == DONE {
+                device.destroy();
+            }
+        });
+        Ok::<_, Failure>(ended.map(|summary| summary.report))
+    };
+    let error = match run(true)? {
+        Err(error @ Error::Device { .. }) => error,
+        other => return Err(format!("ended with {:?}", other.map(|r| r.steps).map_err(|e| e.to_string())).into()),
+    };
+    let words = error.to_string();
+    require(words.contains("the GPU device failed: it was lost") && error.exit_code() == 1, || words.clone())?;
+    let left =
+        |name: &str| std::fs::read_to_string(folder.0.join(name)).map_err(|e| Failure::from(format!("{name}: {e}")));
+    let report: serde_json::Value = serde_json::from_str(&left("report.json")?).map_err(|e| e.to_string())?;
+    require(report["steps"] == DONE && report["error"] == words, || format!("{report}"))?;
+    require(report["contact_force_n_max"].is_number() && report["probes"].is_object(), || format!("{report}"))?;
+    require(left("probes.csv")?.lines().count() == 1 + DONE as usize, || left("probes.csv").unwrap_or_default())?;
+    require(left("haptic.csv")?.lines().count() > 1, || "no ticks are left".into())?;
+    // the picture of the last step needed the device
+    let frames = std::fs::read_dir(folder.0.join("frames")).map_err(|e| e.to_string())?.count();
+    require(frames == DONE as usize - 1, || format!("{frames} pictures"))?;
+    // the counter-test: with its device it goes on to the end
+    let whole = run(false)??;
+    require(whole.steps == 10 && whole.error.is_empty(), || format!("{} steps, {}", whole.steps, whole.error))
+}
+
+fn a_device_that_fails_says_so_at_the_next_read_and_from_then_on(gpu: &Gpu) -> Result<(), Failure> {
+    let own = Gpu::open(Some(&format!("{} {} {}", gpu.adapter.name, gpu.adapter.backend, gpu.adapter.driver)))?;
+    let array = own.array_of("array", &[1u32, 2, 3, 4])?;
+    require(own.sound().is_ok() && own.read::<u32>(&array, 4)? == [1, 2, 3, 4], || {
+        "it does not work to begin with".into()
+    })?;
+    own.handle().destroy();
+    for _ in 0..2 {
+        own.submit(own.batch());
+        let said = own.read::<u32>(&array, 4).map_err(|e| e.to_string());
+        require(said.as_ref().is_err_and(|e| e.contains("it was lost") && e.contains("run again")), || {
+            format!("{said:?}")
+        })?;
+    }
+    let array = own.array::<u32>("another", 4).map(|_| ());
+    require(array.is_ok() && own.sound().is_err(), || "an array of a lost device is found out at its first read".into())
+}
+
+/// Work of each of some steps, and what each has said of its iterations and contacts.
+fn worked(scene: &Scene, gpu: &Gpu, steps: u32) -> Result<Vec<(Work, u32, usize)>, Failure> {
+    let mut simulation = Simulation::new(scene, &place(gpu))?;
+    let now = |simulation: &Simulation| simulation.bodies[0].gpu().map(Gpu::work).unwrap_or_default();
+    let mut before = now(&simulation);
+    let mut out = vec![];
+    for _ in 0..steps {
+        let report = simulation.step(false)?;
+        let after = now(&simulation);
+        let work =
+            Work { dispatches: after.dispatches - before.dispatches, read_backs: after.read_backs - before.read_backs };
+        out.push((work, report.free.iterations, report.contact.count()));
+        before = after;
+    }
+    // what a step leaves recorded is handed over by the next one: from the second on, each hands over the work of a whole step
+    Ok(out.split_off(1))
+}
+
+/// What a plan says happens so many times per step, in all.
+fn per_step(list: &[inspect::Count]) -> u64 {
+    list.iter().filter(|count| count.per == "step").map(|count| u64::from(count.count)).sum()
+}
+
+fn a_run_launches_and_waits_as_inspect_says(gpu: &Gpu) -> Result<(), Failure> {
+    let mut free = small("verify/sphere_press.toml")?;
+    (free.tools, free.contact) = (vec![], None);
+    let mut springs = small("skin_springs.toml")?;
+    springs.time.duration = springs.time.step * 20.0;
+    let mut plain = free.clone();
+    plain.probes.clear();
+    plain.solver.preconditioner = Preconditioner::Jacobi;
+    let mut far = small("incision.toml")?;
+    far.tools.iter_mut().flat_map(|tool| &mut tool.trajectory).for_each(|pose| pose.position[2] += 0.1);
+    for (name, scene) in
+        [("free skin", free), ("plain solver", plain), ("springs", springs), ("a blade that is far", far)]
+    {
+        let plan = inspect::inspect(&scene)?;
+        let solver = plan.dispatches.iter().find(|count| count.name == "solver").ok_or("no solver in the plan")?;
+        let (launches, waits) = (per_step(&plan.dispatches), per_step(&plan.read_backs));
+        let steps = worked(&scene, gpu, 8)?;
+        for (work, iterations, contacts) in &steps {
+            let of_solver = work.dispatches.checked_sub(launches).ok_or("fewer launches than per step")?;
+            let rounds = of_solver / u64::from(solver.count);
+            let words = || {
+                format!(
+                    "{name}: {work:?} with {iterations} iterations; inspect says {launches} and {} each",
+                    solver.count
+                )
+            };
+            require(*contacts > 0 || of_solver % u64::from(solver.count) == 0, words)?;
+            require(*contacts > 0 || rounds >= u64::from(*iterations), words)?;
+        }
+        // once the count of iterations is known, a step waits for the solver once
+        let fewest = steps.iter().filter(|step| step.2 == 0).map(|step| step.0.read_backs).min();
+        require(fewest.is_none_or(|fewest| fewest == waits), || {
+            format!("{name}: {fewest:?} waits, inspect says {waits}")
+        })?;
+        require(steps.iter().any(|step| step.2 == 0), || {
+            format!("{name}: it touches all the time, so nothing was compared")
+        })?;
+    }
+    Ok(())
+}

@@ -1,0 +1,328 @@
+//! Only what a scene needs is made: `inspect` states it for every shipped scene, and a feature takes its kernels, arrays and read-backs
+//! with it when it goes.
+
+use cutis::report::inspect::{Plan, inspect};
+use cutis::scene::{Correction, Law, Mass, Preconditioner, ProbeKind, Scene, read};
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+fn scenes() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
+}
+
+/// A shipped scene on a few cells.
+fn small(name: &str) -> Scene {
+    let mut scene = read(&scenes().join(name)).unwrap_or_else(|e| panic!("{e}"));
+    scene.skins.iter_mut().for_each(|skin| skin.cells = skin.cells.map(|n| n.min(6)));
+    scene
+}
+
+fn said(arguments: &[&str]) -> String {
+    let ran = Command::new(env!("CARGO_BIN_EXE_cutis")).args(arguments).output().expect("the program is built");
+    assert!(ran.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&ran.stderr));
+    String::from_utf8_lossy(&ran.stdout).into_owned()
+}
+
+/// Scene files in a folder and below.
+fn files(folder: &Path, found: &mut Vec<PathBuf>) {
+    for path in std::fs::read_dir(folder).expect("the scenes are there").flatten().map(|entry| entry.path()) {
+        match path.extension() {
+            _ if path.is_dir() => files(&path, found),
+            Some(end) if end == "toml" => found.push(path),
+            _ => {}
+        }
+    }
+}
+
+#[test]
+fn inspect_states_what_every_shipped_scene_makes_and_does() {
+    let mut all = vec![];
+    files(&scenes(), &mut all);
+    assert!(all.len() > 20, "{all:?}");
+    for path in all {
+        let name = path.to_str().expect("a plain name");
+        let text = said(&["inspect", name]);
+        let plan: serde_json::Value = serde_json::from_str(&said(&["inspect", name, "--json"])).expect("whole JSON");
+        let list = |key: &str| plan[key].as_array().unwrap_or_else(|| panic!("{name}: no {key}")).clone();
+        let skins = read(&path).unwrap_or_else(|e| panic!("{e}")).skins.len();
+        if skins == 0 {
+            assert!(list("kernels").is_empty() && list("arrays").is_empty(), "{name}: rigid bodies need no device");
+            continue;
+        }
+        let bytes: u64 = list("arrays").iter().filter_map(|array| array["bytes"].as_u64()).sum();
+        assert_eq!(plan["device_bytes"].as_u64(), Some(bytes), "{name}");
+        for key in ["kernels", "arrays", "dispatches", "read_backs"] {
+            assert!(!list(key).is_empty(), "{name}: no {key}");
+            for entry in list(key) {
+                let word = entry.as_str().or(entry["name"].as_str()).expect("a name");
+                assert!(text.contains(word), "{name}: the text does not name {word} of {key}");
+            }
+        }
+        for entry in list("dispatches").iter().chain(&list("read_backs")) {
+            let [count, per] = [entry["count"].to_string(), entry["per"].as_str().expect("per what").to_string()];
+            assert!(
+                entry["count"].as_u64() > Some(0) && text.contains(&per) && text.contains(&count),
+                "{name}: {entry}"
+            );
+        }
+    }
+}
+
+/// Kernels, arrays and read-backs by name, with how often each is there.
+fn parts(plan: &Plan) -> BTreeMap<String, i64> {
+    let mut out = BTreeMap::new();
+    let kernels = plan.kernels.iter().map(|kernel| format!("kernel {kernel}"));
+    let arrays = plan.arrays.iter().map(|array| format!("array {}: {}", array.purpose, array.name));
+    let waits = plan.read_backs.iter().map(|count| format!("wait {} per {}", count.name, count.per));
+    out.insert("right-hand side".into(), plan.right_hand_sides as i64);
+    for part in kernels.chain(arrays).chain(waits) {
+        *out.entry(part).or_default() += 1;
+    }
+    out
+}
+
+/// What a scene has that another one has not.
+fn beyond(with: &Scene, without: &Scene) -> Vec<String> {
+    let [with, without] = [with, without].map(|scene| parts(&inspect(scene).unwrap_or_else(|e| panic!("{e}"))));
+    let more = with.into_iter().map(|(part, count)| (count - without.get(&part).copied().unwrap_or(0), part));
+    more.filter(|(count, _)| *count > 0).map(|(count, part)| format!("{count} {part}")).collect()
+}
+
+/// A skin on its bed, without anything else.
+fn bare() -> Scene {
+    let mut scene = small("incision.toml");
+    (scene.tools, scene.contact, scene.probes, scene.loads, scene.anchors) = (vec![], None, vec![], vec![], vec![]);
+    scene.solver.preconditioner = Preconditioner::Column;
+    scene.skins[0].mass = Mass::Lumped;
+    scene.skins[0].layers.iter_mut().for_each(|layer| layer.pre_strain = [0.0; 2]);
+    scene
+}
+
+fn touched() -> Scene {
+    let shipped = small("incision.toml");
+    let mut scene = bare();
+    (scene.tools, scene.contact) = (shipped.tools, shipped.contact);
+    scene.tools.iter_mut().for_each(|tool| tool.blade = None);
+    scene
+}
+
+fn cutting() -> Scene {
+    let mut scene = touched();
+    scene.tools = small("incision.toml").tools;
+    scene
+}
+
+fn changed(scene: &Scene, change: impl FnOnce(&mut Scene)) -> Scene {
+    let mut scene = scene.clone();
+    change(&mut scene);
+    scene
+}
+
+fn law_of(scene: &mut Scene, corotational: bool) {
+    let Law::Fem { element, .. } = scene.skins[0].law else { panic!("the skin is of bricks") };
+    scene.skins[0].law = Law::Fem { element, corotational };
+}
+
+/// Ties a node to its place.
+fn tied(scene: &mut Scene) {
+    scene.contact = touched().contact;
+    let region = cutis::scene::Region::Sphere { centre: [0.0; 3], radius: 1e-3 };
+    scene.attachments.push(cutis::scene::Attachment { body: 0, region, to: cutis::scene::Who::Place, slide: None });
+}
+
+/// Feature, the scene with it, the scene without, and what it adds.
+fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
+    let probe = |kind: ProbeKind| cutis::scene::Probe { name: "p".into(), kind };
+    let held = cutis::scene::Region::Bottom;
+    let displacement = probe(ProbeKind::Displacement { body: 0, point: [0.0; 3], axis: 2 });
+    let reaction = probe(ProbeKind::Reaction { body: 0, region: held.clone(), axis: 2 });
+    let anchor = cutis::scene::Anchor { body: 0, region: held, stiffness: 1.0 };
+    let load = cutis::scene::Load { body: 0, pressure: 1.0, min: [-1e-3; 2], max: [1e-3; 2], start: 0.0, end: 1.0 };
+    let uncoupled = changed(&touched(), |s| s.contact.iter_mut().for_each(|c| c.correction = Correction::Uncoupled));
+    vec![
+        (
+            "tools",
+            touched(),
+            bare(),
+            &[
+                "1 array exchange with the host: ids",
+                "2 array exchange with the host: params",
+                "1 array exchange with the host: tile_bounds",
+                "1 array exchange with the host: values",
+                "1 array solver: params",
+                "1 kernel bounds",
+                "1 kernel scatter",
+                "7 right-hand side",
+                "1 wait boxes per step",
+                "1 wait compliance per two nodes that the tools newly reach",
+                "1 wait contact per step with contact",
+                "1 wait correction per pass",
+            ],
+        ),
+        (
+            "a blade",
+            cutting(),
+            touched(),
+            &[
+                "1 array cut: ends",
+                "1 array cut: hit_count",
+                "1 array cut: hits",
+                "1 array cut: pairs",
+                "2 array cut: params",
+                "1 array cut: point_before",
+                "1 array cut: point_u",
+                "1 array cut: quads",
+                "1 array cut: rest",
+                "1 kernel centres",
+                "1 kernel cut",
+                "1 kernel duplicate",
+                "1 kernel split_product",
+                "1 wait cut per step with contact",
+            ],
+        ),
+        (
+            "exact correction",
+            touched(),
+            uncoupled.clone(),
+            &[
+                "6 right-hand side",
+                "1 wait compliance per two nodes that the tools newly reach",
+                "1 wait correction per pass",
+            ],
+        ),
+        (
+            "uncoupled correction",
+            uncoupled,
+            touched(),
+            &[
+                "1 array exchange with the host: block",
+                "1 array exchange with the host: params",
+                "1 wait blocks per step with contact",
+            ],
+        ),
+        (
+            "attachments",
+            changed(&bare(), tied),
+            bare(),
+            &[
+                "1 array exchange with the host: ids",
+                "2 array exchange with the host: params",
+                "1 array exchange with the host: tile_bounds",
+                "1 array exchange with the host: values",
+                "1 array solver: params",
+                "1 kernel bounds",
+                "1 kernel scatter",
+                "7 right-hand side",
+                "1 wait boxes per step",
+                "1 wait compliance per two nodes that the tools newly reach",
+                "1 wait contact per step with contact",
+                "1 wait correction per pass",
+            ],
+        ),
+        (
+            "a probe of a displacement",
+            changed(&bare(), |s| s.probes.push(displacement)),
+            bare(),
+            &["1 wait probes per step"],
+        ),
+        ("a probe of a reaction", changed(&bare(), |s| s.probes.push(reaction)), bare(), &["1 wait probes per step"]),
+        (
+            "anchors",
+            changed(&bare(), |s| s.anchors.push(anchor)),
+            bare(),
+            &[
+                "1 array anchors: anchor",
+                "1 array anchors: free",
+                "1 array anchors: ids",
+                "1 array anchors: params",
+                "1 kernel anchors",
+            ],
+        ),
+        ("loads", changed(&bare(), |s| s.loads.push(load)), bare(), &[]),
+        (
+            "multigrid",
+            changed(&bare(), |s| s.solver.preconditioner = Preconditioner::Multigrid),
+            bare(),
+            &[
+                "2 array multigrid: block",
+                "3 array multigrid: d",
+                "2 array multigrid: free",
+                "2 array multigrid: modes",
+                "19 array multigrid: params",
+                "2 array multigrid: partial_product",
+                "2 array multigrid: r",
+                "2 array multigrid: rotation",
+                "2 array multigrid: stiffness",
+                "2 array multigrid: w",
+                "2 array multigrid: z",
+                "1 kernel coarsen",
+                "1 kernel converge",
+                "1 kernel prolongation",
+                "1 kernel relax",
+                "1 kernel restriction",
+            ],
+        ),
+        (
+            "corotational bricks",
+            changed(&bare(), |s| law_of(s, true)),
+            changed(&bare(), |s| law_of(s, false)),
+            &["1 kernel rotations"],
+        ),
+        (
+            "a consistent mass",
+            changed(&bare(), |s| s.skins[0].mass = Mass::Consistent),
+            bare(),
+            &["1 array state: mean_v", "1 array state: stiffness", "1 kernel momentum"],
+        ),
+        ("a pre-strain", changed(&bare(), |s| s.skins[0].layers[0].pre_strain = [0.1; 2]), bare(), &[]),
+        (
+            "springs",
+            changed(&bare(), |s| s.skins[0].law = Law::Springs { stiffness: 1.0, damping: 0.0 }),
+            bare(),
+            &[
+                "1 array state: first",
+                "1 array state: half",
+                "1 array state: law",
+                "1 array state: rest",
+                "1 array state: tangent",
+                "1 kernel springs",
+                "1 kernel springs_blocks",
+                "1 kernel springs_product",
+            ],
+        ),
+        (
+            "bricks",
+            bare(),
+            changed(&bare(), |s| s.skins[0].law = Law::Springs { stiffness: 1.0, damping: 0.0 }),
+            &[
+                "1 array state: layer_of",
+                "1 array state: modes",
+                "1 array state: pre_strain",
+                "1 array state: rotation",
+                "1 array state: shape",
+                "1 array state: split",
+                "1 array state: stiffness",
+                "1 kernel blocks",
+                "1 kernel forces",
+                "1 kernel product",
+                "1 kernel rotations",
+            ],
+        ),
+    ]
+}
+
+#[test]
+fn a_feature_takes_its_kernels_arrays_and_read_backs_with_it() {
+    let mut wrong = vec![];
+    for (name, with, without, wanted) in table() {
+        let found = beyond(&with, &without);
+        if found != wanted {
+            wrong.push(format!(
+                "{name}:\n        {}",
+                found.iter().map(|f| format!("\"{f}\",")).collect::<Vec<_>>().join("\n        ")
+            ));
+        }
+    }
+    assert!(wrong.is_empty(), "\n{}", wrong.join("\n"));
+}
