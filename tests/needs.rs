@@ -42,6 +42,16 @@ fn inspect_states_what_every_shipped_scene_makes_and_does() {
     assert!(all.len() > 20, "{all:?}");
     for path in all {
         let name = path.to_str().expect("a plain name");
+        let of_cpu = |skin: &cutis::scene::Skin| !matches!(skin.law, Law::Fem { .. } | Law::Springs { .. });
+        if read(&path).unwrap_or_else(|e| panic!("{e}")).skins.iter().any(of_cpu) {
+            let ran = Command::new(env!("CARGO_BIN_EXE_cutis"))
+                .args(["inspect", name])
+                .output()
+                .expect("the program is built");
+            let words = String::from_utf8_lossy(&ran.stderr).into_owned();
+            assert!(ran.status.code() == Some(2) && words.contains("runs on the CPU path"), "{name}: {words}");
+            continue;
+        }
         let text = said(&["inspect", name]);
         let plan: serde_json::Value = serde_json::from_str(&said(&["inspect", name, "--json"])).expect("whole JSON");
         let list = |key: &str| plan[key].as_array().unwrap_or_else(|| panic!("{name}: no {key}")).clone();

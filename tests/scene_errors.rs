@@ -621,10 +621,10 @@ fn numbers_outside_their_range_are_refused() {
         "thickness_mm = -1.2",
         "thickness_mm = -1.2; wanted a finite number above 0 (at least 1.2e-38 in SI), in mm … for example 1.2",
     );
-    refused("density_kg_m3 = 900", "density_kg_m3 = 0", "above 0, in kg/m³ … for example 1.0");
+    refused("density_kg_m3 = 900", "density_kg_m3 = 0", "above 0 (at least 1.2e-38 in SI), in kg/m³ … for example 1.0");
     refused("young_kpa = 12", "young_kpa = inf", "young_kpa = inf; wanted a finite number");
     refused("young_kpa = 12", "young_kpa = 1e36", "young_kpa = 1e36; wanted a finite number");
-    refused("step_ms = 2.0", "step_ms = 0", "step_ms = 0.0 … above 0, in ms");
+    refused("step_ms = 2.0", "step_ms = 0", "step_ms = 0.0 … above 0 (at least 1.2e-38 in SI), in ms");
     refused("tolerance = 1e-4", "tolerance = 1", "tolerance = 1.0 … between 0 and 1 … 0.001");
     refused("friction = 0.2", "friction = -0.2", "friction = -0.2 … 0 or more … 0.2");
     refused("inertia_g_mm2 = [100, 200, 300]", "inertia_g_mm2 = [100, 0, 300]", "inertia_g_mm2[1] = 0.0 … g·mm²");
