@@ -1,7 +1,7 @@
 //! `cutis study`: each error is of the one thing that it names, and the files say what was run.
 
 use cutis::error::{Error, Result};
-use cutis::report::study::{Options, Row, Setting, Stop, Study, study};
+use cutis::report::study::{Options, Row, Setting, Stop, Study, Trace, study};
 use cutis::scene::{Element, Files, Integrator, Law, Preconditioner, Scene, parse};
 use cutis::step::Place;
 use std::path::{Path, PathBuf};
@@ -79,7 +79,7 @@ fn folder(name: &str) -> PathBuf {
 }
 
 fn options(name: &str, quick: bool) -> Options {
-    Options { gpu: None, quick, limit_s: 60.0, out: folder(name) }
+    Options { gpu: None, quick, limit_s: 60.0, repeats: 1, out: folder(name) }
 }
 
 /// Runs a study, hands its files to `look`, and removes them.
@@ -284,4 +284,22 @@ fn newmark_has_the_smaller_error_of_the_step() {
         assert!(second[0] < 0.5 * first[0] && second[0] / second[1] > 3.0, "second order: {second:?}");
         assert!(read("study.csv").contains(",newmark,"));
     });
+}
+
+#[test]
+fn repeated_runs_keep_the_faster_time() {
+    let scene = with("[study]\nprobes = [\"top\"]\nreference_grid = 1\n");
+    let options = Options { repeats: 3, ..options("repeats", false) };
+    let (mut runs, mut most) = (0, 0);
+    let result = study(&scene, &options, &mut |p| (runs, most) = (runs.max(p.run + 1), p.runs));
+    std::fs::remove_dir_all(&options.out).expect("it was made");
+    // own and f32, their exact twins at two steps, and two times more each of the first two
+    let rows = result.unwrap_or_else(|e| panic!("{e}")).rows;
+    assert_eq!((rows.len(), runs, most), (2, 8, 8));
+    let trace = |ms| Trace { ms_per_step: ms, device_ms_per_step: Some(ms / 2.0), ..Trace::default() };
+    let mut kept = trace(2.0);
+    kept.keep_faster(&trace(3.0));
+    assert_eq!(kept.ms_per_step, 2.0);
+    kept.keep_faster(&trace(1.0));
+    assert_eq!((kept.ms_per_step, kept.device_ms_per_step), (1.0, Some(0.5)));
 }

@@ -138,6 +138,9 @@ pub struct Study {
     /// GPU whose name, API or driver contains TEXT, beside the CPU path; a hardware GPU is taken without being named
     #[arg(long, value_name = "TEXT")]
     pub adapter: Option<String>,
+    /// Run every setting so many times, one after the other, and take the fastest: for machines that do other things too
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub repeats: u32,
     /// Stop a run after so many seconds; its errors are then not known (what others are measured against runs to its end)
     #[arg(long, value_name = "T", default_value = "60", value_parser = positive)]
     pub limit: f64,

@@ -167,7 +167,8 @@ fn study_scene(args: &args::Study) -> Result<u8> {
         Some(text) => Some(Place::Gpu(Some(text.clone()))),
         None => inspect::automatic().map(|_| Place::Gpu(None)),
     };
-    let options = study::Options { gpu, quick: args.quick, limit_s: args.limit, out: args.out.clone() };
+    let options =
+        study::Options { gpu, quick: args.quick, limit_s: args.limit, repeats: args.repeats, out: args.out.clone() };
     let mut shown = progress::Share::new();
     let result = study::study(&scene, &options, &mut |p| shown.update(p));
     shown.end();

@@ -2,14 +2,17 @@
 
 use super::Failure;
 use cutis::gpu::Gpu;
-use cutis::scene::{ProbeKind, Who, read};
+use cutis::scene::{Preconditioner, ProbeKind, Who, read};
 use cutis::step::{Place, Simulation};
 use std::path::Path;
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
 
 /// Tests of this file by name.
-pub const TESTS: &[(&str, Test)] = &[("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other)];
+pub const TESTS: &[(&str, Test)] = &[
+    ("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other),
+    ("a_limit_of_iterations_is_kept_to_the_last_one", a_limit_of_iterations_is_kept_to_the_last_one),
+];
 
 /// Steps after which the blocks have settled to their weights.
 const STEPS: u32 = 10;
@@ -39,6 +42,40 @@ fn soft_blocks_stand_on_each_other(gpu: &Gpu) -> Result<(), Failure> {
         if (gpu - cpu).abs() > APART * on_cpu[1].abs() || on_cpu.len() != 2 || on_cpu[1] < 0.03 {
             return Err(format!("forces under the blocks: {on_gpu:?} N and {on_cpu:?} N").into());
         }
+    }
+    Ok(())
+}
+
+/// Iterations of the first steps of the pressed block with a limit that they cannot reach the tolerance in, and the centre's displacement, m.
+fn limited(place: &Place, limit: u32) -> Result<Vec<(u32, f64)>, Failure> {
+    let mut scene = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/skin_block.toml"))?;
+    scene.skins[0].cells = [8, 8];
+    scene.solver.preconditioner = Preconditioner::Jacobi;
+    (scene.solver.tolerance, scene.solver.max_iterations) = (1e-6, limit);
+    let mut simulation = Simulation::new(&scene, place)?;
+    let mut out = vec![];
+    for _ in 0..3 {
+        let step = simulation.step(false)?;
+        out.push((step.free.iterations, step.probes[0]));
+    }
+    Ok(out)
+}
+
+fn a_limit_of_iterations_is_kept_to_the_last_one(gpu: &Gpu) -> Result<(), Failure> {
+    let a = &gpu.adapter;
+    let place = Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)));
+    for limit in [1, 3, 25] {
+        let (on_gpu, on_cpu) = (limited(&place, limit)?, limited(&Place::Cpu32, limit)?);
+        for ((k, u), (_, wanted)) in on_gpu.iter().zip(&on_cpu) {
+            if *k != limit || (u - wanted).abs() > 1e-3 * wanted.abs() {
+                return Err(format!("limit {limit}: {on_gpu:?} on the GPU, {on_cpu:?} on the CPU").into());
+            }
+        }
+    }
+    // one iteration more is seen
+    let (three, four) = (limited(&Place::Cpu32, 3)?, limited(&Place::Cpu32, 4)?);
+    if (three[0].1 - four[0].1).abs() <= 1e-3 * three[0].1.abs() {
+        return Err(format!("{three:?} and {four:?} should differ").into());
     }
     Ok(())
 }

@@ -251,9 +251,9 @@ impl Backend for GpuBackend {
         let (from, bytes) = (self.offset(first), self.offset(rows as usize));
         batch.copy(&self.solver.x, from, &self.solver.z, from, bytes);
         let kind = usize::from(only_correction);
-        // one product more forms the start's residual, one more finds out that it is small enough
+        // one product more than there are iterations forms the start's residual
         let [spare, again] = self.solver.spare;
-        let mut count = (self.expected[kind] * 5 / 4 + spare).min(self.max_iterations + 2);
+        let mut count = (self.expected[kind] * 5 / 4 + spare).min(self.max_iterations.saturating_add(1));
         loop {
             self.solver.record(&mut batch, only_correction, rows, count);
             let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
@@ -261,13 +261,15 @@ impl Backend for GpuBackend {
             let parts =
                 self.gpu.submit_and_read(batch, &[(&self.solver.scalars, heads), (&self.pick.picked, picked)])?;
             let heads = solver::scalars(&parts[0], wanted);
-            if !heads.iter().any(|k| k.done == 0.0 && k.iterations < self.max_iterations as f32) {
+            let running = heads.iter().filter(|k| k.done == 0.0).map(|k| k.iterations as u32);
+            let left = running.map(|done| self.max_iterations.saturating_sub(done)).max().unwrap_or(0);
+            if left == 0 {
                 let outcomes: Vec<Outcome> = heads.iter().map(Outcome::of).collect();
                 self.expected[kind] = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
                 return Ok((outcomes, triples(&parts[1])));
             }
             batch = self.gpu.batch();
-            count = count.clamp(again, 8 * again);
+            count = count.clamp(again, 8 * again).min(left);
         }
     }
 

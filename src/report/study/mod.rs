@@ -12,7 +12,7 @@
 //! | total | this run and the reference |
 //!
 //! The reference is the finest grid at the shortest step, solved exactly (a sparse factor, or conjugate gradients to 10⁻⁹), or the known
-//! values. Times are medians of the steps of one run; each is also stated as a ratio to the first setting, the scene's own on the CPU path in f64.
+//! values. Times are medians of the steps of a run, the fastest of repeated ones; each is also stated as a ratio to the first setting, the scene's own on the CPU path in f64.
 
 mod files;
 mod plot;
@@ -45,6 +45,8 @@ pub struct Options {
     pub quick: bool,
     /// No run takes longer, s.
     pub limit_s: f64,
+    /// Times that every setting is run; the fastest counts, for what else the machine does can only slow it.
+    pub repeats: u32,
     /// Folder of study.csv, study.md, study.svg.
     pub out: PathBuf,
 }
@@ -114,7 +116,9 @@ struct Runs<'a> {
     every: Option<f64>,
     limit: Duration,
     done: Vec<(Setting, bool, Trace)>,
-    wanted: Vec<(Setting, bool)>,
+    /// Runs done and wanted, and their costs.
+    count: [usize; 2],
+    cost: [f64; 2],
     progress: &'a mut dyn FnMut(&Progress),
 }
 
@@ -145,7 +149,8 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         every: (!known).then_some(all_steps[0]),
         limit: if options.quick { QUICK_RUN } else { Duration::from_secs_f64(options.limit_s) },
         done: vec![],
-        wanted: vec![],
+        count: [0; 2],
+        cost: [0.0; 2],
         progress,
     };
     let settings = variants.iter().flat_map(|s| runs.needed(s));
@@ -156,7 +161,10 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
             wanted.push(run);
         }
     }
-    runs.wanted = wanted;
+    let again = variants.iter().cycle().take(variants.len() * (options.repeats.max(1) as usize - 1));
+    wanted.extend(again.map(|setting| (setting.clone(), false)));
+    runs.count[1] = wanted.len();
+    runs.cost[1] = wanted.iter().map(|(setting, exactly)| runs.cost_of(setting, *exactly)).sum();
     let start = Instant::now();
     let course = match known {
         true => vec![scene.study.known.iter().map(|(_, value)| *value).collect()],
@@ -170,6 +178,11 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
             continue;
         }
         rows.push(row(&mut runs, setting, &course)?);
+    }
+    for _ in 1..options.repeats {
+        for row in &mut rows {
+            row.trace.keep_faster(&runs.run(&row.setting, false)?);
+        }
     }
     mark_front(&mut rows);
     let own_ms = rows.iter().find(|r| r.setting == first).map(|r| r.trace.ms_per_step);
@@ -215,17 +228,22 @@ impl Runs<'_> {
         if let Some((_, _, trace)) = self.done.iter().find(known) {
             return Ok(trace.clone());
         }
+        let trace = self.run(setting, exactly)?;
+        self.done.push((setting.clone(), exactly, trace.clone()));
+        Ok(trace)
+    }
+
+    fn run(&mut self, setting: &Setting, exactly: bool) -> Result<Trace> {
         let scene = scene_of(self.scene, setting, self.duration, exactly)?;
-        let total: f64 = self.wanted.iter().map(|(s, e)| self.cost(s, *e)).sum();
-        let before: f64 = self.done.iter().map(|(s, e, _)| self.cost(s, *e)).sum();
-        let own = self.cost(setting, exactly);
-        let (run, runs) = (self.done.len(), self.wanted.len());
+        let own = self.cost_of(setting, exactly);
+        let ([run, runs], [before, total]) = (self.count, self.cost);
         let progress = &mut *self.progress;
         let mut stepped = |part: f64| progress(&Progress { run, runs, share: (before + own * part) / total });
         // what others are measured against is always run to its end
         let limit = if exactly { Duration::MAX } else { self.limit };
         let trace = trace(&scene, &setting.place, &self.signals, self.every, limit, &mut stepped)?;
-        self.done.push((setting.clone(), exactly, trace.clone()));
+        self.count[0] += 1;
+        self.cost[0] += own;
         Ok(trace)
     }
 
@@ -241,7 +259,7 @@ impl Runs<'_> {
     }
 
     /// Cost of a run, in cells times steps times what its solver roughly takes.
-    fn cost(&self, setting: &Setting, exactly: bool) -> f64 {
+    fn cost_of(&self, setting: &Setting, exactly: bool) -> f64 {
         use crate::scene::Preconditioner::{Block, Column, Direct, Jacobi, Multigrid, None};
         let solver = match (setting.preconditioner, setting.stop) {
             (Multigrid, _) => 5.0,

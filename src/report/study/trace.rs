@@ -68,6 +68,13 @@ impl Trace {
     pub fn whole(&self) -> bool {
         self.steps == self.wanted
     }
+
+    /// Takes the times of another run of the same setting where it was the faster one.
+    pub fn keep_faster(&mut self, other: &Self) {
+        if other.ms_per_step < self.ms_per_step {
+            (self.ms_per_step, self.device_ms_per_step) = (other.ms_per_step, other.device_ms_per_step);
+        }
+    }
 }
 
 /// Runs a scene, at most for `limit`, and takes samples every `every` s, or at the end alone.
