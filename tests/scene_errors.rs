@@ -637,7 +637,7 @@ fn numbers_outside_their_range_are_refused() {
 fn a_layer_without_mass_is_refused_wherever_it_is() {
     for density in ["900", "1100", "1150"] {
         let (from, to) = (format!("density_kg_m3 = {density}"), "density_kg_m3 = 0.0");
-        refused(&from, to, "density_kg_m3 = 0.0; wanted a finite number above 0, in kg/m³ … for example 1.0");
+        refused(&from, to, "density_kg_m3 = 0.0; wanted a finite number above 0 … in kg/m³ … for example 1.0");
     }
     refused("density_kg_m3 = 1100", "density_kg_m3 = -1100", "above 0, in kg/m³ … for example 1100");
 }
@@ -659,7 +659,7 @@ fn a_body_starts_in_a_shape_that_is_known() {
     refused(key, "start_mm = 1", "start_mm … start = \"random\"");
     refused(key, "start_seed = 1", "start_seed … start = \"random\"");
     refused(key, "start_deg = 1", "start_deg … start = \"twist\"");
-    says(&message_below(key, "start = \"random\"\nstart_mm = 0", 1), "start_mm = 0.0 … above 0, in mm");
+    says(&message_below(key, "start = \"random\"\nstart_mm = 0", 1), "start_mm = 0.0 … above 0 … in mm");
     says(&message_below(key, "start = \"twist\"\nstart_deg = inf", 1), "start_deg = inf … finite");
     for (word, missing) in [("random", "start_mm"), ("twist", "start_deg")] {
         let error = parsed(&FULL.replace(key, &format!("start = \"{word}\""))).expect_err("a key is missing");
