@@ -639,7 +639,7 @@ fn a_layer_without_mass_is_refused_wherever_it_is() {
         let (from, to) = (format!("density_kg_m3 = {density}"), "density_kg_m3 = 0.0");
         refused(&from, to, "density_kg_m3 = 0.0; wanted a finite number above 0 … in kg/m³ … for example 1.0");
     }
-    refused("density_kg_m3 = 1100", "density_kg_m3 = -1100", "above 0, in kg/m³ … for example 1100");
+    refused("density_kg_m3 = 1100", "density_kg_m3 = -1100", "above 0 … in kg/m³ … for example 1100");
 }
 
 #[test]

@@ -91,7 +91,8 @@ fn studied(name: &str, scene: &Scene, quick: bool, look: impl Fn(&Study, &dyn Fn
         last = p.share;
     });
     let result = result.unwrap_or_else(|e| panic!("{e}"));
-    assert!((last - 1.0).abs() < 1e-9, "the work ends at its end: {last}");
+    // what fails has no last step
+    assert!((last - 1.0).abs() < 1e-9 || !result.failed.is_empty(), "the work ends at its end: {last}");
     look(&result, &|file| std::fs::read_to_string(options.out.join(file)).expect("the study wrote it"));
     std::fs::remove_dir_all(&options.out).expect("it was made");
 }
@@ -240,13 +241,20 @@ fn tables_that_do_not_fit_are_refused_with_their_line() {
         ("[study]\nknown = { tip = 1.0 }", "did you mean \"top\"?"),
         ("[study]\ncorrections = [\"exakt\"]", "did you mean \"exact\"?"),
         ("[study]\nintegrators = [\"newmrk\"]", "did you mean \"newmark\"?"),
+        ("[study]\nknown = { top = 0.0 }", "errors are relative to it"),
+        ("[study]\nreference_step_ms = 8", "8.0 must be at most the upper bound 4.0"),
+        ("[study]\ngrids = [4]\nreference_grid = 2", "4.0 must be at most the upper bound 2.0"),
         ("[study]\nduration_s = 0", "wanted a finite number above 0"),
     ];
     let line = BLOCK.lines().count() + 1;
+    let held = refusal(
+        "\n[[probe]]\nname = \"bed\"\nkind = \"reaction\"\nregion = \"bottom\"\n\n[study]\nprobes = [\"bed\"]\n",
+    );
+    assert!(held.contains("a reaction is of the step before"), "{held}");
     for (axes, wanted) in cases {
         let message = refusal(axes);
         assert!(message.contains(wanted), "{axes}: {message}");
-        let place = [line, line + 1].map(|line| format!("scenes/block.toml:{line}: "));
+        let place = [line, line + 1, line + 2].map(|line| format!("scenes/block.toml:{line}: "));
         assert!(place.iter().any(|place| message.starts_with(place.as_str())), "{axes}: {message}");
     }
 }
@@ -302,4 +310,88 @@ fn repeated_runs_keep_the_faster_time() {
     assert_eq!(kept.ms_per_step, 2.0);
     kept.keep_faster(&trace(1.0));
     assert_eq!((kept.ms_per_step, kept.device_ms_per_step), (1.0, Some(0.5)));
+}
+
+#[test]
+fn a_step_that_is_not_listed_is_compared_at_the_same_times() {
+    let axes = "[study]\nprobes = [\"top\"]\npreconditioners = [\"direct\"]\nsteps_ms = [2.0, 1.0]\nreference_step_ms = 0.5\nreference_grid = 1\n";
+    studied("unlisted", &with(axes), false, |study, _| {
+        assert!(study.rows.iter().all(|row| row.trace.samples.len() == 4), "every 4 ms of 16");
+        let of = |step| {
+            let fits = |s: &Setting| s.step == step && s.preconditioner == Preconditioner::Direct;
+            study.rows.iter().find(|r| fits(&r.setting)).and_then(|r| r.error_step)
+        };
+        let own = study.rows[0].error_step.unwrap();
+        assert_eq!(study.rows[0].setting.step, 4e-3);
+        assert!(own > of(2e-3).unwrap() && of(2e-3) > of(1e-3), "{own} {:?} {:?}", of(2e-3), of(1e-3));
+    });
+}
+
+#[test]
+fn longer_steps_are_ranked_by_the_time_that_they_cover() {
+    let axes = "[study]\nprobes = [\"top\"]\nsteps_ms = [4.0, 0.5]\nreference_grid = 1\n";
+    studied("ranked", &with(axes), false, |study, _| {
+        let marked = |step: f64| study.rows.iter().any(|r| r.pareto && r.setting.step == step);
+        // eight short steps take longer than a long one, whatever the clock says of each
+        assert!(marked(4e-3) && marked(0.5e-3), "{:?}", study.rows);
+    });
+}
+
+#[test]
+fn what_cannot_run_is_told_and_the_rest_is_kept() {
+    let axes =
+        "[study]\nprobes = [\"top\"]\nintegrators = [\"implicit_euler\", \"symplectic_euler\"]\nreference_grid = 1\n";
+    studied("failed", &with(axes), false, |study, read| {
+        assert!(!study.rows.is_empty() && !study.failed.is_empty());
+        assert!(study.failed.iter().all(|(s, _)| s.integrator == Integrator::SymplecticEuler));
+        let told = study.failures().join("\n");
+        assert!(told.contains("symplectic_euler") && told.contains("stable"), "{told}");
+        assert!(read("study.md").contains("Not run: "));
+    });
+}
+
+#[test]
+fn a_run_beyond_the_limit_has_no_error_of_its_own() {
+    let scene = with("[study]\nprobes = [\"top\"]\nreference_grid = 1\n");
+    for (limit_s, steps) in [(1e-9, 1), (1e300, 4)] {
+        let options = Options { limit_s, ..options("limit", false) };
+        let result = study(&scene, &options, &mut |_| {});
+        let page = std::fs::read_to_string(options.out.join("study.md")).expect("the study wrote it");
+        std::fs::remove_dir_all(&options.out).expect("it was made");
+        let rows = result.unwrap_or_else(|e| panic!("{e}")).rows;
+        let whole = steps == 4;
+        assert!(rows.iter().all(|r| r.trace.steps == steps && r.error_total.is_some() == whole), "{rows:?}");
+        assert_eq!(page.contains("stopped at the time limit, step 1 of 4"), !whole, "{page}");
+    }
+}
+
+#[test]
+fn bodies_keep_their_own_bricks_in_the_scenes_own_setting() {
+    let block = BLOCK
+        .replace("[[skin.layer]]", "[[block.layer]]")
+        .replace("[skin]", "[[block]]\nname = \"one\"\nposition_mm = [0, 0, 0]\nelement = \"bbar\"");
+    let body = &block[block.find("[[block]]").unwrap()..block.find("[[boundary]]").unwrap()];
+    let second = body.replace("\"one\"", "\"two\"").replace("[0, 0, 0]", "[50, 0, 0]").replace("bbar", "plain");
+    let tables = &block[block.find("[[boundary]]").unwrap()..];
+    let named = |table: &str, name: &str| {
+        ["[[boundary]]", "[[load]]", "[[probe]]"]
+            .iter()
+            .fold(table.to_string(), |t, head| t.replace(head, &format!("{head}\nbody = \"{name}\"")))
+    };
+    let probes = named(tables, "two").replace("\"top\"", "\"top two\"").replace("\"off\"", "\"off two\"");
+    let text = block.replace(tables, "") + &second + &named(tables, "one") + &probes;
+    let study_of = |axes: &str| {
+        let scene = parsed(&format!("{text}\n[study]\nprobes = [\"top\", \"top two\"]\nreference_grid = 1\n{axes}"));
+        let scene = scene.unwrap_or_else(|e| panic!("{e}"));
+        let options = options("bodies", false);
+        let result = study(&scene, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{e}"));
+        std::fs::remove_dir_all(&options.out).expect("it was made");
+        result
+    };
+    let last = |row: &Row| row.trace.samples.last().unwrap().clone();
+    let own = last(&study_of("").rows[0]);
+    assert!((own[1] / own[0]).abs() < 0.9, "the plain one locks: {own:?}");
+    let both = study_of("elements = [\"plain\"]\n");
+    let plain = both.rows.iter().find(|r| r.setting.law == brick(Element::Plain)).map(last).expect("it was run");
+    assert!((plain[1] / plain[0] - 1.0).abs() < 0.05, "both lock: {plain:?}");
 }

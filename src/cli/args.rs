@@ -139,7 +139,7 @@ pub struct Study {
     #[arg(long, value_name = "TEXT")]
     pub adapter: Option<String>,
     /// Run every setting so many times, one after the other, and take the fastest: for machines that do other things too
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: u32,
     /// Stop a run after so many seconds; its errors are then not known (what others are measured against runs to its end)
     #[arg(long, value_name = "T", default_value = "60", value_parser = positive)]

@@ -178,6 +178,9 @@ fn study_scene(args: &args::Study) -> Result<u8> {
     } else {
         print!("{}", text::study(&result, &args.out));
     }
+    for line in result.failures() {
+        eprintln!("warning: not run: {line}");
+    }
     Ok(0)
 }
 

@@ -3,7 +3,7 @@
 use super::integrator::integrator;
 use super::raw::{self, At, Numbers, Table};
 use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
-use super::{Correction, Element, Integrator, Law, Preconditioner, Probe, Skin, Time};
+use super::{Correction, Element, Integrator, Law, Preconditioner, Probe, ProbeKind, Skin, Time};
 use crate::error::{Error, Result};
 
 /// Most values of one axis of a study.
@@ -76,9 +76,24 @@ pub(super) fn study(
         let found = names.iter().position(|name| name == word.get_ref());
         found.ok_or_else(|| scene.unknown_word("probes", word, &names))
     };
+    let lasting = |word: &At<String>| {
+        let found = number(word)?;
+        match probes[found].kind {
+            ProbeKind::Reaction { .. } => {
+                let why = "a reaction is of the step before, which differs between steps: take displacements or forces";
+                Err(Error::NeedlessKey { at: scene.place(word.span()), key: "probes", why })
+            }
+            _ => Ok(found),
+        }
+    };
     let mut known = vec![];
     for (word, value) in raw.known.unwrap_or_default() {
-        known.push((number(&word)?, scene.number("known", &value, PLAIN, Bound::Finite)?));
+        let given = scene.number("known", &value, PLAIN, Bound::Finite)?;
+        if given == 0.0 {
+            let why = "errors are relative to it, so it cannot be 0: take another probe";
+            return Err(Error::NeedlessKey { at: scene.place(value.span()), key: "known", why });
+        }
+        known.push((number(&word)?, given));
     }
     known.sort_by_key(|(probe, _)| *probe);
     let bricks = skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. }));
@@ -92,7 +107,7 @@ pub(super) fn study(
         None => Ok(0.0),
     };
     let study = Study {
-        probes: raw.probes.unwrap_or_default().iter().map(number).collect::<Result<_>>()?,
+        probes: raw.probes.unwrap_or_default().iter().map(lasting).collect::<Result<_>>()?,
         known,
         duration: raw
             .duration_s
@@ -113,7 +128,17 @@ pub(super) fn study(
         steps: numbers(scene, "steps_ms", &raw.steps_ms, MS)?,
         integrators: match &raw.integrators {
             Some(list) => each(scene, "integrators", list, |word| {
-                integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, touching)
+                let chosen = integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, touching)?;
+                let newton = skins.iter().any(|skin| matches!(skin.law, Law::NeoHookean));
+                if newton && chosen == Integrator::SymplecticEuler {
+                    return Err(Error::IntegratorUnfit {
+                        at: scene.place(word.span()),
+                        found: word.get_ref().clone(),
+                        why: "is for bricks of small strain, and this skin is neo-Hookean",
+                        fix: "take \"implicit_euler\" or \"newmark\"",
+                    });
+                }
+                Ok(chosen)
             })?,
             None => vec![],
         },
@@ -131,6 +156,22 @@ pub(super) fn study(
         reference_grid: one("reference_grid", &raw.reference_grid, PLAIN)?,
         reference_step: one("reference_step_ms", &raw.reference_step_ms, MS)?,
     };
+    let order = |key, at: &At<f64>, [lower, upper]: [f64; 2], fix| Error::Order {
+        at: scene.place(at.span()),
+        key,
+        lower,
+        relation: "at most",
+        upper,
+        fix,
+    };
+    if let Some(at) = raw.reference_step_ms.as_ref().filter(|_| study.reference_step > study.shortest_step(time)) {
+        let bounds = [study.reference_step, study.shortest_step(time)].map(|s| s * 1e3);
+        return Err(order("reference_step_ms and the shortest step", at, bounds, "measure against a shorter step"));
+    }
+    if let Some(at) = raw.reference_grid.as_ref().filter(|_| study.reference_grid < study.finest_grid()) {
+        let bounds = [study.finest_grid(), study.reference_grid];
+        return Err(order("the finest grid and reference_grid", at, bounds, "measure against a grid as fine"));
+    }
     let listed = raw.steps_ms.map(|list| list.span());
     let reference = raw.reference_step_ms.map(|step| step.span());
     study.commensurate(time).map_err(|(step, longest)| {
@@ -142,10 +183,10 @@ pub(super) fn study(
 }
 
 impl Study {
-    /// Steps of the study's runs, those of the reference too, longest first, s.
+    /// Steps of the study's runs, those of the scene and of the reference too, longest first, s.
     pub fn all_steps(&self, time: &Time) -> Vec<f64> {
-        let mut all = if self.steps.is_empty() { vec![time.step] } else { self.steps.clone() };
-        all.push(self.finest_step(time));
+        let mut all = self.steps.clone();
+        all.extend([time.step, self.finest_step(time)]);
         all.sort_by(|a, b| b.total_cmp(a));
         all.dedup();
         all
@@ -153,9 +194,16 @@ impl Study {
 
     /// Step of the reference, s.
     pub fn finest_step(&self, time: &Time) -> f64 {
-        let shortest = self.steps.iter().copied().fold(f64::INFINITY, f64::min);
-        let shortest = if shortest.is_finite() { shortest } else { time.step };
-        if self.reference_step > 0.0 { self.reference_step } else { shortest / 2.0 }
+        if self.reference_step > 0.0 { self.reference_step } else { self.shortest_step(time) / 2.0 }
+    }
+
+    fn shortest_step(&self, time: &Time) -> f64 {
+        self.steps.iter().copied().fold(time.step, f64::min)
+    }
+
+    /// Cells of the finest grid, times the scene's.
+    pub fn finest_grid(&self) -> f64 {
+        self.grids.iter().copied().fold(1.0, f64::max)
     }
 
     /// The first step that is no whole part of the longest, and that one.

@@ -157,7 +157,7 @@ fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
 }
 
 /// Time per step over the step: below 1 it keeps up with the clock.
-fn real_time(row: &Row) -> f64 {
+pub(super) fn real_time(row: &Row) -> f64 {
     row.trace.ms_per_step / (row.setting.step * 1e3)
 }
 
@@ -169,7 +169,7 @@ fn quoted(text: &str) -> String {
 fn percent(value: Option<f64>) -> String {
     match value {
         None => "–".into(),
-        Some(v) if !v.is_finite() => "lost".into(),
+        Some(v) if !v.is_finite() => "∞".into(),
         Some(0.0) => "0".into(),
         Some(v) if v < 1e-6 => format!("{:.0e}", v * 100.0),
         Some(v) => {
@@ -209,8 +209,13 @@ fn words(s: &Setting) -> String {
 fn advice(study: &Study) -> [(f64, Option<&Row>); NEEDS.len()] {
     NEEDS.map(|need| {
         let within = study.rows.iter().filter(|r| r.error_total.is_some_and(|e| e <= need));
-        (need, within.min_by(|a, b| a.trace.ms_per_step.total_cmp(&b.trace.ms_per_step)))
+        (need, within.min_by(|a, b| real_time(a).total_cmp(&real_time(b))))
     })
+}
+
+/// What could not be run, and why, in lines of text.
+pub(super) fn failed_lines(study: &Study) -> Vec<String> {
+    study.failed.iter().map(|(setting, error)| format!("{}: {error}", words(setting))).collect()
 }
 
 /// The same in lines of text.
@@ -261,6 +266,9 @@ fn page(study: &Study) -> String {
     if study.left_out > 0 {
         let _ = writeln!(out, "Left out for want of time: {} settings.", study.left_out);
     }
+    for (setting, error) in &study.failed {
+        let _ = writeln!(out, "Not run: {}: {error}", words(setting));
+    }
     out += "\n![study.svg](study.svg)\n\n## The fastest setting within an error\n\n";
     out += &HEAD.replace("| setting |", "| total error within | setting |").replacen("| --- |", "| --- | --- |", 1);
     for (need, row) in advice(study) {
@@ -272,7 +280,7 @@ fn page(study: &Study) -> String {
     out += "\n## Nothing is both faster and nearer\n\n";
     out += HEAD;
     let mut front: Vec<&Row> = study.rows.iter().filter(|r| r.pareto).collect();
-    front.sort_by(|a, b| a.trace.ms_per_step.total_cmp(&b.trace.ms_per_step));
+    front.sort_by(|a, b| real_time(a).total_cmp(&real_time(b)));
     front.iter().for_each(|row| out += &line(study, row));
     out += "\n## All settings\n\n";
     out += HEAD;
@@ -288,7 +296,7 @@ mod tests {
     fn shares_have_two_digits() {
         let of = |v: f64| percent(Some(v));
         assert_eq!([of(0.1234), of(0.01234), of(1.5), of(0.000123), of(0.0)], ["12", "1.2", "150", "0.012", "0"]);
-        assert_eq!([of(3e-9), of(f64::INFINITY), percent(None)], ["3e-7", "lost", "–"]);
+        assert_eq!([of(3e-9), of(f64::INFINITY), percent(None)], ["3e-7", "∞", "–"]);
     }
 
     #[test]

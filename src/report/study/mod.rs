@@ -23,18 +23,22 @@ pub use settings::{Setting, Stop};
 pub use trace::{Signal, Trace};
 
 use crate::error::{Error, Result};
-use crate::gpu::adapters;
+use crate::gpu::{Gpu, adapters};
 use crate::scene::{Integrator, Scene};
 use crate::step::Place;
 use settings::{Axes, exact, own, quick, scene_of};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use trace::{UNITS, apart, apart_in, signals, trace};
 
 /// No run of a quick study is longer than this,
 const QUICK_RUN: Duration = Duration::from_secs(12);
-/// and it leaves out what does not begin before this, s.
-const QUICK_SECONDS: f64 = 90.0;
+/// it leaves out what does not begin before this,
+const QUICK_BEGIN: Duration = Duration::from_secs(90);
+/// and stops what has not ended by then.
+const QUICK_END: Duration = Duration::from_secs(110);
+/// Most steps of a run.
+const MOST_STEPS: f64 = 1e6;
 
 /// How to study.
 #[derive(Clone, Debug)]
@@ -70,7 +74,7 @@ pub struct Row {
     pub error_total: Option<f64>,
     /// Parts of the total: displacements, velocities and forces alone; the worst of them is the total.
     pub by_unit: [Option<f64>; UNITS.len()],
-    /// No other run is both faster and nearer.
+    /// No other run is both faster for the scene's time and nearer.
     pub pareto: bool,
 }
 
@@ -91,8 +95,12 @@ pub struct Study {
     pub poisson: Vec<f64>,
     /// In the order run.
     pub rows: Vec<Row>,
+    /// Settings that could not be run, with the reason.
+    pub failed: Vec<(Setting, String)>,
     /// Variants that a quick study had no time for.
     pub left_out: usize,
+    /// Step of the first setting, s.
+    pub step: f64,
     /// What the ratios of times are to: ms per step of the first setting, the scene's own on the CPU path in f64.
     pub own_ms: Option<f64>,
 }
@@ -115,7 +123,10 @@ struct Runs<'a> {
     duration: f64,
     every: Option<f64>,
     limit: Duration,
+    /// When all runs end, those too that others are measured against.
+    end: Option<Instant>,
     done: Vec<(Setting, bool, Trace)>,
+    tried: Vec<(Setting, bool)>,
     /// Runs done and wanted, and their costs.
     count: [usize; 2],
     cost: [f64; 2],
@@ -127,6 +138,7 @@ struct Runs<'a> {
 /// # Errors
 /// For a scene of rigid bodies alone, a grid that its regions or probes do not fit, no adapter, a folder that cannot be written.
 pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)) -> Result<Study> {
+    let start = Instant::now();
     let signals = signals(scene);
     if scene.skins.is_empty() || signals.is_empty() {
         return Err(Error::Usage {
@@ -147,12 +159,24 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         signals,
         duration,
         every: (!known).then_some(all_steps[0]),
-        limit: if options.quick { QUICK_RUN } else { Duration::from_secs_f64(options.limit_s) },
+        limit: match options.quick {
+            true => QUICK_RUN,
+            false => Duration::try_from_secs_f64(options.limit_s).unwrap_or(Duration::MAX),
+        },
+        end: options.quick.then(|| start + QUICK_END),
         done: vec![],
+        tried: vec![],
         count: [0; 2],
         cost: [0.0; 2],
         progress,
     };
+    if let Some(Place::Gpu(text)) = &options.gpu {
+        Gpu::open(text.as_deref())?; // no adapter, no study
+    }
+    if duration / all_steps[all_steps.len() - 1] > MOST_STEPS {
+        let what = format!("{}: a run of the study has more than {MOST_STEPS:e} steps", scene.file.display());
+        return Err(Error::Usage { what, fix: "give [study] a shorter duration_s".into() });
+    }
     let settings = variants.iter().flat_map(|s| runs.needed(s));
     let mut wanted: Vec<(Setting, bool)> = vec![];
     for run in settings.chain((!known).then(|| (reference.clone(), true))) {
@@ -165,46 +189,60 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
     wanted.extend(again.map(|setting| (setting.clone(), false)));
     runs.count[1] = wanted.len();
     runs.cost[1] = wanted.iter().map(|(setting, exactly)| runs.cost_of(setting, *exactly)).sum();
-    let start = Instant::now();
     let course = match known {
         true => vec![scene.study.known.iter().map(|(_, value)| *value).collect()],
         false => runs.whole(&reference, "the reference")?.samples,
     };
-    let mut rows = vec![];
-    let mut left_out = 0;
-    for setting in &variants {
-        if options.quick && start.elapsed().as_secs_f64() > QUICK_SECONDS {
-            left_out += 1;
-            continue;
-        }
-        rows.push(row(&mut runs, setting, &course)?);
-    }
-    for _ in 1..options.repeats {
-        for row in &mut rows {
-            row.trace.keep_faster(&runs.run(&row.setting, false)?);
-        }
-    }
-    mark_front(&mut rows);
-    let own_ms = rows.iter().find(|r| r.setting == first).map(|r| r.trace.ms_per_step);
-    let study = Study {
+    let mut study = Study {
         scene: scene.file.display().to_string(),
         machine: machine(),
         adapter: options.gpu.as_ref().and_then(adapter),
         reference: described(scene, &reference),
         signals: runs.signals.iter().map(|s| named(scene, *s)).collect(),
         poisson: poisson(scene),
-        rows,
-        left_out,
-        own_ms,
+        rows: vec![],
+        failed: vec![],
+        left_out: 0,
+        step: first.step,
+        own_ms: None,
     };
-    files::write(&study, &options.out)?;
+    for setting in &variants {
+        if options.quick && start.elapsed() > QUICK_BEGIN {
+            study.left_out += 1;
+            continue;
+        }
+        match row(&mut runs, setting, &course) {
+            Ok(row) => study.rows.push(row),
+            Err(error) => study.failed.push((setting.clone(), error.to_string())),
+        }
+        study.write(&first, &options.out)?;
+    }
+    for _ in 1..options.repeats {
+        for row in &mut study.rows {
+            row.trace.keep_faster(&runs.run(&row.setting, false)?);
+            runs.advance(&row.setting, false);
+        }
+        study.write(&first, &options.out)?;
+    }
     Ok(study)
 }
 
 impl Study {
+    /// Marks the front and writes the files, with all that has been run so far.
+    fn write(&mut self, first: &Setting, folder: &Path) -> Result<()> {
+        mark_front(&mut self.rows);
+        self.own_ms = self.rows.iter().find(|r| r.setting == *first).map(|r| r.trace.ms_per_step);
+        files::write(self, folder)
+    }
+
     /// The rows by the columns of study.csv.
     pub fn to_json(&self) -> serde_json::Value {
         files::json(self)
+    }
+
+    /// What could not be run and why, a line each.
+    pub fn failures(&self) -> Vec<String> {
+        files::failed_lines(self)
     }
 
     /// The fastest setting within each of some errors, a line each.
@@ -228,9 +266,20 @@ impl Runs<'_> {
         if let Some((_, _, trace)) = self.done.iter().find(known) {
             return Ok(trace.clone());
         }
-        let trace = self.run(setting, exactly)?;
+        let trace = self.run(setting, exactly);
+        if !self.tried.iter().any(|(s, e)| s == setting && *e == exactly) {
+            self.tried.push((setting.clone(), exactly));
+            self.advance(setting, exactly);
+        }
+        let trace = trace?;
         self.done.push((setting.clone(), exactly, trace.clone()));
         Ok(trace)
+    }
+
+    /// Counts a run, also one that failed.
+    fn advance(&mut self, setting: &Setting, exactly: bool) {
+        self.count[0] += 1;
+        self.cost[0] += self.cost_of(setting, exactly);
     }
 
     fn run(&mut self, setting: &Setting, exactly: bool) -> Result<Trace> {
@@ -239,16 +288,21 @@ impl Runs<'_> {
         let ([run, runs], [before, total]) = (self.count, self.cost);
         let progress = &mut *self.progress;
         let mut stepped = |part: f64| progress(&Progress { run, runs, share: (before + own * part) / total });
-        // what others are measured against is always run to its end
+        // what others are measured against is run to its end, but in a quick study
         let limit = if exactly { Duration::MAX } else { self.limit };
-        let trace = trace(&scene, &setting.place, &self.signals, self.every, limit, &mut stepped)?;
-        self.count[0] += 1;
-        self.cost[0] += own;
-        Ok(trace)
+        let left = self.end.map_or(Duration::MAX, |end| end.saturating_duration_since(Instant::now()));
+        let limit = limit.min(left);
+        trace(&scene, &setting.place, &self.signals, self.every, limit, &mut stepped)
     }
 
     fn whole(&mut self, setting: &Setting, what: &str) -> Result<Trace> {
         let trace = self.get(setting, true)?;
+        if !trace.whole() {
+            return Err(Error::Usage {
+                what: format!("{}: {what} takes too long for a quick study", self.scene.file.display()),
+                fix: "give [study] a smaller quick_grid or a shorter duration_s, or study without --quick".into(),
+            });
+        }
         if trace.samples.iter().flatten().all(|v| v.is_finite()) {
             return Ok(trace);
         }
@@ -303,17 +357,17 @@ fn at_shortest(scene: &Scene, setting: &Setting) -> Setting {
 
 /// The reference: the finest grid, the shortest step, solved exactly with the scene's own bricks.
 fn reference(scene: &Scene, quick: bool) -> Setting {
-    let finest = scene.study.grids.iter().copied().fold(2.0, f64::max);
+    let finest = scene.study.finest_grid().max(2.0);
     let grid = if scene.study.reference_grid > 0.0 { scene.study.reference_grid } else { finest };
     let grid = if quick { grid.min(2.0 * settings::quick(scene).grid) } else { grid };
     at_shortest(scene, &exact(scene, &Setting { grid, ..own(scene) }))
 }
 
-/// Marks the rows that no other beats in both time and total error.
+/// Marks the rows that no other beats in both computing time for the scene's and total error.
 fn mark_front(rows: &mut [Row]) {
     let point = |row: &Row| {
         let error = row.error_total.filter(|e| e.is_finite())?;
-        Some((row.trace.ms_per_step, error))
+        Some((files::real_time(row), error))
     };
     let points: Vec<Option<(f64, f64)>> = rows.iter().map(point).collect();
     for (k, row) in rows.iter_mut().enumerate() {

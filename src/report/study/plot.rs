@@ -1,6 +1,6 @@
 //! study.svg: error against time per step, both logarithmic, a panel per path, a curve per method, the front marked.
 
-use super::files::{element_name, path_name};
+use super::files::{element_name, path_name, real_time};
 use super::{Row, Setting, Stop, Study};
 use crate::error::{Error, Result};
 use crate::report::preconditioner_name;
@@ -24,10 +24,10 @@ type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogCoord<f64>, LogCoord<f64>>>;
 type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 
-/// Time per step, ms, and total error, %.
-fn point(row: &Row) -> Option<(f64, f64)> {
+/// Computing time for one of the study's own steps, ms, and total error, %. A longer step counts for as much of the scene as it covers.
+fn point(study: &Study, row: &Row) -> Option<(f64, f64)> {
     let error = row.error_total.filter(|e| *e <= MOST)?;
-    Some((row.trace.ms_per_step, error.max(LEAST) * 100.0))
+    Some((real_time(row) * study.step * 1e3, error.max(LEAST) * 100.0))
 }
 
 /// The picture's text.
@@ -56,7 +56,7 @@ fn draw(study: &Study, paths: &[[&str; 2]], area: &Area) -> Drawn {
     let adapter = study.adapter.as_ref().map_or(String::new(), |a| format!("; GPU: {a}"));
     let small = ("sans-serif", 12).into_font();
     head.draw(&Text::new(format!("{}{adapter}", study.machine), (14, 32), small))?;
-    let points: Vec<(f64, f64)> = study.rows.iter().filter_map(point).collect();
+    let points: Vec<(f64, f64)> = study.rows.iter().filter_map(|r| point(study, r)).collect();
     let (times, errors) = (decades(points.iter().map(|p| p.0)), decades(points.iter().map(|p| p.1)));
     let (panels, beside) = body.split_horizontally(PANEL.0 * paths.len().max(1) as u32);
     for (panel, path) in panels.split_evenly((1, paths.len().max(1))).iter().zip(paths) {
@@ -68,11 +68,14 @@ fn draw(study: &Study, paths: &[[&str; 2]], area: &Area) -> Drawn {
             .y_label_area_size(58)
             .build_cartesian_2d(times.clone().log_scale(), errors.clone().log_scale())?;
         let mut mesh = chart.configure_mesh();
-        mesh.light_line_style(BLACK.mix(0.06)).x_desc("time per step, ms").y_desc("error, %").draw()?;
+        mesh.light_line_style(BLACK.mix(0.06))
+            .x_desc(format!("time per step of {} ms, ms", (study.step * 1e9).round() / 1e6))
+            .y_desc("error, %")
+            .draw()?;
         front(&mut chart, study, path)?;
         let own: Vec<&Row> = study.rows.iter().filter(|r| path_name(&r.setting.place) == *path).collect();
         for method in methods(&own) {
-            curve(&mut chart, &own, method)?;
+            curve(&mut chart, study, &own, method)?;
         }
     }
     legend(&beside, &study.rows.iter().collect::<Vec<_>>())?;
@@ -128,11 +131,12 @@ fn dash(law: Law) -> Option<[u32; 2]> {
 }
 
 /// All points of a method, and its own front as a curve. A ring is a run that stopped after a number of iterations.
-fn curve(chart: &mut Chart, rows: &[&Row], (law, preconditioner): Method) -> Drawn {
+fn curve(chart: &mut Chart, study: &Study, rows: &[&Row], (law, preconditioner): Method) -> Drawn {
     let own = rows.iter().filter(|r| method(&r.setting) == (law, preconditioner));
     let color = color(preconditioner);
-    let all: Vec<(f64, f64, bool)> =
-        own.filter_map(|r| point(r).map(|(x, y)| (x, y, matches!(r.setting.stop, Stop::Iterations(_))))).collect();
+    let all: Vec<(f64, f64, bool)> = own
+        .filter_map(|r| point(study, r).map(|(x, y)| (x, y, matches!(r.setting.stop, Stop::Iterations(_)))))
+        .collect();
     chart.draw_series(all.iter().map(|(x, y, limited)| {
         let style = if *limited { color.stroke_width(1) } else { color.mix(0.6).filled() };
         Circle::new((*x, *y), 3, style)
@@ -149,9 +153,9 @@ fn curve(chart: &mut Chart, rows: &[&Row], (law, preconditioner): Method) -> Dra
 /// The study's front as a broad line in every panel; its own points of this panel ringed.
 fn front(chart: &mut Chart, study: &Study, path: &[&str; 2]) -> Drawn {
     let marked = || study.rows.iter().filter(|r| r.pareto);
-    let all = lower_left(marked().filter_map(point).collect());
+    let all = lower_left(marked().filter_map(|r| point(study, r)).collect());
     chart.draw_series(LineSeries::new(all, FRONT.mix(0.3).stroke_width(7)))?;
-    let here = marked().filter(|r| path_name(&r.setting.place) == *path).filter_map(point);
+    let here = marked().filter(|r| path_name(&r.setting.place) == *path).filter_map(|r| point(study, r));
     chart.draw_series(here.map(|p| Circle::new(p, 7, BLACK.stroke_width(1))))?;
     Ok(())
 }

@@ -2,7 +2,9 @@
 
 use crate::error::{Error, Result};
 use crate::mesh::Grid;
-use crate::scene::{Correction, Cut, Element, Integrator, Law, Preconditioner, ProbeKind, Region, Scene};
+use crate::scene::{
+    Correction, Cut, Element, Integrator, Law, MOST_NODES, Preconditioner, ProbeKind, Region, Scene, Skin,
+};
 use crate::step::Place;
 
 /// Relative residual of a solve that counts as exact.
@@ -94,6 +96,8 @@ pub struct Axes {
     integrators: Vec<Integrator>,
     corrections: Vec<Option<Correction>>,
     places: Vec<Place>,
+    /// A body is neo-Hookean.
+    newton: bool,
 }
 
 fn or_own<T: Clone>(list: &[T], own: T) -> Vec<T> {
@@ -120,6 +124,7 @@ impl Axes {
             steps: or_own(&study.steps, own.step),
             corrections: or_own(&corrections, own.correction),
             places,
+            newton: scene.skins.iter().any(|skin| skin.law == Law::NeoHookean),
         }
     }
 
@@ -129,7 +134,7 @@ impl Axes {
         let mut out: Vec<Setting> = vec![own.clone()];
         let mut add = |setting: Setting| {
             let factor = setting.preconditioner == Preconditioner::Direct && setting.place != Place::Cpu64;
-            let newton = setting.law == Law::NeoHookean && matches!(setting.place, Place::Gpu(_));
+            let newton = self.newton && matches!(setting.place, Place::Gpu(_));
             let runs = !factor && !newton;
             if runs && !out.contains(&setting) {
                 out.push(setting);
@@ -165,7 +170,7 @@ impl Axes {
         out.extend(self.steps.iter().map(|v| Setting { step: *v, ..one() }));
         out.extend(self.corrections.iter().map(|v| Setting { correction: *v, ..one() }));
         if own.preconditioner != Preconditioner::Direct {
-            let runs = |v: &&Place| own.law != Law::NeoHookean || !matches!(v, Place::Gpu(_));
+            let runs = |v: &&Place| !self.newton || !matches!(v, Place::Gpu(_));
             out.extend(self.places.iter().filter(runs).map(|v| Setting { place: v.clone(), ..one() }));
         }
         let mut once: Vec<Setting> = vec![];
@@ -204,6 +209,13 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
             *reserve_columns = (f64::from(*reserve_columns) * factor).ceil() as u32;
         }
     }
+    let nodes = |skin: &Skin| {
+        let z: f64 = skin.layers.iter().map(|l| f64::from(l.cells)).sum();
+        (f64::from(skin.cells[0]) + 1.0) * (f64::from(skin.cells[1]) + 1.0) * (z + 1.0)
+    };
+    if out.skins.iter().map(nodes).sum::<f64>() > f64::from(MOST_NODES) {
+        return refused("it has more nodes than 32-bit indices reach".into(), "take a coarser grid");
+    }
     let grids: Vec<Grid> = out.skins.iter().map(Grid::new).collect();
     let empty = |body: usize, region: &Region| {
         let grid: &Grid = &grids[body];
@@ -219,7 +231,6 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
                 let rest = grids[*body].rest(grids[*body].nearest(*point));
                 (0..3).any(|n| (rest[n] - point[n]).abs() > AT_NODE)
             }
-            ProbeKind::Reaction { body, region, .. } => empty(*body, region),
             _ => false,
         };
         if between && measured(scene, &probe.name) {
@@ -246,10 +257,9 @@ fn measured(scene: &Scene, name: &str) -> bool {
 /// As [`on_grid`].
 pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) -> Result<Scene> {
     let mut out = on_grid(scene, setting.grid)?;
-    for skin in &mut out.skins {
-        if let Law::Fem { element, .. } = setting.law {
-            skin.law = with(skin.law, element);
-        }
+    // in its own setting a scene of several bodies keeps the bricks of each
+    if let (Law::Fem { element, .. }, true) = (setting.law, setting.law != scene.skins[0].law) {
+        out.skins.iter_mut().for_each(|skin| skin.law = with(skin.law, element));
     }
     out.time.integrator = setting.integrator;
     (out.time.step, out.time.duration) = (setting.step, duration);
@@ -272,7 +282,7 @@ pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) 
 pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
     let bricks = scene.skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
     let splits = scene.tools.iter().any(|t| t.blade.is_some());
-    let unknowns = |skin: &crate::scene::Skin| {
+    let unknowns = |skin: &Skin| {
         let [x, y] = skin.cells.map(|n| f64::from(n) * setting.grid + 1.0);
         let z: f64 = skin.layers.iter().map(|l| (f64::from(l.cells) * setting.grid).max(1.0)).sum();
         (3.0 * x * y * (z + 1.0)) as usize

@@ -3,7 +3,7 @@
 use super::super::collect::force_on_tools;
 use super::super::run::whole;
 use crate::error::Result;
-use crate::scene::Scene;
+use crate::scene::{ProbeKind, Scene};
 use crate::step::{Place, Simulation};
 use std::time::{Duration, Instant};
 
@@ -28,14 +28,18 @@ impl Signal {
     }
 }
 
-/// The quantities of a scene: named probes or all of them, and forces on tools; of known values their probes alone.
+/// The quantities of a scene: named probes or all of them, and forces on tools; of known values their probes alone. Not reactions, which
+/// are of the step before: between steps of different lengths they would differ by that alone.
 pub fn signals(scene: &Scene) -> Vec<Signal> {
     let unit = |probe: usize| Signal::Probe(probe, scene.probes[probe].kind.unit());
     if !scene.study.known.is_empty() {
         return scene.study.known.iter().map(|(probe, _)| unit(*probe)).collect();
     }
     let mut out: Vec<Signal> = match scene.study.probes.is_empty() {
-        true => (0..scene.probes.len()).map(unit).collect(),
+        true => {
+            let late = |probe: &usize| matches!(scene.probes[*probe].kind, ProbeKind::Reaction { .. });
+            (0..scene.probes.len()).filter(|probe| !late(probe)).map(unit).collect()
+        }
         false => scene.study.probes.iter().map(|probe| unit(*probe)).collect(),
     };
     if !scene.tools.is_empty() {
@@ -145,6 +149,7 @@ pub fn apart_in(unit: &str, a: &[Vec<f64>], b: &[Vec<f64>], reference: &[Vec<f64
     if own.is_empty() {
         return None;
     }
+    assert!(a.len() == b.len() && b.len() == reference.len(), "runs are sampled at the same times");
     let (mut difference, mut size) = (0.0, 0.0);
     for ((a, b), r) in a.iter().zip(b).zip(reference) {
         for k in &own {
