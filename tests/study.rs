@@ -269,6 +269,11 @@ fn grids_that_do_not_fit_are_refused_before_the_first_run() {
     };
     assert!(refused("[study]\nprobes = [\"top\"]\ngrids = [0.3]").contains("8 cells times it are 2.4"));
     assert!(refused("[study]\ngrids = [1]").contains("probe off is at no node"));
+    let mut large = with("");
+    large.probes.truncate(1);
+    large.skins[0].cells = [400, 400];
+    let error = study(&large, &options("large", true), &mut |_| panic!("nothing is run")).expect_err("it is too large");
+    assert!(error.to_string().contains("quick_grid"), "{error}");
     let mut bare = with("");
     bare.probes.clear();
     let error = study(&bare, &options("bare", false), &mut |_| {}).expect_err("there is nothing to compare");

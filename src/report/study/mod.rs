@@ -16,6 +16,7 @@
 
 mod files;
 mod plot;
+mod runs;
 mod settings;
 mod trace;
 
@@ -24,12 +25,13 @@ pub use trace::{Signal, Trace};
 
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, adapters};
-use crate::scene::{Integrator, Scene};
+use crate::scene::Scene;
 use crate::step::Place;
+use runs::{Runs, at_shortest};
 use settings::{Axes, exact, own, quick, scene_of};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use trace::{UNITS, apart, apart_in, signals, trace};
+use trace::{UNITS, apart, apart_in, signals};
 
 /// No run of a quick study is longer than this,
 const QUICK_RUN: Duration = Duration::from_secs(12);
@@ -37,6 +39,8 @@ const QUICK_RUN: Duration = Duration::from_secs(12);
 const QUICK_BEGIN: Duration = Duration::from_secs(90);
 /// and stops what has not ended by then.
 const QUICK_END: Duration = Duration::from_secs(110);
+/// Cells of its reference at most: more take longer to set up than the study may.
+const QUICK_CELLS: f64 = 1e5;
 /// Most steps of a run.
 const MOST_STEPS: f64 = 1e6;
 
@@ -116,23 +120,6 @@ pub struct Progress {
     pub share: f64,
 }
 
-/// Runs and their traces, each once; what is left to do.
-struct Runs<'a> {
-    scene: &'a Scene,
-    signals: Vec<Signal>,
-    duration: f64,
-    every: Option<f64>,
-    limit: Duration,
-    /// When all runs end, those too that others are measured against.
-    end: Option<Instant>,
-    done: Vec<(Setting, bool, Trace)>,
-    tried: Vec<(Setting, bool)>,
-    /// Runs done and wanted, and their costs.
-    count: [usize; 2],
-    cost: [f64; 2],
-    progress: &'a mut dyn FnMut(&Progress),
-}
-
 /// Studies a scene and writes its three files; `progress` is told after every step.
 ///
 /// # Errors
@@ -176,6 +163,12 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
     if duration / all_steps[all_steps.len() - 1] > MOST_STEPS {
         let what = format!("{}: a run of the study has more than {MOST_STEPS:e} steps", scene.file.display());
         return Err(Error::Usage { what, fix: "give [study] a shorter duration_s".into() });
+    }
+    let cells = settings::cells(scene, reference.grid);
+    if options.quick && cells > QUICK_CELLS {
+        let what = format!("{}: the reference of a quick study has {cells:.0} cells", scene.file.display());
+        let fix = format!("give [study] a quick_grid with which twice as fine a grid has {QUICK_CELLS:.0} at most");
+        return Err(Error::Usage { what, fix });
     }
     let settings = variants.iter().flat_map(|s| runs.needed(s));
     let mut wanted: Vec<(Setting, bool)> = vec![];
@@ -251,83 +244,6 @@ impl Study {
     }
 }
 
-impl Runs<'_> {
-    /// A setting's own run and those that its errors are differences of.
-    fn needed(&self, setting: &Setting) -> [(Setting, bool); 4] {
-        let twin = Setting { place: Place::Cpu64, ..setting.clone() };
-        let exactly = exact(self.scene, setting);
-        let shortest = at_shortest(self.scene, &exactly);
-        [(setting.clone(), false), (twin, false), (exactly, true), (shortest, true)]
-    }
-
-    /// The trace of a setting, run now if it was not before.
-    fn get(&mut self, setting: &Setting, exactly: bool) -> Result<Trace> {
-        let known = |(s, e, _): &&(Setting, bool, Trace)| s == setting && *e == exactly;
-        if let Some((_, _, trace)) = self.done.iter().find(known) {
-            return Ok(trace.clone());
-        }
-        let trace = self.run(setting, exactly);
-        if !self.tried.iter().any(|(s, e)| s == setting && *e == exactly) {
-            self.tried.push((setting.clone(), exactly));
-            self.advance(setting, exactly);
-        }
-        let trace = trace?;
-        self.done.push((setting.clone(), exactly, trace.clone()));
-        Ok(trace)
-    }
-
-    /// Counts a run, also one that failed.
-    fn advance(&mut self, setting: &Setting, exactly: bool) {
-        self.count[0] += 1;
-        self.cost[0] += self.cost_of(setting, exactly);
-    }
-
-    fn run(&mut self, setting: &Setting, exactly: bool) -> Result<Trace> {
-        let scene = scene_of(self.scene, setting, self.duration, exactly)?;
-        let own = self.cost_of(setting, exactly);
-        let ([run, runs], [before, total]) = (self.count, self.cost);
-        let progress = &mut *self.progress;
-        let mut stepped = |part: f64| progress(&Progress { run, runs, share: (before + own * part) / total });
-        // what others are measured against is run to its end, but in a quick study
-        let limit = if exactly { Duration::MAX } else { self.limit };
-        let left = self.end.map_or(Duration::MAX, |end| end.saturating_duration_since(Instant::now()));
-        let limit = limit.min(left);
-        trace(&scene, &setting.place, &self.signals, self.every, limit, &mut stepped)
-    }
-
-    fn whole(&mut self, setting: &Setting, what: &str) -> Result<Trace> {
-        let trace = self.get(setting, true)?;
-        if !trace.whole() {
-            return Err(Error::Usage {
-                what: format!("{}: {what} takes too long for a quick study", self.scene.file.display()),
-                fix: "give [study] a smaller quick_grid or a shorter duration_s, or study without --quick".into(),
-            });
-        }
-        if trace.samples.iter().flatten().all(|v| v.is_finite()) {
-            return Ok(trace);
-        }
-        Err(Error::Usage {
-            what: format!("{}: {what} of the study left the numbers", self.scene.file.display()),
-            fix: "take a shorter reference_step_ms, or a scene that `cutis run` gets through".into(),
-        })
-    }
-
-    /// Cost of a run, in cells times steps times what its solver roughly takes.
-    fn cost_of(&self, setting: &Setting, exactly: bool) -> f64 {
-        use crate::scene::Preconditioner::{Block, Column, Direct, Jacobi, Multigrid, None};
-        let solver = match (setting.preconditioner, setting.stop) {
-            (Multigrid, _) => 5.0,
-            (Direct, _) => 20.0,
-            (Column, _) => 4.0,
-            (None | Jacobi | Block, Stop::Iterations(n)) => (f64::from(n) / 15.0).min(10.0),
-            (None | Jacobi | Block, _) => 10.0,
-        };
-        let place = if matches!(setting.place, Place::Gpu(_)) { 3.0 } else { 1.0 };
-        let more = if exactly { 3.0 } else { 1.0 };
-        setting.grid.powi(3) * self.duration / setting.step * (solver + 1.0) * place * more
-    }
-}
-
 /// Runs a setting and what its errors are differences of.
 fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>]) -> Result<Row> {
     let [own, twin, exactly, shortest] = runs.needed(setting).map(|(setting, exactly)| runs.get(&setting, exactly));
@@ -346,13 +262,6 @@ fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>]) -> Result<Row> {
         pareto: false,
         trace: own,
     })
-}
-
-/// The same at the shortest step, with the integrator of highest order.
-fn at_shortest(scene: &Scene, setting: &Setting) -> Setting {
-    let second = scene.study.integrators.contains(&Integrator::Newmark);
-    let integrator = if second { Integrator::Newmark } else { scene.time.integrator };
-    Setting { step: scene.study.finest_step(&scene.time), integrator, ..setting.clone() }
 }
 
 /// The reference: the finest grid, the shortest step, solved exactly with the scene's own bricks.

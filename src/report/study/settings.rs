@@ -278,6 +278,15 @@ pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) 
     Ok(out)
 }
 
+/// Cells of all bodies on a grid, about.
+pub fn cells(scene: &Scene, grid: f64) -> f64 {
+    let of = |skin: &Skin| {
+        let z: f64 = skin.layers.iter().map(|l| (f64::from(l.cells) * grid).max(1.0)).sum();
+        f64::from(skin.cells[0]) * f64::from(skin.cells[1]) * grid * grid * z
+    };
+    scene.skins.iter().map(of).sum()
+}
+
 /// The same bricks, grid and step solved exactly, in f64.
 pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
     let bricks = scene.skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));

@@ -1,0 +1,112 @@
+//! The runs of a study: each once, in time, with the share of the work that is done.
+
+use super::Progress;
+use super::settings::{Setting, Stop, exact, scene_of};
+use super::trace::{Signal, Trace, trace};
+use crate::error::{Error, Result};
+use crate::scene::{Integrator, Scene};
+use crate::step::Place;
+use std::time::{Duration, Instant};
+
+/// Runs and their traces, each once; what is left to do.
+pub(super) struct Runs<'a> {
+    pub scene: &'a Scene,
+    pub signals: Vec<Signal>,
+    pub duration: f64,
+    pub every: Option<f64>,
+    pub limit: Duration,
+    /// When all runs end, those too that others are measured against.
+    pub end: Option<Instant>,
+    pub done: Vec<(Setting, bool, Trace)>,
+    pub tried: Vec<(Setting, bool)>,
+    /// Runs done and wanted, and their costs.
+    pub count: [usize; 2],
+    pub cost: [f64; 2],
+    pub progress: &'a mut dyn FnMut(&Progress),
+}
+
+impl Runs<'_> {
+    /// A setting's own run and those that its errors are differences of.
+    pub fn needed(&self, setting: &Setting) -> [(Setting, bool); 4] {
+        let twin = Setting { place: Place::Cpu64, ..setting.clone() };
+        let exactly = exact(self.scene, setting);
+        let shortest = at_shortest(self.scene, &exactly);
+        [(setting.clone(), false), (twin, false), (exactly, true), (shortest, true)]
+    }
+
+    /// The trace of a setting, run now if it was not before.
+    pub fn get(&mut self, setting: &Setting, exactly: bool) -> Result<Trace> {
+        let known = |(s, e, _): &&(Setting, bool, Trace)| s == setting && *e == exactly;
+        if let Some((_, _, trace)) = self.done.iter().find(known) {
+            return Ok(trace.clone());
+        }
+        let trace = self.run(setting, exactly);
+        if !self.tried.iter().any(|(s, e)| s == setting && *e == exactly) {
+            self.tried.push((setting.clone(), exactly));
+            self.advance(setting, exactly);
+        }
+        let trace = trace?;
+        self.done.push((setting.clone(), exactly, trace.clone()));
+        Ok(trace)
+    }
+
+    /// Counts a run, also one that failed.
+    pub fn advance(&mut self, setting: &Setting, exactly: bool) {
+        self.count[0] += 1;
+        self.cost[0] += self.cost_of(setting, exactly);
+    }
+
+    /// Runs a setting, whether it was run before or not.
+    pub fn run(&mut self, setting: &Setting, exactly: bool) -> Result<Trace> {
+        let scene = scene_of(self.scene, setting, self.duration, exactly)?;
+        let own = self.cost_of(setting, exactly);
+        let ([run, runs], [before, total]) = (self.count, self.cost);
+        let progress = &mut *self.progress;
+        let mut stepped = |part: f64| progress(&Progress { run, runs, share: (before + own * part) / total });
+        // what others are measured against is run to its end, but in a quick study
+        let limit = if exactly { Duration::MAX } else { self.limit };
+        let left = self.end.map_or(Duration::MAX, |end| end.saturating_duration_since(Instant::now()));
+        let limit = limit.min(left);
+        trace(&scene, &setting.place, &self.signals, self.every, limit, &mut stepped)
+    }
+
+    /// The trace of what others are measured against, whole and finite.
+    pub fn whole(&mut self, setting: &Setting, what: &str) -> Result<Trace> {
+        let trace = self.get(setting, true)?;
+        if !trace.whole() {
+            return Err(Error::Usage {
+                what: format!("{}: {what} takes too long for a quick study", self.scene.file.display()),
+                fix: "give [study] a smaller quick_grid or a shorter duration_s, or study without --quick".into(),
+            });
+        }
+        if trace.samples.iter().flatten().all(|v| v.is_finite()) {
+            return Ok(trace);
+        }
+        Err(Error::Usage {
+            what: format!("{}: {what} of the study left the numbers", self.scene.file.display()),
+            fix: "take a shorter reference_step_ms, or a scene that `cutis run` gets through".into(),
+        })
+    }
+
+    /// Cost of a run, in cells times steps times what its solver roughly takes.
+    pub fn cost_of(&self, setting: &Setting, exactly: bool) -> f64 {
+        use crate::scene::Preconditioner::{Block, Column, Direct, Jacobi, Multigrid, None};
+        let solver = match (setting.preconditioner, setting.stop) {
+            (Multigrid, _) => 5.0,
+            (Direct, _) => 20.0,
+            (Column, _) => 4.0,
+            (None | Jacobi | Block, Stop::Iterations(n)) => (f64::from(n) / 15.0).min(10.0),
+            (None | Jacobi | Block, _) => 10.0,
+        };
+        let place = if matches!(setting.place, Place::Gpu(_)) { 3.0 } else { 1.0 };
+        let more = if exactly { 3.0 } else { 1.0 };
+        setting.grid.powi(3) * self.duration / setting.step * (solver + 1.0) * place * more
+    }
+}
+
+/// The same at the shortest step, with the integrator of highest order.
+pub(super) fn at_shortest(scene: &Scene, setting: &Setting) -> Setting {
+    let second = scene.study.integrators.contains(&Integrator::Newmark);
+    let integrator = if second { Integrator::Newmark } else { scene.time.integrator };
+    Setting { step: scene.study.finest_step(&scene.time), integrator, ..setting.clone() }
+}
