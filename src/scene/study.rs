@@ -166,11 +166,16 @@ pub(super) fn study(
     };
     if let Some(at) = raw.reference_step_ms.as_ref().filter(|_| study.reference_step > study.shortest_step(time)) {
         let bounds = [study.reference_step, study.shortest_step(time)].map(|s| s * 1e3);
-        return Err(order("reference_step_ms and the shortest step", at, bounds, "measure against a shorter step"));
+        return Err(order(
+            "reference_step_ms and the shortest step",
+            at,
+            bounds,
+            "give a reference_step_ms that is no longer",
+        ));
     }
     if let Some(at) = raw.reference_grid.as_ref().filter(|_| study.reference_grid < study.finest_grid()) {
         let bounds = [study.finest_grid(), study.reference_grid];
-        return Err(order("the finest grid and reference_grid", at, bounds, "measure against a grid as fine"));
+        return Err(order("the finest grid and reference_grid", at, bounds, "give a reference_grid that is as fine"));
     }
     let listed = raw.steps_ms.map(|list| list.span());
     let reference = raw.reference_step_ms.map(|step| step.span());
