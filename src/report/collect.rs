@@ -2,10 +2,10 @@
 
 use super::inspect::host_bytes;
 use super::run::non_finite;
-use super::{Memory, Report, SolverReport, Spread, preconditioner_name};
+use super::{Memory, Report, SolverReport, Spread};
 use crate::backend::Snapshot;
 use crate::math::larger;
-use crate::scene::{Integrator, Preconditioner, Scene};
+use crate::scene::{Integrator, PRECONDITIONERS, Preconditioner, Scene, word};
 use crate::step::{Measured, Simulation, StepReport};
 use std::time::{Duration, Instant};
 
@@ -51,7 +51,8 @@ impl Collector {
             step_s: scene.time.step,
             solver: SolverReport {
                 kind: kind.into(),
-                preconditioner: if explicit { "none" } else { preconditioner_name(scene.solver.preconditioner) }.into(),
+                preconditioner: if explicit { "none" } else { word(&PRECONDITIONERS, scene.solver.preconditioner) }
+                    .into(),
                 sums: device.sums.into(),
                 ..SolverReport::default()
             },

@@ -18,17 +18,3 @@ pub mod study;
 
 pub use keys::{CutReport, EnergyReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
 pub use live::leave_a_core;
-
-use crate::scene::Preconditioner;
-
-/// The scene's word for a preconditioner.
-pub fn preconditioner_name(kind: Preconditioner) -> &'static str {
-    match kind {
-        Preconditioner::None => "none",
-        Preconditioner::Jacobi => "jacobi",
-        Preconditioner::Block => "block",
-        Preconditioner::Column => "column",
-        Preconditioner::Multigrid => "multigrid",
-        Preconditioner::Direct => "direct",
-    }
-}

@@ -2,10 +2,10 @@
 
 use super::hyperelastic::WORD;
 use super::raw::{self, At, Table};
-use super::study::ELEMENTS;
 use super::text::{
     Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
 };
+use super::words::ELEMENTS;
 use super::{Cut, Law, Layer, Mass, Skin};
 use super::{grid, start};
 use crate::error::{Error, Result};

@@ -2,15 +2,9 @@
 
 use super::raw::{self, At};
 use super::text::{SceneText, or};
+use super::words::INTEGRATORS;
 use super::{Integrator, Law, Mass, Skin};
 use crate::error::{Error, Result};
-
-/// Integrators by the words of the file.
-pub(super) const INTEGRATORS: [(&str, Integrator); 3] = [
-    ("implicit_euler", Integrator::ImplicitEuler),
-    ("newmark", Integrator::Newmark),
-    ("symplectic_euler", Integrator::SymplecticEuler),
-];
 
 /// The integrator; `touching` says that bodies may touch or are tied.
 pub(super) fn integrator(

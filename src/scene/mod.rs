@@ -25,6 +25,7 @@ mod study;
 mod text;
 mod tools;
 mod touching;
+mod words;
 
 pub use anchor::Anchor;
 pub use builtin::incision;
@@ -40,6 +41,8 @@ pub use touching::{
     Attachment, Blade, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Tool, ToolMesh,
     Who,
 };
+
+pub use words::{CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, word};
 
 use std::path::PathBuf;
 

@@ -3,6 +3,7 @@
 use super::integrator::integrator;
 use super::raw::{self, At, Numbers, Table};
 use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
+use super::words::{CORRECTIONS, ELEMENTS, PRECONDITIONERS};
 use super::{Correction, Element, Integrator, Law, Preconditioner, Probe, ProbeKind, Skin, Time};
 use crate::error::{Error, Result};
 
@@ -45,21 +46,10 @@ pub struct Study {
 
 /// Preconditioners by the words of the file.
 pub(super) fn preconditioners(skins: &[Skin]) -> Vec<(&'static str, Preconditioner)> {
-    let mut known = vec![
-        ("none", Preconditioner::None),
-        ("jacobi", Preconditioner::Jacobi),
-        ("block", Preconditioner::Block),
-        ("column", Preconditioner::Column),
-    ];
-    if skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. })) {
-        known.extend([("multigrid", Preconditioner::Multigrid), ("direct", Preconditioner::Direct)]);
-    }
-    known
+    let bricks = skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
+    let known = if bricks { PRECONDITIONERS.len() } else { PRECONDITIONERS.len() - 2 };
+    PRECONDITIONERS[..known].to_vec()
 }
-
-/// Bricks by the words of the file.
-pub(super) const ELEMENTS: [(&str, Element); 3] =
-    [("bbar", Element::Bbar), ("enhanced", Element::Enhanced), ("plain", Element::Plain)];
 
 /// The table, checked; `touching` says that bodies may touch or are tied. Every step is a whole part of the longest one, so that runs can be compared at its ends.
 pub(super) fn study(
@@ -142,16 +132,7 @@ pub(super) fn study(
             })?,
             None => vec![],
         },
-        corrections: words(
-            scene,
-            "corrections",
-            raw.corrections,
-            &[
-                ("exact", Correction::Exact),
-                ("uncoupled", Correction::Uncoupled),
-                ("precomputed", Correction::Precomputed),
-            ],
-        )?,
+        corrections: words(scene, "corrections", raw.corrections, &CORRECTIONS)?,
         quick_grid: one("quick_grid", &raw.quick_grid, PLAIN)?,
         reference_grid: one("reference_grid", &raw.reference_grid, PLAIN)?,
         reference_step: one("reference_step_ms", &raw.reference_step_ms, MS)?,

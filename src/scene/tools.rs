@@ -8,7 +8,8 @@ use super::round::{path, round};
 use super::text::{
     ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS, SceneText, or, or_vector,
 };
-use super::{Blade, Contact, Correction, Coupling, Loop, Pose, Tool, ToolMesh};
+use super::words::CORRECTIONS;
+use super::{Blade, Contact, Coupling, Loop, Pose, Tool, ToolMesh};
 use crate::error::{Error, Result};
 use std::ops::Range;
 
@@ -192,8 +193,6 @@ pub(super) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
 /// The contact law; absent keys have their defaults.
 pub(super) fn contact(scene: &SceneText, raw: raw::Contact, tools: &[Tool]) -> Result<Contact> {
     let number = |key, value, default, unit, bound| scene.number(key, &or(value, default), unit, bound);
-    let corrections =
-        [("exact", Correction::Exact), ("uncoupled", Correction::Uncoupled), ("precomputed", Correction::Precomputed)];
     let correction = or(raw.correction, "exact".to_string());
     let filter = filter(scene, raw.filter, tools)?;
     Ok(Contact {
@@ -201,7 +200,7 @@ pub(super) fn contact(scene: &SceneText, raw: raw::Contact, tools: &[Tool]) -> R
         alarm: number("alarm_mm", raw.alarm_mm, 0.5, MM, Bound::Positive)?,
         distance: number("distance_mm", raw.distance_mm, 0.0, MM, Bound::NotNegative)?,
         forces: forces(scene, raw.forces, raw.penalty_n_m)?,
-        correction: scene.choice("correction", &correction, &corrections)?,
+        correction: scene.choice("correction", &correction, &CORRECTIONS)?,
         filter,
         angle_cone: angle_cone(scene, raw.angle_cone, filter, tools)?,
         max_contacts: scene.count("max_contacts", &or(raw.max_contacts, 16), [1, u32::MAX])?,

@@ -3,8 +3,7 @@
 use super::{Row, Setting, Stop, Study, plot};
 use crate::error::{Error, Result};
 use crate::output::replace;
-use crate::report::preconditioner_name;
-use crate::scene::{Correction, Element, Integrator, Law};
+use crate::scene::{CORRECTIONS, Correction, ELEMENTS, INTEGRATORS, Integrator, Law, PRECONDITIONERS, word};
 use crate::step::Place;
 use std::fmt::Write;
 use std::path::Path;
@@ -57,29 +56,14 @@ pub(super) fn write(study: &Study, folder: &Path) -> Result<()> {
 /// `bbar`, `enhanced`, `plain`, `neo_hookean` or `springs`.
 pub(super) fn element_name(law: Law) -> &'static str {
     match law {
-        Law::Fem { element: Element::Bbar, .. } => "bbar",
-        Law::Fem { element: Element::Enhanced, .. } => "enhanced",
-        Law::Fem { element: Element::Plain, .. } => "plain",
+        Law::Fem { element, .. } => word(&ELEMENTS, element),
         Law::NeoHookean => "neo_hookean",
         Law::Springs { .. } => "springs",
     }
 }
 
-fn integrator_name(integrator: Integrator) -> &'static str {
-    match integrator {
-        Integrator::ImplicitEuler => "implicit_euler",
-        Integrator::Newmark => "newmark",
-        Integrator::SymplecticEuler => "symplectic_euler",
-    }
-}
-
 fn correction_name(correction: Option<Correction>) -> &'static str {
-    match correction {
-        Some(Correction::Exact) => "exact",
-        Some(Correction::Uncoupled) => "uncoupled",
-        Some(Correction::Precomputed) => "precomputed",
-        None => "",
-    }
+    correction.map_or("", |correction| word(&CORRECTIONS, correction))
 }
 
 /// Backend and precision.
@@ -125,14 +109,14 @@ fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
     [
         study.scene.clone(),
         element_name(s.law).into(),
-        preconditioner_name(s.preconditioner).into(),
+        word(&PRECONDITIONERS, s.preconditioner).into(),
         tolerance,
         limit,
         format!("{:.2}", row.trace.iterations),
         s.grid.to_string(),
         poisson.join(" "),
         format!("{}", (s.step * 1e9).round() / 1e6),
-        integrator_name(s.integrator).into(),
+        word(&INTEGRATORS, s.integrator).into(),
         correction_name(s.correction).into(),
         backend.into(),
         precision.into(),
@@ -194,12 +178,12 @@ fn words(s: &Setting) -> String {
     };
     let integrator = match s.integrator {
         Integrator::ImplicitEuler => String::new(),
-        other => format!(", {}", integrator_name(other)),
+        other => format!(", {}", word(&INTEGRATORS, other)),
     };
     format!(
         "{} {}{stop}, grid × {}, {} ms{integrator}{correction}, {backend} {precision}",
         element_name(s.law),
-        preconditioner_name(s.preconditioner),
+        word(&PRECONDITIONERS, s.preconditioner),
         s.grid,
         (s.step * 1e9).round() / 1e6,
     )
@@ -266,8 +250,8 @@ fn page(study: &Study) -> String {
     if study.left_out > 0 {
         let _ = writeln!(out, "Left out for want of time: {} settings.", study.left_out);
     }
-    for (setting, error) in &study.failed {
-        let _ = writeln!(out, "Not run: {}: {error}", words(setting));
+    for line in failed_lines(study) {
+        let _ = writeln!(out, "Not run: {line}");
     }
     out += "\n![study.svg](study.svg)\n\n## The fastest setting within an error\n\n";
     out += &HEAD.replace("| setting |", "| total error within | setting |").replacen("| --- |", "| --- | --- |", 1);

@@ -3,8 +3,7 @@
 use super::files::{element_name, path_name, real_time};
 use super::{Row, Setting, Stop, Study};
 use crate::error::{Error, Result};
-use crate::report::preconditioner_name;
-use crate::scene::{Element, Law, Preconditioner};
+use crate::scene::{Element, Law, PRECONDITIONERS, Preconditioner, word};
 use plotters::coord::Shift;
 use plotters::coord::combinators::LogCoord;
 use plotters::prelude::*;
@@ -193,7 +192,7 @@ fn legend(area: &Area, rows: &[&Row]) -> Drawn {
             }
             Ok(())
         };
-        write(format!("{} {}", element_name(law), preconditioner_name(preconditioner)), &line)?;
+        write(format!("{} {}", element_name(law), word(&PRECONDITIONERS, preconditioner)), &line)?;
     }
     let broad = |y: i32| -> Drawn {
         area.draw(&PathElement::new(vec![(4, y), (30, y)], FRONT.mix(0.3).stroke_width(7)))?;

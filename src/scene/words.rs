@@ -1,0 +1,33 @@
+//! The words of a scene file for its choices, read both ways: the file's word gives the value, reports and studies give the word back.
+
+use super::{Correction, Element, Integrator, Preconditioner};
+
+/// Bricks.
+pub const ELEMENTS: [(&str, Element); 3] =
+    [("bbar", Element::Bbar), ("enhanced", Element::Enhanced), ("plain", Element::Plain)];
+
+/// Integrators.
+pub const INTEGRATORS: [(&str, Integrator); 3] = [
+    ("implicit_euler", Integrator::ImplicitEuler),
+    ("newmark", Integrator::Newmark),
+    ("symplectic_euler", Integrator::SymplecticEuler),
+];
+
+/// Contact corrections.
+pub const CORRECTIONS: [(&str, Correction); 3] =
+    [("exact", Correction::Exact), ("uncoupled", Correction::Uncoupled), ("precomputed", Correction::Precomputed)];
+
+/// Preconditioners; the last two are for bricks.
+pub const PRECONDITIONERS: [(&str, Preconditioner); 6] = [
+    ("none", Preconditioner::None),
+    ("jacobi", Preconditioner::Jacobi),
+    ("block", Preconditioner::Block),
+    ("column", Preconditioner::Column),
+    ("multigrid", Preconditioner::Multigrid),
+    ("direct", Preconditioner::Direct),
+];
+
+/// The word of a value; empty for one that has none.
+pub fn word<T: PartialEq>(table: &[(&'static str, T)], value: T) -> &'static str {
+    table.iter().find(|(_, known)| *known == value).map_or("", |(word, _)| word)
+}
