@@ -11,10 +11,13 @@ pub mod accelerate;
 pub mod advance;
 pub mod ahead;
 pub mod anchors;
+pub mod attempt;
 pub mod blocks;
 pub mod bounds;
 pub mod centres;
 pub mod coarsen;
+pub mod collect;
+pub mod collect_product;
 pub mod converge;
 pub mod cut;
 pub mod duplicate;
@@ -23,11 +26,14 @@ pub mod forces;
 pub mod gather;
 pub mod integrate;
 pub mod momentum;
+pub mod neo_forces;
+pub mod neo_tangent;
 pub mod precondition;
 pub mod probe;
 pub mod product;
 pub mod prolongation;
 pub mod relax;
+pub mod residual;
 pub mod restriction;
 pub mod rhs;
 pub mod rotations;
@@ -44,10 +50,21 @@ use crate::math::Real;
 /// Text shared by all shaders: `Params`, corners, quaternions, reductions.
 pub const COMMON: &str = include_str!("common.wgsl");
 
-/// The whole text of a kernel: the common part, the access to the table of split nodes where it is bound, the kernel's own.
+/// The whole text of a kernel: the common part, what others share that it needs by the arrays that it binds, the kernel's own.
 pub fn text(source: &Source) -> String {
-    let split = if source.wgsl.contains("> split: array") { split::WGSL } else { "" };
-    format!("{COMMON}\n{split}\n{}", source.wgsl)
+    let mut out = COMMON.to_string();
+    let shared = [
+        ("> split: array", split::WGSL),
+        ("> lame: array", neo_forces::WGSL),
+        ("read> corner_force: array", collect::WGSL),
+    ];
+    for (binding, text) in shared {
+        if source.wgsl.contains(binding) {
+            out += "\n";
+            out += text;
+        }
+    }
+    out + "\n" + source.wgsl
 }
 
 /// A shader as text, with what the host must know about it beyond what naga reads from the text itself.
@@ -67,10 +84,13 @@ pub const ALL: &[&Source] = &[
     &advance::SOURCE,
     &ahead::SOURCE,
     &anchors::SOURCE,
+    &attempt::SOURCE,
     &blocks::SOURCE,
     &bounds::SOURCE,
     &centres::SOURCE,
     &coarsen::SOURCE,
+    &collect::SOURCE,
+    &collect_product::SOURCE,
     &converge::SOURCE,
     &cut::SOURCE,
     &duplicate::SOURCE,
@@ -79,6 +99,8 @@ pub const ALL: &[&Source] = &[
     &gather::SOURCE,
     &integrate::SOURCE,
     &momentum::SOURCE,
+    &neo_forces::SOURCE,
+    &neo_tangent::SOURCE,
     &precondition::SOURCE,
     &probe::SOURCE,
     &product::SOURCE,
@@ -88,6 +110,7 @@ pub const ALL: &[&Source] = &[
     &rotations::SOURCE,
     &scatter::SOURCE,
     &relax::SOURCE,
+    &residual::SOURCE,
     &split_product::SOURCE,
     &springs::SOURCE,
     &springs_blocks::SOURCE,

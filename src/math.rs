@@ -42,6 +42,8 @@ pub trait Real:
     fn f64(self) -> f64;
     /// Square root.
     fn sqrt(self) -> Self;
+    /// Natural logarithm.
+    fn ln(self) -> Self;
     /// Absolute value.
     fn abs(self) -> Self;
     /// Larger of two.
@@ -73,6 +75,9 @@ macro_rules! real {
             }
             fn sqrt(self) -> Self {
                 self.sqrt()
+            }
+            fn ln(self) -> Self {
+                self.ln()
             }
             fn abs(self) -> Self {
                 self.abs()

@@ -7,6 +7,7 @@
 
 mod cpu;
 mod gpu;
+mod newton;
 
 pub use cpu::CpuBackend;
 pub use gpu::GpuBackend;

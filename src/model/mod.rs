@@ -13,7 +13,7 @@ mod step;
 pub use anchors::{Anchors, rate};
 pub use energy::{Solved, elastic_energy, residual, true_residual};
 pub use measures::{energy, inverted_cells};
-pub use neo_hookean::{Cell, Forces, Material, NeoHookean, gather, times};
+pub use neo_hookean::{NeoHookean, tangent};
 pub use springs::Springs;
 pub use step::Step;
 
@@ -256,7 +256,9 @@ impl Model {
             product_groups: if self.springs.is_some() {
                 self.grid.node_count().div_ceil(GROUP as usize) as u32
             } else {
-                (tiles(&self.grid.params::<f64>()) + touched.div_ceil(GROUP as usize)) as u32
+                // and what split cells, or cells with tangents of their own, add
+                let more = if self.neo_hookean.is_some() { self.node_count() } else { touched };
+                (tiles(&self.grid.params::<f64>()) + more.div_ceil(GROUP as usize)) as u32
             },
             inertia: R::of(s.inertia()),
             stiffness_factor: R::of(s.stiffness_factor()),

@@ -8,7 +8,7 @@ use crate::backend::GpuBackend;
 use crate::error::Result;
 use crate::gpu::{Gpu, Made, adapters};
 use crate::model::Model;
-use crate::scene::{Correction, Integrator, ProbeKind, Scene};
+use crate::scene::{Correction, Integrator, Law, ProbeKind, Scene, Skin};
 use crate::step::{needs, start};
 use serde::Serialize;
 
@@ -132,7 +132,7 @@ fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
 }
 
 /// Arrays whose size does not follow the grid: uniforms, and those of the probe.
-const CONSTANT: [&str; 7] = ["params", "stiffness", "modes", "shape", "pre_strain", "cases", "errors"];
+const CONSTANT: [&str; 8] = ["params", "stiffness", "modes", "shape", "lame", "pre_strain", "cases", "errors"];
 
 fn shares(arrays: &[Array], cells: usize) -> Vec<Share> {
     let mut out: Vec<Share> = vec![];
@@ -173,11 +173,14 @@ fn probes(scene: &Scene) -> u32 {
     any(|k| matches!(k, ProbeKind::Reaction { .. })) + any(|k| matches!(k, ProbeKind::Displacement { .. }))
 }
 
-fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split]: [u32; 3]) -> Vec<Count> {
+fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split, place]: [u32; 4]) -> Vec<Count> {
     let count = |name, count, per| Count { name, count, per };
     // and integration
     let per = if model.step.explicit() { "step" } else { "iteration" };
     let mut list = vec![count("free motion", begin + 1, "step"), count("solver", iteration, per)];
+    if place > 0 {
+        list.push(count("place", place, "place tried"));
+    }
     if split > 0 {
         list.push(count("split cells", split, "iteration after a cut"));
     }
@@ -214,10 +217,19 @@ fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split]: [u32; 3])
 
 fn read_backs(scene: &Scene) -> Vec<Count> {
     let count = |name, count, per| Count { name, count, per };
+    let neo = |skin: &Skin| matches!(skin.law, Law::NeoHookean);
+    let newton = scene.contact.is_none() && scene.skins.iter().any(neo);
     let mut list = match scene.time.integrator {
         Integrator::SymplecticEuler => vec![count("queue", 1, "32 steps")],
+        _ if newton => vec![count("place", 1, "place tried"), count("solver", 1, "Newton iteration")],
         _ => vec![count("solver", 1, "step")],
     };
+    if newton && !scene.skins.iter().all(neo) {
+        list.push(count("solver", 1, "step"));
+    }
+    if !newton && scene.skins.iter().any(neo) {
+        list.push(count("energies", 1, "step"));
+    }
     if probes(scene) > 0 {
         list.push(count("probes", probes(scene), "step"));
     }

@@ -170,6 +170,7 @@ impl Body {
     /// Partial sums of the product, per slot.
     pub fn product_groups(&self) -> usize {
         match self.kernel {
+            "collect_product" => self.product_tiles() + self.node_groups(),
             "product" | "split_product" => {
                 self.product_tiles() + (self.params_of_split().touched_nodes as usize).div_ceil(GROUP as usize)
             }
@@ -247,6 +248,19 @@ impl Body {
             "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4)),
             "u" => coincide(random.vectors(nodes, 1e-4)),
             "tile_bounds" => random.many(self.tiles() * 8, 1.0),
+            "place" => self.place(&mut random),
+            "lame" => (0..LAYERS)
+                .flat_map(|_| {
+                    let [lambda, mu] = [9e4, 1e4].map(|c| c * (1.0 + 0.3 * random.next()));
+                    [lambda, mu, 0.0, 0.0]
+                })
+                .collect(),
+            "corner_force" => random.many(self.grid.cell_count() * 24 * self.slots, 0.01),
+            "energy" => random.many(self.grid.cell_count(), 1e-6),
+            "promise" => random.many(self.node_groups(), 1e-6),
+            "balance" => random.many(self.node_groups() * 2, 1e-6),
+            "dx" | "dx_next" => random.vectors(nodes, 1e-4),
+            "rest" if ["attempt", "residual"].contains(&self.kernel) => random.vectors(nodes, 0.01),
             "point_u" | "point_before" => random.vectors(nodes, 3e-4),
             "v" | "mean_v" => random.vectors(nodes, 0.1),
             "y" => random.vectors(nodes, 1e-2),
@@ -295,7 +309,7 @@ impl Body {
                 // what the kernel leaves to another one is zero
                 let own = |k: usize| match self.kernel {
                     "product" => k % groups < self.product_tiles(),
-                    "split_product" => k % groups >= self.product_tiles(),
+                    "split_product" | "collect_product" => k % groups >= self.product_tiles(),
                     _ => true,
                 };
                 let all = positive(&mut random, self.slots * groups).enumerate();
@@ -314,6 +328,18 @@ impl Body {
         let near = |c: f64, r: f32| c as f32 + 1e-4 * r;
         let nodes = (0..self.grid.node_count()).map(|n| self.grid.rest(n));
         coincide(nodes.flat_map(|p| p.map(|c| near(c, random.next())).pad()).collect())
+    }
+
+    /// Strains up to some 20 %; in a larger body one node is beyond its neighbours, so that cells around it are inside out, and a corner far
+    /// up, so that one has more than twice its volume.
+    fn place(&self, random: &mut Random) -> Vec<f32> {
+        let mut place = random.vectors(self.nodes(), 2e-5);
+        let last = place.len();
+        if self.grid.cell_count() > 100 {
+            place[4 * (self.nodes() / 2) + 2] = -3e-3;
+            (0..4).for_each(|n| place[last - 4 + n] = [4e-4, 4e-4, 2e-3, 0.0][n]);
+        }
+        place
     }
 
     fn rotation(&self, random: &mut Random) -> Vec<f32> {
@@ -365,7 +391,7 @@ impl Body {
         };
         match name {
             "params" => Ok(gpu.uniform("params", 0, &self.words())),
-            "shape" | "pre_strain" => Ok(uniform(MAX_LAYERS * 16)),
+            "shape" | "lame" | "pre_strain" => Ok(uniform(MAX_LAYERS * 16)),
             "stiffness" => Ok(uniform(MAX_LAYERS * 64 * 48)),
             "modes" => Ok(uniform(MAX_LAYERS * 8 * 48)),
             _ => match self.array(name) {

@@ -7,7 +7,7 @@
 //! drops roundings. So the scale of every bound comes from the terms of the case, never from the result.
 //! Source: Higham 2002, Accuracy and Stability of Numerical Algorithms, section 3.3 (running error analysis). Differs: `t` instead of
 //! `|a ± b|`, and the roundings of WGSL (specification, section 15.7.4 "Floating point accuracy"): `+ − ×` 1 ulp (rounded
-//! correctly, but in either direction), `/` 2.5 ulp, `sqrt` = 1 / inverseSqrt: 2 + 2.5 ulp; subnormal results may be flushed to zero.
+//! correctly, but in either direction), `/` 2.5 ulp, `sqrt` = 1 / inverseSqrt: 2 + 2.5 ulp, `log` 3 ulp; subnormal results may be flushed to zero.
 
 use bytemuck::{Pod, Zeroable};
 use cutis::math::Real;
@@ -23,6 +23,8 @@ const ULP: f64 = f32::EPSILON as f64;
 const DIVISION: f64 = 2.5;
 /// Of a square root, ulp.
 const SQUARE_ROOT: f64 = 4.5;
+/// Of a logarithm, ulp.
+const LOGARITHM: f64 = 3.0;
 /// What flushing a subnormal result loses.
 const FLUSHED: f64 = f32::MIN_POSITIVE as f64;
 
@@ -147,6 +149,11 @@ impl Real for Bounded {
         let root = self.value.sqrt();
         let carried = self.error.sqrt().min(self.error / root);
         rounded(root, carried, SQUARE_ROOT)
+    }
+    fn ln(self) -> Self {
+        // outside 1/2 … 2, where WGSL promises ulps
+        let least = (self.value - self.error).max(0.0);
+        rounded(self.value.ln(), self.error / least, LOGARITHM)
     }
     fn abs(self) -> Self {
         Self { value: self.value.abs(), ..self }

@@ -73,6 +73,9 @@ const CASES: &[Case] = cases! {
     anchors Ids false [
         "* anchor[k]" => "* anchor[0]", "* free[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
     ]
+    attempt Nodes false [
+        "* params.gain" => "", "u[i].xyz + moved" => "moved", "dot(rest[i].xyz" => "dot(dx[i].xyz", "n = GROUP / 2u" => "n = GROUP / 4u"
+    ]
     blocks Nodes false [
         "a + 4u" => "a + 3u", "if a < 4u" => "if a < 3u", "layer_of[at.z] * 64u" => "0u",
         "any(at >= cells)" => "any(at + 1u >= cells)", "corner_node(params, at, a) != i" => "false", "a < 4u && chained" => "a < 4u",
@@ -87,6 +90,11 @@ const CASES: &[Case] = cases! {
     coarsen Cells false [
         "0.25 * share" => "share", "select(weight, -weight," => "select(weight, weight,",
         "x >= params.cells_x ||" => "", "weight = squared *" => "weight =", "child & 1u" => "child & 0u"
+    ]
+    collect Nodes false ["collected(i, 0u)" => "collected(i, 24u)", "a * 3u;" => "3u;", "any(at >= cells)" => "any(at + 1u >= cells)"]
+    collect_product Nodes true [
+        "* params.stiffness_factor" => "", "* free[i].xyz" => "", "slot * params.cell_count * 24u" => "0u", "w[at].xyz + more" => "more",
+        "scalars[slot * 2u].w == 0.0" => "true", "n = GROUP / 2u" => "n = GROUP / 4u", "corner_force[k + 1u]" => "corner_force[k]"
     ]
     converge One true [
         "n < groups" => "n < 1u", "residual <=" => "residual >", "scalars[slot * 2u].w == 0.0" => "true"
@@ -112,6 +120,19 @@ const CASES: &[Case] = cases! {
         "near.y * near.z" => "near.y", "sum * rate" => "sum", "v[corner_node(params, at, b)].xyz - own" => "v[corner_node(params, at, b)].xyz", "|| corner_node(params, at, a) != i" => "", "shape[layer_of[at.z]]" => "shape[0]",
         "any(at >= cells)" => "any(at + 1u >= cells)", "== vec4<f32>(0.0)) ||" => "== vec4<f32>(9.0)) ||"
     ]
+    neo_forces Cells false [
+        "0.78867513" => "0.7887", "weight.zzy" => "weight.zyy", "values[a] - values[0]" => "values[a]", "+ dot(a, cross(b, c))" => "",
+        "cross(f[1], f[2]), cross(f[2], f[0])" => "cross(f[1], f[2]), cross(f[0], f[2])", "layer_of[at.z]" => "0u",
+        "(identity() - point.back)" => "identity()", "- 2.0 * point.bend" => "", "growing[a] * pressure" => "growing[a]",
+        "inside_out || point.growth <= -1.0" => "false", "lambda * log_mean / (1.0 + mean)" => "lambda * log_mean",
+        "4.0 * lambda" => "lambda", "f32(2u * n + 1u)" => "f32(2u * n)", "let ln = log(1.0 + g)" => "let ln = g", "s * g - tail" => "s * g"
+    ]
+    neo_tangent Cells true [
+        "values[a] - values[0]" => "values[a]", "layer_of[at.z]" => "0u", "transpose(turned)" => "turned", "(mu - held)" => "mu", "held * spread" => "held",
+        "(1.0 - log_mean)" => "1.0", "whole * whole" => "whole", "weight * grown * spread" => "weight * spread",
+        "scalars[slot * 2u].w != 0.0" => "false", "slot * params.node_count" => "0u", "(slot * params.cell_count + cell)" => "cell",
+        "inside_out || point.growth <= -1.0" => "false", "+ growing[a] * pressed" => ""
+    ]
     precondition Columns true [
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u",
         "scalars[slot * 2u].w == 0.0" => "true", "dot(r[offset + i].xyz, above)" => "dot(above, above)"
@@ -133,6 +154,10 @@ const CASES: &[Case] = cases! {
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u", "* params.keep" => "* params.gain",
         "params.fresh == 0u { own" => "true { own", "params.fresh == 0u {\n                change" => "true {\n                change",
         "scalars[slot * 2u].w == 0.0" => "true", "z[offset + i].xyz + change" => "change", "w[offset + i].xyz - carried" => "carried"
+    ]
+    residual Nodes false [
+        "(collected(i, 0u) - before)" => "collected(i, 0u)", "- w[i].xyz - change" => "- change", "* free[i].xyz" => "", "* 0.5" => "",
+        "before * params.stiffness_factor" => "before", "dot(left, left)" => "dot(left, pull)", "n = GROUP / 2u" => "n = GROUP / 4u"
     ]
     restriction Nodes true [
         "0.5, 1.0, dx == 1u" => "0.5, 1.0, dx == 0u", "- w[node].xyz" => "+ w[node].xyz", "x > params.nodes_x ||" => "",
@@ -275,7 +300,13 @@ fn numbers(body: &Body, name: &str, bytes: &[u8]) -> Vec<f64> {
         // not the padding to 16 bytes
         ("partial_gamma", Array::Real(all)) => slot_sums(&real()[..all.len()], body.column_groups()),
         ("partial_product", Array::Real(all)) => slot_sums(&real()[..all.len()], body.product_groups()),
-        ("partial_load" | "partial_residual", Array::Real(all)) => slot_sums(&real()[..all.len()], body.node_groups()),
+        ("balance", Array::Real(all)) => {
+            let sum = |part: usize| real()[..all.len()].iter().skip(part).step_by(2).sum();
+            vec![sum(0), sum(1)]
+        }
+        ("partial_load" | "partial_residual" | "promise", Array::Real(all)) => {
+            slot_sums(&real()[..all.len()], body.node_groups())
+        }
         (_, Array::Real(all)) => real()[..all.len()].to_vec(),
         (_, Array::Count(all)) => {
             let words = &cast::<u32>(bytes)[..all.len()];

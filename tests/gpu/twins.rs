@@ -91,6 +91,13 @@ pub fn anchors<R: Real>(b: &Body) -> Outputs<R> {
     vec![("b", flat(&right))]
 }
 
+pub fn attempt<R: Real>(b: &Body) -> Outputs<R> {
+    let [u, dx, x, rest] = ["u", "dx", "x", "rest"].map(|name| b.v4::<R>(name));
+    let (mut dx_next, mut place) = (b.v4("dx_next"), b.v4("place"));
+    let promise = kernels::attempt::attempt(&b.params(), &u, &dx, &x, &rest, &mut dx_next, &mut place);
+    vec![("dx_next", flat(&dx_next)), ("place", flat(&place)), ("promise", vec![promise])]
+}
+
 pub fn blocks<R: Real>(b: &Body) -> Outputs<R> {
     let mut block = b.v4::<R>("block");
     let (layer_of, rotation) = (&b.grid.layer_of, b.v4("rotation"));
@@ -115,6 +122,51 @@ pub fn coarsen<R: Real>(b: &Body) -> Outputs<R> {
     let mut coarse = vec![[R::zero(); 4]; b.coarse_cells()];
     kernels::coarsen::coarsen(&b.params(), &b.v4("rotation"), &mut coarse);
     vec![("coarse_rotation", flat(&coarse))]
+}
+
+pub fn collect<R: Real>(b: &Body) -> Outputs<R> {
+    let mut f = b.v4::<R>("f");
+    kernels::collect::collect(&b.params(), &b.scalars("corner_force"), &mut f);
+    vec![("f", flat(&f))]
+}
+
+pub fn collect_product<R: Real>(b: &Body) -> Outputs<R> {
+    let (mut w, mut sums) = (b.v4::<R>("w"), start_sums(b, "partial_product", b.product_groups()));
+    let (force, z, free) = (b.scalars::<R>("corner_force"), b.v4::<R>("z"), b.v4("free"));
+    let cells = b.grid.cell_count() * 24;
+    for (slot, nodes) in running(b) {
+        let own = &force[slot * cells..(slot + 1) * cells];
+        let dot = kernels::collect_product::collect_product(&b.params(), own, &free, &z[nodes.clone()], &mut w[nodes]);
+        sums[slot] += dot;
+    }
+    vec![("w", flat(&w)), ("partial_product", sums)]
+}
+
+pub fn neo_forces<R: Real>(b: &Body) -> Outputs<R> {
+    let (mut force, mut energy) = (b.scalars("corner_force"), b.scalars("energy"));
+    let (shape, lame, layer_of) = (b.v4::<R>("shape"), b.v4("lame"), &b.grid.layer_of);
+    let params = b.params();
+    kernels::neo_forces::neo_forces(&params, &shape, &lame, layer_of, &b.v4("place"), &mut force, &mut energy);
+    vec![("corner_force", force), ("energy", energy)]
+}
+
+pub fn neo_tangent<R: Real>(b: &Body) -> Outputs<R> {
+    let (mut force, z) = (b.scalars("corner_force"), b.v4::<R>("z"));
+    let (shape, lame, layer_of, place) = (b.v4::<R>("shape"), b.v4("lame"), &b.grid.layer_of, b.v4("place"));
+    let cells = b.grid.cell_count() * 24;
+    for (slot, nodes) in running(b) {
+        let own = &mut force[slot * cells..(slot + 1) * cells];
+        kernels::neo_tangent::neo_tangent(&b.params(), &shape, &lame, layer_of, &place, &z[nodes], own);
+    }
+    vec![("corner_force", force)]
+}
+
+pub fn residual<R: Real>(b: &Body) -> Outputs<R> {
+    let [f, right, w, dx, free] = ["f", "b", "w", "dx", "free"].map(|name| b.v4::<R>(name));
+    let mut rest = b.v4("rest");
+    let force = b.scalars("corner_force");
+    let balance = kernels::residual::residual(&b.params(), &force, &f, &right, &w, &dx, &free, &mut rest);
+    vec![("rest", flat(&rest)), ("balance", balance.to_vec())]
 }
 
 /// Exact, or useless: the bound of every error is zero.

@@ -74,10 +74,7 @@ impl<R: Real> Elastic<R> {
                 split_cells: vec![],
                 multigrid: Hierarchy::new(model),
                 direct: Direct::new(model).map(Box::new),
-                neo: model
-                    .neo_hookean
-                    .as_ref()
-                    .map(|law| Box::new(Neo::new(law.clone(), model.params(), model.step.end_share()))),
+                neo: model.neo_hookean.as_ref().map(|law| Box::new(Neo::new(law, model))),
             }),
         }
     }

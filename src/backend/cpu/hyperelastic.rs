@@ -1,43 +1,28 @@
-//! Neo-Hookean bricks on the CPU path: per-cell tangents, their product, and Newton's method for a step.
+//! Neo-Hookean bricks on the CPU path: per-cell tangents, their product, and the places of Newton's method ([`super::super::newton`]).
 //!
-//! A step is the least of `Π(Δx) = ½ Δx·(inertia M + (r_K/h) K₀) Δx + σ (W(u + Δx) − f(u)·Δx) − b·Δx`, `σ` the integrator's share of the end
-//! (1, or ½ for Newmark), `K₀` the small-strain bricks turned with the cells, which Rayleigh's damping and the preconditioner take. Newton:
-//! `(inertia M + (r_K/h) K₀ + σ K_T) e = −∇Π`, solved by the conjugate gradients to a share of the residual that falls with it, so that
-//! convergence stays quadratic; then `Δx += t e`, `t` halved until `Π` falls enough (Armijo) and no cell is inside out. Where the
-//! gradients break down the tangent is not positive: `K₀` is added to it, ten times more each time, until they end (counted).
 //! What touches is solved with one linearisation per step, at the step's start: contact columns and correction then share one matrix;
 //! over steps at rest that is Newton's method too.
-//! Source: Nocedal, Wright 2006, chapters 3 and 7 (line search, inexact Newton); Eisenstat, Walker 1996 (the falling share).
 
 use super::CpuBackend;
 use super::arrays::Elastic;
+use crate::backend::newton::{Attempt, Descent, SHIFTS, newton, raised};
 use crate::backend::{FREE, Nonlinear, Target, Wanted};
 use crate::error::{Error, Result};
+use crate::kernels::collect_product::collect_product;
 use crate::kernels::{PARALLEL, Params};
 use crate::linear::Outcome;
 use crate::math::{Real, V4, norm, round, widen};
-use crate::model::NeoHookean;
+use crate::model::{self, Model, NeoHookean};
 use rayon::prelude::*;
-
-/// Newton iterations of a step at most; 3 to 10 are usual, a bar that buckles by half its length takes 46.
-const MOST: u32 = 100;
-/// Largest share of its residual that an iteration's solve leaves: less costs more inside, more costs more iterations.
-const SHARE: f64 = 0.1;
-/// Armijo's share of the promised fall.
-const FALL: f64 = 1e-4;
-/// Halvings of a step at most: 10⁻⁹ of it.
-const HALVINGS: u32 = 30;
-/// First share of `K₀` that is added to a tangent that is not positive, and how often ten times more is tried.
-const SHIFT: f64 = 0.1;
-const SHIFTS: u32 = 5;
 
 /// The law's arrays.
 pub(super) struct Neo<R> {
     law: NeoHookean,
     params: Params<f64>,
+    /// For sums of cells' forces: with the share of the change of forces over a step that it sees.
+    sums: Params<R>,
     /// `[cell]` tangents by rows, N/m
     tangent: Vec<[[R; 24]; 24]>,
-    /// Share of the change of forces over a step that it sees.
     end_share: f64,
     /// `r_K/h`, and what has been added for tangents that are not positive.
     pub damping: f64,
@@ -46,10 +31,13 @@ pub(super) struct Neo<R> {
 }
 
 impl<R: Real> Neo<R> {
-    pub fn new(law: NeoHookean, params: Params<f64>, end_share: f64) -> Self {
+    /// Of a model with that law.
+    pub fn new(law: &NeoHookean, model: &Model) -> Self {
+        let (params, end_share) = (model.params::<f64>(), model.step.end_share());
         let tangent = vec![[[R::zero(); 24]; 24]; params.cell_count as usize];
         let damping = params.stiffness_factor - end_share;
-        Self { law, params, tangent, end_share, damping, shift: 0.0, count: Nonlinear::default() }
+        let sums = Params { stiffness_factor: R::of(end_share), ..model.params() };
+        Self { law: law.clone(), params, sums, tangent, end_share, damping, shift: 0.0, count: Nonlinear::default() }
     }
 
     pub fn newton(&self) -> bool {
@@ -66,7 +54,7 @@ impl<R: Real> Neo<R> {
         let Self { law, params, tangent, .. } = self;
         tangent.par_iter_mut().enumerate().with_min_len(PARALLEL / 32).for_each(|(cell, k)| {
             if let Some(state) = law.cell(params, u, cell) {
-                *k = state.tangent().map(|row| row.map(R::of));
+                *k = model::tangent(&state).map(|row| row.map(R::of));
             }
         });
     }
@@ -87,32 +75,15 @@ impl<R: Real> Neo<R> {
             out
         };
         let cells: Vec<[R; 24]> = self.tangent.par_iter().enumerate().with_min_len(PARALLEL / 32).map(one).collect();
-        let share = R::of(self.end_share);
-        let mut dot = R::zero();
-        for (node, w) in w.iter_mut().enumerate() {
-            let c = params.node_at(node);
-            let mut sum = [R::zero(); 3];
-            for a in 0..8 {
-                if let Some(cell) = params.cell_below(c, a) {
-                    (0..3).for_each(|n| sum[n] += cells[cell][3 * a + n]);
-                }
-            }
-            for n in 0..3 {
-                let more = share * sum[n] * free[node][n];
-                w[n] += more;
-                dot += z[node][n] * more;
-            }
-        }
-        dot
+        collect_product(&self.sums, cells.as_flattened(), free, z, w)
     }
 }
 
 /// A place on the way to a step's solution.
+#[derive(Clone)]
 struct Trial<R> {
     /// `[node]` m
     dx: Vec<V4<R>>,
-    /// J
-    potential: f64,
     /// `[node]` −∇Π, N
     rest: Vec<V4<R>>,
 }
@@ -167,43 +138,26 @@ impl<R: Real> CpuBackend<R> {
     /// Adds more of `K₀`.
     fn raise(&mut self) {
         if let Some(neo) = self.neo() {
-            neo.shift = if neo.shift == 0.0 { SHIFT } else { 10.0 * neo.shift };
+            neo.shift = raised(neo.shift);
             neo.count.indefinite += 1;
         }
     }
 
     /// The free motion by Newton's method; the slot's right-hand side is the step's `b`, its solution the increment.
     pub(super) fn newton(&mut self, tolerance: f64) -> Result<Outcome> {
-        let n = self.node_count;
+        let (n, floor) = (self.node_count, self.floor);
+        let zeros = vec![[R::zero(); 4]; n];
+        let still = Trial { dx: zeros.clone(), rest: zeros.clone() };
         let b = self.r[..n].to_vec();
-        let target = (tolerance * self.load_squared.f64().sqrt()).max(self.floor);
-        let start = vec![[R::zero(); 4]; n];
-        let Some(mut here) = self.trial(&b, start)? else { unreachable!("forces at the step's start were taken") };
-        let mut size = norm(&widen(&here.rest));
-        let first = size;
-        let mut iterations = 0;
-        let mut newton = 0;
-        while size > target && newton < MOST {
-            newton += 1;
-            let place = self.moved(&here.dx);
-            if let Some(neo) = self.neo() {
-                neo.linearise(&place);
-            }
-            let wanted = (SHARE * size * (size / first).min(1.0)).max(0.1 * target);
-            let (outcome, direction) = self.direction(&here.rest, wanted)?;
-            iterations += outcome.iterations;
-            let Some(next) = self.search(&b, &here, &direction)? else {
-                break;
-            };
-            here = next;
-            size = norm(&widen(&here.rest));
-        }
+        let mut descent = Search { body: self, b, here: still.clone(), tried: still, direction: zeros };
+        let (outcome, own) = newton(&mut descent, tolerance, floor)?;
+        let dx = descent.here.dx;
+        self.x[..n].copy_from_slice(&dx);
         if let Some(neo) = self.neo() {
-            neo.count.iterations = newton;
+            neo.count.iterations = own;
             neo.shift = 0.0;
         }
-        self.x[..n].copy_from_slice(&here.dx);
-        Ok(Outcome { iterations, converged: size <= target, residual: size, target })
+        Ok(outcome)
     }
 
     /// `u + Δx` in f64.
@@ -213,7 +167,7 @@ impl<R: Real> CpuBackend<R> {
     }
 
     /// Potential and residual at an increment; `None` where a cell is inside out.
-    fn trial(&mut self, b: &[V4<R>], dx: Vec<V4<R>>) -> Result<Option<Trial<R>>> {
+    fn trial(&mut self, b: &[V4<R>], dx: Vec<V4<R>>) -> Result<Option<(f64, Trial<R>)>> {
         let place = self.moved(&dx);
         let Elastic::Bricks(bricks) = &self.law else { return Ok(None) };
         let Some(neo) = &bricks.neo else { return Ok(None) };
@@ -231,50 +185,67 @@ impl<R: Real> CpuBackend<R> {
                 rest[i][n] = R::of((b[i][n].f64() - rest[i][n].f64() - change) * axis);
             }
         }
-        Ok(Some(Trial { dx, potential, rest }))
+        Ok(Some((potential, Trial { dx, rest })))
+    }
+}
+
+/// A body on its way, with the step's right-hand side.
+struct Search<'a, R: Real> {
+    body: &'a mut CpuBackend<R>,
+    b: Vec<V4<R>>,
+    here: Trial<R>,
+    tried: Trial<R>,
+    direction: Vec<V4<R>>,
+}
+
+impl<R: Real> Descent for Search<'_, R> {
+    fn attempt(&mut self, share: f64) -> Result<Option<Attempt>> {
+        let along =
+            |(d, e): (&V4<R>, &V4<R>)| round(&std::array::from_fn::<f64, 4, _>(|n| d[n].f64() + share * e[n].f64()));
+        let dx: Vec<V4<R>> = self.here.dx.iter().zip(&self.direction).map(along).collect();
+        let Some((potential, tried)) = self.body.trial(&self.b, dx)? else {
+            return Ok(None);
+        };
+        let product = |(r, e): (&V4<R>, &V4<R>)| (0..3).map(|n| r[n].f64() * e[n].f64()).sum::<f64>();
+        let promise = self.here.rest.iter().zip(&self.direction).map(product).sum();
+        let size = norm(&widen(&tried.rest));
+        self.tried = tried;
+        Ok(Some(Attempt { potential, noise: 0.0, size, promise }))
     }
 
-    /// Solves for Newton's direction to a residual, N, raising the tangent until it is positive.
-    fn direction(&mut self, rest: &[V4<R>], residual: f64) -> Result<(Outcome, Vec<V4<R>>)> {
-        let n = self.node_count;
-        if let Some(neo) = self.neo() {
+    fn take(&mut self) {
+        std::mem::swap(&mut self.here, &mut self.tried);
+    }
+
+    fn direction(&mut self, residual: f64) -> Result<Outcome> {
+        let place = self.body.moved(&self.here.dx);
+        if let Some(neo) = self.body.neo() {
+            neo.linearise(&place);
             neo.shift = 0.0;
         }
+        let (body, n) = (&mut *self.body, self.b.len());
         let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
         let mut spent = 0;
         for attempt in 0..=SHIFTS {
-            self.r[..n].copy_from_slice(rest);
-            self.x[..n].fill([R::zero(); 4]);
-            let mut outcome = self.solve_slots(&wanted, &[])?.0[0];
+            body.r[..n].copy_from_slice(&self.here.rest);
+            body.x[..n].fill([R::zero(); 4]);
+            let mut outcome = body.solve_slots(&wanted, &[])?.0[0];
             spent += outcome.iterations;
-            if !outcome.broken(self.max_iterations) || attempt == SHIFTS {
+            if !outcome.broken(body.max_iterations) || attempt == SHIFTS {
                 outcome.iterations = spent;
-                return Ok((outcome, self.x[..n].to_vec()));
+                self.direction.copy_from_slice(&body.x[..n]);
+                return Ok(outcome);
             }
-            self.raise();
+            body.raise();
         }
         unreachable!("the last attempt returns")
     }
 
-    /// The first of the halved steps that lets the potential fall; `None` where none does: what is left is rounding.
-    fn search(&mut self, b: &[V4<R>], here: &Trial<R>, direction: &[V4<R>]) -> Result<Option<Trial<R>>> {
-        let product = |(r, e): (&V4<R>, &V4<R>)| (0..3).map(|n| r[n].f64() * e[n].f64()).sum::<f64>();
-        let promised: f64 = here.rest.iter().zip(direction).map(product).sum();
-        let size = norm(&widen(&here.rest));
-        let mut t = 1.0;
-        for _ in 0..HALVINGS {
-            let along = |(d, e): (&V4<R>, &V4<R>)| round(&[0, 1, 2, 3].map(|n| d[n].f64() + t * e[n].f64()));
-            let dx: Vec<V4<R>> = here.dx.iter().zip(direction).map(along).collect();
-            if let Some(next) = self.trial(b, dx)? {
-                let falls = next.potential <= here.potential - FALL * t * promised;
-                // near the end a fall is below the potential's rounding, and the residual still tells
-                let closer = t == 1.0 && norm(&widen(&next.rest)) < 0.5 * size;
-                if promised > 0.0 && (falls || closer) {
-                    return Ok(Some(next));
-                }
-            }
-            t *= 0.5;
-        }
-        Ok(None)
+    fn load(&self) -> f64 {
+        self.body.load_squared.f64().sqrt()
+    }
+
+    fn inside_out(&self) -> Error {
+        unreachable!("forces at the step's start were taken")
     }
 }

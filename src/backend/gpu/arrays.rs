@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::cut::Hit;
 use crate::kernels::{
-    self, GROUP, Params, Source, blocks, bounds, centres, cut, forces, momentum, probe, product, rotations, springs,
-    springs_blocks, springs_product,
+    self, GROUP, Params, Source, blocks, bounds, centres, collect, cut, forces, momentum, neo_forces, probe, product,
+    rotations, springs, springs_blocks, springs_product,
 };
 use crate::math::{M3, V3, V4};
 use crate::mesh::Parts;
@@ -28,6 +28,10 @@ impl Arrays {
     /// These and more.
     pub fn joined(&self, more: &Self) -> Self {
         Self(self.0.iter().chain(&more.0).cloned().collect())
+    }
+    /// One array under another name.
+    pub fn one(name: &'static str, buffer: &Buffer) -> Self {
+        Self(vec![(name, buffer.clone())])
     }
     /// The array of a name.
     pub fn get(&self, name: &str) -> Option<Buffer> {
@@ -143,12 +147,6 @@ impl Law {
                 fix: "run it with --backend cpu, or take the preconditioner multigrid".into(),
             });
         }
-        if model.neo_hookean.is_some() {
-            return Err(Error::Usage {
-                what: "law = \"neo_hookean\" runs on the CPU path, not on a GPU".into(),
-                fix: "run it with --backend cpu, or take law = \"fem\"".into(),
-            });
-        }
         let n = model.node_count();
         if let Some(s) = &model.springs {
             let rest: Vec<V4<f32>> = model.rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();
@@ -189,7 +187,11 @@ impl Law {
         if model.corotational {
             elastic.push((&rotations::SOURCE, cells));
         }
-        elastic.push((&forces::SOURCE, n));
+        if model.neo_hookean.is_some() {
+            elastic.extend([(&neo_forces::SOURCE, cells), (&collect::SOURCE, n)]);
+        } else {
+            elastic.push((&forces::SOURCE, n));
+        }
         let mut consistent = None;
         if model.mass == Mass::Consistent {
             let mean_v = made.vec4("mean_v", n)?;

@@ -7,7 +7,7 @@ use super::solver::Solver;
 use crate::backend::Wanted;
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu};
-use crate::kernels::{Params, accelerate, ahead, forces};
+use crate::kernels::{Params, accelerate, ahead, forces, neo_forces};
 use crate::linear::Outcome;
 use crate::model::Model;
 
@@ -44,7 +44,9 @@ pub(super) fn elastic(
     let mut list: Vec<Dispatch> = ahead.iter().map(|a| a.kernel.clone()).collect();
     for (source, threads) in &law.elastic {
         let place = ahead.filter(|_| source.name == forces::SOURCE.name).map(|a| ("u", &a.y));
-        let more: Vec<_> = place.into_iter().chain([("params", main)]).collect();
+        let start = if source.name == neo_forces::SOURCE.name { arrays.get("u") } else { None };
+        let start = start.as_ref().map(|u| ("place", u));
+        let more: Vec<_> = place.into_iter().chain(start).chain([("params", main)]).collect();
         list.push((arrays.bind(gpu, source, &more)?, *threads));
     }
     Ok(list)

@@ -8,10 +8,11 @@ mod anchors;
 mod arrays;
 mod exchange;
 mod explicit;
+mod hyperelastic;
 mod solver;
 mod split;
 
-use super::{Backend, CORRECTION, Device, FREE, Needs, Snapshot, Vector, Wanted};
+use super::{Backend, CORRECTION, Device, Needs, Nonlinear, Snapshot, Vector, Wanted};
 use crate::cut::Removal;
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
@@ -21,7 +22,8 @@ use crate::math::{V3, V4};
 use crate::model::Model;
 use anchors::Anchored;
 use arrays::{Arrays, Body, Bounds, Cutting, Dispatch, Law, Maker, axes, keeps_what_sums_lose};
-use exchange::{Pick, Put, triples};
+use exchange::{Pick, Put};
+use hyperelastic::Neo;
 use solver::Solver;
 use split::Split;
 
@@ -45,6 +47,7 @@ pub struct GpuBackend {
     body: Body,
     anchored: Option<Anchored>,
     solver: Solver,
+    neo: Option<Neo>,
     begin: Vec<Dispatch>,
     integrate: [Bound; 2], // without, with correction
     pick: Pick,
@@ -90,7 +93,10 @@ impl GpuBackend {
         let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
         let own = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
         let arrays = law.shared.joined(&Arrays::of(&own));
-        let solver = Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact)?;
+        let mut neo = Neo::new(&mut made, model, &u, params)?;
+        let arrays = neo.iter().fold(arrays, |all, neo| all.joined(&neo.arrays));
+        let solver = Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact, neo.as_mut())?;
+        neo.iter_mut().try_for_each(|neo| neo.search(&mut made, &arrays, &solver))?;
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
         };
@@ -143,6 +149,7 @@ impl GpuBackend {
             body: Body { u, v, free, masses, load, cell: law.cell },
             anchored,
             solver,
+            neo,
             begin,
             integrate,
             pick,
@@ -242,35 +249,14 @@ impl Backend for GpuBackend {
         if self.unread.is_some() {
             return self.accelerate(wanted, pick);
         }
-        let only_correction = wanted.iter().all(|w| w.slot == CORRECTION);
-        let last = wanted.iter().map(|w| w.slot).max().unwrap_or(FREE);
-        let (first, rows) = if only_correction { (CORRECTION, 1) } else { (FREE, last as u32 + 1) };
-        self.solver.write_requests(&self.gpu, wanted, last + 1, self.floor);
-        let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
-        let mut batch = self.record();
-        let (from, bytes) = (self.offset(first), self.offset(rows as usize));
-        batch.copy(&self.solver.x, from, &self.solver.z, from, bytes);
-        let kind = usize::from(only_correction);
-        // one product more than there are iterations forms the start's residual
-        let [spare, again] = self.solver.spare;
-        let mut count = (self.expected[kind] * 5 / 4 + spare).min(self.max_iterations.saturating_add(1));
-        loop {
-            self.solver.record(&mut batch, only_correction, rows, count);
-            let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
-            let heads = 32 * (last as u64 + 1);
-            let parts =
-                self.gpu.submit_and_read(batch, &[(&self.solver.scalars, heads), (&self.pick.picked, picked)])?;
-            let heads = solver::scalars(&parts[0], wanted);
-            let running = heads.iter().filter(|k| k.done == 0.0).map(|k| k.iterations as u32);
-            let left = running.map(|done| self.max_iterations.saturating_sub(done)).max().unwrap_or(0);
-            if left == 0 {
-                let outcomes: Vec<Outcome> = heads.iter().map(Outcome::of).collect();
-                self.expected[kind] = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
-                return Ok((outcomes, triples(&parts[1])));
-            }
-            batch = self.gpu.batch();
-            count = count.clamp(again, 8 * again).min(left);
+        match self.neo {
+            Some(_) => self.solve_neo(wanted, pick),
+            None => self.solve_slots(wanted, pick),
         }
+    }
+
+    fn nonlinear(&self) -> Nonlinear {
+        self.neo.as_ref().map(|neo| neo.count).unwrap_or_default()
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {

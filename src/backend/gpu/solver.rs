@@ -5,7 +5,9 @@
 
 use super::GpuBackend;
 use super::arrays::{Arrays, Dispatch, Law, Maker, modes_uniform, stiffness_uniform};
-use crate::backend::{CORRECTION, Target, Wanted};
+use super::exchange::triples;
+use super::hyperelastic::Neo;
+use crate::backend::{CORRECTION, FREE, Target, Wanted};
 use crate::error::Result;
 use crate::gpu::{Batch, Buffer, Gpu, cast};
 use crate::kernels::advance::Scalars;
@@ -14,6 +16,7 @@ use crate::kernels::{
     advance, blocks, coarsen, converge, factor, precondition, product, prolongation, relax, restriction, split_product,
     update,
 };
+use crate::linear::Outcome;
 use crate::linear::multigrid::steps;
 use crate::model::{Model, Multigrid};
 
@@ -59,6 +62,7 @@ impl Solver {
         params: Params<f32>,
         main: &Buffer,
         with_correction: bool,
+        mut neo: Option<&mut Neo>,
     ) -> Result<Self> {
         if model.step.explicit() {
             return Self::explicit(made, body, params, main);
@@ -86,10 +90,14 @@ impl Solver {
             levels = make_levels(made, multigrid, arrays.clone(), &shared, params, main)?;
         }
         let refresh = refresh(gpu, &levels)?;
-        let iteration = |made: &mut Maker, params: Params<f32>, main: &Buffer| -> Result<Vec<Dispatch>> {
+        let mut iteration = |made: &mut Maker, params: Params<f32>, main: &Buffer| -> Result<Vec<Dispatch>> {
             let bind = |source: &Source, threads: usize| Ok((arrays.bind(gpu, source, &[("params", main)])?, threads));
             let tiles = if law.springs > 0 { params.product_groups as usize } else { product::tiles(&params) };
-            let mut out = vec![bind(law.product, tiles * GROUP as usize)?];
+            let product = (law.product, tiles * GROUP as usize);
+            let mut out = match &mut neo {
+                Some(neo) => neo.products(made, &arrays, product, params)?,
+                None => vec![bind(product.0, product.1)?],
+            };
             out.extend(split_product(gpu, law, &arrays, &params, main)?);
             out.extend([bind(&advance::SOURCE, 1)?, bind(&update::SOURCE, n)?]);
             if levels.is_empty() {
@@ -161,10 +169,50 @@ impl GpuBackend {
         &self.gpu
     }
 
-    /// Dispatches at a step's begin, per iteration of a solve, and per iteration once a cut has split cells.
-    pub fn launches(&self) -> [u32; 3] {
+    /// Dispatches at a step's begin, per iteration of a solve, per iteration once a cut has split cells, and per place that Newton's method
+    /// tries.
+    pub fn launches(&self) -> [u32; 4] {
         let [iteration, split] = self.solver.launches();
-        [self.begin.len() as u32, iteration, split]
+        [self.begin.len() as u32, iteration, split, self.neo.as_ref().map_or(0, Neo::launches)]
+    }
+}
+
+impl GpuBackend {
+    /// Solves slots of the linear system together.
+    pub(super) fn solve_slots(
+        &mut self,
+        wanted: &[Wanted],
+        pick: &[(usize, u32)],
+    ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+        let only_correction = wanted.iter().all(|w| w.slot == CORRECTION);
+        let last = wanted.iter().map(|w| w.slot).max().unwrap_or(FREE);
+        let (first, rows) = if only_correction { (CORRECTION, 1) } else { (FREE, last as u32 + 1) };
+        self.solver.write_requests(&self.gpu, wanted, last + 1, self.floor);
+        let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
+        let mut batch = self.record();
+        let (from, bytes) = (self.offset(first), self.offset(rows as usize));
+        batch.copy(&self.solver.x, from, &self.solver.z, from, bytes);
+        let kind = usize::from(only_correction);
+        // one product more than there are iterations forms the start's residual
+        let [spare, again] = self.solver.spare;
+        let mut count = (self.expected[kind] * 5 / 4 + spare).min(self.max_iterations.saturating_add(1));
+        loop {
+            self.solver.record(&mut batch, only_correction, rows, count);
+            let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
+            let heads = 32 * (last as u64 + 1);
+            let parts =
+                self.gpu.submit_and_read(batch, &[(&self.solver.scalars, heads), (&self.pick.picked, picked)])?;
+            let heads = scalars(&parts[0], wanted);
+            let running = heads.iter().filter(|k| k.done == 0.0).map(|k| k.iterations as u32);
+            let left = running.map(|done| self.max_iterations.saturating_sub(done)).max().unwrap_or(0);
+            if left == 0 {
+                let outcomes: Vec<Outcome> = heads.iter().map(Outcome::of).collect();
+                self.expected[kind] = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
+                return Ok((outcomes, triples(&parts[1])));
+            }
+            batch = self.gpu.batch();
+            count = count.clamp(again, 8 * again).min(left);
+        }
     }
 }
 

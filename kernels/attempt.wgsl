@@ -1,0 +1,34 @@
+// A place along Newton's direction. Twin: attempt.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> u: array<vec4<f32>>;            // [node] m
+@group(0) @binding(2) var<storage, read> dx: array<vec4<f32>>;           // [node] m
+@group(0) @binding(3) var<storage, read> x: array<vec4<f32>>;            // [node] direction, m
+@group(0) @binding(4) var<storage, read> rest: array<vec4<f32>>;         // [node] N
+@group(0) @binding(5) var<storage, read_write> dx_next: array<vec4<f32>>; // [node] m
+@group(0) @binding(6) var<storage, read_write> place: array<vec4<f32>>;  // [node] displacement, m
+@group(0) @binding(7) var<storage, read_write> promise: array<f32>;      // [group] J
+
+var<workgroup> shared_sum: array<f32, 64>;
+
+@compute @workgroup_size(64)
+fn attempt(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let block = group_of(group, groups);
+    let i = block * GROUP + lane;
+    var part = 0.0;
+    if i < params.node_count {
+        let moved = dx[i].xyz + x[i].xyz * params.gain;
+        dx_next[i] = vec4<f32>(moved, 0.0);
+        place[i] = vec4<f32>(u[i].xyz + moved, 0.0);
+        part = dot(rest[i].xyz, x[i].xyz);
+    }
+    shared_sum[lane] = part;
+    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
+        workgroupBarrier();
+        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+    }
+    if lane == 0u && i < params.node_count { promise[block] = shared_sum[0]; }
+}

@@ -1,0 +1,57 @@
+// Neo-Hookean cells; see neo_forces.rs (formula and units there).
+const NEAR: f32 = 0.78867513; // (1 + 1/√3)/2
+const FAR: f32 = 0.21132487;
+
+struct Point { h: mat3x3<f32>, growth: f32, bend: f32, back: mat3x3<f32> }
+
+fn shape_gradient(inverse_edges: vec3<f32>, a: u32, p: u32) -> vec3<f32> {
+    let own = corner(a);
+    let weight = select(vec3<f32>(FAR), vec3<f32>(NEAR), own == corner(p));
+    let sign = select(vec3<f32>(-1.0), vec3<f32>(1.0), own == vec3<u32>(1u));
+    return sign * weight.yxx * weight.zzy * inverse_edges;
+}
+
+fn outer(a: vec3<f32>, b: vec3<f32>) -> mat3x3<f32> {
+    return mat3x3<f32>(a * b.x, a * b.y, a * b.z);
+}
+
+fn identity() -> mat3x3<f32> {
+    return diagonal(vec3<f32>(1.0));
+}
+
+fn field_gradient(inverse_edges: vec3<f32>, at: array<vec3<f32>, 8>, p: u32) -> mat3x3<f32> {
+    var values = at;
+    var sum = mat3x3<f32>();
+    for (var a = 1u; a < 8u; a += 1u) {
+        sum += outer(values[a] - values[0], shape_gradient(inverse_edges, a, p));
+    }
+    return sum;
+}
+
+// The state of a Gauss point; `growth` of −1 where the volume is not positive.
+fn point_of(h: mat3x3<f32>) -> Point {
+    let a = h[0]; let b = h[1]; let c = h[2];
+    let minors = (a.x * b.y - b.x * a.y) + (a.x * c.z - c.x * a.z) + (b.y * c.z - c.y * b.z);
+    let bend = minors + dot(a, cross(b, c));
+    let growth = a.x + b.y + c.z + bend;
+    let volume = 1.0 + growth;
+    // a comparison with what is not a number is false
+    if !(volume > 0.0 && volume < 1e38) { return Point(h, -1.0, bend, mat3x3<f32>()); }
+    let f = identity() + h;
+    let back = mat3x3<f32>(cross(f[1], f[2]), cross(f[2], f[0]), cross(f[0], f[1])) * (1.0 / volume);
+    return Point(h, growth, bend, back);
+}
+
+// ln(1 + g) and g − ln(1 + g).
+fn logarithm(g: f32) -> vec2<f32> {
+    let s = g / (2.0 + g);
+    if abs(s) > 1.0 / 3.0 {
+        let ln = log(1.0 + g);
+        return vec2<f32>(ln, g - ln);
+    }
+    let t = s * s;
+    var tail = 0.0;
+    for (var n = 12u; n > 0u; n -= 1u) { tail = tail * t + 1.0 / f32(2u * n + 1u); }
+    tail = 2.0 * s * t * tail;
+    return vec2<f32>(2.0 * s + tail, s * g - tail);
+}

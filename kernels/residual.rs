@@ -1,0 +1,38 @@
+//! What a place on the way to a step's solution leaves of the balance, and its part of the potential (`backend::newton`).
+//!
+//! `−∇Π = P (b − w − σ (f(u + Δx) − f(u)))`, `w = (inertia M + (r_K/h) K₀) Δx` from `product`, `σ = params.stiffness_factor` of this kernel's
+//! own block; the potential is `½ Δx·w − Δx·(b + σ f(u))` here and `σ` times the cells' energy beside it.
+//! Units: forces N, dx m, potential J.
+
+use super::collect::collected;
+use super::{Params, Source};
+use crate::math::{Real, V3, V4};
+
+/// The shader.
+pub const SOURCE: Source =
+    Source { name: "residual", wgsl: include_str!("residual.wgsl"), params: Params::<f32>::FIELDS };
+
+/// All nodes; returns the potential's part and `|−∇Π|²`.
+pub fn residual<R: Real>(
+    params: &Params<R>,
+    corner_force: &[R], // [cell][corner][axis] at the place, N
+    f: &[V4<R>],        // [node] at the step's start, N
+    b: &[V4<R>],        // [node] N
+    w: &[V4<R>],        // [node] N
+    dx: &[V4<R>],       // [node] m
+    free: &[V4<R>],     // [node] 1 free, 0 held, per axis; mass kg
+    rest: &mut [V4<R>], // [node] N
+) -> [R; 2] {
+    let share = params.stiffness_factor;
+    let mut sum = [R::zero(); 2];
+    for i in 0..rest.len() {
+        let (before, right, linear) = (V3::from4(f[i]), V3::from4(b[i]), V3::from4(w[i]));
+        let change = (collected(params, corner_force, i) - before) * share;
+        let left = (right - linear - change).times(V3::from4(free[i]));
+        rest[i] = left.pad(R::zero());
+        let pull = linear * R::of(0.5) - (right + before * share);
+        sum[0] += V3::from4(dx[i]).dot(pull);
+        sum[1] += left.dot(left);
+    }
+    sum
+}

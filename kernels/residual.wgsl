@@ -1,0 +1,37 @@
+// What a place leaves of the balance, and its part of the potential. Twin: residual.rs (formula and units there).
+@group(0) @binding(0) var<uniform> params: Params;
+@group(0) @binding(1) var<storage, read> corner_force: array<f32>;          // [cell][corner][axis] at the place, N
+@group(0) @binding(2) var<storage, read> f: array<vec4<f32>>;               // [node] at the step's start, N
+@group(0) @binding(3) var<storage, read> b: array<vec4<f32>>;               // [node] N
+@group(0) @binding(4) var<storage, read> w: array<vec4<f32>>;               // [node] N
+@group(0) @binding(5) var<storage, read> dx: array<vec4<f32>>;              // [node] m
+@group(0) @binding(6) var<storage, read> free: array<vec4<f32>>;            // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(7) var<storage, read_write> rest: array<vec4<f32>>;      // [node] N
+@group(0) @binding(8) var<storage, read_write> balance: array<vec2<f32>>;   // [group] potential J, squared rest N²
+
+var<workgroup> shared_sum: array<vec2<f32>, 64>;
+
+@compute @workgroup_size(64)
+fn residual(
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+) {
+    let block = group_of(group, groups);
+    let i = block * GROUP + lane;
+    var part = vec2<f32>(0.0);
+    if i < params.node_count {
+        let before = f[i].xyz;
+        let change = (collected(i, 0u) - before) * params.stiffness_factor;
+        let left = (b[i].xyz - w[i].xyz - change) * free[i].xyz;
+        rest[i] = vec4<f32>(left, 0.0);
+        let pull = w[i].xyz * 0.5 - (b[i].xyz + before * params.stiffness_factor);
+        part = vec2<f32>(dot(dx[i].xyz, pull), dot(left, left));
+    }
+    shared_sum[lane] = part;
+    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
+        workgroupBarrier();
+        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+    }
+    if lane == 0u && i < params.node_count { balance[block] = shared_sum[0]; }
+}
