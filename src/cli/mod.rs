@@ -9,7 +9,7 @@ use args::{Backend, Cli, Command, Precision, Run};
 use clap::Parser;
 use cutis::error::{Error, Result};
 use cutis::report::{check, compare, inspect, run, study};
-use cutis::scene::{self, Law, Preconditioner, Scene};
+use cutis::scene::{self, Preconditioner, Scene};
 use cutis::step::Place;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -105,13 +105,6 @@ fn place(args: &Run, scene: &Scene) -> Result<Place> {
             "use --backend cpu, or --preconditioner multigrid",
         );
     }
-    let neo_hookean = scene.skins.iter().any(|skin| matches!(skin.law, Law::NeoHookean));
-    if neo_hookean && (args.backend == Backend::Gpu || args.adapter.is_some()) {
-        return usage(
-            "law = \"neo_hookean\" runs on the CPU path, but a GPU is asked for",
-            "use --backend cpu, or law = \"fem\"",
-        );
-    }
     match args.backend {
         Backend::Cpu => Ok(cpu),
         Backend::Gpu if args.precision == Some(Precision::F64) => usage(
@@ -123,7 +116,7 @@ fn place(args: &Run, scene: &Scene) -> Result<Place> {
             Ok(Place::Gpu(args.adapter.clone()))
         }
         Backend::Auto if args.adapter.is_some() => Ok(Place::Gpu(args.adapter.clone())),
-        Backend::Auto if args.precision.is_some() || direct || neo_hookean => Ok(cpu),
+        Backend::Auto if args.precision.is_some() || direct => Ok(cpu),
         Backend::Auto => Ok(inspect::automatic().map_or(cpu, |_| Place::Gpu(None))),
     }
 }

@@ -48,13 +48,14 @@ pub fn tangent(cell: &Cell<f64>) -> Matrix {
             }
         }
     }
-    for a in 0..8 {
-        for b in 0..=a {
-            for (i, j) in (0..9).map(|n| (n / 3, n % 3)) {
-                let entry = k[3 * a + i][3 * b + j] + stiff * growing[a][i] * growing[b][j];
-                k[3 * a + i][3 * b + j] = entry;
-                k[3 * b + j][3 * a + i] = entry;
-            }
+    for m in 0..24 {
+        for n in 0..3 * (m / 3 + 1) {
+            k[m][n] += stiff * growing[m / 3][m % 3] * growing[n / 3][n % 3];
+        }
+    }
+    for m in 0..24 {
+        for n in 3 * (m / 3 + 1)..24 {
+            k[m][n] = k[n][m];
         }
     }
     k

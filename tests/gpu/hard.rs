@@ -4,7 +4,6 @@ use super::forms::{hard, passes, report_of};
 use super::long::{PRECISIONS, case, difference_over, measured};
 use super::{Failure, Test, report};
 use cutis::gpu::Gpu;
-use cutis::scene::{Law, Scene};
 use cutis::step::{Place, Simulation};
 
 fn place(gpu: &Gpu) -> Place {
@@ -14,17 +13,14 @@ fn place(gpu: &Gpu) -> Place {
 
 /// One test a scene, `hard_NAME`, and those of this file.
 pub fn tests() -> Vec<(String, Test)> {
-    // that law runs on the CPU path alone, and the device refuses it
-    let there = |scene: &Scene| !scene.skins.iter().any(|skin| matches!(skin.law, Law::NeoHookean));
-    let scenes =
-        hard().into_iter().filter(|(_, scene, _)| there(scene)).map(|(name, scene, steps)| -> (String, Test) {
-            let test = format!("hard_{name}");
-            let run = move |gpu: &Gpu| {
-                let report = report_of(&name, &scene, steps, &place(gpu))?;
-                Ok(passes(&name, &scene, steps, &report)?)
-            };
-            (test, Box::new(run))
-        });
+    let scenes = hard().into_iter().map(|(name, scene, steps)| -> (String, Test) {
+        let test = format!("hard_{name}");
+        let run = move |gpu: &Gpu| {
+            let report = report_of(&name, &scene, steps, &place(gpu))?;
+            Ok(passes(&name, &scene, steps, &report)?)
+        };
+        (test, Box::new(run))
+    });
     let still: (String, Test) = ("what_nothing_moves_stays_to_the_last_bit".into(), Box::new(stays));
     let long: (String, Test) = ("thousands_of_steps_are_those_of_f64".into(), Box::new(agrees));
     scenes.chain([still, long]).collect()

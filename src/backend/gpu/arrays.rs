@@ -177,7 +177,6 @@ impl Law {
         let mut shared = Arrays::of(&[
             made.of("split", table)?,
             made.uniform("shape", MAX_LAYERS * 16, &words(model.shapes())),
-            made.uniform("pre_strain", MAX_LAYERS * 16, &words(model.pre_strains())),
             stiffness_uniform(made, &model.stiffness),
             modes_uniform(made, &model.system()),
             made.of("layer_of", &model.grid.layer_of)?,
@@ -190,6 +189,8 @@ impl Law {
         if model.neo_hookean.is_some() {
             elastic.extend([(&neo_forces::SOURCE, cells), (&collect::SOURCE, n)]);
         } else {
+            let pre_strain = made.uniform("pre_strain", MAX_LAYERS * 16, &words(model.pre_strains()));
+            shared = shared.joined(&Arrays::of(&[pre_strain]));
             elastic.push((&forces::SOURCE, n));
         }
         let mut consistent = None;

@@ -87,16 +87,17 @@ impl GpuBackend {
         let anchored = Anchored::new(&mut made, model)?;
         let masses = anchored.as_ref().map_or(&free, |a| &a.masses).clone();
         let law = Law::new(&mut made, model)?;
+        let mut neo = Neo::new(&mut made, model, &u, params)?;
         gpu.making("columns");
         let block = made.vec4("block", if explicit { 0 } else { n * 4 })?;
         gpu.making("solver");
         let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
         let own = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
         let arrays = law.shared.joined(&Arrays::of(&own));
-        let mut neo = Neo::new(&mut made, model, &u, params)?;
         let arrays = neo.iter().fold(arrays, |all, neo| all.joined(&neo.arrays));
         let solver = Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact, neo.as_mut())?;
         neo.iter_mut().try_for_each(|neo| neo.search(&mut made, &arrays, &solver))?;
+        gpu.making("solver");
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
         };

@@ -96,8 +96,6 @@ pub struct Axes {
     integrators: Vec<Integrator>,
     corrections: Vec<Option<Correction>>,
     places: Vec<Place>,
-    /// A body is neo-Hookean.
-    newton: bool,
 }
 
 fn or_own<T: Clone>(list: &[T], own: T) -> Vec<T> {
@@ -124,19 +122,15 @@ impl Axes {
             steps: or_own(&study.steps, own.step),
             corrections: or_own(&corrections, own.correction),
             places,
-            newton: scene.skins.iter().any(|skin| skin.law == Law::NeoHookean),
         }
     }
 
-    /// The scene's own setting, then every combination that runs: a factor is the CPU path's in f64, and
-    /// no tolerance changes it; the neo-Hookean law is the CPU path's.
+    /// The scene's own setting, then every combination that runs: a factor is the CPU path's in f64, and no tolerance changes it.
     pub fn all(&self, own: &Setting) -> Vec<Setting> {
         let mut out: Vec<Setting> = vec![own.clone()];
         let mut add = |setting: Setting| {
             let factor = setting.preconditioner == Preconditioner::Direct && setting.place != Place::Cpu64;
-            let newton = self.newton && matches!(setting.place, Place::Gpu(_));
-            let runs = !factor && !newton;
-            if runs && !out.contains(&setting) {
+            if !factor && !out.contains(&setting) {
                 out.push(setting);
             }
         };
@@ -170,8 +164,7 @@ impl Axes {
         out.extend(self.steps.iter().map(|v| Setting { step: *v, ..one() }));
         out.extend(self.corrections.iter().map(|v| Setting { correction: *v, ..one() }));
         if own.preconditioner != Preconditioner::Direct {
-            let runs = |v: &&Place| !self.newton || !matches!(v, Place::Gpu(_));
-            out.extend(self.places.iter().filter(runs).map(|v| Setting { place: v.clone(), ..one() }));
+            out.extend(self.places.iter().map(|v| Setting { place: v.clone(), ..one() }));
         }
         let mut once: Vec<Setting> = vec![];
         for setting in out {
