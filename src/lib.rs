@@ -21,8 +21,9 @@
 //! assembled, but by the CPU path when a scene asks for a factor of it ([`linear::direct`]).
 //!
 //! Newmark's method and symplectic Euler are other factors in the same `A` and `b` ([`model::Step`] has them, and what each does to a
-//! vibration); the latter's `A` is diagonal, so that nothing is solved. Neo-Hookean bricks ([`model::NeoHookean`], on the CPU path) have
-//! a tangent of their own in each cell, and a step is solved by Newton's method.
+//! vibration); the latter's `A` is diagonal, so that nothing is solved. Neo-Hookean bricks ([`model::NeoHookean`]) have a tangent of
+//! their own in each cell, kept on the CPU path and taken anew in each product on a GPU, and a step is solved by Newton's method, written
+//! once for both.
 //!
 //! Bodies are grids of skin, each with its own backend, and rigid ones ([`instrument`]): tools held by a hand, and those that fall. Only
 //! rows couple them, of contacts and of ties, between any two bodies or a body and a wall ([`collide`], [`constraints`]). Contacts are

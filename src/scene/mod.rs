@@ -245,7 +245,7 @@ pub enum Law {
         /// Corotational, or linear ("small") when false.
         corotational: bool,
     },
-    /// Bricks of compressible neo-Hookean material ([`crate::model::NeoHookean`]); on the CPU path.
+    /// Bricks of compressible neo-Hookean material ([`crate::model::NeoHookean`]).
     NeoHookean,
     /// Springs between every pair of nodes of a cell, as SOFA's MeshSpringForceField makes them.
     Springs {

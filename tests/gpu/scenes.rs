@@ -2,7 +2,7 @@
 
 use super::Failure;
 use cutis::gpu::Gpu;
-use cutis::scene::{Preconditioner, ProbeKind, Who, read};
+use cutis::scene::{Element, Law, Preconditioner, ProbeKind, Who, read};
 use cutis::step::{Place, Simulation};
 use std::path::Path;
 
@@ -11,6 +11,7 @@ type Test = fn(&Gpu) -> Result<(), Failure>;
 /// Tests of this file by name.
 pub const TESTS: &[(&str, Test)] = &[
     ("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other),
+    ("a_sphere_presses_neo_hookean_skin_as_on_the_cpu", a_sphere_presses_neo_hookean_skin_as_on_the_cpu),
     ("a_limit_of_iterations_is_kept_to_the_last_one", a_limit_of_iterations_is_kept_to_the_last_one),
 ];
 
@@ -18,6 +19,9 @@ pub const TESTS: &[(&str, Test)] = &[
 const STEPS: u32 = 10;
 /// Difference between the paths, of the lowest force: the stack's motion in f32, amplified by the free fall's share of `A`.
 const APART: f64 = 2e-3;
+
+/// Steps of the sphere into the skin.
+const SINKING: u32 = 12;
 
 fn forces(place: &Place) -> Result<Vec<f64>, Failure> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/stack_five_soft.toml");
@@ -78,4 +82,32 @@ fn a_limit_of_iterations_is_kept_to_the_last_one(gpu: &Gpu) -> Result<(), Failur
         return Err(format!("{three:?} and {four:?} should differ").into());
     }
     Ok(())
+}
+
+/// Force on the sphere after some steps into a coarse skin of a law, N.
+fn pressed(place: &Place, law: Law) -> Result<f64, Failure> {
+    let mut scene = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/sphere_press_neo_hookean.toml"))?;
+    scene.skins[0].cells = [12, 12];
+    scene.skins[0].law = law;
+    let mut simulation = Simulation::new(&scene, place)?;
+    let mut force = 0.0;
+    for _ in 0..SINKING {
+        let step = simulation.step(false)?;
+        force = step.contact.force(Who::Skin(0), None).length();
+    }
+    Ok(force)
+}
+
+fn a_sphere_presses_neo_hookean_skin_as_on_the_cpu(gpu: &Gpu) -> Result<(), Failure> {
+    let a = &gpu.adapter;
+    let place = Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)));
+    let (found, wanted) = (pressed(&place, Law::NeoHookean)?, pressed(&Place::Cpu64, Law::NeoHookean)?);
+    // counter-test: bricks of small strain have another force
+    let other = pressed(&place, Law::Fem { element: Element::Bbar, corotational: true })?;
+    super::report(gpu, &format!("{found:.5} N, on the CPU path {wanted:.5} N, corotational {other:.5} N"));
+    let off = |force: f64| (force / wanted - 1.0).abs();
+    if wanted > 0.01 && off(found) < 2e-3 && off(other) > 1e-2 {
+        return Ok(());
+    }
+    Err(format!("{found:e} N, on the CPU path {wanted:e} N, corotational {other:e} N").into())
 }

@@ -73,12 +73,13 @@ fn main() -> ExitCode {
         prestrain::CASES,
         slit::CASES,
     ];
-    let everywhere: [&[Everywhere]; 11] = [
+    let everywhere: [&[Everywhere]; 12] = [
         anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
         integrators::EVERYWHERE,
         motion::EVERYWHERE,
+        neo_hookean::EVERYWHERE,
         masses::EVERYWHERE,
         springs::EVERYWHERE,
         release::EVERYWHERE,

@@ -127,14 +127,18 @@ impl Body {
         self.backend.remove(removal).expect("the device works");
     }
 
+    /// One implicit step that may be refused; what its solve reports.
+    pub fn fallible_step(&mut self) -> cutis::error::Result<Outcome> {
+        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(self.tolerance) }];
+        self.backend.begin()?;
+        let (outcomes, _) = self.backend.solve(&wanted, &[])?;
+        self.backend.finish(false)?;
+        Ok(outcomes[0])
+    }
+
     /// One implicit step; what its solve reports.
     pub fn try_step(&mut self) -> Outcome {
-        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(self.tolerance) }];
-        let device = "the device works";
-        self.backend.begin().expect(device);
-        let (outcomes, _) = self.backend.solve(&wanted, &[]).expect(device);
-        self.backend.finish(false).expect(device);
-        outcomes[0]
+        self.fallible_step().expect("the device works")
     }
 
     /// One implicit step that must converge.
