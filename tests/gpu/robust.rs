@@ -52,7 +52,7 @@ fn step(backend: &mut dyn Backend) -> Result<Vec<[f64; 4]>, Failure> {
         return Err(format!("{outcome:?}").into());
     }
     let dx = backend.solution(FREE)?;
-    backend.finish(false)?;
+    backend.finish(false, true)?;
     Ok(dx)
 }
 

@@ -133,7 +133,7 @@ impl Body {
         let device = "the device works";
         self.backend.begin().expect(device);
         let (outcomes, _) = self.backend.solve(&wanted, &[]).expect(device);
-        self.backend.finish(false).expect(device);
+        self.backend.finish(false, false).expect(device);
         outcomes[0]
     }
 

@@ -5,7 +5,7 @@ mod explicit;
 mod hyperelastic;
 mod slots;
 
-use super::{Backend, CORRECTION, Device, FREE, Needs, Nonlinear, Snapshot, Target, Vector, Wanted};
+use super::{Backend, CORRECTION, Device, FREE, NOT_KEPT, Needs, Nonlinear, Snapshot, Target, Vector, Wanted};
 use crate::cut::Removal;
 use crate::error::Result;
 use crate::kernels::advance::Request;
@@ -233,9 +233,12 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(nodes.iter().map(read).collect())
     }
 
-    fn finish(&mut self, corrected: bool) -> Result<()> {
+    fn finish(&mut self, corrected: bool, cuts: bool) -> Result<()> {
         if let Some(c) = &mut self.cutting {
-            self.law.points(&self.params, &self.u, &mut c.point_before);
+            c.kept = cuts;
+            if cuts {
+                self.law.points(&self.params, &self.u, &mut c.point_before);
+            }
         }
         let params = Params { slot_count: if corrected { 2 } else { 1 }, ..self.params };
         integrate::integrate(&params, &self.x, &mut self.u, &mut self.v);
@@ -260,6 +263,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         let Some(c) = &mut self.cutting else {
             return Ok(vec![]);
         };
+        assert!(c.kept, "{NOT_KEPT}");
         self.law.points(&self.params, &self.u, &mut c.point_u);
         let quads: Vec<V4<R>> = quads.iter().map(|p| V3::of(*p).pad(R::zero())).collect();
         let hits = cut::cut(&c.ends, &c.rest, &c.point_u, &c.point_before, &quads);

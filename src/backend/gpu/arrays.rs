@@ -1,6 +1,6 @@
 //! Arrays of the body on the device by the names that the kernels use, and the groups of them that belong together.
 
-use crate::backend::{cell_centres, links};
+use crate::backend::{NOT_KEPT, cell_centres, links};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::cut::Hit;
@@ -60,6 +60,7 @@ pub(super) struct Cutting {
     hits: Buffer,
     hit_count: Buffer,
     segments: usize,
+    kept: bool, // `point_before` is of the last step
 }
 
 /// Hits of one step that the device can hand back; a blade crosses some hundred links at most.
@@ -237,11 +238,15 @@ impl Cutting {
                 ("hit_count", &hit_count),
             ],
         )?;
-        Ok(Self { centres, point_before, cut, params, quads, hits, hit_count, segments })
+        Ok(Self { centres, point_before, cut, params, quads, hits, hit_count, segments, kept: false })
     }
 
-    /// Keeps where the segments' ends are; comes before the step's integration.
-    pub fn keep_points(&self, batch: &mut Batch, u: &Buffer) {
+    /// Keeps where the segments' ends are, if `cuts`; comes before the step's integration.
+    pub fn keep_points(&mut self, batch: &mut Batch, u: &Buffer, cuts: bool) {
+        self.kept = cuts;
+        if !cuts {
+            return;
+        }
         match &self.centres {
             Some([(before, cells), _]) => batch.run(before, *cells, 1),
             None => batch.copy(u, 0, &self.point_before, 0, u.bytes),
@@ -260,6 +265,7 @@ impl Cutting {
                 fix: "set a larger edge_spacing_mm".into(),
             });
         }
+        assert!(self.kept, "{NOT_KEPT}");
         gpu.write(&self.params, 0, &[self.segments as u32, corners.len() as u32 / 4, MAX_HITS as u32, 0]);
         gpu.write(&self.quads, 0, &corners);
         gpu.write(&self.hit_count, 0, &[0u32; 4]);

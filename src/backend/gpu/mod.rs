@@ -294,9 +294,11 @@ impl Backend for GpuBackend {
         Ok(nodes.iter().map(read).collect())
     }
 
-    fn finish(&mut self, corrected: bool) -> Result<()> {
+    fn finish(&mut self, corrected: bool, cuts: bool) -> Result<()> {
         let mut batch = self.record();
-        self.cutting.iter().for_each(|c| c.keep_points(&mut batch, &self.body.u));
+        if let Some(cutting) = &mut self.cutting {
+            cutting.keep_points(&mut batch, &self.body.u, cuts);
+        }
         batch.run(&self.integrate[usize::from(corrected)], self.node_count, 1);
         self.pending = Some(batch);
         Ok(())
