@@ -1,11 +1,12 @@
 //! Arrays of the body on the device by the names that the kernels use, and the groups of them that belong together.
 
+use super::in_use::over_nodes;
 use crate::backend::{NOT_KEPT, cell_centres, links};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::cut::Hit;
 use crate::kernels::{
-    self, GROUP, Params, Source, blocks, bounds, centres, cut, forces, momentum, probe, product, rotations, springs,
+    self, Params, Source, blocks, bounds, centres, cut, forces, momentum, probe, product, rotations, springs,
     springs_blocks, springs_product,
 };
 use crate::math::{M3, V3, V4};
@@ -190,10 +191,11 @@ impl Law {
         if model.corotational {
             elastic.push((&rotations::SOURCE, cells));
         }
+        let n = over_nodes(&model.params());
         elastic.push((&forces::SOURCE, n));
         let mut consistent = None;
         if model.mass == Mass::Consistent {
-            let mean_v = made.vec4("mean_v", n)?;
+            let mean_v = made.vec4("mean_v", model.node_count())?;
             shared = shared.joined(&Arrays::of(std::slice::from_ref(&mean_v)));
             elastic.push((&momentum::SOURCE, n));
             consistent = Some([stiffness_uniform(made, &model.system()), mean_v]);
@@ -297,7 +299,6 @@ impl Cutting {
 /// What each tile of the skin moves between.
 pub(super) struct Bounds {
     kernel: Bound,
-    tiles: usize,
     out: Buffer,
 }
 
@@ -306,13 +307,13 @@ impl Bounds {
         let tiles = bounds::tile_count(&model.params::<f32>());
         let out = made.vec4("tile_bounds", tiles * 2)?;
         let list = [("params", main), ("u", u), ("tile_bounds", &out)];
-        Ok(Self { kernel: made.gpu.bind(&bounds::SOURCE, &list)?, tiles, out })
+        Ok(Self { kernel: made.gpu.bind(&bounds::SOURCE, &list)?, out })
     }
 
-    /// Runs what the batch holds, and the bounds of the skin then.
-    pub fn read(&self, gpu: &Gpu, mut batch: Batch) -> Result<Vec<[V4<f64>; 2]>> {
-        batch.run(&self.kernel, self.tiles * GROUP as usize, 1);
-        let parts = gpu.submit_and_read(batch, &[(&self.out, self.out.bytes)])?;
+    /// Runs what the batch holds, and the bounds of the skin then; of so many threads and bytes of tiles.
+    pub fn read(&self, gpu: &Gpu, mut batch: Batch, (threads, bytes): (usize, u64)) -> Result<Vec<[V4<f64>; 2]>> {
+        batch.run(&self.kernel, threads, 1);
+        let parts = gpu.submit_and_read(batch, &[(&self.out, bytes)])?;
         let all: Vec<[V4<f32>; 2]> = cast(&parts[0]);
         Ok(all.iter().map(|pair| pair.map(|v| v.map(f64::from))).collect())
     }
