@@ -165,3 +165,37 @@ pub fn split_cells<R: Real>(params: &Params<R>, split: &[u32]) -> Vec<u32> {
     own.sort_unstable();
     own.into_iter().map(|(_, cell)| cell).collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_are_numbered_bundle_by_bundle_without_a_hole() {
+        let extra = 2 * BUNDLE as u32 + 11;
+        let grid = Params::<f64> { nodes_x: 3, nodes_y: 5, nodes_z: 4, ..Params::default() };
+        let params = Params { extra_columns: extra, node_count: 60 + 4 * extra, ..grid };
+        let mut ids: Vec<usize> = vec![];
+        for (e, level) in (0..extra as usize).flat_map(|e| (0..4).map(move |level| (e, level))) {
+            let node = params.copy_id(e, level);
+            assert_eq!(params.copy_at(node), (e, level));
+            assert!(level == 3 || params.above(node) == params.copy_id(e, level + 1));
+            ids.push(node);
+        }
+        ids.sort_unstable();
+        assert_eq!(ids, (60..params.node_count as usize).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn the_places_in_use_are_the_first_ones() {
+        let extra = 2 * BUNDLE as u32 + 11;
+        let params = Params::<f64> { nodes_x: 3, nodes_y: 5, nodes_z: 4, extra_columns: extra, ..Params::default() };
+        let columns = |used: usize| {
+            let split: Vec<u32> = (0..extra as usize).map(|e| if e < used { 7 } else { NONE }).collect();
+            assert!((0..used).all(|e| (0..4).all(|level| params.copy_id(e, level) < params.nodes_in_use(&split))));
+            (params.nodes_in_use(&split) - 60) / 4
+        };
+        assert_eq!([0, 1, BUNDLE, BUNDLE + 1].map(columns), [0, BUNDLE, BUNDLE, 2 * BUNDLE]);
+        assert_eq!(columns(extra as usize), extra as usize, "the last bundle has what is left");
+    }
+}

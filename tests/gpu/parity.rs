@@ -101,7 +101,7 @@ const CASES: &[Case] = cases! {
     duplicate Ids true [
         "k >= params.count" => "k >= params.count / 2u", "pairs[k].y]" => "pairs[0].y]", "group.y * params.stride" => "params.stride"
     ]
-    factor Columns false ["own.d - below" => "own.d + below", "i1 - l21 * yz" => "i1 + l21 * yz", "l10 * l21 - l20" => "l10 * l21 + l20", "transpose(own.g) * g" => "own.g * g", "own.x) * p.nodes_z" => "0u) * p.nodes_z", "level * own.y" => "level", "e - own.x;" => "e;"]
+    factor Columns false ["own.d - below" => "own.d + below", "i1 - l21 * yz" => "i1 + l21 * yz", "l10 * l21 - l20" => "l10 * l21 + l20", "transpose(own.g) * g" => "own.g * g", "own.x) * p.nodes_z" => "0u) * p.nodes_z", "e - own.x;" => "e;"]
     forces Nodes false [
         "- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "own) * r" => "own) * transpose(r)", "|| corner_node(params, at, a) != i" => "", "u[corner_node(params, at, b)]" => "u[node_id(params, at + corner(b))]",
         "turn * x + e * x" => "turn * x", "pre_strain[layer]" => "pre_strain[0]"
