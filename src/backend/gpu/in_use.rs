@@ -67,3 +67,26 @@ impl InUse {
 pub(super) fn untouched(nodes: usize) -> Vec<V4<f32>> {
     std::iter::repeat_n(pack(Block { d: M3::identity(), g: M3::zero() }), nodes).flatten().collect()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::kernels::split::{BUNDLE, NONE};
+
+    #[test]
+    fn an_uncut_body_is_launched_as_one_without_a_reserve() {
+        let grid = Params::<f32> { nodes_x: 9, nodes_y: 7, nodes_z: 4, cells_x: 8, cells_y: 6, ..Params::default() };
+        let alone = Params { node_count: 252, ..grid };
+        let extra = BUNDLE as u32 + 8;
+        let reserved = Params { node_count: 252 + 4 * extra, extra_columns: extra, ..grid };
+        let mut table = vec![NONE; reserved.layout().words];
+        let of = |params: &Params<f32>, table: &[u32]| {
+            let in_use = InUse::new(params, table);
+            (in_use.threads(over_nodes(params)), in_use.threads(over_columns(params)), in_use.tiles())
+        };
+        assert_eq!(of(&reserved, &table), of(&alone, &[]));
+        assert_eq!(of(&alone, &[]), (252, 63, (64, 32)));
+        table[0] = 5; // the first copy's column: its bundle comes with it
+        assert_eq!(of(&reserved, &table), (252 + 4 * BUNDLE, 63 + BUNDLE, (64 * 5, 32 * 5)));
+    }
+}
