@@ -20,10 +20,10 @@ pub fn tiles<R: Real>(params: &Params<R>) -> [usize; 2] {
     [params.cells_x, params.cells_y].map(|n| (n as usize).div_ceil(TILE))
 }
 
-/// All tiles: the grid's, then the groups of [`TILE`] extra columns.
+/// All tiles of `node_count` nodes: the grid's, then the groups of [`TILE`] extra columns.
 pub fn tile_count<R: Real>(params: &Params<R>) -> usize {
     let [x, y] = tiles(params);
-    x * y + (params.extra_columns as usize).div_ceil(TILE)
+    x * y + params.extra_held().div_ceil(TILE)
 }
 
 /// First cell column of a tile along x and y, and the one after its last.
@@ -66,9 +66,10 @@ pub fn bounds_of_tile<R: Real>(params: &Params<R>, u: &[V4<R>], tile: usize) -> 
                 add(u[params.node_id([i, j, k])]);
             }
         } else {
-            let (extra, first) = (params.extra_columns as usize, (tile - x * y) * TILE);
-            let level = params.grid_nodes() + k * extra;
-            u[level + first..level + (first + TILE).min(extra)].iter().for_each(|d| add(*d));
+            // no group is of two bundles
+            let first = (tile - x * y) * TILE;
+            let count = TILE.min(params.extra_columns as usize - first);
+            u[params.copy_id(first, k)..][..count].iter().for_each(|d| add(*d));
         }
     }
     [low, high]

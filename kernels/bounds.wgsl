@@ -30,7 +30,7 @@ fn bounds(
     for (var n = lane; n < size.x * size.y * params.nodes_z; n += GROUP) {
         let at = vec3<u32>(first + vec2<u32>(n % size.x, n / size.x % size.y), n / (size.x * size.y));
         var i = node_id(params, at);
-        if tile >= of_grid { i = params.nodes_x * params.nodes_y * params.nodes_z + at.x + params.extra_columns * at.z; }
+        if tile >= of_grid { i = copy_id(params, at.x, at.z); }
         let d = u[i].xyz;
         // exponent bits all set: infinite or NaN, which comparisons of floats need not see
         if any((bitcast<vec3<u32>>(d) & vec3<u32>(0x7f800000u)) == vec3<u32>(0x7f800000u)) {

@@ -38,7 +38,21 @@ fn column_count(p: Params) -> u32 {
 fn column_nodes(p: Params, column: u32) -> vec2<u32> {
     let columns = p.nodes_x * p.nodes_y;
     if column < columns { return vec2<u32>(column, columns); }
-    return vec2<u32>(columns * p.nodes_z + column - columns, p.extra_columns);
+    return vec2<u32>(copy_id(p, column - columns, 0u), bundle(p, column - columns).y);
+}
+
+const BUNDLE: u32 = 32u; // extra columns that are laid out together
+
+// First column of the bundle of an extra column, and how many it has.
+fn bundle(p: Params, e: u32) -> vec2<u32> {
+    let first = e / BUNDLE * BUNDLE;
+    return vec2<u32>(first, min(p.extra_columns - first, BUNDLE));
+}
+
+// The node at a level of an extra column.
+fn copy_id(p: Params, e: u32, level: u32) -> u32 {
+    let own = bundle(p, e);
+    return (p.nodes_x * p.nodes_y + own.x) * p.nodes_z + level * own.y + e - own.x;
 }
 
 // Nodes along x, y, z of the next coarser level (coarsen.rs).

@@ -23,7 +23,7 @@ pub fn precondition<R: Real>(
         let nodes = first..first + set.node_count as usize;
         precondition_set(&set, &block[nodes.start * 4..nodes.end * 4], &r[nodes.clone()], &mut z[nodes])
     };
-    params.column_sets().into_iter().map(of_set).sum()
+    params.column_sets().map(of_set).sum()
 }
 
 fn precondition_set<R: Real>(params: &Params<R>, block: &[V4<R>], r: &[V4<R>], z: &mut [V4<R>]) -> R {

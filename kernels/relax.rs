@@ -27,7 +27,7 @@ pub fn relax<R: Real>(
         let block = &block[nodes.start * 4..nodes.end * 4];
         relax_set(&set, block, &r[nodes.clone()], &mut w[nodes.clone()], &mut d[nodes.clone()], &mut z[nodes])
     };
-    params.column_sets().into_iter().map(of_set).sum()
+    params.column_sets().map(of_set).sum()
 }
 
 fn relax_set<R: Real>(

@@ -35,7 +35,7 @@ pub fn restriction<R: Real>(
                 let node = params.node_id([x - 1, y - 1, at[2]]);
                 sum += (V3::from4(r[node]) - V3::from4(w[node])) * weight;
                 for e in params.extra_columns_beside(split, node % params.columns()) {
-                    let copy = params.grid_nodes() + e + params.extra_columns as usize * at[2];
+                    let copy = params.copy_id(e, at[2]);
                     sum += (V3::from4(r[copy]) - V3::from4(w[copy])) * weight;
                 }
             }

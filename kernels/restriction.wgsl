@@ -33,7 +33,7 @@ fn restriction(
             if params.extra_columns == 0u { continue; }
             var next = split[2u * params.extra_columns + column];
             while next != 0u {
-                let copy = offset + params.nodes_x * params.nodes_y * params.nodes_z + next - 1u + params.extra_columns * at.z;
+                let copy = offset + copy_id(params, next - 1u, at.z);
                 sum += (r[copy].xyz - w[copy].xyz) * weight;
                 next = split[params.extra_columns + next - 1u];
             }

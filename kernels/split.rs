@@ -2,8 +2,11 @@
 //!
 //! A node whose cells no longer hang together is there once for each part of them: once as the grid's node, and as copies. Copies live in
 //! *extra columns*, z-columns beside the grid's, each beside one of its node columns (its *parent*): copy `k` of an extra column stands for
-//! the node at level `k` of the parent. All nodes are numbered grid first, then `grid + extra column + k × extra columns`, so the extra
-//! columns are laid out like a second grid of one row. Places of an extra column that hold no copy have no free axis and no mass.
+//! the node at level `k` of the parent. Places of an extra column that hold no copy have no free axis and no mass.
+//!
+//! All nodes are numbered grid first, then bundle by bundle of [`BUNDLE`] extra columns (the last has what is left), each laid out like a
+//! grid of one row: level by level, the columns of a level side by side. Columns are taken in their order, so the places in use are the
+//! first ones of all arrays: what is beyond the last bundle with a column in use is zero, and nothing runs over it.
 //!
 //! A *split cell* has a copy among its corners. It has a row of eight node ids, one per corner; all other cells find their corners by
 //! their place in the grid. *Touched* nodes are the corners of split cells.
@@ -17,6 +20,9 @@ use crate::math::Real;
 
 /// Text that Shader::read adds to kernels that bind `split`.
 pub const WGSL: &str = include_str!("split.wgsl");
+
+/// Extra columns that are laid out together: as many as the CPU path works on at once.
+pub const BUNDLE: usize = super::PART;
 
 /// No column, no node.
 pub const NONE: u32 = u32::MAX;
@@ -55,16 +61,45 @@ impl<R: Real> Params<R> {
         let corners = touched + self.touched_nodes as usize;
         Layout { next: extra, first: 2 * extra, row, touched, corners, words: corners + 8 * self.split_cells as usize }
     }
-    /// The grid's columns, then the extra ones, each as a grid of its own, with its first node.
-    pub fn column_sets(&self) -> Vec<(usize, Self)> {
-        let grid = self.grid_nodes();
-        let own = Self { node_count: grid as u32, extra_columns: 0, ..*self };
-        match self.extra_columns {
-            0 => vec![(0, own)],
-            extra => {
-                vec![(0, own), (grid, Self { nodes_x: extra, nodes_y: 1, node_count: extra * self.nodes_z, ..own })]
-            }
-        }
+    /// Extra columns that an array of `node_count` nodes has.
+    pub fn extra_held(&self) -> usize {
+        (self.node_count as usize - self.grid_nodes()) / self.nodes_z as usize
+    }
+    /// Extra columns of the bundles of which a column is in use.
+    pub fn extra_in_use(&self, split: &[u32]) -> usize {
+        let extra = (self.extra_columns as usize).min(split.len());
+        let used = split[..extra].iter().position(|parent| *parent == NONE).unwrap_or(extra);
+        used.next_multiple_of(BUNDLE).min(extra)
+    }
+    /// Nodes of the grid and of those.
+    pub fn nodes_in_use(&self, split: &[u32]) -> usize {
+        self.grid_nodes() + self.extra_in_use(split) * self.nodes_z as usize
+    }
+    /// First column of the bundle of an extra column, and how many it has.
+    fn bundle(&self, e: usize) -> (usize, usize) {
+        let first = e / BUNDLE * BUNDLE;
+        (first, (self.extra_columns as usize - first).min(BUNDLE))
+    }
+    /// The node at a level of an extra column.
+    pub fn copy_id(&self, e: usize, level: usize) -> usize {
+        let (first, width) = self.bundle(e);
+        self.grid_nodes() + first * self.nodes_z as usize + level * width + e - first
+    }
+    /// Extra column and level of a node beyond the grid's.
+    pub fn copy_at(&self, node: usize) -> (usize, usize) {
+        let (rest, levels) = (node - self.grid_nodes(), self.nodes_z as usize);
+        let (first, width) = self.bundle(rest / levels);
+        let within = rest - first * levels;
+        (first + within % width, within / width)
+    }
+    /// The grid's columns, then the bundles of `node_count` nodes, each as a grid of its own, with its first node.
+    pub fn column_sets(&self) -> impl Iterator<Item = (usize, Self)> {
+        let own = Self { node_count: self.grid_nodes() as u32, extra_columns: 0, ..*self };
+        let bundles = (0..self.extra_held()).step_by(BUNDLE).map(move |e| {
+            let width = self.bundle(e).1 as u32;
+            (self.copy_id(e, 0), Self { nodes_x: width, nodes_y: 1, node_count: width * self.nodes_z, ..own })
+        });
+        std::iter::once((0, own)).chain(bundles)
     }
     /// Whether a cell has copies among its corners.
     pub fn is_split(&self, split: &[u32], cell: usize) -> bool {
@@ -84,16 +119,15 @@ impl<R: Real> Params<R> {
     }
     /// Grid coordinates of a node, of a copy those of the node that it stands for; none of a place without a copy.
     pub fn place(&self, split: &[u32], node: usize) -> Option<[usize; 3]> {
-        let (columns, grid) = (self.columns(), self.grid_nodes());
-        let (column, level) = if node < grid {
+        let columns = self.columns();
+        let (column, level) = if node < self.grid_nodes() {
             (node % columns, node / columns)
         } else {
-            let extra = self.extra_columns as usize;
-            let parent = split[(node - grid) % extra];
-            if parent == NONE {
+            let (e, level) = self.copy_at(node);
+            if split[e] == NONE {
                 return None;
             }
-            (parent as usize, (node - grid) / extra)
+            (split[e] as usize, level)
         };
         Some([column % self.nodes_x as usize, column / self.nodes_x as usize, level])
     }
@@ -106,7 +140,7 @@ impl<R: Real> Params<R> {
     }
     /// The node above in the same column; beyond the last one of its kind at the top.
     pub fn above(&self, node: usize) -> usize {
-        node + if node < self.grid_nodes() { self.columns() } else { self.extra_columns as usize }
+        node + if node < self.grid_nodes() { self.columns() } else { self.bundle(self.copy_at(node).0).1 }
     }
     /// The touched nodes.
     pub fn touched<'a>(&self, split: &'a [u32]) -> &'a [u32] {
@@ -130,4 +164,38 @@ pub fn split_cells<R: Real>(params: &Params<R>, split: &[u32]) -> Vec<u32> {
         (0u32..).zip(rows).filter(|(_, row)| **row > 0).map(|(cell, row)| (*row, cell)).collect();
     own.sort_unstable();
     own.into_iter().map(|(_, cell)| cell).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_are_numbered_bundle_by_bundle_without_a_hole() {
+        let extra = 2 * BUNDLE as u32 + 11;
+        let grid = Params::<f64> { nodes_x: 3, nodes_y: 5, nodes_z: 4, ..Params::default() };
+        let params = Params { extra_columns: extra, node_count: 60 + 4 * extra, ..grid };
+        let mut ids: Vec<usize> = vec![];
+        for (e, level) in (0..extra as usize).flat_map(|e| (0..4).map(move |level| (e, level))) {
+            let node = params.copy_id(e, level);
+            assert_eq!(params.copy_at(node), (e, level));
+            assert!(level == 3 || params.above(node) == params.copy_id(e, level + 1));
+            ids.push(node);
+        }
+        ids.sort_unstable();
+        assert_eq!(ids, (60..params.node_count as usize).collect::<Vec<_>>());
+    }
+
+    #[test]
+    fn the_places_in_use_are_the_first_ones() {
+        let extra = 2 * BUNDLE as u32 + 11;
+        let params = Params::<f64> { nodes_x: 3, nodes_y: 5, nodes_z: 4, extra_columns: extra, ..Params::default() };
+        let columns = |used: usize| {
+            let split: Vec<u32> = (0..extra as usize).map(|e| if e < used { 7 } else { NONE }).collect();
+            assert!((0..used).all(|e| (0..4).all(|level| params.copy_id(e, level) < params.nodes_in_use(&split))));
+            (params.nodes_in_use(&split) - 60) / 4
+        };
+        assert_eq!([0, 1, BUNDLE, BUNDLE + 1].map(columns), [0, BUNDLE, BUNDLE, 2 * BUNDLE]);
+        assert_eq!(columns(extra as usize), extra as usize, "the last bundle has what is left");
+    }
 }

@@ -20,16 +20,19 @@ fn is_split(p: Params, cell: u32) -> bool {
 
 // Grid coordinates of a node or of what it is a copy of; where there is no copy, far outside of the grid.
 fn place(p: Params, i: u32) -> vec3<u32> {
-    let columns = p.nodes_x * p.nodes_y;
-    let grid = columns * p.nodes_z;
+    let grid = p.nodes_x * p.nodes_y * p.nodes_z;
     if i < grid { return node_at(p, i); }
-    let parent = split[(i - grid) % p.extra_columns];
+    let rest = i - grid;
+    let own = bundle(p, rest / p.nodes_z);
+    let within = rest - own.x * p.nodes_z;
+    let parent = split[own.x + within % own.y];
     if parent == NONE { return vec3<u32>(0x7fffffffu); }
-    return vec3<u32>(parent % p.nodes_x, parent / p.nodes_x, (i - grid) / p.extra_columns);
+    return vec3<u32>(parent % p.nodes_x, parent / p.nodes_x, within / own.y);
 }
 
 // The node above in the same column.
 fn above(p: Params, i: u32) -> u32 {
     let columns = p.nodes_x * p.nodes_y;
-    return i + select(p.extra_columns, columns, i < columns * p.nodes_z);
+    if i < columns * p.nodes_z { return i + columns; }
+    return i + bundle(p, (i - columns * p.nodes_z) / p.nodes_z).y;
 }

@@ -62,7 +62,7 @@ pub struct Removal {
     pub copies: Vec<[u32; 2]>,
     /// Words of the table of split nodes.
     pub words: Vec<(u32, u32)>,
-    /// New free axes and masses.
+    /// New free axes and masses, of nodes that are in use.
     pub free: Vec<(u32, V4<f64>)>,
 }
 

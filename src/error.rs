@@ -802,6 +802,27 @@ pub enum Error {
         message: String,
     },
 
+    /// The machine gives no more memory.
+    #[error("no memory is left for {what}: {bytes} bytes were refused; {fix}")]
+    Memory {
+        /// What was to be stored.
+        what: &'static str,
+        /// How much of it was asked for at once.
+        bytes: u64,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// The machine starts no more threads, for which it lacks memory most of the time.
+    #[error(
+        "the threads cannot be started ({source}); close what takes memory or threads, or raise the limit that this program runs under \
+         (ulimit -v, ulimit -u)"
+    )]
+    Threads {
+        /// The system's reason.
+        source: std::io::Error,
+    },
+
     /// A result that cannot be written.
     #[error("{path}: cannot be written ({source}); choose a folder that exists, is writable and has space")]
     Write {
@@ -935,6 +956,8 @@ impl Error {
             Error::Shader { .. }
             | Error::Binding { .. }
             | Error::Device { .. }
+            | Error::Memory { .. }
+            | Error::Threads { .. }
             | Error::Write { .. }
             | Error::Plot { .. }
             | Error::Vtk { .. }

@@ -194,12 +194,11 @@ pub struct Table {
 }
 
 impl Table {
-    /// Creates or empties the file at `path` and writes the column names, with units in them.
+    /// Puts a file with the column names, with units in them, at `path`: never one without, whenever the program is killed.
     pub fn create(path: &Path, columns: &[&str]) -> Result<Self> {
-        let write_error = |source| Error::Write { path: path.to_owned(), source };
-        let mut file = BufWriter::new(File::create(path).map_err(write_error)?);
-        file.write_all((columns.join(",") + "\n").as_bytes()).map_err(write_error)?;
-        file.flush().map_err(write_error)?;
+        replace(path, (columns.join(",") + "\n").as_bytes())?;
+        let opened = File::options().append(true).open(path);
+        let file = BufWriter::new(opened.map_err(|source| Error::Write { path: path.to_owned(), source })?);
         Ok(Self { path: path.to_owned(), file, column_count: columns.len(), row_count: 0, line: String::new() })
     }
 

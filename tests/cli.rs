@@ -6,6 +6,8 @@
 mod input;
 #[path = "cli/killed.rs"]
 mod killed;
+#[path = "cli/memory.rs"]
+mod memory;
 #[path = "cli/results.rs"]
 mod results;
 #[path = "cli/stand_in.rs"]
@@ -40,7 +42,10 @@ fn main() {
         let test = *test;
         Trial::test(*name, move || Ok(test()?))
     };
-    let (plain, on_gpu) = ([input::TESTS, killed::TESTS, results::TESTS, stand_in::TESTS].concat(), results::GPU_TESTS);
+    // limits of the address space, and what a process takes of it, are Linux's
+    let memory = if cfg!(target_os = "linux") { memory::TESTS } else { &[] };
+    let plain = [input::TESTS, killed::TESTS, memory, results::TESTS, stand_in::TESTS].concat();
+    let on_gpu = results::GPU_TESTS;
     let mut trials: Vec<Trial> = plain.iter().map(trial).collect();
     trials.extend(on_gpu.iter().map(|test| match (adapter, required) {
         (false, true) => Trial::test(test.0, || Err("no adapter, and CUTIS_GPU=require".into())),

@@ -250,6 +250,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
                 "2 array multigrid: free",
                 "2 array multigrid: modes",
                 "18 array multigrid: params",
+                "1 array multigrid: partial_gamma",
                 "2 array multigrid: partial_product",
                 "2 array multigrid: r",
                 "2 array multigrid: rotation",

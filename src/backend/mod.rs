@@ -26,6 +26,9 @@ pub const CORRECTION: usize = 1;
 /// First slot of the contact columns.
 pub const FIRST_COLUMN: usize = 2;
 
+/// What a cut without the segments' places before the step would be.
+const NOT_KEPT: &str = "a cut follows a step that has kept where the segments were";
+
 /// Which arrays a scene needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
@@ -143,8 +146,9 @@ pub trait Backend {
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()>;
     /// Diagonal 3×3 blocks of `A` at nodes, by rows, N/m.
     fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>>;
-    /// Ends the step; `corrected` says that the correction slot counts.
-    fn finish(&mut self, corrected: bool) -> Result<()>;
+    /// Ends the step; `corrected` says that the correction slot counts, `cuts` that [`Backend::cut`] may follow: where the segments are
+    /// before the step is kept only then.
+    fn finish(&mut self, corrected: bool, cuts: bool) -> Result<()>;
     /// What a law that is not linear took since the last [`Backend::begin`].
     fn nonlinear(&self) -> Nonlinear {
         Nonlinear::default()
@@ -156,7 +160,8 @@ pub trait Backend {
     fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>>;
     /// Elastic forces at nodes as of the last [`Backend::begin`], N.
     fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
-    /// Segments crossed by swept quads in the step just finished, in their order, each once; quads as four corners each, m.
+    /// Segments crossed by swept quads in the step just finished, in their order, each once; quads as four corners each, m. That step
+    /// must have kept where they were before it ([`Backend::finish`]).
     fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>>;
     /// Takes over what a cut has changed.
     fn remove(&mut self, removal: &Removal) -> Result<()>;

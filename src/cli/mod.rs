@@ -56,6 +56,8 @@ fn run_scene(args: &Run) -> Result<u8> {
     let of_time = args.seconds.map(|t| (t / scene.time.step).round().max(1.0) as u32);
     if args.realtime {
         cutis::report::leave_a_core()?;
+    } else {
+        cutis::report::take_all_cores()?;
     }
     let options = run::Options {
         place: place(args, &scene)?,

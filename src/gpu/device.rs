@@ -73,7 +73,7 @@ pub struct Gpu {
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
     pub(super) timing: RefCell<Option<Rc<Timing>>>,
-    limits: wgpu::Limits,
+    pub(super) limits: wgpu::Limits,
     pipelines: RefCell<HashMap<&'static str, Rc<Pipeline>>>,
     pub(super) fault: Fault,
     pub(super) work: Cell<Work>,

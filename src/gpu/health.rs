@@ -24,6 +24,10 @@ impl Fault {
         }
     }
 
+    fn first(&self) -> Option<String> {
+        self.0.lock().ok().and_then(|fault| fault.clone())
+    }
+
     /// Listens to a device: its errors that nobody asked for, and its end.
     pub fn listen(device: &wgpu::Device) -> Self {
         let fault = Self::default();
@@ -40,12 +44,44 @@ impl Fault {
 
 /// A device, to be taken away while it works.
 #[derive(Clone)]
-pub struct Handle(wgpu::Device);
+pub struct Handle {
+    device: wgpu::Device,
+    fault: Fault,
+    largest: u64, // bytes of one array
+}
+
+/// Arrays that take a device's memory until they are dropped.
+pub struct Taken(Vec<wgpu::Buffer>);
+
+impl Taken {
+    /// How many there are.
+    pub fn count(&self) -> usize {
+        self.0.len()
+    }
+}
+
+/// Arrays that [`Handle::exhaust`] makes at most: a petabyte in arrays of a gigabyte.
+const MOST: usize = 1 << 20;
 
 impl Handle {
     /// Ends the device under whoever uses it, as a driver's reset or a pulled plug does; for tests of what follows.
     pub fn destroy(&self) {
-        self.0.destroy();
+        self.device.destroy();
+    }
+
+    /// Takes the device's memory, in arrays of the largest size, until it refuses one; for tests of what follows.
+    pub fn exhaust(&self) -> Taken {
+        let mut taken = vec![];
+        let wanted = wgpu::BufferDescriptor {
+            label: Some("taken"),
+            size: self.largest,
+            usage: wgpu::BufferUsages::STORAGE,
+            mapped_at_creation: false,
+        };
+        while taken.len() < MOST && self.fault.first().is_none() {
+            taken.push(self.device.create_buffer(&wanted));
+        }
+        Taken(taken)
     }
 }
 
@@ -63,7 +99,8 @@ impl Gpu {
 
     /// The device, to be taken away.
     pub fn handle(&self) -> Handle {
-        Handle(self.device.clone())
+        let largest = self.limits.max_buffer_size & !(wgpu::COPY_BUFFER_ALIGNMENT - 1);
+        Handle { device: self.device.clone(), fault: self.fault.clone(), largest }
     }
 
     /// Whether all went well so far.
@@ -71,7 +108,6 @@ impl Gpu {
     /// # Errors
     /// [`Error::Device`] with what went wrong first.
     pub fn sound(&self) -> Result<()> {
-        let found = self.fault.0.lock().ok().and_then(|fault| fault.clone());
-        found.map_or(Ok(()), |message| Err(Error::Device { message }))
+        self.fault.first().map_or(Ok(()), |message| Err(Error::Device { message }))
     }
 }

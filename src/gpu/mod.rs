@@ -9,5 +9,5 @@ mod shader;
 mod timing;
 
 pub use device::{Adapter, Batch, Bound, Buffer, Gpu, Made, adapters, cast};
-pub use health::{Handle, Work};
+pub use health::{Handle, Taken, Work};
 pub use shader::{Access, Shader, Variable};

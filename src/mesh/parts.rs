@@ -120,10 +120,9 @@ impl Parts {
     /// The copies of a node of the grid.
     pub fn copies(&self, node: usize) -> Vec<u32> {
         let [x, y, level] = self.params.node_at(node);
-        let (extra, grid) = (self.params.extra_columns as usize, self.params.grid_nodes());
         let beside = self.params.extra_columns_beside(&self.table, x + self.params.nodes_x as usize * y);
         let taken = beside.filter(|e| self.occupied[e * self.params.nodes_z as usize + level]);
-        taken.map(|e| (grid + e + extra * level) as u32).collect()
+        taken.map(|e| self.params.copy_id(e, level) as u32).collect()
     }
 
     /// Parent node columns of the extra columns in use.
@@ -232,7 +231,6 @@ impl Parts {
 
     /// Makes everything as it was before.
     fn take_back(&mut self, trial: Trial) {
-        let (extra, levels) = (self.params.extra_columns as usize, self.params.nodes_z as usize);
         let first = self.params.layout().touched;
         for node in &self.table[first + trial.touched..first + self.touched.len()] {
             self.touched.remove(node);
@@ -240,8 +238,8 @@ impl Parts {
         for (word, before) in trial.words.into_iter().rev() {
             self.table[word] = before;
         }
-        for place in trial.copies.iter().map(|[copy, _]| *copy as usize - self.params.grid_nodes()) {
-            self.occupied[place % extra * levels + place / extra] = false;
+        for (e, level) in trial.copies.iter().map(|[copy, _]| self.params.copy_at(*copy as usize)) {
+            self.occupied[e * self.params.nodes_z as usize + level] = false;
         }
         self.cells.truncate(trial.cells);
         self.used = trial.used;
@@ -279,7 +277,7 @@ impl Parts {
     /// Column of a node: the grid's come first.
     fn column_of(&self, node: usize) -> usize {
         let (columns, grid) = (self.params.columns(), self.params.grid_nodes());
-        if node < grid { node % columns } else { columns + (node - grid) % self.params.extra_columns as usize }
+        if node < grid { node % columns } else { columns + self.params.copy_at(node).0 }
     }
 
     /// How many cells of a part have their corner right above or below in a column.
@@ -289,7 +287,7 @@ impl Parts {
 
     /// A place for a copy of the node at `c` for a part.
     fn take_copy(&mut self, c: [usize; 3], own: &[(usize, usize)], trial: &mut Trial) -> Option<usize> {
-        let (extra, levels) = (self.params.extra_columns as usize, self.params.nodes_z as usize);
+        let levels = self.params.nodes_z as usize;
         let parent = c[0] + self.params.nodes_x as usize * c[1];
         let mut best: Option<(usize, usize)> = None; // cells shared, extra column
         let mut beside = 0;
@@ -303,7 +301,7 @@ impl Parts {
         let joined = best.filter(|(shared, _)| *shared > 0 || beside >= COPIES).map(|(_, e)| e);
         let e = joined.or_else(|| self.take_column(parent, trial)).or(best.map(|(_, e)| e))?;
         self.occupied[e * levels + c[2]] = true;
-        Some(self.params.grid_nodes() + e + extra * c[2])
+        Some(self.params.copy_id(e, c[2]))
     }
 
     /// A new extra column beside a node column.

@@ -139,7 +139,10 @@ pub(super) fn positions(simulation: &Simulation, state: &[Snapshot]) -> Vec<[f64
 }
 
 /// Draws the scene as its view says.
-pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Image {
+///
+/// # Errors
+/// [`Error::Memory`] when there is none for so many pixels.
+pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Result<Image> {
     let place = |(tool, now): (&Tool, &Instrument)| {
         let at = |p: &[f64; 3]| now.at(glam::DVec3::from_array(*p)).to_array();
         tool.mesh.positions.iter().map(at).collect::<Vec<_>>()
@@ -210,6 +213,6 @@ pub(super) fn write(
     step: &StepReport,
     path: &Path,
 ) -> Result<()> {
-    let bytes = view::png(&draw(scene, simulation, skin, step));
+    let bytes = view::png(&draw(scene, simulation, skin, step)?);
     replace(path, &bytes.map_err(|source| Error::Write { path: path.to_owned(), source })?)
 }

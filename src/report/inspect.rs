@@ -206,11 +206,8 @@ fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split, place]: [u
         }
     }
     if cuts(scene) {
-        // where the segments are before the step; springs copy the nodes
-        if model.springs.is_none() {
-            list.push(count("segments", 1, "step"));
-        }
-        list.push(count("cut", if model.springs.is_some() { 1 } else { 2 }, "step with contact"));
+        // where the segments are before the step and after it; springs copy the nodes
+        list.push(count("cut", if model.springs.is_some() { 1 } else { 3 }, "step with contact"));
     }
     list
 }

@@ -183,3 +183,15 @@ pub fn leave_a_core() -> Result<()> {
         fix: "ask for it before anything is computed".into(),
     })
 }
+
+/// Starts the threads of the parallel work, one for each core.
+///
+/// # Errors
+/// [`Error::Threads`] when the machine gives none.
+pub fn take_all_cores() -> Result<()> {
+    let started = rayon::ThreadPoolBuilder::new().build_global();
+    // one that is there already serves as well
+    let reason = |e: &rayon::ThreadPoolBuildError| std::error::Error::source(e).map(ToString::to_string);
+    let refused = started.err().as_ref().and_then(reason).map(std::io::Error::other);
+    refused.map_or(Ok(()), |source| Err(Error::Threads { source }))
+}

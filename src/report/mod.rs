@@ -17,4 +17,4 @@ pub mod run;
 pub mod study;
 
 pub use keys::{CutReport, EnergyReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
-pub use live::leave_a_core;
+pub use live::{leave_a_core, take_all_cores};

@@ -47,11 +47,19 @@ struct Piece {
 }
 
 impl Simulation {
-    /// Cuts what the pieces of each edge that move through the skin have swept.
-    pub(super) fn incise(&mut self, old: &[Instrument], report: &mut StepReport) -> Result<()> {
+    /// Whether an edge touches skin in a step, by its contacts: one that touches none cuts none.
+    pub(super) fn edges_meet_skin(&self, contacts: &[Contact]) -> bool {
+        contacts.iter().any(|contact| match contact.on {
+            [Who::Rigid(number), Who::Skin(_)] => self.tools[number].edge.is_some() && self.tools[number].sharp,
+            _ => false,
+        })
+    }
+
+    /// Cuts what the pieces of each edge that move through the skin have swept; `cuts` says that one touches it.
+    pub(super) fn incise(&mut self, old: &[Instrument], cuts: bool, report: &mut StepReport) -> Result<()> {
         let contacts = std::mem::take(&mut report.contact.contacts);
         let refused = self.totals().refused;
-        let done = self.sweep(old, &contacts, report);
+        let done = self.sweep(old, &contacts, cuts, report);
         report.contact.contacts = contacts;
         report.warn("cut_reserve_exhausted", (self.totals().refused - refused) as u32);
         done
@@ -109,15 +117,11 @@ impl Simulation {
         out
     }
 
-    fn sweep(&mut self, old: &[Instrument], contacts: &[Contact], report: &mut StepReport) -> Result<()> {
+    fn sweep(&mut self, old: &[Instrument], contacts: &[Contact], cuts: bool, report: &mut StepReport) -> Result<()> {
         self.follow_fronts(old, contacts, report);
         let held = std::mem::take(&mut self.held);
-        let by_edge = |c: &Contact| match c.on {
-            [Who::Rigid(number), Who::Skin(_)] => self.tools[number].edge.is_some() && self.tools[number].sharp,
-            _ => false,
-        };
-        if !contacts.iter().any(by_edge) {
-            return Ok(()); // an edge that meets no skin cuts none
+        if !cuts {
+            return Ok(());
         }
         let mut quads = vec![];
         for (number, (old, new)) in old.iter().zip(&self.tools).enumerate() {

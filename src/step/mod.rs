@@ -273,19 +273,20 @@ impl Simulation {
             }
             None => (self.move_freely(&free)?, None),
         };
+        let cuts = self.edges_meet_skin(&report.contact.contacts);
         for (number, (body, before)) in self.bodies.iter_mut().zip(before).enumerate() {
             if let Some(before) = before {
                 let forces = forces.as_ref().map(|forces| forces[number].as_slice());
                 body.review(before, forces, &self.scene, (begin, check), &mut ended[number], &mut report)?;
             }
-            body.backend.finish(forces.is_some())?;
+            body.backend.finish(forces.is_some(), cuts)?;
             let work = body.backend.nonlinear();
             report.newton_iterations = report.newton_iterations.max(work.iterations);
             report.warn("tangent_indefinite", work.indefinite);
         }
         self.note_solves(&ended, &mut report);
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {
-            self.incise(&old, &mut report)?;
+            self.incise(&old, cuts, &mut report)?;
         }
         self.read_probes(&mut report)?;
         Ok(report)

@@ -13,8 +13,10 @@ mod occlusion;
 mod raster;
 mod shade;
 
+use crate::error::Result;
 use glam::{DVec3, Vec3};
-use raster::{NO_TRIANGLE, SAMPLES, Samples};
+use raster::{NO_TRIANGLE, SAMPLES, Samples, room};
+use rayon::prelude::*;
 
 /// Cosine of 40°: smooth shading keeps edges sharper than this as edges. Larger angles round the
 /// bevel of a blade, smaller ones show the facets of a coarse handle.
@@ -26,8 +28,8 @@ const NEAR: f64 = 0.01;
 /// Colour of triangles beyond the end of `Surface::colors`, sRGB.
 const NO_COLOR: [u8; 3] = [128; 3];
 
-/// Threads of one picture; more of them cost more to start than they save.
-const MOST_THREADS: usize = 8;
+/// Rows that a thread takes at least: some ten thousand pixels, fewer are not worth handing over.
+const ROWS: usize = 16;
 
 /// A triangle mesh with its looks. Both sides of a triangle are drawn.
 pub struct Surface<'a> {
@@ -141,10 +143,13 @@ impl View {
 ///
 /// Nothing is kept of the input. No surfaces, or a camera without a direction, give the
 /// background; a width or height of 0 gives an image without pixels.
-pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, caption: &[&str]) -> Image {
+///
+/// # Errors
+/// [`Error::Memory`](crate::error::Error::Memory) when there is none for so many pixels.
+pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, caption: &[&str]) -> Result<Image> {
     let (columns, rows) = (width as usize, height as usize);
     let mut skipped = 0;
-    let mut samples = Samples::new(columns, rows);
+    let mut samples = Samples::new(columns, rows)?;
     let mut triangles = Vec::new();
     let view = View::new(camera, columns, rows);
     if let Some(view) = &view {
@@ -163,10 +168,10 @@ pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, ca
             }
         }
     }
-    let mut image = Image { width, height, rgb: vec![0; 3 * columns * rows], skipped };
-    shade::shade(&samples, &triangles, view.as_ref(), &mut image);
+    let mut image = Image { width, height, rgb: room(3 * columns * rows, 0)?, skipped };
+    shade::shade(&samples, &triangles, view.as_ref(), &mut image)?;
     draw_caption(&mut image, caption);
-    image
+    Ok(image)
 }
 
 /// Adds the surface's triangles in view space; returns how many it had to leave out.
@@ -242,19 +247,8 @@ fn draw_outline(positions: &[[f64; 3]], outline: &Outline, view: &View, near: f3
 /// Calls `fill(y, row)` for each row of a picture, on all cores. Rows do not depend on each other,
 /// so the number of threads does not show in the result.
 fn for_rows<T: Send>(data: &mut [T], row_size: usize, fill: impl Fn(usize, &mut [T]) + Sync) {
-    let row_size = row_size.max(1);
-    let threads = std::thread::available_parallelism().map_or(1, |n| n.get().min(MOST_THREADS));
-    let band = (data.len() / row_size).div_ceil(threads).max(1);
-    std::thread::scope(|scope| {
-        for (index, rows) in data.chunks_mut(band * row_size).enumerate() {
-            let fill = &fill;
-            scope.spawn(move || {
-                for (y, row) in rows.chunks_mut(row_size).enumerate() {
-                    fill(index * band + y, row);
-                }
-            });
-        }
-    });
+    // on the threads that are there already: a picture that starts its own fails where memory is short
+    data.par_chunks_mut(row_size.max(1)).enumerate().with_min_len(ROWS).for_each(|(y, row)| fill(y, row));
 }
 
 /// Dark text with a light rim, so that it reads on the background and on the scene.
@@ -310,6 +304,10 @@ pub fn png(image: &Image) -> std::io::Result<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, caption: &[&str]) -> Image {
+        super::render(surfaces, camera, width, height, caption).expect("small pictures fit")
+    }
 
     const RED: [u8; 3] = [200, 30, 30];
     const BLUE: [u8; 3] = [30, 30, 200];
@@ -397,7 +395,7 @@ mod tests {
         let (positions, triangles, _) = sheet(31);
         let colors = vec![RED; triangles.len()];
         let surface = Surface { triangles: &triangles, ..surface(&positions, &colors) };
-        let mut samples = Samples::new(64, 48);
+        let mut samples = Samples::new(64, 48).unwrap();
         let view = View::new(&CAMERA, 64, 48).unwrap();
         let placed: Vec<_> = positions.iter().map(|p| view.place(p)).collect();
         let mut prepared = Vec::new();

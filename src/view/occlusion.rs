@@ -5,7 +5,9 @@
 //! Source: McGuire et al. 2011 (Alchemy). Differs: the cosine and a smooth reach R in place of
 //! `1/|v|`, so that no constant depends on the scene's size.
 
+use super::raster::room;
 use super::{SAMPLES, View, for_rows};
+use crate::error::Result;
 use glam::{Vec2, Vec3};
 
 /// Places looked at around a pixel; fewer leave blotches, more cost time.
@@ -47,13 +49,13 @@ pub(super) const NOTHING: Seen = Seen { depth: f32::INFINITY, normal: Vec3::ZERO
 
 impl Pixels {
     /// `[height][width]` share of the surroundings that is open, 0 to 1.
-    pub(super) fn openness(&self, view: &View) -> Vec<f32> {
-        blur(self, &occlude(self, view))
+    pub(super) fn openness(&self, view: &View) -> Result<Vec<f32>> {
+        blur(self, &occlude(self, view)?)
     }
 }
 
 /// Share of the surroundings that is open at each pixel, 0 to 1; noisy over 4 × 4 pixels.
-fn occlude(pixels: &Pixels, view: &View) -> Vec<f32> {
+fn occlude(pixels: &Pixels, view: &View) -> Result<Vec<f32>> {
     let reach = REACH * (view.distance * view.half_tangent) as f32;
     let focal = view.focal as f32 / SAMPLES as f32;
     let (width, height) = (pixels.width, pixels.height);
@@ -79,7 +81,7 @@ fn occlude(pixels: &Pixels, view: &View) -> Vec<f32> {
         let cosine = v.dot(here.normal) / squared.sqrt() - OCCLUSION_BIAS;
         cosine.max(0.0) * (1.0 - squared / (reach * reach)).max(0.0)
     };
-    let mut open = vec![1.0; width * height];
+    let mut open = room(width * height, 1.0)?;
     for_rows(&mut open, width, |y, row| {
         for (x, open) in row.iter_mut().enumerate() {
             let here = pixels.seen[y * width + x];
@@ -91,7 +93,7 @@ fn occlude(pixels: &Pixels, view: &View) -> Vec<f32> {
             }
         }
     });
-    open
+    Ok(open)
 }
 
 /// `[turn][place]` places in the unit disc: a spiral of golden angles, turned for each pixel of a
@@ -117,10 +119,11 @@ fn pattern() -> [[Vec2; PLACES]; TURNS * TURNS] {
 }
 
 /// Mean over 4 × 4 pixels of the same surface: similar normals, and little difference in depth.
-fn blur(pixels: &Pixels, open: &[f32]) -> Vec<f32> {
+fn blur(pixels: &Pixels, open: &[f32]) -> Result<Vec<f32>> {
     let (width, height) = (pixels.width, pixels.height);
     let around = |at: usize, size: usize| at.saturating_sub(TURNS / 2)..(at + TURNS - TURNS / 2).min(size);
-    let mut smooth = open.to_vec();
+    let mut smooth = room(open.len(), 0.0)?;
+    smooth.copy_from_slice(open);
     for_rows(&mut smooth, width, |y, row| {
         for (x, smooth) in row.iter_mut().enumerate() {
             let here = pixels.seen[y * width + x];
@@ -141,5 +144,5 @@ fn blur(pixels: &Pixels, open: &[f32]) -> Vec<f32> {
             }
         }
     });
-    smooth
+    Ok(smooth)
 }

@@ -4,6 +4,7 @@
 //! share an edge leave no gap between them.
 
 use super::View;
+use crate::error::{Error, Result};
 use glam::{Vec2, Vec3};
 
 /// Samples along each side of a pixel.
@@ -33,18 +34,28 @@ pub(super) struct Samples {
     pub(super) inks: Vec<Vec3>,
 }
 
+/// An array over a picture, or the error that there is no memory for it: pictures are most of what a running scene allocates.
+pub(super) fn room<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
+    let mut values = vec![];
+    let bytes = (count * size_of::<T>()) as u64;
+    let fix = "set a smaller view.size_px, or frames = 0 for none, or close what takes memory";
+    values.try_reserve_exact(count).map_err(|_| Error::Memory { what: "a picture", bytes, fix })?;
+    values.resize(count, value);
+    Ok(values)
+}
+
 impl Samples {
     /// Empty samples for a picture of `columns` × `rows` pixels.
-    pub(super) fn new(columns: usize, rows: usize) -> Self {
+    pub(super) fn new(columns: usize, rows: usize) -> Result<Self> {
         let (width, height) = (columns * SAMPLES, rows * SAMPLES);
-        Self {
+        Ok(Self {
             width,
             height,
-            inverse_depth: vec![0.0; width * height],
-            triangle: vec![NO_TRIANGLE; width * height],
-            line: vec![0; width * height],
+            inverse_depth: room(width * height, 0.0)?,
+            triangle: room(width * height, NO_TRIANGLE)?,
+            line: room(width * height, 0)?,
             inks: vec![Vec3::ONE],
-        }
+        })
     }
 
     /// Draws a triangle in view space where it is beyond the near plane and in front.
@@ -199,7 +210,7 @@ impl ShadowMap {
     const CELLS: usize = 1280;
 
     /// `to_light` has length 1. `triangles` are in view space, m.
-    pub(super) fn new<'a>(to_light: Vec3, triangles: impl Iterator<Item = &'a [Vec3; 3]> + Clone) -> Self {
+    pub(super) fn new<'a>(to_light: Vec3, triangles: impl Iterator<Item = &'a [Vec3; 3]> + Clone) -> Result<Self> {
         let (u, v) = to_light.any_orthonormal_pair();
         let axes = [u, v, to_light];
         let place = |p: Vec3| Vec3::from(axes.map(|axis| axis.dot(p)));
@@ -210,7 +221,7 @@ impl ShadowMap {
         }
         let side = (high - low).max_element().max(f32::MIN_POSITIVE);
         let cells_per_metre = Self::CELLS as f32 / side;
-        let mut nearest = vec![f32::MIN; Self::CELLS * Self::CELLS];
+        let mut nearest = room(Self::CELLS * Self::CELLS, f32::MIN)?;
         for corners in triangles {
             let cells = corners.map(|corner| {
                 let p = place(corner);
@@ -221,7 +232,7 @@ impl ShadowMap {
                 nearest[cell] = nearest[cell].max(height);
             });
         }
-        Self { axes, low, cells_per_metre, nearest }
+        Ok(Self { axes, low, cells_per_metre, nearest })
     }
 
     /// Share of the light that reaches `position`, a point of a surface with `normal`, 0 to 1;

@@ -4,8 +4,9 @@
 //! and the highlight (Schlick 1994) let metal be told from skin; neither claims to be measured.
 
 use super::occlusion::{NOTHING, Pixels, Seen};
-use super::raster::ShadowMap;
+use super::raster::{ShadowMap, room};
 use super::{Image, NO_TRIANGLE, SAMPLES, Samples, Triangle, View, for_rows};
+use crate::error::Result;
 use glam::Vec3;
 
 /// The lights: direction in view space, of any length, and brightness. The first one comes from
@@ -31,13 +32,14 @@ struct Shader<'a> {
 }
 
 /// Fills `image` from the samples.
-pub(super) fn shade(samples: &Samples, triangles: &[Triangle], view: Option<&View>, image: &mut Image) {
+pub(super) fn shade(samples: &Samples, triangles: &[Triangle], view: Option<&View>, image: &mut Image) -> Result<()> {
     let (width, height) = (image.width as usize, image.height as usize);
     let shader = match view {
-        Some(view) if !triangles.is_empty() => Some(Shader::new(samples, triangles, view)),
+        Some(view) if !triangles.is_empty() => Some(Shader::new(samples, triangles, view)?),
         _ => None,
     };
-    let occlusion = shader.as_ref().map(|s| s.pixels(width, height).openness(s.view));
+    let openness = |s: &Shader| s.pixels(width, height)?.openness(s.view);
+    let occlusion = shader.as_ref().map(openness).transpose()?;
     for_rows(&mut image.rgb, 3 * width, |y, row| {
         for (x, rgb) in row.chunks_exact_mut(3).enumerate() {
             let behind = background(x, y, width, height);
@@ -49,6 +51,7 @@ pub(super) fn shade(samples: &Samples, triangles: &[Triangle], view: Option<&Vie
             rgb.copy_from_slice(&srgb.to_array().map(|channel| channel as u8));
         }
     });
+    Ok(())
 }
 
 /// Light grey, darker towards the bottom and a little towards the corners; linear.
@@ -60,10 +63,10 @@ fn background(x: usize, y: usize, width: usize, height: usize) -> Vec3 {
 }
 
 impl<'a> Shader<'a> {
-    fn new(samples: &'a Samples, triangles: &'a [Triangle], view: &'a View) -> Self {
+    fn new(samples: &'a Samples, triangles: &'a [Triangle], view: &'a View) -> Result<Self> {
         let lights = [KEY, FILL, RIM].map(|(to, bright)| (Vec3::from(to).normalize(), bright));
-        let shadow = ShadowMap::new(lights[0].0, triangles.iter().map(|t| &t.corners));
-        Self { samples, triangles, view, shadow, lights }
+        let shadow = ShadowMap::new(lights[0].0, triangles.iter().map(|t| &t.corners))?;
+        Ok(Self { samples, triangles, view, shadow, lights })
     }
 
     /// Direction with z = 1 through a place in samples.
@@ -74,8 +77,8 @@ impl<'a> Shader<'a> {
     }
 
     /// The nearest sample of each pixel, with its face's normal.
-    fn pixels(&self, width: usize, height: usize) -> Pixels {
-        let mut seen = vec![NOTHING; width * height];
+    fn pixels(&self, width: usize, height: usize) -> Result<Pixels> {
+        let mut seen = room(width * height, NOTHING)?;
         let inverse_depth = &self.samples.inverse_depth;
         for_rows(&mut seen, width, |y, row| {
             for (x, seen) in row.iter_mut().enumerate() {
@@ -94,7 +97,7 @@ impl<'a> Shader<'a> {
                 }
             }
         });
-        Pixels { width, height, seen }
+        Ok(Pixels { width, height, seen })
     }
 
     /// Linear colour of a pixel: each triangle in it is shaded once.

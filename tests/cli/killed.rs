@@ -87,7 +87,7 @@ fn series(folder: &Path, name: &str) -> Result<usize, String> {
 }
 
 /// Reads everything in a folder of results; how many steps and meshes there are.
-fn read_back(folder: &Path) -> Result<[usize; 2], String> {
+pub fn read_back(folder: &Path) -> Result<[usize; 2], String> {
     let (mut steps, mut meshes) = (0, 0);
     let entries =
         |path: &Path| std::fs::read_dir(path).into_iter().flatten().flatten().map(|e| e.path()).collect::<Vec<_>>();

@@ -418,8 +418,8 @@ const SPLIT: [&str; 13] = [
     "rotations",
     "split_product",
 ];
-/// Columns of copies: more than a group of `bounds`.
-const EXTRA_COLUMNS: u32 = 11;
+/// Columns of copies: more than a bundle of them, and in the last one more than a group of `bounds`.
+const EXTRA_COLUMNS: u32 = 43;
 
 /// Sizes, with room for copies where the kernel knows of them.
 fn reserved<R: Real>(kernel: &str, grid: &Grid) -> Params<R> {
@@ -428,7 +428,7 @@ fn reserved<R: Real>(kernel: &str, grid: &Grid) -> Params<R> {
         return params;
     }
     let node_count = params.node_count + EXTRA_COLUMNS * params.nodes_z;
-    Params { node_count, extra_columns: EXTRA_COLUMNS, split_cells: 200, touched_nodes: 300, ..params }
+    Params { node_count, extra_columns: EXTRA_COLUMNS, split_cells: 400, touched_nodes: 700, ..params }
 }
 
 /// Planes across x, y and z that reach part of the way, and links here and there.

@@ -2,7 +2,7 @@
 
 use super::Failure;
 use cutis::error::Error;
-use cutis::gpu::{Gpu, Work};
+use cutis::gpu::{Gpu, Handle, Work};
 use cutis::report::{inspect, run};
 use cutis::scene::{Preconditioner, Scene, read};
 use cutis::step::{Place, Simulation};
@@ -13,6 +13,10 @@ type Test = fn(&Gpu) -> Result<(), Failure>;
 /// Every test here, by name.
 pub const TESTS: &[(&str, Test)] = &[
     ("a_lost_device_ends_the_run_and_leaves_what_was_done", a_lost_device_ends_the_run_and_leaves_what_was_done),
+    (
+        "a_device_without_memory_ends_the_run_and_leaves_what_was_done",
+        a_device_without_memory_ends_the_run_and_leaves_what_was_done,
+    ),
     (
         "a_device_that_fails_says_so_at_the_next_read_and_from_then_on",
         a_device_that_fails_says_so_at_the_next_read_and_from_then_on,
@@ -52,18 +56,19 @@ impl Drop for Folder {
 /// Steps before the device goes.
 const DONE: u32 = 3;
 
-fn a_lost_device_ends_the_run_and_leaves_what_was_done(gpu: &Gpu) -> Result<(), Failure> {
+/// Ends a run from the third step on by `fail`, and looks at what it leaves; without that it goes on to the end.
+fn ended(gpu: &Gpu, name: &str, says: &str, mut fail: impl FnMut(&Handle)) -> Result<(), Failure> {
     let scene = small("verify/sphere_press.toml")?;
-    let folder =
-        Folder(std::env::temp_dir().join(format!("cutis-lost-{}-{}", std::process::id(), super::label(&gpu.adapter))));
-    let run = |lost: bool| {
+    let label = format!("cutis-{name}-{}-{}", std::process::id(), super::label(&gpu.adapter));
+    let folder = Folder(std::env::temp_dir().join(label));
+    let mut run = |fails: bool| {
         let simulation = Simulation::new(&scene, &place(gpu))?;
         let device = simulation.bodies[0].gpu().map(Gpu::handle).ok_or("it is not on a GPU")?;
         let out = folder.0.clone();
         let options = run::Options { place: place(gpu), steps: Some(10), out, realtime: false, record: true };
         let ended = run::run_prepared(&scene, &options, simulation, &mut |progress| {
-            if lost && progress.step == DONE {
-                device.destroy();
+            if fails && progress.step == DONE {
+                fail(&device);
             }
         });
         Ok::<_, Failure>(ended.map(|summary| summary.report))
@@ -73,7 +78,7 @@ fn a_lost_device_ends_the_run_and_leaves_what_was_done(gpu: &Gpu) -> Result<(), 
         other => return Err(format!("ended with {:?}", other.map(|r| r.steps).map_err(|e| e.to_string())).into()),
     };
     let words = error.to_string();
-    require(words.contains("the GPU device failed: it was lost") && error.exit_code() == 1, || words.clone())?;
+    require(words.contains(says) && error.exit_code() == 1, || words.clone())?;
     let left =
         |name: &str| std::fs::read_to_string(folder.0.join(name)).map_err(|e| Failure::from(format!("{name}: {e}")));
     let report: serde_json::Value = serde_json::from_str(&left("report.json")?).map_err(|e| e.to_string())?;
@@ -87,6 +92,19 @@ fn a_lost_device_ends_the_run_and_leaves_what_was_done(gpu: &Gpu) -> Result<(), 
     // the counter-test: with its device it goes on to the end
     let whole = run(false)??;
     require(whole.steps == 10 && whole.error.is_empty(), || format!("{} steps, {}", whole.steps, whole.error))
+}
+
+fn a_lost_device_ends_the_run_and_leaves_what_was_done(gpu: &Gpu) -> Result<(), Failure> {
+    ended(gpu, "lost", "the GPU device failed: it was lost", Handle::destroy)
+}
+
+/// All of the device's memory is taken: it says so itself, and the arrays of the run are whole but nothing more can be made.
+fn a_device_without_memory_ends_the_run_and_leaves_what_was_done(gpu: &Gpu) -> Result<(), Failure> {
+    let mut count = 0;
+    ended(gpu, "memory", "its memory is used up; run again, with a smaller scene", |device| {
+        count = device.exhaust().count(); // given back at once, so that nobody else is short of it
+    })?;
+    require(count > 1, || format!("{count} arrays were refused: that is a limit of one array, not of memory"))
 }
 
 fn a_device_that_fails_says_so_at_the_next_read_and_from_then_on(gpu: &Gpu) -> Result<(), Failure> {

@@ -79,12 +79,12 @@ const CASES: &[Case] = cases! {
     blocks Nodes false [
         "a + 4u" => "a + 3u", "if a < 4u" => "if a < 3u", "layer_of[at.z] * 64u" => "0u",
         "any(at >= cells)" => "any(at + 1u >= cells)", "corner_node(params, at, a) != i" => "false", "a < 4u && chained" => "a < 4u",
-        "select(2.0, 1.0, chained)" => "1.0", "above(params, other) == i" => "true", "free[over].xyz" => "free[i].xyz"
+        "select(2.0, 1.0, chained)" => "1.0", "above(params, other) == i" => "true", "i + bundle(p, (i - columns * p.nodes_z) / p.nodes_z).y" => "i + BUNDLE", "free[over].xyz" => "free[i].xyz"
     ]
     bounds Bounds false [
         "last - first + 1u" => "last - first", "max(high, d)" => "min(high, d)", "low.w += 1.0" => "low.w += 0.0", "n += GROUP" => "n += 2u * GROUP",
         "n = GROUP / 2u" => "n = GROUP / 4u", "tile / tiles.x" => "tile / tiles.y", "min(first + TILE," => "max(first,",
-        "if tile >= of_grid { i" => "if false { i", "vec2<u32>((tile - of_grid) * TILE, 0u)" => "vec2<u32>(0u, 0u)"
+        "if tile >= of_grid { i" => "if false { i", "BUNDLE: u32 = 32u" => "BUNDLE: u32 = 64u", "vec2<u32>((tile - of_grid) * TILE, 0u)" => "vec2<u32>(0u, 0u)"
     ]
     centres Cells false ["sum * 0.125" => "sum * 0.126", "corner_node(params, vec3<u32>(x, y, z), k)" => "node_id(params, vec3<u32>(x, y, z) + corner(k))"]
     coarsen Cells false [
@@ -109,7 +109,7 @@ const CASES: &[Case] = cases! {
     duplicate Ids true [
         "k >= params.count" => "k >= params.count / 2u", "pairs[k].y]" => "pairs[0].y]", "group.y * params.stride" => "params.stride"
     ]
-    factor Columns false ["own.d - below" => "own.d + below", "i1 - l21 * yz" => "i1 + l21 * yz", "l10 * l21 - l20" => "l10 * l21 + l20", "transpose(own.g) * g" => "own.g * g", "p.extra_columns);" => "columns);"]
+    factor Columns false ["own.d - below" => "own.d + below", "i1 - l21 * yz" => "i1 + l21 * yz", "l10 * l21 - l20" => "l10 * l21 + l20", "transpose(own.g) * g" => "own.g * g", "own.x) * p.nodes_z" => "0u) * p.nodes_z", "e - own.x;" => "e;"]
     forces Nodes false [
         "- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "own) * r" => "own) * transpose(r)", "|| corner_node(params, at, a) != i" => "", "u[corner_node(params, at, b)]" => "u[node_id(params, at + corner(b))]",
         "turn * x + e * x" => "turn * x", "pre_strain[layer]" => "pre_strain[0]"
@@ -161,7 +161,7 @@ const CASES: &[Case] = cases! {
     ]
     restriction Nodes true [
         "0.5, 1.0, dx == 1u" => "0.5, 1.0, dx == 0u", "- w[node].xyz" => "+ w[node].xyz", "x > params.nodes_x ||" => "",
-        "coarse_free[i].xyz" => "coarse_free[0].xyz", "while next != 0u" => "while next != 0u && false",
+        "coarse_free[i].xyz" => "coarse_free[0].xyz", "while next != 0u" => "while next != 0u && false", "level * own.y" => "level",
         "next = split[params.extra_columns + next - 1u]" => "next = 0u", "|| scalars[slot * 2u].w != 0.0" => ""
     ]
     rhs Nodes false [
@@ -172,7 +172,7 @@ const CASES: &[Case] = cases! {
     split_product Touched true [
         "!is_split(params, cell) ||" => "", "|| corner_node(params, at, a) != i" => "", "if !of_grid { out" => "if of_grid { out",
         "if of_grid { out +=" => "if false { out +=", "* 64u + a * 8u" => "* 64u", "n = GROUP / 2u" => "n = GROUP / 4u", "scalars[slot * 2u].w == 0.0" => "true",
-        "parent % p.nodes_x" => "0u", "out *= free[i].xyz" => "out *= free[0].xyz", "- own) * r)" => "- own) * transpose(r))"
+        "parent % p.nodes_x" => "0u", "within / own.y" => "0u", "rest - own.x * p.nodes_z" => "rest", "out *= free[i].xyz" => "out *= free[0].xyz", "- own) * r)" => "- own) * transpose(r))"
     ]
     springs Nodes false [
         "max(stretch, 0.0)" => "stretch", "sum -= d" => "sum += d", "own.x + elongation" => "elongation",

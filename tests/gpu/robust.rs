@@ -52,7 +52,7 @@ fn step(backend: &mut dyn Backend) -> Result<Vec<[f64; 4]>, Failure> {
         return Err(format!("{outcome:?}").into());
     }
     let dx = backend.solution(FREE)?;
-    backend.finish(false)?;
+    backend.finish(false, true)?;
     Ok(dx)
 }
 
@@ -78,7 +78,8 @@ fn whole(model: &Model, wound: &Wound) -> Removal {
     let pairs = uncut.surface.parts.table().iter().zip(wound.surface.parts.table());
     let words =
         (0..).zip(pairs).filter(|(_, (before, now))| before != now).map(|(word, (_, now))| (word, *now)).collect();
-    let free = (0..).zip(wound.free.iter().copied()).collect();
+    let in_use = model.params::<f32>().nodes_in_use(wound.surface.parts.table());
+    let free = (0..).zip(wound.free.iter().copied()).take(in_use).collect();
     Removal { words, free, ..Removal::default() }
 }
 

@@ -269,7 +269,7 @@ impl Case {
             [quad([-2.2, -0.3], [3.0, 1.03]), quad([-0.3, 1.7], [3.0, 0.71]), quad([-3.0, 3.0], [4.0, 3.0])].concat();
         let hits = three.each(|b| {
             b.solve(&[free], &[])?;
-            b.finish(false)?;
+            b.finish(false, true)?;
             b.cut(&quads)
         })?;
         let segments = |k: usize| hits[k].iter().map(|hit| hit.segment).collect::<Vec<_>>();
@@ -336,7 +336,7 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     b.set_rows(&[CORRECTION], &[(CORRECTION, pressed, f), (CORRECTION, bottom, f)])?;
     b.solve(&[absolute(CORRECTION)], &[])?;
     seen.push(("correction", SOLUTION, triples(&b.solution(CORRECTION)?)));
-    b.finish(true)?;
+    b.finish(true, false)?;
     seen.push(("displacements", SOLUTION, b.displacements(top)?));
     seen.push(("tile bounds", SOLUTION, triples(&b.bounds()?.concat())));
     // one cell (or its springs) and, at the corner, a node go
@@ -348,7 +348,7 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     seen.push(("node blocks", SOLUTION, b.node_blocks(&all)?.concat()));
     b.solve(&[free], &[])?;
     b.set_correction(&[(pressed, [0.0, 0.0, -1e-5]), (bottom, [1e-5; 3])])?;
-    b.finish(true)?;
+    b.finish(true, false)?;
     let s = b.snapshot()?;
     seen.push(("u", SOLUTION, triples(&s.u)));
     seen.push(("v", SOLUTION, triples(&s.v)));

@@ -132,7 +132,7 @@ impl Body {
         let wanted = [Wanted { slot: FREE, target: Target::OfLoad(self.tolerance) }];
         self.backend.begin()?;
         let (outcomes, _) = self.backend.solve(&wanted, &[])?;
-        self.backend.finish(false)?;
+        self.backend.finish(false, false)?;
         Ok(outcomes[0])
     }
 

@@ -46,6 +46,8 @@ pub(super) struct Cutting<R> {
     pub rest: Vec<V4<R>>,
     pub point_u: Vec<V4<R>>,
     pub point_before: Vec<V4<R>>,
+    /// `point_before` is of the last step.
+    pub kept: bool,
 }
 
 impl<R: Real> Elastic<R> {
@@ -188,6 +190,6 @@ impl<R: Real> Cutting<R> {
             None => (links(&params), cell_centres(model).into_iter().map(pad).collect()),
         };
         let zeros = vec![[R::zero(); 4]; rest.len()];
-        Self { ends, rest, point_u: zeros.clone(), point_before: zeros }
+        Self { ends, rest, point_u: zeros.clone(), point_before: zeros, kept: false }
     }
 }

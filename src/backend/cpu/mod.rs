@@ -3,9 +3,10 @@
 mod arrays;
 mod explicit;
 mod hyperelastic;
+mod reserve;
 mod slots;
 
-use super::{Backend, CORRECTION, Device, FREE, Needs, Nonlinear, Snapshot, Target, Vector, Wanted};
+use super::{Backend, CORRECTION, Device, FREE, NOT_KEPT, Needs, Nonlinear, Snapshot, Target, Vector, Wanted};
 use crate::cut::Removal;
 use crate::error::Result;
 use crate::kernels::advance::Request;
@@ -25,7 +26,8 @@ pub struct CpuBackend<R> {
     law: Elastic<R>,
     max_iterations: u32,
     floor: f64,
-    node_count: usize,
+    node_count: usize, // in use, of `all_nodes` with the reserve
+    all_nodes: usize,
     contact: bool,
     explicit: bool,
     u: Vec<V4<R>>,
@@ -55,10 +57,12 @@ pub struct CpuBackend<R> {
 impl<R: Real> CpuBackend<R> {
     /// The body at rest, with the arrays that `needs` names.
     pub fn new(model: &Model, needs: Needs, max_iterations: u32, floor: f64, start: &Snapshot) -> Self {
-        let node_count = model.node_count();
+        let params: Params<R> = model.params();
+        let (all_nodes, node_count) = (model.node_count(), params.nodes_in_use(&start.split));
         let slots = needs.slots();
-        let solved = if model.step.explicit() { 0 } else { node_count }; // nodes that a solve needs vectors of
-        let zeros = |n: usize| vec![[R::zero(); 4]; n];
+        let solved = usize::from(!model.step.explicit()); // what a solve needs vectors of
+        let zeros = |of_node: usize| reserve::zeros(node_count * of_node, all_nodes * of_node);
+        let in_use = |values: &[V4<f64>]| reserve::rounded(values, node_count);
         let scratch = match &model.springs {
             Some(_) => vec![],
             None => vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&model.params::<R>())],
@@ -66,28 +70,29 @@ impl<R: Real> CpuBackend<R> {
         let (anchors, anchor_rate) = (model.anchors.clone(), rate(&model.step));
         let cutting = needs.cutting.then(|| Cutting::new(model));
         Self {
-            params: model.params(),
+            params: Params { node_count: node_count as u32, ..params },
             law: Elastic::new(model),
             max_iterations,
             floor,
             node_count,
+            all_nodes,
             contact: needs.contact,
             explicit: model.step.explicit(),
-            u: start.u.iter().map(round).collect(),
-            v: start.v.iter().map(round).collect(),
-            ahead: zeros(if model.step.lead() > 0.0 { node_count } else { 0 }),
-            mean_v: zeros(if model.mass == Mass::Consistent { node_count } else { 0 }),
-            f: zeros(node_count),
-            free: model.in_system().iter().map(round).collect(),
-            masses: if anchors.nodes.is_empty() { vec![] } else { model.free.iter().map(round).collect() },
+            u: in_use(&start.u),
+            v: in_use(&start.v),
+            ahead: zeros(usize::from(model.step.lead() > 0.0)),
+            mean_v: zeros(usize::from(model.mass == Mass::Consistent)),
+            f: zeros(1),
+            free: in_use(&model.in_system()),
+            masses: if anchors.nodes.is_empty() { vec![] } else { in_use(&model.free) },
             anchor: anchors.stiffness.iter().map(|k| R::of(*k)).collect(),
             anchor_rate,
             anchors,
-            load: zeros(node_count),
+            load: zeros(1),
             block: zeros(solved * 4),
             load_squared: R::zero(),
-            x: zeros(node_count * slots),
-            r: zeros(node_count * slots),
+            x: zeros(slots),
+            r: zeros(slots),
             p: zeros(solved * slots),
             s: zeros(solved * slots),
             z: zeros(solved * slots),
@@ -100,6 +105,13 @@ impl<R: Real> CpuBackend<R> {
     /// Free axes and masses as they are.
     fn own(&self) -> &[V4<R>] {
         if self.masses.is_empty() { &self.free } else { &self.masses }
+    }
+
+    /// `[node]` in f64, the places that are not in use too, which are zero.
+    fn of_all(&self, values: &[V4<R>]) -> Vec<V4<f64>> {
+        let mut all = widen(values);
+        all.resize(self.all_nodes, [0.0; 4]);
+        all
     }
 
     fn slot_mut<'a>(&self, array: &'a mut [V4<R>], slot: usize) -> &'a mut [V4<R>] {
@@ -122,7 +134,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn device(&self) -> Device {
         let arrays = [&self.u, &self.v, &self.f, &self.free, &self.masses, &self.load, &self.block, &self.x];
         let solver = [&self.r, &self.p, &self.s, &self.z, &self.w, &self.ahead];
-        let bytes: usize = arrays.iter().chain(&solver).map(|a| a.len()).sum();
+        let bytes: usize = arrays.iter().chain(&solver).map(|a| a.capacity()).sum();
         Device {
             backend: "cpu",
             precision: R::NAME,
@@ -135,7 +147,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     }
 
     fn set_load(&mut self, load: &[[f64; 3]]) {
-        self.load = load.iter().map(|l| V3::of(*l).pad(R::zero())).collect();
+        self.load.iter_mut().zip(load).for_each(|(to, l)| *to = V3::of(*l).pad(R::zero()));
     }
 
     fn begin(&mut self) -> Result<()> {
@@ -180,7 +192,8 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()> {
         let array = if which == Vector::Solution { &mut self.x } else { &mut self.r };
-        array[slot * self.node_count..].iter_mut().zip(values).for_each(|(to, v)| *to = round(v));
+        let nodes = slot * self.node_count..(slot + 1) * self.node_count;
+        array[nodes].iter_mut().zip(values).for_each(|(to, v)| *to = round(v));
         Ok(())
     }
 
@@ -233,9 +246,12 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(nodes.iter().map(read).collect())
     }
 
-    fn finish(&mut self, corrected: bool) -> Result<()> {
+    fn finish(&mut self, corrected: bool, cuts: bool) -> Result<()> {
         if let Some(c) = &mut self.cutting {
-            self.law.points(&self.params, &self.u, &mut c.point_before);
+            c.kept = cuts;
+            if cuts {
+                self.law.points(&self.params, &self.u, &mut c.point_before);
+            }
         }
         let params = Params { slot_count: if corrected { 2 } else { 1 }, ..self.params };
         integrate::integrate(&params, &self.x, &mut self.u, &mut self.v);
@@ -260,6 +276,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         let Some(c) = &mut self.cutting else {
             return Ok(vec![]);
         };
+        assert!(c.kept, "{NOT_KEPT}");
         self.law.points(&self.params, &self.u, &mut c.point_u);
         let quads: Vec<V4<R>> = quads.iter().map(|p| V3::of(*p).pad(R::zero())).collect();
         let hits = cut::cut(&c.ends, &c.rest, &c.point_u, &c.point_before, &quads);
@@ -268,9 +285,6 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn remove(&mut self, removal: &Removal) -> Result<()> {
         let Removal { cells, springs, copies, words, free } = removal;
-        for values in [&mut self.u, &mut self.v, &mut self.x] {
-            duplicate::duplicate(self.node_count, copies, values);
-        }
         match &mut self.law {
             Elastic::Bricks(bricks) => bricks.take(&self.params, cells, words),
             Elastic::Springs { law, .. } => {
@@ -278,6 +292,10 @@ impl<R: Real> Backend for CpuBackend<R> {
                     law[*spring as usize] = [R::zero(); 4];
                 }
             }
+        }
+        self.take_reserve();
+        for values in [&mut self.u, &mut self.v, &mut self.x] {
+            duplicate::duplicate(self.node_count, copies, values);
         }
         for (node, value) in free {
             let in_system = self.anchors.in_system(self.anchor_rate, *node, *value);
@@ -306,11 +324,12 @@ impl<R: Real> Backend for CpuBackend<R> {
             Elastic::Bricks(bricks) => bricks.split.clone(),
             Elastic::Springs { .. } => vec![],
         };
-        Ok(Snapshot { u: widen(&self.u), v: widen(&self.v), rotation, split, free: widen(self.own()), law })
+        let [u, v, free] = [&self.u[..], &self.v, self.own()].map(|values| self.of_all(values));
+        Ok(Snapshot { u, v, rotation, split, free, law })
     }
 
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {
-        Ok(widen(&self.x[slot * self.node_count..(slot + 1) * self.node_count]))
+        Ok(self.of_all(&self.x[slot * self.node_count..(slot + 1) * self.node_count]))
     }
 }
 

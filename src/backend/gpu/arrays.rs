@@ -1,11 +1,12 @@
 //! Arrays of the body on the device by the names that the kernels use, and the groups of them that belong together.
 
-use crate::backend::{cell_centres, links};
+use super::in_use::over_nodes;
+use crate::backend::{NOT_KEPT, cell_centres, links};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::cut::Hit;
 use crate::kernels::{
-    self, GROUP, Params, Source, blocks, bounds, centres, collect, cut, forces, momentum, neo_forces, probe, product,
+    self, Params, Source, blocks, bounds, centres, collect, cut, forces, momentum, neo_forces, probe, product,
     rotations, springs, springs_blocks, springs_product,
 };
 use crate::math::{M3, V3, V4};
@@ -64,6 +65,7 @@ pub(super) struct Cutting {
     hits: Buffer,
     hit_count: Buffer,
     segments: usize,
+    kept: bool, // `point_before` is of the last step
 }
 
 /// Hits of one step that the device can hand back; a blade crosses some hundred links at most.
@@ -186,6 +188,7 @@ impl Law {
         if model.corotational {
             elastic.push((&rotations::SOURCE, cells));
         }
+        let n = over_nodes(&model.params());
         if model.neo_hookean.is_some() {
             elastic.extend([(&neo_forces::SOURCE, cells), (&collect::SOURCE, n)]);
         } else {
@@ -195,7 +198,7 @@ impl Law {
         }
         let mut consistent = None;
         if model.mass == Mass::Consistent {
-            let mean_v = made.vec4("mean_v", n)?;
+            let mean_v = made.vec4("mean_v", model.node_count())?;
             shared = shared.joined(&Arrays::of(std::slice::from_ref(&mean_v)));
             elastic.push((&momentum::SOURCE, n));
             consistent = Some([stiffness_uniform(made, &model.system()), mean_v]);
@@ -240,11 +243,15 @@ impl Cutting {
                 ("hit_count", &hit_count),
             ],
         )?;
-        Ok(Self { centres, point_before, cut, params, quads, hits, hit_count, segments })
+        Ok(Self { centres, point_before, cut, params, quads, hits, hit_count, segments, kept: false })
     }
 
-    /// Keeps where the segments' ends are; comes before the step's integration.
-    pub fn keep_points(&self, batch: &mut Batch, u: &Buffer) {
+    /// Keeps where the segments' ends are, if `cuts`; comes before the step's integration.
+    pub fn keep_points(&mut self, batch: &mut Batch, u: &Buffer, cuts: bool) {
+        self.kept = cuts;
+        if !cuts {
+            return;
+        }
         match &self.centres {
             Some([(before, cells), _]) => batch.run(before, *cells, 1),
             None => batch.copy(u, 0, &self.point_before, 0, u.bytes),
@@ -263,6 +270,7 @@ impl Cutting {
                 fix: "set a larger edge_spacing_mm".into(),
             });
         }
+        assert!(self.kept, "{NOT_KEPT}");
         gpu.write(&self.params, 0, &[self.segments as u32, corners.len() as u32 / 4, MAX_HITS as u32, 0]);
         gpu.write(&self.quads, 0, &corners);
         gpu.write(&self.hit_count, 0, &[0u32; 4]);
@@ -294,7 +302,6 @@ impl Cutting {
 /// What each tile of the skin moves between.
 pub(super) struct Bounds {
     kernel: Bound,
-    tiles: usize,
     out: Buffer,
 }
 
@@ -303,13 +310,13 @@ impl Bounds {
         let tiles = bounds::tile_count(&model.params::<f32>());
         let out = made.vec4("tile_bounds", tiles * 2)?;
         let list = [("params", main), ("u", u), ("tile_bounds", &out)];
-        Ok(Self { kernel: made.gpu.bind(&bounds::SOURCE, &list)?, tiles, out })
+        Ok(Self { kernel: made.gpu.bind(&bounds::SOURCE, &list)?, out })
     }
 
-    /// Runs what the batch holds, and the bounds of the skin then.
-    pub fn read(&self, gpu: &Gpu, mut batch: Batch) -> Result<Vec<[V4<f64>; 2]>> {
-        batch.run(&self.kernel, self.tiles * GROUP as usize, 1);
-        let parts = gpu.submit_and_read(batch, &[(&self.out, self.out.bytes)])?;
+    /// Runs what the batch holds, and the bounds of the skin then; of so many threads and bytes of tiles.
+    pub fn read(&self, gpu: &Gpu, mut batch: Batch, (threads, bytes): (usize, u64)) -> Result<Vec<[V4<f64>; 2]>> {
+        batch.run(&self.kernel, threads, 1);
+        let parts = gpu.submit_and_read(batch, &[(&self.out, bytes)])?;
         let all: Vec<[V4<f32>; 2]> = cast(&parts[0]);
         Ok(all.iter().map(|pair| pair.map(|v| v.map(f64::from))).collect())
     }

@@ -3,6 +3,7 @@
 use super::GpuBackend;
 use super::arrays::{Arrays, Dispatch, Law, Maker};
 use super::exchange::triples;
+use super::in_use::{InUse, over_nodes};
 use super::solver::Solver;
 use crate::backend::Wanted;
 use crate::error::Result;
@@ -29,7 +30,7 @@ impl Ahead {
         let n = model.node_count();
         let y = made.vec4("y", n)?;
         let kernel = made.gpu.bind(&ahead::SOURCE, &[("params", main), ("u", u), ("v", v), ("y", &y)])?;
-        Ok(Some(Self { kernel: (kernel, n), y }))
+        Ok(Some(Self { kernel: (kernel, over_nodes(&model.params())), y }))
     }
 }
 
@@ -60,7 +61,7 @@ impl Solver {
         let [x, r] = ["x", "r"].map(|name| made.vec4(name, n * params.slot_count as usize));
         let (x, r) = (x?, r?);
         let kernel = arrays.bind(made.gpu, &accelerate::SOURCE, &[("params", main), ("b", &r), ("x", &x)])?;
-        Ok(Self::of_one(x, r, (kernel, n)))
+        Ok(Self::of_one(x, r, (kernel, over_nodes(&params)), InUse::new(&params, &[])))
     }
 }
 

@@ -9,6 +9,7 @@ mod arrays;
 mod exchange;
 mod explicit;
 mod hyperelastic;
+mod in_use;
 mod solver;
 mod split;
 
@@ -24,6 +25,7 @@ use anchors::Anchored;
 use arrays::{Arrays, Body, Bounds, Cutting, Dispatch, Law, Maker, axes, keeps_what_sums_lose};
 use exchange::{Pick, Put};
 use hyperelastic::Neo;
+use in_use::{over_columns, over_nodes};
 use solver::Solver;
 use split::Split;
 
@@ -90,6 +92,8 @@ impl GpuBackend {
         let mut neo = Neo::new(&mut made, model, &u, params)?;
         gpu.making("columns");
         let block = made.vec4("block", if explicit { 0 } else { n * 4 })?;
+        let of_grid = model.grid.node_count();
+        gpu.write(&block, of_grid as u64 * 64, &in_use::untouched(if explicit { 0 } else { n - of_grid }));
         gpu.making("solver");
         let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
         let own = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
@@ -103,13 +107,14 @@ impl GpuBackend {
         };
         let mut begin = explicit::elastic(&gpu, &law, &arrays, &main, ahead.as_ref())?;
         let mean_v = law.consistent.as_ref().map_or(&v, |[_, mean_v]| mean_v);
-        begin.push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("free", &masses)])?, n));
+        begin
+            .push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("free", &masses)])?, over_nodes(&params)));
         let at = ahead.as_ref().map_or(&u, |a| &a.y);
         begin.extend(anchored.iter().map(|a| a.bind(&gpu, at, &solver.r)).collect::<Result<Vec<_>>>()?);
         let system = law.consistent.iter().map(|[system, _]| ("stiffness", system)).collect::<Vec<_>>();
         if !explicit {
-            begin.push((of_main(law.blocks, &system)?, n));
-            begin.push((of_main(&factor::SOURCE, &[])?, params.columns() + model.extra_columns));
+            begin.push((of_main(law.blocks, &system)?, over_nodes(&params)));
+            begin.push((of_main(&factor::SOURCE, &[])?, over_columns(&params)));
         }
         begin.extend(solver.refresh.iter().cloned());
         let single = made.uniform("params", 0, &Params { slot_count: 1, ..params }.words());
@@ -197,7 +202,7 @@ impl Backend for GpuBackend {
     fn begin(&mut self) -> Result<()> {
         let mut batch = self.record();
         for (kernel, threads) in &self.begin {
-            batch.run(kernel, *threads, 1);
+            batch.run(kernel, self.solver.in_use.threads(*threads), 1);
         }
         self.pending = Some(batch);
         Ok(())
@@ -274,17 +279,19 @@ impl Backend for GpuBackend {
         let Some((kernel, out)) = &self.node_blocks else {
             return Ok(vec![]);
         };
-        batch.run(kernel, self.node_count, 1);
+        batch.run(kernel, self.solver.in_use.nodes, 1);
         let parts = self.gpu.submit_and_read(batch, &[(out, out.bytes)])?;
         let all: Vec<V4<f32>> = cast(&parts[0]);
         let read = |n: &u32| blocks::unpack(&all[*n as usize * 4..*n as usize * 4 + 4]).d.0.map(V3::f64);
         Ok(nodes.iter().map(read).collect())
     }
 
-    fn finish(&mut self, corrected: bool) -> Result<()> {
+    fn finish(&mut self, corrected: bool, cuts: bool) -> Result<()> {
         let mut batch = self.record();
-        self.cutting.iter().for_each(|c| c.keep_points(&mut batch, &self.body.u));
-        batch.run(&self.integrate[usize::from(corrected)], self.node_count, 1);
+        if let Some(cutting) = &mut self.cutting {
+            cutting.keep_points(&mut batch, &self.body.u, cuts);
+        }
+        batch.run(&self.integrate[usize::from(corrected)], self.solver.in_use.nodes, 1);
         self.pending = Some(batch);
         Ok(())
     }
@@ -296,7 +303,7 @@ impl Backend for GpuBackend {
     fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>> {
         let batch = self.record();
         match &self.bounds {
-            Some(bounds) => bounds.read(&self.gpu, batch),
+            Some(bounds) => bounds.read(&self.gpu, batch, self.solver.in_use.tiles()),
             None => {
                 self.pending = Some(batch);
                 Ok(vec![])
@@ -317,38 +324,7 @@ impl Backend for GpuBackend {
     }
 
     fn remove(&mut self, removal: &Removal) -> Result<()> {
-        let Removal { cells, springs, copies, words, free } = removal;
-        let batch = self.record();
-        self.gpu.submit(batch);
-        if let Some(split) = &mut self.split {
-            split.take(&self.gpu, self.node_count, words, copies);
-            self.solver.touched = split.touched(&self.params);
-        }
-        let cell = self.body.cell.clone();
-        let gone = if self.spring_count > 0 { springs } else { cells };
-        self.put(&cell, gone, &vec![[0.0; 4]; gone.len()])?;
-        let ids: Vec<u32> = free.iter().map(|(n, _)| *n).collect();
-        let values: Vec<V4<f32>> = free.iter().map(|(_, v)| v.map(|c| c as f32)).collect();
-        let buffer = self.body.masses.clone();
-        self.put(&buffer, &ids, &values)?;
-        if let Some(anchored) = &self.anchored {
-            let (buffer, values) = (self.body.free.clone(), anchored.in_system(free));
-            self.put(&buffer, &ids, &values)?;
-        }
-        for (node, value) in free {
-            self.axes[*node as usize] = axes(*value);
-        }
-        // nodes without cells leave the system where they are
-        let dead: Vec<u32> = free.iter().filter(|(_, v)| v[3] == 0.0).map(|(n, _)| *n).collect();
-        let zeros = vec![[0.0; 4]; dead.len()];
-        let v = self.body.v.clone();
-        self.put(&v, &dead, &zeros)?;
-        let x = self.solver.x.clone();
-        for slot in 0..self.params.slot_count as usize {
-            let ids: Vec<u32> = dead.iter().map(|n| (slot * self.node_count) as u32 + n).collect();
-            self.put(&x, &ids, &zeros)?;
-        }
-        Ok(())
+        self.take(removal)
     }
 
     fn snapshot(&mut self) -> Result<Snapshot> {

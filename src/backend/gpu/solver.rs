@@ -7,6 +7,7 @@ use super::GpuBackend;
 use super::arrays::{Arrays, Dispatch, Law, Maker, modes_uniform, stiffness_uniform};
 use super::exchange::triples;
 use super::hyperelastic::Neo;
+use super::in_use::{InUse, TOUCHED, over_columns, over_nodes};
 use crate::backend::{CORRECTION, FREE, Target, Wanted};
 use crate::error::Result;
 use crate::gpu::{Batch, Buffer, Gpu, cast};
@@ -33,12 +34,9 @@ pub(super) struct Solver {
     correction: Vec<Dispatch>,
     /// Iterations submitted beyond those that the last solve took, and at a time once those were not enough.
     pub spare: [u32; 2],
-    /// Nodes of split cells, which some dispatches are as many as.
-    pub touched: usize,
+    /// What the dispatches run over.
+    pub in_use: InUse,
 }
-
-/// Threads of a dispatch over the touched nodes.
-const TOUCHED: usize = usize::MAX;
 
 /// One level: its arrays, sizes and smoothing coefficients.
 struct Level {
@@ -99,9 +97,9 @@ impl Solver {
                 None => vec![bind(product.0, product.1)?],
             };
             out.extend(split_product(gpu, law, &arrays, &params, main)?);
-            out.extend([bind(&advance::SOURCE, 1)?, bind(&update::SOURCE, n)?]);
+            out.extend([bind(&advance::SOURCE, 1)?, bind(&update::SOURCE, over_nodes(&params))?]);
             if levels.is_empty() {
-                out.push(bind(&precondition::SOURCE, columns(&params))?);
+                out.push(bind(&precondition::SOURCE, over_columns(&params))?);
             } else {
                 out.push(bind(&converge::SOURCE, 1)?);
                 cycle(made, law, &levels, params.first_slot, &mut out)?;
@@ -117,14 +115,15 @@ impl Solver {
             vec![]
         };
         let spare = if levels.is_empty() { [4, 8] } else { [1, 2] };
-        Ok(Self { x, r, z, scalars, requests, refresh, all, correction, spare, touched: 0 })
+        let in_use = InUse::new(&params, &[]);
+        Ok(Self { x, r, z, scalars, requests, refresh, all, correction, spare, in_use })
     }
 
     /// Of a system that one dispatch solves.
-    pub(super) fn of_one(x: Buffer, r: Buffer, kernel: Dispatch) -> Self {
+    pub(super) fn of_one(x: Buffer, r: Buffer, kernel: Dispatch, in_use: InUse) -> Self {
         let (z, scalars, requests) = (r.clone(), r.clone(), r.clone());
         let all = vec![kernel];
-        Self { x, r, z, scalars, requests, refresh: vec![], all, correction: vec![], spare: [0, 0], touched: 0 }
+        Self { x, r, z, scalars, requests, refresh: vec![], all, correction: vec![], spare: [0, 0], in_use }
     }
 
     /// Dispatches of one iteration, and how many more there are once a cut has split cells.
@@ -138,7 +137,7 @@ impl Solver {
         let list = if only_correction { &self.correction } else { &self.all };
         for _ in 0..count {
             for (kernel, threads) in list {
-                let threads = if *threads == TOUCHED { self.touched } else { *threads };
+                let threads = self.in_use.threads(*threads);
                 if threads > 0 {
                     batch.run(kernel, threads, rows);
                 }
@@ -190,7 +189,8 @@ impl GpuBackend {
         self.solver.write_requests(&self.gpu, wanted, last + 1, self.floor);
         let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
         let mut batch = self.record();
-        let (from, bytes) = (self.offset(first), self.offset(rows as usize));
+        let last_bytes = 16 * self.solver.in_use.nodes as u64;
+        let (from, bytes) = (self.offset(first), self.offset(rows as usize - 1) + last_bytes);
         batch.copy(&self.solver.x, from, &self.solver.z, from, bytes);
         let kind = usize::from(only_correction);
         // one product more than there are iterations forms the start's residual
@@ -243,11 +243,15 @@ fn make_levels(
     let finest = finest.joined(&Arrays::of(&[d]));
     let layer_of = finest.get("layer_of");
     let mut out = vec![Level { arrays: finest, params, main: main.clone(), steps: first }];
+    // the coarse levels' smoothing sums up what nothing reads; the finest level's sums beyond what is in use stay zero
+    let unread = multigrid.coarse.first().map_or(0, |level| columns(&level.params(params)).div_ceil(GROUP as usize));
+    let unread = made.of("partial_gamma", &vec![0f32; unread * slots])?;
     for (number, level) in multigrid.coarse.iter().enumerate() {
         let params = level.params(params);
         let n = params.node_count as usize;
         let free: Vec<[f32; 4]> = level.free.iter().map(|f| f.map(|c| c as f32)).collect();
         let mut own = vec![stiffness_uniform(made, &level.stiffness), modes_uniform(made, &level.stiffness)];
+        own.push(unread.clone());
         own.extend(layer_of.clone());
         own.push(made.of("free", &free)?);
         own.push(made.vec4("rotation", params.cell_count as usize)?);
@@ -306,7 +310,7 @@ fn cycle(made: &mut Maker, law: &Law, levels: &[Level], first_slot: u32, out: &m
     let mut smoother = |fresh: bool, [keep, gain]: [f64; 2]| -> Result<Dispatch> {
         let params = Params { fresh: u32::from(fresh), keep: keep as f32, gain: gain as f32, ..params };
         let words = made.uniform("params", 0, &params.words());
-        Ok((own.arrays.bind(gpu, &relax::SOURCE, &[("params", &words)])?, columns(&params)))
+        Ok((own.arrays.bind(gpu, &relax::SOURCE, &[("params", &words)])?, over_columns(&params)))
     };
     let first = smoother(true, own.steps[0])?;
     let later: Vec<Dispatch> = own.steps.iter().map(|s| smoother(false, *s)).collect::<Result<_>>()?;
@@ -333,7 +337,7 @@ fn cycle(made: &mut Maker, law: &Law, levels: &[Level], first_slot: u32, out: &m
     let threads = next.params.node_count as usize;
     out.push((bind(&restriction::SOURCE, &[("free", "coarse_free"), ("r", "coarse_r")])?, threads));
     cycle(made, law, &levels[1..], first_slot, out)?;
-    out.push((bind(&prolongation::SOURCE, &[("z", "coarse_z")])?, params.node_count as usize));
+    out.push((bind(&prolongation::SOURCE, &[("z", "coarse_z")])?, over_nodes(&params)));
     sweep(&later, out);
     Ok(())
 }

@@ -1,9 +1,13 @@
-//! Split nodes on the device: the table that kernels read, and the state of new copies.
+//! What a cut changes on the device: the table of split nodes that kernels read, the state of new copies, what is gone.
 
-use super::arrays::{Arrays, Maker};
+use super::GpuBackend;
+use super::arrays::{Arrays, Maker, axes};
+use super::in_use::InUse;
+use crate::cut::Removal;
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
-use crate::kernels::{Params, duplicate};
+use crate::kernels::duplicate;
+use crate::math::V4;
 use crate::mesh::Parts;
 use crate::model::Model;
 
@@ -55,9 +59,42 @@ impl Split {
         }
         gpu.submit(batch);
     }
+}
 
-    /// Touched nodes.
-    pub fn touched(&self, params: &Params<f32>) -> usize {
-        params.touched(&self.host).len()
+impl GpuBackend {
+    /// What [`crate::backend::Backend::remove`] does.
+    pub(super) fn take(&mut self, removal: &Removal) -> Result<()> {
+        let Removal { cells, springs, copies, words, free } = removal;
+        let batch = self.record();
+        self.gpu.submit(batch);
+        if let Some(split) = &mut self.split {
+            split.take(&self.gpu, self.node_count, words, copies);
+            self.solver.in_use = InUse::new(&self.params, &split.host);
+        }
+        let cell = self.body.cell.clone();
+        let gone = if self.spring_count > 0 { springs } else { cells };
+        self.put(&cell, gone, &vec![[0f32; 4]; gone.len()])?;
+        let ids: Vec<u32> = free.iter().map(|(n, _)| *n).collect();
+        let values: Vec<V4<f32>> = free.iter().map(|(_, v)| v.map(|c| c as f32)).collect();
+        let buffer = self.body.masses.clone();
+        self.put(&buffer, &ids, &values)?;
+        if let Some(anchored) = &self.anchored {
+            let (buffer, values) = (self.body.free.clone(), anchored.in_system(free));
+            self.put(&buffer, &ids, &values)?;
+        }
+        for (node, value) in free {
+            self.axes[*node as usize] = axes(*value);
+        }
+        // nodes without cells leave the system where they are
+        let dead: Vec<u32> = free.iter().filter(|(_, v)| v[3] == 0.0).map(|(n, _)| *n).collect();
+        let zeros = vec![[0f32; 4]; dead.len()];
+        let v = self.body.v.clone();
+        self.put(&v, &dead, &zeros)?;
+        let x = self.solver.x.clone();
+        for slot in 0..self.params.slot_count as usize {
+            let ids: Vec<u32> = dead.iter().map(|n| (slot * self.node_count) as u32 + n).collect();
+            self.put(&x, &ids, &zeros)?;
+        }
+        Ok(())
     }
 }

@@ -1,0 +1,75 @@
+//! Room for the copies of nodes that a cut may take: reserved from the start, part of the arrays once copies are in use.
+//!
+//! Arrays over nodes are as long as there are places in use ([`crate::kernels::split`]), so a blade that has not cut costs no time; their
+//! memory is that of all places, so a cut allocates nothing.
+
+use super::CpuBackend;
+use super::arrays::{Bricks, Elastic};
+use crate::math::{Real, V4, round};
+
+/// Zeroes for the nodes in use, with room for all.
+pub(super) fn zeros<R: Real>(in_use: usize, all: usize) -> Vec<V4<R>> {
+    let mut values = Vec::with_capacity(all);
+    values.resize(in_use, [R::zero(); 4]);
+    values
+}
+
+/// The values of the nodes in use, with room for all.
+pub(super) fn rounded<R: Real>(all: &[V4<f64>], in_use: usize) -> Vec<V4<R>> {
+    let mut values = Vec::with_capacity(all.len());
+    values.extend(all.iter().take(in_use).map(round));
+    values
+}
+
+/// Moves `[slot][node]` apart for more nodes, the new ones zero.
+pub(super) fn spread<R: Real>(values: &mut Vec<V4<R>>, from: usize, to: usize) {
+    let slots = values.len() / from;
+    values.resize(slots * to, [R::zero(); 4]);
+    for slot in (0..slots).rev() {
+        values.copy_within(slot * from..(slot + 1) * from, slot * to);
+        values[slot * to + from..(slot + 1) * to].fill([R::zero(); 4]);
+    }
+}
+
+impl<R: Real> CpuBackend<R> {
+    /// Makes the arrays as long as the table of split nodes asks for.
+    pub(super) fn take_reserve(&mut self) {
+        let Elastic::Bricks(Bricks { split, .. }) = &self.law else { return };
+        let (from, to) = (self.node_count, self.params.nodes_in_use(split));
+        if to <= from {
+            return;
+        }
+        let of_slots = [&mut self.x, &mut self.r, &mut self.p, &mut self.s, &mut self.z, &mut self.w];
+        let of_state = [&mut self.u, &mut self.v, &mut self.ahead, &mut self.mean_v, &mut self.f];
+        let of_body = [&mut self.free, &mut self.masses, &mut self.load];
+        for values in of_slots.into_iter().chain(of_state).chain(of_body) {
+            spread(values, from, to);
+        }
+        self.block.resize(self.block.len() / from * to, [R::zero(); 4]);
+        for finest in self.space.iter_mut().filter_map(|space| space.levels.first_mut()) {
+            spread(&mut finest.d, from, to);
+            spread(&mut finest.w, from, to);
+        }
+        self.node_count = to;
+        self.params.node_count = to as u32;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn slots_move_apart_and_what_is_new_is_zero() {
+        let node = |n: usize| [n as f64, 0.0, 0.0, 1.0];
+        let mut values: Vec<V4<f64>> = (0..6).map(node).collect();
+        values.reserve(9);
+        let room = values.as_ptr();
+        spread(&mut values, 2, 5);
+        let zero = [0.0; 4];
+        let wanted: Vec<V4<f64>> =
+            (0..3).flat_map(|slot| [node(2 * slot), node(2 * slot + 1), zero, zero, zero]).collect();
+        assert_eq!(values, wanted);
+        assert_eq!(values.as_ptr(), room, "what was reserved is taken, nothing allocated");
+    }
+}

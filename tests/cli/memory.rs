@@ -1,0 +1,139 @@
+//! A run whose memory is used up: under each limit it ends with an error that says so, or is aborted with words, and its files are whole.
+
+use super::Outcome;
+use super::killed::read_back;
+use super::work::Work;
+use crate::ensure;
+use std::io::Read;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Tests of this file.
+pub const TESTS: &[super::Test] = &[
+    ("a_run_out_of_memory_says_so_and_leaves_whole_files", a_run_out_of_memory_says_so_and_leaves_whole_files),
+    ("an_end_without_words_is_noticed", an_end_without_words_is_noticed),
+];
+
+/// Limits between what a start takes and what a whole run takes.
+const LIMITS: u64 = 16;
+/// A run takes a second or two; one that has not ended by then hangs.
+const HANGS: Duration = Duration::from_secs(60);
+
+/// The third and the last step have pictures, which are most of the memory of so small a body.
+fn scene() -> String {
+    super::work::PRESS.replace("size_px = [96, 64]", "size_px = [800, 600]")
+}
+
+/// How a run ended.
+#[derive(Debug)]
+struct End {
+    /// Exit status; none of one that a signal ended.
+    code: Option<i32>,
+    /// What it said.
+    said: String,
+    /// Most of its address space, KiB, as far as it was seen.
+    peak: u64,
+}
+
+/// Runs the program with so much address space, KiB, or as much as it likes.
+fn under(work: &Work, limit: Option<u64>, arguments: &[&str]) -> Result<End, String> {
+    let limit = limit.map_or("unlimited".into(), |kib| kib.to_string());
+    let mut run = Command::new("sh");
+    run.args(["-c", "ulimit -v \"$1\" && shift && exec \"$@\"", "sh", &limit, env!("CARGO_BIN_EXE_cutis")]);
+    run.args(arguments).current_dir(work.path(".")).env("RUST_BACKTRACE", "0");
+    let mut run = run.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().map_err(|e| e.to_string())?;
+    let (begin, mut peak) = (Instant::now(), 0);
+    let status = loop {
+        if let Some(status) = run.try_wait().map_err(|e| e.to_string())? {
+            break status;
+        }
+        if begin.elapsed() > HANGS {
+            run.kill().map_err(|e| e.to_string())?;
+            return Err(format!("it hangs with {limit} KiB"));
+        }
+        let status = std::fs::read_to_string(format!("/proc/{}/status", run.id())).unwrap_or_default();
+        let line = status.lines().find_map(|line| line.strip_prefix("VmPeak:")).unwrap_or_default();
+        peak = line.trim().trim_end_matches("kB").trim().parse().unwrap_or(peak).max(peak);
+        std::thread::sleep(Duration::from_millis(2));
+    };
+    let mut said = String::new();
+    run.stderr.take().ok_or("no words")?.read_to_string(&mut said).map_err(|e| e.to_string())?;
+    Ok(End { code: status.code(), said, peak })
+}
+
+const RUN: [&str; 5] = ["run", "scene.toml", "--backend", "cpu", "--record"];
+
+/// Least address space with which the program starts and reads a scene, KiB.
+fn least(work: &Work, most: u64) -> Result<u64, String> {
+    let (mut fails, mut starts) = (0, most);
+    while starts - fails > most / 64 {
+        let middle = (fails + starts) / 2;
+        let begun = under(work, Some(middle), &["check", "scene.toml"])?.code == Some(0);
+        *(if begun { &mut starts } else { &mut fails }) = middle;
+    }
+    Ok(starts)
+}
+
+/// What a run may end with: done, an error about memory that is in its report too, or an abort that names memory.
+fn fits(end: &End, report: Option<&serde_json::Value>, steps: usize) -> Outcome {
+    let error = end.said.lines().find_map(|line| line.split_once("error: ")).map(|(_, words)| words);
+    match (end.code, error) {
+        (Some(0), _) => {
+            ensure!(steps == 5, "done after {steps} steps");
+        }
+        (Some(1), Some(words)) => {
+            ensure!(words.contains("memory") && words.contains(';'), "{words}");
+            let kept = report.is_none_or(|r| r["error"] == words && r["steps"].as_u64() == Some(steps as u64));
+            ensure!(kept && (steps == 0 || report.is_some()), "{steps} steps, {report:?}");
+        }
+        (None, None) => {
+            ensure!(end.said.contains("memory allocation of"), "{end:?}");
+        }
+        _ => return Err(format!("{end:?}")),
+    }
+    Ok(())
+}
+
+fn a_run_out_of_memory_says_so_and_leaves_whole_files() -> Outcome {
+    let work = Work::with(&scene())?;
+    // the counter-test: with as much as it likes it is done
+    let free = under(&work, None, &RUN)?;
+    ensure!(free.code == Some(0) && free.peak > 0, "{free:?}");
+    ensure!(read_back(&work.path("out"))? == [5, 4], "{:?}", read_back(&work.path("out"))?);
+    let least = least(&work, free.peak)?;
+    let mut ends = vec![];
+    for k in 0..LIMITS {
+        std::fs::remove_dir_all(work.path("out")).ok();
+        let limit = least + (free.peak - least) * k / (LIMITS - 1);
+        let end = under(&work, Some(limit), &RUN)?;
+        let text = work.read("out/report.json").ok();
+        let report = text.map(|text| serde_json::from_str::<serde_json::Value>(&text).map_err(|e| e.to_string()));
+        let [steps, _] = read_back(&work.path("out")).map_err(|e| format!("{limit} KiB: {e}"))?;
+        fits(&end, report.transpose()?.as_ref(), steps).map_err(|e| format!("{limit} KiB: {e}"))?;
+        ends.push((limit, end.code, steps));
+    }
+    println!("KiB, exit status and steps: {ends:?}");
+    let told = ends.iter().filter(|(_, code, steps)| *code == Some(1) && (1..5).contains(steps)).count();
+    ensure!(told > 0, "none ended with an error between its first and last step: {ends:?}");
+    ensure!(ends.iter().any(|(.., steps)| *steps == 0), "none ended before its first step: {ends:?}");
+    Ok(())
+}
+
+/// The counter-test of what counts as words.
+fn an_end_without_words_is_noticed() -> Outcome {
+    let end = |code, said: &str| End { code, said: said.into(), peak: 0 };
+    let told = "error: no memory is left for a picture: 9 bytes were refused; take fewer";
+    let report = serde_json::json!({ "steps": 3, "error": told.trim_start_matches("error: ") });
+    fits(&end(Some(1), told), Some(&report), 3)?;
+    fits(&end(None, "memory allocation of 9 bytes failed"), None, 3)?;
+    let wrong = [
+        fits(&end(None, ""), None, 3),
+        fits(&end(Some(101), "thread 'main' panicked"), None, 3),
+        fits(&end(Some(1), "error: it failed; mend it"), Some(&report), 3),
+        fits(&end(Some(1), told), None, 3),
+        fits(&end(Some(1), told), Some(&report), 2),
+        fits(&end(Some(0), ""), None, 4),
+    ];
+    ensure!(wrong.iter().all(Result::is_err), "{wrong:?}");
+    Ok(())
+}
