@@ -21,7 +21,7 @@ const STEPS: u32 = 10;
 const APART: f64 = 2e-3;
 
 /// Steps of the sphere into the skin.
-const SINKING: u32 = 12;
+const SINKING: u32 = 7;
 
 fn forces(place: &Place) -> Result<Vec<f64>, Failure> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/stack_five_soft.toml");
@@ -87,8 +87,9 @@ fn a_limit_of_iterations_is_kept_to_the_last_one(gpu: &Gpu) -> Result<(), Failur
 /// Force on the sphere after some steps into a coarse skin of a law, N.
 fn pressed(place: &Place, law: Law) -> Result<f64, Failure> {
     let mut scene = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/sphere_press_neo_hookean.toml"))?;
-    scene.skins[0].cells = [12, 12];
-    scene.skins[0].law = law;
+    let skin = &mut scene.skins[0];
+    (skin.cells, skin.law) = ([10, 10], law);
+    skin.layers.iter_mut().for_each(|layer| layer.cells = 1);
     let mut simulation = Simulation::new(&scene, place)?;
     let mut force = 0.0;
     for _ in 0..SINKING {
