@@ -2,7 +2,7 @@
 //! that the step sees, in `params.stiffness_factor` of this kernel's own block; `product` has the inertia and damping before it.
 //! Units: z m, w N, forces N.
 
-use super::collect::collected;
+use super::collected::collected;
 use super::{PARALLEL, Params, Source};
 use crate::math::{Real, V3, V4};
 use rayon::prelude::*;

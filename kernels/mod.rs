@@ -18,6 +18,7 @@ pub mod centres;
 pub mod coarsen;
 pub mod collect;
 pub mod collect_product;
+pub mod collected;
 pub mod converge;
 pub mod cut;
 pub mod duplicate;
@@ -26,6 +27,7 @@ pub mod forces;
 pub mod gather;
 pub mod integrate;
 pub mod momentum;
+pub mod neo;
 pub mod neo_forces;
 pub mod neo_tangent;
 pub mod precondition;
@@ -53,11 +55,8 @@ pub const COMMON: &str = include_str!("common.wgsl");
 /// The whole text of a kernel: the common part, what others share that it needs by the arrays that it binds, the kernel's own.
 pub fn text(source: &Source) -> String {
     let mut out = COMMON.to_string();
-    let shared = [
-        ("> split: array", split::WGSL),
-        ("> lame: array", neo_forces::WGSL),
-        ("read> corner_force: array", collect::WGSL),
-    ];
+    let shared =
+        [("> split: array", split::WGSL), ("> lame: array", neo::WGSL), ("read> corner_force: array", collected::WGSL)];
     for (binding, text) in shared {
         if source.wgsl.contains(binding) {
             out += "\n";

@@ -1,4 +1,4 @@
-// Neo-Hookean cells; see neo_forces.rs (formula and units there).
+// Neo-Hookean cells; see neo.rs (formula and units there).
 const NEAR: f32 = 0.78867513; // (1 + 1/√3)/2
 const FAR: f32 = 0.21132487;
 

@@ -1,7 +1,7 @@
 //! What the tangents of neo-Hookean cells make of a field: forces of each cell on its corners, gathered by `collect_product`.
 //!
 //! `K_ab = Σ w [μ (G_a·G_b I + g_b ⊗ g_a) + p J (g_a ⊗ g_b − g_b ⊗ g_a)] + λ (1 − ln J̄)/(V J̄²) c_a ⊗ c_b` is the derivative of
-//! [`super::neo_forces`], in whose terms it stands; it is symmetric and need not be positive. No matrix is kept: with `H = Σ_b z_b ⊗ G_b`
+//! [`super::neo`], in whose terms it stands; it is symmetric and need not be positive. No matrix is kept: with `H = Σ_b z_b ⊗ G_b`
 //!
 //! `(K z)_a = Σ w [μ H + (μ − p J) F⁻ᵀ Hᵀ F⁻ᵀ + p J tr(F⁻¹ H) F⁻ᵀ] G_a + λ (1 − ln J̄)/(V J̄²) (Σ w J tr(F⁻¹ H)) c_a`,
 //!
@@ -10,7 +10,7 @@
 //! Source: Bonet, Wood 2008, sections 6.4 and 8.6 (tangent with mean dilatation).
 //! Units: place m, z m, force N, λ μ Pa.
 
-use super::neo_forces::{Cell, Material, at_corners, field_gradient, gradient, logarithm};
+use super::neo::{Cell, Material, at_corners, field_gradient, gradient, logarithm};
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};
 

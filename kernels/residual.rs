@@ -4,7 +4,7 @@
 //! own block; the potential is `½ Δx·w − Δx·(b + σ f(u))` here and `σ` times the cells' energy beside it.
 //! Units: forces N, dx m, potential J.
 
-use super::collect::collected;
+use super::collected::collected;
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};
 

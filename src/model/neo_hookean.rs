@@ -1,6 +1,6 @@
 //! Compressible neo-Hookean bricks: the tangent of a cell, and energy, forces and tangents of a grid, in f64.
 //!
-//! Energy and forces of a cell are those of [`crate::kernels::neo_forces`], and so are the symbols; both follow from one potential, so the
+//! Energy and forces of a cell are those of [`crate::kernels::neo`], and so are the symbols; both follow from one potential, so the
 //! tangent ([`crate::kernels::neo_tangent`]) is symmetric; it need not be positive. At rest it is the linear brick with its λ-part taken at
 //! the mean.
 //!
@@ -19,7 +19,7 @@
 
 use super::element::{Matrix, lame};
 use crate::kernels::collect::collect;
-use crate::kernels::neo_forces::{Cell, Material, at_corners, gradient};
+use crate::kernels::neo::{Cell, Material, at_corners, gradient};
 use crate::kernels::{PARALLEL, Params};
 use crate::math::{Real, V3, V4};
 use crate::mesh::Grid;

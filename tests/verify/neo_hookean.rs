@@ -5,7 +5,7 @@ use super::setup::{Body, LONG, Random, add, block, displaced, largest, measured,
 use super::skin_block::{Grid, POINTS, on_grid, static_answer, volume_change};
 use super::{Case, Everywhere};
 use cutis::error::Error;
-use cutis::kernels::neo_forces::{Cell, Material};
+use cutis::kernels::neo::{Cell, Material};
 use cutis::math::V3;
 use cutis::model::Model;
 use cutis::scene::Element::Bbar;
