@@ -93,9 +93,31 @@ pub(super) fn keeps_what_sums_lose(made: &mut Maker) -> Result<bool> {
 pub(super) struct Maker<'a> {
     pub gpu: &'a Gpu,
     pub bytes: u64,
+    /// What changes with the first cut.
+    pub reserved: Reserved,
 }
 
-impl Maker<'_> {
+/// What does not know of a reserve of copies until the first of them is taken.
+#[derive(Default)]
+pub(super) struct Reserved {
+    /// Parameter blocks, as they will be.
+    pub blocks: Vec<(Params<f32>, Buffer)>,
+    /// Sums over columns, which are counted otherwise then.
+    pub sums: Vec<Buffer>,
+}
+
+impl<'a> Maker<'a> {
+    pub fn new(gpu: &'a Gpu) -> Self {
+        Self { gpu, bytes: 0, reserved: Reserved::default() }
+    }
+    /// A parameter block. Until the first cut it knows of no reserve of copies, so that no kernel looks for one.
+    pub fn params(&mut self, params: &Params<f32>) -> Buffer {
+        let buffer = self.uniform("params", 0, &Params { extra_columns: 0, ..*params }.words());
+        if params.extra_columns > 0 {
+            self.reserved.blocks.push((*params, buffer.clone()));
+        }
+        buffer
+    }
     pub fn uniform(&mut self, name: &'static str, bytes: usize, data: &[u32]) -> Buffer {
         let buffer = self.gpu.uniform(name, bytes, data);
         self.bytes += buffer.bytes;

@@ -91,7 +91,7 @@ impl Neo {
 
     fn block(&self, made: &mut Maker, params: Params<f32>, factor: f64) -> (Params<f32>, Buffer) {
         let params = Params { stiffness_factor: factor as f32, ..params };
-        (params, made.uniform("params", 0, &params.words()))
+        (params, made.params(&params))
     }
 
     /// A product with the tangents: of inertia and damping, of each cell's tangent, and their sum.
@@ -129,7 +129,7 @@ impl Neo {
         let balance = made.of("balance", &vec![[0f32; 2]; groups])?;
         let sums = made.of("partial_product", &vec![0f32; self.params.product_groups as usize])?;
         let running = made.vec4("scalars", 2)?;
-        let gain = made.uniform("params", 0, &self.params.words());
+        let gain = made.params(&self.params);
         let (_, damped) = self.block(made, self.params, self.damping);
         let (_, shared) = self.block(made, self.params, self.end_share);
         let along = [("params", &gain), ("dx", &dx[0]), ("x", &solver.x), ("rest", &rest[0]), ("dx_next", &dx[1])];

@@ -74,12 +74,12 @@ impl GpuBackend {
         start: &Snapshot,
     ) -> Result<Self> {
         let (n, slots) = (model.node_count(), needs.slots());
-        let mut made = Maker { gpu: &gpu, bytes: 0 };
+        let mut made = Maker::new(&gpu);
         gpu.making("probe of sums");
         let compensated = u32::from(keeps_what_sums_lose(&mut made)?);
         let params = Params { slot_count: slots as u32, compensated, ..model.params::<f32>() };
         gpu.making("state");
-        let main = made.uniform("params", 0, &params.words());
+        let main = made.params(&params);
         let vec = |v: &[V4<f64>]| v.iter().map(|a| a.map(|c| c as f32)).collect::<Vec<_>>();
         let (u, v) = (made.of("u", &vec(&start.u))?, made.of("v", &vec(&start.v))?);
         let explicit = model.step.explicit();
@@ -117,7 +117,7 @@ impl GpuBackend {
             begin.push((of_main(&factor::SOURCE, &[])?, over_columns(&params)));
         }
         begin.extend(solver.refresh.iter().cloned());
-        let single = made.uniform("params", 0, &Params { slot_count: 1, ..params }.words());
+        let single = made.params(&Params { slot_count: 1, ..params });
         let integrate =
             |params: &Buffer| arrays.bind(&gpu, &integrate::SOURCE, &[("params", params), ("x", &solver.x)]);
         let integrate = [integrate(&single)?, integrate(&main)?];
@@ -129,15 +129,16 @@ impl GpuBackend {
         let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
         gpu.making("cut");
         let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &law.shared, &u)?) } else { None };
-        let split = Split::new(&mut made, model, &law.shared, &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
         gpu.making("exchange with the host");
         let own_blocks = |made: &mut Maker| -> Result<(Bound, Buffer)> {
             let out = made.vec4("block", n * 4)?;
-            let params = made.uniform("params", 0, &Params { preconditioner: 2, ..params }.words());
+            let params = made.params(&Params { preconditioner: 2, ..params });
             let more = [&system[..], &[("params", &params), ("block", &out)]].concat();
             Ok((arrays.bind(&gpu, law.blocks, &more)?, out))
         };
         let node_blocks = needs.node_blocks.then(|| own_blocks(&mut made)).transpose()?;
+        gpu.making("cut");
+        let split = Split::new(&mut made, model, &law.shared, &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
         let bytes = made.bytes;
         gpu.sound()?; // what memory does not hold is told before anything runs
         Ok(Self {

@@ -73,12 +73,14 @@ impl Solver {
         let scalars = made.vec4("scalars", slots * 2)?;
         let requests = made.vec4("requests", slots)?;
         let mut sums = |name, count: usize| made.of(name, &vec![0f32; count]);
+        let gamma = sums("partial_gamma", groups(columns(&params)))?;
         let shared = Arrays::of(&[
             scalars.clone(),
+            gamma.clone(),
             sums("partial_product", params.product_groups as usize * slots)?,
-            sums("partial_gamma", groups(columns(&params)))?,
             sums("partial_residual", groups(n))?,
         ]);
+        made.reserved.sums.push(gamma);
         let vectors = Arrays::of(&[x.clone(), r.clone(), p?, s?, z.clone(), w?, requests.clone()]);
         let arrays = body.joined(&shared).joined(&vectors);
         let gpu = made.gpu;
@@ -109,7 +111,7 @@ impl Solver {
         let all = iteration(made, params, main)?;
         let correction = if with_correction {
             let params = Params { first_slot: CORRECTION as u32, ..params };
-            let main = made.uniform("params", 0, &params.words());
+            let main = made.params(&params);
             iteration(made, params, &main)?
         } else {
             vec![]
@@ -261,7 +263,7 @@ fn make_levels(
         }
         // its own, so that what the finest level has summed up stays
         own.push(made.of("partial_product", &vec![0f32; params.product_groups as usize * slots])?);
-        let main = made.uniform("params", 0, &params.words());
+        let main = made.params(&params);
         let steps = steps(level.largest, number + 1 == count);
         out.push(Level { arrays: shared.joined(&Arrays::of(&own)), params, main, steps });
     }
@@ -303,13 +305,13 @@ fn cycle(made: &mut Maker, law: &Law, levels: &[Level], first_slot: u32, out: &m
     let gpu = made.gpu;
     let own = &levels[0];
     let params = Params { first_slot, ..own.params };
-    let main = made.uniform("params", 0, &params.words());
+    let main = made.params(&params);
     let product = own.arrays.bind(gpu, &product::SOURCE, &[("params", &main)])?;
     let mut products = vec![(product, product::tiles(&params) * GROUP as usize)];
     products.extend(split_product(gpu, law, &own.arrays, &params, &main)?);
     let mut smoother = |fresh: bool, [keep, gain]: [f64; 2]| -> Result<Dispatch> {
         let params = Params { fresh: u32::from(fresh), keep: keep as f32, gain: gain as f32, ..params };
-        let words = made.uniform("params", 0, &params.words());
+        let words = made.params(&params);
         Ok((own.arrays.bind(gpu, &relax::SOURCE, &[("params", &words)])?, over_columns(&params)))
     };
     let first = smoother(true, own.steps[0])?;

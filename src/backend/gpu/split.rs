@@ -1,7 +1,7 @@
 //! What a cut changes on the device: the table of split nodes that kernels read, the state of new copies, what is gone.
 
 use super::GpuBackend;
-use super::arrays::{Arrays, Maker, axes};
+use super::arrays::{Arrays, Maker, Reserved, axes};
 use super::in_use::InUse;
 use crate::cut::Removal;
 use crate::error::Result;
@@ -19,10 +19,11 @@ pub(super) struct Split {
     params: Buffer,
     pairs: Buffer,
     copies: Vec<(Bound, u32)>, // arrays that are duplicated, and their slots
+    reserved: Reserved,
 }
 
 impl Split {
-    /// For a body of which something can be split; `arrays` by their number of slots.
+    /// For a body of which something can be split, once all else is made; `arrays` by their number of slots.
     pub fn new(made: &mut Maker, model: &Model, shared: &Arrays, arrays: &[(&Buffer, u32)]) -> Result<Option<Self>> {
         let Some(table) = shared.get("split").filter(|_| model.extra_columns > 0) else {
             return Ok(None);
@@ -35,13 +36,25 @@ impl Split {
             Ok((made.gpu.bind(&duplicate::SOURCE, &list)?, *slots))
         };
         let copies = arrays.iter().map(bind).collect::<Result<_>>()?;
-        Ok(Some(Self { host: Parts::new(model.params()).table().to_vec(), table, params, pairs, copies }))
+        let host = Parts::new(model.params()).table().to_vec();
+        let reserved = std::mem::take(&mut made.reserved);
+        Ok(Some(Self { host, table, params, pairs, copies, reserved }))
     }
 
     /// Takes over new words and copies, in its own submission; what was recorded before must have been submitted.
     pub fn take(&mut self, gpu: &Gpu, node_count: usize, words: &[(u32, u32)], copies: &[[u32; 2]]) {
         for (word, value) in words {
             self.host[*word as usize] = *value;
+        }
+        if !self.reserved.blocks.is_empty() {
+            let Reserved { blocks, sums } = std::mem::take(&mut self.reserved);
+            for (params, block) in blocks {
+                gpu.write(&block, 0, &params.words());
+            }
+            // groups that nothing is launched for stay zero, wherever the new count puts them
+            let mut batch = gpu.batch();
+            sums.iter().for_each(|sums| batch.clear(sums, 0, sums.bytes));
+            gpu.submit(batch);
         }
         // rising words: written by runs without a hole
         for run in words.chunk_by(|a, b| a.0 + 1 == b.0) {
