@@ -18,9 +18,8 @@ use crate::scene::{Filter, Plane, Who};
 use glam::DVec3;
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::Vector;
-use parry3d::query::details::RayCast;
-use parry3d::query::{PointQueryWithLocation, Ray};
-use parry3d::shape::{FeatureId, TriMesh, TriMeshFlags, Triangle, TrianglePointLocation};
+use parry3d::query::PointQueryWithLocation;
+use parry3d::shape::{TriMesh, TriMeshFlags, Triangle, TrianglePointLocation};
 
 /// A place of a deformable body: nodes and weights; fewer than three nodes repeat one with weight 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,6 +52,8 @@ pub struct Contact {
     pub axes: [DVec3; 3],
     /// Violations of the rows at the step's start, m.
     pub gap: [f64; 3],
+    /// How far the sample is inside the surface at the step's start, m; 0 of one outside.
+    pub depth: f64,
     /// Bounds.
     pub law: Law,
 }
@@ -67,6 +68,7 @@ impl Contact {
             point,
             axes: DVec3::AXES,
             gap: [0.0; 3],
+            depth: 0.0,
             law: Law::Coulomb { friction: 0.0, bound: f64::INFINITY },
         }
     }
@@ -242,28 +244,32 @@ impl Patch {
         found
     }
 
-    /// The first thing along a ray, if it is a wall that faces the ray: triangle, weights, distance.
+    /// The first triangle along a ray within `reach`, if it faces the ray: triangle, weights, distance. None where the ray leaves the
+    /// tissue first (it started inside), or meets the surface at a glance.
     pub fn cast(&self, from: DVec3, direction: DVec3, reach: f64) -> Option<(usize, [f64; 3], f64)> {
-        let ray = Ray::new(to_f32(from - self.origin), to_f32(direction));
-        let hit = self.mesh.cast_local_ray_and_get_normal(&ray, reach as f32, false)?;
-        let count = self.triangles.len();
-        let FeatureId::Face(face) = hit.feature else {
-            return None;
+        let to = from + direction * reach;
+        let hit = |triangle: u32| {
+            let (weights, distance) = meets(&self.corners[triangle as usize], from, direction)?;
+            (0.0..=reach).contains(&distance).then_some((triangle as usize, weights, distance))
         };
-        let triangle = face as usize % count;
-        let [a, b, c] = self.corners[triangle];
-        let normal = (b - a).cross(c - a);
-        let facing = normal.dot(direction);
-        if facing > -FACING * normal.length() {
-            return None; // seen from behind (the sample is inside the tissue), or at a glance
-        }
-        let distance = normal.dot(a - from) / facing;
-        let p = from + direction * distance;
-        let area = normal.length_squared();
-        let v = normal.dot((p - a).cross(c - a)) / area;
-        let w = normal.dot((b - a).cross(p - a)) / area;
-        Some((triangle, [1.0 - v - w, v, w], distance))
+        let hits = self.near(from.min(to), from.max(to)).into_iter().filter_map(hit);
+        let first = hits.min_by(|a, b| a.2.total_cmp(&b.2))?;
+        let facing = self.face_normal(first.0).dot(direction) < -FACING;
+        facing.then_some(first)
     }
+}
+
+/// Share of an edge by which a line may pass a triangle and still meet it: two triangles leave no gap where they meet.
+const SEAM: f64 = 1e-9;
+
+/// Where a line meets a triangle: weights and signed distance along the line; none of one seen edge on. Source: Möller, Trumbore 1997.
+fn meets([a, b, c]: &[DVec3; 3], from: DVec3, direction: DVec3) -> Option<([f64; 3], f64)> {
+    let (ab, ac, offset) = (*b - *a, *c - *a, from - *a);
+    let (across, around) = (direction.cross(ac), offset.cross(ab));
+    let volume = ab.dot(across);
+    let (v, w, distance) = (offset.dot(across) / volume, direction.dot(around) / volume, ac.dot(around) / volume);
+    let inside = v >= -SEAM && w >= -SEAM && v + w <= 1.0 + SEAM; // false of what is not a number
+    inside.then_some(([1.0 - v - w, v, w], distance))
 }
 
 /// Contacts of one tool's samples with a patch of a deformable body. `travel` is how far a sample may move in the step; `resistance`
@@ -290,7 +296,7 @@ pub fn contacts(
         };
         let on_skin = |f: Found| {
             let contact = Contact::on_skin(number, index, body, f.spot, f.point);
-            Contact { axes: f.axes, gap: [f.gap, 0.0, 0.0], law: f.law, ..contact }
+            Contact { axes: f.axes, gap: [f.gap, 0.0, 0.0], depth: f.depth, law: f.law, ..contact }
         };
         out.extend(found.map(on_skin));
     }
@@ -303,6 +309,7 @@ struct Found {
     point: DVec3,
     axes: [DVec3; 3],
     gap: f64,
+    depth: f64,
     law: Law,
 }
 
@@ -319,6 +326,7 @@ fn point_contact(patch: &Patch, point: DVec3, reach: f64, search: &Search) -> Op
         point,
         axes: frame(normal),
         gap: distance - search.distance,
+        depth: (-distance).max(0.0),
         law: Law::Coulomb { friction: search.friction, bound: f64::INFINITY },
     })
 }
@@ -350,6 +358,7 @@ fn edge_contact(
         point,
         axes: [-forward, along, side],
         gap: 0.0,
+        depth: (-distance).max(0.0),
         law: Law::Cut { radius: bound },
     };
     let in_wound = distance <= 0.0 || patch.walls[triangle];
@@ -367,6 +376,9 @@ fn edge_contact(
     Some(Found { axes: frame(normal), gap: distance, law, ..base })
 }
 
+/// A flat touches the first wall that faces it. It is pushed by half the blade's thickness at most: a wall that has passed the blade's middle
+/// plane is let go. (Following it instead, from step to step, threw the blade in 5 of 12 random cuts right through: walls that a cut has
+/// just made stand anywhere, and what has passed pulls the two flats of a blade against each other.)
 fn flat_contact(
     tool: &Instrument,
     edge: &Edge,
@@ -383,6 +395,7 @@ fn flat_contact(
         point: point + direction * edge.half_thickness,
         axes: frame(-direction),
         gap: distance - edge.half_thickness - search.distance,
+        depth: 0.0,
         law: Law::Coulomb { friction: search.friction, bound: f64::INFINITY },
     })
 }

@@ -30,6 +30,7 @@ fn contact(on: [Who; 2], feature: usize, point: DVec3, normal: DVec3, gap: f64, 
         point,
         axes: frame(normal),
         gap: [gap - search.distance, 0.0, 0.0],
+        depth: (-gap).max(0.0),
         law: Law::Coulomb { friction: search.friction, bound: f64::INFINITY },
     }
 }

@@ -138,6 +138,7 @@ pub fn contacts_among(
         let contact = Contact {
             axes: frame(pair.normal),
             gap: [pair.gap - search.distance, 0.0, 0.0],
+            depth: (-pair.gap).max(0.0),
             law: Law::Coulomb { friction: if pair.rubs { search.friction } else { 0.0 }, bound: f64::INFINITY },
             ..Contact::on_skin(number, index | earlier << PIECE_BITS, body, spot, point)
         };

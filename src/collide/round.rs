@@ -226,7 +226,8 @@ pub fn contacts(
         let point = touch.axis - touch.normal * sweep.radius;
         let contact = Contact::on_skin(number, index, body, super::Spot { nodes, weights }, point);
         let law = Law::Coulomb { friction: search.friction, bound: f64::INFINITY };
-        Contact { axes: frame(touch.normal), gap: [touch.gap - search.distance, 0.0, 0.0], law, ..contact }
+        let gap = [touch.gap - search.distance, 0.0, 0.0];
+        Contact { axes: frame(touch.normal), gap, depth: (-touch.gap).max(0.0), law, ..contact }
     };
     if search.filter == Filter::One {
         let deepest = nearest.iter().min_by(|a, b| a.2.gap.total_cmp(&b.2.gap));

@@ -58,6 +58,7 @@ impl Simulation {
         let mut found = self.rigid_contacts(&search, &travel);
         self.locate(&search, &travel, report)?;
         found.extend(self.skin_contacts(&search, &travel, free, report));
+        self.drop_unexplained(&search, &mut found, report);
         found.retain(|contact| !self.ties_hold(contact));
         let most = law.max_contacts as usize;
         if found.len() > most {
@@ -69,6 +70,36 @@ impl Simulation {
         found.sort_by_key(Contact::id);
         found.extend(self.ties.iter().map(|tie| self.tied(tie)));
         Ok(found)
+    }
+
+    /// Leaves out contacts deeper inside than the last step's motion can have brought their sample: nothing gets inside skin but through
+    /// its surface, so such a contact is with a surface that the tool did not come through. Each is counted, and acts on nothing.
+    fn drop_unexplained(&mut self, search: &Search, found: &mut Vec<Contact>, report: &mut StepReport) {
+        let h = self.step_size();
+        let before = std::mem::take(&mut self.depths);
+        let first = self.step_number == 1; // a tool may start inside
+        let explained = |contact: &Contact| {
+            let Some(sample) = self.sample_of(contact) else { return true };
+            let tool = &self.tools[sample.0];
+            let moved = h * (tool.velocity.length() + tool.spin.length() * tool.span()) + self.bodies[sample.1].travel;
+            first || contact.depth <= before.get(&sample).copied().unwrap_or(0.0) + moved + search.alarm
+        };
+        let count = found.len();
+        found.retain(explained);
+        report.warn("contacts_unexplained", (count - found.len()) as u32);
+        for contact in found {
+            if let Some(sample) = self.sample_of(contact) {
+                let depth = self.depths.entry(sample).or_default();
+                *depth = depth.max(contact.depth);
+            }
+        }
+    }
+
+    /// Which sample of which tool a contact with which deformable body is of; surfaces of round tools and of lines count as one sample.
+    fn sample_of(&self, contact: &Contact) -> Option<(usize, usize, usize)> {
+        let [Who::Rigid(number), Who::Skin(body)] = contact.on else { return None };
+        let whole = self.tools[number].round.is_some() || self.tools[number].lines.is_some();
+        Some((number, body, if whole { 0 } else { contact.feature }))
     }
 
     /// Contacts of rigid bodies with walls and each other.
@@ -283,6 +314,7 @@ fn tie(
         point: at,
         axes,
         gap: [0.0; 3],
+        depth: 0.0,
         law: Law::Hold { held },
     };
     Ok(Tie { contact, anchor })

@@ -33,7 +33,8 @@ pub(super) type Fronts = BTreeMap<(usize, usize), f64>;
 pub(super) struct End {
     /// Where it stood when it last swept, moved with the skin since, m.
     at: DVec3,
-    /// It is inside the tissue; one that was only pressed on it and lifts off has cut nothing, unless the wound has opened under it.
+    /// It is inside the tissue; one that was only pressed on it and lifts off has cut nothing, unless the wound has opened under it. One
+    /// that goes on forward has passed through what it was pressed on: over a border, where nothing is left to touch.
     inside: bool,
 }
 
@@ -127,11 +128,14 @@ impl Simulation {
         for (number, (old, new)) in old.iter().zip(&self.tools).enumerate() {
             let Some(edge) = new.edge.as_ref().filter(|_| new.sharp) else { continue };
             let pieces = self.pieces(number, old, contacts, report);
+            let forward = new.rotation * edge.forward;
             // an end is held where one of its two pieces is
             let ends: Vec<[DVec3; 2]> = (0..edge.points.len())
                 .map(|end| {
                     let beside = &pieces[end.saturating_sub(1)..(end + 1).min(pieces.len())];
-                    let kept = held.get(&(number, end)).filter(|e| e.inside || beside.iter().any(|p| p.touches));
+                    let passes = |e: &End| (new.at(edge.points[end]) - e.at).dot(forward) > 0.0;
+                    let goes_on = |e: &&End| e.inside || beside.iter().any(|p| p.touches) || passes(e);
+                    let kept = held.get(&(number, end)).filter(goes_on);
                     let start = kept.map_or(old.at(edge.points[end]), |e| e.at);
                     let holding: Vec<(DVec3, bool)> = beside.iter().filter_map(|p| p.held).collect();
                     if holding.is_empty() {

@@ -137,6 +137,8 @@ pub struct Simulation {
     tied: BTreeSet<(Who, usize, u32)>,
     held: incise::Held,
     fronts: incise::Fronts,
+    /// How deep each sample of a rigid body was inside each deformable body at the last step, m ([`find`]).
+    depths: BTreeMap<(usize, usize, usize), f64>,
     last_forces: BTreeMap<([Who; 2], usize), DVec3>,
     load_changes: Vec<f64>,
     step_number: u64,
@@ -175,6 +177,7 @@ impl Simulation {
             tied: BTreeSet::new(),
             held: incise::Held::new(),
             fronts: incise::Fronts::new(),
+            depths: BTreeMap::new(),
             last_forces: BTreeMap::new(),
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
             step_number: 0,

@@ -1,0 +1,121 @@
+//! The blade in skin: a flat touches the wall beside it, and no path throws the blade, whatever it crosses.
+//!
+//! `cargo bench --bench blade` judges as many paths as wanted by the same bounds.
+
+#[path = "blade/mod.rs"]
+mod blade;
+
+use blade::{Case, Kind};
+use cutis::collide::{Contact, Patch, Search, contacts};
+use cutis::instrument::Instrument;
+use cutis::mesh::Quad;
+use cutis::scene::Filter;
+use cutis::step::Place;
+use glam::DVec3;
+
+/// Walls across y, each a quad of 10 mm: at these places, m, and turned towards −y or +y.
+fn walls(at: &[(f64, f64)]) -> (Vec<Quad>, Vec<DVec3>) {
+    let mut quads = vec![];
+    let mut places = vec![];
+    for (wall, (y, normal)) in (0u32..).zip(at) {
+        let ends = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        places.extend(ends.map(|[x, z]| DVec3::new(5e-3 * x * -normal, *y, 5e-3 * z)));
+        quads.push(Quad { nodes: [0, 1, 2, 3].map(|n| 4 * wall + n), cell: wall, wall: true });
+    }
+    (quads, places)
+}
+
+/// Contacts of a blade's flats at the origin with walls, and where on the walls they are.
+fn flats(at: &[(f64, f64)]) -> Vec<(Contact, DVec3)> {
+    let mut scene = Case::new(Kind::Straight, 0).scene;
+    scene.tools[0].trajectory[0].position = [10e-3, 0.0, 12e-3]; // the middle of its edge at the origin
+    scene.tools[0].trajectory[0].rotation = [0.0, 0.0, 0.0, 1.0];
+    let mut tool = Instrument::new(&scene.tools[0], [0.0; 3]);
+    tool.samples.retain(|sample| matches!(sample.role, cutis::instrument::Role::Flat { .. }));
+    let (quads, places) = walls(at);
+    let patch = Patch::new(&quads, |node| places[node as usize]).expect("there are walls");
+    let search = Search { alarm: 2e-4, distance: 0.0, friction: 0.3, filter: Filter::Points, angle_cone: 0.0 };
+    let found = contacts((0, &tool), (0, &patch), &search, 0.0, |_| 0.0, |_| None);
+    let place = |contact: &Contact| {
+        let spot = contact.spots[1];
+        spot.nodes.iter().zip(spot.weights).map(|(node, weight)| places[*node as usize] * weight).sum()
+    };
+    found.into_iter().map(|contact| (contact, place(&contact))).collect()
+}
+
+/// Half of the blade's thickness, m.
+const HALF: f64 = 2e-4;
+
+#[test]
+fn a_flat_touches_the_wall_beside_it() {
+    // walls far away come first in the list: they are no flat's business
+    let found = flats(&[(4e-3, -1.0), (-4e-3, 1.0), (3e-4, -1.0), (-1e-4, 1.0)]);
+    assert_eq!(found.len(), 10, "two sides of five samples");
+    for (contact, place) in found {
+        let wall = if contact.axes[0].y < 0.0 { 3e-4 } else { -1e-4 };
+        assert!((place.y - wall).abs() < 1e-12, "on a wall at {} instead of {wall}", place.y);
+        assert!((contact.gap[0] - (wall.abs() - HALF)).abs() < 1e-12, "a gap of {}", contact.gap[0]);
+        assert!((place - contact.point).cross(DVec3::Y).length() < 1e-12, "the contact is not beside its sample");
+    }
+}
+
+#[test]
+fn a_flat_touches_nothing_through_tissue_or_out_of_reach() {
+    assert!(flats(&[(1e-3, -1.0), (-1e-3, 1.0)]).is_empty(), "out of reach");
+    // seen from inside: a surface that turns its back, and the far side of the tissue behind it
+    assert!(flats(&[(1e-4, 1.0), (3e-4, -1.0)]).iter().all(|(contact, _)| contact.axes[0].y > 0.0));
+}
+
+#[test]
+fn a_wall_pushes_by_half_the_thickness_at_most() {
+    for y in [1e-6, 5e-5, 3e-4] {
+        for (contact, _) in flats(&[(y, -1.0), (-y, 1.0), (-3e-3, 1.0)]) {
+            assert!(contact.gap[0] >= -HALF && contact.gap[0] <= 2e-4, "{}", contact.gap[0]);
+        }
+    }
+}
+
+/// Runs paths and judges each.
+fn judged(kind: Kind, numbers: &[u64]) {
+    let out = std::env::temp_dir().join(format!("cutis_blade_{kind:?}_{}", std::process::id()));
+    for number in numbers {
+        let case = Case::new(kind, *number);
+        let report = case.run(Place::Cpu64, &out).unwrap_or_else(|e| panic!("{}: {e}", case.name));
+        let faults = case.faults(&report);
+        assert!(faults.is_empty(), "{}: {faults:?}", case.name);
+    }
+    drop(std::fs::remove_dir_all(&out));
+}
+
+#[test]
+fn straight_cuts_do_not_throw_the_blade() {
+    judged(Kind::Straight, &[2, 15, 18]);
+}
+
+#[test]
+fn cuts_right_through_part_the_body() {
+    judged(Kind::Through, &[0, 1]);
+}
+
+#[test]
+fn a_random_path_does_not_throw_the_blade() {
+    judged(Kind::Any, &[2]);
+}
+
+#[test]
+fn a_blade_that_is_thrown_is_noticed() {
+    let case = Case::new(Kind::Straight, 2);
+    let mut report = cutis::report::Report::default();
+    report.cut.links_severed = case.links_on_the_path(0.0);
+    assert!(case.faults(&report).is_empty(), "{:?}", case.faults(&report));
+    let thrown = |change: &dyn Fn(&mut cutis::report::Report)| {
+        let mut report = report.clone();
+        change(&mut report);
+        assert_eq!(case.faults(&report).len(), 1, "{:?}", case.faults(&report));
+    };
+    thrown(&|r| r.contact_force_n_max = 53.0);
+    thrown(&|r| r.haptic.force_jump_n_max = 28.0);
+    thrown(&|r| r.contact.depth_mm_max = 12.5);
+    thrown(&|r| r.cut.links_severed += 70);
+    thrown(&|r| drop(r.warnings.insert("non_finite_tools".into(), 1)));
+}
