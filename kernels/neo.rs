@@ -54,7 +54,7 @@ pub fn logarithm<R: Real>(g: R) -> [R; 2] {
     let two = R::of(2.0);
     let s = g / (two + g);
     if s.abs() > R::of(1.0 / 3.0) {
-        let ln = (R::one() + g).ln();
+        let ln = R::ln(R::one() + g);
         return [ln, g - ln];
     }
     let t = s * s;

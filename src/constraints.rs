@@ -24,6 +24,7 @@
 
 mod newton;
 
+use crate::math::elementary::hypot;
 use crate::math::larger;
 
 /// How the three forces of a contact are bounded.
@@ -285,7 +286,7 @@ fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> [f64; 
     let plane = |i: usize, j: usize| match (gives(i), gives(j)) {
         (true, true) => {
             let coupling = 0.5 * (at(i, j) + at(j, i));
-            0.5 * (at(i, i) + at(j, j)) + (0.5 * (at(i, i) - at(j, j))).hypot(coupling)
+            0.5 * (at(i, i) + at(j, j)) + hypot(0.5 * (at(i, i) - at(j, j)), coupling)
         }
         (true, false) => at(i, i),
         _ => at(j, j),
@@ -316,7 +317,7 @@ fn between(x: f64, low: f64, high: f64) -> f64 {
 }
 
 fn onto_disc(a: f64, b: f64, radius: f64) -> (f64, f64) {
-    let length = a.hypot(b);
+    let length = hypot(a, b);
     if length <= radius { (a, b) } else { (a * radius / length, b * radius / length) }
 }
 

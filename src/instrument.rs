@@ -7,6 +7,7 @@
 //! step to step, so a body that nothing touches keeps it to rounding however it tumbles.
 //! Units: m, rad, kg, N, N·m. Source: Colgate, Stanley, Brown 1995 (virtual coupling).
 
+use crate::math::elementary::atan2;
 use crate::scene::{Blade, Coupling, Lines, Pose, Round, Tool};
 use glam::{DMat3, DQuat, DVec3};
 use std::sync::Arc;
@@ -131,7 +132,7 @@ impl Free {
 pub fn rotation_vector(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
     let s = q.xyz().length();
-    if s < 1e-12 { q.xyz() * 2.0 } else { q.xyz() * (2.0 * s.atan2(q.w) / s) }
+    if s < 1e-12 { q.xyz() * 2.0 } else { q.xyz() * (2.0 * atan2(s, q.w) / s) }
 }
 
 /// The recorded hand at a time: linear between samples, resting before the first and after the last; none without samples.

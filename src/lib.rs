@@ -102,7 +102,9 @@
 //!   `gpu` knows no physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
 //! - SI units inside; scene keys carry their unit.
 //! - The GPU keeps displacements, not positions; buffers are flat arrays of scalars, vec2 or vec4.
-//! - One writer per array slot and a fixed order of sums: a run repeats bit for bit on one adapter.
+//! - One writer per array slot and a fixed order of sums. The CPU path gives the same bits on every x86-64 and aarch64 machine and for any
+//!   number of threads ([`math::wide`], [`math::elementary`]); a GPU repeats its own bits, and differs from others within stated bounds. Who
+//!   is left out: the sparse factor ([`linear::direct`]), pictures and plots.
 //! - Core WebGPU limits: 8 storage buffers a kernel, no subgroups, no f64. Sizes beyond a limit are refused with its name.
 //! - Solves stop at a residual relative to the step's load, never after a fixed count; what did not converge is counted.
 //! - Bad input is an [`Error`](error::Error) that says where, what and how to mend; a broken invariant of ours is an assertion.

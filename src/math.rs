@@ -2,6 +2,7 @@
 //!
 //! Buffers hold [`V4`], a plain array (16 bytes in f32, as WGSL's `vec4<f32>`); arithmetic is done on [`V3`] and [`M3`].
 
+pub mod elementary;
 pub mod mirrors;
 pub mod wide;
 
@@ -63,7 +64,7 @@ pub trait Real:
 }
 
 macro_rules! real {
-    ($t:ty, $name:literal) => {
+    ($t:ty, $name:literal, $ln:path) => {
         impl Real for $t {
             const NAME: &'static str = $name;
             const EPSILON: Self = <$t>::EPSILON;
@@ -77,16 +78,17 @@ macro_rules! real {
                 self.sqrt()
             }
             fn ln(self) -> Self {
-                self.ln()
+                $ln(self)
             }
             fn abs(self) -> Self {
                 self.abs()
             }
             fn max(self, other: Self) -> Self {
-                self.max(other)
+                // of 0 and −0 the method of std gives either, as the processor does
+                if self.is_nan() || other > self { other } else { self }
             }
             fn min(self, other: Self) -> Self {
-                self.min(other)
+                if self.is_nan() || other < self { other } else { self }
             }
             fn is_finite(self) -> bool {
                 self.is_finite()
@@ -94,8 +96,8 @@ macro_rules! real {
         }
     };
 }
-real!(f32, "f32");
-real!(f64, "f64");
+real!(f32, "f32", elementary::ln_f32);
+real!(f64, "f64", elementary::ln);
 
 /// Four numbers as they lie in buffers.
 pub type V4<R> = [R; 4];

@@ -212,7 +212,8 @@ impl Table {
         self.line.clear();
         for (column, &value) in values.iter().enumerate() {
             let comma = if column == 0 { "" } else { "," };
-            write!(self.line, "{comma}{}", shortest(value)).expect("a String takes any text");
+            // + 0.0: which zero a maximum gives depends on the processor, and −0 would be written as such
+            write!(self.line, "{comma}{}", shortest(value + 0.0)).expect("a String takes any text");
         }
         self.line.push('\n');
         self.row_count += 1;

@@ -239,6 +239,42 @@ fn nothing_is_left_to_be_done_in_a_comment() {
     report("open ends belong into issues", &wrong);
 }
 
+/// Functions of the system's C library, which give other bits on other machines; `math::elementary` has them all.
+const OF_THE_SYSTEM: &[&str] = &[
+    "sin", "cos", "sin_cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "exp2", "exp_m1",
+    "ln", "ln_1p", "log", "log2", "log10", "powf", "hypot", "cbrt",
+];
+
+/// Lines of a file whose results other machines would not repeat.
+fn not_repeated(file: &str, text: &str) -> Vec<String> {
+    let asks = |line: &str| {
+        OF_THE_SYSTEM.iter().any(|name| {
+            let forms = [format!(".{name}("), format!("f64::{name}"), format!("f32::{name}")];
+            forms.iter().any(|form| {
+                // `f64::cos` and not `f64::consts`
+                let ends = |rest: &str| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_');
+                line.match_indices(form.as_str()).any(|(at, _)| form.ends_with('(') || ends(&line[at + form.len()..]))
+            })
+        })
+    };
+    let lines = without_tests(text).lines().enumerate();
+    lines.filter(|(_, l)| asks(code(l))).map(|(n, l)| format!("{file}:{}: {}", n + 1, l.trim())).collect()
+}
+
+#[test]
+fn results_ask_no_function_of_the_system() {
+    let files = tracked();
+    // pictures and plots are no results
+    let others = ["src/math/", "src/view/", "src/report/"];
+    let sources = in_folder(&files, &["src/", "kernels/"]).filter(|f| f.ends_with(".rs"));
+    let wrong: Vec<String> = sources
+        .filter(|f| !others.iter().any(|other| f.starts_with(other)))
+        .flat_map(|f| not_repeated(f, &read(f)))
+        .collect();
+    report("take these from math::elementary", &wrong);
+    assert_eq!(not_repeated("a", "let y = x.hypot(z);\nf(f64::sin);\nuse std::f64::consts::PI;\n").len(), 2);
+}
+
 /// Dependencies without a comment on the line above.
 fn unexplained(manifest: &str) -> Vec<String> {
     let (mut inside, mut before, mut wrong) = (false, "", vec![]);

@@ -6,6 +6,7 @@
 //! `J` alone, so that redundant contacts share a force instead of dividing by zero. `F` is untouched: the result is the law's own.
 
 use super::{Law, Residual, aim, between, floor, residual, residual_at, scales};
+use crate::math::elementary::hypot;
 
 /// Newton steps at one go.
 const STEPS: u32 = 30;
@@ -149,7 +150,7 @@ fn slope(law: &Law, aim: [f64; 3]) -> [[f64; 3]; 3] {
 
 /// Derivatives of the projection on a disc: by the point, and by the radius (zero inside).
 fn disc(a: f64, b: f64, radius: f64) -> ([[f64; 2]; 2], [f64; 2]) {
-    let length = a.hypot(b);
+    let length = hypot(a, b);
     if length <= radius {
         return ([[1.0, 0.0], [0.0, 1.0]], [0.0; 2]);
     }

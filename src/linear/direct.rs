@@ -6,7 +6,8 @@
 //! a removed cell leaves zeros, so the analysis of the pattern is done once.
 //! Source: George 1973 (nested dissection); Ng, Peyton 1993 (left-looking supernodal Cholesky), as the crate faer has it.
 //! Differs: the planes follow from the grid, not from the graph: the factor takes half to three quarters of the time that approximate minimum
-//! degree gives it. One thread factors, so that sums have one order. L is in f64 for both precisions of the CPU path: a factor in f32
+//! degree gives it. One thread factors, so that sums have one order on one machine; faer chooses kernels and blocks by the processor and its
+//! caches, so this solver alone of the CPU path does not give the same bits everywhere. L is in f64 for both precisions of the CPU path: a factor in f32
 //! would be off by its rounding times the condition of thin stiff layers on fat; rounding its solutions costs one more iteration.
 //! Memory of L: 28 MB at 24×24×5 cells, 61 MB at 14×14×23, 576 MB at 32×32×23.
 //! Units: r N, z m, A N/m.

@@ -1,12 +1,57 @@
 //! Arithmetic on as many numbers at once as the machine has room for: AVX-512, AVX2 with FMA, NEON, or one by one, found out at run time.
 //!
 //! `pulp` does the finding out without unsafe code here. Code between [`Wide::widest`] and the arithmetic must be `#[inline(always)]`: what
-//! is not inlined is compiled for the plain machine. How many numbers there are, and whether a product and a sum round once or twice,
-//! depends on the machine, so results repeat bit for bit on one machine only.
+//! is not inlined is compiled for the plain machine.
+//!
+//! A [`Task`] gives the same bits with any registers, and so on every machine, because
+//! - lanes know nothing of each other: nothing is added up across a register;
+//! - what several lanes are added to gets them in the order of the elements, as if they came one by one;
+//! - a product-sum ([`Lanes::mul_add`]) rounds once everywhere, in software where the processor has no instruction for it, and what is
+//!   written as a product and a sum rounds twice everywhere: the compiler does not join them.
+//!
+//! [`force`] makes the whole process use other registers than the widest, so that tests see that on one machine.
 
+use super::elementary::{fma, fma_f32};
 use bytemuck::Pod;
 use pulp::{Arch, Simd, WithSimd};
+use std::array::from_fn;
 use std::ops::{Add, Mul, Sub};
+use std::sync::atomic::{AtomicU8, Ordering};
+
+/// Registers that tasks on f32 and f64 can be made to run with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Registers {
+    /// The widest of this machine.
+    Widest,
+    /// AVX2 with FMA, 32 bytes.
+    Avx2,
+    /// [`Arrays`] of 64 bytes, as wide as AVX-512's registers.
+    Arrays,
+    /// [`OneByOne`].
+    One,
+}
+
+const ALL: [Registers; 4] = [Registers::Widest, Registers::Avx2, Registers::Arrays, Registers::One];
+
+static FORCED: AtomicU8 = AtomicU8::new(Registers::Widest as u8);
+
+impl Registers {
+    /// Those that this machine has.
+    pub fn of_this_machine() -> Vec<Self> {
+        ALL.into_iter().filter(|kind| *kind != Self::Avx2 || has_avx2()).collect()
+    }
+}
+
+/// From now on every task on f32 and f64, in all threads of the process, runs with these registers; where the machine has none of them,
+/// with its widest. Results stay the same, so a task that is running meanwhile does no harm.
+pub fn force(registers: Registers) {
+    FORCED.store(registers as u8, Ordering::Relaxed);
+}
+
+fn forced() -> Registers {
+    ALL[usize::from(FORCED.load(Ordering::Relaxed))]
+}
 
 /// The machine's registers, of numbers `R`.
 pub trait Lanes<R: Pod>: Copy {
@@ -22,7 +67,7 @@ pub trait Lanes<R: Pod>: Copy {
     fn sub(self, a: Self::V, b: Self::V) -> Self::V;
     /// `a b`
     fn mul(self, a: Self::V, b: Self::V) -> Self::V;
-    /// `a b + c`, rounded once where the machine can.
+    /// `a b + c`, rounded once.
     fn mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
     /// The first [`Lanes::COUNT`] numbers of a slice.
     #[inline(always)]
@@ -49,6 +94,8 @@ pub trait Task<R: Pod> {
 
 /// Numbers that a [`Task`] can be run on.
 pub trait Wide: Pod + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
+    /// `self b + c`, rounded once.
+    fn mul_add(self, b: Self, c: Self) -> Self;
     /// Runs a task with the widest registers of this machine; number by number where the numbers have none.
     fn widest<T: Task<Self>>(task: T) -> T::Output {
         task.run(OneByOne)
@@ -79,15 +126,70 @@ impl<R: Wide> Lanes<R> for OneByOne {
     }
     #[inline(always)]
     fn mul_add(self, a: R, b: R, c: R) -> R {
-        a * b + c
+        R::mul_add(a, b, c)
+    }
+}
+
+/// Registers of `N` numbers on any machine.
+#[derive(Clone, Copy, Debug)]
+pub struct Arrays<const N: usize>;
+
+impl<R: Wide, const N: usize> Lanes<R> for Arrays<N>
+where
+    [R; N]: Pod,
+{
+    type V = [R; N];
+    #[inline(always)]
+    fn splat(self, a: R) -> [R; N] {
+        [a; N]
+    }
+    #[inline(always)]
+    fn add(self, a: [R; N], b: [R; N]) -> [R; N] {
+        from_fn(|i| a[i] + b[i])
+    }
+    #[inline(always)]
+    fn sub(self, a: [R; N], b: [R; N]) -> [R; N] {
+        from_fn(|i| a[i] - b[i])
+    }
+    #[inline(always)]
+    fn mul(self, a: [R; N], b: [R; N]) -> [R; N] {
+        from_fn(|i| a[i] * b[i])
+    }
+    #[inline(always)]
+    fn mul_add(self, a: [R; N], b: [R; N], c: [R; N]) -> [R; N] {
+        from_fn(|i| R::mul_add(a[i], b[i], c[i]))
     }
 }
 
 #[derive(Clone, Copy)]
 struct On<S>(S);
 
+/// Runs on AVX2, and where there is none on the widest registers.
+#[cfg(target_arch = "x86_64")]
+fn on_avx2<O: WithSimd>(work: O) -> O::Output {
+    match pulp::x86::V3::try_new() {
+        Some(simd) => Simd::vectorize(simd, work),
+        None => Arch::new().dispatch(work),
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn on_avx2<O: WithSimd>(work: O) -> O::Output {
+    Arch::new().dispatch(work)
+}
+
+#[cfg(target_arch = "x86_64")]
+fn has_avx2() -> bool {
+    pulp::x86::V3::try_new().is_some()
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn has_avx2() -> bool {
+    false
+}
+
 macro_rules! wide {
-    ($t:ty, $v:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $mul_add:ident) => {
+    ($t:ty, $v:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $mul_add:ident, $fma:path) => {
         impl<S: Simd> Lanes<$t> for On<S> {
             type V = S::$v;
             #[inline(always)]
@@ -112,6 +214,9 @@ macro_rules! wide {
             }
         }
         impl Wide for $t {
+            fn mul_add(self, b: Self, c: Self) -> Self {
+                $fma(self, b, c)
+            }
             fn widest<T: Task<$t>>(task: T) -> T::Output {
                 struct Op<T>(T);
                 impl<T: Task<$t>> WithSimd for Op<T> {
@@ -121,10 +226,53 @@ macro_rules! wide {
                         self.0.run(On(simd))
                     }
                 }
-                Arch::new().dispatch(Op(task))
+                match (forced(), Arch::new()) {
+                    (Registers::Arrays, _) => task.run(Arrays::<{ 64 / size_of::<$t>() }>),
+                    (Registers::One, _) | (_, Arch::Scalar) => task.run(OneByOne),
+                    (Registers::Avx2, _) => on_avx2(Op(task)),
+                    (Registers::Widest, widest) => widest.dispatch(Op(task)),
+                }
             }
         }
     };
 }
-wide!(f32, f32s, splat_f32s, add_f32s, sub_f32s, mul_f32s, mul_add_e_f32s);
-wide!(f64, f64s, splat_f64s, add_f64s, sub_f64s, mul_f64s, mul_add_e_f64s);
+wide!(f32, f32s, splat_f32s, add_f32s, sub_f32s, mul_f32s, mul_add_f32s, fma_f32);
+wide!(f64, f64s, splat_f64s, add_f64s, sub_f64s, mul_f64s, mul_add_f64s, fma);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers in a register, and `(1 + ε)² − 1 − 2ε`, which two roundings lose.
+    struct Lost;
+
+    impl<R: crate::math::Real> Task<R> for Lost {
+        type Output = (usize, R);
+        #[inline(always)]
+        fn run<L: Lanes<R>>(self, lanes: L) -> (usize, R) {
+            let one = R::one() + R::EPSILON;
+            let least = lanes.splat(R::zero() - R::one() - R::EPSILON - R::EPSILON);
+            let mut out = [R::zero(); MOST];
+            lanes.store(lanes.mul_add(lanes.splat(one), lanes.splat(one), least), &mut out);
+            (L::COUNT, out[L::COUNT - 1])
+        }
+    }
+
+    #[test]
+    fn each_kind_of_register_rounds_a_product_sum_once() {
+        for kind in Registers::of_this_machine() {
+            force(kind);
+            let (count, rest) = f64::widest(Lost);
+            let (count_f32, rest_f32) = f32::widest(Lost);
+            assert_eq!((rest, rest_f32), (f64::EPSILON * f64::EPSILON, f32::EPSILON * f32::EPSILON), "{kind:?}");
+            assert!(count_f32 == 2 * count || kind == Registers::One, "{kind:?}: {count_f32} of f32, {count} of f64");
+            match kind {
+                Registers::Widest => assert!(count_f32 <= MOST),
+                Registers::Avx2 => assert_eq!(count, 4),
+                Registers::Arrays => assert_eq!(count, 8),
+                Registers::One => assert_eq!((count, count_f32), (1, 1)),
+            }
+        }
+        force(Registers::Widest);
+    }
+}

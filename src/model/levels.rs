@@ -14,6 +14,7 @@ use super::element::{Matrix, modes};
 use crate::kernels::product::tiles;
 use crate::kernels::{Params, corner};
 use crate::math::Real;
+use crate::math::elementary::{acos, cos};
 use crate::mesh::Grid;
 
 /// Cells along x or y from which on no further level is made: the coarsest is solved by many sweeps.
@@ -168,5 +169,5 @@ fn pencil(k: &[[f64; 3]; 3], d: &[[f64; 3]; 3]) -> f64 {
     let determinant = m[0][0] * (m[1][1] * m[2][2] - m[1][2] * m[2][1])
         - m[0][1] * (m[1][0] * m[2][2] - m[1][2] * m[2][0])
         + m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
-    mean + 2.0 * size * ((0.5 * determinant).clamp(-1.0, 1.0).acos() / 3.0).cos()
+    mean + 2.0 * size * cos(acos((0.5 * determinant).clamp(-1.0, 1.0)) / 3.0)
 }

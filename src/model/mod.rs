@@ -20,6 +20,7 @@ pub use step::Step;
 use crate::error::{Error, Result};
 use crate::kernels::product::{Modes, tiles};
 use crate::kernels::{GROUP, Params};
+use crate::math::elementary::sin_cos;
 use crate::math::{M3, Real, V4};
 use crate::mesh::Grid;
 use crate::scene::{Anchor, Cut, Element, Law, Load, MOST_NODES, Mass, Preconditioner, Region, Scene, Skin};
@@ -96,7 +97,7 @@ const AROUND: usize = 64;
 
 /// What a turn about the z axis moves a place by, m.
 pub fn turned([x, y, _]: [f64; 3], angle: f64) -> [f64; 3] {
-    let (sin, cos) = angle.sin_cos();
+    let (sin, cos) = sin_cos(angle);
     [cos * x - sin * y - x, sin * x + cos * y - y, 0.0]
 }
 

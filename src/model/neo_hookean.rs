@@ -100,11 +100,14 @@ impl NeoHookean {
         Some(each?.iter().sum())
     }
 
-    /// `[node]` forces that nodes must be held with, N; the number of a cell that is inside out as the error.
+    /// `[node]` forces that nodes must be held with, N; the number of the first cell that is inside out as the error.
     pub fn forces(&self, params: &Params<f64>, u: &[V4<f64>]) -> Result<Vec<V4<f64>>, usize> {
         let one = |cell| self.cell(params, u, cell).map(|c| c.forces().map(V3::f64)).ok_or(cell);
         let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
-        Ok(sums(params, &cells.map(one).collect::<Result<Vec<_>, _>>()?))
+        let each: Result<Vec<_>, _> = cells.map(one).collect();
+        // of several such cells the first, whichever a thread came upon
+        let first = |cell| (0..cell).find(|c| self.cell(params, u, *c).is_none()).unwrap_or(cell);
+        Ok(sums(params, &each.map_err(first)?))
     }
 
     /// `K_T z`, `[node]` N, without a matrix; cells that are inside out have none.

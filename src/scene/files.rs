@@ -5,6 +5,7 @@ use super::raw::At;
 use super::text::{MM, SceneText};
 use super::{Pose, ToolMesh};
 use crate::error::{Error, Place, Result};
+use crate::math::elementary::hypot;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
@@ -143,7 +144,7 @@ fn pose(at: &Place, line: &str, with_forces: bool) -> Result<Pose> {
         })?;
     }
     let [time, x, y, z, qx, qy, qz, qw] = row;
-    let length = qx.hypot(qy).hypot(qz).hypot(qw);
+    let length = hypot(hypot(hypot(qx, qy), qz), qw);
     if (length - 1.0).abs() > QUATERNION_SLACK {
         return Err(Error::TrajectoryRotation { at: at.clone(), length, allowed: QUATERNION_SLACK });
     }

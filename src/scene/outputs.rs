@@ -7,6 +7,7 @@ use super::region::region;
 use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, in_mm, or, or_vector};
 use super::{Check, Probe, ProbeKind, Skin, Tool, View};
 use crate::error::{Error, Result};
+use crate::math::elementary::{atan, hypot, sin, tan};
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -184,8 +185,8 @@ pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skins: &[
     let (centre, radius) = sphere_around(skins, tools);
     let target = point("target_mm", raw.target_mm, centre)?;
     let narrow = f64::from(size[0].min(size[1])) / f64::from(size[1]);
-    let half_angle = (narrow * (field_of_view / 2.0).to_radians().tan()).atan();
-    let distance = VIEW_MARGIN * radius / half_angle.sin();
+    let half_angle = atan(narrow * tan((field_of_view / 2.0).to_radians()));
+    let distance = VIEW_MARGIN * radius / sin(half_angle);
     let [x, y, z] = VIEW_DIRECTION.map(|part| part * distance);
     let eye = [target[0] + x, target[1] + y, target[2] + z];
     let eye = point("eye_mm", raw.eye_mm, eye)?;
@@ -214,12 +215,12 @@ fn sphere_around(skins: &[Skin], tools: &[Tool]) -> ([f64; 3], f64) {
     if skins.is_empty() {
         for tool in tools {
             let start = tool.trajectory[0].position;
-            let reach = tool.mesh.positions.iter().map(|p| p[0].hypot(p[1]).hypot(p[2])).fold(0.0, f64::max);
+            let reach = tool.mesh.positions.iter().map(|p| hypot(hypot(p[0], p[1]), p[2])).fold(0.0, f64::max);
             add(start.map(|c| c - reach));
             add(start.map(|c| c + reach));
         }
     }
     let [low, high] = ends;
     let size = [0, 1, 2].map(|n| high[n] - low[n]);
-    ([0, 1, 2].map(|n| (low[n] + high[n]) / 2.0), size[0].hypot(size[1]).hypot(size[2]) / 2.0)
+    ([0, 1, 2].map(|n| (low[n] + high[n]) / 2.0), hypot(hypot(size[0], size[1]), size[2]) / 2.0)
 }

@@ -5,6 +5,7 @@ use super::text::{Bound, MM, SceneText};
 use super::tools::{difference, unit};
 use super::{Pose, Round, ToolMesh};
 use crate::error::{Error, Result};
+use crate::math::elementary::{cos, sin};
 use std::f64::consts::{PI, TAU};
 
 /// Facets around the axis, and from pole to pole.
@@ -45,8 +46,8 @@ pub(super) fn mesh(round: &Round) -> ToolMesh {
     let (along, across) = axes(a, b);
     let other = cross(along, across);
     let place = |end: [f64; 3], polar: f64, turn: f64| {
-        let (out, up) = (round.radius * polar.sin(), round.radius * polar.cos());
-        [0, 1, 2].map(|n| end[n] + along[n] * up + out * (across[n] * turn.cos() + other[n] * turn.sin()))
+        let (out, up) = (round.radius * sin(polar), round.radius * cos(polar));
+        [0, 1, 2].map(|n| end[n] + along[n] * up + out * (across[n] * cos(turn) + other[n] * sin(turn)))
     };
     // from the pole at b to the pole at a; a capsule has its widest ring at both ends
     let half = ALONG / 2;

@@ -11,6 +11,7 @@ use super::text::{
 use super::words::CORRECTIONS;
 use super::{Blade, Contact, Coupling, Loop, Pose, Tool, ToolMesh};
 use crate::error::{Error, Result};
+use crate::math::elementary::{acos, hypot};
 use std::ops::Range;
 
 /// How far a blade's normal may lean from the right angle to its edge, degrees. A blade's plane holds its edge; the
@@ -142,7 +143,7 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
     let direction = unit(scene.vector("normal", &normal, PLAIN, Bound::Finite)?);
     let chord = unit(difference(edge[edge.len() - 1], edge[0]));
     let angle = match (direction, chord) {
-        (Some(direction), Some(chord)) => dot(direction, chord).abs().min(1.0).acos().to_degrees(),
+        (Some(direction), Some(chord)) => acos(dot(direction, chord).abs().min(1.0)).to_degrees(),
         _ => 0.0,
     };
     let (edge_mm, depth) = (raw.edge_mm.span(), length("depth_mm", or(raw.depth_mm, 2.0))?);
@@ -171,7 +172,7 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
 
 /// Contact samples of a blade, as [`Instrument`](crate::instrument::Instrument) spreads them over edge and flats.
 fn samples(edge: &[[f64; 3]], depth: f64, [along, flat]: [f64; 2]) -> f64 {
-    let lengths = || edge.windows(2).map(|pair| difference(pair[1], pair[0])).map(|d| d[0].hypot(d[1]).hypot(d[2]));
+    let lengths = || edge.windows(2).map(|pair| difference(pair[1], pair[0])).map(|d| hypot(hypot(d[0], d[1]), d[2]));
     let pieces: f64 = lengths().map(|length| (length / along).round().max(1.0)).sum();
     pieces + 2.0 * (lengths().sum::<f64>() / flat).floor() * (depth / flat).floor().max(1.0)
 }
@@ -186,7 +187,7 @@ pub(super) fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 
 /// The vector at length 1; `None` for a vector of no length.
 pub(super) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
-    let length = a[0].hypot(a[1]).hypot(a[2]);
+    let length = hypot(hypot(a[0], a[1]), a[2]);
     (length.is_normal()).then(|| a.map(|part| part / length))
 }
 

@@ -132,7 +132,12 @@ impl PartialOrd for Bounded {
     }
 }
 
-impl Wide for Bounded {}
+impl Wide for Bounded {
+    fn mul_add(self, b: Self, c: Self) -> Self {
+        // the bound of two roundings holds for one too
+        self * b + c
+    }
+}
 
 impl Real for Bounded {
     const NAME: &'static str = "f64 with a bound for f32";
