@@ -278,7 +278,7 @@ pub enum Error {
 
     /// Poisson's ratio out of range.
     #[error(
-        "{at}: poisson = {found:?}; linear elements need 0 ≤ poisson < 0.5; use 0.45 for nearly incompressible tissue"
+        "{at}: poisson = {found:?}; wanted 0 ≤ poisson ≤ 0.4999, as nearly incompressible as is solved reliably; use 0.45 for most tissue"
     )]
     Poisson {
         /// Where.
