@@ -78,6 +78,21 @@ pub enum Error {
         cell: [usize; 3],
     },
 
+    /// A state that is no number, at the end of a run that came so far.
+    #[error("{}: {what} \"{name}\" is non-finite at {time} s, where the run ends; {fix}", path.display())]
+    NonFinite {
+        /// The scene file.
+        path: PathBuf,
+        /// "the tool", "the body", "the hand of the tool".
+        what: &'static str,
+        /// Its name.
+        name: String,
+        /// End of the step, s.
+        time: f64,
+        /// What to do.
+        fix: &'static str,
+    },
+
     /// An integrator that a scene's bodies do not fit.
     #[error("{at}: integrator = \"{found}\" {why}; {fix}")]
     IntegratorUnfit {
@@ -958,6 +973,7 @@ impl Error {
             | Error::Device { .. }
             | Error::Memory { .. }
             | Error::Threads { .. }
+            | Error::NonFinite { .. }
             | Error::Write { .. }
             | Error::Plot { .. }
             | Error::Vtk { .. }
