@@ -78,6 +78,21 @@ pub enum Error {
         cell: [usize; 3],
     },
 
+    /// A state that is no number, at the end of a run that came so far.
+    #[error("{}: {what} \"{name}\" is non-finite at {time} s, where the run ends; {fix}", path.display())]
+    NonFinite {
+        /// The scene file.
+        path: PathBuf,
+        /// "the tool", "the body", "the hand of the tool".
+        what: &'static str,
+        /// Its name.
+        name: String,
+        /// End of the step, s.
+        time: f64,
+        /// What to do.
+        fix: &'static str,
+    },
+
     /// An integrator that a scene's bodies do not fit.
     #[error("{at}: integrator = \"{found}\" {why}; {fix}")]
     IntegratorUnfit {
@@ -278,7 +293,7 @@ pub enum Error {
 
     /// Poisson's ratio out of range.
     #[error(
-        "{at}: poisson = {found:?}; linear elements need 0 ≤ poisson < 0.5; use 0.45 for nearly incompressible tissue"
+        "{at}: poisson = {found:?}; wanted 0 ≤ poisson ≤ 0.4999, as nearly incompressible as is solved reliably; use 0.45 for most tissue"
     )]
     Poisson {
         /// Where.
@@ -958,6 +973,7 @@ impl Error {
             | Error::Device { .. }
             | Error::Memory { .. }
             | Error::Threads { .. }
+            | Error::NonFinite { .. }
             | Error::Write { .. }
             | Error::Plot { .. }
             | Error::Vtk { .. }

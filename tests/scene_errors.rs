@@ -101,6 +101,7 @@ rendering = "direct"
 force_scale = 0.5
 max_force_n = 3
 max_torque_n_mm = 20
+workspace_mm = 400
 position_mm = [1, 2, 3]
 turn_deg = [0, 0, 180]
 scale = 2
@@ -386,7 +387,7 @@ fn full_scene_says_which_device_holds_the_tool() {
     assert_eq!(device.kind, DeviceKind::Hand { mass: 0.2, stiffness: 250.0, damping: 4.0, encoder: 5e-6 });
     assert_eq!((device.rendering, device.passivity), (Rendering::Direct, false));
     assert_eq!((device.force_scale, device.max_force, device.max_torque), (0.5, 3.0, 0.02));
-    assert_eq!((device.position, device.scale), ([1e-3, 2e-3, 3e-3], 2.0));
+    assert_eq!((device.position, device.scale, device.workspace), ([1e-3, 2e-3, 3e-3], 2.0, 0.4));
     assert!((device.rotation[2] - 1.0).abs() < 1e-12, "half a turn about z: {:?}", device.rotation);
     assert_eq!(device.buttons, [Role::Active, Role::None, Role::Freeze]);
     let start = FULL.find("[tool.device]").expect("in FULL");
@@ -399,7 +400,7 @@ fn full_scene_says_which_device_holds_the_tool() {
     let device = haply.tools[0].device.clone().expect("it has one");
     let kind = DeviceKind::Haply { url: "ws://here:1".into(), device: "04BA".into(), grip: String::new() };
     assert_eq!((device.kind, device.passivity, device.rendering), (kind, true, Rendering::Coupling));
-    assert!(device.max_force.is_infinite() && device.buttons.is_empty());
+    assert!(device.max_force.is_infinite() && device.buttons.is_empty() && device.workspace == 10.0);
 }
 
 #[test]
@@ -419,6 +420,12 @@ fn devices_are_known_words_in_range() {
     );
     refused("max_torque_n_mm = 20", "max_torque_n_mm = -1", "0 or more, in N·mm;");
     refused("scale = 2\n", "scale = -2\n", "scale = -2.0; wanted a finite number above 0");
+    refused("workspace_mm = 400", "workspace_mm = 0", "workspace_mm = 0.0; wanted a finite number above 0");
+    refused(
+        "workspace_mm = 400",
+        "workspace_m = 0.4",
+        "unknown key `workspace_m`; the unit is part of the key: write `workspace_mm`",
+    );
     refused("encoder_um = 5", "encoder_um = -5", "encoder_um = -5.0; wanted a finite number, 0 or more, in µm;");
     refused(
         "hand_mass_g = 200",
@@ -593,10 +600,13 @@ fn poisson_outside_its_range_is_refused() {
     refused(
         "poisson = 0.45",
         "poisson = 0.5",
-        "poisson = 0.5; … 0 ≤ poisson < 0.5 … use 0.45 for nearly incompressible tissue",
+        "poisson = 0.5; wanted 0 ≤ poisson ≤ 0.4999, … use 0.45 for most tissue",
     );
-    refused("poisson = 0.45", "poisson = -0.1", "poisson = -0.1; … 0 ≤ poisson < 0.5");
-    refused("poisson = 0.45", "poisson = nan", "poisson = NaN; … 0 ≤ poisson < 0.5");
+    refused("poisson = 0.45", "poisson = -0.1", "poisson = -0.1; … 0 ≤ poisson ≤ 0.4999");
+    refused("poisson = 0.45", "poisson = nan", "poisson = NaN; … 0 ≤ poisson ≤ 0.4999");
+    refused("poisson = 0.45", "poisson = 0.49991", "poisson = 0.49991; … 0 ≤ poisson ≤ 0.4999");
+    let most = parsed(&FULL.replacen("poisson = 0.45", "poisson = 0.4999", 1)).expect("the counter-test");
+    assert_eq!(most.skins[0].layers[0].poisson, 0.4999);
 }
 
 #[test]

@@ -125,7 +125,12 @@ pub struct Workspace {
     pub tool: DVec3,
     /// How the tool is turned there, unit quaternion.
     pub tool_rotation: DQuat,
+    /// How far from its origin the device can be, m of its own.
+    pub reach: f64,
 }
+
+/// A device that crosses its workspace faster than this does not move but fail, s: a tick at 1 kHz.
+const CROSSING: f64 = 1e-3;
 
 impl Workspace {
     /// The device's frame is the scene's, and its end effector is the tool.
@@ -135,6 +140,7 @@ impl Workspace {
         scale: 1.0,
         tool: DVec3::ZERO,
         tool_rotation: DQuat::IDENTITY,
+        reach: f64::INFINITY,
     };
 
     /// As a device of a scene is placed, and its tool in it.
@@ -145,7 +151,19 @@ impl Workspace {
             scale: device.scale,
             tool: DVec3::from_array(device.tool),
             tool_rotation: DQuat::from_array(device.tool_rotation),
+            reach: device.workspace,
         }
+    }
+
+    /// Whether a reading is sound and of this workspace: where the device can be, and no faster than across it in a tick.
+    pub fn holds(&self, reading: &Reading) -> bool {
+        let near = self.has_place(reading.position) && reading.velocity.length() * CROSSING <= self.reach;
+        near && reading.is_sound()
+    }
+
+    /// Whether a device can be there, m in its own frame; NaN is nowhere.
+    pub fn has_place(&self, position: DVec3) -> bool {
+        position.is_finite() && position.length() <= self.reach
     }
 
     /// From the end effector to the tool's origin, in the scene, m; `effector` is its rotation as the device says it.
@@ -197,6 +215,7 @@ mod tests {
             scale: 2.0,
             tool: DVec3::new(0.01, -0.02, 0.1),
             tool_rotation: DQuat::from_rotation_x(-0.4),
+            reach: 10.0,
         }
     }
 

@@ -117,7 +117,7 @@ impl Recorder {
     /// Passes the last reading on. Times rise in a trajectory; a device that is read twice at once says the same.
     fn pass_on(&mut self) {
         let Some((time, reading, wrench)) = self.open.take() else { return };
-        if !reading.is_sound() || reading.age > LOST_AFTER || time <= self.last {
+        if !self.workspace.holds(&reading) || reading.age > LOST_AFTER || time <= self.last {
             return;
         }
         self.last = time;

@@ -233,17 +233,19 @@ impl Servo {
     pub fn tick(&mut self, reading: Reading, problem: &Problem, time: f64) -> Record {
         let age = time - problem.time;
         let late = age > LATE_STEPS * self.settings.step;
-        let is_pose = reading.position.is_finite() && reading.rotation.is_finite();
+        let workspace = &self.settings.workspace;
+        let is_pose = workspace.has_place(reading.position) && reading.rotation.is_finite();
+        let is_sound = workspace.holds(&reading);
         // a reading is lost when it is no pose or old (or of an age that is no number), when none was sound for long, when the loop itself
         // has stood still for so long that the device has let go by itself, and when what was rendered is no force
         let stood_still = time - self.ticked.replace(time).unwrap_or(time) > LOST_AFTER;
-        if reading.is_sound() || self.sound_at.is_none() {
+        if is_sound || self.sound_at.is_none() {
             self.sound_at = Some(time);
         }
         let silent = self.sound_at.is_some_and(|at| time - at > LOST_AFTER);
         let lost = !(is_pose && reading.age <= LOST_AFTER) || silent || stood_still || self.spoilt;
         self.spoilt = false;
-        self.heard |= !lost && reading.is_sound();
+        self.heard |= !lost && is_sound;
         let reading = self.sound(reading);
         let down = |mask: u32| reading.is_some_and(|r| r.buttons & mask != 0);
         let Buttons { active, clutch, freeze } = self.settings.buttons;
@@ -288,7 +290,7 @@ impl Servo {
 
     /// The reading, or the last one in its place where it is none, or nothing before the first; the observer sees how the hand has moved.
     fn sound(&mut self, reading: Reading) -> Option<Reading> {
-        let sound = reading.is_sound();
+        let sound = self.settings.workspace.holds(&reading);
         self.counts.unsound += u64::from(!sound);
         if !self.heard {
             return None;

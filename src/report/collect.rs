@@ -118,6 +118,7 @@ impl Collector {
     /// Takes the state before the first step in.
     pub fn began(&mut self, measured: &Measured) {
         self.measured(measured);
+        self.warn_of(measured);
         self.report.energy_j.start = Some(measured.energy);
     }
 
@@ -127,19 +128,25 @@ impl Collector {
         r.inverted_cells_max = r.inverted_cells_max.max(Some(measured.inverted));
     }
 
-    /// Counts nodes that are nowhere.
-    fn non_finite(&mut self, count: usize) {
+    /// Counts trouble of a state between the steps; that of a checked step is among the step's own.
+    fn warn_of(&mut self, measured: &Measured) {
+        self.warn("inverted_cells", u64::from(measured.inverted));
+        self.warn("non_finite_energy", u64::from(!measured.energy.is_finite()));
+    }
+
+    fn warn(&mut self, name: &str, count: u64) {
         if count > 0 {
-            *self.report.warnings.entry("non_finite_nodes".into()).or_default() += count as u64;
+            *self.report.warnings.entry(name.into()).or_default() += count;
         }
     }
 
     /// What the run has left at its end.
     pub fn ended(&mut self, simulation: &Simulation, states: &[Snapshot]) {
-        self.non_finite(states.iter().map(non_finite).sum());
+        self.warn("non_finite_nodes", states.iter().map(non_finite).sum::<usize>() as u64);
         if !states.is_empty() {
             let measured = simulation.measure(states);
             self.measured(&measured);
+            self.warn_of(&measured);
             self.report.energy_j.end = Some(measured.energy);
         }
         let bricks: Vec<_> = simulation.bodies.iter().filter(|body| body.model.springs.is_none()).collect();
@@ -198,6 +205,20 @@ fn spread(values: &[f64]) -> Spread {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn inverted_cells_and_an_energy_that_is_no_number_are_warnings() {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hard/still.toml");
+        let scene = crate::scene::read(&path).unwrap_or_else(|e| panic!("{e}"));
+        let simulation = Simulation::new(&scene, &crate::step::Place::Cpu64).expect("the scene fits");
+        let warned = |energy: f64, inverted: u32| {
+            let mut collector = Collector::new(&scene, &simulation);
+            collector.began(&Measured { energy, inverted });
+            collector.report.warnings.into_iter().collect::<Vec<_>>()
+        };
+        assert_eq!(warned(f64::NAN, 2), [("inverted_cells".into(), 2), ("non_finite_energy".into(), 1)]);
+        assert_eq!(warned(1.0, 0), [], "the counter-test");
+    }
 
     #[test]
     fn ranks_are_values_that_occurred() {

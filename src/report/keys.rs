@@ -147,7 +147,7 @@ pub struct HapticReport {
     pub sweeps_max: u32,
     /// Ticks whose time for sweeps was used up.
     pub out_of_time: u64,
-    /// Readings that were no poses; the last pose was kept.
+    /// Readings that were no poses, or of places beyond the workspace; the last pose was kept.
     pub unsound: u64,
     /// Ticks whose force was no number; none was given.
     pub non_finite: u64,

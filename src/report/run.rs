@@ -7,7 +7,7 @@ use super::live::Live;
 use super::{HapticReport, Report, check};
 use crate::backend::Snapshot;
 use crate::error::{Error, Result};
-use crate::scene::Scene;
+use crate::scene::{Scene, Who};
 use crate::step::{Place, Simulation, StepReport};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -209,6 +209,9 @@ impl Running<'_> {
         self.hands.stop()?;
         let state = snapshots(&mut self.simulation)?;
         self.collector.ended(&self.simulation, &state);
+        if let Some(body) = state.iter().position(|state| non_finite(state) > 0) {
+            return Err(self.simulation.non_finite(Who::Skin(body)));
+        }
         let report = self.report();
         self.folder.write_report(&report)?;
         self.hands.finish()?;

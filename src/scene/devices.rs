@@ -79,6 +79,8 @@ pub struct Device {
     pub max_force: f64,
     /// N·m; infinite for what the device itself can give.
     pub max_torque: f64,
+    /// How far from its origin the device can be, m of its own; what it says beyond is no reading. Infinite for a tool without a device.
+    pub workspace: f64,
     /// Where the device's origin lies in the scene, m.
     pub position: [f64; 3],
     /// How the device's frame is turned, unit quaternion.
@@ -103,6 +105,7 @@ impl Default for Device {
             force_scale: 1.0,
             max_force: f64::INFINITY,
             max_torque: f64::INFINITY,
+            workspace: f64::INFINITY,
             position: [0.0; 3],
             rotation: [0.0, 0.0, 0.0, 1.0],
             scale: 1.0,
@@ -116,6 +119,9 @@ impl Default for Device {
 
 /// Fewest and most ticks per second: below, a stiff contact buzzes in any hand; above, a tick has no time left for contacts.
 const RATES: [f64; 2] = [100.0, 4000.0];
+
+/// How far a device reaches unless the scene says so, mm: farther than any does, so that only a fault says more.
+const WORKSPACE: f64 = 10_000.0;
 
 /// The haptic loop; absent keys have their defaults.
 pub(super) fn haptic(scene: &SceneText, raw: raw::Haptic) -> Result<Haptic> {
@@ -164,6 +170,7 @@ pub(super) fn device(scene: &SceneText, table: Table<raw::Device>) -> Result<Dev
         force_scale: number("force_scale", raw.force_scale, 1.0, PLAIN, Bound::Positive)?,
         max_force: limit("max_force_n", raw.max_force_n, NEWTON)?,
         max_torque: limit("max_torque_n_mm", raw.max_torque_n_mm, N_MM)?,
+        workspace: number("workspace_mm", raw.workspace_mm, WORKSPACE, MM, Bound::Positive)?,
         position: scene.vector("position_mm", &or_vector(raw.position_mm, &[0.0; 3]), MM, Bound::Finite)?,
         rotation: turned("turn_deg", raw.turn_deg)?,
         scale: number("scale", raw.scale, 1.0, PLAIN, Bound::Positive)?,

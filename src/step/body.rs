@@ -10,9 +10,9 @@ use crate::cut::{Totals, Wound};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::linear::Outcome;
-use crate::math::{V4, larger};
+use crate::math::{V4, larger, norm};
 use crate::mesh::{Corner, Quad};
-use crate::model::{Model, Solved, true_residual};
+use crate::model::{Model, Solved, residual};
 use crate::scene::{Scene, Solver};
 use glam::DVec3;
 
@@ -39,6 +39,8 @@ pub struct Body {
     pub(super) near: usize,
     /// Nodes of the scene's ties.
     pub(super) tied: Vec<u32>,
+    /// Some of its nodes, or what a solve of the present step has found for them, are non-finite.
+    pub(super) lost: bool,
 }
 
 /// A body that nothing holds resists a push of all its nodes by its inertia alone, which is 10⁻³ to 10⁻⁵ of its stiffness: the same
@@ -150,6 +152,7 @@ impl Body {
             looseness,
             near: needs.near,
             tied: vec![],
+            lost: false,
             model,
         })
     }
@@ -183,12 +186,12 @@ impl Body {
     }
 
     /// Fits the boxes of the broad phase to the body as it is.
-    pub(super) fn refit_boxes(&mut self, report: &mut StepReport) -> Result<()> {
+    pub(super) fn refit_boxes(&mut self) -> Result<()> {
         let bounds = self.backend.bounds()?;
         let lost = self.boxes.refit(&self.model.grid, self.wound.surface.parts.parents(), &bounds);
         let first = std::mem::replace(&mut self.first_motion, 0.0);
         self.travel = self.boxes.moved().max(first) + self.fall;
-        report.warn("non_finite_nodes", u32::from(lost > 0));
+        self.lost = lost > 0;
         Ok(())
     }
 
@@ -252,6 +255,8 @@ impl Body {
         let wanted = [Wanted { slot: FREE, target: Target::OfLoad(solver.tolerance) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
         let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;
+        // a solution with a number that is none has such a residual
+        self.lost = !outcomes[0].residual.is_finite() || !picked.iter().flatten().all(|c| c.is_finite());
         Ok((outcomes[0], picked))
     }
 
@@ -304,6 +309,8 @@ impl Body {
         let mut solved = self.solved(before, contact.unwrap_or_default(), scene, time);
         if check {
             let measured = Measured::of(&self.model, &solved);
+            report.warn("inverted_cells", measured.inverted);
+            report.warn("non_finite_energy", u32::from(!measured.energy.is_finite()));
             report.measured = Some(report.measured.unwrap_or_default().and(measured));
         }
         solved.dx = self.increment(corrected)?;
@@ -314,7 +321,10 @@ impl Body {
             solved.dx = self.increment(corrected)?; // as the backend has rounded it
         }
         if check {
-            let residual = true_residual(&self.model, &solved);
+            let (rest, load) = residual(&self.model, &solved);
+            let (left, wanted) = (norm(&rest), (scene.solver.tolerance * load).max(scene.solver.floor));
+            report.warn("residual_true_above_tolerance", u32::from(larger(left, 2.0 * wanted) != 2.0 * wanted));
+            let residual = if load == 0.0 { 0.0 } else { left / load };
             report.true_residual = Some(report.true_residual.map_or(residual, |worst| larger(worst, residual)));
         }
         Ok(())

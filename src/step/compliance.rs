@@ -225,6 +225,7 @@ impl Body {
         let (outcome, moved) = self.backend.solve(&wanted, &pick)?;
         report.correction_iterations += outcome[0].iterations;
         report.warn("solver_not_converged", u32::from(!outcome[0].converged));
+        self.lost |= !outcome[0].residual.is_finite();
         Ok(moved)
     }
 }

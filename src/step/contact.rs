@@ -10,6 +10,7 @@ use crate::instrument::Free;
 use crate::linear::Outcome;
 use crate::scene::{self, Correction, Loop, Who};
 use glam::{DMat3, DVec3};
+use std::collections::BTreeMap;
 
 /// Contacts of a step and how their forces were found.
 #[derive(Clone, Debug, Default)]
@@ -73,10 +74,17 @@ const FINER: f64 = 0.01;
 /// A pass that leaves more than this share of the last one's residual shows that the compliance has aged too much.
 const SLOW: f64 = 0.5;
 
-/// Forces on nodes of each deformable body, and how its free motion was solved.
+/// Forces on nodes of a deformable body, N.
+pub(super) type NodeForces = Vec<(u32, [f64; 3])>;
+
+/// What a step's solves have found, before the bodies take it over.
 pub(super) struct Resolved {
-    pub forces: Vec<Vec<(u32, [f64; 3])>>,
+    /// How the free motion of each deformable body was solved.
     pub free: Vec<Outcome>,
+    /// Forces on nodes of each deformable body; none where nothing touches.
+    pub forces: Option<Vec<NodeForces>>,
+    /// Force of each contact by its name, N.
+    pub contact_forces: BTreeMap<([Who; 2], usize), DVec3>,
 }
 
 /// The contact problem of a step.
@@ -134,19 +142,20 @@ impl Problem<'_> {
 }
 
 impl Simulation {
-    /// Solves free motion and contact together.
+    /// Solves free motion and contact together; with `held` forces are those of the last step, and not solved for.
     pub(super) fn resolve(
         &mut self,
         law: scene::Contact,
         contacts: Vec<Contact>,
         free: &[Free],
+        held: bool,
         report: &mut StepReport,
     ) -> Result<Resolved> {
         let (mut problem, ended) = self.pose(law, &contacts, free, report)?;
-        let mut lambda = self.first_forces(&problem);
+        let mut lambda = self.first_forces(&problem, held);
         let (found, shifted) = match law.forces {
-            Loop::Constraints => self.close(&mut problem, &mut lambda, report)?,
-            Loop::Penalty(_) => {
+            Loop::Constraints if !held => self.close(&mut problem, &mut lambda, report)?,
+            _ => {
                 let moved = self.correct(&problem, &lambda, report)?;
                 (problem.after(&lambda, &moved), problem.violation.clone())
             }
@@ -159,7 +168,8 @@ impl Simulation {
         self.move_tools(&problem, &lambda, report);
         self.hand_over(&problem, &found, &lambda);
         let forces = (0..self.bodies.len()).map(|body| problem.rows.on_nodes(body, &lambda)).collect();
-        self.last_forces = contacts.iter().zip(lambda.chunks_exact(3)).map(|(c, f)| (c.id(), in_world(c, f))).collect();
+        let contact_forces =
+            contacts.iter().zip(lambda.chunks_exact(3)).map(|(c, f)| (c.id(), in_world(c, f))).collect();
         report.contact.slips = contacts
             .iter()
             .zip(found.chunks_exact(3))
@@ -167,7 +177,7 @@ impl Simulation {
             .collect();
         report.contact.contacts = contacts;
         report.contact.forces = lambda;
-        Ok(Resolved { forces, free: ended })
+        Ok(Resolved { free: ended, forces: Some(forces), contact_forces })
     }
 
     /// Free motion, the compliance of what rows newly act on, and the violations.
@@ -216,11 +226,13 @@ impl Simulation {
         problem.rows.compliance(&between, problem.free)
     }
 
-    /// Where the solve starts: the last step's forces of contacts that are still there; or all that there is to the penalty loop.
-    fn first_forces(&self, problem: &Problem) -> Vec<f64> {
+    /// Where the solve starts: the last step's forces of contacts that are still there; or all that there is to the penalty loop, unless
+    /// the last step's are to be `held`.
+    fn first_forces(&self, problem: &Problem, held: bool) -> Vec<f64> {
+        let forces = if held { Loop::Constraints } else { problem.law.forces };
         let mut out = vec![];
         for contact in problem.rows.contacts {
-            out.extend(match (problem.law.forces, contact.law) {
+            out.extend(match (forces, contact.law) {
                 (Loop::Penalty(stiffness), Law::Hold { held }) => {
                     [0, 1, 2].map(|k| if held[k] { -stiffness * contact.gap[k] } else { 0.0 })
                 }
@@ -314,6 +326,7 @@ impl Simulation {
                 }
                 _ => body.correct(nodes, &forces, tolerance, report)?,
             });
+            body.lost |= !out[number].iter().flatten().all(|c| c.is_finite());
         }
         Ok(out)
     }

@@ -4,7 +4,7 @@ use super::{Body, Simulation, StepReport};
 use crate::collide::{self, Aabb, Contact, Patch, Search, Spot, bodies, features, round};
 use crate::constraints::Law;
 use crate::error::{Error, Result};
-use crate::instrument::{Free, Instrument};
+use crate::instrument::Free;
 use crate::mesh::Quad;
 use crate::scene::{self, Attachment, Scene, Who};
 use glam::DVec3;
@@ -53,8 +53,6 @@ impl Simulation {
         let travel: Vec<f64> = (self.tools.iter().zip(free))
             .map(|(tool, free)| free.shift.length() + free.turn.length() * tool.span())
             .collect();
-        let nowhere = |(tool, travel): &(&Instrument, &f64)| !travel.is_finite() || !tool.position.is_finite();
-        report.warn("non_finite_tools", self.tools.iter().zip(&travel).filter(nowhere).count() as u32);
         let mut found = self.rigid_contacts(&search, &travel);
         self.locate(&search, &travel, report)?;
         found.extend(self.skin_contacts(&search, &travel, free, report));
@@ -123,7 +121,10 @@ impl Simulation {
     /// far as `d`: where that is further than was looked, the search of its tool is widened by `d` and all is located again.
     fn locate(&mut self, search: &Search, travel: &[f64], report: &mut StepReport) -> Result<()> {
         for body in &mut self.bodies {
-            body.refit_boxes(report)?;
+            body.refit_boxes()?;
+        }
+        if let Some(number) = self.bodies.iter().position(|body| body.lost) {
+            return Err(self.non_finite(Who::Skin(number)));
         }
         let mut margins: Vec<f64> = travel.iter().map(|travel| search.alarm + search.distance + travel).collect();
         loop {
@@ -171,10 +172,6 @@ impl Simulation {
         let (tools, walls) = (self.tools.len(), self.scene.planes.len());
         let patches: Vec<&Vec<Option<Patch>>> = self.bodies.iter().map(|body| &body.located.patches).collect();
         for (number, body) in self.bodies.iter().enumerate() {
-            if body.located.u.iter().flatten().any(|c| !c.is_finite()) {
-                report.warn("non_finite_nodes", 1);
-                continue;
-            }
             report.opening = report.opening.max(body.opening());
             // what may come near in the step by the body's own motion
             let own = Search { alarm: search.alarm + body.travel, ..*search };

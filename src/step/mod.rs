@@ -13,6 +13,7 @@ mod body;
 mod compliance;
 mod contact;
 mod find;
+mod finite;
 mod incise;
 mod measured;
 mod refine;
@@ -25,6 +26,7 @@ pub use measured::Measured;
 pub use start::{needs, start};
 
 use crate::backend::Device;
+use crate::collide::Contact;
 use crate::cut::Totals;
 use crate::error::Result;
 use crate::haptic::Reduced;
@@ -261,6 +263,7 @@ impl Simulation {
             before.push(if check || refined { Some(body.backend.snapshot()?) } else { None });
         }
         let free: Vec<Free> = self.tools.iter().map(|t| t.free_motion(self.time, h)).collect();
+        self.hands_are_finite(&free)?;
         let contacts = match self.scene.contact {
             Some(law) => self.find_contacts(&law, &free, &mut report)?,
             None => vec![],
@@ -269,13 +272,12 @@ impl Simulation {
             body.backend.begin()?;
         }
         let old = self.tools.clone();
-        let (mut ended, forces) = match self.scene.contact.filter(|_| !contacts.is_empty()) {
-            Some(law) => {
-                let Resolved { free: ended, forces } = self.resolve(law, contacts, &free, &mut report)?;
-                (ended, Some(forces))
-            }
-            None => (self.move_freely(&free)?, None),
-        };
+        let mut solved = self.solve(contacts, &free, false, &mut report)?;
+        if self.lost(&solved).is_some() {
+            solved = self.solve_again(&old, &free, &mut report)?;
+        }
+        let Resolved { free: mut ended, forces, contact_forces } = solved;
+        self.last_forces = contact_forces;
         let cuts = self.edges_meet_skin(&report.contact.contacts);
         for (number, (body, before)) in self.bodies.iter_mut().zip(before).enumerate() {
             if let Some(before) = before {
@@ -292,11 +294,26 @@ impl Simulation {
             self.incise(&old, cuts, &mut report)?;
         }
         self.read_probes(&mut report)?;
+        self.probes_are_finite(&report)?;
         Ok(report)
     }
 
+    /// Solves the step and moves the tools; `held` takes the contact forces of the last step as they were.
+    fn solve(
+        &mut self,
+        contacts: Vec<Contact>,
+        free: &[Free],
+        held: bool,
+        report: &mut StepReport,
+    ) -> Result<Resolved> {
+        match self.scene.contact.filter(|_| !contacts.is_empty()) {
+            Some(law) => self.resolve(law, contacts, free, held, report),
+            None => self.move_freely(free),
+        }
+    }
+
     /// A step in which nothing touches.
-    fn move_freely(&mut self, free: &[Free]) -> Result<Vec<Outcome>> {
+    fn move_freely(&mut self, free: &[Free]) -> Result<Resolved> {
         let h = self.step_size();
         let solver = self.scene.solver;
         let solves = self.bodies.iter_mut().map(|body| Ok(body.solve_free(&solver, &[])?.0));
@@ -307,8 +324,7 @@ impl Simulation {
         for (reduced, tool) in self.reduced.iter_mut().zip(&self.tools) {
             *reduced = Reduced::free(tool.position, tool.rotation, self.epoch);
         }
-        self.last_forces.clear();
-        Ok(ended)
+        Ok(Resolved { free: ended, forces: None, contact_forces: BTreeMap::new() })
     }
 
     /// How the free motions were solved: the most iterations, the worst residual.
@@ -343,9 +359,6 @@ impl Simulation {
                 ProbeKind::Velocity { body, axis } => self.tools[body].velocity[axis],
                 ProbeKind::Force { on, from, axis } => report.contact.force(on, from)[axis],
             });
-        }
-        if report.probes.iter().any(|p| !p.is_finite()) {
-            report.warn("non_finite_nodes", 1);
         }
         Ok(())
     }

@@ -53,7 +53,7 @@ fn a_wrong_unit_names_the_right_key() -> Outcome {
 }
 
 fn poisson_one_half_is_refused() -> Outcome {
-    refused("poisson = 0.4", "poisson = 0.5", &[&line("poisson"), "poisson = 0.5", "0 ≤ poisson < 0.5", "use 0.45"])
+    refused("poisson = 0.4", "poisson = 0.5", &[&line("poisson"), "poisson = 0.5", "0 ≤ poisson ≤ 0.4999", "use 0.45"])
 }
 
 fn a_negative_thickness_is_refused() -> Outcome {

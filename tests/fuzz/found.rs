@@ -66,14 +66,14 @@ fn a_tool_that_touches_with_nothing_is_carried_along() {
 }
 
 #[test]
-fn a_tool_that_is_nowhere_is_counted() {
+fn a_tool_that_is_nowhere_ends_the_run() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/incline_slide.toml");
     let scene = scene::read(&path).unwrap_or_else(|e| panic!("{e}"));
     let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
     simulation.tools[0].position.x = f64::NAN;
-    let report = simulation.step(false).expect("the CPU path does not fail");
-    assert_eq!(report.warnings.get("non_finite_tools"), Some(&1), "{:?}", report.warnings);
+    let error = simulation.step(false).expect_err("it is nowhere");
+    assert!(error.to_string().contains("the tool \"box\" is non-finite at"), "{error}");
+    assert_eq!(error.exit_code(), 1);
     let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
-    let report = simulation.step(false).expect("the CPU path does not fail");
-    assert_eq!(report.warnings.get("non_finite_tools"), None);
+    assert!(simulation.step(false).is_ok(), "the counter-test: where the scene puts it");
 }

@@ -131,6 +131,33 @@ fn a_pose_that_is_no_number_stops_and_one_that_is_unsound_keeps_the_last() {
 }
 
 #[test]
+fn a_reading_beyond_the_workspace_is_none() {
+    let reach = 0.5;
+    let workspace = Workspace { reach, ..Workspace::SAME };
+    let far = reading(DVec3::new(0.0, 1.001 * reach, 0.0));
+    let fast = Reading { velocity: DVec3::new(1.001 * reach / TICK, 0.0, 0.0), ..reading(DEPTH) };
+    for absurd in [far, fast, reading(DVec3::new(1e300, -1e300, 0.0))] {
+        let mut rig = Rig::new(Settings { workspace, ..guarded() });
+        rig.run(0.3, reading(DEPTH));
+        let records = rig.run(0.01, absurd);
+        let kept = |r: &Record| r.hand.position == DEPTH && r.velocity == DVec3::ZERO && r.wrench.force.is_finite();
+        assert!(records.iter().all(kept), "{absurd:?}");
+        assert_eq!(rig.servo.counts().unsound, 10, "{absurd:?}");
+        let place = absurd.position == DEPTH;
+        assert_eq!(rig.servo.counts().stops, u64::from(!place), "one that is somewhere keeps the force for a while");
+    }
+    // the counter-tests: just within, and without an end
+    for (workspace, reading) in
+        [(workspace, reading(DVec3::new(0.0, 0.999 * reach, 0.0))), (Workspace::SAME, reading(DVec3::Y))]
+    {
+        let mut rig = Rig::new(Settings { workspace, ..guarded() });
+        let records = rig.run(0.01, reading);
+        assert!(records.iter().all(|r| r.hand.position == reading.position));
+        assert_eq!(rig.servo.counts().unsound, 0);
+    }
+}
+
+#[test]
 fn a_device_is_where_its_workspace_says_from_its_first_word_on() {
     let workspace = Workspace { position: DVec3::X, ..Workspace::SAME };
     let mut rig = Rig::new(Settings { workspace, ..guarded() });

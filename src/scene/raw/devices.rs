@@ -16,6 +16,7 @@ pub(in crate::scene) struct Device {
     pub force_scale: Option<At<f64>>,
     pub max_force_n: Option<At<f64>>,
     pub max_torque_n_mm: Option<At<f64>>,
+    pub workspace_mm: Option<At<f64>>,
     pub position_mm: Option<Numbers>,
     pub turn_deg: Option<Numbers>,
     pub scale: Option<At<f64>>,

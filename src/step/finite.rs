@@ -1,0 +1,189 @@
+//! What is non-finite ends the run: tools, hands and bodies are looked at before a step is kept, and at its start.
+//!
+//! A step whose solves leave a tool, a body or a contact force that is no number is solved once more from its start: with the contact
+//! forces of the step before, without contacts that are at no place, and without anything that a solve starts from. Nothing of a step is
+//! kept before its solves are looked at, so this costs nothing where it does not happen. When the second try is non-finite too, or
+//! something is so at a step's start already, the step ends in an error that names it.
+
+use super::contact::Resolved;
+use super::{Simulation, StepReport};
+use crate::backend::{CORRECTION, FREE};
+use crate::collide::Contact;
+use crate::error::{Error, Result};
+use crate::instrument::{Free, Instrument};
+use crate::scene::{ProbeKind, Who};
+
+/// What to do about a body or a tool.
+const SHORTER: &str = "take a shorter step_ms, move and load it more slowly, and look at the last rows of probes.csv and the last picture";
+/// The same where the step was tried again.
+const TWICE: &str = "the step was tried again with the contact forces of the one before, to no other end; take a shorter step_ms, move and \
+                     load it more slowly, and look at the last rows of probes.csv and the last picture";
+/// What to do about a hand.
+const HAND: &str = "look at its device or its path there, and at the damping of [tool.coupling]";
+
+impl Simulation {
+    /// The error of what is non-finite.
+    pub fn non_finite(&self, who: Who) -> Error {
+        self.named(who, SHORTER)
+    }
+
+    fn named(&self, who: Who, fix: &'static str) -> Error {
+        let (what, name) = match who {
+            Who::Rigid(number) => ("the tool", &self.scene.tools[number].name),
+            Who::Skin(number) => ("the body", &self.scene.skins[number].name),
+            Who::Plane(number) => ("the force on the wall", &self.scene.planes[number].name),
+            Who::Place => ("the force on a tie of", &self.scene.title),
+        };
+        self.non_finite_of(what, name, fix)
+    }
+
+    fn non_finite_of(&self, what: &'static str, name: &str, fix: &'static str) -> Error {
+        Error::NonFinite { path: self.scene.file.clone(), what, name: name.into(), time: self.time, fix }
+    }
+
+    /// Refuses free motions that are non-finite, as of hands that are nowhere.
+    pub(super) fn hands_are_finite(&self, free: &[Free]) -> Result<()> {
+        let lost = free.iter().position(|free| !(free.shift.is_finite() && free.turn.is_finite()));
+        let Some(number) = lost else { return Ok(()) };
+        let (position, rotation) = self.tools[number].hand(self.time);
+        match is_finite(&self.tools[number]) && !(position.is_finite() && rotation.is_finite()) {
+            true => Err(self.non_finite_of("the hand of the tool", &self.scene.tools[number].name, HAND)),
+            false => Err(self.non_finite(Who::Rigid(number))),
+        }
+    }
+
+    /// What a step's solves have left non-finite, if anything.
+    pub(super) fn lost(&self, solved: &Resolved) -> Option<Who> {
+        let force = |(_, f): &(u32, [f64; 3])| f.iter().all(|c| c.is_finite());
+        let lost = |number: usize| {
+            let forces = solved.forces.as_ref().and_then(|forces| forces.get(number));
+            self.bodies[number].lost || !forces.is_none_or(|forces| forces.iter().all(force))
+        };
+        let tool = self.tools.iter().position(|tool| !is_finite(tool)).map(Who::Rigid);
+        tool.or_else(|| (0..self.bodies.len()).find(|number| lost(*number)).map(Who::Skin))
+    }
+
+    /// The second try of a step; `old` are the tools at its start.
+    pub(super) fn solve_again(
+        &mut self,
+        old: &[Instrument],
+        free: &[Free],
+        report: &mut StepReport,
+    ) -> Result<Resolved> {
+        report.warn("step_retried", 1);
+        self.tools.clone_from_slice(old);
+        let slots = if self.scene.contact.is_some() { &[FREE, CORRECTION][..] } else { &[FREE] };
+        for body in &mut self.bodies {
+            body.lost = false;
+            body.compliance = Default::default();
+            body.backend.forget(slots)?;
+            body.backend.begin()?;
+        }
+        report.contact.on_tool.clear();
+        let mut contacts = std::mem::take(&mut report.contact.contacts);
+        let found = contacts.len();
+        contacts.retain(has_a_place);
+        report.warn("contacts_dropped", (found - contacts.len()) as u32);
+        let solved = self.solve(contacts, free, true, report)?;
+        match self.lost(&solved) {
+            Some(who) => Err(self.named(who, TWICE)),
+            None => Ok(solved),
+        }
+    }
+
+    /// Refuses a step from which bodies, or what probes see of them, are non-finite.
+    pub(super) fn probes_are_finite(&self, report: &StepReport) -> Result<()> {
+        let Some(number) = report.probes.iter().position(|value| !value.is_finite()) else { return Ok(()) };
+        Err(self.non_finite(match self.scene.probes[number].kind {
+            ProbeKind::Displacement { body, .. } | ProbeKind::Reaction { body, .. } => Who::Skin(body),
+            ProbeKind::Position { body, .. } | ProbeKind::Velocity { body, .. } => Who::Rigid(body),
+            ProbeKind::Force { on, .. } => on,
+        }))
+    }
+}
+
+/// A contact's rows are numbers.
+fn has_a_place(contact: &Contact) -> bool {
+    let vectors = contact.axes.iter().chain([&contact.point]).all(|v| v.is_finite());
+    let weights = contact.spots.iter().flat_map(|spot| spot.weights);
+    vectors && weights.chain(contact.gap).all(f64::is_finite)
+}
+
+/// All of a tool's state is numbers.
+fn is_finite(tool: &Instrument) -> bool {
+    let vectors = [tool.position, tool.velocity, tool.spin];
+    vectors.iter().all(|v| v.is_finite()) && tool.rotation.is_finite()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::backend::Vector;
+    use crate::scene::{Scene, read};
+    use crate::step::Place;
+    use std::path::Path;
+
+    fn pressed() -> Scene {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hard/press_vertex_edge_face.toml");
+        let mut scene = read(&path).unwrap_or_else(|e| panic!("{e}"));
+        scene.skins[0].cells = [8, 8];
+        scene
+    }
+
+    /// A run whose free motion starts from what is no number in its last step; how it ends, and where the tool is then.
+    fn run(scene: &Scene, steps: u32, spoilt: bool) -> (Result<StepReport>, Simulation) {
+        let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+        for _ in 1..steps {
+            simulation.step(false).expect("nothing is wrong yet");
+        }
+        if spoilt {
+            let nowhere = vec![[f64::NAN; 4]; simulation.bodies[0].model.node_count()];
+            simulation.bodies[0].backend.set_vector(Vector::Solution, FREE, &nowhere).expect("no device to fail");
+        }
+        let last = simulation.step(true);
+        (last, simulation)
+    }
+
+    #[test]
+    fn a_step_that_ends_nowhere_is_tried_again_with_the_last_forces() {
+        let scene = pressed();
+        let force = |report: &StepReport| report.contact.on_tool[0][2];
+        let ((again, _), (plain, _)) = (run(&scene, 8, true), run(&scene, 8, false));
+        let (again, plain) = (again.expect("the second try is finite"), plain.expect("nothing is wrong"));
+        assert_eq!(again.warnings.get("step_retried"), Some(&1), "{:?}", again.warnings);
+        assert_eq!(plain.warnings.get("step_retried"), None, "the counter-test: {:?}", plain.warnings);
+        let before = force(&run(&scene, 7, false).0.expect("nothing is wrong"));
+        assert!(before > 1e-3 && (force(&again) - before).abs() < 1e-9 * before, "{} N, {before} N", force(&again));
+        assert!(force(&plain) > 1.001 * before, "the counter-test: the press goes on, {} N", force(&plain));
+    }
+
+    #[test]
+    fn a_retried_step_goes_on_where_the_run_would_have_gone() {
+        let scene = pressed();
+        let end = |spoilt| {
+            let (last, mut simulation) = run(&scene, 8, spoilt);
+            last.expect("the step is finite");
+            let last = (0..20).map(|_| simulation.step(false).expect("nothing is wrong any more")).last();
+            last.map_or(0.0, |report| report.contact.on_tool[0][2])
+        };
+        let (again, plain) = (end(true), end(false));
+        assert!(plain > 1e-3 && (again - plain).abs() < 1e-2 * plain, "{again} N, {plain} N");
+    }
+
+    #[test]
+    fn what_stays_non_finite_ends_the_run_by_its_name() {
+        let mut scene = pressed();
+        scene.time.gravity = [0.0, 0.0, f64::MAX];
+        let said = run(&scene, 1, false).0.expect_err("gravity overflows").to_string();
+        assert!(said.contains("the body \"skin\" is non-finite at 0.00"), "{said}");
+        assert!(said.contains("was tried again"), "{said}");
+        let mut simulation = Simulation::new(&pressed(), &Place::Cpu64).expect("the scene fits");
+        simulation.tools[0].velocity.x = f64::NAN;
+        let said = simulation.step(false).expect_err("the tool is nowhere").to_string();
+        assert!(said.contains("the tool \"") && said.contains("is non-finite"), "{said}");
+        let mut simulation = Simulation::new(&pressed(), &Place::Cpu64).expect("the scene fits");
+        simulation.tools[0].follow((glam::DVec3::NAN, glam::DQuat::IDENTITY), 0.0, 0.01);
+        let said = simulation.step(false).expect_err("the hand is nowhere").to_string();
+        assert!(said.contains("the hand of the tool \""), "{said}");
+    }
+}
