@@ -15,6 +15,7 @@ mod contact;
 mod find;
 mod incise;
 mod measured;
+mod passes;
 mod refine;
 mod rows;
 mod start;
