@@ -3,6 +3,7 @@
 //! Forty incisions on 12 and 14 cells across, in f64 and f32 by turns of the dice, each to 0.5 s: the blade presses, enters and slices the
 //! first 3 mm. Not covered here: finer grids, the way back, the scene's checks, the longest step, other scenes; the bench has them.
 
+#[allow(dead_code, reason = "the bench prints more")]
 mod perturbation;
 
 use perturbation::{Outcome, outcome, shipped, varied};
