@@ -10,19 +10,16 @@
 //! times toughness × area of an edge at 45°.) [`Law::Hold`]: ties, with all rows held
 //! (attached, bilateral) or without the one along which something slides.
 //!
-//! [`relax`] is plain sweeps, for the haptic tick. [`solve`] adds Newton steps where sweeps close in slowly (`newton`), and where those
-//! stop too, the same problem with its friction brought in step by step; it says what is left in newtons and metres. To 1e-8 on random `W`
-//! of 3 to 120 rows, eigenvalues over 0, 3, 6 and 10 decades, 400 problems each: without friction all converge, in 14 to 18 sweeps and 0.3
-//! to 2.1 Newton steps on average; with μ 0.3 all, in 18 to 23 sweeps and 0.8 to 10.5 steps (sweeps alone, 90 rows: 50, 100 and 250 over
-//! 0, 6 and 10 decades without friction). Rigid bodies of 2 kg on 1 g, redundant and rounded: 2 steps, where sweeps alone and steps
-//! without a raised diagonal took 2000 sweeps and did not end. What still may not end is friction on points far more than the axes that
-//! they act on (64 points on 25 nodes): it is reported as not converged.
-//! Tried and left: Newton steps that may get worse for a while (as many failures); the problem without friction alone as the second try.
+//! [`relax`] is plain sweeps, for the haptic tick. [`solve`] ends within a budget of row updates, whatever it is given, and returns the best
+//! iterate: sweeps and Newton steps (`newton`) inside of proximal steps (`proximal`, which says what is known of their convergence).
 //!
 //! Source: Jourdan, Alart, Jean 1998 (block Gauss–Seidel); Duriez et al. 2006 (its use for haptics); Alart, Curnier 1991 (Newton).
 //! Differs: a disc's rows are divided by the largest compliance of their plane, not the mean, so that sticking always converges.
 
 mod newton;
+mod proximal;
+
+pub use proximal::{Effort, Enough, solve};
 
 use crate::math::elementary::hypot;
 use crate::math::larger;
@@ -87,9 +84,13 @@ pub struct Ended {
     pub sweeps: u32,
     /// Newton steps done.
     pub steps: u32,
+    /// Proximal steps done.
+    pub rounds: u32,
+    /// Row updates that all of these took.
+    pub updates: u64,
     /// What the forces leave of the laws.
     pub residual: Residual,
-    /// Small enough.
+    /// As small as was wanted, or as is enough.
     pub converged: bool,
 }
 
@@ -106,90 +107,8 @@ pub struct Residual {
     pub dropped: u32,
 }
 
-/// Sweeps before Newton steps are tried, and between two tries: enough to sort open, sticking and sliding contacts.
-const SWEEPS_BETWEEN: u32 = 20;
-
-/// Shares of the friction coefficients that lead from the problem without friction to the whole one.
-const SHARES_OF_FRICTION: [f64; 3] = [0.0, 0.5, 1.0];
-/// Sweeps at most with each of them, with Newton steps in between; 33 is the mean for normals over 10 decades.
-const SWEEPS_PER_SHARE: u32 = 40;
-
 /// A diagonal entry of `W` below this share of the largest is rounding, not compliance: both sides of the row hang on one body.
 const NOTHING: f64 = 1e-13;
-
-/// Forces to a tolerance: sweeps, and Newton steps where they close in slowly, until the [`Residual`] is below that share of the forces'
-/// sum (N) and of the largest motion that a force gives its own row (m); at most `max_sweeps` and those of two more tries. `wanted` is
-/// tried for at first; where the first tries do not end there, `enough` will do.
-///
-/// `w` is the compliance by rows, `[3·contacts]²`, m/N; `free` the violation without contact force, m; `force` start and result, N.
-pub fn solve(
-    laws: &[Law],
-    w: &[f64],
-    free: &[f64],
-    force: &mut [f64],
-    [wanted, enough]: [f64; 2],
-    max_sweeps: u32,
-) -> Ended {
-    let mut ended = alternate(laws, w, free, force, wanted, max_sweeps.min(SWEEPS_BETWEEN));
-    if ended.converged {
-        return ended;
-    }
-    let mut other = vec![0.0; force.len()];
-    let eased = by_steps_of_friction(laws, w, free, &mut other, wanted);
-    let mut better = eased.residual.energy < ended.residual.energy;
-    if !better || !small(&eased.residual, w, &other, enough) {
-        let more = alternate(laws, w, free, force, enough, max_sweeps - ended.sweeps.min(max_sweeps));
-        ended = Ended { sweeps: ended.sweeps + more.sweeps, steps: ended.steps + more.steps, ..more };
-        better = !ended.converged && eased.residual.energy < ended.residual.energy;
-    }
-    if better {
-        force.copy_from_slice(&other);
-        ended.residual = eased.residual;
-    }
-    let converged = small(&ended.residual, w, force, enough);
-    Ended { sweeps: ended.sweeps + eased.sweeps, steps: ended.steps + eased.steps, converged, ..ended }
-}
-
-/// Sweeps and Newton steps in turn.
-fn alternate(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], tolerance: f64, max_sweeps: u32) -> Ended {
-    let mut ended = Ended::default();
-    while ended.sweeps < max_sweeps && !ended.converged {
-        ended.sweeps += relax(laws, w, free, force, tolerance, SWEEPS_BETWEEN.min(max_sweeps - ended.sweeps));
-        ended.residual = residual(laws, w, free, force);
-        ended.converged = small(&ended.residual, w, force, tolerance);
-        if !ended.converged {
-            ended.steps += newton::polish(laws, w, free, force, |r, f| small(r, w, f, tolerance));
-            ended.residual = residual(laws, w, free, force);
-            ended.converged = small(&ended.residual, w, force, tolerance);
-        }
-    }
-    ended
-}
-
-/// The problem without friction, then with more of it step by step: without friction it can always be solved, for what rests the right
-/// contacts are closed already, and for what slides each step is near the last. Sweeps over very different masses or redundant contacts
-/// leave Newton's steps with the wrong contacts instead.
-fn by_steps_of_friction(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], tolerance: f64) -> Ended {
-    let mut ended = Ended::default();
-    for share in SHARES_OF_FRICTION {
-        let eased = |law: &Law| match *law {
-            Law::Coulomb { friction, bound } => Law::Coulomb { friction: share * friction, bound },
-            other => other,
-        };
-        let eased: Vec<Law> = laws.iter().map(eased).collect();
-        let step = alternate(&eased, w, free, force, tolerance, SWEEPS_PER_SHARE);
-        ended.sweeps += step.sweeps;
-        ended.steps += step.steps;
-    }
-    ended.residual = residual(laws, w, free, force);
-    ended
-}
-
-fn small(residual: &Residual, w: &[f64], force: &[f64], tolerance: f64) -> bool {
-    let total: f64 = force.iter().map(|f| f.abs()).sum();
-    let motions = force.iter().enumerate().map(|(i, f)| w[i * (force.len() + 1)] * f.abs());
-    residual.force <= tolerance * total && residual.gap <= tolerance * motions.fold(0.0, f64::max)
-}
 
 /// Plain sweeps until forces change by less than `tolerance` of their sum per sweep, or `max_sweeps`; returns how many.
 ///
@@ -337,11 +256,12 @@ fn onto_circle(a: f64, b: f64, radius: f64) -> (f64, f64) {
 mod tests {
     use super::*;
 
+    const EXACT: Effort = Effort { wanted: 1e-12, enough: Enough { share: 0.0, gap: 0.0 }, updates: 100_000 };
     const W: [f64; 9] = [1e-3, 1e-4, 0.0, 1e-4, 2e-3, 0.0, 0.0, 0.0, 2e-3];
 
     fn run(law: Law, free: [f64; 3]) -> [f64; 3] {
         let mut force = [0.0; 3];
-        let ended = solve(&[law], &W, &free, &mut force, [1e-12; 2], 10_000);
+        let ended = solve(&[law], &W, &free, &mut force, &EXACT);
         assert!(ended.converged);
         force
     }

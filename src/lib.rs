@@ -29,8 +29,8 @@
 //! rows couple them, of contacts and of ties, between any two bodies or a body and a wall ([`collide`], [`constraints`]). Contacts are
 //! found at the step's start: a tree of boxes over tiles of each grid, refitted to what the device says that they move between
 //! ([`collide::broad`]), gives the few faces whose nodes are read back; sphere, capsule, point, line and box then have their own narrow
-//! phase. The compliance of a body at the nodes that rows reach, columns of `A⁻¹` solved loosely, is kept from step to step until the body
-//! is cut or it has aged; forces λ come from the laws on `W λ + δ`, `W = Σ J C Jᵀ` over the bodies; the correction `A Δx = Jᵀλ` is solved
+//! phase. The compliance of a body at the nodes that rows reach, columns of `A⁻¹` solved loosely, is kept from step to step, learns in
+//! each pass, and is solved anew by batches where it has aged; forces λ come from the laws on `W λ + δ`, `W = Σ J C Jᵀ` over the bodies; the correction `A Δx = Jᵀλ` is solved
 //! accurately and δ taken again until the laws hold, so λ does not depend on how loose the columns are ([`step`]). The edge of a blade is
 //! held by what the tissue bears (toughness × length); beyond that it goes on, and the links or springs that it sweeps are cut; what a held
 //! piece passes is swept when it lets go.

@@ -5,6 +5,9 @@ use cutis::step::{Place, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
 
+/// Gap that comes to the force of a press in the hand's spring, m; a pass may leave the tolerance's share of it.
+const PRESS: f64 = 1e-4;
+
 /// The incision scene on 12 × 12 cells, its hand replaced: down by `depth` from where the tip touches, within 0.1 s, then still.
 fn pressed(depth: f64) -> Scene {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -114,7 +117,10 @@ fn a_step_cut_short_is_counted_and_further_from_the_exact_force() {
             last = simulation.step(false).expect("the CPU path has no device to fail");
             let counted = last.warnings.contains_key("contact_passes_exhausted");
             assert!(last.contact.passes <= passes, "{} of {passes} passes", last.contact.passes);
-            assert_eq!(counted, last.contact.passes == passes && last.contact.residual > wanted);
+            // counted is what can be felt: more than the tolerance of the largest force, or of the gap of a press
+            let largest = last.contact.forces.iter().fold(0.0f64, |most, f| most.max(f.abs()));
+            let felt = last.contact.residual_n > wanted * largest || last.contact.residual_m > wanted * PRESS;
+            assert_eq!(counted, last.contact.passes == passes && last.contact.residual > wanted && felt);
             short += u32::from(counted);
         }
         (force(&last), short)

@@ -23,29 +23,31 @@ const RAISED: [f64; 2] = [1e-11, 1e-7];
 /// contacts in one dent: five steps with 10⁻³, none that lessens the residual with 1. With well conditioned `W` it is the other way round.
 const SHARES: [f64; 2] = [1.0, 1e-3];
 
-/// Steps until `done`, or until none lessens the residual; returns how many. `force` never gets worse.
+/// Steps until `done`, until none lessens the residual, or until the row updates are used up; returns how many, and the row updates that
+/// they took. `force` never gets worse.
 pub(super) fn polish(
     laws: &[Law],
     w: &[f64],
     free: &[f64],
     force: &mut [f64],
+    most: u64,
     done: impl Fn(&Residual, &[f64]) -> bool,
-) -> u32 {
-    let mut count = 0;
+) -> (u32, u64) {
+    let (mut count, mut updates) = (0, 0);
     let mut best = residual(laws, w, free, force).energy;
     for share in SHARES {
         let mut trial = force.to_vec();
-        count += descend(laws, w, free, &mut trial, share, &done);
+        count += descend(laws, w, free, &mut trial, (share, most), &mut updates, &done);
         let found = residual(laws, w, free, &trial);
         if found.energy < best {
             best = found.energy;
             force.copy_from_slice(&trial);
         }
-        if done(&found, &trial) {
+        if done(&found, &trial) || updates >= most {
             break;
         }
     }
-    count
+    (count, updates)
 }
 
 /// Steps that lessen the natural map of one share.
@@ -54,7 +56,8 @@ fn descend(
     w: &[f64],
     free: &[f64],
     force: &mut [f64],
-    share: f64,
+    (share, most): (f64, u64),
+    updates: &mut u64,
     done: impl Fn(&Residual, &[f64]) -> bool,
 ) -> u32 {
     let rows = force.len();
@@ -63,16 +66,19 @@ fn descend(
     let mut before = residual_at(laws, w, free, force, share).energy;
     let mut raised = 0;
     for count in 0..STEPS {
-        if done(&residual(laws, w, free, force), force) {
+        *updates += rows as u64;
+        if *updates >= most || done(&residual(laws, w, free, force), force) {
             return count;
         }
         let mut better = false;
         while !better && raised < RAISED.len() {
             linearise(laws, w, free, force, (RAISED[raised], share), &mut jacobian, &mut step);
+            *updates += (rows * rows / 3 + 2 * rows) as u64; // an elimination takes rows³/3 multiplications
             better = eliminate(&mut jacobian, &mut step)
                 && (0..HALVINGS).any(|halving| {
                     let part = 0.5f64.powi(halving);
                     trial.iter_mut().zip(force.iter().zip(&step)).for_each(|(t, (f, s))| *t = f + part * s);
+                    *updates += rows as u64;
                     let after = residual_at(laws, w, free, &trial, share).energy;
                     let less = after < before * (1.0 - 1e-4 * part);
                     if less {

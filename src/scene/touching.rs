@@ -206,6 +206,6 @@ pub struct Contact {
     /// Residual of the columns, relative.
     pub column_tolerance: f64,
     /// Passes of the exact correction at most; two are usual, redundant contacts take more. A step that needs more counts
-    /// `contact_passes_exhausted`.
+    /// `contact_passes_exhausted`, if what the best pass leaves can be felt.
     pub max_passes: u32,
 }

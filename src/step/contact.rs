@@ -1,9 +1,9 @@
-//! The contact part of a step: rows, compliance `W`, forces, correction and its passes.
+//! The contact part of a step: rows, compliance `W`, forces and correction; its passes are in [`passes`](super::passes).
 
-use super::rows::{Rows, energy, in_world};
+use super::rows::{Rows, in_world};
 use super::{Simulation, StepReport};
 use crate::collide::Contact;
-use crate::constraints::{self, Law, solve};
+use crate::constraints::Law;
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::instrument::Free;
@@ -62,18 +62,6 @@ impl ContactReport {
     }
 }
 
-/// Gauss–Seidel sweeps per contact solve at most, and the relative residuals that are wanted and enough. With 1e-5 wanted, two kilograms
-/// on a gram jump by 3 % of their weight; friction on redundant contacts does not always end at 1e-8, nor do pieces of an edge that share
-/// nodes end at 1e-5. What is enough is a tenth of the least tolerance of the passes that scenes take.
-const MAX_SWEEPS: u32 = 10_000;
-const SWEEP_TOLERANCES: [f64; 2] = [1e-8, 1e-4];
-
-/// Share of their tolerance that columns are solved to where the laws have no solution on what they make up together.
-const FINER: f64 = 0.01;
-
-/// A pass that leaves more than this share of the last one's residual shows that the compliance has aged too much.
-const SLOW: f64 = 0.5;
-
 /// Forces on nodes of a deformable body, N.
 pub(super) type NodeForces = Vec<(u32, [f64; 3])>;
 
@@ -88,21 +76,25 @@ pub(super) struct Resolved {
 }
 
 /// The contact problem of a step.
-struct Problem<'a> {
-    law: scene::Contact,
-    rows: Rows<'a>,
-    laws: Vec<Law>,
+pub(super) struct Problem<'a> {
+    pub law: scene::Contact,
+    pub rows: Rows<'a>,
+    pub laws: Vec<Law>,
     free: &'a [Free],
     /// `[body]` nodes that rows act on, sorted.
     nodes: Vec<Vec<u32>>,
     /// `[body][node]` inverse blocks of `A`, for the uncoupled correction.
     blocks: Vec<Vec<DMat3>>,
-    /// `[row × row]` m/N
-    w: Vec<f64>,
+    /// `W` by the bodies' columns, `[row × row]` m/N.
+    pub columns: Vec<f64>,
+    /// Changes of the forces (N) and of the true violations (m) from pass to pass.
+    pub seen: Vec<(Vec<f64>, Vec<f64>)>,
+    /// `W` by the columns and by what was seen, m/N.
+    pub w: Vec<f64>,
     /// `[row]` at the free positions, m.
-    violation: Vec<f64>,
+    pub violation: Vec<f64>,
     /// What the step's forces on the bodies amount to, N: forces of a share of it are as good as none.
-    load: f64,
+    pub load: f64,
 }
 
 impl Problem<'_> {
@@ -113,31 +105,11 @@ impl Problem<'_> {
     }
 
     /// Violations once forces have moved nodes by `moved` and rigid bodies by what they give.
-    fn after(&self, lambda: &[f64], moved: &[Vec<[f64; 3]>]) -> Vec<f64> {
+    pub fn after(&self, lambda: &[f64], moved: &[Vec<[f64; 3]>]) -> Vec<f64> {
         let given: Vec<(DVec3, DVec3)> =
             (0..).zip(self.free).map(|(number, free)| free.gives(self.rows.on_rigid(number, lambda))).collect();
         let opening = |row| self.rows.opening(row, |number| given[number], |body, node| self.at(moved, body, node));
         self.violation.iter().enumerate().map(|(row, v)| v + opening(row)).collect()
-    }
-
-    /// Violations without force, by the model `W`, of those `found` under `lambda`.
-    fn without_force(&self, found: &[f64], lambda: &[f64]) -> Vec<f64> {
-        let product = |line: &[f64]| line.iter().zip(lambda).map(|(w, l)| w * l).sum::<f64>();
-        found.iter().zip(self.w.chunks_exact(lambda.len())).map(|(f, line)| f - product(line)).collect()
-    }
-
-    /// Forces that the laws ask for where the violations are `found` under `lambda`, by the model `W`: the violations without force,
-    /// the relative change of the forces (in the energy's norm: redundant contacts may share a force in many ways, which means
-    /// nothing; 0 where it is a negligible share of the step's load), and whether the solve converged.
-    fn judge(&self, found: &[f64], lambda: &[f64]) -> (Vec<f64>, f64, bool) {
-        let shifted = self.without_force(found, lambda);
-        let mut next = lambda.to_vec();
-        let ended = solve(&self.laws, &self.w, &shifted, &mut next, SWEEP_TOLERANCES, MAX_SWEEPS);
-        let change: Vec<f64> = next.iter().zip(lambda).map(|(a, b)| a - b).collect();
-        let total = energy(&self.w, lambda);
-        let negligible = change.iter().all(|c| c.abs() <= self.law.tolerance * self.load);
-        let size = if total > 0.0 && !negligible { (energy(&self.w, &change) / total).sqrt() } else { 0.0 };
-        (shifted, size, ended.converged)
     }
 }
 
@@ -152,19 +124,15 @@ impl Simulation {
         report: &mut StepReport,
     ) -> Result<Resolved> {
         let (mut problem, ended) = self.pose(law, &contacts, free, report)?;
-        let mut lambda = self.first_forces(&problem, held);
-        let (found, shifted) = match law.forces {
-            Loop::Constraints if !held => self.close(&mut problem, &mut lambda, report)?,
+        let lambda = self.first_forces(&problem, held);
+        let (lambda, found) = match law.forces {
+            Loop::Constraints if !held => self.close(&mut problem, lambda, report)?,
             _ => {
                 let moved = self.correct(&problem, &lambda, report)?;
-                (problem.after(&lambda, &moved), problem.violation.clone())
+                let found = problem.after(&lambda, &moved);
+                (lambda, found)
             }
         };
-        if law.forces == Loop::Constraints {
-            let left = constraints::residual(&problem.laws, &problem.w, &shifted, &lambda);
-            (report.contact.residual_n, report.contact.residual_m) = (left.force, left.gap);
-            report.warn("contact_rows_dropped", left.dropped);
-        }
         self.move_tools(&problem, &lambda, report);
         self.hand_over(&problem, &found, &lambda);
         let forces = (0..self.bodies.len()).map(|body| problem.rows.on_nodes(body, &lambda)).collect();
@@ -201,8 +169,21 @@ impl Simulation {
         }
         let laws = contacts.iter().map(|c| c.law).collect();
         let load = ended.iter().map(|e| e.target / self.scene.solver.tolerance).fold(0.0, f64::max);
-        let mut problem = Problem { law, rows, laws, free, nodes, blocks, w: vec![], violation: vec![], load };
-        problem.w = self.compliance_of(&problem);
+        let mut problem = Problem {
+            law,
+            rows,
+            laws,
+            free,
+            nodes,
+            blocks,
+            columns: vec![],
+            seen: vec![],
+            w: vec![],
+            violation: vec![],
+            load,
+        };
+        problem.columns = self.compliance_of(&problem);
+        problem.w.clone_from(&problem.columns);
         problem.violation = (0..problem.rows.count())
             .map(|row| {
                 let rigid = |number: usize| (free[number].shift, free[number].turn);
@@ -214,7 +195,7 @@ impl Simulation {
     }
 
     /// `W` as the bodies know it now.
-    fn compliance_of(&self, problem: &Problem) -> Vec<f64> {
+    pub(super) fn compliance_of(&self, problem: &Problem) -> Vec<f64> {
         let between = |body: usize, a: u32, b: u32| match problem.law.correction {
             Correction::Exact => self.bodies[body].compliance.between(a, b),
             Correction::Precomputed => self.bodies[body].at_rest.between(a, b),
@@ -246,70 +227,13 @@ impl Simulation {
         out
     }
 
-    /// Forces, correction, passes: until the laws hold on the true violations. Returns these, and those without force.
-    fn close(
-        &mut self,
-        problem: &mut Problem,
-        lambda: &mut [f64],
-        report: &mut StepReport,
-    ) -> Result<(Vec<f64>, Vec<f64>)> {
-        let law = problem.law;
-        let mut shifted = problem.violation.clone();
-        let mut last: Option<Vec<f64>> = None; // violations under `lambda`, after a pass
-        loop {
-            let start = lambda.to_vec();
-            let mut ended = solve(&problem.laws, &problem.w, &shifted, lambda, SWEEP_TOLERANCES, MAX_SWEEPS);
-            if !ended.converged && self.renew(problem, FINER, report)? {
-                // columns of different age, or loose ones of nodes that hardly differ, need not make a compliance together
-                lambda.copy_from_slice(&start);
-                if let Some(found) = &last {
-                    shifted = problem.without_force(found, lambda);
-                }
-                ended = solve(&problem.laws, &problem.w, &shifted, lambda, SWEEP_TOLERANCES, MAX_SWEEPS);
-            }
-            report.warn("contact_not_converged", u32::from(!ended.converged));
-            report.contact.passes += 1;
-            let moved = self.correct(problem, lambda, report)?;
-            // violations as they are now, then what the compliance model leaves unexplained
-            let found = problem.after(lambda, &moved);
-            let before = report.contact.residual;
-            let (mut left, mut size, settled) = problem.judge(&found, lambda);
-            let slow = report.contact.passes > 1 && size > SLOW * before;
-            if size > law.tolerance && (slow || !settled) && self.aged(law) && self.renew(problem, 1.0, report)? {
-                (left, size, _) = problem.judge(&found, lambda);
-            }
-            (shifted, report.contact.residual) = (left, size);
-            if size <= law.tolerance || law.correction != Correction::Exact {
-                return Ok((found, shifted));
-            }
-            if report.contact.passes >= law.max_passes {
-                report.warn("contact_passes_exhausted", 1);
-                return Ok((found, shifted));
-            }
-            last = Some(found);
-        }
-    }
-
-    /// Whether columns of earlier steps are in use.
-    fn aged(&self, law: scene::Contact) -> bool {
-        law.correction == Correction::Exact && self.bodies.iter().any(|b| b.compliance.aged())
-    }
-
-    /// Solves all columns anew, to a share of the scene's tolerance; false where there are none.
-    fn renew(&mut self, problem: &mut Problem, share: f64, report: &mut StepReport) -> Result<bool> {
-        if problem.law.correction != Correction::Exact {
-            return Ok(false);
-        }
-        for body in &mut self.bodies {
-            let tolerance = problem.law.column_tolerance * body.looseness * share;
-            body.compliance.renew(body.backend.as_mut(), tolerance, report)?;
-        }
-        problem.w = self.compliance_of(problem);
-        Ok(true)
-    }
-
     /// How far forces move the nodes that rows act on, `[body][node]` m; the backends keep the whole correction.
-    fn correct(&mut self, problem: &Problem, lambda: &[f64], report: &mut StepReport) -> Result<Vec<Vec<[f64; 3]>>> {
+    pub(super) fn correct(
+        &mut self,
+        problem: &Problem,
+        lambda: &[f64],
+        report: &mut StepReport,
+    ) -> Result<Vec<Vec<[f64; 3]>>> {
         let tolerance = self.scene.solver.tolerance.min(problem.law.tolerance);
         let mut out = vec![];
         for (number, body) in self.bodies.iter_mut().enumerate() {
@@ -381,7 +305,7 @@ impl Simulation {
                 }
                 _ => 0.0,
             };
-            let give = |i: usize, j: usize| problem.w[i * count + j] - rows.rigid_part(i, j, number, free);
+            let give = |i: usize, j: usize| problem.columns[i * count + j] - rows.rigid_part(i, j, number, free);
             self.reduced[number] = Reduced {
                 position: tool.position,
                 rotation: tool.rotation,

@@ -16,6 +16,7 @@ mod find;
 mod finite;
 mod incise;
 mod measured;
+mod passes;
 mod refine;
 mod rows;
 mod start;
