@@ -8,6 +8,7 @@
 
 pub mod bodies;
 pub mod broad;
+mod centres;
 pub mod features;
 pub mod round;
 
@@ -21,19 +22,19 @@ use parry3d::math::Vector;
 use parry3d::query::PointQueryWithLocation;
 use parry3d::shape::{TriMesh, TriMeshFlags, Triangle, TrianglePointLocation};
 
-/// A place of a deformable body: nodes and weights; fewer than three nodes repeat one with weight 0.
+/// A place of a deformable body: nodes and weights; fewer than four nodes repeat one with weight 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spot {
     /// Node ids.
-    pub nodes: [u32; 3],
+    pub nodes: [u32; 4],
     /// They sum to 1.
-    pub weights: [f64; 3],
+    pub weights: [f64; 4],
 }
 
 impl Spot {
     /// A node.
     pub fn node(id: u32) -> Self {
-        Self { nodes: [id; 3], weights: [1.0, 0.0, 0.0] }
+        Self { nodes: [id; 4], weights: [1.0, 0.0, 0.0, 0.0] }
     }
 }
 
@@ -150,7 +151,10 @@ pub fn slab(plane: &Plane, area: &Aabb, search: &Search) -> Option<Aabb> {
 /// A patch of skin where it is now.
 pub struct Patch {
     mesh: TriMesh,
+    /// Node ids; none where faces are four triangles about their centre, which is no node.
     triangles: Vec<[u32; 3]>,
+    /// Of those faces.
+    quarters: Vec<[u32; 4]>,
     cells: Vec<u32>,
     walls: Vec<bool>,
     corners: Vec<[DVec3; 3]>,
@@ -176,13 +180,13 @@ impl Patch {
         let cells = faces.iter().flat_map(|q| [q.cell; 2]).collect();
         let walls = faces.iter().flat_map(|q| [q.wall; 2]).collect();
         let corners = triangles.iter().map(|t| t.map(&position)).collect();
-        Some(Self { mesh, triangles, cells, walls, corners, origin })
+        Some(Self { mesh, triangles, quarters: vec![], cells, walls, corners, origin })
     }
 
     /// Nearest place, and how far it is, m.
-    pub fn spot(&self, point: DVec3) -> (Spot, f64) {
+    pub fn nearest(&self, point: DVec3) -> (Spot, f64) {
         let (triangle, weights, distance, _) = self.project(point);
-        (Spot { nodes: self.triangles[triangle], weights }, distance.abs())
+        (self.spot(triangle, weights), distance.abs())
     }
 
     fn place(&self, triangle: usize, weights: [f64; 3]) -> DVec3 {
@@ -322,7 +326,7 @@ pub fn frame(normal: DVec3) -> [DVec3; 3] {
 fn point_contact(patch: &Patch, point: DVec3, reach: f64, search: &Search) -> Option<Found> {
     let (triangle, weights, distance, normal) = patch.project(point);
     (distance < reach + search.distance).then(|| Found {
-        spot: Spot { nodes: patch.triangles[triangle], weights },
+        spot: patch.spot(triangle, weights),
         point,
         axes: frame(normal),
         gap: distance - search.distance,
@@ -354,7 +358,7 @@ fn edge_contact(
     let bound = resistance(patch.cells[triangle]) * length;
     let [forward, along, side] = [edge.forward, edge.along, edge.normal].map(|a| tool.rotation * a);
     let base = Found {
-        spot: Spot { nodes: patch.triangles[triangle], weights },
+        spot: patch.spot(triangle, weights),
         point,
         axes: [-forward, along, side],
         gap: 0.0,
@@ -391,7 +395,7 @@ fn flat_contact(
     let direction = tool.rotation * edge.normal * side;
     let (triangle, weights, distance) = patch.cast(point, direction, edge.half_thickness + reach + search.distance)?;
     Some(Found {
-        spot: Spot { nodes: patch.triangles[triangle], weights },
+        spot: patch.spot(triangle, weights),
         point: point + direction * edge.half_thickness,
         axes: frame(-direction),
         gap: distance - edge.half_thickness - search.distance,

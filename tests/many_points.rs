@@ -94,3 +94,36 @@ fn friction_on_redundant_points_changes_little_and_drags_by_its_share() {
     assert!(share > 0.5 * friction && share < friction + slope, "{share} of {force:?} N");
     assert!(-still[0] / still[2] < 0.01, "counter-test: not dragged, {still:?} N");
 }
+
+/// Forces on a point that rests at the mirror images of a place, mm, on skin of so many cells along each side, N.
+fn at_mirror_images(cells: u32, friction: f64, [x, y]: [f64; 2]) -> [f64; 4] {
+    [[x, y], [-x, y], [x, -y], [-x, -y]].map(|[x, y]| {
+        let mut scene = punch();
+        scene.skins[0].cells = [cells; 2];
+        scene.solver.tolerance = 1e-5;
+        let contact = scene.contact.as_mut().expect("it has a tool");
+        (contact.friction, contact.tolerance) = (friction, 1e-5);
+        scene.tools[0].points = vec![[x * 1e-3, y * 1e-3, 0.0]];
+        pressed(&scene).0
+    })
+}
+
+/// Largest difference between forces, of the largest.
+fn spread(forces: &[f64]) -> f64 {
+    let most = forces.iter().fold(0.0, |m: f64, f| m.max(*f));
+    1.0 - forces.iter().fold(most, |m, f| m.min(*f)) / most
+}
+
+#[test]
+fn a_point_feels_the_same_at_mirror_images_of_a_place() {
+    for cells in [7, 14, 28] {
+        for friction in [0.0, 0.3] {
+            let forces = at_mirror_images(cells, friction, [0.3, 0.2]);
+            println!("{cells} cells, friction {friction}: {forces:?} N");
+            assert!(forces[0] > 1e-3 && spread(&forces) < 0.01, "{cells} cells, friction {friction}: {forces:?} N");
+        }
+    }
+    // the counter-test: two places that are no images of each other
+    let [here, there] = [[0.3, 0.2], [0.4, 0.0]].map(|at| at_mirror_images(7, 0.0, at)[0]);
+    assert!(spread(&[here, there]) > 0.01, "{here} N, {there} N");
+}

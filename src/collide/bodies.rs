@@ -268,7 +268,7 @@ pub fn skin_on_skin(
             continue; // over the rim, or the other body's node is here
         }
         let found = contact(on, node as usize, point, normal, normal.dot(point - place), search);
-        out.push(Contact { spots: [Spot::node(node), Spot { nodes: patch.triangles[triangle], weights }], ..found });
+        out.push(Contact { spots: [Spot::node(node), patch.spot(triangle, weights)], ..found });
     }
     out
 }

@@ -133,7 +133,7 @@ pub fn contacts_among(
         if out.iter().any(same) {
             continue;
         }
-        let spot = super::Spot { nodes: pair.spot.0, weights: pair.spot.1 };
+        let spot = super::Spot::on_triangle(pair.spot.0, pair.spot.1);
         let earlier = out.iter().filter(|(c, _)| c.feature & PIECE == index).count();
         let contact = Contact {
             axes: frame(pair.normal),

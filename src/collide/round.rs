@@ -224,7 +224,7 @@ pub fn contacts(
     let (mut nearest, out) = nearest_places(tool, patch, &sweep, reach);
     let made = |index: usize, (nodes, weights): Spot, touch: &Touch| {
         let point = touch.axis - touch.normal * sweep.radius;
-        let contact = Contact::on_skin(number, index, body, super::Spot { nodes, weights }, point);
+        let contact = Contact::on_skin(number, index, body, super::Spot::on_triangle(nodes, weights), point);
         let law = Law::Coulomb { friction: search.friction, bound: f64::INFINITY };
         let gap = [touch.gap - search.distance, 0.0, 0.0];
         Contact { axes: frame(touch.normal), gap, depth: (-touch.gap).max(0.0), law, ..contact }

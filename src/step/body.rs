@@ -206,8 +206,9 @@ impl Body {
         self.boxes.faces(&self.model.grid, &self.wound.surface, &collide::moved(area, -self.place()))
     }
 
-    /// Reads back where the corners of these faces, and the nodes of the ties, are; the first `patched` lists of faces are made patches of.
-    pub(super) fn locate(&mut self, faces: Vec<Vec<Quad>>, patched: usize) -> Result<()> {
+    /// Reads back where the corners of these faces, and the nodes of the ties, are; the first `patched` lists of faces are made patches of,
+    /// those that `about_centres` names of four triangles a face.
+    pub(super) fn locate(&mut self, faces: Vec<Vec<Quad>>, patched: usize, about_centres: &[bool]) -> Result<()> {
         let mut corners: Vec<u32> = faces.iter().flatten().flat_map(|q| q.nodes).collect();
         corners.sort_unstable();
         corners.dedup();
@@ -225,8 +226,12 @@ impl Body {
         };
         self.located.places = corners.iter().zip(&moving).map(place).collect();
         self.located.corners = corners;
-        self.located.patches =
-            faces.iter().take(patched).map(|faces| Patch::new(faces, |id| self.position(id))).collect();
+        let position = |id| self.position(id);
+        let patch = |(k, faces): (usize, &Vec<Quad>)| match about_centres.get(k) {
+            Some(true) => Patch::about_centres(faces, position),
+            _ => Patch::new(faces, position),
+        };
+        self.located.patches = faces.iter().take(patched).enumerate().map(patch).collect();
         self.located.faces = faces;
         Ok(())
     }

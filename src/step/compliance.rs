@@ -2,7 +2,7 @@
 //!
 //! `C_ab` is the 3×3 block of `A⁻¹` between nodes `a` and `b`: how far `b` gives under one newton at `a`. Three columns of `A⁻¹` per node,
 //! solved loosely (the passes of the contact solve take the true violations, so `C` decides how many passes, not where they end). Rows
-//! of contacts are sums over their triangle's nodes, `W = J C Jᵀ`, so a contact may slide over its triangle and `C` stays: only nodes that
+//! of contacts are sums over their face's nodes, `W = J C Jᵀ`, so a contact may slide over its triangle and `C` stays: only nodes that
 //! the tools newly reach cost solves. What was solved in earlier steps has aged by the rotations since. A pass that closes in slowly
 //! has one batch of columns solved anew, the oldest: all at once took 30 to 70 times a step's time.
 
@@ -19,9 +19,9 @@ pub const COLUMNS: usize = 6;
 /// Steps that a node's columns are kept for after the last contact near it: contacts flicker between triangles.
 const KEPT: u32 = 20;
 
-/// Nodes that are kept at most, for a scene's number of contacts of three nodes each; beyond it the longest unused are dropped.
+/// Nodes that are kept at most, for a scene's number of contacts of four nodes each; beyond it the longest unused are dropped.
 pub fn most_nodes(max_contacts: u32) -> usize {
-    12 * max_contacts as usize
+    16 * max_contacts as usize
 }
 
 /// See the module.

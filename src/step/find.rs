@@ -4,7 +4,7 @@ use super::{Body, Simulation, StepReport};
 use crate::collide::{self, Aabb, Contact, Patch, Search, Spot, bodies, features, round};
 use crate::constraints::Law;
 use crate::error::{Error, Result};
-use crate::instrument::Free;
+use crate::instrument::{Free, Instrument};
 use crate::mesh::Quad;
 use crate::scene::{self, Attachment, Scene, Who};
 use glam::DVec3;
@@ -161,7 +161,9 @@ impl Simulation {
             let near: Vec<Vec<Quad>> = areas.map(|area| area.map_or(vec![], |area| body.faces_near(&area))).collect();
             let walls = self.scene.planes.len(); // the last lists; a wall meets nodes, not faces
             let patched = near.len() - walls;
-            self.bodies[number].locate(near, patched)?;
+            let of_points = |tool: &Instrument| tool.edge.is_none() && tool.round.is_none() && tool.lines.is_none();
+            let about_centres: Vec<bool> = self.tools.iter().map(of_points).collect();
+            self.bodies[number].locate(near, patched, &about_centres)?;
         }
         Ok(())
     }
@@ -236,7 +238,7 @@ impl Simulation {
             Who::Skin(body) => {
                 // nodes, not corners of the surface: what a tie holds does not move beside them when it is cut
                 let spot = &contact.spots[side];
-                (0..3).map(|k| self.bodies[body].node_position(spot.nodes[k]) * spot.weights[k]).sum()
+                (0..4).map(|k| self.bodies[body].node_position(spot.nodes[k]) * spot.weights[k]).sum()
             }
             Who::Rigid(number) => self.tools[number].at(tie.anchor),
             Who::Plane(_) | Who::Place => tie.anchor,
@@ -251,7 +253,7 @@ impl Simulation {
 /// Nodes that a contact acts on, on one of its sides.
 fn held_nodes(contact: &Contact, side: usize) -> impl Iterator<Item = u32> {
     let Spot { nodes, weights } = contact.spots[side];
-    (0..3).filter(move |k| weights[*k] != 0.0).map(move |k| nodes[k])
+    (0..4).filter(move |k| weights[*k] != 0.0).map(move |k| nodes[k])
 }
 
 /// The ties of a scene, from the bodies at rest.
@@ -292,7 +294,7 @@ fn tie(
             (Spot::default(), tool.rotation.inverse() * (at - tool.position))
         }
         (_, Some(patch)) => {
-            let (spot, distance) = patch.spot(at);
+            let (spot, distance) = patch.nearest(at);
             if distance > TOUCHES {
                 return Err(Error::TiedToNothing { at: at.to_array().map(|c| c * 1e3), distance: distance * 1e3 });
             }

@@ -81,7 +81,7 @@ impl<'a> Rows<'a> {
                 }
                 Who::Skin(body) => {
                     let spot = &c.spots[side];
-                    (0..3).map(|k| spot.weights[k] * axis.dot(node(body, spot.nodes[k]))).sum()
+                    (0..4).map(|k| spot.weights[k] * axis.dot(node(body, spot.nodes[k]))).sum()
                 }
                 Who::Plane(_) | Who::Place => 0.0,
             };
@@ -96,7 +96,7 @@ impl<'a> Rows<'a> {
         for (row, force) in lambda.iter().enumerate() {
             if let Some((sign, side)) = self.side(row, Who::Skin(body)) {
                 let spot = &self.contacts[row / 3].spots[side];
-                for k in 0..3 {
+                for k in 0..4 {
                     *sum.entry(spot.nodes[k]).or_default() += self.axis(row) * (sign * spot.weights[k] * force);
                 }
             }
@@ -153,7 +153,7 @@ impl<'a> Rows<'a> {
                 Who::Skin(body) => {
                     let (p, q) = (&a.spots[s], &b.spots[t]);
                     let mut give = DMat3::ZERO;
-                    for (k, l) in (0..9).map(|n| (n / 3, n % 3)) {
+                    for (k, l) in (0..16).map(|n| (n / 4, n % 4)) {
                         let weight = p.weights[k] * q.weights[l];
                         if weight != 0.0 {
                             give += between(body, p.nodes[k], q.nodes[l]) * weight;
