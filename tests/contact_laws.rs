@@ -366,7 +366,7 @@ fn a_solve_keeps_its_budget_and_never_makes_worse_what_it_is_given() {
                 let case = format!("seed {seed}, {lost} lost, {updates}: {ended:?}");
                 assert!(ended.updates <= updates + beyond(rows), "{case}");
                 let [before, after] = [&given, &force].map(|f| residual(&laws, &w, &free, f).energy);
-                assert!(!(after > before), "{case}: {before:e} before, {after:e} after");
+                assert!(after <= before || before.is_nan(), "{case}: {before:e} before, {after:e} after");
                 assert!(force.iter().all(|f| f.is_finite()) || lost.is_nan(), "{case}");
             }
         }

@@ -10,6 +10,7 @@ use cutis::step::Place;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Range of the exponent of the relative changes, decades.
 const DECADES: [f64; 2] = [-12.0, -2.0];
@@ -129,7 +130,9 @@ fn way(scene: &Scene) -> Option<f64> {
 
 /// Runs a variation on the CPU path; `steps` for a shortened run, whose checks are not evaluated.
 pub fn outcome(scene: &Scene, variation: Variation, steps: Option<u32>, straight: bool) -> Outcome {
-    let out = std::env::temp_dir().join(format!("cutis-perturbed-{}-{}", std::process::id(), variation.seed));
+    static RUNS: AtomicU32 = AtomicU32::new(0);
+    let number = RUNS.fetch_add(1, Ordering::Relaxed); // runs of one seed may be at work at a time
+    let out = std::env::temp_dir().join(format!("cutis-perturbed-{}-{number}", std::process::id()));
     let place = if variation.single { Place::Cpu32 } else { Place::Cpu64 };
     let options = Options { place, steps, out: out.clone(), realtime: false, record: false };
     let summary = run(scene, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{variation:?}: {e}"));
