@@ -80,7 +80,12 @@ impl Simulation {
             let Some(sample) = self.sample_of(contact) else { return true };
             let tool = &self.tools[sample.0];
             let moved = h * (tool.velocity.length() + tool.spin.length() * tool.span()) + self.bodies[sample.1].travel;
-            first || contact.depth <= before.get(&sample).copied().unwrap_or(0.0) + moved + search.alarm
+            // a piece of edge that has cut stands in its own cut, whose walls are a cell away at most
+            let own_cut = self.fronts.contains_key(&(sample.0, contact.feature));
+            let edge = self.bodies[sample.1].model.grid.edge;
+            let cell = if own_cut { edge[0].max(edge[1]) } else { 0.0 };
+            let last = before.get(&sample).copied().unwrap_or(0.0).max(cell);
+            first || contact.depth <= last + moved + search.alarm
         };
         let count = found.len();
         found.retain(explained);
