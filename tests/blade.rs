@@ -25,8 +25,8 @@ fn walls(at: &[(f64, f64)]) -> (Vec<Quad>, Vec<DVec3>) {
     (quads, places)
 }
 
-/// Contacts of a blade's flats at the origin with walls, and where on the walls they are.
-fn flats(at: &[(f64, f64)]) -> Vec<(Contact, DVec3)> {
+/// Contacts of a blade's flats at the origin, in a step in which it goes on so far, m, with walls, and where on the walls they are.
+fn flats(at: &[(f64, f64)], travel: f64) -> Vec<(Contact, DVec3)> {
     let mut scene = Case::new(Kind::Straight, 0).scene;
     scene.tools[0].trajectory[0].position = [10e-3, 0.0, 12e-3]; // the middle of its edge at the origin
     scene.tools[0].trajectory[0].rotation = [0.0, 0.0, 0.0, 1.0];
@@ -35,7 +35,7 @@ fn flats(at: &[(f64, f64)]) -> Vec<(Contact, DVec3)> {
     let (quads, places) = walls(at);
     let patch = Patch::new(&quads, |node| places[node as usize]).expect("there are walls");
     let search = Search { alarm: 2e-4, distance: 0.0, friction: 0.3, filter: Filter::Points, angle_cone: 0.0 };
-    let found = contacts((0, &tool), (0, &patch), &search, 0.0, |_| 0.0, |_| None);
+    let found = contacts((0, &tool), (0, &patch), &search, travel, |_| 0.0, |_| None);
     let place = |contact: &Contact| {
         let spot = contact.spots[1];
         spot.nodes.iter().zip(spot.weights).map(|(node, weight)| places[*node as usize] * weight).sum()
@@ -46,10 +46,13 @@ fn flats(at: &[(f64, f64)]) -> Vec<(Contact, DVec3)> {
 /// Half of the blade's thickness, m.
 const HALF: f64 = 2e-4;
 
+/// So far that the bevel opens a cut by all of the blade's thickness, m.
+const FAR: f64 = 1e-3;
+
 #[test]
 fn a_flat_touches_the_wall_beside_it() {
     // walls far away come first in the list: they are no flat's business
-    let found = flats(&[(4e-3, -1.0), (-4e-3, 1.0), (3e-4, -1.0), (-1e-4, 1.0)]);
+    let found = flats(&[(4e-3, -1.0), (-4e-3, 1.0), (3e-4, -1.0), (-1e-4, 1.0)], FAR);
     assert_eq!(found.len(), 10, "two sides of five samples");
     for (contact, place) in found {
         let wall = if contact.axes[0].y < 0.0 { 3e-4 } else { -1e-4 };
@@ -61,16 +64,18 @@ fn a_flat_touches_the_wall_beside_it() {
 
 #[test]
 fn a_flat_touches_nothing_through_tissue_or_out_of_reach() {
-    assert!(flats(&[(1e-3, -1.0), (-1e-3, 1.0)]).is_empty(), "out of reach");
+    assert!(flats(&[(1e-3, -1.0), (-1e-3, 1.0)], 0.0).is_empty(), "out of reach");
     // seen from inside: a surface that turns its back, and the far side of the tissue behind it
-    assert!(flats(&[(1e-4, 1.0), (3e-4, -1.0)]).iter().all(|(contact, _)| contact.axes[0].y > 0.0));
+    assert!(flats(&[(1e-4, 1.0), (3e-4, -1.0)], FAR).is_empty());
 }
 
 #[test]
-fn a_wall_pushes_by_half_the_thickness_at_most() {
-    for y in [1e-6, 5e-5, 3e-4] {
-        for (contact, _) in flats(&[(y, -1.0), (-y, 1.0), (-3e-3, 1.0)]) {
-            assert!(contact.gap[0] >= -HALF && contact.gap[0] <= 2e-4, "{}", contact.gap[0]);
+fn a_wall_in_the_blade_is_pushed_as_the_bevel_opens_it() {
+    for (travel, y, gap) in [(0.0, 5e-5, 0.0), (4e-4, 5e-5, -1e-4), (FAR, 5e-5, -1.5e-4), (FAR, 1e-6, -1.99e-4)] {
+        let found = flats(&[(y, -1.0), (-y, 1.0)], travel);
+        assert_eq!(found.len(), 10);
+        for (contact, _) in found {
+            assert!((contact.gap[0] - gap).abs() < 1e-12, "{} instead of {gap}", contact.gap[0]);
         }
     }
 }
