@@ -414,7 +414,7 @@ mod tests {
         table.finish().unwrap();
         let text = std::fs::read_to_string(&path).unwrap();
         assert!(text.starts_with("time_s,force_N\n0,0.3333333333333333\n0.001,"), "{text}");
-        assert!(text.ends_with("\n-0,1.5e-7\nNaN,2e300\n"), "{text}");
+        assert!(text.ends_with("\n0,1.5e-7\nNaN,2e300\n"), "{text}");
         let row: Vec<f64> = text.lines().nth(8).unwrap().split(',').map(|v| v.parse().unwrap()).collect();
         assert_eq!(row, [7.0 * 1e-3, 1.0 / 3.0]);
     }

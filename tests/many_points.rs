@@ -104,7 +104,7 @@ fn at_mirror_images(cells: u32, friction: f64, [x, y]: [f64; 2]) -> [f64; 4] {
         let contact = scene.contact.as_mut().expect("it has a tool");
         (contact.friction, contact.tolerance) = (friction, 1e-5);
         scene.tools[0].points = vec![[x * 1e-3, y * 1e-3, 0.0]];
-        pressed(&scene).0
+        pressed(&scene).0[2]
     })
 }
 
