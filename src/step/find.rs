@@ -98,11 +98,12 @@ impl Simulation {
         }
     }
 
-    /// Which sample of which tool a contact with which deformable body is of; surfaces of round tools and of lines count as one sample.
+    /// Which sample of which tool a contact with which deformable body is of; none of round tools and of lines, whose contacts come from
+    /// changing places of their surface.
     fn sample_of(&self, contact: &Contact) -> Option<(usize, usize, usize)> {
         let [Who::Rigid(number), Who::Skin(body)] = contact.on else { return None };
-        let whole = self.tools[number].round.is_some() || self.tools[number].lines.is_some();
-        Some((number, body, if whole { 0 } else { contact.feature }))
+        let tool = &self.tools[number];
+        (tool.round.is_none() && tool.lines.is_none()).then_some((number, body, contact.feature))
     }
 
     /// Contacts of rigid bodies with walls and each other.

@@ -50,8 +50,8 @@ fn soft_blocks_stand_on_each_other(gpu: &Gpu) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What rounding in f32 may make of 25 iterations of Jacobi's gradients, as a share: 2e-3 on llvmpipe against the CPU path.
-const ROUNDED: f64 = 5e-3;
+/// Gradients cut short far from their end carry rounding on: the GPU may be this many times as far from the CPU path in f32 as that is from f64.
+const ROUNDINGS: f64 = 4.0;
 
 /// Iterations of the first steps of the pressed block with a limit that they cannot reach the tolerance in, and the centre's displacement, m.
 fn limited(place: &Place, limit: u32) -> Result<Vec<(u32, f64)>, Failure> {
@@ -75,9 +75,7 @@ fn a_limit_of_iterations_is_kept_to_the_last_one(gpu: &Gpu) -> Result<(), Failur
         let (on_gpu, on_cpu) = (limited(&place, limit)?, limited(&Place::Cpu32, limit)?);
         let exact = limited(&Place::Cpu64, limit)?;
         for (((k, u), (_, wanted)), (_, exact)) in on_gpu.iter().zip(&on_cpu).zip(&exact) {
-            // gradients cut short far from their end carry rounding on: two paths in f32 are as far apart as both are from f64
-            let rounding = (wanted - exact).abs() + (u - exact).abs();
-            let bound = (1e-3 * wanted.abs()).max(rounding.min(ROUNDED * wanted.abs()));
+            let bound = (1e-3 * wanted.abs()).max(ROUNDINGS * (wanted - exact).abs());
             if *k != limit || (u - wanted).abs() > bound {
                 return Err(format!("limit {limit}: {on_gpu:?} on the GPU, {on_cpu:?} on the CPU").into());
             }

@@ -171,10 +171,12 @@ fn own_errors(grid: Grid) {
 fn column_stress(scene: &Scene) -> f64 {
     let mut run = Simulation::new(scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let mut reaction = 0.0;
-    for _ in 0..2 {
+    for step in 0..2 {
         // reactions are those of a step's start, so the second step has the static ones
         let report = run.step(true).unwrap_or_else(|e| panic!("{e}"));
-        assert!(report.warnings.is_empty(), "{:?}", report.warnings);
+        // the top is put down at once by as much as its layer is thick: its cells start flat
+        let asked = |name: &&str| step == 0 && *name == "inverted_cells";
+        assert!(report.warnings.keys().all(|name| asked(name)), "{:?}", report.warnings);
         reaction = report.probes[0];
     }
     -reaction / (scene.skins[0].size[0] * scene.skins[0].size[1])
