@@ -176,7 +176,7 @@ fn column_stress(scene: &Scene) -> f64 {
         let report = run.step(true).unwrap_or_else(|e| panic!("{e}"));
         // the top is put down at once by as much as its layer is thick: its cells start flat
         let asked = |name: &&str| step == 0 && *name == "inverted_cells";
-        assert!(report.warnings.keys().all(|name| asked(name)), "{:?}", report.warnings);
+        assert!(report.warnings.keys().all(asked), "{:?}", report.warnings);
         reaction = report.probes[0];
     }
     -reaction / (scene.skins[0].size[0] * scene.skins[0].size[1])
