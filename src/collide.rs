@@ -359,7 +359,7 @@ const BEVEL: f64 = 0.25;
 /// way: they are pushed no faster than the bevel opens them as the blade goes on, by the blade's half thickness in all. A wall that has
 /// passed the blade's middle plane is let go. (Following it instead, from step to step, threw the blade in 5 of 12 random cuts right through:
 /// walls that a cut has just made stand anywhere, and what has passed pulls the two flats of a blade against each other. Pushed out in
-/// one step, walls on held nodes took 31 N.)
+/// one step, walls took 0.63 N instead of 0.335 in the incision on 12 cells, and peaks were 20 % apart by rounding.)
 fn flat_contact(
     tool: &Instrument,
     edge: &Edge,
