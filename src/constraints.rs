@@ -103,7 +103,7 @@ pub struct Residual {
     pub gap: f64,
     /// `Σ c F²`, N·m.
     pub energy: f64,
-    /// Contacts without compliance, whose force is 0.
+    /// Contacts of which a row that could bear a force has no compliance; its force is 0.
     pub dropped: u32,
 }
 
@@ -171,8 +171,12 @@ fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64)
     for (contact, law) in laws.iter().enumerate() {
         let first = 3 * contact;
         let c = scales(law, w, force.len(), first, floor).map(|c| share * c);
-        let tied = matches!(law, Law::Hold { .. }); // what is held already needs no tie
-        found.dropped += u32::from(!tied && c.contains(&0.0));
+        let bears = match law {
+            Law::Coulomb { friction: 0.0, .. } => 1,
+            Law::Coulomb { .. } | Law::Cut { .. } => 3,
+            Law::Hold { .. } => 0, // what is held already needs no tie
+        };
+        found.dropped += u32::from(c[..bears].contains(&0.0));
         let aim = [0, 1, 2].map(|k| aim(w, free, force, first + k, c[k]));
         let held = law.project(aim);
         for k in 0..3 {

@@ -28,11 +28,19 @@ pub enum Role {
     Axis,
     /// Corner of a box.
     Corner,
-    /// One side of the blade, at half its thickness from the sample; `side` is ±1 along the blade's normal.
-    Flat {
-        /// ±1
-        side: f64,
-    },
+    /// A place of one side of the blade; the sample lies in the blade's middle plane.
+    Flat(Flat),
+}
+
+/// A place of a blade's side.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flat {
+    /// ±1 along the blade's normal.
+    pub side: f64,
+    /// How far it is behind the edge, m.
+    pub behind: f64,
+    /// Length along the edge that it stands for, m.
+    pub length: f64,
 }
 
 /// A point of the tool that can touch the skin.
@@ -81,6 +89,8 @@ pub struct Instrument {
     pub round: Option<Round>,
     /// Half edges of a box, m.
     pub cuboid: Option<DVec3>,
+    /// Radius of its contact points: a force on one is spread over a disc as under a flat punch, m; 0 of points without extent.
+    pub tip_radius: f64,
     /// No hand holds it.
     pub free: bool,
     /// What pulls at its mass, m/s²: gravity, or nothing where the hand carries the weight.
@@ -175,6 +185,7 @@ impl Instrument {
             edge,
             round: tool.round,
             cuboid,
+            tip_radius: tool.tip_radius,
             free: tool.free.is_some(),
             gravity: if tool.free.is_some() { DVec3::from_array(gravity) } else { DVec3::ZERO },
             lines: tool.lines.clone().map(Arc::new),
@@ -298,7 +309,8 @@ impl Edge {
                 let s = (column as f64 + 0.5) * blade.flat_spacing;
                 let position = points[0] + along * s - forward * behind;
                 for side in [1.0, -1.0] {
-                    samples.push(Sample { position, role: Role::Flat { side } });
+                    samples
+                        .push(Sample { position, role: Role::Flat(Flat { side, behind, length: blade.flat_spacing }) });
                 }
             }
         }
@@ -327,6 +339,7 @@ mod tests {
                     depth: 2e-3,
                 }),
                 points: vec![],
+                tip_radius: 0.0,
                 round: None,
                 lines: None,
                 cuboid: None,

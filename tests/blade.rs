@@ -6,7 +6,8 @@
 mod blade;
 
 use blade::{Case, Kind};
-use cutis::collide::{Contact, Patch, Search, contacts};
+use cutis::collide::{Contact, Patch, Resistance, Search, contacts};
+use cutis::constraints::Law;
 use cutis::instrument::Instrument;
 use cutis::mesh::Quad;
 use cutis::scene::Filter;
@@ -25,26 +26,35 @@ fn walls(at: &[(f64, f64)]) -> (Vec<Quad>, Vec<DVec3>) {
     (quads, places)
 }
 
-/// Contacts of a blade's flats at the origin, in a step in which it goes on so far, m, with walls, and where on the walls they are.
-fn flats(at: &[(f64, f64)], travel: f64) -> Vec<(Contact, DVec3)> {
+/// Contacts of a blade's flats at the origin, in a step in which it goes on so far, m, with walls of cells of a size, m, and where on
+/// the walls they are.
+fn flats(at: &[(f64, f64)], travel: f64, cell: f64) -> Vec<(Contact, DVec3)> {
     let mut scene = Case::new(Kind::Straight, 0).scene;
     scene.tools[0].trajectory[0].position = [10e-3, 0.0, 12e-3]; // the middle of its edge at the origin
     scene.tools[0].trajectory[0].rotation = [0.0, 0.0, 0.0, 1.0];
     let mut tool = Instrument::new(&scene.tools[0], [0.0; 3]);
-    tool.samples.retain(|sample| matches!(sample.role, cutis::instrument::Role::Flat { .. }));
+    tool.samples.retain(|sample| matches!(sample.role, cutis::instrument::Role::Flat(_)));
     let (quads, places) = walls(at);
     let patch = Patch::new(&quads, |node| places[node as usize]).expect("there are walls");
     let search = Search { alarm: 2e-4, distance: 0.0, friction: 0.3, filter: Filter::Points, angle_cone: 0.0 };
-    let found = contacts((0, &tool), (0, &patch), &search, travel, |_| 0.0, |_| None);
-    let place = |contact: &Contact| {
-        let spot = contact.spots[1];
-        spot.nodes.iter().zip(spot.weights).map(|(node, weight)| places[*node as usize] * weight).sum()
-    };
-    found.into_iter().map(|contact| (contact, place(&contact))).collect()
+    let found = contacts(
+        (0, &tool),
+        (0, &patch),
+        &search,
+        travel,
+        |_| Resistance { edge: 0.0, splitting: SPLITTING, cell },
+        |_| None,
+    );
+    let place =
+        |contact: &Contact| contact.spots[1].0.iter().map(|(node, weight)| places[*node as usize] * *weight).sum();
+    found.into_iter().map(|contact| (contact.clone(), place(&contact))).collect()
 }
 
-/// Half of the blade's thickness, m.
-const HALF: f64 = 2e-4;
+/// Half of the blade's thickness half a millimetre behind its edge, where the flats' samples are: a quarter of that, m.
+const HALF: f64 = 1.25e-4;
+
+/// What splits the tissue, N/m^1.5.
+const SPLITTING: f64 = 1e3;
 
 /// So far that the bevel opens a cut by all of the blade's thickness, m.
 const FAR: f64 = 1e-3;
@@ -52,27 +62,43 @@ const FAR: f64 = 1e-3;
 #[test]
 fn a_flat_touches_the_wall_beside_it() {
     // walls far away come first in the list: they are no flat's business
-    let found = flats(&[(4e-3, -1.0), (-4e-3, 1.0), (3e-4, -1.0), (-1e-4, 1.0)], FAR);
+    let found = flats(&[(4e-3, -1.0), (-4e-3, 1.0), (3e-4, -1.0), (-1e-4, 1.0)], FAR, 0.0);
     assert_eq!(found.len(), 10, "two sides of five samples");
     for (contact, place) in found {
         let wall = if contact.axes[0].y < 0.0 { 3e-4 } else { -1e-4 };
         assert!((place.y - wall).abs() < 1e-12, "on a wall at {} instead of {wall}", place.y);
         assert!((contact.gap[0] - (wall.abs() - HALF)).abs() < 1e-12, "a gap of {}", contact.gap[0]);
+        // a millimetre of flat, half a millimetre behind the edge
+        let bears = SPLITTING * 5e-4f64.sqrt() * 1e-3;
+        let bound = match contact.law {
+            Law::Coulomb { bound, .. } => bound,
+            law => panic!("{law:?}"),
+        };
+        assert!((bound / bears - 1.0).abs() < 1e-9, "bears {bound} N instead of {bears} N");
         assert!((place - contact.point).cross(DVec3::Y).length() < 1e-12, "the contact is not beside its sample");
     }
 }
 
 #[test]
 fn a_flat_touches_nothing_through_tissue_or_out_of_reach() {
-    assert!(flats(&[(1e-3, -1.0), (-1e-3, 1.0)], 0.0).is_empty(), "out of reach");
+    assert!(flats(&[(1e-3, -1.0), (-1e-3, 1.0)], 0.0, 0.0).is_empty(), "out of reach");
     // seen from inside: a surface that turns its back, and the far side of the tissue behind it
-    assert!(flats(&[(1e-4, 1.0), (3e-4, -1.0)], FAR).is_empty());
+    assert!(flats(&[(1e-4, 1.0), (3e-4, -1.0)], FAR, 0.0).is_empty());
 }
 
 #[test]
 fn a_wall_in_the_blade_is_pushed_as_the_bevel_opens_it() {
-    for (travel, y, gap) in [(0.0, 5e-5, 0.0), (4e-4, 5e-5, -1e-4), (FAR, 5e-5, -1.5e-4), (FAR, 1e-6, -1.99e-4)] {
-        let found = flats(&[(y, -1.0), (-y, 1.0)], travel);
+    let cases = [
+        (0.0, 5e-5, 0.0, 0.0),
+        (2e-4, 5e-5, 0.0, -5e-5),
+        (FAR, 5e-5, 0.0, -7.5e-5),
+        (FAR, 1e-6, 0.0, -1.24e-4),
+        // nearer to the front than a cell the blade is that much thinner, and has no thickness within the first cell
+        (FAR, 1e-6, 3e-4, -4.9e-5),
+        (FAR, 1e-6, 8e-4, 1e-6),
+    ];
+    for (travel, y, cell, gap) in cases {
+        let found = flats(&[(y, -1.0), (-y, 1.0)], travel, cell);
         assert_eq!(found.len(), 10);
         for (contact, _) in found {
             assert!((contact.gap[0] - gap).abs() < 1e-12, "{} instead of {gap}", contact.gap[0]);

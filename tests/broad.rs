@@ -1,7 +1,7 @@
 //! The broad phase against brute force: no face that is near may be missed, whatever the skin does.
 
 use cutis::collide::broad::Boxes;
-use cutis::collide::{Contact, Patch, Search, contacts, tool_box};
+use cutis::collide::{Contact, Patch, Resistance, Search, contacts, tool_box};
 use cutis::instrument::Instrument;
 use cutis::kernels::bounds;
 use cutis::math::V4;
@@ -103,6 +103,9 @@ fn within_reach(skin: &Skin, area: &Aabb, reach: f64) -> Vec<Quad> {
     skin.surface.all().into_iter().filter(|q| Aabb::from_points(rest(q)).intersects(&wide)).collect()
 }
 
+/// Nothing is cut.
+const BEARS: Resistance = Resistance { edge: 0.0, splitting: 0.0, cell: 0.0 };
+
 /// A tool of blunt points in its own frame, at a place.
 fn tool(at: DVec3, points: Vec<[f64; 3]>) -> Instrument {
     let tool = Tool {
@@ -112,6 +115,7 @@ fn tool(at: DVec3, points: Vec<[f64; 3]>) -> Instrument {
         inertia: [1e-6; 3],
         blade: None,
         points,
+        tip_radius: 0.0,
         round: None,
         lines: None,
         cuboid: None,
@@ -129,7 +133,7 @@ const MARGIN: f64 = SEARCH.alarm + SEARCH.distance + TRAVEL;
 
 fn contacts_with(skin: &Skin, tool: &Instrument, faces: &[Quad]) -> Vec<Contact> {
     let patch = Patch::new(faces, |id| skin.at(id));
-    patch.map_or(vec![], |patch| contacts((0, tool), (0, &patch), &SEARCH, TRAVEL, |_| 0.0, |_| None))
+    patch.map_or(vec![], |patch| contacts((0, tool), (0, &patch), &SEARCH, TRAVEL, |_| BEARS, |_| None))
 }
 
 /// Lengths in f32 are known to this within the few centimetres that a body and its displacements span, m: 2⁻²⁴ × 0.1 m, a few times.

@@ -59,6 +59,7 @@ fn tool(places: &[[f64; 3]], segments: &[[u32; 2]], radius: f64) -> (Instrument,
             inertia: [1e-6; 3],
             blade: None,
             points: vec![],
+            tip_radius: 0.0,
             round: None,
             cuboid: None,
             free: None,
@@ -88,8 +89,7 @@ fn found(patch: &Patch, places: &[[f64; 3]], segments: &[[u32; 2]]) -> Vec<Conta
 
 /// Nodes of a contact that bear something, with their weights, in rising order.
 fn bearing(contact: &Contact) -> Vec<(u32, f64)> {
-    let mut list: Vec<(u32, f64)> =
-        contact.spots[1].nodes.into_iter().zip(contact.spots[1].weights).filter(|n| n.1 != 0.0).collect();
+    let mut list: Vec<(u32, f64)> = contact.spots[1].0.clone();
     list.sort_by_key(|n| n.0);
     list
 }
@@ -284,9 +284,7 @@ fn a_probe_along_a_curved_skin_keeps_few_contacts() {
 
 /// Everything that contacts say, bit for bit.
 fn said(list: &[Contact]) -> Vec<String> {
-    list.iter()
-        .map(|c| format!("{:?} {:?} {:?} {:?} {:?}", c.id(), c.spots[1].nodes, c.spots[1].weights, c.axes, c.gap[0]))
-        .collect()
+    list.iter().map(|c| format!("{:?} {:?} {:?} {:?}", c.id(), c.spots[1], c.axes, c.gap[0])).collect()
 }
 
 /// Waves of heights up to 0.3 mm, and a wire near them.

@@ -25,7 +25,7 @@ const FACING: f64 = 0.1;
 fn contact(on: [Who; 2], feature: usize, point: DVec3, normal: DVec3, gap: f64, search: &Search) -> Contact {
     Contact {
         on,
-        spots: [Spot::default(); 2],
+        spots: [Spot::default(), Spot::default()],
         feature,
         point,
         axes: frame(normal),
@@ -49,7 +49,7 @@ pub fn with_plane(
             Role::Axis => tool.round.map_or(0.0, |round| round.radius),
             Role::Point => tool.lines.as_ref().map_or(0.0, |lines| lines.radius),
             Role::Corner | Role::Edge { .. } => 0.0,
-            Role::Flat { .. } => return None,
+            Role::Flat(_) => return None,
         };
         let point = tool.at(sample.position) - normal * radius;
         let gap = normal.dot(point - through);

@@ -11,17 +11,12 @@ use glam::DVec3;
 use parry3d::shape::{TriMesh, TriMeshFlags};
 
 impl Spot {
-    /// A place of a triangle of three nodes.
-    pub fn on_triangle([a, b, c]: [u32; 3], [u, v, w]: [f64; 3]) -> Self {
-        Self { nodes: [a, b, c, c], weights: [u, v, w, 0.0] }
-    }
-
     /// A place of the `sector`-th triangle of a face about its centre: between the corners `sector` and the next, and the centre.
     fn on_sector(nodes: [u32; 4], sector: usize, [u, v, w]: [f64; 3]) -> Self {
         let mut weights = [0.25 * w; 4];
         weights[sector] += u;
         weights[(sector + 1) % 4] += v;
-        Self { nodes, weights }
+        Self(nodes.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0).collect())
     }
 }
 

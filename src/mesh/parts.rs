@@ -141,7 +141,7 @@ impl Parts {
     }
 
     /// The neighbour beyond along an axis.
-    fn beyond(&self, cell: usize, axis: usize) -> Option<usize> {
+    pub fn beyond(&self, cell: usize, axis: usize) -> Option<usize> {
         let p = &self.params;
         let mut at = p.cell_at(cell);
         at[axis] += 1;

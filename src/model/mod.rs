@@ -23,7 +23,7 @@ use crate::kernels::{GROUP, Params};
 use crate::math::elementary::sin_cos;
 use crate::math::{M3, Real, V4};
 use crate::mesh::Grid;
-use crate::scene::{Anchor, Cut, Element, Law, Load, MOST_NODES, Mass, Preconditioner, Region, Scene, Skin};
+use crate::scene::{Anchor, Cut, Element, Law, Layer, Load, MOST_NODES, Mass, Preconditioner, Region, Scene, Skin};
 
 /// Layers that one uniform binding of element matrices holds (64 KiB of core WebGPU / 3 KiB each).
 pub const MAX_LAYERS: usize = 21;
@@ -61,6 +61,10 @@ pub struct Model {
     pub held: Vec<[f64; 3]>,
     /// `[layer]` J/m²
     pub toughness: Vec<f64>,
+    /// `[layer]` `√(π E′ G / 2)`, N/m^1.5, with the toughness `G` and `E′ = E/(1 − ν²)`: a pair of forces per length that wedges a crack open
+    /// at a distance `d` behind its front makes it run on by itself at `√d` times this. Springs have no such modulus: infinite.
+    /// Source: Tada, Paris, Irwin, The Stress Analysis of Cracks Handbook, `K = 2P/√(2πd)`.
+    pub splitting: Vec<f64>,
     /// Columns of copies that a cut may split nodes into ([`crate::kernels::split`]).
     pub extra_columns: usize,
     /// Step, gravity, damping, preconditioner.
@@ -107,6 +111,17 @@ fn reserve(scene: &Scene, skin: &Skin) -> usize {
     match (skin.cut, skin.law) {
         (Cut::Split { reserve_columns }, Law::Fem { .. }) if blade => reserve_columns as usize,
         _ => 0,
+    }
+}
+
+/// See [`Model::splitting`].
+fn splitting(law: Law, layer: &Layer) -> f64 {
+    match law {
+        Law::Springs { .. } => f64::INFINITY,
+        _ => {
+            let modulus = layer.young / (1.0 - layer.poisson * layer.poisson);
+            (std::f64::consts::FRAC_PI_2 * modulus * layer.toughness).sqrt()
+        }
     }
 }
 
@@ -231,6 +246,7 @@ impl Model {
             held,
             extra_columns,
             toughness: skin.layers.iter().map(|l| l.toughness).collect(),
+            splitting: skin.layers.iter().map(|l| splitting(skin.law, l)).collect(),
             step,
             grid,
         })

@@ -110,6 +110,7 @@ impl Collector {
             self.peak_time = step.time;
         }
         r.cut.opening_mm_max = r.cut.opening_mm_max.max(step.opening * 1e3);
+        r.cut.overlap_mm_max = r.cut.overlap_mm_max.max(step.overlap * 1e3);
         for (name, count) in &step.warnings {
             *r.warnings.entry((*name).to_string()).or_default() += u64::from(*count);
         }

@@ -216,6 +216,8 @@ pub struct CutReport {
     pub depth_mm: f64,
     /// Widest parting of the lips near the tool during the run, beyond the width of removed bricks.
     pub opening_mm_max: f64,
+    /// Deepest overlap of the lips during the run.
+    pub overlap_mm_max: f64,
 }
 
 /// Bytes of arrays.

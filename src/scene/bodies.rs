@@ -92,6 +92,7 @@ fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Vec<At<String>
         inertia,
         blade: None,
         points: vec![],
+        tip_radius: 0.0,
         round,
         lines: None,
         cuboid,

@@ -244,6 +244,7 @@ pub(super) struct Tool {
     pub mass_g: At<f64>,
     pub inertia_g_mm2: Numbers,
     pub points_mm: Option<Points>,
+    pub tip_radius_mm: Option<At<f64>>,
     pub trajectory: Option<At<String>>,
     pub path_mm: Option<Points>,
     pub coupling: Option<Table<Coupling>>,

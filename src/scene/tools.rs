@@ -42,6 +42,7 @@ fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>)
     let lines = raw.lines.as_ref().map(|table| lines(scene, files, &table.keys)).transpose()?;
     alone(scene, &raw)?;
     let points = raw.points_mm.as_ref().map(|points| scene.points("points_mm", points, MM));
+    let tip_radius = tip_radius(scene, &raw)?;
     let trajectory = hand(scene, files, &raw, at.clone())?;
     let mesh = match (&raw.mesh, &round) {
         (None, Some(round)) => {
@@ -57,6 +58,7 @@ fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>)
         inertia: scene.vector("inertia_g_mm2", &raw.inertia_g_mm2, G_MM2, Bound::Positive)?,
         blade: raw.blade.map(|table| blade(scene, table.keys)).transpose()?,
         points: points.transpose()?.unwrap_or_default(),
+        tip_radius,
         round,
         lines,
         cuboid: None,
@@ -81,6 +83,14 @@ fn alone(scene: &SceneText, raw: &raw::Tool) -> Result<()> {
         Some((key, span)) => Err(Error::NeedlessKey { at: scene.place(span), key, why }),
         None => Ok(()),
     }
+}
+
+/// Radius of the tool's points, m.
+fn tip_radius(scene: &SceneText, raw: &raw::Tool) -> Result<f64> {
+    if raw.points_mm.is_none() {
+        scene.needless("tip_radius_mm", &raw.tip_radius_mm, "there is no `points_mm`")?;
+    }
+    scene.number("tip_radius_mm", &or(raw.tip_radius_mm.clone(), 0.0), MM, Bound::NotNegative)
 }
 
 /// The mesh file of a tool.

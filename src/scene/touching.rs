@@ -17,6 +17,8 @@ pub struct Tool {
     pub blade: Option<Blade>,
     /// Points of the tool (tool frame, m) that touch the skin and do not cut.
     pub points: Vec<[f64; 3]>,
+    /// Radius of a disc that a force on one of the points is spread over, m; 0 for points without extent, whose force falls with the cells.
+    pub tip_radius: f64,
     /// The whole surface, for tools that are a sphere or a capsule; such a tool has neither blade nor points.
     pub round: Option<Round>,
     /// Points and segments, for tools that touch with those alone; such a tool has neither blade nor points, and is not round.

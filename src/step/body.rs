@@ -5,7 +5,8 @@ use super::start::{check_step, needs, slots, start};
 use super::{Measured, Place, StepReport};
 use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
 use crate::collide::broad::Boxes;
-use crate::collide::{self, Aabb, Patch};
+use crate::collide::lips::Lips;
+use crate::collide::{self, Aabb, Patch, Resistance};
 use crate::cut::{Totals, Wound};
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -37,6 +38,8 @@ pub struct Body {
     pub(super) looseness: f64,
     /// Nodes that its compliance is remembered of at most.
     pub(super) near: usize,
+    /// The lips of its wound.
+    pub(super) lips: Vec<Lips>,
     /// Nodes of the scene's ties.
     pub(super) tied: Vec<u32>,
     /// Some of its nodes, or what a solve of the present step has found for them, are non-finite.
@@ -151,6 +154,7 @@ impl Body {
             loaded: false,
             looseness,
             near: needs.near,
+            lips: vec![],
             tied: vec![],
             lost: false,
             model,
@@ -206,7 +210,7 @@ impl Body {
         self.boxes.faces(&self.model.grid, &self.wound.surface, &collide::moved(area, -self.place()))
     }
 
-    /// Reads back where the corners of these faces, and the nodes of the ties, are; the first `patched` lists of faces are made patches of,
+    /// Reads back where the corners of these faces, the nodes of the ties and of the wound's lips, are; the first `patched` lists of faces are made patches of,
     /// those that `about_centres` names of four triangles a face.
     pub(super) fn locate(&mut self, faces: Vec<Vec<Quad>>, patched: usize, about_centres: &[bool]) -> Result<()> {
         let mut corners: Vec<u32> = faces.iter().flatten().flat_map(|q| q.nodes).collect();
@@ -215,6 +219,7 @@ impl Body {
         let parts = &self.wound.surface.parts;
         let moving: Vec<Corner> = corners.iter().map(|n| parts.corner(&self.model.grid, *n as usize)).collect();
         let mut nodes = self.tied.clone();
+        nodes.extend(self.lips.iter().flatten().flatten());
         nodes.extend(moving.iter().flat_map(|corner| corner.nodes));
         nodes.sort_unstable();
         nodes.dedup();
@@ -236,10 +241,12 @@ impl Body {
         Ok(())
     }
 
-    /// Force per length of edge that the tissue of a cell bears, N/m.
-    pub(super) fn resistance(&self, cell: u32) -> f64 {
+    /// What the tissue of a cell bears of a blade.
+    pub(super) fn resistance(&self, cell: u32) -> Resistance {
         let level = self.model.grid.params::<f64>().cell_at(cell as usize)[2];
-        self.model.toughness[self.model.grid.layer_of[level] as usize]
+        let layer = self.model.grid.layer_of[level] as usize;
+        let [x, y] = self.model.grid.edge;
+        Resistance { edge: self.model.toughness[layer], splitting: self.model.splitting[layer], cell: x.max(y) }
     }
 
     /// Where the surface's corner at a node that was located is, m: beside the node in a wound ([`crate::mesh::Corner`]).

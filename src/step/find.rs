@@ -1,7 +1,7 @@
 //! What touches what at a step's start, and the ties that hold all the time.
 
 use super::{Body, Simulation, StepReport};
-use crate::collide::{self, Aabb, Contact, Patch, Search, Spot, bodies, features, round};
+use crate::collide::{self, Aabb, Contact, Patch, Search, Spot, bodies, features, lips, round};
 use crate::constraints::Law;
 use crate::error::{Error, Result};
 use crate::instrument::{Free, Instrument};
@@ -28,7 +28,7 @@ impl Tie {
     pub fn note(&self, bodies: &mut [Body], tied: &mut BTreeSet<(Who, usize, u32)>) {
         for side in 0..2 {
             if let Who::Skin(number) = self.contact.on[side] {
-                bodies[number].tied.extend(self.contact.spots[side].nodes);
+                bodies[number].tied.extend(self.contact.spots[side].0.iter().map(|(node, _)| *node));
                 tied.extend(held_nodes(&self.contact, side).map(|node| (self.contact.on[1 - side], number, node)));
             }
         }
@@ -65,9 +65,27 @@ impl Simulation {
             found.truncate(most);
         }
         report.contact.depth = found.iter().map(|c| -c.gap[0]).fold(0.0, f64::max);
+        found.extend(self.lips_contacts(&search, most, report));
         found.sort_by_key(Contact::id);
         found.extend(self.ties.iter().map(|tie| self.tied(tie)));
         Ok(found)
+    }
+
+    /// Contacts of the lips of wounds, of each body at most as many as a scene has contacts: those that overlap most come first.
+    fn lips_contacts(&self, search: &Search, most: usize, report: &mut StepReport) -> Vec<Contact> {
+        let mut out = vec![];
+        for (number, body) in self.bodies.iter().enumerate() {
+            let position = |id: u32| body.node_position(id);
+            let free = |id: u32| body.wound.free[id as usize][..3].iter().all(|axis| *axis != 0.0);
+            // what may come near in the step by the body's own motion
+            let mut found = lips::contacts(number, &body.lips, position, free, search.alarm + body.travel);
+            let overlaps: Vec<f64> = found.iter().map(|c| -c.gap[0]).filter(|overlap| *overlap > 0.0).collect();
+            report.overlap = overlaps.iter().copied().fold(report.overlap, f64::max);
+            report.warn("contacts_dropped", overlaps.len().saturating_sub(most) as u32);
+            found.truncate(most);
+            out.extend(found);
+        }
+        out
     }
 
     /// Leaves out contacts deeper inside than the last step's motion can have brought their sample: nothing gets inside skin but through
@@ -239,12 +257,15 @@ impl Simulation {
 
     /// A tie's rows as the bodies are now.
     fn tied(&self, tie: &Tie) -> Contact {
-        let mut contact = tie.contact;
+        let mut contact = tie.contact.clone();
         let place = |side: usize| match contact.on[side] {
             Who::Skin(body) => {
                 // nodes, not corners of the surface: what a tie holds does not move beside them when it is cut
-                let spot = &contact.spots[side];
-                (0..4).map(|k| self.bodies[body].node_position(spot.nodes[k]) * spot.weights[k]).sum()
+                contact.spots[side]
+                    .0
+                    .iter()
+                    .map(|(node, weight)| self.bodies[body].node_position(*node) * *weight)
+                    .sum()
             }
             Who::Rigid(number) => self.tools[number].at(tie.anchor),
             Who::Plane(_) | Who::Place => tie.anchor,
@@ -258,8 +279,7 @@ impl Simulation {
 
 /// Nodes that a contact acts on, on one of its sides.
 fn held_nodes(contact: &Contact, side: usize) -> impl Iterator<Item = u32> {
-    let Spot { nodes, weights } = contact.spots[side];
-    (0..4).filter(move |k| weights[*k] != 0.0).map(move |k| nodes[k])
+    contact.spots[side].0.iter().map(|(node, _)| *node)
 }
 
 /// The ties of a scene, from the bodies at rest.

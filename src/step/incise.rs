@@ -11,7 +11,7 @@
 
 use super::body::{Body, Located};
 use super::{Simulation, StepReport};
-use crate::collide::Contact;
+use crate::collide::{Contact, lips};
 use crate::constraints::Law;
 use crate::cut::Wound;
 use crate::error::Result;
@@ -174,6 +174,7 @@ impl Body {
         let removal = self.wound.apply(&self.model, hits);
         let severed = (count(&self.wound) - before) as u32;
         if severed > 0 {
+            self.lips = lips::faces(&self.wound.surface.parts);
             self.compliance.forget(removal.free.iter().map(|(node, _)| *node));
             self.backend.remove(&removal)?;
             self.loaded = false;

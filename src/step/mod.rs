@@ -80,6 +80,8 @@ pub struct StepReport {
     pub severed: u32,
     /// Widest parting of the lips of the wound near the tool, m.
     pub opening: f64,
+    /// Deepest overlap of the lips of the wound at the step's start, m.
+    pub overlap: f64,
     /// Probe values, in the scene's order, SI.
     pub probes: Vec<f64>,
     /// Trouble in this step.
@@ -106,6 +108,7 @@ impl StepReport {
         self.at_floor &= before.at_floor;
         self.severed += before.severed;
         self.opening = self.opening.max(before.opening);
+        self.overlap = self.overlap.max(before.overlap);
         let (old, new) = (&before.contact, &mut self.contact);
         new.passes = new.passes.max(old.passes);
         new.columns += old.columns;

@@ -13,6 +13,10 @@ use std::collections::BTreeMap;
 /// Signs of the two bodies of a contact.
 const SIGN: [f64; 2] = [1.0, -1.0];
 
+/// Two places of one body give against each other at least this share of what they give each for itself. What a flap's lips move together is
+/// thousands of times what parts them, and the difference of columns that are loose and aged may be negative; passes take the true one.
+const APART: f64 = 1e-3;
+
 /// See the module.
 pub(super) struct Rows<'a> {
     pub contacts: &'a [Contact],
@@ -36,7 +40,7 @@ impl<'a> Rows<'a> {
         self.contacts[row / 3].axes[row % 3]
     }
 
-    /// Sign and place of a body in a row's contact.
+    /// Sign and place of a rigid body in a row's contact.
     pub fn side(&self, row: usize, who: Who) -> Option<(f64, usize)> {
         let side = self.contacts[row / 3].on.iter().position(|on| *on == who)?;
         Some((SIGN[side], side))
@@ -56,7 +60,7 @@ impl<'a> Rows<'a> {
             .iter()
             .flat_map(|c| c.on.iter().zip(&c.spots))
             .filter(|(on, _)| **on == Who::Skin(body))
-            .flat_map(|(_, spot)| spot.nodes)
+            .flat_map(|(_, spot)| spot.0.iter().map(|(node, _)| *node))
             .collect();
         nodes.sort_unstable();
         nodes.dedup();
@@ -79,10 +83,7 @@ impl<'a> Rows<'a> {
                     let (shift, turn) = rigid(number);
                     axis.dot(shift) + self.arms[row / 3][side].cross(axis).dot(turn)
                 }
-                Who::Skin(body) => {
-                    let spot = &c.spots[side];
-                    (0..4).map(|k| spot.weights[k] * axis.dot(node(body, spot.nodes[k]))).sum()
-                }
+                Who::Skin(body) => c.spots[side].0.iter().map(|(id, weight)| weight * axis.dot(node(body, *id))).sum(),
                 Who::Plane(_) | Who::Place => 0.0,
             };
             sum += SIGN[side] * moved;
@@ -94,10 +95,11 @@ impl<'a> Rows<'a> {
     pub fn on_nodes(&self, body: usize, lambda: &[f64]) -> Vec<(u32, [f64; 3])> {
         let mut sum: BTreeMap<u32, DVec3> = BTreeMap::new();
         for (row, force) in lambda.iter().enumerate() {
-            if let Some((sign, side)) = self.side(row, Who::Skin(body)) {
-                let spot = &self.contacts[row / 3].spots[side];
-                for k in 0..4 {
-                    *sum.entry(spot.nodes[k]).or_default() += self.axis(row) * (sign * spot.weights[k] * force);
+            let contact = &self.contacts[row / 3];
+            // both sides: the lips of a wound are of one body
+            for side in (0..2).filter(|side| contact.on[*side] == Who::Skin(body)) {
+                for (node, weight) in &contact.spots[side].0 {
+                    *sum.entry(*node).or_default() += self.axis(row) * (SIGN[side] * weight * force);
                 }
             }
         }
@@ -136,6 +138,7 @@ impl<'a> Rows<'a> {
     fn block(&self, i: usize, j: usize, between: &dyn Fn(usize, u32, u32) -> DMat3, free: &[Free]) -> [[f64; 3]; 3] {
         let (a, b) = (&self.contacts[i], &self.contacts[j]);
         let mut sum = [[0.0; 3]; 3];
+        let mut whole = [0.0; 3]; // what the sides give each for itself
         for (s, t) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             if a.on[s] != b.on[t] {
                 continue;
@@ -151,20 +154,22 @@ impl<'a> Rows<'a> {
                     }
                 }
                 Who::Skin(body) => {
-                    let (p, q) = (&a.spots[s], &b.spots[t]);
                     let mut give = DMat3::ZERO;
-                    for (k, l) in (0..16).map(|n| (n / 4, n % 4)) {
-                        let weight = p.weights[k] * q.weights[l];
-                        if weight != 0.0 {
-                            give += between(body, p.nodes[k], q.nodes[l]) * weight;
+                    for (p, here) in &a.spots[s].0 {
+                        for (q, there) in &b.spots[t].0 {
+                            give += between(body, *p, *q) * (here * there);
                         }
                     }
                     for (m, n) in (0..9).map(|n| (n / 3, n % 3)) {
                         sum[m][n] += sign * b.axes[n].dot(give * a.axes[m]);
+                        whole[m] += if m == n && s == t { b.axes[n].dot(give * a.axes[m]) } else { 0.0 };
                     }
                 }
                 Who::Plane(_) | Who::Place => {}
             }
+        }
+        if i == j && a.on[0] == a.on[1] {
+            (0..3).for_each(|m| sum[m][m] = sum[m][m].max(APART * whole[m]));
         }
         sum
     }

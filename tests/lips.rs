@@ -1,0 +1,90 @@
+//! The lips of a wound do not pass through each other.
+
+use cutis::collide::lips::{contacts, faces};
+use cutis::mesh::Surface;
+use cutis::model::Model;
+use cutis::scene::Scene;
+use cutis::step::{Place, Simulation};
+use glam::DVec3;
+use std::path::Path;
+
+/// Skin that is drawn by so much, or pressed, on 12 × 12 cells, cut as the incision scene cuts.
+fn incision(strain: f64) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/incision.toml");
+    let mut scene = cutis::scene::read(&path).unwrap_or_else(|e| panic!("{e}"));
+    scene.skins[0].cells = [12, 12];
+    scene.skins[0].layers[1..].iter_mut().for_each(|layer| layer.pre_strain = [strain; 2]);
+    scene
+}
+
+/// How far the lips part and overlap while the skin is cut and after, m.
+fn cut(scene: &Scene) -> [f64; 2] {
+    let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+    let (mut widest, mut deepest, mut severed) = (0.0f64, 0.0f64, 0);
+    for _ in 0..220 {
+        let report = simulation.step(false).expect("the CPU path has no device to fail");
+        assert!(report.warnings.is_empty(), "at {} s: {:?}", report.time, report.warnings);
+        (widest, deepest, severed) =
+            (widest.max(report.opening), deepest.max(report.overlap), severed + report.severed);
+    }
+    assert!(severed > 15, "{severed} links: there is hardly a wound");
+    [widest, deepest]
+}
+
+#[test]
+fn pressed_skin_closes_its_wound_and_no_further() {
+    let [gape, none] = cut(&incision(0.08));
+    let [_, overlap] = cut(&incision(-0.08));
+    println!("drawn: {gape} m apart; pressed: {overlap} m through each other");
+    assert!(gape > 2e-4 && none < 1e-8, "drawn skin gapes: {gape} m, overlap {none} m");
+    // but for contact, pressed lips would overlap as far as drawn ones part
+    assert!(overlap > 0.0, "the lips never met");
+    assert!(overlap < 0.02 * gape, "{overlap} m through each other, {gape} m apart when drawn");
+}
+
+/// A grid with one cut face of links between two cells along an axis, and nodes beyond it moved.
+fn parted(axis: usize, motion: DVec3) -> (Vec<f64>, Vec<DVec3>) {
+    let scene = incision(0.0);
+    let model = Model::new(&scene, 0).unwrap_or_else(|e| panic!("{e}"));
+    let params = model.params();
+    let mut surface = Surface::with_reserve(params);
+    // a whole patch of links, so that the nodes inside of it come apart
+    let at = |u: usize, v: usize| {
+        let mut cell = [5, 5, 1];
+        cell[(axis + 1) % 3] += u;
+        cell[(axis + 2) % 3] += v;
+        (3 * params.cell_id(cell) as u32 + axis as u32, 0.5)
+    };
+    let change = surface.parts.cut(&[at(0, 0), at(0, 1), at(1, 0), at(1, 1)]);
+    assert_eq!(change.refused, 0);
+    let lips = faces(&surface.parts);
+    assert_eq!(lips.len(), 4);
+    let beyond: Vec<u32> = lips.iter().flat_map(|pair| pair[1]).collect();
+    let before: Vec<u32> = lips.iter().flat_map(|pair| pair[0]).collect();
+    let position = |node: u32| {
+        let rest = DVec3::from_array(model.rest[surface.parts.original(node as usize)]);
+        // the front of the cut is of both sides
+        if beyond.contains(&node) && !before.contains(&node) { rest + motion } else { rest }
+    };
+    let found = contacts(0, &lips, position, |_| true, 1e-4);
+    let first_moves = |c: &cutis::collide::Contact| beyond.contains(&c.spots[0].0[0].0);
+    let normal = |c: &cutis::collide::Contact| if first_moves(c) { c.axes[0] } else { -c.axes[0] };
+    (found.iter().map(|c| c.gap[0]).collect(), found.iter().map(normal).collect())
+}
+
+#[test]
+fn a_pair_of_nodes_meets_along_the_normal_of_its_faces() {
+    for axis in 0..3 {
+        let along = DVec3::AXES[axis];
+        let (gaps, normals) = parted(axis, -3e-5 * along);
+        assert!(!gaps.is_empty(), "axis {axis}: no node has come apart");
+        assert!(gaps.iter().all(|gap| (gap + 3e-5).abs() < 1e-9), "axis {axis}: {gaps:?}");
+        assert!(normals.iter().all(|n| n.dot(along) > 0.999), "axis {axis}: {normals:?}");
+        let (gaps, _) = parted(axis, 5e-5 * along);
+        assert!(!gaps.is_empty() && gaps.iter().all(|gap| (gap - 5e-5).abs() < 1e-9), "axis {axis}: {gaps:?}");
+        assert!(parted(axis, 3e-4 * along).0.is_empty(), "axis {axis}: lips that have parted touch");
+        // what has slid by more than a face no longer faces its pair
+        let aside = DVec3::AXES[(axis + 1) % 3] * 5e-3;
+        assert!(parted(axis, aside - 3e-5 * along).0.is_empty(), "axis {axis}: lips that have slid away touch");
+    }
+}
