@@ -27,7 +27,7 @@ use crate::math::larger;
 /// How the three forces of a contact are bounded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
-    /// Unilateral with a friction disc; the normal force ends at `bound` (infinite for what does not cut), N.
+    /// Unilateral with a friction disc; the normal force ends at `bound` (infinite for what neither cuts nor splits), N.
     Coulomb {
         /// μ
         friction: f64,
