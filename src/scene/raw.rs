@@ -341,4 +341,5 @@ pub(super) struct Contact {
     pub tolerance: Option<At<f64>>,
     pub column_tolerance: Option<At<f64>>,
     pub max_passes: Option<At<u32>>,
+    pub lips: Option<At<bool>>,
 }

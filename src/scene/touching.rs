@@ -201,8 +201,10 @@ pub struct Contact {
     pub filter: Filter,
     /// How far normal cones are widened: sine of the angle.
     pub angle_cone: f64,
-    /// Most contacts at a time.
+    /// Most contacts at a time, and most of the lips of each body's wound.
     pub max_contacts: u32,
+    /// The lips of a wound rest on each other; otherwise they pass through.
+    pub lips: bool,
     /// Relative residual at which the passes stop.
     pub tolerance: f64,
     /// Residual of the columns, relative.

@@ -65,7 +65,9 @@ impl Simulation {
             found.truncate(most);
         }
         report.contact.depth = found.iter().map(|c| -c.gap[0]).fold(0.0, f64::max);
-        found.extend(self.lips_contacts(&search, most, report));
+        if law.lips {
+            found.extend(self.lips_contacts(&search, most, report));
+        }
         found.sort_by_key(Contact::id);
         found.extend(self.ties.iter().map(|tie| self.tied(tie)));
         Ok(found)
