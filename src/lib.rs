@@ -34,7 +34,7 @@
 //! accurately and δ taken again until the laws hold, so λ does not depend on how loose the columns are ([`step`]). The edge of a blade is
 //! held by what the tissue bears (toughness × length); beyond that it goes on, and the links or springs that it sweeps are cut; what a held
 //! piece passes is swept when it lets go. Its flats push the walls aside with at most what would split the tissue before the edge, and the
-//! lips of a wound rest on each other where they meet ([`collide::lips`]).
+//! lips of a wound may rest on each other where they meet ([`collide::lips`]).
 //!
 //! # Cutting
 //! Nothing is removed: a blade severs links between face-neighbour cells ([`kernels::cut`]), and where the cells around a node hang together

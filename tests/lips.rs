@@ -14,6 +14,7 @@ fn incision(strain: f64) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/incision.toml");
     let mut scene = cutis::scene::read(&path).unwrap_or_else(|e| panic!("{e}"));
     scene.skins[0].cells = [12, 12];
+    scene.contact.as_mut().expect("it has a blade").lips = true;
     scene.skins[0].layers[1..].iter_mut().for_each(|layer| layer.pre_strain = [strain; 2]);
     scene
 }

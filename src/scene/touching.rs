@@ -203,7 +203,8 @@ pub struct Contact {
     pub angle_cone: f64,
     /// Most contacts at a time, and most of the lips of each body's wound.
     pub max_contacts: u32,
-    /// The lips of a wound rest on each other; otherwise they pass through.
+    /// The lips of a wound rest on each other; otherwise they pass through. Flaps that a blade drags along fold over, and the solve of their
+    /// lips may fail: for wounds of a few plain cuts.
     pub lips: bool,
     /// Relative residual at which the passes stop.
     pub tolerance: f64,
