@@ -38,6 +38,11 @@ impl Spot {
         Self(vec![(id, 1.0)])
     }
 
+    /// Its nodes.
+    pub fn nodes(&self) -> impl Iterator<Item = u32> {
+        self.0.iter().map(|(node, _)| *node)
+    }
+
     /// A place of a triangle of three nodes.
     pub fn on_triangle(nodes: [u32; 3], weights: [f64; 3]) -> Self {
         Self(nodes.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0).collect())

@@ -38,8 +38,8 @@ pub struct Body {
     pub(super) looseness: f64,
     /// Nodes that its compliance is remembered of at most.
     pub(super) near: usize,
-    /// The lips of its wound.
-    pub(super) lips: Vec<Lips>,
+    /// The lips of its wound, where they are to rest on each other.
+    pub(super) lips: Option<Vec<Lips>>,
     /// Nodes of the scene's ties.
     pub(super) tied: Vec<u32>,
     /// Some of its nodes, or what a solve of the present step has found for them, are non-finite.
@@ -154,7 +154,7 @@ impl Body {
             loaded: false,
             looseness,
             near: needs.near,
-            lips: vec![],
+            lips: scene.contact.is_some_and(|contact| contact.lips).then(Vec::new),
             tied: vec![],
             lost: false,
             model,
@@ -210,8 +210,8 @@ impl Body {
         self.boxes.faces(&self.model.grid, &self.wound.surface, &collide::moved(area, -self.place()))
     }
 
-    /// Reads back where the corners of these faces, the nodes of the ties and of the wound's lips, are; the first `patched` lists of faces are made patches of,
-    /// those that `about_centres` names of four triangles a face.
+    /// Reads back where the corners of these faces, the nodes of the ties and of the wound's lips, are; the first `patched` lists of faces
+    /// are made patches of, those that `about_centres` names of four triangles a face.
     pub(super) fn locate(&mut self, faces: Vec<Vec<Quad>>, patched: usize, about_centres: &[bool]) -> Result<()> {
         let mut corners: Vec<u32> = faces.iter().flatten().flat_map(|q| q.nodes).collect();
         corners.sort_unstable();
@@ -219,7 +219,7 @@ impl Body {
         let parts = &self.wound.surface.parts;
         let moving: Vec<Corner> = corners.iter().map(|n| parts.corner(&self.model.grid, *n as usize)).collect();
         let mut nodes = self.tied.clone();
-        nodes.extend(self.lips.iter().flatten().flatten());
+        nodes.extend(self.lips.iter().flatten().flatten().flatten());
         nodes.extend(moving.iter().flat_map(|corner| corner.nodes));
         nodes.sort_unstable();
         nodes.dedup();

@@ -28,7 +28,7 @@ impl Tie {
     pub fn note(&self, bodies: &mut [Body], tied: &mut BTreeSet<(Who, usize, u32)>) {
         for side in 0..2 {
             if let Who::Skin(number) = self.contact.on[side] {
-                bodies[number].tied.extend(self.contact.spots[side].0.iter().map(|(node, _)| *node));
+                bodies[number].tied.extend(held_nodes(&self.contact, side));
                 tied.extend(held_nodes(&self.contact, side).map(|node| (self.contact.on[1 - side], number, node)));
             }
         }
@@ -65,9 +65,7 @@ impl Simulation {
             found.truncate(most);
         }
         report.contact.depth = found.iter().map(|c| -c.gap[0]).fold(0.0, f64::max);
-        if law.lips {
-            found.extend(self.lips_contacts(&search, most, report));
-        }
+        found.extend(self.lips_contacts(&search, most, report));
         found.sort_by_key(Contact::id);
         found.extend(self.ties.iter().map(|tie| self.tied(tie)));
         Ok(found)
@@ -77,13 +75,14 @@ impl Simulation {
     fn lips_contacts(&self, search: &Search, most: usize, report: &mut StepReport) -> Vec<Contact> {
         let mut out = vec![];
         for (number, body) in self.bodies.iter().enumerate() {
+            let Some(lips) = &body.lips else { continue };
             let position = |id: u32| body.node_position(id);
             let free = |id: u32| body.wound.free[id as usize][..3].iter().all(|axis| *axis != 0.0);
             // what may come near in the step by the body's own motion
-            let mut found = lips::contacts(number, &body.lips, position, free, search.alarm + body.travel);
-            let overlaps: Vec<f64> = found.iter().map(|c| -c.gap[0]).filter(|overlap| *overlap > 0.0).collect();
-            report.overlap = overlaps.iter().copied().fold(report.overlap, f64::max);
-            report.warn("contacts_dropped", overlaps.len().saturating_sub(most) as u32);
+            let mut found = lips::contacts(number, lips, position, free, search.alarm + body.travel);
+            report.overlap = found.first().map_or(report.overlap, |deepest| report.overlap.max(-deepest.gap[0]));
+            let dropped = found.iter().skip(most).filter(|c| c.gap[0] < 0.0).count();
+            report.warn("contacts_dropped", dropped as u32);
             found.truncate(most);
             out.extend(found);
         }
@@ -281,7 +280,7 @@ impl Simulation {
 
 /// Nodes that a contact acts on, on one of its sides.
 fn held_nodes(contact: &Contact, side: usize) -> impl Iterator<Item = u32> {
-    contact.spots[side].0.iter().map(|(node, _)| *node)
+    contact.spots[side].nodes()
 }
 
 /// The ties of a scene, from the bodies at rest.

@@ -174,7 +174,9 @@ impl Body {
         let removal = self.wound.apply(&self.model, hits);
         let severed = (count(&self.wound) - before) as u32;
         if severed > 0 {
-            self.lips = lips::faces(&self.wound.surface.parts);
+            if let Some(lips) = &mut self.lips {
+                *lips = lips::faces(&self.wound.surface.parts);
+            }
             self.compliance.forget(removal.free.iter().map(|(node, _)| *node));
             self.backend.remove(&removal)?;
             self.loaded = false;
@@ -191,11 +193,8 @@ impl Body {
 
     /// How far the two sides of a severed link have parted along it, the mean of its face's corners, m; none of a face not located whole.
     fn parted(&self, cell: usize, axis: usize) -> Option<f64> {
-        let params = self.model.grid.params::<f64>();
-        let mut at = params.cell_at(cell);
-        at[axis] += 1;
         let parts = &self.wound.surface.parts;
-        let (near, far) = (parts.corners(cell), parts.corners(params.cell_id(at)));
+        let (near, far) = (parts.corners(cell), parts.corners(parts.beyond(cell, axis)?));
         let mut sum = 0.0;
         for (a, b) in face_pairs(axis) {
             let [near, far] = [near[b], far[a]].map(|node| self.located.place(node as u32));

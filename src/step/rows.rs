@@ -60,7 +60,7 @@ impl<'a> Rows<'a> {
             .iter()
             .flat_map(|c| c.on.iter().zip(&c.spots))
             .filter(|(on, _)| **on == Who::Skin(body))
-            .flat_map(|(_, spot)| spot.0.iter().map(|(node, _)| *node))
+            .flat_map(|(_, spot)| spot.nodes())
             .collect();
         nodes.sort_unstable();
         nodes.dedup();
