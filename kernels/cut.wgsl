@@ -9,89 +9,50 @@ struct CutParams { segment_count: u32, quad_count: u32, capacity: u32, zero: u32
 @group(0) @binding(6) var<storage, read_write> hits: array<vec2<u32>>;   // segment, bits of where
 @group(0) @binding(7) var<storage, read_write> hit_count: atomic<u32>;   // also counts what found no room
 
-const SLACK: f32 = 20.0;
-const EPSILON: f32 = 1.1920929e-7;
-const LEAST: f32 = 1e-6;
 const FAR: f32 = 1152921504606846976.0;
-
-// How a segment sees the world: two axes across it and its direction.
-struct Frame { middle: vec3<f32>, x: vec3<f32>, y: vec3<f32>, z: vec3<f32>, scale: f32, offset: f32 }
+const NONE: vec3<f32> = vec3<f32>(0.0);
 
 // Rounded here, not fused with what comes next.
 fn rounded(a: vec3<f32>) -> vec3<f32> {
     return hidden(vec4<f32>(a, 0.0), params.zero).xyz;
 }
 
-fn product(a: vec3<f32>, b: vec3<f32>) -> f32 {
-    let m = rounded(a * b);
-    return m.x + m.y + m.z;
-}
-
-fn largest(v: vec3<f32>) -> f32 {
-    return max(max(abs(v.x), abs(v.y)), abs(v.z));
-}
-
-fn frame(p: vec3<f32>, q: vec3<f32>, scale: f32, own: vec3<f32>, e: vec3<f32>, f: vec3<f32>) -> Frame {
-    let middle = (p + q) * 0.5;
-    let d = rounded((q - p) * scale);
-    let over = 1.0 / max(1.0 + product(d, own), LEAST);
-    let half = d + own;
-    let x = e - rounded(half * (product(d, e) * over));
-    let y = f - rounded(half * (product(d, f) * over));
-    return Frame(middle, x, y, d, scale, largest(middle) * scale);
-}
-
-fn place(frame: Frame, corner: vec4<f32>) -> vec3<f32> {
-    let c = corner.xyz - frame.middle;
-    return rounded(vec3<f32>(product(frame.x, c), product(frame.y, c), product(frame.z, c)) * frame.scale);
-}
-
-fn is_near(a: f32, b: f32, c: f32, reach: f32) -> bool {
-    return min(min(a, b), c) <= reach && max(max(a, b), c) >= -reach;
-}
-
-// The part of an edge that passes the origin within the slack, along the segment.
-fn beside(p: vec3<f32>, q: vec3<f32>, side: f32, slack: f32) -> vec2<f32> {
-    let d = q - p;
-    let near = min(p.x, q.x) <= slack && max(p.x, q.x) >= -slack && min(p.y, q.y) <= slack && max(p.y, q.y) >= -slack
-        && abs(side) <= slack * (abs(d.x) + abs(d.y));
-    if !near { return vec2<f32>(FAR, -FAR); }
-    let nearest = -(p.x * d.x + p.y * d.y) / max(d.x * d.x + d.y * d.y, slack * slack);
-    let around = 4.0 * slack / max(max(abs(d.x), abs(d.y)), slack);
-    let z = p.z + d.z * clamp(vec2<f32>(nearest - around, nearest + around), vec2<f32>(0.0), vec2<f32>(1.0));
-    return vec2<f32>(min(z.x, z.y) - slack, max(z.x, z.y) + slack);
-}
-
-// Where (0 to 1) the segment crosses a triangle of its frame, or −1.
-fn crossing(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>, slack: f32) -> f32 {
-    if !(is_near(a.x, b.x, c.x, slack) && is_near(a.y, b.y, c.y, slack) && is_near(a.z, b.z, c.z, 0.5 + slack)) {
-        return -1.0;
-    }
+// Whether a ray from the origin along x passes through a triangle.
+fn is_on_the_ray(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
     var corners = array<vec3<f32>, 3>(a, b, c);
-    var reach = vec2<f32>(FAR, -FAR);
-    var passes = array<vec2<f32>, 2>(); // x and z where edges pass y = 0
-    var count = 0u;
+    let least = min(a, min(b, c));
+    let most = max(a, max(b, c));
+    if least.y > 0.0 || !(most.y > 0.0) || least.z > 0.0 || !(most.z > 0.0) || !(most.x > 0.0) { return false; }
+    // where the outline passes z = 0: y and x
+    var passes = array<vec2<f32>, 2>();
+    var found = 0u;
     for (var k = 0u; k < 3u; k += 1u) {
         let p = corners[k];
         let q = corners[(k + 1u) % 3u];
-        let both = rounded(vec3<f32>(p.x * q.y, p.y * q.x, 0.0));
-        let side = both.x - both.y;
-        if (p.y > 0.0) != (q.y > 0.0) {
-            passes[min(count, 1u)] = vec2<f32>(side / (q.y - p.y), p.z + (q.z - p.z) * (p.y / (p.y - q.y)));
-            count += 1u;
+        if (p.z > 0.0) != (q.z > 0.0) {
+            let both = rounded(vec3<f32>(p.y * q.z, p.z * q.y, (q.x - p.x) * (p.z / (p.z - q.z))));
+            passes[min(found, 1u)] = vec2<f32>((both.x - both.y) / (q.z - p.z), p.x + both.z);
+            found += 1u;
         }
-        let part = beside(p, q, side, slack);
-        reach = vec2<f32>(min(reach.x, part.x), max(reach.y, part.y));
     }
-    let n = cross(b - a, c - a);
-    let size = max(max(abs(b.x - a.x), abs(b.y - a.y)), max(abs(c.x - a.x), abs(c.y - a.y)));
-    if (passes[0].x > 0.0) != (passes[1].x > 0.0) && abs(n.z) > slack * size {
-        let inside = passes[0].y + (passes[1].y - passes[0].y) * (passes[0].x / (passes[0].x - passes[1].x));
-        let spread = slack * (1.0 + (abs(n.x) + abs(n.y)) / abs(n.z));
-        reach = vec2<f32>(min(reach.x, inside - spread), max(reach.y, inside + spread));
-    }
-    let hit = reach.x <= 0.5 && reach.y >= -0.5;
-    return select(-1.0, 0.5 + 0.5 * (max(reach.x, -0.5) + min(reach.y, 0.5)), hit);
+    let y = passes[0].x;
+    let other = passes[1];
+    if (y > 0.0) == (other.x > 0.0) { return false; }
+    let more = rounded(vec3<f32>((other.y - passes[0].y) * (y / (y - other.x)), 0.0, 0.0));
+    return least.x > 0.0 || passes[0].y + more.x > 0.0;
+}
+
+// Where along the segment the piece passes it.
+fn where_crossed(c: array<vec3<f32>, 8>) -> f32 {
+    // four times the slopes and eight times F at the cube's centre
+    let along_s = (c[1] - c[0]) + (c[3] - c[2]) + (c[5] - c[4]) + (c[7] - c[6]);
+    let along_u = (c[2] - c[0]) + (c[3] - c[1]) + (c[6] - c[4]) + (c[7] - c[5]);
+    let along_t = (c[4] - c[0]) + (c[5] - c[1]) + (c[6] - c[2]) + (c[7] - c[3]);
+    let f = (c[0] + c[1]) + (c[2] + c[3]) + (c[4] + c[5]) + (c[6] + c[7]);
+    let across = cross(along_t, along_s);
+    let volume = dot(along_u, across);
+    if volume == 0.0 { return 0.5; }
+    return clamp(0.5 - 0.5 * (dot(f, across) / volume), 0.0, 1.0);
 }
 
 @compute @workgroup_size(64)
@@ -104,35 +65,40 @@ fn cut(
     if segment >= params.segment_count { return; }
     let first = ends[segment].x;
     let second = ends[segment].y;
-    if first == second || all(rest[first].xyz == rest[second].xyz) { return; }
+    if first == second { return; }
     let p0 = rest[first].xyz + point_before[first].xyz;
     let q0 = rest[second].xyz + point_before[second].xyz;
     let p1 = rest[first].xyz + point_u[first].xyz;
     let q1 = rest[second].xyz + point_u[second].xyz;
-    let at_rest = rest[second].xyz - rest[first].xyz;
-    let squared = vec3<f32>(product(at_rest, at_rest), product(q0 - p0, q0 - p0), product(q1 - p1, q1 - p1));
-    if !all(squared > vec3<f32>(0.0)) { return; }
-    let scales = 1.0 / sqrt(squared);
-    var own = rounded(at_rest * scales.x);
-    // two axes across
-    let sign = select(-1.0, 1.0, own.z >= 0.0);
-    let a = -1.0 / (sign + own.z);
-    let b = own.x * own.y * a;
-    let e = vec3<f32>(1.0 + sign * (own.x * own.x * a), sign * b, -sign * own.x);
-    let f = vec3<f32>(b, sign + own.y * own.y * a, -own.y);
-    if product(rounded((q0 - p0) * scales.y), own) < 0.0 { own = -own; }
-    let start = frame(p0, q0, scales.y, own, e, f);
-    let end = frame(p1, q1, scales.z, own, e, f);
+    let low = min(min(p0, q0), min(p1, q1));
+    let high = max(max(p0, q0), max(p1, q1));
+    if !all(high < vec3<f32>(FAR)) || !all(low > vec3<f32>(-FAR)) { return; }
+    // a face of the cube of differences by its first corner and the bits along its sides
+    var faces = array<vec3<u32>, 6>(
+        vec3<u32>(0u, 1u, 2u), vec3<u32>(4u, 1u, 2u), vec3<u32>(0u, 2u, 4u),
+        vec3<u32>(1u, 2u, 4u), vec3<u32>(0u, 1u, 4u), vec3<u32>(2u, 1u, 4u),
+    );
     for (var k = 0u; k < params.quad_count; k += 1u) {
-        let a0 = place(start, quads[k * 4u]);
-        let b0 = place(start, quads[k * 4u + 1u]);
-        let b1 = place(end, quads[k * 4u + 2u]);
-        let a1 = place(end, quads[k * 4u + 3u]);
-        let r = max(max(largest(a0), largest(b0)), max(largest(b1), largest(a1)));
-        let slack = SLACK * EPSILON * (1.0 + max(start.offset, end.offset) + r) * (1.0 + r);
-        var at = crossing(a0, b0, b1, slack);
-        if at < 0.0 { at = crossing(a0, b1, a1, slack); }
-        if at >= 0.0 {
+        let a0 = quads[k * 4u].xyz;
+        let b0 = quads[k * 4u + 1u].xyz;
+        let b1 = quads[k * 4u + 2u].xyz;
+        let a1 = quads[k * 4u + 3u].xyz;
+        let most = max(max(a0, b0), max(a1, b1)) - low;
+        let least = min(min(a0, b0), min(a1, b1)) - high;
+        if !all(most > NONE) || !all(least <= NONE) { continue; }
+        // a or b, p or q, start or end: one bit each
+        var apart = array<vec3<f32>, 8>(a0 - p0, b0 - p0, a0 - q0, b0 - q0, a1 - p1, b1 - p1, a1 - q1, b1 - q1);
+        var odd = false;
+        for (var n = 0u; n < 12u; n += 1u) {
+            let face = faces[n / 2u];
+            let across = apart[face.x + face.y + face.z];
+            // the second triangle turns on: a, c, d
+            let one = select(apart[face.x + face.y], across, n % 2u == 1u);
+            let other = select(across, apart[face.x + face.z], n % 2u == 1u);
+            odd = odd != is_on_the_ray(apart[face.x], one, other);
+        }
+        if odd {
+            let at = where_crossed(apart);
             let slot = atomicAdd(&hit_count, 1u);
             if slot < params.capacity { hits[slot] = vec2<u32>(segment, bitcast<u32>(at)); }
             break;

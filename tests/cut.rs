@@ -6,7 +6,7 @@ mod sweeps;
 use cutis::kernels::cut::{Hit, cut};
 use cutis::math::{Real, V3, V4};
 use glam::DVec3;
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use sweeps::{Case, Path, Random, SWEEPS, pad};
 
 const CASES: usize = 100_000;
@@ -48,14 +48,8 @@ fn a_path_through_a_link_that_turns_and_stretches_is_never_missed() {
 }
 
 #[test]
-fn a_path_that_ends_or_starts_on_a_link_is_never_missed() {
-    never_missed(Path::Ends, 2);
-    never_missed(Path::Starts, 3);
-}
-
-#[test]
-fn a_link_that_the_end_of_an_edge_grazes_is_never_missed() {
-    never_missed(Path::Grazes, 4);
+fn a_path_that_rests_on_a_link_and_goes_on_is_never_missed() {
+    never_missed(Path::Rests, 2);
 }
 
 #[test]
@@ -64,17 +58,18 @@ fn a_path_between_two_links_in_line_cuts_one_of_them() {
 }
 
 /// A sweep that is only shifted with the link's middle, not turned and stretched with it: signed volumes in space.
-fn shifted<R: Real>(case: &Case) -> bool {
-    let at = |state: usize, n: usize| V3::<R>::of(case.rest[n].to_array()) + V3::from4(case.displacements(state)[n]);
-    (0..SWEEPS).any(|sweep| {
-        let half = R::of(0.5);
-        let (p, q) = (at(sweep + 1, 0), at(sweep + 1, 1));
-        let (before, middle) = ((at(sweep, 0) + at(sweep, 1)) * half, (p + q) * half);
-        let quad = case.quad(sweep).map(|c| V3::of(c.to_array()));
-        let [a0, b0] = [quad[0] - before, quad[1] - before];
-        let [b1, a1] = [quad[2] - middle, quad[3] - middle];
-        crosses(p - middle, q - middle, [a0, b0, b1]) || crosses(p - middle, q - middle, [a0, b1, a1])
-    })
+fn shifted<R: Real>(link: [[V3<R>; 2]; 2], quad: [V3<R>; 4]) -> bool {
+    let half = R::of(0.5);
+    let [before, middle] = link.map(|[p, q]| (p + q) * half);
+    let [p, q] = link[1].map(|end| end - middle);
+    let [a0, b0] = [quad[0] - before, quad[1] - before];
+    let [b1, a1] = [quad[2] - middle, quad[3] - middle];
+    crosses(p, q, [a0, b0, b1]) || crosses(p, q, [a0, b1, a1])
+}
+
+fn is_hit_when_shifted<R: Real>(case: &Case) -> bool {
+    let at = |state: usize| [1, 2].map(|n| V3::<R>::of(case.points[state][n].to_array()));
+    (0..SWEEPS).any(|k| shifted([at(k), at(k + 1)], case.quad(k).map(|c| V3::of(c.to_array()))))
 }
 
 /// Signs of volumes (Möller, Trumbore 1997).
@@ -89,9 +84,143 @@ fn crosses<R: Real>(p: V3<R>, q: V3<R>, [a, b, c]: [V3<R>; 3]) -> bool {
 
 #[test]
 fn a_sweep_that_is_only_shifted_misses_some_of_the_same_paths() {
-    let (single, double) = (missed(Path::Near, 8, shifted::<f32>), missed(Path::Near, 8, shifted::<f64>));
+    let (single, double) =
+        (missed(Path::Near, 8, is_hit_when_shifted::<f32>), missed(Path::Near, 8, is_hit_when_shifted::<f64>));
     println!("missed {single} in f32, {double} in f64 of {CASES}");
     assert!(single > CASES / 1000 && double > CASES / 1000, "missed {single} and {double} of {CASES}");
+}
+
+/// Cells of the block along each axis.
+const BLOCK: usize = 6;
+/// Steps in which a blade of some pieces passes right through it.
+const STEPS: usize = 12;
+const PIECES: usize = 4;
+
+/// Links that a piece of edge crosses in a step.
+type Crosses<'a> = &'a dyn Fn(&Passed, usize, [DVec3; 4]) -> Vec<u32>;
+
+/// A block that moves and swells at random while a blade wanders right through it.
+struct Passed {
+    rest: Vec<V4<f64>>,
+    /// [state][point]
+    moved: Vec<Vec<V4<f64>>>,
+    /// [state][end of a piece]
+    edge: Vec<Vec<DVec3>>,
+}
+
+impl Passed {
+    /// How much points move on their own, in cells; without that the blade keeps to the centres of cells, so that all is decided by ties.
+    fn new(random: &mut Random, wobble: f64) -> Self {
+        let count = BLOCK.pow(3);
+        let at = |n: usize| [n % BLOCK, n / BLOCK % BLOCK, n / BLOCK / BLOCK].map(|c| 1e-3 * c as f64);
+        let rest = (0..count).map(|n| pad(DVec3::from_array(at(n)))).collect();
+        let mut any = |size: f64| DVec3::from_array([0; 3].map(|_| size * 1e-3 * random.next()));
+        let moved = (0..=STEPS).map(|_| (0..count).map(|_| pad(any(wobble))).collect()).collect();
+        let middle = if wobble > 0.0 { 0.5 * (BLOCK as f64 - 1.0) } else { 3.0 };
+        let edge = (0..=STEPS).map(|step| {
+            let x = -2.0 + (BLOCK as f64 + 3.0) * step as f64 / STEPS as f64;
+            let end = |k: usize| {
+                let z = -2.0 + (BLOCK as f64 + 3.0) * k as f64 / PIECES as f64;
+                1e-3 * DVec3::new(x, middle, z) + any(2.0 * wobble)
+            };
+            (0..=PIECES).map(end).collect()
+        });
+        let edge = edge.collect();
+        Self { rest, moved, edge }
+    }
+
+    /// How often each link is crossed.
+    fn crossings(&self, links: &[[u32; 2]], hits: Crosses) -> Vec<u32> {
+        let mut out = vec![0; links.len()];
+        for step in 0..STEPS {
+            let (old, new) = (&self.edge[step], &self.edge[step + 1]);
+            for k in 0..PIECES {
+                let quad = [old[k], old[k + 1], new[k + 1], new[k]];
+                hits(self, step, quad).iter().for_each(|link| out[*link as usize] += 1);
+            }
+        }
+        out
+    }
+}
+
+/// Links of the block, and the loops of four of them around the squares of the grid.
+fn links_and_loops() -> (Vec<[u32; 2]>, Vec<[usize; 4]>) {
+    let step = [1, BLOCK, BLOCK * BLOCK];
+    let inside = |n: usize, axis: usize| n / step[axis] % BLOCK + 1 < BLOCK;
+    let (mut links, mut number) = (vec![], BTreeMap::new());
+    for n in 0..BLOCK.pow(3) {
+        for axis in (0..3).filter(|axis| inside(n, *axis)) {
+            number.insert((n, axis), links.len());
+            links.push([n as u32, (n + step[axis]) as u32]);
+        }
+    }
+    let mut loops = vec![];
+    for n in 0..BLOCK.pow(3) {
+        for (a, b) in [(0, 1), (1, 2), (0, 2)].into_iter().filter(|(a, b)| inside(n, *a) && inside(n, *b)) {
+            loops.push([(n, a), (n, b), (n + step[a], b), (n + step[b], a)].map(|key| number[&key]));
+        }
+    }
+    (links, loops)
+}
+
+/// Pieces of the block once crossed links are gone.
+fn pieces(links: &[[u32; 2]], crossings: &[u32]) -> usize {
+    let mut piece: Vec<u32> = (0..BLOCK.pow(3) as u32).collect();
+    let holding: Vec<&[u32; 2]> = links.iter().zip(crossings).filter(|(_, c)| **c == 0).map(|(link, _)| link).collect();
+    loop {
+        let before = piece.clone();
+        for [a, b] in &holding {
+            let least = piece[*a as usize].min(piece[*b as usize]);
+            (piece[*a as usize], piece[*b as usize]) = (least, least);
+        }
+        if piece == before {
+            return piece.iter().collect::<BTreeSet<_>>().len();
+        }
+    }
+}
+
+/// Of blades that pass right through: loops that are crossed an odd number of times, and blocks that stay in one piece.
+fn gaps(wobble: f64, cases: u64, hits: Crosses) -> [usize; 2] {
+    let (links, loops) = links_and_loops();
+    let mut out = [0; 2];
+    for seed in 0..cases {
+        let passed = Passed::new(&mut Random(seed), wobble);
+        let crossings = passed.crossings(&links, hits);
+        out[0] += loops.iter().filter(|l| l.iter().map(|k| crossings[*k]).sum::<u32>() % 2 == 1).count();
+        out[1] += usize::from(pieces(&links, &crossings) < 2);
+    }
+    out
+}
+
+fn crossed<R: Real>(passed: &Passed, step: usize, quad: [DVec3; 4]) -> Vec<u32> {
+    let round = |points: &[V4<f64>]| points.iter().map(|p| p.map(R::of)).collect::<Vec<V4<R>>>();
+    let (rest, before, now) = (round(&passed.rest), round(&passed.moved[step]), round(&passed.moved[step + 1]));
+    let found = cut(&links_and_loops().0, &rest, &now, &before, &quad.map(pad));
+    found.iter().map(|hit| hit.segment).collect()
+}
+
+#[test]
+fn a_blade_that_has_passed_right_through_leaves_two_pieces() {
+    for wobble in [0.3, 0.05, 0.0] {
+        let (double, single) = (gaps(wobble, 30, &crossed::<f64>), gaps(wobble, 30, &crossed::<f32>));
+        assert_eq!([double, single], [[0, 0]; 2], "wobble {wobble}: odd loops and whole blocks in f64 and in f32");
+    }
+}
+
+/// The counter-test: each link looks at the blade from its own middle, so that links that meet see its way differently.
+#[test]
+fn links_that_see_the_blade_from_their_own_middle_leave_gaps() {
+    let (links, _) = links_and_loops();
+    let from_the_middle = |passed: &Passed, step: usize, quad: [DVec3; 4]| -> Vec<u32> {
+        let at = |step: usize, n: u32| V3::from4(passed.rest[n as usize]) + V3::from4(passed.moved[step][n as usize]);
+        let hit = |link: &[u32; 2]| {
+            shifted([step, step + 1].map(|s| link.map(|n| at(s, n))), quad.map(|c| V3::of(c.to_array())))
+        };
+        (0..).zip(&links).filter(|(_, link)| hit(link)).map(|(number, _)| number).collect()
+    };
+    let [odd, whole] = gaps(0.3, 30, &from_the_middle);
+    println!("{odd} odd loops, {whole} of 30 blocks in one piece");
+    assert!(odd > 100 && whole > 0, "{odd} odd loops, {whole} of 30 blocks in one piece");
 }
 
 /// A block of points in disorder with links to their neighbours, m.
@@ -137,7 +266,7 @@ fn a_body_at_rest_loses_the_same_links_in_one_step_and_in_twenty() {
     let ([all, other], [all_single, other_single]) = (at_once_and_in_parts::<f64>(0), at_once_and_in_parts::<f32>(0));
     println!("of {all} links {other} in f64, of {all_single} links {other_single} in f32 are not cut both times");
     assert!(all > 1000 && other == 0, "{other} of {all} links");
-    // the outline of a larger sweep touches what is nearer to it than its slack, some thousandths of a link
+    // rounding decides about what the outline of a sweep touches
     assert!(500 * other_single < all_single, "{other_single} of {all_single} links");
     // the counter-test
     assert!(at_once_and_in_parts::<f64>(1)[1] > 10);
@@ -158,14 +287,13 @@ fn resting(random: &mut Random, x: f64, z: f64) -> usize {
 }
 
 #[test]
-fn an_edge_that_rests_on_the_skin_cuts_only_what_it_lies_across() {
+fn an_edge_that_moves_with_the_skin_cuts_nothing() {
     let mut random = Random(7);
     for _ in 0..CASES {
         let side = random.next().signum();
         let z = random.between(-0.5, 0.5);
         assert_eq!(resting(&mut random, 0.01 * side, z), 0, "beside");
         assert_eq!(resting(&mut random, 0.0, 0.52 * side), 0, "beyond an end");
-        assert_eq!(resting(&mut random, 0.0, z), 1, "across");
     }
 }
 
@@ -199,5 +327,4 @@ fn what_is_nowhere_or_has_no_length_is_not_cut() {
     let of = |u: &[V4<f32>]| cut(&[[0, 1], [1, 2]], &rest, u, &still, &quad).len();
     assert_eq!(of(&still), 1);
     assert_eq!(of(&[[f32::NAN; 4], [0.0; 4], [0.0; 4]]), 0);
-    assert_eq!(of(&[[2.0, 0.0, 0.0, 0.0], [0.0; 4], [0.0; 4]]), 0);
 }

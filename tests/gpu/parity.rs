@@ -100,11 +100,10 @@ const CASES: &[Case] = cases! {
         "n < groups" => "n < 1u", "residual <=" => "residual >", "scalars[slot * 2u].w == 0.0" => "true"
     ]
     cut Segments false [
-        "quads[k * 4u + 3u]" => "quads[k * 4u + 1u]", "b0 = place(start" => "b0 = place(end", "0.5 + 0.5 * (max" => "0.5 + 0.4 * (max",
-        "crossing(a0, b1, a1, slack)" => "-1.0", "e - rounded(" => "e + rounded(", "f - rounded(" => "f + rounded(",
-        "(passes[1].x > 0.0)" => "(passes[1].x > 0.5)", "* (p.y / (p.y - q.y))" => "* 0.5", "sign * (own.x" => "(own.x",
-        "both.x - both.y" => "both.x + both.y", "point_before[second]" => "point_before[first]", "spread = slack" => "spread = 1e4 * slack",
-        "* frame.scale);" => "* 1000.0);"
+        "quads[k * 4u + 3u]" => "quads[k * 4u + 1u]", "b0 - p0" => "b0 - p1", "0.5 - 0.5 *" => "0.5 + 0.5 *",
+        "n < 12u" => "n < 11u", "face.x + face.z]" => "face.x + face.y]", "(other.x > 0.0)" => "(other.x > 1e-3)",
+        "* (p.z / (p.z - q.z))" => "* 0.5", "(y / (y - other.x))" => "0.5", "both.x - both.y" => "both.x + both.y",
+        "point_before[second]" => "point_before[first]", "+ (c[6] - c[4])" => ""
     ]
     duplicate Ids true [
         "k >= params.count" => "k >= params.count / 2u", "pairs[k].y]" => "pairs[0].y]", "group.y * params.stride" => "params.stride"

@@ -1,7 +1,7 @@
 //! Random segments that move, turn and stretch from state to state, and a blade's edge that passes through them on a known path.
 //!
 //! The path is drawn where the segment rests: across it `x` and `y`, along it `z`, in its lengths, the axes turned with the segment and
-//! never about it. The edge runs from `y < 0` to `y > 0`. So it winds around the segment, or touches it, whatever it does in between.
+//! never about it. The edge runs from `y < 0` to `y > 0`. So it passes the segment, whatever it does in between.
 
 use cutis::math::{Real, V3, V4};
 use glam::{DQuat, DVec3};
@@ -47,17 +47,13 @@ pub enum Path {
     Through,
     /// From one side to the other, in small steps near the segment.
     Near,
-    /// From a side onto the segment.
-    Ends,
-    /// From the segment to a side.
-    Starts,
-    /// Its end alone touches the segment, which does not turn in the meantime.
-    Grazes,
-    /// Through the point where two segments in line meet, at any slope, once.
+    /// From one side onto the segment, which it rests on for some steps, and to the other side.
+    Rests,
+    /// Through the point where two segments in line meet, at slopes up to a half, once.
     Between,
 }
 
-/// One or two segments in line at rest, and their ends and the edge's in each state, m.
+/// Segments in line, of which the path meets the middle one or two, and their ends and the edge's in each state, m.
 pub struct Case {
     /// [end]
     pub rest: Vec<DVec3>,
@@ -70,7 +66,7 @@ pub struct Case {
 impl Case {
     /// Somewhere near a place.
     pub fn new(random: &mut Random, path: Path, place: DVec3) -> Self {
-        let along: &[f64] = if path == Path::Between { &[-1.0, 0.0, 0.7] } else { &[-0.5, 0.5] };
+        let along: &[f64] = if path == Path::Between { &[-2.0, -1.0, 0.0, 0.7, 2.0] } else { &[-1.5, -0.5, 0.5, 1.5] };
         let mut length = LENGTH * random.between(0.5, 1.5);
         let own = random.direction();
         let rest = along.iter().map(|z| place + own * (z * length)).collect();
@@ -84,9 +80,7 @@ impl Case {
             case.points.push(along.iter().map(|z| at(DVec3::Z * *z)).collect());
             case.edges.push(edge(random, path, state).map(at));
             let across = (axes * DVec3::Z).cross(random.direction()).normalize();
-            if path != Path::Grazes {
-                axes = DQuat::from_axis_angle(across, random.between(0.0, TURN)) * axes;
-            }
+            axes = DQuat::from_axis_angle(across, random.between(0.0, TURN)) * axes;
             length *= random.between(0.8, 1.2);
             middle += 0.3 * LENGTH * random.direction();
         }
@@ -120,9 +114,7 @@ fn edge(random: &mut Random, path: Path, state: usize) -> [DVec3; 2] {
     let last = state + 1 == STATES;
     let side = if state == 0 { -1.0 } else { 1.0 };
     let x = match path {
-        _ if state == 0 && path == Path::Starts => 0.0,
-        _ if last && path == Path::Ends => 0.0,
-        Path::Starts | Path::Ends => random.between(0.1, 0.5),
+        Path::Rests if state > 0 && !last => 0.0,
         Path::Between if 2 * state == STATES => 0.0,
         Path::Between => random.between(0.1, 0.5) * if 2 * state < STATES { -1.0 } else { 1.0 },
         _ if state == 0 || last => side * random.between(0.1, 0.5),
@@ -134,10 +126,7 @@ fn edge(random: &mut Random, path: Path, state: usize) -> [DVec3; 2] {
     let slant = 0.1 * random.next();
     // where it passes along the segment, and its slope
     let (z, rise) =
-        if path == Path::Between { (0.0, random.next()) } else { (0.4 * random.next(), 0.02 * random.next()) };
+        if path == Path::Between { (0.0, 0.5 * random.next()) } else { (0.4 * random.next(), 0.02 * random.next()) };
     let at = |y: f64| DVec3::new(x + slant * y, y, z + rise * y);
-    match path {
-        Path::Grazes => [at(0.0), at(-below)],
-        _ => [at(above), at(-below)],
-    }
+    [at(above), at(-below)]
 }
