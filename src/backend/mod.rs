@@ -58,6 +58,15 @@ pub enum Target {
     OfLoad(f64),
     /// Residual norm, N.
     Absolute(f64),
+    /// The same, or as near to it as so many iterations come.
+    Loose(f64, u32),
+}
+
+impl Target {
+    /// Iterations at most, of those that the solver may take.
+    pub fn iterations(self, most: u32) -> u32 {
+        if let Self::Loose(_, own) = self { own.min(most) } else { most }
+    }
 }
 
 /// A vector of a slot.

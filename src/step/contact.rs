@@ -1,5 +1,6 @@
 //! The contact part of a step: rows, compliance `W`, forces and correction; its passes are in [`passes`](super::passes).
 
+use super::passes::Seen;
 use super::rows::{Rows, in_world};
 use super::{Simulation, StepReport};
 use crate::collide::Contact;
@@ -87,8 +88,8 @@ pub(super) struct Problem<'a> {
     blocks: Vec<Vec<DMat3>>,
     /// `W` by the bodies' columns, `[row × row]` m/N.
     pub columns: Vec<f64>,
-    /// Changes of the forces (N) and of the true violations (m) from pass to pass.
-    pub seen: Vec<(Vec<f64>, Vec<f64>)>,
+    /// From pass to pass.
+    pub seen: Vec<Seen>,
     /// `W` by the columns and by what was seen, m/N.
     pub w: Vec<f64>,
     /// `[row]` at the free positions, m.
@@ -128,7 +129,7 @@ impl Simulation {
         let (lambda, found) = match law.forces {
             Loop::Constraints if !held => self.close(&mut problem, lambda, report)?,
             _ => {
-                let moved = self.correct(&problem, &lambda, report)?;
+                let moved = self.correct(&problem, &lambda, law.tolerance, report)?;
                 let found = problem.after(&lambda, &moved);
                 (lambda, found)
             }
@@ -227,14 +228,16 @@ impl Simulation {
         out
     }
 
-    /// How far forces move the nodes that rows act on, `[body][node]` m; the backends keep the whole correction.
+    /// How far forces move the nodes that rows act on, `[body][node]` m, solved to a share of the forces; the backends keep the whole
+    /// correction.
     pub(super) fn correct(
         &mut self,
         problem: &Problem,
         lambda: &[f64],
+        share: f64,
         report: &mut StepReport,
     ) -> Result<Vec<Vec<[f64; 3]>>> {
-        let tolerance = self.scene.solver.tolerance.min(problem.law.tolerance);
+        let tolerance = self.scene.solver.tolerance.min(share);
         let mut out = vec![];
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let (nodes, forces) = (&problem.nodes[number], problem.rows.on_nodes(number, lambda));

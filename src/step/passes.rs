@@ -37,8 +37,30 @@ const SLOW: f64 = 0.5;
 /// is wrong over the cosine.
 const STEEP: f64 = 0.1;
 
+/// A pass that changes the forces by less than one part in [`FINE`] has its correction solved to that much less than the tolerance, to
+/// [`FINEST`] of it at least: what a small change does shows only so.
+const FINE: f64 = 10.0;
+const FINEST: f64 = 0.1;
+
+/// Share of what a row gives by the columns that an update leaves it.
+const LEFT: f64 = 1e-2;
+
+fn norm(a: &[f64]) -> f64 {
+    a.iter().map(|a| a * a).sum::<f64>().sqrt()
+}
+
 fn less(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
+}
+
+/// What a change of the forces has shown of the compliance.
+pub(super) struct Seen {
+    /// `[row]` N
+    s: Vec<f64>,
+    /// `[row]` change of the true violations, m.
+    y: Vec<f64>,
+    /// What the corrections' residuals may have put into it, m.
+    noise: f64,
 }
 
 /// A pass of the contact solve.
@@ -66,30 +88,38 @@ impl Problem<'_> {
     }
 
     /// Has `W` agree with what was seen: `y = W s` for each change `s` of the forces and `y` of the true violations, by symmetric updates of
-    /// rank one (SR1; Broyden 1967), or of rank two (PSB; Powell 1970) where the first would be large. So passes are a quasi-Newton
-    /// method, and columns may be loose and old.
+    /// rank one (SR1; Broyden 1967), or of rank two (PSB; Powell 1970) where the first would be large or leave a row no compliance. So passes
+    /// are a quasi-Newton method, and columns may be loose and old. What is within the corrections' residuals shows nothing: taken for
+    /// compliance, it sent passes around in circles, and 7 of 100 cuts right through used them up.
     fn learn(&mut self) {
-        let noise = self.law.tolerance; // the correction is solved to no more of it
         self.w.clone_from(&self.columns);
         if self.law.correction != Correction::Exact {
             return;
         }
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        for (s, y) in &self.seen {
+        for Seen { s, y, noise } in &self.seen {
             let rows = s.len();
             let off: Vec<f64> = y.iter().zip(self.w.chunks_exact(rows)).map(|(y, line)| y - dot(line, s)).collect();
             let (along, size) = (dot(&off, s), (dot(&off, &off) * dot(s, s)).sqrt());
-            if !size.is_normal() || dot(&off, &off) <= noise * noise * dot(y, y) {
+            if !size.is_normal() || dot(&off, &off) <= noise * noise {
                 continue;
             }
-            let steep = along.abs() > STEEP * size;
             let squared = dot(s, s);
+            let one = |i: usize, j: usize| off[i] * off[j] / along;
+            let two = |i: usize, j: usize| (off[i] * s[j] + s[i] * off[j] - along / squared * s[i] * s[j]) / squared;
+            // a row that gives nothing, or pushes back, could bear no force
+            let least = |i: usize| LEFT * self.columns[i * (rows + 1)];
+            let gives = |more: &dyn Fn(usize, usize) -> f64| {
+                (0..rows).all(|i| more(i, i) >= 0.0 || self.w[i * (rows + 1)] + more(i, i) > least(i))
+            };
+            let more: &dyn Fn(usize, usize) -> f64 = match along.abs() > STEEP * size {
+                true if gives(&one) => &one,
+                _ if gives(&two) => &two,
+                _ => continue,
+            };
             for i in 0..rows {
                 for j in 0..rows {
-                    self.w[i * rows + j] += match steep {
-                        true => off[i] * off[j] / along,
-                        false => (off[i] * s[j] + s[i] * off[j] - along / squared * s[i] * s[j]) / squared,
-                    };
+                    self.w[i * rows + j] += more(i, j);
                 }
             }
         }
@@ -104,8 +134,21 @@ impl Problem<'_> {
     /// Solves for forces that hold the laws by the model `W`.
     fn solve(&self, without_force: &[f64], lambda: &mut [f64]) -> bool {
         let effort = Effort { wanted: WANTED, enough: self.enough(WITHIN), updates: ROW_UPDATES };
-        let ended = solve(&self.laws, &self.w, without_force, lambda, &effort);
-        ended.converged || self.enough(1.0).holds(&ended.residual, lambda)
+        let ends = |lambda: &mut [f64]| {
+            let ended = solve(&self.laws, &self.w, without_force, lambda, &effort);
+            (ended.converged || self.enough(1.0).holds(&ended.residual, lambda), ended.residual.energy)
+        };
+        let (solved, left) = ends(lambda);
+        // an edge's law is not convex: what the last step's forces do not lead to, none may
+        let mut other = vec![0.0; lambda.len()];
+        if !solved && lambda.iter().any(|l| *l != 0.0) {
+            let (solved, less) = ends(&mut other);
+            if solved || less < left {
+                lambda.copy_from_slice(&other);
+            }
+            return solved;
+        }
+        solved
     }
 
     /// A pass that ended with violations `found` under `lambda`, and the forces that the laws ask for there by the model `W`.
@@ -134,18 +177,19 @@ impl Simulation {
         let law = problem.law;
         let mut tied = problem.laws.iter().any(|law| matches!(law, Law::Hold { .. }));
         problem.solve(&problem.violation, &mut lambda);
-        let mut last = (vec![0.0; lambda.len()], problem.violation.clone());
+        let mut last = (vec![0.0; lambda.len()], problem.violation.clone(), 0.0);
         let mut best: Option<Pass> = None;
         let mut before = f64::INFINITY;
         let pass = loop {
             report.contact.passes += 1;
-            let moved = self.correct(problem, &lambda, report)?;
+            let s = less(&lambda, &last.0);
+            let change = norm(&s) / norm(&lambda).max(f64::MIN_POSITIVE);
+            let share = law.tolerance * (FINE * change).clamp(FINEST, 1.0);
+            let moved = self.correct(problem, &lambda, share, report)?;
             let found = problem.after(&lambda, &moved);
-            // changes below the tolerance show how well the correction is solved, not the compliance
-            if before > law.tolerance {
-                problem.seen.push((less(&lambda, &last.0), less(&found, &last.1)));
-            }
-            last = (lambda.clone(), found.clone());
+            let noise = (share + last.2) * norm(&less(&found, &problem.violation));
+            problem.seen.push(Seen { s, y: less(&found, &last.1), noise });
+            last = (lambda.clone(), found.clone(), share);
             problem.learn();
             let mut pass = problem.judge(lambda, found);
             if !pass.solved {
@@ -155,7 +199,7 @@ impl Simulation {
                 pass = problem.judge(pass.lambda, pass.found);
             }
             let slow = pass.size > SLOW * before;
-            if pass.size > law.tolerance && (slow || !pass.solved) && self.renew(problem, &pass.lambda, report)? {
+            if (pass.size > law.tolerance && slow || !pass.solved) && self.renew(problem, &pass.lambda, report)? {
                 pass = problem.judge(pass.lambda, pass.found);
             }
             before = pass.size;
@@ -175,7 +219,7 @@ impl Simulation {
                     u32::from(!problem.enough(1.0).holds(&best.residual, &best.lambda)),
                 );
                 // the backends hold the correction of the last pass
-                self.correct(problem, &best.lambda, report)?;
+                self.correct(problem, &best.lambda, law.tolerance, report)?;
                 break best;
             }
         };

@@ -336,7 +336,7 @@ impl<R: Real> Backend for CpuBackend<R> {
 fn request<R: Real>(target: Target, floor: f64) -> Request<R> {
     let (tolerance, reference, use_load) = match target {
         Target::OfLoad(t) => (t, 0.0, R::one()),
-        Target::Absolute(norm) => (1.0, norm * norm, R::zero()),
+        Target::Absolute(norm) | Target::Loose(norm, _) => (1.0, norm * norm, R::zero()),
     };
     Request {
         tolerance_squared: R::of(tolerance * tolerance),

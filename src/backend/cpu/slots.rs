@@ -53,7 +53,7 @@ impl<R: Real> CpuBackend<R> {
                     Slot { x, r, p, s, z, w },
                     &request,
                     load,
-                    max_iterations,
+                    want.target.iterations(max_iterations),
                     product,
                     |r: &[V4<R>], z: &mut [V4<R>]| inverse.apply(work, r, z),
                 );

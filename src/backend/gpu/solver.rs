@@ -156,7 +156,7 @@ impl Solver {
             let floor = (floor * floor) as f32;
             requests[w.slot] = match w.target {
                 Target::OfLoad(t) => [(t * t) as f32, 0.0, floor, 1.0],
-                Target::Absolute(norm) => [1.0, (norm * norm) as f32, floor, 0.0],
+                Target::Absolute(norm) | Target::Loose(norm, _) => [1.0, (norm * norm) as f32, floor, 0.0],
             };
         }
         gpu.write(&self.scalars, 0, &scalars);
@@ -197,7 +197,8 @@ impl GpuBackend {
         let kind = usize::from(only_correction);
         // one product more than there are iterations forms the start's residual
         let [spare, again] = self.solver.spare;
-        let mut count = (self.expected[kind] * 5 / 4 + spare).min(self.max_iterations.saturating_add(1));
+        let most = wanted.iter().map(|w| w.target.iterations(self.max_iterations)).max().unwrap_or(0);
+        let mut count = (self.expected[kind] * 5 / 4 + spare).min(most.saturating_add(1));
         loop {
             self.solver.record(&mut batch, only_correction, rows, count);
             let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
@@ -206,7 +207,7 @@ impl GpuBackend {
                 self.gpu.submit_and_read(batch, &[(&self.solver.scalars, heads), (&self.pick.picked, picked)])?;
             let heads = scalars(&parts[0], wanted);
             let running = heads.iter().filter(|k| k.done == 0.0).map(|k| k.iterations as u32);
-            let left = running.map(|done| self.max_iterations.saturating_sub(done)).max().unwrap_or(0);
+            let left = running.map(|done| most.saturating_sub(done)).max().unwrap_or(0);
             if left == 0 {
                 let outcomes: Vec<Outcome> = heads.iter().map(Outcome::of).collect();
                 self.expected[kind] = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
