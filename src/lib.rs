@@ -75,16 +75,14 @@
 //!
 //! | correction | force error at hold % | over the run % | passes, mean | time per step |
 //! |---|---|---|---|---|
-//! | exact (the default: `tolerance = 1e-3`) | 0.88 | 1.6 | 4.1 | 1.00 |
-//! | exact, `tolerance = 1e-1` | 7.6 | 6.8 | 1.7 | 0.74 |
-//! | exact, `tolerance = 1e-5` | 0.005 | 0.005 | 6.3 | 2.12 |
-//! | exact, `column_tolerance = 0.3` | 0.57 | 0.51 | 4.2 | 1.07 |
-//! | exact, `max_passes = 1` | 6.0 | 8.3 | 1.0 | 0.64 |
-//! | exact, `max_passes = 2` | 8.6 | 8.2 | 2.0 | 0.75 |
-//! | `precomputed` | 9.0 | 13 | 1.0 | 0.82 |
-//! | `uncoupled` | 1118 | 1075 | 1.0 | 0.33 |
-//! | penalty, 100 N/m | 30 | 57 | – | 0.55 |
-//! | penalty, 1000 N/m, 4 substeps | 35 | 185 | – | 2.54 |
+//! | exact (the default: `tolerance = 1e-3`) | 0.04 | 1.3 | 2.6 | 1.00 |
+//! | exact, `tolerance = 1e-1` | 0.75 | 10 | 1.7 | 0.79 |
+//! | exact, `tolerance = 1e-5` | 0.004 | 0.02 | 4.0 | 1.89 |
+//! | exact, `max_passes = 1` | 6.0 | 8.9 | 1.0 | 0.61 |
+//! | `precomputed` | 9.0 | 13 | 1.0 | 0.58 |
+//! | `uncoupled` | 1118 | 1071 | 1.0 | 0.32 |
+//! | penalty, 100 N/m | 30 | 46 | – | 0.56 |
+//! | penalty, 1000 N/m, 4 substeps | 53 | 128 | – | 3.14 |
 //!
 //! The contact tolerance sets the error, how loosely columns are solved does not; a step cut short is about as wrong as columns at rest. The
 //! skin without the tool takes 0.14 of a step.
