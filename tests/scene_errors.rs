@@ -826,6 +826,17 @@ fn probes_and_checks_need_their_keys() {
     says(&message, "`region` has no effect … displacement");
     refused("{ max = 0.01 }", "{ }", "key `min` is missing … `min`, `max` or both");
     refused("{ min = 0.1, max = 2.0 }", "{ min = 3, max = 2.0 }", "3.0 must be at most … swap");
+    refused("{ max = 0.01 }", "{ max = 0.01, cells = 1 }", "`cells` has no effect … a length");
+}
+
+#[test]
+fn bounds_of_a_length_know_the_cells() {
+    let wanted = FULL.replace("\"contact_force_n_max\" = {", "\"cut.length_mm\" = { cells = 0.5,");
+    let scene = parsed(&wanted).unwrap_or_else(|e| panic!("{e}"));
+    let [min, max] = scene.checks[0].bounds(&scene.skins);
+    let narrow = 1e3 * f64::min(0.04 / f64::from(scene.skins[0].cells[0]), 0.02 / f64::from(scene.skins[0].cells[1]));
+    assert!((min - (0.1 - 0.5 * narrow)).abs() < 1e-12 && (max - (2.0 + 0.5 * narrow)).abs() < 1e-12, "{min} to {max}");
+    assert_eq!(scene.checks[1].bounds(&scene.skins), [f64::NEG_INFINITY, 0.01]);
 }
 
 #[test]

@@ -56,8 +56,9 @@ pub fn failures(scene: &Scene, report: &Report) -> Vec<Failure> {
         .iter()
         .filter_map(|check| {
             let found = value(&tree, &check.key);
-            let holds = found.is_some_and(|v| check.min <= v && v <= check.max);
-            (!holds).then(|| Failure { key: check.key.clone(), found, min: bound(check.min), max: bound(check.max) })
+            let [min, max] = check.bounds(&scene.skins);
+            let holds = found.is_some_and(|v| min <= v && v <= max);
+            (!holds).then(|| Failure { key: check.key.clone(), found, min: bound(min), max: bound(max) })
         })
         .collect()
 }

@@ -157,8 +157,11 @@ fn check(scene: &SceneText, key: At<String>, raw: raw::Check, probes: &[Probe]) 
             fix: "swap the bounds",
         });
     }
-    let key = key.into_inner();
-    Ok(Check { key, min, max })
+    if !key.get_ref().ends_with("_mm") {
+        scene.needless("cells", &raw.cells, "it widens the bounds of a length, whose key ends in `_mm`")?;
+    }
+    let cells = raw.cells.map_or(Ok(0.0), |cells| scene.number("cells", &cells, PLAIN, Bound::Positive))?;
+    Ok(Check { key: key.into_inner(), min, max, cells })
 }
 
 /// The picture; by default the camera stands where the sphere around what is drawn fills the field of view.

@@ -1,6 +1,6 @@
 //! What a scene records of a run: probes, bounds on results, the tests' smaller form, pictures.
 
-use super::{Region, Who};
+use super::{Region, Skin, Who};
 
 /// A value recorded each step.
 #[derive(Clone, Debug)]
@@ -77,6 +77,17 @@ pub struct Check {
     pub min: f64,
     /// Inclusive upper bound.
     pub max: f64,
+    /// What both bounds are widened by, in widths of a cell of the first skin, the smaller of x and y: a length in mm is known to a cell.
+    pub cells: f64,
+}
+
+impl Check {
+    /// Bounds on a skin's grid, in the report's units.
+    pub fn bounds(&self, skins: &[Skin]) -> [f64; 2] {
+        let widths = skins.first().map(|skin| [0, 1].map(|axis| skin.size[axis] / f64::from(skin.cells[axis])));
+        let width = widths.map_or(0.0, |[x, y]| 1e3 * x.min(y));
+        [self.min - self.cells * width, self.max + self.cells * width]
+    }
 }
 
 /// A smaller form of a scene for the tests.

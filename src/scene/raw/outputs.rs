@@ -27,6 +27,7 @@ pub(in crate::scene) struct Probe {
 pub(in crate::scene) struct Check {
     pub min: Option<At<f64>>,
     pub max: Option<At<f64>>,
+    pub cells: Option<At<f64>>,
 }
 
 #[derive(serde::Deserialize)]
