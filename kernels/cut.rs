@@ -119,7 +119,7 @@ fn is_crossed<R: Real>(apart: &[V3<R>; 8]) -> bool {
 
 /// Whether a ray from the origin along x passes through a triangle, as a ray a touch above it and before it does. Where the signs of the
 /// coordinates suffice they decide, so that what [`meet`] leaves out would have counted as even.
-pub fn is_on_the_ray<R: Real>(corners: [V3<R>; 3]) -> bool {
+fn is_on_the_ray<R: Real>(corners: [V3<R>; 3]) -> bool {
     let zero = R::zero();
     let count = |above: &dyn Fn(&V3<R>) -> bool| corners.iter().filter(|c| above(c)).count() % 3;
     let ahead = corners.iter().filter(|c| c.x > zero).count();
