@@ -130,7 +130,7 @@ fn cuts_right_through_part_the_body() {
 
 #[test]
 fn random_paths_do_not_throw_the_blade() {
-    judged(Kind::Any, &[2, 5, 148]);
+    judged(Kind::Any, &[2, 5]);
 }
 
 #[test]
