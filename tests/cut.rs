@@ -100,7 +100,8 @@ const PIECES: usize = 4;
 type Crosses<'a> = &'a dyn Fn(&Passed, usize, [DVec3; 4]) -> Vec<u32>;
 
 /// A block that moves and swells at random while a blade wanders right through it.
-struct Passed {
+struct Passed<'a> {
+    links: &'a [[u32; 2]],
     rest: Vec<V4<f64>>,
     /// [state][point]
     moved: Vec<Vec<V4<f64>>>,
@@ -108,9 +109,9 @@ struct Passed {
     edge: Vec<Vec<DVec3>>,
 }
 
-impl Passed {
+impl<'a> Passed<'a> {
     /// How much points move on their own, in cells; without that the blade keeps to the centres of cells, so that all is decided by ties.
-    fn new(random: &mut Random, wobble: f64) -> Self {
+    fn new(links: &'a [[u32; 2]], random: &mut Random, wobble: f64) -> Self {
         let count = BLOCK.pow(3);
         let at = |n: usize| [n % BLOCK, n / BLOCK % BLOCK, n / BLOCK / BLOCK].map(|c| 1e-3 * c as f64);
         let rest = (0..count).map(|n| pad(DVec3::from_array(at(n)))).collect();
@@ -126,12 +127,12 @@ impl Passed {
             (0..=PIECES).map(end).collect()
         });
         let edge = edge.collect();
-        Self { rest, moved, edge }
+        Self { links, rest, moved, edge }
     }
 
     /// How often each link is crossed.
-    fn crossings(&self, links: &[[u32; 2]], hits: Crosses) -> Vec<u32> {
-        let mut out = vec![0; links.len()];
+    fn crossings(&self, hits: Crosses) -> Vec<u32> {
+        let mut out = vec![0; self.links.len()];
         for step in 0..STEPS {
             let (old, new) = (&self.edge[step], &self.edge[step + 1]);
             for k in 0..PIECES {
@@ -184,8 +185,8 @@ fn gaps(wobble: f64, cases: u64, hits: Crosses) -> [usize; 2] {
     let (links, loops) = links_and_loops();
     let mut out = [0; 2];
     for seed in 0..cases {
-        let passed = Passed::new(&mut Random(seed), wobble);
-        let crossings = passed.crossings(&links, hits);
+        let passed = Passed::new(&links, &mut Random(seed), wobble);
+        let crossings = passed.crossings(hits);
         out[0] += loops.iter().filter(|l| l.iter().map(|k| crossings[*k]).sum::<u32>() % 2 == 1).count();
         out[1] += usize::from(pieces(&links, &crossings) < 2);
     }
@@ -195,7 +196,7 @@ fn gaps(wobble: f64, cases: u64, hits: Crosses) -> [usize; 2] {
 fn crossed<R: Real>(passed: &Passed, step: usize, quad: [DVec3; 4]) -> Vec<u32> {
     let round = |points: &[V4<f64>]| points.iter().map(|p| p.map(R::of)).collect::<Vec<V4<R>>>();
     let (rest, before, now) = (round(&passed.rest), round(&passed.moved[step]), round(&passed.moved[step + 1]));
-    let found = cut(&links_and_loops().0, &rest, &now, &before, &quad.map(pad));
+    let found = cut(passed.links, &rest, &now, &before, &quad.map(pad));
     found.iter().map(|hit| hit.segment).collect()
 }
 
@@ -210,13 +211,12 @@ fn a_blade_that_has_passed_right_through_leaves_two_pieces() {
 /// The counter-test: each link looks at the blade from its own middle, so that links that meet see its way differently.
 #[test]
 fn links_that_see_the_blade_from_their_own_middle_leave_gaps() {
-    let (links, _) = links_and_loops();
     let from_the_middle = |passed: &Passed, step: usize, quad: [DVec3; 4]| -> Vec<u32> {
         let at = |step: usize, n: u32| V3::from4(passed.rest[n as usize]) + V3::from4(passed.moved[step][n as usize]);
         let hit = |link: &[u32; 2]| {
             shifted([step, step + 1].map(|s| link.map(|n| at(s, n))), quad.map(|c| V3::of(c.to_array())))
         };
-        (0..).zip(&links).filter(|(_, link)| hit(link)).map(|(number, _)| number).collect()
+        (0..).zip(passed.links).filter(|(_, link)| hit(link)).map(|(number, _)| number).collect()
     };
     let [odd, whole] = gaps(0.3, 30, &from_the_middle);
     println!("{odd} odd loops, {whole} of 30 blocks in one piece");
