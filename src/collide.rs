@@ -176,6 +176,21 @@ fn to_f32(p: DVec3) -> Vector {
     p.as_vec3()
 }
 
+/// A face in two: by its other diagonal where the first folds one half over, as in a quad with a reflex corner, such as the lip of a wound
+/// may have. (Over a half that lies face down all of the air counted as inside.)
+fn halves(face: &Quad, position: impl Fn(u32) -> DVec3) -> [[u32; 3]; 2] {
+    let [a, b, c, d] = face.nodes;
+    let folds = |halves: [[u32; 3]; 2]| {
+        let [first, second] = halves.map(|half| {
+            let [p, q, r] = half.map(&position);
+            (q - p).cross(r - p)
+        });
+        first.dot(second) < 0.0
+    };
+    let (first, other) = (face.triangles(), [[a, b, d], [b, c, d]]);
+    if folds(first) && !folds(other) { other } else { first }
+}
+
 impl Patch {
     /// From faces and the present position of their nodes; `None` when there are no faces.
     pub fn new(faces: &[Quad], position: impl Fn(u32) -> DVec3) -> Option<Self> {
@@ -185,7 +200,7 @@ impl Patch {
         let origin = position(*ids.first()?);
         let local = |id: u32| ids.binary_search(&id).unwrap_or(0) as u32;
         let vertices = ids.iter().map(|id| to_f32(position(*id) - origin)).collect();
-        let triangles: Vec<[u32; 3]> = faces.iter().flat_map(|q| q.triangles()).collect();
+        let triangles: Vec<[u32; 3]> = faces.iter().flat_map(|q| halves(q, &position)).collect();
         let indices = triangles.iter().map(|t| t.map(local)).collect();
         let mesh = TriMesh::with_flags(vertices, indices, TriMeshFlags::ORIENTED).ok()?;
         let cells = faces.iter().flat_map(|q| [q.cell; 2]).collect();

@@ -106,6 +106,30 @@ fn a_wall_in_the_blade_is_pushed_as_the_bevel_opens_it() {
     }
 }
 
+/// How far a point is from the skin beside a wound whose lip bends inward at its middle corner, m: a face on top with a reflex corner,
+/// listed from any of its corners on, and two walls below it.
+fn from_a_bent_lip(first: usize, point: DVec3) -> f64 {
+    let top = [[0.0, 0.0], [1.0, 0.01], [2.0, 0.0], [1.0, 2.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
+    let places: Vec<DVec3> = top.into_iter().chain(top.map(|p| p - DVec3::Z)).map(|p| p * 1e-3).collect();
+    let quad = |nodes, wall| Quad { nodes, cell: 0, wall };
+    let mut face = [0, 1, 2, 3];
+    face.rotate_left(first);
+    let quads = [quad(face, false), quad([4, 5, 1, 0], true), quad([5, 6, 2, 1], true)];
+    Patch::new(&quads, |node| places[node as usize]).expect("it has faces").project(point * 1e-3).2
+}
+
+#[test]
+fn the_air_over_a_bent_lip_is_outside() {
+    for first in 0..4 {
+        for x in [0.3, 1.0, 1.7] {
+            let over = from_a_bent_lip(first, DVec3::new(x, -0.002, 0.4));
+            assert!((over / 4e-4 - 1.0).abs() < 1e-3, "{over} m from corner {first} on at {x}");
+            let under = from_a_bent_lip(first, DVec3::new(x, 0.05, -0.01));
+            assert!((under / -1e-5 - 1.0).abs() < 1e-3, "{under} m from corner {first} on at {x}");
+        }
+    }
+}
+
 /// Runs paths and judges each.
 fn judged(kind: Kind, numbers: &[u64]) {
     let out = std::env::temp_dir().join(format!("cutis_blade_{kind:?}_{}", std::process::id()));
