@@ -25,6 +25,7 @@
 
 use super::Source;
 use crate::math::{Real, V3, V4};
+use serde::{Deserialize, Serialize};
 
 /// The shader.
 pub const SOURCE: Source = Source {
@@ -37,7 +38,7 @@ pub const SOURCE: Source = Source {
 const FAR: f64 = (1u64 << 60) as f64;
 
 /// A crossed segment.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Hit<R> {
     /// Segment.
     pub segment: u32,

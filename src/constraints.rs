@@ -23,9 +23,10 @@ pub use proximal::{Effort, Enough, solve};
 
 use crate::math::elementary::hypot;
 use crate::math::larger;
+use serde::{Deserialize, Serialize};
 
 /// How the three forces of a contact are bounded.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Law {
     /// Unilateral with a friction disc; the normal force ends at `bound` (infinite for what neither cuts nor splits), N.
     Coulomb {

@@ -93,6 +93,17 @@ pub enum Error {
         fix: &'static str,
     },
 
+    /// A state of another simulation.
+    #[error("the state has {found} {what} where the simulation has {wanted}; restore it in a simulation of the scene that it is of")]
+    StateUnfit {
+        /// "nodes", "deformable bodies" …
+        what: &'static str,
+        /// In the state.
+        found: usize,
+        /// In the simulation.
+        wanted: usize,
+    },
+
     /// An integrator that a scene's bodies do not fit.
     #[error("{at}: integrator = \"{found}\" {why}; {fix}")]
     IntegratorUnfit {

@@ -10,6 +10,7 @@
 use crate::math::elementary::atan2;
 use crate::scene::{Blade, Coupling, Lines, Pose, Round, Tool};
 use glam::{DMat3, DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
 /// What a sample of the tool's surface does to the skin.
@@ -110,7 +111,7 @@ pub struct Instrument {
 }
 
 /// A hand that is there: where it was and where it is, with the times of the step that takes it from one to the other, s.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Live {
     from: (DVec3, DQuat),
     to: (DVec3, DQuat),
@@ -160,7 +161,31 @@ pub fn along(poses: &[Pose], time: f64) -> Option<(DVec3, DQuat)> {
     Some((pa.lerp(pb, s), qa.slerp(qb, s)))
 }
 
+/// What moves of a rigid body.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub struct Motion {
+    position: DVec3,
+    rotation: DQuat,
+    velocity: DVec3,
+    spin: DVec3,
+    sharp: bool,
+    live: Option<Live>,
+}
+
 impl Instrument {
+    /// What moves of it, now.
+    pub fn motion(&self) -> Motion {
+        let Self { position, rotation, velocity, spin, sharp, live, .. } = *self;
+        Motion { position, rotation, velocity, spin, sharp, live }
+    }
+
+    /// Takes over what moves.
+    pub fn set_motion(&mut self, motion: Motion) {
+        let Motion { position, rotation, velocity, spin, sharp, live } = motion;
+        (self.position, self.rotation, self.velocity, self.spin) = (position, rotation, velocity, spin);
+        (self.sharp, self.live) = (sharp, live);
+    }
+
     /// The body at the start of its trajectory.
     pub fn new(tool: &Tool, gravity: [f64; 3]) -> Self {
         let first = tool.trajectory.first().copied().unwrap_or(Pose {

@@ -24,6 +24,7 @@ mod robust;
 mod scenes;
 #[path = "gpu/solver.rs"]
 mod solver;
+mod states;
 mod sweeps;
 #[path = "gpu/swept.rs"]
 mod swept;

@@ -172,6 +172,8 @@ pub trait Backend {
     /// Segments crossed by swept quads in the step just finished, in their order, each once; quads as four corners each, m. That step
     /// must have kept where they were before it ([`Backend::finish`]).
     fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>>;
+    /// Puts the body where a step may start: `[node]` displacement, m, and velocity, m/s, and `[cell]` rotation, none of springs.
+    fn set_state(&mut self, u: &[V4<f64>], v: &[V4<f64>], rotation: &[V4<f64>]) -> Result<()>;
     /// Takes over what a cut has changed.
     fn remove(&mut self, removal: &Removal) -> Result<()>;
     /// All state.

@@ -102,6 +102,16 @@ impl Boxes {
         self.moved
     }
 
+    /// `[tile]` least and greatest displacement at the last refit, m.
+    pub fn motion(&self) -> &[[DVec3; 2]] {
+        &self.motion
+    }
+
+    /// The same from another time, as if the last refit had seen it.
+    pub fn set_motion(&mut self, motion: &[[DVec3; 2]]) {
+        self.motion = motion.to_vec();
+    }
+
     /// Corners of the box around all tiles.
     pub fn all(&self) -> [DVec3; 2] {
         let nothing = [DVec3::INFINITY, DVec3::NEG_INFINITY];

@@ -6,10 +6,11 @@
 use super::servo::Counts;
 use super::{Hand, Reduced};
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use triple_buffer::{Input, Output, triple_buffer};
 
 /// A contact problem on its way to a servo.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Problem {
     /// What is left of the skin.
     pub reduced: Reduced,

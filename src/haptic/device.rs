@@ -8,9 +8,10 @@
 use crate::error::Result;
 use crate::scene;
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 
 /// What a device says.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
     /// Of the end effector, m.
     pub position: DVec3,
@@ -47,7 +48,7 @@ impl Reading {
 }
 
 /// A force and a torque.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Wrench {
     /// N
     pub force: DVec3,
@@ -56,7 +57,7 @@ pub struct Wrench {
 }
 
 /// What a device can give.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Limits {
     /// N
     pub force: f64,
@@ -113,7 +114,7 @@ pub trait Device: Send {
 }
 
 /// Where a device's frame lies in the scene, `x = position + rotation · scale · x_device`, and where the tool sits in its hand.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Workspace {
     /// m
     pub position: DVec3,

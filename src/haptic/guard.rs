@@ -4,6 +4,8 @@
 //! reasons. A stop takes the ramp to 0 and is latched: the device has to be sound for a while before it ramps in again.
 //! Units: s.
 
+use serde::{Deserialize, Serialize};
+
 /// From no force to all of it, s: long enough for a hand to give way to a tool that starts inside of something.
 pub const RAMP_TIME: f64 = 0.2;
 /// From all of the force to none when the simulation is late, and back, s: no jolt, and short beside a hand's reaction of 0.15 s.
@@ -29,7 +31,7 @@ pub struct Signs {
 }
 
 /// The state of the three factors.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Guard {
     ramp: f64,
     faded: f64,

@@ -27,10 +27,11 @@ use crate::constraints::{Law, relax};
 use crate::instrument::rotation_vector;
 use crate::scene::{Coupling, Rendering};
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
 /// Contact problem of one tool at the end of a step.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Reduced {
     /// Tool pose that it was made at, m.
     pub position: DVec3,
@@ -74,7 +75,7 @@ impl Reduced {
 }
 
 /// The hand at a tick.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Hand {
     /// m
     pub position: DVec3,
@@ -83,7 +84,7 @@ pub struct Hand {
 }
 
 /// What a tick gives the device.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Tick {
     /// On the hand, N.
     pub force: DVec3,
@@ -96,7 +97,7 @@ pub struct Tick {
 }
 
 /// The proxy's memory and scratch; one per device.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Renderer {
     /// Coupling between hand and proxy.
     pub link: Coupling,

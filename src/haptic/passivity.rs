@@ -18,6 +18,7 @@
 
 use super::device::Wrench;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// Largest α, N·s/m: a sampled damper makes a mass m buzz above `2 m/T`, 100 N·s/m for 50 g at 1 kHz; this is a third.
 pub const MOST_DAMPING: f64 = 30.0;
@@ -36,7 +37,7 @@ const UNSURE: f64 = 4.0;
 const STILL: f64 = 1e-18;
 
 /// Observer and controller of a device.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Passivity {
     /// Energy given to the hand, less what it gave, J.
     pub energy: f64,

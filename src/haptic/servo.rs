@@ -13,6 +13,7 @@ use super::{Hand, MAX_SWEEPS, Renderer, Tick};
 use crate::instrument::rotation_vector;
 use crate::scene::{self, Coupling, Rendering, Role};
 use glam::{DQuat, DVec3};
+use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
 /// Time that the sweeps of a live tick may take: a third of the tick at 1 kHz, so that a crowded contact costs accuracy and no deadline.
@@ -25,7 +26,7 @@ const FRESH: f64 = 1.5;
 const MOST_STEPS: f64 = 2.0;
 
 /// Which buttons do what; bit k for button k.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Buttons {
     /// While one is down the blade cuts; without any it always does.
     pub active: u32,
@@ -47,7 +48,7 @@ impl Buttons {
 }
 
 /// How a servo treats its device.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Settings {
     /// Length of a tick, s.
     pub tick: f64,
@@ -102,7 +103,7 @@ impl Settings {
 }
 
 /// What a servo has counted.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Counts {
     /// Ticks.
     pub ticks: u64,
@@ -164,7 +165,7 @@ pub struct Record {
 }
 
 /// The tick of one device and its memory.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Servo {
     /// How it treats its device.
     pub settings: Settings,

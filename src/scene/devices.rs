@@ -15,7 +15,7 @@ pub struct Haptic {
 }
 
 /// How the force on the hand is found.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Rendering {
     /// Through the spring and damper between hand and tool, in series with the skin.
     #[default]

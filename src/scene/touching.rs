@@ -1,6 +1,7 @@
 //! What touches: rigid bodies, walls, ties, and the law of contact.
 
 use super::{Device, Region};
+use serde::{Deserialize, Serialize};
 
 /// A rigid tool coupled to a hand.
 #[derive(Clone, Debug)]
@@ -56,7 +57,7 @@ pub struct Plane {
 }
 
 /// A body, by its kind and number.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Who {
     /// In [`Scene::tools`](super::Scene::tools).
     Rigid(usize),
@@ -128,7 +129,7 @@ pub struct Blade {
 }
 
 /// 6-DoF spring and damper between hand and tool.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Coupling {
     /// N/m
     pub stiffness: f64,

@@ -10,6 +10,7 @@ use crate::collide::{self, Aabb, Patch, Resistance};
 use crate::cut::{Totals, Wound};
 use crate::error::Result;
 use crate::gpu::Gpu;
+use crate::kernels::cut::Hit;
 use crate::linear::Outcome;
 use crate::math::{V4, larger, norm};
 use crate::mesh::{Corner, Quad};
@@ -27,10 +28,10 @@ pub struct Body {
     pub(super) compliance: Compliance,
     pub(super) at_rest: AtRest,
     pub(super) located: Located,
-    boxes: Boxes,
+    pub(super) boxes: Boxes,
     /// How far it may move in the present step: as far as in the last one, and what gravity adds, m.
     pub(super) travel: f64,
-    first_motion: f64,
+    pub(super) first_motion: f64,
     fall: f64,
     /// Its dead loads are where its nodes are.
     pub(super) loaded: bool,
@@ -42,6 +43,8 @@ pub struct Body {
     pub(super) lips: Option<Vec<Lips>>,
     /// Nodes of the scene's ties.
     pub(super) tied: Vec<u32>,
+    /// What was cut, hits by hits: the wound is what they make of the uncut body.
+    pub(super) cuts: Vec<Vec<Hit<f64>>>,
     /// Some of its nodes, or what a solve of the present step has found for them, are non-finite.
     pub(super) lost: bool,
 }
@@ -156,6 +159,7 @@ impl Body {
             near: needs.near,
             lips: scene.contact.is_some_and(|contact| contact.lips).then(Vec::new),
             tied: vec![],
+            cuts: vec![],
             lost: false,
             model,
         })

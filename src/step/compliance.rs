@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::model::Model;
 use crate::scene::{self, Correction};
 use glam::{DMat3, DVec3};
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Columns solved at once: two nodes' three axes. More would cost every node of the body 112 bytes each on the device.
@@ -29,7 +30,7 @@ pub fn most_nodes(max_contacts: u32) -> usize {
 }
 
 /// See the module.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Compliance {
     known: BTreeMap<u32, Known>,
     step: u32,
@@ -37,7 +38,7 @@ pub struct Compliance {
     usual: Option<u32>,
 }
 
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Known {
     used: u32,                     // step of the last contact
     solved: u32,                   // step of its columns; 0: not yet
@@ -177,7 +178,7 @@ impl Compliance {
 #[derive(Default)]
 pub struct AtRest {
     backend: Option<Box<CpuBackend<f64>>>,
-    known: Compliance,
+    pub known: Compliance,
 }
 
 /// Residual of the columns at rest, relative to their newton.

@@ -20,6 +20,7 @@ use crate::kernels::corner;
 use crate::kernels::cut::Hit;
 use crate::scene::Who;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// Ends of pieces of edge that are held, by tool and number along the edge.
@@ -29,7 +30,7 @@ pub(super) type Held = BTreeMap<(usize, usize), End>;
 pub(super) type Fronts = BTreeMap<(usize, usize), f64>;
 
 /// Where the end of a held piece has swept to.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct End {
     /// Where it stood when it last swept, moved with the skin since, m.
     at: DVec3,
@@ -169,6 +170,10 @@ impl Body {
     /// # Errors
     /// When the device fails.
     pub fn sever(&mut self, hits: &[Hit<f64>]) -> Result<u32> {
+        if hits.is_empty() {
+            return Ok(0);
+        }
+        self.cuts.push(hits.to_vec());
         let count = |wound: &Wound| wound.totals.links + wound.totals.springs;
         let before = count(&self.wound);
         let removal = self.wound.apply(&self.model, hits);

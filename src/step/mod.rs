@@ -20,11 +20,13 @@ mod passes;
 mod refine;
 mod rows;
 mod start;
+mod state;
 
 pub use body::Body;
 pub use contact::ContactReport;
 pub use measured::Measured;
 pub use start::{needs, start};
+pub use state::State;
 
 use crate::backend::Device;
 use crate::collide::Contact;
@@ -138,6 +140,7 @@ pub struct Simulation {
     /// s
     pub time: f64,
     scene: Scene,
+    place: Place,
     probes: Vec<Prepared>,
     ties: Vec<find::Tie>,
     tied: BTreeSet<(Who, usize, u32)>,
@@ -145,6 +148,7 @@ pub struct Simulation {
     fronts: incise::Fronts,
     /// How deep each sample of a rigid body was inside each deformable body at the last step, m ([`find`]).
     depths: BTreeMap<(usize, usize, usize), f64>,
+    /// Force of each contact by its name, N.
     last_forces: BTreeMap<([Who; 2], usize), DVec3>,
     load_changes: Vec<f64>,
     step_number: u64,
@@ -189,6 +193,7 @@ impl Simulation {
             step_number: 0,
             epoch: 0,
             scene: scene.clone(),
+            place: place.clone(),
             bodies,
         };
         simulation.ties = find::ties(&simulation, scene)?;

@@ -1,6 +1,7 @@
 //! Whole scenes of several bodies on the GPU, beside the CPU path in f64.
 
 use super::Failure;
+use super::states::{SCENES, goes_on};
 use cutis::gpu::Gpu;
 use cutis::scene::{Element, Law, Preconditioner, ProbeKind, Who, read};
 use cutis::step::{Place, Simulation};
@@ -12,6 +13,7 @@ type Test = fn(&Gpu) -> Result<(), Failure>;
 pub const TESTS: &[(&str, Test)] = &[
     ("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other),
     ("a_sphere_presses_neo_hookean_skin_as_on_the_cpu", a_sphere_presses_neo_hookean_skin_as_on_the_cpu),
+    ("a_run_goes_on_from_its_state_bit_for_bit", a_run_goes_on_from_its_state_bit_for_bit),
     ("a_limit_of_iterations_is_kept_to_the_last_one", a_limit_of_iterations_is_kept_to_the_last_one),
 ];
 
@@ -36,6 +38,12 @@ fn forces(place: &Place) -> Result<Vec<f64>, Failure> {
         last = simulation.step(false)?.probes;
     }
     Ok(last)
+}
+
+fn a_run_goes_on_from_its_state_bit_for_bit(gpu: &Gpu) -> Result<(), Failure> {
+    let a = &gpu.adapter;
+    let place = Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)));
+    SCENES.iter().try_for_each(|(name, k, n)| Ok(goes_on(name, &place, *k, *n)?))
 }
 
 fn soft_blocks_stand_on_each_other(gpu: &Gpu) -> Result<(), Failure> {

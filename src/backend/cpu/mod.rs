@@ -315,6 +315,16 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(())
     }
 
+    fn set_state(&mut self, u: &[V4<f64>], v: &[V4<f64>], rotation: &[V4<f64>]) -> Result<()> {
+        let set = |to: &mut [V4<R>], from: &[V4<f64>]| to.iter_mut().zip(from).for_each(|(to, from)| *to = round(from));
+        set(&mut self.u, u);
+        set(&mut self.v, v);
+        if let Elastic::Bricks(bricks) = &mut self.law {
+            set(&mut bricks.rotation, rotation);
+        }
+        Ok(())
+    }
+
     fn snapshot(&mut self) -> Result<Snapshot> {
         let (rotation, law) = match &self.law {
             Elastic::Bricks(Bricks { rotation, .. }) => (widen(rotation), vec![]),

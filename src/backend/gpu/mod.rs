@@ -328,6 +328,17 @@ impl Backend for GpuBackend {
         self.take(removal)
     }
 
+    fn set_state(&mut self, u: &[V4<f64>], v: &[V4<f64>], rotation: &[V4<f64>]) -> Result<()> {
+        let batch = self.record();
+        self.gpu.submit(batch); // a write comes before what is recorded after it
+        let rounded = |values: &[V4<f64>]| values.iter().map(|v| v.map(|c| c as f32)).collect::<Vec<_>>();
+        self.gpu.write(&self.body.u, 0, &rounded(u));
+        self.gpu.write(&self.body.v, 0, &rounded(v));
+        // springs have their law there, which cuts alone change
+        self.gpu.write(&self.body.cell, 0, &rounded(rotation));
+        Ok(())
+    }
+
     fn snapshot(&mut self) -> Result<Snapshot> {
         let batch = self.record();
         let b = &self.body;

@@ -1,0 +1,175 @@
+//! All that a step depends on beside the scene, and nothing that can be computed again: a run that goes on from it gives the same bits.
+//!
+//! The wound is kept as the hits that made it: cutting the uncut body with them again gives the same nodes in the same order. Columns of
+//! the compliance are kept, though they are solved for: they have aged by the steps since, and how many passes a step takes depends on it.
+
+use super::compliance::Compliance;
+use super::{Body, Simulation, incise};
+use crate::backend::{CORRECTION, FREE, Vector};
+use crate::error::{Error, Result};
+use crate::haptic::Reduced;
+use crate::instrument::Motion;
+use crate::kernels::cut::Hit;
+use crate::math::V4;
+use crate::scene::Who;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+use std::collections::BTreeMap;
+
+/// State of a [`Simulation`] between two steps.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct State {
+    step_number: u64,
+    epoch: u32,
+    bodies: Vec<BodyState>,
+    tools: Vec<Motion>,
+    reduced: Vec<Reduced>,
+    held: incise::Held,
+    fronts: incise::Fronts,
+    depths: BTreeMap<(usize, usize, usize), f64>,
+    last_forces: BTreeMap<([Who; 2], usize), DVec3>,
+}
+
+impl State {
+    /// Parts of steps that were done.
+    pub fn step_number(&self) -> u64 {
+        self.step_number
+    }
+}
+
+/// State of a deformable body.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct BodyState {
+    /// `[node]` m, m/s
+    u: Vec<V4<f64>>,
+    v: Vec<V4<f64>>,
+    /// `[cell]` quaternions, from which the next ones are found; none of springs.
+    rotation: Vec<V4<f64>>,
+    /// `[slot][node]` solutions that the next solves start from: the free motion's, and the correction's where there is contact, m.
+    solutions: Vec<Vec<V4<f64>>>,
+    /// `[cut]` hits in their order.
+    cuts: Vec<Vec<Hit<f64>>>,
+    /// `[tile]` how far its nodes had moved when it was looked at last, m.
+    motion: Vec<[DVec3; 2]>,
+    compliance: Compliance,
+    at_rest: Compliance,
+}
+
+impl Simulation {
+    /// The state after the last step. The simulation goes on as if it had not been asked for.
+    ///
+    /// # Errors
+    /// When a device fails.
+    pub fn state(&mut self) -> Result<State> {
+        let slots = self.slots_kept();
+        Ok(State {
+            step_number: self.step_number,
+            epoch: self.epoch,
+            bodies: self.bodies.iter_mut().map(|body| body.state(slots)).collect::<Result<_>>()?,
+            tools: self.tools.iter().map(|tool| tool.motion()).collect(),
+            reduced: self.reduced.clone(),
+            held: self.held.clone(),
+            fronts: self.fronts.clone(),
+            depths: self.depths.clone(),
+            last_forces: self.last_forces.clone(),
+        })
+    }
+
+    /// Goes to a state of the same scene in the same precision, from wherever the simulation is; what it does from there on is bit for bit
+    /// what the simulation did that the state is of.
+    ///
+    /// # Errors
+    /// [`Error::StateUnfit`] for a state of other bodies; when a device fails.
+    pub fn restore(&mut self, state: &State) -> Result<()> {
+        self.fits(state)?;
+        let slots = self.slots_kept();
+        for number in 0..self.bodies.len() {
+            let from = &state.bodies[number];
+            let body = &mut self.bodies[number];
+            if !from.cuts.starts_with(&body.cuts) {
+                // what is cut does not heal
+                let tied = std::mem::take(&mut body.tied);
+                *body = Body::new(&self.scene, number, &self.place)?;
+                body.tied = tied;
+            }
+            self.bodies[number].restore(from, slots)?;
+            if state.step_number > 0 {
+                self.bodies[number].first_motion = 0.0;
+            }
+        }
+        self.tools.iter_mut().zip(&state.tools).for_each(|(tool, motion)| tool.set_motion(*motion));
+        self.step_number = state.step_number;
+        self.time = state.step_number as f64 * self.step_size();
+        self.epoch = state.epoch;
+        self.reduced.clone_from(&state.reduced);
+        self.held.clone_from(&state.held);
+        self.fronts.clone_from(&state.fronts);
+        self.depths.clone_from(&state.depths);
+        self.last_forces.clone_from(&state.last_forces);
+        Ok(())
+    }
+
+    /// Slots whose solutions are the next step's start; columns start from zero.
+    fn slots_kept(&self) -> &'static [usize] {
+        if self.scene.contact.is_some() { &[FREE, CORRECTION] } else { &[FREE] }
+    }
+
+    fn fits(&self, state: &State) -> Result<()> {
+        let unfit = |what, [found, wanted]: [usize; 2]| match found == wanted {
+            true => Ok(()),
+            false => Err(Error::StateUnfit { what, found, wanted }),
+        };
+        unfit("rigid bodies", [state.tools.len(), self.tools.len()])?;
+        unfit("rigid bodies", [state.reduced.len(), self.tools.len()])?;
+        unfit("deformable bodies", [state.bodies.len(), self.bodies.len()])?;
+        for (from, body) in state.bodies.iter().zip(&self.bodies) {
+            let (nodes, segments) = (body.model.node_count(), body.segment_count());
+            unfit("nodes", [from.u.len(), nodes])?;
+            unfit("nodes", [from.v.len(), nodes])?;
+            unfit("solutions", [from.solutions.len(), self.slots_kept().len()])?;
+            from.solutions.iter().try_for_each(|x| unfit("nodes", [x.len(), nodes]))?;
+            let cells = if body.model.springs.is_some() { 0 } else { body.model.grid.cell_count() };
+            unfit("cells", [from.rotation.len(), cells])?;
+            let last = from.cuts.iter().flatten().map(|hit| hit.segment as usize + 1).max().unwrap_or(0);
+            unfit("links or springs", [last.max(segments), segments])?;
+        }
+        Ok(())
+    }
+}
+
+impl Body {
+    fn state(&mut self, slots: &[usize]) -> Result<BodyState> {
+        let snapshot = self.backend.snapshot()?;
+        Ok(BodyState {
+            u: snapshot.u,
+            v: snapshot.v,
+            rotation: snapshot.rotation,
+            solutions: slots.iter().map(|slot| self.backend.solution(*slot)).collect::<Result<_>>()?,
+            cuts: self.cuts.clone(),
+            motion: self.boxes.motion().to_vec(),
+            compliance: self.compliance.clone(),
+            at_rest: self.at_rest.known.clone(),
+        })
+    }
+
+    /// Goes to a state whose first cuts are those of the body.
+    fn restore(&mut self, state: &BodyState, slots: &[usize]) -> Result<()> {
+        for hits in &state.cuts[self.cuts.len()..] {
+            self.sever(hits)?;
+        }
+        self.backend.set_state(&state.u, &state.v, &state.rotation)?;
+        for (slot, x) in slots.iter().zip(&state.solutions) {
+            self.backend.set_vector(Vector::Solution, *slot, x)?;
+        }
+        self.boxes.set_motion(&state.motion);
+        self.compliance.clone_from(&state.compliance);
+        self.at_rest.known.clone_from(&state.at_rest);
+        (self.loaded, self.lost) = (false, false);
+        Ok(())
+    }
+
+    /// Links or springs that a blade can cross.
+    fn segment_count(&self) -> usize {
+        self.model.springs.as_ref().map_or(3 * self.model.grid.cell_count(), |springs| springs.ends.len())
+    }
+}

@@ -1,0 +1,66 @@
+//! Runs that go on from a state, bit for bit as if they had not been interrupted: on any place.
+
+use cutis::scene::{Scene, read};
+use cutis::step::{Place, Simulation, State, StepReport};
+use std::path::Path;
+
+/// Scenes in their test forms, the step after which the state is taken, and all steps: in contact, and between two cuts of a blade.
+pub const SCENES: &[(&str, usize, usize)] = &[
+    ("incision", 37, 44),
+    ("dental_probe", 22, 34),
+    ("skin_springs", 35, 40),
+    ("verify/stack_five_soft", 3, 6),
+    ("hard/press_50kpa", 2, 5),
+];
+
+/// A shipped scene in its test form.
+pub fn scene(name: &str) -> Scene {
+    let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(format!("{name}.toml"));
+    read(&file).unwrap_or_else(|e| panic!("{e}")).in_test_form()
+}
+
+pub fn simulation(scene: &Scene, place: &Place) -> Simulation {
+    Simulation::new(scene, place).unwrap_or_else(|e| panic!("{}: {e}", scene.title))
+}
+
+/// Steps on; a third of them are checked in f64.
+pub fn steps(simulation: &mut Simulation, count: usize) -> Vec<StepReport> {
+    (0..count).map(|k| simulation.step(k % 3 == 0).unwrap_or_else(|e| panic!("{e}"))).collect()
+}
+
+/// Every number of some reports, and of the state after them: floats as the shortest text that reads back the same.
+pub fn text(reports: &[StepReport], simulation: &mut Simulation) -> String {
+    format!("{reports:?} {:?}", simulation.state().expect("no device fails"))
+}
+
+/// As written to a file and read back.
+fn kept(state: &State) -> State {
+    let bytes = postcard::to_stdvec(state).expect("a state has bytes");
+    postcard::from_bytes(&bytes).expect("its own bytes are a state")
+}
+
+/// Whether `k` steps, the state, and the rest of `n` steps from it are `n` steps; says where they part.
+pub fn goes_on(name: &str, place: &Place, k: usize, n: usize) -> Result<(), String> {
+    let scene = scene(name);
+    let mut first = simulation(&scene, place);
+    steps(&mut first, k);
+    let state = kept(&first.state().map_err(|e| e.to_string())?);
+    let rest = steps(&mut first, n - k);
+    let wanted = text(&rest, &mut first);
+    let touches = rest.iter().any(|step| !step.contact.contacts.is_empty());
+    let cuts = rest.iter().any(|step| step.severed > 0);
+    if touches != scene.contact.is_some() || cuts != scene.tools.iter().any(|tool| tool.blade.is_some()) {
+        return Err(format!("{name}: after {k} steps nothing touches, or nothing is cut"));
+    }
+    // a simulation that is new, and one that has come further
+    for mut second in [simulation(&scene, place), first] {
+        second.restore(&state).map_err(|e| e.to_string())?;
+        let reports = steps(&mut second, n - k);
+        let found = text(&reports, &mut second);
+        if let Some(at) = found.bytes().zip(wanted.bytes()).position(|(a, b)| a != b) {
+            let [found, wanted] = [&found, &wanted].map(|text| &text[at.saturating_sub(80)..(at + 40).min(text.len())]);
+            return Err(format!("{name} on {place:?}: {found} instead of {wanted}"));
+        }
+    }
+    Ok(())
+}
