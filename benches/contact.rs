@@ -8,7 +8,6 @@
 //!
 //! `cargo bench --bench contact` takes about five minutes on two cores; `-- test-form` has cells of twice the width.
 
-use cutis::report::run::whole;
 use cutis::scene::{Correction, Load, Loop, Preconditioner, Scene, read};
 use cutis::step::{Place, Simulation};
 use glam::DVec3;
@@ -50,7 +49,7 @@ struct Run {
 fn run(scene: &Scene) -> Run {
     let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the CPU holds it");
     let mut out = Run::default();
-    for _ in 0..whole(scene) {
+    for _ in 0..scene.time.steps() {
         let begin = Instant::now();
         let report = simulation.step(false).expect("the device works");
         out.ms.push(begin.elapsed().as_secs_f64() * 1e3);

@@ -7,7 +7,6 @@
 //! `cargo bench --bench wound -- 22 66` takes grids of 22 × 22 and 66 × 66 columns of 23 cells (about 10⁴ and 10⁵); 200 is the scene as it
 //! is, for a GPU: `-- 200 gpu`.
 
-use cutis::report::run::whole;
 use cutis::scene::{Scene, read};
 use cutis::step::{Place, Simulation, StepReport};
 use glam::DVec3;
@@ -56,7 +55,7 @@ fn row(mut scene: Scene, columns: u32, place: &Place) {
     };
     let mut times = Times::default();
     let (mut work, mut columns_solved, mut trouble) = (0.0, 0, 0);
-    for _ in 0..whole(&scene) {
+    for _ in 0..scene.time.steps() {
         let before = simulation.tools[0].position;
         let begin = Instant::now();
         let report = simulation.step(false).expect("the device works");

@@ -1,6 +1,5 @@
 //! One rigid tool with many contact points: the force is that of a flat punch, whatever the points' number and however redundant.
 
-use cutis::report::run::whole;
 use cutis::scene::{Boundary, Pose, ProbeKind, Region, Scene, read};
 use cutis::step::{Place, Simulation};
 use std::path::Path;
@@ -26,7 +25,7 @@ fn with_points(count: usize, times: usize) -> Scene {
 fn pressed(scene: &Scene) -> ([f64; 3], usize) {
     let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
     let mut last = ([0.0; 3], 0);
-    for _ in 0..whole(scene) {
+    for _ in 0..scene.time.steps() {
         let report = simulation.step(false).expect("the CPU path has no device to fail");
         assert!(report.warnings.is_empty(), "at {} s: {:?}", report.time, report.warnings);
         assert!(report.contact.forces.iter().all(|f| f.is_finite()));

@@ -4,13 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
-/// Longest file in src and kernels, lines before its tests.
-const LONGEST: usize = 400;
+/// Longest file in src and kernels, lines before its tests: one topic a file, and a topic may need some.
+const LONGEST: usize = 600;
 
 /// Files that are longer, with the reason. An entry that is no longer needed fails the test.
 const LONG: &[(&str, &str)] = &[
     ("src/error.rs", "one variant and one message per kind of bad input; they are read together"),
-    ("src/gpu/device.rs", "device, buffers and batches; to be split"),
 ];
 
 /// What may lie at the top: the layout that the owner fixed, and the usual files of a repository's root.

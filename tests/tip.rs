@@ -1,6 +1,5 @@
 //! A point with a radius presses as a ball does, whatever the cells and wherever it stands on them.
 
-use cutis::report::run::whole;
 use cutis::scene::{Files, Scene, parse};
 use cutis::step::{Place, Simulation};
 use std::path::Path;
@@ -65,7 +64,7 @@ max_contacts = 8
 fn force(scene: &Scene) -> f64 {
     let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
     let mut last = 0.0;
-    for _ in 0..whole(scene) {
+    for _ in 0..scene.time.steps() {
         let report = simulation.step(false).expect("the CPU path has no device to fail");
         assert!(report.warnings.is_empty(), "at {} s: {:?}", report.time, report.warnings);
         last = report.contact.on_tool[0][2];

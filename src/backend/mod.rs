@@ -104,6 +104,13 @@ pub struct Snapshot {
     pub law: Vec<V4<f64>>,
 }
 
+impl Snapshot {
+    /// Nodes with a displacement that is no number.
+    pub fn non_finite(&self) -> usize {
+        self.u.iter().filter(|u| u.iter().any(|c| !c.is_finite())).count()
+    }
+}
+
 /// Work on a law that is not linear, of one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Nonlinear {

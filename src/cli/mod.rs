@@ -66,7 +66,7 @@ fn run_scene(args: &Run) -> Result<u8> {
         realtime: args.realtime,
         record: args.record,
     };
-    let mut shown = progress::Shown::new(options.steps.unwrap_or(run::whole(&scene)));
+    let mut shown = progress::Shown::new(options.steps.unwrap_or(scene.time.steps()));
     let summary = run::run(&scene, &options, &mut |p| shown.update(p));
     shown.end();
     let summary = summary?;

@@ -364,6 +364,23 @@ impl Model {
         out
     }
 
+    /// Axes of nodes that nothing holds.
+    pub fn degrees_of_freedom(&self) -> usize {
+        self.free.iter().map(|f| f[..3].iter().filter(|axis| **axis != 0.0).count()).sum()
+    }
+
+    /// Bytes of its arrays.
+    pub fn host_bytes(&self) -> u64 {
+        let of_springs = |s: &Springs| {
+            size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + 4 * s.first.len() + 8 * s.half.len()
+        };
+        let springs = self.springs.as_ref().map_or(0, of_springs);
+        let nodes = size_of_val(&self.rest[..]) + size_of_val(&self.free[..]) + size_of_val(&self.held[..]);
+        let anchors = size_of_val(&self.anchors.nodes[..]) + size_of_val(&self.anchors.stiffness[..]);
+        let layers = size_of_val(&self.shape[..]) + size_of_val(&self.pre_strain[..]);
+        (nodes + springs + anchors + size_of_val(&self.stiffness[..]) + layers) as u64
+    }
+
     /// Nodes of a region.
     pub fn nodes_in(&self, region: &Region) -> Vec<u32> {
         (0..self.grid.node_count()).filter(|n| self.grid.contains(region, *n)).map(|n| n as u32).collect()

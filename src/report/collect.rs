@@ -1,7 +1,5 @@
 //! Adds step reports up to the report of a run.
 
-use super::inspect::host_bytes;
-use super::run::non_finite;
 use super::{Memory, Report, SolverReport, Spread};
 use crate::backend::Snapshot;
 use crate::math::larger;
@@ -28,7 +26,7 @@ impl Collector {
         let models = || simulation.bodies.iter().map(|body| &body.model);
         let device = simulation.device();
         let on_gpu = device.backend == "gpu";
-        let constant: u64 = models().map(host_bytes).sum();
+        let constant: u64 = models().map(|model| model.host_bytes()).sum();
         let of_bricks = || models().filter(|m| m.springs.is_none());
         let explicit = scene.time.integrator == Integrator::SymplecticEuler;
         let kind = match scene.solver.preconditioner {
@@ -47,7 +45,7 @@ impl Collector {
             nodes: models().map(|m| m.grid.node_count()).sum(),
             hexes: of_bricks().map(|m| m.grid.cell_count()).sum(),
             springs: models().flat_map(|m| &m.springs).map(|s| s.ends.len()).sum(),
-            dof: models().map(super::inspect::degrees_of_freedom).sum(),
+            dof: models().map(|model| model.degrees_of_freedom()).sum(),
             step_s: scene.time.step,
             solver: SolverReport {
                 kind: kind.into(),
@@ -104,7 +102,7 @@ impl Collector {
             r.contact.residual_n_max = r.contact.residual_n_max.max(step.contact.residual_n);
             r.contact.residual_m_max = r.contact.residual_m_max.max(step.contact.residual_m);
         }
-        let force = force_on_tools(step);
+        let force = step.contact.largest_on_tools();
         if force > r.contact_force_n_max {
             r.contact_force_n_max = force;
             self.peak_time = step.time;
@@ -143,7 +141,7 @@ impl Collector {
 
     /// What the run has left at its end.
     pub fn ended(&mut self, simulation: &Simulation, states: &[Snapshot]) {
-        self.warn("non_finite_nodes", states.iter().map(non_finite).sum::<usize>() as u64);
+        self.warn("non_finite_nodes", states.iter().map(Snapshot::non_finite).sum::<usize>() as u64);
         if !states.is_empty() {
             let measured = simulation.measure(states);
             self.measured(&measured);
@@ -177,12 +175,6 @@ impl Collector {
         r.wall_s = self.start.elapsed().as_secs_f64();
         r
     }
-}
-
-/// Largest force on a tool, N.
-pub(super) fn force_on_tools(step: &StepReport) -> f64 {
-    let size = |f: &[f64; 3]| glam::DVec3::from_array(*f).length();
-    step.contact.on_tool.iter().map(size).fold(0.0, f64::max)
 }
 
 fn mean(sum: u64, count: u32) -> f64 {

@@ -4,9 +4,7 @@
 //! tightly, once to the scene's own tolerance. After first contact trajectories are chaotic: whole runs are compared by invariants and
 //! by the peak force.
 
-use super::collect::force_on_tools;
-use super::run::{non_finite, snapshots};
-use crate::backend::Device;
+use crate::backend::{Device, Snapshot};
 use crate::error::{Error, Result};
 use crate::math::V4;
 use crate::scene::{Load, Mass, Scene, Skin};
@@ -126,7 +124,7 @@ fn after(scene: &Scene, place: &Place) -> Result<Vec<V4<f64>>> {
     for _ in 0..PRESSED_STEPS {
         simulation.step(false)?;
     }
-    Ok(snapshots(&mut simulation)?.into_iter().flat_map(|s| s.u).collect())
+    Ok(simulation.snapshots()?.into_iter().flat_map(|s| s.u).collect())
 }
 
 /// Longest vector, m; NaN when one is not finite.
@@ -157,9 +155,9 @@ impl Outcome {
         let mut simulation = Simulation::new(scene, place)?;
         let mut peak_force = 0.0f64;
         for _ in 0..steps {
-            peak_force = peak_force.max(force_on_tools(&simulation.step(false)?));
+            peak_force = peak_force.max(simulation.step(false)?.contact.largest_on_tools());
         }
-        let state = snapshots(&mut simulation)?;
+        let state = simulation.snapshots()?;
         let mass: f64 = state.iter().flat_map(|s| &s.free).map(|f| f[3]).sum();
         let expected = simulation.bodies.iter().map(expected_mass).sum::<f64>();
         let totals = simulation.totals();
@@ -169,7 +167,7 @@ impl Outcome {
             cut: totals.links + totals.springs,
             mass_error: ratio(mass - expected, expected),
             mass,
-            non_finite: state.iter().map(non_finite).sum(),
+            non_finite: state.iter().map(Snapshot::non_finite).sum(),
         })
     }
 }

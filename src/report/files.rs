@@ -80,7 +80,7 @@ impl Folder {
         let mut row = vec![step.time];
         row.extend(&step.probes);
         if self.contact {
-            let force = super::collect::force_on_tools(step);
+            let force = step.contact.largest_on_tools();
             row.extend([step.contact.count() as f64, force, f64::from(step.severed)]);
         }
         self.probes.row(&row)?;

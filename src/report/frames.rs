@@ -1,7 +1,6 @@
 //! Pictures of a run: the skin coloured by layer, its cells as thin lines, a wound's walls wet with blood and its rim marked, the tools in
 //! steel.
 
-use super::collect::force_on_tools;
 use crate::backend::Snapshot;
 use crate::error::{Error, Result};
 use crate::instrument::Instrument;
@@ -196,7 +195,7 @@ pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &S
 fn caption(scene: &Scene, simulation: &Simulation, step: &StepReport) -> Vec<String> {
     let mut lines = vec![format!("time {:.3} s", step.time)];
     if scene.contact.is_some() {
-        lines.push(format!("force {:.3} N", force_on_tools(step)));
+        lines.push(format!("force {:.3} N", step.contact.largest_on_tools()));
     }
     if scene.tools.iter().any(|t| t.blade.is_some()) {
         let totals = simulation.totals();

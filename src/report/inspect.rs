@@ -97,7 +97,7 @@ pub fn inspect(scene: &Scene) -> Result<Plan> {
 fn all_bodies(scene: &Scene) -> Result<Plan> {
     let mut plan = Plan {
         scene: scene.file.display().to_string(),
-        steps: super::run::whole(scene),
+        steps: scene.time.steps(),
         read_backs: read_backs(scene),
         ..Plan::default()
     };
@@ -117,9 +117,9 @@ fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
     plan.nodes += model.grid.node_count();
     plan.cells += model.grid.cell_count();
     plan.springs += model.springs.as_ref().map_or(0, |s| s.ends.len());
-    plan.dof += degrees_of_freedom(model);
+    plan.dof += model.degrees_of_freedom();
     plan.right_hand_sides = plan.right_hand_sides.max(needs.slots());
-    plan.host_bytes += host_bytes(model);
+    plan.host_bytes += model.host_bytes();
     let made = backend.gpu().arrays().into_iter();
     plan.arrays.extend(made.map(|Made { name, purpose, elements, bytes }| Array { name, purpose, elements, bytes }));
     for kernel in backend.gpu().kernels() {
@@ -144,23 +144,6 @@ fn shares(arrays: &[Array], cells: usize) -> Vec<Share> {
         }
     }
     out
-}
-
-/// Axes of nodes that nothing holds.
-pub(super) fn degrees_of_freedom(model: &Model) -> usize {
-    model.free.iter().map(|f| f[..3].iter().filter(|axis| **axis != 0.0).count()).sum()
-}
-
-/// Constant arrays that the host keeps.
-pub(super) fn host_bytes(model: &Model) -> u64 {
-    let springs = model
-        .springs
-        .as_ref()
-        .map_or(0, |s| size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + 4 * s.first.len() + 8 * s.half.len());
-    let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.held[..]);
-    let anchors = size_of_val(&model.anchors.nodes[..]) + size_of_val(&model.anchors.stiffness[..]);
-    let layers = size_of_val(&model.shape[..]) + size_of_val(&model.pre_strain[..]);
-    (nodes + springs + anchors + size_of_val(&model.stiffness[..]) + layers) as u64
 }
 
 fn cuts(scene: &Scene) -> bool {

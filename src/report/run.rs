@@ -1,11 +1,10 @@
 //! Steps a scene to its end and writes what happened.
 
-use super::collect::{Collector, force_on_tools};
+use super::collect::Collector;
 use super::files::Folder;
 use super::haptics::Haptics;
 use super::live::Live;
 use super::{HapticReport, Report, check};
-use crate::backend::Snapshot;
 use crate::error::{Error, Result};
 use crate::scene::{Scene, Who};
 use crate::step::{Place, Simulation, StepReport};
@@ -114,11 +113,6 @@ pub struct Summary {
     pub cut_short: bool,
 }
 
-/// Steps of a scene's whole duration.
-pub fn whole(scene: &Scene) -> u32 {
-    (scene.time.duration / scene.time.step).round().max(1.0) as u32
-}
-
 /// Runs a scene; `progress` is called after every step.
 ///
 /// # Errors
@@ -145,7 +139,7 @@ pub fn run_prepared(
     simulation: Simulation,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary> {
-    let steps = options.steps.unwrap_or(whole(scene));
+    let steps = options.steps.unwrap_or(scene.time.steps());
     let folder = Folder::create(&options.out, scene)?;
     let hands = Hands::new(scene, options, &simulation)?;
     let collector = Collector::new(scene, &simulation);
@@ -157,7 +151,7 @@ pub fn run_prepared(
             return Err(error);
         }
     };
-    let cut_short = steps < whole(scene);
+    let cut_short = steps < scene.time.steps();
     Ok(Summary {
         failures: match cut_short {
             true => vec![],
@@ -184,7 +178,7 @@ struct Running<'a> {
 impl Running<'_> {
     fn all_steps(&mut self, steps: u32, progress: &mut dyn FnMut(&Progress)) -> Result<Report> {
         if !self.simulation.bodies.is_empty() {
-            let state = snapshots(&mut self.simulation)?;
+            let state = self.simulation.snapshots()?;
             self.collector.began(&self.simulation.measure(&state));
         }
         let frames = u64::from(self.scene.view.frames.min(steps));
@@ -196,20 +190,20 @@ impl Running<'_> {
                 step: number,
                 steps,
                 time: step.time,
-                force: force_on_tools(&step),
+                force: step.contact.largest_on_tools(),
                 cut: self.simulation.totals().length,
             });
             if pictures(number) > pictures(number - 1) {
-                let state = snapshots(&mut self.simulation)?;
+                let state = self.simulation.snapshots()?;
                 self.folder.add_frame(self.scene, &self.simulation, &state, &step)?;
                 let report = self.report();
                 self.folder.write_report(&report)?;
             }
         }
         self.hands.stop()?;
-        let state = snapshots(&mut self.simulation)?;
+        let state = self.simulation.snapshots()?;
         self.collector.ended(&self.simulation, &state);
-        if let Some(body) = state.iter().position(|state| non_finite(state) > 0) {
+        if let Some(body) = state.iter().position(|state| state.non_finite() > 0) {
             return Err(self.simulation.non_finite(Who::Skin(body)));
         }
         let report = self.report();
@@ -249,15 +243,4 @@ impl Running<'_> {
         drop(self.hands.finish());
         drop(self.folder.flush());
     }
-}
-
-/// The state of every deformable body.
-pub(super) fn snapshots(simulation: &mut Simulation) -> Result<Vec<Snapshot>> {
-    simulation.bodies.iter_mut().map(|body| body.snapshot()).collect()
-}
-
-/// Nodes that are nowhere.
-pub(super) fn non_finite(state: &Snapshot) -> usize {
-    let lost = |u: &&[f64; 4]| u.iter().any(|c| !c.is_finite());
-    state.u.iter().filter(lost).count()
 }

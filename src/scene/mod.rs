@@ -133,6 +133,11 @@ impl Time {
     pub fn part(&self) -> f64 {
         self.step / f64::from(self.substeps)
     }
+
+    /// Steps of the whole duration.
+    pub fn steps(&self) -> u32 {
+        (self.duration / self.step).round().max(1.0) as u32
+    }
 }
 
 /// Which preconditioner the conjugate gradients use.

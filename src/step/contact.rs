@@ -48,6 +48,11 @@ impl ContactReport {
         self.contacts.iter().filter(|c| !matches!(c.law, Law::Hold { .. })).count()
     }
 
+    /// Largest force on a rigid body, N.
+    pub fn largest_on_tools(&self) -> f64 {
+        self.on_tool.iter().map(|force| DVec3::from_array(*force).length()).fold(0.0, f64::max)
+    }
+
     /// Force on a body from another, or from all, N.
     pub fn force(&self, on: Who, from: Option<Who>) -> DVec3 {
         let mut sum = DVec3::ZERO;

@@ -28,7 +28,7 @@ pub use measured::Measured;
 pub use start::{needs, start};
 pub use state::State;
 
-use crate::backend::Device;
+use crate::backend::{Device, Snapshot};
 use crate::collide::Contact;
 use crate::cut::Totals;
 use crate::error::Result;
@@ -224,6 +224,14 @@ impl Simulation {
     pub fn device_time(&mut self) -> Result<Option<f64>> {
         let each = self.bodies.iter_mut().map(|body| body.backend.device_time());
         Ok(each.collect::<Result<Vec<_>>>()?.into_iter().sum())
+    }
+
+    /// Fields of every deformable body.
+    ///
+    /// # Errors
+    /// When a device fails.
+    pub fn snapshots(&mut self) -> Result<Vec<Snapshot>> {
+        self.bodies.iter_mut().map(Body::snapshot).collect()
     }
 
     /// Measures of all wounds together.

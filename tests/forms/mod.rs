@@ -39,7 +39,7 @@ pub fn test_form(mut scene: Scene) -> Option<(Scene, u32)> {
         skin.cells = cells;
     }
     scene.view.frames = 0;
-    let all = report::run::whole(&scene);
+    let all = scene.time.steps();
     Some((scene, form.steps.unwrap_or(all)))
 }
 

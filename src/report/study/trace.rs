@@ -1,7 +1,5 @@
 //! One run of a study: what its probes saw at common times, and what a step cost.
 
-use super::super::collect::force_on_tools;
-use super::super::run::whole;
 use crate::error::Result;
 use crate::scene::{ProbeKind, Scene};
 use crate::step::{Place, Simulation};
@@ -93,7 +91,7 @@ pub fn trace(
     limit: Duration,
     stepped: &mut dyn FnMut(f64),
 ) -> Result<Trace> {
-    let wanted = whole(scene);
+    let wanted = scene.time.steps();
     let sampled = every.map_or(wanted, |every| (every / scene.time.step).round().max(1.0) as u32);
     let start = Instant::now();
     let mut simulation = Simulation::new(scene, place)?;
@@ -113,7 +111,7 @@ pub fn trace(
         if number % sampled == 0 {
             let value = |signal: &Signal| match signal {
                 Signal::Probe(probe, _) => step.probes[*probe],
-                Signal::Force => force_on_tools(&step),
+                Signal::Force => step.contact.largest_on_tools(),
             };
             trace.samples.push(signals.iter().map(value).collect());
         }
