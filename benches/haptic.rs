@@ -206,7 +206,7 @@ fn force_at(hz: f64) -> Vec<f64> {
     scene.skins[0].cells = [12, 12];
     (scene.time.step, scene.view.frames) = (1.0 / hz, 0);
     let out = std::env::temp_dir().join(format!("cutis-bench-haptic-{}", std::process::id()));
-    let options = Options { place: Place::Cpu64, steps: None, out: out.clone(), realtime: false, record: false };
+    let options = Options::new(Place::Cpu64, &out);
     run(&scene, &options, &mut |_| {}).expect("the shipped scene runs");
     let text = std::fs::read_to_string(out.join("haptic.csv")).expect("a run with a tool writes it");
     std::fs::remove_dir_all(&out).expect("it was made above");

@@ -93,8 +93,30 @@ pub enum Error {
         fix: &'static str,
     },
 
+    /// A checkpoint that a run cannot go on from.
+    #[error("{}: the checkpoint {what}; {fix}", path.display())]
+    Checkpoint {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: String,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// A table that a resumed run cannot go on with.
+    #[error("{}: the table {what}; resume in the folder of the run that wrote the checkpoint", path.display())]
+    TableUnfit {
+        /// The table.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+
     /// A state of another simulation.
-    #[error("the state has {found} {what} where the simulation has {wanted}; restore it in a simulation of the scene that it is of")]
+    #[error(
+        "the state has {found} {what} where the simulation has {wanted}; restore it in a simulation of the scene that it is of"
+    )]
     StateUnfit {
         /// "nodes", "deformable bodies" …
         what: &'static str,

@@ -98,7 +98,7 @@
 //! between the steps, so that a run repeats.
 //!
 //! # Rules that hold everywhere
-//! - Imports go downward: main > cli > report > output, view > step > haptic > backend > collide, cut > constraints, linear,
+//! - Imports go downward: main > cli > report > runner, output, view > step > haptic > backend > collide, cut > constraints, linear,
 //!   instrument > model > mesh, gpu > kernels, scene > error, math. Modules of one level do not import each other (a test reads this).
 //!   `gpu` knows no physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
 //! - SI units inside; scene keys carry their unit.
@@ -126,6 +126,7 @@ pub mod mesh;
 pub mod model;
 pub mod output;
 pub mod report;
+pub mod runner;
 pub mod scene;
 pub mod step;
 pub mod view;

@@ -8,7 +8,7 @@
 use crate::error::{Error, Result};
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{self, BufWriter, Write as _};
+use std::io::{self, BufRead as _, BufReader, BufWriter, Write as _};
 use std::path::{Path, PathBuf};
 use vtkio::IOBuffer;
 use vtkio::model::{
@@ -167,6 +167,27 @@ impl Series {
         let time = shortest(time_s);
         let line = format!("    <DataSet timestep=\"{time}\" part=\"0\" file=\"{file}\"/>\n");
         self.entries.push_str(&line);
+        self.write()
+    }
+
+    /// Lines of the files so far.
+    pub fn entries(&self) -> &str {
+        &self.entries
+    }
+
+    /// Goes on with these lines; a file that names others is replaced.
+    pub fn resume(&mut self, entries: String) -> Result<()> {
+        self.entries = entries;
+        match self.entries.is_empty() {
+            true => {
+                std::fs::remove_file(&self.path).ok();
+                Ok(())
+            }
+            false => self.write(),
+        }
+    }
+
+    fn write(&self) -> Result<()> {
         let text = format!(
             "<?xml version=\"1.0\"?>\n\
              <VTKFile type=\"Collection\" version=\"0.1\" byte_order=\"LittleEndian\">\n  \
@@ -200,6 +221,34 @@ impl Table {
         let opened = File::options().append(true).open(path);
         let file = BufWriter::new(opened.map_err(|source| Error::Write { path: path.to_owned(), source })?);
         Ok(Self { path: path.to_owned(), file, column_count: columns.len(), row_count: 0, line: String::new() })
+    }
+
+    /// Goes on with the first `bytes` of a table that [`Table::create`] has made; what comes after them goes.
+    ///
+    /// # Errors
+    /// [`Error::TableUnfit`] for a table of other columns or one that is shorter.
+    pub fn reopen(path: &Path, columns: &[&str], bytes: u64) -> Result<Self> {
+        let failed = |source| Error::Write { path: path.to_owned(), source };
+        let unfit = |what| Err(Error::TableUnfit { path: path.to_owned(), what });
+        let mut header = String::new();
+        let Ok(opened) = File::open(path) else { return unfit("cannot be opened") };
+        BufReader::new(opened).read_line(&mut header).map_err(failed)?;
+        if header.trim_end() != columns.join(",") {
+            return unfit("has other columns than the scene asks for");
+        }
+        let opened = File::options().write(true).open(path).map_err(failed)?;
+        if opened.metadata().map_err(failed)?.len() < bytes {
+            return unfit("is shorter than when the checkpoint was written");
+        }
+        opened.set_len(bytes).map_err(failed)?;
+        let file = BufWriter::new(File::options().append(true).open(path).map_err(failed)?);
+        Ok(Self { path: path.to_owned(), file, column_count: columns.len(), row_count: 0, line: String::new() })
+    }
+
+    /// Bytes of the file, all of its rows handed to the system.
+    pub fn length(&mut self) -> Result<u64> {
+        self.flush()?;
+        Ok(self.file.get_ref().metadata().map_err(|source| self.error(source))?.len())
     }
 
     /// Adds a row, one value per column. Lines reach the file whole: each is handed to the buffer

@@ -10,6 +10,8 @@ mod killed;
 mod memory;
 #[path = "cli/results.rs"]
 mod results;
+#[path = "cli/resumed.rs"]
+mod resumed;
 #[path = "cli/stand_in.rs"]
 mod stand_in;
 #[path = "cli/work.rs"]
@@ -44,7 +46,7 @@ fn main() {
     };
     // limits of the address space, and what a process takes of it, are Linux's
     let memory = if cfg!(target_os = "linux") { memory::TESTS } else { &[] };
-    let plain = [input::TESTS, killed::TESTS, memory, results::TESTS, stand_in::TESTS].concat();
+    let plain = [input::TESTS, killed::TESTS, memory, results::TESTS, resumed::TESTS, stand_in::TESTS].concat();
     let on_gpu = results::GPU_TESTS;
     let mut trials: Vec<Trial> = plain.iter().map(trial).collect();
     trials.extend(on_gpu.iter().map(|test| match (adapter, required) {

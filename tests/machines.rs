@@ -51,8 +51,7 @@ fn hash(text: &[u8]) -> u64 {
 fn hashes(name: &str, scene: &Scene, steps: u32, place: &Place, threads: usize) -> String {
     let folder = format!("cutis-machines-{}-{}-{place:?}", std::process::id(), name.replace('/', "-"));
     let out = std::env::temp_dir().join(folder);
-    let options =
-        Options { place: place.clone(), steps: Some(steps), out: out.clone(), realtime: false, record: false };
+    let options = Options { steps: Some(steps), ..Options::new(place.clone(), &out) };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a few threads can be had");
     pool.install(|| run::run(scene, &options, &mut |_| {})).unwrap_or_else(|e| panic!("{name}: {e}"));
     let mut lines = String::new();

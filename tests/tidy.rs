@@ -8,9 +8,8 @@ use std::process::Command;
 const LONGEST: usize = 600;
 
 /// Files that are longer, with the reason. An entry that is no longer needed fails the test.
-const LONG: &[(&str, &str)] = &[
-    ("src/error.rs", "one variant and one message per kind of bad input; they are read together"),
-];
+const LONG: &[(&str, &str)] =
+    &[("src/error.rs", "one variant and one message per kind of bad input; they are read together")];
 
 /// What may lie at the top: the layout that the owner fixed, and the usual files of a repository's root.
 const TOP: &[&str] = &[

@@ -84,6 +84,12 @@ pub struct Run {
     /// Keep how each device moved and what it was given in DIR/hand_TOOL.csv, which a scene can take as a `trajectory`
     #[arg(long)]
     pub record: bool,
+    /// Write DIR/checkpoint.bin after every N steps, from which a run that was ended goes on with --resume
+    #[arg(long, value_name = "N", conflicts_with_all = ["realtime", "record"], value_parser = clap::value_parser!(u32).range(1..))]
+    pub checkpoint: Option<u32>,
+    /// Go on from a checkpoint, with the same scene, options and DIR: the end is that of a run that was not ended
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["realtime", "record"])]
+    pub resume: Option<PathBuf>,
     /// Folder of the results; files of an earlier run in it are replaced
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,

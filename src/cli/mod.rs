@@ -55,9 +55,9 @@ fn run_scene(args: &Run) -> Result<u8> {
     scene.view.frames = args.frames.unwrap_or(scene.view.frames);
     let of_time = args.seconds.map(|t| (t / scene.time.step).round().max(1.0) as u32);
     if args.realtime {
-        cutis::report::leave_a_core()?;
+        cutis::runner::leave_a_core()?;
     } else {
-        cutis::report::take_all_cores()?;
+        cutis::runner::take_all_cores()?;
     }
     let options = run::Options {
         place: place(args, &scene)?,
@@ -65,6 +65,8 @@ fn run_scene(args: &Run) -> Result<u8> {
         out: args.out.clone(),
         realtime: args.realtime,
         record: args.record,
+        checkpoint: args.checkpoint,
+        resume: args.resume.clone(),
     };
     let mut shown = progress::Shown::new(options.steps.unwrap_or(scene.time.steps()));
     let summary = run::run(&scene, &options, &mut |p| shown.update(p));

@@ -106,6 +106,14 @@ pub trait Device: Send {
         0
     }
 
+    /// What [`read`](Device::read) depends on beside the time: to go on from later, by the scene's clock. None of a device that is no program.
+    fn state(&self) -> Vec<f64> {
+        vec![]
+    }
+
+    /// Goes to a state of this kind of device.
+    fn restore(&mut self, _state: &[f64]) {}
+
     /// Lets go: no force, connection closed.
     ///
     /// # Errors

@@ -99,6 +99,17 @@ impl Device for SimulatedHand {
         self.force = wrench.force;
     }
 
+    fn state(&self) -> Vec<f64> {
+        let vectors = [self.position, self.velocity, self.force].map(|v| v.to_array());
+        vectors.as_flattened().iter().copied().chain([self.work]).chain(self.time).collect()
+    }
+
+    fn restore(&mut self, state: &[f64]) {
+        let vector = |at: usize| state.get(at..at + 3).map_or(DVec3::ZERO, DVec3::from_slice);
+        (self.position, self.velocity, self.force) = (vector(0), vector(3), vector(6));
+        (self.work, self.time) = (state.get(9).copied().unwrap_or_default(), state.get(10).copied());
+    }
+
     fn close(&mut self) -> Result<()> {
         Ok(())
     }

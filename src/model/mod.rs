@@ -371,9 +371,8 @@ impl Model {
 
     /// Bytes of its arrays.
     pub fn host_bytes(&self) -> u64 {
-        let of_springs = |s: &Springs| {
-            size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + 4 * s.first.len() + 8 * s.half.len()
-        };
+        let of_springs =
+            |s: &Springs| size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + 4 * s.first.len() + 8 * s.half.len();
         let springs = self.springs.as_ref().map_or(0, of_springs);
         let nodes = size_of_val(&self.rest[..]) + size_of_val(&self.free[..]) + size_of_val(&self.held[..]);
         let anchors = size_of_val(&self.anchors.nodes[..]) + size_of_val(&self.anchors.stiffness[..]);

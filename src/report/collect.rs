@@ -5,19 +5,28 @@ use crate::backend::Snapshot;
 use crate::math::larger;
 use crate::scene::{Integrator, PRECONDITIONERS, Preconditioner, Scene, word};
 use crate::step::{Measured, Simulation, StepReport};
+use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
-/// What was seen so far.
+/// Collects what a run's report is made of.
 pub(super) struct Collector {
-    report: Report,
     start: Instant,
+    seen: Collected,
+}
+
+/// What was seen so far.
+#[derive(Clone, Default, Serialize, Deserialize)]
+pub(super) struct Collected {
+    report: Report,
+    /// Before the run was resumed, s.
+    wall: f64,
     plain: Vec<f64>,
     checked: Vec<f64>,
     iterations: u64,
     passes: u64,
     touching: u32,
     /// Where the largest force was, s.
-    pub peak_time: f64,
+    peak_time: f64,
 }
 
 impl Collector {
@@ -60,28 +69,39 @@ impl Collector {
             },
             ..Report::default()
         };
-        Self {
-            report,
-            start: Instant::now(),
-            plain: vec![],
-            checked: vec![],
-            iterations: 0,
-            passes: 0,
-            touching: 0,
-            peak_time: 0.0,
-        }
+        Self { start: Instant::now(), seen: Collected { report, ..Collected::default() } }
+    }
+
+    /// What was seen so far, to go on with later.
+    pub fn collected(&self) -> Collected {
+        Collected { wall: self.wall(), ..self.seen.clone() }
+    }
+
+    /// Goes on with what was seen by the first part of the run; where it runs is said of this part.
+    pub fn resume(&mut self, earlier: Collected) {
+        let Report { scene, adapter, driver, .. } = std::mem::take(&mut self.seen.report);
+        self.seen = Collected { report: Report { scene, adapter, driver, ..earlier.report.clone() }, ..earlier };
+    }
+
+    /// When the largest force was, s.
+    pub fn peak_time(&self) -> f64 {
+        self.seen.peak_time
+    }
+
+    fn wall(&self) -> f64 {
+        self.seen.wall + self.start.elapsed().as_secs_f64()
     }
 
     /// Takes a step in.
     pub fn add(&mut self, step: &StepReport, took: Duration) {
-        let r = &mut self.report;
+        let r = &mut self.seen.report;
         r.steps += 1;
         let times = match step.true_residual {
-            Some(_) => &mut self.checked,
-            None => &mut self.plain,
+            Some(_) => &mut self.seen.checked,
+            None => &mut self.seen.plain,
         };
         times.push(took.as_secs_f64() * 1e3);
-        self.iterations += u64::from(step.free.iterations);
+        self.seen.iterations += u64::from(step.free.iterations);
         r.solver.iterations_max = r.solver.iterations_max.max(step.free.iterations);
         r.solver.refinements += u64::from(step.refinements);
         r.solver.newton_iterations_max = r.solver.newton_iterations_max.max(step.newton_iterations);
@@ -91,13 +111,13 @@ impl Collector {
             r.solver.residual_true = Some(r.solver.residual_true.unwrap_or(0.0).max(residual));
         }
         step.measured.iter().for_each(|measured| self.measured(measured));
-        let r = &mut self.report;
+        let r = &mut self.seen.report;
         r.contacts_max = r.contacts_max.max(step.contact.count());
         r.contact.candidates_max = r.contact.candidates_max.max(step.contact.candidates);
         r.contact.depth_mm_max = r.contact.depth_mm_max.max(step.contact.depth * 1e3);
         if step.contact.count() > 0 {
-            self.touching += 1;
-            self.passes += u64::from(step.contact.passes);
+            self.seen.touching += 1;
+            self.seen.passes += u64::from(step.contact.passes);
             r.contact.passes_max = r.contact.passes_max.max(step.contact.passes);
             r.contact.residual_n_max = r.contact.residual_n_max.max(step.contact.residual_n);
             r.contact.residual_m_max = r.contact.residual_m_max.max(step.contact.residual_m);
@@ -105,7 +125,7 @@ impl Collector {
         let force = step.contact.largest_on_tools();
         if force > r.contact_force_n_max {
             r.contact_force_n_max = force;
-            self.peak_time = step.time;
+            self.seen.peak_time = step.time;
         }
         r.cut.opening_mm_max = r.cut.opening_mm_max.max(step.opening * 1e3);
         r.cut.overlap_mm_max = r.cut.overlap_mm_max.max(step.overlap * 1e3);
@@ -118,11 +138,11 @@ impl Collector {
     pub fn began(&mut self, measured: &Measured) {
         self.measured(measured);
         self.warn_of(measured);
-        self.report.energy_j.start = Some(measured.energy);
+        self.seen.report.energy_j.start = Some(measured.energy);
     }
 
     fn measured(&mut self, measured: &Measured) {
-        let r = &mut self.report;
+        let r = &mut self.seen.report;
         r.energy_j.max = Some(r.energy_j.max.map_or(measured.energy, |most| larger(most, measured.energy)));
         r.inverted_cells_max = r.inverted_cells_max.max(Some(measured.inverted));
     }
@@ -135,7 +155,7 @@ impl Collector {
 
     fn warn(&mut self, name: &str, count: u64) {
         if count > 0 {
-            *self.report.warnings.entry(name.into()).or_default() += count;
+            *self.seen.report.warnings.entry(name.into()).or_default() += count;
         }
     }
 
@@ -146,17 +166,17 @@ impl Collector {
             let measured = simulation.measure(states);
             self.measured(&measured);
             self.warn_of(&measured);
-            self.report.energy_j.end = Some(measured.energy);
+            self.seen.report.energy_j.end = Some(measured.energy);
         }
         let bricks: Vec<_> = simulation.bodies.iter().filter(|body| body.model.springs.is_none()).collect();
         let surfaces = || bricks.iter().map(|body| &body.wound.surface);
-        self.report.cut.pieces = Some(surfaces().map(|surface| surface.parts.pieces(&surface.alive)).sum());
-        self.report.cut.nonmanifold_edges = Some(surfaces().map(|surface| surface.edges().nonmanifold).sum());
+        self.seen.report.cut.pieces = Some(surfaces().map(|surface| surface.parts.pieces(&surface.alive)).sum());
+        self.seen.report.cut.nonmanifold_edges = Some(surfaces().map(|surface| surface.edges().nonmanifold).sum());
     }
 
     /// The report as of now.
     pub fn report(&self, simulation: &Simulation) -> Report {
-        let mut r = self.report.clone();
+        let mut r = self.seen.report.clone();
         let totals = simulation.totals();
         r.cut.hexes_removed = totals.hexes;
         r.cut.springs_removed = totals.springs;
@@ -166,13 +186,13 @@ impl Collector {
         r.cut.length_mm = totals.length * 1e3;
         r.cut.length_top_mm = totals.length_top * 1e3;
         r.cut.depth_mm = totals.depth * 1e3;
-        r.solver.iterations_mean = mean(self.iterations, r.steps);
-        r.contact.passes_mean = mean(self.passes, self.touching);
-        r.step_ms = spread(match self.plain.is_empty() {
-            true => &self.checked,
-            false => &self.plain,
+        r.solver.iterations_mean = mean(self.seen.iterations, r.steps);
+        r.contact.passes_mean = mean(self.seen.passes, self.seen.touching);
+        r.step_ms = spread(match self.seen.plain.is_empty() {
+            true => &self.seen.checked,
+            false => &self.seen.plain,
         });
-        r.wall_s = self.start.elapsed().as_secs_f64();
+        r.wall_s = self.wall();
         r
     }
 }
@@ -207,7 +227,7 @@ mod tests {
         let warned = |energy: f64, inverted: u32| {
             let mut collector = Collector::new(&scene, &simulation);
             collector.began(&Measured { energy, inverted });
-            collector.report.warnings.into_iter().collect::<Vec<_>>()
+            collector.seen.report.warnings.into_iter().collect::<Vec<_>>()
         };
         assert_eq!(warned(f64::NAN, 2), [("inverted_cells".into(), 2), ("non_finite_energy".into(), 1)]);
         assert_eq!(warned(1.0, 0), [], "the counter-test");

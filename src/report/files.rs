@@ -15,6 +15,7 @@ use crate::mesh::Surface;
 use crate::output::{Field, Series, Table, replace, write_hexes, write_triangles};
 use crate::scene::Scene;
 use crate::step::{Simulation, StepReport};
+use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
 /// An open folder.
@@ -27,21 +28,50 @@ pub(super) struct Folder {
     frame_count: u32,
 }
 
+/// How far the files of a run have come.
+#[derive(Serialize, Deserialize)]
+pub(super) struct Written {
+    /// Bytes of `probes.csv`.
+    probes: u64,
+    /// Pictures.
+    frames: u32,
+    /// Lines of the `.pvd` files.
+    volume: String,
+    surface: String,
+}
+
+/// Columns of `probes.csv`.
+fn columns(scene: &Scene) -> Vec<String> {
+    let mut columns = vec!["time_s".to_string()];
+    columns.extend(scene.probes.iter().map(|p| format!("{}_{}", p.name, p.kind.unit())));
+    if scene.contact.is_some() {
+        columns.extend(["contacts", "contact_force_n", "links_cut"].map(String::from));
+    }
+    columns
+}
+
 fn create(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|source| Error::Write { path: path.to_owned(), source })
 }
 
-/// Numbered files and reports of an earlier run would pass for this one's. What names others goes first, so that a run that is killed here
-/// leaves no name of a file that is gone.
+/// Results of an earlier run would pass for this one's. What names others goes first, so that a run that is killed here leaves no name of a
+/// file that is gone.
 fn remove_old(path: &Path) {
+    super::checkpoint::remove(path);
     for name in ["report.json", "volume.pvd", "surface.pvd", "haptic.csv"] {
         std::fs::remove_file(path.join(name)).ok();
     }
+    remove_numbered(path, 0);
+}
+
+/// Removes numbered files beyond a number.
+fn remove_numbered(path: &Path, kept: u32) {
     let numbered = |name: &str| {
         [("frame_", ".png"), ("volume_", ".vtu"), ("surface_", ".vtu")]
             .iter()
             .filter_map(|(start, end)| name.strip_prefix(start)?.strip_suffix(end))
-            .any(|number| number.len() == 4 && number.bytes().all(|b| b.is_ascii_digit()))
+            .filter(|number| number.len() == 4 && number.bytes().all(|b| b.is_ascii_digit()))
+            .any(|number| number.parse().is_ok_and(|number: u32| number > kept))
     };
     for folder in ["frames", "vtu"] {
         let entries = std::fs::read_dir(path.join(folder)).into_iter().flatten();
@@ -58,20 +88,43 @@ impl Folder {
     pub fn create(path: &Path, scene: &Scene) -> Result<Self> {
         create(path)?;
         remove_old(path);
-        let contact = scene.contact.is_some();
-        let mut columns = vec!["time_s".to_string()];
-        columns.extend(scene.probes.iter().map(|p| format!("{}_{}", p.name, p.kind.unit())));
-        if contact {
-            columns.extend(["contacts", "contact_force_n", "links_cut"].map(String::from));
-        }
+        let columns = columns(scene);
         let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
         Ok(Self {
             probes: Table::create(&path.join("probes.csv"), &columns)?,
-            contact,
+            contact: scene.contact.is_some(),
             volume: Series::new(path.join("volume.pvd")),
             surface: Series::new(path.join("surface.pvd")),
             frame_count: 0,
             path: path.to_owned(),
+        })
+    }
+
+    /// Goes on in the folder of a run; what it wrote later goes.
+    pub fn reopen(path: &Path, scene: &Scene, written: &Written) -> Result<Self> {
+        let columns = columns(scene);
+        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+        let mut folder = Self {
+            probes: Table::reopen(&path.join("probes.csv"), &columns, written.probes)?,
+            contact: scene.contact.is_some(),
+            volume: Series::new(path.join("volume.pvd")),
+            surface: Series::new(path.join("surface.pvd")),
+            frame_count: written.frames,
+            path: path.to_owned(),
+        };
+        folder.volume.resume(written.volume.clone())?;
+        folder.surface.resume(written.surface.clone())?;
+        remove_numbered(path, written.frames);
+        Ok(folder)
+    }
+
+    /// What was written so far, all of it handed to the system.
+    pub fn written(&mut self) -> Result<Written> {
+        Ok(Written {
+            probes: self.probes.length()?,
+            frames: self.frame_count,
+            volume: self.volume.entries().into(),
+            surface: self.surface.entries().into(),
         })
     }
 

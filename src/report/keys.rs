@@ -1,10 +1,10 @@
 //! The keys of `report.json`, in the order in which they are written.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
 /// What a run did, as `report.json` has it. A number that was not measured is `null`.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Report {
     /// Scene file.
     pub scene: String,
@@ -59,7 +59,7 @@ pub struct Report {
 }
 
 /// Median, 99th percentile and largest.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Spread {
     /// Half of the values are not larger.
     pub median: Option<f64>,
@@ -70,7 +70,7 @@ pub struct Spread {
 }
 
 /// The solver of the free motion.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct SolverReport {
     /// `cg`, `pcg`, or `none` of explicit steps.
     pub kind: String,
@@ -96,7 +96,7 @@ pub struct SolverReport {
 
 /// Kinetic and elastic energy, and what gravity and dead loads have to give ([`crate::model::energy`]), of all deformable bodies, J; `null`
 /// without one.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct EnergyReport {
     /// Before the first step.
     pub start: Option<f64>,
@@ -107,7 +107,7 @@ pub struct EnergyReport {
 }
 
 /// Contacts in detail: what was looked at, and the corrections per step with contact.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Passes {
     /// Mean over the steps with contact.
     pub passes_mean: f64,
@@ -125,7 +125,7 @@ pub struct Passes {
 
 /// The haptic side. Under the scene's clock nothing is late, and what only a clock can show is `null`. Of several devices: the largest of
 /// sizes and energies out, sums of counts.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct HapticReport {
     /// Ticks per second.
     pub rate_hz: f64,
@@ -176,7 +176,7 @@ pub struct HapticReport {
 }
 
 /// Order statistics of a time.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Periods {
     /// Median.
     pub p50: Option<f64>,
@@ -190,7 +190,7 @@ pub struct Periods {
 
 /// What was cut. Lengths and areas are those of the unloaded skin. Links that hold since `cut_reserve_columns` are used up are counted in
 /// `warnings.cut_reserve_exhausted`.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct CutReport {
     /// Removed bricks.
     pub hexes_removed: usize,
@@ -221,7 +221,7 @@ pub struct CutReport {
 }
 
 /// Bytes of arrays.
-#[derive(Clone, Copy, Debug, Default, Serialize)]
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Memory {
     /// On the GPU; 0 on the CPU path.
     pub device: u64,

@@ -4,6 +4,7 @@
 //! allocate without running it. Nothing here prints: the program does.
 
 pub mod check;
+mod checkpoint;
 mod collect;
 pub mod compare;
 mod files;
@@ -11,10 +12,8 @@ pub mod frames;
 mod haptics;
 pub mod inspect;
 mod keys;
-mod live;
 pub mod recording;
 pub mod run;
 pub mod study;
 
 pub use keys::{CutReport, EnergyReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
-pub use live::{leave_a_core, take_all_cores};

@@ -1,15 +1,15 @@
 //! Steps a scene to its end and writes what happened.
 
+use super::checkpoint::{self, Checkpoint};
 use super::collect::Collector;
 use super::files::Folder;
-use super::haptics::Haptics;
-use super::live::Live;
-use super::{HapticReport, Report, check};
+use super::haptics::{self, HapticFiles};
+use super::{Report, check};
 use crate::error::{Error, Result};
+use crate::runner::{Clock, Runner};
 use crate::scene::{Scene, Who};
 use crate::step::{Place, Simulation, StepReport};
 use std::path::PathBuf;
-use std::time::Instant;
 
 /// How to run.
 #[derive(Clone, Debug)]
@@ -24,62 +24,42 @@ pub struct Options {
     pub realtime: bool,
     /// Keep what each device says and is given in `hand_TOOL.csv`, a trajectory that a scene can read.
     pub record: bool,
+    /// Write `checkpoint.bin` after every so many steps.
+    pub checkpoint: Option<u32>,
+    /// Go on from this checkpoint, whose run had the same folder.
+    pub resume: Option<PathBuf>,
 }
 
-/// What feels the skin while it runs, and by which clock.
-enum Hands {
-    None,
-    Scene(Haptics),
-    Live(Box<Live>),
-}
-
-impl Hands {
-    fn new(scene: &Scene, options: &Options, simulation: &Simulation) -> Result<Self> {
-        if options.realtime {
-            return Ok(Self::Live(Box::new(Live::start(scene, simulation, options)?)));
-        }
-        Ok(Haptics::new(scene, simulation, options)?.map_or(Self::None, Self::Scene))
+impl Options {
+    /// A whole run by the scene's clock.
+    pub fn new(place: Place, out: impl Into<PathBuf>) -> Self {
+        let out = out.into();
+        Self { place, steps: None, out, realtime: false, record: false, checkpoint: None, resume: None }
     }
 
-    fn before_step(&mut self, simulation: &mut Simulation, begin: f64, end: f64) -> Result<()> {
-        match self {
-            Self::None => Ok(()),
-            Self::Scene(haptics) => haptics.advance(simulation, end),
-            Self::Live(live) => {
-                live.before_step(simulation, begin, end);
-                Ok(())
-            }
+    /// Refuses what does not go together.
+    fn check(&self) -> Result<()> {
+        let refused = |what: &str, fix: &str| Err(Error::Usage { what: what.into(), fix: fix.into() });
+        if self.steps == Some(0) || self.checkpoint == Some(0) {
+            return refused(
+                "a run of 0 steps, or a checkpoint after every 0 steps",
+                "ask for at least one step, or for at least half a step of time",
+            );
         }
-    }
-
-    fn after_step(&mut self, simulation: &Simulation) -> Result<()> {
-        match self {
-            Self::Live(live) => live.after_step(simulation),
-            _ => Ok(()),
+        let kept = self.checkpoint.is_some() || self.resume.is_some();
+        if kept && self.realtime {
+            return refused(
+                "a checkpoint of a run by the wall clock, whose hands do not wait",
+                "leave out --realtime, or --checkpoint and --resume",
+            );
         }
-    }
-
-    fn stop(&mut self) -> Result<()> {
-        match self {
-            Self::Live(live) => live.stop(),
-            _ => Ok(()),
+        if kept && self.record {
+            return refused(
+                "a checkpoint of a run that records its devices",
+                "leave out --record, or --checkpoint and --resume",
+            );
         }
-    }
-
-    fn report(&mut self) -> Option<HapticReport> {
-        match self {
-            Self::None => None,
-            Self::Scene(haptics) => Some(haptics.report()),
-            Self::Live(live) => Some(live.report()),
-        }
-    }
-
-    fn finish(&mut self) -> Result<()> {
-        match self {
-            Self::None => Ok(()),
-            Self::Scene(haptics) => haptics.finish(),
-            Self::Live(live) => live.finish(),
-        }
+        Ok(())
     }
 }
 
@@ -116,17 +96,14 @@ pub struct Summary {
 /// Runs a scene; `progress` is called after every step.
 ///
 /// # Errors
-/// For a scene too large, no adapter, an unknown key in `[check]`, a folder that cannot be written, a device that fails. What was done
-/// until then is in the folder.
+/// For a scene too large, no adapter, an unknown key in `[check]`, a folder that cannot be written, a checkpoint that does not fit, a device
+/// that fails. What was done until then is in the folder.
 pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)) -> Result<Summary> {
     check::known(scene)?;
-    if options.steps == Some(0) {
-        return Err(Error::Usage {
-            what: "a run of 0 steps".into(),
-            fix: "ask for at least one step, or for at least half a step of time".into(),
-        });
-    }
-    run_prepared(scene, options, Simulation::new(scene, &options.place)?, progress)
+    options.check()?;
+    // what is refused is refused before a device is taken and before a file is touched
+    let resumed = options.resume.as_ref().map(|file| checkpoint::read(file, scene, options)).transpose()?;
+    run_from(scene, options, Simulation::new(scene, &options.place)?, resumed, progress)
 }
 
 /// The same with a simulation that is there already, at its start.
@@ -139,11 +116,38 @@ pub fn run_prepared(
     simulation: Simulation,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary> {
+    options.check()?;
+    let resumed = options.resume.as_ref().map(|file| checkpoint::read(file, scene, options)).transpose()?;
+    run_from(scene, options, simulation, resumed, progress)
+}
+
+fn run_from(
+    scene: &Scene,
+    options: &Options,
+    simulation: Simulation,
+    resumed: Option<Checkpoint>,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<Summary> {
     let steps = options.steps.unwrap_or(scene.time.steps());
-    let folder = Folder::create(&options.out, scene)?;
-    let hands = Hands::new(scene, options, &simulation)?;
-    let collector = Collector::new(scene, &simulation);
-    let mut running = Running { scene, simulation, folder, hands, collector, last: vec![] };
+    let clock = if options.realtime { Clock::Wall } else { Clock::Scene };
+    let mut running = Running {
+        scene,
+        options,
+        folder: match &resumed {
+            None => Folder::create(&options.out, scene)?,
+            Some(checkpoint) => Folder::reopen(&options.out, scene, &checkpoint.files)?,
+        },
+        collector: Collector::new(scene, &simulation),
+        runner: Runner::new(scene, simulation, clock),
+        haptic: HapticFiles::default(),
+        last: vec![],
+    };
+    let rows = running.runner.start(options.record)?;
+    match resumed {
+        Some(checkpoint) => running.resume(checkpoint)?,
+        None if running.runner.haptic().is_some() => running.haptic = HapticFiles::create(&options.out, scene, rows)?,
+        None => {}
+    }
     let report = match running.all_steps(steps, progress) {
         Ok(report) => report,
         Err(error) => {
@@ -158,7 +162,7 @@ pub fn run_prepared(
             false => check::failures(scene, &report),
         },
         frames: running.folder.finish()?,
-        peak_time: running.collector.peak_time,
+        peak_time: running.collector.peak_time(),
         cut_short,
         report,
     })
@@ -167,9 +171,10 @@ pub fn run_prepared(
 /// A run between its begin and its end.
 struct Running<'a> {
     scene: &'a Scene,
-    simulation: Simulation,
+    options: &'a Options,
+    runner: Runner,
     folder: Folder,
-    hands: Hands,
+    haptic: HapticFiles,
     collector: Collector,
     /// Probes of the last step.
     last: Vec<f64>,
@@ -177,58 +182,62 @@ struct Running<'a> {
 
 impl Running<'_> {
     fn all_steps(&mut self, steps: u32, progress: &mut dyn FnMut(&Progress)) -> Result<Report> {
-        if !self.simulation.bodies.is_empty() {
-            let state = self.simulation.snapshots()?;
-            self.collector.began(&self.simulation.measure(&state));
+        let done = self.runner.steps();
+        if done == 0 && !self.runner.simulation.bodies.is_empty() {
+            let state = self.runner.simulation.snapshots()?;
+            self.collector.began(&self.runner.simulation.measure(&state));
         }
         let frames = u64::from(self.scene.view.frames.min(steps));
         // picture k of F shows the end of step k·steps/F, rounded up
         let pictures = |n: u32| u64::from(n) * frames / u64::from(steps);
-        for number in 1..=steps {
+        for number in done + 1..=steps {
             let step = self.step(number, steps)?;
             progress(&Progress {
                 step: number,
                 steps,
                 time: step.time,
                 force: step.contact.largest_on_tools(),
-                cut: self.simulation.totals().length,
+                cut: self.runner.simulation.totals().length,
             });
             if pictures(number) > pictures(number - 1) {
-                let state = self.simulation.snapshots()?;
-                self.folder.add_frame(self.scene, &self.simulation, &state, &step)?;
+                let state = self.runner.simulation.snapshots()?;
+                self.folder.add_frame(self.scene, &self.runner.simulation, &state, &step)?;
                 let report = self.report();
                 self.folder.write_report(&report)?;
             }
+            if self.options.checkpoint.is_some_and(|every| number.is_multiple_of(every)) {
+                let checkpoint = self.checkpoint()?;
+                checkpoint::write(&checkpoint, &self.options.out)?;
+            }
         }
-        self.hands.stop()?;
-        let state = self.simulation.snapshots()?;
-        self.collector.ended(&self.simulation, &state);
+        let Self { runner, haptic, .. } = self;
+        let closed = runner.stop(&mut |tool, record| haptic.add(tool, record));
+        let state = self.runner.simulation.snapshots()?;
+        self.collector.ended(&self.runner.simulation, &state);
         if let Some(body) = state.iter().position(|state| state.non_finite() > 0) {
-            return Err(self.simulation.non_finite(Who::Skin(body)));
+            return Err(self.runner.simulation.non_finite(Who::Skin(body)));
         }
         let report = self.report();
         self.folder.write_report(&report)?;
-        self.hands.finish()?;
+        self.haptic.finish()?;
+        closed?;
         Ok(report)
     }
 
     /// One step with what belongs to it, written down.
     fn step(&mut self, number: u32, steps: u32) -> Result<StepReport> {
-        let [begin_s, end_s] = [number - 1, number].map(|n| f64::from(n) * self.scene.time.step);
-        self.hands.before_step(&mut self.simulation, begin_s, end_s)?;
         let exact = number == steps || number.is_multiple_of(self.scene.solver.true_residual_every);
-        let begin = Instant::now();
-        let step = self.simulation.step(exact)?;
-        self.collector.add(&step, begin.elapsed());
-        self.last.clone_from(&step.probes);
-        self.hands.after_step(&self.simulation)?;
-        self.folder.add_step(&step)?;
-        Ok(step)
+        let Self { runner, haptic, .. } = self;
+        let step = runner.step(exact, &mut |tool, record| haptic.add(tool, record))?;
+        self.collector.add(&step.report, step.took);
+        self.last.clone_from(&step.report.probes);
+        self.folder.add_step(&step.report)?;
+        Ok(step.report)
     }
 
     fn report(&mut self) -> Report {
-        let mut report = self.collector.report(&self.simulation);
-        report.haptic = self.hands.report().unwrap_or_default();
+        let mut report = self.collector.report(&self.runner.simulation);
+        report.haptic = self.runner.haptic().as_ref().map(haptics::report).unwrap_or_default();
         let names = self.scene.probes.iter().map(|p| p.name.clone());
         report.probes = names.zip(self.last.iter().copied()).collect();
         report
@@ -237,10 +246,34 @@ impl Running<'_> {
     /// Writes down what was done before an error ended it. What fails here as well, as on a full disk, follows from that error, which is
     /// the one to be told.
     fn keep(&mut self, error: &Error) {
-        drop(self.hands.stop());
+        let Self { runner, haptic, .. } = self;
+        drop(runner.stop(&mut |tool, record| haptic.add(tool, record)));
         let report = Report { error: error.to_string(), ..self.report() };
         drop(self.folder.write_report(&report));
-        drop(self.hands.finish());
+        drop(self.haptic.finish());
         drop(self.folder.flush());
+    }
+
+    /// All that the rest of the run depends on. Rows of tables are handed to the system before they are counted.
+    fn checkpoint(&mut self) -> Result<Checkpoint> {
+        Ok(Checkpoint {
+            identity: checkpoint::identity(self.scene, self.options),
+            runner: self.runner.state()?,
+            collected: self.collector.collected(),
+            files: self.folder.written()?,
+            ticks: self.haptic.length()?,
+            last: self.last.clone(),
+        })
+    }
+
+    /// Goes to where a checkpoint was written.
+    fn resume(&mut self, checkpoint: Checkpoint) -> Result<()> {
+        if let Some(bytes) = checkpoint.ticks {
+            self.haptic = HapticFiles::reopen(&self.options.out, bytes)?;
+        }
+        self.runner.restore(&checkpoint.runner)?;
+        self.collector.resume(checkpoint.collected);
+        self.last = checkpoint.last;
+        Ok(())
     }
 }

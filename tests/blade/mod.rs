@@ -258,7 +258,7 @@ impl Case {
     /// # Errors
     /// As [`run`].
     pub fn run(&self, place: Place, out: &Path) -> Result<Report> {
-        let options = Options { place, steps: None, out: out.into(), realtime: false, record: false };
+        let options = Options::new(place, out);
         Ok(run(&self.scene, &options, &mut |_| ())?.report)
     }
 }

@@ -59,8 +59,7 @@ pub fn report_of(name: &str, scene: &Scene, steps: u32, place: &Place) -> Result
     let mut folder = format!("cutis-forms-{}-{name}-{place:?}", std::process::id());
     folder.retain(|c| c.is_ascii_alphanumeric() || c == '-');
     let out = std::env::temp_dir().join(folder);
-    let options =
-        Options { place: place.clone(), steps: Some(steps), out: out.clone(), realtime: false, record: false };
+    let options = Options { steps: Some(steps), ..Options::new(place.clone(), &out) };
     let summary = report::run::run(scene, &options, &mut |_| {}).map_err(|e| format!("{name}: {e}"))?;
     std::fs::remove_dir_all(&out).map_err(|e| format!("{}: {e}", out.display()))?;
     Ok(summary.report)

@@ -193,8 +193,7 @@ fn a_run_gets_along_with_anything_in_its_folder() {
                 }
             };
         }
-        let options =
-            run::Options { place: Place::Cpu64, steps: Some(1), out: out.clone(), realtime: false, record: true };
+        let options = run::Options { steps: Some(1), record: true, ..run::Options::new(Place::Cpu64, &out) };
         let result = bounded(TO_RUN, || run::run(&scene, &options, &mut |_| {}))?;
         fs::remove_dir_all(&out).or_else(|_| fs::remove_file(&out)).map_err(|e| e.to_string())?;
         result.map(drop).or_else(|error| mends(&error.to_string(), "out"))

@@ -85,7 +85,7 @@ fn two_steps(scene: &Scene, place: Place) -> Result<()> {
 fn two_steps_written(scene: &Scene) -> Result<()> {
     let folder = Folder::new();
     let out = folder.0.join("out");
-    let options = run::Options { place: Place::Cpu64, steps: Some(2), out, realtime: false, record: true };
+    let options = run::Options { steps: Some(2), record: true, ..run::Options::new(Place::Cpu64, out) };
     run::run(scene, &options, &mut |_| {}).map(drop)
 }
 

@@ -65,7 +65,7 @@ fn ended(gpu: &Gpu, name: &str, says: &str, mut fail: impl FnMut(&Handle)) -> Re
         let simulation = Simulation::new(&scene, &place(gpu))?;
         let device = simulation.bodies[0].gpu().map(Gpu::handle).ok_or("it is not on a GPU")?;
         let out = folder.0.clone();
-        let options = run::Options { place: place(gpu), steps: Some(10), out, realtime: false, record: true };
+        let options = run::Options { steps: Some(10), record: true, ..run::Options::new(place(gpu), out) };
         let ended = run::run_prepared(&scene, &options, simulation, &mut |progress| {
             if fails && progress.step == DONE {
                 fail(&device);

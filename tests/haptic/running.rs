@@ -63,7 +63,7 @@ fn folder(name: &str) -> PathBuf {
 }
 
 fn options(name: &str, realtime: bool) -> Options {
-    Options { place: Place::Cpu64, steps: None, out: folder(name), realtime, record: name == "recorded" }
+    Options { realtime, record: name == "recorded", ..Options::new(Place::Cpu64, folder(name)) }
 }
 
 fn ran(text: &str, name: &str, realtime: bool) -> (Summary, Vec<Vec<f64>>) {

@@ -132,7 +132,7 @@ pub fn outcome(scene: &Scene, variation: Variation, steps: Option<u32>, straight
     let number = RUNS.fetch_add(1, Ordering::Relaxed); // runs of one seed may be at work at a time
     let out = std::env::temp_dir().join(format!("cutis-perturbed-{}-{number}", std::process::id()));
     let place = if variation.single { Place::Cpu32 } else { Place::Cpu64 };
-    let options = Options { place, steps, out: out.clone(), realtime: false, record: false };
+    let options = Options { steps, ..Options::new(place, &out) };
     let summary = run(scene, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{variation:?}: {e}"));
     std::fs::remove_dir_all(&out).expect("it was made for this run");
     let report = summary.report;

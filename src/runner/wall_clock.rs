@@ -1,0 +1,157 @@
+//! The haptic side by the wall clock: one thread per device, the simulation paced by the same clock.
+//!
+//! Step k begins when `k h` have gone by since the start, or at once when that is over; a step that begins later than a tick after its
+//! time is counted as late. At its start the tools go to where their hands are then, from where they were at the last step's, so that no
+//! motion is lost. When it has ended its contact problems go to the servos, with the time of the hands that they know.
+
+use super::channel::Channel;
+use super::{HapticCounts, OnTick, RING};
+use crate::error::{Error, Result};
+use crate::haptic::Reduced;
+use crate::haptic::cells::{Felt, Problem, SimulationEnd, cells};
+use crate::haptic::servo::{BUDGET, Counts, Record, Servo, Settings};
+use crate::haptic::thread::{Loop, Timing};
+use crate::scene::Scene;
+use crate::step::Simulation;
+use rtrb::{Consumer, RingBuffer};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{Builder, JoinHandle, sleep};
+use std::time::{Duration, Instant};
+
+type Ended = (Timing, Felt, Result<()>);
+
+/// All devices, running.
+pub(super) struct WallClock {
+    threads: Vec<Thread>,
+    stop: Arc<AtomicBool>,
+    start: Instant,
+    rate: f64,
+    late_steps: u64,
+    /// When the hands were looked at last, s.
+    seen: f64,
+    /// For how long the steps have stood still, s, and since when they do, if so.
+    paused: f64,
+    pausing: Option<Instant>,
+    done: Option<(Timing, Vec<Counts>)>,
+}
+
+/// The simulation's side of a device's thread.
+struct Thread {
+    cells: SimulationEnd,
+    records: Consumer<Record>,
+    handle: Option<JoinHandle<Ended>>,
+}
+
+impl WallClock {
+    /// Starts the devices' threads; none without tools that a hand holds.
+    pub fn start(scene: &Scene, simulation: &Simulation, channels: Vec<Channel>) -> Result<Self> {
+        let mut clock = Self {
+            threads: vec![],
+            stop: Arc::new(AtomicBool::new(false)),
+            start: Instant::now(),
+            rate: scene.haptic.rate,
+            late_steps: 0,
+            seen: 0.0,
+            paused: 0.0,
+            pausing: None,
+            done: None,
+        };
+        for (channel, tool) in channels.into_iter().zip(&simulation.tools) {
+            let Channel { servo, device, .. } = channel;
+            let servo = Servo::new(Settings { budget: Some(BUDGET), ..servo.settings }, servo.felt().hand);
+            let untouched = Reduced::free(tool.position, tool.rotation, 0);
+            let (cells, ours) = cells(&Problem { reduced: untouched, ..Problem::default() }, &servo.felt());
+            let (producer, records) = RingBuffer::new((RING * scene.haptic.rate) as usize);
+            let (stop, start) = (clock.stop.clone(), clock.start);
+            let device_loop = Loop { servo, device, cells, records: producer };
+            let named = Builder::new().name("haptic".into());
+            let spawned = named.spawn(move || device_loop.run(start, &stop));
+            let handle = spawned.map_err(|source| Error::Usage {
+                what: format!("the haptic thread cannot be started ({source})"),
+                fix: "let the system have more threads, or run without --realtime".into(),
+            })?;
+            clock.threads.push(Thread { cells: ours, records, handle: Some(handle) });
+        }
+        Ok(clock)
+    }
+
+    /// From now on the steps stand still, until the next one is asked for.
+    pub fn pause(&mut self) {
+        self.pausing.get_or_insert_with(Instant::now);
+    }
+
+    /// Waits until the step from `begin` to `end` (scene time, s) may start; the tools go to their hands.
+    pub fn before_step(&mut self, simulation: &mut Simulation, begin: f64, end: f64) {
+        self.paused += self.pausing.take().map_or(0.0, |since| since.elapsed().as_secs_f64());
+        let due = begin + self.paused;
+        let left = due - self.start.elapsed().as_secs_f64();
+        if left > 0.0 {
+            sleep(Duration::from_secs_f64(left));
+        }
+        self.seen = self.start.elapsed().as_secs_f64();
+        self.late_steps += u64::from(self.seen > due + 1.0 / self.rate);
+        for (thread, tool) in self.threads.iter_mut().zip(&mut simulation.tools) {
+            let felt = thread.cells.felt.read();
+            tool.follow((felt.hand.position, felt.hand.rotation), begin, end);
+            tool.sharp = felt.active;
+        }
+    }
+
+    /// Hands the step's contact problems over and tells what the servos did meanwhile.
+    pub fn after_step(&mut self, simulation: &Simulation, on_tick: OnTick) -> Result<()> {
+        for (thread, reduced) in self.threads.iter_mut().zip(&simulation.reduced) {
+            thread.cells.hand_over(reduced, self.seen, simulation.epoch());
+        }
+        self.tell(on_tick)
+    }
+
+    fn tell(&mut self, on_tick: OnTick) -> Result<()> {
+        for (number, thread) in self.threads.iter_mut().enumerate() {
+            while let Ok(record) = thread.records.pop() {
+                on_tick(number, &record)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Stops the threads, which let the devices go, and tells the last ticks; of what fails the first is told.
+    pub fn stop(&mut self, on_tick: OnTick) -> Result<()> {
+        self.stop.store(true, Ordering::Release);
+        let (mut timing, mut counts, mut ended) = (Timing::new(), vec![], Ok(()));
+        for thread in &mut self.threads {
+            let Some(handle) = thread.handle.take() else { continue };
+            let panicked = |_| Error::Usage {
+                what: "a haptic thread has panicked".into(),
+                fix: "report what it said above, with the scene".into(),
+            };
+            ended = ended.and(handle.join().map_err(panicked).and_then(|(of_one, felt, closed)| {
+                timing.merge(&of_one);
+                counts.push(felt.counts);
+                closed
+            }));
+        }
+        self.done.get_or_insert((timing, counts));
+        ended.and(self.tell(on_tick))
+    }
+
+    /// What was counted; what the clock has shown once the threads have stopped.
+    pub fn counts(&mut self) -> HapticCounts {
+        let (timing, servos) = match &self.done {
+            Some((timing, counts)) => (Some(timing.clone()), counts.clone()),
+            None => (None, self.threads.iter_mut().map(|thread| thread.cells.felt.read().counts).collect()),
+        };
+        HapticCounts { rate: self.rate, servos, timing, late_steps: self.late_steps }
+    }
+}
+
+impl Drop for WallClock {
+    /// A run that fails lets its devices go as well: each thread writes no force and closes its device.
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Release);
+        for handle in self.threads.iter_mut().filter_map(|thread| thread.handle.take()) {
+            // the run's own error is what is told
+            drop(handle.join());
+        }
+    }
+}
