@@ -110,6 +110,9 @@
 //! - Solves stop at a residual relative to the step's load, never after a fixed count; what did not converge is counted.
 //! - Bad input is an [`Error`](error::Error) that says where, what and how to mend; a broken invariant of ours is an assertion.
 
+/// The version of wgpu that [`gpu::Gpu::from_wgpu`] takes devices of.
+pub use wgpu;
+
 pub mod backend;
 pub mod collide;
 pub mod constraints;

@@ -140,7 +140,7 @@ pub struct Device {
 }
 
 /// Runs the kernels. Methods that read back wait for the device; the others may return before it is done.
-pub trait Backend {
+pub trait Backend: Send {
     /// What it runs on.
     fn device(&self) -> Device;
     /// Sets the dead loads, `[node]` N.
@@ -189,12 +189,8 @@ pub trait Backend {
     fn gpu(&self) -> Option<&Gpu> {
         None
     }
-    /// Begins or ends timing by the device's own clock, if it has one.
-    fn time_device(&mut self, _on: bool) {}
-    /// How long the device was busy since this was last asked, s; none where nothing says so.
-    fn device_time(&mut self) -> Result<Option<f64>> {
-        Ok(None)
-    }
+    /// Hands over what is recorded and not yet submitted.
+    fn flush(&mut self) {}
     /// Solution of a slot, `[node]` m.
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>>;
 }

@@ -6,9 +6,8 @@ use super::timing::Timing;
 use crate::error::{Error, Result};
 use crate::kernels::Source;
 use bytemuck::{NoUninit, Pod};
-use std::cell::{Cell, RefCell};
 use std::collections::HashMap;
-use std::rc::Rc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Workgroups per dimension that core WebGPU guarantees; longer dispatches are folded into z.
 const MAX_GROUPS: u64 = 65_535;
@@ -45,6 +44,15 @@ impl Adapter {
         }
     }
 
+    /// A device of one's own on it, with its adapter and queue, as [`Gpu::from_wgpu`] takes them.
+    ///
+    /// # Errors
+    /// [`Error::Device`] when the driver refuses.
+    pub fn request(&self, descriptor: &wgpu::DeviceDescriptor) -> Result<(wgpu::Adapter, (wgpu::Device, wgpu::Queue))> {
+        let opened = pollster::block_on(self.raw.request_device(descriptor));
+        Ok((self.raw.clone(), opened.map_err(|e| Error::Device { message: e.to_string() })?))
+    }
+
     /// Whether its name, API or driver contains a text, in any case.
     pub fn named(&self, text: &str) -> bool {
         format!("{} {} {}", self.name, self.backend, self.driver).to_lowercase().contains(&text.to_lowercase())
@@ -66,21 +74,32 @@ pub fn adapters() -> Vec<Adapter> {
     found
 }
 
-/// A device with its queue; kernels are compiled once each.
+/// A device with its queue, for any number of bodies; kernels are compiled once each.
 pub struct Gpu {
     /// What it runs on.
     pub adapter: Adapter,
     pub(super) device: wgpu::Device,
     pub(super) queue: wgpu::Queue,
-    pub(super) timing: RefCell<Option<Rc<Timing>>>,
+    pub(super) timing: Mutex<Option<Arc<Timing>>>,
     pub(super) limits: wgpu::Limits,
-    pipelines: RefCell<HashMap<&'static str, Rc<Pipeline>>>,
+    pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
     pub(super) fault: Fault,
-    pub(super) work: Cell<Work>,
-    staging: RefCell<Option<wgpu::Buffer>>,
-    made: RefCell<Vec<Made>>,
-    purpose: Cell<&'static str>,
+    pub(super) work: Mutex<Work>,
+    staging: Mutex<Option<wgpu::Buffer>>,
+    made: Mutex<Log>,
     dry: bool,
+}
+
+/// What was made, and what is being made.
+#[derive(Default)]
+struct Log {
+    made: Vec<Made>,
+    purpose: &'static str,
+}
+
+/// Takes a lock; what a thread that panicked has left is whole all the same.
+pub(super) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Bytes behind a buffer of a dry device, at most; its size on paper has no limit.
@@ -118,7 +137,7 @@ pub struct Made {
 /// A kernel with its buffers.
 #[derive(Clone)]
 pub struct Bound {
-    pipeline: Rc<Pipeline>,
+    pipeline: Arc<Pipeline>,
     group: wgpu::BindGroup,
 }
 
@@ -166,34 +185,61 @@ impl Gpu {
             memory_hints: wgpu::MemoryHints::Performance,
             ..Default::default()
         };
-        let (device, queue) = pollster::block_on(adapter.raw.request_device(&descriptor))
-            .map_err(|e| Error::Device { message: e.to_string() })?;
+        let (_, (device, queue)) = adapter.request(&descriptor)?;
         let fault = Fault::listen(&device);
-        let (pipelines, staging, made) = (RefCell::default(), RefCell::default(), RefCell::default());
-        let purpose = Cell::new("");
-        let (timing, work) = (RefCell::default(), Cell::default());
-        Ok(Self { adapter, device, queue, timing, work, limits, pipelines, fault, staging, made, purpose, dry })
+        Ok(Self::around(adapter, device, queue, fault, dry))
+    }
+
+    /// The caller's own device, for a program that draws or computes on it too. Its errors go to who has opened it; that it was lost is
+    /// told at the next reading. It needs core WebGPU limits, and is timed where it has `TIMESTAMP_QUERY`.
+    ///
+    /// # Errors
+    /// [`Error::Device`] for a device whose limits are below core WebGPU's.
+    pub fn from_wgpu(adapter: wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self> {
+        if !wgpu::Limits::default().check_limits(&device.limits()) {
+            let message = "its limits are below wgpu::Limits::default(); request those with it".into();
+            return Err(Error::Device { message });
+        }
+        Ok(Self::around(Adapter::new(adapter), device, queue, Fault::default(), false))
+    }
+
+    fn around(adapter: Adapter, device: wgpu::Device, queue: wgpu::Queue, fault: Fault, dry: bool) -> Self {
+        Self {
+            adapter,
+            limits: device.limits(),
+            device,
+            queue,
+            timing: Mutex::default(),
+            pipelines: Mutex::default(),
+            fault,
+            work: Mutex::default(),
+            staging: Mutex::default(),
+            made: Mutex::default(),
+            dry,
+        }
     }
 
     /// Says what the arrays made from now on are for.
     pub fn making(&self, purpose: &'static str) {
-        self.purpose.set(purpose);
+        locked(&self.made).purpose = purpose;
     }
 
     /// Arrays and uniforms made so far, in order.
     pub fn arrays(&self) -> Vec<Made> {
-        self.made.borrow().clone()
+        locked(&self.made).made.clone()
     }
 
     /// Kernels compiled so far, by name.
     pub fn kernels(&self) -> Vec<&'static str> {
-        let mut names: Vec<_> = self.pipelines.borrow().keys().copied().collect();
+        let mut names: Vec<_> = locked(&self.pipelines).keys().copied().collect();
         names.sort_unstable();
         names
     }
 
     fn note(&self, name: &'static str, elements: u64, bytes: u64) {
-        self.made.borrow_mut().push(Made { name, purpose: self.purpose.get(), elements, bytes });
+        let mut log = locked(&self.made);
+        let purpose = log.purpose;
+        log.made.push(Made { name, purpose, elements, bytes });
     }
 
     /// Whether an array of so many bytes can be made.
@@ -284,16 +330,14 @@ impl Gpu {
         self.bind_pipeline(pipeline, &list)
     }
 
-    fn pipeline(&self, source: &Source) -> Result<Rc<Pipeline>> {
-        let known = self.pipelines.borrow().get(source.name).cloned();
-        match known {
-            Some(pipeline) => Ok(pipeline),
-            None => {
-                let made = Rc::new(self.compile(Shader::read(source)?)?);
-                self.pipelines.borrow_mut().insert(source.name, made.clone());
-                Ok(made)
-            }
+    fn pipeline(&self, source: &Source) -> Result<Arc<Pipeline>> {
+        let mut pipelines = locked(&self.pipelines);
+        if let Some(pipeline) = pipelines.get(source.name) {
+            return Ok(pipeline.clone());
         }
+        let made = Arc::new(self.compile(Shader::read(source)?)?);
+        pipelines.insert(source.name, made.clone());
+        Ok(made)
     }
 
     /// Compiles and binds a shader text of its own, for tests that break one on purpose.
@@ -301,7 +345,7 @@ impl Gpu {
     /// # Errors
     /// As [`Gpu::bind`].
     pub fn bind_shader(&self, shader: Shader, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
-        let pipeline = Rc::new(self.compile(shader)?);
+        let pipeline = Arc::new(self.compile(shader)?);
         self.bind_pipeline(pipeline, buffers)
     }
 
@@ -324,6 +368,7 @@ impl Gpu {
                 count: None,
             })
             .collect();
+        locked(&self.work).compiled += 1;
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let label = Some(shader.name);
         let module = self.device.create_shader_module(wgpu::ShaderModuleDescriptor {
@@ -351,7 +396,7 @@ impl Gpu {
         Ok(Pipeline { shader, layout, raw })
     }
 
-    fn bind_pipeline(&self, pipeline: Rc<Pipeline>, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
+    fn bind_pipeline(&self, pipeline: Arc<Pipeline>, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
         let variables = &pipeline.shader.variables;
         let known = || variables.iter().map(|v| v.name.as_str()).collect::<Vec<_>>().join(", ");
         let fail = |name: &str, problem: String| Error::Binding {
@@ -387,7 +432,7 @@ impl Gpu {
     /// A new batch of commands.
     pub fn batch(&self) -> Batch {
         let encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("batch") });
-        Batch { pass: None, encoder, timing: self.timing.borrow().clone(), dispatches: 0 }
+        Batch { pass: None, encoder, timing: locked(&self.timing).clone(), dispatches: 0 }
     }
 
     /// Runs a batch; returns at once.
@@ -405,7 +450,9 @@ impl Gpu {
     /// When more bytes are wanted than a buffer has.
     pub fn submit_and_read(&self, mut batch: Batch, wanted: &[(&Buffer, u64)]) -> Result<Vec<Vec<u8>>> {
         let total: u64 = wanted.iter().map(|(_, bytes)| bytes.next_multiple_of(16)).sum();
-        let staging = self.staging(total.max(16));
+        // held until the bytes are out: another thread's would land in the same place
+        let mut slot = locked(&self.staging);
+        let staging = self.staging(&mut slot, total.max(16));
         batch.pass = None;
         let mut offset = 0;
         for (buffer, bytes) in wanted {
@@ -440,9 +487,8 @@ impl Gpu {
         Ok(parts)
     }
 
-    fn staging(&self, bytes: u64) -> wgpu::Buffer {
-        let mut slot = self.staging.borrow_mut();
-        match &*slot {
+    fn staging(&self, slot: &mut Option<wgpu::Buffer>, bytes: u64) -> wgpu::Buffer {
+        match slot {
             Some(buffer) if buffer.size() >= bytes => buffer.clone(),
             _ => {
                 let size = bytes.next_power_of_two();
@@ -474,7 +520,7 @@ pub struct Batch {
     // dropped before the encoder
     pass: Option<wgpu::ComputePass<'static>>,
     encoder: wgpu::CommandEncoder,
-    timing: Option<Rc<Timing>>,
+    timing: Option<Arc<Timing>>,
     dispatches: u64,
 }
 

@@ -1,6 +1,6 @@
 //! What a device was given to do, and whether it still does it: counts of its work, its first fault, and a way to take it away.
 
-use super::Gpu;
+use super::device::{Gpu, locked};
 use crate::error::{Error, Result};
 use std::sync::{Arc, Mutex};
 
@@ -11,6 +11,8 @@ pub struct Work {
     pub dispatches: u64,
     /// Times that the host waited for values.
     pub read_backs: u64,
+    /// Kernels compiled.
+    pub compiled: u64,
 }
 
 /// The first thing that went wrong on a device since it was opened; what follows from it is not kept.
@@ -88,13 +90,14 @@ impl Handle {
 impl Gpu {
     /// Work handed over since the device was opened.
     pub fn work(&self) -> Work {
-        self.work.get()
+        *locked(&self.work)
     }
 
     /// Counts the launches of a batch that is submitted, and whether the host waits for it.
     pub(super) fn count(&self, dispatches: u64, read_back: bool) {
-        let Work { dispatches: before, read_backs } = self.work.get();
-        self.work.set(Work { dispatches: before + dispatches, read_backs: read_backs + u64::from(read_back) });
+        let mut work = locked(&self.work);
+        work.dispatches += dispatches;
+        work.read_backs += u64::from(read_back);
     }
 
     /// The device, to be taken away.

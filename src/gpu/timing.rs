@@ -1,9 +1,9 @@
 //! How long the device was busy: timestamps at the begin and end of every compute pass, where the adapter has them.
 
-use super::device::{Batch, Buffer, Gpu};
+use super::device::{Batch, Buffer, Gpu, locked};
 use crate::error::Result;
-use std::cell::Cell;
-use std::rc::Rc;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
 /// Timestamps between two readings, at most: as many as core WebGPU allows in a set.
 const MOST: u32 = 4096;
@@ -14,19 +14,18 @@ pub(super) struct Timing {
     resolved: Buffer,
     /// ns
     period: f32,
-    next: Cell<u32>,
-    missed: Cell<bool>,
+    next: AtomicU32,
+    missed: AtomicBool,
 }
 
 impl Timing {
     /// What a pass that begins now writes; nothing once the set is full.
     pub fn of_pass(&self) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
-        let begin = self.next.get();
-        if begin + 2 > MOST {
-            self.missed.set(true);
+        let free = |begin: u32| (begin + 2 <= MOST).then_some(begin + 2);
+        let Ok(begin) = self.next.fetch_update(Relaxed, Relaxed, free) else {
+            self.missed.store(true, Relaxed);
             return None;
-        }
-        self.next.set(begin + 2);
+        };
         Some(wgpu::ComputePassTimestampWrites {
             query_set: &self.set,
             beginning_of_pass_write_index: Some(begin),
@@ -39,7 +38,7 @@ impl Gpu {
     /// Times the passes of batches made from now on, or no longer; an adapter without timestamps goes on without.
     pub fn time_passes(&self, on: bool) {
         if !on || !self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
-            self.timing.replace(None);
+            *locked(&self.timing) = None;
             return;
         }
         let set = self.device.create_query_set(&wgpu::QuerySetDescriptor {
@@ -50,8 +49,8 @@ impl Gpu {
         let usage = wgpu::BufferUsages::QUERY_RESOLVE | wgpu::BufferUsages::COPY_SRC;
         let resolved = self.buffer("timestamps", u64::from(MOST) * 8, usage);
         let period = self.queue.get_timestamp_period();
-        let (next, missed) = (Cell::new(0), Cell::new(false));
-        self.timing.replace(Some(Rc::new(Timing { set, resolved, period, next, missed })));
+        let (next, missed) = (AtomicU32::new(0), AtomicBool::new(false));
+        *locked(&self.timing) = Some(Arc::new(Timing { set, resolved, period, next, missed }));
     }
 
     /// Submits a batch and waits: s that the passes took since this was last asked; none without timestamps, or when there were more
@@ -60,12 +59,12 @@ impl Gpu {
     /// # Errors
     /// As [`Gpu::submit_and_read`].
     pub fn busy(&self, mut batch: Batch) -> Result<Option<f64>> {
-        let Some(timing) = self.timing.borrow().clone() else {
+        let Some(timing) = locked(&self.timing).clone() else {
             self.submit(batch);
             return Ok(None);
         };
-        let count = timing.next.replace(0);
-        let missed = timing.missed.replace(false);
+        let count = timing.next.swap(0, Relaxed);
+        let missed = timing.missed.swap(false, Relaxed);
         if count == 0 {
             self.submit(batch);
             return Ok(Some(0.0));

@@ -2,7 +2,7 @@
 
 use super::compliance::{AtRest, Compliance};
 use super::start::{check_step, needs, slots, start};
-use super::{Measured, Place, StepReport};
+use super::{Measured, StepReport};
 use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
 use crate::collide::broad::Boxes;
 use crate::collide::lips::Lips;
@@ -17,6 +17,7 @@ use crate::mesh::{Corner, Quad};
 use crate::model::{Model, Solved, residual};
 use crate::scene::{Scene, Solver};
 use glam::DVec3;
+use std::sync::Arc;
 
 /// See the module.
 pub struct Body {
@@ -113,17 +114,13 @@ impl Located {
 }
 
 impl Body {
-    /// Puts a scene's deformable body of that number on a place.
+    /// Puts a scene's deformable body of that number on a device; none for the CPU path, in f64 or, if `single`, f32.
     ///
     /// # Errors
-    /// When the model is too large or no adapter fits.
-    pub(super) fn new(scene: &Scene, number: usize, place: &Place) -> Result<Self> {
-        let gpu = match place {
-            Place::Gpu(text) => Some(Gpu::open(text.as_deref())?),
-            Place::Cpu64 | Place::Cpu32 => None,
-        };
+    /// When the model is too large.
+    pub(super) fn new(scene: &Scene, number: usize, gpu: Option<&Arc<Gpu>>, single: bool) -> Result<Self> {
         let skin = &scene.skins[number];
-        if let Some(gpu) = &gpu {
+        if let Some(gpu) = gpu {
             // a grid that does not fit is refused before the host spends minutes on it
             let [x, y] = skin.cells.map(|c| u64::from(c) + 1);
             let z: u64 = skin.layers.iter().map(|l| u64::from(l.cells)).sum();
@@ -134,10 +131,10 @@ impl Body {
         let needs = needs(scene, &model);
         let start = start(scene, &model);
         let (cap, floor) = (scene.solver.max_iterations, scene.solver.floor);
-        let backend: Box<dyn Backend> = match (place, gpu) {
-            (_, Some(gpu)) => Box::new(GpuBackend::new(gpu, &model, needs, cap, floor, &start)?),
-            (Place::Cpu32, _) => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
-            _ => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
+        let backend: Box<dyn Backend> = match gpu {
+            Some(gpu) => Box::new(GpuBackend::new(gpu.clone(), &model, needs, cap, floor, &start)?),
+            None if single => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
+            None => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
         };
         let part = scene.time.part();
         let (fall, looseness) = match floats(&model) {

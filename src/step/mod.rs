@@ -32,6 +32,7 @@ use crate::backend::{Device, Snapshot};
 use crate::collide::Contact;
 use crate::cut::Totals;
 use crate::error::Result;
+use crate::gpu::Gpu;
 use crate::haptic::Reduced;
 use crate::instrument::{Free, Instrument};
 use crate::linear::Outcome;
@@ -40,6 +41,7 @@ use crate::scene::{ProbeKind, Scene, Who};
 use contact::Resolved;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// Where the skin is computed.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -140,7 +142,10 @@ pub struct Simulation {
     /// s
     pub time: f64,
     scene: Scene,
-    place: Place,
+    /// What the deformable bodies run on; none for the CPU path.
+    gpu: Option<Arc<Gpu>>,
+    /// The CPU path is in f32.
+    single: bool,
     probes: Vec<Prepared>,
     ties: Vec<find::Tie>,
     tied: BTreeSet<(Who, usize, u32)>,
@@ -155,6 +160,12 @@ pub struct Simulation {
     epoch: u32,
 }
 
+/// A simulation may be made in one thread and run in another.
+const _: fn() = || {
+    fn is_send<T: Send>() {}
+    is_send::<Simulation>();
+};
+
 /// A probe and the nodes that it needs.
 struct Prepared {
     kind: ProbeKind,
@@ -167,8 +178,24 @@ impl Simulation {
     /// # Errors
     /// When a model is too large, no adapter fits, or something is tied to what is not there.
     pub fn new(scene: &Scene, place: &Place) -> Result<Self> {
-        let count = scene.skins.len();
-        let bodies = (0..count).map(|number| Body::new(scene, number, place)).collect::<Result<Vec<_>>>()?;
+        let gpu = match place {
+            Place::Gpu(text) if !scene.skins.is_empty() => Some(Arc::new(Gpu::open(text.as_deref())?)),
+            _ => None,
+        };
+        Self::on(scene, gpu, *place == Place::Cpu32)
+    }
+
+    /// Prepares a scene on a device that is open already, which other simulations and the caller may use as well.
+    ///
+    /// # Errors
+    /// As [`Simulation::new`].
+    pub fn with_gpu(scene: &Scene, gpu: Arc<Gpu>) -> Result<Self> {
+        Self::on(scene, Some(gpu), false)
+    }
+
+    fn on(scene: &Scene, gpu: Option<Arc<Gpu>>, single: bool) -> Result<Self> {
+        let body = |number| Body::new(scene, number, gpu.as_ref(), single);
+        let bodies = (0..scene.skins.len()).map(body).collect::<Result<Vec<_>>>()?;
         let prepare = |kind: &ProbeKind| {
             let nodes = match kind {
                 ProbeKind::Displacement { body, point, .. } => vec![bodies[*body].model.grid.nearest(*point) as u32],
@@ -193,7 +220,8 @@ impl Simulation {
             step_number: 0,
             epoch: 0,
             scene: scene.clone(),
-            place: place.clone(),
+            gpu,
+            single,
             bodies,
         };
         simulation.ties = find::ties(&simulation, scene)?;
@@ -214,7 +242,7 @@ impl Simulation {
 
     /// Begins or ends timing by the devices' own clocks.
     pub fn time_device(&mut self, on: bool) {
-        self.bodies.iter_mut().for_each(|body| body.backend.time_device(on));
+        self.gpu.iter().for_each(|gpu| gpu.time_passes(on));
     }
 
     /// How long the devices were busy since this was last asked, s; none where nothing says so.
@@ -222,8 +250,8 @@ impl Simulation {
     /// # Errors
     /// When a device fails.
     pub fn device_time(&mut self) -> Result<Option<f64>> {
-        let each = self.bodies.iter_mut().map(|body| body.backend.device_time());
-        Ok(each.collect::<Result<Vec<_>>>()?.into_iter().sum())
+        self.bodies.iter_mut().for_each(|body| body.backend.flush());
+        self.gpu.as_ref().map_or(Ok(None), |gpu| gpu.busy(gpu.batch()))
     }
 
     /// Fields of every deformable body.

@@ -89,7 +89,7 @@ impl Simulation {
             if !from.cuts.starts_with(&body.cuts) {
                 // what is cut does not heal
                 let tied = std::mem::take(&mut body.tied);
-                *body = Body::new(&self.scene, number, &self.place)?;
+                *body = Body::new(&self.scene, number, self.gpu.as_ref(), self.single)?;
                 body.tied = tied;
             }
             self.bodies[number].restore(from, slots)?;

@@ -134,8 +134,11 @@ fn worked(scene: &Scene, gpu: &Gpu, steps: u32) -> Result<Vec<(Work, u32, usize)
     for _ in 0..steps {
         let report = simulation.step(false)?;
         let after = now(&simulation);
-        let work =
-            Work { dispatches: after.dispatches - before.dispatches, read_backs: after.read_backs - before.read_backs };
+        let work = Work {
+            dispatches: after.dispatches - before.dispatches,
+            read_backs: after.read_backs - before.read_backs,
+            compiled: after.compiled - before.compiled,
+        };
         out.push((work, report.free.iterations, report.contact.count()));
         before = after;
     }

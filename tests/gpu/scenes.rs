@@ -2,10 +2,12 @@
 
 use super::Failure;
 use super::states::{SCENES, goes_on};
+use cutis::backend::Snapshot;
 use cutis::gpu::Gpu;
 use cutis::scene::{Element, Law, Preconditioner, ProbeKind, Who, read};
 use cutis::step::{Place, Simulation};
 use std::path::Path;
+use std::sync::Arc;
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
 
@@ -14,6 +16,7 @@ pub const TESTS: &[(&str, Test)] = &[
     ("soft_blocks_stand_on_each_other", soft_blocks_stand_on_each_other),
     ("a_sphere_presses_neo_hookean_skin_as_on_the_cpu", a_sphere_presses_neo_hookean_skin_as_on_the_cpu),
     ("a_run_goes_on_from_its_state_bit_for_bit", a_run_goes_on_from_its_state_bit_for_bit),
+    ("bodies_and_simulations_share_a_device", bodies_and_simulations_share_a_device),
     ("a_limit_of_iterations_is_kept_to_the_last_one", a_limit_of_iterations_is_kept_to_the_last_one),
 ];
 
@@ -24,6 +27,11 @@ const APART: f64 = 2e-3;
 
 /// Steps of the sphere into the skin.
 const SINKING: u32 = 7;
+
+fn place(gpu: &Gpu) -> Place {
+    let a = &gpu.adapter;
+    Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)))
+}
 
 fn forces(place: &Place) -> Result<Vec<f64>, Failure> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/stack_five_soft.toml");
@@ -41,14 +49,48 @@ fn forces(place: &Place) -> Result<Vec<f64>, Failure> {
 }
 
 fn a_run_goes_on_from_its_state_bit_for_bit(gpu: &Gpu) -> Result<(), Failure> {
-    let a = &gpu.adapter;
-    let place = Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)));
+    let place = place(gpu);
     SCENES.iter().try_for_each(|(name, k, n)| Ok(goes_on(name, &place, *k, *n)?))
 }
 
+/// The largest displacements of two blocks on each other after some steps, m.
+fn stood(mut simulation: Simulation) -> Result<Vec<f64>, Failure> {
+    for _ in 0..3 {
+        simulation.step(false)?;
+    }
+    let largest = |state: &Snapshot| state.u.iter().map(|u| u[2].abs()).fold(0.0, f64::max);
+    Ok(simulation.snapshots()?.iter().map(largest).collect())
+}
+
+/// A device that the caller has opened, for two simulations of two bodies, each in a thread of its own.
+fn bodies_and_simulations_share_a_device(gpu: &Gpu) -> Result<(), Failure> {
+    let mut scene = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/stack_five_soft.toml"))?;
+    scene.skins.truncate(2);
+    scene.probes.clear();
+    let wanted = stood(Simulation::new(&scene, &place(gpu))?)?;
+    let descriptor = cutis::wgpu::DeviceDescriptor { label: Some("the caller's"), ..Default::default() };
+    let (adapter, (device, queue)) = gpu.adapter.request(&descriptor)?;
+    let shared = Arc::new(Gpu::from_wgpu(adapter, device, queue)?);
+    let simulations = [Simulation::with_gpu(&scene, shared.clone())?, Simulation::with_gpu(&scene, shared.clone())?];
+    let found: Vec<Result<Vec<f64>, Failure>> = std::thread::scope(|scope| {
+        let threads = simulations.map(|simulation| scope.spawn(|| stood(simulation)));
+        threads.map(|thread| thread.join().unwrap_or_else(|_| Err("a thread has panicked".into()))).into()
+    });
+    for found in found {
+        let found = found?;
+        if found != wanted || wanted[0] < 1e-7 {
+            return Err(format!("{found:?} m on a shared device, {wanted:?} m on one of its own").into());
+        }
+    }
+    let (compiled, kernels) = (shared.work().compiled, shared.kernels().len() as u64);
+    if compiled != kernels {
+        return Err(format!("{kernels} kernels were compiled {compiled} times for four bodies").into());
+    }
+    Ok(())
+}
+
 fn soft_blocks_stand_on_each_other(gpu: &Gpu) -> Result<(), Failure> {
-    let a = &gpu.adapter;
-    let on_gpu = forces(&Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver))))?;
+    let on_gpu = forces(&place(gpu))?;
     let on_cpu = forces(&Place::Cpu64)?;
     for (gpu, cpu) in on_gpu.iter().zip(&on_cpu) {
         if (gpu - cpu).abs() > APART * on_cpu[1].abs() || on_cpu.len() != 2 || on_cpu[1] < 0.03 {
@@ -77,8 +119,7 @@ fn limited(place: &Place, limit: u32) -> Result<Vec<(u32, f64)>, Failure> {
 }
 
 fn a_limit_of_iterations_is_kept_to_the_last_one(gpu: &Gpu) -> Result<(), Failure> {
-    let a = &gpu.adapter;
-    let place = Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)));
+    let place = place(gpu);
     for limit in [1, 3, 25] {
         let (on_gpu, on_cpu) = (limited(&place, limit)?, limited(&Place::Cpu32, limit)?);
         let exact = limited(&Place::Cpu64, limit)?;
@@ -113,8 +154,7 @@ fn pressed(place: &Place, law: Law) -> Result<f64, Failure> {
 }
 
 fn a_sphere_presses_neo_hookean_skin_as_on_the_cpu(gpu: &Gpu) -> Result<(), Failure> {
-    let a = &gpu.adapter;
-    let place = Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)));
+    let place = place(gpu);
     let (found, wanted) = (pressed(&place, Law::NeoHookean)?, pressed(&Place::Cpu64, Law::NeoHookean)?);
     // counter-test: bricks of small strain have another force
     let other = pressed(&place, Law::Fem { element: Element::Bbar, corotational: true })?;

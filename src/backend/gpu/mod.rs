@@ -28,13 +28,14 @@ use hyperelastic::Neo;
 use in_use::{over_columns, over_nodes};
 use solver::Solver;
 use split::Split;
+use std::sync::Arc;
 
 /// Nodes of a slot that are picked at once at least; more take another submission.
 const PICKED: usize = 1024;
 
 /// The body's state on the device.
 pub struct GpuBackend {
-    gpu: Gpu,
+    gpu: Arc<Gpu>,
     params: Params<f32>,
     node_count: usize,
     spring_count: usize,
@@ -66,13 +67,14 @@ impl GpuBackend {
     /// # Errors
     /// When an array passes a limit of the adapter, or a kernel does not compile.
     pub fn new(
-        gpu: Gpu,
+        gpu: impl Into<Arc<Gpu>>,
         model: &Model,
         needs: Needs,
         max_iterations: u32,
         floor: f64,
         start: &Snapshot,
     ) -> Result<Self> {
+        let gpu: Arc<Gpu> = gpu.into();
         let (n, slots) = (model.node_count(), needs.slots());
         let mut made = Maker::new(&gpu);
         gpu.making("probe of sums");
@@ -354,13 +356,9 @@ impl Backend for GpuBackend {
         Some(&self.gpu)
     }
 
-    fn time_device(&mut self, on: bool) {
-        self.gpu.time_passes(on);
-    }
-
-    fn device_time(&mut self) -> Result<Option<f64>> {
+    fn flush(&mut self) {
         let batch = self.record();
-        self.gpu.busy(batch)
+        self.gpu.submit(batch);
     }
 
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {
