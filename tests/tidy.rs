@@ -1,5 +1,8 @@
 //! Rules about the text of the repository that a machine can check.
 
+#[path = "tidy/circles.rs"]
+mod circles;
+
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
@@ -304,4 +307,34 @@ fn the_top_holds_what_the_owner_fixed_and_no_more() {
         let there = files.iter().any(|f| f == folder || f.starts_with(&format!("{folder}/")));
         assert!(there, "{folder} is missing");
     }
+}
+
+#[test]
+fn no_files_take_names_from_each_other_in_a_circle() {
+    let files: Vec<(String, String)> = in_folder(&tracked(), &["src/", "kernels/"])
+        .filter(|name| name.ends_with(".rs") && *name != "src/main.rs" && !name.starts_with("src/cli/"))
+        .map(|name| (name.clone(), read(name)))
+        .collect();
+    let found: Vec<String> = circles::circles(&files).into_iter().map(|circle| circle.join("; ")).collect();
+    report("files in a circle", &found);
+}
+
+#[test]
+fn a_circle_of_files_is_noticed() {
+    let file = |name: &str, text: &str| (name.to_string(), text.to_string());
+    let root = file("src/lib.rs", "pub mod a;\npub mod b;\n");
+    let list = |a: &str, b: &str| circles::circles(&[root.clone(), file("src/a.rs", a), file("src/b/mod.rs", b)]);
+    assert!(list("use crate::b::B;\npub struct A;\n", "pub struct B;\n").is_empty());
+    assert_eq!(list("use crate::b::B;\npub struct A;\n", "pub struct B;\nfn f() -> crate::a::A {}\n").len(), 1);
+    // through a name that a third module passes on
+    let passed = [
+        file("src/lib.rs", "pub mod a;\npub mod c;\n"),
+        file("src/a.rs", "use crate::c::{self, D};\npub struct A(D);\n"),
+    ];
+    let third = |d: &str| {
+        let files = [&passed[..], &[file("src/c/mod.rs", "mod d;\npub use d::D;\n"), file("src/c/d.rs", d)]].concat();
+        circles::circles(&files)
+    };
+    assert!(third("pub struct D;\n").is_empty());
+    assert_eq!(third("pub struct D;\nuse crate::{\n    a::A,\n};\n").len(), 1);
 }

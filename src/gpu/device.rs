@@ -1,13 +1,18 @@
 //! Adapters, buffers, bound kernels, batches and read-back over wgpu.
 
-use super::health::{Fault, Work};
+mod health;
+mod timing;
+
+pub use health::{Handle, Taken, Work};
+
 use super::shader::{Access, Shader, Variable};
-use super::timing::Timing;
 use crate::error::{Error, Result};
 use crate::kernels::Source;
 use bytemuck::{NoUninit, Pod};
+use health::Fault;
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use timing::Timing;
 
 /// Workgroups per dimension that core WebGPU guarantees; longer dispatches are folded into z.
 const MAX_GROUPS: u64 = 65_535;
@@ -78,13 +83,13 @@ pub fn adapters() -> Vec<Adapter> {
 pub struct Gpu {
     /// What it runs on.
     pub adapter: Adapter,
-    pub(super) device: wgpu::Device,
-    pub(super) queue: wgpu::Queue,
-    pub(super) timing: Mutex<Option<Arc<Timing>>>,
-    pub(super) limits: wgpu::Limits,
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    timing: Mutex<Option<Arc<Timing>>>,
+    limits: wgpu::Limits,
     pipelines: Mutex<HashMap<&'static str, Arc<Pipeline>>>,
-    pub(super) fault: Fault,
-    pub(super) work: Mutex<Work>,
+    fault: Fault,
+    work: Mutex<Work>,
     staging: Mutex<Option<wgpu::Buffer>>,
     made: Mutex<Log>,
     dry: bool,
@@ -98,7 +103,7 @@ struct Log {
 }
 
 /// Takes a lock; what a thread that panicked has left is whole all the same.
-pub(super) fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
@@ -297,7 +302,7 @@ impl Gpu {
         buffer
     }
 
-    pub(super) fn buffer(&self, name: &'static str, bytes: u64, usage: wgpu::BufferUsages) -> Buffer {
+    fn buffer(&self, name: &'static str, bytes: u64, usage: wgpu::BufferUsages) -> Buffer {
         let size = if self.dry { bytes.min(DRY_BYTES) } else { bytes };
         let descriptor = wgpu::BufferDescriptor { label: Some(name), size, usage, mapped_at_creation: false };
         Buffer { raw: self.device.create_buffer(&descriptor), name, bytes }
@@ -559,7 +564,7 @@ impl Batch {
     }
 
     /// Copies the first timestamps of a set into a buffer.
-    pub(super) fn resolve(&mut self, set: &wgpu::QuerySet, count: u32, to: &Buffer) {
+    fn resolve(&mut self, set: &wgpu::QuerySet, count: u32, to: &Buffer) {
         self.pass = None;
         self.encoder.resolve_query_set(set, 0..count, &to.raw, 0);
     }

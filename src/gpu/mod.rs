@@ -4,10 +4,7 @@
 //! checks buffers against. A [`Batch`] records dispatches and is submitted once. Nothing here knows what a kernel computes.
 
 mod device;
-mod health;
 mod shader;
-mod timing;
 
-pub use device::{Adapter, Batch, Bound, Buffer, Gpu, Made, adapters, cast};
-pub use health::{Handle, Taken, Work};
+pub use device::{Adapter, Batch, Bound, Buffer, Gpu, Handle, Made, Taken, Work, adapters, cast};
 pub use shader::{Access, Shader, Variable};

@@ -3,7 +3,6 @@
 //! Each goes through a triple buffer, so neither side waits for the other and what is read is always whole. The writer of problems refills
 //! buffers that have grown before, so handing over allocates nothing once all three are as large as the largest problem.
 
-use super::servo::Counts;
 use super::{Hand, Reduced};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -28,6 +27,43 @@ impl Problem {
         self.reduced.refill(reduced);
         (self.time, self.number, self.announced) = (time, number, announced);
     }
+}
+
+/// What a servo has counted.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Counts {
+    /// Ticks.
+    pub ticks: u64,
+    /// Most sweeps of a tick.
+    pub sweeps_max: u32,
+    /// Ticks whose time for sweeps was used up.
+    pub out_of_time: u64,
+    /// Readings that were no poses.
+    pub unsound: u64,
+    /// Ticks whose force was no number; none is given then.
+    pub non_finite: u64,
+    /// Ticks on a problem that was too old.
+    pub late: u64,
+    /// Ticks on a problem from before a cut.
+    pub stale: u64,
+    /// Ticks whose force or torque was cut down to what the device can give.
+    pub clamped: u64,
+    /// Times that the force faded because the simulation was late.
+    pub fades: u64,
+    /// Times that the force stopped because the device was lost.
+    pub stops: u64,
+    /// Largest force on the hand, N.
+    pub force_max: f64,
+    /// Largest change of the force from one tick to the next, N.
+    pub jump_max: f64,
+    /// The same where a problem of a new epoch came in.
+    pub cut_jump: f64,
+    /// Most energy given to the hand, J.
+    pub energy_out: f64,
+    /// The same along the same motions without the controller, J.
+    pub energy_uncontrolled: f64,
+    /// What the controller took out, J.
+    pub energy_damped: f64,
 }
 
 /// What a servo says to the simulation.

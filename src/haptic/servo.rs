@@ -5,7 +5,7 @@
 //! [`Record`], what it counted in [`Counts`].
 //! Units: m, rad, N, N·m, s, J; forces of records are on the hand, in the device's frame.
 
-use super::cells::{Felt, Problem};
+use super::cells::{Counts, Felt, Problem};
 use super::device::{Limits, Reading, Workspace, Wrench};
 use super::guard::{Guard, LATE_STEPS, LOST_AFTER, Signs};
 use super::passivity::Passivity;
@@ -100,43 +100,6 @@ impl Settings {
             rows: 0,
         }
     }
-}
-
-/// What a servo has counted.
-#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
-pub struct Counts {
-    /// Ticks.
-    pub ticks: u64,
-    /// Most sweeps of a tick.
-    pub sweeps_max: u32,
-    /// Ticks whose time for sweeps was used up.
-    pub out_of_time: u64,
-    /// Readings that were no poses.
-    pub unsound: u64,
-    /// Ticks whose force was no number; none is given then.
-    pub non_finite: u64,
-    /// Ticks on a problem that was too old.
-    pub late: u64,
-    /// Ticks on a problem from before a cut.
-    pub stale: u64,
-    /// Ticks whose force or torque was cut down to what the device can give.
-    pub clamped: u64,
-    /// Times that the force faded because the simulation was late.
-    pub fades: u64,
-    /// Times that the force stopped because the device was lost.
-    pub stops: u64,
-    /// Largest force on the hand, N.
-    pub force_max: f64,
-    /// Largest change of the force from one tick to the next, N.
-    pub jump_max: f64,
-    /// The same where a problem of a new epoch came in.
-    pub cut_jump: f64,
-    /// Most energy given to the hand, J.
-    pub energy_out: f64,
-    /// The same along the same motions without the controller, J.
-    pub energy_uncontrolled: f64,
-    /// What the controller took out, J.
-    pub energy_damped: f64,
 }
 
 /// One tick.

@@ -6,8 +6,7 @@
 //! A resumed run ends with the tables, files and report (but for what the clock says) of one that was never interrupted.
 
 use super::collect::Collected;
-use super::files::Written;
-use super::run::Options;
+use super::files::{CHECKPOINT, Written};
 use crate::error::{Error, Result};
 use crate::output::replace;
 use crate::runner;
@@ -22,8 +21,6 @@ const MAGIC: &[u8; 16] = b"cutis checkpoint";
 const VERSION: u32 = 1;
 /// Bytes before the checkpoint itself.
 const HEADER: usize = MAGIC.len() + 4 + 8 + 8;
-/// File in the folder of a run.
-const NAME: &str = "checkpoint.bin";
 
 /// What is in the file.
 #[derive(Serialize, Deserialize)]
@@ -55,19 +52,15 @@ fn checksum(bytes: &[u8]) -> u64 {
 }
 
 /// What a run's checkpoints are of.
-pub(super) fn identity(scene: &Scene, options: &Options) -> Identity {
+pub(super) fn identity(scene: &Scene, place: &Place) -> Identity {
     let nameless = Scene { file: PathBuf::new(), ..scene.clone() };
-    let place = match options.place {
-        Place::Cpu64 => "cpu f64",
-        Place::Cpu32 => "cpu f32",
-        Place::Gpu(_) => "gpu f32",
-    };
-    Identity { title: scene.title.clone(), scene: checksum(format!("{nameless:?}").as_bytes()), place: place.into() }
+    let scene_sum = checksum(format!("{nameless:?}").as_bytes());
+    Identity { title: scene.title.clone(), scene: scene_sum, place: place.words().join(" ") }
 }
 
 /// Puts a checkpoint into a folder, in the place of the last one.
 pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
-    let path = folder.join(NAME);
+    let path = folder.join(CHECKPOINT);
     let failed = |e: postcard::Error| Error::Write { path: path.clone(), source: std::io::Error::other(e) };
     let bytes = postcard::to_stdvec(checkpoint).map_err(failed)?;
     let mut file = Vec::with_capacity(HEADER + bytes.len());
@@ -79,16 +72,11 @@ pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
     replace(&path, &file)
 }
 
-/// Removes what an earlier run has left in a folder.
-pub(super) fn remove(folder: &Path) {
-    std::fs::remove_file(folder.join(NAME)).ok();
-}
-
-/// Reads a checkpoint of a run of this scene with these options.
+/// Reads a checkpoint of a run of this scene on this place, which is to take so many steps in all.
 ///
 /// # Errors
 /// [`Error::Checkpoint`] for a file that is none, is damaged, of another version, of another scene or place, or of a run that is over.
-pub(super) fn read(path: &Path, scene: &Scene, options: &Options) -> Result<Checkpoint> {
+pub(super) fn read(path: &Path, scene: &Scene, place: &Place, steps: u32) -> Result<Checkpoint> {
     let refused = |what: String, fix: &'static str| Error::Checkpoint { path: path.to_owned(), what, fix };
     let file = std::fs::read(path).map_err(|e| {
         refused(
@@ -97,7 +85,7 @@ pub(super) fn read(path: &Path, scene: &Scene, options: &Options) -> Result<Chec
         )
     })?;
     let checkpoint: Checkpoint = unpack(&file).map_err(|(what, fix)| refused(what, fix))?;
-    let (found, wanted) = (&checkpoint.identity, identity(scene, options));
+    let (found, wanted) = (&checkpoint.identity, identity(scene, place));
     if found.place != wanted.place {
         return Err(refused(
             format!("is of a run on {}, and this one is on {}", found.place, wanted.place),
@@ -110,7 +98,6 @@ pub(super) fn read(path: &Path, scene: &Scene, options: &Options) -> Result<Chec
             "resume with the same scene, meshes and trajectories and the same options, or run from the start",
         ));
     }
-    let steps = options.steps.unwrap_or(scene.time.steps());
     if checkpoint.runner.steps() >= steps {
         return Err(refused(
             format!("was written after step {}, and {steps} steps are asked for", checkpoint.runner.steps()),

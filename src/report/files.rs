@@ -18,6 +18,9 @@ use crate::step::{Simulation, StepReport};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
+/// What a run goes on from.
+pub(super) const CHECKPOINT: &str = "checkpoint.bin";
+
 /// An open folder.
 pub(super) struct Folder {
     path: PathBuf,
@@ -57,8 +60,7 @@ fn create(path: &Path) -> Result<()> {
 /// Results of an earlier run would pass for this one's. What names others goes first, so that a run that is killed here leaves no name of a
 /// file that is gone.
 fn remove_old(path: &Path) {
-    super::checkpoint::remove(path);
-    for name in ["report.json", "volume.pvd", "surface.pvd", "haptic.csv"] {
+    for name in [CHECKPOINT, "report.json", "volume.pvd", "surface.pvd", "haptic.csv"] {
         std::fs::remove_file(path.join(name)).ok();
     }
     remove_numbered(path, 0);

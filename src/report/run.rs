@@ -37,6 +37,12 @@ impl Options {
         Self { place, steps: None, out, realtime: false, record: false, checkpoint: None, resume: None }
     }
 
+    /// The checkpoint to go on from, if any.
+    fn resumed(&self, scene: &Scene) -> Result<Option<Checkpoint>> {
+        let steps = self.steps.unwrap_or(scene.time.steps());
+        self.resume.as_ref().map(|file| checkpoint::read(file, scene, &self.place, steps)).transpose()
+    }
+
     /// Refuses what does not go together.
     fn check(&self) -> Result<()> {
         let refused = |what: &str, fix: &str| Err(Error::Usage { what: what.into(), fix: fix.into() });
@@ -102,7 +108,7 @@ pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)
     check::known(scene)?;
     options.check()?;
     // what is refused is refused before a device is taken and before a file is touched
-    let resumed = options.resume.as_ref().map(|file| checkpoint::read(file, scene, options)).transpose()?;
+    let resumed = options.resumed(scene)?;
     run_from(scene, options, Simulation::new(scene, &options.place)?, resumed, progress)
 }
 
@@ -117,7 +123,7 @@ pub fn run_prepared(
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary> {
     options.check()?;
-    let resumed = options.resume.as_ref().map(|file| checkpoint::read(file, scene, options)).transpose()?;
+    let resumed = options.resumed(scene)?;
     run_from(scene, options, simulation, resumed, progress)
 }
 
@@ -257,7 +263,7 @@ impl Running<'_> {
     /// All that the rest of the run depends on. Rows of tables are handed to the system before they are counted.
     fn checkpoint(&mut self) -> Result<Checkpoint> {
         Ok(Checkpoint {
-            identity: checkpoint::identity(self.scene, self.options),
+            identity: checkpoint::identity(self.scene, &self.options.place),
             runner: self.runner.state()?,
             collected: self.collector.collected(),
             files: self.folder.written()?,

@@ -9,9 +9,10 @@ mod scene_clock;
 mod wall_clock;
 
 use crate::error::{Error, Result};
+use crate::haptic::cells::Counts;
 use crate::haptic::device::Device;
 use crate::haptic::replay::Row;
-use crate::haptic::servo::{Counts, Record};
+use crate::haptic::servo::Record;
 use crate::haptic::thread::Timing;
 use crate::scene::Scene;
 use crate::step::{self, Simulation, StepReport};

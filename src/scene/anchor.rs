@@ -1,9 +1,9 @@
 //! Anchors of a scene file: regions that springs hold to their rest shape.
 
 use super::bodies::Names;
-use super::grid::Grid;
+use super::grid::{Grid, region};
 use super::raw::{self, Table};
-use super::region::{Region, region};
+use super::region::Region;
 use super::text::{Bound, STIFFNESS, SceneText};
 use super::{Mass, Skin};
 use crate::error::{Error, Result};

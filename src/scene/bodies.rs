@@ -1,10 +1,8 @@
 //! Rigid bodies, walls, and what is tied to what, of a scene file; bodies by name.
 
-use super::grid::Grid;
+use super::grid::{Grid, region};
 use super::raw::{self, At, Table};
-use super::region::region;
-use super::text::{Bound, DEGREE, GRAM, MM, PLAIN, RADIAN_PER_SECOND, SPEED, SceneText, or_vector};
-use super::tools::unit;
+use super::text::{Bound, DEGREE, GRAM, MM, PLAIN, RADIAN_PER_SECOND, SPEED, SceneText, normalized, or_vector};
 use super::{Attachment, Coupling, Motion, Plane, Pose, Round, Skin, Tool, ToolMesh, Who, round};
 use crate::error::{Error, Result};
 use glam::{DQuat, DVec3};
@@ -111,7 +109,7 @@ pub(super) fn planes(
 ) -> Result<Vec<Plane>> {
     let plane = |table: Table<raw::Plane>| {
         let raw = table.keys;
-        let normal = unit(scene.vector("normal", &raw.normal, PLAIN, Bound::Finite)?);
+        let normal = normalized(scene.vector("normal", &raw.normal, PLAIN, Bound::Finite)?);
         let none = || Error::NoDirection { at: scene.place(raw.normal.span()), key: "normal" };
         Ok(Plane {
             name: scene.name("body", &raw.name, taken)?,
@@ -147,7 +145,7 @@ fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids
     }
     let slide = match &raw.slide {
         Some(value) => {
-            let direction = unit(scene.vector("slide", value, PLAIN, Bound::Finite)?);
+            let direction = normalized(scene.vector("slide", value, PLAIN, Bound::Finite)?);
             let none = || Error::NoDirection { at: scene.place(value.span()), key: "slide" };
             Some(direction.ok_or_else(none)?)
         }

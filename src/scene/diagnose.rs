@@ -1,7 +1,7 @@
 //! From TOML text to raw tables, with the parser's words turned into what was found, wanted and meant.
 
 use super::raw;
-use super::text::SceneText;
+use super::text::{SceneText, nearest};
 use crate::error::{Error, Result};
 use serde::Deserialize;
 use std::ops::Range;
@@ -95,30 +95,6 @@ fn stem(key: &str) -> String {
         words.pop();
     }
     words.join("_")
-}
-
-/// The known word within an edit distance of a third of its length, at least 2.
-pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
-    let lower = word.to_lowercase();
-    let ranked = known.iter().map(|other| (edit_distance(&lower, other), *other));
-    let (distance, other) = ranked.min_by_key(|(distance, _)| *distance)?;
-    (distance <= (other.len() / 3).max(2) && distance < other.len()).then_some(other)
-}
-
-/// Insertions, deletions and replacements between two words (Levenshtein 1966), by rows of the dynamic program.
-fn edit_distance(a: &str, b: &str) -> usize {
-    let b: Vec<char> = b.chars().collect();
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, from) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, to) in b.iter().enumerate() {
-            let replaced = diagonal + usize::from(from != *to);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
-        }
-    }
-    row[b.len()]
 }
 
 /// The first line of a span, whole and trimmed.

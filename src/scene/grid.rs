@@ -1,12 +1,10 @@
 //! Where nodes are, as far as reading a scene needs it: a region must hold some.
 
-use super::raw::{At, Points};
-use super::text::{SceneText, in_mm};
+use super::raw::{At, Extent, Points};
+use super::region::SLACK;
+use super::text::{Bound, MM, PLAIN, SceneText, in_mm, normalized};
 use super::{Layer, Region, Skin, TestForm};
 use crate::error::{Error, Result};
-
-/// Rounding between lengths in mm and node positions in m; a billionth of a metre is far below any cell.
-pub(super) const SLACK: f64 = 1e-9;
 
 /// Nodes that 32-bit indices reach in every array: the largest has 64 numbers a node.
 pub const MOST_NODES: u32 = u32::MAX / 64;
@@ -145,6 +143,91 @@ impl Row {
         let last = ((max + SLACK - self.start) / self.step).floor().min(f64::from(self.cells));
         first <= last
     }
+}
+
+/// The named region; it must hold a node of each grid.
+pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids: &[Grid]) -> Result<Region> {
+    let known = [
+        ("bottom", Some(Region::Bottom)),
+        ("top", Some(Region::Top)),
+        ("sides", Some(Region::Sides)),
+        ("sides_x", Some(Region::SidesX)),
+        ("sides_y", Some(Region::SidesY)),
+        ("all", Some(Region::All)),
+        ("box", None),
+        ("sphere", None),
+        ("plane", None),
+        ("bottom_rim", None),
+        ("bottom_core", None),
+    ];
+    let words: Vec<(&str, (&str, &Option<Region>))> = known.iter().map(|(word, of)| (*word, (*word, of))).collect();
+    let (word, whole) = scene.choice("region", name, &words)?;
+    let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm } = &extent;
+    if word != "box" {
+        scene.needless("box_mm", box_mm, "it belongs to region = \"box\"")?;
+    }
+    if word != "sphere" {
+        scene.needless("centre_mm", centre_mm, "it belongs to region = \"sphere\"")?;
+        scene.needless("radius_mm", radius_mm, "it belongs to region = \"sphere\"")?;
+    }
+    if word != "plane" {
+        scene.needless("through_mm", through_mm, "it belongs to region = \"plane\"")?;
+        scene.needless("normal", normal, "it belongs to region = \"plane\"")?;
+        scene.needless("within_mm", within_mm, "it belongs to region = \"plane\"")?;
+    }
+    if !word.starts_with("bottom_") {
+        scene.needless("margin_mm", margin_mm, "it belongs to region = \"bottom_rim\" and \"bottom_core\"")?;
+    }
+    if let Some(region) = whole {
+        return Ok(region.clone());
+    }
+    let region = match word {
+        "box" => return within_box(scene, name, box_mm, grids),
+        "sphere" => {
+            let why = "region = \"sphere\" asks for centre_mm = [x,y,z] and radius_mm";
+            let centre = scene.required("centre_mm", centre_mm.as_ref(), name.span(), why)?;
+            let radius = scene.required("radius_mm", radius_mm.as_ref(), name.span(), why)?;
+            Region::Sphere {
+                centre: scene.vector("centre_mm", centre, MM, Bound::Finite)?,
+                radius: scene.number("radius_mm", radius, MM, Bound::Positive)?,
+            }
+        }
+        "plane" => {
+            let why = "region = \"plane\" asks for through_mm = [x,y,z], normal = [x,y,z] and within_mm";
+            let through = scene.required("through_mm", through_mm.as_ref(), name.span(), why)?;
+            let normal = scene.required("normal", normal.as_ref(), name.span(), why)?;
+            let within = scene.required("within_mm", within_mm.as_ref(), name.span(), why)?;
+            let direction = normalized(scene.vector("normal", normal, PLAIN, Bound::Finite)?);
+            let none = || Error::NoDirection { at: scene.place(normal.span()), key: "normal" };
+            Region::Plane {
+                through: scene.vector("through_mm", through, MM, Bound::Finite)?,
+                normal: direction.ok_or_else(none)?,
+                within: scene.number("within_mm", within, MM, Bound::NotNegative)?,
+            }
+        }
+        _ => {
+            let why = "the rim is what lies within margin_mm of the sides, the core the rest";
+            let margin = scene.required("margin_mm", margin_mm.as_ref(), name.span(), why)?;
+            let margin = scene.number("margin_mm", margin, MM, Bound::NotNegative)?;
+            if word == "bottom_rim" { Region::Rim(margin) } else { Region::Core(margin) }
+        }
+    };
+    for grid in grids {
+        if !grid.holds(&region) {
+            return Err(Error::NoNode { at: scene.place(name.span()), grid: grid.name, region: word.into() });
+        }
+    }
+    Ok(region)
+}
+
+fn within_box(scene: &SceneText, name: &At<String>, corners: &Option<Points>, grids: &[Grid]) -> Result<Region> {
+    let why = "region = \"box\" asks for box_mm = [[x,y,z],[x,y,z]]";
+    let corners = scene.required("box_mm", corners.as_ref(), name.span(), why)?;
+    let [min, max] = scene.corners::<3>("box_mm", corners)?;
+    for grid in grids {
+        grid.holds_node(scene, corners, min, max)?;
+    }
+    Ok(Region::Box { min, max })
 }
 
 #[cfg(test)]

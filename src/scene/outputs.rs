@@ -1,9 +1,8 @@
 //! What a scene asks for at the end: probes, checks and pictures.
 
 use super::bodies::Names;
-use super::grid::Grid;
+use super::grid::{Grid, region};
 use super::raw::{self, At, Extent, Table};
-use super::region::region;
 use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, in_mm, or, or_vector};
 use super::{Check, Probe, ProbeKind, Skin, Tool, View};
 use crate::error::{Error, Result};

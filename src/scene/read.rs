@@ -7,9 +7,8 @@
 use super::bodies::{self, Names};
 use super::diagnose::tables;
 use super::files::Files;
-use super::grid::{self, Grid};
+use super::grid::{self, Grid, region};
 use super::raw::{self, At, Table};
-use super::region::region;
 use super::study;
 use super::text::{ACCELERATION, Bound, DEGREE, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
 use super::{Boundary, Correction, Integrator, Law, Load, Scene, Skin, Solver, TestForm, Time};

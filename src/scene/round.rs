@@ -1,8 +1,7 @@
 //! Spheres and capsules of a scene file, the mesh that shows them, and hands written as a list of places.
 
 use super::raw::{self, Points};
-use super::text::{Bound, MM, SceneText};
-use super::tools::{difference, unit};
+use super::text::{Bound, MM, SceneText, difference, normalized};
 use super::{Pose, Round, ToolMesh};
 use crate::error::{Error, Result};
 use crate::math::elementary::{cos, sin};
@@ -77,9 +76,9 @@ pub(super) fn mesh(round: &Round) -> ToolMesh {
 
 /// Unit vectors along the line from `a` to `b` (z for a point) and across it.
 fn axes(a: [f64; 3], b: [f64; 3]) -> ([f64; 3], [f64; 3]) {
-    let along = unit(difference(b, a)).unwrap_or([0.0, 0.0, 1.0]);
+    let along = normalized(difference(b, a)).unwrap_or([0.0, 0.0, 1.0]);
     let off = if along[0].abs() < 0.6 { [1.0, 0.0, 0.0] } else { [0.0, 1.0, 0.0] };
-    (along, unit(cross(along, off)).unwrap_or([0.0, 1.0, 0.0]))
+    (along, normalized(cross(along, off)).unwrap_or([0.0, 1.0, 0.0]))
 }
 
 fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {

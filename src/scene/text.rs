@@ -2,9 +2,9 @@
 //!
 //! Conversion to SI happens here and nowhere else: `si = file · times / per`.
 
-use super::diagnose::nearest;
 use super::raw::{At, Counts, Numbers, Points};
 use crate::error::{Error, Place, Result};
+use crate::math::elementary::hypot;
 use std::ops::Range;
 use std::path::Path;
 
@@ -268,4 +268,38 @@ impl SceneText<'_> {
             Some(value) => Err(Error::NeedlessKey { at: self.place(value.span()), key, why }),
         }
     }
+}
+
+/// The vector at length 1; `None` for a vector of no length.
+pub(super) fn normalized(a: [f64; 3]) -> Option<[f64; 3]> {
+    let length = hypot(hypot(a[0], a[1]), a[2]);
+    (length.is_normal()).then(|| a.map(|part| part / length))
+}
+
+pub(super) fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
+}
+
+/// The known word within an edit distance of a third of its length, at least 2.
+pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
+    let lower = word.to_lowercase();
+    let ranked = known.iter().map(|other| (edit_distance(&lower, other), *other));
+    let (distance, other) = ranked.min_by_key(|(distance, _)| *distance)?;
+    (distance <= (other.len() / 3).max(2) && distance < other.len()).then_some(other)
+}
+
+/// Insertions, deletions and replacements between two words (Levenshtein 1966), by rows of the dynamic program.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let b: Vec<char> = b.chars().collect();
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, from) in a.chars().enumerate() {
+        let mut diagonal = row[0];
+        row[0] = i + 1;
+        for (j, to) in b.iter().enumerate() {
+            let replaced = diagonal + usize::from(from != *to);
+            diagonal = row[j + 1];
+            row[j + 1] = replaced.min(diagonal + 1).min(row[j] + 1);
+        }
+    }
+    row[b.len()]
 }

@@ -6,7 +6,8 @@ use super::lines::{angle_cone, filter, lines};
 use super::raw::{self, At, Table};
 use super::round::{path, round};
 use super::text::{
-    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS, SceneText, or, or_vector,
+    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS, SceneText, difference,
+    normalized, or, or_vector,
 };
 use super::words::CORRECTIONS;
 use super::{Blade, Contact, Coupling, Loop, Pose, Tool, ToolMesh};
@@ -150,8 +151,8 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
         });
     }
     let normal = or_vector(raw.normal, &[0.0, 1.0, 0.0]);
-    let direction = unit(scene.vector("normal", &normal, PLAIN, Bound::Finite)?);
-    let chord = unit(difference(edge[edge.len() - 1], edge[0]));
+    let direction = normalized(scene.vector("normal", &normal, PLAIN, Bound::Finite)?);
+    let chord = normalized(difference(edge[edge.len() - 1], edge[0]));
     let angle = match (direction, chord) {
         (Some(direction), Some(chord)) => acos(dot(direction, chord).abs().min(1.0)).to_degrees(),
         _ => 0.0,
@@ -189,16 +190,6 @@ fn samples(edge: &[[f64; 3]], depth: f64, [along, flat]: [f64; 2]) -> f64 {
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-}
-
-pub(super) fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
-}
-
-/// The vector at length 1; `None` for a vector of no length.
-pub(super) fn unit(a: [f64; 3]) -> Option<[f64; 3]> {
-    let length = hypot(hypot(a[0], a[1]), a[2]);
-    (length.is_normal()).then(|| a.map(|part| part / length))
 }
 
 /// The contact law; absent keys have their defaults.

@@ -1,8 +1,14 @@
 //! A deformable body as it runs: its model, its state on a backend, how it was cut, how it gives.
 
-use super::compliance::{AtRest, Compliance};
+mod compliance;
+mod measured;
+mod refine;
+
+pub use compliance::{COLUMNS, Compliance, most_nodes};
+pub use measured::Measured;
+
+use super::StepReport;
 use super::start::{check_step, needs, slots, start};
-use super::{Measured, StepReport};
 use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
 use crate::collide::broad::Boxes;
 use crate::collide::lips::Lips;
@@ -16,6 +22,7 @@ use crate::math::{V4, larger, norm};
 use crate::mesh::{Corner, Quad};
 use crate::model::{Model, Solved, residual};
 use crate::scene::{Scene, Solver};
+use compliance::AtRest;
 use glam::DVec3;
 use std::sync::Arc;
 
@@ -277,7 +284,7 @@ impl Body {
     pub(super) fn increment(&mut self, corrected: bool) -> Result<Vec<V4<f64>>> {
         let mut dx = self.backend.solution(FREE)?;
         if corrected {
-            super::refine::add(&mut dx, &self.backend.solution(CORRECTION)?, 1.0);
+            refine::add(&mut dx, &self.backend.solution(CORRECTION)?, 1.0);
         }
         Ok(dx)
     }

@@ -1,6 +1,7 @@
-//! The contact part of a step: rows, compliance `W`, forces and correction; its passes are in [`passes`](super::passes).
+//! The contact part of a step: rows, compliance `W`, forces and correction; its passes are in [`passes`].
 
-use super::passes::Seen;
+mod passes;
+
 use super::rows::{Rows, in_world};
 use super::{Simulation, StepReport};
 use crate::collide::Contact;
@@ -11,6 +12,7 @@ use crate::instrument::Free;
 use crate::linear::Outcome;
 use crate::scene::{self, Correction, Loop, Who};
 use glam::{DMat3, DVec3};
+use passes::Seen;
 use std::collections::BTreeMap;
 
 /// Contacts of a step and how their forces were found.
@@ -82,7 +84,7 @@ pub(super) struct Resolved {
 }
 
 /// The contact problem of a step.
-pub(super) struct Problem<'a> {
+struct Problem<'a> {
     pub law: scene::Contact,
     pub rows: Rows<'a>,
     pub laws: Vec<Law>,
@@ -201,7 +203,7 @@ impl Simulation {
     }
 
     /// `W` as the bodies know it now.
-    pub(super) fn compliance_of(&self, problem: &Problem) -> Vec<f64> {
+    fn compliance_of(&self, problem: &Problem) -> Vec<f64> {
         let between = |body: usize, a: u32, b: u32| match problem.law.correction {
             Correction::Exact => self.bodies[body].compliance.between(a, b),
             Correction::Precomputed => self.bodies[body].at_rest.between(a, b),
@@ -235,7 +237,7 @@ impl Simulation {
 
     /// How far forces move the nodes that rows act on, `[body][node]` m, solved to a share of the forces; the backends keep the whole
     /// correction.
-    pub(super) fn correct(
+    fn correct(
         &mut self,
         problem: &Problem,
         lambda: &[f64],

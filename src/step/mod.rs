@@ -10,21 +10,16 @@
 //! numerically is counted in [`StepReport`], never mended in silence.
 
 mod body;
-mod compliance;
 mod contact;
 mod find;
 mod finite;
 mod incise;
-mod measured;
-mod passes;
-mod refine;
 mod rows;
 mod start;
 mod state;
 
-pub use body::Body;
+pub use body::{Body, Measured};
 pub use contact::ContactReport;
-pub use measured::Measured;
 pub use start::{needs, start};
 pub use state::State;
 
@@ -52,6 +47,17 @@ pub enum Place {
     Cpu32,
     /// WGSL on the first adapter whose name contains the text, or the first of all.
     Gpu(Option<String>),
+}
+
+impl Place {
+    /// Backend and precision.
+    pub fn words(&self) -> [&'static str; 2] {
+        match self {
+            Self::Cpu64 => ["cpu", "f64"],
+            Self::Cpu32 => ["cpu", "f32"],
+            Self::Gpu(_) => ["gpu", "f32"],
+        }
+    }
 }
 
 /// Numerical trouble, counted by name.

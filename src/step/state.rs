@@ -3,8 +3,8 @@
 //! The wound is kept as the hits that made it: cutting the uncut body with them again gives the same nodes in the same order. Columns of
 //! the compliance are kept, though they are solved for: they have aged by the steps since, and how many passes a step takes depends on it.
 
-use super::compliance::Compliance;
-use super::{Body, Simulation, incise};
+use super::body::{Body, Compliance};
+use super::{Simulation, incise};
 use crate::backend::{CORRECTION, FREE, Vector};
 use crate::error::{Error, Result};
 use crate::haptic::Reduced;

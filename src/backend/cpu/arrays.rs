@@ -81,6 +81,22 @@ impl<R: Real> Elastic<R> {
         }
     }
 
+    /// Bricks, if it is of those.
+    pub fn bricks(&self) -> Option<&Bricks<R>> {
+        match self {
+            Elastic::Bricks(bricks) => Some(bricks),
+            Elastic::Springs { .. } => None,
+        }
+    }
+
+    /// The same, to be changed.
+    pub fn bricks_mut(&mut self) -> Option<&mut Bricks<R>> {
+        match self {
+            Elastic::Bricks(bricks) => Some(bricks),
+            Elastic::Springs { .. } => None,
+        }
+    }
+
     /// Displacements of the segments' ends: cell centres of bricks, nodes of springs.
     pub fn points(&self, params: &Params<R>, u: &[V4<R>], points: &mut [V4<R>]) {
         match self {

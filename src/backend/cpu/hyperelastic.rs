@@ -4,7 +4,6 @@
 //! over steps at rest that is Newton's method too.
 
 use super::CpuBackend;
-use super::arrays::Elastic;
 use crate::backend::newton::{Attempt, Descent, SHIFTS, newton, raised};
 use crate::backend::{FREE, Nonlinear, Target, Wanted};
 use crate::error::{Error, Result};
@@ -90,26 +89,19 @@ struct Trial<R> {
 
 impl<R: Real> CpuBackend<R> {
     fn neo(&mut self) -> Option<&mut Neo<R>> {
-        match &mut self.law {
-            Elastic::Bricks(bricks) => bricks.neo.as_deref_mut(),
-            Elastic::Springs { .. } => None,
-        }
+        self.law.bricks_mut()?.neo.as_deref_mut()
     }
 
     /// Bytes of the cells' tangents.
     pub(super) fn tangent_bytes(&self) -> u64 {
-        match &self.law {
-            Elastic::Bricks(bricks) => bricks.neo.as_ref().map_or(0, |n| size_of_val(&n.tangent[..]) as u64),
-            Elastic::Springs { .. } => 0,
-        }
+        let neo = self.law.bricks().and_then(|bricks| bricks.neo.as_ref());
+        neo.map_or(0, |neo| size_of_val(&neo.tangent[..]) as u64)
     }
 
     /// Counts of the step so far.
     pub(super) fn count(&self) -> Nonlinear {
-        match &self.law {
-            Elastic::Bricks(bricks) => bricks.neo.as_ref().map(|n| n.count).unwrap_or_default(),
-            Elastic::Springs { .. } => Nonlinear::default(),
-        }
+        let neo = self.law.bricks().and_then(|bricks| bricks.neo.as_ref());
+        neo.map(|neo| neo.count).unwrap_or_default()
     }
 
     /// One linearisation for every slot; the free motion, which comes first in a step, finds out whether it is positive.
@@ -169,7 +161,7 @@ impl<R: Real> CpuBackend<R> {
     /// Potential and residual at an increment; `None` where a cell is inside out.
     fn trial(&mut self, b: &[V4<R>], dx: Vec<V4<R>>) -> Result<Option<(f64, Trial<R>)>> {
         let place = self.moved(&dx);
-        let Elastic::Bricks(bricks) = &self.law else { return Ok(None) };
+        let Some(bricks) = self.law.bricks() else { return Ok(None) };
         let Some(neo) = &bricks.neo else { return Ok(None) };
         let Some(energy) = neo.law.energy(&neo.params, &place) else { return Ok(None) };
         let forces = neo.forces(&place)?;

@@ -319,7 +319,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         let set = |to: &mut [V4<R>], from: &[V4<f64>]| to.iter_mut().zip(from).for_each(|(to, from)| *to = round(from));
         set(&mut self.u, u);
         set(&mut self.v, v);
-        if let Elastic::Bricks(bricks) = &mut self.law {
+        if let Some(bricks) = self.law.bricks_mut() {
             set(&mut bricks.rotation, rotation);
         }
         Ok(())

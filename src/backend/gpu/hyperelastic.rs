@@ -8,7 +8,6 @@
 use super::GpuBackend;
 use super::arrays::{Arrays, Dispatch, Maker};
 use super::exchange::triples;
-use super::solver::Solver;
 use crate::backend::newton::{Attempt, Descent, SHIFTS, newton, raised};
 use crate::backend::{FREE, Nonlinear, Target, Wanted};
 use crate::error::{Error, Result};
@@ -114,7 +113,7 @@ impl Neo {
     }
 
     /// Makes what Newton's method needs, if it is wanted.
-    pub fn search(&mut self, made: &mut Maker, arrays: &Arrays, solver: &Solver) -> Result<()> {
+    pub fn search(&mut self, made: &mut Maker, arrays: &Arrays, x: &Buffer) -> Result<()> {
         if !self.newton {
             return Ok(());
         }
@@ -132,7 +131,7 @@ impl Neo {
         let gain = made.params(&self.params);
         let (_, damped) = self.block(made, self.params, self.damping);
         let (_, shared) = self.block(made, self.params, self.end_share);
-        let along = [("params", &gain), ("dx", &dx[0]), ("x", &solver.x), ("rest", &rest[0]), ("dx_next", &dx[1])];
+        let along = [("params", &gain), ("dx", &dx[0]), ("x", x), ("rest", &rest[0]), ("dx_next", &dx[1])];
         let along = [&along[..], &[("promise", &promise)]].concat();
         let linear = [("params", &damped), ("z", &dx[1]), ("w", &w), ("partial_product", &sums), ("scalars", &running)];
         let left = [("params", &shared), ("b", &self.b), ("w", &w), ("dx", &dx[1]), ("rest", &rest[1])];

@@ -102,7 +102,7 @@ impl GpuBackend {
         let arrays = law.shared.joined(&Arrays::of(&own));
         let arrays = neo.iter().fold(arrays, |all, neo| all.joined(&neo.arrays));
         let solver = Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact, neo.as_mut())?;
-        neo.iter_mut().try_for_each(|neo| neo.search(&mut made, &arrays, &solver))?;
+        neo.iter_mut().try_for_each(|neo| neo.search(&mut made, &arrays, &solver.x))?;
         gpu.making("solver");
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())

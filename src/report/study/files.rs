@@ -1,10 +1,10 @@
 //! study.csv, study.md, and the words that settings have in them.
 
+use super::settings::element_word;
 use super::{Row, Setting, Stop, Study, plot};
 use crate::error::{Error, Result};
 use crate::output::replace;
-use crate::scene::{CORRECTIONS, Correction, ELEMENTS, INTEGRATORS, Integrator, Law, PRECONDITIONERS, word};
-use crate::step::Place;
+use crate::scene::{CORRECTIONS, Correction, INTEGRATORS, Integrator, PRECONDITIONERS, word};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -53,26 +53,8 @@ pub(super) fn write(study: &Study, folder: &Path) -> Result<()> {
     replace(&folder.join("study.svg"), plot::picture(study)?.as_bytes())
 }
 
-/// `bbar`, `enhanced`, `plain`, `neo_hookean` or `springs`.
-pub(super) fn element_name(law: Law) -> &'static str {
-    match law {
-        Law::Fem { element, .. } => word(&ELEMENTS, element),
-        Law::NeoHookean => "neo_hookean",
-        Law::Springs { .. } => "springs",
-    }
-}
-
 fn correction_name(correction: Option<Correction>) -> &'static str {
     correction.map_or("", |correction| word(&CORRECTIONS, correction))
-}
-
-/// Backend and precision.
-pub(super) fn path_name(place: &Place) -> [&'static str; 2] {
-    match place {
-        Place::Cpu64 => ["cpu", "f64"],
-        Place::Cpu32 => ["cpu", "f32"],
-        Place::Gpu(_) => ["gpu", "f32"],
-    }
 }
 
 fn table(study: &Study) -> String {
@@ -97,7 +79,7 @@ pub(super) fn json(study: &Study) -> serde_json::Value {
 /// One row in the order of the columns.
 fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
     let s = &row.setting;
-    let [backend, precision] = path_name(&s.place);
+    let [backend, precision] = s.place.words();
     let cell = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.4e}"));
     let (tolerance, limit) = match s.stop {
         Stop::Tolerance(t) => (format!("{t:e}"), String::new()),
@@ -108,7 +90,7 @@ fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
     let poisson: Vec<String> = study.poisson.iter().map(f64::to_string).collect();
     [
         study.scene.clone(),
-        element_name(s.law).into(),
+        element_word(s.law).into(),
         word(&PRECONDITIONERS, s.preconditioner).into(),
         tolerance,
         limit,
@@ -131,18 +113,13 @@ fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
         cell(row.by_unit[2]),
         format!("{:.4}", row.trace.ms_per_step),
         cell(study.own_ms.map(|own| row.trace.ms_per_step / own)),
-        cell(Some(real_time(row))),
+        cell(Some(row.real_time())),
         cell(row.trace.device_ms_per_step),
         row.trace.steps.to_string(),
         row.trace.wanted.to_string(),
         row.trace.warnings.to_string(),
         u8::from(row.pareto).to_string(),
     ]
-}
-
-/// Time per step over the step: below 1 it keeps up with the clock.
-pub(super) fn real_time(row: &Row) -> f64 {
-    row.trace.ms_per_step / (row.setting.step * 1e3)
 }
 
 fn quoted(text: &str) -> String {
@@ -171,7 +148,7 @@ fn words(s: &Setting) -> String {
         Stop::Iterations(n) => format!(", {n} iterations"),
         Stop::Exact => String::new(),
     };
-    let [backend, precision] = path_name(&s.place);
+    let [backend, precision] = s.place.words();
     let correction = match s.correction {
         None | Some(Correction::Exact) => String::new(),
         other => format!(", {}", correction_name(other)),
@@ -182,7 +159,7 @@ fn words(s: &Setting) -> String {
     };
     format!(
         "{} {}{stop}, grid × {}, {} ms{integrator}{correction}, {backend} {precision}",
-        element_name(s.law),
+        element_word(s.law),
         word(&PRECONDITIONERS, s.preconditioner),
         s.grid,
         (s.step * 1e9).round() / 1e6,
@@ -193,7 +170,7 @@ fn words(s: &Setting) -> String {
 fn advice(study: &Study) -> [(f64, Option<&Row>); NEEDS.len()] {
     NEEDS.map(|need| {
         let within = study.rows.iter().filter(|r| r.error_total.is_some_and(|e| e <= need));
-        (need, within.min_by(|a, b| real_time(a).total_cmp(&real_time(b))))
+        (need, within.min_by(|a, b| a.real_time().total_cmp(&b.real_time())))
     })
 }
 
@@ -235,7 +212,7 @@ fn line(study: &Study, row: &Row) -> String {
         percent(row.error_solver),
         percent(row.error_rounding),
         row.trace.iterations,
-        real_time(row),
+        row.real_time(),
     )
 }
 
@@ -264,7 +241,7 @@ fn page(study: &Study) -> String {
     out += "\n## Nothing is both faster and nearer\n\n";
     out += HEAD;
     let mut front: Vec<&Row> = study.rows.iter().filter(|r| r.pareto).collect();
-    front.sort_by(|a, b| real_time(a).total_cmp(&real_time(b)));
+    front.sort_by(|a, b| a.real_time().total_cmp(&b.real_time()));
     front.iter().for_each(|row| out += &line(study, row));
     out += "\n## All settings\n\n";
     out += HEAD;

@@ -82,6 +82,13 @@ pub struct Row {
     pub pareto: bool,
 }
 
+impl Row {
+    /// Time per step over the step: below 1 it keeps up with the clock.
+    pub fn real_time(&self) -> f64 {
+        self.trace.ms_per_step / (self.setting.step * 1e3)
+    }
+}
+
 /// A whole study.
 #[derive(Clone, Debug)]
 pub struct Study {
@@ -276,7 +283,7 @@ fn reference(scene: &Scene, quick: bool) -> Setting {
 fn mark_front(rows: &mut [Row]) {
     let point = |row: &Row| {
         let error = row.error_total.filter(|e| e.is_finite())?;
-        Some((files::real_time(row), error))
+        Some((row.real_time(), error))
     };
     let points: Vec<Option<(f64, f64)>> = rows.iter().map(point).collect();
     for (k, row) in rows.iter_mut().enumerate() {

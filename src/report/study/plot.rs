@@ -1,6 +1,6 @@
 //! study.svg: error against time per step, both logarithmic, a panel per path, a curve per method, the front marked.
 
-use super::files::{element_name, path_name, real_time};
+use super::settings::element_word;
 use super::{Row, Setting, Stop, Study};
 use crate::error::{Error, Result};
 use crate::scene::{Element, Law, PRECONDITIONERS, Preconditioner, word};
@@ -26,7 +26,7 @@ type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 /// Computing time for one of the study's own steps, ms, and total error, %. A longer step counts for as much of the scene as it covers.
 fn point(study: &Study, row: &Row) -> Option<(f64, f64)> {
     let error = row.error_total.filter(|e| *e <= MOST)?;
-    Some((real_time(row) * study.step * 1e3, error.max(LEAST) * 100.0))
+    Some((row.real_time() * study.step * 1e3, error.max(LEAST) * 100.0))
 }
 
 /// The picture's text.
@@ -34,7 +34,7 @@ pub(super) fn picture(study: &Study) -> Result<String> {
     let mut text = String::new();
     let mut paths: Vec<[&str; 2]> = vec![];
     for row in &study.rows {
-        let path = path_name(&row.setting.place);
+        let path = row.setting.place.words();
         if !paths.contains(&path) {
             paths.push(path);
         }
@@ -72,7 +72,7 @@ fn draw(study: &Study, paths: &[[&str; 2]], area: &Area) -> Drawn {
             .y_desc("error, %")
             .draw()?;
         front(&mut chart, study, path)?;
-        let own: Vec<&Row> = study.rows.iter().filter(|r| path_name(&r.setting.place) == *path).collect();
+        let own: Vec<&Row> = study.rows.iter().filter(|r| r.setting.place.words() == *path).collect();
         for method in methods(&own) {
             curve(&mut chart, study, &own, method)?;
         }
@@ -154,7 +154,7 @@ fn front(chart: &mut Chart, study: &Study, path: &[&str; 2]) -> Drawn {
     let marked = || study.rows.iter().filter(|r| r.pareto);
     let all = lower_left(marked().filter_map(|r| point(study, r)).collect());
     chart.draw_series(LineSeries::new(all, FRONT.mix(0.3).stroke_width(7)))?;
-    let here = marked().filter(|r| path_name(&r.setting.place) == *path).filter_map(|r| point(study, r));
+    let here = marked().filter(|r| r.setting.place.words() == *path).filter_map(|r| point(study, r));
     chart.draw_series(here.map(|p| Circle::new(p, 7, BLACK.stroke_width(1))))?;
     Ok(())
 }
@@ -192,7 +192,7 @@ fn legend(area: &Area, rows: &[&Row]) -> Drawn {
             }
             Ok(())
         };
-        write(format!("{} {}", element_name(law), word(&PRECONDITIONERS, preconditioner)), &line)?;
+        write(format!("{} {}", element_word(law), word(&PRECONDITIONERS, preconditioner)), &line)?;
     }
     let broad = |y: i32| -> Drawn {
         area.draw(&PathElement::new(vec![(4, y), (30, y)], FRONT.mix(0.3).stroke_width(7)))?;

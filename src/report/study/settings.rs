@@ -3,7 +3,8 @@
 use crate::error::{Error, Result};
 use crate::mesh::Grid;
 use crate::scene::{
-    Correction, Cut, Element, Integrator, Law, MOST_NODES, Preconditioner, ProbeKind, Region, Scene, Skin,
+    Correction, Cut, ELEMENTS, Element, Integrator, Law, MOST_NODES, Preconditioner, ProbeKind, Region, Scene, Skin,
+    word,
 };
 use crate::step::Place;
 
@@ -46,6 +47,15 @@ pub struct Setting {
     pub correction: Option<Correction>,
     /// Where it runs.
     pub place: Place,
+}
+
+/// `bbar`, `enhanced`, `plain`, `neo_hookean` or `springs`.
+pub fn element_word(law: Law) -> &'static str {
+    match law {
+        Law::Fem { element, .. } => word(&ELEMENTS, element),
+        Law::NeoHookean => "neo_hookean",
+        Law::Springs { .. } => "springs",
+    }
 }
 
 /// The scene's own setting, on the CPU path in f64.

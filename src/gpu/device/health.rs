@@ -1,6 +1,6 @@
 //! What a device was given to do, and whether it still does it: counts of its work, its first fault, and a way to take it away.
 
-use super::device::{Gpu, locked};
+use super::{Gpu, locked};
 use crate::error::{Error, Result};
 use std::sync::{Arc, Mutex};
 

@@ -6,11 +6,12 @@
 //! the tools newly reach cost solves. What was solved in earlier steps has aged by the rotations since. A pass that closes in slowly
 //! has one batch of columns solved anew, the oldest: all at once took 30 to 70 times a step's time.
 
-use super::{Body, StepReport};
+use super::Body;
 use crate::backend::{Backend, CORRECTION, CpuBackend, FIRST_COLUMN, Needs, Snapshot, Target, Wanted};
 use crate::error::Result;
 use crate::model::Model;
 use crate::scene::{self, Correction};
+use crate::step::StepReport;
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -215,7 +216,7 @@ impl AtRest {
 
 impl Body {
     /// Has how these nodes give; returns the inverse blocks of `A` that the uncoupled correction takes for it.
-    pub(super) fn give(&mut self, law: &scene::Contact, nodes: &[u32], report: &mut StepReport) -> Result<Vec<DMat3>> {
+    pub(in crate::step) fn give(&mut self, law: &scene::Contact, nodes: &[u32], report: &mut StepReport) -> Result<Vec<DMat3>> {
         match law.correction {
             Correction::Exact => {
                 let backend = self.backend.as_mut();
@@ -232,7 +233,7 @@ impl Body {
     }
 
     /// The body's displacement at nodes under contact forces, solved to a tolerance of the forces, m.
-    pub(super) fn correct(
+    pub(in crate::step) fn correct(
         &mut self,
         nodes: &[u32],
         forces: &[(u32, [f64; 3])],

@@ -1,6 +1,6 @@
 //! How long the device was busy: timestamps at the begin and end of every compute pass, where the adapter has them.
 
-use super::device::{Batch, Buffer, Gpu, locked};
+use super::{Batch, Buffer, Gpu, locked};
 use crate::error::Result;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};

@@ -1,8 +1,9 @@
 //! What the states of the deformable bodies amount to, together.
 
-use super::{Body, Simulation};
+use super::Body;
 use crate::backend::Snapshot;
 use crate::model::{Model, Solved, energy, inverted_cells};
+use crate::step::Simulation;
 
 /// Sums over the bodies.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -11,12 +11,12 @@
 //! Perturbed `incision_shapes` on 14 × 14 cells: 3.0 passes, 8 at most, longest step 24 times the median; with all columns solved anew
 //! where a pass is slow 2.7, 7 and 70; so and without a budget of row updates 2.9, 7 and 1150.
 
-use super::contact::Problem;
-use super::rows::energy;
-use super::{Simulation, StepReport};
+use super::Problem;
 use crate::constraints::{self, Effort, Enough, Law, Residual, solve};
 use crate::error::Result;
 use crate::scene::Correction;
+use crate::step::rows::energy;
+use crate::step::{Simulation, StepReport};
 
 /// Row updates of a contact solve at most, which bounds a step's time: 4 ms of 36 rows and 50 ms of 192 on one core. 99 % of the solves of
 /// perturbed incisions take less than 65,000, 64 points with friction on 25 nodes 250,000; with 50,000 a third of three crossing cuts leave

@@ -5,13 +5,14 @@
 //! here every round starts from the true one. What the backend then keeps is `Δx` rounded once.
 //! Source: Wilkinson 1963; Higham 2002, chapter 12 (mixed precision).
 
-use super::{Body, StepReport};
+use super::Body;
 use crate::backend::{CORRECTION, FREE, Target, Vector, Wanted};
 use crate::error::Result;
 use crate::linear::Outcome;
 use crate::math::norm;
 use crate::model::{Solved, residual};
 use crate::scene::Solver;
+use crate::step::StepReport;
 
 /// Share of the residual that one round is asked to leave at least: f32 keeps what it promises down to here on the hardest scenes.
 const ROUND: f64 = 1e-3;
