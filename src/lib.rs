@@ -56,38 +56,10 @@
 //! f32 carries a step to about 10⁻⁶ of its displacement, whatever its recurrence promises; with `refinements` it ends at the rounding of
 //! the displacement itself, 2·10⁻⁸.
 //!
-//! # Speed against error
-//! [`report::study`] runs a scene in many settings and keeps the errors of grid, step, solver and rounding apart. Of the skin block under
-//! 10 kPa (`benches/results/two_cores/study_skin_block`; steps of 5 ms, time beside the default's in the same run):
-//!
-//! | setting | total % | grid % | step % | solver % | time per step |
-//! |---|---|---|---|---|---|
-//! | the default: 20 × 20 × 5, B-bar, multigrid to 10⁻², f64 | 6.0 | 0.59 | 6.5 | 0.01 | 1.00 |
-//! | the same with Newmark, f32 | 0.57 | 0.59 | 0.06 | 0.02 | 0.88 |
-//! | Newmark, column to 10⁻¹, f32 | 0.64 | 0.59 | 0.06 | 0.46 | 0.53 |
-//! | 10 × 10 × 3, Newmark, column to 10⁻¹, f32 | 5.6 | 6.3 | 0.26 | 2.0 | 0.07 |
-//! | 40 × 40 × 10, Newmark, f32 | 0.05 | 0.10 | 0.13 | 0.03 | 4.95 |
-//! | 40 × 40 × 10, 25 iterations of plain gradients, f64 | 62 | 0.10 | 6.7 | 56 | 6.34 |
-//!
-//! # What contact corrections cost
-//! `cargo bench --bench contact` on two cores: `scenes/dental_probe.toml`, force on the instrument against everything solved to 10⁻⁹ by a
-//! sparse factor, time per step beside the default's in the same run (all rows and what they say: `benches/results/two_cores/contact.md`).
-//!
-//! | correction | force error at hold % | over the run % | passes, mean | time per step |
-//! |---|---|---|---|---|
-//! | exact (the default: `tolerance = 1e-3`) | 0.04 | 1.3 | 2.6 | 1.00 |
-//! | exact, `tolerance = 1e-1` | 0.75 | 10 | 1.7 | 0.79 |
-//! | exact, `tolerance = 1e-5` | 0.004 | 0.02 | 4.0 | 1.89 |
-//! | exact, `column_tolerance = 0.3` | 0.30 | 1.4 | 2.5 | 0.93 |
-//! | exact, `max_passes = 1` | 6.0 | 8.9 | 1.0 | 0.61 |
-//! | exact, `max_passes = 2` | 0.64 | 0.57 | 2.0 | 0.92 |
-//! | `precomputed` | 9.0 | 13 | 1.0 | 0.58 |
-//! | `uncoupled` | 1118 | 1071 | 1.0 | 0.32 |
-//! | penalty, 100 N/m | 30 | 46 | – | 0.56 |
-//! | penalty, 1000 N/m, 4 substeps | 53 | 128 | – | 3.14 |
-//!
-//! Passes set the error, how loosely columns are solved does not; a step cut short after one pass is about as wrong as columns at rest. The
-//! skin without the tool takes 0.12 of a step.
+//! # Speed and error
+//! Both are measured together, in one run: `cutis study` takes a scene through many settings and keeps the errors of grid, step, solver and
+//! rounding apart (`report::study`); `cargo bench --bench contact` does so for contact corrections. Tables and curves with the machines that they
+//! are of: `benches/results`.
 //!
 //! # The haptic side
 //! Each device has a [`Servo`](haptic::servo::Servo): one plain function per tick, without allocation, lock or wait. It places the reading
@@ -96,6 +68,92 @@
 //! come and hands go through triple buffers ([`haptic::cells`]), records through a ring, and a slow step costs the force, never a tick: it
 //! is held by the last problem, fades when that is too old ([`haptic::guard`]), and comes back. By the scene's clock the same function runs
 //! between the steps, so that a run repeats.
+//!
+//! # State
+//! Everything that a step depends on beside the scene is a [`State`](step::State): a simulation that goes on from one gives the same bits as
+//! one that was never interrupted. Checkpoints are that, with where the files have come to.
+//!
+//! # As a library
+//! `default-features = false` leaves the program, its files and pictures out. Load a scene, step it, read a force:
+//!
+//! ```
+//! use cutis::scene::{Scene, incision};
+//! use cutis::step::{Place, Simulation};
+//!
+//! let scene: Scene = incision()?.in_test_form(); // or cutis::scene::read("my.toml".as_ref())?
+//! let mut simulation = Simulation::new(&scene, &Place::Cpu64)?;
+//! for _ in 0..30 {
+//!     let step = simulation.step(false)?;
+//!     println!("{:.3} s: {:.3} N, {} links cut", step.time, step.contact.largest_on_tools(), step.severed);
+//! }
+//! # Ok::<(), cutis::error::Error>(())
+//! ```
+//!
+//! Hold a tool by a device of one's own; [`runner`] gives it ticks at 1 kHz, in a thread by the wall clock if wanted:
+//!
+//! ```
+//! use cutis::error::Result;
+//! use cutis::haptic::device::{Device, Limits, Reading, Wrench};
+//! use cutis::runner::{Clock, Runner};
+//! use cutis::scene::incision;
+//! use cutis::step::{Place, Simulation};
+//! use glam::{DQuat, DVec3};
+//!
+//! struct Mine(DVec3, DQuat);
+//!
+//! impl Device for Mine {
+//!     fn name(&self) -> &str { "mine" }
+//!     fn limits(&self) -> Limits { Limits { force: 3.0, torque: 0.0 } }
+//!     fn read(&mut self, time: f64) -> Reading {
+//!         let position = self.0 - DVec3::Z * 0.02 * time; // sinks by 20 mm/s
+//!         Reading { position, rotation: self.1, ..Reading::at_rest(0.0) }
+//!     }
+//!     fn write(&mut self, _time: f64, wrench: Wrench) { /* wrench.force goes to the motors, N */ }
+//!     fn close(&mut self) -> Result<()> { Ok(()) }
+//! }
+//!
+//! let scene = incision()?.in_test_form();
+//! let mut runner = Runner::new(&scene, Simulation::new(&scene, &Place::Cpu64)?, Clock::Scene);
+//! let (position, rotation) = runner.simulation.tools[0].hand(0.0);
+//! runner.attach(0, Box::new(Mine(position, rotation)))?;
+//! for _ in 0..10 {
+//!     runner.step(false, &mut |tool, tick| {
+//!         assert!(tool == 0 && tick.wrench.force.length() <= 3.0);
+//!         Ok(())
+//!     })?;
+//! }
+//! runner.stop(&mut |_, _| Ok(()))?;
+//! # Ok::<(), cutis::error::Error>(())
+//! ```
+//!
+//! Change a scene while it runs, keep a state and go back to it:
+//!
+//! ```
+//! # use cutis::step::{Place, Simulation};
+//! # let scene = cutis::scene::incision()?.in_test_form();
+//! let mut simulation = Simulation::new(&scene, &Place::Cpu64)?;
+//! simulation.step(false)?;
+//! let before = simulation.state()?;
+//! simulation.change(|scene| scene.skins[0].layers[0].young *= 2.0)?;
+//! simulation.step(false)?;
+//! simulation.restore(&before)?;
+//! # Ok::<(), cutis::error::Error>(())
+//! ```
+//!
+//! Compute on a device of the host program, beside what it draws:
+//!
+//! ```no_run
+//! # fn host() -> (wgpu::Adapter, wgpu::Device, wgpu::Queue) { unimplemented!() }
+//! use cutis::{gpu::Gpu, step::Simulation, wgpu};
+//! use std::sync::Arc;
+//!
+//! let (adapter, device, queue) = host();
+//! let gpu = Arc::new(Gpu::from_wgpu(adapter, device, queue)?);
+//! let scene = cutis::scene::read("my.toml".as_ref())?;
+//! let mut simulation = Simulation::with_gpu(&scene, gpu.clone())?; // Send: it may run in a thread of its own
+//! simulation.step(false)?;
+//! # Ok::<(), cutis::error::Error>(())
+//! ```
 //!
 //! # Rules that hold everywhere
 //! - Imports go downward: main > cli > report > runner, output, view > step > haptic > backend > collide, cut > constraints, linear,
@@ -127,9 +185,12 @@ pub mod linear;
 pub mod math;
 pub mod mesh;
 pub mod model;
+#[cfg(feature = "program")]
 pub mod output;
+#[cfg(feature = "program")]
 pub mod report;
 pub mod runner;
 pub mod scene;
 pub mod step;
+#[cfg(feature = "program")]
 pub mod view;

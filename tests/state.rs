@@ -44,3 +44,28 @@ fn a_state_of_another_scene_is_refused() {
     let said = skin.restore(&stack).expect_err("the bodies differ").to_string();
     assert!(said.contains("bodies where the simulation has"), "{said}");
 }
+
+#[test]
+fn a_scene_may_change_while_it_runs() {
+    let mut scene = scene("skin_block");
+    (scene.skins[0].cells, scene.time.step, scene.time.duration) = ([8, 8], 0.02, 1.0);
+    let settled = |simulation: &mut Simulation| steps(simulation, 40).pop().map_or(0.0, |last| last.probes[0]);
+    let mut running = simulation(&scene, &Place::Cpu64);
+    let first = settled(&mut running);
+    // twice the load, then twice the stiffness as well
+    running.change(|scene| scene.loads.iter_mut().for_each(|load| load.pressure *= 2.0)).expect("the body is the same");
+    let time = running.time;
+    let pressed = settled(&mut running);
+    assert!((pressed / first - 2.0).abs() < 0.1, "{first} m, then {pressed} m");
+    assert!((running.time - time - 0.8).abs() < 1e-9, "the time goes on");
+    let stiffer =
+        |scene: &mut cutis::scene::Scene| scene.skins[0].layers.iter_mut().for_each(|layer| layer.young *= 2.0);
+    running.change(stiffer).expect("the body is the same");
+    let held = settled(&mut running);
+    assert!((held / first - 1.0).abs() < 0.05, "{first} m, then {held} m");
+    let said = running.change(|scene| scene.skins[0].cells[0] += 1).expect_err("the grid is another").to_string();
+    assert!(said.contains("nodes where the simulation has"), "{said}");
+    let said = running.change(|scene| scene.time.step *= 2.0).expect_err("the step is another").to_string();
+    assert!(said.contains("a step of another length"), "{said}");
+    assert!((settled(&mut running) / held - 1.0).abs() < 1e-2, "what was refused has changed something");
+}

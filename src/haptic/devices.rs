@@ -2,6 +2,7 @@
 
 use super::device::{Device, Workspace};
 use super::hand::SimulatedHand;
+#[cfg(feature = "haply")]
 use super::haply;
 use super::replay::{Null, Path, Replay};
 use crate::error::Result;
@@ -19,6 +20,14 @@ pub fn open(device: &scene::Device, tool: &Tool) -> Result<Box<dyn Device>> {
         DeviceKind::Hand { mass, stiffness, damping, encoder } => {
             Box::new(SimulatedHand::new(path, [*mass, *stiffness, *damping, *encoder]))
         }
+        #[cfg(not(feature = "haply"))]
+        DeviceKind::Haply { .. } => {
+            return Err(crate::error::Error::Usage {
+                what: format!("the tool \"{}\" is held by a haply device, which this build does not have", tool.name),
+                fix: "build with the feature `haply`, or attach a device of your own".into(),
+            });
+        }
+        #[cfg(feature = "haply")]
         DeviceKind::Haply { url, device: arm, grip } => {
             let named = |name: &String| (!name.is_empty()).then(|| name.clone());
             let mut settings = haply::Settings { url: url.clone(), ..haply::Settings::default() };

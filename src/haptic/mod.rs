@@ -16,6 +16,7 @@ pub mod device;
 pub mod devices;
 pub mod guard;
 pub mod hand;
+#[cfg(feature = "haply")]
 pub mod haply;
 pub mod histogram;
 pub mod passivity;

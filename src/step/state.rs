@@ -11,7 +11,7 @@ use crate::haptic::Reduced;
 use crate::instrument::Motion;
 use crate::kernels::cut::Hit;
 use crate::math::V4;
-use crate::scene::Who;
+use crate::scene::{Scene, Who};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -106,6 +106,31 @@ impl Simulation {
         self.fronts.clone_from(&state.fronts);
         self.depths.clone_from(&state.depths);
         self.last_forces.clone_from(&state.last_forces);
+        Ok(())
+    }
+
+    /// Goes on with a changed scene: friction, loads, stiffness, tolerance, whatever leaves the bodies, their cells and the step as they are.
+    /// Costs what making the simulation costs, and the compliance near the tools is solved anew.
+    ///
+    /// # Errors
+    /// As [`Simulation::new`], [`Error::StateUnfit`] where the bodies are others, [`Error::Usage`] for another step; the simulation is then as
+    /// it was.
+    pub fn change(&mut self, change: impl FnOnce(&mut Scene)) -> Result<()> {
+        let mut scene = self.scene.clone();
+        change(&mut scene);
+        if scene.time.part() != self.scene.time.part() {
+            return Err(Error::Usage {
+                what: "a running simulation is given a step of another length".into(),
+                fix: "make a new one with that step".into(),
+            });
+        }
+        let mut state = self.state()?;
+        for body in &mut state.bodies {
+            (body.compliance, body.at_rest) = (Compliance::default(), Compliance::default());
+        }
+        let mut changed = Self::on(&scene, self.gpu.clone(), self.single)?;
+        changed.restore(&state)?;
+        *self = changed;
         Ok(())
     }
 

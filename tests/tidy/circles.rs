@@ -143,7 +143,7 @@ fn read(own: &[String], file: &str, text: &str, children: BTreeSet<String>) -> M
 fn home(modules: &Modules, path: &[String], depth: u32) -> Option<String> {
     let known = (0..=path.len()).rev().find(|n| modules.contains_key(&path[..*n]))?;
     let module = &modules[&path[..known]];
-    let Some(name) = path.get(known) else { return None }; // a module itself: what it is used for is told by its paths
+    let name = path.get(known)?; // of a module itself, what it is used for is told by its paths
     if module.defines.contains(name) || depth == 0 {
         return Some(module.file.clone());
     }

@@ -216,7 +216,12 @@ impl AtRest {
 
 impl Body {
     /// Has how these nodes give; returns the inverse blocks of `A` that the uncoupled correction takes for it.
-    pub(in crate::step) fn give(&mut self, law: &scene::Contact, nodes: &[u32], report: &mut StepReport) -> Result<Vec<DMat3>> {
+    pub(in crate::step) fn give(
+        &mut self,
+        law: &scene::Contact,
+        nodes: &[u32],
+        report: &mut StepReport,
+    ) -> Result<Vec<DMat3>> {
         match law.correction {
             Correction::Exact => {
                 let backend = self.backend.as_mut();
