@@ -211,7 +211,7 @@ pub enum Error {
     },
 
     /// A key that is not known in its table.
-    #[error("{at}: unknown key `{key}`; {hint}; known here: {known}")]
+    #[error("{at}: unknown key `{key}`; {hint}; known here: {known} (`cutis keys` explains them)")]
     UnknownKey {
         /// Where.
         at: Place,

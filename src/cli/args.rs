@@ -49,6 +49,8 @@ pub enum Command {
     Inspect(Inspect),
     /// Read and validate scenes
     Check(Check),
+    /// Explain the keys of scene files: default, range, meaning
+    Keys(Keys),
     /// List the adapters of this machine and say which one `--backend auto` takes
     Adapters(Adapters),
     /// Stand in for Haply's Inverse Service: an Inverse3 and a simulated hand that pushes back, on a port of this machine
@@ -174,6 +176,16 @@ pub struct Check {
     /// Scene files
     #[arg(required = true, value_name = "SCENE")]
     pub scenes: Vec<PathBuf>,
+    /// Print JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `keys`.
+#[derive(Args, Clone, Debug)]
+pub struct Keys {
+    /// Keys and tables with WORD in their name; all when none is given
+    pub word: Option<String>,
     /// Print JSON on standard output
     #[arg(long)]
     pub json: bool,

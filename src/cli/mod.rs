@@ -27,6 +27,7 @@ pub fn main() -> ExitCode {
         Command::Study(args) => study_scene(&args),
         Command::Inspect(args) => inspect_scene(&args),
         Command::Check(args) => check_scenes(&args),
+        Command::Keys(args) => list_keys(&args),
         Command::Adapters(args) => list_adapters(args),
         Command::HaplyMock(args) => stand_in::stand_in(&args),
     };
@@ -218,6 +219,23 @@ fn check_scenes(args: &args::Check) -> Result<u8> {
         print_json(&list);
     }
     Ok(worst)
+}
+
+fn list_keys(args: &args::Keys) -> Result<u8> {
+    let found = scene::keys::matching(args.word.as_deref());
+    if found.is_empty() {
+        return Err(Error::Usage {
+            what: format!("no key of a scene has to do with \"{}\"", args.word.as_deref().unwrap_or_default()),
+            fix: "list all by `cutis keys`".into(),
+        });
+    }
+    if args.json {
+        let row = |k: &scene::keys::Key| json!({ "table": k.table, "key": k.name, "default": k.default, "range": k.range, "meaning": k.meaning });
+        print_json(&found.iter().map(row).collect::<Vec<Value>>());
+    } else {
+        print!("{}", text::keys(&found));
+    }
+    Ok(0)
 }
 
 fn list_adapters(args: args::Adapters) -> Result<u8> {

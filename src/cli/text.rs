@@ -7,6 +7,7 @@ use cutis::report::inspect::{Array, Count, Plan};
 use cutis::report::run::Summary;
 use cutis::report::study::Study;
 use cutis::scene::Scene;
+use cutis::scene::keys::Key;
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -196,4 +197,22 @@ pub fn adapters(all: &[Adapter]) -> String {
             .into(),
     };
     text + &choice + "\n"
+}
+
+/// Keys of scenes by their tables.
+pub fn keys(keys: &[Key]) -> String {
+    let mut text = String::new();
+    let plain = |words: &str| words.replace('`', "");
+    for of_table in keys.chunk_by(|a, b| a.table == b.table) {
+        writeln!(text, "{}", plain(of_table[0].table)).ok();
+        for key in of_table {
+            let default = match key.default {
+                "" => String::new(),
+                words if words.starts_with('(') => format!("; without it {}", plain(words.trim_matches(['(', ')']))),
+                value => format!("; default {}", plain(value)),
+            };
+            writeln!(text, "  {} ({}{default})\n      {}", key.name, plain(key.range), plain(key.meaning)).ok();
+        }
+    }
+    text
 }

@@ -13,6 +13,7 @@ mod files;
 mod grid;
 mod hyperelastic;
 mod integrator;
+pub mod keys;
 mod lines;
 mod outputs;
 mod raw;

@@ -72,7 +72,14 @@ fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, bodies: &Names, grids
             _ => "only kind = \"reaction\" asks for a region",
         };
         scene.needless("region", &raw.region, why)?;
-        scene.needless("box_mm", &extent.box_mm, why)?;
+        let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm } = &extent;
+        scene.needless("box_mm", box_mm, why)?;
+        scene.needless("centre_mm", centre_mm, why)?;
+        scene.needless("radius_mm", radius_mm, why)?;
+        scene.needless("through_mm", through_mm, why)?;
+        scene.needless("normal", normal, why)?;
+        scene.needless("within_mm", within_mm, why)?;
+        scene.needless("margin_mm", margin_mm, why)?;
     }
     if kind != Kind::Force {
         scene.needless("from", &raw.from, "only kind = \"force\" asks from whom")?;

@@ -1,0 +1,46 @@
+#![doc = include_str!("keys.md")]
+
+/// A key of a scene file, as its page has it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Key {
+    /// Heading of its table: `[time]`, `[skin] and [[block]]`, or `The file`.
+    pub table: &'static str,
+    /// Name, with its unit.
+    pub name: &'static str,
+    /// What counts without it, as TOML; in brackets in words; empty where it is required or belongs to a choice.
+    pub default: &'static str,
+    /// Values that it takes.
+    pub range: &'static str,
+    /// What it is for.
+    pub meaning: &'static str,
+}
+
+const PAGE: &str = include_str!("keys.md");
+
+/// All keys, in the order of their page.
+pub fn keys() -> Vec<Key> {
+    let (mut table, mut out) = ("", vec![]);
+    for line in PAGE.lines() {
+        if let Some(heading) = line.strip_prefix("## ") {
+            table = heading;
+        }
+        let cells: Vec<&'static str> = line.trim_matches('|').split('|').map(str::trim).collect();
+        if let [name, default, range, meaning] = cells[..]
+            && let Some(name) = name.strip_prefix('`').and_then(|name| name.strip_suffix('`'))
+        {
+            out.push(Key { table, name, default, range, meaning });
+        }
+    }
+    out
+}
+
+/// Keys whose name or table has a word in it, or, where none has, whose meaning has; all of them without a word.
+pub fn matching(word: Option<&str>) -> Vec<Key> {
+    let Some(word) = word.map(str::to_lowercase) else { return keys() };
+    let named = |key: &Key| key.name.contains(&word) || key.table.contains(&word);
+    let found: Vec<Key> = keys().into_iter().filter(named).collect();
+    match found.is_empty() {
+        true => keys().into_iter().filter(|key| key.meaning.to_lowercase().contains(&word)).collect(),
+        false => found,
+    }
+}
