@@ -157,7 +157,8 @@
 //!
 //! # Rules that hold everywhere
 //! - Imports go downward: main > cli > report > runner, output, view > step > haptic > backend > collide, cut > constraints, linear,
-//!   instrument > model > mesh, gpu > kernels, scene > error, math. Modules of one level do not import each other (a test reads this).
+//!   instrument > model > mesh, gpu > kernels, scene > error, math. Modules of one level do not import each other (a test reads this); `error` alone names the
+//!   errors of those above it.
 //!   `gpu` knows no physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
 //! - SI units inside; scene keys carry their unit.
 //! - The GPU keeps displacements, not positions; buffers are flat arrays of scalars, vec2 or vec4.

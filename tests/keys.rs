@@ -1,8 +1,8 @@
 //! The page of keys (`src/scene/keys.md`) against the reader of scenes: the same keys, the defaults that it takes, the ranges that it keeps.
 
-use cutis::error::Error;
+use cutis::error::{Error, Result};
 use cutis::scene::keys::{Key, keys, matching};
-use cutis::scene::{Files, Scene, parse};
+use cutis::scene::{Files, Invalid, Scene, parse};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -40,7 +40,10 @@ const SECTIONS: &[(&str, &str)] = &[
     ("[tool.blade]", "edge_mm = [[0.0, 0.0, 0.0], [4.0, 0.0, 4.0]]\nthickness_mm = 0.4"),
     ("[[tool]]", "name = \"ball\"\nmass_g = 10.0\ninertia_g_mm2 = [1.0, 1.0, 1.0]\npath_mm = [[0.0, 0.0, 0.0, 29.0]]"),
     ("[tool.round]", "radius_mm = 2.0\npoints_mm = [[0.0, 0.0, 0.0]]"),
-    ("[[tool]]", "name = \"hook\"\nmesh = \"tip.obj\"\nmass_g = 10.0\ninertia_g_mm2 = [1.0, 1.0, 1.0]\npath_mm = [[0.0, 0.0, 0.0, 39.0]]"),
+    (
+        "[[tool]]",
+        "name = \"hook\"\nmesh = \"tip.obj\"\nmass_g = 10.0\ninertia_g_mm2 = [1.0, 1.0, 1.0]\npath_mm = [[0.0, 0.0, 0.0, 39.0]]",
+    ),
     ("[tool.lines]", "mesh = \"probe.obj\""),
     ("[[rigid]]", "name = \"stone\"\nradius_mm = 2.0\nmass_g = 5.0\nposition_mm = [0.0, 0.0, 60.0]"),
     ("[[plane]]", "name = \"floor\"\nthrough_mm = [0.0, 0.0, -9.0]\nnormal = [0.0, 0.0, 1.0]"),
@@ -82,7 +85,7 @@ fn header(key: &Key) -> &'static str {
 }
 
 /// The scene with lines in one section, in the place of those with the same keys.
-fn with(header: &str, lines: &str) -> Result<Scene, Error> {
+fn with(header: &str, lines: &str) -> Result<Scene> {
     let key = |line: &str| line.split(" = ").next().unwrap_or_default().to_string();
     let mut text = String::new();
     let mut open = true; // the section is still to come
@@ -98,7 +101,7 @@ fn with(header: &str, lines: &str) -> Result<Scene, Error> {
 }
 
 /// A key with a value, and what has to stand beside it.
-fn given(key: &Key, value: &str) -> Result<Scene, Error> {
+fn given(key: &Key, value: &str) -> Result<Scene> {
     let of_check = format!("\"cut.length_mm\" = {{ min = 0.0, {} = {value} }}", key.name);
     let at = header(key);
     let beside = BESIDE.iter().find(|(table, name, _)| {
@@ -153,7 +156,10 @@ fn the_page_has_the_keys_of_the_reader() {
     for at in headers {
         let lines = if at == "[check]" { "\"cut.length_mm\" = { zzz = 1 }" } else { "zzz = 1" };
         let known = match with(at, lines) {
-            Err(Error::UnknownKey { known, .. }) => known,
+            Err(Error::Scene(invalid)) => match *invalid {
+                Invalid::UnknownKey { known, .. } => known,
+                other => panic!("{at}: {other}"),
+            },
             other => panic!("{at}: {:?}", other.map(|_| ())),
         };
         let known: BTreeSet<String> = known.split(", ").map(String::from).collect();

@@ -2,11 +2,11 @@
 
 use super::bodies::Names;
 use super::grid::{Grid, region};
+use super::invalid::{Invalid, Result};
 use super::raw::{self, Table};
 use super::region::Region;
 use super::text::{Bound, STIFFNESS, SceneText};
 use super::{Mass, Skin};
-use crate::error::{Error, Result};
 
 /// Springs from the nodes of a region to their rest positions.
 #[derive(Clone, Debug)]
@@ -31,7 +31,7 @@ pub(super) fn anchors(
         let mut raw = table.keys;
         let body = names.skin(scene, &raw.body, table.span.clone())?;
         if skins[body].mass == Mass::Consistent {
-            return Err(Error::AnchoredMass { at: scene.place(table.span) });
+            return Err(Invalid::AnchoredMass { at: scene.place(table.span) });
         }
         let extent = raw.extent();
         Ok(Anchor {

@@ -1,10 +1,10 @@
 //! Rigid bodies, walls, and what is tied to what, of a scene file; bodies by name.
 
 use super::grid::{Grid, region};
+use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::text::{Bound, DEGREE, GRAM, MM, PLAIN, RADIAN_PER_SECOND, SPEED, SceneText, normalized, or_vector};
 use super::{Attachment, Coupling, Motion, Plane, Pose, Round, Skin, Tool, ToolMesh, Who, round};
-use crate::error::{Error, Result};
 use glam::{DQuat, DVec3};
 
 /// All bodies of a scene by name.
@@ -110,7 +110,7 @@ pub(super) fn planes(
     let plane = |table: Table<raw::Plane>| {
         let raw = table.keys;
         let normal = normalized(scene.vector("normal", &raw.normal, PLAIN, Bound::Finite)?);
-        let none = || Error::NoDirection { at: scene.place(raw.normal.span()), key: "normal" };
+        let none = || Invalid::NoDirection { at: scene.place(raw.normal.span()), key: "normal" };
         Ok(Plane {
             name: scene.name("body", &raw.name, taken)?,
             through: scene.vector("through_mm", &raw.through_mm, MM, Bound::Finite)?,
@@ -141,12 +141,12 @@ fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids
     if let (Who::Skin(other), Some(name)) = (to, &raw.to)
         && other == body
     {
-        return Err(Error::TiedToItself { at: scene.place(name.span()), name: name.get_ref().clone() });
+        return Err(Invalid::TiedToItself { at: scene.place(name.span()), name: name.get_ref().clone() });
     }
     let slide = match &raw.slide {
         Some(value) => {
             let direction = normalized(scene.vector("slide", value, PLAIN, Bound::Finite)?);
-            let none = || Error::NoDirection { at: scene.place(value.span()), key: "slide" };
+            let none = || Invalid::NoDirection { at: scene.place(value.span()), key: "slide" };
             Some(direction.ok_or_else(none)?)
         }
         None => None,

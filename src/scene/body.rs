@@ -1,6 +1,7 @@
 //! The skin of a scene file: its law and its layers.
 
 use super::hyperelastic::WORD;
+use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::text::{
     Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
@@ -8,7 +9,6 @@ use super::text::{
 use super::words::ELEMENTS;
 use super::{Cut, Law, Layer, Mass, Skin};
 use super::{grid, start};
-use crate::error::{Error, Result};
 use std::ops::Range;
 
 /// Colours of bottom, middle and top layers: fat, dermis, epidermis (sRGB).
@@ -36,7 +36,7 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
     let start = start::start(scene, &raw, table.span.clone())?;
     let mass = mass(scene, &raw, &law)?;
     if raw.layer.is_empty() {
-        return Err(Error::NoLayers { at: scene.place(table.span) });
+        return Err(Invalid::NoLayers { at: scene.place(table.span) });
     }
     let count = raw.layer.len();
     let mut names = Vec::new();
@@ -135,7 +135,7 @@ fn mass(scene: &SceneText, raw: &raw::Skin, law: &Law) -> Result<Mass> {
     let known = [("lumped", Mass::Lumped), ("uniform", Mass::Uniform), ("consistent", Mass::Consistent)];
     let mass = scene.choice("mass", &name, &known)?;
     if mass == Mass::Consistent && !matches!(law, Law::Fem { .. }) {
-        return Err(Error::Mass { at: scene.place(name.span()), found: name.get_ref().clone() });
+        return Err(Invalid::Mass { at: scene.place(name.span()), found: name.get_ref().clone() });
     }
     Ok(mass)
 }
@@ -166,7 +166,7 @@ fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 
     };
     let ratio = *poisson.get_ref();
     if !(0.0..=MOST_POISSON).contains(&ratio) {
-        return Err(Error::Poisson { at: scene.place(poisson.span()), found: ratio });
+        return Err(Invalid::Poisson { at: scene.place(poisson.span()), found: ratio });
     }
     let toughness = or(raw.toughness_kj_m2, 2.0);
     let pre_strain = or_vector(raw.pre_strain, &[0.0; 2]);
@@ -188,6 +188,6 @@ fn srgb(scene: &SceneText, text: &At<String>) -> Result<[u8; 3]> {
     let plain = digits.len() == 6 && digits.chars().all(|digit| digit.is_ascii_hexdigit());
     match u32::from_str_radix(digits, 16) {
         Ok(value) if plain => Ok([(value >> 16) as u8, (value >> 8) as u8, value as u8]),
-        _ => Err(Error::Color { at: scene.place(text.span()), found: text.get_ref().clone() }),
+        _ => Err(Invalid::Color { at: scene.place(text.span()), found: text.get_ref().clone() }),
     }
 }

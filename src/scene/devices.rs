@@ -1,10 +1,10 @@
 //! The haptic loop and the devices of a scene file: `[haptic]`, `[tool.device]`.
 
+use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::text::{
     Bound, DAMPING, DEGREE, GRAM, HERTZ, MICRON, MM, N_MM, NEWTON, PLAIN, STIFFNESS, SceneText, or, or_vector,
 };
-use crate::error::{Error, Result};
 use glam::{DQuat, DVec3};
 
 /// The haptic loop.
@@ -128,7 +128,7 @@ pub(super) fn haptic(scene: &SceneText, raw: raw::Haptic) -> Result<Haptic> {
     let rate = or(raw.rate_hz, 1000.0);
     let found = scene.number("rate_hz", &rate, HERTZ, Bound::Positive)?;
     if !(RATES[0]..=RATES[1]).contains(&found) {
-        return Err(Error::Number {
+        return Err(Invalid::Number {
             at: scene.place(rate.span()),
             key: "rate_hz".to_string(),
             found,
@@ -224,7 +224,7 @@ fn buttons(scene: &SceneText, words: &[At<String>]) -> Result<Vec<Role>> {
         let role = scene.choice("buttons", word, &roles)?;
         let line = scene.place(word.span()).line;
         if let Some((_, first)) = taken.iter().find(|(other, _)| *other == role && role != Role::None) {
-            return Err(Error::Duplicate {
+            return Err(Invalid::Duplicate {
                 at: scene.place(word.span()),
                 what: "button",
                 name: word.get_ref().clone(),
@@ -236,7 +236,7 @@ fn buttons(scene: &SceneText, words: &[At<String>]) -> Result<Vec<Role>> {
     if let Some(word) = words.get(u32::BITS as usize) {
         let found = words.len() as u32;
         let at = scene.place(word.span());
-        return Err(Error::Count { at, key: "buttons".into(), found, min: 0, max: u32::BITS });
+        return Err(Invalid::Count { at, key: "buttons".into(), found, min: 0, max: u32::BITS });
     }
     Ok(taken.into_iter().map(|(role, _)| role).collect())
 }

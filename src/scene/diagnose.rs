@@ -1,8 +1,8 @@
 //! From TOML text to raw tables, with the parser's words turned into what was found, wanted and meant.
 
+use super::invalid::{Invalid, Result};
 use super::raw;
 use super::text::{SceneText, nearest};
-use crate::error::{Error, Result};
 use serde::Deserialize;
 use std::ops::Range;
 
@@ -22,15 +22,15 @@ pub(super) fn tables(scene: &SceneText) -> Result<raw::Scene> {
     raw::Scene::deserialize(parsed).map_err(|error| explain(scene, error.message(), error.span()))
 }
 
-fn not_toml(scene: &SceneText, problem: &str, span: Option<Range<usize>>) -> Error {
+fn not_toml(scene: &SceneText, problem: &str, span: Option<Range<usize>>) -> Invalid {
     let span = span.unwrap_or(0..0);
-    Error::Syntax { text: quote(scene, &span), at: scene.place(span), problem: problem.trim().replace('\n', ", ") }
+    Invalid::Syntax { text: quote(scene, &span), at: scene.place(span), problem: problem.trim().replace('\n', ", ") }
 }
 
-fn explain(scene: &SceneText, message: &str, span: Option<Range<usize>>) -> Error {
+fn explain(scene: &SceneText, message: &str, span: Option<Range<usize>>) -> Invalid {
     let place = scene.place(span.clone().unwrap_or(0..0));
     if let Some((key, known)) = unknown_field(message) {
-        return Error::UnknownKey {
+        return Invalid::UnknownKey {
             at: place,
             key: shorten(key),
             hint: key_hint(key, &known),
@@ -38,12 +38,12 @@ fn explain(scene: &SceneText, message: &str, span: Option<Range<usize>>) -> Erro
         };
     }
     if let Some(key) = between(message, "missing field `", "`") {
-        return Error::MissingKey { at: place, key: key.to_string(), why: "it has no default" };
+        return Invalid::MissingKey { at: place, key: key.to_string(), why: "it has no default" };
     }
     let typed = message.strip_prefix("invalid type: ");
     let typed = typed.or_else(|| message.strip_prefix("invalid value: "));
     match typed.and_then(|rest| rest.rsplit_once(", expected ")) {
-        Some((found, wanted)) => Error::WrongType {
+        Some((found, wanted)) => Invalid::WrongType {
             at: place,
             text: quote(scene, &span.unwrap_or(0..0)),
             found: shorten(found),

@@ -1,10 +1,10 @@
 //! Files that a scene names: meshes (Wavefront OBJ) and trajectories (CSV).
 
 use super::diagnose::shorten;
+use super::invalid::{Invalid, Location, Result};
 use super::raw::At;
 use super::text::{MM, SceneText};
 use super::{Pose, ToolMesh};
-use crate::error::{Error, Place, Result};
 use crate::math::elementary::hypot;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -52,7 +52,7 @@ impl Files {
         };
         match text {
             Ok(text) => Ok((path, text)),
-            Err(reason) => Err(Error::File { at: scene.place(name.span()), key, path, reason, fix }),
+            Err(reason) => Err(Invalid::File { at: scene.place(name.span()), key, path, reason, fix }),
         }
     }
 }
@@ -63,15 +63,15 @@ pub(super) fn mesh(text: &str, path: &Path, unit: f64) -> Result<ToolMesh> {
         tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
     let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
     let loaded = tobj::load_obj_buf(&mut bare(text).as_bytes(), &options, no_materials);
-    let (models, _) = loaded.map_err(|error| Error::Mesh { path: path.to_path_buf(), problem: error.to_string() })?;
+    let (models, _) = loaded.map_err(|error| Invalid::Mesh { path: path.to_path_buf(), problem: error.to_string() })?;
     let loaded = models.into_iter().next().filter(|model| !model.mesh.indices.is_empty());
-    let loaded = loaded.ok_or_else(|| Error::MeshEmpty { path: path.to_path_buf() })?;
+    let loaded = loaded.ok_or_else(|| Invalid::MeshEmpty { path: path.to_path_buf() })?;
     let vertices = loaded.mesh.positions.as_chunks::<3>().0.iter().enumerate();
     let positions = vertices.map(|(i, vertex)| {
         let position = vertex.map(f64::from);
         let si = position.map(|coordinate| coordinate * unit);
         let finite = si.iter().all(|coordinate| coordinate.is_finite());
-        finite.then_some(si).ok_or_else(|| Error::MeshVertex { path: path.to_path_buf(), vertex: i + 1, position })
+        finite.then_some(si).ok_or_else(|| Invalid::MeshVertex { path: path.to_path_buf(), vertex: i + 1, position })
     });
     Ok(ToolMesh {
         positions: positions.collect::<Result<_>>()?,
@@ -106,19 +106,19 @@ fn bare(text: &str) -> String {
 pub(super) fn trajectory(text: &str, path: &Path) -> Result<Vec<Pose>> {
     let text = text.trim_start_matches('\u{feff}');
     let lines = text.lines().enumerate();
-    let mut lines = lines.map(|(i, line)| (Place::new(path, i + 1), line.trim()));
-    let empty = || Error::TrajectoryEmpty { path: path.to_path_buf(), header: HEADER };
+    let mut lines = lines.map(|(i, line)| (Location::new(path, i + 1), line.trim()));
+    let empty = || Invalid::TrajectoryEmpty { path: path.to_path_buf(), header: HEADER };
     let (at, header) = lines.find(|(_, line)| !line.is_empty()).ok_or_else(empty)?;
     let words = || header.split(',').map(str::trim);
     let with_forces = words().eq(COLUMNS.into_iter().chain(FORCE_COLUMNS));
     if !with_forces && !words().eq(COLUMNS) {
-        return Err(Error::TrajectoryHeader { at, found: shorten(header), wanted: HEADER });
+        return Err(Invalid::TrajectoryHeader { at, found: shorten(header), wanted: HEADER });
     }
     let mut poses: Vec<Pose> = Vec::new();
     for (at, line) in lines.filter(|(_, line)| !line.is_empty()) {
         let pose = pose(&at, line, with_forces)?;
         if let Some(before) = poses.last().filter(|before| before.time >= pose.time) {
-            return Err(Error::TrajectoryTime { at, found: pose.time, before: before.time });
+            return Err(Invalid::TrajectoryTime { at, found: pose.time, before: before.time });
         }
         poses.push(pose);
     }
@@ -128,16 +128,16 @@ pub(super) fn trajectory(text: &str, path: &Path) -> Result<Vec<Pose>> {
     Ok(poses)
 }
 
-fn pose(at: &Place, line: &str, with_forces: bool) -> Result<Pose> {
+fn pose(at: &Location, line: &str, with_forces: bool) -> Result<Pose> {
     let found = line.split(',').count();
     let wanted = if with_forces { COLUMNS.len() + FORCE_COLUMNS.len() } else { COLUMNS.len() };
     if found != wanted {
-        return Err(Error::TrajectoryColumns { at: at.clone(), found, wanted, header: HEADER });
+        return Err(Invalid::TrajectoryColumns { at: at.clone(), found, wanted, header: HEADER });
     }
     let mut row = [0.0; COLUMNS.len()];
     for ((number, cell), column) in row.iter_mut().zip(line.split(',')).zip(COLUMNS) {
         let parsed = cell.trim().parse::<f64>().ok();
-        *number = parsed.filter(|value| value.is_finite()).ok_or_else(|| Error::TrajectoryNumber {
+        *number = parsed.filter(|value| value.is_finite()).ok_or_else(|| Invalid::TrajectoryNumber {
             at: at.clone(),
             column,
             found: shorten(cell.trim()),
@@ -146,7 +146,7 @@ fn pose(at: &Place, line: &str, with_forces: bool) -> Result<Pose> {
     let [time, x, y, z, qx, qy, qz, qw] = row;
     let length = hypot(hypot(hypot(qx, qy), qz), qw);
     if (length - 1.0).abs() > QUATERNION_SLACK {
-        return Err(Error::TrajectoryRotation { at: at.clone(), length, allowed: QUATERNION_SLACK });
+        return Err(Invalid::TrajectoryRotation { at: at.clone(), length, allowed: QUATERNION_SLACK });
     }
     Ok(Pose {
         time,

@@ -1,10 +1,10 @@
 //! Where nodes are, as far as reading a scene needs it: a region must hold some.
 
+use super::invalid::{Invalid, Result};
 use super::raw::{At, Extent, Points};
 use super::region::SLACK;
 use super::text::{Bound, MM, PLAIN, SceneText, in_mm, normalized};
 use super::{Layer, Region, Skin, TestForm};
-use crate::error::{Error, Result};
 
 /// Nodes that 32-bit indices reach in every array: the largest has 64 numbers a node.
 pub const MOST_NODES: u32 = u32::MAX / 64;
@@ -34,7 +34,7 @@ pub(super) fn numbered(scene: &SceneText, cells: [u32; 2], layers: &[Layer], at:
     if found <= u64::from(MOST_NODES) {
         return Ok(());
     }
-    Err(Error::TooManyNodes { at: scene.place(at.span()), found, limit: MOST_NODES })
+    Err(Invalid::TooManyNodes { at: scene.place(at.span()), found, limit: MOST_NODES })
 }
 
 impl Grid<'_> {
@@ -45,7 +45,7 @@ impl Grid<'_> {
             if rows.iter().any(|row| row.holds_node(min[axis], max[axis])) {
                 continue;
             }
-            return Err(Error::EmptyRegion {
+            return Err(Invalid::EmptyRegion {
                 at: scene.place(at.span()),
                 grid: self.name,
                 axis: ['x', 'y', 'z'][axis],
@@ -198,7 +198,7 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
             let normal = scene.required("normal", normal.as_ref(), name.span(), why)?;
             let within = scene.required("within_mm", within_mm.as_ref(), name.span(), why)?;
             let direction = normalized(scene.vector("normal", normal, PLAIN, Bound::Finite)?);
-            let none = || Error::NoDirection { at: scene.place(normal.span()), key: "normal" };
+            let none = || Invalid::NoDirection { at: scene.place(normal.span()), key: "normal" };
             Region::Plane {
                 through: scene.vector("through_mm", through, MM, Bound::Finite)?,
                 normal: direction.ok_or_else(none)?,
@@ -214,7 +214,7 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
     };
     for grid in grids {
         if !grid.holds(&region) {
-            return Err(Error::NoNode { at: scene.place(name.span()), grid: grid.name, region: word.into() });
+            return Err(Invalid::NoNode { at: scene.place(name.span()), grid: grid.name, region: word.into() });
         }
     }
     Ok(region)

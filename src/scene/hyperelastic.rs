@@ -1,9 +1,9 @@
 //! What a scene with a neo-Hookean body may not have.
 
+use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::text::SceneText;
 use super::{Integrator, Tool};
-use crate::error::{Error, Result};
 
 /// The word for the law.
 pub(super) const WORD: &str = "neo_hookean";
@@ -25,7 +25,7 @@ pub(super) fn fits(
     let Some(word) = word else {
         return Ok(());
     };
-    let unfit = |why: &'static str, fix: &'static str| Error::LawUnfit { at: scene.place(word.span()), why, fix };
+    let unfit = |why: &'static str, fix: &'static str| Invalid::LawUnfit { at: scene.place(word.span()), why, fix };
     if tools.iter().any(|tool| tool.blade.is_some()) {
         return Err(unfit("is not cut, and a tool has a blade", "take \"fem\", or leave the tool's blade out"));
     }

@@ -1,10 +1,10 @@
 //! Which integrator a scene asks for, and whether its bodies fit it.
 
+use super::invalid::{Invalid, Result};
 use super::raw::{self, At};
 use super::text::{SceneText, or};
 use super::words::INTEGRATORS;
 use super::{Integrator, Law, Mass, Skin};
-use crate::error::{Error, Result};
 
 /// The integrator; `touching` says that bodies may touch or are tied.
 pub(super) fn integrator(
@@ -16,7 +16,7 @@ pub(super) fn integrator(
 ) -> Result<Integrator> {
     let word = or(word, "implicit_euler".to_string());
     let integrator = scene.choice("integrator", &word, &INTEGRATORS)?;
-    let unfit = |why: &'static str, fix: &'static str| Error::IntegratorUnfit {
+    let unfit = |why: &'static str, fix: &'static str| Invalid::IntegratorUnfit {
         at: scene.place(word.span()),
         found: word.get_ref().clone(),
         why,

@@ -6,10 +6,10 @@
 
 use super::diagnose::shorten;
 use super::files::Files;
+use super::invalid::{Invalid, Location, Result};
 use super::raw::{self, At};
 use super::text::{Bound, MM, SceneText, or};
 use super::{Filter, Lines, Tool};
-use crate::error::{Error, Place, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -24,13 +24,13 @@ pub(super) fn lines(scene: &SceneText, files: &Files, raw: &raw::Lines) -> Resul
         places.entry(*id).or_insert_with(|| at.clone());
     }
     if places.is_empty() {
-        return Err(Error::LinesEmpty { path });
+        return Err(Invalid::LinesEmpty { path });
     }
     let mut positions = vec![];
     for (id, at) in &places {
         let position = file.vertices[*id].map(|coordinate| coordinate * unit);
         if !position.iter().all(|coordinate| (*coordinate as f32).is_finite()) {
-            return Err(Error::LinesVertex { at: at.clone(), vertex: id + 1, position: file.vertices[*id] });
+            return Err(Invalid::LinesVertex { at: at.clone(), vertex: id + 1, position: file.vertices[*id] });
         }
         positions.push(position);
     }
@@ -39,7 +39,7 @@ pub(super) fn lines(scene: &SceneText, files: &Files, raw: &raw::Lines) -> Resul
     let mut segments = vec![];
     for [(a, at), (b, _)] in &file.segments {
         if file.vertices[*a] == file.vertices[*b] {
-            return Err(Error::LinesShort { at: at.clone(), a: a + 1, b: b + 1 });
+            return Err(Invalid::LinesShort { at: at.clone(), a: a + 1, b: b + 1 });
         }
         segments.push([number(*a), number(*b)]);
     }
@@ -50,14 +50,14 @@ pub(super) fn lines(scene: &SceneText, files: &Files, raw: &raw::Lines) -> Resul
 #[derive(Default)]
 struct Obj {
     vertices: Vec<[f64; 3]>,
-    points: Vec<(usize, Place)>,
-    segments: Vec<[(usize, Place); 2]>,
+    points: Vec<(usize, Location)>,
+    segments: Vec<[(usize, Location); 2]>,
 }
 
 fn read(text: &str, path: &Path) -> Result<Obj> {
     let mut obj = Obj::default();
     for (k, line) in text.trim_start_matches('\u{feff}').lines().enumerate() {
-        let at = Place::new(path, k + 1);
+        let at = Location::new(path, k + 1);
         let mut words = line.split('#').next().unwrap_or("").split_whitespace();
         match words.next() {
             Some("v") => obj.vertices.push(vertex(&at, line, words)?),
@@ -69,7 +69,7 @@ fn read(text: &str, path: &Path) -> Result<Obj> {
             Some("l") => {
                 let ids: Vec<usize> = words.map(|word| index(&at, word, obj.vertices.len())).collect::<Result<_>>()?;
                 if ids.len() < 2 {
-                    return Err(Error::LinesLone { at, found: ids.len() });
+                    return Err(Invalid::LinesLone { at, found: ids.len() });
                 }
                 obj.segments.extend(ids.windows(2).map(|pair| [pair[0], pair[1]].map(|id| (id, at.clone()))));
             }
@@ -80,14 +80,14 @@ fn read(text: &str, path: &Path) -> Result<Obj> {
 }
 
 /// The three coordinates of a `v` line; a weight or a colour may follow them.
-fn vertex<'a>(at: &Place, line: &str, words: impl Iterator<Item = &'a str>) -> Result<[f64; 3]> {
+fn vertex<'a>(at: &Location, line: &str, words: impl Iterator<Item = &'a str>) -> Result<[f64; 3]> {
     let numbers = words.take(3).map(|word| word.parse::<f64>().ok().filter(|number| number.is_finite()));
     let numbers: Option<Vec<f64>> = numbers.collect();
     let found = numbers.and_then(|numbers| <[f64; 3]>::try_from(numbers).ok());
-    found.ok_or_else(|| Error::LinesNumber { at: at.clone(), found: shorten(line.trim()) })
+    found.ok_or_else(|| Invalid::LinesNumber { at: at.clone(), found: shorten(line.trim()) })
 }
 
-fn index(at: &Place, word: &str, count: usize) -> Result<usize> {
+fn index(at: &Location, word: &str, count: usize) -> Result<usize> {
     let number = word.split('/').next().and_then(|first| first.parse::<i64>().ok());
     let found = number.and_then(|number| match number {
         1.. => usize::try_from(number - 1).ok(),
@@ -95,7 +95,7 @@ fn index(at: &Place, word: &str, count: usize) -> Result<usize> {
         _ => count.checked_sub(usize::try_from(number.unsigned_abs()).ok()?),
     });
     let known = found.filter(|id| *id < count);
-    known.ok_or_else(|| Error::LinesIndex { at: at.clone(), found: shorten(word), count })
+    known.ok_or_else(|| Invalid::LinesIndex { at: at.clone(), found: shorten(word), count })
 }
 
 /// The filter that the scene asks for; each tool of the scene has to be of a kind that it fits.
@@ -110,7 +110,7 @@ pub(super) fn filter(scene: &SceneText, word: Option<At<String>>, tools: &[Tool]
         Filter::Cones => tool.round.is_some(),
         Filter::Points | Filter::Own => false,
     };
-    let misfit = |tool: &Tool, fits| Error::FilterTool {
+    let misfit = |tool: &Tool, fits| Invalid::FilterTool {
         at: scene.place(word.span()),
         filter: word.get_ref().clone(),
         tool: tool.name.clone(),

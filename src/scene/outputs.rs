@@ -2,10 +2,10 @@
 
 use super::bodies::Names;
 use super::grid::{Grid, region};
+use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Extent, Table};
 use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, in_mm, or, or_vector};
 use super::{Check, Probe, ProbeKind, Skin, Tool, View};
-use crate::error::{Error, Result};
 use crate::math::elementary::{atan, hypot, sin, tan};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -117,7 +117,7 @@ fn skin_probe(
     let point: [f64; 3] = scene.vector("point_mm", &point_text, MM, Bound::Finite)?;
     match grids[0].beyond(point) {
         None => Ok(ProbeKind::Displacement { body, point, axis }),
-        Some((axis, [min, max])) => Err(Error::PointOutside {
+        Some((axis, [min, max])) => Err(Invalid::PointOutside {
             at: scene.place(point_text.span()),
             axis: ['x', 'y', 'z'][axis],
             found: in_mm(point[axis]),
@@ -154,7 +154,7 @@ fn check(scene: &SceneText, key: At<String>, raw: raw::Check, probes: &[Probe]) 
     });
     let (min, max) = (min?, max?);
     if min > max {
-        return Err(Error::Order {
+        return Err(Invalid::Order {
             at: scene.place(key.span()),
             key: "min and max",
             lower: min,
@@ -177,7 +177,7 @@ pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skins: &[
     let angle = or(raw.field_of_view_deg, 30.0);
     let field_of_view = scene.number("field_of_view_deg", &angle, DEGREE, Bound::Positive)?;
     if !(FIELD_OF_VIEW[0]..=FIELD_OF_VIEW[1]).contains(&field_of_view) {
-        return Err(Error::Number {
+        return Err(Invalid::Number {
             at: scene.place(angle.span()),
             key: "field_of_view_deg".to_string(),
             found: field_of_view,
@@ -200,7 +200,7 @@ pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skins: &[
     let eye = [target[0] + x, target[1] + y, target[2] + z];
     let eye = point("eye_mm", raw.eye_mm, eye)?;
     if eye == target {
-        return Err(Error::ViewPoint { at: scene.place(span) });
+        return Err(Invalid::ViewPoint { at: scene.place(span) });
     }
     Ok(View { frames: scene.count("frames", &or(raw.frames, 8), [0, u32::MAX])?, size, eye, target, field_of_view })
 }

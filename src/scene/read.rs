@@ -8,29 +8,41 @@ use super::bodies::{self, Names};
 use super::diagnose::tables;
 use super::files::Files;
 use super::grid::{self, Grid, region};
+use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::study;
 use super::text::{ACCELERATION, Bound, DEGREE, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
 use super::{Boundary, Correction, Integrator, Law, Load, Scene, Skin, Solver, TestForm, Time};
 use super::{anchor, body, devices, hyperelastic, integrator, outputs, tools};
-use crate::error::{Error, Result};
+use crate::error;
 use std::path::Path;
 
 /// Rounding between a load's rectangle in mm and the top in m.
 const TOP_SLACK: f64 = 1e-9;
 
 /// Reads a scene file; the files that it names are relative to its folder.
-pub fn read(path: &Path) -> Result<Scene> {
-    let text = std::fs::read_to_string(path).map_err(|source| Error::SceneRead { path: path.to_path_buf(), source })?;
+///
+/// # Errors
+/// [`Error::Scene`](error::Error::Scene) with what is [`Invalid`].
+pub fn read(path: &Path) -> error::Result<Scene> {
+    let text =
+        std::fs::read_to_string(path).map_err(|source| Invalid::SceneRead { path: path.to_path_buf(), source })?;
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
     parse(&text, path, &Files::Folder(folder))
 }
 
 /// Reads a scene from its text; `file` names it in messages, `files` has the files that it names.
-pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
+///
+/// # Errors
+/// As [`read`].
+pub fn parse(text: &str, file: &Path, files: &Files) -> error::Result<Scene> {
+    Ok(scene(text, file, files)?)
+}
+
+fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let scene = SceneText { file, text };
     if text.trim().is_empty() {
-        return Err(Error::EmptyScene { path: file.to_path_buf() });
+        return Err(Invalid::EmptyScene { path: file.to_path_buf() });
     }
     let raw = tables(&scene)?;
     let mut taken = Vec::new();
@@ -50,7 +62,7 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     tools.extend(bodies::rigids(&scene, raw.rigid, &mut taken)?);
     let planes = bodies::planes(&scene, raw.plane, &mut taken)?;
     if skins.is_empty() && tools.is_empty() {
-        return Err(Error::NoBodies { path: file.to_path_buf() });
+        return Err(Invalid::NoBodies { path: file.to_path_buf() });
     }
     let test = raw.test.map(|table| test_form(&scene, table.keys, skins.first().filter(|_| has_skin))).transpose()?;
     let grids: Vec<Vec<Grid>> =
@@ -63,10 +75,10 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let contact = tools::contact(&scene, raw::keys(raw.contact), &tools)?;
     let touching = !tools.is_empty() || !attachments.is_empty() || skins.len() > 1 || !planes.is_empty();
     if contact.correction == Correction::Uncoupled && !attachments.is_empty() {
-        return Err(Error::UncoupledTies { path: file.to_path_buf() });
+        return Err(Invalid::UncoupledTies { path: file.to_path_buf() });
     }
     if contact.correction == Correction::Precomputed && tools.iter().any(|t| t.blade.is_some()) {
-        return Err(Error::PrecomputedCut { path: file.to_path_buf() });
+        return Err(Invalid::PrecomputedCut { path: file.to_path_buf() });
     }
     let mut time_keys = raw.time.keys;
     let raw_solver = raw::keys(raw.solver);
@@ -106,7 +118,7 @@ fn time(scene: &SceneText, raw: raw::Time, integrator: Integrator) -> Result<Tim
         integrator,
     };
     if time.step > time.duration {
-        return Err(Error::Order {
+        return Err(Invalid::Order {
             at: scene.place(raw.duration_s.span()),
             key: "step_ms (here in s) and duration_s",
             lower: time.step,
@@ -148,13 +160,13 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
         }
     }
     if !known {
-        return Err(Error::Axes { at: scene.place(letters.span()), found: letters.into_inner() });
+        return Err(Invalid::Axes { at: scene.place(letters.span()), found: letters.into_inner() });
     }
     let displacement = or_vector(raw.displacement_mm, &[0.0; 3]);
     if let (Some(turn), [x, y, _]) = (&raw.turn_deg, axes)
         && !(x && y)
     {
-        return Err(Error::TurnAxes { at: scene.place(turn.span()), axes: letters.into_inner() });
+        return Err(Invalid::TurnAxes { at: scene.place(turn.span()), axes: letters.into_inner() });
     }
     let turn = or(raw.turn_deg, 0.0);
     Ok(Boundary {
@@ -174,7 +186,7 @@ fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin
     for axis in 0..2 {
         let half = size[axis] / 2.0;
         if min[axis] < -half - TOP_SLACK || max[axis] > half + TOP_SLACK {
-            return Err(Error::LoadOutside {
+            return Err(Invalid::LoadOutside {
                 at: scene.place(raw.rectangle_mm.span()),
                 axis: ['x', 'y'][axis],
                 min: in_mm(min[axis]),
@@ -183,7 +195,7 @@ fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin
             });
         }
         if min[axis] >= max[axis] {
-            return Err(Error::Order {
+            return Err(Invalid::Order {
                 at: scene.place(raw.rectangle_mm.span()),
                 key: "rectangle_mm",
                 lower: in_mm(min[axis]),
@@ -199,7 +211,7 @@ fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin
         None => f64::INFINITY,
     };
     if start >= end {
-        return Err(Error::Order {
+        return Err(Invalid::Order {
             at: scene.place(raw.end_s.map_or(0..0, |end| end.span())),
             key: "start_s and end_s",
             lower: start,

@@ -1,9 +1,9 @@
 //! Spheres and capsules of a scene file, the mesh that shows them, and hands written as a list of places.
 
+use super::invalid::{Invalid, Result};
 use super::raw::{self, Points};
 use super::text::{Bound, MM, SceneText, difference, normalized};
 use super::{Pose, Round, ToolMesh};
-use crate::error::{Error, Result};
 use crate::math::elementary::{cos, sin};
 use std::f64::consts::{PI, TAU};
 
@@ -18,7 +18,7 @@ pub(super) fn round(scene: &SceneText, raw: &raw::Round) -> Result<Round> {
     match points[..] {
         [centre] => Ok(Round { radius, ends: [centre; 2] }),
         [a, b] if a != b => Ok(Round { radius, ends: [a, b] }),
-        _ => Err(Error::RoundPoints { at: scene.place(raw.points_mm.span()), found: points.len() }),
+        _ => Err(Invalid::RoundPoints { at: scene.place(raw.points_mm.span()), found: points.len() }),
     }
 }
 
@@ -29,12 +29,12 @@ pub(super) fn path(scene: &SceneText, rows: &Points) -> Result<Vec<Pose>> {
         let [_, x, y, z] = scene.vector("path_mm", row, MM, Bound::Finite)?;
         let time = row.get_ref()[0]; // the first column is in s
         if let Some(before) = poses.last().filter(|before| before.time >= time) {
-            return Err(Error::TrajectoryTime { at: scene.place(row.span()), found: time, before: before.time });
+            return Err(Invalid::TrajectoryTime { at: scene.place(row.span()), found: time, before: before.time });
         }
         poses.push(Pose { time, position: [x, y, z], rotation: [0.0, 0.0, 0.0, 1.0] });
     }
     if poses.is_empty() {
-        return Err(Error::PathEmpty { at: scene.place(rows.span()) });
+        return Err(Invalid::PathEmpty { at: scene.place(rows.span()) });
     }
     Ok(poses)
 }

@@ -1,8 +1,8 @@
 //! Where the nodes of a deformable body are at the start: at rest, or far from it, for tests of what a body recovers from.
 
+use super::invalid::Result;
 use super::raw;
 use super::text::{Bound, DEGREE, MM, SceneText, or};
-use crate::error::Result;
 use std::ops::Range;
 
 /// Shape of a body at the start; nodes that a boundary holds are where it holds them.

@@ -1,11 +1,11 @@
 //! What `cutis study` varies of a scene, and what it measures errors against.
 
 use super::integrator::integrator;
+use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Numbers, Table};
 use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
 use super::words::{CORRECTIONS, ELEMENTS, PRECONDITIONERS};
 use super::{Correction, Element, Integrator, Law, Preconditioner, Probe, ProbeKind, Skin, Time};
-use crate::error::{Error, Result};
 
 /// Most values of one axis of a study.
 const MOST_VALUES: usize = 20;
@@ -71,7 +71,7 @@ pub(super) fn study(
         match probes[found].kind {
             ProbeKind::Reaction { .. } => {
                 let why = "a reaction is of the step before, which differs between steps: take displacements or forces";
-                Err(Error::NeedlessKey { at: scene.place(word.span()), key: "probes", why })
+                Err(Invalid::NeedlessKey { at: scene.place(word.span()), key: "probes", why })
             }
             _ => Ok(found),
         }
@@ -81,7 +81,7 @@ pub(super) fn study(
         let given = scene.number("known", &value, PLAIN, Bound::Finite)?;
         if given == 0.0 {
             let why = "errors are relative to it, so it cannot be 0: take another probe";
-            return Err(Error::NeedlessKey { at: scene.place(value.span()), key: "known", why });
+            return Err(Invalid::NeedlessKey { at: scene.place(value.span()), key: "known", why });
         }
         known.push((number(&word)?, given));
     }
@@ -121,7 +121,7 @@ pub(super) fn study(
                 let chosen = integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, touching)?;
                 let newton = skins.iter().any(|skin| matches!(skin.law, Law::NeoHookean));
                 if newton && chosen == Integrator::SymplecticEuler {
-                    return Err(Error::IntegratorUnfit {
+                    return Err(Invalid::IntegratorUnfit {
                         at: scene.place(word.span()),
                         found: word.get_ref().clone(),
                         why: "is for bricks of small strain, and this skin is neo-Hookean",
@@ -137,7 +137,7 @@ pub(super) fn study(
         reference_grid: one("reference_grid", &raw.reference_grid, PLAIN)?,
         reference_step: one("reference_step_ms", &raw.reference_step_ms, MS)?,
     };
-    let order = |key, at: &At<f64>, [lower, upper]: [f64; 2], fix| Error::Order {
+    let order = |key, at: &At<f64>, [lower, upper]: [f64; 2], fix| Invalid::Order {
         at: scene.place(at.span()),
         key,
         lower,
@@ -163,7 +163,7 @@ pub(super) fn study(
     study.commensurate(time).map_err(|(step, longest)| {
         let first = if step == study.reference_step { [reference, listed] } else { [listed, reference] };
         let at = scene.place(first.into_iter().flatten().next().unwrap_or(0..0));
-        Error::StudyStep { at, step: step * 1e3, longest: longest * 1e3 }
+        Invalid::StudyStep { at, step: step * 1e3, longest: longest * 1e3 }
     })?;
     Ok(study)
 }
@@ -229,7 +229,7 @@ fn each<A, T>(
 ) -> Result<Vec<T>> {
     let count = list.get_ref().len();
     if count == 0 || count > MOST_VALUES {
-        return Err(Error::Count {
+        return Err(Invalid::Count {
             at: scene.place(list.span()),
             key: format!("values of {key}"),
             found: count as u32,

@@ -2,8 +2,8 @@
 //!
 //! Conversion to SI happens here and nowhere else: `si = file · times / per`.
 
+use super::invalid::{Invalid, Location, Result};
 use super::raw::{At, Counts, Numbers, Points};
-use crate::error::{Error, Place, Result};
 use crate::math::elementary::hypot;
 use std::ops::Range;
 use std::path::Path;
@@ -118,9 +118,9 @@ pub(super) struct SceneText<'a> {
 
 impl SceneText<'_> {
     /// The line where a span starts.
-    pub fn place(&self, span: Range<usize>) -> Place {
+    pub fn place(&self, span: Range<usize>) -> Location {
         let before = self.text.bytes().take(span.start);
-        Place::new(self.file, 1 + before.filter(|byte| *byte == b'\n').count())
+        Location::new(self.file, 1 + before.filter(|byte| *byte == b'\n').count())
     }
 
     fn checked(&self, key: &str, found: f64, span: Range<usize>, unit: Unit, bound: Bound) -> Result<f64> {
@@ -128,7 +128,7 @@ impl SceneText<'_> {
         if bound.holds(found, si) {
             return Ok(si);
         }
-        Err(Error::Number {
+        Err(Invalid::Number {
             at: self.place(span),
             key: key.to_string(),
             found,
@@ -171,7 +171,7 @@ impl SceneText<'_> {
         self.length(key, corners.len(), 2, value.span())?;
         for (lower, upper) in corners[0].iter().zip(&corners[1]) {
             if lower > upper {
-                return Err(Error::Order {
+                return Err(Invalid::Order {
                     at: self.place(value.span()),
                     key,
                     lower: in_mm(*lower),
@@ -188,7 +188,7 @@ impl SceneText<'_> {
         if found == wanted {
             return Ok(());
         }
-        Err(Error::Length { at: self.place(span), key, found, wanted })
+        Err(Invalid::Length { at: self.place(span), key, found, wanted })
     }
 
     fn counted(&self, key: &str, found: u32, span: Range<usize>, range: [u32; 2]) -> Result<u32> {
@@ -196,7 +196,7 @@ impl SceneText<'_> {
         if (min..=max).contains(&found) {
             return Ok(found);
         }
-        Err(Error::Count { at: self.place(span), key: key.to_string(), found, min, max })
+        Err(Invalid::Count { at: self.place(span), key: key.to_string(), found, min, max })
     }
 
     /// A count in `[min, max]`.
@@ -225,7 +225,7 @@ impl SceneText<'_> {
     }
 
     /// The error for a word that is none of the known ones.
-    pub fn unknown_word(&self, key: &'static str, value: &At<String>, known: &[&str]) -> Error {
+    pub fn unknown_word(&self, key: &'static str, value: &At<String>, known: &[&str]) -> Invalid {
         let hint = match nearest(value.get_ref(), known) {
             Some(word) => format!("did you mean \"{word}\"?"),
             None => "use a known one".to_string(),
@@ -234,7 +234,7 @@ impl SceneText<'_> {
             [] => "none".to_string(),
             _ => known.join(", "),
         };
-        Error::Choice { at: self.place(value.span()), key, found: value.get_ref().clone(), hint: hint.into(), known }
+        Invalid::Choice { at: self.place(value.span()), key, found: value.get_ref().clone(), hint: hint.into(), known }
     }
 
     /// A usable name that none of `taken` has; it is added there.
@@ -242,10 +242,10 @@ impl SceneText<'_> {
         let name = value.get_ref();
         let unusable = |c: char| c.is_control() || c == ',' || c == '"';
         if name.is_empty() || name.trim() != name || name.contains(unusable) {
-            return Err(Error::Name { at: self.place(value.span()), what, found: name.clone() });
+            return Err(Invalid::Name { at: self.place(value.span()), what, found: name.clone() });
         }
         if let Some(first) = taken.iter().find(|other| other.get_ref() == name) {
-            return Err(Error::Duplicate {
+            return Err(Invalid::Duplicate {
                 at: self.place(value.span()),
                 what,
                 name: name.clone(),
@@ -258,14 +258,14 @@ impl SceneText<'_> {
 
     /// The value of a key that another key asks for.
     pub fn required<T>(&self, key: &str, value: Option<T>, table: Range<usize>, why: &'static str) -> Result<T> {
-        value.ok_or_else(|| Error::MissingKey { at: self.place(table), key: key.to_string(), why })
+        value.ok_or_else(|| Invalid::MissingKey { at: self.place(table), key: key.to_string(), why })
     }
 
     /// An error when a key is there that another key makes needless.
     pub fn needless<T>(&self, key: &'static str, value: &Option<At<T>>, why: &'static str) -> Result<()> {
         match value {
             None => Ok(()),
-            Some(value) => Err(Error::NeedlessKey { at: self.place(value.span()), key, why }),
+            Some(value) => Err(Invalid::NeedlessKey { at: self.place(value.span()), key, why }),
         }
     }
 }

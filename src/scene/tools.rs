@@ -2,6 +2,7 @@
 
 use super::devices::device;
 use super::files::{Files, mesh, trajectory};
+use super::invalid::{Invalid, Result};
 use super::lines::{angle_cone, filter, lines};
 use super::raw::{self, At, Table};
 use super::round::{path, round};
@@ -11,7 +12,6 @@ use super::text::{
 };
 use super::words::CORRECTIONS;
 use super::{Blade, Contact, Coupling, Loop, Pose, Tool, ToolMesh};
-use crate::error::{Error, Result};
 use crate::math::elementary::{acos, hypot};
 use std::ops::Range;
 
@@ -81,7 +81,7 @@ fn alone(scene: &SceneText, raw: &raw::Tool) -> Result<()> {
     let span = |table: &Option<Table<raw::Lines>>| table.as_ref().map(|t| t.span.clone());
     let lines = span(&raw.lines).filter(|_| raw.round.is_some()).map(|span| ("lines", span));
     match raw.blade.as_ref().map(|table| ("blade", table.span.clone())).or(lines) {
-        Some((key, span)) => Err(Error::NeedlessKey { at: scene.place(span), key, why }),
+        Some((key, span)) => Err(Invalid::NeedlessKey { at: scene.place(span), key, why }),
         None => Ok(()),
     }
 }
@@ -145,7 +145,7 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
     let edge: Vec<[f64; 3]> = scene.points("edge_mm", &raw.edge_mm, MM)?;
     let apart = edge.windows(2).take_while(|pair| pair[0] != pair[1]).count();
     if edge.len() < 2 || apart + 1 < edge.len() {
-        return Err(Error::BladeEdge {
+        return Err(Invalid::BladeEdge {
             at: scene.place(raw.edge_mm.span()),
             found: if edge.is_empty() { 0 } else { apart + 1 },
         });
@@ -164,12 +164,12 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
     ];
     let found = samples(&edge, depth, spacing);
     if found > MOST_SAMPLES {
-        return Err(Error::BladeSamples { at: scene.place(edge_mm), found, most: MOST_SAMPLES });
+        return Err(Invalid::BladeSamples { at: scene.place(edge_mm), found, most: MOST_SAMPLES });
     }
     let right = direction.filter(|_| 90.0 - angle <= NORMAL_SLACK);
     Ok(Blade {
         edge,
-        normal: right.ok_or_else(|| Error::BladeNormal {
+        normal: right.ok_or_else(|| Invalid::BladeNormal {
             at: scene.place(normal.span()),
             angle,
             allowed: NORMAL_SLACK,

@@ -91,7 +91,9 @@ impl Solver {
         }
         let refresh = refresh(gpu, &levels)?;
         let mut iteration = |made: &mut Maker, params: Params<f32>, main: &Buffer| -> Result<Vec<Dispatch>> {
-            let bind = |source: &Source, threads: usize| Ok((arrays.bind(gpu, source, &[("params", main)])?, threads));
+            let bind = |source: &Source, threads: usize| -> Result<Dispatch> {
+                Ok((arrays.bind(gpu, source, &[("params", main)])?, threads))
+            };
             let tiles = if law.springs > 0 { params.product_groups as usize } else { product::tiles(&params) };
             let product = (law.product, tiles * GROUP as usize);
             let mut out = match &mut neo {

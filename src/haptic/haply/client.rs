@@ -1,6 +1,7 @@
 //! The device: the loop's end of the cells, and the I/O thread that keeps the socket in lock step with the loop.
 
 use super::command::{Command, Configure, Profile, Session, Version};
+use super::refused::Refused;
 use super::session::{Address, Chosen, Fault, Heard, Socket, hear, reading};
 use super::trouble::{Counts, Trouble, count};
 use super::wire::frame;
@@ -101,7 +102,7 @@ impl Client {
         let mut pump = Pump { address, chosen, version, said, orders, shared: shared.clone(), last };
         pump.take(&inventory);
         let thread = thread::Builder::new().name("haply".into()).spawn(move || pump.run(socket));
-        let thread = thread.map_err(|e| Error::HaplyNobody { url: settings.url.clone(), reason: e.to_string() })?;
+        let thread = thread.map_err(|e| Refused::Nobody { url: settings.url.clone(), reason: e.to_string() })?;
         let limits = Limits { force: limit, torque: 0.0 };
         Ok(Self { name, limits, said: out, wanted, shared, thread: Some(thread) })
     }

@@ -22,6 +22,7 @@ mod options;
 pub use options::{Event, Faults, Options, Record};
 
 use super::command::{Command, SetForce, Version};
+use super::refused::Refused;
 use super::wire::{ArmState, Buttons, Config, Entry, Frame, GripState, Status};
 use crate::error::{Error, Result};
 use glam::DVec3;
@@ -74,7 +75,7 @@ impl Mock {
     /// When the port is taken, or the version is none.
     pub fn start(options: Options) -> Result<Self> {
         let wanted = SocketAddr::from((Ipv4Addr::LOCALHOST, options.port));
-        let refused = |source: io::Error| Error::HaplyPort { address: wanted.to_string(), source };
+        let refused = |source: io::Error| Refused::Port { address: wanted.to_string(), source };
         let version = Version::of(&options.version).ok_or_else(|| Error::Usage {
             what: format!("a stand-in of version \"{}\"", options.version),
             fix: "wanted numbers with dots, such as 3.5.0".into(),

@@ -28,11 +28,13 @@
 mod client;
 pub mod command;
 pub mod mock;
+mod refused;
 mod session;
 mod trouble;
 pub mod wire;
 
 pub use client::Client;
+pub use refused::Refused;
 pub use trouble::Trouble;
 
 use super::device::Limits;

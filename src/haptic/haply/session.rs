@@ -1,9 +1,9 @@
 //! One connection to the Inverse Service: address, handshake, version, inventory, and what a frame says of the chosen devices.
 
 use super::command::{About, Version};
+use super::refused::{Refused, Result};
 use super::wire::{ArmKind, Entry, Frame, GripKind, frame};
 use super::{PATIENCE, Settings};
-use crate::error::{Error, Result};
 use crate::haptic::device::Reading;
 use glam::DVec3;
 use std::io::{self, ErrorKind, Read, Write};
@@ -35,7 +35,7 @@ pub(super) struct Address {
 impl Address {
     /// Of `ws://host:port`.
     pub fn of(url: &str) -> Result<Self> {
-        let wrong = |problem: &str| Error::HaplyAddress { url: url.into(), problem: problem.into() };
+        let wrong = |problem: &str| Refused::Address { url: url.into(), problem: problem.into() };
         let uri: Uri = url.parse().map_err(|e| wrong(&format!("{e}")))?;
         if uri.scheme_str() != Some("ws") {
             return Err(wrong("it does not begin with ws://"));
@@ -61,13 +61,13 @@ impl Address {
         Err(last)
     }
 
-    fn no_service(&self, found: String) -> Error {
-        Error::HaplyNoService { url: self.url.clone(), found }
+    fn no_service(&self, found: String) -> Refused {
+        Refused::NoService { url: self.url.clone(), found }
     }
 
     /// A WebSocket after its handshake.
     pub fn connect(&self, patience: Duration) -> Result<Socket> {
-        let nobody = |e: io::Error| Error::HaplyNobody { url: self.url.clone(), reason: e.to_string() };
+        let nobody = |e: io::Error| Refused::Nobody { url: self.url.clone(), reason: e.to_string() };
         let stream = self.dial(patience).map_err(nobody)?;
         let config = WebSocketConfig::default().max_message_size(Some(LARGEST)).max_frame_size(Some(LARGEST));
         let (socket, _) = client_with_config(self.url.as_str(), stream, Some(config))
@@ -97,7 +97,7 @@ impl Address {
         let found = said.as_deref().ok().and_then(Version::of);
         match found.filter(|version| *version >= Version::OLDEST) {
             Some(version) => Ok(version),
-            None => Err(Error::HaplyVersion {
+            None => Err(Refused::Version {
                 url: self.url.clone(),
                 found: said.unwrap_or_else(|reason| format!("nothing ({reason})")),
                 wanted: Version::OLDEST.to_string(),
@@ -183,10 +183,9 @@ impl Chosen {
             .collect();
         let there = if named.is_empty() { "no device at all".into() } else { named.join(", ") };
         if arms.is_empty() {
-            return Err(Error::HaplyNoArm { url: url(), there });
+            return Err(Refused::NoArm { url: url(), there });
         }
-        let unknown =
-            |what, id: &String| Error::HaplyUnknown { url: url(), what, id: id.clone(), there: there.clone() };
+        let unknown = |what, id: &String| Refused::Unknown { url: url(), what, id: id.clone(), there: there.clone() };
         let (arm, device) = match &settings.device {
             Some(id) => arms.into_iter().find(|(_, found)| found == id).ok_or_else(|| unknown("arm", id))?,
             None => arms.into_iter().next().expect("the list was found not to be empty above"),

@@ -1,0 +1,699 @@
+//! What may be wrong with a scene and the files that it names: where, what was found, what was wanted, how to mend it.
+//!
+//! Messages show numbers as the file has them, in the file's units.
+
+use std::fmt;
+use std::path::{Path, PathBuf};
+
+/// What the functions that read a scene return.
+pub(super) type Result<T> = std::result::Result<T, Invalid>;
+
+/// A line of a file; lines count from 1.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Location {
+    /// The file as the user named it.
+    pub file: PathBuf,
+    /// Line in it, from 1.
+    pub line: usize,
+}
+
+impl Location {
+    /// The given line of the given file.
+    pub fn new(file: &Path, line: usize) -> Location {
+        Location { file: file.to_path_buf(), line }
+    }
+}
+
+impl fmt::Display for Location {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}:{}", self.file.display(), self.line)
+    }
+}
+
+/// A scene that is not as it has to be.
+#[derive(Debug, thiserror::Error)]
+pub enum Invalid {
+    /// The scene file itself cannot be read.
+    #[error("{path}: the scene cannot be read ({source}); give the path of a scene file in TOML, as UTF-8 text")]
+    SceneRead {
+        /// The scene file.
+        path: PathBuf,
+        /// The system's reason.
+        source: std::io::Error,
+    },
+
+    /// A scene file without text.
+    #[error("{path}: the scene is empty; start from a scene that works, for instance scenes/incision.toml")]
+    EmptyScene {
+        /// The scene file.
+        path: PathBuf,
+    },
+
+    /// A scene of nothing.
+    #[error("{}: the scene has no body; give it a `[skin]`, a `[[block]]`, a `[[tool]]` or a `[[rigid]]`", path.display())]
+    NoBodies {
+        /// The scene file.
+        path: PathBuf,
+    },
+
+    /// A neo-Hookean body with what it does not go with.
+    #[error("{at}: law = \"neo_hookean\" {why}; {fix}")]
+    LawUnfit {
+        /// Where.
+        at: Location,
+        /// What does not fit.
+        why: &'static str,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// An integrator that a scene's bodies do not fit.
+    #[error("{at}: integrator = \"{found}\" {why}; {fix}")]
+    IntegratorUnfit {
+        /// Where.
+        at: Location,
+        /// The integrator.
+        found: String,
+        /// What does not fit.
+        why: &'static str,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// A table of compliances that a cut would make false.
+    #[error("{}: correction = \"precomputed\" knows the uncut body alone, but a tool has a blade; take \"exact\"", path.display())]
+    PrecomputedCut {
+        /// The scene file.
+        path: PathBuf,
+    },
+
+    /// Ties that a correction does not hold.
+    #[error("{}: correction = \"uncoupled\" lets tied nodes drift apart, as each knows itself alone; take \"exact\"", path.display())]
+    UncoupledTies {
+        /// The scene file.
+        path: PathBuf,
+    },
+
+    /// A body as its own other end.
+    #[error("{at}: \"{name}\" is tied to itself; name another body in `to`, or leave `to` away to tie it to its place")]
+    TiedToItself {
+        /// The name.
+        at: Location,
+        /// Found.
+        name: String,
+    },
+
+    /// The text is not TOML.
+    #[error(
+        "{at}: `{text}` is not TOML ({problem}); mend this line: text in quotes, lists in [ ], tables begin with [name], repeated ones with [[name]]"
+    )]
+    Syntax {
+        /// Where.
+        at: Location,
+        /// The parser's words.
+        problem: String,
+        /// The line in question.
+        text: String,
+    },
+
+    /// A key that is not known in its table.
+    #[error("{at}: unknown key `{key}`; {hint}; known here: {known} (`cutis keys` explains them)")]
+    UnknownKey {
+        /// Where.
+        at: Location,
+        /// The key found.
+        key: String,
+        /// The nearest known key, or what to do without one.
+        hint: String,
+        /// Known keys of this table, with commas.
+        known: String,
+    },
+
+    /// A key that has to be there.
+    #[error("{at}: the key `{key}` is missing; {why}; add it to this table")]
+    MissingKey {
+        /// The table's first line; line 1 for the file itself.
+        at: Location,
+        /// The missing key.
+        key: String,
+        /// What asks for it.
+        why: &'static str,
+    },
+
+    /// Anchors on a mass that is not the nodes'.
+    #[error(
+        "{at}: an anchor acts through the masses of nodes, and mass = \"consistent\" lies between them too; \
+             use mass = \"lumped\" or \"uniform\", or hold the region with [[boundary]]"
+    )]
+    AnchoredMass {
+        /// Where.
+        at: Location,
+    },
+
+    /// A mass that the law cannot carry.
+    #[error(
+        "{at}: mass = \"{found}\" cannot be had with springs or neo-Hookean bricks; use \"lumped\" or \"uniform\", or law = \"fem\""
+    )]
+    Mass {
+        /// Where.
+        at: Location,
+        /// The word.
+        found: String,
+    },
+
+    /// A key that contradicts another one.
+    #[error("{at}: `{key}` has no effect here; {why}; remove it")]
+    NeedlessKey {
+        /// Where.
+        at: Location,
+        /// The key.
+        key: &'static str,
+        /// When it would have an effect.
+        why: &'static str,
+    },
+
+    /// A value of another type.
+    #[error("{at}: `{text}` holds {found}; wanted {wanted}; rewrite the value")]
+    WrongType {
+        /// Where.
+        at: Location,
+        /// The line in question.
+        text: String,
+        /// The type and value found.
+        found: String,
+        /// The type wanted.
+        wanted: String,
+    },
+
+    /// A list of the wrong length.
+    #[error("{at}: {key} has {found} entries; wanted {wanted}; write {key} = [..] with {wanted} numbers")]
+    Length {
+        /// Where.
+        at: Location,
+        /// The key.
+        key: &'static str,
+        /// Entries found.
+        found: usize,
+        /// Entries wanted.
+        wanted: usize,
+    },
+
+    /// A number out of its range.
+    #[error("{at}: {key} = {found:?}; wanted {wanted}, in {unit}; write for example {example:?}")]
+    Number {
+        /// Where.
+        at: Location,
+        /// The key, with the index for a list.
+        key: String,
+        /// The value in the file's unit.
+        found: f64,
+        /// The range.
+        wanted: &'static str,
+        /// The file's unit.
+        unit: &'static str,
+        /// A value in the range.
+        example: f64,
+    },
+
+    /// A count out of its range.
+    #[error("{at}: {key} = {found}; wanted a whole number from {min} to {max}; change the count")]
+    Count {
+        /// Where.
+        at: Location,
+        /// The key, with the index for a list.
+        key: String,
+        /// The count found.
+        found: u32,
+        /// Smallest count.
+        min: u32,
+        /// Largest count.
+        max: u32,
+    },
+
+    /// Poisson's ratio out of range.
+    #[error(
+        "{at}: poisson = {found:?}; wanted 0 ≤ poisson ≤ 0.4999, as nearly incompressible as is solved reliably; use 0.45 for most tissue"
+    )]
+    Poisson {
+        /// Where.
+        at: Location,
+        /// The value found.
+        found: f64,
+    },
+
+    /// Two bounds in the wrong order.
+    #[error("{at}: {key}: the lower bound {lower:?} must be {relation} the upper bound {upper:?}; {fix}")]
+    Order {
+        /// Where.
+        at: Location,
+        /// The keys that bound.
+        key: &'static str,
+        /// The lower bound, in the file's unit.
+        lower: f64,
+        /// "below", or "at most".
+        relation: &'static str,
+        /// The upper bound, in the file's unit.
+        upper: f64,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// Steps of a study whose runs have no common times.
+    #[error(
+        "{at}: a step of {step} ms is no whole part of the longest, {longest} ms, so that runs could not be compared; take halves, fifths, tenths of it"
+    )]
+    StudyStep {
+        /// Where.
+        at: Location,
+        /// ms
+        step: f64,
+        /// ms
+        longest: f64,
+    },
+
+    /// A word that is none of the known ones.
+    #[error("{at}: {key} = \"{found}\" is not known; {hint}; known: {known}")]
+    Choice {
+        /// Where.
+        at: Location,
+        /// The key.
+        key: &'static str,
+        /// The word found.
+        found: String,
+        /// The nearest known word, or what to do without one; boxed, to keep `Error` below 128 bytes.
+        hint: Box<str>,
+        /// Known words, with commas.
+        known: String,
+    },
+
+    /// A name that cannot be a column of a table.
+    #[error(
+        "{at}: the {what} name \"{found}\" cannot be used; wanted a name that is not empty, without commas, quotes, control characters and spaces at its ends; choose a plain name"
+    )]
+    Name {
+        /// Where.
+        at: Location,
+        /// What is named.
+        what: &'static str,
+        /// The name found.
+        found: String,
+    },
+
+    /// The same name twice.
+    #[error("{at}: the {what} name \"{name}\" is taken by line {first}; names are unique; rename one of the two")]
+    Duplicate {
+        /// Where the second one is.
+        at: Location,
+        /// What is named.
+        what: &'static str,
+        /// The name.
+        name: String,
+        /// Line of the first one.
+        first: usize,
+    },
+
+    /// Axes other than letters of "xyz".
+    #[error("{at}: axes = \"{found}\"; wanted one to three different letters of xyz; write for example axes = \"xyz\"")]
+    Axes {
+        /// Where.
+        at: Location,
+        /// The text found.
+        found: String,
+    },
+
+    /// A turn of nodes that are not held in the plane of the turn.
+    #[error("{at}: turn_deg turns nodes in the x-y plane, but axes = \"{axes}\" leaves them free there; hold x and y")]
+    TurnAxes {
+        /// Where the turn is.
+        at: Location,
+        /// Held axes.
+        axes: String,
+    },
+
+    /// A colour that is not hexadecimal.
+    #[error(
+        "{at}: color = \"{found}\"; wanted # and six hexadecimal digits (sRGB); write for example color = \"#e8b9a0\""
+    )]
+    Color {
+        /// Where.
+        at: Location,
+        /// The text found.
+        found: String,
+    },
+
+    /// A skin without layers.
+    #[error(
+        "{at}: the skin has no layers; wanted at least one; add a table [[skin.layer]] with name, thickness_mm, cells, density_kg_m3"
+    )]
+    NoLayers {
+        /// The skin table.
+        at: Location,
+    },
+
+    /// More nodes than an index can count.
+    #[error("{at}: the grid has {found} nodes; at most {limit} can be numbered; make cells fewer")]
+    TooManyNodes {
+        /// The cells.
+        at: Location,
+        /// Nodes asked for; the largest u64 stands for more.
+        found: u64,
+        /// Most nodes.
+        limit: u32,
+    },
+
+    /// A region that holds no node.
+    #[error(
+        "{at}: the {region} holds no node of the {grid}; look at its place and size (origin: centre of the bottom; z up), or widen it to a cell at least"
+    )]
+    NoNode {
+        /// The region's name.
+        at: Location,
+        /// "scene" or "test form".
+        grid: &'static str,
+        /// Its word.
+        region: String,
+    },
+
+    /// A direction of no length.
+    #[error("{at}: `{key}` has no length; write a direction such as [0, 0, 1]")]
+    NoDirection {
+        /// The vector.
+        at: Location,
+        /// Its key.
+        key: &'static str,
+    },
+
+    /// A box that holds no node.
+    #[error(
+        "{at}: the box holds no node of the {grid}: none has {min:?} ≤ {axis} ≤ {max:?} mm, where the body reaches from {body_min:?} to {body_max:?} mm in cells of at most {cell:?} mm; widen box_mm along {axis}"
+    )]
+    EmptyRegion {
+        /// The box.
+        at: Location,
+        /// "scene" or "test form".
+        grid: &'static str,
+        /// x, y or z.
+        axis: char,
+        /// Bounds of the box and the body and the cell along the axis, mm.
+        min: f64,
+        /// mm
+        max: f64,
+        /// mm
+        body_min: f64,
+        /// mm
+        body_max: f64,
+        /// mm
+        cell: f64,
+    },
+
+    /// A load beside the body.
+    #[error(
+        "{at}: rectangle_mm reaches from {min:?} to {max:?} mm along {axis}; the top reaches from -{half:?} to {half:?}; move the rectangle onto it"
+    )]
+    LoadOutside {
+        /// The rectangle.
+        at: Location,
+        /// x or y.
+        axis: char,
+        /// mm
+        min: f64,
+        /// mm
+        max: f64,
+        /// Half of the top's size, mm.
+        half: f64,
+    },
+
+    /// A probe's point beyond the skin.
+    #[error(
+        "{at}: the point lies outside the skin: {axis} = {found} mm, where the skin at rest reaches from {min} to {max} mm; move it onto the skin (origin: centre of the bottom; z up)"
+    )]
+    PointOutside {
+        /// The point.
+        at: Location,
+        /// x, y or z.
+        axis: char,
+        /// mm
+        found: f64,
+        /// mm
+        min: f64,
+        /// mm
+        max: f64,
+    },
+
+    /// A blade edge that is no line.
+    #[error(
+        "{at}: edge_mm has {found} different points in a row; wanted at least two, from the tip to the heel, each apart from the one before; add or move points"
+    )]
+    BladeEdge {
+        /// The edge.
+        at: Location,
+        /// Points before the first repetition or the end.
+        found: usize,
+    },
+
+    /// A blade of too many pieces.
+    #[error(
+        "{at}: the blade has {found:e} places that touch; at most {most:e} are looked at; make edge_spacing_mm or flat_spacing_mm larger, or mend edge_mm"
+    )]
+    BladeSamples {
+        /// The edge.
+        at: Location,
+        /// Samples of edge and flats.
+        found: f64,
+        /// Most samples.
+        most: f64,
+    },
+
+    /// A blade whose normal is not across its edge.
+    #[error(
+        "{at}: the blade's normal is {angle:.1} degrees from the line between tip and heel; wanted 90 within {allowed} degrees, because the blade's plane holds the edge; give the direction across the flats"
+    )]
+    BladeNormal {
+        /// The normal.
+        at: Location,
+        /// Angle between the two lines, degrees; 0 for a normal or an edge of no length.
+        angle: f64,
+        /// Allowed departure from 90 degrees.
+        allowed: f64,
+    },
+
+    /// A round tool that is neither sphere nor capsule.
+    #[error(
+        "{at}: points_mm of a round tool has {found} points; wanted one, a sphere's centre, or two different ones, the ends of a capsule's axis; change the list"
+    )]
+    RoundPoints {
+        /// The list.
+        at: Location,
+        /// Points found.
+        found: usize,
+    },
+
+    /// A vertex of a tool's lines that is not three numbers.
+    #[error("{at}: `{found}`; wanted `v` and three finite numbers; mend the line, or export the lines again")]
+    LinesNumber {
+        /// The `v` line.
+        at: Location,
+        /// The line.
+        found: String,
+    },
+
+    /// An index of a tool's lines that no vertex has.
+    #[error(
+        "{at}: `{found}` is no vertex; {count} `v` lines stand above, so wanted 1 to {count}, or -{count} to -1; mend the index, or move the vertices up"
+    )]
+    LinesIndex {
+        /// The `l` or `p` line.
+        at: Location,
+        /// The index found.
+        found: String,
+        /// Vertices so far.
+        count: usize,
+    },
+
+    /// A line with one end.
+    #[error("{at}: the line has {found} vertices; wanted at least two; add one, or write `p` for a point")]
+    LinesLone {
+        /// The `l` line.
+        at: Location,
+        /// Vertices found.
+        found: usize,
+    },
+
+    /// A segment of no length.
+    #[error(
+        "{at}: vertices {a} and {b} of the line are at the same place; wanted segments with a length; leave one out"
+    )]
+    LinesShort {
+        /// The `l` line.
+        at: Location,
+        /// The vertices, from 1.
+        a: usize,
+        /// The other one.
+        b: usize,
+    },
+
+    /// A vertex of a tool's lines that is too far away.
+    #[error(
+        "{at}: vertex {vertex} is at {position:?}; in metres that is more than a number can hold; mend its `v` line or mesh_unit_mm of the scene"
+    )]
+    LinesVertex {
+        /// The line that names it.
+        at: Location,
+        /// From 1.
+        vertex: usize,
+        /// Coordinates, in units of the file.
+        position: [f64; 3],
+    },
+
+    /// A file without points and lines.
+    #[error(
+        "{path}: there are no points and lines; wanted a line `l 1 2` or `p 1` at least; export the tool with its edges"
+    )]
+    LinesEmpty {
+        /// The file.
+        path: PathBuf,
+    },
+
+    /// A contact filter that a tool cannot have.
+    #[error(
+        "{at}: filter = \"{filter}\" does not fit the tool \"{tool}\": it is for {fits}; remove the key (each tool then has its own filter), or write filter = \"points\", which fits all"
+    )]
+    FilterTool {
+        /// The filter.
+        at: Location,
+        /// Its word.
+        filter: String,
+        /// The tool's name.
+        tool: String,
+        /// Which tools it fits, and what this one is.
+        fits: &'static str,
+    },
+
+    /// A hand without places.
+    #[error("{at}: path_mm has no rows; wanted at least one [t_s, x, y, z]; write where the hand rests")]
+    PathEmpty {
+        /// The list.
+        at: Location,
+    },
+
+    /// A camera that looks at itself.
+    #[error("{at}: eye_mm and target_mm are the same point; move eye_mm away from what is looked at")]
+    ViewPoint {
+        /// The view table.
+        at: Location,
+    },
+
+    /// A file that the scene names cannot be read.
+    #[error("{at}: {key} names {path}, which cannot be read ({reason}); {fix}, or change {key}")]
+    File {
+        /// Where it is named.
+        at: Location,
+        /// The key.
+        key: &'static str,
+        /// The file looked for.
+        path: PathBuf,
+        /// The system's reason.
+        reason: String,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// A mesh that is not Wavefront OBJ.
+    #[error("{path}: not a readable OBJ mesh ({problem}); export the tool again as Wavefront OBJ")]
+    Mesh {
+        /// The mesh.
+        path: PathBuf,
+        /// The reader's words.
+        problem: String,
+    },
+
+    /// A mesh without triangles.
+    #[error("{path}: the mesh has no triangles; wanted at least one face (a line `f 1 2 3`); export it with its faces")]
+    MeshEmpty {
+        /// The mesh.
+        path: PathBuf,
+    },
+
+    /// A vertex at no place.
+    #[error(
+        "{path}: vertex {vertex} is at {position:?}; wanted finite coordinates; mend its `v` line or mesh_unit_mm of the scene"
+    )]
+    MeshVertex {
+        /// The mesh.
+        path: PathBuf,
+        /// Vertex in order of first use by a face, from 1.
+        vertex: usize,
+        /// Coordinates, in units of the file.
+        position: [f64; 3],
+    },
+
+    /// A trajectory without samples.
+    #[error(
+        "{path}: the trajectory is empty; wanted the line `{header}` and at least one row below it; record the hand again"
+    )]
+    TrajectoryEmpty {
+        /// The trajectory.
+        path: PathBuf,
+        /// The header wanted.
+        header: &'static str,
+    },
+
+    /// A trajectory with another header.
+    #[error("{at}: the header is `{found}`; wanted `{wanted}`; name, order and unit of the columns must be these")]
+    TrajectoryHeader {
+        /// Where.
+        at: Location,
+        /// The line found.
+        found: String,
+        /// The header wanted.
+        wanted: &'static str,
+    },
+
+    /// A row with more or fewer columns.
+    #[error("{at}: the row has {found} columns; wanted {wanted} (`{header}`); complete or remove the row")]
+    TrajectoryColumns {
+        /// Where.
+        at: Location,
+        /// Columns found.
+        found: usize,
+        /// Columns wanted.
+        wanted: usize,
+        /// The header.
+        header: &'static str,
+    },
+
+    /// A cell that is no finite number.
+    #[error("{at}: {column} = `{found}`; wanted a finite number; mend the value or remove the row")]
+    TrajectoryNumber {
+        /// Where.
+        at: Location,
+        /// The column's name.
+        column: &'static str,
+        /// The text found.
+        found: String,
+    },
+
+    /// Time that stands still or runs back.
+    #[error("{at}: time_s = {found:?} after {before:?}; times must rise from row to row; sort or remove rows")]
+    TrajectoryTime {
+        /// Where.
+        at: Location,
+        /// s
+        found: f64,
+        /// The row before, s.
+        before: f64,
+    },
+
+    /// A quaternion that is no rotation.
+    #[error(
+        "{at}: the quaternion (qx,qy,qz,qw) has length {length:?}; wanted 1 within {allowed:?}; use 0,0,0,1 for no rotation, with the scalar last"
+    )]
+    TrajectoryRotation {
+        /// Where.
+        at: Location,
+        /// Its length.
+        length: f64,
+        /// Allowed departure from 1.
+        allowed: f64,
+    },
+}
