@@ -21,7 +21,7 @@ pub use blade::Resistance;
 use crate::constraints::Law;
 use crate::instrument::{Instrument, Role};
 use crate::mesh::Quad;
-use crate::scene::{Filter, Plane, Who};
+use crate::scene::{BodyId, Filter, Plane};
 use glam::DVec3;
 use parry3d::bounding_volume::BoundingVolume;
 use parry3d::math::Vector;
@@ -30,9 +30,9 @@ use parry3d::shape::{TriMesh, TriMeshFlags, Triangle, TrianglePointLocation};
 
 /// A place of a deformable body: node ids, each once, with their weights, which sum to 1; none of a rigid body.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Spot(pub Vec<(u32, f64)>);
+pub struct SurfacePoint(pub Vec<(u32, f64)>);
 
-impl Spot {
+impl SurfacePoint {
     /// A node.
     pub fn node(id: u32) -> Self {
         Self(vec![(id, 1.0)])
@@ -53,9 +53,9 @@ impl Spot {
 #[derive(Clone, Debug)]
 pub struct Contact {
     /// The two bodies; forces act on the first along the axes and on the second against them.
-    pub on: [Who; 2],
+    pub on: [BodyId; 2],
     /// Where on each of them, if it is deformable.
-    pub spots: [Spot; 2],
+    pub surface_points: [SurfacePoint; 2],
     /// Sample of the pair: with it, what a contact is called from step to step.
     pub feature: usize,
     /// Where they touch, world, m.
@@ -72,10 +72,10 @@ pub struct Contact {
 
 impl Contact {
     /// A rigid body's sample on a place of a deformable body; rows and law are still to be set.
-    pub fn on_skin(tool: usize, feature: usize, skin: usize, spot: Spot, point: DVec3) -> Self {
+    pub fn on_skin(tool: usize, feature: usize, skin: usize, spot: SurfacePoint, point: DVec3) -> Self {
         Self {
-            on: [Who::Rigid(tool), Who::Skin(skin)],
-            spots: [Spot::default(), spot],
+            on: [BodyId::Rigid(tool), BodyId::Deformable(skin)],
+            surface_points: [SurfacePoint::default(), spot],
             feature,
             point,
             axes: DVec3::AXES,
@@ -86,7 +86,7 @@ impl Contact {
     }
 
     /// What it is called from step to step.
-    pub fn id(&self) -> ([Who; 2], usize) {
+    pub fn id(&self) -> ([BodyId; 2], usize) {
         (self.on, self.feature)
     }
 }
@@ -210,7 +210,7 @@ impl Patch {
     }
 
     /// Nearest place, and how far it is, m.
-    pub fn nearest(&self, point: DVec3) -> (Spot, f64) {
+    pub fn nearest(&self, point: DVec3) -> (SurfacePoint, f64) {
         let (triangle, weights, distance, _) = self.project(point);
         (self.spot(triangle, weights), distance.abs())
     }
@@ -309,7 +309,7 @@ pub fn contacts(
 
 /// A sample's contact, without the names of the bodies.
 struct Found {
-    spot: Spot,
+    spot: SurfacePoint,
     point: DVec3,
     axes: [DVec3; 3],
     gap: f64,

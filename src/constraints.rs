@@ -7,7 +7,7 @@
 //! and forward (Atkins 2009: push and slice): the work is toughness × area whatever the motion, and slicing lowers the push that a cut
 //! takes. So forces lie in the circle through the origin with diameter `radius` along forward, and are projected on it along their own
 //! direction, since they oppose the motion; a piece that goes back is free. (The whole disc of that radius, as friction has it, took 1.41
-//! times toughness × area of an edge at 45°.) [`Law::Hold`]: ties, with all rows held
+//! times toughness × area of an edge at 45°.) [`Law::Bilateral`]: ties, with all rows held
 //! (attached, bilateral) or without the one along which something slides.
 //!
 //! [`relax`] is plain sweeps, for the haptic tick. [`solve`] ends within a budget of row updates, whatever it is given, and returns the best
@@ -41,7 +41,7 @@ pub enum Law {
         radius: f64,
     },
     /// Tied: rows that are held have no violation, whatever force that takes; the others have no force.
-    Hold {
+    Bilateral {
         /// Which of the three.
         held: [bool; 3],
     },
@@ -60,7 +60,7 @@ impl Law {
                 let (e, s) = onto_circle(aim[0], aim[1], radius);
                 [e, s, between(aim[2], -radius, radius)]
             }
-            Self::Hold { held } => [0, 1, 2].map(|k| if held[k] { aim[k] } else { 0.0 }),
+            Self::Bilateral { held } => [0, 1, 2].map(|k| if held[k] { aim[k] } else { 0.0 }),
         }
     }
 
@@ -73,7 +73,7 @@ impl Law {
                 let [f, s, n] = force;
                 f * f + s * s >= radius * f * NEAR || n.abs() >= radius * NEAR
             }
-            Self::Hold { .. } => false,
+            Self::Bilateral { .. } => false,
         }
     }
 }
@@ -147,7 +147,7 @@ fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], floor: f64) -
                 (force[first], force[first + 1]) = (0.5 * (old[0] + e), 0.5 * (old[1] + s));
                 force[first + 2] = between(aim(2, force), -radius, radius);
             }
-            Law::Hold { held } => {
+            Law::Bilateral { held } => {
                 for k in 0..3 {
                     force[first + k] = if held[k] { aim(k, force) } else { 0.0 };
                 }
@@ -175,7 +175,7 @@ fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64)
         let bears = match law {
             Law::Coulomb { friction: 0.0, .. } => 1,
             Law::Coulomb { .. } | Law::Cut { .. } => 3,
-            Law::Hold { .. } => 0, // what is held already needs no tie
+            Law::Bilateral { .. } => 0, // what is held already needs no tie
         };
         found.dropped += u32::from(c[..bears].contains(&0.0));
         let aim = [0, 1, 2].map(|k| aim(w, free, force, first + k, c[k]));
@@ -218,7 +218,7 @@ fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> [f64; 
     let [a, b, c] = match law {
         Law::Coulomb { .. } => [at(0, 0), plane(1, 2), plane(1, 2)],
         Law::Cut { .. } => [plane(0, 1), plane(0, 1), at(2, 2)],
-        Law::Hold { .. } => [at(0, 0), at(1, 1), at(2, 2)],
+        Law::Bilateral { .. } => [at(0, 0), at(1, 1), at(2, 2)],
     };
     let of = |k: usize, c: f64| if gives(k) { c } else { 0.0 };
     [of(0, a), of(1, b), of(2, c)]

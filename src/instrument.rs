@@ -121,7 +121,7 @@ struct Live {
 
 /// The tool's system over one step.
 #[derive(Clone, Copy, Debug)]
-pub struct Free {
+pub struct UnconstrainedMotion {
     /// m
     pub shift: DVec3,
     /// rad
@@ -132,9 +132,9 @@ pub struct Free {
     pub angular_compliance: DMat3,
 }
 
-impl Free {
+impl UnconstrainedMotion {
     /// How far a force, N, and a torque, N·m, move it beyond that: shift, m, and turn, rad.
-    pub fn gives(&self, (force, torque): (DVec3, DVec3)) -> (DVec3, DVec3) {
+    pub fn displacement_under(&self, (force, torque): (DVec3, DVec3)) -> (DVec3, DVec3) {
         (force * self.compliance, self.angular_compliance * torque)
     }
 }
@@ -240,7 +240,7 @@ impl Instrument {
     }
 
     /// Motion over a step that ends at `time`, without contact.
-    pub fn free_motion(&self, time: f64, step: f64) -> Free {
+    pub fn unconstrained_motion(&self, time: f64, step: f64) -> UnconstrainedMotion {
         let (from, turned) = self.hand(time - step);
         let (to, target) = self.hand(time);
         let c = self.coupling;
@@ -255,7 +255,7 @@ impl Instrument {
             + rotation_vector(target * self.rotation.conjugate()) * c.angular_stiffness
             + rotation_vector(target * turned.conjugate()) * (c.angular_damping / step);
         let angular_compliance = angular.inverse();
-        Free {
+        UnconstrainedMotion {
             shift: push / stiffness,
             turn: angular_compliance * twist,
             compliance: 1.0 / stiffness,
@@ -381,7 +381,7 @@ mod tests {
     fn a_tool_left_alone_comes_to_rest_at_the_hand() {
         let mut tool = instrument();
         for k in 1..400 {
-            let free = tool.free_motion(f64::from(k) * 0.005, 0.005);
+            let free = tool.unconstrained_motion(f64::from(k) * 0.005, 0.005);
             tool.advance(free.shift, free.turn, 0.005);
         }
         assert!((tool.position.x - 0.001).abs() < 1e-9, "{}", tool.position);
@@ -405,7 +405,7 @@ mod tests {
         let mut tool = instrument();
         let push = DVec3::new(0.0, 0.0, 0.4);
         for k in 1..800 {
-            let free = tool.free_motion(f64::from(k) * 0.005, 0.005);
+            let free = tool.unconstrained_motion(f64::from(k) * 0.005, 0.005);
             tool.advance(free.shift + push * free.compliance, free.turn, 0.005);
         }
         assert!((tool.position.z - 0.4e-3).abs() < 1e-9, "{}", tool.position);

@@ -283,15 +283,15 @@ fn on_few_nodes(points: usize, nodes: usize, edges: bool, lost: f64, seed: u64) 
     let product = |i: usize, j: usize| (0..axes).map(|k| b[i * axes + k] * b[j * axes + k]).sum::<f64>();
     let node = |i: usize, j: usize| 1e-4 * product(i, j) + if i == j { 1e-3 - lost } else { 0.0 };
     // three nodes of each point and their weights
-    let mut spots = vec![];
+    let mut surface_points = vec![];
     for _ in 0..points {
         let corners = [0, 1, 2].map(|_| (normal().abs() * 1e3) as usize % nodes);
         let shares = [0, 1, 2].map(|_| normal().abs() + 0.1);
-        spots.push((corners, shares.map(|s| s / shares.iter().sum::<f64>())));
+        surface_points.push((corners, shares.map(|s| s / shares.iter().sum::<f64>())));
     }
     let tool = 2e-3;
     let entry = |i: usize, j: usize| {
-        let ((p, s), (q, t)) = (&spots[i / 3], &spots[j / 3]);
+        let ((p, s), (q, t)) = (&surface_points[i / 3], &surface_points[j / 3]);
         let skin = |k: usize, l: usize| s[k] * t[l] * node(3 * p[k] + i % 3, 3 * q[l] + j % 3);
         (0..9).map(|n| skin(n / 3, n % 3)).sum::<f64>() + if i % 3 == j % 3 { tool } else { 0.0 }
     };

@@ -6,7 +6,7 @@ use cutis::collide::features::cones::Cone;
 use cutis::collide::features::{contacts, contacts_among};
 use cutis::collide::{Contact, Patch, Search};
 use cutis::constraints::Law;
-use cutis::instrument::{Free, Instrument};
+use cutis::instrument::{Instrument, UnconstrainedMotion};
 use cutis::mesh::Quad;
 use cutis::scene::{Coupling, Filter, Lines, Pose, Scene, Tool, ToolMesh, read};
 use cutis::step::{Place, Simulation, StepReport};
@@ -73,8 +73,8 @@ fn tool(places: &[[f64; 3]], segments: &[[u32; 2]], radius: f64) -> (Instrument,
     (tool, lines)
 }
 
-fn still(shift: DVec3) -> Free {
-    Free { shift, turn: DVec3::ZERO, compliance: 1e-3, angular_compliance: DMat3::ZERO }
+fn still(shift: DVec3) -> UnconstrainedMotion {
+    UnconstrainedMotion { shift, turn: DVec3::ZERO, compliance: 1e-3, angular_compliance: DMat3::ZERO }
 }
 
 fn search(filter: Filter) -> Search {
@@ -89,7 +89,7 @@ fn found(patch: &Patch, places: &[[f64; 3]], segments: &[[u32; 2]]) -> Vec<Conta
 
 /// Nodes of a contact that bear something, with their weights, in rising order.
 fn bearing(contact: &Contact) -> Vec<(u32, f64)> {
-    let mut list: Vec<(u32, f64)> = contact.spots[1].0.clone();
+    let mut list: Vec<(u32, f64)> = contact.surface_points[1].0.clone();
     list.sort_by_key(|n| n.0);
     list
 }
@@ -284,7 +284,7 @@ fn a_probe_along_a_curved_skin_keeps_few_contacts() {
 
 /// Everything that contacts say, bit for bit.
 fn said(list: &[Contact]) -> Vec<String> {
-    list.iter().map(|c| format!("{:?} {:?} {:?} {:?}", c.id(), c.spots[1], c.axes, c.gap[0])).collect()
+    list.iter().map(|c| format!("{:?} {:?} {:?} {:?}", c.id(), c.surface_points[1], c.axes, c.gap[0])).collect()
 }
 
 /// Waves of heights up to 0.3 mm, and a wire near them.
@@ -312,7 +312,7 @@ proptest! {
     fn the_tree_of_boxes_finds_what_all_triangles_find((heights, wire, motion) in waves()) {
         let patch = wavy(&heights);
         let (tool, lines) = tool(&wire, &WIRE, 0.02);
-        let free = Free { turn: DVec3::new(0.02, -0.01, 0.03), ..still(DVec3::from_array(motion) * MM) };
+        let free = UnconstrainedMotion { turn: DVec3::new(0.02, -0.01, 0.03), ..still(DVec3::from_array(motion) * MM) };
         let everything: Vec<u32> = (0..2 * (SIDE - 1) * (SIDE - 1)).collect();
         for filter in [Filter::Cones, Filter::Points] {
             let search = search(filter);

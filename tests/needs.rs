@@ -128,7 +128,7 @@ fn law_of(scene: &mut Scene, corotational: bool) {
 fn tied(scene: &mut Scene) {
     scene.contact = touched().contact;
     let region = cutis::scene::Region::Sphere { centre: [0.0; 3], radius: 1e-3 };
-    scene.attachments.push(cutis::scene::Attachment { body: 0, region, to: cutis::scene::Who::Place, slide: None });
+    scene.attachments.push(cutis::scene::Attachment { body: 0, region, to: cutis::scene::BodyId::World, slide: None });
 }
 
 /// Feature, the scene with it, the scene without, and what it adds.

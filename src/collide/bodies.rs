@@ -6,11 +6,11 @@
 //! meet. Deformable bodies: nodes of the one against faces of the other, both ways; where two nodes meet, once.
 //! Units: m.
 
-use super::{Contact, Patch, Search, Spot, frame};
+use super::{Contact, Patch, Search, SurfacePoint, frame};
 use crate::constraints::Law;
 use crate::instrument::{Instrument, Role};
 use crate::mesh::Quad;
-use crate::scene::{Plane, Who};
+use crate::scene::{BodyId, Plane};
 use glam::DVec3;
 use parry3d::math::Pose;
 use parry3d::query::{ContactManifold, DefaultQueryDispatcher, PersistentQueryDispatcher};
@@ -22,10 +22,10 @@ const ALIGNED: f64 = 1e-5;
 /// Faces that look at each other by less than this (cosine) do not touch: the sides of two blocks that stand on each other.
 const FACING: f64 = 0.1;
 
-fn contact(on: [Who; 2], feature: usize, point: DVec3, normal: DVec3, gap: f64, search: &Search) -> Contact {
+fn contact(on: [BodyId; 2], feature: usize, point: DVec3, normal: DVec3, gap: f64, search: &Search) -> Contact {
     Contact {
         on,
-        spots: [Spot::default(), Spot::default()],
+        surface_points: [SurfacePoint::default(), SurfacePoint::default()],
         feature,
         point,
         axes: frame(normal),
@@ -43,7 +43,7 @@ pub fn with_plane(
     travel: f64,
 ) -> Vec<Contact> {
     let (through, normal) = (DVec3::from_array(plane.through), DVec3::from_array(plane.normal));
-    let on = [Who::Rigid(number), Who::Plane(wall)];
+    let on = [BodyId::Rigid(number), BodyId::Plane(wall)];
     let sample = |(index, sample): (usize, &crate::instrument::Sample)| {
         let radius = match sample.role {
             Role::Axis => tool.round.map_or(0.0, |round| round.radius),
@@ -66,7 +66,7 @@ pub fn between_rigid(
     search: &Search,
     travel: f64,
 ) -> Vec<Contact> {
-    let on = [Who::Rigid(first), Who::Rigid(second)];
+    let on = [BodyId::Rigid(first), BodyId::Rigid(second)];
     let reach = search.alarm + search.distance + travel;
     if a.position.distance(b.position) > a.span() + b.span() + reach {
         return vec![];
@@ -203,14 +203,14 @@ pub fn skin_on_plane(
     search: &Search,
 ) -> Vec<Contact> {
     let (through, normal) = (DVec3::from_array(plane.through), DVec3::from_array(plane.normal));
-    let on = [Who::Skin(number), Who::Plane(wall)];
+    let on = [BodyId::Deformable(number), BodyId::Plane(wall)];
     let mut out = vec![];
     for (node, _) in nodes(faces, position) {
         let point = position(node);
         let gap = normal.dot(point - through);
         if gap < search.alarm + search.distance {
             let found = contact(on, node as usize, point, normal, gap, search);
-            out.push(Contact { spots: [Spot::node(node), Spot::default()], ..found });
+            out.push(Contact { surface_points: [SurfacePoint::node(node), SurfacePoint::default()], ..found });
         }
     }
     out
@@ -225,7 +225,7 @@ pub fn skin_on_box(
     travel: f64,
 ) -> Vec<Contact> {
     let Some(half) = tool.cuboid else { return vec![] };
-    let on = [Who::Rigid(rigid), Who::Skin(number)];
+    let on = [BodyId::Rigid(rigid), BodyId::Deformable(number)];
     let mut out = vec![];
     for (node, outward) in nodes(faces, position) {
         let point = position(node);
@@ -238,7 +238,7 @@ pub fn skin_on_box(
         if !beside && looks && out_of[axis] < search.alarm + search.distance + travel {
             // behind the numbers of the box's own corners
             let found = contact(on, tool.samples.len() + node as usize, point, normal, out_of[axis], search);
-            out.push(Contact { spots: [Spot::default(), Spot::node(node)], ..found });
+            out.push(Contact { surface_points: [SurfacePoint::default(), SurfacePoint::node(node)], ..found });
         }
     }
     out
@@ -252,7 +252,7 @@ pub fn skin_on_skin(
     skip: &[DVec3],
     same: f64,
 ) -> Vec<Contact> {
-    let on = [Who::Skin(first), Who::Skin(second)];
+    let on = [BodyId::Deformable(first), BodyId::Deformable(second)];
     let mut out = vec![];
     for (node, outward) in nodes(faces, position) {
         let point = position(node);
@@ -268,7 +268,7 @@ pub fn skin_on_skin(
             continue; // over the rim, or the other body's node is here
         }
         let found = contact(on, node as usize, point, normal, normal.dot(point - place), search);
-        out.push(Contact { spots: [Spot::node(node), patch.spot(triangle, weights)], ..found });
+        out.push(Contact { surface_points: [SurfacePoint::node(node), patch.spot(triangle, weights)], ..found });
     }
     out
 }

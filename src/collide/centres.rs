@@ -5,12 +5,12 @@
 //! it acts on the four corners alike. Blades, round tools and tools of lines look at faces in two: their pieces meet several triangles at
 //! once.
 
-use super::{Patch, Spot, to_f32};
+use super::{Patch, SurfacePoint, to_f32};
 use crate::mesh::Quad;
 use glam::DVec3;
 use parry3d::shape::{TriMesh, TriMeshFlags};
 
-impl Spot {
+impl SurfacePoint {
     /// A place of the `sector`-th triangle of a face about its centre: between the corners `sector` and the next, and the centre.
     fn on_sector(nodes: [u32; 4], sector: usize, [u, v, w]: [f64; 3]) -> Self {
         let mut weights = [0.25 * w; 4];
@@ -46,10 +46,10 @@ impl Patch {
     }
 
     /// The place of a triangle with these weights, as nodes move it.
-    pub fn spot(&self, triangle: usize, weights: [f64; 3]) -> Spot {
+    pub fn spot(&self, triangle: usize, weights: [f64; 3]) -> SurfacePoint {
         match self.quarters.get(triangle / 4) {
-            Some(nodes) => Spot::on_sector(*nodes, triangle % 4, weights),
-            None => Spot::on_triangle(self.triangles[triangle], weights),
+            Some(nodes) => SurfacePoint::on_sector(*nodes, triangle % 4, weights),
+            None => SurfacePoint::on_triangle(self.triangles[triangle], weights),
         }
     }
 }

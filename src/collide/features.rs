@@ -24,7 +24,7 @@ pub mod cones;
 
 use super::{Contact, Patch, Search, frame};
 use crate::constraints::Law;
-use crate::instrument::{Free, Instrument};
+use crate::instrument::{Instrument, UnconstrainedMotion};
 use crate::scene::{Filter, Lines};
 use closest::Near;
 use cones::{Cone, Feature, Features};
@@ -95,7 +95,7 @@ pub fn contacts(
     lines: &Lines,
     skin: (usize, &Patch),
     search: &Search,
-    free: &Free,
+    free: &UnconstrainedMotion,
 ) -> Vec<Contact> {
     contacts_among(tool, lines, skin, search, free, &|low, high| skin.1.near(low, high))
 }
@@ -106,7 +106,7 @@ pub fn contacts_among(
     lines: &Lines,
     (body, patch): (usize, &Patch),
     search: &Search,
-    free: &Free,
+    free: &UnconstrainedMotion,
     near: &dyn Fn(DVec3, DVec3) -> Vec<u32>,
 ) -> Vec<Contact> {
     let touch = TOUCH * search.alarm;
@@ -133,7 +133,7 @@ pub fn contacts_among(
         if out.iter().any(same) {
             continue;
         }
-        let spot = super::Spot::on_triangle(pair.spot.0, pair.spot.1);
+        let spot = super::SurfacePoint::on_triangle(pair.spot.0, pair.spot.1);
         let earlier = out.iter().filter(|(c, _)| c.feature & PIECE == index).count();
         let contact = Contact {
             axes: frame(pair.normal),
@@ -148,7 +148,7 @@ pub fn contacts_among(
 }
 
 /// Points, then segments, each with its motion.
-fn pieces(tool: &Instrument, lines: &Lines, free: &Free) -> Vec<Piece> {
+fn pieces(tool: &Instrument, lines: &Lines, free: &UnconstrainedMotion) -> Vec<Piece> {
     let places: Vec<DVec3> = lines.positions.iter().map(|p| tool.at(DVec3::from_array(*p))).collect();
     let shift = |p: DVec3| free.shift + free.turn.cross(p - tool.position);
     let piece = |ends: [DVec3; 2], point: bool, cone: Cone| Piece { ends, shift: ends.map(shift), point, cone };

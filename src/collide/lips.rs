@@ -5,11 +5,11 @@
 //! along each other by less than a cell are told apart; what has slid further no longer faces each other. Lips are wet: there is no
 //! friction between them.
 
-use super::{Contact, Spot, frame};
+use super::{Contact, SurfacePoint, frame};
 use crate::constraints::Law;
 use crate::kernels::corner;
 use crate::mesh::Parts;
-use crate::scene::Who;
+use crate::scene::BodyId;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -67,8 +67,8 @@ pub fn contacts(
         let faces = (far - near - normal * gap).length() < diagonal;
         if gap < alarm && faces {
             out.push(Contact {
-                on: [Who::Skin(body); 2],
-                spots: [Spot::node(second), Spot::node(first)],
+                on: [BodyId::Deformable(body); 2],
+                surface_points: [SurfacePoint::node(second), SurfacePoint::node(first)],
                 feature: (first as usize) << 32 | second as usize,
                 point: (near + far) * 0.5,
                 axes: frame(normal),

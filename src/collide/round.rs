@@ -21,7 +21,7 @@
 
 use super::{Contact, Patch, Search, frame};
 use crate::constraints::Law;
-use crate::instrument::{Free, Instrument, Role};
+use crate::instrument::{Instrument, Role, UnconstrainedMotion};
 use crate::mesh::Quad;
 use crate::scene::{Filter, Round};
 use glam::DVec3;
@@ -60,13 +60,13 @@ struct Touch {
 }
 
 /// A place of the skin as nodes and weights.
-type Spot = ([u32; 3], [f64; 3]);
+type OnTriangle = ([u32; 3], [f64; 3]);
 
 /// Where an axis sample first touches: number of the contact, spot, touch, place.
-type Nearest = (usize, Spot, Touch, DVec3);
+type Nearest = (usize, OnTriangle, Touch, DVec3);
 
 impl Sweep {
-    fn new(tool: &Instrument, round: &Round, free: &Free) -> Self {
+    fn new(tool: &Instrument, round: &Round, free: &UnconstrainedMotion) -> Self {
         let ends = round.ends.map(|end| tool.at(DVec3::from_array(end)));
         let middle = (ends[0] + ends[1]) * 0.5;
         let shift = free.shift + free.turn.cross(middle - tool.position);
@@ -167,7 +167,7 @@ fn curvatures(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> Vec<f64> {
 }
 
 /// A surface point: outward direction, not of unit length, and how far it may overlap the tool, m.
-struct SurfacePoint {
+struct Overlapped {
     outward: DVec3,
     overlap: f64,
 }
@@ -178,8 +178,8 @@ fn surface_points(
     position: &impl Fn(u32) -> DVec3,
     sweep: &Sweep,
     curvature: &[f64],
-) -> BTreeMap<(u32, u32), SurfacePoint> {
-    let mut points: BTreeMap<(u32, u32), SurfacePoint> = BTreeMap::new();
+) -> BTreeMap<(u32, u32), Overlapped> {
+    let mut points: BTreeMap<(u32, u32), Overlapped> = BTreeMap::new();
     for (face, curvature) in faces.iter().zip(curvature) {
         let corners = face.nodes.map(position);
         let turned = (corners[2] - corners[0]).cross(corners[3] - corners[1]);
@@ -188,7 +188,7 @@ fn surface_points(
         for (i, j, k) in pairs {
             let overlap = sweep.overlap([corners[i], corners[j], corners[k]], [0.5, 0.5, 0.0], *curvature);
             let (a, b) = (face.nodes[i], face.nodes[j]);
-            let first = SurfacePoint { outward: DVec3::ZERO, overlap };
+            let first = Overlapped { outward: DVec3::ZERO, overlap };
             let point = points.entry((a.min(b), a.max(b))).or_insert(first);
             point.outward += turned;
             point.overlap = point.overlap.min(overlap);
@@ -217,14 +217,14 @@ pub fn contacts(
     faces: &[Quad],
     position: &impl Fn(u32) -> DVec3,
     search: &Search,
-    free: &Free,
+    free: &UnconstrainedMotion,
 ) -> Vec<Contact> {
     let sweep = Sweep::new(tool, round, free);
     let reach = search.alarm + search.distance;
     let (mut nearest, out) = nearest_places(tool, patch, &sweep, reach);
-    let made = |index: usize, (nodes, weights): Spot, touch: &Touch| {
+    let made = |index: usize, (nodes, weights): OnTriangle, touch: &Touch| {
         let point = touch.axis - touch.normal * sweep.radius;
-        let contact = Contact::on_skin(number, index, body, super::Spot::on_triangle(nodes, weights), point);
+        let contact = Contact::on_skin(number, index, body, super::SurfacePoint::on_triangle(nodes, weights), point);
         let law = Law::Coulomb { friction: search.friction, bound: f64::INFINITY };
         let gap = [touch.gap - search.distance, 0.0, 0.0];
         Contact { axes: frame(touch.normal), gap, depth: (-touch.gap).max(0.0), law, ..contact }

@@ -147,7 +147,7 @@ fn slope(law: &Law, aim: [f64; 3]) -> [[f64; 3]; 3] {
             let across = one(aim[2].abs() < radius);
             [[plane[0][0], plane[0][1], 0.0], [plane[1][0], plane[1][1], 0.0], [0.0, 0.0, across]]
         }
-        Law::Hold { held } => {
+        Law::Bilateral { held } => {
             let [a, b, c] = held.map(one);
             [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]]
         }

@@ -7,7 +7,7 @@ use super::haptics::{self, HapticFiles};
 use super::{Report, check};
 use crate::error::{Error, Result};
 use crate::runner::{Clock, Runner};
-use crate::scene::{Scene, Who};
+use crate::scene::{BodyId, Scene};
 use crate::step::{Place, Simulation, StepReport};
 use std::path::PathBuf;
 
@@ -221,7 +221,7 @@ impl Running<'_> {
         let state = self.runner.simulation.snapshots()?;
         self.collector.ended(&self.runner.simulation, &state);
         if let Some(body) = state.iter().position(|state| state.non_finite() > 0) {
-            return Err(self.runner.simulation.non_finite(Who::Skin(body)));
+            return Err(self.runner.simulation.non_finite(BodyId::Deformable(body)));
         }
         let report = self.report();
         self.folder.write_report(&report)?;

@@ -4,47 +4,53 @@ use super::grid::{Grid, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::text::{Bound, DEGREE, GRAM, MM, PLAIN, RADIAN_PER_SECOND, SPEED, SceneText, normalized, or_vector};
-use super::{Attachment, Coupling, Motion, Plane, Pose, Round, Skin, Tool, ToolMesh, Who, round};
+use super::{Attachment, BodyId, Coupling, Motion, Plane, Pose, Round, Skin, Tool, ToolMesh, round};
 use glam::{DQuat, DVec3};
 
 /// All bodies of a scene by name.
-pub(super) struct Names(Vec<(String, Who)>);
+pub(super) struct Names(Vec<(String, BodyId)>);
 
 impl Names {
     /// Deformable bodies, tools and rigid bodies, walls.
     pub fn new(skins: &[Skin], tools: &[Tool], planes: &[Plane]) -> Self {
-        let skins = skins.iter().enumerate().map(|(k, s)| (s.name.clone(), Who::Skin(k)));
-        let tools = tools.iter().enumerate().map(|(k, t)| (t.name.clone(), Who::Rigid(k)));
-        let planes = planes.iter().enumerate().map(|(k, p)| (p.name.clone(), Who::Plane(k)));
+        let skins = skins.iter().enumerate().map(|(k, s)| (s.name.clone(), BodyId::Deformable(k)));
+        let tools = tools.iter().enumerate().map(|(k, t)| (t.name.clone(), BodyId::Rigid(k)));
+        let planes = planes.iter().enumerate().map(|(k, p)| (p.name.clone(), BodyId::Plane(k)));
         Self(skins.chain(tools).chain(planes).collect())
     }
 
     /// The body of a name.
-    pub fn find(&self, scene: &SceneText, key: &'static str, name: &At<String>) -> Result<Who> {
+    pub fn find(&self, scene: &SceneText, key: &'static str, name: &At<String>) -> Result<BodyId> {
         self.among(scene, key, name, |_| true)
     }
 
     /// Number of the deformable body of a name; without one, the first.
     pub fn skin(&self, scene: &SceneText, name: &Option<At<String>>, at: std::ops::Range<usize>) -> Result<usize> {
         let found = match name {
-            Some(name) => self.among(scene, "body", name, |who| matches!(who, Who::Skin(_)))?,
+            Some(name) => self.among(scene, "body", name, |who| matches!(who, BodyId::Deformable(_)))?,
             None => {
-                let first = self.0.iter().map(|(_, who)| *who).find(|who| matches!(who, Who::Skin(_)));
+                let first = self.0.iter().map(|(_, who)| *who).find(|who| matches!(who, BodyId::Deformable(_)));
                 let why = "the scene has no deformable body: give it a `[skin]` or a `[[block]]`";
                 scene.required("skin", first, at, why)?
             }
         };
-        Ok(if let Who::Skin(number) = found { number } else { 0 })
+        Ok(if let BodyId::Deformable(number) = found { number } else { 0 })
     }
 
     /// Number of the rigid body of a name.
     pub fn rigid(&self, scene: &SceneText, name: &At<String>) -> Result<usize> {
-        let found = self.among(scene, "body", name, |who| matches!(who, Who::Rigid(_)))?;
-        Ok(if let Who::Rigid(number) = found { number } else { 0 })
+        let found = self.among(scene, "body", name, |who| matches!(who, BodyId::Rigid(_)))?;
+        Ok(if let BodyId::Rigid(number) = found { number } else { 0 })
     }
 
-    fn among(&self, scene: &SceneText, key: &'static str, name: &At<String>, fits: fn(&Who) -> bool) -> Result<Who> {
-        let known: Vec<&(String, Who)> = self.0.iter().filter(|(_, who)| fits(who)).collect();
+    fn among(
+        &self,
+        scene: &SceneText,
+        key: &'static str,
+        name: &At<String>,
+        fits: fn(&BodyId) -> bool,
+    ) -> Result<BodyId> {
+        let known: Vec<&(String, BodyId)> = self.0.iter().filter(|(_, who)| fits(who)).collect();
         let words: Vec<&str> = known.iter().map(|(word, _)| word.as_str()).collect();
         let found = known.iter().find(|(word, _)| word == name.get_ref());
         found.map(|(_, who)| *who).ok_or_else(|| scene.unknown_word(key, name, &words))
@@ -136,9 +142,9 @@ fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids
     let body = names.skin(scene, &raw.body, at)?;
     let to = match &raw.to {
         Some(name) => names.find(scene, "to", name)?,
-        None => Who::Place,
+        None => BodyId::World,
     };
-    if let (Who::Skin(other), Some(name)) = (to, &raw.to)
+    if let (BodyId::Deformable(other), Some(name)) = (to, &raw.to)
         && other == body
     {
         return Err(Invalid::TiedToItself { at: scene.place(name.span()), name: name.get_ref().clone() });

@@ -41,8 +41,8 @@ pub use region::Region;
 pub use start::Start;
 pub use study::Study;
 pub use touching::{
-    Attachment, Blade, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Tool, ToolMesh,
-    Who,
+    Attachment, Blade, BodyId, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Tool,
+    ToolMesh,
 };
 
 pub use words::{CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, word};

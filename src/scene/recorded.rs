@@ -1,6 +1,6 @@
 //! What a scene records of a run: probes, bounds on results, the tests' smaller form, pictures.
 
-use super::{Region, Skin, Who};
+use super::{BodyId, Region, Skin};
 
 /// A value recorded each step.
 #[derive(Clone, Debug)]
@@ -49,9 +49,9 @@ pub enum ProbeKind {
     /// Force on a body along an axis from another, or from all that touch it or that it is tied to, N.
     Force {
         /// Which body.
-        on: Who,
+        on: BodyId,
         /// From whom; none for all.
-        from: Option<Who>,
+        from: Option<BodyId>,
         /// 0, 1 or 2
         axis: usize,
     },

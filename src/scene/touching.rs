@@ -58,15 +58,15 @@ pub struct Plane {
 
 /// A body, by its kind and number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub enum Who {
+pub enum BodyId {
     /// In [`Scene::tools`](super::Scene::tools).
     Rigid(usize),
     /// In [`Scene::skins`](super::Scene::skins).
-    Skin(usize),
+    Deformable(usize),
     /// In [`Scene::planes`](super::Scene::planes).
     Plane(usize),
-    /// A place in the world, as the other end of a tie.
-    Place,
+    /// The world, as the other end of a tie.
+    World,
 }
 
 /// Nodes of a deformable body that are tied, both ways, to what is there at rest.
@@ -77,7 +77,7 @@ pub struct Attachment {
     /// Which of them.
     pub region: Region,
     /// What they are tied to.
-    pub to: Who,
+    pub to: BodyId,
     /// Unit direction along which they slide; none for all held.
     pub slide: Option<[f64; 3]>,
 }

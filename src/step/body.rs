@@ -315,7 +315,7 @@ impl Body {
     }
 
     /// Refines and checks what a step has solved; `before` is the state at its start.
-    pub(super) fn review(
+    pub(super) fn verify(
         &mut self,
         before: Snapshot,
         contact: Option<&[(u32, [f64; 3])]>,

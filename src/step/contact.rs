@@ -8,9 +8,9 @@ use crate::collide::Contact;
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::haptic::Reduced;
-use crate::instrument::Free;
+use crate::instrument::UnconstrainedMotion;
 use crate::linear::Outcome;
-use crate::scene::{self, Correction, Loop, Who};
+use crate::scene::{self, BodyId, Correction, Loop};
 use glam::{DMat3, DVec3};
 use passes::Seen;
 use std::collections::BTreeMap;
@@ -47,7 +47,7 @@ pub struct ContactReport {
 impl ContactReport {
     /// Contacts, ties left out.
     pub fn count(&self) -> usize {
-        self.contacts.iter().filter(|c| !matches!(c.law, Law::Hold { .. })).count()
+        self.contacts.iter().filter(|c| !matches!(c.law, Law::Bilateral { .. })).count()
     }
 
     /// Largest force on a rigid body, N.
@@ -56,7 +56,7 @@ impl ContactReport {
     }
 
     /// Force on a body from another, or from all, N.
-    pub fn force(&self, on: Who, from: Option<Who>) -> DVec3 {
+    pub fn force(&self, on: BodyId, from: Option<BodyId>) -> DVec3 {
         let mut sum = DVec3::ZERO;
         for (c, f) in self.contacts.iter().zip(self.forces.chunks_exact(3)) {
             let force = c.axes[0] * f[0] + c.axes[1] * f[1] + c.axes[2] * f[2];
@@ -80,7 +80,7 @@ pub(super) struct Resolved {
     /// Forces on nodes of each deformable body; none where nothing touches.
     pub forces: Option<Vec<NodeForces>>,
     /// Force of each contact by its name, N.
-    pub contact_forces: BTreeMap<([Who; 2], usize), DVec3>,
+    pub contact_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
 }
 
 /// The contact problem of a step.
@@ -88,7 +88,7 @@ struct Problem<'a> {
     pub law: scene::Contact,
     pub rows: Rows<'a>,
     pub laws: Vec<Law>,
-    free: &'a [Free],
+    free: &'a [UnconstrainedMotion],
     /// `[body]` nodes that rows act on, sorted.
     nodes: Vec<Vec<u32>>,
     /// `[body][node]` inverse blocks of `A`, for the uncoupled correction.
@@ -114,8 +114,10 @@ impl Problem<'_> {
 
     /// Violations once forces have moved nodes by `moved` and rigid bodies by what they give.
     pub fn after(&self, lambda: &[f64], moved: &[Vec<[f64; 3]>]) -> Vec<f64> {
-        let given: Vec<(DVec3, DVec3)> =
-            (0..).zip(self.free).map(|(number, free)| free.gives(self.rows.on_rigid(number, lambda))).collect();
+        let given: Vec<(DVec3, DVec3)> = (0..)
+            .zip(self.free)
+            .map(|(number, free)| free.displacement_under(self.rows.on_rigid(number, lambda)))
+            .collect();
         let opening = |row| self.rows.opening(row, |number| given[number], |body, node| self.at(moved, body, node));
         self.violation.iter().enumerate().map(|(row, v)| v + opening(row)).collect()
     }
@@ -127,14 +129,14 @@ impl Simulation {
         &mut self,
         law: scene::Contact,
         contacts: Vec<Contact>,
-        free: &[Free],
+        free: &[UnconstrainedMotion],
         held: bool,
         report: &mut StepReport,
     ) -> Result<Resolved> {
-        let (mut problem, ended) = self.pose(law, &contacts, free, report)?;
+        let (mut problem, ended) = self.assemble(law, &contacts, free, report)?;
         let lambda = self.first_forces(&problem, held);
         let (lambda, found) = match law.forces {
-            Loop::Constraints if !held => self.close(&mut problem, lambda, report)?,
+            Loop::Constraints if !held => self.iterate(&mut problem, lambda, report)?,
             _ => {
                 let moved = self.correct(&problem, &lambda, law.tolerance, report)?;
                 let found = problem.after(&lambda, &moved);
@@ -157,11 +159,11 @@ impl Simulation {
     }
 
     /// Free motion, the compliance of what rows newly act on, and the violations.
-    fn pose<'a>(
+    fn assemble<'a>(
         &mut self,
         law: scene::Contact,
         contacts: &'a [Contact],
-        free: &'a [Free],
+        free: &'a [UnconstrainedMotion],
         report: &mut StepReport,
     ) -> Result<(Problem<'a>, Vec<Outcome>)> {
         let rows = Rows::new(contacts, &self.tools);
@@ -172,7 +174,7 @@ impl Simulation {
             let (outcome, values) = body.solve_free(&self.scene.solver, &own)?;
             ended.push(outcome);
             picked.push(values);
-            blocks.push(body.give(&law, &own, report)?);
+            blocks.push(body.prepare_compliance(&law, &own, report)?);
             nodes.push(own);
         }
         let laws = contacts.iter().map(|c| c.law).collect();
@@ -205,8 +207,8 @@ impl Simulation {
     /// `W` as the bodies know it now.
     fn compliance_of(&self, problem: &Problem) -> Vec<f64> {
         let between = |body: usize, a: u32, b: u32| match problem.law.correction {
-            Correction::Exact => self.bodies[body].compliance.between(a, b),
-            Correction::Precomputed => self.bodies[body].at_rest.between(a, b),
+            Correction::Exact => self.bodies[body].compliance.block(a, b),
+            Correction::Precomputed => self.bodies[body].at_rest.block(a, b),
             Correction::Uncoupled => match problem.nodes[body].binary_search(&a) {
                 Ok(k) if a == b => problem.blocks[body][k],
                 _ => DMat3::ZERO,
@@ -222,7 +224,7 @@ impl Simulation {
         let mut out = vec![];
         for contact in problem.rows.contacts {
             out.extend(match (forces, contact.law) {
-                (Loop::Penalty(stiffness), Law::Hold { held }) => {
+                (Loop::Penalty(stiffness), Law::Bilateral { held }) => {
                     [0, 1, 2].map(|k| if held[k] { -stiffness * contact.gap[k] } else { 0.0 })
                 }
                 (Loop::Penalty(stiffness), _) => [stiffness * (-contact.gap[0]).max(0.0), 0.0, 0.0],
@@ -269,7 +271,7 @@ impl Simulation {
         let h = self.step_size();
         for (number, (tool, free)) in self.tools.iter_mut().zip(problem.free).enumerate() {
             let (force, torque) = problem.rows.on_rigid(number, lambda);
-            let (shift, turn) = free.gives((force, torque));
+            let (shift, turn) = free.displacement_under((force, torque));
             tool.advance(free.shift + shift, free.turn + turn, h);
             report.contact.on_tool.push(force.to_array());
         }
@@ -277,10 +279,10 @@ impl Simulation {
 
     /// How fast what one of two bodies has moved by in a step goes on under held forces, per s. What is rigid keeps its motion; skin creeps on
     /// by its viscosity alone: `K x + τ K ẋ = f` in implicit Euler has `Δx' = τ/(τ + h) Δx`, τ the Rayleigh damping by stiffness.
-    fn goes_on(&self, on: [Who; 2]) -> f64 {
+    fn goes_on(&self, on: [BodyId; 2]) -> f64 {
         let h = self.step_size();
-        let memory = |who: &Who| match who {
-            Who::Skin(body) => {
+        let memory = |who: &BodyId| match who {
+            BodyId::Deformable(body) => {
                 let viscosity = self.scene.skins[*body].rayleigh_stiffness;
                 viscosity / (viscosity + h)
             }
@@ -294,8 +296,9 @@ impl Simulation {
         let (rows, laws) = (&problem.rows, &problem.laws);
         let count = rows.count();
         for (number, tool) in self.tools.iter().enumerate() {
-            let sides: Vec<(usize, f64)> =
-                (0..count).filter_map(|row| rows.side(row, Who::Rigid(number)).map(|(sign, _)| (row, sign))).collect();
+            let sides: Vec<(usize, f64)> = (0..count)
+                .filter_map(|row| rows.side(row, BodyId::Rigid(number)).map(|(sign, _)| (row, sign)))
+                .collect();
             // sticking and cutting start anew from where the step ended; gaps go on
             let remaining = |row: usize| match laws[row / 3] {
                 Law::Coulomb { .. } if row.is_multiple_of(3) => found[row],
@@ -304,7 +307,7 @@ impl Simulation {
                 _ => 0.0,
             };
             let free = &problem.free[number];
-            let (shift, turn) = free.gives(rows.on_rigid(number, lambda));
+            let (shift, turn) = free.displacement_under(rows.on_rigid(number, lambda));
             let own = [free.shift + shift, free.turn + turn];
             // what the tool has not opened itself goes on; an edge that cuts has no hold on the skin's motion
             let rate = |row: usize| match (laws[row / 3], rows.of_rigid(row, number)) {

@@ -1,12 +1,12 @@
 //! What touches what at a step's start, and the ties that hold all the time.
 
 use super::{Body, Simulation, StepReport};
-use crate::collide::{self, Aabb, Contact, Patch, Search, Spot, bodies, features, lips, round};
+use crate::collide::{self, Aabb, Contact, Patch, Search, SurfacePoint, bodies, features, lips, round};
 use crate::constraints::Law;
 use crate::error::{Error, Result};
-use crate::instrument::{Free, Instrument};
+use crate::instrument::{Instrument, UnconstrainedMotion};
 use crate::mesh::Quad;
-use crate::scene::{self, Attachment, Scene, Who};
+use crate::scene::{self, Attachment, BodyId, Scene};
 use glam::DVec3;
 use std::collections::BTreeSet;
 
@@ -25,9 +25,9 @@ pub(super) struct Tie {
 
 impl Tie {
     /// Tells the bodies which nodes the tie needs, and the list of what is tied: to whom, of which body, the node.
-    pub fn note(&self, bodies: &mut [Body], tied: &mut BTreeSet<(Who, usize, u32)>) {
+    pub fn note(&self, bodies: &mut [Body], tied: &mut BTreeSet<(BodyId, usize, u32)>) {
         for side in 0..2 {
-            if let Who::Skin(number) = self.contact.on[side] {
+            if let BodyId::Deformable(number) = self.contact.on[side] {
                 bodies[number].tied.extend(held_nodes(&self.contact, side));
                 tied.extend(held_nodes(&self.contact, side).map(|node| (self.contact.on[1 - side], number, node)));
             }
@@ -40,7 +40,7 @@ impl Simulation {
     pub(super) fn find_contacts(
         &mut self,
         law: &scene::Contact,
-        free: &[Free],
+        free: &[UnconstrainedMotion],
         report: &mut StepReport,
     ) -> Result<Vec<Contact>> {
         let search = Search {
@@ -120,7 +120,7 @@ impl Simulation {
     /// Which sample of which tool a contact with which deformable body is of; none of round tools and of lines, whose contacts come from
     /// changing places of their surface.
     fn sample_of(&self, contact: &Contact) -> Option<(usize, usize, usize)> {
-        let [Who::Rigid(number), Who::Skin(body)] = contact.on else { return None };
+        let [BodyId::Rigid(number), BodyId::Deformable(body)] = contact.on else { return None };
         let tool = &self.tools[number];
         (tool.round.is_none() && tool.lines.is_none()).then_some((number, body, contact.feature))
     }
@@ -149,7 +149,7 @@ impl Simulation {
             body.refit_boxes()?;
         }
         if let Some(number) = self.bodies.iter().position(|body| body.lost) {
-            return Err(self.non_finite(Who::Skin(number)));
+            return Err(self.non_finite(BodyId::Deformable(number)));
         }
         let mut margins: Vec<f64> = travel.iter().map(|travel| search.alarm + search.distance + travel).collect();
         loop {
@@ -194,7 +194,13 @@ impl Simulation {
     }
 
     /// Contacts of deformable bodies with everything else.
-    fn skin_contacts(&self, search: &Search, travel: &[f64], free: &[Free], report: &mut StepReport) -> Vec<Contact> {
+    fn skin_contacts(
+        &self,
+        search: &Search,
+        travel: &[f64],
+        free: &[UnconstrainedMotion],
+        report: &mut StepReport,
+    ) -> Vec<Contact> {
         let mut found = vec![];
         let (tools, walls) = (self.tools.len(), self.scene.planes.len());
         let patches: Vec<&Vec<Option<Patch>>> = self.bodies.iter().map(|body| &body.located.patches).collect();
@@ -249,7 +255,7 @@ impl Simulation {
     /// Whether a contact acts on a node that is tied to the other body already.
     fn ties_hold(&self, contact: &Contact) -> bool {
         (0..2).any(|side| match contact.on[side] {
-            Who::Skin(number) => {
+            BodyId::Deformable(number) => {
                 held_nodes(contact, side).any(|node| self.tied.contains(&(contact.on[1 - side], number, node)))
             }
             _ => false,
@@ -260,16 +266,16 @@ impl Simulation {
     fn tied(&self, tie: &Tie) -> Contact {
         let mut contact = tie.contact.clone();
         let place = |side: usize| match contact.on[side] {
-            Who::Skin(body) => {
+            BodyId::Deformable(body) => {
                 // nodes, not corners of the surface: what a tie holds does not move beside them when it is cut
-                contact.spots[side]
+                contact.surface_points[side]
                     .0
                     .iter()
                     .map(|(node, weight)| self.bodies[body].node_position(*node) * *weight)
                     .sum()
             }
-            Who::Rigid(number) => self.tools[number].at(tie.anchor),
-            Who::Plane(_) | Who::Place => tie.anchor,
+            BodyId::Rigid(number) => self.tools[number].at(tie.anchor),
+            BodyId::Plane(_) | BodyId::World => tie.anchor,
         };
         let (first, second): (DVec3, DVec3) = (place(0), place(1));
         contact.point = first;
@@ -280,7 +286,7 @@ impl Simulation {
 
 /// Nodes that a contact acts on, on one of its sides.
 fn held_nodes(contact: &Contact, side: usize) -> impl Iterator<Item = u32> {
-    contact.spots[side].nodes()
+    contact.surface_points[side].nodes()
 }
 
 /// The ties of a scene, from the bodies at rest.
@@ -292,7 +298,7 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
     for (number, attachment) in scene.attachments.iter().enumerate() {
         let model = &simulation.bodies[attachment.body].model;
         let patch = match attachment.to {
-            Who::Skin(other) => {
+            BodyId::Deformable(other) => {
                 let (model, wound) = (&simulation.bodies[other].model, &simulation.bodies[other].wound);
                 Patch::new(&wound.surface.all(), |id| DVec3::from_array(model.rest[id as usize]))
             }
@@ -316,9 +322,9 @@ fn tie(
     feature: usize,
 ) -> Result<Tie> {
     let (spot, anchor) = match (attachment.to, patch) {
-        (Who::Rigid(number), _) => {
+        (BodyId::Rigid(number), _) => {
             let tool = &simulation.tools[number];
-            (Spot::default(), tool.rotation.inverse() * (at - tool.position))
+            (SurfacePoint::default(), tool.rotation.inverse() * (at - tool.position))
         }
         (_, Some(patch)) => {
             let (spot, distance) = patch.nearest(at);
@@ -327,21 +333,21 @@ fn tie(
             }
             (spot, at)
         }
-        _ => (Spot::default(), at),
+        _ => (SurfacePoint::default(), at),
     };
     let (axes, held) = match attachment.slide {
         None => (DVec3::AXES, [true; 3]),
         Some(along) => (collide::frame(DVec3::from_array(along)), [false, true, true]),
     };
     let contact = Contact {
-        on: [Who::Skin(attachment.body), attachment.to],
-        spots: [Spot::node(node), spot],
+        on: [BodyId::Deformable(attachment.body), attachment.to],
+        surface_points: [SurfacePoint::node(node), spot],
         feature,
         point: at,
         axes,
         gap: [0.0; 3],
         depth: 0.0,
-        law: Law::Hold { held },
+        law: Law::Bilateral { held },
     };
     Ok(Tie { contact, anchor })
 }

@@ -10,8 +10,8 @@ use super::{Simulation, StepReport};
 use crate::backend::{CORRECTION, FREE};
 use crate::collide::Contact;
 use crate::error::{Error, Result};
-use crate::instrument::{Free, Instrument};
-use crate::scene::{ProbeKind, Who};
+use crate::instrument::{Instrument, UnconstrainedMotion};
+use crate::scene::{BodyId, ProbeKind};
 
 /// What to do about a body or a tool.
 const SHORTER: &str = "take a shorter step_ms, move and load it more slowly, and look at the last rows of probes.csv and the last picture";
@@ -23,16 +23,16 @@ const HAND: &str = "look at its device or its path there, and at the damping of 
 
 impl Simulation {
     /// The error of what is non-finite.
-    pub fn non_finite(&self, who: Who) -> Error {
+    pub fn non_finite(&self, who: BodyId) -> Error {
         self.named(who, SHORTER)
     }
 
-    fn named(&self, who: Who, fix: &'static str) -> Error {
+    fn named(&self, who: BodyId, fix: &'static str) -> Error {
         let (what, name) = match who {
-            Who::Rigid(number) => ("the tool", &self.scene.tools[number].name),
-            Who::Skin(number) => ("the body", &self.scene.skins[number].name),
-            Who::Plane(number) => ("the force on the wall", &self.scene.planes[number].name),
-            Who::Place => ("the force on a tie of", &self.scene.title),
+            BodyId::Rigid(number) => ("the tool", &self.scene.tools[number].name),
+            BodyId::Deformable(number) => ("the body", &self.scene.skins[number].name),
+            BodyId::Plane(number) => ("the force on the wall", &self.scene.planes[number].name),
+            BodyId::World => ("the force on a tie of", &self.scene.title),
         };
         self.non_finite_of(what, name, fix)
     }
@@ -42,32 +42,32 @@ impl Simulation {
     }
 
     /// Refuses free motions that are non-finite, as of hands that are nowhere.
-    pub(super) fn hands_are_finite(&self, free: &[Free]) -> Result<()> {
+    pub(super) fn hands_are_finite(&self, free: &[UnconstrainedMotion]) -> Result<()> {
         let lost = free.iter().position(|free| !(free.shift.is_finite() && free.turn.is_finite()));
         let Some(number) = lost else { return Ok(()) };
         let (position, rotation) = self.tools[number].hand(self.time);
         match is_finite(&self.tools[number]) && !(position.is_finite() && rotation.is_finite()) {
             true => Err(self.non_finite_of("the hand of the tool", &self.scene.tools[number].name, HAND)),
-            false => Err(self.non_finite(Who::Rigid(number))),
+            false => Err(self.non_finite(BodyId::Rigid(number))),
         }
     }
 
     /// What a step's solves have left non-finite, if anything.
-    pub(super) fn lost(&self, solved: &Resolved) -> Option<Who> {
+    pub(super) fn lost(&self, solved: &Resolved) -> Option<BodyId> {
         let force = |(_, f): &(u32, [f64; 3])| f.iter().all(|c| c.is_finite());
         let lost = |number: usize| {
             let forces = solved.forces.as_ref().and_then(|forces| forces.get(number));
             self.bodies[number].lost || !forces.is_none_or(|forces| forces.iter().all(force))
         };
-        let tool = self.tools.iter().position(|tool| !is_finite(tool)).map(Who::Rigid);
-        tool.or_else(|| (0..self.bodies.len()).find(|number| lost(*number)).map(Who::Skin))
+        let tool = self.tools.iter().position(|tool| !is_finite(tool)).map(BodyId::Rigid);
+        tool.or_else(|| (0..self.bodies.len()).find(|number| lost(*number)).map(BodyId::Deformable))
     }
 
     /// The second try of a step; `old` are the tools at its start.
     pub(super) fn solve_again(
         &mut self,
         old: &[Instrument],
-        free: &[Free],
+        free: &[UnconstrainedMotion],
         report: &mut StepReport,
     ) -> Result<Resolved> {
         report.warn("step_retried", 1);
@@ -95,8 +95,8 @@ impl Simulation {
     pub(super) fn probes_are_finite(&self, report: &StepReport) -> Result<()> {
         let Some(number) = report.probes.iter().position(|value| !value.is_finite()) else { return Ok(()) };
         Err(self.non_finite(match self.scene.probes[number].kind {
-            ProbeKind::Displacement { body, .. } | ProbeKind::Reaction { body, .. } => Who::Skin(body),
-            ProbeKind::Position { body, .. } | ProbeKind::Velocity { body, .. } => Who::Rigid(body),
+            ProbeKind::Displacement { body, .. } | ProbeKind::Reaction { body, .. } => BodyId::Deformable(body),
+            ProbeKind::Position { body, .. } | ProbeKind::Velocity { body, .. } => BodyId::Rigid(body),
             ProbeKind::Force { on, .. } => on,
         }))
     }
@@ -105,7 +105,7 @@ impl Simulation {
 /// A contact's rows are numbers.
 fn has_a_place(contact: &Contact) -> bool {
     let vectors = contact.axes.iter().chain([&contact.point]).all(|v| v.is_finite());
-    let weights = contact.spots.iter().flat_map(|spot| &spot.0).map(|(_, weight)| *weight);
+    let weights = contact.surface_points.iter().flat_map(|spot| &spot.0).map(|(_, weight)| *weight);
     vectors && weights.chain(contact.gap).all(f64::is_finite)
 }
 

@@ -18,7 +18,7 @@ use crate::error::Result;
 use crate::instrument::{Instrument, Role};
 use crate::kernels::corner;
 use crate::kernels::cut::Hit;
-use crate::scene::Who;
+use crate::scene::BodyId;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -52,7 +52,9 @@ impl Simulation {
     /// Whether an edge touches skin in a step, by its contacts: one that touches none cuts none.
     pub(super) fn edges_meet_skin(&self, contacts: &[Contact]) -> bool {
         contacts.iter().any(|contact| match contact.on {
-            [Who::Rigid(number), Who::Skin(_)] => self.tools[number].edge.is_some() && self.tools[number].sharp,
+            [BodyId::Rigid(number), BodyId::Deformable(_)] => {
+                self.tools[number].edge.is_some() && self.tools[number].sharp
+            }
             _ => false,
         })
     }
@@ -77,7 +79,7 @@ impl Simulation {
             let pieces = new.samples.iter().enumerate().filter(|(_, s)| matches!(s.role, Role::Edge { .. }));
             for (index, sample) in pieces {
                 let held = |c: &Contact| {
-                    c.on[0] == Who::Rigid(number) && c.feature == index && matches!(c.law, Law::Cut { .. })
+                    c.on[0] == BodyId::Rigid(number) && c.feature == index && matches!(c.law, Law::Cut { .. })
                 };
                 let before = fronts.get(&(number, index));
                 let (retreat, motion) = match (contacts.iter().position(held), before) {
@@ -105,7 +107,7 @@ impl Simulation {
         let mut out = vec![Piece::default(); count];
         for (index, sample) in new.samples.iter().enumerate() {
             let Role::Edge { piece, .. } = sample.role else { continue };
-            let of_piece = |c: &Contact| c.on[0] == Who::Rigid(number) && c.feature == index;
+            let of_piece = |c: &Contact| c.on[0] == BodyId::Rigid(number) && c.feature == index;
             let contact = contacts.iter().position(of_piece);
             let holds = |k: &usize| !lets_go(&contacts[*k], &report.contact.forces[3 * k..3 * k + 3]);
             out[piece] = Piece {

@@ -29,10 +29,10 @@ use crate::cut::Totals;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::haptic::Reduced;
-use crate::instrument::{Free, Instrument};
+use crate::instrument::{Instrument, UnconstrainedMotion};
 use crate::linear::Outcome;
 use crate::math::larger;
-use crate::scene::{ProbeKind, Scene, Who};
+use crate::scene::{BodyId, ProbeKind, Scene};
 use contact::Resolved;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
@@ -154,13 +154,13 @@ pub struct Simulation {
     single: bool,
     probes: Vec<Prepared>,
     ties: Vec<find::Tie>,
-    tied: BTreeSet<(Who, usize, u32)>,
+    tied: BTreeSet<(BodyId, usize, u32)>,
     held: incise::Held,
     fronts: incise::Fronts,
     /// How deep each sample of a rigid body was inside each deformable body at the last step, m ([`find`]).
     depths: BTreeMap<(usize, usize, usize), f64>,
     /// Force of each contact by its name, N.
-    last_forces: BTreeMap<([Who; 2], usize), DVec3>,
+    last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     load_changes: Vec<f64>,
     step_number: u64,
     epoch: u32,
@@ -313,7 +313,7 @@ impl Simulation {
             }
             before.push(if check || refined { Some(body.backend.snapshot()?) } else { None });
         }
-        let free: Vec<Free> = self.tools.iter().map(|t| t.free_motion(self.time, h)).collect();
+        let free: Vec<UnconstrainedMotion> = self.tools.iter().map(|t| t.unconstrained_motion(self.time, h)).collect();
         self.hands_are_finite(&free)?;
         let contacts = match self.scene.contact {
             Some(law) => self.find_contacts(&law, &free, &mut report)?,
@@ -333,7 +333,7 @@ impl Simulation {
         for (number, (body, before)) in self.bodies.iter_mut().zip(before).enumerate() {
             if let Some(before) = before {
                 let forces = forces.as_ref().map(|forces| forces[number].as_slice());
-                body.review(before, forces, &self.scene, (begin, check), &mut ended[number], &mut report)?;
+                body.verify(before, forces, &self.scene, (begin, check), &mut ended[number], &mut report)?;
             }
             body.backend.finish(forces.is_some(), cuts)?;
             let work = body.backend.nonlinear();
@@ -353,7 +353,7 @@ impl Simulation {
     fn solve(
         &mut self,
         contacts: Vec<Contact>,
-        free: &[Free],
+        free: &[UnconstrainedMotion],
         held: bool,
         report: &mut StepReport,
     ) -> Result<Resolved> {
@@ -364,7 +364,7 @@ impl Simulation {
     }
 
     /// A step in which nothing touches.
-    fn move_freely(&mut self, free: &[Free]) -> Result<Resolved> {
+    fn move_freely(&mut self, free: &[UnconstrainedMotion]) -> Result<Resolved> {
         let h = self.step_size();
         let solver = self.scene.solver;
         let solves = self.bodies.iter_mut().map(|body| Ok(body.solve_free(&solver, &[])?.0));

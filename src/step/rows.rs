@@ -5,8 +5,8 @@
 //! with each body's own compliance `C`; only rows couple bodies.
 
 use crate::collide::Contact;
-use crate::instrument::{Free, Instrument};
-use crate::scene::Who;
+use crate::instrument::{Instrument, UnconstrainedMotion};
+use crate::scene::BodyId;
 use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
 
@@ -25,8 +25,8 @@ pub(super) struct Rows<'a> {
 
 impl<'a> Rows<'a> {
     pub fn new(contacts: &'a [Contact], tools: &[Instrument]) -> Self {
-        let arm = |c: &Contact, who: Who| match who {
-            Who::Rigid(number) => c.point - tools[number].position,
+        let arm = |c: &Contact, who: BodyId| match who {
+            BodyId::Rigid(number) => c.point - tools[number].position,
             _ => DVec3::ZERO,
         };
         Self { contacts, arms: contacts.iter().map(|c| c.on.map(|who| arm(c, who))).collect() }
@@ -41,14 +41,14 @@ impl<'a> Rows<'a> {
     }
 
     /// Sign and place of a rigid body in a row's contact.
-    pub fn side(&self, row: usize, who: Who) -> Option<(f64, usize)> {
+    pub fn side(&self, row: usize, who: BodyId) -> Option<(f64, usize)> {
         let side = self.contacts[row / 3].on.iter().position(|on| *on == who)?;
         Some((SIGN[side], side))
     }
 
     /// Signed axis and lever of a rigid body in a row.
     pub fn of_rigid(&self, row: usize, number: usize) -> Option<(DVec3, DVec3)> {
-        let (sign, side) = self.side(row, Who::Rigid(number))?;
+        let (sign, side) = self.side(row, BodyId::Rigid(number))?;
         let axis = self.axis(row) * sign;
         Some((axis, self.arms[row / 3][side].cross(axis)))
     }
@@ -58,8 +58,8 @@ impl<'a> Rows<'a> {
         let mut nodes: Vec<u32> = self
             .contacts
             .iter()
-            .flat_map(|c| c.on.iter().zip(&c.spots))
-            .filter(|(on, _)| **on == Who::Skin(body))
+            .flat_map(|c| c.on.iter().zip(&c.surface_points))
+            .filter(|(on, _)| **on == BodyId::Deformable(body))
             .flat_map(|(_, spot)| spot.nodes())
             .collect();
         nodes.sort_unstable();
@@ -79,12 +79,14 @@ impl<'a> Rows<'a> {
         let mut sum = 0.0;
         for side in 0..2 {
             let moved = match c.on[side] {
-                Who::Rigid(number) => {
+                BodyId::Rigid(number) => {
                     let (shift, turn) = rigid(number);
                     axis.dot(shift) + self.arms[row / 3][side].cross(axis).dot(turn)
                 }
-                Who::Skin(body) => c.spots[side].0.iter().map(|(id, weight)| weight * axis.dot(node(body, *id))).sum(),
-                Who::Plane(_) | Who::Place => 0.0,
+                BodyId::Deformable(body) => {
+                    c.surface_points[side].0.iter().map(|(id, weight)| weight * axis.dot(node(body, *id))).sum()
+                }
+                BodyId::Plane(_) | BodyId::World => 0.0,
             };
             sum += SIGN[side] * moved;
         }
@@ -97,8 +99,8 @@ impl<'a> Rows<'a> {
         for (row, force) in lambda.iter().enumerate() {
             let contact = &self.contacts[row / 3];
             // both sides: the lips of a wound are of one body
-            for side in (0..2).filter(|side| contact.on[*side] == Who::Skin(body)) {
-                for (node, weight) in &contact.spots[side].0 {
+            for side in (0..2).filter(|side| contact.on[*side] == BodyId::Deformable(body)) {
+                for (node, weight) in &contact.surface_points[side].0 {
                     *sum.entry(*node).or_default() += self.axis(row) * (SIGN[side] * weight * force);
                 }
             }
@@ -119,7 +121,7 @@ impl<'a> Rows<'a> {
     }
 
     /// `W` by rows, from how nodes of a body give under each other (`between(body, a, b)`: b under a newton at a) and the rigid systems.
-    pub fn compliance(&self, between: &dyn Fn(usize, u32, u32) -> DMat3, free: &[Free]) -> Vec<f64> {
+    pub fn compliance(&self, between: &dyn Fn(usize, u32, u32) -> DMat3, free: &[UnconstrainedMotion]) -> Vec<f64> {
         let count = self.count();
         let mut w = vec![0.0; count * count];
         for i in 0..self.contacts.len() {
@@ -135,7 +137,13 @@ impl<'a> Rows<'a> {
     }
 
     /// What the rows of contact `j` do to those of `i`.
-    fn block(&self, i: usize, j: usize, between: &dyn Fn(usize, u32, u32) -> DMat3, free: &[Free]) -> [[f64; 3]; 3] {
+    fn block(
+        &self,
+        i: usize,
+        j: usize,
+        between: &dyn Fn(usize, u32, u32) -> DMat3,
+        free: &[UnconstrainedMotion],
+    ) -> [[f64; 3]; 3] {
         let (a, b) = (&self.contacts[i], &self.contacts[j]);
         let mut sum = [[0.0; 3]; 3];
         let mut whole = [0.0; 3]; // what the sides give each for itself
@@ -145,7 +153,7 @@ impl<'a> Rows<'a> {
             }
             let sign = SIGN[s] * SIGN[t];
             match a.on[s] {
-                Who::Rigid(number) => {
+                BodyId::Rigid(number) => {
                     let f = &free[number];
                     for (m, n) in (0..9).map(|n| (n / 3, n % 3)) {
                         let (p, q) = (self.arms[i][s].cross(a.axes[m]), self.arms[j][t].cross(b.axes[n]));
@@ -153,10 +161,10 @@ impl<'a> Rows<'a> {
                         sum[m][n] += sign * (f.compliance * a.axes[m].dot(b.axes[n]) + turned);
                     }
                 }
-                Who::Skin(body) => {
+                BodyId::Deformable(body) => {
                     let mut give = DMat3::ZERO;
-                    for (p, here) in &a.spots[s].0 {
-                        for (q, there) in &b.spots[t].0 {
+                    for (p, here) in &a.surface_points[s].0 {
+                        for (q, there) in &b.surface_points[t].0 {
                             give += between(body, *p, *q) * (here * there);
                         }
                     }
@@ -165,7 +173,7 @@ impl<'a> Rows<'a> {
                         whole[m] += if m == n && s == t { b.axes[n].dot(give * a.axes[m]) } else { 0.0 };
                     }
                 }
-                Who::Plane(_) | Who::Place => {}
+                BodyId::Plane(_) | BodyId::World => {}
             }
         }
         if i == j && a.on[0] == a.on[1] {
@@ -175,7 +183,7 @@ impl<'a> Rows<'a> {
     }
 
     /// A rigid body's own part of `W`.
-    pub fn rigid_part(&self, i: usize, j: usize, number: usize, free: &Free) -> f64 {
+    pub fn rigid_part(&self, i: usize, j: usize, number: usize, free: &UnconstrainedMotion) -> f64 {
         match (self.of_rigid(i, number), self.of_rigid(j, number)) {
             (Some((a, p)), Some((b, q))) => free.compliance * a.dot(b) + p.dot(free.angular_compliance * q),
             _ => 0.0,

@@ -5,7 +5,7 @@ use crate::backend::{Needs, Snapshot};
 use crate::error::{Error, Result};
 use crate::mesh::Grid;
 use crate::model::{Model, turned};
-use crate::scene::{Attachment, Correction, Scene, Start, Who};
+use crate::scene::{Attachment, BodyId, Correction, Scene, Start};
 
 /// Right-hand sides that a deformable body's backend keeps.
 pub(super) fn slots(scene: &Scene) -> usize {
@@ -38,7 +38,7 @@ pub fn needs(scene: &Scene, model: &Model) -> Needs {
         return Needs::default();
     };
     let exact = contact.correction == Correction::Exact;
-    let tied = |a: &&Attachment| a.body == model.body || a.to == Who::Skin(model.body);
+    let tied = |a: &&Attachment| a.body == model.body || a.to == BodyId::Deformable(model.body);
     let ties: usize = scene.attachments.iter().filter(tied).map(|a| 3 * tied_nodes(scene, model, a)).sum();
     Needs {
         contact: true,

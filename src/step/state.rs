@@ -11,7 +11,7 @@ use crate::haptic::Reduced;
 use crate::instrument::Motion;
 use crate::kernels::cut::Hit;
 use crate::math::V4;
-use crate::scene::{Scene, Who};
+use crate::scene::{BodyId, Scene};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -27,7 +27,7 @@ pub struct State {
     held: incise::Held,
     fronts: incise::Fronts,
     depths: BTreeMap<(usize, usize, usize), f64>,
-    last_forces: BTreeMap<([Who; 2], usize), DVec3>,
+    last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
 }
 
 impl State {

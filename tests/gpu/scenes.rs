@@ -4,7 +4,7 @@ use super::Failure;
 use super::states::{SCENES, goes_on};
 use cutis::backend::Snapshot;
 use cutis::gpu::Gpu;
-use cutis::scene::{Element, Law, Preconditioner, ProbeKind, Who, read};
+use cutis::scene::{BodyId, Element, Law, Preconditioner, ProbeKind, read};
 use cutis::step::{Place, Simulation};
 use std::path::Path;
 use std::sync::Arc;
@@ -39,7 +39,7 @@ fn forces(place: &Place) -> Result<Vec<f64>, Failure> {
     scene.solver.tolerance = 1e-5;
     // the two lowest blocks: each body compiles its kernels, which takes SwiftShader half a minute
     scene.skins.truncate(2);
-    scene.probes.retain(|p| matches!(p.kind, ProbeKind::Force { on: Who::Skin(body), .. } if body < 2));
+    scene.probes.retain(|p| matches!(p.kind, ProbeKind::Force { on: BodyId::Deformable(body), .. } if body < 2));
     let mut simulation = Simulation::new(&scene, place)?;
     let mut last = vec![];
     for _ in 0..STEPS {
@@ -148,7 +148,7 @@ fn pressed(place: &Place, law: Law) -> Result<f64, Failure> {
     let mut force = 0.0;
     for _ in 0..SINKING {
         let step = simulation.step(false)?;
-        force = step.contact.force(Who::Skin(0), None).length();
+        force = step.contact.force(BodyId::Deformable(0), None).length();
     }
     Ok(force)
 }

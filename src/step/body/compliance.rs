@@ -169,7 +169,7 @@ impl Compliance {
     }
 
     /// How node `b` gives under one newton at `a`, m/N; both have been prepared.
-    pub fn between(&self, a: u32, b: u32) -> DMat3 {
+    pub fn block(&self, a: u32, b: u32) -> DMat3 {
         self.known.get(&a).and_then(|k| k.towards.get(&b)).copied().unwrap_or(DMat3::ZERO)
     }
 }
@@ -208,15 +208,15 @@ impl AtRest {
         self.known.prepare(backend.as_mut(), nodes, EXACT, most, report)
     }
 
-    /// As [`Compliance::between`].
-    pub fn between(&self, a: u32, b: u32) -> DMat3 {
-        self.known.between(a, b)
+    /// As [`Compliance::block`].
+    pub fn block(&self, a: u32, b: u32) -> DMat3 {
+        self.known.block(a, b)
     }
 }
 
 impl Body {
     /// Has how these nodes give; returns the inverse blocks of `A` that the uncoupled correction takes for it.
-    pub(in crate::step) fn give(
+    pub(in crate::step) fn prepare_compliance(
         &mut self,
         law: &scene::Contact,
         nodes: &[u32],

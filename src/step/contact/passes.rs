@@ -152,7 +152,7 @@ impl Problem<'_> {
     }
 
     /// A pass that ended with violations `found` under `lambda`, and the forces that the laws ask for there by the model `W`.
-    fn judge(&self, lambda: Vec<f64>, found: Vec<f64>) -> Pass {
+    fn evaluate(&self, lambda: Vec<f64>, found: Vec<f64>) -> Pass {
         let without_force = self.without_force(&found, &lambda);
         let mut next = lambda.clone();
         let solved = self.solve(&without_force, &mut next);
@@ -168,14 +168,14 @@ impl Problem<'_> {
 impl Simulation {
     /// Forces, correction, passes: until one more would change the forces by less than the tolerance. Where passes are used up, the best of
     /// them counts. Returns its forces and the violations under them.
-    pub(super) fn close(
+    pub(super) fn iterate(
         &mut self,
         problem: &mut Problem,
         mut lambda: Vec<f64>,
         report: &mut StepReport,
     ) -> Result<(Vec<f64>, Vec<f64>)> {
         let law = problem.law;
-        let mut tied = problem.laws.iter().any(|law| matches!(law, Law::Hold { .. }));
+        let mut tied = problem.laws.iter().any(|law| matches!(law, Law::Bilateral { .. }));
         problem.solve(&problem.violation, &mut lambda);
         let mut last = (vec![0.0; lambda.len()], problem.violation.clone(), 0.0);
         let mut best: Option<Pass> = None;
@@ -191,16 +191,16 @@ impl Simulation {
             problem.seen.push(Seen { s, y: less(&found, &last.1), noise });
             last = (lambda.clone(), found.clone(), share);
             problem.learn();
-            let mut pass = problem.judge(lambda, found);
+            let mut pass = problem.evaluate(lambda, found);
             if !pass.solved {
                 // what was seen from pass to pass need not be a compliance together
                 problem.seen.clear();
                 problem.learn();
-                pass = problem.judge(pass.lambda, pass.found);
+                pass = problem.evaluate(pass.lambda, pass.found);
             }
             let slow = pass.size > SLOW * before;
             if (pass.size > law.tolerance && slow || !pass.solved) && self.renew(problem, &pass.lambda, report)? {
-                pass = problem.judge(pass.lambda, pass.found);
+                pass = problem.evaluate(pass.lambda, pass.found);
             }
             before = pass.size;
             let felt = !problem.enough(1.0).holds(&pass.residual, &pass.lambda);
