@@ -134,6 +134,7 @@ impl Model {
     pub fn new(scene: &Scene, body: usize) -> Result<Self> {
         let skin = &scene.skins[body];
         let grid = Grid::new(skin);
+        // limits of uniform bindings and of 32-bit indices
         if skin.layers.len() > MAX_LAYERS {
             return Err(Error::TooLarge {
                 what: "the layers' element matrices".into(),
@@ -161,6 +162,7 @@ impl Model {
                 fix: "use fewer cells".into(),
             });
         }
+        // what the law and the mass do not go with
         let for_bricks = match scene.solver.preconditioner {
             Preconditioner::Multigrid => Some("multigrid"),
             Preconditioner::Direct => Some("the direct solver"),
@@ -179,6 +181,7 @@ impl Model {
                 fix: "take a lumped or uniform mass".into(),
             });
         }
+        // one element matrix per layer: all its cells are alike
         let mut shape = vec![];
         let mut stiffness = vec![];
         for (index, layer) in skin.layers.iter().enumerate() {
@@ -191,6 +194,7 @@ impl Model {
             };
             stiffness.push(element::stiffness(h, layer.young, layer.poisson, element));
         }
+        // masses of the nodes: an eighth of each cell at its corners, or the same everywhere
         let params = grid.params::<f64>();
         let count = grid.node_count();
         let mut free = vec![[1.0, 1.0, 1.0, 0.0]; count];
@@ -204,6 +208,7 @@ impl Model {
             let each = free.iter().map(|f| f[3]).sum::<f64>() / count as f64;
             free.iter_mut().for_each(|f| f[3] = each);
         }
+        // Dirichlet conditions: mask of free axes, and the prescribed displacement of the others
         let mut held = vec![[0.0; 3]; count];
         for boundary in scene.boundaries.iter().filter(|b| b.body == body) {
             for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
@@ -218,11 +223,13 @@ impl Model {
             Law::Springs { stiffness, damping } => Some(Springs::new(&grid, stiffness, damping)),
             Law::Fem { .. } | Law::NeoHookean => None,
         };
+        // room for the nodes that a cut duplicates
         free.resize(count + extra_columns * grid.nodes[2], [0.0; 4]);
         let inside = |region: &Region| (0..count).filter(|n| grid.contains(region, *n)).map(|n| n as u32).collect();
         let anchors = Anchors::new(&anchors, |anchor| inside(&anchor.region));
         let step = Step::new(scene, skin);
         let in_system = anchors.all_in_system(rate(&step), &free);
+        // coarse levels of the V-cycle
         let solved = |by| !step.explicit() && scene.solver.preconditioner == by;
         let multigrid = solved(Preconditioner::Multigrid).then(|| Multigrid {
             largest: levels::largest(&stiffness).max(if skin.mass == Mass::Consistent { levels::OF_MASS } else { 1.0 }),

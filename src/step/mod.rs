@@ -302,6 +302,7 @@ impl Simulation {
         self.step_number += 1;
         self.time = self.step_number as f64 * h;
         let mut report = StepReport { time: self.time, ..StepReport::default() };
+        // loads are set where they have changed; checked steps keep the state at their start
         let changed = |t: &f64| *t <= begin && *t > begin - h;
         let loaded = self.step_number == 1 || self.load_changes.iter().any(changed);
         let refined = self.scene.solver.refinements > 0;
@@ -313,6 +314,7 @@ impl Simulation {
             }
             before.push(if check || refined { Some(body.backend.snapshot()?) } else { None });
         }
+        // unconstrained motion of the rigid bodies, contacts at the step's start
         let free: Vec<UnconstrainedMotion> = self.tools.iter().map(|t| t.unconstrained_motion(self.time, h)).collect();
         self.hands_are_finite(&free)?;
         let contacts = match self.scene.contact {
@@ -322,6 +324,7 @@ impl Simulation {
         for body in &mut self.bodies {
             body.backend.begin()?;
         }
+        // free motion and contact; once more without warm starts where that leaves the numbers
         let old = self.tools.clone();
         let mut solved = self.solve(contacts, &free, false, &mut report)?;
         if self.lost(&solved).is_some() {
@@ -329,6 +332,7 @@ impl Simulation {
         }
         let Resolved { free: mut ended, forces, contact_forces } = solved;
         self.last_forces = contact_forces;
+        // the bodies take the step over; checked ones are verified in f64
         let cuts = self.edges_meet_skin(&report.contact.contacts);
         for (number, (body, before)) in self.bodies.iter_mut().zip(before).enumerate() {
             if let Some(before) = before {
@@ -341,6 +345,7 @@ impl Simulation {
             report.warn("tangent_indefinite", work.indefinite);
         }
         self.note_solves(&ended, &mut report);
+        // what the edges swept is cut; then the probes
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {
             self.incise(&old, cuts, &mut report)?;
         }

@@ -80,6 +80,7 @@ impl GpuBackend {
         gpu.making("probe of sums");
         let compensated = u32::from(keeps_what_sums_lose(&mut made)?);
         let params = Params { slot_count: slots as u32, compensated, ..model.params::<f32>() };
+        // state and constant arrays of the law
         gpu.making("state");
         let main = made.params(&params);
         let vec = |v: &[V4<f64>]| v.iter().map(|a| a.map(|c| c as f32)).collect::<Vec<_>>();
@@ -92,12 +93,14 @@ impl GpuBackend {
         let masses = anchored.as_ref().map_or(&free, |a| &a.masses).clone();
         let law = Law::new(&mut made, model)?;
         let mut neo = Neo::new(&mut made, model, &u, params)?;
+        // blocks of the preconditioner; those of nodes that are not in use stay untouched
         gpu.making("columns");
         let block = made.vec4("block", if explicit { 0 } else { n * 4 })?;
         let of_grid = model.grid.node_count();
         gpu.write(&block, of_grid as u64 * 64, &in_use::untouched(if explicit { 0 } else { n - of_grid }));
         gpu.making("solver");
         let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
+        // the conjugate gradients, bound to these arrays by name
         let own = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
         let arrays = law.shared.joined(&Arrays::of(&own));
         let arrays = neo.iter().fold(arrays, |all, neo| all.joined(&neo.arrays));
@@ -107,6 +110,7 @@ impl GpuBackend {
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
         };
+        // dispatches of a step's begin: rotations, forces, right-hand side, blocks and factors, coarse levels
         let mut begin = explicit::elastic(&gpu, &law, &arrays, &main, ahead.as_ref())?;
         let mean_v = law.consistent.as_ref().map_or(&v, |[_, mean_v]| mean_v);
         begin
@@ -119,11 +123,13 @@ impl GpuBackend {
             begin.push((of_main(&factor::SOURCE, &[])?, over_columns(&params)));
         }
         begin.extend(solver.refresh.iter().cloned());
+        // integration of the free motion alone, or with the correction
         let single = made.params(&Params { slot_count: 1, ..params });
         let integrate =
             |params: &Buffer| arrays.bind(&gpu, &integrate::SOURCE, &[("params", params), ("x", &solver.x)]);
         let integrate = [integrate(&single)?, integrate(&main)?];
         gpu.making("exchange with the host");
+        // exchange with the host: picked values, values put by index, bounds of tiles, swept quads
         let picked = n.min(needs.near.max(PICKED)) * slots;
         let pick = Pick::new(&mut made, picked, [&solver.x, &u, &f])?;
         let most = n.max(model.grid.cell_count()).max(law.springs);
@@ -140,6 +146,7 @@ impl GpuBackend {
         };
         let node_blocks = needs.node_blocks.then(|| own_blocks(&mut made)).transpose()?;
         gpu.making("cut");
+        // duplication of nodes comes last: it knows which arrays there are
         let split = Split::new(&mut made, model, &law.shared, &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
         let bytes = made.bytes;
         gpu.sound()?; // what memory does not hold is told before anything runs

@@ -65,6 +65,7 @@ impl Solver {
         if model.step.explicit() {
             return Self::explicit(made, body, params, main);
         }
+        // vectors and partial sums of the conjugate gradients
         let slots = params.slot_count as usize;
         let n = params.node_count as usize;
         let groups = |threads: usize| threads.div_ceil(GROUP as usize) * slots;
@@ -84,12 +85,14 @@ impl Solver {
         let vectors = Arrays::of(&[x.clone(), r.clone(), p?, s?, z.clone(), w?, requests.clone()]);
         let arrays = body.joined(&shared).joined(&vectors);
         let gpu = made.gpu;
+        // levels of the V-cycle, and what refreshes them at each step
         let mut levels = vec![];
         let shared = shared.joined(&Arrays::of(&body.get("split").into_iter().collect::<Vec<_>>()));
         if let Some(multigrid) = &model.multigrid {
             levels = make_levels(made, multigrid, arrays.clone(), &shared, params, main)?;
         }
         let refresh = refresh(gpu, &levels)?;
+        // dispatches of one iteration: product, step length, update, preconditioner
         let mut iteration = |made: &mut Maker, params: Params<f32>, main: &Buffer| -> Result<Vec<Dispatch>> {
             let bind = |source: &Source, threads: usize| -> Result<Dispatch> {
                 Ok((arrays.bind(gpu, source, &[("params", main)])?, threads))
@@ -110,6 +113,7 @@ impl Solver {
             }
             Ok(out)
         };
+        // all slots together, and the correction's slot alone
         let all = iteration(made, params, main)?;
         let correction = if with_correction {
             let params = Params { first_slot: CORRECTION as u32, ..params };

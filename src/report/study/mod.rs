@@ -140,6 +140,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
             fix: "give the scene a `[skin]` or a `[[block]]`, and a `[[probe]]`".into(),
         });
     }
+    // the settings to run, and the reference that their errors are against
     let axes = Axes::new(scene, options.gpu.as_ref());
     let first = if options.quick { quick(scene) } else { own(scene) };
     let variants = if options.quick { axes.star(&first) } else { axes.all(&first) };
@@ -164,6 +165,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         cost: [0.0; 2],
         progress,
     };
+    // what cannot be run is refused before anything takes time
     if let Some(Place::Gpu(text)) = &options.gpu {
         Gpu::open(text.as_deref())?; // no adapter, no study
     }
@@ -177,6 +179,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         let fix = format!("give [study] a quick_grid with which twice as fine a grid has {QUICK_CELLS:.0} at most");
         return Err(Error::Usage { what, fix });
     }
+    // all runs that the rows need, each once, and the repetitions; their costs weigh the progress
     let settings = variants.iter().flat_map(|s| runs.needed(s));
     let mut wanted: Vec<(Setting, bool)> = vec![];
     for run in settings.chain((!known).then(|| (reference.clone(), true))) {
@@ -189,6 +192,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
     wanted.extend(again.map(|setting| (setting.clone(), false)));
     runs.count[1] = wanted.len();
     runs.cost[1] = wanted.iter().map(|(setting, exactly)| runs.cost_of(setting, *exactly)).sum();
+    // the reference itself: known values, or the finest run
     let course = match known {
         true => vec![scene.study.known.iter().map(|(_, value)| *value).collect()],
         false => runs.whole(&reference, "the reference")?.samples,
@@ -206,6 +210,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         step: first.step,
         own_ms: None,
     };
+    // a row per setting; the files are written after each, so that a killed study leaves what it has
     for setting in &variants {
         if options.quick && start.elapsed() > QUICK_BEGIN {
             study.left_out += 1;
@@ -217,6 +222,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         }
         study.write(&first, &options.out)?;
     }
+    // repetitions keep the fastest time of each
     for _ in 1..options.repeats {
         for row in &mut study.rows {
             row.trace.keep_faster(&runs.run(&row.setting, false)?);

@@ -182,15 +182,18 @@ impl Simulation {
         let mut before = f64::INFINITY;
         let pass = loop {
             report.contact.passes += 1;
+            // correction by the whole bodies, as fine as the change of the forces asks for
             let s = less(&lambda, &last.0);
             let change = norm(&s) / norm(&lambda).max(f64::MIN_POSITIVE);
             let share = law.tolerance * (FINE * change).clamp(FINEST, 1.0);
             let moved = self.correct(problem, &lambda, share, report)?;
             let found = problem.after(&lambda, &moved);
+            // what it has shown of the compliance
             let noise = (share + last.2) * norm(&less(&found, &problem.violation));
             problem.seen.push(Seen { s, y: less(&found, &last.1), noise });
             last = (lambda.clone(), found.clone(), share);
             problem.learn();
+            // forces that the laws ask for there
             let mut pass = problem.evaluate(lambda, found);
             if !pass.solved {
                 // what was seen from pass to pass need not be a compliance together
@@ -198,11 +201,13 @@ impl Simulation {
                 problem.learn();
                 pass = problem.evaluate(pass.lambda, pass.found);
             }
+            // aged columns are solved anew where passes close in slowly
             let slow = pass.size > SLOW * before;
             if (pass.size > law.tolerance && slow || !pass.solved) && self.renew(problem, &pass.lambda, report)? {
                 pass = problem.evaluate(pass.lambda, pass.found);
             }
             before = pass.size;
+            // the end: nothing more to change, or nothing that can be felt
             let felt = !problem.enough(1.0).holds(&pass.residual, &pass.lambda);
             // one pass more for what is tied: its gap is what the changes of the forces leave, and nothing else closes it
             let closed = pass.size <= law.tolerance && !std::mem::take(&mut tied);
@@ -213,6 +218,7 @@ impl Simulation {
             if best.as_ref().is_none_or(|best| pass.residual.energy < best.residual.energy) {
                 best = Some(pass);
             }
+            // used up: the best pass counts
             if let Some(best) = best.take_if(|_| report.contact.passes >= law.max_passes) {
                 report.warn(
                     "contact_passes_exhausted",
