@@ -6,6 +6,7 @@
 //! then renamed over it; tables are flushed in whole lines.
 
 use crate::error::{Error, Result};
+use serde::{Deserialize, Serialize};
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufRead as _, BufReader, BufWriter, Write as _};
@@ -212,43 +213,98 @@ pub struct Table {
     column_count: usize,
     row_count: usize,
     line: String,
+    kept: TableMark,
+}
+
+/// How far a table has come: its bytes and their checksum.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct TableMark {
+    bytes: u64,
+    sum: u64,
+}
+
+impl TableMark {
+    const NONE: Self = Self { bytes: 0, sum: checksum(&[]) };
+
+    fn and(self, more: &[u8]) -> Self {
+        Self { bytes: self.bytes + more.len() as u64, sum: checksum_on(self.sum, more) }
+    }
+}
+
+/// FNV-1a, 64 bits. Source: Fowler, Noll, Vo 1991.
+pub(crate) const fn checksum(bytes: &[u8]) -> u64 {
+    checksum_on(0xcbf2_9ce4_8422_2325, bytes)
+}
+
+const fn checksum_on(mut sum: u64, bytes: &[u8]) -> u64 {
+    let mut at = 0;
+    while at < bytes.len() {
+        sum = (sum ^ bytes[at] as u64).wrapping_mul(0x0100_0000_01b3);
+        at += 1;
+    }
+    sum
 }
 
 impl Table {
     /// Puts a file with the column names, with units in them, at `path`: never one without, whenever the program is killed.
     pub fn create(path: &Path, columns: &[&str]) -> Result<Self> {
-        replace(path, (columns.join(",") + "\n").as_bytes())?;
+        let header = columns.join(",") + "\n";
+        replace(path, header.as_bytes())?;
         let opened = File::options().append(true).open(path);
         let file = BufWriter::new(opened.map_err(|source| Error::Write { path: path.to_owned(), source })?);
-        Ok(Self { path: path.to_owned(), file, column_count: columns.len(), row_count: 0, line: String::new() })
+        Ok(Self {
+            path: path.to_owned(),
+            file,
+            column_count: columns.len(),
+            row_count: 0,
+            line: String::new(),
+            kept: TableMark::NONE.and(header.as_bytes()),
+        })
     }
 
-    /// Goes on with the first `bytes` of a table that [`Table::create`] has made; what comes after them goes.
+    /// Whether a file begins with what a table of these columns had written then.
     ///
     /// # Errors
-    /// [`Error::TableUnfit`] for a table of other columns or one that is shorter.
-    pub fn reopen(path: &Path, columns: &[&str], bytes: u64) -> Result<Self> {
-        let failed = |source| Error::Write { path: path.to_owned(), source };
+    /// [`Error::TableUnfit`] for one that does not.
+    pub fn verify(path: &Path, columns: &[&str], kept: TableMark) -> Result<()> {
         let unfit = |what| Err(Error::TableUnfit { path: path.to_owned(), what });
-        let mut header = String::new();
         let Ok(opened) = File::open(path) else { return unfit("cannot be opened") };
-        BufReader::new(opened).read_line(&mut header).map_err(failed)?;
+        let (mut file, mut found, mut header) = (BufReader::new(opened), TableMark::NONE, String::new());
+        let failed = |source| Error::Write { path: path.to_owned(), source };
+        file.read_line(&mut header).map_err(failed)?;
         if header.trim_end() != columns.join(",") {
             return unfit("has other columns than the scene asks for");
         }
-        let opened = File::options().write(true).open(path).map_err(failed)?;
-        if opened.metadata().map_err(failed)?.len() < bytes {
-            return unfit("is shorter than when the checkpoint was written");
+        found = found.and(header.as_bytes());
+        while found.bytes < kept.bytes {
+            let block = file.fill_buf().map_err(failed)?;
+            let used = block.len().min((kept.bytes - found.bytes) as usize);
+            if used == 0 {
+                return unfit("is shorter than when the checkpoint was written");
+            }
+            found = found.and(&block[..used]);
+            file.consume(used);
         }
-        opened.set_len(bytes).map_err(failed)?;
-        let file = BufWriter::new(File::options().append(true).open(path).map_err(failed)?);
-        Ok(Self { path: path.to_owned(), file, column_count: columns.len(), row_count: 0, line: String::new() })
+        if found == kept { Ok(()) } else { unfit("is of another run than the checkpoint") }
     }
 
-    /// Bytes of the file, all of its rows handed to the system.
-    pub fn length(&mut self) -> Result<u64> {
+    /// Goes on with what a table had written then; what comes after it goes.
+    ///
+    /// # Errors
+    /// As [`Table::verify`], and when the file cannot be written.
+    pub fn reopen(path: &Path, columns: &[&str], kept: TableMark) -> Result<Self> {
+        Self::verify(path, columns, kept)?;
+        let failed = |source| Error::Write { path: path.to_owned(), source };
+        let opened = File::options().write(true).open(path).map_err(failed)?;
+        opened.set_len(kept.bytes).map_err(failed)?;
+        let file = BufWriter::new(File::options().append(true).open(path).map_err(failed)?);
+        Ok(Self { path: path.to_owned(), file, column_count: columns.len(), row_count: 0, line: String::new(), kept })
+    }
+
+    /// How far it has come, all of its rows handed to the system.
+    pub fn kept(&mut self) -> Result<TableMark> {
         self.flush()?;
-        Ok(self.file.get_ref().metadata().map_err(|source| self.error(source))?.len())
+        Ok(self.kept)
     }
 
     /// Adds a row, one value per column. Lines reach the file whole: each is handed to the buffer
@@ -265,6 +321,7 @@ impl Table {
             write!(self.line, "{comma}{}", shortest(value + 0.0)).expect("a String takes any text");
         }
         self.line.push('\n');
+        self.kept = self.kept.and(self.line.as_bytes());
         self.row_count += 1;
         let written = self.file.write_all(self.line.as_bytes());
         let flushed = match self.row_count.is_multiple_of(ROWS_PER_FLUSH) {

@@ -79,7 +79,18 @@ fn a_device_of_ones_own_moves_the_tool_and_is_pushed() {
     assert!(most > 1e-3 && most <= 2.0, "{most} N");
     assert_eq!(ticks, given.lock().expect("nobody panics").len() as u32);
     own.stop(&mut |_, _| Ok(())).expect("it closes");
-    assert!(given.lock().expect("nobody panics").last().is_some_and(|last| last.is_nan()), "it was not closed");
+    let closed = || given.lock().expect("nobody panics").iter().filter(|force| force.is_nan()).count();
+    assert_eq!(closed(), 1);
+    let said = own.step(false, &mut |_, _| Ok(())).expect_err("its devices are gone").to_string();
+    assert!(said.contains("was stopped"), "{said}");
+    own.stop(&mut |_, _| Ok(())).expect("it is closed");
+    drop(own);
+    assert_eq!(closed(), 1, "once");
+    let (mut dropped, given) = held(&scene, Clock::Scene);
+    dropped.step(false, &mut |_, _| Ok(())).expect("it runs");
+    assert!(dropped.start(false).is_err(), "it has begun");
+    drop(dropped);
+    assert!(given.lock().expect("nobody panics").last().is_some_and(|last| last.is_nan()), "a dropped run lets go");
 }
 
 #[test]

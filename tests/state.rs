@@ -69,3 +69,27 @@ fn a_scene_may_change_while_it_runs() {
     assert!(said.contains("a step of another length"), "{said}");
     assert!((settled(&mut running) / held - 1.0).abs() < 1e-2, "what was refused has changed something");
 }
+
+#[test]
+fn a_load_begins_at_its_step_whatever_the_step() {
+    let mut scene = scene("skin_block");
+    (scene.skins[0].cells, scene.time.step, scene.time.substeps) = ([4, 4], 2e-3, 3);
+    scene.loads.iter_mut().for_each(|load| load.start = 0.1);
+    let mut running = simulation(&scene, &Place::Cpu64);
+    let last = |running: &mut Simulation, count| steps(running, count).pop().map_or(0.0, |step| step.probes[0].abs());
+    let before = last(&mut running, 50);
+    assert!(last(&mut running, 5) > 10.0 * before.max(1e-9), "nothing presses at 0.11 s");
+}
+
+#[test]
+fn a_state_of_the_start_is_one_too() {
+    let mut scene = scene("dental_probe");
+    scene.skins[0].velocity = [0.0, 0.0, 0.5];
+    let mut running = simulation(&scene, &Place::Cpu64);
+    let start = running.state().expect("no device fails");
+    let reports = steps(&mut running, 3);
+    let wanted = text(&reports, &mut running);
+    running.restore(&start).expect("it is its own");
+    let reports = steps(&mut running, 3);
+    assert!(text(&reports, &mut running) == wanted);
+}

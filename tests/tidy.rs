@@ -324,19 +324,20 @@ fn no_files_take_names_from_each_other_in_a_circle() {
 #[test]
 fn a_circle_of_files_is_noticed() {
     let file = |name: &str, text: &str| (name.to_string(), text.to_string());
-    let root = file("src/lib.rs", "pub mod a;\npub mod b;\n");
-    let list = |a: &str, b: &str| circles::circles(&[root.clone(), file("src/a.rs", a), file("src/b/mod.rs", b)]);
-    assert!(list("use crate::b::B;\npub struct A;\n", "pub struct B;\n").is_empty());
-    assert_eq!(list("use crate::b::B;\npub struct A;\n", "pub struct B;\nfn f() -> crate::a::A {}\n").len(), 1);
-    // through a name that a third module passes on
+    let root = file("src/m/mod.rs", "pub mod a;\npub mod b;\n");
+    let list = |a: &str, b: &str| circles::circles(&[root.clone(), file("src/m/a.rs", a), file("src/m/b/mod.rs", b)]);
+    assert!(list("use super::b::B;\npub struct A;\n", "pub struct B;\n").is_empty());
+    assert_eq!(list("use super::b::B;\npub struct A;\n", "pub struct B;\nfn f() -> crate::m::a::A {}\n").len(), 1);
+    // through a name that a third module passes on, and through what is under a module
     let passed = [
-        file("src/lib.rs", "pub mod a;\npub mod c;\n"),
-        file("src/a.rs", "use crate::c::{self, D};\npub struct A(D);\n"),
+        file("src/m/mod.rs", "pub mod a;\npub mod c;\n"),
+        file("src/m/a.rs", "use crate::m::c::{self, D};\npub struct A(D);\n"),
     ];
     let third = |d: &str| {
-        let files = [&passed[..], &[file("src/c/mod.rs", "mod d;\npub use d::D;\n"), file("src/c/d.rs", d)]].concat();
+        let files =
+            [&passed[..], &[file("src/m/c/mod.rs", "mod d;\npub use d::D;\n"), file("src/m/c/d.rs", d)]].concat();
         circles::circles(&files)
     };
     assert!(third("pub struct D;\n").is_empty());
-    assert_eq!(third("pub struct D;\nuse crate::{\n    a::A,\n};\n").len(), 1);
+    assert_eq!(third("pub struct D;\nuse crate::m::{\n    a::A,\n};\n").len(), 1);
 }

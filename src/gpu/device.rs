@@ -196,7 +196,8 @@ impl Gpu {
     }
 
     /// The caller's own device, for a program that draws or computes on it too. Its errors go to who has opened it; that it was lost is
-    /// told at the next reading. It needs core WebGPU limits, and is timed where it has `TIMESTAMP_QUERY`.
+    /// told at the next reading. It needs core WebGPU limits, and is timed where it has `TIMESTAMP_QUERY`, all simulations on it together. A
+    /// map callback of the caller's may run while this waits, and must not ask it for anything.
     ///
     /// # Errors
     /// [`Error::Device`] for a device whose limits are below core WebGPU's.

@@ -3,12 +3,14 @@
 //! ```text
 //! "cutis checkpoint" · version u32 · bytes u64 · checksum u64 · the bytes: a Checkpoint in postcard's format; little-endian
 //! ```
-//! A resumed run ends with the tables, files and report (but for what the clock says) of one that was never interrupted.
+//! A resumed run ends with the tables, files and report (but for what the clock says) of one that was never interrupted, if it has the same
+//! options, `--steps` among them: pictures are spread over all steps, and the last one is checked in f64. A GPU gives the same bits on the same
+//! adapter only.
 
 use super::collect::Collected;
 use super::files::{CHECKPOINT, Written};
 use crate::error::{Error, Result};
-use crate::output::replace;
+use crate::output::{TableMark, checksum, replace};
 use crate::runner;
 use crate::scene::Scene;
 use crate::step::Place;
@@ -29,8 +31,8 @@ pub(super) struct Checkpoint {
     pub runner: runner::State,
     pub collected: Collected,
     pub files: Written,
-    /// Bytes of `haptic.csv`; none without hands.
-    pub ticks: Option<u64>,
+    /// How far `haptic.csv` has come; none without hands.
+    pub ticks: Option<TableMark>,
     /// Probes of the last step.
     pub last: Vec<f64>,
 }
@@ -44,11 +46,6 @@ pub(super) struct Identity {
     scene: u64,
     /// `cpu f64`, `cpu f32` or `gpu f32`.
     place: String,
-}
-
-/// FNV-1a, 64 bits. Source: Fowler, Noll, Vo 1991.
-fn checksum(bytes: &[u8]) -> u64 {
-    bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| (hash ^ u64::from(*byte)).wrapping_mul(0x0100_0000_01b3))
 }
 
 /// What a run's checkpoints are of.

@@ -12,7 +12,7 @@ use super::frames::{self, SkinSurface};
 use crate::backend::Snapshot;
 use crate::error::{Error, Result};
 use crate::mesh::Surface;
-use crate::output::{Field, Series, Table, replace, write_hexes, write_triangles};
+use crate::output::{Field, Series, Table, TableMark, replace, write_hexes, write_triangles};
 use crate::scene::Scene;
 use crate::step::{Simulation, StepReport};
 use serde::{Deserialize, Serialize};
@@ -34,8 +34,7 @@ pub(super) struct Folder {
 /// How far the files of a run have come.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Written {
-    /// Bytes of `probes.csv`.
-    probes: u64,
+    probes: TableMark,
     /// Pictures.
     frames: u32,
     /// Lines of the `.pvd` files.
@@ -102,6 +101,13 @@ impl Folder {
         })
     }
 
+    /// Whether a folder is that of the run that has written this.
+    pub fn verify(path: &Path, scene: &Scene, written: &Written) -> Result<()> {
+        let columns = columns(scene);
+        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+        Table::verify(&path.join("probes.csv"), &columns, written.probes)
+    }
+
     /// Goes on in the folder of a run; what it wrote later goes.
     pub fn reopen(path: &Path, scene: &Scene, written: &Written) -> Result<Self> {
         let columns = columns(scene);
@@ -123,7 +129,7 @@ impl Folder {
     /// What was written so far, all of it handed to the system.
     pub fn written(&mut self) -> Result<Written> {
         Ok(Written {
-            probes: self.probes.length()?,
+            probes: self.probes.kept()?,
             frames: self.frame_count,
             volume: self.volume.entries().into(),
             surface: self.surface.entries().into(),

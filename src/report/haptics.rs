@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::haptic::replay::Row;
 use crate::haptic::servo::Record;
 use crate::haptic::thread::Timing;
-use crate::output::Table;
+use crate::output::{Table, TableMark};
 use crate::runner::HapticCounts;
 use crate::scene::Scene;
 use rtrb::Consumer;
@@ -54,14 +54,20 @@ impl HapticFiles {
         })
     }
 
-    /// Goes on with the first `bytes` of the `haptic.csv` of a folder.
-    pub fn reopen(folder: &Path, bytes: u64) -> Result<Self> {
-        Ok(Self { ticks: Some(Table::reopen(&folder.join("haptic.csv"), &COLUMNS, bytes)?), recordings: vec![] })
+    /// Whether the `haptic.csv` of a folder is the one that had come so far.
+    pub fn verify(folder: &Path, kept: Option<TableMark>) -> Result<()> {
+        kept.map_or(Ok(()), |kept| Table::verify(&folder.join("haptic.csv"), &COLUMNS, kept))
     }
 
-    /// Bytes of `haptic.csv` so far, all of them handed to the system; none without one.
-    pub fn length(&mut self) -> Result<Option<u64>> {
-        self.ticks.as_mut().map(Table::length).transpose()
+    /// Goes on with the `haptic.csv` of a folder.
+    pub fn reopen(folder: &Path, kept: Option<TableMark>) -> Result<Self> {
+        let reopened = kept.map(|kept| Table::reopen(&folder.join("haptic.csv"), &COLUMNS, kept));
+        Ok(Self { ticks: reopened.transpose()?, recordings: vec![] })
+    }
+
+    /// How far `haptic.csv` has come, all of it handed to the system; none without one.
+    pub fn kept(&mut self) -> Result<Option<TableMark>> {
+        self.ticks.as_mut().map(Table::kept).transpose()
     }
 
     /// One tick of a tool: places and forces in the scene.

@@ -136,24 +136,29 @@ fn run_from(
 ) -> Result<Summary> {
     let steps = options.steps.unwrap_or(scene.time.steps());
     let clock = if options.realtime { Clock::Wall } else { Clock::Scene };
-    let mut running = Running {
-        scene,
-        options,
-        folder: match &resumed {
-            None => Folder::create(&options.out, scene)?,
-            Some(checkpoint) => Folder::reopen(&options.out, scene, &checkpoint.files)?,
-        },
-        collector: Collector::new(scene, &simulation),
-        runner: Runner::new(scene, simulation, clock),
-        haptic: HapticFiles::default(),
-        last: vec![],
+    let mut collector = Collector::new(scene, &simulation);
+    let mut runner = Runner::new(scene, simulation, clock);
+    let (folder, haptic, last) = match resumed {
+        None => {
+            let folder = Folder::create(&options.out, scene)?;
+            let rows = runner.start(options.record)?;
+            let haptic = match runner.haptic() {
+                Some(_) => HapticFiles::create(&options.out, scene, rows)?,
+                None => HapticFiles::default(),
+            };
+            (folder, haptic, vec![])
+        }
+        Some(checkpoint) => {
+            // no file is touched before all of them are known to be this run's, and the run is where it was
+            Folder::verify(&options.out, scene, &checkpoint.files)?;
+            HapticFiles::verify(&options.out, checkpoint.ticks)?;
+            runner.restore(&checkpoint.runner)?;
+            collector.resume(checkpoint.collected);
+            let folder = Folder::reopen(&options.out, scene, &checkpoint.files)?;
+            (folder, HapticFiles::reopen(&options.out, checkpoint.ticks)?, checkpoint.last)
+        }
     };
-    let rows = running.runner.start(options.record)?;
-    match resumed {
-        Some(checkpoint) => running.resume(checkpoint)?,
-        None if running.runner.haptic().is_some() => running.haptic = HapticFiles::create(&options.out, scene, rows)?,
-        None => {}
-    }
+    let mut running = Running { scene, options, folder, collector, runner, haptic, last };
     let report = match running.all_steps(steps, progress) {
         Ok(report) => report,
         Err(error) => {
@@ -192,6 +197,11 @@ impl Running<'_> {
         if done == 0 && !self.runner.simulation.bodies.is_empty() {
             let state = self.runner.simulation.snapshots()?;
             self.collector.began(&self.runner.simulation.measure(&state));
+        }
+        if done > 0 {
+            // what the first part has left there may be of a later step, or of its end
+            let report = self.report();
+            self.folder.write_report(&report)?;
         }
         let frames = u64::from(self.scene.view.frames.min(steps));
         // picture k of F shows the end of step k·steps/F, rounded up
@@ -267,19 +277,8 @@ impl Running<'_> {
             runner: self.runner.state()?,
             collected: self.collector.collected(),
             files: self.folder.written()?,
-            ticks: self.haptic.length()?,
+            ticks: self.haptic.kept()?,
             last: self.last.clone(),
         })
-    }
-
-    /// Goes to where a checkpoint was written.
-    fn resume(&mut self, checkpoint: Checkpoint) -> Result<()> {
-        if let Some(bytes) = checkpoint.ticks {
-            self.haptic = HapticFiles::reopen(&self.options.out, bytes)?;
-        }
-        self.runner.restore(&checkpoint.runner)?;
-        self.collector.resume(checkpoint.collected);
-        self.last = checkpoint.last;
-        Ok(())
     }
 }

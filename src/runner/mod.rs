@@ -70,6 +70,7 @@ pub struct Runner {
     steps: u32,
     attached: BTreeMap<usize, Box<dyn Device>>,
     records: bool,
+    stopped: bool,
     hands: Hands,
 }
 
@@ -106,6 +107,7 @@ impl Runner {
             steps: 0,
             attached: BTreeMap::new(),
             records: false,
+            stopped: false,
             hands: Hands::Waiting,
         }
     }
@@ -133,8 +135,11 @@ impl Runner {
     /// comes in the rings returned, by the number of its tool: rows of a trajectory with forces.
     ///
     /// # Errors
-    /// When a device cannot be had, or no thread for it.
+    /// When a device cannot be had, or no thread for it; the run is then made anew. Once the run has begun.
     pub fn start(&mut self, record: bool) -> Result<Vec<(usize, Consumer<Row>)>> {
+        if !matches!(self.hands, Hands::Waiting) {
+            return Err(Error::Usage { what: "a run is started that has begun".into(), fix: "make a new one".into() });
+        }
         let live = self.clock == Clock::Wall;
         let mut rows = vec![];
         let attached = std::mem::take(&mut self.attached);
@@ -160,6 +165,10 @@ impl Runner {
     pub fn step(&mut self, check: bool, on_tick: OnTick) -> Result<Step> {
         if matches!(self.hands, Hands::Waiting) {
             self.start(false)?;
+        }
+        if self.stopped {
+            let what = "a step is asked of a run that was stopped, whose devices are gone".into();
+            return Err(Error::Usage { what, fix: "make a new one; its state may be this one's".into() });
         }
         let [begin, end] = [self.steps, self.steps + 1].map(|n| f64::from(n) * self.scene.time.step);
         match &mut self.hands {
@@ -191,8 +200,9 @@ impl Runner {
     /// # Errors
     /// As [`Runner::state`], and for a state of another scene.
     pub fn restore(&mut self, state: &State) -> Result<()> {
-        self.scene_clock()?.restore(&state.hands)?;
+        self.scene_clock()?.fits(&state.hands)?;
         self.simulation.restore(&state.simulation)?;
+        self.scene_clock()?.restore(&state.hands);
         self.steps = state.steps;
         Ok(())
     }
@@ -232,6 +242,7 @@ impl Runner {
     /// # Errors
     /// When a device was not closed as it should, or its thread has ended before.
     pub fn stop(&mut self, on_tick: OnTick) -> Result<()> {
+        self.stopped = true;
         match &mut self.hands {
             Hands::Waiting => Ok(()),
             Hands::Scene(clock) => clock.close(),

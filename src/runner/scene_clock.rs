@@ -20,6 +20,14 @@ pub(super) struct SceneClock {
     channels: Vec<(Channel, Problem)>,
     rate: f64,
     tick_number: u64,
+    closed: bool,
+}
+
+impl Drop for SceneClock {
+    /// A run that fails lets its devices go as well; its own error is what is told.
+    fn drop(&mut self) {
+        drop(self.close());
+    }
 }
 
 /// Where the haptic side is between two steps.
@@ -40,7 +48,7 @@ impl SceneClock {
     /// Devices that rest at their hands.
     pub fn new(rate: f64, channels: Vec<Channel>) -> Self {
         let channels = channels.into_iter().map(|channel| (channel, Problem::default())).collect();
-        Self { channels, rate, tick_number: 0 }
+        Self { channels, rate, tick_number: 0, closed: false }
     }
 
     /// Takes the last step's contact problems and ticks until `end`, s; then the tools go where the devices are.
@@ -86,24 +94,28 @@ impl SceneClock {
         State { channels: self.channels.iter().map(of).collect(), tick_number: self.tick_number }
     }
 
-    /// Goes there.
-    pub fn restore(&mut self, state: &State) -> Result<()> {
+    /// Whether a state is of as many devices.
+    pub fn fits(&self, state: &State) -> Result<()> {
         let (found, wanted) = (state.channels.len(), self.channels.len());
-        if found != wanted {
-            return Err(Error::StateUnfit { what: "devices", found, wanted });
-        }
+        if found == wanted { Ok(()) } else { Err(Error::StateUnfit { what: "devices", found, wanted }) }
+    }
+
+    /// Goes there.
+    pub fn restore(&mut self, state: &State) {
         for ((channel, problem), from) in self.channels.iter_mut().zip(&state.channels) {
             channel.servo.clone_from(&from.servo);
             channel.device.restore(&from.device);
             problem.clone_from(&from.problem);
         }
         self.tick_number = state.tick_number;
-        Ok(())
     }
 
-    /// Lets the devices go, all of them; the first failure is told.
+    /// Lets the devices go, all of them, once; the first failure is told.
     pub fn close(&mut self) -> Result<()> {
         let mut closed = Ok(());
+        if std::mem::replace(&mut self.closed, true) {
+            return closed;
+        }
         for (channel, _) in &mut self.channels {
             closed = closed.and(channel.device.close());
         }

@@ -3,12 +3,13 @@
 mod compliance;
 mod measured;
 mod refine;
+mod start;
 
-pub use compliance::{COLUMNS, Compliance, most_nodes};
+pub use compliance::Compliance;
 pub use measured::Measured;
+pub use start::{needs, start};
 
 use super::StepReport;
-use super::start::{check_step, needs, slots, start};
 use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
 use crate::collide::broad::Boxes;
 use crate::collide::lips::Lips;
@@ -24,6 +25,7 @@ use crate::model::{Model, Solved, residual};
 use crate::scene::{Scene, Solver};
 use compliance::AtRest;
 use glam::DVec3;
+use start::{check_step, slots};
 use std::sync::Arc;
 
 /// See the module.

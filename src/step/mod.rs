@@ -15,12 +15,10 @@ mod find;
 mod finite;
 mod incise;
 mod rows;
-mod start;
 mod state;
 
-pub use body::{Body, Measured};
+pub use body::{Body, Measured, needs, start};
 pub use contact::ContactReport;
-pub use start::{needs, start};
 pub use state::State;
 
 use crate::backend::{Device, Snapshot};
@@ -303,7 +301,9 @@ impl Simulation {
         self.time = self.step_number as f64 * h;
         let mut report = StepReport { time: self.time, ..StepReport::default() };
         // loads are set where they have changed; checked steps keep the state at their start
-        let changed = |t: &f64| *t <= begin && *t > begin - h;
+        // the begin of the step before as that step had it: begin − h rounds otherwise
+        let before_that = (self.step_number as f64 - 2.0) * h;
+        let changed = |t: &f64| *t <= begin && *t > before_that;
         let loaded = self.step_number == 1 || self.load_changes.iter().any(changed);
         let refined = self.scene.solver.refinements > 0;
         let mut before = vec![];

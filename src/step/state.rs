@@ -93,9 +93,8 @@ impl Simulation {
                 body.tied = tied;
             }
             self.bodies[number].restore(from, slots)?;
-            if state.step_number > 0 {
-                self.bodies[number].first_motion = 0.0;
-            }
+            let first = if state.step_number > 0 { 0.0 } else { self.step_size() };
+            self.bodies[number].first_motion = DVec3::from_array(self.scene.skins[number].velocity).length() * first;
         }
         self.tools.iter_mut().zip(&state.tools).for_each(|(tool, motion)| tool.set_motion(*motion));
         self.step_number = state.step_number;
@@ -114,7 +113,7 @@ impl Simulation {
     ///
     /// # Errors
     /// As [`Simulation::new`], [`Error::StateUnfit`] where the bodies are others, [`Error::Usage`] for another step; the simulation is then as
-    /// it was.
+    /// it was, unless a device has run out of memory: for a while it holds both.
     pub fn change(&mut self, change: impl FnOnce(&mut Scene)) -> Result<()> {
         let mut scene = self.scene.clone();
         change(&mut scene);

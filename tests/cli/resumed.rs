@@ -151,7 +151,7 @@ fn refused(work: &Work, arguments: &[&str], says: &str) -> Outcome {
     let said = work
         .cutis(&[&["run", "scene.toml", "--backend", "cpu", "--resume", "out/checkpoint.bin"], arguments].concat())?;
     ensure!(said.code == 2 && said.err.contains(says), "{arguments:?}: {}: {} without \"{says}\"", said.code, said.err);
-    ensure!(said.err.contains("checkpoint.bin") || said.err.contains("probes.csv"), "{}", said.err);
+    ensure!(["checkpoint.bin", "probes.csv", "haptic.csv"].iter().any(|name| said.err.contains(name)), "{}", said.err);
     ensure!(work.read("out/probes.csv")? == before, "what was refused has written");
     Ok(())
 }
@@ -175,6 +175,24 @@ fn a_checkpoint_that_does_not_fit_is_refused() -> Outcome {
     let elsewhere = ["run", "scene.toml", "--backend", "cpu", "--resume", "out/checkpoint.bin", "--out", "other"];
     let said = work.cutis(&elsewhere)?;
     ensure!(said.code == 2 && said.err.contains("resume in the folder of the run"), "{}: {}", said.code, said.err);
+    // in the folder of another run, whose tables have the same columns
+    let scene_there = scene.replace("young_kpa = 100.0", "young_kpa = 50.0");
+    work.write("other.toml", &scene_there)?;
+    ensure!(work.cutis(&["run", "other.toml", "--backend", "cpu", "--out", "other"])?.code == 0, "it runs");
+    let there = left(&work.path("other"))?;
+    let said = work.cutis(&elsewhere)?;
+    ensure!(
+        said.code == 2 && said.err.contains("is of another run than the checkpoint"),
+        "{}: {}",
+        said.code,
+        said.err
+    );
+    ensure!(left(&work.path("other"))? == there, "another run's results were changed");
+    // nothing is touched where one of the tables does not fit
+    let ticks = work.read("out/haptic.csv")?;
+    work.write("out/haptic.csv", &ticks[..ticks.len() / 2])?;
+    refused(&work, &[], "")?;
+    work.write("out/haptic.csv", &ticks)?;
     let table = work.read("out/probes.csv")?;
     work.write("out/probes.csv", &table[..table.len() / 2])?;
     refused(&work, &[], "is shorter than when the checkpoint was written")?;

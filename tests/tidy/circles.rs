@@ -163,21 +163,23 @@ pub fn circles(files: &[(String, String)]) -> Vec<Vec<String>> {
         let children = names.iter().filter(below).filter_map(|name| name.last().cloned()).collect();
         modules.insert(own.clone(), read(&own, file, text, children));
     }
-    let mut edges: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-    for module in modules.values() {
-        let named = module.uses.values().chain(&module.paths).filter_map(|path| home(&modules, path, 8));
-        let own = module_of(&module.file);
-        let apart = |file: &String| {
-            let other = module_of(file);
-            !other.starts_with(&own) && !own.starts_with(&other)
-        };
-        let others = named.filter(apart);
-        edges.entry(module.file.clone()).or_default().extend(others);
+    // between siblings: each module with all that is under it, by what tells their files apart first
+    let mut edges: BTreeMap<Vec<String>, BTreeMap<Vec<String>, String>> = BTreeMap::new();
+    for (own, module) in &modules {
+        for file in module.uses.values().chain(&module.paths).filter_map(|path| home(&modules, path, 8)) {
+            let other = module_of(&file);
+            let common = own.iter().zip(&other).take_while(|(a, b)| a == b).count();
+            // those of the top have an order of their own, which another rule keeps
+            if common > 0 && common < own.len() && common < other.len() {
+                let said = format!("{} → {file}", module.file);
+                edges.entry(own[..=common].to_vec()).or_default().entry(other[..=common].to_vec()).or_insert(said);
+            }
+        }
     }
-    let reach = |from: &String| {
+    let reach = |from: &Vec<String>| {
         let (mut seen, mut next) = (BTreeSet::new(), vec![from.clone()]);
-        while let Some(file) = next.pop() {
-            for other in edges.get(&file).into_iter().flatten() {
+        while let Some(module) = next.pop() {
+            for other in edges.get(&module).into_iter().flat_map(BTreeMap::keys) {
                 if seen.insert(other.clone()) {
                     next.push(other.clone());
                 }
@@ -185,21 +187,18 @@ pub fn circles(files: &[(String, String)]) -> Vec<Vec<String>> {
         }
         seen
     };
-    let reached: BTreeMap<&String, BTreeSet<String>> = edges.keys().map(|file| (file, reach(file))).collect();
-    let mut out: Vec<Vec<String>> = vec![];
-    for file in edges.keys().filter(|file| reached[file].contains(*file)) {
-        let circle = || edges.keys().filter(|other| reached[file].contains(*other) && reached[other].contains(file));
-        if !out.iter().flatten().any(|known| known == file) {
-            out.push(circle().cloned().collect());
+    let reached: BTreeMap<&Vec<String>, BTreeSet<Vec<String>>> = edges.keys().map(|m| (m, reach(m))).collect();
+    let mut out: Vec<Vec<Vec<String>>> = vec![];
+    for module in edges.keys().filter(|module| reached[module].contains(*module)) {
+        let both = |other: &&Vec<String>| reached[module].contains(*other) && reached[other].contains(module);
+        if !out.iter().flatten().any(|known| known == module) {
+            out.push(edges.keys().filter(both).cloned().collect());
         }
     }
     out.iter()
         .map(|circle| {
-            let ties = |file: &String| {
-                let others = edges[file].iter().filter(|other| circle.contains(other)).cloned().collect::<Vec<_>>();
-                format!("{file} → {}", others.join(", "))
-            };
-            circle.iter().map(ties).collect()
+            let ties = circle.iter().flat_map(|module| &edges[module]).filter(|(other, _)| circle.contains(other));
+            ties.map(|(_, said)| said.clone()).collect()
         })
         .collect()
 }

@@ -1,6 +1,6 @@
 //! What a scene asks of a backend, and the state that it starts from.
 
-use super::body;
+use super::compliance::{COLUMNS, most_nodes};
 use crate::backend::{Needs, Snapshot};
 use crate::error::{Error, Result};
 use crate::mesh::Grid;
@@ -10,7 +10,7 @@ use crate::scene::{Attachment, BodyId, Correction, Scene, Start};
 /// Right-hand sides that a deformable body's backend keeps.
 pub(super) fn slots(scene: &Scene) -> usize {
     let exact = scene.contact.is_some_and(|contact| contact.correction == Correction::Exact);
-    let columns = if exact { body::COLUMNS } else { 0 };
+    let columns = if exact { COLUMNS } else { 0 };
     Needs { contact: scene.contact.is_some(), columns, ..Needs::default() }.slots()
 }
 
@@ -42,8 +42,8 @@ pub fn needs(scene: &Scene, model: &Model) -> Needs {
     let ties: usize = scene.attachments.iter().filter(tied).map(|a| 3 * tied_nodes(scene, model, a)).sum();
     Needs {
         contact: true,
-        columns: if exact { body::COLUMNS } else { 0 },
-        near: body::most_nodes(contact.max_contacts) + ties,
+        columns: if exact { COLUMNS } else { 0 },
+        near: most_nodes(contact.max_contacts) + ties,
         cutting: scene.tools.iter().any(|t| t.blade.is_some()),
         node_blocks: contact.correction == Correction::Uncoupled,
     }
