@@ -7,6 +7,7 @@
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
+use std::borrow::Borrow;
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufRead as _, BufReader, BufWriter, Write as _};
@@ -247,7 +248,7 @@ const fn checksum_on(mut sum: u64, bytes: &[u8]) -> u64 {
 
 impl Table {
     /// Puts a file with the column names, with units in them, at `path`: never one without, whenever the program is killed.
-    pub fn create(path: &Path, columns: &[&str]) -> Result<Self> {
+    pub fn create(path: &Path, columns: &[impl Borrow<str>]) -> Result<Self> {
         let header = columns.join(",") + "\n";
         replace(path, header.as_bytes())?;
         let opened = File::options().append(true).open(path);
@@ -266,7 +267,7 @@ impl Table {
     ///
     /// # Errors
     /// [`Error::TableUnfit`] for one that does not.
-    pub fn verify(path: &Path, columns: &[&str], kept: TableMark) -> Result<()> {
+    pub fn verify(path: &Path, columns: &[impl Borrow<str>], kept: TableMark) -> Result<()> {
         let unfit = |what| Err(Error::TableUnfit { path: path.to_owned(), what });
         let Ok(opened) = File::open(path) else { return unfit("cannot be opened") };
         let (mut file, mut found, mut header) = (BufReader::new(opened), TableMark::NONE, String::new());
@@ -288,12 +289,11 @@ impl Table {
         if found == kept { Ok(()) } else { unfit("is of another run than the checkpoint") }
     }
 
-    /// Goes on with what a table had written then; what comes after it goes.
+    /// Goes on with what a table had written then, as [`Table::verify`] has found it; what comes after it goes.
     ///
     /// # Errors
-    /// As [`Table::verify`], and when the file cannot be written.
-    pub fn reopen(path: &Path, columns: &[&str], kept: TableMark) -> Result<Self> {
-        Self::verify(path, columns, kept)?;
+    /// When the file cannot be written.
+    pub fn reopen(path: &Path, columns: &[impl Borrow<str>], kept: TableMark) -> Result<Self> {
         let failed = |source| Error::Write { path: path.to_owned(), source };
         let opened = File::options().write(true).open(path).map_err(failed)?;
         opened.set_len(kept.bytes).map_err(failed)?;

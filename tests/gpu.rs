@@ -33,6 +33,7 @@ mod twins;
 
 use cutis::gpu::{Adapter, Gpu, adapters};
 use cutis::kernels;
+use cutis::step::Place;
 use libtest_mimic::{Arguments, Trial};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -53,6 +54,12 @@ impl From<cutis::error::Error> for Failure {
     fn from(error: cutis::error::Error) -> Self {
         Self(error.to_string())
     }
+}
+
+/// This very device, for a simulation.
+fn place(gpu: &Gpu) -> Place {
+    let a = &gpu.adapter;
+    Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)))
 }
 
 /// Prints what a test measured, under `--nocapture`.

@@ -89,10 +89,8 @@ impl Folder {
     pub fn create(path: &Path, scene: &Scene) -> Result<Self> {
         create(path)?;
         remove_old(path);
-        let columns = columns(scene);
-        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
         Ok(Self {
-            probes: Table::create(&path.join("probes.csv"), &columns)?,
+            probes: Table::create(&path.join("probes.csv"), &columns(scene))?,
             contact: scene.contact.is_some(),
             volume: Series::new(path.join("volume.pvd")),
             surface: Series::new(path.join("surface.pvd")),
@@ -103,17 +101,13 @@ impl Folder {
 
     /// Whether a folder is that of the run that has written this.
     pub fn verify(path: &Path, scene: &Scene, written: &Written) -> Result<()> {
-        let columns = columns(scene);
-        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
-        Table::verify(&path.join("probes.csv"), &columns, written.probes)
+        Table::verify(&path.join("probes.csv"), &columns(scene), written.probes)
     }
 
     /// Goes on in the folder of a run; what it wrote later goes.
     pub fn reopen(path: &Path, scene: &Scene, written: &Written) -> Result<Self> {
-        let columns = columns(scene);
-        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
         let mut folder = Self {
-            probes: Table::reopen(&path.join("probes.csv"), &columns, written.probes)?,
+            probes: Table::reopen(&path.join("probes.csv"), &columns(scene), written.probes)?,
             contact: scene.contact.is_some(),
             volume: Series::new(path.join("volume.pvd")),
             surface: Series::new(path.join("surface.pvd")),

@@ -1,6 +1,6 @@
 //! Steps a scene to its end and writes what happened.
 
-use super::checkpoint::{self, Checkpoint};
+use super::checkpoint::{self, Checkpoint, Identity};
 use super::collect::Collector;
 use super::files::Folder;
 use super::haptics::{self, HapticFiles};
@@ -158,7 +158,8 @@ fn run_from(
             (folder, HapticFiles::reopen(&options.out, checkpoint.ticks)?, checkpoint.last)
         }
     };
-    let mut running = Running { scene, options, folder, collector, runner, haptic, last };
+    let identity = checkpoint::identity(scene, &options.place);
+    let mut running = Running { scene, options, identity, folder, collector, runner, haptic, last };
     let report = match running.all_steps(steps, progress) {
         Ok(report) => report,
         Err(error) => {
@@ -183,6 +184,8 @@ fn run_from(
 struct Running<'a> {
     scene: &'a Scene,
     options: &'a Options,
+    /// What its checkpoints are of.
+    identity: Identity,
     runner: Runner,
     folder: Folder,
     haptic: HapticFiles,
@@ -273,7 +276,7 @@ impl Running<'_> {
     /// All that the rest of the run depends on. Rows of tables are handed to the system before they are counted.
     fn checkpoint(&mut self) -> Result<Checkpoint> {
         Ok(Checkpoint {
-            identity: checkpoint::identity(self.scene, &self.options.place),
+            identity: self.identity.clone(),
             runner: self.runner.state()?,
             collected: self.collector.collected(),
             files: self.folder.written()?,

@@ -122,6 +122,11 @@ impl Located {
     }
 }
 
+/// How far a body may move in the first step by the velocity that it starts with, m.
+pub(super) fn first_motion(scene: &Scene, number: usize) -> f64 {
+    DVec3::from_array(scene.skins[number].velocity).length() * scene.time.part()
+}
+
 impl Body {
     /// Puts a scene's deformable body of that number on a device; none for the CPU path, in f64 or, if `single`, f32.
     ///
@@ -158,7 +163,7 @@ impl Body {
             backend,
             boxes: Boxes::new(&model.grid, &model.params()),
             travel: 0.0,
-            first_motion: DVec3::from_array(skin.velocity).length() * part,
+            first_motion: first_motion(scene, number),
             fall,
             loaded: false,
             looseness,

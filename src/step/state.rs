@@ -3,7 +3,7 @@
 //! The wound is kept as the hits that made it: cutting the uncut body with them again gives the same nodes in the same order. Columns of
 //! the compliance are kept, though they are solved for: they have aged by the steps since, and how many passes a step takes depends on it.
 
-use super::body::{Body, Compliance};
+use super::body::{Body, Compliance, first_motion};
 use super::{Simulation, incise};
 use crate::backend::{CORRECTION, FREE, Vector};
 use crate::error::{Error, Result};
@@ -28,13 +28,6 @@ pub struct State {
     fronts: incise::Fronts,
     depths: BTreeMap<(usize, usize, usize), f64>,
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
-}
-
-impl State {
-    /// Parts of steps that were done.
-    pub fn step_number(&self) -> u64 {
-        self.step_number
-    }
 }
 
 /// State of a deformable body.
@@ -93,8 +86,8 @@ impl Simulation {
                 body.tied = tied;
             }
             self.bodies[number].restore(from, slots)?;
-            let first = if state.step_number > 0 { 0.0 } else { self.step_size() };
-            self.bodies[number].first_motion = DVec3::from_array(self.scene.skins[number].velocity).length() * first;
+            let begun = state.step_number > 0;
+            self.bodies[number].first_motion = if begun { 0.0 } else { first_motion(&self.scene, number) };
         }
         self.tools.iter_mut().zip(&state.tools).for_each(|(tool, motion)| tool.set_motion(*motion));
         self.step_number = state.step_number;

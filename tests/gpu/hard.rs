@@ -2,14 +2,9 @@
 
 use super::forms::{hard, passes, report_of};
 use super::long::{PRECISIONS, case, difference_over, measured};
-use super::{Failure, Test, report};
+use super::{Failure, Test, place, report};
 use cutis::gpu::Gpu;
 use cutis::step::{Place, Simulation};
-
-fn place(gpu: &Gpu) -> Place {
-    let a = &gpu.adapter;
-    Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)))
-}
 
 /// One test a scene, `hard_NAME`, and those of this file.
 pub fn tests() -> Vec<(String, Test)> {

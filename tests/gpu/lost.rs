@@ -1,11 +1,11 @@
 //! A device that is taken away while a scene runs, memory that is used up, and the work that a run hands over beside what `inspect` says.
 
-use super::Failure;
+use super::{Failure, place};
 use cutis::error::Error;
 use cutis::gpu::{Gpu, Handle, Work};
 use cutis::report::{inspect, run};
 use cutis::scene::{Preconditioner, Scene, read};
-use cutis::step::{Place, Simulation};
+use cutis::step::Simulation;
 use std::path::{Path, PathBuf};
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
@@ -38,10 +38,6 @@ fn small(name: &str) -> Result<Scene, Failure> {
     scene.checks.clear();
     (scene.view.frames, scene.view.size) = (10, [32, 24]);
     Ok(scene)
-}
-
-fn place(gpu: &Gpu) -> Place {
-    Place::Gpu(Some(format!("{} {} {}", gpu.adapter.name, gpu.adapter.backend, gpu.adapter.driver)))
 }
 
 /// A folder of its own, removed at the end.

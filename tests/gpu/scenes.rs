@@ -1,7 +1,7 @@
 //! Whole scenes of several bodies on the GPU, beside the CPU path in f64.
 
-use super::Failure;
 use super::states::{SCENES, goes_on};
+use super::{Failure, place};
 use cutis::backend::Snapshot;
 use cutis::gpu::Gpu;
 use cutis::scene::{BodyId, Element, Law, Preconditioner, ProbeKind, read};
@@ -27,11 +27,6 @@ const APART: f64 = 2e-3;
 
 /// Steps of the sphere into the skin.
 const SINKING: u32 = 7;
-
-fn place(gpu: &Gpu) -> Place {
-    let a = &gpu.adapter;
-    Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)))
-}
 
 fn forces(place: &Place) -> Result<Vec<f64>, Failure> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/stack_five_soft.toml");

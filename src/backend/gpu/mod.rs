@@ -19,7 +19,7 @@ use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{GROUP, Params, blocks, cut::Hit, factor, integrate, rhs};
 use crate::linear::Outcome;
-use crate::math::{V3, V4};
+use crate::math::{V3, V4, round};
 use crate::model::Model;
 use anchors::Anchored;
 use arrays::{Arrays, Body, Bounds, Cutting, Dispatch, Law, Maker, axes, keeps_what_sums_lose};
@@ -83,12 +83,11 @@ impl GpuBackend {
         // state and constant arrays of the law
         gpu.making("state");
         let main = made.params(&params);
-        let vec = |v: &[V4<f64>]| v.iter().map(|a| a.map(|c| c as f32)).collect::<Vec<_>>();
-        let (u, v) = (made.of("u", &vec(&start.u))?, made.of("v", &vec(&start.v))?);
+        let (u, v) = (made.of("u", &rounded(&start.u))?, made.of("v", &rounded(&start.v))?);
         let explicit = model.step.explicit();
         let ahead = explicit::Ahead::new(&mut made, model, &main, &u, &v)?;
         let (f, load) = (made.vec4("f", n)?, made.vec4("load", n)?);
-        let free = made.of("free", &vec(&model.in_system()))?;
+        let free = made.of("free", &rounded(&model.in_system()))?;
         let anchored = Anchored::new(&mut made, model)?;
         let masses = anchored.as_ref().map_or(&free, |a| &a.masses).clone();
         let law = Law::new(&mut made, model)?;
@@ -247,8 +246,7 @@ impl Backend for GpuBackend {
         let batch = self.record();
         self.gpu.submit(batch); // a write comes before what is recorded after it
         let array = if which == Vector::Solution { &self.solver.x } else { &self.solver.r };
-        let rounded: Vec<V4<f32>> = values.iter().map(|v| v.map(|c| c as f32)).collect();
-        self.gpu.write(array, self.offset(slot), &rounded);
+        self.gpu.write(array, self.offset(slot), &rounded(values));
         Ok(())
     }
 
@@ -340,7 +338,6 @@ impl Backend for GpuBackend {
     fn set_state(&mut self, u: &[V4<f64>], v: &[V4<f64>], rotation: &[V4<f64>]) -> Result<()> {
         let batch = self.record();
         self.gpu.submit(batch); // a write comes before what is recorded after it
-        let rounded = |values: &[V4<f64>]| values.iter().map(|v| v.map(|c| c as f32)).collect::<Vec<_>>();
         self.gpu.write(&self.body.u, 0, &rounded(u));
         self.gpu.write(&self.body.v, 0, &rounded(v));
         // springs have their law there, which cuts alone change
@@ -375,4 +372,8 @@ impl Backend for GpuBackend {
         let all: Vec<V4<f32>> = cast(&parts[0]);
         Ok(all[slot * n..].iter().map(|v| v.map(f64::from)).collect())
     }
+}
+
+fn rounded(values: &[V4<f64>]) -> Vec<V4<f32>> {
+    values.iter().map(round).collect()
 }
