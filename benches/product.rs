@@ -2,11 +2,11 @@
 //! checked against the f64 twin before its time counts.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
+use cutis::bodies::Model;
 use cutis::gpu::{Bound, Buffer, Gpu};
 use cutis::kernels::GROUP;
 use cutis::kernels::product::{self, CellForces, LANES, cell_groups, product};
 use cutis::math::{Real, V3, V4, rotation_matrix};
-use cutis::model::Model;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -56,7 +56,7 @@ fn dense(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>]) -> Vec<V4<f64>> {
     let mut w = vec![[0.0; 4]; z.len()];
     for (cell, q) in rotation.iter().enumerate() {
         let corners = params.corners(cell);
-        let k = &model.stiffness[model.grid.layer_of[params.cell_at(cell)[2]] as usize];
+        let k = &model.hexahedra().stiffness[model.grid.layer_of[params.cell_at(cell)[2]] as usize];
         let r = rotation_matrix(*q);
         let local = corners.map(|n| (r.transpose() * V3::from4(z[n])).f64());
         for (a, node) in corners.into_iter().enumerate() {

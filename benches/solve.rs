@@ -5,9 +5,9 @@
 //! `one-percent` one part alone.
 
 use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
+use cutis::bodies::Model;
+use cutis::bodies::grid::direct::Direct;
 use cutis::gpu::Gpu;
-use cutis::linear::direct::Direct;
-use cutis::model::Model;
 use cutis::scene::{Files, Preconditioner, parse};
 use std::path::Path;
 use std::time::Instant;

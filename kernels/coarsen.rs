@@ -4,7 +4,7 @@
 //! `R K Rᵀ` with `|q|²` times the rotation matrix is `s` times the turned stiffness: `q_c = s_c^¼ Σ s_i q̂_i / |Σ s_i q̂_i|`,
 //! `s_c = Σ s_i / 4`. A cell that the finer grid does not have (odd sizes) or that is dead has `s = 0`.
 //! The coarse operator then needs no matrix of its own: one 24×24 matrix per level and layer, `Σ PᵀKP` over the four children
-//! (`model::levels`), turned and scaled per cell.
+//! (`bodies::grid::levels`), turned and scaled per cell.
 
 use super::{Params, Source};
 use crate::math::{Real, V4};

@@ -6,7 +6,7 @@
 //! own displacement is taken off first: K does not see a shift, but in f32 a body that has moved by its own length would feel `ε K u`.
 //! `K`, turned, stands for the derivative of `f` in a step. It leaves out how `R_c` changes with `u`, so a body that is strained, or
 //! pre-strained, has no initial-stress stiffness: one step is off by about the strain, and steps converge to `f` in balance.
-//! Source: Müller, Gross 2004 (corotational elements); K from `model::element`.
+//! Source: Müller, Gross 2004 (corotational elements); K from `bodies::grid::element`.
 //! Units: u m, K N/m, f N.
 
 use super::{Params, Source, corner};

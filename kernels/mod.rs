@@ -181,7 +181,7 @@ params! {
         pad_1: u32,
     }
     {
-        /// Factor of `M` in `A`: `(1 + h r_M)/h²` in implicit Euler, 1/s² (others: `model::Step`).
+        /// Factor of `M` in `A`: `(1 + h r_M)/h²` in implicit Euler, 1/s² (others: `bodies::Step`).
         inertia: real,
         /// Factor of `K` in `A`: `1 + r_K/h` in implicit Euler.
         stiffness_factor: real,

@@ -2,7 +2,7 @@
 //!
 //! `d = keep d + gain M⁻¹ (r − w)`, `z += d`, `w = A z`; with `fresh` the start is zero: `z = d = gain M⁻¹ r`. `M⁻¹` solves each z-column
 //! exactly, as `precondition` does; `w` is used up. Returns `r·z`, which the conjugate gradients need after the last step.
-//! Coefficients: `linear::multigrid`. Source: Adams, Brezina, Hu, Tuminaro 2003 (polynomial smoothing).
+//! Coefficients: `bodies::grid::multigrid`. Source: Adams, Brezina, Hu, Tuminaro 2003 (polynomial smoothing).
 //! Units: r w N; z d m.
 
 use super::blocks::unpack;

@@ -2,7 +2,7 @@
 //!
 //! Implicit Euler with Rayleigh damping in displacement increments `Δx = h v'`:
 //! `A Δx = b`, `A = (1 + h r_M)/h² M + (1 + r_K/h) K`, `b = −f + f_ext + m g + M v/h`.
-//! Newmark's trapezoids have `2 M v/h`, symplectic Euler `(1 − h r_M) M v/h`: `params.carried` (`model::Step` has their `A`).
+//! Newmark's trapezoids have `2 M v/h`, symplectic Euler `(1 − h r_M) M v/h`: `params.carried` (`bodies::Step` has their `A`).
 //! (SOFA's `EulerImplicitSolver` equations after the substitution `dv = Δx/h − v`, in which the damping terms of the right side cancel.)
 //! `load² = Σ |b|² + |f_ext + m g|²` over free axes plus `Σ |f|²` over held ones: what the step's forces amount to, also at rest.
 //! Units: f N, v m/s, free 0/1 per axis and kg, load N, b N.

@@ -18,8 +18,8 @@ mod spread;
 
 pub use blade::Resistance;
 
+use crate::bodies::rigid::{Instrument, Role};
 use crate::constraints::Law;
-use crate::instrument::{Instrument, Role};
 use crate::mesh::Quad;
 use crate::scene::{BodyId, Filter, Plane};
 use glam::DVec3;

@@ -1,7 +1,7 @@
 //! cutis: layered skin that is pressed and cut with a haptic device, on any vendor's GPU or on the CPU.
 //!
 //! This page is the architecture. The idea in nine nouns:
-//! [`Scene`](scene::Scene) (a file) → [`Grid`](mesh::Grid) → [`Model`](model::Model) (flat arrays that never change) and the state (flat
+//! [`Scene`](scene::Scene) (a file) → [`Grid`](mesh::Grid) → [`Model`](bodies::Model) (flat arrays that never change) and the state (flat
 //! arrays that change). A kernel computes one thing on arrays and exists twice: WGSL, and a Rust twin ([`kernels`]). A
 //! [`Backend`](backend::Backend) (CPU in f64 or f32, or GPU) holds the state and runs kernels. One step is written once over `Backend`
 //! ([`step`]). What is left of the skin after a step, the [`Reduced`](haptic::Reduced) contact problem, goes to the 1 kHz haptic side.
@@ -17,15 +17,15 @@
 //! # One step
 //! With displacement increments Δx = h·v' as unknowns, implicit Euler with Rayleigh damping is `A Δx = b`, `A = (1 + h r_M)/h² M + (1 +
 //! r_K/h) K`, `b = f_ext − f_int + M v/h` ([`kernels::rhs`], M lumped, uniform or consistent; springs to rest positions are part of
-//! `f_int` and `K`, [`model::Anchors`]): external forces and inertia stand in one right-hand side, nothing is lost to f32. `A` is never
-//! assembled, but by the CPU path when a scene asks for a factor of it ([`linear::direct`]).
+//! `f_int` and `K`, [`bodies::Anchors`]): external forces and inertia stand in one right-hand side, nothing is lost to f32. `A` is never
+//! assembled, but by the CPU path when a scene asks for a factor of it ([`bodies::grid::direct`]).
 //!
-//! Newmark's method and symplectic Euler are other factors in the same `A` and `b` ([`model::Step`] has them, and what each does to a
-//! vibration); the latter's `A` is diagonal, so that nothing is solved. Neo-Hookean bricks ([`model::NeoHookean`]) have a tangent of
+//! Newmark's method and symplectic Euler are other factors in the same `A` and `b` ([`bodies::Step`] has them, and what each does to a
+//! vibration); the latter's `A` is diagonal, so that nothing is solved. Neo-Hookean bricks ([`bodies::grid::Hyperelastic`]) have a tangent of
 //! their own in each cell, kept on the CPU path and taken anew in each product on a GPU, and a step is solved by Newton's method, written
 //! once for both.
 //!
-//! Bodies are grids of skin, each with its own backend, and rigid ones ([`instrument`]): tools held by a hand, and those that fall. Only
+//! Bodies are grids of skin, each with its own backend, and rigid ones ([`bodies::rigid`]): tools held by a hand, and those that fall. Only
 //! rows couple them, of contacts and of ties, between any two bodies or a body and a wall ([`collide`], [`constraints`]). Contacts are
 //! found at the step's start: a tree of boxes over tiles of each grid, refitted to what the device says that they move between
 //! ([`collide::broad`]), gives the few faces whose nodes are read back; sphere, capsule, point, line and box then have their own narrow
@@ -46,7 +46,7 @@
 //!
 //! # Solving
 //! Conjugate gradients with one reduction per iteration ([`kernels::advance`], [`kernels::update`]) around one V-cycle
-//! ([`linear::multigrid`], [`model::levels`]): x and y coarsened by two, z kept; each level and layer is one 24×24 matrix turned by its
+//! ([`bodies::grid::multigrid`], [`bodies::grid::levels`]): x and y coarsened by two, z kept; each level and layer is one 24×24 matrix turned by its
 //! children's mean rotation; z-columns solved exactly, three times, under a Chebyshev polynomial of degree 3, whose bound of the
 //! spectrum is proved cell by cell. Iterations to 10⁻³ and 10⁻⁶ of the load on any grid: 4–5 and 9–11 at ν 0.45, 8–11 and 20–24 at ν
 //! 0.49 (`benches/results`). Tried and left: degrees 1 (14 and 31 iterations at 16×16×5, ν 0.45), 2 (7 and 16) and 4 (4 and 9), which
@@ -156,15 +156,15 @@
 //! ```
 //!
 //! # Rules that hold everywhere
-//! - Imports go downward: main > cli > report > runner, output, view > step > haptic > backend > collide, cut > constraints, linear,
-//!   instrument > model > mesh, gpu > kernels, scene > error, math. Modules of one level do not import each other (a test reads this); `error` alone names the
+//! - Imports go downward: main > cli > report > runner, output, view > step > haptic > backend > collide > constraints, linear >
+//!   bodies > mesh, gpu > kernels, scene > error, math. Modules of one level do not import each other (a test reads this); `error` alone names the
 //!   errors of those above it.
 //!   `gpu` knows no physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
 //! - SI units inside; scene keys carry their unit.
 //! - The GPU keeps displacements, not positions; buffers are flat arrays of scalars, vec2 or vec4.
 //! - One writer per array slot and a fixed order of sums. The CPU path gives the same bits on every x86-64 and aarch64 machine and for any
 //!   number of threads ([`math::wide`], [`math::elementary`]); a GPU repeats its own bits, and differs from others within stated bounds. Who
-//!   is left out: the sparse factor ([`linear::direct`]), pictures and plots.
+//!   is left out: the sparse factor ([`bodies::grid::direct`]), pictures and plots.
 //! - Core WebGPU limits: 8 storage buffers a kernel, no subgroups, no f64. Sizes beyond a limit are refused with its name.
 //! - Solves stop at a residual relative to the step's load, never after a fixed count; what did not converge is counted.
 //! - Bad input is an [`Error`](error::Error) that says where, what and how to mend; a broken invariant of ours is an assertion.
@@ -173,19 +173,17 @@
 pub use wgpu;
 
 pub mod backend;
+pub mod bodies;
 pub mod collide;
 pub mod constraints;
-pub mod cut;
 pub mod error;
 pub mod gpu;
 pub mod haptic;
-pub mod instrument;
 #[path = "../kernels/mod.rs"]
 pub mod kernels;
 pub mod linear;
 pub mod math;
 pub mod mesh;
-pub mod model;
 #[cfg(feature = "program")]
 pub mod output;
 #[cfg(feature = "program")]

@@ -6,9 +6,9 @@
 mod blade;
 
 use blade::{Case, Kind};
+use cutis::bodies::rigid::Instrument;
 use cutis::collide::{Contact, Patch, Resistance, Search, contacts};
 use cutis::constraints::Law;
-use cutis::instrument::Instrument;
 use cutis::mesh::Quad;
 use cutis::scene::Filter;
 use cutis::step::Place;
@@ -33,7 +33,7 @@ fn flats(at: &[(f64, f64)], travel: f64, cell: f64) -> Vec<(Contact, DVec3)> {
     scene.tools[0].trajectory[0].position = [10e-3, 0.0, 12e-3]; // the middle of its edge at the origin
     scene.tools[0].trajectory[0].rotation = [0.0, 0.0, 0.0, 1.0];
     let mut tool = Instrument::new(&scene.tools[0], [0.0; 3]);
-    tool.samples.retain(|sample| matches!(sample.role, cutis::instrument::Role::Flat(_)));
+    tool.samples.retain(|sample| matches!(sample.role, cutis::bodies::rigid::Role::Flat(_)));
     let (quads, places) = walls(at);
     let patch = Patch::new(&quads, |node| places[node as usize]).expect("there are walls");
     let search = Search { alarm: 2e-4, distance: 0.0, friction: 0.3, filter: Filter::Points, angle_cone: 0.0 };

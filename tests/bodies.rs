@@ -62,7 +62,8 @@ fn spheres_that_collide_push_each_other_alike() {
     }
     let momentum: DVec3 = end.tools.iter().map(|t| t.velocity * t.mass).sum();
     assert!((momentum - DVec3::new(-0.001, 0.0, 0.0)).length() < 1e-15, "{momentum}");
-    let around = |t: &cutis::instrument::Instrument| t.world_inertia() * t.spin + t.position.cross(t.velocity * t.mass);
+    let around =
+        |t: &cutis::bodies::rigid::Instrument| t.world_inertia() * t.spin + t.position.cross(t.velocity * t.mass);
     let turning: DVec3 = end.tools.iter().map(around).sum();
     // 0.4 m r² spin of a, and b's flight past the origin; the gap of one alarm distance between them gives the forces an arm
     let start = 0.4 * 0.01 * 25e-6 * 9.0 + 0.03 * 0.1 * 1e-3;

@@ -1,11 +1,12 @@
 //! The broad phase against brute force: no face that is near may be missed, whatever the skin does.
 
+use cutis::bodies::rigid::Instrument;
 use cutis::collide::broad::Boxes;
 use cutis::collide::{Contact, Patch, Resistance, Search, contacts, tool_box};
-use cutis::instrument::Instrument;
 use cutis::kernels::bounds;
 use cutis::math::V4;
-use cutis::mesh::{Grid, Quad, Surface};
+use cutis::mesh::Quad;
+use cutis::mesh::{Grid, Surface};
 use cutis::scene::{Coupling, Filter, Pose, Scene, Tool, ToolMesh, read};
 use cutis::step::{Place, Simulation, StepReport};
 use glam::DVec3;
@@ -44,7 +45,8 @@ struct Skin {
 
 impl Skin {
     fn new(grid: Grid, u: Vec<V4<f64>>) -> Self {
-        let mut skin = Self { surface: Surface::new(&grid), boxes: Boxes::new(&grid, &grid.params()), grid, u };
+        let surface = Surface::new(&grid);
+        let mut skin = Self { boxes: Boxes::new(&surface), surface, grid, u };
         skin.refit();
         skin
     }
@@ -73,7 +75,7 @@ impl Skin {
 
     fn refit(&mut self) -> usize {
         let bounds = self.bounds();
-        self.boxes.refit(&self.grid, &[], &bounds)
+        self.boxes.refit(&self.surface, &bounds)
     }
 
     fn at(&self, id: u32) -> DVec3 {
@@ -82,7 +84,7 @@ impl Skin {
     }
 
     fn faces(&self, area: &Aabb) -> Vec<Quad> {
-        self.boxes.faces(&self.grid, &self.surface, area)
+        self.boxes.faces(&self.surface, area)
     }
 
     /// Every face whose own box meets the area.
@@ -233,7 +235,7 @@ fn skin_that_has_come_10_mm_is_found_where_it_is() {
     let guessed = within_reach(&skin, &area, skin.grid.heights[2]);
     assert!(contacts_with(&skin, &tool, &guessed).is_empty(), "{} faces", guessed.len());
     // and boxes that were not refitted find none
-    let stale = Boxes::new(&skin.grid, &skin.grid.params()).faces(&skin.grid, &skin.surface, &area);
+    let stale = Boxes::new(&skin.surface).faces(&skin.surface, &area);
     assert!(stale.is_empty(), "{} faces", stale.len());
 }
 

@@ -1,12 +1,12 @@
 //! Tools of points and lines on the skin: each pair of features on a configuration known by hand, the normal cones, the way out of the
 //! skin, and whole presses; each check with what it would miss.
 
+use cutis::bodies::rigid::{Instrument, UnconstrainedMotion};
 use cutis::collide::features::closest;
 use cutis::collide::features::cones::Cone;
 use cutis::collide::features::{contacts, contacts_among};
 use cutis::collide::{Contact, Patch, Search};
 use cutis::constraints::Law;
-use cutis::instrument::{Instrument, UnconstrainedMotion};
 use cutis::mesh::Quad;
 use cutis::scene::{Coupling, Filter, Lines, Pose, Scene, Tool, ToolMesh, read};
 use cutis::step::{Place, Simulation, StepReport};

@@ -1,9 +1,9 @@
 //! The lips of a wound do not pass through each other.
 
+use cutis::bodies::Model;
 use cutis::collide::lips::{contacts, faces};
 use cutis::kernels::cut::Hit;
 use cutis::mesh::Surface;
-use cutis::model::Model;
 use cutis::scene::{Files, Scene, parse};
 use cutis::step::{Place, Simulation};
 use glam::DVec3;
@@ -85,7 +85,7 @@ fn parted(axis: usize, motion: DVec3) -> (Vec<f64>, Vec<DVec3>) {
     let scene = incision(0.0);
     let model = Model::new(&scene, 0).unwrap_or_else(|e| panic!("{e}"));
     let params = model.params();
-    let mut surface = Surface::with_reserve(params);
+    let mut surface = Surface::with_reserve(&model.grid, params);
     // a whole patch of links, so that the nodes inside of it come apart
     let at = |u: usize, v: usize| {
         let mut cell = [5, 5, 1];

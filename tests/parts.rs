@@ -1,6 +1,8 @@
 //! Nodes that a cut splits: whose cells they are, what they weigh, and that products and blocks are those of the cells.
 
-use cutis::cut::Wound;
+use cutis::bodies::Model;
+use cutis::bodies::Wound;
+use cutis::bodies::grid::levels::largest;
 use cutis::kernels::blocks::{Block, blocks, pack, unpack};
 use cutis::kernels::cut::Hit;
 use cutis::kernels::factor::factor;
@@ -8,8 +10,6 @@ use cutis::kernels::precondition::precondition;
 use cutis::kernels::product::{LANES, cell_groups, product};
 use cutis::kernels::split_product::split_product;
 use cutis::math::{M3, V3, V4, rotation_matrix};
-use cutis::model::Model;
-use cutis::model::levels::largest;
 use cutis::scene::{Files, Mass, parse};
 use proptest::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -41,7 +41,7 @@ fn body(mass: Mass, reserve: usize) -> Model {
     let mut scene = scene;
     scene.skins[0].mass = mass;
     let mut model = Model::new(&scene, 0).unwrap_or_else(|e| panic!("{e}"));
-    model.extra_columns = reserve;
+    model.hexahedra_mut().extra_columns = reserve;
     model.free.resize(model.node_count(), [0.0; 4]);
     for (k, free) in model.free.iter_mut().take(model.grid.node_count()).enumerate() {
         free[k % 3] *= if k % 7 == 0 { 0.0 } else { 1.0 };
@@ -388,7 +388,7 @@ fn still(mut model: Model) -> Model {
 #[test]
 fn the_bound_of_the_smoother_holds_on_cut_bodies() {
     let model = still(body(Mass::Lumped, ENOUGH));
-    let bound = largest(&model.stiffness);
+    let bound = largest(&model.hexahedra().stiffness);
     let mut next = random(17);
     let scattered: Vec<u32> = (0..80).map(|_| (0.5 * (next() + 1.0) * f64::from(LINKS)) as u32).collect();
     let both: Vec<u32> = [plane(&model, 0, 1), plane(&model, 2, 1), plane(&model, 1, 0)].concat();

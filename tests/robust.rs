@@ -7,8 +7,8 @@ mod crumbs;
 
 use crumbs::{CAP, at_rest, block, needs, quad, random};
 use cutis::backend::{Backend, CpuBackend, FREE, Snapshot, Target, Wanted};
-use cutis::cut::Wound;
-use cutis::model::{Model, Solved, true_residual};
+use cutis::bodies::Wound;
+use cutis::bodies::{Model, Solved, true_residual};
 use std::collections::BTreeSet;
 
 const SWEEPS: usize = 10_000;
@@ -90,7 +90,7 @@ impl Run {
 
 /// Links between face neighbours: number, both cells.
 fn links(model: &Model) -> Vec<[usize; 3]> {
-    let all = cutis::backend::links(&model.params());
+    let all = cutis::bodies::grid::links(&model.params());
     let both = all.into_iter().enumerate().filter(|(_, [a, b])| a != b);
     both.map(|(link, [a, b])| [link, a as usize, b as usize]).collect()
 }
@@ -155,7 +155,11 @@ fn measured(run: &Run) {
     if std::env::var_os("CUTIS_MEASURED").is_some() {
         println!(
             "{} columns: {:?}, {} pieces, {} iterations at most, true residual {:.2e}",
-            run.model.extra_columns, run.wound.totals, run.pieces, run.iterations, run.residual
+            run.model.hexahedra().extra_columns,
+            run.wound.totals,
+            run.pieces,
+            run.iterations,
+            run.residual
         );
     }
 }

@@ -502,7 +502,7 @@ fn direct_is_for_bricks() {
     // the command line can ask for it after the scene was read
     let mut scene = parsed(SMALL).expect("SMALL is valid");
     scene.solver.preconditioner = Preconditioner::Direct;
-    let error = cutis::model::Model::new(&scene, 0).expect_err("springs");
+    let error = cutis::bodies::Model::new(&scene, 0).expect_err("springs");
     says(
         &error.to_string(),
         "the direct solver is for bricks; this skin is of springs; take the preconditioner column",
@@ -681,7 +681,7 @@ fn a_body_starts_in_a_shape_that_is_known() {
 fn boundaries_turn_what_they_hold() {
     let turned = parsed(&FULL.replace("axes = \"xz\"", "axes = \"xy\"\nturn_deg = 90")).expect("x and y are held");
     assert_eq!((turned.boundaries[0].turn, turned.boundaries[1].turn), (0.0, std::f64::consts::FRAC_PI_2));
-    let held = cutis::model::Model::new(&turned, 0).expect("the scene is valid");
+    let held = cutis::bodies::Model::new(&turned, 0).expect("the scene is valid");
     // the corner at (-20, -10, 2.5) mm comes to (10, -20) mm, and goes on by -2 mm along x
     let corner = held.grid.nearest([-20e-3, -10e-3, 2.5e-3]);
     let [x, y, z] = held.held[corner];
@@ -1173,7 +1173,7 @@ fn cuts_are_chosen_where_bricks_can_be_split() {
 #[test]
 fn the_direct_solver_does_not_split() {
     let direct = FULL.replace("preconditioner = \"block\"", "preconditioner = \"direct\"");
-    let model = |text: &str| cutis::model::Model::new(&parsed(text).expect("a valid scene"), 0);
+    let model = |text: &str| cutis::bodies::Model::new(&parsed(text).expect("a valid scene"), 0);
     let error = model(&direct).expect_err("a blade may split nodes");
     says(&error.to_string(), "direct solver … a blade splits … cut = \"remove\" or the preconditioner multigrid");
     assert_eq!(error.exit_code(), 2);

@@ -107,7 +107,7 @@ fn brick(element: Element) -> Law {
 
 /// Direct, bricks, grid × 1, the long step: nothing but grid and step is wrong of it.
 fn exact(s: &Setting, element: Element, step: f64) -> bool {
-    s.preconditioner == Preconditioner::Direct && s.law == brick(element) && s.grid == 1.0 && s.step == step
+    s.preconditioner == Preconditioner::Direct && s.law == brick(element) && s.refinement == 1.0 && s.step == step
 }
 
 #[test]
@@ -125,7 +125,7 @@ fn each_error_is_of_what_it_names() {
         let bbar = long.error_discretisation.unwrap();
         assert!(plain > 3.0 * bbar && bbar > 0.0, "plain {plain}, B-bar {bbar}");
         let coarse = find(study, |s| {
-            s.law == brick(Element::Bbar) && s.grid == 0.5 && s.preconditioner == Preconditioner::Direct
+            s.law == brick(Element::Bbar) && s.refinement == 0.5 && s.preconditioner == Preconditioner::Direct
         });
         assert!(coarse.error_discretisation.unwrap() > bbar);
         // a looser solve is a larger error of the solver, and three iterations are none at all
@@ -135,7 +135,7 @@ fn each_error_is_of_what_it_names() {
                     && s.stop == stop
                     && s.place == Place::Cpu64
                     && s.law == brick(Element::Bbar)
-                    && s.grid == 1.0
+                    && s.refinement == 1.0
                     && s.step == 4e-3
             };
             find(study, fits)
@@ -201,11 +201,11 @@ fn a_quick_study_varies_one_thing_at_a_time() {
                 s.law != own.law,
                 s.preconditioner != own.preconditioner,
                 s.stop != own.stop && s.stop != Stop::Exact,
-                s.grid != own.grid,
+                s.refinement != own.refinement,
                 s.step != own.step,
                 s.place != own.place,
             ];
-            assert!(differs.iter().filter(|d| **d).count() <= 1 && s.grid <= 1.0, "{s:?}");
+            assert!(differs.iter().filter(|d| **d).count() <= 1 && s.refinement <= 1.0, "{s:?}");
         }
         assert_eq!(
             (study.rows.len(), study.left_out),

@@ -12,7 +12,7 @@ mod newton;
 pub use cpu::CpuBackend;
 pub use gpu::GpuBackend;
 
-use crate::cut::Removal;
+use crate::bodies::Removal;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::kernels::cut::Hit;
@@ -193,33 +193,4 @@ pub trait Backend: Send {
     fn flush(&mut self) {}
     /// Solution of a slot, `[node]` m.
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>>;
-}
-
-/// Links between face neighbours: segment `3·cell + axis` joins the cell to its neighbour at +x, +y or +z; both ends are the cell
-/// itself where the grid ends.
-pub fn links(params: &crate::kernels::Params<f64>) -> Vec<[u32; 2]> {
-    let size = [params.cells_x, params.cells_y, params.cells_z].map(|n| n as usize);
-    let mut out = vec![];
-    for cell in 0..params.cell_count as usize {
-        let at = params.cell_at(cell);
-        for axis in 0..3 {
-            let mut next = at;
-            next[axis] += 1;
-            let other = if next[axis] < size[axis] { params.cell_id(next) } else { cell };
-            out.push([cell as u32, other as u32]);
-        }
-    }
-    out
-}
-
-/// `[cell]` rest position of the centre, m.
-pub fn cell_centres(model: &crate::model::Model) -> Vec<[f64; 3]> {
-    let params = model.grid.params::<f64>();
-    (0..model.grid.cell_count())
-        .map(|cell| {
-            let corners = params.corners(cell);
-            let (a, b) = (model.rest[corners[0]], model.rest[corners[6]]);
-            std::array::from_fn(|n| 0.5 * (a[n] + b[n]))
-        })
-        .collect()
 }

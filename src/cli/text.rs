@@ -45,7 +45,7 @@ fn ticks(r: &Report) -> String {
 }
 
 fn body(r: &Report) -> String {
-    let elements = match r.springs {
+    let elements = match r.spring_count {
         0 => format!("{} cells", r.hexes),
         n => format!("{n} springs"),
     };
@@ -133,7 +133,7 @@ fn short(value: f64) -> String {
 pub fn plan(p: &Plan) -> String {
     let mut text = format!(
         "{}: {} nodes, {} cells, {} springs, {} degrees of freedom, {} steps, up to {} right-hand sides\n",
-        p.scene, p.nodes, p.cells, p.springs, p.dof, p.steps, p.right_hand_sides
+        p.scene, p.nodes, p.cells, p.spring_count, p.dof, p.steps, p.right_hand_sides
     );
     let mut purposes: Vec<&str> = p.arrays.iter().map(|a| a.purpose).collect();
     purposes.dedup();

@@ -1,8 +1,8 @@
 //! What a blade touches: its edge the tissue that it is to cut, its flats the walls of what it has cut.
 
 use super::{Found, Patch, Search, frame};
+use crate::bodies::rigid::{Edge, Flat, Instrument};
 use crate::constraints::Law;
-use crate::instrument::{Edge, Flat, Instrument};
 use glam::DVec3;
 
 /// What tissue bears of a blade.

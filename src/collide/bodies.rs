@@ -7,8 +7,8 @@
 //! Units: m.
 
 use super::{Contact, Patch, Search, SurfacePoint, frame};
+use crate::bodies::rigid::{Instrument, Role};
 use crate::constraints::Law;
-use crate::instrument::{Instrument, Role};
 use crate::mesh::Quad;
 use crate::scene::{BodyId, Plane};
 use glam::DVec3;
@@ -44,7 +44,7 @@ pub fn with_plane(
 ) -> Vec<Contact> {
     let (through, normal) = (DVec3::from_array(plane.through), DVec3::from_array(plane.normal));
     let on = [BodyId::Rigid(number), BodyId::Plane(wall)];
-    let sample = |(index, sample): (usize, &crate::instrument::Sample)| {
+    let sample = |(index, sample): (usize, &crate::bodies::rigid::Sample)| {
         let radius = match sample.role {
             Role::Axis => tool.round.map_or(0.0, |round| round.radius),
             Role::Point => tool.lines.as_ref().map_or(0.0, |lines| lines.radius),

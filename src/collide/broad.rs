@@ -11,7 +11,8 @@
 use crate::kernels::Params;
 use crate::kernels::bounds::{TILE, columns, tile_count, tiles};
 use crate::math::V4;
-use crate::mesh::{Grid, Quad, Surface};
+use crate::mesh::Quad;
+use crate::mesh::{Grid, Surface};
 use glam::DVec3;
 use parry3d::bounding_volume::Aabb;
 use parry3d::math::Vector;
@@ -54,8 +55,9 @@ fn cells_around(params: &Params<f64>, column: u32) -> Vec<[usize; 2]> {
 }
 
 impl Boxes {
-    /// Boxes of a body at rest; `params` say how many columns of copies it may get.
-    pub fn new(grid: &Grid, params: &Params<f64>) -> Self {
+    /// Boxes of a body at rest.
+    pub fn new(surface: &Surface) -> Self {
+        let (grid, params) = (surface.grid(), surface.params());
         let [x, y] = tiles(params);
         let mut rest: Vec<[DVec3; 2]> = (0..x * y)
             .map(|tile| {
@@ -73,7 +75,8 @@ impl Boxes {
 
     /// Fits the boxes to what the tiles move between, `[tile]` least and greatest displacement as `Backend::bounds` has them; returns how
     /// many nodes are nowhere. A tile all of whose nodes are nowhere keeps its rest box.
-    pub fn refit(&mut self, grid: &Grid, parents: &[u32], bounds: &[[V4<f64>; 2]]) -> usize {
+    pub fn refit(&mut self, surface: &Surface, bounds: &[[V4<f64>; 2]]) -> usize {
+        let (grid, parents) = (surface.grid(), surface.parts.parents());
         self.moved = 0.0;
         self.rest.truncate(self.of_grid);
         self.rest.extend(parents.chunks(TILE).map(|group| around_columns(grid, group)));
@@ -134,7 +137,8 @@ impl Boxes {
     }
 
     /// Surface of the columns of cells that may meet an area.
-    pub fn faces(&self, grid: &Grid, surface: &Surface, area: &Aabb) -> Vec<Quad> {
+    pub fn faces(&self, surface: &Surface, area: &Aabb) -> Vec<Quad> {
+        let grid = surface.grid();
         let params = grid.params::<f64>();
         let mut out = vec![];
         let parents = surface.parts.parents();

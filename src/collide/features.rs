@@ -23,8 +23,8 @@ pub mod closest;
 pub mod cones;
 
 use super::{Contact, Patch, Search, frame};
+use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::constraints::Law;
-use crate::instrument::{Instrument, UnconstrainedMotion};
 use crate::scene::{Filter, Lines};
 use closest::Near;
 use cones::{Cone, Feature, Features};

@@ -20,8 +20,8 @@
 //! Units: m.
 
 use super::{Contact, Patch, Search, frame};
+use crate::bodies::rigid::{Instrument, Role, UnconstrainedMotion};
 use crate::constraints::Law;
-use crate::instrument::{Instrument, Role, UnconstrainedMotion};
 use crate::mesh::Quad;
 use crate::scene::{Filter, Round};
 use glam::DVec3;

@@ -24,8 +24,8 @@ pub mod replay;
 pub mod servo;
 pub mod thread;
 
+use crate::bodies::rigid::rotation_vector;
 use crate::constraints::{Law, relax};
-use crate::instrument::rotation_vector;
 use crate::scene::{Coupling, Rendering};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};

@@ -5,8 +5,8 @@
 
 use super::device::{Device, Limits, Reading, Workspace, Wrench};
 use super::guard::LOST_AFTER;
+use crate::bodies::rigid::along;
 use crate::error::{Error, Result};
-use crate::instrument::along;
 use crate::scene::{FORCE_COLUMNS, Pose, TRAJECTORY_COLUMNS};
 use glam::{DQuat, DVec3};
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -38,7 +38,7 @@ impl Path {
             position,
             rotation,
             velocity: (position - before) / BETWEEN,
-            spin: crate::instrument::rotation_vector(rotation * turned.conjugate()) / BETWEEN,
+            spin: crate::bodies::rigid::rotation_vector(rotation * turned.conjugate()) / BETWEEN,
             ..Reading::at_rest(0.0)
         }
     }

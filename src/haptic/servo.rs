@@ -10,7 +10,7 @@ use super::device::{Limits, Reading, Workspace, Wrench};
 use super::guard::{Guard, LATE_STEPS, LOST_AFTER, Signs};
 use super::passivity::Passivity;
 use super::{Hand, MAX_SWEEPS, Renderer, Tick};
-use crate::instrument::rotation_vector;
+use crate::bodies::rigid::rotation_vector;
 use crate::scene::{self, Coupling, Rendering, Role};
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};

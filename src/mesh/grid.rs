@@ -51,6 +51,11 @@ impl Grid {
         self.cells.iter().product()
     }
 
+    /// Layer of a cell.
+    pub fn layer(&self, cell: usize) -> usize {
+        self.layer_of[cell / (self.cells[0] * self.cells[1])] as usize
+    }
+
     /// m
     pub fn thickness(&self) -> f64 {
         self.heights[self.heights.len() - 1]
@@ -97,6 +102,11 @@ impl Grid {
     pub fn contains(&self, region: &Region, node: usize) -> bool {
         let size = [0, 1].map(|n| self.edge[n] * self.cells[n] as f64);
         region.holds(self.rest(node), size, self.thickness())
+    }
+
+    /// Nodes of a region.
+    pub fn nodes_in(&self, region: &Region) -> Vec<u32> {
+        (0..self.node_count()).filter(|n| self.contains(region, *n)).map(|n| n as u32).collect()
     }
 
     /// The node nearest to a rest position.

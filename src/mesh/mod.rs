@@ -1,9 +1,11 @@
-//! Meshes: the regular grid of the skin and its surface.
+//! The regular grid that bodies stand on: its nodes and cells, which of them hang together, and the surface around them.
 
+mod corner;
 mod grid;
 mod parts;
 mod surface;
 
+pub use corner::Corner;
 pub use grid::Grid;
-pub use parts::{Change, Corner, Parts};
+pub use parts::{Change, Parts};
 pub use surface::{Edges, Quad, Surface};

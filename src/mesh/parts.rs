@@ -15,11 +15,6 @@
 //! Links that were crossed know where, and the corners of the wound lie at the mean of the crossings around them: a smooth wound in a
 //! grid of boxes (after Ju, Losasso, Schaefer, Warren 2002: one vertex per dual cell at the mean of its edges' crossings).
 
-mod corner;
-mod pieces;
-
-pub use corner::Corner;
-
 use crate::kernels::split::NONE;
 use crate::kernels::{Params, corner};
 use std::collections::{BTreeMap, BTreeSet};
@@ -45,10 +40,10 @@ pub struct Change {
 /// See the module.
 #[derive(Clone, Debug)]
 pub struct Parts {
-    params: Params<f64>,
-    table: Vec<u32>,
+    pub(super) params: Params<f64>,
+    pub(super) table: Vec<u32>,
     severed: Vec<u8>, // [cell] bit per axis: the link to the neighbour beyond
-    crossings: BTreeMap<u32, f64>,
+    pub(super) crossings: BTreeMap<u32, f64>,
     used: usize,         // extra columns
     occupied: Vec<bool>, // [extra column][level]
     cells: Vec<u32>,     // split cells, by rows
@@ -65,12 +60,12 @@ struct Trial {
 }
 
 /// Cells around a node, by z + 2 x + 4 y: 1 beyond the node, 0 before it.
-fn octant(n: usize) -> [usize; 3] {
+pub(super) fn octant(n: usize) -> [usize; 3] {
     [n >> 1 & 1, n >> 2, n & 1]
 }
 
 /// Number of an offset among a cell's corners, VTK's.
-fn corner_number([x, y, z]: [usize; 3]) -> usize {
+pub(super) fn corner_number([x, y, z]: [usize; 3]) -> usize {
     (x ^ y) + 2 * y + 4 * z
 }
 
@@ -149,7 +144,7 @@ impl Parts {
     }
 
     /// The cell of an octant of the node at `c`, with the number of the corner that the node is in it.
-    fn cell_in(&self, c: [usize; 3], n: usize) -> Option<(usize, usize)> {
+    pub(super) fn cell_in(&self, c: [usize; 3], n: usize) -> Option<(usize, usize)> {
         let o = octant(n).map(|b| 1 - b);
         Some((self.params.cell_below(c, corner_number(o))?, corner_number(o)))
     }
@@ -364,5 +359,35 @@ impl Parts {
         };
         let own = (0..8).filter_map(|n| self.cell_in(c, n));
         own.filter(|(cell, a)| self.corners(*cell)[*a] == node).map(|(cell, _)| cell).collect()
+    }
+}
+
+impl Parts {
+    /// How many pieces the live cells have fallen into.
+    pub fn pieces(&self, alive: &[bool]) -> usize {
+        let strides = [1, self.params.cells_x as usize, (self.params.cells_x * self.params.cells_y) as usize];
+        let mut seen: Vec<bool> = alive.iter().map(|live| !live).collect();
+        let mut count = 0;
+        let mut open = vec![];
+        for first in 0..seen.len() {
+            if std::mem::replace(&mut seen[first], true) {
+                continue;
+            }
+            count += 1;
+            open.push(first);
+            while let Some(cell) = open.pop() {
+                let at = self.params.cell_at(cell);
+                for axis in 0..3 {
+                    let before = (at[axis] > 0).then(|| cell - strides[axis]).filter(|b| !self.is_severed(*b, axis));
+                    let beyond = self.beyond(cell, axis).filter(|_| !self.is_severed(cell, axis));
+                    for next in before.into_iter().chain(beyond) {
+                        if !std::mem::replace(&mut seen[next], true) {
+                            open.push(next);
+                        }
+                    }
+                }
+            }
+        }
+        count
     }
 }

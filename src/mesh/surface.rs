@@ -1,6 +1,6 @@
 //! The skin's surface: faces between a live cell and nothing, and both sides of every severed link.
 
-use super::{Grid, Parts};
+use super::{Corner, Grid, Parts};
 use crate::kernels::Params;
 
 /// A boundary face: corner nodes counter-clockwise seen from outside.
@@ -34,6 +34,7 @@ pub struct Edges {
 /// Which cells are live, and which hang together.
 #[derive(Clone, Debug)]
 pub struct Surface {
+    grid: Grid,
     params: Params<f64>,
     /// `[cell]` still there.
     pub alive: Vec<bool>,
@@ -54,12 +55,39 @@ const FACES: [([usize; 4], [isize; 3]); 6] = [
 impl Surface {
     /// The surface of an uncut grid.
     pub fn new(grid: &Grid) -> Self {
-        Self::with_reserve(grid.params())
+        Self::with_reserve(grid, grid.params())
     }
 
     /// The same where a cut may split as much as the parameters say.
-    pub fn with_reserve(params: Params<f64>) -> Self {
-        Self { params, alive: vec![true; params.cell_count as usize], parts: Parts::new(params) }
+    pub fn with_reserve(grid: &Grid, params: Params<f64>) -> Self {
+        let alive = vec![true; params.cell_count as usize];
+        Self { grid: grid.clone(), params, alive, parts: Parts::new(params) }
+    }
+
+    /// What it goes around.
+    pub fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
+    /// Parameters with what a cut may split.
+    pub fn params(&self) -> &Params<f64> {
+        &self.params
+    }
+
+    /// The corner that the surface has at a node.
+    pub fn corner(&self, node: usize) -> Corner {
+        self.parts.corner(&self.grid, node)
+    }
+
+    /// Live cells, each with its layer and the nodes at its corners.
+    pub fn live_cells(&self) -> impl Iterator<Item = (usize, [usize; 8])> {
+        let live = (0..self.alive.len()).filter(|cell| self.alive[*cell]);
+        live.map(|cell| (self.grid.layer(cell), self.parts.corners(cell)))
+    }
+
+    /// How many pieces the live cells have fallen into: sets that hang together by links.
+    pub fn pieces(&self) -> usize {
+        self.parts.pieces(&self.alive)
     }
 
     /// Boundary faces of the cells with grid coordinates in `low..high`, without those that the bottom hides.
@@ -165,7 +193,7 @@ mod tests {
             layer_of: vec![0; 3],
         };
         let params = Params { extra_columns: 16, split_cells: 100, touched_nodes: 400, ..grid.params::<f64>() };
-        Surface::with_reserve(params)
+        Surface::with_reserve(&grid, params)
     }
 
     #[test]

@@ -36,7 +36,6 @@ impl Collector {
         let device = simulation.device();
         let on_gpu = device.backend == "gpu";
         let constant: u64 = models().map(|model| model.host_bytes()).sum();
-        let of_bricks = || models().filter(|m| m.springs.is_none());
         let explicit = scene.time.integrator == Integrator::SymplecticEuler;
         let kind = match scene.solver.preconditioner {
             _ if explicit => "none",
@@ -51,9 +50,9 @@ impl Collector {
                 false => format!("{}, {}", device.adapter, device.precision),
             },
             driver: device.driver,
-            nodes: models().map(|m| m.grid.node_count()).sum(),
-            hexes: of_bricks().map(|m| m.grid.cell_count()).sum(),
-            springs: models().flat_map(|m| &m.springs).map(|s| s.ends.len()).sum(),
+            nodes: models().map(|m| m.own_nodes()).sum(),
+            hexes: models().map(|m| m.elements().hexahedron_count).sum(),
+            spring_count: models().map(|m| m.elements().spring_count).sum(),
             dof: models().map(|model| model.degrees_of_freedom()).sum(),
             step_s: scene.time.step,
             solver: SolverReport {
@@ -168,10 +167,13 @@ impl Collector {
             self.warn_of(&measured);
             self.seen.report.energy_j.end = Some(measured.energy);
         }
-        let bricks: Vec<_> = simulation.bodies.iter().filter(|body| body.model.springs.is_none()).collect();
-        let surfaces = || bricks.iter().map(|body| &body.wound.surface);
-        self.seen.report.cut.pieces = Some(surfaces().map(|surface| surface.parts.pieces(&surface.alive)).sum());
-        self.seen.report.cut.nonmanifold_edges = Some(surfaces().map(|surface| surface.edges().nonmanifold).sum());
+        // of the kinds whose pieces are counted
+        let counted = || {
+            let bodies = simulation.bodies.iter();
+            bodies.filter_map(|body| Some((body.model.mechanics().pieces(&body.wound)?, &body.wound.surface)))
+        };
+        self.seen.report.cut.pieces = Some(counted().map(|(pieces, _)| pieces).sum());
+        self.seen.report.cut.nonmanifold_edges = Some(counted().map(|(_, surface)| surface.edges().nonmanifold).sum());
     }
 
     /// The report as of now.
@@ -179,7 +181,7 @@ impl Collector {
         let mut r = self.seen.report.clone();
         let totals = simulation.totals();
         r.cut.hexes_removed = totals.hexes;
-        r.cut.springs_removed = totals.springs;
+        r.cut.springs_removed = totals.springs_removed;
         r.cut.links_severed = totals.links;
         r.cut.node_copies = totals.copies;
         r.cut.area_mm2 = totals.area * 1e6;

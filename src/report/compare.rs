@@ -7,7 +7,7 @@
 use crate::backend::{Device, Snapshot};
 use crate::error::{Error, Result};
 use crate::math::V4;
-use crate::scene::{Load, Mass, Scene, Skin};
+use crate::scene::{Load, Scene, Skin};
 use crate::step::{Body, Place, Simulation};
 
 /// Pressure on the middle of the top, Pa; presses the incision's skin by about a tenth of its thickness.
@@ -159,30 +159,18 @@ impl Outcome {
         }
         let state = simulation.snapshots()?;
         let mass: f64 = state.iter().flat_map(|s| &s.free).map(|f| f[3]).sum();
-        let expected = simulation.bodies.iter().map(expected_mass).sum::<f64>();
+        let mass_left = |body: &Body| body.model.mechanics().mass_left(&body.model, &body.wound);
+        let expected = simulation.bodies.iter().map(mass_left).sum::<f64>();
         let totals = simulation.totals();
         Ok(Self {
             device: simulation.device(),
             peak_force,
-            cut: totals.links + totals.springs,
+            cut: totals.links + totals.springs_removed,
             mass_error: ratio(mass - expected, expected),
             mass,
             non_finite: state.iter().map(Snapshot::non_finite).sum(),
         })
     }
-}
-
-/// Mass that the host's account of the cut leaves, kg: of the live cells; of springs and of uniform masses, of the
-/// nodes that are left.
-fn expected_mass(body: &Body) -> f64 {
-    let Body { model, wound, .. } = body;
-    if model.springs.is_some() || model.mass == Mass::Uniform {
-        return wound.free.iter().map(|f| f[3]).sum();
-    }
-    let params = model.grid.params::<f64>();
-    let layer = |cell: usize| model.grid.layer_of[params.cell_at(cell)[2]] as usize;
-    let live = (0..model.grid.cell_count()).filter(|c| wound.surface.alive[*c]);
-    live.map(|c| 8.0 * model.shape[layer(c)][3]).sum()
 }
 
 fn outcome_rows(cpu: &Outcome, gpu: &Outcome) -> Vec<Row> {

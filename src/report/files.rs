@@ -11,7 +11,6 @@ use super::Report;
 use super::frames::{self, SkinSurface};
 use crate::backend::Snapshot;
 use crate::error::{Error, Result};
-use crate::mesh::Surface;
 use crate::output::{Field, Series, Table, TableMark, replace, write_hexes, write_triangles};
 use crate::scene::Scene;
 use crate::step::{Simulation, StepReport};
@@ -208,16 +207,14 @@ fn write_volume(path: &Path, simulation: &Simulation, state: &[Snapshot]) -> Res
     let (mut cells, mut layers, mut bodies, mut old) = (vec![], vec![], vec![], vec![]);
     let mut first = 0;
     for (number, body) in simulation.bodies.iter().enumerate() {
-        let grid = &body.model.grid;
-        let params = grid.params::<f64>();
-        let Surface { alive, parts, .. } = &body.wound.surface;
-        for cell in (0..grid.cell_count()).filter(|cell| alive[*cell]) {
-            cells.push(parts.corners(cell).map(|n| first + n as u32));
-            layers.push(f64::from(grid.layer_of[params.cell_at(cell)[2]]));
+        let surface = &body.wound.surface;
+        for (layer, corners) in surface.live_cells() {
+            cells.push(corners.map(|n| first + n as u32));
+            layers.push(layer as f64);
             bodies.push(number as f64);
         }
         let count = body.model.node_count();
-        old.extend((0..count).filter(|node| parts.in_use(*node)).map(|node| first + node as u32));
+        old.extend((0..count).filter(|node| surface.parts.in_use(*node)).map(|node| first + node as u32));
         first += count as u32;
     }
     let kept = Kept { old };

@@ -2,8 +2,8 @@
 //! steel.
 
 use crate::backend::Snapshot;
+use crate::bodies::rigid::Instrument;
 use crate::error::{Error, Result};
-use crate::instrument::Instrument;
 use crate::math::V4;
 use crate::mesh::Quad;
 use crate::output::replace;
@@ -70,11 +70,9 @@ impl SkinSurface {
         };
         let mut first = 0;
         for (number, body) in simulation.bodies.iter().enumerate() {
-            let grid = &body.model.grid;
-            let params = grid.params::<f64>();
             let quads = body.wound.surface.all();
             for quad in &quads {
-                let layer = grid.layer_of[params.cell_at(quad.cell as usize)[2]];
+                let layer = body.model.layer(quad.cell as usize) as u32;
                 let faces = if quad.wall { &mut out.walls } else { &mut out.skin };
                 faces.add(quad, first, [number as u32, layer]);
             }
@@ -96,7 +94,7 @@ impl SkinSurface {
         nodes.sort_unstable();
         nodes.dedup();
         for node in nodes.into_iter().map(|n| n as usize) {
-            let corner = body.wound.surface.parts.corner(&body.model.grid, node);
+            let corner = body.wound.surface.corner(node);
             let of = |values: &[V4<f64>]| corner.moved(|n| std::array::from_fn(|axis| values[n as usize][axis]));
             let (u, v, rest) = (of(&state.u), of(&state.v), body.wound.rest[node]);
             self.positions[first + node] = std::array::from_fn(|axis| rest[axis] + corner.offset[axis] + u[axis]);

@@ -5,9 +5,9 @@
 //! [`crate::step`] drives the backend.
 
 use crate::backend::GpuBackend;
+use crate::bodies::Model;
 use crate::error::Result;
 use crate::gpu::{Gpu, Made, adapters};
-use crate::model::Model;
 use crate::scene::{Correction, Integrator, Law, ProbeKind, Scene, Skin};
 use crate::step::{needs, start};
 use serde::Serialize;
@@ -55,7 +55,8 @@ pub struct Plan {
     /// Cells of their grids.
     pub cells: usize,
     /// Springs; 0 for bricks.
-    pub springs: usize,
+    #[serde(rename = "springs")]
+    pub spring_count: usize,
     /// Axes of nodes that nothing holds.
     pub dof: usize,
     /// Steps of the scene's duration.
@@ -114,9 +115,9 @@ fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
     let (needs, solver) = (needs(scene, model), scene.solver);
     let start = start(scene, model);
     let backend = GpuBackend::new(Gpu::dry()?, model, needs, solver.max_iterations, solver.floor, &start)?;
-    plan.nodes += model.grid.node_count();
-    plan.cells += model.grid.cell_count();
-    plan.springs += model.springs.as_ref().map_or(0, |s| s.ends.len());
+    plan.nodes += model.own_nodes();
+    plan.cells += model.cell_count();
+    plan.spring_count += model.elements().spring_count;
     plan.dof += model.degrees_of_freedom();
     plan.right_hand_sides = plan.right_hand_sides.max(needs.slots());
     plan.host_bytes += model.host_bytes();
@@ -190,7 +191,7 @@ fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split, place]: [u
     }
     if cuts(scene) {
         // where the segments are before the step and after it; springs copy the nodes
-        list.push(count("cut", if model.springs.is_some() { 1 } else { 3 }, "step with contact"));
+        list.push(count("cut", if model.elements().spring_count > 0 { 1 } else { 3 }, "step with contact"));
     }
     list
 }

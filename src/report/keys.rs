@@ -21,7 +21,8 @@ pub struct Report {
     /// Tetrahedra.
     pub tets: usize,
     /// Springs of the uncut body.
-    pub springs: usize,
+    #[serde(rename = "springs")]
+    pub spring_count: usize,
     /// Degrees of freedom: axes of nodes that nothing holds.
     pub dof: usize,
     /// s
@@ -94,7 +95,7 @@ pub struct SolverReport {
     pub residual_true: Option<f64>,
 }
 
-/// Kinetic and elastic energy, and what gravity and dead loads have to give ([`crate::model::energy`]), of all deformable bodies, J; `null`
+/// Kinetic and elastic energy, and what gravity and dead loads have to give ([`crate::bodies::energy`]), of all deformable bodies, J; `null`
 /// without one.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct EnergyReport {

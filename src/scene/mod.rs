@@ -120,7 +120,7 @@ pub struct Time {
     pub integrator: Integrator,
 }
 
-/// How a step is taken ([`crate::model::Step`] has the formulas).
+/// How a step is taken ([`crate::bodies::Step`] has the formulas).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Integrator {
     /// Stable at any step, damps by itself.
@@ -253,7 +253,7 @@ pub enum Law {
         /// Corotational, or linear ("small") when false.
         corotational: bool,
     },
-    /// Bricks of compressible neo-Hookean material ([`crate::model::NeoHookean`]).
+    /// Bricks of compressible neo-Hookean material ([`crate::bodies::grid::Hyperelastic`]).
     NeoHookean,
     /// Springs between every pair of nodes of a cell, as SOFA's MeshSpringForceField makes them.
     Springs {

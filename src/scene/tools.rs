@@ -181,7 +181,7 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
     })
 }
 
-/// Contact samples of a blade, as [`Instrument`](crate::instrument::Instrument) spreads them over edge and flats.
+/// Contact samples of a blade, as [`Instrument`](crate::bodies::rigid::Instrument) spreads them over edge and flats.
 fn samples(edge: &[[f64; 3]], depth: f64, [along, flat]: [f64; 2]) -> f64 {
     let lengths = || edge.windows(2).map(|pair| difference(pair[1], pair[0])).map(|d| hypot(hypot(d[0], d[1]), d[2]));
     let pieces: f64 = lengths().map(|length| (length / along).round().max(1.0)).sum();

@@ -11,17 +11,17 @@ pub use start::{needs, start};
 
 use super::StepReport;
 use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
+use crate::bodies::{Model, Solved, residual};
+use crate::bodies::{Totals, Wound};
 use crate::collide::broad::Boxes;
 use crate::collide::lips::Lips;
 use crate::collide::{self, Aabb, Patch, Resistance};
-use crate::cut::{Totals, Wound};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::kernels::cut::Hit;
 use crate::linear::Outcome;
 use crate::math::{V4, larger, norm};
 use crate::mesh::{Corner, Quad};
-use crate::model::{Model, Solved, residual};
 use crate::scene::{Scene, Solver};
 use compliance::AtRest;
 use glam::DVec3;
@@ -69,7 +69,7 @@ const NONE: f64 = 1e-9;
 /// Whether the body can move as a rigid one: what its held axes and anchors see of the six rigid motions leaves one out.
 fn floats(model: &Model) -> bool {
     let mut seen = [[0.0; 6]; 6]; // Σ rᵀr over held axes, r what they see of shifts and of turns (in units of a metre)
-    let length = model.grid.thickness().max(model.grid.edge[0] * model.grid.cells[0] as f64);
+    let length = model.extent();
     for (node, (free, rest)) in model.free.iter().zip(&model.rest).enumerate() {
         let anchored = model.anchors.nodes.binary_search(&(node as u32)).is_ok();
         let at = (DVec3::from_array(*rest) - DVec3::from_array(model.position)) / length;
@@ -155,13 +155,14 @@ impl Body {
             true => (DVec3::from_array(scene.time.gravity).length() * part.powi(2), OF_FLOATING),
             false => (0.0, 1.0),
         };
+        let wound = Wound::new(&model);
         Ok(Self {
-            wound: Wound::new(&model),
+            boxes: Boxes::new(&wound.surface),
+            wound,
             compliance: Compliance::default(),
             at_rest: AtRest::default(),
             located: Located::default(),
             backend,
-            boxes: Boxes::new(&model.grid, &model.params()),
             travel: 0.0,
             first_motion: first_motion(scene, number),
             fall,
@@ -207,7 +208,7 @@ impl Body {
     /// Fits the boxes of the broad phase to the body as it is.
     pub(super) fn refit_boxes(&mut self) -> Result<()> {
         let bounds = self.backend.bounds()?;
-        let lost = self.boxes.refit(&self.model.grid, self.wound.surface.parts.parents(), &bounds);
+        let lost = self.boxes.refit(&self.wound.surface, &bounds);
         let first = std::mem::replace(&mut self.first_motion, 0.0);
         self.travel = self.boxes.moved().max(first) + self.fall;
         self.lost = lost > 0;
@@ -222,7 +223,7 @@ impl Body {
 
     /// Faces that a box may meet.
     pub(super) fn faces_near(&self, area: &Aabb) -> Vec<Quad> {
-        self.boxes.faces(&self.model.grid, &self.wound.surface, &collide::moved(area, -self.place()))
+        self.boxes.faces(&self.wound.surface, &collide::moved(area, -self.place()))
     }
 
     /// Reads back where the corners of these faces, the nodes of the ties and of the wound's lips, are; the first `patched` lists of faces
@@ -231,8 +232,8 @@ impl Body {
         let mut corners: Vec<u32> = faces.iter().flatten().flat_map(|q| q.nodes).collect();
         corners.sort_unstable();
         corners.dedup();
-        let parts = &self.wound.surface.parts;
-        let moving: Vec<Corner> = corners.iter().map(|n| parts.corner(&self.model.grid, *n as usize)).collect();
+        let surface = &self.wound.surface;
+        let moving: Vec<Corner> = corners.iter().map(|n| surface.corner(*n as usize)).collect();
         let mut nodes = self.tied.clone();
         nodes.extend(self.lips.iter().flatten().flatten().flatten());
         nodes.extend(moving.iter().flat_map(|corner| corner.nodes));
@@ -258,10 +259,8 @@ impl Body {
 
     /// What the tissue of a cell bears of a blade.
     pub(super) fn resistance(&self, cell: u32) -> Resistance {
-        let level = self.model.grid.params::<f64>().cell_at(cell as usize)[2];
-        let layer = self.model.grid.layer_of[level] as usize;
-        let [x, y] = self.model.grid.edge;
-        Resistance { edge: self.model.toughness[layer], splitting: self.model.splitting[layer], cell: x.max(y) }
+        let (model, layer) = (&self.model, self.model.layer(cell as usize));
+        Resistance { edge: model.toughness[layer], splitting: model.splitting[layer], cell: model.cell_width() }
     }
 
     /// Where the surface's corner at a node that was located is, m: beside the node in a wound ([`crate::mesh::Corner`]).

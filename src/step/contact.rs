@@ -4,11 +4,11 @@ mod passes;
 
 use super::rows::{Rows, in_world};
 use super::{Simulation, StepReport};
+use crate::bodies::rigid::UnconstrainedMotion;
 use crate::collide::Contact;
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::haptic::Reduced;
-use crate::instrument::UnconstrainedMotion;
 use crate::linear::Outcome;
 use crate::scene::{self, BodyId, Correction, Loop};
 use glam::{DMat3, DVec3};

@@ -1,10 +1,10 @@
 //! What touches what at a step's start, and the ties that hold all the time.
 
 use super::{Body, Simulation, StepReport};
+use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::{self, Aabb, Contact, Patch, Search, SurfacePoint, bodies, features, lips, round};
 use crate::constraints::Law;
 use crate::error::{Error, Result};
-use crate::instrument::{Instrument, UnconstrainedMotion};
 use crate::mesh::Quad;
 use crate::scene::{self, Attachment, BodyId, Scene};
 use glam::DVec3;
@@ -101,8 +101,7 @@ impl Simulation {
             let moved = h * (tool.velocity.length() + tool.spin.length() * tool.span()) + self.bodies[sample.1].travel;
             // a piece of edge that has cut stands in its own cut, whose walls are a cell away at most
             let own_cut = self.fronts.contains_key(&(sample.0, contact.feature));
-            let edge = self.bodies[sample.1].model.grid.edge;
-            let cell = if own_cut { edge[0].max(edge[1]) } else { 0.0 };
+            let cell = if own_cut { self.bodies[sample.1].model.cell_width() } else { 0.0 };
             let last = before.get(&sample).copied().unwrap_or(0.0).max(cell);
             first || contact.depth <= last + moved + search.alarm
         };

@@ -8,9 +8,9 @@
 use super::contact::Resolved;
 use super::{Simulation, StepReport};
 use crate::backend::{CORRECTION, FREE};
+use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
 use crate::error::{Error, Result};
-use crate::instrument::{Instrument, UnconstrainedMotion};
 use crate::scene::{BodyId, ProbeKind};
 
 /// What to do about a body or a tool.

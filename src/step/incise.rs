@@ -11,11 +11,11 @@
 
 use super::body::{Body, Located};
 use super::{Simulation, StepReport};
+use crate::bodies::Wound;
+use crate::bodies::rigid::{Instrument, Role};
 use crate::collide::{Contact, lips};
 use crate::constraints::Law;
-use crate::cut::Wound;
 use crate::error::Result;
-use crate::instrument::{Instrument, Role};
 use crate::kernels::corner;
 use crate::kernels::cut::Hit;
 use crate::scene::BodyId;
@@ -176,7 +176,7 @@ impl Body {
             return Ok(0);
         }
         self.cuts.push(hits.to_vec());
-        let count = |wound: &Wound| wound.totals.links + wound.totals.springs;
+        let count = |wound: &Wound| wound.totals.links + wound.totals.springs_removed;
         let before = count(&self.wound);
         let removal = self.wound.apply(&self.model, hits);
         let severed = (count(&self.wound) - before) as u32;
@@ -211,11 +211,10 @@ impl Body {
     }
 
     fn opening_of_cells(&self) -> f64 {
-        let params = self.model.grid.params::<f64>();
         let Located { nodes, u, .. } = &self.located;
         let mut widest = 0.0f64;
         for (cell, axis) in &self.wound.open {
-            let corners = params.corners(*cell as usize);
+            let corners = self.wound.surface.params().corners(*cell as usize);
             let mut sum = 0.0;
             let mut pairs = 0;
             for (a, b) in face_pairs(*axis) {

@@ -22,12 +22,12 @@ pub use contact::ContactReport;
 pub use state::State;
 
 use crate::backend::{Device, Snapshot};
+use crate::bodies::Totals;
+use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
-use crate::cut::Totals;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::haptic::Reduced;
-use crate::instrument::{Instrument, UnconstrainedMotion};
 use crate::linear::Outcome;
 use crate::math::larger;
 use crate::scene::{BodyId, ProbeKind, Scene};
@@ -202,7 +202,7 @@ impl Simulation {
         let bodies = (0..scene.skins.len()).map(body).collect::<Result<Vec<_>>>()?;
         let prepare = |kind: &ProbeKind| {
             let nodes = match kind {
-                ProbeKind::Displacement { body, point, .. } => vec![bodies[*body].model.grid.nearest(*point) as u32],
+                ProbeKind::Displacement { body, point, .. } => vec![bodies[*body].model.nearest(*point)],
                 ProbeKind::Reaction { body, region, .. } => bodies[*body].model.nodes_in(region),
                 _ => vec![],
             };

@@ -4,8 +4,8 @@
 //! `(axis, arm × axis)`, of a deformable one the axis at the nodes of its spot by their weights, of a wall nothing. `W = Σ_bodies J C Jᵀ`
 //! with each body's own compliance `C`; only rows couple bodies.
 
+use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
-use crate::instrument::{Instrument, UnconstrainedMotion};
 use crate::scene::BodyId;
 use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;

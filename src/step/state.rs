@@ -6,9 +6,9 @@
 use super::body::{Body, Compliance, first_motion};
 use super::{Simulation, incise};
 use crate::backend::{CORRECTION, FREE, Vector};
+use crate::bodies::rigid::Motion;
 use crate::error::{Error, Result};
 use crate::haptic::Reduced;
-use crate::instrument::Motion;
 use crate::kernels::cut::Hit;
 use crate::math::V4;
 use crate::scene::{BodyId, Scene};
@@ -140,13 +140,13 @@ impl Simulation {
         unfit("rigid bodies", [state.reduced.len(), self.tools.len()])?;
         unfit("deformable bodies", [state.bodies.len(), self.bodies.len()])?;
         for (from, body) in state.bodies.iter().zip(&self.bodies) {
-            let (nodes, segments) = (body.model.node_count(), body.segment_count());
+            let (nodes, mechanics) = (body.model.node_count(), body.model.mechanics());
+            let segments = mechanics.segment_count(&body.model);
             unfit("nodes", [from.u.len(), nodes])?;
             unfit("nodes", [from.v.len(), nodes])?;
             unfit("solutions", [from.solutions.len(), self.slots_kept().len()])?;
             from.solutions.iter().try_for_each(|x| unfit("nodes", [x.len(), nodes]))?;
-            let cells = if body.model.springs.is_some() { 0 } else { body.model.grid.cell_count() };
-            unfit("cells", [from.rotation.len(), cells])?;
+            unfit("cells", [from.rotation.len(), mechanics.rotation_count(&body.model)])?;
             let last = from.cuts.iter().flatten().map(|hit| hit.segment as usize + 1).max().unwrap_or(0);
             unfit("links or springs", [last.max(segments), segments])?;
         }
@@ -183,10 +183,5 @@ impl Body {
         self.at_rest.known.clone_from(&state.at_rest);
         (self.loaded, self.lost) = (false, false);
         Ok(())
-    }
-
-    /// Links or springs that a blade can cross.
-    fn segment_count(&self) -> usize {
-        self.model.springs.as_ref().map_or(3 * self.model.grid.cell_count(), |springs| springs.ends.len())
     }
 }

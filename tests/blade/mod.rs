@@ -1,10 +1,10 @@
 //! Random paths of a blade through small skins, and what a run of one is judged by.
 
-use cutis::backend::{cell_centres, links};
+use cutis::bodies::Model;
+use cutis::bodies::grid::{cell_centres, links};
+use cutis::bodies::rigid::Instrument;
 use cutis::error::Result;
-use cutis::instrument::Instrument;
 use cutis::kernels::cut::cut;
-use cutis::model::Model;
 use cutis::report::Report;
 use cutis::report::run::{Options, run};
 use cutis::scene::{Files, Pose, Scene, parse};

@@ -2,7 +2,7 @@
 //! leave nothing but crumbs.
 
 use cutis::backend::{Needs, Snapshot};
-use cutis::model::Model;
+use cutis::bodies::Model;
 use cutis::scene::{Files, parse};
 use glam::DVec3;
 use std::path::Path;
@@ -37,7 +37,7 @@ const EDGE: f64 = 1.5e-3;
 pub fn block(reserve: usize) -> Model {
     let scene = parse(BLOCK, Path::new("crumbs.toml"), &Files::Embedded(&[])).unwrap_or_else(|e| panic!("{e}"));
     let mut model = Model::new(&scene, 0).unwrap_or_else(|e| panic!("{e}"));
-    model.extra_columns = reserve;
+    model.hexahedra_mut().extra_columns = reserve;
     model.free.resize(model.node_count(), [0.0; 4]);
     model
 }

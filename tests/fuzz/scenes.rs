@@ -2,8 +2,8 @@
 
 use crate::bounds::{Folder, TO_READ, TO_RUN, bounded, count, mends, tried};
 use crate::change::{change, changed};
+use cutis::bodies::Model;
 use cutis::error::Result;
-use cutis::model::Model;
 use cutis::report::{inspect, run};
 use cutis::scene::{self, Cut, Files, Scene};
 use cutis::step::{Place, Simulation};

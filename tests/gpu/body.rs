@@ -3,6 +3,8 @@
 //! Each array is made from its name and the seed when it is asked for, so that a kernel and its twin see the same numbers. One cell is
 //! dead, some axes are held, one spring has no length, one slot in eight is done. What a kernel overwrites starts as noise.
 
+use cutis::bodies::MAX_LAYERS;
+use cutis::bodies::springs::Springs;
 use cutis::error::Result;
 use cutis::gpu::{Buffer, Gpu};
 use cutis::kernels::bounds;
@@ -11,7 +13,6 @@ use cutis::kernels::product::{Modes, tiles};
 use cutis::kernels::{GROUP, Params};
 use cutis::math::{M3, Real, V3, V4};
 use cutis::mesh::{Grid, Parts};
-use cutis::model::{MAX_LAYERS, Springs};
 
 /// Sizes and seed; the rest follows.
 pub struct Body {
@@ -103,7 +104,7 @@ impl Body {
             heights: (0..=cells[2]).map(|k| 4e-4 * k as f64).collect(),
             layer_of: (0..cells[2]).map(|k| (k * LAYERS / cells[2]) as u32).collect(),
         };
-        let (parts, springs) = (parts(kernel, &grid, seed), Springs::new(&grid, 50.0, 0.05));
+        let (parts, springs) = (parts(kernel, &grid, seed), Springs::between_corners(&grid, 50.0, 0.05));
         Self { kernel, slots, first_slot, springs, no_segments: vec![], grid, parts, seed }
     }
 

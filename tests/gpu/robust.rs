@@ -7,9 +7,9 @@
 use super::Failure;
 use super::crumbs::{CAP, at_rest, block, needs, quad, random};
 use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Snapshot, Target, Wanted};
-use cutis::cut::{Removal, Wound};
+use cutis::bodies::Model;
+use cutis::bodies::{Removal, Wound};
 use cutis::gpu::Gpu;
-use cutis::model::Model;
 use std::collections::BTreeSet;
 
 /// Rounds of a step and sweeps; the second number where the tests measure.

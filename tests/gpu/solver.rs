@@ -4,10 +4,10 @@ use super::Failure;
 use cutis::backend::{
     Backend, CORRECTION, CpuBackend, FIRST_COLUMN, FREE, GpuBackend, Needs, Snapshot, Target, Wanted,
 };
+use cutis::bodies::Model;
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
 use cutis::math::V4;
-use cutis::model::Model;
 use cutis::scene::{Files, parse};
 use std::path::Path;
 
@@ -341,7 +341,7 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     seen.push(("tile bounds", SOLUTION, triples(&b.bounds()?.concat())));
     // one cell (or its springs) and, at the corner, a node go
     let (cells, springs, nodes) = removal(model);
-    b.remove(&cutis::cut::Removal { cells, springs, free: nodes, ..Default::default() })?;
+    b.remove(&cutis::bodies::Removal { cells, springs, free: nodes, ..Default::default() })?;
     b.begin()?;
     let all: Vec<u32> = (0..model.grid.node_count() as u32).collect();
     seen.push(("elastic forces", FORCE, b.elastic_forces(&all)?));
@@ -373,7 +373,7 @@ fn removal(model: &Model) -> Removal {
         if node == last { [0.0; 4] } else { [x, y, z, mass - share] }
     };
     let nodes = params.corners(cell).map(|n| (n as u32, left(n))).to_vec();
-    let springs = model.springs.as_ref().map_or(vec![], |s| {
+    let springs = model.springs().map_or(vec![], |s| {
         let own = s.first[last] as usize..s.first[last + 1] as usize;
         s.half[own].iter().map(|[_, spring]| *spring).collect()
     });

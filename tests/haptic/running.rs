@@ -349,7 +349,7 @@ fn what_a_recorder_writes_is_a_hand_that_a_scene_reads() {
     let read = parse(&with_file, FilePath::new("press.toml"), &Files::Folder(folder("recorder")));
     let read = read.unwrap_or_else(|e| panic!("{e}"));
     let [found, wanted] = [&read.tools[0].trajectory, &scene.tools[0].trajectory]
-        .map(|poses| cutis::instrument::along(poses, 0.3).expect("samples").0);
+        .map(|poses| cutis::bodies::rigid::along(poses, 0.3).expect("samples").0);
     assert!((found - wanted).length() < 1e-12, "{found} {wanted}");
     // a full one says so
     let (mut full, _rows) = Recorder::new(Box::new(Replay(path)), workspace, 1);

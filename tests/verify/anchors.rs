@@ -7,10 +7,10 @@
 use super::setup::{Body, LONG, apart, block, displaced, dot, epsilon, largest, measured, model, tolerance, xyz};
 use super::{Case, Everywhere};
 use cutis::backend::{Backend, CpuBackend, Needs, Snapshot};
-use cutis::cut::Wound;
+use cutis::bodies::Wound;
+use cutis::bodies::{Anchors, Model, Solved, elastic_energy, true_residual};
 use cutis::kernels::cut::Hit;
 use cutis::math::V4;
-use cutis::model::{Anchors, Model, Solved, elastic_energy, true_residual};
 use cutis::scene::Element::Bbar;
 use cutis::scene::{Anchor, Boundary, Law, Mass, Preconditioner, Region, Scene};
 use cutis::step::{Place, Simulation};

@@ -2,12 +2,12 @@
 
 use super::Case;
 use super::setup::{Random, block, measured, model};
+use cutis::bodies::Model;
+use cutis::bodies::grid::element::rounded_modes;
 use cutis::kernels::Params;
 use cutis::kernels::forces::forces;
 use cutis::kernels::product::{LANES, cell_groups, elastic_forces, product};
 use cutis::math::V4;
-use cutis::model::Model;
-use cutis::model::element::rounded_modes;
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::Mass::{self, Consistent, Lumped, Uniform};
 use cutis::scene::Scene;
@@ -48,7 +48,7 @@ impl Dense {
                     if q == [0.0; 4] {
                         continue;
                     }
-                    let k = &model.stiffness[model.grid.layer_of[z] as usize];
+                    let k = &model.hexahedra().stiffness[model.grid.layer_of[z] as usize];
                     let r = DMat3::from_quat(DQuat::from_array(q));
                     let ids = CORNERS.map(|o| x + o[0] + nx * (y + o[1] + ny * (z + o[2])));
                     for (a, i) in ids.into_iter().enumerate() {
@@ -216,7 +216,7 @@ fn cell_by_cell(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>]) -> Vec<DVec3
     for (cell, q) in rotation.iter().enumerate() {
         let at = [cell % cx, cell / cx % cy, cell / (cx * cy)];
         let ids = CORNERS.map(|o| at[0] + o[0] + (cx + 1) * (at[1] + o[1] + (cy + 1) * (at[2] + o[2])));
-        let k = &model.stiffness[model.grid.layer_of[at[2]] as usize];
+        let k = &model.hexahedra().stiffness[model.grid.layer_of[at[2]] as usize];
         let r = if *q == [0.0; 4] { DMat3::ZERO } else { DMat3::from_quat(DQuat::from_array(*q)) };
         let local = ids.map(|i| r.transpose() * DVec3::new(z[i][0], z[i][1], z[i][2]));
         for (a, i) in ids.into_iter().enumerate() {
@@ -253,7 +253,7 @@ fn product_of_strips() {
 /// The CPU's fast form against the kernel's twin, on a body that is turned, stretched, pre-strained, cut, and far away.
 fn forces_in_strips() {
     let mut model = model(&small(Bbar));
-    model.pre_strain.iter_mut().zip(1..).for_each(|(e, k)| *e = [0.1, 0.2 * f64::from(k), -0.3, 0.0]);
+    model.hexahedra_mut().pre_strain.iter_mut().zip(1..).for_each(|(e, k)| *e = [0.1, 0.2 * f64::from(k), -0.3, 0.0]);
     let params = model.params::<f64>();
     let mut random = Random(11);
     let mut rotation = random_rotations(&model, &mut random);
@@ -266,7 +266,7 @@ fn forces_in_strips() {
     forces(&params, &shape, &model.pre_strains(), &model.stiffness_blocks(), layers, &[], &u, &rotation, &mut plain);
     let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
     let run = |rotation: &[V4<f64>], fast: &mut [V4<f64>], scratch: &mut [_]| {
-        let modes = rounded_modes(&model.stiffness);
+        let modes = rounded_modes(&model.hexahedra().stiffness);
         elastic_forces(&params, &shape, &model.pre_strains(), &modes, layers, rotation, &[], &u, fast, scratch);
         let largest = plain.as_flattened().iter().fold(0.0f64, |m, c| m.max(c.abs()));
         let off = plain.as_flattened().iter().zip(fast.as_flattened());
@@ -285,7 +285,7 @@ fn forces_in_strips() {
 fn product_sees_a_wrong_entry() {
     let model = model(&small(Bbar));
     let mut wrong = model.clone();
-    wrong.stiffness[2][20][5] *= 1.0 + 1e-6;
+    wrong.hexahedra_mut().stiffness[2][20][5] *= 1.0 + 1e-6;
     let [error, _] = product_error(&model, &wrong);
     assert!(error > 1e2 * ROUNDINGS, "{error:e}");
 }

@@ -7,10 +7,10 @@
 use super::Case;
 use super::dense::multiply;
 use super::setup::{Random, block, measured, model};
+use cutis::bodies::{Model, elastic_energy};
 use cutis::kernels::springs_product::springs_product;
 use cutis::kernels::{forces, rotations, springs};
 use cutis::math::{V3, V4, rotation_matrix};
-use cutis::model::{Model, elastic_energy};
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::{Law, Preconditioner};
 
@@ -29,7 +29,7 @@ const SEED: u64 = 3;
 fn force(model: &Model, u: &[V4<f64>]) -> [Vec<V4<f64>>; 3] {
     let params = model.params();
     let mut f = vec![[0.0; 4]; u.len()];
-    if let Some(s) = &model.springs {
+    if let Some(s) = model.springs() {
         let rest: Vec<V4<f64>> = model.rest.iter().map(|r| V3::of(*r).pad(0.0)).collect();
         let mut tangent = vec![[0.0; 4]; 2 * s.half.len()];
         springs::springs(&params, &rest, u, &s.first, &s.half, &s.law, &mut f, &mut tangent);
@@ -37,7 +37,7 @@ fn force(model: &Model, u: &[V4<f64>]) -> [Vec<V4<f64>>; 3] {
     }
     let mut rotation = vec![[0.0, 0.0, 0.0, 1.0]; model.grid.cell_count()];
     let (shapes, layers) = (model.shapes(), &model.grid.layer_of);
-    if model.corotational {
+    if model.hexahedra().corotational {
         rotations::rotations(&params, &shapes, layers, &[], u, &mut rotation);
     }
     let blocks = model.stiffness_blocks();
@@ -46,7 +46,7 @@ fn force(model: &Model, u: &[V4<f64>]) -> [Vec<V4<f64>>; 3] {
 }
 
 fn energy(model: &Model, u: &[V4<f64>]) -> f64 {
-    let law = model.springs.as_ref().map_or(&[][..], |s| &s.law);
+    let law = model.springs().map_or(&[][..], |s| &s.law);
     elastic_energy(model, u, &force(model, u)[1], &[], law)
 }
 
@@ -82,7 +82,7 @@ fn tangent_error(model: &Model, u: &[V4<f64>], width: f64) -> f64 {
     let mut params = model.params();
     params.inertia = 0.0;
     let mut w = vec![[0.0; 4]; u.len()];
-    if let Some(s) = &model.springs {
+    if let Some(s) = model.springs() {
         springs_product(&params, &s.first, &s.half, &tangent, &model.free, &z, &mut w);
     } else {
         multiply(&params, model, &rotation, &z, &mut w);
@@ -109,7 +109,7 @@ fn linear_force() {
         measured("linear force against energy", error, 0.0);
         assert!(error < EXACT, "{element:?}: {error:e}");
         let mut wrong = model.clone();
-        wrong.stiffness[0][4][9] *= 1.001;
+        wrong.hexahedra_mut().stiffness[0][4][9] *= 1.001;
         let u = Random(SEED + 1).field(model.rest.len(), 1e-5);
         let error = gradient_error(&wrong, &u, 1.0);
         assert!(error > 1e3 * EXACT, "an unsymmetric entry has no energy: {error:e}");
@@ -129,7 +129,7 @@ fn pre_strained_force() {
         assert!(error < EXACT, "{element:?}: {error:e}");
         // counter-test: the energy at rest is another, so its gradient is
         let [f, ..] = force(&model, &u);
-        model.pre_strain.iter_mut().for_each(|e| e[0] *= 1.001);
+        model.hexahedra_mut().pre_strain.iter_mut().for_each(|e| e[0] *= 1.001);
         let [g, ..] = force(&model, &u);
         let apart = f.iter().zip(&g).map(|(f, g)| [0, 1, 2, 3].map(|n| f[n] - g[n])).collect::<Vec<_>>();
         assert!(dot(&apart, &apart).sqrt() > 1e3 * EXACT * dot(&f, &f).sqrt(), "a thousandth more is not noticed");
@@ -174,7 +174,7 @@ fn corotational_force() {
         assert!(errors[0] < 0.1 && errors[3] < 1e-3, "{element:?}: {errors:?}");
         // counter-test: forces of unturned bricks are not near the gradient at any strain
         let mut linear = model.clone();
-        linear.corotational = false;
+        linear.hexahedra_mut().corotational = false;
         let u = strained(&model, 1e-4);
         let ([f, ..], [g, ..]) = (force(&linear, &u), force(&model, &u));
         assert!(dot(&f, &f) > 10.0 * dot(&g, &g));
@@ -206,7 +206,7 @@ fn spring_force() {
         assert!(error < SPRING, "{by}: {error:e}");
     }
     let mut wrong = body.clone();
-    if let Some(s) = &mut wrong.springs {
+    if let Some(s) = wrong.springs_mut() {
         s.half[0][0] = s.half[2][0]; // one end of an edge takes itself for a diagonal, the other does not
     }
     let error = gradient_error(&wrong, &grown(&wrong, 0.1), 1e-2);

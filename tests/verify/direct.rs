@@ -4,14 +4,14 @@ use super::Case;
 use super::dense::{hold_some, multiply, random_rotations, small, without_dead};
 use super::setup::{LONG, Random, apart, displaced, measured, model};
 use cutis::backend::{Backend, CpuBackend, FREE, Needs, Target, Wanted};
-use cutis::cut::Removal;
+use cutis::bodies::Model;
+use cutis::bodies::Removal;
+use cutis::bodies::grid::direct::{Direct, Pattern};
 use cutis::error::Error;
 use cutis::kernels::Params;
 use cutis::kernels::advance::Request;
-use cutis::linear::direct::{Direct, Pattern};
 use cutis::linear::{Outcome, Slot, solve};
 use cutis::math::{Real, V4, norm, widen};
-use cutis::model::Model;
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::Mass::{Consistent, Lumped, Uniform};
 use cutis::scene::{Element, Law, Mass, Preconditioner, Scene};
@@ -98,7 +98,7 @@ fn assembled_is_product() {
         let mut whole = rotation.clone();
         whole[1] = [0.0, 0.0, 0.0, 1.0];
         let mut other = model.clone();
-        other.stiffness[2][20][5] *= 1.0 + 1e-6;
+        other.hexahedra_mut().stiffness[2][20][5] *= 1.0 + 1e-6;
         let wrong = [
             assembled(&massless, &model, &rotation, &z),
             assembled(&params, &model, &whole, &z),

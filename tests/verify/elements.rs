@@ -5,8 +5,8 @@
 
 use super::setup::{Body, LONG, add, block, displaced, epsilon, largest, measured, model, times, tolerance, xyz};
 use super::{Case, Everywhere};
+use cutis::bodies::Model;
 use cutis::math::rotation_matrix;
-use cutis::model::Model;
 use cutis::scene::Element::{self, Bbar, Enhanced, Plain};
 use cutis::step::Place;
 
@@ -88,7 +88,7 @@ fn second_material() {
 fn wrong_entry() {
     let mut model = model(&block(Plain, false));
     // along z, where layers meet, and the same at every corner: what differs in a mirror has no place in a box's matrix
-    (0..8).for_each(|a| model.stiffness[0][3 * a + 2][3 * a + 2] *= 1.001);
+    (0..8).for_each(|a| model.hexahedra_mut().stiffness[0][3 * a + 2][3 * a + 2] *= 1.001);
     let error = patch(&Place::Cpu64, model, 2);
     assert!(error > 1e-6, "a wrong entry is not noticed: {error:e}");
 }
@@ -108,7 +108,7 @@ fn force_after(place: &Place, element: Element, corotational: bool, degrees: f64
     };
     let start = displaced(&model, move_node);
     let far = start.u.iter().map(|u| xyz(*u)).collect::<Vec<_>>();
-    let stiff = (0..24).map(|k| model.stiffness[0][k][k]).fold(0.0, f64::max);
+    let stiff = (0..24).map(|k| model.hexahedra().stiffness[0][k][k]).fold(0.0, f64::max);
     let mut body = Body::new(place, model, &start, tolerance(place));
     largest(&body.forces()) / (stiff * largest(&far))
 }

@@ -10,9 +10,9 @@ use super::setup::{
 use super::skin_block::{Grid, on_grid, static_answer};
 use super::{Case, Everywhere};
 use cutis::backend::Snapshot;
+use cutis::bodies::{Model, elastic_energy};
 use cutis::error::Error;
 use cutis::math::norm;
-use cutis::model::{Model, elastic_energy};
 use cutis::report::inspect::inspect;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Integrator::{self, ImplicitEuler, Newmark, SymplecticEuler};
@@ -412,7 +412,7 @@ fn nothing_to_solve() {
     scene.solver.preconditioner = Preconditioner::Multigrid;
     let size = |scene: &Scene| {
         let body = Body::new(&Place::Cpu64, model(scene), &displaced(&model(scene), |_| [0.0; 3]), 1e-9);
-        (body.model.multigrid.is_some(), body.bytes())
+        (body.model.hexahedra().multigrid.is_some(), body.bytes())
     };
     let names = |scene: &Scene| {
         let plan = inspect(scene).unwrap_or_else(|e| panic!("{e}"));
@@ -466,7 +466,7 @@ fn release(model: &Model, start: &Snapshot, integrator: Integrator, steps: u32) 
     let mut model = model.clone();
     (model.step.integrator, model.step.step) = (integrator, 1e-3 / f64::from(steps));
     if integrator == SymplecticEuler {
-        model.multigrid = None;
+        model.hexahedra_mut().multigrid = None;
     }
     let mut body = Body::new(&Place::Cpu64, model, start, 1e-6);
     let first = body.state();

@@ -8,9 +8,9 @@
 
 use super::setup::{Body, block, displaced, epsilon, measured, model, tolerance};
 use super::{Case, Everywhere};
-use cutis::cut::Wound;
+use cutis::bodies::Model;
+use cutis::bodies::Wound;
 use cutis::kernels::cut::Hit;
-use cutis::model::Model;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Mass::{self, Consistent, Lumped, Uniform};
 use cutis::scene::{Files, parse};

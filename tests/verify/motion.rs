@@ -9,8 +9,8 @@ use super::setup::{
 };
 use super::{Case, Everywhere};
 use cutis::backend::Snapshot;
+use cutis::bodies::{Model, elastic_energy};
 use cutis::kernels::momentum;
-use cutis::model::{Model, elastic_energy};
 use cutis::scene::Element::{Bbar, Plain};
 use cutis::scene::Mass::{self, Consistent, Lumped, Uniform};
 use cutis::scene::{Law, Preconditioner};

@@ -3,15 +3,15 @@
 use super::setup::{Body, apart, displaced, measured, model, scene};
 use super::{Case, Everywhere};
 use cutis::backend::Snapshot;
+use cutis::bodies::Model;
+use cutis::bodies::grid::levels::largest;
+use cutis::bodies::grid::multigrid::{Hierarchy, Operator, cycle, workspaces};
 use cutis::kernels::advance::Request;
 use cutis::kernels::blocks::blocks;
 use cutis::kernels::factor::factor;
 use cutis::kernels::product::{LANES, cell_groups, product};
-use cutis::linear::multigrid::{Hierarchy, Operator, Work, cycle};
 use cutis::linear::{Outcome, Slot, solve};
 use cutis::math::V4;
-use cutis::model::Model;
-use cutis::model::levels::largest;
 use cutis::scene::{Load, Preconditioner, Scene};
 use cutis::step::Place;
 
@@ -104,7 +104,7 @@ fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) ->
         split: (&[], &[]),
     };
     let levels = hierarchy.operators(finest);
-    let mut work = Work::new(&levels);
+    let mut work = workspaces(&levels);
     let load = model.load_at(&scene.loads, 0.0);
     let mut r: Vec<V4<f64>> =
         load.iter().zip(&free).map(|(l, f)| [l[0] * f[0], l[1] * f[1], l[2] * f[2], 0.0]).collect();
@@ -188,7 +188,7 @@ fn wrong_bound() {
     let scene = press(16, THIN, 0.45);
     let mut model = model(&scene);
     let right = solved(&model, &scene, &at_rest(&model), 1e-6).1;
-    let multigrid = model.multigrid.as_mut().expect("multigrid");
+    let multigrid = model.hexahedra_mut().multigrid.as_mut().expect("multigrid");
     multigrid.largest *= 0.5;
     let wrong = solved(&model, &scene, &at_rest(&model), 1e-6).1;
     assert!(!wrong.converged || wrong.iterations > 2 * right.iterations, "{wrong:?} against {right:?}");
@@ -218,7 +218,7 @@ fn bound() {
             cutis::kernels::precondition::precondition(&params, &block, &w, &mut z);
             found = z.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt();
         }
-        let bound = largest(&model.stiffness);
+        let bound = largest(&model.hexahedra().stiffness);
         measured(&format!("largest eigenvalue of the columns' inverse times A, ν {poisson}"), found, bound);
         assert!(found <= bound && found > 0.5 * bound, "ν {poisson}: {found} under {bound}");
     }

@@ -4,10 +4,10 @@
 use super::setup::{Body, LONG, Random, add, block, displaced, largest, measured, model, scene, xyz};
 use super::skin_block::{Grid, POINTS, on_grid, static_answer, volume_change};
 use super::{Case, Everywhere};
+use cutis::bodies::Model;
 use cutis::error::Error;
 use cutis::kernels::neo::{Cell, Material};
 use cutis::math::V3;
-use cutis::model::Model;
 use cutis::scene::Element::Bbar;
 use cutis::scene::{Boundary, Integrator, Law, Load, Region, Scene};
 use cutis::step::{Place, Simulation};
@@ -92,7 +92,7 @@ fn rotation() {
 
 /// Stretch of a confined layer under a pressure on its area at rest: `μ (s − 1/s) + λ ln s / s = −p`.
 fn stretch(young: f64, poisson: f64, pressure: f64) -> f64 {
-    let (lambda, mu) = cutis::model::element::lame(young, poisson);
+    let (lambda, mu) = cutis::bodies::grid::element::lame(young, poisson);
     let stress = |s: f64| mu * (s - 1.0 / s) + lambda * s.ln() / s;
     let (mut low, mut high) = (0.05, 1.0);
     for _ in 0..200 {
@@ -168,7 +168,7 @@ fn one_cell(present: bool) -> u32 {
     };
     let on_top = |values: &[V3<f64>; 8]| (4..8).map(|a| values[a].z).sum::<f64>();
     let slope = |w: f64| {
-        let k = cutis::model::tangent(&at(w));
+        let k = cutis::bodies::grid::tangent(&at(w));
         (0..16).map(|n| k[3 * (4 + n / 4) + 2][3 * (4 + n % 4) + 2]).sum::<f64>()
     };
     let load = on_top(&at(-0.15e-3).forces());
@@ -216,7 +216,7 @@ fn buckling(place: &Place) {
     scene.boundaries = vec![held(Region::Bottom, [true; 3])];
     let linearised = |shrink: f64| {
         let mut model = model(&scene);
-        model.neo_hookean.iter_mut().for_each(|law| law.newton = false);
+        model.hexahedra_mut().hyperelastic.iter_mut().for_each(|law| law.newton = false);
         let bend = |z: f64| 1e-5 * (z / 6e-3).powi(2);
         let start = displaced(&model, |x| [0.3 * shrink * x[0] + bend(x[2]), 0.3 * shrink * x[1], -shrink * x[2]]);
         let mut body = Body::new(place, model, &start, tight(place).max(1e-8));
@@ -264,7 +264,7 @@ fn start_inside_out(place: &Place) {
     for touched in [false, true] {
         let mut model = model(&scene);
         // what may be touched is solved with one linearisation, elsewhere
-        model.neo_hookean.iter_mut().for_each(|law| law.newton = !touched);
+        model.hexahedra_mut().hyperelastic.iter_mut().for_each(|law| law.newton = !touched);
         let top = model.grid.nearest([0.0, 0.0, 1.0]);
         for pressed in [0.5, 4.0] {
             let mut start = displaced(&model, |_| [0.0; 3]);

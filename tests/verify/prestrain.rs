@@ -6,8 +6,8 @@
 
 use super::setup::{Body, LONG, apart, block, displaced, epsilon, largest, measured, model, tolerance};
 use super::{Case, Everywhere};
+use cutis::bodies::Model;
 use cutis::math::V4;
-use cutis::model::Model;
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::{Boundary, Element, Region, Scene};
 use cutis::step::Place;
@@ -71,14 +71,14 @@ fn held(place: &Place) {
         let error = unbalanced(place, model.clone());
         measured("force in a held slab", error, exact(place));
         assert!(error < exact(place), "{element:?} {corotational}: {error:e}");
-        model.pre_strain.iter_mut().for_each(|e| e[2] = 0.0);
+        model.hexahedra_mut().pre_strain.iter_mut().for_each(|e| e[2] = 0.0);
         assert!(unbalanced(place, model) > 1e-2, "without the strain through the thickness the top is pulled");
     }
 }
 
 /// Displacements that relieve a share of the strain: `−share e∘(x − corner)`.
 fn relieved(model: &Model, share: f64) -> Vec<V4<f64>> {
-    let e = model.pre_strain[0];
+    let e = model.hexahedra().pre_strain[0];
     displaced(model, |x| [0, 1, 2].map(|n| -share * e[n] * (x[n] - CORNER[n]))).u
 }
 
@@ -115,9 +115,9 @@ fn reaction(place: &Place) {
         measured("reaction of a held side, relative error", error, 0.0);
         assert!(error.abs() < exact(place), "{element:?} {corotational}: {error:e}");
         // counter-test: a rod's stress, or that of a body held on top too, is another
-        model.pre_strain.iter_mut().for_each(|e| e[1] = 0.0);
+        model.hexahedra_mut().pre_strain.iter_mut().for_each(|e| e[1] = 0.0);
         assert!(reaction_error(place, model.clone()).abs() > 0.1, "the strain along y bears on the side too");
-        model.pre_strain.iter_mut().for_each(|e| (e[1], e[2]) = (STRAIN[1], 0.0));
+        model.hexahedra_mut().pre_strain.iter_mut().for_each(|e| (e[1], e[2]) = (STRAIN[1], 0.0));
         assert!(reaction_error(place, model).abs() > 0.1, "and so does the one across");
     }
 }
@@ -142,7 +142,7 @@ fn stays(place: &Place) {
         let bound = 100.0 * exact(place);
         measured("a held slab's displacement", error, bound);
         assert!(error < bound, "{element:?} {corotational}: {error:e}");
-        model.pre_strain.iter_mut().for_each(|e| e[2] = 0.0);
+        model.hexahedra_mut().pre_strain.iter_mut().for_each(|e| e[2] = 0.0);
         assert!(moved(place, model) > 1e-2, "a slab that is not at rest moves");
     }
 }
@@ -187,9 +187,9 @@ fn shrinks(place: &Place) {
 }
 
 fn across() {
-    let e = model(&strained(Plain, false)).pre_strain[0];
+    let e = model(&strained(Plain, false)).hexahedra().pre_strain[0];
     // Hooke: σ_z = (λ + 2μ) e_z + λ (e_x + e_y)
-    let (lambda, mu) = cutis::model::element::lame(50e3, 0.45);
+    let (lambda, mu) = cutis::bodies::grid::element::lame(50e3, 0.45);
     let stress = |e: [f64; 4]| ((lambda + 2.0 * mu) * e[2] + lambda * (e[0] + e[1])) / lambda;
     assert!(stress(e).abs() < 1e-14, "{:e}", stress(e));
     assert!(stress([e[0], e[1], -(e[0] + e[1]), 0.0]).abs() > 1e-2, "kept volume is another condition");

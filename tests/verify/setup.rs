@@ -1,11 +1,11 @@
 //! A deformable body on any place, driven step by step without a scene's tools; and what tests compare it with.
 
 use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
-use cutis::cut::Removal;
+use cutis::bodies::Model;
+use cutis::bodies::Removal;
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
 use cutis::math::{V4, norm};
-use cutis::model::Model;
 use cutis::scene::{Element, Files, Law, Scene, parse, read};
 use cutis::step::Place;
 use std::path::Path;
@@ -88,7 +88,7 @@ impl Body {
     /// The body in a state; `tolerance` of every solve relative to the step's load.
     pub fn new(place: &Place, model: Model, start: &Snapshot, tolerance: f64) -> Self {
         const CAP: u32 = 20_000;
-        let needs = Needs { cutting: model.extra_columns > 0, ..Needs::default() };
+        let needs = Needs { cutting: model.hexahedra().extra_columns > 0, ..Needs::default() };
         let backend: Box<dyn Backend> = match place {
             Place::Cpu64 => Box::new(CpuBackend::<f64>::new(&model, needs, CAP, 0.0, start)),
             Place::Cpu32 => Box::new(CpuBackend::<f32>::new(&model, needs, CAP, 0.0, start)),

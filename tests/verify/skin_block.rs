@@ -6,7 +6,7 @@
 
 use super::Case;
 use super::setup::{Body, displaced, measured, model, scene};
-use cutis::model::Model;
+use cutis::bodies::Model;
 use cutis::scene::Element::{self, Bbar, Enhanced, Plain};
 use cutis::scene::{Law, Scene};
 use cutis::step::{Place, Simulation};

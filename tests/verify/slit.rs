@@ -15,9 +15,9 @@
 use super::multigrid::{THIN, press};
 use super::setup::{Body, displaced, measured, model};
 use super::{Case, Everywhere};
-use cutis::cut::Wound;
+use cutis::bodies::Model;
+use cutis::bodies::Wound;
 use cutis::kernels::cut::Hit;
-use cutis::model::Model;
 use cutis::step::Place;
 
 pub const CASES: &[Case] = &[
@@ -35,7 +35,7 @@ const ACROSS: usize = 32;
 /// A body with room for both cuts.
 fn body(poisson: f64) -> Model {
     let mut model = model(&press(ACROSS as u32, THIN, poisson));
-    model.extra_columns = 2 * (ACROSS + 1) * (ACROSS + 1);
+    model.hexahedra_mut().extra_columns = 2 * (ACROSS + 1) * (ACROSS + 1);
     model.free.resize(model.node_count(), [0.0; 4]);
     model
 }

@@ -3,13 +3,13 @@
 use super::Case;
 use super::dense::{Dense, hold_some, multiply, small};
 use super::setup::{Body, Random, block, displaced, measured, model, scene};
+use cutis::bodies::Model;
 use cutis::kernels::advance::Request;
 use cutis::kernels::blocks::blocks;
 use cutis::kernels::factor::factor;
 use cutis::kernels::precondition::precondition;
 use cutis::linear::{Outcome, Slot, solve};
 use cutis::math::V4;
-use cutis::model::Model;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Mass::{self, Consistent, Lumped};
 use cutis::scene::Preconditioner;
@@ -102,7 +102,7 @@ fn dense_solution() {
         assert!(error(&exact) < BOUND, "{preconditioner:?} {mass:?}: {:e}", error(&exact));
         // counter-test: another body's solution is told apart
         let mut other = model.clone();
-        other.stiffness[1][0][0] *= 1.001;
+        other.hexahedra_mut().stiffness[1][0][0] *= 1.001;
         let b: Vec<f64> = b.iter().flat_map(|b| [b[0], b[1], b[2]]).collect();
         let exact = Dense::assemble(&other, &identity, 1.0).solve(b);
         assert!(error(&exact) > 10.0 * BOUND, "{preconditioner:?}: {:e}", error(&exact));

@@ -6,7 +6,7 @@
 
 use super::setup::{Body, LONG, block, displaced, epsilon, measured, model, tolerance};
 use super::{Case, Everywhere};
-use cutis::model::Model;
+use cutis::bodies::Model;
 use cutis::scene::Element::Plain;
 use cutis::scene::{Law, Preconditioner};
 use cutis::step::Place;
@@ -37,7 +37,7 @@ fn cell(damping: f64, diagonals: bool) -> Model {
         let top = if node < 4 { 0.0 } else { 1.0 };
         model.free[node][..3].copy_from_slice(&[0.0, 0.0, top]);
     }
-    if let (Some(springs), false) = (&mut model.springs, diagonals) {
+    if let (Some(springs), false) = (model.springs_mut(), diagonals) {
         for (ends, law) in springs.ends.iter().zip(&mut springs.law) {
             if ends[1] - ends[0] != 4 {
                 (law[1], law[2]) = (0.0, 0.0);

@@ -1,29 +1,26 @@
 //! The CPU path: the kernels' twins in f32 or f64 on all cores; the reference that the GPU is checked against.
 
-mod arrays;
-mod explicit;
-mod hyperelastic;
 mod reserve;
 mod slots;
 
 use super::{Backend, CORRECTION, Device, FREE, NOT_KEPT, Needs, Nonlinear, Snapshot, Target, Vector, Wanted};
-use crate::cut::Removal;
+use crate::bodies::cpu::{Solution, System, Workspace};
+use crate::bodies::{Anchors, Model, Removal, rate};
 use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::cut::Hit;
-use crate::kernels::product::{LANES, cell_groups};
-use crate::kernels::{Params, ahead, anchors, blocks, bounds, cut, duplicate, factor, integrate, rhs, springs_blocks};
+use crate::kernels::{Params, ahead, anchors, blocks, bounds, cut, duplicate, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{Real, V3, V4, round, widen};
-use crate::model::{Anchors, Model, rate};
 use crate::scene::Mass;
-use arrays::{Bricks, Cutting, Elastic, Space};
 use rayon::prelude::*;
 
 /// The body's state and constant arrays in one precision.
 pub struct CpuBackend<R> {
     params: Params<R>,
-    law: Elastic<R>,
+    system: Box<dyn System<R>>,
+    nonlinear: Nonlinear,
+    shift: f64, // share of the small-strain matrix in tangents that are not positive
     max_iterations: u32,
     floor: f64,
     node_count: usize, // in use, of `all_nodes` with the reserve
@@ -51,7 +48,25 @@ pub struct CpuBackend<R> {
     z: Vec<V4<R>>,
     w: Vec<V4<R>>,
     cutting: Option<Cutting<R>>,
-    space: Vec<Space<R>>, // [slot]
+    space: Vec<Workspace<R>>, // [slot]
+}
+
+/// Segments that a blade may cut, and where their ends are.
+struct Cutting<R> {
+    ends: Vec<[u32; 2]>,
+    rest: Vec<V4<R>>,
+    point_u: Vec<V4<R>>,
+    point_before: Vec<V4<R>>,
+    kept: bool, // `point_before` is of the last step
+}
+
+impl<R: Real> Cutting<R> {
+    fn new(model: &Model) -> Self {
+        let segments = model.mechanics().segments(model);
+        let rest: Vec<V4<R>> = segments.rest.iter().map(|p| V3::of(*p).pad(R::zero())).collect();
+        let zeros = vec![[R::zero(); 4]; rest.len()];
+        Self { ends: segments.ends, rest, point_u: zeros.clone(), point_before: zeros, kept: false }
+    }
 }
 
 impl<R: Real> CpuBackend<R> {
@@ -63,15 +78,13 @@ impl<R: Real> CpuBackend<R> {
         let solved = usize::from(!model.step.explicit()); // what a solve needs vectors of
         let zeros = |of_node: usize| reserve::zeros(node_count * of_node, all_nodes * of_node);
         let in_use = |values: &[V4<f64>]| reserve::rounded(values, node_count);
-        let scratch = match &model.springs {
-            Some(_) => vec![],
-            None => vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&model.params::<R>())],
-        };
+        let system = model.system::<R>();
         let (anchors, anchor_rate) = (model.anchors.clone(), rate(&model.step));
         let cutting = needs.cutting.then(|| Cutting::new(model));
         Self {
             params: Params { node_count: node_count as u32, ..params },
-            law: Elastic::new(model),
+            nonlinear: Nonlinear::default(),
+            shift: 0.0,
             max_iterations,
             floor,
             node_count,
@@ -98,7 +111,8 @@ impl<R: Real> CpuBackend<R> {
             z: zeros(solved * slots),
             w: zeros(solved * slots),
             cutting,
-            space: vec![Space { scratch, levels: vec![] }; slots],
+            space: vec![system.workspace(&params); slots],
+            system,
         }
     }
 
@@ -117,17 +131,6 @@ impl<R: Real> CpuBackend<R> {
     fn slot_mut<'a>(&self, array: &'a mut [V4<R>], slot: usize) -> &'a mut [V4<R>] {
         &mut array[slot * self.node_count..(slot + 1) * self.node_count]
     }
-
-    fn fill_blocks(&self, params: &Params<R>, out: &mut [V4<R>]) {
-        match &self.law {
-            Elastic::Bricks(b) => {
-                blocks::blocks(params, &b.system, &b.layer_of, &b.rotation, &self.free, &b.split, out);
-            }
-            Elastic::Springs { first, half, tangent, .. } => {
-                springs_blocks::springs_blocks(params, first, half, tangent, &self.free, out);
-            }
-        }
-    }
 }
 
 impl<R: Real> Backend for CpuBackend<R> {
@@ -142,7 +145,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             driver: String::new(),
             software: false,
             sums: "plain",
-            device_bytes: (bytes * size_of::<V4<R>>()) as u64 + self.tangent_bytes(),
+            device_bytes: (bytes * size_of::<V4<R>>()) as u64 + self.system.tangent_bytes() as u64,
         }
     }
 
@@ -152,10 +155,12 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn begin(&mut self) -> Result<()> {
         let params = self.params;
+        self.set_shift(0.0);
         ahead::ahead(&params, &self.u, &self.v, &mut self.ahead);
         let at = if self.ahead.is_empty() { &self.u } else { &self.ahead };
-        self.law.forces(&params, &self.u, at, &mut self.f, &mut self.space[FREE])?;
-        self.law.mean_velocities(&params, &self.free, &self.v, &mut self.mean_v);
+        self.system.forces(&params, &self.u, at, &mut self.f, &mut self.space[FREE].scratch)?;
+        self.nonlinear = Nonlinear::default();
+        self.system.mean_velocities(&params, &self.free, &self.v, &mut self.mean_v);
         let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
         let own = if self.masses.is_empty() { &self.free } else { &self.masses };
         self.load_squared = rhs::rhs(&params, &self.f, v, own, &self.load, &mut self.r);
@@ -163,17 +168,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         if self.explicit {
             return Ok(());
         }
-        if let Elastic::Bricks(Bricks { direct: Some(direct), .. }) = &mut self.law {
-            direct.current = false;
-            return Ok(());
-        }
-        let mut block = std::mem::take(&mut self.block);
-        self.fill_blocks(&params, &mut block);
-        factor::factor(&params, &mut block);
-        self.block = block;
-        if let Elastic::Bricks(Bricks { multigrid: Some(multigrid), layer_of, rotation, .. }) = &mut self.law {
-            multigrid.refresh(&params, layer_of, rotation);
-        }
+        self.system.refresh(&params, &self.free, &mut self.block);
         Ok(())
     }
 
@@ -208,22 +203,18 @@ impl<R: Real> Backend for CpuBackend<R> {
         if self.explicit {
             return Ok(self.accelerate(wanted, pick));
         }
-        match (&self.law, wanted) {
-            (
-                Elastic::Bricks(Bricks { neo: Some(neo), .. }),
-                [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }],
-            ) if neo.newton() => {
+        match (self.system.solution(), wanted) {
+            (Solution::Newton, [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }]) => {
                 let outcome = self.newton(*tolerance)?;
-                let value = |(slot, node): &(usize, u32)| self.x[slot * self.node_count + *node as usize];
-                Ok((vec![outcome], pick.iter().map(|p| V3::from4(value(p)).f64()).collect()))
+                Ok((vec![outcome], self.picked(pick)))
             }
-            (Elastic::Bricks(Bricks { neo: Some(_), .. }), _) => self.solve_linearised(wanted, pick),
-            _ => self.solve_slots(wanted, pick),
+            (Solution::Linear, _) => self.solve_slots(wanted, pick),
+            _ => self.solve_linearised(wanted, pick),
         }
     }
 
     fn nonlinear(&self) -> Nonlinear {
-        self.count()
+        self.nonlinear
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
@@ -238,7 +229,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>> {
         let params = Params { preconditioner: 2, ..self.params };
         let mut out = vec![[R::zero(); 4]; self.node_count * 4];
-        self.fill_blocks(&params, &mut out);
+        self.system.blocks(&params, &self.free, &mut out);
         let read = |n: &u32| {
             let d = blocks::unpack(&out[*n as usize * 4..*n as usize * 4 + 4]).d;
             d.0.map(V3::f64)
@@ -250,7 +241,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         if let Some(c) = &mut self.cutting {
             c.kept = cuts;
             if cuts {
-                self.law.points(&self.params, &self.u, &mut c.point_before);
+                self.system.points(&self.params, &self.u, &mut c.point_before);
             }
         }
         let params = Params { slot_count: if corrected { 2 } else { 1 }, ..self.params };
@@ -277,27 +268,19 @@ impl<R: Real> Backend for CpuBackend<R> {
             return Ok(vec![]);
         };
         assert!(c.kept, "{NOT_KEPT}");
-        self.law.points(&self.params, &self.u, &mut c.point_u);
+        self.system.points(&self.params, &self.u, &mut c.point_u);
         let quads: Vec<V4<R>> = quads.iter().map(|p| V3::of(*p).pad(R::zero())).collect();
         let hits = cut::cut(&c.ends, &c.rest, &c.point_u, &c.point_before, &quads);
         Ok(hits.iter().map(|hit| Hit { segment: hit.segment, at: hit.at.f64() }).collect())
     }
 
     fn remove(&mut self, removal: &Removal) -> Result<()> {
-        let Removal { cells, springs, copies, words, free } = removal;
-        match &mut self.law {
-            Elastic::Bricks(bricks) => bricks.take(&self.params, cells, words),
-            Elastic::Springs { law, .. } => {
-                for spring in springs {
-                    law[*spring as usize] = [R::zero(); 4];
-                }
-            }
-        }
+        self.system.take(&self.params, removal);
         self.take_reserve();
         for values in [&mut self.u, &mut self.v, &mut self.x] {
-            duplicate::duplicate(self.node_count, copies, values);
+            duplicate::duplicate(self.node_count, &removal.copies, values);
         }
-        for (node, value) in free {
+        for (node, value) in &removal.free {
             let in_system = self.anchors.in_system(self.anchor_rate, *node, *value);
             let node = *node as usize;
             self.free[node] = round(&in_system);
@@ -319,21 +302,12 @@ impl<R: Real> Backend for CpuBackend<R> {
         let set = |to: &mut [V4<R>], from: &[V4<f64>]| to.iter_mut().zip(from).for_each(|(to, from)| *to = round(from));
         set(&mut self.u, u);
         set(&mut self.v, v);
-        if let Some(bricks) = self.law.bricks_mut() {
-            set(&mut bricks.rotation, rotation);
-        }
+        self.system.set_rotations(rotation);
         Ok(())
     }
 
     fn snapshot(&mut self) -> Result<Snapshot> {
-        let (rotation, law) = match &self.law {
-            Elastic::Bricks(Bricks { rotation, .. }) => (widen(rotation), vec![]),
-            Elastic::Springs { law, .. } => (vec![], widen(law)),
-        };
-        let split = match &self.law {
-            Elastic::Bricks(bricks) => bricks.split.clone(),
-            Elastic::Springs { .. } => vec![],
-        };
+        let (rotation, law, split) = (self.system.rotations(), self.system.law(), self.system.split().to_vec());
         let [u, v, free] = [&self.u[..], &self.v, self.own()].map(|values| self.of_all(values));
         Ok(Snapshot { u, v, rotation, split, free, law })
     }

@@ -4,7 +4,6 @@
 //! memory is that of all places, so a cut allocates nothing.
 
 use super::CpuBackend;
-use super::arrays::{Bricks, Elastic};
 use crate::math::{Real, V4, round};
 
 /// Zeroes for the nodes in use, with room for all.
@@ -34,8 +33,7 @@ pub(super) fn spread<R: Real>(values: &mut Vec<V4<R>>, from: usize, to: usize) {
 impl<R: Real> CpuBackend<R> {
     /// Makes the arrays as long as the table of split nodes asks for.
     pub(super) fn take_reserve(&mut self) {
-        let Elastic::Bricks(Bricks { split, .. }) = &self.law else { return };
-        let (from, to) = (self.node_count, self.params.nodes_in_use(split));
+        let (from, to) = (self.node_count, self.system.nodes_in_use(&self.params));
         if to <= from {
             return;
         }

@@ -1,15 +1,25 @@
-//! The CPU path's conjugate gradients over the slots of a solve.
+//! The CPU path's solves: conjugate gradients over the slots, explicit steps, and Newton's method for a law that is not linear.
+//!
+//! What touches is solved with one linearisation per step, at the step's start: contact columns and correction then share one matrix;
+//! over steps at rest that is Newton's method too.
 
-use super::arrays::{Bricks, Elastic, Inverse, Space};
 use super::{CpuBackend, request};
-use crate::backend::Wanted;
-use crate::error::Result;
-use crate::kernels::springs_product;
+use crate::backend::newton::{Attempt, Descent, SHIFTS, newton, raised};
+use crate::backend::{FREE, Target, Wanted};
+use crate::bodies::cpu::{Start, Trial, Workspace};
+use crate::error::{Error, Result};
+use crate::kernels::accelerate::accelerate;
 use crate::linear::{Outcome, Slot, solve};
-use crate::math::{Real, V3, V4, widen};
+use crate::math::{Real, V3, V4, norm, round, widen};
 use rayon::prelude::*;
 
 impl<R: Real> CpuBackend<R> {
+    /// Values of `x` at (slot, node), m.
+    pub(super) fn picked(&self, pick: &[(usize, u32)]) -> Vec<[f64; 3]> {
+        let value = |(slot, node): &(usize, u32)| self.x[slot * self.node_count + *node as usize];
+        pick.iter().map(|p| V3::from4(value(p)).f64()).collect()
+    }
+
     /// Solves the linear systems of slots, and picks values.
     pub(super) fn solve_slots(
         &mut self,
@@ -17,17 +27,10 @@ impl<R: Real> CpuBackend<R> {
         pick: &[(usize, u32)],
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let n = self.node_count;
-        if let Elastic::Bricks(Bricks { direct: Some(direct), rotation, .. }) = &mut self.law
-            && !direct.current
-        {
-            direct.factor(&widen(rotation), &widen(&self.free))?;
-        }
-        let (params, free, block, law) = (&self.params, &self.free, &self.block, &self.law);
+        self.system.factor(&self.free)?;
+        let (params, free, system) = (&self.params, &self.free, &self.system);
         let (load, floor, max_iterations) = (self.load_squared, self.floor, self.max_iterations);
-        let inverse = match law {
-            Elastic::Bricks(b) => b.inverse(params, free, block),
-            Elastic::Springs { .. } => Inverse::Columns { params, block },
-        };
+        let precondition = system.preconditioner(params, free, &self.block);
         let arrays = (
             self.x.par_chunks_mut(n),
             self.r.par_chunks_mut(n),
@@ -41,21 +44,15 @@ impl<R: Real> CpuBackend<R> {
             .into_par_iter()
             .enumerate()
             .filter_map(|(slot, arrays)| Some((wanted.iter().find(|w| w.slot == slot)?, arrays)))
-            .map(|(want, (x, r, p, s, z, w, Space { scratch, levels: work }))| {
-                let product = |z: &[V4<R>], w: &mut [V4<R>]| match law {
-                    Elastic::Bricks(b) => b.multiply(params, free, z, w, scratch),
-                    Elastic::Springs { first, half, tangent, .. } => {
-                        springs_product::springs_product(params, first, half, tangent, free, z, w)
-                    }
-                };
+            .map(|(want, (x, r, p, s, z, w, Workspace { scratch, levels }))| {
                 let request = request(want.target, floor);
                 let outcome = solve(
                     Slot { x, r, p, s, z, w },
                     &request,
                     load,
                     want.target.iterations(max_iterations),
-                    product,
-                    |r: &[V4<R>], z: &mut [V4<R>]| inverse.apply(work, r, z),
+                    |z: &[V4<R>], w: &mut [V4<R>]| system.product(params, free, z, w, scratch),
+                    |r: &[V4<R>], z: &mut [V4<R>]| precondition(levels, r, z),
                 );
                 (want.slot, outcome)
             })
@@ -63,7 +60,133 @@ impl<R: Real> CpuBackend<R> {
         done.sort_by_key(|(slot, _)| *slot);
         let find = |w: &Wanted| done.iter().find(|d| d.0 == w.slot).map(|d| d.1).unwrap_or_default();
         let outcomes = wanted.iter().map(find).collect();
-        let picked = pick.iter().map(|(slot, node)| V3::from4(self.x[slot * n + *node as usize]).f64()).collect();
-        Ok((outcomes, picked))
+        Ok((outcomes, self.picked(pick)))
+    }
+
+    /// The free motion of an explicit step, and its values at nodes: one division per node, exact.
+    pub(super) fn accelerate(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> (Vec<Outcome>, Vec<[f64; 3]>) {
+        accelerate(&self.params, &self.free, &self.r, &mut self.x);
+        debug_assert!(wanted.iter().all(|w| w.slot == FREE), "explicit steps have no contact");
+        (vec![Outcome::exact(); wanted.len()], self.picked(pick))
+    }
+
+    /// One linearisation for every slot; the free motion, which comes first in a step, finds out whether it is positive.
+    pub(super) fn solve_linearised(
+        &mut self,
+        wanted: &[Wanted],
+        pick: &[(usize, u32)],
+    ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+        let n = self.node_count;
+        let b = self.r[..n].to_vec();
+        let mut found = self.solve_slots(wanted, pick)?;
+        let free = wanted.iter().position(|w| w.slot == FREE);
+        for _ in 0..SHIFTS {
+            let broken = free.is_some_and(|k| found.0[k].broken(self.max_iterations));
+            if !broken {
+                break;
+            }
+            self.raise();
+            self.r[..n].copy_from_slice(&b);
+            self.x[..n].fill([R::zero(); 4]);
+            found = self.solve_slots(wanted, pick)?;
+        }
+        Ok(found)
+    }
+
+    pub(super) fn set_shift(&mut self, shift: f64) {
+        self.shift = shift;
+        self.system.set_shift(shift);
+    }
+
+    /// Adds more of the small-strain matrix.
+    fn raise(&mut self) {
+        self.set_shift(raised(self.shift));
+        self.nonlinear.indefinite += 1;
+    }
+
+    /// The free motion by Newton's method; the slot's right-hand side is the step's `b`, its solution the increment.
+    pub(super) fn newton(&mut self, tolerance: f64) -> Result<Outcome> {
+        let (n, floor) = (self.node_count, self.floor);
+        let zeros = vec![[R::zero(); 4]; n];
+        let still = Point { dx: zeros.clone(), residual: zeros.clone() };
+        let b = self.r[..n].to_vec();
+        let mut descent = Search { body: self, b, here: still.clone(), tried: still, direction: zeros };
+        let (outcome, own) = newton(&mut descent, tolerance, floor)?;
+        let dx = descent.here.dx;
+        self.x[..n].copy_from_slice(&dx);
+        self.nonlinear.iterations = own;
+        self.set_shift(0.0);
+        Ok(outcome)
+    }
+}
+
+/// A point on the way to a step's solution.
+#[derive(Clone)]
+struct Point<R> {
+    /// `[node]` m
+    dx: Vec<V4<R>>,
+    /// `[node]` −∇Π, N
+    residual: Vec<V4<R>>,
+}
+
+/// A body on its way, with the step's right-hand side.
+struct Search<'a, R: Real> {
+    body: &'a mut CpuBackend<R>,
+    b: Vec<V4<R>>,
+    here: Point<R>,
+    tried: Point<R>,
+    direction: Vec<V4<R>>,
+}
+
+impl<R: Real> Descent for Search<'_, R> {
+    fn attempt(&mut self, share: f64) -> Result<Option<Attempt>> {
+        let along =
+            |(d, e): (&V4<R>, &V4<R>)| round(&std::array::from_fn::<f64, 4, _>(|n| d[n].f64() + share * e[n].f64()));
+        let dx: Vec<V4<R>> = self.here.dx.iter().zip(&self.direction).map(along).collect();
+        let CpuBackend { params, free, u, f, system, space, .. } = &mut *self.body;
+        let start = Start { params, free, u, f, b: &self.b };
+        let Some(Trial { potential, residual }) = system.trial(&start, &dx, &mut space[FREE].scratch)? else {
+            return Ok(None);
+        };
+        let product = |(r, e): (&V4<R>, &V4<R>)| (0..3).map(|n| r[n].f64() * e[n].f64()).sum::<f64>();
+        let promise = self.here.residual.iter().zip(&self.direction).map(product).sum();
+        let size = norm(&widen(&residual));
+        self.tried = Point { dx, residual };
+        Ok(Some(Attempt { potential, noise: 0.0, size, promise }))
+    }
+
+    fn take(&mut self) {
+        std::mem::swap(&mut self.here, &mut self.tried);
+    }
+
+    fn direction(&mut self, residual: f64) -> Result<Outcome> {
+        let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
+        let moved: Vec<V4<f64>> = self.body.u.iter().zip(&self.here.dx).map(sum).collect();
+        self.body.system.linearise(&moved);
+        self.body.set_shift(0.0);
+        let (body, n) = (&mut *self.body, self.b.len());
+        let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
+        let mut spent = 0;
+        for attempt in 0..=SHIFTS {
+            body.r[..n].copy_from_slice(&self.here.residual);
+            body.x[..n].fill([R::zero(); 4]);
+            let mut outcome = body.solve_slots(&wanted, &[])?.0[0];
+            spent += outcome.iterations;
+            if !outcome.broken(body.max_iterations) || attempt == SHIFTS {
+                outcome.iterations = spent;
+                self.direction.copy_from_slice(&body.x[..n]);
+                return Ok(outcome);
+            }
+            body.raise();
+        }
+        unreachable!("the last attempt returns")
+    }
+
+    fn load(&self) -> f64 {
+        self.body.load_squared.f64().sqrt()
+    }
+
+    fn inside_out(&self) -> Error {
+        unreachable!("forces at the step's start were taken")
     }
 }

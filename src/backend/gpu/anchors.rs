@@ -1,11 +1,11 @@
 //! Anchors on the device: which nodes, how stiff, and the nodes' own masses beside those that `A` has.
 
-use super::arrays::{Dispatch, Maker};
+use crate::bodies::gpu::{Dispatch, Maker};
+use crate::bodies::{Anchors, Model, rate};
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::kernels::anchors::SOURCE;
 use crate::math::V4;
-use crate::model::{Anchors, Model, rate};
 
 /// Arrays of an anchored body.
 pub(super) struct Anchored {

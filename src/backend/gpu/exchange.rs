@@ -1,7 +1,7 @@
 //! Values by index between the host and arrays on the device: those that the host reads, and those that it puts.
 
 use super::GpuBackend;
-use super::arrays::Maker;
+use crate::bodies::gpu::Maker;
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{gather, scatter};

@@ -1,16 +1,15 @@
 //! Explicit steps on the device: one division per node where others iterate, and none of the arrays of the conjugate gradients.
 
 use super::GpuBackend;
-use super::arrays::{Arrays, Dispatch, Law, Maker};
 use super::exchange::triples;
-use super::in_use::{InUse, over_nodes};
 use super::solver::Solver;
 use crate::backend::Wanted;
+use crate::bodies::Model;
+use crate::bodies::gpu::{Arrays, Dispatch, InUse, Maker, over_nodes};
 use crate::error::Result;
-use crate::gpu::{Buffer, Gpu};
-use crate::kernels::{Params, accelerate, ahead, forces, neo_forces};
+use crate::gpu::Buffer;
+use crate::kernels::{Params, accelerate, ahead};
 use crate::linear::Outcome;
-use crate::model::Model;
 
 /// Steps that are handed to the device before one is waited for: more fill its queue, fewer cost a wait each.
 const UNREAD: u32 = 32;
@@ -32,25 +31,6 @@ impl Ahead {
         let kernel = made.gpu.bind(&ahead::SOURCE, &[("params", main), ("u", u), ("v", v), ("y", &y)])?;
         Ok(Some(Self { kernel: (kernel, over_nodes(&model.params())), y }))
     }
-}
-
-/// The dispatches of elastic forces, and before them of where an explicit step takes these.
-pub(super) fn elastic(
-    gpu: &Gpu,
-    law: &Law,
-    arrays: &Arrays,
-    main: &Buffer,
-    ahead: Option<&Ahead>,
-) -> Result<Vec<Dispatch>> {
-    let mut list: Vec<Dispatch> = ahead.iter().map(|a| a.kernel.clone()).collect();
-    for (source, threads) in &law.elastic {
-        let place = ahead.filter(|_| source.name == forces::SOURCE.name).map(|a| ("u", &a.y));
-        let start = if source.name == neo_forces::SOURCE.name { arrays.get("u") } else { None };
-        let start = start.as_ref().map(|u| ("place", u));
-        let more: Vec<_> = place.into_iter().chain(start).chain([("params", main)]).collect();
-        list.push((arrays.bind(gpu, source, &more)?, *threads));
-    }
-    Ok(list)
 }
 
 impl Solver {

@@ -8,24 +8,22 @@ mod anchors;
 mod arrays;
 mod exchange;
 mod explicit;
-mod hyperelastic;
-mod in_use;
+mod newton;
 mod solver;
 mod split;
 
 use super::{Backend, CORRECTION, Device, Needs, Nonlinear, Snapshot, Vector, Wanted};
-use crate::cut::Removal;
+use crate::bodies::gpu::{Arrays, Dispatch, Maker, over_columns, over_nodes, untouched};
+use crate::bodies::{Model, Removal};
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{GROUP, Params, blocks, cut::Hit, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4, round};
-use crate::model::Model;
 use anchors::Anchored;
-use arrays::{Arrays, Body, Bounds, Cutting, Dispatch, Law, Maker, axes, keeps_what_sums_lose};
+use arrays::{Body, Bounds, Cutting, axes, keeps_what_sums_lose};
 use exchange::{Pick, Put};
-use hyperelastic::Neo;
-use in_use::{over_columns, over_nodes};
+use newton::Newton;
 use solver::Solver;
 use split::Split;
 use std::sync::Arc;
@@ -38,7 +36,7 @@ pub struct GpuBackend {
     gpu: Arc<Gpu>,
     params: Params<f32>,
     node_count: usize,
-    spring_count: usize,
+    rotates: bool, // its elements are cells with rotations
     max_iterations: u32,
     floor: f64,
     expected: [u32; 2],
@@ -50,7 +48,7 @@ pub struct GpuBackend {
     body: Body,
     anchored: Option<Anchored>,
     solver: Solver,
-    neo: Option<Neo>,
+    newton: Option<Newton>,
     begin: Vec<Dispatch>,
     integrate: [Bound; 2], // without, with correction
     pick: Pick,
@@ -90,35 +88,35 @@ impl GpuBackend {
         let free = made.of("free", &rounded(&model.in_system()))?;
         let anchored = Anchored::new(&mut made, model)?;
         let masses = anchored.as_ref().map_or(&free, |a| &a.masses).clone();
-        let law = Law::new(&mut made, model)?;
-        let mut neo = Neo::new(&mut made, model, &u, params)?;
+        let mut kind = model.mechanics().recorded(model, &mut made, &u, &params)?;
+        let elements = kind.elements();
         // blocks of the preconditioner; those of nodes that are not in use stay untouched
         gpu.making("columns");
+        let own = model.own_nodes();
         let block = made.vec4("block", if explicit { 0 } else { n * 4 })?;
-        let of_grid = model.grid.node_count();
-        gpu.write(&block, of_grid as u64 * 64, &in_use::untouched(if explicit { 0 } else { n - of_grid }));
+        gpu.write(&block, own as u64 * 64, &untouched(if explicit { 0 } else { n - own }));
         gpu.making("solver");
         let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
         // the conjugate gradients, bound to these arrays by name
-        let own = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
-        let arrays = law.shared.joined(&Arrays::of(&own));
-        let arrays = neo.iter().fold(arrays, |all, neo| all.joined(&neo.arrays));
-        let solver = Solver::new(&mut made, model, &law, &arrays, params, &main, needs.contact, neo.as_mut())?;
-        neo.iter_mut().try_for_each(|neo| neo.search(&mut made, &arrays, &solver.x))?;
+        let state = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
+        let arrays = kind.shared().joined(&Arrays::of(&state));
+        let solver = Solver::new(&mut made, model, kind.as_mut(), &arrays, params, &main, needs.contact)?;
+        let newton = kind.nonlinear(&mut made, &arrays, &solver.x)?.map(|law| Newton::new(law, params));
         gpu.making("solver");
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
         };
         // dispatches of a step's begin: rotations, forces, right-hand side, blocks and factors, coarse levels
-        let mut begin = explicit::elastic(&gpu, &law, &arrays, &main, ahead.as_ref())?;
-        let mean_v = law.consistent.as_ref().map_or(&v, |[_, mean_v]| mean_v);
+        let mut begin: Vec<Dispatch> = ahead.iter().map(|a| a.kernel.clone()).collect();
+        begin.extend(kind.forces(&gpu, &arrays, &main, ahead.as_ref().map(|a| &a.y))?);
+        let mean_v = kind.mean_velocities();
+        let mean_v = mean_v.as_ref().unwrap_or(&v);
         begin
             .push((of_main(&rhs::SOURCE, &[("b", &solver.r), ("v", mean_v), ("free", &masses)])?, over_nodes(&params)));
         let at = ahead.as_ref().map_or(&u, |a| &a.y);
         begin.extend(anchored.iter().map(|a| a.bind(&gpu, at, &solver.r)).collect::<Result<Vec<_>>>()?);
-        let system = law.consistent.iter().map(|[system, _]| ("stiffness", system)).collect::<Vec<_>>();
         if !explicit {
-            begin.push((of_main(law.blocks, &system)?, over_nodes(&params)));
+            begin.push((kind.blocks(&gpu, &arrays, &[("params", &main)])?, over_nodes(&params)));
             begin.push((of_main(&factor::SOURCE, &[])?, over_columns(&params)));
         }
         begin.extend(solver.refresh.iter().cloned());
@@ -131,28 +129,28 @@ impl GpuBackend {
         // exchange with the host: picked values, values put by index, bounds of tiles, swept quads
         let picked = n.min(needs.near.max(PICKED)) * slots;
         let pick = Pick::new(&mut made, picked, [&solver.x, &u, &f])?;
-        let most = n.max(model.grid.cell_count()).max(law.springs);
+        let most = n.max((elements.bytes / 16) as usize);
         let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, most, &solver.r)?) } else { None };
         let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
         gpu.making("cut");
-        let cutting = if needs.cutting { Some(Cutting::new(&mut made, model, &main, &law.shared, &u)?) } else { None };
+        let cutting =
+            if needs.cutting { Some(Cutting::new(&mut made, model, &main, kind.as_ref(), &u)?) } else { None };
         gpu.making("exchange with the host");
         let own_blocks = |made: &mut Maker| -> Result<(Bound, Buffer)> {
             let out = made.vec4("block", n * 4)?;
             let params = made.params(&Params { preconditioner: 2, ..params });
-            let more = [&system[..], &[("params", &params), ("block", &out)]].concat();
-            Ok((arrays.bind(&gpu, law.blocks, &more)?, out))
+            Ok((kind.blocks(&gpu, &arrays, &[("params", &params), ("block", &out)])?, out))
         };
         let node_blocks = needs.node_blocks.then(|| own_blocks(&mut made)).transpose()?;
         gpu.making("cut");
         // duplication of nodes comes last: it knows which arrays there are
-        let split = Split::new(&mut made, model, &law.shared, &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
+        let split = Split::new(&mut made, model, kind.as_ref(), &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
         let bytes = made.bytes;
         gpu.sound()?; // what memory does not hold is told before anything runs
         Ok(Self {
             params,
             node_count: n,
-            spring_count: law.springs,
+            rotates: model.mechanics().rotation_count(model) > 0,
             max_iterations,
             floor,
             expected: [8, 8],
@@ -161,10 +159,10 @@ impl GpuBackend {
             rows_pending: false,
             axes: model.free.iter().map(|f| axes(*f)).collect(),
             bytes,
-            body: Body { u, v, free, masses, load, cell: law.cell },
+            body: Body { u, v, free, masses, load, elements },
             anchored,
             solver,
-            neo,
+            newton,
             begin,
             integrate,
             pick,
@@ -263,14 +261,14 @@ impl Backend for GpuBackend {
         if self.unread.is_some() {
             return self.accelerate(wanted, pick);
         }
-        match self.neo {
-            Some(_) => self.solve_neo(wanted, pick),
+        match self.newton {
+            Some(_) => self.solve_nonlinear(wanted, pick),
             None => self.solve_slots(wanted, pick),
         }
     }
 
     fn nonlinear(&self) -> Nonlinear {
-        self.neo.as_ref().map(|neo| neo.count).unwrap_or_default()
+        self.newton.as_ref().map(|newton| newton.count).unwrap_or_default()
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
@@ -341,17 +339,18 @@ impl Backend for GpuBackend {
         self.gpu.write(&self.body.u, 0, &rounded(u));
         self.gpu.write(&self.body.v, 0, &rounded(v));
         // springs have their law there, which cuts alone change
-        self.gpu.write(&self.body.cell, 0, &rounded(rotation));
+        self.gpu.write(&self.body.elements, 0, &rounded(rotation));
         Ok(())
     }
 
     fn snapshot(&mut self) -> Result<Snapshot> {
         let batch = self.record();
         let b = &self.body;
-        let wanted = [(&b.u, b.u.bytes), (&b.v, b.v.bytes), (&b.masses, b.masses.bytes), (&b.cell, b.cell.bytes)];
+        let wanted =
+            [(&b.u, b.u.bytes), (&b.v, b.v.bytes), (&b.masses, b.masses.bytes), (&b.elements, b.elements.bytes)];
         let parts = self.gpu.submit_and_read(batch, &wanted)?;
         let wide = |k: usize| cast::<V4<f32>>(&parts[k]).iter().map(|v| v.map(f64::from)).collect::<Vec<_>>();
-        let (rotation, law) = if self.spring_count > 0 { (vec![], wide(3)) } else { (wide(3), vec![]) };
+        let (rotation, law) = if self.rotates { (wide(3), vec![]) } else { (vec![], wide(3)) };
         let split = self.split.as_ref().map_or(vec![], |split| split.host.clone());
         Ok(Snapshot { u: wide(0), v: wide(1), rotation, split, free: wide(2), law })
     }

@@ -1,25 +1,16 @@
 //! The conjugate gradients on the device: vectors, scalars, and an iteration as a flat list of dispatches.
-//!
-//! With multigrid the preconditioner is one V-cycle, unrolled into the same list: every level has its own arrays, and the parameter block
-//! once per pair of smoothing coefficients.
 
 use super::GpuBackend;
-use super::arrays::{Arrays, Dispatch, Law, Maker, modes_uniform, stiffness_uniform};
 use super::exchange::triples;
-use super::hyperelastic::Neo;
-use super::in_use::{InUse, TOUCHED, over_columns, over_nodes};
+use super::newton::Newton;
 use crate::backend::{CORRECTION, FREE, Target, Wanted};
+use crate::bodies::Model;
+use crate::bodies::gpu::{Arrays, Dispatch, InUse, Maker, Recorded, TOUCHED, over_columns, over_nodes};
 use crate::error::Result;
 use crate::gpu::{Batch, Buffer, Gpu, cast};
 use crate::kernels::advance::Scalars;
-use crate::kernels::{GROUP, Params, Source};
-use crate::kernels::{
-    advance, blocks, coarsen, converge, factor, precondition, product, prolongation, relax, restriction, split_product,
-    update,
-};
+use crate::kernels::{GROUP, Params, Source, advance, converge, precondition, update};
 use crate::linear::Outcome;
-use crate::linear::multigrid::steps;
-use crate::model::{Model, Multigrid};
 
 /// Right-hand sides and what the conjugate gradients keep of them.
 pub(super) struct Solver {
@@ -28,7 +19,7 @@ pub(super) struct Solver {
     pub z: Buffer,
     pub scalars: Buffer,
     requests: Buffer,
-    /// Rotations and columns of the coarse levels, from the finest level's rotations.
+    /// What the preconditioner has beside the columns' factors, once a step.
     pub refresh: Vec<Dispatch>,
     all: Vec<Dispatch>,
     correction: Vec<Dispatch>,
@@ -38,29 +29,20 @@ pub(super) struct Solver {
     pub in_use: InUse,
 }
 
-/// One level: its arrays, sizes and smoothing coefficients.
-struct Level {
-    arrays: Arrays,
-    params: Params<f32>,
-    main: Buffer,
-    steps: Vec<[f64; 2]>,
-}
-
 fn columns(params: &Params<f32>) -> usize {
     params.columns() + params.extra_columns as usize
 }
 
 impl Solver {
-    /// Vectors for `params.slot_count` right-hand sides; `body` has the arrays of the finest level, `main` its parameters.
+    /// Vectors for `params.slot_count` right-hand sides; `body` has the arrays of the body, `main` its parameters.
     pub fn new(
         made: &mut Maker,
         model: &Model,
-        law: &Law,
+        kind: &mut dyn Recorded,
         body: &Arrays,
         params: Params<f32>,
         main: &Buffer,
         with_correction: bool,
-        mut neo: Option<&mut Neo>,
     ) -> Result<Self> {
         if model.step.explicit() {
             return Self::explicit(made, body, params, main);
@@ -85,31 +67,22 @@ impl Solver {
         let vectors = Arrays::of(&[x.clone(), r.clone(), p?, s?, z.clone(), w?, requests.clone()]);
         let arrays = body.joined(&shared).joined(&vectors);
         let gpu = made.gpu;
-        // levels of the V-cycle, and what refreshes them at each step
-        let mut levels = vec![];
-        let shared = shared.joined(&Arrays::of(&body.get("split").into_iter().collect::<Vec<_>>()));
-        if let Some(multigrid) = &model.multigrid {
-            levels = make_levels(made, multigrid, arrays.clone(), &shared, params, main)?;
-        }
-        let refresh = refresh(gpu, &levels)?;
+        let refresh = kind.refresh(made, &arrays, &shared, &params, main)?;
         // dispatches of one iteration: product, step length, update, preconditioner
+        let mut by_columns = true;
         let mut iteration = |made: &mut Maker, params: Params<f32>, main: &Buffer| -> Result<Vec<Dispatch>> {
+            let mut out = kind.product(made, &arrays, &params, main)?;
             let bind = |source: &Source, threads: usize| -> Result<Dispatch> {
                 Ok((arrays.bind(gpu, source, &[("params", main)])?, threads))
             };
-            let tiles = if law.springs > 0 { params.product_groups as usize } else { product::tiles(&params) };
-            let product = (law.product, tiles * GROUP as usize);
-            let mut out = match &mut neo {
-                Some(neo) => neo.products(made, &arrays, product, params)?,
-                None => vec![bind(product.0, product.1)?],
-            };
-            out.extend(split_product(gpu, law, &arrays, &params, main)?);
             out.extend([bind(&advance::SOURCE, 1)?, bind(&update::SOURCE, over_nodes(&params))?]);
-            if levels.is_empty() {
-                out.push(bind(&precondition::SOURCE, over_columns(&params))?);
-            } else {
-                out.push(bind(&converge::SOURCE, 1)?);
-                cycle(made, law, &levels, params.first_slot, &mut out)?;
+            match kind.precondition(made, &params)? {
+                None => out.push(bind(&precondition::SOURCE, over_columns(&params))?),
+                Some(more) => {
+                    by_columns = false;
+                    out.push(bind(&converge::SOURCE, 1)?);
+                    out.extend(more);
+                }
             }
             Ok(out)
         };
@@ -122,7 +95,8 @@ impl Solver {
         } else {
             vec![]
         };
-        let spare = if levels.is_empty() { [4, 8] } else { [1, 2] };
+        // by columns alone it takes many iterations, whose number changes more
+        let spare = if by_columns { [4, 8] } else { [1, 2] };
         let in_use = InUse::new(&params, &[]);
         Ok(Self { x, r, z, scalars, requests, refresh, all, correction, spare, in_use })
     }
@@ -180,7 +154,7 @@ impl GpuBackend {
     /// tries.
     pub fn launches(&self) -> [u32; 4] {
         let [iteration, split] = self.solver.launches();
-        [self.begin.len() as u32, iteration, split, self.neo.as_ref().map_or(0, Neo::launches)]
+        [self.begin.len() as u32, iteration, split, self.newton.as_ref().map_or(0, Newton::launches)]
     }
 }
 
@@ -233,120 +207,4 @@ pub(super) fn scalars(bytes: &[u8], wanted: &[Wanted]) -> Vec<Scalars<f32>> {
         Scalars { alpha, beta, gamma, done, target_squared, residual_squared, iterations, state }
     };
     wanted.iter().map(of).collect()
-}
-
-/// The finest level, which has the body's arrays, and the coarse ones.
-fn make_levels(
-    made: &mut Maker,
-    multigrid: &Multigrid,
-    finest: Arrays,
-    shared: &Arrays,
-    params: Params<f32>,
-    main: &Buffer,
-) -> Result<Vec<Level>> {
-    made.gpu.making("multigrid");
-    let slots = params.slot_count as usize;
-    let count = multigrid.coarse.len();
-    let d = made.vec4("d", params.node_count as usize * slots)?;
-    let first = steps(multigrid.largest, count == 0);
-    let finest = finest.joined(&Arrays::of(&[d]));
-    let layer_of = finest.get("layer_of");
-    let mut out = vec![Level { arrays: finest, params, main: main.clone(), steps: first }];
-    // the coarse levels' smoothing sums up what nothing reads; the finest level's sums beyond what is in use stay zero
-    let unread = multigrid.coarse.first().map_or(0, |level| columns(&level.params(params)).div_ceil(GROUP as usize));
-    let unread = made.of("partial_gamma", &vec![0f32; unread * slots])?;
-    for (number, level) in multigrid.coarse.iter().enumerate() {
-        let params = level.params(params);
-        let n = params.node_count as usize;
-        let free: Vec<[f32; 4]> = level.free.iter().map(|f| f.map(|c| c as f32)).collect();
-        let mut own = vec![stiffness_uniform(made, &level.stiffness), modes_uniform(made, &level.stiffness)];
-        own.push(unread.clone());
-        own.extend(layer_of.clone());
-        own.push(made.of("free", &free)?);
-        own.push(made.vec4("rotation", params.cell_count as usize)?);
-        own.push(made.vec4("block", n * 4)?);
-        for name in ["r", "z", "d", "w"] {
-            own.push(made.vec4(name, n * slots)?);
-        }
-        // its own, so that what the finest level has summed up stays
-        own.push(made.of("partial_product", &vec![0f32; params.product_groups as usize * slots])?);
-        let main = made.params(&params);
-        let steps = steps(level.largest, number + 1 == count);
-        out.push(Level { arrays: shared.joined(&Arrays::of(&own)), params, main, steps });
-    }
-    Ok(out)
-}
-
-fn refresh(gpu: &Gpu, levels: &[Level]) -> Result<Vec<Dispatch>> {
-    let mut out = vec![];
-    for pair in levels.windows(2) {
-        let (fine, coarse) = (&pair[0], &pair[1]);
-        let rotation = coarse.arrays.get("rotation");
-        let below: Vec<_> = rotation.iter().map(|r| ("coarse_rotation", r)).chain([("params", &fine.main)]).collect();
-        out.push((fine.arrays.bind(gpu, &coarsen::SOURCE, &below)?, coarse.params.cell_count as usize));
-        let own = [("params", &coarse.main)];
-        out.push((coarse.arrays.bind(gpu, &blocks::SOURCE, &own)?, coarse.params.node_count as usize));
-        out.push((coarse.arrays.bind(gpu, &factor::SOURCE, &own)?, columns(&coarse.params)));
-    }
-    Ok(out)
-}
-
-/// What split cells add to a product; nothing where no cell can be split.
-fn split_product(
-    gpu: &Gpu,
-    law: &Law,
-    arrays: &Arrays,
-    params: &Params<f32>,
-    main: &Buffer,
-) -> Result<Option<Dispatch>> {
-    if params.extra_columns == 0 {
-        return Ok(None);
-    }
-    let system = law.consistent.iter().map(|[system, _]| ("stiffness", system));
-    let more: Vec<_> = system.chain([("params", main)]).collect();
-    Ok(Some((arrays.bind(gpu, &split_product::SOURCE, &more)?, TOUCHED)))
-}
-
-/// One V-cycle from the first of `levels` down, as `linear::multigrid::cycle` does it.
-fn cycle(made: &mut Maker, law: &Law, levels: &[Level], first_slot: u32, out: &mut Vec<Dispatch>) -> Result<()> {
-    let gpu = made.gpu;
-    let own = &levels[0];
-    let params = Params { first_slot, ..own.params };
-    let main = made.params(&params);
-    let product = own.arrays.bind(gpu, &product::SOURCE, &[("params", &main)])?;
-    let mut products = vec![(product, product::tiles(&params) * GROUP as usize)];
-    products.extend(split_product(gpu, law, &own.arrays, &params, &main)?);
-    let mut smoother = |fresh: bool, [keep, gain]: [f64; 2]| -> Result<Dispatch> {
-        let params = Params { fresh: u32::from(fresh), keep: keep as f32, gain: gain as f32, ..params };
-        let words = made.params(&params);
-        Ok((own.arrays.bind(gpu, &relax::SOURCE, &[("params", &words)])?, over_columns(&params)))
-    };
-    let first = smoother(true, own.steps[0])?;
-    let later: Vec<Dispatch> = own.steps.iter().map(|s| smoother(false, *s)).collect::<Result<_>>()?;
-    let sweep = |steps: &[Dispatch], out: &mut Vec<Dispatch>| {
-        for step in steps {
-            out.extend(products.iter().chain([step]).cloned());
-        }
-    };
-    out.push(first);
-    sweep(&later[1..], out);
-    let Some(next) = levels.get(1) else {
-        return Ok(());
-    };
-    let coarse = |names: &[(&'static str, &'static str)]| -> Vec<(&'static str, Buffer)> {
-        names.iter().filter_map(|(theirs, ours)| Some((*ours, next.arrays.get(theirs)?))).collect()
-    };
-    let bind = |source: &Source, names: &[(&'static str, &'static str)]| {
-        let below = coarse(names);
-        let mut more: Vec<_> = below.iter().map(|(name, buffer)| (*name, buffer)).collect();
-        more.push(("params", &main));
-        own.arrays.bind(gpu, source, &more)
-    };
-    out.extend(products.iter().cloned());
-    let threads = next.params.node_count as usize;
-    out.push((bind(&restriction::SOURCE, &[("free", "coarse_free"), ("r", "coarse_r")])?, threads));
-    cycle(made, law, &levels[1..], first_slot, out)?;
-    out.push((bind(&prolongation::SOURCE, &[("z", "coarse_z")])?, over_nodes(&params)));
-    sweep(&later, out);
-    Ok(())
 }

@@ -1,15 +1,13 @@
 //! What a cut changes on the device: the table of split nodes that kernels read, the state of new copies, what is gone.
 
 use super::GpuBackend;
-use super::arrays::{Arrays, Maker, Reserved, axes};
-use super::in_use::InUse;
-use crate::cut::Removal;
+use super::arrays::axes;
+use crate::bodies::gpu::{InUse, Maker, Recorded, Reserved};
+use crate::bodies::{Model, Removal};
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::duplicate;
 use crate::math::V4;
-use crate::mesh::Parts;
-use crate::model::Model;
 
 /// See the module.
 pub(super) struct Split {
@@ -24,11 +22,16 @@ pub(super) struct Split {
 
 impl Split {
     /// For a body of which something can be split, once all else is made; `arrays` by their number of slots.
-    pub fn new(made: &mut Maker, model: &Model, shared: &Arrays, arrays: &[(&Buffer, u32)]) -> Result<Option<Self>> {
-        let Some(table) = shared.get("split").filter(|_| model.extra_columns > 0) else {
+    pub fn new(
+        made: &mut Maker,
+        model: &Model,
+        kind: &dyn Recorded,
+        arrays: &[(&Buffer, u32)],
+    ) -> Result<Option<Self>> {
+        let Some((table, host)) = kind.split() else {
             return Ok(None);
         };
-        let most = model.node_count() - model.grid.node_count();
+        let most = model.node_count() - model.own_nodes();
         let params = made.uniform("params", 16, &[0u32; 4]);
         let pairs = made.of("pairs", &vec![[0u32; 2]; most])?;
         let bind = |(values, slots): &(&Buffer, u32)| {
@@ -36,7 +39,6 @@ impl Split {
             Ok((made.gpu.bind(&duplicate::SOURCE, &list)?, *slots))
         };
         let copies = arrays.iter().map(bind).collect::<Result<_>>()?;
-        let host = Parts::new(model.params()).table().to_vec();
         let reserved = std::mem::take(&mut made.reserved);
         Ok(Some(Self { host, table, params, pairs, copies, reserved }))
     }
@@ -84,9 +86,9 @@ impl GpuBackend {
             split.take(&self.gpu, self.node_count, words, copies);
             self.solver.in_use = InUse::new(&self.params, &split.host);
         }
-        let cell = self.body.cell.clone();
-        let gone = if self.spring_count > 0 { springs } else { cells };
-        self.put(&cell, gone, &vec![[0f32; 4]; gone.len()])?;
+        let elements = self.body.elements.clone();
+        let gone = if self.rotates { cells } else { springs };
+        self.put(&elements, gone, &vec![[0f32; 4]; gone.len()])?;
         let ids: Vec<u32> = free.iter().map(|(n, _)| *n).collect();
         let values: Vec<V4<f32>> = free.iter().map(|(_, v)| v.map(|c| c as f32)).collect();
         let buffer = self.body.masses.clone();

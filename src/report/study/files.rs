@@ -95,7 +95,7 @@ fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
         tolerance,
         limit,
         format!("{:.2}", row.trace.iterations),
-        s.grid.to_string(),
+        s.refinement.to_string(),
         poisson.join(" "),
         format!("{}", (s.step * 1e9).round() / 1e6),
         word(&INTEGRATORS, s.integrator).into(),
@@ -161,7 +161,7 @@ fn words(s: &Setting) -> String {
         "{} {}{stop}, grid × {}, {} ms{integrator}{correction}, {backend} {precision}",
         element_word(s.law),
         word(&PRECONDITIONERS, s.preconditioner),
-        s.grid,
+        s.refinement,
         (s.step * 1e9).round() / 1e6,
     )
 }

@@ -173,7 +173,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         let what = format!("{}: a run of the study has more than {MOST_STEPS:e} steps", scene.file.display());
         return Err(Error::Usage { what, fix: "give [study] a shorter duration_s".into() });
     }
-    let cells = settings::cells(scene, reference.grid);
+    let cells = settings::cells(scene, reference.refinement);
     if options.quick && cells > QUICK_CELLS {
         let what = format!("{}: the reference of a quick study has {cells:.0} cells", scene.file.display());
         let fix = format!("give [study] a quick_grid with which twice as fine a grid has {QUICK_CELLS:.0} at most");
@@ -281,8 +281,8 @@ fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>]) -> Result<Row> {
 fn reference(scene: &Scene, quick: bool) -> Setting {
     let finest = scene.study.finest_grid().max(2.0);
     let grid = if scene.study.reference_grid > 0.0 { scene.study.reference_grid } else { finest };
-    let grid = if quick { grid.min(2.0 * settings::quick(scene).grid) } else { grid };
-    at_shortest(scene, &exact(scene, &Setting { grid, ..own(scene) }))
+    let grid = if quick { grid.min(2.0 * settings::quick(scene).refinement) } else { grid };
+    at_shortest(scene, &exact(scene, &Setting { refinement: grid, ..own(scene) }))
 }
 
 /// Marks the rows that no other beats in both computing time for the scene's and total error.
@@ -313,7 +313,7 @@ fn described(scene: &Scene, reference: &Setting) -> String {
         return format!("known values at the end: {}", values.collect::<Vec<_>>().join(", "));
     }
     let how = if reference.stop == Stop::Exact { "a sparse factor" } else { "conjugate gradients to 1e-9" };
-    let (grid, step) = (reference.grid, reference.step * 1e3);
+    let (grid, step) = (reference.refinement, reference.step * 1e3);
     format!("{grid} times the scene's cells along each axis, steps of {step} ms, {how}, f64")
 }
 

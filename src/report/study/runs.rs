@@ -100,7 +100,7 @@ impl Runs<'_> {
         };
         let place = if matches!(setting.place, Place::Gpu(_)) { 3.0 } else { 1.0 };
         let more = if exactly { 3.0 } else { 1.0 };
-        setting.grid.powi(3) * self.duration / setting.step * (solver + 1.0) * place * more
+        setting.refinement.powi(3) * self.duration / setting.step * (solver + 1.0) * place * more
     }
 }
 

@@ -38,7 +38,7 @@ pub struct Setting {
     /// When a solve ends.
     pub stop: Stop,
     /// Cells, times the scene's.
-    pub grid: f64,
+    pub refinement: f64,
     /// s
     pub step: f64,
     /// How steps are taken.
@@ -64,7 +64,7 @@ pub fn own(scene: &Scene) -> Setting {
         law: scene.skins[0].law,
         preconditioner: scene.solver.preconditioner,
         stop: stop(scene.solver.preconditioner, Stop::Tolerance(scene.solver.tolerance)),
-        grid: 1.0,
+        refinement: 1.0,
         step: scene.time.step,
         integrator: scene.time.integrator,
         correction: scene.contact.map(|contact| contact.correction),
@@ -80,7 +80,7 @@ fn stop(preconditioner: Preconditioner, wanted: Stop) -> Stop {
 pub fn quick(scene: &Scene) -> Setting {
     let coarsest = scene.study.grids.iter().copied().fold(1.0, f64::min);
     let grid = if scene.study.quick_grid > 0.0 { scene.study.quick_grid } else { coarsest };
-    Setting { grid, ..own(scene) }
+    Setting { refinement: grid, ..own(scene) }
 }
 
 /// Every pair of two lists.
@@ -150,7 +150,16 @@ impl Axes {
                     for (integrator, preconditioner) in both(&self.integrators, &self.preconditioners) {
                         for wanted in self.stops.iter().copied() {
                             let (stop, place) = (stop(preconditioner, wanted), place.clone());
-                            add(Setting { law, preconditioner, stop, grid, step, integrator, correction, place });
+                            add(Setting {
+                                law,
+                                preconditioner,
+                                stop,
+                                refinement: grid,
+                                step,
+                                integrator,
+                                correction,
+                                place,
+                            });
                         }
                     }
                 }
@@ -170,7 +179,7 @@ impl Axes {
         if own.stop != Stop::Exact {
             out.extend(self.stops.iter().map(|v| Setting { stop: *v, ..one() }));
         }
-        out.extend(self.grids.iter().filter(|v| **v <= own.grid).map(|v| Setting { grid: *v, ..one() }));
+        out.extend(self.grids.iter().filter(|v| **v <= own.refinement).map(|v| Setting { refinement: *v, ..one() }));
         out.extend(self.steps.iter().map(|v| Setting { step: *v, ..one() }));
         out.extend(self.corrections.iter().map(|v| Setting { correction: *v, ..one() }));
         if own.preconditioner != Preconditioner::Direct {
@@ -259,7 +268,7 @@ fn measured(scene: &Scene, name: &str) -> bool {
 /// # Errors
 /// As [`on_grid`].
 pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) -> Result<Scene> {
-    let mut out = on_grid(scene, setting.grid)?;
+    let mut out = on_grid(scene, setting.refinement)?;
     // in its own setting a scene of several bodies keeps the bricks of each
     if let (Law::Fem { element, .. }, true) = (setting.law, setting.law != scene.skins[0].law) {
         out.skins.iter_mut().for_each(|skin| skin.law = with(skin.law, element));
@@ -295,8 +304,8 @@ pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
     let bricks = scene.skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
     let splits = scene.tools.iter().any(|t| t.blade.is_some());
     let unknowns = |skin: &Skin| {
-        let [x, y] = skin.cells.map(|n| f64::from(n) * setting.grid + 1.0);
-        let z: f64 = skin.layers.iter().map(|l| (f64::from(l.cells) * setting.grid).max(1.0)).sum();
+        let [x, y] = skin.cells.map(|n| f64::from(n) * setting.refinement + 1.0);
+        let z: f64 = skin.layers.iter().map(|l| (f64::from(l.cells) * setting.refinement).max(1.0)).sum();
         (3.0 * x * y * (z + 1.0)) as usize
     };
     let few = scene.skins.iter().map(unknowns).sum::<usize>() <= FACTORED;

@@ -8,8 +8,8 @@
 
 use super::Body;
 use crate::backend::{Backend, CORRECTION, CpuBackend, FIRST_COLUMN, Needs, Snapshot, Target, Wanted};
+use crate::bodies::Model;
 use crate::error::Result;
-use crate::model::Model;
 use crate::scene::{self, Correction};
 use crate::step::StepReport;
 use glam::{DMat3, DVec3};
@@ -196,7 +196,7 @@ impl AtRest {
         let backend = match &mut self.backend {
             Some(backend) => backend,
             none => {
-                let rest = Model { direct: model.springs.is_none(), multigrid: None, ..model.clone() };
+                let rest = model.exact();
                 let zero = vec![[0.0; 4]; model.node_count()];
                 let start = Snapshot { u: zero.clone(), v: zero, ..Snapshot::default() };
                 let needs = Needs { contact: true, columns: COLUMNS, near: most, ..Needs::default() };

@@ -2,13 +2,13 @@
 
 use super::Body;
 use crate::backend::Snapshot;
-use crate::model::{Model, Solved, energy, inverted_cells};
+use crate::bodies::{Model, Solved, energy, inverted_cells};
 use crate::step::Simulation;
 
 /// Sums over the bodies.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
-    /// Kinetic, elastic and potential, J ([`crate::model::energy`]).
+    /// Kinetic, elastic and potential, J ([`crate::bodies::energy`]).
     pub energy: f64,
     /// Cells that are inside out.
     pub inverted: u32,

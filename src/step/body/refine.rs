@@ -7,10 +7,10 @@
 
 use super::Body;
 use crate::backend::{CORRECTION, FREE, Target, Vector, Wanted};
+use crate::bodies::{Solved, residual};
 use crate::error::Result;
 use crate::linear::Outcome;
 use crate::math::norm;
-use crate::model::{Solved, residual};
 use crate::scene::Solver;
 use crate::step::StepReport;
 

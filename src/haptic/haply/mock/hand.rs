@@ -5,7 +5,7 @@
 //! stand-in says depends on the frames alone.
 //! Units: x m, v m/s, f N, m kg, d N·s/m, k N/m.
 
-use crate::instrument::along;
+use crate::bodies::rigid::along;
 use crate::scene::Pose;
 use glam::{DQuat, DVec3};
 

@@ -70,15 +70,4 @@ impl Model {
     pub fn in_system(&self) -> Vec<V4<f64>> {
         self.anchors.all_in_system(rate(&self.step), &self.free)
     }
-
-    /// Whether a live cell or spring holds a node in the system; `rotation` of the cells (0 for dead ones), `law` of the springs.
-    pub(super) fn stays(&self, rotation: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool {
-        if let Some(s) = &self.springs {
-            let own = s.first[node] as usize..s.first[node + 1] as usize;
-            return s.half[own].iter().any(|[_, spring]| law[*spring as usize] != [0.0; 4]);
-        }
-        let params = self.grid.params::<f64>();
-        let at = params.node_at(node);
-        (0..8).filter_map(|a| params.cell_below(at, a)).any(|cell| rotation[cell] != [0.0; 4])
-    }
 }

@@ -1,8 +1,5 @@
 //! Conjugate gradients on the CPU, from the kernels' twins: the same recurrences as the GPU runs, one slot at a time.
 
-pub mod direct;
-pub mod multigrid;
-
 use crate::kernels::advance::{Request, Scalars, advance};
 use crate::kernels::converge::converge;
 use crate::kernels::update::update;

@@ -1,34 +1,122 @@
-//! The model: flat arrays that never change during a run, made from a scene; and the f64 state that backends hand back.
+//! Bodies by kind: what a deformable body is made of (hexahedra on a grid, springs), and rigid ones.
+//!
+//! A kind is one folder: its arrays and its mechanics on the host in f64 ([`Mechanics`]), what a solve needs of it on the CPU path
+//! ([`cpu::System`]) and on a device ([`gpu::Recorded`]), and what a cut does to it. What all kinds have is a [`Model`]: nodes with
+//! masses, held axes and loads, flat arrays that never change during a run. The rest of the program sees a [`Model`], its [`Wound`] and
+//! these seams, never what the body is made of. Both kinds of today stand on a regular [`Grid`].
 
 mod anchors;
-pub mod element;
+pub mod cpu;
 mod energy;
-pub mod levels;
-mod measures;
-mod neo_hookean;
-mod springs;
-mod stable;
+pub mod gpu;
+pub mod grid;
+pub mod rigid;
+pub mod springs;
+mod start;
 mod step;
+mod wound;
 
 pub use anchors::{Anchors, rate};
-pub use energy::{Solved, elastic_energy, residual, true_residual};
-pub use measures::{energy, inverted_cells};
-pub use neo_hookean::{NeoHookean, tangent};
-pub use springs::Springs;
+pub use energy::{Solved, elastic_energy, energy, inverted_cells, residual, true_residual};
 pub use step::Step;
+pub use wound::{Removal, Totals, Wound};
 
 use crate::error::{Error, Result};
-use crate::kernels::product::{Modes, tiles};
-use crate::kernels::{GROUP, Params};
+use crate::gpu::Buffer;
+use crate::kernels::Params;
+use crate::kernels::cut::Hit;
 use crate::math::elementary::sin_cos;
-use crate::math::{M3, Real, V4};
+use crate::math::{Real, V4};
 use crate::mesh::Grid;
-use crate::scene::{Anchor, Cut, Element, Law, Layer, Load, MOST_NODES, Mass, Preconditioner, Region, Scene, Skin};
+use crate::scene::{Anchor, Law, Load, MOST_NODES, Mass, Region, Scene, Skin};
+use cpu::System;
+use gpu::{Maker, Recorded};
+use grid::Hexahedra;
+use springs::Springs;
 
 /// Layers that one uniform binding of element matrices holds (64 KiB of core WebGPU / 3 KiB each).
 pub const MAX_LAYERS: usize = 21;
 
-/// A deformable body on a grid.
+/// What a deformable body is made of.
+#[derive(Clone, Debug)]
+pub enum Kind {
+    /// Cells of the grid with a stiffness each.
+    Hexahedra(Box<Hexahedra>),
+    /// Springs between the corners of the grid's cells.
+    Springs(Box<Springs>),
+}
+
+/// How many of what a body is made of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Elements {
+    /// Hexahedra.
+    pub hexahedron_count: usize,
+    /// Springs.
+    pub spring_count: usize,
+}
+
+/// What a blade cuts: pairs of points, and where these are at rest, m.
+#[derive(Clone, Debug, Default)]
+pub struct Segments {
+    /// `[segment]` points; both the same where there is nothing to cut.
+    pub ends: Vec<[u32; 2]>,
+    /// `[point]` m
+    pub rest: Vec<[f64; 3]>,
+}
+
+/// What a kind of deformable body is to the host, in f64.
+pub trait Mechanics {
+    /// How many of what it is made of.
+    fn elements(&self, model: &Model) -> Elements;
+    /// `[node of the grid]` how many elements are around it.
+    fn around_nodes(&self, model: &Model) -> Vec<u32>;
+    /// Elements that keep a rotation from step to step.
+    fn rotation_count(&self, model: &Model) -> usize;
+    /// What a blade cuts.
+    fn segments(&self, model: &Model) -> Segments;
+    /// How many of these there are.
+    fn segment_count(&self, model: &Model) -> usize;
+    /// Columns of copies that a cut may split nodes into ([`crate::kernels::split`]).
+    fn extra_columns(&self) -> usize;
+    /// The step's forces follow the rotations of its elements.
+    fn corotational(&self) -> bool;
+    /// Partial sums that a product leaves for each right-hand side.
+    fn product_groups(&self, model: &Model) -> usize;
+    /// The same as solves to the limit of f64 want it: by a factor where there is one.
+    fn exact(&self) -> Kind;
+    /// Bytes of its arrays on the host.
+    fn host_bytes(&self) -> usize;
+    /// Elastic energy of displacements, J; `rotation` as the kernels keep it (0 for dead cells), `law` of springs as cut so far.
+    fn energy(&self, model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64;
+    /// Elastic forces of a step at displacements `at`, and what the step's matrix, whose nodes are `in_system`, makes of the increment
+    /// that was found, `[node]` N.
+    fn forces_and_product(
+        &self,
+        model: &Model,
+        solved: &Solved,
+        at: &[V4<f64>],
+        in_system: &[V4<f64>],
+    ) -> [Vec<V4<f64>>; 2];
+    /// `[element]` rotations at a state's displacements.
+    fn rotations(&self, model: &Model, state: &Solved) -> Vec<V4<f64>>;
+    /// Whether a live element holds a node in the system; `rotation` and `law` as for the energy.
+    fn stays(&self, model: &Model, rotation: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool;
+    /// Takes hits (in the order of segments) over into a wound; returns what has to go.
+    fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal;
+    /// Pieces that the body has fallen into; none where they are not counted.
+    fn pieces(&self, wound: &Wound) -> Option<usize>;
+    /// Mass of the elements that a cut has left, kg.
+    fn mass_left(&self, model: &Model, wound: &Wound) -> f64;
+    /// `√(π E′ G / 2)` of a layer, N/m^1.5, for the toughness `G` and `E′ = E/(1 − ν²)`: see [`Model::splitting`].
+    fn splitting(&self, layer: &crate::scene::Layer) -> f64;
+    /// Its arrays and kernels on a device, where `u` has the displacements.
+    ///
+    /// # Errors
+    /// When an array passes a limit of the adapter, or the scene's solver does not run there.
+    fn recorded(&self, model: &Model, made: &mut Maker, u: &Buffer, params: &Params<f32>) -> Result<Box<dyn Recorded>>;
+}
+
+/// A deformable body.
 #[derive(Clone, Debug)]
 pub struct Model {
     /// Number in the scene's list of deformable bodies.
@@ -39,16 +127,8 @@ pub struct Model {
     pub grid: Grid,
     /// `[layer]` cell edges m and the mass that a cell gives each corner, kg.
     pub shape: Vec<[f64; 4]>,
-    /// `[layer]` elastic strain at rest along x, y, z, and 0.
-    pub pre_strain: Vec<[f64; 4]>,
-    /// `[layer]` element matrices, N/m; empty for a spring body.
-    pub stiffness: Vec<element::Matrix>,
-    /// The law of a neo-Hookean body; its `stiffness` is that of small strains.
-    pub neo_hookean: Option<NeoHookean>,
-    /// Springs of a spring body.
-    pub springs: Option<Springs>,
-    /// Corotational bricks.
-    pub corotational: bool,
+    /// What it is made of.
+    pub kind: Kind,
     /// Where the mass lies; `free` has the sums over rows of M.
     pub mass: Mass,
     /// `[node of the grid]` rest position, m.
@@ -65,32 +145,8 @@ pub struct Model {
     /// at a distance `d` behind its front makes it run on by itself at `√d` times this. Springs have no such modulus: infinite.
     /// Source: Tada, Paris, Irwin, The Stress Analysis of Cracks Handbook, `K = 2P/√(2πd)`.
     pub splitting: Vec<f64>,
-    /// Columns of copies that a cut may split nodes into ([`crate::kernels::split`]).
-    pub extra_columns: usize,
     /// Step, gravity, damping, preconditioner.
     pub step: Step,
-    /// Coarse levels, when the preconditioner is multigrid.
-    pub multigrid: Option<Multigrid>,
-    /// The CPU path solves by an exact factor.
-    pub direct: bool,
-}
-
-/// What multigrid adds to a body of bricks.
-#[derive(Clone, Debug)]
-pub struct Multigrid {
-    /// Upper bound of the eigenvalues of `M⁻¹A` on the finest level.
-    pub largest: f64,
-    /// Levels below the finest, finer first.
-    pub coarse: Vec<levels::Level>,
-}
-
-/// State of a body in f64, for output and checks.
-#[derive(Clone, Debug, Default)]
-pub struct State {
-    /// `[node]` displacement, m.
-    pub u: Vec<[f64; 3]>,
-    /// `[node]` m/s
-    pub v: Vec<[f64; 3]>,
 }
 
 /// Split cells and touched nodes for each copy: a stair through the grid has four cells around each edge of it, and six columns.
@@ -105,24 +161,9 @@ pub fn turned([x, y, _]: [f64; 3], angle: f64) -> [f64; 3] {
     [cos * x - sin * y - x, sin * x + cos * y - y, 0.0]
 }
 
-/// Columns of copies of a body that a blade may cut.
-fn reserve(scene: &Scene, skin: &Skin) -> usize {
-    let blade = scene.tools.iter().any(|t| t.blade.is_some());
-    match (skin.cut, skin.law) {
-        (Cut::Split { reserve_columns }, Law::Fem { .. }) if blade => reserve_columns as usize,
-        _ => 0,
-    }
-}
-
-/// See [`Model::splitting`].
-fn splitting(law: Law, layer: &Layer) -> f64 {
-    match law {
-        Law::Springs { .. } => f64::INFINITY,
-        _ => {
-            let modulus = layer.young / (1.0 - layer.poisson * layer.poisson);
-            (std::f64::consts::FRAC_PI_2 * modulus * layer.toughness).sqrt()
-        }
-    }
+/// Nodes of a skin in a region.
+pub fn nodes_in(skin: &Skin, region: &Region) -> Vec<u32> {
+    Grid::new(skin).nodes_in(region)
 }
 
 impl Model {
@@ -144,13 +185,7 @@ impl Model {
                 fix: "join layers of the same material".into(),
             });
         }
-        let extra_columns = reserve(scene, skin);
-        if extra_columns > 0 && scene.solver.preconditioner == Preconditioner::Direct {
-            return Err(Error::Usage {
-                what: "the direct solver's matrix has no room for nodes that a blade splits".into(),
-                fix: "take cut = \"remove\" or the preconditioner multigrid".into(),
-            });
-        }
+        let extra_columns = grid::reserve(scene, skin)?;
         let columns = (skin.cells[0] as u64 + 1) * (skin.cells[1] as u64 + 1) + extra_columns as u64;
         let indexed = columns * grid.nodes[2] as u64;
         if indexed > u64::from(MOST_NODES) {
@@ -162,18 +197,21 @@ impl Model {
                 fix: "use fewer cells".into(),
             });
         }
-        // what the law and the mass do not go with
-        let for_bricks = match scene.solver.preconditioner {
-            Preconditioner::Multigrid => Some("multigrid"),
-            Preconditioner::Direct => Some("the direct solver"),
-            _ => None,
+        // edges and masses of cells; all those of a layer are alike
+        let shape = skin.layers.iter().enumerate().map(|(index, layer)| {
+            let h = grid.cell_edges(index as u32);
+            [h[0], h[1], h[2], layer.density * h[0] * h[1] * h[2] / 8.0]
+        });
+        let shape: Vec<[f64; 4]> = shape.collect();
+        // what it is made of, which may refuse the solver that the scene asks for
+        let kind = match skin.law {
+            Law::Springs { stiffness, damping } => {
+                Kind::Springs(Box::new(Springs::new(scene, &grid, stiffness, damping)?))
+            }
+            Law::Fem { .. } | Law::NeoHookean => {
+                Kind::Hexahedra(Box::new(Hexahedra::new(scene, skin, &grid, extra_columns)))
+            }
         };
-        if let (Law::Springs { .. }, Some(name)) = (skin.law, for_bricks) {
-            return Err(Error::Usage {
-                what: format!("{name} is for bricks; this skin is of springs"),
-                fix: "take the preconditioner column".into(),
-            });
-        }
         let anchors: Vec<Anchor> = scene.anchors.iter().filter(|a| a.body == body).cloned().collect();
         if skin.mass == Mass::Consistent && !anchors.is_empty() {
             return Err(Error::Usage {
@@ -181,25 +219,12 @@ impl Model {
                 fix: "take a lumped or uniform mass".into(),
             });
         }
-        // one element matrix per layer: all its cells are alike
-        let mut shape = vec![];
-        let mut stiffness = vec![];
-        for (index, layer) in skin.layers.iter().enumerate() {
-            let h = grid.cell_edges(index as u32);
-            shape.push([h[0], h[1], h[2], layer.density * h[0] * h[1] * h[2] / 8.0]);
-            let element = match skin.law {
-                Law::Fem { element, .. } => element,
-                Law::NeoHookean => Element::Bbar,
-                Law::Springs { .. } => continue,
-            };
-            stiffness.push(element::stiffness(h, layer.young, layer.poisson, element));
-        }
         // masses of the nodes: an eighth of each cell at its corners, or the same everywhere
         let params = grid.params::<f64>();
         let count = grid.node_count();
         let mut free = vec![[1.0, 1.0, 1.0, 0.0]; count];
         for cell in 0..grid.cell_count() {
-            let layer = grid.layer_of[params.cell_at(cell)[2]] as usize;
+            let layer = grid.layer(cell);
             for node in params.corners(cell) {
                 free[node][3] += shape[layer][3];
             }
@@ -219,71 +244,103 @@ impl Model {
                 }
             }
         }
-        let springs = match skin.law {
-            Law::Springs { stiffness, damping } => Some(Springs::new(&grid, stiffness, damping)),
-            Law::Fem { .. } | Law::NeoHookean => None,
-        };
         // room for the nodes that a cut duplicates
         free.resize(count + extra_columns * grid.nodes[2], [0.0; 4]);
-        let inside = |region: &Region| (0..count).filter(|n| grid.contains(region, *n)).map(|n| n as u32).collect();
-        let anchors = Anchors::new(&anchors, |anchor| inside(&anchor.region));
-        let step = Step::new(scene, skin);
-        let in_system = anchors.all_in_system(rate(&step), &free);
-        // coarse levels of the V-cycle
-        let solved = |by| !step.explicit() && scene.solver.preconditioner == by;
-        let multigrid = solved(Preconditioner::Multigrid).then(|| Multigrid {
-            largest: levels::largest(&stiffness).max(if skin.mass == Mass::Consistent { levels::OF_MASS } else { 1.0 }),
-            coarse: levels::levels(&grid, &stiffness, &in_system[..count]),
-        });
-        Ok(Self {
-            multigrid,
-            direct: solved(Preconditioner::Direct),
+        let mut model = Self {
             rest: (0..count).map(|n| [0, 1, 2].map(|a| grid.rest(n)[a] + skin.position[a])).collect(),
             position: skin.position,
             body,
             shape,
-            pre_strain: skin.layers.iter().map(|l| element::pre_strain(l.pre_strain, l.poisson)).collect(),
-            stiffness,
-            neo_hookean: NeoHookean::of(scene, skin, &grid),
-            springs,
             mass: skin.mass,
-            corotational: matches!(skin.law, Law::Fem { corotational: true, .. } | Law::NeoHookean),
             free,
-            anchors,
+            anchors: Anchors::new(&anchors, |anchor| grid.nodes_in(&anchor.region)),
             held,
-            extra_columns,
             toughness: skin.layers.iter().map(|l| l.toughness).collect(),
-            splitting: skin.layers.iter().map(|l| splitting(skin.law, l)).collect(),
-            step,
+            splitting: vec![],
+            step: Step::new(scene, skin),
             grid,
-        })
+            kind,
+        };
+        model.splitting = skin.layers.iter().map(|layer| model.mechanics().splitting(layer)).collect();
+        grid::prepare(&mut model, scene.solver.preconditioner);
+        Ok(model)
     }
 
-    /// Nodes of the grid and the reserve of copies.
+    /// What it is made of, to the host.
+    pub fn mechanics(&self) -> &dyn Mechanics {
+        match &self.kind {
+            Kind::Hexahedra(hexahedra) => &**hexahedra,
+            Kind::Springs(springs) => &**springs,
+        }
+    }
+
+    /// What it is made of, to a solve on the CPU path.
+    pub fn system<R: Real>(&self) -> Box<dyn System<R>> {
+        match &self.kind {
+            Kind::Hexahedra(_) => Box::new(grid::cpu::Hexahedra::new(self)),
+            Kind::Springs(springs) => Box::new(springs::cpu::Springs::new(self, springs)),
+        }
+    }
+
+    /// The same body solved to the limit of f64.
+    pub fn exact(&self) -> Self {
+        Self { kind: self.mechanics().exact(), ..self.clone() }
+    }
+
+    /// Nodes without the reserve of copies.
+    pub fn own_nodes(&self) -> usize {
+        self.rest.len()
+    }
+
+    /// Nodes and the reserve of copies.
     pub fn node_count(&self) -> usize {
-        self.grid.node_count() + self.extra_columns * self.grid.nodes[2]
+        self.own_nodes() + self.mechanics().extra_columns() * self.grid.nodes[2]
+    }
+
+    /// Cells that the body's surface goes around.
+    pub fn cell_count(&self) -> usize {
+        self.grid.cell_count()
+    }
+
+    /// Layer of a cell.
+    pub fn layer(&self, cell: usize) -> usize {
+        self.grid.layer(cell)
+    }
+
+    /// Edges of the largest cells across the body, m.
+    pub fn cell_width(&self) -> f64 {
+        self.grid.edge[0].max(self.grid.edge[1])
+    }
+
+    /// Largest extent along x or z at rest, m.
+    pub fn extent(&self) -> f64 {
+        self.grid.thickness().max(self.grid.edge[0] * self.grid.cells[0] as f64)
+    }
+
+    /// How many of what it is made of.
+    pub fn elements(&self) -> Elements {
+        self.mechanics().elements(self)
+    }
+
+    /// The node nearest to a rest position, in the body's own frame.
+    pub fn nearest(&self, point: [f64; 3]) -> u32 {
+        self.grid.nearest(point) as u32
     }
 
     /// The kernels' parameter block.
     pub fn params<R: Real>(&self) -> Params<R> {
-        let s = &self.step;
-        let split = self.extra_columns * self.grid.nodes[2];
-        let touched = if split > 0 { TOUCHED * split + AROUND } else { 0 };
+        let (s, mechanics) = (&self.step, self.mechanics());
+        let extra = mechanics.extra_columns();
+        let split = extra * self.grid.nodes[2];
         Params {
             node_count: self.node_count() as u32,
-            extra_columns: self.extra_columns as u32,
+            extra_columns: extra as u32,
             split_cells: if split > 0 { CELLS * split + AROUND } else { 0 } as u32,
-            touched_nodes: touched as u32,
+            touched_nodes: if split > 0 { TOUCHED * split + AROUND } else { 0 } as u32,
             preconditioner: s.preconditioner,
-            corotational: u32::from(self.corotational),
+            corotational: u32::from(mechanics.corotational()),
             slot_count: 1,
-            product_groups: if self.springs.is_some() {
-                self.grid.node_count().div_ceil(GROUP as usize) as u32
-            } else {
-                // and what split cells, or cells with tangents of their own, add
-                let more = if self.neo_hookean.is_some() { self.node_count() } else { touched };
-                (tiles(&self.grid.params::<f64>()) + more.div_ceil(GROUP as usize)) as u32
-            },
+            product_groups: mechanics.product_groups(self) as u32,
             inertia: R::of(s.inertia()),
             stiffness_factor: R::of(s.stiffness_factor()),
             step: R::of(s.step),
@@ -297,43 +354,9 @@ impl Model {
         }
     }
 
-    /// `[layer × 64]` 3×3 blocks of the element matrices, for elastic forces.
-    pub fn stiffness_blocks<R: Real>(&self) -> Vec<M3<R>> {
-        element::blocks(&self.stiffness)
-    }
-
-    /// `[layer × 64]` 3×3 blocks of what the system matrix has of a cell beside the masses of nodes.
-    pub fn system_blocks<R: Real>(&self) -> Vec<M3<R>> {
-        element::blocks(&self.system())
-    }
-
-    /// `[layer]` what the system matrix has of a cell beside the masses of nodes, less the factor `s`: K, and with a consistent mass what
-    /// lumping it has put too much on the nodes. Blocks of M are multiples of the identity, so it turns with K.
-    pub fn system(&self) -> Vec<element::Matrix> {
-        let mut all = self.stiffness.clone();
-        if self.mass == Mass::Consistent {
-            let params = self.params::<f64>();
-            for (k, shape) in all.iter_mut().zip(&self.shape) {
-                let lumping = element::lumping(shape[3] * params.inertia / params.stiffness_factor);
-                k.as_flattened_mut().iter_mut().zip(lumping.as_flattened()).for_each(|(k, m)| *k -= m);
-            }
-        }
-        all
-    }
-
-    /// `[layer]` the same in mirror blocks, for products.
-    pub fn modes<R: Real>(&self) -> Vec<Modes<R>> {
-        element::rounded_modes(&self.system())
-    }
-
     /// `[layer]` cell edges and corner mass.
     pub fn shapes<R: Real>(&self) -> Vec<V4<R>> {
         self.shape.iter().map(|s| s.map(R::of)).collect()
-    }
-
-    /// `[layer]` elastic strain at rest.
-    pub fn pre_strains<R: Real>(&self) -> Vec<V4<R>> {
-        self.pre_strain.iter().map(|e| e.map(R::of)).collect()
     }
 
     /// `[node]` dead loads that act on the uncut body at a time, N.
@@ -378,17 +401,13 @@ impl Model {
 
     /// Bytes of its arrays.
     pub fn host_bytes(&self) -> u64 {
-        let of_springs =
-            |s: &Springs| size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + 4 * s.first.len() + 8 * s.half.len();
-        let springs = self.springs.as_ref().map_or(0, of_springs);
         let nodes = size_of_val(&self.rest[..]) + size_of_val(&self.free[..]) + size_of_val(&self.held[..]);
         let anchors = size_of_val(&self.anchors.nodes[..]) + size_of_val(&self.anchors.stiffness[..]);
-        let layers = size_of_val(&self.shape[..]) + size_of_val(&self.pre_strain[..]);
-        (nodes + springs + anchors + size_of_val(&self.stiffness[..]) + layers) as u64
+        (nodes + anchors + size_of_val(&self.shape[..]) + self.mechanics().host_bytes()) as u64
     }
 
     /// Nodes of a region.
     pub fn nodes_in(&self, region: &Region) -> Vec<u32> {
-        (0..self.grid.node_count()).filter(|n| self.grid.contains(region, *n)).map(|n| n as u32).collect()
+        self.grid.nodes_in(region)
     }
 }

@@ -6,7 +6,7 @@
 //! with the matrix-free product; a body that is bent or pressed together may be stiffer.
 //! Source: Lanczos 1950; Golub, Van Loan 2013, section 10.1; Hughes 1987, section 9.2 (critical steps).
 
-use super::Model;
+use crate::bodies::{Kind, Model};
 use crate::kernels::Params;
 use crate::kernels::product::{LANES, cell_groups, product};
 use crate::math::{V4, norm};
@@ -21,7 +21,10 @@ const RISE: f64 = 1e-7;
 impl Model {
     /// See the module, s; infinite for a body that nothing moves. Of bricks with masses at nodes.
     pub fn stable_step(&self) -> f64 {
-        assert!(self.springs.is_none() && self.mass != Mass::Consistent, "scenes of others are refused");
+        assert!(
+            matches!(self.kind, Kind::Hexahedra(_)) && self.mass != Mass::Consistent,
+            "scenes of others are refused"
+        );
         let squared = self.largest_frequency_squared();
         let damping = self.step.rayleigh_mass + self.step.rayleigh_stiffness * squared;
         4.0 / (damping + (damping * damping + 4.0 * squared).sqrt())

@@ -2,21 +2,23 @@
 //!
 //! On each level: smooth, take the residual to the next coarser level, correct from there, smooth. The smoother is the exact solve of each
 //! z-column (layers are thin, their coupling along z is the stiff one), accelerated by Chebyshev polynomials on `[λ/20, λ]`, `λ` the bound
-//! of `model::levels`. The coarsest level gets one long polynomial.
+//! of `bodies::grid::levels`. The coarsest level gets one long polynomial.
 //! Source: Brandt 1977; line smoothing with semi-coarsening: Schaffer 1998; Chebyshev recurrence: Saad 2003, algorithm 12.1.
 
+use super::element;
+use super::levels::Level;
+use crate::bodies::Model;
+use crate::bodies::cpu::LevelWork;
 use crate::kernels::Params;
 use crate::kernels::blocks::blocks;
 use crate::kernels::coarsen::coarsen;
 use crate::kernels::factor::factor;
-use crate::kernels::product::{CellForces, LANES, Modes, cell_groups, product};
+use crate::kernels::product::{LANES, Modes, cell_groups, product};
 use crate::kernels::prolongation::prolongation;
 use crate::kernels::relax::relax;
 use crate::kernels::restriction::restriction;
 use crate::kernels::split_product::split_product;
 use crate::math::{M3, Real, V4};
-use crate::model::levels::Level;
-use crate::model::{Model, element};
 
 /// Smoothing steps before and after the correction. 2 take a third more iterations and as long in all; 4 a fifth fewer and as long.
 pub const DEGREE: usize = 3;
@@ -84,7 +86,7 @@ struct Coarse<R> {
 impl<R: Real> Hierarchy<R> {
     /// The levels below a model's grid; `None` when it does not ask for multigrid.
     pub fn new(model: &Model) -> Option<Self> {
-        let multigrid = model.multigrid.as_ref()?;
+        let multigrid = model.hexahedra().multigrid.as_ref()?;
         let rounded = |largest: f64, coarsest: bool| steps(largest, coarsest).iter().map(|s| s.map(R::of)).collect();
         let levels = multigrid.coarse.len();
         let of = |(number, level): (usize, &Level)| {
@@ -131,39 +133,22 @@ impl<R: Real> Hierarchy<R> {
     }
 }
 
-/// Vectors of one level and slot; the finest level's `r` and `z` are those of the conjugate gradients.
-#[derive(Clone, Debug, Default)]
-pub struct Work<R> {
-    /// `[cell group]` of the product
-    pub scratch: Vec<CellForces<R>>,
-    /// `[node]` N
-    pub r: Vec<V4<R>>,
-    /// `[node]` m
-    pub z: Vec<V4<R>>,
-    /// `[node]` m
-    pub d: Vec<V4<R>>,
-    /// `[node]` N
-    pub w: Vec<V4<R>>,
-}
-
-impl<R: Real> Work<R> {
-    /// Zeroed vectors for each level; the finest has no `r` and `z` of its own.
-    pub fn new(levels: &[Operator<R>]) -> Vec<Self> {
-        let of = |(number, level): (usize, &Operator<R>)| {
-            let zeros = |count: usize| vec![[R::zero(); 4]; count];
-            let count = level.params.node_count as usize;
-            let kept = if number == 0 { 0 } else { count };
-            let scratch = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&level.params)];
-            Self { scratch, r: zeros(kept), z: zeros(kept), d: zeros(count), w: zeros(count) }
-        };
-        levels.iter().enumerate().map(of).collect()
-    }
+/// Zeroed vectors for each level; the finest has no `r` and `z` of its own.
+pub fn workspaces<R: Real>(levels: &[Operator<R>]) -> Vec<LevelWork<R>> {
+    let of = |(number, level): (usize, &Operator<R>)| {
+        let zeros = |count: usize| vec![[R::zero(); 4]; count];
+        let count = level.params.node_count as usize;
+        let kept = if number == 0 { 0 } else { count };
+        let scratch = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&level.params)];
+        LevelWork { scratch, r: zeros(kept), z: zeros(kept), d: zeros(count), w: zeros(count) }
+    };
+    levels.iter().enumerate().map(of).collect()
 }
 
 impl<R: Real> Operator<'_, R> {
     /// `w = A z`
-    fn multiply(&self, z: &[V4<R>], work: &mut Work<R>) {
-        let Work { w, scratch, .. } = work;
+    fn multiply(&self, z: &[V4<R>], work: &mut LevelWork<R>) {
+        let LevelWork { w, scratch, .. } = work;
         let (split, cells) = self.split;
         product(&self.params, self.modes, self.layer_of, self.rotation, self.free, split, z, w, scratch);
         if !cells.is_empty() {
@@ -172,7 +157,7 @@ impl<R: Real> Operator<'_, R> {
     }
 
     /// All smoothing steps on `A z = r`, from zero or from `z`; returns `r·z`.
-    fn smooth(&self, from_zero: bool, r: &[V4<R>], z: &mut [V4<R>], work: &mut Work<R>) -> R {
+    fn smooth(&self, from_zero: bool, r: &[V4<R>], z: &mut [V4<R>], work: &mut LevelWork<R>) -> R {
         let mut gamma = R::zero();
         for (n, [keep, gain]) in self.steps.iter().enumerate() {
             let fresh = from_zero && n == 0;
@@ -187,7 +172,7 @@ impl<R: Real> Operator<'_, R> {
 }
 
 /// `z = M⁻¹ r` by one V-cycle over levels, finest first; returns `r·z`.
-pub fn cycle<R: Real>(levels: &[Operator<R>], work: &mut [Work<R>], r: &[V4<R>], z: &mut [V4<R>]) -> R {
+pub fn cycle<R: Real>(levels: &[Operator<R>], work: &mut [LevelWork<R>], r: &[V4<R>], z: &mut [V4<R>]) -> R {
     let (own, coarser) = (&levels[0], &levels[1..]);
     let (here, below) = work.split_at_mut(1);
     let here = &mut here[0];

@@ -5,9 +5,9 @@
 //! eight nodes of one cell that has the node as a corner and is of its part: the one in whose octant `o` points most nearly. Where the
 //! crossings lie beyond the part's own cells, `N_a` goes on beyond the brick (by half a cell at most, along each axis).
 
-use super::{Parts, corner_number, octant};
+use super::Grid;
+use super::parts::{Parts, corner_number, octant};
 use crate::kernels::corner;
-use crate::mesh::Grid;
 
 /// A corner of the surface: see the module.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -18,6 +18,7 @@
 //! Units: u m, edges m, λ μ Pa, W J, f N, K N/m.
 
 use super::element::{Matrix, lame};
+use crate::bodies::{Model, Solved};
 use crate::kernels::collect::collect;
 use crate::kernels::neo::{Cell, Material, at_corners, gradient};
 use crate::kernels::{PARALLEL, Params};
@@ -63,7 +64,7 @@ pub fn tangent(cell: &Cell<f64>) -> Matrix {
 
 /// A grid of such cells.
 #[derive(Clone, Debug)]
-pub struct NeoHookean {
+pub struct Hyperelastic {
     /// `[layer]`
     pub layers: Vec<Material<f64>>,
     /// `[cells_z]` layer
@@ -72,7 +73,7 @@ pub struct NeoHookean {
     pub newton: bool,
 }
 
-impl NeoHookean {
+impl Hyperelastic {
     /// Of a scene's body with that law.
     pub(super) fn of(scene: &Scene, skin: &Skin, grid: &Grid) -> Option<Self> {
         let layer = |(index, layer): (usize, &crate::scene::Layer)| {
@@ -118,6 +119,25 @@ impl NeoHookean {
         };
         let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
         sums(params, &cells.map(one).collect::<Vec<_>>())
+    }
+
+    /// Forces at a step's start, put into `f`, and what of their change over the step it sees: by Newton's method the law's own, else the
+    /// tangent's, `[node]` N. NaN where a cell is inside out.
+    pub fn forces_and_change(&self, model: &Model, solved: &Solved, f: &mut [V4<f64>]) -> Vec<V4<f64>> {
+        let params = model.params::<f64>();
+        let nowhere = vec![[f64::NAN; 4]; f.len()];
+        f.copy_from_slice(&self.forces(&params, &solved.u).unwrap_or_else(|_| nowhere.clone()));
+        let mut change = if self.newton {
+            let end: Vec<V4<f64>> =
+                solved.u.iter().zip(&solved.dx).map(|(u, d)| std::array::from_fn(|n| u[n] + d[n])).collect();
+            let mut end = self.forces(&params, &end).unwrap_or(nowhere);
+            end.iter_mut().zip(f).for_each(|(e, f)| (0..3).for_each(|n| e[n] -= f[n]));
+            end
+        } else {
+            self.tangent_product(&params, &solved.u, &solved.dx)
+        };
+        change.iter_mut().for_each(|c| *c = c.map(|c| c * model.step.end_share()));
+        change
     }
 
     /// `[layer]` λ and μ, Pa, for the kernels.

@@ -12,10 +12,10 @@
 //! Memory of L: 28 MB at 24×24×5 cells, 61 MB at 14×14×23, 576 MB at 32×32×23.
 //! Units: r N, z m, A N/m.
 
+use crate::bodies::Model;
 use crate::error::{Error, Result};
 use crate::kernels::{Params, corner};
 use crate::math::{M3, Real, V4, rotation_matrix};
-use crate::model::Model;
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::LltError::NonPositivePivot;
 use faer::sparse::linalg::SupernodalThreshold;
@@ -181,7 +181,7 @@ pub struct Direct {
 impl Direct {
     /// Of a model's grid; `None` when the model does not ask for it. Nothing is factored yet.
     pub fn new(model: &Model) -> Option<Self> {
-        model.direct.then(|| {
+        model.hexahedra().direct.then(|| {
             let params = model.params::<f64>();
             let pattern = Pattern::new(&params);
             Self {

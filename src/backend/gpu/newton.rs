@@ -1,0 +1,242 @@
+//! Laws that are not linear on the device: the points of Newton's method ([`super::super::newton`]), and steps of one linearisation.
+//!
+//! What a point is worth comes back in one read: sums over groups of nodes, and the energy of each cell, from which the host takes the energy
+//! at the step's start in f64, so that the little that a step changes is not lost in what the body holds.
+//! What touches is solved with one linearisation per step, at the step's start, as on the CPU path.
+
+use super::GpuBackend;
+use super::exchange::triples;
+use crate::backend::newton::{Attempt, Descent, SHIFTS, newton as descend, raised};
+use crate::backend::{FREE, Nonlinear, Target, Wanted};
+use crate::bodies::gpu::{NonlinearLaw, Search};
+use crate::error::{Error, Result};
+use crate::gpu::{Batch, Buffer, Gpu, cast};
+use crate::kernels::neo_forces::INSIDE_OUT;
+use crate::kernels::{GROUP, Params};
+use crate::linear::Outcome;
+
+/// Roundings of the sums of a place's potential, relative to what they sum.
+const ROUNDINGS: f64 = 4.0 * f32::EPSILON as f64;
+
+/// The law's arrays and kernels, and how a step stands.
+pub(super) struct Newton {
+    law: NonlinearLaw,
+    params: Params<f32>,
+    /// Work of the step so far.
+    pub count: Nonlinear,
+    /// What has been added for tangents that are not positive.
+    shift: f64,
+    /// `[cell]` energies at the step's start, J; empty before a point was tried.
+    start: Vec<f32>,
+    /// Norm of the step's load, N.
+    load: f64,
+}
+
+impl Newton {
+    pub fn new(law: NonlinearLaw, params: Params<f32>) -> Self {
+        Self { law, params, count: Nonlinear::default(), shift: 0.0, start: vec![], load: 0.0 }
+    }
+
+    /// Launches per point that is tried.
+    pub fn launches(&self) -> u32 {
+        self.law.search.as_ref().map_or(0, |search| search.kernels.len() as u32)
+    }
+
+    /// Adds `shift` of `K₀` to the tangents from now on.
+    fn shift(&mut self, gpu: &Gpu, shift: f64) {
+        if shift == self.shift {
+            return;
+        }
+        self.shift = shift;
+        for (params, block) in &self.law.blocks {
+            let params = Params { stiffness_factor: (self.law.damping + shift) as f32, ..*params };
+            gpu.write(block, 0, &params.words());
+        }
+    }
+
+    /// The first cell that is inside out.
+    fn outside_in(&self, energy: &[f32]) -> Option<Error> {
+        let cell = energy.iter().position(|e| *e >= INSIDE_OUT || e.is_nan())?;
+        Some(Error::InsideOut { cell: self.params.cell_at(cell) })
+    }
+}
+
+impl GpuBackend {
+    /// Bytes of a vector of one slot.
+    fn vector(&self) -> u64 {
+        self.offset(1)
+    }
+
+    fn raise(&mut self) {
+        if let Some(newton) = &mut self.newton {
+            let shift = raised(newton.shift);
+            newton.shift(&self.gpu, shift);
+            newton.count.indefinite += 1;
+        }
+    }
+
+    /// Sets the free motion's right-hand side, and starts it from zero.
+    fn restart(&mut self, from: &Buffer) {
+        let mut batch = self.record();
+        batch.copy(from, 0, &self.solver.r, 0, self.vector());
+        batch.clear(&self.solver.x, 0, self.vector());
+        self.pending = Some(batch);
+    }
+
+    /// A solve of a body with that law.
+    pub(super) fn solve_nonlinear(
+        &mut self,
+        wanted: &[Wanted],
+        pick: &[(usize, u32)],
+    ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+        let Some(newton) = &mut self.newton else { return Ok((vec![], vec![])) };
+        match wanted {
+            [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }] if newton.law.search.is_some() => {
+                let (tolerance, floor) = (*tolerance, self.floor);
+                (newton.count, newton.start) = (Nonlinear::default(), vec![]);
+                let (outcome, own) = descend(self, tolerance, floor)?;
+                let values = self.found(own, pick)?;
+                Ok((vec![outcome], values))
+            }
+            _ => self.solve_linearised(wanted, pick),
+        }
+    }
+
+    /// Takes over what Newton's method has found, and its values at nodes.
+    fn found(&mut self, own: u32, pick: &[(usize, u32)]) -> Result<Vec<[f64; 3]>> {
+        let mut batch = self.record();
+        if let Some(newton) = &mut self.newton {
+            newton.count.iterations = own;
+            newton.shift(&self.gpu, 0.0);
+        }
+        let search = self.newton.as_ref().and_then(|newton| newton.law.search.as_ref());
+        search.iter().for_each(|search| batch.copy(&search.dx[0], 0, &self.solver.x, 0, self.vector()));
+        if pick.is_empty() {
+            self.pending = Some(batch);
+            return Ok(vec![]);
+        }
+        let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
+        let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
+        Ok(triples(&self.gpu.submit_and_read(batch, &[(&self.pick.picked, picked)])?[0]))
+    }
+
+    /// One linearisation for every slot; the free motion, which comes first in a step, finds out whether it is positive.
+    fn solve_linearised(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+        let Some(free) = wanted.iter().position(|w| w.slot == FREE) else {
+            return self.solve_slots(wanted, pick);
+        };
+        let mut batch = self.record();
+        if let Some(newton) = &mut self.newton {
+            batch.copy(&self.solver.r, 0, &newton.law.b, 0, (self.node_count * 16) as u64);
+            newton.count = Nonlinear::default();
+            newton.shift(&self.gpu, 0.0);
+            let energy =
+                &self.gpu.submit_and_read(batch, &[(&newton.law.energy, u64::from(newton.params.cell_count) * 4)])?[0];
+            newton.outside_in(&cast::<f32>(energy)).map_or(Ok(()), Err)?;
+        }
+        let mut found = self.solve_slots(wanted, pick)?;
+        for _ in 0..SHIFTS {
+            if !found.0[free].broken(self.max_iterations) {
+                break;
+            }
+            self.raise();
+            let b = self.newton.as_ref().map(|newton| newton.law.b.clone());
+            b.iter().for_each(|b| self.restart(b));
+            found = self.solve_slots(wanted, pick)?;
+        }
+        Ok(found)
+    }
+
+    /// Before the first place of a step: keeps its right-hand side, and clears what is added to the start.
+    fn set_out(&self, batch: &mut Batch, newton: &Newton, search: &Search) {
+        batch.copy(&self.solver.r, 0, &newton.law.b, 0, self.vector());
+        for vector in [&search.dx[0], &search.rest[0], &self.solver.x] {
+            batch.clear(vector, 0, self.vector());
+        }
+    }
+}
+
+impl Descent for GpuBackend {
+    fn attempt(&mut self, share: f64) -> Result<Option<Attempt>> {
+        let mut batch = self.record();
+        let Some((newton, search)) =
+            self.newton.as_ref().and_then(|newton| Some((newton, newton.law.search.as_ref()?)))
+        else {
+            return Ok(None);
+        };
+        let first = newton.start.is_empty();
+        if first {
+            self.set_out(&mut batch, newton, search);
+        }
+        self.gpu.write(&search.gain, 0, &Params { gain: share as f32, ..newton.params }.words());
+        search.kernels.iter().for_each(|(kernel, threads)| batch.run(kernel, *threads, 1));
+        let groups = self.node_count.div_ceil(GROUP as usize) as u64;
+        let wanted = [
+            (&search.promise, groups * 4),
+            (&search.balance, groups * 8),
+            (&newton.law.energy, u64::from(newton.params.cell_count) * 4),
+            (&search.load, groups * 4),
+        ];
+        let parts = self.gpu.submit_and_read(batch, &wanted)?;
+        let sum = |values: Vec<f32>| values.iter().map(|v| f64::from(*v)).sum::<f64>();
+        let (balance, energy) = (cast::<[f32; 2]>(&parts[1]), cast::<f32>(&parts[2]));
+        let (outside, end_share) = (newton.outside_in(&energy).is_some(), newton.law.end_share);
+        if first && let Some(newton) = &mut self.newton {
+            newton.start = energy.clone();
+            newton.load = sum(cast(&parts[3])).sqrt();
+        }
+        if outside {
+            return Ok(None);
+        }
+        let start = self.newton.iter().flat_map(|newton| &newton.start);
+        let gained: f64 = energy.iter().zip(start).map(|(e, s)| f64::from(*e) - f64::from(*s)).sum();
+        let of_nodes = |part: fn(&[f32; 2]) -> f32| balance.iter().map(|b| f64::from(part(b))).sum::<f64>();
+        let held = of_nodes(|b| b[0].abs()) + end_share * sum(energy);
+        Ok(Some(Attempt {
+            potential: of_nodes(|b| b[0]) + end_share * gained,
+            noise: ROUNDINGS * held,
+            size: of_nodes(|b| b[1]).sqrt(),
+            promise: sum(cast(&parts[0])),
+        }))
+    }
+
+    fn take(&mut self) {
+        let mut batch = self.record();
+        if let Some(search) = self.newton.as_ref().and_then(|newton| newton.law.search.as_ref()) {
+            for [here, tried] in [&search.dx, &search.rest] {
+                batch.copy(tried, 0, here, 0, self.vector());
+            }
+        }
+        self.pending = Some(batch);
+    }
+
+    fn direction(&mut self, residual: f64) -> Result<Outcome> {
+        if let Some(newton) = &mut self.newton {
+            newton.shift(&self.gpu, 0.0);
+        }
+        let rest =
+            self.newton.as_ref().and_then(|newton| newton.law.search.as_ref()).map(|search| search.rest[0].clone());
+        let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
+        let mut spent = 0;
+        for attempt in 0..=SHIFTS {
+            rest.iter().for_each(|rest| self.restart(rest));
+            let mut outcome = self.solve_slots(&wanted, &[])?.0[0];
+            spent += outcome.iterations;
+            if !outcome.broken(self.max_iterations) || attempt == SHIFTS {
+                outcome.iterations = spent;
+                return Ok(outcome);
+            }
+            self.raise();
+        }
+        unreachable!("the last attempt returns")
+    }
+
+    fn load(&self) -> f64 {
+        self.newton.as_ref().map_or(0.0, |newton| newton.load)
+    }
+
+    fn inside_out(&self) -> Error {
+        let found = self.newton.as_ref().and_then(|newton| newton.outside_in(&newton.start));
+        found.unwrap_or_else(|| unreachable!("only a cell that is inside out ends the first place"))
+    }
+}

@@ -1,0 +1,110 @@
+//! What a body's state amounts to, in f64 on the CPU: energy, inverted cells, and the true residual of a step that some backend has
+//! solved.
+//!
+//! `E = ½ vᵀMv + E_elastic(u) − Σ m g·u − Σ f·u` over nodes, `f` the dead loads that act now: 0 for a body at rest in its rest shape
+//! without pre-strain. While loads and boundaries stay as they are and nothing touches, `E` is what implicit Euler takes from. A load that
+//! begins or ends changes it by `f·u`; what contacts, ties and moved boundaries hold is not in it.
+//! The elastic force is `R K d` and leaves out how the rotations change with `u`, so that it is the gradient of `E_elastic` for small
+//! strains alone (Müller, Gross 2004): strained by much, a body may gain or lose a share of `E` in the order of its strain.
+
+use super::{Model, rate};
+use crate::kernels::rotations::mean_gradient;
+use crate::kernels::{ahead, anchors, momentum, rhs};
+use crate::math::{V3, V4, norm};
+use crate::scene::Mass;
+
+/// What a backend held at a step's start, with what it found.
+#[derive(Clone, Debug, Default)]
+pub struct Solved {
+    /// `[node]` displacement at the start, m.
+    pub u: Vec<V4<f64>>,
+    /// `[node]` velocity at the start, m/s.
+    pub v: Vec<V4<f64>>,
+    /// `[cell]` rotations at the start (0 for dead cells).
+    pub rotation: Vec<V4<f64>>,
+    /// Table of split nodes.
+    pub split: Vec<u32>,
+    /// `[node]` free axes and mass.
+    pub free: Vec<V4<f64>>,
+    /// `[spring]` law.
+    pub law: Vec<V4<f64>>,
+    /// `[node]` dead loads, N.
+    pub load: Vec<V4<f64>>,
+    /// `[node]` contact forces of the step, N.
+    pub contact: Vec<V4<f64>>,
+    /// `[node]` displacement increment that was found, m.
+    pub dx: Vec<V4<f64>>,
+}
+
+/// Elastic energy of a displacement field, J, that of the anchors, `½ Σ k |u|²`, with it; `rotation` as the kernels keep it (0 for dead
+/// cells), `law` of the springs as cut so far.
+pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64 {
+    let mechanics = model.mechanics();
+    let anchored = model.anchors.energy(u, |node| mechanics.stays(model, rotation, law, node));
+    anchored + mechanics.energy(model, u, rotation, split, law)
+}
+
+/// Total energy of a state, J; `dx` and `contact` are not looked at.
+pub fn energy(model: &Model, state: &Solved) -> f64 {
+    let rotation = model.mechanics().rotations(model, state);
+    let g = V3::of(model.step.gravity);
+    let momenta = mean_velocities(model, state, &state.rotation);
+    let of_node = |node: usize| {
+        let [u, v, mean, load] = [state.u[node], state.v[node], momenta[node], state.load[node]].map(V3::from4);
+        let mass = state.free[node][3];
+        0.5 * mass * v.dot(mean) - mass * g.dot(u) - load.dot(u)
+    };
+    let of_nodes: f64 = (0..state.u.len()).map(of_node).sum();
+    of_nodes + elastic_energy(model, &state.u, &rotation, &state.split, &state.law)
+}
+
+/// `[node]` velocities that masses of nodes multiply to the momentum, m/s.
+fn mean_velocities(model: &Model, state: &Solved, rotation: &[V4<f64>]) -> Vec<V4<f64>> {
+    let mut mean = state.v.clone();
+    if model.mass == Mass::Consistent {
+        let Solved { split, free, v, .. } = state;
+        let layers = &model.grid.layer_of;
+        momentum::momentum(&model.params(), &model.shapes(), layers, split, rotation, free, v, &mut mean);
+    }
+    mean
+}
+
+/// Cells whose mean deformation gradient has a determinant of 0 or less, or none; dead ones are not counted, cells of springs are.
+pub fn inverted_cells(model: &Model, state: &Solved) -> u32 {
+    let (params, shapes) = (model.params::<f64>(), model.shapes::<f64>());
+    let alive = |cell: &usize| state.rotation.get(*cell) != Some(&[0.0; 4]);
+    let upright = |cell: usize| {
+        let f = mean_gradient(&params, &shapes, &model.grid.layer_of, &state.split, &state.u, cell);
+        f.determinant() > 0.0 // not so when it is no number
+    };
+    let cells = (0..params.cell_count as usize).filter(alive);
+    cells.filter(|cell| !upright(*cell)).count() as u32
+}
+
+/// `|b + Jᵀλ − A Δx|` relative to the step's load (free motion's load and contact force), everything in f64.
+pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
+    let (rest, load) = residual(model, solved);
+    if load == 0.0 { 0.0 } else { norm(&rest) / load }
+}
+
+/// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the step's load, N, everything in f64.
+pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
+    let params = model.params::<f64>();
+    let count = solved.u.len();
+    let in_system = model.anchors.all_in_system(rate(&model.step), &solved.free);
+    let mut at = solved.u.clone(); // where elastic forces are taken
+    ahead::ahead(&params, &solved.u, &solved.v, &mut at);
+    let [f, w] = model.mechanics().forces_and_product(model, solved, &at, &in_system);
+    let mean_v = mean_velocities(model, solved, &solved.rotation);
+    let mut b = vec![[0.0; 4]; count];
+    let mut load = rhs::rhs(&params, &f, &mean_v, &solved.free, &solved.load, &mut b);
+    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, &solved.free, &at, &mut b);
+    for i in 0..count {
+        for n in 0..3 {
+            let contact = solved.contact[i][n] * solved.free[i][n];
+            load += contact * contact;
+            b[i][n] += contact - w[i][n];
+        }
+    }
+    (b, load.sqrt())
+}

@@ -1,0 +1,332 @@
+//! Hexahedra in the solves of the CPU path: what each cell has in one precision, and which of the kernels' twins run on it.
+//!
+//! A hyperelastic body keeps the tangents of its cells, taken anew where a solve wants them.
+
+use super::direct::Direct;
+use super::multigrid::{Hierarchy, Operator, cycle, workspaces};
+use super::{Hyperelastic, element, tangent};
+use crate::bodies::cpu::{Preconditioner, Solution, Start, System, Trial, Workspace};
+use crate::bodies::{Model, Removal};
+use crate::error::{Error, Result};
+use crate::kernels::blocks::blocks;
+use crate::kernels::centres::centres;
+use crate::kernels::collect_product::collect_product;
+use crate::kernels::factor::factor;
+use crate::kernels::precondition::precondition;
+use crate::kernels::product::{CellForces, LANES, Modes, cell_groups, elastic_forces, product};
+use crate::kernels::split_product::split_product;
+use crate::kernels::{PARALLEL, Params, forces, momentum, rotations};
+use crate::math::{M3, Real, V4, round, widen};
+use crate::mesh::Parts;
+use rayon::prelude::*;
+
+/// Arrays over cells and layers in one precision.
+pub struct Hexahedra<R> {
+    shape: Vec<V4<R>>,
+    stiffness: Vec<M3<R>>,
+    pre_strain: Vec<V4<R>>,
+    elastic: Vec<Modes<R>>,
+    system: Vec<M3<R>>,
+    modes: Vec<Modes<R>>,
+    layer_of: Vec<u32>,
+    rotation: Vec<V4<R>>,
+    split: Vec<u32>,
+    split_cells: Vec<u32>,
+    multigrid: Option<Hierarchy<R>>,
+    direct: Option<Direct>,
+    tangents: Option<Tangents<R>>,
+}
+
+/// What a hyperelastic body has beside.
+struct Tangents<R> {
+    law: Hyperelastic,
+    params: Params<f64>,
+    /// For sums of cells' forces: with the share of the change of forces over a step that it sees.
+    sums: Params<R>,
+    /// `[cell]` tangents by rows, N/m
+    tangent: Vec<[[R; 24]; 24]>,
+    end_share: f64,
+    /// `r_K/h`
+    damping: f64,
+    /// What has been added for tangents that are not positive.
+    shift: f64,
+}
+
+impl<R: Real> Tangents<R> {
+    fn new(law: &Hyperelastic, model: &Model) -> Self {
+        let (params, end_share) = (model.params::<f64>(), model.step.end_share());
+        let tangent = vec![[[R::zero(); 24]; 24]; params.cell_count as usize];
+        let damping = params.stiffness_factor - end_share;
+        let sums = Params { stiffness_factor: R::of(end_share), ..model.params() };
+        Self { law: law.clone(), params, sums, tangent, end_share, damping, shift: 0.0 }
+    }
+
+    /// Forces at `u`, `[node]` N.
+    fn forces(&self, u: &[V4<f64>]) -> Result<Vec<V4<f64>>> {
+        self.law.forces(&self.params, u).map_err(|cell| Error::InsideOut { cell: self.params.cell_at(cell) })
+    }
+
+    /// Takes the tangents at `u`, where no cell is inside out.
+    fn linearise(&mut self, u: &[V4<f64>]) {
+        let Self { law, params, tangent: all, .. } = self;
+        all.par_iter_mut().enumerate().with_min_len(PARALLEL / 32).for_each(|(cell, k)| {
+            if let Some(state) = law.cell(params, u, cell) {
+                *k = tangent(&state).map(|row| row.map(R::of));
+            }
+        });
+    }
+
+    /// `w += P σ K_T z`; returns what is added to `z·w`.
+    fn add_product(&self, free: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>]) -> R {
+        let params = &self.params;
+        let one = |(cell, k): (usize, &[[R; 24]; 24])| {
+            let corners = params.corners(cell);
+            let mut at = [R::zero(); 24];
+            (0..24).for_each(|n| at[n] = z[corners[n / 3]][n % 3]);
+            let row = |k: &[R; 24]| {
+                let mut sum = R::zero();
+                (0..24).for_each(|n| sum += k[n] * at[n]);
+                sum
+            };
+            let out: [R; 24] = std::array::from_fn(|n| row(&k[n]));
+            out
+        };
+        let cells: Vec<[R; 24]> = self.tangent.par_iter().enumerate().with_min_len(PARALLEL / 32).map(one).collect();
+        collect_product(&self.sums, cells.as_flattened(), free, z, w)
+    }
+}
+
+impl<R: Real> Hexahedra<R> {
+    /// Of a model, nothing turned or cut.
+    pub fn new(model: &Model) -> Self {
+        let hexahedra = model.hexahedra();
+        Self {
+            shape: model.shapes(),
+            stiffness: model.stiffness_blocks(),
+            pre_strain: model.pre_strains(),
+            elastic: element::rounded_modes(&hexahedra.stiffness),
+            system: model.system_blocks(),
+            modes: model.modes(),
+            layer_of: model.grid.layer_of.clone(),
+            rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.grid.cell_count()],
+            split: Parts::new(model.params()).table().to_vec(),
+            split_cells: vec![],
+            multigrid: Hierarchy::new(model),
+            direct: Direct::new(model),
+            tangents: hexahedra.hyperelastic.as_ref().map(|law| Tangents::new(law, model)),
+        }
+    }
+
+    /// `w = A z` of the small-strain cells, turned; returns `z·w`.
+    fn linear_product(
+        &self,
+        params: &Params<R>,
+        free: &[V4<R>],
+        z: &[V4<R>],
+        w: &mut [V4<R>],
+        scratch: &mut [CellForces<R>],
+    ) -> R {
+        let Self { modes, layer_of, rotation, split, split_cells, .. } = self;
+        let dot = product(params, modes, layer_of, rotation, free, split, z, w, scratch);
+        match split_cells[..] {
+            [] => dot,
+            _ => dot + split_product(params, modes, layer_of, rotation, free, split, split_cells, z, w),
+        }
+    }
+}
+
+impl<R: Real> System<R> for Hexahedra<R> {
+    fn forces(
+        &mut self,
+        params: &Params<R>,
+        u: &[V4<R>],
+        at: &[V4<R>],
+        f: &mut [V4<R>],
+        scratch: &mut [CellForces<R>],
+    ) -> Result<()> {
+        let Self { shape, pre_strain, stiffness, elastic, layer_of, rotation, split, tangents, .. } = self;
+        if params.corotational == 1 {
+            rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
+                *q = rotations::rotate_cell(params, shape, layer_of, split, u, cell, *q);
+            });
+        }
+        if let Some(tangents) = tangents {
+            let place = widen(at);
+            f.iter_mut().zip(tangents.forces(&place)?).for_each(|(f, force)| *f = round(&force));
+            if !tangents.law.newton {
+                tangents.linearise(&place);
+            }
+            return Ok(());
+        }
+        elastic_forces(params, shape, pre_strain, elastic, layer_of, rotation, split, at, f, scratch);
+        for node in params.touched(split).iter().map(|n| *n as usize) {
+            let force = forces::node_force(params, shape, pre_strain, stiffness, layer_of, split, at, rotation, node);
+            f[node] = force.pad(R::zero());
+        }
+        Ok(())
+    }
+
+    fn mean_velocities(&self, params: &Params<R>, free: &[V4<R>], v: &[V4<R>], mean_v: &mut [V4<R>]) {
+        let Self { shape, layer_of, split, rotation, .. } = self;
+        mean_v.par_iter_mut().enumerate().for_each(|(i, mean)| {
+            *mean = momentum::mean_velocity(params, shape, layer_of, split, rotation, free, v, i).pad(R::zero());
+        });
+    }
+
+    fn blocks(&self, params: &Params<R>, free: &[V4<R>], out: &mut [V4<R>]) {
+        blocks(params, &self.system, &self.layer_of, &self.rotation, free, &self.split, out);
+    }
+
+    fn refresh(&mut self, params: &Params<R>, free: &[V4<R>], block: &mut [V4<R>]) {
+        if let Some(direct) = &mut self.direct {
+            direct.current = false;
+            return;
+        }
+        self.blocks(params, free, block);
+        factor(params, block);
+        if let Some(multigrid) = &mut self.multigrid {
+            multigrid.refresh(params, &self.layer_of, &self.rotation);
+        }
+    }
+
+    fn factor(&mut self, free: &[V4<R>]) -> Result<()> {
+        match &mut self.direct {
+            Some(direct) if !direct.current => direct.factor(&widen(&self.rotation), &widen(free)),
+            _ => Ok(()),
+        }
+    }
+
+    fn product(
+        &self,
+        params: &Params<R>,
+        free: &[V4<R>],
+        z: &[V4<R>],
+        w: &mut [V4<R>],
+        scratch: &mut [CellForces<R>],
+    ) -> R {
+        let Some(tangents) = &self.tangents else {
+            return self.linear_product(params, free, z, w, scratch);
+        };
+        let params = Params { stiffness_factor: R::of(tangents.damping + tangents.shift), ..*params };
+        let dot = self.linear_product(&params, free, z, w, scratch);
+        dot + tangents.add_product(free, z, w)
+    }
+
+    fn preconditioner<'a>(
+        &'a self,
+        params: &'a Params<R>,
+        free: &'a [V4<R>],
+        block: &'a [V4<R>],
+    ) -> Preconditioner<'a, R> {
+        let (modes, layer_of, rotation) = (&self.modes[..], &self.layer_of[..], &self.rotation[..]);
+        match (&self.direct, &self.multigrid) {
+            (Some(direct), _) => Box::new(|_, r, z| direct.solve(r, z)),
+            (None, Some(multigrid)) => {
+                let steps = &[];
+                let split = (&self.split[..], &self.split_cells[..]);
+                let finest = Operator { params: *params, free, block, steps, modes, layer_of, rotation, split };
+                let levels = multigrid.operators(finest);
+                Box::new(move |work, r, z| {
+                    if work.is_empty() {
+                        *work = workspaces(&levels);
+                    }
+                    cycle(&levels, work, r, z)
+                })
+            }
+            (None, None) => Box::new(move |_, r, z| precondition(params, block, r, z)),
+        }
+    }
+
+    fn workspace(&self, params: &Params<R>) -> Workspace<R> {
+        Workspace { scratch: vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(params)], levels: vec![] }
+    }
+
+    fn points(&self, params: &Params<R>, u: &[V4<R>], points: &mut [V4<R>]) {
+        centres(params, &self.split, u, points);
+    }
+
+    /// Dead cells, and words of the table in rising order.
+    fn take(&mut self, params: &Params<R>, removal: &Removal) {
+        for cell in &removal.cells {
+            self.rotation[*cell as usize] = [R::zero(); 4];
+        }
+        for (word, value) in &removal.words {
+            self.split[*word as usize] = *value;
+        }
+        // rising words: the rows of cells rise, and of new ones the numbers too
+        let row = params.layout().row;
+        let of_cells = row..row + params.cell_count as usize;
+        for (word, value) in removal.words.iter().filter(|(word, _)| of_cells.contains(&(*word as usize))) {
+            let at = *value as usize - 1;
+            self.split_cells.resize(self.split_cells.len().max(at + 1), 0);
+            self.split_cells[at] = word - row as u32;
+        }
+    }
+
+    fn nodes_in_use(&self, params: &Params<R>) -> usize {
+        params.nodes_in_use(&self.split)
+    }
+
+    fn rotations(&self) -> Vec<V4<f64>> {
+        widen(&self.rotation)
+    }
+
+    fn set_rotations(&mut self, rotation: &[V4<f64>]) {
+        self.rotation.iter_mut().zip(rotation).for_each(|(to, from)| *to = round(from));
+    }
+
+    fn law(&self) -> Vec<V4<f64>> {
+        vec![]
+    }
+
+    fn split(&self) -> &[u32] {
+        &self.split
+    }
+
+    fn tangent_bytes(&self) -> usize {
+        self.tangents.as_ref().map_or(0, |tangents| size_of_val(&tangents.tangent[..]))
+    }
+
+    fn solution(&self) -> Solution {
+        match &self.tangents {
+            None => Solution::Linear,
+            Some(tangents) if tangents.law.newton => Solution::Newton,
+            Some(_) => Solution::Linearised,
+        }
+    }
+
+    fn linearise(&mut self, at: &[V4<f64>]) {
+        if let Some(tangents) = &mut self.tangents {
+            tangents.linearise(at);
+        }
+    }
+
+    fn set_shift(&mut self, shift: f64) {
+        if let Some(tangents) = &mut self.tangents {
+            tangents.shift = shift;
+        }
+    }
+
+    fn trial(&self, step: &Start<R>, dx: &[V4<R>], scratch: &mut [CellForces<R>]) -> Result<Option<Trial<R>>> {
+        let Some(tangents) = &self.tangents else { return Ok(None) };
+        let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
+        let place: Vec<V4<f64>> = step.u.iter().zip(dx).map(sum).collect();
+        let Some(energy) = tangents.law.energy(&tangents.params, &place) else { return Ok(None) };
+        let forces = tangents.forces(&place)?;
+        let params = Params { stiffness_factor: R::of(tangents.damping), ..*step.params };
+        let mut residual = vec![[R::zero(); 4]; dx.len()];
+        let linear = self.linear_product(&params, step.free, dx, &mut residual, scratch);
+        let share = tangents.end_share;
+        let mut potential = 0.5 * linear.f64() + share * energy;
+        for i in 0..dx.len() {
+            for n in 0..3 {
+                let (b, f) = (step.b[i][n].f64(), step.f[i][n].f64());
+                let change = share * (forces[i][n] - f);
+                let axis = step.free[i][n].f64();
+                potential -= dx[i][n].f64() * (b + share * f);
+                residual[i][n] = R::of((b - residual[i][n].f64() - change) * axis);
+            }
+        }
+        Ok(Some(Trial { potential, residual }))
+    }
+}

@@ -1,0 +1,419 @@
+//! Hexahedra on a device: element matrices of the layers as uniforms, rotations of the cells, the table of split nodes, and the levels of
+//! multigrid.
+//!
+//! With multigrid the preconditioner is one V-cycle, unrolled into a flat list of dispatches: every level has its own arrays, and the
+//! parameter block once per pair of smoothing coefficients. No tangent of a hyperelastic body is kept: a product takes it anew from the
+//! displacements where it is wanted (`neo_tangent`).
+
+use super::multigrid::steps;
+use super::{Hyperelastic, Multigrid, element};
+use crate::bodies::gpu::{Arrays, Dispatch, Maker, NonlinearLaw, Recorded, Search, TOUCHED, over_columns, over_nodes};
+use crate::bodies::{MAX_LAYERS, Model};
+use crate::error::{Error, Result};
+use crate::gpu::{Bound, Buffer, Gpu};
+use crate::kernels::{
+    GROUP, Params, Source, attempt, blocks, centres, coarsen, collect, collect_product, factor, forces, momentum,
+    neo_forces, neo_tangent, product, prolongation, relax, residual, restriction, rotations, split_product,
+};
+use crate::math::{M3, V3, V4};
+use crate::mesh::Parts;
+use crate::scene::Mass;
+
+/// Element matrices as 3×3 blocks; mat3x3 in a uniform: three columns of 16 bytes.
+fn stiffness_uniform(made: &mut Maker, stiffness: &[element::Matrix]) -> Buffer {
+    let column = |c: V3<f32>| [c.x.to_bits(), c.y.to_bits(), c.z.to_bits(), 0];
+    let blocks: Vec<M3<f32>> = element::blocks(stiffness);
+    let words: Vec<u32> = blocks.iter().flat_map(|m| m.0.map(column)).flatten().collect();
+    made.uniform("stiffness", MAX_LAYERS * 64 * 48, &words)
+}
+
+/// Element matrices in mirror blocks, which are symmetric, so rows serve as columns.
+fn modes_uniform(made: &mut Maker, stiffness: &[element::Matrix]) -> Buffer {
+    let column = |c: &[f32; 3]| [c[0].to_bits(), c[1].to_bits(), c[2].to_bits(), 0];
+    let modes: Vec<product::Modes<f32>> = element::rounded_modes(stiffness);
+    let words: Vec<u32> = modes.iter().flatten().flatten().flat_map(column).collect();
+    made.uniform("modes", MAX_LAYERS * 8 * 48, &words)
+}
+
+/// Numbers of the layers.
+fn layers_uniform(made: &mut Maker, name: &'static str, rows: &[V4<f32>]) -> Buffer {
+    let words: Vec<u32> = rows.iter().flatten().map(|c| c.to_bits()).collect();
+    made.uniform(name, MAX_LAYERS * 16, &words)
+}
+
+/// What a hyperelastic body has beside.
+struct Law {
+    newton: bool,
+    /// Share of the change of forces over a step that it sees.
+    end_share: f64,
+    /// `r_K/h`
+    damping: f64,
+    energy: Buffer,
+    b: Buffer,
+    /// Parameter blocks of the small-strain products.
+    blocks: Vec<(Params<f32>, Buffer)>,
+}
+
+/// One level of multigrid: its arrays, sizes and smoothing coefficients.
+struct Level {
+    arrays: Arrays,
+    params: Params<f32>,
+    main: Buffer,
+    steps: Vec<[f64; 2]>,
+}
+
+/// Arrays over cells and layers on a device.
+pub(super) struct Hexahedra {
+    shared: Arrays,
+    rotation: Buffer,
+    /// `stiffness` of the blocks and `v` of the right-hand side with a consistent mass.
+    consistent: Option<[Buffer; 2]>,
+    params: Params<f32>,
+    corotational: bool,
+    split: Option<(Buffer, Vec<u32>)>,
+    law: Option<Law>,
+    multigrid: Option<Multigrid>,
+    levels: Vec<Level>,
+}
+
+impl Hexahedra {
+    pub fn new(
+        hexahedra: &super::Hexahedra,
+        model: &Model,
+        made: &mut Maker,
+        u: &Buffer,
+        params: &Params<f32>,
+    ) -> Result<Self> {
+        if hexahedra.direct {
+            return Err(Error::Usage {
+                what: "the direct solver runs on the CPU path, not on a GPU".into(),
+                fix: "run it with --backend cpu, or take the preconditioner multigrid".into(),
+            });
+        }
+        let rotation = made.of("rotation", &vec![[0f32, 0.0, 0.0, 1.0]; model.grid.cell_count()])?;
+        let host = Parts::new(model.params()).table().to_vec();
+        let table = made.of("split", if host.is_empty() { &[0] } else { &host[..] })?;
+        let system = model.system_matrices();
+        let mut shared = Arrays::of(&[
+            table.clone(),
+            layers_uniform(made, "shape", &model.shapes()),
+            stiffness_uniform(made, &hexahedra.stiffness),
+            modes_uniform(made, &system),
+            made.of("layer_of", &model.grid.layer_of)?,
+            rotation.clone(),
+        ]);
+        if hexahedra.hyperelastic.is_none() {
+            shared = shared.joined(&Arrays::of(&[layers_uniform(made, "pre_strain", &model.pre_strains())]));
+        }
+        let mut consistent = None;
+        if model.mass == Mass::Consistent {
+            let mean_v = made.vec4("mean_v", model.node_count())?;
+            shared = shared.joined(&Arrays::of(std::slice::from_ref(&mean_v)));
+            consistent = Some([stiffness_uniform(made, &system), mean_v]);
+        }
+        let mut out = Self {
+            shared,
+            rotation,
+            consistent,
+            params: *params,
+            corotational: hexahedra.corotational,
+            split: (hexahedra.extra_columns > 0).then_some((table, host)),
+            law: None,
+            multigrid: hexahedra.multigrid.clone(),
+            levels: vec![],
+        };
+        if let Some(law) = &hexahedra.hyperelastic {
+            out.add_law(law, model, made, u)?;
+        }
+        Ok(out)
+    }
+
+    /// Arrays of a hyperelastic body.
+    fn add_law(&mut self, law: &Hyperelastic, model: &Model, made: &mut Maker, u: &Buffer) -> Result<()> {
+        made.gpu.making("neo-Hookean law");
+        let (n, cells) = (self.params.node_count as usize, self.params.cell_count as usize);
+        let corner_force = made.of("corner_force", &vec![0f32; cells * 24 * self.params.slot_count as usize])?;
+        let energy = made.of("energy", &vec![0f32; cells])?;
+        // with one linearisation per step the tangents are those at its start
+        let place = if law.newton { made.vec4("place", n)? } else { u.clone() };
+        let own = [layers_uniform(made, "lame", &law.lame::<f32>()), corner_force, energy.clone()];
+        self.shared = self.shared.joined(&Arrays::of(&own)).joined(&Arrays::one("place", &place));
+        let end_share = model.step.end_share();
+        self.law = Some(Law {
+            newton: law.newton,
+            end_share,
+            damping: model.step.stiffness_factor() - end_share,
+            energy,
+            b: made.vec4("b", n)?,
+            blocks: vec![],
+        });
+        Ok(())
+    }
+
+    /// What split cells add to a product; nothing where no cell can be split.
+    fn split_product(
+        &self,
+        gpu: &Gpu,
+        arrays: &Arrays,
+        params: &Params<f32>,
+        main: &Buffer,
+    ) -> Result<Option<Dispatch>> {
+        if params.extra_columns == 0 {
+            return Ok(None);
+        }
+        let system = self.consistent.iter().map(|[system, _]| ("stiffness", system));
+        let more: Vec<_> = system.chain([("params", main)]).collect();
+        Ok(Some((arrays.bind(gpu, &split_product::SOURCE, &more)?, TOUCHED)))
+    }
+
+    /// One V-cycle from the level of that number down, as `bodies::grid::multigrid::cycle` does it.
+    fn cycle(&self, made: &mut Maker, number: usize, first_slot: u32, out: &mut Vec<Dispatch>) -> Result<()> {
+        let (gpu, own) = (made.gpu, &self.levels[number]);
+        let params = Params { first_slot, ..own.params };
+        let main = made.params(&params);
+        let product = own.arrays.bind(gpu, &product::SOURCE, &[("params", &main)])?;
+        let mut products = vec![(product, product::tiles(&params) * GROUP as usize)];
+        products.extend(self.split_product(gpu, &own.arrays, &params, &main)?);
+        let mut smoother = |fresh: bool, [keep, gain]: [f64; 2]| -> Result<Dispatch> {
+            let params = Params { fresh: u32::from(fresh), keep: keep as f32, gain: gain as f32, ..params };
+            let words = made.params(&params);
+            Ok((own.arrays.bind(gpu, &relax::SOURCE, &[("params", &words)])?, over_columns(&params)))
+        };
+        let first = smoother(true, own.steps[0])?;
+        let later: Vec<Dispatch> = own.steps.iter().map(|s| smoother(false, *s)).collect::<Result<_>>()?;
+        let sweep = |steps: &[Dispatch], out: &mut Vec<Dispatch>| {
+            for step in steps {
+                out.extend(products.iter().chain([step]).cloned());
+            }
+        };
+        out.push(first);
+        sweep(&later[1..], out);
+        let Some(next) = self.levels.get(number + 1) else {
+            return Ok(());
+        };
+        let coarse = |names: &[(&'static str, &'static str)]| -> Vec<(&'static str, Buffer)> {
+            names.iter().filter_map(|(theirs, ours)| Some((*ours, next.arrays.get(theirs)?))).collect()
+        };
+        let bind = |source: &Source, names: &[(&'static str, &'static str)]| {
+            let below = coarse(names);
+            let mut more: Vec<_> = below.iter().map(|(name, buffer)| (*name, buffer)).collect();
+            more.push(("params", &main));
+            own.arrays.bind(gpu, source, &more)
+        };
+        out.extend(products.iter().cloned());
+        let threads = next.params.node_count as usize;
+        out.push((bind(&restriction::SOURCE, &[("free", "coarse_free"), ("r", "coarse_r")])?, threads));
+        self.cycle(made, number + 1, first_slot, out)?;
+        out.push((bind(&prolongation::SOURCE, &[("z", "coarse_z")])?, over_nodes(&params)));
+        sweep(&later, out);
+        Ok(())
+    }
+
+    /// What Newton's method evaluates a point by.
+    fn search(&self, made: &mut Maker, arrays: &Arrays, x: &Buffer, law: &Law) -> Result<Search> {
+        let n = self.params.node_count as usize;
+        let groups = n.div_ceil(GROUP as usize);
+        let mut vector = |name| made.vec4(name, n);
+        let dx = [vector("dx")?, vector("dx_next")?];
+        let rest = [vector("rest")?, vector("rest_next")?];
+        let w = vector("w")?;
+        let promise = made.of("promise", &vec![0f32; groups])?;
+        let balance = made.of("balance", &vec![[0f32; 2]; groups])?;
+        let sums = made.of("partial_product", &vec![0f32; self.params.product_groups as usize])?;
+        let running = made.vec4("scalars", 2)?;
+        let gain = made.params(&self.params);
+        let (_, damped) = with_factor(made, &self.params, law.damping);
+        let (_, shared) = with_factor(made, &self.params, law.end_share);
+        let along = [("params", &gain), ("dx", &dx[0]), ("x", x), ("rest", &rest[0]), ("dx_next", &dx[1])];
+        let along = [&along[..], &[("promise", &promise)]].concat();
+        let linear = [("params", &damped), ("z", &dx[1]), ("w", &w), ("partial_product", &sums), ("scalars", &running)];
+        let left = [("params", &shared), ("b", &law.b), ("w", &w), ("dx", &dx[1]), ("rest", &rest[1])];
+        let left = [&left[..], &[("balance", &balance)]].concat();
+        let bind = |source, more: &[(&'static str, &Buffer)]| arrays.bind(made.gpu, source, more);
+        let kernels = vec![
+            (bind(&attempt::SOURCE, &along)?, n),
+            (bind(&neo_forces::SOURCE, &[("params", &shared)])?, self.params.cell_count as usize),
+            (bind(&product::SOURCE, &linear)?, product::tiles(&self.params) * GROUP as usize),
+            (bind(&residual::SOURCE, &left)?, n),
+        ];
+        let load = arrays.get("partial_load").unwrap_or_else(|| unreachable!("every body has it"));
+        Ok(Search { gain, kernels, dx, rest, promise, balance, load })
+    }
+}
+
+/// A parameter block with another factor of the small-strain matrix.
+fn with_factor(made: &mut Maker, params: &Params<f32>, factor: f64) -> (Params<f32>, Buffer) {
+    let params = Params { stiffness_factor: factor as f32, ..*params };
+    (params, made.params(&params))
+}
+
+fn columns(params: &Params<f32>) -> usize {
+    params.columns() + params.extra_columns as usize
+}
+
+/// The finest level, which has the body's arrays, and the coarse ones.
+fn make_levels(
+    made: &mut Maker,
+    multigrid: &Multigrid,
+    finest: &Arrays,
+    shared: &Arrays,
+    params: &Params<f32>,
+    main: &Buffer,
+) -> Result<Vec<Level>> {
+    made.gpu.making("multigrid");
+    let slots = params.slot_count as usize;
+    let count = multigrid.coarse.len();
+    let d = made.vec4("d", params.node_count as usize * slots)?;
+    let first = steps(multigrid.largest, count == 0);
+    let finest = finest.joined(&Arrays::of(&[d]));
+    let layer_of = finest.get("layer_of");
+    let mut out = vec![Level { arrays: finest, params: *params, main: main.clone(), steps: first }];
+    // the coarse levels' smoothing sums up what nothing reads; the finest level's sums beyond what is in use stay zero
+    let unread = multigrid.coarse.first().map_or(0, |level| columns(&level.params(*params)).div_ceil(GROUP as usize));
+    let unread = made.of("partial_gamma", &vec![0f32; unread * slots])?;
+    for (number, level) in multigrid.coarse.iter().enumerate() {
+        let params = level.params(*params);
+        let n = params.node_count as usize;
+        let free: Vec<[f32; 4]> = level.free.iter().map(|f| f.map(|c| c as f32)).collect();
+        let mut own = vec![stiffness_uniform(made, &level.stiffness), modes_uniform(made, &level.stiffness)];
+        own.push(unread.clone());
+        own.extend(layer_of.clone());
+        own.push(made.of("free", &free)?);
+        own.push(made.vec4("rotation", params.cell_count as usize)?);
+        own.push(made.vec4("block", n * 4)?);
+        for name in ["r", "z", "d", "w"] {
+            own.push(made.vec4(name, n * slots)?);
+        }
+        // its own, so that what the finest level has summed up stays
+        own.push(made.of("partial_product", &vec![0f32; params.product_groups as usize * slots])?);
+        let main = made.params(&params);
+        let steps = steps(level.largest, number + 1 == count);
+        out.push(Level { arrays: shared.joined(&Arrays::of(&own)), params, main, steps });
+    }
+    Ok(out)
+}
+
+impl Recorded for Hexahedra {
+    fn shared(&self) -> Arrays {
+        self.shared.clone()
+    }
+
+    fn elements(&self) -> Buffer {
+        self.rotation.clone()
+    }
+
+    fn mean_velocities(&self) -> Option<Buffer> {
+        self.consistent.as_ref().map(|[_, mean_v]| mean_v.clone())
+    }
+
+    fn forces(&self, gpu: &Gpu, arrays: &Arrays, main: &Buffer, at: Option<&Buffer>) -> Result<Vec<Dispatch>> {
+        let (cells, nodes) = (self.params.cell_count as usize, over_nodes(&self.params));
+        let bind = |source: &Source, more: Option<(&'static str, &Buffer)>| {
+            let more: Vec<_> = more.into_iter().chain([("params", main)]).collect();
+            arrays.bind(gpu, source, &more)
+        };
+        let mut list = vec![];
+        if self.corotational {
+            list.push((bind(&rotations::SOURCE, None)?, cells));
+        }
+        if self.law.is_some() {
+            let start = arrays.get("u");
+            list.push((bind(&neo_forces::SOURCE, start.as_ref().map(|u| ("place", u)))?, cells));
+            list.push((bind(&collect::SOURCE, None)?, nodes));
+        } else {
+            list.push((bind(&forces::SOURCE, at.map(|at| ("u", at)))?, nodes));
+        }
+        if self.consistent.is_some() {
+            list.push((bind(&momentum::SOURCE, None)?, nodes));
+        }
+        Ok(list)
+    }
+
+    fn blocks(&self, gpu: &Gpu, arrays: &Arrays, more: &[(&'static str, &Buffer)]) -> Result<Bound> {
+        let system = self.consistent.iter().map(|[system, _]| ("stiffness", system));
+        let more: Vec<_> = system.chain(more.iter().copied()).collect();
+        arrays.bind(gpu, &blocks::SOURCE, &more)
+    }
+
+    fn product(
+        &mut self,
+        made: &mut Maker,
+        arrays: &Arrays,
+        params: &Params<f32>,
+        main: &Buffer,
+    ) -> Result<Vec<Dispatch>> {
+        let gpu = made.gpu;
+        let threads = product::tiles(params) * GROUP as usize;
+        let bind = |source, block: &Buffer| arrays.bind(gpu, source, &[("params", block)]);
+        let mut out = match &mut self.law {
+            None => vec![(bind(&product::SOURCE, main)?, threads)],
+            // of inertia and damping, of each cell's tangent, and their sum
+            Some(law) => {
+                let damped = with_factor(made, params, law.damping);
+                let (_, summed) = with_factor(made, params, law.end_share);
+                let list = vec![
+                    (bind(&product::SOURCE, &damped.1)?, threads),
+                    (bind(&neo_tangent::SOURCE, &damped.1)?, params.cell_count as usize),
+                    (bind(&collect_product::SOURCE, &summed)?, params.node_count as usize),
+                ];
+                law.blocks.push(damped);
+                list
+            }
+        };
+        out.extend(self.split_product(gpu, arrays, params, main)?);
+        Ok(out)
+    }
+
+    fn refresh(
+        &mut self,
+        made: &mut Maker,
+        arrays: &Arrays,
+        sums: &Arrays,
+        params: &Params<f32>,
+        main: &Buffer,
+    ) -> Result<Vec<Dispatch>> {
+        let Some(multigrid) = &self.multigrid else { return Ok(vec![]) };
+        let shared = sums.joined(&Arrays::of(&arrays.get("split").into_iter().collect::<Vec<_>>()));
+        self.levels = make_levels(made, multigrid, arrays, &shared, params, main)?;
+        let gpu = made.gpu;
+        let mut out = vec![];
+        for pair in self.levels.windows(2) {
+            let (fine, coarse) = (&pair[0], &pair[1]);
+            let rotation = coarse.arrays.get("rotation");
+            let below: Vec<_> =
+                rotation.iter().map(|r| ("coarse_rotation", r)).chain([("params", &fine.main)]).collect();
+            out.push((fine.arrays.bind(gpu, &coarsen::SOURCE, &below)?, coarse.params.cell_count as usize));
+            let own = [("params", &coarse.main)];
+            out.push((coarse.arrays.bind(gpu, &blocks::SOURCE, &own)?, coarse.params.node_count as usize));
+            out.push((coarse.arrays.bind(gpu, &factor::SOURCE, &own)?, columns(&coarse.params)));
+        }
+        Ok(out)
+    }
+
+    fn precondition(&self, made: &mut Maker, params: &Params<f32>) -> Result<Option<Vec<Dispatch>>> {
+        if self.levels.is_empty() {
+            return Ok(None);
+        }
+        let mut out = vec![];
+        self.cycle(made, 0, params.first_slot, &mut out)?;
+        Ok(Some(out))
+    }
+
+    fn points(&self, gpu: &Gpu, main: &Buffer, u: &Buffer, to: &Buffer) -> Result<Option<Dispatch>> {
+        let list = [("params", main), ("u", u), ("point_u", to)];
+        Ok(Some((self.shared.bind(gpu, &centres::SOURCE, &list)?, self.params.cell_count as usize)))
+    }
+
+    fn split(&self) -> Option<(Buffer, Vec<u32>)> {
+        self.split.clone()
+    }
+
+    fn nonlinear(&mut self, made: &mut Maker, arrays: &Arrays, x: &Buffer) -> Result<Option<NonlinearLaw>> {
+        let Some(law) = &self.law else { return Ok(None) };
+        made.gpu.making("neo-Hookean law");
+        let search = if law.newton { Some(self.search(made, arrays, x, law)?) } else { None };
+        let Law { end_share, damping, energy, b, blocks, .. } = law;
+        let (blocks, energy, b) = (blocks.clone(), energy.clone(), b.clone());
+        Ok(Some(NonlinearLaw { end_share: *end_share, damping: *damping, blocks, energy, b, search }))
+    }
+}

@@ -1,0 +1,350 @@
+//! A grid of hexahedra: box-shaped cells with a stiffness each, corotational or hyperelastic, that a cut parts along their faces.
+
+pub mod cpu;
+mod cut;
+pub mod direct;
+pub mod element;
+pub mod gpu;
+mod hyperelastic;
+pub mod levels;
+pub mod multigrid;
+mod stable;
+
+pub use hyperelastic::{Hyperelastic, tangent};
+
+use super::gpu::{Maker, Recorded};
+use super::{Elements, Kind, Mechanics, Model, Removal, Segments, Solved, Wound};
+use crate::error::{Error, Result};
+use crate::gpu::Buffer;
+use crate::kernels::cut::Hit;
+use crate::kernels::forces::rest_corner;
+use crate::kernels::product::{LANES, Modes, cell_groups, product, tiles};
+use crate::kernels::split::split_cells;
+use crate::kernels::split_product::split_product;
+use crate::kernels::{GROUP, Params, forces, rotations};
+use crate::math::{M3, Real, V3, V4, rotation_matrix, rotation_minus_identity};
+use crate::mesh::Grid;
+use crate::scene::{Cut, Element, Law, Layer, Mass, Preconditioner, Scene, Skin};
+
+/// What a body of hexahedra has beside its nodes.
+#[derive(Clone, Debug)]
+pub struct Hexahedra {
+    /// `[layer]` elastic strain at rest along x, y, z, and 0.
+    pub pre_strain: Vec<[f64; 4]>,
+    /// `[layer]` element matrices, N/m; of a hyperelastic body those of small strains.
+    pub stiffness: Vec<element::Matrix>,
+    /// The law of a hyperelastic body.
+    pub hyperelastic: Option<Hyperelastic>,
+    /// Cells turn with the body.
+    pub corotational: bool,
+    /// Columns of copies that a cut may split nodes into ([`crate::kernels::split`]).
+    pub extra_columns: usize,
+    /// Coarse levels, when the preconditioner is multigrid.
+    pub multigrid: Option<Multigrid>,
+    /// The CPU path solves by an exact factor.
+    pub direct: bool,
+}
+
+/// What multigrid adds to a body of hexahedra.
+#[derive(Clone, Debug)]
+pub struct Multigrid {
+    /// Upper bound of the eigenvalues of `M⁻¹A` on the finest level.
+    pub largest: f64,
+    /// Levels below the finest, finer first.
+    pub coarse: Vec<levels::Level>,
+}
+
+/// Columns of copies of a body that a blade may cut.
+///
+/// # Errors
+/// [`Error::Usage`] for the direct solver where nodes may be split.
+pub(super) fn reserve(scene: &Scene, skin: &Skin) -> Result<usize> {
+    let blade = scene.tools.iter().any(|t| t.blade.is_some());
+    let columns = match (skin.cut, skin.law) {
+        (Cut::Split { reserve_columns }, Law::Fem { .. }) if blade => reserve_columns as usize,
+        _ => 0,
+    };
+    if columns > 0 && scene.solver.preconditioner == Preconditioner::Direct {
+        return Err(Error::Usage {
+            what: "the direct solver's matrix has no room for nodes that a blade splits".into(),
+            fix: "take cut = \"remove\" or the preconditioner multigrid".into(),
+        });
+    }
+    Ok(columns)
+}
+
+/// Makes what the solver that a scene asks for needs beside the element matrices, once all else of a body is there.
+pub(super) fn prepare(model: &mut Model, preconditioner: Preconditioner) {
+    let implicit = !model.step.explicit();
+    let in_system = model.in_system();
+    let count = model.own_nodes();
+    let largest_of_mass = if model.mass == Mass::Consistent { levels::OF_MASS } else { 1.0 };
+    let grid = &model.grid;
+    let Kind::Hexahedra(hexahedra) = &mut model.kind else { return };
+    hexahedra.direct = implicit && preconditioner == Preconditioner::Direct;
+    hexahedra.multigrid = (implicit && preconditioner == Preconditioner::Multigrid).then(|| Multigrid {
+        largest: levels::largest(&hexahedra.stiffness).max(largest_of_mass),
+        coarse: levels::levels(grid, &hexahedra.stiffness, &in_system[..count]),
+    });
+}
+
+impl Hexahedra {
+    /// Of a scene's skin: one element matrix per layer, all its cells are alike.
+    pub(super) fn new(scene: &Scene, skin: &Skin, grid: &Grid, extra_columns: usize) -> Self {
+        let element = match skin.law {
+            Law::Fem { element, .. } => element,
+            _ => Element::Bbar,
+        };
+        let matrix = |(index, layer): (usize, &Layer)| {
+            element::stiffness(grid.cell_edges(index as u32), layer.young, layer.poisson, element)
+        };
+        Self {
+            pre_strain: skin.layers.iter().map(|l| element::pre_strain(l.pre_strain, l.poisson)).collect(),
+            stiffness: skin.layers.iter().enumerate().map(matrix).collect(),
+            hyperelastic: Hyperelastic::of(scene, skin, grid),
+            corotational: matches!(skin.law, Law::Fem { corotational: true, .. } | Law::NeoHookean),
+            extra_columns,
+            multigrid: None,
+            direct: false,
+        }
+    }
+}
+
+impl Model {
+    /// What a body of hexahedra has beside its nodes.
+    ///
+    /// # Panics
+    /// Of another kind.
+    pub fn hexahedra(&self) -> &Hexahedra {
+        match &self.kind {
+            Kind::Hexahedra(hexahedra) => hexahedra,
+            Kind::Springs(_) => unreachable!("springs have no cells with a stiffness"),
+        }
+    }
+
+    /// The same, to be changed.
+    ///
+    /// # Panics
+    /// Of another kind.
+    pub fn hexahedra_mut(&mut self) -> &mut Hexahedra {
+        match &mut self.kind {
+            Kind::Hexahedra(hexahedra) => hexahedra,
+            Kind::Springs(_) => unreachable!("springs have no cells with a stiffness"),
+        }
+    }
+
+    /// `[layer × 64]` 3×3 blocks of the element matrices, for elastic forces.
+    pub fn stiffness_blocks<R: Real>(&self) -> Vec<M3<R>> {
+        element::blocks(&self.hexahedra().stiffness)
+    }
+
+    /// `[layer × 64]` 3×3 blocks of what the system matrix has of a cell beside the masses of nodes.
+    pub fn system_blocks<R: Real>(&self) -> Vec<M3<R>> {
+        element::blocks(&self.system_matrices())
+    }
+
+    /// `[layer]` what the system matrix has of a cell beside the masses of nodes, less the factor `s`: K, and with a consistent mass what
+    /// lumping it has put too much on the nodes. Blocks of M are multiples of the identity, so it turns with K.
+    pub fn system_matrices(&self) -> Vec<element::Matrix> {
+        let mut all = self.hexahedra().stiffness.clone();
+        if self.mass == Mass::Consistent {
+            let params = self.params::<f64>();
+            for (k, shape) in all.iter_mut().zip(&self.shape) {
+                let lumping = element::lumping(shape[3] * params.inertia / params.stiffness_factor);
+                k.as_flattened_mut().iter_mut().zip(lumping.as_flattened()).for_each(|(k, m)| *k -= m);
+            }
+        }
+        all
+    }
+
+    /// `[layer]` the same in mirror blocks, for products.
+    pub fn modes<R: Real>(&self) -> Vec<Modes<R>> {
+        element::rounded_modes(&self.system_matrices())
+    }
+
+    /// `[layer]` elastic strain at rest.
+    pub fn pre_strains<R: Real>(&self) -> Vec<V4<R>> {
+        self.hexahedra().pre_strain.iter().map(|e| e.map(R::of)).collect()
+    }
+}
+
+/// Links between face neighbours: segment `3·cell + axis` joins the cell to its neighbour at +x, +y or +z; both ends are the cell
+/// itself where the grid ends.
+pub fn links(params: &Params<f64>) -> Vec<[u32; 2]> {
+    let size = [params.cells_x, params.cells_y, params.cells_z].map(|n| n as usize);
+    let mut out = vec![];
+    for cell in 0..params.cell_count as usize {
+        let at = params.cell_at(cell);
+        for axis in 0..3 {
+            let mut next = at;
+            next[axis] += 1;
+            let other = if next[axis] < size[axis] { params.cell_id(next) } else { cell };
+            out.push([cell as u32, other as u32]);
+        }
+    }
+    out
+}
+
+/// `[cell]` rest position of the centre, m.
+pub fn cell_centres(model: &Model) -> Vec<[f64; 3]> {
+    let params = model.grid.params::<f64>();
+    let centre = |cell: usize| {
+        let corners = params.corners(cell);
+        let (a, b) = (model.rest[corners[0]], model.rest[corners[6]]);
+        std::array::from_fn(|n| 0.5 * (a[n] + b[n]))
+    };
+    (0..model.grid.cell_count()).map(centre).collect()
+}
+
+impl Mechanics for Hexahedra {
+    fn elements(&self, model: &Model) -> Elements {
+        Elements { hexahedron_count: model.grid.cell_count(), spring_count: 0 }
+    }
+
+    fn around_nodes(&self, model: &Model) -> Vec<u32> {
+        let params = model.grid.params::<f64>();
+        let mut live = vec![0; model.own_nodes()];
+        for cell in 0..model.grid.cell_count() {
+            params.corners(cell).into_iter().for_each(|node| live[node] += 1);
+        }
+        live
+    }
+
+    fn rotation_count(&self, model: &Model) -> usize {
+        model.grid.cell_count()
+    }
+
+    fn segments(&self, model: &Model) -> Segments {
+        Segments { ends: links(&model.grid.params()), rest: cell_centres(model) }
+    }
+
+    fn segment_count(&self, model: &Model) -> usize {
+        3 * model.grid.cell_count()
+    }
+
+    fn extra_columns(&self) -> usize {
+        self.extra_columns
+    }
+
+    fn corotational(&self) -> bool {
+        self.corotational
+    }
+
+    fn product_groups(&self, model: &Model) -> usize {
+        let params = model.grid.params::<f64>();
+        let split = self.extra_columns * model.grid.nodes[2];
+        let touched = if split > 0 { super::TOUCHED * split + super::AROUND } else { 0 };
+        // and what split cells, or cells with tangents of their own, add
+        let more = if self.hyperelastic.is_some() { model.node_count() } else { touched };
+        tiles(&params) + more.div_ceil(GROUP as usize)
+    }
+
+    fn exact(&self) -> Kind {
+        Kind::Hexahedra(Box::new(Self { direct: true, multigrid: None, ..self.clone() }))
+    }
+
+    fn host_bytes(&self) -> usize {
+        size_of_val(&self.stiffness[..]) + size_of_val(&self.pre_strain[..])
+    }
+
+    /// `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X + e∘X` with the strain `e` at rest; a hyperelastic body has its own law, and no bound where
+    /// it is inside out.
+    fn energy(&self, model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], _: &[V4<f64>]) -> f64 {
+        let params = model.params::<f64>();
+        if let Some(law) = &self.hyperelastic {
+            return law.energy(&params, u).unwrap_or(f64::INFINITY);
+        }
+        let mut energy = 0.0;
+        for (cell, q) in rotation.iter().enumerate().filter(|(_, q)| **q != [0.0; 4]) {
+            let layer = model.grid.layer(cell);
+            let h = V3::from4(model.shape[layer]);
+            let e = self.pre_strain[layer];
+            let (back, turn) = (rotation_matrix(*q).transpose(), rotation_minus_identity(*q).transpose());
+            let mut d = [0.0; 24];
+            for (a, node) in params.corner_nodes(split, cell).into_iter().enumerate() {
+                let x = rest_corner(h, a);
+                let local = (back * V3::from4(u[node]) + turn * x).f64();
+                for (i, x) in x.f64().into_iter().enumerate() {
+                    d[3 * a + i] = local[i] + e[i] * x;
+                }
+            }
+            let k = &self.stiffness[layer];
+            energy += (0..24).map(|r| 0.5 * d[r] * (0..24).map(|c| k[r][c] * d[c]).sum::<f64>()).sum::<f64>();
+        }
+        energy
+    }
+
+    fn forces_and_product(
+        &self,
+        model: &Model,
+        solved: &Solved,
+        at: &[V4<f64>],
+        in_system: &[V4<f64>],
+    ) -> [Vec<V4<f64>>; 2] {
+        let mut params = model.params::<f64>();
+        let zeros = vec![[0.0; 4]; at.len()];
+        let (mut f, mut w) = (zeros.clone(), zeros);
+        let (shapes, layers) = (model.shapes::<f64>(), &model.grid.layer_of);
+        let (blocks, pre_strains, split) = (model.stiffness_blocks::<f64>(), model.pre_strains(), &solved.split);
+        let rotation = self.rotations(model, solved);
+        forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, at, &rotation, &mut f);
+        let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
+        if self.hyperelastic.is_some() {
+            params.stiffness_factor -= model.step.end_share();
+        }
+        let modes = model.modes();
+        product(&params, &modes, layers, &rotation, in_system, split, &solved.dx, &mut w, &mut scratch);
+        let cells = split_cells(&params, split);
+        if !cells.is_empty() {
+            split_product(&params, &modes, layers, &rotation, in_system, split, &cells, &solved.dx, &mut w);
+        }
+        if let Some(law) = &self.hyperelastic {
+            let change = law.forces_and_change(model, solved, &mut f);
+            for ((sum, more), free) in w.iter_mut().zip(&change).zip(&solved.free) {
+                (0..3).for_each(|n| sum[n] += more[n] * free[n]);
+            }
+        }
+        [f, w]
+    }
+
+    fn rotations(&self, model: &Model, state: &Solved) -> Vec<V4<f64>> {
+        let mut rotation = state.rotation.clone();
+        if self.corotational {
+            let layers = &model.grid.layer_of;
+            let shapes = model.shapes();
+            rotations::rotations(&model.params(), &shapes, layers, &state.split, &state.u, &mut rotation);
+        }
+        rotation
+    }
+
+    fn stays(&self, model: &Model, rotation: &[V4<f64>], _: &[V4<f64>], node: usize) -> bool {
+        let params = model.grid.params::<f64>();
+        let at = params.node_at(node);
+        (0..8).filter_map(|a| params.cell_below(at, a)).any(|cell| rotation[cell] != [0.0; 4])
+    }
+
+    fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal {
+        if self.extra_columns == 0 { wound.remove_cells(model, hits) } else { wound.split(model, hits) }
+    }
+
+    fn pieces(&self, wound: &Wound) -> Option<usize> {
+        Some(wound.surface.pieces())
+    }
+
+    fn mass_left(&self, model: &Model, wound: &Wound) -> f64 {
+        if model.mass == Mass::Uniform {
+            return wound.free.iter().map(|f| f[3]).sum();
+        }
+        let live = (0..model.grid.cell_count()).filter(|c| wound.surface.alive[*c]);
+        live.map(|c| 8.0 * model.shape[model.grid.layer(c)][3]).sum()
+    }
+
+    fn splitting(&self, layer: &Layer) -> f64 {
+        let modulus = layer.young / (1.0 - layer.poisson * layer.poisson);
+        (std::f64::consts::FRAC_PI_2 * modulus * layer.toughness).sqrt()
+    }
+
+    fn recorded(&self, model: &Model, made: &mut Maker, u: &Buffer, params: &Params<f32>) -> Result<Box<dyn Recorded>> {
+        Ok(Box::new(gpu::Hexahedra::new(self, model, made, u, params)?))
+    }
+}

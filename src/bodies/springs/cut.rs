@@ -1,0 +1,73 @@
+//! Cuts through springs: a crossed spring is gone; a cell counts as open when two or more of its four edges along one axis are gone. A node
+//! without springs leaves the system.
+
+use super::Springs;
+use crate::bodies::{Model, Removal, Wound};
+use crate::kernels::corner;
+use crate::kernels::cut::Hit;
+
+impl Wound {
+    /// Removes crossed springs.
+    pub(super) fn cut_springs(&mut self, model: &Model, springs: &Springs, hits: &[Hit<f64>]) -> Removal {
+        let params = model.grid.params::<f64>();
+        let mut removal = Removal::default();
+        for hit in hits {
+            let spring = hit.segment as usize;
+            if std::mem::replace(&mut self.spring_gone[spring], true) {
+                continue;
+            }
+            removal.springs.push(spring as u32);
+            self.totals.springs_removed += 1;
+            let [a, b] = springs.ends[spring].map(|n| n as usize);
+            for node in [a, b] {
+                self.live[node] -= 1;
+                if self.live[node] == 0 {
+                    self.leave(node as u32, &mut removal);
+                }
+            }
+            let (p, q) = (params.node_at(a), params.node_at(b));
+            let along: Vec<usize> = (0..3).filter(|n| p[*n] != q[*n]).collect();
+            if let [axis] = along[..] {
+                self.edge_cut(model, springs, a, axis, &mut removal);
+            }
+        }
+        removal
+    }
+
+    /// A grid edge from node `a` along `axis` is gone: opens cells around it that have lost two edges along that axis.
+    fn edge_cut(&mut self, model: &Model, springs: &Springs, a: usize, axis: usize, removal: &mut Removal) {
+        let params = model.grid.params::<f64>();
+        let at = params.node_at(a);
+        let stride = [1, params.nodes_x as usize, (params.nodes_x * params.nodes_y) as usize];
+        let gone = |first: usize| {
+            let second = (first + stride[axis]) as u32;
+            let range = springs.first[first] as usize..springs.first[first + 1] as usize;
+            springs.half[range].iter().any(|h| h[0] == second && self.spring_gone[h[1] as usize])
+        };
+        let level = at[2].min(model.grid.cells[2] - 1);
+        let h = model.shape[model.grid.layer_of[level] as usize];
+        self.totals.area += h[0] * h[1] * h[2] / h[axis];
+        let mut opened = vec![];
+        for a in 0..8 {
+            let o = corner(a);
+            if o[axis] == 1 {
+                continue;
+            }
+            let Some(cell) = params.cell_below(at, a) else {
+                continue;
+            };
+            if !self.surface.alive[cell] {
+                continue;
+            }
+            let corners = params.corners(cell);
+            let lost = (0..8).filter(|k| corner(*k)[axis] == 0).filter(|k| gone(corners[*k])).count();
+            if lost >= 2 {
+                opened.push(cell as u32);
+            }
+        }
+        for cell in opened {
+            self.open_cell(model, cell, axis);
+            removal.cells.push(cell);
+        }
+    }
+}

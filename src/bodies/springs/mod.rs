@@ -1,0 +1,199 @@
+//! A network of springs: one per unique pair of corners of every cell (12 edges, 12 face and 4 space diagonals), as SOFA's
+//! MeshSpringForceField makes them of hexahedra; rest length is the initial one.
+
+pub mod cpu;
+mod cut;
+mod gpu;
+
+use super::gpu::{Maker, Recorded};
+use super::{Elements, Kind, Mechanics, Model, Removal, Segments, Solved, Wound};
+use crate::error::{Error, Result};
+use crate::gpu::Buffer;
+use crate::kernels::cut::Hit;
+use crate::kernels::{GROUP, Params, springs, springs_product};
+use crate::math::{V3, V4};
+use crate::mesh::Grid;
+use crate::scene::{Layer, Preconditioner, Scene};
+use std::collections::BTreeSet;
+
+/// Spring arrays.
+#[derive(Clone, Debug)]
+pub struct Springs {
+    /// `[spring]` node ids, first < second.
+    pub ends: Vec<[u32; 2]>,
+    /// `[spring]` elongation at the grid's rest (its length less the spring's own) m, stiffness N/m, damping N·s/m, 0.
+    pub law: Vec<[f64; 4]>,
+    /// `[node + 1]` into `half`.
+    pub first: Vec<u32>,
+    /// Springs around each node: other node, spring.
+    pub half: Vec<[u32; 2]>,
+}
+
+impl Springs {
+    /// All corner pairs of every cell of a grid.
+    ///
+    /// # Errors
+    /// [`Error::Usage`] for a solver that is for hexahedra.
+    pub(super) fn new(scene: &Scene, grid: &Grid, stiffness: f64, damping: f64) -> Result<Self> {
+        let for_hexahedra = match scene.solver.preconditioner {
+            Preconditioner::Multigrid => Some("multigrid"),
+            Preconditioner::Direct => Some("the direct solver"),
+            _ => None,
+        };
+        if let Some(name) = for_hexahedra {
+            return Err(Error::Usage {
+                what: format!("{name} is for bricks; this skin is of springs"),
+                fix: "take the preconditioner column".into(),
+            });
+        }
+        Ok(Self::between_corners(grid, stiffness, damping))
+    }
+
+    /// All corner pairs of every cell of a grid, whatever solves them.
+    pub fn between_corners(grid: &Grid, stiffness: f64, damping: f64) -> Self {
+        let params = grid.params::<f64>();
+        let mut pairs = BTreeSet::new();
+        for cell in 0..grid.cell_count() {
+            let corners = params.corners(cell);
+            for (a, first) in corners.iter().enumerate() {
+                for second in &corners[a + 1..] {
+                    pairs.insert([*first.min(second) as u32, *first.max(second) as u32]);
+                }
+            }
+        }
+        let ends: Vec<[u32; 2]> = pairs.into_iter().collect();
+        let law = vec![[0.0, stiffness, damping, 0.0]; ends.len()];
+        let mut around = vec![vec![]; grid.node_count()];
+        for (s, [a, b]) in ends.iter().enumerate() {
+            around[*a as usize].push([*b, s as u32]);
+            around[*b as usize].push([*a, s as u32]);
+        }
+        let mut first = vec![0];
+        let mut half = vec![];
+        for list in around {
+            half.extend(list);
+            first.push(half.len() as u32);
+        }
+        Self { ends, law, first, half }
+    }
+}
+
+impl Model {
+    /// What a body of springs has beside its nodes; none of another kind.
+    pub fn springs(&self) -> Option<&Springs> {
+        match &self.kind {
+            Kind::Springs(springs) => Some(springs),
+            Kind::Hexahedra(_) => None,
+        }
+    }
+
+    /// The same, to be changed.
+    pub fn springs_mut(&mut self) -> Option<&mut Springs> {
+        match &mut self.kind {
+            Kind::Springs(springs) => Some(springs),
+            Kind::Hexahedra(_) => None,
+        }
+    }
+}
+
+impl Mechanics for Springs {
+    fn elements(&self, _: &Model) -> Elements {
+        Elements { hexahedron_count: 0, spring_count: self.ends.len() }
+    }
+
+    fn around_nodes(&self, _: &Model) -> Vec<u32> {
+        self.first.windows(2).map(|w| w[1] - w[0]).collect()
+    }
+
+    fn rotation_count(&self, _: &Model) -> usize {
+        0
+    }
+
+    fn segments(&self, model: &Model) -> Segments {
+        Segments { ends: self.ends.clone(), rest: model.rest.clone() }
+    }
+
+    fn segment_count(&self, _: &Model) -> usize {
+        self.ends.len()
+    }
+
+    fn extra_columns(&self) -> usize {
+        0
+    }
+
+    fn corotational(&self) -> bool {
+        false
+    }
+
+    fn product_groups(&self, model: &Model) -> usize {
+        model.own_nodes().div_ceil(GROUP as usize)
+    }
+
+    fn exact(&self) -> Kind {
+        Kind::Springs(Box::new(self.clone()))
+    }
+
+    fn host_bytes(&self) -> usize {
+        size_of_val(&self.ends[..])
+            + size_of_val(&self.law[..])
+            + size_of_val(&self.first[..])
+            + size_of_val(&self.half[..])
+    }
+
+    /// `½ Σ k ε²`.
+    fn energy(&self, model: &Model, u: &[V4<f64>], _: &[V4<f64>], _: &[u32], law: &[V4<f64>]) -> f64 {
+        let stretch = |[a, b]: [u32; 2]| {
+            let rest = |n: u32| V3::of(model.rest[n as usize]);
+            let span = rest(b) - rest(a);
+            let shift = V3::from4(u[b as usize]) - V3::from4(u[a as usize]);
+            springs::elongation(span, shift, (span + shift).length())
+        };
+        self.ends.iter().zip(law).map(|(ends, law)| 0.5 * law[1] * (law[0] + stretch(*ends)).powi(2)).sum::<f64>()
+    }
+
+    fn forces_and_product(
+        &self,
+        model: &Model,
+        solved: &Solved,
+        at: &[V4<f64>],
+        in_system: &[V4<f64>],
+    ) -> [Vec<V4<f64>>; 2] {
+        let params = model.params::<f64>();
+        let zeros = vec![[0.0; 4]; at.len()];
+        let (mut f, mut w) = (zeros.clone(), zeros);
+        let rest: Vec<V4<f64>> = model.rest.iter().map(|r| V3::of(*r).pad(0.0)).collect();
+        let mut tangent = vec![[0.0; 4]; self.half.len() * 2];
+        springs::springs(&params, &rest, at, &self.first, &self.half, &solved.law, &mut f, &mut tangent);
+        springs_product::springs_product(&params, &self.first, &self.half, &tangent, in_system, &solved.dx, &mut w);
+        [f, w]
+    }
+
+    fn rotations(&self, _: &Model, state: &Solved) -> Vec<V4<f64>> {
+        state.rotation.clone()
+    }
+
+    fn stays(&self, _: &Model, _: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool {
+        let own = self.first[node] as usize..self.first[node + 1] as usize;
+        self.half[own].iter().any(|[_, spring]| law[*spring as usize] != [0.0; 4])
+    }
+
+    fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal {
+        wound.cut_springs(model, self, hits)
+    }
+
+    fn pieces(&self, _: &Wound) -> Option<usize> {
+        None
+    }
+
+    fn mass_left(&self, _: &Model, wound: &Wound) -> f64 {
+        wound.free.iter().map(|f| f[3]).sum()
+    }
+
+    fn splitting(&self, _: &Layer) -> f64 {
+        f64::INFINITY
+    }
+
+    fn recorded(&self, model: &Model, made: &mut Maker, _: &Buffer, _: &Params<f32>) -> Result<Box<dyn Recorded>> {
+        Ok(Box::new(gpu::Springs::new(self, model, made)?))
+    }
+}

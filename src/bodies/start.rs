@@ -1,0 +1,55 @@
+//! The state that a scene starts from.
+
+use super::{Model, turned};
+use crate::math::V4;
+use crate::mesh::Grid;
+use crate::scene::{Scene, Start};
+
+impl Model {
+    /// `[node]` displacements, m, and velocities, m/s, that a scene starts from.
+    pub fn start(&self, scene: &Scene) -> [Vec<V4<f64>>; 2] {
+        let skin = &scene.skins[self.body];
+        let displaced = |n: usize| {
+            let shaped = shaped(skin.start, &self.grid, n);
+            let at = |a: usize| if self.free[n][a] == 0.0 { self.held[n][a] } else { shaped[a] + skin.displacement[a] };
+            [at(0), at(1), at(2), 0.0]
+        };
+        let moving = |n: usize| {
+            let at = |a: usize| if self.free[n][a] == 0.0 { 0.0 } else { skin.velocity[a] };
+            [at(0), at(1), at(2), 0.0]
+        };
+        let count = self.own_nodes();
+        let mut start: [Vec<V4<f64>>; 2] = [(0..count).map(displaced).collect(), (0..count).map(moving).collect()];
+        start.iter_mut().for_each(|values| values.resize(self.node_count(), [0.0; 4]));
+        start
+    }
+}
+
+/// Displacement of a node from rest in a shape, m.
+fn shaped(start: Start, grid: &Grid, node: usize) -> [f64; 3] {
+    let [x, y, z] = grid.rest(node);
+    match start {
+        Start::Rest => [0.0; 3],
+        Start::Random { amplitude, seed } => {
+            [0, 1, 2].map(|axis| amplitude * scattered((u64::from(seed) << 34) | (3 * node as u64 + axis)))
+        }
+        Start::Flat => [0.0, 0.0, -z],
+        Start::InsideOut => {
+            let params = grid.params::<f64>();
+            let corners = params.corners(params.cell_id(grid.cells.map(|count| count / 2)));
+            let (low, high) = (grid.rest(corners[0]), grid.rest(corners[6]));
+            let opposite = |axis: usize| low[axis] + high[axis] - 2.0 * [x, y, z][axis];
+            if corners.contains(&node) { [opposite(0), opposite(1), opposite(2)] } else { [0.0; 3] }
+        }
+        Start::Twist(angle) => turned([x, y, z], angle * z / grid.thickness()),
+    }
+}
+
+/// A number in −1…1 that looks random and is the same for the same `key`: the finaliser of SplitMix64 (Steele, Lea, Flood 2014).
+fn scattered(key: u64) -> f64 {
+    let mut bits = key.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    bits ^= bits >> 31;
+    (bits >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+}
