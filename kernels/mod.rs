@@ -21,15 +21,18 @@ pub mod collect_product;
 pub mod collected;
 pub mod converge;
 pub mod cut;
+pub mod deformation;
 pub mod duplicate;
 pub mod factor;
 pub mod forces;
 pub mod gather;
+pub mod hyperelastic;
+pub mod hyperelastic_forces;
+pub mod hyperelastic_tangent;
 pub mod integrate;
 pub mod momentum;
-pub mod neo;
-pub mod neo_forces;
-pub mod neo_tangent;
+pub mod mooney_rivlin;
+pub mod neo_hookean;
 pub mod precondition;
 pub mod probe;
 pub mod product;
@@ -55,12 +58,14 @@ pub const COMMON: &str = include_str!("common.wgsl");
 /// The whole text of a kernel: the common part, what others share that it needs by the arrays that it binds, the kernel's own.
 pub fn text(source: &Source) -> String {
     let mut out = COMMON.to_string();
-    let shared =
-        [("> split: array", split::WGSL), ("> lame: array", neo::WGSL), ("read> corner_force: array", collected::WGSL)];
-    for (binding, text) in shared {
+    let shared = [
+        ("> split: array", &[split::WGSL][..]),
+        ("> material: array", &hyperelastic::WGSL[..]),
+        ("read> corner_force: array", &[collected::WGSL][..]),
+    ];
+    for (binding, texts) in shared {
         if source.wgsl.contains(binding) {
-            out += "\n";
-            out += text;
+            texts.iter().for_each(|text| out = format!("{out}\n{text}"));
         }
     }
     out + "\n" + source.wgsl
@@ -96,10 +101,10 @@ pub const ALL: &[&Source] = &[
     &factor::SOURCE,
     &forces::SOURCE,
     &gather::SOURCE,
+    &hyperelastic_forces::SOURCE,
+    &hyperelastic_tangent::SOURCE,
     &integrate::SOURCE,
     &momentum::SOURCE,
-    &neo_forces::SOURCE,
-    &neo_tangent::SOURCE,
     &precondition::SOURCE,
     &probe::SOURCE,
     &product::SOURCE,

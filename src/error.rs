@@ -23,9 +23,9 @@ pub enum Error {
     #[error(transparent)]
     Haply(Box<Refused>),
 
-    /// A neo-Hookean cell without volume, where the law has no energy.
+    /// A hyperelastic cell without volume, where the law has no energy.
     #[error(
-        "cell {cell:?} of a neo-Hookean body is inside out at a step's start; take a shorter step_ms, let contacts and held nodes move \
+        "cell {cell:?} of a hyperelastic body is inside out at a step's start; take a shorter step_ms, let contacts and held nodes move \
          less in one step, or take law = \"fem\""
     )]
     InsideOut {

@@ -45,6 +45,8 @@ pub trait Real:
     fn sqrt(self) -> Self;
     /// Natural logarithm.
     fn ln(self) -> Self;
+    /// Exponential.
+    fn exp(self) -> Self;
     /// Absolute value.
     fn abs(self) -> Self;
     /// Larger of two.
@@ -64,7 +66,7 @@ pub trait Real:
 }
 
 macro_rules! real {
-    ($t:ty, $name:literal, $ln:path) => {
+    ($t:ty, $name:literal, $ln:path, $exp:path) => {
         impl Real for $t {
             const NAME: &'static str = $name;
             const EPSILON: Self = <$t>::EPSILON;
@@ -79,6 +81,9 @@ macro_rules! real {
             }
             fn ln(self) -> Self {
                 $ln(self)
+            }
+            fn exp(self) -> Self {
+                $exp(self)
             }
             fn abs(self) -> Self {
                 self.abs()
@@ -96,8 +101,8 @@ macro_rules! real {
         }
     };
 }
-real!(f32, "f32", elementary::ln_f32);
-real!(f64, "f64", elementary::ln);
+real!(f32, "f32", elementary::ln_f32, elementary::exp_f32);
+real!(f64, "f64", elementary::ln, elementary::exp);
 
 /// Four numbers as they lie in buffers.
 pub type V4<R> = [R; 4];

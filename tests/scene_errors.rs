@@ -2,8 +2,8 @@
 
 use cutis::error::{Error, Result};
 use cutis::scene::{
-    Correction, Cut, DeviceKind, Element, Files, Filter, Integrator, Law, Preconditioner, ProbeKind, Region, Rendering,
-    Role, Scene, Start, parse, read,
+    Correction, Cut, DeviceKind, Element, Files, Filter, Integrator, Law, Material, Preconditioner, ProbeKind, Region,
+    Rendering, Role, Scene, Start, parse, read,
 };
 use proptest::prelude::*;
 use std::path::Path;
@@ -1246,7 +1246,7 @@ fn explicit_steps_need_no_solver() {
 #[test]
 fn neo_hookean_law_is_read() {
     let scene = parsed(&alone("", "", "law = \"neo_hookean\"")).expect("the scene is valid");
-    assert!(matches!(scene.skins[0].law, Law::NeoHookean));
+    assert!(matches!(scene.skins[0].law, Law::Hyperelastic(Material::NeoHookean)));
     assert_eq!(scene.solver.preconditioner, Preconditioner::Multigrid);
     let newmark = alone("integrator = \"newmark\"", "", "law = \"neo_hookean\"");
     assert!(parsed(&newmark).is_ok());
@@ -1267,10 +1267,36 @@ fn neo_hookean_skin_with_keys_of_other_bricks() {
     for key in ["element = \"bbar\"", "corotational = true"] {
         let error =
             parsed(&alone("", "", &format!("law = \"neo_hookean\"\n{key}"))).expect_err("one brick").to_string();
-        says(&error, &format!("scenes/full.toml:12: … {} … neo_hookean", &key[..key.find(' ').expect("a key")]));
+        says(&error, &format!("scenes/full.toml:12: … {} … hyperelastic", &key[..key.find(' ').expect("a key")]));
     }
     let strained = alone("", "", "law = \"neo_hookean\"") + "pre_strain = [0.1, 0]\n";
-    says(&parsed(&strained).expect_err("no pre-strain").to_string(), "pre_strain … neo_hookean");
+    says(&parsed(&strained).expect_err("no pre-strain").to_string(), "pre_strain … hyperelastic");
+}
+
+#[test]
+fn mooney_rivlin_constants_are_read_and_asked_for() {
+    let with = |constants: &str| {
+        let text = alone("", "", "law = \"mooney_rivlin\"");
+        parsed(&text.replace("young_kpa = 10\npoisson = 0.45\n", constants))
+    };
+    let scene = with("c10_kpa = 3\nc01_kpa = 1\nbulk_kpa = 200\n").expect("the scene is valid");
+    let layer = &scene.skins[0].layers[0];
+    let (shear, bulk) = (8e3, 200e3);
+    let near = |found: f64, wanted: f64| assert!((found / wanted - 1.0).abs() < 1e-12, "{found}, wanted {wanted}");
+    near(layer.young / (2.0 * (1.0 + layer.poisson)), shear);
+    near(layer.young / (3.0 * (1.0 - 2.0 * layer.poisson)), bulk);
+    near(layer.second_share, 0.25);
+    for (constants, wanted) in [
+        ("c10_kpa = 3\nc01_kpa = 1\n", "scenes/full.toml:12: … bulk_kpa … mooney_rivlin"),
+        ("c10_kpa = 3\nc01_kpa = -1\nbulk_kpa = 200\n", "scenes/full.toml:17: … c01_kpa"),
+        ("c10_kpa = 3\nc01_kpa = 1\nbulk_kpa = 5\n", "scenes/full.toml:18: … mooney_rivlin … Poisson … 1.4"),
+        ("c10_kpa = 3\nc01_kpa = 1\nbulk_kpa = 1e5\n", "scenes/full.toml:18: … mooney_rivlin … Poisson … 9999"),
+        ("c10_kpa = 3\nc01_kpa = 1\nbulk_kpa = 9\nyoung_kpa = 9\n", "scenes/full.toml:19: … young_kpa … mooney_rivlin"),
+    ] {
+        says(&with(constants).expect_err(constants).to_string(), wanted);
+    }
+    let other = parsed(&(alone("", "", "") + "c10_kpa = 1\n")).expect_err("of another law").to_string();
+    says(&other, "scenes/full.toml:19: … c10_kpa … mooney_rivlin");
 }
 
 #[test]

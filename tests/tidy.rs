@@ -278,6 +278,59 @@ fn results_ask_no_function_of_the_system() {
     assert_eq!(not_repeated("a", "let y = x.hypot(z);\nf(f64::sin);\nuse std::f64::consts::PI;\n").len(), 2);
 }
 
+/// Lines outside `bodies` that look into what a deformable body is made of.
+fn kinds_told_apart(file: &str, text: &str) -> Vec<String> {
+    let words = [
+        ".grid",
+        ".springs",
+        "Kind::Springs",
+        "Kind::Hexahedra",
+        "hexahedra()",
+        "springs()",
+        "Elastic::",
+        "Option<Neo",
+    ];
+    let names = |line: &str| {
+        words.iter().any(|word| {
+            let whole = |at: usize| {
+                let (before, after) = (&line[..at], &line[at + word.len()..]);
+                !before.ends_with('.') && !after.starts_with(|c: char| c.is_alphanumeric() || "_(".contains(c))
+            };
+            line.match_indices(word).any(|(at, _)| !word.starts_with('.') || whole(at))
+        })
+    };
+    let lines = without_tests(text).lines().enumerate();
+    lines.filter(|(_, l)| names(code(l))).map(|(n, l)| format!("{file}:{}: {}", n + 1, l.trim())).collect()
+}
+
+#[test]
+fn kinds_of_bodies_are_told_apart_in_bodies_alone() {
+    let files = tracked();
+    let sources = in_folder(&files, &["src/"]).filter(|f| f.ends_with(".rs") && !f.starts_with("src/bodies/"));
+    let wrong: Vec<String> = sources.flat_map(|f| kinds_told_apart(f, &read(f))).collect();
+    report("ask `Model`, `Wound` and the seams in src/bodies", &wrong);
+    let made = "let x = model.grid.edge;\nif model.springs().is_some() {}\nlet y = Params { ..grid };\nmatch kind { Kind::Springs(_) => 1 }\n";
+    assert_eq!(kinds_told_apart("a", made).len(), 3);
+}
+
+#[test]
+fn a_material_law_is_named_in_few_files() {
+    let files = tracked();
+    let naming = |law: &str| {
+        let names = |f: &&String| code_of(&read(f)).to_lowercase().contains(law);
+        in_folder(&files, &["src/", "kernels/"]).filter(names).cloned().collect::<Vec<_>>()
+    };
+    let found = naming("mooney_rivlin");
+    let by_type = naming("mooneyrivlin");
+    let all: std::collections::BTreeSet<&String> = found.iter().chain(&by_type).collect();
+    assert!((5..=8).contains(&all.len()), "a law is one pair of kernels, an arm and its keys: {all:#?}");
+}
+
+/// Code without comments and tests.
+fn code_of(text: &str) -> String {
+    without_tests(text).lines().map(code).collect::<Vec<_>>().join("\n")
+}
+
 /// Dependencies without a comment on the line above.
 fn unexplained(manifest: &str) -> Vec<String> {
     let (mut inside, mut before, mut wrong) = (false, "", vec![]);

@@ -208,7 +208,7 @@ impl Model {
             Law::Springs { stiffness, damping } => {
                 Kind::Springs(Box::new(Springs::new(scene, &grid, stiffness, damping)?))
             }
-            Law::Fem { .. } | Law::NeoHookean => {
+            Law::Fem { .. } | Law::Hyperelastic(_) => {
                 Kind::Hexahedra(Box::new(Hexahedra::new(scene, skin, &grid, extra_columns)))
             }
         };

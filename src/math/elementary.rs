@@ -6,7 +6,8 @@
 //! only pictures and plots see may use `std`.
 
 pub use libm::{
-    acos, atan, atan2, cbrt, cos, fma, fmaf as fma_f32, hypot, log as ln, logf as ln_f32, sin, sincos as sin_cos, tan,
+    acos, atan, atan2, cbrt, cos, exp, expf as exp_f32, fma, fmaf as fma_f32, hypot, log as ln, logf as ln_f32, sin,
+    sincos as sin_cos, tan,
 };
 
 #[cfg(test)]

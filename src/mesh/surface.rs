@@ -34,7 +34,7 @@ pub struct Edges {
 /// Which cells are live, and which hang together.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    grid: Grid,
+    of: Grid,
     params: Params<f64>,
     /// `[cell]` still there.
     pub alive: Vec<bool>,
@@ -61,12 +61,12 @@ impl Surface {
     /// The same where a cut may split as much as the parameters say.
     pub fn with_reserve(grid: &Grid, params: Params<f64>) -> Self {
         let alive = vec![true; params.cell_count as usize];
-        Self { grid: grid.clone(), params, alive, parts: Parts::new(params) }
+        Self { of: grid.clone(), params, alive, parts: Parts::new(params) }
     }
 
     /// What it goes around.
     pub fn grid(&self) -> &Grid {
-        &self.grid
+        &self.of
     }
 
     /// Parameters with what a cut may split.
@@ -76,13 +76,13 @@ impl Surface {
 
     /// The corner that the surface has at a node.
     pub fn corner(&self, node: usize) -> Corner {
-        self.parts.corner(&self.grid, node)
+        self.parts.corner(&self.of, node)
     }
 
     /// Live cells, each with its layer and the nodes at its corners.
     pub fn live_cells(&self) -> impl Iterator<Item = (usize, [usize; 8])> {
         let live = (0..self.alive.len()).filter(|cell| self.alive[*cell]);
-        live.map(|cell| (self.grid.layer(cell), self.parts.corners(cell)))
+        live.map(|cell| (self.of.layer(cell), self.parts.corners(cell)))
     }
 
     /// How many pieces the live cells have fallen into: sets that hang together by links.

@@ -198,17 +198,17 @@ fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split, place]: [u
 
 fn read_backs(scene: &Scene) -> Vec<Count> {
     let count = |name, count, per| Count { name, count, per };
-    let neo = |skin: &Skin| matches!(skin.law, Law::NeoHookean);
-    let newton = scene.contact.is_none() && scene.skins.iter().any(neo);
+    let hyperelastic = |skin: &Skin| matches!(skin.law, Law::Hyperelastic(_));
+    let newton = scene.contact.is_none() && scene.skins.iter().any(hyperelastic);
     let mut list = match scene.time.integrator {
         Integrator::SymplecticEuler => vec![count("queue", 1, "32 steps")],
         _ if newton => vec![count("place", 1, "place tried"), count("solver", 1, "Newton iteration")],
         _ => vec![count("solver", 1, "step")],
     };
-    if newton && !scene.skins.iter().all(neo) {
+    if newton && !scene.skins.iter().all(hyperelastic) {
         list.push(count("solver", 1, "step"));
     }
-    if !newton && scene.skins.iter().any(neo) {
+    if !newton && scene.skins.iter().any(hyperelastic) {
         list.push(count("energies", 1, "step"));
     }
     if probes(scene) > 0 {

@@ -1,10 +1,10 @@
 //! The skin of a scene file: its law and its layers.
 
-use super::hyperelastic::WORD;
+use super::hyperelastic;
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::text::{
-    Bound, DAMPING, KG_M3, KJ_M2, KPA, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
+    Bound, DAMPING, KG_M3, KJ_M2, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
 };
 use super::words::ELEMENTS;
 use super::{Cut, Law, Layer, Mass, Skin};
@@ -88,16 +88,16 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     let name = or(raw.law.clone(), "fem".to_string());
     let corotational = raw.corotational.as_ref().is_none_or(|word| *word.get_ref());
     let fem = Law::Fem { element, corotational };
-    let springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
-    match scene.choice("law", &name, &[("fem", fem), ("springs", springs), (WORD, Law::NeoHookean)])? {
-        Law::Fem { .. } => return Ok(fem),
-        Law::NeoHookean => {
-            let why = "law = \"neo_hookean\" has one brick, of mean dilatation at any rotation";
-            scene.needless("element", &raw.element, why)?;
-            scene.needless("corotational", &raw.corotational, why)?;
-            return Ok(Law::NeoHookean);
-        }
+    match scene.choice("law", &name, &hyperelastic::laws(fem))? {
         Law::Springs { .. } => {}
+        law => {
+            if let Law::Hyperelastic(_) = law {
+                let why = "a hyperelastic law has one brick, of mean dilatation at any rotation";
+                scene.needless("element", &raw.element, why)?;
+                scene.needless("corotational", &raw.corotational, why)?;
+            }
+            return Ok(law);
+        }
     }
     let why = "law = \"springs\" asks for it";
     Ok(Law::Springs {
@@ -140,42 +140,30 @@ fn mass(scene: &SceneText, raw: &raw::Skin, law: &Law) -> Result<Mass> {
     Ok(mass)
 }
 
-/// Largest ratio of Poisson: a cell resists a change of its volume 5000 times as much as one of its shape. The hard cases go as far
-/// (`scenes/hard/nu_04999.toml`, in f32 too); beyond it nothing says what a solve leaves.
-const MOST_POISSON: f64 = 0.4999;
-
 fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 3], law: &Law) -> Result<Layer> {
     let raw = table.keys;
-    let (young, poisson) = match law {
-        Law::Fem { .. } | Law::NeoHookean => {
-            if matches!(law, Law::NeoHookean) {
-                let why =
-                    "law = \"neo_hookean\" is at rest where the scene puts it; pre-strain belongs to law = \"fem\"";
-                scene.needless("pre_strain", &raw.pre_strain, why)?;
-            }
-            let why = "law = \"fem\" (the default) asks for it in each layer";
-            let young = scene.required("young_kpa", raw.young_kpa, table.span.clone(), why)?;
-            let poisson = scene.required("poisson", raw.poisson, table.span, why)?;
-            (Some(young), poisson)
+    let constants = match law {
+        Law::Fem { .. } => hyperelastic::linear(scene, &raw, table.span, false)?,
+        Law::Hyperelastic(material) => {
+            let why = "a hyperelastic law is at rest where the scene puts it; pre-strain belongs to law = \"fem\"";
+            scene.needless("pre_strain", &raw.pre_strain, why)?;
+            hyperelastic::constants(scene, &raw, *material, table.span)?
         }
         Law::Springs { .. } => {
             let why = "springs are at rest where the scene puts them; pre-strain belongs to law = \"fem\"";
             scene.needless("pre_strain", &raw.pre_strain, why)?;
-            (raw.young_kpa, or(raw.poisson, 0.0))
+            hyperelastic::linear(scene, &raw, table.span, true)?
         }
     };
-    let ratio = *poisson.get_ref();
-    if !(0.0..=MOST_POISSON).contains(&ratio) {
-        return Err(Invalid::Poisson { at: scene.place(poisson.span()), found: ratio });
-    }
     let toughness = or(raw.toughness_kj_m2, 2.0);
     let pre_strain = or_vector(raw.pre_strain, &[0.0; 2]);
     Ok(Layer {
         name,
         thickness: scene.number("thickness_mm", &raw.thickness_mm, MM, Bound::Positive)?,
         cells: scene.count("cells", &raw.cells, [1, u32::MAX])?,
-        young: young.map_or(Ok(0.0), |young| scene.number("young_kpa", &young, KPA, Bound::Positive))?,
-        poisson: ratio,
+        young: constants.young,
+        poisson: constants.poisson,
+        second_share: constants.second_share,
         density: scene.number("density_kg_m3", &raw.density_kg_m3, KG_M3, Bound::Positive)?,
         pre_strain: scene.vector("pre_strain", &pre_strain, PLAIN, Bound::Strain)?,
         toughness: scene.number("toughness_kj_m2", &toughness, KJ_M2, Bound::NotNegative)?,

@@ -275,6 +275,7 @@ mod tests {
             over in prop::collection::vec((1u32..5, 0.1f64..2.0), 1..4),
         ) {
             let layer = |(cells, thickness): &(u32, f64)| Layer {
+                second_share: 0.0,
                 name: String::new(),
                 thickness: *thickness,
                 cells: *cells,

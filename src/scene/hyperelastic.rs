@@ -1,31 +1,131 @@
-//! What a scene with a neo-Hookean body may not have.
+//! Hyperelastic laws of a scene file: their words, the constants of their layers, and what a scene with such a body may not have.
 
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
-use super::text::SceneText;
-use super::{Integrator, Tool};
+use super::text::{Bound, KPA, SceneText};
+use super::words::word;
+use super::{Integrator, Law, Tool};
+use std::ops::Range;
 
-/// The word for the law.
-pub(super) const WORD: &str = "neo_hookean";
+/// Law of large strain of a body of hexahedra ([`crate::kernels::hyperelastic`]).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Material {
+    /// Compressible neo-Hookean.
+    NeoHookean,
+    /// Compressible Mooney–Rivlin.
+    MooneyRivlin,
+}
 
-/// Where the file says `law = "neo_hookean"`, if it does.
+/// Their words.
+pub const MATERIALS: [(&str, Material); 2] =
+    [("neo_hookean", Material::NeoHookean), ("mooney_rivlin", Material::MooneyRivlin)];
+
+/// Largest ratio of Poisson: a cell resists a change of its volume 5000 times as much as one of its shape. The hard cases go as far
+/// (`scenes/hard/nu_04999.toml`, in f32 too); beyond it nothing says what a solve leaves.
+pub(super) const MOST_POISSON: f64 = 0.4999;
+
+/// Elastic constants of a layer at small strain.
+pub(super) struct Constants {
+    /// Pa; 0 where there is none.
+    pub young: f64,
+    /// Poisson's ratio.
+    pub poisson: f64,
+    /// See [`super::Layer::second_share`].
+    pub second_share: f64,
+}
+
+/// Young's modulus and Poisson's ratio of a layer.
+pub(super) fn linear(scene: &SceneText, raw: &raw::Layer, table: Range<usize>, springs: bool) -> Result<Constants> {
+    let why = "it belongs to law = \"mooney_rivlin\"";
+    for (key, value) in [("c10_kpa", &raw.c10_kpa), ("c01_kpa", &raw.c01_kpa), ("bulk_kpa", &raw.bulk_kpa)] {
+        scene.needless(key, value, why)?;
+    }
+    let why = "law = \"fem\" (the default) asks for it in each layer";
+    let young = match &raw.young_kpa {
+        None if springs => 0.0,
+        value => {
+            let value = scene.required("young_kpa", value.clone(), table.clone(), why)?;
+            scene.number("young_kpa", &value, KPA, Bound::Positive)?
+        }
+    };
+    let poisson = match &raw.poisson {
+        None if springs => 0.0,
+        value => {
+            let value = scene.required("poisson", value.clone(), table, why)?;
+            let ratio = *value.get_ref();
+            if !(0.0..=MOST_POISSON).contains(&ratio) {
+                return Err(Invalid::Poisson { at: scene.place(value.span()), found: ratio });
+            }
+            ratio
+        }
+    };
+    Ok(Constants { young, poisson, second_share: 0.0 })
+}
+
+/// Constants of a layer of a hyperelastic law.
+pub(super) fn constants(
+    scene: &SceneText,
+    raw: &raw::Layer,
+    material: Material,
+    table: Range<usize>,
+) -> Result<Constants> {
+    match material {
+        Material::NeoHookean => linear(scene, raw, table, false),
+        Material::MooneyRivlin => {
+            let why = "law = \"mooney_rivlin\" has c10_kpa, c01_kpa and bulk_kpa in its place";
+            scene.needless("young_kpa", &raw.young_kpa, why)?;
+            scene.needless("poisson", &raw.poisson, why)?;
+            let number = |key, value: &Option<At<f64>>, bound| {
+                let value = scene.required(key, value.clone(), table.clone(), "law = \"mooney_rivlin\" asks for it")?;
+                Ok((scene.number(key, &value, KPA, bound)?, value.span()))
+            };
+            let (c10, _) = number("c10_kpa", &raw.c10_kpa, Bound::Positive)?;
+            let (c01, _) = number("c01_kpa", &raw.c01_kpa, Bound::NotNegative)?;
+            let (bulk, at) = number("bulk_kpa", &raw.bulk_kpa, Bound::Positive)?;
+            // the constants of small strain
+            let shear = 2.0 * (c10 + c01);
+            let poisson = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear));
+            if !(0.0..=MOST_POISSON).contains(&poisson) {
+                return Err(Invalid::LawUnfit {
+                    at: scene.place(at),
+                    law: word(&MATERIALS, material),
+                    why: "has a bulk modulus that makes its ratio of Poisson less than 0 or more than 0.4999",
+                    fix: "take bulk_kpa between 1.4 and 9999 times c10_kpa + c01_kpa",
+                });
+            }
+            let young = 9.0 * bulk * shear / (3.0 * bulk + shear);
+            Ok(Constants { young, poisson, second_share: c01 / (c10 + c01) })
+        }
+    }
+}
+
+/// Where the file names such a law, if it does.
 pub(super) fn asked_for(skin: &Option<Table<raw::Skin>>, blocks: &[Table<raw::Skin>]) -> Option<At<String>> {
     let words = skin.iter().chain(blocks).filter_map(|table| table.keys.law.clone());
-    words.into_iter().find(|word| word.get_ref() == WORD)
+    words.into_iter().find(|word| MATERIALS.iter().any(|(known, _)| known == word.get_ref()))
+}
+
+/// Every law by its word; `fem` as the file has it.
+pub(super) fn laws(fem: Law) -> Vec<(&'static str, Law)> {
+    let springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
+    let hyperelastic = MATERIALS.map(|(word, material)| (word, Law::Hyperelastic(material)));
+    [("fem", fem), ("springs", springs)].into_iter().chain(hyperelastic).collect()
 }
 
 /// Refuses what the law does not go with.
 pub(super) fn fits(
     scene: &SceneText,
-    word: &Option<At<String>>,
+    asked: &Option<At<String>>,
     tools: &[Tool],
     integrator: Integrator,
     solver: &raw::Solver,
 ) -> Result<()> {
-    let Some(word) = word else {
+    let Some(asked) = asked else {
         return Ok(());
     };
-    let unfit = |why: &'static str, fix: &'static str| Invalid::LawUnfit { at: scene.place(word.span()), why, fix };
+    let law = MATERIALS.iter().map(|(word, _)| *word).find(|word| word == asked.get_ref()).unwrap_or_default();
+    let unfit =
+        |why: &'static str, fix: &'static str| Invalid::LawUnfit { at: scene.place(asked.span()), law, why, fix };
     if tools.iter().any(|tool| tool.blade.is_some()) {
         return Err(unfit("is not cut, and a tool has a blade", "take \"fem\", or leave the tool's blade out"));
     }

@@ -56,11 +56,13 @@ pub enum Invalid {
         path: PathBuf,
     },
 
-    /// A neo-Hookean body with what it does not go with.
-    #[error("{at}: law = \"neo_hookean\" {why}; {fix}")]
+    /// A hyperelastic body with what it does not go with.
+    #[error("{at}: law = \"{law}\" {why}; {fix}")]
     LawUnfit {
         /// Where.
         at: Location,
+        /// Its word.
+        law: &'static str,
         /// What does not fit.
         why: &'static str,
         /// What to do.
@@ -152,7 +154,7 @@ pub enum Invalid {
 
     /// A mass that the law cannot carry.
     #[error(
-        "{at}: mass = \"{found}\" cannot be had with springs or neo-Hookean bricks; use \"lumped\" or \"uniform\", or law = \"fem\""
+        "{at}: mass = \"{found}\" cannot be had with springs or a hyperelastic law; use \"lumped\" or \"uniform\", or law = \"fem\""
     )]
     Mass {
         /// Where.

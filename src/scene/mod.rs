@@ -34,6 +34,7 @@ pub use builtin::incision;
 pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
 pub use files::{COLUMNS as TRAJECTORY_COLUMNS, FORCE_COLUMNS, Files};
 pub use grid::MOST_NODES;
+pub use hyperelastic::{MATERIALS, Material};
 pub use invalid::{Invalid, Location};
 pub use read::{parse, read};
 pub use recorded::{Check, Probe, ProbeKind, TestForm, View};
@@ -233,6 +234,8 @@ pub struct Layer {
     pub young: f64,
     /// 0 ≤ ν < 0.5; unused by the spring law.
     pub poisson: f64,
+    /// Share of the shear modulus that the law's second constant carries, `c01/(c10 + c01)` of Mooney–Rivlin; else unused.
+    pub second_share: f64,
     /// kg/m³
     pub density: f64,
     /// Elastic strain along x and y that the material has in the reference position; zero in the spring law.
@@ -253,8 +256,8 @@ pub enum Law {
         /// Corotational, or linear ("small") when false.
         corotational: bool,
     },
-    /// Bricks of compressible neo-Hookean material ([`crate::bodies::grid::Hyperelastic`]).
-    NeoHookean,
+    /// Bricks of a hyperelastic material ([`crate::bodies::grid::Hyperelastic`]).
+    Hyperelastic(Material),
     /// Springs between every pair of nodes of a cell, as SOFA's MeshSpringForceField makes them.
     Springs {
         /// N/m

@@ -47,7 +47,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let raw = tables(&scene)?;
     let mut taken = Vec::new();
     let mut skins = Vec::new();
-    let neo_hookean = hyperelastic::asked_for(&raw.skin, &raw.block);
+    let hyperelastic = hyperelastic::asked_for(&raw.skin, &raw.block);
     if let Some(table) = raw.skin {
         skins.push(body::skin(&scene, table, None)?);
     }
@@ -84,7 +84,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let raw_solver = raw::keys(raw.solver);
     let word = time_keys.integrator.take();
     let integrator = integrator::integrator(&scene, word, &raw_solver, &skins, touching)?;
-    hyperelastic::fits(&scene, &neo_hookean, &tools, integrator, &raw_solver)?;
+    hyperelastic::fits(&scene, &hyperelastic, &tools, integrator, &raw_solver)?;
     let time = time(&scene, time_keys, integrator)?;
     Ok(Scene {
         title: raw.title.into_inner(),

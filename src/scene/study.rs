@@ -88,7 +88,7 @@ pub(super) fn study(
     known.sort_by_key(|(probe, _)| *probe);
     let bricks = skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. }));
     if !bricks {
-        let why = "a skin of springs or of neo-Hookean bricks has no others to choose from";
+        let why = "a skin of springs or of a hyperelastic law has no others to choose from";
         scene.needless("elements", &raw.elements, why)?;
     }
     let grids = numbers(scene, "grids", &raw.grids, PLAIN)?;
@@ -119,12 +119,12 @@ pub(super) fn study(
         integrators: match &raw.integrators {
             Some(list) => each(scene, "integrators", list, |word| {
                 let chosen = integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, touching)?;
-                let newton = skins.iter().any(|skin| matches!(skin.law, Law::NeoHookean));
+                let newton = skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
                 if newton && chosen == Integrator::SymplecticEuler {
                     return Err(Invalid::IntegratorUnfit {
                         at: scene.place(word.span()),
                         found: word.get_ref().clone(),
-                        why: "is for bricks of small strain, and this skin is neo-Hookean",
+                        why: "is for bricks of small strain, and this skin is hyperelastic",
                         fix: "take \"implicit_euler\" or \"newmark\"",
                     });
                 }

@@ -250,10 +250,11 @@ impl Body {
             "u" => coincide(random.vectors(nodes, 1e-4)),
             "tile_bounds" => random.many(self.tiles() * 8, 1.0),
             "place" => self.place(&mut random),
-            "lame" => (0..LAYERS)
-                .flat_map(|_| {
-                    let [lambda, mu] = [9e4, 1e4].map(|c| c * (1.0 + 0.3 * random.next()));
-                    [lambda, mu, 0.0, 0.0]
+            // every law in turn
+            "material" => (0..LAYERS)
+                .flat_map(|layer| {
+                    let [bulk, first, second] = [9e4, 1e4, 4e3].map(|c| c * (1.0 + 0.3 * random.next()));
+                    if layer % 2 == 0 { [bulk, first, 0.0, 0.0] } else { [bulk, first, second, 1.0] }
                 })
                 .collect(),
             "corner_force" => random.many(self.grid.cell_count() * 24 * self.slots, 0.01),
@@ -392,7 +393,7 @@ impl Body {
         };
         match name {
             "params" => Ok(gpu.uniform("params", 0, &self.words())),
-            "shape" | "lame" | "pre_strain" => Ok(uniform(MAX_LAYERS * 16)),
+            "shape" | "material" | "pre_strain" => Ok(uniform(MAX_LAYERS * 16)),
             "stiffness" => Ok(uniform(MAX_LAYERS * 64 * 48)),
             "modes" => Ok(uniform(MAX_LAYERS * 8 * 48)),
             _ => match self.array(name) {

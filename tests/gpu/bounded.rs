@@ -7,7 +7,7 @@
 //! drops roundings. So the scale of every bound comes from the terms of the case, never from the result.
 //! Source: Higham 2002, Accuracy and Stability of Numerical Algorithms, section 3.3 (running error analysis). Differs: `t` instead of
 //! `|a ± b|`, and the roundings of WGSL (specification, section 15.7.4 "Floating point accuracy"): `+ − ×` 1 ulp (rounded
-//! correctly, but in either direction), `/` 2.5 ulp, `sqrt` = 1 / inverseSqrt: 2 + 2.5 ulp, `log` 3 ulp; subnormal results may be flushed to zero.
+//! correctly, but in either direction), `/` 2.5 ulp, `sqrt` = 1 / inverseSqrt: 2 + 2.5 ulp, `log` 3 ulp, `exp` 3 + 2 |x| ulp; subnormal results may be flushed to zero.
 
 use bytemuck::{Pod, Zeroable};
 use cutis::math::Real;
@@ -25,6 +25,8 @@ const DIVISION: f64 = 2.5;
 const SQUARE_ROOT: f64 = 4.5;
 /// Of a logarithm, ulp.
 const LOGARITHM: f64 = 3.0;
+/// Of an exponential, ulp, beside 2 |x|.
+const EXPONENTIAL: f64 = 3.0;
 /// What flushing a subnormal result loses.
 const FLUSHED: f64 = f32::MIN_POSITIVE as f64;
 
@@ -159,6 +161,10 @@ impl Real for Bounded {
         // outside 1/2 … 2, where WGSL promises ulps
         let least = (self.value - self.error).max(0.0);
         rounded(self.value.ln(), self.error / least, LOGARITHM)
+    }
+    fn exp(self) -> Self {
+        let value = self.value.exp();
+        rounded(value, value * self.error.exp_m1(), EXPONENTIAL + 2.0 * self.value.abs())
     }
     fn abs(self) -> Self {
         Self { value: self.value.abs(), ..self }

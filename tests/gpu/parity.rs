@@ -119,15 +119,21 @@ const CASES: &[Case] = cases! {
         "near.y * near.z" => "near.y", "sum * rate" => "sum", "v[corner_node(params, at, b)].xyz - own" => "v[corner_node(params, at, b)].xyz", "|| corner_node(params, at, a) != i" => "", "shape[layer_of[at.z]]" => "shape[0]",
         "any(at >= cells)" => "any(at + 1u >= cells)", "== vec4<f32>(0.0)) ||" => "== vec4<f32>(9.0)) ||"
     ]
-    neo_forces Cells false [
+    hyperelastic_forces Cells false [
         "0.78867513" => "0.7887", "weight.zzy" => "weight.zyy", "values[a] - values[0]" => "values[a]", "+ dot(a, cross(b, c))" => "",
         "cross(f[1], f[2]), cross(f[2], f[0])" => "cross(f[1], f[2]), cross(f[0], f[2])", "layer_of[at.z]" => "0u",
-        "(identity() - point.back)" => "identity()", "- 2.0 * point.bend" => "", "growing[a] * pressure" => "growing[a]",
-        "inside_out || point.growth <= -1.0" => "false", "lambda * log_mean / (1.0 + mean)" => "lambda * log_mean",
-        "4.0 * lambda" => "lambda", "f32(2u * n + 1u)" => "f32(2u * n)", "let ln = log(1.0 + g)" => "let ln = g", "s * g - tail" => "s * g"
+        "(identity() - p.back)) * mu" => "identity()) * mu", "squares - 2.0 * p.bend" => "squares", "growing[a] * pressure" => "growing[a]",
+        "inside_out || point.growth <= -1.0" => "false", "own.x * log_mean / (1.0 + mean)" => "own.x * log_mean",
+        "4.0 * own.x" => "own.x", "f32(2u * n + 1u)" => "f32(2u * n)", "let ln = log(1.0 + g)" => "let ln = g", "s * g - tail" => "s * g",
+        "material.w == MOONEY_RIVLIN" => "false", "apart - p.back * v.i1" => "apart", "v.f * v.s * 2.0" => "v.f * v.s", "p.back * (4.0 * v.i2)" => "p.back * (2.0 * v.i2)",
+        "exp(-2.0 / 3.0" => "exp(-1.0 / 3.0", "c.y * scale * scale" => "c.y * scale", "left * 2.0 / 3.0" => "left / 3.0", "beyond * 4.0 / 3.0" => "beyond",
+        "contracted(p.h, p.h) - 2.0 * p.bend" => "contracted(p.h, p.h)", "(x + x * sum) / f32(n)" => "(x + x * sum)", "trace * trace - squares" => "trace * trace"
     ]
-    neo_tangent Cells true [
-        "values[a] - values[0]" => "values[a]", "layer_of[at.z]" => "0u", "transpose(turned)" => "turned", "(mu - held)" => "mu", "held * spread" => "held",
+    hyperelastic_tangent Cells true [
+        "values[a] - values[0]" => "values[a]", "layer_of[at.z]" => "0u", "transpose(turned)" => "turned", "- crossed * held" => "", "held * spread" => "held",
+        "(change + p.back" => "(change - p.back", "if material.w == MOONEY_RIVLIN { return mooney_rivlin_tangent" => "if false { return mooney_rivlin_tangent", "apart * (2.0 / 3.0 * t)" => "apart * t", "(2.0 / 3.0 * along)" => "(along)",
+        "crossed * (1.0 + v.i1)" => "crossed", "v.f * (2.0 * along)" => "v.f * along", "- v.f * turned" => "", "q * (-4.0 / 3.0 * t)" => "q * t",
+        "8.0 / 3.0" => "4.0 / 3.0", "crossed * (4.0 * (1.0 + v.i2))" => "crossed * 4.0", "transpose(change) * v.f" => "change * v.f",
         "(1.0 - log_mean)" => "1.0", "whole * whole" => "whole", "weight * grown * spread" => "weight * spread",
         "scalars[slot * 2u].w != 0.0" => "false", "slot * params.node_count" => "0u", "(slot * params.cell_count + cell)" => "cell",
         "inside_out || point.growth <= -1.0" => "false", "+ growing[a] * pressed" => ""

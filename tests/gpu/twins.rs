@@ -142,21 +142,37 @@ pub fn collect_product<R: Real>(b: &Body) -> Outputs<R> {
     vec![("w", flat(&w)), ("partial_product", sums)]
 }
 
-pub fn neo_forces<R: Real>(b: &Body) -> Outputs<R> {
+pub fn hyperelastic_forces<R: Real>(b: &Body) -> Outputs<R> {
     let (mut force, mut energy) = (b.scalars("corner_force"), b.scalars("energy"));
-    let (shape, lame, layer_of) = (b.v4::<R>("shape"), b.v4("lame"), &b.grid.layer_of);
+    let (shape, material, layer_of) = (b.v4::<R>("shape"), b.v4("material"), &b.grid.layer_of);
     let params = b.params();
-    kernels::neo_forces::neo_forces(&params, &shape, &lame, layer_of, &b.v4("place"), &mut force, &mut energy);
+    kernels::hyperelastic_forces::hyperelastic_forces(
+        &params,
+        &shape,
+        &material,
+        layer_of,
+        &b.v4("place"),
+        &mut force,
+        &mut energy,
+    );
     vec![("corner_force", force), ("energy", energy)]
 }
 
-pub fn neo_tangent<R: Real>(b: &Body) -> Outputs<R> {
+pub fn hyperelastic_tangent<R: Real>(b: &Body) -> Outputs<R> {
     let (mut force, z) = (b.scalars("corner_force"), b.v4::<R>("z"));
-    let (shape, lame, layer_of, place) = (b.v4::<R>("shape"), b.v4("lame"), &b.grid.layer_of, b.v4("place"));
+    let (shape, material, layer_of, place) = (b.v4::<R>("shape"), b.v4("material"), &b.grid.layer_of, b.v4("place"));
     let cells = b.grid.cell_count() * 24;
     for (slot, nodes) in running(b) {
         let own = &mut force[slot * cells..(slot + 1) * cells];
-        kernels::neo_tangent::neo_tangent(&b.params(), &shape, &lame, layer_of, &place, &z[nodes], own);
+        kernels::hyperelastic_tangent::hyperelastic_tangent(
+            &b.params(),
+            &shape,
+            &material,
+            layer_of,
+            &place,
+            &z[nodes],
+            own,
+        );
     }
     vec![("corner_force", force)]
 }

@@ -11,6 +11,7 @@ mod direct;
 mod elements;
 mod integrators;
 mod masses;
+mod mooney_rivlin;
 mod motion;
 mod multigrid;
 mod neo_hookean;
@@ -73,12 +74,13 @@ fn main() -> ExitCode {
         prestrain::CASES,
         slit::CASES,
     ];
-    let everywhere: [&[Everywhere]; 12] = [
+    let everywhere: [&[Everywhere]; 13] = [
         anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
         integrators::EVERYWHERE,
         motion::EVERYWHERE,
+        mooney_rivlin::EVERYWHERE,
         neo_hookean::EVERYWHERE,
         masses::EVERYWHERE,
         springs::EVERYWHERE,

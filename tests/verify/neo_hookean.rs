@@ -6,10 +6,10 @@ use super::skin_block::{Grid, POINTS, on_grid, static_answer, volume_change};
 use super::{Case, Everywhere};
 use cutis::bodies::Model;
 use cutis::error::Error;
-use cutis::kernels::neo::{Cell, Material};
+use cutis::kernels::hyperelastic::{self, Cell};
 use cutis::math::V3;
 use cutis::scene::Element::Bbar;
-use cutis::scene::{Boundary, Integrator, Law, Load, Region, Scene};
+use cutis::scene::{Boundary, Integrator, Law, Load, Material, Region, Scene};
 use cutis::step::{Place, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
@@ -32,7 +32,7 @@ pub const CASES: &[Case] = &[
 
 fn neo_block() -> Scene {
     let mut scene = block(Bbar, true);
-    scene.skins[0].law = Law::NeoHookean;
+    scene.skins[0].law = Law::Hyperelastic(Material::NeoHookean);
     scene.time.step = LONG;
     scene
 }
@@ -161,7 +161,8 @@ fn quadratic() {
 
 /// Newton iterations to 1e-12 on the top of a confined cell, by a 1×1 tangent.
 fn one_cell(present: bool) -> u32 {
-    let material = Material { edges: V3::splat(1e-3), lambda: 9e4, mu: 1e4 };
+    let law = hyperelastic::Law::NeoHookean(1e4);
+    let material = hyperelastic::Material { edges: V3::splat(1e-3), bulk: 9e4, law };
     let at = |w: f64| {
         let u = std::array::from_fn(|a| V3::new(0.0, 0.0, if a < 4 { 0.0 } else { w }));
         Cell::new(material, &u).expect("not inside out")
@@ -335,7 +336,7 @@ fn skin_block(place: &Place, which: usize, grid: Grid) {
         }
         Ok(())
     };
-    if let Err(message) = compare(Law::NeoHookean) {
+    if let Err(message) = compare(Law::Hyperelastic(Material::NeoHookean)) {
         panic!("{message}");
     }
     // counter-test: small strain is another law
@@ -365,7 +366,7 @@ fn distance() {
             assert!((u / last - 1.0).abs() < 1e-4, "{law:?} at {pressure} Pa is not at rest: {last:e}, {u:e}");
             u
         };
-        let neo = centre(Law::NeoHookean);
+        let neo = centre(Law::Hyperelastic(Material::NeoHookean));
         let corotational = centre(Law::Fem { element: Bbar, corotational: true });
         let small = centre(Law::Fem { element: Bbar, corotational: false });
         measured(&format!("neo-Hookean centre at {pressure} Pa / mm"), neo * 1e3, 0.0);

@@ -88,7 +88,7 @@ impl Body {
     /// The body in a state; `tolerance` of every solve relative to the step's load.
     pub fn new(place: &Place, model: Model, start: &Snapshot, tolerance: f64) -> Self {
         const CAP: u32 = 20_000;
-        let needs = Needs { cutting: model.hexahedra().extra_columns > 0, ..Needs::default() };
+        let needs = Needs { cutting: model.mechanics().extra_columns() > 0, ..Needs::default() };
         let backend: Box<dyn Backend> = match place {
             Place::Cpu64 => Box::new(CpuBackend::<f64>::new(&model, needs, CAP, 0.0, start)),
             Place::Cpu32 => Box::new(CpuBackend::<f32>::new(&model, needs, CAP, 0.0, start)),

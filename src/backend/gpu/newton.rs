@@ -11,7 +11,7 @@ use crate::backend::{FREE, Nonlinear, Target, Wanted};
 use crate::bodies::gpu::{NonlinearLaw, Search};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Buffer, Gpu, cast};
-use crate::kernels::neo_forces::INSIDE_OUT;
+use crate::kernels::hyperelastic_forces::INSIDE_OUT;
 use crate::kernels::{GROUP, Params};
 use crate::linear::Outcome;
 

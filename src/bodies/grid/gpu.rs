@@ -3,7 +3,7 @@
 //!
 //! With multigrid the preconditioner is one V-cycle, unrolled into a flat list of dispatches: every level has its own arrays, and the
 //! parameter block once per pair of smoothing coefficients. No tangent of a hyperelastic body is kept: a product takes it anew from the
-//! displacements where it is wanted (`neo_tangent`).
+//! displacements where it is wanted (`hyperelastic_tangent`).
 
 use super::multigrid::steps;
 use super::{Hyperelastic, Multigrid, element};
@@ -12,8 +12,9 @@ use crate::bodies::{MAX_LAYERS, Model};
 use crate::error::{Error, Result};
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::{
-    GROUP, Params, Source, attempt, blocks, centres, coarsen, collect, collect_product, factor, forces, momentum,
-    neo_forces, neo_tangent, product, prolongation, relax, residual, restriction, rotations, split_product,
+    GROUP, Params, Source, attempt, blocks, centres, coarsen, collect, collect_product, factor, forces,
+    hyperelastic_forces, hyperelastic_tangent, momentum, product, prolongation, relax, residual, restriction,
+    rotations, split_product,
 };
 use crate::math::{M3, V3, V4};
 use crate::mesh::Parts;
@@ -130,13 +131,13 @@ impl Hexahedra {
 
     /// Arrays of a hyperelastic body.
     fn add_law(&mut self, law: &Hyperelastic, model: &Model, made: &mut Maker, u: &Buffer) -> Result<()> {
-        made.gpu.making("neo-Hookean law");
+        made.gpu.making("hyperelastic law");
         let (n, cells) = (self.params.node_count as usize, self.params.cell_count as usize);
         let corner_force = made.of("corner_force", &vec![0f32; cells * 24 * self.params.slot_count as usize])?;
         let energy = made.of("energy", &vec![0f32; cells])?;
         // with one linearisation per step the tangents are those at its start
         let place = if law.newton { made.vec4("place", n)? } else { u.clone() };
-        let own = [layers_uniform(made, "lame", &law.lame::<f32>()), corner_force, energy.clone()];
+        let own = [layers_uniform(made, "material", &law.rounded()), corner_force, energy.clone()];
         self.shared = self.shared.joined(&Arrays::of(&own)).joined(&Arrays::one("place", &place));
         let end_share = model.step.end_share();
         self.law = Some(Law {
@@ -232,7 +233,7 @@ impl Hexahedra {
         let bind = |source, more: &[(&'static str, &Buffer)]| arrays.bind(made.gpu, source, more);
         let kernels = vec![
             (bind(&attempt::SOURCE, &along)?, n),
-            (bind(&neo_forces::SOURCE, &[("params", &shared)])?, self.params.cell_count as usize),
+            (bind(&hyperelastic_forces::SOURCE, &[("params", &shared)])?, self.params.cell_count as usize),
             (bind(&product::SOURCE, &linear)?, product::tiles(&self.params) * GROUP as usize),
             (bind(&residual::SOURCE, &left)?, n),
         ];
@@ -318,7 +319,7 @@ impl Recorded for Hexahedra {
         }
         if self.law.is_some() {
             let start = arrays.get("u");
-            list.push((bind(&neo_forces::SOURCE, start.as_ref().map(|u| ("place", u)))?, cells));
+            list.push((bind(&hyperelastic_forces::SOURCE, start.as_ref().map(|u| ("place", u)))?, cells));
             list.push((bind(&collect::SOURCE, None)?, nodes));
         } else {
             list.push((bind(&forces::SOURCE, at.map(|at| ("u", at)))?, nodes));
@@ -353,7 +354,7 @@ impl Recorded for Hexahedra {
                 let (_, summed) = with_factor(made, params, law.end_share);
                 let list = vec![
                     (bind(&product::SOURCE, &damped.1)?, threads),
-                    (bind(&neo_tangent::SOURCE, &damped.1)?, params.cell_count as usize),
+                    (bind(&hyperelastic_tangent::SOURCE, &damped.1)?, params.cell_count as usize),
                     (bind(&collect_product::SOURCE, &summed)?, params.node_count as usize),
                 ];
                 law.blocks.push(damped);
@@ -410,7 +411,7 @@ impl Recorded for Hexahedra {
 
     fn nonlinear(&mut self, made: &mut Maker, arrays: &Arrays, x: &Buffer) -> Result<Option<NonlinearLaw>> {
         let Some(law) = &self.law else { return Ok(None) };
-        made.gpu.making("neo-Hookean law");
+        made.gpu.making("hyperelastic law");
         let search = if law.newton { Some(self.search(made, arrays, x, law)?) } else { None };
         let Law { end_share, damping, energy, b, blocks, .. } = law;
         let (blocks, energy, b) = (blocks.clone(), energy.clone(), b.clone());

@@ -1,8 +1,8 @@
-//! Compressible neo-Hookean bricks: the tangent of a cell, and energy, forces and tangents of a grid, in f64.
+//! Hyperelastic hexahedra: the tangent of a cell, and energy, forces and tangents of a grid, in f64.
 //!
-//! Energy and forces of a cell are those of [`crate::kernels::neo`], and so are the symbols; both follow from one potential, so the
-//! tangent ([`crate::kernels::neo_tangent`]) is symmetric; it need not be positive. At rest it is the linear brick with its λ-part taken at
-//! the mean.
+//! Energy and forces of a cell are those of [`crate::kernels::hyperelastic`], and so are the symbols; both follow from one potential, so the
+//! tangent ([`crate::kernels::hyperelastic_tangent`]) is symmetric; it need not be positive. At rest the neo-Hookean one is the linear
+//! hexahedron with its λ-part taken at the mean.
 //!
 //! The other laws beside it: centre of the skin block (20×20×5 cells, ν 0.45, no gravity) under a pressure on its middle
 //! (tests/verify/neo_hookean.rs holds these):
@@ -15,16 +15,17 @@
 //!
 //! Corotational stress is linear in the stretch, so what is pressed together does not stiffen: at 50 kPa nothing holds the middle of
 //! 2.3 mm of skin until cells are all but gone.
-//! Units: u m, edges m, λ μ Pa, W J, f N, K N/m.
+//! Units: u m, edges m, material Pa, W J, f N, K N/m.
 
 use super::element::{Matrix, lame};
 use crate::bodies::{Model, Solved};
 use crate::kernels::collect::collect;
-use crate::kernels::neo::{Cell, Material, at_corners, gradient};
+use crate::kernels::deformation::gradient;
+use crate::kernels::hyperelastic::{Cell, Material, at_corners};
 use crate::kernels::{PARALLEL, Params};
-use crate::math::{Real, V3, V4};
+use crate::math::{M3, Real, V3, V4};
 use crate::mesh::Grid;
-use crate::scene::{Law, Scene, Skin};
+use crate::scene::{self, Law, Layer, Scene, Skin};
 use rayon::prelude::*;
 
 /// 24×24 tangent, row and column `3a + i`, N/m.
@@ -32,18 +33,26 @@ pub fn tangent(cell: &Cell<f64>) -> Matrix {
     let (growing, pressure, stiff) = (cell.growing().map(V3::f64), cell.pressure(), cell.stiffening());
     let mut k = [[0.0; 24]; 24];
     for (n, p) in cell.points.iter().enumerate() {
-        let shear = cell.weight * cell.material.mu;
-        let turning = cell.weight * pressure * (1.0 + p.growth);
+        let held = cell.weight * pressure * (1.0 + p.growth);
         let rest: [V3<f64>; 8] = std::array::from_fn(|a| gradient(cell.inverse, a, n));
         let now = rest.map(|g| (p.back * g).f64());
-        for a in 0..8 {
-            for b in 0..=a {
-                let straight = shear * rest[a].dot(rest[b]);
-                for i in 0..3 {
-                    k[3 * a + i][3 * b + i] += straight;
-                    for j in 0..3 {
-                        k[3 * a + i][3 * b + j] +=
-                            (shear - turning) * now[b][i] * now[a][j] + turning * now[a][i] * now[b][j];
+        // the law's part: [3 j + l] dP' for a unit change of F in row j, column l
+        let unit = |m: usize| {
+            let mut change = [[0.0; 3]; 3]; // columns
+            change[m % 3][m / 3] = 1.0;
+            cell.material.tangent(p, M3(change.map(V3::of)))
+        };
+        let changes: [M3<f64>; 9] = std::array::from_fn(unit);
+        for b in 0..8 {
+            let g = rest[b].f64();
+            // [j] dP' for a unit displacement of corner b along j
+            let of_corner: [M3<f64>; 3] =
+                std::array::from_fn(|j| changes[3 * j] * g[0] + changes[3 * j + 1] * g[1] + changes[3 * j + 2] * g[2]);
+            for a in b..8 {
+                for j in 0..3 {
+                    let straight = (of_corner[j] * rest[a] * cell.weight).f64();
+                    for i in 0..3 {
+                        k[3 * a + i][3 * b + j] += straight[i] + held * (now[a][i] * now[b][j] - now[b][i] * now[a][j]);
                     }
                 }
             }
@@ -62,11 +71,25 @@ pub fn tangent(cell: &Cell<f64>) -> Matrix {
     k
 }
 
+/// κ, two constants, Pa, and the code of a law, as [`Material::of`] reads them.
+fn constants(law: scene::Material, layer: &Layer) -> V4<f64> {
+    let (lambda, mu) = lame(layer.young, layer.poisson);
+    match law {
+        scene::Material::NeoHookean => [lambda, mu, 0.0, 0.0],
+        scene::Material::MooneyRivlin => {
+            let (half, share) = (0.5 * mu, layer.second_share);
+            [lambda + mu * 2.0 / 3.0, half * (1.0 - share), half * share, 1.0]
+        }
+    }
+}
+
 /// A grid of such cells.
 #[derive(Clone, Debug)]
 pub struct Hyperelastic {
-    /// `[layer]`
-    pub layers: Vec<Material<f64>>,
+    /// `[layer]` edges of a cell, m, and 0.
+    shapes: Vec<V4<f64>>,
+    /// `[layer]` κ, two constants, Pa, and the law's code, as the kernels read them.
+    pub materials: Vec<V4<f64>>,
     /// `[cells_z]` layer
     pub layer_of: Vec<u32>,
     /// Steps are solved by Newton's method; else each is one linearisation.
@@ -74,14 +97,16 @@ pub struct Hyperelastic {
 }
 
 impl Hyperelastic {
-    /// Of a scene's body with that law.
+    /// Of a scene's body with such a law.
     pub(super) fn of(scene: &Scene, skin: &Skin, grid: &Grid) -> Option<Self> {
-        let layer = |(index, layer): (usize, &crate::scene::Layer)| {
-            let (lambda, mu) = lame(layer.young, layer.poisson);
-            Material { edges: V3::of(grid.cell_edges(index as u32)), lambda, mu }
+        let Law::Hyperelastic(material) = skin.law else { return None };
+        let shape = |layer: usize| {
+            let [x, y, z] = grid.cell_edges(layer as u32);
+            [x, y, z, 0.0]
         };
-        matches!(skin.law, Law::NeoHookean).then(|| Self {
-            layers: skin.layers.iter().enumerate().map(layer).collect(),
+        Some(Self {
+            shapes: (0..skin.layers.len()).map(shape).collect(),
+            materials: skin.layers.iter().map(|layer| constants(material, layer)).collect(),
             layer_of: grid.layer_of.clone(),
             newton: scene.contact.is_none(),
         })
@@ -90,7 +115,7 @@ impl Hyperelastic {
     /// A cell under nodal displacements; `None` when it is inside out.
     pub fn cell(&self, params: &Params<f64>, u: &[V4<f64>], cell: usize) -> Option<Cell<f64>> {
         let layer = self.layer_of[params.cell_at(cell)[2]] as usize;
-        Cell::new(self.layers[layer], &at_corners(params, u, cell))
+        Cell::new(Material::of(self.shapes[layer], self.materials[layer]), &at_corners(params, u, cell))
     }
 
     /// Energy of all cells, J; `None` when one is inside out.
@@ -140,9 +165,9 @@ impl Hyperelastic {
         change
     }
 
-    /// `[layer]` λ and μ, Pa, for the kernels.
-    pub fn lame<R: Real>(&self) -> Vec<V4<R>> {
-        self.layers.iter().map(|m| [m.lambda, m.mu, 0.0, 0.0].map(R::of)).collect()
+    /// `[layer]` materials, for the kernels.
+    pub fn rounded<R: Real>(&self) -> Vec<V4<R>> {
+        self.materials.iter().map(|m| m.map(R::of)).collect()
     }
 }
 
@@ -157,12 +182,23 @@ fn sums(params: &Params<f64>, cells: &[[[f64; 3]; 8]]) -> Vec<V4<f64>> {
 mod tests {
     use super::*;
     use crate::kernels::corner;
+    use crate::kernels::hyperelastic;
 
+    type Law = hyperelastic::Law<f64>;
     type Field = [V3<f64>; 8];
 
-    fn soft() -> Material<f64> {
-        Material { edges: V3::new(1.1e-3, 0.9e-3, 0.4e-3), lambda: 9e4, mu: 1e4 }
+    const BULK: f64 = 9e4;
+    const MU: f64 = 1e4;
+
+    fn of(law: Law) -> Material<f64> {
+        Material { edges: V3::new(1.1e-3, 0.9e-3, 0.4e-3), bulk: BULK, law }
     }
+
+    fn soft() -> Material<f64> {
+        of(Law::NeoHookean(MU))
+    }
+
+    const LAWS: [Law; 2] = [Law::NeoHookean(MU), Law::MooneyRivlin([0.3 * MU, 0.2 * MU])];
 
     fn field(mut one: impl FnMut(usize, usize) -> f64) -> Field {
         std::array::from_fn(|a| V3::of(std::array::from_fn(|i| one(a, i))))
@@ -177,9 +213,9 @@ mod tests {
         })
     }
 
-    fn moved(u: &Field, d: &Field, by: f64) -> Cell<f64> {
+    fn moved(law: Law, u: &Field, d: &Field, by: f64) -> Cell<f64> {
         let at = std::array::from_fn(|a| u[a] + d[a] * by);
-        Cell::new(soft(), &at).expect("no corner has come far")
+        Cell::new(of(law), &at).expect("no corner has come far")
     }
 
     fn times(k: &Matrix, z: &Field) -> [[f64; 3]; 8] {
@@ -190,10 +226,11 @@ mod tests {
 
     #[test]
     fn force_is_the_energys_slope_and_tangent_the_forces() {
-        for seed in 1..20 {
+        for (law, seed) in LAWS.into_iter().flat_map(|law| (1..20).map(move |seed| (law, seed))) {
             // strains up to 60 %
             let (u, d) = (random(seed, 8e-5), random(seed + 100, 1e-4));
-            let here = Cell::new(soft(), &u).expect("not inside out");
+            let moved = |u: &Field, d: &Field, by| moved(law, u, d, by);
+            let here = Cell::new(of(law), &u).expect("not inside out");
             let (step, scale) = (1e-4, tangent(&here).iter().flatten().fold(0.0f64, |m, k| m.max(k.abs())));
             let slope = (moved(&u, &d, step).energy() - moved(&u, &d, -step).energy()) / (2.0 * step);
             let wanted: f64 = here.forces().iter().zip(d).map(|(f, d)| f.dot(d)).sum();
@@ -217,6 +254,11 @@ mod tests {
 
     #[test]
     fn rigid_motion_costs_nothing_and_turns_forces() {
+        LAWS.into_iter().for_each(turned_about);
+    }
+
+    fn turned_about(law: Law) {
+        let soft = || of(law);
         let (s, c) = 1.1f64.sin_cos();
         let turn = |x: V3<f64>| V3::new(c * x.x - s * x.y, s * x.x + c * x.y, x.z);
         let strained = random(7, 6e-5);
@@ -225,7 +267,7 @@ mod tests {
         let carried = |u: &Field| -> Field { std::array::from_fn(|a| turn(at[a] + u[a]) - at[a] + V3::splat(0.02)) };
         let still = Cell::new(soft(), &carried(&[V3::zero(); 8])).expect("a rotation");
         let volume: f64 = edges.iter().product();
-        assert!(still.energy().abs() < 1e-12 * volume * soft().lambda, "{:e}", still.energy());
+        assert!(still.energy().abs() < 1e-12 * volume * BULK, "{:e}", still.energy());
         let (old, new) = (Cell::new(soft(), &strained), Cell::new(soft(), &carried(&strained)));
         let (old, new) = (old.expect("little strain"), new.expect("the same strain"));
         assert!((old.energy() / new.energy() - 1.0).abs() < 1e-9);
@@ -243,11 +285,17 @@ mod tests {
 
     #[test]
     fn at_rest_the_tangent_is_the_small_strain_brick_in_constant_strain() {
-        let soft = soft();
-        let tangent = tangent(&Cell::new(soft, &[V3::zero(); 8]).expect("at rest"));
-        let young = soft.mu * (3.0 * soft.lambda + 2.0 * soft.mu) / (soft.lambda + soft.mu);
-        let poisson = 0.5 * soft.lambda / (soft.lambda + soft.mu);
-        let edges = soft.edges.f64();
+        // in the neo-Hookean law BULK is λ, in the other the bulk modulus
+        for (law, lambda) in LAWS.into_iter().zip([BULK, BULK - MU * 2.0 / 3.0]) {
+            as_small_strain(law, lambda);
+        }
+    }
+
+    fn as_small_strain(law: Law, lambda: f64) {
+        let tangent = tangent(&Cell::new(of(law), &[V3::zero(); 8]).expect("at rest"));
+        let young = MU * (3.0 * lambda + 2.0 * MU) / (lambda + MU);
+        let poisson = 0.5 * lambda / (lambda + MU);
+        let edges = soft().edges.f64();
         let small = super::super::element::stiffness(edges, young, poisson, crate::scene::Element::Bbar);
         let gradient: [[f64; 3]; 3] = [[0.3, 0.2, -0.1], [0.5, -0.4, 0.7], [0.1, 0.6, 0.2]];
         let u = field(|a, i| (0..3).map(|n| gradient[i][n] * corner(a)[n] as f64 * edges[n]).sum());

@@ -102,7 +102,7 @@ impl Hexahedra {
             pre_strain: skin.layers.iter().map(|l| element::pre_strain(l.pre_strain, l.poisson)).collect(),
             stiffness: skin.layers.iter().enumerate().map(matrix).collect(),
             hyperelastic: Hyperelastic::of(scene, skin, grid),
-            corotational: matches!(skin.law, Law::Fem { corotational: true, .. } | Law::NeoHookean),
+            corotational: matches!(skin.law, Law::Fem { corotational: true, .. } | Law::Hyperelastic(_)),
             extra_columns,
             multigrid: None,
             direct: false,

@@ -3,8 +3,8 @@
 use crate::error::{Error, Result};
 use crate::mesh::Grid;
 use crate::scene::{
-    Correction, Cut, ELEMENTS, Element, Integrator, Law, MOST_NODES, Preconditioner, ProbeKind, Region, Scene, Skin,
-    word,
+    Correction, Cut, ELEMENTS, Element, Integrator, Law, MATERIALS, MOST_NODES, Preconditioner, ProbeKind, Region,
+    Scene, Skin, word,
 };
 use crate::step::Place;
 
@@ -49,11 +49,11 @@ pub struct Setting {
     pub place: Place,
 }
 
-/// `bbar`, `enhanced`, `plain`, `neo_hookean` or `springs`.
+/// `bbar`, `enhanced`, `plain`, a hyperelastic law or `springs`.
 pub fn element_word(law: Law) -> &'static str {
     match law {
         Law::Fem { element, .. } => word(&ELEMENTS, element),
-        Law::NeoHookean => "neo_hookean",
+        Law::Hyperelastic(material) => word(&MATERIALS, material),
         Law::Springs { .. } => "springs",
     }
 }

@@ -1,7 +1,7 @@
-// Forces that the tangents of neo-Hookean cells make of a field, one slot per dispatch row. Twin: neo_tangent.rs (formula and units there).
+// Forces that the tangents of hyperelastic cells make of a field, one slot per dispatch row. Twin: hyperelastic_tangent.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> shape: array<vec4<f32>, 21>;             // [layer] cell edges m, mass of one corner kg
-@group(0) @binding(2) var<uniform> lame: array<vec4<f32>, 21>;              // [layer] λ, μ Pa
+@group(0) @binding(2) var<uniform> material: array<vec4<f32>, 21>;          // [layer] κ, two constants Pa, the law's code
 @group(0) @binding(3) var<storage, read> layer_of: array<u32>;              // [cells_z] layer
 @group(0) @binding(4) var<storage, read> place: array<vec4<f32>>;           // [node] displacement, m
 @group(0) @binding(5) var<storage, read> z: array<vec4<f32>>;               // [slot][node] m
@@ -9,7 +9,7 @@
 @group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;         // [slot × 2] alpha beta gamma done; target² rr iterations state
 
 @compute @workgroup_size(64)
-fn neo_tangent(
+fn hyperelastic_tangent(
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
@@ -23,8 +23,7 @@ fn neo_tangent(
     let layer = layer_of[at.z];
     let edges = shape[layer].xyz;
     let inverse_edges = 1.0 / edges;
-    let lambda = lame[layer].x;
-    let mu = lame[layer].y;
+    let own = material[layer];
     let weight = edges.x * edges.y * edges.z * 0.125;
     var u: array<vec3<f32>, 8>;
     var field: array<vec3<f32>, 8>;
@@ -38,7 +37,7 @@ fn neo_tangent(
     for (var p = 0u; p < 8u; p += 1u) { growths += point_of(field_gradient(inverse_edges, u, p)).growth; }
     let mean = growths * 0.125;
     let log_mean = logarithm(mean).x;
-    let pressure = lambda * log_mean / (1.0 + mean);
+    let pressure = own.x * log_mean / (1.0 + mean);
     var force: array<vec3<f32>, 8>;
     var growing: array<vec3<f32>, 8>;
     var volume = 0.0;
@@ -53,7 +52,7 @@ fn neo_tangent(
         let held = pressure * grown;
         volume += weight * grown * spread;
         let crossed = back * transpose(turned) * back;
-        let stress = (turned * mu + crossed * (mu - held) + back * (held * spread)) * weight;
+        let stress = (law_tangent(own, point, turned) - crossed * held + back * (held * spread)) * weight;
         let pushed = back * (weight * grown);
         for (var a = 0u; a < 8u; a += 1u) {
             let gradient = shape_gradient(inverse_edges, a, p);
@@ -62,7 +61,7 @@ fn neo_tangent(
         }
     }
     let whole = 1.0 + mean;
-    let pressed = lambda * (1.0 - log_mean) / (8.0 * weight * whole * whole) * volume;
+    let pressed = own.x * (1.0 - log_mean) / (8.0 * weight * whole * whole) * volume;
     let first = (slot * params.cell_count + cell) * 24u;
     for (var a = 0u; a < 8u; a += 1u) {
         let out = select(force[a] + growing[a] * pressed, vec3<f32>(0.0), inside_out);

@@ -1,4 +1,4 @@
-// Neo-Hookean cells; see neo.rs (formula and units there).
+// The deformation at a Gauss point; see deformation.rs (formula and units there).
 const NEAR: f32 = 0.78867513; // (1 + 1/√3)/2
 const FAR: f32 = 0.21132487;
 
@@ -54,4 +54,12 @@ fn logarithm(g: f32) -> vec2<f32> {
     for (var n = 12u; n > 0u; n -= 1u) { tail = tail * t + 1.0 / f32(2u * n + 1u); }
     tail = 2.0 * s * t * tail;
     return vec2<f32>(2.0 * s + tail, s * g - tail);
+}
+
+// exp(x) − 1.
+fn exponential(x: f32) -> f32 {
+    if abs(x) > 0.25 { return exp(x) - 1.0; }
+    var sum = 0.0;
+    for (var n = 12u; n > 0u; n -= 1u) { sum = (x + x * sum) / f32(n); }
+    return sum;
 }

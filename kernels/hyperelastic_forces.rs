@@ -1,25 +1,28 @@
-//! Energy of each neo-Hookean cell, and the forces that its corners must be held with; formula and source in [`super::neo`].
+//! Energy of each hyperelastic cell, and the forces that its corners must be held with; formula and source in [`super::hyperelastic`].
 //!
 //! A cell that is inside out at a Gauss point has no energy, for which [`INSIDE_OUT`] stands, and no forces.
-//! Units: place m, λ μ Pa, energy J, force N.
+//! Units: place m, material Pa, energy J, force N.
 
-use super::neo::{Cell, Material, at_corners};
+use super::hyperelastic::{Cell, Material, at_corners};
 use super::{PARALLEL, Params, Source};
 use crate::math::{Real, V3, V4};
 use rayon::prelude::*;
 
 /// The shader.
-pub const SOURCE: Source =
-    Source { name: "neo_forces", wgsl: include_str!("neo_forces.wgsl"), params: Params::<f32>::FIELDS };
+pub const SOURCE: Source = Source {
+    name: "hyperelastic_forces",
+    wgsl: include_str!("hyperelastic_forces.wgsl"),
+    params: Params::<f32>::FIELDS,
+};
 
 /// Energy of a cell that is inside out, J.
 pub const INSIDE_OUT: f32 = 1e38;
 
 /// Forces and energies of all cells.
-pub fn neo_forces<R: Real>(
+pub fn hyperelastic_forces<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
-    lame: &[V4<R>],         // [layer] λ, μ Pa
+    material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
     layer_of: &[u32],       // [cells_z] layer
     place: &[V4<R>],        // [node] displacement, m
     corner_force: &mut [R], // [cell][corner][axis] N
@@ -27,7 +30,7 @@ pub fn neo_forces<R: Real>(
 ) {
     let one = |(cell, (force, energy)): (usize, (&mut [R], &mut R))| {
         let layer = layer_of[params.cell_at(cell)[2]] as usize;
-        let found = Cell::new(Material::of(shape[layer], lame[layer]), &at_corners(params, place, cell));
+        let found = Cell::new(Material::of(shape[layer], material[layer]), &at_corners(params, place, cell));
         *energy = found.as_ref().map_or(R::of(f64::from(INSIDE_OUT)), Cell::energy);
         let own = found.map_or([V3::zero(); 8], |c| c.forces());
         for (out, f) in force.chunks_exact_mut(3).zip(own) {

@@ -1,34 +1,38 @@
-//! What the tangents of neo-Hookean cells make of a field: forces of each cell on its corners, gathered by `collect_product`.
+//! What the tangents of hyperelastic cells make of a field: forces of each cell on its corners, gathered by `collect_product`.
 //!
-//! `K_ab = Σ w [μ (G_a·G_b I + g_b ⊗ g_a) + p J (g_a ⊗ g_b − g_b ⊗ g_a)] + λ (1 − ln J̄)/(V J̄²) c_a ⊗ c_b` is the derivative of
-//! [`super::neo`], in whose terms it stands; it is symmetric and need not be positive. No matrix is kept: with `H = Σ_b z_b ⊗ G_b`
+//! The derivative of [`super::hyperelastic`], in whose terms it stands; it is symmetric and need not be positive. No matrix is kept: with
+//! `H = Σ_b z_b ⊗ G_b` and `dP'` the law's
 //!
-//! `(K z)_a = Σ w [μ H + (μ − p J) F⁻ᵀ Hᵀ F⁻ᵀ + p J tr(F⁻¹ H) F⁻ᵀ] G_a + λ (1 − ln J̄)/(V J̄²) (Σ w J tr(F⁻¹ H)) c_a`,
+//! `(K z)_a = Σ w [dP'(H) − p J F⁻ᵀ Hᵀ F⁻ᵀ + p J tr(F⁻¹ H) F⁻ᵀ] G_a + κ (1 − ln J̄)/(V J̄²) (Σ w J tr(F⁻¹ H)) c_a`,
 //!
 //! some 3000 operations a cell from its 48 numbers, where a tangent kept is 1200 bytes at least. (The CPU path keeps tangents: it has few
 //! operations and much memory per second.) A cell that is inside out has none.
 //! Source: Bonet, Wood 2008, sections 6.4 and 8.6 (tangent with mean dilatation).
-//! Units: place m, z m, force N, λ μ Pa.
+//! Units: place m, z m, force N, material Pa.
 
-use super::neo::{Cell, Material, at_corners, field_gradient, gradient, logarithm};
+use super::deformation::{field_gradient, gradient, logarithm};
+use super::hyperelastic::{Cell, Material, at_corners};
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};
 
 /// The shader.
-pub const SOURCE: Source =
-    Source { name: "neo_tangent", wgsl: include_str!("neo_tangent.wgsl"), params: Params::<f32>::FIELDS };
+pub const SOURCE: Source = Source {
+    name: "hyperelastic_tangent",
+    wgsl: include_str!("hyperelastic_tangent.wgsl"),
+    params: Params::<f32>::FIELDS,
+};
 
 impl<R: Real> Cell<R> {
-    /// `λ (1 − ln J̄)/(V J̄²)`, Pa/m³: how much harder the cell presses as its volume changes.
+    /// `κ (1 − ln J̄)/(V J̄²)`, Pa/m³: how much harder the cell presses as its volume changes.
     pub fn stiffening(&self) -> R {
         let mean = R::one() + self.mean_growth;
         let log = logarithm(self.mean_growth)[0];
-        self.material.lambda * (R::one() - log) / (R::of(8.0) * self.weight * mean * mean)
+        self.material.bulk * (R::one() - log) / (R::of(8.0) * self.weight * mean * mean)
     }
 
     /// `K z`, N.
     pub fn product(&self, z: &[V3<R>; 8]) -> [V3<R>; 8] {
-        let (pressure, mu) = (self.pressure(), self.material.mu);
+        let pressure = self.pressure();
         let mut out = [V3::zero(); 8];
         let mut volume = R::zero();
         for (n, p) in self.points.iter().enumerate() {
@@ -39,7 +43,8 @@ impl<R: Real> Cell<R> {
             let held = pressure * grown;
             volume += self.weight * grown * spread;
             let crossed = back * turned.transpose() * back;
-            let stress = (turned * mu + crossed * (mu - held) + back * (held * spread)) * self.weight;
+            let volumetric = crossed * -held + back * (held * spread);
+            let stress = (self.material.tangent(p, turned) + volumetric) * self.weight;
             for (a, force) in out.iter_mut().enumerate() {
                 *force += stress * gradient(self.inverse, a, n);
             }
@@ -53,10 +58,10 @@ impl<R: Real> Cell<R> {
 }
 
 /// One slot.
-pub fn neo_tangent<R: Real>(
+pub fn hyperelastic_tangent<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
-    lame: &[V4<R>],         // [layer] λ, μ Pa
+    material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
     layer_of: &[u32],       // [cells_z] layer
     place: &[V4<R>],        // [node] displacement, m
     z: &[V4<R>],            // [node] m
@@ -64,7 +69,7 @@ pub fn neo_tangent<R: Real>(
 ) {
     for (cell, force) in corner_force.chunks_exact_mut(24).enumerate() {
         let layer = layer_of[params.cell_at(cell)[2]] as usize;
-        let found = Cell::new(Material::of(shape[layer], lame[layer]), &at_corners(params, place, cell));
+        let found = Cell::new(Material::of(shape[layer], material[layer]), &at_corners(params, place, cell));
         let own = found.map_or([V3::zero(); 8], |c| c.product(&at_corners(params, z, cell)));
         for (out, f) in force.chunks_exact_mut(3).zip(own) {
             out.copy_from_slice(&[f.x, f.y, f.z]);

@@ -1,0 +1,96 @@
+//! The deformation at a Gauss point of a hexahedron, and functions of it that keep the digits of small strains; what the shaders of
+//! hyperelastic laws share.
+//!
+//! `F = I + h`, `h = Σ_a u_a ⊗ ∇N_a`, `J = det F`; `h` stands for `F` and `J − 1` for `J`, so that small strains lose no digits; one
+//! corner's displacement is taken off first, which the gradients do not see.
+//! Units: u m, gradients 1/m.
+
+use super::corner;
+use crate::math::{M3, Real, V3};
+
+/// Text that the shaders of hyperelastic laws share.
+pub const WGSL: &str = include_str!("deformation.wgsl");
+
+/// `∇N_a` at Gauss point `p`, which lies nearest to corner `p`, for the inverse edges of a cell, 1/m.
+pub fn gradient<R: Real>(inverse: V3<R>, a: usize, p: usize) -> V3<R> {
+    let away = 1.0 / 3.0f64.sqrt();
+    let (own, other) = (corner(a), corner(p));
+    let weight = |n: usize| R::of(0.5 * if own[n] == other[n] { 1.0 + away } else { 1.0 - away });
+    let sign = |n: usize| if own[n] == 1 { R::one() } else { -R::one() };
+    let (x, y, z) = (weight(0), weight(1), weight(2));
+    V3::new(sign(0) * y * z, sign(1) * x * z, sign(2) * x * y).times(inverse)
+}
+
+/// Gradient of a field with values at the corners, at Gauss point `p`.
+pub fn field_gradient<R: Real>(inverse: V3<R>, at: &[V3<R>; 8], p: usize) -> M3<R> {
+    let mut sum = M3::zero();
+    for a in 1..8 {
+        sum = sum + (at[a] - at[0]).outer(gradient(inverse, a, p));
+    }
+    sum
+}
+
+/// Terms of the series of a logarithm: 10⁻¹⁵ of it is left where `J` is 2 or ½.
+const TERMS: usize = 13;
+
+/// `ln(1 + g)` and `g − ln(1 + g)`, neither with cancellation: `ln(1 + g) = 2 artanh s`, `g = 2s/(1 − s)`, `s = g/(2 + g)`.
+pub fn logarithm<R: Real>(g: R) -> [R; 2] {
+    let two = R::of(2.0);
+    let s = g / (two + g);
+    if s.abs() > R::of(1.0 / 3.0) {
+        let ln = R::ln(R::one() + g);
+        return [ln, g - ln];
+    }
+    let t = s * s;
+    let mut tail = R::zero();
+    for n in (1..TERMS).rev() {
+        tail = tail * t + R::of(1.0 / (2 * n + 1) as f64);
+    }
+    let tail = two * s * t * tail;
+    [two * s + tail, s * g - tail]
+}
+
+/// State of a Gauss point.
+#[derive(Clone, Copy, Default)]
+pub struct Point<R> {
+    /// Displacement gradient.
+    pub h: M3<R>,
+    /// `J − 1`.
+    pub growth: R,
+    /// `J − 1 − tr h`.
+    pub bend: R,
+    /// `F⁻ᵀ`.
+    pub back: M3<R>,
+}
+
+impl<R: Real> Point<R> {
+    /// From the displacement gradient; `None` where the volume is not positive.
+    pub fn new(h: M3<R>) -> Option<Self> {
+        let [a, b, c] = h.0;
+        let minors = (a.x * b.y - b.x * a.y) + (a.x * c.z - c.x * a.z) + (b.y * c.z - c.y * b.z);
+        let bend = minors + a.dot(b.cross(c));
+        let growth = h.trace() + bend;
+        let volume = R::one() + growth;
+        if !(volume > R::zero() && volume.is_finite()) {
+            return None;
+        }
+        let [a, b, c] = (M3::identity() + h).0;
+        let back = M3([b.cross(c), c.cross(a), a.cross(b)]) * (R::one() / volume);
+        Some(Self { h, growth, bend, back })
+    }
+}
+
+/// `exp(x) − 1`, without cancellation.
+pub fn exponential<R: Real>(x: R) -> R {
+    if x.abs() > R::of(0.25) {
+        return R::exp(x) - R::one();
+    }
+    let mut sum = R::zero();
+    for n in (1..=POWERS).rev() {
+        sum = (x + x * sum) * R::of(1.0 / n as f64);
+    }
+    sum
+}
+
+/// Powers of its series: 10⁻¹⁶ is left at ¼.
+const POWERS: usize = 12;

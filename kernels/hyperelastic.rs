@@ -1,0 +1,145 @@
+//! A hyperelastic hexahedron: its laws, energy, and the forces that its corners must be held with; what the shaders share.
+//!
+//! `W = W'(F) + κ/2 (ln J̄)²` per volume at rest, `W'` the law's at 2×2×2 Gauss points ([`super::deformation`]), and in the volumetric term
+//! the mean dilatation `J̄ = v/V` of the cell (Q1/P0: one pressure a cell), so that nearly incompressible layers do not lock. `v = ∫ det F
+//! dV` is exact at these points. With `g_a = F⁻ᵀ G_a`, `c_a = ∂v/∂u_a = Σ w J g_a`, `p = κ ln J̄/J̄`:
+//!
+//! `f_a = Σ w P' G_a + p c_a`.
+//!
+//! A law is a file of `W'`, `P' = ∂W'/∂F` and `dP'`, in Rust and in WGSL, and an arm of [`Law`]; in the neo-Hookean one `κ` is Lamé's λ.
+//! Source: Simo, Taylor, Pister 1985 (mean dilatation at finite strain). Differs: the mean in the κ-term alone, not in a modified F, which
+//! keeps the law's own form of `W'`.
+//! Units: u m, edges m, κ Pa, W J, f N.
+
+use super::deformation::{Point, field_gradient, gradient, logarithm};
+use super::{Params, mooney_rivlin, neo_hookean};
+use crate::math::{M3, Real, V3, V4};
+
+/// Text that the shaders of hyperelastic cells share.
+pub const WGSL: [&str; 4] =
+    [super::deformation::WGSL, neo_hookean::WGSL, mooney_rivlin::WGSL, include_str!("hyperelastic.wgsl")];
+
+/// A law, with its constants, Pa.
+#[derive(Clone, Copy, Debug)]
+pub enum Law<R> {
+    /// μ
+    NeoHookean(R),
+    /// c₁₀, c₀₁
+    MooneyRivlin([R; 2]),
+}
+
+/// What a cell needs of its layer.
+#[derive(Clone, Copy, Debug)]
+pub struct Material<R> {
+    /// Edges of a cell, m.
+    pub edges: V3<R>,
+    /// κ, Pa
+    pub bulk: R,
+    /// Of all but the volume.
+    pub law: Law<R>,
+}
+
+impl<R: Real> Material<R> {
+    /// From a layer's `shape` and `material`: κ, the law's constants, and its code.
+    pub fn of(shape: V4<R>, [bulk, first, second, code]: V4<R>) -> Self {
+        let law = if code == R::one() { Law::MooneyRivlin([first, second]) } else { Law::NeoHookean(first) };
+        Self { edges: V3::from4(shape), bulk, law }
+    }
+
+    /// W' of a Gauss point, J/m³.
+    fn energy(&self, p: &Point<R>) -> R {
+        match self.law {
+            Law::NeoHookean(mu) => neo_hookean::energy(mu, p),
+            Law::MooneyRivlin(c) => mooney_rivlin::energy(c, p),
+        }
+    }
+
+    /// P' of a Gauss point, Pa.
+    fn stress(&self, p: &Point<R>) -> M3<R> {
+        match self.law {
+            Law::NeoHookean(mu) => neo_hookean::stress(mu, p),
+            Law::MooneyRivlin(c) => mooney_rivlin::stress(c, p),
+        }
+    }
+
+    /// dP' for a change of F, Pa.
+    pub fn tangent(&self, p: &Point<R>, change: M3<R>) -> M3<R> {
+        match self.law {
+            Law::NeoHookean(mu) => neo_hookean::tangent(mu, p, change),
+            Law::MooneyRivlin(c) => mooney_rivlin::tangent(c, p, change),
+        }
+    }
+}
+
+/// A cell under displacements of its corners.
+pub struct Cell<R> {
+    /// By the corner nearest to them.
+    pub points: [Point<R>; 8],
+    /// Of a Gauss point, m³.
+    pub weight: R,
+    /// `J̄ − 1`.
+    pub mean_growth: R,
+    /// Of its layer.
+    pub material: Material<R>,
+    /// 1/edges, 1/m.
+    pub inverse: V3<R>,
+}
+
+impl<R: Real> Cell<R> {
+    /// From the corners' displacements, m; `None` when it is inside out somewhere.
+    pub fn new(material: Material<R>, u: &[V3<R>; 8]) -> Option<Self> {
+        let edges = material.edges;
+        let inverse = V3::new(R::one() / edges.x, R::one() / edges.y, R::one() / edges.z);
+        let mut points = [Point::default(); 8];
+        let mut sum = R::zero();
+        for (p, point) in points.iter_mut().enumerate() {
+            *point = Point::new(field_gradient(inverse, u, p))?;
+            sum += point.growth;
+        }
+        let eighth = R::of(0.125);
+        let weight = edges.x * edges.y * edges.z * eighth;
+        Some(Self { points, weight, mean_growth: sum * eighth, material, inverse })
+    }
+
+    /// J
+    pub fn energy(&self) -> R {
+        let sum = self.points.iter().map(|p| self.material.energy(p)).sum::<R>();
+        let log = logarithm(self.mean_growth)[0];
+        self.weight * (sum + R::of(4.0) * self.material.bulk * log * log)
+    }
+
+    /// `κ ln J̄/J̄`, Pa.
+    pub fn pressure(&self) -> R {
+        self.material.bulk * logarithm(self.mean_growth)[0] / (R::one() + self.mean_growth)
+    }
+
+    /// `∂v/∂u_a`, m².
+    pub fn growing(&self) -> [V3<R>; 8] {
+        let mut out = [V3::zero(); 8];
+        for (n, p) in self.points.iter().enumerate() {
+            let pushed = p.back * (self.weight * (R::one() + p.growth));
+            for (a, c) in out.iter_mut().enumerate() {
+                *c += pushed * gradient(self.inverse, a, n);
+            }
+        }
+        out
+    }
+
+    /// Forces that the corners must be held with, N.
+    pub fn forces(&self) -> [V3<R>; 8] {
+        let pressure = self.pressure();
+        let mut out = self.growing().map(|c| c * pressure);
+        for (n, p) in self.points.iter().enumerate() {
+            let stress = self.material.stress(p) * self.weight;
+            for (a, force) in out.iter_mut().enumerate() {
+                *force += stress * gradient(self.inverse, a, n);
+            }
+        }
+        out
+    }
+}
+
+/// Displacements of a cell's corners.
+pub fn at_corners<R: Real>(params: &Params<R>, u: &[V4<R>], cell: usize) -> [V3<R>; 8] {
+    params.corners(cell).map(|n| V3::from4(u[n]))
+}

@@ -1,0 +1,101 @@
+//! The compressible Mooney–Rivlin law at a Gauss point, without its volumetric term (which is [`super::hyperelastic`]'s).
+//!
+//! `W = c₁₀ (J^(−2/3) I₁ − 3) + c₀₁ (J^(−4/3) I₂ − 3)`, `I₁ = tr C`, `I₂ = ½ (I₁² − tr C²)`, `C = FᵀF`; at small strain its shear modulus is
+//! `2 (c₁₀ + c₀₁)`. With `e = C − 1`, `I₁ = 3 (1 + i₁)`, `I₂ = 3 (1 + i₂)`, `s = tr(e) 1 − e` and `B = F⁻ᵀ`:
+//!
+//! `P = 2 c₁₀ J^(−2/3) (F − B − i₁ B) + c₀₁ J^(−4/3) (4 (F − B) + 2 F s − 4 i₂ B)`,
+//!
+//! and `3 c₁₀ (exp x₁ − 1) + 3 c₀₁ (exp x₂ − 1)` is the energy, `x₁ = ln(1 + i₁) − ⅔ ln J`, `x₂ = ln(1 + i₂) − 4/3 ln J`, whose terms of first
+//! order in the strain cancel by hand, so that small strains lose no digits. For the change `H` of `F`, with `t = B:H`:
+//!
+//! `dP₁ = 2 c₁₀ J^(−2/3) (H − ⅔ t (F − B − i₁ B) − ⅔ (F:H) B + (1 + i₁) B Hᵀ B)`,
+//! `dP₂ = c₀₁ J^(−4/3) (−4/3 t Q + 2 dD − 4/3 (2 D:H) B + 4 (1 + i₂) B Hᵀ B)`,
+//!
+//! `D = I₁ F − F C = F (2 + s)`, `Q = 2 D − 4 (1 + i₂) B`, `dD = 2 (F:H) F + H (2 + s) − F (HᵀF + FᵀH)`.
+//! Source: Mooney 1940; Rivlin 1948; Bonet, Wood 2008, section 6.5 (isochoric invariants). SOFA's `MooneyRivlin` is the same law.
+//! Units: c₁₀ c₀₁ Pa, W J/m³, P Pa.
+
+use super::deformation::{Point, exponential, logarithm};
+use crate::math::{M3, Real};
+
+/// The law in WGSL.
+pub const WGSL: &str = include_str!("mooney_rivlin.wgsl");
+
+/// What both stress and energy start from.
+struct Invariants<R> {
+    /// F
+    f: M3<R>,
+    /// `tr(e) 1 − e`
+    s: M3<R>,
+    /// `½ (tr² e − tr e²)`
+    second: R,
+    i1: R,
+    i2: R,
+}
+
+impl<R: Real> Invariants<R> {
+    fn of(p: &Point<R>) -> Self {
+        let (two, half, third) = (R::of(2.0), R::of(0.5), R::of(1.0 / 3.0));
+        let e = p.h + p.h.transpose() + p.h.transpose() * p.h;
+        let trace = e.trace();
+        let squares = e.0.iter().map(|c| c.dot(*c)).sum::<R>();
+        let second = half * (trace * trace - squares);
+        let (i1, i2) = (trace * third, (two * trace + second) * third);
+        let s = M3::identity() * trace - e;
+        Self { f: M3::identity() + p.h, s, second, i1, i2 }
+    }
+}
+
+/// `J^(−2/3)` and `J^(−4/3)`.
+fn scales<R: Real>(p: &Point<R>) -> [R; 2] {
+    let scale = R::exp(R::of(-2.0 / 3.0) * logarithm(p.growth)[0]);
+    [scale, scale * scale]
+}
+
+/// `Σ A_ij B_ij`
+fn dot<R: Real>(a: &M3<R>, b: &M3<R>) -> R {
+    (0..3).map(|k| a.0[k].dot(b.0[k])).sum()
+}
+
+/// W
+pub fn energy<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> R {
+    let Invariants { second, i1, i2, .. } = Invariants::of(p);
+    let (three, two_thirds) = (R::of(3.0), R::of(2.0 / 3.0));
+    // |h|² − 2 (J − 1 − tr h): what is left of tr e − 2 (J − 1)
+    let left = p.h.0.iter().map(|c| c.dot(*c)).sum::<R>() - R::of(2.0) * p.bend;
+    let beyond = logarithm(p.growth)[1];
+    let x1 = left * R::of(1.0 / 3.0) - logarithm(i1)[1] + two_thirds * beyond;
+    let x2 = left * two_thirds + second * R::of(1.0 / 3.0) - logarithm(i2)[1] + R::of(4.0 / 3.0) * beyond;
+    three * (c10 * exponential(x1) + c01 * exponential(x2))
+}
+
+/// P
+pub fn stress<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> M3<R> {
+    let Invariants { f, s, i1, i2, .. } = Invariants::of(p);
+    let [first, second] = scales(p);
+    let (two, four) = (R::of(2.0), R::of(4.0));
+    let apart = p.h + (M3::identity() - p.back);
+    let p1 = apart - p.back * i1;
+    let p2 = apart * four + f * s * two - p.back * (four * i2);
+    p1 * (two * c10 * first) + p2 * (c01 * second)
+}
+
+/// dP
+pub fn tangent<R: Real>([c10, c01]: [R; 2], p: &Point<R>, change: M3<R>) -> M3<R> {
+    let Invariants { f, s, i1, i2, .. } = Invariants::of(p);
+    let [first, second] = scales(p);
+    let (one, two, four) = (R::one(), R::of(2.0), R::of(4.0));
+    let (two_thirds, four_thirds) = (R::of(2.0 / 3.0), R::of(4.0 / 3.0));
+    let (t, along) = (dot(&p.back, &change), dot(&f, &change));
+    let crossed = p.back * change.transpose() * p.back;
+    let apart = p.h + (M3::identity() - p.back) - p.back * i1;
+    let d1 = change - apart * (two_thirds * t) - p.back * (two_thirds * along) + crossed * (one + i1);
+    let inner = M3::identity() * two + s;
+    let d = f * inner;
+    let q = d * two - p.back * (four * (one + i2));
+    let turned = change.transpose() * f + f.transpose() * change;
+    let dd = f * (two * along) + change * inner - f * turned;
+    let d2 = q * (-four_thirds * t) + dd * two - p.back * (two * four_thirds * dot(&d, &change))
+        + crossed * (four * (one + i2));
+    d1 * (two * c10 * first) + d2 * (c01 * second)
+}

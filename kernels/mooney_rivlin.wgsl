@@ -1,0 +1,49 @@
+// The Mooney–Rivlin law at a Gauss point; see mooney_rivlin.rs (formula and units there).
+struct Invariants { f: mat3x3<f32>, s: mat3x3<f32>, second: f32, i1: f32, i2: f32 }
+
+fn invariants(p: Point) -> Invariants {
+    let e = p.h + transpose(p.h) + transpose(p.h) * p.h;
+    let trace = e[0].x + e[1].y + e[2].z;
+    let squares = dot(e[0], e[0]) + dot(e[1], e[1]) + dot(e[2], e[2]);
+    let second = 0.5 * (trace * trace - squares);
+    return Invariants(identity() + p.h, identity() * trace - e, second, trace / 3.0, (2.0 * trace + second) / 3.0);
+}
+
+fn contracted(a: mat3x3<f32>, b: mat3x3<f32>) -> f32 {
+    return dot(a[0], b[0]) + dot(a[1], b[1]) + dot(a[2], b[2]);
+}
+
+fn mooney_rivlin_energy(c: vec2<f32>, p: Point) -> f32 {
+    let v = invariants(p);
+    let left = contracted(p.h, p.h) - 2.0 * p.bend;
+    let beyond = logarithm(p.growth).y;
+    let x1 = left / 3.0 - logarithm(v.i1).y + beyond * 2.0 / 3.0;
+    let x2 = left * 2.0 / 3.0 + v.second / 3.0 - logarithm(v.i2).y + beyond * 4.0 / 3.0;
+    return 3.0 * (c.x * exponential(x1) + c.y * exponential(x2));
+}
+
+fn mooney_rivlin_stress(c: vec2<f32>, p: Point) -> mat3x3<f32> {
+    let v = invariants(p);
+    let scale = exp(-2.0 / 3.0 * logarithm(p.growth).x);
+    let apart = p.h + (identity() - p.back);
+    let p1 = apart - p.back * v.i1;
+    let p2 = apart * 4.0 + v.f * v.s * 2.0 - p.back * (4.0 * v.i2);
+    return p1 * (2.0 * c.x * scale) + p2 * (c.y * scale * scale);
+}
+
+fn mooney_rivlin_tangent(c: vec2<f32>, p: Point, change: mat3x3<f32>) -> mat3x3<f32> {
+    let v = invariants(p);
+    let scale = exp(-2.0 / 3.0 * logarithm(p.growth).x);
+    let t = contracted(p.back, change);
+    let along = contracted(v.f, change);
+    let crossed = p.back * transpose(change) * p.back;
+    let apart = p.h + (identity() - p.back) - p.back * v.i1;
+    let d1 = change - apart * (2.0 / 3.0 * t) - p.back * (2.0 / 3.0 * along) + crossed * (1.0 + v.i1);
+    let inner = identity() * 2.0 + v.s;
+    let d = v.f * inner;
+    let q = d * 2.0 - p.back * (4.0 * (1.0 + v.i2));
+    let turned = transpose(change) * v.f + transpose(v.f) * change;
+    let dd = v.f * (2.0 * along) + change * inner - v.f * turned;
+    let d2 = q * (-4.0 / 3.0 * t) + dd * 2.0 - p.back * (8.0 / 3.0 * contracted(d, change)) + crossed * (4.0 * (1.0 + v.i2));
+    return d1 * (2.0 * c.x * scale) + d2 * (c.y * scale * scale);
+}

@@ -1,0 +1,29 @@
+//! The neo-Hookean law at a Gauss point, without its volumetric term (which is [`super::hyperelastic`]'s).
+//!
+//! `W = μ/2 (I₁ − 3 − 2 ln J)`, `P = μ (F − F⁻ᵀ)`, `dP = μ (H + F⁻ᵀ Hᵀ F⁻ᵀ)` for the change `H` of `F`. The energy is taken as
+//! `μ/2 (|h|² − 2 (J − 1 − tr h) + 2 (J − 1 − ln J))`, the stress as `μ (h + (1 − F⁻ᵀ))`, so that small strains lose no digits.
+//! Source: Bonet, Wood 2008, section 6.4.
+//! Units: μ Pa, W J/m³, P Pa.
+
+use super::deformation::{Point, logarithm};
+use crate::math::{M3, Real};
+
+/// The law in WGSL.
+pub const WGSL: &str = include_str!("neo_hookean.wgsl");
+
+/// W
+pub fn energy<R: Real>(mu: R, p: &Point<R>) -> R {
+    let two = R::of(2.0);
+    let squares = p.h.0.iter().map(|c| c.dot(*c)).sum::<R>();
+    R::of(0.5) * mu * (squares - two * p.bend + two * logarithm(p.growth)[1])
+}
+
+/// P
+pub fn stress<R: Real>(mu: R, p: &Point<R>) -> M3<R> {
+    (p.h + (M3::identity() - p.back)) * mu
+}
+
+/// dP
+pub fn tangent<R: Real>(mu: R, p: &Point<R>, change: M3<R>) -> M3<R> {
+    (change + p.back * change.transpose() * p.back) * mu
+}
