@@ -4,7 +4,8 @@
 //! (1, or ½ for Newmark), `K₀` the small-strain bricks turned with the cells, which Rayleigh's damping and the preconditioner take. Newton:
 //! `(inertia M + (r_K/h) K₀ + σ K_T) e = −∇Π`, solved by the conjugate gradients to a share of the residual that falls with it, so that
 //! convergence stays quadratic; then `Δx += t e`, `t` halved until `Π` falls enough (Armijo) and no cell is inside out. Where the
-//! gradients break down the tangent is not positive: `K₀` is added to it, ten times more each time, until they end (counted).
+//! gradients break down the tangent is not positive: `K₀` is added to it, ten times more each time, until they end (counted); what sufficed
+//! says what is tried first at the next iteration (Levenberg 1944, Marquardt 1963).
 //! Source: Nocedal, Wright 2006, chapters 3 and 7 (line search, inexact Newton); Eisenstat, Walker 1996 (the falling share).
 
 use crate::error::{Error, Result};
@@ -19,13 +20,43 @@ const FALL: f64 = 1e-4;
 /// Halvings of a step at most: 10⁻⁹ of it.
 const HALVINGS: u32 = 30;
 /// First share of `K₀` that is added to a tangent that is not positive, and how often ten times more is tried.
-const SHIFT: f64 = 0.1;
+pub(super) const SHIFT: f64 = 0.1;
 /// See [`SHIFT`].
-pub(super) const SHIFTS: u32 = 5;
+const SHIFTS: u32 = 5;
+/// Where a share has sufficed, this part of it is tried first at the next iteration: with a share that is larger than it must be, an
+/// iteration goes hardly further than one along the gradient.
+const LESS: f64 = 0.25;
 
-/// The next larger share of `K₀`.
-pub(super) fn raised(shift: f64) -> f64 {
-    if shift == 0.0 { SHIFT } else { 10.0 * shift }
+/// A body whose tangent may be raised.
+pub(super) trait Raised {
+    /// Adds this share of `K₀` to its tangent from now on, in place of what was added before.
+    fn set_shift(&mut self, shift: f64);
+    /// Counts a tangent that was not positive.
+    fn count_indefinite(&mut self);
+    /// Iterations that a solve may take.
+    fn max_iterations(&self) -> u32;
+}
+
+/// Solves with more and more of `K₀` in the tangent, `first` of it to begin with, until the gradients end. `solve` is told how often it was
+/// asked before; returns what it found in the end, the iterations of all, and the share that was added.
+pub(super) fn positive<B: Raised, T>(
+    body: &mut B,
+    first: f64,
+    mut solve: impl FnMut(&mut B, u32) -> Result<(Outcome, T)>,
+) -> Result<(T, u32, f64)> {
+    let (mut shift, mut spent) = (0.0, 0);
+    body.set_shift(shift);
+    for attempt in 0..=SHIFTS {
+        let (outcome, found) = solve(body, attempt)?;
+        spent += outcome.iterations;
+        if !outcome.broken(body.max_iterations()) || attempt == SHIFTS {
+            return Ok((found, spent, shift));
+        }
+        shift = if shift == 0.0 { first } else { 10.0 * shift };
+        body.set_shift(shift);
+        body.count_indefinite();
+    }
+    unreachable!("the last attempt returns")
 }
 
 /// What a place is worth.
@@ -48,8 +79,9 @@ pub(super) trait Descent {
     fn attempt(&mut self, share: f64) -> Result<Option<Attempt>>;
     /// Stands at the place that was tried last.
     fn take(&mut self);
-    /// Solves for the direction from there until this residual is left, N.
-    fn direction(&mut self, residual: f64) -> Result<Outcome>;
+    /// Solves for the direction from there until this residual is left, N; `shift` is what to add first to a tangent that is not positive.
+    /// Returns the iterations, and what was added in the end.
+    fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)>;
     /// Norm of the step's load, N; known once a place was tried.
     fn load(&self) -> f64;
     /// Names the cell that is inside out at the step's start.
@@ -65,11 +97,13 @@ pub(super) fn newton(body: &mut impl Descent, tolerance: f64, floor: f64) -> Res
     body.take();
     let target = (tolerance * body.load()).max(floor);
     let first = here.size;
-    let (mut iterations, mut own) = (0, 0);
+    let (mut iterations, mut own, mut shift) = (0, 0, SHIFT);
     while here.size > target && own < MOST {
         own += 1;
         let wanted = (SHARE * here.size * (here.size / first).min(1.0)).max(0.1 * target);
-        iterations += body.direction(wanted)?.iterations;
+        let (spent, added) = body.direction(wanted, shift)?;
+        iterations += spent;
+        shift = if added > 0.0 { LESS * added } else { shift };
         let Some(next) = search(body, &here)? else {
             break; // what is left is rounding
         };

@@ -20,7 +20,6 @@ pub struct CpuBackend<R> {
     params: Params<R>,
     system: Box<dyn System<R>>,
     nonlinear: Nonlinear,
-    shift: f64, // share of the small-strain matrix in tangents that are not positive
     max_iterations: u32,
     floor: f64,
     node_count: usize, // in use, of `all_nodes` with the reserve
@@ -84,7 +83,6 @@ impl<R: Real> CpuBackend<R> {
         Self {
             params: Params { node_count: node_count as u32, ..params },
             nonlinear: Nonlinear::default(),
-            shift: 0.0,
             max_iterations,
             floor,
             node_count,
@@ -155,7 +153,7 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn begin(&mut self) -> Result<()> {
         let params = self.params;
-        self.set_shift(0.0);
+        self.system.set_shift(0.0);
         ahead::ahead(&params, &self.u, &self.v, &mut self.ahead);
         let at = if self.ahead.is_empty() { &self.u } else { &self.ahead };
         self.system.forces(&params, &self.u, at, &mut self.f, &mut self.space[FREE].scratch)?;

@@ -4,7 +4,7 @@
 //! over steps at rest that is Newton's method too.
 
 use super::{CpuBackend, request};
-use crate::backend::newton::{Attempt, Descent, SHIFTS, newton, raised};
+use crate::backend::newton::{Attempt, Descent, Raised, SHIFT, newton, positive};
 use crate::backend::{FREE, Target, Wanted};
 use crate::bodies::cpu::{Start, Trial, Workspace};
 use crate::error::{Error, Result};
@@ -76,32 +76,20 @@ impl<R: Real> CpuBackend<R> {
         wanted: &[Wanted],
         pick: &[(usize, u32)],
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+        let Some(free) = wanted.iter().position(|w| w.slot == FREE) else {
+            return self.solve_slots(wanted, pick);
+        };
         let n = self.node_count;
         let b = self.r[..n].to_vec();
-        let mut found = self.solve_slots(wanted, pick)?;
-        let free = wanted.iter().position(|w| w.slot == FREE);
-        for _ in 0..SHIFTS {
-            let broken = free.is_some_and(|k| found.0[k].broken(self.max_iterations));
-            if !broken {
-                break;
+        let solve = |body: &mut Self, attempt: u32| {
+            if attempt > 0 {
+                body.r[..n].copy_from_slice(&b);
+                body.x[..n].fill([R::zero(); 4]);
             }
-            self.raise();
-            self.r[..n].copy_from_slice(&b);
-            self.x[..n].fill([R::zero(); 4]);
-            found = self.solve_slots(wanted, pick)?;
-        }
-        Ok(found)
-    }
-
-    pub(super) fn set_shift(&mut self, shift: f64) {
-        self.shift = shift;
-        self.system.set_shift(shift);
-    }
-
-    /// Adds more of the small-strain matrix.
-    fn raise(&mut self) {
-        self.set_shift(raised(self.shift));
-        self.nonlinear.indefinite += 1;
+            let found = body.solve_slots(wanted, pick)?;
+            Ok((found.0[free], found))
+        };
+        Ok(positive(self, SHIFT, solve)?.0)
     }
 
     /// The free motion by Newton's method; the slot's right-hand side is the step's `b`, its solution the increment.
@@ -115,7 +103,7 @@ impl<R: Real> CpuBackend<R> {
         let dx = descent.here.dx;
         self.x[..n].copy_from_slice(&dx);
         self.nonlinear.iterations = own;
-        self.set_shift(0.0);
+        self.system.set_shift(0.0);
         Ok(outcome)
     }
 }
@@ -136,6 +124,20 @@ struct Search<'a, R: Real> {
     here: Point<R>,
     tried: Point<R>,
     direction: Vec<V4<R>>,
+}
+
+impl<R: Real> Raised for CpuBackend<R> {
+    fn set_shift(&mut self, shift: f64) {
+        self.system.set_shift(shift);
+    }
+
+    fn count_indefinite(&mut self) {
+        self.nonlinear.indefinite += 1;
+    }
+
+    fn max_iterations(&self) -> u32 {
+        self.max_iterations
+    }
 }
 
 impl<R: Real> Descent for Search<'_, R> {
@@ -159,27 +161,20 @@ impl<R: Real> Descent for Search<'_, R> {
         std::mem::swap(&mut self.here, &mut self.tried);
     }
 
-    fn direction(&mut self, residual: f64) -> Result<Outcome> {
+    fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {
         let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
         let moved: Vec<V4<f64>> = self.body.u.iter().zip(&self.here.dx).map(sum).collect();
         self.body.system.linearise(&moved);
-        self.body.set_shift(0.0);
-        let (body, n) = (&mut *self.body, self.b.len());
+        let (rest, n) = (&self.here.residual, self.b.len());
         let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
-        let mut spent = 0;
-        for attempt in 0..=SHIFTS {
-            body.r[..n].copy_from_slice(&self.here.residual);
+        let solve = |body: &mut CpuBackend<R>, _: u32| {
+            body.r[..n].copy_from_slice(rest);
             body.x[..n].fill([R::zero(); 4]);
-            let mut outcome = body.solve_slots(&wanted, &[])?.0[0];
-            spent += outcome.iterations;
-            if !outcome.broken(body.max_iterations) || attempt == SHIFTS {
-                outcome.iterations = spent;
-                self.direction.copy_from_slice(&body.x[..n]);
-                return Ok(outcome);
-            }
-            body.raise();
-        }
-        unreachable!("the last attempt returns")
+            Ok((body.solve_slots(&wanted, &[])?.0[0], ()))
+        };
+        let ((), spent, shift) = positive(self.body, shift, solve)?;
+        self.direction.copy_from_slice(&self.body.x[..n]);
+        Ok((spent, shift))
     }
 
     fn load(&self) -> f64 {

@@ -6,7 +6,7 @@
 
 use super::GpuBackend;
 use super::exchange::triples;
-use crate::backend::newton::{Attempt, Descent, SHIFTS, newton as descend, raised};
+use crate::backend::newton::{Attempt, Descent, Raised, SHIFT, newton as descend, positive};
 use crate::backend::{FREE, Nonlinear, Target, Wanted};
 use crate::bodies::gpu::{NonlinearLaw, Search};
 use crate::error::{Error, Result};
@@ -65,14 +65,6 @@ impl GpuBackend {
     /// Bytes of a vector of one slot.
     fn vector(&self) -> u64 {
         self.offset(1)
-    }
-
-    fn raise(&mut self) {
-        if let Some(newton) = &mut self.newton {
-            let shift = raised(newton.shift);
-            newton.shift(&self.gpu, shift);
-            newton.count.indefinite += 1;
-        }
     }
 
     /// Sets the free motion's right-hand side, and starts it from zero.
@@ -134,17 +126,15 @@ impl GpuBackend {
                 &self.gpu.submit_and_read(batch, &[(&newton.law.energy, u64::from(newton.params.cell_count) * 4)])?[0];
             newton.outside_in(&cast::<f32>(energy)).map_or(Ok(()), Err)?;
         }
-        let mut found = self.solve_slots(wanted, pick)?;
-        for _ in 0..SHIFTS {
-            if !found.0[free].broken(self.max_iterations) {
-                break;
+        let b = self.newton.as_ref().map(|newton| newton.law.b.clone());
+        let solve = |body: &mut Self, attempt: u32| {
+            if attempt > 0 {
+                b.iter().for_each(|b| body.restart(b));
             }
-            self.raise();
-            let b = self.newton.as_ref().map(|newton| newton.law.b.clone());
-            b.iter().for_each(|b| self.restart(b));
-            found = self.solve_slots(wanted, pick)?;
-        }
-        Ok(found)
+            let found = body.solve_slots(wanted, pick)?;
+            Ok((found.0[free], found))
+        };
+        Ok(positive(self, SHIFT, solve)?.0)
     }
 
     /// Before the first place of a step: keeps its right-hand side, and clears what is added to the start.
@@ -153,6 +143,24 @@ impl GpuBackend {
         for vector in [&search.dx[0], &search.rest[0], &self.solver.x] {
             batch.clear(vector, 0, self.vector());
         }
+    }
+}
+
+impl Raised for GpuBackend {
+    fn set_shift(&mut self, shift: f64) {
+        if let Some(newton) = &mut self.newton {
+            newton.shift(&self.gpu, shift);
+        }
+    }
+
+    fn count_indefinite(&mut self) {
+        if let Some(newton) = &mut self.newton {
+            newton.count.indefinite += 1;
+        }
+    }
+
+    fn max_iterations(&self) -> u32 {
+        self.max_iterations
     }
 }
 
@@ -210,25 +218,16 @@ impl Descent for GpuBackend {
         self.pending = Some(batch);
     }
 
-    fn direction(&mut self, residual: f64) -> Result<Outcome> {
-        if let Some(newton) = &mut self.newton {
-            newton.shift(&self.gpu, 0.0);
-        }
+    fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {
         let rest =
             self.newton.as_ref().and_then(|newton| newton.law.search.as_ref()).map(|search| search.rest[0].clone());
         let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
-        let mut spent = 0;
-        for attempt in 0..=SHIFTS {
-            rest.iter().for_each(|rest| self.restart(rest));
-            let mut outcome = self.solve_slots(&wanted, &[])?.0[0];
-            spent += outcome.iterations;
-            if !outcome.broken(self.max_iterations) || attempt == SHIFTS {
-                outcome.iterations = spent;
-                return Ok(outcome);
-            }
-            self.raise();
-        }
-        unreachable!("the last attempt returns")
+        let solve = |body: &mut Self, _: u32| {
+            rest.iter().for_each(|rest| body.restart(rest));
+            Ok((body.solve_slots(&wanted, &[])?.0[0], ()))
+        };
+        let ((), spent, shift) = positive(self, shift, solve)?;
+        Ok((spent, shift))
     }
 
     fn load(&self) -> f64 {
