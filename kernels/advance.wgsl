@@ -7,10 +7,6 @@
 @group(0) @binding(5) var<storage, read> partial_load: array<f32>;           // [group]
 @group(0) @binding(6) var<storage, read_write> scalars: array<vec4<f32>>;    // [slot × 2]
 
-const LANES: u32 = 256u;
-var<workgroup> shared_sum: array<vec4<f32>, 256>;
-var<workgroup> shared_rest: array<vec4<f32>, 256>; // what the sums have lost
-
 @compute @workgroup_size(256)
 fn advance(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -32,19 +28,8 @@ fn advance(
         if params.compensated == 1u { rest += lost(sum, part, params.zero); }
         sum += part;
     }
-    shared_sum[lane] = sum;
-    shared_rest[lane] = rest;
-    for (var n = LANES / 2u; n > 0u; n >>= 1u) {
-        workgroupBarrier();
-        if lane < n {
-            let part = shared_sum[lane + n];
-            rest += shared_rest[lane + n];
-            if params.compensated == 1u { rest += lost(shared_sum[lane], part, params.zero); }
-            shared_sum[lane] += part;
-            shared_rest[lane] = rest;
-        }
-    }
-    if lane == 0u { advance_slot(slot, shared_sum[0] + rest); }
+    let total = compensated_sum(params, sum, rest, lane);
+    if lane == 0u { advance_slot(slot, total); }
 }
 
 fn advance_slot(slot: u32, sums: vec4<f32>) {

@@ -8,8 +8,6 @@
 @group(0) @binding(6) var<storage, read_write> place: array<vec4<f32>>;  // [node] displacement, m
 @group(0) @binding(7) var<storage, read_write> promise: array<f32>;      // [group] J
 
-var<workgroup> shared_sum: array<f32, 64>;
-
 @compute @workgroup_size(64)
 fn attempt(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -25,10 +23,6 @@ fn attempt(
         place[i] = vec4<f32>(u[i].xyz + moved, 0.0);
         part = dot(rest[i].xyz, x[i].xyz);
     }
-    shared_sum[lane] = part;
-    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
-        workgroupBarrier();
-        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
-    }
-    if lane == 0u && i < params.node_count { promise[block] = shared_sum[0]; }
+    let sum_of_group = group_sum(part, lane);
+    if lane == 0u && i < params.node_count { promise[block] = sum_of_group; }
 }

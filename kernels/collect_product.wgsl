@@ -8,8 +8,6 @@
 @group(0) @binding(6) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
 
 const TILE: u32 = 7u; // of product.wgsl, whose sums come first
-var<workgroup> shared_sum: array<f32, 64>;
-
 @compute @workgroup_size(64)
 fn collect_product(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -26,13 +24,9 @@ fn collect_product(
         w[at] = vec4<f32>(w[at].xyz + more, 0.0);
         more_dot = dot(z[at].xyz, more);
     }
-    shared_sum[lane] = more_dot;
-    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
-        workgroupBarrier();
-        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
-    }
+    let sum_of_group = group_sum(more_dot, lane);
     if lane == 0u && i < params.node_count {
         let tiles = ((params.nodes_x + TILE - 1u) / TILE) * ((params.nodes_y + TILE - 1u) / TILE);
-        partial_product[slot * params.product_groups + tiles + block] = shared_sum[0];
+        partial_product[slot * params.product_groups + tiles + block] = sum_of_group;
     }
 }

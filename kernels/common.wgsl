@@ -60,6 +60,18 @@ fn coarse_nodes(p: Params) -> vec3<u32> {
     return vec3<u32>((p.cells_x + 1u) / 2u + 1u, (p.cells_y + 1u) / 2u + 1u, p.nodes_z);
 }
 
+var<workgroup> shared_sum: array<f32, 64>;
+
+// Sum over a workgroup of 64, which thread 0 has.
+fn group_sum(value: f32, lane: u32) -> f32 {
+    shared_sum[lane] = value;
+    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
+        workgroupBarrier();
+        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+    }
+    return shared_sum[0];
+}
+
 // A number that the compiler cannot follow: `zero` is 0 at run time only.
 fn hidden(x: vec4<f32>, zero: u32) -> vec4<f32> {
     return bitcast<vec4<f32>>(bitcast<vec4<u32>>(x) ^ vec4<u32>(zero));

@@ -19,6 +19,7 @@ pub mod coarsen;
 pub mod collect;
 pub mod collect_product;
 pub mod collected;
+pub mod compensated;
 pub mod converge;
 pub mod cut;
 pub mod deformation;
@@ -62,6 +63,7 @@ pub fn text(source: &Source) -> String {
         ("> split: array", &[split::WGSL][..]),
         ("> material: array", &hyperelastic::WGSL[..]),
         ("read> corner_force: array", &[collected::WGSL][..]),
+        ("read> partial_residual: array", &[compensated::WGSL][..]),
     ];
     for (binding, texts) in shared {
         if source.wgsl.contains(binding) {

@@ -12,8 +12,6 @@
 
 const TILE: u32 = 7u;  // nodes along a side; one thread more computes cells
 var<workgroup> corner_force: array<vec3<f32>, 512>; // [corner][thread], corners by bits x + 2y + 4z
-var<workgroup> shared_sum: array<f32, 64>;
-
 fn patterns(v: array<vec3<f32>, 8>) -> array<vec3<f32>, 8> {
     let a0 = v[0] + v[1]; let a1 = v[0] - v[1];
     let a2 = v[2] + v[3]; let a3 = v[2] - v[3];
@@ -107,10 +105,6 @@ fn product(
         }
         workgroupBarrier();
     }
-    shared_sum[lane] = product_dot;
-    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
-        workgroupBarrier();
-        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
-    }
-    if lane == 0u && tile < tiles { partial_product[slot * params.product_groups + tile] = shared_sum[0]; }
+    let sum_of_group = group_sum(product_dot, lane);
+    if lane == 0u && tile < tiles { partial_product[slot * params.product_groups + tile] = sum_of_group; }
 }

@@ -8,8 +8,6 @@
 @group(0) @binding(6) var<storage, read_write> partial_gamma: array<f32>;   // [slot][group] r·z
 @group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;              // [slot × 2]
 
-var<workgroup> shared_sum: array<f32, 64>;
-
 @compute @workgroup_size(64)
 fn relax(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -51,12 +49,8 @@ fn relax(
             gamma += dot(r[offset + i].xyz, sum);
         }
     }
-    shared_sum[lane] = gamma;
-    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
-        workgroupBarrier();
-        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
-    }
+    let sum_of_group = group_sum(gamma, lane);
     if lane == 0u && column < columns {
-        partial_gamma[slot * ((columns + GROUP - 1u) / GROUP) + group_index] = shared_sum[0];
+        partial_gamma[slot * ((columns + GROUP - 1u) / GROUP) + group_index] = sum_of_group;
     }
 }

@@ -9,8 +9,6 @@
 @group(0) @binding(7) var<storage, read_write> rest: array<vec4<f32>>;      // [node] N
 @group(0) @binding(8) var<storage, read_write> balance: array<vec2<f32>>;   // [group] potential J, squared rest N²
 
-var<workgroup> shared_sum: array<vec2<f32>, 64>;
-
 @compute @workgroup_size(64)
 fn residual(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -28,10 +26,8 @@ fn residual(
         let pull = w[i].xyz * 0.5 - (b[i].xyz + before * params.stiffness_factor);
         part = vec2<f32>(dot(dx[i].xyz, pull), dot(left, left));
     }
-    shared_sum[lane] = part;
-    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
-        workgroupBarrier();
-        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
-    }
-    if lane == 0u && i < params.node_count { balance[block] = shared_sum[0]; }
+    let potential = group_sum(part.x, lane);
+    workgroupBarrier(); // thread 0 has read the sum
+    let squared = group_sum(part.y, lane);
+    if lane == 0u && i < params.node_count { balance[block] = vec2<f32>(potential, squared); }
 }

@@ -7,8 +7,6 @@
 @group(0) @binding(5) var<storage, read_write> b: array<vec4<f32>>;       // [slot][node] N
 @group(0) @binding(6) var<storage, read_write> partial_load: array<f32>;  // [group] N²
 
-var<workgroup> shared_sum: array<f32, 64>;
-
 @compute @workgroup_size(64)
 fn rhs(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -31,10 +29,6 @@ fn rhs(
         let held = elastic - elastic * axes;
         load_squared = dot(sum, sum) + dot(pushed, pushed) + dot(held, held);
     }
-    shared_sum[lane] = load_squared;
-    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
-        workgroupBarrier();
-        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
-    }
-    if lane == 0u && i < params.node_count { partial_load[block] = shared_sum[0]; }
+    let sum_of_group = group_sum(load_squared, lane);
+    if lane == 0u && i < params.node_count { partial_load[block] = sum_of_group; }
 }

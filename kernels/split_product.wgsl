@@ -11,8 +11,6 @@
 @group(0) @binding(9) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
 
 const TILE: u32 = 7u; // of product.wgsl, whose sums come first
-var<workgroup> shared_sum: array<f32, 64>;
-
 // Force of split cells on node `i`, without the factor s.
 fn force_on(i: u32, offset: u32) -> vec3<f32> {
     let c = place(params, i);
@@ -59,13 +57,9 @@ fn split_product(
         if of_grid { out += w[offset + i].xyz; }
         w[offset + i] = vec4<f32>(out, 0.0);
     }
-    shared_sum[lane] = product_dot;
-    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
-        workgroupBarrier();
-        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
-    }
+    let sum_of_group = group_sum(product_dot, lane);
     if lane == 0u && entry < params.touched_nodes {
         let tiles = ((params.nodes_x + TILE - 1u) / TILE) * ((params.nodes_y + TILE - 1u) / TILE);
-        partial_product[slot * params.product_groups + tiles + index] = shared_sum[0];
+        partial_product[slot * params.product_groups + tiles + index] = sum_of_group;
     }
 }

@@ -9,8 +9,6 @@
 @group(0) @binding(7) var<storage, read_write> partial_product: array<f32>;  // [slot][group] z·w
 @group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2]
 
-var<workgroup> shared_sum: array<f32, 64>;
-
 @compute @workgroup_size(64)
 fn springs_product(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -36,12 +34,8 @@ fn springs_product(
         w[offset + i] = vec4<f32>(out, 0.0);
         product_dot = dot(own, out);
     }
-    shared_sum[lane] = product_dot;
-    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
-        workgroupBarrier();
-        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
-    }
+    let sum_of_group = group_sum(product_dot, lane);
     if lane == 0u && i < params.node_count {
-        partial_product[slot * params.product_groups + block] = shared_sum[0];
+        partial_product[slot * params.product_groups + block] = sum_of_group;
     }
 }

@@ -9,8 +9,6 @@
 @group(0) @binding(7) var<storage, read_write> r: array<vec4<f32>>;     // [slot][node] N
 @group(0) @binding(8) var<storage, read_write> partial_residual: array<f32>; // [slot][group] r·r
 
-var<workgroup> shared_sum: array<f32, 64>;
-
 @compute @workgroup_size(64)
 fn update(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -23,13 +21,9 @@ fn update(
     let running = node < params.node_count && scalars[slot * 2u].w == 0.0;
     var residual = vec4<f32>(0.0);
     if running { residual = update_node(slot, slot * params.node_count + node); }
-    shared_sum[lane] = dot(residual, residual);
-    for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
-        workgroupBarrier();
-        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
-    }
+    let sum_of_group = group_sum(dot(residual, residual), lane);
     if lane == 0u && running {
-        partial_residual[slot * ((params.node_count + GROUP - 1u) / GROUP) + group_index] = shared_sum[0];
+        partial_residual[slot * ((params.node_count + GROUP - 1u) / GROUP) + group_index] = sum_of_group;
     }
 }
 

@@ -44,8 +44,17 @@ fn every_kernel_has_one_name_and_one_twin() {
     let mut files = BTreeSet::new();
     for entry in std::fs::read_dir(&folder).expect("the kernels' folder") {
         let path = entry.expect("an entry").path();
-        let shared = ["common", "split", "deformation", "hyperelastic", "neo_hookean", "mooney_rivlin", "collected"]
-            .map(|name| path.ends_with(format!("{name}.wgsl")));
+        let shared = [
+            "common",
+            "split",
+            "deformation",
+            "hyperelastic",
+            "neo_hookean",
+            "mooney_rivlin",
+            "collected",
+            "compensated",
+        ]
+        .map(|name| path.ends_with(format!("{name}.wgsl")));
         if path.extension().is_some_and(|e| e == "wgsl") && !shared.contains(&true) {
             assert!(path.with_extension("rs").is_file(), "{} has no twin", path.display());
             files.insert(path.file_stem().expect("a name").to_string_lossy().into_owned());
