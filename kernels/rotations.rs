@@ -128,11 +128,8 @@ mod tests {
 
     #[test]
     fn any_start_finds_the_same_maximum() {
-        let mut seed = 7u64;
-        let mut random = || {
-            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-            (seed >> 33) as f64 / (1u64 << 30) as f64 - 1.0
-        };
+        let mut generator = crate::math::random::Random::new(7);
+        let mut random = || generator.signed();
         for case in 0..500 {
             let f = M3([0; 3].map(|_| V3::new(random(), random(), random())));
             let mut traces = vec![];

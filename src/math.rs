@@ -4,6 +4,7 @@
 
 pub mod elementary;
 pub mod mirrors;
+pub mod random;
 pub mod wide;
 
 use bytemuck::Pod;

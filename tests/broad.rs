@@ -5,6 +5,7 @@ use cutis::collide::broad::Boxes;
 use cutis::collide::{Contact, Patch, Resistance, Search, contacts, tool_box};
 use cutis::kernels::bounds;
 use cutis::math::V4;
+use cutis::math::random::Random;
 use cutis::mesh::Quad;
 use cutis::mesh::{Grid, Surface};
 use cutis::scene::{Coupling, Filter, Pose, Scene, Tool, ToolMesh, read};
@@ -17,11 +18,8 @@ use std::path::Path;
 
 /// Numbers in −1 to 1 from a seed.
 fn random(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
-    move || {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
+    let mut random = Random::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1);
+    move || random.signed()
 }
 
 /// 0.8 mm wide cells, two levels of 1 mm.

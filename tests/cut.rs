@@ -23,7 +23,7 @@ fn hits<R: Real>(case: &Case) -> Vec<Vec<Hit<R>>> {
 
 /// How many of many random cases no sweep hits.
 fn missed(path: Path, seed: u64, hit: impl Fn(&Case) -> bool) -> usize {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     (0..CASES)
         .filter(|_| {
             let place = 0.03 * random.direction();
@@ -185,7 +185,7 @@ fn gaps(wobble: f64, cases: u64, hits: Crosses) -> [usize; 2] {
     let (links, loops) = links_and_loops();
     let mut out = [0; 2];
     for seed in 0..cases {
-        let passed = Passed::new(&links, &mut Random(seed), wobble);
+        let passed = Passed::new(&links, &mut Random::new(seed), wobble);
         let crossings = passed.crossings(hits);
         out[0] += loops.iter().filter(|l| l.iter().map(|k| crossings[*k]).sum::<u32>() % 2 == 1).count();
         out[1] += usize::from(pieces(&links, &crossings) < 2);
@@ -242,7 +242,7 @@ fn block<R: Real>(random: &mut Random) -> (Vec<V4<R>>, Vec<[u32; 2]>) {
 /// those that one of both has alone.
 fn at_once_and_in_parts<R: Real>(left_out: usize) -> [usize; 2] {
     const STEPS: usize = 20;
-    let mut random = Random(6);
+    let mut random = Random::new(6);
     let (points, links) = block::<R>(&mut random);
     let still = vec![[R::zero(); 4]; points.len()];
     let of = |quads: [DVec3; 4]| -> BTreeSet<u32> {
@@ -288,7 +288,7 @@ fn resting(random: &mut Random, x: f64, z: f64) -> usize {
 
 #[test]
 fn an_edge_that_moves_with_the_skin_cuts_nothing() {
-    let mut random = Random(7);
+    let mut random = Random::new(7);
     for _ in 0..CASES {
         let side = random.next().signum();
         let z = random.between(-0.5, 0.5);

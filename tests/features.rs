@@ -7,6 +7,7 @@ use cutis::collide::features::cones::Cone;
 use cutis::collide::features::{contacts, contacts_among};
 use cutis::collide::{Contact, Patch, Search};
 use cutis::constraints::Law;
+use cutis::math::random::Random;
 use cutis::mesh::Quad;
 use cutis::scene::{Coupling, Filter, Lines, Pose, Scene, Tool, ToolMesh, read};
 use cutis::step::{Place, Simulation, StepReport};
@@ -442,12 +443,8 @@ fn the_end_of_a_wire_never_slips_through_wherever_it_is_pressed() {
     let press = with_wire(scene("hard/press_vertex_edge_face.toml"));
     // vertex, edges along x and y, the diagonal, face, and anywhere
     let mut places = vec![[0.0, 0.0], [5e-4, 0.0], [0.0, 5e-4], [2.5e-4, 2.5e-4], [7.5e-4, 2.5e-4], [5e-4, 5e-4]];
-    let mut seed = 30u64;
-    println!("seed {seed}");
-    let mut random = || {
-        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5) * 2e-3
-    };
+    let mut generator = Random::new(30);
+    let mut random = || (generator.unit() - 0.5) * 2e-3;
     places.extend((0..8).map(|_| [random(), random()]));
     let mut worst = f64::NEG_INFINITY;
     for [x, y] in places {

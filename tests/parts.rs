@@ -9,6 +9,7 @@ use cutis::kernels::factor::factor;
 use cutis::kernels::precondition::precondition;
 use cutis::kernels::product::{LANES, cell_groups, product};
 use cutis::kernels::split_product::split_product;
+use cutis::math::random::Random;
 use cutis::math::{M3, V3, V4, rotation_matrix};
 use cutis::scene::{Files, Mass, parse};
 use proptest::prelude::*;
@@ -146,11 +147,9 @@ fn mass_is_kept(model: &Model, wound: &Wound) -> Result<(), TestCaseError> {
 }
 
 /// Numbers in −1…1, the same on every machine.
-fn random(mut state: u64) -> impl FnMut() -> f64 {
-    move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
+fn random(seed: u64) -> impl FnMut() -> f64 {
+    let mut random = Random::new(seed);
+    move || random.signed()
 }
 
 fn turned(model: &Model, seed: u64) -> Vec<V4<f64>> {

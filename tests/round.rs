@@ -1,5 +1,6 @@
 //! Spheres and capsules on the skin: what holds them, what they feel, and what each check would miss without it.
 
+use cutis::math::random::Random;
 use cutis::scene::{Filter, Law, Pose, Scene, read};
 use cutis::step::{Place, Simulation, StepReport};
 use glam::DVec3;
@@ -104,12 +105,8 @@ fn half_a_cell_of_1_mm_is_coarse_for_a_sphere_of_2_mm_and_one_point_far_too_soft
 fn a_small_sphere_never_slips_through_wherever_it_is_pressed() {
     let press = scene("hard/press_vertex_edge_face.toml");
     let radius = press.tools[0].round.expect("it is round").radius;
-    let mut seed = 20u64;
-    println!("seed {seed}");
-    let mut random = || {
-        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        ((seed >> 11) as f64 / (1u64 << 53) as f64 - 0.5) * 2e-3
-    };
+    let mut generator = Random::new(20);
+    let mut random = || (generator.unit() - 0.5) * 2e-3;
     // vertex, edges along x and y, the diagonal, faces
     let mut places = vec![[0.0, 0.0], [5e-4, 0.0], [0.0, 5e-4], [2.5e-4, 2.5e-4], [7.5e-4, 2.5e-4], [5e-4, 5e-4]];
     places.extend((0..200).map(|_| [random(), random()]));

@@ -2,6 +2,7 @@
 
 use super::{Model, turned};
 use crate::math::V4;
+use crate::math::random::scattered;
 use crate::mesh::Grid;
 use crate::scene::{Scene, Start};
 
@@ -43,13 +44,4 @@ fn shaped(start: Start, grid: &Grid, node: usize) -> [f64; 3] {
         }
         Start::Twist(angle) => turned([x, y, z], angle * z / grid.thickness()),
     }
-}
-
-/// A number in −1…1 that looks random and is the same for the same `key`: the finaliser of SplitMix64 (Steele, Lea, Flood 2014).
-fn scattered(key: u64) -> f64 {
-    let mut bits = key.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    bits ^= bits >> 31;
-    (bits >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }

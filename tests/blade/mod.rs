@@ -5,6 +5,7 @@ use cutis::bodies::grid::{cell_centres, links};
 use cutis::bodies::rigid::Instrument;
 use cutis::error::Result;
 use cutis::kernels::cut::cut;
+use cutis::math::random;
 use cutis::report::Report;
 use cutis::report::run::{Options, run};
 use cutis::scene::{Files, Pose, Scene, parse};
@@ -12,16 +13,17 @@ use cutis::step::Place;
 use glam::{DQuat, DVec3};
 use std::path::Path;
 
-/// Numbers that look random and are the same for the same seed. Source: Steele, Lea, Flood 2014 (SplitMix64).
-pub struct Random(pub u64);
+/// Numbers that look random and are the same for the same seed.
+pub struct Random(random::Random);
 
 impl Random {
+    /// From a seed.
+    pub fn new(seed: u64) -> Self {
+        Self(random::Random::split_mix(seed))
+    }
     /// Between two numbers.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        low + (high - low) * ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        self.0.between(low, high)
     }
     /// One of some.
     pub fn pick<T: Copy>(&mut self, of: &[T]) -> T {
@@ -137,7 +139,7 @@ const TIP: DVec3 = DVec3::new(-12e-3, 0.0, -14e-3);
 impl Case {
     /// The case of a kind and number.
     pub fn new(kind: Kind, number: u64) -> Self {
-        let mut random = Random(number.wrapping_mul(1_000_003).wrapping_add(kind as u64));
+        let mut random = Random::new(number.wrapping_mul(1_000_003).wrapping_add(kind as u64));
         // a cut right through touches along the whole height of the skin: the smallest grid is dear enough
         let (size, cells, layers) = random.pick(if kind == Kind::Through { &SKINS[..1] } else { &SKINS });
         let held: &[&str] = match kind {

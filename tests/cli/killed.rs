@@ -3,6 +3,7 @@
 use super::Outcome;
 use super::work::Work;
 use crate::ensure;
+use cutis::math::random::Random;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -120,11 +121,10 @@ pub fn read_back(folder: &Path) -> Result<[usize; 2], String> {
 
 fn a_killed_run_leaves_whole_files() -> Outcome {
     let work = Work::with(&long())?;
-    let (mut seed, mut found) = (15u64, vec![]);
+    let (mut random, mut found) = (Random::new(15), vec![]);
     for _ in 0..KILLED {
-        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         // the folder of the last one stays, as it does for who runs again
-        ended_by(&work, "-KILL", Duration::from_micros((seed >> 33) % 400_000))?;
+        ended_by(&work, "-KILL", Duration::from_micros(random.below(400_000)))?;
         found.push(read_back(&work.path("out"))?);
     }
     println!("steps and meshes of killed runs: {found:?}");

@@ -3,6 +3,7 @@
 use super::Outcome;
 use super::work::{PRESS, Work};
 use crate::ensure;
+use cutis::math::random::Random;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -119,11 +120,10 @@ fn a_killed_run_goes_on_to_the_same_end() -> Outcome {
             serde_json::from_str(&work.read("whole/report.json")?).map_err(|e| e.to_string())?;
         let severed = report["cut"]["links_severed"].as_u64().unwrap_or_default();
         ensure!(wants_cut == (severed > 0), "{severed} links are severed");
-        let (mut seed, mut kills, mut resumed) = (7u64, 0, 0);
+        let (mut random, mut kills, mut resumed) = (Random::new(7), 0, 0);
         while kills < KILLS {
-            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
             resumed += u32::from(work.path("killed/checkpoint.bin").exists());
-            if ended(&work, "killed", Some(Duration::from_millis((seed >> 33) % MOMENT)))? {
+            if ended(&work, "killed", Some(Duration::from_millis(random.below(MOMENT))))? {
                 same(&work, &wanted)?;
                 std::fs::remove_dir_all(work.path("killed")).map_err(|e| e.to_string())?;
             } else {

@@ -3,6 +3,7 @@
 
 use cutis::backend::{Needs, Snapshot};
 use cutis::bodies::Model;
+use cutis::math::random::Random;
 use cutis::scene::{Files, parse};
 use glam::DVec3;
 use std::path::Path;
@@ -54,11 +55,9 @@ pub fn at_rest(model: &Model) -> Snapshot {
 }
 
 /// Numbers in −1…1, the same on every machine.
-pub fn random(mut state: u64) -> impl FnMut() -> f64 {
-    move || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    }
+pub fn random(seed: u64) -> impl FnMut() -> f64 {
+    let mut random = Random::new(seed);
+    move || random.signed()
 }
 
 /// What a short edge sweeps somewhere in the block; `next` gives numbers from −1 to 1.

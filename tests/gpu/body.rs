@@ -11,6 +11,7 @@ use cutis::kernels::bounds;
 use cutis::kernels::probe;
 use cutis::kernels::product::{Modes, tiles};
 use cutis::kernels::{GROUP, Params};
+use cutis::math::random;
 use cutis::math::{M3, Real, V3, V4};
 use cutis::mesh::{Grid, Parts};
 
@@ -69,12 +70,14 @@ const REQUESTS: [[f32; 4]; 8] = [
 ];
 
 /// Numbers in −1 to 1, the same on every machine.
-struct Random(u64);
+struct Random(random::Random);
 
 impl Random {
+    fn new(seed: u64) -> Self {
+        Self(random::Random::new(seed))
+    }
     fn next(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        ((self.0 >> 40) as f32) / ((1u32 << 23) as f32) - 1.0
+        ((self.0.bits() >> 40) as f32) / ((1u32 << 23) as f32) - 1.0
     }
     fn many(&mut self, count: usize, scale: f32) -> Vec<f32> {
         (0..count).map(|_| scale * self.next()).collect()
@@ -209,7 +212,7 @@ impl Body {
     /// Three of four nodes in random order, each once.
     pub fn ids(&self) -> Vec<u32> {
         let mut ids: Vec<u32> = (0..self.grid.node_count() as u32).collect();
-        let mut random = Random(self.seed);
+        let mut random = Random::new(self.seed);
         for k in (1..ids.len()).rev() {
             ids.swap(k, (0.5 * (random.next() + 1.0) * k as f32) as usize);
         }
@@ -243,7 +246,7 @@ impl Body {
     fn reals(&self, name: &str) -> Vec<f32> {
         let (nodes, all) = (self.nodes(), self.nodes() * self.slots.max(2));
         let seed = name.bytes().fold(self.seed, |s, c| s.wrapping_mul(31).wrapping_add(u64::from(c)));
-        let mut random = Random(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+        let mut random = Random::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         random.next();
         match name {
             "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4)),
@@ -437,7 +440,7 @@ fn reserved<R: Real>(kernel: &str, grid: &Grid) -> Params<R> {
 fn parts(kernel: &str, grid: &Grid, seed: u64) -> Parts {
     let params = reserved::<f64>(kernel, grid);
     let mut parts = Parts::new(params);
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let middle = grid.cells.map(|c| (c / 2).max(1) - 1);
     let mut hits = vec![];
     for cell in 0..grid.cell_count() {

@@ -30,7 +30,7 @@ pub const TESTS: &[(&str, Test)] = &[
 type Hits = BTreeSet<(usize, usize, u32)>;
 
 fn cases(path: Path, seed: u64) -> Vec<Case> {
-    let mut random = Random(seed);
+    let mut random = Random::new(seed);
     let place = |n: usize| DVec3::new((n % SIDE) as f64, (n / SIDE % SIDE) as f64, (n / SIDE / SIDE) as f64);
     let centre = DVec3::splat(0.5 * (SIDE - 1) as f64);
     (0..SIDE.pow(3)).map(|n| Case::new(&mut random, path, (place(n) - centre) * APART)).collect()

@@ -8,6 +8,7 @@ use cutis::haptic::device::{Device, Workspace};
 use cutis::haptic::hand::SimulatedHand;
 use cutis::haptic::replay::Path;
 use cutis::haptic::servo::{Servo, Settings};
+use cutis::math::random::Random;
 use cutis::scene::Coupling;
 use glam::{DQuat, DVec3};
 use proptest::prelude::*;
@@ -136,13 +137,12 @@ fn the_observer_sees_the_work_of_the_held_force() {
     assert!((late - hand.work).abs() > 0.1 * hand.work.abs(), "{late} J instead of {} J", hand.work);
 }
 
-/// Numbers between 0 and 1 from a seed.
-struct Dice(u64);
+/// Numbers from a seed.
+struct Dice(Random);
 
 impl Dice {
     fn roll(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 53) as f64
+        self.0.unit()
     }
 
     fn around(&mut self, middle: f64, spread: f64) -> f64 {
@@ -166,7 +166,7 @@ fn skin(dice: &mut Dice, z: f64, surface: f64) -> Reduced {
 
 /// Energy given to a hand on a random smooth path over skin that changes at 200 Hz; largest force and largest motion of a tick.
 fn random_press(seed: u64, passivity: bool) -> (f64, f64, f64) {
-    let mut dice = Dice(seed);
+    let mut dice = Dice(Random::new(seed));
     let waves: Vec<[f64; 3]> = (0..4)
         .map(|_| [dice.around(0.6e-3, 0.4e-3), dice.around(4.0, 3.5), std::f64::consts::TAU * dice.roll()])
         .collect();

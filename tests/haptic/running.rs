@@ -187,11 +187,8 @@ fn a_simulated_hand_gives_way_and_moves_the_tool() {
 
 /// A ball that a hand moves about at random on the skin: in and out, and sideways.
 fn shaken(seed: u64, passivity: bool) -> cutis::report::HapticReport {
-    let mut state = seed;
-    let mut random = |low: f64, high: f64| {
-        state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
-        low + (high - low) * (state >> 11) as f64 / (1u64 << 53) as f64
-    };
+    let mut generator = cutis::math::random::Random::new(seed);
+    let mut random = |low: f64, high: f64| generator.between(low, high);
     let mut path = String::from("[0.0, 0.0, 0.0, 3.05]");
     for k in 1..=40 {
         let at = [random(-0.5, 0.5), random(-0.5, 0.5), random(2.5, 3.1)];

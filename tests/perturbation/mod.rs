@@ -4,6 +4,7 @@
 //! each layer, friction, length and depth of the path, by ±10^U(−12, −2) with one exponent per run. The hand stands over the skin as in
 //! the shipped scene, however thick the skin is, and presses deeper or less by the same share.
 
+use cutis::math::random::Random;
 use cutis::report::run::{Options, run};
 use cutis::scene::{Pose, Scene, read};
 use cutis::step::Place;
@@ -44,16 +45,10 @@ pub struct Outcome {
     pub passes: [f64; 2],
 }
 
-/// SplitMix64: even numbers in [0, 1) from a seed.
+/// Even numbers in [0, 1) from a seed.
 fn random(seed: u64) -> impl FnMut() -> f64 {
-    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15);
-    move || {
-        state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let mut z = state;
-        z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-    }
+    let mut random = Random::split_mix(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
+    move || random.unit()
 }
 
 pub fn shipped(name: &str) -> Scene {

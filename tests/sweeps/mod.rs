@@ -3,6 +3,7 @@
 //! The path is drawn where the segment rests: across it `x` and `y`, along it `z`, in its lengths, the axes turned with the segment and
 //! never about it. The edge runs from `y < 0` to `y > 0`. So it passes the segment, whatever it does in between.
 
+use cutis::math::random;
 use cutis::math::{Real, V3, V4};
 use glam::{DQuat, DVec3};
 
@@ -14,16 +15,17 @@ const LENGTH: f64 = 1e-3;
 /// How far a segment turns in a step at most, rad.
 const TURN: f64 = 0.4;
 
-/// Numbers from −1 to 1. Source: Steele, Lea, Flood 2014 (SplitMix64).
-pub struct Random(pub u64);
+/// Numbers from −1 to 1.
+pub struct Random(random::Random);
 
 impl Random {
+    /// From a seed.
+    pub fn new(seed: u64) -> Self {
+        Self(random::Random::split_mix(seed))
+    }
     /// The next one.
     pub fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        self.0.signed()
     }
     /// Between two numbers.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {

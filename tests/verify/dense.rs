@@ -170,7 +170,7 @@ pub fn multiply(params: &Params<f64>, model: &Model, rotation: &[V4<f64>], z: &[
 /// Differences of twin and assembled matrix on a random vector: of `A z`, relative to its largest, and of `z·A z`, relative to itself.
 fn product_error(model: &Model, assembled_from: &Model) -> [f64; 2] {
     const SEED: u64 = 11;
-    let mut random = Random(SEED);
+    let mut random = Random::new(SEED);
     let rotation = random_rotations(model, &mut random);
     let (model, assembled_from) = (&without_dead(model, &rotation), &without_dead(assembled_from, &rotation));
     let mut z = random.field(model.rest.len(), 1e-3);
@@ -237,7 +237,7 @@ fn product_of_strips() {
     scene.skins[0].cells = [13, 50];
     let mut model = model(&scene);
     hold_some(&mut model);
-    let mut random = Random(3);
+    let mut random = Random::new(3);
     let rotation = random_rotations(&model, &mut random);
     let z = random.field(model.rest.len(), 1e-3);
     let mut w = vec![[0.0; 4]; z.len()];
@@ -255,7 +255,7 @@ fn forces_in_strips() {
     let mut model = model(&small(Bbar));
     model.hexahedra_mut().pre_strain.iter_mut().zip(1..).for_each(|(e, k)| *e = [0.1, 0.2 * f64::from(k), -0.3, 0.0]);
     let params = model.params::<f64>();
-    let mut random = Random(11);
+    let mut random = Random::new(11);
     let mut rotation = random_rotations(&model, &mut random);
     rotation[5] = [0.0; 4];
     let mut u = random.field(model.rest.len(), 1e-4);
@@ -292,7 +292,7 @@ fn product_sees_a_wrong_entry() {
 
 fn product_sees_a_dead_cell() {
     let model = model(&small(Bbar));
-    let mut random = Random(5);
+    let mut random = Random::new(5);
     let mut rotation = random_rotations(&model, &mut random);
     let z = random.field(model.rest.len(), 1e-3);
     let mut with = vec![[0.0; 4]; z.len()];

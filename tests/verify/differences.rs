@@ -62,7 +62,7 @@ fn dot(a: &[V4<f64>], b: &[V4<f64>]) -> f64 {
 
 /// Largest `|dE/ds − f·z|` over directions `z`, relative to the largest `|f·z|`.
 fn gradient_error(model: &Model, u: &[V4<f64>], width: f64) -> f64 {
-    let mut random = Random(SEED);
+    let mut random = Random::new(SEED);
     let [f, ..] = force(model, u);
     let (mut worst, mut size) = (0.0f64, 0.0f64);
     for _ in 0..8 {
@@ -76,7 +76,7 @@ fn gradient_error(model: &Model, u: &[V4<f64>], width: f64) -> f64 {
 
 /// Largest difference between `(f(u + z) − f(u − z))/2` and the product's `K z`, relative to the largest of `K z`.
 fn tangent_error(model: &Model, u: &[V4<f64>], width: f64) -> f64 {
-    let mut random = Random(SEED);
+    let mut random = Random::new(SEED);
     let z = random.field(u.len(), 1e-5);
     let [_, rotation, tangent] = force(model, u);
     let mut params = model.params();
@@ -104,13 +104,13 @@ const EXACT: f64 = 1e-11;
 fn linear_force() {
     for element in [Plain, Bbar, Enhanced] {
         let model = model(&block(element, false));
-        let u = Random(SEED + 1).field(model.rest.len(), 1e-5);
+        let u = Random::new(SEED + 1).field(model.rest.len(), 1e-5);
         let error = gradient_error(&model, &u, 1.0);
         measured("linear force against energy", error, 0.0);
         assert!(error < EXACT, "{element:?}: {error:e}");
         let mut wrong = model.clone();
         wrong.hexahedra_mut().stiffness[0][4][9] *= 1.001;
-        let u = Random(SEED + 1).field(model.rest.len(), 1e-5);
+        let u = Random::new(SEED + 1).field(model.rest.len(), 1e-5);
         let error = gradient_error(&wrong, &u, 1.0);
         assert!(error > 1e3 * EXACT, "an unsymmetric entry has no energy: {error:e}");
     }
@@ -123,7 +123,7 @@ fn pre_strained_force() {
         layers.zip([[0.2, 0.1], [0.3, -0.1], [0.05, 0.4]]).for_each(|(layer, e)| layer.pre_strain = e);
         let mut model = model(&scene);
         // of the size of the strain's own displacements in a cell, so that both count in the sums
-        let u = Random(SEED + 1).field(model.rest.len(), 1e-4);
+        let u = Random::new(SEED + 1).field(model.rest.len(), 1e-4);
         let error = gradient_error(&model, &u, 1.0);
         measured("pre-strained force against energy", error, 0.0);
         assert!(error < EXACT, "{element:?}: {error:e}");
@@ -139,7 +139,7 @@ fn pre_strained_force() {
 fn linear_product() {
     for element in [Plain, Bbar, Enhanced] {
         let mut model = model(&block(element, false));
-        let u = Random(SEED + 1).field(model.rest.len(), 1e-5);
+        let u = Random::new(SEED + 1).field(model.rest.len(), 1e-5);
         let error = tangent_error(&model, &u, 1.0);
         measured("linear product against force", error, 0.0);
         assert!(error < EXACT, "{element:?}: {error:e}");
@@ -150,7 +150,7 @@ fn linear_product() {
 
 /// A body strained by about `strain`, then turned by 50° about a skew axis.
 fn strained(model: &Model, strain: f64) -> Vec<V4<f64>> {
-    let mut random = Random(SEED + 2);
+    let mut random = Random::new(SEED + 2);
     let noise = random.field(model.rest.len(), 1e-3 * strain);
     let (s, c) = 25f64.to_radians().sin_cos();
     let r = rotation_matrix([s * 2.0 / 3.0, s / 3.0, -s * 2.0 / 3.0, c]);
@@ -190,7 +190,7 @@ fn spring_body() -> Model {
 
 /// Uniform growth by `by`, with noise of a tenth of it.
 fn grown(model: &Model, by: f64) -> Vec<V4<f64>> {
-    let noise = Random(SEED + 3).field(model.rest.len(), 1e-4 * by.abs());
+    let noise = Random::new(SEED + 3).field(model.rest.len(), 1e-4 * by.abs());
     let grow = |(x, d): (&[f64; 3], &V4<f64>)| (V3::of(*x) * by + V3::from4(*d)).pad(0.0);
     model.rest.iter().zip(&noise).map(grow).collect()
 }

@@ -39,7 +39,7 @@ fn of(element: Element, mass: Mass, preconditioner: Preconditioner) -> Scene {
 fn state(element: Element, mass: Mass) -> (Model, Vec<V4<f64>>) {
     let mut model = model(&of(element, mass, Preconditioner::Direct));
     hold_some(&mut model);
-    let mut rotation = random_rotations(&model, &mut Random(21));
+    let mut rotation = random_rotations(&model, &mut Random::new(21));
     rotation[0] = [0.0; 4];
     let mut model = without_dead(&model, &rotation);
     let params = model.params::<f64>();
@@ -54,7 +54,7 @@ fn state(element: Element, mass: Mass) -> (Model, Vec<V4<f64>>) {
 
 /// A field that is zero on held axes.
 fn field(model: &Model, seed: u64) -> Vec<V4<f64>> {
-    let mut z = Random(seed).field(model.rest.len(), 1e-3);
+    let mut z = Random::new(seed).field(model.rest.len(), 1e-3);
     for (z, free) in z.iter_mut().zip(&model.free) {
         (0..3).for_each(|n| z[n] *= free[n]);
     }
@@ -120,7 +120,8 @@ fn increment<R: Real>(scene: &Scene, tolerance: f64) -> (Vec<V4<f64>>, Outcome) 
         [(c - 1.0) * x - s * y + 0.1 * z, s * x + (c - 1.0) * y, 0.05 * x * (1.0 + 40.0 * y)]
     });
     let mut backend = CpuBackend::<R>::new(&model, Needs::default(), 5000, 0.0, &start);
-    backend.set_load(&Random(8).field(model.rest.len(), 1e-3).iter().map(|f| [f[0], f[1], f[2]]).collect::<Vec<_>>());
+    backend
+        .set_load(&Random::new(8).field(model.rest.len(), 1e-3).iter().map(|f| [f[0], f[1], f[2]]).collect::<Vec<_>>());
     // the cells' rotations are there before a cut
     backend.begin().expect("the CPU works");
     let mut rotation = vec![[0.0, 0.0, 0.0, 1.0]; model.grid.cell_count()];
@@ -216,7 +217,7 @@ fn no_solution() {
     let mut free_body = model(&scene);
     free_body.free.iter_mut().for_each(|f| f[3] = 0.0);
     for seed in 0..20 {
-        let mut random = Random(seed);
+        let mut random = Random::new(seed);
         let rotation: Vec<_> = (0..free_body.grid.cell_count()).map(|_| random.quaternion()).collect();
         let turned = vec![rotation[0]; rotation.len()];
         let found = Direct::new(&free_body).expect("direct").factor(&turned, &free_body.free);

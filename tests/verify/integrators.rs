@@ -262,7 +262,7 @@ fn lively(integrator: Integrator) -> (Model, Snapshot) {
     scene.boundaries = vec![held(Region::Bottom, [true; 3])];
     let model = model(&scene);
     let mut start = displaced(&model, |_| [0.0; 3]);
-    (start.u, start.v) = (Random(3).field(model.rest.len(), 1e-6), Random(4).field(model.rest.len(), 1e-3));
+    (start.u, start.v) = (Random::new(3).field(model.rest.len(), 1e-6), Random::new(4).field(model.rest.len(), 1e-3));
     for (i, free) in model.free.iter().enumerate() {
         for n in 0..3 {
             start.u[i][n] *= free[n];

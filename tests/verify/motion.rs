@@ -68,7 +68,7 @@ fn lively(model: &Model) -> Snapshot {
         let [a, b, c] = x.map(|x| 400.0 * x);
         [6e-5 * b.sin(), 5e-5 * (a + c).cos(), 3e-5 * (a * b).sin()]
     });
-    start.v = Random(21).field(model.rest.len(), 0.02);
+    start.v = Random::new(21).field(model.rest.len(), 0.02);
     start
 }
 
@@ -190,7 +190,7 @@ fn explicit_energy() {
 fn relative_torque(corotational: bool, strain: f64) -> f64 {
     let model = model(&block(Plain, corotational));
     let (s, c) = 40f64.to_radians().sin_cos();
-    let noise = Random(8).field(model.rest.len(), 1e-3 * strain);
+    let noise = Random::new(8).field(model.rest.len(), 1e-3 * strain);
     let turn = |(x, d): (&[f64; 3], &[f64; 4])| {
         let y = add(*x, xyz(*d));
         [c * y[0] - s * y[1] - x[0], s * y[0] + c * y[1] - x[1], y[2] - x[2], 0.0]

@@ -207,7 +207,7 @@ fn bound() {
         blocks(&params, &model.stiffness_blocks(), layers, &rotation, &model.free, &[], &mut block);
         factor(&params, &mut block);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
-        let mut z = super::setup::Random(3).field(count, 1.0);
+        let mut z = super::setup::Random::new(3).field(count, 1.0);
         let mut w = vec![[0.0; 4]; count];
         let mut found = 0.0;
         for _ in 0..300 {

@@ -55,7 +55,7 @@ fn patch() {
         let size = model.grid.nodes;
         let params = model.grid.params::<f64>();
         let mut start = displaced(&model, affine);
-        let noise = Random(5).field(model.rest.len(), 2e-5);
+        let noise = Random::new(5).field(model.rest.len(), 2e-5);
         for node in 0..model.rest.len() {
             let at = params.node_at(node);
             if (0..3).any(|n| at[n] == 0 || at[n] + 1 == size[n]) {

@@ -5,7 +5,7 @@ use cutis::bodies::Model;
 use cutis::bodies::Removal;
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
-use cutis::math::{V4, norm};
+use cutis::math::{V4, norm, random};
 use cutis::scene::{Element, Files, Law, Scene, parse, read};
 use cutis::step::Place;
 use std::path::Path;
@@ -202,13 +202,16 @@ pub fn largest<'a>(field: impl IntoIterator<Item = &'a [f64; 3]>) -> f64 {
     field.into_iter().flatten().fold(0.0, |m, c| f64::max(m, c.abs()))
 }
 
-/// Numbers in −1…1, the same on every machine (Knuth's MMIX generator).
-pub struct Random(pub u64);
+/// Numbers in −1…1, the same on every machine.
+pub struct Random(random::Random);
 
 impl Random {
+    pub fn new(seed: u64) -> Self {
+        Self(random::Random::new(seed))
+    }
+
     pub fn next(&mut self) -> f64 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        self.0.signed()
     }
 
     /// [node] vectors with a fourth 0.

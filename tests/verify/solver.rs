@@ -58,7 +58,7 @@ fn cg(model: &Model, b: &[V4<f64>], cap: u32, product_of: f64) -> (Vec<V4<f64>>,
 }
 
 fn load(model: &Model) -> Vec<V4<f64>> {
-    let mut b = Random(9).field(model.rest.len(), 1e-3);
+    let mut b = Random::new(9).field(model.rest.len(), 1e-3);
     for (b, free) in b.iter_mut().zip(&model.free) {
         (0..3).for_each(|n| b[n] *= free[n]);
     }

@@ -183,6 +183,7 @@ mod tests {
     use super::*;
     use crate::kernels::corner;
     use crate::kernels::hyperelastic;
+    use crate::math::random::Random;
 
     type Law = hyperelastic::Law<f64>;
     type Field = [V3<f64>; 8];
@@ -204,13 +205,9 @@ mod tests {
         std::array::from_fn(|a| V3::of(std::array::from_fn(|i| one(a, i))))
     }
 
-    /// Numbers in −1…1 (Knuth's MMIX generator).
     fn random(seed: u64, size: f64) -> Field {
-        let mut state = seed;
-        field(|_, _| {
-            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-            size * ((state >> 11) as f64 / (1u64 << 52) as f64 - 1.0)
-        })
+        let mut random = Random::new(seed);
+        field(|_, _| size * random.signed())
     }
 
     fn moved(law: Law, u: &Field, d: &Field, by: f64) -> Cell<f64> {

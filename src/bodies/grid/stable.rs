@@ -9,6 +9,7 @@
 use crate::bodies::{Kind, Model};
 use crate::kernels::Params;
 use crate::kernels::product::{LANES, cell_groups, product};
+use crate::math::random::Random;
 use crate::math::{V4, norm};
 use crate::scene::Mass;
 
@@ -61,12 +62,8 @@ impl Model {
 
 /// A start that has something of every vibration: numbers without a pattern, the same on every machine.
 fn first(count: usize) -> Vec<V4<f64>> {
-    let mut state = 1u64;
-    let mut one = || {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-    };
-    (0..count).map(|_| [one(), one(), one(), 0.0]).collect()
+    let mut random = Random::new(1);
+    (0..count).map(|_| [random.signed(), random.signed(), random.signed(), 0.0]).collect()
 }
 
 /// Largest eigenvalue of a symmetric operator without negative ones.
