@@ -89,6 +89,35 @@
 //! # Ok::<(), cutis::error::Error>(())
 //! ```
 //!
+//! Or build one in code, press it and cut it; what cannot run is refused with words:
+//!
+//! ```
+//! use cutis::scene::{Blade, Boundary, Contact, Pose, Region, Scene, Skin, Tool};
+//! use cutis::step::{Place, Simulation};
+//!
+//! let pose = |time, x, z| Pose { time, position: [x, 0.0, z], ..Pose::default() }; // s, m
+//! let scalpel = Tool {
+//!     blade: Some(Blade::default()),
+//!     round: None,
+//!     trajectory: vec![pose(0.0, 2e-3, 2.4e-3), pose(0.05, 2e-3, 0.8e-3), pose(0.2, -2e-3, 0.8e-3)],
+//!     ..Tool::default()
+//! };
+//! let held = |region| Boundary { body: 0, region, axes: [true; 3], displacement: [0.0; 3], turn: 0.0 };
+//! let scene = Scene {
+//!     skins: vec![Skin::default()],
+//!     boundaries: vec![held(Region::Bottom), held(Region::Sides)],
+//!     tools: vec![scalpel],
+//!     contact: Some(Contact::default()),
+//!     ..Scene::default()
+//! };
+//! let mut simulation = Simulation::new(&scene, &Place::Cpu64)?;
+//! for _ in 0..40 {
+//!     let step = simulation.step(false)?;
+//!     println!("{:.3} s: {:.3} N, {} links cut", step.time, step.contact.largest_on_tools(), step.severed);
+//! }
+//! # Ok::<(), cutis::error::Error>(())
+//! ```
+//!
 //! Hold a tool by a device of one's own; [`runner`] gives it ticks at 1 kHz, in a thread by the wall clock if wanted:
 //!
 //! ```

@@ -42,6 +42,19 @@ pub enum Invalid {
         source: std::io::Error,
     },
 
+    /// A part of a scene made in code.
+    #[error("scene \"{title}\": {path} is {found}; it has to be {wanted}")]
+    InCode {
+        /// The scene's.
+        title: String,
+        /// The part, as the code names it.
+        path: String,
+        /// What it is.
+        found: String,
+        /// What it has to be.
+        wanted: &'static str,
+    },
+
     /// A scene file without text.
     #[error("{path}: the scene is empty; start from a scene that works, for instance scenes/incision.toml")]
     EmptyScene {

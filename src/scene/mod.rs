@@ -7,6 +7,7 @@ mod anchor;
 mod bodies;
 mod body;
 mod builtin;
+mod code;
 mod devices;
 mod diagnose;
 mod files;

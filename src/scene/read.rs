@@ -86,7 +86,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let integrator = integrator::integrator(&scene, word, &raw_solver, &skins, touching)?;
     hyperelastic::fits(&scene, &hyperelastic, &tools, integrator, &raw_solver)?;
     let time = time(&scene, time_keys, integrator)?;
-    Ok(Scene {
+    let made = Scene {
         title: raw.title.into_inner(),
         file: file.to_path_buf(),
         solver: solver(&scene, raw_solver, &skins)?,
@@ -105,7 +105,9 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         attachments,
         probes,
         test,
-    })
+    };
+    made.parts()?;
+    Ok(made)
 }
 
 fn time(scene: &SceneText, raw: raw::Time, integrator: Integrator) -> Result<Time> {

@@ -198,6 +198,7 @@ impl Simulation {
     }
 
     fn on(scene: &Scene, gpu: Option<Arc<Gpu>>, single: bool) -> Result<Self> {
+        scene.check()?;
         let body = |number| Body::new(scene, number, gpu.as_ref(), single);
         let bodies = (0..scene.skins.len()).map(body).collect::<Result<Vec<_>>>()?;
         let prepare = |kind: &ProbeKind| {

@@ -1,0 +1,442 @@
+//! Scenes in code: what their parts are if nothing is said, and the check that every scene passes before it runs.
+
+use super::invalid::{Invalid, Result};
+use super::*;
+use crate::error;
+use std::fmt::Display;
+
+impl Default for Scene {
+    /// Nothing, at rest.
+    fn default() -> Self {
+        Self {
+            title: String::new(),
+            file: PathBuf::from("scene in code"),
+            time: Time::default(),
+            solver: Solver::default(),
+            skins: vec![],
+            boundaries: vec![],
+            anchors: vec![],
+            loads: vec![],
+            tools: vec![],
+            planes: vec![],
+            attachments: vec![],
+            contact: None,
+            haptic: Haptic::default(),
+            probes: vec![],
+            checks: vec![],
+            study: Study::default(),
+            test: None,
+            view: View::default(),
+        }
+    }
+}
+
+impl Default for Time {
+    /// 5 ms a step for a second.
+    fn default() -> Self {
+        Self {
+            step: 5e-3,
+            duration: 1.0,
+            gravity: [0.0, 0.0, -9.81],
+            substeps: 1,
+            integrator: Integrator::ImplicitEuler,
+        }
+    }
+}
+
+impl Default for Solver {
+    fn default() -> Self {
+        Self {
+            preconditioner: Preconditioner::Multigrid,
+            tolerance: 1e-3,
+            floor: 1e-10,
+            max_iterations: 1000,
+            refinements: 0,
+            true_residual_every: 20,
+        }
+    }
+}
+
+impl Default for Skin {
+    /// A patch of 10 × 10 mm and one layer of 2 mm, corotational.
+    fn default() -> Self {
+        Self {
+            name: "skin".into(),
+            position: [0.0; 3],
+            size: [0.01; 2],
+            cells: [10; 2],
+            layers: vec![Layer::default()],
+            law: Law::Fem { element: Element::Bbar, corotational: true },
+            mass: Mass::Lumped,
+            cut: Cut::Split { reserve_columns: 44 },
+            rayleigh_mass: 0.01,
+            rayleigh_stiffness: 0.01,
+            velocity: [0.0; 3],
+            displacement: [0.0; 3],
+            start: Start::Rest,
+        }
+    }
+}
+
+impl Default for Layer {
+    /// Dermis.
+    fn default() -> Self {
+        Self {
+            name: "dermis".into(),
+            thickness: 2e-3,
+            cells: 4,
+            young: 2e5,
+            poisson: 0.45,
+            second_share: 0.0,
+            density: 1100.0,
+            pre_strain: [0.0; 2],
+            toughness: 2e3,
+            color: [232, 190, 172],
+        }
+    }
+}
+
+impl Default for Tool {
+    /// A ball of 2 mm that a hand holds 20 mm above the origin.
+    fn default() -> Self {
+        Self {
+            name: "tool".into(),
+            mesh: ToolMesh { positions: vec![], triangles: vec![] },
+            mass: 0.02,
+            inertia: [1e-6; 3],
+            blade: None,
+            points: vec![],
+            tip_radius: 0.0,
+            round: Some(Round { radius: 2e-3, ends: [[0.0; 3]; 2] }),
+            lines: None,
+            cuboid: None,
+            coupling: Coupling::default(),
+            trajectory: vec![Pose::default()],
+            device: None,
+            free: None,
+        }
+    }
+}
+
+impl Default for Coupling {
+    fn default() -> Self {
+        Self { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 }
+    }
+}
+
+impl Default for Pose {
+    /// Upright, 20 mm above the origin.
+    fn default() -> Self {
+        Self { time: 0.0, position: [0.0, 0.0, 0.02], rotation: [0.0, 0.0, 0.0, 1.0] }
+    }
+}
+
+impl Default for Blade {
+    /// An edge of 4 mm that rises from its tip at the origin and cuts along −x.
+    fn default() -> Self {
+        Self {
+            edge: vec![[0.0; 3], [4e-3, 0.0, 4e-3]],
+            normal: [0.0, 1.0, 0.0],
+            thickness: 4e-4,
+            edge_spacing: 4e-4,
+            flat_spacing: 1e-3,
+            depth: 2e-3,
+        }
+    }
+}
+
+impl Default for Contact {
+    fn default() -> Self {
+        Self {
+            friction: 0.3,
+            alarm: 5e-4,
+            distance: 0.0,
+            forces: Loop::Constraints,
+            correction: Correction::Exact,
+            filter: Filter::Own,
+            angle_cone: 0.02,
+            max_contacts: 16,
+            lips: false,
+            tolerance: 1e-3,
+            column_tolerance: 0.05,
+            max_passes: 16,
+        }
+    }
+}
+
+impl Default for Haptic {
+    fn default() -> Self {
+        Self { rate: 1000.0 }
+    }
+}
+
+impl Default for View {
+    /// From in front and above.
+    fn default() -> Self {
+        Self { frames: 8, size: [960, 640], eye: [0.0, -0.03, 0.03], target: [0.0; 3], field_of_view: 30.0 }
+    }
+}
+
+/// A part of a scene, by its path in the code.
+struct Part<'a> {
+    title: &'a str,
+    path: String,
+}
+
+impl Part<'_> {
+    fn of(&self, name: impl Display) -> Part<'_> {
+        let dot = if self.path.is_empty() { "" } else { "." };
+        Part { title: self.title, path: format!("{}{dot}{name}", self.path) }
+    }
+
+    fn refuse(&self, found: impl Display, wanted: &'static str) -> Invalid {
+        Invalid::InCode { title: self.title.into(), path: self.path.clone(), found: found.to_string(), wanted }
+    }
+
+    fn that(&self, holds: bool, found: impl Display, wanted: &'static str) -> Result<()> {
+        if holds { Ok(()) } else { Err(self.refuse(found, wanted)) }
+    }
+
+    fn finite(&self, name: &str, values: &[f64]) -> Result<()> {
+        let odd = values.iter().find(|v| !v.is_finite());
+        odd.map_or(Ok(()), |v| Err(self.of(name).refuse(v, "finite numbers")))
+    }
+
+    fn positive(&self, name: &str, values: &[f64]) -> Result<()> {
+        let odd = values.iter().find(|v| !(v.is_finite() && **v > 0.0));
+        odd.map_or(Ok(()), |v| Err(self.of(name).refuse(v, "finite numbers above 0")))
+    }
+
+    fn not_negative(&self, name: &str, values: &[f64]) -> Result<()> {
+        let odd = values.iter().find(|v| !(v.is_finite() && **v >= 0.0));
+        odd.map_or(Ok(()), |v| Err(self.of(name).refuse(v, "finite numbers of at least 0")))
+    }
+
+    fn at_least_one(&self, name: &str, counts: &[u32]) -> Result<()> {
+        self.of(name).that(counts.iter().all(|c| *c > 0), 0, "at least 1")
+    }
+
+    fn fraction(&self, name: &str, value: f64) -> Result<()> {
+        self.of(name).that(value > 0.0 && value < 1.0, value, "a number between 0 and 1")
+    }
+
+    fn unit(&self, name: &str, v: &[f64]) -> Result<()> {
+        let length = v.iter().map(|c| c * c).sum::<f64>().sqrt();
+        self.of(name).that((length - 1.0).abs() < 1e-6, length, "length 1")
+    }
+
+    fn index(&self, name: &str, index: usize, count: usize) -> Result<()> {
+        self.of(name).that(index < count, index, "the number of one that is there, from 0")
+    }
+}
+
+impl Scene {
+    /// Whether the scene can run: numbers in their ranges, numbers of bodies that are there, parts that go with each other. The reader of
+    /// scene files and [`Simulation`](crate::step::Simulation) ask it.
+    ///
+    /// # Errors
+    /// [`Error::Scene`](error::Error::Scene) with the part, what it is and what it has to be.
+    pub fn check(&self) -> error::Result<()> {
+        Ok(self.parts()?)
+    }
+
+    pub(super) fn parts(&self) -> Result<()> {
+        let scene = Part { title: &self.title, path: String::new() };
+        let time = scene.of("time");
+        time.positive("step", &[self.time.step])?;
+        time.positive("duration", &[self.time.duration])?;
+        time.finite("gravity", &self.time.gravity)?;
+        time.at_least_one("substeps", &[self.time.substeps])?;
+        let solver = scene.of("solver");
+        solver.fraction("tolerance", self.solver.tolerance)?;
+        solver.not_negative("floor", &[self.solver.floor])?;
+        solver.at_least_one("max_iterations", &[self.solver.max_iterations])?;
+        solver.at_least_one("true_residual_every", &[self.solver.true_residual_every])?;
+        let several = |name: &str, k: usize| scene.of(format!("{name}[{k}]"));
+        for (k, skin) in self.skins.iter().enumerate() {
+            self.check_skin(&several("skins", k), skin)?;
+        }
+        let skins = self.skins.len();
+        for (k, boundary) in self.boundaries.iter().enumerate() {
+            let part = several("boundaries", k);
+            part.index("body", boundary.body, skins)?;
+            part.finite("displacement", &boundary.displacement)?;
+            part.finite("turn", &[boundary.turn])?;
+        }
+        for (k, anchor) in self.anchors.iter().enumerate() {
+            several("anchors", k).index("body", anchor.body, skins)?;
+            several("anchors", k).not_negative("stiffness", &[anchor.stiffness])?;
+        }
+        for (k, load) in self.loads.iter().enumerate() {
+            several("loads", k).index("body", load.body, skins)?;
+            several("loads", k)
+                .finite("pressure, min, max", &[load.pressure, load.min[0], load.min[1], load.max[0], load.max[1]])?;
+        }
+        for (k, tool) in self.tools.iter().enumerate() {
+            check_tool(&several("tools", k), tool)?;
+        }
+        for (k, plane) in self.planes.iter().enumerate() {
+            several("planes", k).finite("through", &plane.through)?;
+            several("planes", k).unit("normal", &plane.normal)?;
+        }
+        for (k, tie) in self.attachments.iter().enumerate() {
+            let part = several("attachments", k);
+            part.index("body", tie.body, skins)?;
+            self.check_body(&part.of("to"), tie.to)?;
+            part.of("to").that(tie.to != BodyId::Deformable(tie.body), "the body itself", "another body")?;
+            tie.slide.map_or(Ok(()), |slide| part.unit("slide", &slide))?;
+        }
+        for (k, probe) in self.probes.iter().enumerate() {
+            self.check_probe(&several("probes", k), &probe.kind)?;
+        }
+        scene.of("haptic").positive("rate", &[self.haptic.rate])?;
+        scene.of("view").at_least_one("size", &self.view.size)?;
+        let odd = |k: &usize| *k >= self.probes.len();
+        let named = self.study.probes.iter().chain(self.study.known.iter().map(|(k, _)| k)).copied().find(odd);
+        named.map_or(Ok(()), |k| scene.of("study").index("probes", k, self.probes.len()))?;
+        self.check_together(&scene)
+    }
+
+    fn check_skin(&self, part: &Part, skin: &Skin) -> Result<()> {
+        part.finite("position, velocity, displacement", &[skin.position, skin.velocity, skin.displacement].concat())?;
+        part.positive("size", &skin.size)?;
+        part.at_least_one("cells", &skin.cells)?;
+        part.of("layers").that(!skin.layers.is_empty(), "none", "at least one layer")?;
+        part.not_negative("rayleigh_mass, rayleigh_stiffness", &[skin.rayleigh_mass, skin.rayleigh_stiffness])?;
+        let levels: u64 = skin.layers.iter().map(|layer| u64::from(layer.cells)).sum();
+        let nodes = skin.cells.iter().fold(levels.saturating_add(1), |n, c| n.saturating_mul(u64::from(*c) + 1));
+        part.of("cells").that(nodes <= u64::from(MOST_NODES), nodes, "fewer nodes than 32-bit indices reach")?;
+        for (k, layer) in skin.layers.iter().enumerate() {
+            let part = part.of(format!("layers[{k}]"));
+            part.positive("thickness, density", &[layer.thickness, layer.density])?;
+            part.at_least_one("cells", &[layer.cells])?;
+            part.not_negative("toughness", &[layer.toughness])?;
+            part.finite("pre_strain", &layer.pre_strain)?;
+            if !matches!(skin.law, Law::Springs { .. }) {
+                part.positive("young", &[layer.young])?;
+                part.of("poisson").that((0.0..0.5).contains(&layer.poisson), layer.poisson, "from 0 to below 0.5")?;
+            }
+            let share = layer.second_share;
+            part.of("second_share").that((0.0..=1.0).contains(&share), share, "a share from 0 to 1")?;
+        }
+        if let Law::Springs { stiffness, damping } = skin.law {
+            part.of("law").positive("stiffness", &[stiffness])?;
+            part.of("law").not_negative("damping", &[damping])?;
+        }
+        let linear = matches!(skin.law, Law::Fem { .. });
+        part.of("mass").that(linear || skin.mass != Mass::Consistent, "consistent", "lumped or uniform with this law")
+    }
+
+    fn check_body(&self, part: &Part, body: BodyId) -> Result<()> {
+        match body {
+            BodyId::Rigid(k) => part.index("Rigid", k, self.tools.len()),
+            BodyId::Deformable(k) => part.index("Deformable", k, self.skins.len()),
+            BodyId::Plane(k) => part.index("Plane", k, self.planes.len()),
+            BodyId::World => Ok(()),
+        }
+    }
+
+    fn check_probe(&self, part: &Part, kind: &ProbeKind) -> Result<()> {
+        let axis = match kind {
+            ProbeKind::Displacement { body, axis, .. } | ProbeKind::Reaction { body, axis, .. } => {
+                part.index("body", *body, self.skins.len())?;
+                axis
+            }
+            ProbeKind::Position { body, axis } | ProbeKind::Velocity { body, axis } => {
+                part.index("body", *body, self.tools.len())?;
+                axis
+            }
+            ProbeKind::Force { on, from, axis } => {
+                self.check_body(&part.of("on"), *on)?;
+                from.map_or(Ok(()), |from| self.check_body(&part.of("from"), from))?;
+                axis
+            }
+        };
+        part.index("axis", *axis, 3)
+    }
+
+    /// What goes with what.
+    fn check_together(&self, scene: &Part) -> Result<()> {
+        let hyperelastic = self.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
+        let blade = self.tools.iter().any(|tool| tool.blade.is_some());
+        let law = scene.of("skins[..].law");
+        law.that(!(hyperelastic && blade), "hyperelastic", "another law where a tool has a blade")?;
+        let refinements = scene.of("solver.refinements");
+        refinements.that(
+            !hyperelastic || self.solver.refinements == 0,
+            self.solver.refinements,
+            "0 of a hyperelastic law",
+        )?;
+        let integrator = scene.of("time.integrator");
+        let implicit = self.time.integrator == Integrator::ImplicitEuler;
+        integrator.that(implicit || self.contact.is_none(), "another", "ImplicitEuler where bodies may touch")?;
+        if self.time.integrator == Integrator::SymplecticEuler {
+            let linear = |skin: &Skin| matches!(skin.law, Law::Fem { .. }) && skin.mass != Mass::Consistent;
+            let fits = self.skins.iter().all(linear);
+            integrator.that(fits, "SymplecticEuler", "an implicit one with this law or mass")?;
+        }
+        let part = scene.of("contact");
+        let Some(contact) = &self.contact else {
+            return part.that(self.attachments.is_empty(), "none", "a contact law where bodies are tied");
+        };
+        part.not_negative("friction, distance", &[contact.friction, contact.distance])?;
+        part.positive("alarm", &[contact.alarm])?;
+        part.fraction("tolerance", contact.tolerance)?;
+        part.fraction("column_tolerance", contact.column_tolerance)?;
+        part.at_least_one("max_contacts, max_passes", &[contact.max_contacts, contact.max_passes])?;
+        if let Loop::Penalty(stiffness) = contact.forces {
+            part.of("forces").positive("Penalty", &[stiffness])?;
+        }
+        let correction = part.of("correction");
+        let ties = contact.correction == Correction::Uncoupled && !self.attachments.is_empty();
+        correction.that(!ties, "Uncoupled", "Exact where bodies are tied")?;
+        let cut = contact.correction == Correction::Precomputed && blade;
+        correction.that(!cut, "Precomputed", "Exact where a tool has a blade")
+    }
+}
+
+fn check_tool(part: &Part, tool: &Tool) -> Result<()> {
+    part.positive("mass", &[tool.mass])?;
+    part.positive("inertia", &tool.inertia)?;
+    part.not_negative("tip_radius", &[tool.tip_radius])?;
+    part.finite("points", tool.points.as_flattened())?;
+    part.finite("mesh.positions", tool.mesh.positions.as_flattened())?;
+    let vertices = tool.mesh.positions.len() as u32;
+    let odd = tool.mesh.triangles.as_flattened().iter().find(|v| **v >= vertices);
+    odd.map_or(Ok(()), |v| Err(part.of("mesh.triangles").refuse(v, "numbers of its vertices, from 0")))?;
+    let Coupling { stiffness, damping, angular_stiffness, angular_damping } = tool.coupling;
+    part.not_negative("coupling", &[stiffness, damping, angular_stiffness, angular_damping])?;
+    let way = part.of("trajectory");
+    way.that(!tool.trajectory.is_empty(), "empty", "at least one pose")?;
+    for pose in &tool.trajectory {
+        way.finite("time, position", &[&[pose.time][..], &pose.position].concat())?;
+        way.unit("rotation", &pose.rotation)?;
+    }
+    let rises = tool.trajectory.windows(2).all(|pair| pair[1].time > pair[0].time);
+    way.that(rises, "times that do not rise", "times that rise")?;
+    if let Some(round) = &tool.round {
+        part.of("round").positive("radius", &[round.radius])?;
+        part.of("round").finite("ends", round.ends.as_flattened())?;
+        part.of("round").that(tool.blade.is_none() && tool.points.is_empty(), "beside a blade or points", "alone")?;
+    }
+    if let Some(lines) = &tool.lines {
+        part.of("lines").finite("positions", lines.positions.as_flattened())?;
+        part.of("lines").not_negative("radius", &[lines.radius])?;
+        let count = lines.positions.len() as u32;
+        let fits = lines.segments.iter().all(|[a, b]| a != b && *a < count && *b < count);
+        part.of("lines.segments").that(fits, "others", "pairs of numbers of different vertices, from 0")?;
+    }
+    if let Some(half) = &tool.cuboid {
+        part.positive("cuboid", half)?;
+    }
+    if let Some(blade) = &tool.blade {
+        let part = part.of("blade");
+        part.finite("edge", blade.edge.as_flattened())?;
+        let apart = blade.edge.windows(2).all(|pair| pair[0] != pair[1]);
+        part.of("edge").that(blade.edge.len() > 1 && apart, "fewer", "two or more points, each apart from the last")?;
+        part.unit("normal", &blade.normal)?;
+        let lengths = [blade.thickness, blade.edge_spacing, blade.flat_spacing, blade.depth];
+        part.positive("thickness, edge_spacing, flat_spacing, depth", &lengths)?;
+    }
+    Ok(())
+}

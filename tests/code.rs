@@ -1,0 +1,124 @@
+//! Scenes in code: the defaults are those of scene files, and what cannot run is refused with words, not by a panic.
+
+use cutis::scene::{
+    Attachment, Blade, BodyId, Boundary, Contact, Coupling, Element, Files, Law, Layer, Load, Pose, Preconditioner,
+    Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
+};
+use cutis::step::{Place, Simulation};
+use std::path::Path;
+
+/// A patch whose bottom and sides are held, and a scalpel that a hand draws through it.
+fn cut() -> Scene {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let pose = |time, x: f64, z: f64| Pose { time, position: [x, 0.0, z], rotation: [0.0, 0.0, 0.0, 1.0] };
+    let scalpel = Tool {
+        name: "scalpel".into(),
+        blade: Some(Blade { edge: vec![[0.0; 3], [4e-3 * half, 0.0, 4e-3 * half]], ..Blade::default() }),
+        round: None,
+        coupling: Coupling { stiffness: 500.0, ..Coupling::default() },
+        trajectory: vec![pose(0.0, 2e-3, 2.4e-3), pose(0.05, 2e-3, 0.8e-3), pose(0.2, -2e-3, 0.8e-3)],
+        ..Tool::default()
+    };
+    let held = |region| Boundary { body: 0, region, axes: [true; 3], displacement: [0.0; 3], turn: 0.0 };
+    let mut scene = Scene {
+        title: "a cut in code".into(),
+        skins: vec![Skin::default()],
+        boundaries: vec![held(Region::Bottom), held(Region::Sides)],
+        tools: vec![scalpel],
+        contact: Some(Contact::default()),
+        ..Scene::default()
+    };
+    scene.time.duration = 0.2;
+    scene.skins[0].layers[0].toughness = 100.0;
+    scene
+}
+
+#[test]
+fn a_patch_in_code_is_pressed_and_cut() {
+    let scene = cut();
+    scene.check().unwrap_or_else(|e| panic!("{e}"));
+    let mut simulation = Simulation::new(&scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let mut largest = 0.0f64;
+    for _ in 0..scene.time.steps() {
+        let step = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
+        largest = largest.max(step.contact.largest_on_tools());
+    }
+    let totals = simulation.totals();
+    assert!(largest > 0.01 && totals.length > 2e-3 && totals.depth > 0.5e-3, "{largest} N, {totals:?}");
+}
+
+#[test]
+fn defaults_are_those_of_scene_files() {
+    let text = "title = \"t\"\n[time]\nstep_ms = 5\nduration_s = 1\n[skin]\nsize_mm = [10, 10]\ncells = [10, 10]\n\
+                [[skin.layer]]\nname = \"dermis\"\nthickness_mm = 2\ncells = 4\nyoung_kpa = 200\npoisson = 0.45\ndensity_kg_m3 = 1100\n\
+                [[tool]]\nname = \"tool\"\nmass_g = 20\ninertia_g_mm2 = [1000, 1000, 1000]\npath_mm = [[0, 0, 0, 20]]\n[tool.round]\nradius_mm = 2\npoints_mm = [[0, 0, 0]]\n";
+    let read = parse(text, Path::new("t.toml"), &Files::Embedded(&[])).unwrap_or_else(|e| panic!("{e}"));
+    let words = |value: &dyn std::fmt::Debug| format!("{value:?}");
+    let made = Scene::default();
+    assert_eq!(words(&read.time), words(&made.time));
+    assert_eq!(words(&read.solver), words(&made.solver));
+    assert_eq!(words(&read.haptic), words(&made.haptic));
+    assert_eq!(words(&read.study), words(&made.study));
+    assert_eq!(words(&read.contact), words(&Some(Contact::default())));
+    assert_eq!(words(&read.tools[0].coupling), words(&Coupling::default()));
+    let layer = Layer { color: read.skins[0].layers[0].color, ..Layer::default() };
+    assert_eq!(words(&read.skins[0].layers), words(&vec![layer]));
+    let skin = Skin { layers: read.skins[0].layers.clone(), ..Skin::default() };
+    assert_eq!(words(&read.skins[0]), words(&skin));
+    // counter-test: another default is another word
+    assert_ne!(words(&Contact { friction: 0.31, ..Contact::default() }), words(&Contact::default()));
+}
+
+/// What a changed scene is refused with.
+fn refused(change: impl Fn(&mut Scene)) -> String {
+    let mut scene = cut();
+    change(&mut scene);
+    let error = scene.check().expect_err("it cannot run").to_string();
+    let run = Simulation::new(&scene, &Place::Cpu64).map(|_| ()).expect_err("it is checked before it runs").to_string();
+    assert_eq!(error, run);
+    error
+}
+
+#[test]
+fn what_cannot_run_is_refused_with_words() {
+    let springs = Law::Springs { stiffness: f64::NAN, damping: 0.0 };
+    let force = ProbeKind::Force { on: BodyId::Rigid(3), from: None, axis: 0 };
+    let load = Load { body: 2, pressure: 1.0, min: [0.0; 2], max: [1e-3; 2], start: 0.0, end: 1.0 };
+    let tie = |to| Attachment { body: 0, region: Region::Bottom, to, slide: None };
+    let cases: &[(&dyn Fn(&mut Scene), &str)] = &[
+        (&|s| s.time.step = 0.0, "time.step is 0"),
+        (&|s| s.time.substeps = 0, "time.substeps is 0"),
+        (&|s| s.time.gravity[2] = f64::NAN, "time.gravity is NaN"),
+        (&|s| s.solver.tolerance = 2.0, "solver.tolerance is 2"),
+        (&|s| s.skins[0].cells = [0, 4], "skins[0].cells is 0"),
+        (&|s| s.skins[0].cells = [u32::MAX; 2], "skins[0].cells is"),
+        (&|s| s.skins[0].size[1] = -1.0, "skins[0].size is -1"),
+        (&|s| s.skins[0].layers.clear(), "skins[0].layers is none"),
+        (&|s| s.skins[0].layers[0].cells = 0, "skins[0].layers[0].cells is 0"),
+        (&|s| s.skins[0].layers[0].poisson = 0.5, "skins[0].layers[0].poisson is 0.5"),
+        (&|s| s.skins[0].law = springs, "skins[0].law.stiffness is NaN"),
+        (&|s| s.boundaries[1].body = 1, "boundaries[1].body is 1"),
+        (&|s| s.loads.push(load.clone()), "loads[0].body is 2"),
+        (&|s| s.tools[0].mass = 0.0, "tools[0].mass is 0"),
+        (&|s| s.tools[0].trajectory.clear(), "tools[0].trajectory is empty"),
+        (&|s| s.tools[0].trajectory[1].time = 9.0, "tools[0].trajectory is times that do not rise"),
+        (&|s| s.tools[0].trajectory[1].rotation = [1.0; 4], "tools[0].trajectory.rotation is 2"),
+        (&|s| s.tools[0].mesh.triangles = vec![[0, 1, 2]], "tools[0].mesh.triangles is 0"),
+        (&|s| s.tools[0].blade.as_mut().expect("a blade").edge.truncate(1), "tools[0].blade.edge is fewer"),
+        (&|s| s.tools[0].blade.as_mut().expect("a blade").edge_spacing = 0.0, "edge_spacing, flat_spacing, depth is 0"),
+        (&|s| s.attachments.push(tie(BodyId::Deformable(4))), "attachments[0].to.Deformable is 4"),
+        (&|s| s.attachments.push(tie(BodyId::Deformable(0))), "attachments[0].to is the body itself"),
+        (&|s| s.probes.push(Probe { name: "p".into(), kind: force.clone() }), "probes[0].on.Rigid is 3"),
+        (&|s| s.contact.as_mut().expect("contact").max_passes = 0, "contact.max_contacts, max_passes is 0"),
+        (&|s| s.haptic.rate = 0.0, "haptic.rate is 0"),
+    ];
+    for (change, wanted) in cases {
+        let error = refused(change);
+        assert!(error.contains(wanted) && error.contains("a cut in code") && error.contains("has to be"), "{error}");
+    }
+    // counter-test: what runs is not refused
+    let mut other = cut();
+    other.solver.preconditioner = Preconditioner::Column;
+    other.skins[0].law = Law::Fem { element: Element::Enhanced, corotational: false };
+    assert!(other.check().is_ok());
+}
