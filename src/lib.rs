@@ -1,77 +1,32 @@
 //! cutis: layered skin that is pressed and cut with a haptic device, on any vendor's GPU or on the CPU.
 //!
-//! This page is the architecture. The idea in nine nouns:
-//! [`Scene`](scene::Scene) (a file) → [`Grid`](mesh::Grid) → [`Model`](bodies::Model) (flat arrays that never change) and the state (flat
-//! arrays that change). A kernel computes one thing on arrays and exists twice: WGSL, and a Rust twin ([`kernels`]). A
-//! [`Backend`](backend::Backend) (CPU in f64 or f32, or GPU) holds the state and runs kernels. One step is written once over `Backend`
-//! ([`step`]). What is left of the skin after a step, the [`Reduced`](haptic::Reduced) contact problem, goes to the 1 kHz haptic side.
+//! A [`Scene`](scene::Scene), read from a file or made in code, becomes a [`Model`](bodies::Model) per deformable body: flat arrays that never
+//! change during a run. A [`Backend`](backend::Backend) (CPU in f64 or f32, or GPU) holds the state of one body and runs kernels on it; each
+//! kernel exists twice, in WGSL and as its Rust twin ([`kernels`]). One time step is written once over `Backend` ([`step`]). It ends with a
+//! [`Reduced`](haptic::Reduced) contact problem, which the 1 kHz haptic loop solves again at each tick ([`haptic`]).
 //!
 //! ```text
-//! scene file ─▶ grid ─▶ model ─┬─▶ backend (cpu | gpu): forces · free motion (matrix-free PCG) · cut
-//!                              │        ▲ few words back per step: positions near the tool, scalars of the solve
-//!              recorded hand ─▶ step: collide (parry3d) ─▶ rows ─▶ W, δ ─▶ contact law ─▶ correction ─▶ cut
-//!                              │                                   └─ Reduced ─▶ haptic tick, 1 kHz ─▶ force
-//!                              └─▶ report.json, CSV, VTU/PVD, PNG
+//! scene (file | code) ─▶ model ─▶ backend (cpu | gpu): forces · free motion (matrix-free PCG) · cut
+//!                          │           ▲ few words back per step: positions near the tool, scalars of the solve
+//!      hand (recorded | device) ─▶ step: collide (parry3d) ─▶ rows ─▶ W, δ ─▶ contact law ─▶ correction ─▶ cut
+//!                          │                                └─ Reduced ─▶ haptic tick, 1 kHz ─▶ force
+//!                          └─▶ runner ─▶ report.json, CSV, VTU/PVD, PNG, checkpoints
 //! ```
 //!
-//! # One step
-//! With displacement increments Δx = h·v' as unknowns, implicit Euler with Rayleigh damping is `A Δx = b`, `A = (1 + h r_M)/h² M + (1 +
-//! r_K/h) K`, `b = f_ext − f_int + M v/h` ([`kernels::rhs`], M lumped, uniform or consistent; springs to rest positions are part of
-//! `f_int` and `K`, [`bodies::Anchors`]): external forces and inertia stand in one right-hand side, nothing is lost to f32. `A` is never
-//! assembled, but by the CPU path when a scene asks for a factor of it ([`bodies::grid::direct`]).
+//! | module | what it is | read there |
+//! | --- | --- | --- |
+//! | [`scene`] | plain data in SI, its reader, its check | every key: [`scene::keys`] |
+//! | [`kernels`] | one computation on flat arrays each, twice | formula, units, source |
+//! | [`mesh`] | the grid, its links and parts, its surface | how a cut parts cells and nodes |
+//! | [`bodies`] | bodies by kind: hexahedra, springs, rigid ones | elements, hyperelastic laws, multigrid, wounds |
+//! | [`collide`], [`constraints`] | contacts between any two bodies; the laws on them | blades, lips, cones; the contact solvers |
+//! | [`backend`], [`linear`], [`gpu`] | the state on a device and the solves | Newton's method; read-backs and launches |
+//! | [`step`] | one time step over all bodies | the equations, contact, the state of a simulation |
+//! | [`haptic`] | devices and the 1 kHz loop | passivity, threads, the vendor's protocol |
+//! | [`runner`], `report`, `cli` | a run as a value, its observers, the program | report keys, studies |
 //!
-//! Newmark's method and symplectic Euler are other factors in the same `A` and `b` ([`bodies::Step`] has them, and what each does to a
-//! vibration); the latter's `A` is diagonal, so that nothing is solved. Neo-Hookean bricks ([`bodies::grid::Hyperelastic`]) have a tangent of
-//! their own in each cell, kept on the CPU path and taken anew in each product on a GPU, and a step is solved by Newton's method, written
-//! once for both.
-//!
-//! Bodies are grids of skin, each with its own backend, and rigid ones ([`bodies::rigid`]): tools held by a hand, and those that fall. Only
-//! rows couple them, of contacts and of ties, between any two bodies or a body and a wall ([`collide`], [`constraints`]). Contacts are
-//! found at the step's start: a tree of boxes over tiles of each grid, refitted to what the device says that they move between
-//! ([`collide::broad`]), gives the few faces whose nodes are read back; sphere, capsule, point, line and box then have their own narrow
-//! phase. The compliance of a body at the nodes that rows reach, columns of `A⁻¹` solved loosely, is kept from step to step, learns in
-//! each pass, and is solved anew by batches where it has aged; forces λ come from the laws on `W λ + δ`, `W = Σ J C Jᵀ` over the bodies; the correction `A Δx = Jᵀλ` is solved
-//! accurately and δ taken again until the laws hold, so λ does not depend on how loose the columns are ([`step`]). The edge of a blade is
-//! held by what the tissue bears (toughness × length); beyond that it goes on, and the links or springs that it sweeps are cut; what a held
-//! piece passes is swept when it lets go. Its flats push the walls aside with at most what would split the tissue before the edge, and the
-//! lips of a wound may rest on each other where they meet ([`collide::lips`]).
-//!
-//! # Cutting
-//! Nothing is removed: a blade severs links between face-neighbour cells ([`kernels::cut`]), and where the cells around a node hang together
-//! no more, each part of them gets a copy of the node from a reserve ([`mesh::Parts`], [`kernels::split`]). Arrays and the product over the
-//! grid stay as they are; cells with copies among their corners are added one by one ([`kernels::split_product`]), the smoother runs over
-//! extra columns, and the coarse levels ignore the cut. Places that no copy has taken are the last of all arrays and nothing runs over them. The wound's surface goes through the crossings, not along the cells. Parts are found
-//! on the host, where the hits are anyway: 0.03 ms of a cutting step of the default scene, 0.03 % of it, as much as one empty round trip
-//! to a device takes.
-//!
-//! # Solving
-//! Conjugate gradients with one reduction per iteration ([`kernels::advance`], [`kernels::update`]) around one V-cycle
-//! ([`bodies::grid::multigrid`], [`bodies::grid::levels`]): x and y coarsened by two, z kept; each level and layer is one 24×24 matrix turned by its
-//! children's mean rotation; z-columns solved exactly, three times, under a Chebyshev polynomial of degree 3, whose bound of the
-//! spectrum is proved cell by cell. Iterations to 10⁻³ and 10⁻⁶ of the load on any grid: 4–5 and 9–11 at ν 0.45, 8–11 and 20–24 at ν
-//! 0.49 (`benches/results`). Tried and left: degrees 1 (14 and 31 iterations at 16×16×5, ν 0.45), 2 (7 and 16) and 4 (4 and 9), which
-//! cost as many products; Chebyshev polynomials of the fourth kind (no better); more sweeps on the coarsest level (nothing); four-colour
-//! Gauss–Seidel over columns (in the prototype a little less work than degree 2, at four times the dispatches).
-//!
-//! f32 carries a step to about 10⁻⁶ of its displacement, whatever its recurrence promises; with `refinements` it ends at the rounding of
-//! the displacement itself, 2·10⁻⁸.
-//!
-//! # Speed and error
-//! Both are measured together, in one run: `cutis study` takes a scene through many settings and keeps the errors of grid, step, solver and
-//! rounding apart (`report::study`); `cargo bench --bench contact` does so for contact corrections. Tables and curves with the machines that they
-//! are of: `benches/results`.
-//!
-//! # The haptic side
-//! Each device has a [`Servo`](haptic::servo::Servo): one plain function per tick, without allocation, lock or wait. It places the reading
-//! in the scene, solves the newest [`Reduced`](haptic::Reduced) problem again with the hand where it is now, limits the force and watches the
-//! energy ([`haptic::passivity`]). By the wall clock (`cutis run --realtime`) it runs in a thread of its own ([`haptic::thread`]): problems
-//! come and hands go through triple buffers ([`haptic::cells`]), records through a ring, and a slow step costs the force, never a tick: it
-//! is held by the last problem, fades when that is too old ([`haptic::guard`]), and comes back. By the scene's clock the same function runs
-//! between the steps, so that a run repeats.
-//!
-//! # State
-//! Everything that a step depends on beside the scene is a [`State`](step::State): a simulation that goes on from one gives the same bits as
-//! one that was never interrupted. Checkpoints are that, with where the files have come to.
+//! Speed and error are measured together, in one run: `cutis study` keeps the errors of grid, step, solver and rounding apart; tables and
+//! curves, with the machines that they are of, are in `benches/results`.
 //!
 //! # As a library
 //! `default-features = false` leaves the program, its files and pictures out. Load a scene, step it, read a force:

@@ -69,6 +69,9 @@ fn defaults_are_those_of_scene_files() {
     assert_ne!(words(&Contact { friction: 0.31, ..Contact::default() }), words(&Contact::default()));
 }
 
+/// What makes a scene one that cannot run.
+type Change<'a> = &'a dyn Fn(&mut Scene);
+
 /// What a changed scene is refused with.
 fn refused(change: impl Fn(&mut Scene)) -> String {
     let mut scene = cut();
@@ -85,7 +88,7 @@ fn what_cannot_run_is_refused_with_words() {
     let force = ProbeKind::Force { on: BodyId::Rigid(3), from: None, axis: 0 };
     let load = Load { body: 2, pressure: 1.0, min: [0.0; 2], max: [1e-3; 2], start: 0.0, end: 1.0 };
     let tie = |to| Attachment { body: 0, region: Region::Bottom, to, slide: None };
-    let cases: &[(&dyn Fn(&mut Scene), &str)] = &[
+    let cases: &[(Change, &str)] = &[
         (&|s| s.time.step = 0.0, "time.step is 0"),
         (&|s| s.time.substeps = 0, "time.substeps is 0"),
         (&|s| s.time.gravity[2] = f64::NAN, "time.gravity is NaN"),
@@ -98,7 +101,7 @@ fn what_cannot_run_is_refused_with_words() {
         (&|s| s.skins[0].layers[0].poisson = 0.5, "skins[0].layers[0].poisson is 0.5"),
         (&|s| s.skins[0].law = springs, "skins[0].law.stiffness is NaN"),
         (&|s| s.boundaries[1].body = 1, "boundaries[1].body is 1"),
-        (&|s| s.loads.push(load.clone()), "loads[0].body is 2"),
+        (&|s| s.loads.push(load), "loads[0].body is 2"),
         (&|s| s.tools[0].mass = 0.0, "tools[0].mass is 0"),
         (&|s| s.tools[0].trajectory.clear(), "tools[0].trajectory is empty"),
         (&|s| s.tools[0].trajectory[1].time = 9.0, "tools[0].trajectory is times that do not rise"),

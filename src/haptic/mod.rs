@@ -7,7 +7,9 @@
 //! rigid body) then has no force, as no force could hold the hand.
 //!
 //! A [`Servo`](servo::Servo) is the whole tick of one device around that: place, render, limit, watch the energy. It runs in a thread of its own
-//! under the wall clock ([`thread`]), with [`cells`] between it and the simulation, or in the simulation's thread under the scene's clock.
+//! under the wall clock ([`thread`]), with [`cells`] between it and the simulation, or in the simulation's thread under the scene's clock, so that
+//! a run repeats. A tick allocates nothing, takes no lock and waits for nothing; a slow step costs the force, never a tick: it is held by
+//! the last problem, fades when that is too old ([`guard`]), and comes back.
 //! Source: Saupin, Duriez, Cotin 2008 (contact model at two rates); Colgate, Stanley, Brown 1995 (virtual coupling).
 //! Units: m, N, N·m, s.
 

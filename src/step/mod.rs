@@ -6,6 +6,24 @@
 //! 4. correction: `A Δx = Jᵀλ` solved accurately, δ taken again, until the laws hold;
 //! 5. integration, the rigid bodies' motion, the cut by what an edge swept.
 //!
+//! With displacement increments Δx = h·v' as unknowns, implicit Euler with Rayleigh damping is `A Δx = b`, `A = (1 + h r_M)/h² M + (1 + r_K/h)
+//! K`, `b = f_ext − f_int + M v/h` ([`crate::kernels::rhs`], M lumped, uniform or consistent; springs to rest positions are part of `f_int`
+//! and `K`, [`crate::bodies::Anchors`]): external forces and inertia stand in one right-hand side, so nothing is lost to f32. `A` is never
+//! assembled, except by the CPU path when a scene asks for a factor of it ([`crate::bodies::grid::direct`]). Newmark's method and symplectic
+//! Euler have other factors in the same `A` and `b` ([`crate::bodies::Step`]). A hyperelastic body has a tangent per cell, kept on the CPU path
+//! and taken anew in each product on a GPU, and its steps are solved by Newton's method.
+//!
+//! Contacts: a tree of boxes over tiles of each body, refitted to the bounds that the device reports ([`crate::collide::broad`]), gives the few
+//! faces whose nodes are read back; sphere, capsule, point, line and box have their own narrow phase. The compliance at the nodes that rows
+//! reach, columns of `A⁻¹` solved loosely, is kept from step to step, learns in each pass, and is renewed by batches where it has aged.
+//! Forces come from the laws on `W λ + δ`, `W = Σ J C Jᵀ` over the bodies; since δ is taken again after each accurate correction, λ does not
+//! depend on how loose the columns are. The edge of a blade is held by what the tissue bears (toughness × length); beyond that it goes on,
+//! and the links or springs that it sweeps are cut; what a held piece passes is swept when it lets go. Its flats push the walls aside with at
+//! most what would split the tissue before the edge, and the lips of a wound may rest on each other ([`crate::collide::lips`]).
+//!
+//! f32 carries a step to about 10⁻⁶ of its displacement, whatever its recurrence promises; with `refinements` it ends at the rounding of the
+//! displacement itself, 2·10⁻⁸.
+//!
 //! Each body has its own free motion; only rows couple bodies. A scene without contact reads nothing back here. What goes wrong
 //! numerically is counted in [`StepReport`], never mended in silence.
 

