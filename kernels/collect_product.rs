@@ -1,4 +1,4 @@
-//! Adds to `w = A z` what the tangents of cells make of `z` (`neo_tangent`): `w_i += P_i s Σ f_(c,a)`, `s` the share of a change of forces
+//! Adds to `w = A z` what the tangents of cells make of `z` (`hyperelastic_tangent`): `w_i += P_i s Σ f_(c,a)`, `s` the share of a change of forces
 //! that the step sees, in `params.stiffness_factor` of this kernel's own block; `product` has the inertia and damping before it.
 //! Units: z m, w N, forces N.
 

@@ -64,12 +64,16 @@ var<workgroup> shared_sum: array<f32, 64>;
 
 // Sum over a workgroup of 64, which thread 0 has.
 fn group_sum(value: f32, lane: u32) -> f32 {
-    shared_sum[lane] = value;
+    var sum = value;
+    shared_sum[lane] = sum;
     for (var n = GROUP / 2u; n > 0u; n >>= 1u) {
         workgroupBarrier();
-        if lane < n { shared_sum[lane] += shared_sum[lane + n]; }
+        if lane < n {
+            sum += shared_sum[lane + n];
+            shared_sum[lane] = sum;
+        }
     }
-    return shared_sum[0];
+    return sum;
 }
 
 // A number that the compiler cannot follow: `zero` is 0 at run time only.

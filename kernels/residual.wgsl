@@ -27,7 +27,7 @@ fn residual(
         part = vec2<f32>(dot(dx[i].xyz, pull), dot(left, left));
     }
     let potential = group_sum(part.x, lane);
-    workgroupBarrier(); // thread 0 has read the sum
+    workgroupBarrier(); // nobody reads what the next sum writes
     let squared = group_sum(part.y, lane);
     if lane == 0u && i < params.node_count { balance[block] = vec2<f32>(potential, squared); }
 }

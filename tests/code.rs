@@ -1,8 +1,8 @@
 //! Scenes in code: the defaults are those of scene files, and what cannot run is refused with words, not by a panic.
 
 use cutis::scene::{
-    Attachment, Blade, BodyId, Boundary, Contact, Coupling, Element, Files, Law, Layer, Load, Pose, Preconditioner,
-    Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
+    Attachment, Blade, BodyId, Boundary, Contact, Coupling, Device, Element, Files, Law, Layer, Lines, Load, Motion,
+    Pose, Preconditioner, Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
 };
 use cutis::step::{Place, Simulation};
 use std::path::Path;
@@ -82,11 +82,17 @@ fn refused(change: impl Fn(&mut Scene)) -> String {
     error
 }
 
+fn blade(scene: &mut Scene) -> &mut Blade {
+    scene.tools[0].blade.as_mut().expect("it is a scalpel")
+}
+
 #[test]
 fn what_cannot_run_is_refused_with_words() {
     let springs = Law::Springs { stiffness: f64::NAN, damping: 0.0 };
     let force = ProbeKind::Force { on: BodyId::Rigid(3), from: None, axis: 0 };
     let load = Load { body: 2, pressure: 1.0, min: [0.0; 2], max: [1e-3; 2], start: 0.0, end: 1.0 };
+    let sphere = Region::Sphere { centre: [f64::NAN; 3], radius: 1e-3 };
+    let wire = Lines { positions: vec![[0.0; 3]], segments: vec![], radius: 0.0 };
     let tie = |to| Attachment { body: 0, region: Region::Bottom, to, slide: None };
     let cases: &[(Change, &str)] = &[
         (&|s| s.time.step = 0.0, "time.step is 0"),
@@ -107,13 +113,23 @@ fn what_cannot_run_is_refused_with_words() {
         (&|s| s.tools[0].trajectory[1].time = 9.0, "tools[0].trajectory is times that do not rise"),
         (&|s| s.tools[0].trajectory[1].rotation = [1.0; 4], "tools[0].trajectory.rotation is 2"),
         (&|s| s.tools[0].mesh.triangles = vec![[0, 1, 2]], "tools[0].mesh.triangles is 0"),
-        (&|s| s.tools[0].blade.as_mut().expect("a blade").edge.truncate(1), "tools[0].blade.edge is fewer"),
-        (&|s| s.tools[0].blade.as_mut().expect("a blade").edge_spacing = 0.0, "edge_spacing, flat_spacing, depth is 0"),
+        (&|s| blade(s).edge.truncate(1), "tools[0].blade.edge is fewer"),
+        (&|s| blade(s).edge_spacing = 0.0, "edge_spacing, flat_spacing, depth is 0"),
         (&|s| s.attachments.push(tie(BodyId::Deformable(4))), "attachments[0].to.Deformable is 4"),
         (&|s| s.attachments.push(tie(BodyId::Deformable(0))), "attachments[0].to is the body itself"),
         (&|s| s.probes.push(Probe { name: "p".into(), kind: force.clone() }), "probes[0].on.Rigid is 3"),
         (&|s| s.contact.as_mut().expect("contact").max_passes = 0, "contact.max_contacts, max_passes is 0"),
         (&|s| s.haptic.rate = 0.0, "haptic.rate is 0"),
+        (&|s| s.boundaries[0].region = sphere.clone(), "boundaries[0].region.centre is NaN"),
+        (&|s| s.loads.push(Load { body: 0, max: [-1e-3; 2], ..load }), "loads[0].min, max is without an area"),
+        (&|s| s.skins[0].layers[0].pre_strain[0] = 1.5, "skins[0].layers[0].pre_strain is 1.5"),
+        (&|s| s.view.field_of_view = 0.0, "view.field_of_view is 0"),
+        (&|s| s.tools[0].free = Some(Motion { spin: [f64::NAN; 3], ..Motion::default() }), "tools[0].free"),
+        (&|s| s.tools[0].device = Some(Device { scale: 0.0, ..Device::default() }), "tools[0].device.scale is 0"),
+        (&|s| s.tools[0].lines = Some(wire.clone()), "tools[0].lines is beside"),
+        (&|s| blade(s).normal = [1.0, 0.0, 0.0], "tools[0].blade.normal is 45.0 degrees off"),
+        (&|s| blade(s).edge = vec![[0.0; 3], [1e-3; 3], [0.0; 3]], "tools[0].blade.edge is closed"),
+        (&|s| blade(s).edge_spacing = 1e-12, "tools[0].blade.edge_spacing, flat_spacing is"),
     ];
     for (change, wanted) in cases {
         let error = refused(change);

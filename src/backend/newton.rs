@@ -19,10 +19,12 @@ const SHARE: f64 = 0.1;
 const FALL: f64 = 1e-4;
 /// Halvings of a step at most: 10⁻⁹ of it.
 const HALVINGS: u32 = 30;
-/// First share of `K₀` that is added to a tangent that is not positive, and how often ten times more is tried.
+/// First share of `K₀` that is added to a tangent that is not positive; ten times more is tried each time, up to the last.
 pub(super) const SHIFT: f64 = 0.1;
 /// See [`SHIFT`].
-const SHIFTS: u32 = 5;
+const LAST: f64 = 1e3;
+/// Least share that is tried first.
+const LEAST: f64 = 1e-4;
 /// Where a share has sufficed, this part of it is tried first at the next iteration: with a share that is larger than it must be, an
 /// iteration goes hardly further than one along the gradient.
 const LESS: f64 = 0.25;
@@ -46,17 +48,17 @@ pub(super) fn positive<B: Raised, T>(
 ) -> Result<(T, u32, f64)> {
     let (mut shift, mut spent) = (0.0, 0);
     body.set_shift(shift);
-    for attempt in 0..=SHIFTS {
+    for attempt in 0.. {
         let (outcome, found) = solve(body, attempt)?;
         spent += outcome.iterations;
-        if !outcome.broken(body.max_iterations()) || attempt == SHIFTS {
+        if !outcome.broken(body.max_iterations()) || shift >= LAST {
             return Ok((found, spent, shift));
         }
         shift = if shift == 0.0 { first } else { 10.0 * shift };
         body.set_shift(shift);
         body.count_indefinite();
     }
-    unreachable!("the last attempt returns")
+    unreachable!("the last share returns")
 }
 
 /// What a place is worth.
@@ -103,7 +105,7 @@ pub(super) fn newton(body: &mut impl Descent, tolerance: f64, floor: f64) -> Res
         let wanted = (SHARE * here.size * (here.size / first).min(1.0)).max(0.1 * target);
         let (spent, added) = body.direction(wanted, shift)?;
         iterations += spent;
-        shift = if added > 0.0 { LESS * added } else { shift };
+        shift = if added > 0.0 { (LESS * added).max(LEAST) } else { shift };
         let Some(next) = search(body, &here)? else {
             break; // what is left is rounding
         };

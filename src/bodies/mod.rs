@@ -167,7 +167,7 @@ pub fn nodes_in(skin: &Skin, region: &Region) -> Vec<u32> {
 }
 
 impl Model {
-    /// Builds the arrays of a scene's deformable body of that number.
+    /// Builds the arrays of a scene's deformable body of that number; the scene has passed [`Scene::check`].
     ///
     /// # Errors
     /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach; [`Error::Usage`] for
@@ -292,6 +292,12 @@ impl Model {
         self.rest.len()
     }
 
+    /// Nodes of split cells that the table of split nodes has room for.
+    fn touched_nodes(&self) -> usize {
+        let split = self.mechanics().extra_columns() * self.grid.nodes[2];
+        if split > 0 { TOUCHED * split + AROUND } else { 0 }
+    }
+
     /// Nodes and the reserve of copies.
     pub fn node_count(&self) -> usize {
         self.own_nodes() + self.mechanics().extra_columns() * self.grid.nodes[2]
@@ -336,7 +342,7 @@ impl Model {
             node_count: self.node_count() as u32,
             extra_columns: extra as u32,
             split_cells: if split > 0 { CELLS * split + AROUND } else { 0 } as u32,
-            touched_nodes: if split > 0 { TOUCHED * split + AROUND } else { 0 } as u32,
+            touched_nodes: self.touched_nodes() as u32,
             preconditioner: s.preconditioner,
             corotational: u32::from(mechanics.corotational()),
             slot_count: 1,

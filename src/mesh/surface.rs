@@ -34,7 +34,7 @@ pub struct Edges {
 /// Which cells are live, and which hang together.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    of: Grid,
+    of: Grid, // the body's own
     params: Params<f64>,
     /// `[cell]` still there.
     pub alive: Vec<bool>,

@@ -86,6 +86,7 @@ pub struct Plan {
 /// # Errors
 /// When the scene is too large for 32-bit indices, or a kernel is not valid.
 pub fn inspect(scene: &Scene) -> Result<Plan> {
+    scene.check()?;
     let mut plan = all_bodies(scene)?;
     if cuts(scene) {
         let mut blunt = scene.clone();
@@ -133,7 +134,7 @@ fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
 }
 
 /// Arrays whose size does not follow the grid: uniforms, and those of the probe.
-const CONSTANT: [&str; 8] = ["params", "stiffness", "modes", "shape", "lame", "pre_strain", "cases", "errors"];
+const CONSTANT: [&str; 8] = ["params", "stiffness", "modes", "shape", "material", "pre_strain", "cases", "errors"];
 
 fn shares(arrays: &[Array], cells: usize) -> Vec<Share> {
     let mut out: Vec<Share> = vec![];

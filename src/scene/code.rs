@@ -1,8 +1,11 @@
 //! Scenes in code: what their parts are if nothing is said, and the check that every scene passes before it runs.
 
 use super::invalid::{Invalid, Result};
+use super::text::{difference, normalized};
+use super::tools::{MOST_SAMPLES, NORMAL_SLACK, dot, samples};
 use super::*;
 use crate::error;
+use crate::math::elementary::acos;
 use std::fmt::Display;
 
 impl Default for Scene {
@@ -179,18 +182,20 @@ impl Default for View {
 
 /// A part of a scene, by its path in the code.
 struct Part<'a> {
-    title: &'a str,
+    scene: &'a Scene,
     path: String,
 }
 
 impl Part<'_> {
     fn of(&self, name: impl Display) -> Part<'_> {
         let dot = if self.path.is_empty() { "" } else { "." };
-        Part { title: self.title, path: format!("{}{dot}{name}", self.path) }
+        Part { scene: self.scene, path: format!("{}{dot}{name}", self.path) }
     }
 
     fn refuse(&self, found: impl Display, wanted: &'static str) -> Invalid {
-        Invalid::InCode { title: self.title.into(), path: self.path.clone(), found: found.to_string(), wanted }
+        let Scene { file, title, .. } = self.scene;
+        let (file, title) = (file.clone(), title.clone());
+        Invalid::InCode { file, title, path: self.path.clone(), found: found.to_string(), wanted }
     }
 
     fn that(&self, holds: bool, found: impl Display, wanted: &'static str) -> Result<()> {
@@ -231,7 +236,8 @@ impl Part<'_> {
 }
 
 impl Scene {
-    /// Whether the scene can run: numbers in their ranges, numbers of bodies that are there, parts that go with each other. The reader of
+    /// Whether the scene can run: numbers in their ranges, numbers of bodies that are there, parts that go with each other (whether a solver
+    /// fits a body's kind is said when the body is made; a region in code may hold no node). The reader of
     /// scene files and [`Simulation`](crate::step::Simulation) ask it.
     ///
     /// # Errors
@@ -241,7 +247,7 @@ impl Scene {
     }
 
     pub(super) fn parts(&self) -> Result<()> {
-        let scene = Part { title: &self.title, path: String::new() };
+        let scene = Part { scene: self, path: String::new() };
         let time = scene.of("time");
         time.positive("step", &[self.time.step])?;
         time.positive("duration", &[self.time.duration])?;
@@ -262,15 +268,33 @@ impl Scene {
             part.index("body", boundary.body, skins)?;
             part.finite("displacement", &boundary.displacement)?;
             part.finite("turn", &[boundary.turn])?;
+            let [x, y, _] = boundary.axes;
+            part.of("axes").that(
+                boundary.turn == 0.0 || (x && y),
+                "without x or y",
+                "with both where nodes are turned",
+            )?;
+            check_region(&part.of("region"), &boundary.region)?;
         }
         for (k, anchor) in self.anchors.iter().enumerate() {
             several("anchors", k).index("body", anchor.body, skins)?;
-            several("anchors", k).not_negative("stiffness", &[anchor.stiffness])?;
+            several("anchors", k).positive("stiffness", &[anchor.stiffness])?;
+            check_region(&several("anchors", k).of("region"), &anchor.region)?;
+            let consistent = self.skins[anchor.body].mass == Mass::Consistent;
+            several("anchors", k).of("body").that(
+                !consistent,
+                "of a consistent mass",
+                "of a lumped or uniform mass",
+            )?;
         }
         for (k, load) in self.loads.iter().enumerate() {
             several("loads", k).index("body", load.body, skins)?;
             several("loads", k)
                 .finite("pressure, min, max", &[load.pressure, load.min[0], load.min[1], load.max[0], load.max[1]])?;
+            let area = (0..2).all(|axis| load.min[axis] < load.max[axis]);
+            several("loads", k).of("min, max").that(area, "without an area", "corners of a rectangle")?;
+            let lasts = load.start < load.end;
+            several("loads", k).of("start, end").that(lasts, "in the wrong order", "rising")?;
         }
         for (k, tool) in self.tools.iter().enumerate() {
             check_tool(&several("tools", k), tool)?;
@@ -283,6 +307,7 @@ impl Scene {
             let part = several("attachments", k);
             part.index("body", tie.body, skins)?;
             self.check_body(&part.of("to"), tie.to)?;
+            check_region(&part.of("region"), &tie.region)?;
             part.of("to").that(tie.to != BodyId::Deformable(tie.body), "the body itself", "another body")?;
             tie.slide.map_or(Ok(()), |slide| part.unit("slide", &slide))?;
         }
@@ -290,7 +315,11 @@ impl Scene {
             self.check_probe(&several("probes", k), &probe.kind)?;
         }
         scene.of("haptic").positive("rate", &[self.haptic.rate])?;
-        scene.of("view").at_least_one("size", &self.view.size)?;
+        let view = scene.of("view");
+        view.at_least_one("size", &self.view.size)?;
+        view.finite("eye, target", &[self.view.eye, self.view.target].concat())?;
+        let angle = self.view.field_of_view;
+        view.of("field_of_view").that(angle > 0.0 && angle < 180.0, angle, "degrees between 0 and 180")?;
         let odd = |k: &usize| *k >= self.probes.len();
         let named = self.study.probes.iter().chain(self.study.known.iter().map(|(k, _)| k)).copied().find(odd);
         named.map_or(Ok(()), |k| scene.of("study").index("probes", k, self.probes.len()))?;
@@ -311,7 +340,10 @@ impl Scene {
             part.positive("thickness, density", &[layer.thickness, layer.density])?;
             part.at_least_one("cells", &[layer.cells])?;
             part.not_negative("toughness", &[layer.toughness])?;
-            part.finite("pre_strain", &layer.pre_strain)?;
+            let odd = layer.pre_strain.iter().find(|e| !(**e > -0.5 && **e < 1.0));
+            odd.map_or(Ok(()), |e| Err(part.of("pre_strain").refuse(e, "strains between -0.5 and 1")))?;
+            let strained = layer.pre_strain != [0.0; 2] && !matches!(skin.law, Law::Fem { .. });
+            part.of("pre_strain").that(!strained, "not 0", "0 of springs and of a hyperelastic law")?;
             if !matches!(skin.law, Law::Springs { .. }) {
                 part.positive("young", &[layer.young])?;
                 part.of("poisson").that((0.0..0.5).contains(&layer.poisson), layer.poisson, "from 0 to below 0.5")?;
@@ -322,6 +354,11 @@ impl Scene {
         if let Law::Springs { stiffness, damping } = skin.law {
             part.of("law").positive("stiffness", &[stiffness])?;
             part.of("law").not_negative("damping", &[damping])?;
+        }
+        match skin.start {
+            Start::Random { amplitude, .. } => part.of("start").not_negative("amplitude", &[amplitude])?,
+            Start::Twist(angle) => part.of("start").finite("angle", &[angle])?,
+            Start::Rest | Start::Flat | Start::InsideOut => {}
         }
         let linear = matches!(skin.law, Law::Fem { .. });
         part.of("mass").that(linear || skin.mass != Mass::Consistent, "consistent", "lumped or uniform with this law")
@@ -338,8 +375,14 @@ impl Scene {
 
     fn check_probe(&self, part: &Part, kind: &ProbeKind) -> Result<()> {
         let axis = match kind {
-            ProbeKind::Displacement { body, axis, .. } | ProbeKind::Reaction { body, axis, .. } => {
+            ProbeKind::Displacement { body, axis, point } => {
                 part.index("body", *body, self.skins.len())?;
+                part.finite("point", point)?;
+                axis
+            }
+            ProbeKind::Reaction { body, axis, region } => {
+                part.index("body", *body, self.skins.len())?;
+                check_region(&part.of("region"), region)?;
                 axis
             }
             ProbeKind::Position { body, axis } | ProbeKind::Velocity { body, axis } => {
@@ -381,6 +424,7 @@ impl Scene {
         };
         part.not_negative("friction, distance", &[contact.friction, contact.distance])?;
         part.positive("alarm", &[contact.alarm])?;
+        part.not_negative("angle_cone", &[contact.angle_cone])?;
         part.fraction("tolerance", contact.tolerance)?;
         part.fraction("column_tolerance", contact.column_tolerance)?;
         part.at_least_one("max_contacts, max_passes", &[contact.max_contacts, contact.max_passes])?;
@@ -419,7 +463,15 @@ fn check_tool(part: &Part, tool: &Tool) -> Result<()> {
         part.of("round").finite("ends", round.ends.as_flattened())?;
         part.of("round").that(tool.blade.is_none() && tool.points.is_empty(), "beside a blade or points", "alone")?;
     }
+    if let Some(Motion { velocity, spin }) = &tool.free {
+        part.of("free").finite("velocity, spin", &[*velocity, *spin].concat())?;
+    }
+    if let Some(device) = &tool.device {
+        check_device(&part.of("device"), device)?;
+    }
     if let Some(lines) = &tool.lines {
+        let alone = tool.blade.is_none() && tool.points.is_empty() && tool.round.is_none();
+        part.of("lines").that(alone, "beside a blade, points or a round surface", "alone")?;
         part.of("lines").finite("positions", lines.positions.as_flattened())?;
         part.of("lines").not_negative("radius", &[lines.radius])?;
         let count = lines.positions.len() as u32;
@@ -435,8 +487,54 @@ fn check_tool(part: &Part, tool: &Tool) -> Result<()> {
         let apart = blade.edge.windows(2).all(|pair| pair[0] != pair[1]);
         part.of("edge").that(blade.edge.len() > 1 && apart, "fewer", "two or more points, each apart from the last")?;
         part.unit("normal", &blade.normal)?;
+        let heel = blade.edge[blade.edge.len() - 1];
+        let chord = normalized(difference(heel, blade.edge[0]));
+        let angle = chord.map_or(0.0, |chord| 90.0 - acos(dot(chord, blade.normal).abs().min(1.0)).to_degrees());
+        part.of("edge").that(chord.is_some(), "closed", "one whose heel is apart from its tip")?;
+        part.of("normal").that(angle <= NORMAL_SLACK, format!("{angle:.1} degrees off"), "across the edge")?;
         let lengths = [blade.thickness, blade.edge_spacing, blade.flat_spacing, blade.depth];
         part.positive("thickness, edge_spacing, flat_spacing, depth", &lengths)?;
+        let found = samples(&blade.edge, blade.depth, [blade.edge_spacing, blade.flat_spacing]);
+        part.of("edge_spacing, flat_spacing").that(
+            found <= MOST_SAMPLES,
+            found,
+            "such that fewer than 100000 points touch",
+        )?;
+    }
+    Ok(())
+}
+
+fn check_region(part: &Part, region: &Region) -> Result<()> {
+    match region {
+        Region::Box { min, max } => part.finite("min, max", &[*min, *max].concat()),
+        Region::Sphere { centre, radius } => {
+            part.finite("centre", centre)?;
+            part.positive("radius", &[*radius])
+        }
+        Region::Plane { through, normal, within } => {
+            part.finite("through", through)?;
+            part.unit("normal", normal)?;
+            part.not_negative("within", &[*within])
+        }
+        Region::Rim(margin) | Region::Core(margin) => part.not_negative("margin", &[*margin]),
+        Region::Bottom | Region::Top | Region::Sides | Region::SidesX | Region::SidesY | Region::All => Ok(()),
+    }
+}
+
+fn check_device(part: &Part, device: &Device) -> Result<()> {
+    part.positive("scale", &[device.scale])?;
+    part.not_negative("force_scale", &[device.force_scale])?;
+    part.finite("position, tool", &[device.position, device.tool].concat())?;
+    part.unit("rotation", &device.rotation)?;
+    part.unit("tool_rotation", &device.tool_rotation)?;
+    let limits = [device.max_force, device.max_torque, device.workspace];
+    let odd = limits.iter().find(|limit| limit.is_nan() || **limit < 0.0);
+    odd.map_or(Ok(()), |limit| {
+        Err(part.of("max_force, max_torque, workspace").refuse(limit, "numbers of at least 0, or infinite"))
+    })?;
+    if let DeviceKind::Hand { mass, stiffness, damping, encoder } = device.kind {
+        part.of("kind").positive("mass", &[mass])?;
+        part.of("kind").not_negative("stiffness, damping, encoder", &[stiffness, damping, encoder])?;
     }
     Ok(())
 }

@@ -43,8 +43,10 @@ pub enum Invalid {
     },
 
     /// A part of a scene made in code.
-    #[error("scene \"{title}\": {path} is {found}; it has to be {wanted}")]
+    #[error("{}: scene \"{title}\": {path} is {found}; it has to be {wanted}", file.display())]
     InCode {
+        /// Where the scene says that it comes from.
+        file: PathBuf,
         /// The scene's.
         title: String,
         /// The part, as the code names it.

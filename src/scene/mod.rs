@@ -3,7 +3,6 @@
 //! A scene file is TOML; every key carries its unit (`size_mm`, `young_kpa`). In memory everything is SI: m, kg, s, N, Pa.
 //! [`read`] turns text into a [`Scene`] or into one error that says file, line, what was found, what was wanted and how to mend it.
 
-mod anchor;
 mod bodies;
 mod body;
 mod builtin;
@@ -23,14 +22,13 @@ mod read;
 mod recorded;
 mod region;
 mod round;
-mod start;
 mod study;
 mod text;
 mod tools;
 mod touching;
 mod words;
 
-pub use anchor::Anchor;
+pub use body::Start;
 pub use builtin::incision;
 pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
 pub use files::{COLUMNS as TRAJECTORY_COLUMNS, FORCE_COLUMNS, Files};
@@ -40,7 +38,6 @@ pub use invalid::{Invalid, Location};
 pub use read::{parse, read};
 pub use recorded::{Check, Probe, ProbeKind, TestForm, View};
 pub use region::Region;
-pub use start::Start;
 pub use study::Study;
 pub use touching::{
     Attachment, Blade, BodyId, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Tool,
@@ -288,6 +285,17 @@ pub enum Element {
     Bbar,
     /// Trilinear with nine inner modes.
     Enhanced,
+}
+
+/// Springs from the nodes of a region to their rest positions.
+#[derive(Clone, Debug)]
+pub struct Anchor {
+    /// Number of the deformable body.
+    pub body: usize,
+    /// Which nodes.
+    pub region: Region,
+    /// Of each node's spring, N/m.
+    pub stiffness: f64,
 }
 
 /// Nodes held, or moved, along chosen axes.

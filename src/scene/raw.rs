@@ -2,12 +2,6 @@
 //!
 //! Lists are `Vec`, not arrays: TOML's arrays deserialise into shorter Rust arrays without an error.
 
-mod devices;
-mod outputs;
-
-pub(super) use devices::{Device, Haptic};
-pub(super) use outputs::{Check, Probe, Study, Test, View};
-
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
 use std::collections::BTreeMap;
@@ -345,4 +339,98 @@ pub(super) struct Contact {
     pub column_tolerance: Option<At<f64>>,
     pub max_passes: Option<At<u32>>,
     pub lips: Option<At<bool>>,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Haptic {
+    pub rate_hz: Option<At<f64>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Device {
+    pub kind: At<String>,
+    pub rendering: Option<At<String>>,
+    pub force_scale: Option<At<f64>>,
+    pub max_force_n: Option<At<f64>>,
+    pub max_torque_n_mm: Option<At<f64>>,
+    pub workspace_mm: Option<At<f64>>,
+    pub position_mm: Option<Numbers>,
+    pub turn_deg: Option<Numbers>,
+    pub scale: Option<At<f64>>,
+    pub tool_mm: Option<Numbers>,
+    pub tool_turn_deg: Option<Numbers>,
+    pub buttons: Option<Vec<At<String>>>,
+    pub passivity: Option<At<bool>>,
+    pub hand_mass_g: Option<At<f64>>,
+    pub hand_stiffness_n_m: Option<At<f64>>,
+    pub hand_damping_n_s_m: Option<At<f64>>,
+    pub encoder_um: Option<At<f64>>,
+    pub url: Option<At<String>>,
+    pub device: Option<At<String>>,
+    pub grip: Option<At<String>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Probe {
+    pub name: At<String>,
+    pub kind: At<String>,
+    pub body: Option<At<String>>,
+    pub from: Option<At<String>>,
+    pub point_mm: Option<Numbers>,
+    pub axis: Option<At<String>>,
+    pub region: Option<At<String>>,
+    pub box_mm: Option<Points>,
+    pub centre_mm: Option<Numbers>,
+    pub radius_mm: Option<At<f64>>,
+    pub through_mm: Option<Numbers>,
+    pub normal: Option<Numbers>,
+    pub within_mm: Option<At<f64>>,
+    pub margin_mm: Option<At<f64>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Check {
+    pub min: Option<At<f64>>,
+    pub max: Option<At<f64>>,
+    pub cells: Option<At<f64>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Test {
+    pub cells: Option<Counts>,
+    pub steps: Option<At<u32>>,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Study {
+    pub probes: Option<Vec<At<String>>>,
+    pub known: Option<BTreeMap<At<String>, At<f64>>>,
+    pub duration_s: Option<At<f64>>,
+    pub elements: Option<At<Vec<At<String>>>>,
+    pub preconditioners: Option<At<Vec<At<String>>>>,
+    pub tolerances: Option<At<Vec<At<f64>>>>,
+    pub iterations: Option<At<Vec<At<u32>>>>,
+    pub grids: Option<Numbers>,
+    pub steps_ms: Option<Numbers>,
+    pub integrators: Option<At<Vec<At<String>>>>,
+    pub corrections: Option<At<Vec<At<String>>>>,
+    pub quick_grid: Option<At<f64>>,
+    pub reference_grid: Option<At<f64>>,
+    pub reference_step_ms: Option<At<f64>>,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct View {
+    pub frames: Option<At<u32>>,
+    pub size_px: Option<Counts>,
+    pub eye_mm: Option<Numbers>,
+    pub target_mm: Option<Numbers>,
+    pub field_of_view_deg: Option<At<f64>>,
 }

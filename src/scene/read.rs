@@ -11,9 +11,11 @@ use super::grid::{self, Grid, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::study;
-use super::text::{ACCELERATION, Bound, DEGREE, KPA, MM, MS, NEWTON, PLAIN, SECOND, SceneText, in_mm, or, or_vector};
-use super::{Boundary, Correction, Integrator, Law, Load, Scene, Skin, Solver, TestForm, Time};
-use super::{anchor, body, devices, hyperelastic, integrator, outputs, tools};
+use super::text::{
+    ACCELERATION, Bound, DEGREE, KPA, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, in_mm, or, or_vector,
+};
+use super::{Anchor, Boundary, Correction, Integrator, Law, Load, Mass, Scene, Skin, Solver, TestForm, Time};
+use super::{body, devices, hyperelastic, integrator, outputs, tools};
 use crate::error;
 use std::path::Path;
 
@@ -91,7 +93,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         file: file.to_path_buf(),
         solver: solver(&scene, raw_solver, &skins)?,
         boundaries: boundaries.collect::<Result<_>>()?,
-        anchors: anchor::anchors(&scene, raw.anchor, &names, &skins, &grids)?,
+        anchors: anchors(&scene, raw.anchor, &names, &skins, &grids)?,
         loads: loads.collect::<Result<_>>()?,
         contact: touching.then_some(contact),
         haptic: devices::haptic(&scene, raw::keys(raw.haptic))?,
@@ -178,6 +180,30 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
         displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
         turn: scene.number("turn_deg", &turn, DEGREE, Bound::Finite)?.to_radians(),
     })
+}
+
+/// Regions that springs hold to their rest shape.
+fn anchors(
+    scene: &SceneText,
+    list: Vec<Table<raw::Anchor>>,
+    names: &Names,
+    skins: &[Skin],
+    grids: &[Vec<Grid>],
+) -> Result<Vec<Anchor>> {
+    let one = |table: Table<raw::Anchor>| {
+        let mut raw = table.keys;
+        let body = names.skin(scene, &raw.body, table.span.clone())?;
+        if skins[body].mass == Mass::Consistent {
+            return Err(Invalid::AnchoredMass { at: scene.place(table.span) });
+        }
+        let extent = raw.extent();
+        Ok(Anchor {
+            body,
+            region: region(scene, &raw.region, extent, &grids[body])?,
+            stiffness: scene.number("stiffness_n_m", &raw.stiffness_n_m, STIFFNESS, Bound::Positive)?,
+        })
+    };
+    list.into_iter().map(one).collect()
 }
 
 fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin]) -> Result<Load> {

@@ -17,10 +17,10 @@ use std::ops::Range;
 
 /// How far a blade's normal may lean from the right angle to its edge, degrees. A blade's plane holds its edge; the
 /// slack admits slightly bent edges. Wider, and the flats would visibly leave the plane that cuts.
-const NORMAL_SLACK: f64 = 6.0;
+pub(super) const NORMAL_SLACK: f64 = 6.0;
 
 /// Most contact samples of a blade: a scalpel has some hundred, and the search looks at each in every step.
-const MOST_SAMPLES: f64 = 1e5;
+pub(super) const MOST_SAMPLES: f64 = 1e5;
 
 /// Tools in the file's order, with their meshes and trajectories.
 pub(super) fn tools(
@@ -182,13 +182,13 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
 }
 
 /// Contact samples of a blade, as [`Instrument`](crate::bodies::rigid::Instrument) spreads them over edge and flats.
-fn samples(edge: &[[f64; 3]], depth: f64, [along, flat]: [f64; 2]) -> f64 {
+pub(super) fn samples(edge: &[[f64; 3]], depth: f64, [along, flat]: [f64; 2]) -> f64 {
     let lengths = || edge.windows(2).map(|pair| difference(pair[1], pair[0])).map(|d| hypot(hypot(d[0], d[1]), d[2]));
     let pieces: f64 = lengths().map(|length| (length / along).round().max(1.0)).sum();
     pieces + 2.0 * (lengths().sum::<f64>() / flat).floor() * (depth / flat).floor().max(1.0)
 }
 
-fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 

@@ -1,17 +1,15 @@
 //! A deformable body as it runs: its model, its state on a backend, how it was cut, how it gives.
 
 mod compliance;
-mod measured;
 mod refine;
 mod start;
 
 pub use compliance::Compliance;
-pub use measured::Measured;
 pub use start::{needs, start};
 
-use super::StepReport;
+use super::{Simulation, StepReport};
 use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
-use crate::bodies::{Model, Solved, residual};
+use crate::bodies::{Model, Solved, energy, inverted_cells, residual};
 use crate::bodies::{Totals, Wound};
 use crate::collide::broad::Boxes;
 use crate::collide::lips::Lips;
@@ -354,5 +352,36 @@ impl Body {
             report.true_residual = Some(report.true_residual.map_or(residual, |worst| larger(worst, residual)));
         }
         Ok(())
+    }
+}
+
+/// What the states of the deformable bodies amount to, together.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// Kinetic, elastic and potential, J ([`crate::bodies::energy`]).
+    pub energy: f64,
+    /// Cells that are inside out.
+    pub inverted: u32,
+}
+
+impl Measured {
+    /// Of one body.
+    fn of(model: &Model, state: &Solved) -> Self {
+        Self { energy: energy(model, state), inverted: inverted_cells(model, state) }
+    }
+
+    /// Both together.
+    fn and(self, other: Self) -> Self {
+        Self { energy: self.energy + other.energy, inverted: self.inverted + other.inverted }
+    }
+}
+
+impl Simulation {
+    /// What the deformable bodies amount to now, from their states.
+    pub fn measure(&self, states: &[Snapshot]) -> Measured {
+        let of = |(body, state): (&Body, &Snapshot)| {
+            Measured::of(&body.model, &body.solved(state.clone(), &[], &self.scene, self.time))
+        };
+        self.bodies.iter().zip(states).map(of).fold(Measured::default(), Measured::and)
     }
 }

@@ -200,6 +200,7 @@ impl Simulation {
     /// # Errors
     /// When a model is too large, no adapter fits, or something is tied to what is not there.
     pub fn new(scene: &Scene, place: &Place) -> Result<Self> {
+        scene.check()?; // before an adapter is asked for
         let gpu = match place {
             Place::Gpu(text) if !scene.skins.is_empty() => Some(Arc::new(Gpu::open(text.as_deref())?)),
             _ => None,

@@ -66,7 +66,7 @@ const CASES: &[Case] = cases! {
         "tail.y <= tail.x" => "tail.y < 0.0",
         "n += LANES" => "n += LANES + 1u", "starting && n < groups" => "starting && n < 1u",
         "if n < params.product_groups" => "if n + 1u < params.product_groups", "if n < column_groups" => "if n < 1u",
-        "if n < groups" => "if n < 1u", "lane_sum[lane] += part" => "lane_sum[lane] = part",
+        "if n < groups" => "if n < 1u", "sum += part;\n            lane_sum[lane] = sum" => "lane_sum[lane] = part",
         "max(request.x * reference, request.z)" => "min(request.x * reference, request.z)",
         "denominator > 0.0 &&" => "denominator != 0.0 &&"
     ]

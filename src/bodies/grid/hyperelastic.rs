@@ -89,9 +89,9 @@ pub struct Hyperelastic {
     /// `[layer]` edges of a cell, m, and 0.
     shapes: Vec<V4<f64>>,
     /// `[layer]` κ, two constants, Pa, and the law's code, as the kernels read them.
-    pub materials: Vec<V4<f64>>,
+    materials: Vec<V4<f64>>,
     /// `[cells_z]` layer
-    pub layer_of: Vec<u32>,
+    layer_of: Vec<u32>,
     /// Steps are solved by Newton's method; else each is one linearisation.
     pub newton: bool,
 }

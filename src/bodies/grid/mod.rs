@@ -232,10 +232,8 @@ impl Mechanics for Hexahedra {
 
     fn product_groups(&self, model: &Model) -> usize {
         let params = model.grid.params::<f64>();
-        let split = self.extra_columns * model.grid.nodes[2];
-        let touched = if split > 0 { super::TOUCHED * split + super::AROUND } else { 0 };
         // and what split cells, or cells with tangents of their own, add
-        let more = if self.hyperelastic.is_some() { model.node_count() } else { touched };
+        let more = if self.hyperelastic.is_some() { model.node_count() } else { model.touched_nodes() };
         tiles(&params) + more.div_ceil(GROUP as usize)
     }
 
