@@ -42,7 +42,7 @@ impl Springs {
         };
         if let Some(name) = for_hexahedra {
             return Err(Error::Usage {
-                what: format!("{name} is for hexahedra; this skin is of springs"),
+                what: format!("{name} is for bricks; this skin is of springs"),
                 fix: "take the preconditioner column".into(),
             });
         }
