@@ -99,6 +99,8 @@ struct Problem<'a> {
     pub seen: Vec<Seen>,
     /// `W` by the columns and by what was seen, m/N.
     pub w: Vec<f64>,
+    /// `[contact]` how far the first body moves over the second without contact forces, m.
+    free_slips: Vec<DVec3>,
     /// `[row]` at the free positions, m.
     pub violation: Vec<f64>,
     /// What the step's forces on the bodies amount to, N: forces of a share of it are as good as none.
@@ -112,14 +114,14 @@ impl Problem<'_> {
         found.map_or(DVec3::ZERO, |k| DVec3::from_array(values[body][k]))
     }
 
-    /// Violations once forces have moved nodes by `moved` and rigid bodies by what they give.
-    pub fn after(&self, lambda: &[f64], moved: &[Vec<[f64; 3]>]) -> Vec<f64> {
+    /// `[contact]` slips of the step once forces have moved nodes by `moved` and rigid bodies by what they give, m.
+    pub fn slips_after(&self, lambda: &[f64], moved: &[Vec<[f64; 3]>]) -> Vec<DVec3> {
         let given: Vec<(DVec3, DVec3)> = (0..)
             .zip(self.free)
             .map(|(number, free)| free.displacement_under(self.rows.on_rigid(number, lambda)))
             .collect();
-        let opening = |row| self.rows.opening(row, |number| given[number], |body, node| self.at(moved, body, node));
-        self.violation.iter().enumerate().map(|(row, v)| v + opening(row)).collect()
+        let more = self.rows.slips(|number| given[number], |body, node| self.at(moved, body, node));
+        self.free_slips.iter().zip(more).map(|(free, more)| *free + more).collect()
     }
 }
 
@@ -135,24 +137,20 @@ impl Simulation {
     ) -> Result<Resolved> {
         let (mut problem, ended) = self.assemble(law, &contacts, free, report)?;
         let lambda = self.first_forces(&problem, held);
-        let (lambda, found) = match law.forces {
+        let (lambda, slips) = match law.forces {
             Loop::Constraints if !held => self.iterate(&mut problem, lambda, report)?,
             _ => {
                 let moved = self.correct(&problem, &lambda, law.tolerance, report)?;
-                let found = problem.after(&lambda, &moved);
-                (lambda, found)
+                let slips = problem.slips_after(&lambda, &moved);
+                (lambda, slips)
             }
         };
         self.move_tools(&problem, &lambda, report);
-        self.hand_over(&problem, &found, &lambda);
+        self.hand_over(&problem, &slips, &lambda);
         let forces = (0..self.bodies.len()).map(|body| problem.rows.on_nodes(body, &lambda)).collect();
         let contact_forces =
             contacts.iter().zip(lambda.chunks_exact(3)).map(|(c, f)| (c.id(), in_world(c, f))).collect();
-        report.contact.slips = contacts
-            .iter()
-            .zip(found.chunks_exact(3))
-            .map(|(c, f)| in_world(c, &[f[0] - c.gap[0], f[1] - c.gap[1], f[2] - c.gap[2]]))
-            .collect();
+        report.contact.slips = slips;
         report.contact.contacts = contacts;
         report.contact.forces = lambda;
         Ok(Resolved { free: ended, forces: Some(forces), contact_forces })
@@ -189,18 +187,15 @@ impl Simulation {
             columns: vec![],
             seen: vec![],
             w: vec![],
+            free_slips: vec![],
             violation: vec![],
             load,
         };
         problem.columns = self.compliance_of(&problem);
         problem.w.clone_from(&problem.columns);
-        problem.violation = (0..problem.rows.count())
-            .map(|row| {
-                let rigid = |number: usize| (free[number].shift, free[number].turn);
-                let gap = contacts[row / 3].gap[row % 3];
-                gap + problem.rows.opening(row, rigid, |body, node| problem.at(&picked, body, node))
-            })
-            .collect();
+        let rigid = |number: usize| (free[number].shift, free[number].turn);
+        problem.free_slips = problem.rows.slips(rigid, |body, node| problem.at(&picked, body, node)).collect();
+        problem.violation = problem.rows.violations(&problem.free_slips);
         Ok((problem, ended))
     }
 
@@ -292,8 +287,9 @@ impl Simulation {
     }
 
     /// The reduced contact problem of each tool, for the haptic side.
-    fn hand_over(&mut self, problem: &Problem, found: &[f64], lambda: &[f64]) {
+    fn hand_over(&mut self, problem: &Problem, slips: &[DVec3], lambda: &[f64]) {
         let (rows, laws) = (&problem.rows, &problem.laws);
+        let found = rows.violations(slips);
         let count = rows.count();
         for (number, tool) in self.tools.iter().enumerate() {
             let sides: Vec<(usize, f64)> = (0..count)

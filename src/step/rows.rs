@@ -67,30 +67,31 @@ impl<'a> Rows<'a> {
         nodes
     }
 
-    /// How far a row opens when rigid bodies move by (shift, turn) and nodes by vectors, m.
-    pub fn opening(
+    /// `[contact]` how far the first body moves over the second when rigid bodies move by (shift, turn) and nodes by vectors, m.
+    pub fn slips(
         &self,
-        row: usize,
         rigid: impl Fn(usize) -> (DVec3, DVec3),
         node: impl Fn(usize, u32) -> DVec3,
-    ) -> f64 {
-        let c = &self.contacts[row / 3];
-        let axis = self.axis(row);
-        let mut sum = 0.0;
-        for side in 0..2 {
-            let moved = match c.on[side] {
+    ) -> impl Iterator<Item = DVec3> {
+        self.contacts.iter().zip(&self.arms).map(move |(contact, arms)| {
+            let moved = |side: usize| match contact.on[side] {
                 BodyId::Rigid(number) => {
                     let (shift, turn) = rigid(number);
-                    axis.dot(shift) + self.arms[row / 3][side].cross(axis).dot(turn)
+                    shift + turn.cross(arms[side])
                 }
                 BodyId::Deformable(body) => {
-                    c.surface_points[side].0.iter().map(|(id, weight)| weight * axis.dot(node(body, *id))).sum()
+                    contact.surface_points[side].0.iter().map(|(id, weight)| node(body, *id) * *weight).sum()
                 }
-                BodyId::Plane(_) | BodyId::World => 0.0,
+                BodyId::Plane(_) | BodyId::World => DVec3::ZERO,
             };
-            sum += SIGN[side] * moved;
-        }
-        sum
+            moved(0) - moved(1)
+        })
+    }
+
+    /// `[row]` violations at the step's end, by how far the bodies of each contact have moved over each other, m.
+    pub fn violations(&self, slips: &[DVec3]) -> Vec<f64> {
+        let of = |row: usize| self.contacts[row / 3].gap[row % 3] + self.axis(row).dot(slips[row / 3]);
+        (0..self.count()).map(of).collect()
     }
 
     /// `Jᵀλ` on a deformable body, nodes each once, N.

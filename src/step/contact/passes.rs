@@ -17,6 +17,7 @@ use crate::error::Result;
 use crate::scene::Correction;
 use crate::step::rows::energy;
 use crate::step::{Simulation, StepReport};
+use glam::DVec3;
 
 /// Row updates of a contact solve at most, which bounds a step's time: 4 ms of 36 rows and 50 ms of 192 on one core. 99 % of the solves of
 /// perturbed incisions take less than 65,000, 64 points with friction on 25 nodes 250,000; with 50,000 a third of three crossing cuts leave
@@ -67,8 +68,8 @@ pub(super) struct Seen {
 struct Pass {
     /// `[row]` N
     lambda: Vec<f64>,
-    /// `[row]` violations under them, by the whole body's correction, m.
-    found: Vec<f64>,
+    /// `[contact]` slips of the step under them, by the whole body's correction, m.
+    slips: Vec<DVec3>,
     /// `[row]` forces that one more pass would take, N.
     next: Vec<f64>,
     /// Relative change to them, in the energy's norm: redundant contacts may share a force in many ways, which means nothing. 0 where it
@@ -151,9 +152,9 @@ impl Problem<'_> {
         solved
     }
 
-    /// A pass that ended with violations `found` under `lambda`, and the forces that the laws ask for there by the model `W`.
-    fn evaluate(&self, lambda: Vec<f64>, found: Vec<f64>) -> Pass {
-        let without_force = self.without_force(&found, &lambda);
+    /// A pass that ended with `slips` under `lambda`, and the forces that the laws ask for there by the model `W`.
+    fn evaluate(&self, lambda: Vec<f64>, slips: Vec<DVec3>) -> Pass {
+        let without_force = self.without_force(&self.rows.violations(&slips), &lambda);
         let mut next = lambda.clone();
         let solved = self.solve(&without_force, &mut next);
         let change = less(&next, &lambda);
@@ -161,19 +162,19 @@ impl Problem<'_> {
         let negligible = change.iter().all(|c| c.abs() <= self.law.tolerance * self.load);
         let size = if total > 0.0 && !negligible { (energy(&self.w, &change) / total).sqrt() } else { 0.0 };
         let residual = constraints::residual(&self.laws, &self.w, &without_force, &lambda);
-        Pass { lambda, found, next, size, solved, residual }
+        Pass { lambda, slips, next, size, solved, residual }
     }
 }
 
 impl Simulation {
     /// Forces, correction, passes: until one more would change the forces by less than the tolerance. Where passes are used up, the best of
-    /// them counts. Returns its forces and the violations under them.
+    /// them counts. Returns its forces and the slips under them.
     pub(super) fn iterate(
         &mut self,
         problem: &mut Problem,
         mut lambda: Vec<f64>,
         report: &mut StepReport,
-    ) -> Result<(Vec<f64>, Vec<f64>)> {
+    ) -> Result<(Vec<f64>, Vec<DVec3>)> {
         let law = problem.law;
         let mut tied = problem.laws.iter().any(|law| matches!(law, Law::Bilateral { .. }));
         problem.solve(&problem.violation, &mut lambda);
@@ -187,24 +188,25 @@ impl Simulation {
             let change = norm(&s) / norm(&lambda).max(f64::MIN_POSITIVE);
             let share = law.tolerance * (FINE * change).clamp(FINEST, 1.0);
             let moved = self.correct(problem, &lambda, share, report)?;
-            let found = problem.after(&lambda, &moved);
+            let slips = problem.slips_after(&lambda, &moved);
+            let found = problem.rows.violations(&slips);
             // what it has shown of the compliance
             let noise = (share + last.2) * norm(&less(&found, &problem.violation));
             problem.seen.push(Seen { s, y: less(&found, &last.1), noise });
-            last = (lambda.clone(), found.clone(), share);
+            last = (lambda.clone(), found, share);
             problem.learn();
             // forces that the laws ask for there
-            let mut pass = problem.evaluate(lambda, found);
+            let mut pass = problem.evaluate(lambda, slips);
             if !pass.solved {
                 // what was seen from pass to pass need not be a compliance together
                 problem.seen.clear();
                 problem.learn();
-                pass = problem.evaluate(pass.lambda, pass.found);
+                pass = problem.evaluate(pass.lambda, pass.slips);
             }
             // aged columns are solved anew where passes close in slowly
             let slow = pass.size > SLOW * before;
             if (pass.size > law.tolerance && slow || !pass.solved) && self.renew(problem, &pass.lambda, report)? {
-                pass = problem.evaluate(pass.lambda, pass.found);
+                pass = problem.evaluate(pass.lambda, pass.slips);
             }
             before = pass.size;
             // the end: nothing more to change, or nothing that can be felt
@@ -234,7 +236,7 @@ impl Simulation {
         report.warn("contact_rows_dropped", pass.residual.dropped);
         report.contact.residual = pass.size;
         (report.contact.residual_n, report.contact.residual_m) = (pass.residual.force, pass.residual.gap);
-        Ok((pass.lambda, pass.found))
+        Ok((pass.lambda, pass.slips))
     }
 
     /// Solves a batch of each body's columns of earlier steps anew; false where there are none.
