@@ -69,7 +69,7 @@ fn dent(contacts: usize) -> Problem {
     };
     let reduced = Reduced {
         axes: (0..contacts).flat_map(|_| [DVec3::Z, DVec3::X, DVec3::Y]).collect(),
-        laws: vec![Law::Coulomb { friction: 0.3, bound: f64::INFINITY }; contacts],
+        laws: vec![Law::contact(0.3); contacts],
         compliance: (0..rows * rows).map(|k| shared(k / rows, k % rows)).collect(),
         violation: vec![0.0; rows],
         force: vec![0.0; rows],

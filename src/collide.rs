@@ -20,7 +20,7 @@ pub use blade::Resistance;
 
 use crate::bodies::rigid::{Instrument, Role};
 use crate::constraints::Law;
-use crate::mesh::Quad;
+use crate::mesh::{MaterialPoint, Quad};
 use crate::scene::{BodyId, Filter, Plane};
 use glam::DVec3;
 use parry3d::bounding_volume::BoundingVolume;
@@ -28,41 +28,20 @@ use parry3d::math::Vector;
 use parry3d::query::PointQueryWithLocation;
 use parry3d::shape::{TriMesh, TriMeshFlags, Triangle, TrianglePointLocation};
 
-/// A place of a deformable body: node ids, each once, with their weights, which sum to 1; none of a rigid body.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct SurfacePoint(pub Vec<(u32, f64)>);
-
-impl SurfacePoint {
-    /// A node.
-    pub fn node(id: u32) -> Self {
-        Self(vec![(id, 1.0)])
-    }
-
-    /// Its nodes.
-    pub fn nodes(&self) -> impl Iterator<Item = u32> {
-        self.0.iter().map(|(node, _)| *node)
-    }
-
-    /// A place of a triangle of three nodes.
-    pub fn on_triangle(nodes: [u32; 3], weights: [f64; 3]) -> Self {
-        Self(nodes.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0).collect())
-    }
-}
-
-/// One contact, or one tie: three rows between two places that move.
+/// A contact or a constraint between two points that move.
 #[derive(Clone, Debug)]
 pub struct Contact {
     /// The two bodies; forces act on the first along the axes and on the second against them.
     pub on: [BodyId; 2],
     /// Where on each of them, if it is deformable.
-    pub surface_points: [SurfacePoint; 2],
+    pub points: [MaterialPoint; 2],
     /// Sample of the pair: with it, what a contact is called from step to step.
     pub feature: usize,
     /// Where they touch, world, m.
     pub point: DVec3,
-    /// Unit directions of the three rows; motion of the first body along them, relative to the second, is what they measure.
+    /// Unit directions; the rows of the law are along the first of them, and measure the motion of the first body relative to the second.
     pub axes: [DVec3; 3],
-    /// Violations of the rows at the step's start, m.
+    /// Violations along them at the step's start, m.
     pub gap: [f64; 3],
     /// How far the sample is inside the surface at the step's start, m; 0 of one outside.
     pub depth: f64,
@@ -72,17 +51,22 @@ pub struct Contact {
 
 impl Contact {
     /// A rigid body's sample on a place of a deformable body; rows and law are still to be set.
-    pub fn on_skin(tool: usize, feature: usize, skin: usize, spot: SurfacePoint, point: DVec3) -> Self {
+    pub fn on_skin(tool: usize, feature: usize, skin: usize, spot: MaterialPoint, point: DVec3) -> Self {
         Self {
             on: [BodyId::Rigid(tool), BodyId::Deformable(skin)],
-            surface_points: [SurfacePoint::default(), spot],
+            points: [MaterialPoint::default(), spot],
             feature,
             point,
             axes: DVec3::AXES,
             gap: [0.0; 3],
             depth: 0.0,
-            law: Law::Coulomb { friction: 0.0, bound: f64::INFINITY },
+            law: Law::contact(0.0),
         }
+    }
+
+    /// Values along its axes as a vector.
+    pub fn in_world(&self, along: [f64; 3]) -> DVec3 {
+        self.axes[0] * along[0] + self.axes[1] * along[1] + self.axes[2] * along[2]
     }
 
     /// What it is called from step to step.
@@ -210,7 +194,7 @@ impl Patch {
     }
 
     /// Nearest place, and how far it is, m.
-    pub fn nearest(&self, point: DVec3) -> (SurfacePoint, f64) {
+    pub fn nearest(&self, point: DVec3) -> (MaterialPoint, f64) {
         let (triangle, weights, distance, _) = self.project(point);
         (self.spot(triangle, weights), distance.abs())
     }
@@ -309,7 +293,7 @@ pub fn contacts(
 
 /// A sample's contact, without the names of the bodies.
 struct Found {
-    spot: SurfacePoint,
+    spot: MaterialPoint,
     point: DVec3,
     axes: [DVec3; 3],
     gap: f64,
@@ -336,6 +320,6 @@ fn point_contact(patch: &Patch, point: DVec3, radius: f64, reach: f64, search: &
         axes: frame(normal),
         gap: distance - search.distance,
         depth: (-distance).max(0.0),
-        law: Law::Coulomb { friction: search.friction, bound: f64::INFINITY },
+        law: Law::contact(search.friction),
     })
 }

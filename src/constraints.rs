@@ -1,14 +1,6 @@
 //! Contact laws and their solver: projected block Gauss–Seidel on `δ = W λ + δ_free`, λ in newtons.
 //!
-//! Each contact has three rows. [`Law::Coulomb`]: row 0 is the normal, `0 ≤ λ_n ≤ bound`, `δ_n ≥ 0` with one of them zero (below the
-//! bound); rows 1 and 2 are tangents, `|λ_t| ≤ μ λ_n`, opposing the slip. [`Law::Cut`]: a piece of edge inside the tissue; rows 0 and 1
-//! span the blade's plane (forward, along), row 2 is its normal, two-sided, and ends at the same bound: tissue splits sideways no later.
-//! The force in the plane opposes the motion and is at most `radius · cos θ`, `radius` = toughness × length, θ the angle between motion
-//! and forward (Atkins 2009: push and slice): the work is toughness × area whatever the motion, and slicing lowers the push that a cut
-//! takes. So forces lie in the circle through the origin with diameter `radius` along forward, and are projected on it along their own
-//! direction, since they oppose the motion; a piece that goes back is free. (The whole disc of that radius, as friction has it, took 1.41
-//! times toughness × area of an edge at 45°.) [`Law::Bilateral`]: ties, with all rows held
-//! (attached, bilateral) or without the one along which something slides.
+//! A contact has as many rows as its [`Law`]; the rows of all contacts follow each other in one list.
 //!
 //! [`relax`] is plain sweeps, for the haptic tick. [`solve`] ends within a budget of row updates, whatever it is given, and returns the best
 //! iterate: sweeps and Newton steps (`newton`) inside of proximal steps (`proximal`, which says what is known of their convergence).
@@ -16,67 +8,15 @@
 //! Source: Jourdan, Alart, Jean 1998 (block Gauss–Seidel); Duriez et al. 2006 (its use for haptics); Alart, Curnier 1991 (Newton).
 //! Differs: a disc's rows are divided by the largest compliance of their plane, not the mean, so that sticking always converges.
 
+mod law;
 mod newton;
 mod proximal;
 
+pub use law::Law;
 pub use proximal::{Effort, Enough, solve};
 
 use crate::math::elementary::hypot;
 use crate::math::larger;
-use serde::{Deserialize, Serialize};
-
-/// How the three forces of a contact are bounded.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub enum Law {
-    /// Unilateral with a friction disc; the normal force ends at `bound` (infinite for what neither cuts nor splits), N.
-    Coulomb {
-        /// μ
-        friction: f64,
-        /// N
-        bound: f64,
-    },
-    /// A piece of edge inside the tissue; N.
-    Cut {
-        /// N
-        radius: f64,
-    },
-    /// Tied: rows that are held have no violation, whatever force that takes; the others have no force.
-    Bilateral {
-        /// Which of the three.
-        held: [bool; 3],
-    },
-}
-
-impl Law {
-    /// The allowed forces nearest to `aim`, N; a friction disc is that of the allowed normal force.
-    fn project(&self, aim: [f64; 3]) -> [f64; 3] {
-        match *self {
-            Self::Coulomb { friction, bound } => {
-                let normal = between(aim[0], 0.0, bound);
-                let (t, s) = onto_disc(aim[1], aim[2], friction * normal);
-                [normal, t, s]
-            }
-            Self::Cut { radius } => {
-                let (e, s) = onto_circle(aim[0], aim[1], radius);
-                [e, s, between(aim[2], -radius, radius)]
-            }
-            Self::Bilateral { held } => [0, 1, 2].map(|k| if held[k] { aim[k] } else { 0.0 }),
-        }
-    }
-
-    /// Whether forces have reached what the tissue bears, so that the edge goes on.
-    pub fn at_bound(&self, force: [f64; 3]) -> bool {
-        const NEAR: f64 = 1.0 - 1e-6;
-        match self {
-            Self::Coulomb { bound, .. } => force[0] >= bound * NEAR,
-            Self::Cut { radius } => {
-                let [f, s, n] = force;
-                f * f + s * s >= radius * f * NEAR || n.abs() >= radius * NEAR
-            }
-            Self::Bilateral { .. } => false,
-        }
-    }
-}
 
 /// How a contact solve ended.
 #[derive(Clone, Copy, Debug, Default)]
@@ -115,6 +55,7 @@ const NOTHING: f64 = 1e-13;
 ///
 /// For the haptic tick: allocates nothing, looks at no residual. Arguments as in [`solve`].
 pub fn relax(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], tolerance: f64, max_sweeps: u32) -> u32 {
+    debug_assert_eq!(force.len(), laws.iter().map(Law::rows).sum::<usize>(), "a force for each row of the laws");
     let floor = floor(w, force.len());
     for done in 0..max_sweeps {
         let change = sweep(laws, w, free, force, floor);
@@ -126,35 +67,36 @@ pub fn relax(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], tolerance
     max_sweeps
 }
 
+/// The contacts' laws, each with the number of its first row.
+pub(crate) fn first_rows(laws: &[Law]) -> impl Iterator<Item = (usize, &Law)> {
+    laws.iter().scan(0, |next, law| {
+        let first = *next;
+        *next += law.rows();
+        Some((first, law))
+    })
+}
+
+/// Values of a law's rows; 0 for those that it has not.
+fn of_rows(law: &Law, mut value: impl FnMut(usize) -> f64) -> [f64; 3] {
+    let rows = law.rows();
+    [0, 1, 2].map(|k| if k < rows { value(k) } else { 0.0 })
+}
+
 /// One sweep over all contacts in order; returns the largest change of a force, N.
 fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], floor: f64) -> f64 {
     let mut largest = 0.0f64;
-    for (contact, law) in laws.iter().enumerate() {
-        let first = 3 * contact;
-        let old = [force[first], force[first + 1], force[first + 2]];
+    for (first, law) in first_rows(laws) {
         let c = scales(law, w, force.len(), first, floor);
-        let aim = |k: usize, force: &[f64]| aim(w, free, force, first + k, c[k]);
-        match *law {
-            Law::Coulomb { friction, bound } => {
-                force[first] = between(aim(0, force), 0.0, bound);
-                let (t, s) = (aim(1, force), aim(2, force));
-                (force[first + 1], force[first + 2]) = onto_disc(t, s, friction * force[first]);
+        for group in law.groups() {
+            // the forces of the rows before, as this sweep has them, and where those of the group would go
+            let mut forces = of_rows(law, |k| force[first + k]);
+            group.clone().for_each(|k| forces[k] = aim(w, free, force, first + k, c[k]));
+            let held = law.project(forces);
+            for k in group.clone() {
+                let old = force[first + k];
+                force[first + k] = if law.goes_half_way(group) { 0.5 * (old + held[k]) } else { held[k] };
+                largest = largest.max((force[first + k] - old).abs());
             }
-            Law::Cut { radius } => {
-                let (e, s) = (aim(0, force), aim(1, force));
-                // half way: the whole way, pieces of one edge may chase each other for ever
-                let (e, s) = onto_circle(e, s, radius);
-                (force[first], force[first + 1]) = (0.5 * (old[0] + e), 0.5 * (old[1] + s));
-                force[first + 2] = between(aim(2, force), -radius, radius);
-            }
-            Law::Bilateral { held } => {
-                for k in 0..3 {
-                    force[first + k] = if held[k] { aim(k, force) } else { 0.0 };
-                }
-            }
-        }
-        for k in 0..3 {
-            largest = largest.max((force[first + k] - old[k]).abs());
         }
     }
     largest
@@ -169,18 +111,13 @@ pub fn residual(laws: &[Law], w: &[f64], free: &[f64], force: &[f64]) -> Residua
 fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64) -> Residual {
     let floor = floor(w, force.len());
     let mut found = Residual::default();
-    for (contact, law) in laws.iter().enumerate() {
-        let first = 3 * contact;
+    for (first, law) in first_rows(laws) {
+        let rows = law.rows();
         let c = scales(law, w, force.len(), first, floor).map(|c| share * c);
-        let bears = match law {
-            Law::Coulomb { friction: 0.0, .. } => 1,
-            Law::Coulomb { .. } | Law::Cut { .. } => 3,
-            Law::Bilateral { .. } => 0, // what is held already needs no tie
-        };
-        found.dropped += u32::from(c[..bears].contains(&0.0));
-        let aim = [0, 1, 2].map(|k| aim(w, free, force, first + k, c[k]));
-        let held = law.project(aim);
-        for k in 0..3 {
+        // what is held already needs no constraint
+        found.dropped += u32::from(!law.is_constraint() && c[..rows].contains(&0.0));
+        let held = law.project(of_rows(law, |k| aim(w, free, force, first + k, c[k])));
+        for k in 0..rows {
             let change = (force[first + k] - held[k]).abs();
             found.force = larger(found.force, change);
             found.gap = larger(found.gap, c[k] * change);
@@ -202,8 +139,8 @@ fn floor(w: &[f64], rows: usize) -> f64 {
     NOTHING * own.fold(0.0f64, |most, c| most.max(*c))
 }
 
-/// Compliances `c` by which violations become forces, m/N: a row's own, and for a disc the largest of its plane (with less a row that
-/// sticks may swing for ever). 0 for a row without compliance that a force could act on; it has none.
+/// Compliances `c` by which violations become forces, m/N: a row's own, and for rows that are projected together the largest of their plane
+/// (with less a row that sticks may swing for ever). 0 for a row without compliance that a force could act on; it has none.
 fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> [f64; 3] {
     let at = |i: usize, j: usize| w[(first + i) * rows + first + j];
     let gives = |k: usize| at(k, k).is_finite() && at(k, k) > floor;
@@ -215,13 +152,12 @@ fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> [f64; 
         (true, false) => at(i, i),
         _ => at(j, j),
     };
-    let [a, b, c] = match law {
-        Law::Coulomb { .. } => [at(0, 0), plane(1, 2), plane(1, 2)],
-        Law::Cut { .. } => [plane(0, 1), plane(0, 1), at(2, 2)],
-        Law::Bilateral { .. } => [at(0, 0), at(1, 1), at(2, 2)],
-    };
-    let of = |k: usize, c: f64| if gives(k) { c } else { 0.0 };
-    [of(0, a), of(1, b), of(2, c)]
+    let mut c = [0.0; 3];
+    for group in law.groups() {
+        let largest = if group.len() == 2 { plane(group.start, group.start + 1) } else { at(group.start, group.start) };
+        group.clone().filter(|k| gives(*k)).for_each(|k| c[k] = largest);
+    }
+    c
 }
 
 /// Where a row's force would go without its bounds, N; 0 for a row without compliance.
@@ -240,23 +176,6 @@ fn between(x: f64, low: f64, high: f64) -> f64 {
     }
 }
 
-fn onto_disc(a: f64, b: f64, radius: f64) -> (f64, f64) {
-    let length = hypot(a, b);
-    if length <= radius { (a, b) } else { (a * radius / length, b * radius / length) }
-}
-
-/// Along its own direction onto the circle through the origin whose diameter is `radius` along `a`; nothing where it points back.
-fn onto_circle(a: f64, b: f64, radius: f64) -> (f64, f64) {
-    let squared = a * a + b * b;
-    if a <= 0.0 {
-        (0.0, 0.0)
-    } else if squared <= radius * a {
-        (a, b)
-    } else {
-        (a * radius * a / squared, b * radius * a / squared)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -265,22 +184,24 @@ mod tests {
     const W: [f64; 9] = [1e-3, 1e-4, 0.0, 1e-4, 2e-3, 0.0, 0.0, 0.0, 2e-3];
 
     fn run(law: Law, free: [f64; 3]) -> [f64; 3] {
+        let rows = law.rows();
+        let w: Vec<f64> = (0..rows * rows).map(|n| W[n / rows * 3 + n % rows]).collect();
         let mut force = [0.0; 3];
-        let ended = solve(&[law], &W, &free, &mut force, &EXACT);
+        let ended = solve(&[law], &w, &free[..rows], &mut force[..rows], &EXACT);
         assert!(ended.converged);
         force
     }
 
     #[test]
     fn a_closing_gap_is_stopped_and_an_open_one_left_alone() {
-        let law = Law::Coulomb { friction: 0.0, bound: f64::INFINITY };
+        let law = Law::contact(0.0);
         assert!((run(law, [-1e-3, 0.0, 0.0])[0] - 1.0).abs() < 1e-9);
         assert_eq!(run(law, [1e-3, 1e-3, 0.0]), [0.0; 3]);
     }
 
     #[test]
     fn friction_sticks_below_its_limit_and_slides_on_the_disc_above_it() {
-        let law = Law::Coulomb { friction: 0.5, bound: f64::INFINITY };
+        let law = Law::contact(0.5);
         let sticks = run(law, [-1e-3, 1e-4, 1e-4]);
         assert!((2e-3 * sticks[1] + 1e-4 * sticks[0] + 1e-4).abs() < 1e-9);
         let slides = run(law, [-1e-3, 1e-2, 1e-2]);
@@ -316,5 +237,24 @@ mod tests {
         assert_eq!(back[0], 0.0);
         assert!((back[2] + 0.25).abs() < 1e-9, "the row across is two-sided: {}", back[2]);
         assert_eq!(run(law, [1e-2, 0.0, 5e-2])[2], -0.4);
+    }
+
+    #[test]
+    fn a_slide_holds_across_and_rubs_along() {
+        let law = Law::Slide { friction: 0.5, resistance: 0.1 };
+        // δ across is 0 whatever comes; along it sticks below μ |λ_across| + resistance, and gives way at it
+        for (along, sticks) in [(1e-4, true), (3e-4, true), (5e-3, false), (-5e-3, false)] {
+            let force = run(law, [-6e-4, 8e-4, along]);
+            let violation =
+                [0, 1, 2].map(|i| [-6e-4, 8e-4, along][i] + (0..3).map(|j| W[3 * i + j] * force[j]).sum::<f64>());
+            assert!(violation[0].abs() < 1e-9 && violation[1].abs() < 1e-9, "{violation:?}");
+            let most = 0.5 * force[0].hypot(force[1]) + 0.1;
+            match sticks {
+                true => assert!(violation[2].abs() < 1e-9 && force[2].abs() < most, "{force:?}"),
+                false => assert!((force[2].abs() - most).abs() < 1e-9 && force[2] * along < 0.0, "{force:?}"),
+            }
+        }
+        let free = run(Law::Bilateral { rows: 2 }, [-6e-4, 8e-4, 5e-3]);
+        assert_eq!(free[2], 0.0, "the counter-test: without friction nothing acts along");
     }
 }

@@ -45,9 +45,8 @@ fn flats(at: &[(f64, f64)], travel: f64, cell: f64) -> Vec<(Contact, DVec3)> {
         |_| Resistance { edge: 0.0, splitting: SPLITTING, cell },
         |_| None,
     );
-    let place = |contact: &Contact| {
-        contact.surface_points[1].0.iter().map(|(node, weight)| places[*node as usize] * *weight).sum()
-    };
+    let place =
+        |contact: &Contact| contact.points[1].0.iter().map(|(node, weight)| places[*node as usize] * *weight).sum();
     found.into_iter().map(|contact| (contact.clone(), place(&contact))).collect()
 }
 

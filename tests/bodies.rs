@@ -175,10 +175,77 @@ fn layers_slide_along_the_free_direction_alone() {
     assert!(x > 0.1 * moved && y < 1e-9, "{x} m and {y} m of {moved} m");
     // no force along the free direction
     let last = &free.last().expect("there was a step").contact;
-    for (contact, force) in last.contacts.iter().zip(last.forces.chunks_exact(3)) {
-        let along = DVec3::X.dot(contact.axes[0]) * force[0];
-        assert_eq!(along, 0.0);
+    for (contact, force) in last.contacts.iter().zip(&last.forces) {
+        assert!(contact.law.rows() == 2 && contact.in_world(*force).x.abs() < 1e-15, "{force:?}");
     }
+}
+
+#[test]
+fn runners_on_rails_rub_as_coulomb_says() {
+    let text = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/rail.toml"))
+        .expect("the scene is there");
+    let (gravity, ways) = ([4.905, 8.495709211125344], 5.05e-3); // along and across the rails, m/s²; of 100 steps, s²
+    let check = |text: &str, known: [f64; 4]| {
+        let (_, reports) = run(&scene(text));
+        for (number, known) in known.into_iter().enumerate() {
+            let found = probe(&reports, number) / ways;
+            assert!((found - known).abs() < 2e-6, "rail {number}: {found} m/s², {known} known");
+        }
+    };
+    let [along, across] = gravity;
+    let known = [along, along - 0.3 * across, 0.0, along - 2.0];
+    check(&text, known);
+    // rails hold both ways
+    check(&text.replace("-8.495709211125344", "8.495709211125344"), known);
+    // uphill, with all of them started
+    let rising = |text: &str| text.replace("[4.905, ", "[-4.905, ");
+    check(&rising(&text), known.map(|a| -a));
+    let other = std::panic::catch_unwind(|| check(&text.replace("friction = 0.3", "friction = 0.31"), known));
+    assert!(other.is_err(), "the counter-test: another μ passes for it");
+}
+
+/// A block of 10 mm that is stretched upward by a tenth, and in it a rod of 2 mm, tied by its nodes, none of which is one of the block's.
+fn rod_in_block(at: &str) -> String {
+    let layer = |body: &str, thickness: f64, young: f64| {
+        format!(
+            "[[{body}.layer]]\nname = \"l\"\nthickness_mm = {thickness}\ncells = 2\nyoung_kpa = {young}\npoisson = 0\ndensity_kg_m3 = 1000\n"
+        )
+    };
+    let probe = |name: &str, point: &str| {
+        format!(
+            "[[probe]]\nname = \"{name}\"\nkind = \"displacement\"\nbody = \"rod\"\npoint_mm = {point}\naxis = \"z\"\n"
+        )
+    };
+    format!(
+        "title = \"rod\"\n[time]\nstep_ms = 10\nduration_s = 0.3\ngravity_m_s2 = [0, 0, 0]\n[solver]\ntolerance = 1e-9\n[contact]\ntolerance = 1e-5\n\
+         [skin]\nsize_mm = [10, 10]\ncells = [3, 3]\nlaw = \"fem\"\n{}\
+         [[block]]\nname = \"rod\"\nposition_mm = {at}\nsize_mm = [2, 2]\ncells = [1, 1]\n{}\
+         [[attach]]\nbody = \"rod\"\nregion = \"all\"\nto = \"skin\"\n\
+         [[boundary]]\nbody = \"skin\"\nregion = \"bottom\"\n\
+         [[boundary]]\nbody = \"skin\"\nregion = \"top\"\ndisplacement_mm = [0, 0, 1]\n\
+         [[probe]]\nname = \"held\"\nkind = \"reaction\"\nbody = \"skin\"\nregion = \"bottom\"\naxis = \"z\"\n{}{}{}",
+        layer("skin", 10.0, 50.0),
+        layer("block", 4.0, 0.05),
+        probe("low", "[1, 1, 0]"),
+        probe("middle", "[-1, 1, 2]"),
+        probe("high", "[-1, -1, 4]"),
+    )
+}
+
+#[test]
+fn what_is_inside_a_body_moves_with_the_point_where_it_lies() {
+    let (_, reports) = run(&scene(&rod_in_block("[0.3, -0.4, 2.7]")));
+    // 5 kPa on 100 mm²; the rod's nodes at 2.7, 4.7 and 6.7 mm of 10 go that share of the way
+    assert!(apart(probe(&reports, 0).abs(), 0.5) < 1e-3, "{} N", probe(&reports, 0));
+    for (number, share) in [(1, 0.27), (2, 0.47), (3, 0.67)] {
+        let found = probe(&reports, number);
+        assert!((found - share * 1e-3).abs() < 1e-6, "{found} m, {share} mm known"); // the rod bears a little itself
+    }
+    let last = &reports.last().expect("there was a step").contact;
+    assert!(last.contacts.iter().any(|contact| contact.points[1].0.len() == 8), "inside of a cell: eight nodes");
+    let outside = scene(&rod_in_block("[0, 0, 8]"));
+    let error = Simulation::new(&outside, &Place::Cpu64).err().expect("two millimetres stand out");
+    assert!(error.to_string().contains("2.000 mm away"), "{error}");
 }
 
 #[test]

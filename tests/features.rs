@@ -90,7 +90,7 @@ fn found(patch: &Patch, places: &[[f64; 3]], segments: &[[u32; 2]]) -> Vec<Conta
 
 /// Nodes of a contact that bear something, with their weights, in rising order.
 fn bearing(contact: &Contact) -> Vec<(u32, f64)> {
-    let mut list: Vec<(u32, f64)> = contact.surface_points[1].0.clone();
+    let mut list: Vec<(u32, f64)> = contact.points[1].0.clone();
     list.sort_by_key(|n| n.0);
     list
 }
@@ -285,7 +285,7 @@ fn a_probe_along_a_curved_skin_keeps_few_contacts() {
 
 /// Everything that contacts say, bit for bit.
 fn said(list: &[Contact]) -> Vec<String> {
-    list.iter().map(|c| format!("{:?} {:?} {:?} {:?}", c.id(), c.surface_points[1], c.axes, c.gap[0])).collect()
+    list.iter().map(|c| format!("{:?} {:?} {:?} {:?}", c.id(), c.points[1], c.axes, c.gap[0])).collect()
 }
 
 /// Waves of heights up to 0.3 mm, and a wire near them.

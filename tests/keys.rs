@@ -71,6 +71,8 @@ const BESIDE: &[(&str, &str, &str)] = &[
     ("[tool.device]", "hand_damping_n_s_m", "kind = \"hand\""),
     ("[tool.device]", "encoder_um", "kind = \"hand\""),
     ("[contact]", "penalty_n_m", "forces = \"penalty\""),
+    ("[[attach]]", "friction", "slide = [1.0, 0.0, 0.0]"),
+    ("[[attach]]", "resistance_n", "slide = [1.0, 0.0, 0.0]"),
 ];
 
 /// Header of the section that a key is tried in.

@@ -105,7 +105,7 @@ fn parted(axis: usize, motion: DVec3) -> (Vec<f64>, Vec<DVec3>) {
         if beyond.contains(&node) && !before.contains(&node) { rest + motion } else { rest }
     };
     let found = contacts(0, &lips, position, |_| true, 1e-4);
-    let first_moves = |c: &cutis::collide::Contact| beyond.contains(&c.surface_points[0].0[0].0);
+    let first_moves = |c: &cutis::collide::Contact| beyond.contains(&c.points[0].0[0].0);
     let normal = |c: &cutis::collide::Contact| if first_moves(c) { c.axes[0] } else { -c.axes[0] };
     (found.iter().map(|c| c.gap[0]).collect(), found.iter().map(normal).collect())
 }

@@ -857,6 +857,10 @@ fn bodies_say_who_they_are_and_where() {
     says(&itself, "\"skin\" is tied to itself … leave `to` away");
     let direction = with("[[attach]]\nregion = \"top\"\nslide = [0, 0, 0]\n");
     says(&direction, "slide");
+    let held = with("[[attach]]\nregion = \"top\"\nfriction = 0.3\n");
+    says(&held, "`friction` has no effect here; what is held along all axes does not slide");
+    let negative = with("[[attach]]\nregion = \"top\"\nslide = [0, 0, 1]\nresistance_n = -1\n");
+    says(&negative, "resistance_n = -1.0; wanted a finite number, 0 or more");
     says(&with("[[plane]]\nname = \"p\"\nthrough_mm = [0, 0, 0]\nnormal = [0, 0, 0]\n"), "normal");
     let rigid = "[[rigid]]\nname = \"r\"\nmass_g = 1\nposition_mm = [0, 0, 9]\n";
     says(&with(rigid), "key `box_mm` is missing … a box … or a sphere");

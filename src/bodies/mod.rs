@@ -27,7 +27,7 @@ use crate::kernels::Params;
 use crate::kernels::cut::Hit;
 use crate::math::elementary::sin_cos;
 use crate::math::{Real, V4};
-use crate::mesh::Grid;
+use crate::mesh::{Grid, MaterialPoint};
 use crate::scene::{Anchor, Law, Load, MOST_NODES, Mass, Region, Scene, Skin};
 use cpu::System;
 use gpu::{Maker, Recorded};
@@ -331,6 +331,11 @@ impl Model {
     /// The node nearest to a rest position, in the body's own frame.
     pub fn nearest(&self, point: [f64; 3]) -> u32 {
         self.grid.nearest(point) as u32
+    }
+
+    /// The material point at a rest position, m; none outside of the uncut body.
+    pub fn material_point(&self, at: [f64; 3]) -> Option<MaterialPoint> {
+        self.grid.material_point([0, 1, 2].map(|n| at[n] - self.position[n]))
     }
 
     /// The kernels' parameter block.

@@ -6,9 +6,10 @@
 //! meet. Deformable bodies: nodes of the one against faces of the other, both ways; where two nodes meet, once.
 //! Units: m.
 
-use super::{Contact, Patch, Search, SurfacePoint, frame};
+use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, Role};
 use crate::constraints::Law;
+use crate::mesh::MaterialPoint;
 use crate::mesh::Quad;
 use crate::scene::{BodyId, Plane};
 use glam::DVec3;
@@ -25,13 +26,13 @@ const FACING: f64 = 0.1;
 fn contact(on: [BodyId; 2], feature: usize, point: DVec3, normal: DVec3, gap: f64, search: &Search) -> Contact {
     Contact {
         on,
-        surface_points: [SurfacePoint::default(), SurfacePoint::default()],
+        points: [MaterialPoint::default(), MaterialPoint::default()],
         feature,
         point,
         axes: frame(normal),
         gap: [gap - search.distance, 0.0, 0.0],
         depth: (-gap).max(0.0),
-        law: Law::Coulomb { friction: search.friction, bound: f64::INFINITY },
+        law: Law::contact(search.friction),
     }
 }
 
@@ -210,7 +211,7 @@ pub fn skin_on_plane(
         let gap = normal.dot(point - through);
         if gap < search.alarm + search.distance {
             let found = contact(on, node as usize, point, normal, gap, search);
-            out.push(Contact { surface_points: [SurfacePoint::node(node), SurfacePoint::default()], ..found });
+            out.push(Contact { points: [MaterialPoint::node(node), MaterialPoint::default()], ..found });
         }
     }
     out
@@ -238,7 +239,7 @@ pub fn skin_on_box(
         if !beside && looks && out_of[axis] < search.alarm + search.distance + travel {
             // behind the numbers of the box's own corners
             let found = contact(on, tool.samples.len() + node as usize, point, normal, out_of[axis], search);
-            out.push(Contact { surface_points: [SurfacePoint::default(), SurfacePoint::node(node)], ..found });
+            out.push(Contact { points: [MaterialPoint::default(), MaterialPoint::node(node)], ..found });
         }
     }
     out
@@ -268,7 +269,7 @@ pub fn skin_on_skin(
             continue; // over the rim, or the other body's node is here
         }
         let found = contact(on, node as usize, point, normal, normal.dot(point - place), search);
-        out.push(Contact { surface_points: [SurfacePoint::node(node), patch.spot(triangle, weights)], ..found });
+        out.push(Contact { points: [MaterialPoint::node(node), patch.spot(triangle, weights)], ..found });
     }
     out
 }

@@ -5,20 +5,10 @@
 //! it acts on the four corners alike. Blades, round tools and tools of lines look at faces in two: their pieces meet several triangles at
 //! once.
 
-use super::{Patch, SurfacePoint, to_f32};
-use crate::mesh::Quad;
+use super::{Patch, to_f32};
+use crate::mesh::{MaterialPoint, Quad};
 use glam::DVec3;
 use parry3d::shape::{TriMesh, TriMeshFlags};
-
-impl SurfacePoint {
-    /// A place of the `sector`-th triangle of a face about its centre: between the corners `sector` and the next, and the centre.
-    fn on_sector(nodes: [u32; 4], sector: usize, [u, v, w]: [f64; 3]) -> Self {
-        let mut weights = [0.25 * w; 4];
-        weights[sector] += u;
-        weights[(sector + 1) % 4] += v;
-        Self(nodes.into_iter().zip(weights).filter(|(_, weight)| *weight != 0.0).collect())
-    }
-}
 
 impl Patch {
     /// From faces and the present position of their nodes, as [`Patch::new`]; `None` when there are no faces.
@@ -46,10 +36,17 @@ impl Patch {
     }
 
     /// The place of a triangle with these weights, as nodes move it.
-    pub fn spot(&self, triangle: usize, weights: [f64; 3]) -> SurfacePoint {
+    pub fn spot(&self, triangle: usize, weights: [f64; 3]) -> MaterialPoint {
         match self.quarters.get(triangle / 4) {
-            Some(nodes) => SurfacePoint::on_sector(*nodes, triangle % 4, weights),
-            None => SurfacePoint::on_triangle(self.triangles[triangle], weights),
+            Some(nodes) => {
+                // a quarter of the face: its two corners, and the centre, which is the mean of all four
+                let ([u, v, w], quarter) = (weights, triangle % 4);
+                let mut weights = [0.25 * w; 4];
+                weights[quarter] += u;
+                weights[(quarter + 1) % 4] += v;
+                MaterialPoint::of(*nodes, weights)
+            }
+            None => MaterialPoint::of(self.triangles[triangle], weights),
         }
     }
 }

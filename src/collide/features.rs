@@ -25,6 +25,7 @@ pub mod cones;
 use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::constraints::Law;
+use crate::mesh::MaterialPoint;
 use crate::scene::{Filter, Lines};
 use closest::Near;
 use cones::{Cone, Feature, Features};
@@ -133,13 +134,13 @@ pub fn contacts_among(
         if out.iter().any(same) {
             continue;
         }
-        let spot = super::SurfacePoint::on_triangle(pair.spot.0, pair.spot.1);
+        let spot = MaterialPoint::of(pair.spot.0, pair.spot.1);
         let earlier = out.iter().filter(|(c, _)| c.feature & PIECE == index).count();
         let contact = Contact {
             axes: frame(pair.normal),
             gap: [pair.gap - search.distance, 0.0, 0.0],
             depth: (-pair.gap).max(0.0),
-            law: Law::Coulomb { friction: if pair.rubs { search.friction } else { 0.0 }, bound: f64::INFINITY },
+            law: Law::contact(if pair.rubs { search.friction } else { 0.0 }),
             ..Contact::on_skin(number, index | earlier << PIECE_BITS, body, spot, point)
         };
         out.push((contact, pair.on_skin));

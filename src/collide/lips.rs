@@ -5,10 +5,10 @@
 //! along each other by less than a cell are told apart; what has slid further no longer faces each other. Lips are wet: there is no
 //! friction between them.
 
-use super::{Contact, SurfacePoint, frame};
+use super::{Contact, frame};
 use crate::constraints::Law;
 use crate::kernels::corner;
-use crate::mesh::Parts;
+use crate::mesh::{MaterialPoint, Parts};
 use crate::scene::BodyId;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -68,13 +68,13 @@ pub fn contacts(
         if gap < alarm && faces {
             out.push(Contact {
                 on: [BodyId::Deformable(body); 2],
-                surface_points: [SurfacePoint::node(second), SurfacePoint::node(first)],
+                points: [MaterialPoint::node(second), MaterialPoint::node(first)],
                 feature: (first as usize) << 32 | second as usize,
                 point: (near + far) * 0.5,
                 axes: frame(normal),
                 gap: [gap, 0.0, 0.0],
                 depth: 0.0,
-                law: Law::Coulomb { friction: 0.0, bound: f64::INFINITY },
+                law: Law::contact(0.0),
             });
         }
     }

@@ -22,7 +22,7 @@
 use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, Role, UnconstrainedMotion};
 use crate::constraints::Law;
-use crate::mesh::Quad;
+use crate::mesh::{MaterialPoint, Quad};
 use crate::scene::{Filter, Round};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -224,8 +224,8 @@ pub fn contacts(
     let (mut nearest, out) = nearest_places(tool, patch, &sweep, reach);
     let made = |index: usize, (nodes, weights): OnTriangle, touch: &Touch| {
         let point = touch.axis - touch.normal * sweep.radius;
-        let contact = Contact::on_skin(number, index, body, super::SurfacePoint::on_triangle(nodes, weights), point);
-        let law = Law::Coulomb { friction: search.friction, bound: f64::INFINITY };
+        let contact = Contact::on_skin(number, index, body, MaterialPoint::of(nodes, weights), point);
+        let law = Law::contact(search.friction);
         let gap = [touch.gap - search.distance, 0.0, 0.0];
         Contact { axes: frame(touch.normal), gap, depth: (-touch.gap).max(0.0), law, ..contact }
     };

@@ -6,8 +6,9 @@
 //! `3F/(5 a E*)`. The tip stands at this mean level. Places on rings that bear the same each stand for the disc; a place's own nodes spread its
 //! share further, so the rings are drawn in by what a single place has of its own.
 
-use super::{Patch, SurfacePoint};
+use super::Patch;
 use crate::math::elementary::{cbrt, cos, sin};
+use crate::mesh::MaterialPoint;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
@@ -23,7 +24,7 @@ const FACING: f64 = 0.5;
 /// The skin under a disc.
 pub(super) struct Disc {
     /// Its nodes.
-    pub spot: SurfacePoint,
+    pub spot: MaterialPoint,
     /// Its mean place, m.
     pub place: DVec3,
     /// Its mean outward normal.
@@ -62,7 +63,7 @@ impl Patch {
             count += 1.0;
             self.spot(triangle, weights).0.iter().for_each(|(node, weight)| *sum.entry(*node).or_default() += weight);
         }
-        let spot = SurfacePoint(sum.into_iter().map(|(node, weight)| (node, weight / count)).collect());
+        let spot = MaterialPoint(sum.into_iter().map(|(node, weight)| (node, weight / count)).collect());
         Some(Disc { spot, place: places / count, normal: normals.normalize_or(normal) })
     }
 

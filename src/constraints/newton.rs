@@ -5,8 +5,7 @@
 //! Source: Alart, Curnier 1991. Differs: the disc is that of the projected normal force, as in the sweeps; `W`'s diagonal is raised in
 //! `J` alone, so that redundant contacts share a force instead of dividing by zero. `F` is untouched: the result is the law's own.
 
-use super::{Law, Residual, aim, between, floor, residual, residual_at, scales};
-use crate::math::elementary::hypot;
+use super::{Law, Residual, aim, first_rows, floor, of_rows, residual, residual_at, scales};
 
 /// Newton steps at one go.
 const STEPS: u32 = 30;
@@ -109,16 +108,16 @@ fn linearise(
     let rows = force.len();
     let floor = floor(w, rows);
     jacobian.fill(0.0);
-    for (contact, law) in laws.iter().enumerate() {
-        let first = 3 * contact;
+    for (first, law) in first_rows(laws) {
+        let own = law.rows();
         let c = scales(law, w, rows, first, floor).map(|c| share * c);
-        let aim = [0, 1, 2].map(|k| aim(w, free, force, first + k, c[k]));
-        let (held, slope) = (law.project(aim), slope(law, aim));
-        for a in 0..3 {
+        let aim = of_rows(law, |k| aim(w, free, force, first + k, c[k]));
+        let (held, slope) = (law.project(aim), law.slope(aim));
+        for a in 0..own {
             let line = &mut jacobian[(first + a) * rows..(first + a + 1) * rows];
             line[first + a] = 1.0;
             minus[first + a] = if c[a] > 0.0 { held[a] - force[first + a] } else { -force[first + a] };
-            for b in (0..3).filter(|b| c[a] > 0.0 && c[*b] > 0.0 && slope[a][*b] != 0.0) {
+            for b in (0..own).filter(|b| c[a] > 0.0 && c[*b] > 0.0 && slope[a][*b] != 0.0) {
                 let row = first + b;
                 let m = slope[a][b];
                 line.iter_mut().zip(&w[row * rows..(row + 1) * rows]).for_each(|(j, w)| *j += m / c[b] * w);
@@ -126,55 +125,6 @@ fn linearise(
             }
         }
     }
-}
-
-/// `P′`, three by three.
-fn slope(law: &Law, aim: [f64; 3]) -> [[f64; 3]; 3] {
-    let one = |inside: bool| f64::from(u8::from(inside));
-    match *law {
-        Law::Coulomb { friction, bound } => {
-            let normal = one(aim[0] > 0.0 && aim[0] < bound);
-            let (plane, out) = disc(aim[1], aim[2], friction * between(aim[0], 0.0, bound));
-            let follow = friction * normal;
-            [
-                [normal, 0.0, 0.0],
-                [follow * out[0], plane[0][0], plane[0][1]],
-                [follow * out[1], plane[1][0], plane[1][1]],
-            ]
-        }
-        Law::Cut { radius } => {
-            let plane = circle(aim[0], aim[1], radius);
-            let across = one(aim[2].abs() < radius);
-            [[plane[0][0], plane[0][1], 0.0], [plane[1][0], plane[1][1], 0.0], [0.0, 0.0, across]]
-        }
-        Law::Bilateral { held } => {
-            let [a, b, c] = held.map(one);
-            [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]]
-        }
-    }
-}
-
-/// Derivatives of the projection on a disc: by the point, and by the radius (zero inside).
-fn disc(a: f64, b: f64, radius: f64) -> ([[f64; 2]; 2], [f64; 2]) {
-    let length = hypot(a, b);
-    if length <= radius {
-        return ([[1.0, 0.0], [0.0, 1.0]], [0.0; 2]);
-    }
-    let (x, y, share) = (a / length, b / length, radius / length);
-    ([[share * y * y, -share * x * y], [-share * x * y, share * x * x]], [x, y])
-}
-
-/// Derivative of the projection on a blade's circle.
-fn circle(a: f64, b: f64, radius: f64) -> [[f64; 2]; 2] {
-    let squared = a * a + b * b;
-    if a <= 0.0 {
-        return [[0.0; 2]; 2];
-    }
-    if squared <= radius * a {
-        return [[1.0, 0.0], [0.0, 1.0]];
-    }
-    let (r, twice) = (radius / squared, 2.0 * radius * a / (squared * squared));
-    [[2.0 * r * a - twice * a * a, -twice * a * b], [r * b - twice * b * a, r * a - twice * b * b]]
 }
 
 /// Solves in place by elimination with row pivoting; false where the matrix is singular.

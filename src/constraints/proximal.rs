@@ -88,8 +88,13 @@ fn small(residual: &Residual, w: &[f64], force: &[f64], tolerance: f64) -> bool 
 
 /// Forces that hold the laws, as far as the effort goes: the iterate with the least `Σ c F²`, never worse than the start.
 ///
-/// `w` is the compliance by rows, `[3·contacts]²`, m/N; `free` the violation without contact force, m; `force` start and result, N.
+/// `w` is the compliance by rows, `[row]²`, m/N; `free` the violation without contact force, m; `force` start and result, N. Rows are those
+/// of the laws, one after the other.
+///
+/// # Panics
+/// When the laws have other rows than `force`.
 pub fn solve(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], effort: &Effort) -> Ended {
+    assert_eq!(force.len(), laws.iter().map(Law::rows).sum::<usize>(), "a force for each row of the laws");
     let mut ended = Ended { residual: residual(laws, w, free, force), ..Ended::default() };
     ended.updates = force.len() as u64;
     let mut best = force.to_vec();

@@ -40,7 +40,7 @@ pub struct Reduced {
     pub position: DVec3,
     /// Unit quaternion.
     pub rotation: DQuat,
-    /// `[row]` unit directions, three per contact.
+    /// `[row]` unit directions; a contact has as many rows as its law.
     pub axes: Vec<DVec3>,
     /// `[row]` lever arms from the tool's position, m.
     pub arms: Vec<DVec3>,
@@ -290,12 +290,12 @@ mod tests {
 
     fn wall(compliance: f64) -> Reduced {
         Reduced {
-            axes: vec![DVec3::Z, DVec3::X, DVec3::Y],
-            arms: vec![DVec3::ZERO; 3],
-            laws: vec![Law::Coulomb { friction: 0.0, bound: f64::INFINITY }],
-            compliance: vec![compliance, 0.0, 0.0, 0.0, compliance, 0.0, 0.0, 0.0, compliance],
-            violation: vec![0.0; 3],
-            force: vec![0.0; 3],
+            axes: vec![DVec3::Z],
+            arms: vec![DVec3::ZERO],
+            laws: vec![Law::contact(0.0)],
+            compliance: vec![compliance],
+            violation: vec![0.0],
+            force: vec![0.0],
             ..Reduced::default()
         }
     }

@@ -7,7 +7,7 @@
 
 use super::Grid;
 use super::parts::{Parts, corner_number, octant};
-use crate::kernels::corner;
+use super::point::trilinear;
 
 /// A corner of the surface: see the module.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,9 +77,7 @@ impl Parts {
             if outside < least {
                 least = outside;
                 own.nodes = corners.map(|id| id as u32);
-                own.weights = std::array::from_fn(|a| {
-                    (0..3).map(|m| if corner(a)[m] == 1 { place[m] } else { 1.0 - place[m] }).product()
-                });
+                own.weights = trilinear(place);
             }
         }
         own

@@ -3,9 +3,11 @@
 mod corner;
 mod grid;
 mod parts;
+mod point;
 mod surface;
 
 pub use corner::Corner;
 pub use grid::Grid;
 pub use parts::{Change, Parts};
+pub use point::MaterialPoint;
 pub use surface::{Edges, Quad, Surface};

@@ -2,9 +2,11 @@
 
 use super::grid::{Grid, region};
 use super::invalid::{Invalid, Result};
-use super::raw::{self, At, Table};
-use super::text::{Bound, DEGREE, GRAM, MM, PLAIN, RADIAN_PER_SECOND, SPEED, SceneText, normalized, or_vector};
-use super::{Attachment, BodyId, Coupling, Motion, Plane, Pose, Round, Skin, Tool, ToolMesh, round};
+use super::raw::{self, At, Numbers, Table};
+use super::text::{
+    Bound, DEGREE, GRAM, MM, NEWTON, PLAIN, RADIAN_PER_SECOND, SPEED, SceneText, normalized, or, or_vector,
+};
+use super::{Attachment, BodyId, Coupling, Motion, Plane, Pose, Round, Skin, Slide, Tool, ToolMesh, round};
 use glam::{DQuat, DVec3};
 
 /// All bodies of a scene by name.
@@ -150,14 +152,26 @@ fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids
         return Err(Invalid::TiedToItself { at: scene.place(name.span()), name: name.get_ref().clone() });
     }
     let slide = match &raw.slide {
-        Some(value) => {
-            let direction = normalized(scene.vector("slide", value, PLAIN, Bound::Finite)?);
-            let none = || Invalid::NoDirection { at: scene.place(value.span()), key: "slide" };
-            Some(direction.ok_or_else(none)?)
+        Some(value) => Some(slide(scene, value, raw.friction.take(), raw.resistance_n.take())?),
+        None => {
+            let why = "what is held along all axes does not slide; write `slide`, the direction in which it may";
+            scene.needless("friction", &raw.friction, why)?;
+            scene.needless("resistance_n", &raw.resistance_n, why)?;
+            None
         }
-        None => None,
     };
     Ok(Attachment { body, region: region(scene, &raw.region, extent, &grids[body])?, to, slide })
+}
+
+/// The path of an attachment.
+fn slide(scene: &SceneText, along: &Numbers, friction: Option<At<f64>>, resistance: Option<At<f64>>) -> Result<Slide> {
+    let direction = normalized(scene.vector("slide", along, PLAIN, Bound::Finite)?);
+    let none = || Invalid::NoDirection { at: scene.place(along.span()), key: "slide" };
+    Ok(Slide {
+        direction: direction.ok_or_else(none)?,
+        friction: scene.number("friction", &or(friction, 0.0), PLAIN, Bound::NotNegative)?,
+        resistance: scene.number("resistance_n", &or(resistance, 0.0), NEWTON, Bound::NotNegative)?,
+    })
 }
 
 /// Triangles of a box around the origin, counter-clockwise seen from outside.

@@ -309,7 +309,10 @@ impl Scene {
             self.check_body(&part.of("to"), tie.to)?;
             check_region(&part.of("region"), &tie.region)?;
             part.of("to").that(tie.to != BodyId::Deformable(tie.body), "the body itself", "another body")?;
-            tie.slide.map_or(Ok(()), |slide| part.unit("slide", &slide))?;
+            if let Some(slide) = tie.slide {
+                part.of("slide").unit("direction", &slide.direction)?;
+                part.of("slide").not_negative("friction, resistance", &[slide.friction, slide.resistance])?;
+            }
         }
         for (k, probe) in self.probes.iter().enumerate() {
             self.check_probe(&several("probes", k), &probe.kind)?;

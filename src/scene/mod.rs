@@ -40,8 +40,8 @@ pub use recorded::{Check, Probe, ProbeKind, TestForm, View};
 pub use region::Region;
 pub use study::Study;
 pub use touching::{
-    Attachment, Blade, BodyId, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Tool,
-    ToolMesh,
+    Attachment, Blade, BodyId, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Slide,
+    Tool, ToolMesh,
 };
 
 pub use words::{CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, word};

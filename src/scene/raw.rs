@@ -278,6 +278,8 @@ pub(super) struct Attach {
     pub body: Option<At<String>>,
     pub to: Option<At<String>>,
     pub slide: Option<Numbers>,
+    pub friction: Option<At<f64>>,
+    pub resistance_n: Option<At<f64>>,
     pub region: At<String>,
     pub box_mm: Option<Points>,
     pub centre_mm: Option<Numbers>,

@@ -78,8 +78,19 @@ pub struct Attachment {
     pub region: Region,
     /// What they are tied to.
     pub to: BodyId,
-    /// Unit direction along which they slide; none for all held.
-    pub slide: Option<[f64; 3]>,
+    /// The path along which they slide; none for all held.
+    pub slide: Option<Slide>,
+}
+
+/// A straight path, as of a thread in a hole or a runner on a rail.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Slide {
+    /// Unit vector.
+    pub direction: [f64; 3],
+    /// μ: friction along it, as a share of what is held across it.
+    pub friction: f64,
+    /// Friction of the path itself, over all nodes of the region, N.
+    pub resistance: f64,
 }
 
 /// A sphere, or a capsule: all places within `radius` of a line, tool frame.

@@ -2,7 +2,7 @@
 
 mod passes;
 
-use super::rows::{Rows, in_world};
+use super::rows::Rows;
 use super::{Simulation, StepReport};
 use crate::bodies::rigid::UnconstrainedMotion;
 use crate::collide::Contact;
@@ -36,8 +36,8 @@ pub struct ContactReport {
     pub columns: u32,
     /// Largest iterations over them.
     pub column_iterations: u32,
-    /// `[contact × 3]` N
-    pub forces: Vec<f64>,
+    /// `[contact]` along its axes, 0 along those without a row, N.
+    pub forces: Vec<[f64; 3]>,
     /// `[contact]` how far the first body has moved over the second in the step, m.
     pub slips: Vec<DVec3>,
     /// Force on each rigid body, N.
@@ -45,9 +45,9 @@ pub struct ContactReport {
 }
 
 impl ContactReport {
-    /// Contacts, ties left out.
+    /// Contacts, constraints left out.
     pub fn count(&self) -> usize {
-        self.contacts.iter().filter(|c| !matches!(c.law, Law::Bilateral { .. })).count()
+        self.contacts.iter().filter(|c| !c.law.is_constraint()).count()
     }
 
     /// Largest force on a rigid body, N.
@@ -58,8 +58,8 @@ impl ContactReport {
     /// Force on a body from another, or from all, N.
     pub fn force(&self, on: BodyId, from: Option<BodyId>) -> DVec3 {
         let mut sum = DVec3::ZERO;
-        for (c, f) in self.contacts.iter().zip(self.forces.chunks_exact(3)) {
-            let force = c.axes[0] * f[0] + c.axes[1] * f[1] + c.axes[2] * f[2];
+        for (c, along) in self.contacts.iter().zip(&self.forces) {
+            let force = c.in_world(*along);
             for (side, sign) in [(0, 1.0), (1, -1.0)] {
                 if c.on[side] == on && from.is_none_or(|from| c.on[1 - side] == from) {
                     sum += force * sign;
@@ -148,11 +148,11 @@ impl Simulation {
         self.move_tools(&problem, &lambda, report);
         self.hand_over(&problem, &slips, &lambda);
         let forces = (0..self.bodies.len()).map(|body| problem.rows.on_nodes(body, &lambda)).collect();
-        let contact_forces =
-            contacts.iter().zip(lambda.chunks_exact(3)).map(|(c, f)| (c.id(), in_world(c, f))).collect();
+        let by_contact = problem.rows.by_contact(&lambda);
+        let contact_forces = contacts.iter().zip(&by_contact).map(|(c, f)| (c.id(), c.in_world(*f))).collect();
         report.contact.slips = slips;
         report.contact.contacts = contacts;
-        report.contact.forces = lambda;
+        report.contact.forces = by_contact;
         Ok(Resolved { free: ended, forces: Some(forces), contact_forces })
     }
 
@@ -218,16 +218,15 @@ impl Simulation {
         let forces = if held { Loop::Constraints } else { problem.law.forces };
         let mut out = vec![];
         for contact in problem.rows.contacts {
-            out.extend(match (forces, contact.law) {
-                (Loop::Penalty(stiffness), Law::Bilateral { held }) => {
-                    [0, 1, 2].map(|k| if held[k] { -stiffness * contact.gap[k] } else { 0.0 })
-                }
-                (Loop::Penalty(stiffness), _) => [stiffness * (-contact.gap[0]).max(0.0), 0.0, 0.0],
-                (Loop::Constraints, _) => {
+            let along = match forces {
+                Loop::Penalty(stiffness) if contact.law.is_constraint() => contact.gap.map(|gap| -stiffness * gap),
+                Loop::Penalty(stiffness) => [stiffness * (-contact.gap[0]).max(0.0), 0.0, 0.0],
+                Loop::Constraints => {
                     let last = self.last_forces.get(&contact.id()).copied().unwrap_or_default();
                     contact.axes.map(|axis| axis.dot(last))
                 }
-            });
+            };
+            out.extend(&along[..contact.law.rows()]);
         }
         out
     }
@@ -288,7 +287,7 @@ impl Simulation {
 
     /// The reduced contact problem of each tool, for the haptic side.
     fn hand_over(&mut self, problem: &Problem, slips: &[DVec3], lambda: &[f64]) {
-        let (rows, laws) = (&problem.rows, &problem.laws);
+        let rows = &problem.rows;
         let found = rows.violations(slips);
         let count = rows.count();
         for (number, tool) in self.tools.iter().enumerate() {
@@ -296,31 +295,31 @@ impl Simulation {
                 .filter_map(|row| rows.side(row, BodyId::Rigid(number)).map(|(sign, _)| (row, sign)))
                 .collect();
             // sticking and cutting start anew from where the step ended; gaps go on
-            let remaining = |row: usize| match laws[row / 3] {
-                Law::Coulomb { .. } if row.is_multiple_of(3) => found[row],
+            let remaining = |row: usize| match rows.contact(row) {
+                (Contact { law: Law::Coulomb { .. }, .. }, 0) => found[row],
                 // what an edge has gone back it may go on freely
-                Law::Cut { .. } if row.is_multiple_of(3) => found[row].max(0.0),
+                (Contact { law: Law::Cut { .. }, .. }, 0) => found[row].max(0.0),
                 _ => 0.0,
             };
             let free = &problem.free[number];
             let (shift, turn) = free.displacement_under(rows.on_rigid(number, lambda));
             let own = [free.shift + shift, free.turn + turn];
             // what the tool has not opened itself goes on; an edge that cuts has no hold on the skin's motion
-            let rate = |row: usize| match (laws[row / 3], rows.of_rigid(row, number)) {
-                (Law::Coulomb { .. }, Some((axis, lever))) => {
-                    let contact = &rows.contacts[row / 3];
-                    let opened = found[row] - contact.gap[row % 3] - axis.dot(own[0]) - lever.dot(own[1]);
+            let rate = |row: usize| match (rows.contact(row), rows.of_rigid(row, number)) {
+                ((contact @ Contact { law: Law::Coulomb { .. }, .. }, along), Some((axis, lever))) => {
+                    let opened = found[row] - contact.gap[along] - axis.dot(own[0]) - lever.dot(own[1]);
                     self.goes_on(contact.on) * opened
                 }
                 _ => 0.0,
             };
             let give = |i: usize, j: usize| problem.columns[i * count + j] - rows.rigid_part(i, j, number, free);
+            let touching = rows.contacts.iter().filter(|contact| contact.on.contains(&BodyId::Rigid(number)));
             self.reduced[number] = Reduced {
                 position: tool.position,
                 rotation: tool.rotation,
                 axes: sides.iter().map(|(row, sign)| rows.axis(*row) * *sign).collect(),
-                arms: sides.iter().map(|(row, _)| rows.contacts[row / 3].point - tool.position).collect(),
-                laws: sides.iter().step_by(3).map(|(row, _)| laws[row / 3]).collect(),
+                arms: sides.iter().map(|(row, _)| rows.contact(*row).0.point - tool.position).collect(),
+                laws: touching.map(|contact| contact.law).collect(),
                 compliance: sides.iter().flat_map(|(i, _)| sides.iter().map(move |(j, _)| give(*i, *j))).collect(),
                 violation: sides.iter().map(|(row, _)| remaining(*row)).collect(),
                 rate: sides.iter().map(|(row, _)| rate(*row)).collect(),

@@ -2,10 +2,10 @@
 
 use super::{Body, Simulation, StepReport};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
-use crate::collide::{self, Aabb, Contact, Patch, Search, SurfacePoint, bodies, features, lips, round};
+use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips, round};
 use crate::constraints::Law;
 use crate::error::{Error, Result};
-use crate::mesh::Quad;
+use crate::mesh::{MaterialPoint, Quad};
 use crate::scene::{self, Attachment, BodyId, Scene};
 use glam::DVec3;
 use std::collections::BTreeSet;
@@ -267,7 +267,7 @@ impl Simulation {
         let place = |side: usize| match contact.on[side] {
             BodyId::Deformable(body) => {
                 // nodes, not corners of the surface: what a tie holds does not move beside them when it is cut
-                contact.surface_points[side]
+                contact.points[side]
                     .0
                     .iter()
                     .map(|(node, weight)| self.bodies[body].node_position(*node) * *weight)
@@ -279,19 +279,22 @@ impl Simulation {
         let (first, second): (DVec3, DVec3) = (place(0), place(1));
         contact.point = first;
         contact.gap = contact.axes.map(|axis| axis.dot(first - second));
+        if let Law::Slide { .. } = contact.law {
+            contact.gap[2] = 0.0; // friction knows the slip of the step alone
+        }
         contact
     }
 }
 
 /// Nodes that a contact acts on, on one of its sides.
 fn held_nodes(contact: &Contact, side: usize) -> impl Iterator<Item = u32> {
-    contact.surface_points[side].nodes()
+    contact.points[side].nodes()
 }
 
 /// The ties of a scene, from the bodies at rest.
 ///
 /// # Errors
-/// [`Error::TiedToNothing`] when a node of the region is not on what it is to be tied to.
+/// [`Error::TiedToNothing`] when a node of the region is neither on what it is to be tied to nor in it.
 pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
     let mut out = vec![];
     for (number, attachment) in scene.attachments.iter().enumerate() {
@@ -303,50 +306,55 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
             }
             _ => None,
         };
-        for node in model.nodes_in(&attachment.region) {
+        let nodes = model.nodes_in(&attachment.region);
+        let (axes, law) = rows(attachment, nodes.len());
+        for node in nodes {
             let at = DVec3::from_array(model.rest[node as usize]);
-            let feature = number << 32 | node as usize;
-            out.push(tie(simulation, attachment, patch.as_ref(), node, at, feature)?);
+            let (point, anchor) = other_end(simulation, attachment.to, patch.as_ref(), at)?;
+            let contact = Contact {
+                on: [BodyId::Deformable(attachment.body), attachment.to],
+                points: [MaterialPoint::node(node), point],
+                feature: number << 32 | node as usize,
+                point: at,
+                axes,
+                gap: [0.0; 3],
+                depth: 0.0,
+                law,
+            };
+            out.push(Tie { contact, anchor });
         }
     }
     Ok(out)
 }
 
-fn tie(
-    simulation: &Simulation,
-    attachment: &Attachment,
-    patch: Option<&Patch>,
-    node: u32,
-    at: DVec3,
-    feature: usize,
-) -> Result<Tie> {
-    let (spot, anchor) = match (attachment.to, patch) {
+/// Axes and law of each of an attachment's nodes; what its path resists is shared evenly among them.
+fn rows(attachment: &Attachment, nodes: usize) -> ([DVec3; 3], Law) {
+    let Some(slide) = attachment.slide else { return (DVec3::AXES, Law::Bilateral { rows: 3 }) };
+    let [along, s, t] = collide::frame(DVec3::from_array(slide.direction));
+    let law = match slide.friction == 0.0 && slide.resistance == 0.0 {
+        true => Law::Bilateral { rows: 2 },
+        false => Law::Slide { friction: slide.friction, resistance: slide.resistance / nodes.max(1) as f64 },
+    };
+    ([s, t, along], law)
+}
+
+/// Where another body holds what is at `at` at rest: the material point of a deformable body, on its surface or inside of it, and the
+/// anchor of a [`Tie`].
+fn other_end(simulation: &Simulation, to: BodyId, patch: Option<&Patch>, at: DVec3) -> Result<(MaterialPoint, DVec3)> {
+    match (to, patch) {
         (BodyId::Rigid(number), _) => {
             let tool = &simulation.tools[number];
-            (SurfacePoint::default(), tool.rotation.inverse() * (at - tool.position))
+            Ok((MaterialPoint::default(), tool.rotation.inverse() * (at - tool.position)))
         }
-        (_, Some(patch)) => {
-            let (spot, distance) = patch.nearest(at);
-            if distance > TOUCHES {
-                return Err(Error::TiedToNothing { at: at.to_array().map(|c| c * 1e3), distance: distance * 1e3 });
+        (BodyId::Deformable(other), Some(patch)) => {
+            let (on_surface, distance) = patch.nearest(at);
+            let inside = || simulation.bodies[other].model.material_point(at.to_array());
+            let nothing = || Error::TiedToNothing { at: at.to_array().map(|c| c * 1e3), distance: distance * 1e3 };
+            match distance <= TOUCHES {
+                true => Ok((on_surface, at)),
+                false => Ok((inside().ok_or_else(nothing)?, at)),
             }
-            (spot, at)
         }
-        _ => (SurfacePoint::default(), at),
-    };
-    let (axes, held) = match attachment.slide {
-        None => (DVec3::AXES, [true; 3]),
-        Some(along) => (collide::frame(DVec3::from_array(along)), [false, true, true]),
-    };
-    let contact = Contact {
-        on: [BodyId::Deformable(attachment.body), attachment.to],
-        surface_points: [SurfacePoint::node(node), spot],
-        feature,
-        point: at,
-        axes,
-        gap: [0.0; 3],
-        depth: 0.0,
-        law: Law::Bilateral { held },
-    };
-    Ok(Tie { contact, anchor })
+        _ => Ok((MaterialPoint::default(), at)),
+    }
 }

@@ -105,7 +105,7 @@ impl Simulation {
 /// A contact's rows are numbers.
 fn has_a_place(contact: &Contact) -> bool {
     let vectors = contact.axes.iter().chain([&contact.point]).all(|v| v.is_finite());
-    let weights = contact.surface_points.iter().flat_map(|spot| &spot.0).map(|(_, weight)| *weight);
+    let weights = contact.points.iter().flat_map(|spot| &spot.0).map(|(_, weight)| *weight);
     vectors && weights.chain(contact.gap).all(f64::is_finite)
 }
 

@@ -109,7 +109,7 @@ impl Simulation {
             let Role::Edge { piece, .. } = sample.role else { continue };
             let of_piece = |c: &Contact| c.on[0] == BodyId::Rigid(number) && c.feature == index;
             let contact = contacts.iter().position(of_piece);
-            let holds = |k: &usize| !lets_go(&contacts[*k], &report.contact.forces[3 * k..3 * k + 3]);
+            let holds = |k: &usize| !contacts[*k].law.at_bound(report.contact.forces[*k]);
             out[piece] = Piece {
                 touches: contact.is_some() || self.in_wound(number, new.at(sample.position)),
                 held: contact.filter(holds).map(|k| {
@@ -239,9 +239,4 @@ fn face_pairs(axis: usize) -> impl Iterator<Item = (usize, usize)> {
         beyond[axis] = 1;
         Some((a, (0..8).find(|b| corner(*b) == beyond)?))
     })
-}
-
-/// Whether the force of a contact has reached what the tissue bears.
-fn lets_go(contact: &Contact, force: &[f64]) -> bool {
-    contact.law.at_bound([force[0], force[1], force[2]])
 }

@@ -1,8 +1,8 @@
-//! The rows of a step's contacts and ties: what they move, how that gives, and which forces they are.
+//! The rows of a step's contacts and constraints: the Jacobian `J`, the compliance `W = J C Jᵀ` (Delassus operator), the forces `Jᵀλ`.
 //!
-//! Row `3k + n` is axis `n` of contact `k`. With the sign + for the first of its bodies and − for the second, `J` of a rigid body is
-//! `(axis, arm × axis)`, of a deformable one the axis at the nodes of its spot by their weights, of a wall nothing. `W = Σ_bodies J C Jᵀ`
-//! with each body's own compliance `C`; only rows couple bodies.
+//! A contact has as many rows as its law, along the first of its axes; the rows of all contacts follow each other. With the sign + for the
+//! first of its bodies and − for the second, `J` of a rigid body is `(axis, arm × axis)`, of a deformable one the axis at the nodes of its
+//! material point by their weights, of a wall nothing. `W = Σ_bodies J C Jᵀ` with each body's own compliance `C`; only rows couple bodies.
 
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
@@ -20,7 +20,10 @@ const APART: f64 = 1e-3;
 /// See the module.
 pub(super) struct Rows<'a> {
     pub contacts: &'a [Contact],
+    /// `[contact]` lever arms of its sides, m; zero of what is not rigid.
     arms: Vec<[DVec3; 2]>,
+    /// `[row]` its contact and which of its axes.
+    of: Vec<(usize, usize)>,
 }
 
 impl<'a> Rows<'a> {
@@ -29,20 +32,39 @@ impl<'a> Rows<'a> {
             BodyId::Rigid(number) => c.point - tools[number].position,
             _ => DVec3::ZERO,
         };
-        Self { contacts, arms: contacts.iter().map(|c| c.on.map(|who| arm(c, who))).collect() }
+        let rows = |(number, contact): (usize, &Contact)| (0..contact.law.rows()).map(move |axis| (number, axis));
+        Self {
+            contacts,
+            arms: contacts.iter().map(|c| c.on.map(|who| arm(c, who))).collect(),
+            of: contacts.iter().enumerate().flat_map(rows).collect(),
+        }
     }
 
     pub fn count(&self) -> usize {
-        3 * self.contacts.len()
+        self.of.len()
+    }
+
+    /// A row's contact, and which of the contact's axes it is along.
+    pub fn contact(&self, row: usize) -> (&'a Contact, usize) {
+        let (contact, axis) = self.of[row];
+        (&self.contacts[contact], axis)
     }
 
     pub fn axis(&self, row: usize) -> DVec3 {
-        self.contacts[row / 3].axes[row % 3]
+        let (contact, axis) = self.contact(row);
+        contact.axes[axis]
     }
 
-    /// Sign and place of a rigid body in a row's contact.
+    /// `[contact]` values along its axes; 0 along those without a row.
+    pub fn by_contact(&self, values: &[f64]) -> Vec<[f64; 3]> {
+        let mut out = vec![[0.0; 3]; self.contacts.len()];
+        self.of.iter().zip(values).for_each(|((contact, axis), value)| out[*contact][*axis] = *value);
+        out
+    }
+
+    /// Sign of a rigid body in a row's contact, and which of its sides it is.
     pub fn side(&self, row: usize, who: BodyId) -> Option<(f64, usize)> {
-        let side = self.contacts[row / 3].on.iter().position(|on| *on == who)?;
+        let side = self.contact(row).0.on.iter().position(|on| *on == who)?;
         Some((SIGN[side], side))
     }
 
@@ -50,7 +72,7 @@ impl<'a> Rows<'a> {
     pub fn of_rigid(&self, row: usize, number: usize) -> Option<(DVec3, DVec3)> {
         let (sign, side) = self.side(row, BodyId::Rigid(number))?;
         let axis = self.axis(row) * sign;
-        Some((axis, self.arms[row / 3][side].cross(axis)))
+        Some((axis, self.arms[self.of[row].0][side].cross(axis)))
     }
 
     /// Nodes of a deformable body that the rows act on, sorted.
@@ -58,7 +80,7 @@ impl<'a> Rows<'a> {
         let mut nodes: Vec<u32> = self
             .contacts
             .iter()
-            .flat_map(|c| c.on.iter().zip(&c.surface_points))
+            .flat_map(|c| c.on.iter().zip(&c.points))
             .filter(|(on, _)| **on == BodyId::Deformable(body))
             .flat_map(|(_, spot)| spot.nodes())
             .collect();
@@ -80,7 +102,7 @@ impl<'a> Rows<'a> {
                     shift + turn.cross(arms[side])
                 }
                 BodyId::Deformable(body) => {
-                    contact.surface_points[side].0.iter().map(|(id, weight)| node(body, *id) * *weight).sum()
+                    contact.points[side].0.iter().map(|(id, weight)| node(body, *id) * *weight).sum()
                 }
                 BodyId::Plane(_) | BodyId::World => DVec3::ZERO,
             };
@@ -90,18 +112,20 @@ impl<'a> Rows<'a> {
 
     /// `[row]` violations at the step's end, by how far the bodies of each contact have moved over each other, m.
     pub fn violations(&self, slips: &[DVec3]) -> Vec<f64> {
-        let of = |row: usize| self.contacts[row / 3].gap[row % 3] + self.axis(row).dot(slips[row / 3]);
-        (0..self.count()).map(of).collect()
+        let along = |(contact, axis): &(usize, usize)| {
+            self.contacts[*contact].gap[*axis] + self.contacts[*contact].axes[*axis].dot(slips[*contact])
+        };
+        self.of.iter().map(along).collect()
     }
 
     /// `Jᵀλ` on a deformable body, nodes each once, N.
     pub fn on_nodes(&self, body: usize, lambda: &[f64]) -> Vec<(u32, [f64; 3])> {
         let mut sum: BTreeMap<u32, DVec3> = BTreeMap::new();
         for (row, force) in lambda.iter().enumerate() {
-            let contact = &self.contacts[row / 3];
+            let (contact, _) = self.contact(row);
             // both sides: the lips of a wound are of one body
             for side in (0..2).filter(|side| contact.on[*side] == BodyId::Deformable(body)) {
-                for (node, weight) in &contact.surface_points[side].0 {
+                for (node, weight) in &contact.points[side].0 {
                     *sum.entry(*node).or_default() += self.axis(row) * (SIGN[side] * weight * force);
                 }
             }
@@ -125,19 +149,22 @@ impl<'a> Rows<'a> {
     pub fn compliance(&self, between: &dyn Fn(usize, u32, u32) -> DMat3, free: &[UnconstrainedMotion]) -> Vec<f64> {
         let count = self.count();
         let mut w = vec![0.0; count * count];
+        let first: Vec<usize> = (0..count).filter(|row| self.of[*row].1 == 0).collect();
         for i in 0..self.contacts.len() {
             for j in 0..=i {
                 let block = self.block(i, j, between, free);
-                for (m, n) in (0..9).map(|n| (n / 3, n % 3)) {
-                    w[(3 * i + m) * count + 3 * j + n] = block[m][n];
-                    w[(3 * j + n) * count + 3 * i + m] = block[m][n];
+                for m in 0..self.contacts[i].law.rows() {
+                    for n in 0..self.contacts[j].law.rows() {
+                        w[(first[i] + m) * count + first[j] + n] = block[m][n];
+                        w[(first[j] + n) * count + first[i] + m] = block[m][n];
+                    }
                 }
             }
         }
         w
     }
 
-    /// What the rows of contact `j` do to those of `i`.
+    /// What forces along the axes of contact `j` do along those of `i`.
     fn block(
         &self,
         i: usize,
@@ -164,8 +191,8 @@ impl<'a> Rows<'a> {
                 }
                 BodyId::Deformable(body) => {
                     let mut give = DMat3::ZERO;
-                    for (p, here) in &a.surface_points[s].0 {
-                        for (q, there) in &b.surface_points[t].0 {
+                    for (p, here) in &a.points[s].0 {
+                        for (q, there) in &b.points[t].0 {
                             give += between(body, *p, *q) * (here * there);
                         }
                     }
@@ -190,11 +217,6 @@ impl<'a> Rows<'a> {
             _ => 0.0,
         }
     }
-}
-
-/// Values along a contact's axes as a vector.
-pub(super) fn in_world(contact: &Contact, along: &[f64]) -> DVec3 {
-    contact.axes[0] * along[0] + contact.axes[1] * along[1] + contact.axes[2] * along[2]
 }
 
 /// `λᵀ W λ`, N·m.

@@ -53,11 +53,16 @@ pub fn reading(position: DVec3) -> Reading {
 
 /// Frictionless contacts along z at the arms, each with this compliance, made by a tool at the origin that just touches.
 pub fn wall(arms: &[DVec3], compliance: f64) -> Reduced {
-    let rows = 3 * arms.len();
+    wall_of(Law::contact(0.0), arms, compliance)
+}
+
+/// The same contacts with another law.
+pub fn wall_of(law: Law, arms: &[DVec3], compliance: f64) -> Reduced {
+    let (each, rows) = (law.rows(), law.rows() * arms.len());
     Reduced {
-        axes: arms.iter().flat_map(|_| [DVec3::Z, DVec3::X, DVec3::Y]).collect(),
-        arms: arms.iter().flat_map(|arm| [*arm; 3]).collect(),
-        laws: vec![Law::Coulomb { friction: 0.0, bound: f64::INFINITY }; arms.len()],
+        axes: (0..rows).map(|row| [DVec3::Z, DVec3::X, DVec3::Y][row % each]).collect(),
+        arms: (0..rows).map(|row| arms[row / each]).collect(),
+        laws: vec![law; arms.len()],
         compliance: (0..rows * rows).map(|k| if k % (rows + 1) == 0 { compliance } else { 0.0 }).collect(),
         violation: vec![0.0; rows],
         force: vec![0.0; rows],

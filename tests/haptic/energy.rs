@@ -1,6 +1,6 @@
 //! Energy: the observer against the work done, sampled walls against theory, and the controller on random motions.
 
-use crate::bench::{TICK, at, measured, plain, problem, resting, spring, wall};
+use crate::bench::{TICK, at, measured, plain, problem, resting, spring, wall, wall_of};
 use cutis::constraints::Law;
 use cutis::haptic::Reduced;
 use cutis::haptic::cells::Problem;
@@ -155,9 +155,10 @@ fn skin(dice: &mut Dice, z: f64, surface: f64) -> Reduced {
     let compliance = dice.around(1.2e-3, 0.8e-3);
     let tilt = DQuat::from_scaled_axis(DVec3::new(dice.around(0.0, 0.2), dice.around(0.0, 0.2), 0.0));
     let axes = [DVec3::Z, DVec3::X, DVec3::Y].map(|axis| tilt * axis);
-    let (open, mut problem) = (z - surface, wall(&[DVec3::ZERO], compliance));
+    // above zero, so that it has its three rows
+    let law = Law::contact(dice.around(0.3, 0.3).max(1e-9));
+    let (open, mut problem) = (z - surface, wall_of(law, &[DVec3::ZERO], compliance));
     problem.position = DVec3::new(0.0, 0.0, z);
-    problem.laws = vec![Law::Coulomb { friction: dice.around(0.3, 0.3), bound: f64::INFINITY }];
     problem.axes = axes.to_vec();
     problem.force[0] = (-open).max(0.0) / compliance;
     problem.violation[0] = open.max(0.0);

@@ -176,7 +176,7 @@ impl Simulation {
         report: &mut StepReport,
     ) -> Result<(Vec<f64>, Vec<DVec3>)> {
         let law = problem.law;
-        let mut tied = problem.laws.iter().any(|law| matches!(law, Law::Bilateral { .. }));
+        let mut tied = problem.laws.iter().any(Law::is_constraint);
         problem.solve(&problem.violation, &mut lambda);
         let mut last = (vec![0.0; lambda.len()], problem.violation.clone(), 0.0);
         let mut best: Option<Pass> = None;

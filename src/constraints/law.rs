@@ -1,0 +1,287 @@
+//! The laws of contacts and constraints: which forces a law allows, and what the solvers need to know of it.
+//!
+//! A law has one to three rows, and each row one force. Rows are projected in groups, one after the other: a friction disc after the normal
+//! force that its radius comes from. Every law is told in full by [`Law::groups`], [`Law::project`] and its derivative [`Law::slope`]; the
+//! solvers know no law.
+
+use super::between;
+use crate::math::elementary::hypot;
+use serde::{Deserialize, Serialize};
+use std::ops::Range;
+
+/// Rows that are projected together.
+type Groups = &'static [Range<usize>];
+const SINGLY: Groups = &[0..1, 1..2, 2..3];
+const NORMAL_THEN_DISC: Groups = &[0..1, 1..3];
+const PLANE_THEN_ACROSS: Groups = &[0..2, 2..3];
+
+/// How the forces of a contact or a constraint are bounded.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Law {
+    /// Unilateral contact with Coulomb friction: row 0 is the normal, `0 ≤ λ_n ≤ bound`, `δ_n ≥ 0`, one of them zero below the bound; rows 1
+    /// and 2 are the tangents, `|λ_t| ≤ μ λ_n` against the slip. Without friction it has the normal alone.
+    Coulomb {
+        /// μ
+        friction: f64,
+        /// Normal force at which what is pressed gives way, N; infinite for what neither cuts nor splits.
+        bound: f64,
+    },
+    /// A piece of edge inside the tissue. Rows 0 and 1 span the blade's plane (forward, along), row 2 is its normal.
+    ///
+    /// The force in the plane opposes the motion and is at most `radius · cos θ`, θ the angle between motion and forward (Atkins 2009: push
+    /// and slice): the work is toughness × area whatever the motion, and slicing lowers the push that a cut takes. So forces lie in the
+    /// circle through the origin with diameter `radius` along forward, and are projected on it along their own direction, since they oppose
+    /// the motion; a piece that goes back is free. (The whole disc of that radius, as friction has it, took 1.41 times toughness × area of
+    /// an edge at 45°.) The row across is two-sided and ends at the same bound: tissue splits sideways no later.
+    Cut {
+        /// Toughness × length, N.
+        radius: f64,
+    },
+    /// Held: the rows have no violation, whatever force that takes.
+    Bilateral {
+        /// How many of the axes, from the first, are held: 1 to 3.
+        rows: usize,
+    },
+    /// A thread in a hole, a runner on a rail: rows 0 and 1, across the path, are held; row 2 is along it, with friction against the slip,
+    /// `|λ_s| ≤ μ |λ_across| + resistance`.
+    ///
+    /// On a path of many points, each with its own change of direction, the tension grows by `e^{μφ}` over an angle φ (Euler 1769).
+    Slide {
+        /// μ
+        friction: f64,
+        /// What the path holds by itself, N.
+        resistance: f64,
+    },
+}
+
+impl Law {
+    /// Contact that bears any normal force.
+    pub fn contact(friction: f64) -> Self {
+        Self::Coulomb { friction, bound: f64::INFINITY }
+    }
+
+    /// Its rows in groups, in the order in which they are projected.
+    pub(super) fn groups(&self) -> Groups {
+        match self {
+            Self::Coulomb { friction: 0.0, .. } => &SINGLY[..1],
+            Self::Coulomb { .. } => NORMAL_THEN_DISC,
+            Self::Cut { .. } => PLANE_THEN_ACROSS,
+            Self::Bilateral { rows } => &SINGLY[..*rows],
+            Self::Slide { .. } => SINGLY,
+        }
+    }
+
+    /// How many rows it has.
+    pub fn rows(&self) -> usize {
+        self.groups().last().map_or(0, |group| group.end)
+    }
+
+    /// A constraint holds all the time; a contact comes and goes.
+    pub fn is_constraint(&self) -> bool {
+        matches!(self, Self::Bilateral { .. } | Self::Slide { .. })
+    }
+
+    /// The allowed forces nearest to `aim`, N; 0 in rows that the law does not have. A group's forces depend on those of the groups before
+    /// it alone.
+    pub(super) fn project(&self, aim: [f64; 3]) -> [f64; 3] {
+        let [a, b, c] = aim;
+        match *self {
+            Self::Coulomb { friction: 0.0, bound } => [between(a, 0.0, bound), 0.0, 0.0],
+            Self::Coulomb { friction, bound } => {
+                let normal = between(a, 0.0, bound);
+                let (t, s) = onto_disc(b, c, friction * normal);
+                [normal, t, s]
+            }
+            Self::Cut { radius } => {
+                let (e, s) = onto_circle(a, b, radius);
+                [e, s, between(c, -radius, radius)]
+            }
+            Self::Bilateral { rows } => [0, 1, 2].map(|k| if k < rows { aim[k] } else { 0.0 }),
+            Self::Slide { friction, resistance } => {
+                let most = friction * hypot(a, b) + resistance;
+                [a, b, between(c, -most, most)]
+            }
+        }
+    }
+
+    /// Derivative of [`Law::project`], `[force][aim]`.
+    pub(super) fn slope(&self, aim: [f64; 3]) -> [[f64; 3]; 3] {
+        let one = |inside: bool| f64::from(u8::from(inside));
+        let diagonal = |[a, b, c]: [f64; 3]| [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]];
+        match *self {
+            Self::Coulomb { friction, bound } => {
+                let normal = one(aim[0] > 0.0 && aim[0] < bound);
+                if friction == 0.0 {
+                    return diagonal([normal, 0.0, 0.0]);
+                }
+                let (plane, out) = disc_slope(aim[1], aim[2], friction * between(aim[0], 0.0, bound));
+                let follow = friction * normal;
+                [
+                    [normal, 0.0, 0.0],
+                    [follow * out[0], plane[0][0], plane[0][1]],
+                    [follow * out[1], plane[1][0], plane[1][1]],
+                ]
+            }
+            Self::Cut { radius } => {
+                let plane = circle_slope(aim[0], aim[1], radius);
+                let across = one(aim[2].abs() < radius);
+                [[plane[0][0], plane[0][1], 0.0], [plane[1][0], plane[1][1], 0.0], [0.0, 0.0, across]]
+            }
+            Self::Bilateral { rows } => diagonal([0, 1, 2].map(|k| one(k < rows))),
+            Self::Slide { friction, resistance } => {
+                let across = hypot(aim[0], aim[1]);
+                if aim[2].abs() <= friction * across + resistance {
+                    return diagonal([1.0; 3]);
+                }
+                let follow = |k: usize| if across > 0.0 { friction * aim[k] / across * aim[2].signum() } else { 0.0 };
+                [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [follow(0), follow(1), 0.0]]
+            }
+        }
+    }
+
+    /// How far a sweep goes to a group's projection: half of the way in an edge's plane, where pieces of one edge that went the whole way
+    /// may chase each other for ever.
+    pub(super) fn goes_half_way(&self, group: &Range<usize>) -> bool {
+        matches!(self, Self::Cut { .. }) && group.start == 0
+    }
+
+    /// Whether forces have reached what the tissue bears, so that the edge goes on.
+    pub fn at_bound(&self, force: [f64; 3]) -> bool {
+        const NEAR: f64 = 1.0 - 1e-6;
+        match self {
+            Self::Coulomb { bound, .. } => force[0] >= bound * NEAR,
+            Self::Cut { radius } => {
+                let [f, s, n] = force;
+                f * f + s * s >= radius * f * NEAR || n.abs() >= radius * NEAR
+            }
+            Self::Bilateral { .. } | Self::Slide { .. } => false,
+        }
+    }
+}
+
+fn onto_disc(a: f64, b: f64, radius: f64) -> (f64, f64) {
+    let length = hypot(a, b);
+    if length <= radius { (a, b) } else { (a * radius / length, b * radius / length) }
+}
+
+/// Derivatives of the projection on a disc: by the point, and by the radius (zero inside).
+fn disc_slope(a: f64, b: f64, radius: f64) -> ([[f64; 2]; 2], [f64; 2]) {
+    let length = hypot(a, b);
+    if length <= radius {
+        return ([[1.0, 0.0], [0.0, 1.0]], [0.0; 2]);
+    }
+    let (x, y, share) = (a / length, b / length, radius / length);
+    ([[share * y * y, -share * x * y], [-share * x * y, share * x * x]], [x, y])
+}
+
+/// Along its own direction onto the circle through the origin whose diameter is `radius` along `a`; nothing where it points back.
+fn onto_circle(a: f64, b: f64, radius: f64) -> (f64, f64) {
+    let squared = a * a + b * b;
+    if a <= 0.0 {
+        (0.0, 0.0)
+    } else if squared <= radius * a {
+        (a, b)
+    } else {
+        (a * radius * a / squared, b * radius * a / squared)
+    }
+}
+
+/// Its derivative.
+fn circle_slope(a: f64, b: f64, radius: f64) -> [[f64; 2]; 2] {
+    let squared = a * a + b * b;
+    if a <= 0.0 {
+        return [[0.0; 2]; 2];
+    }
+    if squared <= radius * a {
+        return [[1.0, 0.0], [0.0, 1.0]];
+    }
+    let (r, twice) = (radius / squared, 2.0 * radius * a / (squared * squared));
+    [[2.0 * r * a - twice * a * a, -twice * a * b], [r * b - twice * b * a, r * a - twice * b * b]]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::random::Random;
+
+    const LAWS: [Law; 8] = [
+        Law::Coulomb { friction: 0.0, bound: 0.7 },
+        Law::Coulomb { friction: 0.4, bound: 0.7 },
+        Law::Cut { radius: 0.8 },
+        Law::Bilateral { rows: 1 },
+        Law::Bilateral { rows: 2 },
+        Law::Bilateral { rows: 3 },
+        Law::Slide { friction: 0.0, resistance: 0.3 },
+        Law::Slide { friction: 0.5, resistance: 0.1 },
+    ];
+
+    fn aims() -> impl Iterator<Item = [f64; 3]> {
+        let mut random = Random::new(7);
+        std::iter::repeat_with(move || [0; 3].map(|_| random.signed())).take(500)
+    }
+
+    /// Largest difference between a derivative and central differences of the projection, away from the laws' kinks.
+    fn off(law: Law, slope: impl Fn([f64; 3]) -> [[f64; 3]; 3]) -> f64 {
+        const STEP: f64 = 1e-6;
+        let mut worst = 0.0f64;
+        for aim in aims() {
+            let at = |k: usize, by: f64| {
+                let mut aim = aim;
+                aim[k] += by;
+                law.project(aim)
+            };
+            for k in 0..3 {
+                let [low, here, high] = [-STEP, 0.0, STEP].map(|by| at(k, by));
+                for row in 0..law.rows() {
+                    let (back, on) = ((here[row] - low[row]) / STEP, (high[row] - here[row]) / STEP);
+                    if (back - on).abs() < 1e-3 {
+                        worst = worst.max((slope(aim)[row][k] - 0.5 * (back + on)).abs());
+                    }
+                }
+            }
+        }
+        worst
+    }
+
+    #[test]
+    fn slopes_are_the_derivatives_of_the_projections() {
+        for law in LAWS {
+            let worst = off(law, |aim| law.slope(aim));
+            assert!(worst < 1e-4, "{law:?}: {worst:e}");
+        }
+        let other = off(Law::Slide { friction: 0.5, resistance: 0.1 }, |aim| {
+            Law::Slide { friction: 0.4, resistance: 0.1 }.slope(aim)
+        });
+        assert!(other > 0.05, "the counter-test: another μ gives the same slope");
+    }
+
+    #[test]
+    fn what_is_allowed_stays_and_rows_that_a_law_has_not_bear_nothing() {
+        for law in LAWS {
+            assert_eq!(law.groups().iter().map(|group| group.len()).sum::<usize>(), law.rows());
+            for aim in aims() {
+                let once = law.project(aim);
+                let twice = law.project(once);
+                let same = once.iter().zip(twice).all(|(a, b)| (a - b).abs() <= 1e-15);
+                assert!(same, "{law:?}: {aim:?} to {once:?} to {twice:?}");
+                assert!(once[law.rows()..].iter().all(|force| *force == 0.0), "{law:?}: {once:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn groups_depend_on_those_before_them_alone() {
+        for law in LAWS {
+            for aim in aims() {
+                let mut forces = aim;
+                for group in law.groups() {
+                    let held = law.project(forces);
+                    forces[group.clone()].copy_from_slice(&held[group.clone()]);
+                }
+                let whole = law.project(aim);
+                let same = (0..law.rows()).all(|k| (forces[k] - whole[k]).abs() <= 1e-15);
+                assert!(same, "{law:?}: {forces:?} by groups, {whole:?} at once");
+            }
+        }
+    }
+}
