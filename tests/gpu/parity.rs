@@ -140,7 +140,7 @@ const CASES: &[Case] = cases! {
     ]
     precondition Columns true [
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u",
-        "scalars[slot * 2u].w == 0.0" => "true", "dot(r[offset + i].xyz, above)" => "dot(above, above)"
+        "scalars[slot * 2u].w == 0.0" => "true", "dot(r[offset + i].xyz, take" => "dot(above, take"
     ]
     probe One false ["(sum - a," => "(sum - b,", "+ hidden(b - part" => "- hidden(b - part"]
     product Tiles true [
@@ -157,8 +157,8 @@ const CASES: &[Case] = cases! {
     ]
     relax Columns true [
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u", "* params.keep" => "* params.gain",
-        "params.fresh == 0u { own" => "true { own", "params.fresh == 0u {\n                change" => "true {\n                change",
-        "scalars[slot * 2u].w == 0.0" => "true", "z[offset + i].xyz + change" => "change", "w[offset + i].xyz - carried" => "carried"
+        "params.fresh == 1u" => "false", "params.fresh == 0u" => "true",
+        "scalars[slot * 2u].w == 0.0" => "true", "z[at].xyz + change" => "change", "- w[at].xyz" => ""
     ]
     residual Nodes false [
         "(collected(i, 0u) - before)" => "collected(i, 0u)", "- w[i].xyz - change" => "- change", "* free[i].xyz" => "", "* 0.5" => "",
