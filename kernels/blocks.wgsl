@@ -17,12 +17,11 @@ fn blocks(
     if i >= params.node_count { return; }
     let c = place(params, i);
     let over = above(params, i);
-    let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
     var d = mat3x3<f32>();
     var g = mat3x3<f32>();
     for (var a = 0u; a < 8u; a += 1u) {
-        let at = c - corner(a); // wraps below 0, which the test catches
-        if any(at >= cells) { continue; }
+        let at = c - corner(a);
+        if !has_cell(params, at) { continue; }
         if corner_node(params, at, a) != i { continue; }
         let q = rotation[cell_id(params, at)];
         let first = layer_of[at.z] * 64u + a * 8u;

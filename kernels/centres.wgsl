@@ -12,12 +12,10 @@ fn centres(
 ) {
     let cell = group_of(group, groups) * GROUP + lane;
     if cell >= params.cell_count { return; }
-    let x = cell % params.cells_x;
-    let y = (cell / params.cells_x) % params.cells_y;
-    let z = cell / (params.cells_x * params.cells_y);
+    let at = cell_at(params, cell);
     var sum = vec3<f32>(0.0);
     for (var k = 0u; k < 8u; k += 1u) {
-        sum += u[corner_node(params, vec3<u32>(x, y, z), k)].xyz;
+        sum += u[corner_node(params, at, k)].xyz;
     }
     point_u[cell] = vec4<f32>(sum * 0.125, 0.0);
 }

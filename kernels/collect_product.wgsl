@@ -7,7 +7,6 @@
 @group(0) @binding(5) var<storage, read_write> partial_product: array<f32>;  // [slot][group] z·w
 @group(0) @binding(6) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
 
-const TILE: u32 = 7u; // of product.wgsl, whose sums come first
 @compute @workgroup_size(64)
 fn collect_product(
     @builtin(workgroup_id) group: vec3<u32>,
@@ -26,7 +25,7 @@ fn collect_product(
     }
     let sum_of_group = group_sum(more_dot, lane);
     if lane == 0u && i < params.node_count {
-        let tiles = ((params.nodes_x + TILE - 1u) / TILE) * ((params.nodes_y + TILE - 1u) / TILE);
-        partial_product[slot * params.product_groups + tiles + block] = sum_of_group;
+        let tiles = product_tiles(params); // whose sums come first
+        partial_product[slot * params.product_groups + tiles.x * tiles.y + block] = sum_of_group;
     }
 }

@@ -63,15 +63,13 @@ fn rotations(
     if cell >= params.cell_count { return; }
     let q = rotation[cell];
     if all(q == vec4<f32>(0.0)) { return; }
-    let x = cell % params.cells_x;
-    let y = (cell / params.cells_x) % params.cells_y;
-    let z = cell / (params.cells_x * params.cells_y);
-    let g = vec3<f32>(0.25) / shape[layer_of[z]].xyz;
+    let at = cell_at(params, cell);
+    let g = vec3<f32>(0.25) / shape[layer_of[at.z]].xyz;
     var f = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
     for (var a = 0u; a < 8u; a += 1u) {
         let o = corner(a);
         let gradient = (vec3<f32>(o) * 2.0 - 1.0) * g;
-        let d = u[corner_node(params, vec3<u32>(x, y, z), a)].xyz;
+        let d = u[corner_node(params, at, a)].xyz;
         f += mat3x3<f32>(d * gradient.x, d * gradient.y, d * gradient.z);
     }
     rotation[cell] = polar(f, q);

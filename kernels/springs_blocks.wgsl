@@ -18,9 +18,7 @@ fn springs_blocks(
     var d = mat3x3<f32>();
     var g = mat3x3<f32>();
     for (var n = first[i]; n < first[i + 1u]; n += 1u) {
-        let a = tangent[n * 2u];
-        let b = tangent[n * 2u + 1u];
-        let t = mat3x3<f32>(a.xyz, vec3<f32>(a.y, a.w, b.x), vec3<f32>(a.z, b.x, b.y));
+        let t = symmetric(tangent[n * 2u], tangent[n * 2u + 1u]);
         d += t;
         if half[n].x == above { g -= t; }
     }

@@ -25,10 +25,7 @@ fn springs_product(
         let own = z[offset + i].xyz;
         var sum = vec3<f32>(0.0);
         for (var n = first[i]; n < first[i + 1u]; n += 1u) {
-            let a = tangent[n * 2u];
-            let b = tangent[n * 2u + 1u];
-            let t = mat3x3<f32>(a.xyz, vec3<f32>(a.y, a.w, b.x), vec3<f32>(a.z, b.x, b.y));
-            sum += t * (own - z[offset + half[n].x].xyz);
+            sum += symmetric(tangent[n * 2u], tangent[n * 2u + 1u]) * (own - z[offset + half[n].x].xyz);
         }
         let out = (sum + own * (params.inertia * free[i].w)) * free[i].xyz;
         w[offset + i] = vec4<f32>(out, 0.0);
