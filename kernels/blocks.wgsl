@@ -8,12 +8,8 @@
 @group(0) @binding(6) var<storage, read> split: array<u32>;               // see split.rs
 
 @compute @workgroup_size(64)
-fn blocks(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
+fn blocks(thread: Thread) {
+    let i = number_of(thread);
     if i >= params.node_count { return; }
     let c = place(params, i);
     let over = above(params, i);

@@ -5,12 +5,8 @@
 @group(0) @binding(3) var<storage, read> split: array<u32>;                  // see split.rs
 
 @compute @workgroup_size(64)
-fn centres(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let cell = group_of(group, groups) * GROUP + lane;
+fn centres(thread: Thread) {
+    let cell = number_of(thread);
     if cell >= params.cell_count { return; }
     let at = cell_at(params, cell);
     var sum = vec3<f32>(0.0);

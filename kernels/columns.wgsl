@@ -1,12 +1,12 @@
 // M⁻¹ by columns, with r·z; see columns.rs (formula and units there). A kernel that binds `block`, `r`, `partial_gamma` and `scalars` says with
 // four functions of a place `at` in [slot][node] what is solved for: `pushed` is the load, `keep` and `kept` have y on the way, `take` makes
 // of the solution the z that r·z is of.
-fn solve_columns(group: vec3<u32>, groups: vec3<u32>, lane: u32) {
-    let group_index = group_of(group, groups);
-    let column = group_index * GROUP + lane;
+fn solve_columns(thread: Thread) {
+    let group_index = group_of(thread);
+    let column = number_of(thread);
     let columns = column_count(params);
     let nodes = column_nodes(params, column);
-    let slot = params.first_slot + group.y;
+    let slot = params.first_slot + thread.group.y;
     let offset = slot * params.node_count;
     let running = scalars[slot * 2u].w == 0.0;
     var gamma = 0.0;
@@ -26,8 +26,8 @@ fn solve_columns(group: vec3<u32>, groups: vec3<u32>, lane: u32) {
             gamma += dot(r[offset + i].xyz, take(offset + i, above));
         }
     }
-    let sum_of_group = group_sum(gamma, lane);
-    if lane == 0u && column < columns {
+    let sum_of_group = group_sum(gamma, thread.lane);
+    if thread.lane == 0u && column < columns {
         partial_gamma[slot * ((columns + GROUP - 1u) / GROUP) + group_index] = sum_of_group;
     }
 }

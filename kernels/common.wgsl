@@ -12,9 +12,21 @@ struct Params {
 
 const GROUP: u32 = 64u;
 
-// Thread number over a dispatch that may be folded into z (65,535 groups per dimension at most); y is the slot.
-fn group_of(group: vec3<u32>, groups: vec3<u32>) -> u32 {
-    return group.x + group.z * groups.x;
+// What a kernel knows of a thread; `group.y` is the slot.
+struct Thread {
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+}
+
+// Number of its group over a dispatch that may be folded into z (65,535 groups per dimension at most).
+fn group_of(t: Thread) -> u32 {
+    return t.group.x + t.group.z * t.groups.x;
+}
+
+// And its own, where groups have 64 threads.
+fn number_of(t: Thread) -> u32 {
+    return group_of(t) * GROUP + t.lane;
 }
 
 // Grid coordinates and ids, as `Params` in mod.rs has them.

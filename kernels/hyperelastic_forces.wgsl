@@ -10,12 +10,8 @@
 const INSIDE_OUT: f32 = 1e38;
 
 @compute @workgroup_size(64)
-fn hyperelastic_forces(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let cell = group_of(group, groups) * GROUP + lane;
+fn hyperelastic_forces(thread: Thread) {
+    let cell = number_of(thread);
     if cell >= params.cell_count { return; }
     let own = cell_of(cell);
     let u = at_corners(own);

@@ -9,13 +9,9 @@
 @group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;         // [slot × 2] alpha beta gamma done; target² rr iterations state
 
 @compute @workgroup_size(64)
-fn hyperelastic_tangent(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let cell = group_of(group, groups) * GROUP + lane;
-    let slot = params.first_slot + group.y;
+fn hyperelastic_tangent(thread: Thread) {
+    let cell = number_of(thread);
+    let slot = params.first_slot + thread.group.y;
     if cell >= params.cell_count || scalars[slot * 2u].w != 0.0 { return; }
     let own = cell_of(cell);
     let u = at_corners(own);

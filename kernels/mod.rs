@@ -54,7 +54,7 @@ pub mod update;
 
 use crate::math::Real;
 
-/// Text shared by all shaders: `Params`, corners, quaternions, reductions.
+/// Text shared by all shaders: `Params`, `Thread`, corners, quaternions, reductions.
 pub const COMMON: &str = include_str!("common.wgsl");
 
 /// The whole text of a kernel: the common part, what others share that it needs by the arrays that it binds, the kernel's own.

@@ -9,12 +9,8 @@
 @group(0) @binding(7) var<storage, read> split: array<u32>;               // see split.rs
 
 @compute @workgroup_size(64)
-fn momentum(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
+fn momentum(thread: Thread) {
+    let i = number_of(thread);
     if i >= params.node_count { return; }
     let c = place(params, i);
     let own = v[i].xyz;

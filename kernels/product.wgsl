@@ -50,15 +50,12 @@ fn cell_forces(q: vec4<f32>, first: u32, at: array<vec3<f32>, 8>) -> array<vec3<
 }
 
 @compute @workgroup_size(64)
-fn product(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let tile = group_of(group, groups);
+fn product(thread: Thread) {
+    let lane = thread.lane;
+    let tile = group_of(thread);
     let tiles = product_tiles(params);
     let tile_count = tiles.x * tiles.y;
-    let slot = params.first_slot + group.y;
+    let slot = params.first_slot + thread.group.y;
     let offset = slot * params.node_count;
     let running = scalars[slot * 2u].w == 0.0 && tile < tile_count;
     let x = (tile % tiles.x) * PRODUCT_TILE + lane % 8u; // this thread's node; its cell lies at x − 1, y − 1

@@ -30,10 +30,6 @@ fn take(at: u32, solution: vec3<f32>) -> vec3<f32> {
 }
 
 @compute @workgroup_size(64)
-fn relax(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    solve_columns(group, groups, lane);
+fn relax(thread: Thread) {
+    solve_columns(thread);
 }

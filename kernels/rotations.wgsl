@@ -54,12 +54,8 @@ fn polar(f: mat3x3<f32>, start: vec4<f32>) -> vec4<f32> {
 }
 
 @compute @workgroup_size(64)
-fn rotations(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let cell = group_of(group, groups) * GROUP + lane;
+fn rotations(thread: Thread) {
+    let cell = number_of(thread);
     if cell >= params.cell_count { return; }
     let q = rotation[cell];
     if all(q == vec4<f32>(0.0)) { return; }

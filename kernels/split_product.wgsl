@@ -33,14 +33,10 @@ fn force_on(i: u32, offset: u32) -> vec3<f32> {
 }
 
 @compute @workgroup_size(64)
-fn split_product(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let index = group_of(group, groups);
-    let entry = index * GROUP + lane;
-    let slot = params.first_slot + group.y;
+fn split_product(thread: Thread) {
+    let index = group_of(thread);
+    let entry = number_of(thread);
+    let slot = params.first_slot + thread.group.y;
     let offset = slot * params.node_count;
     var i = NONE;
     if entry < params.touched_nodes { i = split[split_row(params) + params.cell_count + entry]; }
@@ -55,8 +51,8 @@ fn split_product(
         if of_grid { out += w[offset + i].xyz; }
         w[offset + i] = vec4<f32>(out, 0.0);
     }
-    let sum_of_group = group_sum(product_dot, lane);
-    if lane == 0u && entry < params.touched_nodes {
+    let sum_of_group = group_sum(product_dot, thread.lane);
+    if thread.lane == 0u && entry < params.touched_nodes {
         let tiles = product_tiles(params); // whose sums come first
         partial_product[slot * params.product_groups + tiles.x * tiles.y + index] = sum_of_group;
     }

@@ -106,7 +106,7 @@ const CASES: &[Case] = cases! {
         "point_before[second]" => "point_before[first]", "+ (c[6] - c[4])" => ""
     ]
     duplicate Ids true [
-        "k >= params.count" => "k >= params.count / 2u", "pairs[k].y]" => "pairs[0].y]", "group.y * params.stride" => "params.stride"
+        "k >= params.count" => "k >= params.count / 2u", "pairs[k].y]" => "pairs[0].y]", "thread.group.y * params.stride" => "params.stride"
     ]
     factor Columns false ["own.d - below" => "own.d + below", "i1 - l21 * yz" => "i1 + l21 * yz", "l10 * l21 - l20" => "l10 * l21 + l20", "transpose(own.g) * g" => "own.g * g", "own.x) * p.nodes_z" => "0u) * p.nodes_z", "e - own.x;" => "e;"]
     forces Nodes false [
@@ -149,7 +149,7 @@ const CASES: &[Case] = cases! {
         "g3 = modes[first + 3u]" => "g3 = modes[first + 2u]", "r * vec3<f32>(g6.x" => "transpose(r) * vec3<f32>(g6.x",
         "vec3<f32>(l7.x, l4.y, l2.z)" => "vec3<f32>(l7.x, l4.y, l3.z)", "(below + above)" => "(above)",
         "corner_force[129u + lane]" => "corner_force[130u + lane]",
-        "layer_of[k] * 8u" => "0u", "params.first_slot + group.y" => "group.y + 1u", "if !is_split(params, cell)" => "if true"
+        "layer_of[k] * 8u" => "0u", "params.first_slot + thread.group.y" => "thread.group.y + 1u", "if !is_split(params, cell)" => "if true"
     ]
     prolongation Nodes true [
         "0.25 *" => "0.5 *", "free[i].xyz" => "free[0].xyz", "slot * size.x" => "0u * size.x", "x % 2u" => "y % 2u", "let at = place(params, i)" => "let at = node_at(params, i)",
