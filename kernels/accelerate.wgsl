@@ -5,12 +5,8 @@
 @group(0) @binding(3) var<storage, read_write> x: array<vec4<f32>>;    // [slot][node] m
 
 @compute @workgroup_size(64)
-fn accelerate(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
+fn accelerate(thread: Thread) {
+    let i = number_of(thread);
     if i >= params.node_count { return; }
     let inertia = free[i].w * params.inertia;
     let give = select(0.0, 1.0 / inertia, inertia > 0.0);

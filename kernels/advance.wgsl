@@ -8,18 +8,15 @@
 @group(0) @binding(6) var<storage, read_write> scalars: array<vec4<f32>>;    // [slot × 2]
 
 @compute @workgroup_size(256)
-fn advance(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let slot = params.first_slot + group.y;
+fn advance(thread: Thread) {
+    let slot = params.first_slot + thread.group.y;
     let groups = (params.node_count + GROUP - 1u) / GROUP;
     let column_groups = (column_count(params) + GROUP - 1u) / GROUP;
     let starting = scalars[slot * 2u + 1u].w == 0.0;
     let most = max(max(groups, column_groups), params.product_groups);
     var sum = vec4<f32>(0.0); // load, delta, gamma, residual
     var rest = vec4<f32>(0.0);
-    for (var n = lane; n < most && scalars[slot * 2u].w == 0.0; n += LANES) {
+    for (var n = thread.lane; n < most && scalars[slot * 2u].w == 0.0; n += LANES) {
         var part = vec4<f32>(0.0);
         if starting && n < groups { part.x = partial_load[n]; }
         if n < params.product_groups { part.y = partial_product[slot * params.product_groups + n]; }
@@ -28,8 +25,8 @@ fn advance(
         if params.compensated == 1u { rest += lost(sum, part, params.zero); }
         sum += part;
     }
-    let total = compensated_sum(params, sum, rest, lane);
-    if lane == 0u { advance_slot(slot, total); }
+    let total = compensated_sum(params, sum, rest, thread.lane);
+    if thread.lane == 0u { advance_slot(slot, total); }
 }
 
 fn advance_slot(slot: u32, sums: vec4<f32>) {

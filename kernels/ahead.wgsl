@@ -5,12 +5,8 @@
 @group(0) @binding(3) var<storage, read_write> y: array<vec4<f32>>;    // [node] m
 
 @compute @workgroup_size(64)
-fn ahead(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
+fn ahead(thread: Thread) {
+    let i = number_of(thread);
     if i >= params.node_count { return; }
     y[i] = vec4<f32>(u[i].xyz + v[i].xyz * params.lead, 0.0);
 }

@@ -8,12 +8,8 @@ struct AnchorParams { count: u32, pad_0: u32, pad_1: u32, pad_2: u32 }
 @group(0) @binding(5) var<storage, read_write> b: array<vec4<f32>>;    // [slot][node] N
 
 @compute @workgroup_size(64)
-fn anchors(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let k = group_of(group, groups) * GROUP + lane;
+fn anchors(thread: Thread) {
+    let k = number_of(thread);
     if k >= params.count { return; }
     let i = ids[k];
     b[i] = vec4<f32>(b[i].xyz - u[i].xyz * anchor[k] * free[i].xyz, 0.0);

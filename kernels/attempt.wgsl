@@ -9,13 +9,9 @@
 @group(0) @binding(7) var<storage, read_write> promise: array<f32>;      // [group] J
 
 @compute @workgroup_size(64)
-fn attempt(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let block = group_of(group, groups);
-    let i = block * GROUP + lane;
+fn attempt(thread: Thread) {
+    let block = group_of(thread);
+    let i = number_of(thread);
     var part = 0.0;
     if i < params.node_count {
         let moved = dx[i].xyz + x[i].xyz * params.gain;
@@ -23,6 +19,6 @@ fn attempt(
         place[i] = vec4<f32>(u[i].xyz + moved, 0.0);
         part = dot(rest[i].xyz, x[i].xyz);
     }
-    let sum_of_group = group_sum(part, lane);
-    if lane == 0u && i < params.node_count { promise[block] = sum_of_group; }
+    let sum_of_group = group_sum(part, thread.lane);
+    if thread.lane == 0u && i < params.node_count { promise[block] = sum_of_group; }
 }

@@ -7,7 +7,8 @@
 //! of `D`, 2 `D`, 3 `D` and `U`. Packed as 16 numbers per node: 6 of the symmetric `D`, 9 of `U` by columns, one pad.
 //! Units: N/m.
 
-use super::{PARALLEL, Params, Source, corner};
+use super::split::Around;
+use super::{PARALLEL, Params, Source};
 use crate::math::{M3, Real, V3, V4, rotation_matrix};
 use rayon::prelude::*;
 
@@ -23,11 +24,16 @@ pub struct Block<R> {
     pub g: M3<R>,
 }
 
+/// A symmetric matrix by its 6 numbers: xx xy xz yy; yz zz.
+pub fn symmetric<R: Real>(a: V4<R>, b: V4<R>) -> M3<R> {
+    M3([V3::new(a[0], a[1], a[2]), V3::new(a[1], a[3], b[0]), V3::new(a[2], b[0], b[1])])
+}
+
 /// Reads 16 packed numbers.
 pub fn unpack<R: Real>(k: &[V4<R>]) -> Block<R> {
     let [a, b, c, e] = [k[0], k[1], k[2], k[3]];
     Block {
-        d: M3([V3::new(a[0], a[1], a[2]), V3::new(a[1], a[3], b[0]), V3::new(a[2], b[0], b[1])]),
+        d: symmetric(a, b),
         g: M3([V3::new(b[2], b[3], c[0]), V3::new(c[1], c[2], c[3]), V3::new(e[0], e[1], e[2])]),
     }
 }
@@ -50,21 +56,13 @@ pub fn blocks<R: Real>(
     block: &mut [V4<R>], // [node × 4] packed
 ) {
     let one_node = |i: usize, out: &mut [V4<R>; 4]| {
-        let c = params.place(split, i).unwrap_or([usize::MAX; 3]);
         let above = params.above(i);
         let mut sum = Block { d: M3::zero(), g: M3::zero() };
-        for a in 0..8 {
-            let Some(cell) = params.cell_below(c, a) else {
-                continue;
-            };
-            let corners = params.corner_nodes(split, cell);
-            if corners[a] != i {
-                continue;
-            }
-            let other = corners[a ^ 4]; // along the vertical edge
+        for Around { corner: a, cell, level, nodes } in params.cells_around(split, i) {
+            let other = nodes[a ^ 4]; // along the vertical edge
             let chained = if a < 4 { other == above } else { params.above(other) == i };
             let twice = R::of(if chained { 1.0 } else { 2.0 });
-            let first = layer_of[c[2] - corner(a)[2]] as usize * 64 + a * 8;
+            let first = layer_of[level] as usize * 64 + a * 8;
             let r = rotation_matrix(rotation[cell]);
             let turned = r.transpose();
             sum.d = sum.d + r * stiffness[first + a] * turned * twice;

@@ -9,12 +9,9 @@ var<workgroup> least: array<vec4<f32>, 64>;
 var<workgroup> greatest: array<vec3<f32>, 64>;
 
 @compute @workgroup_size(64)
-fn bounds(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let tile = group_of(group, groups);
+fn bounds(thread: Thread) {
+    let lane = thread.lane;
+    let tile = group_of(thread);
     let tiles = (vec2<u32>(params.cells_x, params.cells_y) + TILE - 1u) / TILE;
     let of_grid = tiles.x * tiles.y;
     var first = vec2<u32>(tile % tiles.x, tile / tiles.x) * TILE;

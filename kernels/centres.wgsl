@@ -5,19 +5,13 @@
 @group(0) @binding(3) var<storage, read> split: array<u32>;                  // see split.rs
 
 @compute @workgroup_size(64)
-fn centres(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let cell = group_of(group, groups) * GROUP + lane;
+fn centres(thread: Thread) {
+    let cell = number_of(thread);
     if cell >= params.cell_count { return; }
-    let x = cell % params.cells_x;
-    let y = (cell / params.cells_x) % params.cells_y;
-    let z = cell / (params.cells_x * params.cells_y);
+    let at = cell_at(params, cell);
     var sum = vec3<f32>(0.0);
     for (var k = 0u; k < 8u; k += 1u) {
-        sum += u[corner_node(params, vec3<u32>(x, y, z), k)].xyz;
+        sum += u[corner_node(params, at, k)].xyz;
     }
     point_u[cell] = vec4<f32>(sum * 0.125, 0.0);
 }

@@ -4,12 +4,8 @@
 @group(0) @binding(2) var<storage, read_write> coarse_rotation: array<vec4<f32>>;  // [coarse cell] quaternion
 
 @compute @workgroup_size(64)
-fn coarsen(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let cell = group_of(group, groups) * GROUP + lane;
+fn coarsen(thread: Thread) {
+    let cell = number_of(thread);
     let size = coarse_nodes(params) - 1u;
     if cell >= size.x * size.y * size.z { return; }
     let at = vec3<u32>(cell % size.x, (cell / size.x) % size.y, cell / (size.x * size.y));

@@ -4,12 +4,8 @@
 @group(0) @binding(2) var<storage, read_write> f: array<vec4<f32>>;     // [node] N
 
 @compute @workgroup_size(64)
-fn collect(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
+fn collect(thread: Thread) {
+    let i = number_of(thread);
     if i >= params.node_count { return; }
     f[i] = vec4<f32>(collected(i, 0u), 0.0);
 }

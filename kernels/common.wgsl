@@ -12,9 +12,21 @@ struct Params {
 
 const GROUP: u32 = 64u;
 
-// Thread number over a dispatch that may be folded into z (65,535 groups per dimension at most); y is the slot.
-fn group_of(group: vec3<u32>, groups: vec3<u32>) -> u32 {
-    return group.x + group.z * groups.x;
+// What a kernel knows of a thread; `group.y` is the slot.
+struct Thread {
+    @builtin(workgroup_id) group: vec3<u32>,
+    @builtin(num_workgroups) groups: vec3<u32>,
+    @builtin(local_invocation_index) lane: u32,
+}
+
+// Number of its group over a dispatch that may be folded into z (65,535 groups per dimension at most).
+fn group_of(t: Thread) -> u32 {
+    return t.group.x + t.group.z * t.groups.x;
+}
+
+// And its own, where groups have 64 threads.
+fn number_of(t: Thread) -> u32 {
+    return group_of(t) * GROUP + t.lane;
 }
 
 // Grid coordinates and ids, as `Params` in mod.rs has them.
@@ -28,6 +40,22 @@ fn node_id(p: Params, c: vec3<u32>) -> u32 {
 
 fn cell_id(p: Params, c: vec3<u32>) -> u32 {
     return c.x + p.cells_x * (c.y + p.cells_y * c.z);
+}
+
+fn cell_at(p: Params, i: u32) -> vec3<u32> {
+    return vec3<u32>(i % p.cells_x, (i / p.cells_x) % p.cells_y, i / (p.cells_x * p.cells_y));
+}
+
+// Whether the grid has a cell at `c`, which below 0 has wrapped.
+fn has_cell(p: Params, c: vec3<u32>) -> bool {
+    return all(c < vec3<u32>(p.cells_x, p.cells_y, p.cells_z));
+}
+
+const PRODUCT_TILE: u32 = 7u; // nodes along a side of product.wgsl's tiles; one thread more computes cells
+
+// Tiles of the product along x and y.
+fn product_tiles(p: Params) -> vec2<u32> {
+    return (vec2<u32>(p.nodes_x, p.nodes_y) + PRODUCT_TILE - 1u) / PRODUCT_TILE;
 }
 
 // Columns of nodes, copies' too, and of one of them the first node and the step to the next (split.rs).
@@ -130,11 +158,13 @@ fn inverse(m: mat3x3<f32>) -> mat3x3<f32> {
 // A node's 64 bytes of the preconditioner: `d` symmetric (6 numbers) and `g` (9), one pad.
 struct Block { d: mat3x3<f32>, g: mat3x3<f32> }
 
+// A symmetric matrix by its 6 numbers: xx xy xz yy; yz zz.
+fn symmetric(a: vec4<f32>, b: vec4<f32>) -> mat3x3<f32> {
+    return mat3x3<f32>(a.xyz, vec3<f32>(a.y, a.w, b.x), vec3<f32>(a.z, b.x, b.y));
+}
+
 fn unpack(a: vec4<f32>, b: vec4<f32>, c: vec4<f32>, e: vec4<f32>) -> Block {
-    return Block(
-        mat3x3<f32>(a.xyz, vec3<f32>(a.y, a.w, b.x), vec3<f32>(a.z, b.x, b.y)),
-        mat3x3<f32>(vec3<f32>(b.zw, c.x), c.yzw, e.xyz),
-    );
+    return Block(symmetric(a, b), mat3x3<f32>(vec3<f32>(b.zw, c.x), c.yzw, e.xyz));
 }
 
 fn pack(k: Block) -> array<vec4<f32>, 4> {

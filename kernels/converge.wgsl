@@ -4,22 +4,19 @@
 @group(0) @binding(2) var<storage, read_write> scalars: array<vec4<f32>>;    // [slot × 2]
 
 @compute @workgroup_size(256)
-fn converge(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let slot = params.first_slot + group.y;
+fn converge(thread: Thread) {
+    let slot = params.first_slot + thread.group.y;
     let groups = (params.node_count + GROUP - 1u) / GROUP;
     let running = scalars[slot * 2u].w == 0.0;
     var sum = vec4<f32>(0.0); // of one number
     var rest = vec4<f32>(0.0);
-    for (var n = lane; n < groups && running; n += LANES) {
+    for (var n = thread.lane; n < groups && running; n += LANES) {
         let part = vec4<f32>(partial_residual[slot * groups + n]);
         if params.compensated == 1u { rest += lost(sum, part, params.zero); }
         sum += part;
     }
-    let residual = compensated_sum(params, sum, rest, lane).x;
-    if lane == 0u && running {
+    let residual = compensated_sum(params, sum, rest, thread.lane).x;
+    if thread.lane == 0u && running {
         scalars[slot * 2u + 1u].y = residual;
         if residual <= scalars[slot * 2u + 1u].x { scalars[slot * 2u].w = 1.0; }
     }

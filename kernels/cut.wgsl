@@ -56,12 +56,8 @@ fn where_crossed(c: array<vec3<f32>, 8>) -> f32 {
 }
 
 @compute @workgroup_size(64)
-fn cut(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let segment = group_of(group, groups) * GROUP + lane;
+fn cut(thread: Thread) {
+    let segment = number_of(thread);
     if segment >= params.segment_count { return; }
     let first = ends[segment].x;
     let second = ends[segment].y;

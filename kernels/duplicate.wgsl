@@ -5,13 +5,9 @@ struct DuplicateParams { count: u32, stride: u32, pad_0: u32, pad_1: u32 }
 @group(0) @binding(2) var<storage, read_write> values: array<vec4<f32>>; // [slot][node] any
 
 @compute @workgroup_size(64)
-fn duplicate(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let k = group_of(group, groups) * GROUP + lane;
+fn duplicate(thread: Thread) {
+    let k = number_of(thread);
     if k >= params.count { return; }
-    let offset = group.y * params.stride;
+    let offset = thread.group.y * params.stride;
     values[offset + pairs[k].x] = values[offset + pairs[k].y];
 }

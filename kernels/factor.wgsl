@@ -20,12 +20,8 @@ fn inverse_of_definite(m: mat3x3<f32>) -> mat3x3<f32> {
 }
 
 @compute @workgroup_size(64)
-fn factor(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let column = group_of(group, groups) * GROUP + lane;
+fn factor(thread: Thread) {
+    let column = number_of(thread);
     let columns = column_count(params);
     let nodes = column_nodes(params, column);
     if column >= columns { return; }

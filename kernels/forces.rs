@@ -9,6 +9,7 @@
 //! Source: Müller, Gross 2004 (corotational elements); K from `bodies::grid::element`.
 //! Units: u m, K N/m, f N.
 
+use super::split::Around;
 use super::{Params, Source, corner};
 use crate::math::{M3, Real, V3, V4, rotation_matrix, rotation_minus_identity};
 
@@ -51,27 +52,20 @@ pub fn node_force<R: Real>(
     rotation: &[V4<R>],
     i: usize,
 ) -> V3<R> {
-    let Some(c) = params.place(split, i) else {
-        return V3::zero();
-    };
     let own = V3::from4(u[i]);
     let mut sum = V3::zero();
-    for a in 0..8 {
-        let Some(cell) = params.cell_below(c, a) else {
-            continue;
-        };
+    for Around { corner: a, cell, level, nodes } in params.cells_around(split, i) {
         let q = rotation[cell];
-        let corners = params.corner_nodes(split, cell);
-        if q == [R::zero(); 4] || corners[a] != i {
+        if q == [R::zero(); 4] {
             continue;
         }
-        let layer = layer_of[c[2] - corner(a)[2]] as usize;
+        let layer = layer_of[level] as usize;
         let h = V3::from4(shape[layer]);
         let e = V3::from4(pre_strain[layer]);
         let r = rotation_matrix(q);
         let turn = rotation_minus_identity(q).transpose();
         let mut local = V3::zero();
-        for (b, node) in corners.into_iter().enumerate() {
+        for (b, node) in nodes.into_iter().enumerate() {
             let x = rest_corner(h, b);
             let pulled = V3::new(e.x * x.x, e.y * x.y, e.z * x.z);
             let stretch = r.transpose() * (V3::from4(u[node]) - own) + turn * x + pulled;

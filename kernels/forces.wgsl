@@ -10,20 +10,15 @@
 @group(0) @binding(8) var<storage, read> split: array<u32>;                // see split.rs
 
 @compute @workgroup_size(64)
-fn forces(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
+fn forces(thread: Thread) {
+    let i = number_of(thread);
     if i >= params.node_count { return; }
     let c = place(params, i);
-    let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
     let own = u[i].xyz;
     var sum = vec3<f32>(0.0);
     for (var a = 0u; a < 8u; a += 1u) {
-        let at = c - corner(a); // wraps below 0, which the test catches
-        if any(at >= cells) { continue; }
+        let at = c - corner(a);
+        if !has_cell(params, at) { continue; }
         let q = rotation[cell_id(params, at)];
         if all(q == vec4<f32>(0.0)) || corner_node(params, at, a) != i { continue; }
         let layer = layer_of[at.z];

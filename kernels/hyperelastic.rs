@@ -86,6 +86,19 @@ pub struct Cell<R> {
 }
 
 impl<R: Real> Cell<R> {
+    /// Of a body with `material` by layer, `place` the displacements of its nodes, m; `None` when it is inside out somewhere.
+    pub fn of(
+        params: &Params<R>,
+        shape: &[V4<R>],    // [layer] cell edges m, mass of one corner kg
+        material: &[V4<R>], // [layer] κ, two constants Pa, the law's code
+        layer_of: &[u32],   // [cells_z] layer
+        place: &[V4<R>],    // [node] displacement, m
+        cell: usize,
+    ) -> Option<Self> {
+        let layer = layer_of[params.cell_at(cell)[2]] as usize;
+        Self::new(Material::of(shape[layer], material[layer]), &at_corners(params, place, cell))
+    }
+
     /// From the corners' displacements, m; `None` when it is inside out somewhere.
     pub fn new(material: Material<R>, u: &[V3<R>; 8]) -> Option<Self> {
         let edges = material.edges;

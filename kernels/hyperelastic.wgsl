@@ -1,4 +1,4 @@
-// Laws of hyperelastic cells by the code in `material.w`; see hyperelastic.rs (formula and units there).
+// Hyperelastic cells and their laws, by the code in `material.w`; see hyperelastic.rs (formula and units there).
 const MOONEY_RIVLIN: f32 = 1.0;
 
 fn law_energy(material: vec4<f32>, p: Point) -> f32 {
@@ -14,4 +14,26 @@ fn law_stress(material: vec4<f32>, p: Point) -> mat3x3<f32> {
 fn law_tangent(material: vec4<f32>, p: Point, change: mat3x3<f32>) -> mat3x3<f32> {
     if material.w == MOONEY_RIVLIN { return mooney_rivlin_tangent(material.yz, p, change); }
     return neo_hookean_tangent(material.y, p, change);
+}
+
+// A cell, with what it needs of its layer.
+struct Cell {
+    at: vec3<u32>, // of the grid
+    material: vec4<f32>, // κ, two constants Pa, the law's code
+    inverse_edges: vec3<f32>, // 1/m
+    weight: f32, // of a Gauss point, m³
+}
+
+fn cell_of(cell: u32) -> Cell {
+    let at = cell_at(params, cell);
+    let layer = layer_of[at.z];
+    let edges = shape[layer].xyz;
+    return Cell(at, material[layer], 1.0 / edges, edges.x * edges.y * edges.z * 0.125);
+}
+
+// Displacements of a cell's corners, m.
+fn at_corners(cell: Cell) -> array<vec3<f32>, 8> {
+    var u: array<vec3<f32>, 8>;
+    for (var a = 0u; a < 8u; a += 1u) { u[a] = place[node_id(params, cell.at + corner(a))].xyz; }
+    return u;
 }

@@ -3,7 +3,7 @@
 //! A cell that is inside out at a Gauss point has no energy, for which [`INSIDE_OUT`] stands, and no forces.
 //! Units: place m, material Pa, energy J, force N.
 
-use super::hyperelastic::{Cell, Material, at_corners};
+use super::hyperelastic::Cell;
 use super::{PARALLEL, Params, Source};
 use crate::math::{Real, V3, V4};
 use rayon::prelude::*;
@@ -29,8 +29,7 @@ pub fn hyperelastic_forces<R: Real>(
     energy: &mut [R],       // [cell] J
 ) {
     let one = |(cell, (force, energy)): (usize, (&mut [R], &mut R))| {
-        let layer = layer_of[params.cell_at(cell)[2]] as usize;
-        let found = Cell::new(Material::of(shape[layer], material[layer]), &at_corners(params, place, cell));
+        let found = Cell::of(params, shape, material, layer_of, place, cell);
         *energy = found.as_ref().map_or(R::of(f64::from(INSIDE_OUT)), Cell::energy);
         let own = found.map_or([V3::zero(); 8], |c| c.forces());
         for (out, f) in force.chunks_exact_mut(3).zip(own) {

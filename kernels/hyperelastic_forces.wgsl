@@ -10,45 +10,33 @@
 const INSIDE_OUT: f32 = 1e38;
 
 @compute @workgroup_size(64)
-fn hyperelastic_forces(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let cell = group_of(group, groups) * GROUP + lane;
+fn hyperelastic_forces(thread: Thread) {
+    let cell = number_of(thread);
     if cell >= params.cell_count { return; }
-    let at = vec3<u32>(
-        cell % params.cells_x, (cell / params.cells_x) % params.cells_y, cell / (params.cells_x * params.cells_y),
-    );
-    let layer = layer_of[at.z];
-    let edges = shape[layer].xyz;
-    let inverse_edges = 1.0 / edges;
-    let own = material[layer];
-    let weight = edges.x * edges.y * edges.z * 0.125;
-    var u: array<vec3<f32>, 8>;
-    for (var a = 0u; a < 8u; a += 1u) { u[a] = place[node_id(params, at + corner(a))].xyz; }
+    let own = cell_of(cell);
+    let u = at_corners(own);
     var force: array<vec3<f32>, 8>;
     var growing: array<vec3<f32>, 8>;
     var growths = 0.0;
     var sum = 0.0;
     var inside_out = false;
     for (var p = 0u; p < 8u; p += 1u) {
-        let point = point_of(field_gradient(inverse_edges, u, p));
+        let point = point_of(field_gradient(own.inverse_edges, u, p));
         inside_out = inside_out || point.growth <= -1.0;
         growths += point.growth;
-        sum += law_energy(own, point);
-        let pushed = point.back * (weight * (1.0 + point.growth));
-        let stress = law_stress(own, point) * weight;
+        sum += law_energy(own.material, point);
+        let pushed = point.back * (own.weight * (1.0 + point.growth));
+        let stress = law_stress(own.material, point) * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {
-            let gradient = shape_gradient(inverse_edges, a, p);
+            let gradient = shape_gradient(own.inverse_edges, a, p);
             growing[a] += pushed * gradient;
             force[a] += stress * gradient;
         }
     }
     let mean = growths * 0.125;
     let log_mean = logarithm(mean).x;
-    let pressure = own.x * log_mean / (1.0 + mean);
-    energy[cell] = select(weight * (sum + 4.0 * own.x * log_mean * log_mean), INSIDE_OUT, inside_out);
+    let pressure = own.material.x * log_mean / (1.0 + mean);
+    energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean), INSIDE_OUT, inside_out);
     for (var a = 0u; a < 8u; a += 1u) {
         let out = select(force[a] + growing[a] * pressure, vec3<f32>(0.0), inside_out);
         for (var n = 0u; n < 3u; n += 1u) { corner_force[cell * 24u + a * 3u + n] = out[n]; }

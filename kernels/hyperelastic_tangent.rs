@@ -11,7 +11,7 @@
 //! Units: place m, z m, force N, material Pa.
 
 use super::deformation::{field_gradient, gradient, logarithm};
-use super::hyperelastic::{Cell, Material, at_corners};
+use super::hyperelastic::{Cell, at_corners};
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};
 
@@ -68,8 +68,7 @@ pub fn hyperelastic_tangent<R: Real>(
     corner_force: &mut [R], // [cell][corner][axis] N
 ) {
     for (cell, force) in corner_force.chunks_exact_mut(24).enumerate() {
-        let layer = layer_of[params.cell_at(cell)[2]] as usize;
-        let found = Cell::new(Material::of(shape[layer], material[layer]), &at_corners(params, place, cell));
+        let found = Cell::of(params, shape, material, layer_of, place, cell);
         let own = found.map_or([V3::zero(); 8], |c| c.product(&at_corners(params, z, cell)));
         for (out, f) in force.chunks_exact_mut(3).zip(own) {
             out.copy_from_slice(&[f.x, f.y, f.z]);

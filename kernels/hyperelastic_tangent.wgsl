@@ -9,59 +9,46 @@
 @group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;         // [slot × 2] alpha beta gamma done; target² rr iterations state
 
 @compute @workgroup_size(64)
-fn hyperelastic_tangent(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let cell = group_of(group, groups) * GROUP + lane;
-    let slot = params.first_slot + group.y;
+fn hyperelastic_tangent(thread: Thread) {
+    let cell = number_of(thread);
+    let slot = params.first_slot + thread.group.y;
     if cell >= params.cell_count || scalars[slot * 2u].w != 0.0 { return; }
-    let at = vec3<u32>(
-        cell % params.cells_x, (cell / params.cells_x) % params.cells_y, cell / (params.cells_x * params.cells_y),
-    );
-    let layer = layer_of[at.z];
-    let edges = shape[layer].xyz;
-    let inverse_edges = 1.0 / edges;
-    let own = material[layer];
-    let weight = edges.x * edges.y * edges.z * 0.125;
-    var u: array<vec3<f32>, 8>;
+    let own = cell_of(cell);
+    let u = at_corners(own);
     var field: array<vec3<f32>, 8>;
     for (var a = 0u; a < 8u; a += 1u) {
-        let node = node_id(params, at + corner(a));
-        u[a] = place[node].xyz;
-        field[a] = z[slot * params.node_count + node].xyz;
+        field[a] = z[slot * params.node_count + node_id(params, own.at + corner(a))].xyz;
     }
     // the pressure comes from all points, and each needs it
     var growths = 0.0;
-    for (var p = 0u; p < 8u; p += 1u) { growths += point_of(field_gradient(inverse_edges, u, p)).growth; }
+    for (var p = 0u; p < 8u; p += 1u) { growths += point_of(field_gradient(own.inverse_edges, u, p)).growth; }
     let mean = growths * 0.125;
     let log_mean = logarithm(mean).x;
-    let pressure = own.x * log_mean / (1.0 + mean);
+    let pressure = own.material.x * log_mean / (1.0 + mean);
     var force: array<vec3<f32>, 8>;
     var growing: array<vec3<f32>, 8>;
     var volume = 0.0;
     var inside_out = false;
     for (var p = 0u; p < 8u; p += 1u) {
-        let point = point_of(field_gradient(inverse_edges, u, p));
+        let point = point_of(field_gradient(own.inverse_edges, u, p));
         inside_out = inside_out || point.growth <= -1.0;
-        let turned = field_gradient(inverse_edges, field, p);
+        let turned = field_gradient(own.inverse_edges, field, p);
         let back = point.back;
         let grown = 1.0 + point.growth;
         let spread = dot(back[0], turned[0]) + dot(back[1], turned[1]) + dot(back[2], turned[2]);
         let held = pressure * grown;
-        volume += weight * grown * spread;
+        volume += own.weight * grown * spread;
         let crossed = back * transpose(turned) * back;
-        let stress = (law_tangent(own, point, turned) - crossed * held + back * (held * spread)) * weight;
-        let pushed = back * (weight * grown);
+        let stress = (law_tangent(own.material, point, turned) - crossed * held + back * (held * spread)) * own.weight;
+        let pushed = back * (own.weight * grown);
         for (var a = 0u; a < 8u; a += 1u) {
-            let gradient = shape_gradient(inverse_edges, a, p);
+            let gradient = shape_gradient(own.inverse_edges, a, p);
             growing[a] += pushed * gradient;
             force[a] += stress * gradient;
         }
     }
     let whole = 1.0 + mean;
-    let pressed = own.x * (1.0 - log_mean) / (8.0 * weight * whole * whole) * volume;
+    let pressed = own.material.x * (1.0 - log_mean) / (8.0 * own.weight * whole * whole) * volume;
     let first = (slot * params.cell_count + cell) * 24u;
     for (var a = 0u; a < 8u; a += 1u) {
         let out = select(force[a] + growing[a] * pressed, vec3<f32>(0.0), inside_out);

@@ -5,12 +5,8 @@
 @group(0) @binding(3) var<storage, read_write> v: array<vec4<f32>>;    // [node] m/s
 
 @compute @workgroup_size(64)
-fn integrate(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
+fn integrate(thread: Thread) {
+    let i = number_of(thread);
     if i >= params.node_count { return; }
     var dx = x[i].xyz;
     if params.slot_count > 1u { dx += x[params.node_count + i].xyz; }

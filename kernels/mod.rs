@@ -19,6 +19,7 @@ pub mod coarsen;
 pub mod collect;
 pub mod collect_product;
 pub mod collected;
+pub mod columns;
 pub mod compensated;
 pub mod converge;
 pub mod cut;
@@ -53,7 +54,7 @@ pub mod update;
 
 use crate::math::Real;
 
-/// Text shared by all shaders: `Params`, corners, quaternions, reductions.
+/// Text shared by all shaders: `Params`, `Thread`, corners, quaternions, reductions.
 pub const COMMON: &str = include_str!("common.wgsl");
 
 /// The whole text of a kernel: the common part, what others share that it needs by the arrays that it binds, the kernel's own.
@@ -64,6 +65,7 @@ pub fn text(source: &Source) -> String {
         ("> material: array", &hyperelastic::WGSL[..]),
         ("read> corner_force: array", &[collected::WGSL][..]),
         ("read> partial_residual: array", &[compensated::WGSL][..]),
+        ("read_write> partial_gamma: array", &[columns::WGSL][..]),
     ];
     for (binding, texts) in shared {
         if source.wgsl.contains(binding) {

@@ -6,6 +6,7 @@
 //! Source: Archer 1963 (consistent mass); differs from SOFA's MeshMatrixMass, which has 1/20 on the diagonal and 1/40 along edges only.
 //! Units: v m/s, masses kg.
 
+use super::split::Around;
 use super::{Params, Source, corner};
 use crate::math::{Real, V3, V4};
 
@@ -47,24 +48,17 @@ pub fn mean_velocity<R: Real>(
     v: &[V4<R>],
     i: usize,
 ) -> V3<R> {
-    let Some(c) = params.place(split, i) else {
-        return V3::from4(v[i]);
-    };
     let own = V3::from4(v[i]);
     let mut sum = V3::zero();
-    for a in 0..8 {
-        let Some(cell) = params.cell_below(c, a) else {
-            continue;
-        };
-        let corners = params.corner_nodes(split, cell);
-        if rotation[cell] == [R::zero(); 4] || corners[a] != i {
+    for Around { corner: a, cell, level, nodes } in params.cells_around(split, i) {
+        if rotation[cell] == [R::zero(); 4] {
             continue;
         }
         let mut local = V3::zero();
-        for (b, node) in corners.into_iter().enumerate() {
+        for (b, node) in nodes.into_iter().enumerate() {
             local += (V3::from4(v[node]) - own) * share(a, b);
         }
-        sum += local * shape[layer_of[c[2] - corner(a)[2]] as usize][3];
+        sum += local * shape[layer_of[level] as usize][3];
     }
     // a node that has left the system has no mass and no cells
     let mass = free[i][3];

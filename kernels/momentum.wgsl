@@ -9,21 +9,16 @@
 @group(0) @binding(7) var<storage, read> split: array<u32>;               // see split.rs
 
 @compute @workgroup_size(64)
-fn momentum(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
+fn momentum(thread: Thread) {
+    let i = number_of(thread);
     if i >= params.node_count { return; }
     let c = place(params, i);
-    let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
     let own = v[i].xyz;
     var sum = vec3<f32>(0.0);
     for (var a = 0u; a < 8u; a += 1u) {
         let o_a = corner(a);
-        let at = c - o_a; // wraps below 0, which the test catches
-        if any(at >= cells) { continue; }
+        let at = c - o_a;
+        if !has_cell(params, at) { continue; }
         if all(rotation[cell_id(params, at)] == vec4<f32>(0.0)) || corner_node(params, at, a) != i { continue; }
         var local = vec3<f32>(0.0);
         for (var b = 0u; b < 8u; b += 1u) {

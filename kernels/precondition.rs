@@ -1,10 +1,9 @@
-//! Applies the factored columns: `z = M⁻¹ r`, with the dot `r·z` that the conjugate gradients need.
+//! Applies the factored columns ([`super::columns`]): `z = M⁻¹ r`, with the dot `r·z` that the conjugate gradients need.
 //!
-//! Up: `y_k = r_k − G_{k−1}ᵀ y_{k−1}`; down: `z_k = D'_k⁻¹ y_k − G_k z_{k+1}`.
 //! Units: r N, z m.
 
-use super::blocks::unpack;
-use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
+use super::columns::solve_columns;
+use super::{Levels, Params, Source, by_columns, parts_at_once};
 use crate::math::{Real, V3, V4};
 use rayon::prelude::*;
 
@@ -29,29 +28,11 @@ pub fn precondition<R: Real>(
 fn precondition_set<R: Real>(params: &Params<R>, block: &[V4<R>], r: &[V4<R>], z: &mut [V4<R>]) -> R {
     let columns = params.columns();
     let one_part = |(part, mut z): (usize, Levels<V4<R>>)| -> R {
-        let mut gamma = R::zero();
-        let mut y = [V3::zero(); PART]; // G_{k−1}ᵀ y_{k−1}
-        for k in 0..z.len() {
-            let first = part * PART + k * columns;
-            for (c, slot) in z[k].iter_mut().enumerate() {
-                let i = first + c;
-                let own = V3::from4(r[i]) - y[c];
-                *slot = own.pad(R::zero());
-                y[c] = unpack(&block[i * 4..i * 4 + 4]).g.transpose() * own;
-            }
-        }
-        let mut above = [V3::zero(); PART];
-        for k in (0..z.len()).rev() {
-            let first = part * PART + k * columns;
-            for (c, slot) in z[k].iter_mut().enumerate() {
-                let i = first + c;
-                let own = unpack(&block[i * 4..i * 4 + 4]);
-                above[c] = own.d * V3::from4(*slot) - own.g * above[c];
-                *slot = above[c].pad(R::zero());
-                gamma += V3::from4(r[i]).dot(above[c]);
-            }
-        }
-        gamma
+        let take = |_: [usize; 2], z: &mut V4<R>, solution: V3<R>| {
+            *z = solution.pad(R::zero());
+            solution
+        };
+        solve_columns(columns, part, block, r, &mut z, |r, _| r, take)
     };
     let sums: Vec<R> =
         by_columns(z, columns).into_par_iter().enumerate().with_min_len(parts_at_once(params)).map(one_part).collect();

@@ -10,7 +10,6 @@
 @group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
 @group(0) @binding(9) var<storage, read> split: array<u32>;                  // see split.rs
 
-const TILE: u32 = 7u;  // nodes along a side; one thread more computes cells
 var<workgroup> corner_force: array<vec3<f32>, 512>; // [corner][thread], corners by bits x + 2y + 4z
 fn patterns(v: array<vec3<f32>, 8>) -> array<vec3<f32>, 8> {
     let a0 = v[0] + v[1]; let a1 = v[0] - v[1];
@@ -51,21 +50,18 @@ fn cell_forces(q: vec4<f32>, first: u32, at: array<vec3<f32>, 8>) -> array<vec3<
 }
 
 @compute @workgroup_size(64)
-fn product(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let tile = group_of(group, groups);
-    let tiles_x = (params.nodes_x + TILE - 1u) / TILE;
-    let tiles = tiles_x * ((params.nodes_y + TILE - 1u) / TILE);
-    let slot = params.first_slot + group.y;
+fn product(thread: Thread) {
+    let lane = thread.lane;
+    let tile = group_of(thread);
+    let tiles = product_tiles(params);
+    let tile_count = tiles.x * tiles.y;
+    let slot = params.first_slot + thread.group.y;
     let offset = slot * params.node_count;
-    let running = scalars[slot * 2u].w == 0.0 && tile < tiles;
-    let x = (tile % tiles_x) * TILE + lane % 8u; // this thread's node; its cell lies at x − 1, y − 1
-    let y = (tile / tiles_x) * TILE + lane / 8u;
+    let running = scalars[slot * 2u].w == 0.0 && tile < tile_count;
+    let x = (tile % tiles.x) * PRODUCT_TILE + lane % 8u; // this thread's node; its cell lies at x − 1, y − 1
+    let y = (tile / tiles.x) * PRODUCT_TILE + lane / 8u;
     let has_cell = running && x >= 1u && y >= 1u && x <= params.cells_x && y <= params.cells_y;
-    let has_node = running && lane % 8u < TILE && lane / 8u < TILE && x < params.nodes_x && y < params.nodes_y;
+    let has_node = running && lane % 8u < PRODUCT_TILE && lane / 8u < PRODUCT_TILE && x < params.nodes_x && y < params.nodes_y;
     let level = params.nodes_x * params.nodes_y;
     let corner_0 = offset + (x - 1u) + params.nodes_x * (y - 1u);
     var at: array<vec3<f32>, 8>;
@@ -106,5 +102,5 @@ fn product(
         workgroupBarrier();
     }
     let sum_of_group = group_sum(product_dot, lane);
-    if lane == 0u && tile < tiles { partial_product[slot * params.product_groups + tile] = sum_of_group; }
+    if lane == 0u && tile < tile_count { partial_product[slot * params.product_groups + tile] = sum_of_group; }
 }

@@ -7,13 +7,9 @@
 @group(0) @binding(5) var<storage, read> split: array<u32>;             // see split.rs
 
 @compute @workgroup_size(64)
-fn prolongation(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
-    let slot = params.first_slot + group.y;
+fn prolongation(thread: Thread) {
+    let i = number_of(thread);
+    let slot = params.first_slot + thread.group.y;
     if i >= params.node_count || scalars[slot * 2u].w != 0.0 { return; }
     let size = coarse_nodes(params);
     let at = place(params, i);

@@ -1,12 +1,12 @@
 //! One step of the smoother: a change `d` from the columns' inverse, with a share of the change before (Chebyshev acceleration).
 //!
 //! `d = keep d + gain M⁻¹ (r − w)`, `z += d`, `w = A z`; with `fresh` the start is zero: `z = d = gain M⁻¹ r`. `M⁻¹` solves each z-column
-//! exactly, as `precondition` does; `w` is used up. Returns `r·z`, which the conjugate gradients need after the last step.
+//! exactly ([`super::columns`]); `w` is used up. Returns `r·z`, which the conjugate gradients need after the last step.
 //! Coefficients: `bodies::grid::multigrid`. Source: Adams, Brezina, Hu, Tuminaro 2003 (polynomial smoothing).
 //! Units: r w N; z d m.
 
-use super::blocks::unpack;
-use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
+use super::columns::solve_columns;
+use super::{Levels, Params, Source, by_columns, parts_at_once};
 use crate::math::{Real, V3, V4};
 use rayon::prelude::*;
 
@@ -43,39 +43,18 @@ fn relax_set<R: Real>(
     let parts = by_columns(w, columns).into_par_iter().zip(by_columns(d, columns)).zip(by_columns(z, columns));
     let one_part = |(part, ((w, d), z)): (usize, ((Levels<_>, Levels<_>), Levels<_>))| -> R {
         let [mut w, mut d, mut z]: [Levels<V4<R>>; 3] = [w, d, z];
-        let mut carried = [V3::zero(); PART]; // G_{k−1}ᵀ y_{k−1}
-        for k in 0..w.len() {
-            let first = part * PART + k * columns;
-            for (c, slot) in w[k].iter_mut().enumerate() {
-                let i = first + c;
-                let mut own = V3::from4(r[i]) - carried[c];
-                if !fresh {
-                    own = V3::from4(r[i]) - V3::from4(*slot) - carried[c];
-                }
-                *slot = own.pad(R::zero());
-                carried[c] = unpack(&block[i * 4..i * 4 + 4]).g.transpose() * own;
+        let pushed = |r, w| if fresh { r } else { r - w };
+        solve_columns(columns, part, block, r, &mut w, pushed, |[k, c], _, solution| {
+            let mut change = solution * params.gain;
+            let mut sum = change;
+            if !fresh {
+                change += V3::from4(d[k][c]) * params.keep;
+                sum = V3::from4(z[k][c]) + change;
             }
-        }
-        let mut above = [V3::zero(); PART];
-        let mut gamma = R::zero();
-        for k in (0..w.len()).rev() {
-            let first = part * PART + k * columns;
-            for c in 0..w[k].len() {
-                let i = first + c;
-                let own = unpack(&block[i * 4..i * 4 + 4]);
-                above[c] = own.d * V3::from4(w[k][c]) - own.g * above[c];
-                let mut change = above[c] * params.gain;
-                let mut sum = change;
-                if !fresh {
-                    change += V3::from4(d[k][c]) * params.keep;
-                    sum = V3::from4(z[k][c]) + change;
-                }
-                d[k][c] = change.pad(R::zero());
-                z[k][c] = sum.pad(R::zero());
-                gamma += V3::from4(r[i]).dot(sum);
-            }
-        }
-        gamma
+            d[k][c] = change.pad(R::zero());
+            z[k][c] = sum.pad(R::zero());
+            sum
+        })
     };
     let sums: Vec<R> = parts.enumerate().with_min_len(parts_at_once(params)).map(one_part).collect();
     sums.into_iter().sum()

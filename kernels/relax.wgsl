@@ -8,49 +8,28 @@
 @group(0) @binding(6) var<storage, read_write> partial_gamma: array<f32>;   // [slot][group] r·z
 @group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;              // [slot × 2]
 
+fn pushed(at: u32) -> vec3<f32> {
+    if params.fresh == 1u { return r[at].xyz; }
+    return r[at].xyz - w[at].xyz;
+}
+
+fn keep(at: u32, y: vec3<f32>) { w[at] = vec4<f32>(y, 0.0); }
+
+fn kept(at: u32) -> vec3<f32> { return w[at].xyz; }
+
+fn take(at: u32, solution: vec3<f32>) -> vec3<f32> {
+    var change = solution * params.gain;
+    var sum = change;
+    if params.fresh == 0u {
+        change += d[at].xyz * params.keep;
+        sum = z[at].xyz + change;
+    }
+    d[at] = vec4<f32>(change, 0.0);
+    z[at] = vec4<f32>(sum, 0.0);
+    return sum;
+}
+
 @compute @workgroup_size(64)
-fn relax(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let group_index = group_of(group, groups);
-    let column = group_index * GROUP + lane;
-    let columns = column_count(params);
-    let nodes = column_nodes(params, column);
-    let slot = params.first_slot + group.y;
-    let offset = slot * params.node_count;
-    let running = scalars[slot * 2u].w == 0.0;
-    var gamma = 0.0;
-    if running && column < columns {
-        var carried = vec3<f32>(0.0); // G_{k−1}ᵀ y_{k−1}
-        for (var k = 0u; k < params.nodes_z; k += 1u) {
-            let i = nodes.x + k * nodes.y;
-            var own = r[offset + i].xyz - carried;
-            if params.fresh == 0u { own = r[offset + i].xyz - w[offset + i].xyz - carried; }
-            w[offset + i] = vec4<f32>(own, 0.0);
-            let at = i * 4u;
-            carried = own * unpack(block[at], block[at + 1u], block[at + 2u], block[at + 3u]).g;
-        }
-        var above = vec3<f32>(0.0);
-        for (var n = 0u; n < params.nodes_z; n += 1u) {
-            let i = nodes.x + (params.nodes_z - 1u - n) * nodes.y;
-            let at = i * 4u;
-            let own = unpack(block[at], block[at + 1u], block[at + 2u], block[at + 3u]);
-            above = own.d * w[offset + i].xyz - own.g * above;
-            var change = above * params.gain;
-            var sum = change;
-            if params.fresh == 0u {
-                change += d[offset + i].xyz * params.keep;
-                sum = z[offset + i].xyz + change;
-            }
-            d[offset + i] = vec4<f32>(change, 0.0);
-            z[offset + i] = vec4<f32>(sum, 0.0);
-            gamma += dot(r[offset + i].xyz, sum);
-        }
-    }
-    let sum_of_group = group_sum(gamma, lane);
-    if lane == 0u && column < columns {
-        partial_gamma[slot * ((columns + GROUP - 1u) / GROUP) + group_index] = sum_of_group;
-    }
+fn relax(thread: Thread) {
+    solve_columns(thread);
 }

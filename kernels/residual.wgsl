@@ -10,13 +10,9 @@
 @group(0) @binding(8) var<storage, read_write> balance: array<vec2<f32>>;   // [group] potential J, squared rest N²
 
 @compute @workgroup_size(64)
-fn residual(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let block = group_of(group, groups);
-    let i = block * GROUP + lane;
+fn residual(thread: Thread) {
+    let block = group_of(thread);
+    let i = number_of(thread);
     var part = vec2<f32>(0.0);
     if i < params.node_count {
         let before = f[i].xyz;
@@ -26,8 +22,8 @@ fn residual(
         let pull = w[i].xyz * 0.5 - (b[i].xyz + before * params.stiffness_factor);
         part = vec2<f32>(dot(dx[i].xyz, pull), dot(left, left));
     }
-    let potential = group_sum(part.x, lane);
+    let potential = group_sum(part.x, thread.lane);
     workgroupBarrier(); // nobody reads what the next sum writes
-    let squared = group_sum(part.y, lane);
-    if lane == 0u && i < params.node_count { balance[block] = vec2<f32>(potential, squared); }
+    let squared = group_sum(part.y, thread.lane);
+    if thread.lane == 0u && i < params.node_count { balance[block] = vec2<f32>(potential, squared); }
 }

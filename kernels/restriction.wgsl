@@ -8,13 +8,9 @@
 @group(0) @binding(6) var<storage, read> split: array<u32>;                  // see split.rs
 
 @compute @workgroup_size(64)
-fn restriction(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
-    let slot = params.first_slot + group.y;
+fn restriction(thread: Thread) {
+    let i = number_of(thread);
+    let slot = params.first_slot + thread.group.y;
     let size = coarse_nodes(params);
     let count = size.x * size.y * size.z;
     if i >= count || scalars[slot * 2u].w != 0.0 { return; }

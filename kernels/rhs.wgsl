@@ -8,13 +8,9 @@
 @group(0) @binding(6) var<storage, read_write> partial_load: array<f32>;  // [group] N²
 
 @compute @workgroup_size(64)
-fn rhs(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let block = group_of(group, groups);
-    let i = block * GROUP + lane;
+fn rhs(thread: Thread) {
+    let block = group_of(thread);
+    let i = number_of(thread);
     var load_squared = 0.0;
     if i < params.node_count {
         let g = vec3<f32>(params.gravity_x, params.gravity_y, params.gravity_z);
@@ -29,6 +25,6 @@ fn rhs(
         let held = elastic - elastic * axes;
         load_squared = dot(sum, sum) + dot(pushed, pushed) + dot(held, held);
     }
-    let sum_of_group = group_sum(load_squared, lane);
-    if lane == 0u && i < params.node_count { partial_load[block] = sum_of_group; }
+    let sum_of_group = group_sum(load_squared, thread.lane);
+    if thread.lane == 0u && i < params.node_count { partial_load[block] = sum_of_group; }
 }

@@ -54,24 +54,18 @@ fn polar(f: mat3x3<f32>, start: vec4<f32>) -> vec4<f32> {
 }
 
 @compute @workgroup_size(64)
-fn rotations(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let cell = group_of(group, groups) * GROUP + lane;
+fn rotations(thread: Thread) {
+    let cell = number_of(thread);
     if cell >= params.cell_count { return; }
     let q = rotation[cell];
     if all(q == vec4<f32>(0.0)) { return; }
-    let x = cell % params.cells_x;
-    let y = (cell / params.cells_x) % params.cells_y;
-    let z = cell / (params.cells_x * params.cells_y);
-    let g = vec3<f32>(0.25) / shape[layer_of[z]].xyz;
+    let at = cell_at(params, cell);
+    let g = vec3<f32>(0.25) / shape[layer_of[at.z]].xyz;
     var f = mat3x3<f32>(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0);
     for (var a = 0u; a < 8u; a += 1u) {
         let o = corner(a);
         let gradient = (vec3<f32>(o) * 2.0 - 1.0) * g;
-        let d = u[corner_node(params, vec3<u32>(x, y, z), a)].xyz;
+        let d = u[corner_node(params, at, a)].xyz;
         f += mat3x3<f32>(d * gradient.x, d * gradient.y, d * gradient.z);
     }
     rotation[cell] = polar(f, q);

@@ -6,11 +6,7 @@ struct PickParams { count: u32, pad_0: u32, pad_1: u32, pad_2: u32 }
 @group(0) @binding(3) var<storage, read_write> destination: array<vec4<f32>>;   // any
 
 @compute @workgroup_size(64)
-fn scatter(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let k = group_of(group, groups) * GROUP + lane;
+fn scatter(thread: Thread) {
+    let k = number_of(thread);
     if k < params.count { destination[ids[k]] = values[k]; }
 }

@@ -15,7 +15,7 @@
 //! `parent [extra column]` node column, or [`NONE`]; `next [extra column]` and `first [node column]`, 1 + the next extra column of the same
 //! parent, or 0; `row [cell]`, 1 + its row in `corners`, or 0; `touched [touched_nodes]` node ids, then [`NONE`]; `corners [split_cells × 8]`.
 
-use super::Params;
+use super::{Params, corner};
 use crate::math::Real;
 
 /// Text that Shader::read adds to kernels that bind `split`.
@@ -26,6 +26,19 @@ pub const BUNDLE: usize = super::PART;
 
 /// No column, no node.
 pub const NONE: u32 = u32::MAX;
+
+/// A cell around a node.
+#[derive(Clone, Copy, Debug)]
+pub struct Around {
+    /// The node's corner of it.
+    pub corner: usize,
+    /// Its number.
+    pub cell: usize,
+    /// Its coordinate along z.
+    pub level: usize,
+    /// Ids of its corners.
+    pub nodes: [usize; 8],
+}
 
 /// Where the parts of the table begin, in words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -130,6 +143,16 @@ impl<R: Real> Params<R> {
             (split[e] as usize, level)
         };
         Some([column % self.nodes_x as usize, column / self.nodes_x as usize, level])
+    }
+    /// The cells of which a node is a corner, by that corner's number; none at a place without a copy.
+    pub fn cells_around<'a>(&'a self, split: &'a [u32], node: usize) -> impl Iterator<Item = Around> + 'a {
+        let place = self.place(split, node);
+        (0..8).filter_map(move |a| {
+            let at = place?;
+            let cell = self.cell_below(at, a)?;
+            let nodes = self.corner_nodes(split, cell);
+            (nodes[a] == node).then(|| Around { corner: a, cell, level: at[2] - corner(a)[2], nodes })
+        })
     }
     /// The extra columns beside a node column, the latest first.
     pub fn extra_columns_beside(&self, split: &[u32], column: usize) -> impl Iterator<Item = usize> {

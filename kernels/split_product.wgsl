@@ -10,16 +10,14 @@
 @group(0) @binding(8) var<storage, read_write> partial_product: array<f32>;  // [slot][group] z·w
 @group(0) @binding(9) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
 
-const TILE: u32 = 7u; // of product.wgsl, whose sums come first
 // Force of split cells on node `i`, without the factor s.
 fn force_on(i: u32, offset: u32) -> vec3<f32> {
     let c = place(params, i);
-    let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
     let own = z[offset + i].xyz;
     var sum = vec3<f32>(0.0);
     for (var a = 0u; a < 8u; a += 1u) {
-        let at = c - corner(a); // wraps below 0, which the test catches
-        if any(at >= cells) { continue; }
+        let at = c - corner(a);
+        if !has_cell(params, at) { continue; }
         let cell = cell_id(params, at);
         if !is_split(params, cell) || corner_node(params, at, a) != i { continue; }
         let first = layer_of[at.z] * 64u + a * 8u;
@@ -35,14 +33,10 @@ fn force_on(i: u32, offset: u32) -> vec3<f32> {
 }
 
 @compute @workgroup_size(64)
-fn split_product(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let index = group_of(group, groups);
-    let entry = index * GROUP + lane;
-    let slot = params.first_slot + group.y;
+fn split_product(thread: Thread) {
+    let index = group_of(thread);
+    let entry = number_of(thread);
+    let slot = params.first_slot + thread.group.y;
     let offset = slot * params.node_count;
     var i = NONE;
     if entry < params.touched_nodes { i = split[split_row(params) + params.cell_count + entry]; }
@@ -57,9 +51,9 @@ fn split_product(
         if of_grid { out += w[offset + i].xyz; }
         w[offset + i] = vec4<f32>(out, 0.0);
     }
-    let sum_of_group = group_sum(product_dot, lane);
-    if lane == 0u && entry < params.touched_nodes {
-        let tiles = ((params.nodes_x + TILE - 1u) / TILE) * ((params.nodes_y + TILE - 1u) / TILE);
-        partial_product[slot * params.product_groups + tiles + index] = sum_of_group;
+    let sum_of_group = group_sum(product_dot, thread.lane);
+    if thread.lane == 0u && entry < params.touched_nodes {
+        let tiles = product_tiles(params); // whose sums come first
+        partial_product[slot * params.product_groups + tiles.x * tiles.y + index] = sum_of_group;
     }
 }

@@ -13,12 +13,8 @@ fn elongation(span: vec3<f32>, shift: vec3<f32>, length: f32) -> f32 {
 }
 
 @compute @workgroup_size(64)
-fn springs(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
+fn springs(thread: Thread) {
+    let i = number_of(thread);
     if i >= params.node_count { return; }
     var sum = vec3<f32>(0.0);
     for (var n = first[i]; n < first[i + 1u]; n += 1u) {

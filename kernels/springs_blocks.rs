@@ -2,8 +2,7 @@
 //!
 //! Packing, held axes and the choice of preconditioner as in `blocks`. Units: N/m.
 
-use super::blocks::{Block, finish};
-use super::springs::tangent_of;
+use super::blocks::{Block, finish, symmetric};
 use super::{Params, Source};
 use crate::math::{M3, Real, V3, V4};
 
@@ -26,7 +25,7 @@ pub fn springs_blocks<R: Real>(
         let above = i + (params.nodes_x * params.nodes_y) as usize;
         let mut sum = Block { d: M3::zero(), g: M3::zero() };
         for n in first[i] as usize..first[i + 1] as usize {
-            let t = tangent_of(tangent, n);
+            let t = symmetric(tangent[n * 2], tangent[n * 2 + 1]);
             sum.d = sum.d + t;
             if half[n][0] as usize == above {
                 sum.g = sum.g - t;

@@ -7,20 +7,14 @@
 @group(0) @binding(5) var<storage, read_write> block: array<vec4<f32>>;   // [node × 4] packed
 
 @compute @workgroup_size(64)
-fn springs_blocks(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let i = group_of(group, groups) * GROUP + lane;
+fn springs_blocks(thread: Thread) {
+    let i = number_of(thread);
     if i >= params.node_count { return; }
     let above = i + params.nodes_x * params.nodes_y;
     var d = mat3x3<f32>();
     var g = mat3x3<f32>();
     for (var n = first[i]; n < first[i + 1u]; n += 1u) {
-        let a = tangent[n * 2u];
-        let b = tangent[n * 2u + 1u];
-        let t = mat3x3<f32>(a.xyz, vec3<f32>(a.y, a.w, b.x), vec3<f32>(a.z, b.x, b.y));
+        let t = symmetric(tangent[n * 2u], tangent[n * 2u + 1u]);
         d += t;
         if half[n].x == above { g -= t; }
     }

@@ -2,7 +2,7 @@
 //!
 //! `w_i = P_i (Σ_s T_s (z_i − z_j) + m_i (1 + h r_M)/h² z_i)` with the tangents of `springs`. Units: z m, w N.
 
-use super::springs::tangent_of;
+use super::blocks::symmetric;
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};
 
@@ -25,7 +25,7 @@ pub fn springs_product<R: Real>(
         let own = V3::from4(z[i]);
         let mut sum = V3::zero();
         for n in first[i] as usize..first[i + 1] as usize {
-            sum += tangent_of(tangent, n) * (own - V3::from4(z[half[n][0] as usize]));
+            sum += symmetric(tangent[n * 2], tangent[n * 2 + 1]) * (own - V3::from4(z[half[n][0] as usize]));
         }
         let out = (sum + own * (params.inertia * free[i][3])).times(V3::from4(free[i]));
         w[i] = out.pad(R::zero());

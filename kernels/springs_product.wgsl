@@ -10,14 +10,10 @@
 @group(0) @binding(8) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2]
 
 @compute @workgroup_size(64)
-fn springs_product(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let block = group_of(group, groups);
-    let i = block * GROUP + lane;
-    let slot = params.first_slot + group.y;
+fn springs_product(thread: Thread) {
+    let block = group_of(thread);
+    let i = number_of(thread);
+    let slot = params.first_slot + thread.group.y;
     let offset = slot * params.node_count;
     let running = scalars[slot * 2u].w == 0.0;
     var product_dot = 0.0;
@@ -25,17 +21,14 @@ fn springs_product(
         let own = z[offset + i].xyz;
         var sum = vec3<f32>(0.0);
         for (var n = first[i]; n < first[i + 1u]; n += 1u) {
-            let a = tangent[n * 2u];
-            let b = tangent[n * 2u + 1u];
-            let t = mat3x3<f32>(a.xyz, vec3<f32>(a.y, a.w, b.x), vec3<f32>(a.z, b.x, b.y));
-            sum += t * (own - z[offset + half[n].x].xyz);
+            sum += symmetric(tangent[n * 2u], tangent[n * 2u + 1u]) * (own - z[offset + half[n].x].xyz);
         }
         let out = (sum + own * (params.inertia * free[i].w)) * free[i].xyz;
         w[offset + i] = vec4<f32>(out, 0.0);
         product_dot = dot(own, out);
     }
-    let sum_of_group = group_sum(product_dot, lane);
-    if lane == 0u && i < params.node_count {
+    let sum_of_group = group_sum(product_dot, thread.lane);
+    if thread.lane == 0u && i < params.node_count {
         partial_product[slot * params.product_groups + block] = sum_of_group;
     }
 }

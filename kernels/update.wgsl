@@ -10,19 +10,15 @@
 @group(0) @binding(8) var<storage, read_write> partial_residual: array<f32>; // [slot][group] r·r
 
 @compute @workgroup_size(64)
-fn update(
-    @builtin(workgroup_id) group: vec3<u32>,
-    @builtin(num_workgroups) groups: vec3<u32>,
-    @builtin(local_invocation_index) lane: u32,
-) {
-    let group_index = group_of(group, groups);
-    let node = group_index * GROUP + lane;
-    let slot = params.first_slot + group.y;
+fn update(thread: Thread) {
+    let group_index = group_of(thread);
+    let node = number_of(thread);
+    let slot = params.first_slot + thread.group.y;
     let running = node < params.node_count && scalars[slot * 2u].w == 0.0;
     var residual = vec4<f32>(0.0);
     if running { residual = update_node(slot, slot * params.node_count + node); }
-    let sum_of_group = group_sum(dot(residual, residual), lane);
-    if lane == 0u && running {
+    let sum_of_group = group_sum(dot(residual, residual), thread.lane);
+    if thread.lane == 0u && running {
         partial_residual[slot * ((params.node_count + GROUP - 1u) / GROUP) + group_index] = sum_of_group;
     }
 }

@@ -97,17 +97,7 @@ fn links(model: &Model) -> Vec<[usize; 3]> {
 
 fn solved(before: Snapshot, dx: Vec<[f64; 4]>) -> Solved {
     let zeros = vec![[0.0; 4]; dx.len()];
-    Solved {
-        u: before.u,
-        v: before.v,
-        rotation: before.rotation,
-        split: before.split,
-        free: before.free,
-        law: before.law,
-        load: zeros.clone(),
-        contact: zeros,
-        dx,
-    }
+    Solved { start: before, load: zeros.clone(), contact: zeros, dx }
 }
 
 /// Relative change of a body's mass.

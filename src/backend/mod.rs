@@ -9,6 +9,7 @@ mod cpu;
 mod gpu;
 mod newton;
 
+pub use crate::bodies::Snapshot;
 pub use cpu::CpuBackend;
 pub use gpu::GpuBackend;
 
@@ -85,30 +86,6 @@ pub struct Wanted {
     pub slot: usize,
     /// When to stop.
     pub target: Target,
-}
-
-/// Everything a check may want to see, in f64.
-#[derive(Clone, Debug, Default)]
-pub struct Snapshot {
-    /// `[node]` displacement, m.
-    pub u: Vec<V4<f64>>,
-    /// `[node]` velocity, m/s.
-    pub v: Vec<V4<f64>>,
-    /// `[cell]` rotation quaternion, 0 for a dead cell; empty for springs.
-    pub rotation: Vec<V4<f64>>,
-    /// `[node]` free axes and mass.
-    pub free: Vec<V4<f64>>,
-    /// Table of split nodes ([`crate::kernels::split`]); empty where none can be split.
-    pub split: Vec<u32>,
-    /// `[spring]` law; empty for bricks.
-    pub law: Vec<V4<f64>>,
-}
-
-impl Snapshot {
-    /// Nodes with a displacement that is no number.
-    pub fn non_finite(&self) -> usize {
-        self.u.iter().filter(|u| u.iter().any(|c| !c.is_finite())).count()
-    }
 }
 
 /// Work on a law that is not linear, of one step.

@@ -13,21 +13,35 @@ use crate::kernels::{ahead, anchors, momentum, rhs};
 use crate::math::{V3, V4, norm};
 use crate::scene::Mass;
 
-/// What a backend held at a step's start, with what it found.
+/// The state of a body as a backend holds it: everything a check may want to see.
 #[derive(Clone, Debug, Default)]
-pub struct Solved {
-    /// `[node]` displacement at the start, m.
+pub struct Snapshot {
+    /// `[node]` displacement, m.
     pub u: Vec<V4<f64>>,
-    /// `[node]` velocity at the start, m/s.
+    /// `[node]` velocity, m/s.
     pub v: Vec<V4<f64>>,
-    /// `[cell]` rotations at the start (0 for dead cells).
+    /// `[cell]` rotation quaternion, 0 for a dead cell; empty for springs.
     pub rotation: Vec<V4<f64>>,
-    /// Table of split nodes.
-    pub split: Vec<u32>,
     /// `[node]` free axes and mass.
     pub free: Vec<V4<f64>>,
-    /// `[spring]` law.
+    /// Table of split nodes ([`crate::kernels::split`]); empty where none can be split.
+    pub split: Vec<u32>,
+    /// `[spring]` law; empty for bricks.
     pub law: Vec<V4<f64>>,
+}
+
+impl Snapshot {
+    /// Nodes with a displacement that is no number.
+    pub fn non_finite(&self) -> usize {
+        self.u.iter().filter(|u| u.iter().any(|c| !c.is_finite())).count()
+    }
+}
+
+/// A step that a backend has solved.
+#[derive(Clone, Debug, Default)]
+pub struct Solved {
+    /// The body at its start.
+    pub start: Snapshot,
     /// `[node]` dead loads, N.
     pub load: Vec<V4<f64>>,
     /// `[node]` contact forces of the step, N.
@@ -44,13 +58,13 @@ pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split:
     anchored + mechanics.energy(model, u, rotation, split, law)
 }
 
-/// Total energy of a state, J; `dx` and `contact` are not looked at.
-pub fn energy(model: &Model, state: &Solved) -> f64 {
+/// Total energy of a state, J, under dead loads, `[node]` N.
+pub fn energy(model: &Model, state: &Snapshot, load: &[V4<f64>]) -> f64 {
     let rotation = model.mechanics().rotations(model, state);
     let g = V3::of(model.step.gravity);
-    let momenta = mean_velocities(model, state, &state.rotation);
+    let momenta = mean_velocities(model, state);
     let of_node = |node: usize| {
-        let [u, v, mean, load] = [state.u[node], state.v[node], momenta[node], state.load[node]].map(V3::from4);
+        let [u, v, mean, load] = [state.u[node], state.v[node], momenta[node], load[node]].map(V3::from4);
         let mass = state.free[node][3];
         0.5 * mass * v.dot(mean) - mass * g.dot(u) - load.dot(u)
     };
@@ -59,10 +73,10 @@ pub fn energy(model: &Model, state: &Solved) -> f64 {
 }
 
 /// `[node]` velocities that masses of nodes multiply to the momentum, m/s.
-fn mean_velocities(model: &Model, state: &Solved, rotation: &[V4<f64>]) -> Vec<V4<f64>> {
+fn mean_velocities(model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
     let mut mean = state.v.clone();
     if model.mass == Mass::Consistent {
-        let Solved { split, free, v, .. } = state;
+        let Snapshot { split, rotation, free, v, .. } = state;
         let layers = &model.grid.layer_of;
         momentum::momentum(&model.params(), &model.shapes(), layers, split, rotation, free, v, &mut mean);
     }
@@ -70,7 +84,7 @@ fn mean_velocities(model: &Model, state: &Solved, rotation: &[V4<f64>]) -> Vec<V
 }
 
 /// Cells whose mean deformation gradient has a determinant of 0 or less, or none; dead ones are not counted, cells of springs are.
-pub fn inverted_cells(model: &Model, state: &Solved) -> u32 {
+pub fn inverted_cells(model: &Model, state: &Snapshot) -> u32 {
     let (params, shapes) = (model.params::<f64>(), model.shapes::<f64>());
     let alive = |cell: &usize| state.rotation.get(*cell) != Some(&[0.0; 4]);
     let upright = |cell: usize| {
@@ -90,18 +104,19 @@ pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
 /// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the step's load, N, everything in f64.
 pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
     let params = model.params::<f64>();
-    let count = solved.u.len();
-    let in_system = model.anchors.all_in_system(rate(&model.step), &solved.free);
-    let mut at = solved.u.clone(); // where elastic forces are taken
-    ahead::ahead(&params, &solved.u, &solved.v, &mut at);
+    let Snapshot { u, v, free, .. } = &solved.start;
+    let count = u.len();
+    let in_system = model.anchors.all_in_system(rate(&model.step), free);
+    let mut at = u.clone(); // where elastic forces are taken
+    ahead::ahead(&params, u, v, &mut at);
     let [f, w] = model.mechanics().forces_and_product(model, solved, &at, &in_system);
-    let mean_v = mean_velocities(model, solved, &solved.rotation);
+    let mean_v = mean_velocities(model, &solved.start);
     let mut b = vec![[0.0; 4]; count];
-    let mut load = rhs::rhs(&params, &f, &mean_v, &solved.free, &solved.load, &mut b);
-    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, &solved.free, &at, &mut b);
+    let mut load = rhs::rhs(&params, &f, &mean_v, free, &solved.load, &mut b);
+    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, free, &at, &mut b);
     for i in 0..count {
         for n in 0..3 {
-            let contact = solved.contact[i][n] * solved.free[i][n];
+            let contact = solved.contact[i][n] * free[i][n];
             load += contact * contact;
             b[i][n] += contact - w[i][n];
         }

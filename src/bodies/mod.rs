@@ -17,7 +17,7 @@ mod step;
 mod wound;
 
 pub use anchors::{Anchors, rate};
-pub use energy::{Solved, elastic_energy, energy, inverted_cells, residual, true_residual};
+pub use energy::{Snapshot, Solved, elastic_energy, energy, inverted_cells, residual, true_residual};
 pub use step::Step;
 pub use wound::{Removal, Totals, Wound};
 
@@ -98,7 +98,7 @@ pub trait Mechanics {
         in_system: &[V4<f64>],
     ) -> [Vec<V4<f64>>; 2];
     /// `[element]` rotations at a state's displacements.
-    fn rotations(&self, model: &Model, state: &Solved) -> Vec<V4<f64>>;
+    fn rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>>;
     /// Whether a live element holds a node in the system; `rotation` and `law` as for the energy.
     fn stays(&self, model: &Model, rotation: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool;
     /// Takes hits (in the order of segments) over into a wound; returns what has to go.

@@ -107,6 +107,11 @@ impl Extent {
 }
 
 impl Wound {
+    /// Mass of the nodes, kg.
+    pub(super) fn mass_of_nodes(&self) -> f64 {
+        self.free.iter().map(|f| f[3]).sum()
+    }
+
     /// An uncut body.
     pub fn new(model: &Model) -> Self {
         Self {

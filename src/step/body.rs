@@ -298,24 +298,18 @@ impl Body {
         self.model.load_on(&scene.loads, time, |cell| self.wound.surface.parts.corners(cell))
     }
 
+    /// The same as the kernels' twins take them.
+    fn padded_load_at(&self, scene: &Scene, time: f64) -> Vec<V4<f64>> {
+        self.load_at(scene, time).iter().map(|l| [l[0], l[1], l[2], 0.0]).collect()
+    }
+
     /// The step's equations for a check in f64, without their solution.
-    pub(super) fn solved(&self, before: Snapshot, contact: &[(u32, [f64; 3])], scene: &Scene, time: f64) -> Solved {
-        let mut forces = vec![[0.0; 4]; before.u.len()];
+    pub(super) fn solved(&self, start: Snapshot, contact: &[(u32, [f64; 3])], scene: &Scene, time: f64) -> Solved {
+        let mut forces = vec![[0.0; 4]; start.u.len()];
         for (node, [x, y, z]) in contact {
             forces[*node as usize] = [*x, *y, *z, 0.0];
         }
-        let load = self.load_at(scene, time);
-        Solved {
-            u: before.u,
-            v: before.v,
-            rotation: before.rotation,
-            split: before.split,
-            free: before.free,
-            law: before.law,
-            load: load.iter().map(|l| [l[0], l[1], l[2], 0.0]).collect(),
-            contact: forces,
-            dx: vec![],
-        }
+        Solved { start, load: self.padded_load_at(scene, time), contact: forces, dx: vec![] }
     }
 
     /// Refines and checks what a step has solved; `before` is the state at its start.
@@ -332,7 +326,7 @@ impl Body {
         let refined = scene.solver.refinements > 0;
         let mut solved = self.solved(before, contact.unwrap_or_default(), scene, time);
         if check {
-            let measured = Measured::of(&self.model, &solved);
+            let measured = Measured::of(&self.model, &solved.start, &solved.load);
             report.warn("inverted_cells", measured.inverted);
             report.warn("non_finite_energy", u32::from(!measured.energy.is_finite()));
             report.measured = Some(report.measured.unwrap_or_default().and(measured));
@@ -366,8 +360,8 @@ pub struct Measured {
 
 impl Measured {
     /// Of one body.
-    fn of(model: &Model, state: &Solved) -> Self {
-        Self { energy: energy(model, state), inverted: inverted_cells(model, state) }
+    fn of(model: &Model, state: &Snapshot, load: &[V4<f64>]) -> Self {
+        Self { energy: energy(model, state, load), inverted: inverted_cells(model, state) }
     }
 
     /// Both together.
@@ -380,7 +374,7 @@ impl Simulation {
     /// What the deformable bodies amount to now, from their states.
     pub fn measure(&self, states: &[Snapshot]) -> Measured {
         let of = |(body, state): (&Body, &Snapshot)| {
-            Measured::of(&body.model, &body.solved(state.clone(), &[], &self.scene, self.time))
+            Measured::of(&body.model, state, &body.padded_load_at(&self.scene, self.time))
         };
         self.bodies.iter().zip(states).map(of).fold(Measured::default(), Measured::and)
     }

@@ -213,11 +213,12 @@ impl Simulation {
     /// # Errors
     /// As [`Simulation::new`].
     pub fn with_gpu(scene: &Scene, gpu: Arc<Gpu>) -> Result<Self> {
+        scene.check()?;
         Self::on(scene, Some(gpu), false)
     }
 
+    /// Of a scene that has passed [`Scene::check`].
     fn on(scene: &Scene, gpu: Option<Arc<Gpu>>, single: bool) -> Result<Self> {
-        scene.check()?;
         let body = |number| Body::new(scene, number, gpu.as_ref(), single);
         let bodies = (0..scene.skins.len()).map(body).collect::<Result<Vec<_>>>()?;
         let prepare = |kind: &ProbeKind| {

@@ -116,6 +116,7 @@ impl Simulation {
                 fix: "make a new one with that step".into(),
             });
         }
+        scene.check()?;
         let mut state = self.state()?;
         for body in &mut state.bodies {
             (body.compliance, body.at_rest) = (Compliance::default(), Compliance::default());

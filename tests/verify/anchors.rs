@@ -6,7 +6,7 @@
 
 use super::setup::{Body, LONG, apart, block, displaced, dot, epsilon, largest, measured, model, tolerance, xyz};
 use super::{Case, Everywhere};
-use cutis::backend::{Backend, CpuBackend, Needs, Snapshot};
+use cutis::backend::{Backend, CpuBackend, Needs};
 use cutis::bodies::Wound;
 use cutis::bodies::{Anchors, Model, Solved, elastic_energy, true_residual};
 use cutis::kernels::cut::Hit;
@@ -238,8 +238,7 @@ fn residual_without_anchors() {
     let after = body.state();
     let dx = before.u.iter().zip(&after.u).map(|(a, b)| [0, 1, 2, 3].map(|n| b[n] - a[n])).collect();
     let zeros = vec![[0.0; 4]; before.u.len()];
-    let Snapshot { u, v, rotation, split, free, law } = before;
-    let solved = Solved { u, v, rotation, split, free, law, load: zeros.clone(), contact: zeros, dx };
+    let solved = Solved { start: before, load: zeros.clone(), contact: zeros, dx };
     let found = true_residual(&model, &solved);
     assert!(found < 1e-9, "{found:e}");
     let without = Model { anchors: Anchors::default(), ..model };

@@ -21,7 +21,7 @@ use super::element::{Matrix, lame};
 use crate::bodies::{Model, Solved};
 use crate::kernels::collect::collect;
 use crate::kernels::deformation::gradient;
-use crate::kernels::hyperelastic::{Cell, Material, at_corners};
+use crate::kernels::hyperelastic::{Cell, at_corners};
 use crate::kernels::{PARALLEL, Params};
 use crate::math::{M3, Real, V3, V4};
 use crate::mesh::Grid;
@@ -114,8 +114,7 @@ impl Hyperelastic {
 
     /// A cell under nodal displacements; `None` when it is inside out.
     pub fn cell(&self, params: &Params<f64>, u: &[V4<f64>], cell: usize) -> Option<Cell<f64>> {
-        let layer = self.layer_of[params.cell_at(cell)[2]] as usize;
-        Cell::new(Material::of(self.shapes[layer], self.materials[layer]), &at_corners(params, u, cell))
+        Cell::of(params, &self.shapes, &self.materials, &self.layer_of, u, cell)
     }
 
     /// Energy of all cells, J; `None` when one is inside out.
@@ -151,15 +150,15 @@ impl Hyperelastic {
     pub fn forces_and_change(&self, model: &Model, solved: &Solved, f: &mut [V4<f64>]) -> Vec<V4<f64>> {
         let params = model.params::<f64>();
         let nowhere = vec![[f64::NAN; 4]; f.len()];
-        f.copy_from_slice(&self.forces(&params, &solved.u).unwrap_or_else(|_| nowhere.clone()));
+        f.copy_from_slice(&self.forces(&params, &solved.start.u).unwrap_or_else(|_| nowhere.clone()));
         let mut change = if self.newton {
             let end: Vec<V4<f64>> =
-                solved.u.iter().zip(&solved.dx).map(|(u, d)| std::array::from_fn(|n| u[n] + d[n])).collect();
+                solved.start.u.iter().zip(&solved.dx).map(|(u, d)| std::array::from_fn(|n| u[n] + d[n])).collect();
             let mut end = self.forces(&params, &end).unwrap_or(nowhere);
             end.iter_mut().zip(f).for_each(|(e, f)| (0..3).for_each(|n| e[n] -= f[n]));
             end
         } else {
-            self.tangent_product(&params, &solved.u, &solved.dx)
+            self.tangent_product(&params, &solved.start.u, &solved.dx)
         };
         change.iter_mut().for_each(|c| *c = c.map(|c| c * model.step.end_share()));
         change
@@ -182,7 +181,7 @@ fn sums(params: &Params<f64>, cells: &[[[f64; 3]; 8]]) -> Vec<V4<f64>> {
 mod tests {
     use super::*;
     use crate::kernels::corner;
-    use crate::kernels::hyperelastic;
+    use crate::kernels::hyperelastic::{self, Material};
     use crate::math::random::Random;
 
     type Law = hyperelastic::Law<f64>;

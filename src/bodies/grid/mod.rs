@@ -13,7 +13,7 @@ mod stable;
 pub use hyperelastic::{Hyperelastic, tangent};
 
 use super::gpu::{Maker, Recorded};
-use super::{Elements, Kind, Mechanics, Model, Removal, Segments, Solved, Wound};
+use super::{Elements, Kind, Mechanics, Model, Removal, Segments, Snapshot, Solved, Wound};
 use crate::error::{Error, Result};
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
@@ -283,8 +283,8 @@ impl Mechanics for Hexahedra {
         let zeros = vec![[0.0; 4]; at.len()];
         let (mut f, mut w) = (zeros.clone(), zeros);
         let (shapes, layers) = (model.shapes::<f64>(), &model.grid.layer_of);
-        let (blocks, pre_strains, split) = (model.stiffness_blocks::<f64>(), model.pre_strains(), &solved.split);
-        let rotation = self.rotations(model, solved);
+        let (blocks, pre_strains, split) = (model.stiffness_blocks::<f64>(), model.pre_strains(), &solved.start.split);
+        let rotation = self.rotations(model, &solved.start);
         forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, at, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         if self.hyperelastic.is_some() {
@@ -298,14 +298,14 @@ impl Mechanics for Hexahedra {
         }
         if let Some(law) = &self.hyperelastic {
             let change = law.forces_and_change(model, solved, &mut f);
-            for ((sum, more), free) in w.iter_mut().zip(&change).zip(&solved.free) {
+            for ((sum, more), free) in w.iter_mut().zip(&change).zip(&solved.start.free) {
                 (0..3).for_each(|n| sum[n] += more[n] * free[n]);
             }
         }
         [f, w]
     }
 
-    fn rotations(&self, model: &Model, state: &Solved) -> Vec<V4<f64>> {
+    fn rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
         let mut rotation = state.rotation.clone();
         if self.corotational {
             let layers = &model.grid.layer_of;
@@ -331,7 +331,7 @@ impl Mechanics for Hexahedra {
 
     fn mass_left(&self, model: &Model, wound: &Wound) -> f64 {
         if model.mass == Mass::Uniform {
-            return wound.free.iter().map(|f| f[3]).sum();
+            return wound.mass_of_nodes();
         }
         let live = (0..model.grid.cell_count()).filter(|c| wound.surface.alive[*c]);
         live.map(|c| 8.0 * model.shape[model.grid.layer(c)][3]).sum()

@@ -6,7 +6,7 @@ mod cut;
 mod gpu;
 
 use super::gpu::{Maker, Recorded};
-use super::{Elements, Kind, Mechanics, Model, Removal, Segments, Solved, Wound};
+use super::{Elements, Kind, Mechanics, Model, Removal, Segments, Snapshot, Solved, Wound};
 use crate::error::{Error, Result};
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
@@ -163,12 +163,12 @@ impl Mechanics for Springs {
         let (mut f, mut w) = (zeros.clone(), zeros);
         let rest: Vec<V4<f64>> = model.rest.iter().map(|r| V3::of(*r).pad(0.0)).collect();
         let mut tangent = vec![[0.0; 4]; self.half.len() * 2];
-        springs::springs(&params, &rest, at, &self.first, &self.half, &solved.law, &mut f, &mut tangent);
+        springs::springs(&params, &rest, at, &self.first, &self.half, &solved.start.law, &mut f, &mut tangent);
         springs_product::springs_product(&params, &self.first, &self.half, &tangent, in_system, &solved.dx, &mut w);
         [f, w]
     }
 
-    fn rotations(&self, _: &Model, state: &Solved) -> Vec<V4<f64>> {
+    fn rotations(&self, _: &Model, state: &Snapshot) -> Vec<V4<f64>> {
         state.rotation.clone()
     }
 
@@ -186,7 +186,7 @@ impl Mechanics for Springs {
     }
 
     fn mass_left(&self, _: &Model, wound: &Wound) -> f64 {
-        wound.free.iter().map(|f| f[3]).sum()
+        wound.mass_of_nodes()
     }
 
     fn splitting(&self, _: &Layer) -> f64 {
