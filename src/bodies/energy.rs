@@ -1,11 +1,10 @@
-//! What a body's state amounts to, in f64 on the CPU: energy, inverted cells, and the true residual of a step that some backend has
-//! solved.
+//! Diagnostics of a body's state, in f64 on the CPU: energy, inverted cells, and the true residual of a step solved by any backend.
 //!
-//! `E = ½ vᵀMv + E_elastic(u) − Σ m g·u − Σ f·u` over nodes, `f` the dead loads that act now: 0 for a body at rest in its rest shape
-//! without pre-strain. While loads and boundaries stay as they are and nothing touches, `E` is what implicit Euler takes from. A load that
-//! begins or ends changes it by `f·u`; what contacts, ties and moved boundaries hold is not in it.
-//! The elastic force is `R K d` and leaves out how the rotations change with `u`, so that it is the gradient of `E_elastic` for small
-//! strains alone (Müller, Gross 2004): strained by much, a body may gain or lose a share of `E` in the order of its strain.
+//! `E = ½ vᵀMv + E_elastic(u) − Σ m g·u − Σ f·u` over nodes, with the dead loads `f` that act now: 0 for a body at rest in its rest shape
+//! without pre-strain. With constant loads and boundary conditions and no contact, implicit Euler dissipates `E`. A load that begins or
+//! ends changes it by `f·u`. The potentials of contacts, bilateral constraints and moving boundaries are not included.
+//! The elastic force `R K d` omits the derivative of the rotations with respect to `u`, so it is the gradient of `E_elastic` for small
+//! strains only (Müller, Gross 2004). At large strains a body may gain or lose a fraction of `E` of the order of its strain.
 
 use super::{Model, rate};
 use crate::kernels::rotations::mean_gradient;
@@ -13,18 +12,18 @@ use crate::kernels::{ahead, anchors, momentum, rhs};
 use crate::math::{V3, V4, norm};
 use crate::scene::Mass;
 
-/// What a backend held at a step's start, with what it found.
+/// State of a backend at the start of a step, with the increment it found.
 #[derive(Clone, Debug, Default)]
 pub struct Solved {
     /// `[node]` displacement at the start, m.
     pub u: Vec<V4<f64>>,
     /// `[node]` velocity at the start, m/s.
     pub v: Vec<V4<f64>>,
-    /// `[cell]` rotations at the start (0 for dead cells).
+    /// `[cell]` rotations at the start (0 for removed cells).
     pub rotation: Vec<V4<f64>>,
     /// Table of split nodes.
     pub split: Vec<u32>,
-    /// `[node]` free axes and mass.
+    /// `[node]` DOF mask and mass.
     pub free: Vec<V4<f64>>,
     /// `[spring]` law.
     pub law: Vec<V4<f64>>,
@@ -32,19 +31,19 @@ pub struct Solved {
     pub load: Vec<V4<f64>>,
     /// `[node]` contact forces of the step, N.
     pub contact: Vec<V4<f64>>,
-    /// `[node]` displacement increment that was found, m.
+    /// `[node]` displacement increment found, m.
     pub dx: Vec<V4<f64>>,
 }
 
-/// Elastic energy of a displacement field, J, that of the anchors, `½ Σ k |u|²`, with it; `rotation` as the kernels keep it (0 for dead
-/// cells), `law` of the springs as cut so far.
+/// Elastic energy of a displacement field with that of the rest-shape springs, `½ Σ k |u|²`, J; `rotation` as stored by the kernels (0 for
+/// removed cells), `law` of the springs after all cuts.
 pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64 {
     let mechanics = model.mechanics();
     let anchored = model.anchors.energy(u, |node| mechanics.stays(model, rotation, law, node));
     anchored + mechanics.energy(model, u, rotation, split, law)
 }
 
-/// Total energy of a state, J; `dx` and `contact` are not looked at.
+/// Total energy of a state, J; does not use `dx` and `contact`.
 pub fn energy(model: &Model, state: &Solved) -> f64 {
     let rotation = model.mechanics().rotations(model, state);
     let g = V3::of(model.step.gravity);
@@ -58,7 +57,7 @@ pub fn energy(model: &Model, state: &Solved) -> f64 {
     of_nodes + elastic_energy(model, &state.u, &rotation, &state.split, &state.law)
 }
 
-/// `[node]` velocities that masses of nodes multiply to the momentum, m/s.
+/// `[node]` velocities which, multiplied by the nodal masses, give the momentum, m/s.
 fn mean_velocities(model: &Model, state: &Solved, rotation: &[V4<f64>]) -> Vec<V4<f64>> {
     let mut mean = state.v.clone();
     if model.mass == Mass::Consistent {
@@ -69,7 +68,8 @@ fn mean_velocities(model: &Model, state: &Solved, rotation: &[V4<f64>]) -> Vec<V
     mean
 }
 
-/// Cells whose mean deformation gradient has a determinant of 0 or less, or none; dead ones are not counted, cells of springs are.
+/// Number of cells whose mean deformation gradient has no positive determinant (non-finite ones count). Removed cells are skipped; the grid
+/// cells of springs are included.
 pub fn inverted_cells(model: &Model, state: &Solved) -> u32 {
     let (params, shapes) = (model.params::<f64>(), model.shapes::<f64>());
     let alive = |cell: &usize| state.rotation.get(*cell) != Some(&[0.0; 4]);
@@ -81,18 +81,18 @@ pub fn inverted_cells(model: &Model, state: &Solved) -> u32 {
     cells.filter(|cell| !upright(*cell)).count() as u32
 }
 
-/// `|b + Jᵀλ − A Δx|` relative to the step's load (free motion's load and contact force), everything in f64.
+/// `|b + Jᵀλ − A Δx|` relative to the load of the step (unconstrained motion and contact forces), all in f64.
 pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
     let (rest, load) = residual(model, solved);
     if load == 0.0 { 0.0 } else { norm(&rest) / load }
 }
 
-/// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the step's load, N, everything in f64.
+/// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the load of the step, N, all in f64.
 pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
     let params = model.params::<f64>();
     let count = solved.u.len();
     let in_system = model.anchors.all_in_system(rate(&model.step), &solved.free);
-    let mut at = solved.u.clone(); // where elastic forces are taken
+    let mut at = solved.u.clone(); // displacements at which elastic forces are evaluated
     ahead::ahead(&params, &solved.u, &solved.v, &mut at);
     let [f, w] = model.mechanics().forces_and_product(model, solved, &at, &in_system);
     let mean_v = mean_velocities(model, solved, &solved.rotation);
