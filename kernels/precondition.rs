@@ -1,6 +1,6 @@
-//! Applies the factored columns: `z = M⁻¹ r`, with the dot `r·z` that the conjugate gradients need.
+//! Applies the factored columns: `z = M⁻¹ r`, and returns the dot product `r·z` for the conjugate gradients.
 //!
-//! Up: `y_k = r_k − G_{k−1}ᵀ y_{k−1}`; down: `z_k = D'_k⁻¹ y_k − G_k z_{k+1}`.
+//! Forward: `y_k = r_k − G_{k−1}ᵀ y_{k−1}`; backward: `z_k = D'_k⁻¹ y_k − G_k z_{k+1}`.
 //! Units: r N, z m.
 
 use super::blocks::unpack;
@@ -12,7 +12,7 @@ use rayon::prelude::*;
 pub const SOURCE: Source =
     Source { name: "precondition", wgsl: include_str!("precondition.wgsl"), params: Params::<f32>::FIELDS };
 
-/// One slot; returns `r·z`.
+/// One right-hand side; returns `r·z`.
 pub fn precondition<R: Real>(
     params: &Params<R>,
     block: &[V4<R>], // [node × 4] packed D'⁻¹, G

@@ -1,4 +1,4 @@
-// Adds to w = A z what split cells do, and the rows of copies. Twin: split_product.rs (formula and units there).
+// Adds split cells and the rows of duplicate nodes to w = A z. Twin: split_product.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> stiffness: array<mat3x3<f32>, 1344>;      // [layer × 64] blocks a×8+b, N/m
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;               // [cells_z] layer
@@ -11,7 +11,7 @@
 @group(0) @binding(9) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
 
 const TILE: u32 = 7u; // of product.wgsl, whose sums come first
-// Force of split cells on node `i`, without the factor s.
+// Force of the split cells at node `i`, without the factor s.
 fn force_on(i: u32, offset: u32) -> vec3<f32> {
     let c = place(params, i);
     let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);
@@ -26,7 +26,7 @@ fn force_on(i: u32, offset: u32) -> vec3<f32> {
         let r = rotation_matrix(rotation[cell]);
         var local = vec3<f32>(0.0);
         for (var b = 0u; b < 8u; b += 1u) {
-            // K does not see a shift
+            // K has no force for a translation
             local += stiffness[first + b] * ((z[offset + corner_node(params, at, b)].xyz - own) * r);
         }
         sum += r * local;

@@ -178,8 +178,7 @@ pub trait Backend: Send {
     /// Elastic forces at nodes, from the last [`Backend::begin`], N.
     fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
     /// Segments crossed by swept quads in the step just finished, each once, in ascending order; a quad is four corners, m. The step must
-    /// have
-    /// saved the segment positions ([`Backend::finish`]).
+    /// have saved the segment positions ([`Backend::finish`]).
     fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>>;
     /// Sets the state at the start of a step: `[node]` displacement, m, and velocity, m/s, and `[cell]` rotation (empty for springs).
     fn set_state(&mut self, u: &[V4<f64>], v: &[V4<f64>], rotation: &[V4<f64>]) -> Result<()>;

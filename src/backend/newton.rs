@@ -1,13 +1,11 @@
 //! Newton's method for a step with a nonlinear law, on any backend.
 //!
 //! A step minimises `Π(Δx) = ½ Δx·(inertia M + (r_K/h) K₀) Δx + σ (W(u + Δx) − f(u)·Δx) − b·Δx`, with the integrator's end weight `σ` (1,
-//! or
-//! ½ for Newmark) and the rotated small-strain matrix `K₀` used for Rayleigh damping and preconditioning. Newton's method solves
+//! or ½ for Newmark) and the rotated small-strain matrix `K₀` used for Rayleigh damping and preconditioning. Newton's method solves
 //! `(inertia M + (r_K/h) K₀ + σ K_T) e = −∇Π` by conjugate gradients to a fraction of the residual that decreases with it, so that
 //! convergence stays quadratic; then `Δx += t e`, `t` halved until `Π` decreases sufficiently (Armijo) and no cell is inverted. If the
 //! gradients break down, the tangent is indefinite: `K₀` is added with a factor that grows tenfold until they converge (counted). The
-//! factor
-//! that sufficed sets the first one of the next iteration (Levenberg 1944, Marquardt 1963).
+//! factor that sufficed sets the first one of the next iteration (Levenberg 1944, Marquardt 1963).
 //! Source: Nocedal, Wright 2006, chapters 3 and 7 (line search, inexact Newton); Eisenstat, Walker 1996 (forcing terms).
 
 use crate::error::{Error, Result};
@@ -84,8 +82,7 @@ pub(super) trait Descent {
     /// Makes the last trial point the current one.
     fn take(&mut self);
     /// Computes the Newton direction, solved to this residual, N; `shift` is the first factor of `K₀` for an indefinite tangent. Returns
-    /// the
-    /// iterations and the factor used.
+    /// the iterations and the factor used.
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)>;
     /// Norm of the step's load, N; known after the first trial point.
     fn load(&self) -> f64;

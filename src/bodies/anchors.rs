@@ -2,8 +2,7 @@
 //!
 //! A spring adds `k (1 + r_K/h)` to the diagonal of `A`, the same along each axis, and so does a mass of `k (1 + r_K/h) / ((1 + h r_M)/h²)`
 //! (for implicit Euler; [`Step`] has both factors for the others). The kernels that use `A` therefore get this equivalent mass on top of
-//! the
-//! nodal mass; weight and inertia on the right-hand side use the nodal mass alone.
+//! the nodal mass; weight and inertia on the right-hand side use the nodal mass alone.
 //! Units: N/m, kg, m.
 
 use super::{Model, Step};

@@ -2,9 +2,9 @@
 //!
 //! `E = ½ vᵀMv + E_elastic(u) − Σ m g·u − Σ f·u` over nodes, with the dead loads `f` that act now: 0 for a body at rest in its rest shape
 //! without pre-strain. With constant loads and boundary conditions and no contact, implicit Euler dissipates `E`. A load that begins or
-//! ends changes it by `f·u`. The potentials of contacts, bilateral constraints and moving boundaries are not included.
-//! The elastic force `R K d` omits the derivative of the rotations with respect to `u`, so it is the gradient of `E_elastic` for small
-//! strains only (Müller, Gross 2004). At large strains a body may gain or lose a fraction of `E` of the order of its strain.
+//! ends changes it by `f·u`. The potentials of contacts, bilateral constraints and moving boundaries are not included. The elastic force
+//! `R K d` omits the derivative of the rotations with respect to `u`, so it is the gradient of `E_elastic` for small strains only (Müller,
+//! Gross 2004). At large strains a body may gain or lose a fraction of `E` of the order of its strain.
 
 use super::{Model, rate};
 use crate::kernels::rotations::mean_gradient;

@@ -2,10 +2,8 @@
 //! and preconditioner.
 //!
 //! A dispatch has a fixed number of threads, or one per node or column in use. Unused duplicate nodes ([`crate::kernels::split`]) are at
-//! the
-//! end of all nodal arrays. No kernel runs there, so their initial values persist: zeros in partial sums and vectors, and identity blocks
-//! in
-//! the columns, which are their own factors. A workgroup that extends beyond the last node in use reads these values.
+//! the end of all nodal arrays. No kernel runs there, so their initial values persist: zeros in partial sums and vectors, and identity
+//! blocks in the columns, which are their own factors. A workgroup that extends beyond the last node in use reads these values.
 
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
@@ -131,8 +129,7 @@ pub trait Recorded {
         main: &Buffer,
     ) -> Result<Vec<Dispatch>>;
     /// Creates the arrays of the preconditioner besides the factored columns and returns the dispatches that update it in each step; `sums`
-    /// are
-    /// the arrays of the conjugate gradients that all levels share.
+    /// are the arrays of the conjugate gradients that all levels share.
     fn refresh(
         &mut self,
         made: &mut Maker,

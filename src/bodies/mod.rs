@@ -2,8 +2,8 @@
 //!
 //! Each kind is one folder. It holds the arrays and the mechanics on the host in f64 ([`Mechanics`]), the interface to the solver on the
 //! CPU path ([`cpu::System`]) and on a device ([`gpu::Recorded`]), and the effect of a cut. All kinds share a [`Model`]: nodes with masses,
-//! Dirichlet conditions and loads, in flat arrays that never change during a run. The rest of the program sees the [`Model`], its
-//! [`Wound`] and these interfaces, never the elements. Both present kinds use a regular [`Grid`].
+//! Dirichlet conditions and loads, in flat arrays that never change during a run. The rest of the program sees the [`Model`], its [`Wound`]
+//! and these interfaces, never the elements. Both present kinds use a regular [`Grid`].
 
 mod anchors;
 pub mod cpu;

@@ -1,11 +1,10 @@
 //! Rigid bodies: a tool held by a hand through a 6-DoF virtual coupling (spring and damper), or a free body.
 //!
-//! The step is implicit and solved exactly: with the motion Δ = (Δx, θ) over the step,
-//! `A Δ = m v/h + m g + K (x_hand − x) + B v_hand`, `A = m/h² + B/h + K` (the same for rotation, with the inertia in world axes).
-//! The body's part of the Delassus operator therefore includes mass, damping and coupling, and at rest λ equals the coupling force. The
-//! hand
-//! carries a tool's weight. A free body has K = B = 0 and falls. Angular momentum is the quantity carried from step to step, so a body
-//! without contact conserves it to rounding in any rotation.
+//! The step is implicit and solved exactly: with the motion Δ = (Δx, θ) over the step, `A Δ = m v/h + m g + K (x_hand − x) + B v_hand`,
+//! `A = m/h² + B/h + K` (the same for rotation, with the inertia in world axes). The body's part of the Delassus operator therefore
+//! includes mass, damping and coupling, and at rest λ equals the coupling force. The hand carries a tool's weight. A free body has K = B =
+//! 0 and falls. Angular momentum is the quantity carried from step to step, so a body without contact conserves it to rounding in any
+//! rotation.
 //! Units: m, rad, kg, N, N·m. Source: Colgate, Stanley, Brown 1995 (virtual coupling).
 
 use crate::math::elementary::atan2;
@@ -227,8 +226,7 @@ impl Instrument {
     }
 
     /// Switches to a live hand that moves from its last pose to `to` during the step from `begin` to `end`, s. The end of the last step is
-    /// the
-    /// start of this one, so no motion is lost.
+    /// the start of this one, so no motion is lost.
     pub fn follow(&mut self, to: (DVec3, DQuat), begin: f64, end: f64) {
         let from = self.live.map_or_else(|| self.hand(begin), |live| live.to);
         self.live = Some(Live { from, to, begin, end });

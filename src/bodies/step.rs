@@ -10,12 +10,10 @@
 //! | symplectic Euler | `1/h²` | 0 | `1 − h r_M` | 1 | `u + r_K v` |
 //!
 //! Newmark's `u' = u + h v + h²/4 (a + a')`, `v' = v + h/2 (a + a')` are the trapezoidal rules `Δx = h/2 (v + v')`,
-//! `v' − v = h/2 (a + a')`.
-//! Inserted into the sum of the balances `M a + C v + K u = f` at both ends they eliminate `a`, so it is not stored:
-//! `(2/h² M + C/h + K/2) Δx = f_ext − f_int + 2 M v/h`. The trajectories are exactly Newmark's if the loads are constant within a step and
-//! the initial acceleration satisfies the balance. Symplectic Euler is `v' = v + h M⁻¹ (f_ext − f_int − C v)`, `u' = u + h v'`, stable up
-//! to
-//! [`super::Model::stable_step`].
+//! `v' − v = h/2 (a + a')`. Inserted into the sum of the balances `M a + C v + K u = f` at both ends they eliminate `a`, so it is not
+//! stored: `(2/h² M + C/h + K/2) Δx = f_ext − f_int + 2 M v/h`. The trajectories are exactly Newmark's if the loads are constant within a
+//! step and the initial acceleration satisfies the balance. Symplectic Euler is `v' = v + h M⁻¹ (f_ext − f_int − C v)`, `u' = u + h v'`,
+//! stable up to [`super::Model::stable_step`].
 //! Source: Newmark 1959; Hughes 1987, chapter 9; Hairer, Lubich, Wanner 2003 (symplectic Euler).
 //!
 //! Effect on an undamped vibration `ω`, `z = h ω` (tests/verify/integrators.rs checks each entry):
@@ -27,8 +25,7 @@
 //! | symplectic Euler | 0 up to `z = 2` | oscillates by up to `z/2` of it, no drift | `z/(2 asin(z/2))` | 1 |
 //!
 //! Effect on skin: the block of scenes/verify/skin_block_045.toml (20×20×5 cells), one millisecond after its load is released, undamped,
-//! CPU
-//! path, solves to 10⁻⁶ (same tests, with `CUTIS_MEASURED=1`; times relative to implicit Euler with 8 steps in the same run):
+//! CPU path, solves to 10⁻⁶ (same tests, with `CUTIS_MEASURED=1`; times relative to implicit Euler with 8 steps in the same run):
 //!
 //! | integrator | steps in 1 ms | energy left | error, of the initial displacement | time per step |
 //! | --- | --- | --- | --- | --- |

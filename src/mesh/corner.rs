@@ -1,9 +1,8 @@
 //! Positions of the wound's surface corners, and their motion with the nodes of their own component.
 //!
 //! A corner belongs to a node `n`. Its rest position is `X_n + o`, where `o` is the mean of the crossings of the cut links around the node.
-//! All
-//! duplicates of a node share `o`, so a closed wound has no gap. The corner moves with the hexahedron around it, `u = Σ_a N_a(ξ) u_a` over
-//! the eight nodes of one cell of its component: the one of the node's cells into which `o` points best. Where the crossings lie
+//! All duplicates of a node share `o`, so a closed wound has no gap. The corner moves with the hexahedron around it, `u = Σ_a N_a(ξ) u_a`
+//! over the eight nodes of one cell of its component: the one of the node's cells into which `o` points best. Where the crossings lie
 //! outside the component's cells, `N_a` is extrapolated (by half a cell at most, along each axis).
 
 use super::Grid;
@@ -31,8 +30,7 @@ impl Corner {
 
 impl Parts {
     /// Offset of the surface corner from the node's rest position, m: the mean of the crossings of the cut links around it. On the outside
-    /// of the
-    /// body without the component that would leave it. Zero where no link is cut.
+    /// of the body without the component that would leave it. Zero where no link is cut.
     pub fn offset(&self, grid: &Grid, node: usize) -> [f64; 3] {
         let zero = [0.0; 3];
         let Some(c) = self.params.place(&self.table, node).filter(|_| !self.crossings.is_empty()) else {

@@ -5,18 +5,15 @@
 //! A component that is divided again keeps its duplicate for one of its parts.
 //!
 //! The smoother works by z-columns, so duplicates of one node column should be consecutive in one duplicate column. The component that
-//! keeps a node is therefore the one that shares most cells with that column's nodes right above and below; ties go to the one whose
-//! lowest cell comes last by y, then x, then z. The others join the duplicate column that they share most cells with. They open a new one
-//! if
-//! they share none, and use any with a free node if the reserve is used up or seven stand beside the node's column: a node has at most
-//! seven duplicates. A vertical cut thus gives two complete columns. A horizontal cut has no such order: the upper component keeps the
-//! node,
-//! and the lower one gets a duplicate without a neighbour at the next z-level, which is smoothed alone. Skin has its thin stiff layers on
-//! top, where the coupling between z-levels matters most; with the opposite choice an undermined patch took three times as many iterations.
+//! keeps a node is therefore the one that shares most cells with that column's nodes right above and below; ties go to the one whose lowest
+//! cell comes last by y, then x, then z. The others join the duplicate column that they share most cells with. They open a new one if they
+//! share none, and use any with a free node if the reserve is used up or seven stand beside the node's column: a node has at most seven
+//! duplicates. A vertical cut thus gives two complete columns. A horizontal cut has no such order: the upper component keeps the node, and
+//! the lower one gets a duplicate without a neighbour at the next z-level, which is smoothed alone. Skin has its thin stiff layers on top,
+//! where the coupling between z-levels matters most; with the opposite choice an undermined patch took three times as many iterations.
 //!
 //! Crossed links store the position of the crossing. A corner of the wound lies at the mean of the crossings around it, which gives a
-//! smooth
-//! wound in a grid of boxes.
+//! smooth wound in a grid of boxes.
 //! Source: Frisken-Gibson 1999 (linked cells); Molino, Bao, Fedkiw 2004 (virtual nodes); Dick, Georgii, Westermann 2011 (hexahedra); Ju,
 //! Losasso, Schaefer, Warren 2002 (one vertex per dual cell at the mean of its edges' crossings).
 

@@ -1,8 +1,7 @@
 //! GPU path: the same arrays and kernels in WGSL, f32.
 //!
-//! Commands are recorded and submitted with the next read-back. A step without contact is one submission; a step with contact adds one
-//! per pass of the correction. A solve is recorded with a few more iterations than the last one of its kind took. Converged right-hand
-//! sides
+//! Commands are recorded and submitted with the next read-back. A step without contact is one submission; a step with contact adds one per
+//! pass of the correction. A solve is recorded with a few more iterations than the last one of its kind took. Converged right-hand sides
 //! skip their work; if one has not converged, more iterations are submitted.
 
 mod anchors;

@@ -1,8 +1,8 @@
 //! Nonlinear laws on the device: trial points of Newton's method ([`super::super::newton`]), and steps with one linearisation.
 //!
 //! One read returns a trial point: partial sums over groups of nodes, and the energy of each cell. The host subtracts the cell energies at
-//! the start of the step in f64, so that the small change over a step is not lost in the total energy.
-//! With contact a step is linearised once, at its start, as on the CPU path.
+//! the start of the step in f64, so that the small change over a step is not lost in the total energy. With contact a step is linearised
+//! once, at its start, as on the CPU path.
 
 use super::GpuBackend;
 use super::exchange::triples;

@@ -151,8 +151,7 @@ impl GpuBackend {
     }
 
     /// Dispatches at the start of a step, per iteration of a solve, additionally per iteration once a cut has split cells, and per trial
-    /// point
-    /// of Newton's method.
+    /// point of Newton's method.
     pub fn launches(&self) -> [u32; 4] {
         let [iteration, split] = self.solver.launches();
         [self.begin.len() as u32, iteration, split, self.newton.as_ref().map_or(0, Newton::launches)]

@@ -1,6 +1,5 @@
 //! Direct solver on the CPU: assembles and factors `A` once per step. The factor replaces the preconditioner, so the conjugate gradients
-//! end
-//! after one iteration (two in f32) under their usual stopping rules.
+//! end after one iteration (two in f32) under their usual stopping rules.
 //!
 //! `A = (1 + h r_M)/h² M + (1 + r_K/h) Σ_c R_c K R_cᵀ = L Lᵀ`; a fixed axis has the identity's row and column. Nodes are eliminated by
 //! nested dissection: first the two halves of a box, then the plane of nodes that separates them. The sparsity pattern is that of the whole

@@ -1,13 +1,11 @@
 //! 24×24 stiffness matrix of a box-shaped hexahedron, computed once per layer on the CPU.
 //!
-//! `K = ∫ Bᵀ C B dV` with 2×2×2 Gauss points; C is Hooke's matrix with engineering shear strains (order xx yy zz xy yz zx).
-//! Plain: trilinear displacements. B-bar: the volumetric part of B is averaged over the cell, so nearly incompressible layers do not lock
-//! (Hughes 1980; mean dilatation, Nagtegaal, Parks, Rice 1974). Enhanced: nine incompatible modes `(1 − ξ²) e_i`, one per direction and
-//! axis,
+//! `K = ∫ Bᵀ C B dV` with 2×2×2 Gauss points; C is Hooke's matrix with engineering shear strains (order xx yy zz xy yz zx). Plain:
+//! trilinear displacements. B-bar: the volumetric part of B is averaged over the cell, so nearly incompressible layers do not lock (Hughes
+//! 1980; mean dilatation, Nagtegaal, Parks, Rice 1974). Enhanced: nine incompatible modes `(1 − ξ²) e_i`, one per direction and axis,
 //! eliminated by static condensation, `K_uu − K_ua K_aa⁻¹ K_au`, so that a cell bends without shear locking (Wilson, Taylor, Doherty,
 //! Ghaboussi 1973). Over a box their mean strain is zero, so the patch test is passed without the correction that other shapes need
-//! (Taylor,
-//! Beresford, Wilson 1976), and they equal the enhanced assumed strains of Simo, Rifai 1990.
+//! (Taylor, Beresford, Wilson 1976), and they equal the enhanced assumed strains of Simo, Rifai 1990.
 //!
 //! Error of the skin block's centre displacement (tests/verify/skin_block.rs), %, at ν 0.45, 0.49, 0.499:
 //!
@@ -35,8 +33,8 @@ pub fn lame(young: f64, poisson: f64) -> (f64, f64) {
     (lambda, young / (2.0 * (1.0 + poisson)))
 }
 
-/// Elastic strain of the rest shape along x, y and z (and 0) of a layer with in-plane strain `[e_x, e_y]`:
-/// `e_z = −ν/(1 − ν) (e_x + e_y)`, so that the stress across the plane is zero.
+/// Elastic strain of the rest shape along x, y and z (and 0) of a layer with in-plane strain `[e_x, e_y]`: `e_z = −ν/(1 − ν) (e_x + e_y)`,
+/// so that the stress across the plane is zero.
 pub fn pre_strain([x, y]: [f64; 2], poisson: f64) -> [f64; 4] {
     [x, y, -poisson / (1.0 - poisson) * (x + y), 0.0]
 }

@@ -14,8 +14,7 @@
 //! | 50 | −0.7893 | +174 % | +23 % |
 //!
 //! Corotational stress is linear in the stretch, so compressed material does not stiffen: at 50 kPa nothing supports the middle of 2.3 mm
-//! of
-//! skin until the cells have almost collapsed.
+//! of skin until the cells have almost collapsed.
 //! Units: u m, edges m, material Pa, W J, f N, K N/m.
 
 use super::element::{Matrix, lame};
@@ -151,8 +150,7 @@ impl Hyperelastic {
     }
 
     /// Writes the forces at the start of the step into `f` and returns the change over the step that enters it, `[node]` N: the change of
-    /// forces
-    /// for Newton's method, otherwise the product with the tangent. NaN if a cell is inverted.
+    /// forces for Newton's method, otherwise the product with the tangent. NaN if a cell is inverted.
     pub fn forces_and_change(&self, model: &Model, solved: &Solved, f: &mut [V4<f64>]) -> Vec<V4<f64>> {
         let params = model.params::<f64>();
         let nowhere = vec![[f64::NAN; 4]; f.len()];

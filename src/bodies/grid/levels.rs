@@ -1,18 +1,15 @@
 //! Coarse levels of geometric multigrid: x and y coarsened by two, z kept; one 24×24 matrix per level and layer, never assembled.
 //!
 //! A coarse cell's matrix is `Σ PᵀKP` over its four children (Galerkin), with the bilinear interpolation `P` from its corners to theirs.
-//! This
-//! is the operator of an assembled Galerkin product at rest, so it inherits B-bar's cure for locking (rediscretised coarse hexahedra lock:
-//! 81
-//! iterations instead of 39 at ν = 0.499). It is rotated by the children's mean rotation and scaled by the fraction of children left.
+//! This is the operator of an assembled Galerkin product at rest, so it inherits B-bar's cure for locking (rediscretised coarse hexahedra
+//! lock: 81 iterations instead of 39 at ν = 0.499). It is rotated by the children's mean rotation and scaled by the fraction of children
+//! left.
 //!
 //! The smoother needs an upper bound of the eigenvalues of `M⁻¹A`, where `M` has the z-column blocks of `A`. It is found cell by cell: let
-//! `D`
-//! be the part of a cell's `K` within its four vertical edges, then `zᵀAz = Σ z_cᵀ K z_c ≤ max λ(K, D) Σ z_cᵀ D z_c = max λ(K, D) zᵀMz`
+//! `D` be the part of a cell's `K` within its four vertical edges, then `zᵀAz = Σ z_cᵀ K z_c ≤ max λ(K, D) Σ z_cᵀ D z_c = max λ(K, D) zᵀMz`
 //! (Wathen 1987). Rotations transform `K` and `D` alike; a cut or a fixed node removes the same terms from both sums; lumped inertia adds
-//! the
-//! same to both, and a consistent mass adds at most [`OF_MASS`] times as much. The bound follows from the element matrix alone and always
-//! holds. (Coarse levels use lumped masses.)
+//! the same to both, and a consistent mass adds at most [`OF_MASS`] times as much. The bound follows from the element matrix alone and
+//! always holds. (Coarse levels use lumped masses.)
 
 use super::element::{Matrix, modes};
 use crate::kernels::product::tiles;
@@ -157,9 +154,9 @@ fn pencil(k: &[[f64; 3]; 3], d: &[[f64; 3]; 3]) -> f64 {
         for i in col..3 {
             let sum: f64 = (col..i).map(|n| l[i][n] * inverse[n][col]).sum();
             inverse[i][col] = (f64::from(u8::from(i == col)) - sum) / l[i][i];
-        // c = L⁻¹ k L⁻ᵀ
         }
     }
+    // c = L⁻¹ k L⁻ᵀ
     let c: [[f64; 3]; 3] = std::array::from_fn(|i| {
         std::array::from_fn(|j| (0..9).map(|n| inverse[i][n / 3] * k[n / 3][n % 3] * inverse[j][n % 3]).sum())
     });

@@ -144,8 +144,7 @@ impl Model {
     }
 
     /// `[layer]` a cell's matrix in `A` without the nodal masses, divided by the stiffness factor `s`: K and, for a consistent mass, the
-    /// difference
-    /// between consistent and lumped mass. Blocks of M are multiples of the identity, so it rotates with K.
+    /// difference between consistent and lumped mass. Blocks of M are multiples of the identity, so it rotates with K.
     pub fn system_matrices(&self) -> Vec<element::Matrix> {
         let mut all = self.hexahedra().stiffness.clone();
         if self.mass == Mass::Consistent {
@@ -247,8 +246,7 @@ impl Mechanics for Hexahedra {
     }
 
     /// `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X + e∘X` with the strain `e` of the rest shape. A hyperelastic body uses its own law; the
-    /// energy is
-    /// infinite if a cell is inverted.
+    /// energy is infinite if a cell is inverted.
     fn energy(&self, model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], _: &[V4<f64>]) -> f64 {
         let params = model.params::<f64>();
         if let Some(law) = &self.hyperelastic {

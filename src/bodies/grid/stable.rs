@@ -3,8 +3,7 @@
 //! For a vibration `ω` with damping `c = r_M + r_K ω²`, a step multiplies `(u, v)` by a matrix of determinant `1 − h c` and trace
 //! `2 − h c − h² ω²`. Both eigenvalues stay within the unit circle if `h² ω² + 2 h c < 4`. The largest `ω` is decisive:
 //! `h = 4 / (c + √(c² + 4 ω²))`. `ω²` is the largest eigenvalue of `M⁻¹ K` of the body at rest, found by Lanczos' method on
-//! `M^(−½) K M^(−½)`
-//! with the matrix-free product. A bent or compressed body may be stiffer.
+//! `M^(−½) K M^(−½)` with the matrix-free product. A bent or compressed body may be stiffer.
 //! Source: Lanczos 1950; Golub, Van Loan 2013, section 10.1; Hughes 1987, section 9.2 (critical steps).
 
 use crate::bodies::{Kind, Model};

@@ -1,6 +1,5 @@
 //! Cuts through spring networks: crossed springs are removed. A cell counts as open if two or more of its four edges along one axis are
-//! cut.
-//! A node without springs leaves the system.
+//! cut. A node without springs leaves the system.
 
 use super::Springs;
 use crate::bodies::{Model, Removal, Wound};
