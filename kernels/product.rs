@@ -337,6 +337,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
     stretch: [L::V; 3],
     pulled: [L::V; 3],
 ) -> [[L::V; 3]; 8] {
+    // patterns in the cells' frames
     let r = rotation_rows(l, q);
     let a = patterns(l, z);
     let zero = l.splat(R::zero());
@@ -346,6 +347,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
             local[p][n] = dot(l, [r[0][n], r[1][n], r[2][n]], a[p]);
         }
     }
+    // pattern of each axis: rest positions and pre-strain
     let turned = rotation_minus_one(l, q, r);
     for i in 0..3 {
         for n in 0..3 {
@@ -353,6 +355,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
         }
         local[1 << i][i] = l.add(local[1 << i][i], pulled[i]);
     }
+    // one 3×3 block per parity
     let mut force = [[zero; 3]; 8];
     for parity in 0..8 {
         let v = [local[parity ^ 1][0], local[parity ^ 2][1], local[parity ^ 4][2]];
@@ -361,6 +364,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
             force[parity ^ (1 << n)][n] = dot(l, [l.splat(a), l.splat(b), l.splat(c)], v);
         }
     }
+    // rotate back, and from patterns to corners
     let mut out = [[zero; 3]; 8];
     for p in 1..8 {
         for n in 0..3 {

@@ -44,6 +44,7 @@ fn relax_set<R: Real>(
     let one_part = |(part, ((w, d), z)): (usize, ((Levels<_>, Levels<_>), Levels<_>))| -> R {
         let [mut w, mut d, mut z]: [Levels<V4<R>>; 3] = [w, d, z];
         let mut carried = [V3::zero(); PART]; // G_{k−1}ᵀ y_{k−1}
+        // forward substitution, bottom to top, into w
         for k in 0..w.len() {
             let first = part * PART + k * columns;
             for (c, slot) in w[k].iter_mut().enumerate() {
@@ -56,6 +57,7 @@ fn relax_set<R: Real>(
                 carried[c] = unpack(&block[i * 4..i * 4 + 4]).g.transpose() * own;
             }
         }
+        // backward substitution, top to bottom, and the Chebyshev step
         let mut above = [V3::zero(); PART];
         let mut gamma = R::zero();
         for k in (0..w.len()).rev() {

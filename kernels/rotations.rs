@@ -75,6 +75,7 @@ pub fn mean_gradient<R: Real>(
 pub fn polar<R: Real>(f: M3<R>, start: V4<R>) -> V4<R> {
     let mut q = start;
     for _ in 0..MAX_NEWTON {
+        // gradient and negative Hessian of tr(Rᵀ f) with respect to the rotation vector
         let s = rotation_matrix(q).transpose() * f;
         let [a, b, c] = s.0;
         let axial = V3::new(b.z - c.y, c.x - a.z, a.y - b.x);
@@ -101,6 +102,7 @@ pub fn polar<R: Real>(f: M3<R>, start: V4<R>) -> V4<R> {
                 V3::new(R::zero(), R::zero(), R::of(0.5))
             };
         }
+        // step of at most one radian, applied to the quaternion
         let squared = omega.dot(omega);
         if squared > R::one() {
             omega = omega * (R::one() / squared.sqrt());

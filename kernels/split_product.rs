@@ -66,6 +66,7 @@ impl<R: Real> Task<R> for Cells<'_, R> {
             // cells of one layer, up to a full register
             let own = layer(cells[first]);
             let count = cells[first..].iter().take(L::COUNT).take_while(|cell| layer(**cell) == own).count();
+            // gather rotations and corner values, one cell per lane
             let mut at = [[[R::zero(); LANES]; 3]; 8];
             let mut q = [[R::zero(); LANES]; 4];
             for lane in 0..count {
@@ -79,6 +80,7 @@ impl<R: Real> Task<R> for Cells<'_, R> {
                     }
                 }
             }
+            // forces of the cells
             let zero = [lanes.splat(R::zero()); 3];
             let load = |v: &[R; LANES]| lanes.load(v);
             let force = cell_forces(
@@ -94,6 +96,7 @@ impl<R: Real> Task<R> for Cells<'_, R> {
                     lanes.store(force[c][n], &mut at[c][n]);
                 }
             }
+            // scatter to the nodes, in the order of the cells
             for lane in 0..count {
                 for c in 0..8 {
                     let node = corners[(first + lane) * 8 + BY_BITS[c]] as usize;

@@ -147,6 +147,7 @@ impl Row {
 
 /// Region of the given name; it must contain a node of each grid.
 pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids: &[Grid]) -> Result<Region> {
+    // region of this name; keys of other regions are errors
     let known = [
         ("bottom", Some(Region::Bottom)),
         ("top", Some(Region::Top)),
@@ -181,6 +182,7 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
     if let Some(region) = whole {
         return Ok(region.clone());
     }
+    // regions with keys of their own
     let region = match word {
         "box" => return within_box(scene, name, box_mm, grids),
         "sphere" => {
@@ -212,6 +214,7 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
             if word == "bottom_rim" { Region::Rim(margin) } else { Region::Core(margin) }
         }
     };
+    // each grid must have a node in it
     for grid in grids {
         if !grid.holds(&region) {
             return Err(Invalid::NoNode { at: scene.place(name.span()), grid: grid.name, region: word.into() });

@@ -210,6 +210,7 @@ fn anchors(
 }
 
 fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin]) -> Result<Load> {
+    // rectangle inside the top face, with an area
     let raw = table.keys;
     let body = names.skin(scene, &raw.body, table.span)?;
     let size = skins[body].size;
@@ -236,6 +237,7 @@ fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin
             });
         }
     }
+    // duration
     let start = scene.number("start_s", &or(raw.start_s, 0.0), SECOND, Bound::NotNegative)?;
     let end = match &raw.end_s {
         Some(end) => scene.number("end_s", end, SECOND, Bound::Positive)?,

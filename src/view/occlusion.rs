@@ -64,6 +64,7 @@ fn occlude(pixels: &Pixels, view: &View) -> Result<Vec<f32>> {
         Vec3::new(at.x, -at.y, 1.0)
     };
     let pattern = pattern();
+    // occlusion by the surface at one sample position
     let hidden = |x: usize, y: usize, offset: Vec2, here: Seen| {
         let column = x as i32 + offset.x as i32;
         let row = y as i32 + offset.y as i32;
@@ -81,6 +82,7 @@ fn occlude(pixels: &Pixels, view: &View) -> Result<Vec<f32>> {
         cosine.max(0.0) * (1.0 - squared / (reach * reach)).max(0.0)
     };
     let mut open = room(width * height, 1.0)?;
+    // sum over the positions of the pattern
     for_rows(&mut open, width, |y, row| {
         for (x, open) in row.iter_mut().enumerate() {
             let here = pixels.seen[y * width + x];

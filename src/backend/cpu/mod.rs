@@ -71,6 +71,7 @@ impl<R: Real> Cutting<R> {
 impl<R: Real> CpuBackend<R> {
     /// The body in its initial state, with the arrays that `needs` names.
     pub fn new(model: &Model, needs: Needs, max_iterations: u32, floor: f64, start: &Snapshot) -> Self {
+        // sizes, and constructors of nodal arrays with room for the reserve
         let params: Params<R> = model.params();
         let (all_nodes, node_count) = (model.node_count(), params.nodes_in_use(&start.split));
         let slots = needs.slots();
