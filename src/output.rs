@@ -16,7 +16,8 @@ use vtkio::model::{
     Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version, VertexNumbers, Vtk,
 };
 
-/// Rows between two flushes of a [`Table`]. At 1 kHz a killed run loses at most 64 ms; a flush per row would cost a system call per step.
+/// Rows between two flushes of a [`Table`]. At 1 kHz a killed run loses at most 64 ms; a flush
+/// for each row would cost a system call per step.
 const ROWS_PER_FLUSH: usize = 64;
 
 /// Values on the points or cells of a mesh; the field's name contains the unit.
@@ -39,8 +40,9 @@ impl Field<'_> {
 
 /// Writes hexahedra to a `.vtu` file; an existing file is replaced atomically.
 ///
-/// `points`: `[node]` m. `cells`: `[cell]` node ids in VTK's hexahedron order. Fields must have one value per point or cell, and ids must
-/// be in range, otherwise [`Error::Vtk`]. Without cells or points the file is valid and empty.
+/// `points`: `[node]` m. `cells`: `[cell]` node ids in VTK's hexahedron order. Fields must have
+/// one value per point or cell, and ids must be in range, else [`Error::Vtk`]. Without cells or
+/// points the file is valid and empty.
 pub fn write_hexes(
     path: &Path,
     points: &[[f64; 3]],
@@ -141,7 +143,7 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     name.push(".tmp");
     let temporary = PathBuf::from(name);
     std::fs::write(&temporary, bytes).map_err(|source| {
-        std::fs::remove_file(&temporary).ok(); // an incomplete file would take up the rest of a full disk
+        std::fs::remove_file(&temporary).ok(); // a part of it would take the last of a full disk
         Error::Write { path: temporary.clone(), source }
     })?;
     std::fs::rename(&temporary, path).map_err(|source| Error::Write { path: path.to_owned(), source })
@@ -263,7 +265,7 @@ impl Table {
     /// Checks that a file begins with what a table of these columns had written at a mark.
     ///
     /// # Errors
-    /// [`Error::TableUnfit`] if it does not.
+    /// [`Error::TableUnfit`] for one that does not.
     pub fn verify(path: &Path, columns: &[impl Borrow<str>], kept: TableMark) -> Result<()> {
         let unfit = |what| Err(Error::TableUnfit { path: path.to_owned(), what });
         let Ok(opened) = File::open(path) else { return unfit("cannot be opened") };

@@ -174,8 +174,7 @@ impl Model {
     ///
     /// # Errors
     /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach; [`Error::Usage`] for
-    /// multigrid or the direct solver on springs, the direct solver where a cut may duplicate nodes, or rest-shape springs on a consistent
-    /// mass.
+    /// multigrid or the direct solver on springs, the direct solver where nodes may be split, or anchors on a consistent mass.
     pub fn new(scene: &Scene, body: usize) -> Result<Self> {
         let skin = &scene.skins[body];
         let grid = Grid::new(skin);

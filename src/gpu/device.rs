@@ -20,7 +20,7 @@ const MAX_GROUPS: u64 = 65_535;
 const HOW: &str = "on Debian or Ubuntu a software adapter comes with `apt-get install mesa-vulkan-drivers libvulkan1`; \
                    `--backend cpu` needs no adapter";
 
-/// Adapter of this machine.
+/// An adapter that this machine offers.
 #[derive(Clone, Debug)]
 pub struct Adapter {
     /// Device name.
@@ -52,7 +52,7 @@ impl Adapter {
     /// Opens a device of the caller's own, with adapter and queue, for [`Gpu::from_wgpu`].
     ///
     /// # Errors
-    /// [`Error::Device`] if the driver refuses.
+    /// [`Error::Device`] when the driver refuses.
     pub fn request(&self, descriptor: &wgpu::DeviceDescriptor) -> Result<(wgpu::Adapter, (wgpu::Device, wgpu::Queue))> {
         let opened = pollster::block_on(self.raw.request_device(descriptor));
         Ok((self.raw.clone(), opened.map_err(|e| Error::Device { message: e.to_string() })?))
@@ -150,7 +150,7 @@ impl Gpu {
     /// Opens an adapter: the first whose name, backend or driver contains `text` (any case), or the first at all.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`] if none matches, [`Error::Device`] if the driver refuses.
+    /// [`Error::NoAdapter`] when none fits, [`Error::Device`] when the driver refuses.
     pub fn open(text: Option<&str>) -> Result<Self> {
         let all = adapters();
         let Some(adapter) = all.iter().find(|a| a.named(text.unwrap_or(""))).cloned() else {
@@ -168,7 +168,7 @@ impl Gpu {
     /// A device that compiles and binds but stores no data and runs nothing: it shows the allocations of a set-up without an adapter.
     ///
     /// # Errors
-    /// [`Error::Device`] if wgpu was built without its `noop` backend.
+    /// [`Error::Device`] when wgpu was built without its `noop` backend.
     pub fn dry() -> Result<Self> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::NOOP;
@@ -200,7 +200,7 @@ impl Gpu {
     /// of the caller may run while this waits, and must not call into it.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device's limits are below core WebGPU's.
+    /// [`Error::Device`] for a device whose limits are below core WebGPU's.
     pub fn from_wgpu(adapter: wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self> {
         if !wgpu::Limits::default().check_limits(&device.limits()) {
             let message = "its limits are below wgpu::Limits::default(); request those with it".into();
@@ -251,7 +251,7 @@ impl Gpu {
     /// Checks that an array of this size, bytes, can be made.
     ///
     /// # Errors
-    /// [`Error::TooLarge`] if it exceeds the adapter's limit for one binding.
+    /// [`Error::TooLarge`] when it passes the adapter's limit for one binding.
     pub fn fits(&self, name: &str, bytes: u64) -> Result<()> {
         let limits = [
             ("max_storage_buffer_binding_size", self.limits.max_storage_buffer_binding_size),
@@ -275,7 +275,7 @@ impl Gpu {
     /// Zeroed storage array of `count` elements (at least 16 bytes, so that an empty one can be bound).
     ///
     /// # Errors
-    /// [`Error::TooLarge`] if it exceeds the adapter's limit for one binding.
+    /// [`Error::TooLarge`] when it passes the adapter's limit for one binding.
     pub fn array<T: NoUninit>(&self, name: &'static str, count: usize) -> Result<Buffer> {
         let bytes = (count * size_of::<T>()).next_multiple_of(16).max(16) as u64;
         self.fits(name, bytes)?;
@@ -319,7 +319,7 @@ impl Gpu {
     /// Compiles a kernel (once) and binds buffers by the shader's names.
     ///
     /// # Errors
-    /// [`Error::Shader`] if the text is invalid, [`Error::Binding`] for a missing, unknown or too small buffer.
+    /// [`Error::Shader`] when the text is not valid, [`Error::Binding`] for a missing, unknown or too small buffer.
     pub fn bind(&self, source: &Source, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
         let pipeline = self.pipeline(source)?;
         self.bind_pipeline(pipeline, buffers)
@@ -451,7 +451,7 @@ impl Gpu {
     /// Submits a batch and reads the first bytes of each buffer back; waits for the device.
     ///
     /// # Errors
-    /// [`Error::Device`] if the device was lost or reported an error since the last call.
+    /// [`Error::Device`] when the device was lost or reported an error since the last call.
     ///
     /// # Panics
     /// If more bytes are requested than a buffer has.

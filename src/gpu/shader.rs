@@ -49,7 +49,7 @@ impl Shader {
     /// Parses and validates a kernel.
     ///
     /// # Errors
-    /// [`Error::Shader`] with naga's message if the text does not parse, validate or follow the project's layout.
+    /// [`Error::Shader`] with naga's message when the text does not parse, validate or follow the project's layout.
     pub fn read(source: &Source) -> Result<Self> {
         Self::from_text(source.name, text(source))
     }
@@ -92,7 +92,7 @@ impl Shader {
     /// Compares the `params` struct with the host's field list, one 4-byte word each.
     ///
     /// # Errors
-    /// [`Error::Shader`] that names the first field at the wrong offset.
+    /// [`Error::Shader`] that names the first field out of place.
     pub fn check_params(&self, fields: &[&str]) -> Result<()> {
         let fail = |message: String| Error::Shader { kernel: self.name.to_string(), message };
         for (k, field) in fields.iter().enumerate() {

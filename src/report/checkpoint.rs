@@ -72,7 +72,7 @@ pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
 /// Reads a checkpoint for a run of this scene on this backend with `steps` steps in total.
 ///
 /// # Errors
-/// [`Error::Checkpoint`] if the file is no checkpoint, damaged, of another version, scene or backend, or of a completed run.
+/// [`Error::Checkpoint`] for a file that is none, is damaged, of another version, of another scene or place, or of a run that is over.
 pub(super) fn read(path: &Path, scene: &Scene, place: &Place, steps: u32) -> Result<Checkpoint> {
     let refused = |what: String, fix: &'static str| Error::Checkpoint { path: path.to_owned(), what, fix };
     let file = std::fs::read(path).map_err(|e| {
@@ -104,7 +104,7 @@ pub(super) fn read(path: &Path, scene: &Scene, place: &Place, steps: u32) -> Res
     Ok(checkpoint)
 }
 
-/// Content of a file, or what is wrong with it and how to fix it.
+/// What a file's bytes hold, or what is wrong with them and what to do.
 fn unpack(file: &[u8]) -> std::result::Result<Checkpoint, (String, &'static str)> {
     const AGAIN: &str = "take an older one, or run from the start";
     if !file.starts_with(MAGIC) {

@@ -138,7 +138,7 @@ pub(super) fn positions(simulation: &Simulation, state: &[Snapshot]) -> Vec<[f64
 /// Draws the scene with its camera.
 ///
 /// # Errors
-/// [`Error::Memory`] if there is not enough memory for the picture.
+/// [`Error::Memory`] when there is none for so many pixels.
 pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Result<Image> {
     // tools at their poses
     let place = |(tool, now): (&Tool, &Instrument)| {

@@ -143,7 +143,7 @@ impl View {
 /// 0 gives an image without pixels.
 ///
 /// # Errors
-/// [`Error::Memory`](crate::error::Error::Memory) if there is not enough memory for the picture.
+/// [`Error::Memory`](crate::error::Error::Memory) when there is none for so many pixels.
 pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, caption: &[&str]) -> Result<Image> {
     let (columns, rows) = (width as usize, height as usize);
     let mut skipped = 0;

@@ -33,7 +33,7 @@ pub(super) struct Samples {
     pub(super) inks: Vec<Vec3>,
 }
 
-/// Allocates an array over a picture, or returns an error: pictures are most of what a running scene allocates.
+/// An array over a picture, or the error that there is no memory for it: pictures are most of what a running scene allocates.
 pub(super) fn room<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
     let mut values = vec![];
     let bytes = (count * size_of::<T>()) as u64;

@@ -54,7 +54,7 @@ impl Newton {
         }
     }
 
-    /// Error for the first inverted cell.
+    /// The first cell that is inside out.
     fn outside_in(&self, energy: &[f32]) -> Option<Error> {
         let cell = energy.iter().position(|e| *e >= INSIDE_OUT || e.is_nan())?;
         Some(Error::InsideOut { cell: self.params.cell_at(cell) })

@@ -205,7 +205,7 @@ impl Direct {
     /// Factors `A` for a state; the first call includes the symbolic factorisation.
     ///
     /// # Errors
-    /// [`Error::NotPositive`] with the first node whose pivot is below `SMALLEST_PIVOT`; [`Error::Usage`] without memory for L.
+    /// [`Error::NotPositive`] with the first node whose pivot is not above its rounding; [`Error::Usage`] when there is no memory for L.
     pub fn factor(&mut self, rotation: &[V4<f64>], free: &[V4<f64>]) -> Result<()> {
         self.current = false;
         let Self { params, stiffness, layer_of, pattern, value, symbolic, factor, .. } = self;

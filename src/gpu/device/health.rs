@@ -109,7 +109,7 @@ impl Gpu {
     /// Checks that no error has occurred so far.
     ///
     /// # Errors
-    /// [`Error::Device`] with the first error.
+    /// [`Error::Device`] with what went wrong first.
     pub fn sound(&self) -> Result<()> {
         self.fault.first().map_or(Ok(()), |message| Err(Error::Device { message }))
     }
