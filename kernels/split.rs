@@ -7,7 +7,7 @@
 //!
 //! Nodes are numbered grid first, then bundle by bundle of [`BUNDLE`] extra columns (the last bundle has the rest). Each bundle is laid out
 //! like a grid of one row: level by level, the columns of a level side by side. Columns are taken in order, so the nodes in use are the
-//! first ones of all arrays: everything beyond the last bundle with a used column is zero, and no kernel runs over it.
+//! first ones of all arrays: beyond the last bundle with a used column everything keeps its initial value, and no kernel runs there.
 //!
 //! A *split cell* has a duplicate among its corners. It has a row of eight node ids, one per corner; other cells have the corners of the
 //! grid. *Touched* nodes are the corners of split cells.
