@@ -23,7 +23,7 @@ pub struct Block<R> {
     pub g: M3<R>,
 }
 
-/// Unpacks 16 numbers.
+/// Reads 16 packed numbers.
 pub fn unpack<R: Real>(k: &[V4<R>]) -> Block<R> {
     let [a, b, c, e] = [k[0], k[1], k[2], k[3]];
     Block {

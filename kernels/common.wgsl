@@ -30,7 +30,7 @@ fn cell_id(p: Params, c: vec3<u32>) -> u32 {
     return c.x + p.cells_x * (c.y + p.cells_y * c.z);
 }
 
-// Node columns, with the duplicate ones; and the first node of a column and the stride to the next (split.rs).
+// Columns of nodes, copies' too, and of one of them the first node and the step to the next (split.rs).
 fn column_count(p: Params) -> u32 {
     return p.nodes_x * p.nodes_y + p.extra_columns;
 }

@@ -71,7 +71,6 @@ pub fn node_force<R: Real>(
         let r = rotation_matrix(q);
         let turn = rotation_minus_identity(q).transpose();
         let mut local = V3::zero();
-        // force in the cell's frame
         for (b, node) in corners.into_iter().enumerate() {
             let x = rest_corner(h, b);
             let pulled = V3::new(e.x * x.x, e.y * x.y, e.z * x.z);

@@ -87,7 +87,7 @@ pub struct Cell<R> {
 }
 
 impl<R: Real> Cell<R> {
-    /// From the corner displacements, m; `None` if a Gauss point is inverted.
+    /// From the corners' displacements, m; `None` when it is inside out somewhere.
     pub fn new(material: Material<R>, u: &[V3<R>; 8]) -> Option<Self> {
         let edges = material.edges;
         let inverse = V3::new(R::one() / edges.x, R::one() / edges.y, R::one() / edges.z);

@@ -1,6 +1,6 @@
-//! Applies the factored columns: `z = M⁻¹ r`, and returns the dot product `r·z` for the conjugate gradients.
+//! Applies the factored columns: `z = M⁻¹ r`, with the dot `r·z` that the conjugate gradients need.
 //!
-//! Forward: `y_k = r_k − G_{k−1}ᵀ y_{k−1}`; backward: `z_k = D'_k⁻¹ y_k − G_k z_{k+1}`.
+//! Up: `y_k = r_k − G_{k−1}ᵀ y_{k−1}`; down: `z_k = D'_k⁻¹ y_k − G_k z_{k+1}`.
 //! Units: r N, z m.
 
 use super::blocks::unpack;

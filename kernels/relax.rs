@@ -1,7 +1,7 @@
 //! One step of the smoother: Chebyshev acceleration of the exact column solves.
 //!
-//! `d = keep d + gain M⁻¹ (r − w)`, `z += d`, `w = A z`; with `fresh` the initial guess is zero: `z = d = gain M⁻¹ r`. `M⁻¹` solves each
-//! z-column exactly, as in `precondition`; `w` is overwritten. Returns `r·z`, which the conjugate gradients need after the last step.
+//! `d = keep d + gain M⁻¹ (r − w)`, `z += d`, `w = A z`; with `fresh` the start is zero: `z = d = gain M⁻¹ r`. `M⁻¹` solves each z-column
+//! exactly, as `precondition` does; `w` is used up. Returns `r·z`, which the conjugate gradients need after the last step.
 //! Coefficients: `bodies::grid::multigrid`. Source: Adams, Brezina, Hu, Tuminaro 2003 (polynomial smoothing).
 //! Units: r w N; z d m.
 
@@ -44,7 +44,6 @@ fn relax_set<R: Real>(
     let one_part = |(part, ((w, d), z)): (usize, ((Levels<_>, Levels<_>), Levels<_>))| -> R {
         let [mut w, mut d, mut z]: [Levels<V4<R>>; 3] = [w, d, z];
         let mut carried = [V3::zero(); PART]; // G_{k−1}ᵀ y_{k−1}
-        // forward substitution, bottom to top, into w
         for k in 0..w.len() {
             let first = part * PART + k * columns;
             for (c, slot) in w[k].iter_mut().enumerate() {
@@ -57,7 +56,6 @@ fn relax_set<R: Real>(
                 carried[c] = unpack(&block[i * 4..i * 4 + 4]).g.transpose() * own;
             }
         }
-        // backward substitution, top to bottom, and the Chebyshev step
         let mut above = [V3::zero(); PART];
         let mut gamma = R::zero();
         for k in (0..w.len()).rev() {

@@ -29,7 +29,7 @@ pub const BUNDLE: usize = super::PART;
 /// Marks the absence of a column or node.
 pub const NONE: u32 = u32::MAX;
 
-/// Offsets of the table's sections, in words.
+/// Where the parts of the table begin, in words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// `next [extra column]`; `parent` begins at 0.
@@ -133,7 +133,7 @@ impl<R: Real> Params<R> {
         };
         Some([column % self.nodes_x as usize, column / self.nodes_x as usize, level])
     }
-    /// Extra columns of a parent, latest first.
+    /// The extra columns beside a node column, the latest first.
     pub fn extra_columns_beside(&self, split: &[u32], column: usize) -> impl Iterator<Item = usize> {
         let layout = self.layout();
         let first = if self.extra_columns > 0 { split[layout.first + column] } else { 0 };

@@ -11,7 +11,7 @@
 @group(0) @binding(9) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
 
 const TILE: u32 = 7u; // of product.wgsl, whose sums come first
-// Force of the split cells at node `i`, without the factor s.
+// Force of split cells on node `i`, without the factor s.
 fn force_on(i: u32, offset: u32) -> vec3<f32> {
     let c = place(params, i);
     let cells = vec3<u32>(params.cells_x, params.cells_y, params.cells_z);

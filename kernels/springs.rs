@@ -59,7 +59,7 @@ pub fn elongation<R: Real>(span: V3<R>, shift: V3<R>, length: R) -> R {
     (span + span + shift).dot(shift) / (length + span.length())
 }
 
-/// Tangent of one spring end.
+/// The tangent of one spring end.
 pub fn tangent_of<R: Real>(tangent: &[V4<R>], n: usize) -> M3<R> {
     let (a, b) = (tangent[n * 2], tangent[n * 2 + 1]);
     M3([V3::new(a[0], a[1], a[2]), V3::new(a[1], a[3], b[0]), V3::new(a[2], b[0], b[1])])

@@ -88,31 +88,31 @@ pub struct Wanted {
     pub target: Target,
 }
 
-/// State of a body for checks and output, in f64.
+/// Everything a check may want to see, in f64.
 #[derive(Clone, Debug, Default)]
 pub struct Snapshot {
     /// `[node]` displacement, m.
     pub u: Vec<V4<f64>>,
     /// `[node]` velocity, m/s.
     pub v: Vec<V4<f64>>,
-    /// `[cell]` rotation quaternion, 0 for a removed cell; empty for springs.
+    /// `[cell]` rotation quaternion, 0 for a dead cell; empty for springs.
     pub rotation: Vec<V4<f64>>,
-    /// `[node]` DOF mask and mass.
+    /// `[node]` free axes and mass.
     pub free: Vec<V4<f64>>,
     /// Table of split nodes ([`crate::kernels::split`]); empty where none can be split.
     pub split: Vec<u32>,
-    /// `[spring]` law; empty for hexahedra.
+    /// `[spring]` law; empty for bricks.
     pub law: Vec<V4<f64>>,
 }
 
 impl Snapshot {
-    /// Number of nodes with a non-finite displacement.
+    /// Nodes with a displacement that is no number.
     pub fn non_finite(&self) -> usize {
         self.u.iter().filter(|u| u.iter().any(|c| !c.is_finite())).count()
     }
 }
 
-/// Solver statistics of a nonlinear law for one step.
+/// Work on a law that is not linear, of one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Nonlinear {
     /// Newton iterations; 0 if the step is linearised once.

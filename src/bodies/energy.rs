@@ -12,18 +12,18 @@ use crate::kernels::{ahead, anchors, momentum, rhs};
 use crate::math::{V3, V4, norm};
 use crate::scene::Mass;
 
-/// State of a backend at the start of a step, with the increment it found.
+/// What a backend held at a step's start, with what it found.
 #[derive(Clone, Debug, Default)]
 pub struct Solved {
     /// `[node]` displacement at the start, m.
     pub u: Vec<V4<f64>>,
     /// `[node]` velocity at the start, m/s.
     pub v: Vec<V4<f64>>,
-    /// `[cell]` rotations at the start (0 for removed cells).
+    /// `[cell]` rotations at the start (0 for dead cells).
     pub rotation: Vec<V4<f64>>,
     /// Table of split nodes.
     pub split: Vec<u32>,
-    /// `[node]` DOF mask and mass.
+    /// `[node]` free axes and mass.
     pub free: Vec<V4<f64>>,
     /// `[spring]` law.
     pub law: Vec<V4<f64>>,
@@ -43,7 +43,7 @@ pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split:
     anchored + mechanics.energy(model, u, rotation, split, law)
 }
 
-/// Total energy of a state, J; does not use `dx` and `contact`.
+/// Total energy of a state, J; `dx` and `contact` are not looked at.
 pub fn energy(model: &Model, state: &Solved) -> f64 {
     let rotation = model.mechanics().rotations(model, state);
     let g = V3::of(model.step.gravity);
@@ -57,7 +57,7 @@ pub fn energy(model: &Model, state: &Solved) -> f64 {
     of_nodes + elastic_energy(model, &state.u, &rotation, &state.split, &state.law)
 }
 
-/// `[node]` velocities which, multiplied by the nodal masses, give the momentum, m/s.
+/// `[node]` velocities that masses of nodes multiply to the momentum, m/s.
 fn mean_velocities(model: &Model, state: &Solved, rotation: &[V4<f64>]) -> Vec<V4<f64>> {
     let mut mean = state.v.clone();
     if model.mass == Mass::Consistent {
@@ -68,8 +68,7 @@ fn mean_velocities(model: &Model, state: &Solved, rotation: &[V4<f64>]) -> Vec<V
     mean
 }
 
-/// Number of cells whose mean deformation gradient has no positive determinant (non-finite ones count). Removed cells are skipped; the grid
-/// cells of springs are included.
+/// Cells whose mean deformation gradient has a determinant of 0 or less, or none; dead ones are not counted, cells of springs are.
 pub fn inverted_cells(model: &Model, state: &Solved) -> u32 {
     let (params, shapes) = (model.params::<f64>(), model.shapes::<f64>());
     let alive = |cell: &usize| state.rotation.get(*cell) != Some(&[0.0; 4]);
@@ -92,7 +91,7 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
     let params = model.params::<f64>();
     let count = solved.u.len();
     let in_system = model.anchors.all_in_system(rate(&model.step), &solved.free);
-    let mut at = solved.u.clone(); // displacements at which elastic forces are evaluated
+    let mut at = solved.u.clone(); // where elastic forces are taken
     ahead::ahead(&params, &solved.u, &solved.v, &mut at);
     let [f, w] = model.mechanics().forces_and_product(model, solved, &at, &in_system);
     let mean_v = mean_velocities(model, solved, &solved.rotation);

@@ -98,9 +98,9 @@ pub trait Mechanics {
         at: &[V4<f64>],
         in_system: &[V4<f64>],
     ) -> [Vec<V4<f64>>; 2];
-    /// `[element]` rotations at the displacements of a state.
+    /// `[element]` rotations at a state's displacements.
     fn rotations(&self, model: &Model, state: &Solved) -> Vec<V4<f64>>;
-    /// True if a remaining element keeps the node in the system; `rotation` and `law` as in `energy`.
+    /// Whether a live element holds a node in the system; `rotation` and `law` as for the energy.
     fn stays(&self, model: &Model, rotation: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool;
     /// Applies hits (sorted by segment) to a wound; returns the changes for the backend.
     fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal;
