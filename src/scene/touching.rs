@@ -79,7 +79,7 @@ pub struct Attachment {
     pub region: Region,
     /// Body that they are attached to.
     pub to: BodyId,
-    /// Unit direction in which they slide; `None` for all directions fixed.
+    /// Unit direction along which they slide; none for all held.
     pub slide: Option<[f64; 3]>,
 }
 
