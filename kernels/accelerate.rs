@@ -1,6 +1,6 @@
-//! The explicit step's whole solve: `A = M/h²` is diagonal, so `x_i = P_i b_i / (m_i/h²)`, `P_i` the free axes.
+//! Solve of an explicit step: `A = M/h²` is diagonal, so `x_i = P_i b_i / (m_i/h²)`, `P_i` the DOF mask.
 //!
-//! `params.inertia` is `1/h²`. A node without mass stays where it is.
+//! `params.inertia` is `1/h²`. A node without mass does not move.
 //! Units: b N, mass kg, x m.
 
 use super::{Params, Source};

@@ -1,4 +1,4 @@
-// The explicit step's whole solve. Twin: accelerate.rs (formula and units there).
+// Solve of an explicit step. Twin: accelerate.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> free: array<vec4<f32>>;       // [node] 1 free, 0 held, per axis; mass kg
 @group(0) @binding(2) var<storage, read> b: array<vec4<f32>>;          // [slot][node] N

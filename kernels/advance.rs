@@ -1,9 +1,9 @@
-//! The scalars of the conjugate gradients, kept on the device: reduces the partial sums and sets the next `α`, `β`, or ends the slot.
+//! Scalars of the conjugate gradients, kept on the device: reduces the partial sums, then sets the next `α` and `β` or ends the solve.
 //!
-//! `γ = r·z`, `δ = z·A z`; first `β = 0`, `α = γ/δ`; then `β = γ/γ_old`, `α = γ/(δ − β γ/α_old)`. A slot is done when
-//! `|r|² ≤ target²`; its `target² = max(tolerance² reference², floor²)`, where the reference of the free motion is the step's load.
-//! `done`: 0 running, 1 converged or idle, 2 broken down (no positive curvature, or not finite).
-//! `state`: 0 before the start, 1 the start's residual is being formed, 2 first iteration, 3 later.
+//! `γ = r·z`, `δ = z·A z`; first `β = 0`, `α = γ/δ`; then `β = γ/γ_old`, `α = γ/(δ − β γ/α_old)`. A right-hand side is done when
+//! `|r|² ≤ target²`, with `target² = max(tolerance² reference², floor²)`; for the unconstrained motion the reference is the step's load.
+//! `done`: 0 running, 1 converged or idle, 2 breakdown (no positive curvature, or non-finite). `state`: 0 before the start, 1 computing the
+//! initial residual, 2 first iteration, 3 later.
 
 use super::Source;
 use crate::math::Real;
@@ -12,28 +12,28 @@ use crate::math::Real;
 pub const SOURCE: Source =
     Source { name: "advance", wgsl: include_str!("advance.wgsl"), params: super::Params::<f32>::FIELDS };
 
-/// Scalars of one slot, in the order of the device's two vec4.
+/// Scalars of one right-hand side, in the order of the device's two vec4.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Scalars<R> {
-    /// Step along the direction.
+    /// Step length along the direction.
     pub alpha: R,
-    /// Share of the old direction.
+    /// Factor of the previous direction.
     pub beta: R,
     /// `r·z`.
     pub gamma: R,
-    /// 0 running, 1 converged or idle, 2 broken down.
+    /// 0 running, 1 converged or idle, 2 breakdown.
     pub done: R,
-    /// N²
+    /// Squared target, N²
     pub target_squared: R,
     /// `r·r`, N².
     pub residual_squared: R,
-    /// Iterations done.
+    /// Number of iterations.
     pub iterations: R,
-    /// 0 to 3, see above.
+    /// 0 to 3, see the module.
     pub state: R,
 }
 
-/// What the host asks of a slot: one vec4 on the device.
+/// Stopping criterion of one right-hand side: one vec4 on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Request<R> {
     /// Relative tolerance, squared.
@@ -46,7 +46,7 @@ pub struct Request<R> {
     pub use_load: R,
 }
 
-/// One slot after a product, with reduced sums.
+/// Scalars of one right-hand side after a product, with reduced sums.
 pub fn advance<R: Real>(request: &Request<R>, load: R, delta: R, gamma: R, residual: R, k: &mut Scalars<R>) {
     let zero = R::zero();
     if k.done != zero {
@@ -69,7 +69,7 @@ pub fn advance<R: Real>(request: &Request<R>, load: R, delta: R, gamma: R, resid
         k.beta = gamma / k.gamma;
         denominator = delta - k.beta * gamma / k.alpha;
     }
-    // written so that NaN fails it
+    // written so that NaN fails the test
     if !(denominator > zero && gamma > zero) {
         k.done = R::of(2.0);
         return;
@@ -77,6 +77,6 @@ pub fn advance<R: Real>(request: &Request<R>, load: R, delta: R, gamma: R, resid
     k.alpha = gamma / denominator;
     k.gamma = gamma;
     k.iterations += R::one();
-    // the update of state 2 is the first with a direction; from then on the direction is kept
+    // the update in state 2 is the first with a direction; later ones combine it with the previous direction
     k.state = if k.state == R::one() { R::of(2.0) } else { R::of(3.0) };
 }

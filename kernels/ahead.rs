@@ -1,9 +1,9 @@
-//! Where an explicit step takes its elastic forces: `y_i = u_i + τ v_i`, `τ = params.lead`.
+//! Displacements at which an explicit step evaluates its elastic forces: `y_i = u_i + τ v_i`, `τ = params.lead`.
 //!
-//! With `τ = r_K` the force of a linear body there is `K u + r_K K v`, elastic and Rayleigh's stiffness damping in one evaluation; turned
-//! bricks have `R K Rᵀ` for `K`, as in the implicit step, since their rotations are those of `u`.
-//! Source: Rayleigh damping as in Belytschko, Liu, Moran 2000, section 6.2 (explicit methods take `C v` with the known velocity).
-//! A `y` without room gets nothing: bodies without such forces have none.
+//! With `τ = r_K` the force of a linear body at `y` is `K u + r_K K v`: elastic force and Rayleigh's stiffness damping in one evaluation.
+//! Corotational hexahedra have `R K Rᵀ` for `K`, as in an implicit step, since their rotations are those at `u`.
+//! Source: Rayleigh damping as in Belytschko, Liu, Moran 2000, section 6.2 (explicit methods use `C v` with the known velocity). An empty
+//! `y` stays empty: bodies without such damping have none.
 //! Units: u m, v m/s, y m, τ s.
 
 use super::{Params, Source};
@@ -12,7 +12,7 @@ use crate::math::{Real, V3, V4};
 /// The shader.
 pub const SOURCE: Source = Source { name: "ahead", wgsl: include_str!("ahead.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Places of all nodes.
+/// Displacements at all nodes.
 pub fn ahead<R: Real>(
     params: &Params<R>,
     u: &[V4<R>],     // [node] m

@@ -1,4 +1,4 @@
-// Where an explicit step takes its elastic forces. Twin: ahead.rs (formula and units there).
+// Displacements at which an explicit step evaluates its elastic forces. Twin: ahead.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> u: array<vec4<f32>>;          // [node] m
 @group(0) @binding(2) var<storage, read> v: array<vec4<f32>>;          // [node] m/s

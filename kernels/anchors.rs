@@ -1,9 +1,9 @@
-//! Springs from nodes to their rest positions, as the right-hand side has them: `b_i −= P_i k_i u_i`, `P_i` the free axes.
+//! Rest-shape springs in the right-hand side: `b_i −= P_i k_i u_i`, `P_i` the DOF mask.
 //!
-//! In implicit Euler `A` gains `k_i (1 + r_K/h)` on the diagonal; that part stands in the mass that the kernels of `A` read from `free`
-//! (`Anchors` of the model). The forces `f` of the cells are left as they are, so that their sum over anchored nodes is what the anchors
-//! hold, and what anchors bear counts in the step's load as what held nodes bear. A node that has left the system has no free axis.
-//! Source: SOFA's RestShapeSpringsForceField, `f = −k (x − x_rest)`, with Rayleigh damping as all stiffness there.
+//! In implicit Euler `A` gains `k_i (1 + r_K/h)` on the diagonal; this term is part of the mass that the kernels of `A` read from `free`
+//! (`Anchors` of the model). The forces `f` of the cells are unchanged, so their sum over these nodes is the reaction of the springs, and
+//! it counts in the step's load like the reaction of fixed nodes. A node that has left the system has an empty DOF mask.
+//! Source: SOFA's RestShapeSpringsForceField, `f = −k (x − x_rest)`, with Rayleigh damping like all stiffness there.
 //! Units: k N/m, u m, b N.
 
 use super::Source;

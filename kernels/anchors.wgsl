@@ -1,4 +1,4 @@
-// Springs from nodes to their rest positions. Twin: anchors.rs (formula and units there).
+// Rest-shape springs in the right-hand side. Twin: anchors.rs (formula and units there).
 struct AnchorParams { count: u32, pad_0: u32, pad_1: u32, pad_2: u32 }
 @group(0) @binding(0) var<uniform> params: AnchorParams;
 @group(0) @binding(1) var<storage, read> ids: array<u32>;              // [anchor] node, each once

@@ -1,5 +1,6 @@
-//! A place along Newton's direction `x`: `Δx' = Δx + t x`, `t = params.gain`, at `u + Δx'`; and what the direction promises, `−∇Π·x`.
-//! Units: u dx x m, rest −∇Π N, promise J.
+//! Trial point along Newton's direction `x`: `Δx' = Δx + t x`, `t = params.gain`, displacement `u + Δx'`; and the predicted decrease
+//! `−∇Π·x`.
+//! Units: u dx x m, residual (`rest`) −∇Π N, predicted decrease (`promise`) J.
 
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};
@@ -8,7 +9,7 @@ use crate::math::{Real, V3, V4};
 pub const SOURCE: Source =
     Source { name: "attempt", wgsl: include_str!("attempt.wgsl"), params: Params::<f32>::FIELDS };
 
-/// All nodes; returns the promise for a whole step.
+/// All nodes; returns the predicted decrease for a full step.
 pub fn attempt<R: Real>(
     params: &Params<R>,
     u: &[V4<R>],           // [node] m

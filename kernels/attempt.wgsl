@@ -1,4 +1,4 @@
-// A place along Newton's direction. Twin: attempt.rs (formula and units there).
+// Trial point along Newton's direction. Twin: attempt.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> u: array<vec4<f32>>;            // [node] m
 @group(0) @binding(2) var<storage, read> dx: array<vec4<f32>>;           // [node] m

@@ -1,10 +1,10 @@
-//! The parts of `A` that the preconditioner uses: each node's 3×3 block `D`, and its block `U` with the node above it.
+//! Blocks of `A` for the preconditioner: each node's 3×3 block `D`, and its coupling block `U` with the node above it.
 //!
-//! `D_i = s Σ_c R_c K_aa R_cᵀ + m_i (1 + h r_M)/h² I`, `U_i = s Σ_c R_c K_{a,a+4} R_cᵀ` over the up to four cells above the node.
-//! Where a cut has put a cell's two nodes along a vertical edge into different columns, `U` leaves their coupling out and `D` counts
-//! the cell twice at both: a positive matrix is at most twice its diagonal blocks, so the smoother's bound still holds.
-//! Held axes are cut out and get a one on the diagonal. What is kept depends on `params.preconditioner`: 0 the identity, 1 the diagonal
-//! of `D`, 2 `D`, 3 `D` and `U`. Packed as 16 numbers per node: 6 of the symmetric `D`, 9 of `U` by columns, one pad.
+//! `D_i = s Σ_c R_c K_aa R_cᵀ + m_i (1 + h r_M)/h² I`, `U_i = s Σ_c R_c K_{a,a+4} R_cᵀ` over the up to four cells above the node. Where a
+//! cut has put the two nodes of a cell's vertical edge into different columns, `U` omits their coupling and `D` counts the cell twice at
+//! both: a positive definite matrix is at most twice its block diagonal, so the smoother's bound still holds. Fixed axes get the identity's
+//! row and column. `params.preconditioner` selects the entries kept: 0 the identity, 1 the diagonal of `D`, 2 `D`, 3 `D` and `U`. Packed as
+//! 16 numbers per node: 6 of the symmetric `D`, 9 of `U` by columns, one pad.
 //! Units: N/m.
 
 use super::split::Around;
@@ -15,7 +15,7 @@ use rayon::prelude::*;
 /// The shader.
 pub const SOURCE: Source = Source { name: "blocks", wgsl: include_str!("blocks.wgsl"), params: Params::<f32>::FIELDS };
 
-/// A node's part of the preconditioner.
+/// Preconditioner blocks of a node.
 #[derive(Clone, Copy, Debug)]
 pub struct Block<R> {
     /// Symmetric.
@@ -45,7 +45,7 @@ pub fn pack<R: Real>(k: Block<R>) -> [V4<R>; 4] {
     [[d0.x, d0.y, d0.z, d1.y], [d1.z, d2.z, g0.x, g0.y], [g0.z, g1.x, g1.y, g1.z], [g2.x, g2.y, g2.z, R::zero()]]
 }
 
-/// Fills the blocks of every node.
+/// Computes the blocks of all nodes.
 pub fn blocks<R: Real>(
     params: &Params<R>,
     stiffness: &[M3<R>], // [layer × 64] blocks a×8+b, N/m
@@ -77,7 +77,7 @@ pub fn blocks<R: Real>(
     nodes.par_iter_mut().enumerate().with_min_len(PARALLEL / 8).for_each(|(i, out)| one_node(i, out));
 }
 
-/// Scales by the step, adds inertia, cuts held axes out and keeps what the preconditioner wants.
+/// Multiplies by the stiffness factor, adds inertia, eliminates fixed axes and selects the entries for the preconditioner.
 pub fn finish<R: Real>(params: &Params<R>, sum: Block<R>, free: V4<R>, axes_above: V3<R>) -> [V4<R>; 4] {
     let axes = V3::from4(free);
     let inertia = M3::diagonal(V3::splat(params.inertia * free[3]));

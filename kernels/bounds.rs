@@ -1,9 +1,9 @@
-//! Least and greatest displacement over each tile of the body, for boxes that no part of the skin leaves.
+//! Minimum and maximum displacement over each tile of the body, for conservative bounding boxes of the skin.
 //!
-//! A tile is 8×8 columns of cells over all levels; its nodes are the 9×9 columns of their corners, so nodes on a seam count for each
-//! tile there. A point of a brick moves by a mean of its corners' displacements, so every point of a tile moves by something between
-//! the two. A node whose displacement is infinite or NaN counts as nowhere: it is left out and its number given, so that it is seen.
-//! A tile without any other node has the least above the greatest.
+//! A tile is 8×8 columns of cells over all z-levels. Its nodes are the 9×9 columns of their corners; nodes on a seam count for each
+//! adjacent tile. The displacement of a point in a hexahedron is a weighted mean of those of its corners, so every point of a tile moves by
+//! a value between the two. A node with an infinite or NaN displacement is excluded and counted. A tile without any other node has its
+//! minimum above its maximum.
 //! Units: m.
 
 use super::{Params, Source};
@@ -12,15 +12,15 @@ use crate::math::{Real, V4};
 /// The shader.
 pub const SOURCE: Source = Source { name: "bounds", wgsl: include_str!("bounds.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Cells along one side of a tile.
+/// Number of cells along a side of a tile.
 pub const TILE: usize = 8;
 
-/// Tiles along x and y.
+/// Number of tiles along x and y.
 pub fn tiles<R: Real>(params: &Params<R>) -> [usize; 2] {
     [params.cells_x, params.cells_y].map(|n| (n as usize).div_ceil(TILE))
 }
 
-/// All tiles of `node_count` nodes: the grid's, then the groups of [`TILE`] extra columns.
+/// Number of tiles for `node_count` nodes: those of the grid, then one per [`TILE`] duplicate columns.
 pub fn tile_count<R: Real>(params: &Params<R>) -> usize {
     let [x, y] = tiles(params);
     x * y + params.extra_held().div_ceil(TILE)
@@ -66,7 +66,7 @@ pub fn bounds_of_tile<R: Real>(params: &Params<R>, u: &[V4<R>], tile: usize) -> 
                 add(u[params.node_id([i, j, k])]);
             }
         } else {
-            // no group is of two bundles
+            // no group spans two bundles
             let first = (tile - x * y) * TILE;
             let count = TILE.min(params.extra_columns as usize - first);
             u[params.copy_id(first, k)..][..count].iter().for_each(|d| add(*d));

@@ -1,4 +1,4 @@
-// Least and greatest displacement over each tile, one workgroup per tile. Twin: bounds.rs (formula and units there).
+// Minimum and maximum displacement of each tile, one workgroup per tile. Twin: bounds.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> u: array<vec4<f32>>;                   // [node] m
 @group(0) @binding(2) var<storage, read_write> tile_bounds: array<vec4<f32>>;   // [tile × 2] least m and nodes that are nowhere; greatest m, 0
@@ -29,7 +29,7 @@ fn bounds(thread: Thread) {
         var i = node_id(params, at);
         if tile >= of_grid { i = copy_id(params, at.x, at.z); }
         let d = u[i].xyz;
-        // exponent bits all set: infinite or NaN, which comparisons of floats need not see
+        // all exponent bits set: infinite or NaN, which float comparisons may miss
         if any((bitcast<vec3<u32>>(d) & vec3<u32>(0x7f800000u)) == vec3<u32>(0x7f800000u)) {
             low.w += 1.0;
         } else {

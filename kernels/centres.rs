@@ -1,4 +1,4 @@
-//! Displacements of the cell centres, the ends of the face links: means over the eight corners.
+//! Displacements of the cell centres, which are the ends of the face links: means over the eight corners.
 //!
 //! Units: u m.
 
@@ -9,7 +9,7 @@ use crate::math::{Real, V3, V4};
 pub const SOURCE: Source =
     Source { name: "centres", wgsl: include_str!("centres.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Means of `u` per cell.
+/// Means of `u` for all cells.
 pub fn centres<R: Real>(
     params: &Params<R>,
     split: &[u32],         // see `split`

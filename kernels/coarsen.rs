@@ -1,10 +1,10 @@
-//! Rotations of a coarser level's cells: the mean of the up to four cells below, and how much of the coarse cell they fill.
+//! Rotations of a coarse level's cells: the mean of the up to four child cells, and the fraction of the coarse cell that they fill.
 //!
-//! Multigrid coarsens x and y by two and keeps z. A quaternion's length is `s^¼`, `s` the share of the cell that is alive, so that
-//! `R K Rᵀ` with `|q|²` times the rotation matrix is `s` times the turned stiffness: `q_c = s_c^¼ Σ s_i q̂_i / |Σ s_i q̂_i|`,
-//! `s_c = Σ s_i / 4`. A cell that the finer grid does not have (odd sizes) or that is dead has `s = 0`.
-//! The coarse operator then needs no matrix of its own: one 24×24 matrix per level and layer, `Σ PᵀKP` over the four children
-//! (`bodies::grid::levels`), turned and scaled per cell.
+//! Multigrid coarsens x and y by two and keeps z. The length of a quaternion is `s^¼`, where `s` is the remaining fraction of the cell.
+//! With `|q|²` times the rotation matrix, `R K Rᵀ` is then `s` times the rotated stiffness: `q_c = s_c^¼ Σ s_i q̂_i / |Σ s_i q̂_i|`,
+//! `s_c = Σ s_i / 4`. A cell that was removed or lies outside the finer grid (odd sizes) has `s = 0`. The coarse operator needs no
+//! assembled matrix: one 24×24 matrix per level and layer, `Σ PᵀKP` over the four children (`bodies::grid::levels`), rotated and scaled per
+//! cell.
 
 use super::{Params, Source};
 use crate::math::{Real, V4};
@@ -13,7 +13,7 @@ use crate::math::{Real, V4};
 pub const SOURCE: Source =
     Source { name: "coarsen", wgsl: include_str!("coarsen.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Fills the coarser level's rotations.
+/// Computes the coarse level's rotations.
 pub fn coarsen<R: Real>(
     params: &Params<R>,            // of the finer level
     rotation: &[V4<R>],            // [cell] quaternion

@@ -1,4 +1,4 @@
-// Rotations and shares of a coarser level's cells. Twin: coarsen.rs (formula there).
+// Rotations and remaining fractions of a coarser level's cells. Twin: coarsen.rs (formula there).
 @group(0) @binding(0) var<uniform> params: Params; // of the finer level
 @group(0) @binding(1) var<storage, read> rotation: array<vec4<f32>>;               // [cell] quaternion
 @group(0) @binding(2) var<storage, read_write> coarse_rotation: array<vec4<f32>>;  // [coarse cell] quaternion

@@ -1,4 +1,4 @@
-//! Elastic forces of nodes from those of cells on their corners (`collected`).
+//! Elastic forces at the nodes, assembled from the corner forces of the cells (`collected`).
 //! Units: N.
 
 use super::collected::collected;

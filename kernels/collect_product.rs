@@ -1,5 +1,5 @@
-//! Adds to `w = A z` what the tangents of cells make of `z` (`hyperelastic_tangent`): `w_i += P_i s Σ f_(c,a)`, `s` the share of a change of forces
-//! that the step sees, in `params.stiffness_factor` of this kernel's own block; `product` has the inertia and damping before it.
+//! Adds the cells' tangent products (`hyperelastic_tangent`) to `w = A z`: `w_i += P_i s Σ f_(c,a)`, with the fraction `s` of the change of
+//! forces over a step in `params.stiffness_factor` of this kernel's own block. `product` adds inertia and damping before it.
 //! Units: z m, w N, forces N.
 
 use super::collected::collected;
@@ -11,7 +11,7 @@ use rayon::prelude::*;
 pub const SOURCE: Source =
     Source { name: "collect_product", wgsl: include_str!("collect_product.wgsl"), params: Params::<f32>::FIELDS };
 
-/// One slot; returns what is added to `z·w`.
+/// One right-hand side; returns the increment of `z·w`.
 pub fn collect_product<R: Real>(
     params: &Params<R>,
     corner_force: &[R], // [cell][corner][axis] N

@@ -1,4 +1,4 @@
-// Adds to w = A z what cells have made of z, one slot per dispatch row. Twin: collect_product.rs (formula and units there).
+// Adds the cells' tangent products to w = A z, one slot per dispatch row. Twin: collect_product.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> corner_force: array<f32>;           // [slot][cell][corner][axis] N
 @group(0) @binding(2) var<storage, read> free: array<vec4<f32>>;             // [node] 1 free, 0 held, per axis; mass kg

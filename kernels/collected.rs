@@ -1,15 +1,15 @@
-//! The sum of cells' forces at a node: `f_i = Σ f_(c,a)` over the cells `c` whose corner `a` the node is, shared by kernels.
+//! Sum of corner forces at a node: `f_i = Σ f_(c,a)` over the cells `c` whose corner `a` is the node; shared by kernels.
 //!
-//! Each sum has one order, so that a run repeats. Bodies that are cut have other kernels: no node is split.
+//! The order of the sum is fixed, so that runs are repeatable. For bodies without cuts only: no node is split.
 //! Units: N.
 
 use super::Params;
 use crate::math::{Real, V3};
 
-/// Text that the shaders share which read cells' forces.
+/// Text shared by the shaders that read corner forces.
 pub const WGSL: &str = include_str!("collected.wgsl");
 
-/// Sum of the cells' forces at one node.
+/// Sum of the corner forces at one node.
 pub fn collected<R: Real>(params: &Params<R>, corner_force: &[R], node: usize) -> V3<R> {
     let c = params.node_at(node);
     let mut sum = V3::zero();

@@ -1,4 +1,4 @@
-// Sum of cells' forces at node `i`, where their list begins with number `first`; see collected.rs.
+// Sum of the corner forces at node `i`; the cells' list begins at number `first`; see collected.rs.
 fn collected(i: u32, first: u32) -> vec3<f32> {
     let c = node_at(params, i);
     var sum = vec3<f32>(0.0);

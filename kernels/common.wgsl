@@ -71,13 +71,13 @@ fn column_nodes(p: Params, column: u32) -> vec2<u32> {
 
 const BUNDLE: u32 = 32u; // extra columns that are laid out together
 
-// First column of the bundle of an extra column, and how many it has.
+// First column of an extra column's bundle, and the bundle's number of columns.
 fn bundle(p: Params, e: u32) -> vec2<u32> {
     let first = e / BUNDLE * BUNDLE;
     return vec2<u32>(first, min(p.extra_columns - first, BUNDLE));
 }
 
-// The node at a level of an extra column.
+// Node at a z-level of an extra column.
 fn copy_id(p: Params, e: u32, level: u32) -> u32 {
     let own = bundle(p, e);
     return (p.nodes_x * p.nodes_y + own.x) * p.nodes_z + level * own.y + e - own.x;
@@ -90,7 +90,7 @@ fn coarse_nodes(p: Params) -> vec3<u32> {
 
 var<workgroup> shared_sum: array<f32, 64>;
 
-// Sum over a workgroup of 64, which thread 0 has.
+// Sum over a workgroup of 64; thread 0 has the result.
 fn group_sum(value: f32, lane: u32) -> f32 {
     var sum = value;
     shared_sum[lane] = sum;
@@ -104,12 +104,12 @@ fn group_sum(value: f32, lane: u32) -> f32 {
     return sum;
 }
 
-// A number that the compiler cannot follow: `zero` is 0 at run time only.
+// Hides a number from the compiler: `zero` is 0 at run time only.
 fn hidden(x: vec4<f32>, zero: u32) -> vec4<f32> {
     return bitcast<vec4<f32>>(bitcast<vec4<u32>>(x) ^ vec4<u32>(zero));
 }
 
-// What rounding took from `a + b` (probe.rs).
+// Rounding error of `a + b` (probe.rs).
 fn lost(a: vec4<f32>, b: vec4<f32>, zero: u32) -> vec4<f32> {
     let sum = hidden(a + b, zero);
     let part = hidden(sum - a, zero);
@@ -122,7 +122,7 @@ fn corner(a: u32) -> vec3<u32> {
     return vec3<u32>(((a + 1u) >> 1u) & 1u, (a >> 1u) & 1u, a >> 2u);
 }
 
-// |q|² times the rotation matrix: 0 for a dead cell.
+// |q|² times the rotation matrix: 0 for a removed cell.
 fn rotation_matrix(q: vec4<f32>) -> mat3x3<f32> {
     let xx = q.x * q.x; let yy = q.y * q.y; let zz = q.z * q.z; let ww = q.w * q.w;
     let xy = q.x * q.y; let xz = q.x * q.z; let yz = q.y * q.z;
@@ -155,7 +155,7 @@ fn inverse(m: mat3x3<f32>) -> mat3x3<f32> {
     return transpose(mat3x3<f32>(r0 * s, r1 * s, r2 * s));
 }
 
-// A node's 64 bytes of the preconditioner: `d` symmetric (6 numbers) and `g` (9), one pad.
+// Preconditioner blocks of a node, 64 bytes: `d` symmetric (6 numbers), `g` (9), one pad.
 struct Block { d: mat3x3<f32>, g: mat3x3<f32> }
 
 // A symmetric matrix by its 6 numbers: xx xy xz yy; yz zz.
@@ -184,7 +184,7 @@ fn diagonal(d: vec3<f32>) -> mat3x3<f32> {
     return mat3x3<f32>(d.x, 0.0, 0.0, 0.0, d.y, 0.0, 0.0, 0.0, d.z);
 }
 
-// A node's packed blocks (blocks.rs): scales by the step, adds inertia, cuts held axes out and keeps what the preconditioner wants.
+// Packed blocks of a node (blocks.rs): multiplies by the stiffness factor, adds inertia, eliminates fixed axes, selects the entries.
 fn finish(
     d_sum: mat3x3<f32>, g_sum: mat3x3<f32>, at: vec4<f32>, axes_above: vec3<f32>,
     factor: f32, rate: f32, kind: u32,

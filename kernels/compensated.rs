@@ -1,7 +1,7 @@
-//! Compensated sums over a workgroup: what the kernels of the conjugate gradients' scalars share (`advance`, `converge`).
+//! Compensated sums over a workgroup, shared by the kernels of the conjugate gradients' scalars (`advance`, `converge`).
 //!
-//! Each thread carries the sum of its numbers and what rounding has taken from it (two-sum); pairs of threads are added in halves. Where the
-//! device loses what compensates ([`super::probe`]) they are plain sums. The twins add in f64 or in the order of the array.
+//! Each thread carries its sum and the accumulated rounding error (two-sum); threads are added pairwise, halving their number. On devices
+//! whose arithmetic defeats the compensation ([`super::probe`]) the sums are plain. The twins add in f64 or in array order.
 //! Source: Knuth 1969, section 4.2.2 (two-sum); Ogita, Rump, Oishi 2005 (compensated summation).
 
 /// Text of the shaders.

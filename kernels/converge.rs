@@ -1,6 +1,6 @@
-//! Ends a slot whose residual is small enough before a costly preconditioner runs for nothing: `|r|² ≤ target²`.
+//! Ends a right-hand side whose residual is small enough, before a costly preconditioner runs in vain: `|r|² ≤ target²`.
 //!
-//! `advance` asks the same question an iteration later, which is early enough where the preconditioner is cheap.
+//! `advance` makes the same test one iteration later, which suffices for cheap preconditioners.
 //! Units: N².
 
 use super::Source;
@@ -11,7 +11,7 @@ use crate::math::Real;
 pub const SOURCE: Source =
     Source { name: "converge", wgsl: include_str!("converge.wgsl"), params: super::Params::<f32>::FIELDS };
 
-/// One slot after `update`.
+/// One right-hand side after `update`.
 pub fn converge<R: Real>(residual: R, k: &mut Scalars<R>) {
     if k.done != R::zero() {
         return;

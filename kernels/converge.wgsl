@@ -1,4 +1,4 @@
-// Ends a slot whose residual is small enough, one workgroup per slot. Twin: converge.rs (formula there).
+// Ends a right-hand side whose residual is small enough, one workgroup per slot. Twin: converge.rs (formula there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> partial_residual: array<f32>;       // [slot][group]
 @group(0) @binding(2) var<storage, read_write> scalars: array<vec4<f32>>;    // [slot × 2]

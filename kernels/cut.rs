@@ -1,27 +1,27 @@
-//! Which segments (springs, or face links between cell centres) the blade's edge crossed in a step, and where.
+//! Segments (springs, or face links between cell centres) that the blade's edge crossed in a step, and the position of the crossing.
 //!
-//! A piece of the edge goes from `a0 b0` to `a1 b1`, a segment from `p0 q0` to `p1 q1`. With `s` along the piece, `u` along the segment and
-//! `t` in time, 0 to 1 each, the piece is at a distance
+//! A piece of the edge moves from `a0 b0` to `a1 b1`, a segment from `p0 q0` to `p1 q1`. With `s` along the piece, `u` along the segment
+//! and `t` in time, each from 0 to 1, their distance vector is
 //!
-//! `F(s, u, t) = a + s (b − a) − p − u (q − p)`
+//! `F(s, u, t) = a + s (b − a) − p − u (q − p)`,
 //!
-//! from the segment, linear in each, from the eight differences of their ends. The piece crosses the segment where `F = 0`: as often (mod 2)
-//! as the image of the cube's surface, two triangles a face, winds around the origin, which a ray from the origin counts. What moves,
-//! turns and stretches with the segment alike does not cross it, whatever the motion. Source: Brochu, Edwards, Bridson 2012, "Efficient
-//! geometrically exact continuous collision detection", section 3 (parity of roots by ray casting).
+//! trilinear between the eight differences of their ends. The piece crosses the segment where `F = 0`. The number of roots (mod 2) is the
+//! number of times that the image of the cube's surface, two triangles per face, winds around the origin; a ray from the origin counts it.
+//! A blade that moves, rotates and stretches with the segment does not cross it, whatever the motion. Source: Brochu, Edwards, Bridson
+//! 2012, "Efficient geometrically exact continuous collision detection", section 3 (parity of roots by ray casting).
 //!
 //! # No gap
-//! Every face belongs to two cubes: that of a segment's end to all segments that meet there, that of a piece's end to the next piece, that of
-//! the step's end to the next step; and both take the same differences in the same order, so that each triangle is counted or not, rounding
-//! or ties aside, alike for both (the shader hides its products from the compiler, which might fuse them in one place and not in the
-//! other). So along a closed loop of segments the crossings of an edge that came from outside of it and has left it add up to an even number:
-//! no loop is cut in one place alone, and a body that the edge has passed right through comes apart. What the edge only touches, it crosses
-//! in this step, in the next, or in the segment beyond.
+//! Every face is shared by two cubes: the face of a segment's end by all segments that meet there, that of a piece's end by the next piece,
+//! that of the step's end by the next step. Both cubes take the same differences in the same order, so each triangle is counted alike for
+//! both, whatever the rounding and ties (the shader hides its products from the compiler, which might fuse them in one place only). Along a
+//! closed loop of segments the crossings of an edge that came from outside and has left the loop therefore add up to an even number: no
+//! loop is cut in one place only, and a body that the edge has passed completely comes apart. A segment that the edge only touches is
+//! crossed in this step or the next, or the segment beyond is.
 //!
-//! # Where
-//! One of Newton's steps to `F = 0` from the cube's centre, exact where the piece does not turn as seen from the segment.
+//! # Position
+//! One Newton step towards `F = 0` from the cube's centre; exact if the piece does not rotate relative to the segment.
 //!
-//! A segment that is nowhere is not cut. Of several pieces that cross a segment the first counts. Units: m.
+//! A segment with a non-finite end is not cut. If several pieces cross a segment, the first counts. Units: m.
 
 use super::Source;
 use crate::math::{Real, V3, V4};
@@ -34,7 +34,7 @@ pub const SOURCE: Source = Source {
     params: &["segment_count", "quad_count", "capacity", "zero"],
 };
 
-/// Beyond every coordinate, m; a power of two.
+/// Larger than any coordinate, m; a power of two.
 const FAR: f64 = (1u64 << 60) as f64;
 
 /// A crossed segment.
@@ -42,11 +42,11 @@ const FAR: f64 = (1u64 << 60) as f64;
 pub struct Hit<R> {
     /// Segment.
     pub segment: u32,
-    /// Where, 0 (first end) to 1 (second end).
+    /// Position along it, 0 (first end) to 1 (second end).
     pub at: R,
 }
 
-/// Every segment against every quad; hits in segment order.
+/// Tests every segment against every quad; hits in ascending order of segments.
 pub fn cut<R: Real>(
     ends: &[[u32; 2]],      // [segment] point ids
     rest: &[V4<R>],         // [point] m
@@ -54,13 +54,15 @@ pub fn cut<R: Real>(
     point_before: &[V4<R>], // [point] displacement at the step's start, m
     quads: &[V4<R>],        // [quad × 4] a0 b0 b1 a1, m
 ) -> Vec<Hit<R>> {
+    // swept pieces of the edge, with bounding boxes
     let pieces: Vec<[V3<R>; 4]> = quads.chunks_exact(4).map(|q| [0, 1, 3, 2].map(|k| V3::from4(q[k]))).collect();
     let boxes: Vec<[V3<R>; 2]> = pieces.iter().map(|piece| around(piece)).collect();
     let whole = around(boxes.as_flattened());
     let mut hits = vec![];
+    // segments whose box meets that of a piece
     for (segment, [first, second]) in ends.iter().enumerate() {
         if first == second {
-            continue; // an end of the grid: no link
+            continue; // at the end of the grid: no link
         }
         let place = |n: &u32, u: &[V4<R>]| V3::from4(rest[*n as usize]) + V3::from4(u[*n as usize]);
         let link =
@@ -83,7 +85,7 @@ pub fn cut<R: Real>(
     hits
 }
 
-/// Least and largest coordinates.
+/// Bounding box: minimum and maximum coordinates.
 fn around<R: Real>(points: &[V3<R>]) -> [V3<R>; 2] {
     let far = V3::new(R::of(FAR), R::of(FAR), R::of(FAR));
     points.iter().fold([far, -far], |[low, high], p| {
@@ -94,7 +96,7 @@ fn around<R: Real>(points: &[V3<R>]) -> [V3<R>; 2] {
     })
 }
 
-/// Whether some difference of what is in two boxes is above 0 and some not, along each axis: without that no ray counts.
+/// True if, along each axis, the differences between points of two boxes can be positive and non-positive; otherwise no ray counts.
 fn meet<R: Real>([low, high]: &[V3<R>; 2], [from, to]: &[V3<R>; 2]) -> bool {
     let (most, least) = (*high - *from, *low - *to);
     let zero = R::zero();
@@ -105,9 +107,9 @@ fn is_somewhere<R: Real>(p: &V3<R>) -> bool {
     p.x.abs() + p.y.abs() + p.z.abs() < R::of(FAR)
 }
 
-/// Whether the surface of the cube of differences winds around the origin an odd number of times.
+/// True if the surface of the cube of differences winds around the origin an odd number of times.
 fn is_crossed<R: Real>(apart: &[V3<R>; 8]) -> bool {
-    // a face by its first corner and the bits along its sides
+    // faces: first corner and the bits along the two sides
     const FACES: [[usize; 3]; 6] = [[0, 1, 2], [4, 1, 2], [0, 2, 4], [1, 2, 4], [0, 1, 4], [2, 1, 4]];
     let mut odd = false;
     for [corner, one, other] in FACES {
@@ -118,8 +120,8 @@ fn is_crossed<R: Real>(apart: &[V3<R>; 8]) -> bool {
     odd
 }
 
-/// Whether a ray from the origin along x passes through a triangle, as a ray a touch above it and before it does. Where the signs of the
-/// coordinates suffice they decide, so that what [`meet`] leaves out would have counted as even.
+/// True if a ray from the origin along x passes through a triangle; ties are resolved as for a ray slightly above and before it. Where the
+/// signs of the coordinates suffice they decide, so pairs that [`meet`] excludes would have counted as even.
 fn is_on_the_ray<R: Real>(corners: [V3<R>; 3]) -> bool {
     let zero = R::zero();
     let count = |above: &dyn Fn(&V3<R>) -> bool| corners.iter().filter(|c| above(c)).count() % 3;
@@ -127,7 +129,7 @@ fn is_on_the_ray<R: Real>(corners: [V3<R>; 3]) -> bool {
     if count(&|c| c.y > zero) == 0 || count(&|c| c.z > zero) == 0 || ahead == 0 {
         return false;
     }
-    // where the outline passes z = 0: y, the same number for (p, q) and (q, p), and x
+    // the two points where the outline passes z = 0: y (the same number for (p, q) and (q, p)) and x
     let mut passes = [[zero; 2]; 2];
     let mut found = 0;
     for k in 0..3 {
@@ -142,7 +144,7 @@ fn is_on_the_ray<R: Real>(corners: [V3<R>; 3]) -> bool {
     (y > zero) != (other_y > zero) && (ahead == 3 || x + (other_x - x) * (y / (y - other_y)) > zero)
 }
 
-/// Where along the segment the piece passes it, as the slopes of `F` at the cube's centre have it.
+/// Position of the crossing along the segment, from the slopes of `F` at the cube's centre.
 fn at<R: Real>(c: &[V3<R>; 8]) -> R {
     // four times the slopes and eight times F
     let along_s = (c[1] - c[0]) + (c[3] - c[2]) + (c[5] - c[4]) + (c[7] - c[6]);

@@ -12,18 +12,18 @@ struct CutParams { segment_count: u32, quad_count: u32, capacity: u32, zero: u32
 const FAR: f32 = 1152921504606846976.0;
 const NONE: vec3<f32> = vec3<f32>(0.0);
 
-// Rounded here, not fused with what comes next.
+// Rounds here, so that it is not fused with the next operation.
 fn rounded(a: vec3<f32>) -> vec3<f32> {
     return hidden(vec4<f32>(a, 0.0), params.zero).xyz;
 }
 
-// Whether a ray from the origin along x passes through a triangle.
+// True if a ray from the origin along x passes through a triangle.
 fn is_on_the_ray(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
     var corners = array<vec3<f32>, 3>(a, b, c);
     let least = min(a, min(b, c));
     let most = max(a, max(b, c));
     if least.y > 0.0 || !(most.y > 0.0) || least.z > 0.0 || !(most.z > 0.0) || !(most.x > 0.0) { return false; }
-    // where the outline passes z = 0: y and x
+    // the two points where the outline passes z = 0: y and x
     var passes = array<vec2<f32>, 2>();
     var found = 0u;
     for (var k = 0u; k < 3u; k += 1u) {
@@ -42,7 +42,7 @@ fn is_on_the_ray(a: vec3<f32>, b: vec3<f32>, c: vec3<f32>) -> bool {
     return least.x > 0.0 || passes[0].y + more.x > 0.0;
 }
 
-// Where along the segment the piece passes it.
+// Position of the crossing along the segment.
 fn where_crossed(c: array<vec3<f32>, 8>) -> f32 {
     // four times the slopes and eight times F at the cube's centre
     let along_s = (c[1] - c[0]) + (c[3] - c[2]) + (c[5] - c[4]) + (c[7] - c[6]);
@@ -69,7 +69,7 @@ fn cut(thread: Thread) {
     let low = min(min(p0, q0), min(p1, q1));
     let high = max(max(p0, q0), max(p1, q1));
     if !all(high < vec3<f32>(FAR)) || !all(low > vec3<f32>(-FAR)) { return; }
-    // a face of the cube of differences by its first corner and the bits along its sides
+    // faces of the cube of differences: first corner and the bits along the two sides
     var faces = array<vec3<u32>, 6>(
         vec3<u32>(0u, 1u, 2u), vec3<u32>(4u, 1u, 2u), vec3<u32>(0u, 2u, 4u),
         vec3<u32>(1u, 2u, 4u), vec3<u32>(0u, 1u, 4u), vec3<u32>(2u, 1u, 4u),
@@ -88,7 +88,7 @@ fn cut(thread: Thread) {
         for (var n = 0u; n < 12u; n += 1u) {
             let face = faces[n / 2u];
             let across = apart[face.x + face.y + face.z];
-            // the second triangle turns on: a, c, d
+            // second triangle: a, c, d
             let one = select(apart[face.x + face.y], across, n % 2u == 1u);
             let other = select(across, apart[face.x + face.z], n % 2u == 1u);
             odd = odd != is_on_the_ray(apart[face.x], one, other);

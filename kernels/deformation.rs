@@ -1,17 +1,17 @@
-//! The deformation at a Gauss point of a hexahedron, and functions of it that keep the digits of small strains; what the shaders of
-//! hyperelastic laws share.
+//! Deformation at a Gauss point of a hexahedron, and functions of it that are accurate at small strains; text shared by the shaders of
+//! hyperelastic laws.
 //!
-//! `F = I + h`, `h = Σ_a u_a ⊗ ∇N_a`, `J = det F`; `h` stands for `F` and `J − 1` for `J`, so that small strains lose no digits; one
-//! corner's displacement is taken off first, which the gradients do not see.
+//! `F = I + h`, `h = Σ_a u_a ⊗ ∇N_a`, `J = det F`. The code uses `h` instead of `F` and `J − 1` instead of `J`, so that small strains lose
+//! no digits. One corner's displacement is subtracted first; it does not affect the gradients.
 //! Units: u m, gradients 1/m.
 
 use super::corner;
 use crate::math::{M3, Real, V3};
 
-/// Text that the shaders of hyperelastic laws share.
+/// Text shared by the shaders of hyperelastic laws.
 pub const WGSL: &str = include_str!("deformation.wgsl");
 
-/// `∇N_a` at Gauss point `p`, which lies nearest to corner `p`, for the inverse edges of a cell, 1/m.
+/// `∇N_a` at Gauss point `p`, the one nearest to corner `p`, from the inverse edges of a cell, 1/m.
 pub fn gradient<R: Real>(inverse: V3<R>, a: usize, p: usize) -> V3<R> {
     let away = 1.0 / 3.0f64.sqrt();
     let (own, other) = (corner(a), corner(p));
@@ -30,10 +30,10 @@ pub fn field_gradient<R: Real>(inverse: V3<R>, at: &[V3<R>; 8], p: usize) -> M3<
     sum
 }
 
-/// Terms of the series of a logarithm: 10⁻¹⁵ of it is left where `J` is 2 or ½.
+/// Terms of the logarithm's series: the relative error is 10⁻¹⁵ where `J` is 2 or ½.
 const TERMS: usize = 13;
 
-/// `ln(1 + g)` and `g − ln(1 + g)`, neither with cancellation: `ln(1 + g) = 2 artanh s`, `g = 2s/(1 − s)`, `s = g/(2 + g)`.
+/// `ln(1 + g)` and `g − ln(1 + g)`, both without cancellation: `ln(1 + g) = 2 artanh s`, `g = 2s/(1 − s)`, `s = g/(2 + g)`.
 pub fn logarithm<R: Real>(g: R) -> [R; 2] {
     let two = R::of(2.0);
     let s = g / (two + g);
@@ -50,21 +50,21 @@ pub fn logarithm<R: Real>(g: R) -> [R; 2] {
     [two * s + tail, s * g - tail]
 }
 
-/// State of a Gauss point.
+/// Deformation at a Gauss point.
 #[derive(Clone, Copy, Default)]
 pub struct Point<R> {
     /// Displacement gradient.
     pub h: M3<R>,
     /// `J − 1`.
     pub growth: R,
-    /// `J − 1 − tr h`.
+    /// `J − 1 − tr h`, the nonlinear part of `J − 1`.
     pub bend: R,
     /// `F⁻ᵀ`.
     pub back: M3<R>,
 }
 
 impl<R: Real> Point<R> {
-    /// From the displacement gradient; `None` where the volume is not positive.
+    /// From the displacement gradient; `None` if the volume is not positive.
     pub fn new(h: M3<R>) -> Option<Self> {
         let [a, b, c] = h.0;
         let minors = (a.x * b.y - b.x * a.y) + (a.x * c.z - c.x * a.z) + (b.y * c.z - c.y * b.z);
@@ -92,5 +92,5 @@ pub fn exponential<R: Real>(x: R) -> R {
     sum
 }
 
-/// Powers of its series: 10⁻¹⁶ is left at ¼.
+/// Terms of its series: the error is 10⁻¹⁶ at ¼.
 const POWERS: usize = 12;

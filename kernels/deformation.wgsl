@@ -1,4 +1,4 @@
-// The deformation at a Gauss point; see deformation.rs (formula and units there).
+// Deformation at a Gauss point; see deformation.rs (formula and units there).
 const NEAR: f32 = 0.78867513; // (1 + 1/√3)/2
 const FAR: f32 = 0.21132487;
 
@@ -28,14 +28,14 @@ fn field_gradient(inverse_edges: vec3<f32>, at: array<vec3<f32>, 8>, p: u32) -> 
     return sum;
 }
 
-// The state of a Gauss point; `growth` of −1 where the volume is not positive.
+// State of a Gauss point; `growth` is −1 if the volume is not positive.
 fn point_of(h: mat3x3<f32>) -> Point {
     let a = h[0]; let b = h[1]; let c = h[2];
     let minors = (a.x * b.y - b.x * a.y) + (a.x * c.z - c.x * a.z) + (b.y * c.z - c.y * b.z);
     let bend = minors + dot(a, cross(b, c));
     let growth = a.x + b.y + c.z + bend;
     let volume = 1.0 + growth;
-    // a comparison with what is not a number is false
+    // a comparison with NaN is false
     if !(volume > 0.0 && volume < 1e38) { return Point(h, -1.0, bend, mat3x3<f32>()); }
     let f = identity() + h;
     let back = mat3x3<f32>(cross(f[1], f[2]), cross(f[2], f[0]), cross(f[0], f[1])) * (1.0 / volume);

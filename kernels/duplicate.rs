@@ -1,6 +1,6 @@
-//! Gives copies the values of the nodes that they were split from: `values[copy] = values[source]` in every slot.
+//! Copies the values of nodes to their new duplicates: `values[copy] = values[source]` for every right-hand side.
 //!
-//! No copy is another's source in one call, so the order does not matter.
+//! No duplicate is another's source within one call, so the order does not matter.
 
 use super::Source;
 use crate::math::V4;

@@ -1,4 +1,4 @@
-// Gives copies the values of the nodes that they were split from. Twin: duplicate.rs.
+// Copies the values of nodes to their duplicates. Twin: duplicate.rs.
 struct DuplicateParams { count: u32, stride: u32, pad_0: u32, pad_1: u32 }
 @group(0) @binding(0) var<uniform> params: DuplicateParams;
 @group(0) @binding(1) var<storage, read> pairs: array<vec2<u32>>;       // [entry] copy, source

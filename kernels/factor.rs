@@ -1,8 +1,8 @@
-//! Factors each z-column's block-tridiagonal matrix in place: block LDLᵀ, no pivoting (the blocks are positive definite).
+//! Factors the block-tridiagonal matrix of each z-column in place: block LDLᵀ, no pivoting (the blocks are positive definite).
 //!
-//! From the bottom up: `D'_k = D_k − U_{k−1}ᵀ D'_{k−1}⁻¹ U_{k−1}`, stored as `D'_k⁻¹` and `G_k = D'_k⁻¹ U_k`.
-//! With `U = 0` this is the inverse of the node blocks, so one kernel serves every preconditioner. Blocks are inverted by their own LDLᵀ,
-//! which is off by `ε cond(D')`; cofactors are by `ε cond(D')²`, and at ν = 0.4999 leave a preconditioner that in f32 is not definite.
+//! From the bottom up: `D'_k = D_k − U_{k−1}ᵀ D'_{k−1}⁻¹ U_{k−1}`, stored as `D'_k⁻¹` and `G_k = D'_k⁻¹ U_k`. With `U = 0` this inverts the
+//! node blocks, so one kernel serves every preconditioner. Blocks are inverted by their own LDLᵀ, with an error of `ε cond(D')`. Cofactors
+//! have an error of `ε cond(D')²`, and in f32 at ν = 0.4999 give an indefinite preconditioner.
 //! Source: Golub, Van Loan 2013, section 4.5 (block tridiagonal systems).
 
 use super::blocks::{Block, pack, unpack};
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// The shader.
 pub const SOURCE: Source = Source { name: "factor", wgsl: include_str!("factor.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Factors every column.
+/// Factors all columns.
 pub fn factor<R: Real>(
     params: &Params<R>,
     block: &mut [V4<R>], // [node × 4] packed: D, U in; D'⁻¹, G out

@@ -1,11 +1,11 @@
-//! Elastic force of the bricks, gathered per node.
+//! Elastic forces of the hexahedra, gathered per node.
 //!
-//! `f_i = Σ_c R_c Σ_b K_ab (R_cᵀ u_b + (R_cᵀ − I) X_b + e∘X_b)`: the force that the node must be held with, so that the body pushes back
-//! with −f. `e` is the elastic strain that a layer has at rest, along the cell's axes, so `e∘X_b` is what it has been pulled by already.
-//! `X_b` is the corner's rest position from the cell's centre; written with displacements, f32 loses nothing to a far origin. The node's
-//! own displacement is taken off first: K does not see a shift, but in f32 a body that has moved by its own length would feel `ε K u`.
-//! `K`, turned, stands for the derivative of `f` in a step. It leaves out how `R_c` changes with `u`, so a body that is strained, or
-//! pre-strained, has no initial-stress stiffness: one step is off by about the strain, and steps converge to `f` in balance.
+//! `f_i = Σ_c R_c Σ_b K_ab (R_cᵀ u_b + (R_cᵀ − I) X_b + e∘X_b)`: the internal force, so the body acts with −f. `e` is the pre-strain of the
+//! layer (elastic strain at rest, along the cell's axes), so `e∘X_b` is the displacement that it stands for. `X_b` is the corner's rest
+//! position relative to the cell's centre; with displacements, f32 loses nothing far from the origin. The node's own displacement is
+//! subtracted first: K has no force for a translation, but in f32 a body displaced by its own length would get an error of `ε K u`. The
+//! step uses the corotated stiffness R K Rᵀ as the Jacobian ∂f/∂u. It omits the derivative of `R_c`, so a strained or pre-strained body has
+//! no geometric stiffness: the error of one step is about the strain, and the steps converge to the equilibrium of `f`.
 //! Source: Müller, Gross 2004 (corotational elements); K from `bodies::grid::element`.
 //! Units: u m, K N/m, f N.
 

@@ -1,4 +1,4 @@
-// Elastic force of the bricks, gathered per node. Twin: forces.rs (formula and units there).
+// Elastic forces of the hexahedra, gathered per node. Twin: forces.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> shape: array<vec4<f32>, 21>;            // [layer] cell edges m, mass of one corner kg
 @group(0) @binding(2) var<uniform> pre_strain: array<vec4<f32>, 21>;       // [layer] elastic strain at rest along x, y, z

@@ -1,4 +1,4 @@
-//! Picks the few words that the host needs: `picked_k = source[ids_k]`.
+//! Gathers the values that the host reads: `picked_k = source[ids_k]`.
 
 use super::Source;
 use crate::math::{Real, V4};

@@ -1,13 +1,14 @@
-//! A hyperelastic hexahedron: its laws, energy, and the forces that its corners must be held with; what the shaders share.
+//! Hyperelastic hexahedron: laws, energy and internal forces; text shared by the shaders.
 //!
-//! `W = W'(F) + κ/2 (ln J̄)²` per volume at rest, `W'` the law's at 2×2×2 Gauss points ([`super::deformation`]), and in the volumetric term
-//! the mean dilatation `J̄ = v/V` of the cell (Q1/P0: one pressure a cell), so that nearly incompressible layers do not lock. `v = ∫ det F
-//! dV` is exact at these points. With `g_a = F⁻ᵀ G_a`, `c_a = ∂v/∂u_a = Σ w J g_a`, `p = κ ln J̄/J̄`:
+//! `W = W'(F) + κ/2 (ln J̄)²` per rest volume. `W'` is that of the law at 2×2×2 Gauss points ([`super::deformation`]). The volumetric term
+//! uses the mean dilatation `J̄ = v/V` of the cell (Q1/P0: one pressure per cell), so that nearly incompressible layers do not lock.
+//! `v = ∫ det F dV` is exact with these points. With `g_a = F⁻ᵀ G_a`, `c_a = ∂v/∂u_a = Σ w J g_a`, `p = κ ln J̄/J̄`:
 //!
 //! `f_a = Σ w P' G_a + p c_a`.
 //!
-//! A law is a file of `W'`, `P' = ∂W'/∂F` and `dP'`, in Rust and in WGSL, and an arm of [`Law`]; in the neo-Hookean one `κ` is Lamé's λ.
-//! Source: Simo, Taylor, Pister 1985 (mean dilatation at finite strain). Differs: the mean in the κ-term alone, not in a modified F, which
+//! A law consists of a file with `W'`, `P' = ∂W'/∂F` and `dP'`, in Rust and in WGSL, and an arm of [`Law`]. For neo-Hookean material `κ` is
+//! Lamé's λ.
+//! Source: Simo, Taylor, Pister 1985 (mean dilatation at finite strain). Differs: the mean enters the κ-term only, not a modified F, which
 //! keeps the law's own form of `W'`.
 //! Units: u m, edges m, κ Pa, W J, f N.
 
@@ -15,11 +16,11 @@ use super::deformation::{Point, field_gradient, gradient, logarithm};
 use super::{Params, mooney_rivlin, neo_hookean};
 use crate::math::{M3, Real, V3, V4};
 
-/// Text that the shaders of hyperelastic cells share.
+/// Text shared by the shaders of hyperelastic cells.
 pub const WGSL: [&str; 4] =
     [super::deformation::WGSL, neo_hookean::WGSL, mooney_rivlin::WGSL, include_str!("hyperelastic.wgsl")];
 
-/// A law, with its constants, Pa.
+/// Law with its constants, Pa.
 #[derive(Clone, Copy, Debug)]
 pub enum Law<R> {
     /// μ
@@ -28,14 +29,14 @@ pub enum Law<R> {
     MooneyRivlin([R; 2]),
 }
 
-/// What a cell needs of its layer.
+/// Cell size and material of a layer.
 #[derive(Clone, Copy, Debug)]
 pub struct Material<R> {
     /// Edges of a cell, m.
     pub edges: V3<R>,
     /// κ, Pa
     pub bulk: R,
-    /// Of all but the volume.
+    /// Law, without the volumetric term.
     pub law: Law<R>,
 }
 
@@ -71,15 +72,15 @@ impl<R: Real> Material<R> {
     }
 }
 
-/// A cell under displacements of its corners.
+/// State of a cell for given corner displacements.
 pub struct Cell<R> {
-    /// By the corner nearest to them.
+    /// Gauss points, numbered by the nearest corner.
     pub points: [Point<R>; 8],
-    /// Of a Gauss point, m³.
+    /// Volume of a Gauss point, m³.
     pub weight: R,
     /// `J̄ − 1`.
     pub mean_growth: R,
-    /// Of its layer.
+    /// Cell size and material.
     pub material: Material<R>,
     /// 1/edges, 1/m.
     pub inverse: V3<R>,
@@ -114,7 +115,7 @@ impl<R: Real> Cell<R> {
         Some(Self { points, weight, mean_growth: sum * eighth, material, inverse })
     }
 
-    /// J
+    /// Energy, J
     pub fn energy(&self) -> R {
         let sum = self.points.iter().map(|p| self.material.energy(p)).sum::<R>();
         let log = logarithm(self.mean_growth)[0];
@@ -138,7 +139,7 @@ impl<R: Real> Cell<R> {
         out
     }
 
-    /// Forces that the corners must be held with, N.
+    /// Internal forces at the corners, N.
     pub fn forces(&self) -> [V3<R>; 8] {
         let pressure = self.pressure();
         let mut out = self.growing().map(|c| c * pressure);

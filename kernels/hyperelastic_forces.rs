@@ -1,6 +1,6 @@
-//! Energy of each hyperelastic cell, and the forces that its corners must be held with; formula and source in [`super::hyperelastic`].
+//! Energy and internal forces of each hyperelastic cell; formula and source in [`super::hyperelastic`].
 //!
-//! A cell that is inside out at a Gauss point has no energy, for which [`INSIDE_OUT`] stands, and no forces.
+//! An inverted cell has the energy [`INSIDE_OUT`] and no forces.
 //! Units: place m, material Pa, energy J, force N.
 
 use super::hyperelastic::Cell;
@@ -15,7 +15,7 @@ pub const SOURCE: Source = Source {
     params: Params::<f32>::FIELDS,
 };
 
-/// Energy of a cell that is inside out, J.
+/// Energy that marks an inverted cell, J.
 pub const INSIDE_OUT: f32 = 1e38;
 
 /// Forces and energies of all cells.

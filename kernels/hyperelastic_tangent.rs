@@ -1,12 +1,12 @@
-//! What the tangents of hyperelastic cells make of a field: forces of each cell on its corners, gathered by `collect_product`.
+//! Products of the hyperelastic cells' tangents with a field: forces of each cell on its corners, assembled by `collect_product`.
 //!
-//! The derivative of [`super::hyperelastic`], in whose terms it stands; it is symmetric and need not be positive. No matrix is kept: with
-//! `H = Σ_b z_b ⊗ G_b` and `dP'` the law's
+//! The derivative of [`super::hyperelastic`], in the same symbols; it is symmetric and may be indefinite. No matrix is stored: with
+//! `H = Σ_b z_b ⊗ G_b` and `dP'` of the law
 //!
 //! `(K z)_a = Σ w [dP'(H) − p J F⁻ᵀ Hᵀ F⁻ᵀ + p J tr(F⁻¹ H) F⁻ᵀ] G_a + κ (1 − ln J̄)/(V J̄²) (Σ w J tr(F⁻¹ H)) c_a`,
 //!
-//! some 3000 operations a cell from its 48 numbers, where a tangent kept is 1200 bytes at least. (The CPU path keeps tangents: it has few
-//! operations and much memory per second.) A cell that is inside out has none.
+//! about 3000 operations per cell on 48 numbers, where a stored tangent takes at least 1200 bytes. (The CPU path stores tangents: it has
+//! less arithmetic for its memory bandwidth.) An inverted cell contributes nothing.
 //! Source: Bonet, Wood 2008, sections 6.4 and 8.6 (tangent with mean dilatation).
 //! Units: place m, z m, force N, material Pa.
 
@@ -23,7 +23,7 @@ pub const SOURCE: Source = Source {
 };
 
 impl<R: Real> Cell<R> {
-    /// `κ (1 − ln J̄)/(V J̄²)`, Pa/m³: how much harder the cell presses as its volume changes.
+    /// `κ (1 − ln J̄)/(V J̄²)`, Pa/m³: derivative of the pressure with respect to the cell's volume.
     pub fn stiffening(&self) -> R {
         let mean = R::one() + self.mean_growth;
         let log = logarithm(self.mean_growth)[0];
@@ -57,7 +57,7 @@ impl<R: Real> Cell<R> {
     }
 }
 
-/// One slot.
+/// One right-hand side.
 pub fn hyperelastic_tangent<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg

@@ -1,4 +1,4 @@
-// Forces that the tangents of hyperelastic cells make of a field, one slot per dispatch row. Twin: hyperelastic_tangent.rs (formula and units there).
+// Products of the cells' tangents with a field, one slot per dispatch row. Twin: hyperelastic_tangent.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> shape: array<vec4<f32>, 21>;             // [layer] cell edges m, mass of one corner kg
 @group(0) @binding(2) var<uniform> material: array<vec4<f32>, 21>;          // [layer] κ, two constants Pa, the law's code
@@ -19,7 +19,7 @@ fn hyperelastic_tangent(thread: Thread) {
     for (var a = 0u; a < 8u; a += 1u) {
         field[a] = z[slot * params.node_count + node_id(params, own.at + corner(a))].xyz;
     }
-    // the pressure comes from all points, and each needs it
+    // the pressure depends on all points, and each point needs it
     var growths = 0.0;
     for (var p = 0u; p < 8u; p += 1u) { growths += point_of(field_gradient(own.inverse_edges, u, p)).growth; }
     let mean = growths * 0.125;

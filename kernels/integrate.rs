@@ -1,7 +1,7 @@
-//! Ends a step: `Δx = x_0 + x_1` (free motion and contact correction), `u += Δx`, `v' = v + ρ (Δx/h − v)`.
+//! Ends a step: `Δx = x_0 + x_1` (unconstrained motion and contact correction), `u += Δx`, `v' = v + ρ (Δx/h − v)`.
 //!
-//! `ρ = params.reach`: 1 where the step has one velocity, `v' = Δx/h`; 2 for trapezoids, where `Δx/h` is the mean of `v` and `v'`.
-//! `params.slot_count` 1: there was no contact, slot 1 is not read. Units: x m, u m, v m/s.
+//! `ρ = params.reach`: 1 where `v' = Δx/h`, the one velocity of the step; 2 for the trapezoidal rule, where `Δx/h` is the mean of `v` and
+//! `v'`. `params.slot_count` 1: no contact; slot 1 is not read. Units: x m, u m, v m/s.
 
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};
@@ -10,7 +10,7 @@ use crate::math::{Real, V3, V4};
 pub const SOURCE: Source =
     Source { name: "integrate", wgsl: include_str!("integrate.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Moves every node.
+/// Updates every node.
 pub fn integrate<R: Real>(
     params: &Params<R>,
     x: &[V4<R>],     // [slot][node] m

@@ -1,11 +1,12 @@
-//! Kernels: one computation on flat arrays each, twice: `name.wgsl` for the GPU and its Rust twin `name.rs`, generic over f32 and f64.
+//! Kernels: each is one computation on flat arrays, written twice: `name.wgsl` for the GPU and its Rust twin `name.rs`, generic over f32
+//! and f64.
 //!
-//! A twin has the shader's name, argument names and order of operations, and holds formula, units and source. Grid kernels share one
-//! parameter block, [`Params`]. Arrays over right-hand sides are `[slot][node]`: slot 0 is the free motion, slot 1 the contact
-//! correction, higher slots are contact columns. A cell whose rotation is the zero quaternion is dead: it has been cut away; on the coarse
-//! levels of multigrid a quaternion shorter than one scales its cell's stiffness.
+//! A twin has the shader's name, argument names and order of operations; it documents formula, units and source. Grid kernels share one
+//! parameter block, [`Params`]. Arrays over right-hand sides are `[slot][node]`: slot 0 is the unconstrained motion, slot 1 the contact
+//! correction, higher slots are compliance columns. The zero quaternion marks a cell that a cut has removed; on coarse multigrid levels a
+//! quaternion shorter than one scales its cell's stiffness.
 //!
-//! One hexahedron corner order in the whole project, VTK's: 0–3 counter-clockwise at the bottom, 4–7 above them.
+//! The whole project uses one corner order for hexahedra, VTK's: 0–3 counter-clockwise at the bottom, 4–7 above them.
 
 pub mod accelerate;
 pub mod advance;
@@ -57,7 +58,7 @@ use crate::math::Real;
 /// Text shared by all shaders: `Params`, `Thread`, corners, quaternions, reductions.
 pub const COMMON: &str = include_str!("common.wgsl");
 
-/// The whole text of a kernel: the common part, what others share that it needs by the arrays that it binds, the kernel's own.
+/// Complete text of a kernel: the common part, the shared texts that its bindings call for, and its own.
 pub fn text(source: &Source) -> String {
     let mut out = COMMON.to_string();
     let shared = [
@@ -75,7 +76,7 @@ pub fn text(source: &Source) -> String {
     out + "\n" + source.wgsl
 }
 
-/// A shader as text, with what the host must know about it beyond what naga reads from the text itself.
+/// Shader text with the data that naga cannot read from it.
 #[derive(Debug)]
 pub struct Source {
     /// Entry point and file name.
@@ -144,7 +145,7 @@ macro_rules! params {
 }
 
 params! {
-    /// What every grid kernel knows of the body and the step.
+    /// Parameters of the body and the step for all grid kernels.
     {
         /// Nodes along x.
         nodes_x: u32,
@@ -152,7 +153,7 @@ params! {
         nodes_y: u32,
         /// Nodes along z.
         nodes_z: u32,
-        /// All nodes, copies too (`split`).
+        /// Number of nodes, with the duplicates (`split`).
         node_count: u32,
         /// Cells along x.
         cells_x: u32,
@@ -160,33 +161,33 @@ params! {
         cells_y: u32,
         /// Cells along z.
         cells_z: u32,
-        /// All cells.
+        /// Number of cells.
         cell_count: u32,
-        /// 0 none, 1 Jacobi, 2 block, 3 column (multigrid smooths by columns).
+        /// 0 none, 1 Jacobi, 2 block, 3 column (the multigrid smoother works by columns).
         preconditioner: u32,
         /// 1 corotational, 0 linear.
         corotational: u32,
-        /// Slots in use by the running solve.
+        /// Number of right-hand sides of the running solve.
         slot_count: u32,
-        /// First slot of the running solve.
+        /// First right-hand side of the running solve.
         first_slot: u32,
-        /// Partial sums that the product leaves per slot.
+        /// Partial sums of the product per right-hand side.
         product_groups: u32,
         /// 1: the smoother starts from zero.
         fresh: u32,
-        /// 1: the device keeps what sums lose (`probe`).
+        /// 1: compensated sums work on this device (`probe`).
         compensated: u32,
-        /// Always 0, which the compiler of the shaders cannot know.
+        /// Always 0, unknown to the shader compiler.
         zero: u32,
-        /// Columns of copies beside the grid's.
+        /// Columns of duplicate nodes, in addition to the grid's.
         extra_columns: u32,
-        /// Split cells that the table has room for.
+        /// Capacity of the table for split cells.
         split_cells: u32,
-        /// Touched nodes that the table has room for.
+        /// Capacity of the table for nodes of split cells.
         touched_nodes: u32,
-        /// Nothing: a uniform block is whole 16 bytes.
+        /// Padding to a multiple of 16 bytes.
         pad: u32,
-        /// Nothing.
+        /// Padding.
         pad_1: u32,
     }
     {
@@ -196,11 +197,11 @@ params! {
         stiffness_factor: real,
         /// `h`, s.
         step: real,
-        /// Share of `M v/h` in the right-hand side: 1 in implicit Euler.
+        /// Coefficient of `M v/h` in the right-hand side: 1 in implicit Euler.
         carried: real,
-        /// How many times as far as the step's mean velocity its last one lies from its first: 1 in implicit Euler.
+        /// Velocity factor: change of velocity over a step relative to the change to the mean velocity; 1 in implicit Euler.
         reach: real,
-        /// Time by which the place of elastic forces runs ahead along the velocity, s (`ahead`).
+        /// Lead time of the displacements at which elastic forces are evaluated, s (`ahead`).
         lead: real,
         /// Gravity, m/s².
         gravity_x: real,
@@ -208,9 +209,9 @@ params! {
         gravity_y: real,
         /// Gravity, m/s².
         gravity_z: real,
-        /// Share of the last change that the smoother keeps.
+        /// Factor of the smoother's previous change.
         keep: real,
-        /// Share of `M⁻¹ r` that the smoother adds.
+        /// Factor of `M⁻¹ r` in the smoother.
         gain: real,
     }
 }
@@ -218,16 +219,16 @@ params! {
 /// Threads per workgroup of every kernel but `advance` and `converge`.
 pub const GROUP: u32 = 64;
 
-/// z-columns that a thread of the CPU path works on at once.
+/// Number of z-columns that a thread of the CPU path processes together.
 pub const PART: usize = 32;
 
-/// Elements that a thread of the CPU path takes at least; fewer are not worth handing over.
+/// Minimum number of elements per thread of the CPU path; fewer are not worth distributing.
 pub const PARALLEL: usize = 2048;
 
-/// One part's piece of every level, `[level][column of the part]`.
+/// Piece of each z-level for one part, `[level][column of the part]`.
 pub type Levels<'a, T> = Vec<&'a mut [T]>;
 
-/// An array over nodes in parts of [`PART`] z-columns, which threads can work on at once.
+/// Splits a nodal array into parts of [`PART`] z-columns for threads.
 pub fn by_columns<T>(array: &mut [T], columns: usize) -> Vec<Levels<'_, T>> {
     let mut parts: Vec<Levels<T>> = (0..columns.div_ceil(PART)).map(|_| vec![]).collect();
     for level in array.chunks_mut(columns) {
@@ -238,7 +239,7 @@ pub fn by_columns<T>(array: &mut [T], columns: usize) -> Vec<Levels<'_, T>> {
     parts
 }
 
-/// Parts of [`by_columns`] that make up [`PARALLEL`] nodes.
+/// Number of parts of [`by_columns`] with [`PARALLEL`] nodes.
 pub fn parts_at_once<R>(params: &Params<R>) -> usize {
     (PARALLEL / (PART * params.nodes_z as usize)).max(1)
 }
@@ -275,11 +276,11 @@ impl<R: Real> Params<R> {
             self.node_id([c[0] + o[0], c[1] + o[1], c[2] + o[2]])
         })
     }
-    /// Cells along x, y, z of the next coarser level: pairs along x and y, the last one alone where the number is odd.
+    /// Cells along x, y, z of the next coarser level: pairs along x and y; the last one stays single if the number is odd.
     pub fn coarse_cells(&self) -> [usize; 3] {
         [self.cells_x.div_ceil(2) as usize, self.cells_y.div_ceil(2) as usize, self.cells_z as usize]
     }
-    /// The cell of which the node at `c` is corner `a`, if the grid has it.
+    /// Cell whose corner `a` is the node at `c`, if it is in the grid.
     pub fn cell_below(&self, c: [usize; 3], a: usize) -> Option<usize> {
         let o = corner(a);
         let at = [c[0].checked_sub(o[0])?, c[1].checked_sub(o[1])?, c[2].checked_sub(o[2])?];

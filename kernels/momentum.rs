@@ -1,8 +1,8 @@
-//! Velocity that a consistent mass sees at each node: `v̄_i = (M v)_i / m_i`, so that `M v = m v̄` where only masses of nodes are known.
+//! Nodal velocity of a consistent mass: `v̄_i = (M v)_i / m_i`, so that `M v = m v̄` with nodal masses.
 //!
-//! `v̄_i = v_i + Σ_c Σ_b m_ab (v_b − v_i) / m_i`, `m_ab = ρ V/8 · 8/27 · 2⁻ᵈ`, `d` the number of axes along which corners `a` and `b` of the
-//! cell differ: `∫ ρ N_a N_b dV` of a trilinear box. The sum over `b` is `ρ V/8`, so `m_i` is also the lumped mass, a moving body has one
-//! velocity, and gravity on M is gravity on `m`. Rotations drop out: each block of M is a multiple of the identity.
+//! `v̄_i = v_i + Σ_c Σ_b m_ab (v_b − v_i) / m_i`, `m_ab = ρ V/8 · 8/27 · 2⁻ᵈ`, `d` the number of axes along which corners `a` and `b` of
+//! the cell differ: `∫ ρ N_a N_b dV` of a trilinear box. The sum over `b` is `ρ V/8`, so `m_i` is also the lumped mass, a translation has
+//! one velocity, and gravity on M equals gravity on `m`. Rotations cancel, since each block of M is a multiple of the identity.
 //! Source: Archer 1963 (consistent mass); differs from SOFA's MeshMatrixMass, which has 1/20 on the diagonal and 1/40 along edges only.
 //! Units: v m/s, masses kg.
 
@@ -14,14 +14,14 @@ use crate::math::{Real, V3, V4};
 pub const SOURCE: Source =
     Source { name: "momentum", wgsl: include_str!("momentum.wgsl"), params: Params::<f32>::FIELDS };
 
-/// `8/27 · 2⁻ᵈ`: share of a corner's mass that couples corners `a` and `b`.
+/// `8/27 · 2⁻ᵈ`: fraction of a corner's mass that couples corners `a` and `b`.
 pub fn share<R: Real>(a: usize, b: usize) -> R {
     let (a, b) = (corner(a), corner(b));
     let differ = (0..3).filter(|n| a[*n] != b[*n]).count();
     R::of([8.0, 4.0, 2.0, 1.0][differ]) / R::of(27.0)
 }
 
-/// Mean velocities.
+/// Velocities of all nodes.
 pub fn momentum<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],      // [layer] cell edges m, mass of one corner kg

@@ -1,4 +1,4 @@
-// Velocity that a consistent mass sees at each node. Twin: momentum.rs (formula and units there).
+// Nodal velocity of a consistent mass. Twin: momentum.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> shape: array<vec4<f32>, 21>;           // [layer] cell edges m, mass of one corner kg
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;            // [cells_z] layer

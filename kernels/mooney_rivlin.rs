@@ -1,12 +1,12 @@
-//! The compressible Mooney–Rivlin law at a Gauss point, without its volumetric term (which is [`super::hyperelastic`]'s).
+//! Compressible Mooney–Rivlin law at a Gauss point, without the volumetric term (see [`super::hyperelastic`]).
 //!
-//! `W = c₁₀ (J^(−2/3) I₁ − 3) + c₀₁ (J^(−4/3) I₂ − 3)`, `I₁ = tr C`, `I₂ = ½ (I₁² − tr C²)`, `C = FᵀF`; at small strain its shear modulus is
-//! `2 (c₁₀ + c₀₁)`. With `e = C − 1`, `I₁ = 3 (1 + i₁)`, `I₂ = 3 (1 + i₂)`, `s = tr(e) 1 − e` and `B = F⁻ᵀ`:
+//! `W = c₁₀ (J^(−2/3) I₁ − 3) + c₀₁ (J^(−4/3) I₂ − 3)`, `I₁ = tr C`, `I₂ = ½ (I₁² − tr C²)`, `C = FᵀF`; at small strain its shear modulus
+//! is `2 (c₁₀ + c₀₁)`. With `e = C − 1`, `I₁ = 3 (1 + i₁)`, `I₂ = 3 (1 + i₂)`, `s = tr(e) 1 − e` and `B = F⁻ᵀ`:
 //!
 //! `P = 2 c₁₀ J^(−2/3) (F − B − i₁ B) + c₀₁ J^(−4/3) (4 (F − B) + 2 F s − 4 i₂ B)`,
 //!
-//! and `3 c₁₀ (exp x₁ − 1) + 3 c₀₁ (exp x₂ − 1)` is the energy, `x₁ = ln(1 + i₁) − ⅔ ln J`, `x₂ = ln(1 + i₂) − 4/3 ln J`, whose terms of first
-//! order in the strain cancel by hand, so that small strains lose no digits. For the change `H` of `F`, with `t = B:H`:
+//! and the energy is `3 c₁₀ (exp x₁ − 1) + 3 c₀₁ (exp x₂ − 1)`, `x₁ = ln(1 + i₁) − ⅔ ln J`, `x₂ = ln(1 + i₂) − 4/3 ln J`. Their terms of
+//! first order in the strain are cancelled analytically, so that small strains lose no digits. For the change `H` of `F`, with `t = B:H`:
 //!
 //! `dP₁ = 2 c₁₀ J^(−2/3) (H − ⅔ t (F − B − i₁ B) − ⅔ (F:H) B + (1 + i₁) B Hᵀ B)`,
 //! `dP₂ = c₀₁ J^(−4/3) (−4/3 t Q + 2 dD − 4/3 (2 D:H) B + 4 (1 + i₂) B Hᵀ B)`,
@@ -21,7 +21,7 @@ use crate::math::{M3, Real};
 /// The law in WGSL.
 pub const WGSL: &str = include_str!("mooney_rivlin.wgsl");
 
-/// What both stress and energy start from.
+/// Invariants for stress and energy.
 struct Invariants<R> {
     /// F
     f: M3<R>,
@@ -61,7 +61,7 @@ fn dot<R: Real>(a: &M3<R>, b: &M3<R>) -> R {
 pub fn energy<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> R {
     let Invariants { second, i1, i2, .. } = Invariants::of(p);
     let (three, two_thirds) = (R::of(3.0), R::of(2.0 / 3.0));
-    // |h|² − 2 (J − 1 − tr h): what is left of tr e − 2 (J − 1)
+    // |h|² − 2 (J − 1 − tr h): second-order part of tr e − 2 (J − 1)
     let left = p.h.0.iter().map(|c| c.dot(*c)).sum::<R>() - R::of(2.0) * p.bend;
     let beyond = logarithm(p.growth)[1];
     let x1 = left * R::of(1.0 / 3.0) - logarithm(i1)[1] + two_thirds * beyond;

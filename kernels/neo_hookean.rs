@@ -1,6 +1,6 @@
-//! The neo-Hookean law at a Gauss point, without its volumetric term (which is [`super::hyperelastic`]'s).
+//! Neo-Hookean law at a Gauss point, without the volumetric term (see [`super::hyperelastic`]).
 //!
-//! `W = μ/2 (I₁ − 3 − 2 ln J)`, `P = μ (F − F⁻ᵀ)`, `dP = μ (H + F⁻ᵀ Hᵀ F⁻ᵀ)` for the change `H` of `F`. The energy is taken as
+//! `W = μ/2 (I₁ − 3 − 2 ln J)`, `P = μ (F − F⁻ᵀ)`, `dP = μ (H + F⁻ᵀ Hᵀ F⁻ᵀ)` for the change `H` of `F`. The energy is evaluated as
 //! `μ/2 (|h|² − 2 (J − 1 − tr h) + 2 (J − 1 − ln J))`, the stress as `μ (h + (1 − F⁻ᵀ))`, so that small strains lose no digits.
 //! Source: Bonet, Wood 2008, section 6.4.
 //! Units: μ Pa, W J/m³, P Pa.

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 pub const SOURCE: Source =
     Source { name: "precondition", wgsl: include_str!("precondition.wgsl"), params: Params::<f32>::FIELDS };
 
-/// One slot; returns `r·z`.
+/// One right-hand side; returns `r·z`.
 pub fn precondition<R: Real>(
     params: &Params<R>,
     block: &[V4<R>], // [node × 4] packed D'⁻¹, G

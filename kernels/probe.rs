@@ -1,8 +1,9 @@
-//! Does the device keep what a sum loses? 64 cases at start-up; sums of the conjugate gradients are compensated only where all are right.
+//! Test of compensated summation on the device: 64 cases at start-up; sums of the conjugate gradients are compensated only if all are
+//! right.
 //!
-//! `s = a + b`, `part = s − a`, `lost = (a − (s − part)) + (b − part)`: in IEEE arithmetic `a + b = s + lost` exactly. A shader's compiler
-//! may take the formula for zero; an XOR of each intermediate's bits with a zero that only the device knows keeps it from that (without,
-//! 59 of 64 cases are lost on lavapipe).
+//! `s = a + b`, `part = s − a`, `lost = (a − (s − part)) + (b − part)`: in IEEE arithmetic `a + b = s + lost` exactly. A shader compiler
+//! may simplify `lost` to zero. To prevent this, each intermediate result is XORed with a zero that is known at run time only (without it,
+//! 59 of 64 cases fail on lavapipe).
 //! Source: Knuth 1969, section 4.2.2; Møller 1965.
 
 use super::Source;
@@ -15,7 +16,7 @@ pub const SOURCE: Source =
 /// Number of cases.
 pub const CASES: usize = 64;
 
-/// Pairs whose sums lose between nothing and nearly half a unit in the last place, of either sign and of many sizes.
+/// Pairs of both signs and many sizes whose sums have rounding errors from zero to nearly half a unit in the last place.
 pub fn cases() -> Vec<[f32; 4]> {
     let case = |k: usize| {
         let a = (1.0 + 0.013 * k as f32) * if k.is_multiple_of(3) { -1.0 } else { 1.0 };
@@ -25,7 +26,7 @@ pub fn cases() -> Vec<[f32; 4]> {
     (0..CASES).map(case).collect()
 }
 
-/// What rounding took from each `a + b`.
+/// Rounding error of each `a + b`.
 pub fn probe<R: Real>(
     cases: &[[R; 4]], // a, b, 0, 0
     errors: &mut [R],

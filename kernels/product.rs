@@ -1,31 +1,31 @@
-//! Product with the system matrix, matrix-free: `w = A z`, for each slot of a solve.
+//! Matrix-free product with the system matrix: `w = A z`, for each right-hand side of a solve.
 //!
-//! `w_i = P_i (s Σ_c (R_c K R_cᵀ z)_i + m_i (1 + h r_M)/h² z_i)`, `s = 1 + r_K/h`, `P_i` the free axes; the dot `z·w` of the conjugate
-//! gradients comes with it.
+//! `w_i = P_i (s Σ_c (R_c K R_cᵀ z)_i + m_i (1 + h r_M)/h² z_i)`, `s = 1 + r_K/h`, `P_i` the DOF mask; also computes the dot product `z·w`
+//! of the conjugate gradients.
 //!
-//! A box of isotropic material looks the same in three mirrors, so in the basis of the eight sign patterns of its corners (the Hadamard
-//! matrix H, Σ over corners of ±) its 24×24 matrix falls apart into eight symmetric 3×3 blocks, one per parity of the three mirrors:
+//! A box of isotropic material is symmetric in three mirrors. In the basis of the eight sign patterns of its corners (the Hadamard matrix
+//! H, Σ over corners of ±) its 24×24 matrix therefore decouples into eight symmetric 3×3 blocks, one per parity of the three mirrors:
 //! `K = H B H`, block `P` couples the x-displacement in pattern `P⊕1`, y in `P⊕2`, z in `P⊕4`. Pattern 0 is a translation and costs
-//! nothing. That is 342 operations a cell (patterns, turning there and back, blocks) instead of 720, and 72 numbers a layer instead of
-//! 576. (The patterns are the hourglass base vectors of Flanagan, Belytschko 1981, used here for the whole matrix, whatever the element.)
+//! nothing. This takes 342 operations per cell (patterns, rotations, blocks) instead of 720, and 72 numbers per layer instead of
+//! 576. (The patterns are the hourglass base vectors of Flanagan, Belytschko 1981, here for the complete matrix of any element.)
 //!
-//! The shader walks up tiles of 8×8 cell columns: each cell is computed once, its corner forces are shared in workgroup memory, and the
-//! inner 7×7 nodes gather.
+//! The shader sweeps tiles of 8×8 cell columns upwards: each cell is computed once, its corner forces are shared in workgroup memory, and
+//! the inner 7×7 nodes gather.
 //!
-//! The twin walks up strips of node rows, one strip per core at a time. A level's cells are numbered as the nodes at their lowest corner,
-//! so a register ([`crate::math::wide`]) holds cells that follow each other, also across the ends of rows; the place after a row's last
-//! cell holds a dead one. Each level's vectors are first laid out by component, forces are added up in the same layout, and a level of
-//! nodes is done when the cells on both sides of it are. Neighbouring strips both compute the row of cells between them (1 in 9 to 17).
-//! Strips depend on the grid alone, and a node's cells are added by rising number, so the order of sums is the same for any number of threads
-//! and any registers.
+//! The twin sweeps strips of node rows upwards, one strip per core at a time. A level's cells have the numbers of the nodes at their lowest
+//! corner, so a register ([`crate::math::wide`]) holds consecutive cells, also across the ends of rows; the entry after a row's last cell
+//! is an empty one. Each level's vectors are first re-arranged by component, forces are accumulated in the same layout, and a level of
+//! nodes is complete when the cells on both sides are. Neighbouring strips both compute the row of cells between them (1 in 9 to 17).
+//! Strips depend on the grid alone, and a node's cells are added in ascending order, so the order of sums is the same for any number of
+//! threads and any register width.
 //!
-//! Split cells (`split`) are left out here, and so are the rows of copies: `split_product` adds both.
+//! Split cells (`split`) and the rows of duplicate nodes are left to `split_product`.
 //!
-//! Rotations are taken as `|q|² R(q)`: a zero quaternion gives no force, and a short one scales its cell's stiffness by `|q|⁴`.
+//! Rotations are used as `|q|² R(q)`: a zero quaternion gives no force, and a short one scales its cell's stiffness by `|q|⁴`.
 //!
-//! Cost of a cell in the twin: 26 operations for its rotation, 144 for the patterns, 126 for turning there and back, 72 for the blocks,
-//! 24 to add up forces, 19 for its node: 411, a product that is added counted once (543 counted twice). Memory: z, w, mass and rotation,
-//! 64 bytes in f32, 128 in f64; all else stays in a core's cache (16 numbers for each node of 18 rows).
+//! Cost per cell in the twin: 26 operations for the rotation matrix, 144 for the patterns, 126 for rotating there and back, 72 for the
+//! blocks, 24 to accumulate forces, 19 for its node: 411, with a fused multiply-add counted once (543 counted twice). Memory: z, w, mass
+//! and rotation, 64 bytes in f32, 128 in f64; everything else stays in a core's cache (16 numbers for each node of 18 rows).
 //! Units: z m, w N, B N/m.
 
 use super::{Params, Source};
@@ -39,10 +39,10 @@ use std::ops::Range;
 pub const SOURCE: Source =
     Source { name: "product", wgsl: include_str!("product.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Nodes along one side of a workgroup's tile.
+/// Nodes along a side of a workgroup's tile.
 pub const TILE: u32 = 7;
 
-/// Workgroups of the shader per slot.
+/// Workgroups of the shader per right-hand side.
 pub fn tiles<R: Real>(params: &Params<R>) -> usize {
     (params.nodes_x.div_ceil(TILE) * params.nodes_y.div_ceil(TILE)) as usize
 }
@@ -50,19 +50,19 @@ pub fn tiles<R: Real>(params: &Params<R>) -> usize {
 /// Element matrix of a layer as the eight 3×3 blocks of `B`, by rows.
 pub type Modes<R> = [[[R; 3]; 3]; 8];
 
-/// Piece of the twin's scratch memory.
+/// Unit of the twin's scratch memory.
 pub type CellForces<R> = [[[R; LANES]; 3]; 8];
 
-/// Numbers in the last index of [`CellForces`].
+/// Length of the last dimension of [`CellForces`].
 pub const LANES: usize = MOST;
 
-/// Node rows of a strip: enough that the row of cells which two neighbours both compute is little, few enough for many cores.
+/// Node rows of a strip: many enough that the shared row of cells costs little, few enough for many cores.
 const STRIP: usize = 16;
-/// Node rows of a strip at least, where a small grid would give work to fewer than four cores.
+/// Minimum number of node rows of a strip, for small grids with fewer than four strips.
 const NARROW: usize = 7;
-/// Cells below which a product is not worth waking other threads for.
+/// Minimum number of cells for a product on several threads.
 const ALONE: usize = 512;
-/// Planes of a strip's scratch: z and force at two levels, by component, and the rotations of one.
+/// Planes of a strip's scratch: z and force at two levels, by component, and the rotations of one level.
 const PLANES: usize = 16;
 
 /// Node rows of each strip.
@@ -73,12 +73,12 @@ fn strips<R: Real>(params: &Params<R>) -> Vec<Range<usize>> {
     (0..count).map(|s| rows * s / count..rows * (s + 1) / count).collect()
 }
 
-/// Numbers in a plane of a strip: its rows with one on both sides, the diagonal corner and a register too many at the end.
+/// Length of a plane of a strip: its rows with one on both sides, the diagonal corner, and one additional register at the end.
 fn plane_len<R: Real>(params: &Params<R>, rows: usize) -> usize {
     (rows + 2) * params.nodes_x as usize + 1 + MOST
 }
 
-/// Pieces of scratch that a product needs.
+/// Units of scratch that a product needs.
 pub fn cell_groups<R: Real>(params: &Params<R>) -> usize {
     strips(params).iter().map(|rows| strip_pieces(params, rows)).sum()
 }
@@ -87,7 +87,7 @@ fn strip_pieces<R: Real>(params: &Params<R>, rows: &Range<usize>) -> usize {
     (PLANES * plane_len(params, rows.len())).div_ceil(24 * LANES)
 }
 
-/// One slot; returns `z·w`.
+/// One right-hand side; returns `z·w`.
 pub fn product<R: Real>(
     params: &Params<R>,
     modes: &[Modes<R>],            // [layer] N/m
@@ -103,9 +103,9 @@ pub fn product<R: Real>(
     by_strips(input, w, scratch, |strip| R::widest(strip))
 }
 
-/// Elastic forces (see `kernels::forces`) in the product's form: each cell once, with the patterns of `(Rᵀ − I) X + e∘X` added to those of
-/// `Rᵀu`. Three of them are not zero: `−4 h_i (Rᵀ − I + e_i I) e_i` in the pattern of axis `i`. The displacement of a cell's first corner is taken
-/// off first, so that f32 loses nothing in a body that has moved far.
+/// Elastic forces (see `kernels::forces`) in the form of the product: each cell once, with the patterns of `(Rᵀ − I) X + e∘X` added to
+/// those of `Rᵀu`. Three of them are nonzero: `−4 h_i (Rᵀ − I + e_i I) e_i` in the pattern of axis `i`. The displacement of a cell's first
+/// corner is subtracted first, so that f32 loses nothing in a body that has moved far.
 pub fn elastic_forces<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],               // [layer] cell edges m, mass of one corner kg
@@ -147,7 +147,7 @@ fn by_strips<R: Real>(
     if work.len() == 1 {
         return work.into_iter().map(run).sum();
     }
-    // summed in the strips' order, whatever the threads do
+    // summed in the order of strips, independent of the threads
     work.into_par_iter().map(run).collect::<Vec<_>>().into_iter().sum()
 }
 
@@ -162,16 +162,16 @@ struct Input<'a, R> {
     z: &'a [V4<R>],
 }
 
-/// What is multiplied.
+/// Operation.
 #[derive(Clone, Copy)]
 enum Of<'a, R> {
-    /// `A z`: scaled, with inertia, held axes cut out.
+    /// `A z`: scaled, with inertia, fixed axes eliminated.
     System { free: &'a [V4<R>] },
-    /// The elastic force of displacements.
+    /// Elastic force at given displacements.
     Elastic { shape: &'a [V4<R>], pre_strain: &'a [V4<R>] },
 }
 
-/// The nodes of some rows, all levels.
+/// Nodes of some rows, at all levels.
 struct Strip<'a, R> {
     input: Input<'a, R>,
     rows: Range<usize>,
@@ -188,12 +188,13 @@ impl<R: Real> Task<R> for Strip<'_, R> {
         let Input { params, modes, layer_of, rotation, split, of, z } = input;
         let (nodes_x, cells_x) = (params.nodes_x as usize, params.cells_x as usize);
         let level_nodes = nodes_x * params.nodes_y as usize;
-        // a row of cells more than of nodes, where the grid has it
+        // one row of cells more than of nodes, where the grid has it
         let cell_rows = rows.start.saturating_sub(1)..rows.end.min(params.cells_y as usize);
         let first = cell_rows.start * nodes_x;
         let (cells, nodes) = (cell_rows.len() * nodes_x, (cell_rows.len() + 1) * nodes_x);
         let own = rows.start * nodes_x - first..rows.end * nodes_x - first;
 
+        // scratch planes: vectors and forces at two levels, rotations at one
         scratch.fill(R::zero());
         let len = plane_len(params, rows.len());
         let mut planes = scratch.chunks_exact_mut(len);
@@ -204,9 +205,11 @@ impl<R: Real> Task<R> for Strip<'_, R> {
 
         spread(&z[first..first + nodes], &mut z_below, 0);
         let mut along = [R::zero(); 4];
+        // sweep upwards
         for k in 0..params.nodes_z as usize {
             if k < params.cells_z as usize {
                 spread(&z[(k + 1) * level_nodes + first..][..nodes], &mut z_above, 0);
+                // upper level and rotations by component; split cells get no rotation
                 for (row, y) in cell_rows.clone().enumerate() {
                     let first = params.cell_id([0, y, k]);
                     spread(&rotation[first..][..cells_x], &mut q, row * nodes_x);
@@ -216,6 +219,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                 }
                 let layer = layer_of[k] as usize;
                 let blocks = &modes[layer];
+                // forces of the cells between the two levels, a register at a time
                 for at in (0..cells).step_by(L::COUNT) {
                     let corner = [at, at + 1, at + nodes_x, at + nodes_x + 1];
                     let mut rotation = [lanes.splat(R::zero()); 4];
@@ -231,7 +235,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                     }
                     let [mut stretch, mut pulled] = [[lanes.splat(R::zero()); 3]; 2];
                     if let Of::Elastic { shape, pre_strain } = of {
-                        // the lower corner counts positive in a pattern
+                        // the lower corner has the positive sign in a pattern
                         stretch = [0, 1, 2].map(|n| lanes.splat(shape[layer][n] * R::of(-4.0)));
                         pulled = [0, 1, 2].map(|n| lanes.mul(stretch[n], lanes.splat(pre_strain[layer][n])));
                         let first = at_corner[0];
@@ -242,7 +246,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                         }
                     }
                     let force = cell_forces(lanes, blocks, rotation, at_corner, stretch, pulled);
-                    // down the corners: a node then gets its cells in the order of their numbers, however many a register holds
+                    // corners in descending order: a node gets its cells in ascending order, independent of the register width
                     for c in (0..4).rev() {
                         for n in 0..3 {
                             add_to(lanes, &mut f_below[n][corner[c]..], force[c][n]);
@@ -251,6 +255,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                     }
                 }
             }
+            // the lower level is complete
             match of {
                 Of::System { free } => {
                     let free = &free[k * level_nodes + first..][own.clone()];
@@ -271,7 +276,7 @@ impl<R: Real> Task<R> for Strip<'_, R> {
     }
 }
 
-/// Writes vectors by component from place `at` on.
+/// Writes vectors by component, starting at entry `at`.
 #[inline(always)]
 fn spread<R: Real, const N: usize>(from: &[V4<R>], to: &mut [&mut [R]; N], at: usize) {
     for n in 0..N {
@@ -281,7 +286,7 @@ fn spread<R: Real, const N: usize>(from: &[V4<R>], to: &mut [&mut [R]; N], at: u
     }
 }
 
-/// Makes split cells dead, from place `at` on.
+/// Zeroes the rotations of split cells, starting at entry `at`.
 #[inline(always)]
 fn leave_out<R: Real>(row: &[u32], q: &mut [&mut [R]; 4], at: usize) {
     for (x, _) in row.iter().enumerate().filter(|(_, row)| **row != 0) {
@@ -289,7 +294,7 @@ fn leave_out<R: Real>(row: &[u32], q: &mut [&mut [R]; 4], at: usize) {
     }
 }
 
-/// Inertia and held axes of a strip's nodes at one level.
+/// Adds inertia and eliminates fixed axes for a strip's nodes at one level.
 #[inline(always)]
 fn finish<R: Real>(
     params: &Params<R>,
@@ -321,8 +326,8 @@ fn add_to<R: Real, L: Lanes<R>>(l: L, to: &mut [R], value: L::V) {
     l.store(l.add(l.load(to), value), to);
 }
 
-/// Forces of cells on their corners, without the factor `s`; corner numbers are bits x + 2y + 4z. `stretch_i (Rᵀ − I) e_i + pulled_i e_i` is
-/// added to the pattern of axis `i`.
+/// Forces of cells on their corners, without the factor `s`; corner numbers have bits x + 2y + 4z. `stretch_i (Rᵀ − I) e_i + pulled_i e_i`
+/// is added to the pattern of axis `i`.
 #[inline(always)]
 pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
     l: L,
@@ -332,6 +337,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
     stretch: [L::V; 3],
     pulled: [L::V; 3],
 ) -> [[L::V; 3]; 8] {
+    // patterns in the cells' frames
     let r = rotation_rows(l, q);
     let a = patterns(l, z);
     let zero = l.splat(R::zero());
@@ -341,6 +347,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
             local[p][n] = dot(l, [r[0][n], r[1][n], r[2][n]], a[p]);
         }
     }
+    // pattern of each axis: rest positions and pre-strain
     let turned = rotation_minus_one(l, q, r);
     for i in 0..3 {
         for n in 0..3 {
@@ -348,6 +355,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
         }
         local[1 << i][i] = l.add(local[1 << i][i], pulled[i]);
     }
+    // one 3×3 block per parity
     let mut force = [[zero; 3]; 8];
     for parity in 0..8 {
         let v = [local[parity ^ 1][0], local[parity ^ 2][1], local[parity ^ 4][2]];
@@ -356,6 +364,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
             force[parity ^ (1 << n)][n] = dot(l, [l.splat(a), l.splat(b), l.splat(c)], v);
         }
     }
+    // rotate back, and from patterns to corners
     let mut out = [[zero; 3]; 8];
     for p in 1..8 {
         for n in 0..3 {

@@ -1,4 +1,4 @@
-//! Correction from the next coarser level: `z += F P z_c`, the transpose of `restriction`.
+//! Prolongation of the correction from the next coarser level: `z += F P z_c`, the transpose of `restriction`.
 //!
 //! Units: m.
 
@@ -10,7 +10,7 @@ use rayon::prelude::*;
 pub const SOURCE: Source =
     Source { name: "prolongation", wgsl: include_str!("prolongation.wgsl"), params: Params::<f32>::FIELDS };
 
-/// One slot.
+/// One right-hand side.
 pub fn prolongation<R: Real>(
     params: &Params<R>, // of the finer level
     free: &[V4<R>],     // [node] 1 free, 0 held, per axis
@@ -25,7 +25,7 @@ pub fn prolongation<R: Real>(
             return;
         };
         let first = x / 2 + nodes_x * (y / 2 + nodes_y * level);
-        // the same node twice where the fine one coincides with it
+        // the same node twice where the fine node coincides with it
         let (step_x, step_y) = (x % 2, y % 2 * nodes_x);
         let sum = V3::from4(coarse_z[first])
             + V3::from4(coarse_z[first + step_x])

@@ -18,7 +18,7 @@ fn prolongation(thread: Thread) {
     let y = at.y;
     let level = at.z;
     let first = slot * size.x * size.y * size.z + x / 2u + size.x * (y / 2u + size.y * level);
-    // the same node twice where the fine one coincides with it
+    // the same node twice where the fine node coincides with it
     let step_x = x % 2u;
     let step_y = (y % 2u) * size.x;
     let sum = coarse_z[first].xyz + coarse_z[first + step_x].xyz

@@ -1,4 +1,4 @@
-//! One step of the smoother: a change `d` from the columns' inverse, with a share of the change before (Chebyshev acceleration).
+//! One step of the smoother: Chebyshev acceleration of the exact column solves.
 //!
 //! `d = keep d + gain M⁻¹ (r − w)`, `z += d`, `w = A z`; with `fresh` the start is zero: `z = d = gain M⁻¹ r`. `M⁻¹` solves each z-column
 //! exactly ([`super::columns`]); `w` is used up. Returns `r·z`, which the conjugate gradients need after the last step.
@@ -13,7 +13,7 @@ use rayon::prelude::*;
 /// The shader.
 pub const SOURCE: Source = Source { name: "relax", wgsl: include_str!("relax.wgsl"), params: Params::<f32>::FIELDS };
 
-/// One slot.
+/// One right-hand side.
 pub fn relax<R: Real>(
     params: &Params<R>,
     block: &[V4<R>], // [node × 4] packed D'⁻¹, G

@@ -1,7 +1,7 @@
-//! What a place on the way to a step's solution leaves of the balance, and its part of the potential (`backend::newton`).
+//! Residual at a trial point of Newton's method, and the nodal part of the potential (`backend::newton`).
 //!
-//! `−∇Π = P (b − w − σ (f(u + Δx) − f(u)))`, `w = (inertia M + (r_K/h) K₀) Δx` from `product`, `σ = params.stiffness_factor` of this kernel's
-//! own block; the potential is `½ Δx·w − Δx·(b + σ f(u))` here and `σ` times the cells' energy beside it.
+//! `−∇Π = P (b − w − σ (f(u + Δx) − f(u)))`, `w = (inertia M + (r_K/h) K₀) Δx` from `product`, `σ = params.stiffness_factor` of this
+//! kernel's own block. The nodal part of the potential is `½ Δx·w − Δx·(b + σ f(u))`; the cells' energy times `σ` is added to it.
 //! Units: forces N, dx m, potential J.
 
 use super::collected::collected;
@@ -12,7 +12,7 @@ use crate::math::{Real, V3, V4};
 pub const SOURCE: Source =
     Source { name: "residual", wgsl: include_str!("residual.wgsl"), params: Params::<f32>::FIELDS };
 
-/// All nodes; returns the potential's part and `|−∇Π|²`.
+/// All nodes; returns the nodal part of the potential and `|−∇Π|²`.
 pub fn residual<R: Real>(
     params: &Params<R>,
     corner_force: &[R], // [cell][corner][axis] at the place, N

@@ -1,4 +1,4 @@
-// What a place leaves of the balance, and its part of the potential. Twin: residual.rs (formula and units there).
+// Residual at a trial point, and the nodal part of the potential. Twin: residual.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> corner_force: array<f32>;          // [cell][corner][axis] at the place, N
 @group(0) @binding(2) var<storage, read> f: array<vec4<f32>>;               // [node] at the step's start, N

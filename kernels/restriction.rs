@@ -1,8 +1,7 @@
-//! Residual of a level, gathered by the next coarser one: `r_c = F_c Pᵀ (r − w)`, `w = A z`.
+//! Restriction of a level's residual to the next coarser one: `r_c = F_c Pᵀ (r − w)`, `w = A z`.
 //!
-//! `P` interpolates bilinearly in x and y: node `2i` of the finer level is node `i` of the coarser one, the odd ones lie between two.
-//! The copies of a node share its unknown on the coarser level: a cut changes nothing there.
-//! `F` are the free axes. Units: N.
+//! `P` interpolates bilinearly in x and y: node `2i` of the finer level is node `i` of the coarser one, odd nodes lie between two. The
+//! duplicates of a node share its unknown on the coarser level: a cut changes nothing there. `F` is the DOF mask. Units: N.
 
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};
@@ -12,7 +11,7 @@ use rayon::prelude::*;
 pub const SOURCE: Source =
     Source { name: "restriction", wgsl: include_str!("restriction.wgsl"), params: Params::<f32>::FIELDS };
 
-/// One slot.
+/// One right-hand side.
 pub fn restriction<R: Real>(
     params: &Params<R>,     // of the finer level
     coarse_free: &[V4<R>],  // [coarse node] 1 free, 0 held, per axis

@@ -1,10 +1,10 @@
-//! Right-hand side of the free motion, and the load that residuals are measured against.
+//! Right-hand side of the unconstrained motion, and the load that residuals are compared with.
 //!
-//! Implicit Euler with Rayleigh damping in displacement increments `Δx = h v'`:
-//! `A Δx = b`, `A = (1 + h r_M)/h² M + (1 + r_K/h) K`, `b = −f + f_ext + m g + M v/h`.
-//! Newmark's trapezoids have `2 M v/h`, symplectic Euler `(1 − h r_M) M v/h`: `params.carried` (`bodies::Step` has their `A`).
-//! (SOFA's `EulerImplicitSolver` equations after the substitution `dv = Δx/h − v`, in which the damping terms of the right side cancel.)
-//! `load² = Σ |b|² + |f_ext + m g|²` over free axes plus `Σ |f|²` over held ones: what the step's forces amount to, also at rest.
+//! Implicit Euler with Rayleigh damping in displacement increments `Δx = h v'`: `A Δx = b`, `A = (1 + h r_M)/h² M + (1 + r_K/h) K`,
+//! `b = −f + f_ext + m g + M v/h`. Newmark's trapezoidal rule has `2 M v/h`, symplectic Euler `(1 − h r_M) M v/h`: `params.carried`
+//! (`bodies::Step` has their `A`). (These are the equations of SOFA's `EulerImplicitSolver` with `dv = Δx/h − v`, where the damping terms
+//! of the right-hand side cancel.) `load² = Σ |b|² + |f_ext + m g|²` over free axes plus `Σ |f|²` over fixed ones: the magnitude of the
+//! step's forces, also at rest.
 //! Units: f N, v m/s, free 0/1 per axis and kg, load N, b N.
 
 use super::{Params, Source};

@@ -1,4 +1,4 @@
-// Right-hand side of the free motion and its load. Twin: rhs.rs (formula and units there).
+// Right-hand side of the unconstrained motion, and its load. Twin: rhs.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> f: array<vec4<f32>>;             // [node] N
 @group(0) @binding(2) var<storage, read> v: array<vec4<f32>>;             // [node] m/s

@@ -1,12 +1,12 @@
 //! Rotation of each cell: the one that maximises `tr(Rᵀ F)`, `F = I + Σ_a u_a ⊗ ∇N_a` the mean deformation gradient.
 //!
-//! For `det F > 0` this is the polar factor. It stays defined and continuous through `det F = 0` (the smallest singular value simply
-//! changes its sign) and jumps only where two singular values are equal and opposite. Found by Newton's method on the rotation,
-//! `ω = (tr(S) I − sym S)⁻¹ axl(S)`, `S = RᵀF`, from the last step's value; where that matrix is not positive definite it is
-//! shifted until it is, and off a stationary point that is no maximum a fixed kick is given. The only local maximum is the global one
+//! For `det F > 0` this is the polar factor. It stays defined and continuous through `det F = 0` (the smallest singular value changes its
+//! sign) and jumps only where two singular values are equal and opposite. It is found by Newton's method on the rotation,
+//! `ω = (tr(S) I − sym S)⁻¹ axl(S)`, `S = RᵀF`, starting from the last step's value. Where that matrix is not positive definite it is
+//! shifted until it is; a stationary point that is no maximum is left by a fixed perturbation. The only local maximum is the global one
 //! (Horn 1987: a 4×4 eigenvalue problem), so the result does not depend on the start.
 //! Source: Müller, Bender, Chentanez, Macklin 2016 (iterative extraction); differs: Newton instead of a fixed-point step.
-//! Units: u m, rotation unit quaternion (0 for a dead cell, left as it is).
+//! Units: u m, rotation unit quaternion (0 for a removed cell, which stays 0).
 
 use super::{Params, Source, corner};
 use crate::math::{M3, Real, V3, V4, quaternion_product, rotation_matrix};
@@ -15,10 +15,10 @@ use crate::math::{M3, Real, V3, V4, quaternion_product, rotation_matrix};
 pub const SOURCE: Source =
     Source { name: "rotations", wgsl: include_str!("rotations.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Newton steps at most. Warm starts take 1 to 3; a random start on a random, often inverted gradient up to 60.
+/// Maximum number of Newton steps. Warm starts take 1 to 3; a random start on a random, often inverted gradient up to 60.
 const MAX_NEWTON: usize = 64;
 
-/// New rotations from displacements.
+/// Updates all rotations from displacements.
 pub fn rotations<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
@@ -71,10 +71,11 @@ pub fn mean_gradient<R: Real>(
     f
 }
 
-/// Rotation quaternion that maximises `tr(Rᵀ f)`, started at `q`.
+/// Rotation quaternion that maximises `tr(Rᵀ f)`, starting at `q`.
 pub fn polar<R: Real>(f: M3<R>, start: V4<R>) -> V4<R> {
     let mut q = start;
     for _ in 0..MAX_NEWTON {
+        // gradient and negative Hessian of tr(Rᵀ f) with respect to the rotation vector
         let s = rotation_matrix(q).transpose() * f;
         let [a, b, c] = s.0;
         let axial = V3::new(b.z - c.y, c.x - a.z, a.y - b.x);
@@ -87,12 +88,12 @@ pub fn polar<R: Real>(f: M3<R>, start: V4<R>) -> V4<R> {
         let (hx, hy, hz) = (hessian.0[0].x, hessian.0[1].y, hessian.0[2].z);
         let minor = hx * hy - xy * xy;
         let definite = hx > tiny && minor > tiny * tiny && hessian.determinant() > tiny * tiny * tiny;
-        // 1.1 |S| I − sym S is definite whatever S is, and turns uphill
+        // 1.1 |S| I − sym S is positive definite for any S and gives an ascent direction
         let shift = if definite { R::zero() } else { R::of(1.1) * size + R::of(1e-6) - t };
         let shifted = hessian + M3::diagonal(V3::splat(shift));
         let mut omega = shifted.inverse() * axial;
         if !definite && axial.dot(axial) < tiny * tiny {
-            // a stationary point that is no maximum: turn about the axis of most negative curvature
+            // a stationary point that is no maximum: rotate about the axis of most negative curvature
             omega = if hx <= hy && hx <= hz {
                 V3::new(R::of(0.5), R::zero(), R::zero())
             } else if hy <= hz {
@@ -101,6 +102,7 @@ pub fn polar<R: Real>(f: M3<R>, start: V4<R>) -> V4<R> {
                 V3::new(R::zero(), R::zero(), R::of(0.5))
             };
         }
+        // step of at most one radian, applied to the quaternion
         let squared = omega.dot(omega);
         if squared > R::one() {
             omega = omega * (R::one() / squared.sqrt());

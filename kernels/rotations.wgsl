@@ -29,7 +29,7 @@ fn polar(f: mat3x3<f32>, start: vec4<f32>) -> vec4<f32> {
         let minor = hx * hy - xy * xy;
         let determinant = dot(hessian[0], cross(hessian[1], hessian[2]));
         let definite = hx > tiny && minor > tiny * tiny && determinant > tiny * tiny * tiny;
-        // 1.1 |S| I − sym S is definite whatever S is, and turns uphill
+        // 1.1 |S| I − sym S is positive definite for any S and gives an ascent direction
         let shift = select(1.1 * size + 1e-6 - t, 0.0, definite);
         var omega = inverse(hessian + diagonal(vec3<f32>(shift))) * axial;
         if !definite && dot(axial, axial) < tiny * tiny {

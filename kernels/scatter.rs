@@ -1,4 +1,4 @@
-//! Puts a few words from the host into a device array: `destination[ids_k] = values_k`. No id may occur twice.
+//! Scatters values from the host into a device array: `destination[ids_k] = values_k`. No id may occur twice.
 
 use super::Source;
 use crate::math::{Real, V4};

@@ -1,4 +1,4 @@
-// Puts values by index. Twin: scatter.rs.
+// Scatters values by index. Twin: scatter.rs.
 struct PickParams { count: u32, pad_0: u32, pad_1: u32, pad_2: u32 }
 @group(0) @binding(0) var<uniform> params: PickParams;
 @group(0) @binding(1) var<storage, read> ids: array<u32>;                       // [entry] into destination, each once

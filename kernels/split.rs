@@ -1,30 +1,32 @@
-//! The table of a body whose nodes a cut has split, as all kernels read it.
+//! Table of split nodes of a cut body, as read by all kernels.
 //!
-//! A node whose cells no longer hang together is there once for each part of them: once as the grid's node, and as copies. Copies live in
-//! *extra columns*, z-columns beside the grid's, each beside one of its node columns (its *parent*): copy `k` of an extra column stands for
-//! the node at level `k` of the parent. Places of an extra column that hold no copy have no free axis and no mass.
+//! A node whose cells are no longer connected exists once per connected component: as the grid's node, and as duplicates (virtual nodes).
+//! Duplicates lie in *extra columns*, z-columns in addition to the grid's, each assigned to one of its node columns (its *parent*): node
+//! `k` of an extra column duplicates the node at z-level `k` of the parent. Unused nodes of an extra column have an empty DOF mask and no
+//! mass.
 //!
-//! All nodes are numbered grid first, then bundle by bundle of [`BUNDLE`] extra columns (the last has what is left), each laid out like a
-//! grid of one row: level by level, the columns of a level side by side. Columns are taken in their order, so the places in use are the
-//! first ones of all arrays: what is beyond the last bundle with a column in use is zero, and nothing runs over it.
+//! Nodes are numbered grid first, then bundle by bundle of [`BUNDLE`] extra columns (the last bundle has the rest). Each bundle is laid out
+//! like a grid of one row: level by level, the columns of a level side by side. Columns are taken in order, so the nodes in use are the
+//! first ones of all arrays: beyond the last bundle with a used column everything keeps its initial value, and no kernel runs there.
 //!
-//! A *split cell* has a copy among its corners. It has a row of eight node ids, one per corner; all other cells find their corners by
-//! their place in the grid. *Touched* nodes are the corners of split cells.
+//! A *split cell* has a duplicate among its corners. It has a row of eight node ids, one per corner; other cells have the corners of the
+//! grid. *Touched* nodes are the corners of split cells.
 //!
-//! One array of 32-bit words, empty where nothing can be split (`params.extra_columns` 0):
-//! `parent [extra column]` node column, or [`NONE`]; `next [extra column]` and `first [node column]`, 1 + the next extra column of the same
-//! parent, or 0; `row [cell]`, 1 + its row in `corners`, or 0; `touched [touched_nodes]` node ids, then [`NONE`]; `corners [split_cells × 8]`.
+//! One array of 32-bit words, empty where nothing can be split (`params.extra_columns` 0): `parent [extra column]` node column, or
+//! [`NONE`]; `next [extra column]` and `first [node column]`, 1 + the next extra column of the same parent, or 0; `row [cell]`, 1 + its row
+//! in `corners`, or 0; `touched [touched_nodes]` node ids, then [`NONE`]; `corners [split_cells × 8]`.
+//! Source: Molino, Bao, Fedkiw 2004 (virtual nodes); Dick, Georgii, Westermann 2011 (hexahedra).
 
 use super::{Params, corner};
 use crate::math::Real;
 
-/// Text that Shader::read adds to kernels that bind `split`.
+/// Text that [`super::text`] adds to kernels that bind `split`.
 pub const WGSL: &str = include_str!("split.wgsl");
 
-/// Extra columns that are laid out together: as many as the CPU path works on at once.
+/// Number of extra columns laid out together, equal to the number that the CPU path processes at once.
 pub const BUNDLE: usize = super::PART;
 
-/// No column, no node.
+/// Marks the absence of a column or node.
 pub const NONE: u32 = u32::MAX;
 
 /// A cell around a node.
@@ -53,20 +55,20 @@ pub struct Layout {
     pub touched: usize,
     /// `corners [split_cells × 8]`
     pub corners: usize,
-    /// All words.
+    /// Total number of words.
     pub words: usize,
 }
 
 impl<R: Real> Params<R> {
-    /// Node columns of the grid.
+    /// Number of node columns of the grid.
     pub fn columns(&self) -> usize {
         (self.nodes_x * self.nodes_y) as usize
     }
-    /// Nodes of the grid, without copies.
+    /// Number of nodes of the grid, without duplicates.
     pub fn grid_nodes(&self) -> usize {
         self.columns() * self.nodes_z as usize
     }
-    /// Where the table's parts begin.
+    /// Offsets of the table's sections.
     pub fn layout(&self) -> Layout {
         let extra = self.extra_columns as usize;
         let row = 2 * extra + self.columns();
@@ -74,31 +76,31 @@ impl<R: Real> Params<R> {
         let corners = touched + self.touched_nodes as usize;
         Layout { next: extra, first: 2 * extra, row, touched, corners, words: corners + 8 * self.split_cells as usize }
     }
-    /// Extra columns that an array of `node_count` nodes has.
+    /// Number of extra columns in an array of `node_count` nodes.
     pub fn extra_held(&self) -> usize {
         (self.node_count as usize - self.grid_nodes()) / self.nodes_z as usize
     }
-    /// Extra columns of the bundles of which a column is in use.
+    /// Number of extra columns in bundles that have at least one column in use.
     pub fn extra_in_use(&self, split: &[u32]) -> usize {
         let extra = (self.extra_columns as usize).min(split.len());
         let used = split[..extra].iter().position(|parent| *parent == NONE).unwrap_or(extra);
         used.next_multiple_of(BUNDLE).min(extra)
     }
-    /// Nodes of the grid and of those.
+    /// Number of nodes of the grid and of these bundles.
     pub fn nodes_in_use(&self, split: &[u32]) -> usize {
         self.grid_nodes() + self.extra_in_use(split) * self.nodes_z as usize
     }
-    /// First column of the bundle of an extra column, and how many it has.
+    /// First column of an extra column's bundle, and the bundle's number of columns.
     fn bundle(&self, e: usize) -> (usize, usize) {
         let first = e / BUNDLE * BUNDLE;
         (first, (self.extra_columns as usize - first).min(BUNDLE))
     }
-    /// The node at a level of an extra column.
+    /// Node at a z-level of an extra column.
     pub fn copy_id(&self, e: usize, level: usize) -> usize {
         let (first, width) = self.bundle(e);
         self.grid_nodes() + first * self.nodes_z as usize + level * width + e - first
     }
-    /// Extra column and level of a node beyond the grid's.
+    /// Extra column and z-level of a duplicate node.
     pub fn copy_at(&self, node: usize) -> (usize, usize) {
         let (rest, levels) = (node - self.grid_nodes(), self.nodes_z as usize);
         let (first, width) = self.bundle(rest / levels);
@@ -114,7 +116,7 @@ impl<R: Real> Params<R> {
         });
         std::iter::once((0, own)).chain(bundles)
     }
-    /// Whether a cell has copies among its corners.
+    /// True if a cell has duplicates among its corners.
     pub fn is_split(&self, split: &[u32], cell: usize) -> bool {
         self.extra_columns > 0 && split[self.layout().row + cell] != 0
     }
@@ -130,7 +132,7 @@ impl<R: Real> Params<R> {
         }
         self.corners(cell)
     }
-    /// Grid coordinates of a node, of a copy those of the node that it stands for; none of a place without a copy.
+    /// Grid coordinates of a node, or of a duplicate's original; `None` in an extra column that is not in use.
     pub fn place(&self, split: &[u32], node: usize) -> Option<[usize; 3]> {
         let columns = self.columns();
         let (column, level) = if node < self.grid_nodes() {
@@ -161,11 +163,11 @@ impl<R: Real> Params<R> {
         let number = |next: u32| (next as usize).checked_sub(1);
         std::iter::successors(number(first), move |e| number(split[layout.next + e]))
     }
-    /// The node above in the same column; beyond the last one of its kind at the top.
+    /// Node above in the same column; at the top, an id beyond the last node of its kind.
     pub fn above(&self, node: usize) -> usize {
         node + if node < self.grid_nodes() { self.columns() } else { self.bundle(self.copy_at(node).0).1 }
     }
-    /// The touched nodes.
+    /// Touched nodes.
     pub fn touched<'a>(&self, split: &'a [u32]) -> &'a [u32] {
         if self.extra_columns == 0 {
             return &[];
@@ -176,7 +178,7 @@ impl<R: Real> Params<R> {
     }
 }
 
-/// Split cells, by their rows in the table.
+/// Split cells, in order of their rows in the table.
 pub fn split_cells<R: Real>(params: &Params<R>, split: &[u32]) -> Vec<u32> {
     if params.extra_columns == 0 {
         return vec![];

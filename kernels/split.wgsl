@@ -1,4 +1,4 @@
-// The table of split nodes, for kernels that bind `params` and `split`. See split.rs.
+// Table of split nodes, for kernels that bind `params` and `split`. See split.rs.
 const NONE: u32 = 0xffffffffu;
 
 fn split_row(p: Params) -> u32 {
@@ -18,7 +18,7 @@ fn is_split(p: Params, cell: u32) -> bool {
     return p.extra_columns > 0u && split[split_row(p) + cell] != 0u;
 }
 
-// Grid coordinates of a node or of what it is a copy of; where there is no copy, far outside of the grid.
+// Grid coordinates of a node, or of a duplicate's original; far outside the grid in an unused extra column.
 fn place(p: Params, i: u32) -> vec3<u32> {
     let grid = p.nodes_x * p.nodes_y * p.nodes_z;
     if i < grid { return node_at(p, i); }
@@ -30,7 +30,7 @@ fn place(p: Params, i: u32) -> vec3<u32> {
     return vec3<u32>(parent % p.nodes_x, parent / p.nodes_x, within / own.y);
 }
 
-// The node above in the same column.
+// Node above in the same column.
 fn above(p: Params, i: u32) -> u32 {
     let columns = p.nodes_x * p.nodes_y;
     if i < columns * p.nodes_z { return i + columns; }

@@ -1,8 +1,8 @@
-//! What split cells (`split`) add to `w = A z`, and the rows of copies; `product` leaves both out.
+//! Contribution of split cells (`split`) to `w = A z`, and the rows of duplicate nodes; `product` leaves both out.
 //!
-//! `w_i += P_i s Σ_c (R_c K R_cᵀ z)_i` over the split cells at node `i`, for a copy with its inertia `m_i (1 + h r_M)/h² z_i` and from
-//! zero. A cut touches few cells, so they are looked up one by one: the shader gathers at each touched node, the twin takes as many cells
-//! at once as a register holds and scatters, by the same mirror blocks as `product`.
+//! `w_i += P_i s Σ_c (R_c K R_cᵀ z)_i` over the split cells at node `i`; for a duplicate with its inertia `m_i (1 + h r_M)/h² z_i`,
+//! starting from zero. A cut affects few cells, so they are processed individually: the shader gathers at each touched node, the twin
+//! processes as many cells at once as a register holds and scatters, with the same mirror blocks as `product`.
 //! Units: z m, w N, K N/m.
 
 use super::product::{LANES, Modes, cell_forces};
@@ -14,7 +14,7 @@ use crate::math::{Real, V3, V4};
 pub const SOURCE: Source =
     Source { name: "split_product", wgsl: include_str!("split_product.wgsl"), params: Params::<f32>::FIELDS };
 
-/// One slot; returns what is added to `z·w`.
+/// One right-hand side; returns the increment of `z·w`.
 pub fn split_product<R: Real>(
     params: &Params<R>,
     modes: &[Modes<R>], // [layer] N/m
@@ -49,7 +49,7 @@ struct Cells<'a, R> {
     w: &'a mut [V4<R>],
 }
 
-/// Corners of VTK's order by bits x + 2y + 4z.
+/// Corners in VTK's order from bits x + 2y + 4z.
 const BY_BITS: [usize; 8] = [0, 1, 3, 2, 4, 5, 7, 6];
 
 impl<R: Real> Task<R> for Cells<'_, R> {
@@ -63,9 +63,10 @@ impl<R: Real> Task<R> for Cells<'_, R> {
         let mut sum = R::zero();
         let mut first = 0;
         while first < cells.len() {
-            // as many as a register holds, of one layer
+            // cells of one layer, up to a full register
             let own = layer(cells[first]);
             let count = cells[first..].iter().take(L::COUNT).take_while(|cell| layer(**cell) == own).count();
+            // gather rotations and corner values, one cell per lane
             let mut at = [[[R::zero(); LANES]; 3]; 8];
             let mut q = [[R::zero(); LANES]; 4];
             for lane in 0..count {
@@ -79,6 +80,7 @@ impl<R: Real> Task<R> for Cells<'_, R> {
                     }
                 }
             }
+            // forces of the cells
             let zero = [lanes.splat(R::zero()); 3];
             let load = |v: &[R; LANES]| lanes.load(v);
             let force = cell_forces(
@@ -94,6 +96,7 @@ impl<R: Real> Task<R> for Cells<'_, R> {
                     lanes.store(force[c][n], &mut at[c][n]);
                 }
             }
+            // scatter to the nodes, in the order of the cells
             for lane in 0..count {
                 for c in 0..8 {
                     let node = corners[(first + lane) * 8 + BY_BITS[c]] as usize;

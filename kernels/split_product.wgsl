@@ -1,4 +1,4 @@
-// Adds to w = A z what split cells do, and the rows of copies. Twin: split_product.rs (formula and units there).
+// Adds split cells and the rows of duplicate nodes to w = A z. Twin: split_product.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<uniform> stiffness: array<mat3x3<f32>, 1344>;      // [layer × 64] blocks a×8+b, N/m
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;               // [cells_z] layer
@@ -24,7 +24,7 @@ fn force_on(i: u32, offset: u32) -> vec3<f32> {
         let r = rotation_matrix(rotation[cell]);
         var local = vec3<f32>(0.0);
         for (var b = 0u; b < 8u; b += 1u) {
-            // K does not see a shift
+            // K has no force for a translation
             local += stiffness[first + b] * ((z[offset + corner_node(params, at, b)].xyz - own) * r);
         }
         sum += r * local;

@@ -1,13 +1,13 @@
-//! Damped springs between node pairs, gathered per node: forces, and the tangents that `springs_product` multiplies with.
-//! A cut spring has stiffness and damping 0.
+//! Damped springs between node pairs, gathered per node: forces, and the tangents for `springs_product`. A cut spring has stiffness and
+//! damping 0.
 //!
-//! `f_i = −Σ_s k ε n`, `d = D + δ = x_j − x_i`, `n = d/|d|`: the force that the node must be held with, as in `forces`. The elongation
-//! `ε = e + (2 D·δ + δ·δ)/(|d| + |D|)` is `|d| − L` without its cancellation (`D` at rest, `δ = u_j − u_i`, `e = |D| − L` from f64): in
-//! f32 `|d| − L` knows the elongation to 10⁻⁷ of the length only, which leaves a true residual of 2·10⁻³ at rest. The damper
-//! `c (v_j − v_i)·n n` acts on the end of step's velocity `Δx/h` and therefore stands in the tangent alone:
-//! `T = a n nᵀ + b I`, `b = s k max(ε/|d|, 0)`, `a = s k + c/h − b`, `s = 1 + r_K/h`. The clamp keeps `A` positive definite when a
-//! spring is compressed (SOFA leaves it out).
-//! Source: Provot 1995 (springs of a grid), Baraff, Witkin 1998 (implicit). Differs: damping along the axis only, so spinning costs nothing.
+//! `f_i = −Σ_s k ε n`, `d = D + δ = x_j − x_i`, `n = d/|d|`: the internal force, as in `forces`. The elongation
+//! `ε = e + (2 D·δ + δ·δ)/(|d| + |D|)` is `|d| − L` without cancellation (`D` at rest, `δ = u_j − u_i`, `e = |D| − L` from f64): in f32,
+//! `|d| − L` has the elongation to 10⁻⁷ of the length only, which leaves a true residual of 2·10⁻³ at rest. The damper `c (v_j − v_i)·n n`
+//! acts on the velocity `Δx/h` at the end of the step and therefore enters the tangent only: `T = a n nᵀ + b I`, `b = s k max(ε/|d|, 0)`,
+//! `a = s k + c/h − b`, `s = 1 + r_K/h`. The clamp keeps `A` positive definite for compressed springs (SOFA does without it).
+//! Source: Provot 1995 (springs of a grid), Baraff, Witkin 1998 (implicit). Differs: damping along the axis only, so spinning costs
+//! nothing.
 //! Units: u m, e m, k N/m, c N·s/m, f N, T N/m.
 
 use super::{Params, Source};

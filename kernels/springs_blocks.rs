@@ -1,6 +1,6 @@
-//! The preconditioner's blocks of the spring body: `D_i = Σ_s T_s + m_i (1 + h r_M)/h² I`, `U_i = −T` of the spring to the node above.
+//! Preconditioner blocks of a spring body: `D_i = Σ_s T_s + m_i (1 + h r_M)/h² I`, `U_i = −T` of the spring to the node above.
 //!
-//! Packing, held axes and the choice of preconditioner as in `blocks`. Units: N/m.
+//! Packing, fixed axes and the choice of preconditioner as in `blocks`. Units: N/m.
 
 use super::blocks::{Block, finish, symmetric};
 use super::{Params, Source};
@@ -10,7 +10,7 @@ use crate::math::{M3, Real, V3, V4};
 pub const SOURCE: Source =
     Source { name: "springs_blocks", wgsl: include_str!("springs_blocks.wgsl"), params: Params::<f32>::FIELDS };
 
-/// Fills the blocks of every node.
+/// Computes the blocks of all nodes.
 pub fn springs_blocks<R: Real>(
     params: &Params<R>,
     first: &[u32],       // [node + 1] into half
@@ -19,7 +19,7 @@ pub fn springs_blocks<R: Real>(
     free: &[V4<R>],      // [node] 1 free, 0 held, per axis; mass kg
     block: &mut [V4<R>], // [node × 4] packed
 ) {
-    // tangents hold the step's stiffness factor already
+    // tangents include the step's stiffness factor
     let scaled = Params { stiffness_factor: R::one(), ..*params };
     for i in 0..params.node_count as usize {
         let above = i + (params.nodes_x * params.nodes_y) as usize;

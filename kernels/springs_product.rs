@@ -1,4 +1,4 @@
-//! Product with the system matrix of the spring body: `w = A z`, gathered per node, for each slot.
+//! Product with the system matrix of a spring body: `w = A z`, gathered per node, for each right-hand side.
 //!
 //! `w_i = P_i (Σ_s T_s (z_i − z_j) + m_i (1 + h r_M)/h² z_i)` with the tangents of `springs`. Units: z m, w N.
 
@@ -10,7 +10,7 @@ use crate::math::{Real, V3, V4};
 pub const SOURCE: Source =
     Source { name: "springs_product", wgsl: include_str!("springs_product.wgsl"), params: Params::<f32>::FIELDS };
 
-/// One slot; returns `z·w`.
+/// One right-hand side; returns `z·w`.
 pub fn springs_product<R: Real>(
     params: &Params<R>,
     first: &[u32],     // [node + 1] into half

@@ -1,8 +1,7 @@
 //! Vector updates of the conjugate gradients, one reduction per iteration (Chronopoulos, Gear 1989).
 //!
-//! First (`state` 1): `x = z`, `r −= w`, where `z` is the start and `w = A z`. Then, with `z = M⁻¹ r`, `w = A z`:
-//! `p = z + β p`, `s = w + β s`, `x += α p`, `r −= α s`.
-//! Leaves `r·r` of the new residual.
+//! First (`state` 1): `x = z`, `r −= w`, with the initial guess `z` and `w = A z`. Then, with `z = M⁻¹ r`, `w = A z`: `p = z + β p`,
+//! `s = w + β s`, `x += α p`, `r −= α s`. Returns `r·r` of the new residual.
 //! Units: x p z m; r s w N.
 
 use super::advance::Scalars;
@@ -14,7 +13,7 @@ use rayon::prelude::*;
 pub const SOURCE: Source =
     Source { name: "update", wgsl: include_str!("update.wgsl"), params: super::Params::<f32>::FIELDS };
 
-/// One slot; returns `r·r`.
+/// One right-hand side; returns `r·r`.
 pub fn update<R: Real>(
     scalars: &Scalars<R>,
     z: &[V4<R>],     // [node] m

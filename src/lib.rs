@@ -1,12 +1,12 @@
 //! cutis: layered skin that is pressed and cut with a haptic device, on any vendor's GPU or on the CPU.
 //!
 //! A [`Scene`](scene::Scene), read from a file or made in code, becomes a [`Model`](bodies::Model) per deformable body: flat arrays that never
-//! change during a run. A [`Backend`](backend::Backend) (CPU in f64 or f32, or GPU) holds the state of one body and runs kernels on it; each
-//! kernel exists twice, in WGSL and as its Rust twin ([`kernels`]). One time step is written once over `Backend` ([`step`]). It ends with a
-//! [`Reduced`](haptic::Reduced) contact problem, which the 1 kHz haptic loop solves again at each tick ([`haptic`]).
+//! change during a run. A [`Backend`](backend::Backend) (CPU in f64 or f32, or GPU) stores the state of one body and runs kernels on it; each
+//! kernel exists twice, in WGSL and as its Rust twin ([`kernels`]). The time step is written once, over `Backend` ([`step`]). It ends with a
+//! [`Reduced`](haptic::Reduced) contact problem, which the 1 kHz haptic loop solves at each tick ([`haptic`]).
 //!
 //! ```text
-//! scene (file | code) ─▶ model ─▶ backend (cpu | gpu): forces · free motion (matrix-free PCG) · cut
+//! scene (file | code) ─▶ model ─▶ backend (cpu | gpu): forces · unconstrained motion (matrix-free PCG) · cut
 //!                          │           ▲ few words back per step: positions near the tool, scalars of the solve
 //!      hand (recorded | device) ─▶ step: collide (parry3d) ─▶ rows ─▶ W, δ ─▶ contact law ─▶ correction ─▶ cut
 //!                          │                                └─ Reduced ─▶ haptic tick, 1 kHz ─▶ force
@@ -15,21 +15,21 @@
 //!
 //! | module | what it is | read there |
 //! | --- | --- | --- |
-//! | [`scene`] | plain data in SI, its reader, its check | every key: [`scene::keys`] |
-//! | [`kernels`] | one computation on flat arrays each, twice | formula, units, source |
-//! | [`mesh`] | the grid, its links and parts, its surface | how a cut parts cells and nodes |
-//! | [`bodies`] | bodies by kind: hexahedra, springs, rigid ones | elements, hyperelastic laws, multigrid, wounds |
-//! | [`collide`], [`constraints`] | contacts between any two bodies; the laws on them | blades, lips, cones; the contact solvers |
-//! | [`backend`], [`linear`], [`gpu`] | the state on a device and the solves | Newton's method; read-backs and launches |
+//! | [`scene`] | plain data in SI, reader, validation | all keys: [`scene::keys`] |
+//! | [`kernels`] | computations on flat arrays, in WGSL and Rust | formula, units, source |
+//! | [`mesh`] | the grid, its links, duplicated nodes and surface | how a cut separates cells and nodes |
+//! | [`bodies`] | bodies by kind: hexahedra, springs, rigid bodies | elements, hyperelastic laws, multigrid, wounds |
+//! | [`collide`], [`constraints`] | contacts between any two bodies; contact laws | blades, lips, normal cones; the contact solvers |
+//! | [`backend`], [`linear`], [`gpu`] | the state on a device, and solvers | Newton's method; read-backs and launches |
 //! | [`step`] | one time step over all bodies | the equations, contact, the state of a simulation |
 //! | [`haptic`] | devices and the 1 kHz loop | passivity, threads, the vendor's protocol |
-//! | [`runner`], `report`, `cli` | a run as a value, its observers, the program | report keys, studies |
+//! | [`runner`], `report`, `cli` | the run loop, its observers, the program | report keys, studies |
 //!
-//! Speed and error are measured together, in one run: `cutis study` keeps the errors of grid, step, solver and rounding apart; tables and
-//! curves, with the machines that they are of, are in `benches/results`.
+//! Speed and error are measured in the same run: `cutis study` separates the errors of grid, step, solver and rounding. Tables and curves,
+//! with the machines they were measured on, are in `benches/results`.
 //!
 //! # As a library
-//! `default-features = false` leaves the program, its files and pictures out. Load a scene, step it, read a force:
+//! `default-features = false` excludes the program, its files and pictures. Load a scene, step it, read a force:
 //!
 //! ```
 //! use cutis::scene::{Scene, incision};
@@ -44,7 +44,7 @@
 //! # Ok::<(), cutis::error::Error>(())
 //! ```
 //!
-//! Or build one in code, press it and cut it; what cannot run is refused with words:
+//! Or build a scene in code, press it and cut it; an invalid scene gives an error:
 //!
 //! ```
 //! use cutis::scene::{Blade, Boundary, Contact, Pose, Region, Scene, Skin, Tool};
@@ -73,7 +73,7 @@
 //! # Ok::<(), cutis::error::Error>(())
 //! ```
 //!
-//! Hold a tool by a device of one's own; [`runner`] gives it ticks at 1 kHz, in a thread by the wall clock if wanted:
+//! Attach your own device to a tool; [`runner`] calls it at 1 kHz, on request by the wall clock in a thread of its own:
 //!
 //! ```
 //! use cutis::error::Result;
@@ -110,7 +110,7 @@
 //! # Ok::<(), cutis::error::Error>(())
 //! ```
 //!
-//! Change a scene while it runs, keep a state and go back to it:
+//! Change a scene during a run, save a state and restore it:
 //!
 //! ```
 //! # use cutis::step::{Place, Simulation};
@@ -124,7 +124,7 @@
 //! # Ok::<(), cutis::error::Error>(())
 //! ```
 //!
-//! Compute on a device of the host program, beside what it draws:
+//! Compute on the host program's own wgpu device, which it may also use for drawing:
 //!
 //! ```no_run
 //! # fn host() -> (wgpu::Adapter, wgpu::Device, wgpu::Queue) { unimplemented!() }
@@ -147,11 +147,11 @@
 //! - SI units inside; scene keys carry their unit.
 //! - The GPU keeps displacements, not positions; buffers are flat arrays of scalars, vec2 or vec4.
 //! - One writer per array slot and a fixed order of sums. The CPU path gives the same bits on every x86-64 and aarch64 machine and for any
-//!   number of threads ([`math::wide`], [`math::elementary`]); a GPU repeats its own bits, and differs from others within stated bounds. Who
-//!   is left out: the sparse factor ([`bodies::grid::direct`]), pictures and plots.
-//! - Core WebGPU limits: 8 storage buffers a kernel, no subgroups, no f64. Sizes beyond a limit are refused with its name.
-//! - Solves stop at a residual relative to the step's load, never after a fixed count; what did not converge is counted.
-//! - Bad input is an [`Error`](error::Error) that says where, what and how to mend; a broken invariant of ours is an assertion.
+//!   number of threads ([`math::wide`], [`math::elementary`]); a GPU repeats its own bits, and differs from others within stated bounds.
+//!   Exceptions: the sparse factor ([`bodies::grid::direct`]), pictures and plots.
+//! - Core WebGPU limits: 8 storage buffers per kernel, no subgroups, no f64. A size beyond a limit is an error that names the limit.
+//! - Solves stop at a residual relative to the step's load, not after a fixed count; solves that did not converge are counted.
+//! - Bad input is an [`Error`](error::Error) that says where, what and how to fix it; a broken invariant of ours is an assertion.
 
 /// The version of wgpu that [`gpu::Gpu::from_wgpu`] takes devices of.
 pub use wgpu;

@@ -1,11 +1,11 @@
-//! Conjugate gradients on the CPU, from the kernels' twins: the same recurrences as the GPU runs, one slot at a time.
+//! Conjugate gradients on the CPU, from the kernels' twins: the same recurrences as on the GPU, one right-hand side at a time.
 
 use crate::kernels::advance::{Request, Scalars, advance};
 use crate::kernels::converge::converge;
 use crate::kernels::update::update;
 use crate::math::{Real, V4};
 
-/// Vectors of one right-hand side; `x` holds the start and then the solution, `r` the right-hand side and then the residual.
+/// Vectors of one right-hand side; `x` holds the initial guess and then the solution, `r` the right-hand side and then the residual.
 pub struct Slot<'a, R> {
     /// `[node]` m
     pub x: &'a mut [V4<R>],
@@ -21,26 +21,26 @@ pub struct Slot<'a, R> {
     pub w: &'a mut [V4<R>],
 }
 
-/// How a solve ended.
+/// Outcome of a solve.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// Iterations done.
     pub iterations: u32,
     /// Reached the target.
     pub converged: bool,
-    /// Residual norm as the recurrence has it, N.
+    /// Residual norm by the recurrence, N.
     pub residual: f64,
-    /// What was asked for, N.
+    /// Requested residual norm, N.
     pub target: f64,
 }
 
 impl Outcome {
-    /// Of a system that needs no iterations: whatever is asked for is met.
+    /// Outcome of a direct solution, which meets any target.
     pub fn exact() -> Self {
         Self { iterations: 0, converged: true, residual: 0.0, target: f64::INFINITY }
     }
 
-    /// Broken down before it had converged or used up its iterations: the matrix is not positive.
+    /// True if it broke down before it converged or reached its iteration limit: the matrix is not positive definite.
     pub fn broken(&self, max_iterations: u32) -> bool {
         !self.converged && self.iterations < max_iterations
     }
@@ -56,7 +56,7 @@ impl Outcome {
     }
 }
 
-/// Solves `A x = r` from the start `x`; `product` gives `w = A z` and `z·w`, `precondition` gives `z = M⁻¹ r` and `r·z`.
+/// Solves `A x = r` from the initial guess `x`; `product` computes `w = A z` and `z·w`, `precondition` computes `z = M⁻¹ r` and `r·z`.
 pub fn solve<R: Real>(
     slot: Slot<R>,
     request: &Request<R>,

@@ -12,7 +12,7 @@ use std::fmt::Debug;
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
 
-/// f32 or f64.
+/// Scalar type, f32 or f64.
 pub trait Real:
     Copy
     + Debug
@@ -90,7 +90,7 @@ macro_rules! real {
                 self.abs()
             }
             fn max(self, other: Self) -> Self {
-                // of 0 and −0 the method of std gives either, as the processor does
+                // of 0 and −0, std's method may return either, depending on the processor
                 if self.is_nan() || other > self { other } else { self }
             }
             fn min(self, other: Self) -> Self {
@@ -105,7 +105,7 @@ macro_rules! real {
 real!(f32, "f32", elementary::ln_f32, elementary::exp_f32);
 real!(f64, "f64", elementary::ln, elementary::exp);
 
-/// Four numbers as they lie in buffers.
+/// Four numbers as stored in buffers.
 pub type V4<R> = [R; 4];
 
 /// Numbers rounded to a precision.
@@ -118,12 +118,12 @@ pub fn widen<R: Real>(a: &[V4<R>]) -> Vec<V4<f64>> {
     a.iter().map(|v| v.map(Real::f64)).collect()
 }
 
-/// `max` that keeps what is not a number.
+/// Maximum that propagates NaN.
 pub fn larger(a: f64, b: f64) -> f64 {
     if a >= b { a } else { b }
 }
 
-/// Root of the sum of squares of a field's components, the fourth left out.
+/// Euclidean norm of a field, without the fourth components.
 pub fn norm(a: &[V4<f64>]) -> f64 {
     a.iter().map(|v| v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sum::<f64>().sqrt()
 }
@@ -144,15 +144,15 @@ impl<R: Real> V3<R> {
     pub fn new(x: R, y: R, z: R) -> Self {
         Self { x, y, z }
     }
-    /// Rounds an f64 triple.
+    /// Rounds a triple of f64.
     pub fn of(a: [f64; 3]) -> Self {
         Self::new(R::of(a[0]), R::of(a[1]), R::of(a[2]))
     }
-    /// The first three numbers of a buffer slot.
+    /// The first three numbers of a buffer entry.
     pub fn from4(a: V4<R>) -> Self {
         Self::new(a[0], a[1], a[2])
     }
-    /// As a buffer slot.
+    /// As a buffer entry, with the fourth number.
     pub fn pad(self, w: R) -> V4<R> {
         [self.x, self.y, self.z, w]
     }
@@ -252,7 +252,7 @@ impl<R: Real> M3<R> {
     pub fn determinant(self) -> R {
         self.0[0].dot(self.0[1].cross(self.0[2]))
     }
-    /// Inverse by cofactors; the caller knows that the matrix is regular.
+    /// Inverse by cofactors; the matrix must be regular.
     pub fn inverse(self) -> Self {
         let [a, b, c] = self.0;
         let (r0, r1, r2) = (b.cross(c), c.cross(a), a.cross(b));
@@ -296,7 +296,7 @@ impl<R: Real> Sub for M3<R> {
     }
 }
 
-/// `|q|²` times the rotation matrix of a quaternion (x, y, z, w): the rotation of a unit quaternion, 0 for a dead cell's.
+/// `|q|²` times the rotation matrix of a quaternion (x, y, z, w): the rotation for a unit quaternion, 0 for that of a removed cell.
 pub fn rotation_matrix<R: Real>(q: V4<R>) -> M3<R> {
     let two = R::of(2.0);
     let [x, y, z, w] = q;

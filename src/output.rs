@@ -1,9 +1,8 @@
 //! Result files: meshes for ParaView (`.vtu`), their times (`.pvd`) and tables (`.csv`).
 //!
-//! Meshes are VTK XML unstructured grids with inline base64 binary arrays in little-endian
-//! order, written through vtkio and read by ParaView and by vtkio. Coordinates are metres.
-//! A killed run leaves readable files: meshes and series are written beside their place and
-//! then renamed over it; tables are flushed in whole lines.
+//! Meshes are VTK XML unstructured grids with inline base64 binary arrays in little-endian order, written with vtkio and readable by
+//! ParaView and vtkio. Coordinates are metres. A killed run leaves readable files: meshes and series are written to temporary files and
+//! then renamed; tables are flushed in complete lines.
 
 use crate::error::{Error, Result};
 use serde::{Deserialize, Serialize};
@@ -21,7 +20,7 @@ use vtkio::model::{
 /// for each row would cost a system call per step.
 const ROWS_PER_FLUSH: usize = 64;
 
-/// Values on the points or cells of a mesh; the unit belongs in the field's name.
+/// Values on the points or cells of a mesh; the field's name contains the unit.
 #[derive(Clone, Copy, Debug)]
 pub enum Field<'a> {
     /// One number each: `[point]` or `[cell]`.
@@ -39,7 +38,7 @@ impl Field<'_> {
     }
 }
 
-/// Writes hexahedra to a `.vtu` file; an existing file is replaced at once.
+/// Writes hexahedra to a `.vtu` file; an existing file is replaced atomically.
 ///
 /// `points`: `[node]` m. `cells`: `[cell]` node ids in VTK's hexahedron order. Fields must have
 /// one value per point or cell, and ids must be in range, else [`Error::Vtk`]. Without cells or
@@ -101,7 +100,7 @@ fn write_grid<const N: usize>(
     replace(path, &bytes)
 }
 
-/// vtkio's form of cells of one type.
+/// Cells of one type in vtkio's form.
 fn vtk_cells<const N: usize>(cells: &[[u32; N]], cell_type: CellType) -> Cells {
     let ids = cells.as_flattened().iter();
     Cells {
@@ -113,7 +112,7 @@ fn vtk_cells<const N: usize>(cells: &[[u32; N]], cell_type: CellType) -> Cells {
     }
 }
 
-/// Adds `NumberOfCells="0"`: VTK refuses a file without it, and vtkio leaves it out when it is 0.
+/// Adds `NumberOfCells="0"`: VTK rejects a file without it, and vtkio omits it when it is 0.
 fn state_no_cells(bytes: &mut Vec<u8>) {
     let piece = b"<Piece ";
     let start = bytes.windows(piece.len()).position(|text| text == piece);
@@ -121,7 +120,7 @@ fn state_no_cells(bytes: &mut Vec<u8>) {
     bytes.splice(end..end, *b"NumberOfCells=\"0\" ");
 }
 
-/// vtkio's form of the fields, or what is wrong with them.
+/// Fields in vtkio's form, or the reason why they are invalid.
 fn attributes(fields: &[(&str, Field)], count: usize, of: &str) -> std::result::Result<Vec<Attribute>, String> {
     let mut attributes = Vec::with_capacity(fields.len());
     for (name, field) in fields {
@@ -138,7 +137,7 @@ fn attributes(fields: &[(&str, Field)], count: usize, of: &str) -> std::result::
     Ok(attributes)
 }
 
-/// Puts `bytes` at `path` so that a reader, or a killed run, sees the old file or the new one.
+/// Writes `bytes` to `path` atomically: a reader, or a killed run, sees the old file or the new one.
 pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut name = path.as_os_str().to_owned();
     name.push(".tmp");
@@ -150,7 +149,7 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     std::fs::rename(&temporary, path).map_err(|source| Error::Write { path: path.to_owned(), source })
 }
 
-/// A `.pvd` file: which mesh file belongs to which time.
+/// A `.pvd` file: mesh files with their times.
 #[derive(Clone, Debug)]
 pub struct Series {
     path: PathBuf,
@@ -158,12 +157,12 @@ pub struct Series {
 }
 
 impl Series {
-    /// An empty series. No file is written before the first [`Series::add`].
+    /// Empty series. No file is written before the first [`Series::add`].
     pub fn new(path: impl Into<PathBuf>) -> Self {
         Self { path: path.into(), entries: String::new() }
     }
 
-    /// Adds `file_name`, relative to the `.pvd` file, at `time_s` seconds and rewrites the file.
+    /// Adds `file_name`, relative to the `.pvd` file, at `time_s` seconds, and rewrites the file.
     pub fn add(&mut self, time_s: f64, file_name: &str) -> Result<()> {
         let file = escape(file_name);
         let time = shortest(time_s);
@@ -172,12 +171,12 @@ impl Series {
         self.write()
     }
 
-    /// Lines of the files so far.
+    /// Entries so far.
     pub fn entries(&self) -> &str {
         &self.entries
     }
 
-    /// Goes on with these lines; a file that names others is replaced.
+    /// Continues with these entries; replaces a file with others.
     pub fn resume(&mut self, entries: String) -> Result<()> {
         self.entries = entries;
         match self.entries.is_empty() {
@@ -205,8 +204,8 @@ fn escape(text: &str) -> String {
     text.replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// A CSV file with a header; each value is written with the fewest digits that read back to the
-/// same `f64`. Dropping it flushes; [`Table::finish`] also reports an error of that flush.
+/// A CSV file with a header; each value is written with the fewest digits that read back to the same `f64`. Dropping it flushes;
+/// [`Table::finish`] also reports an error of that flush.
 #[derive(Debug)]
 pub struct Table {
     path: PathBuf,
@@ -217,7 +216,7 @@ pub struct Table {
     kept: TableMark,
 }
 
-/// How far a table has come: its bytes and their checksum.
+/// Position in a table: its bytes so far and their checksum.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TableMark {
     bytes: u64,
@@ -247,7 +246,7 @@ const fn checksum_on(mut sum: u64, bytes: &[u8]) -> u64 {
 }
 
 impl Table {
-    /// Puts a file with the column names, with units in them, at `path`: never one without, whenever the program is killed.
+    /// Creates a file with the column names, which contain units, at `path`: atomically, so that it never lacks its header.
     pub fn create(path: &Path, columns: &[impl Borrow<str>]) -> Result<Self> {
         let header = columns.join(",") + "\n";
         replace(path, header.as_bytes())?;
@@ -263,7 +262,7 @@ impl Table {
         })
     }
 
-    /// Whether a file begins with what a table of these columns had written then.
+    /// Checks that a file begins with what a table of these columns had written at a mark.
     ///
     /// # Errors
     /// [`Error::TableUnfit`] for one that does not.
@@ -289,10 +288,10 @@ impl Table {
         if found == kept { Ok(()) } else { unfit("is of another run than the checkpoint") }
     }
 
-    /// Goes on with what a table had written then, as [`Table::verify`] has found it; what comes after it goes.
+    /// Continues a table at a mark checked by [`Table::verify`]; truncates what follows it.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// If the file cannot be written.
     pub fn reopen(path: &Path, columns: &[impl Borrow<str>], kept: TableMark) -> Result<Self> {
         let failed = |source| Error::Write { path: path.to_owned(), source };
         let opened = File::options().write(true).open(path).map_err(failed)?;
@@ -301,14 +300,14 @@ impl Table {
         Ok(Self { path: path.to_owned(), file, column_count: columns.len(), row_count: 0, line: String::new(), kept })
     }
 
-    /// How far it has come, all of its rows handed to the system.
+    /// Mark of the current position, with all rows flushed.
     pub fn kept(&mut self) -> Result<TableMark> {
         self.flush()?;
         Ok(self.kept)
     }
 
-    /// Adds a row, one value per column. Lines reach the file whole: each is handed to the buffer
-    /// in one piece, and the buffer is emptied between lines only.
+    /// Adds a row, one value per column. Lines reach the file complete: each is handed to the buffer in one piece, and the buffer is
+    /// emptied only between lines.
     ///
     /// # Panics
     /// If the number of values is not the number of columns.
@@ -317,7 +316,7 @@ impl Table {
         self.line.clear();
         for (column, &value) in values.iter().enumerate() {
             let comma = if column == 0 { "" } else { "," };
-            // + 0.0: which zero a maximum gives depends on the processor, and −0 would be written as such
+            // + 0.0 avoids −0: which zero a maximum returns depends on the processor
             write!(self.line, "{comma}{}", shortest(value + 0.0)).expect("a String takes any text");
         }
         self.line.push('\n');
@@ -331,7 +330,7 @@ impl Table {
         flushed.map_err(|source| self.error(source))
     }
 
-    /// Hands all rows so far to the system.
+    /// Flushes all rows so far.
     pub fn flush(&mut self) -> Result<()> {
         self.file.flush().map_err(|source| self.error(source))
     }
@@ -346,7 +345,7 @@ impl Table {
     }
 }
 
-/// The shortest text that reads back to the same value; very small and large ones as `1.5e-7`.
+/// Shortest text that reads back to the same value; very small and large ones as `1.5e-7`.
 fn shortest(value: f64) -> String {
     let size = value.abs();
     if size == 0.0 || (1e-5..1e16).contains(&size) || !size.is_finite() {

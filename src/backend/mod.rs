@@ -1,9 +1,10 @@
-//! A backend holds the state of the deformable body and runs kernels on it: [`CpuBackend`] in f32 or f64, [`GpuBackend`] in f32.
+//! A backend stores the state of one deformable body and runs kernels on it: [`CpuBackend`] in f32 or f64, [`GpuBackend`] in f32.
 //!
-//! One step, as `step` drives it: [`Backend::begin`] (rotations, forces, right-hand side, preconditioner), then [`Backend::solve`]
-//! for the free motion, for compliance columns and for the correction, their right-hand sides set by [`Backend::set_rows`], then
-//! [`Backend::finish`]. Arrays over right-hand sides are `[slot][node]`: slot [`FREE`] is the free motion, [`CORRECTION`] the contact
-//! correction, columns from [`FIRST_COLUMN`] on. Solutions stay in their slot and are the next solve's start.
+//! One step, as driven by `step`: [`Backend::begin`] (rotations, forces, right-hand side, preconditioner); [`Backend::solve`] for the
+//! unconstrained motion, for compliance columns and for the contact correction, whose right-hand sides [`Backend::set_rows`] sets; then
+//! [`Backend::finish`]. Arrays over right-hand sides are `[slot][node]`, where a slot is the index of a right-hand side: [`FREE`] is the
+//! unconstrained motion, [`CORRECTION`] the contact correction, compliance columns start at [`FIRST_COLUMN`]. A solution stays in its slot
+//! and is the initial guess of the next solve.
 
 mod cpu;
 mod gpu;
@@ -20,57 +21,57 @@ use crate::kernels::cut::Hit;
 use crate::linear::Outcome;
 use crate::math::V4;
 
-/// Slot of the free motion.
+/// Right-hand side index of the unconstrained motion.
 pub const FREE: usize = 0;
-/// Slot of the contact correction.
+/// Right-hand side index of the contact correction.
 pub const CORRECTION: usize = 1;
-/// First slot of the contact columns.
+/// Right-hand side index of the first compliance column.
 pub const FIRST_COLUMN: usize = 2;
 
-/// What a cut without the segments' places before the step would be.
+/// Assertion message: `cut` needs the segment positions that `finish(.., cuts = true)` saves.
 const NOT_KEPT: &str = "a cut follows a step that has kept where the segments were";
 
-/// Which arrays a scene needs.
+/// Arrays that a scene needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Needs {
-    /// There are tools: a correction slot, and bounds of the skin's tiles.
+    /// There are tools: allocate the correction and the bounding boxes of the skin's tiles.
     pub contact: bool,
-    /// Compliance columns that are solved at once; 0 with uncoupled correction.
+    /// Compliance columns solved at once; 0 for uncoupled correction.
     pub columns: usize,
-    /// Nodes near the tools whose values are picked from each column, at most.
+    /// Maximum number of nodes near the tools whose values are read from each column.
     pub near: usize,
     /// Segments can be cut.
     pub cutting: bool,
-    /// 3×3 blocks of `A` are read by the host (uncoupled correction).
+    /// The host reads 3×3 blocks of `A` (uncoupled correction).
     pub node_blocks: bool,
 }
 
 impl Needs {
-    /// Right-hand sides that are kept.
+    /// Number of stored right-hand sides.
     pub fn slots(&self) -> usize {
         if self.contact { FIRST_COLUMN + self.columns } else { 1 }
     }
 }
 
-/// What a slot is solved to.
+/// Stopping criterion of a solve.
 #[derive(Clone, Copy, Debug)]
 pub enum Target {
-    /// Relative to the step's load.
+    /// Residual norm relative to the step's load.
     OfLoad(f64),
     /// Residual norm, N.
     Absolute(f64),
-    /// The same, or as near to it as so many iterations come.
+    /// Residual norm, N, with a limit on the iterations.
     Loose(f64, u32),
 }
 
 impl Target {
-    /// Iterations at most, of those that the solver may take.
+    /// Maximum number of iterations, given the solver's own limit.
     pub fn iterations(self, most: u32) -> u32 {
         if let Self::Loose(_, own) = self { own.min(most) } else { most }
     }
 }
 
-/// A vector of a slot.
+/// Vector of a right-hand side.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Vector {
     /// N
@@ -79,25 +80,25 @@ pub enum Vector {
     Solution,
 }
 
-/// One slot of a solve.
+/// Solve request for one right-hand side.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted {
-    /// Slot number.
+    /// Right-hand side index.
     pub slot: usize,
-    /// When to stop.
+    /// Stopping criterion.
     pub target: Target,
 }
 
 /// Work on a law that is not linear, of one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Nonlinear {
-    /// Newton iterations; 0 where the step is one linearisation.
+    /// Newton iterations; 0 if the step is linearised once.
     pub iterations: u32,
-    /// Tangents that were not positive and had to be raised.
+    /// Number of indefinite tangents that had to be shifted.
     pub indefinite: u32,
 }
 
-/// The device's name for reports.
+/// Description of the device for reports.
 #[derive(Clone, Debug, Default)]
 pub struct Device {
     /// `cpu` or `gpu`.
@@ -108,66 +109,66 @@ pub struct Device {
     pub adapter: String,
     /// Driver and version; empty on the CPU.
     pub driver: String,
-    /// Runs on the CPU in the end.
+    /// True for a software adapter, which runs on the CPU.
     pub software: bool,
-    /// How the conjugate gradients sum: `compensated`, or `plain` where the device loses what compensates.
+    /// Summation in the conjugate gradients: `compensated`, or `plain` where the device's arithmetic defeats compensation.
     pub sums: &'static str,
-    /// Bytes on the device.
+    /// Size of the arrays on the device, bytes.
     pub device_bytes: u64,
 }
 
-/// Runs the kernels. Methods that read back wait for the device; the others may return before it is done.
+/// Runs the kernels for one body. Methods that read back wait for the device; the others may return earlier.
 pub trait Backend: Send {
-    /// What it runs on.
+    /// Description of the device.
     fn device(&self) -> Device;
     /// Sets the dead loads, `[node]` N.
     fn set_load(&mut self, load: &[[f64; 3]]);
-    /// Rotations, elastic forces, right-hand side of the free motion, preconditioner.
+    /// Starts a step: rotations, elastic forces, right-hand side of the unconstrained motion, preconditioner.
     ///
     /// # Errors
-    /// When the device fails, as every method here.
+    /// Here and in every method: if the device fails.
     fn begin(&mut self) -> Result<()>;
-    /// Sets the right-hand sides of columns: (slot, node, N) entries; slots named in `slots` are zeroed first, no entry occurs twice.
+    /// Sets right-hand sides of compliance columns from (slot, node, N) entries; zeroes `slots` first. No entry may occur twice.
     fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()>;
-    /// Sets a slot's right-hand side, `[node]` N, or its solution and next start, `[node]` m.
+    /// Sets a right-hand side, `[node]` N, or a solution, which is also the next initial guess, `[node]` m.
     fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()>;
-    /// Starts columns from zero instead of from what their slot last held.
+    /// Resets the initial guesses of these slots to zero.
     fn forget(&mut self, slots: &[usize]) -> Result<()>;
-    /// Solves slots together and picks values of `x` at (slot, node).
+    /// Solves several right-hand sides together and returns values of `x` at (slot, node).
     fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)>;
-    /// Writes the correction itself at some nodes (uncoupled correction), zero elsewhere, m.
+    /// Sets the correction directly at some nodes and to zero elsewhere, m (uncoupled correction).
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()>;
     /// Diagonal 3×3 blocks of `A` at nodes, by rows, N/m.
     fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>>;
-    /// Ends the step; `corrected` says that the correction slot counts, `cuts` that [`Backend::cut`] may follow: where the segments are
-    /// before the step is kept only then.
+    /// Ends the step. `corrected` adds the contact correction; `cuts` saves the segment positions before the step, as [`Backend::cut`]
+    /// needs them.
     fn finish(&mut self, corrected: bool, cuts: bool) -> Result<()>;
-    /// What a law that is not linear took since the last [`Backend::begin`].
+    /// Statistics of a nonlinear law since the last [`Backend::begin`].
     fn nonlinear(&self) -> Nonlinear {
         Nonlinear::default()
     }
     /// Displacements at nodes, m.
     fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
-    /// Least and greatest displacement of each tile ([`crate::kernels::bounds`]), m; the fourth component of the first is the number of
-    /// its nodes that are nowhere. Empty where there are no tools.
+    /// Minimum and maximum displacement of each tile ([`crate::kernels::bounds`]), m; the fourth component of the minimum counts non-finite
+    /// nodes. Empty without tools.
     fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>>;
-    /// Elastic forces at nodes as of the last [`Backend::begin`], N.
+    /// Elastic forces at nodes, from the last [`Backend::begin`], N.
     fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
-    /// Segments crossed by swept quads in the step just finished, in their order, each once; quads as four corners each, m. That step
-    /// must have kept where they were before it ([`Backend::finish`]).
+    /// Segments crossed by swept quads in the step just finished, each once, in ascending order; a quad is four corners, m. The step must
+    /// have saved the segment positions ([`Backend::finish`]).
     fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>>;
-    /// Puts the body where a step may start: `[node]` displacement, m, and velocity, m/s, and `[cell]` rotation, none of springs.
+    /// Sets the state at the start of a step: `[node]` displacement, m, and velocity, m/s, and `[cell]` rotation (empty for springs).
     fn set_state(&mut self, u: &[V4<f64>], v: &[V4<f64>], rotation: &[V4<f64>]) -> Result<()>;
-    /// Takes over what a cut has changed.
+    /// Applies the changes of a cut.
     fn remove(&mut self, removal: &Removal) -> Result<()>;
-    /// All state.
+    /// Reads the complete state.
     fn snapshot(&mut self) -> Result<Snapshot>;
-    /// The GPU that it runs on; none of the CPU path.
+    /// GPU of this backend; `None` on the CPU path.
     fn gpu(&self) -> Option<&Gpu> {
         None
     }
-    /// Hands over what is recorded and not yet submitted.
+    /// Submits recorded commands.
     fn flush(&mut self) {}
-    /// Solution of a slot, `[node]` m.
+    /// Solution of a right-hand side, `[node]` m.
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>>;
 }

@@ -1,46 +1,46 @@
-//! Newton's method for a step of a law that is not linear, on any backend.
+//! Newton's method for a step with a nonlinear law, on any backend.
 //!
-//! A step is the least of `Π(Δx) = ½ Δx·(inertia M + (r_K/h) K₀) Δx + σ (W(u + Δx) − f(u)·Δx) − b·Δx`, `σ` the integrator's share of the end
-//! (1, or ½ for Newmark), `K₀` the small-strain bricks turned with the cells, which Rayleigh's damping and the preconditioner take. Newton:
-//! `(inertia M + (r_K/h) K₀ + σ K_T) e = −∇Π`, solved by the conjugate gradients to a share of the residual that falls with it, so that
-//! convergence stays quadratic; then `Δx += t e`, `t` halved until `Π` falls enough (Armijo) and no cell is inside out. Where the
-//! gradients break down the tangent is not positive: `K₀` is added to it, ten times more each time, until they end (counted); what sufficed
-//! says what is tried first at the next iteration (Levenberg 1944, Marquardt 1963).
-//! Source: Nocedal, Wright 2006, chapters 3 and 7 (line search, inexact Newton); Eisenstat, Walker 1996 (the falling share).
+//! A step minimises `Π(Δx) = ½ Δx·(inertia M + (r_K/h) K₀) Δx + σ (W(u + Δx) − f(u)·Δx) − b·Δx`, with the integrator's end weight `σ` (1,
+//! or ½ for Newmark) and the rotated small-strain matrix `K₀` used for Rayleigh damping and preconditioning. Newton's method solves
+//! `(inertia M + (r_K/h) K₀ + σ K_T) e = −∇Π` by conjugate gradients to a fraction of the residual that decreases with it, so that
+//! convergence stays quadratic; then `Δx += t e`, `t` halved until `Π` decreases sufficiently (Armijo) and no cell is inverted. If the
+//! gradients break down, the tangent is indefinite: `K₀` is added with a factor that grows tenfold until they converge (counted). The
+//! factor that sufficed sets the first one of the next iteration (Levenberg 1944, Marquardt 1963).
+//! Source: Nocedal, Wright 2006, chapters 3 and 7 (line search, inexact Newton); Eisenstat, Walker 1996 (forcing terms).
 
 use crate::error::{Error, Result};
 use crate::linear::Outcome;
 
-/// Newton iterations of a step at most; 3 to 10 are usual, a bar that buckles by half its length takes 46.
+/// Maximum Newton iterations of a step; 3 to 10 are usual, a bar that buckles by half its length takes 46.
 const MOST: u32 = 100;
-/// Largest share of its residual that an iteration's solve leaves: less costs more inside, more costs more iterations.
+/// Largest forcing term: fraction of the residual that an inner solve may leave. Smaller costs inner, larger costs outer iterations.
 const SHARE: f64 = 0.1;
-/// Armijo's share of the promised fall.
+/// Armijo's fraction of the predicted decrease.
 const FALL: f64 = 1e-4;
-/// Halvings of a step at most: 10⁻⁹ of it.
+/// Maximum number of step halvings: down to 10⁻⁹ of the step.
 const HALVINGS: u32 = 30;
-/// First share of `K₀` that is added to a tangent that is not positive; ten times more is tried each time, up to the last.
+/// First factor of `K₀` added to an indefinite tangent; it grows tenfold with each attempt, up to `LAST`.
 pub(super) const SHIFT: f64 = 0.1;
-/// See [`SHIFT`].
+/// Largest factor; see [`SHIFT`].
 const LAST: f64 = 1e3;
-/// Least share that is tried first.
+/// Smallest first factor.
 const LEAST: f64 = 1e-4;
-/// Where a share has sufficed, this part of it is tried first at the next iteration: with a share that is larger than it must be, an
-/// iteration goes hardly further than one along the gradient.
+/// Part of a factor that sufficed, tried first in the next iteration. A factor larger than needed turns the Newton direction towards the
+/// gradient, with little progress per iteration.
 const LESS: f64 = 0.25;
 
-/// A body whose tangent may be raised.
+/// Body whose tangent can be shifted by `K₀`.
 pub(super) trait Raised {
-    /// Adds this share of `K₀` to its tangent from now on, in place of what was added before.
+    /// Sets the factor of `K₀` in the tangent.
     fn set_shift(&mut self, shift: f64);
-    /// Counts a tangent that was not positive.
+    /// Counts an indefinite tangent.
     fn count_indefinite(&mut self);
-    /// Iterations that a solve may take.
+    /// Iteration limit of a solve.
     fn max_iterations(&self) -> u32;
 }
 
-/// Solves with more and more of `K₀` in the tangent, `first` of it to begin with, until the gradients end. `solve` is told how often it was
-/// asked before; returns what it found in the end, the iterations of all, and the share that was added.
+/// Solves with increasing factors of `K₀`, starting with none and then `first`, until the gradients converge. `solve` gets the number of
+/// previous attempts. Returns the last result, the iterations of all attempts, and the factor used.
 pub(super) fn positive<B: Raised, T>(
     body: &mut B,
     first: f64,
@@ -61,37 +61,37 @@ pub(super) fn positive<B: Raised, T>(
     unreachable!("the last share returns")
 }
 
-/// What a place is worth.
+/// Trial point of the line search: potential, its rounding error, residual norm, predicted decrease.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Attempt {
     /// Π, J.
     pub potential: f64,
-    /// What rounding may have made of it, J.
+    /// Rounding error of Π, J.
     pub noise: f64,
     /// |∇Π|, N.
     pub size: f64,
-    /// `−∇Π·e` at the place before, for the direction `e` to this one, J.
+    /// Predicted decrease `−∇Π·e` for a full step, at the point before, J.
     pub promise: f64,
 }
 
-/// A body on its way to a step's solution: it stands at one place, has a direction, and tries others along it.
+/// Body in the line search: has a current point and a direction, and evaluates trial points along it.
 pub(super) trait Descent {
-    /// Tries the place at a share of the direction; `None` where a cell is inside out. At first there is no direction, and the place is the
-    /// step's start.
+    /// Evaluates the trial point at a step length; `None` if a cell is inverted. The first call, without a direction, is the start of the
+    /// step.
     fn attempt(&mut self, share: f64) -> Result<Option<Attempt>>;
-    /// Stands at the place that was tried last.
+    /// Makes the last trial point the current one.
     fn take(&mut self);
-    /// Solves for the direction from there until this residual is left, N; `shift` is what to add first to a tangent that is not positive.
-    /// Returns the iterations, and what was added in the end.
+    /// Computes the Newton direction, solved to this residual, N; `shift` is the first factor of `K₀` for an indefinite tangent. Returns
+    /// the iterations and the factor used.
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)>;
-    /// Norm of the step's load, N; known once a place was tried.
+    /// Norm of the step's load, N; known after the first trial point.
     fn load(&self) -> f64;
-    /// Names the cell that is inside out at the step's start.
+    /// Error that names the cell inverted at the start of the step.
     fn inside_out(&self) -> Error;
 }
 
-/// Goes on until the residual is `tolerance` of the load, or `floor`, N. Returns how it ended, with the iterations of all solves, and the
-/// number of Newton's own.
+/// Iterates until the residual is `tolerance` times the load, or `floor`, N. Returns the outcome with the iterations of all inner solves,
+/// and the number of Newton iterations.
 pub(super) fn newton(body: &mut impl Descent, tolerance: f64, floor: f64) -> Result<(Outcome, u32)> {
     let Some(mut here) = body.attempt(0.0)? else {
         return Err(body.inside_out());
@@ -107,7 +107,7 @@ pub(super) fn newton(body: &mut impl Descent, tolerance: f64, floor: f64) -> Res
         iterations += spent;
         shift = if added > 0.0 { (LESS * added).max(LEAST) } else { shift };
         let Some(next) = search(body, &here)? else {
-            break; // what is left is rounding
+            break; // only rounding error is left
         };
         body.take();
         here = next;
@@ -115,14 +115,14 @@ pub(super) fn newton(body: &mut impl Descent, tolerance: f64, floor: f64) -> Res
     Ok((Outcome { iterations, converged: here.size <= target, residual: here.size, target }, own))
 }
 
-/// The first of the halved steps that lets the potential fall; `None` where none does.
+/// Backtracking line search; `None` if no step length is accepted.
 fn search(body: &mut impl Descent, here: &Attempt) -> Result<Option<Attempt>> {
     let mut share = 1.0;
     for _ in 0..HALVINGS {
         if let Some(next) = body.attempt(share)? {
             let promised = share * next.promise;
             let falls = next.potential <= here.potential - FALL * promised;
-            // near the end a fall is below the potential's rounding, and the residual still tells
+            // close to the solution the decrease is below the rounding error of the potential; the residual still shows progress
             let unseen = promised < next.noise && next.size < here.size;
             let closer = share == 1.0 && next.size < 0.5 * here.size;
             if promised > 0.0 && (falls || closer || unseen) {

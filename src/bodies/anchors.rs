@@ -1,8 +1,8 @@
-//! Springs from nodes to their rest positions: which nodes, how stiff, and what they add to the system matrix and to the energy.
+//! Rest-shape springs (an elastic foundation): nodes, stiffness, and their terms in the system matrix and in the energy.
 //!
-//! `A` gains `k (1 + r_K/h)` on the diagonal of an anchored node, the same along each axis, as a mass of `k (1 + r_K/h) / ((1 + h r_M)/h²)`
-//! would (with another integrator, what [`Step`] has in place of these two): so the kernels of `A` are given that mass on top of the node's own, and weight and inertia on the right-hand side the own mass
-//! alone.
+//! A spring adds `k (1 + r_K/h)` to the diagonal of `A`, the same along each axis, and so does a mass of `k (1 + r_K/h) / ((1 + h r_M)/h²)`
+//! (for implicit Euler; [`Step`] has both factors for the others). The kernels that use `A` therefore get this equivalent mass on top of
+//! the nodal mass; weight and inertia on the right-hand side use the nodal mass alone.
 //! Units: N/m, kg, m.
 
 use super::{Model, Step};
@@ -10,22 +10,22 @@ use crate::math::{V3, V4};
 use crate::scene::Anchor;
 use std::collections::BTreeMap;
 
-/// Anchored nodes of a body.
+/// Rest-shape springs of a body.
 #[derive(Clone, Debug, Default)]
 pub struct Anchors {
-    /// Rising, each once.
+    /// Node ids in ascending order, without duplicates.
     pub nodes: Vec<u32>,
-    /// `[anchor]` N/m; where regions overlap their sum.
+    /// `[spring]` N/m; summed where regions overlap.
     pub stiffness: Vec<f64>,
 }
 
-/// `s²`: mass in `A` of a stiffness of 1 N/m.
+/// Equivalent mass per unit of stiffness in `A`, s².
 pub fn rate(step: &Step) -> f64 {
     step.stiffness_factor() / step.inertia()
 }
 
 impl Anchors {
-    /// From a scene's regions; `nodes_in` says which nodes one has.
+    /// From the scene's regions; `nodes_in` lists the nodes of one.
     pub fn new(list: &[Anchor], nodes_in: impl Fn(&Anchor) -> Vec<u32>) -> Self {
         let mut sum: BTreeMap<u32, f64> = BTreeMap::new();
         for anchor in list {
@@ -37,7 +37,7 @@ impl Anchors {
         Self { nodes, stiffness }
     }
 
-    /// Free axes and mass of a node as `A` has them; a node that has left the system (no mass) stays out.
+    /// DOF mask and mass of a node as in `A`; a node that has left the system (mass 0) is returned unchanged.
     pub fn in_system(&self, rate: f64, node: u32, free: V4<f64>) -> V4<f64> {
         let [x, y, z, mass] = free;
         match self.nodes.binary_search(&node) {
@@ -46,7 +46,7 @@ impl Anchors {
         }
     }
 
-    /// `[node]` the same of all nodes.
+    /// `[node]` DOF masks and masses of all nodes as in `A`.
     pub fn all_in_system(&self, rate: f64, free: &[V4<f64>]) -> Vec<V4<f64>> {
         let mut out = free.to_vec();
         for node in &self.nodes {
@@ -55,7 +55,7 @@ impl Anchors {
         out
     }
 
-    /// `½ Σ k |u|²` over the anchors whose nodes `stay` in the system, J.
+    /// `½ Σ k |u|²` over the springs whose nodes `stay` in the system, J.
     pub fn energy(&self, u: &[V4<f64>], stay: impl Fn(usize) -> bool) -> f64 {
         let one = |(node, k): (&u32, &f64)| {
             let d = V3::from4(u[*node as usize]);
@@ -66,7 +66,7 @@ impl Anchors {
 }
 
 impl Model {
-    /// `[node]` free axes and masses as `A` has them.
+    /// `[node]` DOF masks and masses as in `A`.
     pub fn in_system(&self) -> Vec<V4<f64>> {
         self.anchors.all_in_system(rate(&self.step), &self.free)
     }

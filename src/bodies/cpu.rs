@@ -1,4 +1,4 @@
-//! The seam between a kind of deformable body and the solves of the CPU path.
+//! Interface between a kind of deformable body and the solver on the CPU path.
 
 use super::Removal;
 use crate::error::Result;
@@ -6,19 +6,19 @@ use crate::kernels::Params;
 use crate::kernels::product::CellForces;
 use crate::math::{Real, V4};
 
-/// Vectors that a solve of one right-hand side works in beside its own.
+/// Work vectors for one right-hand side.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace<R> {
-    /// `[cell group]` of the product
+    /// `[cell group]` scratch of the product
     pub scratch: Vec<CellForces<R>>,
-    /// Levels of multigrid, finest first; empty before the first use.
+    /// Multigrid levels, finest first; empty before the first use.
     pub levels: Vec<LevelWork<R>>,
 }
 
-/// Vectors of one level of multigrid; the finest level's `r` and `z` are those of the conjugate gradients.
+/// Work vectors of one multigrid level; the finest level uses `r` and `z` of the conjugate gradients.
 #[derive(Clone, Debug, Default)]
 pub struct LevelWork<R> {
-    /// `[cell group]` of the product
+    /// `[cell group]` scratch of the product
     pub scratch: Vec<CellForces<R>>,
     /// `[node]` N
     pub r: Vec<V4<R>>,
@@ -30,10 +30,10 @@ pub struct LevelWork<R> {
     pub w: Vec<V4<R>>,
 }
 
-/// Applies `z = M⁻¹ r` for the conjugate gradients and returns `r·z`; any number of threads may ask at once.
+/// Applies `z = M⁻¹ r` for the conjugate gradients and returns `r·z`; may be called from any number of threads at once.
 pub type Preconditioner<'a, R> = Box<dyn Fn(&mut Vec<LevelWork<R>>, &[V4<R>], &mut [V4<R>]) -> R + Sync + 'a>;
 
-/// Point of the line search of Newton's method.
+/// Trial point of the line search in Newton's method.
 #[derive(Clone, Debug)]
 pub struct Trial<R> {
     /// Π, J.
@@ -42,22 +42,22 @@ pub struct Trial<R> {
     pub residual: Vec<V4<R>>,
 }
 
-/// How a step of a body is solved.
+/// Solution method for a step of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Solution {
-    /// Its equations are linear.
+    /// The equations are linear.
     Linear,
-    /// They are not, and are linearised once, at the step's start.
+    /// The equations are nonlinear and linearised once, at the start of the step.
     Linearised,
-    /// They are not, and are solved by Newton's method.
+    /// The equations are nonlinear and solved by Newton's method.
     Newton,
 }
 
-/// What a solve needs of a body: its forces, its matrix `A` and what stands for the inverse. `free` is `[node]` 1 free, 0 held, per axis, and
-/// mass as `A` has it, kg.
+/// Interface of a body to the solver: forces, product with the system matrix `A`, and preconditioner. `free` is `[node]` the DOF mask per
+/// axis (1 free, 0 fixed) and the mass as it enters `A`, kg.
 pub trait System<R: Real>: Send + Sync {
-    /// Elastic forces of a step at displacements `at`, `[node]` N, which are `u` unless the step is explicit; turns the elements as they
-    /// are at `u`.
+    /// Elastic forces at displacements `at`, `[node]` N; updates the element rotations at `u`. `at` differs from `u` only in an explicit
+    /// step.
     ///
     /// # Errors
     /// [`crate::error::Error::InsideOut`] of a hyperelastic body.
@@ -69,13 +69,13 @@ pub trait System<R: Real>: Send + Sync {
         f: &mut [V4<R>],
         scratch: &mut [CellForces<R>],
     ) -> Result<()>;
-    /// `[node]` velocities that a consistent mass sees, m/s; nothing where there is no room for them.
+    /// `[node]` velocities for a consistent mass, m/s: nodal mass times these is `M v`. Does nothing for other masses.
     fn mean_velocities(&self, _params: &Params<R>, _free: &[V4<R>], _v: &[V4<R>], _mean_v: &mut [V4<R>]) {}
-    /// Diagonal and sub-diagonal 3×3 blocks of `A` along columns, `[node × 4]` packed, N/m.
+    /// Diagonal and sub-diagonal 3×3 blocks of `A` along z-columns of nodes, `[node × 4]` packed, N/m.
     fn blocks(&self, params: &Params<R>, free: &[V4<R>], out: &mut [V4<R>]);
-    /// Prepares the preconditioner for the step; `block` has the columns' factors afterwards.
+    /// Updates the preconditioner for the step; leaves the factored columns in `block`.
     fn refresh(&mut self, params: &Params<R>, free: &[V4<R>], block: &mut [V4<R>]);
-    /// Prepares what stands for `A⁻¹` right before a solve.
+    /// Factors the direct solver's matrix before a solve; does nothing for other solvers.
     ///
     /// # Errors
     /// [`crate::error::Error::NotPositive`] of a matrix that has no factor.
@@ -91,43 +91,43 @@ pub trait System<R: Real>: Send + Sync {
         w: &mut [V4<R>],
         scratch: &mut [CellForces<R>],
     ) -> R;
-    /// What stands for `A⁻¹`.
+    /// Preconditioner, or the exact inverse of the direct solver.
     fn preconditioner<'a>(
         &'a self,
         params: &'a Params<R>,
         free: &'a [V4<R>],
         block: &'a [V4<R>],
     ) -> Preconditioner<'a, R>;
-    /// Vectors for one right-hand side.
+    /// Work vectors for one right-hand side.
     fn workspace(&self, params: &Params<R>) -> Workspace<R>;
-    /// Displacements of the points that segments end at, m.
+    /// Displacements of the segments' end points, m.
     fn points(&self, params: &Params<R>, u: &[V4<R>], points: &mut [V4<R>]);
-    /// Takes over what a cut has changed.
+    /// Applies the changes of a cut.
     fn take(&mut self, params: &Params<R>, removal: &Removal);
-    /// Nodes in use, of those that the parameters have room for.
+    /// Number of nodes in use, out of those that the parameters reserve.
     fn nodes_in_use(&self, params: &Params<R>) -> usize;
-    /// `[element]` rotations; empty where none are kept.
+    /// `[element]` rotations; empty where none are stored.
     fn rotations(&self) -> Vec<V4<f64>>;
-    /// Sets them.
+    /// Sets the rotations.
     fn set_rotations(&mut self, rotation: &[V4<f64>]);
-    /// `[spring]` law; empty where there are no springs.
+    /// `[spring]` law; empty without springs.
     fn law(&self) -> Vec<V4<f64>>;
-    /// Table of split nodes; empty where none can be split.
+    /// Table of split nodes; empty where no node can be split.
     fn split(&self) -> &[u32];
-    /// Bytes of matrices of elements that change.
+    /// Size of the stored tangent matrices, bytes.
     fn tangent_bytes(&self) -> usize {
         0
     }
-    /// How its steps are solved.
+    /// Solution method of a step.
     fn solution(&self) -> Solution {
         Solution::Linear
     }
-    /// Takes the tangents of elements at displacements, m.
+    /// Evaluates the element tangents at displacements, m.
     fn linearise(&mut self, _at: &[V4<f64>]) {}
-    /// Share of the small-strain matrix that is added to tangents that are not positive.
+    /// Sets the multiple of the small-strain matrix that is added when the tangent is not positive definite.
     fn set_shift(&mut self, _shift: f64) {}
-    /// Potential and residual at an increment `dx` from `u`, for the step's right-hand side `b` and forces `f` at its start; none where a
-    /// cell is inside out.
+    /// Potential and residual at `u + dx`, for the right-hand side `b` and the forces `f` at the start of the step; `None` if a cell is
+    /// inverted.
     ///
     /// # Errors
     /// As [`System::forces`].
@@ -136,11 +136,11 @@ pub trait System<R: Real>: Send + Sync {
     }
 }
 
-/// A step's start, as a trial point is measured from it.
+/// State at the start of a step, from which a trial point is measured.
 pub struct Start<'a, R> {
     /// Sizes and factors.
     pub params: &'a Params<R>,
-    /// `[node]` free axes and masses as `A` has them.
+    /// `[node]` DOF mask and mass as in `A`.
     pub free: &'a [V4<R>],
     /// `[node]` displacement, m
     pub u: &'a [V4<R>],

@@ -1,11 +1,10 @@
-//! What a body's state amounts to, in f64 on the CPU: energy, inverted cells, and the true residual of a step that some backend has
-//! solved.
+//! Diagnostics of a body's state, in f64 on the CPU: energy, inverted cells, and the true residual of a step solved by any backend.
 //!
-//! `E = ½ vᵀMv + E_elastic(u) − Σ m g·u − Σ f·u` over nodes, `f` the dead loads that act now: 0 for a body at rest in its rest shape
-//! without pre-strain. While loads and boundaries stay as they are and nothing touches, `E` is what implicit Euler takes from. A load that
-//! begins or ends changes it by `f·u`; what contacts, ties and moved boundaries hold is not in it.
-//! The elastic force is `R K d` and leaves out how the rotations change with `u`, so that it is the gradient of `E_elastic` for small
-//! strains alone (Müller, Gross 2004): strained by much, a body may gain or lose a share of `E` in the order of its strain.
+//! `E = ½ vᵀMv + E_elastic(u) − Σ m g·u − Σ f·u` over nodes, with the dead loads `f` that act now: 0 for a body at rest in its rest shape
+//! without pre-strain. With constant loads and boundary conditions and no contact, implicit Euler dissipates `E`. A load that begins or
+//! ends changes it by `f·u`. The potentials of contacts, bilateral constraints and moving boundaries are not included. The elastic force
+//! `R K d` omits the derivative of the rotations with respect to `u`, so it is the gradient of `E_elastic` for small strains only (Müller,
+//! Gross 2004). At large strains a body may gain or lose a fraction of `E` of the order of its strain.
 
 use super::{Model, rate};
 use crate::kernels::rotations::mean_gradient;
@@ -46,12 +45,12 @@ pub struct Solved {
     pub load: Vec<V4<f64>>,
     /// `[node]` contact forces of the step, N.
     pub contact: Vec<V4<f64>>,
-    /// `[node]` displacement increment that was found, m.
+    /// `[node]` displacement increment found, m.
     pub dx: Vec<V4<f64>>,
 }
 
-/// Elastic energy of a displacement field, J, that of the anchors, `½ Σ k |u|²`, with it; `rotation` as the kernels keep it (0 for dead
-/// cells), `law` of the springs as cut so far.
+/// Elastic energy of a displacement field with that of the rest-shape springs, `½ Σ k |u|²`, J; `rotation` as stored by the kernels (0 for
+/// removed cells), `law` of the springs after all cuts.
 pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64 {
     let mechanics = model.mechanics();
     let anchored = model.anchors.energy(u, |node| mechanics.stays(model, rotation, law, node));
@@ -95,13 +94,13 @@ pub fn inverted_cells(model: &Model, state: &Snapshot) -> u32 {
     cells.filter(|cell| !upright(*cell)).count() as u32
 }
 
-/// `|b + Jᵀλ − A Δx|` relative to the step's load (free motion's load and contact force), everything in f64.
+/// `|b + Jᵀλ − A Δx|` relative to the load of the step (unconstrained motion and contact forces), all in f64.
 pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
     let (rest, load) = residual(model, solved);
     if load == 0.0 { 0.0 } else { norm(&rest) / load }
 }
 
-/// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the step's load, N, everything in f64.
+/// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the load of the step, N, all in f64.
 pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
     let params = model.params::<f64>();
     let Snapshot { u, v, free, .. } = &solved.start;

@@ -1,10 +1,9 @@
-//! The seam between a kind of deformable body and a device: its arrays by the names that kernels use, and the dispatches of its forces, its
-//! product and its preconditioner.
+//! Interface between a kind of deformable body and a device: arrays under the names that kernels use, and the dispatches of forces, product
+//! and preconditioner.
 //!
-//! A dispatch takes a fixed number of threads, or one for each node or column that is in use. What no copy has been taken for yet
-//! ([`crate::kernels::split`]) is at the end of all arrays over nodes. Nothing runs there, so what the first step finds there stays: zeros in
-//! partial sums and vectors, and in the columns' blocks the identity, which factors to itself; a workgroup that reaches past the last
-//! node in use meets that.
+//! A dispatch has a fixed number of threads, or one per node or column in use. Unused duplicate nodes ([`crate::kernels::split`]) are at
+//! the end of all nodal arrays. No kernel runs there, so their initial values persist: zeros in partial sums and vectors, and identity
+//! blocks in the columns, which are their own factors. A workgroup that extends beyond the last node in use reads these values.
 
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
@@ -13,10 +12,10 @@ use crate::kernels::bounds::tile_count;
 use crate::kernels::{GROUP, Params, Source};
 use crate::math::{M3, V4};
 
-/// A kernel with its arrays, and how many threads it takes.
+/// Bound kernel and its number of threads.
 pub type Dispatch = (Bound, usize);
 
-/// Arrays by name; of two with one name the later counts.
+/// Arrays by name; if a name occurs twice, the later entry is used.
 #[derive(Clone, Default)]
 pub struct Arrays(Vec<(&'static str, Buffer)>);
 
@@ -25,7 +24,7 @@ impl Arrays {
     pub fn of(buffers: &[Buffer]) -> Self {
         Self(buffers.iter().map(|b| (b.name, b.clone())).collect())
     }
-    /// These and more.
+    /// Appends more arrays.
     pub fn joined(&self, more: &Self) -> Self {
         Self(self.0.iter().chain(&more.0).cloned().collect())
     }
@@ -33,14 +32,14 @@ impl Arrays {
     pub fn one(name: &'static str, buffer: &Buffer) -> Self {
         Self(vec![(name, buffer.clone())])
     }
-    /// The array of a name.
+    /// Array with a given name.
     pub fn get(&self, name: &str) -> Option<Buffer> {
         self.0.iter().rev().find(|(n, _)| *n == name).map(|(_, buffer)| buffer.clone())
     }
-    /// Binds what a kernel names.
+    /// Binds the arrays that a kernel names.
     ///
     /// # Errors
-    /// When the kernel does not compile.
+    /// If the kernel does not compile.
     pub fn bind(&self, gpu: &Gpu, source: &Source, more: &[(&'static str, &Buffer)]) -> Result<Bound> {
         let list: Vec<(&str, &Buffer)> =
             self.0.iter().map(|(name, buffer)| (*name, buffer)).chain(more.iter().copied()).collect();
@@ -48,31 +47,31 @@ impl Arrays {
     }
 }
 
-/// Makes buffers and adds up their bytes.
+/// Allocates buffers and counts their bytes.
 pub struct Maker<'a> {
     /// The device.
     pub gpu: &'a Gpu,
-    /// Of all that was made.
+    /// Total size of the buffers, bytes.
     pub bytes: u64,
-    /// What changes with the first cut.
+    /// Buffers that change at the first cut.
     pub reserved: Reserved,
 }
 
-/// What does not know of a reserve of copies until the first of them is taken.
+/// Buffers that ignore the reserve of duplicate nodes until the first one is used.
 #[derive(Default)]
 pub struct Reserved {
-    /// Parameter blocks, as they will be.
+    /// Parameter blocks with their values after the first cut.
     pub blocks: Vec<(Params<f32>, Buffer)>,
-    /// Sums over columns, which are counted otherwise then.
+    /// Partial sums over columns, whose number changes at the first cut.
     pub sums: Vec<Buffer>,
 }
 
 impl<'a> Maker<'a> {
-    /// Nothing made yet.
+    /// No buffers yet.
     pub fn new(gpu: &'a Gpu) -> Self {
         Self { gpu, bytes: 0, reserved: Reserved::default() }
     }
-    /// A parameter block. Until the first cut it knows of no reserve of copies, so that no kernel looks for one.
+    /// Parameter block. Until the first cut it declares no duplicate columns, so kernels do not search for them.
     pub fn params(&mut self, params: &Params<f32>) -> Buffer {
         let buffer = self.uniform("params", 0, &Params { extra_columns: 0, ..*params }.words());
         if params.extra_columns > 0 {
@@ -80,7 +79,7 @@ impl<'a> Maker<'a> {
         }
         buffer
     }
-    /// A uniform block.
+    /// Uniform block.
     pub fn uniform(&mut self, name: &'static str, bytes: usize, data: &[u32]) -> Buffer {
         let buffer = self.gpu.uniform(name, bytes, data);
         self.bytes += buffer.bytes;
@@ -89,16 +88,16 @@ impl<'a> Maker<'a> {
     /// Zeroed vectors.
     ///
     /// # Errors
-    /// When they pass a limit of the adapter.
+    /// If they exceed a limit of the adapter.
     pub fn vec4(&mut self, name: &'static str, count: usize) -> Result<Buffer> {
         let buffer = self.gpu.array::<V4<f32>>(name, count)?;
         self.bytes += buffer.bytes;
         Ok(buffer)
     }
-    /// An array of these values.
+    /// Array with the given values.
     ///
     /// # Errors
-    /// When it passes a limit of the adapter.
+    /// If it exceeds a limit of the adapter.
     pub fn of<T: bytemuck::NoUninit>(&mut self, name: &'static str, data: &[T]) -> Result<Buffer> {
         let buffer = self.gpu.array_of(name, data)?;
         self.bytes += buffer.bytes;
@@ -108,20 +107,20 @@ impl<'a> Maker<'a> {
 
 /// Arrays and kernels of a body on a device. `arrays` are those of the whole body by name, `main` is its parameter block.
 pub trait Recorded {
-    /// Its own arrays that kernels share by name.
+    /// Arrays of this kind that kernels share by name.
     fn shared(&self) -> Arrays;
-    /// `[element]` rotations of cells, or law of springs.
+    /// `[element]` rotations of cells, or laws of springs.
     fn elements(&self) -> Buffer;
-    /// `[node]` velocities that a consistent mass sees; none of another.
+    /// `[node]` velocities for a consistent mass; `None` for other masses.
     fn mean_velocities(&self) -> Option<Buffer>;
-    /// Elastic forces at `at`, which is where the body is unless the step is explicit.
+    /// Elastic forces at `at`; `None` for the current displacements, which all but explicit steps use.
     ///
     /// # Errors
-    /// When a kernel does not compile, as every method here, or an array passes a limit of the adapter.
+    /// Here and in every method: if a kernel does not compile or an array exceeds a limit of the adapter.
     fn forces(&self, gpu: &Gpu, arrays: &Arrays, main: &Buffer, at: Option<&Buffer>) -> Result<Vec<Dispatch>>;
-    /// Diagonal and sub-diagonal blocks of `A` along columns, with `more` in place of the body's arrays.
+    /// Diagonal and sub-diagonal blocks of `A` along z-columns; `more` overrides arrays of the body.
     fn blocks(&self, gpu: &Gpu, arrays: &Arrays, more: &[(&'static str, &Buffer)]) -> Result<Bound>;
-    /// `w = A z` for the slots that the parameters say.
+    /// `w = A z` for the right-hand sides that the parameters select.
     fn product(
         &mut self,
         made: &mut Maker,
@@ -129,8 +128,8 @@ pub trait Recorded {
         params: &Params<f32>,
         main: &Buffer,
     ) -> Result<Vec<Dispatch>>;
-    /// Makes what the preconditioner has beside the columns' factors, and lists what refreshes it in each step; `sums` are the arrays of
-    /// the conjugate gradients that all levels share.
+    /// Creates the arrays of the preconditioner besides the factored columns and returns the dispatches that update it in each step; `sums`
+    /// are the arrays of the conjugate gradients that all levels share.
     fn refresh(
         &mut self,
         made: &mut Maker,
@@ -139,58 +138,58 @@ pub trait Recorded {
         params: &Params<f32>,
         main: &Buffer,
     ) -> Result<Vec<Dispatch>>;
-    /// `z = M⁻¹ r` by more than the columns' factors; none where these are all.
+    /// `z = M⁻¹ r` where the preconditioner is more than the factored columns; `None` otherwise.
     fn precondition(&self, made: &mut Maker, params: &Params<f32>) -> Result<Option<Vec<Dispatch>>>;
-    /// Displacements of the points that segments end at, of the body's nodes at `u`; none where these are the nodes themselves.
+    /// Displacements of the segments' end points from the nodal displacements `u`; `None` where the end points are nodes.
     fn points(&self, gpu: &Gpu, main: &Buffer, u: &Buffer, to: &Buffer) -> Result<Option<Dispatch>>;
-    /// Table of split nodes as it is at first; none where no node can be split.
+    /// Table of split nodes with its initial values; `None` where no node can be split.
     fn split(&self) -> Option<(Buffer, Vec<u32>)>;
-    /// What a law that is not linear needs beside, once all dispatches were asked for; `x` has the solution.
+    /// Arrays of a nonlinear law, requested after all dispatches; `x` holds the solution.
     fn nonlinear(&mut self, made: &mut Maker, arrays: &Arrays, x: &Buffer) -> Result<Option<NonlinearLaw>>;
 }
 
-/// Arrays and kernels of a law that is not linear.
+/// Arrays and kernels of a nonlinear law.
 pub struct NonlinearLaw {
-    /// Share of the change of forces over a step that it sees.
+    /// Fraction of the change of elastic forces over a step that enters the step.
     pub end_share: f64,
     /// `r_K/h`
     pub damping: f64,
-    /// Parameter blocks of the small-strain products, which have `damping` and what is added to tangents that are not positive.
+    /// Parameter blocks of the small-strain products: their factor is `damping` plus the shift for indefinite tangents.
     pub blocks: Vec<(Params<f32>, Buffer)>,
     /// `[cell]` J
     pub energy: Buffer,
     /// The step's right-hand side, `[node]` N.
     pub b: Buffer,
-    /// What Newton's method needs; none where a step is one linearisation.
+    /// Kernels of the line search; `None` where each step is linearised once.
     pub search: Option<Search>,
 }
 
-/// Arrays and kernels that say what a point on the way to a step's solution is worth.
+/// Arrays and kernels that evaluate a trial point of the line search.
 pub struct Search {
-    /// Parameter block with the share of the direction.
+    /// Parameter block with the step length.
     pub gain: Buffer,
-    /// In their order.
+    /// Kernels, in order.
     pub kernels: Vec<Dispatch>,
-    /// `[node]` increment where it stands, and what was tried, m.
+    /// `[node]` increment at the current and at the trial point, m.
     pub dx: [Buffer; 2],
-    /// `[node]` −∇Π of both, N.
+    /// `[node]` residual −∇Π at both points, N.
     pub rest: [Buffer; 2],
-    /// `[group]` `−∇Π·e`, J.
+    /// `[group]` predicted decrease `−∇Π·e`, e the search direction, J.
     pub promise: Buffer,
-    /// `[group]` share of Π, J, and `|∇Π|²`, N².
+    /// `[group]` partial sums of Π, J, and of `|∇Π|²`, N².
     pub balance: Buffer,
-    /// `[group]` squares of the step's load, N².
+    /// `[group]` partial sums of the squared load of the step, N².
     pub load: Buffer,
 }
 
-/// Threads of a dispatch over the nodes in use, copies too.
+/// Thread count of a dispatch over the nodes in use, duplicates included.
 const NODES: usize = usize::MAX;
 /// The same over columns.
 const COLUMNS: usize = usize::MAX - 1;
-/// The same over the nodes of split cells.
+/// The same over nodes of split cells.
 pub const TOUCHED: usize = usize::MAX - 2;
 
-/// Threads of a dispatch over the nodes of a body or of a level.
+/// Thread count of a dispatch over the nodes of a body or of a level.
 pub fn over_nodes(params: &Params<f32>) -> usize {
     if params.extra_columns > 0 { NODES } else { params.node_count as usize }
 }
@@ -200,10 +199,10 @@ pub fn over_columns(params: &Params<f32>) -> usize {
     if params.extra_columns > 0 { COLUMNS } else { params.columns() }
 }
 
-/// What of a body is in use.
+/// Parts of a body's arrays that are in use.
 #[derive(Clone, Copy)]
 pub struct InUse {
-    /// Nodes, copies too.
+    /// Number of nodes, duplicates included.
     pub nodes: usize,
     columns: usize,
     touched: usize,
@@ -211,7 +210,7 @@ pub struct InUse {
 }
 
 impl InUse {
-    /// By the table of split nodes.
+    /// Counts from the table of split nodes.
     pub fn new(params: &Params<f32>, split: &[u32]) -> Self {
         let nodes = params.nodes_in_use(split);
         Self {
@@ -222,7 +221,7 @@ impl InUse {
         }
     }
 
-    /// Threads of a dispatch.
+    /// Number of threads for a thread count, which may be symbolic.
     pub fn threads(&self, of: usize) -> usize {
         match of {
             NODES => self.nodes,
@@ -232,13 +231,13 @@ impl InUse {
         }
     }
 
-    /// Threads of the boxes of the tiles, and the bytes that they leave.
+    /// Number of threads for the bounding boxes of the tiles, and the size of the result, bytes.
     pub fn tiles(&self) -> (usize, u64) {
         (self.tiles * GROUP as usize, self.tiles as u64 * 32)
     }
 }
 
-/// Blocks of columns that nothing has run over, of so many nodes.
+/// Initial column blocks for `nodes` nodes: identity on the diagonal, zero below.
 pub fn untouched(nodes: usize) -> Vec<V4<f32>> {
     std::iter::repeat_n(pack(Block { d: M3::identity(), g: M3::zero() }), nodes).flatten().collect()
 }

@@ -1,9 +1,9 @@
-//! Bodies by kind: what a deformable body is made of (hexahedra on a grid, springs), and rigid ones.
+//! Bodies by kind: deformable bodies (hexahedra on a grid, spring networks) and rigid bodies.
 //!
-//! A kind is one folder: its arrays and its mechanics on the host in f64 ([`Mechanics`]), what a solve needs of it on the CPU path
-//! ([`cpu::System`]) and on a device ([`gpu::Recorded`]), and what a cut does to it. What all kinds have is a [`Model`]: nodes with
-//! masses, held axes and loads, flat arrays that never change during a run. The rest of the program sees a [`Model`], its [`Wound`] and
-//! these seams, never what the body is made of. Both kinds of today stand on a regular [`Grid`].
+//! Each kind is one folder. It holds the arrays and the mechanics on the host in f64 ([`Mechanics`]), the interface to the solver on the
+//! CPU path ([`cpu::System`]) and on a device ([`gpu::Recorded`]), and the effect of a cut. All kinds share a [`Model`]: nodes with masses,
+//! Dirichlet conditions and loads, in flat arrays that never change during a run. The rest of the program sees the [`Model`], its [`Wound`]
+//! and these interfaces, never the elements. Both present kinds use a regular [`Grid`].
 
 mod anchors;
 pub mod cpu;
@@ -34,19 +34,19 @@ use gpu::{Maker, Recorded};
 use grid::Hexahedra;
 use springs::Springs;
 
-/// Layers that one uniform binding of element matrices holds (64 KiB of core WebGPU / 3 KiB each).
+/// Maximum number of layers: one uniform binding holds their element matrices (64 KiB in core WebGPU, 3 KiB each).
 pub const MAX_LAYERS: usize = 21;
 
-/// What a deformable body is made of.
+/// Elements of a deformable body.
 #[derive(Clone, Debug)]
 pub enum Kind {
-    /// Cells of the grid with a stiffness each.
+    /// Hexahedral cells of the grid, each with a stiffness matrix.
     Hexahedra(Box<Hexahedra>),
     /// Springs between the corners of the grid's cells.
     Springs(Box<Springs>),
 }
 
-/// How many of what a body is made of.
+/// Number of elements of each kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Elements {
     /// Hexahedra.
@@ -55,41 +55,42 @@ pub struct Elements {
     pub spring_count: usize,
 }
 
-/// What a blade cuts: pairs of points, and where these are at rest, m.
+/// Segments that a blade can cut: pairs of points with their rest positions, m.
 #[derive(Clone, Debug, Default)]
 pub struct Segments {
-    /// `[segment]` points; both the same where there is nothing to cut.
+    /// `[segment]` points; equal where there is nothing to cut.
     pub ends: Vec<[u32; 2]>,
     /// `[point]` m
     pub rest: Vec<[f64; 3]>,
 }
 
-/// What a kind of deformable body is to the host, in f64.
+/// Mechanics of a deformable body on the host, in f64.
 pub trait Mechanics {
-    /// How many of what it is made of.
+    /// Number of elements.
     fn elements(&self, model: &Model) -> Elements;
-    /// `[node of the grid]` how many elements are around it.
+    /// `[node of the grid]` number of elements around it.
     fn around_nodes(&self, model: &Model) -> Vec<u32>;
-    /// Elements that keep a rotation from step to step.
+    /// Number of elements that store a rotation from step to step.
     fn rotation_count(&self, model: &Model) -> usize;
-    /// What a blade cuts.
+    /// Segments that a blade can cut.
     fn segments(&self, model: &Model) -> Segments;
-    /// How many of these there are.
+    /// Number of segments.
     fn segment_count(&self, model: &Model) -> usize;
-    /// Columns of copies that a cut may split nodes into ([`crate::kernels::split`]).
+    /// Columns of duplicate nodes reserved for cuts ([`crate::kernels::split`]).
     fn extra_columns(&self) -> usize;
-    /// The step's forces follow the rotations of its elements.
+    /// True if the forces of a step use the rotations of the elements.
     fn corotational(&self) -> bool;
-    /// Partial sums that a product leaves for each right-hand side.
+    /// Number of partial sums that a product writes per right-hand side.
     fn product_groups(&self, model: &Model) -> usize;
-    /// The same as solves to the limit of f64 want it: by a factor where there is one.
+    /// The same body for reference solves at the limit of f64: with the direct solver where there is one.
     fn exact(&self) -> Kind;
-    /// Bytes of its arrays on the host.
+    /// Size of the arrays on the host, bytes.
     fn host_bytes(&self) -> usize;
-    /// Elastic energy of displacements, J; `rotation` as the kernels keep it (0 for dead cells), `law` of springs as cut so far.
+    /// Elastic energy at displacements `u`, J; `rotation` as stored by the kernels (0 for removed cells), `law` of the springs after all
+    /// cuts.
     fn energy(&self, model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64;
-    /// Elastic forces of a step at displacements `at`, and what the step's matrix, whose nodes are `in_system`, makes of the increment
-    /// that was found, `[node]` N.
+    /// Elastic forces of a step at displacements `at`, and the product of the step's matrix with the increment found, `[node]` N;
+    /// `in_system` has the DOF masks and masses of that matrix.
     fn forces_and_product(
         &self,
         model: &Model,
@@ -101,73 +102,75 @@ pub trait Mechanics {
     fn rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>>;
     /// Whether a live element holds a node in the system; `rotation` and `law` as for the energy.
     fn stays(&self, model: &Model, rotation: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool;
-    /// Takes hits (in the order of segments) over into a wound; returns what has to go.
+    /// Applies hits (sorted by segment) to a wound; returns the changes for the backend.
     fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal;
-    /// Pieces that the body has fallen into; none where they are not counted.
+    /// Number of connected pieces of the body; `None` where they are not counted.
     fn pieces(&self, wound: &Wound) -> Option<usize>;
-    /// Mass of the elements that a cut has left, kg.
+    /// Mass of the remaining elements, kg.
     fn mass_left(&self, model: &Model, wound: &Wound) -> f64;
-    /// `√(π E′ G / 2)` of a layer, N/m^1.5, for the toughness `G` and `E′ = E/(1 − ν²)`: see [`Model::splitting`].
+    /// `√(π E′ G / 2)` of a layer, N/m^1.5, with toughness `G` and `E′ = E/(1 − ν²)`: see [`Model::splitting`].
     fn splitting(&self, layer: &crate::scene::Layer) -> f64;
-    /// Its arrays and kernels on a device, where `u` has the displacements.
+    /// Arrays and kernels of the body on a device; `u` holds the displacements.
     ///
     /// # Errors
-    /// When an array passes a limit of the adapter, or the scene's solver does not run there.
+    /// If an array exceeds a limit of the adapter, or the scene's solver does not run on a device.
     fn recorded(&self, model: &Model, made: &mut Maker, u: &Buffer, params: &Params<f32>) -> Result<Box<dyn Recorded>>;
 }
 
 /// A deformable body.
 #[derive(Clone, Debug)]
 pub struct Model {
-    /// Number in the scene's list of deformable bodies.
+    /// Index in the scene's list of deformable bodies.
     pub body: usize,
-    /// Where the middle of the grid's bottom is at rest, m.
+    /// Rest position of the centre of the grid's bottom face, m.
     pub position: [f64; 3],
-    /// Geometry, around its own origin.
+    /// Grid, in the body's own frame.
     pub grid: Grid,
-    /// `[layer]` cell edges m and the mass that a cell gives each corner, kg.
+    /// `[layer]` cell edges, m, and the mass that a cell gives each corner, kg.
     pub shape: Vec<[f64; 4]>,
-    /// What it is made of.
+    /// Elements.
     pub kind: Kind,
-    /// Where the mass lies; `free` has the sums over rows of M.
+    /// Mass discretisation; `free` holds the row sums of M.
     pub mass: Mass,
     /// `[node of the grid]` rest position, m.
     pub rest: Vec<[f64; 3]>,
-    /// `[node]` 1 free or 0 held, per axis, and mass, kg, of the uncut body; zero in the reserve of copies, which follows the grid.
+    /// `[node]` DOF mask per axis (1 free, 0 fixed) and mass of the uncut body, kg; zero for the reserve of duplicate nodes, which follows
+    /// the grid's.
     pub free: Vec<[f64; 4]>,
-    /// Springs to rest positions.
+    /// Rest-shape springs.
     pub anchors: Anchors,
-    /// `[node]` displacement of held axes, m.
+    /// `[node]` prescribed displacement of fixed axes, m.
     pub held: Vec<[f64; 3]>,
     /// `[layer]` J/m²
     pub toughness: Vec<f64>,
-    /// `[layer]` `√(π E′ G / 2)`, N/m^1.5, with the toughness `G` and `E′ = E/(1 − ν²)`: a pair of forces per length that wedges a crack open
-    /// at a distance `d` behind its front makes it run on by itself at `√d` times this. Springs have no such modulus: infinite.
+    /// `[layer]` `√(π E′ G / 2)`, N/m^1.5, with toughness `G` and `E′ = E/(1 − ν²)`: a pair of forces per length that wedges a crack open
+    /// at a distance `d` behind its front drives the crack when it exceeds `√d` times this value. Infinite for springs, which have no
+    /// modulus.
     /// Source: Tada, Paris, Irwin, The Stress Analysis of Cracks Handbook, `K = 2P/√(2πd)`.
     pub splitting: Vec<f64>,
-    /// Step, gravity, damping, preconditioner.
+    /// Step size, gravity, damping, preconditioner.
     pub step: Step,
 }
 
-/// Split cells and touched nodes for each copy: a stair through the grid has four cells around each edge of it, and six columns.
+/// Room per duplicate node for split cells and for their nodes: a staircase cut has four cells around each of its edges, in six columns.
 const CELLS: usize = 4;
 const TOUCHED: usize = 6;
-/// And around the first one.
+/// Additional room for the cells and nodes around the first duplicate.
 const AROUND: usize = 64;
 
-/// What a turn about the z axis moves a place by, m.
+/// Displacement of a point under a rotation about the z axis, m.
 pub fn turned([x, y, _]: [f64; 3], angle: f64) -> [f64; 3] {
     let (sin, cos) = sin_cos(angle);
     [cos * x - sin * y - x, sin * x + cos * y - y, 0.0]
 }
 
-/// Nodes of a skin in a region.
+/// Nodes of a skin inside a region.
 pub fn nodes_in(skin: &Skin, region: &Region) -> Vec<u32> {
     Grid::new(skin).nodes_in(region)
 }
 
 impl Model {
-    /// Builds the arrays of a scene's deformable body of that number; the scene has passed [`Scene::check`].
+    /// Builds the arrays of deformable body number `body`; the scene must have passed [`Scene::check`].
     ///
     /// # Errors
     /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach; [`Error::Usage`] for
@@ -197,13 +200,13 @@ impl Model {
                 fix: "use fewer cells".into(),
             });
         }
-        // edges and masses of cells; all those of a layer are alike
+        // cell edges and corner masses, one entry per layer
         let shape = skin.layers.iter().enumerate().map(|(index, layer)| {
             let h = grid.cell_edges(index as u32);
             [h[0], h[1], h[2], layer.density * h[0] * h[1] * h[2] / 8.0]
         });
         let shape: Vec<[f64; 4]> = shape.collect();
-        // what it is made of, which may refuse the solver that the scene asks for
+        // elements; fails if the scene's solver does not support them
         let kind = match skin.law {
             Law::Springs { stiffness, damping } => {
                 Kind::Springs(Box::new(Springs::new(scene, &grid, stiffness, damping)?))
@@ -219,7 +222,7 @@ impl Model {
                 fix: "take a lumped or uniform mass".into(),
             });
         }
-        // masses of the nodes: an eighth of each cell at its corners, or the same everywhere
+        // nodal masses: an eighth of each cell at each corner, or one uniform value
         let params = grid.params::<f64>();
         let count = grid.node_count();
         let mut free = vec![[1.0, 1.0, 1.0, 0.0]; count];
@@ -233,7 +236,7 @@ impl Model {
             let each = free.iter().map(|f| f[3]).sum::<f64>() / count as f64;
             free.iter_mut().for_each(|f| f[3] = each);
         }
-        // Dirichlet conditions: mask of free axes, and the prescribed displacement of the others
+        // Dirichlet conditions: DOF mask, and the prescribed displacement of fixed axes
         let mut held = vec![[0.0; 3]; count];
         for boundary in scene.boundaries.iter().filter(|b| b.body == body) {
             for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
@@ -244,7 +247,7 @@ impl Model {
                 }
             }
         }
-        // room for the nodes that a cut duplicates
+        // reserve for the nodes that a cut duplicates
         free.resize(count + extra_columns * grid.nodes[2], [0.0; 4]);
         let mut model = Self {
             rest: (0..count).map(|n| [0, 1, 2].map(|a| grid.rest(n)[a] + skin.position[a])).collect(),
@@ -266,7 +269,7 @@ impl Model {
         Ok(model)
     }
 
-    /// What it is made of, to the host.
+    /// Mechanics on the host.
     pub fn mechanics(&self) -> &dyn Mechanics {
         match &self.kind {
             Kind::Hexahedra(hexahedra) => &**hexahedra,
@@ -274,7 +277,7 @@ impl Model {
         }
     }
 
-    /// What it is made of, to a solve on the CPU path.
+    /// System for solves on the CPU path.
     pub fn system<R: Real>(&self) -> Box<dyn System<R>> {
         match &self.kind {
             Kind::Hexahedra(_) => Box::new(grid::cpu::Hexahedra::new(self)),
@@ -282,28 +285,28 @@ impl Model {
         }
     }
 
-    /// The same body solved to the limit of f64.
+    /// The same body for reference solves at the limit of f64.
     pub fn exact(&self) -> Self {
         Self { kind: self.mechanics().exact(), ..self.clone() }
     }
 
-    /// Nodes without the reserve of copies.
+    /// Number of nodes without the reserve of duplicates.
     pub fn own_nodes(&self) -> usize {
         self.rest.len()
     }
 
-    /// Nodes of split cells that the table of split nodes has room for.
+    /// Capacity of the table of split nodes for nodes of split cells.
     fn touched_nodes(&self) -> usize {
         let split = self.mechanics().extra_columns() * self.grid.nodes[2];
         if split > 0 { TOUCHED * split + AROUND } else { 0 }
     }
 
-    /// Nodes and the reserve of copies.
+    /// Number of nodes, with the reserve of duplicates.
     pub fn node_count(&self) -> usize {
         self.own_nodes() + self.mechanics().extra_columns() * self.grid.nodes[2]
     }
 
-    /// Cells that the body's surface goes around.
+    /// Number of cells inside the body's surface.
     pub fn cell_count(&self) -> usize {
         self.grid.cell_count()
     }
@@ -313,7 +316,7 @@ impl Model {
         self.grid.layer(cell)
     }
 
-    /// Edges of the largest cells across the body, m.
+    /// Larger horizontal cell edge, m.
     pub fn cell_width(&self) -> f64 {
         self.grid.edge[0].max(self.grid.edge[1])
     }
@@ -323,12 +326,12 @@ impl Model {
         self.grid.thickness().max(self.grid.edge[0] * self.grid.cells[0] as f64)
     }
 
-    /// How many of what it is made of.
+    /// Number of elements.
     pub fn elements(&self) -> Elements {
         self.mechanics().elements(self)
     }
 
-    /// The node nearest to a rest position, in the body's own frame.
+    /// Node nearest to a rest position given in the body's frame.
     pub fn nearest(&self, point: [f64; 3]) -> u32 {
         self.grid.nearest(point) as u32
     }
@@ -365,19 +368,19 @@ impl Model {
         }
     }
 
-    /// `[layer]` cell edges and corner mass.
+    /// `[layer]` cell edges, m, and corner mass, kg.
     pub fn shapes<R: Real>(&self) -> Vec<V4<R>> {
         self.shape.iter().map(|s| s.map(R::of)).collect()
     }
 
-    /// `[node]` dead loads that act on the uncut body at a time, N.
+    /// `[node]` dead loads on the uncut body at a time, N.
     pub fn load_at(&self, loads: &[Load], time: f64) -> Vec<[f64; 3]> {
         let params = self.grid.params::<f64>();
         self.load_on(loads, time, |cell| params.corners(cell))
     }
 
-    /// The same once a cut has given cells other `corners`: each pressure's exact share per node (bilinear over the covered part of a
-    /// face).
+    /// The same with the cells' `corners` after a cut: each pressure is integrated exactly against the bilinear shape functions over the
+    /// covered part of a face.
     pub fn load_on(&self, loads: &[Load], time: f64, corners: impl Fn(usize) -> [usize; 8]) -> Vec<[f64; 3]> {
         let mut out = vec![[0.0; 3]; self.node_count()];
         let params = self.grid.params::<f64>();
@@ -405,19 +408,19 @@ impl Model {
         out
     }
 
-    /// Axes of nodes that nothing holds.
+    /// Number of unconstrained degrees of freedom.
     pub fn degrees_of_freedom(&self) -> usize {
         self.free.iter().map(|f| f[..3].iter().filter(|axis| **axis != 0.0).count()).sum()
     }
 
-    /// Bytes of its arrays.
+    /// Size of the arrays on the host, bytes.
     pub fn host_bytes(&self) -> u64 {
         let nodes = size_of_val(&self.rest[..]) + size_of_val(&self.free[..]) + size_of_val(&self.held[..]);
         let anchors = size_of_val(&self.anchors.nodes[..]) + size_of_val(&self.anchors.stiffness[..]);
         (nodes + anchors + size_of_val(&self.shape[..]) + self.mechanics().host_bytes()) as u64
     }
 
-    /// Nodes of a region.
+    /// Nodes inside a region.
     pub fn nodes_in(&self, region: &Region) -> Vec<u32> {
         self.grid.nodes_in(region)
     }

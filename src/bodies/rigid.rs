@@ -1,10 +1,10 @@
-//! A rigid body: a tool held by a hand through a 6-DoF spring and damper, or one that nothing holds.
+//! Rigid bodies: a tool held by a hand through a 6-DoF virtual coupling (spring and damper), or a free body.
 //!
-//! Its step is implicit and exact (6×6): with Δ = (Δx, θ) the motion over the step,
-//! `A Δ = m v/h + m g + K (x_hand − x) + B v_hand`, `A = m/h² + B/h + K` (and the same for rotation, with the inertia in world axes).
-//! So the body's own part of a contact's compliance comes from its whole system, mass, damping and coupling, and λ equals the coupling
-//! force at rest. The hand carries a tool's weight; what no hand holds has K = B = 0 and falls. Angular momentum is what is carried from
-//! step to step, so a body that nothing touches keeps it to rounding however it tumbles.
+//! The step is implicit and solved exactly: with the motion Δ = (Δx, θ) over the step, `A Δ = m v/h + m g + K (x_hand − x) + B v_hand`,
+//! `A = m/h² + B/h + K` (the same for rotation, with the inertia in world axes). The body's part of the Delassus operator therefore
+//! includes mass, damping and coupling, and at rest λ equals the coupling force. The hand carries a tool's weight. A free body has K = B =
+//! 0 and falls. Angular momentum is the quantity carried from step to step, so a body without contact conserves it to rounding in any
+//! rotation.
 //! Units: m, rad, kg, N, N·m. Source: Colgate, Stanley, Brown 1995 (virtual coupling).
 
 use crate::math::elementary::atan2;
@@ -13,65 +13,66 @@ use glam::{DMat3, DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// What a sample of the tool's surface does to the skin.
+/// Role of a contact sample on a tool's surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Role {
-    /// Blunt: pushes the skin out of its way.
+    /// Blunt point: pushes the skin aside.
     Point,
-    /// A piece of the cutting edge of this length, m; the piece's number along the edge.
+    /// Piece of the cutting edge.
     Edge {
-        /// m
+        /// Length of the piece, m
         length: f64,
-        /// From the tip on.
+        /// Number of the piece, counted from the tip.
         piece: usize,
     },
     /// Centre of a sphere along the axis of a round tool.
     Axis,
     /// Corner of a box.
     Corner,
-    /// A place of one side of the blade; the sample lies in the blade's middle plane.
+    /// Point of one flat side of the blade; the sample lies in the blade's middle plane.
     Flat(Flat),
 }
 
-/// A place of a blade's side.
+/// Point of a blade's flat side.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flat {
-    /// ±1 along the blade's normal.
+    /// Side: ±1 along the blade's normal.
     pub side: f64,
-    /// How far it is behind the edge, m.
+    /// Distance behind the edge, m.
     pub behind: f64,
-    /// Length along the edge that it stands for, m.
+    /// Length along the edge that the point represents, m.
     pub length: f64,
 }
 
-/// A point of the tool that can touch the skin.
+/// Point of a tool that can touch the skin.
 #[derive(Clone, Copy, Debug)]
 pub struct Sample {
     /// Tool frame, m.
     pub position: DVec3,
-    /// What it does.
+    /// Role in contact.
     pub role: Role,
 }
 
 /// Cutting edge in the tool frame.
 #[derive(Clone, Debug)]
 pub struct Edge {
-    /// Ends of the pieces from the tip on, m.
+    /// End points of the pieces, starting at the tip, m.
     pub points: Vec<DVec3>,
-    /// Unit: along the edge from tip to heel.
+    /// Unit vector along the edge, from tip to heel.
     pub along: DVec3,
-    /// Unit: where the edge faces, `normal × along`.
+    /// Unit vector that the edge faces, `normal × along`.
     pub forward: DVec3,
-    /// Unit: normal of the blade's plane.
+    /// Unit normal of the blade's plane.
     pub normal: DVec3,
     /// m
     pub half_thickness: f64,
 }
 
-/// Pieces of a capsule's axis at most: a longer needle has its centres further apart, and the skin's surface points between them.
+/// Maximum number of pieces of a capsule's axis. The centres of a longer needle are further apart; the skin's surface points cover the
+/// gaps.
 const MOST_PIECES: f64 = 64.0;
 
-/// A tool and its motion.
+/// Tool and its motion.
 #[derive(Clone, Debug)]
 pub struct Instrument {
     /// m
@@ -84,33 +85,34 @@ pub struct Instrument {
     pub spin: DVec3,
     /// Contact samples.
     pub samples: Vec<Sample>,
-    /// For tools that cut.
+    /// Cutting edge, for tools with a blade.
     pub edge: Option<Edge>,
-    /// For spheres and capsules.
+    /// Shape of a sphere or capsule.
     pub round: Option<Round>,
     /// Half edges of a box, m.
     pub cuboid: Option<DVec3>,
-    /// Radius of its contact points: a force on one is spread over a disc as under a flat punch, m; 0 of points without extent.
+    /// Radius of the contact points, m: a force on one is spread over a disc, with the pressure of a flat punch; 0 for points without
+    /// extent.
     pub tip_radius: f64,
-    /// No hand holds it.
+    /// True if no hand holds the body.
     pub free: bool,
-    /// What pulls at its mass, m/s²: gravity, or nothing where the hand carries the weight.
+    /// Acceleration by gravity, m/s²; zero where the hand carries the weight.
     pub gravity: DVec3,
-    /// For tools of points and lines; its vertices are the samples.
+    /// Shape of a tool made of points and lines; its vertices are the samples.
     pub lines: Option<Arc<Lines>>,
     /// kg
     pub mass: f64,
-    /// Principal, tool axes, kg·m².
+    /// Principal moments in tool axes, kg·m².
     pub inertia: DVec3,
-    /// To the hand.
+    /// Virtual coupling to the hand.
     pub coupling: Coupling,
-    /// The blade cuts; otherwise its edge is blunt, and touches as points do.
+    /// True if the blade cuts; otherwise its edge is blunt and makes contact like points.
     pub sharp: bool,
-    trajectory: Arc<[Pose]>, // shared: a step keeps a copy of the tool as it was
+    trajectory: Arc<[Pose]>, // shared, because a step keeps a copy of the tool's previous state
     live: Option<Live>,
 }
 
-/// A hand that is there: where it was and where it is, with the times of the step that takes it from one to the other, s.
+/// Live hand pose: previous and current pose, and the begin and end of the step to interpolate over, s.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 struct Live {
     from: (DVec3, DQuat),
@@ -119,34 +121,34 @@ struct Live {
     end: f64,
 }
 
-/// The tool's system over one step.
+/// Motion of a tool over one step without contact, with its compliance.
 #[derive(Clone, Copy, Debug)]
 pub struct UnconstrainedMotion {
-    /// m
+    /// Translation, m
     pub shift: DVec3,
-    /// rad
+    /// Rotation vector, rad
     pub turn: DVec3,
-    /// Inverse of the translation's system, m/N.
+    /// Compliance of the translation, m/N.
     pub compliance: f64,
-    /// Inverse of the rotation's system, rad/(N·m).
+    /// Compliance of the rotation, rad/(N·m).
     pub angular_compliance: DMat3,
 }
 
 impl UnconstrainedMotion {
-    /// How far a force, N, and a torque, N·m, move it beyond that: shift, m, and turn, rad.
+    /// Additional translation, m, and rotation vector, rad, under a force, N, and a torque, N·m.
     pub fn displacement_under(&self, (force, torque): (DVec3, DVec3)) -> (DVec3, DVec3) {
         (force * self.compliance, self.angular_compliance * torque)
     }
 }
 
-/// Rotation vector of a unit quaternion, rad, at most π long.
+/// Rotation vector of a unit quaternion, rad, of length at most π.
 pub fn rotation_vector(q: DQuat) -> DVec3 {
     let q = if q.w < 0.0 { -q } else { q };
     let s = q.xyz().length();
     if s < 1e-12 { q.xyz() * 2.0 } else { q.xyz() * (2.0 * atan2(s, q.w) / s) }
 }
 
-/// The recorded hand at a time: linear between samples, resting before the first and after the last; none without samples.
+/// Recorded hand pose at a time: linear between samples, constant before the first and after the last; `None` without samples.
 pub fn along(poses: &[Pose], time: f64) -> Option<(DVec3, DQuat)> {
     let next = poses.partition_point(|p| p.time <= time);
     let pose = |p: &Pose| (DVec3::from_array(p.position), DQuat::from_array(p.rotation));
@@ -161,7 +163,7 @@ pub fn along(poses: &[Pose], time: f64) -> Option<(DVec3, DQuat)> {
     Some((pa.lerp(pb, s), qa.slerp(qb, s)))
 }
 
-/// What moves of a rigid body.
+/// State of a rigid body.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Motion {
     position: DVec3,
@@ -173,20 +175,20 @@ pub struct Motion {
 }
 
 impl Instrument {
-    /// What moves of it, now.
+    /// Current state.
     pub fn motion(&self) -> Motion {
         let Self { position, rotation, velocity, spin, sharp, live, .. } = *self;
         Motion { position, rotation, velocity, spin, sharp, live }
     }
 
-    /// Takes over what moves.
+    /// Sets the state.
     pub fn set_motion(&mut self, motion: Motion) {
         let Motion { position, rotation, velocity, spin, sharp, live } = motion;
         (self.position, self.rotation, self.velocity, self.spin) = (position, rotation, velocity, spin);
         (self.sharp, self.live) = (sharp, live);
     }
 
-    /// The body at the start of its trajectory.
+    /// Body at the start of its trajectory.
     pub fn new(tool: &Tool, gravity: [f64; 3]) -> Self {
         let first = tool.trajectory.first().copied().unwrap_or(Pose {
             time: 0.0,
@@ -223,14 +225,14 @@ impl Instrument {
         }
     }
 
-    /// From now on the hand is a live one: it goes from where it was to `to` during the step from `begin` to `end`, s. What was the end
-    /// of the last step is the start of this one, so that no motion is lost.
+    /// Switches to a live hand that moves from its last pose to `to` during the step from `begin` to `end`, s. The end of the last step is
+    /// the start of this one, so no motion is lost.
     pub fn follow(&mut self, to: (DVec3, DQuat), begin: f64, end: f64) {
         let from = self.live.map_or_else(|| self.hand(begin), |live| live.to);
         self.live = Some(Live { from, to, begin, end });
     }
 
-    /// The hand at a time: the live one, or the recorded one, linear between samples, resting before the first and after the last.
+    /// Hand pose at a time: the live one, or the recorded one (linear between samples, constant before the first and after the last).
     pub fn hand(&self, time: f64) -> (DVec3, DQuat) {
         if let Some(Live { from, to, begin, end }) = self.live {
             let s = ((time - begin) / (end - begin)).clamp(0.0, 1.0);
@@ -239,15 +241,18 @@ impl Instrument {
         along(&self.trajectory, time).unwrap_or((self.position, self.rotation))
     }
 
-    /// Motion over a step that ends at `time`, without contact.
+    /// Motion without contact over a step that ends at `time`.
     pub fn unconstrained_motion(&self, time: f64, step: f64) -> UnconstrainedMotion {
+        // hand pose at both ends of the step
         let (from, turned) = self.hand(time - step);
         let (to, target) = self.hand(time);
         let c = self.coupling;
+        // translation: (m/h² + b/h + k) Δx = m (v/h + g) + k (hand − x) + b/h Δhand
         let stiffness = self.mass / (step * step) + c.damping / step + c.stiffness;
         let push = (self.velocity / step + self.gravity) * self.mass
             + (to - self.position) * c.stiffness
             + (to - from) * (c.damping / step);
+        // rotation: the same with the inertia in world axes and rotation vectors
         let inertia = self.world_inertia();
         let angular =
             inertia * (1.0 / (step * step)) + DMat3::IDENTITY * (c.angular_damping / step + c.angular_stiffness);
@@ -263,7 +268,7 @@ impl Instrument {
         }
     }
 
-    /// Moves by a step's motion.
+    /// Applies the motion of a step.
     pub fn advance(&mut self, shift: DVec3, turn: DVec3, step: f64) {
         let momentum = self.world_inertia() * turn / step;
         self.position += shift;
@@ -278,20 +283,21 @@ impl Instrument {
         axes * DMat3::from_diagonal(self.inertia) * axes.transpose()
     }
 
-    /// Largest distance of a sample from the origin of the body, its radius included, m.
+    /// Largest distance of the surface from the body's origin, m.
     pub fn span(&self) -> f64 {
         let samples = self.samples.iter().map(|s| s.position.length());
         let lines = self.lines.as_ref().map_or(0.0, |lines| lines.radius);
         samples.fold(0.0, f64::max) + self.round.map_or(lines, |round| round.radius)
     }
 
-    /// A point of the tool frame in the world.
+    /// World position of a point of the tool frame, m.
     pub fn at(&self, point: DVec3) -> DVec3 {
         self.position + self.rotation * point
     }
 }
 
-/// Centres along the axis of a round tool, at most a radius apart, both ends included; a sphere has one.
+/// Centres along the axis of a round tool, both ends included: at most a radius apart, unless [`MOST_PIECES`] limits them. A sphere has
+/// one.
 fn axis_samples(round: &Round) -> Vec<Sample> {
     let [a, b] = round.ends.map(DVec3::from_array);
     let pieces = (a.distance(b) / round.radius).ceil().min(MOST_PIECES) as u32;
@@ -306,23 +312,26 @@ fn corners(half: DVec3) -> impl Iterator<Item = Sample> {
 }
 
 impl Edge {
-    /// Cuts the edge into pieces of the wanted length and spreads contact samples over edge and flats.
+    /// Divides the edge into pieces of the given spacing and adds contact samples on edge and flats.
     fn new(blade: &Blade, samples: &mut Vec<Sample>) -> Self {
+        // end points of the pieces
         let corners: Vec<DVec3> = blade.edge.iter().map(|p| DVec3::from_array(*p)).collect();
         let mut points = vec![corners[0]];
         for pair in corners.windows(2) {
             let pieces = (pair[0].distance(pair[1]) / blade.edge_spacing).round().max(1.0) as usize;
             points.extend((1..=pieces).map(|k| pair[0].lerp(pair[1], k as f64 / pieces as f64)));
         }
+        // frame of the blade
         let along = (corners[corners.len() - 1] - corners[0]).normalize();
         let normal = DVec3::from_array(blade.normal);
         let normal = (normal - along * normal.dot(along)).normalize();
         let forward = normal.cross(along);
+        // one sample in the middle of each piece
         for (piece, pair) in points.windows(2).enumerate() {
             let role = Role::Edge { length: pair[0].distance(pair[1]), piece };
             samples.push(Sample { position: pair[0].lerp(pair[1], 0.5), role });
         }
-        // flats: rows behind the edge, half a spacing in
+        // flats: rows of samples behind the edge, offset by half a spacing
         let length: f64 = points.windows(2).map(|p| p[0].distance(p[1])).sum();
         let (columns, rows) = (
             (length / blade.flat_spacing).floor() as usize,

@@ -1,4 +1,4 @@
-//! The state that a scene starts from.
+//! Initial state of a scene.
 
 use super::{Model, turned};
 use crate::math::V4;
@@ -7,7 +7,7 @@ use crate::mesh::Grid;
 use crate::scene::{Scene, Start};
 
 impl Model {
-    /// `[node]` displacements, m, and velocities, m/s, that a scene starts from.
+    /// `[node]` initial displacements, m, and velocities, m/s.
     pub fn start(&self, scene: &Scene) -> [Vec<V4<f64>>; 2] {
         let skin = &scene.skins[self.body];
         let displaced = |n: usize| {
@@ -26,7 +26,7 @@ impl Model {
     }
 }
 
-/// Displacement of a node from rest in a shape, m.
+/// Displacement of a node from rest in an initial shape, m.
 fn shaped(start: Start, grid: &Grid, node: usize) -> [f64; 3] {
     let [x, y, z] = grid.rest(node);
     match start {

@@ -1,7 +1,7 @@
-//! Constants of the time step, and what each integrator makes of them.
+//! Constants of the time step for each integrator.
 //!
-//! Unknowns are displacement increments: `A Δx = b`, `A = inertia · M + stiffness_factor · K`, `b = f_ext − f_int + carried · M v/h`, then
-//! `u' = u + Δx`, `v' = v + reach (Δx/h − v)`. With Rayleigh damping `C = r_M M + r_K K`:
+//! The unknowns are displacement increments: `A Δx = b`, `A = inertia · M + stiffness_factor · K`, `b = f_ext − f_int + carried · M v/h`,
+//! then `u' = u + Δx`, `v' = v + reach (Δx/h − v)`. With Rayleigh damping `C = r_M M + r_K K`:
 //!
 //! | integrator | inertia | stiffness factor | carried | reach | `f_int` at |
 //! | --- | --- | --- | --- | --- | --- |
@@ -9,31 +9,32 @@
 //! | Newmark, β ¼, γ ½ | `(2 + h r_M)/h²` | `½ + r_K/h` | 2 | 2 | `u` |
 //! | symplectic Euler | `1/h²` | 0 | `1 − h r_M` | 1 | `u + r_K v` |
 //!
-//! Newmark's `u' = u + h v + h²/4 (a + a')`, `v' = v + h/2 (a + a')` are the trapezoids `Δx = h/2 (v + v')`, `v' − v = h/2 (a + a')`; the sum of
-//! the balances `M a + C v + K u = f` at both ends has no `a` once these are put in, so none is stored: `(2/h² M + C/h + K/2) Δx = f_ext −
-//! f_int + 2 M v/h`. The trajectories are Newmark's own as long as loads are constant in a step and the first acceleration is the
-//! balance's. Symplectic Euler is `v' = v + h M⁻¹ (f_ext − f_int − C v)`, `u' = u + h v'`, stable up to [`super::Model::stable_step`].
+//! Newmark's `u' = u + h v + h²/4 (a + a')`, `v' = v + h/2 (a + a')` are the trapezoidal rules `Δx = h/2 (v + v')`,
+//! `v' − v = h/2 (a + a')`. Inserted into the sum of the balances `M a + C v + K u = f` at both ends they eliminate `a`, so it is not
+//! stored: `(2/h² M + C/h + K/2) Δx = f_ext − f_int + 2 M v/h`. The trajectories are exactly Newmark's if the loads are constant within a
+//! step and the initial acceleration satisfies the balance. Symplectic Euler is `v' = v + h M⁻¹ (f_ext − f_int − C v)`, `u' = u + h v'`,
+//! stable up to [`super::Model::stable_step`].
 //! Source: Newmark 1959; Hughes 1987, chapter 9; Hairer, Lubich, Wanner 2003 (symplectic Euler).
 //!
-//! What each does to a vibration `ω` without damping, `z = h ω` (tests/verify/integrators.rs holds each of these):
+//! Effect on an undamped vibration `ω`, `z = h ω` (tests/verify/integrators.rs checks each entry):
 //!
-//! | integrator | amplitude of a period, share lost | energy | period, relative | order |
+//! | integrator | fraction of amplitude lost per period | energy | period, relative | order |
 //! | --- | --- | --- | --- | --- |
-//! | implicit Euler | `1 − (1 + z²)^(−π/atan z)`: 27 % at z 0.1 | falls at every step | `z/atan z` | 1 |
+//! | implicit Euler | `1 − (1 + z²)^(−π/atan z)`: 27 % at z 0.1 | decreases in every step | `z/atan z` | 1 |
 //! | Newmark | 0 | constant | `z/(2 atan(z/2))` | 2 |
-//! | symplectic Euler | 0 up to `z = 2` | swings by up to `z/2` of it, does not drift | `z/(2 asin(z/2))` | 1 |
+//! | symplectic Euler | 0 up to `z = 2` | oscillates by up to `z/2` of it, no drift | `z/(2 asin(z/2))` | 1 |
 //!
-//! And to skin: the block of scenes/verify/skin_block_045.toml (20×20×5 cells) one millisecond after its load is let go, undamped, on the
-//! CPU path with solves to 10⁻⁶ (the same tests, with `CUTIS_MEASURED=1`; time beside implicit Euler's 8 steps in the same run):
+//! Effect on skin: the block of scenes/verify/skin_block_045.toml (20×20×5 cells), one millisecond after its load is released, undamped,
+//! CPU path, solves to 10⁻⁶ (same tests, with `CUTIS_MEASURED=1`; times relative to implicit Euler with 8 steps in the same run):
 //!
-//! | integrator | steps in 1 ms | energy left | error, of the start's displacement | time of a step |
+//! | integrator | steps in 1 ms | energy left | error, of the initial displacement | time per step |
 //! | --- | --- | --- | --- | --- |
 //! | implicit Euler | 1, 8, 64 | 2.9 %, 4.7 %, 54 % | 63 %, 56 %, 14 % | 1.07, 1, 0.69 |
 //! | Newmark | 1, 8, 64 | 100.0 % | 123 %, 21 %, 2.4 % | 1.03, 0.91, 0.58 |
 //! | symplectic Euler | 446 (the stable step) | 103 % | 0.45 % | 0.007 |
 //!
-//! Explicit steps cost 3 implicit ones per millisecond here, undamped. With the default `r_K` of 10 ms their stable step is 10⁴ times
-//! shorter: damping by stiffness is what implicit steps are for.
+//! Per millisecond, explicit steps cost as much as 3 implicit ones here, undamped. With the default `r_K` of 10 ms their stable step is 10⁴
+//! times shorter: stiffness damping needs implicit steps.
 
 use crate::scene::{Integrator, Preconditioner, Scene, Skin};
 
@@ -50,12 +51,12 @@ pub struct Step {
     pub rayleigh_stiffness: f64,
     /// Code of `Params::preconditioner`.
     pub preconditioner: u32,
-    /// How steps are taken.
+    /// Integrator.
     pub integrator: Integrator,
 }
 
 impl Step {
-    /// Of a scene's body.
+    /// Constants for a body of the scene.
     pub(super) fn new(scene: &Scene, skin: &Skin) -> Self {
         Self {
             step: scene.time.part(),
@@ -72,7 +73,7 @@ impl Step {
         }
     }
 
-    /// Whether the system matrix is diagonal, so that there is nothing to solve.
+    /// True if the system matrix is diagonal, so that no solve is needed.
     pub fn explicit(&self) -> bool {
         self.integrator == Integrator::SymplecticEuler
     }
@@ -87,7 +88,7 @@ impl Step {
         }
     }
 
-    /// Share of the force's change over a step that the step sees.
+    /// Fraction of the change of elastic forces over a step that enters the step.
     pub fn end_share(&self) -> f64 {
         match self.integrator {
             Integrator::ImplicitEuler => 1.0,
@@ -101,7 +102,7 @@ impl Step {
         if self.explicit() { 0.0 } else { self.end_share() + self.rayleigh_stiffness / self.step }
     }
 
-    /// Share of `M v/h` in `b`.
+    /// Coefficient of `M v/h` in `b`.
     pub fn carried(&self) -> f64 {
         match self.integrator {
             Integrator::ImplicitEuler => 1.0,
@@ -110,12 +111,12 @@ impl Step {
         }
     }
 
-    /// How many times as far as the mean velocity the last one lies from the first.
+    /// Velocity factor: change of velocity over a step relative to the change to the mean velocity.
     pub fn reach(&self) -> f64 {
         if self.integrator == Integrator::Newmark { 2.0 } else { 1.0 }
     }
 
-    /// Time by which the place of elastic forces runs ahead, s.
+    /// Lead time of the elastic forces: they are evaluated at `u + lead · v`, s.
     pub fn lead(&self) -> f64 {
         if self.explicit() { self.rayleigh_stiffness } else { 0.0 }
     }

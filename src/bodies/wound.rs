@@ -1,6 +1,6 @@
-//! What a cut leaves: severed links and split nodes, or cells and springs that are gone; masses, and the measures of the wound.
+//! Result of a cut: severed links and duplicated nodes, or removed cells and springs; masses and measures of the wound.
 //!
-//! Lumped and consistent masses go with their cells; a uniform mass goes with its node, as SOFA's UniformMass does by default.
+//! Lumped and consistent masses belong to the cells; a uniform mass belongs to the node, as in SOFA's UniformMass by default.
 
 use super::Model;
 use crate::kernels::cut::Hit;
@@ -16,22 +16,22 @@ pub struct Totals {
     pub springs_removed: usize,
     /// Severed face links.
     pub links: usize,
-    /// Links that the blade crossed and that hold because the reserve of copies is used up.
+    /// Links that the blade crossed but that stay intact because the reserve of duplicate nodes is used up.
     pub refused: usize,
-    /// Copies of nodes.
+    /// Duplicated nodes.
     pub copies: usize,
-    /// Cut area on one side, m²: each severed link (or spring along an axis) stands for its face.
+    /// Cut area on one side, m²: the sum of the faces of severed links, or of the faces that belong to cut springs along an axis.
     pub area: f64,
-    /// Extent of the open cells along x or y, whichever is longer, m (rest positions).
+    /// Extent of the wound along x or y, whichever is longer, at rest, m: of removed or open cells, or of the faces of severed links.
     pub length: f64,
-    /// The same of the open cells of the topmost level alone: the wound as one sees it from above, m.
+    /// The same for the topmost layer of cells: the length of the wound seen from above, m.
     pub length_top: f64,
-    /// Depth of the deepest open cell's floor under the skin's top, m (rest positions).
+    /// Depth of the lowest point of the wound below the skin's top, at rest, m.
     pub depth: f64,
 }
 
 impl Totals {
-    /// Of two wounds together.
+    /// Sum over two wounds; the larger depth.
     pub fn and(self, other: Self) -> Self {
         Self {
             hexes: self.hexes + other.hexes,
@@ -47,43 +47,43 @@ impl Totals {
     }
 }
 
-/// What a backend has to change.
+/// Changes that a backend applies after a cut.
 #[derive(Clone, Debug, Default)]
 pub struct Removal {
     /// Cell ids.
     pub cells: Vec<u32>,
     /// Spring ids.
     pub springs: Vec<u32>,
-    /// Copies, each with the node that it takes its state from.
+    /// Duplicated nodes, each with the node whose state it copies.
     pub copies: Vec<[u32; 2]>,
-    /// Words of the table of split nodes.
+    /// Words to write into the table of split nodes.
     pub words: Vec<(u32, u32)>,
-    /// New free axes and masses, of nodes that are in use.
+    /// New DOF masks and masses of nodes in use.
     pub free: Vec<(u32, V4<f64>)>,
 }
 
-/// The body as cut so far.
+/// State of the cut body.
 #[derive(Clone, Debug)]
 pub struct Wound {
-    /// Live cells and their surface.
+    /// Remaining cells and their surface.
     pub surface: Surface,
     /// Measures.
     pub totals: Totals,
-    /// Open cells with the axis across the cut, in the order they opened.
+    /// Open cells with the axis across the cut, in order of opening.
     pub open: Vec<(u32, usize)>,
-    /// `[node]` free axes and mass now.
+    /// `[node]` current DOF mask and mass.
     pub free: Vec<V4<f64>>,
-    /// `[node]` rest position, of a copy that of the node that it stands for, m.
+    /// `[node]` rest position, m; a duplicate has that of its original.
     pub rest: Vec<[f64; 3]>,
-    /// `[node of the grid]` elements that are left around it.
+    /// `[node of the grid]` number of remaining elements around it.
     pub(super) live: Vec<u32>,
-    /// `[spring]` it is gone.
+    /// `[spring]` true if it is cut.
     pub(super) spring_gone: Vec<bool>,
     pub(super) all: Extent,
     pub(super) top: Extent,
 }
 
-/// Box around open cells at rest, m.
+/// Bounding box of the wound at rest, m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extent {
     low: [f64; 3],
@@ -93,14 +93,14 @@ pub(super) struct Extent {
 impl Extent {
     const NONE: Self = Self { low: [f64::INFINITY; 3], high: [f64::NEG_INFINITY; 3] };
 
-    /// Widens it to a point.
+    /// Extends the box to a point.
     pub fn add(&mut self, p: &[f64; 3]) {
         for n in 0..3 {
             self.low[n] = self.low[n].min(p[n]);
             self.high[n] = self.high[n].max(p[n]);
         }
     }
-    /// Along x or y, whichever is longer.
+    /// Length along x or y, whichever is longer.
     fn length(&self) -> f64 {
         (self.high[0] - self.low[0]).max(self.high[1] - self.low[1]).max(0.0)
     }
@@ -127,7 +127,7 @@ impl Wound {
         }
     }
 
-    /// Takes hits (in the order of segments) over; returns what has to go.
+    /// Applies hits (sorted by segment); returns the changes for the backend.
     pub fn apply(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let removal = model.mechanics().cut(model, self, hits);
         if self.totals.links + self.open.len() > 0 {
@@ -138,7 +138,7 @@ impl Wound {
         removal
     }
 
-    /// A cell that counts as open, with the axis across the cut.
+    /// Marks a cell as open; `axis` points across the cut.
     pub(super) fn open_cell(&mut self, model: &Model, cell: u32, axis: usize) {
         self.surface.alive[cell as usize] = false;
         self.open.push((cell, axis));
@@ -152,7 +152,7 @@ impl Wound {
         }
     }
 
-    /// A node without elements leaves the system.
+    /// Takes a node without elements out of the system.
     pub(super) fn leave(&mut self, node: u32, removal: &mut Removal) {
         let at = node as usize;
         self.free[at] = [0.0; 4];

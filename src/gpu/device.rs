@@ -14,7 +14,7 @@ use std::collections::HashMap;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use timing::Timing;
 
-/// Workgroups per dimension that core WebGPU guarantees; longer dispatches are folded into z.
+/// Workgroups per dimension guaranteed by core WebGPU; longer dispatches are folded into z.
 const MAX_GROUPS: u64 = 65_535;
 
 const HOW: &str = "on Debian or Ubuntu a software adapter comes with `apt-get install mesa-vulkan-drivers libvulkan1`; \
@@ -29,9 +29,9 @@ pub struct Adapter {
     pub backend: String,
     /// Driver and its version.
     pub driver: String,
-    /// Not a GPU but a program on the CPU.
+    /// True for a software adapter, which runs on the CPU.
     pub software: bool,
-    /// Bytes in one storage binding.
+    /// Maximum size of a storage binding, bytes.
     pub max_binding: u64,
     raw: wgpu::Adapter,
 }
@@ -49,7 +49,7 @@ impl Adapter {
         }
     }
 
-    /// A device of one's own on it, with its adapter and queue, as [`Gpu::from_wgpu`] takes them.
+    /// Opens a device of the caller's own, with adapter and queue, for [`Gpu::from_wgpu`].
     ///
     /// # Errors
     /// [`Error::Device`] when the driver refuses.
@@ -58,13 +58,13 @@ impl Adapter {
         Ok((self.raw.clone(), opened.map_err(|e| Error::Device { message: e.to_string() })?))
     }
 
-    /// Whether its name, API or driver contains a text, in any case.
+    /// True if its name, API or driver contains a text, ignoring case.
     pub fn named(&self, text: &str) -> bool {
         format!("{} {} {}", self.name, self.backend, self.driver).to_lowercase().contains(&text.to_lowercase())
     }
 }
 
-/// Every adapter on Vulkan, Metal and DX12 that offers core WebGPU limits, hardware first.
+/// All adapters on Vulkan, Metal and DX12 with core WebGPU limits, hardware first.
 pub fn adapters() -> Vec<Adapter> {
     let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
     descriptor.backends = wgpu::Backends::VULKAN | wgpu::Backends::METAL | wgpu::Backends::DX12;
@@ -79,9 +79,9 @@ pub fn adapters() -> Vec<Adapter> {
     found
 }
 
-/// A device with its queue, for any number of bodies; kernels are compiled once each.
+/// Device with its queue, for any number of bodies; each kernel is compiled once.
 pub struct Gpu {
-    /// What it runs on.
+    /// Adapter.
     pub adapter: Adapter,
     device: wgpu::Device,
     queue: wgpu::Queue,
@@ -95,19 +95,19 @@ pub struct Gpu {
     dry: bool,
 }
 
-/// What was made, and what is being made.
+/// Arrays made so far, and the purpose of the next ones.
 #[derive(Default)]
 struct Log {
     made: Vec<Made>,
     purpose: &'static str,
 }
 
-/// Takes a lock; what a thread that panicked has left is whole all the same.
+/// Takes a lock; the data are consistent even if a thread panicked while holding it.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Bytes behind a buffer of a dry device, at most; its size on paper has no limit.
+/// Maximum allocation behind a buffer of a dry device, bytes; its nominal size has no limit.
 const DRY_BYTES: u64 = 4096;
 
 struct Pipeline {
@@ -116,30 +116,30 @@ struct Pipeline {
     raw: wgpu::ComputePipeline,
 }
 
-/// A named array on the device.
+/// Named array on the device.
 #[derive(Clone)]
 pub struct Buffer {
     raw: wgpu::Buffer,
     /// Name for messages.
     pub name: &'static str,
-    /// Bytes.
+    /// Size, bytes.
     pub bytes: u64,
 }
 
-/// An array that was made.
+/// Record of an allocated array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Made {
-    /// As the kernels call it.
+    /// Name in the kernels.
     pub name: &'static str,
-    /// What it is for.
+    /// Purpose.
     pub purpose: &'static str,
-    /// How many elements.
+    /// Number of elements.
     pub elements: u64,
-    /// With padding.
+    /// Size with padding, bytes.
     pub bytes: u64,
 }
 
-/// A kernel with its buffers.
+/// Kernel with its bound buffers.
 #[derive(Clone)]
 pub struct Bound {
     pipeline: Arc<Pipeline>,
@@ -165,7 +165,7 @@ impl Gpu {
         Self::request(adapter, false)
     }
 
-    /// A device that compiles and binds, but keeps no data and runs nothing: shows what a set-up makes, without an adapter.
+    /// A device that compiles and binds but stores no data and runs nothing: it shows the allocations of a set-up without an adapter.
     ///
     /// # Errors
     /// [`Error::Device`] when wgpu was built without its `noop` backend.
@@ -195,9 +195,9 @@ impl Gpu {
         Ok(Self::around(adapter, device, queue, fault, dry))
     }
 
-    /// The caller's own device, for a program that draws or computes on it too. Its errors go to who has opened it; that it was lost is
-    /// told at the next reading. It needs core WebGPU limits, and is timed where it has `TIMESTAMP_QUERY`, all simulations on it together. A
-    /// map callback of the caller's may run while this waits, and must not ask it for anything.
+    /// Uses the caller's device, for a program that also draws or computes on it. The caller gets its errors; a lost device is reported at
+    /// the next read-back. It needs core WebGPU limits. With `TIMESTAMP_QUERY` it is timed, all simulations on it together. A map callback
+    /// of the caller may run while this waits, and must not call into it.
     ///
     /// # Errors
     /// [`Error::Device`] for a device whose limits are below core WebGPU's.
@@ -225,7 +225,7 @@ impl Gpu {
         }
     }
 
-    /// Says what the arrays made from now on are for.
+    /// Sets the purpose of the arrays made from now on.
     pub fn making(&self, purpose: &'static str) {
         locked(&self.made).purpose = purpose;
     }
@@ -248,7 +248,7 @@ impl Gpu {
         log.made.push(Made { name, purpose, elements, bytes });
     }
 
-    /// Whether an array of so many bytes can be made.
+    /// Checks that an array of this size, bytes, can be made.
     ///
     /// # Errors
     /// [`Error::TooLarge`] when it passes the adapter's limit for one binding.
@@ -272,7 +272,7 @@ impl Gpu {
         Ok(())
     }
 
-    /// A zeroed storage array of `count` elements (at least 16 bytes, so that an empty one can be bound).
+    /// Zeroed storage array of `count` elements (at least 16 bytes, so that an empty one can be bound).
     ///
     /// # Errors
     /// [`Error::TooLarge`] when it passes the adapter's limit for one binding.
@@ -284,7 +284,7 @@ impl Gpu {
         Ok(self.buffer(name, bytes, usage))
     }
 
-    /// A storage array with the given elements.
+    /// Storage array with the given elements.
     ///
     /// # Errors
     /// As [`Gpu::array`].
@@ -294,7 +294,7 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// A uniform buffer of `bytes` at least, filled with `data`.
+    /// Uniform buffer of at least `bytes`, filled with `data`.
     pub fn uniform<T: NoUninit>(&self, name: &'static str, bytes: usize, data: &[T]) -> Buffer {
         let bytes = bytes.max(size_of_val(data)).next_multiple_of(16) as u64;
         self.note(name, bytes / size_of::<T>() as u64, bytes);
@@ -309,7 +309,7 @@ impl Gpu {
         Buffer { raw: self.device.create_buffer(&descriptor), name, bytes }
     }
 
-    /// Writes elements from byte `offset` on; they are there before the next submission runs.
+    /// Writes elements at a byte offset; they are visible to the next submission.
     pub fn write<T: NoUninit>(&self, buffer: &Buffer, offset: u64, data: &[T]) {
         if !data.is_empty() && !self.dry {
             self.queue.write_buffer(&buffer.raw, offset, bytemuck::cast_slice(data));
@@ -325,7 +325,7 @@ impl Gpu {
         self.bind_pipeline(pipeline, buffers)
     }
 
-    /// As [`Gpu::bind`], out of a list that may hold more than the shader names; of two with one name the later counts.
+    /// As [`Gpu::bind`], from a list that may hold more buffers than the shader names; if a name occurs twice, the later entry is used.
     ///
     /// # Errors
     /// As [`Gpu::bind`].
@@ -346,7 +346,7 @@ impl Gpu {
         Ok(made)
     }
 
-    /// Compiles and binds a shader text of its own, for tests that break one on purpose.
+    /// Compiles and binds the text of a single shader, for tests that break one on purpose.
     ///
     /// # Errors
     /// As [`Gpu::bind`].
@@ -374,6 +374,7 @@ impl Gpu {
                 count: None,
             })
             .collect();
+        // compile within an error scope
         locked(&self.work).compiled += 1;
         let scope = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let label = Some(shader.name);
@@ -441,22 +442,22 @@ impl Gpu {
         Batch { pass: None, encoder, timing: locked(&self.timing).clone(), dispatches: 0 }
     }
 
-    /// Runs a batch; returns at once.
+    /// Submits a batch without waiting.
     pub fn submit(&self, batch: Batch) {
         self.count(batch.dispatches, false);
         self.queue.submit([batch.finish()]);
     }
 
-    /// Runs a batch and reads buffers back, the first bytes of each; waits for the device.
+    /// Submits a batch and reads the first bytes of each buffer back; waits for the device.
     ///
     /// # Errors
     /// [`Error::Device`] when the device was lost or reported an error since the last call.
     ///
     /// # Panics
-    /// When more bytes are wanted than a buffer has.
+    /// If more bytes are requested than a buffer has.
     pub fn submit_and_read(&self, mut batch: Batch, wanted: &[(&Buffer, u64)]) -> Result<Vec<Vec<u8>>> {
         let total: u64 = wanted.iter().map(|(_, bytes)| bytes.next_multiple_of(16)).sum();
-        // held until the bytes are out: another thread's would land in the same place
+        // locked until the bytes are copied out, because other threads use the same staging buffer
         let mut slot = locked(&self.staging);
         let staging = self.staging(&mut slot, total.max(16));
         batch.pass = None;
@@ -506,7 +507,7 @@ impl Gpu {
         }
     }
 
-    /// Reads one whole array back.
+    /// Reads one array back.
     ///
     /// # Errors
     /// As [`Gpu::submit_and_read`].
@@ -516,12 +517,12 @@ impl Gpu {
     }
 }
 
-/// Bytes as elements.
+/// Converts bytes to elements.
 pub fn cast<T: Pod>(bytes: &[u8]) -> Vec<T> {
     bytemuck::pod_collect_to_vec(bytes)
 }
 
-/// Commands recorded for one submission; each dispatch sees what the ones before it wrote.
+/// Commands recorded for one submission; each dispatch sees the results of the previous ones.
 pub struct Batch {
     // dropped before the encoder
     pass: Option<wgpu::ComputePass<'static>>,
@@ -564,7 +565,7 @@ impl Batch {
         }
     }
 
-    /// Copies the first timestamps of a set into a buffer.
+    /// Copies the first `count` timestamps of a set into a buffer.
     fn resolve(&mut self, set: &wgpu::QuerySet, count: u32, to: &Buffer) {
         self.pass = None;
         self.encoder.resolve_query_set(set, 0..count, &to.raw, 0);

@@ -1,7 +1,7 @@
-//! The GPU without physics: adapters, buffers, kernels bound by the shader's own names, batches of dispatches, read-back.
+//! GPU access without physics: adapters, buffers, kernels bound by the shader's own names, batches of dispatches, read-back.
 //!
-//! A [`Source`](crate::kernels::Source) is read by naga on the host: its `var` names, groups and sizes are the truth that [`Gpu::bind`]
-//! checks buffers against. A [`Batch`] records dispatches and is submitted once. Nothing here knows what a kernel computes.
+//! naga parses a [`Source`](crate::kernels::Source) on the host; [`Gpu::bind`] checks buffers against the `var` names, groups and sizes
+//! found there. A [`Batch`] records dispatches and is submitted once. Nothing here knows what a kernel computes.
 
 mod device;
 mod shader;

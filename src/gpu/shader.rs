@@ -1,4 +1,4 @@
-//! What naga says of a kernel: its variables, their access and size, the parameter layout; and the check of the text.
+//! Kernel reflection by naga: variables, their access and size, layout of the parameters; validation of the text.
 
 use crate::error::{Error, Result};
 use crate::kernels::{Source, text};
@@ -6,7 +6,7 @@ use naga::front::wgsl;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{AddressSpace, StorageAccess, TypeInner};
 
-/// How a kernel uses a variable.
+/// Access of a kernel to a variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
     /// Uniform buffer.
@@ -24,18 +24,18 @@ pub struct Variable {
     pub name: String,
     /// `@binding`, in group 0.
     pub binding: u32,
-    /// How it is used.
+    /// Access.
     pub access: Access,
-    /// Bytes at least: the size of a fixed type, or of one element of an unsized array.
+    /// Minimum size, bytes: that of a fixed type, or of one element of an unsized array.
     pub min_bytes: u64,
 }
 
-/// A kernel as naga understands it.
+/// Kernel as parsed by naga.
 #[derive(Clone, Debug)]
 pub struct Shader {
     /// Entry point.
     pub name: &'static str,
-    /// Whole WGSL text.
+    /// Complete WGSL text.
     pub text: String,
     /// Variables in binding order.
     pub variables: Vec<Variable>,
@@ -54,7 +54,7 @@ impl Shader {
         Self::from_text(source.name, text(source))
     }
 
-    /// Parses and validates WGSL text that holds the entry point `name`.
+    /// Parses and validates WGSL text with the entry point `name`.
     ///
     /// # Errors
     /// As [`Shader::read`].

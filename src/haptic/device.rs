@@ -1,8 +1,8 @@
-//! A haptic device: pose and buttons in, force and torque out.
+//! Haptic devices: pose and buttons in, force and torque out.
 //!
-//! A device speaks its own frame; [`Workspace`] places that frame in the scene. What a device can give is in its [`Limits`]. The loop calls
-//! [`read`](Device::read) and [`write`](Device::write) once a tick, and neither may wait, lock or allocate: a device behind a network has
-//! a thread of its own for that, and cells with the latest value in between.
+//! A device uses its own frame; [`Workspace`] places it in the scene. [`Limits`] are the forces that the device can exert. The loop calls
+//! [`read`](Device::read) and [`write`](Device::write) once per tick. Neither may wait, lock or allocate: a device behind a network needs a
+//! thread of its own, with buffers for the latest values in between.
 //! Units: m, m/s, rad/s, N, N·m, s.
 
 use crate::error::Result;
@@ -10,25 +10,25 @@ use crate::scene;
 use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 
-/// What a device says.
+/// Reading of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
-    /// Of the end effector, m.
+    /// Position of the end effector, m.
     pub position: DVec3,
     /// Unit quaternion.
     pub rotation: DQuat,
     /// m/s
     pub velocity: DVec3,
-    /// rad/s; zero where the device does not know it.
+    /// Angular velocity, rad/s; zero if the device does not measure it.
     pub spin: DVec3,
-    /// Bit k is set while button k is down.
+    /// Bit k is set while button k is pressed.
     pub buttons: u32,
-    /// How long ago the device said this, s; infinite before its first word.
+    /// Age of the reading, s; infinite before the first one.
     pub age: f64,
 }
 
 impl Reading {
-    /// At rest at the origin, said `age` ago.
+    /// At rest at the origin, with the given age, s.
     pub fn at_rest(age: f64) -> Self {
         Self {
             position: DVec3::ZERO,
@@ -40,7 +40,7 @@ impl Reading {
         }
     }
 
-    /// All numbers are numbers, and the rotation is one.
+    /// True if all numbers are finite and the quaternion is a rotation.
     pub fn is_sound(&self) -> bool {
         let finite = self.position.is_finite() && self.velocity.is_finite() && self.spin.is_finite();
         finite && (self.rotation.length_squared() - 1.0).abs() < 1e-3
@@ -56,7 +56,7 @@ pub struct Wrench {
     pub torque: DVec3,
 }
 
-/// What a device can give.
+/// Largest force and torque of a device.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Limits {
     /// N
@@ -66,7 +66,7 @@ pub struct Limits {
 }
 
 impl Limits {
-    /// A wrench within the limits, its directions kept, and whether one was met; a device without torque gets none.
+    /// Limits a wrench, keeping its directions, and returns whether a limit was exceeded; without torque for a device that has none.
     pub fn apply(&self, wrench: Wrench) -> (Wrench, bool) {
         let (force, torque) = (wrench.force.length(), wrench.torque.length());
         let mut out = wrench;
@@ -84,44 +84,44 @@ impl Limits {
 
 /// A haptic device.
 pub trait Device: Send {
-    /// For the report: what it is, and which one.
+    /// Name for the report: kind and identity of the device.
     fn name(&self) -> &str;
 
-    /// What it can give.
+    /// Largest force and torque.
     fn limits(&self) -> Limits;
 
-    /// Step of its position sensors, m; 0 for exact ones.
+    /// Resolution of the position sensors, m; 0 for exact ones.
     fn resolution(&self) -> f64 {
         0.0
     }
 
-    /// What it says at `time`, s since the loop began.
+    /// Reading at `time`, s since the loop began.
     fn read(&mut self, time: f64) -> Reading;
 
-    /// The force and torque on the hand from now on.
+    /// Sets the force and torque on the hand from now on.
     fn write(&mut self, time: f64, wrench: Wrench);
 
-    /// What went wrong on the way to it so far: messages that were of no use, connections lost; 0 for a device that nothing lies between.
+    /// Number of faults so far: unusable messages, lost connections; 0 for a directly connected device.
     fn faults(&self) -> u64 {
         0
     }
 
-    /// What [`read`](Device::read) depends on beside the time: to go on from later, by the scene's clock. None of a device that is no program.
+    /// State that [`read`](Device::read) depends on besides the time, for a restart by the scene's clock. Empty for real devices.
     fn state(&self) -> Vec<f64> {
         vec![]
     }
 
-    /// Goes to a state of this kind of device.
+    /// Restores a state of this kind of device.
     fn restore(&mut self, _state: &[f64]) {}
 
-    /// Lets go: no force, connection closed.
+    /// Releases the device: no force, connection closed.
     ///
     /// # Errors
-    /// When something that had to be kept (a recording) is not.
+    /// If data that had to be kept (a recording) is incomplete.
     fn close(&mut self) -> Result<()>;
 }
 
-/// Where a device's frame lies in the scene, `x = position + rotation · scale · x_device`, and where the tool sits in its hand.
+/// Placement of a device's frame in the scene, `x = position + rotation · scale · x_device`, and of the tool in the end effector's frame.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Workspace {
     /// m
@@ -130,19 +130,19 @@ pub struct Workspace {
     pub rotation: DQuat,
     /// Metres of the scene per metre of the device.
     pub scale: f64,
-    /// Where the tool's origin is in the end effector's frame, m of the scene.
+    /// Origin of the tool in the end effector's frame, m of the scene.
     pub tool: DVec3,
-    /// How the tool is turned there, unit quaternion.
+    /// Rotation of the tool in that frame, unit quaternion.
     pub tool_rotation: DQuat,
-    /// How far from its origin the device can be, m of its own.
+    /// Largest distance of the end effector from the device's origin, m of the device.
     pub reach: f64,
 }
 
-/// A device that crosses its workspace faster than this does not move but fail, s: a tick at 1 kHz.
+/// Time for crossing the workspace below which a motion is a sensor failure, s: a tick at 1 kHz.
 const CROSSING: f64 = 1e-3;
 
 impl Workspace {
-    /// The device's frame is the scene's, and its end effector is the tool.
+    /// The device's frame is the scene's, and the end effector is the tool.
     pub const SAME: Self = Self {
         position: DVec3::ZERO,
         rotation: DQuat::IDENTITY,
@@ -152,7 +152,7 @@ impl Workspace {
         reach: f64::INFINITY,
     };
 
-    /// As a device of a scene is placed, and its tool in it.
+    /// Placement of a scene's device and of its tool.
     pub fn new(device: &scene::Device) -> Self {
         Self {
             position: DVec3::from_array(device.position),
@@ -164,23 +164,24 @@ impl Workspace {
         }
     }
 
-    /// Whether a reading is sound and of this workspace: where the device can be, and no faster than across it in a tick.
+    /// True if a reading is valid for this workspace: within reach, and not faster than once across it in a tick.
     pub fn holds(&self, reading: &Reading) -> bool {
         let near = self.has_place(reading.position) && reading.velocity.length() * CROSSING <= self.reach;
         near && reading.is_sound()
     }
 
-    /// Whether a device can be there, m in its own frame; NaN is nowhere.
+    /// True if a position is within reach, m in the device's frame; false for NaN.
     pub fn has_place(&self, position: DVec3) -> bool {
         position.is_finite() && position.length() <= self.reach
     }
 
-    /// From the end effector to the tool's origin, in the scene, m; `effector` is its rotation as the device says it.
+    /// Vector from the end effector to the tool's origin, in the scene, m; `effector` is the rotation of the end effector in the device's
+    /// frame.
     fn lever(&self, effector: DQuat) -> DVec3 {
         self.rotation * effector * self.tool
     }
 
-    /// The tool in the scene where the device says this of its end effector.
+    /// Converts a reading of the end effector to the tool in the scene.
     pub fn to_scene(&self, reading: Reading) -> Reading {
         let (lever, spin) = (self.lever(reading.rotation), self.rotation * reading.spin);
         Reading {
@@ -192,20 +193,20 @@ impl Workspace {
         }
     }
 
-    /// The end effector in the device's frame where the tool has this pose in the scene.
+    /// Converts the tool's pose in the scene to the end effector's in the device's frame.
     pub fn from_scene(&self, position: DVec3, rotation: DQuat) -> (DVec3, DQuat) {
         let back = self.rotation.conjugate();
         let effector = back * rotation * self.tool_rotation.conjugate();
         (back * (position - self.lever(effector) - self.position) / self.scale, effector)
     }
 
-    /// A force and torque on the end effector as one at the tool's origin, in the scene's frame; forces are not scaled here.
+    /// Converts a wrench on the end effector to the tool's origin, in the scene's frame; forces are not scaled.
     pub fn wrench_to_scene(&self, wrench: Wrench, effector: DQuat) -> Wrench {
         let force = self.rotation * wrench.force;
         Wrench { force, torque: self.rotation * wrench.torque - self.lever(effector).cross(force) }
     }
 
-    /// A force and torque at the tool's origin as one on the end effector, in the device's frame; forces are not scaled here.
+    /// Converts a wrench at the tool's origin to the end effector, in the device's frame; forces are not scaled.
     pub fn to_device(&self, wrench: Wrench, effector: DQuat) -> Wrench {
         let back = self.rotation.conjugate();
         let torque = wrench.torque + self.lever(effector).cross(wrench.force);

@@ -1,4 +1,4 @@
-//! From what a scene asks for to an open device.
+//! Opens the devices that a scene names.
 
 use super::device::{Device, Workspace};
 use super::hand::SimulatedHand;
@@ -11,7 +11,7 @@ use crate::scene::{self, DeviceKind, Tool};
 /// Opens a device for a tool.
 ///
 /// # Errors
-/// When the device cannot be had.
+/// If the device is not available.
 pub fn open(device: &scene::Device, tool: &Tool) -> Result<Box<dyn Device>> {
     let path = Path { poses: tool.trajectory.as_slice().into(), workspace: Workspace::new(device) };
     Ok(match &device.kind {

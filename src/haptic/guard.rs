@@ -1,36 +1,36 @@
-//! When the force may be felt: ramp-in at the start, fade-out while the simulation is late or the hand is being moved elsewhere, safe stop.
+//! Conditions for the force on the hand: ramp at the start, fade-out while the simulation is late or the clutch is used, safe stop.
 //!
-//! The force on the hand is multiplied by `ramp · fade · clutch`, each between 0 and 1 and linear in time, so it never jumps for these
-//! reasons. A stop takes the ramp to 0 and is latched: the device has to be sound for a while before it ramps in again.
+//! The force is multiplied by `ramp · fade · clutch`, each between 0 and 1 and linear in time, so these events cause no jump. A stop takes
+//! the ramp to 0 and is latched: the force ramps up again only after the device has been valid for a while.
 //! Units: s.
 
 use serde::{Deserialize, Serialize};
 
-/// From no force to all of it, s: long enough for a hand to give way to a tool that starts inside of something.
+/// Time of the ramp, s: long enough for a hand to give way to a tool that starts inside a body.
 pub const RAMP_TIME: f64 = 0.2;
-/// From all of the force to none when the simulation is late, and back, s: no jolt, and short beside a hand's reaction of 0.15 s.
+/// Time of a fade-out or fade-in when the simulation is late, s: no jolt, and short compared with a hand's reaction time of 0.15 s.
 pub const FADE_TIME: f64 = 0.1;
-/// From all of the force to none at a stop, s: fast, but a few ticks long, so that 10 N do not become a click.
+/// Time from full force to none at a stop, s: fast, but several ticks, so that 10 N do not become a click.
 pub const STOP_TIME: f64 = 0.005;
-/// A device that was not heard of for this long is lost, s: fifty ticks; networks with a lost packet come back sooner.
+/// A device without a reading for this time is lost, s: fifty ticks; networks recover from a lost packet sooner.
 pub const LOST_AFTER: f64 = 0.05;
-/// How long a device has to be sound before a stop ends, s: one that comes and goes stays without force.
+/// Time that a device must be valid before a stop ends, s: an intermittent device stays without force.
 pub const SOUND_FOR: f64 = 0.1;
-/// Steps of the simulation after which its last problem is too old to feel: one is the rule, two come with a slow step now and then.
+/// Number of simulation steps after which the last problem is too old: one is normal, two occur with an occasional slow step.
 pub const LATE_STEPS: f64 = 4.0;
 
-/// What a tick sees.
+/// Conditions of a tick.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Signs {
-    /// The device is lost, or its pose is no number.
+    /// The device is lost, or its pose is invalid.
     pub lost: bool,
     /// The problem is too old.
     pub late: bool,
-    /// The hand is moved elsewhere.
+    /// The clutch is used.
     pub clutched: bool,
 }
 
-/// The state of the three factors.
+/// State of the three factors.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Guard {
     ramp: f64,
@@ -39,19 +39,19 @@ pub struct Guard {
     stopped: bool,
     sound: f64,
     late: bool,
-    /// Times that a fade-out began.
+    /// Number of fade-outs.
     pub fades: u64,
-    /// Times that a force that was there stopped.
+    /// Number of stops while a force was applied.
     pub stops: u64,
 }
 
 impl Guard {
-    /// Whether a stop is latched: the tool stays where it was.
+    /// True while a stop is latched: the tool keeps its position.
     pub fn stopped(&self) -> bool {
         self.stopped
     }
 
-    /// Takes in what a tick of `step` seconds sees; returns the share of the force that may be felt.
+    /// Updates the factors for a tick of `step` seconds; returns their product.
     pub fn update(&mut self, signs: Signs, step: f64) -> f64 {
         self.sound = if signs.lost { 0.0 } else { self.sound + step };
         if signs.lost && !self.stopped {

@@ -1,45 +1,45 @@
-//! A simulated hand on a device: a mass and a damper, drawn to a path by a spring, pushed by the force that the servo writes.
+//! A simulated hand on a device: a mass with a damper and a spring to a path, driven by the force that the servo writes.
 //!
-//! `m v' = F + k (target − x) − b v`, `x' = v`, with F held from one write to the next, in steps of 10 µs at most that are implicit in the
-//! damper: with constant F the position is right to second order, so the sampled force alone can make it unstable, as in a real hand.
-//! The rotation follows the path. Positions are read in steps of the encoder. Source: Colgate, Brown 1994 (the model of a device that
-//! meets a sampled wall). Units: m, kg, N, N/m, N·s/m, s.
+//! `m v' = F + k (target − x) − b v`, `x' = v`, with F held between writes, in substeps of at most 10 µs that are implicit in the damper.
+//! With constant F the position is second-order accurate, so only the sampling of the force can make it unstable, as with a real hand. The
+//! rotation follows the path. Positions are rounded to the encoder's resolution. Source: Colgate, Brown 1994 (model of a device at a
+//! sampled wall). Units: m, kg, N, N/m, N·s/m, s.
 
 use super::device::{Device, Limits, Reading, Wrench};
 use super::replay::Path;
 use crate::error::Result;
 use glam::DVec3;
 
-/// Longest step of its own, s: a hundredth of a tick at 1 kHz, so that its own rounding is 1 % of what sampling does.
+/// Longest substep, s: a hundredth of a tick at 1 kHz, so that the integration error is 1 % of the effect of sampling.
 const STEP: f64 = 1e-5;
-/// Ticks that it catches up with at most in one read, s: a stalled loop must not stall more by that.
+/// Maximum time that one read catches up with, s: a stalled loop must not stall further.
 const MOST: f64 = 0.1;
 
-/// The hand and its state.
+/// Simulated hand and its state.
 #[derive(Clone, Debug)]
 pub struct SimulatedHand {
     /// kg
     pub mass: f64,
-    /// Of the spring to the path, N/m.
+    /// Stiffness of the spring to the path, N/m.
     pub stiffness: f64,
     /// N·s/m
     pub damping: f64,
-    /// m; 0 for exact positions.
+    /// Resolution, m; 0 for exact positions.
     pub encoder: f64,
-    /// Where it wants to be.
+    /// Target path.
     pub path: Path,
     /// m
     pub position: DVec3,
     /// m/s
     pub velocity: DVec3,
-    /// Work that the force has done on it, J.
+    /// Work of the force on the hand, J.
     pub work: f64,
     force: DVec3,
     time: Option<f64>,
 }
 
 impl SimulatedHand {
-    /// At rest where its path starts.
+    /// At rest at the start of its path.
     pub fn new(path: Path, [mass, stiffness, damping, encoder]: [f64; 4]) -> Self {
         Self {
             mass,

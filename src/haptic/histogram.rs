@@ -1,9 +1,9 @@
 //! Order statistics of many values in fixed memory: counts in bins of equal width.
 
-/// Bins; what is beyond the last one is counted there, its largest value kept apart.
+/// Number of bins; larger values count in the last one, and the largest value is stored.
 const BINS: usize = 8192;
 
-/// Counts of values by size.
+/// Histogram of values.
 #[derive(Clone, Debug)]
 pub struct Histogram {
     width: f64,
@@ -13,20 +13,20 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Nothing counted yet; values are told apart by `width`.
+    /// Empty histogram with bins of `width`.
     pub fn new(width: f64) -> Self {
         Self { width, bins: vec![0; BINS].into_boxed_slice(), count: 0, largest: 0.0 }
     }
 
     /// Counts a value of 0 or more; allocates nothing.
     pub fn add(&mut self, value: f64) {
-        let bin = (value / self.width) as usize; // a float below 0 becomes 0
+        let bin = (value / self.width) as usize; // a negative float becomes 0
         self.bins[bin.min(BINS - 1)] += 1;
         self.count += 1;
         self.largest = self.largest.max(value);
     }
 
-    /// Takes in the counts of another of the same width.
+    /// Adds the counts of a histogram of the same width.
     pub fn merge(&mut self, other: &Self) {
         assert!(self.width == other.width, "histograms of one width");
         for (sum, more) in self.bins.iter_mut().zip(&other.bins) {
@@ -36,7 +36,8 @@ impl Histogram {
         self.largest = self.largest.max(other.largest);
     }
 
-    /// A value that a share of the values is not above, at most a bin too large; none of no values.
+    /// Smallest bin edge such that at least the fraction `share` of the values lies at or below it: at most one bin too large. `None`
+    /// without values.
     pub fn quantile(&self, share: f64) -> Option<f64> {
         let rank = (share * self.count as f64).ceil().max(1.0) as u64;
         let mut below = 0;
@@ -50,7 +51,7 @@ impl Histogram {
         None
     }
 
-    /// The largest value; none of no values.
+    /// Largest value; `None` without values.
     pub fn max(&self) -> Option<f64> {
         (self.count > 0).then_some(self.largest)
     }

@@ -1,6 +1,6 @@
-//! Devices that feel nothing: a recorded path, a hand at rest; and a recorder around any device.
+//! Devices without force feedback: a recorded path, a hand at rest; and a recorder for any device.
 //!
-//! What a [`Recorder`] tells is a trajectory as scenes read them, with the forces in six more columns, which scenes pass over.
+//! The output of a [`Recorder`] is a trajectory in the format of scenes, with the forces in six additional columns, which scenes ignore.
 //! Units: m, s, N, N·m; files in mm, N, N·mm.
 
 use super::device::{Device, Limits, Reading, Workspace, Wrench};
@@ -12,15 +12,15 @@ use glam::{DQuat, DVec3};
 use rtrb::{Consumer, Producer, RingBuffer};
 use std::sync::Arc;
 
-/// Over which a path's velocity is taken, s: a tick at 1 kHz.
+/// Interval of the finite difference for a path's velocity, s: a tick at 1 kHz.
 const BETWEEN: f64 = 1e-3;
 
 /// A tool's path in the frame of its device.
 #[derive(Clone, Debug)]
 pub struct Path {
-    /// At least one, in the scene.
+    /// Poses in the scene, at least one.
     pub poses: Arc<[Pose]>,
-    /// Where the device's frame lies.
+    /// Placement of the device's frame.
     pub workspace: Workspace,
 }
 
@@ -31,7 +31,7 @@ impl Path {
         self.workspace.from_scene(position, rotation)
     }
 
-    /// What a device on the path says at a time.
+    /// Reading of a device on the path at a time.
     pub fn reading(&self, time: f64) -> Reading {
         let ((position, rotation), (before, turned)) = (self.at(time), self.at(time - BETWEEN));
         Reading {
@@ -44,7 +44,7 @@ impl Path {
     }
 }
 
-/// A recorded hand: goes its way whatever the force.
+/// A recorded hand, which ignores forces.
 #[derive(Clone, Debug)]
 pub struct Replay(pub Path);
 
@@ -68,7 +68,7 @@ impl Device for Replay {
     }
 }
 
-/// A hand that rests where a path starts.
+/// A hand at rest at the start of a path.
 #[derive(Clone, Debug)]
 pub struct Null(pub Path);
 
@@ -93,11 +93,11 @@ impl Device for Null {
     }
 }
 
-/// A tick of a recording, in the columns of a trajectory with its forces: s, mm, the quaternion, N, N·mm.
+/// One tick of a recording, in the columns of a trajectory and its forces: s, mm, quaternion, N, N·mm.
 pub type Row = [f64; TRAJECTORY_COLUMNS.len() + FORCE_COLUMNS.len()];
 
-/// Tells what a device says (as it moved, not as clutch or freeze moved its tool) and is given to who writes it down. A tick allocates
-/// nothing and does not wait: what finds the ring full is counted as lost.
+/// Passes readings (as the device moved, without clutch or freeze) and forces of a device to the writer of a recording. A tick allocates
+/// nothing and does not wait; rows that find the ring full are counted as lost.
 pub struct Recorder {
     inner: Box<dyn Device>,
     workspace: Workspace,
@@ -108,13 +108,13 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Around a device whose frame lies there; so many ticks may wait to be written down.
+    /// Wraps a device with the given placement; `ticks` rows fit into the ring.
     pub fn new(inner: Box<dyn Device>, workspace: Workspace, ticks: usize) -> (Self, Consumer<Row>) {
         let (rows, written) = RingBuffer::new(ticks);
         (Self { inner, workspace, rows, open: None, last: f64::NEG_INFINITY, lost: 0 }, written)
     }
 
-    /// Passes the last reading on. Times rise in a trajectory; a device that is read twice at once says the same.
+    /// Passes the last reading on. Times ascend in a trajectory; a second reading at the same time is skipped.
     fn pass_on(&mut self) {
         let Some((time, reading, wrench)) = self.open.take() else { return };
         if !self.workspace.holds(&reading) || reading.age > LOST_AFTER || time <= self.last {

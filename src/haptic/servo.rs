@@ -1,9 +1,9 @@
-//! The whole tick of one device: a reading and the newest problem in, a force and torque out.
+//! Complete tick of one device: from a reading and the newest problem to force and torque.
 //!
-//! A tick places the reading in the scene (workspace, clutch), renders, limits, and watches the energy. It allocates nothing (once
-//! [`Renderer::reserve`] has seen the largest problem), takes no lock, writes no log and waits for nothing; what it saw is in its
-//! [`Record`], what it counted in [`Counts`].
-//! Units: m, rad, N, N·m, s, J; forces of records are on the hand, in the device's frame.
+//! A tick places the reading in the scene (workspace, clutch), renders, limits, and observes the energy. It allocates nothing (once
+//! [`Renderer::reserve`] has had the largest problem), takes no lock, writes no log and never waits; its result is a [`Record`], its
+//! counters are [`Counts`].
+//! Units: m, rad, N, N·m, s, J; forces of records act on the hand, in the device's frame.
 
 use super::cells::{Counts, Felt, Problem};
 use super::device::{Limits, Reading, Workspace, Wrench};
@@ -16,28 +16,28 @@ use glam::{DQuat, DVec3};
 use serde::{Deserialize, Serialize};
 use std::time::Duration;
 
-/// Time that the sweeps of a live tick may take: a third of the tick at 1 kHz, so that a crowded contact costs accuracy and no deadline.
+/// Time budget of the sweeps in a live tick: a third of the tick at 1 kHz, so that a crowded contact costs accuracy and not the deadline.
 pub const BUDGET: Duration = Duration::from_micros(300);
-/// A problem that is at most this many ticks old is of the hand as it is, and says where the proxy is; to an older one it has moved on.
+/// A problem of at most this age in ticks is based on the current hand pose and sets the proxy; for an older one the proxy has moved on.
 const FRESH: f64 = 1.5;
 
-/// Steps of the simulation for which the skin is taken to go on as it moved at the end of the last one: a problem is up to two steps old
-/// before the next one comes, and what moves for longer has been stopped by something.
+/// Number of simulation steps over which the skin's last motion is extrapolated: a problem is up to two steps old before the next one
+/// arrives, and a longer motion has been stopped by something.
 const MOST_STEPS: f64 = 2.0;
 
-/// Which buttons do what; bit k for button k.
+/// Buttons by role; bit k for button k.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Buttons {
-    /// While one is down the blade cuts; without any it always does.
+    /// The blade cuts while one of these is pressed; without any it always cuts.
     pub active: u32,
-    /// While one is down the hand moves and the tool stays.
+    /// While one of these is pressed the hand moves and the tool stays.
     pub clutch: u32,
-    /// While one is down tool and force hold their place.
+    /// While one of these is pressed tool and force are frozen.
     pub freeze: u32,
 }
 
 impl Buttons {
-    /// By the roles of buttons 0, 1, …
+    /// From the roles of buttons 0, 1, …
     pub fn new(roles: &[Role]) -> Self {
         let of = |wanted: Role| {
             let down = roles.iter().enumerate().filter(|(k, role)| **role == wanted && *k < 32);
@@ -47,41 +47,41 @@ impl Buttons {
     }
 }
 
-/// How a servo treats its device.
+/// Settings of a servo.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Settings {
     /// Length of a tick, s.
     pub tick: f64,
     /// Length of a step of the simulation, s.
     pub step: f64,
-    /// Coupling between hand and tool.
+    /// Virtual coupling between hand and tool.
     pub link: Coupling,
-    /// Whether it is felt.
+    /// Rendering method.
     pub rendering: Rendering,
     /// Newtons on the hand per newton on the tool.
     pub force_scale: f64,
-    /// Most that the device is asked for.
+    /// Largest force and torque requested from the device.
     pub limits: Limits,
-    /// Where the device's frame lies.
+    /// Placement of the device's frame.
     pub workspace: Workspace,
-    /// Which buttons do what.
+    /// Buttons by role.
     pub buttons: Buttons,
-    /// Keep the device from giving energy.
+    /// Use the passivity controller.
     pub passivity: bool,
-    /// Step of the device's position sensors, m.
+    /// Resolution of the device's position sensors, m.
     pub resolution: f64,
-    /// Ramp in, fade when the simulation is late, stop when the device is lost.
+    /// Use the guard: ramp, fade when the simulation is late, stop when the device is lost.
     pub guarded: bool,
-    /// Time for the sweeps; none where results must not depend on a clock.
+    /// Time budget of the sweeps; `None` where results must not depend on a clock.
     pub budget: Option<Duration>,
-    /// Sweeps of a tick at most.
+    /// Maximum number of sweeps per tick.
     pub max_sweeps: u32,
-    /// Rows of the largest problem.
+    /// Number of rows of the largest problem.
     pub rows: usize,
 }
 
 impl Settings {
-    /// As the device of a scene asks, whose ticks and steps take so long; `can` is what the device can give.
+    /// Settings for a scene's device with these lengths of ticks and steps, s; `can` are the device's limits.
     pub fn new(device: &scene::Device, link: Coupling, can: Limits, [tick, step]: [f64; 2]) -> Self {
         Self {
             tick,
@@ -102,50 +102,50 @@ impl Settings {
     }
 }
 
-/// One tick.
+/// Record of one tick.
 #[derive(Clone, Copy, Debug)]
 pub struct Record {
     /// s
     pub time: f64,
-    /// The hand in the scene.
+    /// Hand pose in the scene.
     pub hand: Hand,
     /// m/s
     pub velocity: DVec3,
-    /// The proxy in the scene, m.
+    /// Position of the proxy in the scene, m.
     pub proxy: DVec3,
-    /// What is written to the device, in its frame.
+    /// Wrench written to the device, in its frame.
     pub wrench: Wrench,
-    /// The same in the scene's frame.
+    /// The same in the scene's frame, at the tool's origin.
     pub felt: Wrench,
     /// Age of the problem, s.
     pub age: f64,
-    /// Share of the force that ramp, fade and stop let through.
+    /// Factor of ramp, fade and stop.
     pub gain: f64,
     /// Gauss–Seidel sweeps.
     pub sweeps: u32,
-    /// The blade cuts.
+    /// True if the blade cuts.
     pub active: bool,
 }
 
-/// The tick of one device and its memory.
+/// Tick of one device and its state.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Servo {
-    /// How it treats its device.
+    /// Settings.
     pub settings: Settings,
-    /// Observer and controller.
+    /// Passivity observer and controller.
     pub passivity: Passivity,
     renderer: Renderer,
     guard: Guard,
     counts: Counts,
     last: Option<Reading>,
-    /// The device has said something.
+    /// The device has been read successfully.
     heard: bool,
-    /// Some force was let through once.
+    /// A force has been applied at least once.
     begun: bool,
-    /// When the last tick was, and the last sound reading, s.
+    /// Times of the last tick and of the last valid reading, s.
     ticked: Option<f64>,
     sound_at: Option<f64>,
-    /// The last tick's force was no number.
+    /// The last tick's force was non-finite.
     spoilt: bool,
     hand: Hand,
     held: bool,
@@ -161,7 +161,7 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// A servo whose tool rests at a pose of the scene until its device is heard of.
+    /// Servo whose tool rests at a pose of the scene until the first reading of its device.
     pub fn new(settings: Settings, start: Hand) -> Self {
         let mut renderer = Renderer::new(settings.link, start);
         (renderer.rendering, renderer.budget) = (settings.rendering, settings.budget);
@@ -195,13 +195,14 @@ impl Servo {
 
     /// One tick at `time`, s.
     pub fn tick(&mut self, reading: Reading, problem: &Problem, time: f64) -> Record {
+        // validity of the reading
         let age = time - problem.time;
         let late = age > LATE_STEPS * self.settings.step;
         let workspace = &self.settings.workspace;
         let is_pose = workspace.has_place(reading.position) && reading.rotation.is_finite();
         let is_sound = workspace.holds(&reading);
-        // a reading is lost when it is no pose or old (or of an age that is no number), when none was sound for long, when the loop itself
-        // has stood still for so long that the device has let go by itself, and when what was rendered is no force
+        // The device is lost if the reading is no pose or too old (or its age is NaN), if none was valid for too long, if the loop itself
+        // stood still for so long that the device has released the force, or if the last rendered force was non-finite.
         let stood_still = time - self.ticked.replace(time).unwrap_or(time) > LOST_AFTER;
         if is_sound || self.sound_at.is_none() {
             self.sound_at = Some(time);
@@ -210,6 +211,7 @@ impl Servo {
         let lost = !(is_pose && reading.age <= LOST_AFTER) || silent || stood_still || self.spoilt;
         self.spoilt = false;
         self.heard |= !lost && is_sound;
+        // buttons, guard and hand pose
         let reading = self.sound(reading);
         let down = |mask: u32| reading.is_some_and(|r| r.buttons & mask != 0);
         let Buttons { active, clutch, freeze } = self.settings.buttons;
@@ -219,6 +221,7 @@ impl Servo {
         let gain = if self.settings.guarded { self.guard.update(signs, self.settings.tick) } else { 1.0 };
         self.begun |= gain > 0.0;
         self.place(reading, clutched || frozen || (self.begun && self.guard.stopped()));
+        // rendering
         let cut = self.receive(problem, age);
         if !frozen {
             let ahead = age.clamp(0.0, MOST_STEPS * self.settings.step);
@@ -230,6 +233,7 @@ impl Servo {
                 self.rendered = Tick { sweeps: self.rendered.sweeps, ..Tick::default() };
             }
         }
+        // output and counters
         let before = self.wrench.force;
         let clamped = self.give(gain);
         self.count(problem, late, clamped);
@@ -252,7 +256,7 @@ impl Servo {
         }
     }
 
-    /// The reading, or the last one in its place where it is none, or nothing before the first; the observer sees how the hand has moved.
+    /// The reading, or the last valid one if it is invalid, or `None` before the first; updates the observer with the hand's motion.
     fn sound(&mut self, reading: Reading) -> Option<Reading> {
         let sound = self.settings.workspace.holds(&reading);
         self.counts.unsound += u64::from(!sound);
@@ -271,8 +275,8 @@ impl Servo {
         reading
     }
 
-    /// Moves the hand in the scene, or holds it; where it was held, it goes on from there. A device that is heard of for the first time
-    /// is where its workspace says.
+    /// Moves the hand in the scene, or holds it. After a hold it continues from where it was held; the first reading is placed by the
+    /// workspace.
     fn place(&mut self, reading: Option<Reading>, hold: bool) {
         (self.velocity, self.spin) = (DVec3::ZERO, DVec3::ZERO);
         let Some(reading) = reading else { return };
@@ -290,7 +294,7 @@ impl Servo {
         (self.velocity, self.spin) = (there.velocity, there.spin);
     }
 
-    /// Takes a new problem over; whether it is the first of a new epoch.
+    /// Takes a new problem over; true if it is the first of a new epoch.
     fn receive(&mut self, problem: &Problem, age: f64) -> bool {
         if self.number == Some(problem.number) {
             return false;
@@ -304,12 +308,12 @@ impl Servo {
         cut
     }
 
-    /// Rotation of the end effector, as the device said it last.
+    /// Last rotation of the end effector.
     fn effector(&self) -> DQuat {
         self.last.map_or(DQuat::IDENTITY, |reading| reading.rotation)
     }
 
-    /// Scales, limits and damps what was rendered into what the device gets; whether a limit was met.
+    /// Scales, limits and damps the rendered wrench for the device; true if a limit was exceeded.
     fn give(&mut self, gain: f64) -> bool {
         let Settings { force_scale, limits, workspace, passivity, tick, .. } = self.settings;
         let size = force_scale * gain;
@@ -337,12 +341,12 @@ impl Servo {
         counts.energy_damped = self.passivity.wanted - self.passivity.energy;
     }
 
-    /// What was counted so far.
+    /// Counters so far.
     pub fn counts(&self) -> Counts {
         self.counts
     }
 
-    /// What the simulation has to know.
+    /// Message to the simulation.
     pub fn felt(&self) -> Felt {
         let Self { hand, velocity, spin, active, counts, .. } = *self;
         let buttons = self.last.map_or(0, |last| last.buttons);

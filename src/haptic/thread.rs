@@ -1,9 +1,8 @@
-//! The loop of a device under the wall clock: a thread of its own, deadlines that do not drift.
+//! Loop of a device by the wall clock: a thread of its own, with deadlines that do not drift.
 //!
-//! Tick k is due at `start + k T`. The thread sleeps until shortly before, then looks at the clock until the time has come, since a
-//! sleep may end late by more than a tick has. Deadlines that have gone by are counted and left out; they are not made up for.
-//! Times of ticks and of what they cost are counted in fixed memory; records go through a wait-free ring, and those that find it full
-//! are counted and lost.
+//! Tick k is due at `start + k T`. The thread sleeps until shortly before and then polls the clock, because a sleep may end more than a
+//! tick late. Missed deadlines are counted and skipped. Periods and durations of ticks are counted in fixed memory. Records go through a
+//! wait-free ring; those that find it full are counted and lost.
 
 use super::cells::{Felt, ServoEnd};
 use super::device::Device;
@@ -15,30 +14,30 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
 
-/// How long before a deadline the thread stops sleeping, s: sleeps of a common kernel end 0.05 to 0.1 ms late.
+/// Time before a deadline at which the thread stops sleeping, s: sleeps of common kernels end 0.05 to 0.1 ms late.
 const SPIN: f64 = 2e-4;
-/// Share of a tick that is spun away at most, so that loops of 4 kHz leave their cores something.
+/// Maximum fraction of a tick spent polling, so that loops of 4 kHz leave their cores some time.
 const SPIN_SHARE: f64 = 0.2;
 
-/// What a loop has seen of the clock.
+/// Timing statistics of a loop.
 #[derive(Clone, Debug)]
 pub struct Timing {
     /// Time between ticks, s.
     pub period: Histogram,
-    /// What a tick took, s.
+    /// Duration of a tick, s.
     pub tick: Histogram,
     /// Age of the problem at a tick, s.
     pub age: Histogram,
-    /// Deadlines that went by without a tick.
+    /// Missed deadlines.
     pub missed: u64,
     /// Records that found the ring full.
     pub lost: u64,
-    /// What went wrong on the way to the device.
+    /// Faults of the device.
     pub faults: u64,
 }
 
 impl Timing {
-    /// Nothing seen; ages are told apart to 0.1 ms up to 0.8 s, times to 1 µs up to 8 ms.
+    /// Empty; resolution 0.1 ms up to 0.8 s for ages, 1 µs up to 8 ms for times.
     pub fn new() -> Self {
         Self {
             period: Histogram::new(1e-6),
@@ -50,7 +49,7 @@ impl Timing {
         }
     }
 
-    /// Takes in what another loop has seen.
+    /// Adds the statistics of another loop.
     pub fn merge(&mut self, other: &Self) {
         self.period.merge(&other.period);
         self.tick.merge(&other.tick);
@@ -67,20 +66,20 @@ impl Default for Timing {
     }
 }
 
-/// All that a loop works on.
+/// State of a loop.
 pub struct Loop {
-    /// The tick.
+    /// Tick of the device.
     pub servo: Servo,
-    /// What it reads and writes.
+    /// Device to read and write.
     pub device: Box<dyn Device>,
-    /// To and from the simulation.
+    /// Exchange with the simulation.
     pub cells: ServoEnd,
-    /// To who writes records down.
+    /// Ring to the writer of records.
     pub records: Producer<Record>,
 }
 
 impl Loop {
-    /// Ticks from `start` until `stop` is set; then lets the device go. What was seen, and how the device was closed.
+    /// Ticks from `start` until `stop` is set, then releases the device. Returns timing, the last message, and the result of closing.
     pub fn run(mut self, start: Instant, stop: &AtomicBool) -> (Timing, Felt, Result<()>) {
         let mut timing = Timing::new();
         let tick = self.servo.settings.tick;
@@ -96,7 +95,7 @@ impl Loop {
             self.once(begin, &mut timing);
             let end = start.elapsed().as_secs_f64();
             timing.tick.add(end - begin);
-            // the next deadline that is still ahead
+            // next deadline in the future
             let next = ((end / tick).ceil() as u64).max(number + 1);
             timing.missed += next - number - 1;
             number = next;
@@ -117,7 +116,7 @@ impl Loop {
     }
 }
 
-/// Waits until `due` seconds after `start`, the last `spin` seconds awake.
+/// Waits until `due` seconds after `start`, polling for the last `spin` seconds.
 fn wait(start: Instant, due: f64, spin: f64) {
     let left = due - start.elapsed().as_secs_f64();
     if left > spin {

@@ -1,9 +1,9 @@
 //! Elementary functions that give the same bits on every machine.
 //!
-//! `+ − × ÷`, the square root, rounding to whole numbers and a fused product-sum are exact by IEEE 754. All else comes from the system's C
-//! library where `std` is asked, and that differs between systems and, where the library picks its code by processor, between machines of
-//! one system. So these come from the crate `libm`, which uses exact operations alone; glam and parry3d are built to use it too. What
-//! only pictures and plots see may use `std`.
+//! `+ − × ÷`, the square root, rounding to integers and fused multiply-add are exactly defined by IEEE 754. `std` takes all other functions
+//! from the system's C library, which differs between systems and, where it selects code by processor, between machines. These functions
+//! come from the crate `libm` instead, which uses exactly defined operations only; glam and parry3d are built with it too. Code for
+//! pictures and plots may use `std`.
 
 pub use libm::{
     acos, atan, atan2, cbrt, cos, exp, expf as exp_f32, fma, fmaf as fma_f32, hypot, log as ln, logf as ln_f32, sin,

@@ -1,7 +1,7 @@
-//! Vectors at the corners of many boxes at once: their sums in the eight sign patterns, and turning them by quaternions.
+//! Vectors at the corners of many boxes at once: their sums in the eight sign patterns, and rotations by quaternions.
 //!
-//! The sums are a Walsh–Hadamard transform of length 8, `a_p = Σ_c (−1)^(bits of p ∧ c) a_c`; twice gives `8 a`. Registers hold the same
-//! component of as many boxes as the machine has room for ([`super::wide`]).
+//! The sums are a Walsh–Hadamard transform of length 8, `a_p = Σ_c (−1)^(bits of p ∧ c) a_c`; applied twice it gives `8 a`. A register
+//! holds the same component of as many boxes as it has lanes ([`super::wide`]).
 
 use super::Real;
 use super::wide::Lanes;
@@ -29,7 +29,7 @@ pub fn patterns<R: Real, L: Lanes<R>>(l: L, mut a: [[L::V; 3]; 8]) -> [[L::V; 3]
     a
 }
 
-/// Rows of `|q|² R(q)`: nothing for a dead cell.
+/// Rows of `|q|² R(q)`: zero for a removed cell.
 #[inline(always)]
 pub fn rotation_rows<R: Real, L: Lanes<R>>(l: L, [x, y, z, w]: [L::V; 4]) -> [[L::V; 3]; 3] {
     let (x2, y2, z2) = (l.add(x, x), l.add(y, y), l.add(z, z));
@@ -44,7 +44,7 @@ pub fn rotation_rows<R: Real, L: Lanes<R>>(l: L, [x, y, z, w]: [L::V; 4]) -> [[L
     ]
 }
 
-/// Rows of `R(q) − I` of a unit quaternion, without cancellation at small angles; `r` are those of `R`.
+/// Rows of `R(q) − I` for a unit quaternion, without cancellation at small angles; `r` are the rows of `R`.
 #[inline(always)]
 pub fn rotation_minus_one<R: Real, L: Lanes<R>>(
     l: L,

@@ -1,8 +1,8 @@
-//! Numbers that look random and are the same on every machine for the same seed.
+//! Pseudo-random numbers, the same on every machine for the same seed.
 //!
 //! Source: Knuth's MMIX generator (The Art of Computer Programming, volume 2, section 3.3.4); Steele, Lea, Flood 2014 (SplitMix64).
 
-/// A generator.
+/// Generator.
 #[derive(Clone, Debug)]
 pub struct Random {
     state: u64,
@@ -10,7 +10,7 @@ pub struct Random {
 }
 
 impl Random {
-    /// Knuth's, whose high bits alone look random.
+    /// Knuth's generator, of which only the high bits are random.
     pub fn new(seed: u64) -> Self {
         let step = |state: &mut u64| {
             *state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
@@ -19,7 +19,7 @@ impl Random {
         Self { state: seed, step }
     }
 
-    /// SplitMix64: seeds beside each other give numbers that have nothing to do with each other.
+    /// SplitMix64: neighbouring seeds give independent sequences.
     pub fn split_mix(seed: u64) -> Self {
         let step = |state: &mut u64| {
             *state = state.wrapping_add(GOLDEN);
@@ -33,22 +33,22 @@ impl Random {
         (self.step)(&mut self.state)
     }
 
-    /// Between 0 and 1.
+    /// Number in [0, 1).
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// Between −1 and 1.
+    /// Number in [−1, 1).
     pub fn signed(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 52) as f64 - 1.0
     }
 
-    /// Between two numbers.
+    /// Number between two bounds.
     pub fn between(&mut self, low: f64, high: f64) -> f64 {
         low + (high - low) * self.unit()
     }
 
-    /// A whole number below another.
+    /// Integer below `count`.
     pub fn below(&mut self, count: u64) -> u64 {
         (self.bits() >> 33) % count
     }
@@ -57,14 +57,14 @@ impl Random {
 /// 2⁶⁴ over the golden ratio.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// The finaliser of SplitMix64: bits that look random, of bits.
+/// The finaliser of SplitMix64, which mixes bits.
 fn mixed(bits: u64) -> u64 {
     let bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     let bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     bits ^ (bits >> 31)
 }
 
-/// Between −1 and 1, the same for the same key.
+/// Number in [−1, 1) as a function of a key.
 pub fn scattered(key: u64) -> f64 {
     (mixed(key.wrapping_add(1).wrapping_mul(GOLDEN)) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
 }

@@ -1,15 +1,15 @@
-//! Arithmetic on as many numbers at once as the machine has room for: AVX-512, AVX2 with FMA, NEON, or one by one, found out at run time.
+//! SIMD arithmetic with the registers of the machine: AVX-512, AVX2 with FMA, NEON, or scalar, detected at run time.
 //!
-//! `pulp` does the finding out without unsafe code here. Code between [`Wide::widest`] and the arithmetic must be `#[inline(always)]`: what
-//! is not inlined is compiled for the plain machine.
+//! `pulp` detects them without unsafe code here. Code between [`Wide::widest`] and the arithmetic must be `#[inline(always)]`: code that is
+//! not inlined is compiled for the baseline machine.
 //!
 //! A [`Task`] gives the same bits with any registers, and so on every machine, because
-//! - lanes know nothing of each other: nothing is added up across a register;
-//! - what several lanes are added to gets them in the order of the elements, as if they came one by one;
-//! - a product-sum ([`Lanes::mul_add`]) rounds once everywhere, in software where the processor has no instruction for it, and what is
-//!   written as a product and a sum rounds twice everywhere: the compiler does not join them.
+//! - lanes are independent: there is no sum across a register;
+//! - values that several lanes add to get the contributions in the order of the elements, as in scalar code;
+//! - a fused multiply-add ([`Lanes::mul_add`]) rounds once everywhere, in software where the processor has no instruction for it, and a
+//!   separate product and sum round twice everywhere: the compiler does not fuse them.
 //!
-//! [`force`] makes the whole process use other registers than the widest, so that tests see that on one machine.
+//! [`force`] makes the whole process use other registers than the widest, so that tests can check this on one machine.
 
 use super::elementary::{fma, fma_f32};
 use bytemuck::Pod;
@@ -18,7 +18,7 @@ use std::array::from_fn;
 use std::ops::{Add, Mul, Sub};
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// Registers that tasks on f32 and f64 can be made to run with.
+/// Registers for tasks on f32 and f64.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
 pub enum Registers {
@@ -37,14 +37,14 @@ const ALL: [Registers; 4] = [Registers::Widest, Registers::Avx2, Registers::Arra
 static FORCED: AtomicU8 = AtomicU8::new(Registers::Widest as u8);
 
 impl Registers {
-    /// Those that this machine has.
+    /// Kinds available on this machine.
     pub fn of_this_machine() -> Vec<Self> {
         ALL.into_iter().filter(|kind| *kind != Self::Avx2 || has_avx2()).collect()
     }
 }
 
-/// From now on every task on f32 and f64, in all threads of the process, runs with these registers; where the machine has none of them,
-/// with its widest. Results stay the same, so a task that is running meanwhile does no harm.
+/// Sets the registers of all further tasks on f32 and f64, in all threads of the process; if the machine lacks them, its widest are used.
+/// Results do not change, so running tasks are not affected.
 pub fn force(registers: Registers) {
     FORCED.store(registers as u8, Ordering::Relaxed);
 }
@@ -53,13 +53,13 @@ fn forced() -> Registers {
     ALL[usize::from(FORCED.load(Ordering::Relaxed))]
 }
 
-/// The machine's registers, of numbers `R`.
+/// Registers of numbers `R`.
 pub trait Lanes<R: Pod>: Copy {
     /// One register.
     type V: Pod;
-    /// Numbers in a register, 1 to [`MOST`].
+    /// Numbers per register, 1 to [`MOST`].
     const COUNT: usize = size_of::<Self::V>() / size_of::<R>();
-    /// The same number everywhere.
+    /// The same number in all lanes.
     fn splat(self, a: R) -> Self::V;
     /// `a + b`
     fn add(self, a: Self::V, b: Self::V) -> Self::V;
@@ -81,22 +81,22 @@ pub trait Lanes<R: Pod>: Copy {
     }
 }
 
-/// Numbers in the widest register there is (f32, AVX-512).
+/// Numbers in the widest supported register (f32, AVX-512).
 pub const MOST: usize = 16;
 
-/// Work that is compiled once for every kind of machine.
+/// Work compiled once per kind of register.
 pub trait Task<R: Pod> {
-    /// What it hands back.
+    /// Result.
     type Output;
-    /// The work; mark it `#[inline(always)]`.
+    /// Runs the work; mark it `#[inline(always)]`.
     fn run<L: Lanes<R>>(self, lanes: L) -> Self::Output;
 }
 
-/// Numbers that a [`Task`] can be run on.
+/// Numbers that a [`Task`] can use.
 pub trait Wide: Pod + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
     /// `self b + c`, rounded once.
     fn mul_add(self, b: Self, c: Self) -> Self;
-    /// Runs a task with the widest registers of this machine; number by number where the numbers have none.
+    /// Runs a task with the widest registers of this machine; one number at a time if there are none.
     fn widest<T: Task<Self>>(task: T) -> T::Output {
         task.run(OneByOne)
     }
@@ -130,7 +130,7 @@ impl<R: Wide> Lanes<R> for OneByOne {
     }
 }
 
-/// Registers of `N` numbers on any machine.
+/// Registers of `N` numbers, for any machine.
 #[derive(Clone, Copy, Debug)]
 pub struct Arrays<const N: usize>;
 
@@ -164,7 +164,7 @@ where
 #[derive(Clone, Copy)]
 struct On<S>(S);
 
-/// Runs on AVX2, and where there is none on the widest registers.
+/// Runs on AVX2, or on the widest registers without it.
 #[cfg(target_arch = "x86_64")]
 fn on_avx2<O: WithSimd>(work: O) -> O::Output {
     match pulp::x86::V3::try_new() {

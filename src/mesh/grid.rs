@@ -1,9 +1,9 @@
-//! Regular grid of bricks in layers: z-ranges of one grid that share their interface nodes, so layers are bonded perfectly.
+//! Regular grid of hexahedra in layers: z-ranges of one grid that share their interface nodes, so layers are perfectly bonded.
 
 use crate::kernels::Params;
 use crate::scene::{Region, Skin};
 
-/// Geometry of the grid; x fastest, then y, then z; the bottom is z = 0 and x = y = 0 its centre.
+/// Geometry of the grid: x fastest, then y, then z. The origin is the centre of the bottom face.
 #[derive(Clone, Debug)]
 pub struct Grid {
     /// Cells along each axis.
@@ -12,14 +12,14 @@ pub struct Grid {
     pub nodes: [usize; 3],
     /// Cell edges along x and y, m.
     pub edge: [f64; 2],
-    /// `[level]` height of each level of nodes, m.
+    /// `[z-level]` height of each level of nodes, m.
     pub heights: Vec<f64>,
     /// `[cells_z]` layer of each level of cells.
     pub layer_of: Vec<u32>,
 }
 
 impl Grid {
-    /// The grid of a skin.
+    /// Grid of a skin.
     pub fn new(skin: &Skin) -> Self {
         let mut heights = vec![0.0];
         let mut layer_of = vec![];
@@ -41,12 +41,12 @@ impl Grid {
         }
     }
 
-    /// All nodes.
+    /// Number of nodes.
     pub fn node_count(&self) -> usize {
         self.nodes.iter().product()
     }
 
-    /// All cells.
+    /// Number of cells.
     pub fn cell_count(&self) -> usize {
         self.cells.iter().product()
     }
@@ -56,7 +56,7 @@ impl Grid {
         self.layer_of[cell / (self.cells[0] * self.cells[1])] as usize
     }
 
-    /// m
+    /// Total thickness, m.
     pub fn thickness(&self) -> f64 {
         self.heights[self.heights.len() - 1]
     }
@@ -74,7 +74,7 @@ impl Grid {
         [self.edge[0], self.edge[1], self.heights[k + 1] - self.heights[k]]
     }
 
-    /// Sizes as the kernels read them; everything else is zero.
+    /// Kernel parameters with the sizes set; everything else is zero.
     pub fn params<R: crate::math::Real>(&self) -> Params<R> {
         let [nodes_x, nodes_y, nodes_z] = self.nodes.map(|n| n as u32);
         let [cells_x, cells_y, cells_z] = self.cells.map(|n| n as u32);
@@ -91,14 +91,14 @@ impl Grid {
         }
     }
 
-    /// Edges of the cells before and beyond a node at a level, along x, y, z, m; 0 where there is none.
+    /// Edges of the cells before and after a node at a z-level, along x, y, z, m; 0 along z where there is no cell.
     pub fn around(&self, level: usize) -> [[f64; 2]; 3] {
         let below = if level > 0 { self.heights[level] - self.heights[level - 1] } else { 0.0 };
         let above = self.heights.get(level + 1).map_or(0.0, |h| h - self.heights[level]);
         [[self.edge[0]; 2], [self.edge[1]; 2], [below, above]]
     }
 
-    /// Whether a node belongs to a region.
+    /// True if a node belongs to a region.
     pub fn contains(&self, region: &Region, node: usize) -> bool {
         let size = [0, 1].map(|n| self.edge[n] * self.cells[n] as f64);
         region.holds(self.rest(node), size, self.thickness())
@@ -109,7 +109,7 @@ impl Grid {
         (0..self.node_count()).filter(|n| self.contains(region, *n)).map(|n| n as u32).collect()
     }
 
-    /// The node nearest to a rest position.
+    /// Node nearest to a rest position.
     pub fn nearest(&self, point: [f64; 3]) -> usize {
         let along = |axis: usize| {
             let i = (point[axis] / self.edge[axis] + 0.5 * self.cells[axis] as f64).round();

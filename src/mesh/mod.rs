@@ -1,4 +1,4 @@
-//! The regular grid that bodies stand on: its nodes and cells, which of them hang together, and the surface around them.
+//! The regular grid of a body: nodes and cells, their connectivity under cuts, and the surface.
 
 mod corner;
 mod grid;

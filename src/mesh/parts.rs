@@ -1,76 +1,78 @@
-//! Which links between face-neighbour cells a cut has severed, and into which parts the nodes have fallen by it.
+//! Connectivity under cuts: severed links between face-neighbour cells, and the connected components of cells around each node.
 //!
-//! The up to eight cells around a node hang together by the links between them. When they fall into parts, each part gets the node for
-//! itself: one keeps it as it is, the others get copies from a reserve ([`crate::kernels::split`]), so no volume is lost. A part that
-//! falls apart again keeps its copy for one of its pieces.
+//! The up to eight cells around a node are connected by the links between them. When a cut disconnects them, each component gets a node of
+//! its own: one keeps the node, the others get duplicates (virtual nodes) from a reserve ([`crate::kernels::split`]), so no volume is lost.
+//! A component that is divided again keeps its duplicate for one of its parts.
 //!
-//! Copies of one node column should follow each other up and down one extra column, since the smoother works by columns. So the piece that
-//! keeps a node is the one that shares more cells with that column's nodes right above and below; where that does not decide, the one
-//! whose lowest cell comes last by y, then x, then z. The others join the extra column that they share most cells with, a new one where they
-//! share none, and any with a free place when no new one is left or seven stand beside their node's column: a node has no more than seven
-//! copies. A vertical cut thus gives two whole columns. A horizontal cut has no such order: the part above keeps the node, and the
-//! part below gets a copy whose column has nothing at the next level: it is smoothed alone there. Skin has its thin stiff layers on top,
-//! where what couples one level to the next counts most: the other way round an undermined patch took three times as many iterations.
+//! The smoother works by z-columns, so duplicates of one node column should be consecutive in one duplicate column. The component that
+//! keeps a node is therefore the one that shares most cells with that column's nodes right above and below; ties go to the one whose lowest
+//! cell comes last by y, then x, then z. The others join the duplicate column that they share most cells with. They open a new one if they
+//! share none, and use any with a free node if the reserve is used up or seven stand beside the node's column: a node has at most seven
+//! duplicates. A vertical cut thus gives two complete columns. A horizontal cut has no such order: the upper component keeps the node, and
+//! the lower one gets a duplicate without a neighbour at the next z-level, which is smoothed alone. Skin has its thin stiff layers on top,
+//! where the coupling between z-levels matters most; with the opposite choice an undermined patch took three times as many iterations.
 //!
-//! Links that were crossed know where, and the corners of the wound lie at the mean of the crossings around them: a smooth wound in a
-//! grid of boxes (after Ju, Losasso, Schaefer, Warren 2002: one vertex per dual cell at the mean of its edges' crossings).
+//! Crossed links store the position of the crossing. A corner of the wound lies at the mean of the crossings around it, which gives a
+//! smooth wound in a grid of boxes.
+//! Source: Frisken-Gibson 1999 (linked cells); Molino, Bao, Fedkiw 2004 (virtual nodes); Dick, Georgii, Westermann 2011 (hexahedra); Ju,
+//! Losasso, Schaefer, Warren 2002 (one vertex per dual cell at the mean of its edges' crossings).
 
 use crate::kernels::split::NONE;
 use crate::kernels::{Params, corner};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Copies of a node at most, for eight cells around it.
+/// Maximum number of duplicates of a node, which has eight cells around it.
 const COPIES: usize = 7;
 
-/// What a cut has changed.
+/// Changes by a cut.
 #[derive(Clone, Debug, Default)]
 pub struct Change {
-    /// Links that were severed: cell and axis.
+    /// Severed links: cell and axis.
     pub links: Vec<(u32, usize)>,
-    /// Links that hold because the reserve is used up.
+    /// Number of links that stay intact because the reserve is used up.
     pub refused: u32,
-    /// New copies, each with the node that it was split from, as it was before.
+    /// New duplicates, each with the node whose state it copies, as of before the cut.
     pub copies: Vec<[u32; 2]>,
-    /// Words of the table with their new value, each once.
+    /// Words of the table with their new values, each once.
     pub words: Vec<(u32, u32)>,
-    /// Nodes that have lost or got cells, sorted.
+    /// Nodes whose cells have changed, sorted.
     pub nodes: Vec<u32>,
 }
 
-/// See the module.
+/// Severed links and duplicated nodes: see the module.
 #[derive(Clone, Debug)]
 pub struct Parts {
     pub(super) params: Params<f64>,
     pub(super) table: Vec<u32>,
-    severed: Vec<u8>, // [cell] bit per axis: the link to the neighbour beyond
+    severed: Vec<u8>, // [cell] bit per axis: the link to the neighbour at +axis
     pub(super) crossings: BTreeMap<u32, f64>,
-    used: usize,         // extra columns
-    occupied: Vec<bool>, // [extra column][level]
-    cells: Vec<u32>,     // split cells, by rows
+    used: usize,         // number of duplicate columns
+    occupied: Vec<bool>, // [duplicate column][z-level]
+    cells: Vec<u32>,     // split cells, in order of their rows
     touched: BTreeSet<u32>,
 }
 
-/// What severing one link has changed, and how much was in use before: taken back when the reserve runs out in the midst of it.
+/// Changes by severing one link and the counts before it, for undoing them if the reserve runs out half-way.
 struct Trial {
     used: usize,
     cells: usize,
     touched: usize,
-    words: Vec<(usize, u32)>, // with their value before
+    words: Vec<(usize, u32)>, // with their previous values
     copies: Vec<[u32; 2]>,
 }
 
-/// Cells around a node, by z + 2 x + 4 y: 1 beyond the node, 0 before it.
+/// Offset of a cell around a node; the cell's number is z + 2 x + 4 y, 1 beyond the node, 0 before it.
 pub(super) fn octant(n: usize) -> [usize; 3] {
     [n >> 1 & 1, n >> 2, n & 1]
 }
 
-/// Number of an offset among a cell's corners, VTK's.
+/// Number of an offset among a cell's corners (VTK order).
 pub(super) fn corner_number([x, y, z]: [usize; 3]) -> usize {
     (x ^ y) + 2 * y + 4 * z
 }
 
 impl Parts {
-    /// Of an uncut grid; `params` say how much can be split.
+    /// Connectivity of an uncut grid; `params` limit the number of splits.
     pub fn new(params: Params<f64>) -> Self {
         let layout = params.layout();
         let extra = params.extra_columns as usize;
@@ -92,12 +94,12 @@ impl Parts {
         }
     }
 
-    /// The table that kernels read.
+    /// Table for the kernels.
     pub fn table(&self) -> &[u32] {
         &self.table
     }
 
-    /// Split cells, by their rows in the table.
+    /// Split cells, in order of their rows in the table.
     pub fn split_cells(&self) -> &[u32] {
         &self.cells
     }
@@ -107,12 +109,12 @@ impl Parts {
         self.params.corner_nodes(&self.table, cell)
     }
 
-    /// The node of the grid that a node is a copy of; itself if it is none.
+    /// Original of a duplicate, a node of the grid; the node itself if it is no duplicate.
     pub fn original(&self, node: usize) -> usize {
         self.params.place(&self.table, node).map_or(node, |c| self.params.node_id(c))
     }
 
-    /// The copies of a node of the grid.
+    /// Duplicates of a node of the grid.
     pub fn copies(&self, node: usize) -> Vec<u32> {
         let [x, y, level] = self.params.node_at(node);
         let beside = self.params.extra_columns_beside(&self.table, x + self.params.nodes_x as usize * y);
@@ -120,22 +122,22 @@ impl Parts {
         taken.map(|e| self.params.copy_id(e, level) as u32).collect()
     }
 
-    /// Parent node columns of the extra columns in use.
+    /// Parent node columns of the duplicate columns in use.
     pub fn parents(&self) -> &[u32] {
         &self.table[..self.used]
     }
 
-    /// Whether the link of a cell to its neighbour beyond along an axis is cut.
+    /// True if the link of a cell to its neighbour at +axis is cut.
     pub fn is_severed(&self, cell: usize, axis: usize) -> bool {
         self.severed.get(cell).is_some_and(|bits| bits >> axis & 1 == 1)
     }
 
-    /// Links that were cut: cell, axis, and how far along the link the blade crossed it, 0 to 1.
+    /// Cut links: cell, axis, and position of the crossing along the link, 0 to 1.
     pub fn cuts(&self) -> impl Iterator<Item = (u32, usize, f64)> {
         self.crossings.iter().map(|(link, at)| (link / 3, (link % 3) as usize, *at))
     }
 
-    /// The neighbour beyond along an axis.
+    /// Neighbour at +axis.
     pub fn beyond(&self, cell: usize, axis: usize) -> Option<usize> {
         let p = &self.params;
         let mut at = p.cell_at(cell);
@@ -143,16 +145,16 @@ impl Parts {
         (at[axis] < [p.cells_x, p.cells_y, p.cells_z][axis] as usize).then(|| p.cell_id(at))
     }
 
-    /// The cell of an octant of the node at `c`, with the number of the corner that the node is in it.
+    /// Cell in octant `n` of the node at `c`, and the node's corner number in it.
     pub(super) fn cell_in(&self, c: [usize; 3], n: usize) -> Option<(usize, usize)> {
         let o = octant(n).map(|b| 1 - b);
         Some((self.params.cell_below(c, corner_number(o))?, corner_number(o)))
     }
 
-    /// The part of each octant of a node, named by its lowest octant; those without a cell are parts of their own.
+    /// Component of each octant of a node, named by its lowest octant; octants without a cell are components of their own.
     fn parts_at(&self, c: [usize; 3]) -> [usize; 8] {
         let mut part = [0, 1, 2, 3, 4, 5, 6, 7];
-        // a part's name reaches its last octant within seven links
+        // a name propagates to the last octant within seven links
         for _ in 0..7 {
             for n in 0..8 {
                 for (axis, bit) in [(0, 2), (1, 4), (2, 1)] {
@@ -172,7 +174,7 @@ impl Parts {
         part
     }
 
-    /// Severs links at (`3·cell + axis`, place along the link), in their order; those that are cut already stay as they are.
+    /// Severs links (`3·cell + axis`, position along the link) in the given order; links that are already cut keep their state.
     pub fn cut(&mut self, hits: &[(u32, f64)]) -> Change {
         let mut change = Change::default();
         let mut words = BTreeSet::new();
@@ -182,11 +184,12 @@ impl Parts {
                 continue;
             }
             if self.severed.is_empty() {
-                change.refused += 1; // there is no reserve at all
+                change.refused += 1; // no reserve at all
                 continue;
             }
             self.severed[cell] |= 1 << axis;
             let mut trial = self.trial();
+            // duplicate the four nodes of the face; undo everything if the reserve does not suffice
             let around = self.face(cell, axis).map(|node| self.params.node_at(node));
             if around.into_iter().any(|c| self.divide(c, &mut trial).is_none()) {
                 self.take_back(trial);
@@ -200,7 +203,7 @@ impl Parts {
             change.copies.extend(trial.copies);
         }
         let nodes: BTreeSet<u32> = change.copies.iter().flatten().copied().collect();
-        // what a new copy was split from may be new itself
+        // the source of a new duplicate may be new itself
         let sources: BTreeMap<u32, u32> = change.copies.iter().map(|[copy, source]| (*copy, *source)).collect();
         for [_, source] in &mut change.copies {
             while let Some(older) = sources.get(source) {
@@ -212,7 +215,7 @@ impl Parts {
         change
     }
 
-    /// Grid's nodes of the face between a cell and its neighbour beyond along an axis.
+    /// Grid nodes of the face between a cell and its neighbour at +axis.
     fn face(&self, cell: usize, axis: usize) -> [usize; 4] {
         let corners = self.params.corners(cell);
         let mut beyond = (0..8).filter(|a| corner(*a)[axis] == 1).map(|a| corners[a]);
@@ -224,7 +227,7 @@ impl Parts {
         Trial { used, cells, touched, words: vec![], copies: vec![] }
     }
 
-    /// Makes everything as it was before.
+    /// Undoes the changes.
     fn take_back(&mut self, trial: Trial) {
         let first = self.params.layout().touched;
         for node in &self.table[first + trial.touched..first + self.touched.len()] {
@@ -240,10 +243,10 @@ impl Parts {
         self.used = trial.used;
     }
 
-    /// Gives each part at a node its own; none where the reserve does not suffice.
+    /// Gives each component at a node its own node; `None` if the reserve does not suffice.
     fn divide(&mut self, c: [usize; 3], trial: &mut Trial) -> Option<()> {
         let part = self.parts_at(c);
-        // parts of each node, in the order of their lowest octants
+        // components of each node, in order of their lowest octants
         let mut of_node: BTreeMap<usize, Vec<Vec<(usize, usize)>>> = BTreeMap::new();
         for name in 0..8 {
             let own: Vec<(usize, usize)> =
@@ -253,6 +256,7 @@ impl Parts {
             }
         }
         for (node, mut parts) in of_node {
+            // the component with most cells in the node's column keeps the node, the others get duplicates
             let column = self.column_of(node);
             let shared = |own: &[(usize, usize)]| self.shares(own, column);
             let most = parts.iter().map(|own| shared(own)).max().unwrap_or(0);
@@ -269,22 +273,22 @@ impl Parts {
         Some(())
     }
 
-    /// Column of a node: the grid's come first.
+    /// Column of a node; grid columns come first.
     fn column_of(&self, node: usize) -> usize {
         let (columns, grid) = (self.params.columns(), self.params.grid_nodes());
         if node < grid { node % columns } else { columns + self.params.copy_at(node).0 }
     }
 
-    /// How many cells of a part have their corner right above or below in a column.
+    /// Number of cells of a component whose corner right above or below lies in a column.
     fn shares(&self, own: &[(usize, usize)], column: usize) -> usize {
         own.iter().filter(|(cell, a)| self.column_of(self.corners(*cell)[a ^ 4]) == column).count()
     }
 
-    /// A place for a copy of the node at `c` for a part.
+    /// Takes a duplicate of the node at `c` for a component.
     fn take_copy(&mut self, c: [usize; 3], own: &[(usize, usize)], trial: &mut Trial) -> Option<usize> {
         let levels = self.params.nodes_z as usize;
         let parent = c[0] + self.params.nodes_x as usize * c[1];
-        let mut best: Option<(usize, usize)> = None; // cells shared, extra column
+        let mut best: Option<(usize, usize)> = None; // shared cells, duplicate column
         let mut beside = 0;
         for e in self.params.extra_columns_beside(&self.table, parent) {
             beside += 1;
@@ -299,7 +303,7 @@ impl Parts {
         Some(self.params.copy_id(e, c[2]))
     }
 
-    /// A new extra column beside a node column.
+    /// Opens a duplicate column beside a node column.
     fn take_column(&mut self, parent: usize, trial: &mut Trial) -> Option<usize> {
         let (e, extra) = (self.used, self.params.extra_columns as usize);
         if e == extra {
@@ -347,12 +351,12 @@ impl Parts {
         Some(())
     }
 
-    /// Whether a node is there: a node of the grid, or a place of the reserve that has been taken for a copy.
+    /// True for a node of the grid and for a duplicate that has been taken.
     pub fn in_use(&self, node: usize) -> bool {
         node < self.params.grid_nodes() || !self.cells_of(node).is_empty()
     }
 
-    /// Cells that a node is a corner of.
+    /// Cells around a node.
     pub fn cells_of(&self, node: usize) -> Vec<usize> {
         let Some(c) = self.params.place(&self.table, node) else {
             return vec![];
@@ -363,7 +367,7 @@ impl Parts {
 }
 
 impl Parts {
-    /// How many pieces the live cells have fallen into.
+    /// Number of connected pieces of the remaining cells.
     pub fn pieces(&self, alive: &[bool]) -> usize {
         let strides = [1, self.params.cells_x as usize, (self.params.cells_x * self.params.cells_y) as usize];
         let mut seen: Vec<bool> = alive.iter().map(|live| !live).collect();

@@ -1,4 +1,4 @@
-//! The skin's surface: faces between a live cell and nothing, and both sides of every severed link.
+//! The skin's surface: faces of remaining cells without a neighbour, and both sides of each severed link.
 
 use super::{Corner, Grid, Parts};
 use crate::kernels::Params;
@@ -8,9 +8,9 @@ use crate::kernels::Params;
 pub struct Quad {
     /// Node ids.
     pub nodes: [u32; 4],
-    /// The live cell behind the face.
+    /// Cell behind the face.
     pub cell: u32,
-    /// A cut has made it: a wall of the wound.
+    /// True for a wall of the wound, made by a cut.
     pub wall: bool,
 }
 
@@ -22,27 +22,27 @@ impl Quad {
     }
 }
 
-/// What the edges of a surface say of it; both are 0 of an uncut body.
+/// Edge defects of a surface; both are 0 for an uncut body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Edges {
-    /// Edges that more than one pair of faces meets at: parts that touch along an edge and have its nodes in common.
+    /// Edges shared by more than two faces: parts that touch along an edge and share its nodes.
     pub nonmanifold: usize,
-    /// Edges that are not run along as often one way as the other: the surface has a hole there.
+    /// Edges not traversed equally often in both directions: the surface has a hole there.
     pub open: usize,
 }
 
-/// Which cells are live, and which hang together.
+/// Remaining cells and their connectivity.
 #[derive(Clone, Debug)]
 pub struct Surface {
-    of: Grid, // the body's own
+    of: Grid, // grid of the body
     params: Params<f64>,
-    /// `[cell]` still there.
+    /// `[cell]` false if removed.
     pub alive: Vec<bool>,
-    /// What a cut has severed.
+    /// Severed links and duplicated nodes.
     pub parts: Parts,
 }
 
-/// Corners of the six faces, outward, in VTK's corner numbers, with the step to the neighbour.
+/// Corners of the six faces (outward, VTK numbers) with the step to the neighbour.
 const FACES: [([usize; 4], [isize; 3]); 6] = [
     ([0, 4, 7, 3], [-1, 0, 0]),
     ([1, 2, 6, 5], [1, 0, 0]),
@@ -53,44 +53,44 @@ const FACES: [([usize; 4], [isize; 3]); 6] = [
 ];
 
 impl Surface {
-    /// The surface of an uncut grid.
+    /// Surface of an uncut grid.
     pub fn new(grid: &Grid) -> Self {
         Self::with_reserve(grid, grid.params())
     }
 
-    /// The same where a cut may split as much as the parameters say.
+    /// The same with room for the splits that the parameters allow.
     pub fn with_reserve(grid: &Grid, params: Params<f64>) -> Self {
         let alive = vec![true; params.cell_count as usize];
         Self { of: grid.clone(), params, alive, parts: Parts::new(params) }
     }
 
-    /// What it goes around.
+    /// Grid of the body.
     pub fn grid(&self) -> &Grid {
         &self.of
     }
 
-    /// Parameters with what a cut may split.
+    /// Parameters, with the sizes of the table of split nodes.
     pub fn params(&self) -> &Params<f64> {
         &self.params
     }
 
-    /// The corner that the surface has at a node.
+    /// Surface corner at a node.
     pub fn corner(&self, node: usize) -> Corner {
         self.parts.corner(&self.of, node)
     }
 
-    /// Live cells, each with its layer and the nodes at its corners.
+    /// Remaining cells, each with its layer and corner nodes.
     pub fn live_cells(&self) -> impl Iterator<Item = (usize, [usize; 8])> {
         let live = (0..self.alive.len()).filter(|cell| self.alive[*cell]);
         live.map(|cell| (self.of.layer(cell), self.parts.corners(cell)))
     }
 
-    /// How many pieces the live cells have fallen into: sets that hang together by links.
+    /// Number of connected pieces of the remaining cells.
     pub fn pieces(&self) -> usize {
         self.parts.pieces(&self.alive)
     }
 
-    /// Boundary faces of the cells with grid coordinates in `low..high`, without those that the bottom hides.
+    /// Boundary faces of the cells with grid coordinates in `low..high`.
     pub fn quads(&self, low: [usize; 3], high: [usize; 3], out: &mut Vec<Quad>) {
         for k in low[2]..high[2] {
             for j in low[1]..high[1] {
@@ -109,7 +109,7 @@ impl Surface {
         out
     }
 
-    /// Counts edges by how faces meet at them.
+    /// Counts the edge defects.
     pub fn edges(&self) -> Edges {
         edges(&self.all())
     }

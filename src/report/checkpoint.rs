@@ -1,10 +1,10 @@
-//! A run that can be gone on with: `checkpoint.bin` in its folder, replaced as a whole each time.
+//! Checkpoints, from which a run can be resumed: `checkpoint.bin` in its folder, replaced atomically.
 //!
 //! ```text
 //! "cutis checkpoint" · version u32 · bytes u64 · checksum u64 · the bytes: a Checkpoint in postcard's format; little-endian
 //! ```
-//! A resumed run ends with the tables, files and report (but for what the clock says) of one that was never interrupted, if it has the same
-//! options, `--steps` among them: pictures are spread over all steps, and the last one is checked in f64. A GPU gives the same bits on the same
+//! A resumed run ends with the same tables, files and report (except for timings) as an uninterrupted one, given the same options,
+//! including `--steps`: pictures are distributed over all steps, and the last step is checked in f64. A GPU reproduces its bits on the same
 //! adapter only.
 
 use super::collect::Collected;
@@ -19,43 +19,43 @@ use std::path::{Path, PathBuf};
 
 /// First bytes of each checkpoint.
 const MAGIC: &[u8; 16] = b"cutis checkpoint";
-/// Counts formats: a program reads the one that it writes.
+/// Format version; a program reads only the one that it writes.
 const VERSION: u32 = 1;
 /// Bytes before the checkpoint itself.
 const HEADER: usize = MAGIC.len() + 4 + 8 + 8;
 
-/// What is in the file.
+/// Content of the file.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Checkpoint {
     pub identity: Identity,
     pub runner: runner::State,
     pub collected: Collected,
     pub files: Written,
-    /// How far `haptic.csv` has come; none without hands.
+    /// Mark of `haptic.csv`; `None` without haptic devices.
     pub ticks: Option<TableMark>,
     /// Probes of the last step.
     pub last: Vec<f64>,
 }
 
-/// What a checkpoint is of.
+/// Identity of the run that a checkpoint belongs to.
 #[derive(Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub(super) struct Identity {
     /// Title, for messages.
     title: String,
-    /// Checksum of all that the scene says but its file's name.
+    /// Checksum of the scene's content, without its file name.
     scene: u64,
     /// `cpu f64`, `cpu f32` or `gpu f32`.
     place: String,
 }
 
-/// What a run's checkpoints are of.
+/// Identity of a run's checkpoints.
 pub(super) fn identity(scene: &Scene, place: &Place) -> Identity {
     let nameless = Scene { file: PathBuf::new(), ..scene.clone() };
     let scene_sum = checksum(format!("{nameless:?}").as_bytes());
     Identity { title: scene.title.clone(), scene: scene_sum, place: place.words().join(" ") }
 }
 
-/// Puts a checkpoint into a folder, in the place of the last one.
+/// Writes a checkpoint to a folder, replacing the last one.
 pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
     let path = folder.join(CHECKPOINT);
     let failed = |e: postcard::Error| Error::Write { path: path.clone(), source: std::io::Error::other(e) };
@@ -69,7 +69,7 @@ pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
     replace(&path, &file)
 }
 
-/// Reads a checkpoint of a run of this scene on this place, which is to take so many steps in all.
+/// Reads a checkpoint for a run of this scene on this backend with `steps` steps in total.
 ///
 /// # Errors
 /// [`Error::Checkpoint`] for a file that is none, is damaged, of another version, of another scene or place, or of a run that is over.

@@ -1,4 +1,4 @@
-//! Adds step reports up to the report of a run.
+//! Accumulates step reports into the report of a run.
 
 use super::{Memory, Report, SolverReport, Spread};
 use crate::backend::Snapshot;
@@ -8,29 +8,29 @@ use crate::step::{Measured, Simulation, StepReport};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
-/// Collects what a run's report is made of.
+/// Accumulates the report of a run.
 pub(super) struct Collector {
     start: Instant,
     seen: Collected,
 }
 
-/// What was seen so far.
+/// Data accumulated so far.
 #[derive(Clone, Default, Serialize, Deserialize)]
 pub(super) struct Collected {
     report: Report,
-    /// Before the run was resumed, s.
+    /// Wall time before the run was resumed, s.
     wall: f64,
     plain: Vec<f64>,
     checked: Vec<f64>,
     iterations: u64,
     passes: u64,
     touching: u32,
-    /// Where the largest force was, s.
+    /// Time of the largest force, s.
     peak_time: f64,
 }
 
 impl Collector {
-    /// Nothing stepped yet.
+    /// Empty, with the sizes of the simulation.
     pub fn new(scene: &Scene, simulation: &Simulation) -> Self {
         let models = || simulation.bodies.iter().map(|body| &body.model);
         let device = simulation.device();
@@ -71,18 +71,18 @@ impl Collector {
         Self { start: Instant::now(), seen: Collected { report, ..Collected::default() } }
     }
 
-    /// What was seen so far, to go on with later.
+    /// Data accumulated so far, for a checkpoint.
     pub fn collected(&self) -> Collected {
         Collected { wall: self.wall(), ..self.seen.clone() }
     }
 
-    /// Goes on with what was seen by the first part of the run; where it runs is said of this part.
+    /// Continues with the data of the first part of the run; scene file, adapter and driver are those of this part.
     pub fn resume(&mut self, earlier: Collected) {
         let Report { scene, adapter, driver, .. } = std::mem::take(&mut self.seen.report);
         self.seen = Collected { report: Report { scene, adapter, driver, ..earlier.report.clone() }, ..earlier };
     }
 
-    /// When the largest force was, s.
+    /// Time of the largest force, s.
     pub fn peak_time(&self) -> f64 {
         self.seen.peak_time
     }
@@ -91,10 +91,11 @@ impl Collector {
         self.seen.wall + self.start.elapsed().as_secs_f64()
     }
 
-    /// Takes a step in.
+    /// Adds a step.
     pub fn add(&mut self, step: &StepReport, took: Duration) {
         let r = &mut self.seen.report;
         r.steps += 1;
+        // time, iterations and residuals of the solver
         let times = match step.true_residual {
             Some(_) => &mut self.seen.checked,
             None => &mut self.seen.plain,
@@ -111,6 +112,7 @@ impl Collector {
         }
         step.measured.iter().for_each(|measured| self.measured(measured));
         let r = &mut self.seen.report;
+        // contact
         r.contacts_max = r.contacts_max.max(step.contact.count());
         r.contact.candidates_max = r.contact.candidates_max.max(step.contact.candidates);
         r.contact.depth_mm_max = r.contact.depth_mm_max.max(step.contact.depth * 1e3);
@@ -126,6 +128,7 @@ impl Collector {
             r.contact_force_n_max = force;
             self.seen.peak_time = step.time;
         }
+        // wound and warnings
         r.cut.opening_mm_max = r.cut.opening_mm_max.max(step.opening * 1e3);
         r.cut.overlap_mm_max = r.cut.overlap_mm_max.max(step.overlap * 1e3);
         for (name, count) in &step.warnings {
@@ -133,7 +136,7 @@ impl Collector {
         }
     }
 
-    /// Takes the state before the first step in.
+    /// Adds the state before the first step.
     pub fn began(&mut self, measured: &Measured) {
         self.measured(measured);
         self.warn_of(measured);
@@ -146,7 +149,7 @@ impl Collector {
         r.inverted_cells_max = r.inverted_cells_max.max(Some(measured.inverted));
     }
 
-    /// Counts trouble of a state between the steps; that of a checked step is among the step's own.
+    /// Counts problems of a state between steps; those of a checked step are in its own report.
     fn warn_of(&mut self, measured: &Measured) {
         self.warn("inverted_cells", u64::from(measured.inverted));
         self.warn("non_finite_energy", u64::from(!measured.energy.is_finite()));
@@ -158,7 +161,7 @@ impl Collector {
         }
     }
 
-    /// What the run has left at its end.
+    /// Adds the state at the end of the run.
     pub fn ended(&mut self, simulation: &Simulation, states: &[Snapshot]) {
         self.warn("non_finite_nodes", states.iter().map(Snapshot::non_finite).sum::<usize>() as u64);
         if !states.is_empty() {
@@ -167,7 +170,7 @@ impl Collector {
             self.warn_of(&measured);
             self.seen.report.energy_j.end = Some(measured.energy);
         }
-        // of the kinds whose pieces are counted
+        // only of kinds whose pieces are counted
         let counted = || {
             let bodies = simulation.bodies.iter();
             bodies.filter_map(|body| Some((body.model.mechanics().pieces(&body.wound)?, &body.wound.surface)))
@@ -176,7 +179,7 @@ impl Collector {
         self.seen.report.cut.nonmanifold_edges = Some(counted().map(|(_, surface)| surface.edges().nonmanifold).sum());
     }
 
-    /// The report as of now.
+    /// Current report.
     pub fn report(&self, simulation: &Simulation) -> Report {
         let mut r = self.seen.report.clone();
         let totals = simulation.totals();
@@ -206,7 +209,7 @@ fn mean(sum: u64, count: u32) -> f64 {
     }
 }
 
-/// Order statistics by the nearest rank; none of no values.
+/// Order statistics by nearest rank; `None` without values.
 fn spread(values: &[f64]) -> Spread {
     let mut sorted = values.to_vec();
     sorted.sort_by(f64::total_cmp);

@@ -4,8 +4,8 @@
 //! report.json   probes.csv   haptic.csv   volume.pvd   surface.pvd
 //! frames/frame_0001.png …    vtu/volume_0001.vtu …     vtu/surface_0001.vtu …
 //! ```
-//! A killed run leaves every file readable; report.json is then the one of the last picture. A run that an error ends leaves the report
-//! of the steps done, with the error in it.
+//! A killed run leaves every file readable; report.json is then that of the last picture. A run that ends with an error leaves the report
+//! of the completed steps, including the error.
 
 use super::Report;
 use super::frames::{self, SkinSurface};
@@ -17,10 +17,10 @@ use crate::step::{Simulation, StepReport};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
-/// What a run goes on from.
+/// Checkpoint file of a run.
 pub(super) const CHECKPOINT: &str = "checkpoint.bin";
 
-/// An open folder.
+/// Folder of a running simulation.
 pub(super) struct Folder {
     path: PathBuf,
     probes: Table,
@@ -30,13 +30,13 @@ pub(super) struct Folder {
     frame_count: u32,
 }
 
-/// How far the files of a run have come.
+/// Positions in the files of a run.
 #[derive(Serialize, Deserialize)]
 pub(super) struct Written {
     probes: TableMark,
-    /// Pictures.
+    /// Number of pictures.
     frames: u32,
-    /// Lines of the `.pvd` files.
+    /// Entries of the `.pvd` files.
     volume: String,
     surface: String,
 }
@@ -55,8 +55,8 @@ fn create(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|source| Error::Write { path: path.to_owned(), source })
 }
 
-/// Results of an earlier run would pass for this one's. What names others goes first, so that a run that is killed here leaves no name of a
-/// file that is gone.
+/// Removes results of an earlier run, which could be mistaken for this one's. Files that name others go first, so that a run killed here
+/// leaves no name of a missing file.
 fn remove_old(path: &Path) {
     for name in [CHECKPOINT, "report.json", "volume.pvd", "surface.pvd", "haptic.csv"] {
         std::fs::remove_file(path.join(name)).ok();
@@ -64,7 +64,7 @@ fn remove_old(path: &Path) {
     remove_numbered(path, 0);
 }
 
-/// Removes numbered files beyond a number.
+/// Removes numbered files above a number.
 fn remove_numbered(path: &Path, kept: u32) {
     let numbered = |name: &str| {
         [("frame_", ".png"), ("volume_", ".vtu"), ("surface_", ".vtu")]
@@ -84,7 +84,7 @@ fn remove_numbered(path: &Path, kept: u32) {
 }
 
 impl Folder {
-    /// Makes the folder and starts its tables; files of an earlier run go.
+    /// Creates the folder and starts its tables; removes the files of an earlier run.
     pub fn create(path: &Path, scene: &Scene) -> Result<Self> {
         create(path)?;
         remove_old(path);
@@ -98,12 +98,12 @@ impl Folder {
         })
     }
 
-    /// Whether a folder is that of the run that has written this.
+    /// Checks that a folder belongs to the run with these positions.
     pub fn verify(path: &Path, scene: &Scene, written: &Written) -> Result<()> {
         Table::verify(&path.join("probes.csv"), &columns(scene), written.probes)
     }
 
-    /// Goes on in the folder of a run; what it wrote later goes.
+    /// Continues in the folder of a run; removes what it wrote later.
     pub fn reopen(path: &Path, scene: &Scene, written: &Written) -> Result<Self> {
         let mut folder = Self {
             probes: Table::reopen(&path.join("probes.csv"), &columns(scene), written.probes)?,
@@ -119,7 +119,7 @@ impl Folder {
         Ok(folder)
     }
 
-    /// What was written so far, all of it handed to the system.
+    /// Positions so far, with all rows flushed.
     pub fn written(&mut self) -> Result<Written> {
         Ok(Written {
             probes: self.probes.kept()?,
@@ -129,7 +129,7 @@ impl Folder {
         })
     }
 
-    /// A row of `probes.csv`.
+    /// Adds a row to `probes.csv`.
     pub fn add_step(&mut self, step: &StepReport) -> Result<()> {
         let mut row = vec![step.time];
         row.extend(&step.probes);
@@ -141,7 +141,7 @@ impl Folder {
         self.probes.flush() // a step takes milliseconds, a flush microseconds
     }
 
-    /// A picture and the meshes.
+    /// Adds a picture and the meshes.
     pub fn add_frame(
         &mut self,
         scene: &Scene,
@@ -174,7 +174,7 @@ impl Folder {
         replace(&path, format!("{text}\n").as_bytes())
     }
 
-    /// Hands all rows so far to the system.
+    /// Flushes all rows so far.
     pub fn flush(&mut self) -> Result<()> {
         self.probes.flush()
     }
@@ -186,9 +186,9 @@ impl Folder {
     }
 }
 
-/// Points that a file keeps, and cells in their numbers.
+/// Points kept in a file, and cells renumbered for them.
 struct Kept {
-    old: Vec<u32>, // in rising order
+    old: Vec<u32>, // in ascending order
 }
 
 impl Kept {
@@ -202,7 +202,7 @@ impl Kept {
     }
 }
 
-/// Live cells at displaced positions; nodes of the grid without a live cell stay in the file, unused, places for copies do not.
+/// Remaining cells at displaced positions. Grid nodes without a remaining cell stay in the file, unused duplicates do not.
 fn write_volume(path: &Path, simulation: &Simulation, state: &[Snapshot]) -> Result<()> {
     let (mut cells, mut layers, mut bodies, mut old) = (vec![], vec![], vec![], vec![]);
     let mut first = 0;
@@ -230,7 +230,7 @@ fn write_volume(path: &Path, simulation: &Simulation, state: &[Snapshot]) -> Res
     )
 }
 
-/// The surface as the pictures show it; `wall` is 1 where a cut has made it.
+/// The surface as drawn in the pictures; `wall` is 1 for a face made by a cut.
 fn write_surface(path: &Path, surface: &SkinSurface) -> Result<()> {
     let SkinSurface { skin, walls, .. } = surface;
     let triangles = [&skin.triangles[..], &walls.triangles].concat();

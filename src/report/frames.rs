@@ -1,5 +1,5 @@
-//! Pictures of a run: the skin coloured by layer, its cells as thin lines, a wound's walls wet with blood and its rim marked, the tools in
-//! steel.
+//! Pictures of a run: the skin coloured by layer, its cells as thin lines, the walls of a wound wet with blood with a marked rim, the tools
+//! in steel.
 
 use crate::backend::Snapshot;
 use crate::bodies::rigid::Instrument;
@@ -12,29 +12,29 @@ use crate::step::{Body, Simulation, StepReport};
 use crate::view::{self, Camera, Image, Outline, Surface};
 use std::path::Path;
 
-/// Looks of the tools.
+/// Material of the tools.
 const STEEL: [u8; 3] = [188, 194, 202];
 const STEEL_SHININESS: f64 = 90.0;
 /// Highlight of moist skin.
 const SKIN_SHININESS: f64 = 14.0;
 
-/// What light leaves of its colour on thin lines between cells, and on the rim of a wound: blood gathers there.
+/// Colour factors of thin lines between cells, and of the rim of a wound, where blood gathers.
 const CELL_INK: [f32; 3] = [0.42; 3];
 const RIM_INK: [f32; 3] = [0.34, 0.03, 0.03];
-/// Widths of lines, samples: between cells of the skin and of the wound's walls, along the rim.
+/// Widths of lines, samples: between cells of the skin, between cells of a wound's walls, along the rim.
 const CELL_LINE: u32 = 2;
 const WALL_LINE: u32 = 1;
 const RIM_LINE: u32 = 4;
-/// A fresh wall is wet with blood: this much of its layer's colour is left, the rest is blood.
+/// A fresh wall is wet with blood: fraction of its layer's colour; the rest is blood.
 const LAYER_SHARE: f64 = 0.62;
 const BLOOD: [u8; 3] = [128, 12, 16];
 const WET_SHININESS: f64 = 36.0;
 
-/// The surface of the deformable bodies as it is now. Its points are numbered as the nodes are that they lie at.
+/// Current surface of the deformable bodies. Its points have the numbers of the nodes that they belong to.
 pub struct SkinSurface {
     /// `[node]` m
     pub positions: Vec<[f64; 3]>,
-    /// `[node]` displacement of the surface there, m
+    /// `[node]` displacement of the surface, m
     pub displacements: Vec<[f64; 3]>,
     /// `[node]` m/s
     pub velocities: Vec<[f64; 3]>,
@@ -58,7 +58,7 @@ pub struct Faces {
 }
 
 impl SkinSurface {
-    /// Boundary faces of the live cells at displaced positions.
+    /// Boundary faces of the remaining cells at displaced positions.
     pub fn new(simulation: &Simulation, state: &[Snapshot]) -> Self {
         let mut out = Self {
             positions: positions(simulation, state),
@@ -88,7 +88,7 @@ impl SkinSurface {
         out
     }
 
-    /// Moves points of a body from its nodes to the corners of its surface.
+    /// Moves points of a body from its nodes to the surface corners.
     fn smooth(&mut self, body: &Body, state: &Snapshot, quads: &[Quad], first: usize) {
         let mut nodes: Vec<u32> = quads.iter().flat_map(|quad| quad.nodes).collect();
         nodes.sort_unstable();
@@ -123,7 +123,7 @@ impl Faces {
     }
 }
 
-/// A field over the nodes of all bodies.
+/// Field over the nodes of all bodies.
 pub(super) fn joined(state: &[Snapshot], field: fn(&Snapshot) -> &Vec<V4<f64>>) -> Vec<[f64; 3]> {
     state.iter().flat_map(field).map(|v| [v[0], v[1], v[2]]).collect()
 }
@@ -135,11 +135,12 @@ pub(super) fn positions(simulation: &Simulation, state: &[Snapshot]) -> Vec<[f64
     moved.map(|(x, u)| std::array::from_fn(|n| x[n] + u[n])).collect()
 }
 
-/// Draws the scene as its view says.
+/// Draws the scene with its camera.
 ///
 /// # Errors
 /// [`Error::Memory`] when there is none for so many pixels.
 pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Result<Image> {
+    // tools at their poses
     let place = |(tool, now): (&Tool, &Instrument)| {
         let at = |p: &[f64; 3]| now.at(glam::DVec3::from_array(*p)).to_array();
         tool.mesh.positions.iter().map(at).collect::<Vec<_>>()
@@ -147,6 +148,7 @@ pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &S
     let tools: Vec<Vec<[f64; 3]>> = scene.tools.iter().zip(&simulation.tools).map(place).collect();
     let triangle_count = scene.tools.iter().map(|t| t.mesh.triangles.len()).max();
     let steel = vec![STEEL; triangle_count.unwrap_or(0)];
+    // walls below the skin, so that its lines are drawn last
     let (skin_colors, wall_colors) =
         (skin.skin.colors(scene, 1.0, BLOOD), skin.walls.colors(scene, LAYER_SHARE, BLOOD));
     let of_skin = [
@@ -182,6 +184,7 @@ pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &S
             shininess: STEEL_SHININESS,
         });
     }
+    // camera and caption
     let view = scene.view;
     let camera =
         Camera { eye: view.eye, target: view.target, up: [0.0, 0.0, 1.0], field_of_view_deg: view.field_of_view };
@@ -202,7 +205,7 @@ fn caption(scene: &Scene, simulation: &Simulation, step: &StepReport) -> Vec<Str
     lines
 }
 
-/// Draws into a PNG file, which is whole or not there.
+/// Draws into a PNG file, which is written atomically.
 pub(super) fn write(
     scene: &Scene,
     simulation: &Simulation,

@@ -1,4 +1,4 @@
-//! The haptic side of a run in files and in the report: `haptic.csv`, recordings, counts.
+//! Haptic results of a run: `haptic.csv`, recordings, counters for the report.
 
 use super::recording::Recording;
 use super::{HapticReport, Periods};
@@ -33,7 +33,7 @@ const COLUMNS: [&str; 18] = [
     "active",
 ];
 
-/// The table of all ticks, and what the devices are recorded in.
+/// Table of all ticks, and the recordings of devices.
 #[derive(Default)]
 pub(super) struct HapticFiles {
     ticks: Option<Table>,
@@ -54,23 +54,23 @@ impl HapticFiles {
         })
     }
 
-    /// Whether the `haptic.csv` of a folder is the one that had come so far.
+    /// Checks that the `haptic.csv` of a folder matches a mark.
     pub fn verify(folder: &Path, kept: Option<TableMark>) -> Result<()> {
         kept.map_or(Ok(()), |kept| Table::verify(&folder.join("haptic.csv"), &COLUMNS, kept))
     }
 
-    /// Goes on with the `haptic.csv` of a folder.
+    /// Continues the `haptic.csv` of a folder.
     pub fn reopen(folder: &Path, kept: Option<TableMark>) -> Result<Self> {
         let reopened = kept.map(|kept| Table::reopen(&folder.join("haptic.csv"), &COLUMNS, kept));
         Ok(Self { ticks: reopened.transpose()?, recordings: vec![] })
     }
 
-    /// How far `haptic.csv` has come, all of it handed to the system; none without one.
+    /// Mark of `haptic.csv`, with all rows flushed; `None` without one.
     pub fn kept(&mut self) -> Result<Option<TableMark>> {
         self.ticks.as_mut().map(Table::kept).transpose()
     }
 
-    /// One tick of a tool: places and forces in the scene.
+    /// Adds one tick of a tool: positions and forces in the scene.
     pub fn add(&mut self, tool: usize, record: &Record) -> Result<()> {
         let Some(ticks) = &mut self.ticks else { return Ok(()) };
         let mut row = [0.0; COLUMNS.len()];
@@ -89,14 +89,14 @@ impl HapticFiles {
         self.recordings.iter_mut().try_for_each(Recording::drain)
     }
 
-    /// Closes the tables, all of them; the first failure is told.
+    /// Closes all tables; returns the first error.
     pub fn finish(&mut self) -> Result<()> {
         let closed = self.ticks.take().map_or(Ok(()), Table::finish);
         self.recordings.drain(..).fold(closed, |closed, recording| closed.and(recording.finish()))
     }
 }
 
-/// What servos have counted: sums of counts and energies, the largest of sizes; and what the clock has shown, where one was looked at.
+/// Report of the servos' counters (sums of counts, maxima of magnitudes) and of the timing, if measured.
 pub(super) fn report(counted: &HapticCounts) -> HapticReport {
     let mut r = HapticReport { rate_hz: counted.rate, ..HapticReport::default() };
     for c in &counted.servos {
@@ -120,7 +120,7 @@ pub(super) fn report(counted: &HapticCounts) -> HapticReport {
     r
 }
 
-/// Adds what the clock has shown.
+/// Adds the timing.
 fn timed(r: &mut HapticReport, timing: &Timing, late_steps: u64) {
     let spread = |h: &crate::haptic::histogram::Histogram, unit: f64| Periods {
         p50: h.quantile(0.5).map(|v| v * unit),

@@ -1,8 +1,8 @@
-//! What a scene will allocate and run, without running anything and without an adapter.
+//! Lists what a scene will allocate and run, without running anything and without an adapter.
 //!
-//! The body is set up by the code that sets it up on a GPU, on wgpu's device that does nothing: arrays and kernels are those of a run
-//! by construction, every kernel passes wgpu's validation, and nothing is computed. Dispatches and read-backs are counted from how
-//! [`crate::step`] drives the backend.
+//! The body is set up by the code for GPUs on wgpu's no-op device: arrays and kernels are those of a run by construction, every kernel
+//! passes wgpu's validation, and nothing is computed. Dispatches and read-backs are counted from the way [`crate::step`] drives the
+//! backend.
 
 use crate::backend::GpuBackend;
 use crate::bodies::Model;
@@ -12,40 +12,40 @@ use crate::scene::{Correction, Integrator, Law, ProbeKind, Scene, Skin};
 use crate::step::{needs, start};
 use serde::Serialize;
 
-/// One array of the body.
+/// Array of a body.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Array {
-    /// As the kernels call it.
+    /// Name in the kernels.
     pub name: &'static str,
-    /// What it is for.
+    /// Purpose.
     pub purpose: &'static str,
-    /// How many elements.
+    /// Number of elements.
     pub elements: u64,
-    /// With padding.
+    /// Size with padding, bytes.
     pub bytes: u64,
 }
 
 /// Memory of one purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Share {
-    /// What for.
+    /// Purpose.
     pub purpose: &'static str,
-    /// Bytes on the GPU that grow with the grid, by cell; uniforms, which do not, are left out.
+    /// GPU memory that grows with the grid, bytes per cell; without uniforms, which do not.
     pub bytes_per_cell: f64,
 }
 
-/// Something that happens a number of times.
+/// Number of occurrences of something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 pub struct Count {
-    /// What.
+    /// Name.
     pub name: &'static str,
-    /// How many times,
+    /// Number of occurrences,
     pub count: u32,
-    /// per what.
+    /// per this unit.
     pub per: &'static str,
 }
 
-/// A scene laid open.
+/// Resources of a scene.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Plan {
     /// Scene file.
@@ -54,37 +54,38 @@ pub struct Plan {
     pub nodes: usize,
     /// Cells of their grids.
     pub cells: usize,
-    /// Springs; 0 for bricks.
+    /// Springs; 0 for hexahedra.
     #[serde(rename = "springs")]
     pub spring_count: usize,
-    /// Axes of nodes that nothing holds.
+    /// Unconstrained degrees of freedom.
     pub dof: usize,
-    /// Steps of the scene's duration.
+    /// Number of steps.
     pub steps: u32,
-    /// Right-hand sides that are solved together at most: free motion, correction, contact columns.
+    /// Maximum number of right-hand sides solved together: unconstrained motion, correction, compliance columns.
     pub right_hand_sides: usize,
     /// Arrays on the GPU.
     pub arrays: Vec<Array>,
-    /// Kernels that are compiled.
+    /// Compiled kernels.
     pub kernels: Vec<&'static str>,
     /// Kernel launches, body by body.
     pub dispatches: Vec<Count>,
     /// Times that the host waits for values.
     pub read_backs: Vec<Count>,
-    /// The arrays by what they are for.
+    /// Memory by purpose.
     pub shares: Vec<Share>,
-    /// What the scene's blades add to the arrays: the cut's own, the table of split nodes, and the copies' places in all arrays of nodes.
+    /// Memory added by the scene's blades: arrays of the cut, the table of split nodes, and the reserve of duplicates in all nodal arrays,
+    /// bytes.
     pub blade_bytes: u64,
-    /// Sum of the arrays.
+    /// Total size of the arrays, bytes.
     pub device_bytes: u64,
-    /// Constant arrays that the host keeps.
+    /// Constant arrays on the host, bytes.
     pub host_bytes: u64,
 }
 
-/// Lists what a run of a scene on a GPU will hold and do.
+/// Lists the resources of a run of a scene on a GPU.
 ///
 /// # Errors
-/// When the scene is too large for 32-bit indices, or a kernel is not valid.
+/// If the scene is too large for 32-bit indices, or a kernel is invalid.
 pub fn inspect(scene: &Scene) -> Result<Plan> {
     scene.check()?;
     let mut plan = all_bodies(scene)?;
@@ -111,7 +112,7 @@ fn all_bodies(scene: &Scene) -> Result<Plan> {
     Ok(plan)
 }
 
-/// What one deformable body adds.
+/// Adds one deformable body.
 fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
     let (needs, solver) = (needs(scene, model), scene.solver);
     let start = start(scene, model);
@@ -133,7 +134,7 @@ fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
     Ok(())
 }
 
-/// Arrays whose size does not follow the grid: uniforms, and those of the probe.
+/// Arrays whose size does not depend on the grid: uniforms, and those of the probe.
 const CONSTANT: [&str; 8] = ["params", "stiffness", "modes", "shape", "material", "pre_strain", "cases", "errors"];
 
 fn shares(arrays: &[Array], cells: usize) -> Vec<Share> {
@@ -152,7 +153,7 @@ fn cuts(scene: &Scene) -> bool {
     scene.tools.iter().any(|t| t.blade.is_some())
 }
 
-/// Kinds of probes that ask the backend.
+/// Number of kinds of probes that read from the backend.
 fn probes(scene: &Scene) -> u32 {
     let any = |is: fn(&ProbeKind) -> bool| u32::from(scene.probes.iter().any(|p| is(&p.kind)));
     any(|k| matches!(k, ProbeKind::Reaction { .. })) + any(|k| matches!(k, ProbeKind::Displacement { .. }))
@@ -160,7 +161,7 @@ fn probes(scene: &Scene) -> u32 {
 
 fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split, place]: [u32; 4]) -> Vec<Count> {
     let count = |name, count, per| Count { name, count, per };
-    // and integration
+    // and the integration
     let per = if model.step.explicit() { "step" } else { "iteration" };
     let mut list = vec![count("free motion", begin + 1, "step"), count("solver", iteration, per)];
     if place > 0 {
@@ -191,7 +192,7 @@ fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split, place]: [u
         }
     }
     if cuts(scene) {
-        // where the segments are before the step and after it; springs copy the nodes
+        // segment positions before and after the step; springs copy the nodes
         list.push(count("cut", if model.elements().spring_count > 0 { 1 } else { 3 }, "step with contact"));
     }
     list
@@ -233,7 +234,7 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
     list
 }
 
-/// The adapter that `--backend auto` takes; none for the CPU path.
+/// Adapter of `--backend auto`; `None` for the CPU path.
 pub fn automatic() -> Option<crate::gpu::Adapter> {
     adapters().into_iter().find(|a| !a.software)
 }

@@ -1,7 +1,7 @@
-//! What a run leaves: the report, tables, meshes and pictures; and the other commands' answers.
+//! Results of a run (report, tables, meshes, pictures) and of the other commands.
 //!
-//! [`run`] steps a scene and writes its folder, [`compare`] puts the GPU beside the CPU path, [`inspect`] says what a scene will
-//! allocate without running it. Nothing here prints: the program does.
+//! [`run`] steps a scene and writes its folder, [`compare`] compares the GPU with the CPU path, [`inspect`] lists what a scene will
+//! allocate without running it. Nothing here prints; the program does.
 
 pub mod check;
 mod checkpoint;

@@ -1,4 +1,4 @@
-//! What a recorded device said and was given, into `hand_TOOL.csv` while the run goes on: a killed run leaves it up to the last flush.
+//! Writes the recording of a device to `hand_TOOL.csv` during the run; a killed run leaves it up to the last flush.
 
 use crate::error::Result;
 use crate::haptic::replay::Row;
@@ -14,16 +14,16 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Creates or empties the file at `path`; `rows` come from a [`Recorder`](crate::haptic::replay::Recorder).
+    /// Creates or truncates the file at `path`; `rows` come from a [`Recorder`](crate::haptic::replay::Recorder).
     ///
     /// # Errors
-    /// When it cannot be written, as all methods here.
+    /// Here and in every method: if the file cannot be written.
     pub fn create(path: &Path, rows: Consumer<Row>) -> Result<Self> {
         let columns: Vec<&str> = TRAJECTORY_COLUMNS.iter().chain(&FORCE_COLUMNS).copied().collect();
         Ok(Self { rows, table: Table::create(path, &columns)? })
     }
 
-    /// Writes down what has come meanwhile.
+    /// Writes the rows that have arrived.
     pub fn drain(&mut self) -> Result<()> {
         while let Ok(row) = self.rows.pop() {
             self.table.row(&row)?;
@@ -31,7 +31,7 @@ impl Recording {
         Ok(())
     }
 
-    /// Writes down the rest and closes the file.
+    /// Writes the remaining rows and closes the file.
     pub fn finish(mut self) -> Result<()> {
         self.drain()?;
         self.table.finish()

@@ -1,4 +1,4 @@
-//! Rigid bodies, walls, and what is tied to what, of a scene file; bodies by name.
+//! Rigid bodies, walls and attachments of a scene file; bodies by name.
 
 use super::grid::{Grid, region};
 use super::invalid::{Invalid, Result};
@@ -21,12 +21,12 @@ impl Names {
         Self(skins.chain(tools).chain(planes).collect())
     }
 
-    /// The body of a name.
+    /// Body with a given name.
     pub fn find(&self, scene: &SceneText, key: &'static str, name: &At<String>) -> Result<BodyId> {
         self.among(scene, key, name, |_| true)
     }
 
-    /// Number of the deformable body of a name; without one, the first.
+    /// Index of the deformable body with a given name; the first one without a name.
     pub fn skin(&self, scene: &SceneText, name: &Option<At<String>>, at: std::ops::Range<usize>) -> Result<usize> {
         let found = match name {
             Some(name) => self.among(scene, "body", name, |who| matches!(who, BodyId::Deformable(_)))?,
@@ -39,7 +39,7 @@ impl Names {
         Ok(if let BodyId::Deformable(number) = found { number } else { 0 })
     }
 
-    /// Number of the rigid body of a name.
+    /// Index of the rigid body with a given name.
     pub fn rigid(&self, scene: &SceneText, name: &At<String>) -> Result<usize> {
         let found = self.among(scene, "body", name, |who| matches!(who, BodyId::Rigid(_)))?;
         Ok(if let BodyId::Rigid(number) = found { number } else { 0 })
@@ -68,6 +68,7 @@ fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Vec<At<String>
     let raw = table.keys;
     let name = scene.name("body", &raw.name, taken)?;
     let mass = scene.number("mass_g", &raw.mass_g, GRAM, Bound::Positive)?;
+    // shape and inertia
     let (round, cuboid, inertia) = match (&raw.box_mm, &raw.radius_mm) {
         (Some(edges), radius) => {
             scene.needless("radius_mm", radius, "`box_mm` already gives the shape")?;
@@ -82,6 +83,7 @@ fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Vec<At<String>
             (Some(Round { radius, ends: [[0.0; 3]; 2] }), None, [0.4 * mass * radius * radius; 3])
         }
     };
+    // initial pose and motion
     let position = scene.vector("position_mm", &raw.position_mm, MM, Bound::Finite)?;
     let turn: [f64; 3] = scene.vector("turn_deg", &or_vector(raw.turn_deg, &[0.0; 3]), DEGREE, Bound::Finite)?;
     let turn = DVec3::from_array(turn.map(f64::to_radians));
@@ -128,7 +130,7 @@ pub(super) fn planes(
     raw.into_iter().map(plane).collect()
 }
 
-/// What is tied to what.
+/// Attachments in the file's order.
 pub(super) fn attachments(
     scene: &SceneText,
     raw: Vec<Table<raw::Attach>>,

@@ -1,4 +1,4 @@
-//! The skin of a scene file: its law and its layers.
+//! Deformable bodies of a scene file: laws and layers.
 
 use super::grid;
 use super::hyperelastic;
@@ -11,32 +11,33 @@ use super::words::ELEMENTS;
 use super::{Cut, Law, Layer, Mass, Skin};
 use std::ops::Range;
 
-/// Shape of a body at the start; nodes that a boundary holds are where it holds them.
+/// Initial shape of a body; constrained nodes have their prescribed displacement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Start {
     /// Undeformed.
     Rest,
-    /// Each coordinate of each node off its rest position by up to `amplitude`, uniformly.
+    /// Random displacement of each coordinate of each node, uniform up to `amplitude`.
     Random {
         /// m
         amplitude: f64,
-        /// Another one gives other places, the same one the same.
+        /// Seed of the random numbers.
         seed: u32,
     },
     /// All nodes in the plane of the bottom.
     Flat,
-    /// The corners of the cell in the middle of the body at the places of the opposite corners.
+    /// The cell in the middle of the body is inverted: its corners are at the positions of the opposite ones.
     InsideOut,
-    /// Turned about the vertical axis through the middle: the bottom not, the top by this angle, rad, in proportion between.
+    /// Twisted about the vertical axis through the centre: the bottom is fixed, the top rotated by this angle, rad, linear in between.
     Twist(f64),
 }
 
 /// Colours of bottom, middle and top layers: fat, dermis, epidermis (sRGB).
 const PALETTE: [[u8; 3]; 3] = [[242, 211, 138], [217, 136, 128], [232, 185, 160]];
 
-/// A body; absent keys have their defaults. A block has a name that none of `taken` has, and a place; the skin has neither.
+/// A body; missing keys get their defaults. A block has a position and a name that is not among `taken`; the skin has neither.
 pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mut Vec<At<String>>>) -> Result<Skin> {
     let raw = table.keys;
+    // name and position
     let (name, position) = match taken {
         Some(taken) => {
             let word =
@@ -52,12 +53,14 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
             ("skin".to_string(), [0.0; 3])
         }
     };
+    // law, initial shape, mass
     let law = law(scene, &raw, table.span.clone())?;
     let start = start(scene, &raw, table.span.clone())?;
     let mass = mass(scene, &raw, &law)?;
     if raw.layer.is_empty() {
         return Err(Invalid::NoLayers { at: scene.place(table.span) });
     }
+    // layers with default colours
     let count = raw.layer.len();
     let mut names = Vec::new();
     let layers = raw.layer.into_iter().enumerate().map(|(i, layer_table)| {
@@ -71,6 +74,7 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
         layer(scene, layer_table, name, color, &law)
     });
     let layers = layers.collect::<Result<Vec<_>>>()?;
+    // the remaining keys
     let zero = [0.0; 3];
     let drag = or(raw.rayleigh_mass_per_s, 0.01);
     let stiffness = or(raw.rayleigh_stiffness_s, 0.01);
@@ -126,7 +130,7 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     })
 }
 
-/// Reads `start` and the keys that belong to it.
+/// Reads `start` and its keys.
 fn start(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Start> {
     let word = or(raw.start.clone(), "rest".to_string());
     let known = ["rest", "random", "flat", "inside_out", "twist"].map(|word| (word, word));
@@ -158,7 +162,7 @@ fn start(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Star
     })
 }
 
-/// Two cuts right across the body either way have room by default.
+/// Default reserve: two cuts across the complete body in either direction.
 fn cut(
     scene: &SceneText,
     word: &Option<At<String>>,

@@ -1,4 +1,4 @@
-//! The scene inside the program, so that it runs from anywhere without files.
+//! The scene embedded in the program, so that it runs without files.
 
 use super::{Files, Scene, parse};
 use crate::error::Result;
@@ -11,10 +11,10 @@ const FILES: &[(&str, &str)] = &[
     ("incision.csv", include_str!("../../scenes/incision.csv")),
 ];
 
-/// The incision: `scenes/incision.toml` with its mesh and its hand, as of the build.
+/// The incision: `scenes/incision.toml` with its mesh and hand path, as of the build.
 ///
 /// # Errors
-/// As [`parse`], when the scene was edited into something invalid before the build.
+/// As [`parse`], if the scene was invalid at build time.
 pub fn incision() -> Result<Scene> {
     parse(TEXT, Path::new("scenes/incision.toml"), &Files::Embedded(FILES))
 }

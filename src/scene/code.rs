@@ -1,4 +1,4 @@
-//! Scenes in code: what their parts are if nothing is said, and the check that every scene passes before it runs.
+//! Scenes in code: default values, and the check that every scene passes before it runs.
 
 use super::invalid::{Invalid, Result};
 use super::text::{difference, normalized};
@@ -9,7 +9,7 @@ use crate::math::elementary::acos;
 use std::fmt::Display;
 
 impl Default for Scene {
-    /// Nothing, at rest.
+    /// Empty, at rest.
     fn default() -> Self {
         Self {
             title: String::new(),
@@ -35,7 +35,7 @@ impl Default for Scene {
 }
 
 impl Default for Time {
-    /// 5 ms a step for a second.
+    /// One second in steps of 5 ms.
     fn default() -> Self {
         Self {
             step: 5e-3,
@@ -61,7 +61,7 @@ impl Default for Solver {
 }
 
 impl Default for Skin {
-    /// A patch of 10 × 10 mm and one layer of 2 mm, corotational.
+    /// A patch of 10 × 10 mm with one layer of 2 mm, corotational.
     fn default() -> Self {
         Self {
             name: "skin".into(),
@@ -100,7 +100,7 @@ impl Default for Layer {
 }
 
 impl Default for Tool {
-    /// A ball of 2 mm that a hand holds 20 mm above the origin.
+    /// A sphere of 2 mm held by a hand 20 mm above the origin.
     fn default() -> Self {
         Self {
             name: "tool".into(),
@@ -135,7 +135,7 @@ impl Default for Pose {
 }
 
 impl Default for Blade {
-    /// An edge of 4 mm that rises from its tip at the origin and cuts along −x.
+    /// A 4 mm edge that rises from its tip at the origin and cuts along −x.
     fn default() -> Self {
         Self {
             edge: vec![[0.0; 3], [4e-3, 0.0, 4e-3]],
@@ -174,13 +174,13 @@ impl Default for Haptic {
 }
 
 impl Default for View {
-    /// From in front and above.
+    /// From the front and above.
     fn default() -> Self {
         Self { frames: 8, size: [960, 640], eye: [0.0, -0.03, 0.03], target: [0.0; 3], field_of_view: 30.0 }
     }
 }
 
-/// A part of a scene, by its path in the code.
+/// Part of a scene, by its path in the code.
 struct Part<'a> {
     scene: &'a Scene,
     path: String,
@@ -236,18 +236,19 @@ impl Part<'_> {
 }
 
 impl Scene {
-    /// Whether the scene can run: numbers in their ranges, numbers of bodies that are there, parts that go with each other (whether a solver
-    /// fits a body's kind is said when the body is made; a region in code may hold no node). The reader of
-    /// scene files and [`Simulation`](crate::step::Simulation) ask it.
+    /// Checks that the scene can run: values in range, valid body indices, compatible parts. (Whether a solver supports a body's kind is
+    /// checked when the body is made; a region in code may contain no node.) The reader of scene files and
+    /// [`Simulation`](crate::step::Simulation) call it.
     ///
     /// # Errors
-    /// [`Error::Scene`](error::Error::Scene) with the part, what it is and what it has to be.
+    /// [`Error::Scene`](error::Error::Scene) with the part, its value and the allowed ones.
     pub fn check(&self) -> error::Result<()> {
         Ok(self.parts()?)
     }
 
     pub(super) fn parts(&self) -> Result<()> {
         let scene = Part { scene: self, path: String::new() };
+        // time and solver
         let time = scene.of("time");
         time.positive("step", &[self.time.step])?;
         time.positive("duration", &[self.time.duration])?;
@@ -258,6 +259,7 @@ impl Scene {
         solver.not_negative("floor", &[self.solver.floor])?;
         solver.at_least_one("max_iterations", &[self.solver.max_iterations])?;
         solver.at_least_one("true_residual_every", &[self.solver.true_residual_every])?;
+        // bodies with their boundary conditions, rest-shape springs and loads
         let several = |name: &str, k: usize| scene.of(format!("{name}[{k}]"));
         for (k, skin) in self.skins.iter().enumerate() {
             self.check_skin(&several("skins", k), skin)?;
@@ -296,6 +298,7 @@ impl Scene {
             let lasts = load.start < load.end;
             several("loads", k).of("start, end").that(lasts, "in the wrong order", "rising")?;
         }
+        // rigid bodies, walls, attachments
         for (k, tool) in self.tools.iter().enumerate() {
             check_tool(&several("tools", k), tool)?;
         }
@@ -314,6 +317,7 @@ impl Scene {
                 part.of("slide").not_negative("friction, resistance", &[slide.friction, slide.resistance])?;
             }
         }
+        // outputs
         for (k, probe) in self.probes.iter().enumerate() {
             self.check_probe(&several("probes", k), &probe.kind)?;
         }
@@ -401,7 +405,7 @@ impl Scene {
         part.index("axis", *axis, 3)
     }
 
-    /// What goes with what.
+    /// Checks combinations of parts.
     fn check_together(&self, scene: &Part) -> Result<()> {
         let hyperelastic = self.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
         let blade = self.tools.iter().any(|tool| tool.blade.is_some());
@@ -443,6 +447,7 @@ impl Scene {
 }
 
 fn check_tool(part: &Part, tool: &Tool) -> Result<()> {
+    // mass, geometry and coupling
     part.positive("mass", &[tool.mass])?;
     part.positive("inertia", &tool.inertia)?;
     part.not_negative("tip_radius", &[tool.tip_radius])?;
@@ -453,6 +458,7 @@ fn check_tool(part: &Part, tool: &Tool) -> Result<()> {
     odd.map_or(Ok(()), |v| Err(part.of("mesh.triangles").refuse(v, "numbers of its vertices, from 0")))?;
     let Coupling { stiffness, damping, angular_stiffness, angular_damping } = tool.coupling;
     part.not_negative("coupling", &[stiffness, damping, angular_stiffness, angular_damping])?;
+    // hand path
     let way = part.of("trajectory");
     way.that(!tool.trajectory.is_empty(), "empty", "at least one pose")?;
     for pose in &tool.trajectory {
@@ -461,6 +467,7 @@ fn check_tool(part: &Part, tool: &Tool) -> Result<()> {
     }
     let rises = tool.trajectory.windows(2).all(|pair| pair[1].time > pair[0].time);
     way.that(rises, "times that do not rise", "times that rise")?;
+    // one kind of surface
     if let Some(round) = &tool.round {
         part.of("round").positive("radius", &[round.radius])?;
         part.of("round").finite("ends", round.ends.as_flattened())?;
@@ -484,6 +491,7 @@ fn check_tool(part: &Part, tool: &Tool) -> Result<()> {
     if let Some(half) = &tool.cuboid {
         part.positive("cuboid", half)?;
     }
+    // blade
     if let Some(blade) = &tool.blade {
         let part = part.of("blade");
         part.finite("edge", blade.edge.as_flattened())?;

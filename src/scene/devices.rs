@@ -1,4 +1,4 @@
-//! The haptic loop and the devices of a scene file: `[haptic]`, `[tool.device]`.
+//! Haptic loop and devices of a scene file: `[haptic]`, `[tool.device]`.
 
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
@@ -14,86 +14,87 @@ pub struct Haptic {
     pub rate: f64,
 }
 
-/// How the force on the hand is found.
+/// Rendering method of the force on the hand.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub enum Rendering {
-    /// Through the spring and damper between hand and tool, in series with the skin.
+    /// Virtual coupling between hand and tool, in series with the skin.
     #[default]
     Coupling,
-    /// As if the hand held the tool itself: what is felt is the skin's own compliance.
+    /// Direct: as if the hand held the tool rigidly, so that it feels the skin's compliance only.
     Direct,
 }
 
-/// What a button is for.
+/// Role of a button.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Role {
     /// Nothing.
     None,
-    /// The blade cuts while it is down, and is blunt otherwise.
+    /// The blade cuts while it is pressed, and is blunt otherwise.
     Active,
-    /// While it is down the hand moves and the tool stays.
+    /// While it is pressed the hand moves and the tool stays.
     Clutch,
-    /// While it is down tool and force hold their place.
+    /// While it is pressed tool and force are frozen.
     Freeze,
 }
 
-/// What moves a tool's hand.
+/// Kind of a tool's device.
 #[derive(Clone, Debug, PartialEq)]
 pub enum DeviceKind {
-    /// The tool's recorded path; it feels nothing.
+    /// The tool's recorded path, which ignores forces.
     Replay,
-    /// A simulated hand that wants to follow the tool's path, and gives way to the force.
+    /// A simulated hand that follows the tool's path and yields to the force.
     Hand {
         /// kg
         mass: f64,
-        /// Of the spring to the path, N/m.
+        /// Stiffness of the spring to the path, N/m.
         stiffness: f64,
         /// N·s/m
         damping: f64,
-        /// Step of the encoders, m; 0 for exact ones.
+        /// Resolution of the encoders, m; 0 for exact ones.
         encoder: f64,
     },
-    /// Rests where the tool's path starts.
+    /// At rest at the start of the tool's path.
     Null,
     /// A device behind the Haply Inverse Service.
     Haply {
         /// Address of the service.
         url: String,
-        /// Which device; the first one for an empty name.
+        /// Name of the device; empty for the first one.
         device: String,
-        /// Which grip; the first one for an empty name.
+        /// Name of the grip; empty for the first one.
         grip: String,
     },
 }
 
-/// The device that holds a tool.
+/// Device that holds a tool.
 #[derive(Clone, Debug)]
 pub struct Device {
-    /// What moves the hand.
+    /// Kind of device.
     pub kind: DeviceKind,
-    /// How the force is found.
+    /// Rendering method.
     pub rendering: Rendering,
     /// Newtons on the hand per newton on the tool.
     pub force_scale: f64,
-    /// N; infinite for what the device itself can give.
+    /// Force limit, N; infinite for the device's own.
     pub max_force: f64,
-    /// N·m; infinite for what the device itself can give.
+    /// Torque limit, N·m; infinite for the device's own.
     pub max_torque: f64,
-    /// How far from its origin the device can be, m of its own; what it says beyond is no reading. Infinite for a tool without a device.
+    /// Largest distance of the end effector from the device's origin, m of the device; readings beyond it are invalid. Infinite for a tool
+    /// without a device.
     pub workspace: f64,
-    /// Where the device's origin lies in the scene, m.
+    /// Position of the device's origin in the scene, m.
     pub position: [f64; 3],
-    /// How the device's frame is turned, unit quaternion.
+    /// Rotation of the device's frame, unit quaternion.
     pub rotation: [f64; 4],
     /// Metres of the scene per metre of the device.
     pub scale: f64,
-    /// Where the tool's origin is in the frame of the device's end effector, m.
+    /// Origin of the tool in the frame of the device's end effector, m.
     pub tool: [f64; 3],
-    /// How the tool is turned there, unit quaternion.
+    /// Rotation of the tool in that frame, unit quaternion.
     pub tool_rotation: [f64; 4],
-    /// `[button]` what it is for.
+    /// `[button]` role.
     pub buttons: Vec<Role>,
-    /// A controller keeps the device from giving energy.
+    /// Use the passivity controller.
     pub passivity: bool,
 }
 
@@ -117,13 +118,13 @@ impl Default for Device {
     }
 }
 
-/// Fewest and most ticks per second: below, a stiff contact buzzes in any hand; above, a tick has no time left for contacts.
+/// Allowed ticks per second: below, a stiff contact oscillates in any hand; above, a tick has no time left for contacts.
 const RATES: [f64; 2] = [100.0, 4000.0];
 
-/// How far a device reaches unless the scene says so, mm: farther than any does, so that only a fault says more.
+/// Default workspace radius, mm: larger than that of any device, so that only faulty readings exceed it.
 const WORKSPACE: f64 = 10_000.0;
 
-/// The haptic loop; absent keys have their defaults.
+/// Haptic loop; missing keys get their defaults.
 pub(super) fn haptic(scene: &SceneText, raw: raw::Haptic) -> Result<Haptic> {
     let rate = or(raw.rate_hz, 1000.0);
     let found = scene.number("rate_hz", &rate, HERTZ, Bound::Positive)?;
@@ -148,7 +149,7 @@ enum Word {
     Haply,
 }
 
-/// The device of a tool.
+/// Device of a tool.
 pub(super) fn device(scene: &SceneText, table: Table<raw::Device>) -> Result<Device> {
     let raw = table.keys;
     let words = [("replay", Word::Replay), ("hand", Word::Hand), ("null", Word::Null), ("haply", Word::Haply)];
@@ -216,7 +217,7 @@ fn kind(scene: &SceneText, word: Word, raw: &raw::Device) -> Result<DeviceKind> 
     })
 }
 
-/// Roles in the order of the buttons, each but `none` once; a device tells 32 buttons apart.
+/// Roles in the order of the buttons, each but `none` at most once; a device has at most 32 buttons.
 fn buttons(scene: &SceneText, words: &[At<String>]) -> Result<Vec<Role>> {
     let roles = [("none", Role::None), ("active", Role::Active), ("clutch", Role::Clutch), ("freeze", Role::Freeze)];
     let mut taken: Vec<(Role, usize)> = vec![];

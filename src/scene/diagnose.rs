@@ -1,4 +1,4 @@
-//! From TOML text to raw tables, with the parser's words turned into what was found, wanted and meant.
+//! Parses TOML into raw tables, and rephrases the parser's errors as what was found and what was wanted.
 
 use super::invalid::{Invalid, Result};
 use super::raw;
@@ -6,16 +6,16 @@ use super::text::{SceneText, nearest};
 use serde::Deserialize;
 use std::ops::Range;
 
-/// Longest quote from the file in a message, characters.
+/// Maximum length of a quotation in a message, characters.
 const QUOTE_LENGTH: usize = 72;
 
-/// Last words of keys that are units; they are compared away to find a key with a wrong unit.
+/// Unit suffixes of keys; they are ignored when looking for a key with a wrong unit.
 const UNIT_WORDS: &[&str] = &[
     "cm", "cm2", "cm3", "deg", "g", "gpa", "hz", "j", "kg", "kj", "km", "kn", "kpa", "m", "m2", "m3", "mg", "min",
     "mj", "mm", "mm2", "mm3", "mn", "mpa", "ms", "n", "nm", "pa", "per", "px", "rad", "s", "s2", "um", "us",
 ];
 
-/// Reads the tables; every failure becomes an error with a line.
+/// Parses the tables; every failure becomes an error with a line.
 pub(super) fn tables(scene: &SceneText) -> Result<raw::Scene> {
     let syntax = |error: toml::de::Error| not_toml(scene, error.message(), error.span());
     let parsed = toml::Deserializer::parse(scene.text).map_err(syntax)?;
@@ -53,7 +53,7 @@ fn explain(scene: &SceneText, message: &str, span: Option<Range<usize>>) -> Inva
     }
 }
 
-/// Key and known keys of serde's "unknown field `a`, expected one of `b`, `c`".
+/// Key and known keys in serde's "unknown field `a`, expected one of `b`, `c`".
 fn unknown_field(message: &str) -> Option<(&str, Vec<&str>)> {
     let rest = message.strip_prefix("unknown field `")?;
     let (key, known) = rest.rsplit_once("`, expected ")?;
@@ -87,7 +87,7 @@ fn key_hint(key: &str, known: &[&str]) -> String {
     }
 }
 
-/// The key without its unit: `thickness` of `thickness_cm`.
+/// Key without its unit: `thickness` of `thickness_cm`.
 fn stem(key: &str) -> String {
     let lower = key.to_lowercase().replace('-', "_");
     let mut words: Vec<&str> = lower.split('_').collect();
@@ -97,7 +97,7 @@ fn stem(key: &str) -> String {
     words.join("_")
 }
 
-/// The first line of a span, whole and trimmed.
+/// First line of a span, complete and trimmed.
 fn quote(scene: &SceneText, span: &Range<usize>) -> String {
     let line = scene.place(span.clone()).line;
     shorten(scene.text.lines().nth(line - 1).unwrap_or("").trim())

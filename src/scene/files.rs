@@ -1,4 +1,4 @@
-//! Files that a scene names: meshes (Wavefront OBJ) and trajectories (CSV).
+//! Files named by a scene: meshes (Wavefront OBJ) and trajectories (CSV).
 
 use super::diagnose::shorten;
 use super::invalid::{Invalid, Location, Result};
@@ -9,27 +9,27 @@ use crate::math::elementary::hypot;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-/// First line of a trajectory; the quaternion has its scalar last.
+/// Header of a trajectory; the quaternion has its scalar last.
 const HEADER: &str = "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw";
 /// Columns of a trajectory.
 pub const COLUMNS: [&str; 8] = ["time_s", "x_mm", "y_mm", "z_mm", "qx", "qy", "qz", "qw"];
-/// What a recorded device was given; these columns may follow, and are passed over.
+/// Force columns of a recording; they may follow, and are ignored.
 pub const FORCE_COLUMNS: [&str; 6] =
     ["force_x_n", "force_y_n", "force_z_n", "torque_x_n_mm", "torque_y_n_mm", "torque_z_n_mm"];
-/// Allowed departure of a quaternion's length from 1: two printed digits pass, a wrong column order seldom does.
+/// Tolerance of a quaternion's length: two printed digits pass, a wrong column order rarely does.
 const QUATERNION_SLACK: f64 = 0.01;
 
-/// Where the files that a scene names come from.
+/// Source of the files that a scene names.
 #[derive(Clone, Debug)]
 pub enum Files {
-    /// The folder of the scene file; names are relative to it.
+    /// Folder of the scene file; names are relative to it.
     Folder(PathBuf),
-    /// Name and text of files inside the program.
+    /// Names and texts of files embedded in the program.
     Embedded(&'static [(&'static str, &'static str)]),
 }
 
 impl Files {
-    /// Path for messages, and text, of the file that `key` names.
+    /// Path (for messages) and text of the file that `key` names.
     pub(super) fn text(
         &self,
         scene: &SceneText,
@@ -57,7 +57,7 @@ impl Files {
     }
 }
 
-/// Triangles of all objects in an OBJ text; `unit` is one unit of the file in m. Polygons become fans.
+/// Triangles of all objects in an OBJ text; `unit` is one unit of the file in m. Polygons become triangle fans.
 pub(super) fn mesh(text: &str, path: &Path, unit: f64) -> Result<ToolMesh> {
     let options =
         tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
@@ -79,8 +79,8 @@ pub(super) fn mesh(text: &str, path: &Path, unit: f64) -> Result<ToolMesh> {
     })
 }
 
-/// Only the vertices and faces of an OBJ text, as one object, faces without indices of textures and normals: nothing
-/// here uses those, and tobj 4.0.5 panics on the ones that are out of range.
+/// The vertices and faces of an OBJ text, as one object, without texture and normal indices: these are unused, and tobj 4.0.5 panics if
+/// they are out of range.
 fn bare(text: &str) -> String {
     let mut bare = String::with_capacity(text.len());
     for line in text.lines() {
@@ -102,7 +102,7 @@ fn bare(text: &str) -> String {
     bare
 }
 
-/// Samples of a recorded hand, at least one, times rising, quaternions of length 1. Blank lines are skipped.
+/// Samples of a hand path, at least one, in ascending order of times, quaternions of length 1. Blank lines are skipped.
 pub(super) fn trajectory(text: &str, path: &Path) -> Result<Vec<Pose>> {
     let text = text.trim_start_matches('\u{feff}');
     let lines = text.lines().enumerate();

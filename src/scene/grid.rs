@@ -1,4 +1,4 @@
-//! Where nodes are, as far as reading a scene needs it: a region must hold some.
+//! Node positions as far as the reader needs them: a region must contain nodes.
 
 use super::invalid::{Invalid, Result};
 use super::raw::{At, Extent, Points};
@@ -6,10 +6,10 @@ use super::region::SLACK;
 use super::text::{Bound, MM, PLAIN, SceneText, in_mm, normalized};
 use super::{Layer, Region, Skin, TestForm};
 
-/// Nodes that 32-bit indices reach in every array: the largest has 64 numbers a node.
+/// Maximum number of nodes with 32-bit indices: the largest array has 64 numbers per node.
 pub const MOST_NODES: u32 = u32::MAX / 64;
 
-/// One grid of nodes: the scene's, or its test form's.
+/// A grid of nodes: the scene's, or its test form's.
 pub(super) struct Grid<'a> {
     pub name: &'static str,
     size: [f64; 2],
@@ -25,7 +25,7 @@ pub(super) fn grids<'a>(skin: &'a Skin, test: &Option<TestForm>) -> Vec<Grid<'a>
     grids
 }
 
-/// An error when the nodes of a grid cannot be numbered.
+/// Error if the nodes of a grid exceed 32-bit indices.
 pub(super) fn numbered(scene: &SceneText, cells: [u32; 2], layers: &[Layer], at: &At<Vec<u32>>) -> Result<()> {
     let over_thickness: u64 = layers.iter().map(|layer| u64::from(layer.cells)).sum();
     let found = (u64::from(cells[0]) + 1)
@@ -38,7 +38,7 @@ pub(super) fn numbered(scene: &SceneText, cells: [u32; 2], layers: &[Layer], at:
 }
 
 impl Grid<'_> {
-    /// Nodes form a product of three rows, so a box holds one exactly if each of its intervals does.
+    /// Error if a box contains no node. Nodes are a product of three rows, so a box contains one exactly if each of its intervals does.
     pub fn holds_node(&self, scene: &SceneText, at: &Points, min: [f64; 3], max: [f64; 3]) -> Result<()> {
         for axis in 0..3 {
             let rows = self.rows(axis);
@@ -59,8 +59,8 @@ impl Grid<'_> {
         Ok(())
     }
 
-    /// Whether the region holds one of the nodes. Along a line of nodes each region is one interval, or both ends of the line, so along
-    /// the longest axis the ends and the nodes beside the region's own place on the line stand for all.
+    /// True if the region contains a node. On a line of nodes each region is one interval, or both ends of the line. Along the longest axis
+    /// it is therefore enough to test the ends and the nodes next to the region's own position on the line.
     pub fn holds(&self, region: &Region) -> bool {
         let rows = [0, 1, 2].map(|axis| self.rows(axis));
         let count = |axis: usize| rows[axis].iter().map(|row| u64::from(row.cells) + 1).sum::<u64>();
@@ -82,7 +82,7 @@ impl Grid<'_> {
         })
     }
 
-    /// The first axis along which a point lies beyond the skin, and the skin's ends along it, m.
+    /// First axis along which a point lies outside the skin, and the skin's ends along it, m.
     pub fn beyond(&self, point: [f64; 3]) -> Option<(usize, [f64; 2])> {
         let ends = |axis: usize| {
             let rows = self.rows(axis);
@@ -131,7 +131,7 @@ impl Row {
         (0..=self.cells).map(move |k| start + step * f64::from(k))
     }
 
-    /// Both ends, and the nodes beside a place.
+    /// Both ends, and the nodes next to a position.
     fn around(&self, place: f64) -> impl Iterator<Item = f64> {
         let (start, step, cells) = (self.start, self.step, f64::from(self.cells));
         let below = ((place - start) / step).floor();
@@ -145,8 +145,9 @@ impl Row {
     }
 }
 
-/// The named region; it must hold a node of each grid.
+/// Region of the given name; it must contain a node of each grid.
 pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids: &[Grid]) -> Result<Region> {
+    // region of this name; keys of other regions are errors
     let known = [
         ("bottom", Some(Region::Bottom)),
         ("top", Some(Region::Top)),
@@ -181,6 +182,7 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
     if let Some(region) = whole {
         return Ok(region.clone());
     }
+    // regions with keys of their own
     let region = match word {
         "box" => return within_box(scene, name, box_mm, grids),
         "sphere" => {
@@ -212,6 +214,7 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
             if word == "bottom_rim" { Region::Rim(margin) } else { Region::Core(margin) }
         }
     };
+    // each grid must have a node in it
     for grid in grids {
         if !grid.holds(&region) {
             return Err(Invalid::NoNode { at: scene.place(name.span()), grid: grid.name, region: word.into() });

@@ -1,4 +1,4 @@
-//! Hyperelastic laws of a scene file: their words, the constants of their layers, and what a scene with such a body may not have.
+//! Hyperelastic laws of a scene file: names, constants of the layers, and what they exclude.
 
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
@@ -7,7 +7,7 @@ use super::words::word;
 use super::{Integrator, Law, Tool};
 use std::ops::Range;
 
-/// Law of large strain of a body of hexahedra ([`crate::kernels::hyperelastic`]).
+/// Large-strain law of a body of hexahedra ([`crate::kernels::hyperelastic`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Material {
     /// Compressible neo-Hookean.
@@ -16,17 +16,17 @@ pub enum Material {
     MooneyRivlin,
 }
 
-/// Their words.
+/// Names of the laws.
 pub const MATERIALS: [(&str, Material); 2] =
     [("neo_hookean", Material::NeoHookean), ("mooney_rivlin", Material::MooneyRivlin)];
 
-/// Largest ratio of Poisson: a cell resists a change of its volume 5000 times as much as one of its shape. The hard cases go as far
-/// (`scenes/hard/nu_04999.toml`, in f32 too); beyond it nothing says what a solve leaves.
+/// Largest Poisson's ratio: the bulk modulus is 5000 times the shear modulus. The hard cases go up to it (`scenes/hard/nu_04999.toml`, in
+/// f32 too); beyond it the accuracy of a solve is unknown.
 pub(super) const MOST_POISSON: f64 = 0.4999;
 
 /// Elastic constants of a layer at small strain.
 pub(super) struct Constants {
-    /// Pa; 0 where there is none.
+    /// Young's modulus, Pa; 0 if there is none.
     pub young: f64,
     /// Poisson's ratio.
     pub poisson: f64,
@@ -62,7 +62,7 @@ pub(super) fn linear(scene: &SceneText, raw: &raw::Layer, table: Range<usize>, s
     Ok(Constants { young, poisson, second_share: 0.0 })
 }
 
-/// Constants of a layer of a hyperelastic law.
+/// Constants of a layer with a hyperelastic law.
 pub(super) fn constants(
     scene: &SceneText,
     raw: &raw::Layer,
@@ -82,7 +82,7 @@ pub(super) fn constants(
             let (c10, _) = number("c10_kpa", &raw.c10_kpa, Bound::Positive)?;
             let (c01, _) = number("c01_kpa", &raw.c01_kpa, Bound::NotNegative)?;
             let (bulk, at) = number("bulk_kpa", &raw.bulk_kpa, Bound::Positive)?;
-            // the constants of small strain
+            // constants at small strain
             let shear = 2.0 * (c10 + c01);
             let poisson = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear));
             if !(0.0..=MOST_POISSON).contains(&poisson) {
@@ -99,20 +99,20 @@ pub(super) fn constants(
     }
 }
 
-/// Where the file names such a law, if it does.
+/// Location of a hyperelastic law in the file, if any.
 pub(super) fn asked_for(skin: &Option<Table<raw::Skin>>, blocks: &[Table<raw::Skin>]) -> Option<At<String>> {
     let words = skin.iter().chain(blocks).filter_map(|table| table.keys.law.clone());
     words.into_iter().find(|word| MATERIALS.iter().any(|(known, _)| known == word.get_ref()))
 }
 
-/// Every law by its word; `fem` as the file has it.
+/// All laws by name; `fem` as given in the file.
 pub(super) fn laws(fem: Law) -> Vec<(&'static str, Law)> {
     let springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
     let hyperelastic = MATERIALS.map(|(word, material)| (word, Law::Hyperelastic(material)));
     [("fem", fem), ("springs", springs)].into_iter().chain(hyperelastic).collect()
 }
 
-/// Refuses what the law does not go with.
+/// Rejects what the law does not support.
 pub(super) fn fits(
     scene: &SceneText,
     asked: &Option<At<String>>,

@@ -1,4 +1,4 @@
-//! Which integrator a scene asks for, and whether its bodies fit it.
+//! Integrator of a scene, and its compatibility with the bodies.
 
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At};
@@ -6,7 +6,7 @@ use super::text::{SceneText, or};
 use super::words::INTEGRATORS;
 use super::{Integrator, Law, Mass, Skin};
 
-/// The integrator; `touching` says that bodies may touch or are tied.
+/// Integrator of a scene; `touching` is true if bodies can touch or are attached.
 pub(super) fn integrator(
     scene: &SceneText,
     word: Option<At<String>>,

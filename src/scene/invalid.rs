@@ -1,19 +1,19 @@
-//! What may be wrong with a scene and the files that it names: where, what was found, what was wanted, how to mend it.
+//! Errors of scenes and of the files that they name: location, what was found, what was wanted, how to fix it.
 //!
 //! Messages show numbers as the file has them, in the file's units.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// What the functions that read a scene return.
+/// Result of the functions that read a scene.
 pub(super) type Result<T> = std::result::Result<T, Invalid>;
 
-/// A line of a file; lines count from 1.
+/// Line of a file; lines count from 1.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Location {
-    /// The file as the user named it.
+    /// File name as given by the user.
     pub file: PathBuf,
-    /// Line in it, from 1.
+    /// Line number, from 1.
     pub line: usize,
 }
 
@@ -30,7 +30,7 @@ impl fmt::Display for Location {
     }
 }
 
-/// A scene that is not as it has to be.
+/// Error in a scene.
 #[derive(Debug, thiserror::Error)]
 pub enum Invalid {
     /// The scene file itself cannot be read.
@@ -38,22 +38,22 @@ pub enum Invalid {
     SceneRead {
         /// The scene file.
         path: PathBuf,
-        /// The system's reason.
+        /// Reason given by the system.
         source: std::io::Error,
     },
 
-    /// A part of a scene made in code.
+    /// An invalid part of a scene made in code.
     #[error("{}: scene \"{title}\": {path} is {found}; it has to be {wanted}", file.display())]
     InCode {
-        /// Where the scene says that it comes from.
+        /// Source of the scene, as it states it.
         file: PathBuf,
-        /// The scene's.
+        /// Title of the scene.
         title: String,
-        /// The part, as the code names it.
+        /// Path of the part in the code.
         path: String,
-        /// What it is.
+        /// Its value.
         found: String,
-        /// What it has to be.
+        /// Allowed values.
         wanted: &'static str,
     },
 
@@ -64,59 +64,59 @@ pub enum Invalid {
         path: PathBuf,
     },
 
-    /// A scene of nothing.
+    /// A scene without bodies.
     #[error("{}: the scene has no body; give it a `[skin]`, a `[[block]]`, a `[[tool]]` or a `[[rigid]]`", path.display())]
     NoBodies {
         /// The scene file.
         path: PathBuf,
     },
 
-    /// A hyperelastic body with what it does not go with.
+    /// A hyperelastic body combined with something it does not support.
     #[error("{at}: law = \"{law}\" {why}; {fix}")]
     LawUnfit {
         /// Where.
         at: Location,
-        /// Its word.
+        /// Name of the law.
         law: &'static str,
-        /// What does not fit.
+        /// Reason.
         why: &'static str,
-        /// What to do.
+        /// Remedy.
         fix: &'static str,
     },
 
-    /// An integrator that a scene's bodies do not fit.
+    /// An integrator that does not support the scene's bodies.
     #[error("{at}: integrator = \"{found}\" {why}; {fix}")]
     IntegratorUnfit {
         /// Where.
         at: Location,
         /// The integrator.
         found: String,
-        /// What does not fit.
+        /// Reason.
         why: &'static str,
-        /// What to do.
+        /// Remedy.
         fix: &'static str,
     },
 
-    /// A table of compliances that a cut would make false.
+    /// Precomputed compliances in a scene with a blade: a cut would invalidate them.
     #[error("{}: correction = \"precomputed\" knows the uncut body alone, but a tool has a blade; take \"exact\"", path.display())]
     PrecomputedCut {
         /// The scene file.
         path: PathBuf,
     },
 
-    /// Ties that a correction does not hold.
+    /// Attachments with a contact correction that cannot hold them.
     #[error("{}: correction = \"uncoupled\" lets tied nodes drift apart, as each knows itself alone; take \"exact\"", path.display())]
     UncoupledTies {
         /// The scene file.
         path: PathBuf,
     },
 
-    /// A body as its own other end.
+    /// A body attached to itself.
     #[error("{at}: \"{name}\" is tied to itself; name another body in `to`, or leave `to` away to tie it to its place")]
     TiedToItself {
-        /// The name.
+        /// Where.
         at: Location,
-        /// Found.
+        /// The body's name.
         name: String,
     },
 
@@ -127,7 +127,7 @@ pub enum Invalid {
     Syntax {
         /// Where.
         at: Location,
-        /// The parser's words.
+        /// The parser's message.
         problem: String,
         /// The line in question.
         text: String,
@@ -146,18 +146,18 @@ pub enum Invalid {
         known: String,
     },
 
-    /// A key that has to be there.
+    /// A missing key.
     #[error("{at}: the key `{key}` is missing; {why}; add it to this table")]
     MissingKey {
         /// The table's first line; line 1 for the file itself.
         at: Location,
         /// The missing key.
         key: String,
-        /// What asks for it.
+        /// What requires it.
         why: &'static str,
     },
 
-    /// Anchors on a mass that is not the nodes'.
+    /// Rest-shape springs with a consistent mass.
     #[error(
         "{at}: an anchor acts through the masses of nodes, and mass = \"consistent\" lies between them too; \
              use mass = \"lumped\" or \"uniform\", or hold the region with [[boundary]]"
@@ -167,7 +167,7 @@ pub enum Invalid {
         at: Location,
     },
 
-    /// A mass that the law cannot carry.
+    /// A mass discretisation that the law does not support.
     #[error(
         "{at}: mass = \"{found}\" cannot be had with springs or a hyperelastic law; use \"lumped\" or \"uniform\", or law = \"fem\""
     )]
@@ -178,7 +178,7 @@ pub enum Invalid {
         found: String,
     },
 
-    /// A key that contradicts another one.
+    /// A key that has no effect because of another one.
     #[error("{at}: `{key}` has no effect here; {why}; remove it")]
     NeedlessKey {
         /// Where.
@@ -215,7 +215,7 @@ pub enum Invalid {
         wanted: usize,
     },
 
-    /// A number out of its range.
+    /// A number out of range.
     #[error("{at}: {key} = {found:?}; wanted {wanted}, in {unit}; write for example {example:?}")]
     Number {
         /// Where.
@@ -232,7 +232,7 @@ pub enum Invalid {
         example: f64,
     },
 
-    /// A count out of its range.
+    /// A count out of range.
     #[error("{at}: {key} = {found}; wanted a whole number from {min} to {max}; change the count")]
     Count {
         /// Where.
@@ -263,7 +263,7 @@ pub enum Invalid {
     Order {
         /// Where.
         at: Location,
-        /// The keys that bound.
+        /// Keys of the bounds.
         key: &'static str,
         /// The lower bound, in the file's unit.
         lower: f64,
@@ -271,7 +271,7 @@ pub enum Invalid {
         relation: &'static str,
         /// The upper bound, in the file's unit.
         upper: f64,
-        /// What to do.
+        /// Remedy.
         fix: &'static str,
     },
 
@@ -288,7 +288,7 @@ pub enum Invalid {
         longest: f64,
     },
 
-    /// A word that is none of the known ones.
+    /// An unknown word.
     #[error("{at}: {key} = \"{found}\" is not known; {hint}; known: {known}")]
     Choice {
         /// Where.
@@ -303,7 +303,7 @@ pub enum Invalid {
         known: String,
     },
 
-    /// A name that cannot be a column of a table.
+    /// A name that cannot be the name of a table column.
     #[error(
         "{at}: the {what} name \"{found}\" cannot be used; wanted a name that is not empty, without commas, quotes, control characters and spaces at its ends; choose a plain name"
     )]
@@ -338,12 +338,12 @@ pub enum Invalid {
         found: String,
     },
 
-    /// A turn of nodes that are not held in the plane of the turn.
+    /// A rotation of nodes that are not constrained in its plane.
     #[error("{at}: turn_deg turns nodes in the x-y plane, but axes = \"{axes}\" leaves them free there; hold x and y")]
     TurnAxes {
-        /// Where the turn is.
+        /// Location of the rotation.
         at: Location,
-        /// Held axes.
+        /// Constrained axes.
         axes: String,
     },
 
@@ -367,18 +367,18 @@ pub enum Invalid {
         at: Location,
     },
 
-    /// More nodes than an index can count.
+    /// More nodes than 32-bit indices reach.
     #[error("{at}: the grid has {found} nodes; at most {limit} can be numbered; make cells fewer")]
     TooManyNodes {
         /// The cells.
         at: Location,
-        /// Nodes asked for; the largest u64 stands for more.
+        /// Number of nodes; the largest u64 stands for more.
         found: u64,
-        /// Most nodes.
+        /// Maximum.
         limit: u32,
     },
 
-    /// A region that holds no node.
+    /// A region without nodes.
     #[error(
         "{at}: the {region} holds no node of the {grid}; look at its place and size (origin: centre of the bottom; z up), or widen it to a cell at least"
     )]
@@ -387,11 +387,11 @@ pub enum Invalid {
         at: Location,
         /// "scene" or "test form".
         grid: &'static str,
-        /// Its word.
+        /// Name of the region.
         region: String,
     },
 
-    /// A direction of no length.
+    /// A direction of zero length.
     #[error("{at}: `{key}` has no length; write a direction such as [0, 0, 1]")]
     NoDirection {
         /// The vector.
@@ -400,7 +400,7 @@ pub enum Invalid {
         key: &'static str,
     },
 
-    /// A box that holds no node.
+    /// A box without nodes.
     #[error(
         "{at}: the box holds no node of the {grid}: none has {min:?} ≤ {axis} ≤ {max:?} mm, where the body reaches from {body_min:?} to {body_max:?} mm in cells of at most {cell:?} mm; widen box_mm along {axis}"
     )]
@@ -423,7 +423,7 @@ pub enum Invalid {
         cell: f64,
     },
 
-    /// A load beside the body.
+    /// A load outside the top face.
     #[error(
         "{at}: rectangle_mm reaches from {min:?} to {max:?} mm along {axis}; the top reaches from -{half:?} to {half:?}; move the rectangle onto it"
     )]
@@ -440,7 +440,7 @@ pub enum Invalid {
         half: f64,
     },
 
-    /// A probe's point beyond the skin.
+    /// A probe's point outside the skin.
     #[error(
         "{at}: the point lies outside the skin: {axis} = {found} mm, where the skin at rest reaches from {min} to {max} mm; move it onto the skin (origin: centre of the bottom; z up)"
     )]
@@ -457,7 +457,7 @@ pub enum Invalid {
         max: f64,
     },
 
-    /// A blade edge that is no line.
+    /// A blade edge that is no polyline.
     #[error(
         "{at}: edge_mm has {found} different points in a row; wanted at least two, from the tip to the heel, each apart from the one before; add or move points"
     )]
@@ -468,7 +468,7 @@ pub enum Invalid {
         found: usize,
     },
 
-    /// A blade of too many pieces.
+    /// A blade with too many contact samples.
     #[error(
         "{at}: the blade has {found:e} places that touch; at most {most:e} are looked at; make edge_spacing_mm or flat_spacing_mm larger, or mend edge_mm"
     )]
@@ -477,20 +477,20 @@ pub enum Invalid {
         at: Location,
         /// Samples of edge and flats.
         found: f64,
-        /// Most samples.
+        /// Maximum.
         most: f64,
     },
 
-    /// A blade whose normal is not across its edge.
+    /// A blade whose normal is not perpendicular to its edge.
     #[error(
         "{at}: the blade's normal is {angle:.1} degrees from the line between tip and heel; wanted 90 within {allowed} degrees, because the blade's plane holds the edge; give the direction across the flats"
     )]
     BladeNormal {
         /// The normal.
         at: Location,
-        /// Angle between the two lines, degrees; 0 for a normal or an edge of no length.
+        /// Angle between the two, degrees; 0 for a normal or an edge of zero length.
         angle: f64,
-        /// Allowed departure from 90 degrees.
+        /// Allowed deviation from 90 degrees.
         allowed: f64,
     },
 
@@ -505,7 +505,7 @@ pub enum Invalid {
         found: usize,
     },
 
-    /// A vertex of a tool's lines that is not three numbers.
+    /// A vertex of a tool's lines without three numbers.
     #[error("{at}: `{found}`; wanted `v` and three finite numbers; mend the line, or export the lines again")]
     LinesNumber {
         /// The `v` line.
@@ -514,7 +514,7 @@ pub enum Invalid {
         found: String,
     },
 
-    /// An index of a tool's lines that no vertex has.
+    /// An index of a tool's lines without a vertex.
     #[error(
         "{at}: `{found}` is no vertex; {count} `v` lines stand above, so wanted 1 to {count}, or -{count} to -1; mend the index, or move the vertices up"
     )]
@@ -527,7 +527,7 @@ pub enum Invalid {
         count: usize,
     },
 
-    /// A line with one end.
+    /// A line with one end only.
     #[error("{at}: the line has {found} vertices; wanted at least two; add one, or write `p` for a point")]
     LinesLone {
         /// The `l` line.
@@ -536,7 +536,7 @@ pub enum Invalid {
         found: usize,
     },
 
-    /// A segment of no length.
+    /// A segment of zero length.
     #[error(
         "{at}: vertices {a} and {b} of the line are at the same place; wanted segments with a length; leave one out"
     )]
@@ -549,7 +549,7 @@ pub enum Invalid {
         b: usize,
     },
 
-    /// A vertex of a tool's lines that is too far away.
+    /// A vertex of a tool's lines beyond the range of f32.
     #[error(
         "{at}: vertex {vertex} is at {position:?}; in metres that is more than a number can hold; mend its `v` line or mesh_unit_mm of the scene"
     )]
@@ -571,7 +571,7 @@ pub enum Invalid {
         path: PathBuf,
     },
 
-    /// A contact filter that a tool cannot have.
+    /// A contact filter that does not suit a tool.
     #[error(
         "{at}: filter = \"{filter}\" does not fit the tool \"{tool}\": it is for {fits}; remove the key (each tool then has its own filter), or write filter = \"points\", which fits all"
     )]
@@ -582,18 +582,18 @@ pub enum Invalid {
         filter: String,
         /// The tool's name.
         tool: String,
-        /// Which tools it fits, and what this one is.
+        /// Tools that it suits, and the kind of this one.
         fits: &'static str,
     },
 
-    /// A hand without places.
+    /// A hand path without positions.
     #[error("{at}: path_mm has no rows; wanted at least one [t_s, x, y, z]; write where the hand rests")]
     PathEmpty {
         /// The list.
         at: Location,
     },
 
-    /// A camera that looks at itself.
+    /// A camera at its own target.
     #[error("{at}: eye_mm and target_mm are the same point; move eye_mm away from what is looked at")]
     ViewPoint {
         /// The view table.

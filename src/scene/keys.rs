@@ -1,23 +1,23 @@
 #![doc = include_str!("keys.md")]
 
-/// A key of a scene file, as its page has it.
+/// Key of a scene file, as listed on the page above.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Key {
     /// Heading of its table: `[time]`, `[skin] and [[block]]`, or `The file`.
     pub table: &'static str,
     /// Name, with its unit.
     pub name: &'static str,
-    /// What counts without it, as TOML; in brackets in words; empty where it is required or belongs to a choice.
+    /// Default as TOML, or in words in brackets; empty if the key is required or belongs to a choice.
     pub default: &'static str,
-    /// Values that it takes.
+    /// Allowed values.
     pub range: &'static str,
-    /// What it is for.
+    /// Meaning.
     pub meaning: &'static str,
 }
 
 const PAGE: &str = include_str!("keys.md");
 
-/// All keys, in the order of their page.
+/// All keys, in the order of the page.
 pub fn keys() -> Vec<Key> {
     let (mut table, mut out) = ("", vec![]);
     for line in PAGE.lines() {
@@ -34,7 +34,7 @@ pub fn keys() -> Vec<Key> {
     out
 }
 
-/// Keys whose name or table has a word in it, or, where none has, whose meaning has; all of them without a word.
+/// Keys whose name or table contains a word, or if there are none, whose meaning does; all keys for `None`.
 pub fn matching(word: Option<&str>) -> Vec<Key> {
     let Some(word) = word.map(str::to_lowercase) else { return keys() };
     let named = |key: &Key| key.name.contains(&word) || key.table.contains(&word);

@@ -1,8 +1,8 @@
-//! Tools of points and lines: the `v`, `l` and `p` lines of a Wavefront OBJ, and which filter fits which tool.
+//! Tools of points and lines: the `v`, `l` and `p` lines of a Wavefront OBJ, and their contact filter.
 //!
-//! Polylines (`l 1 2 3`) become segments between neighbours; `p 1 2` adds points that no line has. Indices count from 1, or back from the
-//! last vertex when negative; what follows a slash is left out. All other lines (faces, normals, groups) are skipped: the same file may
-//! show the tool. tobj makes triangles of polylines with three vertices, so it is not used here.
+//! Polylines (`l 1 2 3`) become segments between consecutive vertices; `p 1 2` adds points that are on no line. Indices count from 1, or
+//! back from the last vertex if negative; anything after a slash is ignored. All other lines (faces, normals, groups) are skipped, so the
+//! same file may show the tool. tobj converts polylines with three vertices to triangles, so it is not used here.
 
 use super::diagnose::shorten;
 use super::files::Files;
@@ -13,7 +13,7 @@ use super::{Filter, Lines, Tool};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// The points and segments of a tool.
+/// Points and segments of a tool.
 pub(super) fn lines(scene: &SceneText, files: &Files, raw: &raw::Lines) -> Result<Lines> {
     let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm.clone(), 1.0), MM, Bound::Positive)?;
     let radius = scene.number("radius_mm", &or(raw.radius_mm.clone(), 0.0), MM, Bound::NotNegative)?;
@@ -46,7 +46,7 @@ pub(super) fn lines(scene: &SceneText, files: &Files, raw: &raw::Lines) -> Resul
     Ok(Lines { positions, segments, radius })
 }
 
-/// What an OBJ says of points and lines; ids from 0, each with the line that names it.
+/// Points and lines of an OBJ; ids from 0, each with the line that names it.
 #[derive(Default)]
 struct Obj {
     vertices: Vec<[f64; 3]>,
@@ -79,7 +79,7 @@ fn read(text: &str, path: &Path) -> Result<Obj> {
     Ok(obj)
 }
 
-/// The three coordinates of a `v` line; a weight or a colour may follow them.
+/// Coordinates of a `v` line; a weight or a colour may follow them.
 fn vertex<'a>(at: &Location, line: &str, words: impl Iterator<Item = &'a str>) -> Result<[f64; 3]> {
     let numbers = words.take(3).map(|word| word.parse::<f64>().ok().filter(|number| number.is_finite()));
     let numbers: Option<Vec<f64>> = numbers.collect();
@@ -98,7 +98,7 @@ fn index(at: &Location, word: &str, count: usize) -> Result<usize> {
     known.ok_or_else(|| Invalid::LinesIndex { at: at.clone(), found: shorten(word), count })
 }
 
-/// The filter that the scene asks for; each tool of the scene has to be of a kind that it fits.
+/// Contact filter of the scene; it must suit all tools.
 pub(super) fn filter(scene: &SceneText, word: Option<At<String>>, tools: &[Tool]) -> Result<Filter> {
     let Some(word) = word else {
         return Ok(Filter::Own);
@@ -125,7 +125,7 @@ pub(super) fn filter(scene: &SceneText, word: Option<At<String>>, tools: &[Tool]
     }
 }
 
-/// How far the normal cones of [`Filter::Cones`] are widened; a key that does nothing is refused.
+/// Widening of the normal cones of [`Filter::Cones`]; an error if the key has no effect.
 pub(super) fn angle_cone(scene: &SceneText, raw: Option<At<f64>>, filter: Filter, tools: &[Tool]) -> Result<f64> {
     if !tools.iter().any(|tool| tool.lines.is_some()) {
         scene.needless("angle_cone", &raw, "no tool has a `lines` table")?;

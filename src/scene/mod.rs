@@ -1,7 +1,7 @@
-//! Scenes: what is simulated, with which laws, to which tolerance.
+//! Scenes: bodies, laws, motions and tolerances of a simulation.
 //!
-//! A scene file is TOML; every key carries its unit (`size_mm`, `young_kpa`). In memory everything is SI: m, kg, s, N, Pa.
-//! [`read`] turns text into a [`Scene`] or into one error that says file, line, what was found, what was wanted and how to mend it.
+//! A scene file is TOML; every key carries its unit (`size_mm`, `young_kpa`). In memory everything is SI: m, kg, s, N, Pa. [`read`] turns
+//! text into a [`Scene`], or into one error that states file, line, what was found, what was wanted and how to fix it.
 
 mod bodies;
 mod body;
@@ -48,49 +48,49 @@ pub use words::{CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, word};
 
 use std::path::PathBuf;
 
-/// A whole scene in SI units, checked: every number is finite and in its range.
+/// A complete scene in SI units. [`Scene::check`] tests that every number is finite and in its range.
 #[derive(Clone, Debug)]
 pub struct Scene {
-    /// One line on what the scene shows.
+    /// One-line description.
     pub title: String,
-    /// Where the text came from, for messages.
+    /// Source of the text, for messages.
     pub file: PathBuf,
     /// Step, duration, gravity.
     pub time: Time,
-    /// Linear solver of the free motion.
+    /// Linear solver of the unconstrained motion.
     pub solver: Solver,
     /// Deformable bodies: the `[skin]`, then the `[[block]]`s; none in a scene of rigid bodies alone.
     pub skins: Vec<Skin>,
-    /// Constrained regions; none for a free body.
+    /// Dirichlet conditions on regions; none for a free body.
     pub boundaries: Vec<Boundary>,
-    /// Regions on springs to their rest shape.
+    /// Regions with rest-shape springs.
     pub anchors: Vec<Anchor>,
     /// Dead loads.
     pub loads: Vec<Load>,
-    /// Rigid bodies: the `[[tool]]`s, each driven by a hand, then the `[[rigid]]`s, which nothing holds.
+    /// Rigid bodies: the `[[tool]]`s, each held by a hand, then the `[[rigid]]`s, which are free.
     pub tools: Vec<Tool>,
-    /// Walls that nothing moves.
+    /// Fixed walls.
     pub planes: Vec<Plane>,
-    /// What is tied to what.
+    /// Bilateral constraints between bodies.
     pub attachments: Vec<Attachment>,
-    /// Contact law; `None` when nothing in the scene can touch and nothing is tied.
+    /// Contact law; `None` if nothing can touch and there are no attachments.
     pub contact: Option<Contact>,
-    /// The haptic loop.
+    /// Haptic loop.
     pub haptic: Haptic,
     /// Values written each step to `probes.csv`.
     pub probes: Vec<Probe>,
-    /// Bounds on the outcome, evaluated at the end of a run.
+    /// Bounds on results, evaluated at the end of a run.
     pub checks: Vec<Check>,
-    /// What `cutis study` varies.
+    /// Variations for `cutis study`.
     pub study: Study,
-    /// A smaller form of the scene for its run in the tests.
+    /// Smaller form of the scene for the tests.
     pub test: Option<TestForm>,
     /// Pictures.
     pub view: View,
 }
 
 impl Scene {
-    /// The scene as the tests run it: with the cells and steps of its test form.
+    /// The scene as run by the tests: with the cells and steps of its test form.
     #[must_use]
     pub fn in_test_form(&self) -> Self {
         let mut scene = self.clone();
@@ -113,36 +113,36 @@ pub struct Time {
     pub duration: f64,
     /// m/s²
     pub gravity: [f64; 3],
-    /// Parts that each step is divided into; results are of whole steps.
+    /// Number of substeps per step; results are of whole steps.
     pub substeps: u32,
-    /// How steps are taken.
+    /// Integrator.
     pub integrator: Integrator,
 }
 
-/// How a step is taken ([`crate::bodies::Step`] has the formulas).
+/// Time integrator (formulas in [`crate::bodies::Step`]).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Integrator {
-    /// Stable at any step, damps by itself.
+    /// Unconditionally stable, with numerical damping.
     ImplicitEuler,
-    /// Average acceleration: of second order, keeps the energy of a linear body.
+    /// Average acceleration: second order, conserves the energy of a linear body.
     Newmark,
-    /// Explicit: nothing is solved, steps are short.
+    /// Explicit: no solve, but a small critical step.
     SymplecticEuler,
 }
 
 impl Time {
-    /// Length of what is advanced at once, s.
+    /// Length of a substep, s.
     pub fn part(&self) -> f64 {
         self.step / f64::from(self.substeps)
     }
 
-    /// Steps of the whole duration.
+    /// Number of steps.
     pub fn steps(&self) -> u32 {
         (self.duration / self.step).round().max(1.0) as u32
     }
 }
 
-/// Which preconditioner the conjugate gradients use.
+/// Preconditioner of the conjugate gradients.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preconditioner {
     /// Plain CG.
@@ -153,9 +153,9 @@ pub enum Preconditioner {
     Block,
     /// Block-tridiagonal along each z-column of nodes.
     Column,
-    /// A V-cycle of geometric multigrid, smoothed by columns; bricks only.
+    /// One V-cycle of geometric multigrid with column smoothing; hexahedra only.
     Multigrid,
-    /// A sparse Cholesky factor of the whole matrix, so that a solve is exact; bricks only, on the CPU path.
+    /// Sparse Cholesky factor of the complete matrix, for direct solves; hexahedra only, CPU path only.
     Direct,
 }
 
@@ -168,20 +168,20 @@ pub struct Solver {
     pub tolerance: f64,
     /// Absolute floor of the residual, N.
     pub floor: f64,
-    /// Iterations per solve after which the solve counts as not converged.
+    /// Iteration limit, after which a solve counts as not converged.
     pub max_iterations: u32,
-    /// Rounds of iterative refinement per step at most: residual in f64 on the host, correction in the backend's precision.
+    /// Maximum rounds of iterative refinement per step: residual in f64 on the host, correction in the backend's precision.
     pub refinements: u32,
-    /// Every how many steps the true residual is computed in f64; the last step always.
+    /// Interval, in steps, of the true residual in f64; the last step always has one.
     pub true_residual_every: u32,
 }
 
-/// A deformable body: a regular grid of bricks in bonded layers.
+/// A deformable body: a regular grid of hexahedra in bonded layers.
 #[derive(Clone, Debug)]
 pub struct Skin {
     /// `skin`, or the name of a block.
     pub name: String,
-    /// Where the middle of its bottom is at rest, m.
+    /// Rest position of the centre of its bottom face, m.
     pub position: [f64; 3],
     /// Extent in x and y, m.
     pub size: [f64; 2],
@@ -191,31 +191,31 @@ pub struct Skin {
     pub layers: Vec<Layer>,
     /// The elastic law.
     pub law: Law,
-    /// Where the mass lies.
+    /// Mass discretisation.
     pub mass: Mass,
-    /// What a blade does to it.
+    /// Effect of a blade.
     pub cut: Cut,
     /// 1/s
     pub rayleigh_mass: f64,
     /// s
     pub rayleigh_stiffness: f64,
-    /// Velocity of every node at the start, m/s.
+    /// Initial velocity of every node, m/s.
     pub velocity: [f64; 3],
-    /// Displacement of every node at the start, m.
+    /// Initial displacement of every node, m.
     pub displacement: [f64; 3],
-    /// Shape at the start, before that displacement.
+    /// Initial shape, before that displacement.
     pub start: Start,
 }
 
-/// What a blade does to a body of bricks.
+/// Effect of a blade on a body of hexahedra.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cut {
-    /// It severs links between cells; nodes split where cells hang together no more, and nothing is lost.
+    /// Severs links between cells and duplicates the nodes between disconnected cells; no volume is lost.
     Split {
-        /// Columns of nodes that can be split off; where they are used up nothing more is cut.
+        /// Reserve of duplicate node columns; when it is used up, links stay intact.
         reserve_columns: u32,
     },
-    /// It removes the cell in whose half it crossed a link.
+    /// Removes the cell in whose half the blade crossed a link.
     Remove,
 }
 
@@ -232,11 +232,11 @@ pub struct Layer {
     pub young: f64,
     /// 0 ≤ ν < 0.5; unused by the spring law.
     pub poisson: f64,
-    /// Share of the shear modulus that the law's second constant carries, `c01/(c10 + c01)` of Mooney–Rivlin; else unused.
+    /// Fraction of the shear modulus in the law's second constant, `c01/(c10 + c01)` of Mooney–Rivlin; otherwise unused.
     pub second_share: f64,
     /// kg/m³
     pub density: f64,
-    /// Elastic strain along x and y that the material has in the reference position; zero in the spring law.
+    /// Elastic strain along x and y in the reference shape (pre-strain); zero for springs.
     pub pre_strain: [f64; 2],
     /// Cutting energy per area, J/m².
     pub toughness: f64,
@@ -244,19 +244,19 @@ pub struct Layer {
     pub color: [u8; 3],
 }
 
-/// The elastic law of the skin.
+/// Elastic law of a skin.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Law {
-    /// Bricks.
+    /// Linear elastic hexahedra.
     Fem {
-        /// Which brick.
+        /// Element type.
         element: Element,
-        /// Corotational, or linear ("small") when false.
+        /// Corotational; otherwise linear (`small`).
         corotational: bool,
     },
-    /// Bricks of a hyperelastic material ([`crate::bodies::grid::Hyperelastic`]).
+    /// Hyperelastic hexahedra ([`crate::bodies::grid::Hyperelastic`]).
     Hyperelastic(Material),
-    /// Springs between every pair of nodes of a cell, as SOFA's MeshSpringForceField makes them.
+    /// Springs between all pairs of nodes of a cell, as in SOFA's MeshSpringForceField.
     Springs {
         /// N/m
         stiffness: f64,
@@ -265,67 +265,68 @@ pub enum Law {
     },
 }
 
-/// Where the mass of the skin lies.
+/// Mass discretisation of a skin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mass {
-    /// An eighth of each cell's mass at each of its corners, as SOFA's DiagonalMass; it goes with the cell.
+    /// An eighth of each cell's mass at each of its corners, as in SOFA's DiagonalMass; it is removed with the cell.
     Lumped,
-    /// The same at every node, as SOFA's UniformMass: total mass over count of nodes. A cut takes it only with nodes that leave.
+    /// The same mass at every node (total mass over node count), as in SOFA's UniformMass. A cut removes it only with nodes that leave the
+    /// system.
     Uniform,
-    /// `∫ ρ N_a N_b dV`, spread over each cell; it goes with the cell. Bricks only.
+    /// `∫ ρ N_a N_b dV` over each cell; it is removed with the cell. Hexahedra only.
     Consistent,
 }
 
-/// Brick element.
+/// Hexahedral element.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Element {
     /// Trilinear, full integration; locks near incompressibility.
     Plain,
     /// Trilinear with mean dilatation.
     Bbar,
-    /// Trilinear with nine inner modes.
+    /// Trilinear with nine incompatible modes.
     Enhanced,
 }
 
-/// Springs from the nodes of a region to their rest positions.
+/// Rest-shape springs at the nodes of a region.
 #[derive(Clone, Debug)]
 pub struct Anchor {
-    /// Number of the deformable body.
+    /// Index of the deformable body.
     pub body: usize,
-    /// Which nodes.
+    /// Nodes.
     pub region: Region,
-    /// Of each node's spring, N/m.
+    /// Stiffness per node, N/m.
     pub stiffness: f64,
 }
 
-/// Nodes held, or moved, along chosen axes.
+/// Dirichlet conditions: nodes fixed or displaced along chosen axes.
 #[derive(Clone, Debug)]
 pub struct Boundary {
-    /// Number of the deformable body.
+    /// Index of the deformable body.
     pub body: usize,
-    /// Which nodes.
+    /// Nodes.
     pub region: Region,
-    /// Which of x, y, z are held.
+    /// Constrained axes among x, y, z.
     pub axes: [bool; 3],
-    /// Displacement of the held axes from the first step on, m.
+    /// Prescribed displacement of these axes from the first step on, m.
     pub displacement: [f64; 3],
-    /// Turn of the held nodes about the vertical axis through the middle of the body, before that displacement, rad.
+    /// Rotation of the nodes about the vertical axis through the centre of the body, before that displacement, rad.
     pub turn: f64,
 }
 
-/// A dead pressure on a rectangle of the top.
+/// A pressure as a dead load on a rectangle of the top face.
 #[derive(Clone, Copy, Debug)]
 pub struct Load {
-    /// Number of the deformable body.
+    /// Index of the deformable body.
     pub body: usize,
-    /// Pa, downward.
+    /// Pressure, Pa, positive downward.
     pub pressure: f64,
-    /// Rectangle on the top (x, y), m.
+    /// Lower corner of the rectangle (x, y), m.
     pub min: [f64; 2],
-    /// m
+    /// Upper corner, m
     pub max: [f64; 2],
-    /// s; the load acts from here
+    /// Start of the load, s
     pub start: f64,
-    /// s; until here (infinity when not given)
+    /// End of the load, s (default infinity)
     pub end: f64,
 }

@@ -1,4 +1,4 @@
-//! What a scene asks for at the end: probes, checks and pictures.
+//! Outputs of a scene: probes, checks and pictures.
 
 use super::bodies::Names;
 use super::grid::{Grid, region};
@@ -12,11 +12,11 @@ use std::ops::Range;
 
 /// Direction from the skin to the camera: from the front right, 30 degrees above.
 const VIEW_DIRECTION: [f64; 3] = [0.5, -0.7, 0.51];
-/// Free space around the patch in the default picture.
+/// Margin around the bodies in the default picture.
 const VIEW_MARGIN: f64 = 1.1;
-/// Largest picture side; above it GPUs refuse the texture.
+/// Largest side of a picture; GPUs reject larger textures.
 const LARGEST_PICTURE: u32 = 8192;
-/// Smallest and largest field of view in degrees; beyond them the picture is noise or a fisheye.
+/// Smallest and largest field of view, degrees; beyond them a picture is noise or a fisheye.
 const FIELD_OF_VIEW: [f64; 2] = [1.0, 150.0];
 
 /// Probes in the file's order.
@@ -59,6 +59,7 @@ fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, bodies: &Names, grids
     let kind = scene.choice("kind", &raw.kind, &KINDS)?;
     let axis = or(raw.axis.take(), "z".to_string());
     let axis = scene.choice("axis", &axis, &[("x", 0), ("y", 1), ("z", 2)])?;
+    // keys of the other kinds
     if kind != Kind::Displacement {
         let why = match kind {
             Kind::Reaction => "kind = \"reaction\" asks for a region",
@@ -84,6 +85,7 @@ fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, bodies: &Names, grids
     if kind != Kind::Force {
         scene.needless("from", &raw.from, "only kind = \"force\" asks from whom")?;
     }
+    // probe of a deformable body, or of a named one
     if matches!(kind, Kind::Displacement | Kind::Reaction) {
         return skin_probe(scene, kind, axis, raw, extent, at, bodies, grids);
     }
@@ -127,7 +129,7 @@ fn skin_probe(
     }
 }
 
-/// Checks in the file's order; one on a probe must name one that is there.
+/// Checks in the file's order; one on a probe must name an existing one.
 pub(super) fn checks(
     scene: &SceneText,
     raw: BTreeMap<At<String>, Table<raw::Check>>,
@@ -170,7 +172,7 @@ fn check(scene: &SceneText, key: At<String>, raw: raw::Check, probes: &[Probe]) 
     Ok(Check { key: key.into_inner(), min, max, cells })
 }
 
-/// The picture; by default the camera stands where the sphere around what is drawn fills the field of view.
+/// Picture settings; by default the camera's distance makes the sphere around all bodies fill the field of view.
 pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skins: &[Skin], tools: &[Tool]) -> Result<View> {
     let span = table.as_ref().map_or(0..0, |table| table.span.clone());
     let raw = raw::keys(table);
@@ -205,7 +207,7 @@ pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skins: &[
     Ok(View { frames: scene.count("frames", &or(raw.frames, 8), [0, u32::MAX])?, size, eye, target, field_of_view })
 }
 
-/// Centre and radius of a sphere around the deformable bodies; without one, around what no hand holds, m.
+/// Bounding sphere (centre and radius) of the deformable bodies; without any, of the free bodies, m.
 fn sphere_around(skins: &[Skin], tools: &[Tool]) -> ([f64; 3], f64) {
     let mut ends = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     let mut add = |p: [f64; 3]| {

@@ -1,6 +1,6 @@
-//! The scene file as TOML has it: keys with units, every value with its place in the text.
+//! The scene file as TOML has it: keys with units, every value with its location in the text.
 //!
-//! Lists are `Vec`, not arrays: TOML's arrays deserialise into shorter Rust arrays without an error.
+//! Lists are `Vec`, not arrays, because TOML arrays deserialise into shorter Rust arrays without an error.
 
 use serde::de::value::MapAccessDeserializer;
 use serde::de::{Deserialize, Deserializer, MapAccess, Visitor};
@@ -9,7 +9,7 @@ use std::fmt;
 use std::marker::PhantomData;
 use std::ops::Range;
 
-/// A value and its bytes in the text.
+/// Value with its byte range in the text.
 pub(super) type At<T> = toml::Spanned<T>;
 /// Numbers of a vector.
 pub(super) type Numbers = At<Vec<f64>>;
@@ -18,9 +18,9 @@ pub(super) type Counts = At<Vec<u32>>;
 /// A list of vectors.
 pub(super) type Points = At<Vec<Numbers>>;
 
-/// A TOML table; a derived struct alone would also take its fields from a list, in order.
+/// TOML table; a derived struct alone would also accept a list of its fields in order.
 pub(super) struct Table<T> {
-    /// Bytes of the header.
+    /// Byte range of the header.
     pub span: Range<usize>,
     /// The keys.
     pub keys: T,
@@ -33,7 +33,7 @@ impl<'de, T: Deserialize<'de>> Deserialize<'de> for Table<T> {
     }
 }
 
-/// The keys of a table; the defaults for an absent one.
+/// Keys of a table; the defaults for a missing one.
 pub(super) fn keys<T: Default>(table: Option<Table<T>>) -> T {
     table.map(|table| table.keys).unwrap_or_default()
 }
@@ -159,7 +159,7 @@ pub(super) struct Layer {
     pub color: Option<At<String>>,
 }
 
-/// The keys that say where a region is; they stand in the tables of boundaries, anchors and probes.
+/// Keys that define a region; they occur in the tables of boundaries, anchors and probes.
 pub(super) struct Extent {
     pub box_mm: Option<Points>,
     pub centre_mm: Option<Numbers>,
@@ -173,7 +173,7 @@ pub(super) struct Extent {
 macro_rules! with_extent {
     ($($table:ty),*) => {$(
         impl $table {
-            /// Takes the keys of its region out.
+            /// Takes the keys of its region.
             pub(super) fn extent(&mut self) -> Extent {
                 Extent {
                     box_mm: self.box_mm.take(),

@@ -1,8 +1,7 @@
-//! From scene text to a checked [`Scene`] in SI units.
+//! Reads a scene text into a [`Scene`] in SI units.
 //!
-//! `raw` holds the tables as TOML has them, `diagnose` explains what TOML refuses, `text` checks and converts values,
-//! `region` with `grid` reads regions; `body`, `bodies`, `tools` with `files`, and `outputs` read their tables; the small tables are
-//! read here.
+//! `raw` holds the tables as TOML has them, `diagnose` explains TOML errors, `text` checks and converts values, `region` with `grid` reads
+//! regions; `body`, `bodies`, `tools` with `files`, and `outputs` read their tables. Small tables are read here.
 
 use super::bodies::{self, Names};
 use super::diagnose::tables;
@@ -19,13 +18,13 @@ use super::{body, devices, hyperelastic, integrator, outputs, tools};
 use crate::error;
 use std::path::Path;
 
-/// Rounding between a load's rectangle in mm and the top in m.
+/// Tolerance for rounding between a load's rectangle in mm and the top face in m.
 const TOP_SLACK: f64 = 1e-9;
 
 /// Reads a scene file; the files that it names are relative to its folder.
 ///
 /// # Errors
-/// [`Error::Scene`](error::Error::Scene) with what is [`Invalid`].
+/// [`Error::Scene`](error::Error::Scene) with [`Invalid`].
 pub fn read(path: &Path) -> error::Result<Scene> {
     let text =
         std::fs::read_to_string(path).map_err(|source| Invalid::SceneRead { path: path.to_path_buf(), source })?;
@@ -33,7 +32,7 @@ pub fn read(path: &Path) -> error::Result<Scene> {
     parse(&text, path, &Files::Folder(folder))
 }
 
-/// Reads a scene from its text; `file` names it in messages, `files` has the files that it names.
+/// Reads a scene from its text; `file` is its name in messages, `files` provides the files that it names.
 ///
 /// # Errors
 /// As [`read`].
@@ -47,6 +46,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         return Err(Invalid::EmptyScene { path: file.to_path_buf() });
     }
     let raw = tables(&scene)?;
+    // bodies
     let mut taken = Vec::new();
     let mut skins = Vec::new();
     let hyperelastic = hyperelastic::asked_for(&raw.skin, &raw.block);
@@ -66,6 +66,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     if skins.is_empty() && tools.is_empty() {
         return Err(Invalid::NoBodies { path: file.to_path_buf() });
     }
+    // grids of the scene and of its test form, and everything that refers to bodies by name
     let test = raw.test.map(|table| test_form(&scene, table.keys, skins.first().filter(|_| has_skin))).transpose()?;
     let grids: Vec<Vec<Grid>> =
         skins.iter().enumerate().map(|(k, skin)| grid::grids(skin, &test.filter(|_| has_skin && k == 0))).collect();
@@ -74,6 +75,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let probes = outputs::probes(&scene, raw.probe, &names, &grids)?;
     let boundaries = raw.boundary.into_iter().map(|table| boundary(&scene, table, &names, &grids));
     let loads = raw.load.into_iter().map(|table| load(&scene, table, &names, &skins));
+    // contact, integrator and what does not go together
     let contact = tools::contact(&scene, raw::keys(raw.contact), &tools)?;
     let touching = !tools.is_empty() || !attachments.is_empty() || skins.len() > 1 || !planes.is_empty();
     if contact.correction == Correction::Uncoupled && !attachments.is_empty() {
@@ -88,6 +90,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let integrator = integrator::integrator(&scene, word, &raw_solver, &skins, touching)?;
     hyperelastic::fits(&scene, &hyperelastic, &tools, integrator, &raw_solver)?;
     let time = time(&scene, time_keys, integrator)?;
+    // the remaining tables
     let made = Scene {
         title: raw.title.into_inner(),
         file: file.to_path_buf(),
@@ -182,7 +185,7 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
     })
 }
 
-/// Regions that springs hold to their rest shape.
+/// Regions with rest-shape springs.
 fn anchors(
     scene: &SceneText,
     list: Vec<Table<raw::Anchor>>,
@@ -207,6 +210,7 @@ fn anchors(
 }
 
 fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin]) -> Result<Load> {
+    // rectangle inside the top face, with an area
     let raw = table.keys;
     let body = names.skin(scene, &raw.body, table.span)?;
     let size = skins[body].size;
@@ -233,6 +237,7 @@ fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin
             });
         }
     }
+    // duration
     let start = scene.number("start_s", &or(raw.start_s, 0.0), SECOND, Bound::NotNegative)?;
     let end = match &raw.end_s {
         Some(end) => scene.number("end_s", end, SECOND, Bound::Positive)?,

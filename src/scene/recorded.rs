@@ -1,4 +1,4 @@
-//! What a scene records of a run: probes, bounds on results, the tests' smaller form, pictures.
+//! Recorded results of a scene: probes, bounds, the tests' smaller form, pictures.
 
 use super::{BodyId, Region, Skin};
 
@@ -7,50 +7,50 @@ use super::{BodyId, Region, Skin};
 pub struct Probe {
     /// Column name.
     pub name: String,
-    /// What is recorded.
+    /// Recorded quantity.
     pub kind: ProbeKind,
 }
 
-/// What a probe records.
+/// Quantity of a probe.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProbeKind {
     /// Displacement of the node nearest to a rest position along an axis (0, 1, 2), m.
     Displacement {
-        /// Number of the deformable body.
+        /// Index of the deformable body.
         body: usize,
         /// m
         point: [f64; 3],
         /// 0, 1 or 2
         axis: usize,
     },
-    /// Sum of the elastic reaction over a region along an axis, N.
+    /// Sum of the elastic reactions over a region along an axis, N.
     Reaction {
-        /// Number of the deformable body.
+        /// Index of the deformable body.
         body: usize,
-        /// Which nodes.
+        /// Nodes.
         region: Region,
         /// 0, 1 or 2
         axis: usize,
     },
     /// Position of a rigid body along an axis, m.
     Position {
-        /// Number of the rigid body.
+        /// Index of the rigid body.
         body: usize,
         /// 0, 1 or 2
         axis: usize,
     },
     /// Velocity of a rigid body along an axis, m/s.
     Velocity {
-        /// Number of the rigid body.
+        /// Index of the rigid body.
         body: usize,
         /// 0, 1 or 2
         axis: usize,
     },
-    /// Force on a body along an axis from another, or from all that touch it or that it is tied to, N.
+    /// Force on a body along an axis from one other body, or from all in contact with it or attached to it, N.
     Force {
-        /// Which body.
+        /// Body on which the force acts.
         on: BodyId,
-        /// From whom; none for all.
+        /// Body that exerts it; `None` for all.
         from: Option<BodyId>,
         /// 0, 1 or 2
         axis: usize,
@@ -68,7 +68,7 @@ impl ProbeKind {
     }
 }
 
-/// Bounds on a named result: a key of the report with dots (`cut.area_mm2`), or `probes.NAME`.
+/// Bounds on a result, given by its report key with dots (`cut.area_mm2`), or `probes.NAME`.
 #[derive(Clone, Debug)]
 pub struct Check {
     /// Report key.
@@ -77,12 +77,12 @@ pub struct Check {
     pub min: f64,
     /// Inclusive upper bound.
     pub max: f64,
-    /// What both bounds are widened by, in widths of a cell of the first skin, the smaller of x and y: a length in mm is known to a cell.
+    /// Widening of both bounds, in cell widths of the first skin (the smaller of x and y): a length in mm is known to within a cell.
     pub cells: f64,
 }
 
 impl Check {
-    /// Bounds on a skin's grid, in the report's units.
+    /// Bounds for the grid of a skin, in the report's units.
     pub fn bounds(&self, skins: &[Skin]) -> [f64; 2] {
         let widths = skins.first().map(|skin| [0, 1].map(|axis| skin.size[axis] / f64::from(skin.cells[axis])));
         let width = widths.map_or(0.0, |[x, y]| 1e3 * x.min(y));
@@ -99,16 +99,16 @@ pub struct TestForm {
     pub steps: Option<u32>,
 }
 
-/// How frames are drawn.
+/// Pictures of a run.
 #[derive(Clone, Copy, Debug)]
 pub struct View {
-    /// Frames over the whole run.
+    /// Number of pictures in the whole run.
     pub frames: u32,
-    /// Pixels.
+    /// Size, pixels.
     pub size: [u32; 2],
     /// Camera position, m.
     pub eye: [f64; 3],
-    /// Looked-at point, m.
+    /// Point that the camera looks at, m.
     pub target: [f64; 3],
     /// Vertical field of view, degrees.
     pub field_of_view: f64,

@@ -1,6 +1,6 @@
-//! Sets of nodes by where they are at rest.
+//! Regions: sets of nodes selected by their rest positions.
 
-/// Rounding between lengths in mm and node positions in m; a billionth of a metre is far below any cell.
+/// Tolerance for rounding between lengths in mm and node positions in m; a billionth of a metre is far below any cell.
 pub(super) const SLACK: f64 = 1e-9;
 
 /// A set of nodes.
@@ -32,23 +32,23 @@ pub enum Region {
         /// m
         radius: f64,
     },
-    /// No farther from a plane than `within`, on either side, m.
+    /// Within this distance from a plane, on either side, m.
     Plane {
-        /// A point of it, m.
+        /// Point of the plane, m.
         through: [f64; 3],
-        /// Unit.
+        /// Unit normal.
         normal: [f64; 3],
         /// m
         within: f64,
     },
-    /// z = 0, no farther than this from the sides, m.
+    /// z = 0, within this distance from the sides, m.
     Rim(f64),
-    /// z = 0 without that rim, m.
+    /// z = 0 without the rim of this width, m.
     Core(f64),
 }
 
 impl Region {
-    /// Whether a place of the skin at rest belongs to it; `size` of the patch and its `thickness`, m.
+    /// True if a rest position belongs to the region; `size` and `thickness` of the skin, m.
     pub fn holds(&self, p: [f64; 3], size: [f64; 2], thickness: f64) -> bool {
         let to_side = |n: usize| 0.5 * size[n] - p[n].abs();
         let from = |q: &[f64; 3]| [0, 1, 2].map(|n| p[n] - q[n]);
@@ -70,8 +70,8 @@ impl Region {
         }
     }
 
-    /// Where a line along an axis through a place is deepest inside the region, or nearest to it; 0 where all or only the line's ends
-    /// are as good.
+    /// Coordinate along `axis` at which a line through a point is deepest inside the region, or nearest to it; 0 if all or only the line's
+    /// ends are equivalent.
     pub(super) fn place_along(&self, axis: usize, through: [f64; 3]) -> f64 {
         match self {
             Self::Sphere { centre, .. } => centre[axis],

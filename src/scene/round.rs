@@ -1,4 +1,4 @@
-//! Spheres and capsules of a scene file, the mesh that shows them, and hands written as a list of places.
+//! Spheres and capsules of a scene file, their meshes for display, and hand paths given as lists of positions.
 
 use super::invalid::{Invalid, Result};
 use super::raw::{self, Points};
@@ -7,11 +7,11 @@ use super::{Pose, Round, ToolMesh};
 use crate::math::elementary::{cos, sin};
 use std::f64::consts::{PI, TAU};
 
-/// Facets around the axis, and from pole to pole.
+/// Numbers of facets around the axis and from pole to pole.
 const AROUND: u32 = 16;
 const ALONG: u32 = 12;
 
-/// A sphere (one point) or a capsule (two different points).
+/// A sphere (one point) or a capsule (two distinct points).
 pub(super) fn round(scene: &SceneText, raw: &raw::Round) -> Result<Round> {
     let radius = scene.number("radius_mm", &raw.radius_mm, MM, Bound::Positive)?;
     let points: Vec<[f64; 3]> = scene.points("points_mm", &raw.points_mm, MM)?;
@@ -22,7 +22,7 @@ pub(super) fn round(scene: &SceneText, raw: &raw::Round) -> Result<Round> {
     }
 }
 
-/// Rows `[t_s, x, y, z]` of a hand that does not turn, at least one, times rising.
+/// Rows `[t_s, x, y, z]` of a hand path without rotation, at least one, in ascending order of times.
 pub(super) fn path(scene: &SceneText, rows: &Points) -> Result<Vec<Pose>> {
     let mut poses: Vec<Pose> = Vec::new();
     for row in rows.get_ref() {

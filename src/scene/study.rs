@@ -1,4 +1,4 @@
-//! What `cutis study` varies of a scene, and what it measures errors against.
+//! Variations of a scene for `cutis study`, and the reference for its errors.
 
 use super::integrator::integrator;
 use super::invalid::{Invalid, Result};
@@ -7,51 +7,52 @@ use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
 use super::words::{CORRECTIONS, ELEMENTS, PRECONDITIONERS};
 use super::{Correction, Element, Integrator, Law, Preconditioner, Probe, ProbeKind, Skin, Time};
 
-/// Most values of one axis of a study.
+/// Maximum number of values on one axis of a study.
 const MOST_VALUES: usize = 20;
 
-/// The axes of a study; of an empty one the scene's own value alone is taken.
+/// Axes of a study; an empty axis has the scene's own value only.
 #[derive(Clone, Debug, Default)]
 pub struct Study {
-    /// Probes that errors are of, by number; empty for all.
+    /// Indices of the probes that errors are computed for; empty for all.
     pub probes: Vec<usize>,
-    /// Values of probes at the end of a run that are known from elsewhere: (probe, value in SI). With them errors are of these values
-    /// at the end; without, of the whole course of the probes and forces, against a run on the reference grid.
+    /// Known values of probes at the end of a run: (probe, value in SI). If given, errors are of these final values; otherwise they are of
+    /// the history of probes and forces, compared with a run on the reference grid.
     pub known: Vec<(usize, f64)>,
-    /// s; none for the scene's.
+    /// Duration, s; `None` for the scene's.
     pub duration: Option<f64>,
-    /// Bricks.
+    /// Element types.
     pub elements: Vec<Element>,
     /// Preconditioners.
     pub preconditioners: Vec<Preconditioner>,
-    /// Relative residuals that solves stop at.
+    /// Relative residuals at which solves stop.
     pub tolerances: Vec<f64>,
-    /// Iterations that solves stop after, whatever is left.
+    /// Iteration limits of solves.
     pub iterations: Vec<u32>,
-    /// Cells along each axis, times the scene's.
+    /// Grids: factors of the scene's cells along each axis.
     pub grids: Vec<f64>,
     /// s
     pub steps: Vec<f64>,
-    /// Integrators; the reference takes the one of highest order among them.
+    /// Integrators; the reference uses the one of highest order.
     pub integrators: Vec<Integrator>,
     /// Contact corrections.
     pub corrections: Vec<Correction>,
-    /// Grid of a quick study, times the scene's cells; 0 for the coarsest of `grids`.
+    /// Grid of a quick study, as a factor of the scene's cells; 0 for the coarsest of `grids`.
     pub quick_grid: f64,
-    /// Grid of the reference, times the scene's cells; 0 for the finest of `grids` and one twice the scene's.
+    /// Reference grid, as a factor of the scene's cells; 0 for the finest of `grids` and a grid twice as fine as the scene's.
     pub reference_grid: f64,
-    /// Step of the reference, s; 0 for half of the shortest one.
+    /// Reference step, s; 0 for half of the shortest one.
     pub reference_step: f64,
 }
 
-/// Preconditioners by the words of the file.
+/// Preconditioners by name, as far as the skins allow.
 pub(super) fn preconditioners(skins: &[Skin]) -> Vec<(&'static str, Preconditioner)> {
     let bricks = skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
     let known = if bricks { PRECONDITIONERS.len() } else { PRECONDITIONERS.len() - 2 };
     PRECONDITIONERS[..known].to_vec()
 }
 
-/// The table, checked; `touching` says that bodies may touch or are tied. Every step is a whole part of the longest one, so that runs can be compared at its ends.
+/// The checked study; `touching` is true if bodies can touch or are attached. The longest step must be a multiple of every other, so that
+/// runs can be compared at its ends.
 pub(super) fn study(
     scene: &SceneText,
     table: Option<Table<raw::Study>>,
@@ -61,6 +62,7 @@ pub(super) fn study(
     touching: bool,
 ) -> Result<Study> {
     let raw = raw::keys(table);
+    // probes and known values
     let number = |word: &At<String>| {
         let names: Vec<&str> = probes.iter().map(|probe| probe.name.as_str()).collect();
         let found = names.iter().position(|name| name == word.get_ref());
@@ -86,6 +88,7 @@ pub(super) fn study(
         known.push((number(&word)?, given));
     }
     known.sort_by_key(|(probe, _)| *probe);
+    // axes
     let bricks = skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. }));
     if !bricks {
         let why = "a skin of springs or of a hyperelastic law has no others to choose from";
@@ -137,6 +140,7 @@ pub(super) fn study(
         reference_grid: one("reference_grid", &raw.reference_grid, PLAIN)?,
         reference_step: one("reference_step_ms", &raw.reference_step_ms, MS)?,
     };
+    // reference at least as fine as the finest run, steps commensurate
     let order = |key, at: &At<f64>, [lower, upper]: [f64; 2], fix| Invalid::Order {
         at: scene.place(at.span()),
         key,
@@ -169,7 +173,7 @@ pub(super) fn study(
 }
 
 impl Study {
-    /// Steps of the study's runs, those of the scene and of the reference too, longest first, s.
+    /// Steps of the study's runs, including the scene's and the reference's, longest first, s.
     pub fn all_steps(&self, time: &Time) -> Vec<f64> {
         let mut all = self.steps.clone();
         all.extend([time.step, self.finest_step(time)]);
@@ -178,7 +182,7 @@ impl Study {
         all
     }
 
-    /// Step of the reference, s.
+    /// Reference step, s.
     pub fn finest_step(&self, time: &Time) -> f64 {
         if self.reference_step > 0.0 { self.reference_step } else { self.shortest_step(time) / 2.0 }
     }
@@ -187,12 +191,12 @@ impl Study {
         self.steps.iter().copied().fold(time.step, f64::min)
     }
 
-    /// Cells of the finest grid, times the scene's.
+    /// Finest grid, as a factor of the scene's cells.
     pub fn finest_grid(&self) -> f64 {
         self.grids.iter().copied().fold(1.0, f64::max)
     }
 
-    /// The first step that is no whole part of the longest, and that one.
+    /// First step that does not divide the longest one, and that one.
     fn commensurate(&self, time: &Time) -> std::result::Result<(), (f64, f64)> {
         let all = self.all_steps(time);
         let longest = all[0];
@@ -220,7 +224,7 @@ fn words<T: Copy>(
     each(scene, key, &list, |word| scene.choice(key, word, known))
 }
 
-/// Every value of a list that is neither empty nor endless.
+/// Each value of a list, which must be neither empty nor too long.
 fn each<A, T>(
     scene: &SceneText,
     key: &'static str,

@@ -1,6 +1,6 @@
-//! The text of a scene and its checked values: each reader names its line when the value does not fit.
+//! Scene text and checked values: each reader reports its line if the value does not fit.
 //!
-//! Conversion to SI happens here and nowhere else: `si = file · times / per`.
+//! Conversion to SI happens only here: `si = file · times / per`.
 
 use super::invalid::{Invalid, Location, Result};
 use super::raw::{At, Counts, Numbers, Points};
@@ -8,12 +8,12 @@ use crate::math::elementary::hypot;
 use std::ops::Range;
 use std::path::Path;
 
-/// Largest magnitude in SI units; above it a value becomes infinite in the kernels' f32.
+/// Largest magnitude in SI units; larger values become infinite in the kernels' f32.
 const LARGEST: f64 = f32::MAX as f64;
-/// Least of what must be positive, in SI units; below it a value loses its digits in the kernels' f32, and what is divided by it overflows.
+/// Smallest positive value in SI units; smaller ones lose digits in the kernels' f32, and divisions by them overflow.
 const LEAST: f64 = f32::MIN_POSITIVE as f64;
 
-/// A file unit. Division by `per` rounds once, so that 0.3 mm is the same number as 0.3e-3 m.
+/// Unit of a key. Division by `per` rounds once, so that 0.3 mm is the same number as 0.3e-3 m.
 #[derive(Clone, Copy)]
 pub(super) struct Unit {
     pub name: &'static str,
@@ -48,25 +48,25 @@ pub(super) const MICRON: Unit = unit("µm", 1.0, 1e6);
 pub(super) const N_MM: Unit = unit("N·mm", 1.0, 1e3);
 pub(super) const DEGREE: Unit = unit("degrees", 1.0, 1.0);
 
-/// Metres in mm for messages, rounded to a millionth of a mm, below which is the rounding of the conversion to SI.
+/// Metres in mm for messages, rounded to a millionth of a mm, which hides the rounding of the conversion to SI.
 pub(super) fn in_mm(metres: f64) -> f64 {
     (metres * 1e9).round() / 1e6
 }
 
-/// Which numbers a key takes.
+/// Range of a key.
 #[derive(Clone, Copy)]
 pub(super) enum Bound {
     Finite,
     Positive,
     NotNegative,
     Fraction,
-    /// Elastic strain at rest. A free cell comes to lie at `I − e`; within these limits that is no inversion, through the thickness
-    /// neither: `e_z < 1` wherever `e_x + e_y > −1` and ν < 0.5.
+    /// Pre-strain. A free cell relaxes to `I − e`; within these limits it is not inverted, including across the thickness: `e_z < 1` if
+    /// `e_x + e_y > −1` and ν < 0.5.
     Strain,
 }
 
 impl Bound {
-    /// Whether `value` fits, and stays in range as `si` in f32.
+    /// True if `value` is in range and `si` remains in range in f32.
     fn holds(self, value: f64, si: f64) -> bool {
         si.abs() <= LARGEST
             && match self {
@@ -110,14 +110,14 @@ pub(super) fn or_vector<T: Clone>(value: Option<At<Vec<T>>>, default: &[T]) -> A
     or(value, default.to_vec())
 }
 
-/// A scene's text with its name, for places.
+/// Scene text with its file name, for locations in messages.
 pub(super) struct SceneText<'a> {
     pub file: &'a Path,
     pub text: &'a str,
 }
 
 impl SceneText<'_> {
-    /// The line where a span starts.
+    /// Line where a span starts.
     pub fn place(&self, span: Range<usize>) -> Location {
         let before = self.text.bytes().take(span.start);
         Location::new(self.file, 1 + before.filter(|byte| *byte == b'\n').count())
@@ -138,7 +138,7 @@ impl SceneText<'_> {
         })
     }
 
-    /// A number in SI.
+    /// Number in SI.
     pub fn number(&self, key: &str, value: &At<f64>, unit: Unit, bound: Bound) -> Result<f64> {
         self.checked(key, *value.get_ref(), value.span(), unit, bound)
     }
@@ -165,7 +165,7 @@ impl SceneText<'_> {
         points.map(|point| self.vector(key, point, unit, Bound::Finite)).collect()
     }
 
-    /// Two corners in SI, the first below the second in each coordinate.
+    /// Two corners in SI; the first must be below the second in each coordinate.
     pub fn corners<const N: usize>(&self, key: &'static str, value: &Points) -> Result<[[f64; N]; 2]> {
         let corners = self.points::<N>(key, value, MM)?;
         self.length(key, corners.len(), 2, value.span())?;
@@ -214,7 +214,7 @@ impl SceneText<'_> {
         Ok(counts)
     }
 
-    /// One of the known words.
+    /// Choice among known words.
     pub fn choice<T: Copy>(&self, key: &'static str, value: &At<String>, known: &[(&str, T)]) -> Result<T> {
         let found = value.get_ref();
         if let Some((_, chosen)) = known.iter().find(|(word, _)| word == found) {
@@ -224,7 +224,7 @@ impl SceneText<'_> {
         Err(self.unknown_word(key, value, &words))
     }
 
-    /// The error for a word that is none of the known ones.
+    /// Error for an unknown word.
     pub fn unknown_word(&self, key: &'static str, value: &At<String>, known: &[&str]) -> Invalid {
         let hint = match nearest(value.get_ref(), known) {
             Some(word) => format!("did you mean \"{word}\"?"),
@@ -237,7 +237,7 @@ impl SceneText<'_> {
         Invalid::Choice { at: self.place(value.span()), key, found: value.get_ref().clone(), hint: hint.into(), known }
     }
 
-    /// A usable name that none of `taken` has; it is added there.
+    /// Valid name that is not among `taken`; it is added there.
     pub fn name(&self, what: &'static str, value: &At<String>, taken: &mut Vec<At<String>>) -> Result<String> {
         let name = value.get_ref();
         let unusable = |c: char| c.is_control() || c == ',' || c == '"';
@@ -256,12 +256,12 @@ impl SceneText<'_> {
         Ok(name.clone())
     }
 
-    /// The value of a key that another key asks for.
+    /// Value of a key that another key requires.
     pub fn required<T>(&self, key: &str, value: Option<T>, table: Range<usize>, why: &'static str) -> Result<T> {
         value.ok_or_else(|| Invalid::MissingKey { at: self.place(table), key: key.to_string(), why })
     }
 
-    /// An error when a key is there that another key makes needless.
+    /// Error if a key is present that another key makes redundant.
     pub fn needless<T>(&self, key: &'static str, value: &Option<At<T>>, why: &'static str) -> Result<()> {
         match value {
             None => Ok(()),
@@ -270,7 +270,7 @@ impl SceneText<'_> {
     }
 }
 
-/// The vector at length 1; `None` for a vector of no length.
+/// Unit vector; `None` for zero length.
 pub(super) fn normalized(a: [f64; 3]) -> Option<[f64; 3]> {
     let length = hypot(hypot(a[0], a[1]), a[2]);
     (length.is_normal()).then(|| a.map(|part| part / length))
@@ -280,7 +280,7 @@ pub(super) fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// The known word within an edit distance of a third of its length, at least 2.
+/// Nearest known word, within an edit distance of a third of its length, at least 2.
 pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let lower = word.to_lowercase();
     let ranked = known.iter().map(|other| (edit_distance(&lower, other), *other));
@@ -288,7 +288,7 @@ pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     (distance <= (other.len() / 3).max(2) && distance < other.len()).then_some(other)
 }
 
-/// Insertions, deletions and replacements between two words (Levenshtein 1966), by rows of the dynamic program.
+/// Edit distance: insertions, deletions and replacements between two words (Levenshtein 1966), by dynamic programming over rows.
 fn edit_distance(a: &str, b: &str) -> usize {
     let b: Vec<char> = b.chars().collect();
     let mut row: Vec<usize> = (0..=b.len()).collect();

@@ -15,11 +15,11 @@ use super::{Blade, Contact, Coupling, Loop, Pose, Tool, ToolMesh};
 use crate::math::elementary::{acos, hypot};
 use std::ops::Range;
 
-/// How far a blade's normal may lean from the right angle to its edge, degrees. A blade's plane holds its edge; the
-/// slack admits slightly bent edges. Wider, and the flats would visibly leave the plane that cuts.
+/// Allowed deviation of a blade's normal from the right angle to its edge, degrees. A blade's plane contains its edge; the tolerance admits
+/// slightly bent edges. With a larger one the flats would visibly leave the cutting plane.
 pub(super) const NORMAL_SLACK: f64 = 6.0;
 
-/// Most contact samples of a blade: a scalpel has some hundred, and the search looks at each in every step.
+/// Maximum contact samples of a blade: a scalpel has a few hundred, and detection visits each in every step.
 pub(super) const MOST_SAMPLES: f64 = 1e5;
 
 /// Tools in the file's order, with their meshes and trajectories.
@@ -70,7 +70,7 @@ fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>)
     })
 }
 
-/// A tool touches with its blade and points, or with one surface, or with its lines.
+/// A tool touches either with its blade and points, or with one surface, or with its lines.
 fn alone(scene: &SceneText, raw: &raw::Tool) -> Result<()> {
     let why = match (&raw.round, &raw.lines) {
         (None, None) => return Ok(()),
@@ -94,7 +94,7 @@ fn tip_radius(scene: &SceneText, raw: &raw::Tool) -> Result<f64> {
     scene.number("tip_radius_mm", &or(raw.tip_radius_mm.clone(), 0.0), MM, Bound::NotNegative)
 }
 
-/// The mesh file of a tool.
+/// Mesh file of a tool.
 fn loaded(scene: &SceneText, files: &Files, raw: &raw::Tool, table: Range<usize>) -> Result<ToolMesh> {
     let unit = raw.mesh_unit_mm.clone();
     let unit = scene.number("mesh_unit_mm", &or(unit, 1.0), MM, Bound::Positive)?;
@@ -104,7 +104,7 @@ fn loaded(scene: &SceneText, files: &Files, raw: &raw::Tool, table: Range<usize>
     mesh(&text, &path, unit)
 }
 
-/// The hand of a tool, from its file or from the scene.
+/// Hand path of a tool, from its file or from the scene.
 fn hand(scene: &SceneText, files: &Files, raw: &raw::Tool, table: Range<usize>) -> Result<Vec<Pose>> {
     if raw.trajectory.is_some() {
         scene.needless("path_mm", &raw.path_mm, "`trajectory` already gives the hand")?;
@@ -143,6 +143,7 @@ fn coupling(scene: &SceneText, raw: raw::Coupling) -> Result<Coupling> {
 fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
     let length = |key, value| scene.number(key, &value, MM, Bound::Positive);
     let edge: Vec<[f64; 3]> = scene.points("edge_mm", &raw.edge_mm, MM)?;
+    // edge: consecutive points must differ
     let apart = edge.windows(2).take_while(|pair| pair[0] != pair[1]).count();
     if edge.len() < 2 || apart + 1 < edge.len() {
         return Err(Invalid::BladeEdge {
@@ -150,6 +151,7 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
             found: if edge.is_empty() { 0 } else { apart + 1 },
         });
     }
+    // normal: nearly perpendicular to the chord of the edge
     let normal = or_vector(raw.normal, &[0.0, 1.0, 0.0]);
     let direction = normalized(scene.vector("normal", &normal, PLAIN, Bound::Finite)?);
     let chord = normalized(difference(edge[edge.len() - 1], edge[0]));
@@ -157,6 +159,7 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
         (Some(direction), Some(chord)) => acos(dot(direction, chord).abs().min(1.0)).to_degrees(),
         _ => 0.0,
     };
+    // depth and spacing, with a limit on the samples
     let (edge_mm, depth) = (raw.edge_mm.span(), length("depth_mm", or(raw.depth_mm, 2.0))?);
     let spacing = [
         length("edge_spacing_mm", or(raw.edge_spacing_mm, 0.4))?,
@@ -181,7 +184,7 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
     })
 }
 
-/// Contact samples of a blade, as [`Instrument`](crate::bodies::rigid::Instrument) spreads them over edge and flats.
+/// Number of contact samples of a blade, as distributed by [`Instrument`](crate::bodies::rigid::Instrument) over edge and flats.
 pub(super) fn samples(edge: &[[f64; 3]], depth: f64, [along, flat]: [f64; 2]) -> f64 {
     let lengths = || edge.windows(2).map(|pair| difference(pair[1], pair[0])).map(|d| hypot(hypot(d[0], d[1]), d[2]));
     let pieces: f64 = lengths().map(|length| (length / along).round().max(1.0)).sum();
@@ -192,7 +195,7 @@ pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-/// The contact law; absent keys have their defaults.
+/// Contact law; missing keys get their defaults.
 pub(super) fn contact(scene: &SceneText, raw: raw::Contact, tools: &[Tool]) -> Result<Contact> {
     let number = |key, value, default, unit, bound| scene.number(key, &or(value, default), unit, bound);
     let correction = or(raw.correction, "exact".to_string());

@@ -1,4 +1,4 @@
-//! What touches: rigid bodies, walls, ties, and the law of contact.
+//! Rigid bodies, walls, attachments and the contact law.
 
 use super::{Device, Region};
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 pub struct Tool {
     /// Name for outputs.
     pub name: String,
-    /// OBJ text of the mesh, already loaded.
+    /// Triangle mesh, loaded.
     pub mesh: ToolMesh,
     /// kg
     pub mass: f64,
@@ -16,23 +16,24 @@ pub struct Tool {
     pub inertia: [f64; 3],
     /// Blade, for tools that cut.
     pub blade: Option<Blade>,
-    /// Points of the tool (tool frame, m) that touch the skin and do not cut.
+    /// Blunt contact points of the tool (tool frame, m).
     pub points: Vec<[f64; 3]>,
-    /// Radius of a disc that a force on one of the points is spread over, m; 0 for points without extent, whose force falls with the cells.
+    /// Radius of the disc over which a force on such a point is spread, m; 0 for points without extent, whose force depends on the cell
+    /// size.
     pub tip_radius: f64,
-    /// The whole surface, for tools that are a sphere or a capsule; such a tool has neither blade nor points.
+    /// Surface of a sphere or capsule; such a tool has neither blade nor points.
     pub round: Option<Round>,
-    /// Points and segments, for tools that touch with those alone; such a tool has neither blade nor points, and is not round.
+    /// Points and segments of a tool that touches with these only; such a tool has neither blade nor points nor a round surface.
     pub lines: Option<Lines>,
-    /// Half edges of a body that is a box around its origin, m.
+    /// Half edges of a box around the body's origin, m.
     pub cuboid: Option<[f64; 3]>,
-    /// Coupling to the hand; none of it for a body that no hand holds.
+    /// Virtual coupling to the hand; zero for a free body.
     pub coupling: Coupling,
-    /// The recorded hand, at least one sample, times rising; the start alone of a body that no hand holds.
+    /// Recorded hand path, at least one sample, in ascending order of times; for a free body only its initial pose.
     pub trajectory: Vec<Pose>,
-    /// What moves the hand; without one the recorded hand does, and what it would feel is found without limits or guards.
+    /// Haptic device that moves the hand; without one the recorded path does, and its force is computed without limits or guards.
     pub device: Option<Device>,
-    /// How a body that no hand holds starts; it falls. None for a tool: the hand carries its weight.
+    /// Initial motion of a free body, which is subject to gravity. `None` for a tool, whose weight the hand carries.
     pub free: Option<Motion>,
 }
 
@@ -45,18 +46,18 @@ pub struct Motion {
     pub spin: [f64; 3],
 }
 
-/// A half space that nothing enters.
+/// A fixed half space.
 #[derive(Clone, Debug)]
 pub struct Plane {
     /// Name for messages and probes.
     pub name: String,
-    /// A point of its surface, m.
+    /// Point of its surface, m.
     pub through: [f64; 3],
-    /// Unit, out of the wall.
+    /// Unit normal, out of the wall.
     pub normal: [f64; 3],
 }
 
-/// A body, by its kind and number.
+/// Kind and index of a body.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum BodyId {
     /// In [`Scene::tools`](super::Scene::tools).
@@ -65,18 +66,18 @@ pub enum BodyId {
     Deformable(usize),
     /// In [`Scene::planes`](super::Scene::planes).
     Plane(usize),
-    /// The world, as the other end of a tie.
+    /// The world, as the other end of an attachment.
     World,
 }
 
-/// Nodes of a deformable body that are tied, both ways, to what is there at rest.
+/// Nodes of a deformable body attached by bilateral constraints to another body, at their rest positions.
 #[derive(Clone, Debug)]
 pub struct Attachment {
-    /// Number of the deformable body whose nodes are tied.
+    /// Index of the deformable body whose nodes are attached.
     pub body: usize,
-    /// Which of them.
+    /// Nodes.
     pub region: Region,
-    /// What they are tied to.
+    /// Body that they are attached to.
     pub to: BodyId,
     /// The path along which they slide; none for all held.
     pub slide: Option<Slide>,
@@ -93,23 +94,23 @@ pub struct Slide {
     pub resistance: f64,
 }
 
-/// A sphere, or a capsule: all places within `radius` of a line, tool frame.
+/// A sphere or capsule: all points within `radius` of a line segment, tool frame.
 #[derive(Clone, Copy, Debug)]
 pub struct Round {
     /// m
     pub radius: f64,
-    /// Ends of the line, m; the same point twice for a sphere.
+    /// End points of the segment, m; equal for a sphere.
     pub ends: [[f64; 3]; 2],
 }
 
-/// Points and straight segments of a tool in its own frame; every vertex touches as a point.
+/// Points and straight segments of a tool in its own frame; every vertex is a contact point.
 #[derive(Clone, Debug)]
 pub struct Lines {
     /// `[vertex]` m
     pub positions: Vec<[f64; 3]>,
-    /// `[segment]` two different vertices
+    /// `[segment]` two distinct vertices
     pub segments: Vec<[u32; 2]>,
-    /// How far the tool's surface stands off its points and segments, m; 0 for a wire without thickness.
+    /// Distance of the tool's surface from its points and segments, m; 0 for a thin wire.
     pub radius: f64,
 }
 
@@ -122,24 +123,24 @@ pub struct ToolMesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// The cutting part of a tool: a thin plate with one sharp edge, tool frame.
+/// Blade of a tool: a thin plate with one sharp edge, tool frame.
 #[derive(Clone, Debug)]
 pub struct Blade {
     /// Edge polyline from the tip to the heel, at least two points, m.
     pub edge: Vec<[f64; 3]>,
-    /// Unit normal of the blade plane; the edge faces `normal × (heel − tip)`.
+    /// Unit normal of the blade's plane; the edge faces `normal × (heel − tip)`.
     pub normal: [f64; 3],
     /// m
     pub thickness: f64,
-    /// Length of edge that one contact row stands for, m.
+    /// Length of edge per contact sample, m.
     pub edge_spacing: f64,
     /// Spacing of the contact points on the flats, m.
     pub flat_spacing: f64,
-    /// How far the flats reach behind the edge, m.
+    /// Depth of the flats behind the edge, m.
     pub depth: f64,
 }
 
-/// 6-DoF spring and damper between hand and tool.
+/// Virtual coupling: 6-DoF spring and damper between hand and tool.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Coupling {
     /// N/m
@@ -152,7 +153,7 @@ pub struct Coupling {
     pub angular_damping: f64,
 }
 
-/// A sample of a recorded hand.
+/// Sample of a hand path.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
     /// s
@@ -163,36 +164,36 @@ pub struct Pose {
     pub rotation: [f64; 4],
 }
 
-/// How contact forces are corrected for the skin's compliance.
+/// Contact correction for the skin's compliance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Correction {
-    /// Loose columns of A⁻¹Jᵀ, accurate correction, repeated until the contact residual is small.
+    /// Columns of A⁻¹Jᵀ to a loose tolerance and an accurate correction, iterated until the contact residual is small.
     Exact,
-    /// Only the 3×3 diagonal blocks of A.
+    /// Uses only the 3×3 diagonal blocks of A.
     Uncoupled,
-    /// Columns of the body at rest, from one factor of its matrix, whatever has moved since; refused after a cut.
+    /// Columns of the body in its rest shape, from one factorisation, independent of its later motion; not available with a blade.
     Precomputed,
 }
 
-/// How contacts get their forces.
+/// Computation of contact forces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Loop {
-    /// Free motion, laws on the violations, correction.
+    /// Constraints: unconstrained motion, contact law on the violations, correction.
     Constraints,
-    /// A spring pushes where things overlap at the step's start, without friction; N/m.
+    /// Penalty springs on overlaps at the start of the step, without friction; N/m.
     Penalty(f64),
 }
 
-/// Which of the contacts of a round tool, or of a tool of points and lines, are kept.
+/// Contact filter of a round tool, or of a tool of points and lines.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Filter {
-    /// What fits the tool: `Points` for a round one, `Cones` for one of points and lines.
+    /// Default of the tool: `Points` for a round one, `Cones` for one of points and lines.
     Own,
-    /// All of the skin's surface points that a round tool touches; all pairs of features within reach for a tool of lines.
+    /// All surface points of the skin that a round tool touches; all pairs of features in range for a tool of lines.
     Points,
-    /// For round tools, the nearest place alone, which is what is left of a sphere's contacts behind SOFA's LocalMinDistance.
+    /// For round tools, the nearest point only, which is what SOFA's LocalMinDistance leaves of a sphere's contacts.
     One,
-    /// For tools of lines, pairs at a local minimum of the distance, told by the normal cones of the features.
+    /// For tools of lines, pairs at a local minimum of the distance, selected by the normal cones of the features.
     Cones,
 }
 
@@ -201,28 +202,28 @@ pub enum Filter {
 pub struct Contact {
     /// Coulomb coefficient.
     pub friction: f64,
-    /// Contacts are looked for within this distance, m.
+    /// Detection distance of contacts, m.
     pub alarm: f64,
-    /// Resting gap of points and flats, m.
+    /// Gap at rest of points and flats, m.
     pub distance: f64,
-    /// How forces are found.
+    /// Computation of forces.
     pub forces: Loop,
-    /// Which correction.
+    /// Contact correction.
     pub correction: Correction,
-    /// For round tools and tools of points and lines.
+    /// Contact filter of round tools and tools of points and lines.
     pub filter: Filter,
-    /// How far normal cones are widened: sine of the angle.
+    /// Widening of the normal cones: sine of the angle.
     pub angle_cone: f64,
-    /// Most contacts at a time, and most of the lips of each body's wound.
+    /// Maximum number of contacts at a time, and of lip contacts of each wound.
     pub max_contacts: u32,
-    /// The lips of a wound rest on each other; otherwise they pass through. Flaps that a blade drags along fold over, and the solve of their
-    /// lips may fail: for wounds of a few plain cuts.
+    /// Contact between the lips of a wound; otherwise they pass through each other. Flaps dragged along by a blade fold over, and the solve
+    /// of their lips may fail: use it for wounds of a few plain cuts.
     pub lips: bool,
     /// Relative residual at which the passes stop.
     pub tolerance: f64,
-    /// Residual of the columns, relative.
+    /// Relative residual of the compliance columns.
     pub column_tolerance: f64,
-    /// Passes of the exact correction at most; two are usual, redundant contacts take more. A step that needs more counts
-    /// `contact_passes_exhausted`, if what the best pass leaves can be felt.
+    /// Maximum passes of the exact correction; two are usual, redundant contacts take more. A step that needs more counts as
+    /// `contact_passes_exhausted` if the best pass leaves a perceptible residual.
     pub max_passes: u32,
 }

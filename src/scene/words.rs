@@ -1,8 +1,8 @@
-//! The words of a scene file for its choices, read both ways: the file's word gives the value, reports and studies give the word back.
+//! Names of the choices in a scene file, used for reading and for output in reports and studies.
 
 use super::{Correction, Element, Integrator, Preconditioner};
 
-/// Bricks.
+/// Element types.
 pub const ELEMENTS: [(&str, Element); 3] =
     [("bbar", Element::Bbar), ("enhanced", Element::Enhanced), ("plain", Element::Plain)];
 
@@ -17,7 +17,7 @@ pub const INTEGRATORS: [(&str, Integrator); 3] = [
 pub const CORRECTIONS: [(&str, Correction); 3] =
     [("exact", Correction::Exact), ("uncoupled", Correction::Uncoupled), ("precomputed", Correction::Precomputed)];
 
-/// Preconditioners; the last two are for bricks.
+/// Preconditioners; the last two are for hexahedra.
 pub const PRECONDITIONERS: [(&str, Preconditioner); 6] = [
     ("none", Preconditioner::None),
     ("jacobi", Preconditioner::Jacobi),
@@ -27,7 +27,7 @@ pub const PRECONDITIONERS: [(&str, Preconditioner); 6] = [
     ("direct", Preconditioner::Direct),
 ];
 
-/// The word of a value; empty for one that has none.
+/// Name of a value; empty if it has none.
 pub fn word<T: PartialEq>(table: &[(&'static str, T)], value: T) -> &'static str {
     table.iter().find(|(_, known)| *known == value).map_or("", |(word, _)| word)
 }

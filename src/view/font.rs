@@ -5,8 +5,7 @@ pub(super) const WIDTH: usize = 5;
 /// Rows of a glyph, dots.
 pub(super) const HEIGHT: usize = 7;
 
-/// Rows of the character from the top; in a row the most significant of 5 bits is the left dot.
-/// Characters without a glyph get a hollow box.
+/// Rows of a character from the top; the most significant of the 5 bits is the left dot. Characters without a glyph are a hollow box.
 pub(super) fn glyph(character: char) -> [u8; HEIGHT] {
     match character {
         ' '..='~' => ASCII[character as usize - ' ' as usize],

@@ -1,10 +1,9 @@
 //! Pictures without a graphics adapter: a small software rasteriser.
 //!
-//! Triangles are clipped at the near plane, drawn into a depth buffer of 2 × 2 samples a pixel
-//! and shaded once a pixel and triangle. Wounds are shallow against the patch, so two cheap cues
-//! of depth are added: ambient occlusion from the depth buffer and shadows of the first light.
-//! Triangles are drawn in a fixed order and rows are shaded apart from each other, so that the
-//! same input gives the same bytes on any number of threads.
+//! Triangles are clipped at the near plane, drawn into a depth buffer with 2 × 2 samples per pixel, and shaded once per pixel and triangle.
+//! Wounds are shallow compared with the patch, so two cheap depth cues are added: ambient occlusion from the depth buffer, and shadows of
+//! the first light. Triangles are drawn in a fixed order and rows are shaded independently, so the same input gives the same bytes for any
+//! number of threads.
 //!
 //! View space: x right, y up, z away from the eye, in metres. Lights are fixed to the camera.
 
@@ -18,20 +17,20 @@ use glam::{DVec3, Vec3};
 use raster::{NO_TRIANGLE, SAMPLES, Samples, room};
 use rayon::prelude::*;
 
-/// Cosine of 40°: smooth shading keeps edges sharper than this as edges. Larger angles round the
-/// bevel of a blade, smaller ones show the facets of a coarse handle.
+/// Cosine of 40°: smooth shading preserves edges sharper than this. A larger angle rounds the bevel of a blade, a smaller one shows the
+/// facets of a coarse handle.
 const CREASE_COSINE: f32 = 0.766;
 
-/// Distance of the near plane as a share of the distance from eye to target.
+/// Distance of the near plane as a fraction of the distance from eye to target.
 const NEAR: f64 = 0.01;
 
 /// Colour of triangles beyond the end of `Surface::colors`, sRGB.
 const NO_COLOR: [u8; 3] = [128; 3];
 
-/// Rows that a thread takes at least: some ten thousand pixels, fewer are not worth handing over.
+/// Minimum number of rows per thread: ten thousand pixels or so; fewer are not worth distributing.
 const ROWS: usize = 16;
 
-/// A triangle mesh with its looks. Both sides of a triangle are drawn.
+/// Triangle mesh with its material. Both sides of a triangle are drawn.
 pub struct Surface<'a> {
     /// `[vertex]` m.
     pub positions: &'a [[f64; 3]],
@@ -39,40 +38,39 @@ pub struct Surface<'a> {
     pub triangles: &'a [[u32; 3]],
     /// `[triangle]` sRGB; missing ones are grey.
     pub colors: &'a [[u8; 3]],
-    /// Shade with normals averaged over the faces of a vertex, except across creases; else flat.
+    /// Smooth shading with normals averaged over the faces around a vertex, except across creases; otherwise flat.
     pub smooth: bool,
-    /// Lines in it, later ones over earlier ones.
+    /// Lines on the surface, later ones over earlier ones.
     pub outlines: &'a [Outline<'a>],
-    /// Exponent of the highlight: about 10 for skin, 100 for polished metal; above 50 the surface
-    /// also mirrors its surroundings.
+    /// Exponent of the highlight: about 10 for skin, 100 for polished metal; above 50 the surface also mirrors its surroundings.
     pub shininess: f64,
 }
 
-/// Lines of one look, drawn where they are not hidden.
+/// Lines of one style, drawn where they are visible.
 #[derive(Clone, Copy, Debug)]
 pub struct Outline<'a> {
     /// `[line]` vertex ids.
     pub lines: &'a [[u32; 2]],
-    /// Samples; a pixel has two along each side.
+    /// Width in samples; a pixel has two along each side.
     pub width: u32,
-    /// What they leave of the surface's linear colour, 0 to 1.
+    /// Fraction of the surface's linear colour that remains under the line, 0 to 1.
     pub ink: [f32; 3],
 }
 
-/// Where the picture is seen from.
+/// Camera of a picture.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
     /// m.
     pub eye: [f64; 3],
-    /// Point in the middle of the picture, m.
+    /// Point at the centre of the picture, m.
     pub target: [f64; 3],
-    /// Direction that is up in the picture; any length.
+    /// Up direction in the picture, of any length.
     pub up: [f64; 3],
     /// Angle between the top and the bottom of the picture, degrees.
     pub field_of_view_deg: f64,
 }
 
-/// A picture, 8 bits a channel.
+/// Picture with 8 bits per channel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
     /// Pixels.
@@ -81,7 +79,7 @@ pub struct Image {
     pub height: u32,
     /// `[height][width][3]` sRGB, from the top left.
     pub rgb: Vec<u8>,
-    /// Triangles left out because a corner is not finite or not in `positions`.
+    /// Number of triangles skipped because a corner is non-finite or not in `positions`.
     pub skipped: usize,
 }
 
@@ -94,7 +92,7 @@ struct Triangle {
     shininess: f32,
 }
 
-/// The camera's axes, and its scale in samples.
+/// Axes of the camera, and its scale in samples.
 struct View {
     eye: DVec3,
     axes: [DVec3; 3],
@@ -102,14 +100,14 @@ struct View {
     distance: f64,
     /// Samples per unit of x/z.
     focal: f64,
-    /// Middle of the picture, samples.
+    /// Centre of the picture, samples.
     center: [f64; 2],
     /// Tangent of half the field of view.
     half_tangent: f64,
 }
 
 impl View {
-    /// None if the camera has no direction or a value that is not finite.
+    /// `None` if the camera has no direction or a non-finite value.
     fn new(camera: &Camera, width: usize, height: usize) -> Option<Self> {
         let (eye, target) = (DVec3::from(camera.eye), DVec3::from(camera.target));
         let forward = (target - eye).try_normalize()?;
@@ -131,7 +129,7 @@ impl View {
         (view.distance.is_finite() && half_tangent.is_finite()).then_some(view)
     }
 
-    /// World to view space, m; None if not finite.
+    /// World to view space, m; `None` if non-finite.
     fn place(&self, position: &[f64; 3]) -> Option<Vec3> {
         let p = DVec3::from(*position) - self.eye;
         let p = DVec3::from(self.axes.map(|axis| axis.dot(p))).as_vec3();
@@ -141,8 +139,8 @@ impl View {
 
 /// Draws `surfaces` in perspective on a light background, with `caption` at the top left.
 ///
-/// Nothing is kept of the input. No surfaces, or a camera without a direction, give the
-/// background; a width or height of 0 gives an image without pixels.
+/// Nothing of the input is kept. Without surfaces, or with a camera without a direction, the result is the background; a width or height of
+/// 0 gives an image without pixels.
 ///
 /// # Errors
 /// [`Error::Memory`](crate::error::Error::Memory) when there is none for so many pixels.
@@ -174,7 +172,7 @@ pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, ca
     Ok(image)
 }
 
-/// Adds the surface's triangles in view space; returns how many it had to leave out.
+/// Adds the surface's triangles in view space; returns the number of skipped ones.
 fn prepare(surface: &Surface, placed: &[Option<Vec3>], triangles: &mut Vec<Triangle>) -> usize {
     let first = triangles.len();
     let corner = |id: u32| placed.get(id as usize).copied().flatten();
@@ -199,9 +197,9 @@ fn prepare(surface: &Surface, placed: &[Option<Vec3>], triangles: &mut Vec<Trian
     surface.triangles.len() - kept_ids.len()
 }
 
-/// Averages normals, weighted by area, over the faces around a vertex that are within the crease
-/// angle of the corner's own face.
+/// Area-weighted average of the normals of the faces around a vertex that are within the crease angle of the corner's own face.
 fn smooth_normals(vertex_count: usize, ids: &[[u32; 3]], triangles: &mut [Triangle]) {
+    // faces around each vertex
     let mut first = vec![0_usize; vertex_count + 1];
     for &id in ids.as_flattened() {
         first[id as usize + 1] += 1;
@@ -217,6 +215,7 @@ fn smooth_normals(vertex_count: usize, ids: &[[u32; 3]], triangles: &mut [Triang
             next[id as usize] += 1;
         }
     }
+    // averages
     let faces: Vec<(Vec3, Vec3)> = triangles
         .iter()
         .map(|Triangle { corners: [a, b, c], normals, .. }| (normals[0], (b - a).cross(c - a)))
@@ -233,7 +232,7 @@ fn smooth_normals(vertex_count: usize, ids: &[[u32; 3]], triangles: &mut [Triang
     }
 }
 
-/// Draws lines between positions; those with a missing or non-finite end are left out.
+/// Draws lines between positions; those with a missing or non-finite end are skipped.
 fn draw_outline(positions: &[[f64; 3]], outline: &Outline, view: &View, near: f32, samples: &mut Samples) {
     let pen = samples.pen(outline.ink);
     for ids in outline.lines {
@@ -244,14 +243,13 @@ fn draw_outline(positions: &[[f64; 3]], outline: &Outline, view: &View, near: f3
     }
 }
 
-/// Calls `fill(y, row)` for each row of a picture, on all cores. Rows do not depend on each other,
-/// so the number of threads does not show in the result.
+/// Calls `fill(y, row)` for each row of a picture, on all cores. Rows are independent, so the number of threads does not affect the result.
 fn for_rows<T: Send>(data: &mut [T], row_size: usize, fill: impl Fn(usize, &mut [T]) + Sync) {
-    // on the threads that are there already: a picture that starts its own fails where memory is short
+    // uses the existing threads: starting new ones would fail where memory is short
     data.par_chunks_mut(row_size.max(1)).enumerate().with_min_len(ROWS).for_each(|(y, row)| fill(y, row));
 }
 
-/// Dark text with a light rim, so that it reads on the background and on the scene.
+/// Dark text with a light rim, legible on the background and on the scene.
 fn draw_caption(image: &mut Image, caption: &[&str]) {
     const INK: [u8; 3] = [38, 42, 50];
     const RIM: [u8; 3] = [236, 238, 241];
@@ -272,7 +270,7 @@ fn draw_caption(image: &mut Image, caption: &[&str]) {
     }
 }
 
-/// Fills a square of `size` pixels and `rim` more on each side, as far as it is in the picture.
+/// Fills a square of `size` pixels with a `rim` on each side, clipped to the picture.
 fn fill_square(image: &mut Image, corner: [usize; 2], size: usize, rim: usize, color: [u8; 3]) {
     let (width, height) = (image.width as usize, image.height as usize);
     for y in corner[1] - rim..(corner[1] + size + rim).min(height) {
@@ -282,7 +280,7 @@ fn fill_square(image: &mut Image, corner: [usize; 2], size: usize, rim: usize, c
     }
 }
 
-/// The picture as a PNG file has it.
+/// Encodes the picture as PNG.
 ///
 /// # Errors
 /// For an image without pixels.

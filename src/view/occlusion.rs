@@ -1,36 +1,35 @@
-//! Ambient occlusion: how much of the surroundings each pixel sees, from the depth buffer alone.
+//! Ambient occlusion: the fraction of the surroundings visible from each pixel, from the depth buffer only.
 //!
-//! `1 − s Σ max(0, n·v/|v| − b) max(0, 1 − |v|²/R²) / K` at position p with normal n, where `v`
-//! goes from p to the surface seen at K places around the pixel.
-//! Source: McGuire et al. 2011 (Alchemy). Differs: the cosine and a smooth reach R in place of
-//! `1/|v|`, so that no constant depends on the scene's size.
+//! `1 − s Σ max(0, n·v/|v| − b) max(0, 1 − |v|²/R²) / K` at position p with normal n, where `v` points from p to the surface at K sample
+//! positions around the pixel.
+//! Source: McGuire et al. 2011 (Alchemy). Differs: the cosine and a smooth range R instead of `1/|v|`, so that no constant depends on the
+//! scene's size.
 
 use super::raster::room;
 use super::{SAMPLES, View, for_rows};
 use crate::error::Result;
 use glam::{Vec2, Vec3};
 
-/// Places looked at around a pixel; fewer leave blotches, more cost time.
+/// Sample positions around a pixel; fewer leave blotches, more cost time.
 const PLACES: usize = 10;
 
-/// The pattern of places is turned differently in each pixel of a block of 4 × 4, and the blur
-/// over 4 × 4 pixels sees all turns.
+/// The sample pattern is rotated differently in each pixel of a block of 4 × 4, and the blur over 4 × 4 pixels averages all rotations.
 const TURNS: usize = 4;
 
-/// Reach of the ambient occlusion as a share of half the picture's height at the target. In a
-/// picture 20 mm high this is 1.5 mm, a little more than the depth of the wounds to be seen.
+/// Range of the ambient occlusion as a fraction of half the picture's height at the target. In a picture 20 mm high this is 1.5 mm, a
+/// little more than the depth of the wounds shown.
 const REACH: f32 = 0.15;
 
-/// Cosine below which the surroundings do not count; hides the facets of coarse meshes.
+/// Cosine below which surroundings are ignored; hides the facets of coarse meshes.
 const OCCLUSION_BIAS: f32 = 0.12;
 
 /// Strength of the ambient occlusion.
 const OCCLUSION_STRENGTH: f32 = 2.6;
 
-/// Least share of the light that ambient occlusion leaves; less makes wounds black.
+/// Minimum fraction of the light left by ambient occlusion; less makes wounds black.
 const LEAST_OPEN: f32 = 0.12;
 
-/// What is in front at each pixel.
+/// Nearest surface at each pixel.
 pub(super) struct Pixels {
     pub(super) width: usize,
     pub(super) height: usize,
@@ -38,7 +37,7 @@ pub(super) struct Pixels {
     pub(super) seen: Vec<Seen>,
 }
 
-/// Depth, m, infinite where there is nothing, and the unit normal towards the eye.
+/// Depth, m (infinite where there is no surface), and the unit normal towards the eye.
 #[derive(Clone, Copy)]
 pub(super) struct Seen {
     pub(super) depth: f32,
@@ -48,13 +47,13 @@ pub(super) struct Seen {
 pub(super) const NOTHING: Seen = Seen { depth: f32::INFINITY, normal: Vec3::ZERO };
 
 impl Pixels {
-    /// `[height][width]` share of the surroundings that is open, 0 to 1.
+    /// `[height][width]` open fraction of the surroundings, 0 to 1.
     pub(super) fn openness(&self, view: &View) -> Result<Vec<f32>> {
         blur(self, &occlude(self, view)?)
     }
 }
 
-/// Share of the surroundings that is open at each pixel, 0 to 1; noisy over 4 × 4 pixels.
+/// Open fraction of the surroundings at each pixel, 0 to 1; noisy over 4 × 4 pixels.
 fn occlude(pixels: &Pixels, view: &View) -> Result<Vec<f32>> {
     let reach = REACH * (view.distance * view.half_tangent) as f32;
     let focal = view.focal as f32 / SAMPLES as f32;
@@ -65,6 +64,7 @@ fn occlude(pixels: &Pixels, view: &View) -> Result<Vec<f32>> {
         Vec3::new(at.x, -at.y, 1.0)
     };
     let pattern = pattern();
+    // occlusion by the surface at one sample position
     let hidden = |x: usize, y: usize, offset: Vec2, here: Seen| {
         let column = x as i32 + offset.x as i32;
         let row = y as i32 + offset.y as i32;
@@ -82,6 +82,7 @@ fn occlude(pixels: &Pixels, view: &View) -> Result<Vec<f32>> {
         cosine.max(0.0) * (1.0 - squared / (reach * reach)).max(0.0)
     };
     let mut open = room(width * height, 1.0)?;
+    // sum over the positions of the pattern
     for_rows(&mut open, width, |y, row| {
         for (x, open) in row.iter_mut().enumerate() {
             let here = pixels.seen[y * width + x];
@@ -96,13 +97,12 @@ fn occlude(pixels: &Pixels, view: &View) -> Result<Vec<f32>> {
     Ok(open)
 }
 
-/// `[turn][place]` places in the unit disc: a spiral of golden angles, turned for each pixel of a
-/// 4 × 4 block.
+/// `[rotation][position]` sample positions in the unit disc: a spiral of golden angles, rotated for each pixel of a 4 × 4 block.
 fn pattern() -> [[Vec2; PLACES]; TURNS * TURNS] {
-    // Cosine and sine of the golden angle 137.50776° and of 1/16 of a turn.
+    // cosine and sine of the golden angle 137.50776° and of 1/16 of a full turn
     let golden = Vec2::new(-0.737_368_9, 0.675_490_3);
     let sixteenth = Vec2::new(0.923_879_5, 0.382_683_43);
-    // Turns of neighbours differ much.
+    // rotations of neighbours differ much
     const ORDER: [usize; TURNS * TURNS] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
     let mut pattern = [[Vec2::ZERO; PLACES]; TURNS * TURNS];
     for (turn, places) in pattern.iter_mut().enumerate() {
@@ -118,7 +118,7 @@ fn pattern() -> [[Vec2; PLACES]; TURNS * TURNS] {
     pattern
 }
 
-/// Mean over 4 × 4 pixels of the same surface: similar normals, and little difference in depth.
+/// Mean over 4 × 4 pixels of the same surface: similar normals and similar depths.
 fn blur(pixels: &Pixels, open: &[f32]) -> Result<Vec<f32>> {
     let (width, height) = (pixels.width, pixels.height);
     let around = |at: usize, size: usize| at.saturating_sub(TURNS / 2)..(at + TURNS - TURNS / 2).min(size);

@@ -1,7 +1,6 @@
-//! Scan conversion: which triangle is in front at each sample.
+//! Scan conversion: the nearest triangle at each sample.
 //!
-//! Corners are snapped to 1/256 of a sample, so that edge functions are exact and triangles that
-//! share an edge leave no gap between them.
+//! Corners are snapped to 1/256 of a sample, so that edge functions are exact and triangles with a common edge leave no gap.
 
 use super::View;
 use crate::error::{Error, Result};
@@ -13,14 +12,14 @@ pub(super) const SAMPLES: usize = 2;
 /// Id where no triangle was drawn.
 pub(super) const NO_TRIANGLE: u32 = u32::MAX;
 
-/// Steps per sample to which corners are snapped.
+/// Snapping steps per sample.
 const SNAP: f64 = 256.0;
 
-/// A line is drawn if it is at most this share of its depth behind the surface. Lines lie in the
-/// surface: less makes them break up on slanted faces, more lets them show through thin layers.
+/// A line is drawn if it is at most this fraction of its depth behind the surface. Lines lie in the surface: less breaks them up on slanted
+/// faces, more lets them show through thin layers.
 const LINE_DEPTH_SHARE: f64 = 2e-3;
 
-/// What is in front at each sample.
+/// Nearest triangle and line at each sample.
 pub(super) struct Samples {
     pub(super) width: usize,
     pub(super) height: usize,
@@ -28,9 +27,9 @@ pub(super) struct Samples {
     pub(super) inverse_depth: Vec<f32>,
     /// `[height][width]` triangle ids.
     pub(super) triangle: Vec<u32>,
-    /// `[height][width]` pen of the line there; 0 where there is none.
+    /// `[height][width]` pen of the line; 0 for none.
     pub(super) line: Vec<u8>,
-    /// `[pen]` what a line leaves of the linear colour under it.
+    /// `[pen]` fraction of the linear colour that remains under a line.
     pub(super) inks: Vec<Vec3>,
 }
 
@@ -58,7 +57,7 @@ impl Samples {
         })
     }
 
-    /// Draws a triangle in view space where it is beyond the near plane and in front.
+    /// Draws a triangle in view space where it is beyond the near plane and nearest.
     pub(super) fn draw_triangle(&mut self, view: &View, near: f32, corners: &[Vec3; 3], id: u32) {
         let (polygon, count) = clip(corners, near);
         let project = |p: Vec3| project(view, p);
@@ -73,7 +72,7 @@ impl Samples {
         }
     }
 
-    /// A pen of a colour; of more than 255 colours the last ones are drawn as the 255th.
+    /// Pen of a colour; colours beyond the 255th share its pen.
     pub(super) fn pen(&mut self, ink: [f32; 3]) -> u8 {
         let ink = Vec3::from(ink);
         let known = self.inks.iter().position(|other| *other == ink);
@@ -85,7 +84,7 @@ impl Samples {
             .min(255) as u8
     }
 
-    /// Marks the samples of a line in view space that are not behind a surface; `pen` is its colour and its width in samples.
+    /// Marks the samples of a line in view space that are not behind a surface; `pen` is its colour, `line_width` its width in samples.
     pub(super) fn draw_line(&mut self, view: &View, near: f32, [a, b]: [Vec3; 2], (pen, line_width): (u8, isize)) {
         let (a, b) = if a.z < b.z { (a, b) } else { (b, a) };
         if b.z <= near {
@@ -120,7 +119,7 @@ impl Samples {
     }
 }
 
-/// The part of a triangle beyond the near plane: a polygon of 0, 3 or 4 corners.
+/// Part of a triangle beyond the near plane: a polygon of 0, 3 or 4 corners.
 fn clip(corners: &[Vec3; 3], near: f32) -> ([Vec3; 4], usize) {
     let mut polygon = [Vec3::ZERO; 4];
     let mut count = 0;
@@ -134,7 +133,7 @@ fn clip(corners: &[Vec3; 3], near: f32) -> ([Vec3; 4], usize) {
             push(a);
         }
         if (a.z > near) != (b.z > near) {
-            // From the farther corner, so that both triangles of an edge get the same point.
+            // starting at the farther corner, so that both triangles of an edge get the same point
             let (far, close) = if a.z > b.z { (a, b) } else { (b, a) };
             push(far.lerp(close, (far.z - near) / (far.z - close.z)));
         }
@@ -149,8 +148,8 @@ fn project(view: &View, p: Vec3) -> [f64; 3] {
     [view.center[0] + scale * p.x, view.center[1] - scale * p.y, 1.0 / p.z]
 }
 
-/// Calls `visit(sample, value)` for each sample in the triangle; corners are x, y in samples and
-/// a value that is linear between them. Triangles without area or with huge corners give none.
+/// Calls `visit(sample, value)` for each sample in the triangle; corners are x, y in samples and a value that is interpolated linearly.
+/// Triangles without area or with huge corners give none.
 pub(super) fn fill(width: usize, height: usize, corners: [[f64; 3]; 3], mut visit: impl FnMut(usize, f32)) {
     let snap = |c: [f64; 3]| [(c[0] * SNAP).round() / SNAP, (c[1] * SNAP).round() / SNAP, c[2]];
     let [a, mut b, mut c] = corners.map(snap);
@@ -169,7 +168,7 @@ pub(super) fn fill(width: usize, height: usize, corners: [[f64; 3]; 3], mut visi
         (low.ceil().max(0.0) as usize).min(end)..end
     };
     let columns = range(0, width);
-    // Moving one sample to the right changes each edge function by a constant.
+    // one sample to the right changes each edge function by a constant
     let step = [b[1] - c[1], c[1] - a[1], a[1] - b[1]];
     for row in range(1, height) {
         let y = row as f64 + 0.5;
@@ -195,21 +194,20 @@ fn cross(a: [f64; 3], b: [f64; 3], x: f64, y: f64) -> f64 {
     (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0])
 }
 
-/// How deep the scene is from a distant light: what is nearest to it in each cell of a grid.
+/// Shadow map: the surface nearest to a distant light in each cell of a grid.
 pub(super) struct ShadowMap {
     axes: [Vec3; 3],
     low: Vec2,
     cells_per_metre: f32,
-    /// `[CELLS][CELLS]` m along the third axis, which points to the light.
+    /// `[CELLS][CELLS]` m along the third axis, which points to the light
     nearest: Vec<f32>,
 }
 
 impl ShadowMap {
-    /// Cells along each side. The whole scene is about 60 mm, so a cell is about 0.05 mm, well
-    /// below a wound's width.
+    /// Cells along each side. The whole scene is about 60 mm, so a cell is about 0.05 mm, well below a wound's width.
     const CELLS: usize = 1280;
 
-    /// `to_light` has length 1. `triangles` are in view space, m.
+    /// `to_light` is a unit vector; `triangles` are in view space, m.
     pub(super) fn new<'a>(to_light: Vec3, triangles: impl Iterator<Item = &'a [Vec3; 3]> + Clone) -> Result<Self> {
         let (u, v) = to_light.any_orthonormal_pair();
         let axes = [u, v, to_light];
@@ -235,10 +233,9 @@ impl ShadowMap {
         Ok(Self { axes, low, cells_per_metre, nearest })
     }
 
-    /// Share of the light that reaches `position`, a point of a surface with `normal`, 0 to 1;
-    /// the edge of a shadow is three cells wide.
+    /// Fraction of the light that reaches `position`, a point of a surface with `normal`, 0 to 1; a shadow's edge is three cells wide.
     pub(super) fn lit(&self, position: Vec3, normal: Vec3) -> f32 {
-        // Away from the surface, or it would shade itself: its heights are known per cell only.
+        // offset from the surface, which would shade itself: heights are known per cell only
         let position = position + normal * (2.0 / self.cells_per_metre);
         let [u, v, height] = self.axes.map(|axis| axis.dot(position));
         let at = (Vec2::new(u, v) - self.low) * self.cells_per_metre - 0.5;

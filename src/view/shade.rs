@@ -1,7 +1,7 @@
 //! Light and colour: three lights, a plain surrounding, resolve to pixels.
 //!
-//! Colours are linear here; sRGB is taken as gamma 2, which needs no power function. The mirror
-//! and the highlight (Schlick 1994) let metal be told from skin; neither claims to be measured.
+//! Colours are linear here; sRGB is approximated by gamma 2, which needs no power function. The mirror and the highlight (Schlick 1994)
+//! distinguish metal from skin; neither is based on measurements.
 
 use super::occlusion::{NOTHING, Pixels, Seen};
 use super::raster::{ShadowMap, room};
@@ -9,20 +9,19 @@ use super::{Image, NO_TRIANGLE, SAMPLES, Samples, Triangle, View, for_rows};
 use crate::error::Result;
 use glam::Vec3;
 
-/// The lights: direction in view space, of any length, and brightness. The first one comes from
-/// the left and casts shadows, so that a wound across the picture has a dark and a light wall; the
-/// others keep the sides of the patch from going dark.
+/// Lights: direction in view space, of any length, and brightness. The first one comes from the left and casts shadows, so that a wound
+/// across the picture has a dark and a light wall; the others light the sides of the patch.
 const KEY: ([f32; 3], f32) = ([-0.55, 0.50, -0.66], 0.66);
 const FILL: ([f32; 3], f32) = ([0.75, -0.05, -0.75], 0.30);
 const RIM: ([f32; 3], f32) = ([0.15, 0.60, 0.75], 0.25);
 
-/// Light from everywhere, from above and from below.
+/// Ambient light from above and from below.
 const AMBIENT: [f32; 2] = [0.37, 0.36];
 
 /// Background at the top and the bottom, linear grey.
 const BACKGROUND: [f32; 2] = [0.86, 0.62];
 
-/// From samples to light.
+/// Shading of samples.
 struct Shader<'a> {
     samples: &'a Samples,
     triangles: &'a [Triangle],
@@ -31,7 +30,7 @@ struct Shader<'a> {
     lights: [(Vec3, f32); 3],
 }
 
-/// Fills `image` from the samples.
+/// Computes the pixels of `image` from the samples.
 pub(super) fn shade(samples: &Samples, triangles: &[Triangle], view: Option<&View>, image: &mut Image) -> Result<()> {
     let (width, height) = (image.width as usize, image.height as usize);
     let shader = match view {
@@ -69,7 +68,7 @@ impl<'a> Shader<'a> {
         Ok(Self { samples, triangles, view, shadow, lights })
     }
 
-    /// Direction with z = 1 through a place in samples.
+    /// Direction with z = 1 through a point given in samples.
     fn ray(&self, x: f32, y: f32) -> Vec3 {
         let focal = self.view.focal as f32;
         let center = self.view.center;
@@ -100,7 +99,7 @@ impl<'a> Shader<'a> {
         Ok(Pixels { width, height, seen })
     }
 
-    /// Linear colour of a pixel: each triangle in it is shaded once.
+    /// Linear colour of a pixel; each triangle in it is shaded once.
     fn pixel(&self, x: usize, y: usize, open: f32, behind: Vec3) -> Vec3 {
         let ids = pixel_samples(x, y, self.samples.width).map(|s| self.samples.triangle[s]);
         if ids == [NO_TRIANGLE; SAMPLES * SAMPLES] {
@@ -130,8 +129,7 @@ impl<'a> Shader<'a> {
         sum / (SAMPLES * SAMPLES) as f32
     }
 
-    /// Linear colour of the triangle where the ray meets it; `open` is what the ambient occlusion
-    /// leaves, 0 to 1.
+    /// Linear colour of the triangle where the ray meets it; `open` is the fraction of ambient light left by occlusion, 0 to 1.
     fn light(&self, triangle: &Triangle, ray: Vec3, open: f32) -> Vec3 {
         let (position, normal) = meet(triangle, ray);
         let face = facing(face_normal(triangle), ray);
@@ -148,7 +146,7 @@ impl<'a> Shader<'a> {
             diffuse += bright * cosine;
             let half = (to_light + to_eye).normalize_or_zero();
             let s = normal.dot(half).max(0.0);
-            // Schlick 1994 in place of sⁿ.
+            // Schlick 1994 in place of sⁿ
             highlight += bright * cosine.min(0.25) * 4.0 * s / (shininess * (1.0 - s) + s);
         }
         let seen = surroundings(ray.normalize().reflect(normal), self.lights[0].0);
@@ -158,7 +156,7 @@ impl<'a> Shader<'a> {
     }
 }
 
-/// Brightness of what a mirror would see: a light ceiling, a darker floor, a soft lamp.
+/// Brightness of the surroundings in a mirror: a light ceiling, a darker floor, a soft lamp.
 fn surroundings(direction: Vec3, lamp: Vec3) -> f32 {
     let ceiling = smooth_step(-0.5, 0.5, direction.y);
     0.22 + 0.72 * ceiling + 0.9 * smooth_step(0.55, 0.95, direction.dot(lamp))
@@ -179,13 +177,13 @@ fn face_normal(triangle: &Triangle) -> Vec3 {
     (b - a).cross(c - a).normalize_or_zero()
 }
 
-/// The normal on the side of the eye.
+/// Normal on the side of the eye.
 fn facing(normal: Vec3, ray: Vec3) -> Vec3 {
     if normal.dot(ray) > 0.0 { -normal } else { normal }
 }
 
-/// Where a ray from the eye meets the triangle's plane, kept inside the triangle, and the normal
-/// there. Source: Möller and Trumbore 1997.
+/// Intersection of a ray from the eye with the triangle's plane, clamped to the triangle, and the normal there. Source: Möller and Trumbore
+/// 1997.
 fn meet(triangle: &Triangle, ray: Vec3) -> (Vec3, Vec3) {
     let [a, b, c] = triangle.corners;
     let (ab, ac) = (b - a, c - a);

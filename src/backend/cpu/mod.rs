@@ -1,4 +1,4 @@
-//! The CPU path: the kernels' twins in f32 or f64 on all cores; the reference that the GPU is checked against.
+//! CPU path: the kernels' twins in f32 or f64 on all cores; the reference for the GPU.
 
 mod reserve;
 mod slots;
@@ -15,24 +15,24 @@ use crate::math::{Real, V3, V4, round, widen};
 use crate::scene::Mass;
 use rayon::prelude::*;
 
-/// The body's state and constant arrays in one precision.
+/// State and constant arrays of a body in one precision.
 pub struct CpuBackend<R> {
     params: Params<R>,
     system: Box<dyn System<R>>,
     nonlinear: Nonlinear,
     max_iterations: u32,
     floor: f64,
-    node_count: usize, // in use, of `all_nodes` with the reserve
+    node_count: usize, // in use; `all_nodes` includes the reserve of duplicates
     all_nodes: usize,
     contact: bool,
     explicit: bool,
     u: Vec<V4<R>>,
     v: Vec<V4<R>>,
-    ahead: Vec<V4<R>>,  // of a damped explicit step; else empty
-    mean_v: Vec<V4<R>>, // of a consistent mass; else empty
+    ahead: Vec<V4<R>>,  // for damped explicit steps; otherwise empty
+    mean_v: Vec<V4<R>>, // for a consistent mass; otherwise empty
     f: Vec<V4<R>>,
-    free: Vec<V4<R>>,   // as A has them
-    masses: Vec<V4<R>>, // of an anchored body, as they are; else empty
+    free: Vec<V4<R>>,   // DOF mask and mass as in A
+    masses: Vec<V4<R>>, // DOF mask and mass without rest-shape springs; empty if there are none
     anchors: Anchors,
     anchor: Vec<R>,
     anchor_rate: f64,
@@ -50,13 +50,13 @@ pub struct CpuBackend<R> {
     space: Vec<Workspace<R>>, // [slot]
 }
 
-/// Segments that a blade may cut, and where their ends are.
+/// Segments that a blade can cut, and the positions of their ends.
 struct Cutting<R> {
     ends: Vec<[u32; 2]>,
     rest: Vec<V4<R>>,
     point_u: Vec<V4<R>>,
     point_before: Vec<V4<R>>,
-    kept: bool, // `point_before` is of the last step
+    kept: bool, // `point_before` is from the last step
 }
 
 impl<R: Real> Cutting<R> {
@@ -69,12 +69,13 @@ impl<R: Real> Cutting<R> {
 }
 
 impl<R: Real> CpuBackend<R> {
-    /// The body at rest, with the arrays that `needs` names.
+    /// The body in its initial state, with the arrays that `needs` names.
     pub fn new(model: &Model, needs: Needs, max_iterations: u32, floor: f64, start: &Snapshot) -> Self {
+        // sizes, and constructors of nodal arrays with room for the reserve
         let params: Params<R> = model.params();
         let (all_nodes, node_count) = (model.node_count(), params.nodes_in_use(&start.split));
         let slots = needs.slots();
-        let solved = usize::from(!model.step.explicit()); // what a solve needs vectors of
+        let solved = usize::from(!model.step.explicit()); // work vectors only if the step needs a solve
         let zeros = |of_node: usize| reserve::zeros(node_count * of_node, all_nodes * of_node);
         let in_use = |values: &[V4<f64>]| reserve::rounded(values, node_count);
         let system = model.system::<R>();
@@ -114,7 +115,7 @@ impl<R: Real> CpuBackend<R> {
         }
     }
 
-    /// Free axes and masses as they are.
+    /// DOF masks and masses without rest-shape springs.
     fn own(&self) -> &[V4<R>] {
         if self.masses.is_empty() { &self.free } else { &self.masses }
     }

@@ -1,26 +1,26 @@
-//! Room for the copies of nodes that a cut may take: reserved from the start, part of the arrays once copies are in use.
+//! Storage for the nodes that a cut may duplicate.
 //!
-//! Arrays over nodes are as long as there are places in use ([`crate::kernels::split`]), so a blade that has not cut costs no time; their
-//! memory is that of all places, so a cut allocates nothing.
+//! The length of nodal arrays is the number of nodes in use ([`crate::kernels::split`]), so without a cut the reserve costs no time. Their
+//! capacity includes the reserve, so a cut allocates nothing.
 
 use super::CpuBackend;
 use crate::math::{Real, V4, round};
 
-/// Zeroes for the nodes in use, with room for all.
+/// Zeros for the nodes in use, with capacity for all.
 pub(super) fn zeros<R: Real>(in_use: usize, all: usize) -> Vec<V4<R>> {
     let mut values = Vec::with_capacity(all);
     values.resize(in_use, [R::zero(); 4]);
     values
 }
 
-/// The values of the nodes in use, with room for all.
+/// Values of the nodes in use, with capacity for all.
 pub(super) fn rounded<R: Real>(all: &[V4<f64>], in_use: usize) -> Vec<V4<R>> {
     let mut values = Vec::with_capacity(all.len());
     values.extend(all.iter().take(in_use).map(round));
     values
 }
 
-/// Moves `[slot][node]` apart for more nodes, the new ones zero.
+/// Re-strides `[slot][node]` for more nodes; the new ones are zero.
 pub(super) fn spread<R: Real>(values: &mut Vec<V4<R>>, from: usize, to: usize) {
     let slots = values.len() / from;
     values.resize(slots * to, [R::zero(); 4]);
@@ -31,7 +31,7 @@ pub(super) fn spread<R: Real>(values: &mut Vec<V4<R>>, from: usize, to: usize) {
 }
 
 impl<R: Real> CpuBackend<R> {
-    /// Makes the arrays as long as the table of split nodes asks for.
+    /// Extends the arrays to the nodes in use by the table of split nodes.
     pub(super) fn take_reserve(&mut self) {
         let (from, to) = (self.node_count, self.system.nodes_in_use(&self.params));
         if to <= from {

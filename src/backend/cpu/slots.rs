@@ -1,7 +1,7 @@
-//! The CPU path's solves: conjugate gradients over the slots, explicit steps, and Newton's method for a law that is not linear.
+//! Solves on the CPU path: conjugate gradients over the right-hand sides, explicit steps, and Newton's method.
 //!
-//! What touches is solved with one linearisation per step, at the step's start: contact columns and correction then share one matrix;
-//! over steps at rest that is Newton's method too.
+//! With contact a step is linearised once, at its start, so that compliance columns and correction share one matrix. Towards equilibrium,
+//! over many steps, this is Newton's method too.
 
 use super::{CpuBackend, request};
 use crate::backend::newton::{Attempt, Descent, Raised, SHIFT, newton, positive};
@@ -20,7 +20,7 @@ impl<R: Real> CpuBackend<R> {
         pick.iter().map(|p| V3::from4(value(p)).f64()).collect()
     }
 
-    /// Solves the linear systems of slots, and picks values.
+    /// Solves the linear systems of several right-hand sides and reads values.
     pub(super) fn solve_slots(
         &mut self,
         wanted: &[Wanted],
@@ -31,6 +31,7 @@ impl<R: Real> CpuBackend<R> {
         let (params, free, system) = (&self.params, &self.free, &self.system);
         let (load, floor, max_iterations) = (self.load_squared, self.floor, self.max_iterations);
         let precondition = system.preconditioner(params, free, &self.block);
+        // one conjugate gradient solve per right-hand side, in parallel
         let arrays = (
             self.x.par_chunks_mut(n),
             self.r.par_chunks_mut(n),
@@ -63,14 +64,14 @@ impl<R: Real> CpuBackend<R> {
         Ok((outcomes, self.picked(pick)))
     }
 
-    /// The free motion of an explicit step, and its values at nodes: one division per node, exact.
+    /// Unconstrained motion of an explicit step, and its values at nodes: one exact division per node.
     pub(super) fn accelerate(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> (Vec<Outcome>, Vec<[f64; 3]>) {
         accelerate(&self.params, &self.free, &self.r, &mut self.x);
         debug_assert!(wanted.iter().all(|w| w.slot == FREE), "explicit steps have no contact");
         (vec![Outcome::exact(); wanted.len()], self.picked(pick))
     }
 
-    /// One linearisation for every slot; the free motion, which comes first in a step, finds out whether it is positive.
+    /// One linearisation for all right-hand sides. The unconstrained motion is solved first in a step and detects an indefinite tangent.
     pub(super) fn solve_linearised(
         &mut self,
         wanted: &[Wanted],
@@ -92,7 +93,7 @@ impl<R: Real> CpuBackend<R> {
         Ok(positive(self, SHIFT, solve)?.0)
     }
 
-    /// The free motion by Newton's method; the slot's right-hand side is the step's `b`, its solution the increment.
+    /// Unconstrained motion by Newton's method; the right-hand side is `b` of the step, the solution its increment.
     pub(super) fn newton(&mut self, tolerance: f64) -> Result<Outcome> {
         let (n, floor) = (self.node_count, self.floor);
         let zeros = vec![[R::zero(); 4]; n];
@@ -108,7 +109,7 @@ impl<R: Real> CpuBackend<R> {
     }
 }
 
-/// A point on the way to a step's solution.
+/// Point of the Newton iteration.
 #[derive(Clone)]
 struct Point<R> {
     /// `[node]` m
@@ -117,7 +118,7 @@ struct Point<R> {
     residual: Vec<V4<R>>,
 }
 
-/// A body on its way, with the step's right-hand side.
+/// Line search state: a body and the right-hand side of its step.
 struct Search<'a, R: Real> {
     body: &'a mut CpuBackend<R>,
     b: Vec<V4<R>>,

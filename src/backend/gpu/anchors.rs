@@ -1,4 +1,4 @@
-//! Anchors on the device: which nodes, how stiff, and the nodes' own masses beside those that `A` has.
+//! Rest-shape springs on the device: nodes, stiffness, and the nodal masses without their terms in `A`.
 
 use crate::bodies::gpu::{Dispatch, Maker};
 use crate::bodies::{Anchors, Model, rate};
@@ -7,9 +7,9 @@ use crate::gpu::{Buffer, Gpu};
 use crate::kernels::anchors::SOURCE;
 use crate::math::V4;
 
-/// Arrays of an anchored body.
+/// Arrays of a body with rest-shape springs.
 pub(super) struct Anchored {
-    /// `[node]` free axes and masses as they are.
+    /// `[node]` DOF masks and nodal masses.
     pub masses: Buffer,
     params: Buffer,
     ids: Buffer,
@@ -19,7 +19,7 @@ pub(super) struct Anchored {
 }
 
 impl Anchored {
-    /// None for a body without anchors.
+    /// `None` for a body without rest-shape springs.
     pub fn new(made: &mut Maker, model: &Model) -> Result<Option<Self>> {
         let (nodes, stiffness) = (&model.anchors.nodes, &model.anchors.stiffness);
         if nodes.is_empty() {
@@ -35,12 +35,12 @@ impl Anchored {
         Ok(Some(Self { masses, params, ids, anchor, list: model.anchors.clone(), rate: rate(&model.step) }))
     }
 
-    /// Free axes and masses of nodes as `A` has them.
+    /// DOF masks and masses of nodes as in `A`.
     pub fn in_system(&self, free: &[(u32, V4<f64>)]) -> Vec<V4<f32>> {
         free.iter().map(|(node, value)| self.list.in_system(self.rate, *node, *value).map(|c| c as f32)).collect()
     }
 
-    /// The kernel on a state and a right-hand side.
+    /// Dispatch for given displacements and right-hand side.
     pub fn bind(&self, gpu: &Gpu, u: &Buffer, b: &Buffer) -> Result<Dispatch> {
         let list = [("params", &self.params), ("ids", &self.ids), ("anchor", &self.anchor), ("free", &self.masses)];
         let kernel = gpu.bind(&SOURCE, &[&list[..], &[("u", u), ("b", b)]].concat())?;

@@ -1,4 +1,4 @@
-//! Groups of arrays on the device that belong together: the state, what a blade cuts, the boxes of tiles.
+//! Groups of device arrays: the state, the segments that a blade can cut, the bounding boxes of tiles.
 
 use crate::backend::NOT_KEPT;
 use crate::bodies::Model;
@@ -9,18 +9,18 @@ use crate::kernels::cut::Hit;
 use crate::kernels::{Params, bounds, cut, probe};
 use crate::math::{V3, V4};
 
-/// What a step changes.
+/// State of a body.
 pub(super) struct Body {
     pub u: Buffer,
     pub v: Buffer,
-    pub free: Buffer,   // as A has them
-    pub masses: Buffer, // as they are; the same array where nothing is anchored
+    pub free: Buffer,   // DOF mask and mass as in A
+    pub masses: Buffer, // DOF mask and nodal mass; the same array without rest-shape springs
     pub load: Buffer,
-    pub elements: Buffer, // rotations of cells, or the law of springs
+    pub elements: Buffer, // rotations of cells, or laws of springs
 }
 
 pub(super) struct Cutting {
-    centres: Option<[Dispatch; 2]>, // at the step's start and end; of springs the nodes count
+    centres: Option<[Dispatch; 2]>, // at the start and the end of the step; None for springs, which end at nodes
     point_before: Buffer,
     cut: Bound,
     params: Buffer,
@@ -28,16 +28,16 @@ pub(super) struct Cutting {
     hits: Buffer,
     hit_count: Buffer,
     segments: usize,
-    kept: bool, // `point_before` is of the last step
+    kept: bool, // `point_before` is from the last step
 }
 
-/// Hits of one step that the device can hand back; a blade crosses some hundred links at most.
+/// Maximum number of hits read back per step; a blade crosses a few hundred links at most.
 const MAX_HITS: usize = 65_536;
 
-/// Swept quads of one step; a blade has as many as its edge has pieces.
+/// Maximum number of swept quads per step; one per piece of the blade's edge.
 const MAX_QUADS: usize = 256;
 
-/// Runs the probe of compensated sums.
+/// Runs the probe that tests compensated summation on the device.
 pub(super) fn keeps_what_sums_lose(made: &mut Maker) -> Result<bool> {
     let gpu = made.gpu;
     let cases = probe::cases();
@@ -56,6 +56,7 @@ impl Cutting {
     pub fn new(made: &mut Maker, model: &Model, main: &Buffer, kind: &dyn Recorded, u: &Buffer) -> Result<Self> {
         let gpu = made.gpu;
         let of_body = model.mechanics().segments(model);
+        // buffers of the segments, the quads and the hits
         let rest: Vec<V4<f32>> = of_body.rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();
         let segments = of_body.ends.len();
         let (ends, rest) = (made.of("ends", &of_body.ends)?, made.of("rest", &rest)?);
@@ -65,7 +66,7 @@ impl Cutting {
         let hit_count = made.of("hit_count", &[0u32; 4])?;
         let points = of_body.rest.len();
         let point_before = made.vec4("point_before", points)?;
-        // the segments of some kinds end at nodes, those of others at points that follow from them
+        // segments end at nodes, or at points computed from nodes
         let (centres, point_u) = match kind.points(gpu, main, u, &point_before)? {
             None => (None, u.clone()),
             Some(before) => {
@@ -90,7 +91,7 @@ impl Cutting {
         Ok(Self { centres, point_before, cut, params, quads, hits, hit_count, segments, kept: false })
     }
 
-    /// Keeps where the segments' ends are, if `cuts`; comes before the step's integration.
+    /// Saves the positions of the segments' ends if `cuts`; must precede the step's integration.
     pub fn keep_points(&mut self, batch: &mut Batch, u: &Buffer, cuts: bool) {
         self.kept = cuts;
         if !cuts {
@@ -102,7 +103,7 @@ impl Cutting {
         }
     }
 
-    /// Runs what the batch holds and the cut: segments crossed by the quads, in their order.
+    /// Runs the batch and the cut; returns the segments crossed by the quads, in ascending order.
     pub fn hits(&self, gpu: &Gpu, mut batch: Batch, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>> {
         let corners: Vec<V4<f32>> = quads.iter().map(|p| V3::of(*p).pad(0.0)).collect();
         if corners.len() > MAX_QUADS * 4 {
@@ -122,7 +123,7 @@ impl Cutting {
             batch.run(centres, *cells, 1);
         }
         batch.run(&self.cut, self.segments, 1);
-        // few hits are usual: count and the first of them come in one read-back
+        // usually there are few hits: read the count and the first of them at once
         let first = 1024u64;
         let parts = gpu.submit_and_read(batch, &[(&self.hit_count, 4), (&self.hits, first * 8)])?;
         let count = cast::<u32>(&parts[0])[0] as usize;
@@ -143,7 +144,7 @@ impl Cutting {
     }
 }
 
-/// What each tile of the skin moves between.
+/// Bounding boxes of the displacements of the skin's tiles.
 pub(super) struct Bounds {
     kernel: Bound,
     out: Buffer,
@@ -157,7 +158,7 @@ impl Bounds {
         Ok(Self { kernel: made.gpu.bind(&bounds::SOURCE, &list)?, out })
     }
 
-    /// Runs what the batch holds, and the bounds of the skin then; of so many threads and bytes of tiles.
+    /// Runs the batch and then the bounding boxes; `threads` and `bytes` come from the tiles in use.
     pub fn read(&self, gpu: &Gpu, mut batch: Batch, (threads, bytes): (usize, u64)) -> Result<Vec<[V4<f64>; 2]>> {
         batch.run(&self.kernel, threads, 1);
         let parts = gpu.submit_and_read(batch, &[(&self.out, bytes)])?;

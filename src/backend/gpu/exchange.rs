@@ -1,4 +1,4 @@
-//! Values by index between the host and arrays on the device: those that the host reads, and those that it puts.
+//! Indexed access of the host to device arrays: gathered values to read, scattered values to write.
 
 use super::GpuBackend;
 use crate::bodies::gpu::Maker;
@@ -7,7 +7,7 @@ use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::{gather, scatter};
 use crate::math::{V3, V4};
 
-/// Values from the host by index: rows and coefficients of contacts, and what a cut changes.
+/// Scattered values from the host: contact rows, coefficients, and changes by a cut.
 pub(super) struct Put {
     pub row_params: Buffer,
     pub params: Buffer,
@@ -26,7 +26,7 @@ impl Put {
         Ok(Self { row_params, params, ids, values, rows })
     }
 
-    /// Puts values into any array, in its own submission.
+    /// Scatters values into any array, in a submission of its own.
     pub fn now(&self, gpu: &Gpu, destination: &Buffer, ids: &[u32], values: &[V4<f32>]) -> Result<()> {
         let list =
             [("params", &self.params), ("ids", &self.ids), ("values", &self.values), ("destination", destination)];
@@ -41,7 +41,7 @@ impl Put {
     }
 }
 
-/// Values for the host by index.
+/// Gathered values for the host.
 pub(super) struct Pick {
     pub params: Buffer,
     pub ids: Buffer,
@@ -66,7 +66,7 @@ impl Pick {
 }
 
 impl GpuBackend {
-    /// Gathers by index from one of the bound sources in the batch's submission; returns the bytes to read from `picked`.
+    /// Gathers by index from a bound source within the batch; returns the number of bytes to read from `picked`.
     pub(super) fn record_pick(&self, batch: &mut Batch, kernel: &Bound, ids: &[u32]) -> u64 {
         self.gpu.write(&self.pick.params, 0, &[ids.len() as u32, 0, 0, 0]);
         self.gpu.write(&self.pick.ids, 0, ids);
@@ -84,7 +84,7 @@ impl GpuBackend {
         Ok(out)
     }
 
-    /// Puts values into an array by index, in its own submission.
+    /// Scatters values into an array by index, in a submission of its own.
     pub(super) fn put(&mut self, destination: &Buffer, ids: &[u32], values: &[V4<f32>]) -> Result<()> {
         if ids.is_empty() {
             return Ok(());

@@ -1,4 +1,4 @@
-//! Explicit steps on the device: one division per node where others iterate, and none of the arrays of the conjugate gradients.
+//! Explicit steps on the device: one division per node instead of a solve, without the arrays of the conjugate gradients.
 
 use super::GpuBackend;
 use super::exchange::triples;
@@ -11,17 +11,17 @@ use crate::gpu::Buffer;
 use crate::kernels::{Params, accelerate, ahead};
 use crate::linear::Outcome;
 
-/// Steps that are handed to the device before one is waited for: more fill its queue, fewer cost a wait each.
+/// Steps submitted before the host waits: more fill the device's queue, fewer cost one wait each.
 const UNREAD: u32 = 32;
 
-/// Where a damped explicit step takes its elastic forces.
+/// Displacements at which a damped explicit step evaluates its elastic forces.
 pub(super) struct Ahead {
     pub kernel: Dispatch,
     pub y: Buffer,
 }
 
 impl Ahead {
-    /// None for a body whose forces are taken where it is.
+    /// `None` if forces are evaluated at the current displacements.
     pub fn new(made: &mut Maker, model: &Model, main: &Buffer, u: &Buffer, v: &Buffer) -> Result<Option<Self>> {
         if model.step.lead() <= 0.0 {
             return Ok(None);
@@ -34,8 +34,8 @@ impl Ahead {
 }
 
 impl Solver {
-    /// A diagonal system: right-hand side, increments and one dispatch. There is nothing to iterate, so the names of what iterations
-    /// keep stand for the right-hand side.
+    /// Solver of a diagonal system: right-hand side, increments and one dispatch. The buffers of the iteration are unused aliases of the
+    /// right-hand side.
     pub(super) fn explicit(made: &mut Maker, arrays: &Arrays, params: Params<f32>, main: &Buffer) -> Result<Self> {
         let n = params.node_count as usize;
         let [x, r] = ["x", "r"].map(|name| made.vec4(name, n * params.slot_count as usize));
@@ -46,7 +46,7 @@ impl Solver {
 }
 
 impl GpuBackend {
-    /// The free motion of an explicit step, and its values at nodes.
+    /// Unconstrained motion of an explicit step, and its values at nodes.
     pub(super) fn accelerate(
         &mut self,
         wanted: &[Wanted],

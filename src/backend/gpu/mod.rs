@@ -1,8 +1,8 @@
-//! The GPU path: the same arrays and kernels in WGSL, f32.
+//! GPU path: the same arrays and kernels in WGSL, f32.
 //!
-//! Commands are recorded and submitted together with the next read-back: a step without contact is one submission, a step with contact
-//! one for the free motion, one per pass of the correction. A solve is recorded for as many iterations as the last one of its kind took
-//! and some more; slots that are done skip their work; if one is not, more iterations are submitted.
+//! Commands are recorded and submitted with the next read-back. A step without contact is one submission; a step with contact adds one per
+//! pass of the correction. A solve is recorded with a few more iterations than the last one of its kind took. Converged right-hand sides
+//! skip their work; if one has not converged, more iterations are submitted.
 
 mod anchors;
 mod arrays;
@@ -28,29 +28,29 @@ use solver::Solver;
 use split::Split;
 use std::sync::Arc;
 
-/// Nodes of a slot that are picked at once at least; more take another submission.
+/// Minimum number of values per right-hand side that one read-back can hold; more need another submission.
 const PICKED: usize = 1024;
 
-/// The body's state on the device.
+/// State of a body on the device.
 pub struct GpuBackend {
     gpu: Arc<Gpu>,
     params: Params<f32>,
     node_count: usize,
-    rotates: bool, // its elements are cells with rotations
+    rotates: bool, // its elements are cells, which have rotations
     max_iterations: u32,
     floor: f64,
     expected: [u32; 2],
     pending: Option<Batch>,
-    unread: Option<u32>, // steps since the device was waited for, of an explicit body
+    unread: Option<u32>, // explicit bodies: steps submitted since the last wait
     rows_pending: bool,
-    axes: Vec<V3<f32>>, // [node] 1 free, 0 held
+    axes: Vec<V3<f32>>, // [node] 1 free, 0 fixed
     bytes: u64,
     body: Body,
     anchored: Option<Anchored>,
     solver: Solver,
     newton: Option<Newton>,
     begin: Vec<Dispatch>,
-    integrate: [Bound; 2], // without, with correction
+    integrate: [Bound; 2], // without and with the correction
     pick: Pick,
     put: Option<Put>,
     bounds: Option<Bounds>,
@@ -60,10 +60,10 @@ pub struct GpuBackend {
 }
 
 impl GpuBackend {
-    /// The body at rest on a device, with the arrays that `needs` names.
+    /// The body in its initial state on a device, with the arrays that `needs` names.
     ///
     /// # Errors
-    /// When an array passes a limit of the adapter, or a kernel does not compile.
+    /// If an array exceeds a limit of the adapter or a kernel does not compile.
     pub fn new(
         gpu: impl Into<Arc<Gpu>>,
         model: &Model,
@@ -90,7 +90,7 @@ impl GpuBackend {
         let masses = anchored.as_ref().map_or(&free, |a| &a.masses).clone();
         let mut kind = model.mechanics().recorded(model, &mut made, &u, &params)?;
         let elements = kind.elements();
-        // blocks of the preconditioner; those of nodes that are not in use stay untouched
+        // preconditioner blocks; those of unused nodes keep their initial values
         gpu.making("columns");
         let own = model.own_nodes();
         let block = made.vec4("block", if explicit { 0 } else { n * 4 })?;
@@ -106,7 +106,7 @@ impl GpuBackend {
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
         };
-        // dispatches of a step's begin: rotations, forces, right-hand side, blocks and factors, coarse levels
+        // dispatches at the start of a step: rotations, forces, right-hand side, blocks and factors, coarse levels
         let mut begin: Vec<Dispatch> = ahead.iter().map(|a| a.kernel.clone()).collect();
         begin.extend(kind.forces(&gpu, &arrays, &main, ahead.as_ref().map(|a| &a.y))?);
         let mean_v = kind.mean_velocities();
@@ -120,13 +120,13 @@ impl GpuBackend {
             begin.push((of_main(&factor::SOURCE, &[])?, over_columns(&params)));
         }
         begin.extend(solver.refresh.iter().cloned());
-        // integration of the free motion alone, or with the correction
+        // integration of the unconstrained motion alone, or with the correction
         let single = made.params(&Params { slot_count: 1, ..params });
         let integrate =
             |params: &Buffer| arrays.bind(&gpu, &integrate::SOURCE, &[("params", params), ("x", &solver.x)]);
         let integrate = [integrate(&single)?, integrate(&main)?];
         gpu.making("exchange with the host");
-        // exchange with the host: picked values, values put by index, bounds of tiles, swept quads
+        // host exchange: gathered values, scattered values, bounding boxes of tiles, swept quads
         let picked = n.min(needs.near.max(PICKED)) * slots;
         let pick = Pick::new(&mut made, picked, [&solver.x, &u, &f])?;
         let most = n.max((elements.bytes / 16) as usize);
@@ -143,10 +143,10 @@ impl GpuBackend {
         };
         let node_blocks = needs.node_blocks.then(|| own_blocks(&mut made)).transpose()?;
         gpu.making("cut");
-        // duplication of nodes comes last: it knows which arrays there are
+        // node duplication comes last, because it needs all arrays
         let split = Split::new(&mut made, model, kind.as_ref(), &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
         let bytes = made.bytes;
-        gpu.sound()?; // what memory does not hold is told before anything runs
+        gpu.sound()?; // report allocation failures before anything runs
         Ok(Self {
             params,
             node_count: n,
@@ -218,7 +218,7 @@ impl Backend for GpuBackend {
     fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()> {
         let mut batch = self.record();
         if self.rows_pending {
-            // the entries below would replace those that the batch has yet to put
+            // the entries below would overwrite those that the batch still has to scatter
             self.gpu.submit(batch);
             batch = self.gpu.batch();
         }
@@ -242,7 +242,7 @@ impl Backend for GpuBackend {
 
     fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()> {
         let batch = self.record();
-        self.gpu.submit(batch); // a write comes before what is recorded after it
+        self.gpu.submit(batch); // a write takes effect before later commands
         let array = if which == Vector::Solution { &self.solver.x } else { &self.solver.r };
         self.gpu.write(array, self.offset(slot), &rounded(values));
         Ok(())
@@ -335,10 +335,10 @@ impl Backend for GpuBackend {
 
     fn set_state(&mut self, u: &[V4<f64>], v: &[V4<f64>], rotation: &[V4<f64>]) -> Result<()> {
         let batch = self.record();
-        self.gpu.submit(batch); // a write comes before what is recorded after it
+        self.gpu.submit(batch); // a write takes effect before later commands
         self.gpu.write(&self.body.u, 0, &rounded(u));
         self.gpu.write(&self.body.v, 0, &rounded(v));
-        // springs have their law there, which cuts alone change
+        // for springs the array holds the law, which only cuts change
         self.gpu.write(&self.body.elements, 0, &rounded(rotation));
         Ok(())
     }

@@ -1,8 +1,8 @@
-//! Laws that are not linear on the device: the points of Newton's method ([`super::super::newton`]), and steps of one linearisation.
+//! Nonlinear laws on the device: trial points of Newton's method ([`super::super::newton`]), and steps with one linearisation.
 //!
-//! What a point is worth comes back in one read: sums over groups of nodes, and the energy of each cell, from which the host takes the energy
-//! at the step's start in f64, so that the little that a step changes is not lost in what the body holds.
-//! What touches is solved with one linearisation per step, at the step's start, as on the CPU path.
+//! One read returns a trial point: partial sums over groups of nodes, and the energy of each cell. The host subtracts the cell energies at
+//! the start of the step in f64, so that the small change over a step is not lost in the total energy. With contact a step is linearised
+//! once, at its start, as on the CPU path.
 
 use super::GpuBackend;
 use super::exchange::triples;
@@ -15,18 +15,18 @@ use crate::kernels::hyperelastic_forces::INSIDE_OUT;
 use crate::kernels::{GROUP, Params};
 use crate::linear::Outcome;
 
-/// Roundings of the sums of a place's potential, relative to what they sum.
+/// Rounding error of the summed potential, relative to the sum of magnitudes.
 const ROUNDINGS: f64 = 4.0 * f32::EPSILON as f64;
 
-/// The law's arrays and kernels, and how a step stands.
+/// Arrays and kernels of the law, and the state of the step's iteration.
 pub(super) struct Newton {
     law: NonlinearLaw,
     params: Params<f32>,
-    /// Work of the step so far.
+    /// Statistics of the step so far.
     pub count: Nonlinear,
-    /// What has been added for tangents that are not positive.
+    /// Factor of `K₀` added to indefinite tangents.
     shift: f64,
-    /// `[cell]` energies at the step's start, J; empty before a point was tried.
+    /// `[cell]` energies at the start of the step, J; empty before the first trial point.
     start: Vec<f32>,
     /// Norm of the step's load, N.
     load: f64,
@@ -37,12 +37,12 @@ impl Newton {
         Self { law, params, count: Nonlinear::default(), shift: 0.0, start: vec![], load: 0.0 }
     }
 
-    /// Launches per point that is tried.
+    /// Kernel launches per trial point.
     pub fn launches(&self) -> u32 {
         self.law.search.as_ref().map_or(0, |search| search.kernels.len() as u32)
     }
 
-    /// Adds `shift` of `K₀` to the tangents from now on.
+    /// Sets the factor of `K₀` in the tangents.
     fn shift(&mut self, gpu: &Gpu, shift: f64) {
         if shift == self.shift {
             return;
@@ -62,12 +62,12 @@ impl Newton {
 }
 
 impl GpuBackend {
-    /// Bytes of a vector of one slot.
+    /// Size of a vector of one right-hand side, bytes.
     fn vector(&self) -> u64 {
         self.offset(1)
     }
 
-    /// Sets the free motion's right-hand side, and starts it from zero.
+    /// Sets the right-hand side of the unconstrained motion, with a zero initial guess.
     fn restart(&mut self, from: &Buffer) {
         let mut batch = self.record();
         batch.copy(from, 0, &self.solver.r, 0, self.vector());
@@ -75,7 +75,7 @@ impl GpuBackend {
         self.pending = Some(batch);
     }
 
-    /// A solve of a body with that law.
+    /// Solve for a body with a nonlinear law.
     pub(super) fn solve_nonlinear(
         &mut self,
         wanted: &[Wanted],
@@ -94,7 +94,7 @@ impl GpuBackend {
         }
     }
 
-    /// Takes over what Newton's method has found, and its values at nodes.
+    /// Copies the result of Newton's method to the solution and returns its values at nodes.
     fn found(&mut self, own: u32, pick: &[(usize, u32)]) -> Result<Vec<[f64; 3]>> {
         let mut batch = self.record();
         if let Some(newton) = &mut self.newton {
@@ -112,12 +112,13 @@ impl GpuBackend {
         Ok(triples(&self.gpu.submit_and_read(batch, &[(&self.pick.picked, picked)])?[0]))
     }
 
-    /// One linearisation for every slot; the free motion, which comes first in a step, finds out whether it is positive.
+    /// One linearisation for all right-hand sides. The unconstrained motion is solved first in a step and detects an indefinite tangent.
     fn solve_linearised(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let Some(free) = wanted.iter().position(|w| w.slot == FREE) else {
             return self.solve_slots(wanted, pick);
         };
         let mut batch = self.record();
+        // right-hand side saved for further attempts; no cell may be inverted at the start
         if let Some(newton) = &mut self.newton {
             batch.copy(&self.solver.r, 0, &newton.law.b, 0, (self.node_count * 16) as u64);
             newton.count = Nonlinear::default();
@@ -137,7 +138,7 @@ impl GpuBackend {
         Ok(positive(self, SHIFT, solve)?.0)
     }
 
-    /// Before the first place of a step: keeps its right-hand side, and clears what is added to the start.
+    /// Before the first trial point of a step: saves the right-hand side, clears increment, residual and solution.
     fn set_out(&self, batch: &mut Batch, newton: &Newton, search: &Search) {
         batch.copy(&self.solver.r, 0, &newton.law.b, 0, self.vector());
         for vector in [&search.dx[0], &search.rest[0], &self.solver.x] {
@@ -176,6 +177,7 @@ impl Descent for GpuBackend {
         if first {
             self.set_out(&mut batch, newton, search);
         }
+        // evaluate the point
         self.gpu.write(&search.gain, 0, &Params { gain: share as f32, ..newton.params }.words());
         search.kernels.iter().for_each(|(kernel, threads)| batch.run(kernel, *threads, 1));
         let groups = self.node_count.div_ceil(GROUP as usize) as u64;
@@ -186,6 +188,7 @@ impl Descent for GpuBackend {
             (&search.load, groups * 4),
         ];
         let parts = self.gpu.submit_and_read(batch, &wanted)?;
+        // sum on the host, the elastic energy relative to the start of the step
         let sum = |values: Vec<f32>| values.iter().map(|v| f64::from(*v)).sum::<f64>();
         let (balance, energy) = (cast::<[f32; 2]>(&parts[1]), cast::<f32>(&parts[2]));
         let (outside, end_share) = (newton.outside_in(&energy).is_some(), newton.law.end_share);

@@ -1,4 +1,4 @@
-//! The conjugate gradients on the device: vectors, scalars, and an iteration as a flat list of dispatches.
+//! Conjugate gradients on the device: vectors, scalars, and an iteration as a flat list of dispatches.
 
 use super::GpuBackend;
 use super::exchange::triples;
@@ -12,20 +12,20 @@ use crate::kernels::advance::Scalars;
 use crate::kernels::{GROUP, Params, Source, advance, converge, precondition, update};
 use crate::linear::Outcome;
 
-/// Right-hand sides and what the conjugate gradients keep of them.
+/// Right-hand sides and the vectors of the conjugate gradients.
 pub(super) struct Solver {
     pub x: Buffer,
     pub r: Buffer,
     pub z: Buffer,
     pub scalars: Buffer,
     requests: Buffer,
-    /// What the preconditioner has beside the columns' factors, once a step.
+    /// Dispatches that update the preconditioner besides the factored columns, once per step.
     pub refresh: Vec<Dispatch>,
     all: Vec<Dispatch>,
     correction: Vec<Dispatch>,
-    /// Iterations submitted beyond those that the last solve took, and at a time once those were not enough.
+    /// Extra iterations recorded beyond those of the last solve, and iterations per further submission if these do not suffice.
     pub spare: [u32; 2],
-    /// What the dispatches run over.
+    /// Nodes and columns in use, which set the thread counts.
     pub in_use: InUse,
 }
 
@@ -86,7 +86,7 @@ impl Solver {
             }
             Ok(out)
         };
-        // all slots together, and the correction's slot alone
+        // all right-hand sides together, and the correction alone
         let all = iteration(made, params, main)?;
         let correction = if with_correction {
             let params = Params { first_slot: CORRECTION as u32, ..params };
@@ -95,26 +95,26 @@ impl Solver {
         } else {
             vec![]
         };
-        // by columns alone it takes many iterations, whose number changes more
+        // the column preconditioner needs many iterations, and their number varies more
         let spare = if by_columns { [4, 8] } else { [1, 2] };
         let in_use = InUse::new(&params, &[]);
         Ok(Self { x, r, z, scalars, requests, refresh, all, correction, spare, in_use })
     }
 
-    /// Of a system that one dispatch solves.
+    /// Solver for a system that one dispatch solves.
     pub(super) fn of_one(x: Buffer, r: Buffer, kernel: Dispatch, in_use: InUse) -> Self {
         let (z, scalars, requests) = (r.clone(), r.clone(), r.clone());
         let all = vec![kernel];
         Self { x, r, z, scalars, requests, refresh: vec![], all, correction: vec![], spare: [0, 0], in_use }
     }
 
-    /// Dispatches of one iteration, and how many more there are once a cut has split cells.
+    /// Dispatches of one iteration, and the additional ones once a cut has split cells.
     pub fn launches(&self) -> [u32; 2] {
         let split = self.all.iter().filter(|(_, threads)| *threads == TOUCHED).count() as u32;
         [self.all.len() as u32 - split, split]
     }
 
-    /// Records `count` iterations of `rows` slots, of all or of the correction alone.
+    /// Records `count` iterations for `rows` right-hand sides: all of them, or the correction alone.
     pub fn record(&self, batch: &mut Batch, only_correction: bool, rows: u32, count: u32) {
         let list = if only_correction { &self.correction } else { &self.all };
         for _ in 0..count {
@@ -127,7 +127,7 @@ impl Solver {
         }
     }
 
-    /// Sets what each slot is solved to; slots that are not wanted are done before they start.
+    /// Sets the stopping criteria; slots that are not requested are marked as done.
     pub fn write_requests(&self, gpu: &Gpu, wanted: &[Wanted], rows: usize, floor: f64) {
         let mut scalars = vec![[1f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]; rows];
         let mut requests = vec![[0f32; 4]; rows];
@@ -150,8 +150,8 @@ impl GpuBackend {
         &self.gpu
     }
 
-    /// Dispatches at a step's begin, per iteration of a solve, per iteration once a cut has split cells, and per place that Newton's method
-    /// tries.
+    /// Dispatches at the start of a step, per iteration of a solve, additionally per iteration once a cut has split cells, and per trial
+    /// point of Newton's method.
     pub fn launches(&self) -> [u32; 4] {
         let [iteration, split] = self.solver.launches();
         [self.begin.len() as u32, iteration, split, self.newton.as_ref().map_or(0, Newton::launches)]
@@ -159,12 +159,13 @@ impl GpuBackend {
 }
 
 impl GpuBackend {
-    /// Solves slots of the linear system together.
+    /// Solves several right-hand sides of the linear system together.
     pub(super) fn solve_slots(
         &mut self,
         wanted: &[Wanted],
         pick: &[(usize, u32)],
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+        // range of right-hand sides, stopping criteria, initial guess
         let only_correction = wanted.iter().all(|w| w.slot == CORRECTION);
         let last = wanted.iter().map(|w| w.slot).max().unwrap_or(FREE);
         let (first, rows) = if only_correction { (CORRECTION, 1) } else { (FREE, last as u32 + 1) };
@@ -175,10 +176,11 @@ impl GpuBackend {
         let (from, bytes) = (self.offset(first), self.offset(rows as usize - 1) + last_bytes);
         batch.copy(&self.solver.x, from, &self.solver.z, from, bytes);
         let kind = usize::from(only_correction);
-        // one product more than there are iterations forms the start's residual
+        // the residual of the initial guess takes one additional product
         let [spare, again] = self.solver.spare;
         let most = wanted.iter().map(|w| w.target.iterations(self.max_iterations)).max().unwrap_or(0);
         let mut count = (self.expected[kind] * 5 / 4 + spare).min(most.saturating_add(1));
+        // submit iterations until all requested right-hand sides are done or at their limit
         loop {
             self.solver.record(&mut batch, only_correction, rows, count);
             let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
@@ -199,7 +201,7 @@ impl GpuBackend {
     }
 }
 
-/// Scalars of the wanted slots, from the bytes of the array.
+/// Solver scalars of the requested slots, from the bytes of the array.
 pub(super) fn scalars(bytes: &[u8], wanted: &[Wanted]) -> Vec<Scalars<f32>> {
     let heads: Vec<[f32; 8]> = cast(bytes);
     let of = |w: &Wanted| {

@@ -1,4 +1,4 @@
-//! What a cut changes on the device: the table of split nodes that kernels read, the state of new copies, what is gone.
+//! Changes by a cut on the device: the table of split nodes, the state of new duplicates, removed elements.
 
 use super::GpuBackend;
 use super::arrays::axes;
@@ -9,19 +9,19 @@ use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::duplicate;
 use crate::math::V4;
 
-/// See the module.
+/// Arrays and kernels for cuts.
 pub(super) struct Split {
-    /// The table as the device has it.
+    /// Copy of the device's table.
     pub host: Vec<u32>,
     table: Buffer,
     params: Buffer,
     pairs: Buffer,
-    copies: Vec<(Bound, u32)>, // arrays that are duplicated, and their slots
+    copies: Vec<(Bound, u32)>, // kernels that duplicate nodal arrays, and the slots of each array
     reserved: Reserved,
 }
 
 impl Split {
-    /// For a body of which something can be split, once all else is made; `arrays` by their number of slots.
+    /// For a body whose nodes can be split, after all other arrays; `arrays` with their number of slots.
     pub fn new(
         made: &mut Maker,
         model: &Model,
@@ -43,22 +43,23 @@ impl Split {
         Ok(Some(Self { host, table, params, pairs, copies, reserved }))
     }
 
-    /// Takes over new words and copies, in its own submission; what was recorded before must have been submitted.
+    /// Applies new table words and duplicates, in a submission of its own; earlier commands must have been submitted.
     pub fn take(&mut self, gpu: &Gpu, node_count: usize, words: &[(u32, u32)], copies: &[[u32; 2]]) {
         for (word, value) in words {
             self.host[*word as usize] = *value;
         }
+        // first cut: parameter blocks that know the reserve
         if !self.reserved.blocks.is_empty() {
             let Reserved { blocks, sums } = std::mem::take(&mut self.reserved);
             for (params, block) in blocks {
                 gpu.write(&block, 0, &params.words());
             }
-            // groups that nothing is launched for stay zero, wherever the new count puts them
+            // partial sums of groups without threads must be zero under the new count as well
             let mut batch = gpu.batch();
             sums.iter().for_each(|sums| batch.clear(sums, 0, sums.bytes));
             gpu.submit(batch);
         }
-        // rising words: written by runs without a hole
+        // ascending words: one write per run of consecutive words
         for run in words.chunk_by(|a, b| a.0 + 1 == b.0) {
             let values: Vec<u32> = run.iter().map(|(_, value)| *value).collect();
             gpu.write(&self.table, u64::from(run[0].0) * 4, &values);
@@ -66,6 +67,7 @@ impl Split {
         if copies.is_empty() {
             return;
         }
+        // state of the new duplicates
         gpu.write(&self.params, 0, &[copies.len() as u32, node_count as u32, 0, 0]);
         gpu.write(&self.pairs, 0, copies);
         let mut batch = gpu.batch();
@@ -77,7 +79,7 @@ impl Split {
 }
 
 impl GpuBackend {
-    /// What [`crate::backend::Backend::remove`] does.
+    /// Implements [`crate::backend::Backend::remove`].
     pub(super) fn take(&mut self, removal: &Removal) -> Result<()> {
         let Removal { cells, springs, copies, words, free } = removal;
         let batch = self.record();
@@ -86,6 +88,7 @@ impl GpuBackend {
             split.take(&self.gpu, self.node_count, words, copies);
             self.solver.in_use = InUse::new(&self.params, &split.host);
         }
+        // removed elements, new masses
         let elements = self.body.elements.clone();
         let gone = if self.rotates { cells } else { springs };
         self.put(&elements, gone, &vec![[0f32; 4]; gone.len()])?;
@@ -100,7 +103,7 @@ impl GpuBackend {
         for (node, value) in free {
             self.axes[*node as usize] = axes(*value);
         }
-        // nodes without cells leave the system where they are
+        // nodes without cells leave the system at their position
         let dead: Vec<u32> = free.iter().filter(|(_, v)| v[3] == 0.0).map(|(n, _)| *n).collect();
         let zeros = vec![[0f32; 4]; dead.len()];
         let v = self.body.v.clone();

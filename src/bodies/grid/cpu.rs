@@ -1,6 +1,6 @@
-//! Hexahedra in the solves of the CPU path: what each cell has in one precision, and which of the kernels' twins run on it.
+//! Hexahedra on the CPU path: arrays in one precision, and the kernels' twins that use them.
 //!
-//! A hyperelastic body keeps the tangents of its cells, taken anew where a solve wants them.
+//! A hyperelastic body stores the tangents of its cells and updates them when a solve asks for it.
 
 use super::direct::Direct;
 use super::multigrid::{Hierarchy, Operator, cycle, workspaces};
@@ -37,18 +37,18 @@ pub struct Hexahedra<R> {
     tangents: Option<Tangents<R>>,
 }
 
-/// What a hyperelastic body has beside.
+/// Tangents of a hyperelastic body.
 struct Tangents<R> {
     law: Hyperelastic,
     params: Params<f64>,
-    /// For sums of cells' forces: with the share of the change of forces over a step that it sees.
+    /// Parameters for sums of cell forces; the stiffness factor is `end_share`.
     sums: Params<R>,
     /// `[cell]` tangents by rows, N/m
     tangent: Vec<[[R; 24]; 24]>,
     end_share: f64,
     /// `r_K/h`
     damping: f64,
-    /// What has been added for tangents that are not positive.
+    /// Multiple of the small-strain matrix added to indefinite tangents.
     shift: f64,
 }
 
@@ -61,12 +61,12 @@ impl<R: Real> Tangents<R> {
         Self { law: law.clone(), params, sums, tangent, end_share, damping, shift: 0.0 }
     }
 
-    /// Forces at `u`, `[node]` N.
+    /// Internal forces at `u`, `[node]` N.
     fn forces(&self, u: &[V4<f64>]) -> Result<Vec<V4<f64>>> {
         self.law.forces(&self.params, u).map_err(|cell| Error::InsideOut { cell: self.params.cell_at(cell) })
     }
 
-    /// Takes the tangents at `u`, where no cell is inside out.
+    /// Evaluates the tangents at `u`; inverted cells keep theirs.
     fn linearise(&mut self, u: &[V4<f64>]) {
         let Self { law, params, tangent: all, .. } = self;
         all.par_iter_mut().enumerate().with_min_len(PARALLEL / 32).for_each(|(cell, k)| {
@@ -76,7 +76,7 @@ impl<R: Real> Tangents<R> {
         });
     }
 
-    /// `w += P σ K_T z`; returns what is added to `z·w`.
+    /// `w += P σ K_T z`, P the DOF mask, σ `end_share`; returns the increment of `z·w`.
     fn add_product(&self, free: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>]) -> R {
         let params = &self.params;
         let one = |(cell, k): (usize, &[[R; 24]; 24])| {
@@ -97,7 +97,7 @@ impl<R: Real> Tangents<R> {
 }
 
 impl<R: Real> Hexahedra<R> {
-    /// Of a model, nothing turned or cut.
+    /// Arrays of an uncut model, without rotations.
     pub fn new(model: &Model) -> Self {
         let hexahedra = model.hexahedra();
         Self {
@@ -117,7 +117,7 @@ impl<R: Real> Hexahedra<R> {
         }
     }
 
-    /// `w = A z` of the small-strain cells, turned; returns `z·w`.
+    /// `w = A z` with the rotated small-strain matrices; returns `z·w`.
     fn linear_product(
         &self,
         params: &Params<R>,
@@ -145,11 +145,13 @@ impl<R: Real> System<R> for Hexahedra<R> {
         scratch: &mut [CellForces<R>],
     ) -> Result<()> {
         let Self { shape, pre_strain, stiffness, elastic, layer_of, rotation, split, tangents, .. } = self;
+        // rotations at the start of the step
         if params.corotational == 1 {
             rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
                 *q = rotations::rotate_cell(params, shape, layer_of, split, u, cell, *q);
             });
         }
+        // hyperelastic forces, and the tangent where it is used once per step
         if let Some(tangents) = tangents {
             let place = widen(at);
             f.iter_mut().zip(tangents.forces(&place)?).for_each(|(f, force)| *f = round(&force));
@@ -158,6 +160,7 @@ impl<R: Real> System<R> for Hexahedra<R> {
             }
             return Ok(());
         }
+        // corotational forces; nodes of split cells are summed again
         elastic_forces(params, shape, pre_strain, elastic, layer_of, rotation, split, at, f, scratch);
         for node in params.touched(split).iter().map(|n| *n as usize) {
             let force = forces::node_force(params, shape, pre_strain, stiffness, layer_of, split, at, rotation, node);
@@ -245,7 +248,7 @@ impl<R: Real> System<R> for Hexahedra<R> {
         centres(params, &self.split, u, points);
     }
 
-    /// Dead cells, and words of the table in rising order.
+    /// Applies removed cells, and words of the table in ascending order.
     fn take(&mut self, params: &Params<R>, removal: &Removal) {
         for cell in &removal.cells {
             self.rotation[*cell as usize] = [R::zero(); 4];
@@ -253,7 +256,7 @@ impl<R: Real> System<R> for Hexahedra<R> {
         for (word, value) in &removal.words {
             self.split[*word as usize] = *value;
         }
-        // rising words: the rows of cells rise, and of new ones the numbers too
+        // words ascend, so the rows of cells ascend, and for new rows their numbers too
         let row = params.layout().row;
         let of_cells = row..row + params.cell_count as usize;
         for (word, value) in removal.words.iter().filter(|(word, _)| of_cells.contains(&(*word as usize))) {
@@ -309,14 +312,17 @@ impl<R: Real> System<R> for Hexahedra<R> {
 
     fn trial(&self, step: &Start<R>, dx: &[V4<R>], scratch: &mut [CellForces<R>]) -> Result<Option<Trial<R>>> {
         let Some(tangents) = &self.tangents else { return Ok(None) };
+        // elastic energy and forces at the trial point
         let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
         let place: Vec<V4<f64>> = step.u.iter().zip(dx).map(sum).collect();
         let Some(energy) = tangents.law.energy(&tangents.params, &place) else { return Ok(None) };
         let forces = tangents.forces(&place)?;
+        // inertia and damping: product with the small-strain matrix
         let params = Params { stiffness_factor: R::of(tangents.damping), ..*step.params };
         let mut residual = vec![[R::zero(); 4]; dx.len()];
         let linear = self.linear_product(&params, step.free, dx, &mut residual, scratch);
         let share = tangents.end_share;
+        // potential and its negative gradient on free axes
         let mut potential = 0.5 * linear.f64() + share * energy;
         for i in 0..dx.len() {
             for n in 0..3 {

@@ -1,12 +1,12 @@
-//! Cuts through hexahedra: links between cells are severed and nodes split ([`Parts`](crate::mesh::Parts)); each copy has the mass that its
-//! cells give it. Or, where the scene asks for it, a crossed link removes the cell in whose half the blade crossed it. A node without
-//! live cells leaves the system.
+//! Cuts through hexahedra. Links between cells are severed and nodes are duplicated ([`Parts`](crate::mesh::Parts)); each duplicate gets
+//! the mass of its cells. Alternatively, a crossed link removes the cell in whose half the blade crossed it. A node without cells leaves
+//! the system.
 //!
-//! Arrays and the product over the grid stay as they are: cells with copies among their corners are added one by one
-//! ([`crate::kernels::split_product`]), the smoother runs over extra columns, and the coarse levels ignore the cut. Places that no copy has
-//! taken are the last of all arrays, and nothing runs over them. Parts are found on the host, where the hits are anyway: 0.03 ms of a cutting
-//! step of the default scene, as much as one empty round trip to a device takes.
-//! Source: severed links between cells: Frisken-Gibson 1999 (linked volumes); copies of nodes for the parts around them: Molino, Bao,
+//! Arrays and the product over the grid stay unchanged: cells with duplicates among their corners are added one by one
+//! ([`crate::kernels::split_product`]), the smoother includes the duplicate columns, and the coarse levels ignore the cut. Unused
+//! duplicates are at the end of all arrays, and no kernel runs over them. Connected components are found on the host, where the hits are
+//! anyway: 0.03 ms of a cutting step of the default scene, as much as one empty round trip to a device.
+//! Source: severed links between cells: Frisken-Gibson 1999 (linked volumes); node duplication per connected component: Molino, Bao,
 //! Fedkiw 2004 (virtual nodes); Dick, Georgii, Westermann 2011 (hexahedra).
 
 use crate::bodies::{Model, Removal, Wound};
@@ -16,12 +16,13 @@ use crate::mesh::Change;
 use crate::scene::Mass;
 
 impl Wound {
-    /// Severs links and splits nodes.
+    /// Severs links and duplicates nodes.
     pub(super) fn split(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let links: Vec<(u32, f64)> = hits.iter().map(|hit| (hit.segment, hit.at)).collect();
         let Change { links, refused, copies, words, nodes } = self.surface.parts.cut(&links);
         let params = model.grid.params::<f64>();
         let shape = |cell: usize| model.shape[model.grid.layer(cell)];
+        // area and extent of the severed faces
         for (cell, axis) in &links {
             let h = shape(*cell as usize);
             self.totals.area += h[0] * h[1] * h[2] / h[*axis];
@@ -31,16 +32,18 @@ impl Wound {
         self.totals.refused += refused as usize;
         self.totals.copies += copies.len();
         let mut removal = Removal { copies, words, ..Removal::default() };
+        // rest positions of duplicates
         for [copy, source] in &removal.copies {
             self.rest[*copy as usize] = self.rest[*source as usize];
         }
+        // masses in proportion to the cells that a node keeps
         for node in nodes {
             let parts = &self.surface.parts;
             let original = parts.original(node as usize);
             let whole = model.free[original];
             let around = |node: usize| parts.cells_of(node).into_iter().map(|cell| shape(cell)[3]).sum::<f64>();
             let corners = around(node as usize);
-            // a uniform mass is shared by the cells' volumes
+            // a uniform mass is divided by the cells' corner masses
             let all = match model.mass {
                 Mass::Uniform => (0..8)
                     .filter_map(|a| params.cell_below(params.node_at(original), a))
@@ -54,7 +57,7 @@ impl Wound {
         removal
     }
 
-    /// Takes the face of a severed link into the extent of the wound.
+    /// Extends the wound by the face of a severed link.
     fn measure(&mut self, model: &Model, cell: usize, axis: usize) {
         let params = model.grid.params::<f64>();
         let topmost = params.cell_at(cell)[2] + 1 == model.grid.cells[2];
@@ -68,12 +71,13 @@ impl Wound {
         }
     }
 
-    /// Removes a cell for each crossed link.
+    /// Removes one cell for each crossed link.
     pub(super) fn remove_cells(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let params = model.grid.params::<f64>();
         let step = [1, params.cells_x, params.cells_x * params.cells_y];
         let mut removal = Removal::default();
         let mut opened = vec![];
+        // severed links: the cell of the crossed half is removed, unless one side is already gone
         for hit in hits {
             let (cell, axis) = (hit.segment / 3, (hit.segment % 3) as usize);
             let other = cell + step[axis];
@@ -90,6 +94,7 @@ impl Wound {
             removal.cells.push(gone);
             opened.push((gone, axis));
         }
+        // masses of the nodes around removed cells
         for (cell, axis) in opened {
             self.open_cell(model, cell, axis);
             self.totals.hexes += 1;

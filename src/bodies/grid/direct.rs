@@ -1,14 +1,15 @@
-//! Exact solves on the CPU: `A` assembled and factored once per step; its inverse stands where a preconditioner stands, so that the
-//! conjugate gradients are done after one iteration, or two in f32, and stop by the same rules as ever.
+//! Direct solver on the CPU: assembles and factors `A` once per step. The factor replaces the preconditioner, so the conjugate gradients
+//! end after one iteration (two in f32) under their usual stopping rules.
 //!
-//! `A = (1 + h r_M)/h² M + (1 + r_K/h) Σ_c R_c K R_cᵀ = L Lᵀ`; a held axis has the identity's row and column. Nodes are eliminated in
-//! nested dissection: a box's halves before the plane of nodes between them, which alone couples the two. The pattern is the whole grid's:
-//! a removed cell leaves zeros, so the analysis of the pattern is done once.
-//! Source: George 1973 (nested dissection); Ng, Peyton 1993 (left-looking supernodal Cholesky), as the crate faer has it.
-//! Differs: the planes follow from the grid, not from the graph: the factor takes half to three quarters of the time that approximate minimum
-//! degree gives it. One thread factors, so that sums have one order on one machine; faer chooses kernels and blocks by the processor and its
-//! caches, so this solver alone of the CPU path does not give the same bits everywhere. L is in f64 for both precisions of the CPU path: a factor in f32
-//! would be off by its rounding times the condition of thin stiff layers on fat; rounding its solutions costs one more iteration.
+//! `A = (1 + h r_M)/h² M + (1 + r_K/h) Σ_c R_c K R_cᵀ = L Lᵀ`; a fixed axis has the identity's row and column. Nodes are eliminated by
+//! nested dissection: first the two halves of a box, then the plane of nodes that separates them. The sparsity pattern is that of the whole
+//! grid; a removed cell leaves zeros, so the symbolic factorisation is done once.
+//! Source: George 1973 (nested dissection); Ng, Peyton 1993 (left-looking supernodal Cholesky), as implemented in the crate faer.
+//! Differs: separators come from the grid geometry, not from the graph; factoring takes half to three quarters of the time with approximate
+//! minimum degree. One thread factors, so that the order of sums is fixed on one machine. faer selects kernels and block sizes by processor
+//! and caches, so this is the one solver of the CPU path whose bits depend on the machine. L is f64 for both precisions of the CPU path: an
+//! f32 factor would have an error of its rounding times the condition number of thin stiff layers on fat. Rounding its solutions costs one
+//! more iteration.
 //! Memory of L: 28 MB at 24×24×5 cells, 61 MB at 14×14×23, 576 MB at 32×32×23.
 //! Units: r N, z m, A N/m.
 
@@ -28,33 +29,36 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Conj, MatMut, Par, Side};
 use rayon::prelude::*;
 
-/// Boxes of at most so many nodes along each side are not dissected further; 2 and 4 take as long, 6 up to a third longer.
+/// Boxes of at most this many nodes per side are not dissected further; 2 and 4 take as long, 6 up to a third longer.
 const UNDIVIDED: usize = 3;
 
-/// Smallest pivot, as a share of its row's diagonal, that is not taken for rounding. A free body without mass leaves 1e-14 and less; held
-/// skin of Poisson 0.499 at an endless step leaves 5e-4. Larger refuses long slender bodies, smaller lets free ones through.
+/// Smallest accepted pivot, relative to the diagonal entry of its row; below it is rounding error. A free body without mass leaves 1e-14
+/// and less; constrained skin of Poisson 0.499 with an infinite step leaves 5e-4. A larger value rejects long slender bodies, a smaller one
+/// accepts free bodies.
 const SMALLEST_PIVOT: f64 = 1e-12;
 
-/// Where `A` has entries: its lower half by columns, in the order of elimination.
+/// Sparsity pattern of `A`: its lower half by columns, in elimination order.
 pub struct Pattern {
-    /// `[node]` place in the order; row `3 place + axis`
+    /// `[node]` position in the elimination order; row `3 place + axis`
     pub place: Vec<u32>,
-    /// `[place]` node
+    /// `[position]` node
     pub node: Vec<u32>,
     /// `[row + 1]` first entry of each column
     pub first: Vec<usize>,
-    /// `[entry]` row, rising in each column
+    /// `[entry]` row, ascending in each column
     pub row: Vec<usize>,
 }
 
 impl Pattern {
-    /// Of a whole grid.
+    /// Pattern of a whole grid.
     pub fn new(params: &Params<f64>) -> Self {
+        // elimination order and its inverse
         let size = [params.nodes_x, params.nodes_y, params.nodes_z].map(|n| n as usize);
         let mut node = vec![];
         dissect(params, [0; 3], size, &mut node);
         let mut place = vec![0; node.len()];
         node.iter().enumerate().for_each(|(p, i)| place[*i as usize] = p as u32);
+        // rows of each column: the node itself and its later neighbours
         let (mut first, mut row) = (vec![0], vec![]);
         for (p, i) in node.iter().enumerate() {
             let at = params.node_at(*i as usize);
@@ -76,16 +80,17 @@ impl Pattern {
         Self { place, node, first, row }
     }
 
-    /// The entries of `A`, N/m.
+    /// Assembles the entries of `A`, N/m.
     pub fn assemble(
         &self,
         params: &Params<f64>,
         stiffness: &[M3<f64>], // [layer × 64] blocks a×8+b, N/m
         layer_of: &[u32],      // [cells_z] layer
         rotation: &[V4<f64>],  // [cell] quaternion
-        free: &[V4<f64>],      // [node] 1 free, 0 held, per axis; mass kg
+        free: &[V4<f64>],      // [node] DOF mask (1 free, 0 fixed) and mass kg
         value: &mut [f64],     // [entry] N/m
     ) {
+        // slice of the entries of each node's columns
         let mut rest = value;
         let mut columns = vec![];
         for p in 0..self.node.len() {
@@ -113,7 +118,7 @@ impl Pattern {
     }
 }
 
-/// Nodes of a box in the order of elimination.
+/// Nodes of a box in elimination order.
 fn dissect(params: &Params<f64>, low: [usize; 3], high: [usize; 3], out: &mut Vec<u32>) {
     let length = |n: usize| high[n] - low[n];
     let across = (0..3).fold(0, |longest, n| if length(n) > length(longest) { n } else { longest });
@@ -135,7 +140,7 @@ fn dissect(params: &Params<f64>, low: [usize; 3], high: [usize; 3], out: &mut Ve
     dissect(params, with(low, middle), with(high, middle + 1), out);
 }
 
-/// Number of a neighbour among the 27 nodes around a node.
+/// Index of a neighbour among the 27 nodes around a node.
 fn offset(neighbour: [usize; 3], at: [usize; 3]) -> usize {
     let [x, y, z] = [0, 1, 2].map(|n| neighbour[n] + 1 - at[n]);
     x + 3 * (y + 3 * z)
@@ -165,7 +170,7 @@ fn blocks_around(
     block
 }
 
-/// The system matrix of a body of bricks and its factor.
+/// System matrix of a body of hexahedra and its factor.
 pub struct Direct {
     params: Params<f64>,
     stiffness: Vec<M3<f64>>,
@@ -174,12 +179,12 @@ pub struct Direct {
     value: Vec<f64>,
     symbolic: Option<SymbolicCholesky<usize>>,
     factor: Vec<f64>,
-    /// The factor is that of the present state; whoever changes the state takes this back.
+    /// True if the factor belongs to the current state; must be reset when the state changes.
     pub current: bool,
 }
 
 impl Direct {
-    /// Of a model's grid; `None` when the model does not ask for it. Nothing is factored yet.
+    /// Solver for a model's grid, not yet factored; `None` if the model does not use it.
     pub fn new(model: &Model) -> Option<Self> {
         model.hexahedra().direct.then(|| {
             let params = model.params::<f64>();
@@ -197,7 +202,7 @@ impl Direct {
         })
     }
 
-    /// Factors `A` of a state; the first time the pattern is analysed.
+    /// Factors `A` for a state; the first call includes the symbolic factorisation.
     ///
     /// # Errors
     /// [`Error::NotPositive`] with the first node whose pivot is not above its rounding; [`Error::Usage`] when there is no memory for L.
@@ -206,17 +211,19 @@ impl Direct {
         let Self { params, stiffness, layer_of, pattern, value, symbolic, factor, .. } = self;
         let size = 3 * pattern.node.len();
         let places = SymbolicSparseColMatRef::new_checked(size, size, &pattern.first, None, &pattern.row);
+        // symbolic factorisation, once
         let symbolic = match symbolic {
             Some(symbolic) => symbolic,
             None => {
                 let supernodal_flop_ratio_threshold = SupernodalThreshold::FORCE_SUPERNODAL;
                 let how = CholeskySymbolicParams { supernodal_flop_ratio_threshold, ..Default::default() };
-                // with an order as given, faer analyses the upper half whatever side it is told
+                // with a given ordering, faer analyses the upper half whatever the side argument
                 let upper = places.transpose().to_col_major().map_err(|_| no_memory(pattern.row.len()))?;
                 let made = factorize_symbolic_cholesky(upper.as_ref(), Side::Upper, SymmetricOrdering::Identity, how);
                 symbolic.insert(made.map_err(|_| no_memory(pattern.row.len()))?)
             }
         };
+        // numeric factorisation
         pattern.assemble(params, stiffness, layer_of, rotation, free, value);
         let count = symbolic.len_val();
         factor.try_reserve_exact(count - factor.len()).map_err(|_| no_memory(count))?;
@@ -232,6 +239,7 @@ impl Direct {
         symbolic
             .factorize_numeric_llt(factor, matrix, Side::Lower, regular, Par::Seq, stack, Default::default())
             .map_err(|NonPositivePivot { index }| lost(index))?;
+        // reject pivots of rounding size, which faer accepts
         if let Some(row) = lost_row(symbolic, factor, pattern, value) {
             return Err(lost(row));
         }
@@ -239,7 +247,7 @@ impl Direct {
         Ok(())
     }
 
-    /// `z = A⁻¹ r` by the factor of the last [`Direct::factor`]; returns `r·z`. Any number of threads may ask at once.
+    /// `z = A⁻¹ r` with the factor of the last [`Direct::factor`]; returns `r·z`. May be called from any number of threads at once.
     pub fn solve<R: Real>(&self, r: &[V4<R>], z: &mut [V4<R>]) -> R {
         let symbolic = self.symbolic.as_ref().expect("a backend factors before it solves");
         let rows = |i: usize| 3 * self.pattern.place[i] as usize..;
@@ -260,13 +268,13 @@ impl Direct {
         gamma
     }
 
-    /// Numbers in L; 0 before the first factor.
+    /// Number of entries of L; 0 before the first factorisation.
     pub fn numbers(&self) -> usize {
         self.factor.len()
     }
 }
 
-/// The first row whose pivot is nothing but rounding.
+/// First row whose pivot is rounding error.
 fn lost_row(
     symbolic: &SymbolicCholesky<usize>,
     factor: &[f64],

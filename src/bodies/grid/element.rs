@@ -1,11 +1,11 @@
-//! 24×24 stiffness of a box-shaped brick, computed once per layer on the CPU.
+//! 24×24 stiffness matrix of a box-shaped hexahedron, computed once per layer on the CPU.
 //!
-//! `K = ∫ Bᵀ C B dV` by 2×2×2 Gauss points; C is Hooke's matrix with engineering shear strains (order xx yy zz xy yz zx).
-//! Plain: trilinear displacements. B-bar: the volumetric part of B is its mean over the cell, so nearly incompressible layers do not
-//! lock (Hughes 1980; mean dilatation, Nagtegaal, Parks, Rice 1974). Enhanced: nine inner modes `(1 − ξ²) e_i`, one per direction and
-//! axis, which leave their edges to the neighbours and are condensed, `K_uu − K_ua K_aa⁻¹ K_au`, so that a cell bends without shear
-//! (Wilson, Taylor, Doherty, Ghaboussi 1973). Over a box their mean strain is zero, so the patch test is passed without the correction that
-//! other shapes need (Taylor, Beresford, Wilson 1976), and they are the enhanced strains of Simo, Rifai 1990.
+//! `K = ∫ Bᵀ C B dV` with 2×2×2 Gauss points; C is Hooke's matrix with engineering shear strains (order xx yy zz xy yz zx). Plain:
+//! trilinear displacements. B-bar: the volumetric part of B is averaged over the cell, so nearly incompressible layers do not lock (Hughes
+//! 1980; mean dilatation, Nagtegaal, Parks, Rice 1974). Enhanced: nine incompatible modes `(1 − ξ²) e_i`, one per direction and axis,
+//! eliminated by static condensation, `K_uu − K_ua K_aa⁻¹ K_au`, so that a cell bends without shear locking (Wilson, Taylor, Doherty,
+//! Ghaboussi 1973). Over a box their mean strain is zero, so the patch test is passed without the correction that other shapes need
+//! (Taylor, Beresford, Wilson 1976), and they equal the enhanced assumed strains of Simo, Rifai 1990.
 //!
 //! Error of the skin block's centre displacement (tests/verify/skin_block.rs), %, at ν 0.45, 0.49, 0.499:
 //!
@@ -14,8 +14,8 @@
 //! | 20×20×5 | −6.7, −31.4, −75.7 | +2.0, +1.7, +1.4 | +1.9, +0.5, −6.9 |
 //! | 40×40×8 | −2.6, −14.6, −55.2 | +0.8, +0.9, +0.8 | +0.8, +0.7, −0.2 |
 //!
-//! B-bar is the default: alone of the three it is right at every ν. Enhanced bricks are better at 0.49, but stiffen towards 0.5 where cells
-//! are flat.
+//! B-bar is the default: it is the only one of the three that is accurate at every ν. Enhanced hexahedra are better at 0.49, but flat cells
+//! stiffen towards 0.5.
 //! Units: edges m, Young's modulus Pa, K N/m. Row and column `3a + i` are corner `a` (VTK order), axis `i`.
 
 use crate::kernels::corner;
@@ -27,14 +27,14 @@ use crate::scene::Element;
 /// 24×24 matrix by rows.
 pub type Matrix = [[f64; 24]; 24];
 
-/// Lamé constants (λ, μ) of Young's modulus and Poisson's ratio, Pa.
+/// Lamé constants (λ, μ) from Young's modulus and Poisson's ratio, Pa.
 pub fn lame(young: f64, poisson: f64) -> (f64, f64) {
     let lambda = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson));
     (lambda, young / (2.0 * (1.0 + poisson)))
 }
 
-/// Elastic strain at rest along x, y and z (and 0) of a layer that is strained by `[e_x, e_y]` in its plane:
-/// `e_z = −ν/(1 − ν) (e_x + e_y)`, so that no stress acts across the plane.
+/// Elastic strain of the rest shape along x, y and z (and 0) of a layer with in-plane strain `[e_x, e_y]`: `e_z = −ν/(1 − ν) (e_x + e_y)`,
+/// so that the stress across the plane is zero.
 pub fn pre_strain([x, y]: [f64; 2], poisson: f64) -> [f64; 4] {
     [x, y, -poisson / (1.0 - poisson) * (x + y), 0.0]
 }
@@ -58,12 +58,12 @@ fn gauss_points() -> impl Iterator<Item = [f64; 3]> {
     (0..8).map(move |a| corner(a).map(|o| g * (2.0 * o as f64 - 1.0)))
 }
 
-/// Gradients of the three inner modes `1 − ξ²`, 1/m.
+/// Gradients of the three incompatible modes `1 − ξ²`, 1/m.
 fn inner_gradients(h: [f64; 3], at: [f64; 3]) -> [[f64; 3]; 3] {
     std::array::from_fn(|d| std::array::from_fn(|n| if n == d { -4.0 * at[d] / h[d] } else { 0.0 }))
 }
 
-/// Strains of displacements along x, y, z whose gradient is `d`, the volumetric part taken from the gradient `mean`.
+/// Strains of displacements along x, y, z with shape-function gradient `d`; the volumetric part uses the gradient `mean`.
 fn strain(d: [f64; 3], mean: [f64; 3]) -> [[f64; 6]; 3] {
     let [x, y, z] = d;
     let mut b = [[0.0, 0.0, 0.0, y, 0.0, z], [0.0, 0.0, 0.0, x, z, 0.0], [0.0, 0.0, 0.0, 0.0, y, x]];
@@ -74,8 +74,9 @@ fn strain(d: [f64; 3], mean: [f64; 3]) -> [[f64; 6]; 3] {
     b
 }
 
-/// Stiffness of a brick with edges `h`.
+/// Stiffness matrix of a hexahedron with edges `h`.
 pub fn stiffness(h: [f64; 3], young: f64, poisson: f64, element: Element) -> Matrix {
+    // Hooke's matrix
     let (lambda, mu) = lame(young, poisson);
     let mut c = [[0.0; 6]; 6];
     for i in 0..3 {
@@ -88,6 +89,7 @@ pub fn stiffness(h: [f64; 3], young: f64, poisson: f64, element: Element) -> Mat
     // over a box the mean gradient is the one at the centre
     let mean = gradients(h, [0.0; 3]);
     let weight = h[0] * h[1] * h[2] / 8.0;
+    // sum over Gauss points of Bᵀ C B
     let mut k = [[0.0; 24 + INNER]; 24 + INNER];
     for at in gauss_points() {
         let d = gradients(h, at);
@@ -109,10 +111,10 @@ pub fn stiffness(h: [f64; 3], young: f64, poisson: f64, element: Element) -> Mat
     std::array::from_fn(|row| std::array::from_fn(|col| k[row][col]))
 }
 
-/// Inner degrees of freedom of an enhanced brick.
+/// Number of incompatible modes of an enhanced hexahedron.
 const INNER: usize = 9;
 
-/// Eliminates the inner degrees of freedom, last first; their block is positive definite.
+/// Static condensation of the incompatible modes, last first; their block is positive definite.
 fn condense(k: &mut [[f64; 24 + INNER]; 24 + INNER]) {
     for p in (24..24 + INNER).rev() {
         let pivot = k[p];
@@ -123,8 +125,8 @@ fn condense(k: &mut [[f64; 24 + INNER]; 24 + INNER]) {
     }
 }
 
-/// Lumped less consistent mass of a brick, `m (δ_ab − share_ab) I`, for a mass `m` of one corner, kg. Its row sums are zero: a brick that
-/// moves as a whole has the same inertia either way.
+/// Lumped minus consistent mass of a hexahedron, `m (δ_ab − share_ab) I`, for a corner mass `m`, kg. Its row sums are zero: in a rigid
+/// translation both have the same inertia.
 pub fn lumping(corner_mass: f64) -> Matrix {
     std::array::from_fn(|row| {
         std::array::from_fn(|col| {
@@ -134,7 +136,7 @@ pub fn lumping(corner_mass: f64) -> Matrix {
     })
 }
 
-/// The mirror blocks `B = H K H / 64` of a brick's matrix (see `kernels::product`): block `P` couples the x-displacement in sign pattern
+/// Mirror blocks `B = H K H / 64` of an element matrix (see `kernels::product`): block `P` couples the x-displacement in sign pattern
 /// `P⊕1`, y in `P⊕2` and z in `P⊕4`.
 pub fn modes(k: &Matrix) -> [[[f64; 3]; 3]; 8] {
     let sign = |pattern: usize, a: usize| {

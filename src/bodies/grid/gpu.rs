@@ -1,9 +1,9 @@
-//! Hexahedra on a device: element matrices of the layers as uniforms, rotations of the cells, the table of split nodes, and the levels of
-//! multigrid.
+//! Hexahedra on a device: element matrices of the layers as uniforms, rotations of the cells, the table of split nodes, and the multigrid
+//! levels.
 //!
-//! With multigrid the preconditioner is one V-cycle, unrolled into a flat list of dispatches: every level has its own arrays, and the
-//! parameter block once per pair of smoothing coefficients. No tangent of a hyperelastic body is kept: a product takes it anew from the
-//! displacements where it is wanted (`hyperelastic_tangent`).
+//! The multigrid preconditioner is one V-cycle, unrolled into a flat list of dispatches. Each level has its own arrays and one parameter
+//! block per pair of smoothing coefficients. Tangents of a hyperelastic body are not stored: each product computes them from the
+//! displacements (`hyperelastic_tangent`).
 
 use super::multigrid::steps;
 use super::{Hyperelastic, Multigrid, element};
@@ -20,7 +20,7 @@ use crate::math::{M3, V3, V4};
 use crate::mesh::Parts;
 use crate::scene::Mass;
 
-/// Element matrices as 3×3 blocks; mat3x3 in a uniform: three columns of 16 bytes.
+/// Element matrices as 3×3 blocks; a mat3x3 in a uniform is three columns of 16 bytes.
 fn stiffness_uniform(made: &mut Maker, stiffness: &[element::Matrix]) -> Buffer {
     let column = |c: V3<f32>| [c.x.to_bits(), c.y.to_bits(), c.z.to_bits(), 0];
     let blocks: Vec<M3<f32>> = element::blocks(stiffness);
@@ -28,7 +28,7 @@ fn stiffness_uniform(made: &mut Maker, stiffness: &[element::Matrix]) -> Buffer 
     made.uniform("stiffness", MAX_LAYERS * 64 * 48, &words)
 }
 
-/// Element matrices in mirror blocks, which are symmetric, so rows serve as columns.
+/// Element matrices as mirror blocks; they are symmetric, so rows serve as columns.
 fn modes_uniform(made: &mut Maker, stiffness: &[element::Matrix]) -> Buffer {
     let column = |c: &[f32; 3]| [c[0].to_bits(), c[1].to_bits(), c[2].to_bits(), 0];
     let modes: Vec<product::Modes<f32>> = element::rounded_modes(stiffness);
@@ -36,16 +36,16 @@ fn modes_uniform(made: &mut Maker, stiffness: &[element::Matrix]) -> Buffer {
     made.uniform("modes", MAX_LAYERS * 8 * 48, &words)
 }
 
-/// Numbers of the layers.
+/// Four values per layer.
 fn layers_uniform(made: &mut Maker, name: &'static str, rows: &[V4<f32>]) -> Buffer {
     let words: Vec<u32> = rows.iter().flatten().map(|c| c.to_bits()).collect();
     made.uniform(name, MAX_LAYERS * 16, &words)
 }
 
-/// What a hyperelastic body has beside.
+/// Arrays of a hyperelastic body.
 struct Law {
     newton: bool,
-    /// Share of the change of forces over a step that it sees.
+    /// Fraction of the change of elastic forces over a step that enters the step.
     end_share: f64,
     /// `r_K/h`
     damping: f64,
@@ -67,7 +67,7 @@ struct Level {
 pub(super) struct Hexahedra {
     shared: Arrays,
     rotation: Buffer,
-    /// `stiffness` of the blocks and `v` of the right-hand side with a consistent mass.
+    /// For a consistent mass: `stiffness` of the blocks and `v` of the right-hand side.
     consistent: Option<[Buffer; 2]>,
     params: Params<f32>,
     corotational: bool,
@@ -91,6 +91,7 @@ impl Hexahedra {
                 fix: "run it with --backend cpu, or take the preconditioner multigrid".into(),
             });
         }
+        // arrays of all laws
         let rotation = made.of("rotation", &vec![[0f32, 0.0, 0.0, 1.0]; model.grid.cell_count()])?;
         let host = Parts::new(model.params()).table().to_vec();
         let table = made.of("split", if host.is_empty() { &[0] } else { &host[..] })?;
@@ -103,6 +104,7 @@ impl Hexahedra {
             made.of("layer_of", &model.grid.layer_of)?,
             rotation.clone(),
         ]);
+        // arrays of the linear law and of a consistent mass
         if hexahedra.hyperelastic.is_none() {
             shared = shared.joined(&Arrays::of(&[layers_uniform(made, "pre_strain", &model.pre_strains())]));
         }
@@ -129,13 +131,13 @@ impl Hexahedra {
         Ok(out)
     }
 
-    /// Arrays of a hyperelastic body.
+    /// Adds the arrays of a hyperelastic body.
     fn add_law(&mut self, law: &Hyperelastic, model: &Model, made: &mut Maker, u: &Buffer) -> Result<()> {
         made.gpu.making("hyperelastic law");
         let (n, cells) = (self.params.node_count as usize, self.params.cell_count as usize);
         let corner_force = made.of("corner_force", &vec![0f32; cells * 24 * self.params.slot_count as usize])?;
         let energy = made.of("energy", &vec![0f32; cells])?;
-        // with one linearisation per step the tangents are those at its start
+        // a step with one linearisation uses the tangents at its start
         let place = if law.newton { made.vec4("place", n)? } else { u.clone() };
         let own = [layers_uniform(made, "material", &law.rounded()), corner_force, energy.clone()];
         self.shared = self.shared.joined(&Arrays::of(&own)).joined(&Arrays::one("place", &place));
@@ -151,7 +153,7 @@ impl Hexahedra {
         Ok(())
     }
 
-    /// What split cells add to a product; nothing where no cell can be split.
+    /// Contribution of split cells to a product; `None` where no cell can be split.
     fn split_product(
         &self,
         gpu: &Gpu,
@@ -167,10 +169,11 @@ impl Hexahedra {
         Ok(Some((arrays.bind(gpu, &split_product::SOURCE, &more)?, TOUCHED)))
     }
 
-    /// One V-cycle from the level of that number down, as `bodies::grid::multigrid::cycle` does it.
+    /// One V-cycle from level `number` downwards, in the order of `bodies::grid::multigrid::cycle`.
     fn cycle(&self, made: &mut Maker, number: usize, first_slot: u32, out: &mut Vec<Dispatch>) -> Result<()> {
         let (gpu, own) = (made.gpu, &self.levels[number]);
         let params = Params { first_slot, ..own.params };
+        // product with the level's matrix, and one smoothing kernel per coefficient pair
         let main = made.params(&params);
         let product = own.arrays.bind(gpu, &product::SOURCE, &[("params", &main)])?;
         let mut products = vec![(product, product::tiles(&params) * GROUP as usize)];
@@ -187,11 +190,13 @@ impl Hexahedra {
                 out.extend(products.iter().chain([step]).cloned());
             }
         };
+        // pre-smoothing; the first step starts from zero and needs no product
         out.push(first);
         sweep(&later[1..], out);
         let Some(next) = self.levels.get(number + 1) else {
             return Ok(());
         };
+        // arrays of the coarser level under the names of the transfer kernels
         let coarse = |names: &[(&'static str, &'static str)]| -> Vec<(&'static str, Buffer)> {
             names.iter().filter_map(|(theirs, ours)| Some((*ours, next.arrays.get(theirs)?))).collect()
         };
@@ -201,6 +206,7 @@ impl Hexahedra {
             more.push(("params", &main));
             own.arrays.bind(gpu, source, &more)
         };
+        // residual, restriction, coarse correction, prolongation, post-smoothing
         out.extend(products.iter().cloned());
         let threads = next.params.node_count as usize;
         out.push((bind(&restriction::SOURCE, &[("free", "coarse_free"), ("r", "coarse_r")])?, threads));
@@ -210,10 +216,11 @@ impl Hexahedra {
         Ok(())
     }
 
-    /// What Newton's method evaluates a point by.
+    /// Kernels that evaluate a trial point of the line search.
     fn search(&self, made: &mut Maker, arrays: &Arrays, x: &Buffer, law: &Law) -> Result<Search> {
         let n = self.params.node_count as usize;
         let groups = n.div_ceil(GROUP as usize);
+        // arrays: increment and residual at the current and the trial point, and sums over groups
         let mut vector = |name| made.vec4(name, n);
         let dx = [vector("dx")?, vector("dx_next")?];
         let rest = [vector("rest")?, vector("rest_next")?];
@@ -222,6 +229,7 @@ impl Hexahedra {
         let balance = made.of("balance", &vec![[0f32; 2]; groups])?;
         let sums = made.of("partial_product", &vec![0f32; self.params.product_groups as usize])?;
         let running = made.vec4("scalars", 2)?;
+        // parameter blocks: step length, factor of damping, fraction of the force change
         let gain = made.params(&self.params);
         let (_, damped) = with_factor(made, &self.params, law.damping);
         let (_, shared) = with_factor(made, &self.params, law.end_share);
@@ -231,6 +239,7 @@ impl Hexahedra {
         let left = [("params", &shared), ("b", &law.b), ("w", &w), ("dx", &dx[1]), ("rest", &rest[1])];
         let left = [&left[..], &[("balance", &balance)]].concat();
         let bind = |source, more: &[(&'static str, &Buffer)]| arrays.bind(made.gpu, source, more);
+        // trial point, elastic forces, inertia and damping, residual
         let kernels = vec![
             (bind(&attempt::SOURCE, &along)?, n),
             (bind(&hyperelastic_forces::SOURCE, &[("params", &shared)])?, self.params.cell_count as usize),
@@ -242,7 +251,7 @@ impl Hexahedra {
     }
 }
 
-/// A parameter block with another factor of the small-strain matrix.
+/// Parameter block with another factor of the small-strain matrix.
 fn with_factor(made: &mut Maker, params: &Params<f32>, factor: f64) -> (Params<f32>, Buffer) {
     let params = Params { stiffness_factor: factor as f32, ..*params };
     (params, made.params(&params))
@@ -252,7 +261,7 @@ fn columns(params: &Params<f32>) -> usize {
     params.columns() + params.extra_columns as usize
 }
 
-/// The finest level, which has the body's arrays, and the coarse ones.
+/// The finest level, which uses the body's arrays, and the coarse levels.
 fn make_levels(
     made: &mut Maker,
     multigrid: &Multigrid,
@@ -269,7 +278,7 @@ fn make_levels(
     let finest = finest.joined(&Arrays::of(&[d]));
     let layer_of = finest.get("layer_of");
     let mut out = vec![Level { arrays: finest, params: *params, main: main.clone(), steps: first }];
-    // the coarse levels' smoothing sums up what nothing reads; the finest level's sums beyond what is in use stay zero
+    // sums of the coarse smoothers, which nothing reads; on the finest level, entries beyond those in use must stay zero
     let unread = multigrid.coarse.first().map_or(0, |level| columns(&level.params(*params)).div_ceil(GROUP as usize));
     let unread = made.of("partial_gamma", &vec![0f32; unread * slots])?;
     for (number, level) in multigrid.coarse.iter().enumerate() {
@@ -285,7 +294,7 @@ fn make_levels(
         for name in ["r", "z", "d", "w"] {
             own.push(made.vec4(name, n * slots)?);
         }
-        // its own, so that what the finest level has summed up stays
+        // an array of its own, so that the finest level's sums persist
         own.push(made.of("partial_product", &vec![0f32; params.product_groups as usize * slots])?);
         let main = made.params(&params);
         let steps = steps(level.largest, number + 1 == count);
@@ -348,7 +357,7 @@ impl Recorded for Hexahedra {
         let bind = |source, block: &Buffer| arrays.bind(gpu, source, &[("params", block)]);
         let mut out = match &mut self.law {
             None => vec![(bind(&product::SOURCE, main)?, threads)],
-            // of inertia and damping, of each cell's tangent, and their sum
+            // inertia and damping, tangent of each cell, and the sum at the nodes
             Some(law) => {
                 let damped = with_factor(made, params, law.damping);
                 let (_, summed) = with_factor(made, params, law.end_share);

@@ -1,11 +1,11 @@
-//! Hyperelastic hexahedra: the tangent of a cell, and energy, forces and tangents of a grid, in f64.
+//! Hyperelastic hexahedra: tangent of a cell; energy, forces and tangents of a grid; all in f64.
 //!
-//! Energy and forces of a cell are those of [`crate::kernels::hyperelastic`], and so are the symbols; both follow from one potential, so the
-//! tangent ([`crate::kernels::hyperelastic_tangent`]) is symmetric; it need not be positive. At rest the neo-Hookean one is the linear
-//! hexahedron with its λ-part taken at the mean.
+//! Energy and forces of a cell, and the symbols, are those of [`crate::kernels::hyperelastic`]. Both derive from one potential, so the
+//! tangent ([`crate::kernels::hyperelastic_tangent`]) is symmetric; it may be indefinite. At rest the neo-Hookean tangent is that of the
+//! linear hexahedron with its λ-part averaged over the cell.
 //!
-//! The other laws beside it: centre of the skin block (20×20×5 cells, ν 0.45, no gravity) under a pressure on its middle
-//! (tests/verify/neo_hookean.rs holds these):
+//! Comparison of the laws: displacement of the skin block's centre (20×20×5 cells, ν 0.45, no gravity) under a pressure on its middle
+//! (tests/verify/neo_hookean.rs checks these values):
 //!
 //! | pressure kPa | neo-Hookean mm | corotational | small strain |
 //! | --- | --- | --- | --- |
@@ -13,8 +13,8 @@
 //! | 10 | −0.1868 | +13.7 % | +4.2 % |
 //! | 50 | −0.7893 | +174 % | +23 % |
 //!
-//! Corotational stress is linear in the stretch, so what is pressed together does not stiffen: at 50 kPa nothing holds the middle of
-//! 2.3 mm of skin until cells are all but gone.
+//! Corotational stress is linear in the stretch, so compressed material does not stiffen: at 50 kPa nothing supports the middle of 2.3 mm
+//! of skin until the cells have almost collapsed.
 //! Units: u m, edges m, material Pa, W J, f N, K N/m.
 
 use super::element::{Matrix, lame};
@@ -31,12 +31,13 @@ use rayon::prelude::*;
 /// 24×24 tangent, row and column `3a + i`, N/m.
 pub fn tangent(cell: &Cell<f64>) -> Matrix {
     let (growing, pressure, stiff) = (cell.growing().map(V3::f64), cell.pressure(), cell.stiffening());
+    // material and geometric part, Gauss point by Gauss point, lower half by corner pairs
     let mut k = [[0.0; 24]; 24];
     for (n, p) in cell.points.iter().enumerate() {
         let held = cell.weight * pressure * (1.0 + p.growth);
         let rest: [V3<f64>; 8] = std::array::from_fn(|a| gradient(cell.inverse, a, n));
         let now = rest.map(|g| (p.back * g).f64());
-        // the law's part: [3 j + l] dP' for a unit change of F in row j, column l
+        // [3 j + l] material part: dP' for a unit change of F in row j, column l
         let unit = |m: usize| {
             let mut change = [[0.0; 3]; 3]; // columns
             change[m % 3][m / 3] = 1.0;
@@ -58,11 +59,13 @@ pub fn tangent(cell: &Cell<f64>) -> Matrix {
             }
         }
     }
+    // stiffness of the mean dilatation
     for m in 0..24 {
         for n in 0..3 * (m / 3 + 1) {
             k[m][n] += stiff * growing[m / 3][m % 3] * growing[n / 3][n % 3];
         }
     }
+    // upper half by symmetry
     for m in 0..24 {
         for n in 3 * (m / 3 + 1)..24 {
             k[m][n] = k[n][m];
@@ -71,7 +74,7 @@ pub fn tangent(cell: &Cell<f64>) -> Matrix {
     k
 }
 
-/// κ, two constants, Pa, and the code of a law, as [`Material::of`] reads them.
+/// κ and two constants, Pa, and the code of a law, in the layout of [`Material::of`].
 fn constants(law: scene::Material, layer: &Layer) -> V4<f64> {
     let (lambda, mu) = lame(layer.young, layer.poisson);
     match law {
@@ -83,21 +86,21 @@ fn constants(law: scene::Material, layer: &Layer) -> V4<f64> {
     }
 }
 
-/// A grid of such cells.
+/// Grid of hyperelastic cells.
 #[derive(Clone, Debug)]
 pub struct Hyperelastic {
-    /// `[layer]` edges of a cell, m, and 0.
+    /// `[layer]` cell edges, m, and 0.
     shapes: Vec<V4<f64>>,
-    /// `[layer]` κ, two constants, Pa, and the law's code, as the kernels read them.
+    /// `[layer]` κ and two constants, Pa, and the law's code, in the kernels' layout.
     materials: Vec<V4<f64>>,
     /// `[cells_z]` layer
     layer_of: Vec<u32>,
-    /// Steps are solved by Newton's method; else each is one linearisation.
+    /// True if steps are solved by Newton's method; otherwise each is linearised once.
     pub newton: bool,
 }
 
 impl Hyperelastic {
-    /// Of a scene's body with such a law.
+    /// Grid of a scene's body, if its law is hyperelastic.
     pub(super) fn of(scene: &Scene, skin: &Skin, grid: &Grid) -> Option<Self> {
         let Law::Hyperelastic(material) = skin.law else { return None };
         let shape = |layer: usize| {
@@ -112,12 +115,12 @@ impl Hyperelastic {
         })
     }
 
-    /// A cell under nodal displacements; `None` when it is inside out.
+    /// State of a cell at nodal displacements; `None` if it is inverted.
     pub fn cell(&self, params: &Params<f64>, u: &[V4<f64>], cell: usize) -> Option<Cell<f64>> {
         Cell::of(params, &self.shapes, &self.materials, &self.layer_of, u, cell)
     }
 
-    /// Energy of all cells, J; `None` when one is inside out.
+    /// Energy of all cells, J; `None` if one is inverted.
     pub fn energy(&self, params: &Params<f64>, u: &[V4<f64>]) -> Option<f64> {
         let one = |cell| self.cell(params, u, cell).map(|c| c.energy());
         let each: Option<Vec<f64>> =
@@ -125,17 +128,17 @@ impl Hyperelastic {
         Some(each?.iter().sum())
     }
 
-    /// `[node]` forces that nodes must be held with, N; the number of the first cell that is inside out as the error.
+    /// `[node]` internal forces, N; `Err` with the first inverted cell.
     pub fn forces(&self, params: &Params<f64>, u: &[V4<f64>]) -> Result<Vec<V4<f64>>, usize> {
         let one = |cell| self.cell(params, u, cell).map(|c| c.forces().map(V3::f64)).ok_or(cell);
         let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
         let each: Result<Vec<_>, _> = cells.map(one).collect();
-        // of several such cells the first, whichever a thread came upon
+        // report the first inverted cell, independent of thread order
         let first = |cell| (0..cell).find(|c| self.cell(params, u, *c).is_none()).unwrap_or(cell);
         Ok(sums(params, &each.map_err(first)?))
     }
 
-    /// `K_T z`, `[node]` N, without a matrix; cells that are inside out have none.
+    /// `K_T z`, `[node]` N, matrix-free; inverted cells contribute nothing.
     pub fn tangent_product(&self, params: &Params<f64>, u: &[V4<f64>], z: &[V4<f64>]) -> Vec<V4<f64>> {
         let one = |cell| {
             let product = |c: Cell<f64>| c.product(&at_corners(params, z, cell)).map(V3::f64);
@@ -145,8 +148,8 @@ impl Hyperelastic {
         sums(params, &cells.map(one).collect::<Vec<_>>())
     }
 
-    /// Forces at a step's start, put into `f`, and what of their change over the step it sees: by Newton's method the law's own, else the
-    /// tangent's, `[node]` N. NaN where a cell is inside out.
+    /// Writes the forces at the start of the step into `f` and returns the change over the step that enters it, `[node]` N: the change of
+    /// forces for Newton's method, otherwise the product with the tangent. NaN if a cell is inverted.
     pub fn forces_and_change(&self, model: &Model, solved: &Solved, f: &mut [V4<f64>]) -> Vec<V4<f64>> {
         let params = model.params::<f64>();
         let nowhere = vec![[f64::NAN; 4]; f.len()];
@@ -170,7 +173,7 @@ impl Hyperelastic {
     }
 }
 
-/// Sums of cells' forces at the nodes, `[node]` N.
+/// Assembles cell forces at the nodes, `[node]` N.
 fn sums(params: &Params<f64>, cells: &[[[f64; 3]; 8]]) -> Vec<V4<f64>> {
     let mut out = vec![[0.0; 4]; params.node_count as usize];
     collect(params, cells.as_flattened().as_flattened(), &mut out);

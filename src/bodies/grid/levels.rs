@@ -1,14 +1,15 @@
 //! Coarse levels of geometric multigrid: x and y coarsened by two, z kept; one 24×24 matrix per level and layer, never assembled.
 //!
-//! A coarse cell's matrix is `Σ PᵀKP` over its four children (Galerkin), `P` the bilinear interpolation of its corners to theirs: the
-//! operator that an assembled Galerkin product would give at rest, so B-bar's cure for locking is inherited (bricks discretised anew on
-//! the coarse grid lock: 81 iterations where these take 39, ν = 0.499). Turned by the children's mean rotation, scaled by their share.
+//! A coarse cell's matrix is `Σ PᵀKP` over its four children (Galerkin), with the bilinear interpolation `P` from its corners to theirs.
+//! This is the operator of an assembled Galerkin product at rest, so it inherits B-bar's cure for locking (rediscretised coarse hexahedra
+//! lock: 81 iterations instead of 39 at ν = 0.499). It is rotated by the children's mean rotation and scaled by the fraction of children
+//! left.
 //!
-//! The smoother needs an upper bound of the eigenvalues of `M⁻¹A`, `M` the z-columns' blocks of `A`. Cell by cell: with `D` the part of a
-//! cell's `K` that lies within its four vertical edges, `zᵀAz = Σ z_cᵀ K z_c ≤ max λ(K, D) Σ z_cᵀ D z_c = max λ(K, D) zᵀMz` (Wathen
-//! 1987). Rotations turn `K` and `D` alike, a cut or a held node leaves both sums short by the same terms, lumped inertia adds the same
-//! to both and a consistent mass at most [`OF_MASS`] as much: the bound is known once the element is, and holds always. (Coarse levels
-//! take masses as lumped.)
+//! The smoother needs an upper bound of the eigenvalues of `M⁻¹A`, where `M` has the z-column blocks of `A`. It is found cell by cell: let
+//! `D` be the part of a cell's `K` within its four vertical edges, then `zᵀAz = Σ z_cᵀ K z_c ≤ max λ(K, D) Σ z_cᵀ D z_c = max λ(K, D) zᵀMz`
+//! (Wathen 1987). Rotations transform `K` and `D` alike; a cut or a fixed node removes the same terms from both sums; lumped inertia adds
+//! the same to both, and a consistent mass adds at most [`OF_MASS`] times as much. The bound follows from the element matrix alone and
+//! always holds. (Coarse levels use lumped masses.)
 
 use super::element::{Matrix, modes};
 use crate::kernels::product::tiles;
@@ -17,10 +18,10 @@ use crate::math::Real;
 use crate::math::elementary::{acos, cos};
 use crate::mesh::Grid;
 
-/// Cells along x or y from which on no further level is made: the coarsest is solved by many sweeps.
+/// Maximum number of cells along x and y of the coarsest level, which is solved by smoothing alone.
 pub const COARSEST: usize = 2;
 
-/// `λ(M, D)` of a consistent mass: 3/2 along x and along y. Lumped masses have 1.
+/// `λ(M, D)` of a consistent mass: 3/2 along x times 3/2 along y. Lumped masses have 1.
 pub const OF_MASS: f64 = 2.25;
 
 /// One level below the finest.
@@ -30,14 +31,14 @@ pub struct Level {
     pub cells: [usize; 3],
     /// `[layer]` N/m
     pub stiffness: Vec<Matrix>,
-    /// `[node]` 1 free or 0 held, per axis, and mass, kg.
+    /// `[node]` DOF mask per axis (1 free, 0 fixed) and mass, kg.
     pub free: Vec<[f64; 4]>,
     /// Upper bound of the eigenvalues of `M⁻¹A`.
     pub largest: f64,
 }
 
 impl Level {
-    /// Sizes for the kernels; everything else as on the finest level.
+    /// Kernel parameters with this level's sizes; other values as on the finest level.
     pub fn params<R: Real>(&self, finest: Params<R>) -> Params<R> {
         let [cells_x, cells_y, cells_z] = self.cells.map(|c| c as u32);
         let mut params = Params {
@@ -59,7 +60,7 @@ impl Level {
     }
 }
 
-/// Levels below a grid, finest of them first; none for a grid that is coarse already.
+/// Levels below a grid, in order of coarsening; empty if the grid itself is coarse.
 pub fn levels(grid: &Grid, stiffness: &[Matrix], free: &[[f64; 4]]) -> Vec<Level> {
     let mut out: Vec<Level> = vec![];
     let mut cells = grid.cells;
@@ -100,7 +101,8 @@ fn galerkin(k: &Matrix) -> Matrix {
     out
 }
 
-/// Held axes (those of the fine node at the same place, or of the last one where the grid ends before the coarse cell does) and masses.
+/// Masses and DOF masks of a coarse level. A mask is that of the fine node at the same position, or of the last fine node where the coarse
+/// cell extends beyond the grid.
 fn coarse_free(cells: [usize; 3], free: &[[f64; 4]]) -> (Vec<[f64; 4]>, [usize; 3]) {
     let coarse = [cells[0].div_ceil(2), cells[1].div_ceil(2), cells[2]];
     let (nodes, coarse_nodes) = (cells.map(|c| c + 1), coarse.map(|c| c + 1));
@@ -131,7 +133,7 @@ pub fn largest(stiffness: &[Matrix]) -> f64 {
                 d[row][col] = 0.0;
             }
         }
-        // both fall apart into eight 3×3 blocks
+        // both decouple into eight 3×3 blocks
         modes(k).iter().zip(&modes(&d)).map(|(k, d)| pencil(k, d)).fold(0.0, f64::max)
     };
     stiffness.iter().map(bound).fold(0.0, f64::max)
@@ -139,7 +141,7 @@ pub fn largest(stiffness: &[Matrix]) -> f64 {
 
 /// Largest λ of `k v = λ d v`, both symmetric 3×3, `d` positive definite.
 fn pencil(k: &[[f64; 3]; 3], d: &[[f64; 3]; 3]) -> f64 {
-    // d = L Lᵀ, inverse of L by rows
+    // Cholesky factor d = L Lᵀ, and the inverse of L by rows
     let mut l = [[0.0; 3]; 3];
     for i in 0..3 {
         for j in 0..=i {
@@ -154,10 +156,11 @@ fn pencil(k: &[[f64; 3]; 3], d: &[[f64; 3]; 3]) -> f64 {
             inverse[i][col] = (f64::from(u8::from(i == col)) - sum) / l[i][i];
         }
     }
+    // c = L⁻¹ k L⁻ᵀ
     let c: [[f64; 3]; 3] = std::array::from_fn(|i| {
         std::array::from_fn(|j| (0..9).map(|n| inverse[i][n / 3] * k[n / 3][n % 3] * inverse[j][n % 3]).sum())
     });
-    // roots of the characteristic polynomial (Smith 1961)
+    // largest eigenvalue of c: root of the characteristic polynomial (Smith 1961)
     let mean = (c[0][0] + c[1][1] + c[2][2]) / 3.0;
     let mut shifted = c;
     (0..3).for_each(|n| shifted[n][n] -= mean);

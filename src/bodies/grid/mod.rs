@@ -1,4 +1,4 @@
-//! A grid of hexahedra: box-shaped cells with a stiffness each, corotational or hyperelastic, that a cut parts along their faces.
+//! Grids of hexahedra: box-shaped cells with a stiffness each, corotational or hyperelastic. A cut separates them along their faces.
 
 pub mod cpu;
 mod cut;
@@ -26,35 +26,35 @@ use crate::math::{M3, Real, V3, V4, rotation_matrix, rotation_minus_identity};
 use crate::mesh::Grid;
 use crate::scene::{Cut, Element, Law, Layer, Mass, Preconditioner, Scene, Skin};
 
-/// What a body of hexahedra has beside its nodes.
+/// Arrays of a body of hexahedra.
 #[derive(Clone, Debug)]
 pub struct Hexahedra {
-    /// `[layer]` elastic strain at rest along x, y, z, and 0.
+    /// `[layer]` elastic strain of the rest shape along x, y, z, and 0.
     pub pre_strain: Vec<[f64; 4]>,
-    /// `[layer]` element matrices, N/m; of a hyperelastic body those of small strains.
+    /// `[layer]` element stiffness matrices, N/m; for a hyperelastic body those of small strains.
     pub stiffness: Vec<element::Matrix>,
-    /// The law of a hyperelastic body.
+    /// Hyperelastic law, if any.
     pub hyperelastic: Option<Hyperelastic>,
-    /// Cells turn with the body.
+    /// True if the cells keep rotations (corotational, and hyperelastic for the preconditioner).
     pub corotational: bool,
-    /// Columns of copies that a cut may split nodes into ([`crate::kernels::split`]).
+    /// Columns of duplicate nodes reserved for cuts ([`crate::kernels::split`]).
     pub extra_columns: usize,
-    /// Coarse levels, when the preconditioner is multigrid.
+    /// Coarse levels, if the preconditioner is multigrid.
     pub multigrid: Option<Multigrid>,
-    /// The CPU path solves by an exact factor.
+    /// True if the CPU path uses the direct solver.
     pub direct: bool,
 }
 
-/// What multigrid adds to a body of hexahedra.
+/// Multigrid data of a body of hexahedra.
 #[derive(Clone, Debug)]
 pub struct Multigrid {
     /// Upper bound of the eigenvalues of `M⁻¹A` on the finest level.
     pub largest: f64,
-    /// Levels below the finest, finer first.
+    /// Levels below the finest, in order of coarsening.
     pub coarse: Vec<levels::Level>,
 }
 
-/// Columns of copies of a body that a blade may cut.
+/// Number of duplicate columns to reserve for a body that a blade may cut.
 ///
 /// # Errors
 /// [`Error::Usage`] for the direct solver where nodes may be split.
@@ -73,7 +73,7 @@ pub(super) fn reserve(scene: &Scene, skin: &Skin) -> Result<usize> {
     Ok(columns)
 }
 
-/// Makes what the solver that a scene asks for needs beside the element matrices, once all else of a body is there.
+/// Prepares the data of the scene's solver, after all other arrays of the body.
 pub(super) fn prepare(model: &mut Model, preconditioner: Preconditioner) {
     let implicit = !model.step.explicit();
     let in_system = model.in_system();
@@ -89,7 +89,7 @@ pub(super) fn prepare(model: &mut Model, preconditioner: Preconditioner) {
 }
 
 impl Hexahedra {
-    /// Of a scene's skin: one element matrix per layer, all its cells are alike.
+    /// Builds the arrays of a skin: one element matrix per layer, since all cells of a layer are equal.
     pub(super) fn new(scene: &Scene, skin: &Skin, grid: &Grid, extra_columns: usize) -> Self {
         let element = match skin.law {
             Law::Fem { element, .. } => element,
@@ -111,10 +111,10 @@ impl Hexahedra {
 }
 
 impl Model {
-    /// What a body of hexahedra has beside its nodes.
+    /// Arrays of a body of hexahedra.
     ///
     /// # Panics
-    /// Of another kind.
+    /// If the body is of another kind.
     pub fn hexahedra(&self) -> &Hexahedra {
         match &self.kind {
             Kind::Hexahedra(hexahedra) => hexahedra,
@@ -122,10 +122,10 @@ impl Model {
         }
     }
 
-    /// The same, to be changed.
+    /// The same, mutable.
     ///
     /// # Panics
-    /// Of another kind.
+    /// If the body is of another kind.
     pub fn hexahedra_mut(&mut self) -> &mut Hexahedra {
         match &mut self.kind {
             Kind::Hexahedra(hexahedra) => hexahedra,
@@ -138,13 +138,13 @@ impl Model {
         element::blocks(&self.hexahedra().stiffness)
     }
 
-    /// `[layer × 64]` 3×3 blocks of what the system matrix has of a cell beside the masses of nodes.
+    /// `[layer × 64]` 3×3 blocks of a cell's matrix in `A`, without the nodal masses.
     pub fn system_blocks<R: Real>(&self) -> Vec<M3<R>> {
         element::blocks(&self.system_matrices())
     }
 
-    /// `[layer]` what the system matrix has of a cell beside the masses of nodes, less the factor `s`: K, and with a consistent mass what
-    /// lumping it has put too much on the nodes. Blocks of M are multiples of the identity, so it turns with K.
+    /// `[layer]` a cell's matrix in `A` without the nodal masses, divided by the stiffness factor `s`: K and, for a consistent mass, the
+    /// difference between consistent and lumped mass. Blocks of M are multiples of the identity, so it rotates with K.
     pub fn system_matrices(&self) -> Vec<element::Matrix> {
         let mut all = self.hexahedra().stiffness.clone();
         if self.mass == Mass::Consistent {
@@ -157,19 +157,19 @@ impl Model {
         all
     }
 
-    /// `[layer]` the same in mirror blocks, for products.
+    /// `[layer]` the same as mirror blocks, for products.
     pub fn modes<R: Real>(&self) -> Vec<Modes<R>> {
         element::rounded_modes(&self.system_matrices())
     }
 
-    /// `[layer]` elastic strain at rest.
+    /// `[layer]` elastic strain of the rest shape.
     pub fn pre_strains<R: Real>(&self) -> Vec<V4<R>> {
         self.hexahedra().pre_strain.iter().map(|e| e.map(R::of)).collect()
     }
 }
 
-/// Links between face neighbours: segment `3·cell + axis` joins the cell to its neighbour at +x, +y or +z; both ends are the cell
-/// itself where the grid ends.
+/// Links between face neighbours: segment `3·cell + axis` joins a cell to its neighbour at +x, +y or +z. At the end of the grid both ends
+/// are the cell itself.
 pub fn links(params: &Params<f64>) -> Vec<[u32; 2]> {
     let size = [params.cells_x, params.cells_y, params.cells_z].map(|n| n as usize);
     let mut out = vec![];
@@ -232,7 +232,7 @@ impl Mechanics for Hexahedra {
 
     fn product_groups(&self, model: &Model) -> usize {
         let params = model.grid.params::<f64>();
-        // and what split cells, or cells with tangents of their own, add
+        // partial sums of split cells, or of cells with tangents of their own
         let more = if self.hyperelastic.is_some() { model.node_count() } else { model.touched_nodes() };
         tiles(&params) + more.div_ceil(GROUP as usize)
     }
@@ -245,8 +245,8 @@ impl Mechanics for Hexahedra {
         size_of_val(&self.stiffness[..]) + size_of_val(&self.pre_strain[..])
     }
 
-    /// `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X + e∘X` with the strain `e` at rest; a hyperelastic body has its own law, and no bound where
-    /// it is inside out.
+    /// `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X + e∘X` with the strain `e` of the rest shape. A hyperelastic body uses its own law; the
+    /// energy is infinite if a cell is inverted.
     fn energy(&self, model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], _: &[V4<f64>]) -> f64 {
         let params = model.params::<f64>();
         if let Some(law) = &self.hyperelastic {
@@ -287,6 +287,7 @@ impl Mechanics for Hexahedra {
         let rotation = self.rotations(model, &solved.start);
         forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, at, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
+        // product of the small-strain cells; of a hyperelastic body these have damping only
         if self.hyperelastic.is_some() {
             params.stiffness_factor -= model.step.end_share();
         }
@@ -296,6 +297,7 @@ impl Mechanics for Hexahedra {
         if !cells.is_empty() {
             split_product(&params, &modes, layers, &rotation, in_system, split, &cells, &solved.dx, &mut w);
         }
+        // hyperelastic forces, and the change of forces over the step
         if let Some(law) = &self.hyperelastic {
             let change = law.forces_and_change(model, solved, &mut f);
             for ((sum, more), free) in w.iter_mut().zip(&change).zip(&solved.start.free) {

@@ -1,13 +1,13 @@
-//! Geometric multigrid on the CPU, from the kernels' twins: one V-cycle as preconditioner of the conjugate gradients.
+//! Geometric multigrid on the CPU, built from the kernels' twins: one V-cycle preconditions the conjugate gradients.
 //!
-//! On each level: smooth, take the residual to the next coarser level, correct from there, smooth. The smoother is the exact solve of each
-//! z-column (layers are thin, their coupling along z is the stiff one), accelerated by Chebyshev polynomials on `[λ/20, λ]`, `λ` the bound
-//! of `bodies::grid::levels`. The coarsest level gets one long polynomial.
+//! On each level: pre-smooth, restrict the residual to the next coarser level, prolongate the correction, post-smooth. The smoother solves
+//! each z-column of nodes exactly (layers are thin, so the coupling along z is stiff), accelerated by Chebyshev polynomials on `[λ/20, λ]`,
+//! with the bound `λ` of `bodies::grid::levels`. The coarsest level gets one longer polynomial.
 //!
-//! Iterations to 10⁻³ and 10⁻⁶ of the load on any grid: 4–5 and 9–11 at ν 0.45, 8–11 and 20–24 at ν 0.49 (`benches/results`). Tried and left:
-//! degrees 1 (14 and 31 iterations at 16×16×5, ν 0.45), 2 (7 and 16) and 4 (4 and 9), which cost as many products; Chebyshev polynomials of
-//! the fourth kind (no better); more sweeps on the coarsest level (nothing); four-colour Gauss–Seidel over columns (in the prototype a
-//! little less work than degree 2, at four times the dispatches).
+//! Iterations to 10⁻³ and 10⁻⁶ of the load on any grid: 4–5 and 9–11 at ν 0.45, 8–11 and 20–24 at ν 0.49 (`benches/results`). Tried and
+//! rejected: degrees 1 (14 and 31 iterations at 16×16×5, ν 0.45), 2 (7 and 16) and 4 (4 and 9), which cost as many products; Chebyshev
+//! polynomials of the fourth kind (no better); more sweeps on the coarsest level (no effect); four-colour Gauss–Seidel over columns (in the
+//! prototype a little less work than degree 2, with four times the dispatches).
 //! Source: Brandt 1977; line smoothing with semi-coarsening: Schaffer 1998; Chebyshev recurrence: Saad 2003, algorithm 12.1.
 
 use super::element;
@@ -25,15 +25,15 @@ use crate::kernels::restriction::restriction;
 use crate::kernels::split_product::split_product;
 use crate::math::{M3, Real, V4};
 
-/// Smoothing steps before and after the correction. 2 take a third more iterations and as long in all; 4 a fifth fewer and as long.
+/// Smoothing steps before and after the correction. 2 needs a third more iterations, 4 a fifth fewer; both take the same time in total.
 pub const DEGREE: usize = 3;
-/// The smoother acts on eigenvalues from `λ/SPREAD` up; the coarse levels have the rest. At 8 iterations grow by a seventh.
+/// The smoother targets eigenvalues from `λ/SPREAD` up; coarse levels treat the rest. At 8 the iteration count grows by a seventh.
 const SPREAD: f64 = 20.0;
-/// Steps and span of the polynomial on the coarsest level, which is 2×2 cells; 40 steps change no iteration count.
+/// Steps and eigenvalue ratio of the polynomial on the coarsest level, which has 2×2 columns of cells; 40 steps change no iteration count.
 pub const COARSEST_DEGREE: usize = 4;
 const COARSEST_SPREAD: f64 = 15.0;
 
-/// Coefficients (keep, gain) of a Chebyshev polynomial's steps on `[largest/spread, largest]`.
+/// Coefficients (keep, gain) of a Chebyshev polynomial on `[largest/spread, largest]`, one pair per step.
 pub fn chebyshev(largest: f64, spread: f64, degree: usize) -> Vec<[f64; 2]> {
     let (theta, delta) = (0.5 * largest * (1.0 + 1.0 / spread), 0.5 * largest * (1.0 - 1.0 / spread));
     let sigma = theta / delta;
@@ -47,28 +47,28 @@ pub fn chebyshev(largest: f64, spread: f64, degree: usize) -> Vec<[f64; 2]> {
     out
 }
 
-/// The steps of one smoothing on a level.
+/// Coefficients of one smoothing on a level.
 pub fn steps(largest: f64, coarsest: bool) -> Vec<[f64; 2]> {
     if coarsest { chebyshev(largest, COARSEST_SPREAD, COARSEST_DEGREE) } else { chebyshev(largest, SPREAD, DEGREE) }
 }
 
-/// A level's operator.
+/// Operator of one level.
 pub struct Operator<'a, R> {
     /// Sizes.
     pub params: Params<R>,
-    /// `[node]` 1 free, 0 held, per axis; mass kg
+    /// `[node]` DOF mask (1 free, 0 fixed) and mass, kg
     pub free: &'a [V4<R>],
-    /// `[node × 4]` factored columns
+    /// `[node × 4]` factored z-columns
     pub block: &'a [V4<R>],
     /// Smoothing coefficients (keep, gain).
     pub steps: &'a [[R; 2]],
-    /// `[layer]` element matrices in mirror blocks, N/m
+    /// `[layer]` element matrices as mirror blocks, N/m
     pub modes: &'a [Modes<R>],
     /// `[cells_z]` layer
     pub layer_of: &'a [u32],
     /// `[cell]` quaternion
     pub rotation: &'a [V4<R>],
-    /// Table of split nodes and the split cells, by their rows; of the finest level alone.
+    /// Table of split nodes and the split cells in order of their rows; finest level only.
     pub split: (&'a [u32], &'a [u32]),
 }
 
@@ -89,7 +89,7 @@ struct Coarse<R> {
 }
 
 impl<R: Real> Hierarchy<R> {
-    /// The levels below a model's grid; `None` when it does not ask for multigrid.
+    /// Levels below a model's grid; `None` if it does not use multigrid.
     pub fn new(model: &Model) -> Option<Self> {
         let multigrid = model.hexahedra().multigrid.as_ref()?;
         let rounded = |largest: f64, coarsest: bool| steps(largest, coarsest).iter().map(|s| s.map(R::of)).collect();
@@ -110,7 +110,7 @@ impl<R: Real> Hierarchy<R> {
         Some(Self { steps: rounded(multigrid.largest, levels == 0), coarse })
     }
 
-    /// Rotations and factored columns of the coarse levels, from the finest level's rotations.
+    /// Updates rotations and factored columns of the coarse levels from the finest level's rotations.
     pub fn refresh(&mut self, params: &Params<R>, layer_of: &[u32], rotation: &[V4<R>]) {
         let mut finer = (*params, rotation);
         for level in &mut self.coarse {
@@ -121,7 +121,7 @@ impl<R: Real> Hierarchy<R> {
         }
     }
 
-    /// Operators of all levels, finest first; that one's own are the caller's, without their `steps`.
+    /// Operators of all levels, finest first; `finest` is given by the caller without its `steps`.
     pub fn operators<'a>(&'a self, finest: Operator<'a, R>) -> Vec<Operator<'a, R>> {
         let layer_of = finest.layer_of;
         let coarse = self.coarse.iter().map(|c| Operator {
@@ -138,7 +138,7 @@ impl<R: Real> Hierarchy<R> {
     }
 }
 
-/// Zeroed vectors for each level; the finest has no `r` and `z` of its own.
+/// Zeroed work vectors for each level; the finest level has no `r` and `z` of its own.
 pub fn workspaces<R: Real>(levels: &[Operator<R>]) -> Vec<LevelWork<R>> {
     let of = |(number, level): (usize, &Operator<R>)| {
         let zeros = |count: usize| vec![[R::zero(); 4]; count];
@@ -161,7 +161,7 @@ impl<R: Real> Operator<'_, R> {
         }
     }
 
-    /// All smoothing steps on `A z = r`, from zero or from `z`; returns `r·z`.
+    /// All smoothing steps for `A z = r`, starting from zero or from `z`; returns `r·z`.
     fn smooth(&self, from_zero: bool, r: &[V4<R>], z: &mut [V4<R>], work: &mut LevelWork<R>) -> R {
         let mut gamma = R::zero();
         for (n, [keep, gain]) in self.steps.iter().enumerate() {
@@ -181,11 +181,13 @@ pub fn cycle<R: Real>(levels: &[Operator<R>], work: &mut [LevelWork<R>], r: &[V4
     let (own, coarser) = (&levels[0], &levels[1..]);
     let (here, below) = work.split_at_mut(1);
     let here = &mut here[0];
+    // pre-smoothing
     let gamma = own.smooth(true, r, z, here);
     let (Some(next), Some(work)) = (coarser.first(), below.first_mut()) else {
         return gamma;
     };
     own.multiply(z, here);
+    // coarse correction of the residual
     let (mut coarse_r, mut coarse_z) = (std::mem::take(&mut work.r), std::mem::take(&mut work.z));
     restriction(&own.params, next.free, own.split.0, r, &here.w, &mut coarse_r);
     cycle(coarser, below, &coarse_r, &mut coarse_z);

@@ -1,9 +1,9 @@
-//! The largest step that symplectic Euler takes without blowing up.
+//! Critical time step of symplectic Euler.
 //!
-//! In a vibration `ω` with damping `c = r_M + r_K ω²` a step multiplies `(u, v)` by a matrix of determinant `1 − h c` and trace
-//! `2 − h c − h² ω²`; both eigenvalues stay within the unit circle as long as `h² ω² + 2 h c < 4`, which the largest `ω` decides:
-//! `h = 4 / (c + √(c² + 4 ω²))`. `ω²` is the largest eigenvalue of `M⁻¹ K` of the body at rest, by Lanczos' method on `M^(−½) K M^(−½)`
-//! with the matrix-free product; a body that is bent or pressed together may be stiffer.
+//! For a vibration `ω` with damping `c = r_M + r_K ω²`, a step multiplies `(u, v)` by a matrix of determinant `1 − h c` and trace
+//! `2 − h c − h² ω²`. Both eigenvalues stay within the unit circle if `h² ω² + 2 h c < 4`. The largest `ω` is decisive:
+//! `h = 4 / (c + √(c² + 4 ω²))`. `ω²` is the largest eigenvalue of `M⁻¹ K` of the body at rest, found by Lanczos' method on
+//! `M^(−½) K M^(−½)` with the matrix-free product. A bent or compressed body may be stiffer.
 //! Source: Lanczos 1950; Golub, Van Loan 2013, section 10.1; Hughes 1987, section 9.2 (critical steps).
 
 use crate::bodies::{Kind, Model};
@@ -13,14 +13,14 @@ use crate::math::random::Random;
 use crate::math::{V4, norm};
 use crate::scene::Mass;
 
-/// Lanczos steps at most; 30 to 60 are usual.
+/// Maximum number of Lanczos steps; 30 to 60 are usual.
 const MOST: usize = 500;
-/// The largest eigenvalue has been found when so many steps raise it by less than this share.
+/// The iteration stops when this many steps raise the largest eigenvalue by less than the fraction `RISE`.
 const WITHOUT_RISE: usize = 8;
 const RISE: f64 = 1e-7;
 
 impl Model {
-    /// See the module, s; infinite for a body that nothing moves. Of bricks with masses at nodes.
+    /// Critical step (see the module), s; infinite for a body without free nodes. For hexahedra with lumped or uniform masses.
     pub fn stable_step(&self) -> f64 {
         assert!(
             matches!(self.kind, Kind::Hexahedra(_)) && self.mass != Mass::Consistent,
@@ -60,16 +60,16 @@ impl Model {
     }
 }
 
-/// A start that has something of every vibration: numbers without a pattern, the same on every machine.
+/// Start vector with components of every mode: pseudo-random numbers, the same on every machine.
 fn first(count: usize) -> Vec<V4<f64>> {
     let mut random = Random::new(1);
     (0..count).map(|_| [random.signed(), random.signed(), random.signed(), 0.0]).collect()
 }
 
-/// Largest eigenvalue of a symmetric operator without negative ones.
+/// Largest eigenvalue of a symmetric positive semidefinite operator.
 fn lanczos(start: &[V4<f64>], apply: &mut impl FnMut(&[V4<f64>], &mut [V4<f64>])) -> f64 {
     let mut w = vec![[0.0; 4]; start.len()];
-    // the operator leaves held axes out; so does what it has been applied to
+    // the operator leaves out fixed axes; so does its result
     apply(start, &mut w);
     let size = norm(&w);
     if size == 0.0 {
@@ -99,7 +99,7 @@ fn lanczos(start: &[V4<f64>], apply: &mut impl FnMut(&[V4<f64>], &mut [V4<f64>])
     found.last().copied().unwrap_or(0.0)
 }
 
-/// Largest eigenvalue of a symmetric tridiagonal matrix, by bisection on the signs of the pivots (Sturm).
+/// Largest eigenvalue of a symmetric tridiagonal matrix, by bisection on the signs of the pivots (Sturm sequence).
 fn largest_of(diagonal: &[f64], off: &[f64]) -> f64 {
     let reach = |i: usize| if i < off.len() { off[i].abs() } else { 0.0 };
     let around = |i: usize| reach(i) + if i > 0 { reach(i - 1) } else { 0.0 };

@@ -1,4 +1,4 @@
-//! Springs in the solves of the CPU path.
+//! Spring networks on the CPU path.
 
 use crate::bodies::cpu::{Preconditioner, System, Workspace};
 use crate::bodies::{Model, Removal};
@@ -14,11 +14,11 @@ pub struct Springs<R> {
     first: Vec<u32>,
     half: Vec<[u32; 2]>,
     law: Vec<V4<R>>,
-    tangent: Vec<V4<R>>, // [half spring × 2], of the step's start
+    tangent: Vec<V4<R>>, // [half spring × 2], at the start of the step
 }
 
 impl<R: Real> Springs<R> {
-    /// Of a model, nothing cut.
+    /// Arrays of an uncut model.
     pub fn new(model: &Model, springs: &super::Springs) -> Self {
         Self {
             rest: model.rest.iter().map(|p| V3::of(*p).pad(R::zero())).collect(),

@@ -1,5 +1,5 @@
-//! Cuts through springs: a crossed spring is gone; a cell counts as open when two or more of its four edges along one axis are gone. A node
-//! without springs leaves the system.
+//! Cuts through spring networks: crossed springs are removed. A cell counts as open if two or more of its four edges along one axis are
+//! cut. A node without springs leaves the system.
 
 use super::Springs;
 use crate::bodies::{Model, Removal, Wound};
@@ -16,6 +16,7 @@ impl Wound {
             if std::mem::replace(&mut self.spring_gone[spring], true) {
                 continue;
             }
+            // remove the spring, and nodes that lose their last one
             removal.springs.push(spring as u32);
             self.totals.springs_removed += 1;
             let [a, b] = springs.ends[spring].map(|n| n as usize);
@@ -25,6 +26,7 @@ impl Wound {
                     self.leave(node as u32, &mut removal);
                 }
             }
+            // a spring along an axis is a grid edge
             let (p, q) = (params.node_at(a), params.node_at(b));
             let along: Vec<usize> = (0..3).filter(|n| p[*n] != q[*n]).collect();
             if let [axis] = along[..] {
@@ -34,7 +36,7 @@ impl Wound {
         removal
     }
 
-    /// A grid edge from node `a` along `axis` is gone: opens cells around it that have lost two edges along that axis.
+    /// Opens the cells around a cut grid edge (from node `a` along `axis`) that have lost two edges along that axis.
     fn edge_cut(&mut self, model: &Model, springs: &Springs, a: usize, axis: usize, removal: &mut Removal) {
         let params = model.grid.params::<f64>();
         let at = params.node_at(a);
@@ -44,9 +46,11 @@ impl Wound {
             let range = springs.first[first] as usize..springs.first[first + 1] as usize;
             springs.half[range].iter().any(|h| h[0] == second && self.spring_gone[h[1] as usize])
         };
+        // area of the face that belongs to the edge
         let level = at[2].min(model.grid.cells[2] - 1);
         let h = model.shape[model.grid.layer_of[level] as usize];
         self.totals.area += h[0] * h[1] * h[2] / h[axis];
+        // cells around the edge with at least two cut edges
         let mut opened = vec![];
         for a in 0..8 {
             let o = corner(a);

@@ -1,4 +1,4 @@
-//! Springs on a device.
+//! Spring networks on a device.
 
 use crate::bodies::Model;
 use crate::bodies::gpu::{Arrays, Dispatch, Maker, NonlinearLaw, Recorded};

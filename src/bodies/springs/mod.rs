@@ -1,5 +1,5 @@
-//! A network of springs: one per unique pair of corners of every cell (12 edges, 12 face and 4 space diagonals), as SOFA's
-//! MeshSpringForceField makes them of hexahedra; rest length is the initial one.
+//! Spring networks: one spring per unique pair of corners of each cell (12 edges, 12 face and 4 space diagonals), as in SOFA's
+//! MeshSpringForceField for hexahedra. The rest length is the initial length.
 
 pub mod cpu;
 mod cut;
@@ -21,16 +21,16 @@ use std::collections::BTreeSet;
 pub struct Springs {
     /// `[spring]` node ids, first < second.
     pub ends: Vec<[u32; 2]>,
-    /// `[spring]` elongation at the grid's rest (its length less the spring's own) m, stiffness N/m, damping N·s/m, 0.
+    /// `[spring]` elongation in the grid's rest shape (length minus rest length), m, stiffness N/m, damping N·s/m, 0.
     pub law: Vec<[f64; 4]>,
-    /// `[node + 1]` into `half`.
+    /// `[node + 1]` CSR offsets into `half`.
     pub first: Vec<u32>,
-    /// Springs around each node: other node, spring.
+    /// Half springs around each node: other node, spring.
     pub half: Vec<[u32; 2]>,
 }
 
 impl Springs {
-    /// All corner pairs of every cell of a grid.
+    /// Springs between all corner pairs of each cell.
     ///
     /// # Errors
     /// [`Error::Usage`] for a solver that is for hexahedra.
@@ -49,7 +49,7 @@ impl Springs {
         Ok(Self::between_corners(grid, stiffness, damping))
     }
 
-    /// All corner pairs of every cell of a grid, whatever solves them.
+    /// Springs between all corner pairs of each cell, for any solver.
     pub fn between_corners(grid: &Grid, stiffness: f64, damping: f64) -> Self {
         let params = grid.params::<f64>();
         let mut pairs = BTreeSet::new();
@@ -79,7 +79,7 @@ impl Springs {
 }
 
 impl Model {
-    /// What a body of springs has beside its nodes; none of another kind.
+    /// Springs of the body; `None` for hexahedra.
     pub fn springs(&self) -> Option<&Springs> {
         match &self.kind {
             Kind::Springs(springs) => Some(springs),
@@ -87,7 +87,7 @@ impl Model {
         }
     }
 
-    /// The same, to be changed.
+    /// The same, mutable.
     pub fn springs_mut(&mut self) -> Option<&mut Springs> {
         match &mut self.kind {
             Kind::Springs(springs) => Some(springs),
@@ -140,7 +140,7 @@ impl Mechanics for Springs {
             + size_of_val(&self.half[..])
     }
 
-    /// `½ Σ k ε²`.
+    /// `½ Σ k ε²`, ε the elongation.
     fn energy(&self, model: &Model, u: &[V4<f64>], _: &[V4<f64>], _: &[u32], law: &[V4<f64>]) -> f64 {
         let stretch = |[a, b]: [u32; 2]| {
             let rest = |n: u32| V3::of(model.rest[n as usize]);

@@ -1,21 +1,21 @@
-//! What a device was given to do, and whether it still does it: counts of its work, its first fault, and a way to take it away.
+//! Device health: dispatch and read-back counters, first reported error, test hooks that destroy the device or exhaust its memory.
 
 use super::{Gpu, locked};
 use crate::error::{Error, Result};
 use std::sync::{Arc, Mutex};
 
-/// Work handed to a device.
+/// Counters of a device's work.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Work {
-    /// Kernels launched.
+    /// Kernel launches.
     pub dispatches: u64,
-    /// Times that the host waited for values.
+    /// Times that the host waited for results.
     pub read_backs: u64,
-    /// Kernels compiled.
+    /// Compiled kernels.
     pub compiled: u64,
 }
 
-/// The first thing that went wrong on a device since it was opened; what follows from it is not kept.
+/// First error of a device since it was opened; later ones follow from it and are dropped.
 #[derive(Clone, Default)]
 pub(super) struct Fault(Arc<Mutex<Option<String>>>);
 
@@ -30,7 +30,7 @@ impl Fault {
         self.0.lock().ok().and_then(|fault| fault.clone())
     }
 
-    /// Listens to a device: its errors that nobody asked for, and its end.
+    /// Subscribes to the uncaptured errors of a device and to its loss.
     pub fn listen(device: &wgpu::Device) -> Self {
         let fault = Self::default();
         let (errors, end) = (fault.clone(), fault.clone());
@@ -44,34 +44,34 @@ impl Fault {
     }
 }
 
-/// A device, to be taken away while it works.
+/// Handle for destroying a device or exhausting its memory in tests.
 #[derive(Clone)]
 pub struct Handle {
     device: wgpu::Device,
     fault: Fault,
-    largest: u64, // bytes of one array
+    largest: u64, // of one array, bytes
 }
 
-/// Arrays that take a device's memory until they are dropped.
+/// Arrays that occupy a device's memory until they are dropped.
 pub struct Taken(Vec<wgpu::Buffer>);
 
 impl Taken {
-    /// How many there are.
+    /// Number of arrays.
     pub fn count(&self) -> usize {
         self.0.len()
     }
 }
 
-/// Arrays that [`Handle::exhaust`] makes at most: a petabyte in arrays of a gigabyte.
+/// Maximum number of arrays made by [`Handle::exhaust`]: a petabyte in arrays of a gigabyte.
 const MOST: usize = 1 << 20;
 
 impl Handle {
-    /// Ends the device under whoever uses it, as a driver's reset or a pulled plug does; for tests of what follows.
+    /// Destroys the device during its use, like a driver reset or an unplugged adapter; for tests of the consequences.
     pub fn destroy(&self) {
         self.device.destroy();
     }
 
-    /// Takes the device's memory, in arrays of the largest size, until it refuses one; for tests of what follows.
+    /// Allocates arrays of the largest size until the device refuses one; for tests of the consequences.
     pub fn exhaust(&self) -> Taken {
         let mut taken = vec![];
         let wanted = wgpu::BufferDescriptor {
@@ -88,25 +88,25 @@ impl Handle {
 }
 
 impl Gpu {
-    /// Work handed over since the device was opened.
+    /// Counters since the device was opened.
     pub fn work(&self) -> Work {
         *locked(&self.work)
     }
 
-    /// Counts the launches of a batch that is submitted, and whether the host waits for it.
+    /// Counts the launches of a submitted batch, and whether the host waits for it.
     pub(super) fn count(&self, dispatches: u64, read_back: bool) {
         let mut work = locked(&self.work);
         work.dispatches += dispatches;
         work.read_backs += u64::from(read_back);
     }
 
-    /// The device, to be taken away.
+    /// Handle for tests.
     pub fn handle(&self) -> Handle {
         let largest = self.limits.max_buffer_size & !(wgpu::COPY_BUFFER_ALIGNMENT - 1);
         Handle { device: self.device.clone(), fault: self.fault.clone(), largest }
     }
 
-    /// Whether all went well so far.
+    /// Checks that no error has occurred so far.
     ///
     /// # Errors
     /// [`Error::Device`] with what went wrong first.

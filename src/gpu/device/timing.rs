@@ -1,25 +1,25 @@
-//! How long the device was busy: timestamps at the begin and end of every compute pass, where the adapter has them.
+//! Busy time of the device: timestamps at the begin and end of every compute pass, where the adapter supports them.
 
 use super::{Batch, Buffer, Gpu, locked};
 use crate::error::Result;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
 
-/// Timestamps between two readings, at most: as many as core WebGPU allows in a set.
+/// Maximum number of timestamps between two readings: the limit of core WebGPU for a query set.
 const MOST: u32 = 4096;
 
 /// Timestamps of the passes since the last reading.
 pub(super) struct Timing {
     set: wgpu::QuerySet,
     resolved: Buffer,
-    /// ns
+    /// Timestamp period, ns
     period: f32,
     next: AtomicU32,
     missed: AtomicBool,
 }
 
 impl Timing {
-    /// What a pass that begins now writes; nothing once the set is full.
+    /// Timestamp writes of a pass that begins now; `None` once the set is full.
     pub fn of_pass(&self) -> Option<wgpu::ComputePassTimestampWrites<'_>> {
         let free = |begin: u32| (begin + 2 <= MOST).then_some(begin + 2);
         let Ok(begin) = self.next.fetch_update(Relaxed, Relaxed, free) else {
@@ -35,7 +35,7 @@ impl Timing {
 }
 
 impl Gpu {
-    /// Times the passes of batches made from now on, or no longer; an adapter without timestamps goes on without.
+    /// Switches timing on or off for batches made from now on; no effect without timestamp support.
     pub fn time_passes(&self, on: bool) {
         if !on || !self.device.features().contains(wgpu::Features::TIMESTAMP_QUERY) {
             *locked(&self.timing) = None;
@@ -53,8 +53,8 @@ impl Gpu {
         *locked(&self.timing) = Some(Arc::new(Timing { set, resolved, period, next, missed }));
     }
 
-    /// Submits a batch and waits: s that the passes took since this was last asked; none without timestamps, or when there were more
-    /// passes than timestamps.
+    /// Submits a batch and waits; returns the busy time since the last call, s. `None` without timestamps, or if there were more passes
+    /// than timestamps.
     ///
     /// # Errors
     /// As [`Gpu::submit_and_read`].

@@ -1,4 +1,4 @@
-//! The device: the loop's end of the cells, and the I/O thread that keeps the socket in lock step with the loop.
+//! The device as seen by the loop, and the I/O thread that keeps the socket in lock step with it.
 
 use super::command::{Command, Configure, Profile, Session, Version};
 use super::refused::Refused;
@@ -16,37 +16,37 @@ use std::time::{Duration, Instant};
 use triple_buffer::{Input, Output, triple_buffer};
 use tungstenite::Message;
 
-/// An answer is late after five ticks of 1 kHz.
+/// Time after which an answer counts as late: five ticks at 1 kHz.
 const LATE: Duration = Duration::from_millis(5);
 
-/// A peer that owes an answer for this long is gone.
+/// Time without an answer after which the peer is gone.
 const SILENCE: Duration = Duration::from_secs(1);
 
-/// First wait before a lost connection is taken up again; it doubles up to [`LONGEST_WAIT`]. Longer than what a servo takes for lost
-/// ([`LOST_AFTER`](crate::haptic::guard::LOST_AFTER)), so that the force ramps in again after it.
+/// First delay before a lost connection is re-established; it doubles up to [`LONGEST_WAIT`]. Longer than the servo's timeout for a lost
+/// device ([`LOST_AFTER`](crate::haptic::guard::LOST_AFTER)), so that the force ramps up again afterwards.
 const FIRST_WAIT: Duration = Duration::from_millis(70);
-/// So that a service that comes back is found within a second, and one that does not costs nothing.
+/// Longest delay: a returning service is found within a second, and a missing one costs nothing.
 const LONGEST_WAIT: Duration = Duration::from_secs(1);
-/// Patience of a further try, short so that closing does not wait long for one.
+/// Timeout of a further attempt, short so that closing does not have to wait for one.
 const RETRY_PATIENCE: Duration = Duration::from_millis(500);
 
-/// How long a goodbye may take.
+/// Timeout of the closing handshake.
 const GOODBYE: Duration = Duration::from_millis(200);
 
-/// Frames taken at once beyond the answer; a peer that sends more without being asked is slowed by its socket.
+/// Maximum number of frames received at once beyond the answer; a peer that sends more is slowed down by its socket.
 const MOST_UNASKED: usize = 256;
 
-/// Under which the program is listed in Haply's hub.
+/// Name of the program in Haply's hub.
 const PROFILE: &str = "org.cutis.haptic";
 
-/// What the device said last.
+/// Last reading of the device.
 #[derive(Clone, Copy, Debug)]
 struct Said {
     reading: Reading,
     at: Instant,
 }
 
-/// What the loop wants last.
+/// Last force of the loop.
 #[derive(Clone, Copy, Debug)]
 struct Wanted {
     /// N
@@ -66,7 +66,7 @@ impl Shared {
     }
 }
 
-/// An arm of an Inverse Service, as a [`Device`]. Let go of when dropped.
+/// Arm of an Inverse Service, as a [`Device`]. Released when dropped.
 pub struct Client {
     name: String,
     limits: Limits,
@@ -107,12 +107,12 @@ impl Client {
         Ok(Self { name, limits, said: out, wanted, shared, thread: Some(thread) })
     }
 
-    /// What went wrong since it was opened.
+    /// Faults since it was opened.
     pub fn trouble(&self) -> Trouble {
         self.shared.counts.trouble()
     }
 
-    /// Sound states since it was opened.
+    /// Number of valid states since it was opened.
     pub fn frames(&self) -> u64 {
         self.shared.counts.frames.load(Ordering::Relaxed)
     }
@@ -121,7 +121,7 @@ impl Client {
         self.shared.stop.store(true, Ordering::Release);
         if let Some(thread) = self.thread.take() {
             thread.thread().unpark();
-            // a thread that panicked has let go already: its socket is closed
+            // a thread that panicked has released the device: its socket is closed
             thread.join().ok();
         }
     }
@@ -138,7 +138,7 @@ impl Device for Client {
 
     fn read(&mut self, _time: f64) -> Reading {
         let said = *self.said.read();
-        // a device that never spoke stays infinitely old
+        // a device without any reading stays infinitely old
         Reading { age: said.reading.age + said.at.elapsed().as_secs_f64(), ..said.reading }
     }
 
@@ -185,7 +185,7 @@ enum End {
     Stopped,
 }
 
-/// The I/O thread.
+/// State of the I/O thread.
 struct Pump {
     address: Address,
     chosen: Chosen,
@@ -196,14 +196,14 @@ struct Pump {
     last: Reading,
 }
 
-/// One connection's lock step.
+/// Lock-step state of one connection.
 struct Step {
     socket: Socket,
-    /// Answers that the peer owes.
+    /// Number of outstanding answers.
     owed: usize,
-    /// The last force sent is not zero.
+    /// The last force sent was not zero.
     pushing: bool,
-    /// A sound answer has come: forces may go out.
+    /// A valid answer has arrived: forces may be sent.
     trusted: bool,
 }
 
@@ -219,7 +219,7 @@ impl Pump {
         }
     }
 
-    /// Connects again, until it is told to stop.
+    /// Reconnects, until stopped.
     fn again(&mut self) -> Option<Socket> {
         let mut wait = FIRST_WAIT;
         while !self.shared.stopped() {
@@ -239,7 +239,7 @@ impl Pump {
         None
     }
 
-    /// Lock step with the loop until the connection is lost or the loop lets go.
+    /// Exchanges frames in lock step with the loop until the connection is lost or the loop ends.
     fn serve(&mut self, socket: Socket) -> End {
         let mut step = Step { socket, owed: 0, pushing: false, trusted: false };
         let needed = if self.version >= Version::VECTOR { Version::VECTOR } else { Version::OLDEST };
@@ -261,7 +261,7 @@ impl Pump {
         }
     }
 
-    /// Until the loop has written, or has not for too long.
+    /// Waits until the loop has written or its time-out has passed.
     fn wait_for_order(&mut self) {
         let until = Instant::now() + DEAD_MAN;
         while !self.orders.update() && !self.shared.stopped() {
@@ -273,7 +273,7 @@ impl Pump {
         }
     }
 
-    /// The newest force, zero once the loop is silent.
+    /// Newest force; zero once the loop is silent.
     fn force(&mut self) -> DVec3 {
         let wanted = self.orders.read();
         if wanted.at.elapsed() > DEAD_MAN { DVec3::ZERO } else { wanted.force }
@@ -289,7 +289,7 @@ impl Pump {
         Ok(())
     }
 
-    /// Waits for the answer, then takes what else has come, so that the next frame answers the next force.
+    /// Waits for the answer, then receives other pending frames, so that the next frame answers the next force.
     fn answer(&mut self, step: &mut Step) -> std::result::Result<(), End> {
         let asked = Instant::now();
         while step.owed > 0 {
@@ -298,7 +298,7 @@ impl Pump {
                 Heard::End(_) => return Err(End::Lost),
                 Heard::Nothing if self.shared.stopped() => return Ok(()),
                 Heard::Nothing if asked.elapsed() > SILENCE => return Err(End::Lost),
-                // out of step, as the peer may hold this force for as long as it is silent
+                // an extra frame, because the peer may hold this force as long as it stays silent
                 Heard::Nothing if step.pushing && self.force() == DVec3::ZERO => {
                     self.send(step, DVec3::ZERO, None)?;
                 }
@@ -331,7 +331,7 @@ impl Pump {
         }
     }
 
-    /// Publishes what a frame says, if it says a pose.
+    /// Publishes the reading of a frame, if it has a valid pose.
     fn take(&mut self, frame: &super::wire::Frame) -> bool {
         let counts = &self.shared.counts;
         match reading(frame, &self.chosen, self.last) {
@@ -351,7 +351,7 @@ impl Pump {
         false
     }
 
-    /// No force, and a proper end, as far as the peer takes part in it.
+    /// Sends zero force and closes the connection, as far as the peer cooperates.
     fn leave(&self, mut step: Step, session: Option<Session>) {
         let until = Instant::now() + GOODBYE;
         if self.send(&mut step, DVec3::ZERO, session).is_err() {

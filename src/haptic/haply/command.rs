@@ -1,7 +1,9 @@
-//! What a client says to the Inverse Service: a force for one tick, and in the first frame who it is. And which version hears it how.
+//! Messages of a client to the Inverse Service: a force for one tick, and in the first frame the client's profile; depending on the
+//! version.
 //!
-//! A command holds until the next frame; a device without one is idle. Before version 3.5 a force stood in `values`, since then in
-//! `vector`. Source: as in [`wire`](super::wire).
+//! A command holds until the next frame; a device without one is idle. The key of a force is `values` before version 3.5 and `vector`
+//! since.
+//! Source: as in [`wire`](super::wire).
 
 use super::wire::{ArmKind, Vector};
 use glam::DVec3;
@@ -12,7 +14,7 @@ use std::fmt;
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Command {
-    /// In the first frame alone.
+    /// In the first frame only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub session: Option<Session>,
     /// Commands to arms, by kind.
@@ -27,7 +29,7 @@ pub struct Command {
 }
 
 impl Command {
-    /// A force on one arm, N, in the words of a version.
+    /// Force on one arm, N, in the format of a version.
     pub fn force(kind: ArmKind, device: &str, force: DVec3, version: Version) -> Self {
         let vector = Some(Vector::from(force));
         let set = if version >= Version::VECTOR {
@@ -58,18 +60,18 @@ impl Command {
 /// Commands to a device.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Order {
-    /// Which.
+    /// Name of the device.
     pub device_id: String,
-    /// What.
+    /// Commands.
     #[serde(default)]
     pub commands: Commands,
 }
 
-/// Commands that the client gives.
+/// Commands of the client.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Commands {
-    /// Until the next frame.
+    /// Force, held until the next frame.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub set_cursor_force: Option<SetForce>,
 }
@@ -86,26 +88,26 @@ pub struct SetForce {
     pub values: Option<Vector>,
 }
 
-/// What the first frame asks of the session.
+/// Session request of the first frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Session {
-    /// Its settings.
+    /// Settings of the session.
     pub configure: Configure,
 }
 
 /// Settings of a session.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Configure {
-    /// Who the client is.
+    /// Profile of the client.
     pub profile: Profile,
 }
 
-/// Who the client is.
+/// Profile of a client.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Profile {
-    /// Shown in Haply's hub.
+    /// Name shown in Haply's hub.
     pub name: String,
-    /// Such as ">=3.5".
+    /// Required version, such as ">=3.5".
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub required_version: Option<String>,
 }
@@ -120,12 +122,12 @@ pub struct Version {
 }
 
 impl Version {
-    /// The oldest that speaks these frames; 3.0 has others, on port 10000.
+    /// Oldest version with these frames; 3.0 has others, on port 10000.
     pub const OLDEST: Self = Self { major: 3, minor: 1 };
-    /// The first that takes a force as `vector`.
+    /// First version with the key `vector`.
     pub const VECTOR: Self = Self { major: 3, minor: 5 };
 
-    /// Of "3.5.0" or "3.5.0.0".
+    /// From "3.5.0" or "3.5.0.0".
     pub fn of(text: &str) -> Option<Self> {
         let mut parts = text.trim().trim_start_matches('v').split('.').map(|part| part.parse().ok());
         Some(Self { major: parts.next()??, minor: parts.next()?? })
@@ -151,7 +153,7 @@ pub struct About {
 }
 
 impl About {
-    /// The version as it was said.
+    /// Stated version.
     pub fn said(&self) -> Option<&str> {
         let own = self.project_version.as_deref().or(self.git_tag.as_deref());
         own.or_else(|| self.data.as_ref().and_then(|inner| inner.said()))

@@ -1,9 +1,9 @@
-//! A stand-in for the Inverse Service: the same frames on a port of this machine, with simulated hands behind them.
+//! Stand-in for the Inverse Service: the same frames on a port of this machine, with simulated hands behind them.
 //!
-//! Each connection has a thread, is sent the inventory, and then one state frame per frame of its own. A hand (a mass on a damped spring
-//! to a path) moves on by 1 ms per frame under the force that the frame carries, and by nothing else: what a stand-in says depends on the
-//! frames alone, not on the clock. Without a frame for 500 ms, or a connection, the force is zero. `GET /version` is answered on the same
-//! port. [`Faults`] make it misbehave, for tests.
+//! Each connection has a thread and gets the inventory, then one state frame per frame of the client. A hand (a mass on a damped spring to
+//! a path) advances by 1 ms per frame under the force of the frame: the stand-in's output depends on the frames only, not on the clock.
+//! After 500 ms without a frame, or without a connection, the force is zero. `GET /version` is answered on the same port. [`Faults`] make
+//! it misbehave, for tests.
 //!
 //! ```
 //! use cutis::haptic::{device::Device, haply};
@@ -38,19 +38,19 @@ use tungstenite::{Message, WebSocket};
 /// Port of the service's simulation channel.
 pub const PORT: u16 = 10001;
 
-/// A device without a command for this long is idle; ten times what a client takes to let go by itself.
+/// Time without a command after which a device is idle: ten times the client's own time-out.
 const IDLE: Duration = Duration::from_millis(500);
-/// Hands go back to the start of their path when nobody was there for this long: the next client is another run.
+/// Time without a client after which the hands return to the start of their path, because the next client is another run.
 const ANEW: Duration = Duration::from_millis(1500);
-/// Longest wait between two looks at whether to stop.
+/// Longest interval between checks for a stop.
 const SLICE: Duration = Duration::from_millis(20);
-/// A peer has to say within this time what it wants.
+/// Time that a peer has to state its request.
 const PATIENCE: Duration = Duration::from_secs(1);
 
 struct State {
     hands: Vec<Hand>,
     record: Record,
-    /// When the last client left.
+    /// Time when the last client left.
     left: Option<Instant>,
 }
 
@@ -61,7 +61,7 @@ struct Shared {
     stop: AtomicBool,
 }
 
-/// A stand-in that serves until it is dropped.
+/// Stand-in that serves until it is dropped.
 pub struct Mock {
     address: SocketAddr,
     shared: Arc<Shared>,
@@ -69,10 +69,10 @@ pub struct Mock {
 }
 
 impl Mock {
-    /// Listens on this machine's loopback.
+    /// Starts listening on the loopback interface.
     ///
     /// # Errors
-    /// When the port is taken, or the version is none.
+    /// If the port is taken or the version is malformed.
     pub fn start(options: Options) -> Result<Self> {
         let wanted = SocketAddr::from((Ipv4Addr::LOCALHOST, options.port));
         let refused = |source: io::Error| Refused::Port { address: wanted.to_string(), source };
@@ -91,12 +91,12 @@ impl Mock {
         Ok(Self { address, shared, door: Some(door.map_err(refused)?) })
     }
 
-    /// Where clients find it.
+    /// Address for clients.
     pub fn url(&self) -> String {
         format!("ws://{}", self.address)
     }
 
-    /// What it has seen so far.
+    /// Record so far.
     pub fn record(&self) -> Record {
         self.shared.state().record.clone()
     }
@@ -105,7 +105,7 @@ impl Mock {
 impl Drop for Mock {
     fn drop(&mut self) {
         self.shared.stop.store(true, Ordering::Release);
-        // a connection wakes the thread that waits for one
+        // a connection wakes the thread that waits in accept
         TcpStream::connect_timeout(&self.address, PATIENCE).ok();
         if let Some(door) = self.door.take() {
             door.join().ok();
@@ -113,14 +113,14 @@ impl Drop for Mock {
     }
 }
 
-/// Waits for clients and gives each a thread.
+/// Accepts clients and starts a thread for each.
 fn admit(listener: &TcpListener, shared: &Arc<Shared>) {
     let mut guests: Vec<JoinHandle<()>> = Vec::new();
     while !shared.stopped() {
         guests.retain(|guest| !guest.is_finished());
         let Ok((stream, from)) = listener.accept() else { continue };
         let inside = shared.clone();
-        // a client whose start or handshake fails has its connection closed, which tells it
+        // if the handshake fails, closing the connection tells the client
         let guest = thread::Builder::new().spawn(move || drop(inside.receive(stream, from)));
         guests.extend(guest);
     }
@@ -129,7 +129,7 @@ fn admit(listener: &TcpListener, shared: &Arc<Shared>) {
     }
 }
 
-/// The first bytes of a connection up to the empty line, left in the socket.
+/// First bytes of a connection up to the empty line, left in the socket.
 fn head(stream: &TcpStream) -> io::Result<String> {
     let until = Instant::now() + PATIENCE;
     let mut bytes = [0; 4096];
@@ -148,7 +148,7 @@ fn head(stream: &TcpStream) -> io::Result<String> {
     Err(ErrorKind::TimedOut.into())
 }
 
-/// Sends an old frame so many times, then a new one; whether it could.
+/// Sends an old frame `times` times, then a new one; false if it could not.
 fn say(socket: &mut WebSocket<TcpStream>, old: &str, times: u32, new: &str) -> bool {
     let mut send = |text: &str| socket.send(Message::text(text)).is_ok();
     (0..times).all(|_| send(old)) && send(new)
@@ -160,7 +160,7 @@ impl Shared {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        // the state is whole between any two statements that hold it
+        // the state is consistent between any two statements that hold the lock
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
@@ -170,7 +170,7 @@ impl Shared {
         }
     }
 
-    /// A WebSocket or a question over HTTP.
+    /// Serves a WebSocket or an HTTP request.
     fn receive(&self, mut stream: TcpStream, from: SocketAddr) -> io::Result<()> {
         stream.set_nodelay(true)?;
         stream.set_read_timeout(Some(PATIENCE))?;
@@ -193,7 +193,7 @@ impl Shared {
         socket.get_ref().set_read_timeout(Some(SLICE))?;
         {
             let state = &mut *self.state();
-            // the first one after a while begins anew; one that was only lost goes on
+            // the first client after a pause starts anew; a reconnecting one continues
             let alone = state.record.connections == state.record.ended;
             if alone && state.left.is_some_and(|left| left.elapsed() > ANEW) {
                 state.hands.fill(Hand::at_start(&self.options.path));
@@ -212,7 +212,7 @@ impl Shared {
         Ok(())
     }
 
-    /// Inventory, then frame by frame; the number of frames.
+    /// Sends the inventory, then answers frame by frame; returns the number of frames.
     fn serve(&self, mut socket: WebSocket<TcpStream>) -> u64 {
         let faults = self.options.faults;
         let (mut frames, mut heard, mut before) = (0, Instant::now(), String::new());
@@ -249,7 +249,7 @@ impl Shared {
         frames
     }
 
-    /// The client is silent: no force any more.
+    /// Releases the force of a silent client.
     fn let_go(&self) {
         let record = &mut self.state().record;
         if record.forces.iter().any(|force| *force != DVec3::ZERO) {
@@ -258,7 +258,7 @@ impl Shared {
         }
     }
 
-    /// Takes a client's frame in: forces of one frame on one arm add up, and the hands move on by a tick.
+    /// Applies a client's frame: forces of one frame on one arm add up, and the hands advance by a tick.
     fn obey(&self, text: &str, first: bool) {
         let command: Command = serde_json::from_str(text).unwrap_or_default();
         let mut state = self.state();
@@ -282,7 +282,7 @@ impl Shared {
         }
     }
 
-    /// A force in the words that this version knows.
+    /// Force in the format that this version accepts.
     fn hear(&self, set: SetForce, record: &mut Record) -> Option<DVec3> {
         let vector = set.vector.filter(|_| self.version >= Version::VECTOR);
         let word = if vector.is_some() { "vector" } else { "values" };
@@ -291,7 +291,7 @@ impl Shared {
         Some(force.into())
     }
 
-    /// A frame of the service, after so many of the client's; with faults but in the inventory.
+    /// State frame after `frames` frames of the client; faults apply to all but the inventory.
     fn frame(&self, inventory: bool, frames: u64) -> String {
         let faults = self.options.faults;
         let due = |every: u64| !inventory && every > 0 && frames.is_multiple_of(every);

@@ -1,4 +1,4 @@
-//! One connection to the Inverse Service: address, handshake, version, inventory, and what a frame says of the chosen devices.
+//! A connection to the Inverse Service: address, handshake, version, inventory, and readings of the selected devices.
 
 use super::command::{About, Version};
 use super::refused::{Refused, Result};
@@ -15,16 +15,16 @@ use tungstenite::{Message, WebSocket, client::client_with_config, http::Uri};
 /// A WebSocket of the service.
 pub(super) type Socket = WebSocket<TcpStream>;
 
-/// A read waits this long at most, so that the I/O thread sees between two of them that it shall stop or let go.
+/// Timeout of a read, so that the I/O thread regularly checks for a stop or a silent loop.
 const SLICE: Duration = Duration::from_millis(5);
 
-/// A peer that takes no bytes for this long is gone; a frame is a few hundred bytes, far below a socket's buffer.
+/// Timeout of a write: such a peer is gone, since a frame is a few hundred bytes, far below a socket's buffer.
 const WRITE_PATIENCE: Duration = Duration::from_millis(100);
 
-/// Largest frame, bytes: an inventory of a hundred devices. More is a fault, and must not fill the memory.
+/// Largest frame, bytes: an inventory of a hundred devices. A larger one is a fault and must not exhaust the memory.
 const LARGEST: usize = 1 << 20;
 
-/// Where the service is.
+/// Address of the service.
 #[derive(Clone, Debug)]
 pub(super) struct Address {
     pub url: String,
@@ -33,7 +33,7 @@ pub(super) struct Address {
 }
 
 impl Address {
-    /// Of `ws://host:port`.
+    /// Parses `ws://host:port`.
     pub fn of(url: &str) -> Result<Self> {
         let wrong = |problem: &str| Refused::Address { url: url.into(), problem: problem.into() };
         let uri: Uri = url.parse().map_err(|e| wrong(&format!("{e}")))?;
@@ -65,7 +65,7 @@ impl Address {
         Refused::NoService { url: self.url.clone(), found }
     }
 
-    /// A WebSocket after its handshake.
+    /// Connects and completes the WebSocket handshake.
     pub fn connect(&self, patience: Duration) -> Result<Socket> {
         let nobody = |e: io::Error| Refused::Nobody { url: self.url.clone(), reason: e.to_string() };
         let stream = self.dial(patience).map_err(nobody)?;
@@ -76,7 +76,7 @@ impl Address {
         Ok(socket)
     }
 
-    /// The first frame.
+    /// Receives the first frame.
     pub fn inventory(&self, socket: &mut Socket, patience: Duration) -> Result<Frame> {
         let until = Instant::now() + patience;
         while Instant::now() < until {
@@ -91,7 +91,7 @@ impl Address {
         Err(self.no_service(format!("no inventory came within {} s", patience.as_secs_f64())))
     }
 
-    /// What the service says of its version; an error if that is too old or nothing.
+    /// Asks for the service's version; an error if it is too old or not stated.
     pub fn version(&self) -> Result<Version> {
         let said = self.ask_version();
         let found = said.as_deref().ok().and_then(Version::of);
@@ -105,7 +105,7 @@ impl Address {
         }
     }
 
-    /// `GET /version` on the channel's port; the reason when there is none.
+    /// `GET /version` on the channel's port; `Err` with the reason.
     fn ask_version(&self) -> std::result::Result<String, String> {
         let reason = |e: io::Error| format!("GET /version: {e}");
         let mut stream = self.dial(PATIENCE).map_err(reason)?;
@@ -131,7 +131,7 @@ impl Address {
     }
 }
 
-/// The version in an HTTP answer, once its JSON is whole.
+/// Version in an HTTP answer, once its JSON is complete.
 fn version_of(answer: &[u8]) -> Option<String> {
     let text = std::str::from_utf8(answer).ok()?;
     let (head, body) = text.split_once("\r\n\r\n")?;
@@ -141,18 +141,18 @@ fn version_of(answer: &[u8]) -> Option<String> {
     about.said().map(String::from)
 }
 
-/// What one read of the socket gave.
+/// Result of one read of the socket.
 pub(super) enum Heard {
     Text(tungstenite::Utf8Bytes),
     Nothing,
     End(String),
 }
 
-/// Waits a slice for a frame; pings are answered underneath.
+/// Waits for a frame until the timeout; answers pings.
 pub(super) fn hear(socket: &mut Socket) -> Heard {
     match socket.read() {
         Ok(Message::Text(text)) => Heard::Text(text),
-        // not of the protocol: as text it is malformed, and counted as that
+        // not part of the protocol: an empty text counts as malformed
         Ok(Message::Binary(_)) => Heard::Text("".into()),
         Ok(_) => Heard::Nothing,
         Err(tungstenite::Error::Io(e)) if matches!(e.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut) => {
@@ -162,7 +162,7 @@ pub(super) fn hear(socket: &mut Socket) -> Heard {
     }
 }
 
-/// The devices that a client uses.
+/// Devices that a client uses.
 #[derive(Clone, Debug)]
 pub(super) struct Chosen {
     pub arm: ArmKind,
@@ -171,7 +171,7 @@ pub(super) struct Chosen {
 }
 
 impl Chosen {
-    /// The named devices, or the first ones.
+    /// Selects the named devices, or the first ones.
     pub fn of(inventory: &Frame, settings: &Settings) -> Result<Self> {
         let url = || settings.url.clone();
         let arms = ArmKind::ALL.iter().flat_map(|k| inventory.arms(*k).iter().map(|e| (*k, e.device_id.clone())));
@@ -198,7 +198,7 @@ impl Chosen {
     }
 }
 
-/// Why a frame has no pose.
+/// Reason why a frame has no pose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fault {
     Absent,
@@ -210,8 +210,8 @@ fn entry<'a, S>(entries: &'a [Entry<S>], device: &str) -> Option<&'a Entry<S>> {
     entries.iter().find(|entry| entry.device_id == device)
 }
 
-/// What a frame says of the chosen devices, and whether the grip was in it (`true` without a grip). A grip that is not keeps `last`'s
-/// rotation and holds no button.
+/// Reading of the selected devices, and whether the frame has the grip (`true` without a grip). A missing grip keeps `last`'s rotation and
+/// releases all buttons.
 pub(super) fn reading(frame: &Frame, chosen: &Chosen, last: Reading) -> std::result::Result<(Reading, bool), Fault> {
     let arm = entry(frame.arms(chosen.arm), &chosen.device).ok_or(Fault::Absent)?;
     let state = arm.state.ok_or(Fault::Absent)?;

@@ -1,4 +1,4 @@
-//! What went wrong on a connection, counted by the I/O thread and read by anyone.
+//! Faults of a connection, counted by the I/O thread and readable from anywhere.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -7,30 +7,30 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct Trouble {
     /// Frames that were not JSON, or not of a frame's shape.
     pub malformed: u64,
-    /// Frames with a number that is none, or a quaternion that is no rotation.
+    /// Frames with a non-finite number, or a quaternion that is no rotation.
     pub non_finite: u64,
     /// Frames without the arm, or without its state.
     pub absent: u64,
-    /// Frames of an arm that is not calibrated: where it is, is not known.
+    /// Frames of an uncalibrated arm, whose position is unknown.
     pub uncalibrated: u64,
-    /// Frames without the grip, or without its state: the last rotation was kept and its buttons let go.
+    /// Frames without the grip or its state: the last rotation was kept and its buttons released.
     pub grip_absent: u64,
-    /// Answers that took more than five ticks of 1 kHz.
+    /// Answers that took more than five ticks at 1 kHz.
     pub late: u64,
-    /// Frames that answered none of ours.
+    /// Unsolicited frames.
     pub unasked: u64,
     /// Connections lost.
     pub disconnects: u64,
-    /// Connections taken up again.
+    /// Connections re-established.
     pub reconnects: u64,
-    /// Forces of the loop beyond the limit; they were cut to it.
+    /// Forces of the loop above the limit, which were limited.
     pub clamped: u64,
-    /// Forces of the loop that were no numbers; zero was sent.
+    /// Non-finite forces of the loop; zero was sent instead.
     pub refused: u64,
 }
 
 impl Trouble {
-    /// Frames that were of no use, and connections lost.
+    /// Number of unusable frames and lost connections.
     pub fn faults(&self) -> u64 {
         self.malformed + self.non_finite + self.absent + self.uncalibrated + self.grip_absent + self.disconnects
     }
@@ -53,13 +53,13 @@ pub(super) struct Counts {
     pub refused: AtomicU64,
 }
 
-/// One more.
+/// Increments a counter.
 pub(super) fn count(counter: &AtomicU64) {
     counter.fetch_add(1, Ordering::Relaxed);
 }
 
 impl Counts {
-    /// As they are now.
+    /// Current values.
     pub fn trouble(&self) -> Trouble {
         let now = |counter: &AtomicU64| counter.load(Ordering::Relaxed);
         Trouble {

@@ -1,9 +1,9 @@
-//! What the Inverse Service says on its simulation channel, as plain structs; what is said to it is in [`command`](super::command).
+//! Frames of the Inverse Service on its simulation channel, as plain structs; those of the client are in [`command`](super::command).
 //!
 //! Text frames of JSON; newtons, metres, m/s; quaternions x, y, z, w; right-handed axes. The service's first frame is its inventory, with
-//! `config`; later ones have `state` and `status` alone. Reading is tolerant: unknown fields are passed over, a device without `state` is
-//! kept without one, and parts of a `transform` that are left out are the identity. A number written as `null` (as JSON writers do with
-//! NaN) is read as NaN, so that it is told from a frame of the wrong shape.
+//! `config`; later ones have `state` and `status` only. Parsing is tolerant: unknown fields are ignored, a device without `state` is kept
+//! without one, and missing parts of a `transform` are the identity. A number written as `null` (as JSON writers do with NaN) is read as
+//! NaN, which distinguishes it from a frame of the wrong shape.
 //! Source: docs.haply.co, Inverse Service 3.5, "WebSocket Protocol", "Control Commands", "HTTP".
 
 use glam::{DQuat, DVec3};
@@ -57,11 +57,11 @@ pub struct Quaternion {
     pub w: f64,
 }
 
-/// Allowed departure of a quaternion's length from 1: what three printed digits leave.
+/// Tolerance of a quaternion's length: the rounding error of three printed digits.
 const QUATERNION_SLACK: f64 = 0.01;
 
 impl Quaternion {
-    /// The rotation, of length 1; none when a number is none or the length is not 1.
+    /// Normalised rotation; `None` if a number is non-finite or the length is not 1.
     pub fn rotation(self) -> Option<DQuat> {
         let q = DQuat::from_xyzw(self.x, self.y, self.z, self.w);
         ((q.length() - 1.0).abs() <= QUATERNION_SLACK).then(|| q.normalize())
@@ -74,7 +74,7 @@ impl From<DQuat> for Quaternion {
     }
 }
 
-/// Workspace transform of the service, already in the positions that it says.
+/// Workspace transform of the service; already applied to its positions.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Transform {
@@ -92,14 +92,14 @@ impl Default for Transform {
     }
 }
 
-/// What an arm says.
+/// State of an arm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArmState {
     /// m
     pub cursor_position: Vector,
     /// m/s
     pub cursor_velocity: Vector,
-    /// What the motors give, N.
+    /// Force of the motors, N.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub current_cursor_force: Option<Vector>,
     /// Workspace transform.
@@ -111,11 +111,11 @@ pub struct ArmState {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Buttons {
-    /// Down.
+    /// True while pressed.
     pub a: bool,
-    /// Down.
+    /// True while pressed.
     pub b: bool,
-    /// Down.
+    /// True while pressed.
     pub c: bool,
 }
 
@@ -125,51 +125,51 @@ impl Buttons {
         u32::from(self.a) | u32::from(self.b) << 1 | u32::from(self.c) << 2
     }
 
-    /// The other way round.
+    /// From the bits.
     pub fn of(bits: u32) -> Self {
         Self { a: bits & 1 != 0, b: bits & 2 != 0, c: bits & 4 != 0 }
     }
 }
 
-/// What a grip says.
+/// State of a grip.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct GripState {
     /// Scalar last.
     pub orientation: Quaternion,
-    /// Which are down.
+    /// Pressed buttons.
     #[serde(default)]
     pub buttons: Buttons,
 }
 
-/// What the client uses of a device's status.
+/// Status fields that the client uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Status {
-    /// Where the arm is, is known; not said by grips.
+    /// True if the arm's position is known; absent for grips.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub calibrated: Option<bool>,
-    /// Takes commands.
+    /// True if the device accepts commands.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ready: Option<bool>,
 }
 
-/// A device of a frame.
+/// Device in a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Entry<S> {
     /// Name of the device, as printed on it.
     pub device_id: String,
-    /// In the inventory alone.
+    /// In the inventory only.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub config: Option<Config>,
-    /// None while the device says nothing.
+    /// `None` while the device has no state.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub state: Option<S>,
-    /// Whether what it says can be used.
+    /// Validity of the state.
     #[serde(default)]
     pub status: Status,
 }
 
-/// What is fixed for a session.
+/// Configuration for a session.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Config {
@@ -185,7 +185,7 @@ pub struct Config {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct Frame {
-    /// Of this connection.
+    /// Number of this connection.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub session_id: Option<u64>,
     /// Arms, by kind.
@@ -208,7 +208,7 @@ pub struct Frame {
     pub custom_verse_grip: Vec<Entry<GripState>>,
 }
 
-/// Kinds of arms, by their word.
+/// Kinds of arms.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ArmKind {
     /// `inverse3`
@@ -223,7 +223,7 @@ impl ArmKind {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Inverse3, Self::Inverse3x, Self::Minverse];
 
-    /// Its word in frames.
+    /// Its name in frames.
     pub fn word(self) -> &'static str {
         match self {
             Self::Inverse3 => "inverse3",
@@ -233,7 +233,7 @@ impl ArmKind {
     }
 }
 
-/// Kinds of grips, by their word.
+/// Kinds of grips.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum GripKind {
     /// `verse_grip`
@@ -248,7 +248,7 @@ impl GripKind {
     /// All of them.
     pub const ALL: [Self; 3] = [Self::Wired, Self::Wireless, Self::Custom];
 
-    /// Its word in frames.
+    /// Its name in frames.
     pub fn word(self) -> &'static str {
         match self {
             Self::Wired => "verse_grip",
@@ -277,7 +277,7 @@ impl Frame {
         }
     }
 
-    /// Arms of a kind, to add to.
+    /// Arms of a kind, mutable.
     pub fn arms_mut(&mut self, kind: ArmKind) -> &mut Vec<Entry<ArmState>> {
         match kind {
             ArmKind::Inverse3 => &mut self.inverse3,
@@ -286,7 +286,7 @@ impl Frame {
         }
     }
 
-    /// Grips of a kind, to add to.
+    /// Grips of a kind, mutable.
     pub fn grips_mut(&mut self, kind: GripKind) -> &mut Vec<Entry<GripState>> {
         match kind {
             GripKind::Wired => &mut self.verse_grip,
@@ -296,10 +296,10 @@ impl Frame {
     }
 }
 
-/// A frame from its text.
+/// Parses a frame.
 ///
 /// # Errors
-/// The parser's words when the text is not JSON or not of a frame's shape.
+/// The parser's error if the text is not JSON or not of a frame's shape.
 pub fn frame(text: &str) -> Result<Frame, serde_json::Error> {
     serde_json::from_str(text)
 }

@@ -1,8 +1,8 @@
-//! The hand behind a stand-in: a mass on a damped spring to a path, pushed by the force that the client sends.
+//! Simulated hand of the stand-in: a mass on a damped spring to a path, driven by the force that the client sends.
 //!
-//! `m v' = f + k (target − x) − d v`, semi-implicit Euler with a step far below its period (0.14 s); at rest `x = target + f/k`.
-//! Time is frames, not seconds: each frame of the client moves the hand on by one tick, with the frame's force held over it. So what a
-//! stand-in says depends on the frames alone.
+//! `m v' = f + k (target − x) − d v`, semi-implicit Euler with a step far below its period (0.14 s); at rest `x = target + f/k`. Time
+//! counts frames, not seconds: each frame of the client advances the hand by one tick with the frame's force held. The output of a stand-in
+//! therefore depends on the frames only.
 //! Units: x m, v m/s, f N, m kg, d N·s/m, k N/m.
 
 use crate::bodies::rigid::along;
@@ -11,21 +11,21 @@ use glam::{DQuat, DVec3};
 
 /// Time per frame of the client, s.
 pub(super) const TICK: f64 = 1e-3;
-/// Inner steps of a tick.
+/// Substeps of a tick.
 const INNER: u32 = 10;
-/// Of a hand that holds a stylus, of the order of a finger and the device's own, kg.
+/// Mass of a hand that holds a stylus, of the order of a finger and the device's own, kg.
 const MASS: f64 = 0.1;
-/// N/m; of the order of a relaxed grip.
+/// Stiffness, N/m; of the order of a relaxed grip.
 pub(super) const STIFFNESS: f64 = 200.0;
-/// N·s/m; 0.9 of critical.
+/// Damping, N·s/m; 0.9 of critical.
 const DAMPING: f64 = 8.0;
-/// Step of the encoders, m.
+/// Resolution of the encoders, m.
 pub(super) const QUANTUM: f64 = 1e-5;
 
-/// Where an Inverse3's cursor rests without a path: before the device, above the table, m.
+/// Rest position of an Inverse3's cursor without a path: in front of the device, above the table, m.
 const REST: DVec3 = DVec3::new(0.0, -0.12, 0.15);
 
-/// A hand.
+/// Simulated hand.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Hand {
     pub position: DVec3,
@@ -34,24 +34,24 @@ pub(super) struct Hand {
     ticks: u64,
 }
 
-/// The path at a time.
+/// Target pose of the path at a time.
 fn target(path: &[Pose], time: f64) -> (DVec3, DQuat) {
     along(path, time).unwrap_or((REST, DQuat::IDENTITY))
 }
 
 impl Hand {
-    /// At rest at the path's start.
+    /// At rest at the start of the path.
     pub fn at_start(path: &[Pose]) -> Self {
         let (position, rotation) = target(path, 0.0);
         Self { position, velocity: DVec3::ZERO, rotation, ticks: 0 }
     }
 
-    /// Seconds of its own.
+    /// Time of the hand, s.
     pub fn time(&self) -> f64 {
         self.ticks as f64 * TICK
     }
 
-    /// One tick with a force held.
+    /// Advances by one tick with a constant force.
     pub fn advance(&mut self, path: &[Pose], force: DVec3) {
         let (from, h) = (self.time(), TICK / f64::from(INNER));
         for k in 1..=INNER {
@@ -64,7 +64,7 @@ impl Hand {
         self.ticks += 1;
     }
 
-    /// What the encoders say of the position, m.
+    /// Position rounded to the encoders' resolution, m.
     pub fn encoded(&self) -> DVec3 {
         (self.position / QUANTUM).round() * QUANTUM
     }

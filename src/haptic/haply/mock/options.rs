@@ -1,4 +1,4 @@
-//! What a stand-in has, how it misbehaves, and what it has seen.
+//! Configuration, faults and record of a stand-in.
 
 use super::super::wire::{ArmKind, GripKind};
 use super::PORT;
@@ -7,33 +7,33 @@ use glam::DVec3;
 use std::net::SocketAddr;
 use std::time::Duration;
 
-/// Something that happened at a stand-in.
+/// Event at a stand-in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Event {
-    /// A client came, from this address.
+    /// A client connected from this address.
     Connected(SocketAddr),
-    /// It left, after this many frames.
+    /// It disconnected after this many frames.
     Left(SocketAddr, u64),
 }
 
-/// What a stand-in has, and how it misbehaves.
+/// Configuration of a stand-in.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// 0 for any that is free.
+    /// Port; 0 for any free one.
     pub port: u16,
-    /// As `/version` says it; before 3.5 a force is heard as `values` alone.
+    /// Version stated by `/version`; before 3.5 only the key `values` sets a force.
     pub version: String,
     /// Arms by kind and name.
     pub arms: Vec<(ArmKind, String)>,
-    /// Grips by kind and name; all are in the first arm's hand, or at rest without an arm.
+    /// Grips by kind and name; all are held by the first arm's hand, or at rest without an arm.
     pub grips: Vec<(GripKind, String)>,
-    /// What the hands follow, m; they rest without one.
+    /// Path of the hands, m; at rest without one.
     pub path: Vec<Pose>,
-    /// From a time of the hand on, s, which buttons are down; times rise.
+    /// Times of the hand, s, in ascending order, with the buttons pressed from then on.
     pub buttons: Vec<(f64, u32)>,
-    /// None by default.
+    /// Faults; none by default.
     pub faults: Faults,
-    /// Told of each event.
+    /// Called for each event.
     pub tell: Option<fn(Event)>,
 }
 
@@ -52,52 +52,52 @@ impl Default for Options {
     }
 }
 
-/// Ways to misbehave; 0 and `false` for none of it.
+/// Faults to simulate; 0 and `false` for none.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Faults {
-    /// Connections end without a goodbye after this many frames.
+    /// Connections end without a closing handshake after this many frames.
     pub drop_after: u64,
     /// Each n-th frame is cut in half.
     pub malformed_every: u64,
-    /// Each n-th frame has `null` for a position, as JSON has no NaN.
+    /// Each n-th frame has `null` in a position, since JSON has no NaN.
     pub null_every: u64,
     /// Each n-th frame has no devices.
     pub empty_every: u64,
-    /// Arms say that they are not calibrated.
+    /// Arms report that they are not calibrated.
     pub uncalibrated: bool,
-    /// Before each answer.
+    /// Delay before each answer.
     pub delay: Duration,
-    /// Each 10th frame comes after this many old ones.
+    /// Each 10th frame is preceded by this many old ones.
     pub burst: u32,
-    /// Forces are passed over.
+    /// Forces are ignored.
     pub deaf: bool,
-    /// There is no inventory.
+    /// No inventory is sent.
     pub silent: bool,
 }
 
-/// What a stand-in has seen.
+/// Record of a stand-in.
 #[derive(Clone, Debug, Default)]
 pub struct Record {
-    /// Connections that became WebSockets.
+    /// WebSocket connections.
     pub connections: u64,
-    /// Those that ended.
+    /// Connections that ended.
     pub ended: u64,
     /// Frames of clients.
     pub frames: u64,
-    /// `[arm]` force now, N.
+    /// `[arm]` current force, N.
     pub forces: Vec<DVec3>,
     /// `[arm]` force of each connection's first frame, N.
     pub first_forces: Vec<Vec<DVec3>>,
     /// `[arm]` force of each ended connection's last frame, N.
     pub last_forces: Vec<Vec<DVec3>>,
-    /// Times that a force was let go because no frame came.
+    /// Number of forces released because no frame arrived.
     pub idled: u64,
     /// Largest force so far, N.
     pub peak: f64,
-    /// What the last client called itself.
+    /// Profile name of the last client.
     pub profile: Option<String>,
-    /// The version it asked for.
+    /// Version that it required.
     pub required_version: Option<String>,
-    /// The word that forces came in last.
+    /// Key of the last force.
     pub wording: Option<&'static str>,
 }
