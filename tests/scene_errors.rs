@@ -1,6 +1,8 @@
 //! Scenes: the numbers of a valid one in SI, and for each bad input the line and the way to mend it.
 
 use cutis::error::{Error, Result};
+use cutis::gpu;
+use cutis::report;
 use cutis::scene::{
     Correction, Cut, DeviceKind, Element, Files, Filter, Integrator, Law, Material, Preconditioner, ProbeKind, Region,
     Rendering, Role, Scene, Start, parse, read,
@@ -1059,11 +1061,10 @@ fn bad_trajectories_are_refused() {
 #[test]
 fn exit_codes_tell_input_from_machine() {
     let text = String::new;
-    let error = Error::NoAdapter { wanted: text(), found: text(), how: text() };
-    assert_eq!(error.exit_code(), 3);
-    let error = Error::Usage { what: text(), fix: text() };
-    assert_eq!(error.exit_code(), 2);
-    assert_eq!(Error::Device { message: text() }.exit_code(), 1);
+    let code = |error: Error| error.exit_code();
+    assert_eq!(code(gpu::Failed::NoAdapter { wanted: text(), found: text() }.into()), 3);
+    assert_eq!(code(report::Refused::NoSteps.into()), 2);
+    assert_eq!(code(gpu::Failed::Device { message: text() }.into()), 1);
 }
 
 /// Pieces that mean something in one of the three formats.

@@ -1,10 +1,10 @@
 //! What touches what at a step's start, and the ties that hold all the time.
 
-use super::{Body, Simulation, StepReport};
+use super::{Body, Refused, Simulation, StepReport};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::{self, Aabb, Contact, Patch, Search, SurfacePoint, bodies, features, lips, round};
 use crate::constraints::Law;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::mesh::Quad;
 use crate::scene::{self, Attachment, BodyId, Scene};
 use glam::DVec3;
@@ -291,7 +291,7 @@ fn held_nodes(contact: &Contact, side: usize) -> impl Iterator<Item = u32> {
 /// The ties of a scene, from the bodies at rest.
 ///
 /// # Errors
-/// [`Error::TiedToNothing`] when a node of the region is not on what it is to be tied to.
+/// [`Refused::TiedToNothing`] when a node of the region is not on what it is to be tied to.
 pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
     let mut out = vec![];
     for (number, attachment) in scene.attachments.iter().enumerate() {
@@ -328,7 +328,8 @@ fn tie(
         (_, Some(patch)) => {
             let (spot, distance) = patch.nearest(at);
             if distance > TOUCHES {
-                return Err(Error::TiedToNothing { at: at.to_array().map(|c| c * 1e3), distance: distance * 1e3 });
+                let (at, distance) = (at.to_array().map(|c| c * 1e3), distance * 1e3);
+                return Err(Refused::TiedToNothing { at, distance }.into());
             }
             (spot, at)
         }

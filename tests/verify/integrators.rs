@@ -17,7 +17,7 @@ use cutis::report::inspect::inspect;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Integrator::{self, ImplicitEuler, Newmark, SymplecticEuler};
 use cutis::scene::{Anchor, Boundary, Mass, Preconditioner, Region, Scene};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Place, Refused, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
     ("each_integrator_follows_its_textbook_recurrence", recurrences),
@@ -395,7 +395,7 @@ fn refused_steps() {
     (scene.time.integrator, scene.time.step) = (SymplecticEuler, 1e-3);
     let Err(error) = Simulation::new(&scene, &Place::Cpu64) else { panic!("1 ms is not stable") };
     assert_eq!(error.exit_code(), 2);
-    let Error::UnstableStep { stable_ms, step_ms, substeps, .. } = &error else { panic!("{error}") };
+    let Error::Step(Refused::UnstableStep { stable_ms, step_ms, substeps, .. }) = &error else { panic!("{error}") };
     let stable = 1e3 * model(&scene).stable_step();
     assert!((stable_ms / stable - 1.0).abs() < 1e-9 && *step_ms == 1.0, "{error}");
     assert!(error.to_string().contains("substeps"), "{error}");

@@ -4,7 +4,7 @@
 use super::setup::{Body, LONG, Random, add, block, displaced, largest, measured, model, scene, xyz};
 use super::skin_block::{Grid, POINTS, on_grid, static_answer, volume_change};
 use super::{Case, Everywhere};
-use cutis::bodies::Model;
+use cutis::bodies::{Model, Refused};
 use cutis::error::Error;
 use cutis::kernels::hyperelastic::{self, Cell};
 use cutis::math::V3;
@@ -273,7 +273,7 @@ fn start_inside_out(place: &Place) {
             let ended = Body::new(place, model.clone(), &start, 1e-3).fallible_step();
             let params = model.grid.params::<f64>();
             match ended {
-                Err(Error::InsideOut { cell }) if pressed > 1.0 => {
+                Err(Error::Body(Refused::InsideOut { cell })) if pressed > 1.0 => {
                     let corners = params.corners(params.cell_id(cell));
                     assert!(corners.contains(&top), "{cell:?} is not at node {top}");
                 }

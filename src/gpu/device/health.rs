@@ -1,7 +1,8 @@
 //! What a device was given to do, and whether it still does it: counts of its work, its first fault, and a way to take it away.
 
+use super::super::Failed;
 use super::{Gpu, locked};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use std::sync::{Arc, Mutex};
 
 /// Work handed to a device.
@@ -109,8 +110,8 @@ impl Gpu {
     /// Whether all went well so far.
     ///
     /// # Errors
-    /// [`Error::Device`] with what went wrong first.
+    /// [`Failed::Device`] with what went wrong first.
     pub fn sound(&self) -> Result<()> {
-        self.fault.first().map_or(Ok(()), |message| Err(Error::Device { message }))
+        self.fault.first().map_or(Ok(()), |message| Err(Failed::Device { message }.into()))
     }
 }
