@@ -427,6 +427,8 @@ fn full_scene_says_which_device_holds_the_tool() {
     let kind = DeviceKind::Haply { url: "ws://here:1".into(), device: "04BA".into(), grip: String::new() };
     assert_eq!((device.kind, device.passivity, device.rendering), (kind, true, Rendering::Coupling));
     assert!(device.max_force.is_infinite() && device.buttons.is_empty() && device.workspace == 10.0);
+    let bare = with("[tool.device]\nkind = \"haply\"\n").tools[0].device.clone().expect("it has one");
+    assert!(matches!(&bare.kind, DeviceKind::Haply { url, .. } if url == "ws://localhost:10001"));
 }
 
 #[test]
