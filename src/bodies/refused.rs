@@ -25,18 +25,18 @@ pub enum Refused {
     /// More quads swept by blades in a step than a GPU is told of.
     #[error("the blade's pieces: {count} wanted, but swept quads per step is {most}; set a larger edge_spacing_mm")]
     SweptQuads {
-        /// In this step.
+        /// Of this step.
         count: usize,
-        /// That it takes.
+        /// A device's limit.
         most: usize,
     },
 
     /// More links cut in a step than a GPU reports.
     #[error("the links cut in one step: {count} wanted, but hits per step is {most}; use a shorter step_ms")]
     CutLinks {
-        /// In this step.
+        /// Of this step.
         count: usize,
-        /// That it reports.
+        /// A device's limit.
         most: usize,
     },
 
@@ -69,7 +69,7 @@ pub enum Refused {
         numbers / 125_000
     )]
     DirectMemory {
-        /// Of 8 bytes each.
+        /// Entries of the factor, 8 bytes each.
         numbers: usize,
     },
 

@@ -14,13 +14,13 @@ pub enum Refused {
     )]
     NoSteps,
 
-    /// A checkpoint of what cannot be gone on with: hands go on moving.
+    /// A checkpoint of a run whose hands go on moving meanwhile.
     #[error(
         "a checkpoint of a run by the wall clock, whose hands do not wait; leave out --realtime, or --checkpoint and --resume"
     )]
     CheckpointInRealTime,
 
-    /// A checkpoint of what cannot be gone on with: a recording has no gaps.
+    /// A checkpoint of a run whose recording could have gaps.
     #[error("a checkpoint of a run that records its devices; leave out --record, or --checkpoint and --resume")]
     CheckpointOfRecording,
 
@@ -88,7 +88,7 @@ pub enum CheckpointUnfit {
     /// Its end is missing.
     #[error("is cut off after {bytes} bytes; take an older one, or run from the start")]
     CutOff {
-        /// That are there.
+        /// The file's length.
         bytes: usize,
     },
 
@@ -151,7 +151,7 @@ pub enum StudyUnfit {
     /// Runs without end.
     #[error("a run of the study has more than {most:e} steps; give [study] a shorter duration_s")]
     Steps {
-        /// That a run may have.
+        /// The limit for one run.
         most: f64,
     },
 
@@ -162,7 +162,7 @@ pub enum StudyUnfit {
     Cells {
         /// Of the reference.
         cells: f64,
-        /// That it may have.
+        /// The limit for a quick study.
         most: f64,
     },
 
