@@ -16,6 +16,37 @@ use vtkio::model::{
     Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version, VertexNumbers, Vtk,
 };
 
+/// A file of results that cannot be written or gone on with.
+#[derive(Debug, thiserror::Error)]
+pub enum Failed {
+    /// What the system refuses.
+    #[error("{path}: cannot be written ({source}); choose a folder that exists, is writable and has space")]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// The system's reason.
+        source: io::Error,
+    },
+
+    /// A mesh that is none.
+    #[error("{path}: cannot be written as VTK ({message}); choose a folder that exists, is writable and has space")]
+    Vtk {
+        /// The file.
+        path: PathBuf,
+        /// The writer's words.
+        message: String,
+    },
+
+    /// A table that a resumed run cannot go on with.
+    #[error("{}: the table {what}; resume in the folder of the run that wrote the checkpoint", path.display())]
+    TableUnfit {
+        /// The table.
+        path: PathBuf,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+}
+
 /// Rows between two flushes of a [`Table`]. At 1 kHz a killed run loses at most 64 ms; a flush
 /// for each row would cost a system call per step.
 const ROWS_PER_FLUSH: usize = 64;
@@ -41,7 +72,7 @@ impl Field<'_> {
 /// Writes hexahedra to a `.vtu` file; an existing file is replaced atomically.
 ///
 /// `points`: `[node]` m. `cells`: `[cell]` node ids in VTK's hexahedron order. Fields must have
-/// one value per point or cell, and ids must be in range, else [`Error::Vtk`]. Without cells or
+/// one value per point or cell, and ids must be in range, else [`Failed::Vtk`]. Without cells or
 /// points the file is valid and empty.
 pub fn write_hexes(
     path: &Path,
@@ -72,11 +103,11 @@ fn write_grid<const N: usize>(
     point_data: &[(&str, Field)],
     cell_data: &[(&str, Field)],
 ) -> Result<()> {
-    let vtk_error = |message| Error::Vtk { path: path.to_owned(), message };
+    let vtk_error = |message| Failed::Vtk { path: path.to_owned(), message };
     let bad_id = cells.as_flattened().iter().find(|&&id| id as usize >= points.len());
     if let Some(id) = bad_id {
         let count = points.len();
-        return Err(vtk_error(format!("a cell names point {id}, but there are {count} points")));
+        return Err(vtk_error(format!("a cell names point {id}, but there are {count} points")).into());
     }
     let vtk = Vtk {
         version: Version::new((1, 0)),
@@ -144,9 +175,9 @@ pub(crate) fn replace(path: &Path, bytes: &[u8]) -> Result<()> {
     let temporary = PathBuf::from(name);
     std::fs::write(&temporary, bytes).map_err(|source| {
         std::fs::remove_file(&temporary).ok(); // a part of it would take the last of a full disk
-        Error::Write { path: temporary.clone(), source }
+        Failed::Write { path: temporary.clone(), source }
     })?;
-    std::fs::rename(&temporary, path).map_err(|source| Error::Write { path: path.to_owned(), source })
+    Ok(std::fs::rename(&temporary, path).map_err(|source| Failed::Write { path: path.to_owned(), source })?)
 }
 
 /// A `.pvd` file: mesh files with their times.
@@ -251,7 +282,7 @@ impl Table {
         let header = columns.join(",") + "\n";
         replace(path, header.as_bytes())?;
         let opened = File::options().append(true).open(path);
-        let file = BufWriter::new(opened.map_err(|source| Error::Write { path: path.to_owned(), source })?);
+        let file = BufWriter::new(opened.map_err(|source| Failed::Write { path: path.to_owned(), source })?);
         Ok(Self {
             path: path.to_owned(),
             file,
@@ -265,12 +296,12 @@ impl Table {
     /// Checks that a file begins with what a table of these columns had written at a mark.
     ///
     /// # Errors
-    /// [`Error::TableUnfit`] for one that does not.
+    /// [`Failed::TableUnfit`] for one that does not.
     pub fn verify(path: &Path, columns: &[impl Borrow<str>], kept: TableMark) -> Result<()> {
-        let unfit = |what| Err(Error::TableUnfit { path: path.to_owned(), what });
+        let unfit = |what| Err(Failed::TableUnfit { path: path.to_owned(), what }.into());
         let Ok(opened) = File::open(path) else { return unfit("cannot be opened") };
         let (mut file, mut found, mut header) = (BufReader::new(opened), TableMark::NONE, String::new());
-        let failed = |source| Error::Write { path: path.to_owned(), source };
+        let failed = |source| Failed::Write { path: path.to_owned(), source };
         file.read_line(&mut header).map_err(failed)?;
         if header.trim_end() != columns.join(",") {
             return unfit("has other columns than the scene asks for");
@@ -293,7 +324,7 @@ impl Table {
     /// # Errors
     /// If the file cannot be written.
     pub fn reopen(path: &Path, columns: &[impl Borrow<str>], kept: TableMark) -> Result<Self> {
-        let failed = |source| Error::Write { path: path.to_owned(), source };
+        let failed = |source| Failed::Write { path: path.to_owned(), source };
         let opened = File::options().write(true).open(path).map_err(failed)?;
         opened.set_len(kept.bytes).map_err(failed)?;
         let file = BufWriter::new(File::options().append(true).open(path).map_err(failed)?);
@@ -341,7 +372,7 @@ impl Table {
     }
 
     fn error(&self, source: io::Error) -> Error {
-        Error::Write { path: self.path.clone(), source }
+        Failed::Write { path: self.path.clone(), source }.into()
     }
 }
 
@@ -482,7 +513,7 @@ mod tests {
         assert!(!path.exists());
         let nowhere = folder.file("missing").join("a.vtu");
         let error = write_triangles(&nowhere, &CUBE, &[], &[], &[]).unwrap_err();
-        assert!(matches!(error, Error::Write { .. }), "{error}");
+        assert!(matches!(error, Error::Output(Failed::Write { .. })), "{error}");
     }
 
     #[test]

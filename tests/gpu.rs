@@ -22,6 +22,7 @@ mod parity;
 mod robust;
 #[path = "gpu/scenes.rs"]
 mod scenes;
+mod small;
 #[path = "gpu/solver.rs"]
 mod solver;
 mod states;

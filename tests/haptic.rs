@@ -12,3 +12,4 @@ mod guarded;
 mod rendered;
 #[path = "haptic/running.rs"]
 mod running;
+mod small;

@@ -14,25 +14,25 @@ use long::{PRECISIONS, apart, case, difference_over, displacements, largest, mea
 
 /// The failure of a scene that must not pass.
 #[track_caller]
-fn fails(name: &str, scene: &Scene, steps: u32) -> String {
-    let report = report_of(&format!("counter-{name}"), scene, steps, &Place::Cpu64).expect("it runs");
-    passes(name, scene, steps, &report).expect_err("the case is made wrong")
+fn fails(name: &str, scene: &Scene) -> String {
+    let report = report_of(&format!("counter-{name}"), scene, &Place::Cpu64).expect("it runs");
+    passes(name, scene, &report).expect_err("the case is made wrong")
 }
 
 #[test]
 fn plain_bricks_fail_the_bound_at_nu_04999() {
-    let (mut scene, steps) = case("nu_04999");
+    let mut scene = case("nu_04999");
     scene.skins[0].law = Law::Fem { element: Element::Plain, corotational: false };
-    let failure = fails("plain", &scene, steps);
+    let failure = fails("plain", &scene);
     assert!(failure.contains("probes.u_z_centre"), "{failure}");
 }
 
 #[test]
 fn small_strain_fails_where_a_column_is_twisted() {
-    let (mut scene, steps) = case("twist_held");
+    let mut scene = case("twist_held");
     scene.skins[0].law = Law::Fem { element: Element::Bbar, corotational: false };
     scene.checks.push(Check { key: "warnings.inverted_cells".into(), min: 1.0, max: f64::INFINITY, cells: 0.0 });
-    let failure = fails("small", &scene, steps);
+    let failure = fails("small", &scene);
     // half of a straight way from 0° to 180°: the middle falls into the axis
     assert!(failure.contains("probes.u_y_middle"), "{failure}");
 }
@@ -40,29 +40,29 @@ fn small_strain_fails_where_a_column_is_twisted() {
 #[test]
 fn a_body_that_does_not_come_back_is_noticed() {
     for name in ["start_random", "start_flat", "start_inside_out", "twist_released"] {
-        let (mut scene, steps) = case(name);
+        let mut scene = case(name);
         scene.skins[0].rayleigh_stiffness = 10.0;
-        let failure = fails(name, &scene, steps);
+        let failure = fails(name, &scene);
         assert!(failure.contains("probes.u_") && failure.contains("energy_j.end"), "{failure}");
     }
 }
 
 #[test]
 fn a_released_twist_gains_no_energy_in_short_steps() {
-    let (mut scene, _) = case("twist_released");
+    let mut scene = case("twist_released");
     scene.time.step = 1e-3;
     scene.time.duration = 0.05;
-    let report = report_of("short-twist", &scene, 50, &Place::Cpu64).expect("it runs");
+    let report = report_of("short-twist", &scene, &Place::Cpu64).expect("it runs");
     let energy = report.energy_j;
     assert!(energy.max == energy.start && energy.start.is_some_and(|e| e > 5e-3), "{energy:?}");
 }
 
 #[test]
 fn what_nothing_moves_stays_to_the_last_bit() {
-    let (scene, steps) = case("still");
+    let scene = case("still");
     for place in [Place::Cpu64, Place::Cpu32] {
         let mut simulation = simulate(&scene, &place);
-        (0..steps).for_each(|_| drop(simulation.step(false).expect("it runs")));
+        (0..scene.time.steps()).for_each(|_| drop(simulation.step(false).expect("it runs")));
         let state = simulation.bodies[0].snapshot().expect("the CPU path has no device to fail");
         assert!(state.u.iter().chain(&state.v).flatten().all(|c| *c == 0.0), "{place:?}");
     }
@@ -76,7 +76,7 @@ fn what_nothing_moves_stays_to_the_last_bit() {
 
 /// The far skin, and what is at the same place at the origin.
 fn far_and_near() -> [Scene; 2] {
-    let (far, _) = case("far_origin");
+    let far = case("far_origin");
     let mut near = far.clone();
     near.skins[0].position = [0.0; 3];
     near.tools[0].trajectory.iter_mut().for_each(|pose| pose.position[0] = 0.0);
@@ -116,10 +116,10 @@ fn ten_metres_from_the_origin_nothing_is_other_than_there() {
 
 #[test]
 fn an_island_falls_as_a_free_body() {
-    let (scene, steps) = case("island");
+    let scene = case("island");
     let mut simulation = simulate(&scene, &Place::Cpu64);
     let mut momenta = vec![];
-    for _ in 0..steps {
+    for _ in 0..scene.time.steps() {
         simulation.step(false).expect("it runs");
         let state = simulation.bodies[0].snapshot().expect("the CPU path has no device to fail");
         let free = |node: usize| state.u[node][2] > 5e-3;
@@ -210,8 +210,8 @@ fn table_of_the_hard_cases() {
         "| case | iterations, mean/most: f64, f32, device | of the bound | f32, device off f64 | energy, J: start, most, end | inverted |"
     );
     println!("|---|---|---|---|---|---|");
-    for (name, scene, steps) in hard() {
-        let runs: Vec<_> = places.iter().map(|place| report_of(&name, &scene, steps, place)).collect();
+    for (name, scene) in hard() {
+        let runs: Vec<_> = places.iter().map(|place| report_of(&name, &scene, place)).collect();
         let Ok(first) = &runs[0] else { panic!("{name}: {:?}", runs[0]) };
         let each = |of: &dyn Fn(&Report) -> String| {
             let texts = runs.iter().map(|run| run.as_ref().map_or("–".to_string(), of));

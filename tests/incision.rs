@@ -1,6 +1,6 @@
-//! What the blade does to the skin, on a small form of the incision scene on the CPU path.
+//! What the blade does to the skin, and what a run says of the wound, on a small form of the incision scene on the CPU path.
 
-use cutis::scene::{Correction, Pose, Scene};
+use cutis::scene::{Correction, Cut, Pose, Scene};
 use cutis::step::{Place, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
@@ -8,11 +8,17 @@ use std::path::Path;
 /// Gap that comes to the force of a press in the hand's spring, m; a pass may leave the tolerance's share of it.
 const PRESS: f64 = 1e-4;
 
-/// The incision scene on 12 × 12 cells, its hand replaced: down by `depth` from where the tip touches, within 0.1 s, then still.
-fn pressed(depth: f64) -> Scene {
+/// The incision scene on 12 × 12 cells.
+fn incision() -> Scene {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut scene = cutis::scene::read(&root.join("scenes/incision.toml")).expect("the shipped scene is valid");
     scene.skins[0].cells = [12, 12];
+    scene
+}
+
+/// Its hand replaced: down by `depth` from where the tip touches, within 0.1 s, then still.
+fn pressed(depth: f64) -> Scene {
+    let mut scene = incision();
     scene.solver.tolerance = 1e-3;
     let tool = &mut scene.tools[0];
     let tip = tool.blade.as_ref().expect("a scalpel has a blade").edge[0];
@@ -156,4 +162,52 @@ fn a_run_repeats_bit_for_bit() {
         simulation.bodies[0].snapshot().expect("the CPU path has no device to fail").u
     };
     assert_eq!(state(0), state(1));
+}
+
+#[test]
+fn a_cut_leaves_no_hole_in_the_surface() {
+    let mut scene = pressed(1.8e-3);
+    scene.skins[0].cut = Cut::Split { reserve_columns: 200 };
+    let (simulation, _) = run(&scene, 60);
+    let surface = &simulation.bodies[0].wound.surface;
+    assert!(simulation.totals().links > 0 && surface.all().iter().any(|quad| quad.wall));
+    assert_eq!(surface.edges().open, 0);
+}
+
+/// The whole slice: where the blade was after each step, m, how many links were said to hold for want of copies, and how it ended.
+fn sliced(reserve_columns: u32) -> (Vec<DVec3>, usize, Simulation) {
+    let mut scene = incision();
+    scene.skins[0].cut = Cut::Split { reserve_columns };
+    let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+    let (mut path, mut held) = (vec![], 0);
+    for _ in 0..scene.time.steps() {
+        let step = simulation.step(false).expect("the CPU path has no device to fail");
+        let other: Vec<_> = step.warnings.keys().filter(|name| **name != "cut_reserve_exhausted").collect();
+        assert!(other.is_empty(), "{reserve_columns} columns at {} s: {other:?}", step.time);
+        held += step.warnings.get("cut_reserve_exhausted").copied().unwrap_or_default() as usize;
+        path.push(simulation.tools[0].position);
+    }
+    (path, held, simulation)
+}
+
+#[test]
+fn a_blade_goes_on_where_the_reserve_is_used_up() {
+    let (free, none, whole) = sliced(200);
+    let (path, held, mut simulation) = sliced(3);
+    let (all, totals) = (whole.totals(), simulation.totals());
+    let apart = path.iter().zip(&free).map(|(a, b)| (*a - *b).length()).fold(0.0, f64::max);
+    let way = path.iter().map(|p| (p.x - path[0].x).abs()).fold(0.0, f64::max);
+    println!("{totals:?}, {held} held, of {all:?}; the blade goes {way} m, {apart} m beside the other");
+    assert!(none == 0 && all.refused == 0 && all.links > 0);
+    assert!(held == totals.refused && held > 0 && totals.links > 0 && totals.links < all.links);
+    let body = &mut simulation.bodies[0];
+    assert_eq!(body.wound.surface.parts.parents().len(), 3, "the reserve is used up");
+    // both follow the hand, whose spring gives by a tenth of a millimetre
+    assert!(way > 9e-3 && apart < 3e-4, "{way} m, {apart} m beside the other");
+    let surface = &body.wound.surface;
+    assert_eq!((surface.edges().open, surface.parts.pieces(&surface.alive)), (0, 1));
+    let mass = |free: &[[f64; 4]]| free.iter().map(|f| f[3]).sum::<f64>();
+    let state = body.snapshot().expect("the CPU path has no device to fail");
+    assert!((mass(&state.free) / mass(&body.model.free) - 1.0).abs() < 1e-12);
+    assert!(state.u.as_flattened().iter().chain(state.v.as_flattened()).all(|c| c.is_finite()));
 }

@@ -2,7 +2,7 @@
 //! each platform's language.
 
 use cutis::error::Error;
-use cutis::gpu::{Access, Shader};
+use cutis::gpu::{Access, Failed, Shader};
 use cutis::kernels::{self, ALL, COMMON, Source, update};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 use naga::{AddressSpace, Module, ShaderStage, TypeInner};
@@ -115,9 +115,9 @@ fn storage_holds_scalars_vec2_and_vec4() {
     }
 }
 
-fn shader_error(result: cutis::error::Result<impl Sized>) -> (String, String) {
+fn shader_error(result: cutis::error::Result<impl Sized>) -> (&'static str, String) {
     match result {
-        Err(Error::Shader { kernel, message }) => (kernel, message),
+        Err(Error::Gpu(Failed::Shader { kernel, message })) => (kernel, message),
         Err(other) => panic!("{other}"),
         Ok(_) => panic!("it was taken"),
     }
@@ -167,7 +167,7 @@ fn a_broken_shader_is_an_error_that_shows_the_place() {
     assert!(!unbound.is_empty());
     let nameless = broken("fn update(", "fn refresh(");
     assert_eq!(nameless, "there is no entry point `update`");
-    let words = Error::Shader { kernel: "update".into(), message: nameless }.to_string();
+    let words = Failed::Shader { kernel: "update", message: nameless }.to_string();
     assert!(words.starts_with("kernel `update` does not compile: "), "{words}");
 }
 

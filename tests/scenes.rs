@@ -8,9 +8,9 @@ use cutis::step::Place;
 use forms::{RESIDUAL, ROUNDED, files, folder, hard, passes, report_of, scene, test_form};
 
 /// Runs a scene in f64 and asks for what every run must be and for the true residual that the scene wants.
-fn run(name: &str, scene: &Scene, steps: u32) {
-    let report = report_of(name, scene, steps, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
-    passes(name, scene, steps, &report).unwrap_or_else(|e| panic!("{e}"));
+fn run(name: &str, scene: &Scene) {
+    let report = report_of(name, scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    passes(name, scene, &report).unwrap_or_else(|e| panic!("{e}"));
     // the tolerance of the recurrence, and what f64 loses to it
     let residual = report.solver.residual_true.expect("the last step is asked for it");
     assert!(residual <= 1.1 * scene.solver.tolerance, "{name}: true residual {residual:e}");
@@ -29,10 +29,10 @@ fn every_scene_parses() {
 fn every_test_form_runs_without_a_warning_and_passes_its_checks() {
     let mut ran = 0;
     for (name, path) in files() {
-        if let Some((scene, steps)) = test_form(scene(&path)) {
+        if let Some(scene) = test_form(&path) {
             let start = std::time::Instant::now();
-            run(&name, &scene, steps);
-            println!("{name}: {steps} steps in {:.1} s", start.elapsed().as_secs_f64());
+            run(&name, &scene);
+            println!("{name}: {} steps in {:.1} s", scene.time.steps(), start.elapsed().as_secs_f64());
             ran += 1;
         }
     }
@@ -42,12 +42,12 @@ fn every_test_form_runs_without_a_warning_and_passes_its_checks() {
 #[test]
 fn every_hard_case_passes_its_checks_in_f32() {
     let mut failed = vec![];
-    for (name, scene, steps) in hard() {
-        let report = report_of(&name, &scene, steps, &Place::Cpu32);
+    for (name, scene) in hard() {
+        let report = report_of(&name, &scene, &Place::Cpu32);
         failed.extend(
             report
                 .and_then(|report| {
-                    passes(&name, &scene, steps, &report)?;
+                    passes(&name, &scene, &report)?;
                     let residual = report.solver.residual_true.unwrap_or(f64::NAN);
                     println!("{name}: true residual {residual:.1e} for {:e}", scene.solver.tolerance);
                     let warned = report.warnings.contains_key(RESIDUAL);
@@ -66,10 +66,10 @@ fn every_hard_case_passes_its_checks_in_f32() {
 
 #[test]
 fn a_failing_check_is_noticed() {
-    let (mut scene, steps) =
-        test_form(scene(&folder().join("verify/confined_column_045.toml"))).expect("it has a [test] table");
+    let file = folder().join("verify/confined_column_045.toml");
+    let mut scene = test_form(&file).expect("it has a [test] table");
     scene.skins[0].layers[0].poisson = 0.451;
-    let outcome = std::panic::catch_unwind(|| run("a wrong column", &scene, steps));
+    let outcome = std::panic::catch_unwind(|| run("a wrong column", &scene));
     let message = outcome.expect_err("0.001 of ν fails the check");
     assert!(message.downcast_ref::<String>().is_some_and(|m| m.contains("probes.top_reaction")));
 }

@@ -1,6 +1,7 @@
 //! `cutis study`: each error is of the one thing that it names, and the files say what was run.
 
 use cutis::error::{Error, Result};
+use cutis::report::Refused;
 use cutis::report::study::{Options, Row, Setting, Stop, Study, Trace, study};
 use cutis::scene::{Element, Files, Integrator, Law, Preconditioner, Scene, parse};
 use cutis::step::Place;
@@ -264,7 +265,7 @@ fn grids_that_do_not_fit_are_refused_before_the_first_run() {
     let refused = |axes: &str| {
         let result = study(&with(axes), &options("refused", false), &mut |_| panic!("nothing is run"));
         let error = result.expect_err("it does not fit");
-        assert!(matches!(error, Error::Usage { .. }) && error.exit_code() == 2, "{error}");
+        assert!(matches!(error, Error::Report(Refused::Study { .. })) && error.exit_code() == 2, "{error}");
         error.to_string()
     };
     assert!(refused("[study]\nprobes = [\"top\"]\ngrids = [0.3]").contains("8 cells times it are 2.4"));

@@ -60,7 +60,7 @@ pub trait System<R: Real>: Send + Sync {
     /// step.
     ///
     /// # Errors
-    /// [`crate::error::Error::InsideOut`] of a hyperelastic body.
+    /// [`super::Refused::InsideOut`] of a hyperelastic body.
     fn forces(
         &mut self,
         params: &Params<R>,
@@ -78,7 +78,7 @@ pub trait System<R: Real>: Send + Sync {
     /// Factors the direct solver's matrix before a solve; does nothing for other solvers.
     ///
     /// # Errors
-    /// [`crate::error::Error::NotPositive`] of a matrix that has no factor.
+    /// [`super::Refused::NotPositive`] of a matrix that has no factor.
     fn factor(&mut self, _free: &[V4<R>]) -> Result<()> {
         Ok(())
     }

@@ -10,6 +10,7 @@ pub mod cpu;
 mod energy;
 pub mod gpu;
 pub mod grid;
+mod refused;
 pub mod rigid;
 pub mod springs;
 mod start;
@@ -18,10 +19,11 @@ mod wound;
 
 pub use anchors::{Anchors, rate};
 pub use energy::{Snapshot, Solved, elastic_energy, energy, inverted_cells, residual, true_residual};
+pub use refused::Refused;
 pub use step::Step;
 pub use wound::{Removal, Totals, Wound};
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::Params;
 use crate::kernels::cut::Hit;
@@ -173,32 +175,20 @@ impl Model {
     /// Builds the arrays of deformable body number `body`; the scene must have passed [`Scene::check`].
     ///
     /// # Errors
-    /// [`Error::TooLarge`] for more layers than a uniform binding holds or more nodes than 32-bit indices reach; [`Error::Usage`] for
-    /// multigrid or the direct solver on springs, the direct solver where nodes may be split, or anchors on a consistent mass.
+    /// [`Refused`] for more layers than a uniform binding holds, more nodes than 32-bit indices reach, multigrid or the direct solver on
+    /// springs, the direct solver where nodes may be split, or anchors on a consistent mass.
     pub fn new(scene: &Scene, body: usize) -> Result<Self> {
         let skin = &scene.skins[body];
         let grid = Grid::new(skin);
         // limits of uniform bindings and of 32-bit indices
         if skin.layers.len() > MAX_LAYERS {
-            return Err(Error::TooLarge {
-                what: "the layers' element matrices".into(),
-                need: skin.layers.len() as u64,
-                limit_name: "layers in one uniform binding",
-                limit: MAX_LAYERS as u64,
-                fix: "join layers of the same material".into(),
-            });
+            return Err(Refused::Layers { count: skin.layers.len() }.into());
         }
         let extra_columns = grid::reserve(scene, skin)?;
         let columns = (skin.cells[0] as u64 + 1) * (skin.cells[1] as u64 + 1) + extra_columns as u64;
         let indexed = columns * grid.nodes[2] as u64;
         if indexed > u64::from(MOST_NODES) {
-            return Err(Error::TooLarge {
-                what: "the grid's nodes".into(),
-                need: indexed,
-                limit_name: "nodes reached by 32-bit indices",
-                limit: u64::from(MOST_NODES),
-                fix: "use fewer cells".into(),
-            });
+            return Err(Refused::Nodes { count: indexed }.into());
         }
         // cell edges and corner masses, one entry per layer
         let shape = skin.layers.iter().enumerate().map(|(index, layer)| {
@@ -217,10 +207,7 @@ impl Model {
         };
         let anchors: Vec<Anchor> = scene.anchors.iter().filter(|a| a.body == body).cloned().collect();
         if skin.mass == Mass::Consistent && !anchors.is_empty() {
-            return Err(Error::Usage {
-                what: "anchors act through the masses of nodes; this skin's mass is consistent".into(),
-                fix: "take a lumped or uniform mass".into(),
-            });
+            return Err(Refused::AnchoredMass.into());
         }
         // nodal masses: an eighth of each cell at each corner, or one uniform value
         let params = grid.params::<f64>();

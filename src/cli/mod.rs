@@ -2,15 +2,16 @@
 
 mod args;
 mod progress;
+mod refused;
 mod stand_in;
 mod text;
 
 use args::{Backend, Cli, Command, Precision, Run};
 use clap::Parser;
-use cutis::error::{Error, Result};
 use cutis::report::{check, compare, inspect, run, study};
 use cutis::scene::{self, Preconditioner, Scene};
 use cutis::step::Place;
+use refused::{Refused, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -39,7 +40,7 @@ pub fn main() -> ExitCode {
 
 /// The scene at a path, or the built-in one.
 fn read(path: Option<&PathBuf>) -> Result<Scene> {
-    path.map_or_else(scene::incision, |path| scene::read(path))
+    Ok(path.map_or_else(scene::incision, |path| scene::read(path))?)
 }
 
 fn print_json(value: &impl serde::Serialize) {
@@ -92,30 +93,20 @@ fn run_scene(args: &Run) -> Result<u8> {
 
 /// D14: hardware if there is any, else the CPU path; a software adapter only when asked for.
 fn place(args: &Run, scene: &Scene) -> Result<Place> {
-    let usage = |what: &str, fix: &str| Err(Error::Usage { what: what.into(), fix: fix.into() });
     let cpu = match args.precision.unwrap_or(Precision::F64) {
         Precision::F64 => Place::Cpu64,
         Precision::F32 => Place::Cpu32,
     };
     if args.adapter.is_some() && (args.backend == Backend::Cpu || args.precision.is_some()) {
-        return usage(
-            "--adapter names a GPU, but the CPU path is asked for",
-            "leave out --adapter, or use --backend gpu",
-        );
+        return Err(Refused::AdapterForCpu);
     }
     let direct = scene.solver.preconditioner == Preconditioner::Direct;
     if direct && (args.backend == Backend::Gpu || args.adapter.is_some()) {
-        return usage(
-            "the direct solver runs on the CPU path, but a GPU is asked for",
-            "use --backend cpu, or --preconditioner multigrid",
-        );
+        return Err(Refused::DirectOnGpu);
     }
     match args.backend {
         Backend::Cpu => Ok(cpu),
-        Backend::Gpu if args.precision == Some(Precision::F64) => usage(
-            "--precision f64 is the CPU path's; the GPU computes in f32",
-            "leave out --precision, or use --backend cpu",
-        ),
+        Backend::Gpu if args.precision == Some(Precision::F64) => Err(Refused::DoubleOnGpu),
         Backend::Gpu => {
             note_software(args.adapter.as_deref());
             Ok(Place::Gpu(args.adapter.clone()))
@@ -224,10 +215,7 @@ fn check_scenes(args: &args::Check) -> Result<u8> {
 fn list_keys(args: &args::Keys) -> Result<u8> {
     let found = scene::keys::matching(args.word.as_deref());
     if found.is_empty() {
-        return Err(Error::Usage {
-            what: format!("no key of a scene has to do with \"{}\"", args.word.as_deref().unwrap_or_default()),
-            fix: "list all by `cutis keys`".into(),
-        });
+        return Err(Refused::NoKey { word: args.word.clone().unwrap_or_default() });
     }
     if args.json {
         let row = |k: &scene::keys::Key| json!({ "table": k.table, "key": k.name, "default": k.default, "range": k.range, "meaning": k.meaning });

@@ -1,7 +1,7 @@
 //! `cutis haply-mock`: a stand-in for Haply's Inverse Service until it is told to end.
 
 use super::args::HaplyMock;
-use cutis::error::{Error, Result};
+use super::refused::{Refused, Result};
 use cutis::haptic::haply::mock::{Event, Mock, Options};
 use cutis::haptic::haply::wire::{ArmKind, GripKind};
 use cutis::scene::{self, Pose, Tool};
@@ -31,16 +31,10 @@ fn hand(path: &Path, wanted: Option<&str>) -> Result<Vec<Pose>> {
     let held: Vec<Tool> = scene.tools.into_iter().filter(|tool| tool.free.is_none()).collect();
     let names: Vec<String> = held.iter().map(|tool| format!("\"{}\"", tool.name)).collect();
     let found = held.into_iter().find(|tool| wanted.is_none_or(|name| name == tool.name));
-    found.map(|tool| tool.trajectory).ok_or_else(|| Error::Usage {
-        what: match wanted.filter(|_| !names.is_empty()) {
-            Some(name) => format!("{}: no tool of this scene is called \"{name}\"", path.display()),
-            None => format!("{}: no tool of this scene is held by a hand", path.display()),
-        },
-        fix: match names.is_empty() {
-            true => "name a scene with a [[tool]], for instance scenes/incision.toml, or leave out --scene for a hand at rest"
-                .into(),
-            false => format!("its tools are {}", names.join(", ")),
-        },
+    let scene = path.to_path_buf();
+    found.map(|tool| tool.trajectory).ok_or_else(|| match wanted {
+        Some(name) if !names.is_empty() => Refused::NoTool { scene, name: name.into(), known: names.join(", ") },
+        _ => Refused::NoHand { scene },
     })
 }
 

@@ -5,8 +5,9 @@ mod timing;
 
 pub use health::{Handle, Taken, Work};
 
+use super::Failed;
 use super::shader::{Access, Shader, Variable};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::kernels::Source;
 use bytemuck::{NoUninit, Pod};
 use health::Fault;
@@ -16,9 +17,6 @@ use timing::Timing;
 
 /// Workgroups per dimension guaranteed by core WebGPU; longer dispatches are folded into z.
 const MAX_GROUPS: u64 = 65_535;
-
-const HOW: &str = "on Debian or Ubuntu a software adapter comes with `apt-get install mesa-vulkan-drivers libvulkan1`; \
-                   `--backend cpu` needs no adapter";
 
 /// An adapter that this machine offers.
 #[derive(Clone, Debug)]
@@ -52,10 +50,10 @@ impl Adapter {
     /// Opens a device of the caller's own, with adapter and queue, for [`Gpu::from_wgpu`].
     ///
     /// # Errors
-    /// [`Error::Device`] when the driver refuses.
+    /// [`Failed::Device`] when the driver refuses.
     pub fn request(&self, descriptor: &wgpu::DeviceDescriptor) -> Result<(wgpu::Adapter, (wgpu::Device, wgpu::Queue))> {
         let opened = pollster::block_on(self.raw.request_device(descriptor));
-        Ok((self.raw.clone(), opened.map_err(|e| Error::Device { message: e.to_string() })?))
+        Ok((self.raw.clone(), opened.map_err(|e| Failed::Device { message: e.to_string() })?))
     }
 
     /// True if its name, API or driver contains a text, ignoring case.
@@ -150,17 +148,17 @@ impl Gpu {
     /// Opens an adapter: the first whose name, backend or driver contains `text` (any case), or the first at all.
     ///
     /// # Errors
-    /// [`Error::NoAdapter`] when none fits, [`Error::Device`] when the driver refuses.
+    /// [`Failed::NoAdapter`] when none fits, [`Failed::Device`] when the driver refuses.
     pub fn open(text: Option<&str>) -> Result<Self> {
         let all = adapters();
         let Some(adapter) = all.iter().find(|a| a.named(text.unwrap_or(""))).cloned() else {
             let list: Vec<String> = all.iter().map(|a| format!("`{}` ({})", a.name, a.backend)).collect();
-            return Err(Error::NoAdapter {
+            let refused = Failed::NoAdapter {
                 wanted: text
                     .map_or("any Vulkan, Metal or DX12 adapter".into(), |t| format!("an adapter named like `{t}`")),
                 found: if list.is_empty() { "none".into() } else { list.join(", ") },
-                how: HOW.into(),
-            });
+            };
+            return Err(refused.into());
         };
         Self::request(adapter, false)
     }
@@ -168,14 +166,14 @@ impl Gpu {
     /// A device that compiles and binds but stores no data and runs nothing: it shows the allocations of a set-up without an adapter.
     ///
     /// # Errors
-    /// [`Error::Device`] when wgpu was built without its `noop` backend.
+    /// [`Failed::Device`] when wgpu was built without its `noop` backend.
     pub fn dry() -> Result<Self> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::NOOP;
         descriptor.backend_options.noop.enable = true;
         let instance = wgpu::Instance::new(descriptor);
         let found = pollster::block_on(instance.enumerate_adapters(wgpu::Backends::NOOP));
-        let missing = || Error::Device { message: "wgpu was built without its `noop` backend".into() };
+        let missing = || Failed::Device { message: "wgpu was built without its `noop` backend".into() };
         Self::request(Adapter::new(found.into_iter().next().ok_or_else(missing)?), true)
     }
 
@@ -200,11 +198,11 @@ impl Gpu {
     /// of the caller may run while this waits, and must not call into it.
     ///
     /// # Errors
-    /// [`Error::Device`] for a device whose limits are below core WebGPU's.
+    /// [`Failed::Device`] for a device whose limits are below core WebGPU's.
     pub fn from_wgpu(adapter: wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self> {
         if !wgpu::Limits::default().check_limits(&device.limits()) {
             let message = "its limits are below wgpu::Limits::default(); request those with it".into();
-            return Err(Error::Device { message });
+            return Err(Failed::Device { message }.into());
         }
         Ok(Self::around(Adapter::new(adapter), device, queue, Fault::default(), false))
     }
@@ -251,7 +249,7 @@ impl Gpu {
     /// Checks that an array of this size, bytes, can be made.
     ///
     /// # Errors
-    /// [`Error::TooLarge`] when it passes the adapter's limit for one binding.
+    /// [`Failed::TooLarge`] when it passes the adapter's limit for one binding.
     pub fn fits(&self, name: &str, bytes: u64) -> Result<()> {
         let limits = [
             ("max_storage_buffer_binding_size", self.limits.max_storage_buffer_binding_size),
@@ -259,14 +257,7 @@ impl Gpu {
         ];
         for (limit_name, limit) in limits {
             if bytes > limit {
-                let fix = "use fewer cells or contacts, the CPU path, or an adapter with a larger limit (`cutis adapters` lists them)";
-                return Err(Error::TooLarge {
-                    what: format!("bytes of array `{name}`"),
-                    need: bytes,
-                    limit_name,
-                    limit,
-                    fix: fix.into(),
-                });
+                return Err(Failed::TooLarge { array: name.into(), bytes, limit_name, limit }.into());
             }
         }
         Ok(())
@@ -275,7 +266,7 @@ impl Gpu {
     /// Zeroed storage array of `count` elements (at least 16 bytes, so that an empty one can be bound).
     ///
     /// # Errors
-    /// [`Error::TooLarge`] when it passes the adapter's limit for one binding.
+    /// [`Failed::TooLarge`] when it passes the adapter's limit for one binding.
     pub fn array<T: NoUninit>(&self, name: &'static str, count: usize) -> Result<Buffer> {
         let bytes = (count * size_of::<T>()).next_multiple_of(16).max(16) as u64;
         self.fits(name, bytes)?;
@@ -319,7 +310,7 @@ impl Gpu {
     /// Compiles a kernel (once) and binds buffers by the shader's names.
     ///
     /// # Errors
-    /// [`Error::Shader`] when the text is not valid, [`Error::Binding`] for a missing, unknown or too small buffer.
+    /// [`Failed::Shader`] when the text is not valid, [`Failed::Binding`] for a missing, unknown or too small buffer.
     pub fn bind(&self, source: &Source, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
         let pipeline = self.pipeline(source)?;
         self.bind_pipeline(pipeline, buffers)
@@ -398,7 +389,7 @@ impl Gpu {
             cache: None,
         });
         if let Some(e) = pollster::block_on(scope.pop()) {
-            return Err(Error::Shader { kernel: shader.name.into(), message: e.to_string() });
+            return Err(Failed::Shader { kernel: shader.name, message: e.to_string() }.into());
         }
         Ok(Pipeline { shader, layout, raw })
     }
@@ -406,7 +397,7 @@ impl Gpu {
     fn bind_pipeline(&self, pipeline: Arc<Pipeline>, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
         let variables = &pipeline.shader.variables;
         let known = || variables.iter().map(|v| v.name.as_str()).collect::<Vec<_>>().join(", ");
-        let fail = |name: &str, problem: String| Error::Binding {
+        let fail = |name: &str, problem: String| Failed::Binding {
             kernel: pipeline.shader.name,
             name: name.to_string(),
             known: known(),
@@ -414,7 +405,7 @@ impl Gpu {
         };
         for (name, _) in buffers {
             if !variables.iter().any(|v| v.name == *name) {
-                return Err(fail(name, "the shader has no such variable".into()));
+                return Err(fail(name, "the shader has no such variable".into()).into());
             }
         }
         let mut entries = vec![];
@@ -424,7 +415,7 @@ impl Gpu {
             if buffer.bytes < v.min_bytes {
                 let problem =
                     format!("its buffer `{}` has {} bytes, {} are needed", buffer.name, buffer.bytes, v.min_bytes);
-                return Err(fail(&v.name, problem));
+                return Err(fail(&v.name, problem).into());
             }
             entries.push(wgpu::BindGroupEntry { binding: v.binding, resource: buffer.raw.as_entire_binding() });
         }
@@ -451,7 +442,7 @@ impl Gpu {
     /// Submits a batch and reads the first bytes of each buffer back; waits for the device.
     ///
     /// # Errors
-    /// [`Error::Device`] when the device was lost or reported an error since the last call.
+    /// [`Failed::Device`] when the device was lost or reported an error since the last call.
     ///
     /// # Panics
     /// If more bytes are requested than a buffer has.
@@ -475,7 +466,7 @@ impl Gpu {
         }
         self.count(batch.dispatches, true);
         self.queue.submit([batch.finish()]);
-        let failed = |message: String| Error::Device { message };
+        let failed = |message: String| Failed::Device { message };
         staging.map_async(wgpu::MapMode::Read, 0..total.max(16), |_| {});
         self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| failed(e.to_string()))?;
         self.sound()?;

@@ -4,7 +4,9 @@
 //! found there. A [`Batch`] records dispatches and is submitted once. Nothing here knows what a kernel computes.
 
 mod device;
+mod failed;
 mod shader;
 
 pub use device::{Adapter, Batch, Bound, Buffer, Gpu, Handle, Made, Taken, Work, adapters, cast};
+pub use failed::Failed;
 pub use shader::{Access, Shader, Variable};

@@ -1,6 +1,7 @@
 //! Kernel reflection by naga: variables, their access and size, layout of the parameters; validation of the text.
 
-use crate::error::{Error, Result};
+use super::Failed;
+use crate::error::Result;
 use crate::kernels::{Source, text};
 use naga::front::wgsl;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -49,7 +50,7 @@ impl Shader {
     /// Parses and validates a kernel.
     ///
     /// # Errors
-    /// [`Error::Shader`] with naga's message when the text does not parse, validate or follow the project's layout.
+    /// [`Failed::Shader`] with naga's message when the text does not parse, validate or follow the project's layout.
     pub fn read(source: &Source) -> Result<Self> {
         Self::from_text(source.name, text(source))
     }
@@ -59,7 +60,7 @@ impl Shader {
     /// # Errors
     /// As [`Shader::read`].
     pub fn from_text(name: &'static str, text: String) -> Result<Self> {
-        let fail = |message: String| Error::Shader { kernel: name.to_string(), message };
+        let fail = |message: String| Failed::Shader { kernel: name, message };
         let module = wgsl::parse_str(&text).map_err(|e| fail(e.emit_to_string(&text)))?;
         Validator::new(ValidationFlags::all(), Capabilities::empty())
             .validate(&module)
@@ -92,9 +93,9 @@ impl Shader {
     /// Compares the `params` struct with the host's field list, one 4-byte word each.
     ///
     /// # Errors
-    /// [`Error::Shader`] that names the first field out of place.
+    /// [`Failed::Shader`] that names the first field out of place.
     pub fn check_params(&self, fields: &[&str]) -> Result<()> {
-        let fail = |message: String| Error::Shader { kernel: self.name.to_string(), message };
+        let fail = |message: String| Failed::Shader { kernel: self.name, message }.into();
         for (k, field) in fields.iter().enumerate() {
             let here = 4 * k as u32;
             match self.params.iter().find(|(name, _)| name == field) {

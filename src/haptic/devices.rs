@@ -22,10 +22,7 @@ pub fn open(device: &scene::Device, tool: &Tool) -> Result<Box<dyn Device>> {
         }
         #[cfg(not(feature = "haply"))]
         DeviceKind::Haply { .. } => {
-            return Err(crate::error::Error::Usage {
-                what: format!("the tool \"{}\" is held by a haply device, which this build does not have", tool.name),
-                fix: "build with the feature `haply`, or attach a device of your own".into(),
-            });
+            return Err(super::Refused::NotBuilt { tool: tool.name.clone() }.into());
         }
         #[cfg(feature = "haply")]
         DeviceKind::Haply { url, device: arm, grip } => {

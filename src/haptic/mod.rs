@@ -22,9 +22,12 @@ pub mod hand;
 pub mod haply;
 pub mod histogram;
 pub mod passivity;
+mod refused;
 pub mod replay;
 pub mod servo;
 pub mod thread;
+
+pub use refused::Refused;
 
 use crate::bodies::rigid::rotation_vector;
 use crate::constraints::{Law, relax};

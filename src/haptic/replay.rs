@@ -3,10 +3,11 @@
 //! The output of a [`Recorder`] is a trajectory in the format of scenes, with the forces in six additional columns, which scenes ignore.
 //! Units: m, s, N, N·m; files in mm, N, N·mm.
 
+use super::Refused;
 use super::device::{Device, Limits, Reading, Workspace, Wrench};
 use super::guard::LOST_AFTER;
 use crate::bodies::rigid::along;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::scene::{FORCE_COLUMNS, Pose, TRAJECTORY_COLUMNS};
 use glam::{DQuat, DVec3};
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -170,13 +171,7 @@ impl Device for Recorder {
         closed?;
         match self.lost {
             0 => Ok(()),
-            lost => Err(Error::Usage {
-                what: format!(
-                    "the recording of the {} device waited too long to be written, and {lost} ticks are not in it",
-                    self.name()
-                ),
-                fix: "use fewer pictures while recording, or a disk that keeps up".into(),
-            }),
+            ticks => Err(Refused::TicksLost { device: self.name().into(), ticks }.into()),
         }
     }
 }

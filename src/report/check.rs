@@ -1,7 +1,7 @@
 //! Bounds on the outcome: the `[check]` table against the report's keys.
 
-use super::Report;
-use crate::error::{Error, Result};
+use super::{Refused, Report};
+use crate::error::Result;
 use crate::scene::Scene;
 use serde_json::Value;
 
@@ -79,7 +79,7 @@ fn value(tree: &Value, key: &str) -> Option<f64> {
 /// Refuses checks on keys that no report has, before a run spends its time.
 ///
 /// # Errors
-/// [`Error::Usage`] that lists the known keys.
+/// [`Refused::UnknownCheck`] that lists the known keys.
 pub fn known(scene: &Scene) -> Result<()> {
     let tree = serde_json::to_value(Report::default()).unwrap_or(Value::Null);
     let mut keys = vec![];
@@ -87,14 +87,8 @@ pub fn known(scene: &Scene) -> Result<()> {
     for check in &scene.checks {
         let named = check.key.starts_with("warnings.") || check.key.starts_with("probes.");
         if !named && !keys.contains(&check.key) {
-            return Err(Error::Usage {
-                what: format!(
-                    "{}: [check] names `{}`, which is no number of the report",
-                    scene.file.display(),
-                    check.key
-                ),
-                fix: format!("name one of {}, warnings.NAME or probes.NAME", keys.join(", ")),
-            });
+            let (path, key) = (scene.file.clone(), check.key.clone());
+            return Err(Refused::UnknownCheck { path, key, known: keys.join(", ") }.into());
         }
     }
     Ok(())

@@ -9,8 +9,9 @@
 
 use super::collect::Collected;
 use super::files::{CHECKPOINT, Written};
-use crate::error::{Error, Result};
-use crate::output::{TableMark, checksum, replace};
+use super::{CheckpointUnfit as Unfit, Refused};
+use crate::error::Result;
+use crate::output::{Failed, TableMark, checksum, replace};
 use crate::runner;
 use crate::scene::Scene;
 use crate::step::Place;
@@ -58,7 +59,7 @@ pub(super) fn identity(scene: &Scene, place: &Place) -> Identity {
 /// Writes a checkpoint to a folder, replacing the last one.
 pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
     let path = folder.join(CHECKPOINT);
-    let failed = |e: postcard::Error| Error::Write { path: path.clone(), source: std::io::Error::other(e) };
+    let failed = |e: postcard::Error| Failed::Write { path: path.clone(), source: std::io::Error::other(e) };
     let bytes = postcard::to_stdvec(checkpoint).map_err(failed)?;
     let mut file = Vec::with_capacity(HEADER + bytes.len());
     file.extend_from_slice(MAGIC);
@@ -72,68 +73,46 @@ pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
 /// Reads a checkpoint for a run of this scene on this backend with `steps` steps in total.
 ///
 /// # Errors
-/// [`Error::Checkpoint`] for a file that is none, is damaged, of another version, of another scene or place, or of a run that is over.
+/// [`Refused::Checkpoint`] for a file that is none, is damaged, of another version, of another scene or place, or of a run that is over.
 pub(super) fn read(path: &Path, scene: &Scene, place: &Place, steps: u32) -> Result<Checkpoint> {
-    let refused = |what: String, fix: &'static str| Error::Checkpoint { path: path.to_owned(), what, fix };
-    let file = std::fs::read(path).map_err(|e| {
-        refused(
-            format!("cannot be read ({e})"),
-            "give the checkpoint.bin that a run with --checkpoint has left in its folder",
-        )
-    })?;
-    let checkpoint: Checkpoint = unpack(&file).map_err(|(what, fix)| refused(what, fix))?;
+    let refused = |unfit| Refused::Checkpoint { path: path.to_owned(), unfit };
+    let file = std::fs::read(path).map_err(|source| refused(Unfit::Unread { source }))?;
+    let checkpoint: Checkpoint = unpack(&file).map_err(refused)?;
+    let done = checkpoint.runner.steps();
     let (found, wanted) = (&checkpoint.identity, identity(scene, place));
-    if found.place != wanted.place {
-        return Err(refused(
-            format!("is of a run on {}, and this one is on {}", found.place, wanted.place),
-            "take the same --backend and --precision",
-        ));
-    }
-    if *found != wanted {
-        return Err(refused(
-            format!("is of the scene \"{}\" as it was then, which is not the one that is to be run", found.title),
-            "resume with the same scene, meshes and trajectories and the same options, or run from the start",
-        ));
-    }
-    if checkpoint.runner.steps() >= steps {
-        return Err(refused(
-            format!("was written after step {}, and {steps} steps are asked for", checkpoint.runner.steps()),
-            "ask for more --steps, or run from the start",
-        ));
-    }
-    Ok(checkpoint)
+    let unfit = if found.place != wanted.place {
+        Unfit::Place { found: found.place.clone(), wanted: wanted.place }
+    } else if *found != wanted {
+        Unfit::Scene { title: found.title.clone() }
+    } else if done >= steps {
+        Unfit::Over { done, steps }
+    } else {
+        return Ok(checkpoint);
+    };
+    Err(refused(unfit).into())
 }
 
-/// What a file's bytes hold, or what is wrong with them and what to do.
-fn unpack(file: &[u8]) -> std::result::Result<Checkpoint, (String, &'static str)> {
-    const AGAIN: &str = "take an older one, or run from the start";
+/// What a file's bytes hold, or what is wrong with them.
+fn unpack(file: &[u8]) -> std::result::Result<Checkpoint, Unfit> {
     if !file.starts_with(MAGIC) {
-        return Err((
-            "is no checkpoint of cutis".into(),
-            "give the checkpoint.bin that a run with --checkpoint has left",
-        ));
+        return Err(Unfit::Strange);
     }
-    let cut_off = || (format!("is cut off after {} bytes", file.len()), AGAIN);
+    let cut_off = || Unfit::CutOff { bytes: file.len() };
     let field = |from: usize, bytes: usize| {
         let slice = file.get(from..from + bytes).ok_or_else(cut_off)?;
         Ok(slice.iter().rev().fold(0u64, |value, byte| value << 8 | u64::from(*byte)))
     };
     let version = field(MAGIC.len(), 4)?;
     if version != u64::from(VERSION) {
-        let age = if version > u64::from(VERSION) { "a newer" } else { "an older" };
-        return Err((
-            format!("is of {age} program (format {version}; this one reads {VERSION})"),
-            "resume with the program that wrote it, or run from the start",
-        ));
+        return Err(Unfit::Format { found: version, wanted: u64::from(VERSION) });
     }
     let (length, sum) = (field(MAGIC.len() + 4, 8)?, field(MAGIC.len() + 12, 8)?);
     let bytes = file.get(HEADER..).ok_or_else(cut_off)?;
     if (bytes.len() as u64) < length {
         return Err(cut_off());
     }
-    let damaged = || ("is damaged: its checksum is not that of its bytes".to_string(), AGAIN);
     if bytes.len() as u64 > length || checksum(bytes) != sum {
-        return Err(damaged());
+        return Err(Unfit::Damaged);
     }
-    postcard::from_bytes(bytes).map_err(|_| damaged())
+    postcard::from_bytes(bytes).map_err(|_| Unfit::Damaged)
 }

@@ -4,8 +4,9 @@
 //! tightly, once to the scene's own tolerance. After first contact trajectories are chaotic: whole runs are compared by invariants and
 //! by the peak force.
 
+use super::Refused;
 use crate::backend::{Device, Snapshot};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::math::V4;
 use crate::scene::{Load, Scene, Skin};
 use crate::step::{Body, Place, Simulation};
@@ -70,10 +71,7 @@ pub struct Comparison {
 /// For no adapter or a scene too large.
 pub fn compare(scene: &Scene, adapter: Option<&str>, steps: u32, stage: &mut dyn FnMut(&str)) -> Result<Comparison> {
     if scene.skins.is_empty() {
-        return Err(Error::Usage {
-            what: "a comparison of GPU and CPU path on a scene of rigid bodies alone, which the CPU moves".into(),
-            fix: "compare a scene with a `[skin]` or a `[[block]]`".into(),
-        });
+        return Err(Refused::NothingToCompare.into());
     }
     let gpu = Place::Gpu(adapter.map(String::from));
     let mut rows = vec![];

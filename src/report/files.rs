@@ -10,8 +10,8 @@
 use super::Report;
 use super::frames::{self, SkinSurface};
 use crate::backend::Snapshot;
-use crate::error::{Error, Result};
-use crate::output::{Field, Series, Table, TableMark, replace, write_hexes, write_triangles};
+use crate::error::Result;
+use crate::output::{Failed, Field, Series, Table, TableMark, replace, write_hexes, write_triangles};
 use crate::scene::Scene;
 use crate::step::{Simulation, StepReport};
 use serde::{Deserialize, Serialize};
@@ -52,7 +52,7 @@ fn columns(scene: &Scene) -> Vec<String> {
 }
 
 fn create(path: &Path) -> Result<()> {
-    std::fs::create_dir_all(path).map_err(|source| Error::Write { path: path.to_owned(), source })
+    Ok(std::fs::create_dir_all(path).map_err(|source| Failed::Write { path: path.to_owned(), source })?)
 }
 
 /// Removes results of an earlier run, which could be mistaken for this one's. Files that name others go first, so that a run killed here
@@ -170,7 +170,7 @@ impl Folder {
     pub fn write_report(&self, report: &Report) -> Result<()> {
         let path = self.path.join("report.json");
         let text =
-            serde_json::to_string_pretty(report).map_err(|e| Error::Write { path: path.clone(), source: e.into() })?;
+            serde_json::to_string_pretty(report).map_err(|e| Failed::Write { path: path.clone(), source: e.into() })?;
         replace(&path, format!("{text}\n").as_bytes())
     }
 

@@ -3,10 +3,10 @@
 
 use crate::backend::Snapshot;
 use crate::bodies::rigid::Instrument;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::math::V4;
 use crate::mesh::Quad;
-use crate::output::replace;
+use crate::output::{Failed, replace};
 use crate::scene::{Scene, Tool};
 use crate::step::{Body, Simulation, StepReport};
 use crate::view::{self, Camera, Image, Outline, Surface};
@@ -138,7 +138,7 @@ pub(super) fn positions(simulation: &Simulation, state: &[Snapshot]) -> Vec<[f64
 /// Draws the scene with its camera.
 ///
 /// # Errors
-/// [`Error::Memory`] when there is none for so many pixels.
+/// [`NoMemory`](view::NoMemory) when there is none for so many pixels.
 pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Result<Image> {
     // tools at their poses
     let place = |(tool, now): (&Tool, &Instrument)| {
@@ -214,5 +214,5 @@ pub(super) fn write(
     path: &Path,
 ) -> Result<()> {
     let bytes = view::png(&draw(scene, simulation, skin, step)?);
-    replace(path, &bytes.map_err(|source| Error::Write { path: path.to_owned(), source })?)
+    replace(path, &bytes.map_err(|source| Failed::Write { path: path.to_owned(), source })?)
 }

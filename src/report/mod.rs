@@ -13,7 +13,9 @@ mod haptics;
 pub mod inspect;
 mod keys;
 pub mod recording;
+mod refused;
 pub mod run;
 pub mod study;
 
 pub use keys::{CutReport, EnergyReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
+pub use refused::{CheckpointUnfit, Refused, StudyUnfit};

@@ -4,7 +4,7 @@ use super::checkpoint::{self, Checkpoint, Identity};
 use super::collect::Collector;
 use super::files::Folder;
 use super::haptics::{self, HapticFiles};
-use super::{Report, check};
+use super::{Refused, Report, check};
 use crate::error::{Error, Result};
 use crate::runner::{Clock, Runner};
 use crate::scene::{BodyId, Scene};
@@ -45,25 +45,15 @@ impl Options {
 
     /// Refuses what does not go together.
     fn check(&self) -> Result<()> {
-        let refused = |what: &str, fix: &str| Err(Error::Usage { what: what.into(), fix: fix.into() });
         if self.steps == Some(0) || self.checkpoint == Some(0) {
-            return refused(
-                "a run of 0 steps, or a checkpoint after every 0 steps",
-                "ask for at least one step, or for at least half a step of time",
-            );
+            return Err(Refused::NoSteps.into());
         }
         let kept = self.checkpoint.is_some() || self.resume.is_some();
         if kept && self.realtime {
-            return refused(
-                "a checkpoint of a run by the wall clock, whose hands do not wait",
-                "leave out --realtime, or --checkpoint and --resume",
-            );
+            return Err(Refused::CheckpointInRealTime.into());
         }
         if kept && self.record {
-            return refused(
-                "a checkpoint of a run that records its devices",
-                "leave out --record, or --checkpoint and --resume",
-            );
+            return Err(Refused::CheckpointOfRecording.into());
         }
         Ok(())
     }

@@ -1,7 +1,7 @@
 //! A tool's device and the servo that stands between it and the simulation.
 
-use super::RING;
-use crate::error::{Error, Result};
+use super::{RING, Refused};
+use crate::error::Result;
 use crate::haptic::Hand;
 use crate::haptic::device::{Device, Limits, Workspace};
 use crate::haptic::devices::open;
@@ -44,13 +44,7 @@ pub(super) fn channels(
         let mut device = match own {
             Some(device) => device,
             None if !live && matches!(spec.kind, DeviceKind::Haply { .. }) => {
-                return Err(Error::Usage {
-                    what: format!(
-                        "the tool \"{}\" is held by a haply device, which goes by the wall clock",
-                        asked.name
-                    ),
-                    fix: "run it with --realtime, or write kind = \"hand\" in its [tool.device]".into(),
-                });
+                return Err(Refused::NeedsWallClock { tool: asked.name.clone() }.into());
             }
             None => open(&spec, asked)?,
         };

@@ -5,10 +5,13 @@
 //! `run` writes them down ([`crate::report::run`]), another program may show them, pause, or hold a tool by a device of its own.
 
 mod channel;
+mod refused;
 mod scene_clock;
 mod wall_clock;
 
-use crate::error::{Error, Result};
+pub use refused::Refused;
+
+use crate::error::Result;
 use crate::haptic::cells::Counts;
 use crate::haptic::device::Device;
 use crate::haptic::replay::Row;
@@ -117,15 +120,11 @@ impl Runner {
     /// # Errors
     /// Once the run has begun, and for a tool that no hand holds.
     pub fn attach(&mut self, tool: usize, device: Box<dyn Device>) -> Result<()> {
-        let refused = |what: &str, fix: &str| Err(Error::Usage { what: what.into(), fix: fix.into() });
         if !matches!(self.hands, Hands::Waiting) {
-            return refused("a device is attached to a run that has begun", "attach it before the first step");
+            return Err(Refused::AttachedLate.into());
         }
         if self.simulation.tools.get(tool).is_none_or(|tool| tool.free) {
-            return refused(
-                "a device is attached to a tool that the scene does not have",
-                "count the [[tool]]s from 0",
-            );
+            return Err(Refused::AttachedToNothing.into());
         }
         self.attached.insert(tool, device);
         Ok(())
@@ -138,7 +137,7 @@ impl Runner {
     /// When a device cannot be had, or no thread for it; the run is then made anew. Once the run has begun.
     pub fn start(&mut self, record: bool) -> Result<Vec<(usize, Consumer<Row>)>> {
         if !matches!(self.hands, Hands::Waiting) {
-            return Err(Error::Usage { what: "a run is started that has begun".into(), fix: "make a new one".into() });
+            return Err(Refused::StartedTwice.into());
         }
         let live = self.clock == Clock::Wall;
         let mut rows = vec![];
@@ -167,8 +166,7 @@ impl Runner {
             self.start(false)?;
         }
         if self.stopped {
-            let what = "a step is asked of a run that was stopped, whose devices are gone".into();
-            return Err(Error::Usage { what, fix: "make a new one; its state may be this one's".into() });
+            return Err(Refused::Stopped.into());
         }
         let [begin, end] = [self.steps, self.steps + 1].map(|n| f64::from(n) * self.scene.time.step);
         match &mut self.hands {
@@ -214,10 +212,7 @@ impl Runner {
         }
         match &mut self.hands {
             Hands::Scene(clock) if !self.records => Ok(clock),
-            _ => Err(Error::Usage {
-                what: "the state of a run by the wall clock, or of one that records its devices".into(),
-                fix: "run by the scene's clock without recording".into(),
-            }),
+            _ => Err(Refused::NoState.into()),
         }
     }
 
@@ -258,20 +253,17 @@ impl Runner {
 pub fn leave_a_core() -> Result<()> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(cores.saturating_sub(1).max(1));
-    pool.build_global().map_err(|source| Error::Usage {
-        what: format!("no core can be left to the haptic threads ({source})"),
-        fix: "ask for it before anything is computed".into(),
-    })
+    pool.build_global().map_err(|source| Refused::CoresTaken { source }.into())
 }
 
 /// Starts the threads of the parallel work, one for each core.
 ///
 /// # Errors
-/// [`Error::Threads`] when the machine gives none.
+/// [`Refused::Threads`] when the machine gives none.
 pub fn take_all_cores() -> Result<()> {
     let started = rayon::ThreadPoolBuilder::new().build_global();
     // one that is there already serves as well
     let reason = |e: &rayon::ThreadPoolBuildError| std::error::Error::source(e).map(ToString::to_string);
     let refused = started.err().as_ref().and_then(reason).map(std::io::Error::other);
-    refused.map_or(Ok(()), |source| Err(Error::Threads { source }))
+    refused.map_or(Ok(()), |source| Err(Refused::Threads { source }.into()))
 }

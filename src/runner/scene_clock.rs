@@ -6,10 +6,10 @@
 
 use super::channel::Channel;
 use super::{HapticCounts, OnTick};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::haptic::cells::Problem;
 use crate::haptic::servo::Servo;
-use crate::step::Simulation;
+use crate::step::{self, Simulation};
 use serde::{Deserialize, Serialize};
 
 /// A tick belongs to the step in which its time falls; times are sums of rounded steps, so they may differ by this, s.
@@ -97,7 +97,10 @@ impl SceneClock {
     /// Whether a state is of as many devices.
     pub fn fits(&self, state: &State) -> Result<()> {
         let (found, wanted) = (state.channels.len(), self.channels.len());
-        if found == wanted { Ok(()) } else { Err(Error::StateUnfit { what: "devices", found, wanted }) }
+        match found == wanted {
+            true => Ok(()),
+            false => Err(step::Refused::StateUnfit { what: "devices", found, wanted }.into()),
+        }
     }
 
     /// Goes there.

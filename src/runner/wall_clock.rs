@@ -5,8 +5,8 @@
 //! motion is lost. When it has ended its contact problems go to the servos, with the time of the hands that they know.
 
 use super::channel::Channel;
-use super::{HapticCounts, OnTick, RING};
-use crate::error::{Error, Result};
+use super::{HapticCounts, OnTick, RING, Refused};
+use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::haptic::cells::{Counts, Felt, Problem, SimulationEnd, cells};
 use crate::haptic::servo::{BUDGET, Record, Servo, Settings};
@@ -67,10 +67,7 @@ impl WallClock {
             let device_loop = Loop { servo, device, cells, records: producer };
             let named = Builder::new().name("haptic".into());
             let spawned = named.spawn(move || device_loop.run(start, &stop));
-            let handle = spawned.map_err(|source| Error::Usage {
-                what: format!("the haptic thread cannot be started ({source})"),
-                fix: "let the system have more threads, or run without --realtime".into(),
-            })?;
+            let handle = spawned.map_err(|source| Refused::HapticThread { source })?;
             clock.threads.push(Thread { cells: ours, records, handle: Some(handle) });
         }
         Ok(clock)
@@ -121,11 +118,8 @@ impl WallClock {
         let (mut timing, mut counts, mut ended) = (Timing::new(), vec![], Ok(()));
         for thread in &mut self.threads {
             let Some(handle) = thread.handle.take() else { continue };
-            let panicked = |_| Error::Usage {
-                what: "a haptic thread has panicked".into(),
-                fix: "report what it said above, with the scene".into(),
-            };
-            ended = ended.and(handle.join().map_err(panicked).and_then(|(of_one, felt, closed)| {
+            let joined = handle.join().map_err(|_| Refused::Panicked.into());
+            ended = ended.and(joined.and_then(|(of_one, felt, closed)| {
                 timing.merge(&of_one);
                 counts.push(felt.counts);
                 closed

@@ -1,10 +1,10 @@
 //! What touches what at a step's start, and the ties that hold all the time.
 
-use super::{Body, Simulation, StepReport};
+use super::{Body, Refused, Simulation, StepReport};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips, round};
 use crate::constraints::Law;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::mesh::{MaterialPoint, Quad};
 use crate::scene::{self, Attachment, BodyId, Scene};
 use glam::DVec3;
@@ -294,7 +294,7 @@ fn held_nodes(contact: &Contact, side: usize) -> impl Iterator<Item = u32> {
 /// The ties of a scene, from the bodies at rest.
 ///
 /// # Errors
-/// [`Error::TiedToNothing`] when a node of the region is neither on what it is to be tied to nor in it.
+/// [`Refused::TiedToNothing`] when a node of the region is neither on what it is to be tied to nor in it.
 pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
     let mut out = vec![];
     for (number, attachment) in scene.attachments.iter().enumerate() {
@@ -349,7 +349,7 @@ fn other_end(simulation: &Simulation, to: BodyId, patch: Option<&Patch>, at: DVe
         (BodyId::Deformable(other), Some(patch)) => {
             let (on_surface, distance) = patch.nearest(at);
             let inside = || simulation.bodies[other].model.material_point(at.to_array());
-            let nothing = || Error::TiedToNothing { at: at.to_array().map(|c| c * 1e3), distance: distance * 1e3 };
+            let nothing = || Refused::TiedToNothing { at: at.to_array().map(|c| c * 1e3), distance: distance * 1e3 };
             match distance <= TOUCHES {
                 true => Ok((on_surface, at)),
                 false => Ok((inside().ok_or_else(nothing)?, at)),

@@ -6,7 +6,7 @@
 //! something is so at a step's start already, the step ends in an error that names it.
 
 use super::contact::Resolved;
-use super::{Simulation, StepReport};
+use super::{Refused, Simulation, StepReport};
 use crate::backend::{CORRECTION, FREE};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
@@ -38,7 +38,7 @@ impl Simulation {
     }
 
     fn non_finite_of(&self, what: &'static str, name: &str, fix: &'static str) -> Error {
-        Error::NonFinite { path: self.scene.file.clone(), what, name: name.into(), time: self.time, fix }
+        Refused::NonFinite { path: self.scene.file.clone(), what, name: name.into(), time: self.time, fix }.into()
     }
 
     /// Refuses free motions that are non-finite, as of hands that are nowhere.

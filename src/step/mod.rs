@@ -32,11 +32,13 @@ mod contact;
 mod find;
 mod finite;
 mod incise;
+mod refused;
 mod rows;
 mod state;
 
 pub use body::{Body, Measured, needs, start};
 pub use contact::ContactReport;
+pub use refused::Refused;
 pub use state::State;
 
 use crate::backend::{Device, Snapshot};

@@ -4,10 +4,10 @@
 //! the compliance are kept, though they are solved for: they have aged by the steps since, and how many passes a step takes depends on it.
 
 use super::body::{Body, Compliance, first_motion};
-use super::{Simulation, incise};
+use super::{Refused, Simulation, incise};
 use crate::backend::{CORRECTION, FREE, Vector};
 use crate::bodies::rigid::Motion;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::kernels::cut::Hit;
 use crate::math::V4;
@@ -72,7 +72,7 @@ impl Simulation {
     /// what the simulation did that the state is of.
     ///
     /// # Errors
-    /// [`Error::StateUnfit`] for a state of other bodies; when a device fails.
+    /// [`Refused::StateUnfit`] for a state of other bodies; when a device fails.
     pub fn restore(&mut self, state: &State) -> Result<()> {
         self.fits(state)?;
         let slots = self.slots_kept();
@@ -105,16 +105,13 @@ impl Simulation {
     /// Costs what making the simulation costs, and the compliance near the tools is solved anew.
     ///
     /// # Errors
-    /// As [`Simulation::new`], [`Error::StateUnfit`] where the bodies are others, [`Error::Usage`] for another step; the simulation is then as
-    /// it was, unless a device has run out of memory: for a while it holds both.
+    /// As [`Simulation::new`], [`Refused::StateUnfit`] where the bodies are others, [`Refused::OtherStep`] for another step; the
+    /// simulation is then as it was, unless a device has run out of memory: for a while it holds both.
     pub fn change(&mut self, change: impl FnOnce(&mut Scene)) -> Result<()> {
         let mut scene = self.scene.clone();
         change(&mut scene);
         if scene.time.part() != self.scene.time.part() {
-            return Err(Error::Usage {
-                what: "a running simulation is given a step of another length".into(),
-                fix: "make a new one with that step".into(),
-            });
+            return Err(Refused::OtherStep.into());
         }
         scene.check()?;
         let mut state = self.state()?;
@@ -135,7 +132,7 @@ impl Simulation {
     fn fits(&self, state: &State) -> Result<()> {
         let unfit = |what, [found, wanted]: [usize; 2]| match found == wanted {
             true => Ok(()),
-            false => Err(Error::StateUnfit { what, found, wanted }),
+            false => Err(Refused::StateUnfit { what, found, wanted }),
         };
         unfit("rigid bodies", [state.tools.len(), self.tools.len()])?;
         unfit("rigid bodies", [state.reduced.len(), self.tools.len()])?;

@@ -12,6 +12,8 @@ mod occlusion;
 mod raster;
 mod shade;
 
+pub use raster::NoMemory;
+
 use crate::error::Result;
 use glam::{DVec3, Vec3};
 use raster::{NO_TRIANGLE, SAMPLES, Samples, room};
@@ -143,7 +145,7 @@ impl View {
 /// 0 gives an image without pixels.
 ///
 /// # Errors
-/// [`Error::Memory`](crate::error::Error::Memory) when there is none for so many pixels.
+/// [`NoMemory`] when there is none for so many pixels.
 pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, caption: &[&str]) -> Result<Image> {
     let (columns, rows) = (width as usize, height as usize);
     let mut skipped = 0;

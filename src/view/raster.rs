@@ -3,7 +3,7 @@
 //! Corners are snapped to 1/256 of a sample, so that edge functions are exact and triangles with a common edge leave no gap.
 
 use super::View;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use glam::{Vec2, Vec3};
 
 /// Samples along each side of a pixel.
@@ -33,12 +33,22 @@ pub(super) struct Samples {
     pub(super) inks: Vec<Vec3>,
 }
 
+/// The machine gives no more memory.
+#[derive(Clone, Copy, Debug, thiserror::Error)]
+#[error(
+    "no memory is left for a picture: {bytes} bytes were refused; set a smaller view.size_px, or frames = 0 for none, or close what takes \
+     memory"
+)]
+pub struct NoMemory {
+    /// How much of it was asked for at once.
+    pub bytes: u64,
+}
+
 /// An array over a picture, or the error that there is no memory for it: pictures are most of what a running scene allocates.
 pub(super) fn room<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
     let mut values = vec![];
     let bytes = (count * size_of::<T>()) as u64;
-    let fix = "set a smaller view.size_px, or frames = 0 for none, or close what takes memory";
-    values.try_reserve_exact(count).map_err(|_| Error::Memory { what: "a picture", bytes, fix })?;
+    values.try_reserve_exact(count).map_err(|_| NoMemory { bytes })?;
     values.resize(count, value);
     Ok(values)
 }

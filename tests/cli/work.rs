@@ -4,15 +4,17 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-/// A blunt tip that presses 4 × 4 × 2 cells from above, four steps in contact out of five.
-pub const PRESS: &str = r#"title = "A blunt tip presses a block"
+/// A block of 4 × 4 × 2 cells for five steps, and what else is in its scene.
+macro_rules! block {
+    ($title:literal, $more:literal) => {
+        concat!(
+            "title = \"",
+            $title,
+            r#""
 
 [time]
 step_ms = 5.0
 duration_s = 0.025
-
-[solver]
-true_residual_every = 2
 
 [skin]
 size_mm = [8.0, 8.0]
@@ -28,6 +30,18 @@ density_kg_m3 = 1100.0
 
 [[boundary]]
 region = "bottom"
+"#,
+            $more
+        )
+    };
+}
+
+/// A blunt tip that presses from above, four steps in contact out of five.
+pub const PRESS: &str = block!(
+    "A blunt tip presses a block",
+    r#"
+[solver]
+true_residual_every = 2
 
 [[tool]]
 name = "tip"
@@ -50,34 +64,11 @@ region = "bottom"
 [view]
 frames = 2
 size_px = [96, 64]
-"#;
+"#
+);
 
 /// The same block alone, settling under gravity.
-pub const ALONE: &str = r#"title = "A block settles"
-
-[time]
-step_ms = 5.0
-duration_s = 0.025
-
-[skin]
-size_mm = [8.0, 8.0]
-cells = [4, 4]
-
-[[skin.layer]]
-name = "dermis"
-thickness_mm = 2.0
-cells = 2
-young_kpa = 100.0
-poisson = 0.4
-density_kg_m3 = 1100.0
-
-[[boundary]]
-region = "bottom"
-
-[view]
-frames = 1
-size_px = [96, 64]
-"#;
+pub const ALONE: &str = block!("A block settles", "\n[view]\nframes = 1\nsize_px = [96, 64]\n");
 
 const TIP: &str = "v 0 0 0\nv 1 0 2\nv -1 1 2\nv -1 -1 2\nf 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n";
 const HAND: &str = "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0.3,0.2,2.05,0,0,0,1\n0.02,0.3,0.2,1.7,0,0,0,1\n";

@@ -32,34 +32,30 @@ pub fn scene(path: &Path) -> Scene {
     read(path).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// The scene with the cells of its `[test]` table, and the steps to run.
-pub fn test_form(mut scene: Scene) -> Option<(Scene, u32)> {
-    let form = scene.test?;
-    if let (Some(skin), Some(cells)) = (scene.skins.first_mut(), form.cells) {
-        skin.cells = cells;
-    }
+/// The scene in its test form, without pictures; none where it has no `[test]` table.
+pub fn test_form(path: &Path) -> Option<Scene> {
+    let mut scene = scene(path);
+    scene.test?;
     scene.view.frames = 0;
-    let all = scene.time.steps();
-    Some((scene, form.steps.unwrap_or(all)))
+    Some(scene.in_test_form())
 }
 
 /// The test forms of the hard cases of deformable bodies, by name.
-pub fn hard() -> Vec<(String, Scene, u32)> {
+pub fn hard() -> Vec<(String, Scene)> {
     let hard = files().into_iter().filter_map(|(file, path)| {
         let name = file.strip_prefix("hard/")?.strip_suffix(".toml")?.to_string();
-        let scene = Some(scene(&path)).filter(|scene| !scene.skins.is_empty())?;
-        let (scene, steps) = test_form(scene).unwrap_or_else(|| panic!("{file} has no [test] table"));
-        Some((name, scene, steps))
+        let form = (!scene(&path).skins.is_empty()).then(|| test_form(&path))?;
+        Some((name, form.unwrap_or_else(|| panic!("{file} has no [test] table"))))
     });
     hard.collect()
 }
 
 /// Runs a scene into a folder of its own.
-pub fn report_of(name: &str, scene: &Scene, steps: u32, place: &Place) -> Result<Report, String> {
+pub fn report_of(name: &str, scene: &Scene, place: &Place) -> Result<Report, String> {
     let mut folder = format!("cutis-forms-{}-{name}-{place:?}", std::process::id());
     folder.retain(|c| c.is_ascii_alphanumeric() || c == '-');
     let out = std::env::temp_dir().join(folder);
-    let options = Options { steps: Some(steps), ..Options::new(place.clone(), &out) };
+    let options = Options::new(place.clone(), &out);
     let summary = report::run::run(scene, &options, &mut |_| {}).map_err(|e| format!("{name}: {e}"))?;
     std::fs::remove_dir_all(&out).map_err(|e| format!("{}: {e}", out.display()))?;
     Ok(summary.report)
@@ -82,11 +78,12 @@ pub const RESIDUAL: &str = "residual_true_above_tolerance";
 
 /// What every run must be: no warning that its `[check]` table does not bound (nodes that are not finite are one; what f32 leaves of
 /// [`ROUNDED`] is let pass), all steps, and its `[check]` table.
-pub fn passes(name: &str, scene: &Scene, steps: u32, report: &Report) -> Result<(), String> {
+pub fn passes(name: &str, scene: &Scene, report: &Report) -> Result<(), String> {
     let asked = |warning: &str| scene.checks.iter().any(|c| c.key.strip_prefix("warnings.") == Some(warning));
     let in_f32 = report.backend == "gpu" || report.adapter.ends_with("f32");
     let rounded = |warning: &str| in_f32 && warning == RESIDUAL && ROUNDED.contains(&name);
     let unasked: Vec<_> = report.warnings.iter().filter(|(name, _)| !asked(name) && !rounded(name)).collect();
+    let steps = scene.time.steps();
     if !unasked.is_empty() || report.steps != steps {
         return Err(format!("{name}: {} of {steps} steps, {unasked:?}", report.steps));
     }

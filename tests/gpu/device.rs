@@ -3,7 +3,7 @@
 use super::body::Body;
 use super::{Failure, parity};
 use cutis::error::Error;
-use cutis::gpu::{Buffer, Gpu, cast};
+use cutis::gpu::{Buffer, Failed, Gpu, cast};
 use cutis::kernels::{GROUP, Params, converge, gather, product, scatter, update};
 use cutis::math::V4;
 
@@ -145,7 +145,7 @@ fn a_wrong_binding_says_which_names_are_known(gpu: &Gpu) -> Result<(), Failure> 
     ];
     for (wanted_name, list, wanted_problem) in fails {
         match gpu.bind(&gather::SOURCE, list) {
-            Err(Error::Binding { kernel: "gather", name, known, problem }) => {
+            Err(Error::Gpu(Failed::Binding { kernel: "gather", name, known, problem })) => {
                 require(name == wanted_name && known == known_names && problem == wanted_problem, || {
                     format!("`{name}`: {problem} ({known})")
                 })?;
@@ -160,7 +160,7 @@ fn a_wrong_binding_says_which_names_are_known(gpu: &Gpu) -> Result<(), Failure> 
     let mut list: Vec<(&str, &Buffer)> = names.iter().map(|n| (*n, &array)).collect();
     list.push(("params", &update_params));
     match gpu.bind(&update::SOURCE, &list) {
-        Err(e @ Error::Binding { .. }) => {
+        Err(e @ Error::Gpu(Failed::Binding { .. })) => {
             let words = e.to_string();
             let all = [
                 "`update`",
@@ -178,7 +178,7 @@ fn a_wrong_binding_says_which_names_are_known(gpu: &Gpu) -> Result<(), Failure> 
 fn a_too_large_array_names_itself_and_the_limit(gpu: &Gpu) -> Result<(), Failure> {
     let count = gpu.adapter.max_binding as usize / 16 + 1;
     match gpu.array::<V4<f32>>("partial_product", count) {
-        Err(e @ Error::TooLarge { need, limit, .. }) => {
+        Err(e @ Error::Gpu(Failed::TooLarge { bytes: need, limit, .. })) => {
             require(need > limit && need == count as u64 * 16, || format!("{need} for {limit}"))?;
             let words = e.to_string();
             let all = ["`partial_product`", "max_storage_buffer_binding_size", &need.to_string(), &limit.to_string()];
@@ -199,7 +199,7 @@ fn writing_past_an_array_is_an_error_at_the_next_read(gpu: &Gpu) -> Result<(), F
     let array = gpu.array_of("array", &[1u32, 2, 3, 4])?;
     gpu.write(&array, 16, &[5u32]);
     match gpu.read::<u32>(&array, 4) {
-        Err(Error::Device { .. }) => Ok(()),
+        Err(Error::Gpu(Failed::Device { .. })) => Ok(()),
         Err(e) => Err(e.into()),
         Ok(words) => Err(format!("no error; the array is {words:?}").into()),
     }
@@ -207,7 +207,7 @@ fn writing_past_an_array_is_an_error_at_the_next_read(gpu: &Gpu) -> Result<(), F
 
 fn an_unknown_adapter_lists_those_there_are(gpu: &Gpu) -> Result<(), Failure> {
     match Gpu::open(Some("no such adapter")) {
-        Err(Error::NoAdapter { wanted, found, .. }) => {
+        Err(Error::Gpu(Failed::NoAdapter { wanted, found, .. })) => {
             require(wanted.contains("no such adapter") && found.contains(&gpu.adapter.name), || {
                 format!("{wanted}; {found}")
             })

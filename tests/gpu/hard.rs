@@ -8,11 +8,11 @@ use cutis::step::{Place, Simulation};
 
 /// One test a scene, `hard_NAME`, and those of this file.
 pub fn tests() -> Vec<(String, Test)> {
-    let scenes = hard().into_iter().map(|(name, scene, steps)| -> (String, Test) {
+    let scenes = hard().into_iter().map(|(name, scene)| -> (String, Test) {
         let test = format!("hard_{name}");
         let run = move |gpu: &Gpu| {
-            let report = report_of(&name, &scene, steps, &place(gpu))?;
-            Ok(passes(&name, &scene, steps, &report)?)
+            let report = report_of(&name, &scene, &place(gpu))?;
+            Ok(passes(&name, &scene, &report)?)
         };
         (test, Box::new(run))
     });
@@ -22,11 +22,11 @@ pub fn tests() -> Vec<(String, Test)> {
 }
 
 fn stays(gpu: &Gpu) -> Result<(), Failure> {
-    let (scene, steps) = case("still");
+    let scene = case("still");
     let mut pulled = scene.clone();
     pulled.time.gravity[2] = -1e-3;
-    for (scene, steps, moves) in [(scene, steps, false), (pulled, 1, true)] {
-        let mut simulation = Simulation::new(&scene, &place(gpu))?;
+    for (scene, steps, moves) in [(&scene, scene.time.steps(), false), (&pulled, 1, true)] {
+        let mut simulation = Simulation::new(scene, &place(gpu))?;
         for _ in 0..steps {
             simulation.step(false)?;
         }

@@ -2,7 +2,7 @@
 
 use super::{Failure, place};
 use cutis::error::Error;
-use cutis::gpu::{Gpu, Handle, Work};
+use cutis::gpu::{Failed, Gpu, Handle, Work};
 use cutis::report::{inspect, run};
 use cutis::scene::{Preconditioner, Scene, read};
 use cutis::step::Simulation;
@@ -70,7 +70,7 @@ fn ended(gpu: &Gpu, name: &str, says: &str, mut fail: impl FnMut(&Handle)) -> Re
         Ok::<_, Failure>(ended.map(|summary| summary.report))
     };
     let error = match run(true)? {
-        Err(error @ Error::Device { .. }) => error,
+        Err(error @ Error::Gpu(Failed::Device { .. })) => error,
         other => return Err(format!("ended with {:?}", other.map(|r| r.steps).map_err(|e| e.to_string())).into()),
     };
     let words = error.to_string();

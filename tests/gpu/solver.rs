@@ -1,6 +1,6 @@
 //! Whole solves: the GPU backend against the CPU backend in f32 and in f64, on a small block of three layers.
 
-use super::Failure;
+use super::{Failure, small};
 use cutis::backend::{
     Backend, CORRECTION, CpuBackend, FIRST_COLUMN, FREE, GpuBackend, Needs, Snapshot, Target, Wanted,
 };
@@ -8,8 +8,9 @@ use cutis::bodies::Model;
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
 use cutis::math::V4;
-use cutis::scene::{Files, parse};
-use std::path::Path;
+use cutis::scene::Mass::{Consistent, Lumped};
+use cutis::scene::Preconditioner::{Block, Column, Jacobi, Multigrid};
+use cutis::scene::{Anchor, Element, Law, Load, Mass, Preconditioner, Region, Scene};
 
 type Test = Box<dyn Fn(&Gpu) -> Result<(), Failure> + Send>;
 
@@ -36,83 +37,58 @@ const FLOOR: f64 = 1e-9;
 /// Columns at a time.
 const COLUMNS: usize = 4;
 
-const SCENE: &str = r#"title = "Press the middle third of a three-layer block"
+/// The middle third of a three-layer block is pressed.
+fn scene(law: Law, mass: Mass, preconditioner: Preconditioner, anchored: bool) -> Scene {
+    let layers = [(2, 1.2e-3, 34e3, 0.45, 971.0), (2, 1.0e-3, 200e3, 0.45, 1116.0), (1, 0.1e-3, 1000e3, 0.45, 1116.0)];
+    let mut scene = small::block([6e-3; 2], [6; 2], &layers);
+    // so short that a consistent mass weighs as much as stiffness
+    scene.time.step = if mass == Mass::Consistent { 0.05e-3 } else { 10e-3 };
+    scene.solver.preconditioner = preconditioner;
+    (scene.skins[0].law, scene.skins[0].mass) = (law, mass);
+    scene.boundaries = vec![small::held(Region::Bottom, [true; 3])];
+    scene.loads =
+        vec![Load { body: 0, pressure: 10e3, min: [-1e-3; 2], max: [1e-3; 2], start: 0.0, end: f64::INFINITY }];
+    if anchored {
+        // every node on a spring, a node's share of the cells' stiffness along x here
+        scene.anchors = vec![Anchor { body: 0, region: Region::All, stiffness: 20.0 }];
+    }
+    scene
+}
 
-[time]
-step_ms = 10
-duration_s = 1
-
-[solver]
-preconditioner = "PRECONDITIONER"
-
-[skin]
-size_mm = [6, 6]
-cells = [6, 6]
-LAW
-rayleigh_stiffness_s = 0.01
-
-[[skin.layer]]
-name = "hypodermis"
-thickness_mm = 1.2
-cells = 2
-young_kpa = 34
-poisson = 0.45
-density_kg_m3 = 971
-
-[[skin.layer]]
-name = "dermis"
-thickness_mm = 1.0
-cells = 2
-young_kpa = 200
-poisson = 0.45
-density_kg_m3 = 1116
-
-[[skin.layer]]
-name = "epidermis"
-thickness_mm = 0.1
-cells = 1
-young_kpa = 1000
-poisson = 0.45
-density_kg_m3 = 1116
-
-[[boundary]]
-region = "bottom"
-
-[[load]]
-pressure_kpa = 10
-rectangle_mm = [[-1, -1], [1, 1]]
-"#;
-
-const FEM: &str = "law = \"fem\"";
-/// Consistent mass, and a step so short that it weighs as much as stiffness.
-const HEAVY: &str = "mass = \"consistent\"";
-const SPRINGS: &str = "law = \"springs\"\nspring_stiffness_n_m = 30\nspring_damping_n_s_m = 0.02";
-
-/// Every node on a spring, a node's share of the cells' stiffness along x here.
-const ANCHOR: &str = "[[anchor]]\nregion = \"all\"\nstiffness_n_m = 20\n";
+/// By the words of scene files.
+const PRECONDITIONERS: [(&str, Preconditioner); 5] = [
+    ("none", Preconditioner::None),
+    ("jacobi", Jacobi),
+    ("block", Block),
+    ("column", Column),
+    ("multigrid", Multigrid),
+];
+const FEM: Law = Law::Fem { element: Element::Bbar, corotational: true };
+const SPRINGS: Law = Law::Springs { stiffness: 30.0, damping: 0.02 };
 
 /// Every test here, by name.
 pub fn tests() -> Vec<(String, Test)> {
     let mut all: Vec<(String, Test)> = vec![];
-    for (law, text) in [("bricks", FEM), ("heavy_bricks", HEAVY), ("springs", SPRINGS)] {
-        for kind in ["none", "jacobi", "block", "column", "multigrid"] {
-            if kind == "multigrid" && law == "springs" {
+    let cases = [("bricks", FEM, Lumped), ("heavy_bricks", FEM, Consistent), ("springs", SPRINGS, Lumped)];
+    for (name, law, mass) in cases {
+        let case = Case { name, law, mass, preconditioner: Column, anchored: false };
+        for (kind, preconditioner) in PRECONDITIONERS {
+            if preconditioner == Multigrid && name == "springs" {
                 continue; // bricks only
             }
-            let case = Case { law: text, preconditioner: kind, anchored: false };
-            all.push((format!("free_motion_of_{law}_{kind}"), Box::new(move |gpu| case.free_motion(gpu))));
+            let case = Case { preconditioner, ..case };
+            all.push((format!("free_motion_of_{name}_{kind}"), Box::new(move |gpu| case.free_motion(gpu))));
         }
-        let case = Case { law: text, preconditioner: "column", anchored: false };
-        all.push((format!("columns_of_{law}_alone_or_together"), Box::new(move |gpu| case.columns(gpu))));
-        all.push((format!("wrong_load_on_{law}_is_found_out"), Box::new(move |gpu| case.wrong_load(gpu))));
-        all.push((format!("cut_of_{law}"), Box::new(move |gpu| case.cut(gpu))));
-        all.push((format!("two_steps_of_{law}"), Box::new(move |gpu| case.two_steps(gpu))));
-        if text != HEAVY {
+        all.push((format!("columns_of_{name}_alone_or_together"), Box::new(move |gpu| case.columns(gpu))));
+        all.push((format!("wrong_load_on_{name}_is_found_out"), Box::new(move |gpu| case.wrong_load(gpu))));
+        all.push((format!("cut_of_{name}"), Box::new(move |gpu| case.cut(gpu))));
+        all.push((format!("two_steps_of_{name}"), Box::new(move |gpu| case.two_steps(gpu))));
+        if mass != Consistent {
             let case = Case { anchored: true, ..case };
-            all.push((format!("two_steps_of_anchored_{law}"), Box::new(move |gpu| case.two_steps(gpu))));
+            all.push((format!("two_steps_of_anchored_{name}"), Box::new(move |gpu| case.two_steps(gpu))));
         }
     }
-    let case = Case { law: FEM, preconditioner: "multigrid", anchored: true };
+    let case = Case { name: "bricks", law: FEM, mass: Lumped, preconditioner: Multigrid, anchored: true };
     all.push(("free_motion_of_anchored_bricks_multigrid".into(), Box::new(move |gpu| case.free_motion(gpu))));
     all
 }
@@ -120,8 +96,10 @@ pub fn tests() -> Vec<(String, Test)> {
 /// A law and a preconditioner.
 #[derive(Clone, Copy)]
 struct Case {
-    law: &'static str,
-    preconditioner: &'static str,
+    name: &'static str,
+    law: Law,
+    mass: Mass,
+    preconditioner: Preconditioner,
     anchored: bool,
 }
 
@@ -135,15 +113,12 @@ struct Three {
 
 impl Case {
     fn report(self, gpu: &Gpu, text: &str) {
-        let law = self.law.split('"').nth(1).unwrap_or("");
-        super::report(gpu, &format!("{law}, {}: {text}", self.preconditioner));
+        super::report(gpu, &format!("{}, {:?}: {text}", self.name, self.preconditioner));
     }
 
     fn model(self) -> Result<(Model, Vec<[f64; 3]>), Failure> {
-        let step = if self.law == HEAVY { "step_ms = 0.05" } else { "step_ms = 10" };
-        let text = SCENE.replace("LAW", self.law).replace("PRECONDITIONER", self.preconditioner);
-        let text = text.replace("step_ms = 10", step) + if self.anchored { ANCHOR } else { "" };
-        let scene = parse(&text, Path::new("block.toml"), &Files::Embedded(&[]))?;
+        let scene = scene(self.law, self.mass, self.preconditioner, self.anchored);
+        scene.check()?;
         let model = Model::new(&scene, 0)?;
         let load = model.load_at(&scene.loads, 0.0);
         Ok((model, load))
@@ -173,7 +148,7 @@ impl Case {
         let mut three = self.three(gpu)?;
         let free = |tolerance| Wanted { slot: FREE, target: Target::OfLoad(tolerance) };
         let counted = three.each(|b| Ok(b.solve(&[free(COUNTED)], &[])?.0[0]))?;
-        same_iterations(&counted, self.preconditioner == "column")?;
+        same_iterations(&counted, self.preconditioner == Column)?;
         // on from there: the start is the last solution
         let outcomes = three.each(|b| {
             b.begin()?;

@@ -1,6 +1,7 @@
 //! Servos with a simulation behind them: continuity of the force, simulated hands, runs by the wall clock.
 
 use crate::bench::{TICK, at, measured, plain};
+use crate::small;
 use cutis::haptic::cells::Problem;
 use cutis::haptic::device::Device;
 use cutis::haptic::haply::mock;
@@ -9,53 +10,48 @@ use cutis::haptic::servo::Servo;
 use cutis::haptic::{device::Workspace, device::Wrench};
 use cutis::report::recording::Recording;
 use cutis::report::run::{Options, Summary, run};
-use cutis::scene::{DeviceKind, Files, Pose, Scene, parse};
+use cutis::scene::{Contact, Coupling, DeviceKind, Files, Pose, Region, Round, Scene, Tool, parse};
 use cutis::step::{Place, Simulation};
-use glam::DVec3;
+use glam::{DQuat, DVec3};
+use std::f64::consts::FRAC_PI_2;
 use std::path::{Path as FilePath, PathBuf};
 
 /// A ball pressed 0.4 mm into a small block in half a second.
-const PRESS: &str = r#"title = "A ball presses a block"
-[time]
-step_ms = 5.0
-duration_s = 0.5
-[skin]
-size_mm = [8.0, 8.0]
-cells = [4, 4]
-[[skin.layer]]
-name = "dermis"
-thickness_mm = 2.0
-cells = 2
-young_kpa = 100.0
-poisson = 0.4
-density_kg_m3 = 1100.0
-[[boundary]]
-region = "bottom"
-[view]
-frames = 0
-[[tool]]
-name = "ball"
-mass_g = 10.0
-inertia_g_mm2 = [100.0, 100.0, 100.0]
-path_mm = [[0.0, 0.0, 0.0, 3.05], [0.5, 0.0, 0.0, 2.65]]
-[tool.round]
-radius_mm = 1.0
-points_mm = [[0.0, 0.0, 0.0]]
-"#;
+fn press() -> Scene {
+    let ball = Tool {
+        name: "ball".into(),
+        mass: 0.01,
+        inertia: [1e-7; 3],
+        round: Some(Round { radius: 1e-3, ends: [[0.0; 3]; 2] }),
+        trajectory: vec![pose(0.0, 3.05), pose(0.5, 2.65)],
+        ..Tool::default()
+    };
+    let mut scene = small::block([8e-3; 2], [4; 2], &[(2, 2e-3, 100e3, 0.4, 1100.0)]);
+    (scene.time.duration, scene.view.frames) = (0.5, 0);
+    scene.boundaries = vec![small::held(Region::Bottom, [true; 3])];
+    (scene.tools, scene.contact) = (vec![ball], Some(Contact::default()));
+    scene
+}
 
-/// A mesh for a tool that touches with one point.
-const TIP: &str = "v 0 0 0\nv 1 0 2\nv -1 1 2\nv -1 -1 2\nf 1 2 3\nf 1 3 4\nf 1 4 2\nf 2 4 3\n";
+/// Over the middle of the block, at a height in mm.
+fn pose(time: f64, height: f64) -> Pose {
+    Pose { time, position: [0.0, 0.0, 1e-3 * height], ..Pose::default() }
+}
 
 /// The same block under a tip, which always has one contact.
 fn tip() -> Scene {
-    let text = PRESS.replace("3.05", "2.05").replace("2.65", "1.65");
-    let round = text.find("[tool.round]").expect("there");
-    let text = format!("{}mesh = \"tip.obj\"\npoints_mm = [[0.0, 0.0, 0.0]]\n", &text[..round]);
-    scene(&text)
+    let mut scene = press();
+    let tool = &mut scene.tools[0];
+    (tool.round, tool.points) = (None, vec![[0.0; 3]]);
+    tool.trajectory = vec![pose(0.0, 2.05), pose(0.5, 1.65)];
+    scene
 }
 
-fn scene(text: &str) -> Scene {
-    parse(text, FilePath::new("press.toml"), &Files::Embedded(&[("tip.obj", TIP)])).unwrap_or_else(|e| panic!("{e}"))
+/// The ball in a device.
+fn held(kind: DeviceKind) -> Scene {
+    let mut scene = press();
+    scene.tools[0].device = Some(cutis::scene::Device { kind, ..Default::default() });
+    scene
 }
 
 fn folder(name: &str) -> PathBuf {
@@ -66,8 +62,8 @@ fn options(name: &str, realtime: bool) -> Options {
     Options { realtime, record: name == "recorded", ..Options::new(Place::Cpu64, folder(name)) }
 }
 
-fn ran(text: &str, name: &str, realtime: bool) -> (Summary, Vec<Vec<f64>>) {
-    let summary = run(&scene(text), &options(name, realtime), &mut |_| {}).unwrap_or_else(|e| panic!("{e}"));
+fn ran(scene: &Scene, name: &str, realtime: bool) -> (Summary, Vec<Vec<f64>>) {
+    let summary = run(scene, &options(name, realtime), &mut |_| {}).unwrap_or_else(|e| panic!("{e}"));
     let table = std::fs::read_to_string(folder(name).join("haptic.csv")).expect("a run with a tool writes it");
     let row = |line: &str| line.split(',').map(|cell| cell.parse().expect("numbers")).collect();
     (summary, table.lines().skip(1).map(row).collect())
@@ -116,8 +112,7 @@ fn the_force_of_a_slow_press_is_continuous_the_more_so_the_faster_the_simulation
 fn pressed_and_withdrawn(hz: f64, creep: bool) -> Vec<f64> {
     let mut scene = tip();
     (scene.time.step, scene.skins[0].rayleigh_stiffness) = (1.0 / hz, 0.01);
-    let pose = |time: f64, z: f64| Pose { time, position: [0.0, 0.0, z], rotation: [0.0, 0.0, 0.0, 1.0] };
-    scene.tools[0].trajectory = vec![pose(0.0, 2.05e-3), pose(0.25, 1.7e-3), pose(0.3, 1.7e-3), pose(0.45, 2.1e-3)];
+    scene.tools[0].trajectory = vec![pose(0.0, 2.05), pose(0.25, 1.7), pose(0.3, 1.7), pose(0.45, 2.1)];
     let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
     let tool = simulation.tools[0].clone();
     let mut servo = Servo::new(plain(tool.coupling), at(tool.position));
@@ -155,7 +150,7 @@ fn skin_that_creeps_between_steps_is_felt_without_a_sawtooth() {
 
 #[test]
 fn a_recorded_hand_feels_under_the_scenes_clock_what_it_is_rendered() {
-    let (summary, rows) = ran(PRESS, "recorded", false);
+    let (summary, rows) = ran(&press(), "recorded", false);
     assert_eq!(rows.len(), 500);
     let last = rows.last().expect("rows");
     assert!((last[4] - 2.65).abs() < 1e-9 && last[10] > 0.03, "{last:?}");
@@ -171,9 +166,9 @@ fn a_recorded_hand_feels_under_the_scenes_clock_what_it_is_rendered() {
 
 #[test]
 fn a_simulated_hand_gives_way_and_moves_the_tool() {
-    let soft = "[tool.device]\nkind = \"hand\"\nhand_stiffness_n_m = 100\nhand_damping_n_s_m = 5\nencoder_um = 2\n";
-    let (summary, rows) = ran(&format!("{PRESS}{soft}"), "hand", false);
-    let (_, recorded) = ran(PRESS, "hand_recorded", false);
+    let soft = DeviceKind::Hand { mass: 0.15, stiffness: 100.0, damping: 5.0, encoder: 2e-6 };
+    let (summary, rows) = ran(&held(soft), "hand", false);
+    let (_, recorded) = ran(&press(), "hand_recorded", false);
     let (felt, unyielding) = (rows.last().expect("rows"), recorded.last().expect("rows"));
     let yielded = felt[4] - 2.65;
     // the hand's spring and damper hold the force
@@ -189,25 +184,20 @@ fn a_simulated_hand_gives_way_and_moves_the_tool() {
 fn shaken(seed: u64, passivity: bool) -> cutis::report::HapticReport {
     let mut generator = cutis::math::random::Random::new(seed);
     let mut random = |low: f64, high: f64| generator.between(low, high);
-    let mut path = String::from("[0.0, 0.0, 0.0, 3.05]");
+    let mut scene = held(DeviceKind::Replay);
+    let tool = &mut scene.tools[0];
+    tool.trajectory = vec![pose(0.0, 3.05)];
     for k in 1..=40 {
         let at = [random(-0.5, 0.5), random(-0.5, 0.5), random(2.5, 3.1)];
-        path += &format!(", [{}, {}, {}, {}]", f64::from(k) * 0.0125, at[0], at[1], at[2]);
+        tool.trajectory.push(Pose { position: at.map(|c| 1e-3 * c), ..pose(f64::from(k) * 0.0125, 0.0) });
     }
+    tool.coupling = Coupling { stiffness: 1000.0, damping: 0.0, ..Coupling::default() };
+    tool.device.as_mut().expect("it is held").passivity = passivity;
     // nothing that takes energy, and problems of 20 ms
-    let press = PRESS
-        .replace("step_ms = 5.0", "step_ms = 20.0")
-        .replace("cells = [4, 4]\n", "cells = [4, 4]\nrayleigh_stiffness_s = 0\nrayleigh_mass_per_s = 0\n");
-    let (before, after) = press.split_at(press.find("path_mm").expect("there"));
-    let after = &after[after.find('\n').expect("there")..];
-    let device = format!(
-        "[tool.coupling]\nstiffness_n_m = 1000\ndamping_n_s_m = 0\n[tool.device]\nkind = \"replay\"\n\
-         passivity = {passivity}\n[contact]\nfriction = 0.0\n"
-    );
-    ran(&format!("{before}path_mm = [{path}]{after}{device}"), &format!("shaken_{seed}_{passivity}"), false)
-        .0
-        .report
-        .haptic
+    scene.time.step = 0.02;
+    (scene.skins[0].rayleigh_stiffness, scene.skins[0].rayleigh_mass) = (0.0, 0.0);
+    scene.contact = Some(Contact { friction: 0.0, ..Contact::default() });
+    ran(&scene, &format!("shaken_{seed}_{passivity}"), false).0.report.haptic
 }
 
 #[test]
@@ -231,12 +221,17 @@ fn a_hand_that_moves_at_random_on_the_skin_gets_no_energy_out_of_it() {
 
 #[test]
 fn a_hand_at_rest_and_a_frame_of_its_own() {
-    let null = "[tool.device]\nkind = \"null\"\nposition_mm = [1, 2, 3]\nturn_deg = [0, 90, 0]\nscale = 2.0\n";
-    let (_, rows) = ran(&format!("{PRESS}{null}"), "null", false);
+    let framed = |kind| {
+        let mut scene = held(kind);
+        let device = scene.tools[0].device.as_mut().expect("it is held");
+        (device.position, device.scale) = ([1e-3, 2e-3, 3e-3], 2.0);
+        device.rotation = DQuat::from_rotation_y(FRAC_PI_2).to_array();
+        scene
+    };
+    let (_, rows) = ran(&framed(DeviceKind::Null), "null", false);
     assert!(rows.iter().all(|row| (row[4] - 3.05).abs() < 1e-9 && row[10] == 0.0));
-    let replay = null.replace("null", "replay");
-    let (_, rows) = ran(&format!("{PRESS}{replay}"), "frame", false);
-    let (_, recorded) = ran(PRESS, "frame_recorded", false);
+    let (_, rows) = ran(&framed(DeviceKind::Replay), "frame", false);
+    let (_, recorded) = ran(&press(), "frame_recorded", false);
     for (row, plain) in rows.iter().zip(&recorded).skip(250) {
         assert!((row[4] - plain[4]).abs() < 1e-9 && (row[10] - plain[10]).abs() < 1e-6, "{row:?} {plain:?}");
     }
@@ -245,7 +240,7 @@ fn a_hand_at_rest_and_a_frame_of_its_own() {
 #[test]
 fn a_run_by_the_wall_clock_takes_its_time_and_leaves_every_tick() {
     let begin = std::time::Instant::now();
-    let (summary, rows) = ran(PRESS, "live", true);
+    let (summary, rows) = ran(&press(), "live", true);
     let took = begin.elapsed().as_secs_f64();
     let report = summary.report.haptic;
     assert!(took > 0.49, "half a second of scene in {took} s");
@@ -268,11 +263,9 @@ fn a_run_by_the_wall_clock_takes_its_time_and_leaves_every_tick() {
 
 #[test]
 fn a_haply_device_asks_for_the_wall_clock_and_for_its_service() {
-    let mut scene = scene(&format!("{PRESS}[tool.device]\nkind = \"haply\"\n"));
-    let device = scene.tools[0].device.as_mut().expect("the scene has one");
-    assert!(matches!(&device.kind, DeviceKind::Haply { url, .. } if url == "ws://localhost:10001"));
     // nothing listens at port 1
-    device.kind = DeviceKind::Haply { url: "ws://127.0.0.1:1".into(), device: String::new(), grip: String::new() };
+    let nobody = DeviceKind::Haply { url: "ws://127.0.0.1:1".into(), device: String::new(), grip: String::new() };
+    let scene = held(nobody);
     let said = |realtime: bool| {
         let ended = run(&scene, &options("haply", realtime), &mut |_| {});
         ended.expect_err("no such device").to_string()
@@ -322,7 +315,7 @@ fn two_hands_feel_the_skin_on_two_stand_ins() {
 
 #[test]
 fn what_a_recorder_writes_is_a_hand_that_a_scene_reads() {
-    let scene = scene(PRESS);
+    let scene = press();
     let workspace = Workspace { position: DVec3::X, scale: 3.0, ..Workspace::SAME };
     let path = Path { poses: scene.tools[0].trajectory.as_slice().into(), workspace };
     std::fs::create_dir_all(folder("recorder")).expect("writable");
@@ -341,9 +334,9 @@ fn what_a_recorder_writes_is_a_hand_that_a_scene_reads() {
     recording.finish().expect("the folder is there");
     let text = std::fs::read_to_string(&file).expect("written");
     assert!(text.lines().nth(1).is_some_and(|line| line.ends_with(",0,0,1,0,0,0")), "{text}");
-    let (before, after) = PRESS.split_at(PRESS.find("path_mm").expect("there"));
-    let with_file = format!("{before}trajectory = \"hand.csv\"\n{}", &after[after.find('\n').expect("there")..]);
-    let read = parse(&with_file, FilePath::new("press.toml"), &Files::Folder(folder("recorder")));
+    let ball = "title = \"a ball\"\n[time]\nstep_ms = 5\nduration_s = 0.5\n[[tool]]\nname = \"ball\"\nmass_g = 10\n\
+                inertia_g_mm2 = [100, 100, 100]\ntrajectory = \"hand.csv\"\n[tool.round]\nradius_mm = 1\npoints_mm = [[0, 0, 0]]\n";
+    let read = parse(ball, FilePath::new("ball.toml"), &Files::Folder(folder("recorder")));
     let read = read.unwrap_or_else(|e| panic!("{e}"));
     let [found, wanted] = [&read.tools[0].trajectory, &scene.tools[0].trajectory]
         .map(|poses| cutis::bodies::rigid::along(poses, 0.3).expect("samples").0);

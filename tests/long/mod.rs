@@ -5,10 +5,9 @@ use cutis::math::V4;
 use cutis::scene::Scene;
 use cutis::step::{Place, Simulation};
 
-pub fn case(name: &str) -> (Scene, u32) {
-    let found = hard().into_iter().find(|(known, ..)| known == name);
-    let (_, scene, steps) = found.unwrap_or_else(|| panic!("scenes/hard/{name}.toml is gone"));
-    (scene, steps)
+pub fn case(name: &str) -> Scene {
+    let found = hard().into_iter().find(|(known, _)| known == name);
+    found.unwrap_or_else(|| panic!("scenes/hard/{name}.toml is gone")).1
 }
 
 pub fn measured() -> bool {
@@ -34,7 +33,7 @@ pub fn apart(a: &[V4<f64>], b: &[V4<f64>]) -> f64 {
 
 /// Skin of 8 × 8 × 3 cells that is pressed for half of the time and free for the other half.
 pub fn pressed(steps: u32, half_free: bool) -> Scene {
-    let (mut scene, _) = case("step_05ms");
+    let mut scene = case("step_05ms");
     let skin = &mut scene.skins[0];
     skin.cells = [8, 8];
     skin.layers.iter_mut().for_each(|layer| layer.cells = 1);

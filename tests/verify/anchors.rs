@@ -5,6 +5,7 @@
 //! A region on springs of stiffness k is at rest where its springs bear the load, and further off a fixed one by as much as 1/k.
 
 use super::setup::{Body, LONG, apart, block, displaced, dot, epsilon, largest, measured, model, tolerance, xyz};
+use super::small::held;
 use super::{Case, Everywhere};
 use cutis::backend::{Backend, CpuBackend, Needs};
 use cutis::bodies::Wound;
@@ -12,7 +13,7 @@ use cutis::bodies::{Anchors, Model, Solved, elastic_energy, true_residual};
 use cutis::kernels::cut::Hit;
 use cutis::math::V4;
 use cutis::scene::Element::Bbar;
-use cutis::scene::{Anchor, Boundary, Law, Mass, Preconditioner, Region, Scene};
+use cutis::scene::{Anchor, Law, Mass, Preconditioner, Region, Scene};
 use cutis::step::{Place, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
@@ -142,8 +143,7 @@ fn balance(place: &Place) {
 fn fixed() -> Scene {
     let mut scene = anchored(LINEAR, Region::Bottom, 1.0);
     scene.anchors.clear();
-    scene.boundaries =
-        vec![Boundary { body: 0, region: Region::Bottom, axes: [true; 3], displacement: [0.0; 3], turn: 0.0 }];
+    scene.boundaries = vec![held(Region::Bottom, [true; 3])];
     scene
 }
 

@@ -4,9 +4,8 @@ use super::Case;
 use super::dense::{hold_some, multiply, random_rotations, small, without_dead};
 use super::setup::{LONG, Random, apart, displaced, measured, model};
 use cutis::backend::{Backend, CpuBackend, FREE, Needs, Target, Wanted};
-use cutis::bodies::Model;
-use cutis::bodies::Removal;
 use cutis::bodies::grid::direct::{Direct, Pattern};
+use cutis::bodies::{Model, Refused, Removal};
 use cutis::error::Error;
 use cutis::kernels::Params;
 use cutis::kernels::advance::Request;
@@ -221,7 +220,7 @@ fn no_solution() {
         let rotation: Vec<_> = (0..free_body.grid.cell_count()).map(|_| random.quaternion()).collect();
         let turned = vec![rotation[0]; rotation.len()];
         let found = Direct::new(&free_body).expect("direct").factor(&turned, &free_body.free);
-        assert!(matches!(found, Err(Error::NotPositive { .. })), "seed {seed}: {found:?}");
+        assert!(matches!(found, Err(Error::Body(Refused::NotPositive { .. }))), "seed {seed}: {found:?}");
     }
     // counter-test: held at the bottom, nearly incompressible, in layers of very different stiffness, inertia next to nothing
     let mut hard = super::setup::scene("verify/skin_block_0499.toml");
@@ -237,12 +236,12 @@ fn no_solution() {
     direct.factor(&rotation, &alone.free).expect("whole");
     rotation[0] = [0.0; 4];
     let error = direct.factor(&rotation, &alone.free).expect_err("no stiffness and no mass");
-    assert!(matches!(error, Error::NotPositive { node: [0, 0, 0], .. }), "{error}");
+    assert!(matches!(error, Error::Body(Refused::NotPositive { node: [0, 0, 0], .. })), "{error}");
     assert!(error.to_string().contains("hold the body") && error.exit_code() == 2, "{error}");
     // positions that are no numbers
     rotation[0] = [f64::NAN; 4];
     let error = direct.factor(&rotation, &alone.free).expect_err("no number");
-    assert!(matches!(error, Error::NotPositive { .. }), "{error}");
+    assert!(matches!(error, Error::Body(Refused::NotPositive { .. })), "{error}");
     // mended
     rotation[0] = [0.0, 0.0, 0.0, 1.0];
     direct.factor(&rotation, &alone.free).expect("whole again");

@@ -8,6 +8,7 @@ use super::setup::{
     Body, Random, apart as far, block, displaced, dot, epsilon, measured, model, scene, tolerance, xyz,
 };
 use super::skin_block::{Grid, on_grid, static_answer};
+use super::small::held;
 use super::{Case, Everywhere};
 use cutis::backend::Snapshot;
 use cutis::bodies::{Model, elastic_energy};
@@ -16,8 +17,8 @@ use cutis::math::norm;
 use cutis::report::inspect::inspect;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Integrator::{self, ImplicitEuler, Newmark, SymplecticEuler};
-use cutis::scene::{Anchor, Boundary, Mass, Preconditioner, Region, Scene};
-use cutis::step::{Place, Simulation};
+use cutis::scene::{Anchor, Mass, Preconditioner, Region, Scene};
+use cutis::step::{Place, Refused, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
     ("each_integrator_follows_its_textbook_recurrence", recurrences),
@@ -55,10 +56,6 @@ const VISCOSITY: f64 = 1e-4; // s
 const GRAVITY: f64 = -3.0; // m/s²
 const THICKNESS: f64 = 2e-3; // m
 const ANCHORS: f64 = 7.0; // N/m at each of four nodes
-
-fn held(region: Region, axes: [bool; 3]) -> Boundary {
-    Boundary { body: 0, region, axes, displacement: [0.0; 3], turn: 0.0 }
-}
 
 fn column(integrator: Integrator, mass: Mass, anchored: bool, damped: bool) -> Column {
     let mut scene = block(Bbar, false);
@@ -395,7 +392,7 @@ fn refused_steps() {
     (scene.time.integrator, scene.time.step) = (SymplecticEuler, 1e-3);
     let Err(error) = Simulation::new(&scene, &Place::Cpu64) else { panic!("1 ms is not stable") };
     assert_eq!(error.exit_code(), 2);
-    let Error::UnstableStep { stable_ms, step_ms, substeps, .. } = &error else { panic!("{error}") };
+    let Error::Step(Refused::UnstableStep { stable_ms, step_ms, substeps, .. }) = &error else { panic!("{error}") };
     let stable = 1e3 * model(&scene).stable_step();
     assert!((stable_ms / stable - 1.0).abs() < 1e-9 && *step_ms == 1.0, "{error}");
     assert!(error.to_string().contains("substeps"), "{error}");

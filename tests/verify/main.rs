@@ -21,6 +21,8 @@ mod release;
 mod setup;
 mod skin_block;
 mod slit;
+#[path = "../small/mod.rs"]
+mod small;
 mod solver;
 mod springs;
 

@@ -7,16 +7,14 @@
 //! Sources: Archer 1963 (bar elements); Rayleigh 1877 (chain).
 
 use super::setup::{Body, block, displaced, epsilon, measured, model, tolerance};
-use super::{Case, Everywhere};
+use super::{Case, Everywhere, small};
 use cutis::bodies::Model;
 use cutis::bodies::Wound;
 use cutis::kernels::cut::Hit;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Mass::{self, Consistent, Lumped, Uniform};
-use cutis::scene::{Files, parse};
 use cutis::step::Place;
 use std::f64::consts::PI;
-use std::path::Path;
 
 pub const CASES: &[Case] = &[
     ("masses_sum_to_density_times_volume", sums),
@@ -34,23 +32,11 @@ const LENGTH: f64 = 12e-3;
 const YOUNG: f64 = 1e5;
 const DENSITY: f64 = 1000.0;
 
-const BAR: &str = r#"
-title = "bar"
-[time]
-step_ms = 0.6
-duration_s = 1.0
-gravity_m_s2 = [0, 0, 0]
-[skin]
-size_mm = [12, 1]
-cells = [6, 1]
-rayleigh_mass_per_s = 0.0
-rayleigh_stiffness_s = 0.0
-layer = [{ name = "a", thickness_mm = 1.0, cells = 1, young_kpa = 100, poisson = 0.0, density_kg_m3 = 1000 }]
-"#;
-
 fn bar_model(mass: Mass) -> Model {
-    let mut scene = parse(BAR, Path::new("bar.toml"), &Files::Embedded(&[])).unwrap_or_else(|e| panic!("{e}"));
-    scene.skins[0].mass = mass;
+    let mut scene = small::block([LENGTH, 1e-3], [COUNT as u32, 1], &[(1, 1e-3, YOUNG, 0.0, DENSITY)]);
+    (scene.time.step, scene.time.gravity) = (0.6e-3, [0.0; 3]);
+    let skin = &mut scene.skins[0];
+    (skin.rayleigh_mass, skin.rayleigh_stiffness, skin.mass) = (0.0, 0.0, mass);
     let mut model = model(&scene);
     for (free, rest) in model.free.iter_mut().zip(&model.rest) {
         if rest[0] < -0.49 * LENGTH {

@@ -3,13 +3,14 @@
 
 use super::setup::{Body, LONG, Random, add, block, displaced, largest, measured, model, scene, xyz};
 use super::skin_block::{Grid, POINTS, on_grid, static_answer, volume_change};
+use super::small::held;
 use super::{Case, Everywhere};
-use cutis::bodies::Model;
+use cutis::bodies::{Model, Refused};
 use cutis::error::Error;
 use cutis::kernels::hyperelastic::{self, Cell};
 use cutis::math::V3;
 use cutis::scene::Element::Bbar;
-use cutis::scene::{Boundary, Integrator, Law, Load, Material, Region, Scene};
+use cutis::scene::{Integrator, Law, Load, Material, Region, Scene};
 use cutis::step::{Place, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
@@ -35,10 +36,6 @@ fn neo_block() -> Scene {
     scene.skins[0].law = Law::Hyperelastic(Material::NeoHookean);
     scene.time.step = LONG;
     scene
-}
-
-fn held(region: Region, axes: [bool; 3]) -> Boundary {
-    Boundary { body: 0, region, axes, displacement: [0.0; 3], turn: 0.0 }
 }
 
 /// Relative tolerance of static steps, by place.
@@ -273,7 +270,7 @@ fn start_inside_out(place: &Place) {
             let ended = Body::new(place, model.clone(), &start, 1e-3).fallible_step();
             let params = model.grid.params::<f64>();
             match ended {
-                Err(Error::InsideOut { cell }) if pressed > 1.0 => {
+                Err(Error::Body(Refused::InsideOut { cell })) if pressed > 1.0 => {
                     let corners = params.corners(params.cell_id(cell));
                     assert!(corners.contains(&top), "{cell:?} is not at node {top}");
                 }

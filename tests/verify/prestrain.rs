@@ -5,11 +5,11 @@
 //! rotations `K` is the whole tangent, so one static step ends at the closed form.
 
 use super::setup::{Body, LONG, apart, block, displaced, epsilon, largest, measured, model, tolerance};
-use super::{Case, Everywhere};
+use super::{Case, Everywhere, small};
 use cutis::bodies::Model;
 use cutis::math::V4;
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
-use cutis::scene::{Boundary, Element, Region, Scene};
+use cutis::scene::{Element, Region, Scene};
 use cutis::step::Place;
 
 pub const CASES: &[Case] = &[("the_strain_across_the_plane_is_the_one_without_stress", across)];
@@ -135,7 +135,7 @@ fn stays(place: &Place) {
     for (element, corotational) in kinds() {
         let mut scene = uneven(element, corotational);
         scene.time.step = LONG;
-        scene.boundaries = vec![hold(Region::Sides, [true; 3])];
+        scene.boundaries = vec![small::held(Region::Sides, [true; 3])];
         let mut model = model(&scene);
         let error = moved(place, model.clone());
         // rounded forces move a body that is hundreds of times softer in bending than its cells are
@@ -153,10 +153,6 @@ const STEPS: usize = 3;
 /// Of the block, m.
 const CORNER: [f64; 3] = [-4e-3, -3e-3, 0.0];
 
-fn hold(region: Region, axes: [bool; 3]) -> Boundary {
-    Boundary { body: 0, region, axes, displacement: [0.0; 3], turn: 0.0 }
-}
-
 fn shrinks(place: &Place) {
     for (element, corotational) in kinds() {
         let mut scene = strained(element, corotational);
@@ -164,9 +160,9 @@ fn shrinks(place: &Place) {
         // three faces slide in their planes, so the block shrinks towards their corner
         let low = |normal| Region::Plane { through: CORNER, normal, within: 1e-6 };
         scene.boundaries = vec![
-            hold(low([1.0, 0.0, 0.0]), [true, false, false]),
-            hold(low([0.0, 1.0, 0.0]), [false, true, false]),
-            hold(Region::Bottom, [false, false, true]),
+            small::held(low([1.0, 0.0, 0.0]), [true, false, false]),
+            small::held(low([0.0, 1.0, 0.0]), [false, true, false]),
+            small::held(Region::Bottom, [false, false, true]),
         ];
         let model = model(&scene);
         let exact_u = relieved(&model, 1.0);

@@ -1,45 +1,28 @@
 //! A deformable body on any place, driven step by step without a scene's tools; and what tests compare it with.
 
+use super::small;
 use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
 use cutis::bodies::Model;
 use cutis::bodies::Removal;
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
 use cutis::math::{V4, norm, random};
-use cutis::scene::{Element, Files, Law, Scene, parse, read};
+use cutis::scene::{Element, Law, Scene, Solver, read};
 use cutis::step::Place;
 use std::path::Path;
-
-/// A free block of three layers of uneven height, one material, no gravity, no damping; tests change what they need.
-const BLOCK: &str = r#"
-title = "block"
-[time]
-step_ms = 1.0
-duration_s = 1.0
-gravity_m_s2 = [0, 0, 0]
-[solver]
-tolerance = 1e-12
-floor_n = 0.0
-max_iterations = 5000
-[skin]
-size_mm = [8, 6]
-cells = [4, 3]
-rayleigh_mass_per_s = 0.0
-rayleigh_stiffness_s = 0.0
-layer = [
-    { name = "a", thickness_mm = 1.2, cells = 2, young_kpa = 50, poisson = 0.45, density_kg_m3 = 1000 },
-    { name = "b", thickness_mm = 1.0, cells = 1, young_kpa = 50, poisson = 0.45, density_kg_m3 = 1000 },
-    { name = "c", thickness_mm = 0.3, cells = 1, young_kpa = 50, poisson = 0.45, density_kg_m3 = 1000 },
-]
-"#;
 
 /// A step so long (s) that inertia vanishes beside stiffness (1e-6 × kg/m³ against Pa/m²: 1e-15 and less): one step is the static answer.
 pub const LONG: f64 = 1e3;
 
-/// [`BLOCK`], with a law.
+/// A free block of three layers of uneven height, one material, no gravity, no damping; tests change what they need.
 pub fn block(element: Element, corotational: bool) -> Scene {
-    let mut scene = parse(BLOCK, Path::new("block.toml"), &Files::Embedded(&[])).unwrap_or_else(|e| panic!("{e}"));
-    scene.skins[0].law = Law::Fem { element, corotational };
+    let layers = [(2, 1.2e-3), (1, 1.0e-3), (1, 0.3e-3)].map(|(cells, height)| (cells, height, 50e3, 0.45, 1000.0));
+    let mut scene = small::block([8e-3, 6e-3], [4, 3], &layers);
+    (scene.time.step, scene.time.gravity) = (1e-3, [0.0; 3]);
+    scene.solver = Solver { tolerance: 1e-12, floor: 0.0, max_iterations: 5000, ..scene.solver };
+    let skin = &mut scene.skins[0];
+    (skin.rayleigh_mass, skin.rayleigh_stiffness) = (0.0, 0.0);
+    skin.law = Law::Fem { element, corotational };
     scene
 }
 

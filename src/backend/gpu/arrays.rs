@@ -1,9 +1,9 @@
 //! Groups of device arrays: the state, the segments that a blade can cut, the bounding boxes of tiles.
 
 use crate::backend::NOT_KEPT;
-use crate::bodies::Model;
 use crate::bodies::gpu::{Dispatch, Maker, Recorded};
-use crate::error::{Error, Result};
+use crate::bodies::{Model, Refused};
+use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::cut::Hit;
 use crate::kernels::{Params, bounds, cut, probe};
@@ -107,13 +107,7 @@ impl Cutting {
     pub fn hits(&self, gpu: &Gpu, mut batch: Batch, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>> {
         let corners: Vec<V4<f32>> = quads.iter().map(|p| V3::of(*p).pad(0.0)).collect();
         if corners.len() > MAX_QUADS * 4 {
-            return Err(Error::TooLarge {
-                what: "the blade's pieces".into(),
-                need: corners.len() as u64 / 4,
-                limit_name: "swept quads per step",
-                limit: MAX_QUADS as u64,
-                fix: "set a larger edge_spacing_mm".into(),
-            });
+            return Err(Refused::SweptQuads { count: corners.len() / 4, most: MAX_QUADS }.into());
         }
         assert!(self.kept, "{NOT_KEPT}");
         gpu.write(&self.params, 0, &[self.segments as u32, corners.len() as u32 / 4, MAX_HITS as u32, 0]);
@@ -128,13 +122,7 @@ impl Cutting {
         let parts = gpu.submit_and_read(batch, &[(&self.hit_count, 4), (&self.hits, first * 8)])?;
         let count = cast::<u32>(&parts[0])[0] as usize;
         if count > MAX_HITS {
-            return Err(Error::TooLarge {
-                what: "the links cut in one step".into(),
-                need: count as u64,
-                limit_name: "hits per step",
-                limit: MAX_HITS as u64,
-                fix: "use a shorter step_ms".into(),
-            });
+            return Err(Refused::CutLinks { count, most: MAX_HITS }.into());
         }
         let mut hits: Vec<[u32; 2]> =
             if count as u64 <= first { cast(&parts[1]) } else { gpu.read(&self.hits, count)? };

@@ -8,6 +8,7 @@ use super::GpuBackend;
 use super::exchange::triples;
 use crate::backend::newton::{Attempt, Descent, Raised, SHIFT, newton as descend, positive};
 use crate::backend::{FREE, Nonlinear, Target, Wanted};
+use crate::bodies::Refused;
 use crate::bodies::gpu::{NonlinearLaw, Search};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Buffer, Gpu, cast};
@@ -55,9 +56,9 @@ impl Newton {
     }
 
     /// The first cell that is inside out.
-    fn outside_in(&self, energy: &[f32]) -> Option<Error> {
+    fn outside_in(&self, energy: &[f32]) -> Option<Refused> {
         let cell = energy.iter().position(|e| *e >= INSIDE_OUT || e.is_nan())?;
-        Some(Error::InsideOut { cell: self.params.cell_at(cell) })
+        Some(Refused::InsideOut { cell: self.params.cell_at(cell) })
     }
 }
 
@@ -239,6 +240,6 @@ impl Descent for GpuBackend {
 
     fn inside_out(&self) -> Error {
         let found = self.newton.as_ref().and_then(|newton| newton.outside_in(&newton.start));
-        found.unwrap_or_else(|| unreachable!("only a cell that is inside out ends the first place"))
+        found.unwrap_or_else(|| unreachable!("only a cell that is inside out ends the first place")).into()
     }
 }

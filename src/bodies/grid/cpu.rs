@@ -6,8 +6,8 @@ use super::direct::Direct;
 use super::multigrid::{Hierarchy, Operator, cycle, workspaces};
 use super::{Hyperelastic, element, tangent};
 use crate::bodies::cpu::{Preconditioner, Solution, Start, System, Trial, Workspace};
-use crate::bodies::{Model, Removal};
-use crate::error::{Error, Result};
+use crate::bodies::{Model, Refused, Removal};
+use crate::error::Result;
 use crate::kernels::blocks::blocks;
 use crate::kernels::centres::centres;
 use crate::kernels::collect_product::collect_product;
@@ -63,7 +63,8 @@ impl<R: Real> Tangents<R> {
 
     /// Internal forces at `u`, `[node]` N.
     fn forces(&self, u: &[V4<f64>]) -> Result<Vec<V4<f64>>> {
-        self.law.forces(&self.params, u).map_err(|cell| Error::InsideOut { cell: self.params.cell_at(cell) })
+        let inside_out = |cell| Refused::InsideOut { cell: self.params.cell_at(cell) }.into();
+        self.law.forces(&self.params, u).map_err(inside_out)
     }
 
     /// Evaluates the tangents at `u`; inverted cells keep theirs.

@@ -13,8 +13,8 @@
 //! Memory of L: 28 MB at 24×24×5 cells, 61 MB at 14×14×23, 576 MB at 32×32×23.
 //! Units: r N, z m, A N/m.
 
-use crate::bodies::Model;
-use crate::error::{Error, Result};
+use crate::bodies::{Model, Refused};
+use crate::error::Result;
 use crate::kernels::{Params, corner};
 use crate::math::{M3, Real, V4, rotation_matrix};
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -205,10 +205,11 @@ impl Direct {
     /// Factors `A` for a state; the first call includes the symbolic factorisation.
     ///
     /// # Errors
-    /// [`Error::NotPositive`] with the first node whose pivot is not above its rounding; [`Error::Usage`] when there is no memory for L.
+    /// [`Refused::NotPositive`] with the first node whose pivot is not above its rounding; [`Refused::DirectMemory`] when there is none for L.
     pub fn factor(&mut self, rotation: &[V4<f64>], free: &[V4<f64>]) -> Result<()> {
         self.current = false;
         let Self { params, stiffness, layer_of, pattern, value, symbolic, factor, .. } = self;
+        let no_memory = |numbers| Refused::DirectMemory { numbers };
         let size = 3 * pattern.node.len();
         let places = SymbolicSparseColMatRef::new_checked(size, size, &pattern.first, None, &pattern.row);
         // symbolic factorisation, once
@@ -232,7 +233,7 @@ impl Direct {
         let mut memory = MemBuffer::try_new(needed).map_err(|_| no_memory(count))?;
         let matrix = SparseColMatRef::new(places, &value[..]);
         let (stack, regular) = (MemStack::new(&mut memory), Default::default());
-        let lost = |row: usize| Error::NotPositive {
+        let lost = |row: usize| Refused::NotPositive {
             node: params.node_at(pattern.node[row / 3] as usize),
             axis: ['x', 'y', 'z'][row % 3],
         };
@@ -241,7 +242,7 @@ impl Direct {
             .map_err(|NonPositivePivot { index }| lost(index))?;
         // reject pivots of rounding size, which faer accepts
         if let Some(row) = lost_row(symbolic, factor, pattern, value) {
-            return Err(lost(row));
+            return Err(lost(row).into());
         }
         self.current = true;
         Ok(())
@@ -291,11 +292,4 @@ fn lost_row(
         let of_rounding = |k: &usize| pivot(*k) < SMALLEST_PIVOT * value[pattern.first[part.start() + k]];
         (0..part.val().ncols()).find(of_rounding).map(|k| part.start() + k)
     })
-}
-
-fn no_memory(numbers: usize) -> Error {
-    Error::Usage {
-        what: format!("the direct solver's factor needs {} MB, which this machine does not give", numbers / 125_000),
-        fix: "use fewer cells, or the preconditioner multigrid".into(),
-    }
 }

@@ -8,8 +8,8 @@
 use super::multigrid::steps;
 use super::{Hyperelastic, Multigrid, element};
 use crate::bodies::gpu::{Arrays, Dispatch, Maker, NonlinearLaw, Recorded, Search, TOUCHED, over_columns, over_nodes};
-use crate::bodies::{MAX_LAYERS, Model};
-use crate::error::{Error, Result};
+use crate::bodies::{MAX_LAYERS, Model, Refused};
+use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::{
     GROUP, Params, Source, attempt, blocks, centres, coarsen, collect, collect_product, factor, forces,
@@ -86,10 +86,7 @@ impl Hexahedra {
         params: &Params<f32>,
     ) -> Result<Self> {
         if hexahedra.direct {
-            return Err(Error::Usage {
-                what: "the direct solver runs on the CPU path, not on a GPU".into(),
-                fix: "run it with --backend cpu, or take the preconditioner multigrid".into(),
-            });
+            return Err(Refused::DirectOnGpu.into());
         }
         // arrays of all laws
         let rotation = made.of("rotation", &vec![[0f32, 0.0, 0.0, 1.0]; model.grid.cell_count()])?;

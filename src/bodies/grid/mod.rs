@@ -13,8 +13,8 @@ mod stable;
 pub use hyperelastic::{Hyperelastic, tangent};
 
 use super::gpu::{Maker, Recorded};
-use super::{Elements, Kind, Mechanics, Model, Removal, Segments, Snapshot, Solved, Wound};
-use crate::error::{Error, Result};
+use super::{Elements, Kind, Mechanics, Model, Refused, Removal, Segments, Snapshot, Solved, Wound};
+use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
 use crate::kernels::forces::rest_corner;
@@ -57,7 +57,7 @@ pub struct Multigrid {
 /// Number of duplicate columns to reserve for a body that a blade may cut.
 ///
 /// # Errors
-/// [`Error::Usage`] for the direct solver where nodes may be split.
+/// [`Refused::DirectSplit`] for the direct solver where nodes may be split.
 pub(super) fn reserve(scene: &Scene, skin: &Skin) -> Result<usize> {
     let blade = scene.tools.iter().any(|t| t.blade.is_some());
     let columns = match (skin.cut, skin.law) {
@@ -65,10 +65,7 @@ pub(super) fn reserve(scene: &Scene, skin: &Skin) -> Result<usize> {
         _ => 0,
     };
     if columns > 0 && scene.solver.preconditioner == Preconditioner::Direct {
-        return Err(Error::Usage {
-            what: "the direct solver's matrix has no room for nodes that a blade splits".into(),
-            fix: "take cut = \"remove\" or the preconditioner multigrid".into(),
-        });
+        return Err(Refused::DirectSplit.into());
     }
     Ok(columns)
 }

@@ -6,8 +6,8 @@ mod cut;
 mod gpu;
 
 use super::gpu::{Maker, Recorded};
-use super::{Elements, Kind, Mechanics, Model, Removal, Segments, Snapshot, Solved, Wound};
-use crate::error::{Error, Result};
+use super::{Elements, Kind, Mechanics, Model, Refused, Removal, Segments, Snapshot, Solved, Wound};
+use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
 use crate::kernels::{GROUP, Params, springs, springs_product};
@@ -33,18 +33,15 @@ impl Springs {
     /// Springs between all corner pairs of each cell.
     ///
     /// # Errors
-    /// [`Error::Usage`] for a solver that is for hexahedra.
+    /// [`Refused::SpringSolver`] for a solver that is for hexahedra.
     pub(super) fn new(scene: &Scene, grid: &Grid, stiffness: f64, damping: f64) -> Result<Self> {
         let for_hexahedra = match scene.solver.preconditioner {
             Preconditioner::Multigrid => Some("multigrid"),
             Preconditioner::Direct => Some("the direct solver"),
             _ => None,
         };
-        if let Some(name) = for_hexahedra {
-            return Err(Error::Usage {
-                what: format!("{name} is for bricks; this skin is of springs"),
-                fix: "take the preconditioner column".into(),
-            });
+        if let Some(solver) = for_hexahedra {
+            return Err(Refused::SpringSolver { solver }.into());
         }
         Ok(Self::between_corners(grid, stiffness, damping))
     }

@@ -1,7 +1,8 @@
 //! Device health: dispatch and read-back counters, first reported error, test hooks that destroy the device or exhaust its memory.
 
+use super::super::Failed;
 use super::{Gpu, locked};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use std::sync::{Arc, Mutex};
 
 /// Counters of a device's work.
@@ -109,8 +110,8 @@ impl Gpu {
     /// Checks that no error has occurred so far.
     ///
     /// # Errors
-    /// [`Error::Device`] with what went wrong first.
+    /// [`Failed::Device`] with what went wrong first.
     pub fn sound(&self) -> Result<()> {
-        self.fault.first().map_or(Ok(()), |message| Err(Error::Device { message }))
+        self.fault.first().map_or(Ok(()), |message| Err(Failed::Device { message }.into()))
     }
 }

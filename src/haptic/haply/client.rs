@@ -6,7 +6,7 @@ use super::session::{Address, Chosen, Fault, Heard, Socket, hear, reading};
 use super::trouble::{Counts, Trouble, count};
 use super::wire::frame;
 use super::{DEAD_MAN, PATIENCE, RESOLUTION, Settings};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::haptic::device::{Device, Limits, Reading, Wrench};
 use glam::DVec3;
 use std::sync::Arc;
@@ -80,10 +80,7 @@ impl Client {
     pub(super) fn open(settings: &Settings) -> Result<Self> {
         let limit = settings.limits.force;
         if !(limit.is_finite() && limit >= 0.0) {
-            return Err(Error::Usage {
-                what: format!("a force limit of {limit} N for {}", settings.url),
-                fix: "wanted a number from 0 up, in N; 2 is a careful one".into(),
-            });
+            return Err(Refused::ForceLimit { url: settings.url.clone(), limit }.into());
         }
         let address = Address::of(&settings.url)?;
         let mut socket = address.connect(PATIENCE)?;

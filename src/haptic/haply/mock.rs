@@ -24,7 +24,7 @@ pub use options::{Event, Faults, Options, Record};
 use super::command::{Command, SetForce, Version};
 use super::refused::Refused;
 use super::wire::{ArmState, Buttons, Config, Entry, Frame, GripState, Status};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use glam::DVec3;
 use hand::Hand;
 use std::io::{self, ErrorKind, Read, Write};
@@ -76,10 +76,8 @@ impl Mock {
     pub fn start(options: Options) -> Result<Self> {
         let wanted = SocketAddr::from((Ipv4Addr::LOCALHOST, options.port));
         let refused = |source: io::Error| Refused::Port { address: wanted.to_string(), source };
-        let version = Version::of(&options.version).ok_or_else(|| Error::Usage {
-            what: format!("a stand-in of version \"{}\"", options.version),
-            fix: "wanted numbers with dots, such as 3.5.0".into(),
-        })?;
+        let named = || Refused::StandInVersion { version: options.version.clone() };
+        let version = Version::of(&options.version).ok_or_else(named)?;
         let listener = TcpListener::bind(wanted).map_err(refused)?;
         let address = listener.local_addr().map_err(refused)?;
         let hands = vec![Hand::at_start(&options.path); options.arms.len()];

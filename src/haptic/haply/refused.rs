@@ -6,6 +6,15 @@ pub(super) type Result<T> = std::result::Result<T, Refused>;
 /// See the module.
 #[derive(Debug, thiserror::Error)]
 pub enum Refused {
+    /// A force limit that is none.
+    #[error("a force limit of {limit} N for {url}; wanted a number from 0 up, in N; 2 is a careful one")]
+    ForceLimit {
+        /// The address.
+        url: String,
+        /// N
+        limit: f64,
+    },
+
     /// An address that is none of the Inverse Service.
     #[error(
         "{url}: no address of an Inverse Service ({problem}); write ws://host:port, for example ws://localhost:10001"
@@ -74,6 +83,13 @@ pub enum Refused {
         there: String,
     },
 
+    /// A version that the stand-in of the Inverse Service cannot say.
+    #[error("a stand-in of version \"{version}\"; wanted numbers with dots, such as 3.5.0")]
+    StandInVersion {
+        /// What was given.
+        version: String,
+    },
+
     /// A port that the stand-in of the Inverse Service cannot have.
     #[error(
         "{address}: cannot listen there ({source}); end what listens there (the Inverse Service itself, or another stand-in), or choose another port: --port 0 takes a free one"
@@ -84,14 +100,4 @@ pub enum Refused {
         /// The system's reason.
         source: std::io::Error,
     },
-}
-
-impl Refused {
-    /// Exit status of the program: 1 where the service or its network failed, 2 for what was asked of it.
-    pub fn exit_code(&self) -> u8 {
-        match self {
-            Self::Nobody { .. } | Self::NoService { .. } | Self::Port { .. } => 1,
-            _ => 2,
-        }
-    }
 }

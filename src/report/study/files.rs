@@ -2,8 +2,8 @@
 
 use super::settings::element_word;
 use super::{Row, Setting, Stop, Study, plot};
-use crate::error::{Error, Result};
-use crate::output::replace;
+use crate::error::Result;
+use crate::output::{Failed, replace};
 use crate::scene::{CORRECTIONS, Correction, INTEGRATORS, Integrator, PRECONDITIONERS, word};
 use std::fmt::Write;
 use std::path::Path;
@@ -47,7 +47,7 @@ const COLUMNS: [&str; 30] = [
 
 /// Writes the three files.
 pub(super) fn write(study: &Study, folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|source| Error::Write { path: folder.to_owned(), source })?;
+    std::fs::create_dir_all(folder).map_err(|source| Failed::Write { path: folder.to_owned(), source })?;
     replace(&folder.join("study.csv"), table(study).as_bytes())?;
     replace(&folder.join("study.md"), page(study).as_bytes())?;
     replace(&folder.join("study.svg"), plot::picture(study)?.as_bytes())

@@ -23,7 +23,8 @@ mod trace;
 pub use settings::{Setting, Stop};
 pub use trace::{Signal, Trace};
 
-use crate::error::{Error, Result};
+use super::StudyUnfit as Unfit;
+use crate::error::Result;
 use crate::gpu::{Gpu, adapters};
 use crate::scene::Scene;
 use crate::step::Place;
@@ -135,10 +136,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
     let start = Instant::now();
     let signals = signals(scene);
     if scene.skins.is_empty() || signals.is_empty() {
-        return Err(Error::Usage {
-            what: format!("{}: nothing to study: errors are of probes of a deformable scene", scene.file.display()),
-            fix: "give the scene a `[skin]` or a `[[block]]`, and a `[[probe]]`".into(),
-        });
+        return Err(Unfit::Nothing.of(scene));
     }
     // the settings to run, and the reference that their errors are against
     let axes = Axes::new(scene, options.gpu.as_ref());
@@ -170,14 +168,11 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         Gpu::open(text.as_deref())?; // no adapter, no study
     }
     if duration / all_steps[all_steps.len() - 1] > MOST_STEPS {
-        let what = format!("{}: a run of the study has more than {MOST_STEPS:e} steps", scene.file.display());
-        return Err(Error::Usage { what, fix: "give [study] a shorter duration_s".into() });
+        return Err(Unfit::Steps { most: MOST_STEPS }.of(scene));
     }
     let cells = settings::cells(scene, reference.refinement);
     if options.quick && cells > QUICK_CELLS {
-        let what = format!("{}: the reference of a quick study has {cells:.0} cells", scene.file.display());
-        let fix = format!("give [study] a quick_grid with which twice as fine a grid has {QUICK_CELLS:.0} at most");
-        return Err(Error::Usage { what, fix });
+        return Err(Unfit::Cells { cells, most: QUICK_CELLS }.of(scene));
     }
     // all runs that the rows need, each once, and the repetitions; their costs weigh the progress
     let settings = variants.iter().flat_map(|s| runs.needed(s));

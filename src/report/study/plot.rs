@@ -1,8 +1,9 @@
 //! study.svg: error against time per step, both logarithmic, a panel per path, a curve per method, the front marked.
 
+use super::super::Refused;
 use super::settings::element_word;
 use super::{Row, Setting, Stop, Study};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::scene::{Element, Law, PRECONDITIONERS, Preconditioner, word};
 use plotters::coord::Shift;
 use plotters::coord::combinators::LogCoord;
@@ -42,7 +43,7 @@ pub(super) fn picture(study: &Study) -> Result<String> {
     {
         let size = (PANEL.0 * paths.len().max(1) as u32 + LEGEND, PANEL.1 + TITLE);
         let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
-        draw(study, &paths, &area).map_err(|e| Error::Plot { message: e.to_string() })?;
+        draw(study, &paths, &area).map_err(|e| Refused::Plot { message: e.to_string() })?;
     }
     Ok(text)
 }

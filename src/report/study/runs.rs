@@ -1,9 +1,10 @@
 //! The runs of a study: each once, in time, with the share of the work that is done.
 
+use super::super::StudyUnfit as Unfit;
 use super::Progress;
 use super::settings::{Setting, Stop, exact, scene_of};
 use super::trace::{Signal, Trace, trace};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::scene::{Integrator, Scene};
 use crate::step::Place;
 use std::time::{Duration, Instant};
@@ -74,18 +75,12 @@ impl Runs<'_> {
     pub fn whole(&mut self, setting: &Setting, what: &str) -> Result<Trace> {
         let trace = self.get(setting, true)?;
         if !trace.whole() {
-            return Err(Error::Usage {
-                what: format!("{}: {what} takes too long for a quick study", self.scene.file.display()),
-                fix: "give [study] a smaller quick_grid or a shorter duration_s, or study without --quick".into(),
-            });
+            return Err(Unfit::Slow { what: what.into() }.of(self.scene));
         }
         if trace.samples.iter().flatten().all(|v| v.is_finite()) {
             return Ok(trace);
         }
-        Err(Error::Usage {
-            what: format!("{}: {what} of the study left the numbers", self.scene.file.display()),
-            fix: "take a shorter reference_step_ms, or a scene that `cutis run` gets through".into(),
-        })
+        Err(Unfit::NonFinite { what: what.into() }.of(self.scene))
     }
 
     /// Cost of a run, in cells times steps times what its solver roughly takes.

@@ -1,6 +1,7 @@
 //! The variants of a study: which settings are run, and the scene that each of them is.
 
-use crate::error::{Error, Result};
+use super::super::StudyUnfit as Unfit;
+use crate::error::Result;
 use crate::mesh::Grid;
 use crate::scene::{
     Correction, Cut, ELEMENTS, Element, Integrator, Law, MATERIALS, MOST_NODES, Preconditioner, ProbeKind, Region,
@@ -198,19 +199,14 @@ impl Axes {
 /// The scene with other cells; `factor` times its own along each axis, of a layer at least one.
 ///
 /// # Errors
-/// [`Error::Usage`] when that is no whole number along x or y, when a region holds no node there, or a probe lies between nodes.
+/// [`Unfit`] when that is no whole number along x or y, when a region holds no node there, or a probe lies between nodes.
 pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
     let mut out = scene.clone();
-    let refused = |what: String, fix: &str| {
-        let what = format!("{}: [study] grid {factor}: {what}", scene.file.display());
-        Err(Error::Usage { what, fix: fix.into() })
-    };
     for skin in &mut out.skins {
         for cells in &mut skin.cells {
             let wanted = f64::from(*cells) * factor;
             if (wanted - wanted.round()).abs() > 1e-9 || !(1.0..=f64::from(u32::MAX)).contains(&wanted) {
-                let fix = "take factors that give whole numbers of cells along x and y";
-                return refused(format!("{cells} cells times it are {wanted} cells"), fix);
+                return Err(Unfit::PartsOfCells { factor, cells: *cells, refined: wanted }.of(scene));
             }
             *cells = wanted.round() as u32;
         }
@@ -226,7 +222,7 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
         (f64::from(skin.cells[0]) + 1.0) * (f64::from(skin.cells[1]) + 1.0) * (z + 1.0)
     };
     if out.skins.iter().map(nodes).sum::<f64>() > f64::from(MOST_NODES) {
-        return refused("it has more nodes than 32-bit indices reach".into(), "take a coarser grid");
+        return Err(Unfit::Nodes { factor }.of(scene));
     }
     let grids: Vec<Grid> = out.skins.iter().map(Grid::new).collect();
     let empty = |body: usize, region: &Region| {
@@ -235,7 +231,7 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
     };
     let regions = scene.boundaries.iter().map(|b| (b.body, &b.region));
     if regions.chain(scene.anchors.iter().map(|a| (a.body, &a.region))).any(|(body, region)| empty(body, region)) {
-        return refused("a region holds no node of it".into(), "take a finer grid, or a wider region");
+        return Err(Unfit::EmptyRegion { factor }.of(scene));
     }
     for probe in &scene.probes {
         let between = match &probe.kind {
@@ -246,8 +242,7 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
             _ => false,
         };
         if between && measured(scene, &probe.name) {
-            let what = format!("probe {} is at no node of it", probe.name);
-            return refused(what, "probe points that are nodes of every grid of the study, or name others in `probes`");
+            return Err(Unfit::ProbeBetween { factor, probe: probe.name.clone() }.of(scene));
         }
     }
     Ok(out)

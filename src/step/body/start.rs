@@ -1,9 +1,10 @@
 //! What a scene asks of a backend, and the state that it starts from.
 
+use super::super::Refused;
 use super::compliance::{COLUMNS, most_nodes};
 use crate::backend::{Needs, Snapshot};
 use crate::bodies::{self, Model};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::scene::{Attachment, BodyId, Correction, Scene};
 
 /// Right-hand sides that a deformable body's backend keeps.
@@ -22,13 +23,14 @@ pub(super) fn check_step(scene: &Scene, model: &Model) -> Result<()> {
     if step <= stable {
         return Ok(());
     }
-    Err(Error::UnstableStep {
+    let refused = Refused::UnstableStep {
         path: scene.file.clone(),
         name: scene.skins[model.body].name.clone(),
         step_ms: 1e3 * step,
         stable_ms: 1e3 * stable,
         substeps: (scene.time.step / stable).ceil() as u64,
-    })
+    };
+    Err(refused.into())
 }
 
 /// Which arrays the backend of a scene's deformable body of that number holds; `model` says how many nodes are tied.
