@@ -5,7 +5,7 @@
 @group(0) @binding(3) var<storage, read> x: array<vec4<f32>>;            // [node] direction, m
 @group(0) @binding(4) var<storage, read> rest: array<vec4<f32>>;         // [node] N
 @group(0) @binding(5) var<storage, read_write> dx_next: array<vec4<f32>>; // [node] m
-@group(0) @binding(6) var<storage, read_write> place: array<vec4<f32>>;  // [node] displacement, m
+@group(0) @binding(6) var<storage, read_write> displacement: array<vec4<f32>>;  // [node] displacement, m
 @group(0) @binding(7) var<storage, read_write> promise: array<f32>;      // [group] J
 
 @compute @workgroup_size(64)
@@ -16,7 +16,7 @@ fn attempt(thread: Thread) {
     if i < params.node_count {
         let moved = dx[i].xyz + x[i].xyz * params.gain;
         dx_next[i] = vec4<f32>(moved, 0.0);
-        place[i] = vec4<f32>(u[i].xyz + moved, 0.0);
+        displacement[i] = vec4<f32>(u[i].xyz + moved, 0.0);
         part = dot(rest[i].xyz, x[i].xyz);
     }
     let sum_of_group = group_sum(part, thread.lane);

@@ -50,6 +50,29 @@ pub fn logarithm<R: Real>(g: R) -> [R; 2] {
     [two * s + tail, s * g - tail]
 }
 
+/// Volume ratio `ε` below which laws are extended: see [`log_volume`].
+pub const EXTENDED: f64 = 0.1;
+
+/// `φ(1 + g)` and `g − φ`. `φ = ln J`; below `J = ε` it is the second-order Taylor polynomial of `ln J` about `ε`, so that energies and forces
+/// are finite, continuous and restoring through `J = 0`.
+pub fn log_volume<R: Real>(g: R) -> [R; 2] {
+    let least = R::of(EXTENDED);
+    let volume = R::one() + g;
+    if volume >= least {
+        return logarithm(g);
+    }
+    let d = (volume - least) / least;
+    let log = R::of(EXTENDED.ln()) + d - R::of(0.5) * d * d;
+    [log, g - log]
+}
+
+/// `φ'(1 + g)`.
+pub fn log_volume_slope<R: Real>(g: R) -> R {
+    let least = R::of(EXTENDED);
+    let volume = R::one() + g;
+    if volume >= least { R::one() / volume } else { (R::one() - (volume - least) / least) / least }
+}
+
 /// Deformation at a Gauss point.
 #[derive(Clone, Copy, Default)]
 pub struct Point<R> {
@@ -59,24 +82,28 @@ pub struct Point<R> {
     pub growth: R,
     /// `J − 1 − tr h`, the nonlinear part of `J − 1`.
     pub bend: R,
-    /// `F⁻ᵀ`.
+    /// `cof F = J F⁻ᵀ`.
+    pub cofactor: M3<R>,
+    /// `∂φ/∂F = φ' cof F`: `F⁻ᵀ` above `J = ε`.
     pub back: M3<R>,
 }
 
 impl<R: Real> Point<R> {
-    /// From the displacement gradient; `None` if the volume is not positive.
-    pub fn new(h: M3<R>) -> Option<Self> {
+    /// From the displacement gradient.
+    pub fn new(h: M3<R>) -> Self {
         let [a, b, c] = h.0;
         let minors = (a.x * b.y - b.x * a.y) + (a.x * c.z - c.x * a.z) + (b.y * c.z - c.y * b.z);
         let bend = minors + a.dot(b.cross(c));
         let growth = h.trace() + bend;
-        let volume = R::one() + growth;
-        if !(volume > R::zero() && volume.is_finite()) {
-            return None;
-        }
         let [a, b, c] = (M3::identity() + h).0;
-        let back = M3([b.cross(c), c.cross(a), a.cross(b)]) * (R::one() / volume);
-        Some(Self { h, growth, bend, back })
+        let cofactor = M3([b.cross(c), c.cross(a), a.cross(b)]);
+        Self { h, growth, bend, cofactor, back: cofactor * log_volume_slope(growth) }
+    }
+
+    /// Whether the volume is not a positive, finite number.
+    pub fn inverted(&self) -> bool {
+        let volume = R::one() + self.growth;
+        !(volume > R::zero() && volume.is_finite())
     }
 }
 

@@ -2,7 +2,9 @@
 const NEAR: f32 = 0.78867513; // (1 + 1/√3)/2
 const FAR: f32 = 0.21132487;
 
-struct Point { h: mat3x3<f32>, growth: f32, bend: f32, back: mat3x3<f32> }
+const EXTENDED: f32 = 0.1; // volume ratio
+
+struct Point { h: mat3x3<f32>, growth: f32, bend: f32, cofactor: mat3x3<f32>, back: mat3x3<f32> }
 
 fn shape_gradient(inverse_edges: vec3<f32>, a: u32, p: u32) -> vec3<f32> {
     let own = corner(a);
@@ -28,18 +30,19 @@ fn field_gradient(inverse_edges: vec3<f32>, at: array<vec3<f32>, 8>, p: u32) -> 
     return sum;
 }
 
-// State of a Gauss point; `growth` is −1 if the volume is not positive.
 fn point_of(h: mat3x3<f32>) -> Point {
     let a = h[0]; let b = h[1]; let c = h[2];
     let minors = (a.x * b.y - b.x * a.y) + (a.x * c.z - c.x * a.z) + (b.y * c.z - c.y * b.z);
     let bend = minors + dot(a, cross(b, c));
     let growth = a.x + b.y + c.z + bend;
-    let volume = 1.0 + growth;
-    // a comparison with NaN is false
-    if !(volume > 0.0 && volume < 1e38) { return Point(h, -1.0, bend, mat3x3<f32>()); }
     let f = identity() + h;
-    let back = mat3x3<f32>(cross(f[1], f[2]), cross(f[2], f[0]), cross(f[0], f[1])) * (1.0 / volume);
-    return Point(h, growth, bend, back);
+    let cofactor = mat3x3<f32>(cross(f[1], f[2]), cross(f[2], f[0]), cross(f[0], f[1]));
+    return Point(h, growth, bend, cofactor, cofactor * log_volume_slope(growth));
+}
+
+fn is_inverted(point: Point) -> bool {
+    let volume = 1.0 + point.growth;
+    return !(volume > 0.0 && volume < 1e38); // a comparison with NaN is false
 }
 
 // ln(1 + g) and g − ln(1 + g).
@@ -54,6 +57,22 @@ fn logarithm(g: f32) -> vec2<f32> {
     for (var n = 12u; n > 0u; n -= 1u) { tail = tail * t + 1.0 / f32(2u * n + 1u); }
     tail = 2.0 * s * t * tail;
     return vec2<f32>(2.0 * s + tail, s * g - tail);
+}
+
+// φ(1 + g) and g − φ, φ = ln J extended below J = EXTENDED.
+fn log_volume(g: f32) -> vec2<f32> {
+    let volume = 1.0 + g;
+    if volume >= EXTENDED { return logarithm(g); }
+    let d = (volume - EXTENDED) / EXTENDED;
+    let ln = -2.3025851 + d - 0.5 * d * d;
+    return vec2<f32>(ln, g - ln);
+}
+
+// φ'(1 + g).
+fn log_volume_slope(g: f32) -> f32 {
+    let volume = 1.0 + g;
+    if volume >= EXTENDED { return 1.0 / volume; }
+    return (1.0 - (volume - EXTENDED) / EXTENDED) / EXTENDED;
 }
 
 // exp(x) − 1.

@@ -6,13 +6,16 @@
 //!
 //! `f_a = Σ w P' G_a + p c_a`.
 //!
+//! Below a tenth of the volume at rest `ln J` is extended by its second-order Taylor polynomial ([`super::deformation::log_volume`]), so a
+//! cell that is flat or inverted has finite forces that open it again.
+//!
 //! A law consists of a file with `W'`, `P' = ∂W'/∂F` and `dP'`, in Rust and in WGSL, and an arm of [`Law`]. For neo-Hookean material `κ` is
 //! Lamé's λ.
 //! Source: Simo, Taylor, Pister 1985 (mean dilatation at finite strain). Differs: the mean enters the κ-term only, not a modified F, which
 //! keeps the law's own form of `W'`.
 //! Units: u m, edges m, κ Pa, W J, f N.
 
-use super::deformation::{Point, field_gradient, gradient, logarithm};
+use super::deformation::{Point, field_gradient, gradient, log_volume, log_volume_slope};
 use super::{Params, mooney_rivlin, neo_hookean};
 use crate::math::{M3, Real, V3, V4};
 
@@ -84,54 +87,59 @@ pub struct Cell<R> {
     pub material: Material<R>,
     /// 1/edges, 1/m.
     pub inverse: V3<R>,
+    /// The volume is not positive at some Gauss point: energy and forces are those of the extended law.
+    pub inverted: bool,
 }
 
 impl<R: Real> Cell<R> {
-    /// Of a body with `material` by layer, `place` the displacements of its nodes, m; `None` when it is inside out somewhere.
+    /// Of a body with `material` by layer, `displacement` the displacements of its nodes, m.
     pub fn of(
         params: &Params<R>,
-        shape: &[V4<R>],    // [layer] cell edges m, mass of one corner kg
-        material: &[V4<R>], // [layer] κ, two constants Pa, the law's code
-        layer_of: &[u32],   // [cells_z] layer
-        place: &[V4<R>],    // [node] displacement, m
+        shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
+        material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
+        layer_of: &[u32],       // [cells_z] layer
+        displacement: &[V4<R>], // [node] displacement, m
+        split: &[u32],          // see `split`
         cell: usize,
-    ) -> Option<Self> {
+    ) -> Self {
         let layer = layer_of[params.cell_at(cell)[2]] as usize;
-        Self::new(Material::of(shape[layer], material[layer]), &at_corners(params, place, cell))
+        let u = params.corner_nodes(split, cell).map(|n| V3::from4(displacement[n]));
+        Self::new(Material::of(shape[layer], material[layer]), &u)
     }
 
-    /// From the corners' displacements, m; `None` when it is inside out somewhere.
-    pub fn new(material: Material<R>, u: &[V3<R>; 8]) -> Option<Self> {
+    /// From the corners' displacements, m.
+    pub fn new(material: Material<R>, u: &[V3<R>; 8]) -> Self {
         let edges = material.edges;
         let inverse = V3::new(R::one() / edges.x, R::one() / edges.y, R::one() / edges.z);
         let mut points = [Point::default(); 8];
-        let mut sum = R::zero();
+        let (mut sum, mut inverted) = (R::zero(), false);
         for (p, point) in points.iter_mut().enumerate() {
-            *point = Point::new(field_gradient(inverse, u, p))?;
+            *point = Point::new(field_gradient(inverse, u, p));
             sum += point.growth;
+            inverted |= point.inverted();
         }
         let eighth = R::of(0.125);
         let weight = edges.x * edges.y * edges.z * eighth;
-        Some(Self { points, weight, mean_growth: sum * eighth, material, inverse })
+        Self { points, weight, mean_growth: sum * eighth, material, inverse, inverted }
     }
 
     /// Energy, J
     pub fn energy(&self) -> R {
         let sum = self.points.iter().map(|p| self.material.energy(p)).sum::<R>();
-        let log = logarithm(self.mean_growth)[0];
+        let log = log_volume(self.mean_growth)[0];
         self.weight * (sum + R::of(4.0) * self.material.bulk * log * log)
     }
 
-    /// `κ ln J̄/J̄`, Pa.
+    /// `κ φ(J̄) φ'(J̄)`, which is `κ ln J̄/J̄` for a volume above a tenth, Pa.
     pub fn pressure(&self) -> R {
-        self.material.bulk * logarithm(self.mean_growth)[0] / (R::one() + self.mean_growth)
+        self.material.bulk * log_volume(self.mean_growth)[0] * log_volume_slope(self.mean_growth)
     }
 
     /// `∂v/∂u_a`, m².
     pub fn growing(&self) -> [V3<R>; 8] {
         let mut out = [V3::zero(); 8];
         for (n, p) in self.points.iter().enumerate() {
-            let pushed = p.back * (self.weight * (R::one() + p.growth));
+            let pushed = p.cofactor * self.weight;
             for (a, c) in out.iter_mut().enumerate() {
                 *c += pushed * gradient(self.inverse, a, n);
             }

@@ -34,6 +34,6 @@ fn cell_of(cell: u32) -> Cell {
 // Displacements of a cell's corners, m.
 fn at_corners(cell: Cell) -> array<vec3<f32>, 8> {
     var u: array<vec3<f32>, 8>;
-    for (var a = 0u; a < 8u; a += 1u) { u[a] = place[node_id(params, cell.at + corner(a))].xyz; }
+    for (var a = 0u; a < 8u; a += 1u) { u[a] = displacement[node_id(params, cell.at + corner(a))].xyz; }
     return u;
 }

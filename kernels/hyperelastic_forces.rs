@@ -1,11 +1,11 @@
 //! Energy and internal forces of each hyperelastic cell; formula and source in [`super::hyperelastic`].
 //!
-//! An inverted cell has the energy [`INSIDE_OUT`] and no forces.
-//! Units: place m, material Pa, energy J, force N.
+//! An inverted cell has the energy [`INSIDE_OUT`] and the forces of the extended law, a removed cell has none.
+//! Units: displacement m, material Pa, energy J, force N.
 
 use super::hyperelastic::Cell;
 use super::{PARALLEL, Params, Source};
-use crate::math::{Real, V3, V4};
+use crate::math::{Real, V4};
 use rayon::prelude::*;
 
 /// The shader.
@@ -24,15 +24,20 @@ pub fn hyperelastic_forces<R: Real>(
     shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
     material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
     layer_of: &[u32],       // [cells_z] layer
-    place: &[V4<R>],        // [node] displacement, m
+    split: &[u32],          // see `split`
+    rotation: &[V4<R>],     // [cell] quaternion; 0 of a dead cell
+    displacement: &[V4<R>], // [node] displacement, m
     corner_force: &mut [R], // [cell][corner][axis] N
     energy: &mut [R],       // [cell] J
 ) {
     let one = |(cell, (force, energy)): (usize, (&mut [R], &mut R))| {
-        let found = Cell::of(params, shape, material, layer_of, place, cell);
-        *energy = found.as_ref().map_or(R::of(f64::from(INSIDE_OUT)), Cell::energy);
-        let own = found.map_or([V3::zero(); 8], |c| c.forces());
-        for (out, f) in force.chunks_exact_mut(3).zip(own) {
+        (*energy, _) = (R::zero(), force.fill(R::zero()));
+        if rotation[cell] == [R::zero(); 4] {
+            return;
+        }
+        let found = Cell::of(params, shape, material, layer_of, displacement, split, cell);
+        *energy = if found.inverted { R::of(f64::from(INSIDE_OUT)) } else { found.energy() };
+        for (out, f) in force.chunks_exact_mut(3).zip(found.forces()) {
             out.copy_from_slice(&[f.x, f.y, f.z]);
         }
     };

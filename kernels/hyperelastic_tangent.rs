@@ -8,7 +8,7 @@
 //! about 3000 operations per cell on 48 numbers, where a stored tangent takes at least 1200 bytes. (The CPU path stores tangents: it has
 //! less arithmetic for its memory bandwidth.) An inverted cell contributes nothing.
 //! Source: Bonet, Wood 2008, sections 6.4 and 8.6 (tangent with mean dilatation).
-//! Units: place m, z m, force N, material Pa.
+//! Units: displacement m, z m, force N, material Pa.
 
 use super::deformation::{field_gradient, gradient, logarithm};
 use super::hyperelastic::{Cell, at_corners};
@@ -63,13 +63,13 @@ pub fn hyperelastic_tangent<R: Real>(
     shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
     material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
     layer_of: &[u32],       // [cells_z] layer
-    place: &[V4<R>],        // [node] displacement, m
+    displacement: &[V4<R>], // [node] displacement, m
     z: &[V4<R>],            // [node] m
     corner_force: &mut [R], // [cell][corner][axis] N
 ) {
     for (cell, force) in corner_force.chunks_exact_mut(24).enumerate() {
-        let found = Cell::of(params, shape, material, layer_of, place, cell);
-        let own = found.map_or([V3::zero(); 8], |c| c.product(&at_corners(params, z, cell)));
+        let found = Cell::of(params, shape, material, layer_of, displacement, &[], cell);
+        let own = if found.inverted { [V3::zero(); 8] } else { found.product(&at_corners(params, z, cell)) };
         for (out, f) in force.chunks_exact_mut(3).zip(own) {
             out.copy_from_slice(&[f.x, f.y, f.z]);
         }

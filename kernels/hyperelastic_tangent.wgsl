@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<uniform> shape: array<vec4<f32>, 21>;             // [layer] cell edges m, mass of one corner kg
 @group(0) @binding(2) var<uniform> material: array<vec4<f32>, 21>;          // [layer] κ, two constants Pa, the law's code
 @group(0) @binding(3) var<storage, read> layer_of: array<u32>;              // [cells_z] layer
-@group(0) @binding(4) var<storage, read> place: array<vec4<f32>>;           // [node] displacement, m
+@group(0) @binding(4) var<storage, read> displacement: array<vec4<f32>>;           // [node] displacement, m
 @group(0) @binding(5) var<storage, read> z: array<vec4<f32>>;               // [slot][node] m
 @group(0) @binding(6) var<storage, read_write> corner_force: array<f32>;    // [slot][cell][corner][axis] N
 @group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;         // [slot × 2] alpha beta gamma done; target² rr iterations state
@@ -31,7 +31,7 @@ fn hyperelastic_tangent(thread: Thread) {
     var inside_out = false;
     for (var p = 0u; p < 8u; p += 1u) {
         let point = point_of(field_gradient(own.inverse_edges, u, p));
-        inside_out = inside_out || point.growth <= -1.0;
+        inside_out = inside_out || is_inverted(point);
         let turned = field_gradient(own.inverse_edges, field, p);
         let back = point.back;
         let grown = 1.0 + point.growth;

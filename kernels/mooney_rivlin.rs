@@ -15,7 +15,7 @@
 //! Source: Mooney 1940; Rivlin 1948; Bonet, Wood 2008, section 6.5 (isochoric invariants). SOFA's `MooneyRivlin` is the same law.
 //! Units: c₁₀ c₀₁ Pa, W J/m³, P Pa.
 
-use super::deformation::{Point, exponential, logarithm};
+use super::deformation::{Point, exponential, log_volume, logarithm};
 use crate::math::{M3, Real};
 
 /// The law in WGSL.
@@ -48,7 +48,7 @@ impl<R: Real> Invariants<R> {
 
 /// `J^(−2/3)` and `J^(−4/3)`.
 fn scales<R: Real>(p: &Point<R>) -> [R; 2] {
-    let scale = R::exp(R::of(-2.0 / 3.0) * logarithm(p.growth)[0]);
+    let scale = R::exp(R::of(-2.0 / 3.0) * log_volume(p.growth)[0]);
     [scale, scale * scale]
 }
 
@@ -63,7 +63,7 @@ pub fn energy<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> R {
     let (three, two_thirds) = (R::of(3.0), R::of(2.0 / 3.0));
     // |h|² − 2 (J − 1 − tr h): second-order part of tr e − 2 (J − 1)
     let left = p.h.0.iter().map(|c| c.dot(*c)).sum::<R>() - R::of(2.0) * p.bend;
-    let beyond = logarithm(p.growth)[1];
+    let beyond = log_volume(p.growth)[1];
     let x1 = left * R::of(1.0 / 3.0) - logarithm(i1)[1] + two_thirds * beyond;
     let x2 = left * two_thirds + second * R::of(1.0 / 3.0) - logarithm(i2)[1] + R::of(4.0 / 3.0) * beyond;
     three * (c10 * exponential(x1) + c01 * exponential(x2))

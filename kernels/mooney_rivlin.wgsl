@@ -16,7 +16,7 @@ fn contracted(a: mat3x3<f32>, b: mat3x3<f32>) -> f32 {
 fn mooney_rivlin_energy(c: vec2<f32>, p: Point) -> f32 {
     let v = invariants(p);
     let left = contracted(p.h, p.h) - 2.0 * p.bend;
-    let beyond = logarithm(p.growth).y;
+    let beyond = log_volume(p.growth).y;
     let x1 = left / 3.0 - logarithm(v.i1).y + beyond * 2.0 / 3.0;
     let x2 = left * 2.0 / 3.0 + v.second / 3.0 - logarithm(v.i2).y + beyond * 4.0 / 3.0;
     return 3.0 * (c.x * exponential(x1) + c.y * exponential(x2));
@@ -24,7 +24,7 @@ fn mooney_rivlin_energy(c: vec2<f32>, p: Point) -> f32 {
 
 fn mooney_rivlin_stress(c: vec2<f32>, p: Point) -> mat3x3<f32> {
     let v = invariants(p);
-    let scale = exp(-2.0 / 3.0 * logarithm(p.growth).x);
+    let scale = exp(-2.0 / 3.0 * log_volume(p.growth).x);
     let apart = p.h + (identity() - p.back);
     let p1 = apart - p.back * v.i1;
     let p2 = apart * 4.0 + v.f * v.s * 2.0 - p.back * (4.0 * v.i2);
@@ -33,7 +33,7 @@ fn mooney_rivlin_stress(c: vec2<f32>, p: Point) -> mat3x3<f32> {
 
 fn mooney_rivlin_tangent(c: vec2<f32>, p: Point, change: mat3x3<f32>) -> mat3x3<f32> {
     let v = invariants(p);
-    let scale = exp(-2.0 / 3.0 * logarithm(p.growth).x);
+    let scale = exp(-2.0 / 3.0 * log_volume(p.growth).x);
     let t = contracted(p.back, change);
     let along = contracted(v.f, change);
     let crossed = p.back * transpose(change) * p.back;

@@ -5,7 +5,7 @@
 //! Source: Bonet, Wood 2008, section 6.4.
 //! Units: μ Pa, W J/m³, P Pa.
 
-use super::deformation::{Point, logarithm};
+use super::deformation::{Point, log_volume};
 use crate::math::{M3, Real};
 
 /// The law in WGSL.
@@ -15,7 +15,7 @@ pub const WGSL: &str = include_str!("neo_hookean.wgsl");
 pub fn energy<R: Real>(mu: R, p: &Point<R>) -> R {
     let two = R::of(2.0);
     let squares = p.h.0.iter().map(|c| c.dot(*c)).sum::<R>();
-    R::of(0.5) * mu * (squares - two * p.bend + two * logarithm(p.growth)[1])
+    R::of(0.5) * mu * (squares - two * p.bend + two * log_volume(p.growth)[1])
 }
 
 /// P

@@ -1,7 +1,7 @@
 // The neo-Hookean law at a Gauss point; see neo_hookean.rs (formula and units there).
 fn neo_hookean_energy(mu: f32, p: Point) -> f32 {
     let squares = dot(p.h[0], p.h[0]) + dot(p.h[1], p.h[1]) + dot(p.h[2], p.h[2]);
-    return 0.5 * mu * (squares - 2.0 * p.bend + 2.0 * logarithm(p.growth).y);
+    return 0.5 * mu * (squares - 2.0 * p.bend + 2.0 * log_volume(p.growth).y);
 }
 
 fn neo_hookean_stress(mu: f32, p: Point) -> mat3x3<f32> {

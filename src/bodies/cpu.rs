@@ -42,17 +42,6 @@ pub struct Trial<R> {
     pub residual: Vec<V4<R>>,
 }
 
-/// Solution method for a step of a body.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Solution {
-    /// The equations are linear.
-    Linear,
-    /// The equations are nonlinear and linearised once, at the start of the step.
-    Linearised,
-    /// The equations are nonlinear and solved by Newton's method.
-    Newton,
-}
-
 /// Interface of a body to the solver: forces, product with the system matrix `A`, and preconditioner. `free` is `[node]` the DOF mask per
 /// axis (1 free, 0 fixed) and the mass as it enters `A`, kg.
 pub trait System<R: Real>: Send + Sync {
@@ -118,9 +107,9 @@ pub trait System<R: Real>: Send + Sync {
     fn tangent_bytes(&self) -> usize {
         0
     }
-    /// Solution method of a step.
-    fn solution(&self) -> Solution {
-        Solution::Linear
+    /// True if its steps are solved by Newton's method.
+    fn newton(&self) -> bool {
+        false
     }
     /// Evaluates the element tangents at displacements, m.
     fn linearise(&mut self, _at: &[V4<f64>]) {}

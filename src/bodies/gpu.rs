@@ -160,8 +160,8 @@ pub struct NonlinearLaw {
     pub energy: Buffer,
     /// The step's right-hand side, `[node]` N.
     pub b: Buffer,
-    /// Kernels of the line search; `None` where each step is linearised once.
-    pub search: Option<Search>,
+    /// What Newton's method needs.
+    pub search: Search,
 }
 
 /// Arrays and kernels that evaluate a trial point of the line search.

@@ -80,8 +80,8 @@ pub trait Mechanics {
     fn segment_count(&self, model: &Model) -> usize;
     /// Columns of duplicate nodes reserved for cuts ([`crate::kernels::split`]).
     fn extra_columns(&self) -> usize;
-    /// True if the forces of a step use the rotations of the elements.
-    fn corotational(&self) -> bool;
+    /// Rotations of the elements, as [`Params::corotational`].
+    fn corotational(&self) -> u32;
     /// Number of partial sums that a product writes per right-hand side.
     fn product_groups(&self, model: &Model) -> usize;
     /// The same body for reference solves at the limit of f64: with the direct solver where there is one.
@@ -339,7 +339,7 @@ impl Model {
             split_cells: if split > 0 { CELLS * split + AROUND } else { 0 } as u32,
             touched_nodes: self.touched_nodes() as u32,
             preconditioner: s.preconditioner,
-            corotational: u32::from(mechanics.corotational()),
+            corotational: mechanics.corotational(),
             slot_count: 1,
             product_groups: mechanics.product_groups(self) as u32,
             inertia: R::of(s.inertia()),

@@ -210,9 +210,6 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
     if newton && !scene.skins.iter().all(hyperelastic) {
         list.push(count("solver", 1, "step"));
     }
-    if !newton && scene.skins.iter().any(hyperelastic) {
-        list.push(count("energies", 1, "step"));
-    }
     if probes(scene) > 0 {
         list.push(count("probes", probes(scene), "step"));
     }

@@ -408,14 +408,11 @@ impl Scene {
     /// Checks combinations of parts.
     fn check_together(&self, scene: &Part) -> Result<()> {
         let hyperelastic = self.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
-        let blade = self.tools.iter().any(|tool| tool.blade.is_some());
-        let law = scene.of("skins[..].law");
-        law.that(!(hyperelastic && blade), "hyperelastic", "another law where a tool has a blade")?;
         let refinements = scene.of("solver.refinements");
         refinements.that(
-            !hyperelastic || self.solver.refinements == 0,
+            !hyperelastic || self.contact.is_some() || self.solver.refinements == 0,
             self.solver.refinements,
-            "0 of a hyperelastic law",
+            "0 of a hyperelastic law, where nothing may touch",
         )?;
         let integrator = scene.of("time.integrator");
         let implicit = self.time.integrator == Integrator::ImplicitEuler;
@@ -441,7 +438,7 @@ impl Scene {
         let correction = part.of("correction");
         let ties = contact.correction == Correction::Uncoupled && !self.attachments.is_empty();
         correction.that(!ties, "Uncoupled", "Exact where bodies are tied")?;
-        let cut = contact.correction == Correction::Precomputed && blade;
+        let cut = contact.correction == Correction::Precomputed && self.tools.iter().any(|tool| tool.blade.is_some());
         correction.that(!cut, "Precomputed", "Exact where a tool has a blade")
     }
 }

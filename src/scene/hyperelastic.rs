@@ -4,7 +4,7 @@ use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::text::{Bound, KPA, SceneText};
 use super::words::word;
-use super::{Integrator, Law, Tool};
+use super::{Integrator, Law};
 use std::ops::Range;
 
 /// Large-strain law of a body of hexahedra ([`crate::kernels::hyperelastic`]).
@@ -116,7 +116,7 @@ pub(super) fn laws(fem: Law) -> Vec<(&'static str, Law)> {
 pub(super) fn fits(
     scene: &SceneText,
     asked: &Option<At<String>>,
-    tools: &[Tool],
+    contact: bool,
     integrator: Integrator,
     solver: &raw::Solver,
 ) -> Result<()> {
@@ -126,14 +126,11 @@ pub(super) fn fits(
     let law = MATERIALS.iter().map(|(word, _)| *word).find(|word| word == asked.get_ref()).unwrap_or_default();
     let unfit =
         |why: &'static str, fix: &'static str| Invalid::LawUnfit { at: scene.place(asked.span()), law, why, fix };
-    if tools.iter().any(|tool| tool.blade.is_some()) {
-        return Err(unfit("is not cut, and a tool has a blade", "take \"fem\", or leave the tool's blade out"));
-    }
     if integrator == Integrator::SymplecticEuler {
         let fix = "take \"fem\", or integrator = \"implicit_euler\" or \"newmark\"";
         return Err(unfit("takes implicit steps, and the integrator is \"symplectic_euler\"", fix));
     }
-    if solver.refinements.as_ref().is_some_and(|rounds| *rounds.get_ref() > 0) {
+    if !contact && solver.refinements.as_ref().is_some_and(|rounds| *rounds.get_ref() > 0) {
         let fix = "leave refinements out: Newton's method stops at the true residual already";
         return Err(unfit("is solved by Newton's method, which linear refinements would undo", fix));
     }

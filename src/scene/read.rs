@@ -88,7 +88,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let raw_solver = raw::keys(raw.solver);
     let word = time_keys.integrator.take();
     let integrator = integrator::integrator(&scene, word, &raw_solver, &skins, touching)?;
-    hyperelastic::fits(&scene, &hyperelastic, &tools, integrator, &raw_solver)?;
+    hyperelastic::fits(&scene, &hyperelastic, touching, integrator, &raw_solver)?;
     let time = time(&scene, time_keys, integrator)?;
     // the remaining tables
     let made = Scene {

@@ -10,6 +10,7 @@ use cutis::gpu::{Buffer, Gpu};
 use cutis::kernels::bounds;
 use cutis::kernels::probe;
 use cutis::kernels::product::{Modes, tiles};
+use cutis::kernels::rotations::STIFFENED;
 use cutis::kernels::{GROUP, Params};
 use cutis::math::random;
 use cutis::math::{M3, Real, V3, V4};
@@ -115,7 +116,8 @@ impl Body {
     pub fn params<R: Real>(&self) -> Params<R> {
         Params {
             preconditioner: 3,
-            corotational: 1,
+            // rotations with the stiffness of compressed cells on one of the bodies
+            corotational: if self.kernel == "rotations" && self.grid.cells[0] == 7 { STIFFENED } else { 1 },
             slot_count: self.slots as u32,
             first_slot: self.first_slot as u32,
             product_groups: self.product_groups() as u32,
@@ -252,7 +254,7 @@ impl Body {
             "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4)),
             "u" => coincide(random.vectors(nodes, 1e-4)),
             "tile_bounds" => random.many(self.tiles() * 8, 1.0),
-            "place" => self.place(&mut random),
+            "displacement" => self.place(&mut random),
             // every law in turn
             "material" => (0..LAYERS)
                 .flat_map(|layer| {
@@ -408,12 +410,14 @@ impl Body {
 }
 
 /// Kernels that are tried on a body with split nodes.
-const SPLIT: [&str; 13] = [
+const SPLIT: [&str; 15] = [
     "blocks",
     "bounds",
     "centres",
+    "collect",
     "factor",
     "forces",
+    "hyperelastic_forces",
     "momentum",
     "precondition",
     "product",

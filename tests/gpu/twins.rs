@@ -93,9 +93,9 @@ pub fn anchors<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn attempt<R: Real>(b: &Body) -> Outputs<R> {
     let [u, dx, x, rest] = ["u", "dx", "x", "rest"].map(|name| b.v4::<R>(name));
-    let (mut dx_next, mut place) = (b.v4("dx_next"), b.v4("place"));
+    let (mut dx_next, mut place) = (b.v4("dx_next"), b.v4("displacement"));
     let promise = kernels::attempt::attempt(&b.params(), &u, &dx, &x, &rest, &mut dx_next, &mut place);
-    vec![("dx_next", flat(&dx_next)), ("place", flat(&place)), ("promise", vec![promise])]
+    vec![("dx_next", flat(&dx_next)), ("displacement", flat(&place)), ("promise", vec![promise])]
 }
 
 pub fn blocks<R: Real>(b: &Body) -> Outputs<R> {
@@ -126,7 +126,7 @@ pub fn coarsen<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn collect<R: Real>(b: &Body) -> Outputs<R> {
     let mut f = b.v4::<R>("f");
-    kernels::collect::collect(&b.params(), &b.scalars("corner_force"), &mut f);
+    kernels::collect::collect(&b.params(), &b.split(), &b.scalars("corner_force"), &mut f);
     vec![("f", flat(&f))]
 }
 
@@ -151,7 +151,9 @@ pub fn hyperelastic_forces<R: Real>(b: &Body) -> Outputs<R> {
         &shape,
         &material,
         layer_of,
-        &b.v4("place"),
+        &b.split(),
+        &b.v4("rotation"),
+        &b.v4("displacement"),
         &mut force,
         &mut energy,
     );
@@ -160,7 +162,8 @@ pub fn hyperelastic_forces<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn hyperelastic_tangent<R: Real>(b: &Body) -> Outputs<R> {
     let (mut force, z) = (b.scalars("corner_force"), b.v4::<R>("z"));
-    let (shape, material, layer_of, place) = (b.v4::<R>("shape"), b.v4("material"), &b.grid.layer_of, b.v4("place"));
+    let (shape, material, layer_of, place) =
+        (b.v4::<R>("shape"), b.v4("material"), &b.grid.layer_of, b.v4("displacement"));
     let cells = b.grid.cell_count() * 24;
     for (slot, nodes) in running(b) {
         let own = &mut force[slot * cells..(slot + 1) * cells];

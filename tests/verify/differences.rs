@@ -37,7 +37,7 @@ fn force(model: &Model, u: &[V4<f64>]) -> [Vec<V4<f64>>; 3] {
     }
     let mut rotation = vec![[0.0, 0.0, 0.0, 1.0]; model.grid.cell_count()];
     let (shapes, layers) = (model.shapes(), &model.grid.layer_of);
-    if model.hexahedra().corotational {
+    if model.hexahedra().corotational != 0 {
         rotations::rotations(&params, &shapes, layers, &[], u, &mut rotation);
     }
     let blocks = model.stiffness_blocks();
@@ -174,7 +174,7 @@ fn corotational_force() {
         assert!(errors[0] < 0.1 && errors[3] < 1e-3, "{element:?}: {errors:?}");
         // counter-test: forces of unturned bricks are not near the gradient at any strain
         let mut linear = model.clone();
-        linear.hexahedra_mut().corotational = false;
+        linear.hexahedra_mut().corotational = 0;
         let u = strained(&model, 1e-4);
         let ([f, ..], [g, ..]) = (force(&linear, &u), force(&model, &u));
         assert!(dot(&f, &f) > 10.0 * dot(&g, &g));

@@ -162,7 +162,7 @@ fn one_cell(present: bool) -> u32 {
     let material = hyperelastic::Material { edges: V3::splat(1e-3), bulk: 9e4, law };
     let at = |w: f64| {
         let u = std::array::from_fn(|a| V3::new(0.0, 0.0, if a < 4 { 0.0 } else { w }));
-        Cell::new(material, &u).expect("not inside out")
+        Cell::new(material, &u)
     };
     let on_top = |values: &[V3<f64>; 8]| (4..8).map(|a| values[a].z).sum::<f64>();
     let slope = |w: f64| {
@@ -261,7 +261,7 @@ fn start_inside_out(place: &Place) {
     scene.boundaries = vec![held(Region::Bottom, [true; 3])];
     for touched in [false, true] {
         let mut model = model(&scene);
-        // what may be touched is solved with one linearisation, elsewhere
+        // what may be touched is solved by one linear system per step, in which the law is extended beyond flat cells
         model.hexahedra_mut().hyperelastic.iter_mut().for_each(|law| law.newton = !touched);
         let top = model.grid.nearest([0.0, 0.0, 1.0]);
         for pressed in [0.5, 4.0] {
@@ -270,12 +270,12 @@ fn start_inside_out(place: &Place) {
             let ended = Body::new(place, model.clone(), &start, 1e-3).fallible_step();
             let params = model.grid.params::<f64>();
             match ended {
-                Err(Error::Body(Refused::InsideOut { cell })) if pressed > 1.0 => {
+                Err(Error::Body(Refused::InsideOut { cell })) if pressed > 1.0 && !touched => {
                     let corners = params.corners(params.cell_id(cell));
                     assert!(corners.contains(&top), "{cell:?} is not at node {top}");
                 }
                 // the counter-test: half of that is borne
-                Ok(outcome) if pressed < 1.0 => assert!(outcome.converged, "{outcome:?}"),
+                Ok(outcome) if pressed < 1.0 || touched => assert!(outcome.converged, "{outcome:?}"),
                 other => panic!("{place:?}, pressed by {pressed}: {other:?}"),
             }
         }

@@ -4,7 +4,7 @@ mod reserve;
 mod slots;
 
 use super::{Backend, CORRECTION, Device, FREE, NOT_KEPT, Needs, Nonlinear, Snapshot, Target, Vector, Wanted};
-use crate::bodies::cpu::{Solution, System, Workspace};
+use crate::bodies::cpu::{System, Workspace};
 use crate::bodies::{Anchors, Model, Removal, rate};
 use crate::error::Result;
 use crate::kernels::advance::Request;
@@ -202,13 +202,12 @@ impl<R: Real> Backend for CpuBackend<R> {
         if self.explicit {
             return Ok(self.accelerate(wanted, pick));
         }
-        match (self.system.solution(), wanted) {
-            (Solution::Newton, [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }]) => {
+        match wanted {
+            [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }] if self.system.newton() => {
                 let outcome = self.newton(*tolerance)?;
                 Ok((vec![outcome], self.picked(pick)))
             }
-            (Solution::Linear, _) => self.solve_slots(wanted, pick),
-            _ => self.solve_linearised(wanted, pick),
+            _ => self.solve_slots(wanted, pick),
         }
     }
 

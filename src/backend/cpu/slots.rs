@@ -1,10 +1,7 @@
 //! Solves on the CPU path: conjugate gradients over the right-hand sides, explicit steps, and Newton's method.
-//!
-//! With contact a step is linearised once, at its start, so that compliance columns and correction share one matrix. Towards equilibrium,
-//! over many steps, this is Newton's method too.
 
 use super::{CpuBackend, request};
-use crate::backend::newton::{Attempt, Descent, Raised, SHIFT, newton, positive};
+use crate::backend::newton::{Attempt, Descent, Raised, newton, positive};
 use crate::backend::{FREE, Target, Wanted};
 use crate::bodies::cpu::{Start, Trial, Workspace};
 use crate::error::{Error, Result};
@@ -69,28 +66,6 @@ impl<R: Real> CpuBackend<R> {
         accelerate(&self.params, &self.free, &self.r, &mut self.x);
         debug_assert!(wanted.iter().all(|w| w.slot == FREE), "explicit steps have no contact");
         (vec![Outcome::exact(); wanted.len()], self.picked(pick))
-    }
-
-    /// One linearisation for all right-hand sides. The unconstrained motion is solved first in a step and detects an indefinite tangent.
-    pub(super) fn solve_linearised(
-        &mut self,
-        wanted: &[Wanted],
-        pick: &[(usize, u32)],
-    ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
-        let Some(free) = wanted.iter().position(|w| w.slot == FREE) else {
-            return self.solve_slots(wanted, pick);
-        };
-        let n = self.node_count;
-        let b = self.r[..n].to_vec();
-        let solve = |body: &mut Self, attempt: u32| {
-            if attempt > 0 {
-                body.r[..n].copy_from_slice(&b);
-                body.x[..n].fill([R::zero(); 4]);
-            }
-            let found = body.solve_slots(wanted, pick)?;
-            Ok((found.0[free], found))
-        };
-        Ok(positive(self, SHIFT, solve)?.0)
     }
 
     /// Unconstrained motion by Newton's method; the right-hand side is `b` of the step, the solution its increment.

@@ -1,12 +1,11 @@
-//! Nonlinear laws on the device: trial points of Newton's method ([`super::super::newton`]), and steps with one linearisation.
+//! Newton's method on the device ([`super::super::newton`]).
 //!
 //! One read returns a trial point: partial sums over groups of nodes, and the energy of each cell. The host subtracts the cell energies at
-//! the start of the step in f64, so that the small change over a step is not lost in the total energy. With contact a step is linearised
-//! once, at its start, as on the CPU path.
+//! the start of the step in f64, so that the small change over a step is not lost in the total energy.
 
 use super::GpuBackend;
 use super::exchange::triples;
-use crate::backend::newton::{Attempt, Descent, Raised, SHIFT, newton as descend, positive};
+use crate::backend::newton::{Attempt, Descent, Raised, newton as descend, positive};
 use crate::backend::{FREE, Nonlinear, Target, Wanted};
 use crate::bodies::Refused;
 use crate::bodies::gpu::{NonlinearLaw, Search};
@@ -40,7 +39,7 @@ impl Newton {
 
     /// Kernel launches per trial point.
     pub fn launches(&self) -> u32 {
-        self.law.search.as_ref().map_or(0, |search| search.kernels.len() as u32)
+        self.law.search.kernels.len() as u32
     }
 
     /// Sets the factor of `K₀` in the tangents.
@@ -84,14 +83,14 @@ impl GpuBackend {
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let Some(newton) = &mut self.newton else { return Ok((vec![], vec![])) };
         match wanted {
-            [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }] if newton.law.search.is_some() => {
+            [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }] => {
                 let (tolerance, floor) = (*tolerance, self.floor);
                 (newton.count, newton.start) = (Nonlinear::default(), vec![]);
                 let (outcome, own) = descend(self, tolerance, floor)?;
                 let values = self.found(own, pick)?;
                 Ok((vec![outcome], values))
             }
-            _ => self.solve_linearised(wanted, pick),
+            _ => self.solve_slots(wanted, pick),
         }
     }
 
@@ -102,8 +101,9 @@ impl GpuBackend {
             newton.count.iterations = own;
             newton.shift(&self.gpu, 0.0);
         }
-        let search = self.newton.as_ref().and_then(|newton| newton.law.search.as_ref());
-        search.iter().for_each(|search| batch.copy(&search.dx[0], 0, &self.solver.x, 0, self.vector()));
+        if let Some(newton) = &self.newton {
+            batch.copy(&newton.law.search.dx[0], 0, &self.solver.x, 0, self.vector());
+        }
         if pick.is_empty() {
             self.pending = Some(batch);
             return Ok(vec![]);
@@ -111,32 +111,6 @@ impl GpuBackend {
         let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
         let picked = self.record_pick(&mut batch, &self.pick.x, &ids);
         Ok(triples(&self.gpu.submit_and_read(batch, &[(&self.pick.picked, picked)])?[0]))
-    }
-
-    /// One linearisation for all right-hand sides. The unconstrained motion is solved first in a step and detects an indefinite tangent.
-    fn solve_linearised(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
-        let Some(free) = wanted.iter().position(|w| w.slot == FREE) else {
-            return self.solve_slots(wanted, pick);
-        };
-        let mut batch = self.record();
-        // right-hand side saved for further attempts; no cell may be inverted at the start
-        if let Some(newton) = &mut self.newton {
-            batch.copy(&self.solver.r, 0, &newton.law.b, 0, (self.node_count * 16) as u64);
-            newton.count = Nonlinear::default();
-            newton.shift(&self.gpu, 0.0);
-            let energy =
-                &self.gpu.submit_and_read(batch, &[(&newton.law.energy, u64::from(newton.params.cell_count) * 4)])?[0];
-            newton.outside_in(&cast::<f32>(energy)).map_or(Ok(()), Err)?;
-        }
-        let b = self.newton.as_ref().map(|newton| newton.law.b.clone());
-        let solve = |body: &mut Self, attempt: u32| {
-            if attempt > 0 {
-                b.iter().for_each(|b| body.restart(b));
-            }
-            let found = body.solve_slots(wanted, pick)?;
-            Ok((found.0[free], found))
-        };
-        Ok(positive(self, SHIFT, solve)?.0)
     }
 
     /// Before the first trial point of a step: saves the right-hand side, clears increment, residual and solution.
@@ -169,11 +143,8 @@ impl Raised for GpuBackend {
 impl Descent for GpuBackend {
     fn attempt(&mut self, share: f64) -> Result<Option<Attempt>> {
         let mut batch = self.record();
-        let Some((newton, search)) =
-            self.newton.as_ref().and_then(|newton| Some((newton, newton.law.search.as_ref()?)))
-        else {
-            return Ok(None);
-        };
+        let Some(newton) = &self.newton else { return Ok(None) };
+        let search = &newton.law.search;
         let first = newton.start.is_empty();
         if first {
             self.set_out(&mut batch, newton, search);
@@ -214,7 +185,7 @@ impl Descent for GpuBackend {
 
     fn take(&mut self) {
         let mut batch = self.record();
-        if let Some(search) = self.newton.as_ref().and_then(|newton| newton.law.search.as_ref()) {
+        if let Some(Newton { law: NonlinearLaw { search, .. }, .. }) = &self.newton {
             for [here, tried] in [&search.dx, &search.rest] {
                 batch.copy(tried, 0, here, 0, self.vector());
             }
@@ -223,8 +194,7 @@ impl Descent for GpuBackend {
     }
 
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {
-        let rest =
-            self.newton.as_ref().and_then(|newton| newton.law.search.as_ref()).map(|search| search.rest[0].clone());
+        let rest = self.newton.as_ref().map(|newton| newton.law.search.rest[0].clone());
         let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
         let solve = |body: &mut Self, _: u32| {
             rest.iter().for_each(|rest| body.restart(rest));

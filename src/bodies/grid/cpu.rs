@@ -5,7 +5,7 @@
 use super::direct::Direct;
 use super::multigrid::{Hierarchy, Operator, cycle, workspaces};
 use super::{Hyperelastic, element, tangent};
-use crate::bodies::cpu::{Preconditioner, Solution, Start, System, Trial, Workspace};
+use crate::bodies::cpu::{Preconditioner, Start, System, Trial, Workspace};
 use crate::bodies::{Model, Refused, Removal};
 use crate::error::Result;
 use crate::kernels::blocks::blocks;
@@ -34,6 +34,9 @@ pub struct Hexahedra<R> {
     split_cells: Vec<u32>,
     multigrid: Option<Hierarchy<R>>,
     direct: Option<Direct>,
+    /// A hyperelastic body that is solved by one linear system per step.
+    law: Option<(Hyperelastic, Params<f64>)>,
+    /// One that is solved by Newton's method.
     tangents: Option<Tangents<R>>,
 }
 
@@ -62,16 +65,16 @@ impl<R: Real> Tangents<R> {
     }
 
     /// Internal forces at `u`, `[node]` N.
-    fn forces(&self, u: &[V4<f64>]) -> Result<Vec<V4<f64>>> {
-        let inside_out = |cell| Refused::InsideOut { cell: self.params.cell_at(cell) }.into();
-        self.law.forces(&self.params, u).map_err(inside_out)
+    fn forces(&self, u: &[V4<f64>]) -> Vec<V4<f64>> {
+        self.law.forces(&self.params, &[], &|_| true, u)
     }
 
     /// Evaluates the tangents at `u`; inverted cells keep theirs.
     fn linearise(&mut self, u: &[V4<f64>]) {
         let Self { law, params, tangent: all, .. } = self;
         all.par_iter_mut().enumerate().with_min_len(PARALLEL / 32).for_each(|(cell, k)| {
-            if let Some(state) = law.cell(params, u, cell) {
+            let state = law.cell(params, &[], u, cell);
+            if !state.inverted {
                 *k = tangent(&state).map(|row| row.map(R::of));
             }
         });
@@ -114,7 +117,8 @@ impl<R: Real> Hexahedra<R> {
             split_cells: vec![],
             multigrid: Hierarchy::new(model),
             direct: Direct::new(model),
-            tangents: hexahedra.hyperelastic.as_ref().map(|law| Tangents::new(law, model)),
+            law: hexahedra.hyperelastic.clone().filter(|law| !law.newton).map(|law| (law, model.params())),
+            tangents: hexahedra.hyperelastic.as_ref().filter(|law| law.newton).map(|law| Tangents::new(law, model)),
         }
     }
 
@@ -145,20 +149,26 @@ impl<R: Real> System<R> for Hexahedra<R> {
         f: &mut [V4<R>],
         scratch: &mut [CellForces<R>],
     ) -> Result<()> {
-        let Self { shape, pre_strain, stiffness, elastic, layer_of, rotation, split, tangents, .. } = self;
+        let Self { shape, pre_strain, stiffness, elastic, layer_of, rotation, split, law, tangents, .. } = self;
         // rotations at the start of the step
-        if params.corotational == 1 {
+        if params.corotational != 0 {
             rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
                 *q = rotations::rotate_cell(params, shape, layer_of, split, u, cell, *q);
             });
         }
-        // hyperelastic forces, and the tangent where it is used once per step
+        // hyperelastic forces
         if let Some(tangents) = tangents {
             let place = widen(at);
-            f.iter_mut().zip(tangents.forces(&place)?).for_each(|(f, force)| *f = round(&force));
-            if !tangents.law.newton {
-                tangents.linearise(&place);
+            if let Some(cell) = tangents.law.first_inverted(&tangents.params, &place) {
+                return Err(Refused::InsideOut { cell: tangents.params.cell_at(cell) }.into());
             }
+            f.iter_mut().zip(tangents.forces(&place)).for_each(|(f, force)| *f = round(&force));
+            return Ok(());
+        }
+        if let Some((law, own)) = law {
+            let wide = Params { node_count: params.node_count, ..*own };
+            let forces = law.forces(&wide, split, &|cell| rotation[cell] != [R::zero(); 4], &widen(at));
+            f.iter_mut().zip(forces).for_each(|(f, force)| *f = round(&force));
             return Ok(());
         }
         // corotational forces; nodes of split cells are summed again
@@ -291,12 +301,8 @@ impl<R: Real> System<R> for Hexahedra<R> {
         self.tangents.as_ref().map_or(0, |tangents| size_of_val(&tangents.tangent[..]))
     }
 
-    fn solution(&self) -> Solution {
-        match &self.tangents {
-            None => Solution::Linear,
-            Some(tangents) if tangents.law.newton => Solution::Newton,
-            Some(_) => Solution::Linearised,
-        }
+    fn newton(&self) -> bool {
+        self.tangents.is_some()
     }
 
     fn linearise(&mut self, at: &[V4<f64>]) {
@@ -316,8 +322,8 @@ impl<R: Real> System<R> for Hexahedra<R> {
         // elastic energy and forces at the trial point
         let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
         let place: Vec<V4<f64>> = step.u.iter().zip(dx).map(sum).collect();
-        let Some(energy) = tangents.law.energy(&tangents.params, &place) else { return Ok(None) };
-        let forces = tangents.forces(&place)?;
+        let Some(energy) = tangents.law.energy(&tangents.params, &[], &|_| true, &place) else { return Ok(None) };
+        let forces = tangents.forces(&place);
         // inertia and damping: product with the small-strain matrix
         let params = Params { stiffness_factor: R::of(tangents.damping), ..*step.params };
         let mut residual = vec![[R::zero(); 4]; dx.len()];

@@ -42,9 +42,8 @@ fn layers_uniform(made: &mut Maker, name: &'static str, rows: &[V4<f32>]) -> Buf
     made.uniform(name, MAX_LAYERS * 16, &words)
 }
 
-/// Arrays of a hyperelastic body.
+/// Arrays of a hyperelastic body that is solved by Newton's method.
 struct Law {
-    newton: bool,
     /// Fraction of the change of elastic forces over a step that enters the step.
     end_share: f64,
     /// `r_K/h`
@@ -70,7 +69,8 @@ pub(super) struct Hexahedra {
     /// For a consistent mass: `stiffness` of the blocks and `v` of the right-hand side.
     consistent: Option<[Buffer; 2]>,
     params: Params<f32>,
-    corotational: bool,
+    corotational: u32,
+    hyperelastic: bool,
     split: Option<(Buffer, Vec<u32>)>,
     law: Option<Law>,
     multigrid: Option<Multigrid>,
@@ -117,6 +117,7 @@ impl Hexahedra {
             consistent,
             params: *params,
             corotational: hexahedra.corotational,
+            hyperelastic: hexahedra.hyperelastic.is_some(),
             split: (hexahedra.extra_columns > 0).then_some((table, host)),
             law: None,
             multigrid: hexahedra.multigrid.clone(),
@@ -132,15 +133,18 @@ impl Hexahedra {
     fn add_law(&mut self, law: &Hyperelastic, model: &Model, made: &mut Maker, u: &Buffer) -> Result<()> {
         made.gpu.making("hyperelastic law");
         let (n, cells) = (self.params.node_count as usize, self.params.cell_count as usize);
-        let corner_force = made.of("corner_force", &vec![0f32; cells * 24 * self.params.slot_count as usize])?;
+        // products with the consistent tangent write corner forces for each right-hand side
+        let slots = if law.newton { self.params.slot_count as usize } else { 1 };
+        let corner_force = made.of("corner_force", &vec![0f32; cells * 24 * slots])?;
         let energy = made.of("energy", &vec![0f32; cells])?;
-        // a step with one linearisation uses the tangents at its start
-        let place = if law.newton { made.vec4("place", n)? } else { u.clone() };
+        let place = if law.newton { made.vec4("displacement", n)? } else { u.clone() };
         let own = [layers_uniform(made, "material", &law.rounded()), corner_force, energy.clone()];
-        self.shared = self.shared.joined(&Arrays::of(&own)).joined(&Arrays::one("place", &place));
+        self.shared = self.shared.joined(&Arrays::of(&own)).joined(&Arrays::one("displacement", &place));
+        if !law.newton {
+            return Ok(());
+        }
         let end_share = model.step.end_share();
         self.law = Some(Law {
-            newton: law.newton,
             end_share,
             damping: model.step.stiffness_factor() - end_share,
             energy,
@@ -320,12 +324,12 @@ impl Recorded for Hexahedra {
             arrays.bind(gpu, source, &more)
         };
         let mut list = vec![];
-        if self.corotational {
+        if self.corotational != 0 {
             list.push((bind(&rotations::SOURCE, None)?, cells));
         }
-        if self.law.is_some() {
+        if self.hyperelastic {
             let start = arrays.get("u");
-            list.push((bind(&hyperelastic_forces::SOURCE, start.as_ref().map(|u| ("place", u)))?, cells));
+            list.push((bind(&hyperelastic_forces::SOURCE, start.as_ref().map(|u| ("displacement", u)))?, cells));
             list.push((bind(&collect::SOURCE, None)?, nodes));
         } else {
             list.push((bind(&forces::SOURCE, at.map(|at| ("u", at)))?, nodes));
@@ -418,7 +422,7 @@ impl Recorded for Hexahedra {
     fn nonlinear(&mut self, made: &mut Maker, arrays: &Arrays, x: &Buffer) -> Result<Option<NonlinearLaw>> {
         let Some(law) = &self.law else { return Ok(None) };
         made.gpu.making("hyperelastic law");
-        let search = if law.newton { Some(self.search(made, arrays, x, law)?) } else { None };
+        let search = self.search(made, arrays, x, law)?;
         let Law { end_share, damping, energy, b, blocks, .. } = law;
         let (blocks, energy, b) = (blocks.clone(), energy.clone(), b.clone());
         Ok(Some(NonlinearLaw { end_share: *end_share, damping: *damping, blocks, energy, b, search }))

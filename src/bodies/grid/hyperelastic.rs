@@ -95,7 +95,8 @@ pub struct Hyperelastic {
     materials: Vec<V4<f64>>,
     /// `[cells_z]` layer
     layer_of: Vec<u32>,
-    /// True if steps are solved by Newton's method; otherwise each is linearised once.
+    /// True if steps are solved by Newton's method with the consistent tangent; otherwise each is one linear solve with the rotated
+    /// stiffness ([`crate::kernels::rotations::stiffening`]).
     pub newton: bool,
 }
 
@@ -115,55 +116,72 @@ impl Hyperelastic {
         })
     }
 
-    /// State of a cell at nodal displacements; `None` if it is inverted.
-    pub fn cell(&self, params: &Params<f64>, u: &[V4<f64>], cell: usize) -> Option<Cell<f64>> {
-        Cell::of(params, &self.shapes, &self.materials, &self.layer_of, u, cell)
+    /// State of a cell at nodal displacements.
+    pub fn cell(&self, params: &Params<f64>, split: &[u32], u: &[V4<f64>], cell: usize) -> Cell<f64> {
+        Cell::of(params, &self.shapes, &self.materials, &self.layer_of, u, split, cell)
     }
 
-    /// Energy of all cells, J; `None` if one is inverted.
-    pub fn energy(&self, params: &Params<f64>, u: &[V4<f64>]) -> Option<f64> {
-        let one = |cell| self.cell(params, u, cell).map(|c| c.energy());
-        let each: Option<Vec<f64>> =
-            (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8).map(one).collect();
+    /// First inverted cell of an uncut body.
+    pub fn first_inverted(&self, params: &Params<f64>, u: &[V4<f64>]) -> Option<usize> {
+        let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
+        cells.filter(|cell| self.cell(params, &[], u, *cell).inverted).min()
+    }
+
+    /// Energy of all cells that are `alive`, J; `None` if one is inverted.
+    pub fn energy(
+        &self,
+        params: &Params<f64>,
+        split: &[u32],
+        alive: &(dyn Fn(usize) -> bool + Sync),
+        u: &[V4<f64>],
+    ) -> Option<f64> {
+        let one = |cell| {
+            let state = self.cell(params, split, u, cell);
+            (!state.inverted).then(|| state.energy())
+        };
+        let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
+        let each: Option<Vec<f64>> = cells.filter(|cell| alive(*cell)).map(one).collect();
         Some(each?.iter().sum())
     }
 
-    /// `[node]` internal forces, N; `Err` with the first inverted cell.
-    pub fn forces(&self, params: &Params<f64>, u: &[V4<f64>]) -> Result<Vec<V4<f64>>, usize> {
-        let one = |cell| self.cell(params, u, cell).map(|c| c.forces().map(V3::f64)).ok_or(cell);
+    /// `[node]` internal forces of the cells that are `alive`, N.
+    pub fn forces(
+        &self,
+        params: &Params<f64>,
+        split: &[u32],
+        alive: &(dyn Fn(usize) -> bool + Sync),
+        u: &[V4<f64>],
+    ) -> Vec<V4<f64>> {
+        let one = |cell| match alive(cell) {
+            true => self.cell(params, split, u, cell).forces().map(V3::f64),
+            false => [[0.0; 3]; 8],
+        };
         let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
-        let each: Result<Vec<_>, _> = cells.map(one).collect();
-        // report the first inverted cell, independent of thread order
-        let first = |cell| (0..cell).find(|c| self.cell(params, u, *c).is_none()).unwrap_or(cell);
-        Ok(sums(params, &each.map_err(first)?))
+        sums(params, split, &cells.map(one).collect::<Vec<_>>())
     }
 
-    /// `K_T z`, `[node]` N, matrix-free; inverted cells contribute nothing.
+    /// `K_T z` of an uncut body, `[node]` N, matrix-free; inverted cells contribute nothing.
     pub fn tangent_product(&self, params: &Params<f64>, u: &[V4<f64>], z: &[V4<f64>]) -> Vec<V4<f64>> {
         let one = |cell| {
-            let product = |c: Cell<f64>| c.product(&at_corners(params, z, cell)).map(V3::f64);
-            self.cell(params, u, cell).map_or([[0.0; 3]; 8], product)
+            let state = self.cell(params, &[], u, cell);
+            let product = || state.product(&at_corners(params, z, cell)).map(V3::f64);
+            if state.inverted { [[0.0; 3]; 8] } else { product() }
         };
         let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
-        sums(params, &cells.map(one).collect::<Vec<_>>())
+        sums(params, &[], &cells.map(one).collect::<Vec<_>>())
     }
 
-    /// Writes the forces at the start of the step into `f` and returns the change over the step that enters it, `[node]` N: the change of
-    /// forces for Newton's method, otherwise the product with the tangent. NaN if a cell is inverted.
-    pub fn forces_and_change(&self, model: &Model, solved: &Solved, f: &mut [V4<f64>]) -> Vec<V4<f64>> {
+    /// Change of the forces from `f` over a step of Newton's method, as it enters the step, `[node]` N; NaN if a cell is inverted.
+    pub fn change(&self, model: &Model, solved: &Solved, f: &[V4<f64>]) -> Vec<V4<f64>> {
         let params = model.params::<f64>();
-        let nowhere = vec![[f64::NAN; 4]; f.len()];
-        f.copy_from_slice(&self.forces(&params, &solved.start.u).unwrap_or_else(|_| nowhere.clone()));
-        let mut change = if self.newton {
-            let end: Vec<V4<f64>> =
-                solved.start.u.iter().zip(&solved.dx).map(|(u, d)| std::array::from_fn(|n| u[n] + d[n])).collect();
-            let mut end = self.forces(&params, &end).unwrap_or(nowhere);
-            end.iter_mut().zip(f).for_each(|(e, f)| (0..3).for_each(|n| e[n] -= f[n]));
-            end
-        } else {
-            self.tangent_product(&params, &solved.start.u, &solved.dx)
-        };
-        change.iter_mut().for_each(|c| *c = c.map(|c| c * model.step.end_share()));
+        let end: Vec<V4<f64>> =
+            solved.start.u.iter().zip(&solved.dx).map(|(u, d)| std::array::from_fn(|n| u[n] + d[n])).collect();
+        if self.first_inverted(&params, &end).is_some() {
+            return vec![[f64::NAN; 4]; f.len()];
+        }
+        let mut change = self.forces(&params, &[], &|_| true, &end);
+        let share = model.step.end_share();
+        change.iter_mut().zip(f).for_each(|(e, f)| (0..3).for_each(|n| e[n] = share * (e[n] - f[n])));
         change
     }
 
@@ -174,9 +192,9 @@ impl Hyperelastic {
 }
 
 /// Assembles cell forces at the nodes, `[node]` N.
-fn sums(params: &Params<f64>, cells: &[[[f64; 3]; 8]]) -> Vec<V4<f64>> {
+fn sums(params: &Params<f64>, split: &[u32], cells: &[[[f64; 3]; 8]]) -> Vec<V4<f64>> {
     let mut out = vec![[0.0; 4]; params.node_count as usize];
-    collect(params, cells.as_flattened().as_flattened(), &mut out);
+    collect(params, split, cells.as_flattened().as_flattened(), &mut out);
     out
 }
 
@@ -214,7 +232,7 @@ mod tests {
 
     fn moved(law: Law, u: &Field, d: &Field, by: f64) -> Cell<f64> {
         let at = std::array::from_fn(|a| u[a] + d[a] * by);
-        Cell::new(of(law), &at).expect("no corner has come far")
+        Cell::new(of(law), &at)
     }
 
     fn times(k: &Matrix, z: &Field) -> [[f64; 3]; 8] {
@@ -229,7 +247,7 @@ mod tests {
             // strains up to 60 %
             let (u, d) = (random(seed, 8e-5), random(seed + 100, 1e-4));
             let moved = |u: &Field, d: &Field, by| moved(law, u, d, by);
-            let here = Cell::new(of(law), &u).expect("not inside out");
+            let here = Cell::new(of(law), &u);
             let (step, scale) = (1e-4, tangent(&here).iter().flatten().fold(0.0f64, |m, k| m.max(k.abs())));
             let slope = (moved(&u, &d, step).energy() - moved(&u, &d, -step).energy()) / (2.0 * step);
             let wanted: f64 = here.forces().iter().zip(d).map(|(f, d)| f.dot(d)).sum();
@@ -264,11 +282,10 @@ mod tests {
         let edges = soft().edges.f64();
         let at = field(|a, n| (corner(a)[n] as f64 - 0.5) * edges[n]);
         let carried = |u: &Field| -> Field { std::array::from_fn(|a| turn(at[a] + u[a]) - at[a] + V3::splat(0.02)) };
-        let still = Cell::new(soft(), &carried(&[V3::zero(); 8])).expect("a rotation");
+        let still = Cell::new(soft(), &carried(&[V3::zero(); 8]));
         let volume: f64 = edges.iter().product();
         assert!(still.energy().abs() < 1e-12 * volume * BULK, "{:e}", still.energy());
         let (old, new) = (Cell::new(soft(), &strained), Cell::new(soft(), &carried(&strained)));
-        let (old, new) = (old.expect("little strain"), new.expect("the same strain"));
         assert!((old.energy() / new.energy() - 1.0).abs() < 1e-9);
         for (a, b) in old.forces().iter().zip(new.forces()) {
             assert!((turn(*a) - b).length() < 1e-9, "{a:?} {b:?}");
@@ -276,10 +293,63 @@ mod tests {
     }
 
     #[test]
-    fn a_cell_that_is_inside_out_is_none() {
-        let pressed = field(|a, n| if a >= 4 && n == 2 { -1.01 * 0.4e-3 } else { 0.0 });
-        assert!(Cell::new(soft(), &pressed).is_none());
-        assert!(Cell::new(soft(), &[V3::splat(f64::NAN); 8]).is_none());
+    fn an_inverted_cell_is_told_and_pushed_open() {
+        let height = 0.4e-3;
+        let pressed = |by: f64| Cell::new(soft(), &field(|a, n| if a >= 4 && n == 2 { -by * height } else { 0.0 }));
+        assert!(!pressed(0.99).inverted && pressed(1.01).inverted);
+        assert!(Cell::new(soft(), &[V3::splat(f64::NAN); 8]).inverted);
+        // through flat and beyond: finite, downward on the top, more and more so, and the slope of the energy
+        let on_top = |by: f64| pressed(by).forces()[4..].iter().map(|f| f.z).sum::<f64>();
+        let mut before = 0.0;
+        for by in [0.5, 0.85, 0.95, 0.999, 1.0, 1.05, 1.5, 2.5] {
+            let force = on_top(by);
+            assert!(force.is_finite() && force < before, "{by}: {force:e} after {before:e}");
+            before = force;
+            let step = 1e-5;
+            let slope = (pressed(by - step).energy() - pressed(by + step).energy()) / (2.0 * step * height);
+            assert!((slope / force - 1.0).abs() < 1e-4, "{by}: force {force:e}, slope of the energy {slope:e}");
+        }
+    }
+
+    /// Largest `xᵀ K x / xᵀ S x` over uniform strains `x` of a cell, `S` the small-strain matrix times `factor`. (Rotations are not the
+    /// tangent's business: the matrix turns with the cell.)
+    fn stiffer(k: &Matrix, small: &Matrix, factor: f64) -> f64 {
+        let edges = soft().edges.f64();
+        let mut random = Random::new(3);
+        let mut largest = 0.0f64;
+        for sample in 0..3000 {
+            let [a, b, c, d, e, f] = [0; 6].map(|_| random.signed());
+            let strain = match sample {
+                0..3 => std::array::from_fn(|m| std::array::from_fn(|n| f64::from(u8::from(m == n && m == sample)))),
+                _ => [[a, d, e], [d, b, f], [e, f, c]],
+            };
+            let x = field(|corner_of, m| (0..3).map(|n| strain[m][n] * corner(corner_of)[n] as f64 * edges[n]).sum());
+            let energy =
+                |matrix: &Matrix| -> f64 { times(matrix, &x).iter().zip(x).map(|(f, x)| V3::of(*f).dot(x)).sum() };
+            largest = largest.max(energy(k) / (factor * energy(small)));
+        }
+        largest
+    }
+
+    #[test]
+    fn the_stiffened_tangent_is_more_than_half_of_the_true_one() {
+        let young = MU * (3.0 * BULK + 2.0 * MU) / (BULK + MU);
+        let (edges, poisson) = (soft().edges.f64(), 0.5 * BULK / (BULK + MU));
+        let small = super::super::element::stiffness(edges, young, poisson, crate::scene::Element::Bbar);
+        let mut plain = 0.0f64;
+        // pressed along z, held or free to spread aside
+        for (by, aside) in [(0.2, 0.0), (0.4, 0.0), (0.6, 0.0), (0.8, 0.0), (0.3, 1.0), (0.5, 1.0), (0.7, 1.0)] {
+            let stretch = 1.0 - by;
+            let across = 1.0 + aside * (1.0 / f64::sqrt(stretch) - 1.0);
+            let scale = [across, across, stretch];
+            let u = field(|a, n| (corner(a)[n] as f64) * edges[n] * (scale[n] - 1.0));
+            let k = tangent(&Cell::new(soft(), &u));
+            let factor = crate::kernels::rotations::stiffening(M3::diagonal(V3::of(scale)));
+            let ratio = stiffer(&k, &small, factor);
+            assert!(ratio < 2.0, "pressed by {by}, {aside}: {ratio} of the stiffened tangent");
+            plain = plain.max(stiffer(&k, &small, 1.0));
+        }
+        assert!(plain > 4.0, "the counter-test: without it the true tangent is {plain} times as stiff");
     }
 
     #[test]
@@ -291,7 +361,7 @@ mod tests {
     }
 
     fn as_small_strain(law: Law, lambda: f64) {
-        let tangent = tangent(&Cell::new(of(law), &[V3::zero(); 8]).expect("at rest"));
+        let tangent = tangent(&Cell::new(of(law), &[V3::zero(); 8]));
         let young = MU * (3.0 * lambda + 2.0 * MU) / (lambda + MU);
         let poisson = 0.5 * lambda / (lambda + MU);
         let edges = soft().edges.f64();

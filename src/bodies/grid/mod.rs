@@ -19,6 +19,7 @@ use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
 use crate::kernels::forces::rest_corner;
 use crate::kernels::product::{LANES, Modes, cell_groups, product, tiles};
+use crate::kernels::rotations::STIFFENED;
 use crate::kernels::split::split_cells;
 use crate::kernels::split_product::split_product;
 use crate::kernels::{GROUP, Params, forces, rotations};
@@ -35,8 +36,8 @@ pub struct Hexahedra {
     pub stiffness: Vec<element::Matrix>,
     /// Hyperelastic law, if any.
     pub hyperelastic: Option<Hyperelastic>,
-    /// True if the cells keep rotations (corotational, and hyperelastic for the preconditioner).
-    pub corotational: bool,
+    /// Rotations of the cells, as [`Params::corotational`]: none of linear ones; a hyperelastic body has them in its tangent or preconditioner.
+    pub corotational: u32,
     /// Columns of duplicate nodes reserved for cuts ([`crate::kernels::split`]).
     pub extra_columns: usize,
     /// Coarse levels, if the preconditioner is multigrid.
@@ -61,7 +62,7 @@ pub struct Multigrid {
 pub(super) fn reserve(scene: &Scene, skin: &Skin) -> Result<usize> {
     let blade = scene.tools.iter().any(|t| t.blade.is_some());
     let columns = match (skin.cut, skin.law) {
-        (Cut::Split { reserve_columns }, Law::Fem { .. }) if blade => reserve_columns as usize,
+        (Cut::Split { reserve_columns }, Law::Fem { .. } | Law::Hyperelastic(_)) if blade => reserve_columns as usize,
         _ => 0,
     };
     if columns > 0 && scene.solver.preconditioner == Preconditioner::Direct {
@@ -99,7 +100,11 @@ impl Hexahedra {
             pre_strain: skin.layers.iter().map(|l| element::pre_strain(l.pre_strain, l.poisson)).collect(),
             stiffness: skin.layers.iter().enumerate().map(matrix).collect(),
             hyperelastic: Hyperelastic::of(scene, skin, grid),
-            corotational: matches!(skin.law, Law::Fem { corotational: true, .. } | Law::Hyperelastic(_)),
+            corotational: match skin.law {
+                Law::Fem { corotational, .. } => u32::from(corotational),
+                Law::Hyperelastic(_) if scene.contact.is_some() => STIFFENED,
+                _ => 1,
+            },
             extra_columns,
             multigrid: None,
             direct: false,
@@ -223,14 +228,15 @@ impl Mechanics for Hexahedra {
         self.extra_columns
     }
 
-    fn corotational(&self) -> bool {
+    fn corotational(&self) -> u32 {
         self.corotational
     }
 
     fn product_groups(&self, model: &Model) -> usize {
         let params = model.grid.params::<f64>();
         // partial sums of split cells, or of cells with tangents of their own
-        let more = if self.hyperelastic.is_some() { model.node_count() } else { model.touched_nodes() };
+        let newton = self.hyperelastic.as_ref().is_some_and(|law| law.newton);
+        let more = if newton { model.node_count() } else { model.touched_nodes() };
         tiles(&params) + more.div_ceil(GROUP as usize)
     }
 
@@ -247,7 +253,8 @@ impl Mechanics for Hexahedra {
     fn energy(&self, model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], _: &[V4<f64>]) -> f64 {
         let params = model.params::<f64>();
         if let Some(law) = &self.hyperelastic {
-            return law.energy(&params, u).unwrap_or(f64::INFINITY);
+            let alive = |cell: usize| rotation[cell] != [0.0; 4];
+            return law.energy(&params, split, &alive, u).unwrap_or(f64::INFINITY);
         }
         let mut energy = 0.0;
         for (cell, q) in rotation.iter().enumerate().filter(|(_, q)| **q != [0.0; 4]) {
@@ -285,7 +292,8 @@ impl Mechanics for Hexahedra {
         forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, at, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         // product of the small-strain cells; of a hyperelastic body these have damping only
-        if self.hyperelastic.is_some() {
+        let newton = self.hyperelastic.as_ref().filter(|law| law.newton);
+        if newton.is_some() {
             params.stiffness_factor -= model.step.end_share();
         }
         let modes = model.modes();
@@ -294,9 +302,12 @@ impl Mechanics for Hexahedra {
         if !cells.is_empty() {
             split_product(&params, &modes, layers, &rotation, in_system, split, &cells, &solved.dx, &mut w);
         }
-        // hyperelastic forces, and the change of forces over the step
+        // hyperelastic forces, and their change over a step of Newton's method
         if let Some(law) = &self.hyperelastic {
-            let change = law.forces_and_change(model, solved, &mut f);
+            f = law.forces(&params, split, &|cell| rotation[cell] != [0.0; 4], at);
+        }
+        if let Some(law) = newton {
+            let change = law.change(model, solved, &f);
             for ((sum, more), free) in w.iter_mut().zip(&change).zip(&solved.start.free) {
                 (0..3).for_each(|n| sum[n] += more[n] * free[n]);
             }
@@ -306,7 +317,7 @@ impl Mechanics for Hexahedra {
 
     fn rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
         let mut rotation = state.rotation.clone();
-        if self.corotational {
+        if self.corotational != 0 {
             let layers = &model.grid.layer_of;
             let shapes = model.shapes();
             rotations::rotations(&model.params(), &shapes, layers, &state.split, &state.u, &mut rotation);

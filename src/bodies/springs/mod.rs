@@ -118,8 +118,8 @@ impl Mechanics for Springs {
         0
     }
 
-    fn corotational(&self) -> bool {
-        false
+    fn corotational(&self) -> u32 {
+        0
     }
 
     fn product_groups(&self, model: &Model) -> usize {
