@@ -50,6 +50,14 @@ impl<R: Real> Material<R> {
         Self { edges: V3::from4(shape), bulk, law }
     }
 
+    /// Shear modulus at small strain, Pa.
+    fn shear(&self) -> R {
+        match self.law {
+            Law::NeoHookean(mu) => mu,
+            Law::MooneyRivlin([c10, c01]) => R::of(2.0) * (c10 + c01),
+        }
+    }
+
     /// W' of a Gauss point, J/m³.
     fn energy(&self, p: &Point<R>) -> R {
         match self.law {
@@ -158,6 +166,31 @@ impl<R: Real> Cell<R> {
             }
         }
         out
+    }
+}
+
+/// `params.corotational` of a body whose tangent is the rotated small-strain stiffness times [`Cell::stiffening`]; `product` reads the factor
+/// `s` from the length `s^¼` of the cell's quaternion.
+pub const STIFFENED: u32 = 2;
+
+/// Largest factor.
+const STIFFEST: f64 = 1000.0;
+
+impl<R: Real> Cell<R> {
+    /// Factor by which the tangent of a compressed cell exceeds the small-strain stiffness, at most about twice itself and seldom less than
+    /// half: `s = |F⁻¹|² − 2` at the most compressed Gauss point (`λ⁻²` for one principal stretch `λ`), and the stiffness that pressure gives
+    /// to shear, `−p/(2 μ)`. A step that is linear in a tangent less than half of the true one overshoots, and steps diverge.
+    pub fn stiffening(&self) -> R {
+        let (one, two, most) = (R::one(), R::of(2.0), R::of(STIFFEST));
+        let mut s = one;
+        for p in &self.points {
+            let volume = one + p.growth;
+            let own = p.cofactor.0.iter().map(|c| c.dot(*c)).sum::<R>() / (volume * volume) - two;
+            s = if volume > R::zero() && own < most { if own > s { own } else { s } } else { most };
+        }
+        let pressed = -self.pressure() / (two * self.material.shear());
+        let s = if pressed > R::zero() { s + pressed } else { s };
+        if s < most { s } else { most }
     }
 }
 

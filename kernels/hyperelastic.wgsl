@@ -11,6 +11,10 @@ fn law_stress(material: vec4<f32>, p: Point) -> mat3x3<f32> {
     return neo_hookean_stress(material.y, p);
 }
 
+fn law_shear(material: vec4<f32>) -> f32 {
+    return select(material.y, 2.0 * (material.y + material.z), material.w == MOONEY_RIVLIN);
+}
+
 fn law_tangent(material: vec4<f32>, p: Point, change: mat3x3<f32>) -> mat3x3<f32> {
     if material.w == MOONEY_RIVLIN { return mooney_rivlin_tangent(material.yz, p, change); }
     return neo_hookean_tangent(material.y, p, change);

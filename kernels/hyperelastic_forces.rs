@@ -1,9 +1,10 @@
 //! Energy and internal forces of each hyperelastic cell; formula and source in [`super::hyperelastic`].
 //!
 //! An inverted cell has the energy [`INSIDE_OUT`] and the forces of the extended law, a removed cell has none.
+//! The unit quaternions of a body that is solved with [`Cell::stiffening`] take its length.
 //! Units: displacement m, material Pa, energy J, force N.
 
-use super::hyperelastic::Cell;
+use super::hyperelastic::{Cell, STIFFENED};
 use super::{PARALLEL, Params, Source};
 use crate::math::{Real, V4};
 use rayon::prelude::*;
@@ -25,14 +26,14 @@ pub fn hyperelastic_forces<R: Real>(
     material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
     layer_of: &[u32],       // [cells_z] layer
     split: &[u32],          // see `split`
-    rotation: &[V4<R>],     // [cell] quaternion; 0 of a dead cell
+    rotation: &mut [V4<R>], // [cell] quaternion; 0 of a dead cell
     displacement: &[V4<R>], // [node] displacement, m
     corner_force: &mut [R], // [cell][corner][axis] N
     energy: &mut [R],       // [cell] J
 ) {
-    let one = |(cell, (force, energy)): (usize, (&mut [R], &mut R))| {
+    let one = |(cell, ((force, energy), q)): (usize, ((&mut [R], &mut R), &mut V4<R>))| {
         (*energy, _) = (R::zero(), force.fill(R::zero()));
-        if rotation[cell] == [R::zero(); 4] {
+        if *q == [R::zero(); 4] {
             return;
         }
         let found = Cell::of(params, shape, material, layer_of, displacement, split, cell);
@@ -40,11 +41,16 @@ pub fn hyperelastic_forces<R: Real>(
         for (out, f) in force.chunks_exact_mut(3).zip(found.forces()) {
             out.copy_from_slice(&[f.x, f.y, f.z]);
         }
+        if params.corotational == STIFFENED {
+            let length = found.stiffening().sqrt().sqrt();
+            *q = q.map(|c| c * length);
+        }
     };
     let cells = params.cell_count as usize;
     corner_force[..cells * 24]
         .par_chunks_exact_mut(24)
         .zip(&mut energy[..cells])
+        .zip(rotation)
         .enumerate()
         .with_min_len(PARALLEL / 32)
         .for_each(one);

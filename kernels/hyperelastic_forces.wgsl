@@ -7,9 +7,11 @@
 @group(0) @binding(5) var<storage, read_write> corner_force: array<f32>;    // [cell][corner][axis] N
 @group(0) @binding(6) var<storage, read_write> energy: array<f32>;          // [cell] J
 @group(0) @binding(7) var<storage, read> split: array<u32>;                 // see split.rs
-@group(0) @binding(8) var<storage, read> rotation: array<vec4<f32>>;        // [cell] quaternion; 0 of a dead cell
+@group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;        // [cell] quaternion; 0 of a dead cell
 
 const INSIDE_OUT: f32 = 1e38;
+const STIFFENED: u32 = 2u;
+const STIFFEST: f32 = 1000.0;
 
 @compute @workgroup_size(64)
 fn hyperelastic_forces(thread: Thread) {
@@ -28,11 +30,16 @@ fn hyperelastic_forces(thread: Thread) {
     var growths = 0.0;
     var sum = 0.0;
     var inverted = false;
+    var stiff = 1.0;
     for (var p = 0u; p < 8u; p += 1u) {
         let point = point_of(field_gradient(own.inverse_edges, u, p));
         inverted = inverted || is_inverted(point);
         growths += point.growth;
         sum += law_energy(own.material, point);
+        let volume = 1.0 + point.growth;
+        let c = point.cofactor;
+        let own_stiff = (dot(c[0], c[0]) + dot(c[1], c[1]) + dot(c[2], c[2])) / (volume * volume) - 2.0;
+        stiff = select(STIFFEST, max(stiff, own_stiff), volume > 0.0 && own_stiff < STIFFEST);
         let pushed = point.cofactor * own.weight;
         let stress = law_stress(own.material, point) * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {
@@ -45,6 +52,10 @@ fn hyperelastic_forces(thread: Thread) {
     let log_mean = log_volume(mean).x;
     let pressure = own.material.x * log_mean * log_volume_slope(mean);
     energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean), INSIDE_OUT, inverted);
+    if params.corotational == STIFFENED {
+        let pressed = max(-pressure / (2.0 * law_shear(own.material)), 0.0);
+        rotation[cell] = rotation[cell] * sqrt(sqrt(min(stiff + pressed, STIFFEST)));
+    }
     for (var a = 0u; a < 8u; a += 1u) {
         let out = force[a] + growing[a] * pressure;
         for (var n = 0u; n < 3u; n += 1u) { corner_force[cell * 24u + a * 3u + n] = out[n]; }

@@ -24,7 +24,7 @@ pub const SOURCE: Source = Source {
 
 impl<R: Real> Cell<R> {
     /// `κ (1 − ln J̄)/(V J̄²)`, Pa/m³: derivative of the pressure with respect to the cell's volume.
-    pub fn stiffening(&self) -> R {
+    pub fn pressure_slope(&self) -> R {
         let mean = R::one() + self.mean_growth;
         let log = logarithm(self.mean_growth)[0];
         self.material.bulk * (R::one() - log) / (R::of(8.0) * self.weight * mean * mean)
@@ -49,7 +49,7 @@ impl<R: Real> Cell<R> {
                 *force += stress * gradient(self.inverse, a, n);
             }
         }
-        let pressed = self.stiffening() * volume;
+        let pressed = self.pressure_slope() * volume;
         for (force, c) in out.iter_mut().zip(self.growing()) {
             *force += c * pressed;
         }

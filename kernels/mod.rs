@@ -165,7 +165,7 @@ params! {
         cell_count: u32,
         /// 0 none, 1 Jacobi, 2 block, 3 column (the multigrid smoother works by columns).
         preconditioner: u32,
-        /// 0 linear, 1 corotational, 2 with the stiffness of compressed cells ([`rotations::stiffening`]).
+        /// 0 linear, 1 corotational, 2 with stiffness factors ([`hyperelastic::STIFFENED`]).
         corotational: u32,
         /// Number of right-hand sides of the running solve.
         slot_count: u32,

@@ -6,9 +6,7 @@
 //! shifted until it is; a stationary point that is no maximum is left by a fixed perturbation. The only local maximum is the global one
 //! (Horn 1987: a 4×4 eigenvalue problem), so the result does not depend on the start.
 //! Source: Müller, Bender, Chentanez, Macklin 2016 (iterative extraction); differs: Newton instead of a fixed-point step.
-//! A hyperelastic body that is solved with this rotated stiffness as its tangent carries the stiffness of compressed cells in the
-//! quaternion's length ([`stiffening`]), as `product` reads it: with a tangent less than half of the true one steps diverge.
-//! Units: u m, rotation unit quaternion (0 for a dead cell, left as it is).
+//! Units: u m, rotation unit quaternion (0 for a removed cell, which stays 0).
 
 use super::{Params, Source, corner};
 use crate::math::{M3, Real, V3, V4, quaternion_product, rotation_matrix};
@@ -47,29 +45,7 @@ pub fn rotate_cell<R: Real>(
     if q == [R::zero(); 4] {
         return q;
     }
-    let f = mean_gradient(params, shape, layer_of, split, u, cell);
-    if params.corotational != STIFFENED {
-        return polar(f, q);
-    }
-    let scale = R::one() / q.iter().map(|c| *c * *c).sum::<R>().sqrt();
-    let length = stiffening(f).sqrt().sqrt();
-    polar(f, q.map(|c| c * scale)).map(|c| c * length)
-}
-
-/// `params.corotational` of cells whose quaternion has the length `s^¼`, with `s` of [`stiffening`].
-pub const STIFFENED: u32 = 2;
-
-/// Largest factor of [`stiffening`].
-const STIFFEST: f64 = 100.0;
-
-/// Factor `s` by which the tangent of a compressed hyperelastic cell exceeds the small-strain stiffness, about: `s = |F⁻¹|² − 2`, between 1
-/// and [`STIFFEST`]. For one principal stretch `λ` and two of 1 it is `λ⁻²`.
-pub fn stiffening<R: Real>(f: M3<R>) -> R {
-    let [a, b, c] = f.0;
-    let (volume, most) = (a.dot(b.cross(c)), R::of(STIFFEST));
-    let cofactor = [b.cross(c), c.cross(a), a.cross(b)];
-    let s = cofactor.iter().map(|c| c.dot(*c)).sum::<R>() / (volume * volume) - R::of(2.0);
-    if volume > R::zero() && s < most { if s > R::one() { s } else { R::one() } } else { most }
+    polar(mean_gradient(params, shape, layer_of, split, u, cell), q)
 }
 
 /// `F = I + Σ_a u_a ⊗ ∇N_a` of a cell, at its centre.

@@ -53,18 +53,6 @@ fn polar(f: mat3x3<f32>, start: vec4<f32>) -> vec4<f32> {
     return q;
 }
 
-const STIFFENED: u32 = 2u;
-const STIFFEST: f32 = 100.0;
-
-fn stiffening(f: mat3x3<f32>) -> f32 {
-    let x = cross(f[1], f[2]);
-    let y = cross(f[2], f[0]);
-    let z = cross(f[0], f[1]);
-    let volume = dot(f[0], x);
-    let s = (dot(x, x) + dot(y, y) + dot(z, z)) / (volume * volume) - 2.0;
-    return select(STIFFEST, max(s, 1.0), volume > 0.0 && s < STIFFEST);
-}
-
 @compute @workgroup_size(64)
 fn rotations(thread: Thread) {
     let cell = number_of(thread);
@@ -80,9 +68,5 @@ fn rotations(thread: Thread) {
         let d = u[corner_node(params, at, a)].xyz;
         f += mat3x3<f32>(d * gradient.x, d * gradient.y, d * gradient.z);
     }
-    if params.corotational != STIFFENED {
-        rotation[cell] = polar(f, q);
-        return;
-    }
-    rotation[cell] = polar(f, q * (1.0 / sqrt(dot(q, q)))) * sqrt(sqrt(stiffening(f)));
+    rotation[cell] = polar(f, q);
 }

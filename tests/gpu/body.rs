@@ -8,9 +8,9 @@ use cutis::bodies::springs::Springs;
 use cutis::error::Result;
 use cutis::gpu::{Buffer, Gpu};
 use cutis::kernels::bounds;
+use cutis::kernels::hyperelastic::STIFFENED;
 use cutis::kernels::probe;
 use cutis::kernels::product::{Modes, tiles};
-use cutis::kernels::rotations::STIFFENED;
 use cutis::kernels::{GROUP, Params};
 use cutis::math::random;
 use cutis::math::{M3, Real, V3, V4};
@@ -116,8 +116,8 @@ impl Body {
     pub fn params<R: Real>(&self) -> Params<R> {
         Params {
             preconditioner: 3,
-            // rotations with the stiffness of compressed cells on one of the bodies
-            corotational: if self.kernel == "rotations" && self.grid.cells[0] == 7 { STIFFENED } else { 1 },
+            // one of the bodies takes factors of the stiffness
+            corotational: if self.grid.cells[0] == 7 { STIFFENED } else { 1 },
             slot_count: self.slots as u32,
             first_slot: self.first_slot as u32,
             product_groups: self.product_groups() as u32,

@@ -145,19 +145,19 @@ pub fn collect_product<R: Real>(b: &Body) -> Outputs<R> {
 pub fn hyperelastic_forces<R: Real>(b: &Body) -> Outputs<R> {
     let (mut force, mut energy) = (b.scalars("corner_force"), b.scalars("energy"));
     let (shape, material, layer_of) = (b.v4::<R>("shape"), b.v4("material"), &b.grid.layer_of);
-    let params = b.params();
+    let (params, mut rotation) = (b.params(), b.v4("rotation"));
     kernels::hyperelastic_forces::hyperelastic_forces(
         &params,
         &shape,
         &material,
         layer_of,
         &b.split(),
-        &b.v4("rotation"),
+        &mut rotation,
         &b.v4("displacement"),
         &mut force,
         &mut energy,
     );
-    vec![("corner_force", force), ("energy", energy)]
+    vec![("corner_force", force), ("energy", energy), ("rotation", flat(&rotation))]
 }
 
 pub fn hyperelastic_tangent<R: Real>(b: &Body) -> Outputs<R> {

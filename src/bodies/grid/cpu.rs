@@ -4,7 +4,7 @@
 
 use super::direct::Direct;
 use super::multigrid::{Hierarchy, Operator, cycle, workspaces};
-use super::{Hyperelastic, element, tangent};
+use super::{Hyperelastic, element, stiffen, tangent};
 use crate::bodies::cpu::{Preconditioner, Start, System, Trial, Workspace};
 use crate::bodies::{Model, Refused, Removal};
 use crate::error::Result;
@@ -167,8 +167,10 @@ impl<R: Real> System<R> for Hexahedra<R> {
         }
         if let Some((law, own)) = law {
             let wide = Params { node_count: params.node_count, ..*own };
-            let forces = law.forces(&wide, split, &|cell| rotation[cell] != [R::zero(); 4], &widen(at));
+            let alive = |cell: usize| rotation[cell] != [R::zero(); 4];
+            let (forces, stiffening) = law.forces_and_stiffening(&wide, split, &alive, &widen(at));
             f.iter_mut().zip(forces).for_each(|(f, force)| *f = round(&force));
+            stiffen(rotation, &stiffening);
             return Ok(());
         }
         // corotational forces; nodes of split cells are summed again

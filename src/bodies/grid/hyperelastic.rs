@@ -30,7 +30,7 @@ use rayon::prelude::*;
 
 /// 24×24 tangent, row and column `3a + i`, N/m.
 pub fn tangent(cell: &Cell<f64>) -> Matrix {
-    let (growing, pressure, stiff) = (cell.growing().map(V3::f64), cell.pressure(), cell.stiffening());
+    let (growing, pressure, stiff) = (cell.growing().map(V3::f64), cell.pressure(), cell.pressure_slope());
     // material and geometric part, Gauss point by Gauss point, lower half by corner pairs
     let mut k = [[0.0; 24]; 24];
     for (n, p) in cell.points.iter().enumerate() {
@@ -96,7 +96,7 @@ pub struct Hyperelastic {
     /// `[cells_z]` layer
     layer_of: Vec<u32>,
     /// True if steps are solved by Newton's method with the consistent tangent; otherwise each is one linear solve with the rotated
-    /// stiffness ([`crate::kernels::rotations::stiffening`]).
+    /// stiffness ([`Cell::stiffening`]).
     pub newton: bool,
 }
 
@@ -152,12 +152,27 @@ impl Hyperelastic {
         alive: &(dyn Fn(usize) -> bool + Sync),
         u: &[V4<f64>],
     ) -> Vec<V4<f64>> {
-        let one = |cell| match alive(cell) {
-            true => self.cell(params, split, u, cell).forces().map(V3::f64),
-            false => [[0.0; 3]; 8],
+        self.forces_and_stiffening(params, split, alive, u).0
+    }
+
+    /// The same, and the `[cell]` factors of the stiffness ([`Cell::stiffening`]).
+    pub fn forces_and_stiffening(
+        &self,
+        params: &Params<f64>,
+        split: &[u32],
+        alive: &(dyn Fn(usize) -> bool + Sync),
+        u: &[V4<f64>],
+    ) -> (Vec<V4<f64>>, Vec<f64>) {
+        let one = |cell| {
+            if !alive(cell) {
+                return ([[0.0; 3]; 8], 0.0);
+            }
+            let state = self.cell(params, split, u, cell);
+            (state.forces().map(V3::f64), state.stiffening())
         };
         let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
-        sums(params, split, &cells.map(one).collect::<Vec<_>>())
+        let (forces, stiffening): (Vec<_>, Vec<f64>) = cells.map(one).unzip();
+        (sums(params, split, &forces), stiffening)
     }
 
     /// `K_T z` of an uncut body, `[node]` N, matrix-free; inverted cells contribute nothing.
@@ -338,13 +353,13 @@ mod tests {
         let small = super::super::element::stiffness(edges, young, poisson, crate::scene::Element::Bbar);
         let mut plain = 0.0f64;
         // pressed along z, held or free to spread aside
-        for (by, aside) in [(0.2, 0.0), (0.4, 0.0), (0.6, 0.0), (0.8, 0.0), (0.3, 1.0), (0.5, 1.0), (0.7, 1.0)] {
+        for (by, aside) in [(0.2, 0.0), (0.4, 0.0), (0.6, 0.0), (0.7, 0.0), (0.3, 1.0), (0.5, 1.0), (0.7, 1.0)] {
             let stretch = 1.0 - by;
             let across = 1.0 + aside * (1.0 / f64::sqrt(stretch) - 1.0);
             let scale = [across, across, stretch];
             let u = field(|a, n| (corner(a)[n] as f64) * edges[n] * (scale[n] - 1.0));
-            let k = tangent(&Cell::new(soft(), &u));
-            let factor = crate::kernels::rotations::stiffening(M3::diagonal(V3::of(scale)));
+            let pressed = Cell::new(soft(), &u);
+            let (k, factor) = (tangent(&pressed), pressed.stiffening());
             let ratio = stiffer(&k, &small, factor);
             assert!(ratio < 2.0, "pressed by {by}, {aside}: {ratio} of the stiffened tangent");
             plain = plain.max(stiffer(&k, &small, 1.0));

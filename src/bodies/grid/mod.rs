@@ -18,8 +18,8 @@ use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
 use crate::kernels::forces::rest_corner;
+use crate::kernels::hyperelastic::STIFFENED;
 use crate::kernels::product::{LANES, Modes, cell_groups, product, tiles};
-use crate::kernels::rotations::STIFFENED;
 use crate::kernels::split::split_cells;
 use crate::kernels::split_product::split_product;
 use crate::kernels::{GROUP, Params, forces, rotations};
@@ -187,6 +187,14 @@ pub fn links(params: &Params<f64>) -> Vec<[u32; 2]> {
     out
 }
 
+/// Gives unit quaternions the lengths that carry factors of the stiffness ([`STIFFENED`]).
+fn stiffen<R: Real>(rotation: &mut [V4<R>], stiffening: &[f64]) {
+    for (q, s) in rotation.iter_mut().zip(stiffening) {
+        let length = R::of(s.sqrt().sqrt());
+        *q = q.map(|c| c * length);
+    }
+}
+
 /// `[cell]` rest position of the centre, m.
 pub fn cell_centres(model: &Model) -> Vec<[f64; 3]> {
     let params = model.grid.params::<f64>();
@@ -321,6 +329,11 @@ impl Mechanics for Hexahedra {
             let layers = &model.grid.layer_of;
             let shapes = model.shapes();
             rotations::rotations(&model.params(), &shapes, layers, &state.split, &state.u, &mut rotation);
+        }
+        if let Some(law) = self.hyperelastic.as_ref().filter(|law| !law.newton) {
+            let alive = |cell: usize| rotation[cell] != [0.0; 4];
+            let (_, stiffening) = law.forces_and_stiffening(&model.params(), &state.split, &alive, &state.u);
+            stiffen(&mut rotation, &stiffening);
         }
         rotation
     }
