@@ -174,21 +174,30 @@ impl<R: Real> Cell<R> {
 pub const STIFFENED: u32 = 2;
 
 /// Largest factor.
-const STIFFEST: f64 = 1000.0;
+const STIFFEST: f64 = 1e6;
 
 impl<R: Real> Cell<R> {
-    /// Factor by which the tangent of a compressed cell exceeds the small-strain stiffness, at most about twice itself and seldom less than
-    /// half: `s = |F⁻¹|² − 2` at the most compressed Gauss point (`λ⁻²` for one principal stretch `λ`), and the stiffness that pressure gives
-    /// to shear, `−p/(2 μ)`. A step that is linear in a tangent less than half of the true one overshoots, and steps diverge.
+    /// Factor `s` by which the tangent exceeds the small-strain stiffness, at least: with a tangent less than half of the true one a linear
+    /// step overshoots, and steps diverge. Of the Gauss points the largest of
+    ///
+    /// `s = max(1, |∂φ/∂F|² − 2) + (κ/μ)/6 (|cof F|² − 3 J^(4/3))`, plus `−p/(2 μ)` under pressure,
+    ///
+    /// that is, `λ⁻²` for one principal stretch `λ`; the volume's stiffness along directions that have turned away from those at rest; and the
+    /// stiffness that pressure gives to shear.
     pub fn stiffening(&self) -> R {
         let (one, two, most) = (R::one(), R::of(2.0), R::of(STIFFEST));
+        let shear = self.material.shear();
+        let ratio = self.material.bulk / (R::of(6.0) * shear);
+        let squared = |m: &M3<R>| m.0.iter().map(|c| c.dot(*c)).sum::<R>();
         let mut s = one;
         for p in &self.points {
-            let volume = one + p.growth;
-            let own = p.cofactor.0.iter().map(|c| c.dot(*c)).sum::<R>() / (volume * volume) - two;
-            s = if volume > R::zero() && own < most { if own > s { own } else { s } } else { most };
+            let pressed = squared(&p.back) - two;
+            let even = R::of(3.0) * R::exp(R::of(4.0 / 3.0) * log_volume(p.growth)[0]);
+            let turned = ratio * (squared(&p.cofactor) - even);
+            let own = (if pressed > one { pressed } else { one }) + if turned > R::zero() { turned } else { R::zero() };
+            s = if own > s { own } else { s };
         }
-        let pressed = -self.pressure() / (two * self.material.shear());
+        let pressed = -self.pressure() / (two * shear);
         let s = if pressed > R::zero() { s + pressed } else { s };
         if s < most { s } else { most }
     }

@@ -11,7 +11,7 @@
 
 const INSIDE_OUT: f32 = 1e38;
 const STIFFENED: u32 = 2u;
-const STIFFEST: f32 = 1000.0;
+const STIFFEST: f32 = 1e6;
 
 @compute @workgroup_size(64)
 fn hyperelastic_forces(thread: Thread) {
@@ -31,15 +31,15 @@ fn hyperelastic_forces(thread: Thread) {
     var sum = 0.0;
     var inverted = false;
     var stiff = 1.0;
+    let ratio = own.material.x / (6.0 * law_shear(own.material));
     for (var p = 0u; p < 8u; p += 1u) {
         let point = point_of(field_gradient(own.inverse_edges, u, p));
         inverted = inverted || is_inverted(point);
         growths += point.growth;
         sum += law_energy(own.material, point);
-        let volume = 1.0 + point.growth;
-        let c = point.cofactor;
-        let own_stiff = (dot(c[0], c[0]) + dot(c[1], c[1]) + dot(c[2], c[2])) / (volume * volume) - 2.0;
-        stiff = select(STIFFEST, max(stiff, own_stiff), volume > 0.0 && own_stiff < STIFFEST);
+        let even = 3.0 * exp(4.0 / 3.0 * log_volume(point.growth).x);
+        let turned = ratio * max(contracted(point.cofactor, point.cofactor) - even, 0.0);
+        stiff = max(stiff, max(contracted(point.back, point.back) - 2.0, 1.0) + turned);
         let pushed = point.cofactor * own.weight;
         let stress = law_stress(own.material, point) * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {
