@@ -6,7 +6,7 @@
 mod crumbs;
 
 use crumbs::{CAP, at_rest, block, needs, quad, random};
-use cutis::backend::{Backend, CpuBackend, FREE, Snapshot, Target, Wanted};
+use cutis::backend::{Backend, CpuBackend, FREE, Query, Snapshot, Target, Wanted};
 use cutis::bodies::Wound;
 use cutis::bodies::{Model, Solved, true_residual};
 use std::collections::BTreeSet;
@@ -45,7 +45,8 @@ impl Run {
 
     fn sweep(&mut self, random: &mut impl FnMut() -> f64) {
         let device = "the CPU path has no device to fail";
-        let hits = self.backend.cut(&quad(&self.model, random)).expect(device);
+        let query = Query { quads: quad(&self.model, random).to_vec(), ..Query::default() };
+        let hits = self.backend.read(&query).expect(device).hits;
         let removal = self.wound.apply(&self.model, &hits);
         self.backend.remove(&removal).expect(device);
     }

@@ -28,7 +28,7 @@ pub const CORRECTION: usize = 1;
 /// Right-hand side index of the first compliance column.
 pub const FIRST_COLUMN: usize = 2;
 
-/// Assertion message: `cut` needs the segment positions that `finish(.., cuts = true)` saves.
+/// Assertion message: swept quads need the segment positions that `finish(.., cuts = true)` saves.
 const NOT_KEPT: &str = "a cut follows a step that has kept where the segments were";
 
 /// Arrays that a scene needs.
@@ -89,6 +89,33 @@ pub struct Wanted {
     pub target: Target,
 }
 
+/// What the host asks of the present state at once.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Query {
+    /// Nodes whose displacements are read.
+    pub displacements: Vec<u32>,
+    /// Nodes whose elastic forces of the last [`Backend::begin`] are read.
+    pub elastic_forces: Vec<u32>,
+    /// The bounds of the tiles are read.
+    pub bounds: bool,
+    /// Quads swept in the step just finished, four corners each, m. The step must have saved the segment positions ([`Backend::finish`]).
+    pub quads: Vec<[f64; 3]>,
+}
+
+/// Answer to a [`Query`].
+#[derive(Clone, Debug, Default)]
+pub struct Values {
+    /// `[asked]` m
+    pub displacements: Vec<[f64; 3]>,
+    /// `[asked]` N
+    pub elastic_forces: Vec<[f64; 3]>,
+    /// Minimum and maximum displacement of each tile ([`crate::kernels::bounds`]), m; the fourth component of the minimum counts non-finite
+    /// nodes. Empty without tools.
+    pub bounds: Vec<[V4<f64>; 2]>,
+    /// Segments that the quads crossed, each once, in ascending order.
+    pub hits: Vec<Hit<f64>>,
+}
+
 /// Work on a law that is not linear, of one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Nonlinear {
@@ -140,23 +167,15 @@ pub trait Backend: Send {
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()>;
     /// Diagonal 3×3 blocks of `A` at nodes, by rows, N/m.
     fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>>;
-    /// Ends the step. `corrected` adds the contact correction; `cuts` saves the segment positions before the step, as [`Backend::cut`]
-    /// needs them.
+    /// Ends the step. `corrected` adds the contact correction; `cuts` saves the segment positions before the step, as swept quads need
+    /// them.
     fn finish(&mut self, corrected: bool, cuts: bool) -> Result<()>;
     /// Statistics of a nonlinear law since the last [`Backend::begin`].
     fn nonlinear(&self) -> Nonlinear {
         Nonlinear::default()
     }
-    /// Displacements at nodes, m.
-    fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
-    /// Minimum and maximum displacement of each tile ([`crate::kernels::bounds`]), m; the fourth component of the minimum counts non-finite
-    /// nodes. Empty without tools.
-    fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>>;
-    /// Elastic forces at nodes, from the last [`Backend::begin`], N.
-    fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>>;
-    /// Segments crossed by swept quads in the step just finished, each once, in ascending order; a quad is four corners, m. The step must
-    /// have saved the segment positions ([`Backend::finish`]).
-    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>>;
+    /// Reads values of the state, all together.
+    fn read(&mut self, query: &Query) -> Result<Values>;
     /// Sets the state at the start of a step: `[node]` displacement, m, and velocity, m/s, and `[cell]` rotation (empty for springs).
     fn set_state(&mut self, u: &[V4<f64>], v: &[V4<f64>], rotation: &[V4<f64>]) -> Result<()>;
     /// Applies the changes of a cut.

@@ -210,12 +210,12 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
     if newton && !scene.skins.iter().all(hyperelastic) {
         list.push(count("solver", 1, "step"));
     }
-    if probes(scene) > 0 {
-        list.push(count("probes", probes(scene), "step"));
+    if probes(scene) > 0 || scene.contact.is_some() {
+        // probes, what the next search for contacts asks for, and what was cut
+        list.push(count("state", 1, "step"));
     }
     if let Some(law) = &scene.contact {
-        list.push(count("boxes", 1, "step"));
-        list.push(count("contact", 1, "step with contact"));
+        list.push(count("contact", 1, "step whose tools come near other faces"));
         match law.correction {
             Correction::Exact => {
                 list.push(count("compliance", 1, "two nodes that the tools newly reach"));
@@ -226,7 +226,7 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
         }
     }
     if cuts(scene) {
-        list.push(count("cut", 1, "step with contact"));
+        list.push(count("cut", 1, "step that severs links or springs"));
     }
     list
 }

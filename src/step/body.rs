@@ -1,14 +1,16 @@
 //! A deformable body as it runs: its model, its state on a backend, how it was cut, how it gives.
 
 mod compliance;
+mod known;
 mod refine;
 mod start;
 
 pub use compliance::Compliance;
+pub(super) use known::Known;
 pub use start::{needs, start};
 
 use super::{Simulation, StepReport};
-use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Snapshot, Target, Wanted};
+use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Query, Snapshot, Target, Wanted};
 use crate::bodies::{Model, Solved, energy, inverted_cells, residual};
 use crate::bodies::{Totals, Wound};
 use crate::collide::broad::Boxes;
@@ -36,6 +38,8 @@ pub struct Body {
     pub(super) compliance: Compliance,
     pub(super) at_rest: AtRest,
     pub(super) located: Located,
+    /// What has been read of the present state.
+    pub(super) known: Known,
     pub(super) boxes: Boxes,
     /// How far it may move in the present step: as far as in the last one, and what gravity adds, m.
     pub(super) travel: f64,
@@ -100,7 +104,7 @@ fn floats(model: &Model) -> bool {
 pub(super) struct Located {
     pub faces: Vec<Vec<Quad>>,
     pub patches: Vec<Option<Patch>>,
-    /// Nodes that were read, and their displacements, m.
+    /// Nodes of the corners, ties and lips, and their displacements, m.
     pub nodes: Vec<u32>,
     pub u: Vec<[f64; 3]>,
     /// Nodes of the faces, and the places of the surface's corners there, m.
@@ -160,6 +164,7 @@ impl Body {
             compliance: Compliance::default(),
             at_rest: AtRest::default(),
             located: Located::default(),
+            known: Known::default(),
             backend,
             travel: 0.0,
             first_motion: first_motion(scene, number),
@@ -205,8 +210,9 @@ impl Body {
 
     /// Fits the boxes of the broad phase to the body as it is.
     pub(super) fn refit_boxes(&mut self) -> Result<()> {
-        let bounds = self.backend.bounds()?;
-        let lost = self.boxes.refit(&self.wound.surface, &bounds);
+        self.read(Query { bounds: true, ..Query::default() })?;
+        let bounds = self.known.bounds.as_deref().unwrap_or_default();
+        let lost = self.boxes.refit(&self.wound.surface, bounds);
         let first = std::mem::replace(&mut self.first_motion, 0.0);
         self.travel = self.boxes.moved().max(first) + self.fall;
         self.lost = lost > 0;
@@ -224,7 +230,7 @@ impl Body {
         self.boxes.faces(&self.wound.surface, &collide::moved(area, -self.place()))
     }
 
-    /// Reads back where the corners of these faces, the nodes of the ties and of the wound's lips, are; the first `patched` lists of faces
+    /// Finds where the corners of these faces, the nodes of the ties and of the wound's lips, are; the first `patched` lists of faces
     /// are made patches of, those that `about_centres` names of four triangles a face.
     pub(super) fn locate(&mut self, faces: Vec<Vec<Quad>>, patched: usize, about_centres: &[bool]) -> Result<()> {
         let mut corners: Vec<u32> = faces.iter().flatten().flat_map(|q| q.nodes).collect();
@@ -237,7 +243,8 @@ impl Body {
         nodes.extend(moving.iter().flat_map(|corner| corner.nodes));
         nodes.sort_unstable();
         nodes.dedup();
-        let u = if nodes.is_empty() { vec![] } else { self.backend.displacements(&nodes)? };
+        self.read(Query { displacements: nodes.clone(), ..Query::default() })?;
+        let u = nodes.iter().map(|node| self.known.u[node]).collect();
         self.located = Located { nodes, u, ..Located::default() };
         let place = |(node, corner): (&u32, &Corner)| {
             let moved = corner.moved(|id| self.located.displacement(id));

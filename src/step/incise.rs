@@ -9,8 +9,9 @@
 //! has opened and what it meets are told apart by how far it has gone back from its front, not by which cell it is in. So the work of
 //! cutting is toughness times area, and the force does not beat with the cells.
 
-use super::body::{Body, Located};
-use super::{Simulation, StepReport};
+use super::body::{Body, Known, Located};
+use super::{Simulation, StepReport, query};
+use crate::backend::Query;
 use crate::bodies::Wound;
 use crate::bodies::rigid::{Instrument, Role};
 use crate::collide::{Contact, lips};
@@ -156,8 +157,8 @@ impl Simulation {
                 quads.extend([a[0], b[0], b[1], a[1]].map(|p| p.to_array()));
             }
         }
-        for body in &mut self.bodies {
-            let hits = body.backend.cut(&quads)?;
+        for (number, body) in self.bodies.iter_mut().enumerate() {
+            let hits = body.read(Query { quads: quads.clone(), ..query(&self.probes, number) })?;
             let severed = body.sever(&hits)?;
             report.severed += severed;
             self.epoch += u32::from(severed > 0);
@@ -186,6 +187,7 @@ impl Body {
             }
             self.compliance.forget(removal.free.iter().map(|(node, _)| *node));
             self.backend.remove(&removal)?;
+            self.known = Known::default();
             self.loaded = false;
         }
         Ok(severed)

@@ -41,7 +41,7 @@ pub use contact::ContactReport;
 pub use refused::Refused;
 pub use state::State;
 
-use crate::backend::{Device, Snapshot};
+use crate::backend::{Device, Query, Snapshot};
 use crate::bodies::Totals;
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
@@ -51,6 +51,7 @@ use crate::haptic::Reduced;
 use crate::linear::Outcome;
 use crate::math::larger;
 use crate::scene::{BodyId, ProbeKind, Scene};
+use body::Known;
 use contact::Resolved;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
@@ -363,6 +364,7 @@ impl Simulation {
                 body.verify(before, forces, &self.scene, (begin, check), &mut ended[number], &mut report)?;
             }
             body.backend.finish(forces.is_some(), cuts)?;
+            body.known = Known::default();
             let work = body.backend.nonlinear();
             report.newton_iterations = report.newton_iterations.max(work.iterations);
             report.warn("tangent_indefinite", work.indefinite);
@@ -429,11 +431,14 @@ impl Simulation {
     }
 
     fn read_probes(&mut self, report: &mut StepReport) -> Result<()> {
-        let values = self.bodies.iter_mut().enumerate().map(|(number, body)| body.probe(&self.probes, number));
-        let mut values: Vec<_> = values.collect::<Result<_>>()?;
+        for (number, body) in self.bodies.iter_mut().enumerate() {
+            body.read(query(&self.probes, number))?;
+        }
         for probe in &self.probes {
+            let sum = |values: &BTreeMap<u32, [f64; 3]>, axis: usize| probe.nodes.iter().map(|n| values[n][axis]).sum();
             report.probes.push(match probe.kind {
-                ProbeKind::Displacement { body, .. } | ProbeKind::Reaction { body, .. } => values[body].remove(0),
+                ProbeKind::Displacement { body, axis, .. } => sum(&self.bodies[body].known.u, axis),
+                ProbeKind::Reaction { body, axis, .. } => sum(&self.bodies[body].known.f, axis),
                 ProbeKind::Position { body, axis } => self.tools[body].position[axis],
                 ProbeKind::Velocity { body, axis } => self.tools[body].velocity[axis],
                 ProbeKind::Force { on, from, axis } => report.contact.force(on, from)[axis],
@@ -443,29 +448,15 @@ impl Simulation {
     }
 }
 
-impl Body {
-    /// Values of the probes on this body, in their order: displacements m, reactions N.
-    fn probe(&mut self, probes: &[Prepared], number: usize) -> Result<Vec<f64>> {
-        let own = |p: &&Prepared| match p.kind {
-            ProbeKind::Displacement { body, .. } | ProbeKind::Reaction { body, .. } => body == number,
-            _ => false,
-        };
-        let own: Vec<&Prepared> = probes.iter().filter(own).collect();
-        let reaction = |p: &Prepared| matches!(p.kind, ProbeKind::Reaction { .. });
-        let nodes = |wanted: bool| {
-            own.iter().filter(|p| reaction(p) == wanted).flat_map(|p| p.nodes.iter().copied()).collect::<Vec<u32>>()
-        };
-        let (moved, held) = (nodes(false), nodes(true));
-        let u = if moved.is_empty() { vec![] } else { self.backend.displacements(&moved)? };
-        let f = if held.is_empty() { vec![] } else { self.backend.elastic_forces(&held)? };
-        let (mut next_u, mut next_f) = (u.iter(), f.iter());
-        let value = |probe: &&Prepared| {
-            let (ProbeKind::Displacement { axis, .. } | ProbeKind::Reaction { axis, .. }) = probe.kind else {
-                return 0.0;
-            };
-            let source = if reaction(probe) { &mut next_f } else { &mut next_u };
-            source.by_ref().take(probe.nodes.len()).map(|v| v[axis]).sum()
-        };
-        Ok(own.iter().map(value).collect())
+/// What the probes ask of a body.
+fn query(probes: &[Prepared], number: usize) -> Query {
+    let mut query = Query::default();
+    for probe in probes {
+        match probe.kind {
+            ProbeKind::Displacement { body, .. } if body == number => query.displacements.extend(&probe.nodes),
+            ProbeKind::Reaction { body, .. } if body == number => query.elastic_forces.extend(&probe.nodes),
+            _ => {}
+        }
     }
+    query
 }

@@ -3,7 +3,7 @@
 //! The wound is kept as the hits that made it: cutting the uncut body with them again gives the same nodes in the same order. Columns of
 //! the compliance are kept, though they are solved for: they have aged by the steps since, and how many passes a step takes depends on it.
 
-use super::body::{Body, Compliance, first_motion};
+use super::body::{Body, Compliance, Known, first_motion};
 use super::{Refused, Simulation, incise};
 use crate::backend::{CORRECTION, FREE, Vector};
 use crate::bodies::rigid::Motion;
@@ -173,6 +173,7 @@ impl Body {
             self.sever(hits)?;
         }
         self.backend.set_state(&state.u, &state.v, &state.rotation)?;
+        self.known = Known::default();
         for (slot, x) in slots.iter().zip(&state.solutions) {
             self.backend.set_vector(Vector::Solution, *slot, x)?;
         }

@@ -263,7 +263,7 @@ fn a_scene_without_contact_has_nothing_of_contact() -> Outcome {
     let plan = work.json(&["inspect", "--json"], 0)?;
     let arrays = names(&plan["arrays"]);
     ensure!(contact.iter().chain(&cut).all(|n| arrays.iter().any(|a| a == n)), "{arrays:?}");
-    for name in ["cut", "boxes"] {
+    for name in ["cut", "state"] {
         ensure!(names(&plan["read_backs"]).contains(&name.to_string()), "{}", plan["read_backs"]);
     }
     let kernels = names(&plan["kernels"]);

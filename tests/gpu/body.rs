@@ -138,12 +138,16 @@ impl Body {
         }
     }
 
+    /// First value that is gathered.
+    pub const FIRST: u32 = 3;
+
     /// The uniform `params` of a kernel.
     fn words(&self) -> Vec<u32> {
         let segments = self.springs.ends.len() as u32;
         match self.kernel {
             "cut" => vec![segments, QUADS as u32, segments, 0],
-            "anchors" | "gather" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
+            "anchors" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
+            "gather" => vec![self.ids().len() as u32 - Self::FIRST, Self::FIRST, 0, 0],
             "duplicate" => vec![self.copies().len() as u32, self.nodes() as u32, 0, 0],
             _ => self.params::<f32>().words(),
         }

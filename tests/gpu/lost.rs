@@ -4,8 +4,8 @@ use super::{Failure, place};
 use cutis::error::Error;
 use cutis::gpu::{Failed, Gpu, Handle, Work};
 use cutis::report::{inspect, run};
-use cutis::scene::{Preconditioner, Scene, read};
-use cutis::step::Simulation;
+use cutis::scene::{Preconditioner, Probe, ProbeKind, Region, Scene, read};
+use cutis::step::{Simulation, StepReport};
 use std::path::{Path, PathBuf};
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
@@ -22,6 +22,7 @@ pub const TESTS: &[(&str, Test)] = &[
         a_device_that_fails_says_so_at_the_next_read_and_from_then_on,
     ),
     ("a_run_launches_and_waits_as_inspect_says", a_run_launches_and_waits_as_inspect_says),
+    ("a_step_with_contact_waits_as_inspect_says", a_step_with_contact_waits_as_inspect_says),
 ];
 
 fn require(holds: bool, what: impl FnOnce() -> String) -> Result<(), Failure> {
@@ -121,8 +122,8 @@ fn a_device_that_fails_says_so_at_the_next_read_and_from_then_on(gpu: &Gpu) -> R
     require(array.is_ok() && own.sound().is_err(), || "an array of a lost device is found out at its first read".into())
 }
 
-/// Work of each of some steps, and what each has said of its iterations and contacts.
-fn worked(scene: &Scene, gpu: &Gpu, steps: u32) -> Result<Vec<(Work, u32, usize)>, Failure> {
+/// Work of each of some steps, and what each has said.
+fn worked(scene: &Scene, gpu: &Gpu, steps: u32) -> Result<Vec<(Work, StepReport)>, Failure> {
     let mut simulation = Simulation::new(scene, &place(gpu))?;
     let now = |simulation: &Simulation| simulation.bodies[0].gpu().map(Gpu::work).unwrap_or_default();
     let mut before = now(&simulation);
@@ -135,7 +136,7 @@ fn worked(scene: &Scene, gpu: &Gpu, steps: u32) -> Result<Vec<(Work, u32, usize)
             read_backs: after.read_backs - before.read_backs,
             compiled: after.compiled - before.compiled,
         };
-        out.push((work, report.free.iterations, report.contact.count()));
+        out.push((work, report));
         before = after;
     }
     // what a step leaves recorded is handed over by the next one: from the second on, each hands over the work of a whole step
@@ -164,7 +165,8 @@ fn a_run_launches_and_waits_as_inspect_says(gpu: &Gpu) -> Result<(), Failure> {
         let solver = plan.dispatches.iter().find(|count| count.name == "solver").ok_or("no solver in the plan")?;
         let (launches, waits) = (per_step(&plan.dispatches), per_step(&plan.read_backs));
         let steps = worked(&scene, gpu, 8)?;
-        for (work, iterations, contacts) in &steps {
+        for (work, report) in &steps {
+            let (iterations, contacts) = (report.free.iterations, report.contact.count());
             let of_solver = work.dispatches.checked_sub(launches).ok_or("fewer launches than per step")?;
             let rounds = of_solver / u64::from(solver.count);
             let words = || {
@@ -173,17 +175,49 @@ fn a_run_launches_and_waits_as_inspect_says(gpu: &Gpu) -> Result<(), Failure> {
                     solver.count
                 )
             };
-            require(*contacts > 0 || of_solver % u64::from(solver.count) == 0, words)?;
-            require(*contacts > 0 || rounds >= u64::from(*iterations), words)?;
+            require(contacts > 0 || of_solver % u64::from(solver.count) == 0, words)?;
+            require(contacts > 0 || rounds >= u64::from(iterations), words)?;
         }
         // once the count of iterations is known, a step waits for the solver once
-        let fewest = steps.iter().filter(|step| step.2 == 0).map(|step| step.0.read_backs).min();
+        let free = |step: &&(Work, StepReport)| step.1.contact.count() == 0;
+        let fewest = steps.iter().filter(free).map(|step| step.0.read_backs).min();
         require(fewest.is_none_or(|fewest| fewest == waits), || {
             format!("{name}: {fewest:?} waits, inspect says {waits}")
         })?;
-        require(steps.iter().any(|step| step.2 == 0), || {
+        require(steps.iter().any(|step| free(&step)), || {
             format!("{name}: it touches all the time, so nothing was compared")
         })?;
+    }
+    Ok(())
+}
+
+/// A sphere that rests on the skin, and a blade that cuts it: what a step waits for beside its passes, columns and cuts is what the plan
+/// says of each step, where the tool comes near no other faces and no solve takes longer than expected.
+fn a_step_with_contact_waits_as_inspect_says(gpu: &Gpu) -> Result<(), Failure> {
+    let blade = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/incision.toml"))?.in_test_form();
+    let sphere = small("verify/sphere_press.toml")?;
+    let (mut probed, mut unprobed) = (sphere.clone(), sphere);
+    let kinds = [
+        ProbeKind::Displacement { body: 0, point: [0.0; 3], axis: 2 },
+        ProbeKind::Reaction { body: 0, region: Region::Bottom, axis: 2 },
+    ];
+    probed.probes.extend(kinds.map(|kind| Probe { name: "probe".into(), kind }));
+    unprobed.probes.clear();
+    for (name, scene, steps) in
+        [("a sphere", probed, 12), ("a sphere without probes", unprobed, 12), ("a blade", blade, 56)]
+    {
+        let waits = per_step(&inspect::inspect(&scene)?.read_backs);
+        let mut fewest = [u64::MAX; 2]; // of steps that sever nothing, and of those that sever
+        let presses = |step: &&(Work, StepReport)| step.1.contact.largest_on_tools() > 0.0;
+        for (work, report) in worked(&scene, gpu, steps)?.iter().filter(presses) {
+            let severs = usize::from(report.severed > 0);
+            let passes = u64::from(report.contact.passes + report.contact.columns.div_ceil(6)) + severs as u64;
+            fewest[severs] = fewest[severs].min(work.read_backs.saturating_sub(passes));
+        }
+        // few steps sever, and an edge that moves on comes near other faces in each of them
+        let as_planned = fewest[0] == waits && (fewest[1] == u64::MAX || fewest[1] <= waits + 1);
+        require(as_planned, || format!("{name}: {fewest:?} waits, inspect says {waits}"))?;
+        require((name == "a blade") == (fewest[1] < u64::MAX), || format!("{name}: severs or not, {fewest:?}"))?;
     }
     Ok(())
 }

@@ -113,7 +113,9 @@ const CASES: &[Case] = cases! {
         "- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "own) * r" => "own) * transpose(r)", "|| corner_node(params, at, a) != i" => "", "u[corner_node(params, at, b)]" => "u[node_id(params, at + corner(b))]",
         "turn * x + e * x" => "turn * x", "pre_strain[layer]" => "pre_strain[0]"
     ]
-    gather Ids false ["source[ids[k]]" => "source[k]"]
+    gather Ids false [
+        "source[ids[k]]" => "source[k]", "params.first + number_of" => "number_of", "params.first + params.count" => "params.count"
+    ]
     integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "params.reach / params.step" => "1.0 / params.step", "- kept" => "", "params.reach - 1.0" => "params.reach"]
     momentum Nodes false [
         "near.y * near.z" => "near.y", "sum * rate" => "sum", "v[corner_node(params, at, b)].xyz - own" => "v[corner_node(params, at, b)].xyz", "|| corner_node(params, at, a) != i" => "", "shape[layer_of[at.z]]" => "shape[0]",

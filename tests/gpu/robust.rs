@@ -6,7 +6,7 @@
 
 use super::Failure;
 use super::crumbs::{CAP, at_rest, block, needs, quad, random};
-use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Snapshot, Target, Wanted};
+use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Query, Snapshot, Target, Wanted};
 use cutis::bodies::Model;
 use cutis::bodies::{Removal, Wound};
 use cutis::gpu::Gpu;
@@ -111,9 +111,10 @@ impl Run {
         let moved = [step(&mut self.gpu)?, step(&mut twin)?];
         self.apart = self.apart.max(apart(&moved[0], &moved[1]));
         let quads: Vec<[f64; 3]> = (0..SWEEPS).flat_map(|_| quad(&self.model, next)).collect();
-        let hits = self.gpu.cut(&quads)?;
+        let query = Query { quads, ..Query::default() };
+        let hits = self.gpu.read(&query)?.hits;
         let there: BTreeSet<u32> = hits.iter().map(|hit| hit.segment).collect();
-        let here: BTreeSet<u32> = twin.cut(&quads)?.iter().map(|hit| hit.segment).collect();
+        let here: BTreeSet<u32> = twin.read(&query)?.hits.iter().map(|hit| hit.segment).collect();
         self.hits += there.len();
         self.decided += there.symmetric_difference(&here).count();
         let mut removal = self.wound.apply(&self.model, &hits);

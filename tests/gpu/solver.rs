@@ -2,7 +2,7 @@
 
 use super::{Failure, small};
 use cutis::backend::{
-    Backend, CORRECTION, CpuBackend, FIRST_COLUMN, FREE, GpuBackend, Needs, Snapshot, Target, Wanted,
+    Backend, CORRECTION, CpuBackend, FIRST_COLUMN, FREE, GpuBackend, Needs, Query, Snapshot, Target, Values, Wanted,
 };
 use cutis::bodies::Model;
 use cutis::gpu::Gpu;
@@ -245,8 +245,9 @@ impl Case {
         let hits = three.each(|b| {
             b.solve(&[free], &[])?;
             b.finish(false, true)?;
-            b.cut(&quads)
+            b.read(&swept(&quads))
         })?;
+        let hits = hits.map(|values| values.hits);
         let segments = |k: usize| hits[k].iter().map(|hit| hit.segment).collect::<Vec<_>>();
         if segments(0) != segments(1) || segments(0) != segments(2) || hits[0].len() < 5 {
             return Err(format!("{hits:?}").into());
@@ -257,8 +258,8 @@ impl Case {
                 return Err(format!("segment {} is crossed {apart:e} of its length apart", hit.segment).into());
             }
         }
-        let none = three.each(|b| b.cut(&quads[8..]))?;
-        if none.iter().any(|hits| !hits.is_empty()) {
+        let none = three.each(|b| b.read(&swept(&quads[8..])))?;
+        if none.iter().any(|values| !values.hits.is_empty()) {
             return Err(format!("cut in the air: {none:?}").into());
         }
         Ok(())
@@ -292,6 +293,10 @@ impl Three {
 /// Name, allowed difference relative to the largest entry, values.
 type Seen = Vec<(&'static str, f64, Vec<[f64; 3]>)>;
 
+fn swept(quads: &[[f64; 3]]) -> Query {
+    Query { quads: quads.to_vec(), ..Query::default() }
+}
+
 fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Result<Seen> {
     let mut seen: Seen = vec![];
     let (pressed, bottom) = (top[24], 8u32);
@@ -312,14 +317,20 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     b.solve(&[absolute(CORRECTION)], &[])?;
     seen.push(("correction", SOLUTION, triples(&b.solution(CORRECTION)?)));
     b.finish(true, false)?;
-    seen.push(("displacements", SOLUTION, b.displacements(top)?));
-    seen.push(("tile bounds", SOLUTION, triples(&b.bounds()?.concat())));
+    // forces of the step just finished come with them, in a list of their own
+    let query =
+        Query { displacements: top.to_vec(), elastic_forces: top[..9].to_vec(), bounds: true, ..Query::default() };
+    let Values { displacements, elastic_forces, bounds, .. } = b.read(&query)?;
+    seen.push(("displacements", SOLUTION, displacements));
+    seen.push(("elastic forces at the start", FORCE, elastic_forces));
+    seen.push(("tile bounds", SOLUTION, triples(&bounds.concat())));
     // one cell (or its springs) and, at the corner, a node go
     let (cells, springs, nodes) = removal(model);
     b.remove(&cutis::bodies::Removal { cells, springs, free: nodes, ..Default::default() })?;
     b.begin()?;
     let all: Vec<u32> = (0..model.grid.node_count() as u32).collect();
-    seen.push(("elastic forces", FORCE, b.elastic_forces(&all)?));
+    let query = Query { elastic_forces: all.clone(), ..Query::default() };
+    seen.push(("elastic forces", FORCE, b.read(&query)?.elastic_forces));
     seen.push(("node blocks", SOLUTION, b.node_blocks(&all)?.concat()));
     b.solve(&[free], &[])?;
     b.set_correction(&[(pressed, [0.0, 0.0, -1e-5]), (bottom, [1e-5; 3])])?;

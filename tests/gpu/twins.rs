@@ -252,7 +252,7 @@ pub fn forces<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn gather<R: Real>(b: &Body) -> Outputs<R> {
     let mut picked = b.v4::<R>("picked");
-    kernels::gather::gather(&b.ids(), &b.v4("source"), &mut picked);
+    kernels::gather::gather(Body::FIRST, &b.ids(), &b.v4("source"), &mut picked);
     vec![("picked", flat(&picked))]
 }
 

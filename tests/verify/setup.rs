@@ -1,7 +1,7 @@
 //! A deformable body on any place, driven step by step without a scene's tools; and what tests compare it with.
 
 use super::small;
-use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
+use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Query, Snapshot, Target, Wanted};
 use cutis::bodies::Model;
 use cutis::bodies::Removal;
 use cutis::gpu::Gpu;
@@ -132,9 +132,9 @@ impl Body {
 
     /// Elastic forces in the present state, [node] N.
     pub fn forces(&mut self) -> Vec<[f64; 3]> {
-        let all: Vec<u32> = (0..self.model.grid.node_count() as u32).collect();
+        let query = Query { elastic_forces: (0..self.model.grid.node_count() as u32).collect(), ..Query::default() };
         self.backend.begin().expect("the device works");
-        self.backend.elastic_forces(&all).expect("the device works")
+        self.backend.read(&query).expect("the device works").elastic_forces
     }
 
     /// Present state; rotations belong to it.

@@ -3,7 +3,9 @@
 mod reserve;
 mod slots;
 
-use super::{Backend, CORRECTION, Device, FREE, NOT_KEPT, Needs, Nonlinear, Snapshot, Target, Vector, Wanted};
+use super::{
+    Backend, CORRECTION, Device, FREE, NOT_KEPT, Needs, Nonlinear, Query, Snapshot, Target, Values, Vector, Wanted,
+};
 use crate::bodies::cpu::{System, Workspace};
 use crate::bodies::{Anchors, Model, Removal, rate};
 use crate::error::Result;
@@ -118,6 +120,16 @@ impl<R: Real> CpuBackend<R> {
     /// DOF masks and masses without rest-shape springs.
     fn own(&self) -> &[V4<R>] {
         if self.masses.is_empty() { &self.free } else { &self.masses }
+    }
+
+    /// Segments that swept quads crossed.
+    fn crossed(&mut self, quads: &[[f64; 3]]) -> Vec<Hit<f64>> {
+        let Some(c) = self.cutting.as_mut().filter(|_| !quads.is_empty()) else { return vec![] };
+        assert!(c.kept, "{NOT_KEPT}");
+        self.system.points(&self.params, &self.u, &mut c.point_u);
+        let quads: Vec<V4<R>> = quads.iter().map(|p| V3::of(*p).pad(R::zero())).collect();
+        let hits = cut::cut(&c.ends, &c.rest, &c.point_u, &c.point_before, &quads);
+        hits.iter().map(|hit| Hit { segment: hit.segment, at: hit.at.f64() }).collect()
     }
 
     /// `[node]` in f64, the places that are not in use too, which are zero.
@@ -247,29 +259,16 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(())
     }
 
-    fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
-        Ok(nodes.iter().map(|n| V3::from4(self.u[*n as usize]).f64()).collect())
-    }
-
-    fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>> {
-        let count = if self.contact { bounds::tile_count(&self.params) } else { 0 };
+    fn read(&mut self, query: &Query) -> Result<Values> {
+        let at = |values: &[V4<R>], nodes: &[u32]| nodes.iter().map(|n| V3::from4(values[*n as usize]).f64()).collect();
+        let tiles = if self.contact && query.bounds { bounds::tile_count(&self.params) } else { 0 };
         let of = |tile| bounds::bounds_of_tile(&self.params, &self.u, tile).map(|v| v.map(R::f64));
-        Ok((0..count).into_par_iter().map(of).collect())
-    }
-
-    fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
-        Ok(nodes.iter().map(|n| V3::from4(self.f[*n as usize]).f64()).collect())
-    }
-
-    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>> {
-        let Some(c) = &mut self.cutting else {
-            return Ok(vec![]);
-        };
-        assert!(c.kept, "{NOT_KEPT}");
-        self.system.points(&self.params, &self.u, &mut c.point_u);
-        let quads: Vec<V4<R>> = quads.iter().map(|p| V3::of(*p).pad(R::zero())).collect();
-        let hits = cut::cut(&c.ends, &c.rest, &c.point_u, &c.point_before, &quads);
-        Ok(hits.iter().map(|hit| Hit { segment: hit.segment, at: hit.at.f64() }).collect())
+        Ok(Values {
+            displacements: at(&self.u, &query.displacements),
+            elastic_forces: at(&self.f, &query.elastic_forces),
+            bounds: (0..tiles).into_par_iter().map(of).collect(),
+            hits: self.crossed(&query.quads),
+        })
     }
 
     fn remove(&mut self, removal: &Removal) -> Result<()> {

@@ -34,6 +34,9 @@ pub(super) struct Cutting {
 /// Maximum number of hits read back per step; a blade crosses a few hundred links at most.
 const MAX_HITS: usize = 65_536;
 
+/// Hits read with their count; there are usually fewer, and more take a read-back of their own.
+const FIRST_HITS: u64 = 1024;
+
 /// Maximum number of swept quads per step; one per piece of the blade's edge.
 const MAX_QUADS: usize = 256;
 
@@ -103,8 +106,8 @@ impl Cutting {
         }
     }
 
-    /// Runs the batch and the cut; returns the segments crossed by the quads, in ascending order.
-    pub fn hits(&self, gpu: &Gpu, mut batch: Batch, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>> {
+    /// Records the search for segments crossed by the quads; returns what [`Cutting::hits`] needs read.
+    pub fn record(&self, gpu: &Gpu, batch: &mut Batch, quads: &[[f64; 3]]) -> Result<[(&Buffer, u64); 2]> {
         let corners: Vec<V4<f32>> = quads.iter().map(|p| V3::of(*p).pad(0.0)).collect();
         if corners.len() > MAX_QUADS * 4 {
             return Err(Refused::SweptQuads { count: corners.len() / 4, most: MAX_QUADS }.into());
@@ -117,15 +120,17 @@ impl Cutting {
             batch.run(centres, *cells, 1);
         }
         batch.run(&self.cut, self.segments, 1);
-        // usually there are few hits: read the count and the first of them at once
-        let first = 1024u64;
-        let parts = gpu.submit_and_read(batch, &[(&self.hit_count, 4), (&self.hits, first * 8)])?;
-        let count = cast::<u32>(&parts[0])[0] as usize;
+        Ok([(&self.hit_count, 4), (&self.hits, FIRST_HITS * 8)])
+    }
+
+    /// Segments crossed by the quads, in ascending order.
+    pub fn hits(&self, gpu: &Gpu, [count, first]: [&[u8]; 2]) -> Result<Vec<Hit<f64>>> {
+        let count = cast::<u32>(count)[0] as usize;
         if count > MAX_HITS {
             return Err(Refused::CutLinks { count, most: MAX_HITS }.into());
         }
         let mut hits: Vec<[u32; 2]> =
-            if count as u64 <= first { cast(&parts[1]) } else { gpu.read(&self.hits, count)? };
+            if count as u64 <= FIRST_HITS { cast(first) } else { gpu.read(&self.hits, count)? };
         hits.truncate(count);
         hits.sort_unstable();
         Ok(hits.iter().map(|[segment, at]| Hit { segment: *segment, at: f64::from(f32::from_bits(*at)) }).collect())
@@ -146,12 +151,10 @@ impl Bounds {
         Ok(Self { kernel: made.gpu.bind(&bounds::SOURCE, &list)?, out })
     }
 
-    /// Runs the batch and then the bounding boxes; `threads` and `bytes` come from the tiles in use.
-    pub fn read(&self, gpu: &Gpu, mut batch: Batch, (threads, bytes): (usize, u64)) -> Result<Vec<[V4<f64>; 2]>> {
+    /// Records the bounding boxes; `threads` and `bytes` come from the tiles in use. Returns what is to be read.
+    pub fn record(&self, batch: &mut Batch, (threads, bytes): (usize, u64)) -> (&Buffer, u64) {
         batch.run(&self.kernel, threads, 1);
-        let parts = gpu.submit_and_read(batch, &[(&self.out, bytes)])?;
-        let all: Vec<[V4<f32>; 2]> = cast(&parts[0]);
-        Ok(all.iter().map(|pair| pair.map(|v| v.map(f64::from))).collect())
+        (&self.out, bytes)
     }
 }
 

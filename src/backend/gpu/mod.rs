@@ -1,7 +1,7 @@
 //! GPU path: the same arrays and kernels in WGSL, f32.
 //!
 //! Commands are recorded and submitted with the next read-back. A step without contact is one submission; a step with contact adds one per
-//! pass of the correction. A solve is recorded with a few more iterations than the last one of its kind took. Converged right-hand sides
+//! pass of the correction, and one that reads all that the host asks of the new state. A solve is recorded with a few more iterations than the last one of its kind took. Converged right-hand sides
 //! skip their work; if one has not converged, more iterations are submitted.
 
 mod anchors;
@@ -12,12 +12,12 @@ mod newton;
 mod solver;
 mod split;
 
-use super::{Backend, CORRECTION, Device, Needs, Nonlinear, Snapshot, Vector, Wanted};
+use super::{Backend, CORRECTION, Device, Needs, Nonlinear, Query, Snapshot, Values, Vector, Wanted};
 use crate::bodies::gpu::{Arrays, Dispatch, Maker, over_columns, over_nodes, untouched};
 use crate::bodies::{Model, Removal};
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
-use crate::kernels::{GROUP, Params, blocks, cut::Hit, factor, integrate, rhs};
+use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4, round};
 use anchors::Anchored;
@@ -302,31 +302,8 @@ impl Backend for GpuBackend {
         Ok(())
     }
 
-    fn displacements(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
-        self.read_picked(nodes, |p| &p.u)
-    }
-
-    fn bounds(&mut self) -> Result<Vec<[V4<f64>; 2]>> {
-        let batch = self.record();
-        match &self.bounds {
-            Some(bounds) => bounds.read(&self.gpu, batch, self.solver.in_use.tiles()),
-            None => {
-                self.pending = Some(batch);
-                Ok(vec![])
-            }
-        }
-    }
-
-    fn elastic_forces(&mut self, nodes: &[u32]) -> Result<Vec<[f64; 3]>> {
-        self.read_picked(nodes, |p| &p.f)
-    }
-
-    fn cut(&mut self, quads: &[[f64; 3]]) -> Result<Vec<Hit<f64>>> {
-        let batch = self.record();
-        match &self.cutting {
-            Some(cutting) => cutting.hits(&self.gpu, batch, quads),
-            None => Ok(vec![]),
-        }
+    fn read(&mut self, query: &Query) -> Result<Values> {
+        self.answer(query)
     }
 
     fn remove(&mut self, removal: &Removal) -> Result<()> {
