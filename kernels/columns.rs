@@ -1,7 +1,7 @@
-//! The factored columns ([`super::factor`]) solved for a load, with a dot: what `precondition` and `relax` share.
+//! Solution of the factored columns ([`super::factor`]) for a load, with a dot product: shared by `precondition` and `relax`.
 //!
-//! Up: `y_k = l_k − G_{k−1}ᵀ y_{k−1}`; down: `s_k = D'_k⁻¹ y_k − G_k s_{k+1}`. What the load `l` is and what becomes of the solution `s`
-//! the kernel says, as functions of one node.
+//! Forward: `y_k = l_k − G_{k−1}ᵀ y_{k−1}`; backward: `s_k = D'_k⁻¹ y_k − G_k s_{k+1}`. The kernel supplies the load `l` and the use of the
+//! solution `s`, as functions of one node.
 //! Units: r l y N, s m.
 
 use super::blocks::unpack;

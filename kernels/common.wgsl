@@ -58,7 +58,7 @@ fn product_tiles(p: Params) -> vec2<u32> {
     return (vec2<u32>(p.nodes_x, p.nodes_y) + PRODUCT_TILE - 1u) / PRODUCT_TILE;
 }
 
-// Columns of nodes, copies' too, and of one of them the first node and the step to the next (split.rs).
+// Node columns, with the duplicate ones; and the first node of a column and the stride to the next (split.rs).
 fn column_count(p: Params) -> u32 {
     return p.nodes_x * p.nodes_y + p.extra_columns;
 }

@@ -57,7 +57,7 @@ pub struct Multigrid {
 /// Number of duplicate columns to reserve for a body that a blade may cut.
 ///
 /// # Errors
-/// [`Refused::DirectSplit`] for the direct solver where nodes may be split.
+/// [`Refused::DirectSplit`] for the direct solver where nodes may be duplicated.
 pub(super) fn reserve(scene: &Scene, skin: &Skin) -> Result<usize> {
     let blade = scene.tools.iter().any(|t| t.blade.is_some());
     let columns = match (skin.cut, skin.law) {
