@@ -1,6 +1,6 @@
-// M⁻¹ by columns, with r·z; see columns.rs (formula and units there). A kernel that binds `block`, `r`, `partial_gamma` and `scalars` says with
-// four functions of a place `at` in [slot][node] what is solved for: `pushed` is the load, `keep` and `kept` have y on the way, `take` makes
-// of the solution the z that r·z is of.
+// M⁻¹ by columns, with r·z; see columns.rs (formula and units there). A kernel that includes it binds `block`, `r`, `partial_gamma` and
+// `scalars` and has four functions of an index `at` into [slot][node]: `pushed` gives the load, `keep` and `kept` store and read y, `take`
+// turns the solution into the z of r·z.
 fn solve_columns(thread: Thread) {
     let group_index = group_of(thread);
     let column = number_of(thread);

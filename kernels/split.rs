@@ -146,7 +146,7 @@ impl<R: Real> Params<R> {
         };
         Some([column % self.nodes_x as usize, column / self.nodes_x as usize, level])
     }
-    /// The cells of which a node is a corner, by that corner's number; none at a place without a copy.
+    /// Cells around a node, by its corner number in each; none for an unused duplicate.
     pub fn cells_around<'a>(&'a self, split: &'a [u32], node: usize) -> impl Iterator<Item = Around> + 'a {
         let place = self.place(split, node);
         (0..8).filter_map(move |a| {

@@ -293,7 +293,7 @@ impl Table {
         })
     }
 
-    /// Checks that a file begins with what a table of these columns had written at a mark.
+    /// Checks that a file begins with what a table of these columns wrote up to a mark.
     ///
     /// # Errors
     /// [`Failed::TableUnfit`] for one that does not.

@@ -78,7 +78,7 @@ pub trait System<R: Real>: Send + Sync {
     /// Factors the direct solver's matrix before a solve; does nothing for other solvers.
     ///
     /// # Errors
-    ///  [`super::Refused::NotPositive`] if the matrix is not positive definite; [`super::Refused::DirectMemory`] without memory for its
+    /// [`super::Refused::NotPositive`] if the matrix is not positive definite; [`super::Refused::DirectMemory`] without memory for its
     /// factor.
     fn factor(&mut self, _free: &[V4<R>]) -> Result<()> {
         Ok(())

@@ -10,7 +10,7 @@ use glam::DVec3;
 pub struct Resistance {
     /// Force per length of edge at which the tissue is cut, N/m.
     pub edge: f64,
-    ///  Force per length of a flat, over the root of the flat's distance from the edge, at which the tissue splits ahead of the edge,
+    /// Force per length of a flat, over the root of the flat's distance from the edge, at which the tissue splits ahead of the edge,
     /// N/m^1.5.
     pub splitting: f64,
     /// Cell width along the surface, m: within it of the front a cut's walls do not open as those of a sharp crack.

@@ -73,7 +73,7 @@ impl Boxes {
         Self { tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &leaves), rest, motion, of_grid: x * y, moved: 0.0 }
     }
 
-    ///  Refits the boxes to the tiles' bounds, `[tile]` least and greatest displacement as from `Backend::bounds`; returns the number of
+    /// Refits the boxes to the tiles' bounds, `[tile]` least and greatest displacement as from `Backend::bounds`; returns the number of
     /// non-finite nodes. A tile without finite nodes keeps its rest box.
     pub fn refit(&mut self, surface: &Surface, bounds: &[[V4<f64>; 2]]) -> usize {
         let (grid, parents) = (surface.grid(), surface.parts.parents());

@@ -7,7 +7,7 @@ use glam::DVec3;
 const FACING: f64 = 0.5;
 
 impl Patch {
-    ///  First triangle along a ray within `reach`, if it faces the ray: triangle, weights, distance. `None` if the ray leaves the tissue
+    /// First triangle along a ray within `reach`, if it faces the ray: triangle, weights, distance. `None` if the ray leaves the tissue
     /// first (it started inside) or meets the surface at grazing incidence.
     pub fn cast(&self, from: DVec3, direction: DVec3, reach: f64) -> Option<(usize, [f64; 3], f64)> {
         let to = from + direction * reach;

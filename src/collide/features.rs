@@ -180,7 +180,7 @@ impl Hunt<'_> {
         found
     }
 
-    ///  Frictionless pairs with the faces that rise around a pair on a face, within the step's tangential motion: a point that slides along
+    /// Frictionless pairs with the faces that rise around a pair on a face, within the step's tangential motion: a point that slides along
     /// its own face would pass through them. On an edge or vertex the mean normal stands for them; it depends on theirs, so forces would be
     /// undetermined.
     fn walls(&self, pair: &Pair, shift: DVec3) -> Vec<Pair> {
@@ -206,7 +206,7 @@ impl Hunt<'_> {
         walls
     }
 
-    ///  Pair of a point with a feature that it touches, vertices before edges before faces. One is enough, since the surface around it
+    /// Pair of a point with a feature that it touches, vertices before edges before faces. One is enough, since the surface around it
     /// moves with it.
     fn rests(&self, piece: &Piece, feature: &Feature) -> Option<Pair> {
         let near = feature.near(piece.ends, piece.point)?;
@@ -299,7 +299,7 @@ impl Hunt<'_> {
         Pair { spot: feature.spot(near.weights), u: near.u, on_tool, on_skin, normal, gap, rubs: true }
     }
 
-    ///  Fraction of the motion at which the two touch or come nearest, with the nearest points there: never closer than the touching
+    /// Fraction of the motion at which the two touch or come nearest, with the nearest points there: never closer than the touching
     /// distance, unless they start so.
     fn advance(&self, piece: &Piece, feature: &Feature, first: Near) -> (f64, Near) {
         let clear = |near: &Near| near.away.length() - self.radius;

@@ -18,7 +18,7 @@ const PLANE_THEN_ACROSS: Groups = &[0..2, 2..3];
 /// Law of a contact or a constraint: the bounds on its forces.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Law {
-    ///  Unilateral contact with Coulomb friction. Row 0 is the normal: `0 ≤ λ_n ≤ bound`, `δ_n ≥ 0`, one of them zero below the bound. Rows
+    /// Unilateral contact with Coulomb friction. Row 0 is the normal: `0 ≤ λ_n ≤ bound`, `δ_n ≥ 0`, one of them zero below the bound. Rows
     /// 1 and 2 are the tangents: `|λ_t| ≤ μ λ_n`, against the slip. Without friction the law has the normal row alone.
     Coulomb {
         /// μ
@@ -28,7 +28,7 @@ pub enum Law {
     },
     /// Piece of edge inside the tissue. Rows 0 and 1 span the blade's plane (forward, along the edge), row 2 is its normal.
     ///
-    ///  The in-plane force opposes the motion and is at most `radius · cos θ`, θ the angle between motion and forward (push and slice,
+    /// The in-plane force opposes the motion and is at most `radius · cos θ`, θ the angle between motion and forward (push and slice,
     /// Atkins 2009): the work is toughness × area for any motion, and slicing lowers the push. Allowed forces therefore lie in the circle
     /// through the origin with diameter `radius` along forward, and are projected on it along their own direction, since they oppose the
     /// motion; a piece that moves back is free. (The disc of that radius, as for friction, took 1.41 times toughness × area with an edge at

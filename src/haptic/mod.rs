@@ -201,7 +201,7 @@ impl Renderer {
         }
     }
 
-    ///  One tick of `step` seconds, `age` seconds after the hand pose of the problem: returns the force on the hand. Until the next problem
+    /// One tick of `step` seconds, `age` seconds after the hand pose of the problem: returns the force on the hand. Until the next problem
     /// the violations drift at `rate`; the hand's own motion acts through the compliance.
     pub fn tick(&mut self, problem: &Reduced, hand: Hand, step: f64, age: f64) -> Tick {
         let rows = problem.axes.len();

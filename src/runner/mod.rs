@@ -130,7 +130,7 @@ impl Runner {
         Ok(())
     }
 
-    ///  Opens the devices and starts the clock; the first [`Runner::step`] does so as well. With `record`, returns a ring for each device
+    /// Opens the devices and starts the clock; the first [`Runner::step`] does so as well. With `record`, returns a ring for each device
     /// with the number of its tool: rows of a trajectory with forces.
     ///
     /// # Errors
@@ -156,7 +156,7 @@ impl Runner {
         self.steps
     }
 
-    ///  Takes the next step when it is due; `check` evaluates the true residual as well. Passes each tick to `on_tick`: by the scene's
+    /// Takes the next step when it is due; `check` evaluates the true residual as well. Passes each tick to `on_tick`: by the scene's
     /// clock those before the step, by the wall clock those until its end.
     ///
     /// # Errors

@@ -64,7 +64,7 @@ const OF_FLOATING: f64 = 1e-4;
 /// Relative pivot below which a rigid-body mode counts as unconstrained.
 const NONE: f64 = 1e-9;
 
-/// Whether the body is floating: its held axes and anchors leave at least one of the six rigid-body modes unconstrained.
+/// Whether the body is floating: its constrained axes and anchors leave at least one of the six rigid-body modes unconstrained.
 fn floats(model: &Model) -> bool {
     let mut seen = [[0.0; 6]; 6]; // Σ rᵀr over held axes, r the axis's value in the six modes; positions in units of the extent
     let length = model.extent();
@@ -265,10 +265,10 @@ impl Body {
         Resistance { edge: model.toughness[layer], splitting: model.splitting[layer], cell: model.cell_width() }
     }
 
-    ///  Position of the surface corner at a node, m: in a wound it lies beside the node ([`crate::mesh::Corner`]). The node's own if not
+    /// Position of the surface corner at a node, m: in a wound it lies beside the node ([`crate::mesh::Corner`]). The node's own if not
     /// located.
     ///
-    ///  Rows act on the corner's own node. A step's motion of the corner therefore differs from that in its rows, by the offset times the
+    /// Rows act on the corner's own node. A step's motion of the corner therefore differs from that in its rows, by the offset times the
     /// gradient of the motion. The geometry is evaluated anew at each step, so the difference does not accumulate.
     pub(super) fn position(&self, node: u32) -> DVec3 {
         self.located.place(node).unwrap_or_else(|| self.node_position(node))

@@ -214,7 +214,7 @@ impl Simulation {
         problem.rows.compliance(&between, problem.free)
     }
 
-    ///  Initial forces: those of the last step, by contact id. The penalty loop's forces are final, unless those of the last step are
+    /// Initial forces: those of the last step, by contact id. The penalty loop's forces are final, unless those of the last step are
     /// `held`.
     fn first_forces(&self, problem: &Problem, held: bool) -> Vec<f64> {
         let forces = if held { Loop::Constraints } else { problem.law.forces };
@@ -233,7 +233,7 @@ impl Simulation {
         out
     }
 
-    ///  Displacement of the rows' nodes under contact forces, `[body][node]` m, solved to a share of the forces; the backends keep the
+    /// Displacement of the rows' nodes under contact forces, `[body][node]` m, solved to a share of the forces; the backends keep the
     /// correction of all nodes.
     fn correct(
         &mut self,
@@ -273,7 +273,7 @@ impl Simulation {
         }
     }
 
-    ///  Rate at which the relative motion of a step continues under held forces, 1/s. A rigid body keeps its velocity; skin creeps by its
+    /// Rate at which the relative motion of a step continues under held forces, 1/s. A rigid body keeps its velocity; skin creeps by its
     /// viscosity alone: `K x + τ K ẋ = f` in implicit Euler has `Δx' = τ/(τ + h) Δx`, τ the Rayleigh stiffness damping.
     fn goes_on(&self, on: [BodyId; 2]) -> f64 {
         let h = self.step_size();

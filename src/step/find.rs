@@ -93,7 +93,7 @@ impl Simulation {
         out
     }
 
-    ///  Drops contacts that lie deeper than the last step's motion can have brought their sample. A tool enters skin only through the
+    /// Drops contacts that lie deeper than the last step's motion can have brought their sample. A tool enters skin only through the
     /// surface, so such a contact belongs to a surface that the tool did not pass. Each is counted.
     fn drop_unexplained(&mut self, search: &Search, found: &mut Vec<Contact>, report: &mut StepReport) {
         let h = self.step_size();
@@ -120,7 +120,7 @@ impl Simulation {
         }
     }
 
-    ///  Tool, body and sample of a contact of a tool with a deformable body; none for round tools and lines, whose contact points move over
+    /// Tool, body and sample of a contact of a tool with a deformable body; none for round tools and lines, whose contact points move over
     /// their surface.
     fn sample_of(&self, contact: &Contact) -> Option<(usize, usize, usize)> {
         let [BodyId::Rigid(number), BodyId::Deformable(body)] = contact.on else { return None };
@@ -145,7 +145,7 @@ impl Simulation {
 
     /// Reads back the positions of deformable bodies' nodes near other bodies.
     ///
-    ///  The search margin suffices for points outside. A point inside at depth `d` belongs to the nearest surface, which may be as far as
+    /// The search margin suffices for points outside. A point inside at depth `d` belongs to the nearest surface, which may be as far as
     /// `d`: if that exceeds the margin, the margin of its tool grows by `d` and all bodies are located again.
     fn locate(&mut self, search: &Search, travel: &[f64], report: &mut StepReport) -> Result<()> {
         for body in &mut self.bodies {

@@ -132,7 +132,7 @@ mod tests {
         scene
     }
 
-    ///  Runs `steps` steps; if `spoilt`, the last one's unconstrained motion starts from NaN. Returns the last step's result and the
+    /// Runs `steps` steps; if `spoilt`, the last one's unconstrained motion starts from NaN. Returns the last step's result and the
     /// simulation.
     fn run(scene: &Scene, steps: u32, spoilt: bool) -> (Result<StepReport>, Simulation) {
         let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");

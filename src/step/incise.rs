@@ -70,7 +70,7 @@ impl Simulation {
         done
     }
 
-    ///  Moves the fronts of the pieces of edge: held pieces move relative to the skin, the others by their own motion. A piece that has
+    /// Moves the fronts of the pieces of edge: held pieces move relative to the skin, the others by their own motion. A piece that has
     /// left the wound forgets its front.
     fn follow_fronts(&mut self, old: &[Instrument], contacts: &[Contact], report: &StepReport) {
         let fronts = std::mem::take(&mut self.fronts);

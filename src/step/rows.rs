@@ -89,7 +89,7 @@ impl<'a> Rows<'a> {
         nodes
     }
 
-    ///  `[contact]` displacement of the first body relative to the second, for given motions of rigid bodies (translation, rotation) and
+    /// `[contact]` displacement of the first body relative to the second, for given motions of rigid bodies (translation, rotation) and
     /// nodes, m.
     pub fn slips(
         &self,
@@ -146,7 +146,7 @@ impl<'a> Rows<'a> {
         sum
     }
 
-    ///  `W`, row-major, m/N, from the compliance blocks of deformable bodies (`between(body, a, b)`: of node b under one newton at a) and
+    /// `W`, row-major, m/N, from the compliance blocks of deformable bodies (`between(body, a, b)`: of node b under one newton at a) and
     /// rigid ones.
     pub fn compliance(&self, between: &dyn Fn(usize, u32, u32) -> DMat3, free: &[UnconstrainedMotion]) -> Vec<f64> {
         let count = self.count();

@@ -101,7 +101,7 @@ impl Simulation {
         Ok(())
     }
 
-    ///  Continues with a changed scene: friction, loads, stiffness, tolerance, anything that keeps the bodies, their cells and the step.
+    /// Continues with a changed scene: friction, loads, stiffness, tolerance, anything that keeps the bodies, their cells and the step.
     /// Costs as much as making the simulation; the compliance near the tools is solved anew.
     ///
     /// # Errors

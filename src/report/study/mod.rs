@@ -329,7 +329,7 @@ fn machine() -> String {
     format!("{name}, {threads} threads")
 }
 
-/// Name and driver of the adapter of a place.
+/// Name and driver of a backend's adapter.
 fn adapter(place: &Place) -> Option<String> {
     let Place::Gpu(text) = place else { return None };
     let found = adapters().into_iter().find(|a| a.named(text.as_deref().unwrap_or("")))?;

@@ -47,7 +47,7 @@ struct Known {
 }
 
 impl Compliance {
-    ///  Provides the columns of these nodes (sorted); solves those that are missing to `tolerance` times one newton and keeps at most
+    /// Provides the columns of these nodes (sorted); solves those that are missing to `tolerance` times one newton and keeps at most
     /// `most` nodes.
     ///
     /// # Errors
@@ -132,7 +132,7 @@ impl Compliance {
         }
     }
 
-    ///  Drops the columns of nodes that a cut has changed; the next `prepare` solves them anew. The others only age: away from the cut they
+    /// Drops the columns of nodes that a cut has changed; the next `prepare` solves them anew. The others only age: away from the cut they
     /// change little, and slow passes renew them.
     pub fn forget(&mut self, nodes: impl Iterator<Item = u32>) {
         for node in nodes {
@@ -144,7 +144,7 @@ impl Compliance {
         }
     }
 
-    ///  Solves the columns of one batch of nodes anew: of the nodes in use those with the oldest columns, among these the ones under the
+    /// Solves the columns of one batch of nodes anew: of the nodes in use those with the oldest columns, among these the ones under the
     /// largest `forces`. False if all columns are of the present step.
     ///
     /// # Errors

@@ -18,7 +18,7 @@ use crate::step::StepReport;
 const ROUND: f64 = 1e-3;
 
 impl Body {
-    ///  Improves the solution of the unconstrained motion in up to the scene's number of rounds; `solved.dx` becomes the whole step's
+    /// Improves the solution of the unconstrained motion in up to the scene's number of rounds; `solved.dx` becomes the whole step's
     /// increment, `free` the outcome.
     pub(super) fn refine(
         &mut self,

@@ -88,7 +88,7 @@ impl Problem<'_> {
         found.iter().zip(self.w.chunks_exact(lambda.len())).map(|(f, line)| f - product(line)).collect()
     }
 
-    ///  Updates `W` to the observations: `y = W s` for each change `s` of the forces and `y` of the true violations, by symmetric updates
+    /// Updates `W` to the observations: `y = W s` for each change `s` of the forces and `y` of the true violations, by symmetric updates
     /// of rank one (SR1; Broyden 1967), or of rank two (PSB; Powell 1970) where the first would be large or leave a row without compliance.
     /// Observations within the corrections' residuals are ignored: as updates they made passes cycle, and 7 of 100 cuts right through used
     /// them all up.
@@ -167,7 +167,7 @@ impl Problem<'_> {
 }
 
 impl Simulation {
-    ///  Runs passes until one more would change the forces by less than the tolerance; where they are used up, takes the best one. Returns
+    /// Runs passes until one more would change the forces by less than the tolerance; where they are used up, takes the best one. Returns
     /// its forces and slips.
     pub(super) fn iterate(
         &mut self,
