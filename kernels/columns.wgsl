@@ -12,12 +12,14 @@ fn solve_columns(thread: Thread) {
     var gamma = 0.0;
     if running && column < columns {
         var carried = vec3<f32>(0.0); // G_{k−1}ᵀ y_{k−1}
+        // forward substitution, bottom to top
         for (var k = 0u; k < params.nodes_z; k += 1u) {
             let i = nodes.x + k * nodes.y;
             let y = pushed(offset + i) - carried;
             keep(offset + i, y);
             carried = y * factors_of(i).g;
         }
+        // backward substitution, top to bottom
         var above = vec3<f32>(0.0);
         for (var n = 0u; n < params.nodes_z; n += 1u) {
             let i = nodes.x + (params.nodes_z - 1u - n) * nodes.y;

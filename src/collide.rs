@@ -3,7 +3,8 @@
 //! Only the surface near the tool is searched ([`broad`]). Each sample is projected on that patch (point–triangle, the nearest feature);
 //! the patch's pseudo-normals tell inside from outside, so a point inside is pushed out. The flats of a blade look along ± their normal
 //! alone: a ray from the blade's middle plane to the first wall that faces it. parry3d works in f32 and finds the triangle and the point on
-//! it; gaps and normals are then computed from f64 positions. Units: m.
+//! it; gaps and normals are then computed from f64 positions.
+//! Units: m.
 
 mod blade;
 pub mod bodies;

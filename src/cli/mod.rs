@@ -50,12 +50,14 @@ fn print_json(value: &impl serde::Serialize) {
 
 fn run_scene(args: &Run) -> Result<u8> {
     let mut scene = read(args.scene.as_ref())?;
+    // options override the scene's values
     let solver = &mut scene.solver;
     solver.tolerance = args.solver.tolerance.unwrap_or(solver.tolerance);
     solver.max_iterations = args.solver.iterations.unwrap_or(solver.max_iterations);
     solver.preconditioner = args.solver.preconditioner.map_or(solver.preconditioner, Into::into);
     scene.view.frames = args.frames.unwrap_or(scene.view.frames);
     let of_time = args.seconds.map(|t| (t / scene.time.step).round().max(1.0) as u32);
+    // haptic threads need a core of their own
     if args.realtime {
         cutis::runner::leave_a_core()?;
     } else {
@@ -70,10 +72,12 @@ fn run_scene(args: &Run) -> Result<u8> {
         checkpoint: args.checkpoint,
         resume: args.resume.clone(),
     };
+    // run with a progress display
     let mut shown = progress::Shown::new(options.steps.unwrap_or(scene.time.steps()));
     let summary = run::run(&scene, &options, &mut |p| shown.update(p));
     shown.end();
     let summary = summary?;
+    // result on standard output, notes on standard error
     if args.json {
         print_json(&summary.report);
     } else {

@@ -3,8 +3,8 @@
 //! A pair is the nearest points P on a feature of the tool and Q on one of the skin: point–vertex, point–edge, point–triangle,
 //! segment–vertex, segment–edge. It is kept when both lie strictly inside their features and |PQ| is below the alarm distance (plus the
 //! tool's radius), and, with `filter = "cones"`, when the direction is in the normal cones of both features ([`cones`]): local minima of
-//! the distance. With `filter = "points"` every pair within reach is kept whose skin feature faces the tool. Source: Johnson, Willemsen
-//! 2003, and SOFA's LocalMinDistance, whose pairs and cones these are. Three things differ:
+//! the distance. With `filter = "points"` every pair within reach is kept whose skin feature faces the tool.
+//! Source: Johnson, Willemsen 2003, and SOFA's LocalMinDistance, whose pairs and cones these are. Three things differ:
 //!
 //! - Signed. LocalMinDistance has no inside: a tool behind the surface loses its contacts. Here a point inside is pushed out along the
 //!   normal of the nearest surface ([`Patch::project`] has the sign). A segment below an edge or vertex is the mirrored problem: the same

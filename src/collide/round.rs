@@ -16,7 +16,8 @@
 //! clearance) finds the first t with `|a(t) − p| = R`. Normal and point on the axis are evaluated there, the gap of that plane at the start
 //! of the step. The start of the step, never the end of the motion, decides between inside and outside: a tool that would be through the
 //! skin by then is stopped on the side that it came from. A tool whose axis starts inside the skin is pushed out along the normal of the
-//! nearest surface. Units: m.
+//! nearest surface.
+//! Units: m.
 
 use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, Role, UnconstrainedMotion};

@@ -347,6 +347,7 @@ impl Gpu {
     }
 
     fn compile(&self, shader: Shader) -> Result<Pipeline> {
+        // layout entries of the shader's variables
         let entries: Vec<wgpu::BindGroupLayoutEntry> = shader
             .variables
             .iter()
@@ -388,6 +389,7 @@ impl Gpu {
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
+        // an invalid kernel is an error here
         if let Some(e) = pollster::block_on(scope.pop()) {
             return Err(Failed::Shader { kernel: shader.name, message: e.to_string() }.into());
         }

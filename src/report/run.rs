@@ -128,6 +128,7 @@ fn run_from(
     let clock = if options.realtime { Clock::Wall } else { Clock::Scene };
     let mut collector = Collector::new(scene, &simulation);
     let mut runner = Runner::new(scene, simulation, clock);
+    // start the folder's files, or continue those of the checkpoint
     let (folder, haptic, last) = match resumed {
         None => {
             let folder = Folder::create(&options.out, scene)?;
@@ -148,6 +149,7 @@ fn run_from(
             (folder, HapticFiles::reopen(&options.out, checkpoint.ticks)?, checkpoint.last)
         }
     };
+    // all steps; after an error the results so far are written
     let identity = checkpoint::identity(scene, &options.place);
     let mut running = Running { scene, options, identity, folder, collector, runner, haptic, last };
     let report = match running.all_steps(steps, progress) {
@@ -157,6 +159,7 @@ fn run_from(
             return Err(error);
         }
     };
+    // checks are for whole runs
     let cut_short = steps < scene.time.steps();
     Ok(Summary {
         failures: match cut_short {

@@ -138,6 +138,7 @@ impl Body {
             let z: u64 = skin.layers.iter().map(|l| u64::from(l.cells)).sum();
             gpu.fits("x", x * y * (z + 1) * 16 * slots(scene) as u64)?;
         }
+        // model and initial state on the backend
         let model = Model::new(scene, number)?;
         check_step(scene, &model)?;
         let needs = needs(scene, &model);
@@ -148,6 +149,7 @@ impl Body {
             None if single => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
             None => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
         };
+        // a floating body falls, and its columns take a tighter tolerance
         let part = scene.time.part();
         let (fall, looseness) = match floats(&model) {
             true => (DVec3::from_array(scene.time.gravity).length() * part.powi(2), OF_FLOATING),

@@ -177,6 +177,7 @@ impl<'a> Rows<'a> {
         let (a, b) = (&self.contacts[i], &self.contacts[j]);
         let mut sum = [[0.0; 3]; 3];
         let mut whole = [0.0; 3]; // compliance of each side by itself
+        // all pairs of sides on the same body
         for (s, t) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             if a.on[s] != b.on[t] {
                 continue;
@@ -206,6 +207,7 @@ impl<'a> Rows<'a> {
                 BodyId::Plane(_) | BodyId::World => {}
             }
         }
+        // two points of one body: bound their relative compliance from below
         if i == j && a.on[0] == a.on[1] {
             (0..3).for_each(|m| sum[m][m] = sum[m][m].max(APART * whole[m]));
         }

@@ -282,6 +282,7 @@ impl Mechanics for Hexahedra {
         let (shapes, layers) = (model.shapes::<f64>(), &model.grid.layer_of);
         let (blocks, pre_strains, split) = (model.stiffness_blocks::<f64>(), model.pre_strains(), &solved.start.split);
         let rotation = self.rotations(model, &solved.start);
+        // elastic forces with the rotations of the state
         forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, at, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         // product of the small-strain cells; of a hyperelastic body these have damping only

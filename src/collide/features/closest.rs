@@ -2,9 +2,9 @@
 //!
 //! A point on the tool is `a + u (b − a)` (`a = b` for a point), a point on the skin has weights on up to three corners. `strict` means
 //! that both lie strictly inside their primitives, so that no smaller feature (an end, an edge, a corner) has the same pair. Segment and
-//! triangle have no nearest pair of their own besides those of ends and edges: they meet only where one pierces the other. Source: Ericson
-//! 2005, Real-Time Collision Detection, 5.1.2, 5.1.5, 5.1.9, 5.3.6; segment and triangle after Möller and Trumbore 1997. Differs: signed
-//! areas alone determine the region of the triangle. Units: m.
+//! triangle have no nearest pair of their own besides those of ends and edges: they meet only where one pierces the other.
+//! Source: Ericson 2005, Real-Time Collision Detection, 5.1.2, 5.1.5, 5.1.9, 5.3.6; segment and triangle after Möller and Trumbore 1997.
+//! Differs: signed areas alone determine the region of the triangle. Units: m.
 
 use glam::DVec3;
 

@@ -5,9 +5,9 @@
 //! the unit directions in which what surrounds it ends there (for a vertex along its edges; for an edge across it, in the plane of each of
 //! its triangles). The pair is refused when `n·d < −α` or when, for any l, `l·d < −(max(0, ½ n·l) + α)`; a face refuses `n·d < 0`. α widens
 //! the cones (sine of an angle). At 0 a tool exactly above a vertex of a surface that is flat up to rounding would have no pair at all,
-//! since the vertex is a dimple and no face has the point strictly inside. Source: Johnson, Willemsen 2003 (local minima of distance by
-//! normal cones), in the form of SOFA's LocalMinDistance. Differs: they bound cones of whole boxes of triangles to find all minima between
-//! two meshes; here the tool is a few lines and each pair is tested itself.
+//! since the vertex is a dimple and no face has the point strictly inside.
+//! Source: Johnson, Willemsen 2003 (local minima of distance by normal cones), in the form of SOFA's LocalMinDistance. Differs: they bound
+//! cones of whole boxes of triangles to find all minima between two meshes; here the tool is a few lines and each pair is tested itself.
 
 use super::closest::{self, Near};
 use crate::collide::Patch;

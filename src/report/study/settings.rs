@@ -202,6 +202,7 @@ impl Axes {
 /// [`Unfit`] if that is no whole number along x or y, a region holds no node there, or a probe lies between nodes.
 pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
     let mut out = scene.clone();
+    // cells and reserve of each body
     for skin in &mut out.skins {
         for cells in &mut skin.cells {
             let wanted = f64::from(*cells) * factor;
@@ -217,6 +218,7 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
             *reserve_columns = (f64::from(*reserve_columns) * factor).ceil() as u32;
         }
     }
+    // refuse grids with too many nodes, regions without a node, probes between nodes
     let nodes = |skin: &Skin| {
         let z: f64 = skin.layers.iter().map(|l| f64::from(l.cells)).sum();
         (f64::from(skin.cells[0]) + 1.0) * (f64::from(skin.cells[1]) + 1.0) * (z + 1.0)

@@ -99,6 +99,7 @@ pub fn trace(
     let mut trace = Trace { wanted, ..Trace::default() };
     let (mut wall, mut busy, mut iterations) = (vec![], vec![], 0u64);
     for number in 1..=wanted {
+        // a step with its wall time, and now and then the device's
         let begin = Instant::now();
         let step = simulation.step(false)?;
         wall.push(begin.elapsed().as_secs_f64() * 1e3);
@@ -108,6 +109,7 @@ pub fn trace(
         iterations += u64::from(step.free.iterations);
         trace.warnings += step.warnings.values().map(|n| u64::from(*n)).sum::<u64>();
         trace.steps = number;
+        // samples at the common times
         if number % sampled == 0 {
             let value = |signal: &Signal| match signal {
                 Signal::Probe(probe, _) => step.probes[*probe],
@@ -120,6 +122,7 @@ pub fn trace(
             break;
         }
     }
+    // cost per step
     trace.iterations = iterations as f64 / f64::from(trace.steps.max(1));
     trace.ms_per_step = median(&mut wall).unwrap_or(f64::NAN);
     trace.device_ms_per_step = median(&mut busy);
