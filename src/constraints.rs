@@ -5,8 +5,8 @@
 //! [`relax`] runs plain sweeps, for the haptic tick. [`solve`] ends within a budget of row updates for any input and returns the best
 //! iterate: sweeps and Newton steps (`newton`) inside proximal steps (`proximal`, which states what is known of their convergence).
 //!
-//! Source: Jourdan, Alart, Jean 1998 (block Gauss–Seidel); Duriez et al. 2006 (its use for haptics); Alart, Curnier 1991 (Newton). Differs:
-//! the rows of a friction disc are divided by the largest compliance of their plane, not the mean, so that sticking always converges.
+//! Source: Jourdan, Alart, Jean 1998 (block Gauss–Seidel); Duriez et al. 2006 (its use for haptics); Alart, Curnier 1991 (Newton).
+//! Differs: the rows of a friction disc are divided by their plane's largest compliance, not the mean, so that sticking always converges.
 
 mod law;
 mod newton;

@@ -1,15 +1,15 @@
 //! Contacts of spheres and capsules with the skin's surface points.
 //!
 //! Surface points: the corners of each face, the midpoints of its edges and its centre (on the diagonal of its triangles), so half a cell
-//! apart, each once. For a point `p`, the nearest point `a` of the tool's axis and the radius R: `n = (a − p)/|a − p|`, gap `n·(a − p) −
-//! R`, negative if the point is inside the tool. A small tool would sink between the points where triangles are longer than R: there each
-//! locally nearest point of the faces is a contact too, so both sides of a fold. Larger tools sink by at most 3 % of R; more points for
-//! them as well were tried and dropped (forces at rest changed by 1 to 3 % from step to step).
+//! apart, each once. For a point `p`, the nearest point `a` of the tool's axis and the radius R: `n = (a − p)/|a − p|`, gap
+//! `n·(a − p) − R`, negative if the point is inside the tool. A small tool would sink between the points where triangles are longer than R:
+//! there each locally nearest point of the faces is a contact too, so both sides of a fold. Larger tools sink by at most 3 % of R; more
+//! points for them as well were tried and dropped (forces at rest changed by 1 to 3 % from step to step).
 //!
-//! Faces are flat; skin that follows a tool is not. Skin of curvature κ (hollow, at most 1/R) lies above the chords between its nodes by `s
-//! = κ/2 Σ_{i<j} w_i w_j L_ij²` at weights `w` (`L` across the axis), in the mean by `s̄ = κ/24 Σ L_ij²`. Chords between nodes on the tool
-//! therefore reach into it; contacts may overlap by `s − s̄` where that is positive. The mean position of the skin is then the tool's, and
-//! forces converge with the square of the cell size; chords kept out of the tool would make it too large by about `s̄/2`. Skin that is
+//! Faces are flat; skin that follows a tool is not. Skin of curvature κ (hollow, at most 1/R) lies above the chords between its nodes by
+//! `s = κ/2 Σ_{i<j} w_i w_j L_ij²` at weights `w` (`L` across the axis), in the mean by `s̄ = κ/24 Σ L_ij²`. Chords between nodes on the
+//! tool therefore reach into it; contacts may overlap by `s − s̄` where that is positive. The mean position of the skin is then the tool's,
+//! and forces converge with the square of the cell size; chords kept out of the tool would make it too large by about `s̄/2`. Skin that is
 //! touched lightly is still flat and has no overlap.
 //!
 //! Continuous: along the tool's motion s of the step, `a(t) = a + t s`, conservative advancement (Mirtich 1996: no step exceeds the

@@ -6,12 +6,13 @@
 //! 4. correct: solve `A Δx = Jᵀλ` accurately, evaluate δ again, repeat until the laws hold;
 //! 5. integrate, move the rigid bodies, cut what an edge has swept.
 //!
-//! With the displacement increments Δx = h·v' as unknowns, implicit Euler with Rayleigh damping is `A Δx = b`, `A = (1 + h r_M)/h² M + (1 +
-//! r_K/h) K`, `b = f_ext − f_int + M v/h` ([`crate::kernels::rhs`]; M lumped, uniform or consistent; rest-shape springs,
-//! [`crate::bodies::Anchors`], are part of `f_int` and `K`). External forces and inertia stand in one right-hand side, so nothing is lost
-//! to f32. `A` is never assembled, except on the CPU path when a scene asks for its factor ([`crate::bodies::grid::direct`]). Newmark's
-//! method and symplectic Euler have other factors in the same `A` and `b` ([`crate::bodies::Step`]). Newton's method solves the step of a
-//! hyperelastic body; its tangent per cell is kept on the CPU path and evaluated anew in each product on a GPU.
+//! With the displacement increments Δx = h·v' as unknowns, implicit Euler with Rayleigh damping is `A Δx = b`,
+//! `A = (1 + h r_M)/h² M + (1 + r_K/h) K`, `b = f_ext − f_int + M v/h` ([`crate::kernels::rhs`]; M lumped, uniform or consistent;
+//! rest-shape springs, [`crate::bodies::Anchors`], are part of `f_int` and `K`). External forces and inertia stand in one right-hand side,
+//! so nothing is lost to f32. `A` is never assembled, except on the CPU path when a scene asks for its factor
+//! ([`crate::bodies::grid::direct`]). Newmark's method and symplectic Euler have other factors in the same `A` and `b`
+//! ([`crate::bodies::Step`]). Newton's method solves the step of a hyperelastic body; its tangent per cell is kept on the CPU path and
+//! evaluated anew in each product on a GPU.
 //!
 //! Contacts: a bounding-box tree over tiles of each body, refitted to the bounds that the device reports ([`crate::collide::broad`]), gives
 //! the few faces whose nodes are read back; sphere, capsule, point, line and box have their own narrow phase. The compliance at the nodes
@@ -97,7 +98,7 @@ pub struct StepReport {
     pub correction_iterations: u32,
     /// Every solve of the unconstrained motion stopped at the absolute floor.
     pub at_floor: bool,
-    /// Relative residual of the unconstrained motion's solve, by its recurrence.
+    /// Relative residual of the unconstrained motion's solve, by its recurrence; after refinement in f64.
     pub residual: f64,
     /// Relative residual in f64, if the step is checked.
     pub true_residual: Option<f64>,
