@@ -243,7 +243,7 @@ fn seed(places: &[Place]) {
     }
 }
 
-/// The press in the slot of the free motion, solved with what [`Backend::begin`] left, in ms.
+/// Solves the press as the unconstrained motion after [`Backend::begin`]; returns ms.
 fn solve_alone(backend: &mut dyn Backend, load: &[[f64; 3]], tolerance: f64) -> f64 {
     let rows: Vec<_> = load.iter().enumerate().map(|(node, f)| (FREE, node as u32, *f)).collect();
     backend.forget(&[FREE]).expect("the device works");

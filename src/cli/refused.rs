@@ -27,7 +27,7 @@ pub enum Refused {
     #[error("--precision f64 is the CPU path's; the GPU computes in f32; leave out --precision, or use --backend cpu")]
     DoubleOnGpu,
 
-    /// No key contains the word.
+    /// No key, table or meaning contains the word.
     #[error("no key of a scene has to do with \"{word}\"; list all by `cutis keys`")]
     NoKey {
         /// The word given.
