@@ -1,5 +1,5 @@
-//! The seed's instrument presses the skin (`scenes/dental_probe.toml`): what contact corrections, tolerances and passes cost, and how wrong
-//! their force is. Prints Markdown; every time stands beside its error.
+//! A dental probe presses the skin (`scenes/dental_probe.toml`): cost and force error of contact corrections, tolerances and passes.
+//! Prints Markdown; every time stands beside its error.
 //!
 //! The reference solves with a sparse factor and everything to 10⁻⁹; before a time counts, multigrid to the same tolerance must find the
 //! same forces. Errors are of the force on the instrument as a vector: at the end of the hold, as a share of the force then, and the

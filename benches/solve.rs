@@ -1,8 +1,7 @@
 //! Solvers, speed and error in one run: time to 1 % displacement error of one step, multigrid against plain conjugate gradients; 25 plain
-//! iterations as SOFA does them; iterations of multigrid on growing grids; the direct solver. Prints Markdown; every time stands beside its error.
+//! iterations as in SOFA; iterations of multigrid on growing grids; the direct solver. Prints Markdown; every time stands beside its error.
 //!
-//! `cargo bench --bench solve` runs all of it; `-- cpu` leaves the GPU out, `-- gpu` the CPU; `-- direct`, `table`,
-//! `one-percent` one part alone.
+//! `cargo bench --bench solve` runs everything; `-- cpu` omits the GPU, `-- gpu` the CPU; `-- direct`, `table`, `one-percent` run one part.
 
 use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
 use cutis::bodies::Model;
@@ -200,7 +199,7 @@ fn to_one_percent(places: &[Place], rounds: usize) {
     }
 }
 
-/// SOFA's default: 25 plain iterations, whatever they leave.
+/// SOFA's default: 25 plain iterations, whatever the residual.
 fn twenty_five(places: &[Place]) {
     println!("\n## 25 plain iterations (SOFA: 0.20 to 0.25 µs per hexahedron and iteration on one thread)\n");
     println!("| cells | place | µs per cell and iteration | error left % |\n|---|---|---|---|");
@@ -225,7 +224,7 @@ fn twenty_five(places: &[Place]) {
     }
 }
 
-/// One step of the seed's grid at 5 ms to 1 % error: everything but the last pass over the nodes, which moves them.
+/// One step of 5 ms on 14 × 14 × 23 cells to 1 % error: everything but the integration, the last pass over the nodes.
 fn seed(places: &[Place]) {
     println!("\n## The seed's grid, one whole step of 5 ms by multigrid to 1 % displacement error\n");
     println!("| grid | place | iterations | error % | ms per step |\n|---|---|---|---|---|");
@@ -244,7 +243,7 @@ fn seed(places: &[Place]) {
     }
 }
 
-/// The press in the slot of the free motion, solved with what [`Backend::begin`] left, in ms.
+/// Solves the press as the unconstrained motion after [`Backend::begin`]; returns ms.
 fn solve_alone(backend: &mut dyn Backend, load: &[[f64; 3]], tolerance: f64) -> f64 {
     let rows: Vec<_> = load.iter().enumerate().map(|(node, f)| (FREE, node as u32, *f)).collect();
     backend.forget(&[FREE]).expect("the device works");

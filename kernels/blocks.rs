@@ -29,7 +29,7 @@ pub fn symmetric<R: Real>(a: V4<R>, b: V4<R>) -> M3<R> {
     M3([V3::new(a[0], a[1], a[2]), V3::new(a[1], a[3], b[0]), V3::new(a[2], b[0], b[1])])
 }
 
-/// Reads 16 packed numbers.
+/// Unpacks 16 numbers.
 pub fn unpack<R: Real>(k: &[V4<R>]) -> Block<R> {
     let [a, b, c, e] = [k[0], k[1], k[2], k[3]];
     Block {

@@ -1,7 +1,7 @@
-//! The factored columns ([`super::factor`]) solved for a load, with a dot: what `precondition` and `relax` share.
+//! Solution of the factored columns ([`super::factor`]) for a load, with a dot product: shared by `precondition` and `relax`.
 //!
-//! Up: `y_k = l_k − G_{k−1}ᵀ y_{k−1}`; down: `s_k = D'_k⁻¹ y_k − G_k s_{k+1}`. What the load `l` is and what becomes of the solution `s`
-//! the kernel says, as functions of one node.
+//! Forward: `y_k = l_k − G_{k−1}ᵀ y_{k−1}`; backward: `s_k = D'_k⁻¹ y_k − G_k s_{k+1}`. The kernel supplies the load `l` and the use of the
+//! solution `s`, as functions of one node.
 //! Units: r l y N, s m.
 
 use super::blocks::unpack;
@@ -22,6 +22,7 @@ pub fn solve_columns<R: Real>(
     mut take: impl FnMut([usize; 2], &mut V4<R>, V3<R>) -> V3<R>, // z, of level and column, its number in y, solution
 ) -> R {
     let mut carried = [V3::zero(); PART]; // G_{k−1}ᵀ y_{k−1}
+    // forward substitution, bottom to top
     for (k, level) in y.iter_mut().enumerate() {
         for (c, y) in level.iter_mut().enumerate() {
             let i = part * PART + k * columns + c;
@@ -30,6 +31,7 @@ pub fn solve_columns<R: Real>(
             carried[c] = unpack(&block[i * 4..i * 4 + 4]).g.transpose() * own;
         }
     }
+    // backward substitution, top to bottom
     let mut above = [V3::zero(); PART];
     let mut gamma = R::zero();
     for (k, level) in y.iter_mut().enumerate().rev() {

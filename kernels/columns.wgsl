@@ -1,6 +1,6 @@
-// M⁻¹ by columns, with r·z; see columns.rs (formula and units there). A kernel that binds `block`, `r`, `partial_gamma` and `scalars` says with
-// four functions of a place `at` in [slot][node] what is solved for: `pushed` is the load, `keep` and `kept` have y on the way, `take` makes
-// of the solution the z that r·z is of.
+// M⁻¹ by columns, with r·z; see columns.rs (formula and units there). A kernel that includes it binds `block`, `r`, `partial_gamma` and
+// `scalars` and has four functions of an index `at` into [slot][node]: `pushed` gives the load, `keep` and `kept` store and read y, `take`
+// turns the solution into the z of r·z.
 fn solve_columns(thread: Thread) {
     let group_index = group_of(thread);
     let column = number_of(thread);
@@ -12,12 +12,14 @@ fn solve_columns(thread: Thread) {
     var gamma = 0.0;
     if running && column < columns {
         var carried = vec3<f32>(0.0); // G_{k−1}ᵀ y_{k−1}
+        // forward substitution, bottom to top
         for (var k = 0u; k < params.nodes_z; k += 1u) {
             let i = nodes.x + k * nodes.y;
             let y = pushed(offset + i) - carried;
             keep(offset + i, y);
             carried = y * factors_of(i).g;
         }
+        // backward substitution, top to bottom
         var above = vec3<f32>(0.0);
         for (var n = 0u; n < params.nodes_z; n += 1u) {
             let i = nodes.x + (params.nodes_z - 1u - n) * nodes.y;

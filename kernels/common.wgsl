@@ -12,19 +12,19 @@ struct Params {
 
 const GROUP: u32 = 64u;
 
-// What a kernel knows of a thread; `group.y` is the slot.
+// Thread indices; `group.y` is the right-hand side index.
 struct Thread {
     @builtin(workgroup_id) group: vec3<u32>,
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) lane: u32,
 }
 
-// Number of its group over a dispatch that may be folded into z (65,535 groups per dimension at most).
+// Number of its workgroup in a dispatch that may be folded into z (65,535 groups per dimension at most).
 fn group_of(t: Thread) -> u32 {
     return t.group.x + t.group.z * t.groups.x;
 }
 
-// And its own, where groups have 64 threads.
+// Number of the thread in the dispatch, for workgroups of 64.
 fn number_of(t: Thread) -> u32 {
     return group_of(t) * GROUP + t.lane;
 }
@@ -46,7 +46,7 @@ fn cell_at(p: Params, i: u32) -> vec3<u32> {
     return vec3<u32>(i % p.cells_x, (i / p.cells_x) % p.cells_y, i / (p.cells_x * p.cells_y));
 }
 
-// Whether the grid has a cell at `c`, which below 0 has wrapped.
+// Whether the grid has a cell at `c`; coordinates below 0 have wrapped.
 fn has_cell(p: Params, c: vec3<u32>) -> bool {
     return all(c < vec3<u32>(p.cells_x, p.cells_y, p.cells_z));
 }
@@ -58,7 +58,7 @@ fn product_tiles(p: Params) -> vec2<u32> {
     return (vec2<u32>(p.nodes_x, p.nodes_y) + PRODUCT_TILE - 1u) / PRODUCT_TILE;
 }
 
-// Columns of nodes, copies' too, and of one of them the first node and the step to the next (split.rs).
+// Node columns, with the duplicate ones; and the first node of a column and the stride to the next (split.rs).
 fn column_count(p: Params) -> u32 {
     return p.nodes_x * p.nodes_y + p.extra_columns;
 }

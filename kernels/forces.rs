@@ -64,6 +64,7 @@ pub fn node_force<R: Real>(
         let e = V3::from4(pre_strain[layer]);
         let r = rotation_matrix(q);
         let turn = rotation_minus_identity(q).transpose();
+        // force in the cell's frame
         let mut local = V3::zero();
         for (b, node) in nodes.into_iter().enumerate() {
             let x = rest_corner(h, b);

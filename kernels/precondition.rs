@@ -1,4 +1,4 @@
-//! Applies the factored columns ([`super::columns`]): `z = M⁻¹ r`, with the dot `r·z` that the conjugate gradients need.
+//! Applies the factored columns ([`super::columns`]): `z = M⁻¹ r`; returns the dot product `r·z` for the conjugate gradients.
 //!
 //! Units: r N, z m.
 

@@ -1,7 +1,7 @@
 //! One step of the smoother: Chebyshev acceleration of the exact column solves.
 //!
-//! `d = keep d + gain M⁻¹ (r − w)`, `z += d`, `w = A z`; with `fresh` the start is zero: `z = d = gain M⁻¹ r`. `M⁻¹` solves each z-column
-//! exactly ([`super::columns`]); `w` is used up. Returns `r·z`, which the conjugate gradients need after the last step.
+//! `d = keep d + gain M⁻¹ (r − w)`, `z += d`, `w = A z`; with `fresh` the initial guess is zero: `z = d = gain M⁻¹ r`. `M⁻¹` solves each
+//! z-column exactly ([`super::columns`]); `w` is overwritten. Returns `r·z`, which the conjugate gradients need after the last step.
 //! Coefficients: `bodies::grid::multigrid`. Source: Adams, Brezina, Hu, Tuminaro 2003 (polynomial smoothing).
 //! Units: r w N; z d m.
 

@@ -42,7 +42,7 @@ pub struct Around {
     pub nodes: [usize; 8],
 }
 
-/// Where the parts of the table begin, in words.
+/// Offsets of the table's sections, in words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Layout {
     /// `next [extra column]`; `parent` begins at 0.
@@ -146,7 +146,7 @@ impl<R: Real> Params<R> {
         };
         Some([column % self.nodes_x as usize, column / self.nodes_x as usize, level])
     }
-    /// The cells of which a node is a corner, by that corner's number; none at a place without a copy.
+    /// Cells around a node, by its corner number in each; none for an unused duplicate.
     pub fn cells_around<'a>(&'a self, split: &'a [u32], node: usize) -> impl Iterator<Item = Around> + 'a {
         let place = self.place(split, node);
         (0..8).filter_map(move |a| {
@@ -156,7 +156,7 @@ impl<R: Real> Params<R> {
             (nodes[a] == node).then(|| Around { corner: a, cell, level: at[2] - corner(a)[2], nodes })
         })
     }
-    /// The extra columns beside a node column, the latest first.
+    /// Extra columns of a parent, latest first.
     pub fn extra_columns_beside(&self, split: &[u32], column: usize) -> impl Iterator<Item = usize> {
         let layout = self.layout();
         let first = if self.extra_columns > 0 { split[layout.first + column] } else { 0 };

@@ -10,7 +10,7 @@
 @group(0) @binding(8) var<storage, read_write> partial_product: array<f32>;  // [slot][group] z·w
 @group(0) @binding(9) var<storage, read> scalars: array<vec4<f32>>;          // [slot × 2] alpha beta gamma done; target² rr iterations state
 
-// Force of split cells on node `i`, without the factor s.
+// Force of the split cells at node `i`, without the factor s.
 fn force_on(i: u32, offset: u32) -> vec3<f32> {
     let c = place(params, i);
     let own = z[offset + i].xyz;

@@ -1,9 +1,9 @@
-//! Finds contacts between a tool's samples and the skin's surface, on parry3d.
+//! Contacts between a tool's samples and the skin's surface, on parry3d.
 //!
-//! Only the surface near the tool is looked at ([`broad`]). Each sample is projected on that patch (point–triangle, the nearest feature); the patch's pseudo-normals tell inside from
-//! outside, so a point that is already inside is pushed out. The flats of a blade look along ± their normal alone: a ray from the
-//! blade's middle plane to the first wall that faces it. parry3d works in f32 and finds triangle and place on it; gaps and normals are
-//! then taken from f64 positions.
+//! Only the surface near the tool is searched ([`broad`]). Each sample is projected on that patch (point–triangle, the nearest feature);
+//! the patch's pseudo-normals tell inside from outside, so a point inside is pushed out. The flats of a blade look along ± their normal
+//! alone: a ray from the blade's middle plane to the first wall that faces it. parry3d works in f32 and finds the triangle and the point on
+//! it; gaps and normals are then computed from f64 positions.
 //! Units: m.
 
 mod blade;
@@ -28,29 +28,29 @@ use parry3d::math::Vector;
 use parry3d::query::PointQueryWithLocation;
 use parry3d::shape::{TriMesh, TriMeshFlags, Triangle, TrianglePointLocation};
 
-/// A contact or a constraint between two points that move.
+/// Contact or constraint between two moving points.
 #[derive(Clone, Debug)]
 pub struct Contact {
     /// The two bodies; forces act on the first along the axes and on the second against them.
     pub on: [BodyId; 2],
-    /// Where on each of them, if it is deformable.
+    /// Material point on each, if it is deformable.
     pub points: [MaterialPoint; 2],
-    /// Sample of the pair: with it, what a contact is called from step to step.
+    /// Sample of the pair; with the bodies it identifies the contact from step to step.
     pub feature: usize,
-    /// Where they touch, world, m.
+    /// Contact point, world, m.
     pub point: DVec3,
-    /// Unit directions; the rows of the law are along the first of them, and measure the motion of the first body relative to the second.
+    /// Unit directions. The law's rows are along the first of them and measure the motion of the first body relative to the second.
     pub axes: [DVec3; 3],
-    /// Violations along them at the step's start, m.
+    /// Violations along them at the start of the step, m.
     pub gap: [f64; 3],
-    /// How far the sample is inside the surface at the step's start, m; 0 of one outside.
+    /// Depth of the sample inside the surface at the start of the step, m; 0 outside.
     pub depth: f64,
-    /// Bounds.
+    /// Law of the forces.
     pub law: Law,
 }
 
 impl Contact {
-    /// A rigid body's sample on a place of a deformable body; rows and law are still to be set.
+    /// Contact of a rigid body's sample with a material point of a deformable body; rows and law are still to be set.
     pub fn on_skin(tool: usize, feature: usize, skin: usize, spot: MaterialPoint, point: DVec3) -> Self {
         Self {
             on: [BodyId::Rigid(tool), BodyId::Deformable(skin)],
@@ -64,55 +64,55 @@ impl Contact {
         }
     }
 
-    /// Values along its axes as a vector.
+    /// Vector from components along its axes.
     pub fn in_world(&self, along: [f64; 3]) -> DVec3 {
         self.axes[0] * along[0] + self.axes[1] * along[1] + self.axes[2] * along[2]
     }
 
-    /// What it is called from step to step.
+    /// Identity from step to step.
     pub fn id(&self) -> ([BodyId; 2], usize) {
         (self.on, self.feature)
     }
 }
 
-/// Numbers of the search.
+/// Parameters of the search.
 #[derive(Clone, Copy, Debug)]
 pub struct Search {
-    /// Contacts are made within this distance, m.
+    /// Alarm distance: contacts are created below it, m.
     pub alarm: f64,
-    /// Resting gap of points and flats, m.
+    /// Rest gap of points and flats, m.
     pub distance: f64,
     /// μ
     pub friction: f64,
-    /// For round tools and tools of points and lines.
+    /// Filter for round tools and tools of points and lines.
     pub filter: Filter,
-    /// How far normal cones are widened: sine of the angle.
+    /// Widening of normal cones, sine of the angle.
     pub angle_cone: f64,
 }
 
-/// A box along the world's axes, f32.
+/// Axis-aligned box, f32.
 pub use parry3d::bounding_volume::Aabb;
 
-/// The box between two corners, wider by a margin on all sides, m.
+/// Box between two corners, enlarged by a margin on all sides, m.
 pub fn area(low: DVec3, high: DVec3, margin: f64) -> Aabb {
     wider(&Aabb::new(to_f32(low), to_f32(high)), margin)
 }
 
-/// A box with a margin on all sides; without one where the margin is not a number, as of a motion that overflowed.
+/// Box enlarged by a margin on all sides; unchanged if the margin is NaN, as after a motion that overflowed.
 pub fn wider(area: &Aabb, margin: f64) -> Aabb {
     area.loosened(margin.max(0.0) as f32)
 }
 
-/// A box elsewhere.
+/// Translated box.
 pub fn moved(area: &Aabb, by: DVec3) -> Aabb {
-    // added in f64 and rounded outward by the loosening, so that what the box held stays in it
+    // added in f64 and loosened by the rounding, so that its content stays inside
     let [low, high] = [area.mins, area.maxs].map(|corner| corner.as_dvec3() + by);
     let rounding = f64::from(f32::EPSILON) * low.abs().max(high.abs()).max_element();
     self::area(low, high, rounding)
 }
 
-/// Box of a tool over a step: its samples with what is around them (a round tool's radius, half a blade's thickness), widened. A tool
-/// without samples touches nothing; its box is around its origin.
+/// Box around a tool's samples with their extent (radius of a round tool, half thickness of a blade), enlarged by a margin. A tool without
+/// samples touches nothing; its box is around its origin.
 pub fn tool_box(tool: &Instrument, margin: f64) -> Aabb {
     let thick = tool.edge.as_ref().map_or(0.0, |edge| edge.half_thickness);
     let around = tool.lines.as_ref().map_or(thick, |lines| lines.radius).max(tool.tip_radius);
@@ -122,7 +122,7 @@ pub fn tool_box(tool: &Instrument, margin: f64) -> Aabb {
     wider(&Aabb::from_points(points.chain([to_f32(first)])), margin)
 }
 
-/// The part of a body's box that may touch a wall; none when it is clear of it.
+/// Part of a body's box that may touch a wall; none if it is clear of it.
 pub fn slab(plane: &Plane, area: &Aabb, search: &Search) -> Option<Aabb> {
     let (through, normal) = (DVec3::from_array(plane.through), DVec3::from_array(plane.normal));
     let (centre, half) = (area.center().as_dvec3(), area.half_extents().as_dvec3());
@@ -131,7 +131,7 @@ pub fn slab(plane: &Plane, area: &Aabb, search: &Search) -> Option<Aabb> {
     if gap > 0.0 {
         return None;
     }
-    // along an axis that the wall is square to, only the part near it
+    // a wall normal to an axis keeps only the part near it
     let mut near = *area;
     if let Some(axis) = (0..3).find(|n| normal[*n].abs() > 1.0 - 1e-9) {
         let end = (through[axis] + normal[axis] * (search.alarm + search.distance)) as f32;
@@ -143,12 +143,12 @@ pub fn slab(plane: &Plane, area: &Aabb, search: &Search) -> Option<Aabb> {
     Some(near)
 }
 
-/// A patch of skin where it is now.
+/// Patch of skin at its present position.
 pub struct Patch {
     mesh: TriMesh,
-    /// Node ids; none where faces are four triangles about their centre, which is no node.
+    /// Node ids; empty if faces are four triangles about their centre, which is no node.
     triangles: Vec<[u32; 3]>,
-    /// Of those faces.
+    /// Nodes of such faces.
     quarters: Vec<[u32; 4]>,
     cells: Vec<u32>,
     walls: Vec<bool>,
@@ -160,8 +160,8 @@ fn to_f32(p: DVec3) -> Vector {
     p.as_vec3()
 }
 
-/// A face in two: by its other diagonal where the first folds one half over, as in a quad with a reflex corner, such as the lip of a wound
-/// may have. (Over a half that lies face down all of the air counted as inside.)
+/// Splits a face in two; along its other diagonal if the first folds one half over, as in a quad with a reflex corner, such as the lip of a
+/// wound may have. (Below a half that lies face down all of the air counted as inside.)
 fn halves(face: &Quad, position: impl Fn(u32) -> DVec3) -> [[u32; 3]; 2] {
     let [a, b, c, d] = face.nodes;
     let folds = |halves: [[u32; 3]; 2]| {
@@ -176,7 +176,7 @@ fn halves(face: &Quad, position: impl Fn(u32) -> DVec3) -> [[u32; 3]; 2] {
 }
 
 impl Patch {
-    /// From faces and the present position of their nodes; `None` when there are no faces.
+    /// Patch of faces at the present positions of their nodes; `None` without faces.
     pub fn new(faces: &[Quad], position: impl Fn(u32) -> DVec3) -> Option<Self> {
         let mut ids: Vec<u32> = faces.iter().flat_map(|q| q.nodes).collect();
         ids.sort_unstable();
@@ -193,7 +193,7 @@ impl Patch {
         Some(Self { mesh, triangles, quarters: vec![], cells, walls, corners, origin })
     }
 
-    /// Nearest place, and how far it is, m.
+    /// Nearest point of the surface and its distance, m.
     pub fn nearest(&self, point: DVec3) -> (MaterialPoint, f64) {
         let (triangle, weights, distance, _) = self.project(point);
         (self.spot(triangle, weights), distance.abs())
@@ -209,7 +209,7 @@ impl Patch {
         (b - a).cross(c - a).normalize_or_zero()
     }
 
-    /// Nearest place: triangle, weights, signed distance (negative inside), outward unit normal.
+    /// Projection on the surface: triangle, weights, signed distance (negative inside), outward unit normal.
     pub fn project(&self, point: DVec3) -> (usize, [f64; 3], f64, DVec3) {
         let local = to_f32(point - self.origin);
         let (projection, (triangle, location)) = self.mesh.project_local_point_and_get_location(local, false);
@@ -233,14 +233,14 @@ impl Patch {
         distance <= 0.0 || self.walls[triangle]
     }
 
-    /// How far the deepest of the tool's samples that look for the nearest place is inside, m; 0 when all are outside.
+    /// Largest depth of the tool's samples that search for the nearest point (all but flats), m; 0 if all are outside.
     pub fn deepest(&self, tool: &Instrument) -> f64 {
         let sinks = |role: Role| !matches!(role, Role::Flat(_));
         let depth = |p: DVec3| -self.project(tool.at(p)).2;
         tool.samples.iter().filter(|s| sinks(s.role)).map(|s| depth(s.position)).fold(0.0, f64::max)
     }
 
-    /// Weights of the place of a triangle that is nearest to a point.
+    /// Weights of the point of a triangle nearest to a point.
     fn nearest_on(&self, triangle: usize, point: DVec3) -> [f64; 3] {
         let [a, b, c] = self.corners[triangle].map(|p| to_f32(p - self.origin));
         let (_, location) =
@@ -248,9 +248,9 @@ impl Patch {
         location.barycentric_coordinates().map_or([1.0 / 3.0; 3], |w| w.map(f64::from))
     }
 
-    /// Triangles that may meet a box, in rising order.
+    /// Triangles that may meet a box, in ascending order.
     pub fn near(&self, low: DVec3, high: DVec3) -> Vec<u32> {
-        // corners are rounded to f32 relative to the patch's origin, by half a millionth of it at most
+        // corners are rounded to f32 relative to the origin of the patch, by at most half a millionth of its extent
         let slack = 1e-6 * f64::from(self.mesh.local_aabb().half_extents().max_element());
         let area = wider(&Aabb::new(to_f32(low - self.origin), to_f32(high - self.origin)), slack);
         let mut found: Vec<u32> = self.mesh.bvh().intersect_aabb(&area).collect();
@@ -259,8 +259,8 @@ impl Patch {
     }
 }
 
-/// Contacts of one tool's samples with a patch of a deformable body. `travel` is how far a sample may move in the step; `resistance`
-/// gives what the tissue of a cell bears; `retreat` how far a piece of edge has gone back from where it has cut to, m, if it has cut.
+/// Contacts of one tool's samples with a patch of a deformable body. `travel` bounds a sample's motion in the step, m; `resistance` is that
+/// of a cell's tissue; `retreat` the distance of a piece of edge behind the front of its cut, m, if it has cut.
 pub fn contacts(
     (number, tool): (usize, &Instrument),
     (body, patch): (usize, &Patch),
@@ -291,7 +291,7 @@ pub fn contacts(
     out
 }
 
-/// A sample's contact, without the names of the bodies.
+/// Contact of a sample, without the bodies.
 struct Found {
     spot: MaterialPoint,
     point: DVec3,
@@ -301,7 +301,7 @@ struct Found {
     law: Law,
 }
 
-/// A normal and two directions across it.
+/// Orthonormal frame: a normal and two tangents.
 pub fn frame(normal: DVec3) -> [DVec3; 3] {
     let (t, s) = normal.any_orthonormal_pair();
     [normal, t, s]

@@ -1,12 +1,12 @@
 //! Contact laws and their solver: projected block Gauss–Seidel on `δ = W λ + δ_free`, λ in newtons.
 //!
-//! A contact has as many rows as its [`Law`]; the rows of all contacts follow each other in one list.
+//! Each [`Law`] has one to three rows; the rows of all contacts follow each other in one list.
 //!
-//! [`relax`] is plain sweeps, for the haptic tick. [`solve`] ends within a budget of row updates, whatever it is given, and returns the best
-//! iterate: sweeps and Newton steps (`newton`) inside of proximal steps (`proximal`, which says what is known of their convergence).
+//! [`relax`] runs plain sweeps, for the haptic tick. [`solve`] ends within a budget of row updates for any input and returns the best
+//! iterate: sweeps and Newton steps (`newton`) inside proximal steps (`proximal`, which states what is known of their convergence).
 //!
 //! Source: Jourdan, Alart, Jean 1998 (block Gauss–Seidel); Duriez et al. 2006 (its use for haptics); Alart, Curnier 1991 (Newton).
-//! Differs: a disc's rows are divided by the largest compliance of their plane, not the mean, so that sticking always converges.
+//! Differs: the rows of a friction disc are divided by their plane's largest compliance, not the mean, so that sticking always converges.
 
 mod law;
 mod newton;
@@ -21,39 +21,39 @@ use crate::math::larger;
 /// How a contact solve ended.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ended {
-    /// Sweeps done.
+    /// Sweeps.
     pub sweeps: u32,
-    /// Newton steps done.
+    /// Newton steps.
     pub steps: u32,
-    /// Proximal steps done.
+    /// Proximal steps.
     pub rounds: u32,
-    /// Row updates that all of these took.
+    /// Row updates of all of these.
     pub updates: u64,
-    /// What the forces leave of the laws.
+    /// Residual of the laws at the returned forces.
     pub residual: Residual,
-    /// As small as was wanted, or as is enough.
+    /// The residual meets the tight tolerance, or the loose one.
     pub converged: bool,
 }
 
-/// What forces leave of their laws: the natural map `F = λ − P(λ − δ/c)`, zero exactly where the laws hold.
+/// Residual of the laws: the natural map `F = λ − P(λ − δ/c)`, zero exactly where the laws hold.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Residual {
     /// Largest change that one more projection would make, N.
     pub force: f64,
-    /// The same times its compliance, m: penetration, slip of what should stick, and distance of what is held.
+    /// The same times the row's compliance, m: penetration, slip of a sticking contact, error of a bilateral row.
     pub gap: f64,
     /// `Σ c F²`, N·m.
     pub energy: f64,
-    /// Contacts of which a row that could bear a force has no compliance; its force is 0.
+    /// Contacts with a row that could bear a force but has no compliance; its force is 0.
     pub dropped: u32,
 }
 
-/// A diagonal entry of `W` below this share of the largest is rounding, not compliance: both sides of the row hang on one body.
+/// Share of the largest diagonal entry of `W` below which an entry is rounding, not compliance: both sides of the row act on one body.
 const NOTHING: f64 = 1e-13;
 
-/// Plain sweeps until forces change by less than `tolerance` of their sum per sweep, or `max_sweeps`; returns how many.
+/// Sweeps until the forces change by less than `tolerance` times their sum, or `max_sweeps`; returns the number of sweeps.
 ///
-/// For the haptic tick: allocates nothing, looks at no residual. Arguments as in [`solve`].
+/// For the haptic tick: does not allocate, does not evaluate the residual. Arguments as in [`solve`].
 pub fn relax(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], tolerance: f64, max_sweeps: u32) -> u32 {
     debug_assert_eq!(force.len(), laws.iter().map(Law::rows).sum::<usize>(), "a force for each row of the laws");
     let floor = floor(w, force.len());
@@ -67,7 +67,7 @@ pub fn relax(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], tolerance
     max_sweeps
 }
 
-/// The contacts' laws, each with the number of its first row.
+/// Each law with the index of its first row.
 pub(crate) fn first_rows(laws: &[Law]) -> impl Iterator<Item = (usize, &Law)> {
     laws.iter().scan(0, |next, law| {
         let first = *next;
@@ -76,7 +76,7 @@ pub(crate) fn first_rows(laws: &[Law]) -> impl Iterator<Item = (usize, &Law)> {
     })
 }
 
-/// Values of a law's rows; 0 for those that it has not.
+/// Values of a law's rows; 0 beyond its last row.
 fn of_rows(law: &Law, mut value: impl FnMut(usize) -> f64) -> [f64; 3] {
     let rows = law.rows();
     [0, 1, 2].map(|k| if k < rows { value(k) } else { 0.0 })
@@ -88,7 +88,7 @@ fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], floor: f64) -
     for (first, law) in first_rows(laws) {
         let c = scales(law, w, force.len(), first, floor);
         for group in law.groups() {
-            // the forces of the rows before, as this sweep has them, and where those of the group would go
+            // forces of earlier rows as this sweep has left them; unbounded forces of the group's rows
             let mut forces = of_rows(law, |k| force[first + k]);
             group.clone().for_each(|k| forces[k] = aim(w, free, force, first + k, c[k]));
             let held = law.project(forces);
@@ -102,19 +102,19 @@ fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], floor: f64) -
     largest
 }
 
-/// What `force` leaves of the laws. Arguments as in [`solve`].
+/// Residual of the laws at `force`. Arguments as in [`solve`].
 pub fn residual(laws: &[Law], w: &[f64], free: &[f64], force: &[f64]) -> Residual {
     residual_at(laws, w, free, force, 1.0)
 }
 
-/// The same with the compliances `c` of the natural map times a share; it is zero at the same forces.
+/// The same with the compliances `c` of the natural map scaled by a share; zero at the same forces.
 fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64) -> Residual {
     let floor = floor(w, force.len());
     let mut found = Residual::default();
     for (first, law) in first_rows(laws) {
         let rows = law.rows();
         let c = scales(law, w, force.len(), first, floor).map(|c| share * c);
-        // what is held already needs no constraint
+        // a constraint on a node that is held already is redundant, not dropped
         found.dropped += u32::from(!law.is_constraint() && c[..rows].contains(&0.0));
         let held = law.project(of_rows(law, |k| aim(w, free, force, first + k, c[k])));
         for k in 0..rows {
@@ -133,14 +133,14 @@ fn violation(w: &[f64], free: &[f64], force: &[f64], row: usize) -> f64 {
     free[row] + line.iter().zip(force).map(|(w, f)| w * f).sum::<f64>()
 }
 
-/// Least diagonal entry of `W` that counts, m/N.
+/// Least diagonal entry of `W` that counts as compliance, m/N.
 fn floor(w: &[f64], rows: usize) -> f64 {
     let own = w.iter().step_by(rows + 1).filter(|c| c.is_finite());
     NOTHING * own.fold(0.0f64, |most, c| most.max(*c))
 }
 
-/// Compliances `c` by which violations become forces, m/N: a row's own, and for rows that are projected together the largest of their plane
-/// (with less a row that sticks may swing for ever). 0 for a row without compliance that a force could act on; it has none.
+/// Compliances `c` that turn violations into forces, m/N: a row's own; for rows that are projected together the largest of their plane
+/// (with a smaller one a sticking row may oscillate for ever). 0 for a row without compliance, which bears no force.
 fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> [f64; 3] {
     let at = |i: usize, j: usize| w[(first + i) * rows + first + j];
     let gives = |k: usize| at(k, k).is_finite() && at(k, k) > floor;
@@ -160,12 +160,12 @@ fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> [f64; 
     c
 }
 
-/// Where a row's force would go without its bounds, N; 0 for a row without compliance.
+/// Unbounded force of a row, N; 0 for a row without compliance.
 fn aim(w: &[f64], free: &[f64], force: &[f64], row: usize, scale: f64) -> f64 {
     if scale > 0.0 { force[row] - violation(w, free, force, row) / scale } else { 0.0 }
 }
 
-/// `clamp` that takes any bounds and keeps what is not a number.
+/// `clamp` that accepts any bounds and keeps NaN.
 fn between(x: f64, low: f64, high: f64) -> f64 {
     if x < low {
         low

@@ -1,7 +1,7 @@
-//! The one error type: what can go wrong, by the module that finds it.
+//! The error type of the crate, by module.
 //!
-//! Every message is one paragraph that says where, what was found, what was wanted and what to do; it stands beside its maker, in the enum
-//! of that module. Input from users ends here; a broken invariant of this crate is an `assert!` instead.
+//! Each message is one paragraph: where, what was found, what was wanted, what to do. It stands in the module that raises it, in that
+//! module's enum. Errors are for input, machine and disk; a broken invariant of this crate is an `assert!`.
 
 use crate::bodies;
 use crate::gpu;
@@ -18,41 +18,41 @@ use crate::step;
 #[cfg(feature = "program")]
 use crate::view;
 
-/// What every fallible function of this crate returns.
+/// Result of every fallible function of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// Everything that can go wrong through the input, the machine or the disk.
+/// Any failure by input, machine or disk.
 #[derive(Debug, thiserror::Error)]
 #[error(transparent)]
 pub enum Error {
-    /// A scene, or a file that it names, that is not as it has to be.
+    /// Invalid scene, or a file that it names.
     Scene(Box<Invalid>),
-    /// A body that cannot be computed as its scene asks.
+    /// Body that cannot be computed as its scene asks.
     Body(#[from] bodies::Refused),
-    /// An adapter, a kernel, an array or the device itself.
+    /// Adapter, kernel, array or device.
     Gpu(#[from] gpu::Failed),
-    /// A simulation that cannot be made, changed or gone on with.
+    /// Simulation that cannot be made, changed, restored or continued.
     Step(#[from] step::Refused),
-    /// A haptic device, or its recording.
+    /// Haptic device or its recording.
     Haptic(#[from] haptic::Refused),
-    /// Haply's Inverse Service, or a device behind it.
+    /// Haply's Inverse Service, or a device of it.
     #[cfg(feature = "haply")]
     Haply(#[from] haply::Refused),
-    /// A run that does not do what is asked of it.
+    /// Run that cannot proceed as asked.
     Run(#[from] runner::Refused),
-    /// A picture that there is no memory for.
+    /// Picture for which memory is short.
     #[cfg(feature = "program")]
     Picture(#[from] view::NoMemory),
-    /// A file of results that cannot be written or gone on with.
+    /// Result file that cannot be written or continued.
     #[cfg(feature = "program")]
     Output(#[from] output::Failed),
-    /// A run with its files, a comparison or a study that is not done as asked.
+    /// Run with files, comparison or study that cannot proceed as asked.
     #[cfg(feature = "program")]
     Report(#[from] report::Refused),
 }
 
 impl Error {
-    /// Exit status of the program: 2 for bad input, 3 for no usable adapter, 1 for failures of machine or disk.
+    /// Exit status of the program: 2 for bad input, 3 without a usable adapter, 1 for failures of machine or disk.
     pub fn exit_code(&self) -> u8 {
         match self {
             Self::Gpu(gpu::Failed::NoAdapter { .. }) => 3,

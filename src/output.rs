@@ -16,28 +16,28 @@ use vtkio::model::{
     Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version, VertexNumbers, Vtk,
 };
 
-/// A file of results that cannot be written or gone on with.
+/// Result file that cannot be written or continued.
 #[derive(Debug, thiserror::Error)]
 pub enum Failed {
-    /// What the system refuses.
+    /// The system refuses to write.
     #[error("{path}: cannot be written ({source}); choose a folder that exists, is writable and has space")]
     Write {
         /// The file.
         path: PathBuf,
-        /// The system's reason.
+        /// Reason given by the system.
         source: io::Error,
     },
 
-    /// A mesh that is none.
+    /// Invalid mesh.
     #[error("{path}: cannot be written as VTK ({message}); choose a folder that exists, is writable and has space")]
     Vtk {
         /// The file.
         path: PathBuf,
-        /// The writer's words.
+        /// Message of the writer.
         message: String,
     },
 
-    /// A table that a resumed run cannot go on with.
+    /// Table that a resumed run cannot continue.
     #[error("{}: the table {what}; resume in the folder of the run that wrote the checkpoint", path.display())]
     TableUnfit {
         /// The table.
@@ -293,7 +293,7 @@ impl Table {
         })
     }
 
-    /// Checks that a file begins with what a table of these columns had written at a mark.
+    /// Checks that a file begins with what a table of these columns wrote up to a mark.
     ///
     /// # Errors
     /// [`Failed::TableUnfit`] for one that does not.

@@ -116,7 +116,7 @@ pub struct Values {
     pub hits: Vec<Hit<f64>>,
 }
 
-/// Work on a law that is not linear, of one step.
+/// Solver statistics of a nonlinear law for one step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Nonlinear {
     /// Newton iterations; 0 if the step is linearised once.

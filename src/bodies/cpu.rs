@@ -49,7 +49,7 @@ pub trait System<R: Real>: Send + Sync {
     /// step.
     ///
     /// # Errors
-    /// [`super::Refused::InsideOut`] of a hyperelastic body.
+    /// [`super::Refused::InsideOut`] if a hyperelastic hexahedron is inverted.
     fn forces(
         &mut self,
         params: &Params<R>,
@@ -67,7 +67,8 @@ pub trait System<R: Real>: Send + Sync {
     /// Factors the direct solver's matrix before a solve; does nothing for other solvers.
     ///
     /// # Errors
-    /// [`super::Refused::NotPositive`] of a matrix that has no factor.
+    /// [`super::Refused::NotPositive`] if the matrix is not positive definite; [`super::Refused::DirectMemory`] without memory for its
+    /// factor.
     fn factor(&mut self, _free: &[V4<R>]) -> Result<()> {
         Ok(())
     }

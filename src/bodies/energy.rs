@@ -12,34 +12,34 @@ use crate::kernels::{ahead, anchors, momentum, rhs};
 use crate::math::{V3, V4, norm};
 use crate::scene::Mass;
 
-/// The state of a body as a backend holds it: everything a check may want to see.
+/// State of a body as its backend holds it, for checks and output, in f64.
 #[derive(Clone, Debug, Default)]
 pub struct Snapshot {
     /// `[node]` displacement, m.
     pub u: Vec<V4<f64>>,
     /// `[node]` velocity, m/s.
     pub v: Vec<V4<f64>>,
-    /// `[cell]` rotation quaternion, 0 for a dead cell; empty for springs.
+    /// `[cell]` rotation quaternion, 0 for a removed cell; empty for springs.
     pub rotation: Vec<V4<f64>>,
-    /// `[node]` free axes and mass.
+    /// `[node]` DOF mask and mass.
     pub free: Vec<V4<f64>>,
     /// Table of split nodes ([`crate::kernels::split`]); empty where none can be split.
     pub split: Vec<u32>,
-    /// `[spring]` law; empty for bricks.
+    /// `[spring]` law; empty for hexahedra.
     pub law: Vec<V4<f64>>,
 }
 
 impl Snapshot {
-    /// Nodes with a displacement that is no number.
+    /// Number of nodes with a non-finite displacement.
     pub fn non_finite(&self) -> usize {
         self.u.iter().filter(|u| u.iter().any(|c| !c.is_finite())).count()
     }
 }
 
-/// A step that a backend has solved.
+/// Step solved by a backend.
 #[derive(Clone, Debug, Default)]
 pub struct Solved {
-    /// The body at its start.
+    /// State at the start of the step.
     pub start: Snapshot,
     /// `[node]` dead loads, N.
     pub load: Vec<V4<f64>>,
@@ -71,7 +71,7 @@ pub fn energy(model: &Model, state: &Snapshot, load: &[V4<f64>]) -> f64 {
     of_nodes + elastic_energy(model, &state.u, &rotation, &state.split, &state.law)
 }
 
-/// `[node]` velocities that masses of nodes multiply to the momentum, m/s.
+/// `[node]` velocities which, multiplied by the nodal masses, give the momentum, m/s.
 fn mean_velocities(model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
     let mut mean = state.v.clone();
     if model.mass == Mass::Consistent {
@@ -82,13 +82,14 @@ fn mean_velocities(model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
     mean
 }
 
-/// Cells whose mean deformation gradient has a determinant of 0 or less, or none; dead ones are not counted, cells of springs are.
+/// Number of cells whose mean deformation gradient has no positive determinant (non-finite ones count). Removed cells are skipped; the grid
+/// cells of springs are included.
 pub fn inverted_cells(model: &Model, state: &Snapshot) -> u32 {
     let (params, shapes) = (model.params::<f64>(), model.shapes::<f64>());
     let alive = |cell: &usize| state.rotation.get(*cell) != Some(&[0.0; 4]);
     let upright = |cell: usize| {
         let f = mean_gradient(&params, &shapes, &model.grid.layer_of, &state.split, &state.u, cell);
-        f.determinant() > 0.0 // not so when it is no number
+        f.determinant() > 0.0 // false for NaN
     };
     let cells = (0..params.cell_count as usize).filter(alive);
     cells.filter(|cell| !upright(*cell)).count() as u32
@@ -106,7 +107,7 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
     let Snapshot { u, v, free, .. } = &solved.start;
     let count = u.len();
     let in_system = model.anchors.all_in_system(rate(&model.step), free);
-    let mut at = u.clone(); // where elastic forces are taken
+    let mut at = u.clone(); // displacements at which elastic forces are evaluated
     ahead::ahead(&params, u, v, &mut at);
     let [f, w] = model.mechanics().forces_and_product(model, solved, &at, &in_system);
     let mean_v = mean_velocities(model, &solved.start);

@@ -100,9 +100,9 @@ pub trait Mechanics {
         at: &[V4<f64>],
         in_system: &[V4<f64>],
     ) -> [Vec<V4<f64>>; 2];
-    /// `[element]` rotations at a state's displacements.
+    /// `[element]` rotations at the displacements of a state.
     fn rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>>;
-    /// Whether a live element holds a node in the system; `rotation` and `law` as for the energy.
+    /// True if a remaining element keeps the node in the system; `rotation` and `law` as in `energy`.
     fn stays(&self, model: &Model, rotation: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool;
     /// Applies hits (sorted by segment) to a wound; returns the changes for the backend.
     fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal;
@@ -176,7 +176,7 @@ impl Model {
     ///
     /// # Errors
     /// [`Refused`] for more layers than a uniform binding holds, more nodes than 32-bit indices reach, multigrid or the direct solver on
-    /// springs, the direct solver where nodes may be split, or anchors on a consistent mass.
+    /// springs, the direct solver where a cut may duplicate nodes, or rest-shape springs on a consistent mass.
     pub fn new(scene: &Scene, body: usize) -> Result<Self> {
         let skin = &scene.skins[body];
         let grid = Grid::new(skin);

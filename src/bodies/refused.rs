@@ -1,4 +1,4 @@
-//! Why a body cannot be computed as its scene asks.
+//! Errors of setting up or solving a body.
 
 use super::MAX_LAYERS;
 use crate::scene::MOST_NODES;
@@ -11,59 +11,59 @@ pub enum Refused {
         "the layers' element matrices: {count} wanted, but layers in one uniform binding is {MAX_LAYERS}; join layers of the same material"
     )]
     Layers {
-        /// Of the body.
+        /// Layers of the body.
         count: usize,
     },
 
     /// More nodes than 32-bit indices reach.
     #[error("the grid's nodes: {count} wanted, but nodes reached by 32-bit indices is {MOST_NODES}; use fewer cells")]
     Nodes {
-        /// Of the body, with those that a cut may add.
+        /// Nodes of the body, including the reserve for cuts.
         count: u64,
     },
 
-    /// More quads swept by blades in a step than a GPU is told of.
+    /// More quads swept by blades in a step than a GPU accepts.
     #[error("the blade's pieces: {count} wanted, but swept quads per step is {most}; set a larger edge_spacing_mm")]
     SweptQuads {
-        /// Of this step.
+        /// Quads of this step.
         count: usize,
-        /// A device's limit.
+        /// Most quads per step.
         most: usize,
     },
 
     /// More links cut in a step than a GPU reports.
     #[error("the links cut in one step: {count} wanted, but hits per step is {most}; use a shorter step_ms")]
     CutLinks {
-        /// Of this step.
+        /// Hits of this step.
         count: usize,
-        /// A device's limit.
+        /// Most hits per step.
         most: usize,
     },
 
     /// Springs with a solver for hexahedra.
     #[error("{solver} is for bricks; this skin is of springs; take the preconditioner column")]
     SpringSolver {
-        /// "multigrid" or "the direct solver".
+        /// Solver: "multigrid" or "the direct solver".
         solver: &'static str,
     },
 
-    /// Rest-shape springs on a body whose nodes have no mass of their own.
+    /// Rest-shape springs on a body with consistent mass.
     #[error("anchors act through the masses of nodes; this skin's mass is consistent; take a lumped or uniform mass")]
     AnchoredMass,
 
-    /// The direct solver on a device.
+    /// The direct solver on a GPU.
     #[error(
         "the direct solver runs on the CPU path, not on a GPU; run it with --backend cpu, or take the preconditioner multigrid"
     )]
     DirectOnGpu,
 
-    /// The direct solver where a blade may add nodes.
+    /// The direct solver on a body whose nodes a blade may duplicate.
     #[error(
         "the direct solver's matrix has no room for nodes that a blade splits; take cut = \"remove\" or the preconditioner multigrid"
     )]
     DirectSplit,
 
-    /// The direct solver on a machine that is too small for its factor.
+    /// Not enough memory for the factor of the direct solver.
     #[error(
         "the direct solver's factor needs {} MB, which this machine does not give; use fewer cells, or the preconditioner multigrid",
         numbers / 125_000
@@ -73,24 +73,24 @@ pub enum Refused {
         numbers: usize,
     },
 
-    /// A system that has no one solution.
+    /// System that is not positive definite.
     #[error(
         "the step's matrix is not positive definite at node {node:?} of the grid (counted from 0 along x, y, z), axis {axis}: nothing holds a part of the body there that has no mass either, or positions are not finite; hold the body, give it mass, or take a shorter step"
     )]
     NotPositive {
-        /// Node along x, y, z.
+        /// Node along x, y, z, from 0.
         node: [usize; 3],
-        /// x, y or z.
+        /// Axis: x, y or z.
         axis: char,
     },
 
-    /// A hyperelastic cell without volume, where the law has no energy.
+    /// Inverted hexahedron of a hyperelastic body, where the law has no energy.
     #[error(
         "cell {cell:?} of a hyperelastic body is inside out at a step's start; take a shorter step_ms, let contacts and held nodes move \
          less in one step, or take law = \"fem\""
     )]
     InsideOut {
-        /// Cells along x, y, z.
+        /// Hexahedron along x, y, z, from 0.
         cell: [usize; 3],
     },
 }

@@ -1,4 +1,4 @@
-//! The program: arguments to library calls, results to text or JSON, errors to exit codes.
+//! The program: translates arguments to library calls, results to text or JSON, errors to exit codes.
 
 mod args;
 mod progress;
@@ -16,10 +16,10 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-/// Done, but a check or comparison failed.
+/// Exit status of a completed command whose check or comparison failed.
 const FAILED: u8 = 1;
 
-/// Runs the command that the arguments name.
+/// Runs the requested command.
 pub fn main() -> ExitCode {
     let cli = Cli::parse();
     let done = match cli.command.unwrap_or(Command::Run(cli.run)) {
@@ -38,24 +38,26 @@ pub fn main() -> ExitCode {
     }))
 }
 
-/// The scene at a path, or the built-in one.
+/// Reads the scene at a path, or the built-in one.
 fn read(path: Option<&PathBuf>) -> Result<Scene> {
     Ok(path.map_or_else(scene::incision, |path| scene::read(path))?)
 }
 
 fn print_json(value: &impl serde::Serialize) {
-    // every value here is a tree of numbers and strings, which always has a text
+    // a tree of numbers and strings always serialises
     println!("{}", serde_json::to_string_pretty(value).unwrap_or_default());
 }
 
 fn run_scene(args: &Run) -> Result<u8> {
     let mut scene = read(args.scene.as_ref())?;
+    // options override the scene's values
     let solver = &mut scene.solver;
     solver.tolerance = args.solver.tolerance.unwrap_or(solver.tolerance);
     solver.max_iterations = args.solver.iterations.unwrap_or(solver.max_iterations);
     solver.preconditioner = args.solver.preconditioner.map_or(solver.preconditioner, Into::into);
     scene.view.frames = args.frames.unwrap_or(scene.view.frames);
     let of_time = args.seconds.map(|t| (t / scene.time.step).round().max(1.0) as u32);
+    // haptic threads need a core of their own
     if args.realtime {
         cutis::runner::leave_a_core()?;
     } else {
@@ -70,10 +72,12 @@ fn run_scene(args: &Run) -> Result<u8> {
         checkpoint: args.checkpoint,
         resume: args.resume.clone(),
     };
+    // run with a progress display
     let mut shown = progress::Shown::new(options.steps.unwrap_or(scene.time.steps()));
     let summary = run::run(&scene, &options, &mut |p| shown.update(p));
     shown.end();
     let summary = summary?;
+    // result on standard output, notes on standard error
     if args.json {
         print_json(&summary.report);
     } else {
@@ -91,7 +95,7 @@ fn run_scene(args: &Run) -> Result<u8> {
     Ok(if summary.failures.is_empty() { 0 } else { FAILED })
 }
 
-/// D14: hardware if there is any, else the CPU path; a software adapter only when asked for.
+/// Backend of a run: the hardware GPU if there is one, else the CPU path; a software adapter only on request.
 fn place(args: &Run, scene: &Scene) -> Result<Place> {
     let cpu = match args.precision.unwrap_or(Precision::F64) {
         Precision::F64 => Place::Cpu64,
@@ -117,7 +121,7 @@ fn place(args: &Run, scene: &Scene) -> Result<Place> {
     }
 }
 
-/// Says so when `--backend gpu` without a name ends on the CPU after all.
+/// Prints a note when `--backend gpu` without an adapter name ends on a software adapter.
 fn note_software(adapter: Option<&str>) {
     let first = cutis::gpu::adapters().into_iter().next();
     if let (None, Some(first)) = (adapter, first.filter(|a| a.software)) {
@@ -243,7 +247,7 @@ fn list_adapters(args: args::Adapters) -> Result<u8> {
     Ok(0)
 }
 
-/// A path as it is printed, with its separators at the end.
+/// A path as printed, with a separator at the end.
 fn shown(path: &Path) -> String {
     format!("{}{}", path.display(), std::path::MAIN_SEPARATOR)
 }

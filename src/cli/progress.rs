@@ -5,17 +5,17 @@ use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
 use std::time::Instant;
 
-/// Lines over a run when standard error is no terminal.
+/// Number of lines over a run when standard error is no terminal.
 const LINES: u64 = 10;
 
-/// What the user sees while a scene runs.
+/// Progress display of a run.
 pub struct Shown {
     bar: Option<ProgressBar>,
     start: Instant,
 }
 
 impl Shown {
-    /// Before the first step.
+    /// Display before the first step.
     pub fn new(steps: u32) -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
             let style = ProgressStyle::with_template("{bar:30} {pos}/{len} steps, {eta} left, {msg}");
@@ -26,7 +26,7 @@ impl Shown {
         Self { bar, start: Instant::now() }
     }
 
-    /// After a step.
+    /// Updates it after a step.
     pub fn update(&mut self, p: &Progress) {
         let state = format!("force {:.3} N, cut {:.1} mm", p.force, p.cut * 1e3);
         if let Some(bar) = &self.bar {
@@ -42,7 +42,7 @@ impl Shown {
         }
     }
 
-    /// After the last one.
+    /// Ends it after the last step.
     pub fn end(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
@@ -50,18 +50,18 @@ impl Shown {
     }
 }
 
-/// What the user sees while a scene is studied: runs differ in length, so the time left follows the share of the work.
+/// Progress display of a study; runs differ in length, so the time left follows the share of the work.
 pub struct Share {
     bar: Option<ProgressBar>,
     start: Instant,
     line: u64,
 }
 
-/// Steps of the bar over the whole work.
+/// Length of the bar.
 const PARTS: f64 = 1000.0;
 
 impl Share {
-    /// Before the first run.
+    /// Display before the first run.
     pub fn new() -> Self {
         let bar = std::io::stderr().is_terminal().then(|| {
             let style = ProgressStyle::with_template("{bar:30} {msg}");
@@ -72,7 +72,7 @@ impl Share {
         Self { bar, start: Instant::now(), line: 0 }
     }
 
-    /// After a step.
+    /// Updates it after a step.
     pub fn update(&mut self, p: &study::Progress) {
         let spent = self.start.elapsed().as_secs_f64();
         let left = spent / p.share.max(1e-3) * (1.0 - p.share).max(0.0);
@@ -89,7 +89,7 @@ impl Share {
         }
     }
 
-    /// After the last one.
+    /// Ends it after the last run.
     pub fn end(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();

@@ -1,4 +1,4 @@
-//! `cutis haply-mock`: a stand-in for Haply's Inverse Service until it is told to end.
+//! `cutis haply-mock`: stand-in for Haply's Inverse Service until its input ends.
 
 use super::args::HaplyMock;
 use super::refused::{Refused, Result};
@@ -20,12 +20,12 @@ pub fn stand_in(args: &HaplyMock) -> Result<u8> {
         mock.url(),
         args.device
     );
-    // an input that cannot be read has ended
+    // an unreadable input counts as ended
     std::io::copy(&mut std::io::stdin(), &mut std::io::sink()).ok();
     Ok(0)
 }
 
-/// The recorded hand of a scene's tool.
+/// Recorded hand trajectory of a scene's tool.
 fn hand(path: &Path, wanted: Option<&str>) -> Result<Vec<Pose>> {
     let scene = scene::read(path)?;
     let held: Vec<Tool> = scene.tools.into_iter().filter(|tool| tool.free.is_none()).collect();

@@ -1,4 +1,4 @@
-//! Results as text for people.
+//! Results as readable text.
 
 use cutis::gpu::Adapter;
 use cutis::report::Report;
@@ -11,7 +11,7 @@ use cutis::scene::keys::Key;
 use std::fmt::Write as _;
 use std::path::Path;
 
-/// Five lines on what a run did, and one more on its haptic loop where the wall clock paced it.
+/// Summary of a run in five lines, with a sixth on the haptic loop if the wall clock paced it.
 pub fn summary(scene: &Scene, summary: &Summary, out: &Path) -> String {
     let r = &summary.report;
     let [size, step, solve, cut] = [body(r), speed(r), accuracy(scene, r), wound(scene, r)];
@@ -28,7 +28,7 @@ pub fn summary(scene: &Scene, summary: &Summary, out: &Path) -> String {
     format!("{size}\n{step}\n{solve}\n{cut}\n{ticks}{force}; {pictures}, everything else in {}\n", super::shown(out))
 }
 
-/// How the loop kept its time; nothing of a run by the scene's clock.
+/// Timing of the haptic loop; empty for a run by the scene's clock.
 fn ticks(r: &Report) -> String {
     let h = &r.haptic;
     let Some(missed) = h.missed else { return String::new() };
@@ -53,7 +53,7 @@ fn body(r: &Report) -> String {
     format!("{elements}, {} nodes, {} {steps} of {} ms", r.nodes, r.steps, milli(r.step_s))
 }
 
-/// Thousandths without digits of rounding.
+/// Rounded to thousandths.
 fn milli(value: f64) -> f64 {
     (value * 1e9).round() / 1e6
 }
@@ -90,7 +90,7 @@ fn wound(scene: &Scene, r: &Report) -> String {
     format!("cut {:.1} mm long, {:.2} mm deep, {:.1} mm² ({gone})", c.length_mm, c.depth_mm, c.area_mm2)
 }
 
-/// What a study found, and where it is.
+/// Result of a study and its folder.
 pub fn study(s: &Study, out: &Path) -> String {
     let mut text =
         format!("{} settings; errors are of {}, relative to {}\n", s.rows.len(), s.signals.join(", "), s.reference);
@@ -104,7 +104,7 @@ pub fn study(s: &Study, out: &Path) -> String {
     text
 }
 
-/// A table of differences.
+/// Table of differences.
 pub fn comparison(c: &Comparison) -> String {
     let mut text = format!(
         "GPU: {}, {}\nCPU: {}, {}\n\n{:<84} {:>11} {:>11} {:>11} {:>9}\n",
@@ -174,7 +174,7 @@ fn counts(list: &[Count]) -> String {
     list.iter().map(one).collect::<Vec<_>>().join("; ")
 }
 
-/// A table of adapters, and the choice of `auto`.
+/// Table of adapters, with the choice of `auto`.
 pub fn adapters(all: &[Adapter]) -> String {
     let mut text = String::new();
     if !all.is_empty() {
@@ -199,7 +199,7 @@ pub fn adapters(all: &[Adapter]) -> String {
     text + &choice + "\n"
 }
 
-/// Keys of scenes by their tables.
+/// Keys of scenes, by table.
 pub fn keys(keys: &[Key]) -> String {
     let mut text = String::new();
     let plain = |words: &str| words.replace('`', "");

@@ -1,22 +1,23 @@
-//! What a blade touches: its edge the tissue that it is to cut, its flats the walls of what it has cut.
+//! Contacts of a blade: its edge with the tissue that it is to cut, its flats with the walls of the cut.
 
 use super::{Found, Patch, Search, frame};
 use crate::bodies::rigid::{Edge, Flat, Instrument};
 use crate::constraints::Law;
 use glam::DVec3;
 
-/// What tissue bears of a blade.
+/// Resistance of tissue to a blade.
 #[derive(Clone, Copy, Debug)]
 pub struct Resistance {
-    /// Force per length of edge at which it is cut, N/m.
+    /// Force per length of edge at which the tissue is cut, N/m.
     pub edge: f64,
-    /// Force per length of a flat, over the root of the flat's distance from the edge, at which it splits before the edge, N/m^1.5.
+    /// Force per length of a flat, over the root of the flat's distance from the edge, at which the tissue splits ahead of the edge,
+    /// N/m^1.5.
     pub splitting: f64,
-    /// Side of its cells along the surface, m: nearer to the front of a cut its walls do not open as those of a sharp crack do.
+    /// Cell width along the surface, m: within it of the front a cut's walls do not open as those of a sharp crack.
     pub cell: f64,
 }
 
-/// Walls whose normal lies closer than this to the blade's normal are the flats' business.
+/// Cosine with the blade's normal above which a wall belongs to the flats, not to the edge.
 const SIDEWAYS: f64 = 0.7;
 
 pub(super) fn edge_contact(
@@ -46,7 +47,7 @@ pub(super) fn edge_contact(
     };
     let in_wound = distance <= 0.0 || patch.walls[triangle];
     match retreat.filter(|_| in_wound) {
-        // back in its own cut: nothing holds it before it is where it has cut to
+        // back in its own cut: free up to the front
         Some(retreat) => return (retreat < reach).then_some(Found { gap: retreat, ..base }),
         // inside: held by the tissue where it is
         None if distance <= 0.0 => return Some(base),
@@ -59,17 +60,17 @@ pub(super) fn edge_contact(
     Some(Found { axes: frame(normal), gap: distance, law, ..base })
 }
 
-/// How much a blade's half thickness grows over a length behind its edge: a scalpel's bevel of 28° in all.
+/// Growth of a blade's half thickness per length behind its edge: a scalpel's included bevel angle of 28°.
 const BEVEL: f64 = 0.25;
 
-/// A flat touches the first wall that faces it.
+/// Contact of a flat with the first wall that faces it.
 ///
-/// The blade is as thick there as its bevel has made it behind the edge, less a cell: within a cell of its front a cut opens as the grid
-/// lets it, not as a sharp crack does. (With the whole bevel, walls of cells of 0.83 mm that had just come apart took another 0.11 N of 0.28,
-/// those of 0.56 mm 0.07 N, for a step or two each.) Nor are walls pushed faster than the bevel opens them as the blade goes on: a
-/// cut opens by a whole cell at once. They bear no more than what would split the tissue before the edge. A wall that has passed the
-/// blade's middle plane is let go. (Following it instead, from step to step, threw the blade in 5 of 12 random cuts right through: walls
-/// that a cut has just made stand anywhere, and what has passed pulls the two flats of a blade against each other.)
+/// The half thickness is what the bevel reaches at the flat's distance behind the edge, less a cell: within a cell of its front a cut opens
+/// as the grid lets it, not as a sharp crack. (With the whole bevel, walls of cells of 0.83 mm that had just separated took another 0.11 N
+/// of 0.28, those of 0.56 mm 0.07 N, for a step or two each.) Walls are pushed no faster than the bevel opens them as the blade advances: a
+/// cut opens by a whole cell at once. Their force is at most what would split the tissue ahead of the edge. A wall that has passed the
+/// blade's middle plane is released. (Following it from step to step threw the blade in 5 of 12 random cuts right through: walls of a fresh
+/// cut stand anywhere, and one that has passed pulls the two flats against each other.)
 pub(super) fn flat_contact(
     tool: &Instrument,
     edge: &Edge,

@@ -1,9 +1,9 @@
 //! Contacts of rigid bodies with walls and with each other, and of deformable bodies with walls and with each other.
 //!
 //! Wall: corners, points and sphere centres of a rigid body, nodes of a deformable one, gap `n·(p − q)` in f64. Rigid bodies: points and
-//! spheres in closed form, everything else by parry3d's contact manifolds (clipped faces, so a box on a box has four contacts), whose
-//! normal and places are f32; the gap is taken again in f64 from the places that they name, and is exact on boxes whose faces
-//! meet. Deformable bodies: nodes of the one against faces of the other, both ways; where two nodes meet, once.
+//! spheres in closed form, all else by parry3d's contact manifolds (clipped faces, so a box on a box has four contacts). Their normals and
+//! points are f32; the gap is computed again in f64 from these points, and is exact for boxes whose faces meet. Deformable bodies: nodes
+//! of one against faces of the other, both ways; where two nodes meet, once.
 //! Units: m.
 
 use super::{Contact, Patch, Search, frame};
@@ -18,9 +18,9 @@ use parry3d::query::{ContactManifold, DefaultQueryDispatcher, PersistentQueryDis
 use parry3d::shape::{Capsule, Cuboid, Shape};
 use std::collections::BTreeMap;
 
-/// A normal closer than this to a box's own axis is that axis: parry's is rounded to f32.
+/// Distance below which a normal counts as a box's axis: parry's is rounded to f32.
 const ALIGNED: f64 = 1e-5;
-/// Faces that look at each other by less than this (cosine) do not touch: the sides of two blocks that stand on each other.
+/// Cosine below which faces do not face each other: the sides of two blocks stacked on each other do not touch.
 const FACING: f64 = 0.1;
 
 fn contact(on: [BodyId; 2], feature: usize, point: DVec3, normal: DVec3, gap: f64, search: &Search) -> Contact {
@@ -36,7 +36,7 @@ fn contact(on: [BodyId; 2], feature: usize, point: DVec3, normal: DVec3, gap: f6
     }
 }
 
-/// Contacts of a rigid body with a wall; `travel` is how far a sample may move in the step.
+/// Contacts of a rigid body with a wall; `travel` bounds a sample's motion in the step, m.
 pub fn with_plane(
     (number, tool): (usize, &Instrument),
     (wall, plane): (usize, &Plane),
@@ -59,8 +59,8 @@ pub fn with_plane(
     tool.samples.iter().enumerate().filter_map(sample).collect()
 }
 
-/// Contacts of two rigid bodies by their parts: spheres, capsules, boxes, the segments and points of lines, the points of a tool and of
-/// an edge. Parts of one body never meet each other.
+/// Contacts of two rigid bodies by their parts: spheres, capsules, boxes, segments and points of lines, points of a tool and of an edge.
+/// Parts of one body never touch each other.
 pub fn between_rigid(
     (first, a): (usize, &Instrument),
     (second, b): (usize, &Instrument),
@@ -87,18 +87,19 @@ pub fn between_rigid(
     out
 }
 
-/// Numbers that each pair of parts keeps for its places.
+/// Feature numbers per pair of parts, one for each contact point.
 const PLACES: usize = 64;
 
-/// A convex part of a rigid body in its frame.
+/// Convex part of a rigid body, in its frame.
 enum Part {
-    /// Half edges, m.
+    /// Half extents, m.
     Box(DVec3),
-    /// Ends of the axis and radius, m; a point is one without length.
+    /// Ends of the axis and radius, m; a point has both ends alike.
     Round([DVec3; 2], f64),
 }
 
-/// Radius that parry is given for what has none: its directions come from distances that are not zero, m. The gap is of the true one.
+/// Radius given to parry for parts without one, m: it derives directions from distances, which must not be zero. The gap is of the true
+/// radius.
 const THIN: f64 = 1e-5;
 
 fn parts(body: &Instrument) -> Vec<Part> {
@@ -118,8 +119,9 @@ fn parts(body: &Instrument) -> Vec<Part> {
     lines.segments.iter().map(|ends| Part::Round(ends.map(at), lines.radius)).chain(points).collect()
 }
 
-/// Places where two parts are near each other, normals towards the first body, gaps.
+/// Contact points of two parts within reach, each with the normal towards the first body and the gap.
 fn meet((a, part): (&Instrument, &Part), (b, other): (&Instrument, &Part), reach: f64) -> Vec<(DVec3, DVec3, f64)> {
+    // two points or spheres: closed form
     if let (Part::Round([p, q], r), Part::Round([s, t], o)) = (part, other)
         && p == q
         && s == t
@@ -130,6 +132,7 @@ fn meet((a, part): (&Instrument, &Part), (b, other): (&Instrument, &Part), reach
         let gap = away.length() - r - o;
         return vec![(second + normal * (o + 0.5 * gap), normal, gap)];
     }
+    // contact manifolds in the frame of the first body
     let mut manifolds: Vec<ContactManifold<(), ()>> = vec![];
     let back = a.rotation.inverse();
     let apart = (back * (b.position - a.position)).as_vec3();
@@ -146,6 +149,7 @@ fn meet((a, part): (&Instrument, &Part), (b, other): (&Instrument, &Part), reach
     if asked.is_err() {
         return vec![]; // no such pair among balls, capsules and boxes
     }
+    // gaps in f64
     let mut out = vec![];
     for manifold in &manifolds {
         let normal = snapped(-(a.rotation * manifold.local_n1.as_dvec3()), a, b);
@@ -157,7 +161,7 @@ fn meet((a, part): (&Instrument, &Part), (b, other): (&Instrument, &Part), reach
     out
 }
 
-/// A part's shape for parry, and by how much it is thicker than the part.
+/// Shape of a part for parry, and its excess radius.
 fn shape(part: &Part) -> (Box<dyn Shape>, f64) {
     match part {
         Part::Box(half) => (Box::new(Cuboid::new(half.as_vec3())), 0.0),
@@ -168,7 +172,7 @@ fn shape(part: &Part) -> (Box<dyn Shape>, f64) {
     }
 }
 
-/// The normal, or the axis of a box that it is to rounding.
+/// The normal, or the box axis that it equals to rounding.
 fn snapped(normal: DVec3, a: &Instrument, b: &Instrument) -> DVec3 {
     let boxes = [a, b].into_iter().filter(|body| body.cuboid.is_some());
     let axes = boxes.flat_map(|body| DVec3::AXES.map(|axis| body.rotation * axis));
@@ -176,14 +180,14 @@ fn snapped(normal: DVec3, a: &Instrument, b: &Instrument) -> DVec3 {
     near.unwrap_or_else(|| normal.normalize_or_zero())
 }
 
-/// A place on a box, with the coordinates that are its faces' to rounding made exact.
+/// Point on a box; coordinates that equal a face's to rounding are made exact.
 fn on_box(body: &Instrument, place: DVec3) -> DVec3 {
     let Some(half) = body.cuboid else { return place };
     let exact = |x: f64, h: f64| if (x.abs() - h).abs() < ALIGNED * h { h.copysign(x) } else { x };
     DVec3::new(exact(place.x, half.x), exact(place.y, half.y), exact(place.z, half.z))
 }
 
-/// Nodes of faces and their outward directions, not of unit length.
+/// Nodes of faces with outward directions, not of unit length.
 fn nodes(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> BTreeMap<u32, DVec3> {
     let mut out: BTreeMap<u32, DVec3> = BTreeMap::new();
     for face in faces {
@@ -217,7 +221,7 @@ pub fn skin_on_plane(
     out
 }
 
-/// Contacts of a deformable body's nodes with the faces of a box that they are over, or inside of; none when the tool is no box.
+/// Contacts of a deformable body's nodes with the faces of a box, for nodes over a face or inside; none if the tool is no box.
 pub fn skin_on_box(
     (number, faces): (usize, &[Quad]),
     position: &impl Fn(u32) -> DVec3,
@@ -231,13 +235,13 @@ pub fn skin_on_box(
     for (node, outward) in nodes(faces, position) {
         let point = position(node);
         let local = tool.rotation.inverse() * (point - tool.position);
-        let out_of = local.abs() - half; // of each pair of faces
+        let out_of = local.abs() - half; // distance beyond each pair of faces
         let axis = out_of.max_position();
         let beside = (0..3).any(|n| n != axis && out_of[n] > 0.0);
         let normal = -(tool.rotation * (DVec3::AXES[axis] * local[axis].signum()));
         let looks = normal.dot(outward) > FACING * outward.length();
         if !beside && looks && out_of[axis] < search.alarm + search.distance + travel {
-            // behind the numbers of the box's own corners
+            // numbered after the box's own corners
             let found = contact(on, tool.samples.len() + node as usize, point, normal, out_of[axis], search);
             out.push(Contact { points: [MaterialPoint::default(), MaterialPoint::node(node)], ..found });
         }
@@ -245,7 +249,7 @@ pub fn skin_on_box(
     out
 }
 
-/// Contacts of the first body's nodes with the second's faces; nodes within `same` of one of `skip` are left out.
+/// Contacts of the first body's nodes with the second's faces; nodes within `same` of a point of `skip` are omitted.
 pub fn skin_on_skin(
     (first, faces, position): (usize, &[Quad], &impl Fn(u32) -> DVec3),
     (second, patch): (usize, &Patch),
@@ -258,7 +262,7 @@ pub fn skin_on_skin(
     for (node, outward) in nodes(faces, position) {
         let point = position(node);
         let (triangle, weights, distance, _) = patch.project(point);
-        // the face's own normal: at a rim, nearest place to node may lie along the face
+        // the face's own normal: at a rim the vector from the nearest point to the node may lie along the face
         let normal = patch.face_normal(triangle);
         if distance >= search.alarm + search.distance || normal.dot(outward) > -FACING * outward.length() {
             continue;
@@ -266,7 +270,7 @@ pub fn skin_on_skin(
         let place = patch.place(triangle, weights);
         let beside = (point - place) - normal * normal.dot(point - place);
         if beside.length() > same || skip.iter().any(|p| p.distance(point) < same) {
-            continue; // over the rim, or the other body's node is here
+            continue; // over the rim, or a node of the other body is here
         }
         let found = contact(on, node as usize, point, normal, normal.dot(point - place), search);
         out.push(Contact { points: [MaterialPoint::node(node), patch.spot(triangle, weights)], ..found });

@@ -1,11 +1,11 @@
-//! The broad phase: boxes over the tiles of a body, in a tree that is built once and refitted as the skin moves.
+//! Broad phase: bounding boxes of a body's tiles, in a tree that is built once and refitted as the skin moves.
 //!
-//! A tile ([`crate::kernels::bounds`]) of rest box `R` whose nodes move by something between `l` and `g` lies in
-//! `[R.low + l, R.high + g]`, whatever else it does: skin is found where it is now, however far it has come. A tile is whole columns of
-//! cells, so its box holds what is under the surface too, and a point that has sunk into the skin still meets it.
+//! A tile ([`crate::kernels::bounds`]) with rest box `R` whose nodes' displacements lie between `l` and `g` is contained in
+//! `[R.low + l, R.high + g]`, for any motion: skin is found wherever it has moved to. A tile is whole columns of cells, so its box contains
+//! what is below the surface too, and a point that has sunk into the skin still meets it.
 //!
-//! Tiles whose boxes meet a tool's are looked at column by column with the same two displacements; the surface of the columns that may
-//! meet the tool's box goes to the narrow phase. Leaves are rounded outward to the f32 of parry3d.
+//! Tiles whose boxes meet a tool's are searched column by column with the same two displacements; the surface of the columns that may meet
+//! the tool's box goes to the narrow phase. Leaves are rounded outward to the f32 of parry3d.
 //! Units: m.
 
 use crate::kernels::Params;
@@ -19,25 +19,25 @@ use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use std::collections::BTreeSet;
 
-/// What f64 may take from a place along the grid, cells (10⁶ of them are known to 10⁻¹⁰): a face on the rim of an area stays in.
+/// Rounding of a position along the grid in f64, cells (10⁶ of them are known to 10⁻¹⁰): a face on the rim of an area is kept.
 const ROUNDING: f64 = 1e-6;
 
-/// Boxes over the tiles of one body.
+/// Bounding boxes of one body's tiles.
 pub struct Boxes {
     tree: Bvh,
-    rest: Vec<[DVec3; 2]>,   // [tile] box at rest
+    rest: Vec<[DVec3; 2]>,   // [tile] rest box
     motion: Vec<[DVec3; 2]>, // [tile] least and greatest displacement
-    of_grid: usize,          // tiles of the grid; groups of extra columns follow
-    moved: f64,              // most that one of these changed at the last refit, m
+    of_grid: usize,          // tiles of the grid; groups of duplicate columns follow
+    moved: f64,              // largest change of these at the last refit, m
 }
 
-/// The f32 box that holds an f64 one.
+/// f32 box that contains an f64 one.
 fn outward(low: DVec3, high: DVec3) -> Aabb {
     let next = |v: DVec3, to: fn(f32) -> f32| Vector::from_array(v.to_array().map(|c| to(c as f32)));
     Aabb::new(next(low, f32::next_down), next(high, f32::next_up))
 }
 
-/// Box at rest around the nodes of some node columns.
+/// Rest box around some node columns.
 fn around_columns(grid: &Grid, columns: &[u32]) -> [DVec3; 2] {
     let top = grid.thickness();
     let nothing = [DVec3::INFINITY, DVec3::NEG_INFINITY];
@@ -47,7 +47,7 @@ fn around_columns(grid: &Grid, columns: &[u32]) -> [DVec3; 2] {
     })
 }
 
-/// Columns of cells around a node column.
+/// Cell columns around a node column.
 fn cells_around(params: &Params<f64>, column: u32) -> Vec<[usize; 2]> {
     let (x, y) = (column as usize % params.nodes_x as usize, column as usize / params.nodes_x as usize);
     let ends = |n: usize, cells: u32| n.saturating_sub(1)..(n + 1).min(cells as usize);
@@ -66,15 +66,15 @@ impl Boxes {
                 [corner(first, 0), corner(last, grid.cells[2])].map(DVec3::from_array)
             })
             .collect();
-        // nowhere, until there are copies
+        // degenerate until there are duplicated nodes
         rest.resize(tile_count(params), [rest[0][0]; 2]);
         let leaves: Vec<Aabb> = rest.iter().map(|[low, high]| outward(*low, *high)).collect();
         let motion = vec![[DVec3::ZERO; 2]; rest.len()];
         Self { tree: Bvh::from_leaves(BvhBuildStrategy::Binned, &leaves), rest, motion, of_grid: x * y, moved: 0.0 }
     }
 
-    /// Fits the boxes to what the tiles move between, `[tile]` least and greatest displacement as `Backend::bounds` has them; returns how
-    /// many nodes are nowhere. A tile all of whose nodes are nowhere keeps its rest box.
+    /// Refits the boxes to the tiles' bounds, `[tile]` least and greatest displacement as from `Backend::bounds`; returns the number of
+    /// non-finite nodes. A tile without finite nodes keeps its rest box.
     pub fn refit(&mut self, surface: &Surface, bounds: &[[V4<f64>; 2]]) -> usize {
         let (grid, parents) = (surface.grid(), surface.parts.parents());
         self.moved = 0.0;
@@ -94,13 +94,13 @@ impl Boxes {
         bounds.iter().map(|pair| pair[0][3] as usize).sum()
     }
 
-    /// A tile's box.
+    /// Box of a tile.
     pub fn around(&self, tile: usize) -> Aabb {
         let ([low, high], [least, greatest]) = (self.rest[tile], self.motion[tile]);
         outward(low + least, high + greatest)
     }
 
-    /// Most that a tile's least or greatest displacement changed at the last refit, m: how far the body moves in a step.
+    /// Largest change of a tile's least or greatest displacement at the last refit, m: the body's motion in a step.
     pub fn moved(&self) -> f64 {
         self.moved
     }
@@ -110,12 +110,12 @@ impl Boxes {
         &self.motion
     }
 
-    /// The same from another time, as if the last refit had seen it.
+    /// Restores these from another time, as if the last refit had read them.
     pub fn set_motion(&mut self, motion: &[[DVec3; 2]]) {
         self.motion = motion.to_vec();
     }
 
-    /// Corners of the box around all tiles.
+    /// Corners of the bounding box of all tiles.
     pub fn all(&self) -> [DVec3; 2] {
         let nothing = [DVec3::INFINITY, DVec3::NEG_INFINITY];
         self.rest
@@ -124,19 +124,19 @@ impl Boxes {
             .fold(nothing, |[low, high], (rest, motion)| [low.min(rest[0] + motion[0]), high.max(rest[1] + motion[1])])
     }
 
-    /// How many tiles there are.
+    /// Number of tiles.
     pub fn count(&self) -> usize {
         self.rest.len()
     }
 
-    /// Tiles whose boxes meet an area, in order.
+    /// Tiles whose boxes meet an area, in ascending order.
     pub fn tiles(&self, area: &Aabb) -> Vec<usize> {
         let mut found: Vec<usize> = self.tree.intersect_aabb(area).map(|tile| tile as usize).collect();
         found.sort_unstable();
         found
     }
 
-    /// Surface of the columns of cells that may meet an area.
+    /// Surface faces of the cell columns that may meet an area.
     pub fn faces(&self, surface: &Surface, area: &Aabb) -> Vec<Quad> {
         let grid = surface.grid();
         let params = grid.params::<f64>();
@@ -146,7 +146,8 @@ impl Boxes {
         let beside = spread * 0.5 * DVec3::new(grid.edge[0], grid.edge[1], 0.0);
         let wider = outward(area.mins.as_dvec3() - beside, area.maxs.as_dvec3() + beside);
         let mut looked_at = vec![];
-        let mut by_copies = BTreeSet::new(); // columns of cells around copies in the area
+        let mut by_copies = BTreeSet::new(); // cell columns around duplicated nodes in the area
+        // grid tiles: the range of cell columns in the area; duplicate columns are collected
         for tile in self.tiles(&wider) {
             if tile >= self.of_grid {
                 let group = parents.chunks(TILE).nth(tile - self.of_grid).unwrap_or_default();
@@ -164,6 +165,7 @@ impl Boxes {
             surface.quads([first[0], first[1], 0], [last[0], last[1], grid.cells[2]], &mut out);
             looked_at.push([first, last]);
         }
+        // cell columns around duplicated nodes, unless covered already
         let new =
             |[x, y]: &[usize; 2]| !looked_at.iter().any(|[a, b]| (a[0]..b[0]).contains(x) && (a[1]..b[1]).contains(y));
         for [x, y] in by_copies.into_iter().filter(new) {

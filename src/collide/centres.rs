@@ -1,9 +1,8 @@
 //! Patches whose faces are four triangles about their centre, the mean of their corners: for tools of points.
 //!
-//! Cut in two by one diagonal, faces are other ones at mirror images of a place: a point of `scenes/hard/tools_many_points.toml` alone felt
-//! 28.9 and 40.0 mN at (±0.3, ±0.2) mm on cells of 1.4 mm. About the centre no diagonal is favoured. The centre is no node; what acts on
-//! it acts on the four corners alike. Blades, round tools and tools of lines look at faces in two: their pieces meet several triangles at
-//! once.
+//! Faces cut in two by one diagonal differ at mirror images of a point: a point of `scenes/hard/tools_many_points.toml` alone felt 28.9 and
+//! 40.0 mN at (±0.3, ±0.2) mm on cells of 1.4 mm. About the centre no diagonal is preferred. The centre is no node; a force on it acts on
+//! the four corners alike. Blades, round tools and tools of lines use faces in two: their pieces meet several triangles at once.
 
 use super::{Patch, to_f32};
 use crate::mesh::{MaterialPoint, Quad};
@@ -11,7 +10,7 @@ use glam::DVec3;
 use parry3d::shape::{TriMesh, TriMeshFlags};
 
 impl Patch {
-    /// From faces and the present position of their nodes, as [`Patch::new`]; `None` when there are no faces.
+    /// Patch of faces at the present positions of their nodes, as [`Patch::new`]; `None` without faces.
     pub fn about_centres(faces: &[Quad], position: impl Fn(u32) -> DVec3) -> Option<Self> {
         let mut ids: Vec<u32> = faces.iter().flat_map(|q| q.nodes).collect();
         ids.sort_unstable();
@@ -35,11 +34,11 @@ impl Patch {
         Some(Self { mesh, triangles: vec![], quarters, cells, walls, corners, origin })
     }
 
-    /// The place of a triangle with these weights, as nodes move it.
+    /// Material point of a triangle with these weights.
     pub fn spot(&self, triangle: usize, weights: [f64; 3]) -> MaterialPoint {
         match self.quarters.get(triangle / 4) {
             Some(nodes) => {
-                // a quarter of the face: its two corners, and the centre, which is the mean of all four
+                // a quarter of the face: two corners, and the centre, the mean of all four
                 let ([u, v, w], quarter) = (weights, triangle % 4);
                 let mut weights = [0.25 * w; 4];
                 weights[quarter] += u;

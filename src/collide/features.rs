@@ -1,23 +1,22 @@
 //! Contacts of tools made of points and straight segments with the skin's vertices, edges and triangles.
 //!
-//! A pair is the nearest places P on a feature of the tool and Q on one of the skin: point–vertex, point–edge, point–triangle,
-//! segment–vertex, segment–edge. It is kept when both lie strictly inside their features and |PQ| is below the alarm distance (and the
+//! A pair is the nearest points P on a feature of the tool and Q on one of the skin: point–vertex, point–edge, point–triangle,
+//! segment–vertex, segment–edge. It is kept when both lie strictly inside their features and |PQ| is below the alarm distance (plus the
 //! tool's radius), and, with `filter = "cones"`, when the direction is in the normal cones of both features ([`cones`]): local minima of
-//! the distance. With `filter = "points"` every pair within reach is kept whose skin feature is turned to the tool.
+//! the distance. With `filter = "points"` every pair within reach is kept whose skin feature faces the tool.
 //! Source: Johnson, Willemsen 2003, and SOFA's LocalMinDistance, whose pairs and cones these are. Three things differ:
 //!
-//! - Signed. LocalMinDistance has no inside: a tool behind the surface has no contact any more. Here a point inside is pushed out along
-//!   the normal of the nearest surface ([`Patch::project`] has the sign). A segment under an edge or vertex is the mirrored problem: the
-//!   same pair with the normal turned round, when the tool's place is inside and the pair is about as near as the surface. A stretch of a
-//!   segment between two triangles that it pierces has one contact, at its middle, when no pair holds it.
-//! - Touching. Below a hundredth of the alarm distance PQ has no direction: the normal is the mean one of the vertex, edge or
-//!   triangle that a point rests on, and across both lines (`e × s`) for a segment. So a tool at rest keeps its contacts whatever
-//!   rounding does.
-//! - Continuous. All ends move along their free motion of the step; a pair is taken where it first touches, or comes nearest, found by
-//!   conservative advancement (Mirtich 1996), and its gap is that of the plane there at the step's start. A point on a face that may
-//!   slide along it into a face that rises there is held by the planes of both: the other one is no local minimum yet.
+//! - Signed. LocalMinDistance has no inside: a tool behind the surface loses its contacts. Here a point inside is pushed out along the
+//!   normal of the nearest surface ([`Patch::project`] has the sign). A segment below an edge or vertex is the mirrored problem: the same
+//!   pair with reversed normal, if the tool's point is inside and the pair about as near as the surface. A stretch of a segment between two
+//!   triangles that it pierces has one contact, at its middle, if no pair holds it.
+//! - Touching. Below a hundredth of the alarm distance PQ has no direction: a point takes the mean normal of the vertex, edge or triangle
+//!   that it rests on, a segment the normal across both lines (`e × s`). A tool at rest thus keeps its contacts whatever the rounding.
+//! - Continuous. All ends move by their unconstrained motion of the step. A pair is evaluated where it first touches or comes nearest,
+//!   found by conservative advancement (Mirtich 1996); its gap is that of the plane there at the start of the step. A point on a face that
+//!   may slide along it into a rising face is held by the planes of both, although the second is no local minimum yet.
 //!
-//! Triangles near a tool feature come from parry3d's tree of boxes; all else is in f64. Units: m.
+//! Triangles near a tool feature come from parry3d's bounding-box tree; all else is in f64. Units: m.
 
 pub mod closest;
 pub mod cones;
@@ -31,19 +30,19 @@ use closest::Near;
 use cones::{Cone, Feature, Features};
 use glam::DVec3;
 
-/// Distance below which a pair touches, alarm distances: 2 µm as most scenes have it, above what a step leaves of a gap at rest (0.1 µm).
-/// Larger, and contacts at rest take a mean normal where a face has its own; smaller, and a point at rest on a dimpled vertex has each of
-/// the faces round it as a contact at one place, more than friction there is determined by (sweeps of the contact law then do not end).
+/// Share of the alarm distance below which a pair touches: 2 µm in most scenes, above the gap that a step leaves at rest (0.1 µm). If
+/// larger, contacts at rest take a mean normal where a face has its own. If smaller, a point at rest on a dimpled vertex has a contact with
+/// each face around it at one point, more than determine friction there (sweeps of the contact law then do not converge).
 const TOUCH: f64 = 1e-2;
-/// Steps of the advancement at most; a near miss that takes more is treated as it was found until then.
+/// Most advancement steps; a near miss that takes more keeps the nearest approach found so far.
 const MOST_STEPS: u32 = 64;
-/// A pair inside the skin may be this many times further from its place than the nearest surface is: its normal leans from
-/// theirs by at most 48°. More, and a tool just under the top would be pushed through the bottom.
+/// Largest distance of a pair inside the skin, as a multiple of the depth: its normal leans from the surface's by at most 48°. With more, a
+/// tool just below the top would be pushed through the bottom.
 const DEEPER: f64 = 1.5;
-/// Pairs at one place whose normals have at least this cosine (2.6°) are one contact.
+/// Cosine (of 2.6°) above which the normals of pairs at one point make them one contact.
 const ALIKE: f64 = 0.999;
 
-/// A point (both ends alike) or segment of the tool at the step's start, with the motion of its ends.
+/// Point (both ends alike) or segment of the tool at the start of the step, with the motion of its ends.
 struct Piece {
     ends: [DVec3; 2],
     shift: [DVec3; 2],
@@ -63,25 +62,25 @@ impl Piece {
     }
 }
 
-/// A pair that is kept.
+/// Contact pair.
 struct Pair {
-    /// Nodes and weights of the place on the skin.
+    /// Nodes and weights of the point on the skin.
     spot: ([u32; 3], [f64; 3]),
-    /// Place on the tool's segment.
+    /// Parameter of the point on the tool's segment.
     u: f64,
     on_tool: DVec3,
     on_skin: DVec3,
     normal: DVec3,
     gap: f64,
-    /// With friction.
+    /// Has friction.
     rubs: bool,
 }
 
-/// Bits of a contact's number that say which point or segment of the tool has it; the rest counts its contacts.
+/// Low bits of a contact's feature number, which name the point or segment of the tool; the high bits count its contacts.
 const PIECE_BITS: u32 = 32;
 const PIECE: usize = (1 << PIECE_BITS) - 1;
 
-/// One tool and one patch.
+/// Search of one tool and one patch.
 struct Hunt<'a> {
     patch: &'a Patch,
     features: Features,
@@ -101,7 +100,7 @@ pub fn contacts(
     contacts_among(tool, lines, skin, search, free, &|low, high| skin.1.near(low, high))
 }
 
-/// The same with another way to find the triangles that meet a box.
+/// The same with another search for the triangles that meet a box.
 pub fn contacts_among(
     (number, tool): (usize, &Instrument),
     lines: &Lines,
@@ -113,6 +112,7 @@ pub fn contacts_among(
     let touch = TOUCH * search.alarm;
     let hunt = Hunt { patch, features: Features::new(patch), search, radius: lines.radius, touch };
     let mut kept: Vec<(usize, Pair)> = vec![];
+    // pairs of every point and segment, from the triangles around its motion
     for (index, piece) in pieces(tool, lines, free).iter().enumerate() {
         let margin = DVec3::splat(search.alarm + search.distance + lines.radius + 2.0 * touch);
         let corners = [piece.at(0.0), piece.at(1.0)].concat();
@@ -122,7 +122,8 @@ pub fn contacts_among(
         let found = if piece.point { hunt.point(piece, &triangles) } else { hunt.segment(piece, &triangles) };
         kept.extend(found.into_iter().map(|pair| (index, pair)));
     }
-    kept.sort_by_key(|(_, pair)| !pair.rubs); // of two at one place the one with friction stays
+    kept.sort_by_key(|(_, pair)| !pair.rubs); // of two pairs at one point the one with friction is kept
+    // contacts, one per point and normal
     let mut out: Vec<(Contact, DVec3)> = vec![];
     for (index, pair) in kept {
         let point = pair.on_tool - pair.normal * lines.radius;
@@ -148,7 +149,7 @@ pub fn contacts_among(
     out.into_iter().map(|(contact, _)| contact).collect()
 }
 
-/// Points, then segments, each with its motion.
+/// Points, then segments, with their motion.
 fn pieces(tool: &Instrument, lines: &Lines, free: &UnconstrainedMotion) -> Vec<Piece> {
     let places: Vec<DVec3> = lines.positions.iter().map(|p| tool.at(DVec3::from_array(*p))).collect();
     let shift = |p: DVec3| free.shift + free.turn.cross(p - tool.position);
@@ -165,7 +166,7 @@ fn pieces(tool: &Instrument, lines: &Lines, free: &UnconstrainedMotion) -> Vec<P
 }
 
 impl Hunt<'_> {
-    /// Pairs of a tool's point: what it rests on and other local minima; the way out when it is inside.
+    /// Pairs of a tool's point: what it rests on and other local minima; if inside, the way out.
     fn point(&self, piece: &Piece, triangles: &[u32]) -> Vec<Pair> {
         let p = piece.ends[0];
         let features = || self.features.of(triangles).into_iter().map(|id| &self.features.all[id]);
@@ -179,8 +180,8 @@ impl Hunt<'_> {
         found
     }
 
-    /// The faces that rise round the place of a pair with a face, without friction: a point that slides along its own face, by as much
-    /// as its motion of the step has along it, would go through them. On an edge or vertex the mean normal stands for them: it depends on theirs, and forces would be
+    /// Frictionless pairs with the faces that rise around a pair on a face, within the step's tangential motion: a point that slides along
+    /// its own face would pass through them. On an edge or vertex the mean normal stands for them; it depends on theirs, so forces would be
     /// undetermined.
     fn walls(&self, pair: &Pair, shift: DVec3) -> Vec<Pair> {
         let reach = shift.reject_from(pair.normal).length().min(self.search.alarm) + self.touch;
@@ -205,8 +206,8 @@ impl Hunt<'_> {
         walls
     }
 
-    /// The pair of a point with a feature that it touches, vertices before edges before faces: one of them is enough, since what is
-    /// round it moves with it.
+    /// Pair of a point with a feature that it touches, vertices before edges before faces. One is enough, since the surface around it
+    /// moves with it.
     fn rests(&self, piece: &Piece, feature: &Feature) -> Option<Pair> {
         let near = feature.near(piece.ends, piece.point)?;
         let normal = feature.cone.normal;
@@ -214,10 +215,11 @@ impl Hunt<'_> {
         rests.then(|| self.pair(piece, feature, &near, normal))
     }
 
-    /// Pairs of a tool's segment, and one for each stretch inside the skin that has none.
+    /// Pairs of a tool's segment, and one for each stretch inside the skin without any.
     fn segment(&self, piece: &Piece, triangles: &[u32]) -> Vec<Pair> {
         let features = self.features.of(triangles).into_iter().map(|id| &self.features.all[id]);
         let mut found: Vec<Pair> = features.filter_map(|feature| self.meets(piece, feature)).collect();
+        // where the segment enters and leaves the skin
         let corners = triangles.iter().map(|t| self.patch.corners[*t as usize]);
         let mut hits: Vec<(f64, bool)> = corners.filter_map(|c| closest::pierces(piece.ends, c)).collect();
         hits.sort_by(|a, b| a.0.total_cmp(&b.0));
@@ -226,7 +228,7 @@ impl Hunt<'_> {
             if inward {
                 entered = entered.or(Some(u));
             } else if let Some(start) = entered.take() {
-                // stretches that reach an end of the segment are held at that end, which is a point
+                // a stretch that reaches an end of the segment is held at that end, a point of its own
                 let middle = 0.5 * (start + u);
                 if !found.iter().any(|pair| (start..=u).contains(&pair.u)) {
                     let inside = self.patch.project(piece.place(middle)).2 < 0.0;
@@ -237,7 +239,7 @@ impl Hunt<'_> {
         found
     }
 
-    /// The nearest place of the skin to a place of the tool that is inside or touches; the normal leads out.
+    /// Pair of a tool point that is inside or touches with the nearest point of the skin; the normal leads out.
     fn way_out(&self, p: DVec3, u: f64) -> Option<Pair> {
         let (triangle, _, distance, _) = self.patch.project(p);
         let weights = closest::on_triangle(p, self.patch.corners[triangle]);
@@ -252,8 +254,9 @@ impl Hunt<'_> {
         (normal != DVec3::ZERO).then_some(Pair { spot, u, on_tool: p, on_skin, normal, gap, rubs: true })
     }
 
-    /// The pair of a tool's feature and one of the skin, where they first touch or come nearest, if it is kept.
+    /// Pair of a tool's feature and a skin's, where they first touch or come nearest, if it is kept.
     fn meets(&self, piece: &Piece, feature: &Feature) -> Option<Pair> {
+        // too far, or from behind
         let first = feature.near(piece.ends, piece.point)?;
         let reach = self.search.alarm + self.search.distance + self.radius;
         if first.away.length() >= reach + piece.travel() {
@@ -263,10 +266,12 @@ impl Hunt<'_> {
         if behind && !piece.point {
             return self.mirrored(piece, feature, &first);
         }
+        // nearest approach; inside both features
         let (t, near) = self.advance(piece, feature, first);
         if near.away.length() >= reach || !near.strict {
             return None;
         }
+        // normal; the filter
         let touches = near.away.length() <= self.touch;
         let normal = if touches { touching(piece, feature)? } else { near.away.normalize() };
         let widen = self.search.angle_cone;
@@ -278,7 +283,7 @@ impl Hunt<'_> {
         kept.then_some(Pair { gap: if t > 0.0 { pair.gap.max(0.0) } else { pair.gap }, ..pair })
     }
 
-    /// The pair of a segment with an edge or vertex that is above it, when its place is inside the skin.
+    /// Pair of a segment with an edge or vertex above it, if the segment's point is inside the skin.
     fn mirrored(&self, piece: &Piece, feature: &Feature, near: &Near) -> Option<Pair> {
         let depth = -self.patch.project(piece.place(near.u)).2;
         let normal = -near.away.normalize();
@@ -294,8 +299,8 @@ impl Hunt<'_> {
         Pair { spot: feature.spot(near.weights), u: near.u, on_tool, on_skin, normal, gap, rubs: true }
     }
 
-    /// The share of the motion at which the two touch or are nearest, with their nearest places there: never closer than the distance
-    /// that counts as touching, unless they begin so.
+    /// Fraction of the motion at which the two touch or come nearest, with the nearest points there: never closer than the touching
+    /// distance, unless they start so.
     fn advance(&self, piece: &Piece, feature: &Feature, first: Near) -> (f64, Near) {
         let clear = |near: &Near| near.away.length() - self.radius;
         let (mut best, mut here, mut t) = ((0.0, first), clear(&first), 0.0);
@@ -317,8 +322,8 @@ impl Hunt<'_> {
     }
 }
 
-/// Normal of a segment's pair that touches: across both lines; across the segment, as near to the vertex's as that allows. A point
-/// that touches rests already.
+/// Normal of a touching pair of a segment: across both lines, or across the segment as near to the vertex's as possible. A touching point
+/// rests already.
 fn touching(piece: &Piece, feature: &Feature) -> Option<DVec3> {
     let outward = feature.cone.normal;
     let line = (piece.ends[1] - piece.ends[0]).normalize_or_zero();

@@ -1,9 +1,8 @@
-//! Contacts of the two lips of a wound with each other.
+//! Contacts between the two lips of a wound.
 //!
-//! A severed link leaves two faces with the same nodes at rest, one on each lip. Each pair of nodes that has come apart is one contact: its
-//! normal is the mean of the faces around it as they are now, its gap how far the nodes have parted along it. So lips that have slid
-//! along each other by less than a cell are told apart; what has slid further no longer faces each other. Lips are wet: there is no
-//! friction between them.
+//! A severed link leaves two faces with the same rest nodes, one on each lip. Each pair of separated nodes is one contact: its normal is
+//! the mean of the present faces around it, its gap the nodes' separation along it. Lips that have slid along each other by less than a
+//! cell are thus told apart; beyond that the nodes no longer face each other. Lips are wet: there is no friction between them.
 
 use super::{Contact, frame};
 use crate::constraints::Law;
@@ -13,10 +12,10 @@ use crate::scene::BodyId;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// Two faces that a severed link has left: nodes around the face, seen along the link, on the side before and on that beyond.
+/// Two faces left by a severed link: their nodes around the face, seen along the link, on its lower and its upper side.
 pub type Lips = [[u32; 4]; 2];
 
-/// The faces of all severed links.
+/// Faces of all severed links.
 pub fn faces(parts: &Parts) -> Vec<Lips> {
     let mut out = vec![];
     for (cell, axis, _) in parts.cuts() {
@@ -27,7 +26,7 @@ pub fn faces(parts: &Parts) -> Vec<Lips> {
     out
 }
 
-/// Numbers of a cell's corners around its face across an axis, counterclockwise as seen against the axis.
+/// Corner numbers around a cell's face across an axis, counterclockwise seen against the axis.
 fn around(axis: usize, side: usize) -> [usize; 4] {
     [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[u, v]| {
         let mut wanted = [side; 3];
@@ -36,7 +35,7 @@ fn around(axis: usize, side: usize) -> [usize; 4] {
     })
 }
 
-/// Contacts of lips closer than `alarm`, m, those that overlap most first; none of nodes that a boundary holds.
+/// Contacts of lips closer than `alarm`, m, the deepest first; none at constrained nodes.
 pub fn contacts(
     body: usize,
     lips: &[Lips],
@@ -44,7 +43,7 @@ pub fn contacts(
     free: impl Fn(u32) -> bool,
     alarm: f64,
 ) -> Vec<Contact> {
-    // from the first node of a pair to the second: normal by area, and the shortest diagonal
+    // per node pair: area-weighted normal from the first to the second, and the shortest diagonal
     let mut pairs: BTreeMap<(u32, u32), (DVec3, f64)> = BTreeMap::new();
     for [before, beyond] in lips {
         let [(p, q), (r, s)] = [before, beyond].map(|face| {
@@ -59,6 +58,7 @@ pub fn contacts(
             *pair = (pair.0 + normal * sign, pair.1.min(diagonal));
         }
     }
+    // a contact for each pair that still faces each other
     let mut out = vec![];
     for ((first, second), (normal, diagonal)) in pairs {
         let Some(normal) = normal.try_normalize() else { continue };

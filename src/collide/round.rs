@@ -1,22 +1,22 @@
 //! Contacts of spheres and capsules with the skin's surface points.
 //!
-//! Surface points: the corners of each face, the middles of its edges and its centre (on the diagonal of its triangles), so half a cell
-//! apart, each once. For a point `p` and the tool's axis `a`, radius R: `n = (a − p)/|a − p|`, gap `n·(a − p) − R`, negative when the
-//! point is inside the tool. Where triangles are longer than R a small tool would sink between the points: there each place of the faces
-//! that is nearest among its neighbours holds it too, so both sides of a fold. Larger tools sink by 3 % of R there at most; tried and
-//! left: more places for them too (forces at rest that change by 1 to 3 % from step to step).
+//! Surface points: the corners of each face, the midpoints of its edges and its centre (on the diagonal of its triangles), so half a cell
+//! apart, each once. For a point `p`, the nearest point `a` of the tool's axis and the radius R: `n = (a − p)/|a − p|`, gap
+//! `n·(a − p) − R`, negative if the point is inside the tool. A small tool would sink between the points where triangles are longer than R:
+//! there each locally nearest point of the faces is a contact too, so both sides of a fold. Larger tools sink by at most 3 % of R; more
+//! points for them as well were tried and dropped (forces at rest changed by 1 to 3 % from step to step).
 //!
-//! Faces are flat, and skin that follows a tool is not. Skin of curvature κ (hollow, at most 1/R) stands above the chords between its
-//! nodes by `s = κ/2 Σ_{i<j} w_i w_j L_ij²` at weights `w` (`L` across the axis), on average by `s̄ = κ/24 Σ L_ij²`. So chords through nodes
-//! on the tool stand into it; contacts may overlap by `s − s̄` where that is positive. The skin's mean place is then the tool's, and forces
-//! converge with the square of the cell; chords kept out of the tool would make it too large by about `s̄/2`. Skin that is touched lightly
-//! is still flat, and nothing overlaps.
+//! Faces are flat; skin that follows a tool is not. Skin of curvature κ (hollow, at most 1/R) lies above the chords between its nodes by
+//! `s = κ/2 Σ_{i<j} w_i w_j L_ij²` at weights `w` (`L` across the axis), in the mean by `s̄ = κ/24 Σ L_ij²`. Chords between nodes on the
+//! tool therefore reach into it; contacts may overlap by `s − s̄` where that is positive. The mean position of the skin is then the tool's,
+//! and forces converge with the square of the cell size; chords kept out of the tool would make it too large by about `s̄/2`. Skin that is
+//! touched lightly is still flat and has no overlap.
 //!
-//! Continuous: along the tool's motion s of the step, `a(t) = a + t s`, the first t with `|a(t) − p| = R` is looked for by conservative
-//! advancement (Mirtich 1996: no step is longer than the clearance). Normal and place on the axis are taken there, the gap of that plane
-//! at the step's start. Inside and outside are told at the step's start, never from where the motion would end: a tool that would be
-//! through the skin by then is stopped on the side that it came from. A tool whose axis starts inside the skin is pushed out along
-//! the normal of the nearest surface.
+//! Continuous: along the tool's motion s of the step, `a(t) = a + t s`, conservative advancement (Mirtich 1996: no step exceeds the
+//! clearance) finds the first t with `|a(t) − p| = R`. Normal and point on the axis are evaluated there, the gap of that plane at the start
+//! of the step. The start of the step, never the end of the motion, decides between inside and outside: a tool that would be through the
+//! skin by then is stopped on the side that it came from. A tool whose axis starts inside the skin is pushed out along the normal of the
+//! nearest surface.
 //! Units: m.
 
 use super::{Contact, Patch, Search, frame};
@@ -27,42 +27,42 @@ use crate::scene::{Filter, Round};
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// Shortest step of the advancement, radii: how deep the first touch may be found. Shorter ones take more steps past near misses.
+/// Shortest advancement step, radii: largest depth at which the first touch is found. A smaller one takes more steps past near misses.
 const SHORTEST: f64 = 0.01;
-/// Steps of the advancement at most; a near miss that takes more is treated as it was found until then.
+/// Most advancement steps; a near miss that takes more keeps the nearest approach found so far.
 const MOST_STEPS: u32 = 128;
-/// Points whose surface is turned from the tool (cosine) are not touched: the far side of the skin, or of a wound.
+/// Cosine below which a point's surface is turned away from the tool: the far side of the skin or of a wound.
 const FACING: f64 = 0.1;
-/// Nearest places closer than this to a surface point, radii, add nothing to it.
+/// Distance to a surface point, radii, below which a nearest point is redundant.
 const SAME: f64 = 1e-3;
-/// A weight below which a place is on the opposite edge: a multiple of f32's rounding.
+/// Weight below which a point is on the opposite edge: a multiple of f32's rounding.
 const ON_EDGE: f64 = 1e-5;
-/// Neighbours whose normals have less than this in common (cosine) meet at an edge of the body or of a wound, not in curved skin.
+/// Cosine between the normals of neighbours below which they meet at an edge of the body or of a wound, not in curved skin.
 const SMOOTH: f64 = 0.5;
-/// The overlap of flat faces at most, radii; met by triangles longer than 0.7 radii, on which the estimate of what is between their
-/// corners is no better than a guess.
+/// Largest overlap of flat faces, radii; reached by triangles longer than 0.7 radii, between whose corners the estimate is no better than a
+/// guess.
 const OVERLAP: f64 = 0.02;
 
-/// The tool's axis at the step's start and its motion.
+/// The tool's axis at the start of the step, with its motion.
 struct Sweep {
     ends: [DVec3; 2],
-    /// Unit; zero for a sphere.
+    /// Unit vector; zero for a sphere.
     along: DVec3,
     shift: DVec3,
     radius: f64,
 }
 
-/// A touch: unit normal from skin to tool, place of the axis at the step's start, gap there.
+/// Contact: unit normal from skin to tool, point of the axis at the start of the step, gap there.
 struct Touch {
     normal: DVec3,
     axis: DVec3,
     gap: f64,
 }
 
-/// A place of the skin as nodes and weights.
+/// Point of the skin as nodes and weights.
 type OnTriangle = ([u32; 3], [f64; 3]);
 
-/// Where an axis sample first touches: number of the contact, spot, touch, place.
+/// Where an axis sample first touches: feature number, point of the skin as nodes and weights, touch, position.
 type Nearest = (usize, OnTriangle, Touch, DVec3);
 
 impl Sweep {
@@ -73,7 +73,7 @@ impl Sweep {
         Self { ends, along: (ends[1] - ends[0]).normalize_or_zero(), shift, radius: round.radius }
     }
 
-    /// Nearest place of the axis, before the motion.
+    /// Nearest point of the axis before the motion.
     fn nearest(&self, p: DVec3) -> DVec3 {
         let [a, b] = self.ends;
         let line = b - a;
@@ -82,7 +82,7 @@ impl Sweep {
         a + line * s
     }
 
-    /// The smallest clearance until the first touch, with what `at` (share of the motion → clearance and more) gave there.
+    /// Smallest clearance up to the first touch, with the value of `at` there; `at` maps the fraction of the motion to clearance and value.
     fn advance<T>(&self, at: impl Fn(f64) -> (f64, T)) -> (f64, T) {
         let length = self.shift.length();
         let mut best = at(0.0);
@@ -101,12 +101,12 @@ impl Sweep {
         best
     }
 
-    /// Square of a line's length across the axis, m².
+    /// Squared length of a line across the axis, m².
     fn across_squared(&self, line: DVec3) -> f64 {
         (line - self.along * line.dot(self.along)).length_squared()
     }
 
-    /// How far a place of a triangle on skin of this curvature (1/m) may overlap the tool, m.
+    /// Allowed overlap of a point of a triangle with the tool on skin of this curvature (1/m), m.
     fn overlap(&self, corners: [DVec3; 3], weights: [f64; 3], curvature: f64) -> f64 {
         let edges = [(0, 1), (1, 2), (2, 0)];
         let share = |(i, j): (usize, usize)| {
@@ -116,7 +116,7 @@ impl Sweep {
         (0.5 * followed * edges.map(share).iter().sum::<f64>()).clamp(0.0, OVERLAP * self.radius)
     }
 
-    /// How the tool meets a surface point, when it comes within `reach`.
+    /// Touch of the tool with a surface point, if it comes within `reach`.
     fn meets(&self, p: DVec3, reach: f64) -> Option<Touch> {
         let (clear, (axis, away)) = self.advance(|t| {
             let axis = self.nearest(p - self.shift * t);
@@ -126,11 +126,11 @@ impl Sweep {
         let normal = away.try_normalize().filter(|_| clear < reach)?;
         let outside = self.nearest(p).distance(p) >= self.radius;
         let gap = normal.dot(axis - p) - self.radius;
-        // past the nearest approach the plane may lie behind the start by a step of the advancement
+        // past the nearest approach the plane may lie behind the start by up to an advancement step
         Some(Touch { normal, axis, gap: if outside { gap.max(0.0) } else { gap } })
     }
 
-    /// How far a surface point is inside a tool that is itself inside the skin, along the way out.
+    /// Touch of a surface point inside a tool that is itself inside the skin, along the way out.
     fn buries(&self, p: DVec3, out: DVec3) -> Option<Touch> {
         let axis = self.nearest(p);
         let away = axis - p;
@@ -140,8 +140,8 @@ impl Sweep {
     }
 }
 
-/// `[face]` curvature of the skin, 1/m, positive in a hollow: turn of the normal over the way to a neighbour, the largest: at the
-/// end of a contact the skin leaves the tool on one side.
+/// `[face]` curvature of the skin, 1/m, positive in a hollow: change of the normal over the distance to a neighbour, the largest one. At
+/// the end of a contact the skin leaves the tool on one side.
 fn curvatures(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> Vec<f64> {
     let shape = |face: &Quad| {
         let [a, b, c, d] = face.nodes.map(position);
@@ -150,6 +150,7 @@ fn curvatures(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> Vec<f64> {
     let shapes: Vec<(DVec3, DVec3)> = faces.iter().map(shape).collect();
     let mut beside: BTreeMap<(u32, u32), usize> = BTreeMap::new();
     let mut most = vec![0.0f64; faces.len()];
+    // each edge with the face seen before on its other side
     for (k, face) in faces.iter().enumerate() {
         for (a, b) in (0..4).map(|n| (face.nodes[n], face.nodes[(n + 1) % 4])) {
             let Some(other) = beside.insert((a.min(b), a.max(b)), k) else { continue };
@@ -166,13 +167,13 @@ fn curvatures(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> Vec<f64> {
     most
 }
 
-/// A surface point: outward direction, not of unit length, and how far it may overlap the tool, m.
+/// Surface point: outward direction, not of unit length, and its allowed overlap with the tool, m.
 struct Overlapped {
     outward: DVec3,
     overlap: f64,
 }
 
-/// Surface points of faces, by their two nodes (the same twice for a corner).
+/// Surface points of faces by their two nodes (a corner has the same one twice).
 fn surface_points(
     faces: &[Quad],
     position: &impl Fn(u32) -> DVec3,
@@ -183,7 +184,7 @@ fn surface_points(
     for (face, curvature) in faces.iter().zip(curvature) {
         let corners = face.nodes.map(position);
         let turned = (corners[2] - corners[0]).cross(corners[3] - corners[1]);
-        // two nodes of a triangle and its third; the diagonal of a face is that of its triangles
+        // two nodes of a triangle and the third; the diagonal of a face is that of its triangles
         let pairs = [(0, 0, 0), (1, 1, 1), (2, 2, 2), (3, 3, 3), (0, 1, 2), (1, 2, 0), (2, 3, 0), (3, 0, 2), (0, 2, 1)];
         for (i, j, k) in pairs {
             let overlap = sweep.overlap([corners[i], corners[j], corners[k]], [0.5, 0.5, 0.0], *curvature);
@@ -197,19 +198,19 @@ fn surface_points(
     points
 }
 
-/// Number of a surface point among a tool's contacts, after those of its own samples.
+/// Feature number of a surface point, after those of the tool's own samples.
 fn point_id(tool: &Instrument, i: u32, j: u32) -> usize {
     tool.samples.len() + ((i as usize) << 32 | j as usize)
 }
 
-/// Number of a triangle among a tool's contacts, behind those of its surface points: the same from step to step.
+/// Feature number of a triangle, after those of surface points: the same from step to step.
 fn triangle_id(nodes: [u32; 3]) -> usize {
     let mixed =
         nodes.iter().fold(0usize, |sum, node| sum.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(*node as usize));
     1 << 63 | mixed >> 1
 }
 
-/// Contacts of one round tool with the faces near it, of which `patch` is made; `position` says where a node is now.
+/// Contacts of one round tool with the faces near it, which make up `patch`; `position` gives a node's present position.
 pub fn contacts(
     (number, tool): (usize, &Instrument),
     round: &Round,
@@ -229,6 +230,7 @@ pub fn contacts(
         let gap = [touch.gap - search.distance, 0.0, 0.0];
         Contact { axes: frame(touch.normal), gap, depth: (-touch.gap).max(0.0), law, ..contact }
     };
+    // filter "one": the deepest only
     if search.filter == Filter::One {
         let deepest = nearest.iter().min_by(|a, b| a.2.gap.total_cmp(&b.2.gap));
         return deepest.map(|(index, spot, touch, _)| made(*index, *spot, touch)).into_iter().collect();
@@ -237,6 +239,7 @@ pub fn contacts(
     if out.is_none() {
         nearest = places_on_triangles(tool, patch, &sweep, &curvature, reach);
     }
+    // surface points
     let mut found = vec![];
     let mut places = vec![];
     for ((i, j), point) in surface_points(faces, position, &sweep, &curvature) {
@@ -251,6 +254,7 @@ pub fn contacts(
             places.push(p);
         }
     }
+    // nearest points that no surface point stands for
     for (index, spot, touch, place) in &nearest {
         if places.iter().all(|p| p.distance(*place) > SAME * sweep.radius) {
             found.push(made(*index, *spot, touch));
@@ -260,8 +264,8 @@ pub fn contacts(
     found
 }
 
-/// For each axis sample the place of the skin that it first touches, or comes nearest to. And the way out when a sample starts
-/// inside the skin: the normal at the place nearest to the deepest one.
+/// For each axis sample the point of the skin that it first touches or comes nearest to; and, if a sample starts inside the skin, the way
+/// out: the normal at the point nearest to the deepest one.
 fn nearest_places(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64) -> (Vec<Nearest>, Option<DVec3>) {
     let mut found = vec![];
     let mut deepest: Option<(f64, DVec3)> = None;
@@ -285,8 +289,8 @@ fn nearest_places(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64) -
     (found, deepest.map(|d| d.1))
 }
 
-/// For each triangle with an edge longer than the tool's radius, the place that an axis sample first meets on it, where the triangles
-/// around that place are not met earlier elsewhere: the local minima of the distance. Their numbers are `first` and the triangle's.
+/// For each triangle with an edge longer than the tool's radius, the point that an axis sample first touches on it, unless a triangle
+/// around that point is touched earlier elsewhere: local minima of the distance.
 fn places_on_triangles(tool: &Instrument, patch: &Patch, sweep: &Sweep, curvature: &[f64], reach: f64) -> Vec<Nearest> {
     let mut met: Vec<(f64, usize, Nearest)> = vec![];
     for (triangle, corners) in patch.corners.iter().enumerate() {
@@ -295,6 +299,7 @@ fn places_on_triangles(tool: &Instrument, patch: &Patch, sweep: &Sweep, curvatur
             continue;
         }
         let outward = patch.face_normal(triangle);
+        // first touch over the axis samples
         let places = samples_on_axis(tool).filter_map(|(_, at)| {
             let (clear, weights) = sweep.advance(|t| {
                 let centre = at + sweep.shift * t;
@@ -312,6 +317,7 @@ fn places_on_triangles(tool: &Instrument, patch: &Patch, sweep: &Sweep, curvatur
         });
         met.extend(places.min_by(|a, b| a.0.total_cmp(&b.0)));
     }
+    // keep those that no triangle around the point touches earlier
     let earlier = |(clear, triangle, (_, (nodes, weights), ..)): &(f64, usize, Nearest)| {
         let holds = |other: &[u32; 3]| (0..3).all(|k| weights[k] < ON_EDGE || other.contains(&nodes[k]));
         met.iter().any(|m| m.1 != *triangle && m.0 < clear - SAME * sweep.radius && holds(&m.2.1.0))
@@ -337,7 +343,7 @@ mod tests {
         Sweep { ends: [DVec3::ZERO; 2], along, shift: DVec3::ZERO, radius: RADIUS }
     }
 
-    /// A patch of 4 × 4 faces at height `z(x, y)`, and its nodes.
+    /// Patch of 4 × 4 faces at height `z(x, y)`, and its nodes.
     fn patch(z: impl Fn(f64, f64) -> f64) -> (Vec<Quad>, Vec<DVec3>) {
         let at = |k: u32| (f64::from(k) - 2.0) * CELL;
         let places = (0..25).map(|n| (at(n % 5), at(n / 5)));
@@ -353,7 +359,7 @@ mod tests {
             curvatures(&faces, &|id| nodes[id as usize])
         };
         let bowl = found(&|x, y| (x * x + y * y) / (2.0 * RADIUS));
-        // tangents of up to 0.375 against angles
+        // tangents of up to 0.375, not angles
         assert!(bowl.iter().all(|k| (k * RADIUS - 1.0).abs() < 0.2), "{bowl:?}");
         assert!(found(&|x, _| 0.3 * x).iter().all(|k| k.abs() < 1e-9));
         assert!(found(&|x, y| -(x * x + y * y) / (2.0 * RADIUS)).iter().all(|k| *k == 0.0));
@@ -374,7 +380,7 @@ mod tests {
         assert_eq!(sphere.overlap(corners, [1.0, 0.0, 0.0], 1.0 / RADIUS), 0.0, "a corner");
         assert_eq!(sphere.overlap(corners, middle, 0.0), 0.0, "flat skin");
         assert_eq!(sphere.overlap(corners.map(|c| c * 50.0), middle, 1.0 / RADIUS), OVERLAP * RADIUS);
-        // a capsule along x: the same chords, seen along its axis, are half as much
+        // a capsule along x: the same chords, seen along its axis, count half
         let capsule = sweep(DVec3::X).overlap(corners, middle, 1.0 / RADIUS);
         assert!((capsule - 0.5 * third_of_sag).abs() < 1e-12, "{capsule}");
     }

@@ -1,10 +1,10 @@
-//! Contacts of points that have an extent: the skin is pressed over a disc about the nearest place, as a ball presses it.
+//! Contacts of points with an extent: the tip presses the skin over a disc about the nearest point, as a ball does.
 //!
-//! A force at a point of an elastic solid has no finite answer: the finer the cells, the further the point sinks, and on cells of one size
-//! three times as far at a node as in the middle of a face. Under Hertz's pressure `∝ √(1 − r²/a²)` on a disc of radius `a` a half space sinks
-//! by `(2a² − r²) 3F/(8 a³ E*)`, `E* = E/(1 − ν²)` (Johnson, Contact Mechanics, 1985, eq. 3.41), in the mean over the pressure by
-//! `3F/(5 a E*)`. The tip stands at this mean level. Places on rings that bear the same each stand for the disc; a place's own nodes spread its
-//! share further, so the rings are drawn in by what a single place has of its own.
+//! A point force on an elastic solid has no finite displacement: the finer the cells, the deeper the point sinks, and on cells of one size
+//! three times as deep at a node as in the middle of a face. Under Hertz's pressure `∝ √(1 − r²/a²)` on a disc of radius `a` a half space
+//! sinks by `(2a² − r²) 3F/(8 a³ E*)`, `E* = E/(1 − ν²)` (Johnson, Contact Mechanics, 1985, eq. 3.41); its mean weighted by the pressure is
+//! `3F/(5 a E*)`. The tip stands at this mean level. Points on rings, each with the same force, sample the disc. Each point's nodes spread
+//! its force further, so the rings are drawn in to allow for the disc of a single point.
 
 use super::Patch;
 use crate::math::elementary::{cbrt, cos, sin};
@@ -12,26 +12,26 @@ use crate::mesh::MaterialPoint;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// Places per side of a face: their own nodes join them to one disc.
+/// Points per side of a face: their nodes join them to one disc.
 const DENSITY: f64 = 2.0;
-/// Rings at most.
+/// Most rings.
 const RINGS: f64 = 16.0;
-/// Radius of the disc that one place stands for, in the side of a square face.
+/// Radius of the disc that a single point stands for, in sides of a square face.
 const OWN: f64 = 0.45;
-/// Faces that are turned from the contact's normal by more than 60° are round a corner, or another lip of a wound.
+/// Cosine of 60°: faces turned farther from the contact's normal are around a corner, or on another lip of a wound.
 const FACING: f64 = 0.5;
 
 /// The skin under a disc.
 pub(super) struct Disc {
-    /// Its nodes.
+    /// Its material point.
     pub spot: MaterialPoint,
-    /// Its mean place, m.
+    /// Its mean position, m.
     pub place: DVec3,
     /// Its mean outward normal.
     pub normal: DVec3,
 }
 
-/// Places on a disc of radius 1 that bear the same each under Hertz's pressure, on rings that bear the same each.
+/// Points on the unit disc that carry equal forces under Hertz's pressure, on rings of equal force.
 fn disc(rings: u32) -> impl Iterator<Item = (f64, f64)> {
     let around = 4 * rings.max(2);
     (0..rings * around).map(move |k| {
@@ -43,7 +43,7 @@ fn disc(rings: u32) -> impl Iterator<Item = (f64, f64)> {
 }
 
 impl Patch {
-    /// A disc on the surface about a place of a triangle; none where faces are too large for it to tell from a place.
+    /// Disc on the surface about a point of a triangle; none if faces are too large to tell it from a point.
     pub(super) fn disc(&self, triangle: usize, weights: [f64; 3], radius: f64) -> Option<Disc> {
         let own = OWN * self.side(triangle);
         let rings = radius * radius - own * own;
@@ -67,7 +67,7 @@ impl Patch {
         Some(Disc { spot, place: places / count, normal: normals.normalize_or(normal) })
     }
 
-    /// Side of a square face of which the triangle is a half, or a quarter, m.
+    /// Side of the square face of which the triangle is a half or a quarter, m.
     fn side(&self, triangle: usize) -> f64 {
         let [a, b, c] = self.corners[triangle];
         let triangles = if self.quarters.is_empty() { 2.0 } else { 4.0 };

@@ -1,8 +1,8 @@
-//! The laws of contacts and constraints: which forces a law allows, and what the solvers need to know of it.
+//! Laws of contacts and constraints: the forces that each allows, and what the solvers need of it.
 //!
-//! A law has one to three rows, and each row one force. Rows are projected in groups, one after the other: a friction disc after the normal
-//! force that its radius comes from. Every law is told in full by [`Law::groups`], [`Law::project`] and its derivative [`Law::slope`]; the
-//! solvers know no law.
+//! A law has one to three rows, each with one force. Rows are projected in groups, one after the other: a friction disc after the normal
+//! force that sets its radius. [`Law::groups`], [`Law::project`] and its derivative [`Law::slope`] describe a law completely; the solvers
+//! know no particular law.
 
 use super::between;
 use crate::math::elementary::hypot;
@@ -15,52 +15,52 @@ const SINGLY: Groups = &[0..1, 1..2, 2..3];
 const NORMAL_THEN_DISC: Groups = &[0..1, 1..3];
 const PLANE_THEN_ACROSS: Groups = &[0..2, 2..3];
 
-/// How the forces of a contact or a constraint are bounded.
+/// Law of a contact or a constraint: the bounds on its forces.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub enum Law {
-    /// Unilateral contact with Coulomb friction: row 0 is the normal, `0 ≤ λ_n ≤ bound`, `δ_n ≥ 0`, one of them zero below the bound; rows 1
-    /// and 2 are the tangents, `|λ_t| ≤ μ λ_n` against the slip. Without friction it has the normal alone.
+    /// Unilateral contact with Coulomb friction. Row 0 is the normal: `0 ≤ λ_n ≤ bound`, `δ_n ≥ 0`, one of them zero below the bound. Rows
+    /// 1 and 2 are the tangents: `|λ_t| ≤ μ λ_n`, against the slip. Without friction the law has the normal row alone.
     Coulomb {
         /// μ
         friction: f64,
-        /// Normal force at which what is pressed gives way, N; infinite for what neither cuts nor splits.
+        /// Normal force at which the tissue is cut or splits, N; infinite for a contact that does neither.
         bound: f64,
     },
-    /// A piece of edge inside the tissue. Rows 0 and 1 span the blade's plane (forward, along), row 2 is its normal.
+    /// Piece of edge inside the tissue. Rows 0 and 1 span the blade's plane (forward, along the edge), row 2 is its normal.
     ///
-    /// The force in the plane opposes the motion and is at most `radius · cos θ`, θ the angle between motion and forward (Atkins 2009: push
-    /// and slice): the work is toughness × area whatever the motion, and slicing lowers the push that a cut takes. So forces lie in the
-    /// circle through the origin with diameter `radius` along forward, and are projected on it along their own direction, since they oppose
-    /// the motion; a piece that goes back is free. (The whole disc of that radius, as friction has it, took 1.41 times toughness × area of
-    /// an edge at 45°.) The row across is two-sided and ends at the same bound: tissue splits sideways no later.
+    /// The in-plane force opposes the motion and is at most `radius · cos θ`, θ the angle between motion and forward (push and slice,
+    /// Atkins 2009): the work is toughness × area for any motion, and slicing lowers the push. Allowed forces therefore lie in the circle
+    /// through the origin with diameter `radius` along forward, and are projected on it along their own direction, since they oppose the
+    /// motion; a piece that moves back is free. (The disc of that radius, as for friction, took 1.41 times toughness × area with an edge at
+    /// 45°.) The normal row is two-sided with the same bound: tissue splits sideways no later.
     Cut {
         /// Toughness × length, N.
         radius: f64,
     },
-    /// Held: the rows have no violation, whatever force that takes.
+    /// Bilateral constraint: zero violation by any force.
     Bilateral {
-        /// How many of the axes, from the first, are held: 1 to 3.
+        /// Number of constrained axes, from the first: 1 to 3.
         rows: usize,
     },
-    /// A thread in a hole, a runner on a rail: rows 0 and 1, across the path, are held; row 2 is along it, with friction against the slip,
+    /// Thread in a hole, runner on a rail. Rows 0 and 1, across the path, are bilateral; row 2 is along it, with friction against the slip,
     /// `|λ_s| ≤ μ |λ_across| + resistance`.
     ///
-    /// On a path of many points, each with its own change of direction, the tension grows by `e^{μφ}` over an angle φ (Euler 1769).
+    /// Along a path of many points, each with its own change of direction, the tension grows by `e^{μφ}` over an angle φ (Euler 1769).
     Slide {
         /// μ
         friction: f64,
-        /// What the path holds by itself, N.
+        /// Friction force of the path without load, N.
         resistance: f64,
     },
 }
 
 impl Law {
-    /// Contact that bears any normal force.
+    /// Contact without a bound on the normal force.
     pub fn contact(friction: f64) -> Self {
         Self::Coulomb { friction, bound: f64::INFINITY }
     }
 
-    /// Its rows in groups, in the order in which they are projected.
+    /// Groups of rows, in the order of projection.
     pub(super) fn groups(&self) -> Groups {
         match self {
             Self::Coulomb { friction: 0.0, .. } => &SINGLY[..1],
@@ -71,18 +71,17 @@ impl Law {
         }
     }
 
-    /// How many rows it has.
+    /// Number of rows.
     pub fn rows(&self) -> usize {
         self.groups().last().map_or(0, |group| group.end)
     }
 
-    /// A constraint holds all the time; a contact comes and goes.
+    /// Whether it is a constraint, which is always active; a contact opens and closes.
     pub fn is_constraint(&self) -> bool {
         matches!(self, Self::Bilateral { .. } | Self::Slide { .. })
     }
 
-    /// The allowed forces nearest to `aim`, N; 0 in rows that the law does not have. A group's forces depend on those of the groups before
-    /// it alone.
+    /// Projection of `aim` on the allowed forces, N; 0 beyond the last row. A group depends only on itself and on earlier groups.
     pub(super) fn project(&self, aim: [f64; 3]) -> [f64; 3] {
         let [a, b, c] = aim;
         match *self {
@@ -139,13 +138,13 @@ impl Law {
         }
     }
 
-    /// How far a sweep goes to a group's projection: half of the way in an edge's plane, where pieces of one edge that went the whole way
-    /// may chase each other for ever.
+    /// Whether a sweep goes only half way to a group's projection: in an edge's plane, where pieces of one edge that go the whole way may
+    /// oscillate for ever.
     pub(super) fn goes_half_way(&self, group: &Range<usize>) -> bool {
         matches!(self, Self::Cut { .. }) && group.start == 0
     }
 
-    /// Whether forces have reached what the tissue bears, so that the edge goes on.
+    /// Whether the force has reached the tissue's resistance, so that the edge advances.
     pub fn at_bound(&self, force: [f64; 3]) -> bool {
         const NEAR: f64 = 1.0 - 1e-6;
         match self {
@@ -164,7 +163,7 @@ fn onto_disc(a: f64, b: f64, radius: f64) -> (f64, f64) {
     if length <= radius { (a, b) } else { (a * radius / length, b * radius / length) }
 }
 
-/// Derivatives of the projection on a disc: by the point, and by the radius (zero inside).
+/// Derivatives of the projection on a disc: with respect to the point, and to the radius (zero inside).
 fn disc_slope(a: f64, b: f64, radius: f64) -> ([[f64; 2]; 2], [f64; 2]) {
     let length = hypot(a, b);
     if length <= radius {
@@ -174,7 +173,7 @@ fn disc_slope(a: f64, b: f64, radius: f64) -> ([[f64; 2]; 2], [f64; 2]) {
     ([[share * y * y, -share * x * y], [-share * x * y, share * x * x]], [x, y])
 }
 
-/// Along its own direction onto the circle through the origin whose diameter is `radius` along `a`; nothing where it points back.
+/// Projection along its own direction on the circle through the origin with diameter `radius` along `a`; zero if it points back.
 fn onto_circle(a: f64, b: f64, radius: f64) -> (f64, f64) {
     let squared = a * a + b * b;
     if a <= 0.0 {
@@ -186,7 +185,7 @@ fn onto_circle(a: f64, b: f64, radius: f64) -> (f64, f64) {
     }
 }
 
-/// Its derivative.
+/// Derivative of [`onto_circle`].
 fn circle_slope(a: f64, b: f64, radius: f64) -> [[f64; 2]; 2] {
     let squared = a * a + b * b;
     if a <= 0.0 {
@@ -220,7 +219,7 @@ mod tests {
         std::iter::repeat_with(move || [0; 3].map(|_| random.signed())).take(500)
     }
 
-    /// Largest difference between a derivative and central differences of the projection, away from the laws' kinks.
+    /// Largest difference between `slope` and central differences of the projection, away from the law's kinks.
     fn off(law: Law, slope: impl Fn([f64; 3]) -> [[f64; 3]; 3]) -> f64 {
         const STEP: f64 = 1e-6;
         let mut worst = 0.0f64;

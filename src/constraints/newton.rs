@@ -1,29 +1,28 @@
-//! Newton steps on the contact laws, where sweeps close in slowly.
+//! Semismooth Newton steps on the contact laws, for problems on which sweeps converge slowly.
 //!
 //! The laws hold where `F(λ) = λ − P(y) = 0`, `y = λ − δ/c`, with the projection `P` of [`Law`]. `F` has a derivative nearly everywhere,
-//! `J = I − P′ (I − C⁻¹ W)`; steps `J Δλ = −F` end at the solution once open, sticking and sliding contacts are told apart.
+//! `J = I − P′ (I − C⁻¹ W)`; steps `J Δλ = −F` end at the solution once open, sticking and sliding contacts are identified.
 //! Source: Alart, Curnier 1991. Differs: the disc is that of the projected normal force, as in the sweeps; `W`'s diagonal is raised in
-//! `J` alone, so that redundant contacts share a force instead of dividing by zero. `F` is untouched: the result is the law's own.
+//! `J` alone, so that redundant contacts share a force instead of making it singular. `F` is unchanged, and so are the laws that hold.
 
 use super::{Law, Residual, aim, first_rows, floor, of_rows, residual, residual_at, scales};
 
-/// Newton steps at one go.
+/// Most Newton steps in a row.
 const STEPS: u32 = 30;
-/// Halvings of a step that does not lessen `Σ c F²`.
+/// Most halvings of a step that does not reduce `Σ c F²`.
 const HALVINGS: i32 = 8;
-/// Shares by which the diagonal is raised in `J`, one after the other while steps fail. The first is well above rounding (1e-16 × 300
-/// rows) and well below the tolerance wanted of λ. Redundant contacts whose violations do not agree (four corners of a rigid face, by
-/// the rounding of where they are) ask for their disagreement over this share, in newtons without end: then a larger one is due
-/// (Levenberg 1944).
+/// Shares by which `J`'s diagonal is raised, the next one when a step fails (Levenberg 1944). The first is well above rounding (1e-16 × 300
+/// rows) and well below the tolerance of λ. Redundant contacts whose violations disagree (four corners of a rigid face, by the rounding of
+/// their positions) call for a force of that disagreement over the share, which grows without bound: they need a larger one.
 const RAISED: [f64; 2] = [1e-11, 1e-7];
 
-/// Shares of the rows' own compliance that take the place of `c`. What a row gives is mostly what all rows near it give together; what
-/// tells them apart gives a hundred to a million times less, and a map whose `c` is nearer to that finds the contacts that close. On 27
-/// contacts in one dent: five steps with 10⁻³, none that lessens the residual with 1. With well conditioned `W` it is the other way round.
+/// Factors on the rows' own compliance that serve as `c`. Most of a row's compliance is common to all rows near it; what tells them apart
+/// is a hundred to a million times smaller, and a map with `c` closer to that identifies the closing contacts. On 27 contacts in one dent
+/// 10⁻³ takes five steps, and with 1 none reduces the residual. On a well conditioned `W` it is the other way round.
 const SHARES: [f64; 2] = [1.0, 1e-3];
 
-/// Steps until `done`, until none lessens the residual, or until the row updates are used up; returns how many, and the row updates that
-/// they took. `force` never gets worse.
+/// Newton steps until `done`, until none reduces the residual, or until the row updates are used up; returns the number of steps and of row
+/// updates. `force` never gets worse.
 pub(super) fn polish(
     laws: &[Law],
     w: &[f64],
@@ -34,6 +33,7 @@ pub(super) fn polish(
 ) -> (u32, u64) {
     let (mut count, mut updates) = (0, 0);
     let mut best = residual(laws, w, free, force).energy;
+    // one descent per share of c; keep the better forces
     for share in SHARES {
         let mut trial = force.to_vec();
         count += descend(laws, w, free, &mut trial, (share, most), &mut updates, &done);
@@ -49,7 +49,7 @@ pub(super) fn polish(
     (count, updates)
 }
 
-/// Steps that lessen the natural map of one share.
+/// Steps that reduce the natural map of one share.
 fn descend(
     laws: &[Law],
     w: &[f64],
@@ -69,6 +69,7 @@ fn descend(
         if *updates >= most || done(&residual(laws, w, free, force), force) {
             return count;
         }
+        // a step with the diagonal raised as little as works; halve it until the residual falls
         let mut better = false;
         while !better && raised < RAISED.len() {
             linearise(laws, w, free, force, (RAISED[raised], share), &mut jacobian, &mut step);
@@ -95,7 +96,7 @@ fn descend(
     STEPS
 }
 
-/// `J` by rows and `−F`.
+/// `J`, row-major, and `−F`.
 fn linearise(
     laws: &[Law],
     w: &[f64],
@@ -127,9 +128,10 @@ fn linearise(
     }
 }
 
-/// Solves in place by elimination with row pivoting; false where the matrix is singular.
+/// Gaussian elimination in place with row pivoting; false if the matrix is singular.
 fn eliminate(matrix: &mut [f64], right: &mut [f64]) -> bool {
     let rows = right.len();
+    // forward elimination
     for k in 0..rows {
         let size = |i: usize, matrix: &[f64]| matrix[i * rows + k].abs();
         let pivot = (k..rows).fold(k, |best, i| if size(i, matrix) > size(best, matrix) { i } else { best });
@@ -148,6 +150,7 @@ fn eliminate(matrix: &mut [f64], right: &mut [f64]) -> bool {
             right[k + 1 + i] -= factor * right[k];
         }
     }
+    // back substitution
     for k in (0..rows).rev() {
         let line = &matrix[k * rows..(k + 1) * rows];
         let known: f64 = line[k + 1..].iter().zip(&right[k + 1..]).map(|(m, x)| m * x).sum();

@@ -18,7 +18,7 @@ use timing::Timing;
 /// Workgroups per dimension guaranteed by core WebGPU; longer dispatches are folded into z.
 const MAX_GROUPS: u64 = 65_535;
 
-/// An adapter that this machine offers.
+/// Adapter of this machine.
 #[derive(Clone, Debug)]
 pub struct Adapter {
     /// Device name.
@@ -50,7 +50,7 @@ impl Adapter {
     /// Opens a device of the caller's own, with adapter and queue, for [`Gpu::from_wgpu`].
     ///
     /// # Errors
-    /// [`Failed::Device`] when the driver refuses.
+    /// [`Failed::Device`] if the driver refuses.
     pub fn request(&self, descriptor: &wgpu::DeviceDescriptor) -> Result<(wgpu::Adapter, (wgpu::Device, wgpu::Queue))> {
         let opened = pollster::block_on(self.raw.request_device(descriptor));
         Ok((self.raw.clone(), opened.map_err(|e| Failed::Device { message: e.to_string() })?))
@@ -148,7 +148,7 @@ impl Gpu {
     /// Opens an adapter: the first whose name, backend or driver contains `text` (any case), or the first at all.
     ///
     /// # Errors
-    /// [`Failed::NoAdapter`] when none fits, [`Failed::Device`] when the driver refuses.
+    /// [`Failed::NoAdapter`] if none matches, [`Failed::Device`] if the driver refuses.
     pub fn open(text: Option<&str>) -> Result<Self> {
         let all = adapters();
         let Some(adapter) = all.iter().find(|a| a.named(text.unwrap_or(""))).cloned() else {
@@ -166,7 +166,7 @@ impl Gpu {
     /// A device that compiles and binds but stores no data and runs nothing: it shows the allocations of a set-up without an adapter.
     ///
     /// # Errors
-    /// [`Failed::Device`] when wgpu was built without its `noop` backend.
+    /// [`Failed::Device`] if wgpu was built without its `noop` backend.
     pub fn dry() -> Result<Self> {
         let mut descriptor = wgpu::InstanceDescriptor::new_without_display_handle();
         descriptor.backends = wgpu::Backends::NOOP;
@@ -198,7 +198,7 @@ impl Gpu {
     /// of the caller may run while this waits, and must not call into it.
     ///
     /// # Errors
-    /// [`Failed::Device`] for a device whose limits are below core WebGPU's.
+    /// [`Failed::Device`] if the device's limits are below core WebGPU's.
     pub fn from_wgpu(adapter: wgpu::Adapter, device: wgpu::Device, queue: wgpu::Queue) -> Result<Self> {
         if !wgpu::Limits::default().check_limits(&device.limits()) {
             let message = "its limits are below wgpu::Limits::default(); request those with it".into();
@@ -249,7 +249,7 @@ impl Gpu {
     /// Checks that an array of this size, bytes, can be made.
     ///
     /// # Errors
-    /// [`Failed::TooLarge`] when it passes the adapter's limit for one binding.
+    /// [`Failed::TooLarge`] if it exceeds the adapter's limit for one binding.
     pub fn fits(&self, name: &str, bytes: u64) -> Result<()> {
         let limits = [
             ("max_storage_buffer_binding_size", self.limits.max_storage_buffer_binding_size),
@@ -266,7 +266,7 @@ impl Gpu {
     /// Zeroed storage array of `count` elements (at least 16 bytes, so that an empty one can be bound).
     ///
     /// # Errors
-    /// [`Failed::TooLarge`] when it passes the adapter's limit for one binding.
+    /// [`Failed::TooLarge`] if it exceeds the adapter's limit for one binding.
     pub fn array<T: NoUninit>(&self, name: &'static str, count: usize) -> Result<Buffer> {
         let bytes = (count * size_of::<T>()).next_multiple_of(16).max(16) as u64;
         self.fits(name, bytes)?;
@@ -310,7 +310,7 @@ impl Gpu {
     /// Compiles a kernel (once) and binds buffers by the shader's names.
     ///
     /// # Errors
-    /// [`Failed::Shader`] when the text is not valid, [`Failed::Binding`] for a missing, unknown or too small buffer.
+    /// [`Failed::Shader`] if the text is invalid, [`Failed::Binding`] for a missing, unknown or too small buffer.
     pub fn bind(&self, source: &Source, buffers: &[(&str, &Buffer)]) -> Result<Bound> {
         let pipeline = self.pipeline(source)?;
         self.bind_pipeline(pipeline, buffers)
@@ -347,6 +347,7 @@ impl Gpu {
     }
 
     fn compile(&self, shader: Shader) -> Result<Pipeline> {
+        // layout entries of the shader's variables
         let entries: Vec<wgpu::BindGroupLayoutEntry> = shader
             .variables
             .iter()
@@ -388,6 +389,7 @@ impl Gpu {
             compilation_options: wgpu::PipelineCompilationOptions::default(),
             cache: None,
         });
+        // an invalid kernel is an error here
         if let Some(e) = pollster::block_on(scope.pop()) {
             return Err(Failed::Shader { kernel: shader.name, message: e.to_string() }.into());
         }
@@ -442,7 +444,7 @@ impl Gpu {
     /// Submits a batch and reads the first bytes of each buffer back; waits for the device.
     ///
     /// # Errors
-    /// [`Failed::Device`] when the device was lost or reported an error since the last call.
+    /// [`Failed::Device`] if the device was lost or reported an error since the last call.
     ///
     /// # Panics
     /// If more bytes are requested than a buffer has.

@@ -50,7 +50,7 @@ impl Shader {
     /// Parses and validates a kernel.
     ///
     /// # Errors
-    /// [`Failed::Shader`] with naga's message when the text does not parse, validate or follow the project's layout.
+    /// [`Failed::Shader`] with naga's message if the text does not parse, validate or follow the project's layout.
     pub fn read(source: &Source) -> Result<Self> {
         Self::from_text(source.name, text(source))
     }
@@ -93,7 +93,7 @@ impl Shader {
     /// Compares the `params` struct with the host's field list, one 4-byte word each.
     ///
     /// # Errors
-    /// [`Failed::Shader`] that names the first field out of place.
+    /// [`Failed::Shader`] that names the first field at the wrong offset.
     pub fn check_params(&self, fields: &[&str]) -> Result<()> {
         let fail = |message: String| Failed::Shader { kernel: self.name, message }.into();
         for (k, field) in fields.iter().enumerate() {

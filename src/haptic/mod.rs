@@ -1,17 +1,15 @@
-//! The haptic side: the reduced contact problem that the simulation hands over, and the tick that renders it at 1 kHz.
+//! Haptic rendering: the reduced contact problem that the simulation hands over, and the tick that renders it at 1 kHz.
 //!
-//! A [`Reduced`] problem is what is left of the skin after a step: contact rows with the skin's compliance between them, and how fast the
-//! skin opens them by itself. A [tick](Renderer::tick) moves the violations by what hand and skin did since, solves the same contact laws again with few sweeps, and gives the force of the
-//! virtual coupling: with C = (K + B/h)⁻¹ the compliance is W_skin + J C Jᵀ, so the coupling's spring is counted once. Direct rendering
-//! has C = 0: the proxy is at the hand, and what a tick adds to the force is the skin's own answer; what does not give at all (a wall, another
-//! rigid body) then has no force, as no force could hold the hand.
+//! A [`Reduced`] problem replaces the skin after a step: contact rows, the skin's compliance between them, and the rate at which the skin
+//! itself opens them. A [tick](Renderer::tick) updates the violations by the motion of hand and skin since, solves the same contact laws
+//! again in a few sweeps, and returns the force of the virtual coupling. With C = (K + B/h)⁻¹ the compliance is W_skin + J C Jᵀ, so the
+//! coupling's spring counts once. Direct rendering has C = 0: the proxy is at the hand, and the force is that of the skin alone; a rigid
+//! contact (a wall, another rigid body) then has no force, as no force could hold the hand.
 //!
-//! A [`Servo`](servo::Servo) is the whole tick of one device around that: place, render, limit, watch the energy. It runs in a thread of its own
-//! under the wall clock ([`thread`]), with [`cells`] between it and the simulation, or in the simulation's thread under the scene's clock, so that
-//! a run repeats. A tick allocates nothing, takes no lock and waits for nothing; a slow step costs the force, never a tick: it is held by
-//! the last problem, fades when that is too old ([`guard`]), and comes back.
-//! Source: Saupin, Duriez, Cotin 2008 (contact model at two rates); Colgate, Stanley, Brown 1995 (virtual coupling).
-//! Units: m, N, N·m, s.
+//! A [`Servo`](servo::Servo) is the complete tick of one device: transform, render, limit, control passivity. Under the wall clock it runs
+//! in a thread of its own ([`thread`]), with [`cells`] between it and the simulation; under the scene's clock in the simulation's thread,
+//! so that a run repeats. A tick does not allocate, lock or wait. A slow step costs force, never a tick: the last problem sustains the
+//! force, which fades when that is too old ([`guard`]) and returns with the next.
 
 pub mod cells;
 pub mod device;
@@ -39,35 +37,35 @@ use std::time::{Duration, Instant};
 /// Contact problem of one tool at the end of a step.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Reduced {
-    /// Tool pose that it was made at, m.
+    /// Tool position at the end of the step, m.
     pub position: DVec3,
-    /// Unit quaternion.
+    /// Tool rotation, unit quaternion.
     pub rotation: DQuat,
     /// `[row]` unit directions; a contact has as many rows as its law.
     pub axes: Vec<DVec3>,
-    /// `[row]` lever arms from the tool's position, m.
+    /// `[row]` moment arms from the tool's position, m.
     pub arms: Vec<DVec3>,
-    /// `[contact]`
+    /// `[contact]` laws.
     pub laws: Vec<Law>,
     /// `[row × row]` skin compliance, m/N.
     pub compliance: Vec<f64>,
     /// `[row]` violation with `force` applied, m.
     pub violation: Vec<f64>,
-    /// `[row]` how fast the skin goes on to open the row under these forces, m/s.
+    /// `[row]` rate at which the skin keeps opening the row under these forces, m/s.
     pub rate: Vec<f64>,
-    /// `[row]` N
+    /// `[row]` forces, N.
     pub force: Vec<f64>,
-    /// Counts cuts: a problem of an older epoch is from before a cut.
+    /// Number of cuts; a problem of an older epoch is from before the last cut.
     pub epoch: u32,
 }
 
 impl Reduced {
-    /// A tool at this pose that touches nothing.
+    /// Problem of a tool at this pose without contact.
     pub fn free(position: DVec3, rotation: DQuat, epoch: u32) -> Self {
         Self { position, rotation, epoch, ..Self::default() }
     }
 
-    /// Becomes a copy of another problem in its own memory: allocates only where it has to grow.
+    /// Copies another problem into its own memory; allocates only to grow.
     pub fn refill(&mut self, other: &Self) {
         (self.position, self.rotation, self.epoch) = (other.position, other.rotation, other.epoch);
         self.axes.clone_from(&other.axes);
@@ -80,38 +78,38 @@ impl Reduced {
     }
 }
 
-/// The hand at a tick.
+/// Pose of the hand at a tick.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub struct Hand {
-    /// m
+    /// Position, m.
     pub position: DVec3,
-    /// Unit quaternion.
+    /// Rotation, unit quaternion.
     pub rotation: DQuat,
 }
 
-/// What a tick gives the device.
+/// Result of a tick.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct Tick {
-    /// On the hand, N.
+    /// Force on the hand, N.
     pub force: DVec3,
-    /// On the hand, N·m.
+    /// Torque on the hand, N·m.
     pub torque: DVec3,
     /// Gauss–Seidel sweeps.
     pub sweeps: u32,
-    /// The time for sweeps was used up before they ended.
+    /// The time budget ended the sweeps.
     pub out_of_time: bool,
 }
 
-/// The proxy's memory and scratch; one per device.
+/// State of the proxy, with scratch memory; one per device.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Renderer {
     /// Coupling between hand and proxy.
     pub link: Coupling,
-    /// Whether that coupling is felt.
+    /// Rendering: through the coupling or direct.
     pub rendering: Rendering,
-    /// Time for the sweeps of a tick; none where results must not depend on a clock.
+    /// Time budget for the sweeps of a tick; none if results must not depend on a clock.
     pub budget: Option<Duration>,
-    /// Sweeps of a tick at most.
+    /// Most sweeps of a tick.
     pub max_sweeps: u32,
     /// Proxy position, m.
     pub position: DVec3,
@@ -120,7 +118,7 @@ pub struct Renderer {
     hand: Hand,
     force: Vec<f64>,
     free: Vec<f64>,
-    /// `[row]` arm × axis
+    /// `[row]` moment directions, arm × axis, m.
     levers: Vec<DVec3>,
     /// `[row]` violation without force, before the hand moves, m.
     kept: Vec<f64>,
@@ -128,18 +126,18 @@ pub struct Renderer {
     compliance: Vec<f64>,
 }
 
-/// Sweeps of one tick at most: with warm starts seven are the mean of 20 contacts, and the force is off by 0.02 % (`benches/haptic.rs`).
+/// Most sweeps of a tick: with warm starts 20 contacts take seven in the mean, and the force is off by 0.02 % (`benches/haptic.rs`).
 pub const MAX_SWEEPS: u32 = 20;
-/// Relative change of the forces per sweep at which sweeps end: 0.1 mN of 1 N, far below what a hand can tell.
+/// Relative change of the forces per sweep that ends the sweeps: 0.1 mN of 1 N, far below what a hand can feel.
 const SWEEP_TOLERANCE: f64 = 1e-4;
-/// Sweeps between two looks at the clock: a look costs about as much as a sweep over one contact.
+/// Sweeps between two readings of the clock, each of which costs about as much as a sweep over one contact.
 const SWEEPS_PER_LOOK: u32 = 4;
-/// Contacts from which a sweep takes far longer than a look at the clock; then they are half as many (with one, sweeps that have ended could
-/// not be told from those that have not).
+/// Contacts from which a sweep takes far longer than a reading of the clock; half as many sweeps then lie between two readings (with one,
+/// converged sweeps could not be told from others).
 const CROWDED: usize = 10;
 
 impl Renderer {
-    /// A proxy that rests at the hand.
+    /// Proxy at rest at the hand.
     pub fn new(link: Coupling, hand: Hand) -> Self {
         let none = Vec::new();
         Self {
@@ -158,7 +156,7 @@ impl Renderer {
         }
     }
 
-    /// Makes room for problems of that many rows, so that ticks on them allocate nothing.
+    /// Reserves memory for problems of that many rows, so that ticks on them do not allocate.
     pub fn reserve(&mut self, rows: usize) {
         self.force.reserve(rows);
         self.free.reserve(rows);
@@ -167,26 +165,26 @@ impl Renderer {
         self.compliance.reserve(rows * rows);
     }
 
-    /// Forgets what it was doing: the proxy rests at a hand, without force.
+    /// Resets the proxy: at rest at a hand, without force.
     pub fn rest_at(&mut self, hand: Hand) {
         (self.position, self.rotation, self.hand) = (hand.position, hand.rotation, hand);
         self.force.fill(0.0);
     }
 
-    /// Takes a new problem over, for ticks of `step` seconds: forces start at its own, and the proxy where its tool was.
+    /// Accepts a new problem for ticks of `step` seconds: forces start from the problem's, the proxy from its tool pose.
     pub fn receive(&mut self, problem: &Reduced, step: f64) {
         self.position = problem.position;
         self.rotation = problem.rotation;
         self.receive_late(problem, step);
     }
 
-    /// Takes over a problem from some ticks ago: the proxy has gone on since, and stays where it is.
+    /// Accepts a problem from some ticks ago: the proxy has moved since and stays where it is.
     pub fn receive_late(&mut self, problem: &Reduced, step: f64) {
         self.force.clone_from(&problem.force);
         self.prepare(problem, step);
     }
 
-    /// What ticks on a problem share.
+    /// Computes what all ticks on a problem share.
     fn prepare(&mut self, problem: &Reduced, step: f64) {
         let rows = problem.axes.len();
         let (c, ca) = self.compliances(step);
@@ -203,13 +201,14 @@ impl Renderer {
         }
     }
 
-    /// One tick of `step` seconds, `age` seconds after the hand that the problem knows: the force on the hand. Until the next problem comes
-    /// the skin creeps on as it would under the problem's forces; what the hand does to it on top is its compliance.
+    /// One tick of `step` seconds, `age` seconds after the hand pose of the problem: returns the force on the hand. Until the next problem
+    /// the violations drift at `rate`; the hand's own motion acts through the compliance.
     pub fn tick(&mut self, problem: &Reduced, hand: Hand, step: f64, age: f64) -> Tick {
         let rows = problem.axes.len();
         if self.kept.len() != rows {
             self.prepare(problem, step);
         }
+        // violations without force: drift and unconstrained motion of the proxy
         let (c, ca) = self.compliances(step);
         let (shift, turn) = self.without_contact(problem, hand, step);
         self.free.clear();
@@ -217,6 +216,7 @@ impl Renderer {
             let drift = problem.rate.get(i).map_or(0.0, |rate| rate * age);
             self.free.push(self.kept[i] + drift + problem.axes[i].dot(shift) + self.levers[i].dot(turn));
         }
+        // forces, then the proxy's pose under them
         self.force.resize(rows, 0.0);
         let mut tick = self.solve(&problem.laws);
         for i in 0..rows {
@@ -229,7 +229,7 @@ impl Renderer {
         tick
     }
 
-    /// How the coupling gives, m/N and rad/(N·m).
+    /// Compliances of the coupling, m/N and rad/(N·m).
     fn compliances(&self, step: f64) -> (f64, f64) {
         let Coupling { stiffness, damping, angular_stiffness, angular_damping } = self.link;
         match self.rendering {
@@ -240,7 +240,7 @@ impl Renderer {
         }
     }
 
-    /// Motion of the proxy without contact, from the problem's pose, m and rad.
+    /// Motion of the proxy without contact, from the problem's pose: m and rad.
     fn without_contact(&self, problem: &Reduced, hand: Hand, step: f64) -> (DVec3, DVec3) {
         let (k, b) = (self.link.stiffness, self.link.damping / step);
         let (ka, ba) = (self.link.angular_stiffness, self.link.angular_damping / step);
@@ -257,7 +257,7 @@ impl Renderer {
         (shift, (aim * ka + (turn_from + turned) * ba) / (ka + ba))
     }
 
-    /// Sweeps until they end, or the time for them does.
+    /// Sweeps until converged or out of time.
     fn solve(&mut self, laws: &[Law]) -> Tick {
         let mut tick = Tick::default();
         let begin = self.budget.map(|_| Instant::now());

@@ -159,7 +159,7 @@ mod tests {
             let own = parts.cells_of(node);
             let cell = own.iter().find(|cell| parts.corners(**cell).map(|n| n as u32) == corner.nodes);
             assert!(corner.offset == [0.0; 3] || cell.is_some(), "node {node} moves with {:?}", corner.nodes);
-            // half a cell beyond the brick along each axis at most
+            // at most half a cell outside the hexahedron along each axis
             assert!(corner.weights.iter().all(|w| w.abs() <= 1.5f64.powi(3)), "{:?}", corner.weights);
         }
     }

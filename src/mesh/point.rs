@@ -3,8 +3,8 @@
 use super::Grid;
 use crate::kernels::corner;
 
-/// A material point of a deformable body: node ids, each once, with their weights, which sum to 1. `u = Σ_a N_a u_a`, and a force on it acts
-/// on the nodes by the same weights. Empty for a side that no deformable body has.
+/// A material point of a deformable body: node ids, each once, with their weights, which sum to 1. `u = Σ_a N_a u_a`, and a force on it
+/// acts on the nodes by the same weights. Empty for a side that no deformable body has.
 ///
 /// Most have up to eight nodes (a node, a place of a triangle, of a face or of a hexahedron); the skin under a blunt tip has more.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,7 +27,7 @@ impl MaterialPoint {
     }
 }
 
-/// Trilinear shape functions `N_a` at a place of a cell, 0 to 1 along each axis; beyond it they go on.
+/// Trilinear shape functions `N_a` at a point of a cell, with coordinates 0 to 1 along each axis; they extrapolate beyond it.
 pub(super) fn trilinear(place: [f64; 3]) -> [f64; 8] {
     std::array::from_fn(|a| (0..3).map(|m| if corner(a)[m] == 1 { place[m] } else { 1.0 - place[m] }).product())
 }

@@ -1,20 +1,20 @@
-//! Bounds on the outcome: the `[check]` table against the report's keys.
+//! Bounds on the result of a run: the scene's `[check]` table applied to the report's keys.
 
 use super::{Refused, Report};
 use crate::error::Result;
 use crate::scene::Scene;
 use serde_json::Value;
 
-/// A check that did not hold.
+/// Check that failed.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Failure {
-    /// Key of the report, with dots.
+    /// Key of the report, dotted.
     pub key: String,
-    /// What the run gave; none when it was not measured.
+    /// Value of the run; none if it was not measured.
     pub found: Option<f64>,
-    /// Inclusive lower bound; none when there is none.
+    /// Inclusive lower bound, if any.
     pub min: Option<f64>,
-    /// Inclusive upper bound; none when there is none.
+    /// Inclusive upper bound, if any.
     pub max: Option<f64>,
 }
 
@@ -33,7 +33,7 @@ impl std::fmt::Display for Failure {
     }
 }
 
-/// A whole number as it is, others with four significant digits.
+/// Integers in full, other numbers with four significant digits.
 fn digits(value: f64) -> String {
     let size = value.abs();
     if value == value.trunc() && size < 1e6 {
@@ -47,7 +47,7 @@ fn digits(value: f64) -> String {
     }
 }
 
-/// The scene's checks that a report does not meet.
+/// Checks of the scene that a report fails.
 pub fn failures(scene: &Scene, report: &Report) -> Vec<Failure> {
     let tree = serde_json::to_value(report).unwrap_or(Value::Null);
     let bound = |b: f64| b.is_finite().then_some(b);
@@ -63,7 +63,7 @@ pub fn failures(scene: &Scene, report: &Report) -> Vec<Failure> {
         .collect()
 }
 
-/// A number of the report by its key; a warning that did not occur is 0.
+/// Number of the report with a given key; a warning that did not occur is 0.
 fn value(tree: &Value, key: &str) -> Option<f64> {
     let (table, name) = key.split_once('.').unwrap_or(("", key));
     if table == "warnings" || table == "probes" {
@@ -76,10 +76,10 @@ fn value(tree: &Value, key: &str) -> Option<f64> {
     key.split('.').try_fold(tree, |at, part| at.get(part))?.as_f64()
 }
 
-/// Refuses checks on keys that no report has, before a run spends its time.
+/// Refuses checks on keys that no report has; called before the run.
 ///
 /// # Errors
-/// [`Refused::UnknownCheck`] that lists the known keys.
+/// [`Refused::UnknownCheck`], which lists the known keys.
 pub fn known(scene: &Scene) -> Result<()> {
     let tree = serde_json::to_value(Report::default()).unwrap_or(Value::Null);
     let mut keys = vec![];

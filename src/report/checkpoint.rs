@@ -73,7 +73,7 @@ pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
 /// Reads a checkpoint for a run of this scene on this backend with `steps` steps in total.
 ///
 /// # Errors
-/// [`Refused::Checkpoint`] for a file that is none, is damaged, of another version, of another scene or place, or of a run that is over.
+/// [`Refused::Checkpoint`] for a file that is no checkpoint, is damaged, of another version, scene or backend, or of a completed run.
 pub(super) fn read(path: &Path, scene: &Scene, place: &Place, steps: u32) -> Result<Checkpoint> {
     let refused = |unfit| Refused::Checkpoint { path: path.to_owned(), unfit };
     let file = std::fs::read(path).map_err(|source| refused(Unfit::Unread { source }))?;
@@ -92,7 +92,7 @@ pub(super) fn read(path: &Path, scene: &Scene, place: &Place, steps: u32) -> Res
     Err(refused(unfit).into())
 }
 
-/// What a file's bytes hold, or what is wrong with them.
+/// Checkpoint in a file's bytes, or why it cannot be used.
 fn unpack(file: &[u8]) -> std::result::Result<Checkpoint, Unfit> {
     if !file.starts_with(MAGIC) {
         return Err(Unfit::Strange);

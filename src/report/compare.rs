@@ -1,8 +1,8 @@
-//! The same scene on the GPU and on the CPU path in f64: a row per quantity, each with its bound.
+//! Compares a scene on the GPU with the CPU path in f64: one row per quantity, each with its bound.
 //!
-//! Before contact fields are comparable node by node, so a pressed patch is: no tools, 10 kPa on the middle of the top, once solved
-//! tightly, once to the scene's own tolerance. After first contact trajectories are chaotic: whole runs are compared by invariants and
-//! by the peak force.
+//! Before contact, fields are comparable node by node. A pressed patch therefore runs without tools, with 10 kPa on the middle of the top:
+//! once solved tightly, once to the scene's own tolerance. After first contact trajectories are chaotic; whole runs are compared by
+//! invariants and by the peak force.
 
 use super::Refused;
 use crate::backend::{Device, Snapshot};
@@ -11,64 +11,64 @@ use crate::math::V4;
 use crate::scene::{Load, Scene, Skin};
 use crate::step::{Body, Place, Simulation};
 
-/// Pressure on the middle of the top, Pa; presses the incision's skin by about a tenth of its thickness.
+/// Pressure on the middle of the top, Pa; it indents the incision's skin by about a tenth of its thickness.
 const PRESSURE: f64 = 10e3;
 /// Half the side of the pressed square, m.
 const HALF_SIDE: f64 = 2e-3;
-/// Steps of the pressed patch, 0.1 s at 5 ms: the skin has settled by then.
+/// Steps of the pressed patch, 0.1 s at 5 ms, by which the skin has settled.
 const PRESSED_STEPS: u32 = 20;
-/// Tight tolerance: far below the bound, within what f32 conjugate gradients reach.
+/// Tight tolerance: far below the bound, within the reach of f32 conjugate gradients.
 const TIGHT: f64 = 1e-6;
 /// Bound on displacements solved tightly: f32 rounding (6e-8) times the condition of thin stiff layers on fat, about 1e3, over 20 steps.
 const TIGHT_BOUND: f64 = 2e-4;
-/// Bound on displacements solved to the scene's tolerance: two residuals of 1e-3 leave errors of a few 1e-3 each.
+/// Bound on displacements solved to the scene's tolerance: relative residuals of 1e-3 on both paths leave errors of a few 1e-3 each.
 const OWN_BOUND: f64 = 1e-2;
-/// Bound on the peak force, relative.
+/// Relative bound on the peak force.
 const FORCE_BOUND: f64 = 0.05;
-/// Bound on the live mass against the live cells: nodal masses are rounded to f32 (6e-8) and added in f64.
+/// Relative bound on remaining mass against remaining cells: nodal masses are rounded to f32 (6e-8) and added in f64.
 const MASS_BOUND: f64 = 1e-6;
-/// Bound on the number of cut links or springs, relative, but one may always differ.
+/// Relative bound on the number of cut links or springs; one may always differ.
 const CUT_BOUND: f64 = 0.05;
 
 /// One compared quantity.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Row {
-    /// What, with its unit.
+    /// Name, with its unit.
     pub name: String,
-    /// On the CPU path in f64.
+    /// Value on the CPU path in f64.
     pub cpu: f64,
-    /// On the GPU.
+    /// Value on the GPU.
     pub gpu: f64,
-    /// As the bound counts it: relative to the CPU's value unless the name says otherwise.
+    /// Difference as bounded: relative to the CPU's value unless the name says otherwise.
     pub difference: f64,
     /// Largest difference that passes.
     pub bound: f64,
 }
 
 impl Row {
-    /// Within its bound.
+    /// Whether it is within its bound.
     pub fn holds(&self) -> bool {
-        self.difference <= self.bound // a NaN does not hold
+        self.difference <= self.bound // false for NaN
     }
 }
 
-/// A whole comparison.
+/// Result of a comparison.
 #[derive(Clone, Debug)]
 pub struct Comparison {
-    /// The GPU.
+    /// Device of the GPU run.
     pub gpu: Device,
-    /// The CPU path.
+    /// Device of the CPU run.
     pub cpu: Device,
-    /// Steps of the scene as it is.
+    /// Steps of the unchanged scene.
     pub steps: u32,
-    /// In the order computed.
+    /// Rows, in the order computed.
     pub rows: Vec<Row>,
 }
 
-/// Compares a scene on both paths; `stage` is told what is being computed.
+/// Compares a scene on both paths; calls `stage` with the name of each computation.
 ///
 /// # Errors
-/// For no adapter or a scene too large.
+/// Without a fitting adapter, or if the scene is too large.
 pub fn compare(scene: &Scene, adapter: Option<&str>, steps: u32, stage: &mut dyn FnMut(&str)) -> Result<Comparison> {
     if scene.skins.is_empty() {
         return Err(Refused::NothingToCompare.into());
@@ -101,7 +101,7 @@ pub fn compare(scene: &Scene, adapter: Option<&str>, steps: u32, stage: &mut dyn
     Ok(Comparison { gpu: on_gpu.device, cpu: on_cpu.device, steps, rows })
 }
 
-/// The deformable bodies alone under a pressure on the middle of their tops.
+/// The deformable bodies alone, under a pressure on the middle of their tops.
 fn pressed(scene: &Scene, tolerance: f64) -> Scene {
     let load = |(body, skin): (usize, &Skin)| {
         let max = skin.size.map(|size| HALF_SIDE.min(0.5 * size));
@@ -125,24 +125,24 @@ fn after(scene: &Scene, place: &Place) -> Result<Vec<V4<f64>>> {
     Ok(simulation.snapshots()?.into_iter().flat_map(|s| s.u).collect())
 }
 
-/// Longest vector, m; NaN when one is not finite.
+/// Length of the longest vector, m; NaN if one is not finite.
 fn largest(u: &[[f64; 4]]) -> f64 {
     let length = |u: &[f64; 4]| (u[0] * u[0] + u[1] * u[1] + u[2] * u[2]).sqrt();
     u.iter().map(length).fold(0.0, |a, b| if b.is_nan() || b > a { b } else { a })
 }
 
-/// Relative to `scale`; 0 for 0 of 0.
+/// Difference relative to `scale`; 0 for 0/0.
 fn ratio(difference: f64, scale: f64) -> f64 {
     if difference == 0.0 { 0.0 } else { difference.abs() / scale.abs() }
 }
 
-/// What is left of a run.
+/// Invariants of a run.
 struct Outcome {
     device: Device,
     peak_force: f64,
-    /// Links or springs.
+    /// Cut links or springs.
     cut: usize,
-    /// Live mass less the mass of the live cells, relative to the latter.
+    /// Remaining mass minus that of the remaining cells, relative to the latter.
     mass_error: f64,
     mass: f64,
     non_finite: usize,

@@ -1,4 +1,4 @@
-//! Why a run, a comparison or a study is not done as asked.
+//! Errors of runs, comparisons and studies.
 
 use crate::error::Error;
 use crate::scene::Scene;
@@ -8,23 +8,23 @@ use std::path::PathBuf;
 /// See the module.
 #[derive(Debug, thiserror::Error)]
 pub enum Refused {
-    /// A run that ends before it begins, or a checkpoint that is never due.
+    /// Number of steps that leaves no run or no checkpoint.
     #[error(
         "a run of 0 steps, or a checkpoint after every 0 steps; ask for at least one step, or for at least half a step of time"
     )]
     NoSteps,
 
-    /// A checkpoint of a run whose hands go on moving meanwhile.
+    /// Checkpoint of a run by the wall clock.
     #[error(
         "a checkpoint of a run by the wall clock, whose hands do not wait; leave out --realtime, or --checkpoint and --resume"
     )]
     CheckpointInRealTime,
 
-    /// A checkpoint of a run whose recording could have gaps.
+    /// Checkpoint of a run that records its devices: the recording could have gaps.
     #[error("a checkpoint of a run that records its devices; leave out --record, or --checkpoint and --resume")]
     CheckpointOfRecording,
 
-    /// A checkpoint that a run cannot go on from.
+    /// Checkpoint that a run cannot be resumed from.
     #[error("{}: the checkpoint {unfit}", path.display())]
     Checkpoint {
         /// The file.
@@ -33,7 +33,7 @@ pub enum Refused {
         unfit: CheckpointUnfit,
     },
 
-    /// A bound on what no report has.
+    /// Check on an unknown key.
     #[error(
         "{}: [check] names `{key}`, which is no number of the report; name one of {known}, warnings.NAME or probes.NAME",
         path.display()
@@ -41,191 +41,191 @@ pub enum Refused {
     UnknownCheck {
         /// The scene file.
         path: PathBuf,
-        /// As the scene has it.
+        /// Key in the scene.
         key: String,
-        /// Known keys, with commas.
+        /// Known keys, separated by commas.
         known: String,
     },
 
-    /// A comparison of what never runs on a GPU.
+    /// Comparison of a scene that cannot run on a GPU.
     #[error(
         "a comparison of GPU and CPU path on a scene of rigid bodies alone, which the CPU moves; compare a scene with a `[skin]` or a \
          `[[block]]`"
     )]
     NothingToCompare,
 
-    /// A scene that cannot be studied as asked.
+    /// Scene that cannot be studied as asked.
     #[error("{}: {unfit}", path.display())]
     Study {
         /// The scene file.
         path: PathBuf,
-        /// What stands against it.
+        /// The reason.
         unfit: StudyUnfit,
     },
 
-    /// A picture that cannot be drawn.
+    /// Plot that cannot be drawn.
     #[error("study.svg cannot be drawn ({message}); study.csv has the same numbers")]
     Plot {
-        /// The drawing library's words.
+        /// Message of the drawing library.
         message: String,
     },
 }
 
-/// What is wrong with a checkpoint.
+/// Why a checkpoint cannot be used.
 #[derive(Debug, thiserror::Error)]
 pub enum CheckpointUnfit {
-    /// The system does not give it.
+    /// The file cannot be read.
     #[error("cannot be read ({source}); give the checkpoint.bin that a run with --checkpoint has left in its folder")]
     Unread {
-        /// The system's reason.
+        /// Reason given by the system.
         source: io::Error,
     },
 
-    /// Another file.
+    /// Not a checkpoint.
     #[error("is no checkpoint of cutis; give the checkpoint.bin that a run with --checkpoint has left")]
     Strange,
 
-    /// Its end is missing.
+    /// Truncated.
     #[error("is cut off after {bytes} bytes; take an older one, or run from the start")]
     CutOff {
-        /// The file's length.
+        /// Length of the file.
         bytes: usize,
     },
 
-    /// Its bytes are not those that were written.
+    /// Wrong checksum.
     #[error("is damaged: its checksum is not that of its bytes; take an older one, or run from the start")]
     Damaged,
 
-    /// Of a program that writes another format.
+    /// Other format version.
     #[error(
         "is of {} program (format {found}; this one reads {wanted}); resume with the program that wrote it, or run from the start",
         if found > wanted { "a newer" } else { "an older" }
     )]
     Format {
-        /// In the file.
+        /// Version in the file.
         found: u64,
-        /// What this program reads.
+        /// Supported version.
         wanted: u64,
     },
 
-    /// Of a run elsewhere.
+    /// Other backend or precision.
     #[error("is of a run on {found}, and this one is on {wanted}; take the same --backend and --precision")]
     Place {
-        /// `cpu f64`, `cpu f32` or `gpu f32`.
+        /// That of the checkpoint: `cpu f64`, `cpu f32` or `gpu f32`.
         found: String,
-        /// Of the run that is to go on.
+        /// That of the run to be resumed.
         wanted: String,
     },
 
-    /// Of another scene.
+    /// Other scene.
     #[error(
         "is of the scene \"{title}\" as it was then, which is not the one that is to be run; resume with the same scene, meshes and \
          trajectories and the same options, or run from the start"
     )]
     Scene {
-        /// Of the scene that it is of.
+        /// Title of the checkpoint's scene.
         title: String,
     },
 
-    /// Of a run that has come as far as this one is to.
+    /// As many steps as the run is to have, or more.
     #[error(
         "was written after step {done}, and {steps} steps are asked for; ask for more --steps, or run from the start"
     )]
     Over {
-        /// Steps done.
+        /// Completed steps.
         done: u32,
-        /// Steps in all.
+        /// Steps in total.
         steps: u32,
     },
 }
 
-/// Why a scene cannot be studied as asked.
+/// Why a scene cannot be studied.
 #[derive(Debug, thiserror::Error)]
 pub enum StudyUnfit {
-    /// Nothing that errors could be of.
+    /// No quantity to take errors of.
     #[error(
         "nothing to study: errors are of probes of a deformable scene; give the scene a `[skin]` or a `[[block]]`, and a `[[probe]]`"
     )]
     Nothing,
 
-    /// Runs without end.
+    /// Too many steps.
     #[error("a run of the study has more than {most:e} steps; give [study] a shorter duration_s")]
     Steps {
-        /// The limit for one run.
+        /// Most steps of a run.
         most: f64,
     },
 
-    /// A reference that a quick study has no time to set up.
+    /// Reference too large for a quick study to set up.
     #[error(
         "the reference of a quick study has {cells:.0} cells; give [study] a quick_grid with which twice as fine a grid has {most:.0} at most"
     )]
     Cells {
-        /// Of the reference.
+        /// Cells of the reference.
         cells: f64,
-        /// The limit for a quick study.
+        /// Most cells in a quick study.
         most: f64,
     },
 
-    /// A reference that a quick study has no time to run.
+    /// Reference too slow for a quick study.
     #[error(
         "{what} takes too long for a quick study; give [study] a smaller quick_grid or a shorter duration_s, or study without --quick"
     )]
     Slow {
-        /// What others are measured against.
+        /// Name of the reference.
         what: String,
     },
 
-    /// A reference that is no number.
+    /// Non-finite reference.
     #[error(
         "{what} of the study left the numbers; take a shorter reference_step_ms, or a scene that `cutis run` gets through"
     )]
     NonFinite {
-        /// What others are measured against.
+        /// Name of the reference.
         what: String,
     },
 
-    /// A grid with parts of cells.
+    /// Grid with a fractional number of cells.
     #[error(
         "[study] grid {factor}: {cells} cells times it are {refined} cells; take factors that give whole numbers of cells along x and y"
     )]
     PartsOfCells {
-        /// Cells of the grid, times the scene's.
+        /// Refinement relative to the scene's grid.
         factor: f64,
-        /// Of the scene along an axis.
+        /// Cells of the scene along an axis.
         cells: u32,
-        /// Of the grid there.
+        /// Cells of the refined grid along it.
         refined: f64,
     },
 
-    /// A grid beyond all indices.
+    /// Grid with more nodes than 32-bit indices reach.
     #[error("[study] grid {factor}: it has more nodes than 32-bit indices reach; take a coarser grid")]
     Nodes {
-        /// Cells of the grid, times the scene's.
+        /// Refinement relative to the scene's grid.
         factor: f64,
     },
 
-    /// A grid too coarse for what is held or loaded.
+    /// Grid too coarse for a constrained or loaded region.
     #[error("[study] grid {factor}: a region holds no node of it; take a finer grid, or a wider region")]
     EmptyRegion {
-        /// Cells of the grid, times the scene's.
+        /// Refinement relative to the scene's grid.
         factor: f64,
     },
 
-    /// A grid on which a probe measures elsewhere.
+    /// Grid without a node at a probe's point.
     #[error(
         "[study] grid {factor}: probe {probe} is at no node of it; probe points that are nodes of every grid of the study, or name others \
          in `probes`"
     )]
     ProbeBetween {
-        /// Cells of the grid, times the scene's.
+        /// Refinement relative to the scene's grid.
         factor: f64,
-        /// Its name.
+        /// Name of the probe.
         probe: String,
     },
 }
 
 impl StudyUnfit {
-    /// The error that a study of the scene ends with.
+    /// Error of a study of a scene for this reason.
     pub(super) fn of(self, scene: &Scene) -> Error {
         Refused::Study { path: scene.file.clone(), unfit: self }.into()
     }

@@ -1,4 +1,4 @@
-//! Steps a scene to its end and writes what happened.
+//! Runs a scene to its end and writes its results.
 
 use super::checkpoint::{self, Checkpoint, Identity};
 use super::collect::Collector;
@@ -11,39 +11,39 @@ use crate::scene::{BodyId, Scene};
 use crate::step::{Place, Simulation, StepReport};
 use std::path::PathBuf;
 
-/// How to run.
+/// Options of a run.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Where the skin is computed.
+    /// Backend and precision.
     pub place: Place,
-    /// Steps; none for the scene's duration.
+    /// Number of steps; none for the scene's duration.
     pub steps: Option<u32>,
-    /// Folder of the results; made when it is not there.
+    /// Folder of the results; created if missing.
     pub out: PathBuf,
-    /// Paced by the wall clock, with a thread for each device.
+    /// Pace by the wall clock, with a thread per device.
     pub realtime: bool,
-    /// Keep what each device says and is given in `hand_TOOL.csv`, a trajectory that a scene can read.
+    /// Record each device in `hand_TOOL.csv`, a trajectory that a scene can read.
     pub record: bool,
-    /// Write `checkpoint.bin` after every so many steps.
+    /// Write `checkpoint.bin` after every this many steps.
     pub checkpoint: Option<u32>,
-    /// Go on from this checkpoint, whose run had the same folder.
+    /// Checkpoint to resume from; its run had the same folder.
     pub resume: Option<PathBuf>,
 }
 
 impl Options {
-    /// A whole run by the scene's clock.
+    /// Options of a whole run by the scene's clock.
     pub fn new(place: Place, out: impl Into<PathBuf>) -> Self {
         let out = out.into();
         Self { place, steps: None, out, realtime: false, record: false, checkpoint: None, resume: None }
     }
 
-    /// The checkpoint to go on from, if any.
+    /// The checkpoint to resume from, if any.
     fn resumed(&self, scene: &Scene) -> Result<Option<Checkpoint>> {
         let steps = self.steps.unwrap_or(scene.time.steps());
         self.resume.as_ref().map(|file| checkpoint::read(file, scene, &self.place, steps)).transpose()
     }
 
-    /// Refuses what does not go together.
+    /// Refuses options that exclude each other.
     fn check(&self) -> Result<()> {
         if self.steps == Some(0) || self.checkpoint == Some(0) {
             return Err(Refused::NoSteps.into());
@@ -59,50 +59,50 @@ impl Options {
     }
 }
 
-/// Between two steps.
+/// Progress between two steps.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
-    /// Steps done.
+    /// Completed steps.
     pub step: u32,
-    /// Steps in all.
+    /// Steps in total.
     pub steps: u32,
     /// Scene time, s.
     pub time: f64,
-    /// Force on the tools, N.
+    /// Largest force on a tool, N.
     pub force: f64,
     /// Length of the cut so far, m.
     pub cut: f64,
 }
 
-/// The end of a run.
+/// Result of a run.
 #[derive(Clone, Debug)]
 pub struct Summary {
-    /// As in `report.json`.
+    /// Report, as in `report.json`.
     pub report: Report,
-    /// When the largest contact force was, s.
+    /// Time of the largest contact force, s.
     pub peak_time: f64,
-    /// Pictures written.
+    /// Number of pictures.
     pub frames: u32,
-    /// Checks that failed; none when the run ended before the scene.
+    /// Failed checks; none if the run ended before the scene.
     pub failures: Vec<check::Failure>,
     /// The run ended before the scene, so its checks were not evaluated.
     pub cut_short: bool,
 }
 
-/// Runs a scene; `progress` is called after every step.
+/// Runs a scene; calls `progress` after every step.
 ///
 /// # Errors
-/// For a scene too large, no adapter, an unknown key in `[check]`, a folder that cannot be written, a checkpoint that does not fit, a device
-/// that fails. What was done until then is in the folder.
+/// If the scene is too large, no adapter fits, `[check]` has an unknown key, the folder cannot be written, the checkpoint does not fit, or
+/// a device fails. The results up to then are in the folder.
 pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)) -> Result<Summary> {
     check::known(scene)?;
     options.check()?;
-    // what is refused is refused before a device is taken and before a file is touched
+    // refuse before a device is opened or a file touched
     let resumed = options.resumed(scene)?;
     run_from(scene, options, Simulation::new(scene, &options.place)?, resumed, progress)
 }
 
-/// The same with a simulation that is there already, at its start.
+/// The same with an existing simulation at its start.
 ///
 /// # Errors
 /// As [`run`].
@@ -128,6 +128,7 @@ fn run_from(
     let clock = if options.realtime { Clock::Wall } else { Clock::Scene };
     let mut collector = Collector::new(scene, &simulation);
     let mut runner = Runner::new(scene, simulation, clock);
+    // start the folder's files, or continue those of the checkpoint
     let (folder, haptic, last) = match resumed {
         None => {
             let folder = Folder::create(&options.out, scene)?;
@@ -139,7 +140,7 @@ fn run_from(
             (folder, haptic, vec![])
         }
         Some(checkpoint) => {
-            // no file is touched before all of them are known to be this run's, and the run is where it was
+            // touch no file before all are known to be this run's and the state is restored
             Folder::verify(&options.out, scene, &checkpoint.files)?;
             HapticFiles::verify(&options.out, checkpoint.ticks)?;
             runner.restore(&checkpoint.runner)?;
@@ -148,6 +149,7 @@ fn run_from(
             (folder, HapticFiles::reopen(&options.out, checkpoint.ticks)?, checkpoint.last)
         }
     };
+    // all steps; after an error the results so far are written
     let identity = checkpoint::identity(scene, &options.place);
     let mut running = Running { scene, options, identity, folder, collector, runner, haptic, last };
     let report = match running.all_steps(steps, progress) {
@@ -157,6 +159,7 @@ fn run_from(
             return Err(error);
         }
     };
+    // checks are for whole runs
     let cut_short = steps < scene.time.steps();
     Ok(Summary {
         failures: match cut_short {
@@ -170,17 +173,17 @@ fn run_from(
     })
 }
 
-/// A run between its begin and its end.
+/// A run in progress.
 struct Running<'a> {
     scene: &'a Scene,
     options: &'a Options,
-    /// What its checkpoints are of.
+    /// Identity of its checkpoints.
     identity: Identity,
     runner: Runner,
     folder: Folder,
     haptic: HapticFiles,
     collector: Collector,
-    /// Probes of the last step.
+    /// Probe values of the last step.
     last: Vec<f64>,
 }
 
@@ -192,7 +195,7 @@ impl Running<'_> {
             self.collector.began(&self.runner.simulation.measure(&state));
         }
         if done > 0 {
-            // what the first part has left there may be of a later step, or of its end
+            // the first part may have left the report of a later step, or of its end
             let report = self.report();
             self.folder.write_report(&report)?;
         }
@@ -233,7 +236,7 @@ impl Running<'_> {
         Ok(report)
     }
 
-    /// One step with what belongs to it, written down.
+    /// Takes one step and writes its rows.
     fn step(&mut self, number: u32, steps: u32) -> Result<StepReport> {
         let exact = number == steps || number.is_multiple_of(self.scene.solver.true_residual_every);
         let Self { runner, haptic, .. } = self;
@@ -252,8 +255,7 @@ impl Running<'_> {
         report
     }
 
-    /// Writes down what was done before an error ended it. What fails here as well, as on a full disk, follows from that error, which is
-    /// the one to be told.
+    /// Writes the results up to an error that ends the run. Further errors here, as on a full disk, follow from that one and are dropped.
     fn keep(&mut self, error: &Error) {
         let Self { runner, haptic, .. } = self;
         drop(runner.stop(&mut |tool, record| haptic.add(tool, record)));
@@ -263,7 +265,7 @@ impl Running<'_> {
         drop(self.folder.flush());
     }
 
-    /// All that the rest of the run depends on. Rows of tables are handed to the system before they are counted.
+    /// Complete state of the run. Table rows are flushed before they are counted.
     fn checkpoint(&mut self) -> Result<Checkpoint> {
         Ok(Checkpoint {
             identity: self.identity.clone(),

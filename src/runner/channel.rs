@@ -1,4 +1,4 @@
-//! A tool's device and the servo that stands between it and the simulation.
+//! A tool's device, with the servo between it and the simulation.
 
 use super::{RING, Refused};
 use crate::error::Result;
@@ -12,19 +12,19 @@ use crate::step::Simulation;
 use rtrb::Consumer;
 use std::collections::BTreeMap;
 
-/// Rows for which memory is taken at the start; a problem with more grows it once.
+/// Most rows for which memory is reserved at the start; a larger problem reallocates once.
 const MOST_ROWS: usize = 600;
 
 /// See the module.
 pub(super) struct Channel {
     pub servo: Servo,
     pub device: Box<dyn Device>,
-    /// The device moves the tool; without one of the scene or of the program's own, its trajectory does.
+    /// The device moves the tool; false if the tool follows its trajectory.
     pub moves: bool,
 }
 
-/// Devices and servos of the tools that a hand holds, all at rest; by the wall clock those without a device of their own are guarded too.
-/// Devices that are `attached` stand for the scene's. Where `rows` are wanted each device is recorded.
+/// Devices and servos of the tools held by a hand, at rest. Under the wall clock those without a device are guarded too. `attached` devices
+/// replace the scene's. With `rows` each device is recorded.
 pub(super) fn channels(
     scene: &Scene,
     simulation: &Simulation,
@@ -37,6 +37,7 @@ pub(super) fn channels(
     let most = scene.contact.map_or(0, |c| 3 * c.max_contacts as usize * others).min(MOST_ROWS);
     let held = simulation.tools.iter().zip(&scene.tools).take_while(|(tool, _)| !tool.free);
     let mut out = vec![];
+    // the attached device, or the scene's
     for (number, (tool, asked)) in held.enumerate() {
         let spec = asked.device.clone().unwrap_or_default();
         let own = attached.remove(&number);
@@ -48,12 +49,14 @@ pub(super) fn channels(
             }
             None => open(&spec, asked)?,
         };
+        // record it
         if let Some(rows) = &mut rows {
             let ticks = (RING * scene.haptic.rate) as usize;
             let (recorder, written) = Recorder::new(device, Workspace::new(&spec), ticks);
             device = Box::new(recorder);
             rows.push((number, written));
         }
+        // settings of the servo; a trajectory has no force limits
         let unlimited = Limits { force: f64::INFINITY, torque: f64::INFINITY };
         let can = if moves { device.limits() } else { unlimited };
         let plain = Settings::new(&spec, tool.coupling, can, times);

@@ -1,8 +1,8 @@
-//! A scene as it runs: simulation, hands and haptic devices, a step at a time, by the scene's clock or by the wall clock.
+//! Run loop of a scene: simulation, hands and haptic devices, one step at a time, by the scene's clock or by the wall clock.
 //!
-//! By the scene's clock ticks run between the steps, in the same thread, so that a run repeats. By the wall clock each device has a thread
-//! of its own and the steps are paced by the same clock. Who drives a [`Runner`] sees each tick and each step as they come: the program's
-//! `run` writes them down ([`crate::report::run`]), another program may show them, pause, or hold a tool by a device of its own.
+//! By the scene's clock, ticks run between the steps in the same thread, so that a run repeats. By the wall clock, each device has a thread
+//! of its own and the same clock paces the steps. The caller of a [`Runner`] receives every tick and step: the program's `run` writes them
+//! to files ([`crate::report::run`]); another program may show them, pause, or attach its own device to a tool.
 
 mod channel;
 mod refused;
@@ -27,46 +27,46 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 use wall_clock::WallClock;
 
-/// Seconds of ticks that wait to be told at most: a picture takes less.
+/// Capacity of the record rings, seconds of ticks: longer than a picture takes.
 const RING: f64 = 8.0;
 
-/// What paces the steps.
+/// Clock that paces the steps.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Clock {
-    /// Nothing: steps follow each other at once, and a run repeats.
+    /// Scene time: steps follow each other without waiting, and a run repeats.
     Scene,
-    /// Time: a step of 5 ms takes 5 ms, or is late.
+    /// Real time: a step of 5 ms takes 5 ms, or is late.
     Wall,
 }
 
-/// What to do with each tick: the number of its tool, and what the servo did.
+/// Called at each tick with the number of the tool and the servo's record.
 pub type OnTick<'a> = &'a mut dyn FnMut(usize, &Record) -> Result<()>;
 
-/// A step that was taken.
+/// Result of a step of the run.
 #[derive(Clone, Debug)]
 pub struct Step {
-    /// What happened in it.
+    /// Report of the simulation.
     pub report: StepReport,
-    /// What the simulation took, by the wall clock, without ticks and waiting.
+    /// Wall time of the simulation, without ticks and waiting.
     pub took: Duration,
 }
 
-/// What the haptic side has counted so far.
+/// Counts of the haptic loops so far.
 #[derive(Clone, Debug)]
 pub struct HapticCounts {
-    /// Ticks per second.
+    /// Ticks per second, Hz.
     pub rate: f64,
-    /// `[device]`
+    /// `[device]` counts of the servos.
     pub servos: Vec<Counts>,
-    /// What the loops have seen of the wall clock, once they have stopped.
+    /// Timing of the loops by the wall clock, once they have stopped.
     pub timing: Option<Timing>,
-    /// Steps that began later than a tick after their time.
+    /// Steps that began more than a tick late.
     pub late_steps: u64,
 }
 
 /// See the module.
 pub struct Runner {
-    /// The bodies.
+    /// The simulation.
     pub simulation: Simulation,
     scene: Scene,
     clock: Clock,
@@ -77,7 +77,7 @@ pub struct Runner {
     hands: Hands,
 }
 
-/// All that the rest of a run by the scene's clock depends on.
+/// Complete state of a run by the scene's clock.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct State {
     steps: u32,
@@ -86,22 +86,22 @@ pub struct State {
 }
 
 impl State {
-    /// Steps that were taken.
+    /// Number of steps taken.
     pub fn steps(&self) -> u32 {
         self.steps
     }
 }
 
-/// The haptic side.
+/// Haptic loops.
 enum Hands {
-    /// Not begun.
+    /// Not started.
     Waiting,
     Scene(SceneClock),
     Wall(Box<WallClock>),
 }
 
 impl Runner {
-    /// A scene's simulation at its start; no device is open yet.
+    /// Runner at the start of a scene; no device is open yet.
     pub fn new(scene: &Scene, simulation: Simulation, clock: Clock) -> Self {
         Self {
             simulation,
@@ -115,7 +115,7 @@ impl Runner {
         }
     }
 
-    /// Holds a tool by a device of one's own instead of the scene's.
+    /// Attaches a device to a tool, in place of the scene's.
     ///
     /// # Errors
     /// Once the run has begun, and for a tool that no hand holds.
@@ -130,11 +130,11 @@ impl Runner {
         Ok(())
     }
 
-    /// Opens the devices and starts the clock; the first [`Runner::step`] does so as well. With `record` what each device says and is given
-    /// comes in the rings returned, by the number of its tool: rows of a trajectory with forces.
+    /// Opens the devices and starts the clock; the first [`Runner::step`] does so as well. With `record`, returns a ring for each device
+    /// with the number of its tool: rows of a trajectory with forces.
     ///
     /// # Errors
-    /// When a device cannot be had, or no thread for it; the run is then made anew. Once the run has begun.
+    /// When a device or its thread is not available, which takes a new runner; once the run has begun.
     pub fn start(&mut self, record: bool) -> Result<Vec<(usize, Consumer<Row>)>> {
         if !matches!(self.hands, Hands::Waiting) {
             return Err(Refused::StartedTwice.into());
@@ -151,16 +151,16 @@ impl Runner {
         Ok(rows)
     }
 
-    /// Steps taken.
+    /// Number of steps taken.
     pub fn steps(&self) -> u32 {
         self.steps
     }
 
-    /// Takes the next step, when its time has come; `check` asks for the true residual. Ticks are told as they come: by the scene's clock
-    /// those before the step, by the wall clock those until its end.
+    /// Takes the next step when it is due; `check` evaluates the true residual as well. Passes each tick to `on_tick`: by the scene's
+    /// clock those before the step, by the wall clock those until its end.
     ///
     /// # Errors
-    /// As [`Simulation::step`], and what `on_tick` fails with.
+    /// As [`Simulation::step`], and errors of `on_tick`.
     pub fn step(&mut self, check: bool, on_tick: OnTick) -> Result<Step> {
         if matches!(self.hands, Hands::Waiting) {
             self.start(false)?;
@@ -184,16 +184,16 @@ impl Runner {
         Ok(Step { report, took })
     }
 
-    /// All that the rest of the run depends on. The run goes on as if it had not been asked for.
+    /// Complete state of the run. Reading it does not change how the run continues.
     ///
     /// # Errors
-    /// By the wall clock, and of recorded devices; when a device fails.
+    /// By the wall clock, and with recorded devices; when a device fails.
     pub fn state(&mut self) -> Result<State> {
         let hands = self.scene_clock()?.state();
         Ok(State { steps: self.steps, simulation: self.simulation.state()?, hands })
     }
 
-    /// Goes to where a run of the same scene was, from wherever this one is.
+    /// Restores a state of a run of the same scene.
     ///
     /// # Errors
     /// As [`Runner::state`], and for a state of another scene.
@@ -205,7 +205,7 @@ impl Runner {
         Ok(())
     }
 
-    /// The haptic side, if it can be gone on with.
+    /// Haptic loop by the scene's clock, if its state can be read and restored.
     fn scene_clock(&mut self) -> Result<&mut SceneClock> {
         if matches!(self.hands, Hands::Waiting) {
             self.start(false)?;
@@ -216,14 +216,14 @@ impl Runner {
         }
     }
 
-    /// Lets the wall clock stand still until the next step: that one begins when the rest of its time has gone by from then on.
+    /// Pauses the wall clock until the next step, which begins once the rest of its waiting time has passed.
     pub fn pause(&mut self) {
         if let Hands::Wall(clock) = &mut self.hands {
             clock.pause();
         }
     }
 
-    /// What the haptic side has counted; none where no hand holds a tool.
+    /// Counts of the haptic loops; none before the start, or by the scene's clock without a hand.
     pub fn haptic(&mut self) -> Option<HapticCounts> {
         match &mut self.hands {
             Hands::Waiting => None,
@@ -232,10 +232,10 @@ impl Runner {
         }
     }
 
-    /// Stops the clock and lets the devices go: no force is on any hand from here on.
+    /// Stops the clock and closes the devices: no force acts on any hand from here on.
     ///
     /// # Errors
-    /// When a device was not closed as it should, or its thread has ended before.
+    /// When a device fails to close, or its thread has panicked.
     pub fn stop(&mut self, on_tick: OnTick) -> Result<()> {
         self.stopped = true;
         match &mut self.hands {
@@ -246,23 +246,23 @@ impl Runner {
     }
 }
 
-/// Leaves one core to the haptic threads: the parallel work of this process gets one thread less than there are cores.
+/// Leaves one core to the haptic threads: the global thread pool gets one thread less than there are cores.
 ///
 /// # Errors
-/// When that work has begun already.
+/// When the pool exists already.
 pub fn leave_a_core() -> Result<()> {
     let cores = std::thread::available_parallelism().map_or(1, usize::from);
     let pool = rayon::ThreadPoolBuilder::new().num_threads(cores.saturating_sub(1).max(1));
     pool.build_global().map_err(|source| Refused::CoresTaken { source }.into())
 }
 
-/// Starts the threads of the parallel work, one for each core.
+/// Starts the global thread pool, one thread per core.
 ///
 /// # Errors
-/// [`Refused::Threads`] when the machine gives none.
+/// [`Refused::Threads`] when the system starts none.
 pub fn take_all_cores() -> Result<()> {
     let started = rayon::ThreadPoolBuilder::new().build_global();
-    // one that is there already serves as well
+    // an existing pool serves as well
     let reason = |e: &rayon::ThreadPoolBuildError| std::error::Error::source(e).map(ToString::to_string);
     let refused = started.err().as_ref().and_then(reason).map(std::io::Error::other);
     refused.map_or(Ok(()), |source| Err(Refused::Threads { source }.into()))

@@ -1,8 +1,8 @@
-//! The haptic side by the scene's clock.
+//! Haptic loop by the scene's clock.
 //!
-//! A step's contact problem serves the ticks of the time until the next step has ended, as a live device gets it. A tool without a
-//! `[tool.device]` is held by its recorded hand, and what that would feel is found as it is: no ramp, no limits, no controller. A tool with
-//! one is treated as under the wall clock, and its device moves the tool in the simulation.
+//! A step's contact problem serves the ticks until the end of the next step, as on a live device. A tool without `[tool.device]` is held by
+//! its recorded hand, whose force is computed unmodified: no ramp, no limits, no controller. A tool with a device is treated as under the
+//! wall clock, and the device moves the tool in the simulation.
 
 use super::channel::Channel;
 use super::{HapticCounts, OnTick};
@@ -12,10 +12,10 @@ use crate::haptic::servo::Servo;
 use crate::step::{self, Simulation};
 use serde::{Deserialize, Serialize};
 
-/// A tick belongs to the step in which its time falls; times are sums of rounded steps, so they may differ by this, s.
+/// Tolerance for the end of a step, s: a tick belongs to the step that its time falls in, and step times are rounded sums.
 const SLACK: f64 = 1e-9;
 
-/// All devices and their problems.
+/// All devices with their problems.
 pub(super) struct SceneClock {
     channels: Vec<(Channel, Problem)>,
     rate: f64,
@@ -24,13 +24,13 @@ pub(super) struct SceneClock {
 }
 
 impl Drop for SceneClock {
-    /// A run that fails lets its devices go as well; its own error is what is told.
+    /// Closes the devices of a failed run as well; the run's own error is the one reported.
     fn drop(&mut self) {
         drop(self.close());
     }
 }
 
-/// Where the haptic side is between two steps.
+/// State of the haptic loop between two steps.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct State {
     channels: Vec<ChannelState>,
@@ -45,13 +45,13 @@ struct ChannelState {
 }
 
 impl SceneClock {
-    /// Devices that rest at their hands.
+    /// Devices at rest at their hands.
     pub fn new(rate: f64, channels: Vec<Channel>) -> Self {
         let channels = channels.into_iter().map(|channel| (channel, Problem::default())).collect();
         Self { channels, rate, tick_number: 0, closed: false }
     }
 
-    /// Takes the last step's contact problems and ticks until `end`, s; then the tools go where the devices are.
+    /// Accepts the last step's contact problems and ticks until `end`, s; then moves the tools to their devices.
     pub fn advance(&mut self, simulation: &mut Simulation, end: f64, on_tick: OnTick) -> Result<()> {
         if self.channels.is_empty() {
             return Ok(());
@@ -78,13 +78,13 @@ impl SceneClock {
         Ok(())
     }
 
-    /// What was counted; none where no hand holds a tool.
+    /// Counts of the servos; none if no hand holds a tool.
     pub fn counts(&self) -> Option<HapticCounts> {
         let servos: Vec<_> = self.channels.iter().map(|(channel, _)| channel.servo.counts()).collect();
         (!servos.is_empty()).then_some(HapticCounts { rate: self.rate, servos, timing: None, late_steps: 0 })
     }
 
-    /// Where servos and devices are.
+    /// State of servos and devices.
     pub fn state(&self) -> State {
         let of = |(channel, problem): &(Channel, Problem)| ChannelState {
             servo: channel.servo.clone(),
@@ -94,7 +94,7 @@ impl SceneClock {
         State { channels: self.channels.iter().map(of).collect(), tick_number: self.tick_number }
     }
 
-    /// Whether a state is of as many devices.
+    /// Whether a state has as many devices.
     pub fn fits(&self, state: &State) -> Result<()> {
         let (found, wanted) = (state.channels.len(), self.channels.len());
         match found == wanted {
@@ -103,7 +103,7 @@ impl SceneClock {
         }
     }
 
-    /// Goes there.
+    /// Restores a state.
     pub fn restore(&mut self, state: &State) {
         for ((channel, problem), from) in self.channels.iter_mut().zip(&state.channels) {
             channel.servo.clone_from(&from.servo);
@@ -113,7 +113,7 @@ impl SceneClock {
         self.tick_number = state.tick_number;
     }
 
-    /// Lets the devices go, all of them, once; the first failure is told.
+    /// Closes all devices, once; returns the first error.
     pub fn close(&mut self) -> Result<()> {
         let mut closed = Ok(());
         if std::mem::replace(&mut self.closed, true) {

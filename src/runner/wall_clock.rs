@@ -1,8 +1,8 @@
-//! The haptic side by the wall clock: one thread per device, the simulation paced by the same clock.
+//! Haptic loop by the wall clock: one thread per device, the simulation paced by the same clock.
 //!
-//! Step k begins when `k h` have gone by since the start, or at once when that is over; a step that begins later than a tick after its
-//! time is counted as late. At its start the tools go to where their hands are then, from where they were at the last step's, so that no
-//! motion is lost. When it has ended its contact problems go to the servos, with the time of the hands that they know.
+//! Step k begins `k h` after the start, or at once if that has passed; a step that begins more than a tick late is counted. At its start
+//! the tools follow their hands from the pose of the last step's start, so that no motion is lost. At its end its contact problems go to
+//! the servos, with the time of the hand poses that they are based on.
 
 use super::channel::Channel;
 use super::{HapticCounts, OnTick, RING, Refused};
@@ -28,15 +28,15 @@ pub(super) struct WallClock {
     start: Instant,
     rate: f64,
     late_steps: u64,
-    /// When the hands were looked at last, s.
+    /// Time of the last reading of the hands, s.
     seen: f64,
-    /// For how long the steps have stood still, s, and since when they do, if so.
+    /// Total time of pauses, s, and the start of the present one.
     paused: f64,
     pausing: Option<Instant>,
     done: Option<(Timing, Vec<Counts>)>,
 }
 
-/// The simulation's side of a device's thread.
+/// Simulation's end of a device's thread.
 struct Thread {
     cells: SimulationEnd,
     records: Consumer<Record>,
@@ -44,7 +44,7 @@ struct Thread {
 }
 
 impl WallClock {
-    /// Starts the devices' threads; none without tools that a hand holds.
+    /// Starts the device threads; none if no hand holds a tool.
     pub fn start(scene: &Scene, simulation: &Simulation, channels: Vec<Channel>) -> Result<Self> {
         let mut clock = Self {
             threads: vec![],
@@ -73,12 +73,12 @@ impl WallClock {
         Ok(clock)
     }
 
-    /// From now on the steps stand still, until the next one is asked for.
+    /// Pauses the steps until the next one is requested.
     pub fn pause(&mut self) {
         self.pausing.get_or_insert_with(Instant::now);
     }
 
-    /// Waits until the step from `begin` to `end` (scene time, s) may start; the tools go to their hands.
+    /// Waits until the step from `begin` to `end` (scene time, s) may start; moves the tools to their hands.
     pub fn before_step(&mut self, simulation: &mut Simulation, begin: f64, end: f64) {
         self.paused += self.pausing.take().map_or(0.0, |since| since.elapsed().as_secs_f64());
         let due = begin + self.paused;
@@ -95,7 +95,7 @@ impl WallClock {
         }
     }
 
-    /// Hands the step's contact problems over and tells what the servos did meanwhile.
+    /// Hands the step's contact problems over and passes on the servos' records.
     pub fn after_step(&mut self, simulation: &Simulation, on_tick: OnTick) -> Result<()> {
         for (thread, reduced) in self.threads.iter_mut().zip(&simulation.reduced) {
             thread.cells.hand_over(reduced, self.seen, simulation.epoch());
@@ -112,7 +112,7 @@ impl WallClock {
         Ok(())
     }
 
-    /// Stops the threads, which let the devices go, and tells the last ticks; of what fails the first is told.
+    /// Stops the threads, which close their devices, and passes on the last records; returns the first error.
     pub fn stop(&mut self, on_tick: OnTick) -> Result<()> {
         self.stop.store(true, Ordering::Release);
         let (mut timing, mut counts, mut ended) = (Timing::new(), vec![], Ok(()));
@@ -129,7 +129,7 @@ impl WallClock {
         ended.and(self.tell(on_tick))
     }
 
-    /// What was counted; what the clock has shown once the threads have stopped.
+    /// Counts of the servos; timing once the threads have stopped.
     pub fn counts(&mut self) -> HapticCounts {
         let (timing, servos) = match &self.done {
             Some((timing, counts)) => (Some(timing.clone()), counts.clone()),
@@ -140,11 +140,11 @@ impl WallClock {
 }
 
 impl Drop for WallClock {
-    /// A run that fails lets its devices go as well: each thread writes no force and closes its device.
+    /// Closes the devices of a failed run as well: each thread writes zero force and closes its device.
     fn drop(&mut self) {
         self.stop.store(true, Ordering::Release);
         for handle in self.threads.iter_mut().filter_map(|thread| thread.handle.take()) {
-            // the run's own error is what is told
+            // the run's own error is the one reported
             drop(handle.join());
         }
     }

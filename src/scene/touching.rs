@@ -79,7 +79,7 @@ pub struct Attachment {
     pub region: Region,
     /// Body that they are attached to.
     pub to: BodyId,
-    /// The path along which they slide; none for all held.
+    /// Path along which they slide; `None` for all directions fixed.
     pub slide: Option<Slide>,
 }
 
@@ -88,7 +88,7 @@ pub struct Attachment {
 pub struct Slide {
     /// Unit vector.
     pub direction: [f64; 3],
-    /// μ: friction along it, as a share of what is held across it.
+    /// μ: friction along it, as a share of the constraint force across it.
     pub friction: f64,
     /// Friction of the path itself, over all nodes of the region, N.
     pub resistance: f64,

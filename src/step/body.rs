@@ -1,4 +1,4 @@
-//! A deformable body as it runs: its model, its state on a backend, how it was cut, how it gives.
+//! Running deformable body: its model, its state on a backend, its wound and its compliance.
 
 mod compliance;
 mod known;
@@ -32,7 +32,7 @@ use std::sync::Arc;
 pub struct Body {
     /// The constant arrays.
     pub model: Model,
-    /// The body as cut so far.
+    /// The wound: what has been cut so far.
     pub wound: Wound,
     pub(super) backend: Box<dyn Backend>,
     pub(super) compliance: Compliance,
@@ -41,36 +41,36 @@ pub struct Body {
     /// What has been read of the present state.
     pub(super) known: Known,
     pub(super) boxes: Boxes,
-    /// How far it may move in the present step: as far as in the last one, and what gravity adds, m.
+    /// Bound on its motion in the present step: that of the last step plus the fall under gravity, m.
     pub(super) travel: f64,
     pub(super) first_motion: f64,
     fall: f64,
-    /// Its dead loads are where its nodes are.
+    /// Its dead loads are set on the present nodes.
     pub(super) loaded: bool,
-    /// Share of the scene's column tolerance that this body's columns are solved to.
+    /// Factor on the scene's column tolerance for this body.
     pub(super) looseness: f64,
-    /// Nodes that its compliance is remembered of at most.
+    /// Most nodes whose compliance is kept.
     pub(super) near: usize,
-    /// The lips of its wound, where they are to rest on each other.
+    /// Lips of its wound, if they may rest on each other.
     pub(super) lips: Option<Vec<Lips>>,
-    /// Nodes of the scene's ties.
+    /// Nodes of the scene's attachments.
     pub(super) tied: Vec<u32>,
-    /// What was cut, hits by hits: the wound is what they make of the uncut body.
+    /// Hits of each cut, in order; applied to the uncut body they give the wound.
     pub(super) cuts: Vec<Vec<Hit<f64>>>,
-    /// Some of its nodes, or what a solve of the present step has found for them, are non-finite.
+    /// Its nodes, or the present step's solution for them, contain non-finite values.
     pub(super) lost: bool,
 }
 
-/// A body that nothing holds resists a push of all its nodes by its inertia alone, which is 10⁻³ to 10⁻⁵ of its stiffness: the same
-/// residual is that much more of its motion. With 1 the passes on a stack of five blocks never close in; with this one suffices.
+/// A floating body resists a common push of its nodes by inertia alone, 10⁻³ to 10⁻⁵ of its stiffness, so the same residual is a share of
+/// its motion larger by that much. With 1 the passes on a stack of five blocks never converge; with this factor one suffices.
 const OF_FLOATING: f64 = 1e-4;
 
-/// Share of the largest below which a pivot of the held motions counts as none.
+/// Relative pivot below which a rigid-body mode counts as unconstrained.
 const NONE: f64 = 1e-9;
 
-/// Whether the body can move as a rigid one: what its held axes and anchors see of the six rigid motions leaves one out.
+/// Whether the body is floating: its constrained axes and anchors leave at least one of the six rigid-body modes unconstrained.
 fn floats(model: &Model) -> bool {
-    let mut seen = [[0.0; 6]; 6]; // Σ rᵀr over held axes, r what they see of shifts and of turns (in units of a metre)
+    let mut seen = [[0.0; 6]; 6]; // Σ rᵀr over held axes, r the axis's value in the six modes; positions in units of the extent
     let length = model.extent();
     for (node, (free, rest)) in model.free.iter().zip(&model.rest).enumerate() {
         let anchored = model.anchors.nodes.binary_search(&(node as u32)).is_ok();
@@ -84,7 +84,7 @@ fn floats(model: &Model) -> bool {
     }
     let largest = (0..6).map(|k| seen[k][k]).fold(0.0, f64::max);
     for k in 0..6 {
-        // symmetric elimination, the largest pivot first
+        // symmetric elimination with diagonal pivoting
         let Some(pivot) = (k..6).max_by(|a, b| seen[*a][*a].total_cmp(&seen[*b][*b])) else { return true };
         if seen[pivot][pivot] <= NONE * largest {
             return true;
@@ -99,49 +99,50 @@ fn floats(model: &Model) -> bool {
     false
 }
 
-/// What is near other bodies and where it is, of the present step: faces near each tool, each other deformable body, each wall.
+/// Surroundings of the present step: faces near each tool, each other deformable body and each wall, and their positions.
 #[derive(Default)]
 pub(super) struct Located {
     pub faces: Vec<Vec<Quad>>,
     pub patches: Vec<Option<Patch>>,
-    /// Nodes of the corners, ties and lips, and their displacements, m.
+    /// Nodes of the corners, attachments and lips, with their displacements, m.
     pub nodes: Vec<u32>,
     pub u: Vec<[f64; 3]>,
-    /// Nodes of the faces, and the places of the surface's corners there, m.
+    /// Nodes of the faces, with the positions of the surface corners there, m.
     pub corners: Vec<u32>,
     pub places: Vec<DVec3>,
 }
 
 impl Located {
-    /// Place of the surface's corner at a node, if that was located, m.
+    /// Position of the surface corner at a node, if it was located, m.
     pub fn place(&self, node: u32) -> Option<DVec3> {
         self.corners.binary_search(&node).ok().map(|k| self.places[k])
     }
 
-    /// Displacement of a node, 0 of one that was not read, m.
+    /// Displacement of a node, m; 0 if it was not read.
     fn displacement(&self, node: u32) -> [f64; 3] {
         self.nodes.binary_search(&node).map_or([0.0; 3], |k| self.u[k])
     }
 }
 
-/// How far a body may move in the first step by the velocity that it starts with, m.
+/// Motion of a body in the first step by its initial velocity, m.
 pub(super) fn first_motion(scene: &Scene, number: usize) -> f64 {
     DVec3::from_array(scene.skins[number].velocity).length() * scene.time.part()
 }
 
 impl Body {
-    /// Puts a scene's deformable body of that number on a device; none for the CPU path, in f64 or, if `single`, f32.
+    /// Puts deformable body `number` of a scene on a GPU; without one on the CPU path, in f64 or, if `single`, f32.
     ///
     /// # Errors
-    /// When the model is too large.
+    /// When the model is too large or the step unstable.
     pub(super) fn new(scene: &Scene, number: usize, gpu: Option<&Arc<Gpu>>, single: bool) -> Result<Self> {
         let skin = &scene.skins[number];
         if let Some(gpu) = gpu {
-            // a grid that does not fit is refused before the host spends minutes on it
+            // refuse a grid that does not fit before the host spends minutes on it
             let [x, y] = skin.cells.map(|c| u64::from(c) + 1);
             let z: u64 = skin.layers.iter().map(|l| u64::from(l.cells)).sum();
             gpu.fits("x", x * y * (z + 1) * 16 * slots(scene) as u64)?;
         }
+        // model and initial state on the backend
         let model = Model::new(scene, number)?;
         check_step(scene, &model)?;
         let needs = needs(scene, &model);
@@ -152,6 +153,7 @@ impl Body {
             None if single => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
             None => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
         };
+        // a floating body falls, and its columns take a tighter tolerance
         let part = scene.time.part();
         let (fall, looseness) = match floats(&model) {
             true => (DVec3::from_array(scene.time.gravity).length() * part.powi(2), OF_FLOATING),
@@ -180,17 +182,17 @@ impl Body {
         })
     }
 
-    /// What it runs on.
+    /// Device of its backend.
     pub fn device(&self) -> Device {
         self.backend.device()
     }
 
-    /// The GPU that it runs on; none on the CPU path.
+    /// GPU of its backend; none on the CPU path.
     pub fn gpu(&self) -> Option<&Gpu> {
         self.backend.gpu()
     }
 
-    /// All its state.
+    /// Reads its complete state.
     ///
     /// # Errors
     /// When the device fails.
@@ -198,17 +200,17 @@ impl Body {
         self.backend.snapshot()
     }
 
-    /// Measures of its wound.
+    /// Totals of its wound.
     pub fn totals(&self) -> Totals {
         self.wound.totals
     }
 
-    /// Where the middle of its bottom is at rest, m.
+    /// Centre of its bottom at rest, m.
     pub(super) fn place(&self) -> DVec3 {
         DVec3::from_array(self.model.position)
     }
 
-    /// Fits the boxes of the broad phase to the body as it is.
+    /// Refits the boxes of the broad phase to the present positions.
     pub(super) fn refit_boxes(&mut self) -> Result<()> {
         self.read(Query { bounds: true, ..Query::default() })?;
         let bounds = self.known.bounds.as_deref().unwrap_or_default();
@@ -219,30 +221,33 @@ impl Body {
         Ok(())
     }
 
-    /// Box around the body, wider by a margin.
+    /// Bounding box, enlarged by a margin.
     pub(super) fn area(&self, margin: f64) -> Aabb {
         let [low, high] = self.boxes.all();
         collide::area(self.place() + low, self.place() + high, margin)
     }
 
-    /// Faces that a box may meet.
+    /// Faces whose boxes a box meets.
     pub(super) fn faces_near(&self, area: &Aabb) -> Vec<Quad> {
         self.boxes.faces(&self.wound.surface, &collide::moved(area, -self.place()))
     }
 
-    /// Finds where the corners of these faces, the nodes of the ties and of the wound's lips, are; the first `patched` lists of faces
-    /// are made patches of, those that `about_centres` names of four triangles a face.
+    /// Finds the positions of these faces' corners, of attachments' nodes and of the wound's lips. The first `patched` lists of faces
+    /// become patches; those marked in `about_centres` have four triangles per face.
     pub(super) fn locate(&mut self, faces: Vec<Vec<Quad>>, patched: usize, about_centres: &[bool]) -> Result<()> {
+        // corners of the faces, each once
         let mut corners: Vec<u32> = faces.iter().flatten().flat_map(|q| q.nodes).collect();
         corners.sort_unstable();
         corners.dedup();
         let surface = &self.wound.surface;
         let moving: Vec<Corner> = corners.iter().map(|n| surface.corner(*n as usize)).collect();
+        // nodes to read: of attachments, lips and corners
         let mut nodes = self.tied.clone();
         nodes.extend(self.lips.iter().flatten().flatten().flatten());
         nodes.extend(moving.iter().flat_map(|corner| corner.nodes));
         nodes.sort_unstable();
         nodes.dedup();
+        // displacements, then corner positions
         self.read(Query { displacements: nodes.clone(), ..Query::default() })?;
         let u = nodes.iter().map(|node| self.known.u[node]).collect();
         self.located = Located { nodes, u, ..Located::default() };
@@ -252,6 +257,7 @@ impl Body {
         };
         self.located.places = corners.iter().zip(&moving).map(place).collect();
         self.located.corners = corners;
+        // patches of the first lists
         let position = |id| self.position(id);
         let patch = |(k, faces): (usize, &Vec<Quad>)| match about_centres.get(k) {
             Some(true) => Patch::about_centres(faces, position),
@@ -262,36 +268,37 @@ impl Body {
         Ok(())
     }
 
-    /// What the tissue of a cell bears of a blade.
+    /// Resistance of a cell's tissue to a blade.
     pub(super) fn resistance(&self, cell: u32) -> Resistance {
         let (model, layer) = (&self.model, self.model.layer(cell as usize));
         Resistance { edge: model.toughness[layer], splitting: model.splitting[layer], cell: model.cell_width() }
     }
 
-    /// Where the surface's corner at a node that was located is, m: beside the node in a wound ([`crate::mesh::Corner`]).
+    /// Position of the surface corner at a node, m: in a wound it lies beside the node ([`crate::mesh::Corner`]). The node's own if not
+    /// located.
     ///
-    /// Rows act on the corner's own node. So what a step moves the corner by differs from what its rows say of it, by the offset times
-    /// the gradient of the step's motion; the geometry is taken anew at each step, and the difference does not add up.
+    /// Rows act on the corner's own node. A step's motion of the corner therefore differs from that in its rows, by the offset times the
+    /// gradient of the motion. The geometry is evaluated anew at each step, so the difference does not accumulate.
     pub(super) fn position(&self, node: u32) -> DVec3 {
         self.located.place(node).unwrap_or_else(|| self.node_position(node))
     }
 
-    /// Where a node itself is, of one that was not read at rest, m.
+    /// Position of a node itself, m; at rest if it was not read.
     pub(super) fn node_position(&self, node: u32) -> DVec3 {
         DVec3::from_array(self.wound.rest[node as usize]) + DVec3::from_array(self.located.displacement(node))
     }
 
-    /// Solves the free motion, with values at nodes.
+    /// Solves the unconstrained motion; returns its values at nodes.
     pub(super) fn solve_free(&mut self, solver: &Solver, nodes: &[u32]) -> Result<(Outcome, Vec<[f64; 3]>)> {
         let wanted = [Wanted { slot: FREE, target: Target::OfLoad(solver.tolerance) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
         let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;
-        // a solution with a number that is none has such a residual
+        // a non-finite solution has a non-finite residual
         self.lost = !outcomes[0].residual.is_finite() || !picked.iter().flatten().all(|c| c.is_finite());
         Ok((outcomes[0], picked))
     }
 
-    /// What the solves of a step have found together, `[node]` m.
+    /// Displacement increment of the step by all its solves, `[node]` m.
     pub(super) fn increment(&mut self, corrected: bool) -> Result<Vec<V4<f64>>> {
         let mut dx = self.backend.solution(FREE)?;
         if corrected {
@@ -300,17 +307,17 @@ impl Body {
         Ok(dx)
     }
 
-    /// `[node]` dead loads at a time, N.
+    /// `[node]` dead loads at a given time, N.
     pub(super) fn load_at(&self, scene: &Scene, time: f64) -> Vec<[f64; 3]> {
         self.model.load_on(&scene.loads, time, |cell| self.wound.surface.parts.corners(cell))
     }
 
-    /// The same as the kernels' twins take them.
+    /// The same, padded for the kernels' twins.
     fn padded_load_at(&self, scene: &Scene, time: f64) -> Vec<V4<f64>> {
         self.load_at(scene, time).iter().map(|l| [l[0], l[1], l[2], 0.0]).collect()
     }
 
-    /// The step's equations for a check in f64, without their solution.
+    /// Equations of the step for a check in f64; `dx` is left empty.
     pub(super) fn solved(&self, start: Snapshot, contact: &[(u32, [f64; 3])], scene: &Scene, time: f64) -> Solved {
         let mut forces = vec![[0.0; 4]; start.u.len()];
         for (node, [x, y, z]) in contact {
@@ -319,7 +326,7 @@ impl Body {
         Solved { start, load: self.padded_load_at(scene, time), contact: forces, dx: vec![] }
     }
 
-    /// Refines and checks what a step has solved; `before` is the state at its start.
+    /// Refines and checks the step's solution; `before` is the state at its start.
     pub(super) fn verify(
         &mut self,
         before: Snapshot,
@@ -332,12 +339,14 @@ impl Body {
         let corrected = contact.is_some();
         let refined = scene.solver.refinements > 0;
         let mut solved = self.solved(before, contact.unwrap_or_default(), scene, time);
+        // measures of the state at the start
         if check {
             let measured = Measured::of(&self.model, &solved.start, &solved.load);
             report.warn("inverted_cells", measured.inverted);
             report.warn("non_finite_energy", u32::from(!measured.energy.is_finite()));
             report.measured = Some(report.measured.unwrap_or_default().and(measured));
         }
+        // iterative refinement
         solved.dx = self.increment(corrected)?;
         if refined {
             self.refine(&mut solved, &scene.solver, corrected, free, report)?;
@@ -345,6 +354,7 @@ impl Body {
         if check && refined {
             solved.dx = self.increment(corrected)?; // as the backend has rounded it
         }
+        // true residual in f64
         if check {
             let (rest, load) = residual(&self.model, &solved);
             let (left, wanted) = (norm(&rest), (scene.solver.tolerance * load).max(scene.solver.floor));
@@ -356,29 +366,29 @@ impl Body {
     }
 }
 
-/// What the states of the deformable bodies amount to, together.
+/// Measures of the deformable bodies' states, added up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
-    /// Kinetic, elastic and potential, J ([`crate::bodies::energy`]).
+    /// Kinetic, elastic and potential energy, J ([`crate::bodies::energy`]).
     pub energy: f64,
-    /// Cells that are inside out.
+    /// Inverted cells.
     pub inverted: u32,
 }
 
 impl Measured {
-    /// Of one body.
+    /// Measures of one body.
     fn of(model: &Model, state: &Snapshot, load: &[V4<f64>]) -> Self {
         Self { energy: energy(model, state, load), inverted: inverted_cells(model, state) }
     }
 
-    /// Both together.
+    /// Adds up two.
     fn and(self, other: Self) -> Self {
         Self { energy: self.energy + other.energy, inverted: self.inverted + other.inverted }
     }
 }
 
 impl Simulation {
-    /// What the deformable bodies amount to now, from their states.
+    /// Measures of the deformable bodies in these states.
     pub fn measure(&self, states: &[Snapshot]) -> Measured {
         let of = |(body, state): (&Body, &Snapshot)| {
             Measured::of(&body.model, state, &body.padded_load_at(&self.scene, self.time))

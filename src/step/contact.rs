@@ -1,4 +1,4 @@
-//! The contact part of a step: rows, compliance `W`, forces and correction; its passes are in [`passes`].
+//! Contact solve of a step: constraint rows, compliance `W`, forces and correction. [`passes`] has its passes.
 
 mod passes;
 
@@ -15,37 +15,37 @@ use glam::{DMat3, DVec3};
 use passes::Seen;
 use std::collections::BTreeMap;
 
-/// Contacts of a step and how their forces were found.
+/// Contacts of a step and how their forces were solved for.
 #[derive(Clone, Debug, Default)]
 pub struct ContactReport {
-    /// What touched and what was tied.
+    /// Contacts and the rows of attachments.
     pub contacts: Vec<Contact>,
     /// Faces that the broad phase gave to the narrow phase, over all pairs.
     pub candidates: usize,
-    /// Most that a contact's gap is below its resting gap at the step's start, m.
+    /// Largest amount by which a contact's gap is below its rest gap at the start of the step, m.
     pub depth: f64,
     /// Corrections solved.
     pub passes: u32,
-    /// Relative change of the forces that one more pass would make.
+    /// Relative change of the forces that one more pass would cause.
     pub residual: f64,
-    /// Largest change of a force that one more projection would make, the violations as they are after the correction, N.
+    /// Largest force change that one more projection would cause, with the violations after the correction, N.
     pub residual_n: f64,
-    /// Largest violation of complementarity then: penetration, and slip of what should stick, m.
+    /// Largest violation of complementarity after the correction: penetration, slip of a sticking contact, m.
     pub residual_m: f64,
     /// Compliance columns solved.
     pub columns: u32,
-    /// Largest iterations over them.
+    /// Most iterations of any batch of them.
     pub column_iterations: u32,
-    /// `[contact]` along its axes, 0 along those without a row, N.
+    /// `[contact]` forces along its axes, 0 along those without a row, N.
     pub forces: Vec<[f64; 3]>,
-    /// `[contact]` how far the first body has moved over the second in the step, m.
+    /// `[contact]` displacement of the first body relative to the second in the step, m.
     pub slips: Vec<DVec3>,
     /// Force on each rigid body, N.
     pub on_tool: Vec<[f64; 3]>,
 }
 
 impl ContactReport {
-    /// Contacts, constraints left out.
+    /// Number of contacts, constraints excluded.
     pub fn count(&self) -> usize {
         self.contacts.iter().filter(|c| !c.law.is_constraint()).count()
     }
@@ -55,7 +55,7 @@ impl ContactReport {
         self.on_tool.iter().map(|force| DVec3::from_array(*force).length()).fold(0.0, f64::max)
     }
 
-    /// Force on a body from another, or from all, N.
+    /// Force on a body from another one, or from all, N.
     pub fn force(&self, on: BodyId, from: Option<BodyId>) -> DVec3 {
         let mut sum = DVec3::ZERO;
         for (c, along) in self.contacts.iter().zip(&self.forces) {
@@ -70,16 +70,16 @@ impl ContactReport {
     }
 }
 
-/// Forces on nodes of a deformable body, N.
+/// Forces at nodes of a deformable body, N.
 pub(super) type NodeForces = Vec<(u32, [f64; 3])>;
 
-/// What a step's solves have found, before the bodies take it over.
+/// Result of a step's solves, before the bodies accept it.
 pub(super) struct Resolved {
-    /// How the free motion of each deformable body was solved.
+    /// Solve of each deformable body's unconstrained motion.
     pub free: Vec<Outcome>,
-    /// Forces on nodes of each deformable body; none where nothing touches.
+    /// Forces at nodes of each deformable body; none without contact.
     pub forces: Option<Vec<NodeForces>>,
-    /// Force of each contact by its name, N.
+    /// Force of each contact by its id, N.
     pub contact_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
 }
 
@@ -93,28 +93,28 @@ struct Problem<'a> {
     nodes: Vec<Vec<u32>>,
     /// `[body][node]` inverse blocks of `A`, for the uncoupled correction.
     blocks: Vec<Vec<DMat3>>,
-    /// `W` by the bodies' columns, `[row × row]` m/N.
+    /// `W` of the bodies' compliance columns, `[row × row]` m/N.
     pub columns: Vec<f64>,
-    /// From pass to pass.
+    /// Observations of the passes so far.
     pub seen: Vec<Seen>,
-    /// `W` by the columns and by what was seen, m/N.
+    /// `W` of the columns, updated by the observations, m/N.
     pub w: Vec<f64>,
-    /// `[contact]` how far the first body moves over the second without contact forces, m.
+    /// `[contact]` displacement of the first body relative to the second without contact forces, m.
     free_slips: Vec<DVec3>,
-    /// `[row]` at the free positions, m.
+    /// `[row]` violations at the unconstrained positions, m.
     pub violation: Vec<f64>,
-    /// What the step's forces on the bodies amount to, N: forces of a share of it are as good as none.
+    /// Norm of the step's load on the bodies, N, the largest over them; forces below a small share of it are negligible.
     pub load: f64,
 }
 
 impl Problem<'_> {
-    /// Value of a node in a body's list.
+    /// Value at a node of a body's list; zero at other nodes.
     fn at(&self, values: &[Vec<[f64; 3]>], body: usize, node: u32) -> DVec3 {
         let found = self.nodes[body].binary_search(&node);
         found.map_or(DVec3::ZERO, |k| DVec3::from_array(values[body][k]))
     }
 
-    /// `[contact]` slips of the step once forces have moved nodes by `moved` and rigid bodies by what they give, m.
+    /// `[contact]` slips of the step when forces move the nodes by `moved` and the rigid bodies by their compliance, m.
     pub fn slips_after(&self, lambda: &[f64], moved: &[Vec<[f64; 3]>]) -> Vec<DVec3> {
         let given: Vec<(DVec3, DVec3)> = (0..)
             .zip(self.free)
@@ -126,7 +126,7 @@ impl Problem<'_> {
 }
 
 impl Simulation {
-    /// Solves free motion and contact together; with `held` forces are those of the last step, and not solved for.
+    /// Solves the unconstrained motion and the contact problem; with `held`, forces are those of the last step and not solved for.
     pub(super) fn resolve(
         &mut self,
         law: scene::Contact,
@@ -156,7 +156,7 @@ impl Simulation {
         Ok(Resolved { free: ended, forces: Some(forces), contact_forces })
     }
 
-    /// Free motion, the compliance of what rows newly act on, and the violations.
+    /// Solves the unconstrained motion and the missing compliance columns, and assembles rows, `W` and violations.
     fn assemble<'a>(
         &mut self,
         law: scene::Contact,
@@ -167,6 +167,7 @@ impl Simulation {
         let rows = Rows::new(contacts, &self.tools);
         let mut nodes = vec![];
         let (mut ended, mut picked, mut blocks) = (vec![], vec![], vec![]);
+        // per body: unconstrained motion, read at the nodes of the rows; their compliance
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let own = rows.nodes(number);
             let (outcome, values) = body.solve_free(&self.scene.solver, &own)?;
@@ -191,6 +192,7 @@ impl Simulation {
             violation: vec![],
             load,
         };
+        // W, slips and violations at the unconstrained positions
         problem.columns = self.compliance_of(&problem);
         problem.w.clone_from(&problem.columns);
         let rigid = |number: usize| (free[number].shift, free[number].turn);
@@ -199,7 +201,7 @@ impl Simulation {
         Ok((problem, ended))
     }
 
-    /// `W` as the bodies know it now.
+    /// `W` of the bodies' present compliance.
     fn compliance_of(&self, problem: &Problem) -> Vec<f64> {
         let between = |body: usize, a: u32, b: u32| match problem.law.correction {
             Correction::Exact => self.bodies[body].compliance.block(a, b),
@@ -212,8 +214,8 @@ impl Simulation {
         problem.rows.compliance(&between, problem.free)
     }
 
-    /// Where the solve starts: the last step's forces of contacts that are still there; or all that there is to the penalty loop, unless
-    /// the last step's are to be `held`.
+    /// Initial forces: those of the last step, by contact id. The penalty loop's forces are final, unless those of the last step are
+    /// `held`.
     fn first_forces(&self, problem: &Problem, held: bool) -> Vec<f64> {
         let forces = if held { Loop::Constraints } else { problem.law.forces };
         let mut out = vec![];
@@ -231,8 +233,8 @@ impl Simulation {
         out
     }
 
-    /// How far forces move the nodes that rows act on, `[body][node]` m, solved to a share of the forces; the backends keep the whole
-    /// correction.
+    /// Displacement of the rows' nodes under contact forces, `[body][node]` m, solved to a share of the forces; the backends keep the
+    /// correction of all nodes.
     fn correct(
         &mut self,
         problem: &Problem,
@@ -271,8 +273,8 @@ impl Simulation {
         }
     }
 
-    /// How fast what one of two bodies has moved by in a step goes on under held forces, per s. What is rigid keeps its motion; skin creeps on
-    /// by its viscosity alone: `K x + τ K ẋ = f` in implicit Euler has `Δx' = τ/(τ + h) Δx`, τ the Rayleigh damping by stiffness.
+    /// Rate at which the relative motion of a step continues under held forces, 1/s. A rigid body keeps its velocity; skin creeps by its
+    /// viscosity alone: `K x + τ K ẋ = f` in implicit Euler has `Δx' = τ/(τ + h) Δx`, τ the Rayleigh stiffness damping.
     fn goes_on(&self, on: [BodyId; 2]) -> f64 {
         let h = self.step_size();
         let memory = |who: &BodyId| match who {
@@ -285,26 +287,28 @@ impl Simulation {
         on.iter().map(memory).fold(1.0, f64::min) / h
     }
 
-    /// The reduced contact problem of each tool, for the haptic side.
+    /// Hands the reduced contact problem of each tool to the haptic loop.
     fn hand_over(&mut self, problem: &Problem, slips: &[DVec3], lambda: &[f64]) {
         let rows = &problem.rows;
         let found = rows.violations(slips);
         let count = rows.count();
         for (number, tool) in self.tools.iter().enumerate() {
+            // rows of this tool, with its sign in each
             let sides: Vec<(usize, f64)> = (0..count)
                 .filter_map(|row| rows.side(row, BodyId::Rigid(number)).map(|(sign, _)| (row, sign)))
                 .collect();
-            // sticking and cutting start anew from where the step ended; gaps go on
+            // sticking and cutting restart at the end of the step; gaps continue
             let remaining = |row: usize| match rows.contact(row) {
                 (Contact { law: Law::Coulomb { .. }, .. }, 0) => found[row],
-                // what an edge has gone back it may go on freely
+                // an edge that has retreated advances freely up to its front
                 (Contact { law: Law::Cut { .. }, .. }, 0) => found[row].max(0.0),
                 _ => 0.0,
             };
+            // displacement of the tool over the step
             let free = &problem.free[number];
             let (shift, turn) = free.displacement_under(rows.on_rigid(number, lambda));
             let own = [free.shift + shift, free.turn + turn];
-            // what the tool has not opened itself goes on; an edge that cuts has no hold on the skin's motion
+            // the gap's motion beyond the tool's own continues; a cutting edge does not follow the skin's motion
             let rate = |row: usize| match (rows.contact(row), rows.of_rigid(row, number)) {
                 ((contact @ Contact { law: Law::Coulomb { .. }, .. }, along), Some((axis, lever))) => {
                     let opened = found[row] - contact.gap[along] - axis.dot(own[0]) - lever.dot(own[1]);
@@ -312,6 +316,7 @@ impl Simulation {
                 }
                 _ => 0.0,
             };
+            // compliance without the tool's own part
             let give = |i: usize, j: usize| problem.columns[i * count + j] - rows.rigid_part(i, j, number, free);
             let touching = rows.contacts.iter().filter(|contact| contact.on.contains(&BodyId::Rigid(number)));
             self.reduced[number] = Reduced {

@@ -1,4 +1,4 @@
-//! What touches what at a step's start, and the ties that hold all the time.
+//! Contacts at the start of a step, and the constraint rows of attachments.
 
 use super::{Body, Refused, Simulation, StepReport};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
@@ -10,21 +10,21 @@ use crate::scene::{self, Attachment, BodyId, Scene};
 use glam::DVec3;
 use std::collections::BTreeSet;
 
-/// Nodes of two deformable bodies closer than this share of the contact's alarm distance are one place.
+/// Share of the alarm distance below which nodes of two deformable bodies count as one position.
 const SAME: f64 = 1e-3;
-/// What an attachment's node is tied to must be no farther from it than this at rest, m.
+/// Largest distance at rest at which an attachment's node is tied to a point of the surface; farther in, to one inside the body, m.
 const TOUCHES: f64 = 1e-4;
 
-/// A tie: rows that hold from the first step on.
+/// One node of an attachment: constraint rows that hold from the first step on.
 #[derive(Clone, Debug)]
 pub(super) struct Tie {
     contact: Contact,
-    /// Where the second body holds it: on a rigid body in its frame, of a place in the world.
+    /// Attachment point on the second body: in the frame of a rigid body, in the world for a wall or the world.
     anchor: DVec3,
 }
 
 impl Tie {
-    /// Tells the bodies which nodes the tie needs, and the list of what is tied: to whom, of which body, the node.
+    /// Registers the tie's nodes with their bodies, and each in the list of tied nodes: other body, own body, node.
     pub fn note(&self, bodies: &mut [Body], tied: &mut BTreeSet<(BodyId, usize, u32)>) {
         for side in 0..2 {
             if let BodyId::Deformable(number) = self.contact.on[side] {
@@ -36,7 +36,7 @@ impl Tie {
 }
 
 impl Simulation {
-    /// Contacts at the step's start, at most the scene's number, nearest first; then the ties.
+    /// Contacts at the start of the step: the deepest first up to the scene's number, plus those of lips; then the attachments.
     pub(super) fn find_contacts(
         &mut self,
         law: &scene::Contact,
@@ -50,15 +50,18 @@ impl Simulation {
             filter: law.filter,
             angle_cone: law.angle_cone,
         };
+        // how far each tool may move in the step
         let travel: Vec<f64> = (self.tools.iter().zip(free))
             .map(|(tool, free)| free.shift.length() + free.turn.length() * tool.span())
             .collect();
+        // search: rigid pairs, then deformable bodies; drop what is unexplained or tied already
         let mut found = self.rigid_contacts(&search, &travel);
         self.locate(&search, &travel, report)?;
         found.extend(self.skin_contacts(&search, &travel, free, report));
         self.drop_unexplained(&search, &mut found, report);
         found.retain(|contact| !self.ties_hold(contact));
         let most = law.max_contacts as usize;
+        // keep the deepest, up to the scene's number
         if found.len() > most {
             report.warn("contacts_dropped", (found.len() - most) as u32);
             found.sort_by(|a, b| a.gap[0].total_cmp(&b.gap[0]).then(a.id().cmp(&b.id())));
@@ -66,19 +69,20 @@ impl Simulation {
         }
         report.contact.depth = found.iter().map(|c| -c.gap[0]).fold(0.0, f64::max);
         found.extend(self.lips_contacts(&search, most, report));
+        // lips; a fixed order; attachments last
         found.sort_by_key(Contact::id);
         found.extend(self.ties.iter().map(|tie| self.tied(tie)));
         Ok(found)
     }
 
-    /// Contacts of the lips of wounds, of each body at most as many as a scene has contacts: those that overlap most come first.
+    /// Contacts of the lips of wounds, the deepest first, per body at most as many as the scene's number.
     fn lips_contacts(&self, search: &Search, most: usize, report: &mut StepReport) -> Vec<Contact> {
         let mut out = vec![];
         for (number, body) in self.bodies.iter().enumerate() {
             let Some(lips) = &body.lips else { continue };
             let position = |id: u32| body.node_position(id);
             let free = |id: u32| body.wound.free[id as usize][..3].iter().all(|axis| *axis != 0.0);
-            // what may come near in the step by the body's own motion
+            // the search reaches farther by the body's own motion
             let mut found = lips::contacts(number, lips, position, free, search.alarm + body.travel);
             report.overlap = found.first().map_or(report.overlap, |deepest| report.overlap.max(-deepest.gap[0]));
             let dropped = found.iter().skip(most).filter(|c| c.gap[0] < 0.0).count();
@@ -89,8 +93,8 @@ impl Simulation {
         out
     }
 
-    /// Leaves out contacts deeper inside than the last step's motion can have brought their sample: nothing gets inside skin but through
-    /// its surface, so such a contact is with a surface that the tool did not come through. Each is counted, and acts on nothing.
+    /// Drops contacts that lie deeper than the last step's motion can have brought their sample. A tool enters skin only through the
+    /// surface, so such a contact belongs to a surface that the tool did not pass. Each is counted.
     fn drop_unexplained(&mut self, search: &Search, found: &mut Vec<Contact>, report: &mut StepReport) {
         let h = self.step_size();
         let before = std::mem::take(&mut self.depths);
@@ -99,7 +103,7 @@ impl Simulation {
             let Some(sample) = self.sample_of(contact) else { return true };
             let tool = &self.tools[sample.0];
             let moved = h * (tool.velocity.length() + tool.spin.length() * tool.span()) + self.bodies[sample.1].travel;
-            // a piece of edge that has cut stands in its own cut, whose walls are a cell away at most
+            // a piece of edge that has cut stands in its own cut, at most a cell from the walls
             let own_cut = self.fronts.contains_key(&(sample.0, contact.feature));
             let cell = if own_cut { self.bodies[sample.1].model.cell_width() } else { 0.0 };
             let last = before.get(&sample).copied().unwrap_or(0.0).max(cell);
@@ -116,15 +120,15 @@ impl Simulation {
         }
     }
 
-    /// Which sample of which tool a contact with which deformable body is of; none of round tools and of lines, whose contacts come from
-    /// changing places of their surface.
+    /// Tool, body and sample of a contact of a tool with a deformable body; none for round tools and lines, whose contact points move over
+    /// their surface.
     fn sample_of(&self, contact: &Contact) -> Option<(usize, usize, usize)> {
         let [BodyId::Rigid(number), BodyId::Deformable(body)] = contact.on else { return None };
         let tool = &self.tools[number];
         (tool.round.is_none() && tool.lines.is_none()).then_some((number, body, contact.feature))
     }
 
-    /// Contacts of rigid bodies with walls and each other.
+    /// Contacts of rigid bodies with walls and with each other.
     fn rigid_contacts(&self, search: &Search, travel: &[f64]) -> Vec<Contact> {
         let mut found = vec![];
         for (number, tool) in self.tools.iter().enumerate() {
@@ -139,10 +143,10 @@ impl Simulation {
         found
     }
 
-    /// Reads back where the deformable bodies' nodes near other bodies are.
+    /// Reads back the positions of deformable bodies' nodes near other bodies.
     ///
-    /// A point outside looks no further than the search does. One that has sunk in by `d` belongs to the nearest surface, which may be as
-    /// far as `d`: where that is further than was looked, the search of its tool is widened by `d` and all is located again.
+    /// The search margin suffices for points outside. A point inside at depth `d` belongs to the nearest surface, which may be as far as
+    /// `d`: if that exceeds the margin, the margin of its tool grows by `d` and all bodies are located again.
     fn locate(&mut self, search: &Search, travel: &[f64], report: &mut StepReport) -> Result<()> {
         for body in &mut self.bodies {
             body.refit_boxes()?;
@@ -183,7 +187,7 @@ impl Simulation {
             let tools = tools.iter().map(|area| Some(collide::wider(area, body.travel)));
             let areas = tools.chain(others).chain(walls);
             let near: Vec<Vec<Quad>> = areas.map(|area| area.map_or(vec![], |area| body.faces_near(&area))).collect();
-            let walls = self.scene.planes.len(); // the last lists; a wall meets nodes, not faces
+            let walls = self.scene.planes.len(); // their lists come last; a wall meets nodes, not faces
             let patched = near.len() - walls;
             let of_points = |tool: &Instrument| tool.edge.is_none() && tool.round.is_none() && tool.lines.is_none();
             let about_centres: Vec<bool> = self.tools.iter().map(of_points).collect();
@@ -192,7 +196,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Contacts of deformable bodies with everything else.
+    /// Contacts of deformable bodies with all other bodies.
     fn skin_contacts(
         &self,
         search: &Search,
@@ -205,9 +209,10 @@ impl Simulation {
         let patches: Vec<&Vec<Option<Patch>>> = self.bodies.iter().map(|body| &body.located.patches).collect();
         for (number, body) in self.bodies.iter().enumerate() {
             report.opening = report.opening.max(body.opening());
-            // what may come near in the step by the body's own motion
+            // the search reaches farther by the body's own motion
             let own = Search { alarm: search.alarm + body.travel, ..*search };
             let position = |id: u32| body.position(id);
+            // with tools, by their shape
             for (k, tool) in self.tools.iter().enumerate() {
                 let Some(patch) = &patches[number][k] else { continue };
                 let faces = &body.located.faces[k];
@@ -222,11 +227,13 @@ impl Simulation {
                 });
                 found.extend(bodies::skin_on_box((number, faces), &position, of_tool, &own, travel[k]));
             }
+            // with walls
             let others = self.bodies.len() - 1;
             for (wall, plane) in self.scene.planes.iter().enumerate() {
                 let faces = &body.located.faces[tools + others + wall];
                 found.extend(bodies::skin_on_plane((number, faces), &position, (wall, plane), &own));
             }
+            // with the other deformable bodies, both ways round
             for other in number + 1..self.bodies.len() {
                 let second = &self.bodies[other];
                 let (here, there) = (tools + other - 1, tools + number);
@@ -251,7 +258,7 @@ impl Simulation {
         found
     }
 
-    /// Whether a contact acts on a node that is tied to the other body already.
+    /// Whether a contact acts on a node that is already tied to the other body.
     fn ties_hold(&self, contact: &Contact) -> bool {
         (0..2).any(|side| match contact.on[side] {
             BodyId::Deformable(number) => {
@@ -261,12 +268,12 @@ impl Simulation {
         })
     }
 
-    /// A tie's rows as the bodies are now.
+    /// A tie's contact at the present positions.
     fn tied(&self, tie: &Tie) -> Contact {
         let mut contact = tie.contact.clone();
         let place = |side: usize| match contact.on[side] {
             BodyId::Deformable(body) => {
-                // nodes, not corners of the surface: what a tie holds does not move beside them when it is cut
+                // nodes, not surface corners, which move off the nodes when cut: a tie's point must not
                 contact.points[side]
                     .0
                     .iter()
@@ -280,21 +287,21 @@ impl Simulation {
         contact.point = first;
         contact.gap = contact.axes.map(|axis| axis.dot(first - second));
         if let Law::Slide { .. } = contact.law {
-            contact.gap[2] = 0.0; // friction knows the slip of the step alone
+            contact.gap[2] = 0.0; // friction acts on the slip of the step alone
         }
         contact
     }
 }
 
-/// Nodes that a contact acts on, on one of its sides.
+/// Nodes on one side of a contact.
 fn held_nodes(contact: &Contact, side: usize) -> impl Iterator<Item = u32> {
     contact.points[side].nodes()
 }
 
-/// The ties of a scene, from the bodies at rest.
+/// Ties of a scene's attachments, one per node, from the bodies at rest.
 ///
 /// # Errors
-/// [`Refused::TiedToNothing`] when a node of the region is neither on what it is to be tied to nor in it.
+/// [`Refused::TiedToNothing`] when a node of the region is neither on the other body's surface nor inside it.
 pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
     let mut out = vec![];
     for (number, attachment) in scene.attachments.iter().enumerate() {
@@ -327,7 +334,7 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
     Ok(out)
 }
 
-/// Axes and law of each of an attachment's nodes; what its path resists is shared evenly among them.
+/// Axes and law of an attachment's ties; the resistance of its path is shared evenly among its nodes.
 fn rows(attachment: &Attachment, nodes: usize) -> ([DVec3; 3], Law) {
     let Some(slide) = attachment.slide else { return (DVec3::AXES, Law::Bilateral { rows: 3 }) };
     let [along, s, t] = collide::frame(DVec3::from_array(slide.direction));
@@ -338,7 +345,7 @@ fn rows(attachment: &Attachment, nodes: usize) -> ([DVec3; 3], Law) {
     ([s, t, along], law)
 }
 
-/// Where another body holds what is at `at` at rest: the material point of a deformable body, on its surface or inside of it, and the
+/// Attachment point on the other body for a rest position `at`: the material point of a deformable body, on its surface or inside, and the
 /// anchor of a [`Tie`].
 fn other_end(simulation: &Simulation, to: BodyId, patch: Option<&Patch>, at: DVec3) -> Result<(MaterialPoint, DVec3)> {
     match (to, patch) {

@@ -1,9 +1,9 @@
-//! What is non-finite ends the run: tools, hands and bodies are looked at before a step is kept, and at its start.
+//! Non-finite values end the run: tools, hands and bodies are checked at the start of a step and before it is accepted.
 //!
-//! A step whose solves leave a tool, a body or a contact force that is no number is solved once more from its start: with the contact
-//! forces of the step before, without contacts that are at no place, and without anything that a solve starts from. Nothing of a step is
-//! kept before its solves are looked at, so this costs nothing where it does not happen. When the second try is non-finite too, or
-//! something is so at a step's start already, the step ends in an error that names it.
+//! If a step's solves leave a tool, a body or a contact force non-finite, the step is solved once more from its start: with the contact
+//! forces of the previous step, without contacts that are themselves non-finite, and without warm starts or known compliance. Nothing of a
+//! step is kept before this check, so it costs nothing where all is finite. If the second try is non-finite too, or a value is so at the
+//! start of the step, the step ends in an error that names it.
 
 use super::contact::Resolved;
 use super::{Refused, Simulation, StepReport};
@@ -13,16 +13,16 @@ use crate::collide::Contact;
 use crate::error::{Error, Result};
 use crate::scene::{BodyId, ProbeKind};
 
-/// What to do about a body or a tool.
+/// Advice for a body or a tool.
 const SHORTER: &str = "take a shorter step_ms, move and load it more slowly, and look at the last rows of probes.csv and the last picture";
-/// The same where the step was tried again.
+/// Advice where the step was solved twice.
 const TWICE: &str = "the step was tried again with the contact forces of the one before, to no other end; take a shorter step_ms, move and \
                      load it more slowly, and look at the last rows of probes.csv and the last picture";
-/// What to do about a hand.
+/// Advice for a hand.
 const HAND: &str = "look at its device or its path there, and at the damping of [tool.coupling]";
 
 impl Simulation {
-    /// The error of what is non-finite.
+    /// Error that names a non-finite body.
     pub fn non_finite(&self, who: BodyId) -> Error {
         self.named(who, SHORTER)
     }
@@ -41,7 +41,7 @@ impl Simulation {
         Refused::NonFinite { path: self.scene.file.clone(), what, name: name.into(), time: self.time, fix }.into()
     }
 
-    /// Refuses free motions that are non-finite, as of hands that are nowhere.
+    /// Refuses non-finite unconstrained motions, such as those of a non-finite hand pose.
     pub(super) fn hands_are_finite(&self, free: &[UnconstrainedMotion]) -> Result<()> {
         let lost = free.iter().position(|free| !(free.shift.is_finite() && free.turn.is_finite()));
         let Some(number) = lost else { return Ok(()) };
@@ -52,7 +52,7 @@ impl Simulation {
         }
     }
 
-    /// What a step's solves have left non-finite, if anything.
+    /// First body that a step's solves have left non-finite, if any: tools, then deformable bodies.
     pub(super) fn lost(&self, solved: &Resolved) -> Option<BodyId> {
         let force = |(_, f): &(u32, [f64; 3])| f.iter().all(|c| c.is_finite());
         let lost = |number: usize| {
@@ -63,7 +63,7 @@ impl Simulation {
         tool.or_else(|| (0..self.bodies.len()).find(|number| lost(*number)).map(BodyId::Deformable))
     }
 
-    /// The second try of a step; `old` are the tools at its start.
+    /// Solves a step a second time; `old` are the tools at its start.
     pub(super) fn solve_again(
         &mut self,
         old: &[Instrument],
@@ -71,6 +71,7 @@ impl Simulation {
         report: &mut StepReport,
     ) -> Result<Resolved> {
         report.warn("step_retried", 1);
+        // reset tools, warm starts and compliance
         self.tools.clone_from_slice(old);
         let slots = if self.scene.contact.is_some() { &[FREE, CORRECTION][..] } else { &[FREE] };
         for body in &mut self.bodies {
@@ -79,6 +80,7 @@ impl Simulation {
             body.backend.forget(slots)?;
             body.backend.begin()?;
         }
+        // drop non-finite contacts
         report.contact.on_tool.clear();
         let mut contacts = std::mem::take(&mut report.contact.contacts);
         let found = contacts.len();
@@ -91,7 +93,7 @@ impl Simulation {
         }
     }
 
-    /// Refuses a step from which bodies, or what probes see of them, are non-finite.
+    /// Refuses a step whose probes are non-finite, with an error that names their body.
     pub(super) fn probes_are_finite(&self, report: &StepReport) -> Result<()> {
         let Some(number) = report.probes.iter().position(|value| !value.is_finite()) else { return Ok(()) };
         Err(self.non_finite(match self.scene.probes[number].kind {
@@ -102,14 +104,14 @@ impl Simulation {
     }
 }
 
-/// A contact's rows are numbers.
+/// Whether all of a contact's rows are finite.
 fn has_a_place(contact: &Contact) -> bool {
     let vectors = contact.axes.iter().chain([&contact.point]).all(|v| v.is_finite());
     let weights = contact.points.iter().flat_map(|spot| &spot.0).map(|(_, weight)| *weight);
     vectors && weights.chain(contact.gap).all(f64::is_finite)
 }
 
-/// All of a tool's state is numbers.
+/// Whether a tool's state is finite.
 fn is_finite(tool: &Instrument) -> bool {
     let vectors = [tool.position, tool.velocity, tool.spin];
     vectors.iter().all(|v| v.is_finite()) && tool.rotation.is_finite()
@@ -130,7 +132,8 @@ mod tests {
         scene
     }
 
-    /// A run whose free motion starts from what is no number in its last step; how it ends, and where the tool is then.
+    /// Runs `steps` steps; if `spoilt`, the last one's unconstrained motion starts from NaN. Returns the last step's result and the
+    /// simulation.
     fn run(scene: &Scene, steps: u32, spoilt: bool) -> (Result<StepReport>, Simulation) {
         let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
         for _ in 1..steps {

@@ -1,13 +1,14 @@
-//! The blade's part of a step: the surface that its edge swept through the skin goes to the cut kernel, what is hit is removed.
+//! Cutting in a step: the surface that a blade's edge swept through the skin goes to the cut kernel; the links or springs that it hits are
+//! cut.
 //!
-//! A piece of edge that the tissue holds (a force below its bound) cuts nothing, but parts of it may pass a spring or link all the same:
-//! the piece is held at its sample alone. So its sweep is not given up but put off: the ends of the piece keep the places from which they
-//! have not swept yet, carried along with the skin at its contact, until the tissue lets go. Pieces share their ends, so that what one
-//! sweeps now and its neighbour later leaves no gap.
+//! A piece of edge that the tissue holds (its force is below the bound) cuts nothing, but parts of it may pass a link all the same, since
+//! it is held at its sample alone. Its sweep is therefore put off: the ends of the piece keep the positions from which they have not yet
+//! swept, carried along with the skin at its contact, until the tissue lets go. Neighbouring pieces share their ends, so sweeps at
+//! different times leave no gap.
 //!
-//! A piece that has cut stands at the front of its cut, whatever the grid's cells show of it, and is held there as it moves on: what it
-//! has opened and what it meets are told apart by how far it has gone back from its front, not by which cell it is in. So the work of
-//! cutting is toughness times area, and the force does not beat with the cells.
+//! A piece that has cut stands at the front of its cut, whichever cell it is in, and is held there as it advances: its retreat from that
+//! front, not the cell, tells opened tissue from new tissue. The work of cutting is then toughness times area, and the force does not
+//! pulsate from cell to cell.
 
 use super::body::{Body, Known, Located};
 use super::{Simulation, StepReport, query};
@@ -24,33 +25,33 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Ends of pieces of edge that are held, by tool and number along the edge.
+/// Held ends of pieces of edge, by tool and number along the edge.
 pub(super) type Held = BTreeMap<(usize, usize), End>;
 
-/// How far pieces of edge have gone back from where they have cut to, m, by tool and sample.
+/// Retreat of pieces of edge from the front of their cut, m, by tool and sample.
 pub(super) type Fronts = BTreeMap<(usize, usize), f64>;
 
-/// Where the end of a held piece has swept to.
+/// Swept position of the end of a held piece.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) struct End {
-    /// Where it stood when it last swept, moved with the skin since, m.
+    /// Its position when it last swept, moved with the skin since, m.
     at: DVec3,
-    /// It is inside the tissue; one that was only pressed on it and lifts off has cut nothing, unless the wound has opened under it. One
-    /// that goes on forward has passed through what it was pressed on: over a border, where nothing is left to touch.
+    /// Inside the tissue. An end that was only pressed on it and lifts off has cut nothing, unless the wound has opened under it. One that
+    /// advances has passed what it was pressed on: over a border, nothing is left to touch.
     inside: bool,
 }
 
-/// What a piece of edge does in a step.
+/// State of a piece of edge in a step.
 #[derive(Clone, Copy, Default)]
 struct Piece {
-    /// It touches the skin or is in its wound.
+    /// Touches the skin or is in its wound.
     touches: bool,
-    /// How far the skin that holds it has moved, m, and whether it is inside; none of a piece that goes on.
+    /// Motion of the skin that holds it, m, and whether it is inside; none for a piece that advances.
     held: Option<(DVec3, bool)>,
 }
 
 impl Simulation {
-    /// Whether an edge touches skin in a step, by its contacts: one that touches none cuts none.
+    /// Whether an edge touches skin in a step: without a contact it cuts nothing.
     pub(super) fn edges_meet_skin(&self, contacts: &[Contact]) -> bool {
         contacts.iter().any(|contact| match contact.on {
             [BodyId::Rigid(number), BodyId::Deformable(_)] => {
@@ -60,7 +61,7 @@ impl Simulation {
         })
     }
 
-    /// Cuts what the pieces of each edge that move through the skin have swept; `cuts` says that one touches it.
+    /// Cuts what the edges have swept; `cuts` says whether any of them touches skin.
     pub(super) fn incise(&mut self, old: &[Instrument], cuts: bool, report: &mut StepReport) -> Result<()> {
         let contacts = std::mem::take(&mut report.contact.contacts);
         let refused = self.totals().refused;
@@ -70,8 +71,8 @@ impl Simulation {
         done
     }
 
-    /// Moves the fronts of the pieces of edge: those that were held in the skin go on or back with it, the others by their own motion; a
-    /// piece that has left the wound forgets its front.
+    /// Moves the fronts of the pieces of edge: held pieces move relative to the skin, the others by their own motion. A piece that has
+    /// left the wound forgets its front.
     fn follow_fronts(&mut self, old: &[Instrument], contacts: &[Contact], report: &StepReport) {
         let fronts = std::mem::take(&mut self.fronts);
         for (number, (old, new)) in old.iter().zip(&self.tools).enumerate() {
@@ -95,13 +96,13 @@ impl Simulation {
         }
     }
 
-    /// Whether a point near a tool is inside of a body, or in its wound.
+    /// Whether a point near a tool is inside a body or in its wound.
     fn in_wound(&self, tool: usize, point: DVec3) -> bool {
         let patches = self.bodies.iter().filter_map(|body| body.located.patches.get(tool)?.as_ref());
         patches.into_iter().any(|patch| patch.in_wound(point))
     }
 
-    /// What the pieces of a tool's edge do, in their order.
+    /// States of the pieces of a tool's edge, in order.
     fn pieces(&self, number: usize, old: &Instrument, contacts: &[Contact], report: &StepReport) -> Vec<Piece> {
         let new = &self.tools[number];
         let count = new.edge.as_ref().map_or(0, |edge| edge.points.len() - 1);
@@ -122,18 +123,20 @@ impl Simulation {
         out
     }
 
+    /// Sweeps the edges of all tools and cuts every body by the swept quads.
     fn sweep(&mut self, old: &[Instrument], contacts: &[Contact], cuts: bool, report: &mut StepReport) -> Result<()> {
         self.follow_fronts(old, contacts, report);
         let held = std::mem::take(&mut self.held);
         if !cuts {
             return Ok(());
         }
+        // quads that the pieces of each edge sweep
         let mut quads = vec![];
         for (number, (old, new)) in old.iter().zip(&self.tools).enumerate() {
             let Some(edge) = new.edge.as_ref().filter(|_| new.sharp) else { continue };
             let pieces = self.pieces(number, old, contacts, report);
             let forward = new.rotation * edge.forward;
-            // an end is held where one of its two pieces is
+            // an end is held if one of its two pieces is; it sweeps from where it last stopped
             let ends: Vec<[DVec3; 2]> = (0..edge.points.len())
                 .map(|end| {
                     let beside = &pieces[end.saturating_sub(1)..(end + 1).min(pieces.len())];
@@ -151,12 +154,13 @@ impl Simulation {
                     [start, kept.at]
                 })
                 .collect();
-            // a held piece as well: a link that slips past it, by moving otherwise than the skin at its contact, is behind the blade
+            // held pieces sweep as well: a link that slips past one, moving unlike the skin at its contact, is behind the blade
             for pair in ends.windows(2) {
                 let [a, b] = [pair[0], pair[1]];
                 quads.extend([a[0], b[0], b[1], a[1]].map(|p| p.to_array()));
             }
         }
+        // cut the bodies
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let hits = body.read(Query { quads: quads.clone(), ..query(&self.probes, number) })?;
             let severed = body.sever(&hits)?;
@@ -168,7 +172,7 @@ impl Simulation {
 }
 
 impl Body {
-    /// Severs links or springs where they were crossed; returns how many went.
+    /// Cuts links or springs at these hits; returns how many were cut.
     ///
     /// # Errors
     /// When the device fails.
@@ -193,14 +197,14 @@ impl Body {
         Ok(severed)
     }
 
-    /// How far the lips of the wound have parted, of what was located anyway: its severed links and its open cells, m.
+    /// Opening of the wound over its severed links and open cells, as far as they were located, m.
     pub(super) fn opening(&self) -> f64 {
         let surface = &self.wound.surface;
         let cuts = surface.parts.cuts();
         cuts.filter_map(|(cell, axis, _)| self.parted(cell as usize, axis)).fold(self.opening_of_cells(), f64::max)
     }
 
-    /// How far the two sides of a severed link have parted along it, the mean of its face's corners, m; none of a face not located whole.
+    /// Distance that the two sides of a severed link have parted along it, mean over its face's corners, m; none if not all were located.
     fn parted(&self, cell: usize, axis: usize) -> Option<f64> {
         let parts = &self.wound.surface.parts;
         let (near, far) = (parts.corners(cell), parts.corners(parts.beyond(cell, axis)?));
@@ -212,6 +216,7 @@ impl Body {
         Some(0.25 * sum)
     }
 
+    /// Widest opening of the open cells along their axes, m; a cell counts with at least two pairs of corners located.
     fn opening_of_cells(&self) -> f64 {
         let Located { nodes, u, .. } = &self.located;
         let mut widest = 0.0f64;
@@ -234,7 +239,7 @@ impl Body {
     }
 }
 
-/// Corners of a cell's face before along an axis, each with the one beyond.
+/// Corners of a cell's lower face along an axis, each with the opposite one.
 fn face_pairs(axis: usize) -> impl Iterator<Item = (usize, usize)> {
     (0..8).filter(move |a| corner(*a)[axis] == 0).filter_map(move |a| {
         let mut beyond = corner(a);

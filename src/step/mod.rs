@@ -1,31 +1,33 @@
 //! One time step, written once over [`Backend`](crate::backend::Backend):
 //!
-//! 1. contacts at the step's start (the search is widened by the rigid bodies' motion), and the ties;
-//! 2. free motion of every body, loose columns of `A⁻¹` at nodes that rows newly act on;
-//! 3. violations `δ` at the free positions, forces λ by Gauss–Seidel on `W λ + δ`;
-//! 4. correction: `A Δx = Jᵀλ` solved accurately, δ taken again, until the laws hold;
-//! 5. integration, the rigid bodies' motion, the cut by what an edge swept.
+//! 1. find the contacts at the start of the step (the search margin grows with the motion of the rigid bodies) and add the attachments;
+//! 2. solve the unconstrained motion of every body, and loosely the columns of `A⁻¹` at nodes that rows newly act on;
+//! 3. evaluate the violations `δ` at the unconstrained positions, solve for the forces λ on `W λ + δ` ([`crate::constraints`]);
+//! 4. correct: solve `A Δx = Jᵀλ` accurately, evaluate δ again, repeat until the laws hold;
+//! 5. integrate, move the rigid bodies, cut what an edge has swept.
 //!
-//! With displacement increments Δx = h·v' as unknowns, implicit Euler with Rayleigh damping is `A Δx = b`, `A = (1 + h r_M)/h² M + (1 + r_K/h)
-//! K`, `b = f_ext − f_int + M v/h` ([`crate::kernels::rhs`], M lumped, uniform or consistent; springs to rest positions are part of `f_int`
-//! and `K`, [`crate::bodies::Anchors`]): external forces and inertia stand in one right-hand side, so nothing is lost to f32. `A` is never
-//! assembled, except by the CPU path when a scene asks for a factor of it ([`crate::bodies::grid::direct`]). Newmark's method and symplectic
-//! Euler have other factors in the same `A` and `b` ([`crate::bodies::Step`]). A hyperelastic body has a tangent per cell, kept on the CPU path
-//! and taken anew in each product on a GPU, and its steps are solved by Newton's method.
+//! With the displacement increments Δx = h·v' as unknowns, implicit Euler with Rayleigh damping is `A Δx = b`,
+//! `A = (1 + h r_M)/h² M + (1 + r_K/h) K`, `b = f_ext − f_int + M v/h` ([`crate::kernels::rhs`]; M lumped, uniform or consistent;
+//! rest-shape springs, [`crate::bodies::Anchors`], are part of `f_int` and `K`). External forces and inertia stand in one right-hand side,
+//! so nothing is lost to f32. `A` is never assembled, except on the CPU path when a scene asks for its factor
+//! ([`crate::bodies::grid::direct`]). Newmark's method and symplectic Euler have other factors in the same `A` and `b`
+//! ([`crate::bodies::Step`]). Newton's method solves the step of a hyperelastic body; its tangent per cell is kept on the CPU path and
+//! evaluated anew in each product on a GPU.
 //!
-//! Contacts: a tree of boxes over tiles of each body, refitted to the bounds that the device reports ([`crate::collide::broad`]), gives the few
-//! faces whose nodes are read back; sphere, capsule, point, line and box have their own narrow phase. The compliance at the nodes that rows
-//! reach, columns of `A⁻¹` solved loosely, is kept from step to step, learns in each pass, and is renewed by batches where it has aged.
-//! Forces come from the laws on `W λ + δ`, `W = Σ J C Jᵀ` over the bodies; since δ is taken again after each accurate correction, λ does not
-//! depend on how loose the columns are. The edge of a blade is held by what the tissue bears (toughness × length); beyond that it goes on,
-//! and the links or springs that it sweeps are cut; what a held piece passes is swept when it lets go. Its flats push the walls aside with at
-//! most what would split the tissue before the edge, and the lips of a wound may rest on each other ([`crate::collide::lips`]).
+//! Contacts: a bounding-box tree over tiles of each body, refitted to the bounds that the device reports ([`crate::collide::broad`]), gives
+//! the few faces whose nodes are read back; sphere, capsule, point, line and box have their own narrow phase. The compliance at the nodes
+//! of rows, columns of `A⁻¹` solved loosely, is kept from step to step and renewed in batches as it ages; each pass updates `W`. The laws
+//! give the forces on `W λ + δ`, `W = Σ J C Jᵀ` over the bodies. δ is evaluated again after each accurate correction, so λ does not depend
+//! on the columns' tolerance. Tissue holds a blade's edge up to its resistance (toughness × length); beyond it the edge advances, and the
+//! links or springs that it sweeps are cut. What a held piece passes is swept when the tissue lets go. The blade's flats push the walls
+//! aside with at most the force that would split the tissue ahead of the edge; the lips of a wound may rest on each other
+//! ([`crate::collide::lips`]).
 //!
-//! f32 carries a step to about 10⁻⁶ of its displacement, whatever its recurrence promises; with `refinements` it ends at the rounding of the
-//! displacement itself, 2·10⁻⁸.
+//! f32 solves a step to about 10⁻⁶ of its displacement, however small the recurrence's residual; with `refinements` the error falls to the
+//! rounding of the displacement itself, 2·10⁻⁸.
 //!
-//! Each body has its own free motion; only rows couple bodies. A scene without contact reads nothing back here. What goes wrong
-//! numerically is counted in [`StepReport`], never mended in silence.
+//! Each body has its own unconstrained motion; only rows couple bodies. A scene without contact reads nothing back here. Numerical trouble
+//! is counted in [`StepReport`], never repaired in silence.
 
 mod body;
 mod contact;
@@ -57,14 +59,14 @@ use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-/// Where the skin is computed.
+/// Backend and precision of the deformable bodies.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// The twins in f64.
+    /// CPU: the kernels' twins in f64.
     Cpu64,
-    /// The twins in f32.
+    /// CPU: the kernels' twins in f32.
     Cpu32,
-    /// WGSL on the first adapter whose name contains the text, or the first of all.
+    /// GPU: WGSL on the first adapter whose name contains the text, or on the first of all.
     Gpu(Option<String>),
 }
 
@@ -79,39 +81,39 @@ impl Place {
     }
 }
 
-/// Numerical trouble, counted by name.
+/// Numerical trouble: counts by name.
 pub type Warnings = BTreeMap<&'static str, u32>;
 
-/// What happened in a step.
+/// Result of a step.
 #[derive(Clone, Debug, Default)]
 pub struct StepReport {
     /// End of the step, s.
     pub time: f64,
-    /// Free motion.
+    /// Solve of the unconstrained motion, worst over the bodies.
     pub free: Outcome,
     /// Rounds of iterative refinement.
     pub refinements: u32,
-    /// Newton iterations of a body whose law is not linear; the most of the bodies and of the parts of a step.
+    /// Newton iterations of a nonlinear body, the maximum over bodies and substeps.
     pub newton_iterations: u32,
-    /// Accurate corrections of this step, summed iterations.
+    /// Iterations of this step's accurate corrections, summed.
     pub correction_iterations: u32,
-    /// The solve was asked for no more than the absolute floor.
+    /// Every solve of the unconstrained motion stopped at the absolute floor.
     pub at_floor: bool,
-    /// Relative residual after the last solve that counts, as its recurrence has it.
+    /// Relative residual of the unconstrained motion's solve, by its recurrence; after refinement in f64.
     pub residual: f64,
-    /// Relative residual in f64, when it was asked for.
+    /// Relative residual in f64, if the step is checked.
     pub true_residual: Option<f64>,
-    /// The deformable bodies as the checked step found them; none of an unchecked one.
+    /// Measures of the deformable bodies if the step is checked.
     pub measured: Option<Measured>,
     /// Contacts and their solve.
     pub contact: ContactReport,
     /// Links or springs cut in this step.
     pub severed: u32,
-    /// Widest parting of the lips of the wound near the tool, m.
+    /// Widest opening of the wound near the tool, m.
     pub opening: f64,
-    /// Deepest overlap of the lips of the wound at the step's start, m.
+    /// Deepest overlap of the wound's lips at the start of the step, m.
     pub overlap: f64,
-    /// Probe values, in the scene's order, SI.
+    /// Probe values in the scene's order, SI.
     pub probes: Vec<f64>,
     /// Trouble in this step.
     pub warnings: Warnings,
@@ -125,7 +127,7 @@ impl StepReport {
         }
     }
 
-    /// Takes in the part of a step that came after this one: the later state, the trouble and the work of both.
+    /// Merges a later substep: its state, and the trouble and the work of both.
     fn followed_by(&mut self, later: Self) {
         let before = std::mem::replace(self, later);
         self.free.iterations += before.free.iterations;
@@ -153,57 +155,57 @@ impl StepReport {
     }
 }
 
-/// Above 1 by more than what a square and its root round in f32.
+/// Factor on the floor that allows for the rounding of a square and its root in f32.
 const AT_FLOOR: f64 = 1.0 + 1e-5;
 
 /// A running scene.
 pub struct Simulation {
-    /// The deformable bodies, as the scene lists them.
+    /// The deformable bodies, in the scene's order.
     pub bodies: Vec<Body>,
-    /// The rigid bodies: tools, then those that no hand holds.
+    /// The rigid bodies: tools held by a hand, then free ones.
     pub tools: Vec<Instrument>,
-    /// Contact problem of each rigid body after the last step.
+    /// Reduced contact problem of each rigid body after the last step.
     pub reduced: Vec<Reduced>,
     /// s
     pub time: f64,
     scene: Scene,
-    /// What the deformable bodies run on; none for the CPU path.
+    /// GPU of the deformable bodies; none on the CPU path.
     gpu: Option<Arc<Gpu>>,
-    /// The CPU path is in f32.
+    /// The CPU path computes in f32.
     single: bool,
     probes: Vec<Prepared>,
     ties: Vec<find::Tie>,
     tied: BTreeSet<(BodyId, usize, u32)>,
     held: incise::Held,
     fronts: incise::Fronts,
-    /// How deep each sample of a rigid body was inside each deformable body at the last step, m ([`find`]).
+    /// Depth of each sample of a rigid body in each deformable body at the last step, m ([`find`]).
     depths: BTreeMap<(usize, usize, usize), f64>,
-    /// Force of each contact by its name, N.
+    /// Force of each contact by its id, N.
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     load_changes: Vec<f64>,
     step_number: u64,
     epoch: u32,
 }
 
-/// A simulation may be made in one thread and run in another.
+/// Asserts at compile time that a simulation can move between threads.
 const _: fn() = || {
     fn is_send<T: Send>() {}
     is_send::<Simulation>();
 };
 
-/// A probe and the nodes that it needs.
+/// A probe and its nodes.
 struct Prepared {
     kind: ProbeKind,
     nodes: Vec<u32>,
 }
 
 impl Simulation {
-    /// Prepares a scene on a place.
+    /// Prepares a scene on a backend.
     ///
     /// # Errors
-    /// When a model is too large, no adapter fits, or something is tied to what is not there.
+    /// When a model is too large, no adapter fits, or an attachment's node has no material to hold it.
     pub fn new(scene: &Scene, place: &Place) -> Result<Self> {
-        scene.check()?; // before an adapter is asked for
+        scene.check()?; // before an adapter is requested
         let gpu = match place {
             Place::Gpu(text) if !scene.skins.is_empty() => Some(Arc::new(Gpu::open(text.as_deref())?)),
             _ => None,
@@ -211,7 +213,7 @@ impl Simulation {
         Self::on(scene, gpu, *place == Place::Cpu32)
     }
 
-    /// Prepares a scene on a device that is open already, which other simulations and the caller may use as well.
+    /// Prepares a scene on an open device, which other simulations and the caller may share.
     ///
     /// # Errors
     /// As [`Simulation::new`].
@@ -220,7 +222,7 @@ impl Simulation {
         Self::on(scene, Some(gpu), false)
     }
 
-    /// Of a scene that has passed [`Scene::check`].
+    /// Prepares a scene that has passed [`Scene::check`].
     fn on(scene: &Scene, gpu: Option<Arc<Gpu>>, single: bool) -> Result<Self> {
         let body = |number| Body::new(scene, number, gpu.as_ref(), single);
         let bodies = (0..scene.skins.len()).map(body).collect::<Result<Vec<_>>>()?;
@@ -259,7 +261,7 @@ impl Simulation {
         Ok(simulation)
     }
 
-    /// What the deformable bodies run on; of rigid bodies alone, the CPU.
+    /// Device of the deformable bodies; the CPU if all bodies are rigid.
     pub fn device(&self) -> Device {
         let rigid =
             Device { backend: "cpu", precision: "f64", adapter: "rigid bodies alone".into(), ..Device::default() };
@@ -268,12 +270,12 @@ impl Simulation {
         device
     }
 
-    /// Begins or ends timing by the devices' own clocks.
+    /// Starts or stops timing by the device's own clock.
     pub fn time_device(&mut self, on: bool) {
         self.gpu.iter().for_each(|gpu| gpu.time_passes(on));
     }
 
-    /// How long the devices were busy since this was last asked, s; none where nothing says so.
+    /// Time that the device was busy since the last call, s; none if the backend does not measure it.
     ///
     /// # Errors
     /// When a device fails.
@@ -282,7 +284,7 @@ impl Simulation {
         self.gpu.as_ref().map_or(Ok(None), |gpu| gpu.busy(gpu.batch()))
     }
 
-    /// Fields of every deformable body.
+    /// State arrays of every deformable body.
     ///
     /// # Errors
     /// When a device fails.
@@ -290,25 +292,25 @@ impl Simulation {
         self.bodies.iter_mut().map(Body::snapshot).collect()
     }
 
-    /// Measures of all wounds together.
+    /// Totals over all wounds.
     pub fn totals(&self) -> Totals {
         self.bodies.iter().map(Body::totals).fold(Totals::default(), Totals::and)
     }
 
-    /// Counts the steps that have cut; a [`Reduced`] problem of an older epoch is from before the last cut.
+    /// Number of cuts so far, counted by body and step; a [`Reduced`] problem of an older epoch is from before the last cut.
     pub fn epoch(&self) -> u32 {
         self.epoch
     }
 
-    /// Length of what is advanced at once, s.
+    /// Length of a substep, s.
     fn step_size(&self) -> f64 {
         self.scene.time.part()
     }
 
-    /// Advances by one step; `check` asks for the true residual.
+    /// Advances by one step; `check` evaluates the true residual as well.
     ///
     /// # Errors
-    /// When the device fails or a blade cuts more in a step than can be taken back.
+    /// When the device fails, a state becomes non-finite, or a blade cuts more in a step than can be read back.
     pub fn step(&mut self, check: bool) -> Result<StepReport> {
         let parts = self.scene.time.substeps;
         let mut report = self.advance(check && parts == 1)?;
@@ -324,8 +326,8 @@ impl Simulation {
         self.step_number += 1;
         self.time = self.step_number as f64 * h;
         let mut report = StepReport { time: self.time, ..StepReport::default() };
-        // loads are set where they have changed; checked steps keep the state at their start
-        // the begin of the step before as that step had it: begin − h rounds otherwise
+        // set loads where they change; checked steps keep the state at their start
+        // start of the previous step exactly as that step computed it: begin − h rounds otherwise
         let before_that = (self.step_number as f64 - 2.0) * h;
         let changed = |t: &f64| *t <= begin && *t > before_that;
         let loaded = self.step_number == 1 || self.load_changes.iter().any(changed);
@@ -338,7 +340,7 @@ impl Simulation {
             }
             before.push(if check || refined { Some(body.backend.snapshot()?) } else { None });
         }
-        // unconstrained motion of the rigid bodies, contacts at the step's start
+        // unconstrained motion of the rigid bodies, contacts at the start of the step
         let free: Vec<UnconstrainedMotion> = self.tools.iter().map(|t| t.unconstrained_motion(self.time, h)).collect();
         self.hands_are_finite(&free)?;
         let contacts = match self.scene.contact {
@@ -348,7 +350,7 @@ impl Simulation {
         for body in &mut self.bodies {
             body.backend.begin()?;
         }
-        // free motion and contact; once more without warm starts where that leaves the numbers
+        // unconstrained motion and contact; solved again without warm starts if the result is non-finite
         let old = self.tools.clone();
         let mut solved = self.solve(contacts, &free, false, &mut report)?;
         if self.lost(&solved).is_some() {
@@ -356,7 +358,7 @@ impl Simulation {
         }
         let Resolved { free: mut ended, forces, contact_forces } = solved;
         self.last_forces = contact_forces;
-        // the bodies take the step over; checked ones are verified in f64
+        // the bodies accept the step; checked ones are verified in f64
         let cuts = self.edges_meet_skin(&report.contact.contacts);
         for (number, (body, before)) in self.bodies.iter_mut().zip(before).enumerate() {
             if let Some(before) = before {
@@ -370,7 +372,7 @@ impl Simulation {
             report.warn("tangent_indefinite", work.indefinite);
         }
         self.note_solves(&ended, &mut report);
-        // what the edges swept is cut; then the probes
+        // cut what the edges swept, then read the probes
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {
             self.incise(&old, cuts, &mut report)?;
         }
@@ -379,7 +381,7 @@ impl Simulation {
         Ok(report)
     }
 
-    /// Solves the step and moves the tools; `held` takes the contact forces of the last step as they were.
+    /// Solves the step and moves the tools; with `held`, contact forces are those of the last step.
     fn solve(
         &mut self,
         contacts: Vec<Contact>,
@@ -393,7 +395,7 @@ impl Simulation {
         }
     }
 
-    /// A step in which nothing touches.
+    /// Solves a step without contact.
     fn move_freely(&mut self, free: &[UnconstrainedMotion]) -> Result<Resolved> {
         let h = self.step_size();
         let solver = self.scene.solver;
@@ -408,13 +410,13 @@ impl Simulation {
         Ok(Resolved { free: ended, forces: None, contact_forces: BTreeMap::new() })
     }
 
-    /// How the free motions were solved: the most iterations, the worst residual.
+    /// Sums up the solves of the unconstrained motion: most iterations, worst residual.
     fn note_solves(&self, ended: &[Outcome], report: &mut StepReport) {
         let solver = &self.scene.solver;
         report.at_floor = !ended.is_empty();
         report.free.converged = true;
         for outcome in ended {
-            // at the floor the load is so small that a share of it says nothing
+            // at the floor the load is too small for a relative residual to mean anything
             let at_floor = outcome.target <= solver.floor * AT_FLOOR;
             report.at_floor &= at_floor;
             if !at_floor && outcome.target != 0.0 {

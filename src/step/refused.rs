@@ -1,11 +1,11 @@
-//! Why a simulation cannot be made, changed, taken to another state or gone on with.
+//! Errors of making, changing, restoring and stepping a simulation.
 
 use std::path::PathBuf;
 
 /// See the module.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum Refused {
-    /// A step at which an explicit run would blow up.
+    /// Explicit step above the stability limit.
     #[error(
         "{}: {name} is stable under integrator = \"symplectic_euler\" up to a step of {stable_ms:.3e} ms, and its step (step_ms over \
          substeps) is {step_ms:.3e} ms; take at least substeps = {substeps} or a smaller step_ms, a smaller rayleigh_stiffness_s, coarser \
@@ -15,17 +15,17 @@ pub enum Refused {
     UnstableStep {
         /// The scene file.
         path: PathBuf,
-        /// The body.
+        /// Name of the body.
         name: String,
-        /// ms
+        /// Requested substep, ms.
         step_ms: f64,
-        /// ms
+        /// Largest stable substep, ms.
         stable_ms: f64,
-        /// Parts of a whole step that are stable.
+        /// Number of substeps that is stable.
         substeps: u64,
     },
 
-    /// An attachment across a gap.
+    /// Attachment across a gap.
     #[error(
         "the node at ({:.3}, {:.3}, {:.3}) mm is to be tied to a body that is {distance:.3} mm away from it; let the bodies touch where \
          they are tied, or choose another region",
@@ -34,30 +34,30 @@ pub enum Refused {
         at[2]
     )]
     TiedToNothing {
-        /// mm
+        /// Rest position of the node, mm.
         at: [f64; 3],
-        /// mm
+        /// Distance to the other body, mm.
         distance: f64,
     },
 
-    /// A state of another simulation.
+    /// State of another simulation.
     #[error(
         "the state has {found} {what} where the simulation has {wanted}; restore it in a simulation of the scene that it is of"
     )]
     StateUnfit {
-        /// "nodes", "deformable bodies" …
+        /// What was counted: "nodes", "deformable bodies" …
         what: &'static str,
-        /// In the state.
+        /// Count in the state.
         found: usize,
-        /// In the simulation.
+        /// Count in the simulation.
         wanted: usize,
     },
 
-    /// A change of the step while a simulation runs.
+    /// Change of the step of a running simulation.
     #[error("a running simulation is given a step of another length; make a new one with that step")]
     OtherStep,
 
-    /// A state that is no number, at the end of a run that came so far.
+    /// Non-finite state that ends a run.
     #[error("{}: {what} \"{name}\" is non-finite at {time} s, where the run ends; {fix}", path.display())]
     NonFinite {
         /// The scene file.
@@ -68,7 +68,7 @@ pub enum Refused {
         name: String,
         /// End of the step, s.
         time: f64,
-        /// What to do.
+        /// Advice.
         fix: &'static str,
     },
 }

@@ -1,8 +1,8 @@
 //! The rows of a step's contacts and constraints: the Jacobian `J`, the compliance `W = J C Jᵀ` (Delassus operator), the forces `Jᵀλ`.
 //!
-//! A contact has as many rows as its law, along the first of its axes; the rows of all contacts follow each other. With the sign + for the
-//! first of its bodies and − for the second, `J` of a rigid body is `(axis, arm × axis)`, of a deformable one the axis at the nodes of its
-//! material point by their weights, of a wall nothing. `W = Σ_bodies J C Jᵀ` with each body's own compliance `C`; only rows couple bodies.
+//! Each law has one to three rows, along the first axes of its contact; the rows of all contacts follow each other. With the sign + for the
+//! first body and − for the second, `J` is `(axis, arm × axis)` for a rigid body, the axis at the nodes of the material point times their
+//! weights for a deformable one, and zero for a wall. `W = Σ_bodies J C Jᵀ` with each body's own compliance `C`; only rows couple bodies.
 
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
@@ -13,16 +13,16 @@ use std::collections::BTreeMap;
 /// Signs of the two bodies of a contact.
 const SIGN: [f64; 2] = [1.0, -1.0];
 
-/// Two places of one body give against each other at least this share of what they give each for itself. What a flap's lips move together is
-/// thousands of times what parts them, and the difference of columns that are loose and aged may be negative; passes take the true one.
+/// Least relative compliance of two points of one body, as a share of the sum of their own. The lips of a flap move together thousands of
+/// times more than apart, and the difference of loose, aged columns may be negative; passes observe the true compliance.
 const APART: f64 = 1e-3;
 
 /// See the module.
 pub(super) struct Rows<'a> {
     pub contacts: &'a [Contact],
-    /// `[contact]` lever arms of its sides, m; zero of what is not rigid.
+    /// `[contact]` moment arms of its two sides, m; zero for non-rigid bodies.
     arms: Vec<[DVec3; 2]>,
-    /// `[row]` its contact and which of its axes.
+    /// `[row]` contact and axis.
     of: Vec<(usize, usize)>,
 }
 
@@ -44,7 +44,7 @@ impl<'a> Rows<'a> {
         self.of.len()
     }
 
-    /// A row's contact, and which of the contact's axes it is along.
+    /// Contact and axis number of a row.
     pub fn contact(&self, row: usize) -> (&'a Contact, usize) {
         let (contact, axis) = self.of[row];
         (&self.contacts[contact], axis)
@@ -62,20 +62,20 @@ impl<'a> Rows<'a> {
         out
     }
 
-    /// Sign of a rigid body in a row's contact, and which of its sides it is.
+    /// Sign and side of a body in a row's contact; `None` for other bodies.
     pub fn side(&self, row: usize, who: BodyId) -> Option<(f64, usize)> {
         let side = self.contact(row).0.on.iter().position(|on| *on == who)?;
         Some((SIGN[side], side))
     }
 
-    /// Signed axis and lever of a rigid body in a row.
+    /// Signed axis and moment direction of a rigid body in a row.
     pub fn of_rigid(&self, row: usize, number: usize) -> Option<(DVec3, DVec3)> {
         let (sign, side) = self.side(row, BodyId::Rigid(number))?;
         let axis = self.axis(row) * sign;
         Some((axis, self.arms[self.of[row].0][side].cross(axis)))
     }
 
-    /// Nodes of a deformable body that the rows act on, sorted.
+    /// Sorted nodes of a deformable body that rows act on.
     pub fn nodes(&self, body: usize) -> Vec<u32> {
         let mut nodes: Vec<u32> = self
             .contacts
@@ -89,7 +89,8 @@ impl<'a> Rows<'a> {
         nodes
     }
 
-    /// `[contact]` how far the first body moves over the second when rigid bodies move by (shift, turn) and nodes by vectors, m.
+    /// `[contact]` displacement of the first body relative to the second, for given motions of rigid bodies (translation, rotation) and
+    /// nodes, m.
     pub fn slips(
         &self,
         rigid: impl Fn(usize) -> (DVec3, DVec3),
@@ -110,7 +111,7 @@ impl<'a> Rows<'a> {
         })
     }
 
-    /// `[row]` violations at the step's end, by how far the bodies of each contact have moved over each other, m.
+    /// `[row]` violations at the end of the step for the given slips, m.
     pub fn violations(&self, slips: &[DVec3]) -> Vec<f64> {
         let along = |(contact, axis): &(usize, usize)| {
             self.contacts[*contact].gap[*axis] + self.contacts[*contact].axes[*axis].dot(slips[*contact])
@@ -118,12 +119,12 @@ impl<'a> Rows<'a> {
         self.of.iter().map(along).collect()
     }
 
-    /// `Jᵀλ` on a deformable body, nodes each once, N.
+    /// `Jᵀλ` on a deformable body, each node once, N.
     pub fn on_nodes(&self, body: usize, lambda: &[f64]) -> Vec<(u32, [f64; 3])> {
         let mut sum: BTreeMap<u32, DVec3> = BTreeMap::new();
         for (row, force) in lambda.iter().enumerate() {
             let (contact, _) = self.contact(row);
-            // both sides: the lips of a wound are of one body
+            // both sides: lips of a wound belong to one body
             for side in (0..2).filter(|side| contact.on[*side] == BodyId::Deformable(body)) {
                 for (node, weight) in &contact.points[side].0 {
                     *sum.entry(*node).or_default() += self.axis(row) * (SIGN[side] * weight * force);
@@ -145,7 +146,8 @@ impl<'a> Rows<'a> {
         sum
     }
 
-    /// `W` by rows, from how nodes of a body give under each other (`between(body, a, b)`: b under a newton at a) and the rigid systems.
+    /// `W`, row-major, m/N, from the compliance blocks of deformable bodies (`between(body, a, b)`: of node b under one newton at a) and
+    /// rigid ones.
     pub fn compliance(&self, between: &dyn Fn(usize, u32, u32) -> DMat3, free: &[UnconstrainedMotion]) -> Vec<f64> {
         let count = self.count();
         let mut w = vec![0.0; count * count];
@@ -164,7 +166,7 @@ impl<'a> Rows<'a> {
         w
     }
 
-    /// What forces along the axes of contact `j` do along those of `i`.
+    /// Compliance block of contacts `i` and `j`: displacement along the axes of `i` under forces along the axes of `j`, m/N.
     fn block(
         &self,
         i: usize,
@@ -174,7 +176,8 @@ impl<'a> Rows<'a> {
     ) -> [[f64; 3]; 3] {
         let (a, b) = (&self.contacts[i], &self.contacts[j]);
         let mut sum = [[0.0; 3]; 3];
-        let mut whole = [0.0; 3]; // what the sides give each for itself
+        let mut whole = [0.0; 3]; // compliance of each side by itself
+        // all pairs of sides on the same body
         for (s, t) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             if a.on[s] != b.on[t] {
                 continue;
@@ -204,13 +207,14 @@ impl<'a> Rows<'a> {
                 BodyId::Plane(_) | BodyId::World => {}
             }
         }
+        // two points of one body: bound their relative compliance from below
         if i == j && a.on[0] == a.on[1] {
             (0..3).for_each(|m| sum[m][m] = sum[m][m].max(APART * whole[m]));
         }
         sum
     }
 
-    /// A rigid body's own part of `W`.
+    /// Part of one rigid body in an entry of `W`, m/N.
     pub fn rigid_part(&self, i: usize, j: usize, number: usize, free: &UnconstrainedMotion) -> f64 {
         match (self.of_rigid(i, number), self.of_rigid(j, number)) {
             (Some((a, p)), Some((b, q))) => free.compliance * a.dot(b) + p.dot(free.angular_compliance * q),

@@ -1,7 +1,8 @@
-//! All that a step depends on beside the scene, and nothing that can be computed again: a run that goes on from it gives the same bits.
+//! Complete state of a simulation beside its scene, without anything that can be computed again: a run restored from it gives the same
+//! bits.
 //!
-//! The wound is kept as the hits that made it: cutting the uncut body with them again gives the same nodes in the same order. Columns of
-//! the compliance are kept, though they are solved for: they have aged by the steps since, and how many passes a step takes depends on it.
+//! The wound is stored as its hits: applying them to the uncut body gives the same nodes in the same order. Compliance columns are stored
+//! although they could be solved for: their age decides how many passes a step takes.
 
 use super::body::{Body, Compliance, Known, first_motion};
 use super::{Refused, Simulation, incise};
@@ -36,20 +37,20 @@ struct BodyState {
     /// `[node]` m, m/s
     u: Vec<V4<f64>>,
     v: Vec<V4<f64>>,
-    /// `[cell]` quaternions, from which the next ones are found; none of springs.
+    /// `[cell]` quaternions, warm start of the next rotation extraction; none for springs.
     rotation: Vec<V4<f64>>,
-    /// `[slot][node]` solutions that the next solves start from: the free motion's, and the correction's where there is contact, m.
+    /// `[slot][node]` solutions that warm-start the next solves: of the unconstrained motion, and of the correction if there is contact, m.
     solutions: Vec<Vec<V4<f64>>>,
-    /// `[cut]` hits in their order.
+    /// `[cut]` hits, in order.
     cuts: Vec<Vec<Hit<f64>>>,
-    /// `[tile]` how far its nodes had moved when it was looked at last, m.
+    /// `[tile]` bounds of its nodes' displacement when last read, m.
     motion: Vec<[DVec3; 2]>,
     compliance: Compliance,
     at_rest: Compliance,
 }
 
 impl Simulation {
-    /// The state after the last step. The simulation goes on as if it had not been asked for.
+    /// State after the last step. Reading it does not change how the simulation continues.
     ///
     /// # Errors
     /// When a device fails.
@@ -68,8 +69,7 @@ impl Simulation {
         })
     }
 
-    /// Goes to a state of the same scene in the same precision, from wherever the simulation is; what it does from there on is bit for bit
-    /// what the simulation did that the state is of.
+    /// Restores a state of the same scene in the same precision; from there on the simulation repeats the original bit for bit.
     ///
     /// # Errors
     /// [`Refused::StateUnfit`] for a state of other bodies; when a device fails.
@@ -80,7 +80,7 @@ impl Simulation {
             let from = &state.bodies[number];
             let body = &mut self.bodies[number];
             if !from.cuts.starts_with(&body.cuts) {
-                // what is cut does not heal
+                // a cut cannot be undone: start from the uncut body
                 let tied = std::mem::take(&mut body.tied);
                 *body = Body::new(&self.scene, number, self.gpu.as_ref(), self.single)?;
                 body.tied = tied;
@@ -101,12 +101,12 @@ impl Simulation {
         Ok(())
     }
 
-    /// Goes on with a changed scene: friction, loads, stiffness, tolerance, whatever leaves the bodies, their cells and the step as they are.
-    /// Costs what making the simulation costs, and the compliance near the tools is solved anew.
+    /// Continues with a changed scene: friction, loads, stiffness, tolerance, anything that keeps the bodies, their cells and the step.
+    /// Costs as much as making the simulation; the compliance near the tools is solved anew.
     ///
     /// # Errors
-    /// As [`Simulation::new`], [`Refused::StateUnfit`] where the bodies are others, [`Refused::OtherStep`] for another step; the
-    /// simulation is then as it was, unless a device has run out of memory: for a while it holds both.
+    /// As [`Simulation::new`], [`Refused::StateUnfit`] for other bodies, [`Refused::OtherStep`] for another step. The simulation is then
+    /// unchanged, unless a device runs out of memory, which holds both for a while.
     pub fn change(&mut self, change: impl FnOnce(&mut Scene)) -> Result<()> {
         let mut scene = self.scene.clone();
         change(&mut scene);
@@ -124,7 +124,7 @@ impl Simulation {
         Ok(())
     }
 
-    /// Slots whose solutions are the next step's start; columns start from zero.
+    /// Right-hand sides whose solutions warm-start the next step; columns start from zero.
     fn slots_kept(&self) -> &'static [usize] {
         if self.scene.contact.is_some() { &[FREE, CORRECTION] } else { &[FREE] }
     }
@@ -167,7 +167,7 @@ impl Body {
         })
     }
 
-    /// Goes to a state whose first cuts are those of the body.
+    /// Restores a state whose cuts begin with those of the body.
     fn restore(&mut self, state: &BodyState, slots: &[usize]) -> Result<()> {
         for hits in &state.cuts[self.cuts.len()..] {
             self.sever(hits)?;

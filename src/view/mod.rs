@@ -145,7 +145,7 @@ impl View {
 /// 0 gives an image without pixels.
 ///
 /// # Errors
-/// [`NoMemory`] when there is none for so many pixels.
+/// [`NoMemory`] if there is not enough memory for the picture.
 pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, caption: &[&str]) -> Result<Image> {
     let (columns, rows) = (width as usize, height as usize);
     let mut skipped = 0;

@@ -33,18 +33,18 @@ pub(super) struct Samples {
     pub(super) inks: Vec<Vec3>,
 }
 
-/// The machine gives no more memory.
+/// Not enough memory for a picture.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 #[error(
     "no memory is left for a picture: {bytes} bytes were refused; set a smaller view.size_px, or frames = 0 for none, or close what takes \
      memory"
 )]
 pub struct NoMemory {
-    /// How much of it was asked for at once.
+    /// Size of the failed allocation, bytes.
     pub bytes: u64,
 }
 
-/// An array over a picture, or the error that there is no memory for it: pictures are most of what a running scene allocates.
+/// Allocates an array over a picture, or returns an error: pictures are most of what a running scene allocates.
 pub(super) fn room<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
     let mut values = vec![];
     let bytes = (count * size_of::<T>()) as u64;

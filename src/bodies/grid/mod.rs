@@ -58,7 +58,7 @@ pub struct Multigrid {
 /// Number of duplicate columns to reserve for a body that a blade may cut.
 ///
 /// # Errors
-/// [`Refused::DirectSplit`] for the direct solver where nodes may be split.
+/// [`Refused::DirectSplit`] for the direct solver where nodes may be duplicated.
 pub(super) fn reserve(scene: &Scene, skin: &Skin) -> Result<usize> {
     let blade = scene.tools.iter().any(|t| t.blade.is_some());
     let columns = match (skin.cut, skin.law) {
@@ -297,6 +297,7 @@ impl Mechanics for Hexahedra {
         let (shapes, layers) = (model.shapes::<f64>(), &model.grid.layer_of);
         let (blocks, pre_strains, split) = (model.stiffness_blocks::<f64>(), model.pre_strains(), &solved.start.split);
         let rotation = self.rotations(model, &solved.start);
+        // elastic forces with the rotations of the state
         forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, at, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         // product of the small-strain cells; of a hyperelastic body these have damping only

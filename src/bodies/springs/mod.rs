@@ -33,7 +33,7 @@ impl Springs {
     /// Springs between all corner pairs of each cell.
     ///
     /// # Errors
-    /// [`Refused::SpringSolver`] for a solver that is for hexahedra.
+    /// [`Refused::SpringSolver`] if the scene's solver supports hexahedra only.
     pub(super) fn new(scene: &Scene, grid: &Grid, stiffness: f64, damping: f64) -> Result<Self> {
         let for_hexahedra = match scene.solver.preconditioner {
             Preconditioner::Multigrid => Some("multigrid"),

@@ -1,29 +1,29 @@
-//! Nearest places between a tool's point or segment and a vertex, an edge or a triangle, and where a segment pierces a triangle.
+//! Nearest points between a tool's point or segment and a vertex, an edge or a triangle; piercing of a triangle by a segment.
 //!
-//! A place on the tool is `a + u (b − a)` (`a = b` for a point), a place on the skin is weights of up to three corners. `strict` says that
-//! both lie strictly inside their primitives, so that no smaller feature (an end, an edge, a corner) has the same pair. Segment and
-//! triangle have no nearest pair of their own besides those of their ends and edges: they meet only where one pierces the other.
+//! A point on the tool is `a + u (b − a)` (`a = b` for a point), a point on the skin has weights on up to three corners. `strict` means
+//! that both lie strictly inside their primitives, so that no smaller feature (an end, an edge, a corner) has the same pair. Segment and
+//! triangle have no nearest pair of their own besides those of ends and edges: they meet only where one pierces the other.
 //! Source: Ericson 2005, Real-Time Collision Detection, 5.1.2, 5.1.5, 5.1.9, 5.3.6; segment and triangle after Möller and Trumbore 1997.
-//! Differs: the regions of the triangle are told from signed areas alone. Units: m.
+//! Differs: signed areas alone determine the region of the triangle. Units: m.
 
 use glam::DVec3;
 
-/// Places closer than this to a primitive's end, as a share of it, belong to that end: 1 nm on cells of a millimetre. Above f32's
-/// resolution of a patch pairs would be lost between a face and its edge; at 0 rounding decides which of two features has the pair.
+/// Share of a primitive within which a point belongs to its end: 1 nm on cells of a millimetre. Above f32's resolution of a patch, pairs
+/// would be lost between a face and its edge; at 0, rounding decides which of two features has the pair.
 pub const MARGIN: f64 = 1e-6;
-/// Sine of the angle below which two lines count as parallel; their nearest places are then told by the ends.
+/// Sine of the angle below which two lines count as parallel; the ends then decide their nearest points.
 const PARALLEL: f64 = 1e-6;
 
-/// Nearest places of two primitives.
+/// Nearest points of two primitives.
 #[derive(Clone, Copy, Debug)]
 pub struct Near {
-    /// Place on the tool's segment, 0 for a point.
+    /// Parameter of the point on the tool's segment, 0 for a point.
     pub u: f64,
-    /// Place on the skin's feature.
+    /// Weights of the point on the skin's feature.
     pub weights: [f64; 3],
-    /// From the place on the skin to the one on the tool, m.
+    /// From the point on the skin to the one on the tool, m.
     pub away: DVec3,
-    /// Both places are strictly inside.
+    /// Both points are strictly inside.
     pub strict: bool,
 }
 
@@ -31,14 +31,14 @@ fn inside(share: f64) -> bool {
     share > MARGIN && share < 1.0 - MARGIN
 }
 
-/// The place on the segment `ends` that is nearest to `p`, from 0 to 1.
+/// Parameter, 0 to 1, of the point on a segment nearest to `p`.
 pub fn on_segment(p: DVec3, ends: [DVec3; 2]) -> f64 {
     let line = ends[1] - ends[0];
     let squared = line.length_squared();
     if squared > 0.0 { ((p - ends[0]).dot(line) / squared).clamp(0.0, 1.0) } else { 0.0 }
 }
 
-/// Weights of the place on a triangle that is nearest to `p`.
+/// Weights of the point on a triangle nearest to `p`.
 pub fn on_triangle(p: DVec3, corners: [DVec3; 3]) -> [f64; 3] {
     let [a, b, c] = corners;
     let normal = (b - a).cross(c - a);
@@ -48,7 +48,7 @@ pub fn on_triangle(p: DVec3, corners: [DVec3; 3]) -> [f64; 3] {
     if area > 0.0 && weights.iter().all(|w| *w >= 0.0) {
         return weights;
     }
-    // outside, so on the nearest of the edges
+    // outside: on the nearest edge
     let edge = |k: usize| {
         let (i, j) = (k, (k + 1) % 3);
         let t = on_segment(p, [corners[i], corners[j]]);
@@ -97,7 +97,7 @@ pub fn segment_edge(ends: [DVec3; 2], edge: [DVec3; 2]) -> Near {
     Near { u, weights: [1.0 - t, t, 0.0], away, strict: crossing && inside(u) && inside(t) }
 }
 
-/// Where a segment pierces a triangle: its place on the segment, and whether it goes in there (against the outward normal).
+/// Where a segment pierces a triangle: its parameter there, and whether it goes in (against the outward normal).
 pub fn pierces(ends: [DVec3; 2], corners: [DVec3; 3]) -> Option<(f64, bool)> {
     let [a, b, c] = corners;
     let line = ends[1] - ends[0];

@@ -1,11 +1,11 @@
 //! Vertices, edges and faces of a patch of skin with their normal cones.
 //!
-//! A pair of features is a local minimum of the distance only when the direction between its places lies in the normal cones of both.
-//! With the unit direction d from a skin vertex or edge to the tool, n the normalised sum of the unit normals of the triangles round it
-//! and l the unit directions in which those round it end there (for a vertex along its edges, for an edge across it, in the plane of each
-//! of its triangles), it is refused when `n·d < −α` or when, for any l, `l·d < −(max(0, ½ n·l) + α)`; a face refuses `n·d < 0`. α widens the
-//! cones (the sine of an angle): at 0 a tool exactly above a vertex of a surface that is flat but for rounding has no pair at all, since
-//! the vertex is a dimple and no face has the place strictly inside.
+//! A pair of features is a local minimum of the distance only if the direction between its points lies in the normal cones of both. Let d
+//! be the unit direction from a skin vertex or edge to the tool, n the normalised sum of the unit normals of the triangles around it, and l
+//! the unit directions in which what surrounds it ends there (for a vertex along its edges; for an edge across it, in the plane of each of
+//! its triangles). The pair is refused when `n·d < −α` or when, for any l, `l·d < −(max(0, ½ n·l) + α)`; a face refuses `n·d < 0`. α widens
+//! the cones (sine of an angle). At 0 a tool exactly above a vertex of a surface that is flat up to rounding would have no pair at all,
+//! since the vertex is a dimple and no face has the point strictly inside.
 //! Source: Johnson, Willemsen 2003 (local minima of distance by normal cones), in the form of SOFA's LocalMinDistance. Differs: they bound
 //! cones of whole boxes of triangles to find all minima between two meshes; here the tool is a few lines and each pair is tested itself.
 
@@ -14,15 +14,15 @@ use crate::collide::Patch;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// SOFA's `coneFactor`: how far a convex feature's cone reaches past the exact one, so that pairs do not fall between two features.
+/// SOFA's `coneFactor`: widening of a convex feature's cone beyond the exact one, so that no pair falls between two features.
 const FACTOR: f64 = 0.5;
 
-/// Directions to which a feature is turned.
+/// Normal cone of a feature.
 #[derive(Clone, Debug, Default)]
 pub struct Cone {
     /// Unit mean normal; zero for a tool's point, which has no triangles.
     pub normal: DVec3,
-    /// Unit directions in which what lies round the feature ends at it; none for a face.
+    /// Unit directions in which the surroundings of the feature end at it; none for a face.
     pub outward: Vec<DVec3>,
 }
 
@@ -35,19 +35,19 @@ impl Cone {
     }
 }
 
-/// One vertex, edge or face of the skin.
+/// Vertex, edge or face of the skin.
 #[derive(Clone, Debug)]
 pub struct Feature {
     /// One to three node ids.
     pub nodes: Vec<u32>,
-    /// Where they are, m.
+    /// Their positions, m.
     pub places: Vec<DVec3>,
-    /// Where it looks.
+    /// Its normal cone.
     pub cone: Cone,
 }
 
 impl Feature {
-    /// Nearest places of this feature and a tool's point or segment; none for segment and face, which only pierce.
+    /// Nearest points of this feature and a tool's point or segment; none for segment and face, which only pierce.
     pub fn near(&self, ends: [DVec3; 2], point: bool) -> Option<Near> {
         match (point, &self.places[..]) {
             (true, [q]) => Some(closest::point_vertex(ends[0], *q)),
@@ -59,12 +59,12 @@ impl Feature {
         }
     }
 
-    /// The place of the given weights.
+    /// Point with the given weights.
     pub fn place(&self, weights: [f64; 3]) -> DVec3 {
         self.places.iter().zip(weights).map(|(place, weight)| *place * weight).sum()
     }
 
-    /// As nodes and weights of a triangle; a node that is not there has no weight.
+    /// Nodes and weights as for a triangle; absent nodes have no weight.
     pub fn spot(&self, weights: [f64; 3]) -> ([u32; 3], [f64; 3]) {
         let last = self.nodes.len() - 1;
         let known = [0, 1, 2].map(|k| if k <= last { weights[k] } else { 0.0 });
@@ -76,14 +76,15 @@ impl Feature {
 pub struct Features {
     /// Vertices, then edges, then the patch's triangles in their order.
     pub all: Vec<Feature>,
-    /// Of each triangle: three corners, the edges after each of them, itself.
+    /// `[triangle]` three corners, the edge after each of them, the face.
     of: Vec<[usize; 7]>,
-    /// Triangles round each node.
+    /// Triangles around each node.
     around: BTreeMap<u32, Vec<usize>>,
 }
 
 impl Features {
-    /// Of a patch where it is now.
+    /// Features of a patch at its present position.
+    // vertices, edges, faces; each once, by its sorted nodes
     pub fn new(patch: &Patch) -> Self {
         let mut number: BTreeMap<Vec<u32>, usize> = BTreeMap::new();
         let mut all: Vec<Feature> = vec![];
@@ -110,6 +111,7 @@ impl Features {
                 }
             }
         }
+        // triangles around each node, then the cones
         let mut around: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
         for (t, node) in patch.triangles.iter().enumerate().flat_map(|(t, nodes)| nodes.map(|node| (t, node))) {
             around.entry(node).or_default().push(t);
@@ -119,7 +121,7 @@ impl Features {
         features
     }
 
-    /// Fills the cones.
+    /// Computes the cones.
     fn look(&mut self, patch: &Patch) {
         for (t, corners) in patch.corners.iter().enumerate() {
             let normal = patch.face_normal(t);
@@ -129,9 +131,9 @@ impl Features {
             for k in 0..3 {
                 let [a, b, c] = [k, (k + 1) % 3, (k + 2) % 3].map(|n| corners[n]);
                 let edge = (b - a).normalize_or_zero();
-                // across the edge from a to b, away from the triangle
+                // across the edge from a to b, out of the triangle
                 self.all[self.of[t][3 + k]].cone.outward.push(edge.cross(normal));
-                // along both edges that end at a; an edge between two triangles comes twice, which changes nothing
+                // along both edges that end at a; an edge of two triangles counts twice, which changes nothing
                 let along = [(a - b).normalize_or_zero(), (a - c).normalize_or_zero()];
                 self.all[self.of[t][k]].cone.outward.extend(along);
             }
@@ -141,7 +143,7 @@ impl Features {
         }
     }
 
-    /// The features of triangles, each once, in order.
+    /// Features of triangles, each once, in order.
     pub fn of(&self, triangles: &[u32]) -> Vec<usize> {
         let mut ids: Vec<usize> = triangles.iter().flat_map(|t| self.of[*t as usize]).collect();
         ids.sort_unstable();
@@ -149,7 +151,7 @@ impl Features {
         ids
     }
 
-    /// Faces that have one of these nodes, each once, in order.
+    /// Faces at any of these nodes, each once, in order.
     pub fn faces_at(&self, nodes: &[u32]) -> Vec<&Feature> {
         let mut found: Vec<usize> = nodes.iter().filter_map(|node| self.around.get(node)).flatten().copied().collect();
         found.sort_unstable();
@@ -157,7 +159,7 @@ impl Features {
         found.into_iter().map(|t| &self.all[self.of[t][6]]).collect()
     }
 
-    /// The vertex, edge or face of a triangle that has the place of these weights strictly inside.
+    /// Vertex, edge or face of a triangle that contains the point of these weights strictly.
     pub fn holding(&self, triangle: usize, weights: [f64; 3]) -> &Feature {
         let of = &self.of[triangle];
         let used: Vec<usize> = (0..3).filter(|k| weights[*k] > closest::MARGIN).collect();

@@ -110,7 +110,7 @@ impl Gpu {
     /// Checks that no error has occurred so far.
     ///
     /// # Errors
-    /// [`Failed::Device`] with what went wrong first.
+    /// [`Failed::Device`] with the first error.
     pub fn sound(&self) -> Result<()> {
         self.fault.first().map_or(Ok(()), |message| Err(Failed::Device { message }.into()))
     }

@@ -1,4 +1,4 @@
-//! study.csv, study.md, and the words that settings have in them.
+//! Tables study.csv and study.md, and the names of settings in them.
 
 use super::settings::element_word;
 use super::{Row, Setting, Stop, Study, plot};
@@ -8,7 +8,7 @@ use crate::scene::{CORRECTIONS, Correction, INTEGRATORS, Integrator, PRECONDITIO
 use std::fmt::Write;
 use std::path::Path;
 
-/// Bounds of the error that the page names the cheapest setting for.
+/// Error bounds for which study.md names the cheapest setting.
 const NEEDS: [f64; 5] = [0.2, 0.1, 0.05, 0.02, 0.01];
 
 /// Columns of study.csv.
@@ -62,7 +62,7 @@ fn table(study: &Study) -> String {
     COLUMNS.join(",") + "\n" + &lines.collect::<String>()
 }
 
-/// The rows as JSON, by the columns of study.csv; what is empty there is null.
+/// Rows as JSON with the columns of study.csv; empty cells are null.
 pub(super) fn json(study: &Study) -> serde_json::Value {
     let value = |text: String| match text.parse::<f64>() {
         Ok(number) => serde_json::json!(number),
@@ -76,7 +76,7 @@ pub(super) fn json(study: &Study) -> serde_json::Value {
     study.rows.iter().map(row).collect()
 }
 
-/// One row in the order of the columns.
+/// Cells of a row, in the order of the columns.
 fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
     let s = &row.setting;
     let [backend, precision] = s.place.words();
@@ -126,7 +126,7 @@ fn quoted(text: &str) -> String {
     if text.contains([',', '"', '\n']) { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.into() }
 }
 
-/// A share in per cent with two digits.
+/// Per cent with two digits.
 fn percent(value: Option<f64>) -> String {
     match value {
         None => "–".into(),
@@ -141,7 +141,7 @@ fn percent(value: Option<f64>) -> String {
     }
 }
 
-/// A setting in a line.
+/// A setting in one line.
 fn words(s: &Setting) -> String {
     let stop = match s.stop {
         Stop::Tolerance(t) => format!(" to {t:e}"),
@@ -166,7 +166,7 @@ fn words(s: &Setting) -> String {
     )
 }
 
-/// The fastest settings within each error, none where there is none.
+/// Fastest setting within each error bound, if any.
 fn advice(study: &Study) -> [(f64, Option<&Row>); NEEDS.len()] {
     NEEDS.map(|need| {
         let within = study.rows.iter().filter(|r| r.error_total.is_some_and(|e| e <= need));
@@ -174,12 +174,12 @@ fn advice(study: &Study) -> [(f64, Option<&Row>); NEEDS.len()] {
     })
 }
 
-/// What could not be run, and why, in lines of text.
+/// Settings that could not be run with the reason, one line each.
 pub(super) fn failed_lines(study: &Study) -> Vec<String> {
     study.failed.iter().map(|(setting, error)| format!("{}: {error}", words(setting))).collect()
 }
 
-/// The same in lines of text.
+/// [`advice`] in lines of text.
 pub(super) fn advice_lines(study: &Study) -> Vec<String> {
     let one = |(need, row): (f64, Option<&Row>)| match row {
         Some(row) => {

@@ -1,18 +1,19 @@
-//! Speed against error: a scene run in many settings, each beside what it costs.
+//! Speed against error: runs a scene in many settings and measures the cost and the error of each.
 //!
-//! Errors are relative, of the probes and the forces on tools over the whole course of a run (of their values at the end, where the scene
-//! knows these from elsewhere), and separated by runs that differ in one thing alone:
+//! Errors are relative, of the probes and the forces on tools over the whole run (of their final values where the scene states known ones),
+//! and separated by runs that differ in one thing only:
 //!
 //! | error | between |
 //! |---|---|
-//! | discretisation | this grid and bricks, solved exactly at the shortest step, and the reference |
+//! | discretisation | this grid and element, solved exactly at the shortest step, and the reference |
 //! | time step | this step and the shortest, both solved exactly on this grid |
 //! | solver | this solver and contact correction in f64, and solved exactly |
-//! | rounding | this precision and f64, all else the same |
+//! | rounding | this precision and f64, all else equal |
 //! | total | this run and the reference |
 //!
 //! The reference is the finest grid at the shortest step, solved exactly (a sparse factor, or conjugate gradients to 10⁻⁹), or the known
-//! values. Times are medians of the steps of a run, the fastest of repeated ones; each is also stated as a ratio to the first setting, the scene's own on the CPU path in f64.
+//! values. Times are medians over the steps of a run, of the fastest of repeated runs; each is also stated as a ratio to the first setting,
+//! the scene's own on the CPU path in f64.
 
 mod files;
 mod plot;
@@ -34,78 +35,78 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 use trace::{UNITS, apart, apart_in, signals};
 
-/// No run of a quick study is longer than this,
+/// A quick study stops each run after this time,
 const QUICK_RUN: Duration = Duration::from_secs(12);
-/// it leaves out what does not begin before this,
+/// starts no run after this one,
 const QUICK_BEGIN: Duration = Duration::from_secs(90);
-/// and stops what has not ended by then.
+/// and stops all runs at this one.
 const QUICK_END: Duration = Duration::from_secs(110);
-/// Cells of its reference at most: more take longer to set up than the study may.
+/// Most cells of its reference; more take longer to set up than the study may.
 const QUICK_CELLS: f64 = 1e5;
 /// Most steps of a run.
 const MOST_STEPS: f64 = 1e6;
 
-/// How to study.
+/// Options of a study.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// An adapter to run on beside the CPU path.
+    /// Adapter to run on beside the CPU path.
     pub gpu: Option<Place>,
-    /// Under two minutes: one setting, on the grid that the scene says for it, and what differs from it in one thing.
+    /// Under two minutes: one setting on the scene's grid for it, and its variations in one thing.
     pub quick: bool,
-    /// No run takes longer, s.
+    /// Time limit of a run, s.
     pub limit_s: f64,
-    /// Times that every setting is run; the fastest counts, for what else the machine does can only slow it.
+    /// Repetitions of each setting; the fastest counts, since other load can only slow a run.
     pub repeats: u32,
-    /// Folder of study.csv, study.md, study.svg.
+    /// Folder for study.csv, study.md, study.svg.
     pub out: PathBuf,
 }
 
-/// A setting with what it gave.
+/// A setting with its results.
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// What was run.
+    /// The setting.
     pub setting: Setting,
-    /// How it went.
+    /// Its run.
     pub trace: Trace,
-    /// This grid against the reference; all errors are relative, none where a run was cut short.
+    /// Error of this grid against the reference. Errors are relative, none if a run was cut short.
     pub error_discretisation: Option<f64>,
-    /// This solver against an exact one.
+    /// Error of this solver against an exact one.
     pub error_solver: Option<f64>,
-    /// This precision against f64.
+    /// Error of this precision against f64.
     pub error_rounding: Option<f64>,
-    /// This step against the shortest.
+    /// Error of this step against the shortest.
     pub error_step: Option<f64>,
-    /// This run against the reference.
+    /// Error of this run against the reference.
     pub error_total: Option<f64>,
-    /// Parts of the total: displacements, velocities and forces alone; the worst of them is the total.
+    /// Total error by unit: displacements, velocities, forces; the largest is the total.
     pub by_unit: [Option<f64>; UNITS.len()],
-    /// No other run is both faster for the scene's time and nearer.
+    /// On the Pareto front: no other run takes less time for the scene and has a smaller error.
     pub pareto: bool,
 }
 
 impl Row {
-    /// Time per step over the step: below 1 it keeps up with the clock.
+    /// Time per step over the step: below 1 it runs in real time.
     pub fn real_time(&self) -> f64 {
         self.trace.ms_per_step / (self.setting.step * 1e3)
     }
 }
 
-/// A whole study.
+/// Result of a study.
 #[derive(Clone, Debug)]
 pub struct Study {
     /// Scene file.
     pub scene: String,
     /// Processor and threads.
     pub machine: String,
-    /// The GPU, if one was used.
+    /// The GPU, if used.
     pub adapter: Option<String>,
-    /// What errors are measured against.
+    /// Description of the reference.
     pub reference: String,
-    /// What errors are of.
+    /// Quantities that errors are of.
     pub signals: Vec<String>,
-    /// Poisson's ratios of the layers, each once.
+    /// Poisson's ratios of the layers, without duplicates.
     pub poisson: Vec<f64>,
-    /// In the order run.
+    /// Rows, in the order run.
     pub rows: Vec<Row>,
     /// Settings that could not be run, with the reason.
     pub failed: Vec<(Setting, String)>,
@@ -113,32 +114,32 @@ pub struct Study {
     pub left_out: usize,
     /// Step of the first setting, s.
     pub step: f64,
-    /// What the ratios of times are to: ms per step of the first setting, the scene's own on the CPU path in f64.
+    /// Time that the ratios refer to: ms per step of the first setting, the scene's own on the CPU path in f64.
     pub own_ms: Option<f64>,
 }
 
-/// Between two steps of a study.
+/// Progress between two steps of a study.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress {
-    /// Runs done.
+    /// Completed runs.
     pub run: usize,
-    /// Runs in all, at most.
+    /// Largest number of runs.
     pub runs: usize,
-    /// Share of the work that is done, by an estimate of each run's cost.
+    /// Fraction of the work done, by estimated costs.
     pub share: f64,
 }
 
-/// Studies a scene and writes its three files; `progress` is told after every step.
+/// Studies a scene and writes its three files; calls `progress` after every step.
 ///
 /// # Errors
-/// For a scene of rigid bodies alone, a grid that its regions or probes do not fit, no adapter, a folder that cannot be written.
+/// If the scene has rigid bodies alone, a grid does not fit its regions or probes, no adapter fits, or the folder cannot be written.
 pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)) -> Result<Study> {
     let start = Instant::now();
     let signals = signals(scene);
     if scene.skins.is_empty() || signals.is_empty() {
         return Err(Unfit::Nothing.of(scene));
     }
-    // the settings to run, and the reference that their errors are against
+    // settings to run, and their reference
     let axes = Axes::new(scene, options.gpu.as_ref());
     let first = if options.quick { quick(scene) } else { own(scene) };
     let variants = if options.quick { axes.star(&first) } else { axes.all(&first) };
@@ -163,9 +164,9 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         cost: [0.0; 2],
         progress,
     };
-    // what cannot be run is refused before anything takes time
+    // refuse what cannot run before anything takes time
     if let Some(Place::Gpu(text)) = &options.gpu {
-        Gpu::open(text.as_deref())?; // no adapter, no study
+        Gpu::open(text.as_deref())?; // without an adapter there is no study
     }
     if duration / all_steps[all_steps.len() - 1] > MOST_STEPS {
         return Err(Unfit::Steps { most: MOST_STEPS }.of(scene));
@@ -205,7 +206,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         step: first.step,
         own_ms: None,
     };
-    // a row per setting; the files are written after each, so that a killed study leaves what it has
+    // a row per setting; writing after each leaves the results of a killed study
     for setting in &variants {
         if options.quick && start.elapsed() > QUICK_BEGIN {
             study.left_out += 1;
@@ -217,7 +218,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         }
         study.write(&first, &options.out)?;
     }
-    // repetitions keep the fastest time of each
+    // repetitions keep the fastest time of each setting
     for _ in 1..options.repeats {
         for row in &mut study.rows {
             row.trace.keep_faster(&runs.run(&row.setting, false)?);
@@ -229,30 +230,30 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
 }
 
 impl Study {
-    /// Marks the front and writes the files, with all that has been run so far.
+    /// Marks the Pareto front and writes the files for the runs so far.
     fn write(&mut self, first: &Setting, folder: &Path) -> Result<()> {
         mark_front(&mut self.rows);
         self.own_ms = self.rows.iter().find(|r| r.setting == *first).map(|r| r.trace.ms_per_step);
         files::write(self, folder)
     }
 
-    /// The rows by the columns of study.csv.
+    /// Rows as JSON with the columns of study.csv.
     pub fn to_json(&self) -> serde_json::Value {
         files::json(self)
     }
 
-    /// What could not be run and why, a line each.
+    /// Settings that could not be run with the reason, one line each.
     pub fn failures(&self) -> Vec<String> {
         files::failed_lines(self)
     }
 
-    /// The fastest setting within each of some errors, a line each.
+    /// Fastest setting within each of several errors, one line each.
     pub fn advice(&self) -> Vec<String> {
         files::advice_lines(self)
     }
 }
 
-/// Runs a setting and what its errors are differences of.
+/// Runs a setting, and the runs that its errors refer to.
 fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>]) -> Result<Row> {
     let [own, twin, exactly, shortest] = runs.needed(setting).map(|(setting, exactly)| runs.get(&setting, exactly));
     let (own, twin, exactly, shortest) = (own?, twin?, exactly?, shortest?);
@@ -272,7 +273,7 @@ fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>]) -> Result<Row> {
     })
 }
 
-/// The reference: the finest grid, the shortest step, solved exactly with the scene's own bricks.
+/// Setting of the reference: finest grid, shortest step, solved exactly with the scene's own element.
 fn reference(scene: &Scene, quick: bool) -> Setting {
     let finest = scene.study.finest_grid().max(2.0);
     let grid = if scene.study.reference_grid > 0.0 { scene.study.reference_grid } else { finest };
@@ -280,7 +281,7 @@ fn reference(scene: &Scene, quick: bool) -> Setting {
     at_shortest(scene, &exact(scene, &Setting { refinement: grid, ..own(scene) }))
 }
 
-/// Marks the rows that no other beats in both computing time for the scene's and total error.
+/// Marks the rows that no other beats in both time for the scene and total error.
 fn mark_front(rows: &mut [Row]) {
     let point = |row: &Row| {
         let error = row.error_total.filter(|e| e.is_finite())?;
@@ -319,7 +320,7 @@ fn poisson(scene: &Scene) -> Vec<f64> {
     all
 }
 
-/// The processor's name where the system says it.
+/// Name of the processor, if the system states it.
 fn machine() -> String {
     let threads = rayon::current_num_threads();
     let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
@@ -328,7 +329,7 @@ fn machine() -> String {
     format!("{name}, {threads} threads")
 }
 
-/// Name and driver of the adapter that a place takes.
+/// Name and driver of a backend's adapter.
 fn adapter(place: &Place) -> Option<String> {
     let Place::Gpu(text) = place else { return None };
     let found = adapters().into_iter().find(|a| a.named(text.as_deref().unwrap_or("")))?;

@@ -1,4 +1,4 @@
-//! study.svg: error against time per step, both logarithmic, a panel per path, a curve per method, the front marked.
+//! Plot study.svg: error over time per step, both logarithmic; a panel per path, a curve per method, the front marked.
 
 use super::super::Refused;
 use super::settings::element_word;
@@ -15,22 +15,22 @@ const PANEL: (u32, u32) = (430, 470);
 /// Height of the title and width of the legend, px.
 const TITLE: u32 = 56;
 const LEGEND: u32 = 190;
-/// Errors below this are drawn at it.
+/// Smaller errors are drawn here.
 const LEAST: f64 = 1e-5;
-/// And above this are not drawn.
+/// Larger errors are not drawn.
 const MOST: f64 = 10.0;
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, Shift>;
 type Chart<'a, 'b> = ChartContext<'a, SVGBackend<'b>, Cartesian2d<LogCoord<f64>, LogCoord<f64>>>;
 type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 
-/// Computing time for one of the study's own steps, ms, and total error, %. A longer step counts for as much of the scene as it covers.
+/// Computing time per step of the study, ms, and total error, %. A longer step is scaled by the scene time that it covers.
 fn point(study: &Study, row: &Row) -> Option<(f64, f64)> {
     let error = row.error_total.filter(|e| *e <= MOST)?;
     Some((row.real_time() * study.step * 1e3, error.max(LEAST) * 100.0))
 }
 
-/// The picture's text.
+/// The plot as SVG text.
 pub(super) fn picture(study: &Study) -> Result<String> {
     let mut text = String::new();
     let mut paths: Vec<[&str; 2]> = vec![];
@@ -83,7 +83,7 @@ fn draw(study: &Study, paths: &[[&str; 2]], area: &Area) -> Drawn {
     Ok(())
 }
 
-/// Whole decades around some values, at least one.
+/// Range of whole decades around values, at least one decade.
 fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = values.fold((f64::INFINITY, 0.0f64), |(l, h), v| (l.min(v), h.max(v)));
     if low > high {
@@ -93,7 +93,7 @@ fn decades(values: impl Iterator<Item = f64>) -> Range<f64> {
     10f64.powf(low)..10f64.powf(high.max(low + 1.0))
 }
 
-/// What one curve is of.
+/// Method of a curve.
 type Method = (Law, Preconditioner);
 
 fn method(s: &Setting) -> Method {
@@ -121,7 +121,7 @@ fn color(preconditioner: Preconditioner) -> RGBColor {
     }
 }
 
-/// Dash and gap of a curve, px; none for a whole line.
+/// Dash and gap of a curve, px; none for a solid line.
 fn dash(law: Law) -> Option<[u32; 2]> {
     match law {
         Law::Fem { element: Element::Plain, .. } => Some([2, 4]),
@@ -130,7 +130,7 @@ fn dash(law: Law) -> Option<[u32; 2]> {
     }
 }
 
-/// All points of a method, and its own front as a curve. A ring is a run that stopped after a number of iterations.
+/// Points of a method, with its own front as a curve. A ring marks runs that stop after a fixed number of iterations.
 fn curve(chart: &mut Chart, study: &Study, rows: &[&Row], (law, preconditioner): Method) -> Drawn {
     let own = rows.iter().filter(|r| method(&r.setting) == (law, preconditioner));
     let color = color(preconditioner);
@@ -150,7 +150,7 @@ fn curve(chart: &mut Chart, study: &Study, rows: &[&Row], (law, preconditioner):
     Ok(())
 }
 
-/// The study's front as a broad line in every panel; its own points of this panel ringed.
+/// The study's front as a broad line in every panel; its points in this panel ringed.
 fn front(chart: &mut Chart, study: &Study, path: &[&str; 2]) -> Drawn {
     let marked = || study.rows.iter().filter(|r| r.pareto);
     let all = lower_left(marked().filter_map(|r| point(study, r)).collect());
@@ -162,7 +162,7 @@ fn front(chart: &mut Chart, study: &Study, path: &[&str; 2]) -> Drawn {
 
 const FRONT: RGBColor = RGBColor(120, 120, 120);
 
-/// Points that none of the others beats, by time.
+/// Points that no other beats, sorted by time.
 fn lower_left(mut points: Vec<(f64, f64)>) -> Vec<(f64, f64)> {
     points.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.total_cmp(&b.1)));
     let mut least = f64::INFINITY;

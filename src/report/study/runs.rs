@@ -1,4 +1,4 @@
-//! The runs of a study: each once, in time, with the share of the work that is done.
+//! Runs of a study: each once, within the time limits, with progress by estimated cost.
 
 use super::super::StudyUnfit as Unfit;
 use super::Progress;
@@ -9,25 +9,25 @@ use crate::scene::{Integrator, Scene};
 use crate::step::Place;
 use std::time::{Duration, Instant};
 
-/// Runs and their traces, each once; what is left to do.
+/// Runs with their traces, each once, and the remaining work.
 pub(super) struct Runs<'a> {
     pub scene: &'a Scene,
     pub signals: Vec<Signal>,
     pub duration: f64,
     pub every: Option<f64>,
     pub limit: Duration,
-    /// When all runs end, those too that others are measured against.
+    /// Time at which all runs stop, references included.
     pub end: Option<Instant>,
     pub done: Vec<(Setting, bool, Trace)>,
     pub tried: Vec<(Setting, bool)>,
-    /// Runs done and wanted, and their costs.
+    /// Completed and requested runs, and their costs.
     pub count: [usize; 2],
     pub cost: [f64; 2],
     pub progress: &'a mut dyn FnMut(&Progress),
 }
 
 impl Runs<'_> {
-    /// A setting's own run and those that its errors are differences of.
+    /// A setting's own run and those that its errors refer to.
     pub fn needed(&self, setting: &Setting) -> [(Setting, bool); 4] {
         let twin = Setting { place: Place::Cpu64, ..setting.clone() };
         let exactly = exact(self.scene, setting);
@@ -35,7 +35,7 @@ impl Runs<'_> {
         [(setting.clone(), false), (twin, false), (exactly, true), (shortest, true)]
     }
 
-    /// The trace of a setting, run now if it was not before.
+    /// Trace of a setting, run now unless known.
     pub fn get(&mut self, setting: &Setting, exactly: bool) -> Result<Trace> {
         let known = |(s, e, _): &&(Setting, bool, Trace)| s == setting && *e == exactly;
         if let Some((_, _, trace)) = self.done.iter().find(known) {
@@ -51,27 +51,27 @@ impl Runs<'_> {
         Ok(trace)
     }
 
-    /// Counts a run, also one that failed.
+    /// Counts a run, even if it failed.
     pub fn advance(&mut self, setting: &Setting, exactly: bool) {
         self.count[0] += 1;
         self.cost[0] += self.cost_of(setting, exactly);
     }
 
-    /// Runs a setting, whether it was run before or not.
+    /// Runs a setting, even if its trace is known.
     pub fn run(&mut self, setting: &Setting, exactly: bool) -> Result<Trace> {
         let scene = scene_of(self.scene, setting, self.duration, exactly)?;
         let own = self.cost_of(setting, exactly);
         let ([run, runs], [before, total]) = (self.count, self.cost);
         let progress = &mut *self.progress;
         let mut stepped = |part: f64| progress(&Progress { run, runs, share: (before + own * part) / total });
-        // what others are measured against is run to its end, but in a quick study
+        // runs that others refer to have no limit, except in a quick study
         let limit = if exactly { Duration::MAX } else { self.limit };
         let left = self.end.map_or(Duration::MAX, |end| end.saturating_duration_since(Instant::now()));
         let limit = limit.min(left);
         trace(&scene, &setting.place, &self.signals, self.every, limit, &mut stepped)
     }
 
-    /// The trace of what others are measured against, whole and finite.
+    /// Trace of a run that others refer to, complete and finite.
     pub fn whole(&mut self, setting: &Setting, what: &str) -> Result<Trace> {
         let trace = self.get(setting, true)?;
         if !trace.whole() {
@@ -83,7 +83,7 @@ impl Runs<'_> {
         Err(Unfit::NonFinite { what: what.into() }.of(self.scene))
     }
 
-    /// Cost of a run, in cells times steps times what its solver roughly takes.
+    /// Cost estimate of a run: cells times steps times a weight of its solver.
     pub fn cost_of(&self, setting: &Setting, exactly: bool) -> f64 {
         use crate::scene::Preconditioner::{Block, Column, Direct, Jacobi, Multigrid, None};
         let solver = match (setting.preconditioner, setting.stop) {
@@ -99,7 +99,7 @@ impl Runs<'_> {
     }
 }
 
-/// The same at the shortest step, with the integrator of highest order.
+/// The setting at the shortest step, with the integrator of highest order.
 pub(super) fn at_shortest(scene: &Scene, setting: &Setting) -> Setting {
     let second = scene.study.integrators.contains(&Integrator::Newmark);
     let integrator = if second { Integrator::Newmark } else { scene.time.integrator };

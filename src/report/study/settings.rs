@@ -1,4 +1,4 @@
-//! The variants of a study: which settings are run, and the scene that each of them is.
+//! Variants of a study: the settings to run, and the scene of each.
 
 use super::super::StudyUnfit as Unfit;
 use crate::error::Result;
@@ -9,48 +9,48 @@ use crate::scene::{
 };
 use crate::step::Place;
 
-/// Relative residual of a solve that counts as exact.
+/// Relative residual that counts as an exact solve.
 const EXACT: f64 = 1e-9;
-/// Contact residual of a step that counts as exact.
+/// Contact residual that counts as an exact step.
 const EXACT_CONTACT: f64 = 1e-5;
-/// Unknowns up to which a sparse factor is the exact answer; beyond, its fill costs more than conjugate gradients to [`EXACT`].
+/// Most unknowns solved exactly by a sparse factor; beyond, its fill costs more than conjugate gradients to [`EXACT`].
 const FACTORED: usize = 20_000;
-/// A node that is nearer than this to a probe's point is there, m: a micrometre, as decimals in a scene are rounded.
+/// Largest distance of a probe's point from its node, m: a micrometre, the rounding of decimals in a scene.
 const AT_NODE: f64 = 1e-6;
 
-/// When a solve ends.
+/// Stopping criterion of a solve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Stop {
-    /// At a residual relative to the step's load.
+    /// Residual relative to the step's load.
     Tolerance(f64),
-    /// After so many iterations, whatever is left.
+    /// Fixed number of iterations, whatever the residual.
     Iterations(u32),
-    /// Solved by a factor.
+    /// Exact, by a factor.
     Exact,
 }
 
-/// One point of a study.
+/// Point of a study.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setting {
-    /// Bricks, or springs.
+    /// Material law with its element, or springs.
     pub law: Law,
-    /// Of the conjugate gradients.
+    /// Preconditioner of the conjugate gradients.
     pub preconditioner: Preconditioner,
-    /// When a solve ends.
+    /// Stopping criterion.
     pub stop: Stop,
-    /// Cells, times the scene's.
+    /// Refinement relative to the scene's grid.
     pub refinement: f64,
-    /// s
+    /// Time step, s.
     pub step: f64,
-    /// How steps are taken.
+    /// Time integrator.
     pub integrator: Integrator,
-    /// None without contact.
+    /// Contact correction; none without contact.
     pub correction: Option<Correction>,
-    /// Where it runs.
+    /// Backend and precision.
     pub place: Place,
 }
 
-/// `bbar`, `enhanced`, `plain`, a hyperelastic law or `springs`.
+/// Name: `bbar`, `enhanced`, `plain`, a hyperelastic law or `springs`.
 pub fn element_word(law: Law) -> &'static str {
     match law {
         Law::Fem { element, .. } => word(&ELEMENTS, element),
@@ -59,7 +59,7 @@ pub fn element_word(law: Law) -> &'static str {
     }
 }
 
-/// The scene's own setting, on the CPU path in f64.
+/// The scene's own setting on the CPU path in f64.
 pub fn own(scene: &Scene) -> Setting {
     Setting {
         law: scene.skins[0].law,
@@ -77,19 +77,19 @@ fn stop(preconditioner: Preconditioner, wanted: Stop) -> Stop {
     if preconditioner == Preconditioner::Direct { Stop::Exact } else { wanted }
 }
 
-/// The setting that a quick study varies: the scene's own, on the grid that it says or the coarsest of the study.
+/// Setting varied by a quick study: the scene's own, on the grid stated for it or the coarsest of the study.
 pub fn quick(scene: &Scene) -> Setting {
     let coarsest = scene.study.grids.iter().copied().fold(1.0, f64::min);
     let grid = if scene.study.quick_grid > 0.0 { scene.study.quick_grid } else { coarsest };
     Setting { refinement: grid, ..own(scene) }
 }
 
-/// Every pair of two lists.
+/// All pairs of two lists.
 fn both<A: Copy, B: Copy>(a: &[A], b: &[B]) -> Vec<(A, B)> {
     a.iter().flat_map(|a| b.iter().map(move |b| (*a, *b))).collect()
 }
 
-/// A law with other bricks, where it has any to choose from.
+/// A law with another element, if it has several.
 fn with(law: Law, element: Element) -> Law {
     match law {
         Law::Fem { corotational, .. } => Law::Fem { element, corotational },
@@ -97,7 +97,7 @@ fn with(law: Law, element: Element) -> Law {
     }
 }
 
-/// The study's axes.
+/// Axes of the study.
 pub struct Axes {
     laws: Vec<Law>,
     preconditioners: Vec<Preconditioner>,
@@ -114,7 +114,7 @@ fn or_own<T: Clone>(list: &[T], own: T) -> Vec<T> {
 }
 
 impl Axes {
-    /// What a scene says, its own value where it says nothing; `gpu` is an adapter that runs it too.
+    /// Axes stated in the scene, its own value for others; `gpu` is an adapter to run on as well.
     pub fn new(scene: &Scene, gpu: Option<&Place>) -> Self {
         let (study, own) = (&scene.study, own(scene));
         let laws: Vec<Law> = study.elements.iter().map(|element| with(own.law, *element)).collect();
@@ -136,7 +136,7 @@ impl Axes {
         }
     }
 
-    /// The scene's own setting, then every combination that runs: a factor is the CPU path's in f64, and no tolerance changes it.
+    /// The scene's own setting, then every valid combination: a factor needs the CPU path in f64 and has no tolerance.
     pub fn all(&self, own: &Setting) -> Vec<Setting> {
         let mut out: Vec<Setting> = vec![own.clone()];
         let mut add = |setting: Setting| {
@@ -169,7 +169,7 @@ impl Axes {
         out
     }
 
-    /// A setting, then those that differ from it along one axis alone, on no finer grid.
+    /// A setting, then those that differ from it along one axis only, on no finer grid.
     pub fn star(&self, own: &Setting) -> Vec<Setting> {
         let mut out = vec![own.clone()];
         let one = || own.clone();
@@ -196,12 +196,13 @@ impl Axes {
     }
 }
 
-/// The scene with other cells; `factor` times its own along each axis, of a layer at least one.
+/// The scene on another grid: `factor` times its cells along each axis, at least one per layer.
 ///
 /// # Errors
-/// [`Unfit`] when that is no whole number along x or y, when a region holds no node there, or a probe lies between nodes.
+/// [`Unfit`] if that is no whole number along x or y, a region holds no node there, or a probe lies between nodes.
 pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
     let mut out = scene.clone();
+    // cells and reserve of each body
     for skin in &mut out.skins {
         for cells in &mut skin.cells {
             let wanted = f64::from(*cells) * factor;
@@ -217,6 +218,7 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
             *reserve_columns = (f64::from(*reserve_columns) * factor).ceil() as u32;
         }
     }
+    // refuse grids with too many nodes, regions without a node, probes between nodes
     let nodes = |skin: &Skin| {
         let z: f64 = skin.layers.iter().map(|l| f64::from(l.cells)).sum();
         (f64::from(skin.cells[0]) + 1.0) * (f64::from(skin.cells[1]) + 1.0) * (z + 1.0)
@@ -248,7 +250,7 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
     Ok(out)
 }
 
-/// Whether errors are of this probe.
+/// Whether errors are taken of this probe.
 fn measured(scene: &Scene, name: &str) -> bool {
     let number = scene.probes.iter().position(|p| p.name == name);
     let study = &scene.study;
@@ -258,13 +260,13 @@ fn measured(scene: &Scene, name: &str) -> bool {
     }
 }
 
-/// The scene that a setting runs, over `duration` s; `exactly` asks for contact solved as well as can be.
+/// The scene of a setting, over `duration` s; with `exactly`, contact is solved as accurately as possible.
 ///
 /// # Errors
 /// As [`on_grid`].
 pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) -> Result<Scene> {
     let mut out = on_grid(scene, setting.refinement)?;
-    // in its own setting a scene of several bodies keeps the bricks of each
+    // in its own setting each of a scene's bodies keeps its element
     if let (Law::Fem { element, .. }, true) = (setting.law, setting.law != scene.skins[0].law) {
         out.skins.iter_mut().for_each(|skin| skin.law = with(skin.law, element));
     }
@@ -285,7 +287,7 @@ pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) 
     Ok(out)
 }
 
-/// Cells of all bodies on a grid, about.
+/// Approximate number of cells of all bodies on a grid.
 pub fn cells(scene: &Scene, grid: f64) -> f64 {
     let of = |skin: &Skin| {
         let z: f64 = skin.layers.iter().map(|l| (f64::from(l.cells) * grid).max(1.0)).sum();
@@ -294,7 +296,7 @@ pub fn cells(scene: &Scene, grid: f64) -> f64 {
     scene.skins.iter().map(of).sum()
 }
 
-/// The same bricks, grid and step solved exactly, in f64.
+/// The same element, grid and step, solved exactly in f64.
 pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
     let bricks = scene.skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
     let splits = scene.tools.iter().any(|t| t.blade.is_some());

@@ -1,17 +1,17 @@
-//! One run of a study: what its probes saw at common times, and what a step cost.
+//! One run of a study: probe values at common times, and the cost of a step.
 
 use crate::error::Result;
 use crate::scene::{ProbeKind, Scene};
 use crate::step::{Place, Simulation};
 use std::time::{Duration, Instant};
 
-/// The device's own clock is read after so many steps, so that the reading costs the others nothing.
+/// Steps between two readings of the device's clock, so that the others do not pay for a reading.
 const TIMED: u32 = 4;
 
-/// A quantity that errors are of.
+/// Quantity that errors are taken of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Signal {
-    /// Probe by number, and its unit.
+    /// Probe by number, with its unit.
     Probe(usize, &'static str),
     /// Largest force on a tool, N.
     Force,
@@ -26,8 +26,8 @@ impl Signal {
     }
 }
 
-/// The quantities of a scene: named probes or all of them, and forces on tools; of known values their probes alone. Not reactions, which
-/// are of the step before: between steps of different lengths they would differ by that alone.
+/// Quantities of a scene: the named probes or all of them, and the forces on tools; with known values their probes only. Reactions are
+/// omitted: they belong to the previous step, and would differ between step lengths by that alone.
 pub fn signals(scene: &Scene) -> Vec<Signal> {
     let unit = |probe: usize| Signal::Probe(probe, scene.probes[probe].kind.unit());
     if !scene.study.known.is_empty() {
@@ -46,32 +46,32 @@ pub fn signals(scene: &Scene) -> Vec<Signal> {
     out
 }
 
-/// What a run gave.
+/// Result of a run.
 #[derive(Clone, Debug, Default)]
 pub struct Trace {
-    /// `[time][signal]`, SI, at the ends of the study's longest step; of known values at the end alone.
+    /// `[time][signal]` values, SI, at the ends of the study's longest step; with known values only at the end.
     pub samples: Vec<Vec<f64>>,
-    /// Mean over the steps.
+    /// Iterations per step, mean.
     pub iterations: f64,
-    /// Median, by the wall clock.
+    /// Wall time per step, median, ms.
     pub ms_per_step: f64,
-    /// Median time that the device was busy, from its timestamps.
+    /// Busy time of the device per step by its timestamps, median, ms.
     pub device_ms_per_step: Option<f64>,
-    /// All warnings.
+    /// Number of warnings.
     pub warnings: u64,
-    /// Steps done, of
+    /// Completed steps,
     pub steps: u32,
-    /// so many.
+    /// of this many.
     pub wanted: u32,
 }
 
 impl Trace {
-    /// Ran to its end.
+    /// Whether the run reached its end.
     pub fn whole(&self) -> bool {
         self.steps == self.wanted
     }
 
-    /// Takes the times of another run of the same setting where it was the faster one.
+    /// Takes over the times of another run of the same setting if it was faster.
     pub fn keep_faster(&mut self, other: &Self) {
         if other.ms_per_step < self.ms_per_step {
             (self.ms_per_step, self.device_ms_per_step) = (other.ms_per_step, other.device_ms_per_step);
@@ -79,10 +79,10 @@ impl Trace {
     }
 }
 
-/// Runs a scene, at most for `limit`, and takes samples every `every` s, or at the end alone.
+/// Runs a scene for at most `limit`, and samples every `every` s, or only at the end.
 ///
 /// # Errors
-/// When a model is too large or the device fails.
+/// If a model is too large or the device fails.
 pub fn trace(
     scene: &Scene,
     place: &Place,
@@ -99,6 +99,7 @@ pub fn trace(
     let mut trace = Trace { wanted, ..Trace::default() };
     let (mut wall, mut busy, mut iterations) = (vec![], vec![], 0u64);
     for number in 1..=wanted {
+        // a step with its wall time, and now and then the device's
         let begin = Instant::now();
         let step = simulation.step(false)?;
         wall.push(begin.elapsed().as_secs_f64() * 1e3);
@@ -108,6 +109,7 @@ pub fn trace(
         iterations += u64::from(step.free.iterations);
         trace.warnings += step.warnings.values().map(|n| u64::from(*n)).sum::<u64>();
         trace.steps = number;
+        // samples at the common times
         if number % sampled == 0 {
             let value = |signal: &Signal| match signal {
                 Signal::Probe(probe, _) => step.probes[*probe],
@@ -120,6 +122,7 @@ pub fn trace(
             break;
         }
     }
+    // cost per step
     trace.iterations = iterations as f64 / f64::from(trace.steps.max(1));
     trace.ms_per_step = median(&mut wall).unwrap_or(f64::NAN);
     trace.device_ms_per_step = median(&mut busy);
@@ -131,8 +134,8 @@ fn median(values: &mut [f64]) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// How far two runs are apart, relative to a reference: root of the sum of squares over all samples of the signals of one unit; the worst
-/// unit counts. Infinite where a run left the numbers or the reference has nothing.
+/// Distance of two runs relative to a reference: root of the sum of squares over all samples of the signals of one unit, the largest over
+/// the units. Infinite if a run is not finite or the reference is zero.
 pub fn apart(a: &[Vec<f64>], b: &[Vec<f64>], reference: &[Vec<f64>], signals: &[Signal]) -> f64 {
     let units = UNITS.iter().filter_map(|unit| apart_in(unit, a, b, reference, signals));
     units.fold(0.0, |worst, error| if error > worst { error } else { worst })
@@ -141,7 +144,7 @@ pub fn apart(a: &[Vec<f64>], b: &[Vec<f64>], reference: &[Vec<f64>], signals: &[
 /// Units of signals.
 pub const UNITS: [&str; 3] = ["m", "m_s", "n"];
 
-/// The same of the signals of one unit; none when there is no such signal.
+/// The same for the signals of one unit; none without such a signal.
 pub fn apart_in(unit: &str, a: &[Vec<f64>], b: &[Vec<f64>], reference: &[Vec<f64>], signals: &[Signal]) -> Option<f64> {
     let own: Vec<usize> = (0..signals.len()).filter(|k| signals[*k].unit() == unit).collect();
     if own.is_empty() {

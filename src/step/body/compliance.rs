@@ -1,10 +1,10 @@
 //! Compliance of the skin at the nodes under the tools, kept on the host from step to step.
 //!
-//! `C_ab` is the 3×3 block of `A⁻¹` between nodes `a` and `b`: how far `b` gives under one newton at `a`. Three columns of `A⁻¹` per node,
-//! solved loosely (the passes of the contact solve take the true violations, so `C` decides how many passes, not where they end). Rows
-//! of contacts are sums over their face's nodes, `W = J C Jᵀ`, so a contact may slide over its triangle and `C` stays: only nodes that
-//! the tools newly reach cost solves. What was solved in earlier steps has aged by the rotations since. A pass that closes in slowly
-//! has one batch of columns solved anew, the oldest: all at once took 30 to 70 times a step's time.
+//! `C_ab` is the 3×3 block of `A⁻¹` between nodes `a` and `b`: the displacement of `b` under one newton at `a`. A node takes three columns
+//! of `A⁻¹`, solved loosely: the passes of the contact solve use the true violations, so `C` decides how many passes they take, not their
+//! result. Rows of contacts are sums over the nodes of a face, `W = J C Jᵀ`, so `C` stays valid while a contact slides over its triangle;
+//! only nodes that the tools newly reach cost solves. Columns of earlier steps age with the rotations since. A slow pass has one batch of
+//! columns, the oldest, solved anew; all at once took 30 to 70 times a step's time.
 
 use super::Body;
 use crate::backend::{Backend, CORRECTION, CpuBackend, FIRST_COLUMN, Needs, Snapshot, Target, Wanted};
@@ -16,16 +16,16 @@ use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Columns solved at once: two nodes' three axes. More would cost every node of the body 112 bytes each on the device.
+/// Columns solved at once: three axes of two nodes. Each further one costs every node of the body 112 bytes on the device.
 pub const COLUMNS: usize = 6;
-/// Steps that a node's columns are kept for after the last contact near it: contacts flicker between triangles.
+/// Number of steps for which a node's columns are kept after its last contact: contacts flicker between triangles.
 const KEPT: u32 = 20;
 
-/// Iterations of a batch at most, of those that the easiest took. A node of a crumb that hangs on by an edge asks for hundreds (1.6 s of a
-/// step), and what it gives need not be known so well: passes take the true violations.
+/// Most iterations of a batch, relative to the easiest one. A node of a crumb that hangs on by an edge takes hundreds (1.6 s of a step),
+/// and its compliance need not be that accurate: passes use the true violations.
 const BEYOND: u32 = 3;
 
-/// Nodes that are kept at most, for a scene's number of contacts of four nodes each; beyond it the longest unused are dropped.
+/// Most nodes that are kept, for a scene's number of contacts of four nodes each; beyond it the longest unused are dropped.
 pub fn most_nodes(max_contacts: u32) -> usize {
     16 * max_contacts as usize
 }
@@ -35,20 +35,20 @@ pub fn most_nodes(max_contacts: u32) -> usize {
 pub struct Compliance {
     known: BTreeMap<u32, Known>,
     step: u32,
-    /// Iterations that the easiest batch of columns took.
+    /// Iterations of the easiest batch of columns.
     usual: Option<u32>,
 }
 
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Known {
     used: u32,                     // step of the last contact
-    solved: u32,                   // step of its columns; 0: not yet
-    towards: BTreeMap<u32, DMat3>, // every known node, m/N
+    solved: u32,                   // step in which its columns were solved; 0: not yet
+    towards: BTreeMap<u32, DMat3>, // to every kept node, m/N
 }
 
 impl Compliance {
-    /// Has the columns of these nodes (sorted), solving those that are missing to `tolerance` of their newton; remembers at most `most`
-    /// nodes.
+    /// Provides the columns of these nodes (sorted); solves those that are missing to `tolerance` times one newton and keeps at most
+    /// `most` nodes.
     ///
     /// # Errors
     /// When the device fails.
@@ -62,9 +62,11 @@ impl Compliance {
     ) -> Result<()> {
         self.step += 1;
         let step = self.step;
+        // note the use
         for node in nodes {
             self.known.entry(*node).or_default().used = step;
         }
+        // drop nodes unused for long, and the surplus
         let mut by_use: Vec<(u32, u32)> = self.known.iter().map(|(n, k)| (k.used, *n)).collect();
         by_use.sort_unstable();
         let surplus = by_use.len().saturating_sub(most);
@@ -79,12 +81,13 @@ impl Compliance {
         self.complete(backend, tolerance, report)
     }
 
-    /// Solves the columns of all nodes that have none.
+    /// Solves the columns of all nodes without them.
     fn complete(&mut self, backend: &mut dyn Backend, tolerance: f64, report: &mut StepReport) -> Result<()> {
         let all: Vec<u32> = self.known.keys().copied().collect();
         let missing: Vec<u32> = self.known.iter().filter(|(_, k)| k.solved == 0).map(|(n, _)| *n).collect();
         for pair in missing.chunks(COLUMNS / 3) {
             let budget = self.usual.map_or(u32::MAX, |usual| BEYOND * usual);
+            // one unit force per column
             let slots: Vec<usize> = (FIRST_COLUMN..FIRST_COLUMN + 3 * pair.len()).collect();
             let axis = |slot: usize| DVec3::AXES[(slot - FIRST_COLUMN) % 3].to_array();
             let node = |slot: usize| pair[(slot - FIRST_COLUMN) / 3];
@@ -92,19 +95,21 @@ impl Compliance {
             let wanted: Vec<Wanted> =
                 slots.iter().map(|s| Wanted { slot: *s, target: Target::Loose(tolerance, budget) }).collect();
             let pick: Vec<(usize, u32)> = slots.iter().flat_map(|s| all.iter().map(|n| (*s, *n))).collect();
+            // solve from zero, reading every known node
             backend.forget(&slots)?;
             backend.set_rows(&slots, &entries)?;
             let (outcomes, picked) = backend.solve(&wanted, &pick)?;
             report.contact.columns += slots.len() as u32;
             let most = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
             report.contact.column_iterations = report.contact.column_iterations.max(most);
-            // nodes that are held take none
+            // columns of held nodes take no iterations
             if most > 0 {
                 self.usual = Some(self.usual.map_or(most, |usual| usual.min(most)));
             }
             if outcomes.iter().any(|o| o.broken(budget)) {
                 *report.warnings.entry("columns_not_converged").or_default() += 1;
             }
+            // store the blocks
             for (k, node) in pair.iter().enumerate() {
                 for (b, other) in all.iter().enumerate() {
                     let column = |axis: usize| DVec3::from_array(picked[(3 * k + axis) * all.len() + b]);
@@ -127,8 +132,8 @@ impl Compliance {
         }
     }
 
-    /// Forgets the columns of nodes that a cut has changed; the next `prepare` solves them anew. The others have aged, no more: away from
-    /// the cut it changes little, and passes that do not close in renew them.
+    /// Drops the columns of nodes that a cut has changed; the next `prepare` solves them anew. The others only age: away from the cut they
+    /// change little, and slow passes renew them.
     pub fn forget(&mut self, nodes: impl Iterator<Item = u32>) {
         for node in nodes {
             if self.known.remove(&node).is_some() {
@@ -139,8 +144,8 @@ impl Compliance {
         }
     }
 
-    /// Solves the columns of one batch of nodes anew: of those in use the oldest, of these the ones under the largest
-    /// `forces`. False where all are of the present step.
+    /// Solves the columns of one batch of nodes anew: of the nodes in use those with the oldest columns, among these the ones under the
+    /// largest `forces`. False if all columns are of the present step.
     ///
     /// # Errors
     /// When the device fails.
@@ -168,30 +173,30 @@ impl Compliance {
         Ok(!old.is_empty())
     }
 
-    /// How node `b` gives under one newton at `a`, m/N; both have been prepared.
+    /// Displacement of node `b` under one newton at `a`, m/N; both have been prepared.
     pub fn block(&self, a: u32, b: u32) -> DMat3 {
         self.known.get(&a).and_then(|k| k.towards.get(&b)).copied().unwrap_or(DMat3::ZERO)
     }
 }
 
-/// The compliance of a body at rest, whatever it does later: the columns of one matrix, by its factor in f64 on the host (bricks), or to
-/// [`EXACT`] (springs). Filled as nodes are reached.
+/// Compliance of a body at rest, independent of its later state: columns of one matrix, by its factor in f64 on the host (hexahedra) or
+/// solved to [`EXACT`] (springs). Computed as nodes are reached.
 #[derive(Default)]
 pub struct AtRest {
     backend: Option<Box<CpuBackend<f64>>>,
     pub known: Compliance,
 }
 
-/// Residual of the columns at rest, relative to their newton.
+/// Relative residual of the columns at rest.
 const EXACT: f64 = 1e-9;
-/// Iterations that springs may take to it.
+/// Most iterations of springs to reach it.
 const ITERATIONS: u32 = 100_000;
 
 impl AtRest {
-    /// Has the columns of these nodes; see [`Compliance::prepare`].
+    /// Provides the columns of these nodes; see [`Compliance::prepare`].
     ///
     /// # Errors
-    /// None that the host's path gives.
+    /// Those of [`Compliance::prepare`]; a CPU backend gives none.
     pub fn prepare(&mut self, model: &Model, nodes: &[u32], most: usize, report: &mut StepReport) -> Result<()> {
         let backend = match &mut self.backend {
             Some(backend) => backend,
@@ -215,7 +220,7 @@ impl AtRest {
 }
 
 impl Body {
-    /// Has how these nodes give; returns the inverse blocks of `A` that the uncoupled correction takes for it.
+    /// Provides the compliance of these nodes; returns the inverse blocks of `A` that the uncoupled correction uses in its place.
     pub(in crate::step) fn prepare_compliance(
         &mut self,
         law: &scene::Contact,
@@ -237,7 +242,7 @@ impl Body {
         Ok(vec![])
     }
 
-    /// The body's displacement at nodes under contact forces, solved to a tolerance of the forces, m.
+    /// Displacement of nodes under contact forces, solved to a relative residual of `tolerance`, m.
     pub(in crate::step) fn correct(
         &mut self,
         nodes: &[u32],
@@ -247,7 +252,7 @@ impl Body {
     ) -> Result<Vec<[f64; 3]>> {
         let total = forces.iter().map(|f| DVec3::from_array(f.1).length_squared()).sum::<f64>().sqrt();
         if total == 0.0 {
-            // nothing to solve for, and no share of nothing to solve to
+            // no force: nothing to solve, and no scale for a tolerance
             self.backend.forget(&[CORRECTION])?;
             return Ok(vec![[0.0; 3]; nodes.len()]);
         }

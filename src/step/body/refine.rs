@@ -1,8 +1,8 @@
-//! Iterative refinement: what single precision leaves of a step's equations is found in f64 on the host and solved for again.
+//! Iterative refinement: the residual that f32 leaves in a step's equations is computed in f64 on the host and solved for again.
 //!
-//! `r = b + Jᵀλ − A Δx` in f64 with `Δx` kept in f64, `A e = r` in the backend's precision, `Δx += e`, until `|r|` is below the
-//! solver's tolerance of the step's load. The recurrence of f32 conjugate gradients goes on falling when the true residual does not;
-//! here every round starts from the true one. What the backend then keeps is `Δx` rounded once.
+//! `r = b + Jᵀλ − A Δx` in f64 with `Δx` kept in f64, `A e = r` in the backend's precision, `Δx += e`, until `|r|` is below the solver's
+//! tolerance times the step's load. The recurrence of f32 conjugate gradients keeps falling when the true residual does not; here every
+//! round starts from the true one. The backend then keeps `Δx`, rounded once.
 //! Source: Wilkinson 1963; Higham 2002, chapter 12 (mixed precision).
 
 use super::Body;
@@ -14,12 +14,12 @@ use crate::math::norm;
 use crate::scene::Solver;
 use crate::step::StepReport;
 
-/// Share of the residual that one round is asked to leave at least: f32 keeps what it promises down to here on the hardest scenes.
+/// Least relative residual asked of a round: on the hardest scenes the true residual of f32 follows its recurrence down to here.
 const ROUND: f64 = 1e-3;
 
 impl Body {
-    /// Improves the free motion's solution in up to the scene's number of rounds; `solved.dx` becomes the whole step's
-    /// and `free` says how it ended.
+    /// Improves the solution of the unconstrained motion in up to the scene's number of rounds; `solved.dx` becomes the whole step's
+    /// increment, `free` the outcome.
     pub(super) fn refine(
         &mut self,
         solved: &mut Solved,
@@ -42,16 +42,18 @@ impl Body {
             let before = solved.dx.clone();
             add(&mut solved.dx, &self.backend.solution(FREE)?, 1.0);
             free.iterations += outcome[0].iterations;
+            // accept the round only if the true residual falls
             rest = residual(&self.model, solved).0;
             let left = norm(&rest);
             if left >= size {
-                solved.dx = before; // rounding of what was solved is all that is left
+                solved.dx = before; // only rounding is left
                 break;
             }
             size = left;
             report.refinements += 1;
         }
         (free.residual, free.target, free.converged) = (size, wanted, size <= wanted);
+        // hand the refined increment back, without the correction
         let mut alone = solved.dx.clone();
         if corrected {
             add(&mut alone, &self.backend.solution(CORRECTION)?, -1.0);
@@ -60,7 +62,7 @@ impl Body {
     }
 }
 
-/// `sum += factor · more`, the fourth components left alone.
+/// `sum += factor · more`; the fourth components stay.
 pub(super) fn add(sum: &mut [[f64; 4]], more: &[[f64; 4]], factor: f64) {
     for (sum, more) in sum.iter_mut().zip(more) {
         for n in 0..3 {

@@ -1,4 +1,4 @@
-//! What a scene asks of a backend, and the state that it starts from.
+//! Requirements of a scene on a backend, and its initial state.
 
 use super::super::Refused;
 use super::compliance::{COLUMNS, most_nodes};
@@ -7,14 +7,14 @@ use crate::bodies::{self, Model};
 use crate::error::Result;
 use crate::scene::{Attachment, BodyId, Correction, Scene};
 
-/// Right-hand sides that a deformable body's backend keeps.
+/// Number of right-hand sides of a deformable body's backend.
 pub(super) fn slots(scene: &Scene) -> usize {
     let exact = scene.contact.is_some_and(|contact| contact.correction == Correction::Exact);
     let columns = if exact { COLUMNS } else { 0 };
     Needs { contact: scene.contact.is_some(), columns, ..Needs::default() }.slots()
 }
 
-/// Refuses an explicit step that would blow up.
+/// Refuses an explicit step above the stability limit.
 pub(super) fn check_step(scene: &Scene, model: &Model) -> Result<()> {
     if !model.step.explicit() {
         return Ok(());
@@ -33,7 +33,7 @@ pub(super) fn check_step(scene: &Scene, model: &Model) -> Result<()> {
     Err(refused.into())
 }
 
-/// Which arrays the backend of a scene's deformable body of that number holds; `model` says how many nodes are tied.
+/// Arrays that a deformable body's backend holds; `model` counts the tied nodes.
 pub fn needs(scene: &Scene, model: &Model) -> Needs {
     let Some(contact) = &scene.contact else {
         return Needs::default();
@@ -50,7 +50,7 @@ pub fn needs(scene: &Scene, model: &Model) -> Needs {
     }
 }
 
-/// Nodes of an attachment, of whichever body it is.
+/// Number of an attachment's nodes, whichever body they belong to.
 fn tied_nodes(scene: &Scene, model: &Model, attachment: &Attachment) -> usize {
     match attachment.body == model.body {
         true => model.nodes_in(&attachment.region).len(),
@@ -58,7 +58,7 @@ fn tied_nodes(scene: &Scene, model: &Model, attachment: &Attachment) -> usize {
     }
 }
 
-/// The state that a scene starts from.
+/// Initial state of a body.
 pub fn start(scene: &Scene, model: &Model) -> Snapshot {
     let [u, v] = model.start(scene);
     Snapshot { u, v, ..Snapshot::default() }

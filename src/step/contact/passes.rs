@@ -1,15 +1,15 @@
-//! The passes of the contact solve: forces by a model of the compliance, the whole body's correction, forces again from its violations.
+//! Passes of the contact solve: forces by the model `W` of the compliance, correction of the whole bodies, new violations, forces again.
 //!
-//! The model `W` comes from columns that are loose and of earlier steps; where passes end, the laws hold on the true violations `δ(λ)`,
-//! whatever `W` is. `δ` is linear in `λ` within a step, so each pass shows the true compliance along one change of the forces, and
-//! `W` takes that over: the passes are a quasi-Newton method. Where they still close in slowly, a batch of columns is solved anew.
+//! `W` comes from columns that are solved loosely, some in earlier steps. When the passes end, the laws hold on the true violations `δ(λ)`,
+//! whatever `W` is. Within a step `δ` is linear in `λ`, so each pass observes the true compliance along one change of the forces and `W` is
+//! updated to match: a quasi-Newton method. Where convergence is slow all the same, a batch of columns is solved anew.
 //!
-//! A pass is the last one where one more would change the forces by less than the scene's tolerance; where passes close in slowly or are
-//! used up, the best of them will do if what it leaves cannot be felt, and is told as a warning otherwise. Time is bounded: row updates
-//! of a solve, passes, and columns of a pass.
+//! Passes end when one more would change the forces by less than the scene's tolerance, or when they converge slowly and the residual is
+//! too small to be felt. Where they are used up the best one is taken, with a warning if its residual can be felt. Time is bounded by the
+//! row updates of a solve, the number of passes and the columns of a pass.
 //!
-//! Perturbed `incision_shapes` on 14 × 14 cells: 3.0 passes, 8 at most, longest step 24 times the median; with all columns solved anew
-//! where a pass is slow 2.7, 7 and 70; so and without a budget of row updates 2.9, 7 and 1150.
+//! Measured on perturbed `incision_shapes`, 14 × 14 cells: 3.0 passes, 8 at most, longest step 24 times the median. With all columns solved
+//! anew in a slow pass: 2.7, 7 and 70; the same without a budget of row updates: 2.9, 7 and 1150.
 
 use super::Problem;
 use crate::constraints::{self, Effort, Enough, Law, Residual, solve};
@@ -19,31 +19,31 @@ use crate::step::rows::energy;
 use crate::step::{Simulation, StepReport};
 use glam::DVec3;
 
-/// Row updates of a contact solve at most, which bounds a step's time: 4 ms of 36 rows and 50 ms of 192 on one core. 99 % of the solves of
-/// perturbed incisions take less than 65,000, 64 points with friction on 25 nodes 250,000; with 50,000 a third of three crossing cuts leave
-/// what can be felt in a pass.
+/// Most row updates of a contact solve, which bounds a step's time: 4 ms for 36 rows and 50 ms for 192 on one core. 99 % of the solves of
+/// perturbed incisions take less than 65,000, 64 points with friction on 25 nodes 250,000; with 50,000, a third of three crossing cuts
+/// leave a residual that can be felt in a pass.
 const ROW_UPDATES: u64 = 400_000;
-/// Relative residual that ends a contact solve at once; with 1e-5, two kilograms on a gram jump by 3 % of their weight.
+/// Relative residual that ends a contact solve; with 1e-5, two kilograms resting on a gram jump by 3 % of their weight.
 const WANTED: f64 = 1e-8;
-/// Share of the passes' tolerance that is enough for a contact solve.
+/// Share of the passes' tolerance that is sufficient for a contact solve.
 const WITHIN: f64 = 0.1;
-/// Gap that comes to the force of a press, 0.3 N, in the hand's spring, 3000 N/m; in m. A tolerance is also a share of it: at 1e-3 what a
-/// pass leaves may be 0.1 µm, 0.3 mN, a hundredth of the least change of such a force that fingers tell (7 %, Pang, Tan, Durlach 1991).
+/// Deflection of the hand's spring, 3000 N/m, under the force of a press, 0.3 N; in m. The tolerance is relative to it: at 1e-3 a pass may
+/// leave 0.1 µm or 0.3 mN, about a hundredth of the just noticeable difference of such a force (7 %, Pang, Tan, Durlach 1991).
 const PRESS: f64 = 1e-4;
 
-/// A pass that leaves more than this share of the last one's residual shows that the compliance has aged too much.
+/// Share of the previous pass's residual above which a pass is slow: the compliance has aged too much.
 const SLOW: f64 = 0.5;
 
-/// Cosine between a change of the forces and what `W` has wrong there, above which the update of rank one is safe: it is as large as what
-/// is wrong over the cosine.
+/// Least cosine between a change of the forces and the error of `W` along it for a safe rank-one update, whose size is that of the error
+/// over the cosine.
 const STEEP: f64 = 0.1;
 
-/// A pass that changes the forces by less than one part in [`FINE`] has its correction solved to that much less than the tolerance, to
-/// [`FINEST`] of it at least: what a small change does shows only so.
+/// A pass that changes the forces by less than one part in [`FINE`] solves its correction to a proportionally smaller tolerance, at least
+/// [`FINEST`] of it: a small change is visible only so.
 const FINE: f64 = 10.0;
 const FINEST: f64 = 0.1;
 
-/// Share of what a row gives by the columns that an update leaves it.
+/// Share of a row's compliance by the columns that an update must leave.
 const LEFT: f64 = 1e-2;
 
 fn norm(a: &[f64]) -> f64 {
@@ -54,44 +54,44 @@ fn less(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
-/// What a change of the forces has shown of the compliance.
+/// Observation of the true compliance along one change of the forces.
 pub(super) struct Seen {
-    /// `[row]` N
+    /// `[row]` change of the forces, N.
     s: Vec<f64>,
     /// `[row]` change of the true violations, m.
     y: Vec<f64>,
-    /// What the corrections' residuals may have put into it, m.
+    /// Bound on the error of `y` by the corrections' residuals, m.
     noise: f64,
 }
 
 /// A pass of the contact solve.
 struct Pass {
-    /// `[row]` N
+    /// `[row]` forces, N.
     lambda: Vec<f64>,
-    /// `[contact]` slips of the step under them, by the whole body's correction, m.
+    /// `[contact]` slips of the step under `lambda`, by the correction of the whole bodies, m.
     slips: Vec<DVec3>,
-    /// `[row]` forces that one more pass would take, N.
+    /// `[row]` forces of the next pass, N.
     next: Vec<f64>,
-    /// Relative change to them, in the energy's norm: redundant contacts may share a force in many ways, which means nothing. 0 where it
-    /// is a negligible share of the step's load.
+    /// Relative change from `lambda` to `next` in the energy norm, which ignores how redundant contacts share a force. 0 if the change is
+    /// negligible against the step's load.
     size: f64,
-    /// Whether they could be found.
+    /// The solve for `next` reached its tolerance.
     solved: bool,
-    /// What `lambda` leaves of the laws on the true violations.
+    /// Residual of the laws at `lambda` on the true violations.
     residual: Residual,
 }
 
 impl Problem<'_> {
-    /// Violations without force, by the model `W`, of those `found` under `lambda`.
+    /// Violations without force, by the model `W`, from those `found` under `lambda`.
     fn without_force(&self, found: &[f64], lambda: &[f64]) -> Vec<f64> {
         let product = |line: &[f64]| line.iter().zip(lambda).map(|(w, l)| w * l).sum::<f64>();
         found.iter().zip(self.w.chunks_exact(lambda.len())).map(|(f, line)| f - product(line)).collect()
     }
 
-    /// Has `W` agree with what was seen: `y = W s` for each change `s` of the forces and `y` of the true violations, by symmetric updates of
-    /// rank one (SR1; Broyden 1967), or of rank two (PSB; Powell 1970) where the first would be large or leave a row no compliance. So passes
-    /// are a quasi-Newton method, and columns may be loose and old. What is within the corrections' residuals shows nothing: taken for
-    /// compliance, it sent passes around in circles, and 7 of 100 cuts right through used them up.
+    /// Updates `W` to the observations: `y = W s` for each change `s` of the forces and `y` of the true violations, by symmetric updates
+    /// of rank one (SR1; Broyden 1967), or of rank two (PSB; Powell 1970) where the first would be large or leave a row without compliance.
+    /// Observations within the corrections' residuals are ignored: as updates they made passes cycle, and 7 of 100 cuts right through used
+    /// them all up.
     fn learn(&mut self) {
         self.w.clone_from(&self.columns);
         if self.law.correction != Correction::Exact {
@@ -108,7 +108,7 @@ impl Problem<'_> {
             let squared = dot(s, s);
             let one = |i: usize, j: usize| off[i] * off[j] / along;
             let two = |i: usize, j: usize| (off[i] * s[j] + s[i] * off[j] - along / squared * s[i] * s[j]) / squared;
-            // a row that gives nothing, or pushes back, could bear no force
+            // a row with zero or negative compliance could bear no force
             let least = |i: usize| LEFT * self.columns[i * (rows + 1)];
             let gives = |more: &dyn Fn(usize, usize) -> f64| {
                 (0..rows).all(|i| more(i, i) >= 0.0 || self.w[i * (rows + 1)] + more(i, i) > least(i))
@@ -126,13 +126,13 @@ impl Problem<'_> {
         }
     }
 
-    /// What is too little to be felt, for a share of the tolerance.
+    /// Residual too small to be felt, for a share of the tolerance.
     fn enough(&self, share: f64) -> Enough {
         let share = share * self.law.tolerance;
         Enough { share, gap: share * PRESS }
     }
 
-    /// Solves for forces that hold the laws by the model `W`.
+    /// Solves for the forces by the model `W`; true if what they leave cannot be felt.
     fn solve(&self, without_force: &[f64], lambda: &mut [f64]) -> bool {
         let effort = Effort { wanted: WANTED, enough: self.enough(WITHIN), updates: ROW_UPDATES };
         let ends = |lambda: &mut [f64]| {
@@ -140,7 +140,7 @@ impl Problem<'_> {
             (ended.converged || self.enough(1.0).holds(&ended.residual, lambda), ended.residual.energy)
         };
         let (solved, left) = ends(lambda);
-        // an edge's law is not convex: what the last step's forces do not lead to, none may
+        // an edge's law is not monotone: where the last step's forces lead to no solution, a start from zero may
         let mut other = vec![0.0; lambda.len()];
         if !solved && lambda.iter().any(|l| *l != 0.0) {
             let (solved, less) = ends(&mut other);
@@ -152,7 +152,7 @@ impl Problem<'_> {
         solved
     }
 
-    /// A pass that ended with `slips` under `lambda`, and the forces that the laws ask for there by the model `W`.
+    /// Pass that ended with `slips` under `lambda`, and the forces of the next one by the model `W`.
     fn evaluate(&self, lambda: Vec<f64>, slips: Vec<DVec3>) -> Pass {
         let without_force = self.without_force(&self.rows.violations(&slips), &lambda);
         let mut next = lambda.clone();
@@ -167,8 +167,8 @@ impl Problem<'_> {
 }
 
 impl Simulation {
-    /// Forces, correction, passes: until one more would change the forces by less than the tolerance. Where passes are used up, the best of
-    /// them counts. Returns its forces and the slips under them.
+    /// Runs passes until one more would change the forces by less than the tolerance; where they are used up, takes the best one. Returns
+    /// its forces and slips.
     pub(super) fn iterate(
         &mut self,
         problem: &mut Problem,
@@ -183,35 +183,35 @@ impl Simulation {
         let mut before = f64::INFINITY;
         let pass = loop {
             report.contact.passes += 1;
-            // correction by the whole bodies, as fine as the change of the forces asks for
+            // correct the whole bodies, as accurately as the change of the forces requires
             let s = less(&lambda, &last.0);
             let change = norm(&s) / norm(&lambda).max(f64::MIN_POSITIVE);
             let share = law.tolerance * (FINE * change).clamp(FINEST, 1.0);
             let moved = self.correct(problem, &lambda, share, report)?;
             let slips = problem.slips_after(&lambda, &moved);
             let found = problem.rows.violations(&slips);
-            // what it has shown of the compliance
+            // update W by what the pass has observed
             let noise = (share + last.2) * norm(&less(&found, &problem.violation));
             problem.seen.push(Seen { s, y: less(&found, &last.1), noise });
             last = (lambda.clone(), found, share);
             problem.learn();
-            // forces that the laws ask for there
+            // forces of the next pass
             let mut pass = problem.evaluate(lambda, slips);
             if !pass.solved {
-                // what was seen from pass to pass need not be a compliance together
+                // the observations of several passes need not agree on one compliance
                 problem.seen.clear();
                 problem.learn();
                 pass = problem.evaluate(pass.lambda, pass.slips);
             }
-            // aged columns are solved anew where passes close in slowly
+            // solve aged columns anew where convergence is slow
             let slow = pass.size > SLOW * before;
             if (pass.size > law.tolerance && slow || !pass.solved) && self.renew(problem, &pass.lambda, report)? {
                 pass = problem.evaluate(pass.lambda, pass.slips);
             }
             before = pass.size;
-            // the end: nothing more to change, or nothing that can be felt
+            // stop if the change is within the tolerance, or slow and too small to be felt
             let felt = !problem.enough(1.0).holds(&pass.residual, &pass.lambda);
-            // one pass more for what is tied: its gap is what the changes of the forces leave, and nothing else closes it
+            // attachments take one pass more: their gap is what the changes of the forces leave, and nothing else closes it
             let closed = pass.size <= law.tolerance && !std::mem::take(&mut tied);
             if closed || (slow && !felt) || law.correction != Correction::Exact {
                 break pass;
@@ -220,7 +220,7 @@ impl Simulation {
             if best.as_ref().is_none_or(|best| pass.residual.energy < best.residual.energy) {
                 best = Some(pass);
             }
-            // used up: the best pass counts
+            // passes used up: take the best one
             if let Some(best) = best.take_if(|_| report.contact.passes >= law.max_passes) {
                 report.warn(
                     "contact_passes_exhausted",
@@ -239,7 +239,7 @@ impl Simulation {
         Ok((pass.lambda, pass.slips))
     }
 
-    /// Solves a batch of each body's columns of earlier steps anew; false where there are none.
+    /// Solves a batch of each body's aged columns anew; false if there are none.
     fn renew(&mut self, problem: &mut Problem, lambda: &[f64], report: &mut StepReport) -> Result<bool> {
         if problem.law.correction != Correction::Exact {
             return Ok(false);
