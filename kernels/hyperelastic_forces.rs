@@ -5,9 +5,8 @@
 //! Units: displacement m, material Pa, energy J, force N.
 
 use super::hyperelastic::{Cell, STIFFENED};
-use super::{PARALLEL, Params, Source};
+use super::{Params, Source};
 use crate::math::{Real, V4};
-use rayon::prelude::*;
 
 /// The shader.
 pub const SOURCE: Source = Source {
@@ -31,10 +30,11 @@ pub fn hyperelastic_forces<R: Real>(
     corner_force: &mut [R], // [cell][corner][axis] N
     energy: &mut [R],       // [cell] J
 ) {
-    let one = |(cell, ((force, energy), q)): (usize, ((&mut [R], &mut R), &mut V4<R>))| {
-        (*energy, _) = (R::zero(), force.fill(R::zero()));
+    let cells = corner_force.as_chunks_mut::<24>().0.iter_mut().zip(energy).zip(rotation);
+    for (cell, ((force, energy), q)) in cells.enumerate().take(params.cell_count as usize) {
+        (*energy, *force) = (R::zero(), [R::zero(); 24]);
         if *q == [R::zero(); 4] {
-            return;
+            continue;
         }
         let found = Cell::of(params, shape, material, layer_of, displacement, split, cell);
         *energy = if found.inverted { R::of(f64::from(INSIDE_OUT)) } else { found.energy() };
@@ -45,13 +45,5 @@ pub fn hyperelastic_forces<R: Real>(
             let length = found.stiffening().sqrt().sqrt();
             *q = q.map(|c| c * length);
         }
-    };
-    let cells = params.cell_count as usize;
-    corner_force[..cells * 24]
-        .par_chunks_exact_mut(24)
-        .zip(&mut energy[..cells])
-        .zip(rotation)
-        .enumerate()
-        .with_min_len(PARALLEL / 32)
-        .for_each(one);
+    }
 }

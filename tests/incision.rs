@@ -1,6 +1,6 @@
 //! What the blade does to the skin, and what a run says of the wound, on a small form of the incision scene on the CPU path.
 
-use cutis::scene::{Correction, Cut, Pose, Scene};
+use cutis::scene::{Correction, Cut, Element, Law, Material, Pose, Scene};
 use cutis::step::{Place, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
@@ -51,6 +51,35 @@ fn a_light_press_dents_and_does_not_cut() {
     let (simulation, report) = run(&pressed(1e-4), 40);
     assert_eq!(simulation.totals().links, 0);
     assert!(force(&report).z > 1e-3, "the skin pushes back: {}", force(&report));
+}
+
+#[test]
+fn hyperelastic_skin_is_cut_alike() {
+    // pressed in, then drawn along; the laws differ by what the skin's strain makes of them
+    let drawn = |law: Law| {
+        let mut scene = pressed(1.6e-3);
+        scene.skins[0].law = law;
+        scene.skins[0].layers.iter_mut().for_each(|layer| layer.pre_strain = [0.0; 2]);
+        let mut along = scene.tools[0].trajectory[1];
+        (along.time, along.position[0]) = (0.3, along.position[0] + 3e-3);
+        scene.tools[0].trajectory.insert(2, along);
+        scene.tools[0].trajectory[3].position[0] = along.position[0];
+        let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+        let (mut most, mut warned) = (0.0f64, 0);
+        for _ in 0..70 {
+            let report = simulation.step(false).expect("the CPU path has no device to fail");
+            most = most.max(force(&report).length());
+            warned += report.warnings.len();
+        }
+        let end = simulation.step(true).expect("the CPU path has no device to fail");
+        assert!(!end.warnings.contains_key("residual_true_above_tolerance"), "{:?}", end.warnings);
+        (simulation.totals().links, most, warned)
+    };
+    let (links, most, warned) = drawn(Law::Hyperelastic(Material::NeoHookean));
+    let (wanted, least, _) = drawn(Law::Fem { element: Element::Bbar, corotational: true });
+    assert_eq!(warned, 0);
+    assert!(links > 5 && links.abs_diff(wanted) * 4 < wanted, "{links} links, {wanted} of corotational skin");
+    assert!((most / least - 1.0).abs() < 0.25, "{most} N, {least} N of corotational skin");
 }
 
 #[test]

@@ -29,6 +29,7 @@ pub const CASES: &[Case] = &[
     ("neo_hookean_skin_block_045_fine", || skin_block(&Place::Cpu64, 0, Grid::Fine)),
     ("neo_hookean_skin_block_049_fine", || skin_block(&Place::Cpu64, 1, Grid::Fine)),
     ("corotational_bricks_are_this_far_from_neo_hookean", distance),
+    ("one_linear_solve_a_step_ends_in_newtons_balance", balance),
 ];
 
 fn neo_block() -> Scene {
@@ -279,6 +280,43 @@ fn start_inside_out(place: &Place) {
                 other => panic!("{place:?}, pressed by {pressed}: {other:?}"),
             }
         }
+    }
+}
+
+/// Displacement of the skin block's centre under 50 kPa, m, after so many steps of 1000 s, as a body that may be touched or by Newton's
+/// method; NaN where a step fails.
+fn centre_at_50_kpa(file: &str, touched: bool, stiffened: bool, steps: u32) -> f64 {
+    let mut scene = on_grid(scene(file), Grid::Coarse, Bbar);
+    (scene.time.gravity, scene.loads[0].pressure) = ([0.0; 3], 50e3);
+    scene.contact = touched.then(cutis::scene::Contact::default);
+    let mut model = model(&scene);
+    if !stiffened {
+        model.hexahedra_mut().corotational = 1;
+    }
+    let mut body = Body::new(&Place::Cpu64, model.clone(), &displaced(&model, |_| [0.0; 3]), 1e-6);
+    body.load(&model.load_at(&scene.loads, 0.0));
+    for _ in 0..steps {
+        if body.fallible_step().is_err() {
+            return f64::NAN;
+        }
+    }
+    body.state().u[model.grid.nearest(POINTS[0])][2]
+}
+
+fn balance() {
+    // steps of 1000 s have no inertia: the hardest that a step can be, a third of the thickness in the first
+    for (file, steps) in [("verify/skin_block_neo_045.toml", 40), ("verify/skin_block_neo_049.toml", 200)] {
+        let newton = centre_at_50_kpa(file, false, true, 2);
+        let linear = centre_at_50_kpa(file, true, true, steps);
+        measured(
+            &format!("{file}: one linear solve a step, off Newton's balance, %"),
+            100.0 * (linear / newton - 1.0),
+            0.0,
+        );
+        assert!((linear / newton - 1.0).abs() < 2e-3, "{file}: {linear:e}, by Newton's method {newton:e}");
+        let plain = centre_at_50_kpa(file, true, false, 40);
+        let off = (plain / newton - 1.0).abs();
+        assert!(off.is_nan() || off > 0.02, "{file}: the counter-test: as good without stiffening, {plain:e}");
     }
 }
 
