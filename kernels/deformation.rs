@@ -52,6 +52,8 @@ pub fn logarithm<R: Real>(g: R) -> [R; 2] {
 
 /// Volume ratio `ε` below which laws are extended: see [`log_volume`].
 pub const EXTENDED: f64 = 0.1;
+/// `ln ε`.
+const LOG_EXTENDED: f64 = -std::f64::consts::LN_10;
 
 /// `φ(1 + g)` and `g − φ`. `φ = ln J`; below `J = ε` it is the second-order Taylor polynomial of `ln J` about `ε`, so that energies and forces
 /// are finite, continuous and restoring through `J = 0`.
@@ -62,7 +64,7 @@ pub fn log_volume<R: Real>(g: R) -> [R; 2] {
         return logarithm(g);
     }
     let d = (volume - least) / least;
-    let log = R::of(EXTENDED.ln()) + d - R::of(0.5) * d * d;
+    let log = R::of(LOG_EXTENDED) + d - R::of(0.5) * d * d;
     [log, g - log]
 }
 

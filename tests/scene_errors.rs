@@ -828,13 +828,15 @@ fn neo_hookean_law_is_read() {
 }
 
 #[test]
-fn neo_hookean_skin_under_a_blade() {
+fn neo_hookean_skin_may_be_cut_and_refined_where_it_is_touched() {
     let text =
         FULL.replace("element = \"bbar\"\ncorotational = false\n", "").replace("pre_strain = [0.2, -0.05]\n", "");
-    let text = text.replace("law = \"fem\"", "law = \"neo_hookean\"");
-    let line = 1 + text.lines().position(|l| l.starts_with("law")).expect("it is there");
-    let error = parsed(&text).expect_err("no cut").to_string();
-    says(&error, &format!("scenes/full.toml:{line}: law = \"neo_hookean\" … blade … \"fem\""));
+    let scene = parsed(&text.replace("law = \"fem\"", "law = \"neo_hookean\"")).expect("the scene is valid");
+    assert!(matches!(scene.skins[0].law, Law::Hyperelastic(Material::NeoHookean)));
+    assert!(scene.tools[0].blade.is_some() && scene.contact.is_some());
+    let refined =
+        text.replace("law = \"fem\"", "law = \"neo_hookean\"").replace("[solver]\n", "[solver]\nrefinements = 2\n");
+    assert_eq!(parsed(&refined).expect("the scene is valid").solver.refinements, 2);
 }
 
 #[test]
