@@ -1,9 +1,9 @@
-//! Elastic forces at the nodes, assembled from the corner forces of the cells: `f_i = Σ f_(c,a)` over the cells `c` whose corner `a` is the node.
+//! Elastic forces at the nodes, assembled from the corner forces of the cells (`collected`).
 //! Units: N.
 
-use super::split::Around;
+use super::collected::collected;
 use super::{PARALLEL, Params, Source};
-use crate::math::{Real, V3, V4};
+use crate::math::{Real, V4};
 use rayon::prelude::*;
 
 /// The shader.
@@ -17,13 +17,8 @@ pub fn collect<R: Real>(
     corner_force: &[R], // [cell][corner][axis] N
     f: &mut [V4<R>],    // [node] N
 ) {
-    let one = |node: usize| {
-        let mut sum = V3::zero();
-        for Around { corner, cell, .. } in params.cells_around(split, node) {
-            let k = cell * 24 + corner * 3;
-            sum += V3::new(corner_force[k], corner_force[k + 1], corner_force[k + 2]);
-        }
-        sum.pad(R::zero())
-    };
-    f.par_iter_mut().enumerate().with_min_len(PARALLEL / 8).for_each(|(node, f)| *f = one(node));
+    f.par_iter_mut()
+        .enumerate()
+        .with_min_len(PARALLEL / 8)
+        .for_each(|(node, f)| *f = collected(params, split, corner_force, node).pad(R::zero()));
 }

@@ -20,7 +20,7 @@ pub fn collect_product<R: Real>(
     w: &mut [V4<R>],    // [node] N
 ) -> R {
     let one = |node: usize, w: &mut V4<R>| {
-        let force = collected(params, corner_force, node) * params.stiffness_factor;
+        let force = collected(params, &[], corner_force, node) * params.stiffness_factor;
         let more = force.times(V3::from4(free[node]));
         *w = (V3::from4(*w) + more).pad(R::zero());
         V3::from4(z[node]).dot(more)

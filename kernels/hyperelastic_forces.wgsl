@@ -3,11 +3,11 @@
 @group(0) @binding(1) var<uniform> shape: array<vec4<f32>, 21>;             // [layer] cell edges m, mass of one corner kg
 @group(0) @binding(2) var<uniform> material: array<vec4<f32>, 21>;          // [layer] κ, two constants Pa, the law's code
 @group(0) @binding(3) var<storage, read> layer_of: array<u32>;              // [cells_z] layer
-@group(0) @binding(4) var<storage, read> displacement: array<vec4<f32>>;           // [node] displacement, m
+@group(0) @binding(4) var<storage, read> displacement: array<vec4<f32>>;    // [node] displacement, m
 @group(0) @binding(5) var<storage, read_write> corner_force: array<f32>;    // [cell][corner][axis] N
 @group(0) @binding(6) var<storage, read_write> energy: array<f32>;          // [cell] J
 @group(0) @binding(7) var<storage, read> split: array<u32>;                 // see split.rs
-@group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;        // [cell] quaternion; 0 of a dead cell
+@group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;  // [cell] quaternion; 0 of a dead cell
 
 const INSIDE_OUT: f32 = 1e38;
 const STIFFENED: u32 = 2u;
@@ -37,9 +37,11 @@ fn hyperelastic_forces(thread: Thread) {
         inverted = inverted || is_inverted(point);
         growths += point.growth;
         sum += law_energy(own.material, point);
-        let even = 3.0 * exp(4.0 / 3.0 * log_volume(point.growth).x);
-        let turned = ratio * max(contracted(point.cofactor, point.cofactor) - even, 0.0);
-        stiff = max(stiff, max(contracted(point.back, point.back) - 2.0, 1.0) + turned);
+        if params.corotational == STIFFENED {
+            let even = 3.0 * exp(4.0 / 3.0 * log_volume(point.growth).x);
+            let turned = ratio * max(contracted(point.cofactor, point.cofactor) - even, 0.0);
+            stiff = max(stiff, max(contracted(point.back, point.back) - 2.0, 1.0) + turned);
+        }
         let pushed = point.cofactor * own.weight;
         let stress = law_stress(own.material, point) * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {

@@ -10,7 +10,7 @@
 //! Source: Bonet, Wood 2008, sections 6.4 and 8.6 (tangent with mean dilatation).
 //! Units: displacement m, z m, force N, material Pa.
 
-use super::deformation::{field_gradient, gradient, logarithm};
+use super::deformation::{field_gradient, gradient, log_volume};
 use super::hyperelastic::{Cell, at_corners};
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};
@@ -26,7 +26,7 @@ impl<R: Real> Cell<R> {
     /// `κ (1 − ln J̄)/(V J̄²)`, Pa/m³: derivative of the pressure with respect to the cell's volume.
     pub fn pressure_slope(&self) -> R {
         let mean = R::one() + self.mean_growth;
-        let log = logarithm(self.mean_growth)[0];
+        let log = log_volume(self.mean_growth)[0];
         self.material.bulk * (R::one() - log) / (R::of(8.0) * self.weight * mean * mean)
     }
 

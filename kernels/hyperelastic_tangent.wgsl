@@ -23,8 +23,8 @@ fn hyperelastic_tangent(thread: Thread) {
     var growths = 0.0;
     for (var p = 0u; p < 8u; p += 1u) { growths += point_of(field_gradient(own.inverse_edges, u, p)).growth; }
     let mean = growths * 0.125;
-    let log_mean = logarithm(mean).x;
-    let pressure = own.material.x * log_mean / (1.0 + mean);
+    let log_mean = log_volume(mean).x;
+    let pressure = own.material.x * log_mean * log_volume_slope(mean);
     var force: array<vec3<f32>, 8>;
     var growing: array<vec3<f32>, 8>;
     var volume = 0.0;
@@ -40,7 +40,7 @@ fn hyperelastic_tangent(thread: Thread) {
         volume += own.weight * grown * spread;
         let crossed = back * transpose(turned) * back;
         let stress = (law_tangent(own.material, point, turned) - crossed * held + back * (held * spread)) * own.weight;
-        let pushed = back * (own.weight * grown);
+        let pushed = point.cofactor * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {
             let gradient = shape_gradient(own.inverse_edges, a, p);
             growing[a] += pushed * gradient;

@@ -27,7 +27,7 @@ pub fn residual<R: Real>(
     let mut sum = [R::zero(); 2];
     for i in 0..rest.len() {
         let (before, right, linear) = (V3::from4(f[i]), V3::from4(b[i]), V3::from4(w[i]));
-        let change = (collected(params, corner_force, i) - before) * share;
+        let change = (collected(params, &[], corner_force, i) - before) * share;
         let left = (right - linear - change).times(V3::from4(free[i]));
         rest[i] = left.pad(R::zero());
         let pull = linear * R::of(0.5) - (right + before * share);

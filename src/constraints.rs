@@ -68,7 +68,7 @@ pub fn relax(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], tolerance
 }
 
 /// Each law with the index of its first row.
-pub(crate) fn first_rows(laws: &[Law]) -> impl Iterator<Item = (usize, &Law)> {
+fn first_rows(laws: &[Law]) -> impl Iterator<Item = (usize, &Law)> {
     laws.iter().scan(0, |next, law| {
         let first = *next;
         *next += law.rows();

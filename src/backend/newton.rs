@@ -20,7 +20,7 @@ const FALL: f64 = 1e-4;
 /// Maximum number of step halvings: down to 10⁻⁹ of the step.
 const HALVINGS: u32 = 30;
 /// First factor of `K₀` added to an indefinite tangent; it grows tenfold with each attempt, up to `LAST`.
-pub(super) const SHIFT: f64 = 0.1;
+const SHIFT: f64 = 0.1;
 /// Largest factor; see [`SHIFT`].
 const LAST: f64 = 1e3;
 /// Smallest first factor.
@@ -39,26 +39,24 @@ pub(super) trait Raised {
     fn max_iterations(&self) -> u32;
 }
 
-/// Solves with increasing factors of `K₀`, starting with none and then `first`, until the gradients converge. `solve` gets the number of
-/// previous attempts. Returns the last result, the iterations of all attempts, and the factor used.
-pub(super) fn positive<B: Raised, T>(
+/// Solves with increasing factors of `K₀`, starting with none and then `first`, until the gradients converge. Returns the iterations of all
+/// attempts, and the factor used.
+pub(super) fn positive<B: Raised>(
     body: &mut B,
     first: f64,
-    mut solve: impl FnMut(&mut B, u32) -> Result<(Outcome, T)>,
-) -> Result<(T, u32, f64)> {
+    mut solve: impl FnMut(&mut B) -> Result<Outcome>,
+) -> Result<(u32, f64)> {
     let (mut shift, mut spent) = (0.0, 0);
-    body.set_shift(shift);
-    for attempt in 0.. {
-        let (outcome, found) = solve(body, attempt)?;
+    loop {
+        body.set_shift(shift);
+        let outcome = solve(body)?;
         spent += outcome.iterations;
         if !outcome.broken(body.max_iterations()) || shift >= LAST {
-            return Ok((found, spent, shift));
+            return Ok((spent, shift));
         }
         shift = if shift == 0.0 { first } else { 10.0 * shift };
-        body.set_shift(shift);
         body.count_indefinite();
     }
-    unreachable!("the last share returns")
 }
 
 /// Trial point of the line search: potential, its rounding error, residual norm, predicted decrease.

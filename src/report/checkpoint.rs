@@ -73,7 +73,8 @@ pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
 /// Reads a checkpoint for a run of this scene on this backend with `steps` steps in total.
 ///
 /// # Errors
-/// [`Refused::Checkpoint`] for a file that is no checkpoint, is damaged, of another version, scene or backend, or of a completed run.
+/// [`Refused::Checkpoint`] for a file that is no checkpoint, is damaged, of another version, scene or backend, or of more than `steps` steps.
+/// One of as many is of a run that was killed after its last step, and lacks its report.
 pub(super) fn read(path: &Path, scene: &Scene, place: &Place, steps: u32) -> Result<Checkpoint> {
     let refused = |unfit| Refused::Checkpoint { path: path.to_owned(), unfit };
     let file = std::fs::read(path).map_err(|source| refused(Unfit::Unread { source }))?;
@@ -84,7 +85,7 @@ pub(super) fn read(path: &Path, scene: &Scene, place: &Place, steps: u32) -> Res
         Unfit::Place { found: found.place.clone(), wanted: wanted.place }
     } else if *found != wanted {
         Unfit::Scene { title: found.title.clone() }
-    } else if done >= steps {
+    } else if done > steps {
         Unfit::Over { done, steps }
     } else {
         return Ok(checkpoint);

@@ -127,7 +127,7 @@ pub enum CheckpointUnfit {
         title: String,
     },
 
-    /// As many steps as the run is to have, or more.
+    /// More steps than the run is to have.
     #[error(
         "was written after step {done}, and {steps} steps are asked for; ask for more --steps, or run from the start"
     )]

@@ -11,6 +11,7 @@ use std::time::Duration;
 /// Tests of this file.
 pub const TESTS: &[super::Test] = &[
     ("a_killed_run_goes_on_to_the_same_end", a_killed_run_goes_on_to_the_same_end),
+    ("a_run_killed_after_its_last_step_gets_its_report", a_run_killed_after_its_last_step_gets_its_report),
     ("a_checkpoint_that_does_not_fit_is_refused", a_checkpoint_that_does_not_fit_is_refused),
     ("a_damaged_checkpoint_is_refused", a_damaged_checkpoint_is_refused),
 ];
@@ -146,6 +147,17 @@ fn begun() -> Result<Work, String> {
     Ok(work)
 }
 
+fn a_run_killed_after_its_last_step_gets_its_report() -> Outcome {
+    let work = begun()?;
+    let wanted = left(&work.path("out"))?;
+    std::fs::rename(work.path("out"), work.path("killed")).map_err(|e| e.to_string())?;
+    std::fs::remove_file(work.path("killed/report.json")).map_err(|e| e.to_string())?;
+    let resume = ["--resume", "killed/checkpoint.bin", "--out", "killed", "--steps", "10"];
+    let said = work.cutis(&[&["run", "scene.toml", "--backend", "cpu"], &resume[..]].concat())?;
+    ensure!(said.code == 0, "{}: {}", said.code, said.err);
+    same(&work, &wanted)
+}
+
 fn refused(work: &Work, arguments: &[&str], says: &str) -> Outcome {
     let before = work.read("out/probes.csv")?;
     let said = work
@@ -158,7 +170,7 @@ fn refused(work: &Work, arguments: &[&str], says: &str) -> Outcome {
 
 fn a_checkpoint_that_does_not_fit_is_refused() -> Outcome {
     let work = begun()?;
-    refused(&work, &["--steps", "10"], "was written after step 10, and 10 steps are asked for")?;
+    refused(&work, &["--steps", "9"], "was written after step 10, and 9 steps are asked for")?;
     refused(&work, &["--precision", "f32"], "is of a run on cpu f64, and this one is on cpu f32")?;
     refused(&work, &["--tolerance", "1e-4"], "is not the one that is to be run")?;
     let scene = work.read("scene.toml")?;

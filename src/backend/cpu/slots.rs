@@ -143,12 +143,11 @@ impl<R: Real> Descent for Search<'_, R> {
         self.body.system.linearise(&moved);
         let (rest, n) = (&self.here.residual, self.b.len());
         let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
-        let solve = |body: &mut CpuBackend<R>, _: u32| {
+        let (spent, shift) = positive(self.body, shift, |body| {
             body.r[..n].copy_from_slice(rest);
             body.x[..n].fill([R::zero(); 4]);
-            Ok((body.solve_slots(&wanted, &[])?.0[0], ()))
-        };
-        let ((), spent, shift) = positive(self.body, shift, solve)?;
+            Ok(body.solve_slots(&wanted, &[])?.0[0])
+        })?;
         self.direction.copy_from_slice(&self.body.x[..n]);
         Ok((spent, shift))
     }

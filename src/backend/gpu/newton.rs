@@ -196,12 +196,10 @@ impl Descent for GpuBackend {
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {
         let rest = self.newton.as_ref().map(|newton| newton.law.search.rest[0].clone());
         let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
-        let solve = |body: &mut Self, _: u32| {
+        positive(self, shift, |body| {
             rest.iter().for_each(|rest| body.restart(rest));
-            Ok((body.solve_slots(&wanted, &[])?.0[0], ()))
-        };
-        let ((), spent, shift) = positive(self, shift, solve)?;
-        Ok((spent, shift))
+            Ok(body.solve_slots(&wanted, &[])?.0[0])
+        })
     }
 
     fn load(&self) -> f64 {

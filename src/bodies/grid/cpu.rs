@@ -12,6 +12,7 @@ use crate::kernels::blocks::blocks;
 use crate::kernels::centres::centres;
 use crate::kernels::collect_product::collect_product;
 use crate::kernels::factor::factor;
+use crate::kernels::hyperelastic::STIFFENED;
 use crate::kernels::precondition::precondition;
 use crate::kernels::product::{CellForces, LANES, Modes, cell_groups, elastic_forces, product};
 use crate::kernels::split_product::split_product;
@@ -170,7 +171,9 @@ impl<R: Real> System<R> for Hexahedra<R> {
             let alive = |cell: usize| rotation[cell] != [R::zero(); 4];
             let (forces, stiffening) = law.forces_and_stiffening(&wide, split, &alive, &widen(at));
             f.iter_mut().zip(forces).for_each(|(f, force)| *f = round(&force));
-            stiffen(rotation, &stiffening);
+            if params.corotational == STIFFENED {
+                stiffen(rotation, &stiffening);
+            }
             return Ok(());
         }
         // corotational forces; nodes of split cells are summed again

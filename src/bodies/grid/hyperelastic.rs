@@ -21,7 +21,7 @@ use super::element::{Matrix, lame};
 use crate::bodies::{Model, Solved};
 use crate::kernels::collect::collect;
 use crate::kernels::deformation::gradient;
-use crate::kernels::hyperelastic::{Cell, at_corners};
+use crate::kernels::hyperelastic::Cell;
 use crate::kernels::{PARALLEL, Params};
 use crate::math::{M3, Real, V3, V4};
 use crate::mesh::Grid;
@@ -121,10 +121,22 @@ impl Hyperelastic {
         Cell::of(params, &self.shapes, &self.materials, &self.layer_of, u, split, cell)
     }
 
+    /// `[cell]` values of the cells that are `alive`, `None` of the others.
+    fn each<T: Send>(
+        &self,
+        params: &Params<f64>,
+        split: &[u32],
+        alive: &(dyn Fn(usize) -> bool + Sync),
+        u: &[V4<f64>],
+        of: impl Fn(Cell<f64>) -> T + Sync,
+    ) -> Vec<Option<T>> {
+        let one = |cell| alive(cell).then(|| of(self.cell(params, split, u, cell)));
+        (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8).map(one).collect()
+    }
+
     /// First inverted cell of an uncut body.
     pub fn first_inverted(&self, params: &Params<f64>, u: &[V4<f64>]) -> Option<usize> {
-        let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
-        cells.filter(|cell| self.cell(params, &[], u, *cell).inverted).min()
+        self.each(params, &[], &|_| true, u, |state| state.inverted).iter().position(|inverted| *inverted == Some(true))
     }
 
     /// Energy of all cells that are `alive`, J; `None` if one is inverted.
@@ -135,13 +147,8 @@ impl Hyperelastic {
         alive: &(dyn Fn(usize) -> bool + Sync),
         u: &[V4<f64>],
     ) -> Option<f64> {
-        let one = |cell| {
-            let state = self.cell(params, split, u, cell);
-            (!state.inverted).then(|| state.energy())
-        };
-        let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
-        let each: Option<Vec<f64>> = cells.filter(|cell| alive(*cell)).map(one).collect();
-        Some(each?.iter().sum())
+        let each = self.each(params, split, alive, u, |state| (!state.inverted).then(|| state.energy()));
+        each.into_iter().flatten().sum()
     }
 
     /// `[node]` internal forces of the cells that are `alive`, N.
@@ -152,10 +159,11 @@ impl Hyperelastic {
         alive: &(dyn Fn(usize) -> bool + Sync),
         u: &[V4<f64>],
     ) -> Vec<V4<f64>> {
-        self.forces_and_stiffening(params, split, alive, u).0
+        let each = self.each(params, split, alive, u, |state| state.forces().map(V3::f64));
+        sums(params, split, &each.into_iter().map(Option::unwrap_or_default).collect::<Vec<_>>())
     }
 
-    /// The same, and the `[cell]` factors of the stiffness ([`Cell::stiffening`]).
+    /// The same, and the `[cell]` factors of the stiffness ([`Cell::stiffening`]), 0 of cells that are not `alive`.
     pub fn forces_and_stiffening(
         &self,
         params: &Params<f64>,
@@ -163,27 +171,9 @@ impl Hyperelastic {
         alive: &(dyn Fn(usize) -> bool + Sync),
         u: &[V4<f64>],
     ) -> (Vec<V4<f64>>, Vec<f64>) {
-        let one = |cell| {
-            if !alive(cell) {
-                return ([[0.0; 3]; 8], 0.0);
-            }
-            let state = self.cell(params, split, u, cell);
-            (state.forces().map(V3::f64), state.stiffening())
-        };
-        let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
-        let (forces, stiffening): (Vec<_>, Vec<f64>) = cells.map(one).unzip();
+        let each = self.each(params, split, alive, u, |state| (state.forces().map(V3::f64), state.stiffening()));
+        let (forces, stiffening): (Vec<_>, _) = each.into_iter().map(Option::unwrap_or_default).unzip();
         (sums(params, split, &forces), stiffening)
-    }
-
-    /// `K_T z` of an uncut body, `[node]` N, matrix-free; inverted cells contribute nothing.
-    pub fn tangent_product(&self, params: &Params<f64>, u: &[V4<f64>], z: &[V4<f64>]) -> Vec<V4<f64>> {
-        let one = |cell| {
-            let state = self.cell(params, &[], u, cell);
-            let product = || state.product(&at_corners(params, z, cell)).map(V3::f64);
-            if state.inverted { [[0.0; 3]; 8] } else { product() }
-        };
-        let cells = (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8);
-        sums(params, &[], &cells.map(one).collect::<Vec<_>>())
     }
 
     /// Change of the forces from `f` over a step of Newton's method, as it enters the step, `[node]` N; NaN if a cell is inverted.

@@ -96,15 +96,16 @@ impl Hexahedra {
         let matrix = |(index, layer): (usize, &Layer)| {
             element::stiffness(grid.cell_edges(index as u32), layer.young, layer.poisson, element)
         };
+        let hyperelastic = Hyperelastic::of(scene, skin, grid);
         Self {
             pre_strain: skin.layers.iter().map(|l| element::pre_strain(l.pre_strain, l.poisson)).collect(),
             stiffness: skin.layers.iter().enumerate().map(matrix).collect(),
-            hyperelastic: Hyperelastic::of(scene, skin, grid),
-            corotational: match skin.law {
-                Law::Fem { corotational, .. } => u32::from(corotational),
-                Law::Hyperelastic(_) if scene.contact.is_some() => STIFFENED,
+            corotational: match (skin.law, &hyperelastic) {
+                (Law::Fem { corotational, .. }, _) => u32::from(corotational),
+                (_, Some(law)) if !law.newton => STIFFENED,
                 _ => 1,
             },
+            hyperelastic,
             extra_columns,
             multigrid: None,
             direct: false,
@@ -331,7 +332,7 @@ impl Mechanics for Hexahedra {
             let shapes = model.shapes();
             rotations::rotations(&model.params(), &shapes, layers, &state.split, &state.u, &mut rotation);
         }
-        if let Some(law) = self.hyperelastic.as_ref().filter(|law| !law.newton) {
+        if let Some(law) = self.hyperelastic.as_ref().filter(|_| self.corotational == STIFFENED) {
             let alive = |cell: usize| rotation[cell] != [0.0; 4];
             let (_, stiffening) = law.forces_and_stiffening(&model.params(), &state.split, &alive, &state.u);
             stiffen(&mut rotation, &stiffening);
