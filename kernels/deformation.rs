@@ -55,16 +55,15 @@ pub const EXTENDED: f64 = 0.1;
 /// `ln ε`.
 const LOG_EXTENDED: f64 = -std::f64::consts::LN_10;
 
-/// `φ(1 + g)` and `g − φ`. `φ = ln J`; below `J = ε` it is the second-order Taylor polynomial of `ln J` about `ε`, so that energies and forces
-/// are finite, continuous and restoring through `J = 0`.
+/// `φ(1 + g)` and `g − φ`. `φ = ln J`; below `J = ε` it is the tangent of `ln J` at `ε`, so that energies and forces are finite, continuous
+/// and restoring through `J = 0`.
 pub fn log_volume<R: Real>(g: R) -> [R; 2] {
     let least = R::of(EXTENDED);
     let volume = R::one() + g;
     if volume >= least {
         return logarithm(g);
     }
-    let d = (volume - least) / least;
-    let log = R::of(LOG_EXTENDED) + d - R::of(0.5) * d * d;
+    let log = R::of(LOG_EXTENDED) + (volume - least) / least;
     [log, g - log]
 }
 
@@ -72,7 +71,13 @@ pub fn log_volume<R: Real>(g: R) -> [R; 2] {
 pub fn log_volume_slope<R: Real>(g: R) -> R {
     let least = R::of(EXTENDED);
     let volume = R::one() + g;
-    if volume >= least { R::one() / volume } else { (R::one() - (volume - least) / least) / least }
+    R::one() / if volume >= least { volume } else { least }
+}
+
+/// `φ'² + φ φ''`: derivative of `φ φ'`, `(1 − ln J)/J²` above `J = ε`.
+pub fn log_volume_stiffness<R: Real>(g: R) -> R {
+    let (least, volume) = (R::of(EXTENDED), R::one() + g);
+    if volume >= least { (R::one() - log_volume(g)[0]) / (volume * volume) } else { R::one() / (least * least) }
 }
 
 /// Deformation at a Gauss point.

@@ -63,16 +63,19 @@ fn logarithm(g: f32) -> vec2<f32> {
 fn log_volume(g: f32) -> vec2<f32> {
     let volume = 1.0 + g;
     if volume >= EXTENDED { return logarithm(g); }
-    let d = (volume - EXTENDED) / EXTENDED;
-    let ln = -2.3025851 + d - 0.5 * d * d;
+    let ln = -2.3025851 + (volume - EXTENDED) / EXTENDED;
     return vec2<f32>(ln, g - ln);
 }
 
 // φ'(1 + g).
 fn log_volume_slope(g: f32) -> f32 {
+    return 1.0 / max(1.0 + g, EXTENDED);
+}
+
+// φ'² + φ φ''.
+fn log_volume_stiffness(g: f32) -> f32 {
     let volume = 1.0 + g;
-    if volume >= EXTENDED { return 1.0 / volume; }
-    return (1.0 - (volume - EXTENDED) / EXTENDED) / EXTENDED;
+    return select(1.0 / (EXTENDED * EXTENDED), (1.0 - log_volume(g).x) / (volume * volume), volume >= EXTENDED);
 }
 
 // exp(x) − 1.

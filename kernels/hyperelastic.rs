@@ -6,8 +6,11 @@
 //!
 //! `f_a = Σ w P' G_a + p c_a`.
 //!
-//! Below a tenth of the volume at rest `ln J` is extended by its second-order Taylor polynomial ([`super::deformation::log_volume`]), so a
-//! cell that is flat or inverted has finite forces that open it again.
+//! A pre-strain `e` is the elastic strain of the shape at rest: the stress-free cell has the edges `h/(1 + e)`. With gradients over that
+//! cell, `F = I + e + Σ_a u_a ⊗ ∇N_a`.
+//!
+//! Below a tenth of the volume at rest `ln J` is extended by its tangent ([`super::deformation::log_volume`]), so a cell that is flat or
+//! inverted has finite forces that open it again.
 //!
 //! A law consists of a file with `W'`, `P' = ∂W'/∂F` and `dP'`, in Rust and in WGSL, and an arm of [`Law`]. For neo-Hookean material `κ` is
 //! Lamé's λ.
@@ -15,7 +18,7 @@
 //! keeps the law's own form of `W'`.
 //! Units: u m, edges m, κ Pa, W J, f N.
 
-use super::deformation::{Point, field_gradient, gradient, log_volume, log_volume_slope};
+use super::deformation::{EXTENDED, Point, field_gradient, gradient, log_volume, log_volume_slope, log_volume_stiffness};
 use super::{Params, mooney_rivlin, neo_hookean};
 use crate::math::{M3, Real, V3, V4};
 
@@ -37,6 +40,8 @@ pub enum Law<R> {
 pub struct Material<R> {
     /// Edges of a cell, m.
     pub edges: V3<R>,
+    /// Elastic strain of the rest shape along x, y, z.
+    pub pre_strain: V3<R>,
     /// κ, Pa
     pub bulk: R,
     /// Law, without the volumetric term.
@@ -44,10 +49,10 @@ pub struct Material<R> {
 }
 
 impl<R: Real> Material<R> {
-    /// From a layer's `shape` and `material`: κ, the law's constants, and its code.
-    pub fn of(shape: V4<R>, [bulk, first, second, code]: V4<R>) -> Self {
+    /// From a layer's `shape`, `material` (κ, the law's constants, and its code) and `pre_strain`.
+    pub fn of(shape: V4<R>, [bulk, first, second, code]: V4<R>, pre_strain: V4<R>) -> Self {
         let law = if code == R::one() { Law::MooneyRivlin([first, second]) } else { Law::NeoHookean(first) };
-        Self { edges: V3::from4(shape), bulk, law }
+        Self { edges: V3::from4(shape), pre_strain: V3::from4(pre_strain), bulk, law }
     }
 
     /// Shear modulus at small strain, Pa.
@@ -87,13 +92,13 @@ impl<R: Real> Material<R> {
 pub struct Cell<R> {
     /// Gauss points, numbered by the nearest corner.
     pub points: [Point<R>; 8],
-    /// Volume of a Gauss point, m³.
+    /// Stress-free volume of a Gauss point, m³.
     pub weight: R,
     /// `J̄ − 1`.
     pub mean_growth: R,
     /// Cell size and material.
     pub material: Material<R>,
-    /// 1/edges, 1/m.
+    /// 1/edges of the stress-free shape, 1/m.
     pub inverse: V3<R>,
     /// The volume is not positive at some Gauss point: energy and forces are those of the extended law.
     pub inverted: bool,
@@ -105,6 +110,7 @@ impl<R: Real> Cell<R> {
         params: &Params<R>,
         shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
         material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
+        pre_strain: &[V4<R>],   // [layer] elastic strain at rest along x, y, z
         layer_of: &[u32],       // [cells_z] layer
         displacement: &[V4<R>], // [node] displacement, m
         split: &[u32],          // see `split`
@@ -112,22 +118,23 @@ impl<R: Real> Cell<R> {
     ) -> Self {
         let layer = layer_of[params.cell_at(cell)[2]] as usize;
         let u = params.corner_nodes(split, cell).map(|n| V3::from4(displacement[n]));
-        Self::new(Material::of(shape[layer], material[layer]), &u)
+        Self::new(Material::of(shape[layer], material[layer], pre_strain[layer]), &u)
     }
 
     /// From the corners' displacements, m.
     pub fn new(material: Material<R>, u: &[V3<R>; 8]) -> Self {
-        let edges = material.edges;
-        let inverse = V3::new(R::one() / edges.x, R::one() / edges.y, R::one() / edges.z);
+        let (edges, e) = (material.edges, material.pre_strain);
+        let stretch = e + V3::splat(R::one());
+        let inverse = V3::new(stretch.x / edges.x, stretch.y / edges.y, stretch.z / edges.z);
         let mut points = [Point::default(); 8];
         let (mut sum, mut inverted) = (R::zero(), false);
         for (p, point) in points.iter_mut().enumerate() {
-            *point = Point::new(field_gradient(inverse, u, p));
+            *point = Point::new(M3::diagonal(e) + field_gradient(inverse, u, p));
             sum += point.growth;
             inverted |= point.inverted();
         }
         let eighth = R::of(0.125);
-        let weight = edges.x * edges.y * edges.z * eighth;
+        let weight = eighth / (inverse.x * inverse.y * inverse.z);
         Self { points, weight, mean_growth: sum * eighth, material, inverse, inverted }
     }
 
@@ -178,29 +185,45 @@ const STIFFEST: f64 = 1e6;
 
 impl<R: Real> Cell<R> {
     /// Factor `s` by which the tangent exceeds the small-strain stiffness, at least: with a tangent less than half of the true one a linear
-    /// step overshoots, and steps diverge. Of the Gauss points the largest of
+    /// step overshoots, and steps diverge. With the largest of the Gauss points in each term,
     ///
-    /// `s = max(1, |∂φ/∂F|² − 2) + (κ/μ)/6 (|cof F|² − 3 J^(4/3))`, plus `−p/(2 μ)` under pressure,
+    /// `s = max(1, |∂φ/∂F|² − 2) + (κ/μ)/6 max(0, (φ'² + φ φ'')(J̄)) (|cof F|² − 3 J^(4/3))`, plus `−p/(2 μ) max(1, |F|/√3)` under pressure,
     ///
     /// that is, `λ⁻²` for one principal stretch `λ`; the volume's stiffness along directions that have turned away from those at rest; and the
-    /// stiffness that pressure gives to shear.
-    pub fn stiffening(&self) -> R {
-        let (one, two, most) = (R::one(), R::of(2.0), R::of(STIFFEST));
+    /// stiffness that pressure gives to shear. Where `ln J` is extended the first term is at least `(1 + φ' |F|)/2`. A pre-strain scales the
+    /// small-strain stiffness by up to `max (1 + e)²/Π (1 + e)`.
+    ///
+    /// Rayleigh damping acts with the rotated small-strain stiffness itself: with the factor `f = 1 + r_K/h` of the stiffness in `A` the
+    /// result is `1 + (s − 1)/f`.
+    pub fn stiffening(&self, params: &Params<R>) -> R {
+        let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
         let shear = self.material.shear();
-        let ratio = self.material.bulk / (R::of(6.0) * shear);
         let squared = |m: &M3<R>| m.0.iter().map(|c| c.dot(*c)).sum::<R>();
-        let mut s = one;
+        let (mut pressed, mut turned, mut longest) = (one, zero, R::of(3.0));
         for p in &self.points {
-            let pressed = squared(&p.back) - two;
+            let stretched = squared(&(M3::identity() + p.h));
+            pressed = larger(pressed, squared(&p.back) - two);
+            if one + p.growth < R::of(EXTENDED) {
+                pressed = larger(pressed, (one + log_volume_slope(p.growth) * stretched.sqrt()) / two);
+            }
             let even = R::of(3.0) * R::exp(R::of(4.0 / 3.0) * log_volume(p.growth)[0]);
-            let turned = ratio * (squared(&p.cofactor) - even);
-            let own = (if pressed > one { pressed } else { one }) + if turned > R::zero() { turned } else { R::zero() };
-            s = if own > s { own } else { s };
+            turned = larger(turned, squared(&p.cofactor) - even);
+            longest = larger(longest, stretched);
         }
-        let pressed = -self.pressure() / (two * shear);
-        let s = if pressed > R::zero() { s + pressed } else { s };
-        if s < most { s } else { most }
+        let volume = self.material.bulk / (R::of(6.0) * shear) * larger(log_volume_stiffness(self.mean_growth), zero) * turned;
+        let sheared = larger(-self.pressure() / (two * shear), zero) * (longest / R::of(3.0)).sqrt();
+        let stretch = self.material.pre_strain + V3::splat(one);
+        let strained = stretch.times(stretch) * (one / (stretch.x * stretch.y * stretch.z));
+        let strained = strained.f64().into_iter().map(R::of).fold(one, larger);
+        let s = (pressed + volume + sheared) * strained;
+        let s = if s < R::of(STIFFEST) { s } else { R::of(STIFFEST) };
+        one + (s - one) / params.stiffness_factor
     }
+}
+
+/// The larger of two; `b` if `a` is not a number.
+fn larger<R: Real>(a: R, b: R) -> R {
+    if a > b { a } else { b }
 }
 
 /// Displacements of a cell's corners.

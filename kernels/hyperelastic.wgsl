@@ -24,15 +24,22 @@ fn law_tangent(material: vec4<f32>, p: Point, change: mat3x3<f32>) -> mat3x3<f32
 struct Cell {
     at: vec3<u32>, // of the grid
     material: vec4<f32>, // κ, two constants Pa, the law's code
-    inverse_edges: vec3<f32>, // 1/m
+    pre_strain: vec3<f32>,
+    inverse_edges: vec3<f32>, // of the stress-free cell, 1/m
     weight: f32, // of a Gauss point, m³
 }
 
 fn cell_of(cell: u32) -> Cell {
     let at = cell_at(params, cell);
     let layer = layer_of[at.z];
-    let edges = shape[layer].xyz;
-    return Cell(at, material[layer], 1.0 / edges, edges.x * edges.y * edges.z * 0.125);
+    let e = pre_strain[layer].xyz;
+    let inverse = (1.0 + e) / shape[layer].xyz;
+    return Cell(at, material[layer], e, inverse, 0.125 / (inverse.x * inverse.y * inverse.z));
+}
+
+// Deformation at Gauss point `p` of a cell with these displacements of its corners.
+fn cell_point(cell: Cell, u: array<vec3<f32>, 8>, p: u32) -> Point {
+    return point_of(diagonal(cell.pre_strain) + field_gradient(cell.inverse_edges, u, p));
 }
 
 // Displacements of a cell's corners, m.

@@ -23,6 +23,7 @@ pub fn hyperelastic_forces<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
     material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
+    pre_strain: &[V4<R>],   // [layer] elastic strain at rest along x, y, z
     layer_of: &[u32],       // [cells_z] layer
     split: &[u32],          // see `split`
     rotation: &mut [V4<R>], // [cell] quaternion; 0 of a dead cell
@@ -36,13 +37,13 @@ pub fn hyperelastic_forces<R: Real>(
         if *q == [R::zero(); 4] {
             continue;
         }
-        let found = Cell::of(params, shape, material, layer_of, displacement, split, cell);
+        let found = Cell::of(params, shape, material, pre_strain, layer_of, displacement, split, cell);
         *energy = if found.inverted { R::of(f64::from(INSIDE_OUT)) } else { found.energy() };
         for (out, f) in force.chunks_exact_mut(3).zip(found.forces()) {
             out.copy_from_slice(&[f.x, f.y, f.z]);
         }
         if params.corotational == STIFFENED {
-            let length = found.stiffening().sqrt().sqrt();
+            let length = found.stiffening(params).sqrt().sqrt();
             *q = q.map(|c| c * length);
         }
     }

@@ -8,6 +8,7 @@
 @group(0) @binding(6) var<storage, read_write> energy: array<f32>;          // [cell] J
 @group(0) @binding(7) var<storage, read> split: array<u32>;                 // see split.rs
 @group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;  // [cell] quaternion; 0 of a dead cell
+@group(0) @binding(9) var<uniform> pre_strain: array<vec4<f32>, 21>;       // [layer] elastic strain at rest along x, y, z
 
 const INSIDE_OUT: f32 = 1e38;
 const STIFFENED: u32 = 2u;
@@ -30,17 +31,23 @@ fn hyperelastic_forces(thread: Thread) {
     var growths = 0.0;
     var sum = 0.0;
     var inverted = false;
-    var stiff = 1.0;
-    let ratio = own.material.x / (6.0 * law_shear(own.material));
+    var pressed = 1.0; // the parts of the stiffening: largest of the Gauss points
+    var turned = 0.0;
+    var longest = 3.0;
     for (var p = 0u; p < 8u; p += 1u) {
-        let point = point_of(field_gradient(own.inverse_edges, u, p));
+        let point = cell_point(own, u, p);
         inverted = inverted || is_inverted(point);
         growths += point.growth;
         sum += law_energy(own.material, point);
         if params.corotational == STIFFENED {
+            let f = identity() + point.h;
+            let squared = contracted(f, f);
+            let flat = 0.5 * (1.0 + log_volume_slope(point.growth) * sqrt(squared));
+            pressed = max(pressed, contracted(point.back, point.back) - 2.0);
+            pressed = max(pressed, select(0.0, flat, 1.0 + point.growth < EXTENDED));
             let even = 3.0 * exp(4.0 / 3.0 * log_volume(point.growth).x);
-            let turned = ratio * max(contracted(point.cofactor, point.cofactor) - even, 0.0);
-            stiff = max(stiff, max(contracted(point.back, point.back) - 2.0, 1.0) + turned);
+            turned = max(turned, contracted(point.cofactor, point.cofactor) - even);
+            longest = max(longest, squared);
         }
         let pushed = point.cofactor * own.weight;
         let stress = law_stress(own.material, point) * own.weight;
@@ -55,8 +62,14 @@ fn hyperelastic_forces(thread: Thread) {
     let pressure = own.material.x * log_mean * log_volume_slope(mean);
     energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean), INSIDE_OUT, inverted);
     if params.corotational == STIFFENED {
-        let pressed = max(-pressure / (2.0 * law_shear(own.material)), 0.0);
-        rotation[cell] = rotation[cell] * sqrt(sqrt(min(stiff + pressed, STIFFEST)));
+        let shear = law_shear(own.material);
+        let volume = own.material.x / (6.0 * shear) * max(log_volume_stiffness(mean), 0.0) * turned;
+        let sheared = max(-pressure / (2.0 * shear), 0.0) * sqrt(longest / 3.0);
+        let stretch = 1.0 + own.pre_strain;
+        let strained = stretch * stretch / (stretch.x * stretch.y * stretch.z);
+        let most = max(max(strained.x, strained.y), max(strained.z, 1.0));
+        let s = min((pressed + volume + sheared) * most, STIFFEST);
+        rotation[cell] = rotation[cell] * sqrt(sqrt(1.0 + (s - 1.0) / params.stiffness_factor));
     }
     for (var a = 0u; a < 8u; a += 1u) {
         let out = force[a] + growing[a] * pressure;

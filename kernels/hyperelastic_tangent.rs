@@ -10,7 +10,7 @@
 //! Source: Bonet, Wood 2008, sections 6.4 and 8.6 (tangent with mean dilatation).
 //! Units: displacement m, z m, force N, material Pa.
 
-use super::deformation::{field_gradient, gradient, log_volume};
+use super::deformation::{field_gradient, gradient, log_volume_stiffness};
 use super::hyperelastic::{Cell, at_corners};
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};
@@ -23,11 +23,9 @@ pub const SOURCE: Source = Source {
 };
 
 impl<R: Real> Cell<R> {
-    /// `κ (1 − ln J̄)/(V J̄²)`, Pa/m³: derivative of the pressure with respect to the cell's volume.
+    /// `κ (φ'² + φ φ'')(J̄)/V`, Pa/m³: derivative of the pressure with respect to the cell's volume.
     pub fn pressure_slope(&self) -> R {
-        let mean = R::one() + self.mean_growth;
-        let log = log_volume(self.mean_growth)[0];
-        self.material.bulk * (R::one() - log) / (R::of(8.0) * self.weight * mean * mean)
+        self.material.bulk * log_volume_stiffness(self.mean_growth) / (R::of(8.0) * self.weight)
     }
 
     /// `K z`, N.
@@ -62,13 +60,14 @@ pub fn hyperelastic_tangent<R: Real>(
     params: &Params<R>,
     shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
     material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
+    pre_strain: &[V4<R>],   // [layer] elastic strain at rest along x, y, z
     layer_of: &[u32],       // [cells_z] layer
     displacement: &[V4<R>], // [node] displacement, m
     z: &[V4<R>],            // [node] m
     corner_force: &mut [R], // [cell][corner][axis] N
 ) {
     for (cell, force) in corner_force.chunks_exact_mut(24).enumerate() {
-        let found = Cell::of(params, shape, material, layer_of, displacement, &[], cell);
+        let found = Cell::of(params, shape, material, pre_strain, layer_of, displacement, &[], cell);
         let own = if found.inverted { [V3::zero(); 8] } else { found.product(&at_corners(params, z, cell)) };
         for (out, f) in force.chunks_exact_mut(3).zip(own) {
             out.copy_from_slice(&[f.x, f.y, f.z]);

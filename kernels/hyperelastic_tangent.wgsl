@@ -7,6 +7,7 @@
 @group(0) @binding(5) var<storage, read> z: array<vec4<f32>>;               // [slot][node] m
 @group(0) @binding(6) var<storage, read_write> corner_force: array<f32>;    // [slot][cell][corner][axis] N
 @group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;         // [slot × 2] alpha beta gamma done; target² rr iterations state
+@group(0) @binding(8) var<uniform> pre_strain: array<vec4<f32>, 21>;       // [layer] elastic strain at rest along x, y, z
 
 @compute @workgroup_size(64)
 fn hyperelastic_tangent(thread: Thread) {
@@ -21,16 +22,15 @@ fn hyperelastic_tangent(thread: Thread) {
     }
     // the pressure depends on all points, and each point needs it
     var growths = 0.0;
-    for (var p = 0u; p < 8u; p += 1u) { growths += point_of(field_gradient(own.inverse_edges, u, p)).growth; }
+    for (var p = 0u; p < 8u; p += 1u) { growths += cell_point(own, u, p).growth; }
     let mean = growths * 0.125;
-    let log_mean = log_volume(mean).x;
-    let pressure = own.material.x * log_mean * log_volume_slope(mean);
+    let pressure = own.material.x * log_volume(mean).x * log_volume_slope(mean);
     var force: array<vec3<f32>, 8>;
     var growing: array<vec3<f32>, 8>;
     var volume = 0.0;
     var inside_out = false;
     for (var p = 0u; p < 8u; p += 1u) {
-        let point = point_of(field_gradient(own.inverse_edges, u, p));
+        let point = cell_point(own, u, p);
         inside_out = inside_out || is_inverted(point);
         let turned = field_gradient(own.inverse_edges, field, p);
         let back = point.back;
@@ -47,8 +47,7 @@ fn hyperelastic_tangent(thread: Thread) {
             force[a] += stress * gradient;
         }
     }
-    let whole = 1.0 + mean;
-    let pressed = own.material.x * (1.0 - log_mean) / (8.0 * own.weight * whole * whole) * volume;
+    let pressed = own.material.x * log_volume_stiffness(mean) / (8.0 * own.weight) * volume;
     let first = (slot * params.cell_count + cell) * 24u;
     for (var a = 0u; a < 8u; a += 1u) {
         let out = select(force[a] + growing[a] * pressed, vec3<f32>(0.0), inside_out);

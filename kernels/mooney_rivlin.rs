@@ -46,7 +46,7 @@ impl<R: Real> Invariants<R> {
     }
 }
 
-/// `J^(−2/3)` and `J^(−4/3)`.
+/// `J^(−2/3)` and `J^(−4/3)`, in terms of the extended `ln J`.
 fn scales<R: Real>(p: &Point<R>) -> [R; 2] {
     let scale = R::exp(R::of(-2.0 / 3.0) * log_volume(p.growth)[0]);
     [scale, scale * scale]

@@ -218,7 +218,7 @@ fn rod_in_block(at: &str) -> String {
     };
     format!(
         "title = \"rod\"\n[time]\nstep_ms = 10\nduration_s = 0.3\ngravity_m_s2 = [0, 0, 0]\n[solver]\ntolerance = 1e-9\n[contact]\ntolerance = 1e-5\n\
-         [skin]\nsize_mm = [10, 10]\ncells = [3, 3]\nlaw = \"fem\"\n{}\
+         [skin]\nsize_mm = [10, 10]\ncells = [3, 3]\nlaw = \"corotational\"\n{}\
          [[block]]\nname = \"rod\"\nposition_mm = {at}\nsize_mm = [2, 2]\ncells = [1, 1]\n{}\
          [[attach]]\nbody = \"rod\"\nregion = \"all\"\nto = \"skin\"\n\
          [[boundary]]\nbody = \"skin\"\nregion = \"bottom\"\n\
@@ -321,7 +321,7 @@ fn a_precomputed_correction_is_near_while_the_body_is_near_rest() {
     assert!(apart(table, exact) < 0.1, "{table} and {exact}");
     // a table of a body at rest that is linear is the body's own: the same force
     let linear = |text: &str| {
-        let text = pressed(text).replace("cells = [10, 10]", "cells = [10, 10]\ncorotational = false");
+        let text = pressed(text).replace("cells = [10, 10]", "cells = [10, 10]\nlaw = \"linear\"");
         probe(&run(&scene(&text)).1, 0)
     };
     let (exact, table) = (linear("tolerance = 1e-6"), linear("correction = \"precomputed\"\ntolerance = 1e-6"));

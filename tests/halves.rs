@@ -155,7 +155,7 @@ fn sheet(cells: usize) -> Simulation {
 /// A linear sheet with this strain, held as the boundaries say.
 fn held_sheet(cells: usize, pre_strain: &str, boundaries: &str) -> Simulation {
     let text = format!(
-        "[skin]\nsize_mm = [20, 20]\ncells = [{cells}, {cells}]\ncorotational = false\ncut_reserve_columns = 600\n\
+        "[skin]\nsize_mm = [20, 20]\ncells = [{cells}, {cells}]\nlaw = \"linear\"\ncut_reserve_columns = 600\n\
          [[skin.layer]]\nname = \"sheet\"\nthickness_mm = 1\ncells = 2\nyoung_kpa = 100\npoisson = 0.3\ndensity_kg_m3 = 1000\n\
          pre_strain = {pre_strain}\n{boundaries}"
     );

@@ -28,9 +28,8 @@ true_residual_every = 10
 [skin]
 size_mm = [40, 20]
 cells = [8, 4]
-law = "fem"
+law = "linear"
 element = "bbar"
-corotational = false
 rayleigh_mass_per_s = 0.02
 rayleigh_stiffness_s = 0.03
 velocity_m_s = [0, 0, 0.1]
@@ -766,7 +765,7 @@ fn the_direct_solver_does_not_split() {
     let error = model(&direct).expect_err("a blade may split nodes");
     says(&error.to_string(), "direct solver … a blade splits … cut = \"remove\" or the preconditioner multigrid");
     assert_eq!(error.exit_code(), 2);
-    let remove = direct.replace("law = \"fem\"\n", "law = \"fem\"\ncut = \"remove\"\n");
+    let remove = direct.replace("law = \"linear\"\n", "law = \"linear\"\ncut = \"remove\"\n");
     assert!(model(&remove).is_ok(), "cells may go");
     assert!(model(FULL).is_ok(), "other solvers split");
 }
@@ -830,12 +829,12 @@ fn neo_hookean_law_is_read() {
 #[test]
 fn neo_hookean_skin_may_be_cut_and_refined_where_it_is_touched() {
     let text =
-        FULL.replace("element = \"bbar\"\ncorotational = false\n", "").replace("pre_strain = [0.2, -0.05]\n", "");
-    let scene = parsed(&text.replace("law = \"fem\"", "law = \"neo_hookean\"")).expect("the scene is valid");
+        FULL.replace("element = \"bbar\"\n", "");
+    let scene = parsed(&text.replace("law = \"linear\"", "law = \"neo_hookean\"")).expect("the scene is valid");
     assert!(matches!(scene.skins[0].law, Law::Hyperelastic(Material::NeoHookean)));
     assert!(scene.tools[0].blade.is_some() && scene.contact.is_some());
     let refined =
-        text.replace("law = \"fem\"", "law = \"neo_hookean\"").replace("[solver]\n", "[solver]\nrefinements = 2\n");
+        text.replace("law = \"linear\"", "law = \"neo_hookean\"").replace("[solver]\n", "[solver]\nrefinements = 2\n");
     assert_eq!(parsed(&refined).expect("the scene is valid").solver.refinements, 2);
 }
 

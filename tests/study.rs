@@ -52,7 +52,7 @@ point_mm = [0.3, 0.0, 2.0]
 const AXES: &str = r#"
 [study]
 probes = ["top"]
-elements = ["bbar", "plain"]
+laws = ["bbar", "plain"]
 preconditioners = ["jacobi", "direct"]
 tolerances = [1e-1, 1e-4]
 iterations = [3]
@@ -231,7 +231,7 @@ fn known_values_take_the_place_of_a_reference() {
 fn tables_that_do_not_fit_are_refused_with_their_line() {
     let cases = [
         ("[study]\nprobes = [\"tip\"]", "probes = \"tip\" is not known; did you mean \"top\"?"),
-        ("[study]\nelements = [\"bar\"]", "did you mean \"bbar\"?"),
+        ("[study]\nlaws = [\"bar\"]", "did you mean \"bbar\"?"),
         ("[study]\ntolerances = [1.5]", "wanted a number between 0 and 1"),
         ("[study]\ntolerances = []", "values of tolerances = 0"),
         ("[study]\niterations = [0]", "iterations = 0"),
@@ -397,7 +397,7 @@ fn bodies_keep_their_own_bricks_in_the_scenes_own_setting() {
     let last = |row: &Row| row.trace.samples.last().unwrap().clone();
     let own = last(&study_of("").rows[0]);
     assert!((own[1] / own[0]).abs() < 0.9, "the plain one locks: {own:?}");
-    let both = study_of("elements = [\"plain\"]\n");
+    let both = study_of("laws = [\"plain\"]\n");
     let plain = both.rows.iter().find(|r| r.setting.law == brick(Element::Plain)).map(last).expect("it was run");
     assert!((plain[1] / plain[0] - 1.0).abs() < 0.05, "both lock: {plain:?}");
 }

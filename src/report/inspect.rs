@@ -201,7 +201,7 @@ fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split, place]: [u
 fn read_backs(scene: &Scene) -> Vec<Count> {
     let count = |name, count, per| Count { name, count, per };
     let hyperelastic = |skin: &Skin| matches!(skin.law, Law::Hyperelastic(_));
-    let newton = scene.contact.is_none() && scene.skins.iter().any(hyperelastic);
+    let newton = scene.newton() && scene.skins.iter().any(hyperelastic);
     let mut list = match scene.time.integrator {
         Integrator::SymplecticEuler => vec![count("queue", 1, "32 steps")],
         _ if newton => vec![count("place", 1, "place tried"), count("solver", 1, "Newton iteration")],

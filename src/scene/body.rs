@@ -109,17 +109,15 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     let damping = number("spring_damping_n_s_m", &raw.spring_damping_n_s_m, DAMPING, Bound::NotNegative)?;
     let element = or(raw.element.clone(), "bbar".to_string());
     let element = scene.choice("element", &element, &ELEMENTS)?;
-    let name = or(raw.law.clone(), "fem".to_string());
-    let corotational = raw.corotational.as_ref().is_none_or(|word| *word.get_ref());
-    let fem = Law::Fem { element, corotational };
-    match scene.choice("law", &name, &hyperelastic::laws(fem))? {
+    let name = or(raw.law.clone(), "neo_hookean".to_string());
+    let law = scene.choice("law", &name, &hyperelastic::laws(element))?;
+    match law {
         Law::Springs { .. } => {}
-        law => {
-            if let Law::Hyperelastic(_) = law {
-                let why = "a hyperelastic law has one brick, of mean dilatation at any rotation";
-                scene.needless("element", &raw.element, why)?;
-                scene.needless("corotational", &raw.corotational, why)?;
-            }
+        Law::Fem { .. } => return Ok(law),
+        Law::Hyperelastic(_) => {
+            let why = "a hyperelastic law (the default is \"neo_hookean\") has one element, of mean dilatation; others belong to law = \
+                       \"corotational\" or \"linear\"";
+            scene.needless("element", &raw.element, why)?;
             return Ok(law);
         }
     }
@@ -200,13 +198,9 @@ fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 
     let raw = table.keys;
     let constants = match law {
         Law::Fem { .. } => hyperelastic::linear(scene, &raw, table.span, false)?,
-        Law::Hyperelastic(material) => {
-            let why = "a hyperelastic law is at rest where the scene puts it; pre-strain belongs to law = \"fem\"";
-            scene.needless("pre_strain", &raw.pre_strain, why)?;
-            hyperelastic::constants(scene, &raw, *material, table.span)?
-        }
+        Law::Hyperelastic(material) => hyperelastic::constants(scene, &raw, *material, table.span)?,
         Law::Springs { .. } => {
-            let why = "springs are at rest where the scene puts them; pre-strain belongs to law = \"fem\"";
+            let why = "springs are at rest where the scene puts them; pre-strain belongs to hexahedra";
             scene.needless("pre_strain", &raw.pre_strain, why)?;
             hyperelastic::linear(scene, &raw, table.span, true)?
         }

@@ -54,6 +54,7 @@ impl Default for Solver {
             tolerance: 1e-3,
             floor: 1e-10,
             max_iterations: 1000,
+            newton: false,
             refinements: 0,
             true_residual_every: 20,
         }
@@ -61,7 +62,7 @@ impl Default for Solver {
 }
 
 impl Default for Skin {
-    /// A patch of 10 × 10 mm with one layer of 2 mm, corotational.
+    /// A patch of 10 × 10 mm with one layer of 2 mm, neo-Hookean.
     fn default() -> Self {
         Self {
             name: "skin".into(),
@@ -69,7 +70,7 @@ impl Default for Skin {
             size: [0.01; 2],
             cells: [10; 2],
             layers: vec![Layer::default()],
-            law: Law::Fem { element: Element::Bbar, corotational: true },
+            law: Law::Hyperelastic(Material::NeoHookean),
             mass: Mass::Lumped,
             cut: Cut::Split { reserve_columns: 44 },
             rayleigh_mass: 0.01,
@@ -349,8 +350,8 @@ impl Scene {
             part.not_negative("toughness", &[layer.toughness])?;
             let odd = layer.pre_strain.iter().find(|e| !(**e > -0.5 && **e < 1.0));
             odd.map_or(Ok(()), |e| Err(part.of("pre_strain").refuse(e, "strains between -0.5 and 1")))?;
-            let strained = layer.pre_strain != [0.0; 2] && !matches!(skin.law, Law::Fem { .. });
-            part.of("pre_strain").that(!strained, "not 0", "0 of springs and of a hyperelastic law")?;
+            let strained = layer.pre_strain != [0.0; 2] && matches!(skin.law, Law::Springs { .. });
+            part.of("pre_strain").that(!strained, "not 0", "0 of springs")?;
             if !matches!(skin.law, Law::Springs { .. }) {
                 part.positive("young", &[layer.young])?;
                 part.of("poisson").that((0.0..0.5).contains(&layer.poisson), layer.poisson, "from 0 to below 0.5")?;
@@ -409,11 +410,9 @@ impl Scene {
     fn check_together(&self, scene: &Part) -> Result<()> {
         let hyperelastic = self.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
         let refinements = scene.of("solver.refinements");
-        refinements.that(
-            !hyperelastic || self.contact.is_some() || self.solver.refinements == 0,
-            self.solver.refinements,
-            "0 of a hyperelastic law, where nothing may touch",
-        )?;
+        let newton = hyperelastic && self.newton();
+        refinements.that(!newton || self.solver.refinements == 0, self.solver.refinements, "0 with Newton's method")?;
+        scene.of("solver.newton").that(!newton || self.contact.is_none(), true, "false where bodies may touch")?;
         let integrator = scene.of("time.integrator");
         let implicit = self.time.integrator == Integrator::ImplicitEuler;
         integrator.that(implicit || self.contact.is_none(), "another", "ImplicitEuler where bodies may touch")?;

@@ -1,10 +1,10 @@
 //! Hyperelastic laws of a scene file: names, constants of the layers, and what they exclude.
 
 use super::invalid::{Invalid, Result};
-use super::raw::{self, At, Table};
+use super::raw::{self, At};
 use super::text::{Bound, KPA, SceneText};
 use super::words::word;
-use super::{Integrator, Law};
+use super::{Element, Integrator, Law};
 use std::ops::Range;
 
 /// Large-strain law of a body of hexahedra ([`crate::kernels::hyperelastic`]).
@@ -40,7 +40,7 @@ pub(super) fn linear(scene: &SceneText, raw: &raw::Layer, table: Range<usize>, s
     for (key, value) in [("c10_kpa", &raw.c10_kpa), ("c01_kpa", &raw.c01_kpa), ("bulk_kpa", &raw.bulk_kpa)] {
         scene.needless(key, value, why)?;
     }
-    let why = "law = \"fem\" (the default) asks for it in each layer";
+    let why = "this law asks for it in each layer";
     let young = match &raw.young_kpa {
         None if springs => 0.0,
         value => {
@@ -99,40 +99,42 @@ pub(super) fn constants(
     }
 }
 
-/// Location of a hyperelastic law in the file, if any.
-pub(super) fn asked_for(skin: &Option<Table<raw::Skin>>, blocks: &[Table<raw::Skin>]) -> Option<At<String>> {
-    let words = skin.iter().chain(blocks).filter_map(|table| table.keys.law.clone());
-    words.into_iter().find(|word| MATERIALS.iter().any(|(known, _)| known == word.get_ref()))
-}
-
-/// All laws by name; `fem` as given in the file.
-pub(super) fn laws(fem: Law) -> Vec<(&'static str, Law)> {
+/// All laws by name; those of small strain with the given element.
+pub(super) fn laws(element: Element) -> Vec<(&'static str, Law)> {
     let springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
+    let of = |corotational| Law::Fem { element, corotational };
     let hyperelastic = MATERIALS.map(|(word, material)| (word, Law::Hyperelastic(material)));
-    [("fem", fem), ("springs", springs)].into_iter().chain(hyperelastic).collect()
+    let others = [("corotational", of(true)), ("linear", of(false)), ("springs", springs)];
+    hyperelastic.into_iter().chain(others).collect()
 }
 
-/// Rejects what the law does not support.
+/// Rejects what Newton's method does not support.
 pub(super) fn fits(
     scene: &SceneText,
-    asked: &Option<At<String>>,
+    hyperelastic: bool,
     contact: bool,
     integrator: Integrator,
     solver: &raw::Solver,
 ) -> Result<()> {
-    let Some(asked) = asked else {
-        return Ok(());
-    };
-    let law = MATERIALS.iter().map(|(word, _)| *word).find(|word| word == asked.get_ref()).unwrap_or_default();
-    let unfit =
-        |why: &'static str, fix: &'static str| Invalid::LawUnfit { at: scene.place(asked.span()), law, why, fix };
-    if integrator == Integrator::SymplecticEuler {
-        let fix = "take \"fem\", or integrator = \"implicit_euler\" or \"newmark\"";
-        return Err(unfit("takes implicit steps, and the integrator is \"symplectic_euler\"", fix));
+    if let Some(newton) = solver.newton.as_ref().filter(|newton| *newton.get_ref()) {
+        let unfit = |why: &'static str| Invalid::NeedlessKey { at: scene.place(newton.span()), key: "newton", why };
+        if !hyperelastic {
+            return Err(unfit("only hyperelastic bodies are solved by Newton's method"));
+        }
+        if contact {
+            return Err(unfit("where bodies may touch each step is one linear solve; leave it out"));
+        }
+        if integrator == Integrator::SymplecticEuler {
+            return Err(unfit("integrator = \"symplectic_euler\" solves no system"));
+        }
     }
-    if !contact && solver.refinements.as_ref().is_some_and(|rounds| *rounds.get_ref() > 0) {
-        let fix = "leave refinements out: Newton's method stops at the true residual already";
-        return Err(unfit("is solved by Newton's method, which linear refinements would undo", fix));
+    let newton = solver.newton.as_ref().is_some_and(|newton| *newton.get_ref()) || integrator == Integrator::Newmark;
+    if hyperelastic && newton {
+        let why = "Newton's method stops at the true residual already, and linear refinements would undo its steps";
+        return match &solver.refinements {
+            Some(rounds) if *rounds.get_ref() > 0 => scene.needless("refinements", &solver.refinements, why),
+            _ => Ok(()),
+        };
     }
     Ok(())
 }

@@ -169,7 +169,7 @@ pub enum Invalid {
 
     /// A mass discretisation that the law does not support.
     #[error(
-        "{at}: mass = \"{found}\" cannot be had with springs or a hyperelastic law; use \"lumped\" or \"uniform\", or law = \"fem\""
+        "{at}: mass = \"{found}\" cannot be had with springs or a hyperelastic law; use \"lumped\" or \"uniform\", or law = \"corotational\""
     )]
     Mass {
         /// Where.

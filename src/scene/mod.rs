@@ -90,6 +90,12 @@ pub struct Scene {
 }
 
 impl Scene {
+    /// Whether steps of hyperelastic bodies are solved by Newton's method: where asked for, and in Newmark's method, whose steps are of
+    /// second order only so.
+    pub fn newton(&self) -> bool {
+        self.solver.newton || self.time.integrator == Integrator::Newmark
+    }
+
     /// The scene as run by the tests: with the cells and steps of its test form.
     #[must_use]
     pub fn in_test_form(&self) -> Self {
@@ -170,6 +176,9 @@ pub struct Solver {
     pub floor: f64,
     /// Iteration limit, after which a solve counts as not converged.
     pub max_iterations: u32,
+    /// Hyperelastic bodies: solve each step to its nonlinear balance by Newton's method instead of one linear system
+    /// ([`Scene::newton`]).
+    pub newton: bool,
     /// Maximum rounds of iterative refinement per step: residual in f64 on the host, correction in the backend's precision.
     pub refinements: u32,
     /// Interval, in steps, of the true residual in f64; the last step always has one.

@@ -49,7 +49,6 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     // bodies
     let mut taken = Vec::new();
     let mut skins = Vec::new();
-    let hyperelastic = hyperelastic::asked_for(&raw.skin, &raw.block);
     if let Some(table) = raw.skin {
         skins.push(body::skin(&scene, table, None)?);
     }
@@ -76,6 +75,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let boundaries = raw.boundary.into_iter().map(|table| boundary(&scene, table, &names, &grids));
     let loads = raw.load.into_iter().map(|table| load(&scene, table, &names, &skins));
     // contact, integrator and what does not go together
+    let hyperelastic = skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
     let contact = tools::contact(&scene, raw::keys(raw.contact), &tools)?;
     let touching = !tools.is_empty() || !attachments.is_empty() || skins.len() > 1 || !planes.is_empty();
     if contact.correction == Correction::Uncoupled && !attachments.is_empty() {
@@ -88,7 +88,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let raw_solver = raw::keys(raw.solver);
     let word = time_keys.integrator.take();
     let integrator = integrator::integrator(&scene, word, &raw_solver, &skins, touching)?;
-    hyperelastic::fits(&scene, &hyperelastic, touching, integrator, &raw_solver)?;
+    hyperelastic::fits(&scene, hyperelastic, touching, integrator, &raw_solver)?;
     let time = time(&scene, time_keys, integrator)?;
     // the remaining tables
     let made = Scene {
@@ -148,6 +148,7 @@ fn solver(scene: &SceneText, raw: raw::Solver, skins: &[Skin]) -> Result<Solver>
         tolerance: scene.number("tolerance", &or(raw.tolerance, 1e-3), PLAIN, Bound::Fraction)?,
         floor: scene.number("floor_n", &or(raw.floor_n, 1e-10), NEWTON, Bound::NotNegative)?,
         max_iterations: count("max_iterations", raw.max_iterations, 1000)?,
+        newton: or(raw.newton, false).into_inner(),
         refinements: scene.count("refinements", &or(raw.refinements, 0), [0, 100])?,
         true_residual_every: count("true_residual_every", raw.true_residual_every, 20)?,
     })

@@ -4,8 +4,8 @@ use super::integrator::integrator;
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Numbers, Table};
 use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
-use super::words::{CORRECTIONS, ELEMENTS, PRECONDITIONERS};
-use super::{Correction, Element, Integrator, Law, Preconditioner, Probe, ProbeKind, Skin, Time};
+use super::words::{CORRECTIONS, ELEMENTS, PRECONDITIONERS, word};
+use super::{Correction, Integrator, Law, MATERIALS, Material, Preconditioner, Probe, ProbeKind, Skin, Time};
 
 /// Maximum number of values on one axis of a study.
 const MOST_VALUES: usize = 20;
@@ -20,8 +20,8 @@ pub struct Study {
     pub known: Vec<(usize, f64)>,
     /// Duration, s; `None` for the scene's.
     pub duration: Option<f64>,
-    /// Element types.
-    pub elements: Vec<Element>,
+    /// Laws.
+    pub laws: Vec<Law>,
     /// Preconditioners.
     pub preconditioners: Vec<Preconditioner>,
     /// Relative residuals at which solves stop.
@@ -49,6 +49,15 @@ pub(super) fn preconditioners(skins: &[Skin]) -> Vec<(&'static str, Precondition
     let bricks = skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
     let known = if bricks { PRECONDITIONERS.len() } else { PRECONDITIONERS.len() - 2 };
     PRECONDITIONERS[..known].to_vec()
+}
+
+/// Laws by name that a layer's Young's modulus and Poisson's ratio suffice for; small strain is linear if a skin's law is, otherwise
+/// corotational.
+fn laws(skins: &[Skin]) -> Vec<(&'static str, Law)> {
+    let corotational = !skins.iter().any(|skin| matches!(skin.law, Law::Fem { corotational: false, .. }));
+    let small = ELEMENTS.map(|(word, element)| (word, Law::Fem { element, corotational }));
+    let large = (word(&MATERIALS, Material::NeoHookean), Law::Hyperelastic(Material::NeoHookean));
+    small.into_iter().chain([large]).collect()
 }
 
 /// The checked study; `touching` is true if bodies can touch or are attached. The longest step must be a multiple of every other, so that
@@ -89,10 +98,10 @@ pub(super) fn study(
     }
     known.sort_by_key(|(probe, _)| *probe);
     // axes
-    let bricks = skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. }));
-    if !bricks {
-        let why = "a skin of springs or of a hyperelastic law has no others to choose from";
-        scene.needless("elements", &raw.elements, why)?;
+    let young = |law| matches!(law, Law::Fem { .. } | Law::Hyperelastic(Material::NeoHookean));
+    if !skins.iter().all(|skin| young(skin.law)) {
+        let why = "springs and Mooney–Rivlin material have constants of their own, which other laws cannot take";
+        scene.needless("laws", &raw.laws, why)?;
     }
     let grids = numbers(scene, "grids", &raw.grids, PLAIN)?;
     let one = |key, value: &Option<At<f64>>, unit| match value {
@@ -107,7 +116,7 @@ pub(super) fn study(
             .as_ref()
             .map(|t| scene.number("duration_s", t, SECOND, Bound::Positive))
             .transpose()?,
-        elements: words(scene, "elements", raw.elements, &ELEMENTS)?,
+        laws: words(scene, "laws", raw.laws, &laws(skins))?,
         preconditioners: words(scene, "preconditioners", raw.preconditioners, &preconditioners(skins))?,
         tolerances: match &raw.tolerances {
             Some(list) => each(scene, "tolerances", list, |v| scene.number("tolerances", v, PLAIN, Bound::Fraction))?,
@@ -121,17 +130,7 @@ pub(super) fn study(
         steps: numbers(scene, "steps_ms", &raw.steps_ms, MS)?,
         integrators: match &raw.integrators {
             Some(list) => each(scene, "integrators", list, |word| {
-                let chosen = integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, touching)?;
-                let newton = skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
-                if newton && chosen == Integrator::SymplecticEuler {
-                    return Err(Invalid::IntegratorUnfit {
-                        at: scene.place(word.span()),
-                        found: word.get_ref().clone(),
-                        why: "is for bricks of small strain, and this skin is hyperelastic",
-                        fix: "take \"implicit_euler\" or \"newmark\"",
-                    });
-                }
-                Ok(chosen)
+                integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, touching)
             })?,
             None => vec![],
         },

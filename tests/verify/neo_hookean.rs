@@ -160,7 +160,7 @@ fn quadratic() {
 /// Newton iterations to 1e-12 on the top of a confined cell, by a 1×1 tangent.
 fn one_cell(present: bool) -> u32 {
     let law = hyperelastic::Law::NeoHookean(1e4);
-    let material = hyperelastic::Material { edges: V3::splat(1e-3), bulk: 9e4, law };
+    let material = hyperelastic::Material { edges: V3::splat(1e-3), pre_strain: V3::zero(), bulk: 9e4, law };
     let at = |w: f64| {
         let u = std::array::from_fn(|a| V3::new(0.0, 0.0, if a < 4 { 0.0 } else { w }));
         Cell::new(material, &u)

@@ -100,11 +100,9 @@ impl Hexahedra {
             modes_uniform(made, &system),
             made.of("layer_of", &model.grid.layer_of)?,
             rotation.clone(),
+            layers_uniform(made, "pre_strain", &model.pre_strains()),
         ]);
-        // arrays of the linear law and of a consistent mass
-        if hexahedra.hyperelastic.is_none() {
-            shared = shared.joined(&Arrays::of(&[layers_uniform(made, "pre_strain", &model.pre_strains())]));
-        }
+        // arrays of a consistent mass
         let mut consistent = None;
         if model.mass == Mass::Consistent {
             let mean_v = made.vec4("mean_v", model.node_count())?;
@@ -328,8 +326,9 @@ impl Recorded for Hexahedra {
             list.push((bind(&rotations::SOURCE, None)?, cells));
         }
         if self.hyperelastic {
-            let start = arrays.get("u");
-            list.push((bind(&hyperelastic_forces::SOURCE, start.as_ref().map(|u| ("displacement", u)))?, cells));
+            let u = arrays.get("u");
+            let displacement = at.or(u.as_ref()).map(|at| ("displacement", at));
+            list.push((bind(&hyperelastic_forces::SOURCE, displacement)?, cells));
             list.push((bind(&collect::SOURCE, None)?, nodes));
         } else {
             list.push((bind(&forces::SOURCE, at.map(|at| ("u", at)))?, nodes));

@@ -21,7 +21,7 @@ use super::element::{Matrix, lame};
 use crate::bodies::{Model, Solved};
 use crate::kernels::collect::collect;
 use crate::kernels::deformation::gradient;
-use crate::kernels::hyperelastic::Cell;
+use crate::kernels::hyperelastic::{Cell, Material};
 use crate::kernels::{PARALLEL, Params};
 use crate::math::{M3, Real, V3, V4};
 use crate::mesh::Grid;
@@ -86,6 +86,29 @@ fn constants(law: scene::Material, layer: &Layer) -> V4<f64> {
     }
 }
 
+/// Elastic strain of a layer with given strains along x and y and no stress along z, by bisection on the stretch along z.
+fn pre_strain(material: V4<f64>, [x, y]: [f64; 2]) -> V4<f64> {
+    if [x, y] == [0.0; 2] {
+        return [0.0; 4];
+    }
+    let pull = |z: f64| {
+        let cell = Cell::new(Material::of([1.0; 4], material, [x, y, z, 0.0]), &[V3::zero(); 8]);
+        cell.forces()[4..].iter().map(|force| force.z).sum::<f64>()
+    };
+    let (mut low, mut high) = (THINNEST - 1.0, THICKEST - 1.0);
+    loop {
+        let middle = 0.5 * (low + high);
+        if middle <= low || middle >= high {
+            return [x, y, middle, 0.0];
+        }
+        if pull(middle) < 0.0 { low = middle } else { high = middle }
+    }
+}
+
+/// Bounds of the stretch along z that two strains between −0.5 and 1 can cause.
+const THINNEST: f64 = 0.1;
+const THICKEST: f64 = 10.0;
+
 /// Grid of hyperelastic cells.
 #[derive(Clone, Debug)]
 pub struct Hyperelastic {
@@ -93,6 +116,8 @@ pub struct Hyperelastic {
     shapes: Vec<V4<f64>>,
     /// `[layer]` κ and two constants, Pa, and the law's code, in the kernels' layout.
     materials: Vec<V4<f64>>,
+    /// `[layer]` elastic strain of the rest shape along x, y, z, and 0; that along z leaves no stress on the layer's faces.
+    pub(super) pre_strain: Vec<V4<f64>>,
     /// `[cells_z]` layer
     layer_of: Vec<u32>,
     /// True if steps are solved by Newton's method with the consistent tangent; otherwise each is one linear solve with the rotated
@@ -108,17 +133,20 @@ impl Hyperelastic {
             let [x, y, z] = grid.cell_edges(layer as u32);
             [x, y, z, 0.0]
         };
+        let materials: Vec<V4<f64>> = skin.layers.iter().map(|layer| constants(material, layer)).collect();
+        let strains = skin.layers.iter().zip(&materials).map(|(layer, material)| pre_strain(*material, layer.pre_strain));
         Some(Self {
             shapes: (0..skin.layers.len()).map(shape).collect(),
-            materials: skin.layers.iter().map(|layer| constants(material, layer)).collect(),
+            pre_strain: strains.collect(),
+            materials,
             layer_of: grid.layer_of.clone(),
-            newton: scene.contact.is_none(),
+            newton: scene.newton(),
         })
     }
 
     /// State of a cell at nodal displacements.
     pub fn cell(&self, params: &Params<f64>, split: &[u32], u: &[V4<f64>], cell: usize) -> Cell<f64> {
-        Cell::of(params, &self.shapes, &self.materials, &self.layer_of, u, split, cell)
+        Cell::of(params, &self.shapes, &self.materials, &self.pre_strain, &self.layer_of, u, split, cell)
     }
 
     /// `[cell]` values of the cells that are `alive`, `None` of the others.
@@ -171,7 +199,7 @@ impl Hyperelastic {
         alive: &(dyn Fn(usize) -> bool + Sync),
         u: &[V4<f64>],
     ) -> (Vec<V4<f64>>, Vec<f64>) {
-        let each = self.each(params, split, alive, u, |state| (state.forces().map(V3::f64), state.stiffening()));
+        let each = self.each(params, split, alive, u, |state| (state.forces().map(V3::f64), state.stiffening(params)));
         let (forces, stiffening): (Vec<_>, _) = each.into_iter().map(Option::unwrap_or_default).unzip();
         (sums(params, split, &forces), stiffening)
     }
@@ -207,7 +235,7 @@ fn sums(params: &Params<f64>, split: &[u32], cells: &[[[f64; 3]; 8]]) -> Vec<V4<
 mod tests {
     use super::*;
     use crate::kernels::corner;
-    use crate::kernels::hyperelastic::{self, Material};
+    use crate::kernels::hyperelastic;
     use crate::math::random::Random;
 
     type Law = hyperelastic::Law<f64>;
@@ -217,7 +245,7 @@ mod tests {
     const MU: f64 = 1e4;
 
     fn of(law: Law) -> Material<f64> {
-        Material { edges: V3::new(1.1e-3, 0.9e-3, 0.4e-3), bulk: BULK, law }
+        Material { edges: V3::new(1.1e-3, 0.9e-3, 0.4e-3), pre_strain: V3::zero(), bulk: BULK, law }
     }
 
     fn soft() -> Material<f64> {
@@ -316,6 +344,18 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_cell_in_disorder_has_finite_forces_and_stiffening() {
+        let params = Params { stiffness_factor: 3.0, ..Params::default() };
+        for (law, seed) in LAWS.into_iter().flat_map(|law| (1..50).map(move |seed| (law, seed))) {
+            // up to ten times the thinnest edge
+            let cell = Cell::new(of(law), &random(seed, 4e-3));
+            assert!(cell.forces().iter().all(|f| f.f64().iter().all(|c| c.is_finite())), "seed {seed}: {law:?}");
+            let s = cell.stiffening(&params);
+            assert!(s.is_finite() && s >= 1.0, "seed {seed}: {law:?}, {s}");
+        }
+    }
+
     /// Largest `xᵀ K x / xᵀ S x` over uniform strains `x` of a cell, `S` the small-strain matrix times `factor`. (Rotations are not the
     /// tangent's business: the matrix turns with the cell.)
     fn stiffer(k: &Matrix, small: &Matrix, factor: f64) -> f64 {
@@ -349,7 +389,7 @@ mod tests {
             let scale = [across, across, stretch];
             let u = field(|a, n| (corner(a)[n] as f64) * edges[n] * (scale[n] - 1.0));
             let pressed = Cell::new(soft(), &u);
-            let (k, factor) = (tangent(&pressed), pressed.stiffening());
+            let (k, factor) = (tangent(&pressed), pressed.stiffening(&Params { stiffness_factor: 1.0, ..Params::default() }));
             let ratio = stiffer(&k, &small, factor);
             assert!(ratio < 2.0, "pressed by {by}, {aside}: {ratio} of the stiffened tangent");
             plain = plain.max(stiffer(&k, &small, 1.0));

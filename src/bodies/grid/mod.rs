@@ -98,7 +98,10 @@ impl Hexahedra {
         };
         let hyperelastic = Hyperelastic::of(scene, skin, grid);
         Self {
-            pre_strain: skin.layers.iter().map(|l| element::pre_strain(l.pre_strain, l.poisson)).collect(),
+            pre_strain: match &hyperelastic {
+                Some(law) => law.pre_strain.clone(),
+                None => skin.layers.iter().map(|l| element::pre_strain(l.pre_strain, l.poisson)).collect(),
+            },
             stiffness: skin.layers.iter().enumerate().map(matrix).collect(),
             corotational: match (skin.law, &hyperelastic) {
                 (Law::Fem { corotational, .. }, _) => u32::from(corotational),

@@ -4,7 +4,7 @@ use super::super::StudyUnfit as Unfit;
 use crate::error::Result;
 use crate::mesh::Grid;
 use crate::scene::{
-    Correction, Cut, ELEMENTS, Element, Integrator, Law, MATERIALS, MOST_NODES, Preconditioner, ProbeKind, Region,
+    Correction, Cut, ELEMENTS, Integrator, Law, MATERIALS, MOST_NODES, Preconditioner, ProbeKind, Region,
     Scene, Skin, word,
 };
 use crate::step::Place;
@@ -89,14 +89,6 @@ fn both<A: Copy, B: Copy>(a: &[A], b: &[B]) -> Vec<(A, B)> {
     a.iter().flat_map(|a| b.iter().map(move |b| (*a, *b))).collect()
 }
 
-/// A law with another element, if it has several.
-fn with(law: Law, element: Element) -> Law {
-    match law {
-        Law::Fem { corotational, .. } => Law::Fem { element, corotational },
-        other => other,
-    }
-}
-
 /// Axes of the study.
 pub struct Axes {
     laws: Vec<Law>,
@@ -117,7 +109,6 @@ impl Axes {
     /// Axes stated in the scene, its own value for others; `gpu` is an adapter to run on as well.
     pub fn new(scene: &Scene, gpu: Option<&Place>) -> Self {
         let (study, own) = (&scene.study, own(scene));
-        let laws: Vec<Law> = study.elements.iter().map(|element| with(own.law, *element)).collect();
         let mut stops: Vec<Stop> = study.tolerances.iter().copied().map(Stop::Tolerance).collect();
         stops.extend(study.iterations.iter().copied().map(Stop::Iterations));
         let tolerance = Stop::Tolerance(scene.solver.tolerance);
@@ -125,7 +116,7 @@ impl Axes {
         let mut places = vec![Place::Cpu64, Place::Cpu32];
         places.extend(gpu.cloned());
         Self {
-            laws: or_own(&laws, own.law),
+            laws: or_own(&study.laws, own.law),
             integrators: or_own(&study.integrators, own.integrator),
             preconditioners: or_own(&study.preconditioners, own.preconditioner),
             stops: or_own(&stops, tolerance),
@@ -266,9 +257,9 @@ fn measured(scene: &Scene, name: &str) -> bool {
 /// As [`on_grid`].
 pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) -> Result<Scene> {
     let mut out = on_grid(scene, setting.refinement)?;
-    // in its own setting each of a scene's bodies keeps its element
-    if let (Law::Fem { element, .. }, true) = (setting.law, setting.law != scene.skins[0].law) {
-        out.skins.iter_mut().for_each(|skin| skin.law = with(skin.law, element));
+    // in its own setting each of a scene's bodies keeps its law
+    if setting.law != scene.skins[0].law {
+        out.skins.iter_mut().for_each(|skin| skin.law = setting.law);
     }
     out.time.integrator = setting.integrator;
     (out.time.step, out.time.duration) = (setting.step, duration);
