@@ -110,7 +110,7 @@ fn hidden(x: vec4<f32>, zero: u32) -> vec4<f32> {
 }
 
 // Rounding error of `a + b` (probe.rs).
-fn lost(a: vec4<f32>, b: vec4<f32>, zero: u32) -> vec4<f32> {
+fn rounding_error(a: vec4<f32>, b: vec4<f32>, zero: u32) -> vec4<f32> {
     let sum = hidden(a + b, zero);
     let part = hidden(sum - a, zero);
     let other = hidden(sum - part, zero);

@@ -13,7 +13,7 @@
 fn forces(thread: Thread) {
     let i = number_of(thread);
     if i >= params.node_count { return; }
-    let c = place(params, i);
+    let c = grid_coordinates(params, i);
     let own = u[i].xyz;
     var sum = vec3<f32>(0.0);
     for (var a = 0u; a < 8u; a += 1u) {

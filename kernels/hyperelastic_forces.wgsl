@@ -9,7 +9,7 @@
 @group(0) @binding(7) var<storage, read> split: array<u32>;                 // see split.rs
 @group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;  // [cell] quaternion; 0 of a dead cell
 
-const INSIDE_OUT: f32 = 1e38;
+const INVERTED_ENERGY: f32 = 1e38;
 const STIFFENED: u32 = 2u;
 const STIFFEST: f32 = 1e6;
 
@@ -53,7 +53,7 @@ fn hyperelastic_forces(thread: Thread) {
     let mean = growths * 0.125;
     let log_mean = log_volume(mean).x;
     let pressure = own.material.x * log_mean * log_volume_slope(mean);
-    energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean), INSIDE_OUT, inverted);
+    energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean), INVERTED_ENERGY, inverted);
     if params.corotational == STIFFENED {
         let pressed = max(-pressure / (2.0 * law_shear(own.material)), 0.0);
         rotation[cell] = rotation[cell] * sqrt(sqrt(min(stiff + pressed, STIFFEST)));

@@ -28,10 +28,10 @@ fn hyperelastic_tangent(thread: Thread) {
     var force: array<vec3<f32>, 8>;
     var growing: array<vec3<f32>, 8>;
     var volume = 0.0;
-    var inside_out = false;
+    var inverted = false;
     for (var p = 0u; p < 8u; p += 1u) {
         let point = point_of(field_gradient(own.inverse_edges, u, p));
-        inside_out = inside_out || is_inverted(point);
+        inverted = inverted || is_inverted(point);
         let turned = field_gradient(own.inverse_edges, field, p);
         let back = point.back;
         let grown = 1.0 + point.growth;
@@ -51,7 +51,7 @@ fn hyperelastic_tangent(thread: Thread) {
     let pressed = own.material.x * (1.0 - log_mean) / (8.0 * own.weight * whole * whole) * volume;
     let first = (slot * params.cell_count + cell) * 24u;
     for (var a = 0u; a < 8u; a += 1u) {
-        let out = select(force[a] + growing[a] * pressed, vec3<f32>(0.0), inside_out);
+        let out = select(force[a] + growing[a] * pressed, vec3<f32>(0.0), inverted);
         for (var n = 0u; n < 3u; n += 1u) { corner_force[first + a * 3u + n] = out[n]; }
     }
 }

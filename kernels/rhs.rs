@@ -18,7 +18,7 @@ pub fn rhs<R: Real>(
     params: &Params<R>,
     f: &[V4<R>],     // [node] N
     v: &[V4<R>],     // [node] m/s
-    free: &[V4<R>],  // [node] 1 free, 0 held, per axis; mass kg
+    free: &[V4<R>],  // [node] 1 free, 0 fixed, per axis; mass kg
     load: &[V4<R>],  // [node] N
     b: &mut [V4<R>], // [slot][node] N
 ) -> R {
@@ -33,8 +33,8 @@ pub fn rhs<R: Real>(
         let sum = (applied - elastic + V3::from4(v[i]) * rate).times(axes);
         b[i] = sum.pad(R::zero());
         let pushed = applied.times(axes);
-        let held = elastic - elastic.times(axes);
-        load_squared += sum.dot(sum) + pushed.dot(pushed) + held.dot(held);
+        let reaction = elastic - elastic.times(axes);
+        load_squared += sum.dot(sum) + pushed.dot(pushed) + reaction.dot(reaction);
     }
     load_squared
 }

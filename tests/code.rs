@@ -4,7 +4,7 @@ use cutis::scene::{
     Attachment, Blade, BodyId, Boundary, Contact, Coupling, Device, Element, Files, Law, Layer, Lines, Load, Motion,
     Pose, Preconditioner, Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
 };
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use std::path::Path;
 
 /// A patch whose bottom and sides are held, and a scalpel that a hand draws through it.
@@ -37,7 +37,7 @@ fn cut() -> Scene {
 fn a_patch_in_code_is_pressed_and_cut() {
     let scene = cut();
     scene.check().unwrap_or_else(|e| panic!("{e}"));
-    let mut simulation = Simulation::new(&scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let mut largest = 0.0f64;
     for _ in 0..scene.time.steps() {
         let step = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
@@ -77,7 +77,8 @@ fn refused(change: impl Fn(&mut Scene)) -> String {
     let mut scene = cut();
     change(&mut scene);
     let error = scene.check().expect_err("it cannot run").to_string();
-    let run = Simulation::new(&scene, &Place::Cpu64).map(|_| ()).expect_err("it is checked before it runs").to_string();
+    let run =
+        Simulation::new(&scene, &Platform::Cpu64).map(|_| ()).expect_err("it is checked before it runs").to_string();
     assert_eq!(error, run);
     error
 }

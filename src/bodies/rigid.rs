@@ -301,14 +301,14 @@ impl Instrument {
 fn axis_samples(round: &Round) -> Vec<Sample> {
     let [a, b] = round.ends.map(DVec3::from_array);
     let pieces = (a.distance(b) / round.radius).ceil().min(MOST_PIECES) as u32;
-    let place = |k: u32| a.lerp(b, f64::from(k) / f64::from(pieces.max(1)));
-    (0..=pieces).map(|k| Sample { position: place(k), role: Role::Axis }).collect()
+    let position = |k: u32| a.lerp(b, f64::from(k) / f64::from(pieces.max(1)));
+    (0..=pieces).map(|k| Sample { position: position(k), role: Role::Axis }).collect()
 }
 
 fn corners(half: DVec3) -> impl Iterator<Item = Sample> {
     let sign = |bit: u32| if bit == 1 { 1.0 } else { -1.0 };
-    let place = move |k: u32| half * DVec3::new(sign(k & 1), sign(k >> 1 & 1), sign(k >> 2));
-    (0..8).map(move |k| Sample { position: place(k), role: Role::Corner })
+    let position = move |k: u32| half * DVec3::new(sign(k & 1), sign(k >> 1 & 1), sign(k >> 2));
+    (0..8).map(move |k| Sample { position: position(k), role: Role::Corner })
 }
 
 impl Edge {

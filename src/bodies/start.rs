@@ -35,7 +35,7 @@ fn shaped(start: Start, grid: &Grid, node: usize) -> [f64; 3] {
             [0, 1, 2].map(|axis| amplitude * scattered((u64::from(seed) << 34) | (3 * node as u64 + axis)))
         }
         Start::Flat => [0.0, 0.0, -z],
-        Start::InsideOut => {
+        Start::Inverted => {
             let params = grid.params::<f64>();
             let corners = params.corners(params.cell_id(grid.cells.map(|count| count / 2)));
             let (low, high) = (grid.rest(corners[0]), grid.rest(corners[6]));

@@ -57,7 +57,7 @@ impl Piece {
     fn travel(&self) -> f64 {
         self.shift[0].length().max(self.shift[1].length())
     }
-    fn place(&self, u: f64) -> DVec3 {
+    fn point_at(&self, u: f64) -> DVec3 {
         self.ends[0].lerp(self.ends[1], u)
     }
 }
@@ -65,7 +65,7 @@ impl Piece {
 /// Contact pair.
 struct Pair {
     /// Nodes and weights of the point on the skin.
-    spot: ([u32; 3], [f64; 3]),
+    surface_point: ([u32; 3], [f64; 3]),
     /// Parameter of the point on the tool's segment.
     u: f64,
     on_tool: DVec3,
@@ -135,14 +135,14 @@ pub fn contacts_among(
         if out.iter().any(same) {
             continue;
         }
-        let spot = MaterialPoint::of(pair.spot.0, pair.spot.1);
+        let material_point = MaterialPoint::of(pair.surface_point.0, pair.surface_point.1);
         let earlier = out.iter().filter(|(c, _)| c.feature & PIECE == index).count();
         let contact = Contact {
             axes: frame(pair.normal),
             gap: [pair.gap - search.distance, 0.0, 0.0],
             depth: (-pair.gap).max(0.0),
             law: Law::contact(if pair.rubs { search.friction } else { 0.0 }),
-            ..Contact::on_skin(number, index | earlier << PIECE_BITS, body, spot, point)
+            ..Contact::on_skin(number, index | earlier << PIECE_BITS, body, material_point, point)
         };
         out.push((contact, pair.on_skin));
     }
@@ -151,17 +151,17 @@ pub fn contacts_among(
 
 /// Points, then segments, with their motion.
 fn pieces(tool: &Instrument, lines: &Lines, free: &UnconstrainedMotion) -> Vec<Piece> {
-    let places: Vec<DVec3> = lines.positions.iter().map(|p| tool.at(DVec3::from_array(*p))).collect();
+    let positions: Vec<DVec3> = lines.positions.iter().map(|p| tool.at(DVec3::from_array(*p))).collect();
     let shift = |p: DVec3| free.shift + free.turn.cross(p - tool.position);
     let piece = |ends: [DVec3; 2], point: bool, cone: Cone| Piece { ends, shift: ends.map(shift), point, cone };
-    let mut cones = vec![Cone::default(); places.len()];
+    let mut cones = vec![Cone::default(); positions.len()];
     for [a, b] in lines.segments.iter().map(|ends| ends.map(|id| id as usize)) {
-        let along = (places[b] - places[a]).normalize_or_zero();
+        let along = (positions[b] - positions[a]).normalize_or_zero();
         cones[a].outward.push(-along);
         cones[b].outward.push(along);
     }
-    let points = places.iter().zip(cones).map(|(place, cone)| piece([*place; 2], true, cone));
-    let segments = lines.segments.iter().map(|s| piece(s.map(|id| places[id as usize]), false, Cone::default()));
+    let points = positions.iter().zip(cones).map(|(position, cone)| piece([*position; 2], true, cone));
+    let segments = lines.segments.iter().map(|s| piece(s.map(|id| positions[id as usize]), false, Cone::default()));
     points.chain(segments).collect()
 }
 
@@ -185,22 +185,23 @@ impl Hunt<'_> {
     /// undetermined.
     fn walls(&self, pair: &Pair, shift: DVec3) -> Vec<Pair> {
         let reach = shift.reject_from(pair.normal).length().min(self.search.alarm) + self.touch;
-        let used: Vec<u32> = (0..3).filter(|k| pair.spot.1[*k] > closest::MARGIN).map(|k| pair.spot.0[k]).collect();
+        let used: Vec<u32> =
+            (0..3).filter(|k| pair.surface_point.1[*k] > closest::MARGIN).map(|k| pair.surface_point.0[k]).collect();
         let mut walls = vec![];
         if used.len() < 3 {
             return walls;
         }
         for face in self.features.faces_at(&used) {
             let normal = face.cone.normal;
-            let high = normal.dot(pair.on_skin - face.places[0]);
-            let rises = face.places.iter().all(|c| pair.normal.dot(*c - pair.on_skin) > -self.touch);
+            let high = normal.dot(pair.on_skin - face.positions[0]);
+            let rises = face.positions.iter().all(|c| pair.normal.dot(*c - pair.on_skin) > -self.touch);
             let steep = normal != DVec3::ZERO && normal.dot(pair.normal) < ALIKE;
             if rises && steep && high > -self.touch && high < reach {
-                let near = closest::point_face(pair.on_skin, [face.places[0], face.places[1], face.places[2]]);
-                let on_skin = face.place(near.weights);
+                let near = closest::point_face(pair.on_skin, [face.positions[0], face.positions[1], face.positions[2]]);
+                let on_skin = face.position(near.weights);
                 let gap = normal.dot(pair.on_tool - on_skin) - self.radius;
-                let spot = face.spot(near.weights);
-                walls.push(Pair { spot, u: pair.u, on_tool: pair.on_tool, on_skin, normal, gap, rubs: false });
+                let surface_point = face.surface_point(near.weights);
+                walls.push(Pair { surface_point, u: pair.u, on_tool: pair.on_tool, on_skin, normal, gap, rubs: false });
             }
         }
         walls
@@ -231,8 +232,8 @@ impl Hunt<'_> {
                 // a stretch that reaches an end of the segment is held at that end, a point of its own
                 let middle = 0.5 * (start + u);
                 if !found.iter().any(|pair| (start..=u).contains(&pair.u)) {
-                    let inside = self.patch.project(piece.place(middle)).2 < 0.0;
-                    found.extend(self.way_out(piece.place(middle), middle).filter(|_| inside));
+                    let inside = self.patch.project(piece.point_at(middle)).2 < 0.0;
+                    found.extend(self.way_out(piece.point_at(middle), middle).filter(|_| inside));
                 }
             }
         }
@@ -243,15 +244,15 @@ impl Hunt<'_> {
     fn way_out(&self, p: DVec3, u: f64) -> Option<Pair> {
         let (triangle, _, distance, _) = self.patch.project(p);
         let weights = closest::on_triangle(p, self.patch.corners[triangle]);
-        let on_skin = self.patch.place(triangle, weights);
+        let on_skin = self.patch.position(triangle, weights);
         let away = (p - on_skin) * distance.signum();
         let normal = match away.length() > self.touch {
             true => away.normalize(),
             false => self.features.holding(triangle, weights).cone.normal,
         };
-        let spot = (self.patch.triangles[triangle], weights);
+        let surface_point = (self.patch.triangles[triangle], weights);
         let gap = normal.dot(p - on_skin) - self.radius;
-        (normal != DVec3::ZERO).then_some(Pair { spot, u, on_tool: p, on_skin, normal, gap, rubs: true })
+        (normal != DVec3::ZERO).then_some(Pair { surface_point, u, on_tool: p, on_skin, normal, gap, rubs: true })
     }
 
     /// Pair of a tool's feature and a skin's, where they first touch or come nearest, if it is kept.
@@ -285,7 +286,7 @@ impl Hunt<'_> {
 
     /// Pair of a segment with an edge or vertex above it, if the segment's point is inside the skin.
     fn mirrored(&self, piece: &Piece, feature: &Feature, near: &Near) -> Option<Pair> {
-        let depth = -self.patch.project(piece.place(near.u)).2;
+        let depth = -self.patch.project(piece.point_at(near.u)).2;
         let normal = -near.away.normalize();
         let reach = self.search.alarm + self.search.distance + self.radius;
         let nearest = near.strict && depth > 0.0 && near.away.length() <= reach.min(DEEPER * depth);
@@ -294,9 +295,17 @@ impl Hunt<'_> {
     }
 
     fn pair(&self, piece: &Piece, feature: &Feature, near: &Near, normal: DVec3) -> Pair {
-        let (on_tool, on_skin) = (piece.place(near.u), feature.place(near.weights));
+        let (on_tool, on_skin) = (piece.point_at(near.u), feature.position(near.weights));
         let gap = normal.dot(on_tool - on_skin) - self.radius;
-        Pair { spot: feature.spot(near.weights), u: near.u, on_tool, on_skin, normal, gap, rubs: true }
+        Pair {
+            surface_point: feature.surface_point(near.weights),
+            u: near.u,
+            on_tool,
+            on_skin,
+            normal,
+            gap,
+            rubs: true,
+        }
     }
 
     /// Fraction of the motion at which the two touch or come nearest, with the nearest points there: never closer than the touching
@@ -327,7 +336,7 @@ impl Hunt<'_> {
 fn touching(piece: &Piece, feature: &Feature) -> Option<DVec3> {
     let outward = feature.cone.normal;
     let line = (piece.ends[1] - piece.ends[0]).normalize_or_zero();
-    match (piece.point, &feature.places[..]) {
+    match (piece.point, &feature.positions[..]) {
         (false, [_]) => outward.reject_from(line).try_normalize(),
         (false, [a, b]) => {
             let across = (*b - *a).cross(line).try_normalize()?;

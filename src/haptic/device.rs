@@ -166,12 +166,12 @@ impl Workspace {
 
     /// True if a reading is valid for this workspace: within reach, and not faster than once across it in a tick.
     pub fn holds(&self, reading: &Reading) -> bool {
-        let near = self.has_place(reading.position) && reading.velocity.length() * CROSSING <= self.reach;
+        let near = self.within_reach(reading.position) && reading.velocity.length() * CROSSING <= self.reach;
         near && reading.is_sound()
     }
 
     /// True if a position is within reach, m in the device's frame; false for NaN.
-    pub fn has_place(&self, position: DVec3) -> bool {
+    pub fn within_reach(&self, position: DVec3) -> bool {
         position.is_finite() && position.length() <= self.reach
     }
 

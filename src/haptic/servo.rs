@@ -199,7 +199,7 @@ impl Servo {
         let age = time - problem.time;
         let late = age > LATE_STEPS * self.settings.step;
         let workspace = &self.settings.workspace;
-        let is_pose = workspace.has_place(reading.position) && reading.rotation.is_finite();
+        let is_pose = workspace.within_reach(reading.position) && reading.rotation.is_finite();
         let is_sound = workspace.holds(&reading);
         // The device is lost if the reading is no pose or too old (or its age is NaN), if none was valid for too long, if the loop itself
         // stood still for so long that the device has released the force, or if the last rendered force was non-finite.
@@ -220,7 +220,7 @@ impl Servo {
         let signs = Signs { lost, late, clutched };
         let gain = if self.settings.guarded { self.guard.update(signs, self.settings.tick) } else { 1.0 };
         self.begun |= gain > 0.0;
-        self.place(reading, clutched || frozen || (self.begun && self.guard.stopped()));
+        self.move_hand(reading, clutched || frozen || (self.begun && self.guard.stopped()));
         // rendering
         let cut = self.receive(problem, age);
         if !frozen {
@@ -277,7 +277,7 @@ impl Servo {
 
     /// Moves the hand in the scene, or holds it. After a hold it continues from where it was held; the first reading is placed by the
     /// workspace.
-    fn place(&mut self, reading: Option<Reading>, hold: bool) {
+    fn move_hand(&mut self, reading: Option<Reading>, hold: bool) {
         (self.velocity, self.spin) = (DVec3::ZERO, DVec3::ZERO);
         let Some(reading) = reading else { return };
         let there = self.settings.workspace.to_scene(reading);

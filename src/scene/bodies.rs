@@ -120,7 +120,7 @@ pub(super) fn planes(
     let plane = |table: Table<raw::Plane>| {
         let raw = table.keys;
         let normal = normalized(scene.vector("normal", &raw.normal, PLAIN, Bound::Finite)?);
-        let none = || Invalid::NoDirection { at: scene.place(raw.normal.span()), key: "normal" };
+        let none = || Invalid::NoDirection { at: scene.location(raw.normal.span()), key: "normal" };
         Ok(Plane {
             name: scene.name("body", &raw.name, taken)?,
             through: scene.vector("through_mm", &raw.through_mm, MM, Bound::Finite)?,
@@ -151,7 +151,7 @@ fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids
     if let (BodyId::Deformable(other), Some(name)) = (to, &raw.to)
         && other == body
     {
-        return Err(Invalid::TiedToItself { at: scene.place(name.span()), name: name.get_ref().clone() });
+        return Err(Invalid::TiedToItself { at: scene.location(name.span()), name: name.get_ref().clone() });
     }
     let slide = match &raw.slide {
         Some(value) => Some(slide(scene, value, raw.friction.take(), raw.resistance_n.take())?),
@@ -168,7 +168,7 @@ fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids
 /// The path of an attachment.
 fn slide(scene: &SceneText, along: &Numbers, friction: Option<At<f64>>, resistance: Option<At<f64>>) -> Result<Slide> {
     let direction = normalized(scene.vector("slide", along, PLAIN, Bound::Finite)?);
-    let none = || Invalid::NoDirection { at: scene.place(along.span()), key: "slide" };
+    let none = || Invalid::NoDirection { at: scene.location(along.span()), key: "slide" };
     Ok(Slide {
         direction: direction.ok_or_else(none)?,
         friction: scene.number("friction", &or(friction, 0.0), PLAIN, Bound::NotNegative)?,

@@ -365,7 +365,7 @@ impl Scene {
         match skin.start {
             Start::Random { amplitude, .. } => part.of("start").not_negative("amplitude", &[amplitude])?,
             Start::Twist(angle) => part.of("start").finite("angle", &[angle])?,
-            Start::Rest | Start::Flat | Start::InsideOut => {}
+            Start::Rest | Start::Flat | Start::Inverted => {}
         }
         let linear = matches!(skin.law, Law::Fem { .. });
         part.of("mass").that(linear || skin.mass != Mass::Consistent, "consistent", "lumped or uniform with this law")

@@ -112,7 +112,9 @@ pub enum Invalid {
     },
 
     /// A body attached to itself.
-    #[error("{at}: \"{name}\" is tied to itself; name another body in `to`, or leave `to` away to tie it to its place")]
+    #[error(
+        "{at}: \"{name}\" is tied to itself; name another body in `to`, or leave `to` away to tie it to its rest position"
+    )]
     TiedToItself {
         /// Where.
         at: Location,
@@ -380,7 +382,7 @@ pub enum Invalid {
 
     /// A region without nodes.
     #[error(
-        "{at}: the {region} holds no node of the {grid}; look at its place and size (origin: centre of the bottom; z up), or widen it to a cell at least"
+        "{at}: the {region} holds no node of the {grid}; look at its position and size (origin: centre of the bottom; z up), or widen it to a cell at least"
     )]
     NoNode {
         /// The region's name.
@@ -470,7 +472,7 @@ pub enum Invalid {
 
     /// A blade with too many contact samples.
     #[error(
-        "{at}: the blade has {found:e} places that touch; at most {most:e} are looked at; make edge_spacing_mm or flat_spacing_mm larger, or mend edge_mm"
+        "{at}: the blade has {found:e} contact samples; at most {most:e} are looked at; make edge_spacing_mm or flat_spacing_mm larger, or mend edge_mm"
     )]
     BladeSamples {
         /// The edge.
@@ -538,7 +540,7 @@ pub enum Invalid {
 
     /// A segment of zero length.
     #[error(
-        "{at}: vertices {a} and {b} of the line are at the same place; wanted segments with a length; leave one out"
+        "{at}: vertices {a} and {b} of the line are at the same position; wanted segments with a length; leave one out"
     )]
     LinesShort {
         /// The `l` line.
@@ -631,7 +633,7 @@ pub enum Invalid {
         path: PathBuf,
     },
 
-    /// A vertex at no place.
+    /// A vertex at no finite position.
     #[error(
         "{path}: vertex {vertex} is at {position:?}; wanted finite coordinates; mend its `v` line or mesh_unit_mm of the scene"
     )]

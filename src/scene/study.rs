@@ -46,8 +46,8 @@ pub struct Study {
 
 /// Preconditioners by name, as far as the skins allow.
 pub(super) fn preconditioners(skins: &[Skin]) -> Vec<(&'static str, Preconditioner)> {
-    let bricks = skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
-    let known = if bricks { PRECONDITIONERS.len() } else { PRECONDITIONERS.len() - 2 };
+    let hexahedra = skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
+    let known = if hexahedra { PRECONDITIONERS.len() } else { PRECONDITIONERS.len() - 2 };
     PRECONDITIONERS[..known].to_vec()
 }
 
@@ -73,7 +73,7 @@ pub(super) fn study(
         match probes[found].kind {
             ProbeKind::Reaction { .. } => {
                 let why = "a reaction is of the step before, which differs between steps: take displacements or forces";
-                Err(Invalid::NeedlessKey { at: scene.place(word.span()), key: "probes", why })
+                Err(Invalid::NeedlessKey { at: scene.location(word.span()), key: "probes", why })
             }
             _ => Ok(found),
         }
@@ -83,14 +83,14 @@ pub(super) fn study(
         let given = scene.number("known", &value, PLAIN, Bound::Finite)?;
         if given == 0.0 {
             let why = "errors are relative to it, so it cannot be 0: take another probe";
-            return Err(Invalid::NeedlessKey { at: scene.place(value.span()), key: "known", why });
+            return Err(Invalid::NeedlessKey { at: scene.location(value.span()), key: "known", why });
         }
         known.push((number(&word)?, given));
     }
     known.sort_by_key(|(probe, _)| *probe);
     // axes
-    let bricks = skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. }));
-    if !bricks {
+    let hexahedra = skins.iter().all(|skin| matches!(skin.law, Law::Fem { .. }));
+    if !hexahedra {
         let why = "a skin of springs or of a hyperelastic law has no others to choose from";
         scene.needless("elements", &raw.elements, why)?;
     }
@@ -125,9 +125,9 @@ pub(super) fn study(
                 let newton = skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
                 if newton && chosen == Integrator::SymplecticEuler {
                     return Err(Invalid::IntegratorUnfit {
-                        at: scene.place(word.span()),
+                        at: scene.location(word.span()),
                         found: word.get_ref().clone(),
-                        why: "is for bricks of small strain, and this skin is hyperelastic",
+                        why: "is for small-strain hexahedra, and this skin is hyperelastic",
                         fix: "take \"implicit_euler\" or \"newmark\"",
                     });
                 }
@@ -142,7 +142,7 @@ pub(super) fn study(
     };
     // reference at least as fine as the finest run, steps commensurate
     let order = |key, at: &At<f64>, [lower, upper]: [f64; 2], fix| Invalid::Order {
-        at: scene.place(at.span()),
+        at: scene.location(at.span()),
         key,
         lower,
         relation: "at most",
@@ -166,7 +166,7 @@ pub(super) fn study(
     let reference = raw.reference_step_ms.map(|step| step.span());
     study.commensurate(time).map_err(|(step, longest)| {
         let first = if step == study.reference_step { [reference, listed] } else { [listed, reference] };
-        let at = scene.place(first.into_iter().flatten().next().unwrap_or(0..0));
+        let at = scene.location(first.into_iter().flatten().next().unwrap_or(0..0));
         Invalid::StudyStep { at, step: step * 1e3, longest: longest * 1e3 }
     })?;
     Ok(study)
@@ -234,7 +234,7 @@ fn each<A, T>(
     let count = list.get_ref().len();
     if count == 0 || count > MOST_VALUES {
         return Err(Invalid::Count {
-            at: scene.place(list.span()),
+            at: scene.location(list.span()),
             key: format!("values of {key}"),
             found: count as u32,
             min: 1,

@@ -109,13 +109,13 @@ pub(super) struct Located {
     pub u: Vec<[f64; 3]>,
     /// Nodes of the faces, with the positions of the surface corners there, m.
     pub corners: Vec<u32>,
-    pub places: Vec<DVec3>,
+    pub corner_positions: Vec<DVec3>,
 }
 
 impl Located {
     /// Position of the surface corner at a node, if it was located, m.
-    pub fn place(&self, node: u32) -> Option<DVec3> {
-        self.corners.binary_search(&node).ok().map(|k| self.places[k])
+    pub fn corner_position(&self, node: u32) -> Option<DVec3> {
+        self.corners.binary_search(&node).ok().map(|k| self.corner_positions[k])
     }
 
     /// Displacement of a node, m; 0 if it was not read.
@@ -206,7 +206,7 @@ impl Body {
     }
 
     /// Centre of its bottom at rest, m.
-    pub(super) fn place(&self) -> DVec3 {
+    pub(super) fn origin(&self) -> DVec3 {
         DVec3::from_array(self.model.position)
     }
 
@@ -224,12 +224,12 @@ impl Body {
     /// Bounding box, enlarged by a margin.
     pub(super) fn area(&self, margin: f64) -> Aabb {
         let [low, high] = self.boxes.all();
-        collide::area(self.place() + low, self.place() + high, margin)
+        collide::area(self.origin() + low, self.origin() + high, margin)
     }
 
     /// Faces whose boxes a box meets.
     pub(super) fn faces_near(&self, area: &Aabb) -> Vec<Quad> {
-        self.boxes.faces(&self.wound.surface, &collide::moved(area, -self.place()))
+        self.boxes.faces(&self.wound.surface, &collide::moved(area, -self.origin()))
     }
 
     /// Finds the positions of these faces' corners, of attachments' nodes and of the wound's lips. The first `patched` lists of faces
@@ -251,11 +251,11 @@ impl Body {
         self.read(Query { displacements: nodes.clone(), ..Query::default() })?;
         let u = nodes.iter().map(|node| self.known.u[node]).collect();
         self.located = Located { nodes, u, ..Located::default() };
-        let place = |(node, corner): (&u32, &Corner)| {
+        let position = |(node, corner): (&u32, &Corner)| {
             let moved = corner.moved(|id| self.located.displacement(id));
             [self.wound.rest[*node as usize], corner.offset, moved].map(DVec3::from_array).iter().sum()
         };
-        self.located.places = corners.iter().zip(&moving).map(place).collect();
+        self.located.corner_positions = corners.iter().zip(&moving).map(position).collect();
         self.located.corners = corners;
         // patches of the first lists
         let position = |id| self.position(id);
@@ -280,7 +280,7 @@ impl Body {
     /// Rows act on the corner's own node. A step's motion of the corner therefore differs from that in its rows, by the offset times the
     /// gradient of the motion. The geometry is evaluated anew at each step, so the difference does not accumulate.
     pub(super) fn position(&self, node: u32) -> DVec3 {
-        self.located.place(node).unwrap_or_else(|| self.node_position(node))
+        self.located.corner_position(node).unwrap_or_else(|| self.node_position(node))
     }
 
     /// Position of a node itself, m; at rest if it was not read.

@@ -271,7 +271,7 @@ impl Simulation {
     /// A tie's contact at the present positions.
     fn tied(&self, tie: &Tie) -> Contact {
         let mut contact = tie.contact.clone();
-        let place = |side: usize| match contact.on[side] {
+        let position = |side: usize| match contact.on[side] {
             BodyId::Deformable(body) => {
                 // nodes, not surface corners, which move off the nodes when cut: a tie's point must not
                 contact.points[side]
@@ -283,7 +283,7 @@ impl Simulation {
             BodyId::Rigid(number) => self.tools[number].at(tie.anchor),
             BodyId::Plane(_) | BodyId::World => tie.anchor,
         };
-        let (first, second): (DVec3, DVec3) = (place(0), place(1));
+        let (first, second): (DVec3, DVec3) = (position(0), position(1));
         contact.point = first;
         contact.gap = contact.axes.map(|axis| axis.dot(first - second));
         if let Law::Slide { .. } = contact.law {

@@ -77,14 +77,14 @@ impl Simulation {
         for body in &mut self.bodies {
             body.lost = false;
             body.compliance = Default::default();
-            body.backend.forget(slots)?;
+            body.backend.reset_initial_guess(slots)?;
             body.backend.begin()?;
         }
         // drop non-finite contacts
         report.contact.on_tool.clear();
         let mut contacts = std::mem::take(&mut report.contact.contacts);
         let found = contacts.len();
-        contacts.retain(has_a_place);
+        contacts.retain(is_finite_contact);
         report.warn("contacts_dropped", (found - contacts.len()) as u32);
         let solved = self.solve(contacts, free, true, report)?;
         match self.lost(&solved) {
@@ -105,9 +105,9 @@ impl Simulation {
 }
 
 /// Whether all of a contact's rows are finite.
-fn has_a_place(contact: &Contact) -> bool {
+fn is_finite_contact(contact: &Contact) -> bool {
     let vectors = contact.axes.iter().chain([&contact.point]).all(|v| v.is_finite());
-    let weights = contact.points.iter().flat_map(|spot| &spot.0).map(|(_, weight)| *weight);
+    let weights = contact.points.iter().flat_map(|point| &point.0).map(|(_, weight)| *weight);
     vectors && weights.chain(contact.gap).all(f64::is_finite)
 }
 
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
     use crate::backend::Vector;
     use crate::scene::{Scene, read};
-    use crate::step::Place;
+    use crate::step::Platform;
     use std::path::Path;
 
     fn pressed() -> Scene {
@@ -135,7 +135,7 @@ mod tests {
     /// Runs `steps` steps; if `spoilt`, the last one's unconstrained motion starts from NaN. Returns the last step's result and the
     /// simulation.
     fn run(scene: &Scene, steps: u32, spoilt: bool) -> (Result<StepReport>, Simulation) {
-        let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+        let mut simulation = Simulation::new(scene, &Platform::Cpu64).expect("the scene fits");
         for _ in 1..steps {
             simulation.step(false).expect("nothing is wrong yet");
         }
@@ -180,11 +180,11 @@ mod tests {
         let said = run(&scene, 1, false).0.expect_err("gravity overflows").to_string();
         assert!(said.contains("the body \"skin\" is non-finite at 0.00"), "{said}");
         assert!(said.contains("was tried again"), "{said}");
-        let mut simulation = Simulation::new(&pressed(), &Place::Cpu64).expect("the scene fits");
+        let mut simulation = Simulation::new(&pressed(), &Platform::Cpu64).expect("the scene fits");
         simulation.tools[0].velocity.x = f64::NAN;
         let said = simulation.step(false).expect_err("the tool is nowhere").to_string();
         assert!(said.contains("the tool \"") && said.contains("is non-finite"), "{said}");
-        let mut simulation = Simulation::new(&pressed(), &Place::Cpu64).expect("the scene fits");
+        let mut simulation = Simulation::new(&pressed(), &Platform::Cpu64).expect("the scene fits");
         simulation.tools[0].follow((glam::DVec3::NAN, glam::DQuat::IDENTITY), 0.0, 0.01);
         let said = simulation.step(false).expect_err("the hand is nowhere").to_string();
         assert!(said.contains("the hand of the tool \""), "{said}");

@@ -189,7 +189,7 @@ impl Body {
             if let Some(lips) = &mut self.lips {
                 *lips = lips::faces(&self.wound.surface.parts);
             }
-            self.compliance.forget(removal.free.iter().map(|(node, _)| *node));
+            self.compliance.invalidate(removal.free.iter().map(|(node, _)| *node));
             self.backend.remove(&removal)?;
             self.known = Known::default();
             self.loaded = false;
@@ -210,7 +210,7 @@ impl Body {
         let (near, far) = (parts.corners(cell), parts.corners(parts.beyond(cell, axis)?));
         let mut sum = 0.0;
         for (a, b) in face_pairs(axis) {
-            let [near, far] = [near[b], far[a]].map(|node| self.located.place(node as u32));
+            let [near, far] = [near[b], far[a]].map(|node| self.located.corner_position(node as u32));
             sum += (far? - near?)[axis];
         }
         Some(0.25 * sum)

@@ -61,7 +61,7 @@ use std::sync::Arc;
 
 /// Backend and precision of the deformable bodies.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Platform {
     /// CPU: the kernels' twins in f64.
     Cpu64,
     /// CPU: the kernels' twins in f32.
@@ -70,9 +70,9 @@ pub enum Place {
     Gpu(Option<String>),
 }
 
-impl Place {
+impl Platform {
     /// Backend and precision.
-    pub fn words(&self) -> [&'static str; 2] {
+    pub fn backend_and_precision(&self) -> [&'static str; 2] {
         match self {
             Self::Cpu64 => ["cpu", "f64"],
             Self::Cpu32 => ["cpu", "f32"],
@@ -204,13 +204,13 @@ impl Simulation {
     ///
     /// # Errors
     /// When a model is too large, no adapter fits, or an attachment's node has no material to hold it.
-    pub fn new(scene: &Scene, place: &Place) -> Result<Self> {
+    pub fn new(scene: &Scene, platform: &Platform) -> Result<Self> {
         scene.check()?; // before an adapter is requested
-        let gpu = match place {
-            Place::Gpu(text) if !scene.skins.is_empty() => Some(Arc::new(Gpu::open(text.as_deref())?)),
+        let gpu = match platform {
+            Platform::Gpu(text) if !scene.skins.is_empty() => Some(Arc::new(Gpu::open(text.as_deref())?)),
             _ => None,
         };
-        Self::on(scene, gpu, *place == Place::Cpu32)
+        Self::on(scene, gpu, *platform == Platform::Cpu32)
     }
 
     /// Prepares a scene on an open device, which other simulations and the caller may share.

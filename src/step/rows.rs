@@ -82,7 +82,7 @@ impl<'a> Rows<'a> {
             .iter()
             .flat_map(|c| c.on.iter().zip(&c.points))
             .filter(|(on, _)| **on == BodyId::Deformable(body))
-            .flat_map(|(_, spot)| spot.nodes())
+            .flat_map(|(_, point)| point.nodes())
             .collect();
         nodes.sort_unstable();
         nodes.dedup();

@@ -1,6 +1,6 @@
 //! A device that is taken away while a scene runs, memory that is used up, and the work that a run hands over beside what `inspect` says.
 
-use super::{Failure, place};
+use super::{Failure, platform};
 use cutis::error::Error;
 use cutis::gpu::{Failed, Gpu, Handle, Work};
 use cutis::report::{inspect, run};
@@ -59,10 +59,10 @@ fn ended(gpu: &Gpu, name: &str, says: &str, mut fail: impl FnMut(&Handle)) -> Re
     let label = format!("cutis-{name}-{}-{}", std::process::id(), super::label(&gpu.adapter));
     let folder = Folder(std::env::temp_dir().join(label));
     let mut run = |fails: bool| {
-        let simulation = Simulation::new(&scene, &place(gpu))?;
+        let simulation = Simulation::new(&scene, &platform(gpu))?;
         let device = simulation.bodies[0].gpu().map(Gpu::handle).ok_or("it is not on a GPU")?;
         let out = folder.0.clone();
-        let options = run::Options { steps: Some(10), record: true, ..run::Options::new(place(gpu), out) };
+        let options = run::Options { steps: Some(10), record: true, ..run::Options::new(platform(gpu), out) };
         let ended = run::run_prepared(&scene, &options, simulation, &mut |progress| {
             if fails && progress.step == DONE {
                 fail(&device);
@@ -124,7 +124,7 @@ fn a_device_that_fails_says_so_at_the_next_read_and_from_then_on(gpu: &Gpu) -> R
 
 /// Work of each of some steps, and what each has said.
 fn worked(scene: &Scene, gpu: &Gpu, steps: u32) -> Result<Vec<(Work, StepReport)>, Failure> {
-    let mut simulation = Simulation::new(scene, &place(gpu))?;
+    let mut simulation = Simulation::new(scene, &platform(gpu))?;
     let now = |simulation: &Simulation| simulation.bodies[0].gpu().map(Gpu::work).unwrap_or_default();
     let mut before = now(&simulation);
     let mut out = vec![];

@@ -73,8 +73,8 @@ const CASES: &[Case] = cases! {
     anchors Ids false [
         "* anchor[k]" => "* anchor[0]", "* free[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
     ]
-    attempt Nodes false [
-        "* params.gain" => "", "u[i].xyz + moved" => "moved", "dot(rest[i].xyz" => "dot(dx[i].xyz", "n = GROUP / 2u" => "n = GROUP / 4u"
+    trial_point Nodes false [
+        "* params.gain" => "", "u[i].xyz + moved" => "moved", "dot(residual_force[i].xyz" => "dot(dx[i].xyz", "n = GROUP / 2u" => "n = GROUP / 4u"
     ]
     blocks Nodes false [
         "a + 4u" => "a + 3u", "if a < 4u" => "if a < 3u", "layer_of[at.z] * 64u" => "0u",
@@ -140,7 +140,7 @@ const CASES: &[Case] = cases! {
         "8.0 / 3.0" => "4.0 / 3.0", "crossed * (4.0 * (1.0 + v.i2))" => "crossed * 4.0", "transpose(change) * v.f" => "change * v.f",
         "(1.0 - log_mean)" => "1.0", "whole * whole" => "whole", "own.weight * grown * spread" => "own.weight * spread",
         "scalars[slot * 2u].w != 0.0" => "false", "slot * params.node_count" => "0u", "(slot * params.cell_count + cell)" => "cell",
-        "inside_out || is_inverted(point)" => "false", "+ growing[a] * pressed" => ""
+        "inverted || is_inverted(point)" => "false", "+ growing[a] * pressed" => ""
     ]
     precondition Columns true [
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u",
@@ -156,7 +156,7 @@ const CASES: &[Case] = cases! {
         "layer_of[k] * 8u" => "0u", "params.first_slot + thread.group.y" => "thread.group.y + 1u", "if !is_split(params, cell)" => "if true"
     ]
     prolongation Nodes true [
-        "0.25 *" => "0.5 *", "free[i].xyz" => "free[0].xyz", "slot * size.x" => "0u * size.x", "x % 2u" => "y % 2u", "let at = place(params, i)" => "let at = node_at(params, i)",
+        "0.25 *" => "0.5 *", "free[i].xyz" => "free[0].xyz", "slot * size.x" => "0u * size.x", "x % 2u" => "y % 2u", "let at = grid_coordinates(params, i)" => "let at = node_at(params, i)",
         "|| scalars[slot * 2u].w != 0.0" => ""
     ]
     relax Columns true [
@@ -174,7 +174,7 @@ const CASES: &[Case] = cases! {
         "next = split[params.extra_columns + next - 1u]" => "next = 0u", "|| scalars[slot * 2u].w != 0.0" => ""
     ]
     rhs Nodes false [
-        "elastic + v[i].xyz" => "elastic - v[i].xyz", "dot(held, held)" => "dot(held, sum)", "n > 0u" => "n > 1u"
+        "elastic + v[i].xyz" => "elastic - v[i].xyz", "dot(reaction, reaction)" => "dot(reaction, sum)", "n > 0u" => "n > 1u"
     ]
     rotations Cells false ["u[corner_node(params, at, a)]" => "u[node_id(params, at + o)]", "* 2.0 - 1.0" => "* 2.0 - 1.001", "t - s[1].y" => "t + s[1].y", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"]
     scatter Ids false ["destination[ids[k]]" => "destination[k]"]
@@ -309,11 +309,11 @@ fn numbers(body: &Body, name: &str, bytes: &[u8]) -> Vec<f64> {
         // not the padding to 16 bytes
         ("partial_gamma", Array::Real(all)) => slot_sums(&real()[..all.len()], body.column_groups()),
         ("partial_product", Array::Real(all)) => slot_sums(&real()[..all.len()], body.product_groups()),
-        ("balance", Array::Real(all)) => {
+        ("potential_and_residual", Array::Real(all)) => {
             let sum = |part: usize| real()[..all.len()].iter().skip(part).step_by(2).sum();
             vec![sum(0), sum(1)]
         }
-        ("partial_load" | "partial_residual" | "promise", Array::Real(all)) => {
+        ("partial_load" | "partial_residual" | "predicted_decrease", Array::Real(all)) => {
             slot_sums(&real()[..all.len()], body.node_groups())
         }
         (_, Array::Real(all)) => real()[..all.len()].to_vec(),

@@ -69,12 +69,12 @@ const SPRINGS: Law = Law::Springs { stiffness: 30.0, damping: 0.02 };
 /// Every test here, by name.
 pub fn tests() -> Vec<(String, Test)> {
     let mut all: Vec<(String, Test)> = vec![];
-    let cases = [("bricks", FEM, Lumped), ("heavy_bricks", FEM, Consistent), ("springs", SPRINGS, Lumped)];
+    let cases = [("hexahedra", FEM, Lumped), ("heavy_hexahedra", FEM, Consistent), ("springs", SPRINGS, Lumped)];
     for (name, law, mass) in cases {
         let case = Case { name, law, mass, preconditioner: Column, anchored: false };
         for (kind, preconditioner) in PRECONDITIONERS {
             if preconditioner == Multigrid && name == "springs" {
-                continue; // bricks only
+                continue; // hexahedra only
             }
             let case = Case { preconditioner, ..case };
             all.push((format!("free_motion_of_{name}_{kind}"), Box::new(move |gpu| case.free_motion(gpu))));
@@ -88,8 +88,8 @@ pub fn tests() -> Vec<(String, Test)> {
             all.push((format!("two_steps_of_anchored_{name}"), Box::new(move |gpu| case.two_steps(gpu))));
         }
     }
-    let case = Case { name: "bricks", law: FEM, mass: Lumped, preconditioner: Multigrid, anchored: true };
-    all.push(("free_motion_of_anchored_bricks_multigrid".into(), Box::new(move |gpu| case.free_motion(gpu))));
+    let case = Case { name: "hexahedra", law: FEM, mass: Lumped, preconditioner: Multigrid, anchored: true };
+    all.push(("free_motion_of_anchored_hexahedra_multigrid".into(), Box::new(move |gpu| case.free_motion(gpu))));
     all
 }
 
@@ -209,7 +209,7 @@ impl Case {
             let used = same(&format!("slot {slot}"), &x, SOLUTION)?;
             self.report(gpu, &format!("slot {slot}: {used:.1} % of the bound"));
         }
-        three.each(|b| b.forget(&(0..FIRST_COLUMN + COLUMNS).collect::<Vec<_>>()))?;
+        three.each(|b| b.reset_initial_guess(&(0..FIRST_COLUMN + COLUMNS).collect::<Vec<_>>()))?;
         let load = self.model()?.1;
         let gone = three.gpu.solution(FIRST_COLUMN)?.iter().any(|x| *x != [0.0; 4]);
         if gone {

@@ -46,7 +46,7 @@ pub fn servo(settings: Settings) -> Servo {
     Servo::new(settings, at(DVec3::ZERO))
 }
 
-/// A reading at a place, at rest.
+/// A reading at a position, at rest.
 pub fn reading(position: DVec3) -> Reading {
     Reading { position, ..Reading::at_rest(0.0) }
 }

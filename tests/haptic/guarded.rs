@@ -143,8 +143,8 @@ fn a_reading_beyond_the_workspace_is_none() {
         let kept = |r: &Record| r.hand.position == DEPTH && r.velocity == DVec3::ZERO && r.wrench.force.is_finite();
         assert!(records.iter().all(kept), "{absurd:?}");
         assert_eq!(rig.servo.counts().unsound, 10, "{absurd:?}");
-        let place = absurd.position == DEPTH;
-        assert_eq!(rig.servo.counts().stops, u64::from(!place), "one that is somewhere keeps the force for a while");
+        let finite = absurd.position == DEPTH;
+        assert_eq!(rig.servo.counts().stops, u64::from(!finite), "one that is somewhere keeps the force for a while");
     }
     // the counter-tests: just within, and without an end
     for (workspace, reading) in

@@ -118,7 +118,7 @@ impl<R: Real> CpuBackend<R> {
     }
 
     /// DOF masks and masses without rest-shape springs.
-    fn own(&self) -> &[V4<R>] {
+    fn nodal_masses(&self) -> &[V4<R>] {
         if self.masses.is_empty() { &self.free } else { &self.masses }
     }
 
@@ -132,7 +132,7 @@ impl<R: Real> CpuBackend<R> {
         hits.iter().map(|hit| Hit { segment: hit.segment, at: hit.at.f64() }).collect()
     }
 
-    /// `[node]` in f64, the places that are not in use too, which are zero.
+    /// `[node]` in f64, with zeros for the nodes not in use.
     fn of_all(&self, values: &[V4<R>]) -> Vec<V4<f64>> {
         let mut all = widen(values);
         all.resize(self.all_nodes, [0.0; 4]);
@@ -203,7 +203,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(())
     }
 
-    fn forget(&mut self, slots: &[usize]) -> Result<()> {
+    fn reset_initial_guess(&mut self, slots: &[usize]) -> Result<()> {
         for slot in slots {
             self.x[slot * self.node_count..(slot + 1) * self.node_count].fill([R::zero(); 4]);
         }
@@ -228,7 +228,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
-        self.forget(&[CORRECTION])?;
+        self.reset_initial_guess(&[CORRECTION])?;
         for (node, dx) in nodes {
             let axes = V3::from4(self.free[*node as usize]);
             self.x[self.node_count + *node as usize] = V3::of(*dx).times(axes).pad(R::zero());
@@ -305,7 +305,7 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn snapshot(&mut self) -> Result<Snapshot> {
         let (rotation, law, split) = (self.system.rotations(), self.system.law(), self.system.split().to_vec());
-        let [u, v, free] = [&self.u[..], &self.v, self.own()].map(|values| self.of_all(values));
+        let [u, v, free] = [&self.u[..], &self.v, self.nodal_masses()].map(|values| self.of_all(values));
         Ok(Snapshot { u, v, rotation, split, free, law })
     }
 

@@ -1,7 +1,7 @@
 //! Solves on the CPU path: conjugate gradients over the right-hand sides, explicit steps, and Newton's method.
 
 use super::{CpuBackend, request};
-use crate::backend::newton::{Attempt, Descent, Raised, newton, positive};
+use crate::backend::newton::{Descent, Shifted, TrialPoint, newton, solve_shifted};
 use crate::backend::{FREE, Target, Wanted};
 use crate::bodies::cpu::{Start, Trial, Workspace};
 use crate::error::{Error, Result};
@@ -74,11 +74,11 @@ impl<R: Real> CpuBackend<R> {
         let zeros = vec![[R::zero(); 4]; n];
         let still = Point { dx: zeros.clone(), residual: zeros.clone() };
         let b = self.r[..n].to_vec();
-        let mut descent = Search { body: self, b, here: still.clone(), tried: still, direction: zeros };
-        let (outcome, own) = newton(&mut descent, tolerance, floor)?;
-        let dx = descent.here.dx;
+        let mut descent = LineSearch { body: self, b, current: still.clone(), trial: still, direction: zeros };
+        let (outcome, newton_iterations) = newton(&mut descent, tolerance, floor)?;
+        let dx = descent.current.dx;
         self.x[..n].copy_from_slice(&dx);
-        self.nonlinear.iterations = own;
+        self.nonlinear.iterations = newton_iterations;
         self.system.set_shift(0.0);
         Ok(outcome)
     }
@@ -94,15 +94,15 @@ struct Point<R> {
 }
 
 /// Line search state: a body and the right-hand side of its step.
-struct Search<'a, R: Real> {
+struct LineSearch<'a, R: Real> {
     body: &'a mut CpuBackend<R>,
     b: Vec<V4<R>>,
-    here: Point<R>,
-    tried: Point<R>,
+    current: Point<R>,
+    trial: Point<R>,
     direction: Vec<V4<R>>,
 }
 
-impl<R: Real> Raised for CpuBackend<R> {
+impl<R: Real> Shifted for CpuBackend<R> {
     fn set_shift(&mut self, shift: f64) {
         self.system.set_shift(shift);
     }
@@ -116,47 +116,48 @@ impl<R: Real> Raised for CpuBackend<R> {
     }
 }
 
-impl<R: Real> Descent for Search<'_, R> {
-    fn attempt(&mut self, share: f64) -> Result<Option<Attempt>> {
-        let along =
-            |(d, e): (&V4<R>, &V4<R>)| round(&std::array::from_fn::<f64, 4, _>(|n| d[n].f64() + share * e[n].f64()));
-        let dx: Vec<V4<R>> = self.here.dx.iter().zip(&self.direction).map(along).collect();
+impl<R: Real> Descent for LineSearch<'_, R> {
+    fn trial(&mut self, step_length: f64) -> Result<Option<TrialPoint>> {
+        let along = |(d, e): (&V4<R>, &V4<R>)| {
+            round(&std::array::from_fn::<f64, 4, _>(|n| d[n].f64() + step_length * e[n].f64()))
+        };
+        let dx: Vec<V4<R>> = self.current.dx.iter().zip(&self.direction).map(along).collect();
         let CpuBackend { params, free, u, f, system, space, .. } = &mut *self.body;
         let start = Start { params, free, u, f, b: &self.b };
         let Some(Trial { potential, residual }) = system.trial(&start, &dx, &mut space[FREE].scratch)? else {
             return Ok(None);
         };
         let product = |(r, e): (&V4<R>, &V4<R>)| (0..3).map(|n| r[n].f64() * e[n].f64()).sum::<f64>();
-        let promise = self.here.residual.iter().zip(&self.direction).map(product).sum();
-        let size = norm(&widen(&residual));
-        self.tried = Point { dx, residual };
-        Ok(Some(Attempt { potential, noise: 0.0, size, promise }))
+        let predicted_decrease = self.current.residual.iter().zip(&self.direction).map(product).sum();
+        let residual_norm = norm(&widen(&residual));
+        self.trial = Point { dx, residual };
+        Ok(Some(TrialPoint { potential, noise: 0.0, residual_norm, predicted_decrease }))
     }
 
-    fn take(&mut self) {
-        std::mem::swap(&mut self.here, &mut self.tried);
+    fn accept(&mut self) {
+        std::mem::swap(&mut self.current, &mut self.trial);
     }
 
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {
         let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
-        let moved: Vec<V4<f64>> = self.body.u.iter().zip(&self.here.dx).map(sum).collect();
+        let moved: Vec<V4<f64>> = self.body.u.iter().zip(&self.current.dx).map(sum).collect();
         self.body.system.linearise(&moved);
-        let (rest, n) = (&self.here.residual, self.b.len());
+        let (residual_force, n) = (&self.current.residual, self.b.len());
         let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
-        let (spent, shift) = positive(self.body, shift, |body| {
-            body.r[..n].copy_from_slice(rest);
+        let (iterations, shift) = solve_shifted(self.body, shift, |body| {
+            body.r[..n].copy_from_slice(residual_force);
             body.x[..n].fill([R::zero(); 4]);
             Ok(body.solve_slots(&wanted, &[])?.0[0])
         })?;
         self.direction.copy_from_slice(&self.body.x[..n]);
-        Ok((spent, shift))
+        Ok((iterations, shift))
     }
 
     fn load(&self) -> f64 {
         self.body.load_squared.f64().sqrt()
     }
 
-    fn inside_out(&self) -> Error {
-        unreachable!("forces at the step's start were taken")
+    fn inverted_at_start(&self) -> Error {
+        unreachable!("the forces at the start of the step have been evaluated")
     }
 }

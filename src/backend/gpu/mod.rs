@@ -21,8 +21,8 @@ use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4, round};
 use anchors::Anchored;
-use arrays::{Body, Bounds, Cutting, axes, keeps_what_sums_lose};
-use exchange::{Pick, Put};
+use arrays::{Body, Bounds, Cutting, axes, compensation_survives};
+use exchange::{Gather, Scatter};
 use newton::Newton;
 use solver::Solver;
 use split::Split;
@@ -51,8 +51,8 @@ pub struct GpuBackend {
     newton: Option<Newton>,
     begin: Vec<Dispatch>,
     integrate: [Bound; 2], // without and with the correction
-    pick: Pick,
-    put: Option<Put>,
+    pick: Gather,
+    put: Option<Scatter>,
     bounds: Option<Bounds>,
     cutting: Option<Cutting>,
     split: Option<Split>,
@@ -76,7 +76,7 @@ impl GpuBackend {
         let (n, slots) = (model.node_count(), needs.slots());
         let mut made = Maker::new(&gpu);
         gpu.making("probe of sums");
-        let compensated = u32::from(keeps_what_sums_lose(&mut made)?);
+        let compensated = u32::from(compensation_survives(&mut made)?);
         let params = Params { slot_count: slots as u32, compensated, ..model.params::<f32>() };
         // state and constant arrays of the law
         gpu.making("state");
@@ -128,9 +128,9 @@ impl GpuBackend {
         gpu.making("exchange with the host");
         // host exchange: gathered values, scattered values, bounding boxes of tiles, swept quads
         let picked = n.min(needs.near.max(PICKED)) * slots;
-        let pick = Pick::new(&mut made, picked, [&solver.x, &u, &f])?;
+        let pick = Gather::new(&mut made, picked, [&solver.x, &u, &f])?;
         let most = n.max((elements.bytes / 16) as usize);
-        let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, most, &solver.r)?) } else { None };
+        let put = if needs.contact || needs.cutting { Some(Scatter::new(&mut made, most, &solver.r)?) } else { None };
         let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
         gpu.making("cut");
         let cutting =
@@ -248,7 +248,7 @@ impl Backend for GpuBackend {
         Ok(())
     }
 
-    fn forget(&mut self, slots: &[usize]) -> Result<()> {
+    fn reset_initial_guess(&mut self, slots: &[usize]) -> Result<()> {
         let mut batch = self.record();
         for slot in slots {
             batch.clear(&self.solver.x, self.offset(*slot), self.offset(1));
@@ -272,7 +272,7 @@ impl Backend for GpuBackend {
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
-        self.forget(&[CORRECTION])?;
+        self.reset_initial_guess(&[CORRECTION])?;
         let ids: Vec<u32> = nodes.iter().map(|(n, _)| self.node_count as u32 + n).collect();
         let free = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
         let values: Vec<V4<f32>> = nodes.iter().map(|(n, v)| free(*n, *v)).collect();

@@ -358,7 +358,7 @@ mod tests {
     }
 
     #[test]
-    fn at_rest_the_tangent_is_the_small_strain_brick_in_constant_strain() {
+    fn at_rest_the_tangent_is_the_small_strain_element_in_constant_strain() {
         // in the neo-Hookean law BULK is λ, in the other the bulk modulus
         for (law, lambda) in LAWS.into_iter().zip([BULK, BULK - MU * 2.0 / 3.0]) {
             as_small_strain(law, lambda);

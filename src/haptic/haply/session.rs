@@ -345,12 +345,12 @@ mod tests {
         })
     }
 
-    /// Places of a tree, by pointer.
-    fn places(value: &Value, at: &str, into: &mut Vec<String>) {
+    /// Pointers to all values of a tree.
+    fn pointers(value: &Value, at: &str, into: &mut Vec<String>) {
         into.push(at.to_string());
         match value {
-            Value::Array(list) => list.iter().enumerate().for_each(|(i, v)| places(v, &format!("{at}/{i}"), into)),
-            Value::Object(table) => table.iter().for_each(|(k, v)| places(v, &format!("{at}/{k}"), into)),
+            Value::Array(list) => list.iter().enumerate().for_each(|(i, v)| pointers(v, &format!("{at}/{i}"), into)),
+            Value::Object(table) => table.iter().for_each(|(k, v)| pointers(v, &format!("{at}/{k}"), into)),
             _ => {}
         }
     }
@@ -372,8 +372,8 @@ mod tests {
         fn a_frame_with_one_part_exchanged_does_no_harm(which in any::<prop::sample::Index>(), part in tree()) {
             let mut whole: Value = serde_json::from_str(INVENTORY).expect("JSON");
             let mut all = Vec::new();
-            places(&whole, "", &mut all);
-            *whole.pointer_mut(which.get::<String>(&all).as_str()).expect("one of its places") = part;
+            pointers(&whole, "", &mut all);
+            *whole.pointer_mut(which.get::<String>(&all).as_str()).expect("one of its pointers") = part;
             harmless(&whole.to_string());
         }
     }

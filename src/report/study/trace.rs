@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::scene::{ProbeKind, Scene};
-use crate::step::{Place, Simulation};
+use crate::step::{Platform, Simulation};
 use std::time::{Duration, Instant};
 
 /// Steps between two readings of the device's clock, so that the others do not pay for a reading.
@@ -85,7 +85,7 @@ impl Trace {
 /// If a model is too large or the device fails.
 pub fn trace(
     scene: &Scene,
-    place: &Place,
+    platform: &Platform,
     signals: &[Signal],
     every: Option<f64>,
     limit: Duration,
@@ -94,7 +94,7 @@ pub fn trace(
     let wanted = scene.time.steps();
     let sampled = every.map_or(wanted, |every| (every / scene.time.step).round().max(1.0) as u32);
     let start = Instant::now();
-    let mut simulation = Simulation::new(scene, place)?;
+    let mut simulation = Simulation::new(scene, platform)?;
     simulation.time_device(true);
     let mut trace = Trace { wanted, ..Trace::default() };
     let (mut wall, mut busy, mut iterations) = (vec![], vec![], 0u64);

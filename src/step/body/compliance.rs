@@ -96,7 +96,7 @@ impl Compliance {
                 slots.iter().map(|s| Wanted { slot: *s, target: Target::Loose(tolerance, budget) }).collect();
             let pick: Vec<(usize, u32)> = slots.iter().flat_map(|s| all.iter().map(|n| (*s, *n))).collect();
             // solve from zero, reading every known node
-            backend.forget(&slots)?;
+            backend.reset_initial_guess(&slots)?;
             backend.set_rows(&slots, &entries)?;
             let (outcomes, picked) = backend.solve(&wanted, &pick)?;
             report.contact.columns += slots.len() as u32;
@@ -134,7 +134,7 @@ impl Compliance {
 
     /// Drops the columns of nodes that a cut has changed; the next `prepare` solves them anew. The others only age: away from the cut they
     /// change little, and slow passes renew them.
-    pub fn forget(&mut self, nodes: impl Iterator<Item = u32>) {
+    pub fn invalidate(&mut self, nodes: impl Iterator<Item = u32>) {
         for node in nodes {
             if self.known.remove(&node).is_some() {
                 self.known.values_mut().for_each(|known| {
@@ -253,7 +253,7 @@ impl Body {
         let total = forces.iter().map(|f| DVec3::from_array(f.1).length_squared()).sum::<f64>().sqrt();
         if total == 0.0 {
             // no force: nothing to solve, and no scale for a tolerance
-            self.backend.forget(&[CORRECTION])?;
+            self.backend.reset_initial_guess(&[CORRECTION])?;
             return Ok(vec![[0.0; 3]; nodes.len()]);
         }
         let entries: Vec<_> = forces.iter().map(|(n, f)| (CORRECTION, *n, *f)).collect();

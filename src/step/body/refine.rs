@@ -36,7 +36,7 @@ impl Body {
                 break;
             }
             self.backend.set_vector(Vector::RightHandSide, FREE, &rest)?;
-            self.backend.forget(&[FREE])?;
+            self.backend.reset_initial_guess(&[FREE])?;
             let target = Target::Absolute((0.5 * wanted).max(ROUND * size));
             let (outcome, _) = self.backend.solve(&[Wanted { slot: FREE, target }], &[])?;
             let before = solved.dx.clone();
