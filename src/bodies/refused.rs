@@ -67,7 +67,7 @@ pub enum Refused {
 
     /// Not enough memory for the factor of the direct solver.
     #[error(
-        "the direct solver's factor needs {} MB, which this machine does not give; use fewer cells, or the preconditioner multigrid",
+        "the direct solver's factor needs {} MB, which cannot be allocated; use fewer cells, or the preconditioner multigrid",
         numbers / 125_000
     )]
     DirectMemory {
@@ -77,7 +77,7 @@ pub enum Refused {
 
     /// System that is not positive definite.
     #[error(
-        "the step's matrix is not positive definite at node {node:?} of the grid (counted from 0 along x, y, z), axis {axis}: nothing holds a part of the body there that has no mass either, or positions are not finite; hold the body, give it mass, or take a shorter step"
+        "the step's matrix is not positive definite at node {node:?} of the grid (counted from 0 along x, y, z), axis {axis}: a part of the body there is unconstrained and has no mass, or positions are not finite; constrain the body, give it mass, or take a shorter step"
     )]
     NotPositive {
         /// Node along x, y, z, from 0.

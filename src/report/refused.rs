@@ -177,7 +177,7 @@ pub enum StudyUnfit {
 
     /// Non-finite reference.
     #[error(
-        "{what} of the study left the numbers; take a shorter reference_step_ms, or a scene that `cutis run` gets through"
+        "{what} of the study became non-finite; take a shorter reference_step_ms, or a scene that `cutis run` gets through"
     )]
     NonFinite {
         /// Name of the reference.

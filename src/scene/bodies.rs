@@ -89,7 +89,8 @@ fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Vec<At<String>
     let turn = DVec3::from_array(turn.map(f64::to_radians));
     let zero = [0.0; 3];
     let velocity = scene.vector("velocity_m_s", &or_vector(raw.velocity_m_s, &zero), SPEED, Bound::Finite)?;
-    let spin = scene.vector("spin_rad_s", &or_vector(raw.spin_rad_s, &zero), RADIAN_PER_SECOND, Bound::Finite)?;
+    let angular_velocity =
+        scene.vector("spin_rad_s", &or_vector(raw.spin_rad_s, &zero), RADIAN_PER_SECOND, Bound::Finite)?;
     Ok(Tool {
         name,
         mesh: match (&round, cuboid) {
@@ -106,7 +107,7 @@ fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Vec<At<String>
         cuboid,
         coupling: Coupling { stiffness: 0.0, damping: 0.0, angular_stiffness: 0.0, angular_damping: 0.0 },
         trajectory: vec![Pose { time: 0.0, position, rotation: DQuat::from_scaled_axis(turn).to_array() }],
-        free: Some(Motion { velocity, spin }),
+        free: Some(Motion { velocity, angular_velocity }),
         device: None,
     })
 }
@@ -156,7 +157,7 @@ fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids
     let slide = match &raw.slide {
         Some(value) => Some(slide(scene, value, raw.friction.take(), raw.resistance_n.take())?),
         None => {
-            let why = "what is held along all axes does not slide; write `slide`, the direction in which it may";
+            let why = "what is tied along all axes does not slide; write `slide`, the direction in which it may";
             scene.needless("friction", &raw.friction, why)?;
             scene.needless("resistance_n", &raw.resistance_n, why)?;
             None
