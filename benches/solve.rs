@@ -3,7 +3,7 @@
 //!
 //! `cargo bench --bench solve` runs everything; `-- cpu` omits the GPU, `-- gpu` the CPU; `-- direct`, `table`, `one-percent` run one part.
 
-use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
+use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, SolveRequest, Target};
 use cutis::bodies::Model;
 use cutis::bodies::grid::direct::Direct;
 use cutis::gpu::Gpu;
@@ -113,7 +113,7 @@ impl Press {
         backend.reset_initial_guess(&[FREE]).expect("the device works");
         let begin = Instant::now();
         backend.begin().expect("the device works");
-        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
+        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }];
         let outcome = backend.solve(&wanted, &[]).expect("the device works").0[0];
         let spent = begin.elapsed().as_secs_f64() * 1e3;
         (backend.solution(FREE).expect("the device works"), outcome.iterations, spent)
@@ -136,7 +136,7 @@ fn loosest(press: &Press, platform: Platform, kind: Preconditioner, exact: &[[f6
     let at = |cap: u32| {
         let mut backend = press.backend(platform, kind, cap);
         backend.begin().expect("the device works");
-        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(TIGHT) }];
+        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(TIGHT) }];
         let outcome = backend.solve(&wanted, &[]).expect("the device works").0[0];
         let left = error(&backend.solution(FREE).expect("the device works"), exact);
         (left, outcome.residual / outcome.target * TIGHT)
@@ -225,8 +225,8 @@ fn twenty_five(platforms: &[Platform]) {
 }
 
 /// One step of 5 ms on 14 × 14 × 23 cells to 1 % error: everything but the integration, the last pass over the nodes.
-fn seed(platforms: &[Platform]) {
-    println!("\n## The seed's grid, one whole step of 5 ms by multigrid to 1 % displacement error\n");
+fn incision_grid(platforms: &[Platform]) {
+    println!("\n## 14 × 14 × 23 cells, one whole step of 5 ms by multigrid to 1 % displacement error\n");
     println!("| grid | platform | iterations | error % | ms per step |\n|---|---|---|---|---|");
     for poisson in [0.45, 0.49] {
         let press = Press { across: 14, levels: THICK, poisson, step_ms: 5 };
@@ -255,7 +255,7 @@ fn solve_alone(backend: &mut dyn Backend, load: &[[f64; 3]], tolerance: f64) -> 
     backend.reset_initial_guess(&[FREE]).expect("the device works");
     backend.set_rows(&[FREE], &rows).expect("the device works");
     let begin = Instant::now();
-    let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
+    let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }];
     backend.solve(&wanted, &[]).expect("the device works");
     begin.elapsed().as_secs_f64() * 1e3
 }
@@ -348,7 +348,7 @@ fn main() {
         return to_one_percent(&platforms, ROUNDS);
     }
     direct(&platforms);
-    seed(&platforms);
+    incision_grid(&platforms);
     twenty_five(&platforms);
     table(&platforms);
     to_one_percent(&platforms, ROUNDS);

@@ -40,12 +40,15 @@ fn a_tumbling_body_keeps_its_momenta_to_rounding() {
                 spin_rad_s = [5, 30, -7]\n";
     let scene = scene(&format!("{WEIGHTLESS}{text}"));
     let start = Simulation::new(&scene, &Platform::Cpu64).expect("nothing to allocate");
-    let turning = |s: &Simulation| s.tools[0].world_inertia() * s.tools[0].spin;
+    let turning = |s: &Simulation| s.tools[0].world_inertia() * s.tools[0].angular_velocity;
     let (end, _) = run(&scene);
     assert!((turning(&end) - turning(&start)).length() < 1e-12 * turning(&start).length());
     assert!((end.tools[0].velocity - DVec3::new(1.0, 2.0, 3.0)).length() < 1e-12);
-    // and it does tumble: what is kept is not the spin
-    assert!((end.tools[0].spin - start.tools[0].spin).length() > 0.1 * start.tools[0].spin.length());
+    // and it does tumble: what is kept is not the angular velocity
+    assert!(
+        (end.tools[0].angular_velocity - start.tools[0].angular_velocity).length()
+            > 0.1 * start.tools[0].angular_velocity.length()
+    );
 }
 
 #[test]
@@ -62,8 +65,9 @@ fn spheres_that_collide_push_each_other_alike() {
     }
     let momentum: DVec3 = end.tools.iter().map(|t| t.velocity * t.mass).sum();
     assert!((momentum - DVec3::new(-0.001, 0.0, 0.0)).length() < 1e-15, "{momentum}");
-    let around =
-        |t: &cutis::bodies::rigid::Instrument| t.world_inertia() * t.spin + t.position.cross(t.velocity * t.mass);
+    let around = |t: &cutis::bodies::rigid::Instrument| {
+        t.world_inertia() * t.angular_velocity + t.position.cross(t.velocity * t.mass)
+    };
     let turning: DVec3 = end.tools.iter().map(around).sum();
     // 0.4 m r² spin of a, and b's flight past the origin; the gap of one alarm distance between them gives the forces an arm
     let start = 0.4 * 0.01 * 25e-6 * 9.0 + 0.03 * 0.1 * 1e-3;

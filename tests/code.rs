@@ -19,7 +19,7 @@ fn cut() -> Scene {
         trajectory: vec![pose(0.0, 2e-3, 2.4e-3), pose(0.05, 2e-3, 0.8e-3), pose(0.2, -2e-3, 0.8e-3)],
         ..Tool::default()
     };
-    let held = |region| Boundary { body: 0, region, axes: [true; 3], displacement: [0.0; 3], turn: 0.0 };
+    let held = |region| Boundary { body: 0, region, axes: [true; 3], displacement: [0.0; 3], rotation: 0.0 };
     let mut scene = Scene {
         title: "a cut in code".into(),
         skins: vec![Skin::default()],
@@ -125,7 +125,7 @@ fn what_cannot_run_is_refused_with_words() {
         (&|s| s.loads.push(Load { body: 0, max: [-1e-3; 2], ..load }), "loads[0].min, max is without an area"),
         (&|s| s.skins[0].layers[0].pre_strain[0] = 1.5, "skins[0].layers[0].pre_strain is 1.5"),
         (&|s| s.view.field_of_view = 0.0, "view.field_of_view is 0"),
-        (&|s| s.tools[0].free = Some(Motion { spin: [f64::NAN; 3], ..Motion::default() }), "tools[0].free"),
+        (&|s| s.tools[0].free = Some(Motion { angular_velocity: [f64::NAN; 3], ..Motion::default() }), "tools[0].free"),
         (&|s| s.tools[0].device = Some(Device { scale: 0.0, ..Device::default() }), "tools[0].device.scale is 0"),
         (&|s| s.tools[0].lines = Some(wire.clone()), "tools[0].lines is beside"),
         (&|s| blade(s).normal = [1.0, 0.0, 0.0], "tools[0].blade.normal is 45.0 degrees off"),

@@ -74,8 +74,8 @@ fn tool(vertices: &[[f64; 3]], segments: &[[u32; 2]], radius: f64) -> (Instrumen
     (tool, lines)
 }
 
-fn still(shift: DVec3) -> UnconstrainedMotion {
-    UnconstrainedMotion { shift, turn: DVec3::ZERO, compliance: 1e-3, angular_compliance: DMat3::ZERO }
+fn still(translation: DVec3) -> UnconstrainedMotion {
+    UnconstrainedMotion { translation, rotation: DVec3::ZERO, compliance: 1e-3, angular_compliance: DMat3::ZERO }
 }
 
 fn search(filter: Filter) -> Search {
@@ -313,7 +313,7 @@ proptest! {
     fn the_tree_of_boxes_finds_what_all_triangles_find((heights, wire, motion) in waves()) {
         let patch = wavy(&heights);
         let (tool, lines) = tool(&wire, &WIRE, 0.02);
-        let free = UnconstrainedMotion { turn: DVec3::new(0.02, -0.01, 0.03), ..still(DVec3::from_array(motion) * MM) };
+        let free = UnconstrainedMotion { rotation: DVec3::new(0.02, -0.01, 0.03), ..still(DVec3::from_array(motion) * MM) };
         let everything: Vec<u32> = (0..2 * (SIDE - 1) * (SIDE - 1)).collect();
         for filter in [Filter::Cones, Filter::Points] {
             let search = search(filter);

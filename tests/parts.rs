@@ -265,8 +265,8 @@ fn blocks_are_those_of_the_matrix(model: &Model, wound: &Wound, seed: u64) -> Re
                 if params.grid_coordinates(parts.table(), above).is_some() { at(node, above) } else { M3::zero() };
             prop_assert!(far(own.g, exact) < ROUNDING * size, "U of node {} with cell {}", node, cell);
         }
-        let held = M3::diagonal(V3::splat(1.0) - V3::from4(wound.free[node]));
-        let off = far(own.d, at(node, node) + held);
+        let fixed = M3::diagonal(V3::splat(1.0) - V3::from4(wound.free[node]));
+        let off = far(own.d, at(node, node) + fixed);
         if parts.cells_of(node).into_iter().all(chained) {
             prop_assert!(off < ROUNDING * size, "D of node {}: {:e} of {:e}", node, off, size);
         } else if wound.free[node][..3] == [1.0; 3] {
@@ -361,8 +361,8 @@ fn found(model: &Model, wound: &Wound, rotation: &[V4<f64>], once: bool) -> f64 
         let dense = Dense::new(model, wound, rotation);
         for node in 0..dense.count {
             let own = unpack::<f64>(&block[4 * node..4 * node + 4]);
-            let held = M3::diagonal(V3::splat(1.0) - V3::from4(wound.free[node]));
-            let d = dense.block[node * dense.count + node] + held;
+            let fixed = M3::diagonal(V3::splat(1.0) - V3::from4(wound.free[node]));
+            let d = dense.block[node * dense.count + node] + fixed;
             block[4 * node..4 * node + 4].copy_from_slice(&pack(Block { d, g: own.g }));
         }
     }

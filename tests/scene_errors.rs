@@ -545,12 +545,12 @@ fn a_body_starts_in_a_shape_that_is_known() {
 #[test]
 fn boundaries_turn_what_they_hold() {
     let turned = parsed(&FULL.replace("axes = \"xz\"", "axes = \"xy\"\nturn_deg = 90")).expect("x and y are held");
-    assert_eq!((turned.boundaries[0].turn, turned.boundaries[1].turn), (0.0, std::f64::consts::FRAC_PI_2));
+    assert_eq!((turned.boundaries[0].rotation, turned.boundaries[1].rotation), (0.0, std::f64::consts::FRAC_PI_2));
     let held = cutis::bodies::Model::new(&turned, 0).expect("the scene is valid");
     // the corner at (-20, -10, 2.5) mm comes to (10, -20) mm, and goes on by -2 mm along x
     let corner = held.grid.nearest([-20e-3, -10e-3, 2.5e-3]);
-    let [x, y, z] = held.held[corner];
-    assert!((x - 28e-3).abs() < 1e-12 && (y + 10e-3).abs() < 1e-12 && z == 0.0, "{:?}", held.held[corner]);
+    let [x, y, z] = held.prescribed[corner];
+    assert!((x - 28e-3).abs() < 1e-12 && (y + 10e-3).abs() < 1e-12 && z == 0.0, "{:?}", held.prescribed[corner]);
 }
 
 #[test]
@@ -590,7 +590,7 @@ fn bodies_say_who_they_are_and_where() {
     let direction = with("[[attach]]\nregion = \"top\"\nslide = [0, 0, 0]\n");
     says(&direction, "slide");
     let held = with("[[attach]]\nregion = \"top\"\nfriction = 0.3\n");
-    says(&held, "`friction` has no effect here; what is held along all axes does not slide");
+    says(&held, "`friction` has no effect here; what is tied along all axes does not slide");
     let negative = with("[[attach]]\nregion = \"top\"\nslide = [0, 0, 1]\nresistance_n = -1\n");
     says(&negative, "resistance_n = -1.0; wanted a finite number, 0 or more");
     says(&with("[[plane]]\nname = \"p\"\nthrough_mm = [0, 0, 0]\nnormal = [0, 0, 0]\n"), "normal");

@@ -3,13 +3,13 @@
 mod states;
 
 use cutis::step::{Platform, Simulation};
-use states::{SCENES, goes_on, scene, simulation, steps, text};
+use states::{SCENES, resumes, scene, simulation, steps, text};
 
 #[test]
 fn a_run_goes_on_from_its_state_bit_for_bit() {
     for (name, k, n) in SCENES {
         for platform in [Platform::Cpu64, Platform::Cpu32] {
-            goes_on(name, &platform, *k, *n).unwrap_or_else(|said| panic!("{said}"));
+            resumes(name, &platform, *k, *n).unwrap_or_else(|said| panic!("{said}"));
         }
     }
 }

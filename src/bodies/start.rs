@@ -12,7 +12,9 @@ impl Model {
         let skin = &scene.skins[self.body];
         let displaced = |n: usize| {
             let shaped = shaped(skin.start, &self.grid, n);
-            let at = |a: usize| if self.free[n][a] == 0.0 { self.held[n][a] } else { shaped[a] + skin.displacement[a] };
+            let at = |a: usize| {
+                if self.free[n][a] == 0.0 { self.prescribed[n][a] } else { shaped[a] + skin.displacement[a] }
+            };
             [at(0), at(1), at(2), 0.0]
         };
         let moving = |n: usize| {

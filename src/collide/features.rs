@@ -45,17 +45,17 @@ const ALIKE: f64 = 0.999;
 /// Point (both ends alike) or segment of the tool at the start of the step, with the motion of its ends.
 struct Piece {
     ends: [DVec3; 2],
-    shift: [DVec3; 2],
+    motion: [DVec3; 2],
     point: bool,
     cone: Cone,
 }
 
 impl Piece {
     fn at(&self, t: f64) -> [DVec3; 2] {
-        [0, 1].map(|k| self.ends[k] + self.shift[k] * t)
+        [0, 1].map(|k| self.ends[k] + self.motion[k] * t)
     }
     fn travel(&self) -> f64 {
-        self.shift[0].length().max(self.shift[1].length())
+        self.motion[0].length().max(self.motion[1].length())
     }
     fn point_at(&self, u: f64) -> DVec3 {
         self.ends[0].lerp(self.ends[1], u)
@@ -73,7 +73,7 @@ struct Pair {
     normal: DVec3,
     gap: f64,
     /// Has friction.
-    rubs: bool,
+    frictional: bool,
 }
 
 /// Low bits of a contact's feature number, which name the point or segment of the tool; the high bits count its contacts.
@@ -81,7 +81,7 @@ const PIECE_BITS: u32 = 32;
 const PIECE: usize = (1 << PIECE_BITS) - 1;
 
 /// Search of one tool and one patch.
-struct Hunt<'a> {
+struct PairSearch<'a> {
     patch: &'a Patch,
     features: Features,
     search: &'a Search,
@@ -110,7 +110,7 @@ pub fn contacts_among(
     near: &dyn Fn(DVec3, DVec3) -> Vec<u32>,
 ) -> Vec<Contact> {
     let touch = TOUCH * search.alarm;
-    let hunt = Hunt { patch, features: Features::new(patch), search, radius: lines.radius, touch };
+    let pairs = PairSearch { patch, features: Features::new(patch), search, radius: lines.radius, touch };
     let mut kept: Vec<(usize, Pair)> = vec![];
     // pairs of every point and segment, from the triangles around its motion
     for (index, piece) in pieces(tool, lines, free).iter().enumerate() {
@@ -119,10 +119,10 @@ pub fn contacts_among(
         let low = corners.iter().fold(DVec3::INFINITY, |low, p| low.min(*p)) - margin;
         let high = corners.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p)) + margin;
         let triangles = near(low, high);
-        let found = if piece.point { hunt.point(piece, &triangles) } else { hunt.segment(piece, &triangles) };
+        let found = if piece.point { pairs.point(piece, &triangles) } else { pairs.segment(piece, &triangles) };
         kept.extend(found.into_iter().map(|pair| (index, pair)));
     }
-    kept.sort_by_key(|(_, pair)| !pair.rubs); // of two pairs at one point the one with friction is kept
+    kept.sort_by_key(|(_, pair)| !pair.frictional); // of two pairs at one point the one with friction is kept
     // contacts, one per point and normal
     let mut out: Vec<(Contact, DVec3)> = vec![];
     for (index, pair) in kept {
@@ -141,7 +141,7 @@ pub fn contacts_among(
             axes: frame(pair.normal),
             gap: [pair.gap - search.distance, 0.0, 0.0],
             depth: (-pair.gap).max(0.0),
-            law: Law::contact(if pair.rubs { search.friction } else { 0.0 }),
+            law: Law::contact(if pair.frictional { search.friction } else { 0.0 }),
             ..Contact::on_skin(number, index | earlier << PIECE_BITS, body, material_point, point)
         };
         out.push((contact, pair.on_skin));
@@ -152,8 +152,8 @@ pub fn contacts_among(
 /// Points, then segments, with their motion.
 fn pieces(tool: &Instrument, lines: &Lines, free: &UnconstrainedMotion) -> Vec<Piece> {
     let positions: Vec<DVec3> = lines.positions.iter().map(|p| tool.at(DVec3::from_array(*p))).collect();
-    let shift = |p: DVec3| free.shift + free.turn.cross(p - tool.position);
-    let piece = |ends: [DVec3; 2], point: bool, cone: Cone| Piece { ends, shift: ends.map(shift), point, cone };
+    let motion = |p: DVec3| free.translation + free.rotation.cross(p - tool.position);
+    let piece = |ends: [DVec3; 2], point: bool, cone: Cone| Piece { ends, motion: ends.map(motion), point, cone };
     let mut cones = vec![Cone::default(); positions.len()];
     for [a, b] in lines.segments.iter().map(|ends| ends.map(|id| id as usize)) {
         let along = (positions[b] - positions[a]).normalize_or_zero();
@@ -165,17 +165,17 @@ fn pieces(tool: &Instrument, lines: &Lines, free: &UnconstrainedMotion) -> Vec<P
     points.chain(segments).collect()
 }
 
-impl Hunt<'_> {
+impl PairSearch<'_> {
     /// Pairs of a tool's point: what it rests on and other local minima; if inside, the way out.
     fn point(&self, piece: &Piece, triangles: &[u32]) -> Vec<Pair> {
         let p = piece.ends[0];
         let features = || self.features.of(triangles).into_iter().map(|id| &self.features.all[id]);
         let rests = features().find_map(|feature| self.rests(piece, feature));
         let mut found: Vec<Pair> = match rests.is_none() && self.patch.project(p).2 < 0.0 {
-            true => self.way_out(p, 0.0).into_iter().collect(),
+            true => self.push_out(p, 0.0).into_iter().collect(),
             false => rests.into_iter().chain(features().filter_map(|feature| self.meets(piece, feature))).collect(),
         };
-        let walls: Vec<Pair> = found.iter().flat_map(|pair| self.walls(pair, piece.shift[0])).collect();
+        let walls: Vec<Pair> = found.iter().flat_map(|pair| self.walls(pair, piece.motion[0])).collect();
         found.extend(walls);
         found
     }
@@ -183,8 +183,8 @@ impl Hunt<'_> {
     /// Frictionless pairs with the faces that rise around a pair on a face, within the step's tangential motion: a point that slides along
     /// its own face would pass through them. On an edge or vertex the mean normal stands for them; it depends on theirs, so forces would be
     /// undetermined.
-    fn walls(&self, pair: &Pair, shift: DVec3) -> Vec<Pair> {
-        let reach = shift.reject_from(pair.normal).length().min(self.search.alarm) + self.touch;
+    fn walls(&self, pair: &Pair, motion: DVec3) -> Vec<Pair> {
+        let reach = motion.reject_from(pair.normal).length().min(self.search.alarm) + self.touch;
         let used: Vec<u32> =
             (0..3).filter(|k| pair.surface_point.1[*k] > closest::MARGIN).map(|k| pair.surface_point.0[k]).collect();
         let mut walls = vec![];
@@ -201,7 +201,15 @@ impl Hunt<'_> {
                 let on_skin = face.position(near.weights);
                 let gap = normal.dot(pair.on_tool - on_skin) - self.radius;
                 let surface_point = face.surface_point(near.weights);
-                walls.push(Pair { surface_point, u: pair.u, on_tool: pair.on_tool, on_skin, normal, gap, rubs: false });
+                walls.push(Pair {
+                    surface_point,
+                    u: pair.u,
+                    on_tool: pair.on_tool,
+                    on_skin,
+                    normal,
+                    gap,
+                    frictional: false,
+                });
             }
         }
         walls
@@ -233,7 +241,7 @@ impl Hunt<'_> {
                 let middle = 0.5 * (start + u);
                 if !found.iter().any(|pair| (start..=u).contains(&pair.u)) {
                     let inside = self.patch.project(piece.point_at(middle)).2 < 0.0;
-                    found.extend(self.way_out(piece.point_at(middle), middle).filter(|_| inside));
+                    found.extend(self.push_out(piece.point_at(middle), middle).filter(|_| inside));
                 }
             }
         }
@@ -241,7 +249,7 @@ impl Hunt<'_> {
     }
 
     /// Pair of a tool point that is inside or touches with the nearest point of the skin; the normal leads out.
-    fn way_out(&self, p: DVec3, u: f64) -> Option<Pair> {
+    fn push_out(&self, p: DVec3, u: f64) -> Option<Pair> {
         let (triangle, _, distance, _) = self.patch.project(p);
         let weights = closest::on_triangle(p, self.patch.corners[triangle]);
         let on_skin = self.patch.position(triangle, weights);
@@ -252,7 +260,7 @@ impl Hunt<'_> {
         };
         let surface_point = (self.patch.triangles[triangle], weights);
         let gap = normal.dot(p - on_skin) - self.radius;
-        (normal != DVec3::ZERO).then_some(Pair { surface_point, u, on_tool: p, on_skin, normal, gap, rubs: true })
+        (normal != DVec3::ZERO).then_some(Pair { surface_point, u, on_tool: p, on_skin, normal, gap, frictional: true })
     }
 
     /// Pair of a tool's feature and a skin's, where they first touch or come nearest, if it is kept.
@@ -304,7 +312,7 @@ impl Hunt<'_> {
             on_skin,
             normal,
             gap,
-            rubs: true,
+            frictional: true,
         }
     }
 

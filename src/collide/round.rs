@@ -48,7 +48,7 @@ struct Sweep {
     ends: [DVec3; 2],
     /// Unit vector; zero for a sphere.
     along: DVec3,
-    shift: DVec3,
+    translation: DVec3,
     radius: f64,
 }
 
@@ -69,8 +69,8 @@ impl Sweep {
     fn new(tool: &Instrument, round: &Round, free: &UnconstrainedMotion) -> Self {
         let ends = round.ends.map(|end| tool.at(DVec3::from_array(end)));
         let middle = (ends[0] + ends[1]) * 0.5;
-        let shift = free.shift + free.turn.cross(middle - tool.position);
-        Self { ends, along: (ends[1] - ends[0]).normalize_or_zero(), shift, radius: round.radius }
+        let translation = free.translation + free.rotation.cross(middle - tool.position);
+        Self { ends, along: (ends[1] - ends[0]).normalize_or_zero(), translation, radius: round.radius }
     }
 
     /// Nearest point of the axis before the motion.
@@ -84,7 +84,7 @@ impl Sweep {
 
     /// Smallest clearance up to the first touch, with the value of `at` there; `at` maps the fraction of the motion to clearance and value.
     fn advance<T>(&self, at: impl Fn(f64) -> (f64, T)) -> (f64, T) {
-        let length = self.shift.length();
+        let length = self.translation.length();
         let mut best = at(0.0);
         let (mut clear, mut t) = (best.0, 0.0);
         for _ in 0..MOST_STEPS {
@@ -119,8 +119,8 @@ impl Sweep {
     /// Touch of the tool with a surface point, if it comes within `reach`.
     fn meets(&self, p: DVec3, reach: f64) -> Option<Touch> {
         let (clear, (axis, away)) = self.advance(|t| {
-            let axis = self.nearest(p - self.shift * t);
-            let away = axis + self.shift * t - p;
+            let axis = self.nearest(p - self.translation * t);
+            let away = axis + self.translation * t - p;
             (away.length() - self.radius, (axis, away))
         });
         let normal = away.try_normalize().filter(|_| clear < reach)?;
@@ -271,7 +271,7 @@ fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64) -
     let mut deepest: Option<(f64, DVec3)> = None;
     for (index, axis) in samples_on_axis(tool) {
         let (clear, (triangle, weights, normal)) = sweep.advance(|t| {
-            let (triangle, weights, distance, normal) = patch.project(axis + sweep.shift * t);
+            let (triangle, weights, distance, normal) = patch.project(axis + sweep.translation * t);
             (distance - sweep.radius, (triangle, weights, normal))
         });
         if clear >= reach {
@@ -308,7 +308,7 @@ fn nearest_on_triangles(
         // first touch over the axis samples
         let candidates = samples_on_axis(tool).filter_map(|(_, at)| {
             let (clear, weights) = sweep.advance(|t| {
-                let centre = at + sweep.shift * t;
+                let centre = at + sweep.translation * t;
                 let weights = patch.nearest_on(triangle, centre);
                 (patch.position(triangle, weights).distance(centre) - sweep.radius, weights)
             });
@@ -346,7 +346,7 @@ mod tests {
     const RADIUS: f64 = 4e-3;
 
     fn sweep(along: DVec3) -> Sweep {
-        Sweep { ends: [DVec3::ZERO; 2], along, shift: DVec3::ZERO, radius: RADIUS }
+        Sweep { ends: [DVec3::ZERO; 2], along, translation: DVec3::ZERO, radius: RADIUS }
     }
 
     /// Patch of 4 × 4 faces at height `z(x, y)`, and its nodes.

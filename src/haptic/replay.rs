@@ -39,7 +39,7 @@ impl Path {
             position,
             rotation,
             velocity: (position - before) / BETWEEN,
-            spin: crate::bodies::rigid::rotation_vector(rotation * turned.conjugate()) / BETWEEN,
+            angular_velocity: crate::bodies::rigid::rotation_vector(rotation * turned.conjugate()) / BETWEEN,
             ..Reading::at_rest(0.0)
         }
     }

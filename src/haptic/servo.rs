@@ -149,14 +149,14 @@ pub struct Servo {
     spoilt: bool,
     hand: Hand,
     held: bool,
-    shift: DVec3,
-    turn: DQuat,
+    offset: DVec3,
+    offset_rotation: DQuat,
     number: Option<u64>,
     epoch: u32,
     rendered: Tick,
     wrench: Wrench,
     velocity: DVec3,
-    spin: DVec3,
+    angular_velocity: DVec3,
     active: bool,
 }
 
@@ -180,14 +180,14 @@ impl Servo {
             spoilt: false,
             hand: start,
             held: false,
-            shift: DVec3::ZERO,
-            turn: DQuat::IDENTITY,
+            offset: DVec3::ZERO,
+            offset_rotation: DQuat::IDENTITY,
             number: None,
             epoch: 0,
             rendered: Tick::default(),
             wrench: Wrench::default(),
             velocity: DVec3::ZERO,
-            spin: DVec3::ZERO,
+            angular_velocity: DVec3::ZERO,
             active: settings.buttons.active == 0,
             settings,
         }
@@ -235,7 +235,7 @@ impl Servo {
         }
         // output and counters
         let before = self.wrench.force;
-        let clamped = self.give(gain);
+        let clamped = self.output(gain);
         self.count(problem, late, clamped);
         let jump = (self.wrench.force - before).length();
         self.counts.jump_max = self.counts.jump_max.max(jump);
@@ -265,7 +265,7 @@ impl Servo {
         }
         let reading = match sound {
             true => Some(reading),
-            false => self.last.map(|last| Reading { velocity: DVec3::ZERO, spin: DVec3::ZERO, ..last }),
+            false => self.last.map(|last| Reading { velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO, ..last }),
         };
         if let (Some(now), Some(last)) = (reading, self.last) {
             let turned = rotation_vector(now.rotation * last.rotation.conjugate());
@@ -278,7 +278,7 @@ impl Servo {
     /// Moves the hand in the scene, or holds it. After a hold it continues from where it was held; the first reading is placed by the
     /// workspace.
     fn move_hand(&mut self, reading: Option<Reading>, hold: bool) {
-        (self.velocity, self.spin) = (DVec3::ZERO, DVec3::ZERO);
+        (self.velocity, self.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
         let Some(reading) = reading else { return };
         let there = self.settings.workspace.to_scene(reading);
         if hold {
@@ -286,12 +286,12 @@ impl Servo {
             return;
         }
         if self.held {
-            self.shift = self.hand.position - there.position;
-            self.turn = there.rotation.conjugate() * self.hand.rotation;
+            self.offset = self.hand.position - there.position;
+            self.offset_rotation = there.rotation.conjugate() * self.hand.rotation;
             self.held = false;
         }
-        self.hand = Hand { position: there.position + self.shift, rotation: there.rotation * self.turn };
-        (self.velocity, self.spin) = (there.velocity, there.spin);
+        self.hand = Hand { position: there.position + self.offset, rotation: there.rotation * self.offset_rotation };
+        (self.velocity, self.angular_velocity) = (there.velocity, there.angular_velocity);
     }
 
     /// Takes a new problem over; true if it is the first of a new epoch.
@@ -314,10 +314,10 @@ impl Servo {
     }
 
     /// Scales, limits and damps the rendered wrench for the device; true if a limit was exceeded.
-    fn give(&mut self, gain: f64) -> bool {
+    fn output(&mut self, gain: f64) -> bool {
         let Settings { force_scale, limits, workspace, passivity, tick, .. } = self.settings;
-        let size = force_scale * gain;
-        let rendered = Wrench { force: self.rendered.force * size, torque: self.rendered.torque * size };
+        let scale = force_scale * gain;
+        let rendered = Wrench { force: self.rendered.force * scale, torque: self.rendered.torque * scale };
         let (asked, clamped) = limits.apply(workspace.to_device(rendered, self.effector()));
         self.wrench = asked;
         if passivity {
@@ -348,8 +348,8 @@ impl Servo {
 
     /// Message to the simulation.
     pub fn felt(&self) -> Felt {
-        let Self { hand, velocity, spin, active, counts, .. } = *self;
+        let Self { hand, velocity, angular_velocity, active, counts, .. } = *self;
         let buttons = self.last.map_or(0, |last| last.buttons);
-        Felt { hand, velocity, spin, buttons, active, counts }
+        Felt { hand, velocity, angular_velocity, buttons, active, counts }
     }
 }

@@ -182,12 +182,12 @@ fn outcome_rows(cpu: &Outcome, gpu: &Outcome) -> Vec<Row> {
     let force = ratio(gpu.peak_force - cpu.peak_force, cpu.peak_force);
     let apart = gpu.cut.abs_diff(cpu.cut) as f64;
     let allowed = (CUT_BOUND * cpu.cut as f64).max(1.0);
-    let lost = (cpu.non_finite + gpu.non_finite) as f64;
+    let non_finite = (cpu.non_finite + gpu.non_finite) as f64;
     let error = cpu.mass_error.max(gpu.mass_error);
     vec![
         row("peak contact force (N)", cpu.peak_force, gpu.peak_force, force, FORCE_BOUND),
         row("links or springs cut (difference is a count)", cpu.cut as f64, gpu.cut as f64, apart, allowed),
         row("live mass (g; difference from the live cells)", cpu.mass * 1e3, gpu.mass * 1e3, error, MASS_BOUND),
-        row("nodes that are not finite (count)", cpu.non_finite as f64, gpu.non_finite as f64, lost, 0.0),
+        row("nodes that are not finite (count)", cpu.non_finite as f64, gpu.non_finite as f64, non_finite, 0.0),
     ]
 }

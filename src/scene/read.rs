@@ -181,7 +181,7 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
         region: region(scene, &raw.region, extent, &grids[body])?,
         axes,
         displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
-        turn: scene.number("turn_deg", &turn, DEGREE, Bound::Finite)?.to_radians(),
+        rotation: scene.number("turn_deg", &turn, DEGREE, Bound::Finite)?.to_radians(),
     })
 }
 

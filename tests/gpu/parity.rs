@@ -111,7 +111,7 @@ const CASES: &[Case] = cases! {
     factor Columns false ["own.d - below" => "own.d + below", "i1 - l21 * yz" => "i1 + l21 * yz", "l10 * l21 - l20" => "l10 * l21 + l20", "transpose(own.g) * g" => "own.g * g", "own.x) * p.nodes_z" => "0u) * p.nodes_z", "e - own.x;" => "e;"]
     forces Nodes false [
         "- 0.5" => "- 0.4", "a * 8u + b" => "b * 8u + a", "own) * r" => "own) * transpose(r)", "|| corner_node(params, at, a) != i" => "", "u[corner_node(params, at, b)]" => "u[node_id(params, at + corner(b))]",
-        "turn * x + e * x" => "turn * x", "pre_strain[layer]" => "pre_strain[0]"
+        "change * x + e * x" => "change * x", "pre_strain[layer]" => "pre_strain[0]"
     ]
     gather Ids false [
         "source[ids[k]]" => "source[k]", "params.first + number_of" => "number_of", "params.first + params.count" => "params.count"

@@ -1,6 +1,6 @@
 //! Whole scenes of several bodies on the GPU, beside the CPU path in f64.
 
-use super::states::{SCENES, goes_on};
+use super::states::{SCENES, resumes};
 use super::{Failure, platform};
 use cutis::backend::Snapshot;
 use cutis::gpu::Gpu;
@@ -45,7 +45,7 @@ fn forces(platform: &Platform) -> Result<Vec<f64>, Failure> {
 
 fn a_run_goes_on_from_its_state_bit_for_bit(gpu: &Gpu) -> Result<(), Failure> {
     let platform = platform(gpu);
-    SCENES.iter().try_for_each(|(name, k, n)| Ok(goes_on(name, &platform, *k, *n)?))
+    SCENES.iter().try_for_each(|(name, k, n)| Ok(resumes(name, &platform, *k, *n)?))
 }
 
 /// The largest displacements of two blocks on each other after some steps, m.

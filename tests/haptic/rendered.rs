@@ -131,7 +131,7 @@ fn handing_over_allocates_nothing_once_the_buffers_have_grown() {
     let (mut servo_end, mut ours) = cutis::haptic::cells::cells(&first, &servo(plain(spring(1.0))).felt());
     let mut pass = |count: u32| {
         for k in 0..count {
-            ours.hand_over(if k % 2 == 0 { &large } else { &small }, 0.0, 0);
+            ours.publish(if k % 2 == 0 { &large } else { &small }, 0.0, 0);
             servo_end.problem.read();
         }
     };

@@ -40,7 +40,7 @@ fn kept(state: &State) -> State {
 }
 
 /// Whether `k` steps, the state, and the rest of `n` steps from it are `n` steps; says where they part.
-pub fn goes_on(name: &str, platform: &Platform, k: usize, n: usize) -> Result<(), String> {
+pub fn resumes(name: &str, platform: &Platform, k: usize, n: usize) -> Result<(), String> {
     let scene = scene(name);
     let mut first = simulation(&scene, platform);
     steps(&mut first, k);

@@ -1,7 +1,7 @@
 //! A deformable body on any platform, driven step by step without a scene's tools; and what tests compare it with.
 
 use super::small;
-use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Query, Snapshot, Target, Wanted};
+use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Query, Snapshot, SolveRequest, Target};
 use cutis::bodies::Model;
 use cutis::bodies::Removal;
 use cutis::gpu::Gpu;
@@ -112,7 +112,7 @@ impl Body {
 
     /// One implicit step that may be refused; what its solve reports.
     pub fn fallible_step(&mut self) -> cutis::error::Result<Outcome> {
-        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(self.tolerance) }];
+        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(self.tolerance) }];
         self.backend.begin()?;
         let (outcomes, _) = self.backend.solve(&wanted, &[])?;
         self.backend.finish(false, false)?;

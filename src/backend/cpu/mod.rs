@@ -4,7 +4,8 @@ mod reserve;
 mod slots;
 
 use super::{
-    Backend, CORRECTION, Device, FREE, NOT_KEPT, Needs, Nonlinear, Query, Snapshot, Target, Values, Vector, Wanted,
+    Backend, CORRECTION, Device, FREE, NOT_KEPT, Needs, Nonlinear, Query, Snapshot, SolveRequest, Target, Values,
+    Vector,
 };
 use crate::bodies::cpu::{System, Workspace};
 use crate::bodies::{Anchors, Model, Removal, rate};
@@ -210,16 +211,16 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(())
     }
 
-    fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+    fn solve(&mut self, requests: &[SolveRequest], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         if self.explicit {
-            return Ok(self.accelerate(wanted, pick));
+            return Ok(self.accelerate(requests, pick));
         }
-        match wanted {
-            [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }] if self.system.newton() => {
+        match requests {
+            [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }] if self.system.newton() => {
                 let outcome = self.newton(*tolerance)?;
                 Ok((vec![outcome], self.picked(pick)))
             }
-            _ => self.solve_slots(wanted, pick),
+            _ => self.solve_slots(requests, pick),
         }
     }
 

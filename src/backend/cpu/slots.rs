@@ -2,7 +2,7 @@
 
 use super::{CpuBackend, request};
 use crate::backend::newton::{Descent, Shifted, TrialPoint, newton, solve_shifted};
-use crate::backend::{FREE, Target, Wanted};
+use crate::backend::{FREE, SolveRequest, Target};
 use crate::bodies::cpu::{Start, Trial, Workspace};
 use crate::error::{Error, Result};
 use crate::kernels::accelerate::accelerate;
@@ -20,7 +20,7 @@ impl<R: Real> CpuBackend<R> {
     /// Solves the linear systems of several right-hand sides and reads values.
     pub(super) fn solve_slots(
         &mut self,
-        wanted: &[Wanted],
+        requests: &[SolveRequest],
         pick: &[(usize, u32)],
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let n = self.node_count;
@@ -41,7 +41,7 @@ impl<R: Real> CpuBackend<R> {
         let mut done: Vec<(usize, Outcome)> = arrays
             .into_par_iter()
             .enumerate()
-            .filter_map(|(slot, arrays)| Some((wanted.iter().find(|w| w.slot == slot)?, arrays)))
+            .filter_map(|(slot, arrays)| Some((requests.iter().find(|w| w.slot == slot)?, arrays)))
             .map(|(want, (x, r, p, s, z, w, Workspace { scratch, levels }))| {
                 let request = request(want.target, floor);
                 let outcome = solve(
@@ -56,16 +56,20 @@ impl<R: Real> CpuBackend<R> {
             })
             .collect();
         done.sort_by_key(|(slot, _)| *slot);
-        let find = |w: &Wanted| done.iter().find(|d| d.0 == w.slot).map(|d| d.1).unwrap_or_default();
-        let outcomes = wanted.iter().map(find).collect();
+        let find = |w: &SolveRequest| done.iter().find(|d| d.0 == w.slot).map(|d| d.1).unwrap_or_default();
+        let outcomes = requests.iter().map(find).collect();
         Ok((outcomes, self.picked(pick)))
     }
 
     /// Unconstrained motion of an explicit step, and its values at nodes: one exact division per node.
-    pub(super) fn accelerate(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> (Vec<Outcome>, Vec<[f64; 3]>) {
+    pub(super) fn accelerate(
+        &mut self,
+        requests: &[SolveRequest],
+        pick: &[(usize, u32)],
+    ) -> (Vec<Outcome>, Vec<[f64; 3]>) {
         accelerate(&self.params, &self.free, &self.r, &mut self.x);
-        debug_assert!(wanted.iter().all(|w| w.slot == FREE), "explicit steps have no contact");
-        (vec![Outcome::exact(); wanted.len()], self.picked(pick))
+        debug_assert!(requests.iter().all(|w| w.slot == FREE), "explicit steps have no contact");
+        (vec![Outcome::exact(); requests.len()], self.picked(pick))
     }
 
     /// Unconstrained motion by Newton's method; the right-hand side is `b` of the step, the solution its increment.
@@ -143,7 +147,7 @@ impl<R: Real> Descent for LineSearch<'_, R> {
         let moved: Vec<V4<f64>> = self.body.u.iter().zip(&self.current.dx).map(sum).collect();
         self.body.system.linearise(&moved);
         let (residual_force, n) = (&self.current.residual, self.b.len());
-        let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
+        let wanted = [SolveRequest { slot: FREE, target: Target::Absolute(residual) }];
         let (iterations, shift) = solve_shifted(self.body, shift, |body| {
             body.r[..n].copy_from_slice(residual_force);
             body.x[..n].fill([R::zero(); 4]);

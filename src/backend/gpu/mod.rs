@@ -12,7 +12,7 @@ mod newton;
 mod solver;
 mod split;
 
-use super::{Backend, CORRECTION, Device, Needs, Nonlinear, Query, Snapshot, Values, Vector, Wanted};
+use super::{Backend, CORRECTION, Device, Needs, Nonlinear, Query, Snapshot, SolveRequest, Values, Vector};
 use crate::bodies::gpu::{Arrays, Dispatch, Maker, over_columns, over_nodes, untouched};
 use crate::bodies::{Model, Removal};
 use crate::error::Result;
@@ -257,13 +257,13 @@ impl Backend for GpuBackend {
         Ok(())
     }
 
-    fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+    fn solve(&mut self, requests: &[SolveRequest], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         if self.unread.is_some() {
-            return self.accelerate(wanted, pick);
+            return self.accelerate(requests, pick);
         }
         match self.newton {
-            Some(_) => self.solve_nonlinear(wanted, pick),
-            None => self.solve_slots(wanted, pick),
+            Some(_) => self.solve_nonlinear(requests, pick),
+            None => self.solve_slots(requests, pick),
         }
     }
 

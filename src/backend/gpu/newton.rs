@@ -6,7 +6,7 @@
 use super::GpuBackend;
 use super::exchange::triples;
 use crate::backend::newton::{Descent, Shifted, TrialPoint, newton as descend, solve_shifted};
-use crate::backend::{FREE, Nonlinear, Target, Wanted};
+use crate::backend::{FREE, Nonlinear, SolveRequest, Target};
 use crate::bodies::Refused;
 use crate::bodies::gpu::{NonlinearLaw, Search};
 use crate::error::{Error, Result};
@@ -78,19 +78,19 @@ impl GpuBackend {
     /// Solve for a body with a nonlinear law.
     pub(super) fn solve_nonlinear(
         &mut self,
-        wanted: &[Wanted],
+        requests: &[SolveRequest],
         pick: &[(usize, u32)],
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let Some(newton) = &mut self.newton else { return Ok((vec![], vec![])) };
-        match wanted {
-            [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }] => {
+        match requests {
+            [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }] => {
                 let (tolerance, floor) = (*tolerance, self.floor);
                 (newton.count, newton.start) = (Nonlinear::default(), vec![]);
                 let (outcome, newton_iterations) = descend(self, tolerance, floor)?;
                 let values = self.found(newton_iterations, pick)?;
                 Ok((vec![outcome], values))
             }
-            _ => self.solve_slots(wanted, pick),
+            _ => self.solve_slots(requests, pick),
         }
     }
 
@@ -196,7 +196,7 @@ impl Descent for GpuBackend {
 
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {
         let residual_force = self.newton.as_ref().map(|newton| newton.law.search.residual_force[0].clone());
-        let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
+        let wanted = [SolveRequest { slot: FREE, target: Target::Absolute(residual) }];
         solve_shifted(self, shift, |body| {
             residual_force.iter().for_each(|r| body.restart(r));
             Ok(body.solve_slots(&wanted, &[])?.0[0])

@@ -234,16 +234,16 @@ impl Direct {
         let mut memory = MemBuffer::try_new(needed).map_err(|_| no_memory(count))?;
         let matrix = SparseColMatRef::new(structure, &value[..]);
         let (stack, regular) = (MemStack::new(&mut memory), Default::default());
-        let lost = |row: usize| Refused::NotPositive {
+        let not_positive = |row: usize| Refused::NotPositive {
             node: params.node_at(pattern.node[row / 3] as usize),
             axis: ['x', 'y', 'z'][row % 3],
         };
         symbolic
             .factorize_numeric_llt(factor, matrix, Side::Lower, regular, Par::Seq, stack, Default::default())
-            .map_err(|NonPositivePivot { index }| lost(index))?;
+            .map_err(|NonPositivePivot { index }| not_positive(index))?;
         // reject pivots of rounding size, which faer accepts
-        if let Some(row) = lost_row(symbolic, factor, pattern, value) {
-            return Err(lost(row).into());
+        if let Some(row) = first_bad_pivot(symbolic, factor, pattern, value) {
+            return Err(not_positive(row).into());
         }
         self.current = true;
         Ok(())
@@ -277,7 +277,7 @@ impl Direct {
 }
 
 /// First row whose pivot is rounding error.
-fn lost_row(
+fn first_bad_pivot(
     symbolic: &SymbolicCholesky<usize>,
     factor: &[f64],
     pattern: &Pattern,

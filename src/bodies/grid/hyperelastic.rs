@@ -282,18 +282,18 @@ mod tests {
     fn turned_about(law: Law) {
         let soft = || of(law);
         let (s, c) = 1.1f64.sin_cos();
-        let turn = |x: V3<f64>| V3::new(c * x.x - s * x.y, s * x.x + c * x.y, x.z);
+        let rotate = |x: V3<f64>| V3::new(c * x.x - s * x.y, s * x.x + c * x.y, x.z);
         let strained = random(7, 6e-5);
         let edges = soft().edges.f64();
         let at = field(|a, n| (corner(a)[n] as f64 - 0.5) * edges[n]);
-        let carried = |u: &Field| -> Field { std::array::from_fn(|a| turn(at[a] + u[a]) - at[a] + V3::splat(0.02)) };
+        let carried = |u: &Field| -> Field { std::array::from_fn(|a| rotate(at[a] + u[a]) - at[a] + V3::splat(0.02)) };
         let still = Cell::new(soft(), &carried(&[V3::zero(); 8]));
         let volume: f64 = edges.iter().product();
         assert!(still.energy().abs() < 1e-12 * volume * BULK, "{:e}", still.energy());
         let (old, new) = (Cell::new(soft(), &strained), Cell::new(soft(), &carried(&strained)));
         assert!((old.energy() / new.energy() - 1.0).abs() < 1e-9);
         for (a, b) in old.forces().iter().zip(new.forces()) {
-            assert!((turn(*a) - b).length() < 1e-9, "{a:?} {b:?}");
+            assert!((rotate(*a) - b).length() < 1e-9, "{a:?} {b:?}");
         }
     }
 

@@ -228,7 +228,7 @@ pub(super) fn reading(frame: &Frame, chosen: &Chosen, last: Reading) -> std::res
         }
     }
     let (position, velocity) = (state.cursor_position.into(), state.cursor_velocity.into());
-    let reading = Reading { position, rotation, velocity, spin: DVec3::ZERO, buttons, age: 0.0 };
+    let reading = Reading { position, rotation, velocity, angular_velocity: DVec3::ZERO, buttons, age: 0.0 };
     if reading.is_sound() { Ok((reading, whole)) } else { Err(Fault::NonFinite) }
 }
 

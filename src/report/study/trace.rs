@@ -175,8 +175,8 @@ mod tests {
         assert!((error - 0.2 / 2f64.sqrt()).abs() < 1e-12, "{error}");
         let displaced = apart(&near, &reference, &reference, &signals[..2]);
         assert!((displaced - 0.1).abs() < 1e-12, "{displaced}");
-        let lost = [vec![f64::NAN, 0.0, 0.0], vec![0.0; 3]];
-        assert_eq!(apart(&lost, &reference, &reference, &signals), f64::INFINITY);
+        let non_finite = [vec![f64::NAN, 0.0, 0.0], vec![0.0; 3]];
+        assert_eq!(apart(&non_finite, &reference, &reference, &signals), f64::INFINITY);
         assert_eq!(apart(&reference, &reference, &reference, &signals), 0.0);
     }
 }
