@@ -90,7 +90,7 @@ pub struct Cell<R> {
     /// Volume of a Gauss point, m³.
     pub weight: R,
     /// `J̄ − 1`.
-    pub mean_growth: R,
+    pub mean_dilatation: R,
     /// Cell size and material.
     pub material: Material<R>,
     /// 1/edges, 1/m.
@@ -123,28 +123,28 @@ impl<R: Real> Cell<R> {
         let (mut sum, mut inverted) = (R::zero(), false);
         for (p, point) in points.iter_mut().enumerate() {
             *point = Point::new(field_gradient(inverse, u, p));
-            sum += point.growth;
+            sum += point.dilatation;
             inverted |= point.inverted();
         }
         let eighth = R::of(0.125);
         let weight = edges.x * edges.y * edges.z * eighth;
-        Self { points, weight, mean_growth: sum * eighth, material, inverse, inverted }
+        Self { points, weight, mean_dilatation: sum * eighth, material, inverse, inverted }
     }
 
     /// Energy, J
     pub fn energy(&self) -> R {
         let sum = self.points.iter().map(|p| self.material.energy(p)).sum::<R>();
-        let log = log_volume(self.mean_growth)[0];
+        let log = log_volume(self.mean_dilatation)[0];
         self.weight * (sum + R::of(4.0) * self.material.bulk * log * log)
     }
 
     /// `κ φ(J̄) φ'(J̄)`, which is `κ ln J̄/J̄` for a volume above a tenth, Pa.
     pub fn pressure(&self) -> R {
-        self.material.bulk * log_volume(self.mean_growth)[0] * log_volume_slope(self.mean_growth)
+        self.material.bulk * log_volume(self.mean_dilatation)[0] * log_volume_slope(self.mean_dilatation)
     }
 
     /// `∂v/∂u_a`, m².
-    pub fn growing(&self) -> [V3<R>; 8] {
+    pub fn volume_gradient(&self) -> [V3<R>; 8] {
         let mut out = [V3::zero(); 8];
         for (n, p) in self.points.iter().enumerate() {
             let pushed = p.cofactor * self.weight;
@@ -158,7 +158,7 @@ impl<R: Real> Cell<R> {
     /// Internal forces at the corners, N.
     pub fn forces(&self) -> [V3<R>; 8] {
         let pressure = self.pressure();
-        let mut out = self.growing().map(|c| c * pressure);
+        let mut out = self.volume_gradient().map(|c| c * pressure);
         for (n, p) in self.points.iter().enumerate() {
             let stress = self.material.stress(p) * self.weight;
             for (a, force) in out.iter_mut().enumerate() {
@@ -191,8 +191,8 @@ impl<R: Real> Cell<R> {
         let squared = |m: &M3<R>| m.0.iter().map(|c| c.dot(*c)).sum::<R>();
         let mut s = one;
         for p in &self.points {
-            let pressed = squared(&p.back) - two;
-            let even = R::of(3.0) * R::exp(R::of(4.0 / 3.0) * log_volume(p.growth)[0]);
+            let pressed = squared(&p.log_gradient) - two;
+            let even = R::of(3.0) * R::exp(R::of(4.0 / 3.0) * log_volume(p.dilatation)[0]);
             let turned = ratio * (squared(&p.cofactor) - even);
             let own = (if pressed > one { pressed } else { one }) + if turned > R::zero() { turned } else { R::zero() };
             s = if own > s { own } else { s };

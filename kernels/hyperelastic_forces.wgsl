@@ -26,8 +26,8 @@ fn hyperelastic_forces(thread: Thread) {
     var u: array<vec3<f32>, 8>;
     for (var a = 0u; a < 8u; a += 1u) { u[a] = displacement[corner_node(params, own.at, a)].xyz; }
     var force: array<vec3<f32>, 8>;
-    var growing: array<vec3<f32>, 8>;
-    var growths = 0.0;
+    var volume_gradient: array<vec3<f32>, 8>;
+    var dilatations = 0.0;
     var sum = 0.0;
     var inverted = false;
     var stiff = 1.0;
@@ -35,22 +35,22 @@ fn hyperelastic_forces(thread: Thread) {
     for (var p = 0u; p < 8u; p += 1u) {
         let point = point_of(field_gradient(own.inverse_edges, u, p));
         inverted = inverted || is_inverted(point);
-        growths += point.growth;
+        dilatations += point.dilatation;
         sum += law_energy(own.material, point);
         if params.corotational == STIFFENED {
-            let even = 3.0 * exp(4.0 / 3.0 * log_volume(point.growth).x);
+            let even = 3.0 * exp(4.0 / 3.0 * log_volume(point.dilatation).x);
             let turned = ratio * max(contracted(point.cofactor, point.cofactor) - even, 0.0);
-            stiff = max(stiff, max(contracted(point.back, point.back) - 2.0, 1.0) + turned);
+            stiff = max(stiff, max(contracted(point.log_gradient, point.log_gradient) - 2.0, 1.0) + turned);
         }
         let pushed = point.cofactor * own.weight;
         let stress = law_stress(own.material, point) * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {
             let gradient = shape_gradient(own.inverse_edges, a, p);
-            growing[a] += pushed * gradient;
+            volume_gradient[a] += pushed * gradient;
             force[a] += stress * gradient;
         }
     }
-    let mean = growths * 0.125;
+    let mean = dilatations * 0.125;
     let log_mean = log_volume(mean).x;
     let pressure = own.material.x * log_mean * log_volume_slope(mean);
     energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean), INVERTED_ENERGY, inverted);
@@ -59,7 +59,7 @@ fn hyperelastic_forces(thread: Thread) {
         rotation[cell] = rotation[cell] * sqrt(sqrt(min(stiff + pressed, STIFFEST)));
     }
     for (var a = 0u; a < 8u; a += 1u) {
-        let out = force[a] + growing[a] * pressure;
+        let out = force[a] + volume_gradient[a] * pressure;
         for (var n = 0u; n < 3u; n += 1u) { corner_force[cell * 24u + a * 3u + n] = out[n]; }
     }
 }
