@@ -40,7 +40,7 @@ fn settings(rows: usize) -> Settings {
     Settings {
         tick: TICK,
         step: 5e-3,
-        link: Coupling { stiffness: 1000.0, damping: 0.0, angular_stiffness: 1.0, angular_damping: 0.0 },
+        coupling: Coupling { stiffness: 1000.0, damping: 0.0, angular_stiffness: 1.0, angular_damping: 0.0 },
         rendering: Rendering::Coupling,
         force_scale: 1.0,
         limits: Limits { force: 10.0, torque: 1.0 },

@@ -41,7 +41,7 @@ impl Reading {
     }
 
     /// True if all numbers are finite and the quaternion is a rotation.
-    pub fn is_sound(&self) -> bool {
+    pub fn is_valid(&self) -> bool {
         let finite = self.position.is_finite() && self.velocity.is_finite() && self.angular_velocity.is_finite();
         finite && (self.rotation.length_squared() - 1.0).abs() < 1e-3
     }
@@ -165,9 +165,9 @@ impl Workspace {
     }
 
     /// True if a reading is valid for this workspace: within reach, and not faster than once across it in a tick.
-    pub fn holds(&self, reading: &Reading) -> bool {
+    pub fn accepts(&self, reading: &Reading) -> bool {
         let near = self.within_reach(reading.position) && reading.velocity.length() * CROSSING <= self.reach;
-        near && reading.is_sound()
+        near && reading.is_valid()
     }
 
     /// True if a position is within reach, m in the device's frame; false for NaN.
@@ -261,9 +261,9 @@ mod tests {
 
     #[test]
     fn a_reading_with_a_number_that_is_none_is_not_sound() {
-        assert!(Reading::at_rest(0.0).is_sound());
-        let spoilt = Reading { rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 0.5), ..Reading::at_rest(0.0) };
-        assert!(!spoilt.is_sound());
-        assert!(!Reading { velocity: DVec3::NAN, ..Reading::at_rest(0.0) }.is_sound());
+        assert!(Reading::at_rest(0.0).is_valid());
+        let invalid = Reading { rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 0.5), ..Reading::at_rest(0.0) };
+        assert!(!invalid.is_valid());
+        assert!(!Reading { velocity: DVec3::NAN, ..Reading::at_rest(0.0) }.is_valid());
     }
 }

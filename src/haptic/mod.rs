@@ -104,7 +104,7 @@ pub struct Tick {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Renderer {
     /// Coupling between hand and proxy.
-    pub link: Coupling,
+    pub coupling: Coupling,
     /// Rendering: through the coupling or direct.
     pub rendering: Rendering,
     /// Time budget for the sweeps of a tick; none if results must not depend on a clock.
@@ -138,10 +138,10 @@ const CROWDED: usize = 10;
 
 impl Renderer {
     /// Proxy at rest at the hand.
-    pub fn new(link: Coupling, hand: Hand) -> Self {
+    pub fn new(coupling: Coupling, hand: Hand) -> Self {
         let none = Vec::new();
         Self {
-            link,
+            coupling,
             rendering: Rendering::Coupling,
             budget: None,
             max_sweeps: MAX_SWEEPS,
@@ -231,7 +231,7 @@ impl Renderer {
 
     /// Compliances of the coupling, m/N and rad/(N·m).
     fn compliances(&self, step: f64) -> (f64, f64) {
-        let Coupling { stiffness, damping, angular_stiffness, angular_damping } = self.link;
+        let Coupling { stiffness, damping, angular_stiffness, angular_damping } = self.coupling;
         match self.rendering {
             Rendering::Direct => (0.0, 0.0),
             Rendering::Coupling => {
@@ -242,8 +242,8 @@ impl Renderer {
 
     /// Motion of the proxy without contact, from the problem's pose: m and rad.
     fn without_contact(&self, problem: &Reduced, hand: Hand, step: f64) -> (DVec3, DVec3) {
-        let (k, b) = (self.link.stiffness, self.link.damping / step);
-        let (ka, ba) = (self.link.angular_stiffness, self.link.angular_damping / step);
+        let (k, b) = (self.coupling.stiffness, self.coupling.damping / step);
+        let (ka, ba) = (self.coupling.angular_stiffness, self.coupling.angular_damping / step);
         let target = hand.position - problem.position;
         let aim = rotation_vector(hand.rotation * problem.rotation.conjugate());
         if self.rendering == Rendering::Direct {

@@ -55,7 +55,7 @@ pub struct Settings {
     /// Length of a step of the simulation, s.
     pub step: f64,
     /// Virtual coupling between hand and tool.
-    pub link: Coupling,
+    pub coupling: Coupling,
     /// Rendering method.
     pub rendering: Rendering,
     /// Newtons on the hand per newton on the tool.
@@ -82,11 +82,11 @@ pub struct Settings {
 
 impl Settings {
     /// Settings for a scene's device with these lengths of ticks and steps, s; `can` are the device's limits.
-    pub fn new(device: &scene::Device, link: Coupling, can: Limits, [tick, step]: [f64; 2]) -> Self {
+    pub fn new(device: &scene::Device, coupling: Coupling, can: Limits, [tick, step]: [f64; 2]) -> Self {
         Self {
             tick,
             step,
-            link,
+            coupling,
             rendering: device.rendering,
             force_scale: device.force_scale,
             limits: Limits { force: can.force.min(device.max_force), torque: can.torque.min(device.max_torque) },
@@ -139,14 +139,14 @@ pub struct Servo {
     counts: Counts,
     last: Option<Reading>,
     /// The device has been read successfully.
-    heard: bool,
+    connected: bool,
     /// A force has been applied at least once.
     begun: bool,
     /// Times of the last tick and of the last valid reading, s.
     ticked: Option<f64>,
-    sound_at: Option<f64>,
+    valid_at: Option<f64>,
     /// The last tick's force was non-finite.
-    spoilt: bool,
+    non_finite: bool,
     hand: Hand,
     held: bool,
     offset: DVec3,
@@ -163,7 +163,7 @@ pub struct Servo {
 impl Servo {
     /// Servo whose tool rests at a pose of the scene until the first reading of its device.
     pub fn new(settings: Settings, start: Hand) -> Self {
-        let mut renderer = Renderer::new(settings.link, start);
+        let mut renderer = Renderer::new(settings.coupling, start);
         (renderer.rendering, renderer.budget) = (settings.rendering, settings.budget);
         renderer.max_sweeps = settings.max_sweeps;
         renderer.reserve(settings.rows);
@@ -173,11 +173,11 @@ impl Servo {
             guard: Guard::default(),
             counts: Counts::default(),
             last: None,
-            heard: false,
+            connected: false,
             begun: false,
             ticked: None,
-            sound_at: None,
-            spoilt: false,
+            valid_at: None,
+            non_finite: false,
             hand: start,
             held: false,
             offset: DVec3::ZERO,
@@ -200,19 +200,19 @@ impl Servo {
         let late = age > LATE_STEPS * self.settings.step;
         let workspace = &self.settings.workspace;
         let is_pose = workspace.within_reach(reading.position) && reading.rotation.is_finite();
-        let is_sound = workspace.holds(&reading);
+        let is_valid = workspace.accepts(&reading);
         // The device is lost if the reading is no pose or too old (or its age is NaN), if none was valid for too long, if the loop itself
         // stood still for so long that the device has released the force, or if the last rendered force was non-finite.
         let stood_still = time - self.ticked.replace(time).unwrap_or(time) > LOST_AFTER;
-        if is_sound || self.sound_at.is_none() {
-            self.sound_at = Some(time);
+        if is_valid || self.valid_at.is_none() {
+            self.valid_at = Some(time);
         }
-        let silent = self.sound_at.is_some_and(|at| time - at > LOST_AFTER);
-        let lost = !(is_pose && reading.age <= LOST_AFTER) || silent || stood_still || self.spoilt;
-        self.spoilt = false;
-        self.heard |= !lost && is_sound;
+        let silent = self.valid_at.is_some_and(|at| time - at > LOST_AFTER);
+        let lost = !(is_pose && reading.age <= LOST_AFTER) || silent || stood_still || self.non_finite;
+        self.non_finite = false;
+        self.connected |= !lost && is_valid;
         // buttons, guard and hand pose
-        let reading = self.sound(reading);
+        let reading = self.validated(reading);
         let down = |mask: u32| reading.is_some_and(|r| r.buttons & mask != 0);
         let Buttons { active, clutch, freeze } = self.settings.buttons;
         let (clutched, frozen) = (down(clutch), down(freeze));
@@ -228,7 +228,7 @@ impl Servo {
             self.rendered = self.renderer.tick(&problem.reduced, self.hand, self.settings.tick, ahead);
             if !(self.rendered.force.is_finite() && self.rendered.torque.is_finite()) {
                 self.counts.non_finite += 1;
-                self.spoilt = true;
+                self.non_finite = true;
                 self.renderer.rest_at(self.hand);
                 self.rendered = Tick { sweeps: self.rendered.sweeps, ..Tick::default() };
             }
@@ -257,13 +257,13 @@ impl Servo {
     }
 
     /// The reading, or the last valid one if it is invalid, or `None` before the first; updates the observer with the hand's motion.
-    fn sound(&mut self, reading: Reading) -> Option<Reading> {
-        let sound = self.settings.workspace.holds(&reading);
-        self.counts.unsound += u64::from(!sound);
-        if !self.heard {
+    fn validated(&mut self, reading: Reading) -> Option<Reading> {
+        let valid = self.settings.workspace.accepts(&reading);
+        self.counts.unsound += u64::from(!valid);
+        if !self.connected {
             return None;
         }
-        let reading = match sound {
+        let reading = match valid {
             true => Some(reading),
             false => self.last.map(|last| Reading { velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO, ..last }),
         };

@@ -107,7 +107,7 @@ fn a_device_without_memory_ends_the_run_and_leaves_what_was_done(gpu: &Gpu) -> R
 fn a_device_that_fails_says_so_at_the_next_read_and_from_then_on(gpu: &Gpu) -> Result<(), Failure> {
     let own = Gpu::open(Some(&format!("{} {} {}", gpu.adapter.name, gpu.adapter.backend, gpu.adapter.driver)))?;
     let array = own.array_of("array", &[1u32, 2, 3, 4])?;
-    require(own.sound().is_ok() && own.read::<u32>(&array, 4)? == [1, 2, 3, 4], || {
+    require(own.check_health().is_ok() && own.read::<u32>(&array, 4)? == [1, 2, 3, 4], || {
         "it does not work to begin with".into()
     })?;
     own.handle().destroy();
@@ -119,7 +119,9 @@ fn a_device_that_fails_says_so_at_the_next_read_and_from_then_on(gpu: &Gpu) -> R
         })?;
     }
     let array = own.array::<u32>("another", 4).map(|_| ());
-    require(array.is_ok() && own.sound().is_err(), || "an array of a lost device is found out at its first read".into())
+    require(array.is_ok() && own.check_health().is_err(), || {
+        "an array of a lost device is found out at its first read".into()
+    })
 }
 
 /// Work of each of some steps, and what each has said.

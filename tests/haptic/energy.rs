@@ -44,7 +44,7 @@ fn swings(mut hand: SimulatedHand, settings: Settings, seconds: f64) -> ([f64; 2
         let time = f64::from(k) * settings.tick;
         let record = servo.tick(hand.read(time), &wall, time);
         hand.write(time, record.wrench);
-        let off = (hand.position.z + depth(settings.link.stiffness)).abs();
+        let off = (hand.position.z + depth(settings.coupling.stiffness)).abs();
         if k < count / 10 {
             largest[0] = largest[0].max(off);
         } else if k >= count - count / 10 {
@@ -55,9 +55,9 @@ fn swings(mut hand: SimulatedHand, settings: Settings, seconds: f64) -> ([f64; 2
 }
 
 /// Whether a hand settles in a wall.
-fn settles(damping: f64, link: Coupling, tick: f64) -> bool {
-    let settings = Settings { tick, ..plain(link) };
-    let ([first, last], ..) = swings(pressing(damping, link.stiffness), settings, 3.0);
+fn settles(damping: f64, coupling: Coupling, tick: f64) -> bool {
+    let settings = Settings { tick, ..plain(coupling) };
+    let ([first, last], ..) = swings(pressing(damping, coupling.stiffness), settings, 3.0);
     last < first
 }
 
@@ -175,9 +175,9 @@ fn random_press(seed: u64, passivity: bool) -> (f64, f64, f64) {
         let wave = |w: &[f64; 3]| w[0] * (std::f64::consts::TAU * w[1] * time + w[2]).sin();
         DVec3::new(wave(&waves[0]), wave(&waves[1]), wave(&waves[2]) + wave(&waves[3]) - 0.5e-3)
     };
-    let link = Coupling { damping: 2.0, ..spring(1000.0) };
+    let coupling = Coupling { damping: 2.0, ..spring(1000.0) };
     // guarded, since no controller knows the motion at the first tick
-    let mut servo = Servo::new(Settings { passivity, guarded: true, ..plain(link) }, at(path(0.0)));
+    let mut servo = Servo::new(Settings { passivity, guarded: true, ..plain(coupling) }, at(path(0.0)));
     let (mut current, mut motion): (Problem, f64) = (problem(Reduced::default()), 0.0);
     for k in 0..4000 {
         let time = f64::from(k) * TICK;

@@ -146,7 +146,7 @@ impl GpuBackend {
         // node duplication comes last, because it needs all arrays
         let split = Split::new(&mut made, model, kind.as_ref(), &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
         let bytes = made.bytes;
-        gpu.sound()?; // report allocation failures before anything runs
+        gpu.check_health()?; // report allocation failures before anything runs
         Ok(Self {
             params,
             node_count: n,
