@@ -198,9 +198,9 @@ params! {
         /// `h`, s.
         step: real,
         /// Coefficient of `M v/h` in the right-hand side: 1 in implicit Euler.
-        carried: real,
+        momentum_factor: real,
         /// Velocity factor: change of velocity over a step relative to the change to the mean velocity; 1 in implicit Euler.
-        reach: real,
+        velocity_factor: real,
         /// Lead time of the displacements at which elastic forces are evaluated, s (`ahead`).
         lead: real,
         /// Gravity, m/s².

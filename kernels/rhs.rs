@@ -1,7 +1,7 @@
 //! Right-hand side of the unconstrained motion, and the load that residuals are compared with.
 //!
 //! Implicit Euler with Rayleigh damping in displacement increments `Δx = h v'`: `A Δx = b`, `A = (1 + h r_M)/h² M + (1 + r_K/h) K`,
-//! `b = −f + f_ext + m g + M v/h`. Newmark's trapezoidal rule has `2 M v/h`, symplectic Euler `(1 − h r_M) M v/h`: `params.carried`
+//! `b = −f + f_ext + m g + M v/h`. Newmark's trapezoidal rule has `2 M v/h`, symplectic Euler `(1 − h r_M) M v/h`: `params.momentum_factor`
 //! (`bodies::Step` has their `A`). (These are the equations of SOFA's `EulerImplicitSolver` with `dv = Δx/h − v`, where the damping terms
 //! of the right-hand side cancel.) `load² = Σ |b|² + |f_ext + m g|²` over free axes plus `Σ |f|²` over fixed ones: the magnitude of the
 //! step's forces, also at rest.
@@ -29,7 +29,7 @@ pub fn rhs<R: Real>(
         let axes = V3::from4(free[i]);
         let elastic = V3::from4(f[i]);
         let applied = V3::from4(load[i]) + g * mass;
-        let rate = mass * params.carried / params.step;
+        let rate = mass * params.momentum_factor / params.step;
         let sum = (applied - elastic + V3::from4(v[i]) * rate).times(axes);
         b[i] = sum.pad(R::zero());
         let pushed = applied.times(axes);

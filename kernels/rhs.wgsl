@@ -18,7 +18,7 @@ fn rhs(thread: Thread) {
         let axes = free[i].xyz;
         let elastic = f[i].xyz;
         let applied = load[i].xyz + g * mass;
-        let rate = mass * params.carried / params.step;
+        let rate = mass * params.momentum_factor / params.step;
         let sum = (applied - elastic + v[i].xyz * rate) * axes;
         b[i] = vec4<f32>(sum, 0.0);
         let pushed = applied * axes;

@@ -110,15 +110,15 @@ fn linearise(
     let floor = floor(w, rows);
     jacobian.fill(0.0);
     for (first, law) in first_rows(laws) {
-        let own = law.rows();
+        let law_rows = law.rows();
         let c = scales(law, w, rows, first, floor).map(|c| share * c);
         let trial = of_rows(law, |k| trial_force(w, free, force, first + k, c[k]));
         let (projected, slope) = (law.project(trial), law.slope(trial));
-        for a in 0..own {
+        for a in 0..law_rows {
             let line = &mut jacobian[(first + a) * rows..(first + a + 1) * rows];
             line[first + a] = 1.0;
             minus[first + a] = if c[a] > 0.0 { projected[a] - force[first + a] } else { -force[first + a] };
-            for b in (0..own).filter(|b| c[a] > 0.0 && c[*b] > 0.0 && slope[a][*b] != 0.0) {
+            for b in (0..law_rows).filter(|b| c[a] > 0.0 && c[*b] > 0.0 && slope[a][*b] != 0.0) {
                 let row = first + b;
                 let m = slope[a][b];
                 line.iter_mut().zip(&w[row * rows..(row + 1) * rows]).for_each(|(j, w)| *j += m / c[b] * w);

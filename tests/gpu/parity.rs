@@ -116,7 +116,7 @@ const CASES: &[Case] = cases! {
     gather Ids false [
         "source[ids[k]]" => "source[k]", "params.first + number_of" => "number_of", "params.first + params.count" => "params.count"
     ]
-    integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "params.reach / params.step" => "1.0 / params.step", "- kept" => "", "params.reach - 1.0" => "params.reach"]
+    integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "params.velocity_factor / params.step" => "1.0 / params.step", "- kept" => "", "params.velocity_factor - 1.0" => "params.velocity_factor"]
     momentum Nodes false [
         "near.y * near.z" => "near.y", "sum * rate" => "sum", "v[corner_node(params, at, b)].xyz - own" => "v[corner_node(params, at, b)].xyz", "|| corner_node(params, at, a) != i" => "", "shape[layer_of[at.z]]" => "shape[0]",
         "all(c < vec3" => "all(c + 1u < vec3", "== vec4<f32>(0.0)) ||" => "== vec4<f32>(9.0)) ||"

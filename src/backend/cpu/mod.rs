@@ -174,9 +174,9 @@ impl<R: Real> Backend for CpuBackend<R> {
         self.nonlinear = Nonlinear::default();
         self.system.mean_velocities(&params, &self.free, &self.v, &mut self.mean_v);
         let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
-        let own = if self.masses.is_empty() { &self.free } else { &self.masses };
-        self.load_squared = rhs::rhs(&params, &self.f, v, own, &self.load, &mut self.r);
-        anchors::anchors(&self.anchors.nodes, &self.anchor, own, at, &mut self.r);
+        let masses = if self.masses.is_empty() { &self.free } else { &self.masses };
+        self.load_squared = rhs::rhs(&params, &self.f, v, masses, &self.load, &mut self.r);
+        anchors::anchors(&self.anchors.nodes, &self.anchor, masses, at, &mut self.r);
         if self.explicit {
             return Ok(());
         }
@@ -282,8 +282,8 @@ impl<R: Real> Backend for CpuBackend<R> {
             let in_system = self.anchors.in_system(self.anchor_rate, *node, *value);
             let node = *node as usize;
             self.free[node] = round(&in_system);
-            if let Some(own) = self.masses.get_mut(node) {
-                *own = round(value);
+            if let Some(mass) = self.masses.get_mut(node) {
+                *mass = round(value);
             }
             if value[3] == 0.0 {
                 // a node without cells leaves the system where it is

@@ -92,9 +92,9 @@ impl GpuBackend {
         let elements = kind.elements();
         // preconditioner blocks; those of unused nodes keep their initial values
         gpu.making("columns");
-        let own = model.own_nodes();
+        let grid_nodes = model.own_nodes();
         let block = made.vec4("block", if explicit { 0 } else { n * 4 })?;
-        gpu.write(&block, own as u64 * 64, &untouched(if explicit { 0 } else { n - own }));
+        gpu.write(&block, grid_nodes as u64 * 64, &untouched(if explicit { 0 } else { n - grid_nodes }));
         gpu.making("solver");
         let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
         // the conjugate gradients, bound to these arrays by name
