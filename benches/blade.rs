@@ -7,7 +7,7 @@
 mod blade;
 
 use blade::{Case, Kind};
-use cutis::step::Place;
+use cutis::step::Platform;
 
 fn main() {
     let mut arguments = std::env::args().skip(1).filter(|a| a != "--bench");
@@ -22,7 +22,7 @@ fn main() {
     let (mut faulty, mut force, mut jump, mut depth, mut slow) = (0, 0.0f64, 0.0f64, 0.0f64, 0.0f64);
     for number in first..first + count {
         let case = Case::new(kind, number);
-        let faults = match case.run(Place::Cpu64, &out) {
+        let faults = match case.run(Platform::Cpu64, &out) {
             Ok(report) => {
                 force = force.max(report.contact_force_n_max);
                 jump = jump.max(report.haptic.force_jump_n_max);

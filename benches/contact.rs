@@ -9,7 +9,7 @@
 //! `cargo bench --bench contact` takes about five minutes on two cores; `-- test-form` has cells of twice the width.
 
 use cutis::scene::{Correction, Load, Loop, Preconditioner, Scene, read};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use glam::DVec3;
 use std::ops::Range;
 use std::path::Path;
@@ -47,7 +47,7 @@ struct Run {
 }
 
 fn run(scene: &Scene) -> Run {
-    let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the CPU holds it");
+    let mut simulation = Simulation::new(scene, &Platform::Cpu64).expect("the CPU holds it");
     let mut out = Run::default();
     for _ in 0..scene.time.steps() {
         let begin = Instant::now();

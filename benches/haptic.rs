@@ -14,7 +14,7 @@ use cutis::haptic::thread::{Loop, Timing};
 use cutis::haptic::{Hand, MAX_SWEEPS, Reduced};
 use cutis::report::run::{Options, run};
 use cutis::scene::{Coupling, Rendering, Scene, read};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use glam::{DQuat, DVec3};
 use plotters::prelude::*;
 use rtrb::RingBuffer;
@@ -40,7 +40,7 @@ fn settings(rows: usize) -> Settings {
     Settings {
         tick: TICK,
         step: 5e-3,
-        link: Coupling { stiffness: 1000.0, damping: 0.0, angular_stiffness: 1.0, angular_damping: 0.0 },
+        coupling: Coupling { stiffness: 1000.0, damping: 0.0, angular_stiffness: 1.0, angular_damping: 0.0 },
         rendering: Rendering::Coupling,
         force_scale: 1.0,
         limits: Limits { force: 10.0, torque: 1.0 },
@@ -187,7 +187,7 @@ fn ticks() {
     println!("| beside it | tick p50, µs | p99 | max | period p50, µs | p99 | max | missed, % |");
     println!("| --- | --- | --- | --- | --- | --- | --- | --- |");
     loop_row("nothing", &looped(20, || std::thread::sleep(std::time::Duration::from_millis(10))));
-    let simulation = || Simulation::new(&probe_scene(), &Place::Cpu64).expect("the scene fits");
+    let simulation = || Simulation::new(&probe_scene(), &Platform::Cpu64).expect("the scene fits");
     let mut all = simulation();
     let step = |simulation: &mut Simulation| drop(simulation.step(false).expect("the CPU path does not fail"));
     loop_row("a simulation on all cores", &looped(20, || step(&mut all)));
@@ -206,7 +206,7 @@ fn force_at(hz: f64) -> Vec<f64> {
     scene.skins[0].cells = [12, 12];
     (scene.time.step, scene.view.frames) = (1.0 / hz, 0);
     let out = std::env::temp_dir().join(format!("cutis-bench-haptic-{}", std::process::id()));
-    let options = Options::new(Place::Cpu64, &out);
+    let options = Options::new(Platform::Cpu64, &out);
     run(&scene, &options, &mut |_| {}).expect("the shipped scene runs");
     let text = std::fs::read_to_string(out.join("haptic.csv")).expect("a run with a tool writes it");
     std::fs::remove_dir_all(&out).expect("it was made above");

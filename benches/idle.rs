@@ -4,7 +4,7 @@
 
 use cutis::gpu::Gpu;
 use cutis::scene::{Load, Plane, Probe, ProbeKind, Region, Scene};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use std::path::Path;
 use std::time::Instant;
 
@@ -88,8 +88,8 @@ fn timed(simulation: &mut Simulation) -> (f64, u32) {
 }
 
 /// Ratios of the medians and of the fastest tenths, and what a step of each hands over to a device: launches and waits.
-fn compared(scene: &Scene, place: &Place) -> Result<([f64; 2], [String; 2]), cutis::error::Error> {
-    let mut pair = [Simulation::new(&alone(), place)?, Simulation::new(scene, place)?];
+fn compared(scene: &Scene, platform: &Platform) -> Result<([f64; 2], [String; 2]), cutis::error::Error> {
+    let mut pair = [Simulation::new(&alone(), platform)?, Simulation::new(scene, platform)?];
     for _ in 0..WARM_UP {
         for simulation in &mut pair {
             timed(simulation);
@@ -120,8 +120,8 @@ fn compared(scene: &Scene, place: &Place) -> Result<([f64; 2], [String; 2]), cut
 }
 
 fn main() {
-    for (name, place) in [("CPU path, f64", Place::Cpu64), ("GPU", Place::Gpu(None))] {
-        let adapter = match Simulation::new(&alone(), &place) {
+    for (name, platform) in [("CPU path, f64", Platform::Cpu64), ("GPU", Platform::Gpu(None))] {
+        let adapter = match Simulation::new(&alone(), &platform) {
             Ok(simulation) => simulation.device().adapter,
             Err(e) => {
                 println!("{name} is left out: {e}");
@@ -134,7 +134,7 @@ fn main() {
         );
         println!("|---|---|---|---|---|");
         for (feature, scene) in variants() {
-            let ([median, tenth], [alone, with]) = compared(&scene, &place).expect("the scene fits");
+            let ([median, tenth], [alone, with]) = compared(&scene, &platform).expect("the scene fits");
             println!("| {feature} | {median:.3} | {tenth:.3} | {alone} | {with} |");
         }
     }

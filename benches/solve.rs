@@ -3,7 +3,7 @@
 //!
 //! `cargo bench --bench solve` runs everything; `-- cpu` omits the GPU, `-- gpu` the CPU; `-- direct`, `table`, `one-percent` run one part.
 
-use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, Target, Wanted};
+use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Snapshot, SolveRequest, Target};
 use cutis::bodies::Model;
 use cutis::bodies::grid::direct::Direct;
 use cutis::gpu::Gpu;
@@ -48,13 +48,13 @@ const THICK: [u32; 3] = [10, 10, 3];
 
 /// Where a solve runs.
 #[derive(Clone, Copy, PartialEq)]
-enum Place {
+enum Platform {
     F64,
     F32,
     Gpu,
 }
 
-impl Place {
+impl Platform {
     fn name(self) -> &'static str {
         match self {
             Self::F64 => "CPU f64",
@@ -91,15 +91,15 @@ impl Press {
         (model, load)
     }
 
-    fn backend(&self, place: Place, preconditioner: Preconditioner, cap: u32) -> Box<dyn Backend> {
+    fn backend(&self, platform: Platform, preconditioner: Preconditioner, cap: u32) -> Box<dyn Backend> {
         let (model, load) = self.model(preconditioner);
         let rest = vec![[0.0; 4]; model.grid.node_count()];
         let start = Snapshot { u: rest.clone(), v: rest, ..Snapshot::default() };
         let needs = Needs::default();
-        let mut backend: Box<dyn Backend> = match place {
-            Place::F64 => Box::new(CpuBackend::<f64>::new(&model, needs, cap, 0.0, &start)),
-            Place::F32 => Box::new(CpuBackend::<f32>::new(&model, needs, cap, 0.0, &start)),
-            Place::Gpu => {
+        let mut backend: Box<dyn Backend> = match platform {
+            Platform::F64 => Box::new(CpuBackend::<f64>::new(&model, needs, cap, 0.0, &start)),
+            Platform::F32 => Box::new(CpuBackend::<f32>::new(&model, needs, cap, 0.0, &start)),
+            Platform::Gpu => {
                 let gpu = Gpu::open(None).expect("an adapter");
                 Box::new(GpuBackend::new(gpu, &model, needs, cap, 0.0, &start).expect("the grid fits"))
             }
@@ -110,10 +110,10 @@ impl Press {
 
     /// One step's displacement, solved until `tolerance` or the cap, and the iterations and milliseconds that it took.
     fn solve(backend: &mut dyn Backend, tolerance: f64) -> (Vec<[f64; 4]>, u32, f64) {
-        backend.forget(&[FREE]).expect("the device works");
+        backend.reset_initial_guess(&[FREE]).expect("the device works");
         let begin = Instant::now();
         backend.begin().expect("the device works");
-        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
+        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }];
         let outcome = backend.solve(&wanted, &[]).expect("the device works").0[0];
         let spent = begin.elapsed().as_secs_f64() * 1e3;
         (backend.solution(FREE).expect("the device works"), outcome.iterations, spent)
@@ -132,11 +132,11 @@ fn median(mut times: Vec<f64>) -> f64 {
 }
 
 /// The fewest iterations that reach the error from rest, by halving, and the tolerance that stops a solve right there.
-fn loosest(press: &Press, place: Place, kind: Preconditioner, exact: &[[f64; 4]]) -> (u32, f64) {
+fn loosest(press: &Press, platform: Platform, kind: Preconditioner, exact: &[[f64; 4]]) -> (u32, f64) {
     let at = |cap: u32| {
-        let mut backend = press.backend(place, kind, cap);
+        let mut backend = press.backend(platform, kind, cap);
         backend.begin().expect("the device works");
-        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(TIGHT) }];
+        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(TIGHT) }];
         let outcome = backend.solve(&wanted, &[]).expect("the device works").0[0];
         let left = error(&backend.solution(FREE).expect("the device works"), exact);
         (left, outcome.residual / outcome.target * TIGHT)
@@ -157,19 +157,19 @@ fn loosest(press: &Press, place: Place, kind: Preconditioner, exact: &[[f64; 4]]
 const KINDS: [(Preconditioner, &str); 3] =
     [(Preconditioner::None, "plain CG"), (Preconditioner::Column, "columns"), (Preconditioner::Multigrid, "multigrid")];
 
-fn to_one_percent(places: &[Place], rounds: usize) {
+fn to_one_percent(platforms: &[Platform], rounds: usize) {
     println!("\n## Time to 1 % displacement error (relative L2) of one step of 10 ms, from rest\n");
     println!(
-        "| grid | place | method | iterations | error % | ms (begin and solve) | plain / this |\n|---|---|---|---|---|---|---|"
+        "| grid | platform | method | iterations | error % | ms (begin and solve) | plain / this |\n|---|---|---|---|---|---|---|"
     );
     for (across, poisson) in [(14, 0.45), (14, 0.49), (32, 0.45), (32, 0.49)] {
         let press = Press { across, levels: THICK, poisson, step_ms: 10 };
-        let exact = Press::solve(press.backend(Place::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-10).0;
-        for place in places {
+        let exact = Press::solve(press.backend(Platform::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-10).0;
+        for platform in platforms {
             // plain CG needs up to a third more iterations in f32; a GPU rounds as the f32 twins do
-            let precision = if *place == Place::F64 { Place::F64 } else { Place::F32 };
+            let precision = if *platform == Platform::F64 { Platform::F64 } else { Platform::F32 };
             let stops = KINDS.map(|(kind, _)| loosest(&press, precision, kind, &exact));
-            let mut backends = [0, 1, 2].map(|k| press.backend(*place, KINDS[k].0, stops[k].0));
+            let mut backends = [0, 1, 2].map(|k| press.backend(*platform, KINDS[k].0, stops[k].0));
             let mut times = [vec![], vec![], vec![]];
             let (mut errors, mut counts) = ([0.0; 3], [0; 3]);
             for _ in 0..rounds {
@@ -188,7 +188,7 @@ fn to_one_percent(places: &[Place], rounds: usize) {
                 println!(
                     "| {} | {} | {} | {} | {:.2} | {spent:.1} | {:.1} |",
                     press.name(),
-                    place.name(),
+                    platform.name(),
                     KINDS[k].1,
                     counts[k],
                     100.0 * errors[k],
@@ -200,16 +200,16 @@ fn to_one_percent(places: &[Place], rounds: usize) {
 }
 
 /// SOFA's default: 25 plain iterations, whatever the residual.
-fn twenty_five(places: &[Place]) {
+fn twenty_five(platforms: &[Platform]) {
     println!("\n## 25 plain iterations (SOFA: 0.20 to 0.25 µs per hexahedron and iteration on one thread)\n");
-    println!("| cells | place | µs per cell and iteration | error left % |\n|---|---|---|---|");
+    println!("| cells | platform | µs per cell and iteration | error left % |\n|---|---|---|---|");
     for across in [14, 65] {
         let press = Press { across, levels: THICK, poisson: 0.45, step_ms: 10 };
-        let exact = Press::solve(press.backend(Place::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-8).0;
+        let exact = Press::solve(press.backend(Platform::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-8).0;
         let cells = across * across * 23;
-        for place in places {
-            let mut few = press.backend(*place, Preconditioner::None, 1);
-            let mut many = press.backend(*place, Preconditioner::None, 26);
+        for platform in platforms {
+            let mut few = press.backend(*platform, Preconditioner::None, 1);
+            let mut many = press.backend(*platform, Preconditioner::None, 26);
             let mut times = vec![];
             let mut left = 0.0;
             for _ in 0..ROUNDS {
@@ -219,26 +219,32 @@ fn twenty_five(places: &[Place]) {
                 left = error(&x, &exact);
                 times.push((spent - start) * 1e3 / 25.0 / f64::from(cells));
             }
-            println!("| {cells} | {} | {:.4} | {:.0} |", place.name(), median(times), 100.0 * left);
+            println!("| {cells} | {} | {:.4} | {:.0} |", platform.name(), median(times), 100.0 * left);
         }
     }
 }
 
 /// One step of 5 ms on 14 × 14 × 23 cells to 1 % error: everything but the integration, the last pass over the nodes.
-fn seed(places: &[Place]) {
-    println!("\n## The seed's grid, one whole step of 5 ms by multigrid to 1 % displacement error\n");
-    println!("| grid | place | iterations | error % | ms per step |\n|---|---|---|---|---|");
+fn incision_grid(platforms: &[Platform]) {
+    println!("\n## 14 × 14 × 23 cells, one whole step of 5 ms by multigrid to 1 % displacement error\n");
+    println!("| grid | platform | iterations | error % | ms per step |\n|---|---|---|---|---|");
     for poisson in [0.45, 0.49] {
         let press = Press { across: 14, levels: THICK, poisson, step_ms: 5 };
-        let exact = Press::solve(press.backend(Place::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-10).0;
-        let (_, tolerance) = loosest(&press, Place::F32, Preconditioner::Multigrid, &exact);
-        for place in places {
-            let mut backend = press.backend(*place, Preconditioner::Multigrid, CAP);
+        let exact = Press::solve(press.backend(Platform::F64, Preconditioner::Multigrid, 500).as_mut(), 1e-10).0;
+        let (_, tolerance) = loosest(&press, Platform::F32, Preconditioner::Multigrid, &exact);
+        for platform in platforms {
+            let mut backend = press.backend(*platform, Preconditioner::Multigrid, CAP);
             // the first is not timed: a software adapter compiles there
             let (x, count, _) = Press::solve(backend.as_mut(), tolerance);
             let left = error(&x, &exact);
             let times = (0..4 * ROUNDS).map(|_| Press::solve(backend.as_mut(), tolerance).2).collect();
-            println!("| {} | {} | {count} | {:.2} | {:.1} |", press.name(), place.name(), 100.0 * left, median(times));
+            println!(
+                "| {} | {} | {count} | {:.2} | {:.1} |",
+                press.name(),
+                platform.name(),
+                100.0 * left,
+                median(times)
+            );
         }
     }
 }
@@ -246,19 +252,19 @@ fn seed(places: &[Place]) {
 /// Solves the press as the unconstrained motion after [`Backend::begin`]; returns ms.
 fn solve_alone(backend: &mut dyn Backend, load: &[[f64; 3]], tolerance: f64) -> f64 {
     let rows: Vec<_> = load.iter().enumerate().map(|(node, f)| (FREE, node as u32, *f)).collect();
-    backend.forget(&[FREE]).expect("the device works");
+    backend.reset_initial_guess(&[FREE]).expect("the device works");
     backend.set_rows(&[FREE], &rows).expect("the device works");
     let begin = Instant::now();
-    let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
+    let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }];
     backend.solve(&wanted, &[]).expect("the device works");
     begin.elapsed().as_secs_f64() * 1e3
 }
 
 /// Exact solves against multigrid; the first step also analyses the pattern.
-fn direct(places: &[Place]) {
+fn direct(platforms: &[Platform]) {
     println!("\n## The direct solver, one step of 10 ms, against multigrid to 1e-6 (f32: 1e-5)\n");
     println!(
-        "| grid | place | factor MB | ms: first step | each step | solve alone | iterations | multigrid: ms each step | solve alone | iterations |"
+        "| grid | platform | factor MB | ms: first step | each step | solve alone | iterations | multigrid: ms each step | solve alone | iterations |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     for (across, levels, poisson) in [(24, THIN, 0.45), (14, THICK, 0.45), (14, THICK, 0.49), (32, THICK, 0.45)] {
@@ -269,10 +275,10 @@ fn direct(places: &[Place]) {
         factor.factor(&at_rest, &model.free).expect("the bottom is held");
         let megabytes = factor.numbers() / 125_000;
         drop(factor);
-        for place in places.iter().filter(|p| **p != Place::Gpu) {
-            let tight = if *place == Place::F64 { 1e-6 } else { 1e-5 };
+        for platform in platforms.iter().filter(|p| **p != Platform::Gpu) {
+            let tight = if *platform == Platform::F64 { 1e-6 } else { 1e-5 };
             let run = |kind: Preconditioner| {
-                let mut backend = press.backend(*place, kind, 500);
+                let mut backend = press.backend(*platform, kind, 500);
                 let (x, count, first) = Press::solve(backend.as_mut(), tight);
                 let each = median((0..3).map(|_| Press::solve(backend.as_mut(), tight).2).collect());
                 let alone = median((0..3).map(|_| solve_alone(backend.as_mut(), &load, tight)).collect());
@@ -284,7 +290,7 @@ fn direct(places: &[Place]) {
             println!(
                 "| {} | {} | {megabytes} | {:.0} | {:.0} | {:.1} | {} | {:.0} | {:.1} | {} |",
                 press.name(),
-                place.name(),
+                platform.name(),
                 exact.2,
                 exact.3,
                 exact.4,
@@ -297,19 +303,19 @@ fn direct(places: &[Place]) {
     }
 }
 
-fn table(places: &[Place]) {
+fn table(platforms: &[Platform]) {
     println!("\n## Multigrid iterations to 1e-3 and 1e-6 (f32: 1e-5), and ms per iteration and million cells\n");
-    println!("| grid | place | iterations | ms per iteration and 10⁶ cells |\n|---|---|---|---|");
+    println!("| grid | platform | iterations | ms per iteration and 10⁶ cells |\n|---|---|---|---|");
     for (across, levels) in [(16, THIN), (16, THICK), (32, THIN), (32, THICK), (64, THIN), (128, THIN)] {
         for poisson in [0.45, 0.49] {
             let press = Press { across, levels, poisson, step_ms: 10 };
             let cells = f64::from(across * across * levels.iter().sum::<u32>());
-            for place in places {
-                let mut backend = press.backend(*place, Preconditioner::Multigrid, 200);
-                let tight = if *place == Place::F64 { 1e-6 } else { 1e-5 };
+            for platform in platforms {
+                let mut backend = press.backend(*platform, Preconditioner::Multigrid, 200);
+                let tight = if *platform == Platform::F64 { 1e-6 } else { 1e-5 };
                 let runs = [1e-3, tight].map(|t| Press::solve(backend.as_mut(), t));
                 let each = runs[1].2 / f64::from(runs[1].1) / cells * 1e6;
-                println!("| {} | {} | {} / {} | {each:.0} |", press.name(), place.name(), runs[0].1, runs[1].1);
+                println!("| {} | {} | {} / {} | {each:.0} |", press.name(), platform.name(), runs[0].1, runs[1].1);
             }
         }
     }
@@ -317,33 +323,33 @@ fn table(places: &[Place]) {
 
 fn main() {
     let only = std::env::args().skip(1).find(|a| a == "cpu" || a == "gpu");
-    let mut places = vec![];
+    let mut platforms = vec![];
     if only.as_deref() != Some("gpu") {
-        places.extend([Place::F64, Place::F32]);
+        platforms.extend([Platform::F64, Platform::F32]);
         println!("CPU: {} threads", std::thread::available_parallelism().map_or(1, usize::from));
     }
     if only.as_deref() != Some("cpu") {
         match Gpu::open(None) {
             Ok(gpu) => {
                 println!("GPU: {} ({}, {})", gpu.adapter.name, gpu.adapter.backend, gpu.adapter.driver);
-                places.push(Place::Gpu);
+                platforms.push(Platform::Gpu);
             }
             Err(e) => println!("the GPU is left out: {e}"),
         }
     }
     let part = |name: &str| std::env::args().any(|a| a == name);
     if part("direct") {
-        return direct(&places);
+        return direct(&platforms);
     }
     if part("table") {
-        return table(&places);
+        return table(&platforms);
     }
     if part("one-percent") {
-        return to_one_percent(&places, ROUNDS);
+        return to_one_percent(&platforms, ROUNDS);
     }
-    direct(&places);
-    seed(&places);
-    twenty_five(&places);
-    table(&places);
-    to_one_percent(&places, ROUNDS);
+    direct(&platforms);
+    incision_grid(&platforms);
+    twenty_five(&platforms);
+    table(&platforms);
+    to_one_percent(&platforms, ROUNDS);
 }

@@ -3,7 +3,7 @@
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use cutis::scene::Scene;
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use std::path::Path;
 use std::time::Duration;
 
@@ -32,8 +32,10 @@ fn steps(c: &mut Criterion) {
     let mut group = c.benchmark_group("incision_step");
     group.sample_size(10).measurement_time(Duration::from_secs(5)).warm_up_time(Duration::from_millis(200));
     let mut reference = None;
-    for (name, place) in [("cpu_f64", Place::Cpu64), ("cpu_f32", Place::Cpu32), ("gpu_f32", Place::Gpu(None))] {
-        let mut simulation = match Simulation::new(&scene, &place) {
+    for (name, platform) in
+        [("cpu_f64", Platform::Cpu64), ("cpu_f32", Platform::Cpu32), ("gpu_f32", Platform::Gpu(None))]
+    {
+        let mut simulation = match Simulation::new(&scene, &platform) {
             Ok(simulation) => simulation,
             Err(e) => {
                 println!("{name} is left out: {e}");

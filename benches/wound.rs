@@ -8,7 +8,7 @@
 //! is, for a GPU: `-- 200 gpu`.
 
 use cutis::scene::{Scene, read};
-use cutis::step::{Place, Simulation, StepReport};
+use cutis::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
 use std::time::Instant;
@@ -39,14 +39,14 @@ impl Times {
 }
 
 /// Runs the scene on a grid and prints its row.
-fn row(mut scene: Scene, columns: u32, place: &Place) {
+fn row(mut scene: Scene, columns: u32, platform: &Platform) {
     scene.skins[0].cells = [columns; 2];
-    let name = match place {
-        Place::Cpu64 => "CPU f64",
-        Place::Cpu32 => "CPU f32",
-        Place::Gpu(_) => "GPU f32",
+    let name = match platform {
+        Platform::Cpu64 => "CPU f64",
+        Platform::Cpu32 => "CPU f32",
+        Platform::Gpu(_) => "GPU f32",
     };
-    let mut simulation = match Simulation::new(&scene, place) {
+    let mut simulation = match Simulation::new(&scene, platform) {
         Ok(simulation) => simulation,
         Err(e) => {
             println!("{name} on {columns} columns is left out: {e}");
@@ -91,15 +91,15 @@ fn main() {
     }
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let scene = read(&root.join("scenes/incision_fine.toml")).expect("the shipped scene is valid");
-    let places = match words.iter().any(|word| word == "gpu") {
-        true => vec![Place::Gpu(None)],
-        false => vec![Place::Cpu64, Place::Cpu32],
+    let platforms = match words.iter().any(|word| word == "gpu") {
+        true => vec![Platform::Gpu(None)],
+        false => vec![Platform::Cpu64, Platform::Cpu32],
     };
     println!(
         "| cells | path | steps free / touching / cutting | free step, ms | touching / free | cutting / free | columns solved | cut length / path | depth, mm | work / (toughness × area) | copies | warnings |"
     );
     println!("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     for columns in grids {
-        places.iter().for_each(|place| row(scene.clone(), columns, place));
+        platforms.iter().for_each(|platform| row(scene.clone(), columns, platform));
     }
 }

@@ -15,17 +15,17 @@ fn advance(thread: Thread) {
     let starting = scalars[slot * 2u + 1u].w == 0.0;
     let most = max(max(groups, column_groups), params.product_groups);
     var sum = vec4<f32>(0.0); // load, delta, gamma, residual
-    var rest = vec4<f32>(0.0);
+    var compensation = vec4<f32>(0.0);
     for (var n = thread.lane; n < most && scalars[slot * 2u].w == 0.0; n += LANES) {
         var part = vec4<f32>(0.0);
         if starting && n < groups { part.x = partial_load[n]; }
         if n < params.product_groups { part.y = partial_product[slot * params.product_groups + n]; }
         if n < column_groups { part.z = partial_gamma[slot * column_groups + n]; }
         if n < groups { part.w = partial_residual[slot * groups + n]; }
-        if params.compensated == 1u { rest += lost(sum, part, params.zero); }
+        if params.compensated == 1u { compensation += rounding_error(sum, part, params.zero); }
         sum += part;
     }
-    let total = compensated_sum(params, sum, rest, thread.lane);
+    let total = compensated_sum(params, sum, compensation, thread.lane);
     if thread.lane == 0u { advance_slot(slot, total); }
 }
 

@@ -17,7 +17,7 @@ pub const SOURCE: Source =
 pub fn anchors<R: Real>(
     ids: &[u32],     // [anchor] node, each once
     anchor: &[R],    // [anchor] N/m
-    free: &[V4<R>],  // [node] 1 free, 0 held, per axis; mass kg
+    free: &[V4<R>],  // [node] 1 free, 0 fixed, per axis; mass kg
     u: &[V4<R>],     // [node] m
     b: &mut [V4<R>], // [slot][node] N
 ) {

@@ -3,7 +3,7 @@ struct AnchorParams { count: u32, pad_0: u32, pad_1: u32, pad_2: u32 }
 @group(0) @binding(0) var<uniform> params: AnchorParams;
 @group(0) @binding(1) var<storage, read> ids: array<u32>;              // [anchor] node, each once
 @group(0) @binding(2) var<storage, read> anchor: array<f32>;           // [anchor] N/m
-@group(0) @binding(3) var<storage, read> free: array<vec4<f32>>;       // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(3) var<storage, read> free: array<vec4<f32>>;       // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(4) var<storage, read> u: array<vec4<f32>>;          // [node] m
 @group(0) @binding(5) var<storage, read_write> b: array<vec4<f32>>;    // [slot][node] N
 

@@ -51,7 +51,7 @@ pub fn blocks<R: Real>(
     stiffness: &[M3<R>], // [layer × 64] blocks a×8+b, N/m
     layer_of: &[u32],    // [cells_z] layer
     rotation: &[V4<R>],  // [cell] quaternion
-    free: &[V4<R>],      // [node] 1 free, 0 held, per axis; mass kg
+    free: &[V4<R>],      // [node] 1 free, 0 fixed, per axis; mass kg
     split: &[u32],       // see `split`
     block: &mut [V4<R>], // [node × 4] packed
 ) {
@@ -84,8 +84,8 @@ pub fn finish<R: Real>(params: &Params<R>, sum: Block<R>, free: V4<R>, axes_abov
     let masked = |m: M3<R>, right: V3<R>| {
         M3([m.0[0].times(axes) * right.x, m.0[1].times(axes) * right.y, m.0[2].times(axes) * right.z])
     };
-    let held = M3::diagonal(V3::splat(R::one()) - axes);
-    let mut d = masked(sum.d * params.stiffness_factor + inertia, axes) + held;
+    let fixed = M3::diagonal(V3::splat(R::one()) - axes);
+    let mut d = masked(sum.d * params.stiffness_factor + inertia, axes) + fixed;
     let mut g = masked(sum.g * params.stiffness_factor, axes_above);
     if params.preconditioner == 0 {
         d = M3::identity();

@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<uniform> stiffness: array<mat3x3<f32>, 1344>;   // [layer × 64] blocks a×8+b, N/m
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;            // [cells_z] layer
 @group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;      // [cell] quaternion
-@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read_write> block: array<vec4<f32>>;   // [node × 4] packed
 @group(0) @binding(6) var<storage, read> split: array<u32>;               // see split.rs
 
@@ -11,7 +11,7 @@
 fn blocks(thread: Thread) {
     let i = number_of(thread);
     if i >= params.node_count { return; }
-    let c = place(params, i);
+    let c = grid_coordinates(params, i);
     let over = above(params, i);
     var d = mat3x3<f32>();
     var g = mat3x3<f32>();

@@ -23,7 +23,7 @@ pub fn tiles<R: Real>(params: &Params<R>) -> [usize; 2] {
 /// Number of tiles for `node_count` nodes: those of the grid, then one per [`TILE`] duplicate columns.
 pub fn tile_count<R: Real>(params: &Params<R>) -> usize {
     let [x, y] = tiles(params);
-    x * y + params.extra_held().div_ceil(TILE)
+    x * y + params.extra_allocated().div_ceil(TILE)
 }
 
 /// First cell column of a tile along x and y, and the one after its last.

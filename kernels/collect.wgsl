@@ -8,7 +8,7 @@
 fn collect(thread: Thread) {
     let i = number_of(thread);
     if i >= params.node_count { return; }
-    let c = place(params, i);
+    let c = grid_coordinates(params, i);
     var sum = vec3<f32>(0.0);
     for (var a = 0u; a < 8u; a += 1u) {
         let at = c - corner(a);

@@ -15,7 +15,7 @@ pub const SOURCE: Source =
 pub fn collect_product<R: Real>(
     params: &Params<R>,
     corner_force: &[R], // [cell][corner][axis] N
-    free: &[V4<R>],     // [node] 1 free, 0 held, per axis; mass kg
+    free: &[V4<R>],     // [node] 1 free, 0 fixed, per axis; mass kg
     z: &[V4<R>],        // [node] m
     w: &mut [V4<R>],    // [node] N
 ) -> R {

@@ -6,7 +6,7 @@ struct Params {
     product_groups: u32, fresh: u32, compensated: u32, zero: u32,
     extra_columns: u32, split_cells: u32, touched_nodes: u32, pad: u32,
     pad_1: u32, inertia: f32, stiffness_factor: f32, step: f32,
-    carried: f32, reach: f32, lead: f32, gravity_x: f32,
+    momentum_factor: f32, velocity_factor: f32, lead: f32, gravity_x: f32,
     gravity_y: f32, gravity_z: f32, keep: f32, gain: f32,
 }
 
@@ -110,7 +110,7 @@ fn hidden(x: vec4<f32>, zero: u32) -> vec4<f32> {
 }
 
 // Rounding error of `a + b` (probe.rs).
-fn lost(a: vec4<f32>, b: vec4<f32>, zero: u32) -> vec4<f32> {
+fn rounding_error(a: vec4<f32>, b: vec4<f32>, zero: u32) -> vec4<f32> {
     let sum = hidden(a + b, zero);
     let part = hidden(sum - a, zero);
     let other = hidden(sum - part, zero);

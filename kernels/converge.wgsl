@@ -9,13 +9,13 @@ fn converge(thread: Thread) {
     let groups = (params.node_count + GROUP - 1u) / GROUP;
     let running = scalars[slot * 2u].w == 0.0;
     var sum = vec4<f32>(0.0); // of one number
-    var rest = vec4<f32>(0.0);
+    var compensation = vec4<f32>(0.0);
     for (var n = thread.lane; n < groups && running; n += LANES) {
         let part = vec4<f32>(partial_residual[slot * groups + n]);
-        if params.compensated == 1u { rest += lost(sum, part, params.zero); }
+        if params.compensated == 1u { compensation += rounding_error(sum, part, params.zero); }
         sum += part;
     }
-    let residual = compensated_sum(params, sum, rest, thread.lane).x;
+    let residual = compensated_sum(params, sum, compensation, thread.lane).x;
     if thread.lane == 0u && running {
         scalars[slot * 2u + 1u].y = residual;
         if residual <= scalars[slot * 2u + 1u].x { scalars[slot * 2u].w = 1.0; }

@@ -64,9 +64,13 @@ pub fn cut<R: Real>(
         if first == second {
             continue; // at the end of the grid: no link
         }
-        let place = |n: &u32, u: &[V4<R>]| V3::from4(rest[*n as usize]) + V3::from4(u[*n as usize]);
-        let link =
-            [place(first, point_before), place(second, point_before), place(first, point_u), place(second, point_u)];
+        let position = |n: &u32, u: &[V4<R>]| V3::from4(rest[*n as usize]) + V3::from4(u[*n as usize]);
+        let link = [
+            position(first, point_before),
+            position(second, point_before),
+            position(first, point_u),
+            position(second, point_u),
+        ];
         let own = around(&link);
         if !meet(&whole, &own) || !link.iter().all(is_somewhere) {
             continue;

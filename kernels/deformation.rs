@@ -86,13 +86,13 @@ pub struct Point<R> {
     /// Displacement gradient.
     pub h: M3<R>,
     /// `J − 1`.
-    pub growth: R,
+    pub dilatation: R,
     /// `J − 1 − tr h`, the nonlinear part of `J − 1`.
-    pub bend: R,
+    pub second_order: R,
     /// `cof F = J F⁻ᵀ`.
     pub cofactor: M3<R>,
     /// `∂φ/∂F = φ' cof F`: `F⁻ᵀ` above `J = ε`.
-    pub back: M3<R>,
+    pub log_gradient: M3<R>,
 }
 
 impl<R: Real> Point<R> {
@@ -100,16 +100,16 @@ impl<R: Real> Point<R> {
     pub fn new(h: M3<R>) -> Self {
         let [a, b, c] = h.0;
         let minors = (a.x * b.y - b.x * a.y) + (a.x * c.z - c.x * a.z) + (b.y * c.z - c.y * b.z);
-        let bend = minors + a.dot(b.cross(c));
-        let growth = h.trace() + bend;
+        let second_order = minors + a.dot(b.cross(c));
+        let dilatation = h.trace() + second_order;
         let [a, b, c] = (M3::identity() + h).0;
         let cofactor = M3([b.cross(c), c.cross(a), a.cross(b)]);
-        Self { h, growth, bend, cofactor, back: cofactor * log_volume_slope(growth) }
+        Self { h, dilatation, second_order, cofactor, log_gradient: cofactor * log_volume_slope(dilatation) }
     }
 
     /// Whether the volume is not a positive, finite number.
     pub fn inverted(&self) -> bool {
-        let volume = R::one() + self.growth;
+        let volume = R::one() + self.dilatation;
         !(volume > R::zero() && volume.is_finite())
     }
 }

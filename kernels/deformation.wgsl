@@ -4,7 +4,7 @@ const FAR: f32 = 0.21132487;
 
 const EXTENDED: f32 = 0.1; // volume ratio
 
-struct Point { h: mat3x3<f32>, growth: f32, bend: f32, cofactor: mat3x3<f32>, back: mat3x3<f32> }
+struct Point { h: mat3x3<f32>, dilatation: f32, second_order: f32, cofactor: mat3x3<f32>, log_gradient: mat3x3<f32> }
 
 fn shape_gradient(inverse_edges: vec3<f32>, a: u32, p: u32) -> vec3<f32> {
     let own = corner(a);
@@ -33,15 +33,15 @@ fn field_gradient(inverse_edges: vec3<f32>, at: array<vec3<f32>, 8>, p: u32) -> 
 fn point_of(h: mat3x3<f32>) -> Point {
     let a = h[0]; let b = h[1]; let c = h[2];
     let minors = (a.x * b.y - b.x * a.y) + (a.x * c.z - c.x * a.z) + (b.y * c.z - c.y * b.z);
-    let bend = minors + dot(a, cross(b, c));
-    let growth = a.x + b.y + c.z + bend;
+    let second_order = minors + dot(a, cross(b, c));
+    let dilatation = a.x + b.y + c.z + second_order;
     let f = identity() + h;
     let cofactor = mat3x3<f32>(cross(f[1], f[2]), cross(f[2], f[0]), cross(f[0], f[1]));
-    return Point(h, growth, bend, cofactor, cofactor * log_volume_slope(growth));
+    return Point(h, dilatation, second_order, cofactor, cofactor * log_volume_slope(dilatation));
 }
 
 fn is_inverted(point: Point) -> bool {
-    let volume = 1.0 + point.growth;
+    let volume = 1.0 + point.dilatation;
     return !(volume > 0.0 && volume < 1e38); // a comparison with NaN is false
 }
 

@@ -63,13 +63,13 @@ pub fn node_force<R: Real>(
         let h = V3::from4(shape[layer]);
         let e = V3::from4(pre_strain[layer]);
         let r = rotation_matrix(q);
-        let turn = rotation_minus_identity(q).transpose();
+        let change = rotation_minus_identity(q).transpose();
         // force in the cell's frame
         let mut local = V3::zero();
         for (b, node) in nodes.into_iter().enumerate() {
             let x = rest_corner(h, b);
             let pulled = V3::new(e.x * x.x, e.y * x.y, e.z * x.z);
-            let stretch = r.transpose() * (V3::from4(u[node]) - own) + turn * x + pulled;
+            let stretch = r.transpose() * (V3::from4(u[node]) - own) + change * x + pulled;
             local += stiffness[layer * 64 + a * 8 + b] * stretch;
         }
         sum += r * local;

@@ -13,7 +13,7 @@
 fn forces(thread: Thread) {
     let i = number_of(thread);
     if i >= params.node_count { return; }
-    let c = place(params, i);
+    let c = grid_coordinates(params, i);
     let own = u[i].xyz;
     var sum = vec3<f32>(0.0);
     for (var a = 0u; a < 8u; a += 1u) {
@@ -25,11 +25,11 @@ fn forces(thread: Thread) {
         let h = shape[layer].xyz;
         let e = pre_strain[layer].xyz;
         let r = rotation_matrix(q);
-        let turn = transpose(rotation_minus_identity(q));
+        let change = transpose(rotation_minus_identity(q));
         var local = vec3<f32>(0.0);
         for (var b = 0u; b < 8u; b += 1u) {
             let x = (vec3<f32>(corner(b)) - 0.5) * h;
-            let stretch = (u[corner_node(params, at, b)].xyz - own) * r + turn * x + e * x;
+            let stretch = (u[corner_node(params, at, b)].xyz - own) * r + change * x + e * x;
             local += stiffness[layer * 64u + a * 8u + b] * stretch;
         }
         sum += r * local;

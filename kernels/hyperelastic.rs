@@ -95,7 +95,7 @@ pub struct Cell<R> {
     /// Stress-free volume of a Gauss point, m³.
     pub weight: R,
     /// `J̄ − 1`.
-    pub mean_growth: R,
+    pub mean_dilatation: R,
     /// Cell size and material.
     pub material: Material<R>,
     /// 1/edges of the stress-free shape, 1/m.
@@ -130,28 +130,28 @@ impl<R: Real> Cell<R> {
         let (mut sum, mut inverted) = (R::zero(), false);
         for (p, point) in points.iter_mut().enumerate() {
             *point = Point::new(M3::diagonal(e) + field_gradient(inverse, u, p));
-            sum += point.growth;
+            sum += point.dilatation;
             inverted |= point.inverted();
         }
         let eighth = R::of(0.125);
         let weight = eighth / (inverse.x * inverse.y * inverse.z);
-        Self { points, weight, mean_growth: sum * eighth, material, inverse, inverted }
+        Self { points, weight, mean_dilatation: sum * eighth, material, inverse, inverted }
     }
 
     /// Energy, J
     pub fn energy(&self) -> R {
         let sum = self.points.iter().map(|p| self.material.energy(p)).sum::<R>();
-        let log = log_volume(self.mean_growth)[0];
+        let log = log_volume(self.mean_dilatation)[0];
         self.weight * (sum + R::of(4.0) * self.material.bulk * log * log)
     }
 
     /// `κ φ(J̄) φ'(J̄)`, which is `κ ln J̄/J̄` for a volume above a tenth, Pa.
     pub fn pressure(&self) -> R {
-        self.material.bulk * log_volume(self.mean_growth)[0] * log_volume_slope(self.mean_growth)
+        self.material.bulk * log_volume(self.mean_dilatation)[0] * log_volume_slope(self.mean_dilatation)
     }
 
     /// `∂v/∂u_a`, m².
-    pub fn growing(&self) -> [V3<R>; 8] {
+    pub fn volume_gradient(&self) -> [V3<R>; 8] {
         let mut out = [V3::zero(); 8];
         for (n, p) in self.points.iter().enumerate() {
             let pushed = p.cofactor * self.weight;
@@ -165,7 +165,7 @@ impl<R: Real> Cell<R> {
     /// Internal forces at the corners, N.
     pub fn forces(&self) -> [V3<R>; 8] {
         let pressure = self.pressure();
-        let mut out = self.growing().map(|c| c * pressure);
+        let mut out = self.volume_gradient().map(|c| c * pressure);
         for (n, p) in self.points.iter().enumerate() {
             let stress = self.material.stress(p) * self.weight;
             for (a, force) in out.iter_mut().enumerate() {
@@ -202,15 +202,15 @@ impl<R: Real> Cell<R> {
         let (mut pressed, mut turned, mut longest) = (one, zero, R::of(3.0));
         for p in &self.points {
             let stretched = squared(&(M3::identity() + p.h));
-            pressed = larger(pressed, squared(&p.back) - two);
-            if one + p.growth < R::of(EXTENDED) {
-                pressed = larger(pressed, (one + log_volume_slope(p.growth) * stretched.sqrt()) / two);
+            pressed = larger(pressed, squared(&p.log_gradient) - two);
+            if one + p.dilatation < R::of(EXTENDED) {
+                pressed = larger(pressed, (one + log_volume_slope(p.dilatation) * stretched.sqrt()) / two);
             }
-            let even = R::of(3.0) * R::exp(R::of(4.0 / 3.0) * log_volume(p.growth)[0]);
+            let even = R::of(3.0) * R::exp(R::of(4.0 / 3.0) * log_volume(p.dilatation)[0]);
             turned = larger(turned, squared(&p.cofactor) - even);
             longest = larger(longest, stretched);
         }
-        let volume = self.material.bulk / (R::of(6.0) * shear) * larger(log_volume_stiffness(self.mean_growth), zero) * turned;
+        let volume = self.material.bulk / (R::of(6.0) * shear) * larger(log_volume_stiffness(self.mean_dilatation), zero) * turned;
         let sheared = larger(-self.pressure() / (two * shear), zero) * (longest / R::of(3.0)).sqrt();
         let stretch = self.material.pre_strain + V3::splat(one);
         let strained = stretch.times(stretch) * (one / (stretch.x * stretch.y * stretch.z));

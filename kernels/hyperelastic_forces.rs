@@ -1,6 +1,6 @@
 //! Energy and internal forces of each hyperelastic cell; formula and source in [`super::hyperelastic`].
 //!
-//! An inverted cell has the energy [`INSIDE_OUT`] and the forces of the extended law, a removed cell has none.
+//! An inverted cell has the energy [`INVERTED_ENERGY`] and the forces of the extended law, a removed cell has none.
 //! The unit quaternions of a body that is solved with [`Cell::stiffening`] take its length.
 //! Units: displacement m, material Pa, energy J, force N.
 
@@ -16,7 +16,7 @@ pub const SOURCE: Source = Source {
 };
 
 /// Energy that marks an inverted cell, J.
-pub const INSIDE_OUT: f32 = 1e38;
+pub const INVERTED_ENERGY: f32 = 1e38;
 
 /// Forces and energies of all cells.
 pub fn hyperelastic_forces<R: Real>(
@@ -38,7 +38,7 @@ pub fn hyperelastic_forces<R: Real>(
             continue;
         }
         let found = Cell::of(params, shape, material, pre_strain, layer_of, displacement, split, cell);
-        *energy = if found.inverted { R::of(f64::from(INSIDE_OUT)) } else { found.energy() };
+        *energy = if found.inverted { R::of(f64::from(INVERTED_ENERGY)) } else { found.energy() };
         for (out, f) in force.chunks_exact_mut(3).zip(found.forces()) {
             out.copy_from_slice(&[f.x, f.y, f.z]);
         }

@@ -10,7 +10,7 @@
 @group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;  // [cell] quaternion; 0 of a dead cell
 @group(0) @binding(9) var<uniform> pre_strain: array<vec4<f32>, 21>;       // [layer] elastic strain at rest along x, y, z
 
-const INSIDE_OUT: f32 = 1e38;
+const INVERTED_ENERGY: f32 = 1e38;
 const STIFFENED: u32 = 2u;
 const STIFFEST: f32 = 1e6;
 
@@ -27,8 +27,8 @@ fn hyperelastic_forces(thread: Thread) {
     var u: array<vec3<f32>, 8>;
     for (var a = 0u; a < 8u; a += 1u) { u[a] = displacement[corner_node(params, own.at, a)].xyz; }
     var force: array<vec3<f32>, 8>;
-    var growing: array<vec3<f32>, 8>;
-    var growths = 0.0;
+    var volume_gradient: array<vec3<f32>, 8>;
+    var dilatations = 0.0;
     var sum = 0.0;
     var inverted = false;
     var pressed = 1.0; // the parts of the stiffening: largest of the Gauss points
@@ -37,15 +37,15 @@ fn hyperelastic_forces(thread: Thread) {
     for (var p = 0u; p < 8u; p += 1u) {
         let point = cell_point(own, u, p);
         inverted = inverted || is_inverted(point);
-        growths += point.growth;
+        dilatations += point.dilatation;
         sum += law_energy(own.material, point);
         if params.corotational == STIFFENED {
             let f = identity() + point.h;
             let squared = contracted(f, f);
-            let flat = 0.5 * (1.0 + log_volume_slope(point.growth) * sqrt(squared));
-            pressed = max(pressed, contracted(point.back, point.back) - 2.0);
-            pressed = max(pressed, select(0.0, flat, 1.0 + point.growth < EXTENDED));
-            let even = 3.0 * exp(4.0 / 3.0 * log_volume(point.growth).x);
+            let flat = 0.5 * (1.0 + log_volume_slope(point.dilatation) * sqrt(squared));
+            pressed = max(pressed, contracted(point.log_gradient, point.log_gradient) - 2.0);
+            pressed = max(pressed, select(0.0, flat, 1.0 + point.dilatation < EXTENDED));
+            let even = 3.0 * exp(4.0 / 3.0 * log_volume(point.dilatation).x);
             turned = max(turned, contracted(point.cofactor, point.cofactor) - even);
             longest = max(longest, squared);
         }
@@ -53,14 +53,14 @@ fn hyperelastic_forces(thread: Thread) {
         let stress = law_stress(own.material, point) * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {
             let gradient = shape_gradient(own.inverse_edges, a, p);
-            growing[a] += pushed * gradient;
+            volume_gradient[a] += pushed * gradient;
             force[a] += stress * gradient;
         }
     }
-    let mean = growths * 0.125;
+    let mean = dilatations * 0.125;
     let log_mean = log_volume(mean).x;
     let pressure = own.material.x * log_mean * log_volume_slope(mean);
-    energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean), INSIDE_OUT, inverted);
+    energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean), INVERTED_ENERGY, inverted);
     if params.corotational == STIFFENED {
         let shear = law_shear(own.material);
         let volume = own.material.x / (6.0 * shear) * max(log_volume_stiffness(mean), 0.0) * turned;
@@ -72,7 +72,7 @@ fn hyperelastic_forces(thread: Thread) {
         rotation[cell] = rotation[cell] * sqrt(sqrt(1.0 + (s - 1.0) / params.stiffness_factor));
     }
     for (var a = 0u; a < 8u; a += 1u) {
-        let out = force[a] + growing[a] * pressure;
+        let out = force[a] + volume_gradient[a] * pressure;
         for (var n = 0u; n < 3u; n += 1u) { corner_force[cell * 24u + a * 3u + n] = out[n]; }
     }
 }

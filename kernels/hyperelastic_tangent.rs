@@ -25,7 +25,7 @@ pub const SOURCE: Source = Source {
 impl<R: Real> Cell<R> {
     /// `κ (φ'² + φ φ'')(J̄)/V`, Pa/m³: derivative of the pressure with respect to the cell's volume.
     pub fn pressure_slope(&self) -> R {
-        self.material.bulk * log_volume_stiffness(self.mean_growth) / (R::of(8.0) * self.weight)
+        self.material.bulk * log_volume_stiffness(self.mean_dilatation) / (R::of(8.0) * self.weight)
     }
 
     /// `K z`, N.
@@ -34,22 +34,22 @@ impl<R: Real> Cell<R> {
         let mut out = [V3::zero(); 8];
         let mut volume = R::zero();
         for (n, p) in self.points.iter().enumerate() {
-            let turned = field_gradient(self.inverse, z, n);
-            let back = p.back;
-            let grown = R::one() + p.growth;
-            let spread = (0..3).map(|k| back.0[k].dot(turned.0[k])).sum::<R>();
-            let held = pressure * grown;
-            volume += self.weight * grown * spread;
-            let crossed = back * turned.transpose() * back;
-            let volumetric = crossed * -held + back * (held * spread);
-            let stress = (self.material.tangent(p, turned) + volumetric) * self.weight;
+            let change = field_gradient(self.inverse, z, n);
+            let log_gradient = p.log_gradient;
+            let jacobian = R::one() + p.dilatation;
+            let relative_change = (0..3).map(|k| log_gradient.0[k].dot(change.0[k])).sum::<R>();
+            let kirchhoff_pressure = pressure * jacobian;
+            volume += self.weight * jacobian * relative_change;
+            let crossed = log_gradient * change.transpose() * log_gradient;
+            let volumetric = crossed * -kirchhoff_pressure + log_gradient * (kirchhoff_pressure * relative_change);
+            let stress = (self.material.tangent(p, change) + volumetric) * self.weight;
             for (a, force) in out.iter_mut().enumerate() {
                 *force += stress * gradient(self.inverse, a, n);
             }
         }
-        let pressed = self.pressure_slope() * volume;
-        for (force, c) in out.iter_mut().zip(self.growing()) {
-            *force += c * pressed;
+        let pressure_change = self.pressure_slope() * volume;
+        for (force, c) in out.iter_mut().zip(self.volume_gradient()) {
+            *force += c * pressure_change;
         }
         out
     }

@@ -21,36 +21,37 @@ fn hyperelastic_tangent(thread: Thread) {
         field[a] = z[slot * params.node_count + node_id(params, own.at + corner(a))].xyz;
     }
     // the pressure depends on all points, and each point needs it
-    var growths = 0.0;
-    for (var p = 0u; p < 8u; p += 1u) { growths += cell_point(own, u, p).growth; }
-    let mean = growths * 0.125;
+    var dilatations = 0.0;
+    for (var p = 0u; p < 8u; p += 1u) { dilatations += cell_point(own, u, p).dilatation; }
+    let mean = dilatations * 0.125;
     let pressure = own.material.x * log_volume(mean).x * log_volume_slope(mean);
     var force: array<vec3<f32>, 8>;
-    var growing: array<vec3<f32>, 8>;
+    var volume_gradient: array<vec3<f32>, 8>;
     var volume = 0.0;
-    var inside_out = false;
+    var inverted = false;
     for (var p = 0u; p < 8u; p += 1u) {
         let point = cell_point(own, u, p);
-        inside_out = inside_out || is_inverted(point);
-        let turned = field_gradient(own.inverse_edges, field, p);
-        let back = point.back;
-        let grown = 1.0 + point.growth;
-        let spread = dot(back[0], turned[0]) + dot(back[1], turned[1]) + dot(back[2], turned[2]);
-        let held = pressure * grown;
-        volume += own.weight * grown * spread;
-        let crossed = back * transpose(turned) * back;
-        let stress = (law_tangent(own.material, point, turned) - crossed * held + back * (held * spread)) * own.weight;
+        inverted = inverted || is_inverted(point);
+        let change = field_gradient(own.inverse_edges, field, p);
+        let log_gradient = point.log_gradient;
+        let jacobian = 1.0 + point.dilatation;
+        let relative_change = dot(log_gradient[0], change[0]) + dot(log_gradient[1], change[1]) + dot(log_gradient[2], change[2]);
+        let kirchhoff_pressure = pressure * jacobian;
+        volume += own.weight * jacobian * relative_change;
+        let crossed = log_gradient * transpose(change) * log_gradient;
+        let stress = (law_tangent(own.material, point, change)
+            - crossed * kirchhoff_pressure + log_gradient * (kirchhoff_pressure * relative_change)) * own.weight;
         let pushed = point.cofactor * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {
             let gradient = shape_gradient(own.inverse_edges, a, p);
-            growing[a] += pushed * gradient;
+            volume_gradient[a] += pushed * gradient;
             force[a] += stress * gradient;
         }
     }
-    let pressed = own.material.x * log_volume_stiffness(mean) / (8.0 * own.weight) * volume;
+    let pressure_change = own.material.x * log_volume_stiffness(mean) / (8.0 * own.weight) * volume;
     let first = (slot * params.cell_count + cell) * 24u;
     for (var a = 0u; a < 8u; a += 1u) {
-        let out = select(force[a] + growing[a] * pressed, vec3<f32>(0.0), inside_out);
+        let out = select(force[a] + volume_gradient[a] * pressure_change, vec3<f32>(0.0), inverted);
         for (var n = 0u; n < 3u; n += 1u) { corner_force[first + a * 3u + n] = out[n]; }
     }
 }

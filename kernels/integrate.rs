@@ -1,6 +1,6 @@
 //! Ends a step: `Δx = x_0 + x_1` (unconstrained motion and contact correction), `u += Δx`, `v' = v + ρ (Δx/h − v)`.
 //!
-//! `ρ = params.reach`: 1 where `v' = Δx/h`, the one velocity of the step; 2 for the trapezoidal rule, where `Δx/h` is the mean of `v` and
+//! `ρ = params.velocity_factor`: 1 where `v' = Δx/h`, the one velocity of the step; 2 for the trapezoidal rule, where `Δx/h` is the mean of `v` and
 //! `v'`. `params.slot_count` 1: no contact; slot 1 is not read. Units: x m, u m, v m/s.
 
 use super::{Params, Source};
@@ -24,7 +24,7 @@ pub fn integrate<R: Real>(
             dx += V3::from4(x[count + i]);
         }
         u[i] = (V3::from4(u[i]) + dx).pad(R::zero());
-        let kept = V3::from4(v[i]) * (params.reach - R::one());
-        v[i] = (dx * (params.reach / params.step) - kept).pad(R::zero());
+        let kept = V3::from4(v[i]) * (params.velocity_factor - R::one());
+        v[i] = (dx * (params.velocity_factor / params.step) - kept).pad(R::zero());
     }
 }

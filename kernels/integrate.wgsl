@@ -11,6 +11,6 @@ fn integrate(thread: Thread) {
     var dx = x[i].xyz;
     if params.slot_count > 1u { dx += x[params.node_count + i].xyz; }
     u[i] = vec4<f32>(u[i].xyz + dx, 0.0);
-    let kept = v[i].xyz * (params.reach - 1.0);
-    v[i] = vec4<f32>(dx * (params.reach / params.step) - kept, 0.0);
+    let kept = v[i].xyz * (params.velocity_factor - 1.0);
+    v[i] = vec4<f32>(dx * (params.velocity_factor / params.step) - kept, 0.0);
 }

@@ -12,7 +12,6 @@ pub mod accelerate;
 pub mod advance;
 pub mod ahead;
 pub mod anchors;
-pub mod attempt;
 pub mod blocks;
 pub mod bounds;
 pub mod centres;
@@ -51,6 +50,7 @@ pub mod split_product;
 pub mod springs;
 pub mod springs_blocks;
 pub mod springs_product;
+pub mod trial_point;
 pub mod update;
 
 use crate::math::Real;
@@ -93,7 +93,6 @@ pub const ALL: &[&Source] = &[
     &advance::SOURCE,
     &ahead::SOURCE,
     &anchors::SOURCE,
-    &attempt::SOURCE,
     &blocks::SOURCE,
     &bounds::SOURCE,
     &centres::SOURCE,
@@ -124,6 +123,7 @@ pub const ALL: &[&Source] = &[
     &springs::SOURCE,
     &springs_blocks::SOURCE,
     &springs_product::SOURCE,
+    &trial_point::SOURCE,
     &update::SOURCE,
 ];
 
@@ -198,9 +198,9 @@ params! {
         /// `h`, s.
         step: real,
         /// Coefficient of `M v/h` in the right-hand side: 1 in implicit Euler.
-        carried: real,
+        momentum_factor: real,
         /// Velocity factor: change of velocity over a step relative to the change to the mean velocity; 1 in implicit Euler.
-        reach: real,
+        velocity_factor: real,
         /// Lead time of the displacements at which elastic forces are evaluated, s (`ahead`).
         lead: real,
         /// Gravity, m/s².

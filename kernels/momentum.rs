@@ -28,7 +28,7 @@ pub fn momentum<R: Real>(
     layer_of: &[u32],     // [cells_z] layer
     split: &[u32],        // see `split`
     rotation: &[V4<R>],   // [cell] quaternion
-    free: &[V4<R>],       // [node] 1 free, 0 held, per axis; mass kg
+    free: &[V4<R>],       // [node] 1 free, 0 fixed, per axis; mass kg
     v: &[V4<R>],          // [node] m/s
     mean_v: &mut [V4<R>], // [node] m/s
 ) {

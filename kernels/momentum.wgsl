@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<uniform> shape: array<vec4<f32>, 21>;           // [layer] cell edges m, mass of one corner kg
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;            // [cells_z] layer
 @group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;      // [cell] quaternion
-@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read> v: array<vec4<f32>>;             // [node] m/s
 @group(0) @binding(6) var<storage, read_write> mean_v: array<vec4<f32>>;  // [node] m/s
 @group(0) @binding(7) var<storage, read> split: array<u32>;               // see split.rs
@@ -12,7 +12,7 @@
 fn momentum(thread: Thread) {
     let i = number_of(thread);
     if i >= params.node_count { return; }
-    let c = place(params, i);
+    let c = grid_coordinates(params, i);
     let own = v[i].xyz;
     var sum = vec3<f32>(0.0);
     for (var a = 0u; a < 8u; a += 1u) {

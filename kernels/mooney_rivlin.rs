@@ -48,7 +48,7 @@ impl<R: Real> Invariants<R> {
 
 /// `J^(−2/3)` and `J^(−4/3)`, in terms of the extended `ln J`.
 fn scales<R: Real>(p: &Point<R>) -> [R; 2] {
-    let scale = R::exp(R::of(-2.0 / 3.0) * log_volume(p.growth)[0]);
+    let scale = R::exp(R::of(-2.0 / 3.0) * log_volume(p.dilatation)[0]);
     [scale, scale * scale]
 }
 
@@ -62,8 +62,8 @@ pub fn energy<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> R {
     let Invariants { second, i1, i2, .. } = Invariants::of(p);
     let (three, two_thirds) = (R::of(3.0), R::of(2.0 / 3.0));
     // |h|² − 2 (J − 1 − tr h): second-order part of tr e − 2 (J − 1)
-    let left = p.h.0.iter().map(|c| c.dot(*c)).sum::<R>() - R::of(2.0) * p.bend;
-    let beyond = log_volume(p.growth)[1];
+    let left = p.h.0.iter().map(|c| c.dot(*c)).sum::<R>() - R::of(2.0) * p.second_order;
+    let beyond = log_volume(p.dilatation)[1];
     let x1 = left * R::of(1.0 / 3.0) - logarithm(i1)[1] + two_thirds * beyond;
     let x2 = left * two_thirds + second * R::of(1.0 / 3.0) - logarithm(i2)[1] + R::of(4.0 / 3.0) * beyond;
     three * (c10 * exponential(x1) + c01 * exponential(x2))
@@ -74,9 +74,9 @@ pub fn stress<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> M3<R> {
     let Invariants { f, s, i1, i2, .. } = Invariants::of(p);
     let [first, second] = scales(p);
     let (two, four) = (R::of(2.0), R::of(4.0));
-    let apart = p.h + (M3::identity() - p.back);
-    let p1 = apart - p.back * i1;
-    let p2 = apart * four + f * s * two - p.back * (four * i2);
+    let difference = p.h + (M3::identity() - p.log_gradient);
+    let p1 = difference - p.log_gradient * i1;
+    let p2 = difference * four + f * s * two - p.log_gradient * (four * i2);
     p1 * (two * c10 * first) + p2 * (c01 * second)
 }
 
@@ -86,16 +86,16 @@ pub fn tangent<R: Real>([c10, c01]: [R; 2], p: &Point<R>, change: M3<R>) -> M3<R
     let [first, second] = scales(p);
     let (one, two, four) = (R::one(), R::of(2.0), R::of(4.0));
     let (two_thirds, four_thirds) = (R::of(2.0 / 3.0), R::of(4.0 / 3.0));
-    let (t, along) = (dot(&p.back, &change), dot(&f, &change));
-    let crossed = p.back * change.transpose() * p.back;
-    let apart = p.h + (M3::identity() - p.back) - p.back * i1;
-    let d1 = change - apart * (two_thirds * t) - p.back * (two_thirds * along) + crossed * (one + i1);
+    let (t, along) = (dot(&p.log_gradient, &change), dot(&f, &change));
+    let crossed = p.log_gradient * change.transpose() * p.log_gradient;
+    let difference = p.h + (M3::identity() - p.log_gradient) - p.log_gradient * i1;
+    let d1 = change - difference * (two_thirds * t) - p.log_gradient * (two_thirds * along) + crossed * (one + i1);
     let inner = M3::identity() * two + s;
     let d = f * inner;
-    let q = d * two - p.back * (four * (one + i2));
-    let turned = change.transpose() * f + f.transpose() * change;
-    let dd = f * (two * along) + change * inner - f * turned;
-    let d2 = q * (-four_thirds * t) + dd * two - p.back * (two * four_thirds * dot(&d, &change))
+    let q = d * two - p.log_gradient * (four * (one + i2));
+    let dc = change.transpose() * f + f.transpose() * change;
+    let dd = f * (two * along) + change * inner - f * dc;
+    let d2 = q * (-four_thirds * t) + dd * two - p.log_gradient * (two * four_thirds * dot(&d, &change))
         + crossed * (four * (one + i2));
     d1 * (two * c10 * first) + d2 * (c01 * second)
 }

@@ -15,15 +15,15 @@ pub const WGSL: &str = include_str!("neo_hookean.wgsl");
 pub fn energy<R: Real>(mu: R, p: &Point<R>) -> R {
     let two = R::of(2.0);
     let squares = p.h.0.iter().map(|c| c.dot(*c)).sum::<R>();
-    R::of(0.5) * mu * (squares - two * p.bend + two * log_volume(p.growth)[1])
+    R::of(0.5) * mu * (squares - two * p.second_order + two * log_volume(p.dilatation)[1])
 }
 
 /// P
 pub fn stress<R: Real>(mu: R, p: &Point<R>) -> M3<R> {
-    (p.h + (M3::identity() - p.back)) * mu
+    (p.h + (M3::identity() - p.log_gradient)) * mu
 }
 
 /// dP
 pub fn tangent<R: Real>(mu: R, p: &Point<R>, change: M3<R>) -> M3<R> {
-    (change + p.back * change.transpose() * p.back) * mu
+    (change + p.log_gradient * change.transpose() * p.log_gradient) * mu
 }

@@ -1,8 +1,8 @@
 //! Test of compensated summation on the device: 64 cases at start-up; sums of the conjugate gradients are compensated only if all are
 //! right.
 //!
-//! `s = a + b`, `part = s − a`, `lost = (a − (s − part)) + (b − part)`: in IEEE arithmetic `a + b = s + lost` exactly. A shader compiler
-//! may simplify `lost` to zero. To prevent this, each intermediate result is XORed with a zero that is known at run time only (without it,
+//! `s = a + b`, `part = s − a`, `error = (a − (s − part)) + (b − part)`: in IEEE arithmetic `a + b = s + error` exactly. A shader compiler
+//! may simplify `error` to zero. To prevent this, each intermediate result is XORed with a zero that is known at run time only (without it,
 //! 59 of 64 cases fail on lavapipe).
 //! Source: Knuth 1969, section 4.2.2; Møller 1965.
 

@@ -5,5 +5,5 @@
 
 @compute @workgroup_size(64)
 fn probe(@builtin(local_invocation_index) i: u32) {
-    errors[i] = lost(vec4<f32>(cases[i].x), vec4<f32>(cases[i].y), params.zero).x;
+    errors[i] = rounding_error(vec4<f32>(cases[i].x), vec4<f32>(cases[i].y), params.zero).x;
 }

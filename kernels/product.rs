@@ -93,7 +93,7 @@ pub fn product<R: Real>(
     modes: &[Modes<R>],            // [layer] N/m
     layer_of: &[u32],              // [cells_z] layer
     rotation: &[V4<R>],            // [cell] quaternion
-    free: &[V4<R>],                // [node] 1 free, 0 held, per axis; mass kg
+    free: &[V4<R>],                // [node] 1 free, 0 fixed, per axis; mass kg
     split: &[u32],                 // see `split`
     z: &[V4<R>],                   // [node] m
     w: &mut [V4<R>],               // [node] N

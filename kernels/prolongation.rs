@@ -13,7 +13,7 @@ pub const SOURCE: Source =
 /// One right-hand side.
 pub fn prolongation<R: Real>(
     params: &Params<R>, // of the finer level
-    free: &[V4<R>],     // [node] 1 free, 0 held, per axis
+    free: &[V4<R>],     // [node] 1 free, 0 fixed, per axis
     split: &[u32],      // see `split`
     coarse_z: &[V4<R>], // [coarse node] m
     z: &mut [V4<R>],    // [node] m
@@ -21,7 +21,7 @@ pub fn prolongation<R: Real>(
     let [nodes_x, nodes_y, _] = params.coarse_cells().map(|c| c + 1);
     let quarter = R::of(0.25);
     let one_node = |i: usize, out: &mut V4<R>| {
-        let Some([x, y, level]) = params.place(split, i) else {
+        let Some([x, y, level]) = params.grid_coordinates(split, i) else {
             return;
         };
         let first = x / 2 + nodes_x * (y / 2 + nodes_y * level);

@@ -1,6 +1,6 @@
 // Correction from the next coarser level. Twin: prolongation.rs (formula and units there).
 @group(0) @binding(0) var<uniform> params: Params; // of the finer level
-@group(0) @binding(1) var<storage, read> free: array<vec4<f32>>;        // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(1) var<storage, read> free: array<vec4<f32>>;        // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(2) var<storage, read> coarse_z: array<vec4<f32>>;    // [slot][coarse node] m
 @group(0) @binding(3) var<storage, read_write> z: array<vec4<f32>>;     // [slot][node] m
 @group(0) @binding(4) var<storage, read> scalars: array<vec4<f32>>;     // [slot × 2]
@@ -12,7 +12,7 @@ fn prolongation(thread: Thread) {
     let slot = params.first_slot + thread.group.y;
     if i >= params.node_count || scalars[slot * 2u].w != 0.0 { return; }
     let size = coarse_nodes(params);
-    let at = place(params, i);
+    let at = grid_coordinates(params, i);
     if at.x >= params.nodes_x { return; }
     let x = at.x;
     let y = at.y;

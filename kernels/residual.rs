@@ -15,21 +15,21 @@ pub const SOURCE: Source =
 /// All nodes; returns the nodal part of the potential and `|−∇Π|²`.
 pub fn residual<R: Real>(
     params: &Params<R>,
-    corner_force: &[R], // [cell][corner][axis] at the place, N
-    f: &[V4<R>],        // [node] at the step's start, N
-    b: &[V4<R>],        // [node] N
-    w: &[V4<R>],        // [node] N
-    dx: &[V4<R>],       // [node] m
-    free: &[V4<R>],     // [node] 1 free, 0 held, per axis; mass kg
-    rest: &mut [V4<R>], // [node] N
+    corner_force: &[R],           // [cell][corner][axis] at the trial point, N
+    f: &[V4<R>],                  // [node] at the step's start, N
+    b: &[V4<R>],                  // [node] N
+    w: &[V4<R>],                  // [node] N
+    dx: &[V4<R>],                 // [node] m
+    free: &[V4<R>],               // [node] 1 free, 0 fixed, per axis; mass kg
+    residual_force: &mut [V4<R>], // [node] N
 ) -> [R; 2] {
     let share = params.stiffness_factor;
     let mut sum = [R::zero(); 2];
-    for i in 0..rest.len() {
+    for i in 0..residual_force.len() {
         let (before, right, linear) = (V3::from4(f[i]), V3::from4(b[i]), V3::from4(w[i]));
         let change = (collected(params, &[], corner_force, i) - before) * share;
         let left = (right - linear - change).times(V3::from4(free[i]));
-        rest[i] = left.pad(R::zero());
+        residual_force[i] = left.pad(R::zero());
         let pull = linear * R::of(0.5) - (right + before * share);
         sum[0] += V3::from4(dx[i]).dot(pull);
         sum[1] += left.dot(left);

@@ -14,7 +14,7 @@ pub const SOURCE: Source =
 /// One right-hand side.
 pub fn restriction<R: Real>(
     params: &Params<R>,     // of the finer level
-    coarse_free: &[V4<R>],  // [coarse node] 1 free, 0 held, per axis
+    coarse_free: &[V4<R>],  // [coarse node] 1 free, 0 fixed, per axis
     split: &[u32],          // see `split`
     r: &[V4<R>],            // [node] N
     w: &[V4<R>],            // [node] N

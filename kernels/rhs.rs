@@ -1,7 +1,7 @@
 //! Right-hand side of the unconstrained motion, and the load that residuals are compared with.
 //!
 //! Implicit Euler with Rayleigh damping in displacement increments `Δx = h v'`: `A Δx = b`, `A = (1 + h r_M)/h² M + (1 + r_K/h) K`,
-//! `b = −f + f_ext + m g + M v/h`. Newmark's trapezoidal rule has `2 M v/h`, symplectic Euler `(1 − h r_M) M v/h`: `params.carried`
+//! `b = −f + f_ext + m g + M v/h`. Newmark's trapezoidal rule has `2 M v/h`, symplectic Euler `(1 − h r_M) M v/h`: `params.momentum_factor`
 //! (`bodies::Step` has their `A`). (These are the equations of SOFA's `EulerImplicitSolver` with `dv = Δx/h − v`, where the damping terms
 //! of the right-hand side cancel.) `load² = Σ |b|² + |f_ext + m g|²` over free axes plus `Σ |f|²` over fixed ones: the magnitude of the
 //! step's forces, also at rest.
@@ -18,7 +18,7 @@ pub fn rhs<R: Real>(
     params: &Params<R>,
     f: &[V4<R>],     // [node] N
     v: &[V4<R>],     // [node] m/s
-    free: &[V4<R>],  // [node] 1 free, 0 held, per axis; mass kg
+    free: &[V4<R>],  // [node] 1 free, 0 fixed, per axis; mass kg
     load: &[V4<R>],  // [node] N
     b: &mut [V4<R>], // [slot][node] N
 ) -> R {
@@ -29,12 +29,12 @@ pub fn rhs<R: Real>(
         let axes = V3::from4(free[i]);
         let elastic = V3::from4(f[i]);
         let applied = V3::from4(load[i]) + g * mass;
-        let rate = mass * params.carried / params.step;
+        let rate = mass * params.momentum_factor / params.step;
         let sum = (applied - elastic + V3::from4(v[i]) * rate).times(axes);
         b[i] = sum.pad(R::zero());
         let pushed = applied.times(axes);
-        let held = elastic - elastic.times(axes);
-        load_squared += sum.dot(sum) + pushed.dot(pushed) + held.dot(held);
+        let reaction = elastic - elastic.times(axes);
+        load_squared += sum.dot(sum) + pushed.dot(pushed) + reaction.dot(reaction);
     }
     load_squared
 }

@@ -2,7 +2,7 @@
 @group(0) @binding(0) var<uniform> params: Params;
 @group(0) @binding(1) var<storage, read> f: array<vec4<f32>>;             // [node] N
 @group(0) @binding(2) var<storage, read> v: array<vec4<f32>>;             // [node] m/s
-@group(0) @binding(3) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(3) var<storage, read> free: array<vec4<f32>>;          // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(4) var<storage, read> load: array<vec4<f32>>;          // [node] N
 @group(0) @binding(5) var<storage, read_write> b: array<vec4<f32>>;       // [slot][node] N
 @group(0) @binding(6) var<storage, read_write> partial_load: array<f32>;  // [group] N²
@@ -18,12 +18,12 @@ fn rhs(thread: Thread) {
         let axes = free[i].xyz;
         let elastic = f[i].xyz;
         let applied = load[i].xyz + g * mass;
-        let rate = mass * params.carried / params.step;
+        let rate = mass * params.momentum_factor / params.step;
         let sum = (applied - elastic + v[i].xyz * rate) * axes;
         b[i] = vec4<f32>(sum, 0.0);
         let pushed = applied * axes;
-        let held = elastic - elastic * axes;
-        load_squared = dot(sum, sum) + dot(pushed, pushed) + dot(held, held);
+        let reaction = elastic - elastic * axes;
+        load_squared = dot(sum, sum) + dot(pushed, pushed) + dot(reaction, reaction);
     }
     let sum_of_group = group_sum(load_squared, thread.lane);
     if thread.lane == 0u && i < params.node_count { partial_load[block] = sum_of_group; }

@@ -77,7 +77,7 @@ impl<R: Real> Params<R> {
         Layout { next: extra, first: 2 * extra, row, touched, corners, words: corners + 8 * self.split_cells as usize }
     }
     /// Number of extra columns in an array of `node_count` nodes.
-    pub fn extra_held(&self) -> usize {
+    pub fn extra_allocated(&self) -> usize {
         (self.node_count as usize - self.grid_nodes()) / self.nodes_z as usize
     }
     /// Number of extra columns in bundles that have at least one column in use.
@@ -110,7 +110,7 @@ impl<R: Real> Params<R> {
     /// The grid's columns, then the bundles of `node_count` nodes, each as a grid of its own, with its first node.
     pub fn column_sets(&self) -> impl Iterator<Item = (usize, Self)> {
         let own = Self { node_count: self.grid_nodes() as u32, extra_columns: 0, ..*self };
-        let bundles = (0..self.extra_held()).step_by(BUNDLE).map(move |e| {
+        let bundles = (0..self.extra_allocated()).step_by(BUNDLE).map(move |e| {
             let width = self.bundle(e).1 as u32;
             (self.copy_id(e, 0), Self { nodes_x: width, nodes_y: 1, node_count: width * self.nodes_z, ..own })
         });
@@ -133,7 +133,7 @@ impl<R: Real> Params<R> {
         self.corners(cell)
     }
     /// Grid coordinates of a node, or of a duplicate's original; `None` in an extra column that is not in use.
-    pub fn place(&self, split: &[u32], node: usize) -> Option<[usize; 3]> {
+    pub fn grid_coordinates(&self, split: &[u32], node: usize) -> Option<[usize; 3]> {
         let columns = self.columns();
         let (column, level) = if node < self.grid_nodes() {
             (node % columns, node / columns)
@@ -148,9 +148,9 @@ impl<R: Real> Params<R> {
     }
     /// Cells around a node, by its corner number in each; none for an unused duplicate.
     pub fn cells_around<'a>(&'a self, split: &'a [u32], node: usize) -> impl Iterator<Item = Around> + 'a {
-        let place = self.place(split, node);
+        let coordinates = self.grid_coordinates(split, node);
         (0..8).filter_map(move |a| {
-            let at = place?;
+            let at = coordinates?;
             let cell = self.cell_below(at, a)?;
             let nodes = self.corner_nodes(split, cell);
             (nodes[a] == node).then(|| Around { corner: a, cell, level: at[2] - corner(a)[2], nodes })
@@ -212,7 +212,7 @@ mod tests {
     }
 
     #[test]
-    fn the_places_in_use_are_the_first_ones() {
+    fn the_nodes_in_use_are_the_first_ones() {
         let extra = 2 * BUNDLE as u32 + 11;
         let params = Params::<f64> { nodes_x: 3, nodes_y: 5, nodes_z: 4, extra_columns: extra, ..Params::default() };
         let columns = |used: usize| {

@@ -19,7 +19,7 @@ fn is_split(p: Params, cell: u32) -> bool {
 }
 
 // Grid coordinates of a node, or of a duplicate's original; far outside the grid in an unused extra column.
-fn place(p: Params, i: u32) -> vec3<u32> {
+fn grid_coordinates(p: Params, i: u32) -> vec3<u32> {
     let grid = p.nodes_x * p.nodes_y * p.nodes_z;
     if i < grid { return node_at(p, i); }
     let rest = i - grid;

@@ -20,7 +20,7 @@ pub fn split_product<R: Real>(
     modes: &[Modes<R>], // [layer] N/m
     layer_of: &[u32],   // [cells_z] layer
     rotation: &[V4<R>], // [cell] quaternion
-    free: &[V4<R>],     // [node] 1 free, 0 held, per axis; mass kg
+    free: &[V4<R>],     // [node] 1 free, 0 fixed, per axis; mass kg
     split: &[u32],      // see `split`
     cells: &[u32],      // split cells, by their rows in the table
     z: &[V4<R>],        // [node] m

@@ -3,7 +3,7 @@
 @group(0) @binding(1) var<uniform> stiffness: array<mat3x3<f32>, 1344>;      // [layer × 64] blocks a×8+b, N/m
 @group(0) @binding(2) var<storage, read> layer_of: array<u32>;               // [cells_z] layer
 @group(0) @binding(3) var<storage, read> rotation: array<vec4<f32>>;         // [cell] quaternion
-@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;             // [node] 1 free, 0 held, per axis; mass kg
+@group(0) @binding(4) var<storage, read> free: array<vec4<f32>>;             // [node] 1 free, 0 fixed, per axis; mass kg
 @group(0) @binding(5) var<storage, read> split: array<u32>;                  // see split.rs
 @group(0) @binding(6) var<storage, read> z: array<vec4<f32>>;                // [slot][node] m
 @group(0) @binding(7) var<storage, read_write> w: array<vec4<f32>>;          // [slot][node] N
@@ -12,7 +12,7 @@
 
 // Force of the split cells at node `i`, without the factor s.
 fn force_on(i: u32, offset: u32) -> vec3<f32> {
-    let c = place(params, i);
+    let c = grid_coordinates(params, i);
     let own = z[offset + i].xyz;
     var sum = vec3<f32>(0.0);
     for (var a = 0u; a < 8u; a += 1u) {

@@ -16,7 +16,7 @@ pub fn springs_blocks<R: Real>(
     first: &[u32],       // [node + 1] into half
     half: &[[u32; 2]],   // springs around each node: other node, spring
     tangent: &[V4<R>],   // [half × 2] symmetric T, N/m
-    free: &[V4<R>],      // [node] 1 free, 0 held, per axis; mass kg
+    free: &[V4<R>],      // [node] 1 free, 0 fixed, per axis; mass kg
     block: &mut [V4<R>], // [node × 4] packed
 ) {
     // tangents include the step's stiffness factor

@@ -51,10 +51,10 @@ pub struct Contact {
 
 impl Contact {
     /// Contact of a rigid body's sample with a material point of a deformable body; rows and law are still to be set.
-    pub fn on_skin(tool: usize, feature: usize, skin: usize, spot: MaterialPoint, point: DVec3) -> Self {
+    pub fn on_skin(tool: usize, feature: usize, skin: usize, material_point: MaterialPoint, point: DVec3) -> Self {
         Self {
             on: [BodyId::Rigid(tool), BodyId::Deformable(skin)],
-            points: [MaterialPoint::default(), spot],
+            points: [MaterialPoint::default(), material_point],
             feature,
             point,
             axes: DVec3::AXES,
@@ -196,10 +196,10 @@ impl Patch {
     /// Nearest point of the surface and its distance, m.
     pub fn nearest(&self, point: DVec3) -> (MaterialPoint, f64) {
         let (triangle, weights, distance, _) = self.project(point);
-        (self.spot(triangle, weights), distance.abs())
+        (self.material_point(triangle, weights), distance.abs())
     }
 
-    fn place(&self, triangle: usize, weights: [f64; 3]) -> DVec3 {
+    fn position(&self, triangle: usize, weights: [f64; 3]) -> DVec3 {
         let c = &self.corners[triangle];
         c[0] * weights[0] + c[1] * weights[1] + c[2] * weights[2]
     }
@@ -218,7 +218,7 @@ impl Patch {
             TrianglePointLocation::OnSolid => [1.0 / 3.0; 3],
             other => other.barycentric_coordinates().map_or([1.0 / 3.0; 3], |w| w.map(f64::from)),
         };
-        let away = point - self.place(triangle, weights);
+        let away = point - self.position(triangle, weights);
         let distance = away.length();
         // below f32's resolution of the patch the direction is noise
         let noise = 1e-6 * f64::from(self.mesh.local_aabb().half_extents().max_element());
@@ -283,7 +283,7 @@ pub fn contacts(
             _ => point_contact(patch, point, tool.tip_radius, reach, search),
         };
         let on_skin = |f: Found| {
-            let contact = Contact::on_skin(number, index, body, f.spot, f.point);
+            let contact = Contact::on_skin(number, index, body, f.material_point, f.point);
             Contact { axes: f.axes, gap: [f.gap, 0.0, 0.0], depth: f.depth, law: f.law, ..contact }
         };
         out.extend(found.map(on_skin));
@@ -293,7 +293,7 @@ pub fn contacts(
 
 /// Contact of a sample, without the bodies.
 struct Found {
-    spot: MaterialPoint,
+    material_point: MaterialPoint,
     point: DVec3,
     axes: [DVec3; 3],
     gap: f64,
@@ -310,12 +310,12 @@ pub fn frame(normal: DVec3) -> [DVec3; 3] {
 fn point_contact(patch: &Patch, point: DVec3, radius: f64, reach: f64, search: &Search) -> Option<Found> {
     let (triangle, weights, distance, normal) = patch.project(point);
     let disc = patch.disc(triangle, weights, radius);
-    let (spot, distance, normal) = match disc {
-        Some(disc) => (disc.spot, disc.normal.dot(point - disc.place), disc.normal),
-        None => (patch.spot(triangle, weights), distance, normal),
+    let (material_point, distance, normal) = match disc {
+        Some(disc) => (disc.material_point, disc.normal.dot(point - disc.position), disc.normal),
+        None => (patch.material_point(triangle, weights), distance, normal),
     };
     (distance < reach + search.distance).then(|| Found {
-        spot,
+        material_point,
         point,
         axes: frame(normal),
         gap: distance - search.distance,

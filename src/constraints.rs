@@ -13,7 +13,7 @@ mod newton;
 mod proximal;
 
 pub use law::Law;
-pub use proximal::{Effort, Enough, solve};
+pub use proximal::{Effort, LooseTolerance, solve};
 
 use crate::math::elementary::hypot;
 use crate::math::larger;
@@ -90,11 +90,11 @@ fn sweep(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], floor: f64) -
         for group in law.groups() {
             // forces of earlier rows as this sweep has left them; unbounded forces of the group's rows
             let mut forces = of_rows(law, |k| force[first + k]);
-            group.clone().for_each(|k| forces[k] = aim(w, free, force, first + k, c[k]));
-            let held = law.project(forces);
+            group.clone().for_each(|k| forces[k] = trial_force(w, free, force, first + k, c[k]));
+            let projected = law.project(forces);
             for k in group.clone() {
                 let old = force[first + k];
-                force[first + k] = if law.goes_half_way(group) { 0.5 * (old + held[k]) } else { held[k] };
+                force[first + k] = if law.under_relaxes(group) { 0.5 * (old + projected[k]) } else { projected[k] };
                 largest = largest.max((force[first + k] - old).abs());
             }
         }
@@ -116,9 +116,9 @@ fn residual_at(laws: &[Law], w: &[f64], free: &[f64], force: &[f64], share: f64)
         let c = scales(law, w, force.len(), first, floor).map(|c| share * c);
         // a constraint on a node that is held already is redundant, not dropped
         found.dropped += u32::from(!law.is_constraint() && c[..rows].contains(&0.0));
-        let held = law.project(of_rows(law, |k| aim(w, free, force, first + k, c[k])));
+        let projected = law.project(of_rows(law, |k| trial_force(w, free, force, first + k, c[k])));
         for k in 0..rows {
-            let change = (force[first + k] - held[k]).abs();
+            let change = (force[first + k] - projected[k]).abs();
             found.force = larger(found.force, change);
             found.gap = larger(found.gap, c[k] * change);
             found.energy += c[k] * change * change;
@@ -143,8 +143,8 @@ fn floor(w: &[f64], rows: usize) -> f64 {
 /// (with a smaller one a sticking row may oscillate for ever). 0 for a row without compliance, which bears no force.
 fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> [f64; 3] {
     let at = |i: usize, j: usize| w[(first + i) * rows + first + j];
-    let gives = |k: usize| at(k, k).is_finite() && at(k, k) > floor;
-    let plane = |i: usize, j: usize| match (gives(i), gives(j)) {
+    let compliant = |k: usize| at(k, k).is_finite() && at(k, k) > floor;
+    let plane = |i: usize, j: usize| match (compliant(i), compliant(j)) {
         (true, true) => {
             let coupling = 0.5 * (at(i, j) + at(j, i));
             0.5 * (at(i, i) + at(j, j)) + hypot(0.5 * (at(i, i) - at(j, j)), coupling)
@@ -155,13 +155,13 @@ fn scales(law: &Law, w: &[f64], rows: usize, first: usize, floor: f64) -> [f64; 
     let mut c = [0.0; 3];
     for group in law.groups() {
         let largest = if group.len() == 2 { plane(group.start, group.start + 1) } else { at(group.start, group.start) };
-        group.clone().filter(|k| gives(*k)).for_each(|k| c[k] = largest);
+        group.clone().filter(|k| compliant(*k)).for_each(|k| c[k] = largest);
     }
     c
 }
 
 /// Unbounded force of a row, N; 0 for a row without compliance.
-fn aim(w: &[f64], free: &[f64], force: &[f64], row: usize, scale: f64) -> f64 {
+fn trial_force(w: &[f64], free: &[f64], force: &[f64], row: usize, scale: f64) -> f64 {
     if scale > 0.0 { force[row] - violation(w, free, force, row) / scale } else { 0.0 }
 }
 
@@ -180,7 +180,7 @@ fn between(x: f64, low: f64, high: f64) -> f64 {
 mod tests {
     use super::*;
 
-    const EXACT: Effort = Effort { wanted: 1e-12, enough: Enough { share: 0.0, gap: 0.0 }, updates: 100_000 };
+    const EXACT: Effort = Effort { tolerance: 1e-12, loose: LooseTolerance { share: 0.0, gap: 0.0 }, updates: 100_000 };
     const W: [f64; 9] = [1e-3, 1e-4, 0.0, 1e-4, 2e-3, 0.0, 0.0, 0.0, 2e-3];
 
     fn run(law: Law, free: [f64; 3]) -> [f64; 3] {

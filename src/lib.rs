@@ -33,10 +33,10 @@
 //!
 //! ```
 //! use cutis::scene::{Scene, incision};
-//! use cutis::step::{Place, Simulation};
+//! use cutis::step::{Platform, Simulation};
 //!
 //! let scene: Scene = incision()?.in_test_form(); // or cutis::scene::read("my.toml".as_ref())?
-//! let mut simulation = Simulation::new(&scene, &Place::Cpu64)?;
+//! let mut simulation = Simulation::new(&scene, &Platform::Cpu64)?;
 //! for _ in 0..30 {
 //!     let step = simulation.step(false)?;
 //!     println!("{:.3} s: {:.3} N, {} links cut", step.time, step.contact.largest_on_tools(), step.severed);
@@ -48,7 +48,7 @@
 //!
 //! ```
 //! use cutis::scene::{Blade, Boundary, Contact, Pose, Region, Scene, Skin, Tool};
-//! use cutis::step::{Place, Simulation};
+//! use cutis::step::{Platform, Simulation};
 //!
 //! let pose = |time, x, z| Pose { time, position: [x, 0.0, z], ..Pose::default() }; // s, m
 //! let scalpel = Tool {
@@ -57,7 +57,7 @@
 //!     trajectory: vec![pose(0.0, 2e-3, 2.4e-3), pose(0.05, 2e-3, 0.8e-3), pose(0.2, -2e-3, 0.8e-3)],
 //!     ..Tool::default()
 //! };
-//! let held = |region| Boundary { body: 0, region, axes: [true; 3], displacement: [0.0; 3], turn: 0.0 };
+//! let held = |region| Boundary { body: 0, region, axes: [true; 3], displacement: [0.0; 3], rotation: 0.0 };
 //! let scene = Scene {
 //!     skins: vec![Skin::default()],
 //!     boundaries: vec![held(Region::Bottom), held(Region::Sides)],
@@ -65,7 +65,7 @@
 //!     contact: Some(Contact::default()),
 //!     ..Scene::default()
 //! };
-//! let mut simulation = Simulation::new(&scene, &Place::Cpu64)?;
+//! let mut simulation = Simulation::new(&scene, &Platform::Cpu64)?;
 //! for _ in 0..40 {
 //!     let step = simulation.step(false)?;
 //!     println!("{:.3} s: {:.3} N, {} links cut", step.time, step.contact.largest_on_tools(), step.severed);
@@ -80,7 +80,7 @@
 //! use cutis::haptic::device::{Device, Limits, Reading, Wrench};
 //! use cutis::runner::{Clock, Runner};
 //! use cutis::scene::incision;
-//! use cutis::step::{Place, Simulation};
+//! use cutis::step::{Platform, Simulation};
 //! use glam::{DQuat, DVec3};
 //!
 //! struct Mine(DVec3, DQuat);
@@ -97,7 +97,7 @@
 //! }
 //!
 //! let scene = incision()?.in_test_form();
-//! let mut runner = Runner::new(&scene, Simulation::new(&scene, &Place::Cpu64)?, Clock::Scene);
+//! let mut runner = Runner::new(&scene, Simulation::new(&scene, &Platform::Cpu64)?, Clock::Scene);
 //! let (position, rotation) = runner.simulation.tools[0].hand(0.0);
 //! runner.attach(0, Box::new(Mine(position, rotation)))?;
 //! for _ in 0..10 {
@@ -113,9 +113,9 @@
 //! Change a scene during a run, save a state and restore it:
 //!
 //! ```
-//! # use cutis::step::{Place, Simulation};
+//! # use cutis::step::{Platform, Simulation};
 //! # let scene = cutis::scene::incision()?.in_test_form();
-//! let mut simulation = Simulation::new(&scene, &Place::Cpu64)?;
+//! let mut simulation = Simulation::new(&scene, &Platform::Cpu64)?;
 //! simulation.step(false)?;
 //! let before = simulation.state()?;
 //! simulation.change(|scene| scene.skins[0].layers[0].young *= 2.0)?;

@@ -11,19 +11,19 @@ use cutis::collide::{Contact, Patch, Resistance, Search, contacts};
 use cutis::constraints::Law;
 use cutis::mesh::Quad;
 use cutis::scene::Filter;
-use cutis::step::Place;
+use cutis::step::Platform;
 use glam::DVec3;
 
-/// Walls across y, each a quad of 10 mm: at these places, m, and turned towards −y or +y.
+/// Walls across y, each a quad of 10 mm: at these positions, m, and turned towards −y or +y.
 fn walls(at: &[(f64, f64)]) -> (Vec<Quad>, Vec<DVec3>) {
     let mut quads = vec![];
-    let mut places = vec![];
+    let mut positions = vec![];
     for (wall, (y, normal)) in (0u32..).zip(at) {
         let ends = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
-        places.extend(ends.map(|[x, z]| DVec3::new(5e-3 * x * -normal, *y, 5e-3 * z)));
+        positions.extend(ends.map(|[x, z]| DVec3::new(5e-3 * x * -normal, *y, 5e-3 * z)));
         quads.push(Quad { nodes: [0, 1, 2, 3].map(|n| 4 * wall + n), cell: wall, wall: true });
     }
-    (quads, places)
+    (quads, positions)
 }
 
 /// Contacts of a blade's flats at the origin, in a step in which it goes on so far, m, with walls of cells of a size, m, and where on
@@ -34,8 +34,8 @@ fn flats(at: &[(f64, f64)], travel: f64, cell: f64) -> Vec<(Contact, DVec3)> {
     scene.tools[0].trajectory[0].rotation = [0.0, 0.0, 0.0, 1.0];
     let mut tool = Instrument::new(&scene.tools[0], [0.0; 3]);
     tool.samples.retain(|sample| matches!(sample.role, cutis::bodies::rigid::Role::Flat(_)));
-    let (quads, places) = walls(at);
-    let patch = Patch::new(&quads, |node| places[node as usize]).expect("there are walls");
+    let (quads, positions) = walls(at);
+    let patch = Patch::new(&quads, |node| positions[node as usize]).expect("there are walls");
     let search = Search { alarm: 2e-4, distance: 0.0, friction: 0.3, filter: Filter::Points, angle_cone: 0.0 };
     let found = contacts(
         (0, &tool),
@@ -45,9 +45,9 @@ fn flats(at: &[(f64, f64)], travel: f64, cell: f64) -> Vec<(Contact, DVec3)> {
         |_| Resistance { edge: 0.0, splitting: SPLITTING, cell },
         |_| None,
     );
-    let place =
-        |contact: &Contact| contact.points[1].0.iter().map(|(node, weight)| places[*node as usize] * *weight).sum();
-    found.into_iter().map(|contact| (contact.clone(), place(&contact))).collect()
+    let position =
+        |contact: &Contact| contact.points[1].0.iter().map(|(node, weight)| positions[*node as usize] * *weight).sum();
+    found.into_iter().map(|contact| (contact.clone(), position(&contact))).collect()
 }
 
 /// Half of the blade's thickness half a millimetre behind its edge, where the flats' samples are: a quarter of that, m.
@@ -64,9 +64,9 @@ fn a_flat_touches_the_wall_beside_it() {
     // walls far away come first in the list: they are no flat's business
     let found = flats(&[(4e-3, -1.0), (-4e-3, 1.0), (3e-4, -1.0), (-1e-4, 1.0)], FAR, 0.0);
     assert_eq!(found.len(), 10, "two sides of five samples");
-    for (contact, place) in found {
+    for (contact, position) in found {
         let wall = if contact.axes[0].y < 0.0 { 3e-4 } else { -1e-4 };
-        assert!((place.y - wall).abs() < 1e-12, "on a wall at {} instead of {wall}", place.y);
+        assert!((position.y - wall).abs() < 1e-12, "on a wall at {} instead of {wall}", position.y);
         assert!((contact.gap[0] - (wall.abs() - HALF)).abs() < 1e-12, "a gap of {}", contact.gap[0]);
         // a millimetre of flat, half a millimetre behind the edge
         let bears = SPLITTING * 5e-4f64.sqrt() * 1e-3;
@@ -75,7 +75,7 @@ fn a_flat_touches_the_wall_beside_it() {
             law => panic!("{law:?}"),
         };
         assert!((bound / bears - 1.0).abs() < 1e-9, "bears {bound} N instead of {bears} N");
-        assert!((place - contact.point).cross(DVec3::Y).length() < 1e-12, "the contact is not beside its sample");
+        assert!((position - contact.point).cross(DVec3::Y).length() < 1e-12, "the contact is not beside its sample");
     }
 }
 
@@ -110,12 +110,12 @@ fn a_wall_in_the_blade_is_pushed_as_the_bevel_opens_it() {
 /// listed from any of its corners on, and two walls below it.
 fn from_a_bent_lip(first: usize, point: DVec3) -> f64 {
     let top = [[0.0, 0.0], [1.0, 0.01], [2.0, 0.0], [1.0, 2.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
-    let places: Vec<DVec3> = top.into_iter().chain(top.map(|p| p - DVec3::Z)).map(|p| p * 1e-3).collect();
+    let positions: Vec<DVec3> = top.into_iter().chain(top.map(|p| p - DVec3::Z)).map(|p| p * 1e-3).collect();
     let quad = |nodes, wall| Quad { nodes, cell: 0, wall };
     let mut face = [0, 1, 2, 3];
     face.rotate_left(first);
     let quads = [quad(face, false), quad([4, 5, 1, 0], true), quad([5, 6, 2, 1], true)];
-    Patch::new(&quads, |node| places[node as usize]).expect("it has faces").project(point * 1e-3).2
+    Patch::new(&quads, |node| positions[node as usize]).expect("it has faces").project(point * 1e-3).2
 }
 
 #[test]
@@ -135,7 +135,7 @@ fn judged(kind: Kind, numbers: &[u64]) {
     let out = std::env::temp_dir().join(format!("cutis_blade_{kind:?}_{}", std::process::id()));
     for number in numbers {
         let case = Case::new(kind, *number);
-        let report = case.run(Place::Cpu64, &out).unwrap_or_else(|e| panic!("{}: {e}", case.name));
+        let report = case.run(Platform::Cpu64, &out).unwrap_or_else(|e| panic!("{}: {e}", case.name));
         let faults = case.faults(&report);
         assert!(faults.is_empty(), "{}: {faults:?}", case.name);
     }

@@ -1,7 +1,7 @@
 //! Several bodies in a scene: rigid ones that fall and collide, deformable ones that are tied and touch; laws that hold between them.
 
 use cutis::scene::{Files, Scene, parse};
-use cutis::step::{Place, Simulation, StepReport};
+use cutis::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
 
@@ -12,7 +12,7 @@ fn scene(text: &str) -> Scene {
 
 /// Runs a scene to its end.
 fn run(scene: &Scene) -> (Simulation, Vec<StepReport>) {
-    let mut simulation = Simulation::new(scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let mut simulation = Simulation::new(scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let mut reports = vec![];
     for _ in 0..(scene.time.duration / scene.time.step).round() as u32 {
         let report = simulation.step(false).expect("the CPU path has no device to fail");
@@ -39,13 +39,16 @@ fn a_tumbling_body_keeps_its_momenta_to_rounding() {
     let text = "[[rigid]]\nname = \"brick\"\nbox_mm = [10, 20, 40]\nmass_g = 50\nposition_mm = [0, 0, 0]\nvelocity_m_s = [1, 2, 3]\n\
                 spin_rad_s = [5, 30, -7]\n";
     let scene = scene(&format!("{WEIGHTLESS}{text}"));
-    let start = Simulation::new(&scene, &Place::Cpu64).expect("nothing to allocate");
-    let turning = |s: &Simulation| s.tools[0].world_inertia() * s.tools[0].spin;
+    let start = Simulation::new(&scene, &Platform::Cpu64).expect("nothing to allocate");
+    let turning = |s: &Simulation| s.tools[0].world_inertia() * s.tools[0].angular_velocity;
     let (end, _) = run(&scene);
     assert!((turning(&end) - turning(&start)).length() < 1e-12 * turning(&start).length());
     assert!((end.tools[0].velocity - DVec3::new(1.0, 2.0, 3.0)).length() < 1e-12);
-    // and it does tumble: what is kept is not the spin
-    assert!((end.tools[0].spin - start.tools[0].spin).length() > 0.1 * start.tools[0].spin.length());
+    // and it does tumble: what is kept is not the angular velocity
+    assert!(
+        (end.tools[0].angular_velocity - start.tools[0].angular_velocity).length()
+            > 0.1 * start.tools[0].angular_velocity.length()
+    );
 }
 
 #[test]
@@ -62,8 +65,9 @@ fn spheres_that_collide_push_each_other_alike() {
     }
     let momentum: DVec3 = end.tools.iter().map(|t| t.velocity * t.mass).sum();
     assert!((momentum - DVec3::new(-0.001, 0.0, 0.0)).length() < 1e-15, "{momentum}");
-    let around =
-        |t: &cutis::bodies::rigid::Instrument| t.world_inertia() * t.spin + t.position.cross(t.velocity * t.mass);
+    let around = |t: &cutis::bodies::rigid::Instrument| {
+        t.world_inertia() * t.angular_velocity + t.position.cross(t.velocity * t.mass)
+    };
     let turning: DVec3 = end.tools.iter().map(around).sum();
     // 0.4 m r² spin of a, and b's flight past the origin; the gap of one alarm distance between them gives the forces an arm
     let start = 0.4 * 0.01 * 25e-6 * 9.0 + 0.03 * 0.1 * 1e-3;
@@ -244,7 +248,7 @@ fn what_is_inside_a_body_moves_with_the_point_where_it_lies() {
     let last = &reports.last().expect("there was a step").contact;
     assert!(last.contacts.iter().any(|contact| contact.points[1].0.len() == 8), "inside of a cell: eight nodes");
     let outside = scene(&rod_in_block("[0, 0, 8]"));
-    let error = Simulation::new(&outside, &Place::Cpu64).err().expect("two millimetres stand out");
+    let error = Simulation::new(&outside, &Platform::Cpu64).err().expect("two millimetres stand out");
     assert!(error.to_string().contains("2.000 mm away"), "{error}");
 }
 
@@ -357,7 +361,7 @@ fn two_substeps_are_two_steps() {
 #[test]
 fn a_tie_across_a_gap_is_refused() {
     let text = layered(TIE).replace("position_mm = [0, 0, 1]", "position_mm = [0, 0, 1.5]");
-    let error = Simulation::new(&scene(&text), &Place::Cpu64).err().expect("half a millimetre apart");
+    let error = Simulation::new(&scene(&text), &Platform::Cpu64).err().expect("half a millimetre apart");
     assert!(error.to_string().contains("0.500 mm away"), "{error}");
 }
 
@@ -382,7 +386,7 @@ fn a_block_that_falls_fast_is_stopped_by_what_it_falls_on() {
     for (on, top) in [(FLOOR, 0.0), (BED, 4.0)] {
         for height in [0.1, 2.0, 5.0, 10.0] {
             let text = falling(on, &format!("{}", top + height), "");
-            let mut simulation = Simulation::new(&scene(&text), &Place::Cpu64).expect("it is small");
+            let mut simulation = Simulation::new(&scene(&text), &Platform::Cpu64).expect("it is small");
             let lowest = (0..80)
                 .map(|_| simulation.step(false).expect("the CPU path has no device to fail").probes)
                 .fold((0.0f64, 0.0f64), |(low, most), p| (low.min(p[0]), most.max(p[1])));
@@ -397,7 +401,7 @@ fn a_block_that_falls_fast_is_stopped_by_what_it_falls_on() {
 fn a_row_that_nothing_can_move_leaves_its_contact_standing() {
     // held along x and y everywhere, so that friction has nothing to act on; the normal has
     let text = falling(FLOOR, "0.05", "") + "[[boundary]]\nbody = \"falls\"\nregion = \"all\"\naxes = \"xy\"\n";
-    let mut simulation = Simulation::new(&scene(&text), &Place::Cpu64).expect("it is small");
+    let mut simulation = Simulation::new(&scene(&text), &Platform::Cpu64).expect("it is small");
     let mut last = vec![];
     for _ in 0..80 {
         let report = simulation.step(false).expect("the CPU path has no device to fail");

@@ -9,7 +9,7 @@ use cutis::math::random::Random;
 use cutis::mesh::Quad;
 use cutis::mesh::{Grid, Surface};
 use cutis::scene::{Coupling, Filter, Pose, Scene, Tool, ToolMesh, read};
-use cutis::step::{Place, Simulation, StepReport};
+use cutis::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
 use parry3d::bounding_volume::{Aabb, BoundingVolume};
 use parry3d::math::Vector;
@@ -106,7 +106,7 @@ fn within_reach(skin: &Skin, area: &Aabb, reach: f64) -> Vec<Quad> {
 /// Nothing is cut.
 const BEARS: Resistance = Resistance { edge: 0.0, splitting: 0.0, cell: 0.0 };
 
-/// A tool of blunt points in its own frame, at a place.
+/// A tool of blunt points in its own frame, at a position.
 fn tool(at: DVec3, points: Vec<[f64; 3]>) -> Instrument {
     let tool = Tool {
         name: "tip".into(),
@@ -279,7 +279,7 @@ fn started_at(from_top: [f64; 3], cells: u32) -> StepReport {
     scene.tools[0].round = None;
     scene.tools[0].points = vec![[0.0; 3]];
     scene.tools[0].trajectory = vec![Pose { time: 0.0, position, rotation: [0.0, 0.0, 0.0, 1.0] }];
-    let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
     simulation.step(false).expect("the CPU path has no device to fail")
 }
 

@@ -4,7 +4,7 @@ use cutis::scene::{
     Attachment, Blade, BodyId, Boundary, Contact, Coupling, Device, Element, Files, Law, Layer, Lines, Load, Motion,
     Pose, Preconditioner, Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
 };
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use std::path::Path;
 
 /// A patch whose bottom and sides are held, and a scalpel that a hand draws through it.
@@ -19,7 +19,7 @@ fn cut() -> Scene {
         trajectory: vec![pose(0.0, 2e-3, 2.4e-3), pose(0.05, 2e-3, 0.8e-3), pose(0.2, -2e-3, 0.8e-3)],
         ..Tool::default()
     };
-    let held = |region| Boundary { body: 0, region, axes: [true; 3], displacement: [0.0; 3], turn: 0.0 };
+    let held = |region| Boundary { body: 0, region, axes: [true; 3], displacement: [0.0; 3], rotation: 0.0 };
     let mut scene = Scene {
         title: "a cut in code".into(),
         skins: vec![Skin::default()],
@@ -37,7 +37,7 @@ fn cut() -> Scene {
 fn a_patch_in_code_is_pressed_and_cut() {
     let scene = cut();
     scene.check().unwrap_or_else(|e| panic!("{e}"));
-    let mut simulation = Simulation::new(&scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let mut largest = 0.0f64;
     for _ in 0..scene.time.steps() {
         let step = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
@@ -77,7 +77,8 @@ fn refused(change: impl Fn(&mut Scene)) -> String {
     let mut scene = cut();
     change(&mut scene);
     let error = scene.check().expect_err("it cannot run").to_string();
-    let run = Simulation::new(&scene, &Place::Cpu64).map(|_| ()).expect_err("it is checked before it runs").to_string();
+    let run =
+        Simulation::new(&scene, &Platform::Cpu64).map(|_| ()).expect_err("it is checked before it runs").to_string();
     assert_eq!(error, run);
     error
 }
@@ -124,7 +125,7 @@ fn what_cannot_run_is_refused_with_words() {
         (&|s| s.loads.push(Load { body: 0, max: [-1e-3; 2], ..load }), "loads[0].min, max is without an area"),
         (&|s| s.skins[0].layers[0].pre_strain[0] = 1.5, "skins[0].layers[0].pre_strain is 1.5"),
         (&|s| s.view.field_of_view = 0.0, "view.field_of_view is 0"),
-        (&|s| s.tools[0].free = Some(Motion { spin: [f64::NAN; 3], ..Motion::default() }), "tools[0].free"),
+        (&|s| s.tools[0].free = Some(Motion { angular_velocity: [f64::NAN; 3], ..Motion::default() }), "tools[0].free"),
         (&|s| s.tools[0].device = Some(Device { scale: 0.0, ..Device::default() }), "tools[0].device.scale is 0"),
         (&|s| s.tools[0].lines = Some(wire.clone()), "tools[0].lines is beside"),
         (&|s| blade(s).normal = [1.0, 0.0, 0.0], "tools[0].blade.normal is 45.0 degrees off"),

@@ -3,7 +3,7 @@
 //! A body of mass `m` gives by `h²/m` under a newton in a step `h`, so `W = J M⁻¹ Jᵀ h²` and `δ_free` is the contact's motion without
 //! contact force. Every measure has a counter-test: on forces that are deliberately wrong it must be large.
 
-use cutis::constraints::{Effort, Ended, Enough, Law, relax, residual, solve};
+use cutis::constraints::{Effort, Ended, Law, LooseTolerance, relax, residual, solve};
 use proptest::prelude::*;
 use proptest::test_runner::RngSeed;
 
@@ -13,7 +13,7 @@ const H: f64 = 0.01;
 const G: f64 = 9.81;
 /// Relative error of known forces; the solver is asked for `ASKED`, the factor between is the conditioning of these cases.
 const NEAR: f64 = 1e-6;
-const ASKED: Effort = Effort { wanted: 1e-10, enough: Enough { share: 0.0, gap: 0.0 }, updates: MOST };
+const ASKED: Effort = Effort { tolerance: 1e-10, loose: LooseTolerance { share: 0.0, gap: 0.0 }, updates: MOST };
 /// Row updates; the hardest of the random problems takes 700,000 (300 rows, ten decades).
 const MOST: u64 = 4_000_000;
 /// Complementarity on random compliances, relative.
@@ -324,7 +324,7 @@ fn on_few_nodes(points: usize, nodes: usize, edges: bool, lost: f64, seed: u64) 
 }
 
 /// What the passes of a step ask a solve for at the default tolerance of 1e-3, with a quarter of its budget.
-const STEP: Effort = Effort { wanted: 1e-8, enough: Enough { share: 1e-4, gap: 1e-8 }, updates: 100_000 };
+const STEP: Effort = Effort { tolerance: 1e-8, loose: LooseTolerance { share: 1e-4, gap: 1e-8 }, updates: 100_000 };
 
 #[test]
 fn points_and_edges_on_few_nodes_end_within_a_step() {

@@ -26,8 +26,8 @@ fn missed(path: Path, seed: u64, hit: impl Fn(&Case) -> bool) -> usize {
     let mut random = Random::new(seed);
     (0..CASES)
         .filter(|_| {
-            let place = 0.03 * random.direction();
-            !hit(&Case::new(&mut random, path, place))
+            let centre = 0.03 * random.direction();
+            !hit(&Case::new(&mut random, path, centre))
         })
         .count()
 }
@@ -274,12 +274,12 @@ fn a_body_at_rest_loses_the_same_links_in_one_step_and_in_twenty() {
 
 /// Hits of an edge that moves with a segment, which it passes at `x` lengths beside it and `z` along it.
 fn resting(random: &mut Random, x: f64, z: f64) -> usize {
-    let place = 0.03 * random.direction();
+    let centre = 0.03 * random.direction();
     let own = random.direction();
     let (across, other) = own.any_orthonormal_pair();
     let (length, shift) = (1e-3, 1e-3 * random.direction());
-    let rest = [-0.5, 0.5].map(|z| pad::<f32>(place + own * (z * length)));
-    let at = place + (across * x + own * z) * length;
+    let rest = [-0.5, 0.5].map(|z| pad::<f32>(centre + own * (z * length)));
+    let at = centre + (across * x + own * z) * length;
     let (above, rise) = (random.between(0.5, 3.0), random.between(-2.0, 2.0));
     let [a, b] = [1.0, -1.0].map(|side| at + (other + own * rise) * (side * above * length));
     let quad = [a, b, b + shift, a + shift].map(pad);

@@ -10,14 +10,14 @@ use cutis::constraints::Law;
 use cutis::math::random::Random;
 use cutis::mesh::Quad;
 use cutis::scene::{Coupling, Filter, Lines, Pose, Scene, Tool, ToolMesh, read};
-use cutis::step::{Place, Simulation, StepReport};
+use cutis::step::{Platform, Simulation, StepReport};
 use glam::{DMat3, DVec3};
 use proptest::prelude::*;
 use std::path::Path;
 
 /// m
 const MM: f64 = 1e-3;
-/// Relative error of places and gaps that are known exactly.
+/// Relative error of positions and gaps that are known exactly.
 const EXACT: f64 = 1e-9;
 /// Nodes along a side of the hand-made surfaces, a millimetre apart, the middle one at the origin.
 const SIDE: u32 = 7;
@@ -27,7 +27,7 @@ fn node(i: i32, j: i32) -> u32 {
     ((j + half) * SIDE as i32 + i + half) as u32
 }
 
-fn place(id: u32) -> [f64; 2] {
+fn position(id: u32) -> [f64; 2] {
     let half = f64::from(SIDE / 2);
     [f64::from(id % SIDE) - half, f64::from(id / SIDE) - half]
 }
@@ -42,15 +42,15 @@ fn surface(height: impl Fn(f64, f64) -> f64) -> Patch {
         }
     }
     let position = |id: u32| {
-        let [x, y] = place(id);
+        let [x, y] = position(id);
         DVec3::new(x, y, height(x, y)) * MM
     };
     Patch::new(&quads, position).expect("it has faces")
 }
 
-/// A tool at the origin, places in mm.
-fn tool(places: &[[f64; 3]], segments: &[[u32; 2]], radius: f64) -> (Instrument, Lines) {
-    let positions = places.iter().map(|p| p.map(|c| c * MM)).collect();
+/// A tool at the origin, vertices in mm.
+fn tool(vertices: &[[f64; 3]], segments: &[[u32; 2]], radius: f64) -> (Instrument, Lines) {
+    let positions = vertices.iter().map(|p| p.map(|c| c * MM)).collect();
     let lines = Lines { positions, segments: segments.to_vec(), radius: radius * MM };
     let tool = Instrument::new(
         &Tool {
@@ -74,8 +74,8 @@ fn tool(places: &[[f64; 3]], segments: &[[u32; 2]], radius: f64) -> (Instrument,
     (tool, lines)
 }
 
-fn still(shift: DVec3) -> UnconstrainedMotion {
-    UnconstrainedMotion { shift, turn: DVec3::ZERO, compliance: 1e-3, angular_compliance: DMat3::ZERO }
+fn still(translation: DVec3) -> UnconstrainedMotion {
+    UnconstrainedMotion { translation, rotation: DVec3::ZERO, compliance: 1e-3, angular_compliance: DMat3::ZERO }
 }
 
 fn search(filter: Filter) -> Search {
@@ -83,8 +83,8 @@ fn search(filter: Filter) -> Search {
 }
 
 /// Contacts of a tool that rests.
-fn found(patch: &Patch, places: &[[f64; 3]], segments: &[[u32; 2]]) -> Vec<Contact> {
-    let (tool, lines) = tool(places, segments, 0.0);
+fn found(patch: &Patch, vertices: &[[f64; 3]], segments: &[[u32; 2]]) -> Vec<Contact> {
+    let (tool, lines) = tool(vertices, segments, 0.0);
     contacts((0, &tool), &lines, (0, patch), &search(Filter::Own), &still(DVec3::ZERO))
 }
 
@@ -235,7 +235,7 @@ fn a_point_inside_is_pushed_out_along_the_nearest_surface() {
 
 #[test]
 fn contact_does_not_depend_on_which_side_of_the_surface_rounding_puts_a_tool_at_rest() {
-    for (places, segments) in [
+    for (vertices, segments) in [
         (vec![[0.0, 0.0, 0.0]], vec![]),
         (vec![[0.3, 0.0, 0.0]], vec![]),
         (vec![[0.6, 0.2, 0.0]], vec![]),
@@ -243,12 +243,12 @@ fn contact_does_not_depend_on_which_side_of_the_surface_rounding_puts_a_tool_at_
     ] {
         let mut counts = vec![];
         for height in [-1e-7, -1e-10, 0.0, 1e-10, 1e-7, 1e-5] {
-            let lifted: Vec<[f64; 3]> = places.iter().map(|[x, y, z]| [*x, *y, z + height]).collect();
+            let lifted: Vec<[f64; 3]> = vertices.iter().map(|[x, y, z]| [*x, *y, z + height]).collect();
             let list = found(&surface(|_, _| 0.0), &lifted, &segments);
-            assert!(list.iter().all(|c| c.axes[0].z > 1.0 - 1e-6), "{places:?} at {height} mm: {list:?}");
+            assert!(list.iter().all(|c| c.axes[0].z > 1.0 - 1e-6), "{vertices:?} at {height} mm: {list:?}");
             counts.push(list.len());
         }
-        assert!(counts[0] >= 1 && counts.iter().all(|n| *n == counts[0]), "{places:?}: {counts:?}");
+        assert!(counts[0] >= 1 && counts.iter().all(|n| *n == counts[0]), "{vertices:?}: {counts:?}");
     }
 }
 
@@ -261,7 +261,7 @@ fn a_fast_point_is_stopped_where_it_comes_to_the_skin() {
     };
     let list = step(DVec3::new(3.0, 0.0, -2.0));
     let hit = list.iter().find(|c| bearing(c).len() == 3).expect("it meets a face");
-    let x: f64 = bearing(hit).iter().map(|(n, w)| place(*n)[0] * w).sum();
+    let x: f64 = bearing(hit).iter().map(|(n, w)| position(*n)[0] * w).sum();
     // it is taken at up to two hundredths of the alarm distance above the skin
     assert!((x - 0.3).abs() < 0.02 * 0.2 * 1.5 + 1e-6, "{x} mm");
     assert!((hit.gap[0] - MM).abs() < 1e-6 * MM && hit.axes[0].z > 1.0 - 1e-9);
@@ -273,9 +273,9 @@ fn a_fast_point_is_stopped_where_it_comes_to_the_skin() {
 #[test]
 fn a_probe_along_a_curved_skin_keeps_few_contacts() {
     let curved = surface(|x, y| -0.02 * (x * x + 0.5 * y * y));
-    let places: Vec<[f64; 3]> = (0..11).map(|k| [-2.5 + 0.5 * f64::from(k), 0.21, 0.01]).collect();
+    let vertices: Vec<[f64; 3]> = (0..11).map(|k| [-2.5 + 0.5 * f64::from(k), 0.21, 0.01]).collect();
     let segments: Vec<[u32; 2]> = (0..10).map(|k| [k, k + 1]).collect();
-    let (tool, lines) = tool(&places, &segments, 0.0);
+    let (tool, lines) = tool(&vertices, &segments, 0.0);
     let count = |filter| contacts((0, &tool), &lines, (0, &curved), &search(filter), &still(DVec3::ZERO)).len();
     let (cones, points) = (count(Filter::Cones), count(Filter::Points));
     println!("{cones} contacts with cones, {points} without");
@@ -313,7 +313,7 @@ proptest! {
     fn the_tree_of_boxes_finds_what_all_triangles_find((heights, wire, motion) in waves()) {
         let patch = wavy(&heights);
         let (tool, lines) = tool(&wire, &WIRE, 0.02);
-        let free = UnconstrainedMotion { turn: DVec3::new(0.02, -0.01, 0.03), ..still(DVec3::from_array(motion) * MM) };
+        let free = UnconstrainedMotion { rotation: DVec3::new(0.02, -0.01, 0.03), ..still(DVec3::from_array(motion) * MM) };
         let everything: Vec<u32> = (0..2 * (SIDE - 1) * (SIDE - 1)).collect();
         for filter in [Filter::Cones, Filter::Points] {
             let search = search(filter);
@@ -333,7 +333,7 @@ proptest! {
             let held = |c: &Contact| (c.gap[0] - distance).abs() < 1e-3 * MM && c.axes[0].dot(normal) > 0.99;
             let reached = distance < 0.19 * MM && distance.abs() > 1e-3 * MM;
             prop_assert!(!reached || list.iter().any(held), "{distance} m along {normal}: {list:?}");
-            // counter-test: a place that is off by 0.05 mm is no contact
+            // counter-test: a point that is off by 0.05 mm is no contact
             let wrong = |c: &Contact| (c.gap[0] - distance + 0.05 * MM).abs() < 1e-3 * MM;
             prop_assert!(!(list.len() == 1 && list.iter().any(wrong)));
         }
@@ -392,7 +392,7 @@ fn with_wire(mut scene: Scene) -> Scene {
 }
 
 fn run(scene: &Scene, steps: Option<u32>) -> (Simulation, Vec<StepReport>) {
-    let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(scene, &Platform::Cpu64).expect("the scene fits");
     let count = steps.unwrap_or((scene.time.duration / scene.time.step).round() as u32);
     let mut reports = vec![];
     for _ in 0..count {
@@ -413,17 +413,17 @@ fn depth(simulation: &mut Simulation) -> f64 {
     deepest(simulation, &[tip])
 }
 
-/// How far the deepest place of the tool's segments is under the surface, m: 50 places along each.
+/// How far the deepest point of the tool's segments is under the surface, m: 50 points along each.
 fn depth_along(simulation: &mut Simulation) -> f64 {
     let tool = &simulation.tools[0];
     let lines = tool.lines.as_ref().expect("it has lines");
     let at = |id: u32| tool.at(DVec3::from_array(lines.positions[id as usize]));
     let along = |[a, b]: [u32; 2]| (0..=50).map(move |k| at(a).lerp(at(b), f64::from(k) / 50.0));
-    let places: Vec<DVec3> = lines.segments.iter().copied().flat_map(along).collect();
-    deepest(simulation, &places)
+    let points: Vec<DVec3> = lines.segments.iter().copied().flat_map(along).collect();
+    deepest(simulation, &points)
 }
 
-fn deepest(simulation: &mut Simulation, places: &[DVec3]) -> f64 {
+fn deepest(simulation: &mut Simulation, points: &[DVec3]) -> f64 {
     let u = simulation.bodies[0].snapshot().expect("the CPU path has no device to fail").u;
     let rest = &simulation.bodies[0].model.rest;
     let position = |id: u32| {
@@ -431,7 +431,7 @@ fn deepest(simulation: &mut Simulation, places: &[DVec3]) -> f64 {
         DVec3::new(x[0] + u[0], x[1] + u[1], x[2] + u[2])
     };
     let patch = Patch::new(&simulation.bodies[0].wound.surface.all(), position).expect("the skin has faces");
-    places.iter().map(|p| -patch.project(*p).2).fold(f64::NEG_INFINITY, f64::max)
+    points.iter().map(|p| -patch.project(*p).2).fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// How far a wire may be under the surface after a step, m: what the surface turns under it within the step. Measured 0.1 µm
@@ -442,12 +442,12 @@ const DEEPEST: f64 = 2e-3 * MM;
 fn the_end_of_a_wire_never_slips_through_wherever_it_is_pressed() {
     let press = with_wire(scene("hard/press_vertex_edge_face.toml"));
     // vertex, edges along x and y, the diagonal, face, and anywhere
-    let mut places = vec![[0.0, 0.0], [5e-4, 0.0], [0.0, 5e-4], [2.5e-4, 2.5e-4], [7.5e-4, 2.5e-4], [5e-4, 5e-4]];
+    let mut points = vec![[0.0, 0.0], [5e-4, 0.0], [0.0, 5e-4], [2.5e-4, 2.5e-4], [7.5e-4, 2.5e-4], [5e-4, 5e-4]];
     let mut generator = Random::new(30);
     let mut random = || (generator.unit() - 0.5) * 2e-3;
-    places.extend((0..8).map(|_| [random(), random()]));
+    points.extend((0..8).map(|_| [random(), random()]));
     let mut worst = f64::NEG_INFINITY;
-    for [x, y] in places {
+    for [x, y] in points {
         let mut moved = press.clone();
         for pose in &mut moved.tools[0].trajectory {
             pose.position[0] += x;

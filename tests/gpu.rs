@@ -34,7 +34,7 @@ mod twins;
 
 use cutis::gpu::{Adapter, Gpu, adapters};
 use cutis::kernels;
-use cutis::step::Place;
+use cutis::step::Platform;
 use libtest_mimic::{Arguments, Trial};
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -58,9 +58,9 @@ impl From<cutis::error::Error> for Failure {
 }
 
 /// This very device, for a simulation.
-fn place(gpu: &Gpu) -> Place {
+fn platform(gpu: &Gpu) -> Platform {
     let a = &gpu.adapter;
-    Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)))
+    Platform::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver)))
 }
 
 /// Prints what a test measured, under `--nocapture`.

@@ -4,7 +4,7 @@
 
 use cutis::kernels::cut::Hit;
 use cutis::scene::{Files, Load, Pose, Scene, parse};
-use cutis::step::{Place, Simulation, StepReport};
+use cutis::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
 
@@ -26,7 +26,7 @@ fn scene(body: &str) -> Scene {
 }
 
 fn simulation(scene: &Scene) -> Simulation {
-    Simulation::new(scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"))
+    Simulation::new(scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn step(simulation: &mut Simulation) -> StepReport {

@@ -8,19 +8,19 @@ mod long;
 
 use cutis::report::Report;
 use cutis::scene::{Check, Element, Law, Load, Scene};
-use cutis::step::Place;
+use cutis::step::Platform;
 use forms::{hard, passes, report_of};
 use long::{PRECISIONS, apart, case, difference_over, displacements, largest, measured, pressed, simulate};
 
 /// The failure of a scene that must not pass.
 #[track_caller]
 fn fails(name: &str, scene: &Scene) -> String {
-    let report = report_of(&format!("counter-{name}"), scene, &Place::Cpu64).expect("it runs");
+    let report = report_of(&format!("counter-{name}"), scene, &Platform::Cpu64).expect("it runs");
     passes(name, scene, &report).expect_err("the case is made wrong")
 }
 
 #[test]
-fn plain_bricks_fail_the_bound_at_nu_04999() {
+fn plain_hexahedra_fail_the_bound_at_nu_04999() {
     let mut scene = case("nu_04999");
     scene.skins[0].law = Law::Fem { element: Element::Plain, corotational: false };
     let failure = fails("plain", &scene);
@@ -52,7 +52,7 @@ fn a_released_twist_gains_no_energy_in_short_steps() {
     let mut scene = case("twist_released");
     scene.time.step = 1e-3;
     scene.time.duration = 0.05;
-    let report = report_of("short-twist", &scene, &Place::Cpu64).expect("it runs");
+    let report = report_of("short-twist", &scene, &Platform::Cpu64).expect("it runs");
     let energy = report.energy_j;
     assert!(energy.max == energy.start && energy.start.is_some_and(|e| e > 5e-3), "{energy:?}");
 }
@@ -60,21 +60,21 @@ fn a_released_twist_gains_no_energy_in_short_steps() {
 #[test]
 fn what_nothing_moves_stays_to_the_last_bit() {
     let scene = case("still");
-    for place in [Place::Cpu64, Place::Cpu32] {
-        let mut simulation = simulate(&scene, &place);
+    for platform in [Platform::Cpu64, Platform::Cpu32] {
+        let mut simulation = simulate(&scene, &platform);
         (0..scene.time.steps()).for_each(|_| drop(simulation.step(false).expect("it runs")));
         let state = simulation.bodies[0].snapshot().expect("the CPU path has no device to fail");
-        assert!(state.u.iter().chain(&state.v).flatten().all(|c| *c == 0.0), "{place:?}");
+        assert!(state.u.iter().chain(&state.v).flatten().all(|c| *c == 0.0), "{platform:?}");
     }
     // a ten-thousandth of gravity moves it
     let mut moved = scene;
     moved.time.gravity[2] = -1e-3;
-    let mut simulation = simulate(&moved, &Place::Cpu32);
+    let mut simulation = simulate(&moved, &Platform::Cpu32);
     simulation.step(false).expect("it runs");
     assert!(displacements(&mut simulation).iter().flatten().any(|c| *c != 0.0));
 }
 
-/// The far skin, and what is at the same place at the origin.
+/// The far skin, and what is at the same position relative to the origin.
 fn far_and_near() -> [Scene; 2] {
     let far = case("far_origin");
     let mut near = far.clone();
@@ -86,7 +86,7 @@ fn far_and_near() -> [Scene; 2] {
 #[test]
 fn ten_metres_from_the_origin_nothing_is_other_than_there() {
     let steps = 20;
-    for place in [Place::Cpu64, Place::Cpu32] {
+    for platform in [Platform::Cpu64, Platform::Cpu32] {
         // without the tool to the last bit, for no position goes into a step
         let [mut far, mut near] = far_and_near().map(|mut scene| {
             let half = 2e-3;
@@ -94,30 +94,30 @@ fn ten_metres_from_the_origin_nothing_is_other_than_there() {
             scene.contact = None;
             scene.loads =
                 vec![Load { body: 0, pressure: 1e4, min: [-half; 2], max: [half; 2], start: 0.0, end: f64::INFINITY }];
-            simulate(&scene, &place)
+            simulate(&scene, &platform)
         });
         for simulation in [&mut far, &mut near] {
             (0..steps).for_each(|_| drop(simulation.step(false).expect("it runs")));
         }
         let found = displacements(&mut far);
-        assert_eq!(found, displacements(&mut near), "{place:?}");
+        assert_eq!(found, displacements(&mut near), "{platform:?}");
         assert!(largest(found.iter().flatten().copied()) > 1e-4);
         // with it as near as contact is found: 10 m in f64 is known to 2e-15 m, gaps in the dent of 0.4 mm are solved to 1e-3 of it
         let [far, near] = far_and_near().map(|scene| {
-            let mut simulation = simulate(&scene, &place);
+            let mut simulation = simulate(&scene, &platform);
             (0..steps).for_each(|_| drop(simulation.step(false).expect("it runs")));
             displacements(&mut simulation)
         });
         let found = apart(&far, &near) / largest(near.iter().flatten().copied());
-        println!("{place:?}: {found:.1e} of the largest displacement");
-        assert!(found < 1e-3, "{place:?}: {found:e}");
+        println!("{platform:?}: {found:.1e} of the largest displacement");
+        assert!(found < 1e-3, "{platform:?}: {found:e}");
     }
 }
 
 #[test]
 fn an_island_falls_as_a_free_body() {
     let scene = case("island");
-    let mut simulation = simulate(&scene, &Place::Cpu64);
+    let mut simulation = simulate(&scene, &Platform::Cpu64);
     let mut momenta = vec![];
     for _ in 0..scene.time.steps() {
         simulation.step(false).expect("it runs");
@@ -142,15 +142,15 @@ fn an_island_falls_as_a_free_body() {
 
 #[test]
 fn f32_is_f64_over_ten_thousand_steps() {
-    let [difference, motion] = difference_over(10_000, [&Place::Cpu32, &Place::Cpu64]);
+    let [difference, motion] = difference_over(10_000, [&Platform::Cpu32, &Platform::Cpu64]);
     println!("f32 and f64 over 10,000 steps: {:.2e} of {motion:.3e} m", difference / motion);
     assert!(motion > 1e-4 && difference < PRECISIONS * motion, "{difference:e} m of {motion:e} m");
 }
 
 /// How far a skin is at the end from where it was after 200 steps, relative to its dent.
-fn drift(scene: &Scene, steps: u32, place: &Place) -> f64 {
+fn drift(scene: &Scene, steps: u32, platform: &Platform) -> f64 {
     const SETTLED: u32 = 200;
-    let mut simulation = simulate(scene, place);
+    let mut simulation = simulate(scene, platform);
     let mut settled = vec![];
     for step in 1..=steps {
         let report = simulation.step(false).expect("it runs");
@@ -169,15 +169,15 @@ const DRIFT: f64 = 1e-3;
 fn pressed_skin_does_not_drift() {
     let steps = if measured() { 100_000 } else { 20_000 };
     let scene = pressed(steps, false);
-    for place in [Place::Cpu64, Place::Cpu32] {
-        let found = drift(&scene, steps, &place);
-        println!("{place:?}: {found:.2e} of the dent over {steps} steps");
-        assert!(found < DRIFT, "{place:?}: {found:e}");
+    for platform in [Platform::Cpu64, Platform::Cpu32] {
+        let found = drift(&scene, steps, &platform);
+        println!("{platform:?}: {found:.2e} of the dent over {steps} steps");
+        assert!(found < DRIFT, "{platform:?}: {found:e}");
     }
     // skin that creeps is noticed, here by 1/2000 of the dent that it goes to in each step
     let mut creeping = scene;
     creeping.skins[0].rayleigh_stiffness = 10.0;
-    let found = drift(&creeping, 400, &Place::Cpu64);
+    let found = drift(&creeping, 400, &Platform::Cpu64);
     assert!(found > 100.0 * DRIFT, "{found:e}");
 }
 
@@ -202,16 +202,16 @@ fn off(report: &Report, from: &Report) -> f64 {
 #[test]
 #[ignore = "prints the table of scenes/hard/README.md, and has no bound of its own"]
 fn table_of_the_hard_cases() {
-    let mut places = vec![Place::Cpu64, Place::Cpu32];
+    let mut platforms = vec![Platform::Cpu64, Platform::Cpu32];
     if let Some(a) = cutis::gpu::adapters().into_iter().next() {
-        places.push(Place::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver))));
+        platforms.push(Platform::Gpu(Some(format!("{} {} {}", a.name, a.backend, a.driver))));
     }
     println!(
         "| case | iterations, mean/most: f64, f32, device | of the bound | f32, device off f64 | energy, J: start, most, end | inverted |"
     );
     println!("|---|---|---|---|---|---|");
     for (name, scene) in hard() {
-        let runs: Vec<_> = places.iter().map(|place| report_of(&name, &scene, place)).collect();
+        let runs: Vec<_> = platforms.iter().map(|platform| report_of(&name, &scene, platform)).collect();
         let Ok(first) = &runs[0] else { panic!("{name}: {:?}", runs[0]) };
         let each = |of: &dyn Fn(&Report) -> String| {
             let texts = runs.iter().map(|run| run.as_ref().map_or("–".to_string(), of));

@@ -1,7 +1,7 @@
 //! What the blade does to the skin, and what a run says of the wound, on a small form of the incision scene on the CPU path.
 
 use cutis::scene::{Correction, Cut, Element, Law, Material, Pose, Scene};
-use cutis::step::{Place, Simulation, StepReport};
+use cutis::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
 
@@ -33,7 +33,7 @@ fn pressed(depth: f64) -> Scene {
 }
 
 fn run(scene: &Scene, steps: u32) -> (Simulation, StepReport) {
-    let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(scene, &Platform::Cpu64).expect("the scene fits");
     let mut last = StepReport::default();
     for _ in 0..steps {
         last = simulation.step(false).expect("the CPU path has no device to fail");
@@ -64,7 +64,7 @@ fn hyperelastic_skin_is_cut_alike() {
         (along.time, along.position[0]) = (0.3, along.position[0] + 3e-3);
         scene.tools[0].trajectory.insert(2, along);
         scene.tools[0].trajectory[3].position[0] = along.position[0];
-        let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+        let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
         let (mut most, mut warned) = (0.0f64, 0);
         for _ in 0..70 {
             let report = simulation.step(false).expect("the CPU path has no device to fail");
@@ -101,7 +101,7 @@ fn refinement_counts_contact_forces_in() {
     scene.solver.tolerance = 1e-6;
     let (_, plain) = run(&scene, 25);
     scene.solver.refinements = 4;
-    let mut single = Simulation::new(&scene, &Place::Cpu32).expect("the scene fits");
+    let mut single = Simulation::new(&scene, &Platform::Cpu32).expect("the scene fits");
     let mut last = StepReport::default();
     let mut rounds = 0;
     for _ in 0..25 {
@@ -145,7 +145,7 @@ fn a_step_cut_short_is_counted_and_further_from_the_exact_force() {
         let law = scene.contact.as_mut().expect("the scene has contact");
         (law.max_passes, law.column_tolerance) = (passes, 0.3);
         let wanted = law.tolerance;
-        let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene is valid");
+        let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene is valid");
         let mut last = StepReport::default();
         let mut short = 0;
         for _ in 0..40 {
@@ -207,7 +207,7 @@ fn a_cut_leaves_no_hole_in_the_surface() {
 fn sliced(reserve_columns: u32) -> (Vec<DVec3>, usize, Simulation) {
     let mut scene = incision();
     scene.skins[0].cut = Cut::Split { reserve_columns };
-    let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
     let (mut path, mut held) = (vec![], 0);
     for _ in 0..scene.time.steps() {
         let step = simulation.step(false).expect("the CPU path has no device to fail");

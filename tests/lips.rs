@@ -5,7 +5,7 @@ use cutis::collide::lips::{contacts, faces};
 use cutis::kernels::cut::Hit;
 use cutis::mesh::Surface;
 use cutis::scene::{Files, Scene, parse};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use glam::DVec3;
 use std::path::Path;
 
@@ -21,7 +21,7 @@ fn incision(strain: f64) -> Scene {
 
 /// How far the lips part and overlap while the skin is cut and after, m.
 fn cut(scene: &Scene) -> [f64; 2] {
-    let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(scene, &Platform::Cpu64).expect("the scene fits");
     let (mut widest, mut deepest, mut severed) = (0.0f64, 0.0f64, 0);
     for _ in 0..220 {
         let report = simulation.step(false).expect("the CPU path has no device to fail");
@@ -55,7 +55,7 @@ fn pushed(lips: bool) -> f64 {
     let files = Files::Folder(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes"));
     let mut scene = parse(text, Path::new("scenes/halves.toml"), &files).unwrap_or_else(|e| panic!("{e}"));
     scene.contact.as_mut().expect("it has a blade").lips = lips;
-    let mut simulation = Simulation::new(&scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let params = simulation.bodies[0].model.grid.params::<f64>();
     let cells = (0..4).flat_map(|y| (0..3).map(move |z| [3, y, z]));
     let hits: Vec<Hit<f64>> = cells.map(|cell| Hit { segment: 3 * params.cell_id(cell) as u32, at: 0.5 }).collect();

@@ -7,7 +7,7 @@ use cutis::math::Real;
 use cutis::math::wide::{Lanes, Registers, Task, Wide, force};
 use cutis::report::run::{self, Options};
 use cutis::scene::{Scene, read};
-use cutis::step::Place;
+use cutis::step::Platform;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -23,7 +23,7 @@ const SCENES: &[(&str, u32)] = &[
     ("hard/press_50kpa", 4),
 ];
 
-const PLACES: [Place; 2] = [Place::Cpu64, Place::Cpu32];
+const PLATFORMS: [Platform; 2] = [Platform::Cpu64, Platform::Cpu32];
 
 const THREADS: [usize; 3] = [1, 2, 5];
 
@@ -48,10 +48,10 @@ fn hash(text: &[u8]) -> u64 {
 }
 
 /// Runs a scene; returns the hashes of its tables, one line each.
-fn hashes(name: &str, scene: &Scene, steps: u32, place: &Place, threads: usize) -> String {
-    let folder = format!("cutis-machines-{}-{}-{place:?}", std::process::id(), name.replace('/', "-"));
+fn hashes(name: &str, scene: &Scene, steps: u32, platform: &Platform, threads: usize) -> String {
+    let folder = format!("cutis-machines-{}-{}-{platform:?}", std::process::id(), name.replace('/', "-"));
     let out = std::env::temp_dir().join(folder);
-    let options = Options { steps: Some(steps), ..Options::new(place.clone(), &out) };
+    let options = Options { steps: Some(steps), ..Options::new(platform.clone(), &out) };
     let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a few threads can be had");
     pool.install(|| run::run(scene, &options, &mut |_| {})).unwrap_or_else(|e| panic!("{name}: {e}"));
     let mut lines = String::new();
@@ -66,7 +66,7 @@ fn hashes(name: &str, scene: &Scene, steps: u32, place: &Place, threads: usize) 
                 !blade || rows.clone().any(|row| !row.ends_with(",0")),
                 "{name}: {steps} steps do not reach the cut"
             );
-            writeln!(lines, "{name} {place:?} {table} {:016x}", hash(text.as_bytes()))
+            writeln!(lines, "{name} {platform:?} {table} {:016x}", hash(text.as_bytes()))
                 .expect("a String takes any text");
         }
     }
@@ -78,7 +78,7 @@ fn hashes(name: &str, scene: &Scene, steps: u32, place: &Place, threads: usize) 
 fn all(threads: usize) -> String {
     let one = |(name, steps): &(&str, u32)| {
         let scene = scene(name);
-        PLACES.map(|place| hashes(name, &scene, *steps, &place, threads)).concat()
+        PLATFORMS.map(|platform| hashes(name, &scene, *steps, &platform, threads)).concat()
     };
     std::thread::scope(|scope| {
         let running: Vec<_> = SCENES.iter().map(|case| scope.spawn(move || one(case))).collect();
@@ -135,7 +135,7 @@ fn one_unit_in_the_last_place_is_noticed() {
     let _turn = TURN.lock().unwrap_or_else(|e| e.into_inner());
     let name = "needle_press";
     let mut scene = scene(name);
-    let run = |scene: &Scene| hashes(name, scene, 40, &Place::Cpu64, 1);
+    let run = |scene: &Scene| hashes(name, scene, 40, &Platform::Cpu64, 1);
     let before = run(&scene);
     assert!(!before.is_empty() && before == run(&scene));
     let young = &mut scene.skins[0].layers[0].young;

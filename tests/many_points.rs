@@ -1,7 +1,7 @@
 //! One rigid tool with many contact points: the force is that of a flat punch, whatever the points' number and however redundant.
 
 use cutis::scene::{Boundary, Pose, ProbeKind, Region, Scene, read};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use std::path::Path;
 
 /// Relative error of a force between two solves: the passes stop at 1e-3 of the energy, that is well below of the sum.
@@ -23,7 +23,7 @@ fn with_points(count: usize, times: usize) -> Scene {
 
 /// Force on the tool at rest, and how many points touch; no warning.
 fn pressed(scene: &Scene) -> ([f64; 3], usize) {
-    let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(scene, &Platform::Cpu64).expect("the scene fits");
     let mut last = ([0.0; 3], 0);
     for _ in 0..scene.time.steps() {
         let report = simulation.step(false).expect("the CPU path has no device to fail");
@@ -41,10 +41,10 @@ fn held_down() -> f64 {
     let top: f64 = scene.skins[0].layers.iter().map(|l| l.thickness).sum();
     let region = Region::Box { min: [-1e-3, -1e-3, top], max: [1e-3, 1e-3, top] };
     let displacement = [0.0, 0.0, end - top];
-    scene.boundaries.push(Boundary { body: 0, region, axes: [false, false, true], displacement, turn: 0.0 });
+    scene.boundaries.push(Boundary { body: 0, region, axes: [false, false, true], displacement, rotation: 0.0 });
     (scene.tools, scene.contact) = (vec![], None);
     assert!(matches!(scene.probes[0].kind, ProbeKind::Reaction { .. }));
-    let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
     let mut reports = (0..3).map(|_| simulation.step(false).expect("the CPU path has no device to fail"));
     reports.nth(2).map_or(0.0, |r| r.probes[0].abs())
 }

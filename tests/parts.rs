@@ -54,10 +54,10 @@ fn hits(links: &[u32]) -> Vec<Hit<f64>> {
     links.iter().map(|link| Hit { segment: *link, at: 0.5 }).collect()
 }
 
-/// Links along an axis at a place.
-fn plane(model: &Model, axis: usize, place: usize) -> Vec<u32> {
+/// Links along an axis in one layer of cells.
+fn plane(model: &Model, axis: usize, layer: usize) -> Vec<u32> {
     let params = model.params::<f64>();
-    let cells = (0..model.grid.cell_count()).filter(|cell| params.cell_at(*cell)[axis] == place);
+    let cells = (0..model.grid.cell_count()).filter(|cell| params.cell_at(*cell)[axis] == layer);
     cells.map(|cell| (3 * cell + axis) as u32).collect()
 }
 
@@ -261,11 +261,12 @@ fn blocks_are_those_of_the_matrix(model: &Model, wound: &Wound, seed: u64) -> Re
             if a < 4 { corners[a + 4] == above } else { params.above(corners[a - 4]) == node }
         };
         if let Some(cell) = parts.cells_of(node).into_iter().find(|cell| parts.corners(*cell)[..4].contains(&node)) {
-            let exact = if params.place(parts.table(), above).is_some() { at(node, above) } else { M3::zero() };
+            let exact =
+                if params.grid_coordinates(parts.table(), above).is_some() { at(node, above) } else { M3::zero() };
             prop_assert!(far(own.g, exact) < ROUNDING * size, "U of node {} with cell {}", node, cell);
         }
-        let held = M3::diagonal(V3::splat(1.0) - V3::from4(wound.free[node]));
-        let off = far(own.d, at(node, node) + held);
+        let fixed = M3::diagonal(V3::splat(1.0) - V3::from4(wound.free[node]));
+        let off = far(own.d, at(node, node) + fixed);
         if parts.cells_of(node).into_iter().all(chained) {
             prop_assert!(off < ROUNDING * size, "D of node {}: {:e} of {:e}", node, off, size);
         } else if wound.free[node][..3] == [1.0; 3] {
@@ -281,7 +282,7 @@ fn cuts() -> impl Strategy<Value = (Vec<u32>, Vec<(usize, usize)>)> {
 }
 
 fn all_links(model: &Model, (links, planes): (Vec<u32>, Vec<(usize, usize)>)) -> Vec<u32> {
-    let whole = planes.into_iter().flat_map(|(axis, place)| plane(model, axis, place));
+    let whole = planes.into_iter().flat_map(|(axis, layer)| plane(model, axis, layer));
     whole.chain(links).collect()
 }
 
@@ -360,8 +361,8 @@ fn found(model: &Model, wound: &Wound, rotation: &[V4<f64>], once: bool) -> f64 
         let dense = Dense::new(model, wound, rotation);
         for node in 0..dense.count {
             let own = unpack::<f64>(&block[4 * node..4 * node + 4]);
-            let held = M3::diagonal(V3::splat(1.0) - V3::from4(wound.free[node]));
-            let d = dense.block[node * dense.count + node] + held;
+            let fixed = M3::diagonal(V3::splat(1.0) - V3::from4(wound.free[node]));
+            let d = dense.block[node * dense.count + node] + fixed;
             block[4 * node..4 * node + 4].copy_from_slice(&pack(Block { d, g: own.g }));
         }
     }

@@ -6,7 +6,7 @@
 mod crumbs;
 
 use crumbs::{CAP, at_rest, block, needs, quad, random};
-use cutis::backend::{Backend, CpuBackend, FREE, Query, Snapshot, Target, Wanted};
+use cutis::backend::{Backend, CpuBackend, FREE, Query, Snapshot, SolveRequest, Target};
 use cutis::bodies::Wound;
 use cutis::bodies::{Model, Solved, true_residual};
 use std::collections::BTreeSet;
@@ -56,7 +56,7 @@ impl Run {
         let device = "the CPU path has no device to fail";
         let before = self.state();
         self.backend.begin().expect(device);
-        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(TOLERANCE) }];
+        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) }];
         let outcome = self.backend.solve(&wanted, &[]).expect(device).0[0];
         assert!(outcome.converged, "{outcome:?} of {} pieces", self.pieces);
         self.iterations = self.iterations.max(outcome.iterations);

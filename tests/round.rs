@@ -2,7 +2,7 @@
 
 use cutis::math::random::Random;
 use cutis::scene::{Filter, Law, Pose, Scene, read};
-use cutis::step::{Place, Simulation, StepReport};
+use cutis::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
 
@@ -13,7 +13,7 @@ fn scene(name: &str) -> Scene {
 
 /// Runs to the end of the scene, or `steps`; reports of all steps.
 fn run(scene: &Scene, steps: Option<u32>) -> (Simulation, Vec<StepReport>) {
-    let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(scene, &Platform::Cpu64).expect("the scene fits");
     let count = steps.unwrap_or((scene.time.duration / scene.time.step).round() as u32);
     let mut reports = vec![];
     for _ in 0..count {
@@ -44,13 +44,13 @@ fn depth(simulation: &mut Simulation, tool: usize) -> f64 {
     let centre = instrument.at(DVec3::from_array(round.ends[0]));
     let top = simulation.bodies[0].model.grid.thickness();
     let rest = &simulation.bodies[0].model.rest;
-    let place = |id: u32| {
+    let position = |id: u32| {
         let (x, u) = (rest[id as usize], u[id as usize]);
         DVec3::new(x[0] + u[0], x[1] + u[1], x[2] + u[2])
     };
     let faces = simulation.bodies[0].wound.surface.all();
     let tops = faces.iter().filter(|q| q.nodes.iter().all(|n| (rest[*n as usize][2] - top).abs() < 1e-9));
-    for [a, b, c] in tops.flat_map(|q| q.triangles()).map(|t| t.map(place)) {
+    for [a, b, c] in tops.flat_map(|q| q.triangles()).map(|t| t.map(position)) {
         let twice = |p: DVec3, q: DVec3, r: DVec3| (q - p).truncate().perp_dot((r - p).truncate());
         let weights = [twice(b, c, centre), twice(c, a, centre), twice(a, b, centre)].map(|w| w / twice(a, b, c));
         if weights.iter().all(|w| *w >= -1e-9) {
@@ -95,7 +95,7 @@ fn half_a_cell_of_1_mm_is_coarse_for_a_sphere_of_2_mm_and_one_point_far_too_soft
     let one = last(&reports);
     assert!(one < 0.6 * REFERENCE, "one point: {one} N");
     let mut turned = coarse_press();
-    let Law::Fem { element, .. } = turned.skins[0].law else { panic!("the block is of bricks") };
+    let Law::Fem { element, .. } = turned.skins[0].law else { panic!("the block is of hexahedra") };
     turned.skins[0].law = Law::Fem { element, corotational: true };
     let turned = last(&run(&turned, None).1);
     assert!(turned < 0.9 * points, "corotational {turned} N, linear {points} N");
@@ -108,8 +108,8 @@ fn a_small_sphere_never_slips_through_wherever_it_is_pressed() {
     let mut generator = Random::new(20);
     let mut random = || (generator.unit() - 0.5) * 2e-3;
     // vertex, edges along x and y, the diagonal, faces
-    let mut places = vec![[0.0, 0.0], [5e-4, 0.0], [0.0, 5e-4], [2.5e-4, 2.5e-4], [7.5e-4, 2.5e-4], [5e-4, 5e-4]];
-    places.extend((0..200).map(|_| [random(), random()]));
+    let mut positions = vec![[0.0, 0.0], [5e-4, 0.0], [0.0, 5e-4], [2.5e-4, 2.5e-4], [7.5e-4, 2.5e-4], [5e-4, 5e-4]];
+    positions.extend((0..200).map(|_| [random(), random()]));
     let pressed = |[x, y]: [f64; 2]| {
         let (mut simulation, reports) = run(&moved(&press, x, y), None);
         let forces: Vec<f64> = reports.iter().map(|r| force(r, 0).length()).collect();
@@ -119,8 +119,8 @@ fn a_small_sphere_never_slips_through_wherever_it_is_pressed() {
         assert!(rest[5] > 0.01, "at {x}, {y}: {} N", rest[5]);
         (depth(&mut simulation, 0), noise, most)
     };
-    let (left, right) = places.split_at(places.len() / 2);
-    let all = |places: &[[f64; 2]]| places.iter().map(|p| pressed(*p)).collect::<Vec<_>>();
+    let (left, right) = positions.split_at(positions.len() / 2);
+    let all = |positions: &[[f64; 2]]| positions.iter().map(|p| pressed(*p)).collect::<Vec<_>>();
     let mut found = std::thread::scope(|scope| {
         let other = scope.spawn(|| all(right));
         [all(left), other.join().expect("its message is above")].concat()
@@ -146,7 +146,7 @@ fn a_small_sphere_never_slips_through_wherever_it_is_pressed() {
 /// How far a sphere at rest may be under the surface, radii: the first touch is found to 1 % of the radius, and the skin turns under
 /// it within a step.
 const DEEPEST: f64 = 0.05;
-/// Change of the force at rest from step to step, share: measured 0.035 at the worst of 206 places, and 0.51 with one nearest place.
+/// Change of the force at rest from step to step, share: measured 0.035 at the worst of 206 positions, and 0.51 with one nearest point.
 const NOISE: f64 = 0.1;
 
 /// Force on the bed of a scene's test form at its end, N.
@@ -156,7 +156,7 @@ fn on_bed(scene: &Scene) -> f64 {
 }
 
 #[test]
-fn a_sphere_on_a_half_space_meets_hertz_and_neither_one_point_nor_plain_bricks_do() {
+fn a_sphere_on_a_half_space_meets_hertz_and_neither_one_point_nor_plain_hexahedra_do() {
     let hertz = scene("verify/hertz.toml");
     let (r, d, h, poisson, young) = (5e-3f64, 1e-4f64, 1e-2, 0.49, 1e5);
     let alpha = -(1.2876 - 1.4678 * poisson + 1.3442 * poisson * poisson) / (1.0 - poisson);
@@ -175,7 +175,7 @@ fn a_sphere_on_a_half_space_meets_hertz_and_neither_one_point_nor_plain_bricks_d
     assert!(error(&one) < -0.2, "one point: {}", error(&one));
     let mut plain = hertz;
     plain.skins[0].law = Law::Fem { element: cutis::scene::Element::Plain, corotational: false };
-    assert!(error(&plain) > 0.05, "plain bricks: {}", error(&plain));
+    assert!(error(&plain) > 0.05, "plain hexahedra: {}", error(&plain));
 }
 
 #[test]

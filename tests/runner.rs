@@ -4,7 +4,7 @@ use cutis::error::Result;
 use cutis::haptic::device::{Device, Limits, Reading, Wrench};
 use cutis::runner::{Clock, Runner};
 use cutis::scene::{Scene, read};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use glam::{DQuat, DVec3};
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -45,7 +45,7 @@ fn probe() -> Scene {
 }
 
 fn runner(scene: &Scene, clock: Clock) -> Runner {
-    Runner::new(scene, Simulation::new(scene, &Place::Cpu64).expect("the scene fits"), clock)
+    Runner::new(scene, Simulation::new(scene, &Platform::Cpu64).expect("the scene fits"), clock)
 }
 
 fn held(scene: &Scene, clock: Clock) -> (Runner, Arc<Mutex<Vec<f64>>>) {

@@ -207,7 +207,9 @@ fn parsed(text: &str) -> Result<Scene> {
 fn in_order(message: &str, parts: &str) -> std::result::Result<(), String> {
     let mut rest = message;
     for part in parts.split(" … ") {
-        let Some(found) = rest.find(part) else { return Err(format!("`{part}` is not in its place in: {message}")) };
+        let Some(found) = rest.find(part) else {
+            return Err(format!("`{part}` is missing or out of order in: {message}"));
+        };
         rest = &rest[found + part.len()..];
     }
     Ok(())
@@ -280,7 +282,9 @@ fn bad_input_is_refused_where_it_stands_with_the_way_to_mend_it() {
         friction("friction = 0.2", "¦\nfriction = -1", "friction")
             .starts_with("exit code 2, wanted `scenes/full.toml:")
     );
-    assert!(friction("friction = 0.2", "friction = -1", "0 or more … friction = -1").contains("is not in its place"));
+    assert!(
+        friction("friction = 0.2", "friction = -1", "0 or more … friction = -1").contains("is missing or out of order")
+    );
     assert_eq!(friction("friction = 0.3", "", ""), "`friction = 0.3` is not there");
     assert_eq!(friction("poisson", "", ""), "`poisson` is there more than once");
 }
@@ -300,7 +304,7 @@ fn full_scene_is_read_in_si() {
     assert_eq!((skin.rayleigh_mass, skin.rayleigh_stiffness), (0.02, 0.03));
     assert_eq!((skin.velocity, skin.displacement), ([0.0, 0.0, 0.1], [1e-3, 0.0, 0.0]));
     for (word, wanted) in [("enhanced", Element::Enhanced), ("plain", Element::Plain)] {
-        let other = parsed(&FULL.replace("\"bbar\"", &format!("\"{word}\""))).expect("a known brick");
+        let other = parsed(&FULL.replace("\"bbar\"", &format!("\"{word}\""))).expect("a known element");
         assert!(matches!(other.skins[0].law, Law::Fem { element, .. } if element == wanted), "{word}");
     }
     let names: Vec<&str> = skin.layers.iter().map(|layer| layer.name.as_str()).collect();
@@ -472,8 +476,8 @@ fn absent_tables_have_defaults() {
 }
 
 #[test]
-fn direct_is_for_bricks() {
-    let scene = parsed(&FULL.replace("preconditioner = \"block\"", "preconditioner = \"direct\"")).expect("bricks");
+fn direct_is_for_hexahedra() {
+    let scene = parsed(&FULL.replace("preconditioner = \"block\"", "preconditioner = \"direct\"")).expect("hexahedra");
     assert_eq!(scene.solver.preconditioner, Preconditioner::Direct);
     // the command line can ask for it after the scene was read
     let mut scene = parsed(SMALL).expect("SMALL is valid");
@@ -481,7 +485,7 @@ fn direct_is_for_bricks() {
     let error = cutis::bodies::Model::new(&scene, 0).expect_err("springs");
     says(
         &error.to_string(),
-        "the direct solver is for bricks; this skin is of springs; take the preconditioner column",
+        "the direct solver is for hexahedra; this skin is of springs; take the preconditioner column",
     );
     assert_eq!(error.exit_code(), 2);
 }
@@ -533,19 +537,19 @@ fn a_body_starts_in_a_shape_that_is_known() {
     assert_eq!(start("start = \"random\"\nstart_mm = 2"), Start::Random { amplitude: 2e-3, seed: 1 });
     assert_eq!(start("start = \"random\"\nstart_mm = 2\nstart_seed = 7"), Start::Random { amplitude: 2e-3, seed: 7 });
     assert_eq!(start("start = \"flat\""), Start::Flat);
-    assert_eq!(start("start = \"inside_out\""), Start::InsideOut);
+    assert_eq!(start("start = \"inside_out\""), Start::Inverted);
     assert_eq!(start("start = \"twist\"\nstart_deg = 180"), Start::Twist(std::f64::consts::PI));
 }
 
 #[test]
 fn boundaries_turn_what_they_hold() {
     let turned = parsed(&FULL.replace("axes = \"xz\"", "axes = \"xy\"\nturn_deg = 90")).expect("x and y are held");
-    assert_eq!((turned.boundaries[0].turn, turned.boundaries[1].turn), (0.0, std::f64::consts::FRAC_PI_2));
+    assert_eq!((turned.boundaries[0].rotation, turned.boundaries[1].rotation), (0.0, std::f64::consts::FRAC_PI_2));
     let held = cutis::bodies::Model::new(&turned, 0).expect("the scene is valid");
     // the corner at (-20, -10, 2.5) mm comes to (10, -20) mm, and goes on by -2 mm along x
     let corner = held.grid.nearest([-20e-3, -10e-3, 2.5e-3]);
-    let [x, y, z] = held.held[corner];
-    assert!((x - 28e-3).abs() < 1e-12 && (y + 10e-3).abs() < 1e-12 && z == 0.0, "{:?}", held.held[corner]);
+    let [x, y, z] = held.prescribed[corner];
+    assert!((x - 28e-3).abs() < 1e-12 && (y + 10e-3).abs() < 1e-12 && z == 0.0, "{:?}", held.prescribed[corner]);
 }
 
 #[test]
@@ -585,7 +589,7 @@ fn bodies_say_who_they_are_and_where() {
     let direction = with("[[attach]]\nregion = \"top\"\nslide = [0, 0, 0]\n");
     says(&direction, "slide");
     let held = with("[[attach]]\nregion = \"top\"\nfriction = 0.3\n");
-    says(&held, "`friction` has no effect here; what is held along all axes does not slide");
+    says(&held, "`friction` has no effect here; what is tied along all axes does not slide");
     let negative = with("[[attach]]\nregion = \"top\"\nslide = [0, 0, 1]\nresistance_n = -1\n");
     says(&negative, "resistance_n = -1.0; wanted a finite number, 0 or more");
     says(&with("[[plane]]\nname = \"p\"\nthrough_mm = [0, 0, 0]\nnormal = [0, 0, 0]\n"), "normal");
@@ -699,8 +703,8 @@ const PIECES: &[&str] = &[
 /// Flips, cuts, doublings and insertions at places given as fractions of the length.
 fn mutated(text: &str, edits: &[(u8, f64, usize)]) -> String {
     let mut bytes = text.as_bytes().to_vec();
-    for &(kind, place, value) in edits {
-        let at = (place * bytes.len() as f64) as usize;
+    for &(kind, fraction, value) in edits {
+        let at = (fraction * bytes.len() as f64) as usize;
         let end = (at + value % 40).min(bytes.len());
         match kind {
             0 if at < bytes.len() => bytes[at] ^= 1 << (value % 8),

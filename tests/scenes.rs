@@ -4,12 +4,12 @@
 mod forms;
 
 use cutis::scene::Scene;
-use cutis::step::Place;
+use cutis::step::Platform;
 use forms::{RESIDUAL, ROUNDED, files, folder, hard, passes, report_of, scene, test_form};
 
 /// Runs a scene in f64 and asks for what every run must be and for the true residual that the scene wants.
 fn run(name: &str, scene: &Scene) {
-    let report = report_of(name, scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let report = report_of(name, scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     passes(name, scene, &report).unwrap_or_else(|e| panic!("{e}"));
     // the tolerance of the recurrence, and what f64 loses to it
     let residual = report.solver.residual_true.expect("the last step is asked for it");
@@ -43,7 +43,7 @@ fn every_test_form_runs_without_a_warning_and_passes_its_checks() {
 fn every_hard_case_passes_its_checks_in_f32() {
     let mut failed = vec![];
     for (name, scene) in hard() {
-        let report = report_of(&name, &scene, &Place::Cpu32);
+        let report = report_of(&name, &scene, &Platform::Cpu32);
         failed.extend(
             report
                 .and_then(|report| {

@@ -2,14 +2,14 @@
 
 mod states;
 
-use cutis::step::{Place, Simulation};
-use states::{SCENES, goes_on, scene, simulation, steps, text};
+use cutis::step::{Platform, Simulation};
+use states::{SCENES, resumes, scene, simulation, steps, text};
 
 #[test]
 fn a_run_goes_on_from_its_state_bit_for_bit() {
     for (name, k, n) in SCENES {
-        for place in [Place::Cpu64, Place::Cpu32] {
-            goes_on(name, &place, *k, *n).unwrap_or_else(|said| panic!("{said}"));
+        for platform in [Platform::Cpu64, Platform::Cpu32] {
+            resumes(name, &platform, *k, *n).unwrap_or_else(|said| panic!("{said}"));
         }
     }
 }
@@ -17,7 +17,7 @@ fn a_run_goes_on_from_its_state_bit_for_bit() {
 #[test]
 fn a_bit_that_is_not_kept_is_noticed() {
     let scene = scene("dental_probe");
-    let mut first = simulation(&scene, &Place::Cpu64);
+    let mut first = simulation(&scene, &Platform::Cpu64);
     steps(&mut first, 22);
     let state = first.state().expect("no device fails");
     let mut from = |change: &dyn Fn(&mut Simulation)| {
@@ -34,13 +34,13 @@ fn a_bit_that_is_not_kept_is_noticed() {
 
 #[test]
 fn a_state_of_another_scene_is_refused() {
-    let mut skin = simulation(&scene("dental_probe"), &Place::Cpu64);
+    let mut skin = simulation(&scene("dental_probe"), &Platform::Cpu64);
     let mut other = scene("dental_probe");
     other.skins[0].cells[0] += 1;
-    let said = skin.restore(&simulation(&other, &Place::Cpu64).state().expect("no device fails"));
+    let said = skin.restore(&simulation(&other, &Platform::Cpu64).state().expect("no device fails"));
     let said = said.expect_err("the grids differ").to_string();
     assert!(said.contains("nodes where the simulation has"), "{said}");
-    let stack = simulation(&scene("verify/stack_five_soft"), &Place::Cpu64).state().expect("no device fails");
+    let stack = simulation(&scene("verify/stack_five_soft"), &Platform::Cpu64).state().expect("no device fails");
     let said = skin.restore(&stack).expect_err("the bodies differ").to_string();
     assert!(said.contains("bodies where the simulation has"), "{said}");
 }
@@ -50,7 +50,7 @@ fn a_scene_may_change_while_it_runs() {
     let mut scene = scene("skin_block");
     (scene.skins[0].cells, scene.time.step, scene.time.duration) = ([8, 8], 0.02, 1.0);
     let settled = |simulation: &mut Simulation| steps(simulation, 40).pop().map_or(0.0, |last| last.probes[0]);
-    let mut running = simulation(&scene, &Place::Cpu64);
+    let mut running = simulation(&scene, &Platform::Cpu64);
     let first = settled(&mut running);
     // twice the load, then twice the stiffness as well
     running.change(|scene| scene.loads.iter_mut().for_each(|load| load.pressure *= 2.0)).expect("the body is the same");
@@ -75,7 +75,7 @@ fn a_load_begins_at_its_step_whatever_the_step() {
     let mut scene = scene("skin_block");
     (scene.skins[0].cells, scene.time.step, scene.time.substeps) = ([4, 4], 2e-3, 3);
     scene.loads.iter_mut().for_each(|load| load.start = 0.1);
-    let mut running = simulation(&scene, &Place::Cpu64);
+    let mut running = simulation(&scene, &Platform::Cpu64);
     let last = |running: &mut Simulation, count| steps(running, count).pop().map_or(0.0, |step| step.probes[0].abs());
     let before = last(&mut running, 50);
     assert!(last(&mut running, 5) > 10.0 * before.max(1e-9), "nothing presses at 0.11 s");
@@ -85,7 +85,7 @@ fn a_load_begins_at_its_step_whatever_the_step() {
 fn a_state_of_the_start_is_one_too() {
     let mut scene = scene("dental_probe");
     scene.skins[0].velocity = [0.0, 0.0, 0.5];
-    let mut running = simulation(&scene, &Place::Cpu64);
+    let mut running = simulation(&scene, &Platform::Cpu64);
     let start = running.state().expect("no device fails");
     let reports = steps(&mut running, 3);
     let wanted = text(&reports, &mut running);

@@ -4,7 +4,7 @@ use cutis::error::{Error, Result};
 use cutis::report::Refused;
 use cutis::report::study::{Options, Row, Setting, Stop, Study, Trace, study};
 use cutis::scene::{Element, Files, Integrator, Law, Preconditioner, Scene, parse};
-use cutis::step::Place;
+use cutis::step::Platform;
 use std::path::{Path, PathBuf};
 
 /// A block pressed on a quarter of its top.
@@ -102,13 +102,13 @@ fn find(study: &Study, fits: impl Fn(&Setting) -> bool) -> &Row {
     study.rows.iter().find(|r| fits(&r.setting)).expect("it was run")
 }
 
-fn brick(element: Element) -> Law {
+fn fem(element: Element) -> Law {
     Law::Fem { element, corotational: true }
 }
 
-/// Direct, bricks, grid × 1, the long step: nothing but grid and step is wrong of it.
+/// Direct, hexahedra, grid × 1, the long step: nothing but grid and step is wrong of it.
 fn exact(s: &Setting, element: Element, step: f64) -> bool {
-    s.preconditioner == Preconditioner::Direct && s.law == brick(element) && s.refinement == 1.0 && s.step == step
+    s.preconditioner == Preconditioner::Direct && s.law == fem(element) && s.refinement == 1.0 && s.step == step
 }
 
 #[test]
@@ -121,12 +121,12 @@ fn each_error_is_of_what_it_names() {
         // implicit Euler is of first order; against the step of 1 ms the errors are as 3 to 1
         let ratio = long.error_step.unwrap() / short.error_step.unwrap();
         assert!((2.0..4.0).contains(&ratio), "steps of 4 and 2 ms: {ratio}");
-        // plain bricks lock at ν 0.49 where B-bar does not; a coarser grid is worse
+        // plain hexahedra lock at ν 0.49 where B-bar does not; a coarser grid is worse
         let plain = of(Element::Plain, 4e-3).error_discretisation.unwrap();
         let bbar = long.error_discretisation.unwrap();
         assert!(plain > 3.0 * bbar && bbar > 0.0, "plain {plain}, B-bar {bbar}");
         let coarse = find(study, |s| {
-            s.law == brick(Element::Bbar) && s.refinement == 0.5 && s.preconditioner == Preconditioner::Direct
+            s.law == fem(Element::Bbar) && s.refinement == 0.5 && s.preconditioner == Preconditioner::Direct
         });
         assert!(coarse.error_discretisation.unwrap() > bbar);
         // a looser solve is a larger error of the solver, and three iterations are none at all
@@ -134,8 +134,8 @@ fn each_error_is_of_what_it_names() {
             let fits = |s: &Setting| {
                 s.preconditioner == Preconditioner::Jacobi
                     && s.stop == stop
-                    && s.place == Place::Cpu64
-                    && s.law == brick(Element::Bbar)
+                    && s.platform == Platform::Cpu64
+                    && s.law == fem(Element::Bbar)
                     && s.refinement == 1.0
                     && s.step == 4e-3
             };
@@ -147,7 +147,7 @@ fn each_error_is_of_what_it_names() {
         assert!(jacobi(Stop::Iterations(3)).trace.iterations <= 3.0);
         // f32 is wrong by rounding, and by nothing else more than its twin
         let single = find(study, |s| {
-            s.place == Place::Cpu32 && s.stop == Stop::Tolerance(1e-4) && s.law == brick(Element::Bbar)
+            s.platform == Platform::Cpu32 && s.stop == Stop::Tolerance(1e-4) && s.law == fem(Element::Bbar)
         });
         let rounding = single.error_rounding.unwrap();
         assert!(rounding > 0.0 && rounding < 1e-3, "{rounding}");
@@ -204,7 +204,7 @@ fn a_quick_study_varies_one_thing_at_a_time() {
                 s.stop != own.stop && s.stop != Stop::Exact,
                 s.refinement != own.refinement,
                 s.step != own.step,
-                s.place != own.place,
+                s.platform != own.platform,
             ];
             assert!(differs.iter().filter(|d| **d).count() <= 1 && s.refinement <= 1.0, "{s:?}");
         }
@@ -255,8 +255,8 @@ fn tables_that_do_not_fit_are_refused_with_their_line() {
     for (axes, wanted) in cases {
         let message = refusal(axes);
         assert!(message.contains(wanted), "{axes}: {message}");
-        let place = [line, line + 1, line + 2].map(|line| format!("scenes/block.toml:{line}: "));
-        assert!(place.iter().any(|place| message.starts_with(place.as_str())), "{axes}: {message}");
+        let location = [line, line + 1, line + 2].map(|line| format!("scenes/block.toml:{line}: "));
+        assert!(location.iter().any(|at| message.starts_with(at.as_str())), "{axes}: {message}");
     }
 }
 
@@ -372,7 +372,7 @@ fn a_run_beyond_the_limit_has_no_error_of_its_own() {
 }
 
 #[test]
-fn bodies_keep_their_own_bricks_in_the_scenes_own_setting() {
+fn bodies_keep_their_own_hexahedra_in_the_scenes_own_setting() {
     let block = BLOCK
         .replace("[[skin.layer]]", "[[block.layer]]")
         .replace("[skin]", "[[block]]\nname = \"one\"\nposition_mm = [0, 0, 0]\nelement = \"bbar\"");
@@ -398,6 +398,6 @@ fn bodies_keep_their_own_bricks_in_the_scenes_own_setting() {
     let own = last(&study_of("").rows[0]);
     assert!((own[1] / own[0]).abs() < 0.9, "the plain one locks: {own:?}");
     let both = study_of("laws = [\"plain\"]\n");
-    let plain = both.rows.iter().find(|r| r.setting.law == brick(Element::Plain)).map(last).expect("it was run");
+    let plain = both.rows.iter().find(|r| r.setting.law == fem(Element::Plain)).map(last).expect("it was run");
     assert!((plain[1] / plain[0] - 1.0).abs() < 0.05, "both lock: {plain:?}");
 }

@@ -1,7 +1,7 @@
 //! A point with a radius presses as a ball does, whatever the cells and wherever it stands on them.
 
 use cutis::scene::{Files, Scene, parse};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use std::path::Path;
 
 const YOUNG: f64 = 20e3;
@@ -62,7 +62,7 @@ max_contacts = 8
 
 /// Force on the tip at rest, N.
 fn force(scene: &Scene) -> f64 {
-    let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(scene, &Platform::Cpu64).expect("the scene fits");
     let mut last = 0.0;
     for _ in 0..scene.time.steps() {
         let report = simulation.step(false).expect("the CPU path has no device to fail");

@@ -82,7 +82,7 @@ pub enum Vector {
 
 /// Solve request for one right-hand side.
 #[derive(Clone, Copy, Debug)]
-pub struct Wanted {
+pub struct SolveRequest {
     /// Right-hand side index.
     pub slot: usize,
     /// Stopping criterion.
@@ -160,9 +160,9 @@ pub trait Backend: Send {
     /// Sets a right-hand side, `[node]` N, or a solution, which is also the next initial guess, `[node]` m.
     fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()>;
     /// Resets the initial guesses of these slots to zero.
-    fn forget(&mut self, slots: &[usize]) -> Result<()>;
+    fn reset_initial_guess(&mut self, slots: &[usize]) -> Result<()>;
     /// Solves several right-hand sides together and returns values of `x` at (slot, node).
-    fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)>;
+    fn solve(&mut self, requests: &[SolveRequest], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)>;
     /// Sets the correction directly at some nodes and to zero elsewhere, m (uncoupled correction).
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()>;
     /// Diagonal 3×3 blocks of `A` at nodes, by rows, N/m.

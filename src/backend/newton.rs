@@ -12,25 +12,25 @@ use crate::error::{Error, Result};
 use crate::linear::Outcome;
 
 /// Maximum Newton iterations of a step; 3 to 10 are usual, a bar that buckles by half its length takes 46.
-const MOST: u32 = 100;
+const MAX_ITERATIONS: u32 = 100;
 /// Largest forcing term: fraction of the residual that an inner solve may leave. Smaller costs inner, larger costs outer iterations.
-const SHARE: f64 = 0.1;
+const FORCING: f64 = 0.1;
 /// Armijo's fraction of the predicted decrease.
-const FALL: f64 = 1e-4;
+const SUFFICIENT_DECREASE: f64 = 1e-4;
 /// Maximum number of step halvings: down to 10⁻⁹ of the step.
 const HALVINGS: u32 = 30;
-/// First factor of `K₀` added to an indefinite tangent; it grows tenfold with each attempt, up to `LAST`.
-const SHIFT: f64 = 0.1;
-/// Largest factor; see [`SHIFT`].
-const LAST: f64 = 1e3;
+/// First factor of `K₀` added to an indefinite tangent; it grows tenfold with each solve, up to `LARGEST_SHIFT`.
+const FIRST_SHIFT: f64 = 0.1;
+/// Largest factor; see [`FIRST_SHIFT`].
+const LARGEST_SHIFT: f64 = 1e3;
 /// Smallest first factor.
-const LEAST: f64 = 1e-4;
+const SMALLEST_SHIFT: f64 = 1e-4;
 /// Part of a factor that sufficed, tried first in the next iteration. A factor larger than needed turns the Newton direction towards the
 /// gradient, with little progress per iteration.
-const LESS: f64 = 0.25;
+const SHIFT_REDUCTION: f64 = 0.25;
 
 /// Body whose tangent can be shifted by `K₀`.
-pub(super) trait Raised {
+pub(super) trait Shifted {
     /// Sets the factor of `K₀` in the tangent.
     fn set_shift(&mut self, shift: f64);
     /// Counts an indefinite tangent.
@@ -40,19 +40,19 @@ pub(super) trait Raised {
 }
 
 /// Solves with increasing factors of `K₀`, starting with none and then `first`, until the gradients converge. Returns the iterations of all
-/// attempts, and the factor used.
-pub(super) fn positive<B: Raised>(
+/// solves, and the factor used.
+pub(super) fn solve_shifted<B: Shifted>(
     body: &mut B,
     first: f64,
     mut solve: impl FnMut(&mut B) -> Result<Outcome>,
 ) -> Result<(u32, f64)> {
-    let (mut shift, mut spent) = (0.0, 0);
+    let (mut shift, mut iterations) = (0.0, 0);
     loop {
         body.set_shift(shift);
         let outcome = solve(body)?;
-        spent += outcome.iterations;
-        if !outcome.broken(body.max_iterations()) || shift >= LAST {
-            return Ok((spent, shift));
+        iterations += outcome.iterations;
+        if !outcome.broken(body.max_iterations()) || shift >= LARGEST_SHIFT {
+            return Ok((iterations, shift));
         }
         shift = if shift == 0.0 { first } else { 10.0 * shift };
         body.count_indefinite();
@@ -61,73 +61,76 @@ pub(super) fn positive<B: Raised>(
 
 /// Trial point of the line search: potential, its rounding error, residual norm, predicted decrease.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Attempt {
+pub(super) struct TrialPoint {
     /// Π, J.
     pub potential: f64,
     /// Rounding error of Π, J.
     pub noise: f64,
     /// |∇Π|, N.
-    pub size: f64,
+    pub residual_norm: f64,
     /// Predicted decrease `−∇Π·e` for a full step, at the point before, J.
-    pub promise: f64,
+    pub predicted_decrease: f64,
 }
 
 /// Body in the line search: has a current point and a direction, and evaluates trial points along it.
 pub(super) trait Descent {
     /// Evaluates the trial point at a step length; `None` if a cell is inverted. The first call, without a direction, is the start of the
     /// step.
-    fn attempt(&mut self, share: f64) -> Result<Option<Attempt>>;
+    fn trial(&mut self, step_length: f64) -> Result<Option<TrialPoint>>;
     /// Makes the last trial point the current one.
-    fn take(&mut self);
+    fn accept(&mut self);
     /// Computes the Newton direction, solved to this residual, N; `shift` is the first factor of `K₀` for an indefinite tangent. Returns
     /// the iterations and the factor used.
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)>;
     /// Norm of the step's load, N; known after the first trial point.
     fn load(&self) -> f64;
     /// Error that names the cell inverted at the start of the step.
-    fn inside_out(&self) -> Error;
+    fn inverted_at_start(&self) -> Error;
 }
 
 /// Iterates until the residual is `tolerance` times the load, or `floor`, N. Returns the outcome with the iterations of all inner solves,
 /// and the number of Newton iterations.
 pub(super) fn newton(body: &mut impl Descent, tolerance: f64, floor: f64) -> Result<(Outcome, u32)> {
-    let Some(mut here) = body.attempt(0.0)? else {
-        return Err(body.inside_out());
+    let Some(mut current) = body.trial(0.0)? else {
+        return Err(body.inverted_at_start());
     };
-    body.take();
+    body.accept();
     let target = (tolerance * body.load()).max(floor);
-    let first = here.size;
-    let (mut iterations, mut own, mut shift) = (0, 0, SHIFT);
-    while here.size > target && own < MOST {
-        own += 1;
-        let wanted = (SHARE * here.size * (here.size / first).min(1.0)).max(0.1 * target);
-        let (spent, added) = body.direction(wanted, shift)?;
-        iterations += spent;
-        shift = if added > 0.0 { (LESS * added).max(LEAST) } else { shift };
-        let Some(next) = search(body, &here)? else {
+    let first = current.residual_norm;
+    let (mut iterations, mut newton_iterations, mut shift) = (0, 0, FIRST_SHIFT);
+    while current.residual_norm > target && newton_iterations < MAX_ITERATIONS {
+        newton_iterations += 1;
+        let residual = (FORCING * current.residual_norm * (current.residual_norm / first).min(1.0)).max(0.1 * target);
+        let (inner, added) = body.direction(residual, shift)?;
+        iterations += inner;
+        shift = if added > 0.0 { (SHIFT_REDUCTION * added).max(SMALLEST_SHIFT) } else { shift };
+        let Some(next) = search(body, &current)? else {
             break; // only rounding error is left
         };
-        body.take();
-        here = next;
+        body.accept();
+        current = next;
     }
-    Ok((Outcome { iterations, converged: here.size <= target, residual: here.size, target }, own))
+    Ok((
+        Outcome { iterations, converged: current.residual_norm <= target, residual: current.residual_norm, target },
+        newton_iterations,
+    ))
 }
 
 /// Backtracking line search; `None` if no step length is accepted.
-fn search(body: &mut impl Descent, here: &Attempt) -> Result<Option<Attempt>> {
-    let mut share = 1.0;
+fn search(body: &mut impl Descent, current: &TrialPoint) -> Result<Option<TrialPoint>> {
+    let mut step_length = 1.0;
     for _ in 0..HALVINGS {
-        if let Some(next) = body.attempt(share)? {
-            let promised = share * next.promise;
-            let falls = next.potential <= here.potential - FALL * promised;
+        if let Some(next) = body.trial(step_length)? {
+            let predicted = step_length * next.predicted_decrease;
+            let sufficient = next.potential <= current.potential - SUFFICIENT_DECREASE * predicted;
             // close to the solution the decrease is below the rounding error of the potential; the residual still shows progress
-            let unseen = promised < next.noise && next.size < here.size;
-            let closer = share == 1.0 && next.size < 0.5 * here.size;
-            if promised > 0.0 && (falls || closer || unseen) {
+            let below_noise = predicted < next.noise && next.residual_norm < current.residual_norm;
+            let halved = step_length == 1.0 && next.residual_norm < 0.5 * current.residual_norm;
+            if predicted > 0.0 && (sufficient || halved || below_noise) {
                 return Ok(Some(next));
             }
         }
-        share *= 0.5;
+        step_length *= 0.5;
     }
     Ok(None)
 }

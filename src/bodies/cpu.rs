@@ -49,7 +49,7 @@ pub trait System<R: Real>: Send + Sync {
     /// step.
     ///
     /// # Errors
-    /// [`super::Refused::InsideOut`] if a hyperelastic hexahedron is inverted.
+    /// [`super::Refused::InvertedCell`] if a hyperelastic hexahedron is inverted.
     fn forces(
         &mut self,
         params: &Params<R>,

@@ -173,11 +173,11 @@ pub struct Search {
     /// `[node]` increment at the current and at the trial point, m.
     pub dx: [Buffer; 2],
     /// `[node]` residual −∇Π at both points, N.
-    pub rest: [Buffer; 2],
+    pub residual_force: [Buffer; 2],
     /// `[group]` predicted decrease `−∇Π·e`, e the search direction, J.
-    pub promise: Buffer,
+    pub predicted_decrease: Buffer,
     /// `[group]` partial sums of Π, J, and of `|∇Π|²`, N².
-    pub balance: Buffer,
+    pub potential_and_residual: Buffer,
     /// `[group]` partial sums of the squared load of the step, N².
     pub load: Buffer,
 }

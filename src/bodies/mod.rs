@@ -142,7 +142,7 @@ pub struct Model {
     /// Rest-shape springs.
     pub anchors: Anchors,
     /// `[node]` prescribed displacement of fixed axes, m.
-    pub held: Vec<[f64; 3]>,
+    pub prescribed: Vec<[f64; 3]>,
     /// `[layer]` J/m²
     pub toughness: Vec<f64>,
     /// `[layer]` `√(π E′ G / 2)`, N/m^1.5, with toughness `G` and `E′ = E/(1 − ν²)`: a pair of forces per length that wedges a crack open
@@ -224,13 +224,13 @@ impl Model {
             free.iter_mut().for_each(|f| f[3] = each);
         }
         // Dirichlet conditions: DOF mask, and the prescribed displacement of fixed axes
-        let mut held = vec![[0.0; 3]; count];
+        let mut prescribed = vec![[0.0; 3]; count];
         for boundary in scene.boundaries.iter().filter(|b| b.body == body) {
             for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
-                let turned = turned(grid.rest(node), boundary.turn);
+                let turned = turned(grid.rest(node), boundary.rotation);
                 for axis in (0..3).filter(|a| boundary.axes[*a]) {
                     free[node][axis] = 0.0;
-                    held[node][axis] = turned[axis] + boundary.displacement[axis];
+                    prescribed[node][axis] = turned[axis] + boundary.displacement[axis];
                 }
             }
         }
@@ -244,7 +244,7 @@ impl Model {
             mass: skin.mass,
             free,
             anchors: Anchors::new(&anchors, |anchor| grid.nodes_in(&anchor.region)),
-            held,
+            prescribed,
             toughness: skin.layers.iter().map(|l| l.toughness).collect(),
             splitting: vec![],
             step: Step::new(scene, skin),
@@ -345,8 +345,8 @@ impl Model {
             inertia: R::of(s.inertia()),
             stiffness_factor: R::of(s.stiffness_factor()),
             step: R::of(s.step),
-            carried: R::of(s.carried()),
-            reach: R::of(s.reach()),
+            momentum_factor: R::of(s.momentum_factor()),
+            velocity_factor: R::of(s.velocity_factor()),
             lead: R::of(s.lead()),
             gravity_x: R::of(s.gravity[0]),
             gravity_y: R::of(s.gravity[1]),
@@ -402,7 +402,7 @@ impl Model {
 
     /// Size of the arrays on the host, bytes.
     pub fn host_bytes(&self) -> u64 {
-        let nodes = size_of_val(&self.rest[..]) + size_of_val(&self.free[..]) + size_of_val(&self.held[..]);
+        let nodes = size_of_val(&self.rest[..]) + size_of_val(&self.free[..]) + size_of_val(&self.prescribed[..]);
         let anchors = size_of_val(&self.anchors.nodes[..]) + size_of_val(&self.anchors.stiffness[..]);
         (nodes + anchors + size_of_val(&self.shape[..]) + self.mechanics().host_bytes()) as u64
     }

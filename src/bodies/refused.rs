@@ -41,14 +41,16 @@ pub enum Refused {
     },
 
     /// Springs with a solver for hexahedra.
-    #[error("{solver} is for bricks; this skin is of springs; take the preconditioner column")]
+    #[error("{solver} is for hexahedra; this skin is of springs; take the preconditioner column")]
     SpringSolver {
         /// Solver: "multigrid" or "the direct solver".
         solver: &'static str,
     },
 
     /// Rest-shape springs on a body with consistent mass.
-    #[error("anchors act through the masses of nodes; this skin's mass is consistent; take a lumped or uniform mass")]
+    #[error(
+        "rest-shape springs (anchors) need lumped nodal masses, and this skin's mass is consistent; take a lumped or uniform mass"
+    )]
     AnchoredMass,
 
     /// The direct solver on a GPU.
@@ -65,7 +67,7 @@ pub enum Refused {
 
     /// Not enough memory for the factor of the direct solver.
     #[error(
-        "the direct solver's factor needs {} MB, which this machine does not give; use fewer cells, or the preconditioner multigrid",
+        "the direct solver's factor needs {} MB, which cannot be allocated; use fewer cells, or the preconditioner multigrid",
         numbers / 125_000
     )]
     DirectMemory {
@@ -75,7 +77,7 @@ pub enum Refused {
 
     /// System that is not positive definite.
     #[error(
-        "the step's matrix is not positive definite at node {node:?} of the grid (counted from 0 along x, y, z), axis {axis}: nothing holds a part of the body there that has no mass either, or positions are not finite; hold the body, give it mass, or take a shorter step"
+        "the step's matrix is not positive definite at node {node:?} of the grid (counted from 0 along x, y, z), axis {axis}: a part of the body there is unconstrained and has no mass, or positions are not finite; constrain the body, give it mass, or take a shorter step"
     )]
     NotPositive {
         /// Node along x, y, z, from 0.
@@ -86,10 +88,10 @@ pub enum Refused {
 
     /// Inverted hexahedron of a hyperelastic body, where the law has no energy.
     #[error(
-        "cell {cell:?} of a hyperelastic body is inside out at a step's start; take a shorter step_ms, let contacts and held nodes move \
-         less in one step, or take law = \"fem\""
+        "cell {cell:?} of a hyperelastic body is inverted at the start of a step; take a shorter step_ms, let contacts and prescribed \
+         displacements move less in one step, or take law = \"fem\""
     )]
-    InsideOut {
+    InvertedCell {
         /// Hexahedron along x, y, z, from 0.
         cell: [usize; 3],
     },

@@ -82,7 +82,7 @@ pub struct Instrument {
     /// m/s
     pub velocity: DVec3,
     /// rad/s
-    pub spin: DVec3,
+    pub angular_velocity: DVec3,
     /// Contact samples.
     pub samples: Vec<Sample>,
     /// Cutting edge, for tools with a blade.
@@ -125,9 +125,9 @@ struct Live {
 #[derive(Clone, Copy, Debug)]
 pub struct UnconstrainedMotion {
     /// Translation, m
-    pub shift: DVec3,
+    pub translation: DVec3,
     /// Rotation vector, rad
-    pub turn: DVec3,
+    pub rotation: DVec3,
     /// Compliance of the translation, m/N.
     pub compliance: f64,
     /// Compliance of the rotation, rad/(N·m).
@@ -169,7 +169,7 @@ pub struct Motion {
     position: DVec3,
     rotation: DQuat,
     velocity: DVec3,
-    spin: DVec3,
+    angular_velocity: DVec3,
     sharp: bool,
     live: Option<Live>,
 }
@@ -177,14 +177,15 @@ pub struct Motion {
 impl Instrument {
     /// Current state.
     pub fn motion(&self) -> Motion {
-        let Self { position, rotation, velocity, spin, sharp, live, .. } = *self;
-        Motion { position, rotation, velocity, spin, sharp, live }
+        let Self { position, rotation, velocity, angular_velocity, sharp, live, .. } = *self;
+        Motion { position, rotation, velocity, angular_velocity, sharp, live }
     }
 
     /// Sets the state.
     pub fn set_motion(&mut self, motion: Motion) {
-        let Motion { position, rotation, velocity, spin, sharp, live } = motion;
-        (self.position, self.rotation, self.velocity, self.spin) = (position, rotation, velocity, spin);
+        let Motion { position, rotation, velocity, angular_velocity, sharp, live } = motion;
+        (self.position, self.rotation, self.velocity, self.angular_velocity) =
+            (position, rotation, velocity, angular_velocity);
         (self.sharp, self.live) = (sharp, live);
     }
 
@@ -207,7 +208,7 @@ impl Instrument {
             position: DVec3::from_array(first.position),
             rotation: DQuat::from_array(first.rotation),
             velocity: DVec3::from_array(start.velocity),
-            spin: DVec3::from_array(start.spin),
+            angular_velocity: DVec3::from_array(start.angular_velocity),
             samples,
             edge,
             round: tool.round,
@@ -256,25 +257,25 @@ impl Instrument {
         let inertia = self.world_inertia();
         let angular =
             inertia * (1.0 / (step * step)) + DMat3::IDENTITY * (c.angular_damping / step + c.angular_stiffness);
-        let twist = inertia * self.spin * (1.0 / step)
+        let twist = inertia * self.angular_velocity * (1.0 / step)
             + rotation_vector(target * self.rotation.conjugate()) * c.angular_stiffness
             + rotation_vector(target * turned.conjugate()) * (c.angular_damping / step);
         let angular_compliance = angular.inverse();
         UnconstrainedMotion {
-            shift: push / stiffness,
-            turn: angular_compliance * twist,
+            translation: push / stiffness,
+            rotation: angular_compliance * twist,
             compliance: 1.0 / stiffness,
             angular_compliance,
         }
     }
 
     /// Applies the motion of a step.
-    pub fn advance(&mut self, shift: DVec3, turn: DVec3, step: f64) {
-        let momentum = self.world_inertia() * turn / step;
-        self.position += shift;
-        self.rotation = (DQuat::from_scaled_axis(turn) * self.rotation).normalize();
-        self.velocity = shift / step;
-        self.spin = self.world_inertia().inverse() * momentum;
+    pub fn advance(&mut self, translation: DVec3, rotation: DVec3, step: f64) {
+        let momentum = self.world_inertia() * rotation / step;
+        self.position += translation;
+        self.rotation = (DQuat::from_scaled_axis(rotation) * self.rotation).normalize();
+        self.velocity = translation / step;
+        self.angular_velocity = self.world_inertia().inverse() * momentum;
     }
 
     /// Inertia in world axes, kg·m².
@@ -301,14 +302,14 @@ impl Instrument {
 fn axis_samples(round: &Round) -> Vec<Sample> {
     let [a, b] = round.ends.map(DVec3::from_array);
     let pieces = (a.distance(b) / round.radius).ceil().min(MOST_PIECES) as u32;
-    let place = |k: u32| a.lerp(b, f64::from(k) / f64::from(pieces.max(1)));
-    (0..=pieces).map(|k| Sample { position: place(k), role: Role::Axis }).collect()
+    let position = |k: u32| a.lerp(b, f64::from(k) / f64::from(pieces.max(1)));
+    (0..=pieces).map(|k| Sample { position: position(k), role: Role::Axis }).collect()
 }
 
 fn corners(half: DVec3) -> impl Iterator<Item = Sample> {
     let sign = |bit: u32| if bit == 1 { 1.0 } else { -1.0 };
-    let place = move |k: u32| half * DVec3::new(sign(k & 1), sign(k >> 1 & 1), sign(k >> 2));
-    (0..8).map(move |k| Sample { position: place(k), role: Role::Corner })
+    let position = move |k: u32| half * DVec3::new(sign(k & 1), sign(k >> 1 & 1), sign(k >> 2));
+    (0..8).map(move |k| Sample { position: position(k), role: Role::Corner })
 }
 
 impl Edge {
@@ -391,7 +392,7 @@ mod tests {
         let mut tool = instrument();
         for k in 1..400 {
             let free = tool.unconstrained_motion(f64::from(k) * 0.005, 0.005);
-            tool.advance(free.shift, free.turn, 0.005);
+            tool.advance(free.translation, free.rotation, 0.005);
         }
         assert!((tool.position.x - 0.001).abs() < 1e-9, "{}", tool.position);
     }
@@ -399,14 +400,14 @@ mod tests {
     #[test]
     fn a_live_hand_goes_on_from_where_it_was() {
         let mut tool = instrument();
-        let turn = DQuat::from_rotation_z(0.2);
-        tool.follow((DVec3::X, turn), 0.0, 0.01);
+        let rotation = DQuat::from_rotation_z(0.2);
+        tool.follow((DVec3::X, rotation), 0.0, 0.01);
         assert_eq!(tool.hand(0.0).0, DVec3::ZERO, "from the start of the recorded one");
         assert!((tool.hand(0.005).0 - DVec3::X * 0.5).length() < 1e-12);
-        tool.follow((DVec3::Y, turn), 0.01, 0.02);
+        tool.follow((DVec3::Y, rotation), 0.01, 0.02);
         assert_eq!(tool.hand(0.01).0, DVec3::X, "no motion is lost");
         assert_eq!(tool.hand(0.02).0, DVec3::Y);
-        assert!(tool.hand(0.015).1.dot(turn).abs() > 1.0 - 1e-12);
+        assert!(tool.hand(0.015).1.dot(rotation).abs() > 1.0 - 1e-12);
     }
 
     #[test]
@@ -415,7 +416,7 @@ mod tests {
         let push = DVec3::new(0.0, 0.0, 0.4);
         for k in 1..800 {
             let free = tool.unconstrained_motion(f64::from(k) * 0.005, 0.005);
-            tool.advance(free.shift + push * free.compliance, free.turn, 0.005);
+            tool.advance(free.translation + push * free.compliance, free.rotation, 0.005);
         }
         assert!((tool.position.z - 0.4e-3).abs() < 1e-9, "{}", tool.position);
     }

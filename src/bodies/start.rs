@@ -12,7 +12,9 @@ impl Model {
         let skin = &scene.skins[self.body];
         let displaced = |n: usize| {
             let shaped = shaped(skin.start, &self.grid, n);
-            let at = |a: usize| if self.free[n][a] == 0.0 { self.held[n][a] } else { shaped[a] + skin.displacement[a] };
+            let at = |a: usize| {
+                if self.free[n][a] == 0.0 { self.prescribed[n][a] } else { shaped[a] + skin.displacement[a] }
+            };
             [at(0), at(1), at(2), 0.0]
         };
         let moving = |n: usize| {
@@ -35,7 +37,7 @@ fn shaped(start: Start, grid: &Grid, node: usize) -> [f64; 3] {
             [0, 1, 2].map(|axis| amplitude * scattered((u64::from(seed) << 34) | (3 * node as u64 + axis)))
         }
         Start::Flat => [0.0, 0.0, -z],
-        Start::InsideOut => {
+        Start::Inverted => {
             let params = grid.params::<f64>();
             let corners = params.corners(params.cell_id(grid.cells.map(|count| count / 2)));
             let (low, high) = (grid.rest(corners[0]), grid.rest(corners[6]));

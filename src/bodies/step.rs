@@ -1,9 +1,9 @@
 //! Constants of the time step for each integrator.
 //!
-//! The unknowns are displacement increments: `A Δx = b`, `A = inertia · M + stiffness_factor · K`, `b = f_ext − f_int + carried · M v/h`,
-//! then `u' = u + Δx`, `v' = v + reach (Δx/h − v)`. With Rayleigh damping `C = r_M M + r_K K`:
+//! The unknowns are displacement increments: `A Δx = b`, `A = inertia · M + stiffness_factor · K`, `b = f_ext − f_int + momentum_factor · M v/h`,
+//! then `u' = u + Δx`, `v' = v + velocity_factor (Δx/h − v)`. With Rayleigh damping `C = r_M M + r_K K`:
 //!
-//! | integrator | inertia | stiffness factor | carried | reach | `f_int` at |
+//! | integrator | inertia | stiffness factor | momentum factor | velocity factor | `f_int` at |
 //! | --- | --- | --- | --- | --- | --- |
 //! | implicit Euler | `(1 + h r_M)/h²` | `1 + r_K/h` | 1 | 1 | `u` |
 //! | Newmark, β ¼, γ ½ | `(2 + h r_M)/h²` | `½ + r_K/h` | 2 | 2 | `u` |
@@ -103,7 +103,7 @@ impl Step {
     }
 
     /// Coefficient of `M v/h` in `b`.
-    pub fn carried(&self) -> f64 {
+    pub fn momentum_factor(&self) -> f64 {
         match self.integrator {
             Integrator::ImplicitEuler => 1.0,
             Integrator::Newmark => 2.0,
@@ -112,7 +112,7 @@ impl Step {
     }
 
     /// Velocity factor: change of velocity over a step relative to the change to the mean velocity.
-    pub fn reach(&self) -> f64 {
+    pub fn velocity_factor(&self) -> f64 {
         if self.integrator == Integrator::Newmark { 2.0 } else { 1.0 }
     }
 

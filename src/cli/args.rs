@@ -253,9 +253,9 @@ pub enum Precondition {
     Block,
     /// Block-tridiagonal along each column of nodes
     Column,
-    /// A V-cycle of geometric multigrid; bricks only
+    /// A V-cycle of geometric multigrid; hexahedra only
     Multigrid,
-    /// An exact sparse factor; bricks only, on the CPU path, which `auto` then takes
+    /// An exact sparse factor; hexahedra only, on the CPU path, which `auto` then takes
     Direct,
 }
 

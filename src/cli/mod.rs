@@ -10,7 +10,7 @@ use args::{Backend, Cli, Command, Precision, Run};
 use clap::Parser;
 use cutis::report::{check, compare, inspect, run, study};
 use cutis::scene::{self, Preconditioner, Scene};
-use cutis::step::Place;
+use cutis::step::Platform;
 use refused::{Refused, Result};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -64,7 +64,7 @@ fn run_scene(args: &Run) -> Result<u8> {
         cutis::runner::take_all_cores()?;
     }
     let options = run::Options {
-        place: place(args, &scene)?,
+        platform: platform(args, &scene)?,
         steps: args.steps.or(of_time),
         out: args.out.clone(),
         realtime: args.realtime,
@@ -96,10 +96,10 @@ fn run_scene(args: &Run) -> Result<u8> {
 }
 
 /// Backend of a run: the hardware GPU if there is one, else the CPU path; a software adapter only on request.
-fn place(args: &Run, scene: &Scene) -> Result<Place> {
+fn platform(args: &Run, scene: &Scene) -> Result<Platform> {
     let cpu = match args.precision.unwrap_or(Precision::F64) {
-        Precision::F64 => Place::Cpu64,
-        Precision::F32 => Place::Cpu32,
+        Precision::F64 => Platform::Cpu64,
+        Precision::F32 => Platform::Cpu32,
     };
     if args.adapter.is_some() && (args.backend == Backend::Cpu || args.precision.is_some()) {
         return Err(Refused::AdapterForCpu);
@@ -113,11 +113,11 @@ fn place(args: &Run, scene: &Scene) -> Result<Place> {
         Backend::Gpu if args.precision == Some(Precision::F64) => Err(Refused::DoubleOnGpu),
         Backend::Gpu => {
             note_software(args.adapter.as_deref());
-            Ok(Place::Gpu(args.adapter.clone()))
+            Ok(Platform::Gpu(args.adapter.clone()))
         }
-        Backend::Auto if args.adapter.is_some() => Ok(Place::Gpu(args.adapter.clone())),
+        Backend::Auto if args.adapter.is_some() => Ok(Platform::Gpu(args.adapter.clone())),
         Backend::Auto if args.precision.is_some() || direct => Ok(cpu),
-        Backend::Auto => Ok(inspect::automatic().map_or(cpu, |_| Place::Gpu(None))),
+        Backend::Auto => Ok(inspect::automatic().map_or(cpu, |_| Platform::Gpu(None))),
     }
 }
 
@@ -157,8 +157,8 @@ fn compare_paths(args: &args::Compare) -> Result<u8> {
 fn study_scene(args: &args::Study) -> Result<u8> {
     let scene = read(args.scene.as_ref())?;
     let gpu = match &args.adapter {
-        Some(text) => Some(Place::Gpu(Some(text.clone()))),
-        None => inspect::automatic().map(|_| Place::Gpu(None)),
+        Some(text) => Some(Platform::Gpu(Some(text.clone()))),
+        None => inspect::automatic().map(|_| Platform::Gpu(None)),
     };
     let options =
         study::Options { gpu, quick: args.quick, limit_s: args.limit, repeats: args.repeats, out: args.out.clone() };

@@ -38,7 +38,7 @@ pub(super) fn edge_contact(
     let bound = resistance(patch.cells[triangle]).edge * length;
     let [forward, along, side] = [edge.forward, edge.along, edge.normal].map(|a| tool.rotation * a);
     let base = Found {
-        spot: patch.spot(triangle, weights),
+        material_point: patch.material_point(triangle, weights),
         point,
         axes: [-forward, along, side],
         gap: 0.0,
@@ -89,7 +89,7 @@ pub(super) fn flat_contact(
     let gap = distance - half_thickness - search.distance;
     let bound = tissue.splitting * flat.behind.sqrt() * flat.length;
     Some(Found {
-        spot: patch.spot(triangle, weights),
+        material_point: patch.material_point(triangle, weights),
         point: point + direction * half_thickness,
         axes: frame(-direction),
         gap: gap.max(-BEVEL * travel),

@@ -76,7 +76,7 @@ pub fn between_rigid(
     let others = parts(b);
     for part in parts(a) {
         for other in &others {
-            feature += PLACES;
+            feature += MAX_POINTS;
             for (k, (point, normal, gap)) in meet((a, &part), (b, other), reach).into_iter().enumerate() {
                 if gap < reach {
                     out.push(contact(on, feature + k, point, normal, gap, search));
@@ -88,7 +88,7 @@ pub fn between_rigid(
 }
 
 /// Feature numbers per pair of parts, one for each contact point.
-const PLACES: usize = 64;
+const MAX_POINTS: usize = 64;
 
 /// Convex part of a rigid body, in its frame.
 enum Part {
@@ -153,7 +153,7 @@ fn meet((a, part): (&Instrument, &Part), (b, other): (&Instrument, &Part), reach
     let mut out = vec![];
     for manifold in &manifolds {
         let normal = snapped(-(a.rotation * manifold.local_n1.as_dvec3()), a, b);
-        for found in manifold.points.iter().take(PLACES) {
+        for found in manifold.points.iter().take(MAX_POINTS) {
             let (p, q) = (a.at(on_box(a, found.local_p1.as_dvec3())), b.at(on_box(b, found.local_p2.as_dvec3())));
             out.push(((p + q) * 0.5, normal, normal.dot(p - q) + grown + more));
         }
@@ -181,10 +181,10 @@ fn snapped(normal: DVec3, a: &Instrument, b: &Instrument) -> DVec3 {
 }
 
 /// Point on a box; coordinates that equal a face's to rounding are made exact.
-fn on_box(body: &Instrument, place: DVec3) -> DVec3 {
-    let Some(half) = body.cuboid else { return place };
+fn on_box(body: &Instrument, point: DVec3) -> DVec3 {
+    let Some(half) = body.cuboid else { return point };
     let exact = |x: f64, h: f64| if (x.abs() - h).abs() < ALIGNED * h { h.copysign(x) } else { x };
-    DVec3::new(exact(place.x, half.x), exact(place.y, half.y), exact(place.z, half.z))
+    DVec3::new(exact(point.x, half.x), exact(point.y, half.y), exact(point.z, half.z))
 }
 
 /// Nodes of faces with outward directions, not of unit length.
@@ -267,13 +267,13 @@ pub fn skin_on_skin(
         if distance >= search.alarm + search.distance || normal.dot(outward) > -FACING * outward.length() {
             continue;
         }
-        let place = patch.place(triangle, weights);
-        let beside = (point - place) - normal * normal.dot(point - place);
+        let nearest = patch.position(triangle, weights);
+        let beside = (point - nearest) - normal * normal.dot(point - nearest);
         if beside.length() > same || skip.iter().any(|p| p.distance(point) < same) {
             continue; // over the rim, or a node of the other body is here
         }
-        let found = contact(on, node as usize, point, normal, normal.dot(point - place), search);
-        out.push(Contact { points: [MaterialPoint::node(node), patch.spot(triangle, weights)], ..found });
+        let found = contact(on, node as usize, point, normal, normal.dot(point - nearest), search);
+        out.push(Contact { points: [MaterialPoint::node(node), patch.material_point(triangle, weights)], ..found });
     }
     out
 }

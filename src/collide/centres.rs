@@ -35,7 +35,7 @@ impl Patch {
     }
 
     /// Material point of a triangle with these weights.
-    pub fn spot(&self, triangle: usize, weights: [f64; 3]) -> MaterialPoint {
+    pub fn material_point(&self, triangle: usize, weights: [f64; 3]) -> MaterialPoint {
         match self.quarters.get(triangle / 4) {
             Some(nodes) => {
                 // a quarter of the face: two corners, and the centre, the mean of all four

@@ -45,19 +45,19 @@ const ALIKE: f64 = 0.999;
 /// Point (both ends alike) or segment of the tool at the start of the step, with the motion of its ends.
 struct Piece {
     ends: [DVec3; 2],
-    shift: [DVec3; 2],
+    motion: [DVec3; 2],
     point: bool,
     cone: Cone,
 }
 
 impl Piece {
     fn at(&self, t: f64) -> [DVec3; 2] {
-        [0, 1].map(|k| self.ends[k] + self.shift[k] * t)
+        [0, 1].map(|k| self.ends[k] + self.motion[k] * t)
     }
     fn travel(&self) -> f64 {
-        self.shift[0].length().max(self.shift[1].length())
+        self.motion[0].length().max(self.motion[1].length())
     }
-    fn place(&self, u: f64) -> DVec3 {
+    fn point_at(&self, u: f64) -> DVec3 {
         self.ends[0].lerp(self.ends[1], u)
     }
 }
@@ -65,7 +65,7 @@ impl Piece {
 /// Contact pair.
 struct Pair {
     /// Nodes and weights of the point on the skin.
-    spot: ([u32; 3], [f64; 3]),
+    surface_point: ([u32; 3], [f64; 3]),
     /// Parameter of the point on the tool's segment.
     u: f64,
     on_tool: DVec3,
@@ -73,7 +73,7 @@ struct Pair {
     normal: DVec3,
     gap: f64,
     /// Has friction.
-    rubs: bool,
+    frictional: bool,
 }
 
 /// Low bits of a contact's feature number, which name the point or segment of the tool; the high bits count its contacts.
@@ -81,7 +81,7 @@ const PIECE_BITS: u32 = 32;
 const PIECE: usize = (1 << PIECE_BITS) - 1;
 
 /// Search of one tool and one patch.
-struct Hunt<'a> {
+struct PairSearch<'a> {
     patch: &'a Patch,
     features: Features,
     search: &'a Search,
@@ -110,7 +110,7 @@ pub fn contacts_among(
     near: &dyn Fn(DVec3, DVec3) -> Vec<u32>,
 ) -> Vec<Contact> {
     let touch = TOUCH * search.alarm;
-    let hunt = Hunt { patch, features: Features::new(patch), search, radius: lines.radius, touch };
+    let pairs = PairSearch { patch, features: Features::new(patch), search, radius: lines.radius, touch };
     let mut kept: Vec<(usize, Pair)> = vec![];
     // pairs of every point and segment, from the triangles around its motion
     for (index, piece) in pieces(tool, lines, free).iter().enumerate() {
@@ -119,10 +119,10 @@ pub fn contacts_among(
         let low = corners.iter().fold(DVec3::INFINITY, |low, p| low.min(*p)) - margin;
         let high = corners.iter().fold(DVec3::NEG_INFINITY, |high, p| high.max(*p)) + margin;
         let triangles = near(low, high);
-        let found = if piece.point { hunt.point(piece, &triangles) } else { hunt.segment(piece, &triangles) };
+        let found = if piece.point { pairs.point(piece, &triangles) } else { pairs.segment(piece, &triangles) };
         kept.extend(found.into_iter().map(|pair| (index, pair)));
     }
-    kept.sort_by_key(|(_, pair)| !pair.rubs); // of two pairs at one point the one with friction is kept
+    kept.sort_by_key(|(_, pair)| !pair.frictional); // of two pairs at one point the one with friction is kept
     // contacts, one per point and normal
     let mut out: Vec<(Contact, DVec3)> = vec![];
     for (index, pair) in kept {
@@ -135,14 +135,14 @@ pub fn contacts_among(
         if out.iter().any(same) {
             continue;
         }
-        let spot = MaterialPoint::of(pair.spot.0, pair.spot.1);
+        let material_point = MaterialPoint::of(pair.surface_point.0, pair.surface_point.1);
         let earlier = out.iter().filter(|(c, _)| c.feature & PIECE == index).count();
         let contact = Contact {
             axes: frame(pair.normal),
             gap: [pair.gap - search.distance, 0.0, 0.0],
             depth: (-pair.gap).max(0.0),
-            law: Law::contact(if pair.rubs { search.friction } else { 0.0 }),
-            ..Contact::on_skin(number, index | earlier << PIECE_BITS, body, spot, point)
+            law: Law::contact(if pair.frictional { search.friction } else { 0.0 }),
+            ..Contact::on_skin(number, index | earlier << PIECE_BITS, body, material_point, point)
         };
         out.push((contact, pair.on_skin));
     }
@@ -151,31 +151,31 @@ pub fn contacts_among(
 
 /// Points, then segments, with their motion.
 fn pieces(tool: &Instrument, lines: &Lines, free: &UnconstrainedMotion) -> Vec<Piece> {
-    let places: Vec<DVec3> = lines.positions.iter().map(|p| tool.at(DVec3::from_array(*p))).collect();
-    let shift = |p: DVec3| free.shift + free.turn.cross(p - tool.position);
-    let piece = |ends: [DVec3; 2], point: bool, cone: Cone| Piece { ends, shift: ends.map(shift), point, cone };
-    let mut cones = vec![Cone::default(); places.len()];
+    let positions: Vec<DVec3> = lines.positions.iter().map(|p| tool.at(DVec3::from_array(*p))).collect();
+    let motion = |p: DVec3| free.translation + free.rotation.cross(p - tool.position);
+    let piece = |ends: [DVec3; 2], point: bool, cone: Cone| Piece { ends, motion: ends.map(motion), point, cone };
+    let mut cones = vec![Cone::default(); positions.len()];
     for [a, b] in lines.segments.iter().map(|ends| ends.map(|id| id as usize)) {
-        let along = (places[b] - places[a]).normalize_or_zero();
+        let along = (positions[b] - positions[a]).normalize_or_zero();
         cones[a].outward.push(-along);
         cones[b].outward.push(along);
     }
-    let points = places.iter().zip(cones).map(|(place, cone)| piece([*place; 2], true, cone));
-    let segments = lines.segments.iter().map(|s| piece(s.map(|id| places[id as usize]), false, Cone::default()));
+    let points = positions.iter().zip(cones).map(|(position, cone)| piece([*position; 2], true, cone));
+    let segments = lines.segments.iter().map(|s| piece(s.map(|id| positions[id as usize]), false, Cone::default()));
     points.chain(segments).collect()
 }
 
-impl Hunt<'_> {
+impl PairSearch<'_> {
     /// Pairs of a tool's point: what it rests on and other local minima; if inside, the way out.
     fn point(&self, piece: &Piece, triangles: &[u32]) -> Vec<Pair> {
         let p = piece.ends[0];
         let features = || self.features.of(triangles).into_iter().map(|id| &self.features.all[id]);
         let rests = features().find_map(|feature| self.rests(piece, feature));
         let mut found: Vec<Pair> = match rests.is_none() && self.patch.project(p).2 < 0.0 {
-            true => self.way_out(p, 0.0).into_iter().collect(),
+            true => self.push_out(p, 0.0).into_iter().collect(),
             false => rests.into_iter().chain(features().filter_map(|feature| self.meets(piece, feature))).collect(),
         };
-        let walls: Vec<Pair> = found.iter().flat_map(|pair| self.walls(pair, piece.shift[0])).collect();
+        let walls: Vec<Pair> = found.iter().flat_map(|pair| self.walls(pair, piece.motion[0])).collect();
         found.extend(walls);
         found
     }
@@ -183,24 +183,33 @@ impl Hunt<'_> {
     /// Frictionless pairs with the faces that rise around a pair on a face, within the step's tangential motion: a point that slides along
     /// its own face would pass through them. On an edge or vertex the mean normal stands for them; it depends on theirs, so forces would be
     /// undetermined.
-    fn walls(&self, pair: &Pair, shift: DVec3) -> Vec<Pair> {
-        let reach = shift.reject_from(pair.normal).length().min(self.search.alarm) + self.touch;
-        let used: Vec<u32> = (0..3).filter(|k| pair.spot.1[*k] > closest::MARGIN).map(|k| pair.spot.0[k]).collect();
+    fn walls(&self, pair: &Pair, motion: DVec3) -> Vec<Pair> {
+        let reach = motion.reject_from(pair.normal).length().min(self.search.alarm) + self.touch;
+        let used: Vec<u32> =
+            (0..3).filter(|k| pair.surface_point.1[*k] > closest::MARGIN).map(|k| pair.surface_point.0[k]).collect();
         let mut walls = vec![];
         if used.len() < 3 {
             return walls;
         }
         for face in self.features.faces_at(&used) {
             let normal = face.cone.normal;
-            let high = normal.dot(pair.on_skin - face.places[0]);
-            let rises = face.places.iter().all(|c| pair.normal.dot(*c - pair.on_skin) > -self.touch);
+            let high = normal.dot(pair.on_skin - face.positions[0]);
+            let rises = face.positions.iter().all(|c| pair.normal.dot(*c - pair.on_skin) > -self.touch);
             let steep = normal != DVec3::ZERO && normal.dot(pair.normal) < ALIKE;
             if rises && steep && high > -self.touch && high < reach {
-                let near = closest::point_face(pair.on_skin, [face.places[0], face.places[1], face.places[2]]);
-                let on_skin = face.place(near.weights);
+                let near = closest::point_face(pair.on_skin, [face.positions[0], face.positions[1], face.positions[2]]);
+                let on_skin = face.position(near.weights);
                 let gap = normal.dot(pair.on_tool - on_skin) - self.radius;
-                let spot = face.spot(near.weights);
-                walls.push(Pair { spot, u: pair.u, on_tool: pair.on_tool, on_skin, normal, gap, rubs: false });
+                let surface_point = face.surface_point(near.weights);
+                walls.push(Pair {
+                    surface_point,
+                    u: pair.u,
+                    on_tool: pair.on_tool,
+                    on_skin,
+                    normal,
+                    gap,
+                    frictional: false,
+                });
             }
         }
         walls
@@ -231,8 +240,8 @@ impl Hunt<'_> {
                 // a stretch that reaches an end of the segment is held at that end, a point of its own
                 let middle = 0.5 * (start + u);
                 if !found.iter().any(|pair| (start..=u).contains(&pair.u)) {
-                    let inside = self.patch.project(piece.place(middle)).2 < 0.0;
-                    found.extend(self.way_out(piece.place(middle), middle).filter(|_| inside));
+                    let inside = self.patch.project(piece.point_at(middle)).2 < 0.0;
+                    found.extend(self.push_out(piece.point_at(middle), middle).filter(|_| inside));
                 }
             }
         }
@@ -240,18 +249,18 @@ impl Hunt<'_> {
     }
 
     /// Pair of a tool point that is inside or touches with the nearest point of the skin; the normal leads out.
-    fn way_out(&self, p: DVec3, u: f64) -> Option<Pair> {
+    fn push_out(&self, p: DVec3, u: f64) -> Option<Pair> {
         let (triangle, _, distance, _) = self.patch.project(p);
         let weights = closest::on_triangle(p, self.patch.corners[triangle]);
-        let on_skin = self.patch.place(triangle, weights);
+        let on_skin = self.patch.position(triangle, weights);
         let away = (p - on_skin) * distance.signum();
         let normal = match away.length() > self.touch {
             true => away.normalize(),
             false => self.features.holding(triangle, weights).cone.normal,
         };
-        let spot = (self.patch.triangles[triangle], weights);
+        let surface_point = (self.patch.triangles[triangle], weights);
         let gap = normal.dot(p - on_skin) - self.radius;
-        (normal != DVec3::ZERO).then_some(Pair { spot, u, on_tool: p, on_skin, normal, gap, rubs: true })
+        (normal != DVec3::ZERO).then_some(Pair { surface_point, u, on_tool: p, on_skin, normal, gap, frictional: true })
     }
 
     /// Pair of a tool's feature and a skin's, where they first touch or come nearest, if it is kept.
@@ -285,7 +294,7 @@ impl Hunt<'_> {
 
     /// Pair of a segment with an edge or vertex above it, if the segment's point is inside the skin.
     fn mirrored(&self, piece: &Piece, feature: &Feature, near: &Near) -> Option<Pair> {
-        let depth = -self.patch.project(piece.place(near.u)).2;
+        let depth = -self.patch.project(piece.point_at(near.u)).2;
         let normal = -near.away.normalize();
         let reach = self.search.alarm + self.search.distance + self.radius;
         let nearest = near.strict && depth > 0.0 && near.away.length() <= reach.min(DEEPER * depth);
@@ -294,9 +303,17 @@ impl Hunt<'_> {
     }
 
     fn pair(&self, piece: &Piece, feature: &Feature, near: &Near, normal: DVec3) -> Pair {
-        let (on_tool, on_skin) = (piece.place(near.u), feature.place(near.weights));
+        let (on_tool, on_skin) = (piece.point_at(near.u), feature.position(near.weights));
         let gap = normal.dot(on_tool - on_skin) - self.radius;
-        Pair { spot: feature.spot(near.weights), u: near.u, on_tool, on_skin, normal, gap, rubs: true }
+        Pair {
+            surface_point: feature.surface_point(near.weights),
+            u: near.u,
+            on_tool,
+            on_skin,
+            normal,
+            gap,
+            frictional: true,
+        }
     }
 
     /// Fraction of the motion at which the two touch or come nearest, with the nearest points there: never closer than the touching
@@ -327,7 +344,7 @@ impl Hunt<'_> {
 fn touching(piece: &Piece, feature: &Feature) -> Option<DVec3> {
     let outward = feature.cone.normal;
     let line = (piece.ends[1] - piece.ends[0]).normalize_or_zero();
-    match (piece.point, &feature.places[..]) {
+    match (piece.point, &feature.positions[..]) {
         (false, [_]) => outward.reject_from(line).try_normalize(),
         (false, [a, b]) => {
             let across = (*b - *a).cross(line).try_normalize()?;

@@ -48,7 +48,7 @@ struct Sweep {
     ends: [DVec3; 2],
     /// Unit vector; zero for a sphere.
     along: DVec3,
-    shift: DVec3,
+    translation: DVec3,
     radius: f64,
 }
 
@@ -69,8 +69,8 @@ impl Sweep {
     fn new(tool: &Instrument, round: &Round, free: &UnconstrainedMotion) -> Self {
         let ends = round.ends.map(|end| tool.at(DVec3::from_array(end)));
         let middle = (ends[0] + ends[1]) * 0.5;
-        let shift = free.shift + free.turn.cross(middle - tool.position);
-        Self { ends, along: (ends[1] - ends[0]).normalize_or_zero(), shift, radius: round.radius }
+        let translation = free.translation + free.rotation.cross(middle - tool.position);
+        Self { ends, along: (ends[1] - ends[0]).normalize_or_zero(), translation, radius: round.radius }
     }
 
     /// Nearest point of the axis before the motion.
@@ -84,7 +84,7 @@ impl Sweep {
 
     /// Smallest clearance up to the first touch, with the value of `at` there; `at` maps the fraction of the motion to clearance and value.
     fn advance<T>(&self, at: impl Fn(f64) -> (f64, T)) -> (f64, T) {
-        let length = self.shift.length();
+        let length = self.translation.length();
         let mut best = at(0.0);
         let (mut clear, mut t) = (best.0, 0.0);
         for _ in 0..MOST_STEPS {
@@ -119,8 +119,8 @@ impl Sweep {
     /// Touch of the tool with a surface point, if it comes within `reach`.
     fn meets(&self, p: DVec3, reach: f64) -> Option<Touch> {
         let (clear, (axis, away)) = self.advance(|t| {
-            let axis = self.nearest(p - self.shift * t);
-            let away = axis + self.shift * t - p;
+            let axis = self.nearest(p - self.translation * t);
+            let away = axis + self.translation * t - p;
             (away.length() - self.radius, (axis, away))
         });
         let normal = away.try_normalize().filter(|_| clear < reach)?;
@@ -222,7 +222,7 @@ pub fn contacts(
 ) -> Vec<Contact> {
     let sweep = Sweep::new(tool, round, free);
     let reach = search.alarm + search.distance;
-    let (mut nearest, out) = nearest_places(tool, patch, &sweep, reach);
+    let (mut nearest, out) = nearest_points(tool, patch, &sweep, reach);
     let made = |index: usize, (nodes, weights): OnTriangle, touch: &Touch| {
         let point = touch.axis - touch.normal * sweep.radius;
         let contact = Contact::on_skin(number, index, body, MaterialPoint::of(nodes, weights), point);
@@ -233,15 +233,15 @@ pub fn contacts(
     // filter "one": the deepest only
     if search.filter == Filter::One {
         let deepest = nearest.iter().min_by(|a, b| a.2.gap.total_cmp(&b.2.gap));
-        return deepest.map(|(index, spot, touch, _)| made(*index, *spot, touch)).into_iter().collect();
+        return deepest.map(|(index, on_skin, touch, _)| made(*index, *on_skin, touch)).into_iter().collect();
     }
     let curvature = curvatures(faces, position);
     if out.is_none() {
-        nearest = places_on_triangles(tool, patch, &sweep, &curvature, reach);
+        nearest = nearest_on_triangles(tool, patch, &sweep, &curvature, reach);
     }
     // surface points
     let mut found = vec![];
-    let mut places = vec![];
+    let mut taken = vec![];
     for ((i, j), point) in surface_points(faces, position, &sweep, &curvature) {
         let p = (position(i) + position(j)) * 0.5;
         let touch = match out {
@@ -251,14 +251,14 @@ pub fn contacts(
         if let Some(touch) = touch.filter(|t| t.normal.dot(point.outward) > FACING * point.outward.length()) {
             let touch = Touch { gap: touch.gap + point.overlap, ..touch };
             found.push(made(point_id(tool, i, j), ([i, j, j], [0.5, 0.5, 0.0]), &touch));
-            places.push(p);
+            taken.push(p);
         }
     }
     // nearest points that no surface point stands for
-    for (index, spot, touch, place) in &nearest {
-        if places.iter().all(|p| p.distance(*place) > SAME * sweep.radius) {
-            found.push(made(*index, *spot, touch));
-            places.push(*place);
+    for (index, on_skin, touch, nearest) in &nearest {
+        if taken.iter().all(|p| p.distance(*nearest) > SAME * sweep.radius) {
+            found.push(made(*index, *on_skin, touch));
+            taken.push(*nearest);
         }
     }
     found
@@ -266,12 +266,12 @@ pub fn contacts(
 
 /// For each axis sample the point of the skin that it first touches or comes nearest to; and, if a sample starts inside the skin, the way
 /// out: the normal at the point nearest to the deepest one.
-fn nearest_places(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64) -> (Vec<Nearest>, Option<DVec3>) {
+fn nearest_points(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64) -> (Vec<Nearest>, Option<DVec3>) {
     let mut found = vec![];
     let mut deepest: Option<(f64, DVec3)> = None;
     for (index, axis) in samples_on_axis(tool) {
         let (clear, (triangle, weights, normal)) = sweep.advance(|t| {
-            let (triangle, weights, distance, normal) = patch.project(axis + sweep.shift * t);
+            let (triangle, weights, distance, normal) = patch.project(axis + sweep.translation * t);
             (distance - sweep.radius, (triangle, weights, normal))
         });
         if clear >= reach {
@@ -281,17 +281,23 @@ fn nearest_places(tool: &Instrument, patch: &Patch, sweep: &Sweep, reach: f64) -
         if outside < 0.0 && deepest.is_none_or(|(depth, _)| outside < depth) {
             deepest = Some((outside, normal));
         }
-        let place = patch.place(triangle, weights);
-        let gap = normal.dot(axis - place) - sweep.radius;
+        let nearest = patch.position(triangle, weights);
+        let gap = normal.dot(axis - nearest) - sweep.radius;
         let gap = if outside >= sweep.radius { gap.max(0.0) } else { gap };
-        found.push((index, (patch.triangles[triangle], weights), Touch { normal, axis, gap }, place));
+        found.push((index, (patch.triangles[triangle], weights), Touch { normal, axis, gap }, nearest));
     }
     (found, deepest.map(|d| d.1))
 }
 
 /// For each triangle with an edge longer than the tool's radius, the point that an axis sample first touches on it, unless a triangle
 /// around that point is touched earlier elsewhere: local minima of the distance.
-fn places_on_triangles(tool: &Instrument, patch: &Patch, sweep: &Sweep, curvature: &[f64], reach: f64) -> Vec<Nearest> {
+fn nearest_on_triangles(
+    tool: &Instrument,
+    patch: &Patch,
+    sweep: &Sweep,
+    curvature: &[f64],
+    reach: f64,
+) -> Vec<Nearest> {
     let mut met: Vec<(f64, usize, Nearest)> = vec![];
     for (triangle, corners) in patch.corners.iter().enumerate() {
         let longest = (0..3).map(|k| corners[k].distance(corners[(k + 1) % 3])).fold(0.0, f64::max);
@@ -300,22 +306,22 @@ fn places_on_triangles(tool: &Instrument, patch: &Patch, sweep: &Sweep, curvatur
         }
         let outward = patch.face_normal(triangle);
         // first touch over the axis samples
-        let places = samples_on_axis(tool).filter_map(|(_, at)| {
+        let candidates = samples_on_axis(tool).filter_map(|(_, at)| {
             let (clear, weights) = sweep.advance(|t| {
-                let centre = at + sweep.shift * t;
+                let centre = at + sweep.translation * t;
                 let weights = patch.nearest_on(triangle, centre);
-                (patch.place(triangle, weights).distance(centre) - sweep.radius, weights)
+                (patch.position(triangle, weights).distance(centre) - sweep.radius, weights)
             });
-            let place = patch.place(triangle, weights);
-            let touch = sweep.meets(place, reach).filter(|t| t.normal.dot(outward) > FACING)?;
+            let nearest = patch.position(triangle, weights);
+            let touch = sweep.meets(nearest, reach).filter(|t| t.normal.dot(outward) > FACING)?;
             let touch = Touch { gap: touch.gap + sweep.overlap(*corners, weights, curvature[triangle / 2]), ..touch };
             Some((
                 clear,
                 triangle,
-                (triangle_id(patch.triangles[triangle]), (patch.triangles[triangle], weights), touch, place),
+                (triangle_id(patch.triangles[triangle]), (patch.triangles[triangle], weights), touch, nearest),
             ))
         });
-        met.extend(places.min_by(|a, b| a.0.total_cmp(&b.0)));
+        met.extend(candidates.min_by(|a, b| a.0.total_cmp(&b.0)));
     }
     // keep those that no triangle around the point touches earlier
     let earlier = |(clear, triangle, (_, (nodes, weights), ..)): &(f64, usize, Nearest)| {
@@ -340,16 +346,16 @@ mod tests {
     const RADIUS: f64 = 4e-3;
 
     fn sweep(along: DVec3) -> Sweep {
-        Sweep { ends: [DVec3::ZERO; 2], along, shift: DVec3::ZERO, radius: RADIUS }
+        Sweep { ends: [DVec3::ZERO; 2], along, translation: DVec3::ZERO, radius: RADIUS }
     }
 
     /// Patch of 4 × 4 faces at height `z(x, y)`, and its nodes.
     fn patch(z: impl Fn(f64, f64) -> f64) -> (Vec<Quad>, Vec<DVec3>) {
         let at = |k: u32| (f64::from(k) - 2.0) * CELL;
-        let places = (0..25).map(|n| (at(n % 5), at(n / 5)));
+        let nodes = (0..25).map(|n| (at(n % 5), at(n / 5)));
         let corner = |k: u32| k % 4 + 5 * (k / 4);
         let quad = |k: u32| Quad { nodes: [0, 1, 6, 5].map(|n| corner(k) + n), cell: 0, wall: false };
-        ((0..16).map(quad).collect(), places.map(|(x, y)| DVec3::new(x, y, z(x, y))).collect())
+        ((0..16).map(quad).collect(), nodes.map(|(x, y)| DVec3::new(x, y, z(x, y))).collect())
     }
 
     #[test]

@@ -24,9 +24,9 @@ const FACING: f64 = 0.5;
 /// The skin under a disc.
 pub(super) struct Disc {
     /// Its material point.
-    pub spot: MaterialPoint,
+    pub material_point: MaterialPoint,
     /// Its mean position, m.
-    pub place: DVec3,
+    pub position: DVec3,
     /// Its mean outward normal.
     pub normal: DVec3,
 }
@@ -50,21 +50,24 @@ impl Patch {
         if radius == 0.0 || rings <= 0.0 {
             return None;
         }
-        let (rings, centre, normal) = (rings.sqrt(), self.place(triangle, weights), self.face_normal(triangle));
+        let (rings, centre, normal) = (rings.sqrt(), self.position(triangle, weights), self.face_normal(triangle));
         let (along, across) = normal.any_orthonormal_pair();
         let mut sum: BTreeMap<u32, f64> = BTreeMap::new();
-        let (mut places, mut normals, mut count) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        let (mut positions, mut normals, mut count) = (DVec3::ZERO, DVec3::ZERO, 0.0);
         for (s, t) in disc((DENSITY * rings / self.side(triangle)).clamp(2.0, RINGS).ceil() as u32) {
             let (other, its, ..) = self.project(centre + (along * s + across * t) * rings);
             let faces = self.face_normal(other).dot(normal) > FACING;
             let (triangle, weights) = if faces { (other, its) } else { (triangle, weights) };
-            places += self.place(triangle, weights);
+            positions += self.position(triangle, weights);
             normals += self.face_normal(triangle);
             count += 1.0;
-            self.spot(triangle, weights).0.iter().for_each(|(node, weight)| *sum.entry(*node).or_default() += weight);
+            self.material_point(triangle, weights)
+                .0
+                .iter()
+                .for_each(|(node, weight)| *sum.entry(*node).or_default() += weight);
         }
-        let spot = MaterialPoint(sum.into_iter().map(|(node, weight)| (node, weight / count)).collect());
-        Some(Disc { spot, place: places / count, normal: normals.normalize_or(normal) })
+        let material_point = MaterialPoint(sum.into_iter().map(|(node, weight)| (node, weight / count)).collect());
+        Some(Disc { material_point, position: positions / count, normal: normals.normalize_or(normal) })
     }
 
     /// Side of the square face of which the triangle is a half or a quarter, m.

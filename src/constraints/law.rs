@@ -81,9 +81,9 @@ impl Law {
         matches!(self, Self::Bilateral { .. } | Self::Slide { .. })
     }
 
-    /// Projection of `aim` on the allowed forces, N; 0 beyond the last row. A group depends only on itself and on earlier groups.
-    pub(super) fn project(&self, aim: [f64; 3]) -> [f64; 3] {
-        let [a, b, c] = aim;
+    /// Projection of `trial` on the allowed forces, N; 0 beyond the last row. A group depends only on itself and on earlier groups.
+    pub(super) fn project(&self, trial: [f64; 3]) -> [f64; 3] {
+        let [a, b, c] = trial;
         match *self {
             Self::Coulomb { friction: 0.0, bound } => [between(a, 0.0, bound), 0.0, 0.0],
             Self::Coulomb { friction, bound } => {
@@ -95,7 +95,7 @@ impl Law {
                 let (e, s) = onto_circle(a, b, radius);
                 [e, s, between(c, -radius, radius)]
             }
-            Self::Bilateral { rows } => [0, 1, 2].map(|k| if k < rows { aim[k] } else { 0.0 }),
+            Self::Bilateral { rows } => [0, 1, 2].map(|k| if k < rows { trial[k] } else { 0.0 }),
             Self::Slide { friction, resistance } => {
                 let most = friction * hypot(a, b) + resistance;
                 [a, b, between(c, -most, most)]
@@ -103,17 +103,17 @@ impl Law {
         }
     }
 
-    /// Derivative of [`Law::project`], `[force][aim]`.
-    pub(super) fn slope(&self, aim: [f64; 3]) -> [[f64; 3]; 3] {
+    /// Derivative of [`Law::project`], `[force][trial]`.
+    pub(super) fn slope(&self, trial: [f64; 3]) -> [[f64; 3]; 3] {
         let one = |inside: bool| f64::from(u8::from(inside));
         let diagonal = |[a, b, c]: [f64; 3]| [[a, 0.0, 0.0], [0.0, b, 0.0], [0.0, 0.0, c]];
         match *self {
             Self::Coulomb { friction, bound } => {
-                let normal = one(aim[0] > 0.0 && aim[0] < bound);
+                let normal = one(trial[0] > 0.0 && trial[0] < bound);
                 if friction == 0.0 {
                     return diagonal([normal, 0.0, 0.0]);
                 }
-                let (plane, out) = disc_slope(aim[1], aim[2], friction * between(aim[0], 0.0, bound));
+                let (plane, out) = disc_slope(trial[1], trial[2], friction * between(trial[0], 0.0, bound));
                 let follow = friction * normal;
                 [
                     [normal, 0.0, 0.0],
@@ -122,17 +122,18 @@ impl Law {
                 ]
             }
             Self::Cut { radius } => {
-                let plane = circle_slope(aim[0], aim[1], radius);
-                let across = one(aim[2].abs() < radius);
+                let plane = circle_slope(trial[0], trial[1], radius);
+                let across = one(trial[2].abs() < radius);
                 [[plane[0][0], plane[0][1], 0.0], [plane[1][0], plane[1][1], 0.0], [0.0, 0.0, across]]
             }
             Self::Bilateral { rows } => diagonal([0, 1, 2].map(|k| one(k < rows))),
             Self::Slide { friction, resistance } => {
-                let across = hypot(aim[0], aim[1]);
-                if aim[2].abs() <= friction * across + resistance {
+                let across = hypot(trial[0], trial[1]);
+                if trial[2].abs() <= friction * across + resistance {
                     return diagonal([1.0; 3]);
                 }
-                let follow = |k: usize| if across > 0.0 { friction * aim[k] / across * aim[2].signum() } else { 0.0 };
+                let follow =
+                    |k: usize| if across > 0.0 { friction * trial[k] / across * trial[2].signum() } else { 0.0 };
                 [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [follow(0), follow(1), 0.0]]
             }
         }
@@ -140,7 +141,7 @@ impl Law {
 
     /// Whether a sweep goes only half way to a group's projection: in an edge's plane, where pieces of one edge that go the whole way may
     /// oscillate for ever.
-    pub(super) fn goes_half_way(&self, group: &Range<usize>) -> bool {
+    pub(super) fn under_relaxes(&self, group: &Range<usize>) -> bool {
         matches!(self, Self::Cut { .. }) && group.start == 0
     }
 
@@ -223,18 +224,18 @@ mod tests {
     fn off(law: Law, slope: impl Fn([f64; 3]) -> [[f64; 3]; 3]) -> f64 {
         const STEP: f64 = 1e-6;
         let mut worst = 0.0f64;
-        for aim in aims() {
+        for trial in aims() {
             let at = |k: usize, by: f64| {
-                let mut aim = aim;
-                aim[k] += by;
-                law.project(aim)
+                let mut trial = trial;
+                trial[k] += by;
+                law.project(trial)
             };
             for k in 0..3 {
                 let [low, here, high] = [-STEP, 0.0, STEP].map(|by| at(k, by));
                 for row in 0..law.rows() {
                     let (back, on) = ((here[row] - low[row]) / STEP, (high[row] - here[row]) / STEP);
                     if (back - on).abs() < 1e-3 {
-                        worst = worst.max((slope(aim)[row][k] - 0.5 * (back + on)).abs());
+                        worst = worst.max((slope(trial)[row][k] - 0.5 * (back + on)).abs());
                     }
                 }
             }
@@ -245,11 +246,11 @@ mod tests {
     #[test]
     fn slopes_are_the_derivatives_of_the_projections() {
         for law in LAWS {
-            let worst = off(law, |aim| law.slope(aim));
+            let worst = off(law, |trial| law.slope(trial));
             assert!(worst < 1e-4, "{law:?}: {worst:e}");
         }
-        let other = off(Law::Slide { friction: 0.5, resistance: 0.1 }, |aim| {
-            Law::Slide { friction: 0.4, resistance: 0.1 }.slope(aim)
+        let other = off(Law::Slide { friction: 0.5, resistance: 0.1 }, |trial| {
+            Law::Slide { friction: 0.4, resistance: 0.1 }.slope(trial)
         });
         assert!(other > 0.05, "the counter-test: another μ gives the same slope");
     }
@@ -258,11 +259,11 @@ mod tests {
     fn what_is_allowed_stays_and_rows_that_a_law_has_not_bear_nothing() {
         for law in LAWS {
             assert_eq!(law.groups().iter().map(|group| group.len()).sum::<usize>(), law.rows());
-            for aim in aims() {
-                let once = law.project(aim);
+            for trial in aims() {
+                let once = law.project(trial);
                 let twice = law.project(once);
                 let same = once.iter().zip(twice).all(|(a, b)| (a - b).abs() <= 1e-15);
-                assert!(same, "{law:?}: {aim:?} to {once:?} to {twice:?}");
+                assert!(same, "{law:?}: {trial:?} to {once:?} to {twice:?}");
                 assert!(once[law.rows()..].iter().all(|force| *force == 0.0), "{law:?}: {once:?}");
             }
         }
@@ -271,13 +272,13 @@ mod tests {
     #[test]
     fn groups_depend_on_those_before_them_alone() {
         for law in LAWS {
-            for aim in aims() {
-                let mut forces = aim;
+            for trial in aims() {
+                let mut forces = trial;
                 for group in law.groups() {
-                    let held = law.project(forces);
-                    forces[group.clone()].copy_from_slice(&held[group.clone()]);
+                    let projected = law.project(forces);
+                    forces[group.clone()].copy_from_slice(&projected[group.clone()]);
                 }
-                let whole = law.project(aim);
+                let whole = law.project(trial);
                 let same = (0..law.rows()).all(|k| (forces[k] - whole[k]).abs() <= 1e-15);
                 assert!(same, "{law:?}: {forces:?} by groups, {whole:?} at once");
             }

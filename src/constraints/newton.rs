@@ -5,7 +5,7 @@
 //! Source: Alart, Curnier 1991. Differs: the disc is that of the projected normal force, as in the sweeps; `W`'s diagonal is raised in
 //! `J` alone, so that redundant contacts share a force instead of making it singular. `F` is unchanged, and so are the laws that hold.
 
-use super::{Law, Residual, aim, first_rows, floor, of_rows, residual, residual_at, scales};
+use super::{Law, Residual, first_rows, floor, of_rows, residual, residual_at, scales, trial_force};
 
 /// Most Newton steps in a row.
 const STEPS: u32 = 30;
@@ -110,15 +110,15 @@ fn linearise(
     let floor = floor(w, rows);
     jacobian.fill(0.0);
     for (first, law) in first_rows(laws) {
-        let own = law.rows();
+        let law_rows = law.rows();
         let c = scales(law, w, rows, first, floor).map(|c| share * c);
-        let aim = of_rows(law, |k| aim(w, free, force, first + k, c[k]));
-        let (held, slope) = (law.project(aim), law.slope(aim));
-        for a in 0..own {
+        let trial = of_rows(law, |k| trial_force(w, free, force, first + k, c[k]));
+        let (projected, slope) = (law.project(trial), law.slope(trial));
+        for a in 0..law_rows {
             let line = &mut jacobian[(first + a) * rows..(first + a + 1) * rows];
             line[first + a] = 1.0;
-            minus[first + a] = if c[a] > 0.0 { held[a] - force[first + a] } else { -force[first + a] };
-            for b in (0..own).filter(|b| c[a] > 0.0 && c[*b] > 0.0 && slope[a][*b] != 0.0) {
+            minus[first + a] = if c[a] > 0.0 { projected[a] - force[first + a] } else { -force[first + a] };
+            for b in (0..law_rows).filter(|b| c[a] > 0.0 && c[*b] > 0.0 && slope[a][*b] != 0.0) {
                 let row = first + b;
                 let m = slope[a][b];
                 line.iter_mut().zip(&w[row * rows..(row + 1) * rows]).for_each(|(j, w)| *j += m / c[b] * w);

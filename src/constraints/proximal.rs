@@ -55,9 +55,9 @@ const SLOW: f64 = 0.01;
 #[derive(Clone, Copy, Debug)]
 pub struct Effort {
     /// Tight tolerance: on forces relative to their sum, on gaps relative to the largest displacement of a row under its own force.
-    pub wanted: f64,
+    pub tolerance: f64,
     /// Loose tolerance, accepted where the tight one is not reached quickly.
-    pub enough: Enough,
+    pub loose: LooseTolerance,
     /// Most row updates (each takes as many multiplications as there are rows). A step that has begun is finished: up to 20 sweeps and one
     /// elimination more.
     pub updates: u64,
@@ -65,16 +65,16 @@ pub struct Effort {
 
 /// Residual that cannot be felt.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Enough {
+pub struct LooseTolerance {
     /// Largest force residual, as a share of the largest force.
     pub share: f64,
     /// Largest gap residual, m.
     pub gap: f64,
 }
 
-impl Enough {
+impl LooseTolerance {
     /// Whether a residual is within these bounds.
-    pub fn holds(&self, residual: &Residual, force: &[f64]) -> bool {
+    pub fn is_met(&self, residual: &Residual, force: &[f64]) -> bool {
         let largest = force.iter().fold(0.0f64, |most, f| most.max(f.abs()));
         residual.force <= self.share * largest && residual.gap <= self.gap
     }
@@ -112,10 +112,10 @@ pub fn solve(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], effort: &
             best.copy_from_slice(force);
         }
         // tight tolerance; the loose one if progress is slow
-        ended.converged = small(&ended.residual, w, &best, effort.wanted);
+        ended.converged = small(&ended.residual, w, &best, effort.tolerance);
         let slow = ended.updates >= effort.updates || found.energy > SLOW * before;
         if !ended.converged && slow {
-            ended.converged = effort.enough.holds(&ended.residual, &best);
+            ended.converged = effort.loose.is_met(&ended.residual, &best);
         }
         if ended.converged || ended.updates >= effort.updates {
             break;
@@ -149,18 +149,18 @@ fn settle(laws: &[Law], w: &[f64], free: &[f64], force: &mut [f64], effort: &Eff
     let most = if ended.rounds == 0 { SWEEPS_BETWEEN } else { SWEEPS_LATER };
     let mut before = f64::INFINITY;
     loop {
-        let sweeps = relax(laws, w, free, force, effort.wanted, most);
+        let sweeps = relax(laws, w, free, force, effort.tolerance, most);
         ended.sweeps += sweeps;
         ended.updates += rows * u64::from(sweeps + 1);
-        if small(&residual(laws, w, free, force), w, force, effort.wanted) {
+        if small(&residual(laws, w, free, force), w, force, effort.tolerance) {
             return true;
         }
         let left = effort.updates.saturating_sub(ended.updates);
-        let (steps, updates) = newton::polish(laws, w, free, force, left, |r, f| small(r, w, f, effort.wanted));
+        let (steps, updates) = newton::polish(laws, w, free, force, left, |r, f| small(r, w, f, effort.tolerance));
         ended.steps += steps;
         ended.updates += updates + rows;
         let found = residual(laws, w, free, force);
-        if small(&found, w, force, effort.wanted) {
+        if small(&found, w, force, effort.tolerance) {
             return true;
         }
         let stalled = found.energy > STALLED * before || !found.energy.is_finite();

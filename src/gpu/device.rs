@@ -471,7 +471,7 @@ impl Gpu {
         let failed = |message: String| Failed::Device { message };
         staging.map_async(wgpu::MapMode::Read, 0..total.max(16), |_| {});
         self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| failed(e.to_string()))?;
-        self.sound()?;
+        self.check_health()?;
         let view = staging.get_mapped_range(0..total.max(16)).map_err(|e| failed(e.to_string()))?;
         let mut offset = 0usize;
         let parts = wanted

@@ -57,7 +57,7 @@ pub enum Failed {
 
     /// Failure of the device.
     #[error(
-        "the GPU device failed: {message}; run again, with a smaller scene or on the CPU if it fails at the same place"
+        "the GPU device failed: {message}; run again, with a smaller scene or on the CPU if it fails again at the same step"
     )]
     Device {
         /// Message of the driver.

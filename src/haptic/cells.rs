@@ -74,7 +74,7 @@ pub struct Felt {
     /// m/s
     pub velocity: DVec3,
     /// rad/s
-    pub spin: DVec3,
+    pub angular_velocity: DVec3,
     /// Bit k is set while button k is pressed.
     pub buttons: u32,
     /// True while the blade cuts.
@@ -108,7 +108,7 @@ pub fn cells(first: &Problem, felt: &Felt) -> (ServoEnd, SimulationEnd) {
 
 impl SimulationEnd {
     /// Hands a problem over: `time` of its hand pose, s, and the newest epoch.
-    pub fn hand_over(&mut self, reduced: &Reduced, time: f64, announced: u32) {
+    pub fn publish(&mut self, reduced: &Reduced, time: f64, announced: u32) {
         self.number += 1;
         self.problem.input_buffer_mut().refill(reduced, time, self.number, announced);
         self.problem.publish();

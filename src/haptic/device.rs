@@ -20,7 +20,7 @@ pub struct Reading {
     /// m/s
     pub velocity: DVec3,
     /// Angular velocity, rad/s; zero if the device does not measure it.
-    pub spin: DVec3,
+    pub angular_velocity: DVec3,
     /// Bit k is set while button k is pressed.
     pub buttons: u32,
     /// Age of the reading, s; infinite before the first one.
@@ -34,15 +34,15 @@ impl Reading {
             position: DVec3::ZERO,
             rotation: DQuat::IDENTITY,
             velocity: DVec3::ZERO,
-            spin: DVec3::ZERO,
+            angular_velocity: DVec3::ZERO,
             buttons: 0,
             age,
         }
     }
 
     /// True if all numbers are finite and the quaternion is a rotation.
-    pub fn is_sound(&self) -> bool {
-        let finite = self.position.is_finite() && self.velocity.is_finite() && self.spin.is_finite();
+    pub fn is_valid(&self) -> bool {
+        let finite = self.position.is_finite() && self.velocity.is_finite() && self.angular_velocity.is_finite();
         finite && (self.rotation.length_squared() - 1.0).abs() < 1e-3
     }
 }
@@ -165,30 +165,30 @@ impl Workspace {
     }
 
     /// True if a reading is valid for this workspace: within reach, and not faster than once across it in a tick.
-    pub fn holds(&self, reading: &Reading) -> bool {
-        let near = self.has_place(reading.position) && reading.velocity.length() * CROSSING <= self.reach;
-        near && reading.is_sound()
+    pub fn accepts(&self, reading: &Reading) -> bool {
+        let near = self.within_reach(reading.position) && reading.velocity.length() * CROSSING <= self.reach;
+        near && reading.is_valid()
     }
 
     /// True if a position is within reach, m in the device's frame; false for NaN.
-    pub fn has_place(&self, position: DVec3) -> bool {
+    pub fn within_reach(&self, position: DVec3) -> bool {
         position.is_finite() && position.length() <= self.reach
     }
 
     /// Vector from the end effector to the tool's origin, in the scene, m; `effector` is the rotation of the end effector in the device's
     /// frame.
-    fn lever(&self, effector: DQuat) -> DVec3 {
+    fn tool_offset(&self, effector: DQuat) -> DVec3 {
         self.rotation * effector * self.tool
     }
 
     /// Converts a reading of the end effector to the tool in the scene.
     pub fn to_scene(&self, reading: Reading) -> Reading {
-        let (lever, spin) = (self.lever(reading.rotation), self.rotation * reading.spin);
+        let (offset, angular_velocity) = (self.tool_offset(reading.rotation), self.rotation * reading.angular_velocity);
         Reading {
-            position: self.position + self.rotation * (reading.position * self.scale) + lever,
+            position: self.position + self.rotation * (reading.position * self.scale) + offset,
             rotation: self.rotation * reading.rotation * self.tool_rotation,
-            velocity: self.rotation * (reading.velocity * self.scale) + spin.cross(lever),
-            spin,
+            velocity: self.rotation * (reading.velocity * self.scale) + angular_velocity.cross(offset),
+            angular_velocity,
             ..reading
         }
     }
@@ -197,19 +197,19 @@ impl Workspace {
     pub fn from_scene(&self, position: DVec3, rotation: DQuat) -> (DVec3, DQuat) {
         let back = self.rotation.conjugate();
         let effector = back * rotation * self.tool_rotation.conjugate();
-        (back * (position - self.lever(effector) - self.position) / self.scale, effector)
+        (back * (position - self.tool_offset(effector) - self.position) / self.scale, effector)
     }
 
     /// Converts a wrench on the end effector to the tool's origin, in the scene's frame; forces are not scaled.
     pub fn wrench_to_scene(&self, wrench: Wrench, effector: DQuat) -> Wrench {
         let force = self.rotation * wrench.force;
-        Wrench { force, torque: self.rotation * wrench.torque - self.lever(effector).cross(force) }
+        Wrench { force, torque: self.rotation * wrench.torque - self.tool_offset(effector).cross(force) }
     }
 
     /// Converts a wrench at the tool's origin to the end effector, in the device's frame; forces are not scaled.
     pub fn to_device(&self, wrench: Wrench, effector: DQuat) -> Wrench {
         let back = self.rotation.conjugate();
-        let torque = wrench.torque + self.lever(effector).cross(wrench.force);
+        let torque = wrench.torque + self.tool_offset(effector).cross(wrench.force);
         Wrench { force: back * wrench.force, torque: back * torque }
     }
 }
@@ -234,11 +234,11 @@ mod tests {
         let turned = DQuat::from_rotation_y(0.9);
         let wrench = Wrench { force: DVec3::new(1.0, -2.0, 0.5), torque: DVec3::new(0.1, 0.3, 0.0) };
         let given = workspace().to_device(wrench, turned);
-        let power = |velocity: DVec3, spin: DVec3| {
-            let reading = Reading { rotation: turned, velocity, spin, ..Reading::at_rest(0.0) };
+        let power = |velocity: DVec3, angular_velocity: DVec3| {
+            let reading = Reading { rotation: turned, velocity, angular_velocity, ..Reading::at_rest(0.0) };
             let there = workspace().to_scene(reading);
-            let moved = wrench.force.dot(there.velocity) + wrench.torque.dot(there.spin);
-            (moved, 2.0 * given.force.dot(velocity), given.torque.dot(spin))
+            let moved = wrench.force.dot(there.velocity) + wrench.torque.dot(there.angular_velocity);
+            (moved, 2.0 * given.force.dot(velocity), given.torque.dot(angular_velocity))
         };
         let (straight, wanted, _) = power(DVec3::new(0.1, 0.2, 0.3), DVec3::ZERO);
         assert!((straight - wanted).abs() < 1e-12, "{straight} {wanted}");
@@ -261,9 +261,9 @@ mod tests {
 
     #[test]
     fn a_reading_with_a_number_that_is_none_is_not_sound() {
-        assert!(Reading::at_rest(0.0).is_sound());
-        let spoilt = Reading { rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 0.5), ..Reading::at_rest(0.0) };
-        assert!(!spoilt.is_sound());
-        assert!(!Reading { velocity: DVec3::NAN, ..Reading::at_rest(0.0) }.is_sound());
+        assert!(Reading::at_rest(0.0).is_valid());
+        let invalid = Reading { rotation: DQuat::from_xyzw(0.0, 0.0, 0.0, 0.5), ..Reading::at_rest(0.0) };
+        assert!(!invalid.is_valid());
+        assert!(!Reading { velocity: DVec3::NAN, ..Reading::at_rest(0.0) }.is_valid());
     }
 }

@@ -15,7 +15,7 @@ pub const STOP_TIME: f64 = 0.005;
 /// A device without a reading for this time is lost, s: fifty ticks; networks recover from a lost packet sooner.
 pub const LOST_AFTER: f64 = 0.05;
 /// Time that a device must be valid before a stop ends, s: an intermittent device stays without force.
-pub const SOUND_FOR: f64 = 0.1;
+pub const VALID_FOR: f64 = 0.1;
 /// Number of simulation steps after which the last problem is too old: one is normal, two occur with an occasional slow step.
 pub const LATE_STEPS: f64 = 4.0;
 
@@ -37,7 +37,7 @@ pub struct Guard {
     faded: f64,
     lifted: f64,
     stopped: bool,
-    sound: f64,
+    valid_time: f64,
     late: bool,
     /// Number of fade-outs.
     pub fades: u64,
@@ -53,11 +53,11 @@ impl Guard {
 
     /// Updates the factors for a tick of `step` seconds; returns their product.
     pub fn update(&mut self, signs: Signs, step: f64) -> f64 {
-        self.sound = if signs.lost { 0.0 } else { self.sound + step };
+        self.valid_time = if signs.lost { 0.0 } else { self.valid_time + step };
         if signs.lost && !self.stopped {
             self.stopped = true;
             self.stops += u64::from(self.ramp > 0.0);
-        } else if self.stopped && self.sound >= SOUND_FOR && self.ramp == 0.0 {
+        } else if self.stopped && self.valid_time >= VALID_FOR && self.ramp == 0.0 {
             self.stopped = false;
         }
         self.fades += u64::from(signs.late && !self.late);

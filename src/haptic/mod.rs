@@ -104,7 +104,7 @@ pub struct Tick {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Renderer {
     /// Coupling between hand and proxy.
-    pub link: Coupling,
+    pub coupling: Coupling,
     /// Rendering: through the coupling or direct.
     pub rendering: Rendering,
     /// Time budget for the sweeps of a tick; none if results must not depend on a clock.
@@ -118,8 +118,8 @@ pub struct Renderer {
     hand: Hand,
     force: Vec<f64>,
     free: Vec<f64>,
-    /// `[row]` moment directions, arm × axis, m.
-    levers: Vec<DVec3>,
+    /// `[row]` angular part of the Jacobian, arm × axis, m.
+    angular: Vec<DVec3>,
     /// `[row]` violation without force, before the hand moves, m.
     kept: Vec<f64>,
     /// `[row × row]` W + J C Jᵀ, m/N.
@@ -138,10 +138,10 @@ const CROWDED: usize = 10;
 
 impl Renderer {
     /// Proxy at rest at the hand.
-    pub fn new(link: Coupling, hand: Hand) -> Self {
+    pub fn new(coupling: Coupling, hand: Hand) -> Self {
         let none = Vec::new();
         Self {
-            link,
+            coupling,
             rendering: Rendering::Coupling,
             budget: None,
             max_sweeps: MAX_SWEEPS,
@@ -150,7 +150,7 @@ impl Renderer {
             hand,
             force: none.clone(),
             free: none.clone(),
-            levers: vec![],
+            angular: vec![],
             kept: none.clone(),
             compliance: none,
         }
@@ -160,7 +160,7 @@ impl Renderer {
     pub fn reserve(&mut self, rows: usize) {
         self.force.reserve(rows);
         self.free.reserve(rows);
-        self.levers.reserve(rows);
+        self.angular.reserve(rows);
         self.kept.reserve(rows);
         self.compliance.reserve(rows * rows);
     }
@@ -188,15 +188,15 @@ impl Renderer {
     fn prepare(&mut self, problem: &Reduced, step: f64) {
         let rows = problem.axes.len();
         let (c, ca) = self.compliances(step);
-        self.levers.clear();
-        self.levers.extend(problem.arms.iter().zip(&problem.axes).map(|(arm, axis)| arm.cross(*axis)));
+        self.angular.clear();
+        self.angular.extend(problem.arms.iter().zip(&problem.axes).map(|(arm, axis)| arm.cross(*axis)));
         self.kept.clear();
         self.compliance.clear();
         for (i, line) in problem.compliance.chunks_exact(rows.max(1)).enumerate() {
-            let held: f64 = line.iter().zip(&problem.force).map(|(w, f)| w * f).sum();
-            self.kept.push(problem.violation[i] - held);
-            let (axis, lever) = (problem.axes[i], self.levers[i]);
-            let through = |j: usize| c * axis.dot(problem.axes[j]) + ca * lever.dot(self.levers[j]);
+            let displacement: f64 = line.iter().zip(&problem.force).map(|(w, f)| w * f).sum();
+            self.kept.push(problem.violation[i] - displacement);
+            let (axis, angular) = (problem.axes[i], self.angular[i]);
+            let through = |j: usize| c * axis.dot(problem.axes[j]) + ca * angular.dot(self.angular[j]);
             self.compliance.extend(line.iter().enumerate().map(|(j, w)| w + through(j)));
         }
     }
@@ -210,28 +210,28 @@ impl Renderer {
         }
         // violations without force: drift and unconstrained motion of the proxy
         let (c, ca) = self.compliances(step);
-        let (shift, turn) = self.without_contact(problem, hand, step);
+        let (translation, rotation) = self.without_contact(problem, hand, step);
         self.free.clear();
         for i in 0..rows {
             let drift = problem.rate.get(i).map_or(0.0, |rate| rate * age);
-            self.free.push(self.kept[i] + drift + problem.axes[i].dot(shift) + self.levers[i].dot(turn));
+            self.free.push(self.kept[i] + drift + problem.axes[i].dot(translation) + self.angular[i].dot(rotation));
         }
         // forces, then the proxy's pose under them
         self.force.resize(rows, 0.0);
         let mut tick = self.solve(&problem.laws);
         for i in 0..rows {
             tick.force += problem.axes[i] * self.force[i];
-            tick.torque += self.levers[i] * self.force[i];
+            tick.torque += self.angular[i] * self.force[i];
         }
-        self.position = problem.position + shift + tick.force * c;
-        self.rotation = DQuat::from_scaled_axis(turn + tick.torque * ca) * problem.rotation;
+        self.position = problem.position + translation + tick.force * c;
+        self.rotation = DQuat::from_scaled_axis(rotation + tick.torque * ca) * problem.rotation;
         self.hand = hand;
         tick
     }
 
     /// Compliances of the coupling, m/N and rad/(N·m).
     fn compliances(&self, step: f64) -> (f64, f64) {
-        let Coupling { stiffness, damping, angular_stiffness, angular_damping } = self.link;
+        let Coupling { stiffness, damping, angular_stiffness, angular_damping } = self.coupling;
         match self.rendering {
             Rendering::Direct => (0.0, 0.0),
             Rendering::Coupling => {
@@ -242,8 +242,8 @@ impl Renderer {
 
     /// Motion of the proxy without contact, from the problem's pose: m and rad.
     fn without_contact(&self, problem: &Reduced, hand: Hand, step: f64) -> (DVec3, DVec3) {
-        let (k, b) = (self.link.stiffness, self.link.damping / step);
-        let (ka, ba) = (self.link.angular_stiffness, self.link.angular_damping / step);
+        let (k, b) = (self.coupling.stiffness, self.coupling.damping / step);
+        let (ka, ba) = (self.coupling.angular_stiffness, self.coupling.angular_damping / step);
         let target = hand.position - problem.position;
         let aim = rotation_vector(hand.rotation * problem.rotation.conjugate());
         if self.rendering == Rendering::Direct {
@@ -252,9 +252,9 @@ impl Renderer {
         let moved = hand.position - self.hand.position;
         let from = self.position - problem.position;
         let turned = rotation_vector(hand.rotation * self.hand.rotation.conjugate());
-        let turn_from = rotation_vector(self.rotation * problem.rotation.conjugate());
-        let shift = (target * k + (from + moved) * b) / (k + b);
-        (shift, (aim * ka + (turn_from + turned) * ba) / (ka + ba))
+        let rotation_from = rotation_vector(self.rotation * problem.rotation.conjugate());
+        let translation = (target * k + (from + moved) * b) / (k + b);
+        (translation, (aim * ka + (rotation_from + turned) * ba) / (ka + ba))
     }
 
     /// Sweeps until converged or out of time.

@@ -39,7 +39,7 @@ impl Path {
             position,
             rotation,
             velocity: (position - before) / BETWEEN,
-            spin: crate::bodies::rigid::rotation_vector(rotation * turned.conjugate()) / BETWEEN,
+            angular_velocity: crate::bodies::rigid::rotation_vector(rotation * turned.conjugate()) / BETWEEN,
             ..Reading::at_rest(0.0)
         }
     }
@@ -118,7 +118,7 @@ impl Recorder {
     /// Passes the last reading on. Times ascend in a trajectory; a second reading at the same time is skipped.
     fn pass_on(&mut self) {
         let Some((time, reading, wrench)) = self.open.take() else { return };
-        if !self.workspace.holds(&reading) || reading.age > LOST_AFTER || time <= self.last {
+        if !self.workspace.accepts(&reading) || reading.age > LOST_AFTER || time <= self.last {
             return;
         }
         self.last = time;

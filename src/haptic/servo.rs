@@ -55,7 +55,7 @@ pub struct Settings {
     /// Length of a step of the simulation, s.
     pub step: f64,
     /// Virtual coupling between hand and tool.
-    pub link: Coupling,
+    pub coupling: Coupling,
     /// Rendering method.
     pub rendering: Rendering,
     /// Newtons on the hand per newton on the tool.
@@ -82,11 +82,11 @@ pub struct Settings {
 
 impl Settings {
     /// Settings for a scene's device with these lengths of ticks and steps, s; `can` are the device's limits.
-    pub fn new(device: &scene::Device, link: Coupling, can: Limits, [tick, step]: [f64; 2]) -> Self {
+    pub fn new(device: &scene::Device, coupling: Coupling, can: Limits, [tick, step]: [f64; 2]) -> Self {
         Self {
             tick,
             step,
-            link,
+            coupling,
             rendering: device.rendering,
             force_scale: device.force_scale,
             limits: Limits { force: can.force.min(device.max_force), torque: can.torque.min(device.max_torque) },
@@ -139,31 +139,31 @@ pub struct Servo {
     counts: Counts,
     last: Option<Reading>,
     /// The device has been read successfully.
-    heard: bool,
+    connected: bool,
     /// A force has been applied at least once.
     begun: bool,
     /// Times of the last tick and of the last valid reading, s.
     ticked: Option<f64>,
-    sound_at: Option<f64>,
+    valid_at: Option<f64>,
     /// The last tick's force was non-finite.
-    spoilt: bool,
+    non_finite: bool,
     hand: Hand,
     held: bool,
-    shift: DVec3,
-    turn: DQuat,
+    offset: DVec3,
+    offset_rotation: DQuat,
     number: Option<u64>,
     epoch: u32,
     rendered: Tick,
     wrench: Wrench,
     velocity: DVec3,
-    spin: DVec3,
+    angular_velocity: DVec3,
     active: bool,
 }
 
 impl Servo {
     /// Servo whose tool rests at a pose of the scene until the first reading of its device.
     pub fn new(settings: Settings, start: Hand) -> Self {
-        let mut renderer = Renderer::new(settings.link, start);
+        let mut renderer = Renderer::new(settings.coupling, start);
         (renderer.rendering, renderer.budget) = (settings.rendering, settings.budget);
         renderer.max_sweeps = settings.max_sweeps;
         renderer.reserve(settings.rows);
@@ -173,21 +173,21 @@ impl Servo {
             guard: Guard::default(),
             counts: Counts::default(),
             last: None,
-            heard: false,
+            connected: false,
             begun: false,
             ticked: None,
-            sound_at: None,
-            spoilt: false,
+            valid_at: None,
+            non_finite: false,
             hand: start,
             held: false,
-            shift: DVec3::ZERO,
-            turn: DQuat::IDENTITY,
+            offset: DVec3::ZERO,
+            offset_rotation: DQuat::IDENTITY,
             number: None,
             epoch: 0,
             rendered: Tick::default(),
             wrench: Wrench::default(),
             velocity: DVec3::ZERO,
-            spin: DVec3::ZERO,
+            angular_velocity: DVec3::ZERO,
             active: settings.buttons.active == 0,
             settings,
         }
@@ -199,20 +199,20 @@ impl Servo {
         let age = time - problem.time;
         let late = age > LATE_STEPS * self.settings.step;
         let workspace = &self.settings.workspace;
-        let is_pose = workspace.has_place(reading.position) && reading.rotation.is_finite();
-        let is_sound = workspace.holds(&reading);
+        let is_pose = workspace.within_reach(reading.position) && reading.rotation.is_finite();
+        let is_valid = workspace.accepts(&reading);
         // The device is lost if the reading is no pose or too old (or its age is NaN), if none was valid for too long, if the loop itself
         // stood still for so long that the device has released the force, or if the last rendered force was non-finite.
         let stood_still = time - self.ticked.replace(time).unwrap_or(time) > LOST_AFTER;
-        if is_sound || self.sound_at.is_none() {
-            self.sound_at = Some(time);
+        if is_valid || self.valid_at.is_none() {
+            self.valid_at = Some(time);
         }
-        let silent = self.sound_at.is_some_and(|at| time - at > LOST_AFTER);
-        let lost = !(is_pose && reading.age <= LOST_AFTER) || silent || stood_still || self.spoilt;
-        self.spoilt = false;
-        self.heard |= !lost && is_sound;
+        let silent = self.valid_at.is_some_and(|at| time - at > LOST_AFTER);
+        let lost = !(is_pose && reading.age <= LOST_AFTER) || silent || stood_still || self.non_finite;
+        self.non_finite = false;
+        self.connected |= !lost && is_valid;
         // buttons, guard and hand pose
-        let reading = self.sound(reading);
+        let reading = self.validated(reading);
         let down = |mask: u32| reading.is_some_and(|r| r.buttons & mask != 0);
         let Buttons { active, clutch, freeze } = self.settings.buttons;
         let (clutched, frozen) = (down(clutch), down(freeze));
@@ -220,7 +220,7 @@ impl Servo {
         let signs = Signs { lost, late, clutched };
         let gain = if self.settings.guarded { self.guard.update(signs, self.settings.tick) } else { 1.0 };
         self.begun |= gain > 0.0;
-        self.place(reading, clutched || frozen || (self.begun && self.guard.stopped()));
+        self.move_hand(reading, clutched || frozen || (self.begun && self.guard.stopped()));
         // rendering
         let cut = self.receive(problem, age);
         if !frozen {
@@ -228,14 +228,14 @@ impl Servo {
             self.rendered = self.renderer.tick(&problem.reduced, self.hand, self.settings.tick, ahead);
             if !(self.rendered.force.is_finite() && self.rendered.torque.is_finite()) {
                 self.counts.non_finite += 1;
-                self.spoilt = true;
+                self.non_finite = true;
                 self.renderer.rest_at(self.hand);
                 self.rendered = Tick { sweeps: self.rendered.sweeps, ..Tick::default() };
             }
         }
         // output and counters
         let before = self.wrench.force;
-        let clamped = self.give(gain);
+        let clamped = self.output(gain);
         self.count(problem, late, clamped);
         let jump = (self.wrench.force - before).length();
         self.counts.jump_max = self.counts.jump_max.max(jump);
@@ -257,15 +257,15 @@ impl Servo {
     }
 
     /// The reading, or the last valid one if it is invalid, or `None` before the first; updates the observer with the hand's motion.
-    fn sound(&mut self, reading: Reading) -> Option<Reading> {
-        let sound = self.settings.workspace.holds(&reading);
-        self.counts.unsound += u64::from(!sound);
-        if !self.heard {
+    fn validated(&mut self, reading: Reading) -> Option<Reading> {
+        let valid = self.settings.workspace.accepts(&reading);
+        self.counts.unsound += u64::from(!valid);
+        if !self.connected {
             return None;
         }
-        let reading = match sound {
+        let reading = match valid {
             true => Some(reading),
-            false => self.last.map(|last| Reading { velocity: DVec3::ZERO, spin: DVec3::ZERO, ..last }),
+            false => self.last.map(|last| Reading { velocity: DVec3::ZERO, angular_velocity: DVec3::ZERO, ..last }),
         };
         if let (Some(now), Some(last)) = (reading, self.last) {
             let turned = rotation_vector(now.rotation * last.rotation.conjugate());
@@ -277,8 +277,8 @@ impl Servo {
 
     /// Moves the hand in the scene, or holds it. After a hold it continues from where it was held; the first reading is placed by the
     /// workspace.
-    fn place(&mut self, reading: Option<Reading>, hold: bool) {
-        (self.velocity, self.spin) = (DVec3::ZERO, DVec3::ZERO);
+    fn move_hand(&mut self, reading: Option<Reading>, hold: bool) {
+        (self.velocity, self.angular_velocity) = (DVec3::ZERO, DVec3::ZERO);
         let Some(reading) = reading else { return };
         let there = self.settings.workspace.to_scene(reading);
         if hold {
@@ -286,12 +286,12 @@ impl Servo {
             return;
         }
         if self.held {
-            self.shift = self.hand.position - there.position;
-            self.turn = there.rotation.conjugate() * self.hand.rotation;
+            self.offset = self.hand.position - there.position;
+            self.offset_rotation = there.rotation.conjugate() * self.hand.rotation;
             self.held = false;
         }
-        self.hand = Hand { position: there.position + self.shift, rotation: there.rotation * self.turn };
-        (self.velocity, self.spin) = (there.velocity, there.spin);
+        self.hand = Hand { position: there.position + self.offset, rotation: there.rotation * self.offset_rotation };
+        (self.velocity, self.angular_velocity) = (there.velocity, there.angular_velocity);
     }
 
     /// Takes a new problem over; true if it is the first of a new epoch.
@@ -314,10 +314,10 @@ impl Servo {
     }
 
     /// Scales, limits and damps the rendered wrench for the device; true if a limit was exceeded.
-    fn give(&mut self, gain: f64) -> bool {
+    fn output(&mut self, gain: f64) -> bool {
         let Settings { force_scale, limits, workspace, passivity, tick, .. } = self.settings;
-        let size = force_scale * gain;
-        let rendered = Wrench { force: self.rendered.force * size, torque: self.rendered.torque * size };
+        let scale = force_scale * gain;
+        let rendered = Wrench { force: self.rendered.force * scale, torque: self.rendered.torque * scale };
         let (asked, clamped) = limits.apply(workspace.to_device(rendered, self.effector()));
         self.wrench = asked;
         if passivity {
@@ -348,8 +348,8 @@ impl Servo {
 
     /// Message to the simulation.
     pub fn felt(&self) -> Felt {
-        let Self { hand, velocity, spin, active, counts, .. } = *self;
+        let Self { hand, velocity, angular_velocity, active, counts, .. } = *self;
         let buttons = self.last.map_or(0, |last| last.buttons);
-        Felt { hand, velocity, spin, buttons, active, counts }
+        Felt { hand, velocity, angular_velocity, buttons, active, counts }
     }
 }

@@ -33,7 +33,7 @@ impl Parts {
     /// of the body without the component that would leave it. Zero where no link is cut.
     pub fn offset(&self, grid: &Grid, node: usize) -> [f64; 3] {
         let zero = [0.0; 3];
-        let Some(c) = self.params.place(&self.table, node).filter(|_| !self.crossings.is_empty()) else {
+        let Some(c) = self.params.grid_coordinates(&self.table, node).filter(|_| !self.crossings.is_empty()) else {
             return zero;
         };
         let (mut sum, mut count) = (zero, 0.0);
@@ -46,8 +46,8 @@ impl Parts {
                 let o = octant(n);
                 for m in 0..3 {
                     // from the centre of the cell to that of its neighbour
-                    let place = |beyond: usize| if beyond == 1 { 0.5 * steps[m][1] } else { -0.5 * steps[m][0] };
-                    sum[m] += if m == axis { place(0) + at * (place(1) - place(0)) } else { place(o[m]) };
+                    let centre = |beyond: usize| if beyond == 1 { 0.5 * steps[m][1] } else { -0.5 * steps[m][0] };
+                    sum[m] += if m == axis { centre(0) + at * (centre(1) - centre(0)) } else { centre(o[m]) };
                 }
                 count += 1.0;
             }
@@ -64,7 +64,7 @@ impl Parts {
     pub fn corner(&self, grid: &Grid, node: usize) -> Corner {
         let offset = self.offset(grid, node);
         let mut own = Corner { offset, nodes: [node as u32; 8], weights: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] };
-        let Some(c) = self.params.place(&self.table, node).filter(|_| offset != [0.0; 3]) else {
+        let Some(c) = self.params.grid_coordinates(&self.table, node).filter(|_| offset != [0.0; 3]) else {
             return own;
         };
         let steps = grid.around(c[2]);
@@ -75,12 +75,12 @@ impl Parts {
             let (sides, at_node) = (octant(n), corner_number(octant(n).map(|side| 1 - side)));
             let Some(corners) = cell.filter(|corners| corners[at_node] == node) else { continue };
             // natural coordinates in the cell, 0 to 1 along each axis
-            let place: [f64; 3] = std::array::from_fn(|m| (1 - sides[m]) as f64 + offset[m] / steps[m][sides[m]]);
-            let outside: f64 = place.iter().map(|t| (t - t.clamp(0.0, 1.0)).powi(2)).sum();
+            let natural: [f64; 3] = std::array::from_fn(|m| (1 - sides[m]) as f64 + offset[m] / steps[m][sides[m]]);
+            let outside: f64 = natural.iter().map(|t| (t - t.clamp(0.0, 1.0)).powi(2)).sum();
             if outside < least {
                 least = outside;
                 own.nodes = corners.map(|id| id as u32);
-                own.weights = trilinear(place);
+                own.weights = trilinear(natural);
             }
         }
         own
@@ -173,8 +173,8 @@ mod tests {
         let shift = [0.1e-3, 0.4e-3, -0.05e-3];
         for pair in lips {
             let corner = pair.map(|node| parts.corner(&grid, node));
-            let place = |k: usize| [0, 1, 2].map(|m| rest(&grid, &parts, pair[k])[m] + corner[k].offset[m]);
-            let gap = (0..3).map(|m| (place(0)[m] - place(1)[m]).abs()).fold(0.0, f64::max);
+            let position = |k: usize| [0, 1, 2].map(|m| rest(&grid, &parts, pair[k])[m] + corner[k].offset[m]);
+            let gap = (0..3).map(|m| (position(0)[m] - position(1)[m]).abs()).fold(0.0, f64::max);
             assert!(gap < 1e-15 && corner[0].offset != [0.0; 3], "{gap} m at {pair:?}");
             // each lip's own nodes moved, nothing else: it goes along, the other stays where none of its nodes is one of them
             let side = parts.cells_of(pair[1]);

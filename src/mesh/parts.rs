@@ -111,7 +111,7 @@ impl Parts {
 
     /// Original of a duplicate, a node of the grid; the node itself if it is no duplicate.
     pub fn original(&self, node: usize) -> usize {
-        self.params.place(&self.table, node).map_or(node, |c| self.params.node_id(c))
+        self.params.grid_coordinates(&self.table, node).map_or(node, |c| self.params.node_id(c))
     }
 
     /// Duplicates of a node of the grid.
@@ -358,7 +358,7 @@ impl Parts {
 
     /// Cells around a node.
     pub fn cells_of(&self, node: usize) -> Vec<usize> {
-        let Some(c) = self.params.place(&self.table, node) else {
+        let Some(c) = self.params.grid_coordinates(&self.table, node) else {
             return vec![];
         };
         let own = (0..8).filter_map(|n| self.cell_in(c, n));

@@ -6,7 +6,7 @@ use crate::kernels::corner;
 /// A material point of a deformable body: node ids, each once, with their weights, which sum to 1. `u = Σ_a N_a u_a`, and a force on it
 /// acts on the nodes by the same weights. Empty for a side that no deformable body has.
 ///
-/// Most have up to eight nodes (a node, a place of a triangle, of a face or of a hexahedron); the skin under a blunt tip has more.
+/// Most have up to eight nodes (a node, a point of a triangle, of a face or of a hexahedron); the skin under a blunt tip has more.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct MaterialPoint(pub Vec<(u32, f64)>);
 
@@ -28,32 +28,32 @@ impl MaterialPoint {
 }
 
 /// Trilinear shape functions `N_a` at a point of a cell, with coordinates 0 to 1 along each axis; they extrapolate beyond it.
-pub(super) fn trilinear(place: [f64; 3]) -> [f64; 8] {
-    std::array::from_fn(|a| (0..3).map(|m| if corner(a)[m] == 1 { place[m] } else { 1.0 - place[m] }).product())
+pub(super) fn trilinear(natural: [f64; 3]) -> [f64; 8] {
+    std::array::from_fn(|a| (0..3).map(|m| if corner(a)[m] == 1 { natural[m] } else { 1.0 - natural[m] }).product())
 }
 
 impl Grid {
     /// The material point at a rest position in the grid's frame; none outside of it.
     pub fn material_point(&self, at: [f64; 3]) -> Option<MaterialPoint> {
         let mut cell = [0; 3];
-        let mut place = [0.0; 3];
+        let mut natural = [0.0; 3];
         for axis in 0..2 {
             let along = at[axis] / self.edge[axis] + 0.5 * self.cells[axis] as f64;
             if !(0.0..=self.cells[axis] as f64).contains(&along) {
                 return None;
             }
             cell[axis] = (along as usize).min(self.cells[axis] - 1);
-            place[axis] = along - cell[axis] as f64;
+            natural[axis] = along - cell[axis] as f64;
         }
         if !(self.heights[0]..=self.thickness()).contains(&at[2]) {
             return None;
         }
         let above = self.heights.partition_point(|height| *height <= at[2]);
         cell[2] = above.clamp(1, self.heights.len() - 1) - 1;
-        place[2] = (at[2] - self.heights[cell[2]]) / (self.heights[cell[2] + 1] - self.heights[cell[2]]);
+        natural[2] = (at[2] - self.heights[cell[2]]) / (self.heights[cell[2] + 1] - self.heights[cell[2]]);
         let params = self.params::<f64>();
         let corners = params.corners(params.cell_id(cell)).map(|id| id as u32);
-        Some(MaterialPoint::of(corners, trilinear(place)))
+        Some(MaterialPoint::of(corners, trilinear(natural)))
     }
 }
 

@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::output::{Failed, TableMark, checksum, replace};
 use crate::runner;
 use crate::scene::Scene;
-use crate::step::Place;
+use crate::step::Platform;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -46,14 +46,14 @@ pub(super) struct Identity {
     /// Checksum of the scene's content, without its file name.
     scene: u64,
     /// `cpu f64`, `cpu f32` or `gpu f32`.
-    place: String,
+    platform: String,
 }
 
 /// Identity of a run's checkpoints.
-pub(super) fn identity(scene: &Scene, place: &Place) -> Identity {
+pub(super) fn identity(scene: &Scene, platform: &Platform) -> Identity {
     let nameless = Scene { file: PathBuf::new(), ..scene.clone() };
     let scene_sum = checksum(format!("{nameless:?}").as_bytes());
-    Identity { title: scene.title.clone(), scene: scene_sum, place: place.words().join(" ") }
+    Identity { title: scene.title.clone(), scene: scene_sum, platform: platform.backend_and_precision().join(" ") }
 }
 
 /// Writes a checkpoint to a folder, replacing the last one.
@@ -75,14 +75,14 @@ pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
 /// # Errors
 /// [`Refused::Checkpoint`] for a file that is no checkpoint, is damaged, of another version, scene or backend, or of more than `steps` steps.
 /// One of as many is of a run that was killed after its last step, and lacks its report.
-pub(super) fn read(path: &Path, scene: &Scene, place: &Place, steps: u32) -> Result<Checkpoint> {
+pub(super) fn read(path: &Path, scene: &Scene, platform: &Platform, steps: u32) -> Result<Checkpoint> {
     let refused = |unfit| Refused::Checkpoint { path: path.to_owned(), unfit };
     let file = std::fs::read(path).map_err(|source| refused(Unfit::Unread { source }))?;
     let checkpoint: Checkpoint = unpack(&file).map_err(refused)?;
     let done = checkpoint.runner.steps();
-    let (found, wanted) = (&checkpoint.identity, identity(scene, place));
-    let unfit = if found.place != wanted.place {
-        Unfit::Place { found: found.place.clone(), wanted: wanted.place }
+    let (found, wanted) = (&checkpoint.identity, identity(scene, platform));
+    let unfit = if found.platform != wanted.platform {
+        Unfit::Platform { found: found.platform.clone(), wanted: wanted.platform }
     } else if *found != wanted {
         Unfit::Scene { title: found.title.clone() }
     } else if done > steps {

@@ -228,7 +228,7 @@ mod tests {
     fn inverted_cells_and_an_energy_that_is_no_number_are_warnings() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hard/still.toml");
         let scene = crate::scene::read(&path).unwrap_or_else(|e| panic!("{e}"));
-        let simulation = Simulation::new(&scene, &crate::step::Place::Cpu64).expect("the scene fits");
+        let simulation = Simulation::new(&scene, &crate::step::Platform::Cpu64).expect("the scene fits");
         let warned = |energy: f64, inverted: u32| {
             let mut collector = Collector::new(&scene, &simulation);
             collector.began(&Measured { energy, inverted });

@@ -9,7 +9,7 @@ use crate::backend::{Device, Snapshot};
 use crate::error::Result;
 use crate::math::V4;
 use crate::scene::{Load, Scene, Skin};
-use crate::step::{Body, Place, Simulation};
+use crate::step::{Body, Platform, Simulation};
 
 /// Pressure on the middle of the top, Pa; it indents the incision's skin by about a tenth of its thickness.
 const PRESSURE: f64 = 10e3;
@@ -73,14 +73,14 @@ pub fn compare(scene: &Scene, adapter: Option<&str>, steps: u32, stage: &mut dyn
     if scene.skins.is_empty() {
         return Err(Refused::NothingToCompare.into());
     }
-    let gpu = Place::Gpu(adapter.map(String::from));
+    let gpu = Platform::Gpu(adapter.map(String::from));
     let mut rows = vec![];
     for (tolerance, bound) in [(TIGHT, TIGHT_BOUND), (scene.solver.tolerance, OWN_BOUND)] {
         let pressed = pressed(scene, tolerance);
         stage(&format!("pressing the patch, solved to {tolerance:e}, on the GPU"));
         let on_gpu = after(&pressed, &gpu)?;
         stage(&format!("pressing the patch, solved to {tolerance:e}, on the CPU"));
-        let on_cpu = after(&pressed, &Place::Cpu64)?;
+        let on_cpu = after(&pressed, &Platform::Cpu64)?;
         let name = format!("largest displacement under 10 kPa, solved to {tolerance:e} (mm; difference of fields)");
         let largest = largest(&on_cpu);
         let apart: Vec<[f64; 4]> =
@@ -96,7 +96,7 @@ pub fn compare(scene: &Scene, adapter: Option<&str>, steps: u32, stage: &mut dyn
     stage(&format!("the scene itself, {steps} steps, on the GPU"));
     let on_gpu = Outcome::of(scene, &gpu, steps)?;
     stage(&format!("the scene itself, {steps} steps, on the CPU"));
-    let on_cpu = Outcome::of(scene, &Place::Cpu64, steps)?;
+    let on_cpu = Outcome::of(scene, &Platform::Cpu64, steps)?;
     rows.extend(outcome_rows(&on_cpu, &on_gpu));
     Ok(Comparison { gpu: on_gpu.device, cpu: on_cpu.device, steps, rows })
 }
@@ -117,8 +117,8 @@ fn pressed(scene: &Scene, tolerance: f64) -> Scene {
 }
 
 /// `[node of all bodies]` displacements, m.
-fn after(scene: &Scene, place: &Place) -> Result<Vec<V4<f64>>> {
-    let mut simulation = Simulation::new(scene, place)?;
+fn after(scene: &Scene, platform: &Platform) -> Result<Vec<V4<f64>>> {
+    let mut simulation = Simulation::new(scene, platform)?;
     for _ in 0..PRESSED_STEPS {
         simulation.step(false)?;
     }
@@ -149,8 +149,8 @@ struct Outcome {
 }
 
 impl Outcome {
-    fn of(scene: &Scene, place: &Place, steps: u32) -> Result<Self> {
-        let mut simulation = Simulation::new(scene, place)?;
+    fn of(scene: &Scene, platform: &Platform, steps: u32) -> Result<Self> {
+        let mut simulation = Simulation::new(scene, platform)?;
         let mut peak_force = 0.0f64;
         for _ in 0..steps {
             peak_force = peak_force.max(simulation.step(false)?.contact.largest_on_tools());
@@ -182,12 +182,12 @@ fn outcome_rows(cpu: &Outcome, gpu: &Outcome) -> Vec<Row> {
     let force = ratio(gpu.peak_force - cpu.peak_force, cpu.peak_force);
     let apart = gpu.cut.abs_diff(cpu.cut) as f64;
     let allowed = (CUT_BOUND * cpu.cut as f64).max(1.0);
-    let lost = (cpu.non_finite + gpu.non_finite) as f64;
+    let non_finite = (cpu.non_finite + gpu.non_finite) as f64;
     let error = cpu.mass_error.max(gpu.mass_error);
     vec![
         row("peak contact force (N)", cpu.peak_force, gpu.peak_force, force, FORCE_BOUND),
         row("links or springs cut (difference is a count)", cpu.cut as f64, gpu.cut as f64, apart, allowed),
         row("live mass (g; difference from the live cells)", cpu.mass * 1e3, gpu.mass * 1e3, error, MASS_BOUND),
-        row("nodes that are not finite (count)", cpu.non_finite as f64, gpu.non_finite as f64, lost, 0.0),
+        row("nodes that are not finite (count)", cpu.non_finite as f64, gpu.non_finite as f64, non_finite, 0.0),
     ]
 }

@@ -141,11 +141,11 @@ pub(super) fn positions(simulation: &Simulation, state: &[Snapshot]) -> Vec<[f64
 /// [`NoMemory`](view::NoMemory) when there is none for so many pixels.
 pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Result<Image> {
     // tools at their poses
-    let place = |(tool, now): (&Tool, &Instrument)| {
+    let positions = |(tool, now): (&Tool, &Instrument)| {
         let at = |p: &[f64; 3]| now.at(glam::DVec3::from_array(*p)).to_array();
         tool.mesh.positions.iter().map(at).collect::<Vec<_>>()
     };
-    let tools: Vec<Vec<[f64; 3]>> = scene.tools.iter().zip(&simulation.tools).map(place).collect();
+    let tools: Vec<Vec<[f64; 3]>> = scene.tools.iter().zip(&simulation.tools).map(positions).collect();
     let triangle_count = scene.tools.iter().map(|t| t.mesh.triangles.len()).max();
     let steel = vec![STEEL; triangle_count.unwrap_or(0)];
     // walls below the skin, so that its lines are drawn last

@@ -159,13 +159,13 @@ fn probes(scene: &Scene) -> u32 {
     any(|k| matches!(k, ProbeKind::Reaction { .. })) + any(|k| matches!(k, ProbeKind::Displacement { .. }))
 }
 
-fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split, place]: [u32; 4]) -> Vec<Count> {
+fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split, trial]: [u32; 4]) -> Vec<Count> {
     let count = |name, count, per| Count { name, count, per };
     // and the integration
     let per = if model.step.explicit() { "step" } else { "iteration" };
     let mut list = vec![count("free motion", begin + 1, "step"), count("solver", iteration, per)];
-    if place > 0 {
-        list.push(count("place", place, "place tried"));
+    if trial > 0 {
+        list.push(count("line search", trial, "trial point"));
     }
     if split > 0 {
         list.push(count("split cells", split, "iteration after a cut"));
@@ -204,7 +204,7 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
     let newton = scene.newton() && scene.skins.iter().any(hyperelastic);
     let mut list = match scene.time.integrator {
         Integrator::SymplecticEuler => vec![count("queue", 1, "32 steps")],
-        _ if newton => vec![count("place", 1, "place tried"), count("solver", 1, "Newton iteration")],
+        _ if newton => vec![count("line search", 1, "trial point"), count("solver", 1, "Newton iteration")],
         _ => vec![count("solver", 1, "step")],
     };
     if newton && !scene.skins.iter().all(hyperelastic) {

@@ -110,7 +110,7 @@ pub enum CheckpointUnfit {
 
     /// Other backend or precision.
     #[error("is of a run on {found}, and this one is on {wanted}; take the same --backend and --precision")]
-    Place {
+    Platform {
         /// That of the checkpoint: `cpu f64`, `cpu f32` or `gpu f32`.
         found: String,
         /// That of the run to be resumed.
@@ -177,7 +177,7 @@ pub enum StudyUnfit {
 
     /// Non-finite reference.
     #[error(
-        "{what} of the study left the numbers; take a shorter reference_step_ms, or a scene that `cutis run` gets through"
+        "{what} of the study became non-finite; take a shorter reference_step_ms, or a scene that `cutis run` gets through"
     )]
     NonFinite {
         /// Name of the reference.

@@ -8,14 +8,14 @@ use super::{Refused, Report, check};
 use crate::error::{Error, Result};
 use crate::runner::{Clock, Runner};
 use crate::scene::{BodyId, Scene};
-use crate::step::{Place, Simulation, StepReport};
+use crate::step::{Platform, Simulation, StepReport};
 use std::path::PathBuf;
 
 /// Options of a run.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Backend and precision.
-    pub place: Place,
+    pub platform: Platform,
     /// Number of steps; none for the scene's duration.
     pub steps: Option<u32>,
     /// Folder of the results; created if missing.
@@ -32,15 +32,15 @@ pub struct Options {
 
 impl Options {
     /// Options of a whole run by the scene's clock.
-    pub fn new(place: Place, out: impl Into<PathBuf>) -> Self {
+    pub fn new(platform: Platform, out: impl Into<PathBuf>) -> Self {
         let out = out.into();
-        Self { place, steps: None, out, realtime: false, record: false, checkpoint: None, resume: None }
+        Self { platform, steps: None, out, realtime: false, record: false, checkpoint: None, resume: None }
     }
 
     /// The checkpoint to resume from, if any.
     fn resumed(&self, scene: &Scene) -> Result<Option<Checkpoint>> {
         let steps = self.steps.unwrap_or(scene.time.steps());
-        self.resume.as_ref().map(|file| checkpoint::read(file, scene, &self.place, steps)).transpose()
+        self.resume.as_ref().map(|file| checkpoint::read(file, scene, &self.platform, steps)).transpose()
     }
 
     /// Refuses options that exclude each other.
@@ -99,7 +99,7 @@ pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)
     options.check()?;
     // refuse before a device is opened or a file touched
     let resumed = options.resumed(scene)?;
-    run_from(scene, options, Simulation::new(scene, &options.place)?, resumed, progress)
+    run_from(scene, options, Simulation::new(scene, &options.platform)?, resumed, progress)
 }
 
 /// The same with an existing simulation at its start.
@@ -150,7 +150,7 @@ fn run_from(
         }
     };
     // all steps; after an error the results so far are written
-    let identity = checkpoint::identity(scene, &options.place);
+    let identity = checkpoint::identity(scene, &options.platform);
     let mut running = Running { scene, options, identity, folder, collector, runner, haptic, last };
     let report = match running.all_steps(steps, progress) {
         Ok(report) => report,

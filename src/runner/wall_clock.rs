@@ -98,7 +98,7 @@ impl WallClock {
     /// Hands the step's contact problems over and passes on the servos' records.
     pub fn after_step(&mut self, simulation: &Simulation, on_tick: OnTick) -> Result<()> {
         for (thread, reduced) in self.threads.iter_mut().zip(&simulation.reduced) {
-            thread.cells.hand_over(reduced, self.seen, simulation.epoch());
+            thread.cells.publish(reduced, self.seen, simulation.epoch());
         }
         self.tell(on_tick)
     }

@@ -89,7 +89,8 @@ fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Vec<At<String>
     let turn = DVec3::from_array(turn.map(f64::to_radians));
     let zero = [0.0; 3];
     let velocity = scene.vector("velocity_m_s", &or_vector(raw.velocity_m_s, &zero), SPEED, Bound::Finite)?;
-    let spin = scene.vector("spin_rad_s", &or_vector(raw.spin_rad_s, &zero), RADIAN_PER_SECOND, Bound::Finite)?;
+    let angular_velocity =
+        scene.vector("spin_rad_s", &or_vector(raw.spin_rad_s, &zero), RADIAN_PER_SECOND, Bound::Finite)?;
     Ok(Tool {
         name,
         mesh: match (&round, cuboid) {
@@ -106,7 +107,7 @@ fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Vec<At<String>
         cuboid,
         coupling: Coupling { stiffness: 0.0, damping: 0.0, angular_stiffness: 0.0, angular_damping: 0.0 },
         trajectory: vec![Pose { time: 0.0, position, rotation: DQuat::from_scaled_axis(turn).to_array() }],
-        free: Some(Motion { velocity, spin }),
+        free: Some(Motion { velocity, angular_velocity }),
         device: None,
     })
 }
@@ -120,7 +121,7 @@ pub(super) fn planes(
     let plane = |table: Table<raw::Plane>| {
         let raw = table.keys;
         let normal = normalized(scene.vector("normal", &raw.normal, PLAIN, Bound::Finite)?);
-        let none = || Invalid::NoDirection { at: scene.place(raw.normal.span()), key: "normal" };
+        let none = || Invalid::NoDirection { at: scene.location(raw.normal.span()), key: "normal" };
         Ok(Plane {
             name: scene.name("body", &raw.name, taken)?,
             through: scene.vector("through_mm", &raw.through_mm, MM, Bound::Finite)?,
@@ -151,12 +152,12 @@ fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids
     if let (BodyId::Deformable(other), Some(name)) = (to, &raw.to)
         && other == body
     {
-        return Err(Invalid::TiedToItself { at: scene.place(name.span()), name: name.get_ref().clone() });
+        return Err(Invalid::TiedToItself { at: scene.location(name.span()), name: name.get_ref().clone() });
     }
     let slide = match &raw.slide {
         Some(value) => Some(slide(scene, value, raw.friction.take(), raw.resistance_n.take())?),
         None => {
-            let why = "what is held along all axes does not slide; write `slide`, the direction in which it may";
+            let why = "what is tied along all axes does not slide; write `slide`, the direction in which it may";
             scene.needless("friction", &raw.friction, why)?;
             scene.needless("resistance_n", &raw.resistance_n, why)?;
             None
@@ -168,7 +169,7 @@ fn attachment(scene: &SceneText, table: Table<raw::Attach>, names: &Names, grids
 /// The path of an attachment.
 fn slide(scene: &SceneText, along: &Numbers, friction: Option<At<f64>>, resistance: Option<At<f64>>) -> Result<Slide> {
     let direction = normalized(scene.vector("slide", along, PLAIN, Bound::Finite)?);
-    let none = || Invalid::NoDirection { at: scene.place(along.span()), key: "slide" };
+    let none = || Invalid::NoDirection { at: scene.location(along.span()), key: "slide" };
     Ok(Slide {
         direction: direction.ok_or_else(none)?,
         friction: scene.number("friction", &or(friction, 0.0), PLAIN, Bound::NotNegative)?,

@@ -26,7 +26,7 @@ pub enum Start {
     /// All nodes in the plane of the bottom.
     Flat,
     /// The cell in the middle of the body is inverted: its corners are at the positions of the opposite ones.
-    InsideOut,
+    Inverted,
     /// Twisted about the vertical axis through the centre: the bottom is fixed, the top rotated by this angle, rad, linear in between.
     Twist(f64),
 }
@@ -43,8 +43,8 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
             let word =
                 scene.required("name", raw.name.as_ref(), table.span.clone(), "a block is called by its name")?;
             let why = "a block stands where it is put: the middle of its bottom";
-            let place = scene.required("position_mm", raw.position_mm.as_ref(), table.span.clone(), why)?;
-            (scene.name("body", word, taken)?, scene.vector("position_mm", place, MM, Bound::Finite)?)
+            let position = scene.required("position_mm", raw.position_mm.as_ref(), table.span.clone(), why)?;
+            (scene.name("body", word, taken)?, scene.vector("position_mm", position, MM, Bound::Finite)?)
         }
         None => {
             let why = "the `[skin]` is called skin and stands at the origin; other bodies are `[[block]]`s";
@@ -58,7 +58,7 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
     let start = start(scene, &raw, table.span.clone())?;
     let mass = mass(scene, &raw, &law)?;
     if raw.layer.is_empty() {
-        return Err(Invalid::NoLayers { at: scene.place(table.span) });
+        return Err(Invalid::NoLayers { at: scene.location(table.span) });
     }
     // layers with default colours
     let count = raw.layer.len();
@@ -150,7 +150,7 @@ fn start(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Star
             }
         }
         "flat" => Start::Flat,
-        "inside_out" => Start::InsideOut,
+        "inside_out" => Start::Inverted,
         "twist" => {
             let why = "start = \"twist\" turns the top by start_deg";
             let angle = scene.required("start_deg", raw.start_deg.clone(), table, why)?;
@@ -169,7 +169,7 @@ fn cut(
     cells: [u32; 2],
 ) -> Result<Cut> {
     if matches!(law, Law::Springs { .. }) {
-        let why = "a blade removes springs; only bricks are split";
+        let why = "a blade removes springs; only hexahedra are split";
         scene.needless("cut", word, why)?;
         scene.needless("cut_reserve_columns", reserve, why)?;
         return Ok(Cut::Remove);
@@ -189,7 +189,7 @@ fn mass(scene: &SceneText, raw: &raw::Skin, law: &Law) -> Result<Mass> {
     let known = [("lumped", Mass::Lumped), ("uniform", Mass::Uniform), ("consistent", Mass::Consistent)];
     let mass = scene.choice("mass", &name, &known)?;
     if mass == Mass::Consistent && !matches!(law, Law::Fem { .. }) {
-        return Err(Invalid::Mass { at: scene.place(name.span()), found: name.get_ref().clone() });
+        return Err(Invalid::Mass { at: scene.location(name.span()), found: name.get_ref().clone() });
     }
     Ok(mass)
 }
@@ -226,6 +226,6 @@ fn srgb(scene: &SceneText, text: &At<String>) -> Result<[u8; 3]> {
     let plain = digits.len() == 6 && digits.chars().all(|digit| digit.is_ascii_hexdigit());
     match u32::from_str_radix(digits, 16) {
         Ok(value) if plain => Ok([(value >> 16) as u8, (value >> 8) as u8, value as u8]),
-        _ => Err(Invalid::Color { at: scene.place(text.span()), found: text.get_ref().clone() }),
+        _ => Err(Invalid::Color { at: scene.location(text.span()), found: text.get_ref().clone() }),
     }
 }

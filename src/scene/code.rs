@@ -270,10 +270,10 @@ impl Scene {
             let part = several("boundaries", k);
             part.index("body", boundary.body, skins)?;
             part.finite("displacement", &boundary.displacement)?;
-            part.finite("turn", &[boundary.turn])?;
+            part.finite("rotation", &[boundary.rotation])?;
             let [x, y, _] = boundary.axes;
             part.of("axes").that(
-                boundary.turn == 0.0 || (x && y),
+                boundary.rotation == 0.0 || (x && y),
                 "without x or y",
                 "with both where nodes are turned",
             )?;
@@ -366,7 +366,7 @@ impl Scene {
         match skin.start {
             Start::Random { amplitude, .. } => part.of("start").not_negative("amplitude", &[amplitude])?,
             Start::Twist(angle) => part.of("start").finite("angle", &[angle])?,
-            Start::Rest | Start::Flat | Start::InsideOut => {}
+            Start::Rest | Start::Flat | Start::Inverted => {}
         }
         let linear = matches!(skin.law, Law::Fem { .. });
         part.of("mass").that(linear || skin.mass != Mass::Consistent, "consistent", "lumped or uniform with this law")
@@ -469,8 +469,8 @@ fn check_tool(part: &Part, tool: &Tool) -> Result<()> {
         part.of("round").finite("ends", round.ends.as_flattened())?;
         part.of("round").that(tool.blade.is_none() && tool.points.is_empty(), "beside a blade or points", "alone")?;
     }
-    if let Some(Motion { velocity, spin }) = &tool.free {
-        part.of("free").finite("velocity, spin", &[*velocity, *spin].concat())?;
+    if let Some(Motion { velocity, angular_velocity }) = &tool.free {
+        part.of("free").finite("velocity, angular_velocity", &[*velocity, *angular_velocity].concat())?;
     }
     if let Some(device) = &tool.device {
         check_device(&part.of("device"), device)?;

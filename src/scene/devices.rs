@@ -130,7 +130,7 @@ pub(super) fn haptic(scene: &SceneText, raw: raw::Haptic) -> Result<Haptic> {
     let found = scene.number("rate_hz", &rate, HERTZ, Bound::Positive)?;
     if !(RATES[0]..=RATES[1]).contains(&found) {
         return Err(Invalid::Number {
-            at: scene.place(rate.span()),
+            at: scene.location(rate.span()),
             key: "rate_hz".to_string(),
             found,
             wanted: "a number from 100 to 4000",
@@ -223,10 +223,10 @@ fn buttons(scene: &SceneText, words: &[At<String>]) -> Result<Vec<Role>> {
     let mut taken: Vec<(Role, usize)> = vec![];
     for word in words {
         let role = scene.choice("buttons", word, &roles)?;
-        let line = scene.place(word.span()).line;
+        let line = scene.location(word.span()).line;
         if let Some((_, first)) = taken.iter().find(|(other, _)| *other == role && role != Role::None) {
             return Err(Invalid::Duplicate {
-                at: scene.place(word.span()),
+                at: scene.location(word.span()),
                 what: "button",
                 name: word.get_ref().clone(),
                 first: *first,
@@ -236,7 +236,7 @@ fn buttons(scene: &SceneText, words: &[At<String>]) -> Result<Vec<Role>> {
     }
     if let Some(word) = words.get(u32::BITS as usize) {
         let found = words.len() as u32;
-        let at = scene.place(word.span());
+        let at = scene.location(word.span());
         return Err(Invalid::Count { at, key: "buttons".into(), found, min: 0, max: u32::BITS });
     }
     Ok(taken.into_iter().map(|(role, _)| role).collect())

@@ -24,27 +24,27 @@ pub(super) fn tables(scene: &SceneText) -> Result<raw::Scene> {
 
 fn not_toml(scene: &SceneText, problem: &str, span: Option<Range<usize>>) -> Invalid {
     let span = span.unwrap_or(0..0);
-    Invalid::Syntax { text: quote(scene, &span), at: scene.place(span), problem: problem.trim().replace('\n', ", ") }
+    Invalid::Syntax { text: quote(scene, &span), at: scene.location(span), problem: problem.trim().replace('\n', ", ") }
 }
 
 fn explain(scene: &SceneText, message: &str, span: Option<Range<usize>>) -> Invalid {
-    let place = scene.place(span.clone().unwrap_or(0..0));
+    let location = scene.location(span.clone().unwrap_or(0..0));
     if let Some((key, known)) = unknown_field(message) {
         return Invalid::UnknownKey {
-            at: place,
+            at: location,
             key: shorten(key),
             hint: key_hint(key, &known),
             known: known.join(", "),
         };
     }
     if let Some(key) = between(message, "missing field `", "`") {
-        return Invalid::MissingKey { at: place, key: key.to_string(), why: "it has no default" };
+        return Invalid::MissingKey { at: location, key: key.to_string(), why: "it has no default" };
     }
     let typed = message.strip_prefix("invalid type: ");
     let typed = typed.or_else(|| message.strip_prefix("invalid value: "));
     match typed.and_then(|rest| rest.rsplit_once(", expected ")) {
         Some((found, wanted)) => Invalid::WrongType {
-            at: place,
+            at: location,
             text: quote(scene, &span.unwrap_or(0..0)),
             found: shorten(found),
             wanted: plain_type(wanted).to_string(),
@@ -99,7 +99,7 @@ fn stem(key: &str) -> String {
 
 /// First line of a span, complete and trimmed.
 fn quote(scene: &SceneText, span: &Range<usize>) -> String {
-    let line = scene.place(span.clone()).line;
+    let line = scene.location(span.clone()).line;
     shorten(scene.text.lines().nth(line - 1).unwrap_or("").trim())
 }
 

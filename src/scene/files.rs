@@ -52,7 +52,7 @@ impl Files {
         };
         match text {
             Ok(text) => Ok((path, text)),
-            Err(reason) => Err(Invalid::File { at: scene.place(name.span()), key, path, reason, fix }),
+            Err(reason) => Err(Invalid::File { at: scene.location(name.span()), key, path, reason, fix }),
         }
     }
 }

@@ -34,7 +34,7 @@ pub(super) fn numbered(scene: &SceneText, cells: [u32; 2], layers: &[Layer], at:
     if found <= u64::from(MOST_NODES) {
         return Ok(());
     }
-    Err(Invalid::TooManyNodes { at: scene.place(at.span()), found, limit: MOST_NODES })
+    Err(Invalid::TooManyNodes { at: scene.location(at.span()), found, limit: MOST_NODES })
 }
 
 impl Grid<'_> {
@@ -46,7 +46,7 @@ impl Grid<'_> {
                 continue;
             }
             return Err(Invalid::EmptyRegion {
-                at: scene.place(at.span()),
+                at: scene.location(at.span()),
                 grid: self.name,
                 axis: ['x', 'y', 'z'][axis],
                 min: in_mm(min[axis]),
@@ -67,16 +67,16 @@ impl Grid<'_> {
         let longest = (0..3).max_by_key(|axis| count(*axis)).unwrap_or(0);
         let [first, second] = [[1, 2], [0, 2], [0, 1]][longest];
         let top = rows[2].last().map_or(0.0, Row::end);
-        let places = |axis: usize| rows[axis].iter().flat_map(Row::places);
+        let positions = |axis: usize| rows[axis].iter().flat_map(Row::positions);
         let holds = |p: [f64; 3]| region.holds(p, self.size, top);
-        places(first).any(|a| {
-            places(second).any(|b| {
+        positions(first).any(|a| {
+            positions(second).any(|b| {
                 let at = |along: f64| {
                     let mut p = [0.0; 3];
                     (p[longest], p[first], p[second]) = (along, a, b);
                     p
                 };
-                let own = region.place_along(longest, at(0.0));
+                let own = region.position_along(longest, at(0.0));
                 rows[longest].iter().any(|row| row.around(own).any(|along| holds(at(along))))
             })
         })
@@ -126,15 +126,15 @@ impl Row {
         self.start + self.step * f64::from(self.cells)
     }
 
-    fn places(&self) -> impl Iterator<Item = f64> {
+    fn positions(&self) -> impl Iterator<Item = f64> {
         let (start, step) = (self.start, self.step);
         (0..=self.cells).map(move |k| start + step * f64::from(k))
     }
 
     /// Both ends, and the nodes next to a position.
-    fn around(&self, place: f64) -> impl Iterator<Item = f64> {
+    fn around(&self, position: f64) -> impl Iterator<Item = f64> {
         let (start, step, cells) = (self.start, self.step, f64::from(self.cells));
-        let below = ((place - start) / step).floor();
+        let below = ((position - start) / step).floor();
         [0.0, below, below + 1.0, cells].into_iter().map(move |k| start + step * k.clamp(0.0, cells))
     }
 
@@ -200,7 +200,7 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
             let normal = scene.required("normal", normal.as_ref(), name.span(), why)?;
             let within = scene.required("within_mm", within_mm.as_ref(), name.span(), why)?;
             let direction = normalized(scene.vector("normal", normal, PLAIN, Bound::Finite)?);
-            let none = || Invalid::NoDirection { at: scene.place(normal.span()), key: "normal" };
+            let none = || Invalid::NoDirection { at: scene.location(normal.span()), key: "normal" };
             Region::Plane {
                 through: scene.vector("through_mm", through, MM, Bound::Finite)?,
                 normal: direction.ok_or_else(none)?,
@@ -217,7 +217,7 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
     // each grid must have a node in it
     for grid in grids {
         if !grid.holds(&region) {
-            return Err(Invalid::NoNode { at: scene.place(name.span()), grid: grid.name, region: word.into() });
+            return Err(Invalid::NoNode { at: scene.location(name.span()), grid: grid.name, region: word.into() });
         }
     }
     Ok(region)
@@ -240,7 +240,7 @@ mod tests {
 
     fn region() -> impl Strategy<Value = Region> {
         let point = || prop::array::uniform3(-3.0f64..3.0);
-        // on a coarse raster, so that places fall on nodes now and then
+        // on a coarse raster, so that positions fall on nodes now and then
         let raster = || prop::array::uniform3((-6i32..7).prop_map(|n| f64::from(n) / 2.0));
         prop_oneof![
             (point(), 0.0f64..2.0).prop_map(|(centre, radius)| Region::Sphere { centre, radius }),
@@ -291,9 +291,9 @@ mod tests {
             };
             let layers: Vec<Layer> = over.iter().map(layer).collect();
             let grid = Grid { name: "scene", size: [4.0, 3.0], cells, layers: &layers };
-            let places = [0, 1, 2].map(|axis| grid.rows(axis).iter().flat_map(Row::places).collect::<Vec<f64>>());
-            let top = places[2][places[2].len() - 1];
-            let all = places[2].iter().flat_map(|z| places[1].iter().flat_map(|y| places[0].iter().map(|x| [*x, *y, *z])));
+            let positions = [0, 1, 2].map(|axis| grid.rows(axis).iter().flat_map(Row::positions).collect::<Vec<f64>>());
+            let top = positions[2][positions[2].len() - 1];
+            let all = positions[2].iter().flat_map(|z| positions[1].iter().flat_map(|y| positions[0].iter().map(|x| [*x, *y, *z])));
             let wanted = all.collect::<Vec<_>>().into_iter().any(|p| region.holds(p, grid.size, top));
             prop_assert_eq!(grid.holds(&region), wanted);
         }

@@ -54,7 +54,7 @@ pub(super) fn linear(scene: &SceneText, raw: &raw::Layer, table: Range<usize>, s
             let value = scene.required("poisson", value.clone(), table, why)?;
             let ratio = *value.get_ref();
             if !(0.0..=MOST_POISSON).contains(&ratio) {
-                return Err(Invalid::Poisson { at: scene.place(value.span()), found: ratio });
+                return Err(Invalid::Poisson { at: scene.location(value.span()), found: ratio });
             }
             ratio
         }
@@ -87,7 +87,7 @@ pub(super) fn constants(
             let poisson = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear));
             if !(0.0..=MOST_POISSON).contains(&poisson) {
                 return Err(Invalid::LawUnfit {
-                    at: scene.place(at),
+                    at: scene.location(at),
                     law: word(&MATERIALS, material),
                     why: "has a bulk modulus that makes its ratio of Poisson less than 0 or more than 0.4999",
                     fix: "take bulk_kpa between 1.4 and 9999 times c10_kpa + c01_kpa",
@@ -117,7 +117,7 @@ pub(super) fn fits(
     solver: &raw::Solver,
 ) -> Result<()> {
     if let Some(newton) = solver.newton.as_ref().filter(|newton| *newton.get_ref()) {
-        let unfit = |why: &'static str| Invalid::NeedlessKey { at: scene.place(newton.span()), key: "newton", why };
+        let unfit = |why: &'static str| Invalid::NeedlessKey { at: scene.location(newton.span()), key: "newton", why };
         if !hyperelastic {
             return Err(unfit("only hyperelastic bodies are solved by Newton's method"));
         }

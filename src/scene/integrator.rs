@@ -17,7 +17,7 @@ pub(super) fn integrator(
     let word = or(word, "implicit_euler".to_string());
     let integrator = scene.choice("integrator", &word, &INTEGRATORS)?;
     let unfit = |why: &'static str, fix: &'static str| Invalid::IntegratorUnfit {
-        at: scene.place(word.span()),
+        at: scene.location(word.span()),
         found: word.get_ref().clone(),
         why,
         fix,
@@ -39,7 +39,7 @@ pub(super) fn integrator(
         ));
     }
     if skins.iter().any(|s| matches!(s.law, Law::Springs { .. })) {
-        return Err(unfit("is for bricks, and this skin is of springs", "take \"implicit_euler\" or \"newmark\""));
+        return Err(unfit("is for hexahedra, and this skin is of springs", "take \"implicit_euler\" or \"newmark\""));
     }
     let why = "integrator = \"symplectic_euler\" solves no system";
     scene.needless("preconditioner", &solver.preconditioner, why)?;

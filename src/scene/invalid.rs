@@ -98,21 +98,23 @@ pub enum Invalid {
     },
 
     /// Precomputed compliances in a scene with a blade: a cut would invalidate them.
-    #[error("{}: correction = \"precomputed\" knows the uncut body alone, but a tool has a blade; take \"exact\"", path.display())]
+    #[error("{}: correction = \"precomputed\" has the compliance of the uncut body, but a tool has a blade; take \"exact\"", path.display())]
     PrecomputedCut {
         /// The scene file.
         path: PathBuf,
     },
 
     /// Attachments with a contact correction that cannot hold them.
-    #[error("{}: correction = \"uncoupled\" lets tied nodes drift apart, as each knows itself alone; take \"exact\"", path.display())]
+    #[error("{}: correction = \"uncoupled\" lets tied nodes drift apart, as it ignores the compliance between nodes; take \"exact\"", path.display())]
     UncoupledTies {
         /// The scene file.
         path: PathBuf,
     },
 
     /// A body attached to itself.
-    #[error("{at}: \"{name}\" is tied to itself; name another body in `to`, or leave `to` away to tie it to its place")]
+    #[error(
+        "{at}: \"{name}\" is tied to itself; name another body in `to`, or leave `to` away to tie it to its rest position"
+    )]
     TiedToItself {
         /// Where.
         at: Location,
@@ -159,7 +161,7 @@ pub enum Invalid {
 
     /// Rest-shape springs with a consistent mass.
     #[error(
-        "{at}: an anchor acts through the masses of nodes, and mass = \"consistent\" lies between them too; \
+        "{at}: an anchor needs lumped nodal masses, which mass = \"consistent\" does not have; \
              use mass = \"lumped\" or \"uniform\", or hold the region with [[boundary]]"
     )]
     AnchoredMass {
@@ -339,7 +341,9 @@ pub enum Invalid {
     },
 
     /// A rotation of nodes that are not constrained in its plane.
-    #[error("{at}: turn_deg turns nodes in the x-y plane, but axes = \"{axes}\" leaves them free there; hold x and y")]
+    #[error(
+        "{at}: turn_deg rotates nodes in the x-y plane, but axes = \"{axes}\" leaves them free there; hold x and y"
+    )]
     TurnAxes {
         /// Location of the rotation.
         at: Location,
@@ -380,7 +384,7 @@ pub enum Invalid {
 
     /// A region without nodes.
     #[error(
-        "{at}: the {region} holds no node of the {grid}; look at its place and size (origin: centre of the bottom; z up), or widen it to a cell at least"
+        "{at}: the {region} holds no node of the {grid}; look at its position and size (origin: centre of the bottom; z up), or widen it to a cell at least"
     )]
     NoNode {
         /// The region's name.
@@ -470,7 +474,7 @@ pub enum Invalid {
 
     /// A blade with too many contact samples.
     #[error(
-        "{at}: the blade has {found:e} places that touch; at most {most:e} are looked at; make edge_spacing_mm or flat_spacing_mm larger, or mend edge_mm"
+        "{at}: the blade has {found:e} contact samples; at most {most:e} are allowed; make edge_spacing_mm or flat_spacing_mm larger, or mend edge_mm"
     )]
     BladeSamples {
         /// The edge.
@@ -538,7 +542,7 @@ pub enum Invalid {
 
     /// A segment of zero length.
     #[error(
-        "{at}: vertices {a} and {b} of the line are at the same place; wanted segments with a length; leave one out"
+        "{at}: vertices {a} and {b} of the line are at the same position; wanted segments with a length; leave one out"
     )]
     LinesShort {
         /// The `l` line.
@@ -551,7 +555,7 @@ pub enum Invalid {
 
     /// A vertex of a tool's lines beyond the range of f32.
     #[error(
-        "{at}: vertex {vertex} is at {position:?}; in metres that is more than a number can hold; mend its `v` line or mesh_unit_mm of the scene"
+        "{at}: vertex {vertex} is at {position:?}; in metres that exceeds the range of f32; mend its `v` line or mesh_unit_mm of the scene"
     )]
     LinesVertex {
         /// The line that names it.
@@ -631,7 +635,7 @@ pub enum Invalid {
         path: PathBuf,
     },
 
-    /// A vertex at no place.
+    /// A vertex at no finite position.
     #[error(
         "{path}: vertex {vertex} is at {position:?}; wanted finite coordinates; mend its `v` line or mesh_unit_mm of the scene"
     )]

@@ -19,22 +19,22 @@ pub(super) fn lines(scene: &SceneText, files: &Files, raw: &raw::Lines) -> Resul
     let radius = scene.number("radius_mm", &or(raw.radius_mm.clone(), 0.0), MM, Bound::NotNegative)?;
     let (path, text) = files.text(scene, "mesh", &raw.mesh)?;
     let file = read(&text, &path)?;
-    let mut places = BTreeMap::new(); // vertices in use, by their number in the file
+    let mut used = BTreeMap::new(); // vertices in use, by their number in the file
     for (id, at) in file.points.iter().chain(file.segments.iter().flatten()) {
-        places.entry(*id).or_insert_with(|| at.clone());
+        used.entry(*id).or_insert_with(|| at.clone());
     }
-    if places.is_empty() {
+    if used.is_empty() {
         return Err(Invalid::LinesEmpty { path });
     }
     let mut positions = vec![];
-    for (id, at) in &places {
+    for (id, at) in &used {
         let position = file.vertices[*id].map(|coordinate| coordinate * unit);
         if !position.iter().all(|coordinate| (*coordinate as f32).is_finite()) {
             return Err(Invalid::LinesVertex { at: at.clone(), vertex: id + 1, position: file.vertices[*id] });
         }
         positions.push(position);
     }
-    let ids: Vec<usize> = places.into_keys().collect();
+    let ids: Vec<usize> = used.into_keys().collect();
     let number = |id: usize| ids.partition_point(|known| *known < id) as u32;
     let mut segments = vec![];
     for [(a, at), (b, _)] in &file.segments {
@@ -111,7 +111,7 @@ pub(super) fn filter(scene: &SceneText, word: Option<At<String>>, tools: &[Tool]
         Filter::Points | Filter::Own => false,
     };
     let misfit = |tool: &Tool, fits| Invalid::FilterTool {
-        at: scene.place(word.span()),
+        at: scene.location(word.span()),
         filter: word.get_ref().clone(),
         tool: tool.name.clone(),
         fits,

@@ -320,7 +320,7 @@ pub struct Boundary {
     /// Prescribed displacement of these axes from the first step on, m.
     pub displacement: [f64; 3],
     /// Rotation of the nodes about the vertical axis through the centre of the body, before that displacement, rad.
-    pub turn: f64,
+    pub rotation: f64,
 }
 
 /// A pressure as a dead load on a rectangle of the top face.

@@ -120,7 +120,7 @@ fn skin_probe(
     match grids[0].beyond(point) {
         None => Ok(ProbeKind::Displacement { body, point, axis }),
         Some((axis, [min, max])) => Err(Invalid::PointOutside {
-            at: scene.place(point_text.span()),
+            at: scene.location(point_text.span()),
             axis: ['x', 'y', 'z'][axis],
             found: in_mm(point[axis]),
             min: in_mm(min),
@@ -157,7 +157,7 @@ fn check(scene: &SceneText, key: At<String>, raw: raw::Check, probes: &[Probe]) 
     let (min, max) = (min?, max?);
     if min > max {
         return Err(Invalid::Order {
-            at: scene.place(key.span()),
+            at: scene.location(key.span()),
             key: "min and max",
             lower: min,
             relation: "at most",
@@ -180,7 +180,7 @@ pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skins: &[
     let field_of_view = scene.number("field_of_view_deg", &angle, DEGREE, Bound::Positive)?;
     if !(FIELD_OF_VIEW[0]..=FIELD_OF_VIEW[1]).contains(&field_of_view) {
         return Err(Invalid::Number {
-            at: scene.place(angle.span()),
+            at: scene.location(angle.span()),
             key: "field_of_view_deg".to_string(),
             found: field_of_view,
             wanted: "a number from 1 to 150",
@@ -202,7 +202,7 @@ pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skins: &[
     let eye = [target[0] + x, target[1] + y, target[2] + z];
     let eye = point("eye_mm", raw.eye_mm, eye)?;
     if eye == target {
-        return Err(Invalid::ViewPoint { at: scene.place(span) });
+        return Err(Invalid::ViewPoint { at: scene.location(span) });
     }
     Ok(View { frames: scene.count("frames", &or(raw.frames, 8), [0, u32::MAX])?, size, eye, target, field_of_view })
 }

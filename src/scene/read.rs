@@ -126,7 +126,7 @@ fn time(scene: &SceneText, raw: raw::Time, integrator: Integrator) -> Result<Tim
     };
     if time.step > time.duration {
         return Err(Invalid::Order {
-            at: scene.place(raw.duration_s.span()),
+            at: scene.location(raw.duration_s.span()),
             key: "step_ms (here in s) and duration_s",
             lower: time.step,
             relation: "at most",
@@ -168,13 +168,13 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
         }
     }
     if !known {
-        return Err(Invalid::Axes { at: scene.place(letters.span()), found: letters.into_inner() });
+        return Err(Invalid::Axes { at: scene.location(letters.span()), found: letters.into_inner() });
     }
     let displacement = or_vector(raw.displacement_mm, &[0.0; 3]);
     if let (Some(turn), [x, y, _]) = (&raw.turn_deg, axes)
         && !(x && y)
     {
-        return Err(Invalid::TurnAxes { at: scene.place(turn.span()), axes: letters.into_inner() });
+        return Err(Invalid::TurnAxes { at: scene.location(turn.span()), axes: letters.into_inner() });
     }
     let turn = or(raw.turn_deg, 0.0);
     Ok(Boundary {
@@ -182,7 +182,7 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
         region: region(scene, &raw.region, extent, &grids[body])?,
         axes,
         displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
-        turn: scene.number("turn_deg", &turn, DEGREE, Bound::Finite)?.to_radians(),
+        rotation: scene.number("turn_deg", &turn, DEGREE, Bound::Finite)?.to_radians(),
     })
 }
 
@@ -198,7 +198,7 @@ fn anchors(
         let mut raw = table.keys;
         let body = names.skin(scene, &raw.body, table.span.clone())?;
         if skins[body].mass == Mass::Consistent {
-            return Err(Invalid::AnchoredMass { at: scene.place(table.span) });
+            return Err(Invalid::AnchoredMass { at: scene.location(table.span) });
         }
         let extent = raw.extent();
         Ok(Anchor {
@@ -220,7 +220,7 @@ fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin
         let half = size[axis] / 2.0;
         if min[axis] < -half - TOP_SLACK || max[axis] > half + TOP_SLACK {
             return Err(Invalid::LoadOutside {
-                at: scene.place(raw.rectangle_mm.span()),
+                at: scene.location(raw.rectangle_mm.span()),
                 axis: ['x', 'y'][axis],
                 min: in_mm(min[axis]),
                 max: in_mm(max[axis]),
@@ -229,7 +229,7 @@ fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin
         }
         if min[axis] >= max[axis] {
             return Err(Invalid::Order {
-                at: scene.place(raw.rectangle_mm.span()),
+                at: scene.location(raw.rectangle_mm.span()),
                 key: "rectangle_mm",
                 lower: in_mm(min[axis]),
                 relation: "below",
@@ -246,7 +246,7 @@ fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin
     };
     if start >= end {
         return Err(Invalid::Order {
-            at: scene.place(raw.end_s.map_or(0..0, |end| end.span())),
+            at: scene.location(raw.end_s.map_or(0..0, |end| end.span())),
             key: "start_s and end_s",
             lower: start,
             relation: "below",

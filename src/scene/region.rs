@@ -72,7 +72,7 @@ impl Region {
 
     /// Coordinate along `axis` at which a line through a point is deepest inside the region, or nearest to it; 0 if all or only the line's
     /// ends are equivalent.
-    pub(super) fn place_along(&self, axis: usize, through: [f64; 3]) -> f64 {
+    pub(super) fn position_along(&self, axis: usize, through: [f64; 3]) -> f64 {
         match self {
             Self::Sphere { centre, .. } => centre[axis],
             Self::Plane { through: q, normal, .. } if normal[axis] != 0.0 => {

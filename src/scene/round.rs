@@ -18,7 +18,7 @@ pub(super) fn round(scene: &SceneText, raw: &raw::Round) -> Result<Round> {
     match points[..] {
         [centre] => Ok(Round { radius, ends: [centre; 2] }),
         [a, b] if a != b => Ok(Round { radius, ends: [a, b] }),
-        _ => Err(Invalid::RoundPoints { at: scene.place(raw.points_mm.span()), found: points.len() }),
+        _ => Err(Invalid::RoundPoints { at: scene.location(raw.points_mm.span()), found: points.len() }),
     }
 }
 
@@ -29,12 +29,12 @@ pub(super) fn path(scene: &SceneText, rows: &Points) -> Result<Vec<Pose>> {
         let [_, x, y, z] = scene.vector("path_mm", row, MM, Bound::Finite)?;
         let time = row.get_ref()[0]; // the first column is in s
         if let Some(before) = poses.last().filter(|before| before.time >= time) {
-            return Err(Invalid::TrajectoryTime { at: scene.place(row.span()), found: time, before: before.time });
+            return Err(Invalid::TrajectoryTime { at: scene.location(row.span()), found: time, before: before.time });
         }
         poses.push(Pose { time, position: [x, y, z], rotation: [0.0, 0.0, 0.0, 1.0] });
     }
     if poses.is_empty() {
-        return Err(Invalid::PathEmpty { at: scene.place(rows.span()) });
+        return Err(Invalid::PathEmpty { at: scene.location(rows.span()) });
     }
     Ok(poses)
 }
@@ -44,22 +44,22 @@ pub(super) fn mesh(round: &Round) -> ToolMesh {
     let [a, b] = round.ends;
     let (along, across) = axes(a, b);
     let other = cross(along, across);
-    let place = |end: [f64; 3], polar: f64, turn: f64| {
+    let position = |end: [f64; 3], polar: f64, azimuth: f64| {
         let (out, up) = (round.radius * sin(polar), round.radius * cos(polar));
-        [0, 1, 2].map(|n| end[n] + along[n] * up + out * (across[n] * cos(turn) + other[n] * sin(turn)))
+        [0, 1, 2].map(|n| end[n] + along[n] * up + out * (across[n] * cos(azimuth) + other[n] * sin(azimuth)))
     };
     // from the pole at b to the pole at a; a capsule has its widest ring at both ends
     let half = ALONG / 2;
     let upper = (1..=half).map(|k| (b, k));
     let lower = (if a == b { half + 1 } else { half }..ALONG).map(|k| (a, k));
     let rings: Vec<([f64; 3], u32)> = upper.chain(lower).collect();
-    let mut positions = vec![place(b, 0.0, 0.0)];
+    let mut positions = vec![position(b, 0.0, 0.0)];
     for (end, k) in &rings {
         let polar = PI * f64::from(*k) / f64::from(ALONG);
-        positions.extend((0..AROUND).map(|n| place(*end, polar, TAU * f64::from(n) / f64::from(AROUND))));
+        positions.extend((0..AROUND).map(|n| position(*end, polar, TAU * f64::from(n) / f64::from(AROUND))));
     }
     let last = positions.len() as u32;
-    positions.push(place(a, PI, 0.0));
+    positions.push(position(a, PI, 0.0));
     let count = rings.len() as u32;
     let id = |ring: u32, n: u32| 1 + ring * AROUND + n % AROUND;
     let mut triangles = vec![];

@@ -46,8 +46,8 @@ pub struct Study {
 
 /// Preconditioners by name, as far as the skins allow.
 pub(super) fn preconditioners(skins: &[Skin]) -> Vec<(&'static str, Preconditioner)> {
-    let bricks = skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
-    let known = if bricks { PRECONDITIONERS.len() } else { PRECONDITIONERS.len() - 2 };
+    let hexahedra = skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
+    let known = if hexahedra { PRECONDITIONERS.len() } else { PRECONDITIONERS.len() - 2 };
     PRECONDITIONERS[..known].to_vec()
 }
 
@@ -82,7 +82,7 @@ pub(super) fn study(
         match probes[found].kind {
             ProbeKind::Reaction { .. } => {
                 let why = "a reaction is of the step before, which differs between steps: take displacements or forces";
-                Err(Invalid::NeedlessKey { at: scene.place(word.span()), key: "probes", why })
+                Err(Invalid::NeedlessKey { at: scene.location(word.span()), key: "probes", why })
             }
             _ => Ok(found),
         }
@@ -92,7 +92,7 @@ pub(super) fn study(
         let given = scene.number("known", &value, PLAIN, Bound::Finite)?;
         if given == 0.0 {
             let why = "errors are relative to it, so it cannot be 0: take another probe";
-            return Err(Invalid::NeedlessKey { at: scene.place(value.span()), key: "known", why });
+            return Err(Invalid::NeedlessKey { at: scene.location(value.span()), key: "known", why });
         }
         known.push((number(&word)?, given));
     }
@@ -141,7 +141,7 @@ pub(super) fn study(
     };
     // reference at least as fine as the finest run, steps commensurate
     let order = |key, at: &At<f64>, [lower, upper]: [f64; 2], fix| Invalid::Order {
-        at: scene.place(at.span()),
+        at: scene.location(at.span()),
         key,
         lower,
         relation: "at most",
@@ -165,7 +165,7 @@ pub(super) fn study(
     let reference = raw.reference_step_ms.map(|step| step.span());
     study.commensurate(time).map_err(|(step, longest)| {
         let first = if step == study.reference_step { [reference, listed] } else { [listed, reference] };
-        let at = scene.place(first.into_iter().flatten().next().unwrap_or(0..0));
+        let at = scene.location(first.into_iter().flatten().next().unwrap_or(0..0));
         Invalid::StudyStep { at, step: step * 1e3, longest: longest * 1e3 }
     })?;
     Ok(study)
@@ -233,7 +233,7 @@ fn each<A, T>(
     let count = list.get_ref().len();
     if count == 0 || count > MOST_VALUES {
         return Err(Invalid::Count {
-            at: scene.place(list.span()),
+            at: scene.location(list.span()),
             key: format!("values of {key}"),
             found: count as u32,
             min: 1,

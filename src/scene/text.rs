@@ -118,7 +118,7 @@ pub(super) struct SceneText<'a> {
 
 impl SceneText<'_> {
     /// Line where a span starts.
-    pub fn place(&self, span: Range<usize>) -> Location {
+    pub fn location(&self, span: Range<usize>) -> Location {
         let before = self.text.bytes().take(span.start);
         Location::new(self.file, 1 + before.filter(|byte| *byte == b'\n').count())
     }
@@ -129,7 +129,7 @@ impl SceneText<'_> {
             return Ok(si);
         }
         Err(Invalid::Number {
-            at: self.place(span),
+            at: self.location(span),
             key: key.to_string(),
             found,
             wanted: bound.wanted(),
@@ -172,7 +172,7 @@ impl SceneText<'_> {
         for (lower, upper) in corners[0].iter().zip(&corners[1]) {
             if lower > upper {
                 return Err(Invalid::Order {
-                    at: self.place(value.span()),
+                    at: self.location(value.span()),
                     key,
                     lower: in_mm(*lower),
                     relation: "at most",
@@ -188,7 +188,7 @@ impl SceneText<'_> {
         if found == wanted {
             return Ok(());
         }
-        Err(Invalid::Length { at: self.place(span), key, found, wanted })
+        Err(Invalid::Length { at: self.location(span), key, found, wanted })
     }
 
     fn counted(&self, key: &str, found: u32, span: Range<usize>, range: [u32; 2]) -> Result<u32> {
@@ -196,7 +196,7 @@ impl SceneText<'_> {
         if (min..=max).contains(&found) {
             return Ok(found);
         }
-        Err(Invalid::Count { at: self.place(span), key: key.to_string(), found, min, max })
+        Err(Invalid::Count { at: self.location(span), key: key.to_string(), found, min, max })
     }
 
     /// A count in `[min, max]`.
@@ -234,7 +234,13 @@ impl SceneText<'_> {
             [] => "none".to_string(),
             _ => known.join(", "),
         };
-        Invalid::Choice { at: self.place(value.span()), key, found: value.get_ref().clone(), hint: hint.into(), known }
+        Invalid::Choice {
+            at: self.location(value.span()),
+            key,
+            found: value.get_ref().clone(),
+            hint: hint.into(),
+            known,
+        }
     }
 
     /// Valid name that is not among `taken`; it is added there.
@@ -242,14 +248,14 @@ impl SceneText<'_> {
         let name = value.get_ref();
         let unusable = |c: char| c.is_control() || c == ',' || c == '"';
         if name.is_empty() || name.trim() != name || name.contains(unusable) {
-            return Err(Invalid::Name { at: self.place(value.span()), what, found: name.clone() });
+            return Err(Invalid::Name { at: self.location(value.span()), what, found: name.clone() });
         }
         if let Some(first) = taken.iter().find(|other| other.get_ref() == name) {
             return Err(Invalid::Duplicate {
-                at: self.place(value.span()),
+                at: self.location(value.span()),
                 what,
                 name: name.clone(),
-                first: self.place(first.span()).line,
+                first: self.location(first.span()).line,
             });
         }
         taken.push(value.clone());
@@ -258,14 +264,14 @@ impl SceneText<'_> {
 
     /// Value of a key that another key requires.
     pub fn required<T>(&self, key: &str, value: Option<T>, table: Range<usize>, why: &'static str) -> Result<T> {
-        value.ok_or_else(|| Invalid::MissingKey { at: self.place(table), key: key.to_string(), why })
+        value.ok_or_else(|| Invalid::MissingKey { at: self.location(table), key: key.to_string(), why })
     }
 
     /// Error if a key is present that another key makes redundant.
     pub fn needless<T>(&self, key: &'static str, value: &Option<At<T>>, why: &'static str) -> Result<()> {
         match value {
             None => Ok(()),
-            Some(value) => Err(Invalid::NeedlessKey { at: self.place(value.span()), key, why }),
+            Some(value) => Err(Invalid::NeedlessKey { at: self.location(value.span()), key, why }),
         }
     }
 }

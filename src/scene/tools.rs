@@ -81,7 +81,7 @@ fn alone(scene: &SceneText, raw: &raw::Tool) -> Result<()> {
     let span = |table: &Option<Table<raw::Lines>>| table.as_ref().map(|t| t.span.clone());
     let lines = span(&raw.lines).filter(|_| raw.round.is_some()).map(|span| ("lines", span));
     match raw.blade.as_ref().map(|table| ("blade", table.span.clone())).or(lines) {
-        Some((key, span)) => Err(Invalid::NeedlessKey { at: scene.place(span), key, why }),
+        Some((key, span)) => Err(Invalid::NeedlessKey { at: scene.location(span), key, why }),
         None => Ok(()),
     }
 }
@@ -147,7 +147,7 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
     let apart = edge.windows(2).take_while(|pair| pair[0] != pair[1]).count();
     if edge.len() < 2 || apart + 1 < edge.len() {
         return Err(Invalid::BladeEdge {
-            at: scene.place(raw.edge_mm.span()),
+            at: scene.location(raw.edge_mm.span()),
             found: if edge.is_empty() { 0 } else { apart + 1 },
         });
     }
@@ -167,13 +167,13 @@ fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {
     ];
     let found = samples(&edge, depth, spacing);
     if found > MOST_SAMPLES {
-        return Err(Invalid::BladeSamples { at: scene.place(edge_mm), found, most: MOST_SAMPLES });
+        return Err(Invalid::BladeSamples { at: scene.location(edge_mm), found, most: MOST_SAMPLES });
     }
     let right = direction.filter(|_| 90.0 - angle <= NORMAL_SLACK);
     Ok(Blade {
         edge,
         normal: right.ok_or_else(|| Invalid::BladeNormal {
-            at: scene.place(normal.span()),
+            at: scene.location(normal.span()),
             angle,
             allowed: NORMAL_SLACK,
         })?,

@@ -43,7 +43,7 @@ pub struct Motion {
     /// m/s
     pub velocity: [f64; 3],
     /// rad/s
-    pub spin: [f64; 3],
+    pub angular_velocity: [f64; 3],
 }
 
 /// A fixed half space.

@@ -10,7 +10,9 @@ pub(super) use known::Known;
 pub use start::{needs, start};
 
 use super::{Simulation, StepReport};
-use crate::backend::{Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Query, Snapshot, Target, Wanted};
+use crate::backend::{
+    Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target,
+};
 use crate::bodies::{Model, Solved, energy, inverted_cells, residual};
 use crate::bodies::{Totals, Wound};
 use crate::collide::broad::Boxes;
@@ -48,7 +50,7 @@ pub struct Body {
     /// Its dead loads are set on the present nodes.
     pub(super) loaded: bool,
     /// Factor on the scene's column tolerance for this body.
-    pub(super) looseness: f64,
+    pub(super) tolerance_factor: f64,
     /// Most nodes whose compliance is kept.
     pub(super) near: usize,
     /// Lips of its wound, if they may rest on each other.
@@ -58,27 +60,27 @@ pub struct Body {
     /// Hits of each cut, in order; applied to the uncut body they give the wound.
     pub(super) cuts: Vec<Vec<Hit<f64>>>,
     /// Its nodes, or the present step's solution for them, contain non-finite values.
-    pub(super) lost: bool,
+    pub(super) non_finite: bool,
 }
 
 /// A floating body resists a common push of its nodes by inertia alone, 10⁻³ to 10⁻⁵ of its stiffness, so the same residual is a share of
 /// its motion larger by that much. With 1 the passes on a stack of five blocks never converge; with this factor one suffices.
-const OF_FLOATING: f64 = 1e-4;
+const FLOATING_FACTOR: f64 = 1e-4;
 
 /// Relative pivot below which a rigid-body mode counts as unconstrained.
-const NONE: f64 = 1e-9;
+const UNCONSTRAINED_PIVOT: f64 = 1e-9;
 
 /// Whether the body is floating: its constrained axes and anchors leave at least one of the six rigid-body modes unconstrained.
 fn floats(model: &Model) -> bool {
-    let mut seen = [[0.0; 6]; 6]; // Σ rᵀr over held axes, r the axis's value in the six modes; positions in units of the extent
+    let mut seen = [[0.0; 6]; 6]; // Σ rᵀr over fixed axes, r the axis's value in the six modes; positions in units of the extent
     let length = model.extent();
     for (node, (free, rest)) in model.free.iter().zip(&model.rest).enumerate() {
         let anchored = model.anchors.nodes.binary_search(&(node as u32)).is_ok();
         let at = (DVec3::from_array(*rest) - DVec3::from_array(model.position)) / length;
         for axis in (0..3).filter(|axis| anchored || free[*axis] == 0.0) {
-            let shift = DVec3::AXES[axis];
-            let turn = at.cross(shift);
-            let row = [shift.x, shift.y, shift.z, turn.x, turn.y, turn.z];
+            let translation = DVec3::AXES[axis];
+            let rotation = at.cross(translation);
+            let row = [translation.x, translation.y, translation.z, rotation.x, rotation.y, rotation.z];
             (0..36).for_each(|k| seen[k / 6][k % 6] += row[k / 6] * row[k % 6]);
         }
     }
@@ -86,7 +88,7 @@ fn floats(model: &Model) -> bool {
     for k in 0..6 {
         // symmetric elimination with diagonal pivoting
         let Some(pivot) = (k..6).max_by(|a, b| seen[*a][*a].total_cmp(&seen[*b][*b])) else { return true };
-        if seen[pivot][pivot] <= NONE * largest {
+        if seen[pivot][pivot] <= UNCONSTRAINED_PIVOT * largest {
             return true;
         }
         seen.swap(k, pivot);
@@ -109,13 +111,13 @@ pub(super) struct Located {
     pub u: Vec<[f64; 3]>,
     /// Nodes of the faces, with the positions of the surface corners there, m.
     pub corners: Vec<u32>,
-    pub places: Vec<DVec3>,
+    pub corner_positions: Vec<DVec3>,
 }
 
 impl Located {
     /// Position of the surface corner at a node, if it was located, m.
-    pub fn place(&self, node: u32) -> Option<DVec3> {
-        self.corners.binary_search(&node).ok().map(|k| self.places[k])
+    pub fn corner_position(&self, node: u32) -> Option<DVec3> {
+        self.corners.binary_search(&node).ok().map(|k| self.corner_positions[k])
     }
 
     /// Displacement of a node, m; 0 if it was not read.
@@ -155,8 +157,8 @@ impl Body {
         };
         // a floating body falls, and its columns take a tighter tolerance
         let part = scene.time.part();
-        let (fall, looseness) = match floats(&model) {
-            true => (DVec3::from_array(scene.time.gravity).length() * part.powi(2), OF_FLOATING),
+        let (fall, tolerance_factor) = match floats(&model) {
+            true => (DVec3::from_array(scene.time.gravity).length() * part.powi(2), FLOATING_FACTOR),
             false => (0.0, 1.0),
         };
         let wound = Wound::new(&model);
@@ -172,12 +174,12 @@ impl Body {
             first_motion: first_motion(scene, number),
             fall,
             loaded: false,
-            looseness,
+            tolerance_factor,
             near: needs.near,
             lips: scene.contact.is_some_and(|contact| contact.lips).then(Vec::new),
             tied: vec![],
             cuts: vec![],
-            lost: false,
+            non_finite: false,
             model,
         })
     }
@@ -206,7 +208,7 @@ impl Body {
     }
 
     /// Centre of its bottom at rest, m.
-    pub(super) fn place(&self) -> DVec3 {
+    pub(super) fn origin(&self) -> DVec3 {
         DVec3::from_array(self.model.position)
     }
 
@@ -214,22 +216,22 @@ impl Body {
     pub(super) fn refit_boxes(&mut self) -> Result<()> {
         self.read(Query { bounds: true, ..Query::default() })?;
         let bounds = self.known.bounds.as_deref().unwrap_or_default();
-        let lost = self.boxes.refit(&self.wound.surface, bounds);
+        let non_finite = self.boxes.refit(&self.wound.surface, bounds);
         let first = std::mem::replace(&mut self.first_motion, 0.0);
         self.travel = self.boxes.moved().max(first) + self.fall;
-        self.lost = lost > 0;
+        self.non_finite = non_finite > 0;
         Ok(())
     }
 
     /// Bounding box, enlarged by a margin.
     pub(super) fn area(&self, margin: f64) -> Aabb {
         let [low, high] = self.boxes.all();
-        collide::area(self.place() + low, self.place() + high, margin)
+        collide::area(self.origin() + low, self.origin() + high, margin)
     }
 
     /// Faces whose boxes a box meets.
     pub(super) fn faces_near(&self, area: &Aabb) -> Vec<Quad> {
-        self.boxes.faces(&self.wound.surface, &collide::moved(area, -self.place()))
+        self.boxes.faces(&self.wound.surface, &collide::moved(area, -self.origin()))
     }
 
     /// Finds the positions of these faces' corners, of attachments' nodes and of the wound's lips. The first `patched` lists of faces
@@ -251,11 +253,11 @@ impl Body {
         self.read(Query { displacements: nodes.clone(), ..Query::default() })?;
         let u = nodes.iter().map(|node| self.known.u[node]).collect();
         self.located = Located { nodes, u, ..Located::default() };
-        let place = |(node, corner): (&u32, &Corner)| {
+        let position = |(node, corner): (&u32, &Corner)| {
             let moved = corner.moved(|id| self.located.displacement(id));
             [self.wound.rest[*node as usize], corner.offset, moved].map(DVec3::from_array).iter().sum()
         };
-        self.located.places = corners.iter().zip(&moving).map(place).collect();
+        self.located.corner_positions = corners.iter().zip(&moving).map(position).collect();
         self.located.corners = corners;
         // patches of the first lists
         let position = |id| self.position(id);
@@ -280,7 +282,7 @@ impl Body {
     /// Rows act on the corner's own node. A step's motion of the corner therefore differs from that in its rows, by the offset times the
     /// gradient of the motion. The geometry is evaluated anew at each step, so the difference does not accumulate.
     pub(super) fn position(&self, node: u32) -> DVec3 {
-        self.located.place(node).unwrap_or_else(|| self.node_position(node))
+        self.located.corner_position(node).unwrap_or_else(|| self.node_position(node))
     }
 
     /// Position of a node itself, m; at rest if it was not read.
@@ -290,11 +292,11 @@ impl Body {
 
     /// Solves the unconstrained motion; returns its values at nodes.
     pub(super) fn solve_free(&mut self, solver: &Solver, nodes: &[u32]) -> Result<(Outcome, Vec<[f64; 3]>)> {
-        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(solver.tolerance) }];
+        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(solver.tolerance) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
         let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;
         // a non-finite solution has a non-finite residual
-        self.lost = !outcomes[0].residual.is_finite() || !picked.iter().flatten().all(|c| c.is_finite());
+        self.non_finite = !outcomes[0].residual.is_finite() || !picked.iter().flatten().all(|c| c.is_finite());
         Ok((outcomes[0], picked))
     }
 
@@ -356,8 +358,8 @@ impl Body {
         }
         // true residual in f64
         if check {
-            let (rest, load) = residual(&self.model, &solved);
-            let (left, wanted) = (norm(&rest), (scene.solver.tolerance * load).max(scene.solver.floor));
+            let (residual_force, load) = residual(&self.model, &solved);
+            let (left, wanted) = (norm(&residual_force), (scene.solver.tolerance * load).max(scene.solver.floor));
             report.warn("residual_true_above_tolerance", u32::from(larger(left, 2.0 * wanted) != 2.0 * wanted));
             let residual = if load == 0.0 { 0.0 } else { left / load };
             report.true_residual = Some(report.true_residual.map_or(residual, |worst| larger(worst, residual)));

@@ -12,7 +12,7 @@ use crate::haptic::Reduced;
 use crate::linear::Outcome;
 use crate::scene::{self, BodyId, Correction, Loop};
 use glam::{DMat3, DVec3};
-use passes::Seen;
+use passes::Observation;
 use std::collections::BTreeMap;
 
 /// Contacts of a step and how their forces were solved for.
@@ -96,7 +96,7 @@ struct Problem<'a> {
     /// `W` of the bodies' compliance columns, `[row × row]` m/N.
     pub columns: Vec<f64>,
     /// Observations of the passes so far.
-    pub seen: Vec<Seen>,
+    pub observations: Vec<Observation>,
     /// `W` of the columns, updated by the observations, m/N.
     pub w: Vec<f64>,
     /// `[contact]` displacement of the first body relative to the second without contact forces, m.
@@ -116,29 +116,29 @@ impl Problem<'_> {
 
     /// `[contact]` slips of the step when forces move the nodes by `moved` and the rigid bodies by their compliance, m.
     pub fn slips_after(&self, lambda: &[f64], moved: &[Vec<[f64; 3]>]) -> Vec<DVec3> {
-        let given: Vec<(DVec3, DVec3)> = (0..)
+        let displacements: Vec<(DVec3, DVec3)> = (0..)
             .zip(self.free)
             .map(|(number, free)| free.displacement_under(self.rows.on_rigid(number, lambda)))
             .collect();
-        let more = self.rows.slips(|number| given[number], |body, node| self.at(moved, body, node));
-        self.free_slips.iter().zip(more).map(|(free, more)| *free + more).collect()
+        let slips = self.rows.slips(|number| displacements[number], |body, node| self.at(moved, body, node));
+        self.free_slips.iter().zip(slips).map(|(free, slip)| *free + slip).collect()
     }
 }
 
 impl Simulation {
-    /// Solves the unconstrained motion and the contact problem; with `held`, forces are those of the last step and not solved for.
+    /// Solves the unconstrained motion and the contact problem; with `reuse_forces`, forces are those of the last step and not solved for.
     pub(super) fn resolve(
         &mut self,
         law: scene::Contact,
         contacts: Vec<Contact>,
         free: &[UnconstrainedMotion],
-        held: bool,
+        reuse_forces: bool,
         report: &mut StepReport,
     ) -> Result<Resolved> {
         let (mut problem, ended) = self.assemble(law, &contacts, free, report)?;
-        let lambda = self.first_forces(&problem, held);
+        let lambda = self.first_forces(&problem, reuse_forces);
         let (lambda, slips) = match law.forces {
-            Loop::Constraints if !held => self.iterate(&mut problem, lambda, report)?,
+            Loop::Constraints if !reuse_forces => self.iterate(&mut problem, lambda, report)?,
             _ => {
                 let moved = self.correct(&problem, &lambda, law.tolerance, report)?;
                 let slips = problem.slips_after(&lambda, &moved);
@@ -146,7 +146,7 @@ impl Simulation {
             }
         };
         self.move_tools(&problem, &lambda, report);
-        self.hand_over(&problem, &slips, &lambda);
+        self.publish_reduced(&problem, &slips, &lambda);
         let forces = (0..self.bodies.len()).map(|body| problem.rows.on_nodes(body, &lambda)).collect();
         let by_contact = problem.rows.by_contact(&lambda);
         let contact_forces = contacts.iter().zip(&by_contact).map(|(c, f)| (c.id(), c.in_world(*f))).collect();
@@ -186,7 +186,7 @@ impl Simulation {
             nodes,
             blocks,
             columns: vec![],
-            seen: vec![],
+            observations: vec![],
             w: vec![],
             free_slips: vec![],
             violation: vec![],
@@ -195,7 +195,7 @@ impl Simulation {
         // W, slips and violations at the unconstrained positions
         problem.columns = self.compliance_of(&problem);
         problem.w.clone_from(&problem.columns);
-        let rigid = |number: usize| (free[number].shift, free[number].turn);
+        let rigid = |number: usize| (free[number].translation, free[number].rotation);
         problem.free_slips = problem.rows.slips(rigid, |body, node| problem.at(&picked, body, node)).collect();
         problem.violation = problem.rows.violations(&problem.free_slips);
         Ok((problem, ended))
@@ -215,9 +215,9 @@ impl Simulation {
     }
 
     /// Initial forces: those of the last step, by contact id. The penalty loop's forces are final, unless those of the last step are
-    /// `held`.
-    fn first_forces(&self, problem: &Problem, held: bool) -> Vec<f64> {
-        let forces = if held { Loop::Constraints } else { problem.law.forces };
+    /// reused (`reuse_forces`).
+    fn first_forces(&self, problem: &Problem, reuse_forces: bool) -> Vec<f64> {
+        let forces = if reuse_forces { Loop::Constraints } else { problem.law.forces };
         let mut out = vec![];
         for contact in problem.rows.contacts {
             let along = match forces {
@@ -258,7 +258,7 @@ impl Simulation {
                 }
                 _ => body.correct(nodes, &forces, tolerance, report)?,
             });
-            body.lost |= !out[number].iter().flatten().all(|c| c.is_finite());
+            body.non_finite |= !out[number].iter().flatten().all(|c| c.is_finite());
         }
         Ok(out)
     }
@@ -267,28 +267,28 @@ impl Simulation {
         let h = self.step_size();
         for (number, (tool, free)) in self.tools.iter_mut().zip(problem.free).enumerate() {
             let (force, torque) = problem.rows.on_rigid(number, lambda);
-            let (shift, turn) = free.displacement_under((force, torque));
-            tool.advance(free.shift + shift, free.turn + turn, h);
+            let (translation, rotation) = free.displacement_under((force, torque));
+            tool.advance(free.translation + translation, free.rotation + rotation, h);
             report.contact.on_tool.push(force.to_array());
         }
     }
 
-    /// Rate at which the relative motion of a step continues under held forces, 1/s. A rigid body keeps its velocity; skin creeps by its
+    /// Rate at which the relative motion of a step continues under constant forces, 1/s. A rigid body keeps its velocity; skin creeps by its
     /// viscosity alone: `K x + τ K ẋ = f` in implicit Euler has `Δx' = τ/(τ + h) Δx`, τ the Rayleigh stiffness damping.
-    fn goes_on(&self, on: [BodyId; 2]) -> f64 {
+    fn extrapolation_rate(&self, on: [BodyId; 2]) -> f64 {
         let h = self.step_size();
-        let memory = |who: &BodyId| match who {
+        let ratio = |who: &BodyId| match who {
             BodyId::Deformable(body) => {
                 let viscosity = self.scene.skins[*body].rayleigh_stiffness;
                 viscosity / (viscosity + h)
             }
             _ => 1.0,
         };
-        on.iter().map(memory).fold(1.0, f64::min) / h
+        on.iter().map(ratio).fold(1.0, f64::min) / h
     }
 
-    /// Hands the reduced contact problem of each tool to the haptic loop.
-    fn hand_over(&mut self, problem: &Problem, slips: &[DVec3], lambda: &[f64]) {
+    /// Publishes the reduced contact problem of each tool to the haptic loop.
+    fn publish_reduced(&mut self, problem: &Problem, slips: &[DVec3], lambda: &[f64]) {
         let rows = &problem.rows;
         let found = rows.violations(slips);
         let count = rows.count();
@@ -306,18 +306,18 @@ impl Simulation {
             };
             // displacement of the tool over the step
             let free = &problem.free[number];
-            let (shift, turn) = free.displacement_under(rows.on_rigid(number, lambda));
-            let own = [free.shift + shift, free.turn + turn];
+            let (translation, rotation) = free.displacement_under(rows.on_rigid(number, lambda));
+            let motion = [free.translation + translation, free.rotation + rotation];
             // the gap's motion beyond the tool's own continues; a cutting edge does not follow the skin's motion
             let rate = |row: usize| match (rows.contact(row), rows.of_rigid(row, number)) {
-                ((contact @ Contact { law: Law::Coulomb { .. }, .. }, along), Some((axis, lever))) => {
-                    let opened = found[row] - contact.gap[along] - axis.dot(own[0]) - lever.dot(own[1]);
-                    self.goes_on(contact.on) * opened
+                ((contact @ Contact { law: Law::Coulomb { .. }, .. }, along), Some((axis, angular))) => {
+                    let opened = found[row] - contact.gap[along] - axis.dot(motion[0]) - angular.dot(motion[1]);
+                    self.extrapolation_rate(contact.on) * opened
                 }
                 _ => 0.0,
             };
             // compliance without the tool's own part
-            let give = |i: usize, j: usize| problem.columns[i * count + j] - rows.rigid_part(i, j, number, free);
+            let compliance = |i: usize, j: usize| problem.columns[i * count + j] - rows.rigid_part(i, j, number, free);
             let touching = rows.contacts.iter().filter(|contact| contact.on.contains(&BodyId::Rigid(number)));
             self.reduced[number] = Reduced {
                 position: tool.position,
@@ -325,7 +325,10 @@ impl Simulation {
                 axes: sides.iter().map(|(row, sign)| rows.axis(*row) * *sign).collect(),
                 arms: sides.iter().map(|(row, _)| rows.contact(*row).0.point - tool.position).collect(),
                 laws: touching.map(|contact| contact.law).collect(),
-                compliance: sides.iter().flat_map(|(i, _)| sides.iter().map(move |(j, _)| give(*i, *j))).collect(),
+                compliance: sides
+                    .iter()
+                    .flat_map(|(i, _)| sides.iter().map(move |(j, _)| compliance(*i, *j)))
+                    .collect(),
                 violation: sides.iter().map(|(row, _)| remaining(*row)).collect(),
                 rate: sides.iter().map(|(row, _)| rate(*row)).collect(),
                 force: sides.iter().map(|(row, _)| lambda[*row]).collect(),

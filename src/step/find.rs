@@ -28,8 +28,8 @@ impl Tie {
     pub fn note(&self, bodies: &mut [Body], tied: &mut BTreeSet<(BodyId, usize, u32)>) {
         for side in 0..2 {
             if let BodyId::Deformable(number) = self.contact.on[side] {
-                bodies[number].tied.extend(held_nodes(&self.contact, side));
-                tied.extend(held_nodes(&self.contact, side).map(|node| (self.contact.on[1 - side], number, node)));
+                bodies[number].tied.extend(contact_nodes(&self.contact, side));
+                tied.extend(contact_nodes(&self.contact, side).map(|node| (self.contact.on[1 - side], number, node)));
             }
         }
     }
@@ -52,7 +52,7 @@ impl Simulation {
         };
         // how far each tool may move in the step
         let travel: Vec<f64> = (self.tools.iter().zip(free))
-            .map(|(tool, free)| free.shift.length() + free.turn.length() * tool.span())
+            .map(|(tool, free)| free.translation.length() + free.rotation.length() * tool.span())
             .collect();
         // search: rigid pairs, then deformable bodies; drop what is unexplained or tied already
         let mut found = self.rigid_contacts(&search, &travel);
@@ -102,7 +102,8 @@ impl Simulation {
         let explained = |contact: &Contact| {
             let Some(sample) = self.sample_of(contact) else { return true };
             let tool = &self.tools[sample.0];
-            let moved = h * (tool.velocity.length() + tool.spin.length() * tool.span()) + self.bodies[sample.1].travel;
+            let moved = h * (tool.velocity.length() + tool.angular_velocity.length() * tool.span())
+                + self.bodies[sample.1].travel;
             // a piece of edge that has cut stands in its own cut, at most a cell from the walls
             let own_cut = self.fronts.contains_key(&(sample.0, contact.feature));
             let cell = if own_cut { self.bodies[sample.1].model.cell_width() } else { 0.0 };
@@ -151,7 +152,7 @@ impl Simulation {
         for body in &mut self.bodies {
             body.refit_boxes()?;
         }
-        if let Some(number) = self.bodies.iter().position(|body| body.lost) {
+        if let Some(number) = self.bodies.iter().position(|body| body.non_finite) {
             return Err(self.non_finite(BodyId::Deformable(number)));
         }
         let mut margins: Vec<f64> = travel.iter().map(|travel| search.alarm + search.distance + travel).collect();
@@ -262,7 +263,7 @@ impl Simulation {
     fn ties_hold(&self, contact: &Contact) -> bool {
         (0..2).any(|side| match contact.on[side] {
             BodyId::Deformable(number) => {
-                held_nodes(contact, side).any(|node| self.tied.contains(&(contact.on[1 - side], number, node)))
+                contact_nodes(contact, side).any(|node| self.tied.contains(&(contact.on[1 - side], number, node)))
             }
             _ => false,
         })
@@ -271,7 +272,7 @@ impl Simulation {
     /// A tie's contact at the present positions.
     fn tied(&self, tie: &Tie) -> Contact {
         let mut contact = tie.contact.clone();
-        let place = |side: usize| match contact.on[side] {
+        let position = |side: usize| match contact.on[side] {
             BodyId::Deformable(body) => {
                 // nodes, not surface corners, which move off the nodes when cut: a tie's point must not
                 contact.points[side]
@@ -283,7 +284,7 @@ impl Simulation {
             BodyId::Rigid(number) => self.tools[number].at(tie.anchor),
             BodyId::Plane(_) | BodyId::World => tie.anchor,
         };
-        let (first, second): (DVec3, DVec3) = (place(0), place(1));
+        let (first, second): (DVec3, DVec3) = (position(0), position(1));
         contact.point = first;
         contact.gap = contact.axes.map(|axis| axis.dot(first - second));
         if let Law::Slide { .. } = contact.law {
@@ -294,7 +295,7 @@ impl Simulation {
 }
 
 /// Nodes on one side of a contact.
-fn held_nodes(contact: &Contact, side: usize) -> impl Iterator<Item = u32> {
+fn contact_nodes(contact: &Contact, side: usize) -> impl Iterator<Item = u32> {
     contact.points[side].nodes()
 }
 

@@ -16,7 +16,7 @@ use crate::scene::{BodyId, ProbeKind};
 /// Advice for a body or a tool.
 const SHORTER: &str = "take a shorter step_ms, move and load it more slowly, and look at the last rows of probes.csv and the last picture";
 /// Advice where the step was solved twice.
-const TWICE: &str = "the step was tried again with the contact forces of the one before, to no other end; take a shorter step_ms, move and \
+const TWICE: &str = "the step was solved again with the contact forces of the previous step, to the same result; take a shorter step_ms, move and \
                      load it more slowly, and look at the last rows of probes.csv and the last picture";
 /// Advice for a hand.
 const HAND: &str = "look at its device or its path there, and at the damping of [tool.coupling]";
@@ -24,10 +24,10 @@ const HAND: &str = "look at its device or its path there, and at the damping of 
 impl Simulation {
     /// Error that names a non-finite body.
     pub fn non_finite(&self, who: BodyId) -> Error {
-        self.named(who, SHORTER)
+        self.non_finite_body_error(who, SHORTER)
     }
 
-    fn named(&self, who: BodyId, fix: &'static str) -> Error {
+    fn non_finite_body_error(&self, who: BodyId, fix: &'static str) -> Error {
         let (what, name) = match who {
             BodyId::Rigid(number) => ("the tool", &self.scene.tools[number].name),
             BodyId::Deformable(number) => ("the body", &self.scene.skins[number].name),
@@ -43,8 +43,8 @@ impl Simulation {
 
     /// Refuses non-finite unconstrained motions, such as those of a non-finite hand pose.
     pub(super) fn hands_are_finite(&self, free: &[UnconstrainedMotion]) -> Result<()> {
-        let lost = free.iter().position(|free| !(free.shift.is_finite() && free.turn.is_finite()));
-        let Some(number) = lost else { return Ok(()) };
+        let non_finite = free.iter().position(|free| !(free.translation.is_finite() && free.rotation.is_finite()));
+        let Some(number) = non_finite else { return Ok(()) };
         let (position, rotation) = self.tools[number].hand(self.time);
         match is_finite(&self.tools[number]) && !(position.is_finite() && rotation.is_finite()) {
             true => Err(self.non_finite_of("the hand of the tool", &self.scene.tools[number].name, HAND)),
@@ -53,14 +53,14 @@ impl Simulation {
     }
 
     /// First body that a step's solves have left non-finite, if any: tools, then deformable bodies.
-    pub(super) fn lost(&self, solved: &Resolved) -> Option<BodyId> {
+    pub(super) fn non_finite_body(&self, solved: &Resolved) -> Option<BodyId> {
         let force = |(_, f): &(u32, [f64; 3])| f.iter().all(|c| c.is_finite());
-        let lost = |number: usize| {
+        let non_finite = |number: usize| {
             let forces = solved.forces.as_ref().and_then(|forces| forces.get(number));
-            self.bodies[number].lost || !forces.is_none_or(|forces| forces.iter().all(force))
+            self.bodies[number].non_finite || !forces.is_none_or(|forces| forces.iter().all(force))
         };
         let tool = self.tools.iter().position(|tool| !is_finite(tool)).map(BodyId::Rigid);
-        tool.or_else(|| (0..self.bodies.len()).find(|number| lost(*number)).map(BodyId::Deformable))
+        tool.or_else(|| (0..self.bodies.len()).find(|number| non_finite(*number)).map(BodyId::Deformable))
     }
 
     /// Solves a step a second time; `old` are the tools at its start.
@@ -75,20 +75,20 @@ impl Simulation {
         self.tools.clone_from_slice(old);
         let slots = if self.scene.contact.is_some() { &[FREE, CORRECTION][..] } else { &[FREE] };
         for body in &mut self.bodies {
-            body.lost = false;
+            body.non_finite = false;
             body.compliance = Default::default();
-            body.backend.forget(slots)?;
+            body.backend.reset_initial_guess(slots)?;
             body.backend.begin()?;
         }
         // drop non-finite contacts
         report.contact.on_tool.clear();
         let mut contacts = std::mem::take(&mut report.contact.contacts);
         let found = contacts.len();
-        contacts.retain(has_a_place);
+        contacts.retain(is_finite_contact);
         report.warn("contacts_dropped", (found - contacts.len()) as u32);
         let solved = self.solve(contacts, free, true, report)?;
-        match self.lost(&solved) {
-            Some(who) => Err(self.named(who, TWICE)),
+        match self.non_finite_body(&solved) {
+            Some(who) => Err(self.non_finite_body_error(who, TWICE)),
             None => Ok(solved),
         }
     }
@@ -105,15 +105,15 @@ impl Simulation {
 }
 
 /// Whether all of a contact's rows are finite.
-fn has_a_place(contact: &Contact) -> bool {
+fn is_finite_contact(contact: &Contact) -> bool {
     let vectors = contact.axes.iter().chain([&contact.point]).all(|v| v.is_finite());
-    let weights = contact.points.iter().flat_map(|spot| &spot.0).map(|(_, weight)| *weight);
+    let weights = contact.points.iter().flat_map(|point| &point.0).map(|(_, weight)| *weight);
     vectors && weights.chain(contact.gap).all(f64::is_finite)
 }
 
 /// Whether a tool's state is finite.
 fn is_finite(tool: &Instrument) -> bool {
-    let vectors = [tool.position, tool.velocity, tool.spin];
+    let vectors = [tool.position, tool.velocity, tool.angular_velocity];
     vectors.iter().all(|v| v.is_finite()) && tool.rotation.is_finite()
 }
 
@@ -122,7 +122,7 @@ mod tests {
     use super::*;
     use crate::backend::Vector;
     use crate::scene::{Scene, read};
-    use crate::step::Place;
+    use crate::step::Platform;
     use std::path::Path;
 
     fn pressed() -> Scene {
@@ -135,20 +135,20 @@ mod tests {
     /// Runs `steps` steps; if `spoilt`, the last one's unconstrained motion starts from NaN. Returns the last step's result and the
     /// simulation.
     fn run(scene: &Scene, steps: u32, spoilt: bool) -> (Result<StepReport>, Simulation) {
-        let mut simulation = Simulation::new(scene, &Place::Cpu64).expect("the scene fits");
+        let mut simulation = Simulation::new(scene, &Platform::Cpu64).expect("the scene fits");
         for _ in 1..steps {
             simulation.step(false).expect("nothing is wrong yet");
         }
         if spoilt {
-            let nowhere = vec![[f64::NAN; 4]; simulation.bodies[0].model.node_count()];
-            simulation.bodies[0].backend.set_vector(Vector::Solution, FREE, &nowhere).expect("no device to fail");
+            let nan = vec![[f64::NAN; 4]; simulation.bodies[0].model.node_count()];
+            simulation.bodies[0].backend.set_vector(Vector::Solution, FREE, &nan).expect("no device to fail");
         }
         let last = simulation.step(true);
         (last, simulation)
     }
 
     #[test]
-    fn a_step_that_ends_nowhere_is_tried_again_with_the_last_forces() {
+    fn a_non_finite_step_is_tried_again_with_the_last_forces() {
         let scene = pressed();
         let force = |report: &StepReport| report.contact.on_tool[0][2];
         let ((again, _), (plain, _)) = (run(&scene, 8, true), run(&scene, 8, false));
@@ -179,14 +179,14 @@ mod tests {
         scene.time.gravity = [0.0, 0.0, f64::MAX];
         let said = run(&scene, 1, false).0.expect_err("gravity overflows").to_string();
         assert!(said.contains("the body \"skin\" is non-finite at 0.00"), "{said}");
-        assert!(said.contains("was tried again"), "{said}");
-        let mut simulation = Simulation::new(&pressed(), &Place::Cpu64).expect("the scene fits");
+        assert!(said.contains("was solved again"), "{said}");
+        let mut simulation = Simulation::new(&pressed(), &Platform::Cpu64).expect("the scene fits");
         simulation.tools[0].velocity.x = f64::NAN;
-        let said = simulation.step(false).expect_err("the tool is nowhere").to_string();
+        let said = simulation.step(false).expect_err("the tool is non-finite").to_string();
         assert!(said.contains("the tool \"") && said.contains("is non-finite"), "{said}");
-        let mut simulation = Simulation::new(&pressed(), &Place::Cpu64).expect("the scene fits");
+        let mut simulation = Simulation::new(&pressed(), &Platform::Cpu64).expect("the scene fits");
         simulation.tools[0].follow((glam::DVec3::NAN, glam::DQuat::IDENTITY), 0.0, 0.01);
-        let said = simulation.step(false).expect_err("the hand is nowhere").to_string();
+        let said = simulation.step(false).expect_err("the hand is non-finite").to_string();
         assert!(said.contains("the hand of the tool \""), "{said}");
     }
 }

@@ -25,15 +25,15 @@ use glam::DVec3;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
-/// Held ends of pieces of edge, by tool and number along the edge.
-pub(super) type Held = BTreeMap<(usize, usize), End>;
+/// Ends of sticking pieces of edge, whose sweep is postponed, by tool and number along the edge.
+pub(super) type Postponed = BTreeMap<(usize, usize), PostponedEnd>;
 
 /// Retreat of pieces of edge from the front of their cut, m, by tool and sample.
 pub(super) type Fronts = BTreeMap<(usize, usize), f64>;
 
-/// Swept position of the end of a held piece.
+/// Swept position of the end of a sticking piece.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
-pub(super) struct End {
+pub(super) struct PostponedEnd {
     /// Its position when it last swept, moved with the skin since, m.
     at: DVec3,
     /// Inside the tissue. An end that was only pressed on it and lifts off has cut nothing, unless the wound has opened under it. One that
@@ -47,7 +47,7 @@ struct Piece {
     /// Touches the skin or is in its wound.
     touches: bool,
     /// Motion of the skin that holds it, m, and whether it is inside; none for a piece that advances.
-    held: Option<(DVec3, bool)>,
+    sticking: Option<(DVec3, bool)>,
 }
 
 impl Simulation {
@@ -71,8 +71,8 @@ impl Simulation {
         done
     }
 
-    /// Moves the fronts of the pieces of edge: held pieces move relative to the skin, the others by their own motion. A piece that has
-    /// left the wound forgets its front.
+    /// Moves the fronts of the pieces of edge: sticking pieces move relative to the skin, the others by their own motion. A piece that has
+    /// left the wound loses its front.
     fn follow_fronts(&mut self, old: &[Instrument], contacts: &[Contact], report: &StepReport) {
         let fronts = std::mem::take(&mut self.fronts);
         for (number, (old, new)) in old.iter().zip(&self.tools).enumerate() {
@@ -80,11 +80,11 @@ impl Simulation {
             let forward = new.rotation * edge.forward;
             let pieces = new.samples.iter().enumerate().filter(|(_, s)| matches!(s.role, Role::Edge { .. }));
             for (index, sample) in pieces {
-                let held = |c: &Contact| {
+                let cutting = |c: &Contact| {
                     c.on[0] == BodyId::Rigid(number) && c.feature == index && matches!(c.law, Law::Cut { .. })
                 };
                 let before = fronts.get(&(number, index));
-                let (retreat, motion) = match (contacts.iter().position(held), before) {
+                let (retreat, motion) = match (contacts.iter().position(cutting), before) {
                     (Some(k), _) => (contacts[k].gap[0], report.contact.slips[k]),
                     (None, Some(retreat)) if self.in_wound(number, new.at(sample.position)) => {
                         (*retreat, new.at(sample.position) - old.at(sample.position))
@@ -111,10 +111,10 @@ impl Simulation {
             let Role::Edge { piece, .. } = sample.role else { continue };
             let of_piece = |c: &Contact| c.on[0] == BodyId::Rigid(number) && c.feature == index;
             let contact = contacts.iter().position(of_piece);
-            let holds = |k: &usize| !contacts[*k].law.at_bound(report.contact.forces[*k]);
+            let sticks = |k: &usize| !contacts[*k].law.at_bound(report.contact.forces[*k]);
             out[piece] = Piece {
                 touches: contact.is_some() || self.in_wound(number, new.at(sample.position)),
-                held: contact.filter(holds).map(|k| {
+                sticking: contact.filter(sticks).map(|k| {
                     let moved = new.at(sample.position) - old.at(sample.position) - report.contact.slips[k];
                     (moved, matches!(contacts[k].law, Law::Cut { .. }))
                 }),
@@ -126,7 +126,7 @@ impl Simulation {
     /// Sweeps the edges of all tools and cuts every body by the swept quads.
     fn sweep(&mut self, old: &[Instrument], contacts: &[Contact], cuts: bool, report: &mut StepReport) -> Result<()> {
         self.follow_fronts(old, contacts, report);
-        let held = std::mem::take(&mut self.held);
+        let postponed = std::mem::take(&mut self.postponed);
         if !cuts {
             return Ok(());
         }
@@ -136,25 +136,25 @@ impl Simulation {
             let Some(edge) = new.edge.as_ref().filter(|_| new.sharp) else { continue };
             let pieces = self.pieces(number, old, contacts, report);
             let forward = new.rotation * edge.forward;
-            // an end is held if one of its two pieces is; it sweeps from where it last stopped
+            // an end sticks if one of its two pieces does; it sweeps from where it last stopped
             let ends: Vec<[DVec3; 2]> = (0..edge.points.len())
                 .map(|end| {
                     let beside = &pieces[end.saturating_sub(1)..(end + 1).min(pieces.len())];
-                    let passes = |e: &End| (new.at(edge.points[end]) - e.at).dot(forward) > 0.0;
-                    let goes_on = |e: &&End| e.inside || beside.iter().any(|p| p.touches) || passes(e);
-                    let kept = held.get(&(number, end)).filter(goes_on);
+                    let passes = |e: &PostponedEnd| (new.at(edge.points[end]) - e.at).dot(forward) > 0.0;
+                    let continues = |e: &&PostponedEnd| e.inside || beside.iter().any(|p| p.touches) || passes(e);
+                    let kept = postponed.get(&(number, end)).filter(continues);
                     let start = kept.map_or(old.at(edge.points[end]), |e| e.at);
-                    let holding: Vec<(DVec3, bool)> = beside.iter().filter_map(|p| p.held).collect();
-                    if holding.is_empty() {
+                    let sticking: Vec<(DVec3, bool)> = beside.iter().filter_map(|p| p.sticking).collect();
+                    if sticking.is_empty() {
                         return [start, new.at(edge.points[end])];
                     }
-                    let moved = holding.iter().map(|h| h.0).sum::<DVec3>() / holding.len() as f64;
-                    let kept = End { at: start + moved, inside: holding.iter().any(|h| h.1) };
-                    self.held.insert((number, end), kept);
+                    let moved = sticking.iter().map(|h| h.0).sum::<DVec3>() / sticking.len() as f64;
+                    let kept = PostponedEnd { at: start + moved, inside: sticking.iter().any(|h| h.1) };
+                    self.postponed.insert((number, end), kept);
                     [start, kept.at]
                 })
                 .collect();
-            // held pieces sweep as well: a link that slips past one, moving unlike the skin at its contact, is behind the blade
+            // sticking pieces sweep as well: a link that slips past one, moving unlike the skin at its contact, is behind the blade
             for pair in ends.windows(2) {
                 let [a, b] = [pair[0], pair[1]];
                 quads.extend([a[0], b[0], b[1], a[1]].map(|p| p.to_array()));
@@ -189,7 +189,7 @@ impl Body {
             if let Some(lips) = &mut self.lips {
                 *lips = lips::faces(&self.wound.surface.parts);
             }
-            self.compliance.forget(removal.free.iter().map(|(node, _)| *node));
+            self.compliance.invalidate(removal.free.iter().map(|(node, _)| *node));
             self.backend.remove(&removal)?;
             self.known = Known::default();
             self.loaded = false;
@@ -210,7 +210,7 @@ impl Body {
         let (near, far) = (parts.corners(cell), parts.corners(parts.beyond(cell, axis)?));
         let mut sum = 0.0;
         for (a, b) in face_pairs(axis) {
-            let [near, far] = [near[b], far[a]].map(|node| self.located.place(node as u32));
+            let [near, far] = [near[b], far[a]].map(|node| self.located.corner_position(node as u32));
             sum += (far? - near?)[axis];
         }
         Some(0.25 * sum)

@@ -61,7 +61,7 @@ use std::sync::Arc;
 
 /// Backend and precision of the deformable bodies.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum Platform {
     /// CPU: the kernels' twins in f64.
     Cpu64,
     /// CPU: the kernels' twins in f32.
@@ -70,9 +70,9 @@ pub enum Place {
     Gpu(Option<String>),
 }
 
-impl Place {
+impl Platform {
     /// Backend and precision.
-    pub fn words(&self) -> [&'static str; 2] {
+    pub fn backend_and_precision(&self) -> [&'static str; 2] {
         match self {
             Self::Cpu64 => ["cpu", "f64"],
             Self::Cpu32 => ["cpu", "f32"],
@@ -176,7 +176,7 @@ pub struct Simulation {
     probes: Vec<Prepared>,
     ties: Vec<find::Tie>,
     tied: BTreeSet<(BodyId, usize, u32)>,
-    held: incise::Held,
+    postponed: incise::Postponed,
     fronts: incise::Fronts,
     /// Depth of each sample of a rigid body in each deformable body at the last step, m ([`find`]).
     depths: BTreeMap<(usize, usize, usize), f64>,
@@ -204,13 +204,13 @@ impl Simulation {
     ///
     /// # Errors
     /// When a model is too large, no adapter fits, or an attachment's node has no material to hold it.
-    pub fn new(scene: &Scene, place: &Place) -> Result<Self> {
+    pub fn new(scene: &Scene, platform: &Platform) -> Result<Self> {
         scene.check()?; // before an adapter is requested
-        let gpu = match place {
-            Place::Gpu(text) if !scene.skins.is_empty() => Some(Arc::new(Gpu::open(text.as_deref())?)),
+        let gpu = match platform {
+            Platform::Gpu(text) if !scene.skins.is_empty() => Some(Arc::new(Gpu::open(text.as_deref())?)),
             _ => None,
         };
-        Self::on(scene, gpu, *place == Place::Cpu32)
+        Self::on(scene, gpu, *platform == Platform::Cpu32)
     }
 
     /// Prepares a scene on an open device, which other simulations and the caller may share.
@@ -242,7 +242,7 @@ impl Simulation {
             probes: scene.probes.iter().map(|p| prepare(&p.kind)).collect(),
             ties: vec![],
             tied: BTreeSet::new(),
-            held: incise::Held::new(),
+            postponed: incise::Postponed::new(),
             fronts: incise::Fronts::new(),
             depths: BTreeMap::new(),
             last_forces: BTreeMap::new(),
@@ -353,7 +353,7 @@ impl Simulation {
         // unconstrained motion and contact; solved again without warm starts if the result is non-finite
         let old = self.tools.clone();
         let mut solved = self.solve(contacts, &free, false, &mut report)?;
-        if self.lost(&solved).is_some() {
+        if self.non_finite_body(&solved).is_some() {
             solved = self.solve_again(&old, &free, &mut report)?;
         }
         let Resolved { free: mut ended, forces, contact_forces } = solved;
@@ -371,7 +371,7 @@ impl Simulation {
             report.newton_iterations = report.newton_iterations.max(work.iterations);
             report.warn("tangent_indefinite", work.indefinite);
         }
-        self.note_solves(&ended, &mut report);
+        self.summarise_solves(&ended, &mut report);
         // cut what the edges swept, then read the probes
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {
             self.incise(&old, cuts, &mut report)?;
@@ -381,16 +381,16 @@ impl Simulation {
         Ok(report)
     }
 
-    /// Solves the step and moves the tools; with `held`, contact forces are those of the last step.
+    /// Solves the step and moves the tools; with `reuse_forces`, contact forces are those of the last step.
     fn solve(
         &mut self,
         contacts: Vec<Contact>,
         free: &[UnconstrainedMotion],
-        held: bool,
+        reuse_forces: bool,
         report: &mut StepReport,
     ) -> Result<Resolved> {
         match self.scene.contact.filter(|_| !contacts.is_empty()) {
-            Some(law) => self.resolve(law, contacts, free, held, report),
+            Some(law) => self.resolve(law, contacts, free, reuse_forces, report),
             None => self.move_freely(free),
         }
     }
@@ -402,7 +402,7 @@ impl Simulation {
         let solves = self.bodies.iter_mut().map(|body| Ok(body.solve_free(&solver, &[])?.0));
         let ended = solves.collect::<Result<_>>()?;
         for (tool, free) in self.tools.iter_mut().zip(free) {
-            tool.advance(free.shift, free.turn, h);
+            tool.advance(free.translation, free.rotation, h);
         }
         for (reduced, tool) in self.reduced.iter_mut().zip(&self.tools) {
             *reduced = Reduced::free(tool.position, tool.rotation, self.epoch);
@@ -411,7 +411,7 @@ impl Simulation {
     }
 
     /// Sums up the solves of the unconstrained motion: most iterations, worst residual.
-    fn note_solves(&self, ended: &[Outcome], report: &mut StepReport) {
+    fn summarise_solves(&self, ended: &[Outcome], report: &mut StepReport) {
         let solver = &self.scene.solver;
         report.at_floor = !ended.is_empty();
         report.free.converged = true;

@@ -15,7 +15,7 @@ const SIGN: [f64; 2] = [1.0, -1.0];
 
 /// Least relative compliance of two points of one body, as a share of the sum of their own. The lips of a flap move together thousands of
 /// times more than apart, and the difference of loose, aged columns may be negative; passes observe the true compliance.
-const APART: f64 = 1e-3;
+const MIN_RELATIVE_COMPLIANCE: f64 = 1e-3;
 
 /// See the module.
 pub(super) struct Rows<'a> {
@@ -68,7 +68,7 @@ impl<'a> Rows<'a> {
         Some((SIGN[side], side))
     }
 
-    /// Signed axis and moment direction of a rigid body in a row.
+    /// Signed axis and angular part (moment arm × axis) of a rigid body in a row.
     pub fn of_rigid(&self, row: usize, number: usize) -> Option<(DVec3, DVec3)> {
         let (sign, side) = self.side(row, BodyId::Rigid(number))?;
         let axis = self.axis(row) * sign;
@@ -82,7 +82,7 @@ impl<'a> Rows<'a> {
             .iter()
             .flat_map(|c| c.on.iter().zip(&c.points))
             .filter(|(on, _)| **on == BodyId::Deformable(body))
-            .flat_map(|(_, spot)| spot.nodes())
+            .flat_map(|(_, point)| point.nodes())
             .collect();
         nodes.sort_unstable();
         nodes.dedup();
@@ -99,8 +99,8 @@ impl<'a> Rows<'a> {
         self.contacts.iter().zip(&self.arms).map(move |(contact, arms)| {
             let moved = |side: usize| match contact.on[side] {
                 BodyId::Rigid(number) => {
-                    let (shift, turn) = rigid(number);
-                    shift + turn.cross(arms[side])
+                    let (translation, rotation) = rigid(number);
+                    translation + rotation.cross(arms[side])
                 }
                 BodyId::Deformable(body) => {
                     contact.points[side].0.iter().map(|(id, weight)| node(body, *id) * *weight).sum()
@@ -138,9 +138,9 @@ impl<'a> Rows<'a> {
     pub fn on_rigid(&self, number: usize, lambda: &[f64]) -> (DVec3, DVec3) {
         let mut sum = (DVec3::ZERO, DVec3::ZERO);
         for (row, force) in lambda.iter().enumerate() {
-            if let Some((axis, lever)) = self.of_rigid(row, number) {
+            if let Some((axis, angular)) = self.of_rigid(row, number) {
                 sum.0 += axis * *force;
-                sum.1 += lever * *force;
+                sum.1 += angular * *force;
             }
         }
         sum
@@ -176,7 +176,7 @@ impl<'a> Rows<'a> {
     ) -> [[f64; 3]; 3] {
         let (a, b) = (&self.contacts[i], &self.contacts[j]);
         let mut sum = [[0.0; 3]; 3];
-        let mut whole = [0.0; 3]; // compliance of each side by itself
+        let mut alone = [0.0; 3]; // compliance of each side by itself
         // all pairs of sides on the same body
         for (s, t) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             if a.on[s] != b.on[t] {
@@ -188,20 +188,20 @@ impl<'a> Rows<'a> {
                     let f = &free[number];
                     for (m, n) in (0..9).map(|n| (n / 3, n % 3)) {
                         let (p, q) = (self.arms[i][s].cross(a.axes[m]), self.arms[j][t].cross(b.axes[n]));
-                        let turned = p.dot(f.angular_compliance * q);
-                        sum[m][n] += sign * (f.compliance * a.axes[m].dot(b.axes[n]) + turned);
+                        let angular = p.dot(f.angular_compliance * q);
+                        sum[m][n] += sign * (f.compliance * a.axes[m].dot(b.axes[n]) + angular);
                     }
                 }
                 BodyId::Deformable(body) => {
-                    let mut give = DMat3::ZERO;
+                    let mut compliance = DMat3::ZERO;
                     for (p, here) in &a.points[s].0 {
                         for (q, there) in &b.points[t].0 {
-                            give += between(body, *p, *q) * (here * there);
+                            compliance += between(body, *p, *q) * (here * there);
                         }
                     }
                     for (m, n) in (0..9).map(|n| (n / 3, n % 3)) {
-                        sum[m][n] += sign * b.axes[n].dot(give * a.axes[m]);
-                        whole[m] += if m == n && s == t { b.axes[n].dot(give * a.axes[m]) } else { 0.0 };
+                        sum[m][n] += sign * b.axes[n].dot(compliance * a.axes[m]);
+                        alone[m] += if m == n && s == t { b.axes[n].dot(compliance * a.axes[m]) } else { 0.0 };
                     }
                 }
                 BodyId::Plane(_) | BodyId::World => {}
@@ -209,7 +209,7 @@ impl<'a> Rows<'a> {
         }
         // two points of one body: bound their relative compliance from below
         if i == j && a.on[0] == a.on[1] {
-            (0..3).for_each(|m| sum[m][m] = sum[m][m].max(APART * whole[m]));
+            (0..3).for_each(|m| sum[m][m] = sum[m][m].max(MIN_RELATIVE_COMPLIANCE * alone[m]));
         }
         sum
     }

@@ -25,7 +25,7 @@ pub struct State {
     bodies: Vec<BodyState>,
     tools: Vec<Motion>,
     reduced: Vec<Reduced>,
-    held: incise::Held,
+    postponed: incise::Postponed,
     fronts: incise::Fronts,
     depths: BTreeMap<(usize, usize, usize), f64>,
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
@@ -62,7 +62,7 @@ impl Simulation {
             bodies: self.bodies.iter_mut().map(|body| body.state(slots)).collect::<Result<_>>()?,
             tools: self.tools.iter().map(|tool| tool.motion()).collect(),
             reduced: self.reduced.clone(),
-            held: self.held.clone(),
+            postponed: self.postponed.clone(),
             fronts: self.fronts.clone(),
             depths: self.depths.clone(),
             last_forces: self.last_forces.clone(),
@@ -94,7 +94,7 @@ impl Simulation {
         self.time = state.step_number as f64 * self.step_size();
         self.epoch = state.epoch;
         self.reduced.clone_from(&state.reduced);
-        self.held.clone_from(&state.held);
+        self.postponed.clone_from(&state.postponed);
         self.fronts.clone_from(&state.fronts);
         self.depths.clone_from(&state.depths);
         self.last_forces.clone_from(&state.last_forces);
@@ -180,7 +180,7 @@ impl Body {
         self.boxes.set_motion(&state.motion);
         self.compliance.clone_from(&state.compliance);
         self.at_rest.known.clone_from(&state.at_rest);
-        (self.loaded, self.lost) = (false, false);
+        (self.loaded, self.non_finite) = (false, false);
         Ok(())
     }
 }

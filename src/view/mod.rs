@@ -132,7 +132,7 @@ impl View {
     }
 
     /// World to view space, m; `None` if non-finite.
-    fn place(&self, position: &[f64; 3]) -> Option<Vec3> {
+    fn to_view(&self, position: &[f64; 3]) -> Option<Vec3> {
         let p = DVec3::from(*position) - self.eye;
         let p = DVec3::from(self.axes.map(|axis| axis.dot(p))).as_vec3();
         p.is_finite().then_some(p)
@@ -155,9 +155,9 @@ pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, ca
     if let Some(view) = &view {
         let near = (NEAR * view.distance) as f32;
         for surface in surfaces {
-            let placed: Vec<_> = surface.positions.iter().map(|p| view.place(p)).collect();
+            let in_view: Vec<_> = surface.positions.iter().map(|p| view.to_view(p)).collect();
             let first = triangles.len();
-            skipped += prepare(surface, &placed, &mut triangles);
+            skipped += prepare(surface, &in_view, &mut triangles);
             for (id, triangle) in triangles.iter().enumerate().skip(first) {
                 samples.draw_triangle(view, near, &triangle.corners, id as u32);
             }
@@ -175,9 +175,9 @@ pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, ca
 }
 
 /// Adds the surface's triangles in view space; returns the number of skipped ones.
-fn prepare(surface: &Surface, placed: &[Option<Vec3>], triangles: &mut Vec<Triangle>) -> usize {
+fn prepare(surface: &Surface, in_view: &[Option<Vec3>], triangles: &mut Vec<Triangle>) -> usize {
     let first = triangles.len();
-    let corner = |id: u32| placed.get(id as usize).copied().flatten();
+    let corner = |id: u32| in_view.get(id as usize).copied().flatten();
     let mut kept_ids = Vec::with_capacity(surface.triangles.len());
     for (index, ids) in surface.triangles.iter().enumerate() {
         let [Some(a), Some(b), Some(c)] = ids.map(corner) else {
@@ -194,7 +194,7 @@ fn prepare(surface: &Surface, placed: &[Option<Vec3>], triangles: &mut Vec<Trian
         kept_ids.push(*ids);
     }
     if surface.smooth {
-        smooth_normals(placed.len(), &kept_ids, &mut triangles[first..]);
+        smooth_normals(in_view.len(), &kept_ids, &mut triangles[first..]);
     }
     surface.triangles.len() - kept_ids.len()
 }
@@ -238,7 +238,7 @@ fn smooth_normals(vertex_count: usize, ids: &[[u32; 3]], triangles: &mut [Triang
 fn draw_outline(positions: &[[f64; 3]], outline: &Outline, view: &View, near: f32, samples: &mut Samples) {
     let pen = samples.pen(outline.ink);
     for ids in outline.lines {
-        let ends = ids.map(|id| positions.get(id as usize).and_then(|p| view.place(p)));
+        let ends = ids.map(|id| positions.get(id as usize).and_then(|p| view.to_view(p)));
         if let [Some(a), Some(b)] = ends {
             samples.draw_line(view, near, [a, b], (pen, outline.width as isize));
         }
@@ -259,8 +259,8 @@ fn draw_caption(image: &mut Image, caption: &[&str]) {
     let (column, row) = ((font::WIDTH + 1) * dot, (font::HEIGHT + 3) * dot);
     for (color, rim) in [(RIM, 1), (INK, 0)] {
         for (line, text) in caption.iter().enumerate() {
-            for (place, character) in text.chars().enumerate() {
-                let left = 5 * dot + place * column;
+            for (index, character) in text.chars().enumerate() {
+                let left = 5 * dot + index * column;
                 let top = 5 * dot + line * row;
                 for (y, bits) in font::glyph(character).into_iter().enumerate() {
                     for x in (0..font::WIDTH).filter(|x| bits >> (font::WIDTH - 1 - x) & 1 == 1) {
@@ -336,9 +336,9 @@ mod tests {
 
     /// A bumpy sheet of `n` × `n` cells, 6 mm wide: positions, triangles, outline.
     fn sheet(n: u32) -> Sheet {
-        let place = |i: u32| 6e-3 * (f64::from(i) / f64::from(n) - 0.5);
+        let along = |i: u32| 6e-3 * (f64::from(i) / f64::from(n) - 0.5);
         let points = (0..=n).flat_map(|j| (0..=n).map(move |i| (i, j)));
-        let positions = points.map(|(i, j)| [place(i), place(j), 2e-4 * f64::from((i * 7 + j * 5) % 4)]).collect();
+        let positions = points.map(|(i, j)| [along(i), along(j), 2e-4 * f64::from((i * 7 + j * 5) % 4)]).collect();
         let cells = (0..n).flat_map(|j| (0..n).map(move |i| j * (n + 1) + i));
         let triangles = cells.clone().flat_map(|a| [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]).collect();
         (positions, triangles, cells.map(|a| [a, a + 1]).collect())
@@ -397,9 +397,9 @@ mod tests {
         let surface = Surface { triangles: &triangles, ..surface(&positions, &colors) };
         let mut samples = Samples::new(64, 48).unwrap();
         let view = View::new(&CAMERA, 64, 48).unwrap();
-        let placed: Vec<_> = positions.iter().map(|p| view.place(p)).collect();
+        let in_view: Vec<_> = positions.iter().map(|p| view.to_view(p)).collect();
         let mut prepared = Vec::new();
-        assert_eq!(prepare(&surface, &placed, &mut prepared), 0);
+        assert_eq!(prepare(&surface, &in_view, &mut prepared), 0);
         for (id, triangle) in prepared.iter().enumerate() {
             samples.draw_triangle(&view, 1e-4, &triangle.corners, id as u32);
         }

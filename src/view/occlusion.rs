@@ -11,7 +11,7 @@ use crate::error::Result;
 use glam::{Vec2, Vec3};
 
 /// Sample positions around a pixel; fewer leave blotches, more cost time.
-const PLACES: usize = 10;
+const OFFSETS: usize = 10;
 
 /// The sample pattern is rotated differently in each pixel of a block of 4 × 4, and the blur over 4 × 4 pixels averages all rotations.
 const TURNS: usize = 4;
@@ -88,9 +88,9 @@ fn occlude(pixels: &Pixels, view: &View) -> Result<Vec<f32>> {
             let here = pixels.seen[y * width + x];
             if here.depth.is_finite() {
                 let radius = (focal * reach / here.depth).min(0.25 * height as f32);
-                let places = &pattern[(y % TURNS) * TURNS + x % TURNS];
-                let sum: f32 = places.iter().map(|&p| hidden(x, y, p * radius, here)).sum();
-                *open = (1.0 - OCCLUSION_STRENGTH * sum / PLACES as f32).max(LEAST_OPEN);
+                let offsets = &pattern[(y % TURNS) * TURNS + x % TURNS];
+                let sum: f32 = offsets.iter().map(|&p| hidden(x, y, p * radius, here)).sum();
+                *open = (1.0 - OCCLUSION_STRENGTH * sum / OFFSETS as f32).max(LEAST_OPEN);
             }
         }
     });
@@ -98,20 +98,20 @@ fn occlude(pixels: &Pixels, view: &View) -> Result<Vec<f32>> {
 }
 
 /// `[rotation][position]` sample positions in the unit disc: a spiral of golden angles, rotated for each pixel of a 4 × 4 block.
-fn pattern() -> [[Vec2; PLACES]; TURNS * TURNS] {
+fn pattern() -> [[Vec2; OFFSETS]; TURNS * TURNS] {
     // cosine and sine of the golden angle 137.50776° and of 1/16 of a full turn
     let golden = Vec2::new(-0.737_368_9, 0.675_490_3);
     let sixteenth = Vec2::new(0.923_879_5, 0.382_683_43);
     // rotations of neighbours differ much
     const ORDER: [usize; TURNS * TURNS] = [0, 8, 2, 10, 12, 4, 14, 6, 3, 11, 1, 9, 15, 7, 13, 5];
-    let mut pattern = [[Vec2::ZERO; PLACES]; TURNS * TURNS];
-    for (turn, places) in pattern.iter_mut().enumerate() {
+    let mut pattern = [[Vec2::ZERO; OFFSETS]; TURNS * TURNS];
+    for (rotation, offsets) in pattern.iter_mut().enumerate() {
         let mut direction = Vec2::X;
-        for _ in 0..ORDER[turn] {
+        for _ in 0..ORDER[rotation] {
             direction = direction.rotate(sixteenth);
         }
-        for (place, offset) in places.iter_mut().enumerate() {
-            *offset = direction * ((place as f32 + 0.5) / PLACES as f32).sqrt();
+        for (k, offset) in offsets.iter_mut().enumerate() {
+            *offset = direction * ((k as f32 + 0.5) / OFFSETS as f32).sqrt();
             direction = direction.rotate(golden);
         }
     }

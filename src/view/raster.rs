@@ -221,10 +221,10 @@ impl ShadowMap {
     pub(super) fn new<'a>(to_light: Vec3, triangles: impl Iterator<Item = &'a [Vec3; 3]> + Clone) -> Result<Self> {
         let (u, v) = to_light.any_orthonormal_pair();
         let axes = [u, v, to_light];
-        let place = |p: Vec3| Vec3::from(axes.map(|axis| axis.dot(p)));
+        let to_map = |p: Vec3| Vec3::from(axes.map(|axis| axis.dot(p)));
         let (mut low, mut high) = (Vec2::MAX, Vec2::MIN);
         for corner in triangles.clone().flatten() {
-            let p = place(*corner).truncate();
+            let p = to_map(*corner).truncate();
             (low, high) = (low.min(p), high.max(p));
         }
         let side = (high - low).max_element().max(f32::MIN_POSITIVE);
@@ -232,7 +232,7 @@ impl ShadowMap {
         let mut nearest = room(Self::CELLS * Self::CELLS, f32::MIN)?;
         for corners in triangles {
             let cells = corners.map(|corner| {
-                let p = place(corner);
+                let p = to_map(corner);
                 let cell = (p.truncate() - low) * cells_per_metre;
                 [f64::from(cell.x), f64::from(cell.y), f64::from(p.z)]
             });

@@ -9,7 +9,7 @@ use cutis::math::random;
 use cutis::report::Report;
 use cutis::report::run::{Options, run};
 use cutis::scene::{Files, Pose, Scene, parse};
-use cutis::step::Place;
+use cutis::step::Platform;
 use glam::{DQuat, DVec3};
 use std::path::Path;
 
@@ -182,8 +182,8 @@ impl Case {
         let steps = (self.scene.time.duration / self.scene.time.step).round() as usize;
         let at = |step: usize| {
             let (position, rotation) = tool.hand(step as f64 * self.scene.time.step);
-            let place = |p: &DVec3| (position + DVec3::Z * raised + rotation * *p).extend(0.0).to_array();
-            edge.iter().map(place).collect::<Vec<_>>()
+            let swept = |p: &DVec3| (position + DVec3::Z * raised + rotation * *p).extend(0.0).to_array();
+            edge.iter().map(swept).collect::<Vec<_>>()
         };
         let mut crossed = vec![false; links.len()];
         for step in 0..steps {
@@ -259,13 +259,13 @@ impl Case {
     ///
     /// # Errors
     /// As [`run`].
-    pub fn run(&self, place: Place, out: &Path) -> Result<Report> {
-        let options = Options::new(place, out);
+    pub fn run(&self, platform: Platform, out: &Path) -> Result<Report> {
+        let options = Options::new(platform, out);
         Ok(run(&self.scene, &options, &mut |_| ())?.report)
     }
 }
 
-/// A pose with the tip at a place, the blade turned about the vertical.
+/// A pose with the tip at a position, the blade turned about the vertical.
 fn pose(time: f64, tip: DVec3, rotation: DQuat) -> Pose {
     Pose { time, position: (tip - rotation * TIP).to_array(), rotation: rotation.to_array() }
 }

@@ -2,7 +2,7 @@
 
 use cutis::report::{self, Report, run::Options};
 use cutis::scene::{Scene, read};
-use cutis::step::Place;
+use cutis::step::Platform;
 use std::path::{Path, PathBuf};
 
 pub fn folder() -> PathBuf {
@@ -51,11 +51,11 @@ pub fn hard() -> Vec<(String, Scene)> {
 }
 
 /// Runs a scene into a folder of its own.
-pub fn report_of(name: &str, scene: &Scene, place: &Place) -> Result<Report, String> {
-    let mut folder = format!("cutis-forms-{}-{name}-{place:?}", std::process::id());
+pub fn report_of(name: &str, scene: &Scene, platform: &Platform) -> Result<Report, String> {
+    let mut folder = format!("cutis-forms-{}-{name}-{platform:?}", std::process::id());
     folder.retain(|c| c.is_ascii_alphanumeric() || c == '-');
     let out = std::env::temp_dir().join(folder);
-    let options = Options::new(place.clone(), &out);
+    let options = Options::new(platform.clone(), &out);
     let summary = report::run::run(scene, &options, &mut |_| {}).map_err(|e| format!("{name}: {e}"))?;
     std::fs::remove_dir_all(&out).map_err(|e| format!("{}: {e}", out.display()))?;
     Ok(summary.report)

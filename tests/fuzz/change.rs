@@ -2,12 +2,12 @@
 
 use proptest::prelude::*;
 
-/// One change; places count around, so that any number is one.
+/// One change; indices count around, so that any number is one.
 #[derive(Clone, Debug)]
 pub enum Change {
     /// A line goes.
     Drop(usize),
-    /// A line stands at another place as well.
+    /// A line is copied to another line.
     Copy(usize, usize),
     /// The value of a key is another one.
     Value(usize, String),
@@ -15,7 +15,7 @@ pub enum Change {
     Number(usize, String),
     /// A number times a power of ten.
     Scale(usize, i32),
-    /// Two numbers change places.
+    /// Two numbers are swapped.
     Swap(usize, usize),
     /// A line of another text stands here.
     Line(usize, String),
@@ -109,7 +109,7 @@ const VALUES: &[&str] = &[
     "\"skin\"",
 ];
 
-fn place() -> impl Strategy<Value = usize> {
+fn index() -> impl Strategy<Value = usize> {
     any::<u32>().prop_map(|n| n as usize)
 }
 
@@ -141,15 +141,15 @@ pub fn change(lines: &'static [String]) -> impl Strategy<Value = Change> {
         1 => nested(),
     ];
     prop_oneof![
-        2 => place().prop_map(Change::Drop),
-        2 => (place(), place()).prop_map(|(from, to)| Change::Copy(from, to)),
-        3 => (place(), value).prop_map(|(line, value)| Change::Value(line, value)),
-        6 => (place(), number()).prop_map(|(n, number)| Change::Number(n, number)),
-        5 => (place(), -12i32..12).prop_map(|(n, power)| Change::Scale(n, power)),
-        1 => (place(), place()).prop_map(|(a, b)| Change::Swap(a, b)),
-        2 => (place(), prop::sample::select(lines)).prop_map(|(line, text)| Change::Line(line, text)),
-        1 => place().prop_map(Change::End),
-        1 => (place(), "\\PC{0,6}|[\\x00-\\x7f]{1,4}").prop_map(|(at, text)| Change::Insert(at, text)),
+        2 => index().prop_map(Change::Drop),
+        2 => (index(), index()).prop_map(|(from, to)| Change::Copy(from, to)),
+        3 => (index(), value).prop_map(|(line, value)| Change::Value(line, value)),
+        6 => (index(), number()).prop_map(|(n, number)| Change::Number(n, number)),
+        5 => (index(), -12i32..12).prop_map(|(n, power)| Change::Scale(n, power)),
+        1 => (index(), index()).prop_map(|(a, b)| Change::Swap(a, b)),
+        2 => (index(), prop::sample::select(lines)).prop_map(|(line, text)| Change::Line(line, text)),
+        1 => index().prop_map(Change::End),
+        1 => (index(), "\\PC{0,6}|[\\x00-\\x7f]{1,4}").prop_map(|(at, text)| Change::Insert(at, text)),
     ]
 }
 

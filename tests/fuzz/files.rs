@@ -4,7 +4,7 @@ use crate::bounds::{Folder, TO_READ, TO_RUN, bounded, count, mends, tried};
 use crate::change::{Change, change, changed};
 use cutis::report::run;
 use cutis::scene;
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use std::fmt::Write as _;
@@ -97,7 +97,7 @@ fn holds(folder: &Path, name: &str, text: &[u8], luck: u32) -> Result<(), String
     put(&folder.join(name), text)?;
     match bounded(TO_READ, || scene::read(&folder.join("scene.toml")))? {
         Ok(scene) if luck == 0 => bounded(TO_RUN, || {
-            let mut simulation = Simulation::new(&scene, &Place::Cpu64)?;
+            let mut simulation = Simulation::new(&scene, &Platform::Cpu64)?;
             simulation.step(false)?;
             simulation.step(true).map(drop)
         })?
@@ -193,7 +193,7 @@ fn a_run_gets_along_with_anything_in_its_folder() {
                 }
             };
         }
-        let options = run::Options { steps: Some(1), record: true, ..run::Options::new(Place::Cpu64, &out) };
+        let options = run::Options { steps: Some(1), record: true, ..run::Options::new(Platform::Cpu64, &out) };
         let result = bounded(TO_RUN, || run::run(&scene, &options, &mut |_| {}))?;
         fs::remove_dir_all(&out).or_else(|_| fs::remove_file(&out)).map_err(|e| e.to_string())?;
         result.map(drop).or_else(|error| mends(&error.to_string(), "out"))

@@ -3,7 +3,7 @@
 use crate::bounds::{TO_READ, bounded};
 use crate::scenes::holds;
 use cutis::scene;
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use std::path::Path;
 
 /// A shipped scene with a line changed, and its folder.
@@ -25,7 +25,7 @@ fn refused(name: &str, old: &str, new: &str) -> String {
 #[test]
 fn a_blade_of_any_number_of_samples_is_refused_before_they_are_made() {
     let found = refused("incision.toml", "flat_spacing_mm = 1.0", "flat_spacing_mm = 1e-12");
-    assert!(found.contains("places that touch"), "{found}");
+    assert!(found.contains("contact samples"), "{found}");
 }
 
 #[test]
@@ -69,11 +69,11 @@ fn a_tool_that_touches_with_nothing_is_carried_along() {
 fn a_tool_that_is_nowhere_ends_the_run() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/incline_slide.toml");
     let scene = scene::read(&path).unwrap_or_else(|e| panic!("{e}"));
-    let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
     simulation.tools[0].position.x = f64::NAN;
     let error = simulation.step(false).expect_err("it is nowhere");
     assert!(error.to_string().contains("the tool \"box\" is non-finite at"), "{error}");
     assert_eq!(error.exit_code(), 1);
-    let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
     assert!(simulation.step(false).is_ok(), "the counter-test: where the scene puts it");
 }

@@ -6,7 +6,7 @@ use cutis::bodies::Model;
 use cutis::error::Result;
 use cutis::report::{inspect, run};
 use cutis::scene::{self, Cut, Files, Scene};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use std::path::{Path, PathBuf};
@@ -75,8 +75,8 @@ fn small(mut scene: Scene) -> Scene {
     scene
 }
 
-fn two_steps(scene: &Scene, place: Place) -> Result<()> {
-    let mut simulation = Simulation::new(scene, &place)?;
+fn two_steps(scene: &Scene, platform: Platform) -> Result<()> {
+    let mut simulation = Simulation::new(scene, &platform)?;
     simulation.step(false)?;
     simulation.step(true)?;
     Ok(())
@@ -85,7 +85,7 @@ fn two_steps(scene: &Scene, place: Place) -> Result<()> {
 fn two_steps_written(scene: &Scene) -> Result<()> {
     let folder = Folder::new();
     let out = folder.0.join("out");
-    let options = run::Options { steps: Some(2), record: true, ..run::Options::new(Place::Cpu64, out) };
+    let options = run::Options { steps: Some(2), record: true, ..run::Options::new(Platform::Cpu64, out) };
     run::run(scene, &options, &mut |_| {}).map(drop)
 }
 
@@ -97,7 +97,7 @@ fn goes_on(scene: Scene, luck: u32) -> std::result::Result<(), String> {
             drop(Model::new(&scene, number)?);
         }
         match luck {
-            0..256 => two_steps(&scene, [Place::Cpu64, Place::Cpu32][luck as usize % 2].clone()),
+            0..256 => two_steps(&scene, [Platform::Cpu64, Platform::Cpu32][luck as usize % 2].clone()),
             256..272 => two_steps_written(&scene),
             272 => inspect::inspect(&scene).map(drop),
             _ => Ok(()),

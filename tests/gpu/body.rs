@@ -124,8 +124,8 @@ impl Body {
             inertia: R::of(1_010_000.0),
             stiffness_factor: R::of(11.0),
             step: R::of(f64::from(1e-3f32)),
-            carried: R::of(1.75),
-            reach: R::of(1.5),
+            momentum_factor: R::of(1.75),
+            velocity_factor: R::of(1.5),
             lead: R::of(0.0625),
             fresh: u32::from(self.first_slot > 0),
             compensated: u32::from(self.slots > 3),
@@ -157,7 +157,7 @@ impl Body {
         reserved(self.kernel, &self.grid)
     }
 
-    /// Nodes of the grid and places for copies.
+    /// Nodes of the grid and the reserve for copies.
     pub fn nodes(&self) -> usize {
         self.params_of_split().node_count as usize
     }
@@ -258,7 +258,7 @@ impl Body {
             "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4)),
             "u" => coincide(random.vectors(nodes, 1e-4)),
             "tile_bounds" => random.many(self.tiles() * 8, 1.0),
-            "displacement" => self.place(&mut random),
+            "displacement" => self.displacement(&mut random),
             // every law in turn
             "material" => (0..LAYERS)
                 .flat_map(|layer| {
@@ -268,10 +268,10 @@ impl Body {
                 .collect(),
             "corner_force" => random.many(self.grid.cell_count() * 24 * self.slots, 0.01),
             "energy" => random.many(self.grid.cell_count(), 1e-6),
-            "promise" => random.many(self.node_groups(), 1e-6),
-            "balance" => random.many(self.node_groups() * 2, 1e-6),
+            "predicted_decrease" => random.many(self.node_groups(), 1e-6),
+            "potential_and_residual" => random.many(self.node_groups() * 2, 1e-6),
             "dx" | "dx_next" => random.vectors(nodes, 1e-4),
-            "rest" if ["attempt", "residual"].contains(&self.kernel) => random.vectors(nodes, 0.01),
+            "residual_force" => random.vectors(nodes, 0.01),
             "point_u" | "point_before" => random.vectors(nodes, 3e-4),
             "v" | "mean_v" => random.vectors(nodes, 0.1),
             "y" => random.vectors(nodes, 1e-2),
@@ -343,14 +343,14 @@ impl Body {
 
     /// Strains up to some 20 %; in a larger body one node is beyond its neighbours, so that cells around it are inside out, and a corner far
     /// up, so that one has more than twice its volume.
-    fn place(&self, random: &mut Random) -> Vec<f32> {
-        let mut place = random.vectors(self.nodes(), 2e-5);
-        let last = place.len();
+    fn displacement(&self, random: &mut Random) -> Vec<f32> {
+        let mut displacement = random.vectors(self.nodes(), 2e-5);
+        let last = displacement.len();
         if self.grid.cell_count() > 100 {
-            place[4 * (self.nodes() / 2) + 2] = -3e-3;
-            (0..4).for_each(|n| place[last - 4 + n] = [4e-4, 4e-4, 2e-3, 0.0][n]);
+            displacement[4 * (self.nodes() / 2) + 2] = -3e-3;
+            (0..4).for_each(|n| displacement[last - 4 + n] = [4e-4, 4e-4, 2e-3, 0.0][n]);
         }
-        place
+        displacement
     }
 
     fn rotation(&self, random: &mut Random) -> Vec<f32> {

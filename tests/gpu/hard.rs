@@ -2,16 +2,16 @@
 
 use super::forms::{hard, passes, report_of};
 use super::long::{PRECISIONS, case, difference_over, measured};
-use super::{Failure, Test, place, report};
+use super::{Failure, Test, platform, report};
 use cutis::gpu::Gpu;
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 
 /// One test a scene, `hard_NAME`, and those of this file.
 pub fn tests() -> Vec<(String, Test)> {
     let scenes = hard().into_iter().map(|(name, scene)| -> (String, Test) {
         let test = format!("hard_{name}");
         let run = move |gpu: &Gpu| {
-            let report = report_of(&name, &scene, &place(gpu))?;
+            let report = report_of(&name, &scene, &platform(gpu))?;
             Ok(passes(&name, &scene, &report)?)
         };
         (test, Box::new(run))
@@ -26,7 +26,7 @@ fn stays(gpu: &Gpu) -> Result<(), Failure> {
     let mut pulled = scene.clone();
     pulled.time.gravity[2] = -1e-3;
     for (scene, steps, moves) in [(&scene, scene.time.steps(), false), (&pulled, 1, true)] {
-        let mut simulation = Simulation::new(scene, &place(gpu))?;
+        let mut simulation = Simulation::new(scene, &platform(gpu))?;
         for _ in 0..steps {
             simulation.step(false)?;
         }
@@ -41,7 +41,7 @@ fn stays(gpu: &Gpu) -> Result<(), Failure> {
 /// 200 steps; `CUTIS_MEASURED=1`: 10,000.
 fn agrees(gpu: &Gpu) -> Result<(), Failure> {
     let steps = if measured() { 10_000 } else { 200 };
-    let [difference, motion] = difference_over(steps, [&place(gpu), &Place::Cpu64]);
+    let [difference, motion] = difference_over(steps, [&platform(gpu), &Platform::Cpu64]);
     report(gpu, &format!("{steps} steps off f64 by {:.2e} of {motion:.3e} m", difference / motion));
     if motion > 1e-4 && difference < PRECISIONS * motion {
         return Ok(());

@@ -1,6 +1,6 @@
 //! A device that is taken away while a scene runs, memory that is used up, and the work that a run hands over beside what `inspect` says.
 
-use super::{Failure, place};
+use super::{Failure, platform};
 use cutis::error::Error;
 use cutis::gpu::{Failed, Gpu, Handle, Work};
 use cutis::report::{inspect, run};
@@ -59,10 +59,10 @@ fn ended(gpu: &Gpu, name: &str, says: &str, mut fail: impl FnMut(&Handle)) -> Re
     let label = format!("cutis-{name}-{}-{}", std::process::id(), super::label(&gpu.adapter));
     let folder = Folder(std::env::temp_dir().join(label));
     let mut run = |fails: bool| {
-        let simulation = Simulation::new(&scene, &place(gpu))?;
+        let simulation = Simulation::new(&scene, &platform(gpu))?;
         let device = simulation.bodies[0].gpu().map(Gpu::handle).ok_or("it is not on a GPU")?;
         let out = folder.0.clone();
-        let options = run::Options { steps: Some(10), record: true, ..run::Options::new(place(gpu), out) };
+        let options = run::Options { steps: Some(10), record: true, ..run::Options::new(platform(gpu), out) };
         let ended = run::run_prepared(&scene, &options, simulation, &mut |progress| {
             if fails && progress.step == DONE {
                 fail(&device);
@@ -107,7 +107,7 @@ fn a_device_without_memory_ends_the_run_and_leaves_what_was_done(gpu: &Gpu) -> R
 fn a_device_that_fails_says_so_at_the_next_read_and_from_then_on(gpu: &Gpu) -> Result<(), Failure> {
     let own = Gpu::open(Some(&format!("{} {} {}", gpu.adapter.name, gpu.adapter.backend, gpu.adapter.driver)))?;
     let array = own.array_of("array", &[1u32, 2, 3, 4])?;
-    require(own.sound().is_ok() && own.read::<u32>(&array, 4)? == [1, 2, 3, 4], || {
+    require(own.check_health().is_ok() && own.read::<u32>(&array, 4)? == [1, 2, 3, 4], || {
         "it does not work to begin with".into()
     })?;
     own.handle().destroy();
@@ -119,12 +119,14 @@ fn a_device_that_fails_says_so_at_the_next_read_and_from_then_on(gpu: &Gpu) -> R
         })?;
     }
     let array = own.array::<u32>("another", 4).map(|_| ());
-    require(array.is_ok() && own.sound().is_err(), || "an array of a lost device is found out at its first read".into())
+    require(array.is_ok() && own.check_health().is_err(), || {
+        "an array of a lost device is found out at its first read".into()
+    })
 }
 
 /// Work of each of some steps, and what each has said.
 fn worked(scene: &Scene, gpu: &Gpu, steps: u32) -> Result<Vec<(Work, StepReport)>, Failure> {
-    let mut simulation = Simulation::new(scene, &place(gpu))?;
+    let mut simulation = Simulation::new(scene, &platform(gpu))?;
     let now = |simulation: &Simulation| simulation.bodies[0].gpu().map(Gpu::work).unwrap_or_default();
     let mut before = now(&simulation);
     let mut out = vec![];

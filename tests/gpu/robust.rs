@@ -6,7 +6,7 @@
 
 use super::Failure;
 use super::crumbs::{CAP, at_rest, block, needs, quad, random};
-use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Query, Snapshot, Target, Wanted};
+use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target};
 use cutis::bodies::Model;
 use cutis::bodies::{Removal, Wound};
 use cutis::gpu::Gpu;
@@ -46,7 +46,7 @@ struct Run {
 /// Motion of a step that is solved to the tolerance, `[node]` m.
 fn step(backend: &mut dyn Backend) -> Result<Vec<[f64; 4]>, Failure> {
     backend.begin()?;
-    let wanted = [Wanted { slot: FREE, target: Target::OfLoad(TOLERANCE) }];
+    let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) }];
     let outcome = backend.solve(&wanted, &[])?.0[0];
     if !outcome.converged {
         return Err(format!("{outcome:?}").into());

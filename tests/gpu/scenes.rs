@@ -1,11 +1,11 @@
 //! Whole scenes of several bodies on the GPU, beside the CPU path in f64.
 
-use super::states::{SCENES, goes_on};
-use super::{Failure, place};
+use super::states::{SCENES, resumes};
+use super::{Failure, platform};
 use cutis::backend::Snapshot;
 use cutis::gpu::Gpu;
 use cutis::scene::{BodyId, Element, Law, Material, Preconditioner, ProbeKind, read};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -28,14 +28,14 @@ const APART: f64 = 2e-3;
 /// Steps of the sphere into the skin.
 const SINKING: u32 = 7;
 
-fn forces(place: &Place) -> Result<Vec<f64>, Failure> {
+fn forces(platform: &Platform) -> Result<Vec<f64>, Failure> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/stack_five_soft.toml");
     let mut scene = read(&path)?;
     scene.solver.tolerance = 1e-5;
     // the two lowest blocks: each body compiles its kernels, which takes SwiftShader half a minute
     scene.skins.truncate(2);
     scene.probes.retain(|p| matches!(p.kind, ProbeKind::Force { on: BodyId::Deformable(body), .. } if body < 2));
-    let mut simulation = Simulation::new(&scene, place)?;
+    let mut simulation = Simulation::new(&scene, platform)?;
     let mut last = vec![];
     for _ in 0..STEPS {
         last = simulation.step(false)?.probes;
@@ -44,8 +44,8 @@ fn forces(place: &Place) -> Result<Vec<f64>, Failure> {
 }
 
 fn a_run_goes_on_from_its_state_bit_for_bit(gpu: &Gpu) -> Result<(), Failure> {
-    let place = place(gpu);
-    SCENES.iter().try_for_each(|(name, k, n)| Ok(goes_on(name, &place, *k, *n)?))
+    let platform = platform(gpu);
+    SCENES.iter().try_for_each(|(name, k, n)| Ok(resumes(name, &platform, *k, *n)?))
 }
 
 /// The largest displacements of two blocks on each other after some steps, m.
@@ -62,7 +62,7 @@ fn bodies_and_simulations_share_a_device(gpu: &Gpu) -> Result<(), Failure> {
     let mut scene = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/stack_five_soft.toml"))?;
     scene.skins.truncate(2);
     scene.probes.clear();
-    let wanted = stood(Simulation::new(&scene, &place(gpu))?)?;
+    let wanted = stood(Simulation::new(&scene, &platform(gpu))?)?;
     let descriptor = cutis::wgpu::DeviceDescriptor { label: Some("the caller's"), ..Default::default() };
     let (adapter, (device, queue)) = gpu.adapter.request(&descriptor)?;
     let shared = Arc::new(Gpu::from_wgpu(adapter, device, queue)?);
@@ -85,8 +85,8 @@ fn bodies_and_simulations_share_a_device(gpu: &Gpu) -> Result<(), Failure> {
 }
 
 fn soft_blocks_stand_on_each_other(gpu: &Gpu) -> Result<(), Failure> {
-    let on_gpu = forces(&place(gpu))?;
-    let on_cpu = forces(&Place::Cpu64)?;
+    let on_gpu = forces(&platform(gpu))?;
+    let on_cpu = forces(&Platform::Cpu64)?;
     for (gpu, cpu) in on_gpu.iter().zip(&on_cpu) {
         if (gpu - cpu).abs() > APART * on_cpu[1].abs() || on_cpu.len() != 2 || on_cpu[1] < 0.03 {
             return Err(format!("forces under the blocks: {on_gpu:?} N and {on_cpu:?} N").into());
@@ -99,12 +99,12 @@ fn soft_blocks_stand_on_each_other(gpu: &Gpu) -> Result<(), Failure> {
 const ROUNDINGS: f64 = 4.0;
 
 /// Iterations of the first steps of the pressed block with a limit that they cannot reach the tolerance in, and the centre's displacement, m.
-fn limited(place: &Place, limit: u32) -> Result<Vec<(u32, f64)>, Failure> {
+fn limited(platform: &Platform, limit: u32) -> Result<Vec<(u32, f64)>, Failure> {
     let mut scene = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/skin_block.toml"))?;
     scene.skins[0].cells = [8, 8];
     scene.solver.preconditioner = Preconditioner::Jacobi;
     (scene.solver.tolerance, scene.solver.max_iterations) = (1e-6, limit);
-    let mut simulation = Simulation::new(&scene, place)?;
+    let mut simulation = Simulation::new(&scene, platform)?;
     let mut out = vec![];
     for _ in 0..3 {
         let step = simulation.step(false)?;
@@ -114,10 +114,10 @@ fn limited(place: &Place, limit: u32) -> Result<Vec<(u32, f64)>, Failure> {
 }
 
 fn a_limit_of_iterations_is_kept_to_the_last_one(gpu: &Gpu) -> Result<(), Failure> {
-    let place = place(gpu);
+    let platform = platform(gpu);
     for limit in [1, 3, 25] {
-        let (on_gpu, on_cpu) = (limited(&place, limit)?, limited(&Place::Cpu32, limit)?);
-        let exact = limited(&Place::Cpu64, limit)?;
+        let (on_gpu, on_cpu) = (limited(&platform, limit)?, limited(&Platform::Cpu32, limit)?);
+        let exact = limited(&Platform::Cpu64, limit)?;
         for (((k, u), (_, wanted)), (_, exact)) in on_gpu.iter().zip(&on_cpu).zip(&exact) {
             let bound = (1e-3 * wanted.abs()).max(ROUNDINGS * (wanted - exact).abs());
             if *k != limit || (u - wanted).abs() > bound {
@@ -126,7 +126,7 @@ fn a_limit_of_iterations_is_kept_to_the_last_one(gpu: &Gpu) -> Result<(), Failur
         }
     }
     // one iteration more is seen
-    let (three, four) = (limited(&Place::Cpu32, 3)?, limited(&Place::Cpu32, 4)?);
+    let (three, four) = (limited(&Platform::Cpu32, 3)?, limited(&Platform::Cpu32, 4)?);
     if (three[0].1 - four[0].1).abs() <= 1e-3 * three[0].1.abs() {
         return Err(format!("{three:?} and {four:?} should differ").into());
     }
@@ -134,12 +134,12 @@ fn a_limit_of_iterations_is_kept_to_the_last_one(gpu: &Gpu) -> Result<(), Failur
 }
 
 /// Force on the sphere after some steps into a coarse skin of a law, N.
-fn pressed(place: &Place, law: Law) -> Result<f64, Failure> {
+fn pressed(platform: &Platform, law: Law) -> Result<f64, Failure> {
     let mut scene = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/sphere_press_neo_hookean.toml"))?;
     let skin = &mut scene.skins[0];
     (skin.cells, skin.law) = ([10, 10], law);
     skin.layers.iter_mut().for_each(|layer| (layer.cells, layer.second_share) = (1, 0.4));
-    let mut simulation = Simulation::new(&scene, place)?;
+    let mut simulation = Simulation::new(&scene, platform)?;
     let mut force = 0.0;
     for _ in 0..SINKING {
         let step = simulation.step(false)?;
@@ -149,12 +149,12 @@ fn pressed(place: &Place, law: Law) -> Result<f64, Failure> {
 }
 
 fn a_sphere_presses_hyperelastic_skin_as_on_the_cpu(gpu: &Gpu) -> Result<(), Failure> {
-    let place = place(gpu);
-    // counter-test: bricks of small strain have another force
-    let other = pressed(&place, Law::Fem { element: Element::Bbar, corotational: true })?;
+    let platform = platform(gpu);
+    // counter-test: hexahedra of small strain have another force
+    let other = pressed(&platform, Law::Fem { element: Element::Bbar, corotational: true })?;
     for material in [Material::NeoHookean, Material::MooneyRivlin] {
         let law = Law::Hyperelastic(material);
-        let (found, wanted) = (pressed(&place, law)?, pressed(&Place::Cpu64, law)?);
+        let (found, wanted) = (pressed(&platform, law)?, pressed(&Platform::Cpu64, law)?);
         super::report(gpu, &format!("{found:.5} N, on the CPU path {wanted:.5} N, corotational {other:.5} N"));
         let off = |force: f64| (force / wanted - 1.0).abs();
         if !(wanted > 0.01 && off(found) < 2e-3 && off(other) > 1e-2) {

@@ -2,7 +2,8 @@
 
 use super::{Failure, small};
 use cutis::backend::{
-    Backend, CORRECTION, CpuBackend, FIRST_COLUMN, FREE, GpuBackend, Needs, Query, Snapshot, Target, Values, Wanted,
+    Backend, CORRECTION, CpuBackend, FIRST_COLUMN, FREE, GpuBackend, Needs, Query, Snapshot, SolveRequest, Target,
+    Values,
 };
 use cutis::bodies::Model;
 use cutis::gpu::Gpu;
@@ -69,12 +70,12 @@ const SPRINGS: Law = Law::Springs { stiffness: 30.0, damping: 0.02 };
 /// Every test here, by name.
 pub fn tests() -> Vec<(String, Test)> {
     let mut all: Vec<(String, Test)> = vec![];
-    let cases = [("bricks", FEM, Lumped), ("heavy_bricks", FEM, Consistent), ("springs", SPRINGS, Lumped)];
+    let cases = [("hexahedra", FEM, Lumped), ("heavy_hexahedra", FEM, Consistent), ("springs", SPRINGS, Lumped)];
     for (name, law, mass) in cases {
         let case = Case { name, law, mass, preconditioner: Column, anchored: false };
         for (kind, preconditioner) in PRECONDITIONERS {
             if preconditioner == Multigrid && name == "springs" {
-                continue; // bricks only
+                continue; // hexahedra only
             }
             let case = Case { preconditioner, ..case };
             all.push((format!("free_motion_of_{name}_{kind}"), Box::new(move |gpu| case.free_motion(gpu))));
@@ -88,8 +89,8 @@ pub fn tests() -> Vec<(String, Test)> {
             all.push((format!("two_steps_of_anchored_{name}"), Box::new(move |gpu| case.two_steps(gpu))));
         }
     }
-    let case = Case { name: "bricks", law: FEM, mass: Lumped, preconditioner: Multigrid, anchored: true };
-    all.push(("free_motion_of_anchored_bricks_multigrid".into(), Box::new(move |gpu| case.free_motion(gpu))));
+    let case = Case { name: "hexahedra", law: FEM, mass: Lumped, preconditioner: Multigrid, anchored: true };
+    all.push(("free_motion_of_anchored_hexahedra_multigrid".into(), Box::new(move |gpu| case.free_motion(gpu))));
     all
 }
 
@@ -146,7 +147,7 @@ impl Case {
 
     fn free_motion(self, gpu: &Gpu) -> Result<(), Failure> {
         let mut three = self.three(gpu)?;
-        let free = |tolerance| Wanted { slot: FREE, target: Target::OfLoad(tolerance) };
+        let free = |tolerance| SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) };
         let counted = three.each(|b| Ok(b.solve(&[free(COUNTED)], &[])?.0[0]))?;
         same_iterations(&counted, self.preconditioner == Column)?;
         // on from there: the start is the last solution
@@ -167,7 +168,7 @@ impl Case {
         let mut three = self.three(gpu)?;
         let load = self.model()?.1.iter().map(|f| f.map(|c| 1.001 * c)).collect::<Vec<_>>();
         three.gpu.set_load(&load);
-        let free = Wanted { slot: FREE, target: Target::OfLoad(TOLERANCE) };
+        let free = SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) };
         let x = three.each(|b| {
             b.begin()?;
             b.solve(&[free], &[])?;
@@ -189,8 +190,8 @@ impl Case {
         };
         let rows: Vec<_> = (0..COLUMNS).map(row).collect();
         let slots: Vec<usize> = rows.iter().map(|r| r.0).collect();
-        let wanted = |slot| Wanted { slot, target: Target::Absolute(TOLERANCE) };
-        let free = Wanted { slot: FREE, target: Target::OfLoad(TOLERANCE) };
+        let wanted = |slot| SolveRequest { slot, target: Target::Absolute(TOLERANCE) };
+        let free = SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) };
         let mut together = vec![free];
         together.extend(slots.iter().map(|s| wanted(*s)));
         let solved = three.each(|b| {
@@ -209,7 +210,7 @@ impl Case {
             let used = same(&format!("slot {slot}"), &x, SOLUTION)?;
             self.report(gpu, &format!("slot {slot}: {used:.1} % of the bound"));
         }
-        three.each(|b| b.forget(&(0..FIRST_COLUMN + COLUMNS).collect::<Vec<_>>()))?;
+        three.each(|b| b.reset_initial_guess(&(0..FIRST_COLUMN + COLUMNS).collect::<Vec<_>>()))?;
         let load = self.model()?.1;
         let gone = three.gpu.solution(FIRST_COLUMN)?.iter().any(|x| *x != [0.0; 4]);
         if gone {
@@ -234,7 +235,7 @@ impl Case {
 
     fn cut(self, gpu: &Gpu) -> Result<(), Failure> {
         let mut three = self.three(gpu)?;
-        let free = Wanted { slot: FREE, target: Target::OfLoad(TOLERANCE) };
+        let free = SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) };
         // down through epidermis and dermis, in two pieces of the edge; and one that stays above the skin
         let quad = |x: [f64; 2], z: [f64; 2]| {
             let at = |x: f64, z: f64| [1e-3 * x, 1e-3 * (0.13 + 0.05 * x), 1e-3 * z];
@@ -300,8 +301,8 @@ fn swept(quads: &[[f64; 3]]) -> Query {
 fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Result<Seen> {
     let mut seen: Seen = vec![];
     let (pressed, bottom) = (top[24], 8u32);
-    let free = Wanted { slot: FREE, target: Target::OfLoad(TOLERANCE) };
-    let absolute = |slot| Wanted { slot, target: Target::Absolute(TOLERANCE) };
+    let free = SolveRequest { slot: FREE, target: Target::OfLoad(TOLERANCE) };
+    let absolute = |slot| SolveRequest { slot, target: Target::Absolute(TOLERANCE) };
     // a force on a held node is lost, whoever gives it
     let rows = [(FIRST_COLUMN, pressed, [0.0, 0.0, -1.0]), (FIRST_COLUMN, bottom, [1.0, 2.0, 3.0])];
     b.set_rows(&[FIRST_COLUMN], &rows)?;

@@ -9,9 +9,9 @@ use cutis::math::V4;
 use glam::DVec3;
 use std::collections::BTreeSet;
 
-/// Cases of one dispatch along each axis, each in its own place.
+/// Cases of one dispatch along each axis, each at its own position.
 const SIDE: usize = 4;
-/// Between two places, m: further than a case reaches.
+/// Between two cases, m: further than a case reaches.
 const APART: f64 = 12e-3;
 /// Dispatches of each kind of path.
 const BATCHES: usize = 20;
@@ -31,9 +31,9 @@ type Hits = BTreeSet<(usize, usize, u32)>;
 
 fn cases(path: Path, seed: u64) -> Vec<Case> {
     let mut random = Random::new(seed);
-    let place = |n: usize| DVec3::new((n % SIDE) as f64, (n / SIDE % SIDE) as f64, (n / SIDE / SIDE) as f64);
+    let position = |n: usize| DVec3::new((n % SIDE) as f64, (n / SIDE % SIDE) as f64, (n / SIDE / SIDE) as f64);
     let centre = DVec3::splat(0.5 * (SIDE - 1) as f64);
-    (0..SIDE.pow(3)).map(|n| Case::new(&mut random, path, (place(n) - centre) * APART)).collect()
+    (0..SIDE.pow(3)).map(|n| Case::new(&mut random, path, (position(n) - centre) * APART)).collect()
 }
 
 /// Sweeps of all cases, of each case's own blade.

@@ -91,11 +91,16 @@ pub fn anchors<R: Real>(b: &Body) -> Outputs<R> {
     vec![("b", flat(&right))]
 }
 
-pub fn attempt<R: Real>(b: &Body) -> Outputs<R> {
-    let [u, dx, x, rest] = ["u", "dx", "x", "rest"].map(|name| b.v4::<R>(name));
-    let (mut dx_next, mut place) = (b.v4("dx_next"), b.v4("displacement"));
-    let promise = kernels::attempt::attempt(&b.params(), &u, &dx, &x, &rest, &mut dx_next, &mut place);
-    vec![("dx_next", flat(&dx_next)), ("displacement", flat(&place)), ("promise", vec![promise])]
+pub fn trial_point<R: Real>(b: &Body) -> Outputs<R> {
+    let [u, dx, x, residual_force] = ["u", "dx", "x", "residual_force"].map(|name| b.v4::<R>(name));
+    let (mut dx_next, mut displacement) = (b.v4("dx_next"), b.v4("displacement"));
+    let predicted_decrease =
+        kernels::trial_point::trial_point(&b.params(), &u, &dx, &x, &residual_force, &mut dx_next, &mut displacement);
+    vec![
+        ("dx_next", flat(&dx_next)),
+        ("displacement", flat(&displacement)),
+        ("predicted_decrease", vec![predicted_decrease]),
+    ]
 }
 
 pub fn blocks<R: Real>(b: &Body) -> Outputs<R> {
@@ -163,7 +168,7 @@ pub fn hyperelastic_forces<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn hyperelastic_tangent<R: Real>(b: &Body) -> Outputs<R> {
     let (mut force, z) = (b.scalars("corner_force"), b.v4::<R>("z"));
-    let (shape, material, layer_of, place) =
+    let (shape, material, layer_of, displacement) =
         (b.v4::<R>("shape"), b.v4("material"), &b.grid.layer_of, b.v4("displacement"));
     let cells = b.grid.cell_count() * 24;
     for (slot, nodes) in running(b) {
@@ -174,7 +179,7 @@ pub fn hyperelastic_tangent<R: Real>(b: &Body) -> Outputs<R> {
             &material,
             &b.v4("pre_strain"),
             layer_of,
-            &place,
+            &displacement,
             &z[nodes],
             own,
         );
@@ -184,10 +189,11 @@ pub fn hyperelastic_tangent<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn residual<R: Real>(b: &Body) -> Outputs<R> {
     let [f, right, w, dx, free] = ["f", "b", "w", "dx", "free"].map(|name| b.v4::<R>(name));
-    let mut rest = b.v4("rest");
+    let mut residual_force = b.v4("residual_force");
     let force = b.scalars("corner_force");
-    let balance = kernels::residual::residual(&b.params(), &force, &f, &right, &w, &dx, &free, &mut rest);
-    vec![("rest", flat(&rest)), ("balance", balance.to_vec())]
+    let potential_and_residual =
+        kernels::residual::residual(&b.params(), &force, &f, &right, &w, &dx, &free, &mut residual_force);
+    vec![("residual_force", flat(&residual_force)), ("potential_and_residual", potential_and_residual.to_vec())]
 }
 
 /// Exact, or useless: the bound of every error is zero.

@@ -17,11 +17,11 @@ pub fn spring(stiffness: f64) -> Coupling {
 }
 
 /// A servo's settings with nothing but rendering: no limits, no guards, no controller.
-pub fn plain(link: Coupling) -> Settings {
+pub fn plain(coupling: Coupling) -> Settings {
     Settings {
         tick: TICK,
         step: 5e-3,
-        link,
+        coupling,
         rendering: Rendering::Coupling,
         force_scale: 1.0,
         limits: Limits { force: f64::INFINITY, torque: f64::INFINITY },
@@ -46,7 +46,7 @@ pub fn servo(settings: Settings) -> Servo {
     Servo::new(settings, at(DVec3::ZERO))
 }
 
-/// A reading at a place, at rest.
+/// A reading at a position, at rest.
 pub fn reading(position: DVec3) -> Reading {
     Reading { position, ..Reading::at_rest(0.0) }
 }

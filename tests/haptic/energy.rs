@@ -44,7 +44,7 @@ fn swings(mut hand: SimulatedHand, settings: Settings, seconds: f64) -> ([f64; 2
         let time = f64::from(k) * settings.tick;
         let record = servo.tick(hand.read(time), &wall, time);
         hand.write(time, record.wrench);
-        let off = (hand.position.z + depth(settings.link.stiffness)).abs();
+        let off = (hand.position.z + depth(settings.coupling.stiffness)).abs();
         if k < count / 10 {
             largest[0] = largest[0].max(off);
         } else if k >= count - count / 10 {
@@ -55,9 +55,9 @@ fn swings(mut hand: SimulatedHand, settings: Settings, seconds: f64) -> ([f64; 2
 }
 
 /// Whether a hand settles in a wall.
-fn settles(damping: f64, link: Coupling, tick: f64) -> bool {
-    let settings = Settings { tick, ..plain(link) };
-    let ([first, last], ..) = swings(pressing(damping, link.stiffness), settings, 3.0);
+fn settles(damping: f64, coupling: Coupling, tick: f64) -> bool {
+    let settings = Settings { tick, ..plain(coupling) };
+    let ([first, last], ..) = swings(pressing(damping, coupling.stiffness), settings, 3.0);
     last < first
 }
 
@@ -171,22 +171,22 @@ fn random_press(seed: u64, passivity: bool) -> (f64, f64, f64) {
     let waves: Vec<[f64; 3]> = (0..4)
         .map(|_| [dice.around(0.6e-3, 0.4e-3), dice.around(4.0, 3.5), std::f64::consts::TAU * dice.roll()])
         .collect();
-    let place = |time: f64| {
+    let path = |time: f64| {
         let wave = |w: &[f64; 3]| w[0] * (std::f64::consts::TAU * w[1] * time + w[2]).sin();
         DVec3::new(wave(&waves[0]), wave(&waves[1]), wave(&waves[2]) + wave(&waves[3]) - 0.5e-3)
     };
-    let link = Coupling { damping: 2.0, ..spring(1000.0) };
+    let coupling = Coupling { damping: 2.0, ..spring(1000.0) };
     // guarded, since no controller knows the motion at the first tick
-    let mut servo = Servo::new(Settings { passivity, guarded: true, ..plain(link) }, at(place(0.0)));
+    let mut servo = Servo::new(Settings { passivity, guarded: true, ..plain(coupling) }, at(path(0.0)));
     let (mut current, mut motion): (Problem, f64) = (problem(Reduced::default()), 0.0);
     for k in 0..4000 {
         let time = f64::from(k) * TICK;
         if k % 5 == 0 {
-            let reduced = skin(&mut dice, place(time - 5.0 * TICK).z, 0.0);
+            let reduced = skin(&mut dice, path(time - 5.0 * TICK).z, 0.0);
             current = Problem { reduced, time: time - 5.0 * TICK, number: k as u64 + 1, announced: 0 };
         }
-        motion = motion.max(place(time).distance(place(time - TICK)));
-        servo.tick(crate::bench::reading(place(time)), &current, time);
+        motion = motion.max(path(time).distance(path(time - TICK)));
+        servo.tick(crate::bench::reading(path(time)), &current, time);
     }
     (servo.passivity.energy_most, servo.counts().force_max, motion)
 }
@@ -217,8 +217,8 @@ fn without_the_controller_random_motions_do_extract_energy() {
     assert!(with <= TICKS_OUT, "{with}");
 }
 
-/// Largest change of the force from one tick to the next, N, and most energy out, J, of a slow press and withdrawal whose place is known to
-/// 10 µm; sideways the place flickers between two steps.
+/// Largest change of the force from one tick to the next, N, and most energy out, J, of a slow press and withdrawal whose position is known to
+/// 10 µm; sideways the position flickers between two steps.
 fn pressed_in_steps(passivity: bool, resolution: f64) -> (f64, f64) {
     const STEP: f64 = 1e-5;
     let settings = Settings { passivity, resolution, ..plain(spring(1000.0)) };

@@ -3,7 +3,7 @@
 use crate::bench::{TICK, plain, problem, reading, servo, spring, wall};
 use cutis::haptic::cells::Problem;
 use cutis::haptic::device::{Limits, Reading, Workspace, Wrench};
-use cutis::haptic::guard::{FADE_TIME, LATE_STEPS, LOST_AFTER, RAMP_TIME, SOUND_FOR, STOP_TIME};
+use cutis::haptic::guard::{FADE_TIME, LATE_STEPS, LOST_AFTER, RAMP_TIME, STOP_TIME, VALID_FOR};
 use cutis::haptic::servo::{Buttons, Record, Servo, Settings};
 use cutis::scene::{Coupling, Role};
 use glam::{DQuat, DVec3};
@@ -91,8 +91,8 @@ fn a_lost_device_is_stopped_until_it_is_sound_again_and_the_tool_stays() {
     assert!(force(&silent[0]) > 0.5 && force(silent.last().expect("ticks")) == 0.0);
     // it comes back elsewhere: first nothing, then the ramp, the tool where it was
     let elsewhere = reading(DEPTH + DVec3::X);
-    let back = rig.run(SOUND_FOR + RAMP_TIME + 0.01, elsewhere);
-    assert_eq!(force(&back[(SOUND_FOR / TICK) as usize - 2]), 0.0, "latched");
+    let back = rig.run(VALID_FOR + RAMP_TIME + 0.01, elsewhere);
+    assert_eq!(force(&back[(VALID_FOR / TICK) as usize - 2]), 0.0, "latched");
     assert!((force(back.last().expect("ticks")) - 1.0).abs() < 1e-6 && jump(&back) < 1.01 * TICK / RAMP_TIME);
     assert!(back.iter().all(|r| (r.hand.position - DEPTH).length() < 1e-12));
     assert_eq!(rig.servo.counts().stops, 1);
@@ -143,8 +143,8 @@ fn a_reading_beyond_the_workspace_is_none() {
         let kept = |r: &Record| r.hand.position == DEPTH && r.velocity == DVec3::ZERO && r.wrench.force.is_finite();
         assert!(records.iter().all(kept), "{absurd:?}");
         assert_eq!(rig.servo.counts().unsound, 10, "{absurd:?}");
-        let place = absurd.position == DEPTH;
-        assert_eq!(rig.servo.counts().stops, u64::from(!place), "one that is somewhere keeps the force for a while");
+        let finite = absurd.position == DEPTH;
+        assert_eq!(rig.servo.counts().stops, u64::from(!finite), "one that is somewhere keeps the force for a while");
     }
     // the counter-tests: just within, and without an end
     for (workspace, reading) in
@@ -163,7 +163,7 @@ fn a_device_is_where_its_workspace_says_from_its_first_word_on() {
     let mut rig = Rig::new(Settings { workspace, ..guarded() });
     let silent = rig.run(0.3, Reading::at_rest(f64::INFINITY));
     assert!(silent.iter().all(|r| force(r) == 0.0 && r.hand.position == DVec3::ZERO), "before its first word");
-    let records = rig.run(SOUND_FOR + RAMP_TIME + 0.01, reading(DEPTH));
+    let records = rig.run(VALID_FOR + RAMP_TIME + 0.01, reading(DEPTH));
     assert!(records.iter().all(|r| r.hand.position == DVec3::X + DEPTH));
     assert!((force(records.last().expect("ticks")) - 1.0).abs() < 1e-6 && jump(&records) < 1.01 * TICK / RAMP_TIME);
     assert_eq!(rig.servo.counts().stops, 0);
@@ -253,8 +253,8 @@ fn the_clutch_moves_the_hand_and_not_the_tool() {
 #[test]
 fn freezing_holds_tool_and_force() {
     // with damping, a proxy that jumps would be felt
-    let link = Coupling { damping: 5.0, ..spring(1000.0) };
-    let mut rig = Rig::new(Settings { buttons: Buttons::new(&[Role::Freeze]), guarded: true, ..plain(link) });
+    let coupling = Coupling { damping: 5.0, ..spring(1000.0) };
+    let mut rig = Rig::new(Settings { buttons: Buttons::new(&[Role::Freeze]), guarded: true, ..plain(coupling) });
     rig.run(0.3, reading(DEPTH));
     let held = rig.run(0.05, Reading { buttons: 1, ..reading(4.0 * DEPTH) });
     assert!(held.iter().all(|r| r.hand.position == DEPTH && (force(r) - 1.0).abs() < 1e-6));

@@ -45,42 +45,42 @@ fn direct_rendering_feels_the_skin_alone() {
 }
 
 /// Energy of coupling and skin with a hand at a depth and tilted about y, by the forces of the two contacts, J; and the torque.
-fn energy(link: Coupling, compliance: f64, depth: f64, tilt: f64) -> (f64, f64) {
+fn energy(coupling: Coupling, compliance: f64, depth: f64, tilt: f64) -> (f64, f64) {
     let hand =
         |depth: f64, tilt: f64| Hand { position: DVec3::new(0.0, 0.0, -depth), rotation: DQuat::from_rotation_y(tilt) };
     let wall = wall(&[DVec3::new(HALF, 0.0, 0.0), DVec3::new(-HALF, 0.0, 0.0)], compliance);
-    let mut renderer = Renderer::new(link, at(DVec3::ZERO));
+    let mut renderer = Renderer::new(coupling, at(DVec3::ZERO));
     let tick = (0..200).map(|_| renderer.tick(&wall, hand(depth, tilt), TICK, 0.0)).last().expect("ticks");
     let (force, torque) = (tick.force.z, tick.torque.y);
     // at x = ±HALF the torque about y is ∓HALF times the force
     let [a, b] = [1.0, -1.0].map(|side| 0.5 * force - side * 0.5 * torque / HALF);
-    let coupling = 0.5 * force * force / link.stiffness + 0.5 * torque * torque / link.angular_stiffness;
+    let coupling = 0.5 * force * force / coupling.stiffness + 0.5 * torque * torque / coupling.angular_stiffness;
     (coupling + 0.5 * compliance * (a * a + b * b), torque)
 }
 
 #[test]
 fn a_tilted_hand_feels_the_slope_of_the_energy() {
-    let link = spring(800.0);
+    let coupling = spring(800.0);
     let (compliance, depth) = (5e-4, 2e-3);
     for tilt in [-0.02, 0.005, 0.03] {
         let e = 1e-4;
-        let slope =
-            (energy(link, compliance, depth, tilt + e).0 - energy(link, compliance, depth, tilt - e).0) / (2.0 * e);
-        let torque = energy(link, compliance, depth, tilt).1;
+        let slope = (energy(coupling, compliance, depth, tilt + e).0 - energy(coupling, compliance, depth, tilt - e).0)
+            / (2.0 * e);
+        let torque = energy(coupling, compliance, depth, tilt).1;
         assert!((torque + slope).abs() < 1e-3 * slope.abs(), "{torque} N·m, energy falls by {}", -slope);
-        let wanted = -tilt / (1.0 / link.angular_stiffness + compliance / (2.0 * HALF * HALF));
+        let wanted = -tilt / (1.0 / coupling.angular_stiffness + compliance / (2.0 * HALF * HALF));
         assert!((torque / wanted - 1.0).abs() < 1e-3, "{torque} N·m instead of {wanted}");
         // counter-test: a tick that knows no rotation
-        let ignored = energy(link, compliance, depth, 0.0).1;
+        let ignored = energy(coupling, compliance, depth, 0.0).1;
         assert!((ignored + slope).abs() > 0.5 * slope.abs(), "without the rotation {ignored} N·m");
     }
 }
 
 #[test]
 fn the_proxy_does_not_jump_back_when_an_old_problem_comes_in() {
-    let link = Coupling { damping: 5.0, ..spring(1000.0) };
+    let coupling = Coupling { damping: 5.0, ..spring(1000.0) };
     let jump = |late: bool| {
-        let mut renderer = Renderer::new(link, at(DVec3::ZERO));
+        let mut renderer = Renderer::new(coupling, at(DVec3::ZERO));
         let (soft, speed) = (wall(&[DVec3::ZERO], 1e-3), 0.05);
         let mut last = 0.0;
         for k in 0..100 {
@@ -131,7 +131,7 @@ fn handing_over_allocates_nothing_once_the_buffers_have_grown() {
     let (mut servo_end, mut ours) = cutis::haptic::cells::cells(&first, &servo(plain(spring(1.0))).felt());
     let mut pass = |count: u32| {
         for k in 0..count {
-            ours.hand_over(if k % 2 == 0 { &large } else { &small }, 0.0, 0);
+            ours.publish(if k % 2 == 0 { &large } else { &small }, 0.0, 0);
             servo_end.problem.read();
         }
     };

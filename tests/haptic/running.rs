@@ -11,7 +11,7 @@ use cutis::haptic::{device::Workspace, device::Wrench};
 use cutis::report::recording::Recording;
 use cutis::report::run::{Options, Summary, run};
 use cutis::scene::{Contact, Coupling, DeviceKind, Files, Pose, Region, Round, Scene, Tool, parse};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 use glam::{DQuat, DVec3};
 use std::f64::consts::FRAC_PI_2;
 use std::path::{Path as FilePath, PathBuf};
@@ -59,7 +59,7 @@ fn folder(name: &str) -> PathBuf {
 }
 
 fn options(name: &str, realtime: bool) -> Options {
-    Options { realtime, record: name == "recorded", ..Options::new(Place::Cpu64, folder(name)) }
+    Options { realtime, record: name == "recorded", ..Options::new(Platform::Cpu64, folder(name)) }
 }
 
 fn ran(scene: &Scene, name: &str, realtime: bool) -> (Summary, Vec<Vec<f64>>) {
@@ -73,7 +73,7 @@ fn ran(scene: &Scene, name: &str, realtime: bool) -> (Summary, Vec<Vec<f64>>) {
 fn jumps(hz: f64) -> (f64, f64) {
     let mut scene = tip();
     scene.time.step = 1.0 / hz;
-    let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
     let tool = simulation.tools[0].clone();
     let mut servo = Servo::new(plain(tool.coupling), at(tool.position));
     let (mut problem, mut tick) = (Problem::default(), 0u32);
@@ -113,7 +113,7 @@ fn pressed_and_withdrawn(hz: f64, creep: bool) -> Vec<f64> {
     let mut scene = tip();
     (scene.time.step, scene.skins[0].rayleigh_stiffness) = (1.0 / hz, 0.01);
     scene.tools[0].trajectory = vec![pose(0.0, 2.05), pose(0.25, 1.7), pose(0.3, 1.7), pose(0.45, 2.1)];
-    let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
     let tool = simulation.tools[0].clone();
     let mut servo = Servo::new(plain(tool.coupling), at(tool.position));
     let (mut problem, mut forces) = (Problem::default(), vec![]);
@@ -354,7 +354,7 @@ fn a_blade_that_is_not_active_presses_and_does_not_cut() {
     let mut scene = cutis::scene::read(&path).unwrap_or_else(|e| panic!("{e}")).in_test_form();
     scene.skins[0].cells = [16, 12];
     let cut_after = |sharp: bool, steps: u32| {
-        let mut simulation = Simulation::new(&scene, &Place::Cpu64).expect("the scene fits");
+        let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
         simulation.tools[0].sharp = sharp;
         let mut force: f64 = 0.0;
         for number in 1..=steps {

@@ -3,7 +3,7 @@
 use super::forms::hard;
 use cutis::math::V4;
 use cutis::scene::Scene;
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 
 pub fn case(name: &str) -> Scene {
     let found = hard().into_iter().find(|(known, _)| known == name);
@@ -14,8 +14,8 @@ pub fn measured() -> bool {
     std::env::var_os("CUTIS_MEASURED").is_some()
 }
 
-pub fn simulate(scene: &Scene, place: &Place) -> Simulation {
-    Simulation::new(scene, place).expect("the scene runs anywhere")
+pub fn simulate(scene: &Scene, platform: &Platform) -> Simulation {
+    Simulation::new(scene, platform).expect("the scene runs anywhere")
 }
 
 pub fn displacements(simulation: &mut Simulation) -> Vec<V4<f64>> {
@@ -43,10 +43,10 @@ pub fn pressed(steps: u32, half_free: bool) -> Scene {
     scene
 }
 
-/// Largest difference of the displacements on two places at every hundredth step, m, and the largest displacement, m.
-pub fn difference_over(steps: u32, places: [&Place; 2]) -> [f64; 2] {
+/// Largest difference of the displacements on two platforms at every hundredth step, m, and the largest displacement, m.
+pub fn difference_over(steps: u32, platforms: [&Platform; 2]) -> [f64; 2] {
     let scene = pressed(steps, true);
-    let mut both = places.map(|place| simulate(&scene, place));
+    let mut both = platforms.map(|platform| simulate(&scene, platform));
     let mut found = [0.0f64; 2];
     for step in 1..=steps {
         for simulation in &mut both {

@@ -7,7 +7,7 @@
 use cutis::math::random::Random;
 use cutis::report::run::{Options, run};
 use cutis::scene::{Pose, Scene, read};
-use cutis::step::Place;
+use cutis::step::Platform;
 use glam::{DQuat, DVec3};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -126,8 +126,8 @@ pub fn outcome(scene: &Scene, variation: Variation, steps: Option<u32>, straight
     static RUNS: AtomicU32 = AtomicU32::new(0);
     let number = RUNS.fetch_add(1, Ordering::Relaxed); // runs of one seed may be at work at a time
     let out = std::env::temp_dir().join(format!("cutis-perturbed-{}-{number}", std::process::id()));
-    let place = if variation.single { Place::Cpu32 } else { Place::Cpu64 };
-    let options = Options { steps, ..Options::new(place, &out) };
+    let platform = if variation.single { Platform::Cpu32 } else { Platform::Cpu64 };
+    let options = Options { steps, ..Options::new(platform, &out) };
     let summary = run(scene, &options, &mut |_| {}).unwrap_or_else(|e| panic!("{variation:?}: {e}"));
     std::fs::remove_dir_all(&out).expect("it was made for this run");
     let report = summary.report;

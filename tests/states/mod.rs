@@ -1,7 +1,7 @@
-//! Runs that go on from a state, bit for bit as if they had not been interrupted: on any place.
+//! Runs that go on from a state, bit for bit as if they had not been interrupted: on any platform.
 
 use cutis::scene::{Scene, read};
-use cutis::step::{Place, Simulation, State, StepReport};
+use cutis::step::{Platform, Simulation, State, StepReport};
 use std::path::Path;
 
 /// Scenes in their test forms, the step after which the state is taken, and all steps: in contact, and between two cuts of a blade.
@@ -19,8 +19,8 @@ pub fn scene(name: &str) -> Scene {
     read(&file).unwrap_or_else(|e| panic!("{e}")).in_test_form()
 }
 
-pub fn simulation(scene: &Scene, place: &Place) -> Simulation {
-    Simulation::new(scene, place).unwrap_or_else(|e| panic!("{}: {e}", scene.title))
+pub fn simulation(scene: &Scene, platform: &Platform) -> Simulation {
+    Simulation::new(scene, platform).unwrap_or_else(|e| panic!("{}: {e}", scene.title))
 }
 
 /// Steps on; a third of them are checked in f64.
@@ -40,9 +40,9 @@ fn kept(state: &State) -> State {
 }
 
 /// Whether `k` steps, the state, and the rest of `n` steps from it are `n` steps; says where they part.
-pub fn goes_on(name: &str, place: &Place, k: usize, n: usize) -> Result<(), String> {
+pub fn resumes(name: &str, platform: &Platform, k: usize, n: usize) -> Result<(), String> {
     let scene = scene(name);
-    let mut first = simulation(&scene, place);
+    let mut first = simulation(&scene, platform);
     steps(&mut first, k);
     let state = kept(&first.state().map_err(|e| e.to_string())?);
     let rest = steps(&mut first, n - k);
@@ -53,13 +53,13 @@ pub fn goes_on(name: &str, place: &Place, k: usize, n: usize) -> Result<(), Stri
         return Err(format!("{name}: after {k} steps nothing touches, or nothing is cut"));
     }
     // a simulation that is new, and one that has come further
-    for mut second in [simulation(&scene, place), first] {
+    for mut second in [simulation(&scene, platform), first] {
         second.restore(&state).map_err(|e| e.to_string())?;
         let reports = steps(&mut second, n - k);
         let found = text(&reports, &mut second);
         if let Some(at) = found.bytes().zip(wanted.bytes()).position(|(a, b)| a != b) {
             let [found, wanted] = [&found, &wanted].map(|text| &text[at.saturating_sub(80)..(at + 40).min(text.len())]);
-            return Err(format!("{name} on {place:?}: {found} instead of {wanted}"));
+            return Err(format!("{name} on {platform:?}: {found} instead of {wanted}"));
         }
     }
     Ok(())

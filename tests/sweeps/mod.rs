@@ -66,16 +66,16 @@ pub struct Case {
 }
 
 impl Case {
-    /// Somewhere near a place.
-    pub fn new(random: &mut Random, path: Path, place: DVec3) -> Self {
+    /// Somewhere near a point.
+    pub fn new(random: &mut Random, path: Path, centre: DVec3) -> Self {
         let along: &[f64] = if path == Path::Between { &[-2.0, -1.0, 0.0, 0.7, 2.0] } else { &[-1.5, -0.5, 0.5, 1.5] };
         let mut length = LENGTH * random.between(0.5, 1.5);
         let own = random.direction();
-        let rest = along.iter().map(|z| place + own * (z * length)).collect();
+        let rest = along.iter().map(|z| centre + own * (z * length)).collect();
         let mut axes = DQuat::from_axis_angle(random.direction(), random.between(0.0, std::f64::consts::PI));
         let to_own = DQuat::from_rotation_arc(DVec3::Z, own);
         axes *= to_own; // where z of the path lies along the segment
-        let mut middle = place + 0.3 * LENGTH * random.direction();
+        let mut middle = centre + 0.3 * LENGTH * random.direction();
         let mut case = Self { rest, points: vec![], edges: vec![] };
         for state in 0..STATES {
             let at = |c: DVec3| middle + axes * c * length;

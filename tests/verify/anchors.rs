@@ -14,7 +14,7 @@ use cutis::kernels::cut::Hit;
 use cutis::math::V4;
 use cutis::scene::Element::Bbar;
 use cutis::scene::{Anchor, Law, Mass, Preconditioner, Region, Scene};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
     ("anchored_block_follows_the_oscillators_closed_form", oscillator),
@@ -44,7 +44,7 @@ fn anchored(law: Law, region: Region, stiffness: f64) -> Scene {
     scene
 }
 
-fn oscillator(place: &Place) {
+fn oscillator(platform: &Platform) {
     const STEPS: usize = 6;
     const STIFFNESS: f64 = 0.4; // N/m
     const START: [f64; 3] = [3e-4, -2e-4, 1e-4]; // m
@@ -55,7 +55,7 @@ fn oscillator(place: &Place) {
         (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (5.0, 1e-3);
         let model = model(&scene);
         let mass = model.free[0][3];
-        let mut body = Body::new(place, model.clone(), &displaced(&model, |_| START), tolerance(place));
+        let mut body = Body::new(platform, model.clone(), &displaced(&model, |_| START), tolerance(platform));
         for _ in 0..STEPS {
             body.step();
         }
@@ -79,19 +79,19 @@ fn oscillator(place: &Place) {
             state.u.iter().map(off).fold(0.0, f64::max) / size
         };
         let off = far(exact(STIFFNESS, damping));
-        measured(&format!("anchored oscillator {place:?} {law:?}"), off, 0.0);
+        measured(&format!("anchored oscillator {platform:?} {law:?}"), off, 0.0);
         // each step adds its solve's and its sum's rounding
-        let bound = 4.0 * STEPS as f64 * (tolerance(place) + 8.0 * epsilon(place));
-        assert!(off < bound, "{place:?} {law:?}: {off:e} above {bound:e}");
+        let bound = 4.0 * STEPS as f64 * (tolerance(platform) + 8.0 * epsilon(platform));
+        assert!(off < bound, "{platform:?} {law:?}: {off:e} above {bound:e}");
         // counter-tests: a hundredth of the stiffness is seen, and whether the springs are damped
         for wrong in [exact(1.01 * STIFFNESS, damping), exact(STIFFNESS, 0.0)] {
-            assert!(far(wrong) > 5e-4, "{place:?} {law:?}: {:e}", far(wrong));
+            assert!(far(wrong) > 5e-4, "{platform:?} {law:?}: {:e}", far(wrong));
         }
     }
 }
 
 /// The block at rest under a push of the middle of its top, `[node]` m; and the force on it, N.
-fn pressed(place: &Place, mut scene: Scene) -> (Body, V4<f64>) {
+fn pressed(platform: &Platform, mut scene: Scene) -> (Body, V4<f64>) {
     scene.time.step = LONG;
     let model = model(&scene);
     let top = model.nodes_in(&Region::Top);
@@ -102,15 +102,15 @@ fn pressed(place: &Place, mut scene: Scene) -> (Body, V4<f64>) {
     }
     let total = load.iter().fold([0.0; 4], |s, f| [s[0] + f[0], s[1] + f[1], s[2] + f[2], 0.0]);
     let start = displaced(&model, |_| [0.0; 3]);
-    let mut body = Body::new(place, model, &start, tolerance(place));
+    let mut body = Body::new(platform, model, &start, tolerance(platform));
     body.load(&load);
     body.step();
     (body, total)
 }
 
-fn balance(place: &Place) {
+fn balance(platform: &Platform) {
     for law in [LINEAR, Law::Springs { stiffness: 30.0, damping: 0.0 }] {
-        let (mut body, total) = pressed(place, anchored(law, Region::Bottom, 25.0));
+        let (mut body, total) = pressed(platform, anchored(law, Region::Bottom, 25.0));
         let anchors = body.model.anchors.clone();
         if matches!(law, Law::Springs { .. }) {
             // springs are linear at the step's start alone: on to where the forces balance
@@ -130,10 +130,10 @@ fn balance(place: &Place) {
         let size = largest(&[xyz(total)]);
         for (name, sum) in [("springs", by_springs), ("cells", by_cells)] {
             let off = (0..3).map(|n| (sum[n] - total[n]).abs()).fold(0.0, f64::max) / size;
-            measured(&format!("balance by {name} {place:?} {law:?}"), off, 0.0);
+            measured(&format!("balance by {name} {platform:?} {law:?}"), off, 0.0);
             // the solve's residual on each of 100 nodes; forces of cells lose what their terms cancel, about the thickness over a cell
-            let bound = 1e3 * tolerance(place);
-            assert!(off < bound, "{place:?} {law:?} {name}: {off:e} above {bound:e}");
+            let bound = 1e3 * tolerance(platform);
+            assert!(off < bound, "{platform:?} {law:?} {name}: {off:e} above {bound:e}");
         }
         // the counter-test: springs of another stiffness would not bear it
         assert!((by_springs[2] * 1.01 - total[2]).abs() / size > 5e-3);
@@ -148,9 +148,9 @@ fn fixed() -> Scene {
 }
 
 fn fixed_limit() {
-    let wanted = pressed(&Place::Cpu64, fixed()).0.state().u;
+    let wanted = pressed(&Platform::Cpu64, fixed()).0.state().u;
     let off = [1e4, 1e5, 1e6].map(|k| {
-        let u = pressed(&Place::Cpu64, anchored(LINEAR, Region::Bottom, k)).0.state().u;
+        let u = pressed(&Platform::Cpu64, anchored(LINEAR, Region::Bottom, k)).0.state().u;
         apart(&u, &wanted)
     });
     measured("anchors of 1e6 N/m beside a fixed boundary", off[2], 0.0);
@@ -160,7 +160,7 @@ fn fixed_limit() {
     }
     assert!(off[2] < 1e-4, "{off:?}");
     // the counter-test: soft anchors are no boundary
-    let soft = pressed(&Place::Cpu64, anchored(LINEAR, Region::Bottom, 1.0)).0.state().u;
+    let soft = pressed(&Platform::Cpu64, anchored(LINEAR, Region::Bottom, 1.0)).0.state().u;
     assert!(apart(&soft, &wanted) > 1.0, "{}", apart(&soft, &wanted));
 }
 
@@ -169,7 +169,7 @@ fn preconditioners() {
     let with = |preconditioner| {
         let mut scene = anchored(LINEAR, Region::Bottom, 25.0);
         scene.solver.preconditioner = preconditioner;
-        pressed(&Place::Cpu64, scene).0.state().u
+        pressed(&Platform::Cpu64, scene).0.state().u
     };
     let wanted = with(Direct);
     for kind in [None, Jacobi, Block, Column, Multigrid] {
@@ -179,7 +179,7 @@ fn preconditioners() {
         assert!(off < 1e-8, "{kind:?}: {off:e}");
     }
     // the counter-test: a tenth less stiffness is another answer
-    let softer = pressed(&Place::Cpu64, anchored(LINEAR, Region::Bottom, 22.5)).0.state().u;
+    let softer = pressed(&Platform::Cpu64, anchored(LINEAR, Region::Bottom, 22.5)).0.state().u;
     assert!(apart(&softer, &wanted) > 1e-2);
 }
 
@@ -192,7 +192,7 @@ fn iterations_of(mut scene: Scene) -> u32 {
     let mut load = vec![[0.0; 3]; model.rest.len()];
     load[top[top.len() / 2] as usize] = [0.0, 0.0, -1e-3];
     let start = displaced(&model, |_| [0.0; 3]);
-    let mut body = Body::new(&Place::Cpu64, model, &start, 1e-6);
+    let mut body = Body::new(&Platform::Cpu64, model, &start, 1e-6);
     body.load(&load);
     let outcome = body.try_step();
     assert!(outcome.converged, "{outcome:?}");
@@ -209,19 +209,19 @@ fn iterations() {
     }
 }
 
-fn scene_residual(place: &Place) {
+fn scene_residual(platform: &Platform) {
     let mut scene = anchored(COROTATIONAL, Region::Bottom, 30.0);
-    (scene.solver.tolerance, scene.time.gravity) = (10.0 * tolerance(place), [0.0, 0.0, -9.81]);
+    (scene.solver.tolerance, scene.time.gravity) = (10.0 * tolerance(platform), [0.0, 0.0, -9.81]);
     scene.time.step = 2e-3;
-    let mut simulation = Simulation::new(&scene, place).unwrap_or_else(|e| panic!("{e}"));
+    let mut simulation = Simulation::new(&scene, platform).unwrap_or_else(|e| panic!("{e}"));
     for _ in 0..10 {
         let report = simulation.step(true).unwrap_or_else(|e| panic!("{e}"));
         let found = report.true_residual.expect("it was asked for");
         // f32's recurrence promises more than the true residual keeps: 1e-3 on layers of skin, a hundredth of that on this block
-        let bound = 10.0 * scene.solver.tolerance + 100.0 * epsilon(place);
+        let bound = 10.0 * scene.solver.tolerance + 100.0 * epsilon(platform);
         assert!(
             found < bound && report.warnings.is_empty(),
-            "{place:?}: {found:e} above {bound:e}, {:?}",
+            "{platform:?}: {found:e} above {bound:e}, {:?}",
             report.warnings
         );
     }
@@ -231,7 +231,7 @@ fn residual_without_anchors() {
     let mut scene = anchored(COROTATIONAL, Region::Bottom, 30.0);
     scene.time.gravity = [0.0, 0.0, -9.81];
     let model = model(&scene);
-    let mut body = Body::new(&Place::Cpu64, model.clone(), &displaced(&model, |x| [0.0, 0.0, -0.02 * x[0]]), 1e-12);
+    let mut body = Body::new(&Platform::Cpu64, model.clone(), &displaced(&model, |x| [0.0, 0.0, -0.02 * x[0]]), 1e-12);
     body.step();
     let before = body.state();
     body.step();
@@ -253,7 +253,7 @@ fn energy_rise(law: Law, damping: f64, counted: bool) -> f64 {
     let model = model(&scene);
     let mut start = displaced(&model, |x| [0.0, 1e-4 * (x[2] * 400.0).cos(), 3e-5 * (x[0] * 400.0).sin()]);
     start.v = model.rest.iter().map(|x| [0.05 * (300.0 * x[1]).sin(), 0.0, 0.1, 0.0]).collect();
-    let mut body = Body::new(&Place::Cpu64, model.clone(), &start, 1e-12);
+    let mut body = Body::new(&Platform::Cpu64, model.clone(), &start, 1e-12);
     let judged = if counted { model } else { Model { anchors: Anchors::default(), ..model } };
     let total = |body: &mut Body| {
         let s = body.state();

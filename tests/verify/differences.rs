@@ -1,7 +1,7 @@
 //! Finite differences: force against energy, products against force.
 //!
-//! Linear bricks: energy is quadratic, so a central difference of any width is exact to rounding. Springs: error of the square of the
-//! width. Corotational bricks leave the derivative of the rotation out (SOFA does too): their force differs from the energy's gradient by
+//! Linear hexahedra: energy is quadratic, so a central difference of any width is exact to rounding. Springs: error of the square of the
+//! width. Corotational hexahedra leave the derivative of the rotation out (SOFA does too): their force differs from the energy's gradient by
 //! a share that falls with the strain, and this is what is tested.
 
 use super::Case;
@@ -25,7 +25,7 @@ pub const CASES: &[Case] = &[
 
 const SEED: u64 = 3;
 
-/// Forces, and with them the rotations of bricks and the tangents of springs.
+/// Forces, and with them the rotations of hexahedra and the tangents of springs.
 fn force(model: &Model, u: &[V4<f64>]) -> [Vec<V4<f64>>; 3] {
     let params = model.params();
     let mut f = vec![[0.0; 4]; u.len()];
@@ -154,11 +154,11 @@ fn strained(model: &Model, strain: f64) -> Vec<V4<f64>> {
     let noise = random.field(model.rest.len(), 1e-3 * strain);
     let (s, c) = 25f64.to_radians().sin_cos();
     let r = rotation_matrix([s * 2.0 / 3.0, s / 3.0, -s * 2.0 / 3.0, c]);
-    let place = |(x, d): (&[f64; 3], &V4<f64>)| {
+    let displacement = |(x, d): (&[f64; 3], &V4<f64>)| {
         let x = V3::of(*x);
         (r * (x + V3::from4(*d)) - x).pad(0.0)
     };
-    model.rest.iter().zip(&noise).map(place).collect()
+    model.rest.iter().zip(&noise).map(displacement).collect()
 }
 
 fn corotational_force() {
@@ -172,7 +172,7 @@ fn corotational_force() {
             assert!((0.7..1.4).contains(&order), "{element:?}: order {order} of {errors:?}");
         }
         assert!(errors[0] < 0.1 && errors[3] < 1e-3, "{element:?}: {errors:?}");
-        // counter-test: forces of unturned bricks are not near the gradient at any strain
+        // counter-test: forces of unturned hexahedra are not near the gradient at any strain
         let mut linear = model.clone();
         linear.hexahedra_mut().corotational = 0;
         let u = strained(&model, 1e-4);

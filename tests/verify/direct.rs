@@ -3,7 +3,7 @@
 use super::Case;
 use super::dense::{hold_some, multiply, random_rotations, small, without_dead};
 use super::setup::{LONG, Random, apart, displaced, measured, model};
-use cutis::backend::{Backend, CpuBackend, FREE, Needs, Target, Wanted};
+use cutis::backend::{Backend, CpuBackend, FREE, Needs, SolveRequest, Target};
 use cutis::bodies::grid::direct::{Direct, Pattern};
 use cutis::bodies::{Model, Refused, Removal};
 use cutis::error::Error;
@@ -132,7 +132,7 @@ fn increment<R: Real>(scene: &Scene, tolerance: f64) -> (Vec<V4<f64>>, Outcome) 
     let removal = Removal { cells: gone.map(|c| c as u32).to_vec(), free, ..Removal::default() };
     backend.remove(&removal).expect("the CPU works");
     backend.begin().expect("the CPU works");
-    let wanted = [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }];
+    let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }];
     let outcome = backend.solve(&wanted, &[]).expect("the matrix is regular").0[0];
     (backend.solution(FREE).expect("the CPU works"), outcome)
 }

@@ -1,14 +1,14 @@
-//! Patch test and rigid motion: what every brick must do exactly.
+//! Patch test and rigid motion: what every element must do exactly.
 //!
 //! Patch test: outer nodes move by `u = G X`; then the whole body does, since constant strain is in equilibrium (Irons 1966). Here on
-//! cells of three heights, one material. Corotational bricks pass with any G: all cells have the same rotation.
+//! cells of three heights, one material. Corotational hexahedra pass with any G: all cells have the same rotation.
 
 use super::setup::{Body, LONG, add, block, displaced, epsilon, largest, measured, model, times, tolerance, xyz};
 use super::{Case, Everywhere};
 use cutis::bodies::Model;
 use cutis::math::rotation_matrix;
 use cutis::scene::Element::{self, Bbar, Enhanced, Plain};
-use cutis::step::Place;
+use cutis::step::Platform;
 
 pub const EVERYWHERE: &[Everywhere] = &[
     ("patch_test_linear", patch_linear),
@@ -18,20 +18,20 @@ pub const EVERYWHERE: &[Everywhere] = &[
 pub const CASES: &[Case] = &[
     ("patch_test_sees_a_second_material", second_material),
     ("patch_test_sees_a_wrong_matrix_entry", wrong_entry),
-    ("rotation_of_linear_bricks_gives_force", linear_rotation),
+    ("rotation_of_linear_hexahedra_gives_force", linear_rotation),
     ("stretch_after_a_rotation_gives_force", stretched_rotation),
 ];
 
 /// Displacement gradient: shear and stretch of 1–2 %, not symmetric.
 const G: [[f64; 3]; 3] = [[0.01, 0.003, 0.0], [-0.002, 0.02, 0.004], [0.001, 0.0, -0.015]];
 
-/// Error of the nodes inside relative to the field, in roundings of the place's numbers: the solve ends at `tolerance`, 4500 f64 or 8 f32
+/// Error of the nodes inside relative to the field, in roundings of the platform's numbers: the solve ends at `tolerance`, 4500 f64 or 8 f32
 /// roundings, and the condition of these small bodies (under 1000, most of it in modes that the patch does not excite) amplifies it.
 const PATCH_BOUND: [f64; 2] = [1e-10, 2e-4];
 
-/// Largest error of the inner nodes relative to the largest displacement. Linear bricks need one long step, a second one refines.
+/// Largest error of the inner nodes relative to the largest displacement. Linear hexahedra need one long step, a second one refines.
 /// Corotational ones take a Newton-like step each, with a contraction of the size of the rotations: a dozen is plenty.
-fn patch(place: &Place, mut model: Model, steps: u32) -> f64 {
+fn patch(platform: &Platform, mut model: Model, steps: u32) -> f64 {
     let p = model.grid.params::<f64>();
     model.step.step = LONG;
     let last = [p.nodes_x, p.nodes_y, p.nodes_z].map(|n| n as usize - 1);
@@ -48,7 +48,7 @@ fn patch(place: &Place, mut model: Model, steps: u32) -> f64 {
         }
     }
     let exact: Vec<[f64; 3]> = model.rest.iter().map(|x| times(&G, *x)).collect();
-    let mut body = Body::new(place, model, &start, tolerance(place));
+    let mut body = Body::new(platform, model, &start, tolerance(platform));
     for _ in 0..steps {
         body.step();
     }
@@ -57,31 +57,31 @@ fn patch(place: &Place, mut model: Model, steps: u32) -> f64 {
     largest(&error) / largest(&exact)
 }
 
-fn patch_bound(place: &Place) -> f64 {
-    PATCH_BOUND[usize::from(*place != Place::Cpu64)]
+fn patch_bound(platform: &Platform) -> f64 {
+    PATCH_BOUND[usize::from(*platform != Platform::Cpu64)]
 }
 
-fn patch_with(place: &Place, corotational: bool, steps: u32) {
+fn patch_with(platform: &Platform, corotational: bool, steps: u32) {
     for element in [Plain, Bbar, Enhanced] {
-        let error = patch(place, model(&block(element, corotational)), steps);
-        let what = format!("patch {place:?} {element:?} corotational {corotational}");
+        let error = patch(platform, model(&block(element, corotational)), steps);
+        let what = format!("patch {platform:?} {element:?} corotational {corotational}");
         measured(&what, error, 0.0);
-        assert!(error < patch_bound(place), "{what}: {error:e}");
+        assert!(error < patch_bound(platform), "{what}: {error:e}");
     }
 }
 
-fn patch_linear(place: &Place) {
-    patch_with(place, false, 2);
+fn patch_linear(platform: &Platform) {
+    patch_with(platform, false, 2);
 }
 
-fn patch_corotational(place: &Place) {
-    patch_with(place, true, 12);
+fn patch_corotational(platform: &Platform) {
+    patch_with(platform, true, 12);
 }
 
 fn second_material() {
     let mut scene = block(Bbar, false);
     scene.skins[0].layers[1].young *= 1.01;
-    let error = patch(&Place::Cpu64, model(&scene), 2);
+    let error = patch(&Platform::Cpu64, model(&scene), 2);
     assert!(error > 1e-6, "1 % of stiffness is not noticed: {error:e}");
 }
 
@@ -89,13 +89,13 @@ fn wrong_entry() {
     let mut model = model(&block(Plain, false));
     // along z, where layers meet, and the same at every corner: what differs in a mirror has no place in a box's matrix
     (0..8).for_each(|a| model.hexahedra_mut().stiffness[0][3 * a + 2][3 * a + 2] *= 1.001);
-    let error = patch(&Place::Cpu64, model, 2);
+    let error = patch(&Platform::Cpu64, model, 2);
     assert!(error > 1e-6, "a wrong entry is not noticed: {error:e}");
 }
 
 /// Largest force of a body that is rotated by `degrees` about a skew axis and shifted, after a stretch along x; relative to the largest
 /// diagonal stiffness times the largest displacement.
-fn force_after(place: &Place, element: Element, corotational: bool, degrees: f64, stretch: f64) -> f64 {
+fn force_after(platform: &Platform, element: Element, corotational: bool, degrees: f64, stretch: f64) -> f64 {
     let model = model(&block(element, corotational));
     let [x, y, z] = [2.0 / 7.0, -3.0 / 7.0, 6.0 / 7.0];
     let (s, c) = (degrees.to_radians() / 2.0).sin_cos();
@@ -109,37 +109,37 @@ fn force_after(place: &Place, element: Element, corotational: bool, degrees: f64
     let start = displaced(&model, move_node);
     let far = start.u.iter().map(|u| xyz(*u)).collect::<Vec<_>>();
     let stiff = (0..24).map(|k| model.hexahedra().stiffness[0][k][k]).fold(0.0, f64::max);
-    let mut body = Body::new(place, model, &start, tolerance(place));
+    let mut body = Body::new(platform, model, &start, tolerance(platform));
     largest(&body.forces()) / (stiff * largest(&far))
 }
 
 /// Rounding of up to 64 cell corners' products, with the few roundings of a rotation.
 const RIGID_ROUNDINGS: f64 = 64.0;
 
-fn rigid_motion(place: &Place) {
+fn rigid_motion(platform: &Platform) {
     for element in [Plain, Bbar, Enhanced] {
         for degrees in [0.0, 30.0, 170.0] {
-            let force = force_after(place, element, true, degrees, 1.0);
-            let what = format!("rigid {place:?} {element:?} {degrees}°");
+            let force = force_after(platform, element, true, degrees, 1.0);
+            let what = format!("rigid {platform:?} {element:?} {degrees}°");
             measured(&what, force, 0.0);
-            assert!(force < RIGID_ROUNDINGS * epsilon(place), "{what}: {force:e}");
+            assert!(force < RIGID_ROUNDINGS * epsilon(platform), "{what}: {force:e}");
         }
     }
 }
 
 fn linear_rotation() {
     for degrees in [30.0, 170.0] {
-        let force = force_after(&Place::Cpu64, Bbar, false, degrees, 1.0);
+        let force = force_after(&Platform::Cpu64, Bbar, false, degrees, 1.0);
         assert!(force > 1e-2, "{degrees}°: {force:e}");
     }
-    let shift_alone = force_after(&Place::Cpu64, Bbar, false, 0.0, 1.0);
+    let shift_alone = force_after(&Platform::Cpu64, Bbar, false, 0.0, 1.0);
     let bound = RIGID_ROUNDINGS * f64::EPSILON;
     assert!(shift_alone < bound, "{shift_alone:e}");
 }
 
 fn stretched_rotation() {
     for degrees in [30.0, 170.0] {
-        let force = force_after(&Place::Cpu64, Bbar, true, degrees, 1.001);
+        let force = force_after(&Platform::Cpu64, Bbar, true, degrees, 1.001);
         assert!(force > 1e-6, "{degrees}°: {force:e}");
     }
 }

@@ -18,7 +18,7 @@ use cutis::report::inspect::inspect;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Integrator::{self, ImplicitEuler, Newmark, SymplecticEuler};
 use cutis::scene::{Anchor, Mass, Preconditioner, Region, Scene};
-use cutis::step::{Place, Refused, Simulation};
+use cutis::step::{Platform, Refused, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
     ("each_integrator_follows_its_textbook_recurrence", recurrences),
@@ -89,14 +89,14 @@ impl Column {
     }
 
     /// Height of the top after each step from `(u, v)`.
-    fn run(&self, place: &Place, h: f64, start: [f64; 2], steps: usize) -> Vec<[f64; 2]> {
+    fn run(&self, platform: &Platform, h: f64, start: [f64; 2], steps: usize) -> Vec<[f64; 2]> {
         let mut scene = self.scene.clone();
         scene.time.step = h;
         let model = model(&scene);
         let top = model.grid.nearest([0.0, 0.0, THICKNESS]);
         let field = |value: f64| displaced(&model, |x| [0.0, 0.0, if x[2] > 0.5 * THICKNESS { value } else { 0.0 }]).u;
         let start = Snapshot { u: field(start[0]), v: field(start[1]), ..Snapshot::default() };
-        let mut body = Body::new(place, model, &start, tolerance(place));
+        let mut body = Body::new(platform, model, &start, tolerance(platform));
         let mut one = || {
             body.step();
             let state = body.state();
@@ -143,17 +143,17 @@ fn apart(a: &[[f64; 2]], b: &[[f64; 2]], size: f64, omega: f64) -> f64 {
 /// m
 const SIZE: f64 = 1e-5;
 
-fn follows(place: &Place, column: &Column, integrator: Integrator) {
+fn follows(platform: &Platform, column: &Column, integrator: Integrator) {
     const STEPS: usize = 40;
     let omega = column.omega();
     let (h, start) = (0.3 / omega, [SIZE, 0.4 * SIZE * omega]);
-    let found = column.run(place, h, start, STEPS);
+    let found = column.run(platform, h, start, STEPS);
     let wanted = column.textbook(integrator, h, start, STEPS);
     let error = apart(&found, &wanted, SIZE, omega);
-    measured(&format!("recurrence {place:?} {integrator:?}"), error, 0.0);
+    measured(&format!("recurrence {platform:?} {integrator:?}"), error, 0.0);
     // a step's rounding and its solve's tolerance, carried on; velocities are differences of displacements over h ω = 0.3
-    let bound = STEPS as f64 * 20.0 * (tolerance(place) + 8.0 * epsilon(place));
-    assert!(error < bound, "{place:?} {integrator:?}: {error:e} above {bound:e}");
+    let bound = STEPS as f64 * 20.0 * (tolerance(platform) + 8.0 * epsilon(platform));
+    assert!(error < bound, "{platform:?} {integrator:?}: {error:e} above {bound:e}");
     // counter-test: no other integrator is this one
     for other in ALL.into_iter().filter(|o| *o != integrator) {
         let error = apart(&found, &column.textbook(other, h, start, STEPS), SIZE, omega);
@@ -161,17 +161,17 @@ fn follows(place: &Place, column: &Column, integrator: Integrator) {
     }
 }
 
-fn recurrences(place: &Place) {
+fn recurrences(platform: &Platform) {
     for integrator in ALL {
-        follows(place, &column(integrator, Mass::Lumped, false, true), integrator);
+        follows(platform, &column(integrator, Mass::Lumped, false, true), integrator);
     }
     // a uniform mass puts half of the body on the moving top, as lumping does
-    follows(place, &column(SymplecticEuler, Mass::Uniform, true, true), SymplecticEuler);
+    follows(platform, &column(SymplecticEuler, Mass::Uniform, true, true), SymplecticEuler);
 }
 
-fn newmark_varieties(place: &Place) {
+fn newmark_varieties(platform: &Platform) {
     for (mass, anchored) in [(Mass::Consistent, false), (Mass::Lumped, true)] {
-        follows(place, &column(Newmark, mass, anchored, true), Newmark);
+        follows(platform, &column(Newmark, mass, anchored, true), Newmark);
     }
 }
 
@@ -189,7 +189,7 @@ fn orders() {
         let start = [SIZE, 0.4 * SIZE * column.omega()];
         let time = 2.0 / column.omega();
         let error = |steps: usize| {
-            let last = column.run(&Place::Cpu64, time / steps as f64, start, steps)[steps - 1][0];
+            let last = column.run(&Platform::Cpu64, time / steps as f64, start, steps)[steps - 1][0];
             (last - exact(&column, start, time)).abs() / SIZE
         };
         let errors = [40, 80, 160].map(error);
@@ -216,7 +216,7 @@ fn damping() {
         let omega = column.omega();
         for z in [0.05, 0.1, 0.5, 1.0] {
             let steps = 200;
-            let run = column.run(&Place::Cpu64, z / omega, [SIZE, 0.0], steps);
+            let run = column.run(&Platform::Cpu64, z / omega, [SIZE, 0.0], steps);
             // u_{n+1} = s u_n − p u_{n−1}: p the square of a step's factor, s twice its cosine; by least squares over the run
             let u: Vec<f64> = run.iter().map(|s| s[0]).collect();
             let (p, s) = recurrence(&u[..steps.min((60.0 / z) as usize)]);
@@ -279,7 +279,7 @@ fn energy(model: &Model, state: &Snapshot) -> f64 {
 
 /// Energies of the state every so many steps, relative to the first.
 fn energies(model: Model, start: &Snapshot, steps: usize, every: usize) -> Vec<f64> {
-    let mut body = Body::new(&Place::Cpu64, model, start, 1e-11);
+    let mut body = Body::new(&Platform::Cpu64, model, start, 1e-11);
     let first = body.state();
     let first = energy(&body.model, &first);
     let mut out = vec![];
@@ -312,7 +312,7 @@ fn symplectic_energy() {
     let (mut model, start) = lively(SymplecticEuler);
     let h = 0.5 * model.stable_step();
     model.step.step = h;
-    let mut body = Body::new(&Place::Cpu64, model, &start, 1e-11);
+    let mut body = Body::new(&Platform::Cpu64, model, &start, 1e-11);
     // E − h/2 v·K u is kept exactly; where h ω ≤ 1 it differs from E by at most h ω/2 of it
     let kept = |body: &mut Body| {
         let state = body.state();
@@ -344,7 +344,7 @@ fn symplectic_energy() {
 fn bounded(model: &Model, start: &Snapshot, h: f64) -> bool {
     let mut model = model.clone();
     model.step.step = h;
-    let mut body = Body::new(&Place::Cpu64, model, start, 1e-11);
+    let mut body = Body::new(&Platform::Cpu64, model, start, 1e-11);
     let first = energy(&body.model, start);
     for _ in 0..20 {
         for _ in 0..100 {
@@ -390,25 +390,25 @@ fn stable_steps() {
 fn refused_steps() {
     let mut scene = block(Bbar, true);
     (scene.time.integrator, scene.time.step) = (SymplecticEuler, 1e-3);
-    let Err(error) = Simulation::new(&scene, &Place::Cpu64) else { panic!("1 ms is not stable") };
+    let Err(error) = Simulation::new(&scene, &Platform::Cpu64) else { panic!("1 ms is not stable") };
     assert_eq!(error.exit_code(), 2);
     let Error::Step(Refused::UnstableStep { stable_ms, step_ms, substeps, .. }) = &error else { panic!("{error}") };
     let stable = 1e3 * model(&scene).stable_step();
     assert!((stable_ms / stable - 1.0).abs() < 1e-9 && *step_ms == 1.0, "{error}");
     assert!(error.to_string().contains("substeps"), "{error}");
     scene.time.substeps = *substeps as u32;
-    let mut run = Simulation::new(&scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let mut run = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let report = run.step(true).unwrap_or_else(|e| panic!("{e}"));
     assert!(report.warnings.is_empty(), "{:?}", report.warnings);
     scene.time.substeps -= 1;
-    assert!(Simulation::new(&scene, &Place::Cpu64).is_err(), "one part fewer is not stable");
+    assert!(Simulation::new(&scene, &Platform::Cpu64).is_err(), "one part fewer is not stable");
 }
 
 fn nothing_to_solve() {
     let mut scene = block(Bbar, true);
     scene.solver.preconditioner = Preconditioner::Multigrid;
     let size = |scene: &Scene| {
-        let body = Body::new(&Place::Cpu64, model(scene), &displaced(&model(scene), |_| [0.0; 3]), 1e-9);
+        let body = Body::new(&Platform::Cpu64, model(scene), &displaced(&model(scene), |_| [0.0; 3]), 1e-9);
         (body.model.hexahedra().multigrid.is_some(), body.bytes())
     };
     let names = |scene: &Scene| {
@@ -427,7 +427,7 @@ fn nothing_to_solve() {
     assert!(implicit.1 - explicit.1 >= 8 * 32 * nodes, "{implicit:?} {explicit:?}");
 }
 
-fn true_residuals(place: &Place) {
+fn true_residuals(platform: &Platform) {
     let varieties = [
         (ImplicitEuler, Preconditioner::Multigrid, 0),
         (Newmark, Preconditioner::Multigrid, 0),
@@ -443,16 +443,16 @@ fn true_residuals(place: &Place) {
             scene.anchors = vec![Anchor { body: 0, region: Region::Top, stiffness: 2.0 }];
             (scene.time.integrator, scene.time.gravity) = (integrator, [0.0, 0.0, -9.81]);
             (scene.solver.preconditioner, scene.solver.refinements) = (preconditioner, refinements);
-            scene.solver.tolerance = 10.0 * tolerance(place);
+            scene.solver.tolerance = 10.0 * tolerance(platform);
             scene.time.step = if integrator == SymplecticEuler { 0.5 * model(&scene).stable_step() } else { 1e-3 };
-            let mut run = Simulation::new(&scene, place).unwrap_or_else(|e| panic!("{e}"));
+            let mut run = Simulation::new(&scene, platform).unwrap_or_else(|e| panic!("{e}"));
             for _ in 0..3 {
                 let report = run.step(true).unwrap_or_else(|e| panic!("{e}"));
                 let residual = report.true_residual.unwrap_or(f64::NAN);
-                measured(&format!("true residual {place:?} {integrator:?} {preconditioner:?}"), residual, 0.0);
-                let bound = 100.0 * tolerance(place);
-                assert!(residual < bound, "{place:?} {integrator:?} {preconditioner:?}: {residual:e}");
-                assert!(report.warnings.is_empty(), "{place:?} {integrator:?}: {:?}", report.warnings);
+                measured(&format!("true residual {platform:?} {integrator:?} {preconditioner:?}"), residual, 0.0);
+                let bound = 100.0 * tolerance(platform);
+                assert!(residual < bound, "{platform:?} {integrator:?} {preconditioner:?}: {residual:e}");
+                assert!(report.warnings.is_empty(), "{platform:?} {integrator:?}: {:?}", report.warnings);
             }
         }
     }
@@ -465,7 +465,7 @@ fn release(model: &Model, start: &Snapshot, integrator: Integrator, steps: u32) 
     if integrator == SymplecticEuler {
         model.hexahedra_mut().multigrid = None;
     }
-    let mut body = Body::new(&Place::Cpu64, model, start, 1e-6);
+    let mut body = Body::new(&Platform::Cpu64, model, start, 1e-6);
     let first = body.state();
     let first = energy(&body.model, &first);
     let clock = std::time::Instant::now();
@@ -479,7 +479,7 @@ fn release(model: &Model, start: &Snapshot, integrator: Integrator, steps: u32) 
 fn released() {
     let mut scene = on_grid(scene("verify/skin_block_045.toml"), Grid::Coarse, Bbar);
     scene.time.gravity = [0.0; 3];
-    let (mut model, u) = static_answer(&Place::Cpu64, &scene, 1e-8);
+    let (mut model, u) = static_answer(&Platform::Cpu64, &scene, 1e-8);
     (model.step.rayleigh_mass, model.step.rayleigh_stiffness) = (0.0, 0.0);
     let start = Snapshot { u, ..displaced(&model, |_| [0.0; 3]) };
     let stable = (1e-3 / model.stable_step()).ceil() as u32;

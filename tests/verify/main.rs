@@ -1,7 +1,7 @@
 //! Known answers: the solver against closed forms, conservation laws, finite differences and converged references.
 //!
 //! Every check has a counter-test: the same measure on something that is deliberately wrong must fail it. Checks that run everywhere are
-//! functions over [`Place`] and run in f64, in f32 and, where there is an adapter, on the GPU; without one the GPU runs are listed as
+//! functions over [`Platform`] and run in f64, in f32 and, where there is an adapter, on the GPU; without one the GPU runs are listed as
 //! ignored with the reason, and `CUTIS_GPU=require` makes that a failure. `CUTIS_MEASURED=1` prints what was measured.
 
 mod anchors;
@@ -27,20 +27,20 @@ mod solver;
 mod springs;
 
 use cutis::gpu::adapters;
-use cutis::step::Place;
+use cutis::step::Platform;
 use libtest_mimic::{Arguments, Completion, Failed, Trial};
 use std::process::ExitCode;
 
 /// Runs on the CPU path in f64.
 pub type Case = (&'static str, fn());
-/// Runs on every place.
-pub type Everywhere = (&'static str, fn(&Place));
+/// Runs on every platform.
+pub type Everywhere = (&'static str, fn(&Platform));
 
 fn on_gpu((name, run): Everywhere, adapter_present: bool) -> Trial {
     let required = std::env::var("CUTIS_GPU").is_ok_and(|v| v == "require");
     let trial = move || match (adapter_present, required) {
         (true, _) => {
-            run(&Place::Gpu(None));
+            run(&Platform::Gpu(None));
             Ok(Completion::Completed)
         }
         (false, true) => Err(Failed::from("CUTIS_GPU=require, but there is no Vulkan, Metal or DX12 adapter")),
@@ -101,9 +101,9 @@ fn main() -> ExitCode {
     }
     for case in everywhere.into_iter().flatten() {
         let (name, run) = *case;
-        for (place, kind) in [(Place::Cpu64, "cpu f64"), (Place::Cpu32, "cpu f32")] {
+        for (platform, kind) in [(Platform::Cpu64, "cpu f64"), (Platform::Cpu32, "cpu f32")] {
             let run = move || {
-                run(&place);
+                run(&platform);
                 Ok(())
             };
             trials.push(Trial::test(name, run).with_kind(kind));

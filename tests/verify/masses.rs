@@ -1,6 +1,6 @@
 //! Lumped, uniform and consistent masses: sums, free fall and momentum (`motion`), and a bar's lowest axial frequency.
 //!
-//! A bar of `n` equal bricks, ν 0, held along its axis at one end: bricks move as linear bar elements, so one step of implicit Euler on a
+//! A bar of `n` equal hexahedra, ν 0, held along its axis at one end: hexahedra move as linear bar elements, so one step of implicit Euler on a
 //! sine shape has a closed form for each mass, `ω² = 2 (1 − cos θ) k/m` and what follows from the mass matrix of a bar element:
 //! lumped: `m = ρ A h`, θ = π/2n; consistent: the same divided by `(2 + cos θ)/3`; uniform, where the free end weighs as much as any other
 //! plane of nodes: `m = ρ A L/(n + 1)`, θ = π/(2n + 1) (a chain of equal masses). The exact bar has `ω = (π/2L) √(E/ρ)`.
@@ -13,7 +13,7 @@ use cutis::bodies::Wound;
 use cutis::kernels::cut::Hit;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Mass::{self, Consistent, Lumped, Uniform};
-use cutis::step::Place;
+use cutis::step::Platform;
 use std::f64::consts::PI;
 
 pub const CASES: &[Case] = &[
@@ -25,7 +25,7 @@ pub const EVERYWHERE: &[Everywhere] = &[("axial_bar_has_its_masses_frequency", b
 
 pub const ALL: [Mass; 3] = [Lumped, Uniform, Consistent];
 
-/// Bricks along the bar.
+/// Hexahedra along the bar.
 const COUNT: usize = 6;
 // m, Pa, kg/m³
 const LENGTH: f64 = 12e-3;
@@ -59,13 +59,13 @@ fn closed_form(mass: Mass) -> [f64; 2] {
 }
 
 /// Steps from the sine shape at rest; displacements of the free end, relative to the start.
-fn swing(place: &Place, mass: Mass, theta: f64, steps: usize) -> Vec<f64> {
+fn swing(platform: &Platform, mass: Mass, theta: f64, steps: usize) -> Vec<f64> {
     const SIZE: f64 = 1e-5; // m
     let model = bar_model(mass);
     let h = LENGTH / COUNT as f64;
     let start = displaced(&model, |x| [SIZE * ((x[0] / LENGTH + 0.5) * LENGTH / h * theta).sin(), 0.0, 0.0]);
     let end = model.grid.nearest([0.5 * LENGTH, 0.5e-3, 1e-3]);
-    let mut body = Body::new(place, model, &start, tolerance(place));
+    let mut body = Body::new(platform, model, &start, tolerance(platform));
     let first = start.u[end][0];
     let mut one = || {
         body.step();
@@ -86,23 +86,23 @@ fn implicit_euler(omega_squared: f64, step: f64, steps: usize) -> Vec<f64> {
 
 const STEPS: usize = 6;
 
-fn bar(place: &Place) {
+fn bar(platform: &Platform) {
     // each step's solve and rounding, carried on
-    let bound = 10.0 * STEPS as f64 * (tolerance(place) + 8.0 * epsilon(place));
+    let bound = 10.0 * STEPS as f64 * (tolerance(platform) + 8.0 * epsilon(platform));
     let step = bar_model(Lumped).step.step;
     for mass in ALL {
         let [omega_squared, theta] = closed_form(mass);
-        let found = swing(place, mass, theta, STEPS);
+        let found = swing(platform, mass, theta, STEPS);
         let off = |omega_squared: f64| {
             let exact = implicit_euler(omega_squared, step, STEPS);
             found.iter().zip(exact).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
         };
-        measured(&format!("bar {place:?} {mass:?}"), off(omega_squared), 0.0);
-        assert!(off(omega_squared) < bound, "{place:?} {mass:?}: {:e} above {bound:e}", off(omega_squared));
+        measured(&format!("bar {platform:?} {mass:?}"), off(omega_squared), 0.0);
+        assert!(off(omega_squared) < bound, "{platform:?} {mass:?}: {:e} above {bound:e}", off(omega_squared));
         // counter-test: the other masses are other bars
         for other in ALL.into_iter().filter(|m| *m != mass) {
             let [wrong, _] = closed_form(other);
-            assert!(off(wrong) > 1e-3, "{place:?} {mass:?} is also {other:?}: {:e}", off(wrong));
+            assert!(off(wrong) > 1e-3, "{platform:?} {mass:?} is also {other:?}: {:e}", off(wrong));
         }
     }
 }
@@ -113,7 +113,7 @@ fn frequency_order() {
     let exact = (PI / (2.0 * LENGTH)).powi(2) * YOUNG / DENSITY;
     let [lumped, consistent] = [Lumped, Consistent].map(|mass| {
         let [_, theta] = closed_form(mass);
-        (1.0 / swing(&Place::Cpu64, mass, theta, 1)[0] - 1.0) / (step * step)
+        (1.0 / swing(&Platform::Cpu64, mass, theta, 1)[0] - 1.0) / (step * step)
     });
     measured("bar, lumped ω² / exact", lumped / exact, 1.0);
     measured("bar, consistent ω² / exact", consistent / exact, 1.0);

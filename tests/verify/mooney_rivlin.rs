@@ -1,9 +1,9 @@
-//! Mooney–Rivlin bricks: a bar that is pulled and pressed, against the law in principal stretches, and against Mooney's own formula.
+//! Mooney–Rivlin hexahedra: a bar that is pulled and pressed, against the law in principal stretches, and against Mooney's own formula.
 
 use super::Everywhere;
 use super::setup::{Body, LONG, block, displaced, measured, model, tolerance};
 use cutis::scene::{Element::Bbar, Law, Material};
-use cutis::step::Place;
+use cutis::step::Platform;
 
 pub const EVERYWHERE: &[Everywhere] = &[("mooney_rivlin_bar_follows_its_uniaxial_curve", bar)];
 
@@ -31,7 +31,7 @@ fn uniaxial(a: f64, bulk: f64) -> f64 {
 }
 
 /// Nominal stress of a bar of 2 × 2 × 2 cells held by its ends alone, Pa.
-fn found(place: &Place, material: Material, stretch: f64, bulk: f64) -> f64 {
+fn found(platform: &Platform, material: Material, stretch: f64, bulk: f64) -> f64 {
     let mut scene = block(Bbar, true);
     let shear = 2.0 * (C[0] + C[1]);
     let skin = &mut scene.skins[0];
@@ -59,7 +59,7 @@ fn found(place: &Place, material: Material, stretch: f64, bulk: f64) -> f64 {
         for (node, x) in model.rest.iter().enumerate() {
             u.u[node][2] = (moved - 1.0) * x[2];
         }
-        let mut now = Body::new(place, model.clone(), &u, 100.0 * tolerance(place));
+        let mut now = Body::new(platform, model.clone(), &u, 100.0 * tolerance(platform));
         now.step();
         now.step(); // whose load is what the first has left
         u.u = now.state().u;
@@ -70,15 +70,15 @@ fn found(place: &Place, material: Material, stretch: f64, bulk: f64) -> f64 {
     top.map(|n| forces[n][2]).sum::<f64>() / area
 }
 
-fn bar(place: &Place) {
+fn bar(platform: &Platform) {
     let bulk = 50.0 * 2.0 * (C[0] + C[1]);
     for stretch in [0.6, 0.95, 1.3, 2.0] {
-        let (here, wanted) = (found(place, Material::MooneyRivlin, stretch, bulk), uniaxial(stretch, bulk));
-        measured(&format!("Mooney–Rivlin bar {place:?} at {stretch} / Pa"), here, wanted);
-        let bound = if *place == Place::Cpu64 { 1e-8 } else { 2e-3 };
-        assert!((here / wanted - 1.0).abs() < bound, "{place:?}, {stretch}: {here:e} Pa, wanted {wanted:e}");
+        let (here, wanted) = (found(platform, Material::MooneyRivlin, stretch, bulk), uniaxial(stretch, bulk));
+        measured(&format!("Mooney–Rivlin bar {platform:?} at {stretch} / Pa"), here, wanted);
+        let bound = if *platform == Platform::Cpu64 { 1e-8 } else { 2e-3 };
+        assert!((here / wanted - 1.0).abs() < bound, "{platform:?}, {stretch}: {here:e} Pa, wanted {wanted:e}");
         // counter-test: the neo-Hookean law of the same small strain
-        let other = found(place, Material::NeoHookean, stretch, bulk);
+        let other = found(platform, Material::NeoHookean, stretch, bulk);
         let least = if (stretch - 1.0f64).abs() < 0.1 { 5e-3 } else { 4e-2 };
         assert!((other / wanted - 1.0).abs() > least, "{stretch}: {other:e} Pa is too near to tell");
         // Mooney 1940: 2 (a − a⁻²) (c₁₀ + c₀₁/a) where the volume is kept

@@ -1,7 +1,7 @@
 //! Motion of a free body: free fall, momentum, energy.
 //!
-//! Implicit Euler keeps linear momentum exactly for every law, and for linear bricks the moment of momentum about rest positions
-//! (`Σ X × K u = 0`: the rotations are in K's null space); its energy never rises. Corotational bricks leave a torque of second order in
+//! Implicit Euler keeps linear momentum exactly for every law, and for linear hexahedra the moment of momentum about rest positions
+//! (`Σ X × K u = 0`: the rotations are in K's null space); its energy never rises. Corotational hexahedra leave a torque of second order in
 //! the strain, and a spinning body loses spin with the first order of the step.
 
 use super::setup::{
@@ -14,7 +14,7 @@ use cutis::kernels::momentum;
 use cutis::scene::Element::{Bbar, Plain};
 use cutis::scene::Mass::{self, Consistent, Lumped, Uniform};
 use cutis::scene::{Law, Preconditioner};
-use cutis::step::Place;
+use cutis::step::Platform;
 
 pub const EVERYWHERE: &[Everywhere] =
     &[("free_fall_is_implicit_eulers_parabola", free_fall), ("free_block_keeps_its_momentum", kept_momentum)];
@@ -26,7 +26,7 @@ pub const CASES: &[Case] = &[
     ("spin_is_lost_with_the_first_order_of_the_step", spin),
 ];
 
-fn free_fall(place: &Place) {
+fn free_fall(platform: &Platform) {
     const STEPS: i32 = 20;
     for (drag, mass) in [(0.0, Lumped), (5.0, Lumped), (5.0, Uniform), (5.0, Consistent)] {
         let mut scene = block(Bbar, true);
@@ -34,7 +34,7 @@ fn free_fall(place: &Place) {
         (scene.time.step, scene.time.gravity) = (5e-3, [1.0, -2.0, -9.81]);
         (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (drag, 0.01);
         let model = model(&scene);
-        let mut body = Body::new(place, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance(place));
+        let mut body = Body::new(platform, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance(platform));
         let (h, q) = (scene.time.step, 1.0 / (1.0 + scene.time.step * drag));
         // v_n = g h Σ_{k=1..n} q^k, u_n = h Σ v_k
         let (mut v, mut u) = (0.0, 0.0);
@@ -50,11 +50,11 @@ fn free_fall(place: &Place) {
             let off = |p: &[f64; 4]| (0..3).map(|n| (p[n] - exact[n]).abs()).fold(0.0, f64::max);
             state.u.iter().map(off).fold(0.0, f64::max) / size
         };
-        measured(&format!("free fall {place:?} drag {drag} {mass:?}"), far(exact), 0.0);
+        measured(&format!("free fall {platform:?} drag {drag} {mass:?}"), far(exact), 0.0);
         // each step adds its solve's and its sum's rounding, and the velocity carries both on; measured is a tenth and less on the CPU,
         // a sixth on lavapipe
-        let bound = 4.0 * f64::from(STEPS) * (tolerance(place) + 8.0 * epsilon(place));
-        assert!(far(exact) < bound, "{place:?}, drag {drag} {mass:?}: {:e} above {bound:e}", far(exact));
+        let bound = 4.0 * f64::from(STEPS) * (tolerance(platform) + 8.0 * epsilon(platform));
+        assert!(far(exact) < bound, "{platform:?}, drag {drag} {mass:?}: {:e} above {bound:e}", far(exact));
         // counter-test: the exact parabola is another curve at this step
         let time = f64::from(STEPS) * h;
         let parabola = scene.time.gravity.map(|g| 0.5 * g * time * time);
@@ -89,9 +89,9 @@ fn momentum_of(model: &Model, state: &Snapshot) -> ([f64; 3], [f64; 3]) {
 }
 
 /// Change of linear momentum and of moment of momentum (about rest positions) over 20 steps, relative to what one sign would sum to.
-fn momentum_change(place: &Place, model: &Model) -> [f64; 2] {
+fn momentum_change(platform: &Platform, model: &Model) -> [f64; 2] {
     let start = lively(model);
-    let mut body = Body::new(place, model.clone(), &start, tolerance(place));
+    let mut body = Body::new(platform, model.clone(), &start, tolerance(platform));
     for _ in 0..20 {
         body.step();
     }
@@ -122,18 +122,18 @@ const LINEAR: Law = Law::Fem { element: Bbar, corotational: false };
 const COROTATIONAL: Law = Law::Fem { element: Bbar, corotational: true };
 const SPRINGS: Law = Law::Springs { stiffness: 30.0, damping: 0.1 };
 
-fn kept_momentum(place: &Place) {
+fn kept_momentum(platform: &Platform) {
     let lumped = [LINEAR, COROTATIONAL, SPRINGS].map(|law| (law, Lumped));
     let others = [(LINEAR, Uniform), (LINEAR, Consistent), (COROTATIONAL, Consistent)];
     for (law, mass) in lumped.into_iter().chain(others) {
-        let [linear, angular] = momentum_change(place, &free_block_of(law, mass, 0.001));
-        measured(&format!("momentum {place:?} {law:?} {mass:?}"), linear, 0.0);
-        measured(&format!("moment of momentum {place:?} {law:?} {mass:?}"), angular, 0.0);
+        let [linear, angular] = momentum_change(platform, &free_block_of(law, mass, 0.001));
+        measured(&format!("momentum {platform:?} {law:?} {mass:?}"), linear, 0.0);
+        measured(&format!("moment of momentum {platform:?} {law:?} {mass:?}"), angular, 0.0);
         // a step's impulses are a few times the momentum and cancel to the solve's tolerance times the root of the nodes
-        let bound = 20.0 * 100.0 * tolerance(place);
-        assert!(linear < bound, "{place:?} {law:?} {mass:?}: {linear:e} above {bound:e}");
+        let bound = 20.0 * 100.0 * tolerance(platform);
+        assert!(linear < bound, "{platform:?} {law:?} {mass:?}: {linear:e} above {bound:e}");
         if let Law::Fem { corotational: false, .. } = law {
-            assert!(angular < bound, "{place:?} {mass:?}: {angular:e} above {bound:e}");
+            assert!(angular < bound, "{platform:?} {mass:?}: {angular:e} above {bound:e}");
         }
     }
 }
@@ -141,14 +141,14 @@ fn kept_momentum(place: &Place) {
 fn held_momentum() {
     let mut model = free_block(LINEAR, 0.001);
     model.free[0][..3].fill(0.0);
-    let [linear, angular] = momentum_change(&Place::Cpu64, &model);
+    let [linear, angular] = momentum_change(&Platform::Cpu64, &model);
     assert!(linear > 1e-3 && angular > 1e-3, "{linear:e} {angular:e}");
 }
 
 /// Largest rise of kinetic and elastic energy in a step, relative to the start's.
 fn energy_rise(model: Model, steps: u32) -> f64 {
     let start = lively(&model);
-    let mut body = Body::new(&Place::Cpu64, model, &start, 1e-12);
+    let mut body = Body::new(&Platform::Cpu64, model, &start, 1e-12);
     let total = |body: &mut Body| {
         let state = body.state();
         let kinetic: f64 =
@@ -197,7 +197,7 @@ fn relative_torque(corotational: bool, strain: f64) -> f64 {
     };
     let mut start = displaced(&model, |_| [0.0; 3]);
     start.u = model.rest.iter().zip(&noise).map(turn).collect();
-    let mut body = Body::new(&Place::Cpu64, model.clone(), &start, 1e-12);
+    let mut body = Body::new(&Platform::Cpu64, model.clone(), &start, 1e-12);
     let (mut sum, mut size) = ([0.0; 3], 0.0);
     for (node, f) in body.forces().into_iter().enumerate() {
         let x = add(model.rest[node], xyz(start.u[node]));
@@ -216,7 +216,7 @@ fn torque() {
     }
     assert!(found[0] < 1e-2, "{found:?}");
     let linear = relative_torque(false, 0.01);
-    assert!(linear > 0.1, "unturned bricks resist the rotation: {linear:e}");
+    assert!(linear > 0.1, "unturned hexahedra resist the rotation: {linear:e}");
 }
 
 /// Share of the spin that is left after a quarter turn.
@@ -237,7 +237,7 @@ fn spin_left(steps: u32) -> f64 {
             })
             .sum()
     };
-    let mut body = Body::new(&Place::Cpu64, model.clone(), &start, 1e-10);
+    let mut body = Body::new(&Platform::Cpu64, model.clone(), &start, 1e-10);
     for _ in 0..steps {
         body.step();
     }

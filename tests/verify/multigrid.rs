@@ -1,4 +1,4 @@
-//! Multigrid: how many iterations it takes, on every grid, under rotations and cuts, on every place; and what makes it fail.
+//! Multigrid: how many iterations it takes, on every grid, under rotations and cuts, on every platform; and what makes it fail.
 
 use super::setup::{Body, apart, displaced, measured, model, scene};
 use super::{Case, Everywhere};
@@ -13,7 +13,7 @@ use cutis::kernels::product::{LANES, cell_groups, product};
 use cutis::linear::{Outcome, Slot, solve};
 use cutis::math::V4;
 use cutis::scene::{Load, Preconditioner, Scene};
-use cutis::step::Place;
+use cutis::step::Platform;
 
 pub const CASES: &[Case] = &[
     ("multigrid_takes_as_few_iterations_on_every_grid", table),
@@ -224,25 +224,25 @@ fn bound() {
     }
 }
 
-/// Iterations on a place, to a tolerance that f32 can reach, are those of the f64 path.
-fn counted(place: &Place) {
+/// Iterations on a platform, to a tolerance that f32 can reach, are those of the f64 path.
+fn counted(platform: &Platform) {
     for (across, levels) in [(16, THIN), (13, THIN), (16, THICK)] {
         let scene = press(across, levels, 0.45);
-        let count = |place: &Place| {
+        let count = |platform: &Platform| {
             let model = model(&scene);
-            let mut body = Body::new(place, model.clone(), &displaced(&model, |_| [0.0; 3]), 1e-3);
+            let mut body = Body::new(platform, model.clone(), &displaced(&model, |_| [0.0; 3]), 1e-3);
             body.load(&model.load_at(&scene.loads, 0.0));
             let outcome = body.try_step();
             assert!(outcome.converged, "{outcome:?}");
             outcome.iterations
         };
-        let (here, exact) = (count(place), count(&Place::Cpu64));
+        let (here, exact) = (count(platform), count(&Platform::Cpu64));
         measured(
-            &format!("multigrid, {across}²×{} on {place:?}", levels.iter().sum::<u32>()),
+            &format!("multigrid, {across}²×{} on {platform:?}", levels.iter().sum::<u32>()),
             here.into(),
             exact.into(),
         );
-        assert!(here.abs_diff(exact) <= 1, "{place:?}: {here} iterations, {exact} in f64");
+        assert!(here.abs_diff(exact) <= 1, "{platform:?}: {here} iterations, {exact} in f64");
     }
 }
 
@@ -257,7 +257,7 @@ fn shipped_tolerance() {
         let tolerance = scene.solver.tolerance;
         let step = |tolerance: f64| -> Snapshot {
             let model = model(&scene);
-            let mut body = Body::new(&Place::Cpu64, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance);
+            let mut body = Body::new(&Platform::Cpu64, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance);
             body.load(&model.load_at(&scene.loads, 0.0));
             body.step();
             body.state()

@@ -1,4 +1,4 @@
-//! Neo-Hookean bricks: patch test, large strain in closed form, Newton's convergence, the skin block's converged reference, and how far
+//! Neo-Hookean hexahedra: patch test, large strain in closed form, Newton's convergence, the skin block's converged reference, and how far
 //! the corotational default is from them.
 
 use super::setup::{Body, LONG, Random, add, block, displaced, largest, measured, model, scene, xyz};
@@ -11,24 +11,24 @@ use cutis::kernels::hyperelastic::{self, Cell};
 use cutis::math::V3;
 use cutis::scene::Element::Bbar;
 use cutis::scene::{Integrator, Law, Load, Material, Region, Scene};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
     ("neo_hookean_column_has_its_large_strain", column),
     ("newton_halves_steps_that_would_turn_cells_inside_out", inside_out),
     ("newton_gets_past_tangents_that_are_not_positive", buckling),
     ("neo_hookean_steps_end_at_their_true_residual", true_residuals),
-    ("neo_hookean_skin_block_045_coarse", |place| skin_block(place, 0, Grid::Coarse)),
-    ("neo_hookean_skin_block_049_coarse", |place| skin_block(place, 1, Grid::Coarse)),
+    ("neo_hookean_skin_block_045_coarse", |platform| skin_block(platform, 0, Grid::Coarse)),
+    ("neo_hookean_skin_block_049_coarse", |platform| skin_block(platform, 1, Grid::Coarse)),
     ("neo_hookean_start_inside_out_is_named", start_inside_out),
 ];
 pub const CASES: &[Case] = &[
-    ("neo_hookean_bricks_pass_the_patch_test", patch),
-    ("neo_hookean_bricks_do_not_feel_rotation", rotation),
+    ("neo_hookean_hexahedra_pass_the_patch_test", patch),
+    ("neo_hookean_hexahedra_do_not_feel_rotation", rotation),
     ("newton_converges_quadratically", quadratic),
-    ("neo_hookean_skin_block_045_fine", || skin_block(&Place::Cpu64, 0, Grid::Fine)),
-    ("neo_hookean_skin_block_049_fine", || skin_block(&Place::Cpu64, 1, Grid::Fine)),
-    ("corotational_bricks_are_this_far_from_neo_hookean", distance),
+    ("neo_hookean_skin_block_045_fine", || skin_block(&Platform::Cpu64, 0, Grid::Fine)),
+    ("neo_hookean_skin_block_049_fine", || skin_block(&Platform::Cpu64, 1, Grid::Fine)),
+    ("corotational_hexahedra_are_this_far_from_neo_hookean", distance),
     ("one_linear_solve_a_step_ends_in_newtons_balance", balance),
 ];
 
@@ -39,9 +39,9 @@ fn neo_block() -> Scene {
     scene
 }
 
-/// Relative tolerance of static steps, by place.
-fn tight(place: &Place) -> f64 {
-    if *place == Place::Cpu64 { 1e-10 } else { 1e-4 }
+/// Relative tolerance of static steps, by platform.
+fn tight(platform: &Platform) -> f64 {
+    if *platform == Platform::Cpu64 { 1e-10 } else { 1e-4 }
 }
 
 fn patch() {
@@ -63,7 +63,7 @@ fn patch() {
             }
         }
         let wanted = displaced(&model, affine).u;
-        let mut body = Body::new(&Place::Cpu64, model, &start, 1e-10);
+        let mut body = Body::new(&Platform::Cpu64, model, &start, 1e-10);
         body.step();
         let off =
             body.state().u.iter().zip(&wanted).map(|(u, w)| add(xyz(*u), xyz(*w).map(|w| -w))).collect::<Vec<_>>();
@@ -83,7 +83,7 @@ fn rotation() {
     let (s, c) = 2.0f64.sin_cos();
     let turned = displaced(&model, |x| [c * x[0] - s * x[1] - x[0] + 0.1, s * x[0] + c * x[1] - x[1], 0.05]);
     let strained = displaced(&model, |x| [0.05 * x[0], 0.0, 0.0]);
-    let force = |start| largest(&Body::new(&Place::Cpu64, model.clone(), &start, 1e-10).forces());
+    let force = |start| largest(&Body::new(&Platform::Cpu64, model.clone(), &start, 1e-10).forces());
     let (free, scale) = (force(turned), force(strained));
     assert!(free < 1e-10 * scale, "{free:e} N, 5 % of strain give {scale:e} N");
 }
@@ -102,7 +102,7 @@ fn stretch(young: f64, poisson: f64, pressure: f64) -> f64 {
 
 /// A confined column of three different layers under a pressure; heights of its top after a static step, found and exact, m; and how much
 /// Newton's method took.
-fn press(place: &Place, pressure: f64, tolerance: f64) -> (f64, f64, u32) {
+fn press(platform: &Platform, pressure: f64, tolerance: f64) -> (f64, f64, u32) {
     let mut scene = neo_block();
     let skin = &mut scene.skins[0];
     skin.cells = [2, 2];
@@ -114,7 +114,7 @@ fn press(place: &Place, pressure: f64, tolerance: f64) -> (f64, f64, u32) {
     let half = [0.5 * skin.size[0], 0.5 * skin.size[1]];
     scene.loads = vec![Load { body: 0, pressure, min: half.map(|h| -h), max: half, start: 0.0, end: f64::INFINITY }];
     let model = model(&scene);
-    let mut body = Body::new(place, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance);
+    let mut body = Body::new(platform, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance);
     body.load(&model.load_at(&scene.loads, 0.0));
     body.step();
     let newton = body.newton();
@@ -122,11 +122,11 @@ fn press(place: &Place, pressure: f64, tolerance: f64) -> (f64, f64, u32) {
     (body.state().u[top][2], exact, newton)
 }
 
-fn column(place: &Place) {
-    let (found, exact, _) = press(place, 60e3, tight(place));
-    measured(&format!("neo-Hookean column {place:?} at 60 kPa / m"), found, exact);
-    let bound = 100.0 * tight(place).max(1e-9);
-    assert!((found / exact - 1.0).abs() < bound, "{place:?}: {found:e} m, wanted {exact:e}");
+fn column(platform: &Platform) {
+    let (found, exact, _) = press(platform, 60e3, tight(platform));
+    measured(&format!("neo-Hookean column {platform:?} at 60 kPa / m"), found, exact);
+    let bound = 100.0 * tight(platform).max(1e-9);
+    assert!((found / exact - 1.0).abs() < bound, "{platform:?}: {found:e} m, wanted {exact:e}");
     // counter-test: small strain
     let modulus = |e: f64, nu: f64| e * (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu));
     let layers = [(1.2e-3, modulus(34e3, 0.45)), (1.0e-3, modulus(200e3, 0.49)), (0.3e-3, modulus(1e6, 0.3))];
@@ -134,16 +134,16 @@ fn column(place: &Place) {
     assert!((small / exact - 1.0).abs() > 0.1, "{small:e} m is too near to tell");
 }
 
-fn inside_out(place: &Place) {
+fn inside_out(platform: &Platform) {
     // the first layer's small strain would be −3: a full Newton step turns it inside out
-    let (found, exact, newton) = press(place, 400e3, tight(place));
+    let (found, exact, newton) = press(platform, 400e3, tight(platform));
     measured("neo-Hookean column at 400 kPa / m", found, exact);
     measured("Newton iterations", f64::from(newton), 0.0);
-    assert!((found / exact - 1.0).abs() < tight(place).max(1e-7), "{found:e} m, wanted {exact:e}");
+    assert!((found / exact - 1.0).abs() < tight(platform).max(1e-7), "{found:e} m, wanted {exact:e}");
 }
 
 fn quadratic() {
-    let took = |tolerance| press(&Place::Cpu64, 60e3, tolerance).2;
+    let took = |tolerance| press(&Platform::Cpu64, 60e3, tolerance).2;
     let [rough, fine] = [1e-3, 1e-12].map(took);
     measured("Newton iterations to 1e-3", f64::from(rough), 0.0);
     measured("Newton iterations to 1e-12", f64::from(fine), 0.0);
@@ -183,7 +183,7 @@ fn one_cell(present: bool) -> u32 {
     MOST
 }
 
-fn buckling(place: &Place) {
+fn buckling(platform: &Platform) {
     // a bar of 1 × 1 × 6 mm: Euler's load of a cantilever is π²/4 E I/L² = 0.0057 E A
     let run = |pressure: f64| {
         let mut scene = neo_block();
@@ -200,7 +200,7 @@ fn buckling(place: &Place) {
         let model = model(&scene);
         let mut start = displaced(&model, |x| [2e-3 * x[2] * x[2] / 6e-3, 0.0, 0.0]);
         start.v.fill([0.0; 4]);
-        let mut body = Body::new(place, model.clone(), &start, tight(place).max(1e-6));
+        let mut body = Body::new(platform, model.clone(), &start, tight(platform).max(1e-6));
         body.load(&model.load_at(&scene.loads, 0.0));
         body.step();
         let (count, top) = (body.indefinite(), model.grid.nearest([0.0, 0.0, 6e-3]));
@@ -216,29 +216,29 @@ fn buckling(place: &Place) {
     assert!(bent.abs() > 5e-4 && some > 0, "{bent:e} m, {some}");
 }
 
-fn true_residuals(place: &Place) {
+fn true_residuals(platform: &Platform) {
     for integrator in [Integrator::ImplicitEuler, Integrator::Newmark] {
         let mut scene = neo_block();
         let skin = &mut scene.skins[0];
         (skin.rayleigh_mass, skin.rayleigh_stiffness) = (3.0, 1e-3);
         scene.boundaries = vec![held(Region::Bottom, [true; 3])];
         (scene.time.step, scene.time.duration, scene.time.integrator) = (1e-2, 1.0, integrator);
-        scene.solver.tolerance = tight(place);
+        scene.solver.tolerance = tight(platform);
         let min = [-1e-3; 2];
         let load = Load { body: 0, pressure: 2e4, min, max: [1e-3; 2], start: 0.0, end: f64::INFINITY };
         scene.loads = vec![load];
-        let mut run = Simulation::new(&scene, place).unwrap_or_else(|e| panic!("{e}"));
+        let mut run = Simulation::new(&scene, platform).unwrap_or_else(|e| panic!("{e}"));
         for _ in 0..3 {
             let report = run.step(true).unwrap_or_else(|e| panic!("{e}"));
             let residual = report.true_residual.unwrap_or(f64::NAN);
-            measured(&format!("neo-Hookean true residual {place:?} {integrator:?}"), residual, tight(place));
-            assert!(residual < 2.0 * tight(place), "{place:?} {integrator:?}: {residual:e}");
+            measured(&format!("neo-Hookean true residual {platform:?} {integrator:?}"), residual, tight(platform));
+            assert!(residual < 2.0 * tight(platform), "{platform:?} {integrator:?}: {residual:e}");
             assert!(report.newton_iterations > 1 && report.warnings.is_empty(), "{:?}", report.warnings);
         }
     }
 }
 
-fn start_inside_out(place: &Place) {
+fn start_inside_out(platform: &Platform) {
     let mut scene = neo_block();
     scene.boundaries = vec![held(Region::Bottom, [true; 3])];
     for touched in [false, true] {
@@ -249,16 +249,16 @@ fn start_inside_out(place: &Place) {
         for pressed in [0.5, 4.0] {
             let mut start = displaced(&model, |_| [0.0; 3]);
             start.u[top][2] = -pressed * model.shape[2][2];
-            let ended = Body::new(place, model.clone(), &start, 1e-3).fallible_step();
+            let ended = Body::new(platform, model.clone(), &start, 1e-3).fallible_step();
             let params = model.grid.params::<f64>();
             match ended {
-                Err(Error::Body(Refused::InsideOut { cell })) if pressed > 1.0 && !touched => {
+                Err(Error::Body(Refused::InvertedCell { cell })) if pressed > 1.0 && !touched => {
                     let corners = params.corners(params.cell_id(cell));
                     assert!(corners.contains(&top), "{cell:?} is not at node {top}");
                 }
                 // the counter-test: half of that is borne
                 Ok(outcome) if pressed < 1.0 || touched => assert!(outcome.converged, "{outcome:?}"),
-                other => panic!("{place:?}, pressed by {pressed}: {other:?}"),
+                other => panic!("{platform:?}, pressed by {pressed}: {other:?}"),
             }
         }
     }
@@ -275,7 +275,7 @@ fn centre_at_50_kpa(file: &str, touched: bool, stiffened: bool, steps: u32) -> f
     if !stiffened {
         model.hexahedra_mut().corotational = 1;
     }
-    let mut body = Body::new(&Place::Cpu64, model.clone(), &displaced(&model, |_| [0.0; 3]), 1e-6);
+    let mut body = Body::new(&Platform::Cpu64, model.clone(), &displaced(&model, |_| [0.0; 3]), 1e-6);
     body.load(&model.load_at(&scene.loads, 0.0));
     for _ in 0..steps {
         if body.fallible_step().is_err() {
@@ -328,16 +328,16 @@ const REFERENCES: [Reference; 2] = [
 const BOUND: f64 = 0.03;
 
 /// A skin block of that law on a grid, static.
-fn answer(place: &Place, file: &str, grid: Grid, law: Law) -> (Model, Vec<[f64; 4]>) {
+fn answer(platform: &Platform, file: &str, grid: Grid, law: Law) -> (Model, Vec<[f64; 4]>) {
     let mut scene = on_grid(scene(file), grid, Bbar);
     scene.skins[0].law = law;
-    static_answer(place, &scene, tight(place).max(1e-6))
+    static_answer(platform, &scene, tight(platform).max(1e-6))
 }
 
-fn skin_block(place: &Place, which: usize, grid: Grid) {
+fn skin_block(platform: &Platform, which: usize, grid: Grid) {
     let reference = &REFERENCES[which];
     let compare = |law: Law| -> Result<(), String> {
-        let (model, u) = answer(place, reference.file, grid, law);
+        let (model, u) = answer(platform, reference.file, grid, law);
         for (k, (point, wanted)) in POINTS.iter().zip(reference.at).enumerate() {
             let found = u[model.grid.nearest(*point)][2];
             measured(&format!("{} {grid:?} {law:?} u_z {k} / mm", reference.file), found * 1e3, wanted * 1e3);
@@ -362,7 +362,7 @@ fn skin_block(place: &Place, which: usize, grid: Grid) {
 }
 
 fn distance() {
-    // one linearisation a step for corotational bricks: steps at rest go on to the balance
+    // one linearisation a step for corotational hexahedra: steps at rest go on to the balance
     const STEPS: u32 = 60;
     // % by which the corotational and the small-strain centre displacement exceed the neo-Hookean one on the same grid
     let mut found = vec![];
@@ -372,7 +372,7 @@ fn distance() {
             (scene.skins[0].law, scene.time.gravity) = (law, [0.0; 3]);
             scene.loads[0].pressure = pressure;
             let model = model(&scene);
-            let mut body = Body::new(&Place::Cpu64, model.clone(), &displaced(&model, |_| [0.0; 3]), 1e-8);
+            let mut body = Body::new(&Platform::Cpu64, model.clone(), &displaced(&model, |_| [0.0; 3]), 1e-8);
             body.load(&model.load_at(&scene.loads, 0.0));
             let node = model.grid.nearest(POINTS[0]);
             let (mut last, mut u) = (f64::INFINITY, 0.0);

@@ -10,7 +10,7 @@ use cutis::bodies::Model;
 use cutis::math::V4;
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::{Element, Region, Scene};
-use cutis::step::Place;
+use cutis::step::Platform;
 
 pub const CASES: &[Case] = &[("the_strain_across_the_plane_is_the_one_without_stress", across)];
 pub const EVERYWHERE: &[Everywhere] = &[
@@ -24,8 +24,8 @@ pub const EVERYWHERE: &[Everywhere] = &[
 const STRAIN: [f64; 2] = [0.2, 0.1];
 
 /// Roundings of a force: 8 cells × 24 products, on terms up to ten times their sum at ν 0.45, flat cells and a layer of fourfold stiffness.
-fn exact(place: &Place) -> f64 {
-    8.0 * 24.0 * 10.0 * epsilon(place)
+fn exact(platform: &Platform) -> f64 {
+    8.0 * 24.0 * 10.0 * epsilon(platform)
 }
 
 fn strained(element: Element, corotational: bool) -> Scene {
@@ -50,10 +50,10 @@ fn inside(x: [f64; 3]) -> bool {
 }
 
 /// The largest force on nodes that are not on the sides, relative to that on one corner.
-fn unbalanced(place: &Place, model: Model) -> f64 {
+fn unbalanced(platform: &Platform, model: Model) -> f64 {
     let (rest, unit) = (model.rest.clone(), scale(&model));
     let start = displaced(&model, |_| [0.0; 3]);
-    let forces = Body::new(place, model, &start, tolerance(place)).forces();
+    let forces = Body::new(platform, model, &start, tolerance(platform)).forces();
     largest(rest.iter().zip(&forces).filter(|(x, _)| inside(**x)).map(|(_, f)| f)) / unit
 }
 
@@ -65,14 +65,14 @@ fn uneven(element: Element, corotational: bool) -> Scene {
     scene
 }
 
-fn held(place: &Place) {
+fn held(platform: &Platform) {
     for (element, corotational) in kinds() {
         let mut model = model(&uneven(element, corotational));
-        let error = unbalanced(place, model.clone());
-        measured("force in a held slab", error, exact(place));
-        assert!(error < exact(place), "{element:?} {corotational}: {error:e}");
+        let error = unbalanced(platform, model.clone());
+        measured("force in a held slab", error, exact(platform));
+        assert!(error < exact(platform), "{element:?} {corotational}: {error:e}");
         model.hexahedra_mut().pre_strain.iter_mut().for_each(|e| e[2] = 0.0);
-        assert!(unbalanced(place, model) > 1e-2, "without the strain through the thickness the top is pulled");
+        assert!(unbalanced(platform, model) > 1e-2, "without the strain through the thickness the top is pulled");
     }
 }
 
@@ -82,68 +82,68 @@ fn relieved(model: &Model, share: f64) -> Vec<V4<f64>> {
     displaced(model, |x| [0, 1, 2].map(|n| -share * e[n] * (x[n] - CORNER[n]))).u
 }
 
-fn free(place: &Place) {
+fn free(platform: &Platform) {
     for (element, corotational) in kinds() {
         let model = model(&strained(element, corotational));
         let after = |share: f64| {
             let mut start = displaced(&model, |_| [0.0; 3]);
             start.u = relieved(&model, share);
-            largest(&Body::new(place, model.clone(), &start, tolerance(place)).forces()) / scale(&model)
+            largest(&Body::new(platform, model.clone(), &start, tolerance(platform)).forces()) / scale(&model)
         };
         let error = after(1.0);
-        measured("force in a block that has shrunk", error, exact(place));
-        assert!(error < exact(place), "{element:?} {corotational}: {error:e}");
-        assert!(after(0.99) > 4.0 * exact(place), "a hundredth of the strain is not noticed");
+        measured("force in a block that has shrunk", error, exact(platform));
+        assert!(error < exact(platform), "{element:?} {corotational}: {error:e}");
+        assert!(after(0.99) > 4.0 * exact(platform), "a hundredth of the strain is not noticed");
     }
 }
 
 /// Force on the side at +x, relative to that of a plate under [`STRAIN`], less one.
-fn reaction_error(place: &Place, model: Model) -> f64 {
+fn reaction_error(platform: &Platform, model: Model) -> f64 {
     let (young, poisson) = (50e3, 0.45);
     let stress = young / (1.0 - poisson * poisson) * (STRAIN[0] + poisson * STRAIN[1]);
     let rest = model.rest.clone();
     let start = displaced(&model, |_| [0.0; 3]);
-    let forces = Body::new(place, model, &start, tolerance(place)).forces();
+    let forces = Body::new(platform, model, &start, tolerance(platform)).forces();
     let side = rest.iter().zip(&forces).filter(|(x, _)| x[0] > 3.9e-3);
     side.map(|(_, f)| f[0]).sum::<f64>() / (stress * 6e-3 * 2.5e-3) - 1.0
 }
 
-fn reaction(place: &Place) {
+fn reaction(platform: &Platform) {
     for (element, corotational) in kinds() {
         let mut model = model(&strained(element, corotational));
-        let error = reaction_error(place, model.clone());
+        let error = reaction_error(platform, model.clone());
         measured("reaction of a held side, relative error", error, 0.0);
-        assert!(error.abs() < exact(place), "{element:?} {corotational}: {error:e}");
+        assert!(error.abs() < exact(platform), "{element:?} {corotational}: {error:e}");
         // counter-test: a rod's stress, or that of a body held on top too, is another
         model.hexahedra_mut().pre_strain.iter_mut().for_each(|e| e[1] = 0.0);
-        assert!(reaction_error(place, model.clone()).abs() > 0.1, "the strain along y bears on the side too");
+        assert!(reaction_error(platform, model.clone()).abs() > 0.1, "the strain along y bears on the side too");
         model.hexahedra_mut().pre_strain.iter_mut().for_each(|e| (e[1], e[2]) = (STRAIN[1], 0.0));
-        assert!(reaction_error(place, model).abs() > 0.1, "and so does the one across");
+        assert!(reaction_error(platform, model).abs() > 0.1, "and so does the one across");
     }
 }
 
 /// Largest displacement after a static step of the slab with held sides, relative to the strain over its width.
-fn moved(place: &Place, model: Model) -> f64 {
+fn moved(platform: &Platform, model: Model) -> f64 {
     let start = displaced(&model, |_| [0.0; 3]);
-    let mut body = Body::new(place, model, &start, tolerance(place));
+    let mut body = Body::new(platform, model, &start, tolerance(platform));
     body.try_step();
     let u: Vec<[f64; 3]> = body.state().u.iter().map(|u| [u[0], u[1], u[2]]).collect();
     largest(&u) / (STRAIN[0] * 8e-3)
 }
 
-fn stays(place: &Place) {
+fn stays(platform: &Platform) {
     for (element, corotational) in kinds() {
         let mut scene = uneven(element, corotational);
         scene.time.step = LONG;
         scene.boundaries = vec![small::held(Region::Sides, [true; 3])];
         let mut model = model(&scene);
-        let error = moved(place, model.clone());
+        let error = moved(platform, model.clone());
         // rounded forces move a body that is hundreds of times softer in bending than its cells are
-        let bound = 100.0 * exact(place);
+        let bound = 100.0 * exact(platform);
         measured("a held slab's displacement", error, bound);
         assert!(error < bound, "{element:?} {corotational}: {error:e}");
         model.hexahedra_mut().pre_strain.iter_mut().for_each(|e| e[2] = 0.0);
-        assert!(moved(place, model) > 1e-2, "a slab that is not at rest moves");
+        assert!(moved(platform, model) > 1e-2, "a slab that is not at rest moves");
     }
 }
 
@@ -153,7 +153,7 @@ const STEPS: usize = 3;
 /// Of the block, m.
 const CORNER: [f64; 3] = [-4e-3, -3e-3, 0.0];
 
-fn shrinks(place: &Place) {
+fn shrinks(platform: &Platform) {
     for (element, corotational) in kinds() {
         let mut scene = strained(element, corotational);
         scene.time.step = LONG;
@@ -167,7 +167,7 @@ fn shrinks(place: &Place) {
         let model = model(&scene);
         let exact_u = relieved(&model, 1.0);
         let start = displaced(&model, |_| [0.0; 3]);
-        let mut body = Body::new(place, model.clone(), &start, tolerance(place));
+        let mut body = Body::new(platform, model.clone(), &start, tolerance(platform));
         // the load of a later step is what rounding left of the first, and need not be solved
         let outcome = body.try_step();
         assert!(outcome.converged, "{element:?} {corotational}: {outcome:?}");
@@ -175,7 +175,7 @@ fn shrinks(place: &Place) {
             body.try_step();
         });
         let error = apart(&body.state().u, &exact_u);
-        let bound = 100.0 * exact(place);
+        let bound = 100.0 * exact(platform);
         measured("a free block's shape", error, bound);
         assert!(error < bound, "{element:?} {corotational}: {error:e}");
         assert!(apart(&relieved(&model, 0.5), &exact_u) > bound, "half of it is not enough");

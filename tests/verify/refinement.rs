@@ -6,7 +6,7 @@ use super::Everywhere;
 use super::setup::{apart, measured, scene};
 use cutis::math::V4;
 use cutis::scene::Scene;
-use cutis::step::{Place, Simulation, StepReport};
+use cutis::step::{Platform, Simulation, StepReport};
 
 pub const EVERYWHERE: &[Everywhere] = &[("refinement_reaches_what_single_precision_misses", reaches)];
 
@@ -16,8 +16,8 @@ fn block(tolerance: f64, refinements: u32) -> Scene {
     scene
 }
 
-fn step(place: &Place, scene: &Scene) -> (Vec<V4<f64>>, StepReport) {
-    let mut simulation = Simulation::new(scene, place).unwrap_or_else(|e| panic!("{e}"));
+fn step(platform: &Platform, scene: &Scene) -> (Vec<V4<f64>>, StepReport) {
+    let mut simulation = Simulation::new(scene, platform).unwrap_or_else(|e| panic!("{e}"));
     let report = simulation.step(true).unwrap_or_else(|e| panic!("{e}"));
     (simulation.bodies[0].snapshot().unwrap_or_else(|e| panic!("{e}")).u, report)
 }
@@ -25,16 +25,16 @@ fn step(place: &Place, scene: &Scene) -> (Vec<V4<f64>>, StepReport) {
 /// Largest error that rounding a displacement to f32 makes, relative L2, with some room.
 const ROUNDED: f64 = 6e-8;
 
-fn reaches(place: &Place) {
-    let (exact, _) = step(&Place::Cpu64, &block(1e-12, 0));
-    let (plain, once) = step(place, &block(1e-7, 0));
-    let (refined, again) = step(place, &block(1e-7, 8));
+fn reaches(platform: &Platform) {
+    let (exact, _) = step(&Platform::Cpu64, &block(1e-12, 0));
+    let (plain, once) = step(platform, &block(1e-7, 0));
+    let (refined, again) = step(platform, &block(1e-7, 8));
     let (before, after) = (apart(&plain, &exact), apart(&refined, &exact));
-    measured(&format!("step error unrefined {place:?}"), before, 0.0);
-    measured(&format!("step error refined {place:?}"), after, 0.0);
+    measured(&format!("step error unrefined {platform:?}"), before, 0.0);
+    measured(&format!("step error refined {platform:?}"), after, 0.0);
     assert!(again.free.converged && again.residual <= 1e-7, "{:e}", again.residual);
     assert!(after < ROUNDED, "{after:e}");
-    if *place == Place::Cpu64 {
+    if *platform == Platform::Cpu64 {
         assert_eq!(again.refinements, 0, "nothing to refine");
         return;
     }

@@ -1,14 +1,14 @@
-//! A deformable body on any place, driven step by step without a scene's tools; and what tests compare it with.
+//! A deformable body on any platform, driven step by step without a scene's tools; and what tests compare it with.
 
 use super::small;
-use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Query, Snapshot, Target, Wanted};
+use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Query, Snapshot, SolveRequest, Target};
 use cutis::bodies::Model;
 use cutis::bodies::Removal;
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
 use cutis::math::{V4, norm, random};
 use cutis::scene::{Element, Law, Scene, Solver, read};
-use cutis::step::Place;
+use cutis::step::Platform;
 use std::path::Path;
 
 /// A step so long (s) that inertia vanishes beside stiffness (1e-6 × kg/m³ against Pa/m²: 1e-15 and less): one step is the static answer.
@@ -37,19 +37,19 @@ pub fn model(scene: &Scene) -> Model {
     Model::new(scene, 0).unwrap_or_else(|e| panic!("{e}"))
 }
 
-/// Relative rounding of a place's numbers.
-pub fn epsilon(place: &Place) -> f64 {
-    match place {
-        Place::Cpu64 => f64::EPSILON,
-        Place::Cpu32 | Place::Gpu(_) => f64::from(f32::EPSILON),
+/// Relative rounding of a platform's numbers.
+pub fn epsilon(platform: &Platform) -> f64 {
+    match platform {
+        Platform::Cpu64 => f64::EPSILON,
+        Platform::Cpu32 | Platform::Gpu(_) => f64::from(f32::EPSILON),
     }
 }
 
-/// Residual that a place's CG can reach on small well-scaled bodies: a few thousand roundings.
-pub fn tolerance(place: &Place) -> f64 {
-    match place {
-        Place::Cpu64 => 1e-12,
-        Place::Cpu32 | Place::Gpu(_) => 1e-6,
+/// Residual that a platform's CG can reach on small well-scaled bodies: a few thousand roundings.
+pub fn tolerance(platform: &Platform) -> f64 {
+    match platform {
+        Platform::Cpu64 => 1e-12,
+        Platform::Cpu32 | Platform::Gpu(_) => 1e-6,
     }
 }
 
@@ -69,13 +69,13 @@ pub struct Body {
 
 impl Body {
     /// The body in a state; `tolerance` of every solve relative to the step's load.
-    pub fn new(place: &Place, model: Model, start: &Snapshot, tolerance: f64) -> Self {
+    pub fn new(platform: &Platform, model: Model, start: &Snapshot, tolerance: f64) -> Self {
         const CAP: u32 = 20_000;
         let needs = Needs { cutting: model.mechanics().extra_columns() > 0, ..Needs::default() };
-        let backend: Box<dyn Backend> = match place {
-            Place::Cpu64 => Box::new(CpuBackend::<f64>::new(&model, needs, CAP, 0.0, start)),
-            Place::Cpu32 => Box::new(CpuBackend::<f32>::new(&model, needs, CAP, 0.0, start)),
-            Place::Gpu(text) => {
+        let backend: Box<dyn Backend> = match platform {
+            Platform::Cpu64 => Box::new(CpuBackend::<f64>::new(&model, needs, CAP, 0.0, start)),
+            Platform::Cpu32 => Box::new(CpuBackend::<f32>::new(&model, needs, CAP, 0.0, start)),
+            Platform::Gpu(text) => {
                 let gpu = Gpu::open(text.as_deref()).unwrap_or_else(|e| panic!("{e}"));
                 let backend = GpuBackend::new(gpu, &model, needs, CAP, 0.0, start);
                 Box::new(backend.unwrap_or_else(|e| panic!("{e}")))
@@ -112,7 +112,7 @@ impl Body {
 
     /// One implicit step that may be refused; what its solve reports.
     pub fn fallible_step(&mut self) -> cutis::error::Result<Outcome> {
-        let wanted = [Wanted { slot: FREE, target: Target::OfLoad(self.tolerance) }];
+        let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(self.tolerance) }];
         self.backend.begin()?;
         let (outcomes, _) = self.backend.solve(&wanted, &[])?;
         self.backend.finish(false, false)?;

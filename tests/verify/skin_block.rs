@@ -1,6 +1,6 @@
 //! The skin block and the confined column: layered static answers against converged and exact references.
 //!
-//! References of the block: quadratic bricks with discontinuous pressure, two refinements (three digits agree). What each brick must give
+//! References of the block: quadratic hexahedra with discontinuous pressure, two refinements (three digits agree). What each element must give
 //! on the two grids was computed outside this project. One step of 1000 s is the static answer: implicit Euler is stable at any step, and
 //! inertia is then below rounding.
 
@@ -9,7 +9,7 @@ use super::setup::{Body, displaced, measured, model, scene};
 use cutis::bodies::Model;
 use cutis::scene::Element::{self, Bbar, Enhanced, Plain};
 use cutis::scene::{Law, Scene};
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 
 pub const CASES: &[Case] = &[
     ("skin_block_045_coarse", || block_case(0, Grid::Coarse)),
@@ -71,9 +71,9 @@ pub fn on_grid(mut scene: Scene, grid: Grid, element: Element) -> Scene {
 }
 
 /// Static displacements under the scene's loads, [node] m.
-pub fn static_answer(place: &Place, scene: &Scene, tolerance: f64) -> (Model, Vec<[f64; 4]>) {
+pub fn static_answer(platform: &Platform, scene: &Scene, tolerance: f64) -> (Model, Vec<[f64; 4]>) {
     let model = model(scene);
-    let mut body = Body::new(place, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance);
+    let mut body = Body::new(platform, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance);
     body.load(&model.load_at(&scene.loads, 0.0));
     body.step();
     (model, body.state().u)
@@ -102,7 +102,7 @@ pub fn volume_change(model: &Model, u: &[[f64; 4]]) -> f64 {
 fn block_case(which: usize, grid: Grid) {
     let reference = &REFERENCES[which];
     let scene = on_grid(scene(reference.file), grid, Bbar);
-    let (model, u) = static_answer(&Place::Cpu64, &scene, 1e-8);
+    let (model, u) = static_answer(&Platform::Cpu64, &scene, 1e-8);
     // share of the centre displacement that its own and the other points' errors may have
     let (centre_bound, point_bound) = match grid {
         Grid::Coarse => (0.025, 0.03),
@@ -154,13 +154,13 @@ fn own_errors(grid: Grid) {
         for (which, (reference, wanted)) in REFERENCES.iter().zip(errors).enumerate() {
             let mut scene = on_grid(scene(reference.file), grid, *element);
             scene.time.gravity = [0.0; 3];
-            let (model, u) = static_answer(&Place::Cpu64, &scene, 1e-8);
+            let (model, u) = static_answer(&Platform::Cpu64, &scene, 1e-8);
             let found = u[model.grid.nearest(POINTS[0])][2];
             let error = 100.0 * (found / reference.at[0] - 1.0);
             let what = format!("{} {grid:?} {element:?} without gravity, error / %", scene.title);
             measured(&what, error, *wanted);
             assert!((error - wanted).abs() < DIGITS, "{what}: {error:.2}, wanted {wanted}");
-            // counter-test: near incompressibility no brick is another one
+            // counter-test: near incompressibility no element is another one
             let other = table[(row + 1) % 3].1[which];
             assert!(which < 2 || (error - other).abs() > 10.0 * DIGITS, "{what}: {error:.2} is also {other}");
         }
@@ -169,7 +169,7 @@ fn own_errors(grid: Grid) {
 
 /// Stress on the top of the confined column, Pa, from the reaction probe.
 fn column_stress(scene: &Scene) -> f64 {
-    let mut run = Simulation::new(scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let mut run = Simulation::new(scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let mut reaction = 0.0;
     for step in 0..2 {
         // reactions are those of a step's start, so the second step has the static ones

@@ -18,7 +18,7 @@ use super::{Case, Everywhere};
 use cutis::bodies::Model;
 use cutis::bodies::Wound;
 use cutis::kernels::cut::Hit;
-use cutis::step::Place;
+use cutis::step::Platform;
 
 pub const CASES: &[Case] = &[
     ("an_open_slit_costs_few_iterations", slit_counts),
@@ -62,7 +62,7 @@ fn undermined(model: &Model) -> Vec<u32> {
 }
 
 /// Iterations of one step from rest while the rows of nodes beside the middle are pulled apart, 1 N each way.
-fn iterations(place: &Place, model: &Model, cut: &[u32], tolerance: f64) -> u32 {
+fn iterations(platform: &Platform, model: &Model, cut: &[u32], tolerance: f64) -> u32 {
     let params = model.params::<f64>();
     let mut start = displaced(model, |_| [0.0; 3]);
     start.u.resize(model.node_count(), [0.0; 4]);
@@ -71,7 +71,7 @@ fn iterations(place: &Place, model: &Model, cut: &[u32], tolerance: f64) -> u32 
     let hits: Vec<Hit<f64>> = cut.iter().map(|link| Hit { segment: *link, at: 0.5 }).collect();
     let removal = wound.apply(model, &hits);
     assert_eq!((wound.totals.links, wound.totals.refused), (cut.len(), 0));
-    let mut body = Body::new(place, model.clone(), &start, tolerance);
+    let mut body = Body::new(platform, model.clone(), &start, tolerance);
     body.remove(&removal);
     let mut load = vec![[0.0; 3]; model.node_count()];
     let [x, y, top] = model.grid.nodes.map(|n| n - 1);
@@ -91,8 +91,8 @@ fn grows(what: &str, cut: fn(&Model) -> Vec<u32>, most: [f64; 2]) {
     for poisson in [0.45, 0.49] {
         let model = body(poisson);
         for (tolerance, most) in [1e-3, 1e-6].into_iter().zip(most) {
-            let whole = iterations(&Place::Cpu64, &model, &[], tolerance);
-            let found = iterations(&Place::Cpu64, &model, &cut(&model), tolerance);
+            let whole = iterations(&Platform::Cpu64, &model, &[], tolerance);
+            let found = iterations(&Platform::Cpu64, &model, &cut(&model), tolerance);
             measured(&format!("{what}, ν {poisson}: iterations to {tolerance:e}"), found.into(), whole.into());
             assert!(f64::from(found) <= most * f64::from(whole), "ν {poisson}, {tolerance:e}: {found} after {whole}");
         }
@@ -107,11 +107,11 @@ fn undermined_counts() {
     grows("undermined", undermined, [5.0, 3.0]);
 }
 
-fn counted(place: &Place) {
+fn counted(platform: &Platform) {
     let model = body(0.45);
     for cut in [slit(&model), undermined(&model)] {
-        let here = iterations(place, &model, &cut, 1e-3);
-        let exact = iterations(&Place::Cpu64, &model, &cut, 1e-3);
-        assert!(here.abs_diff(exact) <= 1, "{place:?}: {here} iterations, {exact} in f64");
+        let here = iterations(platform, &model, &cut, 1e-3);
+        let exact = iterations(&Platform::Cpu64, &model, &cut, 1e-3);
+        assert!(here.abs_diff(exact) <= 1, "{platform:?}: {here} iterations, {exact} in f64");
     }
 }

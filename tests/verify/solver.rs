@@ -13,7 +13,7 @@ use cutis::math::V4;
 use cutis::scene::Element::Bbar;
 use cutis::scene::Mass::{self, Consistent, Lumped};
 use cutis::scene::Preconditioner;
-use cutis::step::{Place, Simulation};
+use cutis::step::{Platform, Simulation};
 
 pub const CASES: &[Case] = &[
     ("every_preconditioner_finds_the_dense_solution", dense_solution),
@@ -147,11 +147,11 @@ fn non_finite() {
     b[model.rest.len() / 2][1] = f64::NAN;
     let (_, outcome) = cg(&model, &b, 100, 1.0);
     assert!(!outcome.converged && outcome.iterations < 100, "{outcome:?}");
-    for place in [Place::Cpu64, Place::Cpu32] {
+    for platform in [Platform::Cpu64, Platform::Cpu32] {
         let model = super::setup::model(&block(Bbar, true));
         let start = displaced(&model, |x| [1e-3 * x[2], f64::INFINITY, 0.0]);
-        let outcome = Body::new(&place, model, &start, 1e-3).try_step();
-        assert!(!outcome.converged, "{place:?}: {outcome:?}");
+        let outcome = Body::new(&platform, model, &start, 1e-3).try_step();
+        assert!(!outcome.converged, "{platform:?}: {outcome:?}");
     }
 }
 
@@ -169,7 +169,7 @@ fn warned() {
     let mut scene = scene("verify/skin_block_045.toml");
     for (cap, count) in [(5, 1), (5000, 0)] {
         scene.solver.max_iterations = cap;
-        let mut run = Simulation::new(&scene, &Place::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+        let mut run = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
         let report = run.step(false).unwrap_or_else(|e| panic!("{e}"));
         let found = report.warnings.get("solver_not_converged").copied();
         assert_eq!(found.unwrap_or(0), count, "cap {cap}: {:?}", report.free);

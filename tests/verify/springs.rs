@@ -9,7 +9,7 @@ use super::{Case, Everywhere};
 use cutis::bodies::Model;
 use cutis::scene::Element::Plain;
 use cutis::scene::{Law, Preconditioner};
-use cutis::step::Place;
+use cutis::step::Platform;
 
 pub const EVERYWHERE: &[Everywhere] = &[
     ("oscillator_follows_implicit_eulers_closed_form", oscillator),
@@ -51,7 +51,7 @@ fn cell(damping: f64, diagonals: bool) -> Model {
 const START: f64 = 2e-5;
 
 /// Largest departure of 50 steps from `u_n = Re(2 α z₊ⁿ)` with the stiffness `k`, relative to the start.
-fn departure(place: &Place, damping: f64, k: f64) -> f64 {
+fn departure(platform: &Platform, damping: f64, k: f64) -> f64 {
     const STEPS: usize = 50;
     let mut model = cell(damping, false);
     let mass = model.free[7][3];
@@ -59,7 +59,7 @@ fn departure(place: &Place, damping: f64, k: f64) -> f64 {
     let h = 0.2 / natural;
     model.step.step = h;
     let start = displaced(&model, |x| [0.0, 0.0, if x[2] > 0.0 { START } else { 0.0 }]);
-    let mut body = Body::new(place, model, &start, tolerance(place));
+    let mut body = Body::new(platform, model, &start, tolerance(platform));
     // eigenvalues μ = −d ± i w
     let d = damping / (2.0 * mass);
     let w = (k / mass - d * d).sqrt();
@@ -78,20 +78,20 @@ fn departure(place: &Place, damping: f64, k: f64) -> f64 {
     worst
 }
 
-fn oscillator(place: &Place) {
+fn oscillator(platform: &Platform) {
     let mass = cell(0.0, false).free[7][3];
     let critical = 2.0 * (STIFFNESS * mass).sqrt();
     for damping in [0.0, 0.3 * critical] {
-        let error = departure(place, damping, STIFFNESS);
+        let error = departure(platform, damping, STIFFNESS);
         // a step's solve ends at `tolerance`; a spring's length rounds at 1 mm while 20 µm are measured: 50 roundings and some steps of it
-        let bound = 100.0 * tolerance(place) + 1e4 * epsilon(place);
-        measured(&format!("oscillator {place:?} c {damping:.1e}"), error, 0.0);
-        assert!(error < bound, "{place:?}, c = {damping}: {error:e} above {bound:e}");
+        let bound = 100.0 * tolerance(platform) + 1e4 * epsilon(platform);
+        measured(&format!("oscillator {platform:?} c {damping:.1e}"), error, 0.0);
+        assert!(error < bound, "{platform:?}, c = {damping}: {error:e} above {bound:e}");
     }
 }
 
 fn wrong_stiffness() {
-    let error = departure(&Place::Cpu64, 0.0, 1.01 * STIFFNESS);
+    let error = departure(&Platform::Cpu64, 0.0, 1.01 * STIFFNESS);
     assert!(error > 1e-3, "{error:e}");
 }
 
@@ -103,7 +103,7 @@ fn period() {
     let h = exact / 500.0;
     model.step.step = h;
     let start = displaced(&model, |x| [0.0, 0.0, if x[2] > 0.0 { START } else { 0.0 }]);
-    let mut body = Body::new(&Place::Cpu64, model, &start, 1e-12);
+    let mut body = Body::new(&Platform::Cpu64, model, &start, 1e-12);
     let (mut crossings, mut last) = (vec![], START);
     for n in 1..1200 {
         body.step();
@@ -129,14 +129,14 @@ fn truss(w: f64) -> f64 {
     part(4.0, 0.0) + part(4.0, x) + part(4.0, y) + part(4.0, x.hypot(y))
 }
 
-fn pulled_truss(place: &Place) {
+fn pulled_truss(platform: &Platform) {
     let mut model = cell(1.0, true);
     model.step.step = LONG;
     for stretch in [0.4 * EDGE[2], -0.15 * EDGE[2]] {
         let pull = truss(stretch);
         let load: Vec<[f64; 3]> = (0..8).map(|n| [0.0, 0.0, if n < 4 { 0.0 } else { pull / 4.0 }]).collect();
         let start = displaced(&model, |_| [0.0; 3]);
-        let mut body = Body::new(place, model.clone(), &start, tolerance(place));
+        let mut body = Body::new(platform, model.clone(), &start, tolerance(platform));
         body.load(&load);
         // Newton, or with clamped tangents a contraction by about 3 a step
         for _ in 0..40 {
@@ -144,8 +144,8 @@ fn pulled_truss(place: &Place) {
         }
         let found = body.state().u[7][2];
         let error = (found / stretch - 1.0).abs();
-        measured(&format!("truss {place:?} / m"), found, stretch);
-        assert!(error < 100.0 * tolerance(place), "{found:e} m, wanted {stretch:e} m");
+        measured(&format!("truss {platform:?} / m"), found, stretch);
+        assert!(error < 100.0 * tolerance(platform), "{found:e} m, wanted {stretch:e} m");
         let other = truss(stretch * 1.01);
         assert!((other / pull - 1.0).abs() > 1e-3, "the load tells 1 % of stretch apart");
     }

@@ -4,7 +4,8 @@ mod reserve;
 mod slots;
 
 use super::{
-    Backend, CORRECTION, Device, FREE, NOT_KEPT, Needs, Nonlinear, Query, Snapshot, Target, Values, Vector, Wanted,
+    Backend, CORRECTION, Device, FREE, NOT_KEPT, Needs, Nonlinear, Query, Snapshot, SolveRequest, Target, Values,
+    Vector,
 };
 use crate::bodies::cpu::{System, Workspace};
 use crate::bodies::{Anchors, Model, Removal, rate};
@@ -118,7 +119,7 @@ impl<R: Real> CpuBackend<R> {
     }
 
     /// DOF masks and masses without rest-shape springs.
-    fn own(&self) -> &[V4<R>] {
+    fn nodal_masses(&self) -> &[V4<R>] {
         if self.masses.is_empty() { &self.free } else { &self.masses }
     }
 
@@ -132,7 +133,7 @@ impl<R: Real> CpuBackend<R> {
         hits.iter().map(|hit| Hit { segment: hit.segment, at: hit.at.f64() }).collect()
     }
 
-    /// `[node]` in f64, the places that are not in use too, which are zero.
+    /// `[node]` in f64, with zeros for the nodes not in use.
     fn of_all(&self, values: &[V4<R>]) -> Vec<V4<f64>> {
         let mut all = widen(values);
         all.resize(self.all_nodes, [0.0; 4]);
@@ -173,9 +174,9 @@ impl<R: Real> Backend for CpuBackend<R> {
         self.nonlinear = Nonlinear::default();
         self.system.mean_velocities(&params, &self.free, &self.v, &mut self.mean_v);
         let v = if self.mean_v.is_empty() { &self.v } else { &self.mean_v };
-        let own = if self.masses.is_empty() { &self.free } else { &self.masses };
-        self.load_squared = rhs::rhs(&params, &self.f, v, own, &self.load, &mut self.r);
-        anchors::anchors(&self.anchors.nodes, &self.anchor, own, at, &mut self.r);
+        let masses = if self.masses.is_empty() { &self.free } else { &self.masses };
+        self.load_squared = rhs::rhs(&params, &self.f, v, masses, &self.load, &mut self.r);
+        anchors::anchors(&self.anchors.nodes, &self.anchor, masses, at, &mut self.r);
         if self.explicit {
             return Ok(());
         }
@@ -203,23 +204,23 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(())
     }
 
-    fn forget(&mut self, slots: &[usize]) -> Result<()> {
+    fn reset_initial_guess(&mut self, slots: &[usize]) -> Result<()> {
         for slot in slots {
             self.x[slot * self.node_count..(slot + 1) * self.node_count].fill([R::zero(); 4]);
         }
         Ok(())
     }
 
-    fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+    fn solve(&mut self, requests: &[SolveRequest], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         if self.explicit {
-            return Ok(self.accelerate(wanted, pick));
+            return Ok(self.accelerate(requests, pick));
         }
-        match wanted {
-            [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }] if self.system.newton() => {
+        match requests {
+            [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }] if self.system.newton() => {
                 let outcome = self.newton(*tolerance)?;
                 Ok((vec![outcome], self.picked(pick)))
             }
-            _ => self.solve_slots(wanted, pick),
+            _ => self.solve_slots(requests, pick),
         }
     }
 
@@ -228,7 +229,7 @@ impl<R: Real> Backend for CpuBackend<R> {
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
-        self.forget(&[CORRECTION])?;
+        self.reset_initial_guess(&[CORRECTION])?;
         for (node, dx) in nodes {
             let axes = V3::from4(self.free[*node as usize]);
             self.x[self.node_count + *node as usize] = V3::of(*dx).times(axes).pad(R::zero());
@@ -281,8 +282,8 @@ impl<R: Real> Backend for CpuBackend<R> {
             let in_system = self.anchors.in_system(self.anchor_rate, *node, *value);
             let node = *node as usize;
             self.free[node] = round(&in_system);
-            if let Some(own) = self.masses.get_mut(node) {
-                *own = round(value);
+            if let Some(mass) = self.masses.get_mut(node) {
+                *mass = round(value);
             }
             if value[3] == 0.0 {
                 // a node without cells leaves the system where it is
@@ -305,7 +306,7 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn snapshot(&mut self) -> Result<Snapshot> {
         let (rotation, law, split) = (self.system.rotations(), self.system.law(), self.system.split().to_vec());
-        let [u, v, free] = [&self.u[..], &self.v, self.own()].map(|values| self.of_all(values));
+        let [u, v, free] = [&self.u[..], &self.v, self.nodal_masses()].map(|values| self.of_all(values));
         Ok(Snapshot { u, v, rotation, split, free, law })
     }
 

@@ -1,8 +1,8 @@
 //! Solves on the CPU path: conjugate gradients over the right-hand sides, explicit steps, and Newton's method.
 
 use super::{CpuBackend, request};
-use crate::backend::newton::{Attempt, Descent, Raised, newton, positive};
-use crate::backend::{FREE, Target, Wanted};
+use crate::backend::newton::{Descent, Shifted, TrialPoint, newton, solve_shifted};
+use crate::backend::{FREE, SolveRequest, Target};
 use crate::bodies::cpu::{Start, Trial, Workspace};
 use crate::error::{Error, Result};
 use crate::kernels::accelerate::accelerate;
@@ -20,7 +20,7 @@ impl<R: Real> CpuBackend<R> {
     /// Solves the linear systems of several right-hand sides and reads values.
     pub(super) fn solve_slots(
         &mut self,
-        wanted: &[Wanted],
+        requests: &[SolveRequest],
         pick: &[(usize, u32)],
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let n = self.node_count;
@@ -41,7 +41,7 @@ impl<R: Real> CpuBackend<R> {
         let mut done: Vec<(usize, Outcome)> = arrays
             .into_par_iter()
             .enumerate()
-            .filter_map(|(slot, arrays)| Some((wanted.iter().find(|w| w.slot == slot)?, arrays)))
+            .filter_map(|(slot, arrays)| Some((requests.iter().find(|w| w.slot == slot)?, arrays)))
             .map(|(want, (x, r, p, s, z, w, Workspace { scratch, levels }))| {
                 let request = request(want.target, floor);
                 let outcome = solve(
@@ -56,16 +56,20 @@ impl<R: Real> CpuBackend<R> {
             })
             .collect();
         done.sort_by_key(|(slot, _)| *slot);
-        let find = |w: &Wanted| done.iter().find(|d| d.0 == w.slot).map(|d| d.1).unwrap_or_default();
-        let outcomes = wanted.iter().map(find).collect();
+        let find = |w: &SolveRequest| done.iter().find(|d| d.0 == w.slot).map(|d| d.1).unwrap_or_default();
+        let outcomes = requests.iter().map(find).collect();
         Ok((outcomes, self.picked(pick)))
     }
 
     /// Unconstrained motion of an explicit step, and its values at nodes: one exact division per node.
-    pub(super) fn accelerate(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> (Vec<Outcome>, Vec<[f64; 3]>) {
+    pub(super) fn accelerate(
+        &mut self,
+        requests: &[SolveRequest],
+        pick: &[(usize, u32)],
+    ) -> (Vec<Outcome>, Vec<[f64; 3]>) {
         accelerate(&self.params, &self.free, &self.r, &mut self.x);
-        debug_assert!(wanted.iter().all(|w| w.slot == FREE), "explicit steps have no contact");
-        (vec![Outcome::exact(); wanted.len()], self.picked(pick))
+        debug_assert!(requests.iter().all(|w| w.slot == FREE), "explicit steps have no contact");
+        (vec![Outcome::exact(); requests.len()], self.picked(pick))
     }
 
     /// Unconstrained motion by Newton's method; the right-hand side is `b` of the step, the solution its increment.
@@ -74,11 +78,11 @@ impl<R: Real> CpuBackend<R> {
         let zeros = vec![[R::zero(); 4]; n];
         let still = Point { dx: zeros.clone(), residual: zeros.clone() };
         let b = self.r[..n].to_vec();
-        let mut descent = Search { body: self, b, here: still.clone(), tried: still, direction: zeros };
-        let (outcome, own) = newton(&mut descent, tolerance, floor)?;
-        let dx = descent.here.dx;
+        let mut descent = LineSearch { body: self, b, current: still.clone(), trial: still, direction: zeros };
+        let (outcome, newton_iterations) = newton(&mut descent, tolerance, floor)?;
+        let dx = descent.current.dx;
         self.x[..n].copy_from_slice(&dx);
-        self.nonlinear.iterations = own;
+        self.nonlinear.iterations = newton_iterations;
         self.system.set_shift(0.0);
         Ok(outcome)
     }
@@ -94,15 +98,15 @@ struct Point<R> {
 }
 
 /// Line search state: a body and the right-hand side of its step.
-struct Search<'a, R: Real> {
+struct LineSearch<'a, R: Real> {
     body: &'a mut CpuBackend<R>,
     b: Vec<V4<R>>,
-    here: Point<R>,
-    tried: Point<R>,
+    current: Point<R>,
+    trial: Point<R>,
     direction: Vec<V4<R>>,
 }
 
-impl<R: Real> Raised for CpuBackend<R> {
+impl<R: Real> Shifted for CpuBackend<R> {
     fn set_shift(&mut self, shift: f64) {
         self.system.set_shift(shift);
     }
@@ -116,47 +120,48 @@ impl<R: Real> Raised for CpuBackend<R> {
     }
 }
 
-impl<R: Real> Descent for Search<'_, R> {
-    fn attempt(&mut self, share: f64) -> Result<Option<Attempt>> {
-        let along =
-            |(d, e): (&V4<R>, &V4<R>)| round(&std::array::from_fn::<f64, 4, _>(|n| d[n].f64() + share * e[n].f64()));
-        let dx: Vec<V4<R>> = self.here.dx.iter().zip(&self.direction).map(along).collect();
+impl<R: Real> Descent for LineSearch<'_, R> {
+    fn trial(&mut self, step_length: f64) -> Result<Option<TrialPoint>> {
+        let along = |(d, e): (&V4<R>, &V4<R>)| {
+            round(&std::array::from_fn::<f64, 4, _>(|n| d[n].f64() + step_length * e[n].f64()))
+        };
+        let dx: Vec<V4<R>> = self.current.dx.iter().zip(&self.direction).map(along).collect();
         let CpuBackend { params, free, u, f, system, space, .. } = &mut *self.body;
         let start = Start { params, free, u, f, b: &self.b };
         let Some(Trial { potential, residual }) = system.trial(&start, &dx, &mut space[FREE].scratch)? else {
             return Ok(None);
         };
         let product = |(r, e): (&V4<R>, &V4<R>)| (0..3).map(|n| r[n].f64() * e[n].f64()).sum::<f64>();
-        let promise = self.here.residual.iter().zip(&self.direction).map(product).sum();
-        let size = norm(&widen(&residual));
-        self.tried = Point { dx, residual };
-        Ok(Some(Attempt { potential, noise: 0.0, size, promise }))
+        let predicted_decrease = self.current.residual.iter().zip(&self.direction).map(product).sum();
+        let residual_norm = norm(&widen(&residual));
+        self.trial = Point { dx, residual };
+        Ok(Some(TrialPoint { potential, noise: 0.0, residual_norm, predicted_decrease }))
     }
 
-    fn take(&mut self) {
-        std::mem::swap(&mut self.here, &mut self.tried);
+    fn accept(&mut self) {
+        std::mem::swap(&mut self.current, &mut self.trial);
     }
 
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {
         let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
-        let moved: Vec<V4<f64>> = self.body.u.iter().zip(&self.here.dx).map(sum).collect();
+        let moved: Vec<V4<f64>> = self.body.u.iter().zip(&self.current.dx).map(sum).collect();
         self.body.system.linearise(&moved);
-        let (rest, n) = (&self.here.residual, self.b.len());
-        let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
-        let (spent, shift) = positive(self.body, shift, |body| {
-            body.r[..n].copy_from_slice(rest);
+        let (residual_force, n) = (&self.current.residual, self.b.len());
+        let wanted = [SolveRequest { slot: FREE, target: Target::Absolute(residual) }];
+        let (iterations, shift) = solve_shifted(self.body, shift, |body| {
+            body.r[..n].copy_from_slice(residual_force);
             body.x[..n].fill([R::zero(); 4]);
             Ok(body.solve_slots(&wanted, &[])?.0[0])
         })?;
         self.direction.copy_from_slice(&self.body.x[..n]);
-        Ok((spent, shift))
+        Ok((iterations, shift))
     }
 
     fn load(&self) -> f64 {
         self.body.load_squared.f64().sqrt()
     }
 
-    fn inside_out(&self) -> Error {
-        unreachable!("forces at the step's start were taken")
+    fn inverted_at_start(&self) -> Error {
+        unreachable!("the forces at the start of the step have been evaluated")
     }
 }

@@ -41,7 +41,7 @@ const FIRST_HITS: u64 = 1024;
 const MAX_QUADS: usize = 256;
 
 /// Runs the probe that tests compensated summation on the device.
-pub(super) fn keeps_what_sums_lose(made: &mut Maker) -> Result<bool> {
+pub(super) fn compensation_survives(made: &mut Maker) -> Result<bool> {
     let gpu = made.gpu;
     let cases = probe::cases();
     let errors = made.of("errors", &[0f32; probe::CASES])?;

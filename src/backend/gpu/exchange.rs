@@ -9,7 +9,7 @@ use crate::kernels::{gather, scatter};
 use crate::math::{V3, V4};
 
 /// Scattered values from the host: contact rows, coefficients, and changes by a cut.
-pub(super) struct Put {
+pub(super) struct Scatter {
     pub row_params: Buffer,
     pub params: Buffer,
     pub ids: Buffer,
@@ -17,7 +17,7 @@ pub(super) struct Put {
     pub rows: Bound,
 }
 
-impl Put {
+impl Scatter {
     pub fn new(made: &mut Maker, capacity: usize, r: &Buffer) -> Result<Self> {
         let gpu = made.gpu;
         let (row_params, params) = (made.uniform("params", 16, &[0u32; 4]), made.uniform("params", 16, &[0u32; 4]));
@@ -43,7 +43,7 @@ impl Put {
 }
 
 /// Gathered values for the host: elastic forces may follow displacements in the same arrays.
-pub(super) struct Pick {
+pub(super) struct Gather {
     pub params: Buffer,
     force_params: Buffer,
     pub ids: Buffer,
@@ -53,7 +53,7 @@ pub(super) struct Pick {
     pub f: Bound,
 }
 
-impl Pick {
+impl Gather {
     pub fn new(made: &mut Maker, capacity: usize, [x, u, f]: [&Buffer; 3]) -> Result<Self> {
         let (params, force_params) = (made.uniform("params", 16, &[0u32; 4]), made.uniform("params", 16, &[0u32; 4]));
         let ids = made.of("ids", &vec![0u32; capacity])?;

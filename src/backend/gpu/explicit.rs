@@ -3,7 +3,7 @@
 use super::GpuBackend;
 use super::exchange::triples;
 use super::solver::Solver;
-use crate::backend::Wanted;
+use crate::backend::SolveRequest;
 use crate::bodies::Model;
 use crate::bodies::gpu::{Arrays, Dispatch, InUse, Maker, over_nodes};
 use crate::error::Result;
@@ -49,7 +49,7 @@ impl GpuBackend {
     /// Unconstrained motion of an explicit step, and its values at nodes.
     pub(super) fn accelerate(
         &mut self,
-        wanted: &[Wanted],
+        requests: &[SolveRequest],
         pick: &[(usize, u32)],
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let mut batch = self.record();
@@ -65,6 +65,6 @@ impl GpuBackend {
         } else {
             triples(&self.gpu.submit_and_read(batch, &[(&self.pick.picked, picked.max(16))])?[0])
         };
-        Ok((vec![Outcome::exact(); wanted.len()], values.into_iter().take(ids.len()).collect()))
+        Ok((vec![Outcome::exact(); requests.len()], values.into_iter().take(ids.len()).collect()))
     }
 }

@@ -12,7 +12,7 @@ mod newton;
 mod solver;
 mod split;
 
-use super::{Backend, CORRECTION, Device, Needs, Nonlinear, Query, Snapshot, Values, Vector, Wanted};
+use super::{Backend, CORRECTION, Device, Needs, Nonlinear, Query, Snapshot, SolveRequest, Values, Vector};
 use crate::bodies::gpu::{Arrays, Dispatch, Maker, over_columns, over_nodes, untouched};
 use crate::bodies::{Model, Removal};
 use crate::error::Result;
@@ -21,8 +21,8 @@ use crate::kernels::{GROUP, Params, blocks, factor, integrate, rhs};
 use crate::linear::Outcome;
 use crate::math::{V3, V4, round};
 use anchors::Anchored;
-use arrays::{Body, Bounds, Cutting, axes, keeps_what_sums_lose};
-use exchange::{Pick, Put};
+use arrays::{Body, Bounds, Cutting, axes, compensation_survives};
+use exchange::{Gather, Scatter};
 use newton::Newton;
 use solver::Solver;
 use split::Split;
@@ -51,8 +51,8 @@ pub struct GpuBackend {
     newton: Option<Newton>,
     begin: Vec<Dispatch>,
     integrate: [Bound; 2], // without and with the correction
-    pick: Pick,
-    put: Option<Put>,
+    pick: Gather,
+    put: Option<Scatter>,
     bounds: Option<Bounds>,
     cutting: Option<Cutting>,
     split: Option<Split>,
@@ -76,7 +76,7 @@ impl GpuBackend {
         let (n, slots) = (model.node_count(), needs.slots());
         let mut made = Maker::new(&gpu);
         gpu.making("probe of sums");
-        let compensated = u32::from(keeps_what_sums_lose(&mut made)?);
+        let compensated = u32::from(compensation_survives(&mut made)?);
         let params = Params { slot_count: slots as u32, compensated, ..model.params::<f32>() };
         // state and constant arrays of the law
         gpu.making("state");
@@ -92,9 +92,9 @@ impl GpuBackend {
         let elements = kind.elements();
         // preconditioner blocks; those of unused nodes keep their initial values
         gpu.making("columns");
-        let own = model.own_nodes();
+        let grid_nodes = model.own_nodes();
         let block = made.vec4("block", if explicit { 0 } else { n * 4 })?;
-        gpu.write(&block, own as u64 * 64, &untouched(if explicit { 0 } else { n - own }));
+        gpu.write(&block, grid_nodes as u64 * 64, &untouched(if explicit { 0 } else { n - grid_nodes }));
         gpu.making("solver");
         let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
         // the conjugate gradients, bound to these arrays by name
@@ -128,9 +128,9 @@ impl GpuBackend {
         gpu.making("exchange with the host");
         // host exchange: gathered values, scattered values, bounding boxes of tiles, swept quads
         let picked = n.min(needs.near.max(PICKED)) * slots;
-        let pick = Pick::new(&mut made, picked, [&solver.x, &u, &f])?;
+        let pick = Gather::new(&mut made, picked, [&solver.x, &u, &f])?;
         let most = n.max((elements.bytes / 16) as usize);
-        let put = if needs.contact || needs.cutting { Some(Put::new(&mut made, most, &solver.r)?) } else { None };
+        let put = if needs.contact || needs.cutting { Some(Scatter::new(&mut made, most, &solver.r)?) } else { None };
         let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
         gpu.making("cut");
         let cutting =
@@ -146,7 +146,7 @@ impl GpuBackend {
         // node duplication comes last, because it needs all arrays
         let split = Split::new(&mut made, model, kind.as_ref(), &[(&u, 1), (&v, 1), (&solver.x, slots as u32)])?;
         let bytes = made.bytes;
-        gpu.sound()?; // report allocation failures before anything runs
+        gpu.check_health()?; // report allocation failures before anything runs
         Ok(Self {
             params,
             node_count: n,
@@ -248,7 +248,7 @@ impl Backend for GpuBackend {
         Ok(())
     }
 
-    fn forget(&mut self, slots: &[usize]) -> Result<()> {
+    fn reset_initial_guess(&mut self, slots: &[usize]) -> Result<()> {
         let mut batch = self.record();
         for slot in slots {
             batch.clear(&self.solver.x, self.offset(*slot), self.offset(1));
@@ -257,13 +257,13 @@ impl Backend for GpuBackend {
         Ok(())
     }
 
-    fn solve(&mut self, wanted: &[Wanted], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
+    fn solve(&mut self, requests: &[SolveRequest], pick: &[(usize, u32)]) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         if self.unread.is_some() {
-            return self.accelerate(wanted, pick);
+            return self.accelerate(requests, pick);
         }
         match self.newton {
-            Some(_) => self.solve_nonlinear(wanted, pick),
-            None => self.solve_slots(wanted, pick),
+            Some(_) => self.solve_nonlinear(requests, pick),
+            None => self.solve_slots(requests, pick),
         }
     }
 
@@ -272,7 +272,7 @@ impl Backend for GpuBackend {
     }
 
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()> {
-        self.forget(&[CORRECTION])?;
+        self.reset_initial_guess(&[CORRECTION])?;
         let ids: Vec<u32> = nodes.iter().map(|(n, _)| self.node_count as u32 + n).collect();
         let free = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
         let values: Vec<V4<f32>> = nodes.iter().map(|(n, v)| free(*n, *v)).collect();

@@ -5,13 +5,13 @@
 
 use super::GpuBackend;
 use super::exchange::triples;
-use crate::backend::newton::{Attempt, Descent, Raised, newton as descend, positive};
-use crate::backend::{FREE, Nonlinear, Target, Wanted};
+use crate::backend::newton::{Descent, Shifted, TrialPoint, newton as descend, solve_shifted};
+use crate::backend::{FREE, Nonlinear, SolveRequest, Target};
 use crate::bodies::Refused;
 use crate::bodies::gpu::{NonlinearLaw, Search};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Buffer, Gpu, cast};
-use crate::kernels::hyperelastic_forces::INSIDE_OUT;
+use crate::kernels::hyperelastic_forces::INVERTED_ENERGY;
 use crate::kernels::{GROUP, Params};
 use crate::linear::Outcome;
 
@@ -54,10 +54,10 @@ impl Newton {
         }
     }
 
-    /// The first cell that is inside out.
-    fn outside_in(&self, energy: &[f32]) -> Option<Refused> {
-        let cell = energy.iter().position(|e| *e >= INSIDE_OUT || e.is_nan())?;
-        Some(Refused::InsideOut { cell: self.params.cell_at(cell) })
+    /// The first inverted cell.
+    fn first_inverted(&self, energy: &[f32]) -> Option<Refused> {
+        let cell = energy.iter().position(|e| *e >= INVERTED_ENERGY || e.is_nan())?;
+        Some(Refused::InvertedCell { cell: self.params.cell_at(cell) })
     }
 }
 
@@ -78,27 +78,27 @@ impl GpuBackend {
     /// Solve for a body with a nonlinear law.
     pub(super) fn solve_nonlinear(
         &mut self,
-        wanted: &[Wanted],
+        requests: &[SolveRequest],
         pick: &[(usize, u32)],
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         let Some(newton) = &mut self.newton else { return Ok((vec![], vec![])) };
-        match wanted {
-            [Wanted { slot: FREE, target: Target::OfLoad(tolerance) }] => {
+        match requests {
+            [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }] => {
                 let (tolerance, floor) = (*tolerance, self.floor);
                 (newton.count, newton.start) = (Nonlinear::default(), vec![]);
-                let (outcome, own) = descend(self, tolerance, floor)?;
-                let values = self.found(own, pick)?;
+                let (outcome, newton_iterations) = descend(self, tolerance, floor)?;
+                let values = self.found(newton_iterations, pick)?;
                 Ok((vec![outcome], values))
             }
-            _ => self.solve_slots(wanted, pick),
+            _ => self.solve_slots(requests, pick),
         }
     }
 
     /// Copies the result of Newton's method to the solution and returns its values at nodes.
-    fn found(&mut self, own: u32, pick: &[(usize, u32)]) -> Result<Vec<[f64; 3]>> {
+    fn found(&mut self, newton_iterations: u32, pick: &[(usize, u32)]) -> Result<Vec<[f64; 3]>> {
         let mut batch = self.record();
         if let Some(newton) = &mut self.newton {
-            newton.count.iterations = own;
+            newton.count.iterations = newton_iterations;
             newton.shift(&self.gpu, 0.0);
         }
         if let Some(newton) = &self.newton {
@@ -114,15 +114,15 @@ impl GpuBackend {
     }
 
     /// Before the first trial point of a step: saves the right-hand side, clears increment, residual and solution.
-    fn set_out(&self, batch: &mut Batch, newton: &Newton, search: &Search) {
+    fn start_step(&self, batch: &mut Batch, newton: &Newton, search: &Search) {
         batch.copy(&self.solver.r, 0, &newton.law.b, 0, self.vector());
-        for vector in [&search.dx[0], &search.rest[0], &self.solver.x] {
+        for vector in [&search.dx[0], &search.residual_force[0], &self.solver.x] {
             batch.clear(vector, 0, self.vector());
         }
     }
 }
 
-impl Raised for GpuBackend {
+impl Shifted for GpuBackend {
     fn set_shift(&mut self, shift: f64) {
         if let Some(newton) = &mut self.newton {
             newton.shift(&self.gpu, shift);
@@ -141,63 +141,64 @@ impl Raised for GpuBackend {
 }
 
 impl Descent for GpuBackend {
-    fn attempt(&mut self, share: f64) -> Result<Option<Attempt>> {
+    fn trial(&mut self, step_length: f64) -> Result<Option<TrialPoint>> {
         let mut batch = self.record();
         let Some(newton) = &self.newton else { return Ok(None) };
         let search = &newton.law.search;
         let first = newton.start.is_empty();
         if first {
-            self.set_out(&mut batch, newton, search);
+            self.start_step(&mut batch, newton, search);
         }
         // evaluate the point
-        self.gpu.write(&search.gain, 0, &Params { gain: share as f32, ..newton.params }.words());
+        self.gpu.write(&search.gain, 0, &Params { gain: step_length as f32, ..newton.params }.words());
         search.kernels.iter().for_each(|(kernel, threads)| batch.run(kernel, *threads, 1));
         let groups = self.node_count.div_ceil(GROUP as usize) as u64;
         let wanted = [
-            (&search.promise, groups * 4),
-            (&search.balance, groups * 8),
+            (&search.predicted_decrease, groups * 4),
+            (&search.potential_and_residual, groups * 8),
             (&newton.law.energy, u64::from(newton.params.cell_count) * 4),
             (&search.load, groups * 4),
         ];
         let parts = self.gpu.submit_and_read(batch, &wanted)?;
         // sum on the host, the elastic energy relative to the start of the step
         let sum = |values: Vec<f32>| values.iter().map(|v| f64::from(*v)).sum::<f64>();
-        let (balance, energy) = (cast::<[f32; 2]>(&parts[1]), cast::<f32>(&parts[2]));
-        let (outside, end_share) = (newton.outside_in(&energy).is_some(), newton.law.end_share);
+        let (potential_and_residual, energy) = (cast::<[f32; 2]>(&parts[1]), cast::<f32>(&parts[2]));
+        let (inverted, end_share) = (newton.first_inverted(&energy).is_some(), newton.law.end_share);
         if first && let Some(newton) = &mut self.newton {
             newton.start = energy.clone();
             newton.load = sum(cast(&parts[3])).sqrt();
         }
-        if outside {
+        if inverted {
             return Ok(None);
         }
         let start = self.newton.iter().flat_map(|newton| &newton.start);
         let gained: f64 = energy.iter().zip(start).map(|(e, s)| f64::from(*e) - f64::from(*s)).sum();
-        let of_nodes = |part: fn(&[f32; 2]) -> f32| balance.iter().map(|b| f64::from(part(b))).sum::<f64>();
-        let held = of_nodes(|b| b[0].abs()) + end_share * sum(energy);
-        Ok(Some(Attempt {
+        let of_nodes =
+            |part: fn(&[f32; 2]) -> f32| potential_and_residual.iter().map(|b| f64::from(part(b))).sum::<f64>();
+        let magnitude = of_nodes(|b| b[0].abs()) + end_share * sum(energy);
+        Ok(Some(TrialPoint {
             potential: of_nodes(|b| b[0]) + end_share * gained,
-            noise: ROUNDINGS * held,
-            size: of_nodes(|b| b[1]).sqrt(),
-            promise: sum(cast(&parts[0])),
+            noise: ROUNDINGS * magnitude,
+            residual_norm: of_nodes(|b| b[1]).sqrt(),
+            predicted_decrease: sum(cast(&parts[0])),
         }))
     }
 
-    fn take(&mut self) {
+    fn accept(&mut self) {
         let mut batch = self.record();
         if let Some(Newton { law: NonlinearLaw { search, .. }, .. }) = &self.newton {
-            for [here, tried] in [&search.dx, &search.rest] {
-                batch.copy(tried, 0, here, 0, self.vector());
+            for [current, trial] in [&search.dx, &search.residual_force] {
+                batch.copy(trial, 0, current, 0, self.vector());
             }
         }
         self.pending = Some(batch);
     }
 
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {
-        let rest = self.newton.as_ref().map(|newton| newton.law.search.rest[0].clone());
-        let wanted = [Wanted { slot: FREE, target: Target::Absolute(residual) }];
-        positive(self, shift, |body| {
-            rest.iter().for_each(|rest| body.restart(rest));
+        let residual_force = self.newton.as_ref().map(|newton| newton.law.search.residual_force[0].clone());
+        let wanted = [SolveRequest { slot: FREE, target: Target::Absolute(residual) }];
+        solve_shifted(self, shift, |body| {
+            residual_force.iter().for_each(|r| body.restart(r));
             Ok(body.solve_slots(&wanted, &[])?.0[0])
         })
     }
@@ -206,8 +207,8 @@ impl Descent for GpuBackend {
         self.newton.as_ref().map_or(0.0, |newton| newton.load)
     }
 
-    fn inside_out(&self) -> Error {
-        let found = self.newton.as_ref().and_then(|newton| newton.outside_in(&newton.start));
-        found.unwrap_or_else(|| unreachable!("only a cell that is inside out ends the first place")).into()
+    fn inverted_at_start(&self) -> Error {
+        let found = self.newton.as_ref().and_then(|newton| newton.first_inverted(&newton.start));
+        found.unwrap_or_else(|| unreachable!("only an inverted cell rejects the first trial point")).into()
     }
 }

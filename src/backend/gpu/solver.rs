@@ -3,7 +3,7 @@
 use super::GpuBackend;
 use super::exchange::triples;
 use super::newton::Newton;
-use crate::backend::{CORRECTION, FREE, Target, Wanted};
+use crate::backend::{CORRECTION, FREE, SolveRequest, Target};
 use crate::bodies::Model;
 use crate::bodies::gpu::{Arrays, Dispatch, InUse, Maker, Recorded, TOUCHED, over_columns, over_nodes};
 use crate::error::Result;
@@ -128,19 +128,19 @@ impl Solver {
     }
 
     /// Sets the stopping criteria; slots that are not requested are marked as done.
-    pub fn write_requests(&self, gpu: &Gpu, wanted: &[Wanted], rows: usize, floor: f64) {
+    pub fn write_requests(&self, gpu: &Gpu, requests: &[SolveRequest], rows: usize, floor: f64) {
         let mut scalars = vec![[1f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]; rows];
-        let mut requests = vec![[0f32; 4]; rows];
-        for w in wanted {
+        let mut criteria = vec![[0f32; 4]; rows];
+        for w in requests {
             scalars[w.slot][3] = 0.0;
             let floor = (floor * floor) as f32;
-            requests[w.slot] = match w.target {
+            criteria[w.slot] = match w.target {
                 Target::OfLoad(t) => [(t * t) as f32, 0.0, floor, 1.0],
                 Target::Absolute(norm) | Target::Loose(norm, _) => [1.0, (norm * norm) as f32, floor, 0.0],
             };
         }
         gpu.write(&self.scalars, 0, &scalars);
-        gpu.write(&self.requests, 0, &requests);
+        gpu.write(&self.requests, 0, &criteria);
     }
 }
 
@@ -162,14 +162,14 @@ impl GpuBackend {
     /// Solves several right-hand sides of the linear system together.
     pub(super) fn solve_slots(
         &mut self,
-        wanted: &[Wanted],
+        requests: &[SolveRequest],
         pick: &[(usize, u32)],
     ) -> Result<(Vec<Outcome>, Vec<[f64; 3]>)> {
         // range of right-hand sides, stopping criteria, initial guess
-        let only_correction = wanted.iter().all(|w| w.slot == CORRECTION);
-        let last = wanted.iter().map(|w| w.slot).max().unwrap_or(FREE);
+        let only_correction = requests.iter().all(|w| w.slot == CORRECTION);
+        let last = requests.iter().map(|w| w.slot).max().unwrap_or(FREE);
         let (first, rows) = if only_correction { (CORRECTION, 1) } else { (FREE, last as u32 + 1) };
-        self.solver.write_requests(&self.gpu, wanted, last + 1, self.floor);
+        self.solver.write_requests(&self.gpu, requests, last + 1, self.floor);
         let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
         let mut batch = self.record();
         let last_bytes = 16 * self.solver.in_use.nodes as u64;
@@ -178,7 +178,7 @@ impl GpuBackend {
         let kind = usize::from(only_correction);
         // the residual of the initial guess takes one additional product
         let [spare, again] = self.solver.spare;
-        let most = wanted.iter().map(|w| w.target.iterations(self.max_iterations)).max().unwrap_or(0);
+        let most = requests.iter().map(|w| w.target.iterations(self.max_iterations)).max().unwrap_or(0);
         let mut count = (self.expected[kind] * 5 / 4 + spare).min(most.saturating_add(1));
         // submit iterations until all requested right-hand sides are done or at their limit
         loop {
@@ -187,7 +187,7 @@ impl GpuBackend {
             let heads = 32 * (last as u64 + 1);
             let parts =
                 self.gpu.submit_and_read(batch, &[(&self.solver.scalars, heads), (&self.pick.picked, picked)])?;
-            let heads = scalars(&parts[0], wanted);
+            let heads = scalars(&parts[0], requests);
             let running = heads.iter().filter(|k| k.done == 0.0).map(|k| k.iterations as u32);
             let left = running.map(|done| most.saturating_sub(done)).max().unwrap_or(0);
             if left == 0 {
@@ -202,11 +202,11 @@ impl GpuBackend {
 }
 
 /// Solver scalars of the requested slots, from the bytes of the array.
-pub(super) fn scalars(bytes: &[u8], wanted: &[Wanted]) -> Vec<Scalars<f32>> {
+pub(super) fn scalars(bytes: &[u8], requests: &[SolveRequest]) -> Vec<Scalars<f32>> {
     let heads: Vec<[f32; 8]> = cast(bytes);
-    let of = |w: &Wanted| {
+    let of = |w: &SolveRequest| {
         let [alpha, beta, gamma, done, target_squared, residual_squared, iterations, state] = heads[w.slot];
         Scalars { alpha, beta, gamma, done, target_squared, residual_squared, iterations, state }
     };
-    wanted.iter().map(of).collect()
+    requests.iter().map(of).collect()
 }

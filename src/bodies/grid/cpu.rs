@@ -159,11 +159,11 @@ impl<R: Real> System<R> for Hexahedra<R> {
         }
         // hyperelastic forces
         if let Some(tangents) = tangents {
-            let place = widen(at);
-            if let Some(cell) = tangents.law.first_inverted(&tangents.params, &place) {
-                return Err(Refused::InsideOut { cell: tangents.params.cell_at(cell) }.into());
+            let displacement = widen(at);
+            if let Some(cell) = tangents.law.first_inverted(&tangents.params, &displacement) {
+                return Err(Refused::InvertedCell { cell: tangents.params.cell_at(cell) }.into());
             }
-            f.iter_mut().zip(tangents.forces(&place)).for_each(|(f, force)| *f = round(&force));
+            f.iter_mut().zip(tangents.forces(&displacement)).for_each(|(f, force)| *f = round(&force));
             return Ok(());
         }
         if let Some((law, own)) = law {
@@ -326,9 +326,11 @@ impl<R: Real> System<R> for Hexahedra<R> {
         let Some(tangents) = &self.tangents else { return Ok(None) };
         // elastic energy and forces at the trial point
         let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
-        let place: Vec<V4<f64>> = step.u.iter().zip(dx).map(sum).collect();
-        let Some(energy) = tangents.law.energy(&tangents.params, &[], &|_| true, &place) else { return Ok(None) };
-        let forces = tangents.forces(&place);
+        let displacement: Vec<V4<f64>> = step.u.iter().zip(dx).map(sum).collect();
+        let Some(energy) = tangents.law.energy(&tangents.params, &[], &|_| true, &displacement) else {
+            return Ok(None);
+        };
+        let forces = tangents.forces(&displacement);
         // inertia and damping: product with the small-strain matrix
         let params = Params { stiffness_factor: R::of(tangents.damping), ..*step.params };
         let mut residual = vec![[R::zero(); 4]; dx.len()];

@@ -39,8 +39,8 @@ const SMALLEST_PIVOT: f64 = 1e-12;
 
 /// Sparsity pattern of `A`: its lower half by columns, in elimination order.
 pub struct Pattern {
-    /// `[node]` position in the elimination order; row `3 place + axis`
-    pub place: Vec<u32>,
+    /// `[node]` position in the elimination order; row `3 permutation + axis`
+    pub permutation: Vec<u32>,
     /// `[position]` node
     pub node: Vec<u32>,
     /// `[row + 1]` first entry of each column
@@ -56,8 +56,8 @@ impl Pattern {
         let size = [params.nodes_x, params.nodes_y, params.nodes_z].map(|n| n as usize);
         let mut node = vec![];
         dissect(params, [0; 3], size, &mut node);
-        let mut place = vec![0; node.len()];
-        node.iter().enumerate().for_each(|(p, i)| place[*i as usize] = p as u32);
+        let mut permutation = vec![0; node.len()];
+        node.iter().enumerate().for_each(|(p, i)| permutation[*i as usize] = p as u32);
         // rows of each column: the node itself and its later neighbours
         let (mut first, mut row) = (vec![0], vec![]);
         for (p, i) in node.iter().enumerate() {
@@ -69,7 +69,8 @@ impl Pattern {
                     move |j| x.clone().map(move |i| [i, j, k])
                 })
             });
-            let mut later: Vec<usize> = around.map(|c| place[params.node_id(c)] as usize).filter(|q| *q > p).collect();
+            let mut later: Vec<usize> =
+                around.map(|c| permutation[params.node_id(c)] as usize).filter(|q| *q > p).collect();
             later.sort_unstable();
             for axis in 0..3 {
                 row.extend(3 * p + axis..3 * p + 3);
@@ -77,7 +78,7 @@ impl Pattern {
                 first.push(row.len());
             }
         }
-        Self { place, node, first, row }
+        Self { permutation, node, first, row }
     }
 
     /// Assembles the entries of `A`, N/m.
@@ -109,9 +110,9 @@ impl Pattern {
                     let (i, m) = (self.node[self.row[k] / 3] as usize, self.row[k] % 3);
                     let b = block[offset(params.node_at(i), at)].0[n].pad(0.0)[m];
                     let both_free = free[i][m] * free[j][n];
-                    let [inertia, held] =
+                    let [inertia, fixed] =
                         if self.row[k] == column { [params.inertia * free[j][3], 1.0 - free[j][n]] } else { [0.0; 2] };
-                    out[k - begin] = (params.stiffness_factor * b + inertia) * both_free + held;
+                    out[k - begin] = (params.stiffness_factor * b + inertia) * both_free + fixed;
                 }
             }
         });
@@ -211,7 +212,7 @@ impl Direct {
         let Self { params, stiffness, layer_of, pattern, value, symbolic, factor, .. } = self;
         let no_memory = |numbers| Refused::DirectMemory { numbers };
         let size = 3 * pattern.node.len();
-        let places = SymbolicSparseColMatRef::new_checked(size, size, &pattern.first, None, &pattern.row);
+        let structure = SymbolicSparseColMatRef::new_checked(size, size, &pattern.first, None, &pattern.row);
         // symbolic factorisation, once
         let symbolic = match symbolic {
             Some(symbolic) => symbolic,
@@ -219,7 +220,7 @@ impl Direct {
                 let supernodal_flop_ratio_threshold = SupernodalThreshold::FORCE_SUPERNODAL;
                 let how = CholeskySymbolicParams { supernodal_flop_ratio_threshold, ..Default::default() };
                 // with a given ordering, faer analyses the upper half whatever the side argument
-                let upper = places.transpose().to_col_major().map_err(|_| no_memory(pattern.row.len()))?;
+                let upper = structure.transpose().to_col_major().map_err(|_| no_memory(pattern.row.len()))?;
                 let made = factorize_symbolic_cholesky(upper.as_ref(), Side::Upper, SymmetricOrdering::Identity, how);
                 symbolic.insert(made.map_err(|_| no_memory(pattern.row.len()))?)
             }
@@ -231,18 +232,18 @@ impl Direct {
         factor.resize(count, 0.0);
         let needed = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
         let mut memory = MemBuffer::try_new(needed).map_err(|_| no_memory(count))?;
-        let matrix = SparseColMatRef::new(places, &value[..]);
+        let matrix = SparseColMatRef::new(structure, &value[..]);
         let (stack, regular) = (MemStack::new(&mut memory), Default::default());
-        let lost = |row: usize| Refused::NotPositive {
+        let not_positive = |row: usize| Refused::NotPositive {
             node: params.node_at(pattern.node[row / 3] as usize),
             axis: ['x', 'y', 'z'][row % 3],
         };
         symbolic
             .factorize_numeric_llt(factor, matrix, Side::Lower, regular, Par::Seq, stack, Default::default())
-            .map_err(|NonPositivePivot { index }| lost(index))?;
+            .map_err(|NonPositivePivot { index }| not_positive(index))?;
         // reject pivots of rounding size, which faer accepts
-        if let Some(row) = lost_row(symbolic, factor, pattern, value) {
-            return Err(lost(row).into());
+        if let Some(row) = first_bad_pivot(symbolic, factor, pattern, value) {
+            return Err(not_positive(row).into());
         }
         self.current = true;
         Ok(())
@@ -251,7 +252,7 @@ impl Direct {
     /// `z = A⁻¹ r` with the factor of the last [`Direct::factor`]; returns `r·z`. May be called from any number of threads at once.
     pub fn solve<R: Real>(&self, r: &[V4<R>], z: &mut [V4<R>]) -> R {
         let symbolic = self.symbolic.as_ref().expect("a backend factors before it solves");
-        let rows = |i: usize| 3 * self.pattern.place[i] as usize..;
+        let rows = |i: usize| 3 * self.pattern.permutation[i] as usize..;
         let mut x = vec![0.0; symbolic.nrows()];
         for (i, r) in r.iter().enumerate() {
             x[rows(i)].iter_mut().zip(&r[..3]).for_each(|(x, r)| *x = r.f64());
@@ -276,7 +277,7 @@ impl Direct {
 }
 
 /// First row whose pivot is rounding error.
-fn lost_row(
+fn first_bad_pivot(
     symbolic: &SymbolicCholesky<usize>,
     factor: &[f64],
     pattern: &Pattern,

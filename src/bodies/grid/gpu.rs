@@ -12,9 +12,9 @@ use crate::bodies::{MAX_LAYERS, Model, Refused};
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::{
-    GROUP, Params, Source, attempt, blocks, centres, coarsen, collect, collect_product, factor, forces,
-    hyperelastic_forces, hyperelastic_tangent, momentum, product, prolongation, relax, residual, restriction,
-    rotations, split_product,
+    GROUP, Params, Source, blocks, centres, coarsen, collect, collect_product, factor, forces, hyperelastic_forces,
+    hyperelastic_tangent, momentum, product, prolongation, relax, residual, restriction, rotations, split_product,
+    trial_point,
 };
 use crate::math::{M3, V3, V4};
 use crate::mesh::Parts;
@@ -135,9 +135,9 @@ impl Hexahedra {
         let slots = if law.newton { self.params.slot_count as usize } else { 1 };
         let corner_force = made.of("corner_force", &vec![0f32; cells * 24 * slots])?;
         let energy = made.of("energy", &vec![0f32; cells])?;
-        let place = if law.newton { made.vec4("displacement", n)? } else { u.clone() };
+        let displacement = if law.newton { made.vec4("displacement", n)? } else { u.clone() };
         let own = [layers_uniform(made, "material", &law.rounded()), corner_force, energy.clone()];
-        self.shared = self.shared.joined(&Arrays::of(&own)).joined(&Arrays::one("displacement", &place));
+        self.shared = self.shared.joined(&Arrays::of(&own)).joined(&Arrays::one("displacement", &displacement));
         if !law.newton {
             return Ok(());
         }
@@ -222,31 +222,33 @@ impl Hexahedra {
         // arrays: increment and residual at the current and the trial point, and sums over groups
         let mut vector = |name| made.vec4(name, n);
         let dx = [vector("dx")?, vector("dx_next")?];
-        let rest = [vector("rest")?, vector("rest_next")?];
+        let residual_force = [vector("residual_force")?, vector("residual_force_next")?];
         let w = vector("w")?;
-        let promise = made.of("promise", &vec![0f32; groups])?;
-        let balance = made.of("balance", &vec![[0f32; 2]; groups])?;
+        let predicted_decrease = made.of("predicted_decrease", &vec![0f32; groups])?;
+        let potential_and_residual = made.of("potential_and_residual", &vec![[0f32; 2]; groups])?;
         let sums = made.of("partial_product", &vec![0f32; self.params.product_groups as usize])?;
         let running = made.vec4("scalars", 2)?;
         // parameter blocks: step length, factor of damping, fraction of the force change
         let gain = made.params(&self.params);
         let (_, damped) = with_factor(made, &self.params, law.damping);
         let (_, shared) = with_factor(made, &self.params, law.end_share);
-        let along = [("params", &gain), ("dx", &dx[0]), ("x", x), ("rest", &rest[0]), ("dx_next", &dx[1])];
-        let along = [&along[..], &[("promise", &promise)]].concat();
+        let along =
+            [("params", &gain), ("dx", &dx[0]), ("x", x), ("residual_force", &residual_force[0]), ("dx_next", &dx[1])];
+        let along = [&along[..], &[("predicted_decrease", &predicted_decrease)]].concat();
         let linear = [("params", &damped), ("z", &dx[1]), ("w", &w), ("partial_product", &sums), ("scalars", &running)];
-        let left = [("params", &shared), ("b", &law.b), ("w", &w), ("dx", &dx[1]), ("rest", &rest[1])];
-        let left = [&left[..], &[("balance", &balance)]].concat();
+        let left =
+            [("params", &shared), ("b", &law.b), ("w", &w), ("dx", &dx[1]), ("residual_force", &residual_force[1])];
+        let left = [&left[..], &[("potential_and_residual", &potential_and_residual)]].concat();
         let bind = |source, more: &[(&'static str, &Buffer)]| arrays.bind(made.gpu, source, more);
         // trial point, elastic forces, inertia and damping, residual
         let kernels = vec![
-            (bind(&attempt::SOURCE, &along)?, n),
+            (bind(&trial_point::SOURCE, &along)?, n),
             (bind(&hyperelastic_forces::SOURCE, &[("params", &shared)])?, self.params.cell_count as usize),
             (bind(&product::SOURCE, &linear)?, product::tiles(&self.params) * GROUP as usize),
             (bind(&residual::SOURCE, &left)?, n),
         ];
         let load = arrays.get("partial_load").unwrap_or_else(|| unreachable!("every body has it"));
-        Ok(Search { gain, kernels, dx, rest, promise, balance, load })
+        Ok(Search { gain, kernels, dx, residual_force, predicted_decrease, potential_and_residual, load })
     }
 }
 

@@ -30,13 +30,14 @@ use rayon::prelude::*;
 
 /// 24×24 tangent, row and column `3a + i`, N/m.
 pub fn tangent(cell: &Cell<f64>) -> Matrix {
-    let (growing, pressure, stiff) = (cell.growing().map(V3::f64), cell.pressure(), cell.pressure_slope());
+    let (volume_gradient, pressure, stiff) =
+        (cell.volume_gradient().map(V3::f64), cell.pressure(), cell.pressure_slope());
     // material and geometric part, Gauss point by Gauss point, lower half by corner pairs
     let mut k = [[0.0; 24]; 24];
     for (n, p) in cell.points.iter().enumerate() {
-        let held = cell.weight * pressure * (1.0 + p.growth);
+        let kirchhoff = cell.weight * pressure * (1.0 + p.dilatation);
         let rest: [V3<f64>; 8] = std::array::from_fn(|a| gradient(cell.inverse, a, n));
-        let now = rest.map(|g| (p.back * g).f64());
+        let now = rest.map(|g| (p.log_gradient * g).f64());
         // [3 j + l] material part: dP' for a unit change of F in row j, column l
         let unit = |m: usize| {
             let mut change = [[0.0; 3]; 3]; // columns
@@ -53,7 +54,8 @@ pub fn tangent(cell: &Cell<f64>) -> Matrix {
                 for j in 0..3 {
                     let straight = (of_corner[j] * rest[a] * cell.weight).f64();
                     for i in 0..3 {
-                        k[3 * a + i][3 * b + j] += straight[i] + held * (now[a][i] * now[b][j] - now[b][i] * now[a][j]);
+                        k[3 * a + i][3 * b + j] +=
+                            straight[i] + kirchhoff * (now[a][i] * now[b][j] - now[b][i] * now[a][j]);
                     }
                 }
             }
@@ -62,7 +64,7 @@ pub fn tangent(cell: &Cell<f64>) -> Matrix {
     // stiffness of the mean dilatation
     for m in 0..24 {
         for n in 0..3 * (m / 3 + 1) {
-            k[m][n] += stiff * growing[m / 3][m % 3] * growing[n / 3][n % 3];
+            k[m][n] += stiff * volume_gradient[m / 3][m % 3] * volume_gradient[n / 3][n % 3];
         }
     }
     // upper half by symmetry
@@ -310,18 +312,18 @@ mod tests {
     fn turned_about(law: Law) {
         let soft = || of(law);
         let (s, c) = 1.1f64.sin_cos();
-        let turn = |x: V3<f64>| V3::new(c * x.x - s * x.y, s * x.x + c * x.y, x.z);
+        let rotate = |x: V3<f64>| V3::new(c * x.x - s * x.y, s * x.x + c * x.y, x.z);
         let strained = random(7, 6e-5);
         let edges = soft().edges.f64();
         let at = field(|a, n| (corner(a)[n] as f64 - 0.5) * edges[n]);
-        let carried = |u: &Field| -> Field { std::array::from_fn(|a| turn(at[a] + u[a]) - at[a] + V3::splat(0.02)) };
+        let carried = |u: &Field| -> Field { std::array::from_fn(|a| rotate(at[a] + u[a]) - at[a] + V3::splat(0.02)) };
         let still = Cell::new(soft(), &carried(&[V3::zero(); 8]));
         let volume: f64 = edges.iter().product();
         assert!(still.energy().abs() < 1e-12 * volume * BULK, "{:e}", still.energy());
         let (old, new) = (Cell::new(soft(), &strained), Cell::new(soft(), &carried(&strained)));
         assert!((old.energy() / new.energy() - 1.0).abs() < 1e-9);
         for (a, b) in old.forces().iter().zip(new.forces()) {
-            assert!((turn(*a) - b).length() < 1e-9, "{a:?} {b:?}");
+            assert!((rotate(*a) - b).length() < 1e-9, "{a:?} {b:?}");
         }
     }
 
@@ -398,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn at_rest_the_tangent_is_the_small_strain_brick_in_constant_strain() {
+    fn at_rest_the_tangent_is_the_small_strain_element_in_constant_strain() {
         // in the neo-Hookean law BULK is λ, in the other the bulk modulus
         for (law, lambda) in LAWS.into_iter().zip([BULK, BULK - MU * 2.0 / 3.0]) {
             as_small_strain(law, lambda);

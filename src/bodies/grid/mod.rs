@@ -273,11 +273,11 @@ impl Mechanics for Hexahedra {
             let layer = model.grid.layer(cell);
             let h = V3::from4(model.shape[layer]);
             let e = self.pre_strain[layer];
-            let (back, turn) = (rotation_matrix(*q).transpose(), rotation_minus_identity(*q).transpose());
+            let (back, change) = (rotation_matrix(*q).transpose(), rotation_minus_identity(*q).transpose());
             let mut d = [0.0; 24];
             for (a, node) in params.corner_nodes(split, cell).into_iter().enumerate() {
                 let x = rest_corner(h, a);
-                let local = (back * V3::from4(u[node]) + turn * x).f64();
+                let local = (back * V3::from4(u[node]) + change * x).f64();
                 for (i, x) in x.f64().into_iter().enumerate() {
                     d[3 * a + i] = local[i] + e[i] * x;
                 }

@@ -36,7 +36,7 @@ impl Wound {
         removal
     }
 
-    /// Opens the cells around a cut grid edge (from node `a` along `axis`) that have lost two edges along that axis.
+    /// Opens the cells around a cut grid edge (from node `a` along `axis`) that have severed two edges along that axis.
     fn edge_cut(&mut self, model: &Model, springs: &Springs, a: usize, axis: usize, removal: &mut Removal) {
         let params = model.grid.params::<f64>();
         let at = params.node_at(a);
@@ -64,8 +64,8 @@ impl Wound {
                 continue;
             }
             let corners = params.corners(cell);
-            let lost = (0..8).filter(|k| corner(*k)[axis] == 0).filter(|k| gone(corners[*k])).count();
-            if lost >= 2 {
+            let severed = (0..8).filter(|k| corner(*k)[axis] == 0).filter(|k| gone(corners[*k])).count();
+            if severed >= 2 {
                 opened.push(cell as u32);
             }
         }

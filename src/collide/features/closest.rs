@@ -74,8 +74,8 @@ pub fn point_edge(p: DVec3, edge: [DVec3; 2]) -> Near {
 /// Tool point and skin triangle.
 pub fn point_face(p: DVec3, corners: [DVec3; 3]) -> Near {
     let weights = on_triangle(p, corners);
-    let place = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
-    Near { u: 0.0, weights, away: p - place, strict: weights.iter().all(|w| inside(*w)) }
+    let nearest = corners[0] * weights[0] + corners[1] * weights[1] + corners[2] * weights[2];
+    Near { u: 0.0, weights, away: p - nearest, strict: weights.iter().all(|w| inside(*w)) }
 }
 
 /// Tool segment and skin vertex.

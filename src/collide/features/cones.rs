@@ -41,7 +41,7 @@ pub struct Feature {
     /// One to three node ids.
     pub nodes: Vec<u32>,
     /// Their positions, m.
-    pub places: Vec<DVec3>,
+    pub positions: Vec<DVec3>,
     /// Its normal cone.
     pub cone: Cone,
 }
@@ -49,7 +49,7 @@ pub struct Feature {
 impl Feature {
     /// Nearest points of this feature and a tool's point or segment; none for segment and face, which only pierce.
     pub fn near(&self, ends: [DVec3; 2], point: bool) -> Option<Near> {
-        match (point, &self.places[..]) {
+        match (point, &self.positions[..]) {
             (true, [q]) => Some(closest::point_vertex(ends[0], *q)),
             (true, [a, b]) => Some(closest::point_edge(ends[0], [*a, *b])),
             (true, [a, b, c]) => Some(closest::point_face(ends[0], [*a, *b, *c])),
@@ -60,12 +60,12 @@ impl Feature {
     }
 
     /// Point with the given weights.
-    pub fn place(&self, weights: [f64; 3]) -> DVec3 {
-        self.places.iter().zip(weights).map(|(place, weight)| *place * weight).sum()
+    pub fn position(&self, weights: [f64; 3]) -> DVec3 {
+        self.positions.iter().zip(weights).map(|(position, weight)| *position * weight).sum()
     }
 
     /// Nodes and weights as for a triangle; absent nodes have no weight.
-    pub fn spot(&self, weights: [f64; 3]) -> ([u32; 3], [f64; 3]) {
+    pub fn surface_point(&self, weights: [f64; 3]) -> ([u32; 3], [f64; 3]) {
         let last = self.nodes.len() - 1;
         let known = [0, 1, 2].map(|k| if k <= last { weights[k] } else { 0.0 });
         ([0, 1, 2].map(|k: usize| self.nodes[k.min(last)]), known)
@@ -90,7 +90,7 @@ impl Features {
         let mut all: Vec<Feature> = vec![];
         let mut of = vec![];
         for count in [1, 2, 3] {
-            for (t, (nodes, places)) in patch.triangles.iter().zip(&patch.corners).enumerate() {
+            for (t, (nodes, positions)) in patch.triangles.iter().zip(&patch.corners).enumerate() {
                 if count == 1 {
                     of.push([0; 7]);
                 }
@@ -100,7 +100,7 @@ impl Features {
                     key.sort_unstable();
                     let feature = || Feature {
                         nodes: picked.iter().map(|i| nodes[*i]).collect(),
-                        places: picked.iter().map(|i| places[*i]).collect(),
+                        positions: picked.iter().map(|i| positions[*i]).collect(),
                         cone: Cone::default(),
                     };
                     let id = *number.entry(key).or_insert_with(|| {

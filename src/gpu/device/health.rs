@@ -111,7 +111,7 @@ impl Gpu {
     ///
     /// # Errors
     /// [`Failed::Device`] with the first error.
-    pub fn sound(&self) -> Result<()> {
+    pub fn check_health(&self) -> Result<()> {
         self.fault.first().map_or(Ok(()), |message| Err(Failed::Device { message }.into()))
     }
 }

@@ -228,8 +228,8 @@ pub(super) fn reading(frame: &Frame, chosen: &Chosen, last: Reading) -> std::res
         }
     }
     let (position, velocity) = (state.cursor_position.into(), state.cursor_velocity.into());
-    let reading = Reading { position, rotation, velocity, spin: DVec3::ZERO, buttons, age: 0.0 };
-    if reading.is_sound() { Ok((reading, whole)) } else { Err(Fault::NonFinite) }
+    let reading = Reading { position, rotation, velocity, angular_velocity: DVec3::ZERO, buttons, age: 0.0 };
+    if reading.is_valid() { Ok((reading, whole)) } else { Err(Fault::NonFinite) }
 }
 
 #[cfg(test)]
@@ -310,7 +310,7 @@ mod tests {
     /// What any text gives: no pose, or a sound one.
     fn harmless(text: &str) -> bool {
         let pose = frame(text).ok().and_then(|frame| reading(&frame, &chosen(), Reading::at_rest(0.0)).ok());
-        assert!(pose.is_none_or(|(reading, _)| reading.is_sound()), "{text}");
+        assert!(pose.is_none_or(|(reading, _)| reading.is_valid()), "{text}");
         pose.is_some()
     }
 
@@ -345,12 +345,12 @@ mod tests {
         })
     }
 
-    /// Places of a tree, by pointer.
-    fn places(value: &Value, at: &str, into: &mut Vec<String>) {
+    /// Pointers to all values of a tree.
+    fn pointers(value: &Value, at: &str, into: &mut Vec<String>) {
         into.push(at.to_string());
         match value {
-            Value::Array(list) => list.iter().enumerate().for_each(|(i, v)| places(v, &format!("{at}/{i}"), into)),
-            Value::Object(table) => table.iter().for_each(|(k, v)| places(v, &format!("{at}/{k}"), into)),
+            Value::Array(list) => list.iter().enumerate().for_each(|(i, v)| pointers(v, &format!("{at}/{i}"), into)),
+            Value::Object(table) => table.iter().for_each(|(k, v)| pointers(v, &format!("{at}/{k}"), into)),
             _ => {}
         }
     }
@@ -372,8 +372,8 @@ mod tests {
         fn a_frame_with_one_part_exchanged_does_no_harm(which in any::<prop::sample::Index>(), part in tree()) {
             let mut whole: Value = serde_json::from_str(INVENTORY).expect("JSON");
             let mut all = Vec::new();
-            places(&whole, "", &mut all);
-            *whole.pointer_mut(which.get::<String>(&all).as_str()).expect("one of its places") = part;
+            pointers(&whole, "", &mut all);
+            *whole.pointer_mut(which.get::<String>(&all).as_str()).expect("one of its pointers") = part;
             harmless(&whole.to_string());
         }
     }

@@ -79,7 +79,7 @@ pub(super) fn json(study: &Study) -> serde_json::Value {
 /// Cells of a row, in the order of the columns.
 fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
     let s = &row.setting;
-    let [backend, precision] = s.place.words();
+    let [backend, precision] = s.platform.backend_and_precision();
     let cell = |value: Option<f64>| value.map_or(String::new(), |v| format!("{v:.4e}"));
     let (tolerance, limit) = match s.stop {
         Stop::Tolerance(t) => (format!("{t:e}"), String::new()),
@@ -148,7 +148,7 @@ fn words(s: &Setting) -> String {
         Stop::Iterations(n) => format!(", {n} iterations"),
         Stop::Exact => String::new(),
     };
-    let [backend, precision] = s.place.words();
+    let [backend, precision] = s.platform.backend_and_precision();
     let correction = match s.correction {
         None | Some(Correction::Exact) => String::new(),
         other => format!(", {}", correction_name(other)),

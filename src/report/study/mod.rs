@@ -28,7 +28,7 @@ use super::StudyUnfit as Unfit;
 use crate::error::Result;
 use crate::gpu::{Gpu, adapters};
 use crate::scene::Scene;
-use crate::step::Place;
+use crate::step::Platform;
 use runs::{Runs, at_shortest};
 use settings::{Axes, exact, own, quick, scene_of};
 use std::path::{Path, PathBuf};
@@ -50,7 +50,7 @@ const MOST_STEPS: f64 = 1e6;
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Adapter to run on beside the CPU path.
-    pub gpu: Option<Place>,
+    pub gpu: Option<Platform>,
     /// Under two minutes: one setting on the scene's grid for it, and its variations in one thing.
     pub quick: bool,
     /// Time limit of a run, s.
@@ -165,7 +165,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         progress,
     };
     // refuse what cannot run before anything takes time
-    if let Some(Place::Gpu(text)) = &options.gpu {
+    if let Some(Platform::Gpu(text)) = &options.gpu {
         Gpu::open(text.as_deref())?; // without an adapter there is no study
     }
     if duration / all_steps[all_steps.len() - 1] > MOST_STEPS {
@@ -330,8 +330,8 @@ fn machine() -> String {
 }
 
 /// Name and driver of a backend's adapter.
-fn adapter(place: &Place) -> Option<String> {
-    let Place::Gpu(text) = place else { return None };
+fn adapter(platform: &Platform) -> Option<String> {
+    let Platform::Gpu(text) = platform else { return None };
     let found = adapters().into_iter().find(|a| a.named(text.as_deref().unwrap_or("")))?;
     let kind = if found.software { ", a software adapter" } else { "" };
     Some(format!("{}, {} {}{kind}", found.name, found.backend, found.driver))

@@ -35,7 +35,7 @@ pub(super) fn picture(study: &Study) -> Result<String> {
     let mut text = String::new();
     let mut paths: Vec<[&str; 2]> = vec![];
     for row in &study.rows {
-        let path = row.setting.place.words();
+        let path = row.setting.platform.backend_and_precision();
         if !paths.contains(&path) {
             paths.push(path);
         }
@@ -73,7 +73,8 @@ fn draw(study: &Study, paths: &[[&str; 2]], area: &Area) -> Drawn {
             .y_desc("error, %")
             .draw()?;
         front(&mut chart, study, path)?;
-        let own: Vec<&Row> = study.rows.iter().filter(|r| r.setting.place.words() == *path).collect();
+        let own: Vec<&Row> =
+            study.rows.iter().filter(|r| r.setting.platform.backend_and_precision() == *path).collect();
         for method in methods(&own) {
             curve(&mut chart, study, &own, method)?;
         }
@@ -155,7 +156,7 @@ fn front(chart: &mut Chart, study: &Study, path: &[&str; 2]) -> Drawn {
     let marked = || study.rows.iter().filter(|r| r.pareto);
     let all = lower_left(marked().filter_map(|r| point(study, r)).collect());
     chart.draw_series(LineSeries::new(all, FRONT.mix(0.3).stroke_width(7)))?;
-    let here = marked().filter(|r| r.setting.place.words() == *path).filter_map(|r| point(study, r));
+    let here = marked().filter(|r| r.setting.platform.backend_and_precision() == *path).filter_map(|r| point(study, r));
     chart.draw_series(here.map(|p| Circle::new(p, 7, BLACK.stroke_width(1))))?;
     Ok(())
 }

@@ -6,7 +6,7 @@ use super::settings::{Setting, Stop, exact, scene_of};
 use super::trace::{Signal, Trace, trace};
 use crate::error::Result;
 use crate::scene::{Integrator, Scene};
-use crate::step::Place;
+use crate::step::Platform;
 use std::time::{Duration, Instant};
 
 /// Runs with their traces, each once, and the remaining work.
@@ -29,7 +29,7 @@ pub(super) struct Runs<'a> {
 impl Runs<'_> {
     /// A setting's own run and those that its errors refer to.
     pub fn needed(&self, setting: &Setting) -> [(Setting, bool); 4] {
-        let twin = Setting { place: Place::Cpu64, ..setting.clone() };
+        let twin = Setting { platform: Platform::Cpu64, ..setting.clone() };
         let exactly = exact(self.scene, setting);
         let shortest = at_shortest(self.scene, &exactly);
         [(setting.clone(), false), (twin, false), (exactly, true), (shortest, true)]
@@ -68,7 +68,7 @@ impl Runs<'_> {
         let limit = if exactly { Duration::MAX } else { self.limit };
         let left = self.end.map_or(Duration::MAX, |end| end.saturating_duration_since(Instant::now()));
         let limit = limit.min(left);
-        trace(&scene, &setting.place, &self.signals, self.every, limit, &mut stepped)
+        trace(&scene, &setting.platform, &self.signals, self.every, limit, &mut stepped)
     }
 
     /// Trace of a run that others refer to, complete and finite.
@@ -93,9 +93,9 @@ impl Runs<'_> {
             (None | Jacobi | Block, Stop::Iterations(n)) => (f64::from(n) / 15.0).min(10.0),
             (None | Jacobi | Block, _) => 10.0,
         };
-        let place = if matches!(setting.place, Place::Gpu(_)) { 3.0 } else { 1.0 };
-        let more = if exactly { 3.0 } else { 1.0 };
-        setting.refinement.powi(3) * self.duration / setting.step * (solver + 1.0) * place * more
+        let weight = if matches!(setting.platform, Platform::Gpu(_)) { 3.0 } else { 1.0 };
+        let repeats = if exactly { 3.0 } else { 1.0 };
+        setting.refinement.powi(3) * self.duration / setting.step * (solver + 1.0) * weight * repeats
     }
 }
 

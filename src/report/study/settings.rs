@@ -7,7 +7,7 @@ use crate::scene::{
     Correction, Cut, ELEMENTS, Integrator, Law, MATERIALS, MOST_NODES, Preconditioner, ProbeKind, Region,
     Scene, Skin, word,
 };
-use crate::step::Place;
+use crate::step::Platform;
 
 /// Relative residual that counts as an exact solve.
 const EXACT: f64 = 1e-9;
@@ -47,7 +47,7 @@ pub struct Setting {
     /// Contact correction; none without contact.
     pub correction: Option<Correction>,
     /// Backend and precision.
-    pub place: Place,
+    pub platform: Platform,
 }
 
 /// Name: `bbar`, `enhanced`, `plain`, a hyperelastic law or `springs`.
@@ -69,7 +69,7 @@ pub fn own(scene: &Scene) -> Setting {
         step: scene.time.step,
         integrator: scene.time.integrator,
         correction: scene.contact.map(|contact| contact.correction),
-        place: Place::Cpu64,
+        platform: Platform::Cpu64,
     }
 }
 
@@ -98,7 +98,7 @@ pub struct Axes {
     steps: Vec<f64>,
     integrators: Vec<Integrator>,
     corrections: Vec<Option<Correction>>,
-    places: Vec<Place>,
+    platforms: Vec<Platform>,
 }
 
 fn or_own<T: Clone>(list: &[T], own: T) -> Vec<T> {
@@ -107,14 +107,14 @@ fn or_own<T: Clone>(list: &[T], own: T) -> Vec<T> {
 
 impl Axes {
     /// Axes stated in the scene, its own value for others; `gpu` is an adapter to run on as well.
-    pub fn new(scene: &Scene, gpu: Option<&Place>) -> Self {
+    pub fn new(scene: &Scene, gpu: Option<&Platform>) -> Self {
         let (study, own) = (&scene.study, own(scene));
         let mut stops: Vec<Stop> = study.tolerances.iter().copied().map(Stop::Tolerance).collect();
         stops.extend(study.iterations.iter().copied().map(Stop::Iterations));
         let tolerance = Stop::Tolerance(scene.solver.tolerance);
         let corrections: Vec<_> = study.corrections.iter().copied().map(Some).collect();
-        let mut places = vec![Place::Cpu64, Place::Cpu32];
-        places.extend(gpu.cloned());
+        let mut platforms = vec![Platform::Cpu64, Platform::Cpu32];
+        platforms.extend(gpu.cloned());
         Self {
             laws: or_own(&study.laws, own.law),
             integrators: or_own(&study.integrators, own.integrator),
@@ -123,7 +123,7 @@ impl Axes {
             grids: or_own(&study.grids, 1.0),
             steps: or_own(&study.steps, own.step),
             corrections: or_own(&corrections, own.correction),
-            places,
+            platforms,
         }
     }
 
@@ -131,17 +131,17 @@ impl Axes {
     pub fn all(&self, own: &Setting) -> Vec<Setting> {
         let mut out: Vec<Setting> = vec![own.clone()];
         let mut add = |setting: Setting| {
-            let factor = setting.preconditioner == Preconditioner::Direct && setting.place != Place::Cpu64;
+            let factor = setting.preconditioner == Preconditioner::Direct && setting.platform != Platform::Cpu64;
             if !factor && !out.contains(&setting) {
                 out.push(setting);
             }
         };
-        for place in &self.places {
+        for platform in &self.platforms {
             for (grid, step) in both(&self.grids, &self.steps) {
                 for (law, correction) in both(&self.laws, &self.corrections) {
                     for (integrator, preconditioner) in both(&self.integrators, &self.preconditioners) {
                         for wanted in self.stops.iter().copied() {
-                            let (stop, place) = (stop(preconditioner, wanted), place.clone());
+                            let (stop, platform) = (stop(preconditioner, wanted), platform.clone());
                             add(Setting {
                                 law,
                                 preconditioner,
@@ -150,7 +150,7 @@ impl Axes {
                                 step,
                                 integrator,
                                 correction,
-                                place,
+                                platform,
                             });
                         }
                     }
@@ -175,7 +175,7 @@ impl Axes {
         out.extend(self.steps.iter().map(|v| Setting { step: *v, ..one() }));
         out.extend(self.corrections.iter().map(|v| Setting { correction: *v, ..one() }));
         if own.preconditioner != Preconditioner::Direct {
-            out.extend(self.places.iter().map(|v| Setting { place: v.clone(), ..one() }));
+            out.extend(self.platforms.iter().map(|v| Setting { platform: v.clone(), ..one() }));
         }
         let mut once: Vec<Setting> = vec![];
         for setting in out {
@@ -289,7 +289,7 @@ pub fn cells(scene: &Scene, grid: f64) -> f64 {
 
 /// The same element, grid and step, solved exactly in f64.
 pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
-    let bricks = scene.skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
+    let hexahedra = scene.skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
     let splits = scene.tools.iter().any(|t| t.blade.is_some());
     let unknowns = |skin: &Skin| {
         let [x, y] = skin.cells.map(|n| f64::from(n) * setting.refinement + 1.0);
@@ -297,11 +297,11 @@ pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
         (3.0 * x * y * (z + 1.0)) as usize
     };
     let few = scene.skins.iter().map(unknowns).sum::<usize>() <= FACTORED;
-    let (preconditioner, stop) = match (bricks, few && !splits) {
+    let (preconditioner, stop) = match (hexahedra, few && !splits) {
         (true, true) => (Preconditioner::Direct, Stop::Exact),
         (true, false) => (Preconditioner::Multigrid, Stop::Tolerance(EXACT)),
         (false, _) => (Preconditioner::Column, Stop::Tolerance(EXACT)),
     };
     let correction = setting.correction.map(|_| Correction::Exact);
-    Setting { preconditioner, stop, correction, place: Place::Cpu64, ..setting.clone() }
+    Setting { preconditioner, stop, correction, platform: Platform::Cpu64, ..setting.clone() }
 }

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::scene::{ProbeKind, Scene};
-use crate::step::{Place, Simulation};
+use crate::step::{Platform, Simulation};
 use std::time::{Duration, Instant};
 
 /// Steps between two readings of the device's clock, so that the others do not pay for a reading.
@@ -85,7 +85,7 @@ impl Trace {
 /// If a model is too large or the device fails.
 pub fn trace(
     scene: &Scene,
-    place: &Place,
+    platform: &Platform,
     signals: &[Signal],
     every: Option<f64>,
     limit: Duration,
@@ -94,7 +94,7 @@ pub fn trace(
     let wanted = scene.time.steps();
     let sampled = every.map_or(wanted, |every| (every / scene.time.step).round().max(1.0) as u32);
     let start = Instant::now();
-    let mut simulation = Simulation::new(scene, place)?;
+    let mut simulation = Simulation::new(scene, platform)?;
     simulation.time_device(true);
     let mut trace = Trace { wanted, ..Trace::default() };
     let (mut wall, mut busy, mut iterations) = (vec![], vec![], 0u64);
@@ -175,8 +175,8 @@ mod tests {
         assert!((error - 0.2 / 2f64.sqrt()).abs() < 1e-12, "{error}");
         let displaced = apart(&near, &reference, &reference, &signals[..2]);
         assert!((displaced - 0.1).abs() < 1e-12, "{displaced}");
-        let lost = [vec![f64::NAN, 0.0, 0.0], vec![0.0; 3]];
-        assert_eq!(apart(&lost, &reference, &reference, &signals), f64::INFINITY);
+        let non_finite = [vec![f64::NAN, 0.0, 0.0], vec![0.0; 3]];
+        assert_eq!(apart(&non_finite, &reference, &reference, &signals), f64::INFINITY);
         assert_eq!(apart(&reference, &reference, &reference, &signals), 0.0);
     }
 }

@@ -7,7 +7,7 @@
 //! columns, the oldest, solved anew; all at once took 30 to 70 times a step's time.
 
 use super::Body;
-use crate::backend::{Backend, CORRECTION, CpuBackend, FIRST_COLUMN, Needs, Snapshot, Target, Wanted};
+use crate::backend::{Backend, CORRECTION, CpuBackend, FIRST_COLUMN, Needs, Snapshot, SolveRequest, Target};
 use crate::bodies::Model;
 use crate::error::Result;
 use crate::scene::{self, Correction};
@@ -92,17 +92,17 @@ impl Compliance {
             let axis = |slot: usize| DVec3::AXES[(slot - FIRST_COLUMN) % 3].to_array();
             let node = |slot: usize| pair[(slot - FIRST_COLUMN) / 3];
             let entries: Vec<_> = slots.iter().map(|s| (*s, node(*s), axis(*s))).collect();
-            let wanted: Vec<Wanted> =
-                slots.iter().map(|s| Wanted { slot: *s, target: Target::Loose(tolerance, budget) }).collect();
+            let wanted: Vec<SolveRequest> =
+                slots.iter().map(|s| SolveRequest { slot: *s, target: Target::Loose(tolerance, budget) }).collect();
             let pick: Vec<(usize, u32)> = slots.iter().flat_map(|s| all.iter().map(|n| (*s, *n))).collect();
             // solve from zero, reading every known node
-            backend.forget(&slots)?;
+            backend.reset_initial_guess(&slots)?;
             backend.set_rows(&slots, &entries)?;
             let (outcomes, picked) = backend.solve(&wanted, &pick)?;
             report.contact.columns += slots.len() as u32;
             let most = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
             report.contact.column_iterations = report.contact.column_iterations.max(most);
-            // columns of held nodes take no iterations
+            // columns of fixed nodes take no iterations
             if most > 0 {
                 self.usual = Some(self.usual.map_or(most, |usual| usual.min(most)));
             }
@@ -134,7 +134,7 @@ impl Compliance {
 
     /// Drops the columns of nodes that a cut has changed; the next `prepare` solves them anew. The others only age: away from the cut they
     /// change little, and slow passes renew them.
-    pub fn forget(&mut self, nodes: impl Iterator<Item = u32>) {
+    pub fn invalidate(&mut self, nodes: impl Iterator<Item = u32>) {
         for node in nodes {
             if self.known.remove(&node).is_some() {
                 self.known.values_mut().for_each(|known| {
@@ -230,7 +230,7 @@ impl Body {
         match law.correction {
             Correction::Exact => {
                 let backend = self.backend.as_mut();
-                let tolerance = law.column_tolerance * self.looseness;
+                let tolerance = law.column_tolerance * self.tolerance_factor;
                 self.compliance.prepare(backend, nodes, tolerance, self.near, report)?;
             }
             Correction::Precomputed => self.at_rest.prepare(&self.model, nodes, self.near, report)?,
@@ -253,17 +253,17 @@ impl Body {
         let total = forces.iter().map(|f| DVec3::from_array(f.1).length_squared()).sum::<f64>().sqrt();
         if total == 0.0 {
             // no force: nothing to solve, and no scale for a tolerance
-            self.backend.forget(&[CORRECTION])?;
+            self.backend.reset_initial_guess(&[CORRECTION])?;
             return Ok(vec![[0.0; 3]; nodes.len()]);
         }
         let entries: Vec<_> = forces.iter().map(|(n, f)| (CORRECTION, *n, *f)).collect();
         self.backend.set_rows(&[CORRECTION], &entries)?;
-        let wanted = [Wanted { slot: CORRECTION, target: Target::Absolute(tolerance * total) }];
+        let wanted = [SolveRequest { slot: CORRECTION, target: Target::Absolute(tolerance * total) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
         let (outcome, moved) = self.backend.solve(&wanted, &pick)?;
         report.correction_iterations += outcome[0].iterations;
         report.warn("solver_not_converged", u32::from(!outcome[0].converged));
-        self.lost |= !outcome[0].residual.is_finite();
+        self.non_finite |= !outcome[0].residual.is_finite();
         Ok(moved)
     }
 }

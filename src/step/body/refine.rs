@@ -6,7 +6,7 @@
 //! Source: Wilkinson 1963; Higham 2002, chapter 12 (mixed precision).
 
 use super::Body;
-use crate::backend::{CORRECTION, FREE, Target, Vector, Wanted};
+use crate::backend::{CORRECTION, FREE, SolveRequest, Target, Vector};
 use crate::bodies::{Solved, residual};
 use crate::error::Result;
 use crate::linear::Outcome;
@@ -15,7 +15,7 @@ use crate::scene::Solver;
 use crate::step::StepReport;
 
 /// Least relative residual asked of a round: on the hardest scenes the true residual of f32 follows its recurrence down to here.
-const ROUND: f64 = 1e-3;
+const MIN_REDUCTION: f64 = 1e-3;
 
 impl Body {
     /// Improves the solution of the unconstrained motion in up to the scene's number of rounds; `solved.dx` becomes the whole step's
@@ -28,31 +28,31 @@ impl Body {
         free: &mut Outcome,
         report: &mut StepReport,
     ) -> Result<()> {
-        let (mut rest, load) = residual(&self.model, solved);
-        let wanted = (solver.tolerance * load).max(solver.floor);
-        let mut size = norm(&rest);
+        let (mut residual_force, load) = residual(&self.model, solved);
+        let target_norm = (solver.tolerance * load).max(solver.floor);
+        let mut residual_norm = norm(&residual_force);
         for _ in 0..solver.refinements {
-            if size <= wanted {
+            if residual_norm <= target_norm {
                 break;
             }
-            self.backend.set_vector(Vector::RightHandSide, FREE, &rest)?;
-            self.backend.forget(&[FREE])?;
-            let target = Target::Absolute((0.5 * wanted).max(ROUND * size));
-            let (outcome, _) = self.backend.solve(&[Wanted { slot: FREE, target }], &[])?;
+            self.backend.set_vector(Vector::RightHandSide, FREE, &residual_force)?;
+            self.backend.reset_initial_guess(&[FREE])?;
+            let target = Target::Absolute((0.5 * target_norm).max(MIN_REDUCTION * residual_norm));
+            let (outcome, _) = self.backend.solve(&[SolveRequest { slot: FREE, target }], &[])?;
             let before = solved.dx.clone();
             add(&mut solved.dx, &self.backend.solution(FREE)?, 1.0);
             free.iterations += outcome[0].iterations;
             // accept the round only if the true residual falls
-            rest = residual(&self.model, solved).0;
-            let left = norm(&rest);
-            if left >= size {
+            residual_force = residual(&self.model, solved).0;
+            let left = norm(&residual_force);
+            if left >= residual_norm {
                 solved.dx = before; // only rounding is left
                 break;
             }
-            size = left;
+            residual_norm = left;
             report.refinements += 1;
         }
-        (free.residual, free.target, free.converged) = (size, wanted, size <= wanted);
+        (free.residual, free.target, free.converged) = (residual_norm, target_norm, residual_norm <= target_norm);
         // hand the refined increment back, without the correction
         let mut alone = solved.dx.clone();
         if corrected {
@@ -62,11 +62,11 @@ impl Body {
     }
 }
 
-/// `sum += factor · more`; the fourth components stay.
-pub(super) fn add(sum: &mut [[f64; 4]], more: &[[f64; 4]], factor: f64) {
-    for (sum, more) in sum.iter_mut().zip(more) {
+/// `sum += factor · term`; the fourth components stay.
+pub(super) fn add(sum: &mut [[f64; 4]], term: &[[f64; 4]], factor: f64) {
+    for (sum, term) in sum.iter_mut().zip(term) {
         for n in 0..3 {
-            sum[n] += factor * more[n];
+            sum[n] += factor * term[n];
         }
     }
 }

@@ -12,7 +12,7 @@
 //! anew in a slow pass: 2.7, 7 and 70; the same without a budget of row updates: 2.9, 7 and 1150.
 
 use super::Problem;
-use crate::constraints::{self, Effort, Enough, Law, Residual, solve};
+use crate::constraints::{self, Effort, Law, LooseTolerance, Residual, solve};
 use crate::error::Result;
 use crate::scene::Correction;
 use crate::step::rows::energy;
@@ -24,9 +24,9 @@ use glam::DVec3;
 /// leave a residual that can be felt in a pass.
 const ROW_UPDATES: u64 = 400_000;
 /// Relative residual that ends a contact solve; with 1e-5, two kilograms resting on a gram jump by 3 % of their weight.
-const WANTED: f64 = 1e-8;
+const TOLERANCE: f64 = 1e-8;
 /// Share of the passes' tolerance that is sufficient for a contact solve.
-const WITHIN: f64 = 0.1;
+const INNER_SHARE: f64 = 0.1;
 /// Deflection of the hand's spring, 3000 N/m, under the force of a press, 0.3 N; in m. The tolerance is relative to it: at 1e-3 a pass may
 /// leave 0.1 µm or 0.3 mN, about a hundredth of the just noticeable difference of such a force (7 %, Pang, Tan, Durlach 1991).
 const PRESS: f64 = 1e-4;
@@ -55,7 +55,7 @@ fn less(a: &[f64], b: &[f64]) -> Vec<f64> {
 }
 
 /// Observation of the true compliance along one change of the forces.
-pub(super) struct Seen {
+pub(super) struct Observation {
     /// `[row]` change of the forces, N.
     s: Vec<f64>,
     /// `[row]` change of the true violations, m.
@@ -74,7 +74,7 @@ struct Pass {
     next: Vec<f64>,
     /// Relative change from `lambda` to `next` in the energy norm, which ignores how redundant contacts share a force. 0 if the change is
     /// negligible against the step's load.
-    size: f64,
+    relative_change: f64,
     /// The solve for `next` reached its tolerance.
     solved: bool,
     /// Residual of the laws at `lambda` on the true violations.
@@ -92,13 +92,13 @@ impl Problem<'_> {
     /// of rank one (SR1; Broyden 1967), or of rank two (PSB; Powell 1970) where the first would be large or leave a row without compliance.
     /// Observations within the corrections' residuals are ignored: as updates they made passes cycle, and 7 of 100 cuts right through used
     /// them all up.
-    fn learn(&mut self) {
+    fn update_compliance(&mut self) {
         self.w.clone_from(&self.columns);
         if self.law.correction != Correction::Exact {
             return;
         }
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        for Seen { s, y, noise } in &self.seen {
+        for Observation { s, y, noise } in &self.observations {
             let rows = s.len();
             let off: Vec<f64> = y.iter().zip(self.w.chunks_exact(rows)).map(|(y, line)| y - dot(line, s)).collect();
             let (along, size) = (dot(&off, s), (dot(&off, &off) * dot(s, s)).sqrt());
@@ -110,12 +110,12 @@ impl Problem<'_> {
             let two = |i: usize, j: usize| (off[i] * s[j] + s[i] * off[j] - along / squared * s[i] * s[j]) / squared;
             // a row with zero or negative compliance could bear no force
             let least = |i: usize| LEFT * self.columns[i * (rows + 1)];
-            let gives = |more: &dyn Fn(usize, usize) -> f64| {
+            let stays_compliant = |more: &dyn Fn(usize, usize) -> f64| {
                 (0..rows).all(|i| more(i, i) >= 0.0 || self.w[i * (rows + 1)] + more(i, i) > least(i))
             };
             let more: &dyn Fn(usize, usize) -> f64 = match along.abs() > STEEP * size {
-                true if gives(&one) => &one,
-                _ if gives(&two) => &two,
+                true if stays_compliant(&one) => &one,
+                _ if stays_compliant(&two) => &two,
                 _ => continue,
             };
             for i in 0..rows {
@@ -127,17 +127,17 @@ impl Problem<'_> {
     }
 
     /// Residual too small to be felt, for a share of the tolerance.
-    fn enough(&self, share: f64) -> Enough {
+    fn loose_tolerance(&self, share: f64) -> LooseTolerance {
         let share = share * self.law.tolerance;
-        Enough { share, gap: share * PRESS }
+        LooseTolerance { share, gap: share * PRESS }
     }
 
     /// Solves for the forces by the model `W`; true if what they leave cannot be felt.
     fn solve(&self, without_force: &[f64], lambda: &mut [f64]) -> bool {
-        let effort = Effort { wanted: WANTED, enough: self.enough(WITHIN), updates: ROW_UPDATES };
+        let effort = Effort { tolerance: TOLERANCE, loose: self.loose_tolerance(INNER_SHARE), updates: ROW_UPDATES };
         let ends = |lambda: &mut [f64]| {
             let ended = solve(&self.laws, &self.w, without_force, lambda, &effort);
-            (ended.converged || self.enough(1.0).holds(&ended.residual, lambda), ended.residual.energy)
+            (ended.converged || self.loose_tolerance(1.0).is_met(&ended.residual, lambda), ended.residual.energy)
         };
         let (solved, left) = ends(lambda);
         // an edge's law is not monotone: where the last step's forces lead to no solution, a start from zero may
@@ -160,9 +160,9 @@ impl Problem<'_> {
         let change = less(&next, &lambda);
         let total = energy(&self.w, &lambda);
         let negligible = change.iter().all(|c| c.abs() <= self.law.tolerance * self.load);
-        let size = if total > 0.0 && !negligible { (energy(&self.w, &change) / total).sqrt() } else { 0.0 };
+        let relative_change = if total > 0.0 && !negligible { (energy(&self.w, &change) / total).sqrt() } else { 0.0 };
         let residual = constraints::residual(&self.laws, &self.w, &without_force, &lambda);
-        Pass { lambda, slips, next, size, solved, residual }
+        Pass { lambda, slips, next, relative_change, solved, residual }
     }
 }
 
@@ -192,28 +192,30 @@ impl Simulation {
             let found = problem.rows.violations(&slips);
             // update W by what the pass has observed
             let noise = (share + last.2) * norm(&less(&found, &problem.violation));
-            problem.seen.push(Seen { s, y: less(&found, &last.1), noise });
+            problem.observations.push(Observation { s, y: less(&found, &last.1), noise });
             last = (lambda.clone(), found, share);
-            problem.learn();
+            problem.update_compliance();
             // forces of the next pass
             let mut pass = problem.evaluate(lambda, slips);
             if !pass.solved {
                 // the observations of several passes need not agree on one compliance
-                problem.seen.clear();
-                problem.learn();
+                problem.observations.clear();
+                problem.update_compliance();
                 pass = problem.evaluate(pass.lambda, pass.slips);
             }
             // solve aged columns anew where convergence is slow
-            let slow = pass.size > SLOW * before;
-            if (pass.size > law.tolerance && slow || !pass.solved) && self.renew(problem, &pass.lambda, report)? {
+            let slow = pass.relative_change > SLOW * before;
+            if (pass.relative_change > law.tolerance && slow || !pass.solved)
+                && self.renew(problem, &pass.lambda, report)?
+            {
                 pass = problem.evaluate(pass.lambda, pass.slips);
             }
-            before = pass.size;
+            before = pass.relative_change;
             // stop if the change is within the tolerance, or slow and too small to be felt
-            let felt = !problem.enough(1.0).holds(&pass.residual, &pass.lambda);
+            let perceptible = !problem.loose_tolerance(1.0).is_met(&pass.residual, &pass.lambda);
             // attachments take one pass more: their gap is what the changes of the forces leave, and nothing else closes it
-            let closed = pass.size <= law.tolerance && !std::mem::take(&mut tied);
-            if closed || (slow && !felt) || law.correction != Correction::Exact {
+            let closed = pass.relative_change <= law.tolerance && !std::mem::take(&mut tied);
+            if closed || (slow && !perceptible) || law.correction != Correction::Exact {
                 break pass;
             }
             lambda = pass.next.clone();
@@ -224,17 +226,17 @@ impl Simulation {
             if let Some(best) = best.take_if(|_| report.contact.passes >= law.max_passes) {
                 report.warn(
                     "contact_passes_exhausted",
-                    u32::from(!problem.enough(1.0).holds(&best.residual, &best.lambda)),
+                    u32::from(!problem.loose_tolerance(1.0).is_met(&best.residual, &best.lambda)),
                 );
                 // the backends hold the correction of the last pass
                 self.correct(problem, &best.lambda, law.tolerance, report)?;
                 break best;
             }
         };
-        let felt = !problem.enough(1.0).holds(&pass.residual, &pass.lambda);
-        report.warn("contact_not_converged", u32::from(!pass.solved && felt));
+        let perceptible = !problem.loose_tolerance(1.0).is_met(&pass.residual, &pass.lambda);
+        report.warn("contact_not_converged", u32::from(!pass.solved && perceptible));
         report.warn("contact_rows_dropped", pass.residual.dropped);
-        report.contact.residual = pass.size;
+        report.contact.residual = pass.relative_change;
         (report.contact.residual_n, report.contact.residual_m) = (pass.residual.force, pass.residual.gap);
         Ok((pass.lambda, pass.slips))
     }
@@ -247,12 +249,12 @@ impl Simulation {
         let mut renewed = false;
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let forces = problem.rows.on_nodes(number, lambda);
-            let tolerance = problem.law.column_tolerance * body.looseness;
+            let tolerance = problem.law.column_tolerance * body.tolerance_factor;
             renewed |= body.compliance.renew(body.backend.as_mut(), &forces, tolerance, report)?;
         }
         if renewed {
             problem.columns = self.compliance_of(problem);
-            problem.learn();
+            problem.update_compliance();
         }
         Ok(renewed)
     }
