@@ -91,6 +91,8 @@ pub struct Point<R> {
     pub second_order: R,
     /// `cof F = J F⁻ᵀ`.
     pub cofactor: M3<R>,
+    /// `1 − ∂φ/∂F`, without cancellation at small strains.
+    pub complement: M3<R>,
     /// `∂φ/∂F = φ' cof F`: `F⁻ᵀ` above `J = ε`.
     pub log_gradient: M3<R>,
 }
@@ -102,9 +104,16 @@ impl<R: Real> Point<R> {
         let minors = (a.x * b.y - b.x * a.y) + (a.x * c.z - c.x * a.z) + (b.y * c.z - c.y * b.z);
         let second_order = minors + a.dot(b.cross(c));
         let dilatation = h.trace() + second_order;
+        // cof F = 1 + tr h 1 − hᵀ + cof h, so J 1 − cof F = (J − 1 − tr h) 1 + hᵀ − cof h
+        let own = M3([b.cross(c), c.cross(a), a.cross(b)]);
+        let difference = M3::identity() * second_order + h.transpose() - own;
         let [a, b, c] = (M3::identity() + h).0;
         let cofactor = M3([b.cross(c), c.cross(a), a.cross(b)]);
-        Self { h, dilatation, second_order, cofactor, log_gradient: cofactor * log_volume_slope(dilatation) }
+        let slope = log_volume_slope(dilatation);
+        let log_gradient = cofactor * slope;
+        let whole = R::one() + dilatation >= R::of(EXTENDED);
+        let complement = if whole { difference * slope } else { M3::identity() - log_gradient };
+        Self { h, dilatation, second_order, cofactor, complement, log_gradient }
     }
 
     /// Whether the volume is not a positive, finite number.

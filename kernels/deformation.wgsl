@@ -4,7 +4,14 @@ const FAR: f32 = 0.21132487;
 
 const EXTENDED: f32 = 0.1; // volume ratio
 
-struct Point { h: mat3x3<f32>, dilatation: f32, second_order: f32, cofactor: mat3x3<f32>, log_gradient: mat3x3<f32> }
+struct Point {
+    h: mat3x3<f32>,
+    dilatation: f32,
+    second_order: f32,
+    cofactor: mat3x3<f32>,
+    complement: mat3x3<f32>,
+    log_gradient: mat3x3<f32>,
+}
 
 fn shape_gradient(inverse_edges: vec3<f32>, a: u32, p: u32) -> vec3<f32> {
     let own = corner(a);
@@ -37,7 +44,12 @@ fn point_of(h: mat3x3<f32>) -> Point {
     let dilatation = a.x + b.y + c.z + second_order;
     let f = identity() + h;
     let cofactor = mat3x3<f32>(cross(f[1], f[2]), cross(f[2], f[0]), cross(f[0], f[1]));
-    return Point(h, dilatation, second_order, cofactor, cofactor * log_volume_slope(dilatation));
+    let slope = log_volume_slope(dilatation);
+    let log_gradient = cofactor * slope;
+    let own = mat3x3<f32>(cross(b, c), cross(c, a), cross(a, b));
+    var complement = identity() - log_gradient;
+    if 1.0 + dilatation >= EXTENDED { complement = (identity() * second_order + transpose(h) - own) * slope; }
+    return Point(h, dilatation, second_order, cofactor, complement, log_gradient);
 }
 
 fn is_inverted(point: Point) -> bool {

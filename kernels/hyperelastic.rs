@@ -18,7 +18,9 @@
 //! keeps the law's own form of `W'`.
 //! Units: u m, edges m, κ Pa, W J, f N.
 
-use super::deformation::{EXTENDED, Point, field_gradient, gradient, log_volume, log_volume_slope, log_volume_stiffness};
+use super::deformation::{
+    EXTENDED, Point, field_gradient, gradient, log_volume, log_volume_slope, log_volume_stiffness,
+};
 use super::{Params, mooney_rivlin, neo_hookean};
 use crate::math::{M3, Real, V3, V4};
 
@@ -210,7 +212,9 @@ impl<R: Real> Cell<R> {
             turned = larger(turned, squared(&p.cofactor) - even);
             longest = larger(longest, stretched);
         }
-        let volume = self.material.bulk / (R::of(6.0) * shear) * larger(log_volume_stiffness(self.mean_dilatation), zero) * turned;
+        let volume = self.material.bulk / (R::of(6.0) * shear)
+            * larger(log_volume_stiffness(self.mean_dilatation), zero)
+            * turned;
         let sheared = larger(-self.pressure() / (two * shear), zero) * (longest / R::of(3.0)).sqrt();
         let stretch = self.material.pre_strain + V3::splat(one);
         let strained = stretch.times(stretch) * (one / (stretch.x * stretch.y * stretch.z));

@@ -15,7 +15,7 @@
 //! Source: Mooney 1940; Rivlin 1948; Bonet, Wood 2008, section 6.5 (isochoric invariants). SOFA's `MooneyRivlin` is the same law.
 //! Units: c₁₀ c₀₁ Pa, W J/m³, P Pa.
 
-use super::deformation::{Point, exponential, log_volume, logarithm};
+use super::deformation::{EXTENDED, Point, exponential, log_volume, logarithm};
 use crate::math::{M3, Real};
 
 /// The law in WGSL.
@@ -46,10 +46,34 @@ impl<R: Real> Invariants<R> {
     }
 }
 
-/// `J^(−2/3)` and `J^(−4/3)`, in terms of the extended `ln J`.
-fn scales<R: Real>(p: &Point<R>) -> [R; 2] {
-    let scale = R::exp(R::of(-2.0 / 3.0) * log_volume(p.dilatation)[0]);
-    [scale, scale * scale]
+/// `S = J^(−2/3)`, which the extension of `ln J` below `J = ε` would let grow exponentially: there it is its own tangent at `ε`.
+struct Isochoric<R> {
+    /// S
+    scale: R,
+    /// `J − 1 + 3/2 ln S`
+    beyond: R,
+    /// `−3/2 ∂(ln S)/∂F`: `F⁻ᵀ` above `J = ε`.
+    log_gradient: M3<R>,
+    /// 1 less that.
+    complement: M3<R>,
+}
+
+impl<R: Real> Isochoric<R> {
+    fn of(p: &Point<R>) -> Self {
+        let (least, two_thirds) = (R::of(EXTENDED), R::of(2.0 / 3.0));
+        let volume = R::one() + p.dilatation;
+        let [log, beyond] = log_volume(p.dilatation);
+        if volume >= least {
+            let (log_gradient, complement) = (p.log_gradient, p.complement);
+            return Self { scale: R::exp(-two_thirds * log), beyond, log_gradient, complement };
+        }
+        // relative to the scale at ε
+        let grown = R::one() + two_thirds * (least - volume) / least;
+        let log = R::ln(least) - R::of(1.5) * R::ln(grown);
+        let scale = R::exp(-two_thirds * R::ln(least)) * grown;
+        let log_gradient = p.log_gradient * (R::one() / grown);
+        Self { scale, beyond: p.dilatation - log, log_gradient, complement: M3::identity() - log_gradient }
+    }
 }
 
 /// `Σ A_ij B_ij`
@@ -63,7 +87,7 @@ pub fn energy<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> R {
     let (three, two_thirds) = (R::of(3.0), R::of(2.0 / 3.0));
     // |h|² − 2 (J − 1 − tr h): second-order part of tr e − 2 (J − 1)
     let left = p.h.0.iter().map(|c| c.dot(*c)).sum::<R>() - R::of(2.0) * p.second_order;
-    let beyond = log_volume(p.dilatation)[1];
+    let beyond = Isochoric::of(p).beyond;
     let x1 = left * R::of(1.0 / 3.0) - logarithm(i1)[1] + two_thirds * beyond;
     let x2 = left * two_thirds + second * R::of(1.0 / 3.0) - logarithm(i2)[1] + R::of(4.0 / 3.0) * beyond;
     three * (c10 * exponential(x1) + c01 * exponential(x2))
@@ -72,30 +96,30 @@ pub fn energy<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> R {
 /// P
 pub fn stress<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> M3<R> {
     let Invariants { f, s, i1, i2, .. } = Invariants::of(p);
-    let [first, second] = scales(p);
+    let Isochoric { scale, log_gradient, complement, .. } = Isochoric::of(p);
     let (two, four) = (R::of(2.0), R::of(4.0));
-    let difference = p.h + (M3::identity() - p.log_gradient);
-    let p1 = difference - p.log_gradient * i1;
-    let p2 = difference * four + f * s * two - p.log_gradient * (four * i2);
-    p1 * (two * c10 * first) + p2 * (c01 * second)
+    let difference = p.h + complement;
+    let p1 = difference - log_gradient * i1;
+    let p2 = difference * four + f * s * two - log_gradient * (four * i2);
+    p1 * (two * c10 * scale) + p2 * (c01 * scale * scale)
 }
 
 /// dP
 pub fn tangent<R: Real>([c10, c01]: [R; 2], p: &Point<R>, change: M3<R>) -> M3<R> {
     let Invariants { f, s, i1, i2, .. } = Invariants::of(p);
-    let [first, second] = scales(p);
+    let Isochoric { scale, log_gradient, complement, .. } = Isochoric::of(p);
     let (one, two, four) = (R::one(), R::of(2.0), R::of(4.0));
     let (two_thirds, four_thirds) = (R::of(2.0 / 3.0), R::of(4.0 / 3.0));
-    let (t, along) = (dot(&p.log_gradient, &change), dot(&f, &change));
-    let crossed = p.log_gradient * change.transpose() * p.log_gradient;
-    let difference = p.h + (M3::identity() - p.log_gradient) - p.log_gradient * i1;
-    let d1 = change - difference * (two_thirds * t) - p.log_gradient * (two_thirds * along) + crossed * (one + i1);
+    let (t, along) = (dot(&log_gradient, &change), dot(&f, &change));
+    let crossed = log_gradient * change.transpose() * log_gradient;
+    let difference = p.h + complement - log_gradient * i1;
+    let d1 = change - difference * (two_thirds * t) - log_gradient * (two_thirds * along) + crossed * (one + i1);
     let inner = M3::identity() * two + s;
     let d = f * inner;
-    let q = d * two - p.log_gradient * (four * (one + i2));
+    let q = d * two - log_gradient * (four * (one + i2));
     let dc = change.transpose() * f + f.transpose() * change;
     let dd = f * (two * along) + change * inner - f * dc;
-    let d2 = q * (-four_thirds * t) + dd * two - p.log_gradient * (two * four_thirds * dot(&d, &change))
+    let d2 = q * (-four_thirds * t) + dd * two - log_gradient * (two * four_thirds * dot(&d, &change))
         + crossed * (four * (one + i2));
-    d1 * (two * c10 * first) + d2 * (c01 * second)
+    d1 * (two * c10 * scale) + d2 * (c01 * scale * scale)
 }

@@ -13,10 +13,23 @@ fn contracted(a: mat3x3<f32>, b: mat3x3<f32>) -> f32 {
     return dot(a[0], b[0]) + dot(a[1], b[1]) + dot(a[2], b[2]);
 }
 
+// J^(−2/3), its own tangent below J = EXTENDED.
+struct Isochoric { scale: f32, beyond: f32, log_gradient: mat3x3<f32>, complement: mat3x3<f32> }
+
+fn isochoric(p: Point) -> Isochoric {
+    let volume = 1.0 + p.dilatation;
+    let whole = log_volume(p.dilatation);
+    if volume >= EXTENDED { return Isochoric(exp(-2.0 / 3.0 * whole.x), whole.y, p.log_gradient, p.complement); }
+    let grown = 1.0 + 2.0 / 3.0 * (EXTENDED - volume) / EXTENDED;
+    let extended = -2.3025851 - 1.5 * log(grown);
+    let gradient = p.log_gradient * (1.0 / grown);
+    return Isochoric(4.6415888 * grown, p.dilatation - extended, gradient, identity() - gradient);
+}
+
 fn mooney_rivlin_energy(c: vec2<f32>, p: Point) -> f32 {
     let v = invariants(p);
     let left = contracted(p.h, p.h) - 2.0 * p.second_order;
-    let beyond = log_volume(p.dilatation).y;
+    let beyond = isochoric(p).beyond;
     let x1 = left / 3.0 - logarithm(v.i1).y + beyond * 2.0 / 3.0;
     let x2 = left * 2.0 / 3.0 + v.second / 3.0 - logarithm(v.i2).y + beyond * 4.0 / 3.0;
     return 3.0 * (c.x * exponential(x1) + c.y * exponential(x2));
@@ -24,26 +37,28 @@ fn mooney_rivlin_energy(c: vec2<f32>, p: Point) -> f32 {
 
 fn mooney_rivlin_stress(c: vec2<f32>, p: Point) -> mat3x3<f32> {
     let v = invariants(p);
-    let scale = exp(-2.0 / 3.0 * log_volume(p.dilatation).x);
-    let difference = p.h + (identity() - p.log_gradient);
-    let p1 = difference - p.log_gradient * v.i1;
-    let p2 = difference * 4.0 + v.f * v.s * 2.0 - p.log_gradient * (4.0 * v.i2);
+    let own = isochoric(p);
+    let scale = own.scale;
+    let difference = p.h + own.complement;
+    let p1 = difference - own.log_gradient * v.i1;
+    let p2 = difference * 4.0 + v.f * v.s * 2.0 - own.log_gradient * (4.0 * v.i2);
     return p1 * (2.0 * c.x * scale) + p2 * (c.y * scale * scale);
 }
 
 fn mooney_rivlin_tangent(c: vec2<f32>, p: Point, change: mat3x3<f32>) -> mat3x3<f32> {
     let v = invariants(p);
-    let scale = exp(-2.0 / 3.0 * log_volume(p.dilatation).x);
-    let t = contracted(p.log_gradient, change);
+    let own = isochoric(p);
+    let scale = own.scale;
+    let t = contracted(own.log_gradient, change);
     let along = contracted(v.f, change);
-    let crossed = p.log_gradient * transpose(change) * p.log_gradient;
-    let difference = p.h + (identity() - p.log_gradient) - p.log_gradient * v.i1;
-    let d1 = change - difference * (2.0 / 3.0 * t) - p.log_gradient * (2.0 / 3.0 * along) + crossed * (1.0 + v.i1);
+    let crossed = own.log_gradient * transpose(change) * own.log_gradient;
+    let difference = p.h + own.complement - own.log_gradient * v.i1;
+    let d1 = change - difference * (2.0 / 3.0 * t) - own.log_gradient * (2.0 / 3.0 * along) + crossed * (1.0 + v.i1);
     let inner = identity() * 2.0 + v.s;
     let d = v.f * inner;
-    let q = d * 2.0 - p.log_gradient * (4.0 * (1.0 + v.i2));
+    let q = d * 2.0 - own.log_gradient * (4.0 * (1.0 + v.i2));
     let dc = transpose(change) * v.f + transpose(v.f) * change;
     let dd = v.f * (2.0 * along) + change * inner - v.f * dc;
-    let d2 = q * (-4.0 / 3.0 * t) + dd * 2.0 - p.log_gradient * (8.0 / 3.0 * contracted(d, change)) + crossed * (4.0 * (1.0 + v.i2));
+    let d2 = q * (-4.0 / 3.0 * t) + dd * 2.0 - own.log_gradient * (8.0 / 3.0 * contracted(d, change)) + crossed * (4.0 * (1.0 + v.i2));
     return d1 * (2.0 * c.x * scale) + d2 * (c.y * scale * scale);
 }

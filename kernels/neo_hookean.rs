@@ -20,7 +20,7 @@ pub fn energy<R: Real>(mu: R, p: &Point<R>) -> R {
 
 /// P
 pub fn stress<R: Real>(mu: R, p: &Point<R>) -> M3<R> {
-    (p.h + (M3::identity() - p.log_gradient)) * mu
+    (p.h + p.complement) * mu
 }
 
 /// dP

@@ -5,7 +5,7 @@ fn neo_hookean_energy(mu: f32, p: Point) -> f32 {
 }
 
 fn neo_hookean_stress(mu: f32, p: Point) -> mat3x3<f32> {
-    return (p.h + (identity() - p.log_gradient)) * mu;
+    return (p.h + p.complement) * mu;
 }
 
 fn neo_hookean_tangent(mu: f32, p: Point, change: mat3x3<f32>) -> mat3x3<f32> {

@@ -61,6 +61,7 @@ const SECTIONS: &[(&str, &str)] = &[
 const BESIDE: &[(&str, &str, &str)] = &[
     ("[skin]", "spring_stiffness_n_m", "law = \"springs\"\nspring_damping_n_s_m = 1.0"),
     ("[skin]", "spring_damping_n_s_m", "law = \"springs\"\nspring_stiffness_n_m = 1.0"),
+    ("[skin]", "element", "law = \"corotational\""),
     ("[skin]", "start_mm", "start = \"random\""),
     ("[skin]", "start_seed", "start = \"random\"\nstart_mm = 1.0"),
     ("*", "radius_mm", "region = \"sphere\"\ncentre_mm = [0.0, 0.0, 0.0]"),

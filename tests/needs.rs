@@ -2,7 +2,7 @@
 //! with it when it goes.
 
 use cutis::report::inspect::{Plan, inspect};
-use cutis::scene::{Correction, Law, Mass, Material, Preconditioner, ProbeKind, Scene, read};
+use cutis::scene::{Correction, Element, Law, Mass, Material, Preconditioner, ProbeKind, Scene, read};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -95,6 +95,7 @@ fn bare() -> Scene {
     (scene.tools, scene.contact, scene.probes, scene.loads, scene.anchors) = (vec![], None, vec![], vec![], vec![]);
     scene.solver.preconditioner = Preconditioner::Column;
     scene.skins[0].mass = Mass::Lumped;
+    law_of(&mut scene, true);
     scene.skins[0].layers.iter_mut().for_each(|layer| layer.pre_strain = [0.0; 2]);
     scene
 }
@@ -120,8 +121,7 @@ fn changed(scene: &Scene, change: impl FnOnce(&mut Scene)) -> Scene {
 }
 
 fn law_of(scene: &mut Scene, corotational: bool) {
-    let Law::Fem { element, .. } = scene.skins[0].law else { panic!("the skin is of hexahedra") };
-    scene.skins[0].law = Law::Fem { element, corotational };
+    scene.skins[0].law = Law::Fem { element: Element::Bbar, corotational };
 }
 
 /// Ties a node to its rest position.
@@ -278,8 +278,8 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
         ),
         ("a pre-strain", changed(&bare(), |s| s.skins[0].layers[0].pre_strain = [0.1; 2]), bare(), &[]),
         (
-            "neo-Hookean hexahedra",
-            changed(&bare(), |s| s.skins[0].law = Law::Hyperelastic(Material::NeoHookean)),
+            "neo-Hookean hexahedra and Newton's method",
+            changed(&bare(), |s| (s.skins[0].law, s.solver.newton) = (Law::Hyperelastic(Material::NeoHookean), true)),
             changed(&bare(), |s| law_of(s, true)),
             &[
                 "1 array hyperelastic law: b",

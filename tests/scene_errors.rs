@@ -30,6 +30,7 @@ size_mm = [40, 20]
 cells = [8, 4]
 law = "linear"
 element = "bbar"
+# of small strain
 rayleigh_mass_per_s = 0.02
 rayleigh_stiffness_s = 0.03
 velocity_m_s = [0, 0, 0.1]
@@ -793,7 +794,7 @@ fn integrator_is_read_and_has_a_default() {
 
 #[test]
 fn explicit_steps_of_a_consistent_mass() {
-    let text = alone("integrator = \"symplectic_euler\"", "", "mass = \"consistent\"");
+    let text = alone("integrator = \"symplectic_euler\"", "", "law = \"linear\"\nmass = \"consistent\"");
     says(&parsed(&text).expect_err("no diagonal").to_string(), "scenes/full.toml:5: … consistent … lumped or uniform");
     assert!(parsed(&text.replace("symplectic_euler", "newmark")).is_ok());
 }
@@ -817,7 +818,8 @@ fn explicit_steps_need_no_solver() {
         let text = alone("integrator = \"symplectic_euler\"", key, "");
         let error = parsed(&text).expect_err("a key that does nothing").to_string();
         says(&error, &format!("scenes/full.toml:7: … {} … symplectic_euler", &key[..key.find(' ').expect("a key")]));
-        assert!(parsed(&text.replace("symplectic_euler", "newmark")).is_ok());
+        let newmark = text.replace("symplectic_euler", "newmark").replace("[skin]", "[skin]\nlaw = \"linear\"");
+        assert!(parsed(&newmark).is_ok());
     }
 }
 
@@ -832,8 +834,7 @@ fn neo_hookean_law_is_read() {
 
 #[test]
 fn neo_hookean_skin_may_be_cut_and_refined_where_it_is_touched() {
-    let text =
-        FULL.replace("element = \"bbar\"\n", "");
+    let text = FULL.replace("element = \"bbar\"\n", "");
     let scene = parsed(&text.replace("law = \"linear\"", "law = \"neo_hookean\"")).expect("the scene is valid");
     assert!(matches!(scene.skins[0].law, Law::Hyperelastic(Material::NeoHookean)));
     assert!(scene.tools[0].blade.is_some() && scene.contact.is_some());
@@ -867,13 +868,34 @@ fn mooney_rivlin_constants_are_read_and_asked_for() {
 }
 
 #[test]
-fn neo_hookean_skin_with_explicit_steps_or_refinements() {
+fn neo_hookean_skin_takes_any_steps_and_newtons_method_no_refinements() {
     let explicit = alone("integrator = \"symplectic_euler\"", "", "law = \"neo_hookean\"");
+    assert!(parsed(&explicit).is_ok());
+    assert!(parsed(&alone("", "refinements = 2", "")).is_ok());
+    let refined = alone("", "newton = true\nrefinements = 2", "");
+    says(&parsed(&refined).expect_err("Newton alone").to_string(), "scenes/full.toml:8: … refinements … Newton");
+    let newmark = alone("integrator = \"newmark\"", "refinements = 2", "");
+    says(&parsed(&newmark).expect_err("Newton alone").to_string(), "scenes/full.toml:7: … refinements … Newton");
+    for (skin, time, says_why) in
+        [("law = \"linear\"", "", "only hyperelastic"), ("", "integrator = \"symplectic_euler\"", "solves no system")]
+    {
+        let text = alone(time, "newton = true", skin);
+        says(&parsed(&text).expect_err(says_why).to_string(), &format!("newton … {says_why}"));
+    }
+    let scene = parsed(&alone("", "newton = true", "")).expect("the scene is valid");
+    assert!(scene.newton() && scene.solver.newton);
+    assert!(!parsed(&alone("", "", "")).expect("the scene is valid").newton());
+}
+
+#[test]
+fn static_steps_are_of_bodies_that_stay() {
+    let statics = |skin: &str| parsed(&alone("integrator = \"static\"", "", skin));
+    let scene = statics("").expect("the scene is valid");
+    assert!(scene.newton() && scene.time.integrator == Integrator::Static);
     says(
-        &parsed(&explicit).expect_err("implicit alone").to_string(),
-        "scenes/full.toml:11: … symplectic_euler … newmark",
+        &statics("velocity_m_s = [0, 0, 1]").expect_err("it moves").to_string(),
+        "scenes/full.toml:5: … static … velocity_m_s",
     );
-    let refined = alone("", "refinements = 2", "law = \"neo_hookean\"");
-    says(&parsed(&refined).expect_err("Newton alone").to_string(), "scenes/full.toml:11: … Newton … refinements");
-    assert!(parsed(&alone("", "refinements = 0", "law = \"neo_hookean\"")).is_ok());
+    let cut = FULL.replace("[time]\n", "[time]\nintegrator = \"static\"\n").replace("velocity_m_s = [0, 0, 0.1]\n", "");
+    says(&parsed(&cut).expect_err("a blade cuts in time").to_string(), "static … blade");
 }

@@ -22,6 +22,7 @@ tolerance = 1e-2
 [skin]
 size_mm = [8.0, 8.0]
 cells = [8, 8]
+law = "corotational"
 
 [[skin.layer]]
 name = "dermis"

@@ -95,6 +95,26 @@ pub fn inverted_cells(model: &Model, state: &Snapshot) -> u32 {
     cells.filter(|cell| !upright(*cell)).count() as u32
 }
 
+/// Norms of the forces out of balance at the start of a step, `f_ext − f_int + Jᵀλ` without inertia and damping, and of the largest of
+/// its parts, N: elastic forces at all nodes, reactions included; rest-shape springs and dead loads.
+pub fn out_of_balance(model: &Model, solved: &Solved) -> (f64, f64) {
+    let still = Solved { dx: vec![[0.0; 4]; solved.start.u.len()], ..solved.clone() };
+    let Snapshot { u, free, .. } = &still.start;
+    let [f, _] = model.mechanics().forces_and_product(model, &still, u, free);
+    let mut b = vec![[0.0; 4]; u.len()];
+    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, free, u, &mut b);
+    let anchored = norm(&b);
+    for (i, b) in b.iter_mut().enumerate() {
+        for n in 0..3 {
+            let weight = free[i][3] * model.step.gravity[n];
+            b[n] += (still.load[i][n] + weight + still.contact[i][n] - f[i][n]) * free[i][n];
+        }
+    }
+    let without_w = |a: &[V4<f64>]| a.iter().map(|a| a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sum::<f64>().sqrt();
+    let largest = [without_w(&f), anchored, without_w(&still.load)].into_iter().fold(0.0, f64::max);
+    (without_w(&b), largest)
+}
+
 /// `|b + Jᵀλ − A Δx|` relative to the load of the step (unconstrained motion and contact forces), all in f64.
 pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
     let (rest, load) = residual(model, solved);

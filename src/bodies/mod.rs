@@ -18,7 +18,7 @@ mod step;
 mod wound;
 
 pub use anchors::{Anchors, rate};
-pub use energy::{Snapshot, Solved, elastic_energy, energy, inverted_cells, residual, true_residual};
+pub use energy::{Snapshot, Solved, elastic_energy, energy, inverted_cells, out_of_balance, residual, true_residual};
 pub use refused::Refused;
 pub use step::Step;
 pub use wound::{Removal, Totals, Wound};

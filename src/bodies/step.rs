@@ -8,12 +8,14 @@
 //! | implicit Euler | `(1 + h r_M)/h²` | `1 + r_K/h` | 1 | 1 | `u` |
 //! | Newmark, β ¼, γ ½ | `(2 + h r_M)/h²` | `½ + r_K/h` | 2 | 2 | `u` |
 //! | symplectic Euler | `1/h²` | 0 | `1 − h r_M` | 1 | `u + r_K v` |
+//! | static | 10⁻⁹ s⁻² | 1 | 0 | 0 | `u` |
 //!
 //! Newmark's `u' = u + h v + h²/4 (a + a')`, `v' = v + h/2 (a + a')` are the trapezoidal rules `Δx = h/2 (v + v')`,
 //! `v' − v = h/2 (a + a')`. Inserted into the sum of the balances `M a + C v + K u = f` at both ends they eliminate `a`, so it is not
 //! stored: `(2/h² M + C/h + K/2) Δx = f_ext − f_int + 2 M v/h`. The trajectories are exactly Newmark's if the loads are constant within a
 //! step and the initial acceleration satisfies the balance. Symplectic Euler is `v' = v + h M⁻¹ (f_ext − f_int − C v)`, `u' = u + h v'`,
-//! stable up to [`super::Model::stable_step`].
+//! stable up to [`super::Model::stable_step`]. A static step is repeated until the forces balance; its trace of inertia keeps a rigid-body
+//! mode that nothing holds from being singular.
 //! Source: Newmark 1959; Hughes 1987, chapter 9; Hairer, Lubich, Wanner 2003 (symplectic Euler).
 //!
 //! Effect on an undamped vibration `ω`, `z = h ω` (tests/verify/integrators.rs checks each entry):
@@ -37,6 +39,9 @@
 //! times shorter: stiffness damping needs implicit steps.
 
 use crate::scene::{Integrator, Preconditioner, Scene, Skin};
+
+/// Factor of `M` in `A` of a static step, 1/s².
+const STATIC_INERTIA: f64 = 1e-9;
 
 /// Constants of the time step.
 #[derive(Clone, Copy, Debug)]
@@ -85,13 +90,14 @@ impl Step {
             Integrator::ImplicitEuler => (1.0 + h * drag) / (h * h),
             Integrator::Newmark => (2.0 + h * drag) / (h * h),
             Integrator::SymplecticEuler => 1.0 / (h * h),
+            Integrator::Static => STATIC_INERTIA,
         }
     }
 
     /// Fraction of the change of elastic forces over a step that enters the step.
     pub fn end_share(&self) -> f64 {
         match self.integrator {
-            Integrator::ImplicitEuler => 1.0,
+            Integrator::ImplicitEuler | Integrator::Static => 1.0,
             Integrator::Newmark => 0.5,
             Integrator::SymplecticEuler => 0.0,
         }
@@ -99,7 +105,11 @@ impl Step {
 
     /// Factor of `K` in `A`.
     pub fn stiffness_factor(&self) -> f64 {
-        if self.explicit() { 0.0 } else { self.end_share() + self.rayleigh_stiffness / self.step }
+        match self.integrator {
+            Integrator::SymplecticEuler => 0.0,
+            Integrator::Static => 1.0,
+            _ => self.end_share() + self.rayleigh_stiffness / self.step,
+        }
     }
 
     /// Coefficient of `M v/h` in `b`.
@@ -108,12 +118,17 @@ impl Step {
             Integrator::ImplicitEuler => 1.0,
             Integrator::Newmark => 2.0,
             Integrator::SymplecticEuler => 1.0 - self.step * self.rayleigh_mass,
+            Integrator::Static => 0.0,
         }
     }
 
     /// Velocity factor: change of velocity over a step relative to the change to the mean velocity.
     pub fn velocity_factor(&self) -> f64 {
-        if self.integrator == Integrator::Newmark { 2.0 } else { 1.0 }
+        match self.integrator {
+            Integrator::Newmark => 2.0,
+            Integrator::Static => 0.0,
+            _ => 1.0,
+        }
     }
 
     /// Lead time of the elastic forces: they are evaluated at `u + lead · v`, s.

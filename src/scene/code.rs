@@ -414,11 +414,22 @@ impl Scene {
         refinements.that(!newton || self.solver.refinements == 0, self.solver.refinements, "0 with Newton's method")?;
         scene.of("solver.newton").that(!newton || self.contact.is_none(), true, "false where bodies may touch")?;
         let integrator = scene.of("time.integrator");
-        let implicit = self.time.integrator == Integrator::ImplicitEuler;
-        integrator.that(implicit || self.contact.is_none(), "another", "ImplicitEuler where bodies may touch")?;
+        let implicit = matches!(self.time.integrator, Integrator::ImplicitEuler | Integrator::Static);
+        integrator.that(
+            implicit || self.contact.is_none(),
+            "another",
+            "ImplicitEuler or Static where bodies may touch",
+        )?;
+        let moves = self.tools.iter().any(|tool| tool.free.is_some() || tool.blade.is_some()) || self.skins.is_empty();
+        let rest = self.time.integrator != Integrator::Static;
+        integrator.that(
+            rest || !moves,
+            "Static",
+            "another with free rigid bodies or blades, or without deformable bodies",
+        )?;
         if self.time.integrator == Integrator::SymplecticEuler {
-            let linear = |skin: &Skin| matches!(skin.law, Law::Fem { .. }) && skin.mass != Mass::Consistent;
-            let fits = self.skins.iter().all(linear);
+            let explicit = |skin: &Skin| !matches!(skin.law, Law::Springs { .. }) && skin.mass != Mass::Consistent;
+            let fits = self.skins.iter().all(explicit);
             integrator.that(fits, "SymplecticEuler", "an implicit one with this law or mass")?;
         }
         let part = scene.of("contact");

@@ -128,7 +128,8 @@ pub(super) fn fits(
             return Err(unfit("integrator = \"symplectic_euler\" solves no system"));
         }
     }
-    let newton = solver.newton.as_ref().is_some_and(|newton| *newton.get_ref()) || integrator == Integrator::Newmark;
+    let asked = solver.newton.as_ref().is_some_and(|newton| *newton.get_ref());
+    let newton = asked || integrator == Integrator::Newmark || integrator == Integrator::Static && !contact;
     if hyperelastic && newton {
         let why = "Newton's method stops at the true residual already, and linear refinements would undo its steps";
         return match &solver.refinements {

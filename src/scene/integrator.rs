@@ -4,7 +4,7 @@ use super::invalid::{Invalid, Result};
 use super::raw::{self, At};
 use super::text::{SceneText, or};
 use super::words::INTEGRATORS;
-use super::{Integrator, Law, Mass, Skin};
+use super::{Integrator, Law, Mass, Skin, Tool};
 
 /// Integrator of a scene; `touching` is true if bodies can touch or are attached.
 pub(super) fn integrator(
@@ -12,6 +12,7 @@ pub(super) fn integrator(
     word: Option<At<String>>,
     solver: &raw::Solver,
     skins: &[Skin],
+    tools: &[Tool],
     touching: bool,
 ) -> Result<Integrator> {
     let word = or(word, "implicit_euler".to_string());
@@ -23,6 +24,16 @@ pub(super) fn integrator(
         fix,
     };
     if integrator == Integrator::ImplicitEuler {
+        return Ok(integrator);
+    }
+    if integrator == Integrator::Static {
+        if skins.is_empty() || tools.iter().any(|tool| tool.free.is_some() || tool.blade.is_some()) {
+            let why = "finds the balance of deformable bodies and what presses them, and a [[rigid]] body moves freely, a blade cuts in time";
+            return Err(unfit(why, "take \"implicit_euler\", or leave them out"));
+        }
+        if skins.iter().any(|skin| skin.velocity != [0.0; 3]) {
+            return Err(unfit("has no velocities", "leave velocity_m_s out"));
+        }
         return Ok(integrator);
     }
     if touching {

@@ -90,10 +90,14 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Whether steps of hyperelastic bodies are solved by Newton's method: where asked for, and in Newmark's method, whose steps are of
-    /// second order only so.
+    /// Whether steps of hyperelastic bodies are solved by Newton's method: where asked for; in Newmark's method, whose steps are of second
+    /// order only so; and in static steps where nothing may touch.
     pub fn newton(&self) -> bool {
-        self.solver.newton || self.time.integrator == Integrator::Newmark
+        match self.time.integrator {
+            Integrator::Newmark => true,
+            Integrator::Static => self.contact.is_none(),
+            _ => self.solver.newton,
+        }
     }
 
     /// The scene as run by the tests: with the cells and steps of its test form.
@@ -134,6 +138,8 @@ pub enum Integrator {
     Newmark,
     /// Explicit: no solve, but a small critical step.
     SymplecticEuler,
+    /// No inertia and no damping: each step ends in static balance.
+    Static,
 }
 
 impl Time {

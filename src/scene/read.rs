@@ -87,7 +87,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let mut time_keys = raw.time.keys;
     let raw_solver = raw::keys(raw.solver);
     let word = time_keys.integrator.take();
-    let integrator = integrator::integrator(&scene, word, &raw_solver, &skins, touching)?;
+    let integrator = integrator::integrator(&scene, word, &raw_solver, &skins, &tools, touching)?;
     hyperelastic::fits(&scene, hyperelastic, touching, integrator, &raw_solver)?;
     let time = time(&scene, time_keys, integrator)?;
     // the remaining tables
@@ -102,7 +102,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         haptic: devices::haptic(&scene, raw::keys(raw.haptic))?,
         checks: outputs::checks(&scene, raw.check, &probes)?,
         view: outputs::view(&scene, raw.view, &skins, &tools)?,
-        study: study::study(&scene, raw.study, &time, &skins, &probes, touching)?,
+        study: study::study(&scene, raw.study, &time, &skins, &tools, &probes, touching)?,
         time,
         skins,
         tools,

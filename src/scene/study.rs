@@ -5,7 +5,7 @@ use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Numbers, Table};
 use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
 use super::words::{CORRECTIONS, ELEMENTS, PRECONDITIONERS, word};
-use super::{Correction, Integrator, Law, MATERIALS, Material, Preconditioner, Probe, ProbeKind, Skin, Time};
+use super::{Correction, Integrator, Law, MATERIALS, Material, Preconditioner, Probe, ProbeKind, Skin, Time, Tool};
 
 /// Maximum number of values on one axis of a study.
 const MOST_VALUES: usize = 20;
@@ -67,6 +67,7 @@ pub(super) fn study(
     table: Option<Table<raw::Study>>,
     time: &Time,
     skins: &[Skin],
+    tools: &[Tool],
     probes: &[Probe],
     touching: bool,
 ) -> Result<Study> {
@@ -130,7 +131,7 @@ pub(super) fn study(
         steps: numbers(scene, "steps_ms", &raw.steps_ms, MS)?,
         integrators: match &raw.integrators {
             Some(list) => each(scene, "integrators", list, |word| {
-                integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, touching)
+                integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, tools, touching)
             })?,
             None => vec![],
         },

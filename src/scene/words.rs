@@ -7,10 +7,11 @@ pub const ELEMENTS: [(&str, Element); 3] =
     [("bbar", Element::Bbar), ("enhanced", Element::Enhanced), ("plain", Element::Plain)];
 
 /// Integrators.
-pub const INTEGRATORS: [(&str, Integrator); 3] = [
+pub const INTEGRATORS: [(&str, Integrator); 4] = [
     ("implicit_euler", Integrator::ImplicitEuler),
     ("newmark", Integrator::Newmark),
     ("symplectic_euler", Integrator::SymplecticEuler),
+    ("static", Integrator::Static),
 ];
 
 /// Contact corrections.

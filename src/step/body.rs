@@ -13,7 +13,7 @@ use super::{Simulation, StepReport};
 use crate::backend::{
     Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target,
 };
-use crate::bodies::{Model, Solved, energy, inverted_cells, residual};
+use crate::bodies::{Model, Solved, energy, inverted_cells, out_of_balance, residual};
 use crate::bodies::{Totals, Wound};
 use crate::collide::broad::Boxes;
 use crate::collide::lips::Lips;
@@ -326,6 +326,13 @@ impl Body {
             forces[*node as usize] = [*x, *y, *z, 0.0];
         }
         Solved { start, load: self.padded_load_at(scene, time), contact: forces, dx: vec![] }
+    }
+
+    /// Forces out of balance at the present state under contact forces, relative to the largest ([`out_of_balance`]).
+    pub(super) fn out_of_balance(&mut self, contact: &[(u32, [f64; 3])], scene: &Scene, time: f64) -> Result<f64> {
+        let state = self.snapshot()?;
+        let (left, largest) = out_of_balance(&self.model, &self.solved(state, contact, scene, time));
+        Ok(if largest == 0.0 { 0.0 } else { left / largest })
     }
 
     /// Refines and checks the step's solution; `before` is the state at its start.

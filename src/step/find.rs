@@ -6,7 +6,7 @@ use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips,
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::mesh::{MaterialPoint, Quad};
-use crate::scene::{self, Attachment, BodyId, Scene};
+use crate::scene::{self, Attachment, BodyId, Integrator, Scene};
 use glam::DVec3;
 use std::collections::BTreeSet;
 
@@ -98,7 +98,8 @@ impl Simulation {
     fn drop_unexplained(&mut self, search: &Search, found: &mut Vec<Contact>, report: &mut StepReport) {
         let h = self.step_size();
         let before = std::mem::take(&mut self.depths);
-        let first = self.step_number == 1; // a tool may start inside
+        // a tool may start inside, and in a static step it has no velocity that says how far it came
+        let first = self.step_number == 1 || self.scene.time.integrator == Integrator::Static;
         let explained = |contact: &Contact| {
             let Some(sample) = self.sample_of(contact) else { return true };
             let tool = &self.tools[sample.0];

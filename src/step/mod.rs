@@ -52,9 +52,9 @@ use crate::gpu::Gpu;
 use crate::haptic::Reduced;
 use crate::linear::Outcome;
 use crate::math::larger;
-use crate::scene::{BodyId, ProbeKind, Scene};
+use crate::scene::{BodyId, Integrator, ProbeKind, Scene};
 use body::Known;
-use contact::Resolved;
+use contact::{NodeForces, Resolved};
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -157,6 +157,9 @@ impl StepReport {
 
 /// Factor on the floor that allows for the rounding of a square and its root in f32.
 const AT_FLOOR: f64 = 1.0 + 1e-5;
+
+/// Most linear solves, with their contact, of a static step.
+const MOST_STATIC: u32 = 1000;
 
 /// A running scene.
 pub struct Simulation {
@@ -302,9 +305,12 @@ impl Simulation {
         self.epoch
     }
 
-    /// Length of a substep, s.
+    /// Length of a substep, s; infinite for static steps, in which tools have neither inertia nor damping.
     fn step_size(&self) -> f64 {
-        self.scene.time.part()
+        match self.scene.time.integrator {
+            Integrator::Static => f64::INFINITY,
+            _ => self.scene.time.part(),
+        }
     }
 
     /// Advances by one step; `check` evaluates the true residual as well.
@@ -321,14 +327,57 @@ impl Simulation {
     }
 
     fn advance(&mut self, check: bool) -> Result<StepReport> {
-        let h = self.step_size();
         let begin = self.time;
         self.step_number += 1;
-        self.time = self.step_number as f64 * h;
+        self.time = self.step_number as f64 * self.scene.time.part();
+        match self.scene.time.integrator {
+            Integrator::Static => self.balance(check),
+            _ => Ok(self.solve_from(begin, check)?.0),
+        }
+    }
+
+    /// Static step: solves until the forces balance, with the loads and the hands of its end.
+    fn balance(&mut self, check: bool) -> Result<StepReport> {
+        let tolerance = self.scene.solver.tolerance;
+        self.bodies.iter_mut().for_each(|body| body.loaded = false);
+        let (mut report, mut forces) = self.solve_from(self.time, false)?;
+        let mut left = 0.0;
+        for _ in 1..MOST_STATIC {
+            // out of balance: the bodies, or the hands, which the tools' forces follow
+            left = 0.0;
+            for (number, body) in self.bodies.iter_mut().enumerate() {
+                let contact = forces.as_ref().map_or(&[][..], |forces| &forces[number]);
+                left = larger(left, body.out_of_balance(contact, &self.scene, self.time)?);
+            }
+            let before = report.contact.on_tool.clone();
+            let balanced = left <= tolerance;
+            let (next, of_next) = self.solve_from(self.time, check && balanced)?;
+            forces = of_next;
+            report.followed_by(next);
+            let scale = report.contact.largest_on_tools();
+            let change = before.iter().zip(&report.contact.on_tool);
+            let change = change.map(|(a, b)| (DVec3::from_array(*a) - DVec3::from_array(*b)).length());
+            if balanced && change.fold(0.0, f64::max) <= tolerance * scale {
+                return Ok(report);
+            }
+        }
+        Err(Refused::NoBalance {
+            path: self.scene.file.clone(),
+            time: self.time,
+            iterations: MOST_STATIC,
+            left,
+            tolerance,
+        }
+        .into())
+    }
+
+    /// Step that ends at the present time, with the loads at `begin`; also the contact forces at the bodies' nodes.
+    fn solve_from(&mut self, begin: f64, check: bool) -> Result<(StepReport, Option<Vec<NodeForces>>)> {
+        let h = self.step_size();
         let mut report = StepReport { time: self.time, ..StepReport::default() };
         // set loads where they change; checked steps keep the state at their start
         // start of the previous step exactly as that step computed it: begin − h rounds otherwise
-        let before_that = (self.step_number as f64 - 2.0) * h;
+        let before_that = (self.step_number as f64 - 2.0) * self.scene.time.part();
         let changed = |t: &f64| *t <= begin && *t > before_that;
         let loaded = self.step_number == 1 || self.load_changes.iter().any(changed);
         let refined = self.scene.solver.refinements > 0;
@@ -378,7 +427,7 @@ impl Simulation {
         }
         self.read_probes(&mut report)?;
         self.probes_are_finite(&report)?;
-        Ok(report)
+        Ok((report, forces))
     }
 
     /// Solves the step and moves the tools; with `reuse_forces`, contact forces are those of the last step.

@@ -57,6 +57,25 @@ pub enum Refused {
     #[error("a running simulation is given a step of another length; make a new one with that step")]
     OtherStep,
 
+    /// Static step without balance.
+    #[error(
+        "{}: the static step to {time} s is not in balance after {iterations} iterations: {left:.1e} of the forces are left, and the \
+         tolerance is {tolerance:.1e}; take shorter steps, hold what slides or turns away, or a larger tolerance",
+        path.display()
+    )]
+    NoBalance {
+        /// The scene file.
+        path: PathBuf,
+        /// End of the step, s.
+        time: f64,
+        /// Linear solves.
+        iterations: u32,
+        /// Forces out of balance, relative to the largest.
+        left: f64,
+        /// Solver's tolerance.
+        tolerance: f64,
+    },
+
     /// Non-finite state that ends a run.
     #[error("{}: {what} \"{name}\" is non-finite at {time} s, where the run ends; {fix}", path.display())]
     NonFinite {

@@ -91,7 +91,7 @@ impl Simulation {
         }
         self.tools.iter_mut().zip(&state.tools).for_each(|(tool, motion)| tool.set_motion(*motion));
         self.step_number = state.step_number;
-        self.time = state.step_number as f64 * self.step_size();
+        self.time = state.step_number as f64 * self.scene.time.part();
         self.epoch = state.epoch;
         self.reduced.clone_from(&state.reduced);
         self.postponed.clone_from(&state.postponed);

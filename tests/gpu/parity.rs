@@ -124,13 +124,13 @@ const CASES: &[Case] = cases! {
     hyperelastic_forces Cells false [
         "0.78867513" => "0.7887", "weight.zzy" => "weight.zyy", "values[a] - values[0]" => "values[a]", "+ dot(a, cross(b, c))" => "",
         "cross(f[1], f[2]), cross(f[2], f[0])" => "cross(f[1], f[2]), cross(f[0], f[2])", "layer_of[at.z]" => "0u",
-        "(identity() - p.log_gradient)) * mu" => "identity()) * mu", "squares - 2.0 * p.second_order" => "squares", "volume_gradient[a] * pressure" => "volume_gradient[a]",
+        "(p.h + p.complement) * mu" => "p.h * mu", "transpose(h) - own" => "transpose(h)", "squares - 2.0 * p.second_order" => "squares", "volume_gradient[a] * pressure" => "volume_gradient[a]",
         "inverted || is_inverted(point)" => "false", "own.material.x * log_mean * log_volume_slope(mean)" => "own.material.x * log_mean",
         "all(rotation[cell] == vec4<f32>(0.0))" => "false", "displacement[corner_node(params, own.at, a)]" => "displacement[node_id(params, own.at + corner(a))]", "1.0 / max(1.0 + g, EXTENDED)" => "1.0 / (1.0 + g)",
         "contracted(point.log_gradient, point.log_gradient) - 2.0" => "contracted(point.log_gradient, point.log_gradient) - 2.1", "4.0 / 3.0 * log" => "1.0 / 3.0 * log", "(6.0 * shear)" => "(7.0 * shear)", "-pressure / (2.0 *" => "-pressure / (1.0 *",
-        "0.5 * (1.0 + log_volume" => "0.6 * (1.0 + log_volume", "longest / 3.0" => "longest / 2.0", "* max(log_volume_stiffness(mean), 0.0) * turned" => "* turned", "(1.0 + e) / shape" => "1.0 / shape", "diagonal(cell.pre_strain) +" => "", "strained.z, 1.0" => "1.0, 1.0", "sqrt(sqrt(min(" => "sqrt((min(",
+        "longest / 3.0" => "longest / 2.0", "* max(log_volume_stiffness(mean), 0.0) * turned" => "* turned", "(1.0 + e) / shape" => "1.0 / shape", "diagonal(cell.pre_strain) +" => "", "strained.z, 1.0" => "1.0, 1.0", "sqrt(sqrt(min(" => "sqrt((min(",
         "4.0 * own.material.x" => "own.material.x", "f32(2u * n + 1u)" => "f32(2u * n)", "let ln = log(1.0 + g)" => "let ln = g", "s * g - tail" => "s * g",
-        "material.w == MOONEY_RIVLIN" => "false", "difference - p.log_gradient * v.i1" => "difference", "v.f * v.s * 2.0" => "v.f * v.s", "p.log_gradient * (4.0 * v.i2)" => "p.log_gradient * (2.0 * v.i2)",
+        "material.w == MOONEY_RIVLIN" => "false", "difference - own.log_gradient * v.i1" => "difference", "v.f * v.s * 2.0" => "v.f * v.s", "own.log_gradient * (4.0 * v.i2)" => "own.log_gradient * (2.0 * v.i2)", "4.6415888 * grown" => "4.6415888", "p.log_gradient * (1.0 / grown)" => "p.log_gradient", "- 1.5 * log(grown)" => "",
         "exp(-2.0 / 3.0" => "exp(-1.0 / 3.0", "c.y * scale * scale" => "c.y * scale", "left * 2.0 / 3.0" => "left / 3.0", "beyond * 4.0 / 3.0" => "beyond",
         "contracted(p.h, p.h) - 2.0 * p.second_order" => "contracted(p.h, p.h)", "(x + x * sum) / f32(n)" => "(x + x * sum)", "trace * trace - squares" => "trace * trace"
     ]

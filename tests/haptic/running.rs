@@ -10,7 +10,7 @@ use cutis::haptic::servo::Servo;
 use cutis::haptic::{device::Workspace, device::Wrench};
 use cutis::report::recording::Recording;
 use cutis::report::run::{Options, Summary, run};
-use cutis::scene::{Contact, Coupling, DeviceKind, Files, Pose, Region, Round, Scene, Tool, parse};
+use cutis::scene::{Contact, Coupling, DeviceKind, Element, Files, Law, Pose, Region, Round, Scene, Tool, parse};
 use cutis::step::{Platform, Simulation};
 use glam::{DQuat, DVec3};
 use std::f64::consts::FRAC_PI_2;
@@ -112,6 +112,8 @@ fn the_force_of_a_slow_press_is_continuous_the_more_so_the_faster_the_simulation
 fn pressed_and_withdrawn(hz: f64, creep: bool) -> Vec<f64> {
     let mut scene = tip();
     (scene.time.step, scene.skins[0].rayleigh_stiffness) = (1.0 / hz, 0.01);
+    // whose memory of a step is that of its viscosity; stiffened cells forget sooner
+    scene.skins[0].law = Law::Fem { element: Element::Bbar, corotational: true };
     scene.tools[0].trajectory = vec![pose(0.0, 2.05), pose(0.25, 1.7), pose(0.3, 1.7), pose(0.45, 2.1)];
     let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
     let tool = simulation.tools[0].clone();

@@ -237,7 +237,7 @@ fn no_solution() {
     rotation[0] = [0.0; 4];
     let error = direct.factor(&rotation, &alone.free).expect_err("no stiffness and no mass");
     assert!(matches!(error, Error::Body(Refused::NotPositive { node: [0, 0, 0], .. })), "{error}");
-    assert!(error.to_string().contains("hold the body") && error.exit_code() == 2, "{error}");
+    assert!(error.to_string().contains("constrain the body") && error.exit_code() == 2, "{error}");
     // positions that are no numbers
     rotation[0] = [f64::NAN; 4];
     let error = direct.factor(&rotation, &alone.free).expect_err("no number");

@@ -16,7 +16,7 @@ use cutis::error::Error;
 use cutis::math::norm;
 use cutis::report::inspect::inspect;
 use cutis::scene::Element::Bbar;
-use cutis::scene::Integrator::{self, ImplicitEuler, Newmark, SymplecticEuler};
+use cutis::scene::Integrator::{self, ImplicitEuler, Newmark, Static, SymplecticEuler};
 use cutis::scene::{Anchor, Mass, Preconditioner, Region, Scene};
 use cutis::step::{Platform, Refused, Simulation};
 
@@ -128,6 +128,7 @@ impl Column {
                     v += h * (f - k * u - c * v) / m;
                     u += h * v;
                 }
+                Static => (u, v) = (f / k, 0.0),
             }
             [u, v]
         };
@@ -207,6 +208,7 @@ fn theory(integrator: Integrator, z: f64) -> (f64, f64) {
         ImplicitEuler => (1.0 / (1.0 + z * z), z.atan()),
         Newmark => (1.0, 2.0 * (0.5 * z).atan()),
         SymplecticEuler => (1.0, 2.0 * (0.5 * z).asin()),
+        Static => unreachable!("nothing vibrates"),
     }
 }
 

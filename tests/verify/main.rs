@@ -25,6 +25,7 @@ mod slit;
 mod small;
 mod solver;
 mod springs;
+mod statics;
 
 use cutis::gpu::adapters;
 use cutis::step::Platform;
@@ -68,6 +69,7 @@ fn main() -> ExitCode {
         dense::CASES,
         solver::CASES,
         springs::CASES,
+        statics::CASES,
         motion::CASES,
         neo_hookean::CASES,
         masses::CASES,

@@ -33,6 +33,7 @@ fn uniaxial(a: f64, bulk: f64) -> f64 {
 /// Nominal stress of a bar of 2 × 2 × 2 cells held by its ends alone, Pa.
 fn found(platform: &Platform, material: Material, stretch: f64, bulk: f64) -> f64 {
     let mut scene = block(Bbar, true);
+    scene.solver.newton = true;
     let shear = 2.0 * (C[0] + C[1]);
     let skin = &mut scene.skins[0];
     (skin.law, skin.cells) = (Law::Hyperelastic(material), [2, 2]);

@@ -327,9 +327,10 @@ impl<R: Real> System<R> for Hexahedra<R> {
         // elastic energy and forces at the trial point
         let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
         let displacement: Vec<V4<f64>> = step.u.iter().zip(dx).map(sum).collect();
-        let Some(energy) = tangents.law.energy(&tangents.params, &[], &|_| true, &displacement) else {
+        let (energy, inverted) = tangents.law.energy(&tangents.params, &[], &|_| true, &displacement);
+        if inverted {
             return Ok(None);
-        };
+        }
         let forces = tangents.forces(&displacement);
         // inertia and damping: product with the small-strain matrix
         let params = Params { stiffness_factor: R::of(tangents.damping), ..*step.params };

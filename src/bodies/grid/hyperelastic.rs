@@ -136,7 +136,8 @@ impl Hyperelastic {
             [x, y, z, 0.0]
         };
         let materials: Vec<V4<f64>> = skin.layers.iter().map(|layer| constants(material, layer)).collect();
-        let strains = skin.layers.iter().zip(&materials).map(|(layer, material)| pre_strain(*material, layer.pre_strain));
+        let strains =
+            skin.layers.iter().zip(&materials).map(|(layer, material)| pre_strain(*material, layer.pre_strain));
         Some(Self {
             shapes: (0..skin.layers.len()).map(shape).collect(),
             pre_strain: strains.collect(),
@@ -169,16 +170,16 @@ impl Hyperelastic {
         self.each(params, &[], &|_| true, u, |state| state.inverted).iter().position(|inverted| *inverted == Some(true))
     }
 
-    /// Energy of all cells that are `alive`, J; `None` if one is inverted.
+    /// Energy of all cells that are `alive`, J, and whether one is inverted.
     pub fn energy(
         &self,
         params: &Params<f64>,
         split: &[u32],
         alive: &(dyn Fn(usize) -> bool + Sync),
         u: &[V4<f64>],
-    ) -> Option<f64> {
-        let each = self.each(params, split, alive, u, |state| (!state.inverted).then(|| state.energy()));
-        each.into_iter().flatten().sum()
+    ) -> (f64, bool) {
+        let each = self.each(params, split, alive, u, |state| (state.energy(), state.inverted));
+        each.into_iter().flatten().fold((0.0, false), |(sum, any), (energy, inverted)| (sum + energy, any || inverted))
     }
 
     /// `[node]` internal forces of the cells that are `alive`, N.
@@ -353,6 +354,10 @@ mod tests {
             // up to ten times the thinnest edge
             let cell = Cell::new(of(law), &random(seed, 4e-3));
             assert!(cell.forces().iter().all(|f| f.f64().iter().all(|c| c.is_finite())), "seed {seed}: {law:?}");
+            let (u, d) = (random(seed, 4e-3), random(seed + 100, 1e-3));
+            let slope = (moved(law, &u, &d, 1e-6).energy() - moved(law, &u, &d, -1e-6).energy()) / 2e-6;
+            let wanted: f64 = cell.forces().iter().zip(d).map(|(f, d)| f.dot(d)).sum();
+            assert!((slope / wanted - 1.0).abs() < 1e-3, "seed {seed}: {law:?}, {slope:e}, wanted {wanted:e}");
             let s = cell.stiffening(&params);
             assert!(s.is_finite() && s >= 1.0, "seed {seed}: {law:?}, {s}");
         }
@@ -391,7 +396,8 @@ mod tests {
             let scale = [across, across, stretch];
             let u = field(|a, n| (corner(a)[n] as f64) * edges[n] * (scale[n] - 1.0));
             let pressed = Cell::new(soft(), &u);
-            let (k, factor) = (tangent(&pressed), pressed.stiffening(&Params { stiffness_factor: 1.0, ..Params::default() }));
+            let (k, factor) =
+                (tangent(&pressed), pressed.stiffening(&Params { stiffness_factor: 1.0, ..Params::default() }));
             let ratio = stiffer(&k, &small, factor);
             assert!(ratio < 2.0, "pressed by {by}, {aside}: {ratio} of the stiffened tangent");
             plain = plain.max(stiffer(&k, &small, 1.0));

@@ -260,13 +260,12 @@ impl Mechanics for Hexahedra {
         size_of_val(&self.stiffness[..]) + size_of_val(&self.pre_strain[..])
     }
 
-    /// `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X + e∘X` with the strain `e` of the rest shape. A hyperelastic body uses its own law; the
-    /// energy is infinite if a cell is inverted.
+    /// `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X + e∘X` with the strain `e` of the rest shape; of a hyperelastic body that of its law.
     fn energy(&self, model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], _: &[V4<f64>]) -> f64 {
         let params = model.params::<f64>();
         if let Some(law) = &self.hyperelastic {
             let alive = |cell: usize| rotation[cell] != [0.0; 4];
-            return law.energy(&params, split, &alive, u).unwrap_or(f64::INFINITY);
+            return law.energy(&params, split, &alive, u).0;
         }
         let mut energy = 0.0;
         for (cell, q) in rotation.iter().enumerate().filter(|(_, q)| **q != [0.0; 4]) {

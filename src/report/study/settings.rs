@@ -4,8 +4,8 @@ use super::super::StudyUnfit as Unfit;
 use crate::error::Result;
 use crate::mesh::Grid;
 use crate::scene::{
-    Correction, Cut, ELEMENTS, Integrator, Law, MATERIALS, MOST_NODES, Preconditioner, ProbeKind, Region,
-    Scene, Skin, word,
+    Correction, Cut, ELEMENTS, Integrator, Law, MATERIALS, MOST_NODES, Preconditioner, ProbeKind, Region, Scene, Skin,
+    word,
 };
 use crate::step::Platform;
 

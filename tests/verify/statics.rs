@@ -1,0 +1,91 @@
+//! Static steps: balance in one step, whatever the law, with contact, and an error where there is none.
+
+use super::Case;
+use super::setup::{LONG, measured, scene};
+use super::small::{block, held};
+use cutis::scene::Element::Bbar;
+use cutis::scene::{Integrator, Law, Load, Material, Region, Scene};
+use cutis::step::{Platform, Simulation};
+
+/// Tests of this file.
+pub const CASES: &[Case] = &[
+    ("static_steps_end_in_balance_by_every_law", balance),
+    ("static_steps_with_contact_end_where_slow_ones_do", pressed),
+    ("static_steps_without_balance_are_an_error", adrift),
+];
+
+const LAWS: [Law; 3] = [
+    Law::Hyperelastic(Material::NeoHookean),
+    Law::Fem { element: Bbar, corotational: true },
+    Law::Fem { element: Bbar, corotational: false },
+];
+
+/// A layer of skin pressed by a tenth of its stiffness.
+fn loaded(law: Law) -> Scene {
+    let mut scene = block([8e-3; 2], [8, 8], &[(3, 2e-3, 100e3, 0.45, 1000.0)]);
+    scene.skins[0].law = law;
+    scene.boundaries = vec![held(Region::Bottom, [true; 3])];
+    let half = [2e-3; 2];
+    scene.loads =
+        vec![Load { body: 0, pressure: 1e4, min: half.map(|h| -h), max: half, start: 0.0, end: f64::INFINITY }];
+    (scene.time.gravity, scene.solver.tolerance) = ([0.0; 3], 1e-8);
+    scene
+}
+
+/// Displacement of the middle of the top after so many steps, m, and the linear solves' steps that they took.
+fn middle(scene: &Scene, steps: u32) -> f64 {
+    let mut simulation = Simulation::new(scene, &Platform::Cpu64).expect("the scene is valid");
+    (0..steps).for_each(|_| drop(simulation.step(false).expect("there is a balance")));
+    let node = simulation.bodies[0].model.grid.nearest([0.0, 0.0, 2e-3]);
+    simulation.bodies[0].snapshot().expect("the CPU path has no device to fail").u[node][2]
+}
+
+fn balance() {
+    for law in LAWS {
+        let mut scene = loaded(law);
+        // steps of 1000 s have no inertia, and go on to the balance
+        (scene.time.step, scene.time.duration) = (LONG, 1e3 * LONG);
+        let (once, wanted) = (middle(&scene, 1), middle(&scene, 60));
+        scene.time.integrator = Integrator::Static;
+        let found = middle(&scene, 1);
+        measured(&format!("static {law:?} / mm"), found * 1e3, wanted * 1e3);
+        assert!((found / wanted - 1.0).abs() < 1e-6, "{law:?}: {found:e}, wanted {wanted:e}");
+        // counter-test: one step that is only linearised is no balance but of the linear law
+        let off = (once / wanted - 1.0).abs();
+        assert_eq!(off > 1e-3, law != LAWS[2], "{law:?}: one step of {LONG} s is {off:e} off");
+    }
+}
+
+fn pressed() {
+    let mut scene = scene("verify/sphere_press_neo_hookean.toml");
+    (scene.skins[0].cells, scene.solver.tolerance) = ([12, 12], 1e-5);
+    let force = |scene: &Scene, steps: u32| {
+        let mut simulation = Simulation::new(scene, &Platform::Cpu64).expect("the scene is valid");
+        let mut last = 0.0;
+        for _ in 0..steps {
+            last = simulation.step(false).expect("there is a balance").contact.on_tool[0][2];
+        }
+        last
+    };
+    // down in a second, and half a second more for what is left of the motion
+    let slow = force(&scene, 15);
+    (scene.time.integrator, scene.time.step) = (Integrator::Static, 0.25);
+    let still = force(&scene, 4);
+    measured("static force of a sphere / N", still, slow);
+    assert!(slow > 0.1 && (still / slow - 1.0).abs() < 2e-3, "{still} N, by slow steps {slow} N");
+    // counter-test: half the way is another force
+    scene.tools[0].trajectory[1].position[2] += 0.3e-3;
+    let half = force(&scene, 4);
+    assert!(half < 0.7 * slow, "{half} N half the way");
+}
+
+fn adrift() {
+    for law in LAWS {
+        let mut scene = loaded(law);
+        scene.boundaries.clear();
+        scene.time.integrator = Integrator::Static;
+        let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene is valid");
+        let error = simulation.step(false).expect_err("nothing holds the block");
+        assert_eq!(error.exit_code(), 1, "{error}");
+    }
+}
