@@ -21,7 +21,7 @@ use super::element::{Matrix, lame};
 use crate::bodies::{Model, Solved};
 use crate::kernels::collect::collect;
 use crate::kernels::deformation::gradient;
-use crate::kernels::hyperelastic::Cell;
+use crate::kernels::hyperelastic::{Cell, Material};
 use crate::kernels::{PARALLEL, Params};
 use crate::math::{M3, Real, V3, V4};
 use crate::mesh::Grid;
@@ -121,6 +121,11 @@ impl Hyperelastic {
         Cell::of(params, &self.shapes, &self.materials, &self.layer_of, u, split, cell)
     }
 
+    /// State of a cell of a layer at its corners' displacements.
+    pub(super) fn of_layer(&self, layer: usize, u: &[V3<f64>; 8]) -> Cell<f64> {
+        Cell::new(Material::of(self.shapes[layer], self.materials[layer]), u)
+    }
+
     /// `[cell]` values of the cells that are `alive`, `None` of the others.
     fn each<T: Send>(
         &self,
@@ -207,7 +212,7 @@ fn sums(params: &Params<f64>, split: &[u32], cells: &[[[f64; 3]; 8]]) -> Vec<V4<
 mod tests {
     use super::*;
     use crate::kernels::corner;
-    use crate::kernels::hyperelastic::{self, Material};
+    use crate::kernels::hyperelastic;
     use crate::math::random::Random;
 
     type Law = hyperelastic::Law<f64>;
