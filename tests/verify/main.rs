@@ -16,6 +16,7 @@ mod motion;
 mod multigrid;
 mod neo_hookean;
 mod prestrain;
+mod probes;
 mod refinement;
 mod release;
 mod setup;
@@ -58,7 +59,7 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 16] = [
+    let groups: [&[Case]; 17] = [
         anchors::CASES,
         multigrid::CASES,
         direct::CASES,
@@ -74,9 +75,10 @@ fn main() -> ExitCode {
         skin_block::CASES,
         release::CASES,
         prestrain::CASES,
+        probes::CASES,
         slit::CASES,
     ];
-    let everywhere: [&[Everywhere]; 13] = [
+    let everywhere: [&[Everywhere]; 14] = [
         anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
@@ -88,6 +90,7 @@ fn main() -> ExitCode {
         springs::EVERYWHERE,
         release::EVERYWHERE,
         prestrain::EVERYWHERE,
+        probes::EVERYWHERE,
         refinement::EVERYWHERE,
         slit::EVERYWHERE,
     ];
