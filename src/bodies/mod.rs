@@ -337,6 +337,11 @@ impl Model {
         self.grid.material_point([0, 1, 2].map(|n| at[n] - self.position[n]))
     }
 
+    /// Cells that contain a rest position given in the body's frame ([`Grid::cells_at`]).
+    pub fn cells_at(&self, point: [f64; 3]) -> Vec<(usize, [f64; 3])> {
+        self.grid.cells_at(point)
+    }
+
     /// The kernels' parameter block.
     pub fn params<R: Real>(&self) -> Params<R> {
         let (s, mechanics) = (&self.step, self.mechanics());

@@ -21,7 +21,6 @@ use super::body::Body;
 use super::contact::{ContactReport, NodeForces};
 use super::{Simulation, StepReport};
 use crate::backend::Query;
-use crate::bodies::grid::volume;
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::math::{M3, V3, V4};
@@ -154,7 +153,7 @@ impl Simulation {
                 }
                 ProbeKind::Volume { body } | ProbeKind::VolumeChange { body } => {
                     let Body { model, wound, .. } = &self.bodies[*body];
-                    let [rest, change] = volume(model, wound, &whole[*body]);
+                    let [rest, change] = wound.volume(model, &whole[*body]);
                     match probe.kind {
                         ProbeKind::Volume { .. } => rest + change,
                         _ if rest > 0.0 => change / rest,
@@ -205,17 +204,17 @@ impl Body {
 
     /// The material point at a rest position in the body's frame: a node of the grid, or a place of a cell as it is cut now.
     fn material_point(&self, point: [f64; 3]) -> MaterialPoint {
-        let cells = self.model.grid.cells_at(point);
+        let cells = self.model.cells_at(point);
         let present = cells.iter().find(|(cell, _)| self.wound.surface.alive[*cell]);
         let Some((cell, place)) = present.or(cells.first()) else { return MaterialPoint::default() };
         let of = |corners: [usize; 8]| MaterialPoint::of(corners.map(|node| node as u32), trilinear(*place));
-        let own = of(self.model.grid.params::<f64>().corners(*cell));
+        let own = of(self.wound.surface.params().corners(*cell));
         if own.0.len() == 1 { own } else { of(self.wound.surface.parts.corners(*cell)) }
     }
 
     /// Present cells of one layer that contain a rest position in the body's frame: between two layers those of the upper one.
     fn present_cells_at(&self, point: [f64; 3]) -> Vec<(usize, [f64; 3])> {
-        let mut cells = self.model.grid.cells_at(point);
+        let mut cells = self.model.cells_at(point);
         cells.retain(|(cell, _)| self.wound.surface.alive[*cell]);
         let upper = cells.iter().map(|(cell, _)| self.model.layer(*cell)).max();
         cells.retain(|(cell, _)| Some(self.model.layer(*cell)) == upper);

@@ -127,17 +127,19 @@ impl Hexahedra {
     }
 }
 
-/// Volume of the present cells at rest, and its change at displacements `u`, `[node]` m, m³.
-pub fn volume(model: &Model, wound: &Wound, u: &[V4<f64>]) -> [f64; 2] {
-    let alive: Vec<usize> = (0..model.grid.cell_count()).filter(|cell| wound.surface.alive[*cell]).collect();
-    // det F is at most quadratic along each axis, so the Gauss points' mean is exact
-    let of_cell = |cell: &usize| {
-        let [x, y, z, _] = model.shape[model.grid.layer(*cell)];
-        let inverse = V3::new(1.0 / x, 1.0 / y, 1.0 / z);
-        let u = wound.surface.parts.corners(*cell).map(|node| V3::from4(u[node]));
-        let growth: f64 = (0..8).map(|p| Point::new(field_gradient(inverse, &u, p)).growth).sum();
-        [x * y * z, x * y * z * growth / 8.0]
-    };
-    let each: Vec<[f64; 2]> = alive.par_iter().with_min_len(PARALLEL / 8).map(of_cell).collect();
-    each.iter().fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
+impl Wound {
+    /// Volume of the present cells at rest, and its change at displacements `u`, `[node]` m, m³.
+    pub fn volume(&self, model: &Model, u: &[V4<f64>]) -> [f64; 2] {
+        let alive: Vec<usize> = (0..model.grid.cell_count()).filter(|cell| self.surface.alive[*cell]).collect();
+        // det F is at most quadratic along each axis, so the Gauss points' mean is exact
+        let of_cell = |cell: &usize| {
+            let [x, y, z, _] = model.shape[model.grid.layer(*cell)];
+            let inverse = V3::new(1.0 / x, 1.0 / y, 1.0 / z);
+            let u = self.surface.parts.corners(*cell).map(|node| V3::from4(u[node]));
+            let growth: f64 = (0..8).map(|p| Point::new(field_gradient(inverse, &u, p)).growth).sum();
+            [x * y * z, x * y * z * growth / 8.0]
+        };
+        let each: Vec<[f64; 2]> = alive.par_iter().with_min_len(PARALLEL / 8).map(of_cell).collect();
+        each.iter().fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
+    }
 }

@@ -12,7 +12,6 @@ pub mod multigrid;
 mod stable;
 
 pub use hyperelastic::{Hyperelastic, tangent};
-pub use local::volume;
 
 use super::gpu::{Maker, Recorded};
 use super::{Elements, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Wound};
