@@ -134,15 +134,24 @@ impl Simulation {
             let held = any(|kind| matches!(kind, ProbeKind::Reaction { .. }));
             loads.push(if held { body.load_at(&self.scene, begin) } else { vec![] });
         }
+        // reactions along several axes of a region are one sum
+        let mut borne: Vec<(usize, &Region, [f64; 3])> = vec![];
         for probe in &self.probes {
             let value = match &probe.kind {
                 ProbeKind::Displacement { body, axis, .. } | ProbeKind::MeanDisplacement { body, axis, .. } => {
                     let u = |node: &u32| self.bodies[*body].known.moved(*node as usize)[0].f64()[*axis];
                     probe.nodes.iter().zip(&probe.weights).map(|(node, weight)| weight * u(node)).sum()
                 }
-                ProbeKind::Reaction { body, axis, .. } => {
-                    let contact = forces.map_or(&[][..], |forces| &forces[*body]);
-                    self.bodies[*body].reaction(&probe.nodes, &loads[*body], contact)[*axis]
+                ProbeKind::Reaction { body, region, axis } => {
+                    let known = borne.iter().find(|(of, at, _)| of == body && *at == region).map(|known| known.2);
+                    let force = known.unwrap_or_else(|| {
+                        let contact = forces.map_or(&[][..], |forces| &forces[*body]);
+                        self.bodies[*body].reaction(&probe.nodes, &loads[*body], contact)
+                    });
+                    if known.is_none() {
+                        borne.push((*body, region, force));
+                    }
+                    force[*axis]
                 }
                 ProbeKind::Pressure { body, .. } => self.bodies[*body].pressure(*body, probe, &report.contact),
                 ProbeKind::Strain { body, component, .. } => {

@@ -7,11 +7,12 @@ use super::setup::{LONG, block, measured};
 use super::small::held;
 use super::{Case, Everywhere};
 use cutis::kernels::Params;
+use cutis::kernels::cut::Hit;
 use cutis::math::V4;
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::{
-    Anchor, BodyId, Boundary, COMPONENTS, Component, Contact, Coupling, Law, Load, Material, Motion, Plane, Pose,
-    Preconditioner, Probe, ProbeKind, Region, Round, Scene, Tool,
+    Anchor, Blade, BodyId, Boundary, COMPONENTS, Component, Contact, Coupling, Law, Load, Material, Motion, Plane,
+    Pose, Preconditioner, Probe, ProbeKind, Region, Round, Scene, Tool,
 };
 use cutis::step::{Place, Simulation, StepReport};
 
@@ -20,6 +21,7 @@ pub const CASES: &[Case] = &[
     ("a_point_on_a_node_has_the_nodes_bits", at_node),
     ("a_pressure_times_its_area_is_the_force_of_the_press", pressed),
     ("a_rigid_bodys_spin_and_centre_are_read", spinning),
+    ("probes_follow_the_duplicates_of_a_cut", cut),
 ];
 pub const EVERYWHERE: &[Everywhere] = &[
     ("a_reaction_bears_weight_and_load_in_one_static_step", borne),
@@ -480,5 +482,47 @@ fn spinning() {
     let (report, _) = run(&scene, &Place::Cpu64, 10);
     for (found, wanted) in report.probes.iter().zip([1.0, -2.0, 3.0, 5e-3, 0.0, TOP + 2.01e-3]) {
         assert!((found - wanted).abs() < 1e-12, "{:?}", report.probes);
+    }
+}
+
+fn cut() {
+    for law in [LINEAR, NEO_HOOKEAN] {
+        let mut scene = static_block(&Place::Cpu64, law);
+        // a blade far away, so that nodes may be duplicated; with contact a hyperelastic step is linear, so there are several
+        let blade = Blade { edge: vec![[0.0; 3], [4e-3, 0.0, 4e-3]], ..Blade::default() };
+        let far = vec![Pose { time: 0.0, position: [1.0, 0.0, 1.0], ..Pose::default() }];
+        scene.tools = vec![Tool { blade: Some(blade), round: None, trajectory: far, ..ball() }];
+        scene.contact = Some(Contact::default());
+        scene.boundaries.push(held(Region::Bottom, [true; 3]));
+        let total = loaded(&mut scene);
+        reactions(&mut scene, &Region::Bottom);
+        let point = [0.0, 0.4e-3, 0.9e-3];
+        probe(&mut scene, ProbeKind::Stress { body: 0, point, component: Component::Entry(0, 0) });
+        probe(&mut scene, ProbeKind::Volume { body: 0 });
+        let (whole, mut simulation) = run(&scene, &Place::Cpu64, 30);
+        // right through at x = 0
+        let params = *simulation.bodies[0].wound.surface.params();
+        let cells = (0..params.cell_count as usize).filter(|cell| params.cell_at(*cell)[0] == 1);
+        let hits: Vec<Hit<f64>> = cells.map(|cell| Hit { segment: 3 * cell as u32, at: 0.5 }).collect();
+        assert_eq!(simulation.bodies[0].sever(&hits).expect("no device to fail") as usize, hits.len());
+        let steps = (0..30).map(|_| simulation.step(false).expect("no device to fail"));
+        let report = steps.last().expect("there are steps");
+        let size = total[2].abs();
+        for (axis, total) in total.into_iter().enumerate() {
+            close(&format!("{law:?}, whole"), &Place::Cpu64, whole.probes[axis], -total, size);
+            close(&format!("{law:?}, cut"), &Place::Cpu64, report.probes[axis], -total, size);
+        }
+        // counter-tests: duplicates bear part of it, and the wall is free of the stress that was there
+        let body = &simulation.bodies[0];
+        let copies: Vec<u32> = body
+            .model
+            .nodes_in(&Region::Bottom)
+            .into_iter()
+            .filter(|node| !body.wound.surface.parts.copies(*node as usize).is_empty())
+            .collect();
+        assert_eq!(copies.len(), 4, "the bottom's nodes at the cut have duplicates");
+        let stress = [&whole, &report].map(|report| report.probes[3].abs());
+        assert!(stress[1] < 0.9 * stress[0], "{stress:?}");
+        assert!((report.probes[4] / whole.probes[4] - 1.0).abs() < 1e-3, "no volume is lost");
     }
 }
