@@ -74,7 +74,7 @@ impl<R: Real> Material<R> {
     }
 
     /// P' of a Gauss point, Pa.
-    fn stress(&self, p: &Point<R>) -> M3<R> {
+    pub fn stress(&self, p: &Point<R>) -> M3<R> {
         match self.law {
             Law::NeoHookean(mu) => neo_hookean::stress(mu, p),
             Law::MooneyRivlin(c) => mooney_rivlin::stress(c, p),

@@ -1,8 +1,8 @@
 //! Scenes in code: the defaults are those of scene files, and what cannot run is refused with words, not by a panic.
 
 use cutis::scene::{
-    Attachment, Blade, BodyId, Boundary, Contact, Coupling, Device, Element, Files, Law, Layer, Lines, Load, Motion,
-    Pose, Preconditioner, Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
+    Attachment, Blade, BodyId, Boundary, Component, Contact, Coupling, Device, Element, Files, Law, Layer, Lines, Load,
+    Motion, Pose, Preconditioner, Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
 };
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
@@ -91,6 +91,10 @@ fn blade(scene: &mut Scene) -> &mut Blade {
 fn what_cannot_run_is_refused_with_words() {
     let springs = Law::Springs { stiffness: f64::NAN, damping: 0.0 };
     let force = ProbeKind::Force { on: BodyId::Rigid(3), from: None, axis: 0 };
+    let strain = |component| ProbeKind::Strain { body: 0, point: [0.0; 3], component };
+    let stress = |body| ProbeKind::Stress { body, point: [0.0; 3], component: Component::VonMises };
+    let centre = |of| ProbeKind::CentreOfMass { of, axis: 0 };
+    let probe = |s: &mut Scene, kind| s.probes.push(Probe { name: "p".into(), kind });
     let load = Load { body: 2, pressure: 1.0, min: [0.0; 2], max: [1e-3; 2], start: 0.0, end: 1.0 };
     let sphere = Region::Sphere { centre: [f64::NAN; 3], radius: 1e-3 };
     let wire = Lines { positions: vec![[0.0; 3]], segments: vec![], radius: 0.0 };
@@ -119,6 +123,16 @@ fn what_cannot_run_is_refused_with_words() {
         (&|s| s.attachments.push(tie(BodyId::Deformable(4))), "attachments[0].to.Deformable is 4"),
         (&|s| s.attachments.push(tie(BodyId::Deformable(0))), "attachments[0].to is the body itself"),
         (&|s| s.probes.push(Probe { name: "p".into(), kind: force.clone() }), "probes[0].on.Rigid is 3"),
+        (&|s| probe(s, strain(Component::VonMises)), "probes[0].component is VonMises"),
+        (&|s| probe(s, strain(Component::Entry(0, 3))), "probes[0].component is 3"),
+        (&|s| probe(s, stress(7)), "probes[0].body is 7"),
+        (&|s| probe(s, centre(BodyId::World)), "probes[0].of is without a mass"),
+        (&|s| probe(s, ProbeKind::Spin { body: 5, axis: 0 }), "probes[0].body is 5"),
+        (&|s| probe(s, ProbeKind::Volume { body: 1 }), "probes[0].body is 1"),
+        (
+            &|s| probe(s, ProbeKind::MeanDisplacement { body: 0, region: sphere.clone(), axis: 0 }),
+            "region.centre is NaN",
+        ),
         (&|s| s.contact.as_mut().expect("contact").max_passes = 0, "contact.max_contacts, max_passes is 0"),
         (&|s| s.haptic.rate = 0.0, "haptic.rate is 0"),
         (&|s| s.boundaries[0].region = sphere.clone(), "boundaries[0].region.centre is NaN"),

@@ -94,6 +94,8 @@ pub struct SolveRequest {
 pub struct Query {
     /// Nodes whose displacements are read.
     pub displacements: Vec<u32>,
+    /// Nodes whose velocities are read.
+    pub velocities: Vec<u32>,
     /// Nodes whose elastic forces of the last [`Backend::begin`] are read.
     pub elastic_forces: Vec<u32>,
     /// The bounds of the tiles are read.
@@ -107,6 +109,8 @@ pub struct Query {
 pub struct Values {
     /// `[asked]` m
     pub displacements: Vec<[f64; 3]>,
+    /// `[asked]` m/s
+    pub velocities: Vec<[f64; 3]>,
     /// `[asked]` N
     pub elastic_forces: Vec<[f64; 3]>,
     /// Minimum and maximum displacement of each tile ([`crate::kernels::bounds`]), m; the fourth component of the minimum counts non-finite
@@ -182,6 +186,8 @@ pub trait Backend: Send {
     fn remove(&mut self, removal: &Removal) -> Result<()>;
     /// Reads the complete state.
     fn snapshot(&mut self) -> Result<Snapshot>;
+    /// Displacements of all nodes, `[node]` m.
+    fn displacements(&mut self) -> Result<Vec<V4<f64>>>;
     /// GPU of this backend; `None` on the CPU path.
     fn gpu(&self) -> Option<&Gpu> {
         None

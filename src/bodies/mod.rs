@@ -28,7 +28,7 @@ use crate::gpu::Buffer;
 use crate::kernels::Params;
 use crate::kernels::cut::Hit;
 use crate::math::elementary::sin_cos;
-use crate::math::{Real, V4};
+use crate::math::{M3, Real, V3, V4};
 use crate::mesh::{Grid, MaterialPoint};
 use crate::scene::{Anchor, Law, Load, MOST_NODES, Mass, Region, Scene, Skin};
 use cpu::System;
@@ -66,6 +66,9 @@ pub struct Segments {
     pub rest: Vec<[f64; 3]>,
 }
 
+/// Displacement, m, and velocity, m/s, of a node.
+pub type Moved<'a> = dyn Fn(usize) -> [V3<f64>; 2] + Sync + 'a;
+
 /// Mechanics of a deformable body on the host, in f64.
 pub trait Mechanics {
     /// Number of elements.
@@ -102,6 +105,12 @@ pub trait Mechanics {
     ) -> [Vec<V4<f64>>; 2];
     /// `[element]` rotations at the displacements of a state.
     fn rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>>;
+    /// `[asked]` internal forces at nodes in ascending order, N: of the present elements at the displacements of all nodes of the cells
+    /// around, and of the stiffness damping (and the springs' own) at their velocities.
+    fn forces_at(&self, model: &Model, wound: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]>;
+    /// Green–Lagrange strain and Cauchy stress, Pa, at a place of a cell (natural coordinates, 0 to 1) for the displacements of its corners,
+    /// m. Springs have no stress: it is 0.
+    fn strain_and_stress(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], at: [f64; 3]) -> [M3<f64>; 2];
     /// True if a remaining element keeps the node in the system; `rotation` and `law` as in `energy`.
     fn stays(&self, model: &Model, rotation: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool;
     /// Applies hits (sorted by segment) to a wound; returns the changes for the backend.
@@ -326,6 +335,11 @@ impl Model {
     /// The material point at a rest position, m; none outside of the uncut body.
     pub fn material_point(&self, at: [f64; 3]) -> Option<MaterialPoint> {
         self.grid.material_point([0, 1, 2].map(|n| at[n] - self.position[n]))
+    }
+
+    /// Cells that contain a rest position given in the body's frame ([`Grid::cells_at`]).
+    pub fn cells_at(&self, point: [f64; 3]) -> Vec<(usize, [f64; 3])> {
+        self.grid.cells_at(point)
     }
 
     /// The kernels' parameter block.

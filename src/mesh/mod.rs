@@ -9,5 +9,5 @@ mod surface;
 pub use corner::Corner;
 pub use grid::Grid;
 pub use parts::{Change, Parts};
-pub use point::MaterialPoint;
+pub use point::{MaterialPoint, trilinear};
 pub use surface::{Edges, Quad, Surface};

@@ -28,7 +28,7 @@ impl MaterialPoint {
 }
 
 /// Trilinear shape functions `N_a` at a point of a cell, with coordinates 0 to 1 along each axis; they extrapolate beyond it.
-pub(super) fn trilinear(natural: [f64; 3]) -> [f64; 8] {
+pub fn trilinear(natural: [f64; 3]) -> [f64; 8] {
     std::array::from_fn(|a| (0..3).map(|m| if corner(a)[m] == 1 { natural[m] } else { 1.0 - natural[m] }).product())
 }
 
@@ -57,10 +57,82 @@ impl Grid {
     }
 }
 
+/// Distance from a node, in edges of its cell, within which a coordinate counts as the node's: coordinates in scenes are rounded, −0.8333 mm
+/// where the node is at −10/12 mm. With a larger one a point would be moved by more than its last decimal.
+const AT_NODE: f64 = 1e-4;
+
+impl Grid {
+    /// Cells that contain a rest position in the grid's frame, each with the position's natural coordinates in it, 0 to 1 along each axis:
+    /// one, or up to eight where it lies on a face, an edge or a corner. A position outside counts as the nearest one of the grid's box;
+    /// it must be finite.
+    pub fn cells_at(&self, at: [f64; 3]) -> Vec<(usize, [f64; 3])> {
+        // along x and y in cells, along z by the levels' heights
+        let along = |axis: usize| (at[axis] / self.edge[axis] + 0.5 * self.cells[axis] as f64, self.cells[axis]);
+        let levels = self.heights.len() - 1;
+        let level = self.heights.partition_point(|height| *height <= at[2]).clamp(1, levels) - 1;
+        let up = (at[2] - self.heights[level]) / (self.heights[level + 1] - self.heights[level]);
+        let rows = [along(0), along(1), (level as f64 + up, levels)].map(|(place, count)| places(place, count));
+        let params = self.params::<f64>();
+        let mut out = vec![];
+        for (k, z) in &rows[2] {
+            for (j, y) in &rows[1] {
+                out.extend(rows[0].iter().map(|(i, x)| (params.cell_id([*i, *j, *k]), [*x, *y, *z])));
+            }
+        }
+        out
+    }
+}
+
+/// Intervals of a row of `count` unit intervals that contain a place, with its coordinate in each.
+fn places(place: f64, count: usize) -> Vec<(usize, f64)> {
+    let place = place.clamp(0.0, count as f64);
+    let node = place.round();
+    if (place - node).abs() > AT_NODE {
+        let below = (place as usize).min(count - 1);
+        return vec![(below, place - below as f64)];
+    }
+    let node = node as usize;
+    let before = node.checked_sub(1).map(|below| (below, 1.0));
+    before.into_iter().chain((node < count).then_some((node, 0.0))).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::Skin;
+
+    #[test]
+    fn a_position_on_a_corner_is_in_all_its_cells_and_outside_it_is_the_nearest() {
+        let grid = Grid::new(&Skin::default());
+        let node = grid.params::<f64>().node_id([1, 1, 1]);
+        let at = grid.rest(node);
+        let found = grid.cells_at(at);
+        assert_eq!(found.len(), 8, "{found:?}");
+        for (cell, place) in &found {
+            let corner = (0..8).find(|a| corner(*a).map(|c| c as f64) == *place).expect("a corner");
+            assert_eq!(grid.params::<f64>().corners(*cell)[corner], node);
+        }
+        // within the rounding of a decimal it is the node, beyond it is not
+        let edge = grid.edge[0];
+        assert_eq!(grid.cells_at([at[0] + 0.9 * AT_NODE * edge, at[1], at[2]]).len(), 8);
+        assert_eq!(grid.cells_at([at[0] + 1.5 * AT_NODE * edge, at[1], at[2]]).len(), 4);
+        // between nodes the weights give the position back
+        for share in [0.013, 0.4, 0.77] {
+            let inside = [0, 1, 2].map(|n| at[n] + share * [grid.edge[0], grid.edge[1], 0.1e-3][n]);
+            let [(cell, place)] = grid.cells_at(inside)[..] else { panic!("one cell") };
+            let weights = trilinear(place);
+            let corners = grid.params::<f64>().corners(cell);
+            for axis in 0..3 {
+                let back: f64 = corners.iter().zip(weights).map(|(n, w)| w * grid.rest(*n)[axis]).sum();
+                assert!((back - inside[axis]).abs() < 1e-15, "{back} for {inside:?}");
+            }
+        }
+        let far = grid.cells_at([1.0, -1.0, 1.0]);
+        assert_eq!(
+            far,
+            vec![(grid.params::<f64>().cell_id([grid.cells[0] - 1, 0, grid.cells[2] - 1]), [1.0, 0.0, 1.0])]
+        );
+    }
 
     #[test]
     fn weights_give_the_point_back_and_outside_there_is_none() {

@@ -8,7 +8,7 @@ use crate::backend::GpuBackend;
 use crate::bodies::Model;
 use crate::error::Result;
 use crate::gpu::{Gpu, Made, adapters};
-use crate::scene::{Correction, Integrator, Law, ProbeKind, Scene, Skin};
+use crate::scene::{BodyId, Correction, Integrator, Law, ProbeKind, Scene, Skin};
 use crate::step::{needs, start};
 use serde::Serialize;
 
@@ -153,10 +153,18 @@ fn cuts(scene: &Scene) -> bool {
     scene.tools.iter().any(|t| t.blade.is_some())
 }
 
-/// Number of kinds of probes that read from the backend.
+/// Number of nodal arrays that probes read from the backend at chosen nodes: displacements, and velocities for the damping in reactions.
 fn probes(scene: &Scene) -> u32 {
     let any = |is: fn(&ProbeKind) -> bool| u32::from(scene.probes.iter().any(|p| is(&p.kind)));
-    any(|k| matches!(k, ProbeKind::Reaction { .. })) + any(|k| matches!(k, ProbeKind::Displacement { .. }))
+    let at_nodes = |k: &ProbeKind| {
+        !k.of_whole() && matches!(k.body(), BodyId::Deformable(_)) && !matches!(k, ProbeKind::Force { .. })
+    };
+    any(at_nodes) + any(|k| matches!(k, ProbeKind::Reaction { .. }))
+}
+
+/// Whether probes read the displacements of whole bodies.
+fn whole(scene: &Scene) -> bool {
+    scene.probes.iter().any(|p| p.kind.of_whole())
 }
 
 fn dispatches(scene: &Scene, model: &Model, [begin, iteration, split, trial]: [u32; 4]) -> Vec<Count> {
@@ -213,6 +221,9 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
     if probes(scene) > 0 || scene.contact.is_some() {
         // probes, what the next search for contacts asks for, and what was cut
         list.push(count("state", 1, "step"));
+    }
+    if whole(scene) {
+        list.push(count("displacements", 1, "step and body"));
     }
     if let Some(law) = &scene.contact {
         list.push(count("contact", 1, "step whose tools come near other faces"));

@@ -204,23 +204,11 @@ pub enum StudyUnfit {
         factor: f64,
     },
 
-    /// Grid too coarse for a constrained or loaded region.
+    /// Grid too coarse for a region of a boundary, of rest-shape springs or of a probe.
     #[error("[study] grid {factor}: a region holds no node of it; take a finer grid, or a wider region")]
     EmptyRegion {
         /// Refinement relative to the scene's grid.
         factor: f64,
-    },
-
-    /// Grid without a node at a probe's point.
-    #[error(
-        "[study] grid {factor}: probe {probe} is at no node of it; probe points that are nodes of every grid of the study, or name others \
-         in `probes`"
-    )]
-    ProbeBetween {
-        /// Refinement relative to the scene's grid.
-        factor: f64,
-        /// Name of the probe.
-        probe: String,
     },
 }
 

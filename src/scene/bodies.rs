@@ -45,6 +45,11 @@ impl Names {
         Ok(if let BodyId::Rigid(number) = found { number } else { 0 })
     }
 
+    /// Deformable or rigid body with a given name.
+    pub fn with_mass(&self, scene: &SceneText, name: &At<String>) -> Result<BodyId> {
+        self.among(scene, "body", name, |who| matches!(who, BodyId::Deformable(_) | BodyId::Rigid(_)))
+    }
+
     fn among(
         &self,
         scene: &SceneText,

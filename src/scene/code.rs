@@ -382,28 +382,53 @@ impl Scene {
     }
 
     fn check_probe(&self, part: &Part, kind: &ProbeKind) -> Result<()> {
-        let axis = match kind {
-            ProbeKind::Displacement { body, axis, point } => {
-                part.index("body", *body, self.skins.len())?;
-                part.finite("point", point)?;
-                axis
-            }
-            ProbeKind::Reaction { body, axis, region } => {
-                part.index("body", *body, self.skins.len())?;
-                check_region(&part.of("region"), region)?;
-                axis
-            }
-            ProbeKind::Position { body, axis } | ProbeKind::Velocity { body, axis } => {
-                part.index("body", *body, self.tools.len())?;
-                axis
-            }
-            ProbeKind::Force { on, from, axis } => {
+        // body
+        let (skins, tools) = (self.skins.len(), self.tools.len());
+        match kind {
+            ProbeKind::Force { on, from, .. } => {
                 self.check_body(&part.of("on"), *on)?;
                 from.map_or(Ok(()), |from| self.check_body(&part.of("from"), from))?;
-                axis
             }
-        };
-        part.index("axis", *axis, 3)
+            ProbeKind::CentreOfMass { of, .. } => {
+                self.check_body(&part.of("of"), *of)?;
+                let heavy = matches!(of, BodyId::Deformable(_) | BodyId::Rigid(_));
+                part.of("of").that(heavy, "without a mass", "a deformable or a rigid body")?;
+            }
+            _ => match kind.body() {
+                BodyId::Rigid(body) => part.index("body", body, tools)?,
+                BodyId::Deformable(body) => part.index("body", body, skins)?,
+                BodyId::Plane(_) | BodyId::World => {}
+            },
+        }
+        // point or region, axis or component
+        kind.region().map_or(Ok(()), |(_, region)| check_region(&part.of("region"), region))?;
+        match kind {
+            ProbeKind::Displacement { point, axis, .. } => {
+                part.finite("point", point)?;
+                part.index("axis", *axis, 3)
+            }
+            ProbeKind::Strain { body, point, component } | ProbeKind::Stress { body, point, component } => {
+                part.finite("point", point)?;
+                let stress = matches!(kind, ProbeKind::Stress { .. });
+                match component {
+                    Component::Entry(i, j) => part.index("component", *i.max(j), 3)?,
+                    Component::VonMises => part.of("component").that(stress, "VonMises", "an Entry of a strain")?,
+                }
+                let springs = matches!(self.skins[*body].law, Law::Springs { .. });
+                part.of("body").that(!(stress && springs), "of springs", "of cells, which have a stress")
+            }
+            ProbeKind::MeanDisplacement { axis, .. }
+            | ProbeKind::Reaction { axis, .. }
+            | ProbeKind::CentreOfMass { axis, .. }
+            | ProbeKind::Position { axis, .. }
+            | ProbeKind::Velocity { axis, .. }
+            | ProbeKind::Spin { axis, .. }
+            | ProbeKind::Force { axis, .. } => part.index("axis", *axis, 3),
+            ProbeKind::Pressure { .. } => {
+                part.that(self.contact.is_some(), "of contact", "of a scene with a contact law")
+            }
+            ProbeKind::Volume { .. } | ProbeKind::VolumeChange { .. } => Ok(()),
+        }
     }
 
     /// Checks combinations of parts.

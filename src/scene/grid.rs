@@ -82,6 +82,32 @@ impl Grid<'_> {
         })
     }
 
+    /// True if the region contains the four corners of a face of the surface.
+    pub fn holds_face(&self, region: &Region) -> bool {
+        let places = [0, 1, 2].map(|axis| {
+            let mut all: Vec<f64> = self.rows(axis).iter().flat_map(Row::positions).collect();
+            all.dedup(); // layers share their interfaces
+            all
+        });
+        let top = places[2].last().copied().unwrap_or(0.0);
+        let holds = |axis: usize, end: f64, [first, a]: [usize; 2], [second, b]: [usize; 2]| {
+            let mut p = [0.0; 3];
+            (p[axis], p[first], p[second]) = (end, places[first][a], places[second][b]);
+            region.holds(p, self.size, top)
+        };
+        (0..3).any(|axis| {
+            let [first, second] = [[1, 2], [0, 2], [0, 1]][axis];
+            let ends = [places[axis][0], places[axis][places[axis].len() - 1]];
+            ends.into_iter().any(|end| {
+                let corner = |a: usize, b: usize| holds(axis, end, [first, a], [second, b]);
+                (1..places[first].len()).any(|a| {
+                    (1..places[second].len())
+                        .any(|b| corner(a, b) && corner(a - 1, b) && corner(a, b - 1) && corner(a - 1, b - 1))
+                })
+            })
+        })
+    }
+
     /// First axis along which a point lies outside the skin, and the skin's ends along it, m.
     pub fn beyond(&self, point: [f64; 3]) -> Option<(usize, [f64; 2])> {
         let ends = |axis: usize| {

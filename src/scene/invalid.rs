@@ -395,6 +395,19 @@ pub enum Invalid {
         region: String,
     },
 
+    /// A region without a face of the surface.
+    #[error(
+        "{at}: the {region} holds no whole face of the {grid}'s surface, so a pressure on it has no area; widen it to the four corners of a cell's face at least, or ask for kind = \"force\""
+    )]
+    NoFace {
+        /// The region's name.
+        at: Location,
+        /// "scene" or "test form".
+        grid: &'static str,
+        /// Name of the region.
+        region: String,
+    },
+
     /// A direction of zero length.
     #[error("{at}: `{key}` has no length; write a direction such as [0, 0, 1]")]
     NoDirection {

@@ -36,7 +36,7 @@ pub use grid::MOST_NODES;
 pub use hyperelastic::{MATERIALS, Material};
 pub use invalid::{Invalid, Location};
 pub use read::{parse, read};
-pub use recorded::{Check, Probe, ProbeKind, TestForm, View};
+pub use recorded::{Check, Component, Probe, ProbeKind, TestForm, View};
 pub use region::Region;
 pub use study::Study;
 pub use touching::{
@@ -44,7 +44,7 @@ pub use touching::{
     Tool, ToolMesh,
 };
 
-pub use words::{CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, word};
+pub use words::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, word};
 
 use std::path::PathBuf;
 

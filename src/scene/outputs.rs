@@ -5,7 +5,7 @@ use super::grid::{Grid, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Extent, Table};
 use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, in_mm, or, or_vector};
-use super::{Check, Probe, ProbeKind, Skin, Tool, View};
+use super::{BodyId, COMPONENTS, Check, Probe, ProbeKind, Skin, Tool, View};
 use crate::math::elementary::{atan, hypot, sin, tan};
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -36,42 +36,82 @@ pub(super) fn probes(
         .collect()
 }
 
-const KINDS: [(&str, Kind); 5] = [
+const KINDS: [(&str, Kind); 13] = [
     ("displacement", Kind::Displacement),
+    ("mean_displacement", Kind::MeanDisplacement),
     ("reaction", Kind::Reaction),
+    ("pressure", Kind::Pressure),
+    ("strain", Kind::Strain),
+    ("stress", Kind::Stress),
+    ("volume", Kind::Volume),
+    ("volume_change", Kind::VolumeChange),
+    ("centre_of_mass", Kind::CentreOfMass),
     ("position", Kind::Position),
     ("velocity", Kind::Velocity),
+    ("spin", Kind::Spin),
     ("force", Kind::Force),
 ];
 
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
     Displacement,
+    MeanDisplacement,
     Reaction,
+    Pressure,
+    Strain,
+    Stress,
+    Volume,
+    VolumeChange,
+    CentreOfMass,
     Position,
     Velocity,
+    Spin,
     Force,
 }
+
+impl Kind {
+    fn at_point(self) -> bool {
+        matches!(self, Self::Displacement | Self::Strain | Self::Stress)
+    }
+
+    fn of_region(self) -> bool {
+        matches!(self, Self::MeanDisplacement | Self::Reaction | Self::Pressure)
+    }
+
+    fn of_tensor(self) -> bool {
+        matches!(self, Self::Strain | Self::Stress)
+    }
+
+    fn along_axis(self) -> bool {
+        !self.of_tensor() && !matches!(self, Self::Pressure | Self::Volume | Self::VolumeChange)
+    }
+}
+
+const OF_REGION: &str = "kind = \"reaction\", \"mean_displacement\" and \"pressure\" ask for a region";
+const AT_POINT: &str = "kind = \"displacement\", \"strain\" and \"stress\" ask for a point";
+const OF_TENSOR: &str = "kind = \"strain\" and \"stress\" ask for a component";
 
 fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, bodies: &Names, grids: &[Vec<Grid>]) -> Result<ProbeKind> {
     let (at, mut raw) = (table.span, table.keys);
     let extent = raw.extent();
     let kind = scene.choice("kind", &raw.kind, &KINDS)?;
-    let axis = or(raw.axis.take(), "z".to_string());
-    let axis = scene.choice("axis", &axis, &[("x", 0), ("y", 1), ("z", 2)])?;
     // keys of the other kinds
-    if kind != Kind::Displacement {
-        let why = match kind {
-            Kind::Reaction => "kind = \"reaction\" asks for a region",
-            _ => "only kind = \"displacement\" asks for the point of a node",
-        };
-        scene.needless("point_mm", &raw.point_mm, why)?;
+    if !kind.along_axis() {
+        let why = "a volume or a pressure has no direction, and strain and stress take `component`";
+        scene.needless("axis", &raw.axis, why)?;
     }
-    if kind != Kind::Reaction {
-        let why = match kind {
-            Kind::Displacement => "kind = \"displacement\" asks for the point of a node",
-            _ => "only kind = \"reaction\" asks for a region",
-        };
+    if !kind.at_point() {
+        scene.needless(
+            "point_mm",
+            &raw.point_mm,
+            "only kind = \"displacement\", \"strain\" and \"stress\" ask for a point",
+        )?;
+    }
+    if !kind.of_tensor() {
+        scene.needless("component", &raw.component, "only kind = \"strain\" and \"stress\" ask for a component")?;
+    }
+    if !kind.of_region() {
+        let why = "only kind = \"reaction\", \"mean_displacement\" and \"pressure\" ask for a region";
         scene.needless("region", &raw.region, why)?;
         let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm } = &extent;
         scene.needless("box_mm", box_mm, why)?;
@@ -85,17 +125,25 @@ fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, bodies: &Names, grids
     if kind != Kind::Force {
         scene.needless("from", &raw.from, "only kind = \"force\" asks from whom")?;
     }
-    // probe of a deformable body, or of a named one
-    if matches!(kind, Kind::Displacement | Kind::Reaction) {
-        return skin_probe(scene, kind, axis, raw, extent, at, bodies, grids);
-    }
-    let name = scene.required("body", raw.body.as_ref(), at, "this kind of probe is of a named body")?;
-    if kind == Kind::Force {
-        let from = raw.from.as_ref().map(|name| bodies.find(scene, "from", name)).transpose()?;
-        return Ok(ProbeKind::Force { on: bodies.find(scene, "body", name)?, from, axis });
-    }
-    let body = bodies.rigid(scene, name)?;
-    Ok(if kind == Kind::Position { ProbeKind::Position { body, axis } } else { ProbeKind::Velocity { body, axis } })
+    let axis = or(raw.axis.take(), "z".to_string());
+    let axis = scene.choice("axis", &axis, &[("x", 0), ("y", 1), ("z", 2)])?;
+    // probe of a named body, or of a deformable one
+    let named = || scene.required("body", raw.body.as_ref(), at.clone(), "this kind of probe is of a named body");
+    Ok(match kind {
+        Kind::Position => ProbeKind::Position { body: bodies.rigid(scene, named()?)?, axis },
+        Kind::Velocity => ProbeKind::Velocity { body: bodies.rigid(scene, named()?)?, axis },
+        Kind::Spin => ProbeKind::Spin { body: bodies.rigid(scene, named()?)?, axis },
+        Kind::Force => {
+            let on = bodies.find(scene, "body", named()?)?;
+            let from = raw.from.as_ref().map(|name| bodies.find(scene, "from", name)).transpose()?;
+            ProbeKind::Force { on, from, axis }
+        }
+        Kind::CentreOfMass => match &raw.body {
+            Some(name) => ProbeKind::CentreOfMass { of: bodies.with_mass(scene, name)?, axis },
+            None => ProbeKind::CentreOfMass { of: BodyId::Deformable(bodies.skin(scene, &None, at)?), axis },
+        },
+        _ => return skin_probe(scene, kind, axis, raw, extent, at, bodies, grids),
+    })
 }
 
 fn skin_probe(
@@ -109,24 +157,49 @@ fn skin_probe(
     grids: &[Vec<Grid>],
 ) -> Result<ProbeKind> {
     let body = bodies.skin(scene, &raw.body, at.clone())?;
-    let grids = &grids[body];
-    if kind == Kind::Reaction {
-        let word = scene.required("region", raw.region, at, "kind = \"reaction\" asks for a region")?;
-        return Ok(ProbeKind::Reaction { body, region: region(scene, &word, extent, grids)?, axis });
+    match kind {
+        Kind::Volume => return Ok(ProbeKind::Volume { body }),
+        Kind::VolumeChange => return Ok(ProbeKind::VolumeChange { body }),
+        _ => {}
     }
-    let why = "kind = \"displacement\" asks for the point of a node";
-    let point_text = scene.required("point_mm", raw.point_mm, at, why)?;
+    if kind.of_region() {
+        let word = scene.required("region", raw.region, at, OF_REGION)?;
+        let region = region(scene, &word, extent, &grids[body])?;
+        return Ok(match kind {
+            Kind::Pressure => {
+                let without = grids[body].iter().find(|grid| !grid.holds_face(&region));
+                if let Some(Grid { name: grid, .. }) = without {
+                    let region = word.get_ref().clone();
+                    return Err(Invalid::NoFace { at: scene.location(word.span()), grid, region });
+                }
+                ProbeKind::Pressure { body, region }
+            }
+            Kind::MeanDisplacement => ProbeKind::MeanDisplacement { body, region, axis },
+            _ => ProbeKind::Reaction { body, region, axis },
+        });
+    }
+    // of a point: inside the body
+    let point_text = scene.required("point_mm", raw.point_mm, at.clone(), AT_POINT)?;
     let point: [f64; 3] = scene.vector("point_mm", &point_text, MM, Bound::Finite)?;
-    match grids[0].beyond(point) {
-        None => Ok(ProbeKind::Displacement { body, point, axis }),
-        Some((axis, [min, max])) => Err(Invalid::PointOutside {
+    if let Some((axis, [min, max])) = grids[body][0].beyond(point) {
+        return Err(Invalid::PointOutside {
             at: scene.location(point_text.span()),
             axis: ['x', 'y', 'z'][axis],
             found: in_mm(point[axis]),
             min: in_mm(min),
             max: in_mm(max),
-        }),
+        });
     }
+    if kind == Kind::Displacement {
+        return Ok(ProbeKind::Displacement { body, point, axis });
+    }
+    let word = scene.required("component", raw.component, at, OF_TENSOR)?;
+    let known = if kind == Kind::Stress { &COMPONENTS[..] } else { &COMPONENTS[..6] };
+    let component = scene.choice("component", &word, known)?;
+    Ok(match kind {
+        Kind::Stress => ProbeKind::Stress { body, point, component },
+        _ => ProbeKind::Strain { body, point, component },
+    })
 }
 
 /// Checks in the file's order; one on a probe must name an existing one.

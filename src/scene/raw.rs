@@ -383,6 +383,7 @@ pub(super) struct Probe {
     pub from: Option<At<String>>,
     pub point_mm: Option<Numbers>,
     pub axis: Option<At<String>>,
+    pub component: Option<At<String>>,
     pub region: Option<At<String>>,
     pub box_mm: Option<Points>,
     pub centre_mm: Option<Numbers>,

@@ -11,10 +11,12 @@ pub struct Probe {
     pub kind: ProbeKind,
 }
 
-/// Quantity of a probe.
+/// Quantity of a probe, at the end of a step. Points and regions are of the rest shape, in the body's own frame; axes and components are the
+/// world's.
 #[derive(Clone, Debug, PartialEq)]
 pub enum ProbeKind {
-    /// Displacement of the node nearest to a rest position along an axis (0, 1, 2), m.
+    /// Displacement of a material point along an axis (0, 1, 2), m: that of a node, or interpolated in the cell that contains the point. A
+    /// point outside the body counts as the nearest one of its box.
     Displacement {
         /// Index of the deformable body.
         body: usize,
@@ -23,12 +25,64 @@ pub enum ProbeKind {
         /// 0, 1 or 2
         axis: usize,
     },
-    /// Sum of the elastic reactions over a region along an axis, N.
+    /// Mean displacement of a region's nodes along an axis, each node by the volume of the cells around it, m.
+    MeanDisplacement {
+        /// Index of the deformable body.
+        body: usize,
+        /// Nodes.
+        region: Region,
+        /// 0, 1 or 2
+        axis: usize,
+    },
+    /// Force that boundary conditions and rest-shape springs exert on a region's nodes along an axis, N (`step/probes.rs` has the sum).
     Reaction {
         /// Index of the deformable body.
         body: usize,
         /// Nodes.
         region: Region,
+        /// 0, 1 or 2
+        axis: usize,
+    },
+    /// Mean contact pressure on a region of the surface: normal forces of contacts on its nodes over the present area of the faces whose
+    /// four nodes it contains, Pa.
+    Pressure {
+        /// Index of the deformable body.
+        body: usize,
+        /// Nodes.
+        region: Region,
+    },
+    /// Component of the Green–Lagrange strain `(FᵀF − I)/2` at a material point.
+    Strain {
+        /// Index of the deformable body.
+        body: usize,
+        /// m
+        point: [f64; 3],
+        /// Component of the tensor; not [`Component::VonMises`].
+        component: Component,
+    },
+    /// Component of the Cauchy stress at a material point, Pa; not of springs.
+    Stress {
+        /// Index of the deformable body.
+        body: usize,
+        /// m
+        point: [f64; 3],
+        /// Component of the tensor, or its equivalent stress.
+        component: Component,
+    },
+    /// Volume of a body's present cells, m³.
+    Volume {
+        /// Index of the deformable body.
+        body: usize,
+    },
+    /// Change of the volume of a body's present cells, relative to their volume at rest.
+    VolumeChange {
+        /// Index of the deformable body.
+        body: usize,
+    },
+    /// Position of the centre of mass along an axis, m.
+    CentreOfMass {
+        /// Deformable or rigid body.
+        of: BodyId,
         /// 0, 1 or 2
         axis: usize,
     },
@@ -41,6 +95,13 @@ pub enum ProbeKind {
     },
     /// Velocity of a rigid body along an axis, m/s.
     Velocity {
+        /// Index of the rigid body.
+        body: usize,
+        /// 0, 1 or 2
+        axis: usize,
+    },
+    /// Angular velocity of a rigid body about an axis, rad/s.
+    Spin {
         /// Index of the rigid body.
         body: usize,
         /// 0, 1 or 2
@@ -61,10 +122,74 @@ impl ProbeKind {
     /// Unit of its values, as in the column's name.
     pub fn unit(&self) -> &'static str {
         match self {
-            Self::Displacement { .. } | Self::Position { .. } => "m",
+            Self::Displacement { .. }
+            | Self::MeanDisplacement { .. }
+            | Self::CentreOfMass { .. }
+            | Self::Position { .. } => "m",
             Self::Velocity { .. } => "m_s",
+            Self::Spin { .. } => "rad_s",
             Self::Reaction { .. } | Self::Force { .. } => "n",
+            Self::Pressure { .. } | Self::Stress { .. } => "pa",
+            Self::Volume { .. } => "m3",
+            Self::VolumeChange { .. } | Self::Strain { .. } => "ratio",
         }
+    }
+
+    /// Body that it is of.
+    pub fn body(&self) -> BodyId {
+        match self {
+            Self::Displacement { body, .. }
+            | Self::MeanDisplacement { body, .. }
+            | Self::Reaction { body, .. }
+            | Self::Pressure { body, .. }
+            | Self::Strain { body, .. }
+            | Self::Stress { body, .. }
+            | Self::Volume { body }
+            | Self::VolumeChange { body } => BodyId::Deformable(*body),
+            Self::Position { body, .. } | Self::Velocity { body, .. } | Self::Spin { body, .. } => BodyId::Rigid(*body),
+            Self::CentreOfMass { of, .. } => *of,
+            Self::Force { on, .. } => *on,
+        }
+    }
+
+    /// True if it is of all nodes of a deformable body.
+    pub fn of_whole(&self) -> bool {
+        matches!(
+            self,
+            Self::Volume { .. } | Self::VolumeChange { .. } | Self::CentreOfMass { of: BodyId::Deformable(_), .. }
+        )
+    }
+
+    /// Nodes that it is of: the body's index and the region; none for other kinds.
+    pub fn region(&self) -> Option<(usize, &Region)> {
+        match self {
+            Self::MeanDisplacement { body, region, .. }
+            | Self::Reaction { body, region, .. }
+            | Self::Pressure { body, region } => Some((*body, region)),
+            _ => None,
+        }
+    }
+}
+
+/// Component of a symmetric tensor in world axes, or an invariant of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Component {
+    /// Row and column, 0 to 2.
+    Entry(usize, usize),
+    /// `√(3/2 s:s)`, `s` the deviator.
+    VonMises,
+}
+
+impl Component {
+    /// Its value of a symmetric tensor.
+    pub fn of(self, tensor: [[f64; 3]; 3]) -> f64 {
+        if let Self::Entry(i, j) = self {
+            return tensor[i][j];
+        }
+        let mean = (tensor[0][0] + tensor[1][1] + tensor[2][2]) / 3.0;
+        let deviator = |i: usize, j: usize| tensor[i][j] - if i == j { mean } else { 0.0 };
+        let squares = (0..9).map(|n| deviator(n / 3, n % 3).powi(2)).sum::<f64>();
+        (1.5 * squares).sqrt()
     }
 }
 

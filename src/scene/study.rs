@@ -5,7 +5,7 @@ use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Numbers, Table};
 use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
 use super::words::{CORRECTIONS, ELEMENTS, PRECONDITIONERS, word};
-use super::{Correction, Integrator, Law, MATERIALS, Material, Preconditioner, Probe, ProbeKind, Skin, Time, Tool};
+use super::{Correction, Integrator, Law, MATERIALS, Material, Preconditioner, Probe, Skin, Time, Tool};
 
 /// Maximum number of values on one axis of a study.
 const MOST_VALUES: usize = 20;
@@ -78,16 +78,6 @@ pub(super) fn study(
         let found = names.iter().position(|name| name == word.get_ref());
         found.ok_or_else(|| scene.unknown_word("probes", word, &names))
     };
-    let lasting = |word: &At<String>| {
-        let found = number(word)?;
-        match probes[found].kind {
-            ProbeKind::Reaction { .. } => {
-                let why = "a reaction is of the step before, which differs between steps: take displacements or forces";
-                Err(Invalid::NeedlessKey { at: scene.location(word.span()), key: "probes", why })
-            }
-            _ => Ok(found),
-        }
-    };
     let mut known = vec![];
     for (word, value) in raw.known.unwrap_or_default() {
         let given = scene.number("known", &value, PLAIN, Bound::Finite)?;
@@ -110,7 +100,7 @@ pub(super) fn study(
         None => Ok(0.0),
     };
     let study = Study {
-        probes: raw.probes.unwrap_or_default().iter().map(lasting).collect::<Result<_>>()?,
+        probes: raw.probes.unwrap_or_default().iter().map(number).collect::<Result<_>>()?,
         known,
         duration: raw
             .duration_s

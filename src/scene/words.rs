@@ -1,6 +1,6 @@
 //! Names of the choices in a scene file, used for reading and for output in reports and studies.
 
-use super::{Correction, Element, Integrator, Preconditioner};
+use super::{Component, Correction, Element, Integrator, Preconditioner};
 
 /// Element types.
 pub const ELEMENTS: [(&str, Element); 3] =
@@ -17,6 +17,17 @@ pub const INTEGRATORS: [(&str, Integrator); 4] = [
 /// Contact corrections.
 pub const CORRECTIONS: [(&str, Correction); 3] =
     [("exact", Correction::Exact), ("uncoupled", Correction::Uncoupled), ("precomputed", Correction::Precomputed)];
+
+/// Components of strain and stress; the last is for stress.
+pub const COMPONENTS: [(&str, Component); 7] = [
+    ("xx", Component::Entry(0, 0)),
+    ("yy", Component::Entry(1, 1)),
+    ("zz", Component::Entry(2, 2)),
+    ("xy", Component::Entry(0, 1)),
+    ("yz", Component::Entry(1, 2)),
+    ("zx", Component::Entry(2, 0)),
+    ("von_mises", Component::VonMises),
+];
 
 /// Preconditioners; the last two are for hexahedra.
 pub const PRECONDITIONERS: [(&str, Preconditioner); 6] = [

@@ -11,7 +11,7 @@ use crate::backend::{CORRECTION, FREE};
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
 use crate::error::{Error, Result};
-use crate::scene::{BodyId, ProbeKind};
+use crate::scene::BodyId;
 
 /// Advice for a body or a tool.
 const SHORTER: &str = "take a shorter step_ms, move and load it more slowly, and look at the last rows of probes.csv and the last picture";
@@ -96,11 +96,7 @@ impl Simulation {
     /// Refuses a step whose probes are non-finite, with an error that names their body.
     pub(super) fn probes_are_finite(&self, report: &StepReport) -> Result<()> {
         let Some(number) = report.probes.iter().position(|value| !value.is_finite()) else { return Ok(()) };
-        Err(self.non_finite(match self.scene.probes[number].kind {
-            ProbeKind::Displacement { body, .. } | ProbeKind::Reaction { body, .. } => BodyId::Deformable(body),
-            ProbeKind::Position { body, .. } | ProbeKind::Velocity { body, .. } => BodyId::Rigid(body),
-            ProbeKind::Force { on, .. } => on,
-        }))
+        Err(self.non_finite(self.scene.probes[number].kind.body()))
     }
 }
 

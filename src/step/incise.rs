@@ -11,7 +11,8 @@
 //! pulsate from cell to cell.
 
 use super::body::{Body, Known, Located};
-use super::{Simulation, StepReport, query};
+use super::probes::query;
+use super::{Simulation, StepReport};
 use crate::backend::Query;
 use crate::bodies::Wound;
 use crate::bodies::rigid::{Instrument, Role};

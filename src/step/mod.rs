@@ -34,6 +34,7 @@ mod contact;
 mod find;
 mod finite;
 mod incise;
+mod probes;
 mod refused;
 mod rows;
 mod state;
@@ -43,7 +44,7 @@ pub use contact::ContactReport;
 pub use refused::Refused;
 pub use state::State;
 
-use crate::backend::{Device, Query, Snapshot};
+use crate::backend::{Device, Snapshot};
 use crate::bodies::Totals;
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
@@ -52,10 +53,11 @@ use crate::gpu::Gpu;
 use crate::haptic::Reduced;
 use crate::linear::Outcome;
 use crate::math::larger;
-use crate::scene::{BodyId, Integrator, ProbeKind, Scene};
+use crate::scene::{BodyId, Integrator, Scene};
 use body::Known;
 use contact::{NodeForces, Resolved};
 use glam::DVec3;
+use probes::Prepared;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -196,12 +198,6 @@ const _: fn() = || {
     is_send::<Simulation>();
 };
 
-/// A probe and its nodes.
-struct Prepared {
-    kind: ProbeKind,
-    nodes: Vec<u32>,
-}
-
 impl Simulation {
     /// Prepares a scene on a backend.
     ///
@@ -229,20 +225,12 @@ impl Simulation {
     fn on(scene: &Scene, gpu: Option<Arc<Gpu>>, single: bool) -> Result<Self> {
         let body = |number| Body::new(scene, number, gpu.as_ref(), single);
         let bodies = (0..scene.skins.len()).map(body).collect::<Result<Vec<_>>>()?;
-        let prepare = |kind: &ProbeKind| {
-            let nodes = match kind {
-                ProbeKind::Displacement { body, point, .. } => vec![bodies[*body].model.nearest(*point)],
-                ProbeKind::Reaction { body, region, .. } => bodies[*body].model.nodes_in(region),
-                _ => vec![],
-            };
-            Prepared { kind: kind.clone(), nodes }
-        };
         let tools: Vec<Instrument> = scene.tools.iter().map(|t| Instrument::new(t, scene.time.gravity)).collect();
         let mut simulation = Self {
             reduced: tools.iter().map(|t| Reduced::free(t.position, t.rotation, 0)).collect(),
             tools,
             time: 0.0,
-            probes: scene.probes.iter().map(|p| prepare(&p.kind)).collect(),
+            probes: scene.probes.iter().map(|p| Prepared::new(p.kind.clone())).collect(),
             ties: vec![],
             tied: BTreeSet::new(),
             postponed: incise::Postponed::new(),
@@ -257,6 +245,7 @@ impl Simulation {
             single,
             bodies,
         };
+        simulation.probes.iter_mut().for_each(|probe| probe.find(&simulation.bodies));
         simulation.ties = find::ties(&simulation, scene)?;
         for tie in &simulation.ties {
             tie.note(&mut simulation.bodies, &mut simulation.tied);
@@ -425,7 +414,7 @@ impl Simulation {
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {
             self.incise(&old, cuts, &mut report)?;
         }
-        self.read_probes(&mut report)?;
+        self.read_probes(begin, forces.as_deref(), &mut report)?;
         self.probes_are_finite(&report)?;
         Ok((report, forces))
     }
@@ -480,34 +469,4 @@ impl Simulation {
             };
         }
     }
-
-    fn read_probes(&mut self, report: &mut StepReport) -> Result<()> {
-        for (number, body) in self.bodies.iter_mut().enumerate() {
-            body.read(query(&self.probes, number))?;
-        }
-        for probe in &self.probes {
-            let sum = |values: &BTreeMap<u32, [f64; 3]>, axis: usize| probe.nodes.iter().map(|n| values[n][axis]).sum();
-            report.probes.push(match probe.kind {
-                ProbeKind::Displacement { body, axis, .. } => sum(&self.bodies[body].known.u, axis),
-                ProbeKind::Reaction { body, axis, .. } => sum(&self.bodies[body].known.f, axis),
-                ProbeKind::Position { body, axis } => self.tools[body].position[axis],
-                ProbeKind::Velocity { body, axis } => self.tools[body].velocity[axis],
-                ProbeKind::Force { on, from, axis } => report.contact.force(on, from)[axis],
-            });
-        }
-        Ok(())
-    }
-}
-
-/// What the probes ask of a body.
-fn query(probes: &[Prepared], number: usize) -> Query {
-    let mut query = Query::default();
-    for probe in probes {
-        match probe.kind {
-            ProbeKind::Displacement { body, .. } if body == number => query.displacements.extend(&probe.nodes),
-            ProbeKind::Reaction { body, .. } if body == number => query.elastic_forces.extend(&probe.nodes),
-            _ => {}
-        }
-    }
-    query
 }

@@ -90,6 +90,7 @@ impl Simulation {
             self.bodies[number].first_motion = if begun { 0.0 } else { first_motion(&self.scene, number) };
         }
         self.tools.iter_mut().zip(&state.tools).for_each(|(tool, motion)| tool.set_motion(*motion));
+        self.probes.iter_mut().for_each(|probe| probe.forget());
         self.step_number = state.step_number;
         self.time = state.step_number as f64 * self.scene.time.part();
         self.epoch = state.epoch;

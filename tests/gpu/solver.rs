@@ -8,7 +8,7 @@ use cutis::backend::{
 use cutis::bodies::Model;
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
-use cutis::math::V4;
+use cutis::math::{V3, V4};
 use cutis::scene::Mass::{Consistent, Lumped};
 use cutis::scene::Preconditioner::{Block, Column, Jacobi, Multigrid};
 use cutis::scene::{Anchor, Element, Law, Load, Mass, Preconditioner, Region, Scene};
@@ -318,11 +318,22 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
     b.solve(&[absolute(CORRECTION)], &[])?;
     seen.push(("correction", SOLUTION, triples(&b.solution(CORRECTION)?)));
     b.finish(true, false)?;
-    // forces of the step just finished come with them, in a list of their own
-    let query =
-        Query { displacements: top.to_vec(), elastic_forces: top[..9].to_vec(), bounds: true, ..Query::default() };
-    let Values { displacements, elastic_forces, bounds, .. } = b.read(&query)?;
+    // velocities, and forces of the step just finished, come with them, in lists of their own
+    let query = Query {
+        displacements: top.to_vec(),
+        velocities: top[3..20].to_vec(),
+        elastic_forces: top[..9].to_vec(),
+        bounds: true,
+        ..Query::default()
+    };
+    let Values { displacements, velocities, elastic_forces, bounds, .. } = b.read(&query)?;
+    let u = b.displacements()?;
+    let own: Vec<[f64; 3]> = top.iter().map(|node| V3::from4(u[*node as usize]).f64()).collect();
+    assert!(own == displacements && velocities.len() == 17 && elastic_forces.len() == 9);
+    let v = b.snapshot()?.v;
+    assert!(velocities.iter().zip(&top[3..20]).all(|(own, node)| *own == V3::from4(v[*node as usize]).f64()));
     seen.push(("displacements", SOLUTION, displacements));
+    seen.push(("velocities", SOLUTION, velocities));
     seen.push(("elastic forces at the start", FORCE, elastic_forces));
     seen.push(("tile bounds", SOLUTION, triples(&bounds.concat())));
     // one cell (or its springs) and, at the corner, a node go

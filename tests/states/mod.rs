@@ -1,6 +1,6 @@
 //! Runs that go on from a state, bit for bit as if they had not been interrupted: on any platform.
 
-use cutis::scene::{Scene, read};
+use cutis::scene::{BodyId, Component, Law, Probe, ProbeKind, Region, Scene, read};
 use cutis::step::{Platform, Simulation, State, StepReport};
 use std::path::Path;
 
@@ -17,6 +17,27 @@ pub const SCENES: &[(&str, usize, usize)] = &[
 pub fn scene(name: &str) -> Scene {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(format!("{name}.toml"));
     read(&file).unwrap_or_else(|e| panic!("{e}")).in_test_form()
+}
+
+/// Adds a probe of each kind that reads from the first body.
+fn probed(scene: &mut Scene) {
+    let point = [0.4e-3, 0.3e-3, 1.9e-3];
+    let (body, axis, component) = (0, 2, Component::Entry(2, 2));
+    let mut kinds = vec![
+        ProbeKind::Displacement { body, point, axis },
+        ProbeKind::MeanDisplacement { body, region: Region::Top, axis },
+        ProbeKind::Reaction { body, region: Region::All, axis },
+        ProbeKind::Strain { body, point, component },
+        ProbeKind::VolumeChange { body },
+        ProbeKind::CentreOfMass { of: BodyId::Deformable(body), axis },
+    ];
+    if scene.contact.is_some() {
+        kinds.push(ProbeKind::Pressure { body, region: Region::Top });
+    }
+    if !matches!(scene.skins[body].law, Law::Springs { .. }) {
+        kinds.push(ProbeKind::Stress { body, point, component: Component::VonMises });
+    }
+    scene.probes.extend(kinds.into_iter().map(|kind| Probe { name: "own".into(), kind }));
 }
 
 pub fn simulation(scene: &Scene, platform: &Platform) -> Simulation {
@@ -41,7 +62,8 @@ fn kept(state: &State) -> State {
 
 /// Whether `k` steps, the state, and the rest of `n` steps from it are `n` steps; says where they part.
 pub fn resumes(name: &str, platform: &Platform, k: usize, n: usize) -> Result<(), String> {
-    let scene = scene(name);
+    let mut scene = scene(name);
+    probed(&mut scene);
     let mut first = simulation(&scene, platform);
     steps(&mut first, k);
     let state = kept(&first.state().map_err(|e| e.to_string())?);

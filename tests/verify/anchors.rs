@@ -121,7 +121,7 @@ fn balance(platform: &Platform) {
             let d = u[*node as usize];
             [s[0] + k * d[0], s[1] + k * d[1], s[2] + k * d[2], 0.0]
         });
-        // the cells' forces on anchored nodes are what a reaction probe adds up
+        // the cells' forces on anchored nodes are those of the springs, which a reaction probe adds up
         let forces = body.forces();
         let by_cells = anchors.nodes.iter().fold([0.0; 4], |s, node| {
             let f = forces[*node as usize];

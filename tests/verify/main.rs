@@ -16,6 +16,7 @@ mod motion;
 mod multigrid;
 mod neo_hookean;
 mod prestrain;
+mod probes;
 mod refinement;
 mod release;
 mod setup;
@@ -59,7 +60,7 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 16] = [
+    let groups: [&[Case]; 18] = [
         anchors::CASES,
         multigrid::CASES,
         direct::CASES,
@@ -76,9 +77,10 @@ fn main() -> ExitCode {
         skin_block::CASES,
         release::CASES,
         prestrain::CASES,
+        probes::CASES,
         slit::CASES,
     ];
-    let everywhere: [&[Everywhere]; 13] = [
+    let everywhere: [&[Everywhere]; 14] = [
         anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
@@ -90,6 +92,7 @@ fn main() -> ExitCode {
         springs::EVERYWHERE,
         release::EVERYWHERE,
         prestrain::EVERYWHERE,
+        probes::EVERYWHERE,
         refinement::EVERYWHERE,
         slit::EVERYWHERE,
     ];

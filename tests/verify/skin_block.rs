@@ -172,7 +172,7 @@ fn column_stress(scene: &Scene) -> f64 {
     let mut run = Simulation::new(scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let mut reaction = 0.0;
     for step in 0..2 {
-        // reactions are those of a step's start, so the second step has the static ones
+        // the first step is solved with the rotations of flat cells, so the second one has the static answer
         let report = run.step(true).unwrap_or_else(|e| panic!("{e}"));
         // the top is put down at once by as much as its layer is thick: its cells start flat
         let asked = |name: &&str| step == 0 && *name == "inverted_cells";

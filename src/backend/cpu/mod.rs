@@ -266,6 +266,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         let of = |tile| bounds::bounds_of_tile(&self.params, &self.u, tile).map(|v| v.map(R::f64));
         Ok(Values {
             displacements: at(&self.u, &query.displacements),
+            velocities: at(&self.v, &query.velocities),
             elastic_forces: at(&self.f, &query.elastic_forces),
             bounds: (0..tiles).into_par_iter().map(of).collect(),
             hits: self.crossed(&query.quads),
@@ -308,6 +309,10 @@ impl<R: Real> Backend for CpuBackend<R> {
         let (rotation, law, split) = (self.system.rotations(), self.system.law(), self.system.split().to_vec());
         let [u, v, free] = [&self.u[..], &self.v, self.nodal_masses()].map(|values| self.of_all(values));
         Ok(Snapshot { u, v, rotation, split, free, law })
+    }
+
+    fn displacements(&mut self) -> Result<Vec<V4<f64>>> {
+        Ok(self.of_all(&self.u))
     }
 
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {

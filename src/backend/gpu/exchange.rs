@@ -42,28 +42,30 @@ impl Scatter {
     }
 }
 
-/// Gathered values for the host: elastic forces may follow displacements in the same arrays.
+/// Gathered values for the host: velocities and elastic forces may follow displacements in the same arrays.
 pub(super) struct Gather {
     pub params: Buffer,
-    force_params: Buffer,
+    later_params: [Buffer; 2],
     pub ids: Buffer,
     pub picked: Buffer,
     pub x: Bound,
-    pub u: Bound,
-    pub f: Bound,
+    /// Displacements, velocities, elastic forces.
+    pub state: [Bound; 3],
 }
 
 impl Gather {
-    pub fn new(made: &mut Maker, capacity: usize, [x, u, f]: [&Buffer; 3]) -> Result<Self> {
-        let (params, force_params) = (made.uniform("params", 16, &[0u32; 4]), made.uniform("params", 16, &[0u32; 4]));
+    pub fn new(made: &mut Maker, capacity: usize, [x, u, v, f]: [&Buffer; 4]) -> Result<Self> {
+        let params = made.uniform("params", 16, &[0u32; 4]);
+        let later_params = [0; 2].map(|_| made.uniform("params", 16, &[0u32; 4]));
         let ids = made.of("ids", &vec![0u32; capacity])?;
         let picked = made.vec4("picked", capacity)?;
         let bind = |params: &Buffer, source: &Buffer| {
             let list = [("params", params), ("ids", &ids), ("source", source), ("picked", &picked)];
             made.gpu.bind(&gather::SOURCE, &list)
         };
-        let (x, u, f) = (bind(&params, x)?, bind(&params, u)?, bind(&force_params, f)?);
-        Ok(Self { params, force_params, ids, picked, x, u, f })
+        let [of_v, of_f] = &later_params;
+        let (x, state) = (bind(&params, x)?, [bind(&params, u)?, bind(of_v, v)?, bind(of_f, f)?]);
+        Ok(Self { params, later_params, ids, picked, x, state })
     }
 }
 
@@ -81,17 +83,21 @@ impl GpuBackend {
         let mut out = Values::default();
         let most = (self.pick.ids.bytes / 4) as usize;
         let mut batch = self.record();
-        // displacements and elastic forces, as many at a time as fit
-        let (mut u, mut f) = (&query.displacements[..], &query.elastic_forces[..]);
-        let (moved, picked) = loop {
-            let (now_u, later_u) = u.split_at(u.len().min(most));
-            let (now_f, later_f) = f.split_at(f.len().min(most - now_u.len()));
-            let picked = (&self.pick.picked, self.record_picks(&mut batch, now_u, now_f));
-            (u, f) = (later_u, later_f);
-            if u.is_empty() && f.is_empty() {
-                break (now_u.len(), picked);
+        // displacements, velocities and elastic forces, as many at a time as fit
+        let mut left = [&query.displacements[..], &query.velocities, &query.elastic_forces];
+        let (counts, picked) = loop {
+            let mut room = most;
+            let now = left.each_mut().map(|nodes| {
+                let (now, later) = nodes.split_at(nodes.len().min(room));
+                (*nodes, room) = (later, room - now.len());
+                now
+            });
+            let counts = now.map(<[u32]>::len);
+            let picked = (&self.pick.picked, self.record_picks(&mut batch, now));
+            if left.iter().all(|nodes| nodes.is_empty()) {
+                break (counts, picked);
             }
-            take(&mut out, now_u.len(), &self.gpu.submit_and_read(batch, &[picked])?[0]);
+            take(&mut out, counts, &self.gpu.submit_and_read(batch, &[picked])?[0]);
             batch = self.gpu.batch();
         };
         // with the last part, what else is asked for
@@ -107,7 +113,7 @@ impl GpuBackend {
             return Ok(out);
         }
         let parts = self.gpu.submit_and_read(batch, &wanted)?;
-        take(&mut out, moved, &parts[0]);
+        take(&mut out, counts, &parts[0]);
         if bounds.is_some() {
             let all: Vec<[V4<f32>; 2]> = cast(&parts[1]);
             out.bounds = all.iter().map(|pair| pair.map(|v| v.map(f64::from))).collect();
@@ -118,15 +124,17 @@ impl GpuBackend {
         Ok(out)
     }
 
-    /// Gathers displacements, then elastic forces; returns the number of bytes to read from `picked`.
-    fn record_picks(&self, batch: &mut Batch, u: &[u32], f: &[u32]) -> u64 {
-        let counts = [u.len() as u32, f.len() as u32];
-        self.gpu.write(&self.pick.params, 0, &[counts[0], 0, 0, 0]);
-        self.gpu.write(&self.pick.force_params, 0, &[counts[1], counts[0], 0, 0]);
-        self.gpu.write(&self.pick.ids, 0, &[u, f].concat());
-        batch.run(&self.pick.u, u.len(), 1);
-        batch.run(&self.pick.f, f.len(), 1);
-        ((u.len() + f.len()) * 16) as u64
+    /// Gathers displacements, then velocities, then elastic forces; returns the number of bytes to read from `picked`.
+    fn record_picks(&self, batch: &mut Batch, nodes: [&[u32]; 3]) -> u64 {
+        let mut first = 0;
+        let params = [&self.pick.params, &self.pick.later_params[0], &self.pick.later_params[1]];
+        for ((nodes, params), kernel) in nodes.iter().zip(params).zip(&self.pick.state) {
+            self.gpu.write(params, 0, &[nodes.len() as u32, first, 0, 0]);
+            first += nodes.len() as u32;
+            batch.run(kernel, nodes.len(), 1);
+        }
+        self.gpu.write(&self.pick.ids, 0, &nodes.concat());
+        u64::from(first) * 16
     }
 
     /// Scatters values into an array by index, in a submission of its own.
@@ -141,10 +149,11 @@ impl GpuBackend {
     }
 }
 
-/// Appends gathered values, of which the first `moved` are displacements and the others elastic forces.
-fn take(out: &mut Values, moved: usize, picked: &[u8]) {
+/// Appends gathered values: `counts` of displacements, velocities and elastic forces.
+fn take(out: &mut Values, [u, v, _]: [usize; 3], picked: &[u8]) {
     let mut values = triples(picked).into_iter();
-    out.displacements.extend(values.by_ref().take(moved));
+    out.displacements.extend(values.by_ref().take(u));
+    out.velocities.extend(values.by_ref().take(v));
     out.elastic_forces.extend(values);
 }
 

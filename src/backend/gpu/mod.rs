@@ -128,7 +128,7 @@ impl GpuBackend {
         gpu.making("exchange with the host");
         // host exchange: gathered values, scattered values, bounding boxes of tiles, swept quads
         let picked = n.min(needs.near.max(PICKED)) * slots;
-        let pick = Gather::new(&mut made, picked, [&solver.x, &u, &f])?;
+        let pick = Gather::new(&mut made, picked, [&solver.x, &u, &v, &f])?;
         let most = n.max((elements.bytes / 16) as usize);
         let put = if needs.contact || needs.cutting { Some(Scatter::new(&mut made, most, &solver.r)?) } else { None };
         let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
@@ -339,6 +339,12 @@ impl Backend for GpuBackend {
     fn flush(&mut self) {
         let batch = self.record();
         self.gpu.submit(batch);
+    }
+
+    fn displacements(&mut self) -> Result<Vec<V4<f64>>> {
+        let batch = self.record();
+        let parts = self.gpu.submit_and_read(batch, &[(&self.body.u, self.body.u.bytes)])?;
+        Ok(cast::<V4<f32>>(&parts[0]).iter().map(|v| v.map(f64::from)).collect())
     }
 
     fn solution(&mut self, slot: usize) -> Result<Vec<V4<f64>>> {

@@ -52,6 +52,17 @@ pub fn gradients(h: [f64; 3], at: [f64; 3]) -> [[f64; 3]; 8] {
     })
 }
 
+/// Displacement gradient at a place of a hexahedron with edges `h`, natural coordinates in 0…1, for the displacements of its corners, m.
+pub fn displacement_gradient(h: [f64; 3], u: &[V3<f64>; 8], place: [f64; 3]) -> M3<f64> {
+    let all = gradients(h, place.map(|t| 2.0 * t - 1.0));
+    (1..8).fold(M3::zero(), |sum, a| sum + (u[a] - u[0]).outer(V3::of(all[a])))
+}
+
+/// `(FᵀF − I)/2` of a displacement gradient `F − I`, without the cancellation of the ones.
+pub fn green_lagrange(gradient: M3<f64>) -> M3<f64> {
+    (gradient + gradient.transpose() + gradient.transpose() * gradient) * 0.5
+}
+
 /// Natural coordinates of the Gauss points.
 fn gauss_points() -> impl Iterator<Item = [f64; 3]> {
     let g = 1.0 / 3.0f64.sqrt();

@@ -152,6 +152,11 @@ impl Hyperelastic {
         Cell::of(params, &self.shapes, &self.materials, &self.pre_strain, &self.layer_of, u, split, cell)
     }
 
+    /// State of a cell of a layer at its corners' displacements.
+    pub(super) fn of_layer(&self, layer: usize, u: &[V3<f64>; 8]) -> Cell<f64> {
+        Cell::new(Material::of(self.shapes[layer], self.materials[layer], self.pre_strain[layer]), u)
+    }
+
     /// `[cell]` values of the cells that are `alive`, `None` of the others.
     fn each<T: Send>(
         &self,

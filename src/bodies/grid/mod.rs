@@ -7,13 +7,14 @@ pub mod element;
 pub mod gpu;
 mod hyperelastic;
 pub mod levels;
+mod local;
 pub mod multigrid;
 mod stable;
 
 pub use hyperelastic::{Hyperelastic, tangent};
 
 use super::gpu::{Maker, Recorded};
-use super::{Elements, Kind, Mechanics, Model, Refused, Removal, Segments, Snapshot, Solved, Wound};
+use super::{Elements, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Wound};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
@@ -34,6 +35,10 @@ pub struct Hexahedra {
     pub pre_strain: Vec<[f64; 4]>,
     /// `[layer]` element stiffness matrices, N/m; for a hyperelastic body those of small strains.
     pub stiffness: Vec<element::Matrix>,
+    /// `[layer]` Lamé's λ and μ, Pa; of small strains for a hyperelastic body.
+    pub moduli: Vec<[f64; 2]>,
+    /// Element of the stiffness matrices.
+    pub element: Element,
     /// Hyperelastic law, if any.
     pub hyperelastic: Option<Hyperelastic>,
     /// Rotations of the cells, as [`Params::corotational`]: none of linear ones; a hyperelastic body has them in its tangent or preconditioner.
@@ -103,6 +108,8 @@ impl Hexahedra {
                 None => skin.layers.iter().map(|l| element::pre_strain(l.pre_strain, l.poisson)).collect(),
             },
             stiffness: skin.layers.iter().enumerate().map(matrix).collect(),
+            moduli: skin.layers.iter().map(|l| element::lame(l.young, l.poisson).into()).collect(),
+            element,
             corotational: match (skin.law, &hyperelastic) {
                 (Law::Fem { corotational, .. }, _) => u32::from(corotational),
                 (_, Some(law)) if !law.newton => STIFFENED,
@@ -346,6 +353,14 @@ impl Mechanics for Hexahedra {
         let params = model.grid.params::<f64>();
         let at = params.node_at(node);
         (0..8).filter_map(|a| params.cell_below(at, a)).any(|cell| rotation[cell] != [0.0; 4])
+    }
+
+    fn forces_at(&self, model: &Model, wound: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
+        self.forces_of_cells(model, wound, nodes, moved)
+    }
+
+    fn strain_and_stress(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], at: [f64; 3]) -> [M3<f64>; 2] {
+        self.strain_and_stress_at(model.grid.layer(cell), model.grid.cell_edges(model.grid.layer(cell) as u32), u, at)
     }
 
     fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal {

@@ -6,12 +6,13 @@ mod cut;
 mod gpu;
 
 use super::gpu::{Maker, Recorded};
-use super::{Elements, Kind, Mechanics, Model, Refused, Removal, Segments, Snapshot, Solved, Wound};
+use super::grid::element;
+use super::{Elements, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Wound};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
 use crate::kernels::{GROUP, Params, springs, springs_product};
-use crate::math::{V3, V4};
+use crate::math::{M3, V3, V4};
 use crate::mesh::Grid;
 use crate::scene::{Layer, Preconditioner, Scene};
 use std::collections::BTreeSet;
@@ -172,6 +173,41 @@ impl Mechanics for Springs {
     fn stays(&self, _: &Model, _: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool {
         let own = self.first[node] as usize..self.first[node + 1] as usize;
         self.half[own].iter().any(|[_, spring]| law[*spring as usize] != [0.0; 4])
+    }
+
+    /// The forces of [`springs::springs`]; its dampers `c`, and Rayleigh's damping with `r_K` times its tangent, act on the velocity with
+    /// which the ends part.
+    fn forces_at(&self, model: &Model, wound: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
+        let rate = model.step.rayleigh_stiffness;
+        let of_node = |node: &u32| {
+            let i = *node as usize;
+            let [u, v] = moved(i);
+            let mut sum = V3::zero();
+            for [j, s] in &self.half[self.first[i] as usize..self.first[i + 1] as usize] {
+                if wound.spring_gone[*s as usize] {
+                    continue;
+                }
+                let (j, [e, k, c, _]) = (*j as usize, self.law[*s as usize]);
+                let [other, other_v] = moved(j);
+                let (span, shift) = (V3::of(model.rest[j]) - V3::of(model.rest[i]), other - u);
+                let length = (span + shift).length();
+                if length > 0.0 {
+                    let axis = (span + shift) * (1.0 / length);
+                    let (long, parting) = (e + springs::elongation(span, shift, length), other_v - v);
+                    // T = a n nᵀ + b I of the kernel, without the step's factor
+                    let across = k * (long / length).max(0.0);
+                    let along = (c + rate * (k - across)) * axis.dot(parting);
+                    sum = sum - axis * (k * long + along) - parting * (rate * across);
+                }
+            }
+            sum.f64()
+        };
+        nodes.iter().map(of_node).collect()
+    }
+
+    fn strain_and_stress(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], at: [f64; 3]) -> [M3<f64>; 2] {
+        let edges = model.grid.cell_edges(model.grid.layer(cell) as u32);
+        [element::green_lagrange(element::displacement_gradient(edges, u, at)), M3::zero()]
     }
 
     fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal {

@@ -1,7 +1,7 @@
 //! One run of a study: probe values at common times, and the cost of a step.
 
 use crate::error::Result;
-use crate::scene::{ProbeKind, Scene};
+use crate::scene::Scene;
 use crate::step::{Platform, Simulation};
 use std::time::{Duration, Instant};
 
@@ -26,18 +26,14 @@ impl Signal {
     }
 }
 
-/// Quantities of a scene: the named probes or all of them, and the forces on tools; with known values their probes only. Reactions are
-/// omitted: they belong to the previous step, and would differ between step lengths by that alone.
+/// Quantities of a scene: the named probes or all of them, and the forces on tools; with known values their probes only.
 pub fn signals(scene: &Scene) -> Vec<Signal> {
     let unit = |probe: usize| Signal::Probe(probe, scene.probes[probe].kind.unit());
     if !scene.study.known.is_empty() {
         return scene.study.known.iter().map(|(probe, _)| unit(*probe)).collect();
     }
     let mut out: Vec<Signal> = match scene.study.probes.is_empty() {
-        true => {
-            let late = |probe: &usize| matches!(scene.probes[*probe].kind, ProbeKind::Reaction { .. });
-            (0..scene.probes.len()).filter(|probe| !late(probe)).map(unit).collect()
-        }
+        true => (0..scene.probes.len()).map(unit).collect(),
         false => scene.study.probes.iter().map(|probe| unit(*probe)).collect(),
     };
     if !scene.tools.is_empty() {
@@ -137,11 +133,14 @@ fn median(values: &mut [f64]) -> Option<f64> {
 /// Distance of two runs relative to a reference: root of the sum of squares over all samples of the signals of one unit, the largest over
 /// the units. Infinite if a run is not finite or the reference is zero.
 pub fn apart(a: &[Vec<f64>], b: &[Vec<f64>], reference: &[Vec<f64>], signals: &[Signal]) -> f64 {
-    let units = UNITS.iter().filter_map(|unit| apart_in(unit, a, b, reference, signals));
-    units.fold(0.0, |worst, error| if error > worst { error } else { worst })
+    let mut units: Vec<&str> = signals.iter().map(|signal| signal.unit()).collect();
+    units.sort_unstable();
+    units.dedup();
+    let errors = units.into_iter().filter_map(|unit| apart_in(unit, a, b, reference, signals));
+    errors.fold(0.0, |worst, error| if error > worst { error } else { worst })
 }
 
-/// Units of signals.
+/// Units with an error of their own in a study's table.
 pub const UNITS: [&str; 3] = ["m", "m_s", "n"];
 
 /// The same for the signals of one unit; none without such a signal.
@@ -175,6 +174,9 @@ mod tests {
         assert!((error - 0.2 / 2f64.sqrt()).abs() < 1e-12, "{error}");
         let displaced = apart(&near, &reference, &reference, &signals[..2]);
         assert!((displaced - 0.1).abs() < 1e-12, "{displaced}");
+        let stress = [Signal::Probe(0, "m"), Signal::Probe(1, "m"), Signal::Probe(2, "pa")];
+        let error = apart(&near, &reference, &reference, &stress);
+        assert!((error - 0.2 / 2f64.sqrt()).abs() < 1e-12, "a unit without a column counts as well: {error}");
         let non_finite = [vec![f64::NAN, 0.0, 0.0], vec![0.0; 3]];
         assert_eq!(apart(&non_finite, &reference, &reference, &signals), f64::INFINITY);
         assert_eq!(apart(&reference, &reference, &reference, &signals), 0.0);

@@ -8,7 +8,7 @@ use super::Body;
 use crate::backend::{Query, Values};
 use crate::error::Result;
 use crate::kernels::cut::Hit;
-use crate::math::V4;
+use crate::math::{V3, V4};
 use std::collections::BTreeMap;
 
 /// See the module.
@@ -16,10 +16,17 @@ use std::collections::BTreeMap;
 pub(in crate::step) struct Known {
     /// Displacements by node, m.
     pub u: BTreeMap<u32, [f64; 3]>,
-    /// Elastic forces by node, N.
-    pub f: BTreeMap<u32, [f64; 3]>,
+    /// Velocities by node, m/s.
+    pub v: BTreeMap<u32, [f64; 3]>,
     /// Bounds of the tiles, m; none before they are read.
     pub bounds: Option<Vec<[V4<f64>; 2]>>,
+}
+
+impl Known {
+    /// Displacement, m, and velocity, m/s, of a node as far as they have been read; 0 otherwise.
+    pub fn moved(&self, node: usize) -> [V3<f64>; 2] {
+        [&self.u, &self.v].map(|known| V3::of(known.get(&(node as u32)).copied().unwrap_or_default()))
+    }
 }
 
 impl Body {
@@ -27,7 +34,7 @@ impl Body {
     pub(in crate::step) fn read(&mut self, mut query: Query) -> Result<Vec<Hit<f64>>> {
         let known = &mut self.known;
         query.displacements.retain(|node| !known.u.contains_key(node));
-        query.elastic_forces.retain(|node| !known.f.contains_key(node));
+        query.velocities.retain(|node| !known.v.contains_key(node));
         query.bounds &= known.bounds.is_none();
         if query == Query::default() {
             return Ok(vec![]);
@@ -36,13 +43,13 @@ impl Body {
             query.bounds = true;
             query.displacements.extend(&self.located.nodes);
         }
-        for nodes in [&mut query.displacements, &mut query.elastic_forces] {
+        for nodes in [&mut query.displacements, &mut query.velocities] {
             nodes.sort_unstable();
             nodes.dedup();
         }
-        let Values { displacements, elastic_forces, bounds, hits } = self.backend.read(&query)?;
+        let Values { displacements, velocities, bounds, hits, .. } = self.backend.read(&query)?;
         known.u.append(&mut query.displacements.into_iter().zip(displacements).collect());
-        known.f.append(&mut query.elastic_forces.into_iter().zip(elastic_forces).collect());
+        known.v.append(&mut query.velocities.into_iter().zip(velocities).collect());
         if query.bounds {
             known.bounds = Some(bounds);
         }

@@ -1,0 +1,145 @@
+//! Forces, strain, stress and volume of single cells on the host, in f64: what probes read.
+//!
+//! Forces are those of [`crate::kernels::forces`] or of the hyperelastic law at the cell's present rotation, and `r_K R K Rᵀ v`, the damping
+//! that the step has with the rotations of its start.
+//!
+//! Stress: with `ε = sym(Rᵀ F) − I + e` (`e` the pre-strain, `R` the rotation of the cell's mean gradient) the Cauchy stress of the small
+//! strains, rotated: `R (λ tr ε I + 2 μ ε) Rᵀ`; `tr ε` of [`Element::Bbar`] is the cell's mean, as in its matrix. Of a hyperelastic law
+//! `P' Fᵀ/J + p I`, with `P'` at the point and the cell's mean pressure `p` ([`crate::kernels::hyperelastic`]). Strain `(FᵀF − I)/2` is that of the
+//! displacements. [`Element::Enhanced`] takes both at the cell's centre, where its inner modes have no strain.
+//! Units: u m, edges m, strain 1, stress Pa, f N.
+
+use super::{Hexahedra, element};
+use crate::bodies::{Model, Moved, Wound};
+use crate::kernels::deformation::{Point, field_gradient};
+use crate::kernels::forces::rest_corner;
+use crate::kernels::{PARALLEL, rotations};
+use crate::math::{M3, V3, V4, rotation_matrix, rotation_minus_identity};
+use crate::scene::Element;
+use rayon::prelude::*;
+
+/// The quaternion of no rotation.
+const UNTURNED: V4<f64> = [0.0, 0.0, 0.0, 1.0];
+
+/// Least volume ratio in `P' Fᵀ/J`, since a cell that is flat has no Cauchy stress.
+const FLAT: f64 = 1e-6;
+
+/// The centre of a cell.
+const CENTRE: [f64; 3] = [0.5; 3];
+
+impl Hexahedra {
+    /// Rotation of a cell at its corners' displacements.
+    fn rotation(&self, edges: [f64; 3], u: &[V3<f64>; 8]) -> V4<f64> {
+        match self.corotational {
+            0 => UNTURNED,
+            _ => rotations::polar(M3::identity() + element::displacement_gradient(edges, u, CENTRE), UNTURNED),
+        }
+    }
+
+    /// Internal forces at the corners of a cell, with the damping of velocities `v`, N.
+    fn forces_of(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], v: &[V3<f64>; 8]) -> [V3<f64>; 8] {
+        let layer = model.grid.layer(cell);
+        let edges = model.grid.cell_edges(layer as u32);
+        let q = self.rotation(edges, u);
+        let (back, turn) = (rotation_matrix(q).transpose(), rotation_minus_identity(q).transpose());
+        let law = self.hyperelastic.as_ref().map(|law| law.of_layer(layer, u));
+        let rate = model.step.rayleigh_stiffness;
+        // displacements that the matrix acts on, in the cell's frame; common ones first taken off, for which it has no force
+        let (h, e) = (V3::of(edges), V3::from4(self.pre_strain[layer]));
+        let mut d = [0.0; 24];
+        for a in 0..8 {
+            let x = rest_corner(h, a);
+            let elastic = match law {
+                Some(_) => V3::zero(),
+                None => back * (u[a] - u[0]) + turn * x + e.times(x),
+            };
+            let local = elastic + back * (v[a] - v[0]) * rate;
+            d[3 * a..3 * a + 3].copy_from_slice(&local.f64());
+        }
+        let k = &self.stiffness[layer];
+        let row = |r: usize| k[r].iter().zip(&d).map(|(k, d)| k * d).sum::<f64>();
+        let own = law.map_or([V3::zero(); 8], |state| state.forces());
+        let ahead = rotation_matrix(q);
+        std::array::from_fn(|a| own[a] + ahead * V3::new(row(3 * a), row(3 * a + 1), row(3 * a + 2)))
+    }
+
+    /// `[asked]` forces of the present cells around nodes in ascending order, N.
+    pub(super) fn forces_of_cells(&self, model: &Model, wound: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
+        let parts = &wound.surface.parts;
+        let around = nodes.iter().flat_map(|node| parts.cells_of(*node as usize));
+        let mut cells: Vec<usize> = around.filter(|cell| wound.surface.alive[*cell]).collect();
+        cells.sort_unstable();
+        cells.dedup();
+        let of_cell = |cell: &usize| {
+            let corners = parts.corners(*cell);
+            let moved = corners.map(moved);
+            (corners, self.forces_of(model, *cell, &moved.map(|m| m[0]), &moved.map(|m| m[1])))
+        };
+        let forces: Vec<_> = cells.par_iter().with_min_len(PARALLEL / 32).map(of_cell).collect();
+        let mut sums = vec![V3::zero(); nodes.len()];
+        for (corners, forces) in forces {
+            for (corner, force) in corners.into_iter().zip(forces) {
+                if let Ok(k) = nodes.binary_search(&(corner as u32)) {
+                    sums[k] += force;
+                }
+            }
+        }
+        sums.into_iter().map(V3::f64).collect()
+    }
+
+    /// Green–Lagrange strain and Cauchy stress, Pa, at a point of a cell of a layer, natural coordinates in 0…1.
+    pub(super) fn strain_and_stress_at(
+        &self,
+        layer: usize,
+        edges: [f64; 3],
+        u: &[V3<f64>; 8],
+        natural: [f64; 3],
+    ) -> [M3<f64>; 2] {
+        let natural = if self.element == Element::Enhanced { CENTRE } else { natural };
+        let gradient = element::displacement_gradient(edges, u, natural);
+        let strain = element::green_lagrange(gradient);
+        if let Some(law) = &self.hyperelastic {
+            // from the stress-free cell: 1 + h = F (1 + e)
+            let e = M3::diagonal(V3::from4(self.pre_strain[layer]));
+            let (state, point) = (law.of_layer(layer, u), Point::new(gradient + e + gradient * e));
+            let f = M3::identity() + point.h;
+            let volume = (1.0 + point.dilatation).max(FLAT);
+            let own = state.material.stress(&point) * f.transpose() * (1.0 / volume);
+            return [strain, own + M3::identity() * state.pressure()];
+        }
+        let q = self.rotation(edges, u);
+        let (ahead, turn) = (rotation_matrix(q), rotation_minus_identity(q).transpose());
+        // sym(Rᵀ F) − I = sym(Rᵀ h + (Rᵀ − I)), without the cancellation of the ones
+        let pre_strain = M3::diagonal(V3::from4(self.pre_strain[layer]));
+        let small = |gradient: M3<f64>| {
+            let unturned = ahead.transpose() * gradient + turn;
+            (unturned + unturned.transpose()) * 0.5 + pre_strain
+        };
+        let [lambda, mu] = self.moduli[layer];
+        let mut local = small(gradient);
+        let own = local.trace();
+        if self.element == Element::Bbar {
+            let mean = small(element::displacement_gradient(edges, u, CENTRE)).trace();
+            local = local + M3::identity() * ((mean - own) / 3.0);
+        }
+        let stress = M3::identity() * (lambda * local.trace()) + local * (2.0 * mu);
+        [strain, ahead * stress * ahead.transpose()]
+    }
+}
+
+impl Wound {
+    /// Volume of the present cells at rest, and its change at displacements `u`, `[node]` m, m³.
+    pub fn volume(&self, model: &Model, u: &[V4<f64>]) -> [f64; 2] {
+        let alive: Vec<usize> = (0..model.grid.cell_count()).filter(|cell| self.surface.alive[*cell]).collect();
+        // det F is at most quadratic along each axis, so the Gauss points' mean is exact
+        let of_cell = |cell: &usize| {
+            let [x, y, z, _] = model.shape[model.grid.layer(*cell)];
+            let inverse = V3::new(1.0 / x, 1.0 / y, 1.0 / z);
+            let u = self.surface.parts.corners(*cell).map(|node| V3::from4(u[node]));
+            let dilatation: f64 = (0..8).map(|p| Point::new(field_gradient(inverse, &u, p)).dilatation).sum();
+            [x * y * z, x * y * z * dilatation / 8.0]
+        };
+        let each: Vec<[f64; 2]> = alive.par_iter().with_min_len(PARALLEL / 8).map(of_cell).collect();
+        each.iter().fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])
+    }
+}
