@@ -58,7 +58,8 @@ impl Error {
             Self::Gpu(gpu::Failed::NoAdapter { .. }) => 3,
             Self::Gpu(gpu::Failed::TooLarge { .. }) => 2,
             Self::Gpu(_) => 1,
-            Self::Step(step::Refused::NonFinite { .. }) | Self::Run(runner::Refused::Threads { .. }) => 1,
+            Self::Step(step::Refused::NonFinite { .. } | step::Refused::NoBalance { .. })
+            | Self::Run(runner::Refused::Threads { .. }) => 1,
             #[cfg(feature = "haply")]
             Self::Haply(
                 haply::Refused::Nobody { .. } | haply::Refused::NoService { .. } | haply::Refused::Port { .. },

@@ -15,6 +15,7 @@ use cutis::step::{Platform, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
     ("neo_hookean_column_has_its_large_strain", column),
+    ("explicit_neo_hookean_steps_follow_newmarks", explicit),
     ("newton_halves_steps_that_would_turn_cells_inside_out", inside_out),
     ("newton_gets_past_tangents_that_are_not_positive", buckling),
     ("neo_hookean_steps_end_at_their_true_residual", true_residuals),
@@ -37,6 +38,31 @@ fn neo_block() -> Scene {
     scene.skins[0].law = Law::Hyperelastic(Material::NeoHookean);
     (scene.time.step, scene.solver.newton) = (LONG, true);
     scene
+}
+
+/// Explicit steps, which need no tangent, against Newmark's of the same length, each solved by Newton's method.
+fn explicit(platform: &Platform) {
+    let mut scene = neo_block();
+    scene.boundaries = vec![held(Region::Bottom, [true; 3])];
+    let load = Load { body: 0, pressure: 2e4, min: [-2e-3; 2], max: [2e-3; 2], start: 0.0, end: f64::INFINITY };
+    (scene.loads, scene.solver.newton, scene.solver.tolerance) = (vec![load], false, tight(platform));
+    let step = 0.25 * model(&scene).stable_step();
+    (scene.time.step, scene.time.duration) = (step, 1.0);
+    let down = |integrator: Integrator, law: Law| {
+        let mut scene = scene.clone();
+        (scene.time.integrator, scene.skins[0].law) = (integrator, law);
+        let mut run = Simulation::new(&scene, platform).unwrap_or_else(|e| panic!("{e}"));
+        (0..100).for_each(|_| drop(run.step(false).unwrap_or_else(|e| panic!("{e}"))));
+        let top = run.bodies[0].model.grid.nearest([0.0, 0.0, 1.0]);
+        run.bodies[0].snapshot().unwrap_or_else(|e| panic!("{e}")).u[top][2]
+    };
+    let law = Law::Hyperelastic(Material::NeoHookean);
+    let (found, wanted) = (down(Integrator::SymplecticEuler, law), down(Integrator::Newmark, law));
+    measured(&format!("explicit neo-Hookean steps {platform:?} / mm"), found * 1e3, wanted * 1e3);
+    assert!(wanted < -1e-4 && (found / wanted - 1.0).abs() < 0.01, "{platform:?}: {found:e}, wanted {wanted:e}");
+    // counter-test: the law is felt by then
+    let other = down(Integrator::SymplecticEuler, Law::Fem { element: Bbar, corotational: false });
+    assert!((other / wanted - 1.0).abs() > 0.03, "{platform:?}: linear {other:e}, wanted {wanted:e}");
 }
 
 /// Relative tolerance of static steps, by platform.

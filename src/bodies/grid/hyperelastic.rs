@@ -368,6 +368,41 @@ mod tests {
         }
     }
 
+    #[test]
+    fn a_pre_strained_cell_is_at_rest_between_its_faces_and_pulls_on_its_sides() {
+        let young = MU * (3.0 * BULK + 2.0 * MU) / (BULK + MU);
+        let poisson = 0.5 * BULK / (BULK + MU);
+        let material = [BULK, MU, 0.0, 0.0];
+        for [x, y] in [[1e-4, 2e-4], [0.05, 0.1], [0.3, -0.2]] {
+            let e = pre_strain(material, [x, y]);
+            let own = Material { pre_strain: V3::from4(e), ..soft() };
+            let cell = Cell::new(own, &[V3::zero(); 8]);
+            let pull =
+                |corners: [usize; 4], axis: usize| corners.map(|a| cell.forces()[a].f64()[axis]).iter().sum::<f64>();
+            let [h_x, h_y, h_z] = own.edges.f64();
+            let right: Vec<usize> = (0..8).filter(|a| corner(*a)[0] == 1).collect();
+            let side = pull([right[0], right[1], right[2], right[3]], 0) / (h_y * h_z);
+            let top = pull([4, 5, 6, 7], 2) / (h_x * h_y);
+            assert!(top.abs() < 1e-9 * MU, "{x}, {y}: {top} Pa on the top");
+            // a plate of small strain
+            let plate = young / (1.0 - poisson * poisson) * (x + poisson * y);
+            if x < 1e-3 {
+                assert!((side / plate - 1.0).abs() < 1e-3, "{x}, {y}: {side} Pa on the side, a plate {plate}");
+            }
+            // counter-test: with the strain of small strains along z the top is not free at large ones
+            let z = -poisson / (1.0 - poisson) * (x + y);
+            let small = Cell::new(Material { pre_strain: V3::new(x, y, z), ..soft() }, &[V3::zero(); 8]);
+            let off = small.forces()[4..].iter().map(|f| f.z).sum::<f64>() / (h_x * h_y);
+            assert!(x < 1e-3 || off.abs() > 1e-2 * MU, "{x}, {y}: {off} Pa");
+            // forces are the slope of the energy
+            let (u, d) = (random(3, 5e-5), random(4, 1e-4));
+            let at = |by: f64| Cell::new(own, &std::array::from_fn(|a| u[a] + d[a] * by));
+            let slope = (at(1e-5).energy() - at(-1e-5).energy()) / 2e-5;
+            let wanted: f64 = at(0.0).forces().iter().zip(d).map(|(f, d)| f.dot(d)).sum();
+            assert!((slope / wanted - 1.0).abs() < 1e-6, "{x}, {y}: {slope:e}, wanted {wanted:e}");
+        }
+    }
+
     /// Largest `xᵀ K x / xᵀ S x` over uniform strains `x` of a cell, `S` the small-strain matrix times `factor`. (Rotations are not the
     /// tangent's business: the matrix turns with the cell.)
     fn stiffer(k: &Matrix, small: &Matrix, factor: f64) -> f64 {
