@@ -341,13 +341,19 @@ impl Body {
         coincide(nodes.flat_map(|p| p.map(|c| near(c, random.next())).pad()).collect())
     }
 
-    /// Strains up to some 20 %; in a larger body one node is beyond its neighbours, so that cells around it are inside out, and a corner far
+    /// Strains up to some 20 %; in a larger body nodes are beyond their neighbours, so that cells around them are inverted, and a corner far
     /// up, so that one has more than twice its volume.
     fn displacement(&self, random: &mut Random) -> Vec<f32> {
         let mut displacement = random.vectors(self.nodes(), 2e-5);
         let last = displacement.len();
         if self.grid.cell_count() > 100 {
             displacement[4 * (self.nodes() / 2) + 2] = -3e-3;
+            // one in each layer, whose laws differ
+            let levels = self.grid.cells[2] as usize;
+            for layer in 0..LAYERS {
+                let node = self.params::<f32>().node_id([2, 2, (layer + 1) * levels / LAYERS]);
+                displacement[4 * node + 2] = -8e-4;
+            }
             (0..4).for_each(|n| displacement[last - 4 + n] = [4e-4, 4e-4, 2e-3, 0.0][n]);
         }
         displacement
