@@ -349,7 +349,7 @@ impl Body {
         if self.grid.cell_count() > 100 {
             displacement[4 * (self.nodes() / 2) + 2] = -3e-3;
             // one in each layer, whose laws differ
-            let levels = self.grid.cells[2] as usize;
+            let levels = self.grid.cells[2];
             for layer in 0..LAYERS {
                 let node = self.params::<f32>().node_id([2, 2, (layer + 1) * levels / LAYERS]);
                 displacement[4 * node + 2] = -8e-4;
