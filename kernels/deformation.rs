@@ -53,7 +53,7 @@ pub fn logarithm<R: Real>(g: R) -> [R; 2] {
 /// Volume ratio `ε` below which laws are extended: see [`log_volume`].
 pub const EXTENDED: f64 = 0.1;
 /// `ln ε`.
-const LOG_EXTENDED: f64 = -std::f64::consts::LN_10;
+pub(super) const LOG_EXTENDED: f64 = -std::f64::consts::LN_10;
 
 /// `φ(1 + g)` and `g − φ`. `φ = ln J`; below `J = ε` it is the tangent of `ln J` at `ε`, so that energies and forces are finite, continuous
 /// and restoring through `J = 0`.
@@ -71,7 +71,7 @@ pub fn log_volume<R: Real>(g: R) -> [R; 2] {
 pub fn log_volume_slope<R: Real>(g: R) -> R {
     let least = R::of(EXTENDED);
     let volume = R::one() + g;
-    R::one() / if volume >= least { volume } else { least }
+    R::one() / volume.max(least)
 }
 
 /// `φ'² + φ φ''`: derivative of `φ φ'`, `(1 − ln J)/J²` above `J = ε`.

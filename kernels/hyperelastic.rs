@@ -204,30 +204,23 @@ impl<R: Real> Cell<R> {
         let (mut pressed, mut turned, mut longest) = (one, zero, R::of(3.0));
         for p in &self.points {
             let stretched = squared(&(M3::identity() + p.h));
-            pressed = larger(pressed, squared(&p.log_gradient) - two);
+            pressed = pressed.max(squared(&p.log_gradient) - two);
             if one + p.dilatation < R::of(EXTENDED) {
-                pressed = larger(pressed, (one + log_volume_slope(p.dilatation) * stretched.sqrt()) / two);
+                pressed = pressed.max((one + log_volume_slope(p.dilatation) * stretched.sqrt()) / two);
             }
             let even = R::of(3.0) * R::exp(R::of(4.0 / 3.0) * log_volume(p.dilatation)[0]);
-            turned = larger(turned, squared(&p.cofactor) - even);
-            longest = larger(longest, stretched);
+            turned = turned.max(squared(&p.cofactor) - even);
+            longest = longest.max(stretched);
         }
-        let volume = self.material.bulk / (R::of(6.0) * shear)
-            * larger(log_volume_stiffness(self.mean_dilatation), zero)
-            * turned;
-        let sheared = larger(-self.pressure() / (two * shear), zero) * (longest / R::of(3.0)).sqrt();
+        let volume =
+            self.material.bulk / (R::of(6.0) * shear) * log_volume_stiffness(self.mean_dilatation).max(zero) * turned;
+        let sheared = (-self.pressure() / (two * shear)).max(zero) * (longest / R::of(3.0)).sqrt();
         let stretch = self.material.pre_strain + V3::splat(one);
         let strained = stretch.times(stretch) * (one / (stretch.x * stretch.y * stretch.z));
-        let strained = strained.f64().into_iter().map(R::of).fold(one, larger);
-        let s = (pressed + volume + sheared) * strained;
-        let s = if s < R::of(STIFFEST) { s } else { R::of(STIFFEST) };
+        let strained = one.max(strained.x).max(strained.y).max(strained.z);
+        let s = ((pressed + volume + sheared) * strained).min(R::of(STIFFEST));
         one + (s - one) / params.stiffness_factor
     }
-}
-
-/// The larger of two; `b` if `a` is not a number.
-fn larger<R: Real>(a: R, b: R) -> R {
-    if a > b { a } else { b }
 }
 
 /// Displacements of a cell's corners.

@@ -15,7 +15,7 @@
 //! Source: Mooney 1940; Rivlin 1948; Bonet, Wood 2008, section 6.5 (isochoric invariants). SOFA's `MooneyRivlin` is the same law.
 //! Units: c₁₀ c₀₁ Pa, W J/m³, P Pa.
 
-use super::deformation::{EXTENDED, Point, exponential, log_volume, logarithm};
+use super::deformation::{EXTENDED, LOG_EXTENDED, Point, exponential, log_volume, logarithm};
 use crate::math::{M3, Real};
 
 /// The law in WGSL.
@@ -69,8 +69,8 @@ impl<R: Real> Isochoric<R> {
         }
         // relative to the scale at ε
         let grown = R::one() + two_thirds * (least - volume) / least;
-        let log = R::ln(least) - R::of(1.5) * R::ln(grown);
-        let scale = R::exp(-two_thirds * R::ln(least)) * grown;
+        let log = R::of(LOG_EXTENDED) - R::of(1.5) * R::ln(grown);
+        let scale = R::exp(-two_thirds * R::of(LOG_EXTENDED)) * grown;
         let log_gradient = p.log_gradient * (R::one() / grown);
         Self { scale, beyond: p.dilatation - log, log_gradient, complement: M3::identity() - log_gradient }
     }

@@ -95,24 +95,16 @@ pub fn inverted_cells(model: &Model, state: &Snapshot) -> u32 {
     cells.filter(|cell| !upright(*cell)).count() as u32
 }
 
-/// Norms of the forces out of balance at the start of a step, `f_ext − f_int + Jᵀλ` without inertia and damping, and of the largest of
-/// its parts, N: elastic forces at all nodes, reactions included; rest-shape springs and dead loads.
+/// Norms of the forces out of balance at the start of a static step, `b + Jᵀλ`, and of the largest of its parts, N: elastic forces at all
+/// nodes, reactions included; rest-shape springs and dead loads.
 pub fn out_of_balance(model: &Model, solved: &Solved) -> (f64, f64) {
     let still = Solved { dx: vec![[0.0; 4]; solved.start.u.len()], ..solved.clone() };
+    let (rest, _, f) = equations(model, &still);
+    let mut anchored = vec![[0.0; 4]; f.len()];
     let Snapshot { u, free, .. } = &still.start;
-    let [f, _] = model.mechanics().forces_and_product(model, &still, u, free);
-    let mut b = vec![[0.0; 4]; u.len()];
-    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, free, u, &mut b);
-    let anchored = norm(&b);
-    for (i, b) in b.iter_mut().enumerate() {
-        for n in 0..3 {
-            let weight = free[i][3] * model.step.gravity[n];
-            b[n] += (still.load[i][n] + weight + still.contact[i][n] - f[i][n]) * free[i][n];
-        }
-    }
-    let without_w = |a: &[V4<f64>]| a.iter().map(|a| a[0] * a[0] + a[1] * a[1] + a[2] * a[2]).sum::<f64>().sqrt();
-    let largest = [without_w(&f), anchored, without_w(&still.load)].into_iter().fold(0.0, f64::max);
-    (without_w(&b), largest)
+    anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, free, u, &mut anchored);
+    let largest = [&f, &anchored, &still.load].map(|part| norm(part)).into_iter().fold(0.0, f64::max);
+    (norm(&rest), largest)
 }
 
 /// `|b + Jᵀλ − A Δx|` relative to the load of the step (unconstrained motion and contact forces), all in f64.
@@ -123,6 +115,12 @@ pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
 
 /// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the load of the step, N, all in f64.
 pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
+    let (rest, load, _) = equations(model, solved);
+    (rest, load)
+}
+
+/// The same, and the elastic forces, `[node]` N.
+fn equations(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64, Vec<V4<f64>>) {
     let params = model.params::<f64>();
     let Snapshot { u, v, free, .. } = &solved.start;
     let count = u.len();
@@ -141,5 +139,5 @@ pub fn residual(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64) {
             b[i][n] += contact - w[i][n];
         }
     }
-    (b, load.sqrt())
+    (b, load.sqrt(), f)
 }

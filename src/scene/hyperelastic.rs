@@ -129,8 +129,7 @@ pub(super) fn fits(
         }
     }
     let asked = solver.newton.as_ref().is_some_and(|newton| *newton.get_ref());
-    let newton = asked || integrator == Integrator::Newmark || integrator == Integrator::Static && !contact;
-    if hyperelastic && newton {
+    if hyperelastic && integrator.newton(asked, contact) {
         let why = "Newton's method stops at the true residual already, and linear refinements would undo its steps";
         return match &solver.refinements {
             Some(rounds) if *rounds.get_ref() > 0 => scene.needless("refinements", &solver.refinements, why),

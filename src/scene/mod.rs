@@ -93,11 +93,7 @@ impl Scene {
     /// Whether steps of hyperelastic bodies are solved by Newton's method: where asked for; in Newmark's method, whose steps are of second
     /// order only so; and in static steps where nothing may touch.
     pub fn newton(&self) -> bool {
-        match self.time.integrator {
-            Integrator::Newmark => true,
-            Integrator::Static => self.contact.is_none(),
-            _ => self.solver.newton,
-        }
+        self.time.integrator.newton(self.solver.newton, self.contact.is_some())
     }
 
     /// The scene as run by the tests: with the cells and steps of its test form.
@@ -140,6 +136,17 @@ pub enum Integrator {
     SymplecticEuler,
     /// No inertia and no damping: each step ends in static balance.
     Static,
+}
+
+impl Integrator {
+    /// See [`Scene::newton`]: whether it is `asked` for, and whether bodies may touch.
+    fn newton(self, asked: bool, touching: bool) -> bool {
+        match self {
+            Self::Newmark => true,
+            Self::Static => !touching,
+            _ => asked,
+        }
+    }
 }
 
 impl Time {

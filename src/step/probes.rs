@@ -211,12 +211,12 @@ impl Body {
         volumes.into_iter().map(share).collect()
     }
 
-    /// The material point at a rest position in the body's frame: a node of the grid, or a place of a cell as it is cut now.
+    /// The material point at a rest position in the body's frame: a node of the grid, or a point of a cell as it is cut now.
     fn material_point(&self, point: [f64; 3]) -> MaterialPoint {
         let cells = self.model.cells_at(point);
         let present = cells.iter().find(|(cell, _)| self.wound.surface.alive[*cell]);
-        let Some((cell, place)) = present.or(cells.first()) else { return MaterialPoint::default() };
-        let of = |corners: [usize; 8]| MaterialPoint::of(corners.map(|node| node as u32), trilinear(*place));
+        let Some((cell, natural)) = present.or(cells.first()) else { return MaterialPoint::default() };
+        let of = |corners: [usize; 8]| MaterialPoint::of(corners.map(|node| node as u32), trilinear(*natural));
         let own = of(self.wound.surface.params().corners(*cell));
         if own.0.len() == 1 { own } else { of(self.wound.surface.parts.corners(*cell)) }
     }
@@ -263,24 +263,24 @@ impl Body {
                 force += along[0] * here.map(|(_, weight)| weight).sum::<f64>();
             }
         }
-        let place = |node: u32| {
+        let position = |node: u32| {
             let u = self.known.moved(node as usize)[0].f64();
             DVec3::from_array(self.wound.rest[node as usize]) + DVec3::from_array(u)
         };
         let area = |face: &[u32; 4]| {
-            let [a, b, c, d] = face.map(place);
+            let [a, b, c, d] = face.map(position);
             0.5 * (c - a).cross(d - b).length()
         };
         let area: f64 = probe.faces.iter().map(area).sum();
         if area > 0.0 { force / area } else { 0.0 }
     }
 
-    /// Green–Lagrange strain and Cauchy stress, Pa, by rows: their means over cells at a place of each; 0 without a cell.
+    /// Green–Lagrange strain and Cauchy stress, Pa, by rows: their means over cells at a point of each; 0 without a cell.
     fn strain_and_stress(&self, cells: &[(usize, [f64; 3])]) -> [[[f64; 3]; 3]; 2] {
         let mut sum = [M3::zero(); 2];
-        for (cell, place) in cells {
+        for (cell, natural) in cells {
             let u = self.wound.surface.parts.corners(*cell).map(|node| self.known.moved(node)[0]);
-            let own = self.model.mechanics().strain_and_stress(&self.model, *cell, &u, *place);
+            let own = self.model.mechanics().strain_and_stress(&self.model, *cell, &u, *natural);
             sum = [0, 1].map(|k| sum[k] + own[k] * (1.0 / cells.len() as f64));
         }
         sum.map(|tensor| tensor.0.map(V3::f64)) // symmetric: columns are rows
