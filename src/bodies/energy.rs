@@ -47,6 +47,8 @@ pub struct Solved {
     pub contact: Vec<V4<f64>>,
     /// `[node]` displacement increment found, m.
     pub dx: Vec<V4<f64>>,
+    /// The equations are those of the law itself, not of its linearisation at the start of the step.
+    pub exact: bool,
 }
 
 /// Elastic energy of a displacement field with that of the rest-shape springs, `½ Σ k |u|²`, J; `rotation` as stored by the kernels (0 for
@@ -111,6 +113,15 @@ pub fn out_of_balance(model: &Model, solved: &Solved) -> (f64, f64) {
 pub fn true_residual(model: &Model, solved: &Solved) -> f64 {
     let (rest, load) = residual(model, solved);
     if load == 0.0 { 0.0 } else { norm(&rest) / load }
+}
+
+/// What a linear step leaves of the equations of its law: the change of the elastic forces over the step, less that of the linearisation,
+/// relative to the load of the step, in f64. 0 for linear laws and where steps are solved by Newton's method.
+pub fn law_residual(model: &Model, solved: Solved) -> f64 {
+    if !model.mechanics().linearised(model) {
+        return 0.0;
+    }
+    true_residual(model, &Solved { exact: true, ..solved })
 }
 
 /// `b + Jᵀλ − A Δx`, `[node]` N, and the norm of the load of the step, N, all in f64.

@@ -18,7 +18,9 @@ mod step;
 mod wound;
 
 pub use anchors::{Anchors, rate};
-pub use energy::{Snapshot, Solved, elastic_energy, energy, inverted_cells, out_of_balance, residual, true_residual};
+pub use energy::{
+    Snapshot, Solved, elastic_energy, energy, inverted_cells, law_residual, out_of_balance, residual, true_residual,
+};
 pub use refused::Refused;
 pub use step::Step;
 pub use wound::{Removal, Totals, Wound};
@@ -103,6 +105,8 @@ pub trait Mechanics {
         at: &[V4<f64>],
         in_system: &[V4<f64>],
     ) -> [Vec<V4<f64>>; 2];
+    /// True if a step solves a linearisation of the law, whose forces it evaluates at the start.
+    fn linearised(&self, model: &Model) -> bool;
     /// `[element]` rotations at the displacements of a state.
     fn rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>>;
     /// `[asked]` internal forces at nodes in ascending order, N: of the present elements at the displacements of all nodes of the cells

@@ -109,6 +109,7 @@ impl Collector {
         r.solver.residual_max = r.solver.residual_max.max(step.residual);
         if let Some(residual) = step.true_residual {
             r.solver.residual_true = Some(r.solver.residual_true.unwrap_or(0.0).max(residual));
+            r.solver.law_residual = Some(larger(r.solver.law_residual.unwrap_or(0.0), step.law_residual));
         }
         step.measured.iter().for_each(|measured| self.measured(measured));
         let r = &mut self.seen.report;

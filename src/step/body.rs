@@ -13,7 +13,7 @@ use super::{Simulation, StepReport};
 use crate::backend::{
     Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target,
 };
-use crate::bodies::{Model, Solved, energy, inverted_cells, out_of_balance, residual};
+use crate::bodies::{Model, Solved, energy, inverted_cells, law_residual, out_of_balance, residual};
 use crate::bodies::{Totals, Wound};
 use crate::collide::broad::Boxes;
 use crate::collide::lips::Lips;
@@ -325,7 +325,7 @@ impl Body {
         for (node, [x, y, z]) in contact {
             forces[*node as usize] = [*x, *y, *z, 0.0];
         }
-        Solved { start, load: self.padded_load_at(scene, time), contact: forces, dx: vec![] }
+        Solved { start, load: self.padded_load_at(scene, time), contact: forces, ..Solved::default() }
     }
 
     /// Forces out of balance at the present state under contact forces, relative to the largest ([`out_of_balance`]).
@@ -370,6 +370,10 @@ impl Body {
             report.warn("residual_true_above_tolerance", u32::from(larger(left, 2.0 * wanted) != 2.0 * wanted));
             let residual = if load == 0.0 { 0.0 } else { left / load };
             report.true_residual = Some(report.true_residual.map_or(residual, |worst| larger(worst, residual)));
+            // a load at the floor is rounding
+            if scene.solver.tolerance * load > scene.solver.floor {
+                report.law_residual = larger(report.law_residual, law_residual(&self.model, solved));
+            }
         }
         Ok(())
     }

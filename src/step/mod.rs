@@ -105,6 +105,8 @@ pub struct StepReport {
     pub residual: f64,
     /// Relative residual in f64, if the step is checked.
     pub true_residual: Option<f64>,
+    /// What the step leaves of the equations of its laws, relative to its load, in f64, if it is checked ([`crate::bodies::law_residual`]).
+    pub law_residual: f64,
     /// Measures of the deformable bodies if the step is checked.
     pub measured: Option<Measured>,
     /// Contacts and their solve.

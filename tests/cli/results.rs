@@ -34,7 +34,7 @@ const RUN: &[&str] = &["run", "scene.toml", "--backend", "cpu", "--json"];
 /// Keys that DESIGN.md asks for, and the ones added since.
 const KEYS: &str = "scene backend adapter driver nodes hexes tets springs dof step_s steps error wall_s step_ms.median step_ms.p99 \
     step_ms.max solver.kind solver.preconditioner solver.iterations_mean solver.iterations_max solver.newton_iterations_max solver.sums solver.refinements \
-    solver.at_floor solver.residual_max solver.residual_true energy_j.start energy_j.max energy_j.end \
+    solver.at_floor solver.residual_max solver.residual_true solver.law_residual energy_j.start energy_j.max energy_j.end \
     inverted_cells_max contacts_max contact_force_n_max contact.passes_mean contact.passes_max \
     contact.residual_n_max contact.residual_m_max contact.candidates_max contact.depth_mm_max haptic.rate_hz \
     haptic.period_us.p50 haptic.period_us.p99 haptic.period_us.p99_9 haptic.period_us.max \

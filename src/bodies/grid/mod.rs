@@ -206,6 +206,14 @@ fn stiffen<R: Real>(rotation: &mut [V4<R>], stiffening: &[f64]) {
     }
 }
 
+/// Unit quaternion of a stiffened one; a removed cell keeps its 0.
+fn unstiffen(q: &mut V4<f64>) {
+    let length = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+    if length > 0.0 {
+        *q = q.map(|c| c / length);
+    }
+}
+
 /// `[cell]` rest position of the centre, m.
 pub fn cell_centres(model: &Model) -> Vec<[f64; 3]> {
     let params = model.grid.params::<f64>();
@@ -294,6 +302,10 @@ impl Mechanics for Hexahedra {
         energy
     }
 
+    fn linearised(&self, model: &Model) -> bool {
+        self.hyperelastic.as_ref().is_some_and(|law| !law.newton) && !model.step.explicit()
+    }
+
     fn forces_and_product(
         &self,
         model: &Model,
@@ -306,12 +318,15 @@ impl Mechanics for Hexahedra {
         let (mut f, mut w) = (zeros.clone(), zeros);
         let (shapes, layers) = (model.shapes::<f64>(), &model.grid.layer_of);
         let (blocks, pre_strains, split) = (model.stiffness_blocks::<f64>(), model.pre_strains(), &solved.start.split);
-        let rotation = self.rotations(model, &solved.start);
+        let newton = self.hyperelastic.as_ref().filter(|law| law.newton || solved.exact);
+        let mut rotation = self.rotations(model, &solved.start);
+        if newton.is_some() {
+            rotation.iter_mut().for_each(unstiffen);
+        }
         // elastic forces with the rotations of the state
         forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, at, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         // product of the small-strain cells; of a hyperelastic body these have damping only
-        let newton = self.hyperelastic.as_ref().filter(|law| law.newton);
         if newton.is_some() {
             params.stiffness_factor -= model.step.end_share();
         }

@@ -149,6 +149,10 @@ impl Mechanics for Springs {
         self.ends.iter().zip(law).map(|(ends, law)| 0.5 * law[1] * (law[0] + stretch(*ends)).powi(2)).sum::<f64>()
     }
 
+    fn linearised(&self, _: &Model) -> bool {
+        false
+    }
+
     fn forces_and_product(
         &self,
         model: &Model,
