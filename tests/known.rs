@@ -31,7 +31,7 @@ fn wrong(scene: &Scene) -> Scene {
     for skin in &mut scene.skins {
         skin.rayleigh_mass += 0.5;
         for layer in &mut skin.layers {
-            (layer.young, layer.toughness) = (1.15 * layer.young, 1.15 * layer.toughness);
+            (layer.young, layer.toughness) = (1.3 * layer.young, 1.3 * layer.toughness);
         }
     }
     if scene.skins.is_empty() {

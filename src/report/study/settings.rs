@@ -282,7 +282,9 @@ pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) 
     // an exact step of large strain is one in balance, where nothing may touch
     let large = out.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
     let implicit = out.time.integrator == Integrator::ImplicitEuler;
-    out.solver.newton |= exactly && large && implicit && out.contact.is_none();
+    if exactly && large && implicit && out.contact.is_none() {
+        (out.solver.newton, out.solver.refinements) = (true, 0);
+    }
     if let (Some(contact), Some(correction)) = (&mut out.contact, setting.correction) {
         contact.correction = correction;
         if exactly {

@@ -8,7 +8,7 @@ use super::Change::{ToolDown, TopDensity};
 use super::Measure::{At, EnergyKept, ForceOnTool, Frequency, Probe, Rate, VolumeChange, WorkOfTool};
 use super::{Case, Change};
 use crate::error::Result;
-use crate::scene::{Element, Files, Integrator, Law, Material, Scene, parse};
+use crate::scene::{Element, Files, Integrator, Law, MATERIALS, Material, Scene, parse};
 use std::path::Path;
 
 /// Scenes by name, as of the build.
@@ -58,7 +58,8 @@ const ENHANCED: Change = By(Law::Fem { element: Element::Enhanced, corotational:
 const PLAIN: Change = By(Law::Fem { element: Element::Plain, corotational: false });
 const COROTATIONAL: Change = By(Law::Fem { element: Element::Bbar, corotational: true });
 const NEO_HOOKEAN: Change = By(Law::Hyperelastic(Material::NeoHookean));
-const MOONEY_RIVLIN: Change = By(Law::Hyperelastic(Material::MooneyRivlin));
+/// Mooney–Rivlin material.
+const TWO_CONSTANTS: Change = By(Law::Hyperelastic(MATERIALS[1].1));
 /// Grids of the skin block.
 const COARSE: Change = Cells([20, 20], &[2, 2, 1]);
 const FINE: Change = Cells([40, 40], &[4, 3, 1]);
@@ -181,21 +182,18 @@ pub const CASES: &[Case] = &[
     Case { changes: &[PLAIN], ..PATCH },
     Case { changes: &[COROTATIONAL], ..PATCH },
     Case { changes: &[NEO_HOOKEAN], reference: 0.9170344, source: "P(λ), no stress across", ..PATCH },
-    Case { changes: &[MOONEY_RIVLIN, SecondShare(0.25)], reference: 0.8893319, source: "P(λ), no stress across", ..PATCH },
+    Case { changes: &[TWO_CONSTANTS, SecondShare(0.25)], reference: 0.8893319, source: "P(λ), no stress across", ..PATCH },
     CONFINED,
     Case { name: "confined layers, 0.1 mm, ν 0.49", scene: "confined_column_049", reference: -4.236779, ..CONFINED },
-    Case { changes: &[Cells([4, 4], &[39, 1])], bound: 0.05, quick: true, ..CANTILEVER },
-    CANTILEVER,
-    Case { changes: &[ENHANCED, Cells([4, 4], &[39, 1])], ..CANTILEVER },
+    Case { quick: true, ..CANTILEVER },
+    Case { changes: &[Cells([8, 8], &[79, 1])], bound: 0.01, ..CANTILEVER },
+    Case { changes: &[ENHANCED], bound: 0.01, ..CANTILEVER },
     Case { name: "cantilever, clamped, P L²/EI = 2", changes: &[NEO_HOOKEAN, TopDensity(17160.0)], reference: 49.77e-3, ..CANTILEVER },
     Case { name: "cantilever, clamped, P L²/EI = 2", changes: &[NEO_HOOKEAN, TopDensity(17160.0)], measure: Probe("along"),
-           what: "tip, along", reference: -16.15e-3, ..CANTILEVER },
+           what: "tip, along", reference: -16.15e-3, bound: 0.03, ..CANTILEVER },
     ELASTICA,
     Case { measure: Probe("along"), what: "tip, along", reference: -0.16064 * 99.5e-3, ..ELASTICA },
-    Case { name: "elastica, P L²/EI = 5", changes: &[TopDensity(26813.506178)], reference: 0.71379 * 99.5e-3, ..ELASTICA },
-    Case { name: "elastica, P L²/EI = 5", changes: &[TopDensity(26813.506178)], measure: Probe("along"), what: "tip, along",
-           reference: -0.38763 * 99.5e-3, quick: false, ..ELASTICA },
-    Case { changes: &[NEO_HOOKEAN, Cells([6, 6], &[198, 2])], quick: false, ..ELASTICA },
+    Case { changes: &[NEO_HOOKEAN, Cells([4, 4], &[40, 1])], quick: false, ..ELASTICA },
     Case { changes: &[Cells([22, 1], &[23, 1])], quick: true, ..PANEL },
     PANEL,
     Case { name: "sheared panel (for Cook's membrane), ν 0.4999", changes: &[Poisson(0.4999), Cells([22, 1], &[23, 1])],
@@ -216,7 +214,7 @@ pub const CASES: &[Case] = &[
     Case { name: "skin block, 10 kPa, ν 0.45", changes: &[NEO_HOOKEAN, FINE], reference: -0.1836e-3, bound: ON_FINE, ..BLOCK },
     Case { name: "skin block, 10 kPa, ν 0.49", changes: &[NEO_HOOKEAN, COARSE, Poisson(0.49)], reference: NEO_10_049, quick: true, ..BLOCK },
     Case { name: "skin block, 10 kPa, ν 0.49", changes: &[NEO_HOOKEAN, FINE, Poisson(0.49)], reference: NEO_10_049, bound: ON_FINE, ..BLOCK },
-    Case { name: "skin block, 50 kPa, ν 0.45", changes: &[NEO_HOOKEAN, COARSE, Pressure(50e3), STATIC], reference: NEO_50_045, quick: true, ..BLOCK },
+    Case { name: "skin block, 50 kPa, ν 0.45", changes: &[NEO_HOOKEAN, COARSE, Pressure(50e3), STATIC], reference: NEO_50_045, ..BLOCK },
     Case { name: "skin block, 50 kPa, ν 0.45", changes: &[NEO_HOOKEAN, FINE, Pressure(50e3), STATIC], reference: NEO_50_045, bound: ON_FINE, ..BLOCK },
     Case { name: "skin block, 50 kPa, ν 0.49", changes: &[NEO_HOOKEAN, COARSE, Pressure(50e3), Poisson(0.49), STATIC], reference: NEO_50_049, ..BLOCK },
     Case { name: "skin block, 50 kPa, ν 0.49", changes: &[NEO_HOOKEAN, FINE, Pressure(50e3), Poisson(0.49), STATIC], reference: NEO_50_049,
@@ -232,7 +230,7 @@ pub const CASES: &[Case] = &[
            what: "reaction of a quarter", unit: MN, reference: 3.365695e-3, source: "Hertz 1882, Dimitriadis et al. 2002", bound: 0.02, ..BASE },
     Case { name: "Hertz: sphere R 5 mm, 0.1 mm deep, on 10 mm", scene: "hertz", measure: Probe("bottom"),
            what: "reaction of a quarter", unit: MN, reference: 3.365695e-3, source: "Hertz 1882, Dimitriadis et al. 2002", bound: 0.01, ..BASE },
-    Case { changes: &[Cells([20, 20], &[2, 2, 1])], reference: 0.172, bound: 0.10, quick: true, ..SPHERE },
+    Case { changes: &[Cells([20, 20], &[2, 2, 1])], reference: 0.172, bound: 0.10, ..SPHERE },
     Case { reference: 0.172, bound: 0.05, ..SPHERE },
     Case { name: "sphere R 2 mm, 0.575 mm into skin, ν 0.49", changes: &[Poisson(0.49)], reference: 0.200, bound: 0.05, ..SPHERE },
     Case { name: "sphere R 2 mm, 1.15 mm into skin, ν 0.45", changes: &[ToolDown(3.15e-3)], reference: 0.609, bound: 0.05, ..SPHERE },
@@ -261,5 +259,5 @@ pub const CASES: &[Case] = &[
     Case { name: "stack of five boxes of 100 g", scene: "stack_five", measure: Probe("under 2"), what: "under the second", unit: N,
            reference: 1.962, source: "2 m g", bound: 1e-4, quick: true, ..BASE },
     Case { name: "cutting work of a slice, 50 J/m²", scene: "slice", measure: WorkOfTool, what: "work of the blade", unit: ("mJ", 1e3),
-           reference: 0.84e-3, source: "toughness × area", bound: 0.05, quick: true, ..BASE },
+           reference: 0.84e-3, source: "toughness × area", bound: 0.1, quick: true, ..BASE },
 ];

@@ -94,7 +94,7 @@ impl Page {
         if !warned.is_empty() {
             out += "\nWarnings of these runs:\n\n";
             for row in warned {
-                let _ = writeln!(out, "- {}, {}, {}: {}", row.case.name, row.grid, row.law, note(row));
+                let _ = writeln!(out, "- {}, {}, {}: {}", row.case.name, row.cells, row.law, note(row));
             }
         }
         out
@@ -115,12 +115,13 @@ impl Row {
             self.found.as_ref().map_or_else(|error| format!("none: {error}"), |found| digits(found * per, 5)),
             self.error().map_or("–".into(), |error| format!("{}{missed}", percent(error))),
             if self.bound.is_finite() { digits(self.bound * 100.0, 3) } else { "–".into() },
-            self.grid.clone(),
+            self.cells.clone(),
             if self.law.is_empty() { "–".into() } else { self.law.clone() },
             match self.steps {
                 (0.0, 1) => "static".into(),
                 (0.0, n) => format!("{n} static"),
-                (step, n) => format!("{n} × {} ms", digits(step * 1e3, 3)),
+                (step, n) if step < 1.0 => format!("{n} × {} ms", digits(step * 1e3, 3)),
+                (step, n) => format!("{n} × {} s", digits(step, 5)),
             },
             format!("{:.1}", self.seconds),
         ]
@@ -139,7 +140,7 @@ fn values(row: &Row) -> [Value; COLUMNS.len()] {
         json!(row.error()),
         json!(row.bound.is_finite().then_some(row.bound)),
         json!(row.holds()),
-        json!(row.grid),
+        json!(row.cells),
         json!(row.law),
         json!(row.steps.0),
         json!(row.steps.1),
