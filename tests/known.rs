@@ -50,9 +50,12 @@ fn wrong_constants_miss_every_bound() {
     }
 }
 
+/// Static slender beams: f32 leaves 7e-5 of the forces, more than a static step may end with, and the page says so.
+const BEYOND_SINGLE: [&str; 2] = ["cantilever", "elastica"];
+
 #[test]
 fn f32_meets_the_bounds_that_are_stated_for_it() {
-    for case in quick() {
+    for case in quick().filter(|case| !BEYOND_SINGLE.contains(&case.scene)) {
         let scene = case.scene().unwrap_or_else(|e| panic!("{e}"));
         let row = case.run(&scene, &Platform::Cpu32);
         assert!(row.holds(), "{}", words(&row));
@@ -73,7 +76,9 @@ fn the_files_have_every_row_and_its_figures() {
     let json: serde_json::Value = serde_json::from_str(&json).expect("it is JSON");
     assert_eq!(json["rows"].as_array().map(Vec::len), Some(rows));
     for (row, of) in PAGE.rows.iter().zip(json["rows"].as_array().expect("it is a list")) {
-        assert_eq!((of["found"].as_f64(), of["holds"].as_bool()), (row.found.clone().ok(), Some(true)));
+        let [found, wanted] = [of["found"].as_f64(), row.found.clone().ok()].map(|v| v.expect("a number"));
+        // a reader may round the last digit
+        assert!((found - wanted).abs() <= 1e-15 * wanted.abs() && of["holds"] == true, "{found} {wanted}");
     }
     // a row that misses says so
     let mut missed = PAGE.clone();
@@ -86,7 +91,7 @@ fn the_files_have_every_row_and_its_figures() {
 fn every_case_reads_its_scene_and_names_its_reference() {
     for case in CASES {
         let scene = case.scene().unwrap_or_else(|e| panic!("{}: {e}", case.name));
-        assert!(scene.title != "" && !case.source.is_empty() && !case.what.is_empty(), "{}", case.name);
+        assert!(!scene.title.is_empty() && !case.source.is_empty() && !case.what.is_empty(), "{}", case.name);
         assert!(case.reference != 0.0 || case.size > 0.0, "{}: errors are relative to nothing", case.name);
     }
 }
