@@ -50,8 +50,8 @@ fn wrong_constants_miss_every_bound() {
     }
 }
 
-/// Static slender beams: f32 leaves 7e-5 of the forces, more than a static step may end with, and the page says so.
-const BEYOND_SINGLE: [&str; 2] = ["cantilever", "elastica"];
+/// Static steps of slender beams and at ν 0.4999: f32 leaves 7e-5 and 2e-3 of the forces, more than they may end with, and the page says so.
+const BEYOND_SINGLE: [&str; 3] = ["cantilever", "elastica", "panel"];
 
 #[test]
 fn f32_meets_the_bounds_that_are_stated_for_it() {
