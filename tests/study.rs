@@ -3,7 +3,7 @@
 use cutis::error::{Error, Result};
 use cutis::report::Refused;
 use cutis::report::study::{Options, Row, Setting, Stop, Study, Trace, study};
-use cutis::scene::{Element, Files, Integrator, Law, Preconditioner, Scene, parse};
+use cutis::scene::{Element, Files, Integrator, Law, Material, Preconditioner, Scene, parse};
 use cutis::step::Platform;
 use std::path::{Path, PathBuf};
 
@@ -170,8 +170,8 @@ fn the_files_have_every_setting_once() {
         let lines: Vec<&str> = csv.lines().collect();
         assert_eq!(lines.len(), study.rows.len() + 1);
         let columns = "scene,element,preconditioner,tolerance,iteration_limit,iterations,grid,poisson,step_ms,integrator,correction,backend,\
-                       precision,adapter,error_discretisation,error_solver,error_rounding,error_step,error_total,\
-                       error_displacement,error_velocity,error_force,ms_per_step,";
+                       precision,adapter,error_discretisation,error_solver,error_rounding,error_step,error_total,error_law,\
+                       error_displacement,error_lateral,error_velocity,error_stress,error_force,ms_per_step,";
         assert!(lines[0].starts_with(columns), "{}", lines[0]);
         assert!(lines[0].ends_with(",pareto"), "{}", lines[0]);
         let mut settings: Vec<String> = study.rows.iter().map(|r| format!("{:?}", r.setting)).collect();
@@ -306,9 +306,9 @@ fn repeated_runs_keep_the_faster_time() {
     let (mut runs, mut most) = (0, 0);
     let result = study(&scene, &options, &mut |p| (runs, most) = (runs.max(p.run + 1), p.runs));
     std::fs::remove_dir_all(&options.out).expect("it was made");
-    // own and f32, their exact twins at two steps, and two times more each of the first two
+    // own and f32, their exact twins at two steps, the reference by large strain, and two times more each of the first two
     let rows = result.unwrap_or_else(|e| panic!("{e}")).rows;
-    assert_eq!((rows.len(), runs, most), (2, 8, 8));
+    assert_eq!((rows.len(), runs, most), (2, 9, 9));
     let trace = |ms| Trace { ms_per_step: ms, device_ms_per_step: Some(ms / 2.0), ..Trace::default() };
     let mut kept = trace(2.0);
     kept.keep_faster(&trace(3.0));
@@ -399,4 +399,90 @@ fn bodies_keep_their_own_hexahedra_in_the_scenes_own_setting() {
     let both = study_of("laws = [\"plain\"]\n");
     let plain = both.rows.iter().find(|r| r.setting.law == fem(Element::Plain)).map(last).expect("it was run");
     assert!((plain[1] / plain[0] - 1.0).abs() < 0.05, "both lock: {plain:?}");
+}
+
+#[test]
+fn the_error_of_the_law_is_against_large_strain_on_the_finest_grid() {
+    // two fifths of the stiffness: small strain is far from it
+    let axes = "[study]\nprobes = [\"top\"]\nlaws = [\"bbar\", \"neo_hookean\"]\npreconditioners = [\"multigrid\"]\ntolerances = [1e-6]\n\
+                grids = [1, 2]\nsteps_ms = [4.0, 1.0]\nreference_grid = 2\nreference_step_ms = 1.0\n";
+    let scene =
+        parsed(&format!("{}{axes}", BLOCK.replace("pressure_kpa = 5.0", "pressure_kpa = 40.0"))).expect("it fits");
+    studied("law", &scene, false, |study, read| {
+        assert!(study.law.starts_with("neo_hookean on 2 times") && study.law.contains("16 × 16 × 4"), "{}", study.law);
+        let of = |law| {
+            find(study, |s| s.law == law && s.refinement == 2.0 && s.step == 1e-3 && s.platform == Platform::Cpu64)
+        };
+        let [small, large] = [fem(Element::Bbar), Law::Hyperelastic(Material::NeoHookean)].map(of);
+        let error = |row: &Row| row.error_law.expect("the run by large strain ended");
+        // on the reference's own grid and step nothing but the law is left of small strain, and of large strain nothing but its linear solves
+        assert!(small.error_total.unwrap() < 1e-3 && error(small) > 0.05, "{small:?}");
+        assert!(error(large) < 0.3 * error(small), "{large:?}");
+        assert!(read("study.csv").lines().next().is_some_and(|head| head.contains(",error_law,")));
+        assert!(read("study.md").contains("Errors against large strain"));
+    });
+    // of a scene of large strain it is the total error
+    let large = BLOCK.replace("law = \"corotational\"", "law = \"neo_hookean\"");
+    let scene = parsed(&format!("{large}[study]\nprobes = [\"top\"]\nreference_grid = 1\n")).expect("it fits");
+    studied("large", &scene, false, |study, _| {
+        assert!(study.rows.iter().all(|row| row.error_law.is_some() && row.error_law == row.error_total));
+    });
+    // springs have no law of large strain
+    let springs = BLOCK
+        .replace("law = \"corotational\"", "law = \"springs\"\nspring_stiffness_n_m = 100\nspring_damping_n_s_m = 0.1")
+        .replace("\"multigrid\"", "\"column\"");
+    let scene = parsed(&format!("{springs}[study]\nprobes = [\"top\"]\nreference_grid = 1\n")).expect("it fits");
+    studied("springs", &scene, false, |study, _| {
+        assert!(study.law.starts_with("none") && study.rows.iter().all(|row| row.error_law.is_none()), "{}", study.law);
+    });
+}
+
+#[test]
+fn lateral_displacement_and_stress_are_measured_beside_the_total() {
+    let beside = "[[probe]]\nname = \"aside\"\nkind = \"displacement\"\npoint_mm = [2, 0, 2]\naxis = \"x\"\n\
+                  [[probe]]\nname = \"pressed\"\nkind = \"stress\"\npoint_mm = [0.5, 0.5, 1.5]\ncomponent = \"zz\"\n";
+    let study_of = |name: &str, probes: &str, look: &dyn Fn(&Study)| {
+        let scene = with(&format!("{beside}[study]\nprobes = {probes}\ngrids = [0.5, 1]\nreference_grid = 2\n"));
+        studied(name, &scene, false, |study, read| {
+            look(study);
+            assert!(read("study.csv").contains("error_lateral") && read("study.md").contains("beside the total"));
+        });
+    };
+    study_of("beside", "[\"top\"]", &|study| {
+        assert_eq!((&study.signals[..], study.beside.len()), (&["top".to_string()][..], 3));
+        for row in study.rows.iter().filter(|r| r.setting.refinement == 0.5) {
+            let [displacement, lateral, velocity, stress, force] = row.by_kind;
+            let [lateral, stress] = [lateral, stress].map(|e| e.expect("it is measured"));
+            assert!(velocity.is_none() && force.is_none() && displacement.is_some(), "{row:?}");
+            assert!(lateral > 0.02 && stress > 0.02, "a coarse grid shows it: {row:?}");
+        }
+    });
+    // where the study names it, it counts
+    let (mut alone, mut counted) = (0.0, 0.0);
+    let total = |study: &Study| find(study, |s| s.refinement == 0.5).error_total.unwrap();
+    for (name, probes, found) in [("alone", "[\"top\"]", &mut alone), ("both", "[\"top\", \"aside\"]", &mut counted)] {
+        let cell = std::cell::Cell::new(0.0);
+        study_of(name, probes, &|study| cell.set(total(study)));
+        *found = cell.get();
+    }
+    assert!(counted > 1.1 * alone, "{counted} with it, {alone} without");
+}
+
+#[test]
+fn where_nothing_is_near_the_nearest_is_named_with_what_its_error_is_made_of() {
+    let axes = "[study]\nprobes = [\"top\"]\npreconditioners = [\"none\"]\niterations = [1]\nreference_grid = 1\n";
+    let mut scene = with(axes);
+    // one iteration of plain conjugate gradients, in the scene's own setting too
+    (scene.solver.preconditioner, scene.solver.max_iterations) = (Preconditioner::None, 1);
+    studied("nearest", &scene, false, |study, read| {
+        let said = study.advice();
+        assert_eq!(said.len(), 1, "{said:?}");
+        for part in ["none is within 20 %; the nearest is", "the solver ", "by quantity: displacement "] {
+            assert!(said[0].contains(part), "{said:?}");
+        }
+        assert!(read("study.md").contains("The nearest is "));
+    });
+    studied("near", &with("[study]\nprobes = [\"top\"]\nreference_grid = 1\n"), false, |study, _| {
+        assert_eq!(study.advice().len(), 5);
+    });
 }

@@ -45,6 +45,12 @@ pub enum Command {
     /// Element, preconditioner, tolerance or iterations, grid, step, precision, backend and contact correction, as the scene's [study]
     /// table lists them, against the scene on a finer grid solved exactly (or known values). Writes DIR/study.csv, study.md and study.svg.
     Study(Study),
+    /// Run scenes whose answer is known, and list reference, result and error side by side
+    ///
+    /// Patch tests, beams, skin blocks of three loads, Hertz, spheres, vibrations, energy, momentum, friction, a stack, cutting work; the
+    /// scenes are inside the program. With --out DIR, writes DIR/verification.md, verification.csv and verification.json. Exit status 1
+    /// if a case misses its bound.
+    Verify(Verify),
     /// List the arrays, kernels, launches and read-backs of a scene; nothing runs, no adapter is needed
     Inspect(Inspect),
     /// Read and validate scenes
@@ -156,6 +162,29 @@ pub struct Study {
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
     /// Print the rows as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `verify`.
+#[derive(Args, Clone, Debug)]
+pub struct Verify {
+    /// The short form: less than a minute, most of it on coarse grids
+    #[arg(long)]
+    pub quick: bool,
+    /// Where to compute; the CPU path when neither this nor --adapter is given
+    #[arg(long, value_enum)]
+    pub backend: Option<Backend>,
+    /// GPU whose name, API or driver contains TEXT
+    #[arg(long, value_name = "TEXT")]
+    pub adapter: Option<String>,
+    /// Precision of the CPU path, f64 when none is given
+    #[arg(long, value_enum)]
+    pub precision: Option<Precision>,
+    /// Folder of verification.md, verification.csv and verification.json; none are written when none is given
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    /// Print JSON on standard output
     #[arg(long)]
     pub json: bool,
 }

@@ -8,7 +8,7 @@ mod text;
 
 use args::{Backend, Cli, Command, Precision, Run};
 use clap::Parser;
-use cutis::report::{check, compare, inspect, run, study};
+use cutis::report::{check, compare, inspect, run, study, verify};
 use cutis::scene::{self, Preconditioner, Scene};
 use cutis::step::Platform;
 use refused::{Refused, Result};
@@ -26,6 +26,7 @@ pub fn main() -> ExitCode {
         Command::Run(args) => run_scene(&args),
         Command::Compare(args) => compare_paths(&args),
         Command::Study(args) => study_scene(&args),
+        Command::Verify(args) => verify_answers(&args),
         Command::Inspect(args) => inspect_scene(&args),
         Command::Check(args) => check_scenes(&args),
         Command::Keys(args) => list_keys(&args),
@@ -64,7 +65,12 @@ fn run_scene(args: &Run) -> Result<u8> {
         cutis::runner::take_all_cores()?;
     }
     let options = run::Options {
-        platform: platform(args, &scene)?,
+        platform: platform(
+            args.backend,
+            args.adapter.as_deref(),
+            args.precision,
+            scene.solver.preconditioner == Preconditioner::Direct,
+        )?,
         steps: args.steps.or(of_time),
         out: args.out.clone(),
         realtime: args.realtime,
@@ -95,28 +101,28 @@ fn run_scene(args: &Run) -> Result<u8> {
     Ok(if summary.failures.is_empty() { 0 } else { FAILED })
 }
 
-/// Backend of a run: the hardware GPU if there is one, else the CPU path; a software adapter only on request.
-fn platform(args: &Run, scene: &Scene) -> Result<Platform> {
-    let cpu = match args.precision.unwrap_or(Precision::F64) {
+/// Backend of a run: the hardware GPU if there is one, else the CPU path; a software adapter only on request. With `direct` solves, the CPU
+/// path.
+fn platform(backend: Backend, adapter: Option<&str>, precision: Option<Precision>, direct: bool) -> Result<Platform> {
+    let cpu = match precision.unwrap_or(Precision::F64) {
         Precision::F64 => Platform::Cpu64,
         Precision::F32 => Platform::Cpu32,
     };
-    if args.adapter.is_some() && (args.backend == Backend::Cpu || args.precision.is_some()) {
+    if adapter.is_some() && (backend == Backend::Cpu || precision.is_some()) {
         return Err(Refused::AdapterForCpu);
     }
-    let direct = scene.solver.preconditioner == Preconditioner::Direct;
-    if direct && (args.backend == Backend::Gpu || args.adapter.is_some()) {
+    if direct && (backend == Backend::Gpu || adapter.is_some()) {
         return Err(Refused::DirectOnGpu);
     }
-    match args.backend {
+    match backend {
         Backend::Cpu => Ok(cpu),
-        Backend::Gpu if args.precision == Some(Precision::F64) => Err(Refused::DoubleOnGpu),
+        Backend::Gpu if precision == Some(Precision::F64) => Err(Refused::DoubleOnGpu),
         Backend::Gpu => {
-            note_software(args.adapter.as_deref());
-            Ok(Platform::Gpu(args.adapter.clone()))
+            note_software(adapter);
+            Ok(Platform::Gpu(adapter.map(String::from)))
         }
-        Backend::Auto if args.adapter.is_some() => Ok(Platform::Gpu(args.adapter.clone())),
-        Backend::Auto if args.precision.is_some() || direct => Ok(cpu),
+        Backend::Auto if adapter.is_some() => Ok(Platform::Gpu(adapter.map(String::from))),
+        Backend::Auto if precision.is_some() || direct => Ok(cpu),
         Backend::Auto => Ok(inspect::automatic().map_or(cpu, |_| Platform::Gpu(None))),
     }
 }
@@ -175,6 +181,25 @@ fn study_scene(args: &args::Study) -> Result<u8> {
         eprintln!("warning: not run: {line}");
     }
     Ok(0)
+}
+
+fn verify_answers(args: &args::Verify) -> Result<u8> {
+    // a page of the CPU path unless a GPU is asked for: its figures are the same on every machine
+    let backend = args.backend.unwrap_or(if args.adapter.is_some() { Backend::Auto } else { Backend::Cpu });
+    let platform = platform(backend, args.adapter.as_deref(), args.precision, false)?;
+    cutis::runner::take_all_cores()?;
+    let page = verify::verify(&platform, args.quick, &mut |number, all, case| {
+        eprintln!("{}/{all}: {}", number + 1, case.name);
+    })?;
+    if let Some(folder) = &args.out {
+        verify::write(&page, folder)?;
+    }
+    if args.json {
+        print_json(&page.to_json());
+    } else {
+        print!("{}", text::verification(&page, args.out.as_deref()));
+    }
+    Ok(if page.missed().is_empty() { 0 } else { FAILED })
 }
 
 fn inspect_scene(args: &args::Inspect) -> Result<u8> {

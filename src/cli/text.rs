@@ -6,6 +6,7 @@ use cutis::report::compare::Comparison;
 use cutis::report::inspect::{Array, Count, Plan};
 use cutis::report::run::Summary;
 use cutis::report::study::Study;
+use cutis::report::verify::Page;
 use cutis::scene::Scene;
 use cutis::scene::keys::Key;
 use std::fmt::Write as _;
@@ -94,6 +95,7 @@ fn wound(scene: &Scene, r: &Report) -> String {
 pub fn study(s: &Study, out: &Path) -> String {
     let mut text =
         format!("{} settings; errors are of {}, relative to {}\n", s.rows.len(), s.signals.join(", "), s.reference);
+    writeln!(text, "against large strain: {}", s.law).ok();
     if s.left_out > 0 {
         writeln!(text, "left out for want of time: {}", s.left_out).ok();
     }
@@ -101,6 +103,26 @@ pub fn study(s: &Study, out: &Path) -> String {
         writeln!(text, "{line}").ok();
     }
     writeln!(text, "{}: study.csv, study.md, study.svg", super::shown(out)).ok();
+    text
+}
+
+/// Table of known answers, columns aligned, and its sum.
+pub fn verification(page: &Page, out: Option<&Path>) -> String {
+    let head = ["case", "measured", "reference", "source", "ours", "error %", "bound %", "grid", "law", "steps", "s"];
+    let rows: Vec<[String; 11]> =
+        std::iter::once(head.map(String::from)).chain(page.rows.iter().map(|row| row.words())).collect();
+    let width = |k: usize| rows.iter().map(|row| row[k].chars().count()).max().unwrap_or(0);
+    let widths: [usize; 11] = std::array::from_fn(width);
+    let mut text = format!("on: {}\n\n", page.device);
+    for row in &rows {
+        let cells: Vec<String> = row.iter().zip(widths).map(|(cell, width)| format!("{cell:<width$}")).collect();
+        writeln!(text, "{}", cells.join("  ").trim_end()).ok();
+    }
+    let bounded = page.rows.iter().filter(|row| row.bound.is_finite()).count();
+    writeln!(text, "\n{} of {bounded} bounds are met", bounded - page.missed().len()).ok();
+    if let Some(out) = out {
+        writeln!(text, "{}: verification.md, verification.csv, verification.json", super::shown(out)).ok();
+    }
     text
 }
 

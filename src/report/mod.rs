@@ -1,7 +1,7 @@
 //! Results of a run (report, tables, meshes, pictures) and of the other commands.
 //!
 //! [`run`] steps a scene and writes its folder, [`compare`] compares the GPU with the CPU path, [`inspect`] lists what a scene will
-//! allocate without running it. Nothing here prints; the program does.
+//! allocate without running it, [`verify`] runs known answers. Nothing here prints; the program does.
 
 pub mod check;
 mod checkpoint;
@@ -16,6 +16,7 @@ pub mod recording;
 mod refused;
 pub mod run;
 pub mod study;
+pub mod verify;
 
 pub use keys::{CutReport, EnergyReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
 pub use refused::{CheckpointUnfit, Refused, StudyUnfit};

@@ -63,6 +63,15 @@ pub enum Refused {
         unfit: StudyUnfit,
     },
 
+    /// Known answer that is read of a probe which its scene lacks.
+    #[error("{}: no probe is called \"{name}\", which this case reads; name one of the scene's probes", path.display())]
+    UnknownProbe {
+        /// The scene file.
+        path: PathBuf,
+        /// Name of the probe.
+        name: String,
+    },
+
     /// Plot that cannot be drawn.
     #[error("study.svg cannot be drawn ({message}); study.csv has the same numbers")]
     Plot {

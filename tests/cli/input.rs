@@ -106,13 +106,14 @@ fn an_unknown_adapter_is_exit_3() -> Outcome {
 
 fn wrong_usage_is_exit_2() -> Outcome {
     let work = Work::with(PRESS)?;
-    let cases: [(&[&str], &str); 7] = [
+    let cases: [(&[&str], &str); 8] = [
         (&["run", "--backend", "cuda"], "cuda"),
         (&["run", "--steps", "0"], "0"),
         (&["run", "--seconds", "0"], "--seconds"),
         (&["run", "--steps", "1", "--seconds", "1"], "cannot be used with"),
         (&["run", "--tolerance", "2"], "between 0 and 1"),
         (&["run", "scene.toml", "--backend", "gpu", "--precision", "f64"], "computes in f32"),
+        (&["verify", "--adapter", "llvmpipe", "--precision", "f32"], "--adapter names a GPU"),
         (&["run", "scene.toml", "--backend", "cpu", "--adapter", "x"], "leave out --adapter"),
     ];
     for (arguments, word) in cases {

@@ -1,7 +1,7 @@
 //! Tables study.csv and study.md, and the names of settings in them.
 
 use super::settings::element_word;
-use super::{Row, Setting, Stop, Study, plot};
+use super::{KINDS, Row, Setting, Stop, Study, plot};
 use crate::error::Result;
 use crate::output::{Failed, replace};
 use crate::scene::{CORRECTIONS, Correction, INTEGRATORS, Integrator, PRECONDITIONERS, word};
@@ -12,7 +12,7 @@ use std::path::Path;
 const NEEDS: [f64; 5] = [0.2, 0.1, 0.05, 0.02, 0.01];
 
 /// Columns of study.csv.
-const COLUMNS: [&str; 30] = [
+const COLUMNS: [&str; 33] = [
     "scene",
     "element",
     "preconditioner",
@@ -32,8 +32,11 @@ const COLUMNS: [&str; 30] = [
     "error_rounding",
     "error_step",
     "error_total",
+    "error_law",
     "error_displacement",
+    "error_lateral",
     "error_velocity",
+    "error_stress",
     "error_force",
     "ms_per_step",
     "time_ratio",
@@ -108,9 +111,12 @@ fn cells(study: &Study, row: &Row) -> [String; COLUMNS.len()] {
         cell(row.error_rounding),
         cell(row.error_step),
         cell(row.error_total),
-        cell(row.by_unit[0]),
-        cell(row.by_unit[1]),
-        cell(row.by_unit[2]),
+        cell(row.error_law),
+        cell(row.by_kind[0]),
+        cell(row.by_kind[1]),
+        cell(row.by_kind[2]),
+        cell(row.by_kind[3]),
+        cell(row.by_kind[4]),
         format!("{:.4}", row.trace.ms_per_step),
         cell(study.own_ms.map(|own| row.trace.ms_per_step / own)),
         cell(Some(row.real_time())),
@@ -179,20 +185,58 @@ pub(super) fn failed_lines(study: &Study) -> Vec<String> {
     study.failed.iter().map(|(setting, error)| format!("{}: {error}", words(setting))).collect()
 }
 
-/// [`advice`] in lines of text.
+/// [`advice`] in lines of text; where nothing is within the largest error, the setting with the smallest one instead.
 pub(super) fn advice_lines(study: &Study) -> Vec<String> {
-    let one = |(need, row): (f64, Option<&Row>)| match row {
-        Some(row) => {
-            let [ms, error] = [row.trace.ms_per_step, row.error_total.unwrap_or(f64::NAN) * 100.0];
-            format!("within {} %: {}: {ms:.2} ms per step, {error:.2} %", need * 100.0, words(&row.setting))
-        }
-        None => format!("within {} %: none of these", need * 100.0),
+    let line = |row: &Row| {
+        let ms = row.trace.ms_per_step;
+        format!("{}: {ms:.2} ms per step, {} %{}", words(&row.setting), percent(row.error_total), of_law(row))
     };
-    advice(study).map(one).to_vec()
+    let found = advice(study);
+    let within = |(need, row): &(f64, Option<&Row>)| {
+        row.map_or_else(
+            || format!("within {} %: none of these", need * 100.0),
+            |row| format!("within {} %: {}", need * 100.0, line(row)),
+        )
+    };
+    match (found[0].1, nearest(study)) {
+        (None, Some(row)) => {
+            vec![format!("none is within {} %; the nearest is {}; {}", found[0].0 * 100.0, line(row), parts(row))]
+        }
+        _ => found.iter().map(within).collect(),
+    }
 }
 
-const HEAD: &str = "| setting | total % | discretisation % | time step % | solver % | rounding % | iterations | ms per step | × own | × real time | device ms |
-| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
+/// The error against the most complete law, where it is another one.
+fn of_law(row: &Row) -> String {
+    match row.error_law {
+        Some(error) if Some(error) != row.error_total => format!(" ({} % against large strain)", percent(Some(error))),
+        _ => String::new(),
+    }
+}
+
+/// Setting with the smallest total error.
+fn nearest(study: &Study) -> Option<&Row> {
+    let error = |row: &Row| row.error_total.filter(|e| e.is_finite()).unwrap_or(f64::INFINITY);
+    let found = study.rows.iter().min_by(|a, b| error(a).total_cmp(&error(b)));
+    found.filter(|row| error(row).is_finite())
+}
+
+/// What the error of a row is made of, and of which quantities.
+fn parts(row: &Row) -> String {
+    let of = [
+        ("the grid", row.error_discretisation),
+        ("the time step", row.error_step),
+        ("the solver", row.error_solver),
+        ("rounding", row.error_rounding),
+    ];
+    let parts = of.into_iter().filter(|(_, e)| e.is_some()).map(|(name, e)| format!("{name} {} %", percent(e)));
+    let kinds = KINDS.into_iter().zip(row.by_kind).filter(|(_, e)| e.is_some());
+    let kinds = kinds.map(|(name, e)| format!("{name} {} %", percent(e)));
+    format!("by cause: {}; by quantity: {}", parts.collect::<Vec<_>>().join(", "), kinds.collect::<Vec<_>>().join(", "))
+}
+
+const HEAD: &str = "| setting | total % | against large strain % | lateral % | stress % | discretisation % | time step % | solver % | rounding % | iterations | ms per step | × own | × real time | device ms |
+| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |
 ";
 
 fn line(study: &Study, row: &Row) -> String {
@@ -204,9 +248,12 @@ fn line(study: &Study, row: &Row) -> String {
         false => format!(" (stopped at the time limit, step {} of {})", row.trace.steps, row.trace.wanted),
     };
     format!(
-        "| {}{cut} | {} | {} | {} | {} | {} | {:.1} | {ms:.2} | {times} | {:.2} | {device} |\n",
+        "| {}{cut} | {} | {} | {} | {} | {} | {} | {} | {} | {:.1} | {ms:.2} | {times} | {:.2} | {device} |\n",
         words(&row.setting),
         percent(row.error_total),
+        percent(row.error_law),
+        percent(row.by_kind[1]),
+        percent(row.by_kind[3]),
         percent(row.error_discretisation),
         percent(row.error_step),
         percent(row.error_solver),
@@ -220,7 +267,16 @@ fn page(study: &Study) -> String {
     let mut out = format!("# Speed against error: {}\n\n", study.scene);
     let adapter = study.adapter.as_ref().map_or(String::new(), |a| format!("; GPU: {a}"));
     let _ = writeln!(out, "Machine: {}{adapter}.", study.machine);
-    let _ = writeln!(out, "Errors are of {}, relative to {}.", study.signals.join(", "), study.reference);
+    let _ = writeln!(
+        out,
+        "Total errors are of {}, relative to {}: root of the sum of squares over the samples of the run, the largest over the kinds of quantity.",
+        study.signals.join(", "),
+        study.reference
+    );
+    if !study.beside.is_empty() {
+        let _ = writeln!(out, "Lateral displacements and stresses, beside the total: {}.", study.beside.join(", "));
+    }
+    let _ = writeln!(out, "Errors against large strain are total ones against: {}.", study.law);
     if let Some(own) = study.own_ms {
         let _ = writeln!(out, "Times are medians; × own is the ratio to the first of all settings, {own:.2} ms.");
     }
@@ -235,8 +291,12 @@ fn page(study: &Study) -> String {
     for (need, row) in advice(study) {
         match row {
             Some(row) => out += &format!("| {} % {}", need * 100.0, line(study, row)),
-            None => out += &format!("| {} % | none of these {}|\n", need * 100.0, "| – ".repeat(10)),
+            None => out += &format!("| {} % | none of these {}|\n", need * 100.0, "| – ".repeat(13)),
         }
+    }
+    if let (None, Some(row)) = (advice(study)[0].1, nearest(study)) {
+        let _ =
+            writeln!(out, "\nThe nearest is {}: {} %, {}.", words(&row.setting), percent(row.error_total), parts(row));
     }
     out += "\n## Nothing is both faster and nearer\n\n";
     out += HEAD;

@@ -1,7 +1,8 @@
 //! Speed against error: runs a scene in many settings and measures the cost and the error of each.
 //!
-//! Errors are relative, of the probes and the forces on tools over the whole run (of their final values where the scene states known ones),
-//! and separated by runs that differ in one thing only:
+//! Errors are relative, of the probes and the forces on tools over the whole run (of their final values where the scene states known ones):
+//! the root of the sum of squares over all samples of one kind of quantity, the largest over the kinds. Displacements and stresses of points
+//! that `[study] probes` does not name are measured beside the total. Errors are separated by runs that differ in one thing only:
 //!
 //! | error | between |
 //! |---|---|
@@ -10,6 +11,7 @@
 //! | solver | this solver and contact correction in f64, and solved exactly |
 //! | rounding | this precision and f64, all else equal |
 //! | total | this run and the reference |
+//! | law | this run and the reference by the most complete law: large strain, where the scene's law is one of small strain |
 //!
 //! The reference is the finest grid at the shortest step, solved exactly (a sparse factor, or conjugate gradients to 10⁻⁹), or the known
 //! values. Times are medians over the steps of a run, of the fastest of repeated runs; each is also stated as a ratio to the first setting,
@@ -21,8 +23,8 @@ mod runs;
 mod settings;
 mod trace;
 
-pub use settings::{Setting, Stop};
-pub use trace::{Signal, Trace};
+pub use settings::{Setting, Stop, element_word, grid_words};
+pub use trace::{KINDS, Signal, Trace};
 
 use super::StudyUnfit as Unfit;
 use crate::error::Result;
@@ -30,10 +32,10 @@ use crate::gpu::{Gpu, adapters};
 use crate::scene::Scene;
 use crate::step::Platform;
 use runs::{Runs, at_shortest};
-use settings::{Axes, exact, own, quick, scene_of};
+use settings::{Axes, exact, most_complete, own, quick, scene_of};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
-use trace::{UNITS, apart, apart_in, signals};
+use trace::{apart, apart_in, signals};
 
 /// A quick study stops each run after this time,
 const QUICK_RUN: Duration = Duration::from_secs(12);
@@ -78,8 +80,10 @@ pub struct Row {
     pub error_step: Option<f64>,
     /// Error of this run against the reference.
     pub error_total: Option<f64>,
-    /// Total error by unit: displacements, velocities, forces; the largest is the total.
-    pub by_unit: [Option<f64>; UNITS.len()],
+    /// Error of this run against the reference by the most complete law; none where there is no such law or its run failed.
+    pub error_law: Option<f64>,
+    /// Error of this run against the reference by kind ([`KINDS`]).
+    pub by_kind: [Option<f64>; KINDS.len()],
     /// On the Pareto front: no other run takes less time for the scene and has a smaller error.
     pub pareto: bool,
 }
@@ -102,8 +106,12 @@ pub struct Study {
     pub adapter: Option<String>,
     /// Description of the reference.
     pub reference: String,
-    /// Quantities that errors are of.
+    /// The law that errors of the law are against, or why there are none.
+    pub law: String,
+    /// Quantities that total errors are of.
     pub signals: Vec<String>,
+    /// Quantities that are measured beside them.
+    pub beside: Vec<String>,
     /// Poisson's ratios of the layers, without duplicates.
     pub poisson: Vec<f64>,
     /// Rows, in the order run.
@@ -178,7 +186,10 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
     // all runs that the rows need, each once, and the repetitions; their costs weigh the progress
     let settings = variants.iter().flat_map(|s| runs.needed(s));
     let mut wanted: Vec<(Setting, bool)> = vec![];
-    for run in settings.chain((!known).then(|| (reference.clone(), true))) {
+    let complete = most_complete(scene).map(|law| Setting { law, ..reference.clone() });
+    let by_law = complete.iter().filter(|complete| known || **complete != reference).cloned();
+    let references = (!known).then(|| reference.clone()).into_iter().chain(by_law).map(|setting| (setting, true));
+    for run in settings.chain(references) {
         if !wanted.contains(&run) {
             scene_of(scene, &run.0, duration, run.1)?; // refused before the first run
             wanted.push(run);
@@ -193,12 +204,22 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         true => vec![scene.study.known.iter().map(|(_, value)| *value).collect()],
         false => runs.whole(&reference, "the reference")?.samples,
     };
+    // the same by the most complete law; without it there are no errors of the law
+    let (law, by_law) = match &complete {
+        None => ("none: no law of large strain takes the constants of this body".into(), None),
+        Some(setting) => match runs.whole(setting, "the reference by the most complete law") {
+            Ok(trace) => (described_run(scene, setting), Some(trace.samples)),
+            Err(error) => (format!("none: {error}"), None),
+        },
+    };
     let mut study = Study {
         scene: scene.file.display().to_string(),
         machine: machine(),
         adapter: options.gpu.as_ref().and_then(adapter),
         reference: described(scene, &reference),
-        signals: runs.signals.iter().map(|s| named(scene, *s)).collect(),
+        law,
+        signals: named(scene, &runs.signals, true),
+        beside: named(scene, &runs.signals, false),
         poisson: poisson(scene),
         rows: vec![],
         failed: vec![],
@@ -212,7 +233,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
             study.left_out += 1;
             continue;
         }
-        match row(&mut runs, setting, &course) {
+        match row(&mut runs, setting, &course, by_law.as_deref()) {
             Ok(row) => study.rows.push(row),
             Err(error) => study.failed.push((setting.clone(), error.to_string())),
         }
@@ -254,20 +275,21 @@ impl Study {
 }
 
 /// Runs a setting, and the runs that its errors refer to.
-fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>]) -> Result<Row> {
+fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>], by_law: Option<&[Vec<f64>]>) -> Result<Row> {
     let [own, twin, exactly, shortest] = runs.needed(setting).map(|(setting, exactly)| runs.get(&setting, exactly));
     let (own, twin, exactly, shortest) = (own?, twin?, exactly?, shortest?);
     let signals = &runs.signals;
     let error = |a: &Trace, b: &Trace| (a.whole() && b.whole()).then(|| apart(&a.samples, &b.samples, course, signals));
-    let against = |a: &Trace| a.whole().then(|| apart(&a.samples, course, course, signals));
+    let from = |a: &Trace, course: &[Vec<f64>]| a.whole().then(|| apart(&a.samples, course, course, signals));
     Ok(Row {
         setting: setting.clone(),
-        error_discretisation: against(&shortest),
+        error_discretisation: from(&shortest, course),
         error_solver: error(&twin, &exactly),
         error_rounding: error(&own, &twin),
         error_step: error(&exactly, &shortest),
-        error_total: against(&own),
-        by_unit: UNITS.map(|unit| own.whole().then(|| apart_in(unit, &own.samples, course, course, signals)).flatten()),
+        error_total: from(&own, course),
+        error_law: by_law.and_then(|course| from(&own, course)),
+        by_kind: KINDS.map(|kind| own.whole().then(|| apart_in(kind, &own.samples, course, course, signals)).flatten()),
         pareto: false,
         trace: own,
     })
@@ -295,11 +317,13 @@ fn mark_front(rows: &mut [Row]) {
     }
 }
 
-fn named(scene: &Scene, signal: Signal) -> String {
-    match signal {
-        Signal::Probe(probe, _) => scene.probes[probe].name.clone(),
-        Signal::Force => "force on the tools".into(),
-    }
+/// Names of the signals that are counted, or of those beside them.
+fn named(scene: &Scene, signals: &[Signal], counted: bool) -> Vec<String> {
+    let name = |signal: &Signal| match signal.probe {
+        Some(probe) => scene.probes[probe].name.clone(),
+        None => "force on the tools".into(),
+    };
+    signals.iter().filter(|signal| signal.counted == counted).map(name).collect()
 }
 
 fn described(scene: &Scene, reference: &Setting) -> String {
@@ -308,9 +332,14 @@ fn described(scene: &Scene, reference: &Setting) -> String {
         let values = known.iter().map(|(probe, value)| format!("{} = {value}", scene.probes[*probe].name));
         return format!("known values at the end: {}", values.collect::<Vec<_>>().join(", "));
     }
+    described_run(scene, reference)
+}
+
+fn described_run(scene: &Scene, reference: &Setting) -> String {
     let how = if reference.stop == Stop::Exact { "a sparse factor" } else { "conjugate gradients to 1e-9" };
-    let (grid, step) = (reference.refinement, reference.step * 1e3);
-    format!("{grid} times the scene's cells along each axis, steps of {step} ms, {how}, f64")
+    let (law, grid, step) = (element_word(reference.law), reference.refinement, reference.step * 1e3);
+    let cells = settings::on_grid(scene, grid).map(|scene| format!(" ({})", grid_words(&scene))).unwrap_or_default();
+    format!("{law} on {grid} times the scene's cells along each axis{cells}, steps of {step} ms, {how}, f64")
 }
 
 fn poisson(scene: &Scene) -> Vec<f64> {
@@ -351,7 +380,8 @@ mod tests {
             error_rounding: None,
             error_step: None,
             error_total: error,
-            by_unit: [None; UNITS.len()],
+            error_law: None,
+            by_kind: [None; KINDS.len()],
             pareto: false,
         }
     }

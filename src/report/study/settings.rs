@@ -4,7 +4,8 @@ use super::super::StudyUnfit as Unfit;
 use crate::error::Result;
 use crate::mesh::Grid;
 use crate::scene::{
-    Correction, Cut, ELEMENTS, Integrator, Law, MATERIALS, MOST_NODES, Preconditioner, Region, Scene, Skin, word,
+    Correction, Cut, ELEMENTS, Integrator, Law, MATERIALS, MOST_NODES, Mass, Material, Preconditioner, Region, Scene,
+    Skin, word,
 };
 use crate::step::Platform;
 
@@ -54,6 +55,28 @@ pub fn element_word(law: Law) -> &'static str {
         Law::Hyperelastic(material) => word(&MATERIALS, material),
         Law::Springs { .. } => "springs",
     }
+}
+
+/// Cells of the grids, `20 × 20 × 5`; of several bodies with `+` in between; `rigid` without a deformable one.
+pub fn grid_words(scene: &Scene) -> String {
+    let of = |skin: &Skin| {
+        let levels: u32 = skin.layers.iter().map(|layer| layer.cells).sum();
+        format!("{} × {} × {levels}", skin.cells[0], skin.cells[1])
+    };
+    let all: Vec<String> = scene.skins.iter().map(of).collect();
+    if all.is_empty() { "rigid".into() } else { all.join(" + ") }
+}
+
+/// The most complete law that the constants of a scene's layers suffice for: large strain. None for springs, which no other law can take the
+/// constants of, and with a consistent mass, which hyperelastic bodies do not have.
+pub fn most_complete(scene: &Scene) -> Option<Law> {
+    let complete = |skin: &Skin| match skin.law {
+        Law::Hyperelastic(_) => Some(skin.law),
+        Law::Fem { .. } => (skin.mass != Mass::Consistent).then_some(Law::Hyperelastic(Material::NeoHookean)),
+        Law::Springs { .. } => None,
+    };
+    let first = complete(scene.skins.first()?)?;
+    scene.skins.iter().all(|skin| complete(skin) == Some(first)).then_some(first)
 }
 
 /// The scene's own setting on the CPU path in f64.
@@ -255,6 +278,12 @@ pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) 
         Stop::Tolerance(tolerance) => out.solver.tolerance = tolerance,
         Stop::Iterations(most) => (out.solver.tolerance, out.solver.max_iterations) = (EXACT, most),
         Stop::Exact => out.solver.tolerance = EXACT,
+    }
+    // an exact step of large strain is one in balance, where nothing may touch
+    let large = out.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
+    let implicit = out.time.integrator == Integrator::ImplicitEuler;
+    if exactly && large && implicit && out.contact.is_none() {
+        (out.solver.newton, out.solver.refinements) = (true, 0);
     }
     if let (Some(contact), Some(correction)) = (&mut out.contact, setting.correction) {
         contact.correction = correction;

@@ -1,7 +1,7 @@
 //! One run of a study: probe values at common times, and the cost of a step.
 
 use crate::error::Result;
-use crate::scene::Scene;
+use crate::scene::{ProbeKind, Scene};
 use crate::step::{Platform, Simulation};
 use std::time::{Duration, Instant};
 
@@ -10,35 +10,55 @@ const TIMED: u32 = 4;
 
 /// Quantity that errors are taken of.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Signal {
-    /// Probe by number, with its unit.
-    Probe(usize, &'static str),
-    /// Largest force on a tool, N.
-    Force,
+pub struct Signal {
+    /// Probe by number; none for the largest force on a tool, N.
+    pub probe: Option<usize>,
+    /// Kind of quantity, one of [`KINDS`] or the unit of another one: errors are relative to the size of all signals of a kind.
+    pub kind: &'static str,
+    /// It is part of the total error; others are measured beside it.
+    pub counted: bool,
 }
 
-impl Signal {
-    fn unit(self) -> &'static str {
-        match self {
-            Self::Probe(_, unit) => unit,
-            Self::Force => "n",
-        }
+/// Kinds with an error of their own in a study's table: displacements along z and positions, m; displacements across, m; velocities, m/s;
+/// stresses and pressures, Pa; forces, N.
+pub const KINDS: [&str; 5] = ["displacement", "lateral", "velocity", "stress", "force"];
+
+/// Kind of a probe.
+fn kind(probe: &ProbeKind) -> &'static str {
+    match probe {
+        ProbeKind::Displacement { axis, .. } | ProbeKind::MeanDisplacement { axis, .. } if *axis != 2 => "lateral",
+        _ => match probe.unit() {
+            "m" => "displacement",
+            "m_s" => "velocity",
+            "pa" => "stress",
+            "n" => "force",
+            unit => unit,
+        },
     }
 }
 
-/// Quantities of a scene: the named probes or all of them, and the forces on tools; with known values their probes only.
+/// Quantities of a scene. Counted: the named probes or all of them, and the forces on tools. Beside them: displacements and stresses of other
+/// points. With known values: their probes only.
 pub fn signals(scene: &Scene) -> Vec<Signal> {
-    let unit = |probe: usize| Signal::Probe(probe, scene.probes[probe].kind.unit());
-    if !scene.study.known.is_empty() {
-        return scene.study.known.iter().map(|(probe, _)| unit(*probe)).collect();
+    let (study, probes) = (&scene.study, &scene.probes);
+    let of = |probe: usize, counted| Signal { probe: Some(probe), kind: kind(&probes[probe].kind), counted };
+    if !study.known.is_empty() {
+        return study.known.iter().map(|(probe, _)| of(*probe, true)).collect();
     }
-    let mut out: Vec<Signal> = match scene.study.probes.is_empty() {
-        true => (0..scene.probes.len()).map(unit).collect(),
-        false => scene.study.probes.iter().map(|probe| unit(*probe)).collect(),
-    };
+    if study.probes.is_empty() && probes.is_empty() && scene.tools.is_empty() {
+        return vec![];
+    }
+    let all: Vec<usize> = (0..probes.len()).collect();
+    let counted = if study.probes.is_empty() { &all } else { &study.probes };
+    let mut out: Vec<Signal> = counted.iter().map(|probe| of(*probe, true)).collect();
     if !scene.tools.is_empty() {
-        out.push(Signal::Force);
+        out.push(Signal { probe: None, kind: "force", counted: true });
     }
+    let point = |probe: &usize| {
+        matches!(probes[*probe].kind, ProbeKind::Displacement { .. } | ProbeKind::Stress { .. })
+            && !counted.contains(probe)
+    };
+    out.extend(all.iter().filter(|probe| point(probe)).map(|probe| of(*probe, false)));
     out
 }
 
@@ -107,9 +127,9 @@ pub fn trace(
         trace.steps = number;
         // samples at the common times
         if number % sampled == 0 {
-            let value = |signal: &Signal| match signal {
-                Signal::Probe(probe, _) => step.probes[*probe],
-                Signal::Force => step.contact.largest_on_tools(),
+            let value = |signal: &Signal| match signal.probe {
+                Some(probe) => step.probes[probe],
+                None => step.contact.largest_on_tools(),
             };
             trace.samples.push(signals.iter().map(value).collect());
         }
@@ -130,22 +150,30 @@ fn median(values: &mut [f64]) -> Option<f64> {
     values.get(values.len() / 2).copied()
 }
 
-/// Distance of two runs relative to a reference: root of the sum of squares over all samples of the signals of one unit, the largest over
-/// the units. Infinite if a run is not finite or the reference is zero.
+/// Distance of two runs relative to a reference: root of the sum of squares over all samples of the counted signals of one kind, the largest
+/// over the kinds. Infinite if a run is not finite or the reference is zero.
 pub fn apart(a: &[Vec<f64>], b: &[Vec<f64>], reference: &[Vec<f64>], signals: &[Signal]) -> f64 {
-    let mut units: Vec<&str> = signals.iter().map(|signal| signal.unit()).collect();
-    units.sort_unstable();
-    units.dedup();
-    let errors = units.into_iter().filter_map(|unit| apart_in(unit, a, b, reference, signals));
-    errors.fold(0.0, |worst, error| if error > worst { error } else { worst })
+    let mut kinds: Vec<&str> = signals.iter().filter(|signal| signal.counted).map(|signal| signal.kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    let of = |kind| relative(a, b, reference, &|k| signals[k].counted && signals[k].kind == kind, signals.len());
+    kinds.into_iter().filter_map(of).fold(0.0, |worst, error| if error > worst { error } else { worst })
 }
 
-/// Units with an error of their own in a study's table.
-pub const UNITS: [&str; 3] = ["m", "m_s", "n"];
+/// The same for all signals of one kind, counted or not; none without such a signal.
+pub fn apart_in(kind: &str, a: &[Vec<f64>], b: &[Vec<f64>], reference: &[Vec<f64>], signals: &[Signal]) -> Option<f64> {
+    relative(a, b, reference, &|k| signals[k].kind == kind, signals.len())
+}
 
-/// The same for the signals of one unit; none without such a signal.
-pub fn apart_in(unit: &str, a: &[Vec<f64>], b: &[Vec<f64>], reference: &[Vec<f64>], signals: &[Signal]) -> Option<f64> {
-    let own: Vec<usize> = (0..signals.len()).filter(|k| signals[*k].unit() == unit).collect();
+/// The same for some of the signals.
+fn relative(
+    a: &[Vec<f64>],
+    b: &[Vec<f64>],
+    reference: &[Vec<f64>],
+    wanted: &dyn Fn(usize) -> bool,
+    count: usize,
+) -> Option<f64> {
+    let own: Vec<usize> = (0..count).filter(|k| wanted(*k)).collect();
     if own.is_empty() {
         return None;
     }
@@ -167,16 +195,24 @@ mod tests {
 
     #[test]
     fn the_worst_unit_counts_and_what_is_no_number_is_infinitely_wrong() {
-        let signals = [Signal::Probe(0, "m"), Signal::Probe(1, "m"), Signal::Force];
+        let of = |probe, kind, counted| Signal { probe, kind, counted };
+        let signals = [of(Some(0), "displacement", true), of(Some(1), "displacement", true), of(None, "force", true)];
         let reference = [vec![3e-3, 4e-3, 1.0], vec![0.0, 0.0, 1.0]];
         let near = [vec![3e-3, 4.5e-3, 1.0], vec![0.0, 0.0, 1.2]];
         let error = apart(&near, &reference, &reference, &signals);
         assert!((error - 0.2 / 2f64.sqrt()).abs() < 1e-12, "{error}");
         let displaced = apart(&near, &reference, &reference, &signals[..2]);
         assert!((displaced - 0.1).abs() < 1e-12, "{displaced}");
-        let stress = [Signal::Probe(0, "m"), Signal::Probe(1, "m"), Signal::Probe(2, "pa")];
-        let error = apart(&near, &reference, &reference, &stress);
-        assert!((error - 0.2 / 2f64.sqrt()).abs() < 1e-12, "a unit without a column counts as well: {error}");
+        let [first, second] = [signals[0], signals[1]];
+        let other = [first, second, of(Some(2), "ratio", true)];
+        let error = apart(&near, &reference, &reference, &other);
+        assert!((error - 0.2 / 2f64.sqrt()).abs() < 1e-12, "a kind without a column counts as well: {error}");
+        // what is beside the total has its own column
+        let beside = [first, second, of(Some(2), "stress", false)];
+        assert!((apart(&near, &reference, &reference, &beside) - 0.1).abs() < 1e-12);
+        let stress = apart_in("stress", &near, &reference, &reference, &beside).expect("there is one");
+        assert!((stress - 0.2 / 2f64.sqrt()).abs() < 1e-12, "{stress}");
+        assert_eq!(apart_in("lateral", &near, &reference, &reference, &beside), None);
         let non_finite = [vec![f64::NAN, 0.0, 0.0], vec![0.0; 3]];
         assert_eq!(apart(&non_finite, &reference, &reference, &signals), f64::INFINITY);
         assert_eq!(apart(&reference, &reference, &reference, &signals), 0.0);
