@@ -17,5 +17,8 @@ mod refused;
 pub mod run;
 pub mod study;
 
-pub use keys::{CutReport, EnergyReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
+pub use keys::{
+    CutReport, DissipationReport, EnergyReport, Extremes, HapticReport, Memory, Passes, Periods, Report, SolverReport,
+    Spread, WorkReport,
+};
 pub use refused::{CheckpointUnfit, Refused, StudyUnfit};
