@@ -1,18 +1,33 @@
 //! Energy of runs: work and dissipation against known answers, growth that nothing explains, strain beyond the law, energy.csv.
 
-mod forms;
 mod small;
 
 use cutis::report::{EnergyReport, Report};
 use cutis::scene::Integrator::{self, ImplicitEuler, Newmark, SymplecticEuler};
 use cutis::scene::{Element, Law, Load, Material, Preconditioner, Region, Scene, Start};
 use cutis::step::{Measured, Platform, Simulation};
-use forms::{folder, report_of, scene};
 use small::{block, held};
+use std::path::Path;
 
 const COROTATIONAL: Law = Law::Fem { element: Element::Bbar, corotational: true };
 const LINEAR: Law = Law::Fem { element: Element::Bbar, corotational: false };
 const NEO_HOOKEAN: Law = Law::Hyperelastic(Material::NeoHookean);
+
+/// A scene of the repository.
+fn scene(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    cutis::scene::read(&path).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Report and energy.csv of a run into a folder of its own.
+fn run(name: &str, scene: &Scene, platform: &Platform) -> (Report, String) {
+    let out = std::env::temp_dir().join(format!("cutis-energy-{}-{name}", std::process::id()));
+    let options = cutis::report::run::Options::new(platform.clone(), &out);
+    let report = cutis::report::run::run(scene, &options, &mut |_| {}).expect("it runs").report;
+    let table = std::fs::read_to_string(out.join("energy.csv")).expect("it is written by default");
+    std::fs::remove_dir_all(&out).expect("the folder is this test's");
+    (report, table)
+}
 
 /// Measures of a run whose steps are all checked, one per step and one at the end.
 fn measures(scene: &Scene, platform: &Platform) -> Vec<Measured> {
@@ -104,7 +119,7 @@ fn a_load_does_its_force_times_the_way() {
     // by hand: Σ f·Δu while the load acts
     let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene is valid");
     let load = simulation.bodies[0].model.load_at(&scene.loads, 6e-3);
-    let mut way = |simulation: &mut Simulation| -> f64 {
+    let way = |simulation: &mut Simulation| -> f64 {
         let u = simulation.snapshots().expect("the CPU path has no device to fail").remove(0).u;
         load.iter().zip(&u).map(|(f, u)| (0..3).map(|n| f[n] * u[n]).sum::<f64>()).sum()
     };
@@ -140,12 +155,12 @@ fn damping_takes_what_is_missing() {
         let bound = if law == LINEAR { 1e-6 } else { 1e-2 }; // springs turn a little: measured 3e-3
         assert!((damping / lost - 1.0).abs() < bound, "{law:?}: {damping:e}, missing {lost:e}");
         // not known where steps are not checked
-        let report = report_of("damped", &scene, &Platform::Cpu64).expect("it runs");
+        let report = run("damped", &scene, &Platform::Cpu64).0;
         let EnergyReport { dissipated, .. } = report.energy_j;
         assert!(dissipated.damping.is_none() && dissipated.numerical.is_some_and(|n| (n / lost - 1.0).abs() < 1e-6));
     }
     // nothing to damp: known whatever is checked
-    let report = report_of("undamped", &pressed(ImplicitEuler, 0.0), &Platform::Cpu64).expect("it runs");
+    let report = run("undamped", &pressed(ImplicitEuler, 0.0), &Platform::Cpu64).0;
     assert_eq!(report.energy_j.dissipated.damping, Some(0.0));
     assert!(report.energy_j.dissipated.numerical.is_some_and(|n| n > 0.0), "implicit Euler dissipates");
 }
@@ -153,8 +168,8 @@ fn damping_takes_what_is_missing() {
 #[test]
 fn friction_takes_the_weight_times_the_way() {
     // the box of 100 g slides down by 1.178 m/s · 0.5 s · ½ (and a half step), pressed on with 0.85 N, μ 0.3
-    let scene = scene(&folder().join("verify/incline_slide.toml"));
-    let report = report_of("slide", &scene, &Platform::Cpu64).expect("it runs");
+    let scene = scene("verify/incline_slide.toml");
+    let report = run("slide", &scene, &Platform::Cpu64).0;
     let EnergyReport { start, end, work_in, dissipated, potential, kinetic, .. } = report.energy_j;
     let [start, end] = [start, end].map(|e| e.expect("a free rigid body has energy"));
     let [before, after] = [potential.start, potential.end].map(|e| e.expect("it has weight"));
@@ -173,7 +188,7 @@ fn friction_takes_the_weight_times_the_way() {
 
 #[test]
 fn a_hand_does_its_force_times_the_way() {
-    let scene = scene(&folder().join("verify/sphere_press_neo_hookean.toml")).in_test_form();
+    let scene = scene("verify/sphere_press_neo_hookean.toml").in_test_form();
     let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene is valid");
     let mut by_hand = 0.0;
     let mut before = simulation.tools[0].position;
@@ -197,11 +212,7 @@ fn a_hand_does_its_force_times_the_way() {
 fn the_table_of_energies_has_whole_lines_and_adds_up() {
     let mut scene = pressed(Newmark, 0.0);
     scene.solver.true_residual_every = 8;
-    let out = std::env::temp_dir().join(format!("cutis-energy-{}", std::process::id()));
-    let options = cutis::report::run::Options::new(Platform::Cpu64, &out);
-    let report: Report = cutis::report::run::run(&scene, &options, &mut |_| {}).expect("it runs").report;
-    let text = std::fs::read_to_string(out.join("energy.csv")).expect("it is written by default");
-    std::fs::remove_dir_all(&out).expect("the folder is this test's");
+    let (report, text) = run("table", &scene, &Platform::Cpu64);
     let mut lines = text.lines();
     let names: Vec<&str> = lines.next().expect("a line of names").split(',').collect();
     let number = |text: &str| text.parse::<f64>().unwrap_or_else(|_| panic!("{text:?} is no number"));
@@ -220,20 +231,20 @@ fn the_table_of_energies_has_whole_lines_and_adds_up() {
 
 #[test]
 fn strain_beyond_the_law_is_counted_and_large_strain_is_not() {
-    let run = |law: Law, pressure: f64, platform: &Platform| {
+    let beyond = |law: Law, pressure: f64, platform: &Platform| {
         let mut scene = pressed(ImplicitEuler, 1.0);
         (scene.loads[0].pressure, scene.skins[0].law) = (pressure, law);
         (scene.solver.tolerance, scene.solver.true_residual_every) = (1e-5, 4);
-        let report = report_of("strained", &scene, platform).expect("it runs");
+        let report = run("strained", &scene, platform).0;
         report.warnings.get("strain_beyond_law").copied().unwrap_or_default()
     };
     for platform in [Platform::Cpu64, Platform::Cpu32] {
         for law in [LINEAR, COROTATIONAL] {
-            assert!(run(law, 20e3, &platform) > 0, "{law:?}: half of the modulus");
-            assert_eq!(run(law, 200.0, &platform), 0, "{law:?}: counter-test, 1 % of strain");
+            assert!(beyond(law, 20e3, &platform) > 0, "{law:?}: half of the modulus");
+            assert_eq!(beyond(law, 200.0, &platform), 0, "{law:?}: counter-test, 1 % of strain");
         }
         for law in [NEO_HOOKEAN, Law::Hyperelastic(Material::MooneyRivlin)] {
-            assert_eq!(run(law, 20e3, &platform), 0, "{law:?} is for large strain");
+            assert_eq!(beyond(law, 20e3, &platform), 0, "{law:?} is for large strain");
         }
     }
 }

@@ -115,6 +115,16 @@ impl Measured {
         sum
     }
 
+    /// Trouble by name.
+    pub fn warnings(&self) -> [(&'static str, u32); 4] {
+        [
+            ("inverted_cells", self.inverted),
+            ("strain_beyond_law", self.beyond_law),
+            ("non_finite_energy", u32::from(!self.energy.total().is_finite())),
+            ("energy_grew", u32::from(self.grew)),
+        ]
+    }
+
     /// Energy that has come from nothing since a measure before, J: the rise beyond the work less what contacts have dissipated.
     pub fn unexplained(&self, before: &Self) -> f64 {
         let work = self.booked.work() - before.booked.work();
@@ -208,10 +218,10 @@ impl Simulation {
         }
     }
 
-    /// Books the damping of a step: `damped` of the checked bodies, J, or nothing known.
+    /// Books the damping of a step: `damped` of the checked bodies, J, or nothing known. That of explicit steps is not at the mean velocity.
     pub(super) fn book_damping(&mut self, damped: Option<f64>) {
         let damps = |body: &Body| body.model.damps();
-        match damped {
+        match damped.filter(|_| self.scene.time.integrator != Integrator::SymplecticEuler) {
             _ if !self.bodies.iter().any(damps) => {}
             Some(energy) => self.booked.damping += energy,
             None => self.booked.undamped_steps += 1,
@@ -271,17 +281,5 @@ impl Simulation {
         let bodies = self.bodies.iter().zip(states).map(|(body, state)| (body, state, load(body)));
         let measured = Measured::of(self.time, bodies, &self.tools, booked);
         Some(self.compared(measured))
-    }
-}
-
-impl Measured {
-    /// Trouble by name.
-    pub fn warnings(&self) -> [(&'static str, u32); 4] {
-        [
-            ("inverted_cells", self.inverted),
-            ("strain_beyond_law", self.beyond_law),
-            ("non_finite_energy", u32::from(!self.energy.total().is_finite())),
-            ("energy_grew", u32::from(self.grew)),
-        ]
     }
 }
