@@ -239,7 +239,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
                 "1 kernel anchors",
             ],
         ),
-        ("loads", changed(&bare(), |s| s.loads.push(load)), bare(), &[]),
+        ("loads", changed(&bare(), |s| s.loads.push(load)), bare(), &["1 wait loads per step in which a load changes"]),
         (
             "multigrid",
             changed(&bare(), |s| s.solver.preconditioner = Preconditioner::Multigrid),

@@ -13,6 +13,11 @@ use crate::linear::Outcome;
 
 /// Maximum Newton iterations of a step; 3 to 10 are usual, a bar that buckles by half its length takes 46.
 const MAX_ITERATIONS: u32 = 100;
+/// Multiple of the rounding of a step's load below which a residual may be rounding alone; it is where [`STALLED`] iterations running do not
+/// halve it. A tolerance below what the precision can do would take all iterations in each step.
+const ROUNDED: f64 = 1e3;
+/// See [`ROUNDED`].
+const STALLED: u32 = 3;
 /// Largest forcing term: fraction of the residual that an inner solve may leave. Smaller costs inner, larger costs outer iterations.
 const FORCING: f64 = 0.1;
 /// Armijo's fraction of the predicted decrease.
@@ -84,6 +89,8 @@ pub(super) trait Descent {
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)>;
     /// Norm of the step's load, N; known after the first trial point.
     fn load(&self) -> f64;
+    /// Relative rounding of its numbers.
+    fn rounding(&self) -> f64;
     /// Error that names the cell inverted at the start of the step.
     fn inverted_at_start(&self) -> Error;
 }
@@ -97,8 +104,9 @@ pub(super) fn newton(body: &mut impl Descent, tolerance: f64, floor: f64) -> Res
     body.accept();
     let target = (tolerance * body.load()).max(floor);
     let first = current.residual_norm;
-    let (mut iterations, mut newton_iterations, mut shift) = (0, 0, FIRST_SHIFT);
-    while current.residual_norm > target && newton_iterations < MAX_ITERATIONS {
+    let rounded = ROUNDED * body.rounding() * body.load();
+    let (mut iterations, mut newton_iterations, mut shift, mut stalled) = (0, 0, FIRST_SHIFT, 0);
+    while current.residual_norm > target && newton_iterations < MAX_ITERATIONS && stalled < STALLED {
         newton_iterations += 1;
         let residual = (FORCING * current.residual_norm * (current.residual_norm / first).min(1.0)).max(0.1 * target);
         let (inner, added) = body.direction(residual, shift)?;
@@ -108,6 +116,8 @@ pub(super) fn newton(body: &mut impl Descent, tolerance: f64, floor: f64) -> Res
             break; // only rounding error is left
         };
         body.accept();
+        let stalls = next.residual_norm <= rounded && next.residual_norm > 0.5 * current.residual_norm;
+        stalled = if stalls { stalled + 1 } else { 0 };
         current = next;
     }
     Ok((

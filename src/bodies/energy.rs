@@ -1,16 +1,17 @@
 //! Diagnostics of a body's state, in f64 on the CPU: energy, inverted cells, and the true residual of a step solved by any backend.
 //!
 //! `E = ½ vᵀMv + E_elastic(u) − Σ m g·u − Σ f·u` over nodes, with the dead loads `f` that act now: 0 for a body at rest in its rest shape
-//! without pre-strain. With constant loads and boundary conditions and no contact, implicit Euler dissipates `E`. A load that begins or
-//! ends changes it by `f·u`. The potentials of contacts, bilateral constraints and moving boundaries are not included. The elastic force
-//! `R K d` omits the derivative of the rotations with respect to `u`, so it is the gradient of `E_elastic` for small strains only (Müller,
-//! Gross 2004). At large strains a body may gain or lose a fraction of `E` of the order of its strain.
+//! without pre-strain. With constant loads and boundary conditions and no contact, implicit Euler dissipates `E`. A load that begins,
+//! changes or ends changes it by `−Δf·u`, which [`crate::step`] books as work, with that of contacts. The elastic force `R K d` omits the
+//! derivative of the rotations with respect to `u`, so it is the gradient of `E_elastic` where the strain of a cell is uniform, and
+//! otherwise for small strains only (Müller, Gross 2004).
 
-use super::{Model, rate};
+use super::{Model, Wound, rate};
 use crate::kernels::rotations::mean_gradient;
 use crate::kernels::{ahead, anchors, momentum, rhs};
-use crate::math::{V3, V4, norm};
-use crate::scene::Mass;
+use crate::math::{M3, V3, V4, norm};
+use crate::scene::{Integrator, Mass};
+use serde::{Deserialize, Serialize};
 
 /// State of a body as its backend holds it, for checks and output, in f64.
 #[derive(Clone, Debug, Default)]
@@ -59,18 +60,82 @@ pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split:
     anchored + mechanics.energy(model, u, rotation, split, law)
 }
 
-/// Total energy of a state, J, under dead loads, `[node]` N.
-pub fn energy(model: &Model, state: &Snapshot, load: &[V4<f64>]) -> f64 {
+/// Energy of bodies, J.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Energy {
+    /// ½ vᵀMv; of rigid bodies with the rotation.
+    pub kinetic: f64,
+    /// Of cells or springs, and of rest-shape springs.
+    pub elastic: f64,
+    /// Of gravity and dead loads: 0 at rest positions, of rigid bodies at the origin.
+    pub potential: f64,
+    /// Sum of the magnitudes of the potential's terms: what rounding is relative to.
+    pub weight: f64,
+}
+
+impl Energy {
+    /// Kinetic, elastic and potential energy, J.
+    pub fn total(&self) -> f64 {
+        self.kinetic + self.elastic + self.potential
+    }
+
+    /// Sum.
+    #[must_use]
+    pub fn and(self, other: Self) -> Self {
+        Self {
+            kinetic: self.kinetic + other.kinetic,
+            elastic: self.elastic + other.elastic,
+            potential: self.potential + other.potential,
+            weight: self.weight + other.weight,
+        }
+    }
+}
+
+/// Energy of a state under dead loads, `[node]` N.
+pub fn energy(model: &Model, state: &Snapshot, load: &[V4<f64>]) -> Energy {
     let rotation = model.mechanics().rotations(model, state);
     let g = V3::of(model.step.gravity);
     let momenta = mean_velocities(model, state);
-    let of_node = |node: usize| {
+    let elastic = elastic_energy(model, &state.u, &rotation, &state.split, &state.law);
+    let mut sum = Energy { elastic, ..Energy::default() };
+    for node in 0..state.u.len() {
         let [u, v, mean, load] = [state.u[node], state.v[node], momenta[node], load[node]].map(V3::from4);
         let mass = state.free[node][3];
-        0.5 * mass * v.dot(mean) - mass * g.dot(u) - load.dot(u)
+        let potential = -mass * g.dot(u) - load.dot(u);
+        sum.kinetic += 0.5 * mass * v.dot(mean);
+        sum.potential += potential;
+        sum.weight += potential.abs();
+    }
+    sum
+}
+
+impl Model {
+    /// Whether Rayleigh damping or springs dissipate in its steps.
+    pub fn damps(&self) -> bool {
+        let own = self.mechanics().damps() || self.step.rayleigh_mass > 0.0 || self.step.rayleigh_stiffness > 0.0;
+        own && self.step.integrator != Integrator::Static
+    }
+}
+
+/// Energy that Rayleigh damping (and that of springs) dissipates over an implicit step at its mean velocity, J: `Δxᵀ C Δx/h` with the
+/// damping matrix of the step's start.
+pub fn damped(model: &Model, wound: &Wound, solved: &Solved) -> f64 {
+    let h = model.step.step;
+    let nodes: Vec<u32> = (0..solved.dx.len() as u32).collect();
+    let mean: Vec<V4<f64>> = solved.dx.iter().map(|d| d.map(|c| c / h)).collect();
+    let momenta = mean_velocities(model, &Snapshot { v: mean.clone(), ..solved.start.clone() });
+    let of = |factor: f64| {
+        let moved = |node: usize| [V3::from4(solved.start.u[node]), V3::from4(mean[node]) * factor];
+        model.mechanics().forces_at(model, wound, &nodes, &moved)
     };
-    let of_nodes: f64 = (0..state.u.len()).map(of_node).sum();
-    of_nodes + elastic_energy(model, &state.u, &rotation, &state.split, &state.law)
+    let mut sum = 0.0;
+    for (node, (moving, still)) in of(1.0).into_iter().zip(of(0.0)).enumerate() {
+        let [dx, mean] = [solved.dx[node], momenta[node]].map(V3::from4);
+        let spring = model.anchors.nodes.binary_search(&(node as u32)).map_or(0.0, |k| model.anchors.stiffness[k]);
+        let drag = mean * (model.step.rayleigh_mass * solved.start.free[node][3]);
+        sum += dx.dot(V3::of(moving) - V3::of(still) + drag) + model.step.rayleigh_stiffness * spring / h * dx.dot(dx);
+    }
+    sum
 }
 
 /// `[node]` velocities which, multiplied by the nodal masses, give the momentum, m/s.
@@ -84,17 +149,24 @@ fn mean_velocities(model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
     mean
 }
 
+/// Number of cells strained beyond their law ([`super::Mechanics::beyond_law`]).
+pub fn beyond_law(model: &Model, state: &Snapshot) -> u32 {
+    count_cells(model, state, |cell, f| model.mechanics().beyond_law(model.grid.layer(cell), f))
+}
+
 /// Number of cells whose mean deformation gradient has no positive determinant (non-finite ones count). Removed cells are skipped; the grid
 /// cells of springs are included.
 pub fn inverted_cells(model: &Model, state: &Snapshot) -> u32 {
+    let upright = |f: M3<f64>| f.determinant() > 0.0; // false for NaN
+    count_cells(model, state, |_, f| !upright(f))
+}
+
+/// Number of cells that a condition on their mean deformation gradients holds for. Removed cells are skipped.
+fn count_cells(model: &Model, state: &Snapshot, holds: impl Fn(usize, M3<f64>) -> bool) -> u32 {
     let (params, shapes) = (model.params::<f64>(), model.shapes::<f64>());
     let alive = |cell: &usize| state.rotation.get(*cell) != Some(&[0.0; 4]);
-    let upright = |cell: usize| {
-        let f = mean_gradient(&params, &shapes, &model.grid.layer_of, &state.split, &state.u, cell);
-        f.determinant() > 0.0 // false for NaN
-    };
-    let cells = (0..params.cell_count as usize).filter(alive);
-    cells.filter(|cell| !upright(*cell)).count() as u32
+    let gradient = |cell| mean_gradient(&params, &shapes, &model.grid.layer_of, &state.split, &state.u, cell);
+    (0..params.cell_count as usize).filter(alive).filter(|cell| holds(*cell, gradient(*cell))).count() as u32
 }
 
 /// Norms of the forces out of balance at the start of a static step, `b + Jᵀλ`, and of the largest of its parts, N: elastic forces at all

@@ -19,7 +19,8 @@ mod wound;
 
 pub use anchors::{Anchors, rate};
 pub use energy::{
-    Snapshot, Solved, elastic_energy, energy, inverted_cells, law_residual, out_of_balance, residual, true_residual,
+    Energy, Snapshot, Solved, beyond_law, damped, elastic_energy, energy, inverted_cells, law_residual, out_of_balance,
+    residual, true_residual,
 };
 pub use refused::Refused;
 pub use step::Step;
@@ -115,6 +116,15 @@ pub trait Mechanics {
     /// Green–Lagrange strain and Cauchy stress, Pa, at a place of a cell (natural coordinates, 0 to 1) for the displacements of its corners,
     /// m. Springs have no stress: it is 0.
     fn strain_and_stress(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], at: [f64; 3]) -> [M3<f64>; 2];
+    /// True where the mean deformation gradient of a cell of a layer is beyond what its law is for; false for laws of large strains and
+    /// springs.
+    fn beyond_law(&self, _layer: usize, _gradient: M3<f64>) -> bool {
+        false
+    }
+    /// Whether its elements have dampers of their own.
+    fn damps(&self) -> bool {
+        false
+    }
     /// True if a remaining element keeps the node in the system; `rotation` and `law` as in `energy`.
     fn stays(&self, model: &Model, rotation: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool;
     /// Applies hits (sorted by segment) to a wound; returns the changes for the backend.

@@ -7,6 +7,7 @@
 //! rotation.
 //! Units: m, rad, kg, N, N·m. Source: Colgate, Stanley, Brown 1995 (virtual coupling).
 
+use super::Energy;
 use crate::math::elementary::atan2;
 use crate::scene::{Blade, Coupling, Lines, Pose, Round, Tool};
 use glam::{DMat3, DQuat, DVec3};
@@ -282,6 +283,14 @@ impl Instrument {
     pub fn world_inertia(&self) -> DMat3 {
         let axes = DMat3::from_quat(self.rotation);
         axes * DMat3::from_diagonal(self.inertia) * axes.transpose()
+    }
+
+    /// Kinetic energy, and the potential of its weight, which is 0 at the origin, J.
+    pub fn energy(&self) -> Energy {
+        let kinetic = self.velocity.length_squared() * self.mass
+            + self.angular_velocity.dot(self.world_inertia() * self.angular_velocity);
+        let potential = -self.mass * self.gravity.dot(self.position);
+        Energy { kinetic: 0.5 * kinetic, potential, weight: potential.abs(), ..Energy::default() }
     }
 
     /// Largest distance of the surface from the body's origin, m.

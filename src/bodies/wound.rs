@@ -108,7 +108,7 @@ impl Extent {
 
 impl Wound {
     /// Mass of the nodes, kg.
-    pub(super) fn mass_of_nodes(&self) -> f64 {
+    pub fn mass_of_nodes(&self) -> f64 {
         self.free.iter().map(|f| f[3]).sum()
     }
 

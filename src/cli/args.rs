@@ -31,8 +31,8 @@ pub struct Cli {
 pub enum Command {
     /// Run a scene: report.json, tables, pictures and meshes (the default)
     ///
-    /// Steps the scene to its end, writes DIR/report.json, probes.csv, haptic.csv, frames/*.png, volume.pvd and surface.pvd, and
-    /// evaluates the scene's [check] table: a failed check is exit status 1.
+    /// Steps the scene to its end, writes DIR/report.json, probes.csv, energy.csv, haptic.csv, frames/*.png, volume.pvd and
+    /// surface.pvd, and evaluates the scene's [check] table: a failed check is exit status 1.
     Run(Run),
     /// Run a scene on the GPU and on the CPU path and list the differences
     ///

@@ -105,6 +105,11 @@ impl Boxes {
         self.moved
     }
 
+    /// Bound on the displacements of all nodes at the end of a step that moves them as far as the last one did, m.
+    pub fn farthest(&self) -> f64 {
+        self.motion.iter().flatten().map(|u| u.length()).fold(0.0, f64::max) + self.moved
+    }
+
     /// `[tile]` least and greatest displacement at the last refit, m.
     pub fn motion(&self) -> &[[DVec3; 2]] {
         &self.motion

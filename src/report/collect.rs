@@ -1,6 +1,6 @@
 //! Accumulates step reports into the report of a run.
 
-use super::{Memory, Report, SolverReport, Spread};
+use super::{DissipationReport, Memory, Report, SolverReport, Spread, WorkReport};
 use crate::backend::Snapshot;
 use crate::math::larger;
 use crate::scene::{Integrator, PRECONDITIONERS, Preconditioner, Scene, word};
@@ -141,19 +141,28 @@ impl Collector {
     pub fn began(&mut self, measured: &Measured) {
         self.measured(measured);
         self.warn_of(measured);
-        self.seen.report.energy_j.start = Some(measured.energy);
+        let energy = &mut self.seen.report.energy_j;
+        let now = measured.energy;
+        energy.start = Some(now.total());
+        (energy.kinetic.start, energy.elastic.start, energy.potential.start) =
+            (Some(now.kinetic), Some(now.elastic), Some(now.potential));
     }
 
     fn measured(&mut self, measured: &Measured) {
-        let r = &mut self.seen.report;
-        r.energy_j.max = Some(r.energy_j.max.map_or(measured.energy, |most| larger(most, measured.energy)));
-        r.inverted_cells_max = r.inverted_cells_max.max(Some(measured.inverted));
+        let (r, now) = (&mut self.seen.report, measured.energy);
+        let raise = |most: &mut Option<f64>, value: f64| *most = Some(most.map_or(value, |most| larger(most, value)));
+        raise(&mut r.energy_j.max, now.total());
+        raise(&mut r.energy_j.kinetic.max, now.kinetic);
+        raise(&mut r.energy_j.elastic.max, now.elastic);
+        raise(&mut r.energy_j.potential.max, now.potential);
+        if r.nodes > 0 {
+            r.inverted_cells_max = r.inverted_cells_max.max(Some(measured.inverted));
+        }
     }
 
     /// Counts problems of a state between steps; those of a checked step are in its own report.
     fn warn_of(&mut self, measured: &Measured) {
-        self.warn("inverted_cells", u64::from(measured.inverted));
-        self.warn("non_finite_energy", u64::from(!measured.energy.is_finite()));
+        measured.warnings().into_iter().for_each(|(name, count)| self.warn(name, u64::from(count)));
     }
 
     fn warn(&mut self, name: &str, count: u64) {
@@ -163,13 +172,12 @@ impl Collector {
     }
 
     /// Adds the state at the end of the run.
-    pub fn ended(&mut self, simulation: &Simulation, states: &[Snapshot]) {
+    pub fn ended(&mut self, simulation: &Simulation, states: &[Snapshot], measured: Option<&Measured>) {
         self.warn("non_finite_nodes", states.iter().map(Snapshot::non_finite).sum::<usize>() as u64);
-        if !states.is_empty() {
-            let measured = simulation.measure(states);
-            self.measured(&measured);
-            self.warn_of(&measured);
-            self.seen.report.energy_j.end = Some(measured.energy);
+        if let Some(measured) = measured {
+            self.measured(measured);
+            self.warn_of(measured);
+            self.balance(measured);
         }
         // only of kinds whose pieces are counted
         let counted = || {
@@ -178,6 +186,27 @@ impl Collector {
         };
         self.seen.report.cut.pieces = Some(counted().map(|(pieces, _)| pieces).sum());
         self.seen.report.cut.nonmanifold_edges = Some(counted().map(|(_, surface)| surface.edges().nonmanifold).sum());
+    }
+
+    /// Adds the energy at the end, and what went in and out.
+    fn balance(&mut self, measured: &Measured) {
+        let Measured { energy: now, booked, .. } = measured;
+        let energy = &mut self.seen.report.energy_j;
+        energy.end = Some(now.total());
+        (energy.kinetic.end, energy.elastic.end, energy.potential.end) =
+            (Some(now.kinetic), Some(now.elastic), Some(now.potential));
+        energy.work_in =
+            WorkReport { loads: Some(booked.loads), hands: Some(booked.hands), overlaps: Some(booked.overlap) };
+        let damping = booked.damping();
+        let start = energy.start.unwrap_or(f64::NAN);
+        let known = booked.dissipated() + damping.unwrap_or(0.0);
+        energy.dissipated = DissipationReport {
+            friction: Some(booked.friction),
+            cutting: Some(booked.cutting),
+            impact: Some(booked.impact),
+            damping,
+            numerical: Some(start + booked.work() - now.total() - known),
+        };
     }
 
     /// Current report.
@@ -224,19 +253,22 @@ fn spread(values: &[f64]) -> Spread {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bodies::Energy;
 
     #[test]
     fn inverted_cells_and_an_energy_that_is_no_number_are_warnings() {
         let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/hard/still.toml");
         let scene = crate::scene::read(&path).unwrap_or_else(|e| panic!("{e}"));
         let simulation = Simulation::new(&scene, &crate::step::Platform::Cpu64).expect("the scene fits");
-        let warned = |energy: f64, inverted: u32| {
+        let warned = |energy: f64, inverted: u32, beyond_law: u32, grew: bool| {
             let mut collector = Collector::new(&scene, &simulation);
-            collector.began(&Measured { energy, inverted });
+            let energy = Energy { elastic: energy, ..Energy::default() };
+            collector.began(&Measured { energy, inverted, grew, beyond_law, ..Measured::default() });
             collector.seen.report.warnings.into_iter().collect::<Vec<_>>()
         };
-        assert_eq!(warned(f64::NAN, 2), [("inverted_cells".into(), 2), ("non_finite_energy".into(), 1)]);
-        assert_eq!(warned(1.0, 0), [], "the counter-test");
+        assert_eq!(warned(f64::NAN, 2, 0, false), [("inverted_cells".into(), 2), ("non_finite_energy".into(), 1)]);
+        assert_eq!(warned(1.0, 0, 3, true), [("energy_grew".into(), 1), ("strain_beyond_law".into(), 3)]);
+        assert_eq!(warned(1.0, 0, 0, false), [], "the counter-test");
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The folder of a run: tables, meshes for ParaView, pictures, the report.
 //!
 //! ```text
-//! report.json   probes.csv   haptic.csv   volume.pvd   surface.pvd
+//! report.json   probes.csv   energy.csv   haptic.csv   volume.pvd   surface.pvd
 //! frames/frame_0001.png …    vtu/volume_0001.vtu …     vtu/surface_0001.vtu …
 //! ```
 //! A killed run leaves every file readable; report.json is then that of the last picture. A run that ends with an error leaves the report
@@ -13,7 +13,7 @@ use crate::backend::Snapshot;
 use crate::error::Result;
 use crate::output::{Failed, Field, Series, Table, TableMark, replace, write_hexes, write_triangles};
 use crate::scene::Scene;
-use crate::step::{Simulation, StepReport};
+use crate::step::{Measured, Simulation, StepReport};
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -24,6 +24,9 @@ pub(super) const CHECKPOINT: &str = "checkpoint.bin";
 pub(super) struct Folder {
     path: PathBuf,
     probes: Table,
+    energy: Table,
+    /// Time of the last row of `energy`, s; NaN before one.
+    measured: f64,
     contact: bool,
     volume: Series,
     surface: Series,
@@ -34,6 +37,7 @@ pub(super) struct Folder {
 #[derive(Serialize, Deserialize)]
 pub(super) struct Written {
     probes: TableMark,
+    energy: TableMark,
     /// Number of pictures.
     frames: u32,
     /// Entries of the `.pvd` files.
@@ -50,6 +54,20 @@ fn columns(scene: &Scene) -> Vec<String> {
     }
     columns
 }
+
+/// Columns of `energy.csv`: the state at a checked step's start, then work and dissipation until there ([`crate::step::Booked`]).
+const ENERGY: [&str; 10] = [
+    "time_s",
+    "kinetic_j",
+    "elastic_j",
+    "potential_j",
+    "work_loads_j",
+    "work_hands_j",
+    "work_overlaps_j",
+    "friction_j",
+    "cutting_j",
+    "impact_j",
+];
 
 fn create(path: &Path) -> Result<()> {
     Ok(std::fs::create_dir_all(path).map_err(|source| Failed::Write { path: path.to_owned(), source })?)
@@ -90,6 +108,8 @@ impl Folder {
         remove_old(path);
         Ok(Self {
             probes: Table::create(&path.join("probes.csv"), &columns(scene))?,
+            energy: Table::create(&path.join("energy.csv"), &ENERGY)?,
+            measured: f64::NAN,
             contact: scene.contact.is_some(),
             volume: Series::new(path.join("volume.pvd")),
             surface: Series::new(path.join("surface.pvd")),
@@ -100,13 +120,16 @@ impl Folder {
 
     /// Checks that a folder belongs to the run with these positions.
     pub fn verify(path: &Path, scene: &Scene, written: &Written) -> Result<()> {
-        Table::verify(&path.join("probes.csv"), &columns(scene), written.probes)
+        Table::verify(&path.join("probes.csv"), &columns(scene), written.probes)?;
+        Table::verify(&path.join("energy.csv"), &ENERGY, written.energy)
     }
 
     /// Continues in the folder of a run; removes what it wrote later.
     pub fn reopen(path: &Path, scene: &Scene, written: &Written) -> Result<Self> {
         let mut folder = Self {
             probes: Table::reopen(&path.join("probes.csv"), &columns(scene), written.probes)?,
+            energy: Table::reopen(&path.join("energy.csv"), &ENERGY, written.energy)?,
+            measured: f64::NAN,
             contact: scene.contact.is_some(),
             volume: Series::new(path.join("volume.pvd")),
             surface: Series::new(path.join("surface.pvd")),
@@ -123,6 +146,7 @@ impl Folder {
     pub fn written(&mut self) -> Result<Written> {
         Ok(Written {
             probes: self.probes.kept()?,
+            energy: self.energy.kept()?,
             frames: self.frame_count,
             volume: self.volume.entries().into(),
             surface: self.surface.entries().into(),
@@ -139,6 +163,18 @@ impl Folder {
         }
         self.probes.row(&row)?;
         self.probes.flush() // a step takes milliseconds, a flush microseconds
+    }
+
+    /// Adds a row to `energy.csv`, one per time.
+    pub fn add_energy(&mut self, measured: &Measured) -> Result<()> {
+        if std::mem::replace(&mut self.measured, measured.time) == measured.time {
+            return Ok(());
+        }
+        let Measured { time, energy, booked, .. } = measured;
+        let now = [*time, energy.kinetic, energy.elastic, energy.potential];
+        let done = [booked.loads, booked.hands, booked.overlap, booked.friction, booked.cutting, booked.impact];
+        self.energy.row(&[&now[..], &done].concat())?;
+        self.energy.flush()
     }
 
     /// Adds a picture and the meshes.
@@ -176,12 +212,14 @@ impl Folder {
 
     /// Flushes all rows so far.
     pub fn flush(&mut self) -> Result<()> {
-        self.probes.flush()
+        self.probes.flush()?;
+        self.energy.flush()
     }
 
     /// Closes the tables; returns the number of pictures.
     pub fn finish(self) -> Result<u32> {
         self.probes.finish()?;
+        self.energy.finish()?;
         Ok(self.frame_count)
     }
 }

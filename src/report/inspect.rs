@@ -225,6 +225,10 @@ fn read_backs(scene: &Scene) -> Vec<Count> {
     if whole(scene) {
         list.push(count("displacements", 1, "step and body"));
     }
+    let ends = scene.time.duration;
+    if scene.contact.is_none() && scene.loads.iter().any(|load| load.start > 0.0 || load.end < ends) {
+        list.push(count("loads", 1, "step in which a load changes")); // for their work
+    }
     if let Some(law) = &scene.contact {
         list.push(count("contact", 1, "step whose tools come near other faces"));
         match law.correction {

@@ -39,7 +39,7 @@ pub struct Report {
     pub solver: SolverReport,
     /// Largest number of contacts in a step.
     pub contacts_max: usize,
-    /// Energy of the deformable bodies.
+    /// Energy of the bodies, work and dissipation.
     pub energy_j: EnergyReport,
     /// Largest number of inverted cells at once: at the start, before a step that was checked in f64, or at the end; `null` without a
     /// deformable body.
@@ -99,16 +99,64 @@ pub struct SolverReport {
     pub law_residual: Option<f64>,
 }
 
-/// Kinetic and elastic energy, and the potential of gravity and dead loads ([`crate::bodies::energy`]), of all deformable bodies, J; `null`
-/// without one.
+/// Energy of the deformable and the free rigid bodies, J ([`crate::bodies::energy`]); `null` without one. `start` is before the first step,
+/// `max` the maximum over the start, all steps checked in f64 (before the step), and the end, `end` after the last step. Between start and end
+/// `end − start = work_in − dissipated`, each summed over its keys. `energy.csv` has the same over time.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct EnergyReport {
-    /// Before the first step.
+    /// Kinetic, elastic and potential energy before the first step.
     pub start: Option<f64>,
-    /// Maximum over the start, all steps checked in f64 (before the step), and the end.
+    /// Its maximum.
     pub max: Option<f64>,
     /// After the last step.
     pub end: Option<f64>,
+    /// Kinetic energy.
+    pub kinetic: Extremes,
+    /// Elastic energy of cells, springs and anchors.
+    pub elastic: Extremes,
+    /// Potential of gravity and of the dead loads that act: 0 in the rest shape, of a rigid body at the origin.
+    pub potential: Extremes,
+    /// Work done on the bodies ([`crate::step::Booked`]).
+    pub work_in: WorkReport,
+    /// Energy that they lost.
+    pub dissipated: DissipationReport,
+}
+
+/// A kind of energy at the start, at its maximum and at the end, J.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Extremes {
+    /// Before the first step.
+    pub start: Option<f64>,
+    /// Maximum over the checked steps.
+    pub max: Option<f64>,
+    /// After the last step.
+    pub end: Option<f64>,
+}
+
+/// Work done on the bodies until the end, J.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct WorkReport {
+    /// By loads that begin, change or end: what a constant load does in between is potential.
+    pub loads: Option<f64>,
+    /// By hands, through the contacts of their tools.
+    pub hands: Option<f64>,
+    /// By contacts that part what overlaps at the start of a step.
+    pub overlaps: Option<f64>,
+}
+
+/// Energy that the bodies lost until the end, J.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct DissipationReport {
+    /// By friction.
+    pub friction: Option<f64>,
+    /// By cutting: forces of blades on the tissue that they open.
+    pub cutting: Option<f64>,
+    /// By contacts that close a gap.
+    pub impact: Option<f64>,
+    /// By Rayleigh damping and the dampers of springs; `null` where not every step was checked (`true_residual_every`).
+    pub damping: Option<f64>,
+    /// The remainder: by the integrator, by removed cells, and by damping where that is not known. Negative where a run has made energy.
+    pub numerical: Option<f64>,
 }
 
 /// Contact statistics: detection, and correction passes per step with contact.

@@ -18,5 +18,8 @@ pub mod run;
 pub mod study;
 pub mod verify;
 
-pub use keys::{CutReport, EnergyReport, HapticReport, Memory, Passes, Periods, Report, SolverReport, Spread};
+pub use keys::{
+    CutReport, DissipationReport, EnergyReport, Extremes, HapticReport, Memory, Passes, Periods, Report, SolverReport,
+    Spread, WorkReport,
+};
 pub use refused::{CheckpointUnfit, Refused, StudyUnfit};

@@ -190,9 +190,12 @@ struct Running<'a> {
 impl Running<'_> {
     fn all_steps(&mut self, steps: u32, progress: &mut dyn FnMut(&Progress)) -> Result<Report> {
         let done = self.runner.steps();
-        if done == 0 && !self.runner.simulation.bodies.is_empty() {
+        if done == 0 {
             let state = self.runner.simulation.snapshots()?;
-            self.collector.began(&self.runner.simulation.measure(&state));
+            if let Some(measured) = self.runner.simulation.measure(&state) {
+                self.collector.began(&measured);
+                self.folder.add_energy(&measured)?;
+            }
         }
         if done > 0 {
             // the first part may have left the report of a later step, or of its end
@@ -225,7 +228,9 @@ impl Running<'_> {
         let Self { runner, haptic, .. } = self;
         let closed = runner.stop(&mut |tool, record| haptic.add(tool, record));
         let state = self.runner.simulation.snapshots()?;
-        self.collector.ended(&self.runner.simulation, &state);
+        let measured = self.runner.simulation.measure(&state);
+        self.collector.ended(&self.runner.simulation, &state, measured.as_ref());
+        measured.iter().try_for_each(|measured| self.folder.add_energy(measured))?;
         if let Some(body) = state.iter().position(|state| state.non_finite() > 0) {
             return Err(self.runner.simulation.non_finite(BodyId::Deformable(body)));
         }
@@ -244,6 +249,7 @@ impl Running<'_> {
         self.collector.add(&step.report, step.took);
         self.last.clone_from(&step.report.probes);
         self.folder.add_step(&step.report)?;
+        step.report.measured.iter().try_for_each(|measured| self.folder.add_energy(measured))?;
         Ok(step.report)
     }
 

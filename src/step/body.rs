@@ -9,12 +9,11 @@ pub use compliance::Compliance;
 pub(super) use known::Known;
 pub use start::{needs, start};
 
-use super::{Simulation, StepReport};
+use super::StepReport;
 use crate::backend::{
     Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target,
 };
-use crate::bodies::{Model, Solved, energy, inverted_cells, law_residual, out_of_balance, residual};
-use crate::bodies::{Totals, Wound};
+use crate::bodies::{self, Model, Solved, Totals, Wound, law_residual, out_of_balance, residual};
 use crate::collide::broad::Boxes;
 use crate::collide::lips::Lips;
 use crate::collide::{self, Aabb, Patch, Resistance};
@@ -315,7 +314,7 @@ impl Body {
     }
 
     /// The same, padded for the kernels' twins.
-    fn padded_load_at(&self, scene: &Scene, time: f64) -> Vec<V4<f64>> {
+    pub(super) fn padded_load_at(&self, scene: &Scene, time: f64) -> Vec<V4<f64>> {
         self.load_at(scene, time).iter().map(|l| [l[0], l[1], l[2], 0.0]).collect()
     }
 
@@ -335,7 +334,7 @@ impl Body {
         Ok(if largest == 0.0 { 0.0 } else { left / largest })
     }
 
-    /// Refines and checks the step's solution; `before` is the state at its start.
+    /// Refines and checks the step's solution; `before` is the state at its start. Returns the energy that a checked step has damped, J.
     pub(super) fn verify(
         &mut self,
         before: Snapshot,
@@ -344,17 +343,10 @@ impl Body {
         (time, check): (f64, bool),
         free: &mut Outcome,
         report: &mut StepReport,
-    ) -> Result<()> {
+    ) -> Result<f64> {
         let corrected = contact.is_some();
         let refined = scene.solver.refinements > 0;
         let mut solved = self.solved(before, contact.unwrap_or_default(), scene, time);
-        // measures of the state at the start
-        if check {
-            let measured = Measured::of(&self.model, &solved.start, &solved.load);
-            report.warn("inverted_cells", measured.inverted);
-            report.warn("non_finite_energy", u32::from(!measured.energy.is_finite()));
-            report.measured = Some(report.measured.unwrap_or_default().and(measured));
-        }
         // iterative refinement
         solved.dx = self.increment(corrected)?;
         if refined {
@@ -363,8 +355,10 @@ impl Body {
         if check && refined {
             solved.dx = self.increment(corrected)?; // as the backend has rounded it
         }
-        // true residual in f64
+        // true residual and damping in f64
+        let mut damped = 0.0;
         if check {
+            damped = if self.model.damps() { bodies::damped(&self.model, &self.wound, &solved) } else { 0.0 };
             let (residual_force, load) = residual(&self.model, &solved);
             let (left, wanted) = (norm(&residual_force), (scene.solver.tolerance * load).max(scene.solver.floor));
             report.warn("residual_true_above_tolerance", u32::from(larger(left, 2.0 * wanted) != 2.0 * wanted));
@@ -375,37 +369,6 @@ impl Body {
                 report.law_residual = larger(report.law_residual, law_residual(&self.model, solved));
             }
         }
-        Ok(())
-    }
-}
-
-/// Measures of the deformable bodies' states, added up.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Measured {
-    /// Kinetic, elastic and potential energy, J ([`crate::bodies::energy`]).
-    pub energy: f64,
-    /// Inverted cells.
-    pub inverted: u32,
-}
-
-impl Measured {
-    /// Measures of one body.
-    fn of(model: &Model, state: &Snapshot, load: &[V4<f64>]) -> Self {
-        Self { energy: energy(model, state, load), inverted: inverted_cells(model, state) }
-    }
-
-    /// Adds up two.
-    fn and(self, other: Self) -> Self {
-        Self { energy: self.energy + other.energy, inverted: self.inverted + other.inverted }
-    }
-}
-
-impl Simulation {
-    /// Measures of the deformable bodies in these states.
-    pub fn measure(&self, states: &[Snapshot]) -> Measured {
-        let of = |(body, state): (&Body, &Snapshot)| {
-            Measured::of(&body.model, state, &body.padded_load_at(&self.scene, self.time))
-        };
-        self.bodies.iter().zip(states).map(of).fold(Measured::default(), Measured::and)
+        Ok(damped)
     }
 }

@@ -164,7 +164,13 @@ impl Simulation {
         // cut the bodies
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let hits = body.read(Query { quads: quads.clone(), ..query(&self.probes, number) })?;
+            let mass = body.wound.mass_of_nodes();
             let severed = body.sever(&hits)?;
+            if severed > 0 {
+                // mass that has left takes its potential with it
+                let weight = DVec3::from_array(body.model.step.gravity).length() * (mass - body.wound.mass_of_nodes());
+                self.booked.removed += weight.max(0.0) * body.boxes.farthest();
+            }
             report.severed += severed;
             self.epoch += u32::from(severed > 0);
         }

@@ -31,6 +31,7 @@
 
 mod body;
 mod contact;
+mod energy;
 mod find;
 mod finite;
 mod incise;
@@ -39,8 +40,9 @@ mod refused;
 mod rows;
 mod state;
 
-pub use body::{Body, Measured, needs, start};
+pub use body::{Body, needs, start};
 pub use contact::ContactReport;
+pub use energy::{Booked, Measured};
 pub use refused::Refused;
 pub use state::State;
 
@@ -107,7 +109,7 @@ pub struct StepReport {
     pub true_residual: Option<f64>,
     /// What the step leaves of the equations of its laws, relative to its load, in f64, if it is checked ([`crate::bodies::law_residual`]).
     pub law_residual: f64,
-    /// Measures of the deformable bodies if the step is checked.
+    /// Measures of the bodies at the start of the last substep, if the step is checked.
     pub measured: Option<Measured>,
     /// Contacts and their solve.
     pub contact: ContactReport,
@@ -190,6 +192,10 @@ pub struct Simulation {
     /// Force of each contact by its id, N.
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     load_changes: Vec<f64>,
+    /// Work and dissipation so far.
+    booked: Booked,
+    /// The measure of least unexplained energy.
+    least: Option<Measured>,
     step_number: u64,
     epoch: u32,
 }
@@ -240,6 +246,8 @@ impl Simulation {
             depths: BTreeMap::new(),
             last_forces: BTreeMap::new(),
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
+            booked: Booked::default(),
+            least: None,
             step_number: 0,
             epoch: 0,
             scene: scene.clone(),
@@ -321,6 +329,7 @@ impl Simulation {
         let begin = self.time;
         self.step_number += 1;
         self.time = self.step_number as f64 * self.scene.time.part();
+        self.book_loads()?;
         match self.scene.time.integrator {
             Integrator::Static => self.balance(check),
             _ => Ok(self.solve_from(begin, check)?.0),
@@ -372,13 +381,16 @@ impl Simulation {
         let changed = |t: &f64| *t <= begin && *t > before_that;
         let loaded = self.step_number == 1 || self.load_changes.iter().any(changed);
         let refined = self.scene.solver.refinements > 0;
-        let mut before = vec![];
+        let mut before: Vec<Option<Snapshot>> = vec![];
         for body in &mut self.bodies {
             if loaded || !body.loaded {
                 body.backend.set_load(&body.load_at(&self.scene, begin));
                 body.loaded = true;
             }
             before.push(if check || refined { Some(body.backend.snapshot()?) } else { None });
+        }
+        if check {
+            self.measure_start(begin, &before, &mut report);
         }
         // unconstrained motion of the rigid bodies, contacts at the start of the step
         let free: Vec<UnconstrainedMotion> = self.tools.iter().map(|t| t.unconstrained_motion(self.time, h)).collect();
@@ -400,10 +412,12 @@ impl Simulation {
         self.last_forces = contact_forces;
         // the bodies accept the step; checked ones are verified in f64
         let cuts = self.edges_meet_skin(&report.contact.contacts);
+        self.book_step(&old, &report);
+        let mut damped = 0.0;
         for (number, (body, before)) in self.bodies.iter_mut().zip(before).enumerate() {
             if let Some(before) = before {
                 let forces = forces.as_ref().map(|forces| forces[number].as_slice());
-                body.verify(before, forces, &self.scene, (begin, check), &mut ended[number], &mut report)?;
+                damped += body.verify(before, forces, &self.scene, (begin, check), &mut ended[number], &mut report)?;
             }
             body.backend.finish(forces.is_some(), cuts)?;
             body.known = Known::default();
@@ -411,6 +425,7 @@ impl Simulation {
             report.newton_iterations = report.newton_iterations.max(work.iterations);
             report.warn("tangent_indefinite", work.indefinite);
         }
+        self.book_damping(check.then_some(damped));
         self.summarise_solves(&ended, &mut report);
         // cut what the edges swept, then read the probes
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {

@@ -5,7 +5,7 @@
 //! although they could be solved for: their age decides how many passes a step takes.
 
 use super::body::{Body, Compliance, Known, first_motion};
-use super::{Refused, Simulation, incise};
+use super::{Booked, Measured, Refused, Simulation, incise};
 use crate::backend::{CORRECTION, FREE, Vector};
 use crate::bodies::rigid::Motion;
 use crate::error::Result;
@@ -29,6 +29,8 @@ pub struct State {
     fronts: incise::Fronts,
     depths: BTreeMap<(usize, usize, usize), f64>,
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
+    booked: Booked,
+    least: Option<Measured>,
 }
 
 /// State of a deformable body.
@@ -66,6 +68,8 @@ impl Simulation {
             fronts: self.fronts.clone(),
             depths: self.depths.clone(),
             last_forces: self.last_forces.clone(),
+            booked: self.booked,
+            least: self.least,
         })
     }
 
@@ -99,6 +103,7 @@ impl Simulation {
         self.fronts.clone_from(&state.fronts);
         self.depths.clone_from(&state.depths);
         self.last_forces.clone_from(&state.last_forces);
+        (self.booked, self.least) = (state.booked, state.least);
         Ok(())
     }
 
@@ -116,6 +121,7 @@ impl Simulation {
         }
         scene.check()?;
         let mut state = self.state()?;
+        state.least = None; // other loads and stiffnesses: another energy of the same state
         for body in &mut state.bodies {
             (body.compliance, body.at_rest) = (Compliance::default(), Compliance::default());
         }

@@ -153,6 +153,7 @@ fn a_cut_off_file_is_noticed() -> Outcome {
     let files = [
         "report.json",
         "probes.csv",
+        "energy.csv",
         "haptic.csv",
         "volume.pvd",
         "frames/frame_0001.png",

@@ -34,7 +34,10 @@ const RUN: &[&str] = &["run", "scene.toml", "--backend", "cpu", "--json"];
 /// Keys that DESIGN.md asks for, and the ones added since.
 const KEYS: &str = "scene backend adapter driver nodes hexes tets springs dof step_s steps error wall_s step_ms.median step_ms.p99 \
     step_ms.max solver.kind solver.preconditioner solver.iterations_mean solver.iterations_max solver.newton_iterations_max solver.sums solver.refinements \
-    solver.at_floor solver.residual_max solver.residual_true solver.law_residual energy_j.start energy_j.max energy_j.end \
+    solver.at_floor solver.residual_max solver.residual_true solver.law_residual energy_j.start energy_j.max energy_j.end energy_j.kinetic.start \
+    energy_j.kinetic.max energy_j.kinetic.end energy_j.elastic.start energy_j.elastic.max energy_j.elastic.end energy_j.potential.start \
+    energy_j.potential.max energy_j.potential.end energy_j.work_in.loads energy_j.work_in.hands energy_j.work_in.overlaps \
+    energy_j.dissipated.friction energy_j.dissipated.cutting energy_j.dissipated.impact energy_j.dissipated.damping energy_j.dissipated.numerical \
     inverted_cells_max contacts_max contact_force_n_max contact.passes_mean contact.passes_max \
     contact.residual_n_max contact.residual_m_max contact.candidates_max contact.depth_mm_max haptic.rate_hz \
     haptic.period_us.p50 haptic.period_us.p99 haptic.period_us.p99_9 haptic.period_us.max \

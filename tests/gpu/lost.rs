@@ -4,7 +4,7 @@ use super::{Failure, platform};
 use cutis::error::Error;
 use cutis::gpu::{Failed, Gpu, Handle, Work};
 use cutis::report::{inspect, run};
-use cutis::scene::{Preconditioner, Probe, ProbeKind, Region, Scene, read};
+use cutis::scene::{Load, Preconditioner, Probe, ProbeKind, Region, Scene, read};
 use cutis::step::{Simulation, StepReport};
 use std::path::{Path, PathBuf};
 
@@ -23,6 +23,7 @@ pub const TESTS: &[(&str, Test)] = &[
     ),
     ("a_run_launches_and_waits_as_inspect_says", a_run_launches_and_waits_as_inspect_says),
     ("a_step_with_contact_waits_as_inspect_says", a_step_with_contact_waits_as_inspect_says),
+    ("work_is_booked_without_waiting", work_is_booked_without_waiting),
 ];
 
 fn require(holds: bool, what: impl FnOnce() -> String) -> Result<(), Failure> {
@@ -148,6 +149,25 @@ fn worked(scene: &Scene, gpu: &Gpu, steps: u32) -> Result<Vec<(Work, StepReport)
 /// What a plan says happens so many times per step, in all.
 fn per_step(list: &[inspect::Count]) -> u64 {
     list.iter().filter(|count| count.per == "step").map(|count| u64::from(count.count)).sum()
+}
+
+/// Energy costs an unchecked step no wait, and no launch: but for the displacements under a load where it changes.
+fn work_is_booked_without_waiting(gpu: &Gpu) -> Result<(), Failure> {
+    let mut scene = small("verify/sphere_press.toml")?;
+    (scene.tools, scene.contact) = (vec![], None);
+    scene.probes.clear();
+    let half = [1e-3; 2];
+    let load = |pressure, end| Load { body: 0, pressure, min: half.map(|h| -h), max: half, start: 0.0, end };
+    // one that stays, and one so small that its end, with step 7 of 10, costs the solver nothing
+    let waits = |end: f64, scene: &mut Scene| -> Result<Vec<u64>, Failure> {
+        scene.loads = vec![load(100.0, f64::INFINITY), load(1e-6, end)];
+        Ok(worked(scene, gpu, 10)?.iter().map(|(work, _)| work.read_backs).collect())
+    };
+    let (ends, goes_on) = (waits(5.5 * scene.time.step, &mut scene)?, waits(f64::INFINITY, &mut scene)?);
+    let planned = per_step(&inspect::inspect(&scene)?.read_backs);
+    let more: Vec<u64> = ends.iter().zip(&goes_on).map(|(ends, goes_on)| ends.abs_diff(*goes_on)).collect();
+    require(goes_on.iter().min() == Some(&planned), || format!("{goes_on:?} waits, inspect says {planned}"))?;
+    require(more == [0, 0, 0, 0, 0, 1, 0, 0, 0], || format!("{ends:?} waits, without the end {goes_on:?}"))
 }
 
 fn a_run_launches_and_waits_as_inspect_says(gpu: &Gpu) -> Result<(), Failure> {

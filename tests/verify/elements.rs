@@ -4,10 +4,12 @@
 //! cells of three heights, one material. Corotational hexahedra pass with any G: all cells have the same rotation.
 
 use super::setup::{Body, LONG, add, block, displaced, epsilon, largest, measured, model, times, tolerance, xyz};
+use super::small;
 use super::{Case, Everywhere};
-use cutis::bodies::Model;
-use cutis::math::rotation_matrix;
+use cutis::bodies::{Model, Wound};
+use cutis::math::{M3, V3, rotation_matrix};
 use cutis::scene::Element::{self, Bbar, Enhanced, Plain};
+use cutis::scene::{Law, Material};
 use cutis::step::Platform;
 
 pub const EVERYWHERE: &[Everywhere] = &[
@@ -20,6 +22,7 @@ pub const CASES: &[Case] = &[
     ("patch_test_sees_a_wrong_matrix_entry", wrong_entry),
     ("rotation_of_linear_hexahedra_gives_force", linear_rotation),
     ("stretch_after_a_rotation_gives_force", stretched_rotation),
+    ("small_strain_laws_end_where_their_table_says", small_strain),
 ];
 
 /// Displacement gradient: shear and stretch of 1–2 %, not symmetric.
@@ -142,4 +145,108 @@ fn stretched_rotation() {
         let force = force_after(&Platform::Cpu64, Bbar, true, degrees, 1.001);
         assert!(force > 1e-6, "{degrees}°: {force:e}");
     }
+}
+
+/// A cell of 1 mm, its law and Poisson's ratio.
+fn one_cell(law: Law, poisson: f64) -> Model {
+    let mut scene = small::block([1e-3; 2], [1, 1], &[(1, 1e-3, 50e3, poisson, 1000.0)]);
+    scene.skins[0].law = law;
+    model(&scene)
+}
+
+/// Force on the upper face of a cell and on its face at +x in a uniform displacement gradient, N.
+fn on_faces(model: &Model, gradient: &[[f64; 3]; 3]) -> [[f64; 3]; 2] {
+    let u: Vec<V3<f64>> = model.rest.iter().map(|x| V3::of(times(gradient, *x))).collect();
+    let nodes: Vec<u32> = (0..8).collect();
+    let moved = |node: usize| [u[node], V3::of([0.0; 3])];
+    let forces = model.mechanics().forces_at(model, &Wound::new(model), &nodes, &moved);
+    let over = |axis: usize, at: f64| {
+        let there = model.rest.iter().zip(&forces).filter(|(x, _)| x[axis] > at);
+        there.fold([0.0; 3], |sum, (_, f)| add(sum, *f))
+    };
+    [over(2, 0.5e-3), over(0, 0.0)]
+}
+
+/// Displacement gradient of a stretch along z with free sides.
+fn stretched(model: &Model, by: f64) -> [[f64; 3]; 3] {
+    let at = |side: f64| [[side, 0.0, 0.0], [0.0, side, 0.0], [0.0, 0.0, by]];
+    let (mut low, mut high) = (-0.5, 1.0);
+    for _ in 0..60 {
+        let middle = 0.5 * (low + high);
+        if on_faces(model, &at(middle))[1][0] < 0.0 { low = middle } else { high = middle }
+    }
+    at(low)
+}
+
+/// Strain of a law at which its force is 5 % off the neo-Hookean one: as the law's warning measures it; none up to 80 %.
+fn limit(law: Law, poisson: f64, mode: fn(&Model, f64) -> ([[f64; 3]; 3], usize)) -> Option<f64> {
+    let [own, large] = [law, Law::Hyperelastic(Material::NeoHookean)].map(|law| one_cell(law, poisson));
+    let off = |by: f64| {
+        let force = |model: &Model| {
+            let (gradient, axis) = mode(model, by);
+            on_faces(model, &gradient)[0][axis]
+        };
+        (force(&own) / force(&large) - 1.0).abs()
+    };
+    let strained = (1..800).map(|k| 1e-3 * f64::from(k)).find(|by| off(*by) > 0.05)?;
+    let h = mode(&own, strained).0;
+    let norm = |m: &dyn Fn(usize, usize) -> f64| (0..9).map(|k| m(k / 3, k % 3).powi(2)).sum::<f64>().sqrt();
+    let green = |i: usize, j: usize| 0.5 * (h[i][j] + h[j][i] + (0..3).map(|k| h[k][i] * h[k][j]).sum::<f64>());
+    Some(match law {
+        Law::Fem { corotational: true, .. } => norm(&green),
+        _ => norm(&|i, j| h[i][j]),
+    })
+}
+
+/// The table in src/bodies/grid/local.rs: ν, then stretched, compressed and sheared corotational cells, and linear ones.
+const LIMITS: [(f64, [Option<f64>; 6]); 3] = [
+    (0.3, [Some(0.075), Some(0.068), Some(0.30), Some(0.073), Some(0.070), None]),
+    (0.45, [Some(0.066), Some(0.062), Some(0.14), Some(0.065), Some(0.063), None]),
+    (0.49, [Some(0.064), Some(0.060), Some(0.064), Some(0.063), Some(0.061), None]),
+];
+
+fn small_strain() {
+    let modes: [fn(&Model, f64) -> ([[f64; 3]; 3], usize); 3] = [
+        |model, by| (stretched(model, by), 2),
+        |model, by| (stretched(model, -by), 2),
+        |_, by| ([[0.0, 0.0, by], [0.0; 3], [0.0; 3]], 0),
+    ];
+    for (poisson, wanted) in LIMITS {
+        for (k, wanted) in wanted.into_iter().enumerate() {
+            let law = Law::Fem { element: Bbar, corotational: k < 3 };
+            let found = limit(law, poisson, modes[k % 3]);
+            println!("nu {poisson}, {law:?}, mode {}: {found:.4?}", k % 3);
+            measured(
+                &format!("limit of {law:?} at {poisson}, mode {}", k % 3),
+                found.unwrap_or(1.0),
+                wanted.unwrap_or(1.0),
+            );
+            let close = |(found, wanted): (f64, f64)| (found / wanted - 1.0).abs() < 0.03;
+            assert!(
+                found.is_some() == wanted.is_some() && found.zip(wanted).is_none_or(close),
+                "{found:?}, {wanted:?}"
+            );
+            // the warning begins at 6 %: nowhere is a law more than 5 % off below it
+            assert!(found.is_none_or(|found| found > 0.0598), "{law:?} {poisson}: {found:?}");
+        }
+    }
+    // what is counted
+    for (law, most) in [
+        (Law::Fem { element: Bbar, corotational: true }, 0.0583),
+        (Law::Fem { element: Bbar, corotational: false }, 0.06),
+    ] {
+        let model = one_cell(law, 0.45);
+        let beyond = |by: f64| {
+            let stretch = M3::diagonal(V3::of([1.0, 1.0, 1.0 + by]));
+            model.mechanics().beyond_law(0, stretch)
+        };
+        // stretched along z alone: E = e + e²/2
+        assert!(beyond(1.01 * most + 1e-3) && !beyond(0.99 * most - 1e-3) && beyond(f64::NAN), "{law:?}");
+        // a rotation of 30° strains linear cells alone
+        let (s, c) = (std::f64::consts::PI / 6.0).sin_cos();
+        let turned = M3([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]].map(V3::of));
+        assert_eq!(model.mechanics().beyond_law(0, turned), most == 0.06, "{law:?}");
+    }
+    let large = one_cell(Law::Hyperelastic(Material::NeoHookean), 0.45);
+    assert!(!large.mechanics().beyond_law(0, M3::diagonal(V3::of([1.0, 1.0, 2.0]))));
 }

@@ -454,7 +454,9 @@ fn true_residuals(platform: &Platform) {
                 measured(&format!("true residual {platform:?} {integrator:?} {preconditioner:?}"), residual, 0.0);
                 let bound = 100.0 * tolerance(platform);
                 assert!(residual < bound, "{platform:?} {integrator:?} {preconditioner:?}: {residual:e}");
-                assert!(report.warnings.is_empty(), "{platform:?} {integrator:?}: {:?}", report.warnings);
+                // thrown against its bed within a step, a corotational body gains energy by Newmark's method
+                let asked = |name: &&str| *name == "energy_grew" && corotational && integrator == Newmark;
+                assert!(report.warnings.keys().all(asked), "{platform:?} {integrator:?}: {:?}", report.warnings);
             }
         }
     }

@@ -175,7 +175,8 @@ fn column_stress(scene: &Scene) -> f64 {
         // the first step is solved with the rotations of flat cells, so the second one has the static answer
         let report = run.step(true).unwrap_or_else(|e| panic!("{e}"));
         // the top is put down at once by as much as its layer is thick: its cells start flat
-        let asked = |name: &&str| step == 0 && *name == "inverted_cells";
+        // and the linear law, whose answer is known, is strained beyond its range
+        let asked = |name: &&str| step == 0 && *name == "inverted_cells" || *name == "strain_beyond_law";
         assert!(report.warnings.keys().all(asked), "{:?}", report.warnings);
         reaction = report.probes[0];
     }

@@ -161,6 +161,10 @@ impl<R: Real> Descent for LineSearch<'_, R> {
         self.body.load_squared.f64().sqrt()
     }
 
+    fn rounding(&self) -> f64 {
+        R::EPSILON.f64()
+    }
+
     fn inverted_at_start(&self) -> Error {
         unreachable!("the forces at the start of the step have been evaluated")
     }

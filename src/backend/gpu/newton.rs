@@ -207,6 +207,10 @@ impl Descent for GpuBackend {
         self.newton.as_ref().map_or(0.0, |newton| newton.load)
     }
 
+    fn rounding(&self) -> f64 {
+        f64::from(f32::EPSILON)
+    }
+
     fn inverted_at_start(&self) -> Error {
         let found = self.newton.as_ref().and_then(|newton| newton.first_inverted(&newton.start));
         found.unwrap_or_else(|| unreachable!("only an inverted cell rejects the first trial point")).into()

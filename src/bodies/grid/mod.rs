@@ -378,6 +378,10 @@ impl Mechanics for Hexahedra {
         self.strain_and_stress_at(model.grid.layer(cell), model.grid.cell_edges(model.grid.layer(cell) as u32), u, at)
     }
 
+    fn beyond_law(&self, layer: usize, gradient: M3<f64>) -> bool {
+        self.beyond_small(layer, gradient)
+    }
+
     fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal {
         if self.extra_columns == 0 { wound.remove_cells(model, hits) } else { wound.split(model, hits) }
     }

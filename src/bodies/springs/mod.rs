@@ -181,6 +181,10 @@ impl Mechanics for Springs {
 
     /// The forces of [`springs::springs`]; its dampers `c`, and Rayleigh's damping with `r_K` times its tangent, act on the velocity with
     /// which the ends part.
+    fn damps(&self) -> bool {
+        self.law.iter().any(|law| law[2] > 0.0)
+    }
+
     fn forces_at(&self, model: &Model, wound: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
         let rate = model.step.rayleigh_stiffness;
         let of_node = |node: &u32| {
