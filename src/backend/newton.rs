@@ -84,6 +84,8 @@ pub(super) trait Descent {
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)>;
     /// Norm of the step's load, N; known after the first trial point.
     fn load(&self) -> f64;
+    /// Nodes on prescribed paths have increments at the first trial point.
+    fn driven(&self) -> bool;
     /// Error that names the cell inverted at the start of the step.
     fn inverted_at_start(&self) -> Error;
 }
@@ -95,8 +97,10 @@ pub(super) fn newton(body: &mut impl Descent, tolerance: f64, floor: f64) -> Res
         return Err(body.inverted_at_start());
     };
     body.accept();
-    let target = (tolerance * body.load()).max(floor);
     let first = current.residual_norm;
+    // what paths drive is part of the load
+    let load = if body.driven() { body.load().max(first) } else { body.load() };
+    let target = (tolerance * load).max(floor);
     let (mut iterations, mut newton_iterations, mut shift) = (0, 0, FIRST_SHIFT);
     while current.residual_norm > target && newton_iterations < MAX_ITERATIONS {
         newton_iterations += 1;

@@ -100,6 +100,45 @@ impl Default for Layer {
     }
 }
 
+impl Default for Boundary {
+    /// The bottom of the first body held at rest.
+    fn default() -> Self {
+        Self { body: 0, region: Region::Bottom, axes: [true; 3], displacement: [0.0; 3], rotation: 0.0, path: vec![] }
+    }
+}
+
+impl Load {
+    /// A pressure, Pa, on a rectangle of the top of the first body from now on; its corners x, y in m.
+    pub fn on_top(skin: &Skin, pressure: f64, min: [f64; 2], max: [f64; 2]) -> Self {
+        Self {
+            body: 0,
+            region: skin.top(min, max),
+            kind: LoadKind::Pressure { pressure, follower: false },
+            start: 0.0,
+            end: f64::INFINITY,
+        }
+    }
+}
+
+impl Skin {
+    /// Total thickness, m.
+    pub fn thickness(&self) -> f64 {
+        self.layers.iter().map(|layer| layer.thickness).sum()
+    }
+
+    /// A rectangle of its top, by its corners x, y, m.
+    pub fn top(&self, min: [f64; 2], max: [f64; 2]) -> Region {
+        let corner = |[x, y]: [f64; 2]| [x, y, self.thickness()];
+        Region::Box { min: corner(min), max: corner(max) }
+    }
+
+    /// True if a rest position in the body's frame, m, belongs to it.
+    pub(super) fn holds(&self, at: [f64; 3]) -> bool {
+        let [x, y] = self.size.map(|size| 0.5 * size);
+        Region::Box { min: [-x, -y, 0.0], max: [x, y, self.thickness()] }.holds(at, self.size, self.thickness())
+    }
+}
+
 impl Default for Tool {
     /// A sphere of 2 mm held by a hand 20 mm above the origin.
     fn default() -> Self {
@@ -271,6 +310,7 @@ impl Scene {
             part.index("body", boundary.body, skins)?;
             part.finite("displacement", &boundary.displacement)?;
             part.finite("rotation", &[boundary.rotation])?;
+            check_path(&part.of("path"), &boundary.path, self.time.integrator)?;
             let [x, y, _] = boundary.axes;
             part.of("axes").that(
                 boundary.rotation == 0.0 || (x && y),
@@ -291,13 +331,24 @@ impl Scene {
             )?;
         }
         for (k, load) in self.loads.iter().enumerate() {
-            several("loads", k).index("body", load.body, skins)?;
-            several("loads", k)
-                .finite("pressure, min, max", &[load.pressure, load.min[0], load.min[1], load.max[0], load.max[1]])?;
-            let area = (0..2).all(|axis| load.min[axis] < load.max[axis]);
-            several("loads", k).of("min, max").that(area, "without an area", "corners of a rectangle")?;
-            let lasts = load.start < load.end;
-            several("loads", k).of("start, end").that(lasts, "in the wrong order", "rising")?;
+            let part = several("loads", k);
+            part.index("body", load.body, skins)?;
+            part.of("start, end").that(load.start < load.end, "in the wrong order", "rising")?;
+            check_region(&part.of("region"), &load.region)?;
+            if let Region::Box { min, max } = load.region {
+                let area = (0..3).filter(|axis| min[*axis] < max[*axis]).count() > 1;
+                part.of("region.min, max").that(area, "without an area", "corners of a rectangle or of a box")?;
+            }
+            match load.kind {
+                LoadKind::Pressure { pressure, .. } => part.of("kind").finite("pressure", &[pressure])?,
+                LoadKind::Traction(traction) => part.of("kind").finite("traction", &traction)?,
+                LoadKind::Force(force) => part.of("kind").finite("force", &force)?,
+                LoadKind::PointForce { force, at } => {
+                    part.of("kind").finite("force, at", &[force, at].concat())?;
+                    let skin = &self.skins[load.body];
+                    part.of("kind.at").that(skin.holds(at), format!("{at:?}"), "a point of the body at rest")?;
+                }
+            }
         }
         // rigid bodies, walls, attachments
         for (k, tool) in self.tools.iter().enumerate() {
@@ -561,7 +612,18 @@ fn check_region(part: &Part, region: &Region) -> Result<()> {
         }
         Region::Rim(margin) | Region::Core(margin) => part.not_negative("margin", &[*margin]),
         Region::Bottom | Region::Top | Region::Sides | Region::SidesX | Region::SidesY | Region::All => Ok(()),
+        Region::SideXMin | Region::SideXMax | Region::SideYMin | Region::SideYMax => Ok(()),
     }
+}
+
+fn check_path(part: &Part, path: &[Pose], integrator: Integrator) -> Result<()> {
+    for pose in path {
+        part.finite("time, position", &[&[pose.time], &pose.position[..]].concat())?;
+    }
+    let rising = path.windows(2).all(|pair| pair[0].time < pair[1].time);
+    part.that(rising, "with times that do not rise", "rising times")?;
+    let fits = path.is_empty() || matches!(integrator, Integrator::ImplicitEuler | Integrator::Static);
+    part.that(fits, "with another integrator", "empty, or with implicit Euler or static steps")
 }
 
 fn check_device(part: &Part, device: &Device) -> Result<()> {
