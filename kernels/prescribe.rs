@@ -2,7 +2,7 @@
 //!
 //! `x` (slot 0) is the initial guess of the unconstrained motion. The rows of `A` along fixed axes are empty and so are the residuals there,
 //! so conjugate gradients leave these entries as they are and solve `A_ff Δx_f = b_f − A_fc Δx_c` for the free ones: damping and inertia see
-//! the motion of fixed nodes as that of free ones. Free axes keep their initial guess. With the increment from the displacement itself,
+//! the motion of fixed nodes as that of free ones. Free axes keep their initial guess: 0, so that the initial residual is the step's load. With the increment from the displacement itself,
 //! rounding does not accumulate along a path.
 //! Source: Hughes 1987, section 1.10 (inhomogeneous essential boundary conditions).
 //! Units: m.

@@ -144,8 +144,8 @@ fn what_cannot_run_is_refused_with_words() {
             "loads[0].region.min, max is without an area",
         ),
         (&|s| s.loads.push(Load { end: 0.0, ..load.clone() }), "loads[0].start, end is in the wrong order"),
-        (&|s| s.loads.push(of_kind(LoadKind::Force([f64::NAN; 3]))), "loads[0].kind.force is NaN"),
-        (&|s| s.loads.push(of_kind(LoadKind::Traction([f64::INFINITY; 3]))), "loads[0].kind.traction is inf"),
+        (&|s| s.loads.push(of_kind(LoadKind::Force([f64::NAN; 3]))), "loads[0].kind is NaN"),
+        (&|s| s.loads.push(of_kind(LoadKind::Traction([f64::INFINITY; 3]))), "loads[0].kind is inf"),
         (
             &|s| s.loads.push(of_kind(LoadKind::PointForce { force: [0.0; 3], at: [0.0, 0.0, 1.0] })),
             "loads[0].kind.at is [0.0, 0.0, 1.0]",

@@ -617,7 +617,9 @@ pub enum Invalid {
     },
 
     /// A hand path without positions.
-    #[error("{at}: path_mm has no rows; wanted at least one [t_s, x, y, z]; write where the hand rests")]
+    #[error(
+        "{at}: path_mm has no rows; wanted at least one [t_s, x, y, z]; write where the hand or the boundary rests"
+    )]
     PathEmpty {
         /// The list.
         at: Location,

@@ -1,4 +1,4 @@
-//! Loads of a scene file: where on the surface they act, and one kind each.
+//! Loads: on parts of a skin in code, and of a scene file, where each is of one kind.
 
 use super::bodies::Names;
 use super::grid::{Grid, region};
@@ -8,6 +8,49 @@ use super::region::SLACK;
 use super::text::{Bound, KPA, MM, NEWTON, SECOND, SceneText, in_mm, or};
 use super::{Load, LoadKind, Region, Skin};
 use std::ops::Range;
+
+impl Load {
+    /// A pressure, Pa, on a rectangle of the top of the first body from now on; its corners x, y in m.
+    pub fn on_top(skin: &Skin, pressure: f64, min: [f64; 2], max: [f64; 2]) -> Self {
+        Self {
+            body: 0,
+            region: skin.top(min, max),
+            kind: LoadKind::Pressure { pressure, follower: false },
+            start: 0.0,
+            end: f64::INFINITY,
+        }
+    }
+}
+
+impl LoadKind {
+    /// Its numbers.
+    pub(super) fn numbers(&self) -> Vec<f64> {
+        match *self {
+            Self::Pressure { pressure, .. } => vec![pressure],
+            Self::Traction(v) | Self::Force(v) => v.to_vec(),
+            Self::PointForce { force, at } => [force, at].concat(),
+        }
+    }
+}
+
+impl Skin {
+    /// Total thickness, m.
+    pub fn thickness(&self) -> f64 {
+        self.layers.iter().map(|layer| layer.thickness).sum()
+    }
+
+    /// A rectangle of its top, by its corners x, y, m.
+    pub fn top(&self, min: [f64; 2], max: [f64; 2]) -> Region {
+        let corner = |[x, y]: [f64; 2]| [x, y, self.thickness()];
+        Region::Box { min: corner(min), max: corner(max) }
+    }
+
+    /// True if a rest position in the body's frame, m, belongs to it.
+    pub(super) fn holds(&self, at: [f64; 3]) -> bool {
+        let [x, y] = self.size.map(|size| 0.5 * size);
+        Region::Box { min: [-x, -y, 0.0], max: [x, y, self.thickness()] }.holds(at, self.size, self.thickness())
+    }
+}
 
 const ONE_KIND: &str = "a load is one of pressure_kpa, traction_kpa and force_n";
 

@@ -340,6 +340,13 @@ pub struct Boundary {
     pub path: Vec<Pose>,
 }
 
+impl Default for Boundary {
+    /// The bottom of the first body held at rest.
+    fn default() -> Self {
+        Self { body: 0, region: Region::Bottom, axes: [true; 3], displacement: [0.0; 3], rotation: 0.0, path: vec![] }
+    }
+}
+
 /// A load on the outer surface of a deformable body; one that does not follow is a dead load.
 #[derive(Clone, Debug)]
 pub struct Load {

@@ -361,6 +361,8 @@ impl Body {
         }
         let target: Vec<[f64; 3]> = entries.iter().map(|entry| target[*entry]).collect();
         self.accelerations = nodes.iter().zip(&entries).map(|(node, entry)| (*node, accelerations[*entry])).collect();
+        // without a warm start the initial residual is what loads and paths drive, which the tolerance is relative to
+        self.backend.reset_initial_guess(&[FREE])?;
         self.backend.prescribe(&nodes, &target)
     }
 
