@@ -97,7 +97,8 @@ fn without_tool(scene: &Scene) -> Scene {
     scene.tools.clear();
     scene.contact = None;
     let half = 2e-3;
-    scene.loads.push(Load { body: 0, pressure: 1e4, min: [-half; 2], max: [half; 2], start: 0.05, end: 0.4 });
+    let load = Load::on_top(&scene.skins[0], 1e4, [-half; 2], [half; 2]);
+    scene.loads.push(Load { start: 0.05, end: 0.4, ..load });
     scene
 }
 

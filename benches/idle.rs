@@ -55,7 +55,8 @@ fn variants() -> Vec<(&'static str, Scene)> {
     let held =
         |s: &mut Scene| s.probes.push(probe("f", ProbeKind::Reaction { body: 0, region: Region::Bottom, axis: 2 }));
     let load = |s: &mut Scene| {
-        s.loads.push(Load { body: 0, pressure: 1e3, min: [-1e-3; 2], max: [1e-3; 2], start: 1e6, end: 2e6 });
+        let load = Load::on_top(&s.skins[0], 1e3, [-1e-3; 2], [1e-3; 2]);
+        s.loads.push(Load { start: 1e6, end: 2e6, ..load });
     };
     let wall = |s: &mut Scene| {
         s.contact = shipped("incision.toml").contact;

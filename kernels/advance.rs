@@ -1,7 +1,8 @@
 //! Scalars of the conjugate gradients, kept on the device: reduces the partial sums, then sets the next `α` and `β` or ends the solve.
 //!
 //! `γ = r·z`, `δ = z·A z`; first `β = 0`, `α = γ/δ`; then `β = γ/γ_old`, `α = γ/(δ − β γ/α_old)`. A right-hand side is done when
-//! `|r|² ≤ target²`, with `target² = max(tolerance² reference², floor²)`; for the unconstrained motion the reference is the step's load.
+//! `|r|² ≤ target²`, with `target² = max(tolerance² reference², floor²)`; for the unconstrained motion the reference is the step's load, with
+//! prescribed paths at least the initial residual, which has what the paths drive.
 //! `done`: 0 running, 1 converged or idle, 2 breakdown (no positive curvature, or non-finite). `state`: 0 before the start, 1 computing the
 //! initial residual, 2 first iteration, 3 later.
 
@@ -38,11 +39,11 @@ pub struct Scalars<R> {
 pub struct Request<R> {
     /// Relative tolerance, squared.
     pub tolerance_squared: R,
-    /// Reference, N², used unless `use_load` is 1.
+    /// Reference, N², used if `use_load` is 0.
     pub reference_squared: R,
     /// Absolute floor, N².
     pub floor_squared: R,
-    /// 1: the reference is the step's load.
+    /// 1: the reference is the step's load; 2: at least the initial residual.
     pub use_load: R,
 }
 
@@ -53,12 +54,15 @@ pub fn advance<R: Real>(request: &Request<R>, load: R, delta: R, gamma: R, resid
         return;
     }
     if k.state == zero {
-        let reference = if request.use_load == R::one() { load } else { request.reference_squared };
+        let reference = if request.use_load >= R::one() { load } else { request.reference_squared };
         k.target_squared = (request.tolerance_squared * reference).max(request.floor_squared);
         k.state = R::one();
         return;
     }
     k.residual_squared = residual;
+    if k.state == R::one() && request.use_load == R::of(2.0) {
+        k.target_squared = k.target_squared.max(request.tolerance_squared * residual);
+    }
     if residual <= k.target_squared {
         k.done = R::one();
         return;

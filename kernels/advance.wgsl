@@ -35,7 +35,7 @@ fn advance_slot(slot: u32, sums: vec4<f32>) {
     var tail = scalars[slot * 2u + 1u]; // target² rr iterations state
     if head.w != 0.0 { return; }
     if tail.w == 0.0 {
-        let reference = select(request.y, sums.x, request.w == 1.0);
+        let reference = select(request.y, sums.x, request.w >= 1.0);
         tail.x = max(request.x * reference, request.z);
         tail.w = 1.0;
         scalars[slot * 2u + 1u] = tail;
@@ -44,6 +44,7 @@ fn advance_slot(slot: u32, sums: vec4<f32>) {
     let delta = sums.y;
     let gamma = sums.z;
     tail.y = sums.w;
+    if tail.w == 1.0 && request.w == 2.0 { tail.x = max(tail.x, request.x * sums.w); }
     var denominator = delta;
     if tail.y <= tail.x {
         head.w = 1.0;

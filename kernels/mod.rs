@@ -36,6 +36,7 @@ pub mod momentum;
 pub mod mooney_rivlin;
 pub mod neo_hookean;
 pub mod precondition;
+pub mod prescribe;
 pub mod probe;
 pub mod product;
 pub mod prolongation;
@@ -110,6 +111,7 @@ pub const ALL: &[&Source] = &[
     &integrate::SOURCE,
     &momentum::SOURCE,
     &precondition::SOURCE,
+    &prescribe::SOURCE,
     &probe::SOURCE,
     &product::SOURCE,
     &prolongation::SOURCE,

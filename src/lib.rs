@@ -59,7 +59,7 @@
 //!     trajectory: vec![pose(0.0, 2e-3, 2.4e-3), pose(0.05, 2e-3, 0.8e-3), pose(0.2, -2e-3, 0.8e-3)],
 //!     ..Tool::default()
 //! };
-//! let held = |region| Boundary { body: 0, region, axes: [true; 3], displacement: [0.0; 3], rotation: 0.0 };
+//! let held = |region| Boundary { region, ..Boundary::default() };
 //! let scene = Scene {
 //!     skins: vec![Skin::default()],
 //!     boundaries: vec![held(Region::Bottom), held(Region::Sides)],

@@ -2,7 +2,7 @@
 
 use cutis::scene::{
     Attachment, Blade, BodyId, Boundary, Component, Contact, Coupling, Device, Element, Files, Law, Layer, Lines, Load,
-    Motion, Pose, Preconditioner, Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
+    LoadKind, Motion, Pose, Preconditioner, Probe, ProbeKind, Region, Scene, Skin, Tool, parse,
 };
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
@@ -19,7 +19,7 @@ fn cut() -> Scene {
         trajectory: vec![pose(0.0, 2e-3, 2.4e-3), pose(0.05, 2e-3, 0.8e-3), pose(0.2, -2e-3, 0.8e-3)],
         ..Tool::default()
     };
-    let held = |region| Boundary { body: 0, region, axes: [true; 3], displacement: [0.0; 3], rotation: 0.0 };
+    let held = |region| Boundary { region, ..Boundary::default() };
     let mut scene = Scene {
         title: "a cut in code".into(),
         skins: vec![Skin::default()],
@@ -95,7 +95,10 @@ fn what_cannot_run_is_refused_with_words() {
     let stress = |body| ProbeKind::Stress { body, point: [0.0; 3], component: Component::VonMises };
     let centre = |of| ProbeKind::CentreOfMass { of, axis: 0 };
     let probe = |s: &mut Scene, kind| s.probes.push(Probe { name: "p".into(), kind });
-    let load = Load { body: 2, pressure: 1.0, min: [0.0; 2], max: [1e-3; 2], start: 0.0, end: 1.0 };
+    let load = Load::on_top(&Skin::default(), 1.0, [0.0; 2], [1e-3; 2]);
+    let of_kind = |kind| Load { kind, ..load.clone() };
+    let flat = Skin::default().top([0.0; 2], [0.0, 1e-3]);
+    let path = |times: [f64; 2]| times.map(|time| Pose { time, ..Pose::default() }).to_vec();
     let sphere = Region::Sphere { centre: [f64::NAN; 3], radius: 1e-3 };
     let wire = Lines { positions: vec![[0.0; 3]], segments: vec![], radius: 0.0 };
     let tie = |to| Attachment { body: 0, region: Region::Bottom, to, slide: None };
@@ -112,7 +115,7 @@ fn what_cannot_run_is_refused_with_words() {
         (&|s| s.skins[0].layers[0].poisson = 0.5, "skins[0].layers[0].poisson is 0.5"),
         (&|s| s.skins[0].law = springs, "skins[0].law.stiffness is NaN"),
         (&|s| s.boundaries[1].body = 1, "boundaries[1].body is 1"),
-        (&|s| s.loads.push(load), "loads[0].body is 2"),
+        (&|s| s.loads.push(Load { body: 2, ..load.clone() }), "loads[0].body is 2"),
         (&|s| s.tools[0].mass = 0.0, "tools[0].mass is 0"),
         (&|s| s.tools[0].trajectory.clear(), "tools[0].trajectory is empty"),
         (&|s| s.tools[0].trajectory[1].time = 9.0, "tools[0].trajectory is times that do not rise"),
@@ -136,7 +139,19 @@ fn what_cannot_run_is_refused_with_words() {
         (&|s| s.contact.as_mut().expect("contact").max_passes = 0, "contact.max_contacts, max_passes is 0"),
         (&|s| s.haptic.rate = 0.0, "haptic.rate is 0"),
         (&|s| s.boundaries[0].region = sphere.clone(), "boundaries[0].region.centre is NaN"),
-        (&|s| s.loads.push(Load { body: 0, max: [-1e-3; 2], ..load }), "loads[0].min, max is without an area"),
+        (
+            &|s| s.loads.push(Load { region: flat.clone(), ..load.clone() }),
+            "loads[0].region.min, max is without an area",
+        ),
+        (&|s| s.loads.push(Load { end: 0.0, ..load.clone() }), "loads[0].start, end is in the wrong order"),
+        (&|s| s.loads.push(of_kind(LoadKind::Force([f64::NAN; 3]))), "loads[0].kind is NaN"),
+        (&|s| s.loads.push(of_kind(LoadKind::Traction([f64::INFINITY; 3]))), "loads[0].kind is inf"),
+        (
+            &|s| s.loads.push(of_kind(LoadKind::PointForce { force: [0.0; 3], at: [0.0, 0.0, 1.0] })),
+            "loads[0].kind.at is [0.0, 0.0, 1.0]",
+        ),
+        (&|s| s.boundaries[0].path = path([1.0, 0.0]), "boundaries[0].path is with times that do not rise"),
+        (&|s| s.boundaries[0].path = path([0.0, f64::NAN]), "boundaries[0].path.time, position is NaN"),
         (&|s| s.skins[0].layers[0].pre_strain[0] = 1.5, "skins[0].layers[0].pre_strain is 1.5"),
         (&|s| s.view.field_of_view = 0.0, "view.field_of_view is 0"),
         (&|s| s.tools[0].free = Some(Motion { angular_velocity: [f64::NAN; 3], ..Motion::default() }), "tools[0].free"),

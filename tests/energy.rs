@@ -4,7 +4,7 @@ mod small;
 
 use cutis::report::{EnergyReport, Report};
 use cutis::scene::Integrator::{self, ImplicitEuler, Newmark, SymplecticEuler};
-use cutis::scene::{Element, Law, Load, Material, Preconditioner, Region, Scene, Start};
+use cutis::scene::{Element, Law, Load, LoadKind, Material, Preconditioner, Region, Scene, Start};
 use cutis::step::{Measured, Platform, Simulation};
 use small::{block, held};
 use std::path::Path;
@@ -105,7 +105,8 @@ fn pressed(integrator: Integrator, damping: f64) -> Scene {
     (skin.law, skin.rayleigh_mass, skin.rayleigh_stiffness) = (LINEAR, 10.0 * damping, 1e-4 * damping);
     scene.boundaries = vec![held(Region::Bottom, [true; 3])];
     let half = [2e-3; 2];
-    scene.loads = vec![Load { body: 0, pressure: 200.0, min: half.map(|h| -h), max: half, start: 5e-3, end: 12e-3 }];
+    let load = Load::on_top(&scene.skins[0], 200.0, half.map(|h| -h), half);
+    scene.loads = vec![Load { start: 5e-3, end: 12e-3, ..load }];
     (scene.time.integrator, scene.solver.tolerance, scene.solver.floor) = (integrator, 1e-11, 0.0);
     (scene.time.step, scene.time.duration) = (0.25e-3, 20e-3);
     scene
@@ -233,7 +234,7 @@ fn the_table_of_energies_has_whole_lines_and_adds_up() {
 fn strain_beyond_the_law_is_counted_and_large_strain_is_not() {
     let beyond = |law: Law, pressure: f64, platform: &Platform| {
         let mut scene = pressed(ImplicitEuler, 1.0);
-        (scene.loads[0].pressure, scene.skins[0].law) = (pressure, law);
+        (scene.loads[0].kind, scene.skins[0].law) = (LoadKind::Pressure { pressure, follower: false }, law);
         (scene.solver.tolerance, scene.solver.true_residual_every) = (1e-5, 4);
         let report = run("strained", &scene, platform).0;
         report.warnings.get("strain_beyond_law").copied().unwrap_or_default()
@@ -266,7 +267,8 @@ fn solved_fully(pressure: f64, gravity: f64) -> Scene {
     let mut scene = pressed(ImplicitEuler, 0.0);
     scene.skins[0].law = NEO_HOOKEAN;
     (scene.skins[0].rayleigh_mass, scene.skins[0].rayleigh_stiffness) = (0.0, 0.01);
-    (scene.loads[0].pressure, scene.loads[0].start, scene.loads[0].end) = (pressure, 0.0, 0.1);
+    let kind = LoadKind::Pressure { pressure, follower: false };
+    scene.loads[0] = Load { kind, start: 0.0, end: 0.1, ..scene.loads[0].clone() };
     scene.time.gravity = [0.0, 0.0, -gravity];
     (scene.time.step, scene.time.duration) = (10e-3, 1.2);
     (scene.solver.newton, scene.solver.tolerance, scene.solver.floor) = (true, 1e-8, 0.0);

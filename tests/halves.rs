@@ -85,7 +85,7 @@ fn momentum(simulation: &mut Simulation) -> (DVec3, f64) {
 /// A pressure on 2 mm × 2 mm of the top, from an instant on.
 fn pressed(scene: &mut Scene, x: f64) {
     let (min, max) = ([x - 1e-3, -1e-3], [x + 1e-3, 1e-3]);
-    scene.loads = vec![Load { body: 0, pressure: 1e3, min, max, start: 0.0, end: f64::INFINITY }];
+    scene.loads = vec![Load::on_top(&scene.skins[0], 1e3, min, max)];
     scene.skins[0].velocity = [0.1, 0.2, -0.05];
 }
 

@@ -93,8 +93,7 @@ fn ten_metres_from_the_origin_nothing_is_other_than_there() {
             let half = 2e-3;
             scene.tools.clear();
             scene.contact = None;
-            scene.loads =
-                vec![Load { body: 0, pressure: 1e4, min: [-half; 2], max: [half; 2], start: 0.0, end: f64::INFINITY }];
+            scene.loads = vec![Load::on_top(&scene.skins[0], 1e4, [-half; 2], [half; 2])];
             simulate(&scene, &platform)
         });
         for simulation in [&mut far, &mut near] {

@@ -57,13 +57,16 @@ const SECTIONS: &[(&str, &str)] = &[
     ("[view]", ""),
 ];
 
-/// What has to stand beside a key that belongs to a choice: its table's header, the key, lines.
+/// What has to stand beside a key that belongs to a choice: its table's header, the key, lines; `-key` takes a line away.
 const BESIDE: &[(&str, &str, &str)] = &[
     ("[skin]", "spring_stiffness_n_m", "law = \"springs\"\nspring_damping_n_s_m = 1.0"),
     ("[skin]", "spring_damping_n_s_m", "law = \"springs\"\nspring_stiffness_n_m = 1.0"),
     ("[skin]", "element", "law = \"corotational\""),
     ("[skin]", "start_mm", "start = \"random\""),
     ("[skin]", "start_seed", "start = \"random\"\nstart_mm = 1.0"),
+    ("[[load]]", "traction_kpa", "-pressure_kpa"),
+    ("[[load]]", "force_n", "-pressure_kpa"),
+    ("[[load]]", "at_mm", "-pressure_kpa\n-rectangle_mm\nforce_n = [0.0, 0.0, -1.0]"),
     ("*", "radius_mm", "region = \"sphere\"\ncentre_mm = [0.0, 0.0, 0.0]"),
     ("*", "within_mm", "region = \"plane\"\nthrough_mm = [0.0, 0.0, 0.0]\nnormal = [0.0, 0.0, 1.0]"),
     ("*", "margin_mm", "region = \"bottom_rim\""),
@@ -89,7 +92,7 @@ fn header(key: &Key) -> &'static str {
 
 /// The scene with lines in one section, in the place of those with the same keys.
 fn with(header: &str, lines: &str) -> Result<Scene> {
-    let key = |line: &str| line.split(" = ").next().unwrap_or_default().to_string();
+    let key = |line: &str| line.trim_start_matches('-').split(" = ").next().unwrap_or_default().to_string();
     let mut text = String::new();
     let mut open = true; // the section is still to come
     for (name, own) in SECTIONS {
@@ -98,7 +101,8 @@ fn with(header: &str, lines: &str) -> Result<Scene> {
         let new: Vec<&str> = if here { lines.lines().collect() } else { vec![] };
         let kept = own.lines().filter(|line| !new.iter().any(|other| key(other) == key(line)));
         text += &format!("{name}\n");
-        kept.chain(new.iter().copied()).for_each(|line| text += &format!("{line}\n"));
+        let there = |line: &&str| !line.starts_with('-');
+        kept.chain(new.iter().copied()).filter(there).for_each(|line| text += &format!("{line}\n"));
     }
     parse(&text, Path::new("keys.toml"), &Files::Embedded(&[("tip.obj", TIP), ("probe.obj", PROBE)]))
 }
@@ -108,10 +112,13 @@ fn given(key: &Key, value: &str) -> Result<Scene> {
     let of_check = format!("\"cut.length_mm\" = {{ min = 0.0, {} = {value} }}", key.name);
     let at = header(key);
     let beside = BESIDE.iter().find(|(table, name, _)| {
-        let region = *table == "*" && ["[[boundary]]", "[[anchor]]", "[[attach]]", "[[probe]]"].contains(&at);
+        let region =
+            *table == "*" && ["[[boundary]]", "[[anchor]]", "[[load]]", "[[attach]]", "[[probe]]"].contains(&at);
         (*table == at || region) && *name == key.name
     });
-    let beside = beside.map_or(String::new(), |(_, _, lines)| format!("\n{lines}"));
+    let on_top =
+        if at == "[[load]]" && beside.is_some_and(|(table, ..)| *table == "*") { "\n-rectangle_mm" } else { "" };
+    let beside = beside.map_or(String::new(), |(_, _, lines)| format!("\n{lines}{on_top}"));
     let reaction = if at == "[[probe]]" && beside.contains("region") { "\nkind = \"reaction\"" } else { "" };
     match at {
         "[check]" => with(at, &of_check),
@@ -217,7 +224,14 @@ fn what_is_beyond_a_range_is_refused() {
     }
     assert!(tried > 150, "{tried} values");
     // the counter-test: a value within each range of those with one is taken
-    for (name, value) in [("friction", "0.0"), ("max_passes", "100"), ("rate_hz", "4000.0"), ("size_px", "[8192, 1]")] {
+    for (name, value) in [
+        ("friction", "0.0"),
+        ("traction_kpa", "[0.0, 0.0, 0.0]"),
+        ("at_mm", "[5.0, 0.0, 2.0]"),
+        ("max_passes", "100"),
+        ("rate_hz", "4000.0"),
+        ("size_px", "[8192, 1]"),
+    ] {
         let key = keys().into_iter().find(|key| key.name == name).expect("it is there");
         given(&key, value).unwrap_or_else(|e| panic!("{name} = {value}: {e}"));
     }

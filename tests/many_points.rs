@@ -41,7 +41,7 @@ fn held_down() -> f64 {
     let top: f64 = scene.skins[0].layers.iter().map(|l| l.thickness).sum();
     let region = Region::Box { min: [-1e-3, -1e-3, top], max: [1e-3, 1e-3, top] };
     let displacement = [0.0, 0.0, end - top];
-    scene.boundaries.push(Boundary { body: 0, region, axes: [false, false, true], displacement, rotation: 0.0 });
+    scene.boundaries.push(Boundary { region, axes: [false, false, true], displacement, ..Boundary::default() });
     (scene.tools, scene.contact) = (vec![], None);
     assert!(matches!(scene.probes[0].kind, ProbeKind::Reaction { .. }));
     let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");

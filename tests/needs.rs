@@ -138,7 +138,10 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
     let displacement = probe(ProbeKind::Displacement { body: 0, point: [0.0; 3], axis: 2 });
     let reaction = probe(ProbeKind::Reaction { body: 0, region: held.clone(), axis: 2 });
     let anchor = cutis::scene::Anchor { body: 0, region: held, stiffness: 1.0 };
-    let load = cutis::scene::Load { body: 0, pressure: 1.0, min: [-1e-3; 2], max: [1e-3; 2], start: 0.0, end: 1.0 };
+    let load = cutis::scene::Load {
+        end: 1.0,
+        ..cutis::scene::Load::on_top(&cutis::scene::Skin::default(), 1.0, [-1e-3; 2], [1e-3; 2])
+    };
     let uncoupled = changed(&touched(), |s| s.contact.iter_mut().for_each(|c| c.correction = Correction::Uncoupled));
     vec![
         (

@@ -4,8 +4,8 @@ use cutis::error::{Error, Result};
 use cutis::gpu;
 use cutis::report;
 use cutis::scene::{
-    Correction, Cut, DeviceKind, Element, Files, Filter, Integrator, Law, Material, Preconditioner, ProbeKind, Region,
-    Rendering, Role, Scene, Start, parse, read,
+    Correction, Cut, DeviceKind, Element, Files, Filter, Integrator, Law, LoadKind, Material, Preconditioner,
+    ProbeKind, Region, Rendering, Role, Scene, Start, parse, read,
 };
 use proptest::prelude::*;
 use std::path::Path;
@@ -331,9 +331,10 @@ fn full_scene_keeps_boundaries_loads_and_outputs() {
     assert_eq!(scene.anchors[0].region, Region::Sphere { centre: [0.02, 0.01, 0.0], radius: 6e-3 });
     assert_eq!(scene.anchors[0].stiffness, 40.0);
     assert_eq!(scene.boundaries[1].displacement, [-2e-3, 0.0, 0.0]);
-    let load = scene.loads[0];
-    assert_eq!((load.pressure, load.start, load.end), (1500.0, 0.1, 0.2));
-    assert_eq!((load.min, load.max), ([-0.02, -0.01], [0.0, 0.01]));
+    let load = &scene.loads[0];
+    assert_eq!(load.kind, LoadKind::Pressure { pressure: 1500.0, follower: false });
+    assert_eq!((load.start, load.end), (0.1, 0.2));
+    assert_eq!(load.region, Region::Box { min: [-0.02, -0.01, 2.5e-3], max: [0.0, 0.01, 2.5e-3] });
     let point = [0.0, 0.0, 2.5e-3];
     assert_eq!(scene.probes[0].kind, ProbeKind::Displacement { body: 0, point, axis: 0 });
     let region = Region::SidesX;

@@ -87,3 +87,69 @@ fn readme_has_one_entry_per_scene() {
         assert!(names.iter().any(|n| n == entry), "scenes/README.md: `{entry}` is no scene");
     }
 }
+
+/// A block above the origin, with these lines on its scene.
+fn noted(gravity: &str, more: &str) -> Vec<String> {
+    let text = format!(
+        "title = \"a\"\n[time]\nstep_ms = 5\nduration_s = 0.1\ngravity_m_s2 = {gravity}\n{more}[skin]\nsize_mm = [10, 10]\ncells = [2, 2]\n\
+         [[skin.layer]]\nname = \"a\"\nthickness_mm = 2\ncells = 1\nyoung_kpa = 50\npoisson = 0.4\ndensity_kg_m3 = 1000\n"
+    );
+    let made = cutis::scene::parse(&text, "noted.toml".as_ref(), &cutis::scene::Files::Embedded(&[]));
+    made.unwrap_or_else(|e| panic!("{e}")).notes()
+}
+
+#[test]
+fn what_floats_away_is_noted_and_what_floats_on_purpose_is_not() {
+    let (down, none) = ("[0, 0, -9.81]", "[0, 0, 0]");
+    let held = |axes: &str| format!("[[boundary]]\nregion = \"side_x_min\"\naxes = \"{axes}\"\n");
+    let wall = |z: f64| format!("[[plane]]\nname = \"w\"\nthrough_mm = [0, 0, 0]\nnormal = [0, 0, {z}]\n");
+    let under = "[[block]]\nname = \"b\"\nposition_mm = [0, 0, -5]\nsize_mm = [10, 10]\ncells = [2, 2]\n[[block.layer]]\nname = \"a\"\n\
+                 thickness_mm = 2\ncells = 1\nyoung_kpa = 50\npoisson = 0.4\ndensity_kg_m3 = 1000\n";
+    let fixed = format!("{under}[[boundary]]\nbody = \"b\"\nregion = \"bottom\"\n");
+    let quiet = [
+        (down, held("z")),
+        (down, wall(1.0)),
+        (down, fixed),
+        (down, "[[anchor]]\nregion = \"top\"\nstiffness_n_m = 1\n".into()),
+        (down, "[[attach]]\nregion = \"top\"\n".into()),
+        (none, String::new()),
+        (none, "[[load]]\npressure_kpa = 1\nregion = \"all\"\n".into()),
+    ];
+    for (gravity, more) in quiet {
+        assert_eq!(noted(gravity, &more), [""; 0], "{more}");
+    }
+    let said = [
+        (down, String::new(), 1, "gravity pulls"),
+        (down, held("xy"), 1, "gravity pulls"),
+        (down, wall(-1.0), 1, "put a [[plane]] under it"),
+        (down, under.to_string(), 2, "nothing holds `b`"),
+        (none, "[[load]]\npressure_kpa = 1\n".into(), 1, "its load pushes"),
+    ];
+    for (gravity, more, count, wanted) in said {
+        let notes = noted(gravity, &more);
+        assert!(notes.len() == count && notes.concat().contains(wanted), "{more}: {notes:?}");
+    }
+}
+
+#[test]
+fn a_duration_that_is_no_multiple_of_the_step_is_noted() {
+    let still = |step: f64, duration: f64| {
+        let time = cutis::scene::Time { step, duration, ..cutis::scene::Time::default() };
+        Scene { time, ..Scene::default() }.notes()
+    };
+    let notes = still(3e-3, 0.1);
+    assert!(notes.len() == 1 && notes[0].contains("33 steps and ends at 0.099 s"), "{notes:?}");
+    // the counter-test: decimals that are none in binary
+    for (step, duration) in [(5e-3, 0.1), (0.1e-3, 0.3), (7e-3, 0.7), (1e-3, 1e3)] {
+        assert_eq!(still(step, duration), [""; 0], "{duration} / {step}");
+    }
+}
+
+#[test]
+fn scenes_of_the_repository_have_no_notes() {
+    for (name, path) in files() {
+        let notes = scene(&path).notes();
+        assert!(notes.is_empty() || name.starts_with("hard/"), "{name}: {notes:?}");
+        notes.iter().for_each(|note| println!("{name}: {note}"));
+    }
+}

@@ -152,8 +152,10 @@ pub struct Device {
 pub trait Backend: Send {
     /// Description of the device.
     fn device(&self) -> Device;
-    /// Sets the dead loads, `[node]` N.
+    /// Sets the loads, `[node]` N.
     fn set_load(&mut self, load: &[[f64; 3]]);
+    /// Prescribes displacements of nodes at the end of the step along their fixed axes, m; after [`Backend::begin`], each node once.
+    fn prescribe(&mut self, nodes: &[u32], target: &[[f64; 3]]) -> Result<()>;
     /// Starts a step: rotations, elastic forces, right-hand side of the unconstrained motion, preconditioner.
     ///
     /// # Errors

@@ -91,6 +91,8 @@ pub(super) trait Descent {
     fn load(&self) -> f64;
     /// Relative rounding of its numbers.
     fn rounding(&self) -> f64;
+    /// Nodes on prescribed paths have increments at the first trial point.
+    fn driven(&self) -> bool;
     /// Error that names the cell inverted at the start of the step.
     fn inverted_at_start(&self) -> Error;
 }
@@ -102,9 +104,11 @@ pub(super) fn newton(body: &mut impl Descent, tolerance: f64, floor: f64) -> Res
         return Err(body.inverted_at_start());
     };
     body.accept();
-    let target = (tolerance * body.load()).max(floor);
     let first = current.residual_norm;
-    let rounded = ROUNDED * body.rounding() * body.load();
+    // what paths drive is part of the load
+    let load = if body.driven() { body.load().max(first) } else { body.load() };
+    let target = (tolerance * load).max(floor);
+    let rounded = ROUNDED * body.rounding() * load;
     let (mut iterations, mut newton_iterations, mut shift, mut stalled) = (0, 0, FIRST_SHIFT, 0);
     while current.residual_norm > target && newton_iterations < MAX_ITERATIONS && stalled < STALLED {
         newton_iterations += 1;

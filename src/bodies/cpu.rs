@@ -112,6 +112,10 @@ pub trait System<R: Real>: Send + Sync {
     fn newton(&self) -> bool {
         false
     }
+    /// The first inverted cell of a body solved by Newton's method, at displacements, m.
+    fn first_inverted(&self, _at: &[V4<f64>]) -> Option<super::Refused> {
+        None
+    }
     /// Evaluates the element tangents at displacements, m.
     fn linearise(&mut self, _at: &[V4<f64>]) {}
     /// Sets the multiple of the small-strain matrix that is added when the tangent is not positive definite.

@@ -215,6 +215,7 @@ fn equations(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64, Vec<V4<f64>>
     let mut b = vec![[0.0; 4]; count];
     let mut load = rhs::rhs(&params, &f, &mean_v, free, &solved.load, &mut b);
     anchors::anchors(&model.anchors.nodes, &model.anchors.stiffness, free, &at, &mut b);
+    load += driven(model, solved, &at, &in_system);
     for i in 0..count {
         for n in 0..3 {
             let contact = solved.contact[i][n] * free[i][n];
@@ -223,4 +224,15 @@ fn equations(model: &Model, solved: &Solved) -> (Vec<V4<f64>>, f64, Vec<V4<f64>>
         }
     }
     (b, load.sqrt(), f)
+}
+
+/// `|A Δx_c|²` on free axes with the increments of nodes on prescribed paths alone, N²: the load that these drive.
+fn driven(model: &Model, solved: &Solved, at: &[V4<f64>], in_system: &[V4<f64>]) -> f64 {
+    if model.paths.nodes.is_empty() {
+        return 0.0;
+    }
+    let fixed = |(dx, free): (&V4<f64>, &V4<f64>)| std::array::from_fn(|n| if free[n] == 0.0 { dx[n] } else { 0.0 });
+    let dx = solved.dx.iter().zip(&solved.start.free).map(fixed).collect();
+    let [_, drive] = model.mechanics().forces_and_product(model, &Solved { dx, ..solved.clone() }, at, in_system);
+    norm(&drive).powi(2)
 }

@@ -10,6 +10,8 @@ pub mod cpu;
 mod energy;
 pub mod gpu;
 pub mod grid;
+mod loads;
+mod paths;
 mod refused;
 pub mod rigid;
 pub mod springs;
@@ -22,6 +24,7 @@ pub use energy::{
     Energy, Snapshot, Solved, beyond_law, damped, elastic_energy, energy, inverted_cells, law_residual, out_of_balance,
     residual, true_residual,
 };
+pub use paths::Paths;
 pub use refused::Refused;
 pub use step::Step;
 pub use wound::{Removal, Totals, Wound};
@@ -33,7 +36,7 @@ use crate::kernels::cut::Hit;
 use crate::math::elementary::sin_cos;
 use crate::math::{M3, Real, V3, V4};
 use crate::mesh::{Grid, MaterialPoint};
-use crate::scene::{Anchor, Law, Load, MOST_NODES, Mass, Region, Scene, Skin};
+use crate::scene::{Anchor, Law, MOST_NODES, Mass, Region, Scene, Skin};
 use cpu::System;
 use gpu::{Maker, Recorded};
 use grid::Hexahedra;
@@ -164,8 +167,10 @@ pub struct Model {
     pub free: Vec<[f64; 4]>,
     /// Rest-shape springs.
     pub anchors: Anchors,
-    /// `[node]` prescribed displacement of fixed axes, m.
+    /// `[node]` prescribed displacement of fixed axes without paths, m.
     pub prescribed: Vec<[f64; 3]>,
+    /// Fixed nodes that follow paths.
+    pub paths: Paths,
     /// `[layer]` J/m²
     pub toughness: Vec<f64>,
     /// `[layer]` `√(π E′ G / 2)`, N/m^1.5, with toughness `G` and `E′ = E/(1 − ν²)`: a pair of forces per length that wedges a crack open
@@ -248,15 +253,19 @@ impl Model {
         }
         // Dirichlet conditions: DOF mask, and the prescribed displacement of fixed axes
         let mut prescribed = vec![[0.0; 3]; count];
-        for boundary in scene.boundaries.iter().filter(|b| b.body == body) {
+        let mut holding = vec![[None; 3]; count];
+        for (number, boundary) in scene.boundaries.iter().enumerate().filter(|(_, b)| b.body == body) {
             for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
                 let turned = turned(grid.rest(node), boundary.rotation);
                 for axis in (0..3).filter(|a| boundary.axes[*a]) {
                     free[node][axis] = 0.0;
+                    holding[node][axis] = Some(number);
                     prescribed[node][axis] = turned[axis] + boundary.displacement[axis];
                 }
             }
         }
+        let mut paths = Paths::default();
+        holding.into_iter().enumerate().for_each(|(node, holding)| paths.take(scene, node, holding));
         // reserve for the nodes that a cut duplicates
         free.resize(count + extra_columns * grid.nodes[2], [0.0; 4]);
         let mut model = Self {
@@ -268,6 +277,7 @@ impl Model {
             free,
             anchors: Anchors::new(&anchors, |anchor| grid.nodes_in(&anchor.region)),
             prescribed,
+            paths,
             toughness: skin.layers.iter().map(|l| l.toughness).collect(),
             splitting: vec![],
             step: Step::new(scene, skin),
@@ -386,41 +396,6 @@ impl Model {
     /// `[layer]` cell edges, m, and corner mass, kg.
     pub fn shapes<R: Real>(&self) -> Vec<V4<R>> {
         self.shape.iter().map(|s| s.map(R::of)).collect()
-    }
-
-    /// `[node]` dead loads on the uncut body at a time, N.
-    pub fn load_at(&self, loads: &[Load], time: f64) -> Vec<[f64; 3]> {
-        let params = self.grid.params::<f64>();
-        self.load_on(loads, time, |cell| params.corners(cell))
-    }
-
-    /// The same with the cells' `corners` after a cut: each pressure is integrated exactly against the bilinear shape functions over the
-    /// covered part of a face.
-    pub fn load_on(&self, loads: &[Load], time: f64, corners: impl Fn(usize) -> [usize; 8]) -> Vec<[f64; 3]> {
-        let mut out = vec![[0.0; 3]; self.node_count()];
-        let params = self.grid.params::<f64>();
-        let top = self.grid.nodes[2] - 1;
-        let [cells_x, cells_y, _] = self.grid.cells;
-        for load in loads.iter().filter(|l| l.body == self.body && time >= l.start && time < l.end) {
-            for j in 0..cells_y {
-                for i in 0..cells_x {
-                    let low = self.grid.rest(params.node_id([i, j, top]));
-                    let share = |axis: usize| {
-                        let edge = self.grid.edge[axis];
-                        let a = ((load.min[axis] - low[axis]) / edge).clamp(0.0, 1.0);
-                        let b = ((load.max[axis] - low[axis]) / edge).clamp(0.0, 1.0);
-                        let upper = 0.5 * (b * b - a * a);
-                        [(b - a - upper) * edge, upper * edge]
-                    };
-                    let (x, y) = (share(0), share(1));
-                    let nodes = corners(params.cell_id([i, j, top - 1]));
-                    for (a, p, q) in [(4, 0, 0), (5, 1, 0), (7, 0, 1), (6, 1, 1)] {
-                        out[nodes[a]][2] -= load.pressure * x[p] * y[q];
-                    }
-                }
-            }
-        }
-        out
     }
 
     /// Number of unconstrained degrees of freedom.

@@ -10,10 +10,15 @@ impl Model {
     /// `[node]` initial displacements, m, and velocities, m/s.
     pub fn start(&self, scene: &Scene) -> [Vec<V4<f64>>; 2] {
         let skin = &scene.skins[self.body];
+        let driven = self.prescribed_at(scene, 0.0);
         let displaced = |n: usize| {
             let shaped = shaped(skin.start, &self.grid, n);
+            let prescribed = match self.paths.nodes.binary_search(&(n as u32)) {
+                Ok(entry) => driven[entry],
+                Err(_) => self.prescribed[n],
+            };
             let at = |a: usize| {
-                if self.free[n][a] == 0.0 { self.prescribed[n][a] } else { shaped[a] + skin.displacement[a] }
+                if self.free[n][a] == 0.0 { prescribed[a] } else { shaped[a] + skin.displacement[a] }
             };
             [at(0), at(1), at(2), 0.0]
         };

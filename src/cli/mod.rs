@@ -64,6 +64,7 @@ fn run_scene(args: &Run) -> Result<u8> {
     } else {
         cutis::runner::take_all_cores()?;
     }
+    note(&scene);
     let options = run::Options {
         platform: platform(
             args.backend,
@@ -99,6 +100,11 @@ fn run_scene(args: &Run) -> Result<u8> {
         eprintln!("check failed: {failure}");
     }
     Ok(if summary.failures.is_empty() { 0 } else { FAILED })
+}
+
+/// Prints the notes on a scene.
+fn note(scene: &Scene) {
+    scene.notes().iter().for_each(|note| eprintln!("note: {note}"));
 }
 
 /// Backend of a run: the hardware GPU if there is one, else the CPU path; a software adapter only on request. With `direct` solves, the CPU
@@ -203,7 +209,9 @@ fn verify_answers(args: &args::Verify) -> Result<u8> {
 }
 
 fn inspect_scene(args: &args::Inspect) -> Result<u8> {
-    let plan = inspect::inspect(&read(args.scene.as_ref())?)?;
+    let scene = read(args.scene.as_ref())?;
+    let plan = inspect::inspect(&scene)?;
+    note(&scene);
     if args.json {
         print_json(&plan);
     } else {
@@ -224,8 +232,14 @@ fn check_scenes(args: &args::Check) -> Result<u8> {
         let name = path.display().to_string();
         let result = read(path);
         match &result {
-            Ok(scene) if args.json => list.push(json!({ "scene": name, "valid": true, "title": scene.title })),
-            Ok(scene) => println!("{name}: valid: {}", scene.title),
+            Ok(scene) if args.json => {
+                let notes = scene.notes();
+                list.push(json!({ "scene": name, "valid": true, "title": scene.title, "notes": notes }));
+            }
+            Ok(scene) => {
+                println!("{name}: valid: {}", scene.title);
+                note(scene);
+            }
             Err(error) => {
                 worst = worst.max(error.exit_code());
                 if args.json {

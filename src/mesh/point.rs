@@ -35,25 +35,32 @@ pub fn trilinear(natural: [f64; 3]) -> [f64; 8] {
 impl Grid {
     /// The material point at a rest position in the grid's frame; none outside of it.
     pub fn material_point(&self, at: [f64; 3]) -> Option<MaterialPoint> {
+        let half = |axis: usize| 0.5 * self.cells[axis] as f64;
+        let inside = |axis: usize| (0.0..=self.cells[axis] as f64).contains(&(at[axis] / self.edge[axis] + half(axis)));
+        if !(inside(0) && inside(1) && (self.heights[0]..=self.thickness()).contains(&at[2])) {
+            return None;
+        }
+        let (cell, natural) = self.cell_at(at);
+        let corners = self.params::<f64>().corners(cell).map(|id| id as u32);
+        Some(MaterialPoint::of(corners, trilinear(natural)))
+    }
+
+    /// The cell at a finite rest position in the grid's frame, with its natural coordinates there, 0 to 1; outside of the grid those of the
+    /// nearest position of its box.
+    pub fn cell_at(&self, at: [f64; 3]) -> (usize, [f64; 3]) {
         let mut cell = [0; 3];
         let mut natural = [0.0; 3];
         for axis in 0..2 {
-            let along = at[axis] / self.edge[axis] + 0.5 * self.cells[axis] as f64;
-            if !(0.0..=self.cells[axis] as f64).contains(&along) {
-                return None;
-            }
-            cell[axis] = (along as usize).min(self.cells[axis] - 1);
+            let count = self.cells[axis];
+            let along = (at[axis] / self.edge[axis] + 0.5 * count as f64).clamp(0.0, count as f64);
+            cell[axis] = (along as usize).min(count - 1);
             natural[axis] = along - cell[axis] as f64;
         }
-        if !(self.heights[0]..=self.thickness()).contains(&at[2]) {
-            return None;
-        }
-        let above = self.heights.partition_point(|height| *height <= at[2]);
+        let height = at[2].clamp(self.heights[0], self.thickness());
+        let above = self.heights.partition_point(|level| *level <= height);
         cell[2] = above.clamp(1, self.heights.len() - 1) - 1;
-        natural[2] = (at[2] - self.heights[cell[2]]) / (self.heights[cell[2] + 1] - self.heights[cell[2]]);
-        let params = self.params::<f64>();
-        let corners = params.corners(params.cell_id(cell)).map(|id| id as u32);
-        Some(MaterialPoint::of(corners, trilinear(natural)))
+        natural[2] = (height - self.heights[cell[2]]) / (self.heights[cell[2] + 1] - self.heights[cell[2]]);
+        (self.params::<f64>().cell_id(cell), natural)
     }
 }
 

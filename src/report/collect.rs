@@ -205,7 +205,7 @@ impl Collector {
             cutting: Some(booked.cutting),
             impact: Some(booked.impact),
             damping,
-            numerical: Some(start + booked.work() - now.total() - known),
+            numerical: (!booked.unknown).then_some(start + booked.work() - now.total() - known),
         };
     }
 

@@ -105,7 +105,7 @@ pub fn compare(scene: &Scene, adapter: Option<&str>, steps: u32, stage: &mut dyn
 fn pressed(scene: &Scene, tolerance: f64) -> Scene {
     let load = |(body, skin): (usize, &Skin)| {
         let max = skin.size.map(|size| HALF_SIDE.min(0.5 * size));
-        Load { body, pressure: PRESSURE, min: max.map(|m| -m), max, start: 0.0, end: f64::INFINITY }
+        Load { body, ..Load::on_top(skin, PRESSURE, max.map(|m| -m), max) }
     };
     let mut pressed = scene.clone();
     (pressed.tools, pressed.contact, pressed.probes) = (vec![], None, vec![]);

@@ -271,6 +271,7 @@ impl Scene {
             part.index("body", boundary.body, skins)?;
             part.finite("displacement", &boundary.displacement)?;
             part.finite("rotation", &[boundary.rotation])?;
+            check_path(&part.of("path"), &boundary.path, self.time.integrator)?;
             let [x, y, _] = boundary.axes;
             part.of("axes").that(
                 boundary.rotation == 0.0 || (x && y),
@@ -291,13 +292,19 @@ impl Scene {
             )?;
         }
         for (k, load) in self.loads.iter().enumerate() {
-            several("loads", k).index("body", load.body, skins)?;
-            several("loads", k)
-                .finite("pressure, min, max", &[load.pressure, load.min[0], load.min[1], load.max[0], load.max[1]])?;
-            let area = (0..2).all(|axis| load.min[axis] < load.max[axis]);
-            several("loads", k).of("min, max").that(area, "without an area", "corners of a rectangle")?;
-            let lasts = load.start < load.end;
-            several("loads", k).of("start, end").that(lasts, "in the wrong order", "rising")?;
+            let part = several("loads", k);
+            part.index("body", load.body, skins)?;
+            part.of("start, end").that(load.start < load.end, "in the wrong order", "rising")?;
+            check_region(&part.of("region"), &load.region)?;
+            if let Region::Box { min, max } = load.region {
+                let area = (0..3).filter(|axis| min[*axis] < max[*axis]).count() > 1;
+                part.of("region.min, max").that(area, "without an area", "corners of a rectangle or of a box")?;
+            }
+            part.finite("kind", &load.kind.numbers())?;
+            if let LoadKind::PointForce { at, .. } = load.kind {
+                let inside = self.skins[load.body].holds(at);
+                part.of("kind.at").that(inside, format!("{at:?}"), "a point of the body at rest")?;
+            }
         }
         // rigid bodies, walls, attachments
         for (k, tool) in self.tools.iter().enumerate() {
@@ -560,8 +567,18 @@ fn check_region(part: &Part, region: &Region) -> Result<()> {
             part.not_negative("within", &[*within])
         }
         Region::Rim(margin) | Region::Core(margin) => part.not_negative("margin", &[*margin]),
-        Region::Bottom | Region::Top | Region::Sides | Region::SidesX | Region::SidesY | Region::All => Ok(()),
+        _ => Ok(()),
     }
+}
+
+fn check_path(part: &Part, path: &[Pose], integrator: Integrator) -> Result<()> {
+    for pose in path {
+        part.finite("time, position", &[&[pose.time], &pose.position[..]].concat())?;
+    }
+    let rising = path.windows(2).all(|pair| pair[0].time < pair[1].time);
+    part.that(rising, "with times that do not rise", "rising times")?;
+    let fits = path.is_empty() || matches!(integrator, Integrator::ImplicitEuler | Integrator::Static);
+    part.that(fits, "with another integrator", "empty, or with implicit Euler or static steps")
 }
 
 fn check_device(part: &Part, device: &Device) -> Result<()> {

@@ -2,7 +2,7 @@
 
 use super::invalid::{Invalid, Result};
 use super::raw::{At, Extent, Points};
-use super::region::SLACK;
+use super::region::{ACROSS, CellFace, SLACK};
 use super::text::{Bound, MM, PLAIN, SceneText, in_mm, normalized};
 use super::{Layer, Region, Skin, TestForm};
 
@@ -108,8 +108,49 @@ impl Grid<'_> {
         })
     }
 
+    /// True if the region contains a part of the surface.
+    pub fn loads(&self, region: &Region) -> bool {
+        let rows = [0, 1, 2].map(|axis| {
+            let cells = |row: &Row| {
+                let (start, step) = (row.start, row.step);
+                (0..row.cells).map(move |k| [start + step * f64::from(k), step])
+            };
+            self.rows(axis).iter().flat_map(cells).collect::<Vec<_>>()
+        });
+        let top = self.rows(2).last().map_or(0.0, Row::end);
+        (0..3).any(|axis| {
+            let [first, second] = ACROSS[axis];
+            let [start, step] = rows[axis][rows[axis].len() - 1];
+            [rows[axis][0][0], start + step].into_iter().any(|end| {
+                rows[first].iter().any(|a| {
+                    rows[second].iter().any(|b| {
+                        let mut face = CellFace { axis, low: [end; 3], edge: [0.0; 3] };
+                        for (n, [start, step]) in [(first, a), (second, b)] {
+                            (face.low[n], face.edge[n]) = (*start, *step);
+                        }
+                        !region.parts_of(&face, self.size, top).is_empty()
+                    })
+                })
+            })
+        })
+    }
+
+    /// Error if a point lies outside the skin.
+    pub fn contains(&self, scene: &SceneText, point: [f64; 3], at: &At<Vec<f64>>) -> Result<()> {
+        match self.beyond(point) {
+            None => Ok(()),
+            Some((axis, [min, max])) => Err(Invalid::PointOutside {
+                at: scene.location(at.span()),
+                axis: ['x', 'y', 'z'][axis],
+                found: in_mm(point[axis]),
+                min: in_mm(min),
+                max: in_mm(max),
+            }),
+        }
+    }
+
     /// First axis along which a point lies outside the skin, and the skin's ends along it, m.
-    pub fn beyond(&self, point: [f64; 3]) -> Option<(usize, [f64; 2])> {
+    fn beyond(&self, point: [f64; 3]) -> Option<(usize, [f64; 2])> {
         let ends = |axis: usize| {
             let rows = self.rows(axis);
             [rows[0].start, rows[rows.len() - 1].end()]
@@ -180,6 +221,10 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
         ("sides", Some(Region::Sides)),
         ("sides_x", Some(Region::SidesX)),
         ("sides_y", Some(Region::SidesY)),
+        ("side_x_min", Some(Region::SideXMin)),
+        ("side_x_max", Some(Region::SideXMax)),
+        ("side_y_min", Some(Region::SideYMin)),
+        ("side_y_max", Some(Region::SideYMax)),
         ("all", Some(Region::All)),
         ("box", None),
         ("sphere", None),
@@ -289,6 +334,10 @@ mod tests {
                 Region::Sides,
                 Region::SidesX,
                 Region::SidesY,
+                Region::SideXMin,
+                Region::SideXMax,
+                Region::SideYMin,
+                Region::SideYMax,
                 Region::All
             ]),
         ]

@@ -457,7 +457,20 @@ pub enum Invalid {
         half: f64,
     },
 
-    /// A probe's point outside the skin.
+    /// A load's region without any part of the surface.
+    #[error(
+        "{at}: no face of the {grid}'s surface reaches into region = \"{region}\"; a load acts on the surface, so move the region onto it"
+    )]
+    NoSurface {
+        /// The region.
+        at: Location,
+        /// Grid of the scene or of the test form.
+        grid: &'static str,
+        /// Its name.
+        region: String,
+    },
+
+    /// A point of a probe or of a load outside the skin.
     #[error(
         "{at}: the point lies outside the skin: {axis} = {found} mm, where the skin at rest reaches from {min} to {max} mm; move it onto the skin (origin: centre of the bottom; z up)"
     )]
@@ -604,7 +617,9 @@ pub enum Invalid {
     },
 
     /// A hand path without positions.
-    #[error("{at}: path_mm has no rows; wanted at least one [t_s, x, y, z]; write where the hand rests")]
+    #[error(
+        "{at}: path_mm has no rows; wanted at least one [t_s, x, y, z]; write where the hand or the boundary rests"
+    )]
     PathEmpty {
         /// The list.
         at: Location,

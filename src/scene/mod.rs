@@ -16,6 +16,8 @@ mod integrator;
 mod invalid;
 pub mod keys;
 mod lines;
+mod loads;
+mod notes;
 mod outputs;
 mod raw;
 mod read;
@@ -37,7 +39,7 @@ pub use hyperelastic::{MATERIALS, Material};
 pub use invalid::{Invalid, Location};
 pub use read::{parse, read};
 pub use recorded::{Check, Component, Probe, ProbeKind, TestForm, View};
-pub use region::Region;
+pub use region::{ACROSS, CellFace, Region, Spans};
 pub use study::Study;
 pub use touching::{
     Attachment, Blade, BodyId, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Slide,
@@ -65,7 +67,7 @@ pub struct Scene {
     pub boundaries: Vec<Boundary>,
     /// Regions with rest-shape springs.
     pub anchors: Vec<Anchor>,
-    /// Dead loads.
+    /// Loads on surfaces.
     pub loads: Vec<Load>,
     /// Rigid bodies: the `[[tool]]`s, each held by a hand, then the `[[rigid]]`s, which are free.
     pub tools: Vec<Tool>,
@@ -334,21 +336,51 @@ pub struct Boundary {
     pub displacement: [f64; 3],
     /// Rotation of the nodes about the vertical axis through the centre of the body, before that displacement, rad.
     pub rotation: f64,
+    /// Displacement over time on top of both, linear between the poses' times; rotations are unused. Empty: none.
+    pub path: Vec<Pose>,
 }
 
-/// A pressure as a dead load on a rectangle of the top face.
-#[derive(Clone, Copy, Debug)]
+impl Default for Boundary {
+    /// The bottom of the first body held at rest.
+    fn default() -> Self {
+        Self { body: 0, region: Region::Bottom, axes: [true; 3], displacement: [0.0; 3], rotation: 0.0, path: vec![] }
+    }
+}
+
+/// A load on the outer surface of a deformable body; one that does not follow is a dead load.
+#[derive(Clone, Debug)]
 pub struct Load {
     /// Index of the deformable body.
     pub body: usize,
-    /// Pressure, Pa, positive downward.
-    pub pressure: f64,
-    /// Lower corner of the rectangle (x, y), m.
-    pub min: [f64; 2],
-    /// Upper corner, m
-    pub max: [f64; 2],
+    /// Parts of the surface at rest; unused by a force at a point.
+    pub region: Region,
+    /// Kind and magnitude.
+    pub kind: LoadKind,
     /// Start of the load, s
     pub start: f64,
     /// End of the load, s (default infinity)
     pub end: f64,
+}
+
+/// Kind of a [`Load`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LoadKind {
+    /// Along the inward normal.
+    Pressure {
+        /// Pa
+        pressure: f64,
+        /// Normal and area of the shape at the start of each step; otherwise those at rest.
+        follower: bool,
+    },
+    /// Force per area at rest, Pa.
+    Traction([f64; 3]),
+    /// Total force, spread evenly over the area at rest, N.
+    Force([f64; 3]),
+    /// Force at a material point.
+    PointForce {
+        /// N
+        force: [f64; 3],
+        /// Rest position in the body's frame, m.
+        at: [f64; 3],
+    },
 }

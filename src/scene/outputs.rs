@@ -4,7 +4,7 @@ use super::bodies::Names;
 use super::grid::{Grid, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Extent, Table};
-use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, in_mm, or, or_vector};
+use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, or, or_vector};
 use super::{BodyId, COMPONENTS, Check, Probe, ProbeKind, Skin, Tool, View};
 use crate::math::elementary::{atan, hypot, sin, tan};
 use std::collections::BTreeMap;
@@ -181,15 +181,7 @@ fn skin_probe(
     // of a point: inside the body
     let point_text = scene.required("point_mm", raw.point_mm, at.clone(), AT_POINT)?;
     let point: [f64; 3] = scene.vector("point_mm", &point_text, MM, Bound::Finite)?;
-    if let Some((axis, [min, max])) = grids[body][0].beyond(point) {
-        return Err(Invalid::PointOutside {
-            at: scene.location(point_text.span()),
-            axis: ['x', 'y', 'z'][axis],
-            found: in_mm(point[axis]),
-            min: in_mm(min),
-            max: in_mm(max),
-        });
-    }
+    grids[body][0].contains(scene, point, &point_text)?;
     if kind == Kind::Displacement {
         return Ok(ProbeKind::Displacement { body, point, axis });
     }

@@ -159,7 +159,7 @@ pub(super) struct Layer {
     pub color: Option<At<String>>,
 }
 
-/// Keys that define a region; they occur in the tables of boundaries, anchors and probes.
+/// Keys that define a region; they occur in the tables of boundaries, anchors, loads and probes.
 pub(super) struct Extent {
     pub box_mm: Option<Points>,
     pub centre_mm: Option<Numbers>,
@@ -188,7 +188,7 @@ macro_rules! with_extent {
         }
     )*};
 }
-with_extent!(Boundary, Anchor, Probe, Attach);
+with_extent!(Boundary, Anchor, Load, Probe, Attach);
 
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -205,6 +205,7 @@ pub(super) struct Boundary {
     pub axes: Option<At<String>>,
     pub displacement_mm: Option<Numbers>,
     pub turn_deg: Option<At<f64>>,
+    pub path_mm: Option<Points>,
 }
 
 #[derive(serde::Deserialize)]
@@ -226,8 +227,20 @@ pub(super) struct Anchor {
 #[serde(deny_unknown_fields)]
 pub(super) struct Load {
     pub body: Option<At<String>>,
-    pub pressure_kpa: At<f64>,
-    pub rectangle_mm: Points,
+    pub pressure_kpa: Option<At<f64>>,
+    pub follower: Option<At<bool>>,
+    pub traction_kpa: Option<Numbers>,
+    pub force_n: Option<Numbers>,
+    pub at_mm: Option<Numbers>,
+    pub region: Option<At<String>>,
+    pub rectangle_mm: Option<Points>,
+    pub box_mm: Option<Points>,
+    pub centre_mm: Option<Numbers>,
+    pub radius_mm: Option<At<f64>>,
+    pub through_mm: Option<Numbers>,
+    pub normal: Option<Numbers>,
+    pub within_mm: Option<At<f64>>,
+    pub margin_mm: Option<At<f64>>,
     pub start_s: Option<At<f64>>,
     pub end_s: Option<At<f64>>,
 }

@@ -1,7 +1,7 @@
 //! Reads a scene text into a [`Scene`] in SI units.
 //!
 //! `raw` holds the tables as TOML has them, `diagnose` explains TOML errors, `text` checks and converts values, `region` with `grid` reads
-//! regions; `body`, `bodies`, `tools` with `files`, and `outputs` read their tables. Small tables are read here.
+//! regions; `body`, `bodies`, `loads`, `tools` with `files`, and `outputs` read their tables. Small tables are read here.
 
 use super::bodies::{self, Names};
 use super::diagnose::tables;
@@ -10,16 +10,11 @@ use super::grid::{self, Grid, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::study;
-use super::text::{
-    ACCELERATION, Bound, DEGREE, KPA, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, in_mm, or, or_vector,
-};
-use super::{Anchor, Boundary, Correction, Integrator, Law, Load, Mass, Scene, Skin, Solver, TestForm, Time};
-use super::{body, devices, hyperelastic, integrator, outputs, tools};
+use super::text::{ACCELERATION, Bound, DEGREE, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, or, or_vector};
+use super::{Anchor, Boundary, Correction, Integrator, Law, Mass, Scene, Skin, Solver, TestForm, Time};
+use super::{body, devices, hyperelastic, integrator, loads, outputs, round, tools};
 use crate::error;
 use std::path::Path;
-
-/// Tolerance for rounding between a load's rectangle in mm and the top face in m.
-const TOP_SLACK: f64 = 1e-9;
 
 /// Reads a scene file; the files that it names are relative to its folder.
 ///
@@ -73,7 +68,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let attachments = bodies::attachments(&scene, raw.attach, &names, &grids)?;
     let probes = outputs::probes(&scene, raw.probe, &names, &grids)?;
     let boundaries = raw.boundary.into_iter().map(|table| boundary(&scene, table, &names, &grids));
-    let loads = raw.load.into_iter().map(|table| load(&scene, table, &names, &skins));
+    let loads = raw.load.into_iter().map(|table| loads::load(&scene, table, &names, &skins, &grids));
     // contact, integrator and what does not go together
     let hyperelastic = skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
     let contact = tools::contact(&scene, raw::keys(raw.contact), &tools)?;
@@ -177,12 +172,14 @@ fn boundary(scene: &SceneText, table: Table<raw::Boundary>, names: &Names, grids
         return Err(Invalid::TurnAxes { at: scene.location(turn.span()), axes: letters.into_inner() });
     }
     let turn = or(raw.turn_deg, 0.0);
+    let path = raw.path_mm.as_ref().map_or(Ok(vec![]), |rows| round::path(scene, rows))?;
     Ok(Boundary {
         body,
         region: region(scene, &raw.region, extent, &grids[body])?,
         axes,
         displacement: scene.vector("displacement_mm", &displacement, MM, Bound::Finite)?,
         rotation: scene.number("turn_deg", &turn, DEGREE, Bound::Finite)?.to_radians(),
+        path,
     })
 }
 
@@ -208,54 +205,6 @@ fn anchors(
         })
     };
     list.into_iter().map(one).collect()
-}
-
-fn load(scene: &SceneText, table: Table<raw::Load>, names: &Names, skins: &[Skin]) -> Result<Load> {
-    // rectangle inside the top face, with an area
-    let raw = table.keys;
-    let body = names.skin(scene, &raw.body, table.span)?;
-    let size = skins[body].size;
-    let [min, max] = scene.corners::<2>("rectangle_mm", &raw.rectangle_mm)?;
-    for axis in 0..2 {
-        let half = size[axis] / 2.0;
-        if min[axis] < -half - TOP_SLACK || max[axis] > half + TOP_SLACK {
-            return Err(Invalid::LoadOutside {
-                at: scene.location(raw.rectangle_mm.span()),
-                axis: ['x', 'y'][axis],
-                min: in_mm(min[axis]),
-                max: in_mm(max[axis]),
-                half: in_mm(half),
-            });
-        }
-        if min[axis] >= max[axis] {
-            return Err(Invalid::Order {
-                at: scene.location(raw.rectangle_mm.span()),
-                key: "rectangle_mm",
-                lower: in_mm(min[axis]),
-                relation: "below",
-                upper: in_mm(max[axis]),
-                fix: "give the rectangle an area",
-            });
-        }
-    }
-    // duration
-    let start = scene.number("start_s", &or(raw.start_s, 0.0), SECOND, Bound::NotNegative)?;
-    let end = match &raw.end_s {
-        Some(end) => scene.number("end_s", end, SECOND, Bound::Positive)?,
-        None => f64::INFINITY,
-    };
-    if start >= end {
-        return Err(Invalid::Order {
-            at: scene.location(raw.end_s.map_or(0..0, |end| end.span())),
-            key: "start_s and end_s",
-            lower: start,
-            relation: "below",
-            upper: end,
-            fix: "end the load after its start",
-        });
-    }
-    let pressure = scene.number("pressure_kpa", &raw.pressure_kpa, KPA, Bound::Finite)?;
-    Ok(Load { body, pressure, min, max, start, end })
 }
 
 fn test_form(scene: &SceneText, raw: raw::Test, skin: Option<&Skin>) -> Result<TestForm> {

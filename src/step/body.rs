@@ -27,6 +27,7 @@ use crate::scene::{Scene, Solver};
 use compliance::AtRest;
 use glam::DVec3;
 use start::{check_step, slots};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// See the module.
@@ -42,12 +43,18 @@ pub struct Body {
     /// What has been read of the present state.
     pub(super) known: Known,
     pub(super) boxes: Boxes,
-    /// Bound on its motion in the present step: that of the last step plus the fall under gravity, m.
+    /// Bound on its motion in the present step: that of the last step plus the fall under gravity and the motion by its paths, m.
     pub(super) travel: f64,
     pub(super) first_motion: f64,
     fall: f64,
-    /// Its dead loads are set on the present nodes.
+    /// Largest motion by its paths in the present step, m.
+    driven: f64,
+    /// Its loads are set on the present nodes.
     pub(super) loaded: bool,
+    /// Accelerations of the nodes on paths over the present step, mass damping included, m/s².
+    pub(super) accelerations: BTreeMap<u32, [f64; 3]>,
+    /// Displacements of the nodes that follower pressures act on, at the start of the step, m.
+    pressed: BTreeMap<u32, [f64; 3]>,
     /// Factor on the scene's column tolerance for this body.
     pub(super) tolerance_factor: f64,
     /// Most nodes whose compliance is kept.
@@ -172,7 +179,10 @@ impl Body {
             travel: 0.0,
             first_motion: first_motion(scene, number),
             fall,
+            driven: 0.0,
             loaded: false,
+            accelerations: BTreeMap::new(),
+            pressed: BTreeMap::new(),
             tolerance_factor,
             near: needs.near,
             lips: scene.contact.is_some_and(|contact| contact.lips).then(Vec::new),
@@ -217,7 +227,7 @@ impl Body {
         let bounds = self.known.bounds.as_deref().unwrap_or_default();
         let non_finite = self.boxes.refit(&self.wound.surface, bounds);
         let first = std::mem::replace(&mut self.first_motion, 0.0);
-        self.travel = self.boxes.moved().max(first) + self.fall;
+        self.travel = self.boxes.moved().max(first) + self.fall + self.driven;
         self.non_finite = non_finite > 0;
         Ok(())
     }
@@ -308,9 +318,51 @@ impl Body {
         Ok(dx)
     }
 
-    /// `[node]` dead loads at a given time, N.
+    /// `[node]` loads at a given time, with follower pressures on the shape at the start of the last step that began, N.
     pub(super) fn load_at(&self, scene: &Scene, time: f64) -> Vec<[f64; 3]> {
-        self.model.load_on(&scene.loads, time, |cell| self.wound.surface.parts.corners(cell))
+        let displacement = |node: usize| self.pressed.get(&(node as u32)).copied().unwrap_or_default();
+        self.model.load_on(&scene.loads, time, |cell| self.wound.surface.parts.corners(cell), displacement)
+    }
+
+    /// Has the shape that follower pressures act on at a given time be the present one; false if there are none.
+    pub(super) fn press(&mut self, scene: &Scene, time: f64) -> Result<bool> {
+        let nodes = self.followed_nodes(scene, time);
+        if nodes.is_empty() {
+            return Ok(false);
+        }
+        self.read(Query { displacements: nodes.clone(), ..Query::default() })?;
+        self.pressed = nodes.into_iter().map(|node| (node, self.known.u[&node])).collect();
+        Ok(true)
+    }
+
+    fn followed_nodes(&self, scene: &Scene, time: f64) -> Vec<u32> {
+        self.model.followed_nodes(&scene.loads, time, |cell| self.wound.surface.parts.corners(cell))
+    }
+
+    /// Has the search for contacts reach as far as the paths move its nodes in a step.
+    pub(super) fn drive(&mut self, scene: &Scene, [from, to]: [f64; 2]) {
+        self.driven = self.model.driven(scene, from, to);
+    }
+
+    /// Starts a step that ends at a given time.
+    pub(super) fn begin(&mut self, scene: &Scene, end: f64) -> Result<()> {
+        self.backend.begin()?;
+        if self.model.paths.nodes.is_empty() {
+            return Ok(());
+        }
+        let (target, accelerations) =
+            (self.model.prescribed_at(scene, end), self.model.driven_accelerations(scene, end));
+        let (mut nodes, mut entries): (Vec<u32>, Vec<usize>) = (vec![], vec![]);
+        for (entry, node) in self.model.paths.nodes.iter().enumerate() {
+            nodes.push(*node);
+            nodes.extend(self.wound.surface.parts.copies(*node as usize));
+            entries.resize(nodes.len(), entry);
+        }
+        let target: Vec<[f64; 3]> = entries.iter().map(|entry| target[*entry]).collect();
+        self.accelerations = nodes.iter().zip(&entries).map(|(node, entry)| (*node, accelerations[*entry])).collect();
+        // without a warm start the initial residual is what loads and paths drive, which the tolerance is relative to
+        self.backend.reset_initial_guess(&[FREE])?;
+        self.backend.prescribe(&nodes, &target)
     }
 
     /// The same, padded for the kernels' twins.
@@ -330,6 +382,8 @@ impl Body {
     /// Forces out of balance at the present state under contact forces, relative to the largest ([`out_of_balance`]).
     pub(super) fn out_of_balance(&mut self, contact: &[(u32, [f64; 3])], scene: &Scene, time: f64) -> Result<f64> {
         let state = self.snapshot()?;
+        let at = |node: u32| [0, 1, 2].map(|n| state.u[node as usize][n]);
+        self.pressed = self.followed_nodes(scene, time).into_iter().map(|node| (node, at(node))).collect();
         let (left, largest) = out_of_balance(&self.model, &self.solved(state, contact, scene, time));
         Ok(if largest == 0.0 { 0.0 } else { left / largest })
     }

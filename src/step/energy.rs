@@ -14,8 +14,9 @@
 //!
 //! With `F·slip` of a contact `= Σ F·(motion of its sides)`, `ΔE = work − impact − friction − cutting − damping − numerical`. The last term
 //! is the remainder: at least 0 for implicit Euler, up to the tolerance of its solves. Where it falls below what it was by more than an
-//! allowance, the run has made energy from nothing: [`Measured::grew`]. No boundary moves during a run, so boundaries do no work. A load's work is read where it
-//! changes: one read-back at that step on a GPU, with what the next search for contacts reads.
+//! allowance, the run has made energy from nothing: [`Measured::grew`]. A load's work is read where it changes: one read-back at that step on a
+//! GPU, with what the next search for contacts reads. The work of boundaries on paths and of follower pressures is not booked; from their
+//! first motion on nothing is said of the remainder ([`Booked::unknown`]).
 
 use super::{Body, Simulation, StepReport};
 use crate::backend::{Query, Snapshot};
@@ -24,7 +25,7 @@ use crate::bodies::{Energy, beyond_law, energy, inverted_cells};
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::math::{V4, larger};
-use crate::scene::{BodyId, Integrator};
+use crate::scene::{BodyId, Integrator, Load, LoadKind};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -47,6 +48,8 @@ pub struct Booked {
     pub damping: f64,
     /// Steps with damping that were not checked, whose part of `damping` is missing.
     pub undamped_steps: u64,
+    /// Boundaries have moved or follower pressures acted, whose work is missing.
+    pub unknown: bool,
     /// Most that the potential can have risen as a cut took mass away.
     pub removed: f64,
     /// Sum of the magnitudes of all work, to which the error of a step's solve is relative.
@@ -152,6 +155,10 @@ impl Simulation {
         };
         self.booked.loads += work;
         self.booked.turnover += work.abs();
+        let [from, to] = [1, 0].map(|back| (self.step_number - back) as f64 * self.scene.time.part());
+        let follows = |load: &Load| matches!(load.kind, LoadKind::Pressure { follower: true, .. });
+        self.booked.unknown |= self.bodies.iter().any(|body| body.model.driven(&self.scene, from, to) > 0.0)
+            || self.scene.loads.iter().any(follows);
         Ok(())
     }
 
@@ -258,7 +265,7 @@ impl Simulation {
         measured.largest = larger(measured.largest, least.largest);
         least.largest = measured.largest;
         let rise = measured.unexplained(least);
-        measured.grew = rise > measured.allowance(least, share);
+        measured.grew = rise > measured.allowance(least, share) && !measured.booked.unknown;
         if measured.grew || rise <= 0.0 {
             *least = measured;
         }

@@ -78,7 +78,7 @@ impl Simulation {
             body.non_finite = false;
             body.compliance = Default::default();
             body.backend.reset_initial_guess(slots)?;
-            body.backend.begin()?;
+            body.begin(&self.scene, self.time)?;
         }
         // drop non-finite contacts
         report.contact.on_tool.clear();

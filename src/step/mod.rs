@@ -383,7 +383,9 @@ impl Simulation {
         let refined = self.scene.solver.refinements > 0;
         let mut before: Vec<Option<Snapshot>> = vec![];
         for body in &mut self.bodies {
-            if loaded || !body.loaded {
+            body.drive(&self.scene, [self.time - self.scene.time.part(), self.time]);
+            let follows = body.press(&self.scene, begin)?;
+            if loaded || follows || !body.loaded {
                 body.backend.set_load(&body.load_at(&self.scene, begin));
                 body.loaded = true;
             }
@@ -400,7 +402,7 @@ impl Simulation {
             None => vec![],
         };
         for body in &mut self.bodies {
-            body.backend.begin()?;
+            body.begin(&self.scene, self.time)?;
         }
         // unconstrained motion and contact; solved again without warm starts if the result is non-finite
         let old = self.tools.clone();

@@ -5,7 +5,8 @@
 //! `R = f_int(u') + f_damp(v') − f_ext − Jᵀλ`:
 //!
 //! elastic forces of the cells around at the displacements of the end of the step, the stiffness damping at its velocities, less the dead
-//! loads and the weight that acted in the step and its contact forces. A fixed node is at rest and has neither inertia nor mass damping.
+//! loads and the weight that acted in the step and its contact forces. A fixed node is at rest and has neither inertia nor mass damping; one
+//! on a path has both, from its path (`m ((v' − v)/h + r_M v')`).
 //! Damping is part of it since the support carries it: with it the reactions, loads, weights and contact forces of a body add up to the change
 //! of its momentum over the step. A consistent mass also couples fixed nodes to the acceleration of their neighbours, which is not included.
 //! Along a free axis a rest-shape spring holds the node, `R = −k (u' + r_K v')`; without one nothing does, `R = 0`.
@@ -237,6 +238,7 @@ impl Body {
         let mut sum = [0.0; 3];
         for (node, internal) in nodes.iter().zip(internal) {
             let [x, y, z, mass] = self.wound.free[*node as usize];
+            let inertia = self.accelerations.get(node).copied().unwrap_or_default();
             if mass == 0.0 {
                 continue; // it has left the system
             }
@@ -247,7 +249,7 @@ impl Body {
             for axis in 0..3 {
                 let outside = load[*node as usize][axis] + mass * model.step.gravity[axis] + pushed[axis];
                 let fixed = [x, y, z][axis] == 0.0;
-                sum[axis] += if fixed { internal[axis] - outside } else { -pulled[axis] };
+                sum[axis] += if fixed { internal[axis] - outside + mass * inertia[axis] } else { -pulled[axis] };
             }
         }
         sum

@@ -66,7 +66,7 @@ const SCALARS: [[f32; 8]; 8] = [
 /// tolerance², reference², floor², use_load of the same slots.
 #[rustfmt::skip]
 const REQUESTS: [[f32; 4]; 8] = [
-    [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 0.0],
+    [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 2.0], [1e-6, 3.0, 1e-9, 0.0],
     [1e-6, 3.0, 1e-9, 1.0], [1e-6, 3.0, 1e-2, 0.0], [1e-6, 3.0, 1e-9, 0.0], [1e-6, 3.0, 1e-9, 0.0],
 ];
 
@@ -146,7 +146,7 @@ impl Body {
         let segments = self.springs.ends.len() as u32;
         match self.kernel {
             "cut" => vec![segments, QUADS as u32, segments, 0],
-            "anchors" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
+            "anchors" | "prescribe" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
             "gather" => vec![self.ids().len() as u32 - Self::FIRST, Self::FIRST, 0, 0],
             "duplicate" => vec![self.copies().len() as u32, self.nodes() as u32, 0, 0],
             _ => self.params::<f32>().words(),

@@ -157,7 +157,8 @@ fn work_is_booked_without_waiting(gpu: &Gpu) -> Result<(), Failure> {
     (scene.tools, scene.contact) = (vec![], None);
     scene.probes.clear();
     let half = [1e-3; 2];
-    let load = |pressure, end| Load { body: 0, pressure, min: half.map(|h| -h), max: half, start: 0.0, end };
+    let skin = scene.skins[0].clone();
+    let load = |pressure, end| Load { end, ..Load::on_top(&skin, pressure, half.map(|h| -h), half) };
     // one that stays, and one so small that its end, with step 7 of 10, costs the solver nothing
     let waits = |end: f64, scene: &mut Scene| -> Result<Vec<u64>, Failure> {
         scene.loads = vec![load(100.0, f64::INFINITY), load(1e-6, end)];

@@ -68,7 +68,8 @@ const CASES: &[Case] = cases! {
         "if n < params.product_groups" => "if n + 1u < params.product_groups", "if n < column_groups" => "if n < 1u",
         "if n < groups" => "if n < 1u", "sum += part;\n            lane_sum[lane] = sum" => "lane_sum[lane] = part",
         "max(request.x * reference, request.z)" => "min(request.x * reference, request.z)",
-        "denominator > 0.0 &&" => "denominator != 0.0 &&"
+        "denominator > 0.0 &&" => "denominator != 0.0 &&",
+        "request.w == 2.0" => "request.w == 3.0", "max(tail.x, request.x * sums.w)" => "tail.x"
     ]
     anchors Ids false [
         "* anchor[k]" => "* anchor[0]", "* free[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
@@ -147,6 +148,7 @@ const CASES: &[Case] = cases! {
         "- own.g * above" => "+ own.g * above", "n = GROUP / 2u" => "n = GROUP / 4u",
         "scalars[slot * 2u].w == 0.0" => "true", "dot(r[offset + i].xyz, take" => "dot(above, take"
     ]
+    prescribe Ids false ["let i = ids[k]" => "let i = k", "- u[i].xyz" => "+ u[i].xyz", "== vec3<f32>(0.0)" => "== vec3<f32>(1.0)"]
     probe One false ["(sum - a," => "(sum - b,", "+ hidden(b - part" => "- hidden(b - part"]
     product Tiles true [
         "params.inertia * free[i].w" => "params.inertia", "n = GROUP / 2u" => "n = GROUP / 4u",

@@ -47,8 +47,7 @@ fn scene(law: Law, mass: Mass, preconditioner: Preconditioner, anchored: bool) -
     scene.solver.preconditioner = preconditioner;
     (scene.skins[0].law, scene.skins[0].mass) = (law, mass);
     scene.boundaries = vec![small::held(Region::Bottom, [true; 3])];
-    scene.loads =
-        vec![Load { body: 0, pressure: 10e3, min: [-1e-3; 2], max: [1e-3; 2], start: 0.0, end: f64::INFINITY }];
+    scene.loads = vec![Load::on_top(&scene.skins[0], 10e3, [-1e-3; 2], [1e-3; 2])];
     if anchored {
         // every node on a spring, a node's share of the cells' stiffness along x here
         scene.anchors = vec![Anchor { body: 0, region: Region::All, stiffness: 20.0 }];

@@ -387,6 +387,12 @@ pub fn rotations<R: Real>(b: &Body) -> Outputs<R> {
     vec![("rotation", flat(&rotation))]
 }
 
+pub fn prescribe<R: Real>(b: &Body) -> Outputs<R> {
+    let mut x = b.v4::<R>("x");
+    kernels::prescribe::prescribe(&b.ids(), &b.v4("values"), &b.v4("free"), &b.v4("u"), &mut x);
+    vec![("x", flat(&x))]
+}
+
 pub fn scatter<R: Real>(b: &Body) -> Outputs<R> {
     let mut destination = b.v4::<R>("destination");
     kernels::scatter::scatter(&b.ids(), &b.v4("values"), &mut destination);

@@ -19,5 +19,5 @@ pub fn block(size: [f64; 2], cells: [u32; 2], layers: &[Material]) -> Scene {
 
 /// What holds the nodes of a region in place, along x, y, z.
 pub fn held(region: Region, axes: [bool; 3]) -> Boundary {
-    Boundary { body: 0, region, axes, displacement: [0.0; 3], rotation: 0.0 }
+    Boundary { region, axes, ..Boundary::default() }
 }

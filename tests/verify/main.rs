@@ -10,6 +10,7 @@ mod differences;
 mod direct;
 mod elements;
 mod integrators;
+mod loads;
 mod masses;
 mod mooney_rivlin;
 mod motion;
@@ -60,12 +61,13 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 18] = [
+    let groups: [&[Case]; 19] = [
         anchors::CASES,
         multigrid::CASES,
         direct::CASES,
         elements::CASES,
         integrators::CASES,
+        loads::CASES,
         differences::CASES,
         dense::CASES,
         solver::CASES,
@@ -80,11 +82,12 @@ fn main() -> ExitCode {
         probes::CASES,
         slit::CASES,
     ];
-    let everywhere: [&[Everywhere]; 14] = [
+    let everywhere: [&[Everywhere]; 15] = [
         anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
         integrators::EVERYWHERE,
+        loads::EVERYWHERE,
         motion::EVERYWHERE,
         mooney_rivlin::EVERYWHERE,
         neo_hookean::EVERYWHERE,

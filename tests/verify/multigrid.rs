@@ -252,8 +252,7 @@ fn shipped_tolerance() {
         let mut scene = scene(name);
         scene.tools.clear();
         scene.contact = None;
-        let (start, end) = (0.0, f64::INFINITY);
-        scene.loads.push(Load { body: 0, pressure: 1e4, min: [-2e-3; 2], max: [2e-3; 2], start, end });
+        scene.loads.push(Load::on_top(&scene.skins[0], 1e4, [-2e-3; 2], [2e-3; 2]));
         let tolerance = scene.solver.tolerance;
         let step = |tolerance: f64| -> Snapshot {
             let model = model(&scene);

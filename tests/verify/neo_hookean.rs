@@ -10,7 +10,7 @@ use cutis::error::Error;
 use cutis::kernels::hyperelastic::{self, Cell};
 use cutis::math::V3;
 use cutis::scene::Element::Bbar;
-use cutis::scene::{Integrator, Law, Load, Material, Region, Scene};
+use cutis::scene::{Integrator, Law, Load, LoadKind, Material, Region, Scene};
 use cutis::step::{Platform, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
@@ -44,7 +44,7 @@ fn neo_block() -> Scene {
 fn explicit(platform: &Platform) {
     let mut scene = neo_block();
     scene.boundaries = vec![held(Region::Bottom, [true; 3])];
-    let load = Load { body: 0, pressure: 2e4, min: [-2e-3; 2], max: [2e-3; 2], start: 0.0, end: f64::INFINITY };
+    let load = Load::on_top(&scene.skins[0], 2e4, [-2e-3; 2], [2e-3; 2]);
     (scene.loads, scene.solver.newton, scene.solver.tolerance) = (vec![load], false, tight(platform));
     let step = 0.25 * model(&scene).stable_step();
     (scene.time.step, scene.time.duration) = (step, 1.0);
@@ -138,7 +138,7 @@ fn press(platform: &Platform, pressure: f64, tolerance: f64) -> (f64, f64, u32) 
     let exact = skin.layers.iter().map(|l| l.thickness * (stretch(l.young, l.poisson, pressure) - 1.0)).sum();
     scene.boundaries = vec![held(Region::Bottom, [true; 3]), held(Region::Sides, [true, true, false])];
     let half = [0.5 * skin.size[0], 0.5 * skin.size[1]];
-    scene.loads = vec![Load { body: 0, pressure, min: half.map(|h| -h), max: half, start: 0.0, end: f64::INFINITY }];
+    scene.loads = vec![Load::on_top(&scene.skins[0], pressure, half.map(|h| -h), half)];
     let model = model(&scene);
     let mut body = Body::new(platform, model.clone(), &displaced(&model, |_| [0.0; 3]), tolerance);
     body.load(&model.load_at(&scene.loads, 0.0));
@@ -218,8 +218,7 @@ fn buckling(platform: &Platform) {
         skin.layers.truncate(1);
         (skin.layers[0].thickness, skin.layers[0].cells, skin.layers[0].poisson) = (6e-3, 10, 0.3);
         let half = [0.5e-3; 2];
-        scene.loads =
-            vec![Load { body: 0, pressure, min: half.map(|h| -h), max: half, start: 0.0, end: f64::INFINITY }];
+        scene.loads = vec![Load::on_top(&scene.skins[0], pressure, half.map(|h| -h), half)];
         scene.boundaries = vec![held(Region::Bottom, [true; 3])];
         (scene.time.step, scene.time.duration) = (LONG, LONG);
         scene.solver.tolerance = 1e-6;
@@ -250,9 +249,7 @@ fn true_residuals(platform: &Platform) {
         scene.boundaries = vec![held(Region::Bottom, [true; 3])];
         (scene.time.step, scene.time.duration, scene.time.integrator) = (1e-2, 1.0, integrator);
         scene.solver.tolerance = tight(platform);
-        let min = [-1e-3; 2];
-        let load = Load { body: 0, pressure: 2e4, min, max: [1e-3; 2], start: 0.0, end: f64::INFINITY };
-        scene.loads = vec![load];
+        scene.loads = vec![Load::on_top(&scene.skins[0], 2e4, [-1e-3; 2], [1e-3; 2])];
         let mut run = Simulation::new(&scene, platform).unwrap_or_else(|e| panic!("{e}"));
         for _ in 0..3 {
             let report = run.step(true).unwrap_or_else(|e| panic!("{e}"));
@@ -295,7 +292,8 @@ fn start_inside_out(platform: &Platform) {
 fn centre_at_50_kpa(file: &str, touched: bool, stiffened: bool, steps: u32) -> f64 {
     let mut scene = on_grid(scene(file), Grid::Coarse, Bbar);
     scene.skins[0].law = Law::Hyperelastic(Material::NeoHookean);
-    (scene.time.gravity, scene.loads[0].pressure) = ([0.0; 3], 50e3);
+    scene.time.gravity = [0.0; 3];
+    scene.loads[0].kind = LoadKind::Pressure { pressure: 50e3, follower: false };
     scene.contact = touched.then(cutis::scene::Contact::default);
     scene.solver.newton = !touched;
     let mut model = model(&scene);
@@ -397,7 +395,7 @@ fn distance() {
         let centre = |law| {
             let mut scene = on_grid(scene("verify/skin_block_neo_045.toml"), Grid::Coarse, Bbar);
             (scene.skins[0].law, scene.time.gravity) = (law, [0.0; 3]);
-            scene.loads[0].pressure = pressure;
+            scene.loads[0].kind = LoadKind::Pressure { pressure, follower: false };
             let model = model(&scene);
             let mut body = Body::new(&Platform::Cpu64, model.clone(), &displaced(&model, |_| [0.0; 3]), 1e-8);
             body.load(&model.load_at(&scene.loads, 0.0));

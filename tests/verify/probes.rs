@@ -11,8 +11,8 @@ use cutis::kernels::cut::Hit;
 use cutis::math::V4;
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::{
-    Anchor, Blade, BodyId, Boundary, COMPONENTS, Component, Contact, Coupling, Law, Load, Material, Motion, Plane,
-    Pose, Preconditioner, Probe, ProbeKind, Region, Round, Scene, Tool,
+    Anchor, Blade, BodyId, Boundary, COMPONENTS, Component, Contact, Coupling, Law, Load, LoadKind, Material, Motion,
+    Plane, Pose, Preconditioner, Probe, ProbeKind, Region, Round, Scene, Tool,
 };
 use cutis::step::{Platform, Simulation, StepReport};
 
@@ -96,7 +96,7 @@ fn close(what: &str, place: &Platform, found: f64, wanted: f64, size: f64) {
 fn loaded(scene: &mut Scene) -> [f64; 3] {
     scene.time.gravity = [1.5, -0.7, -9.81];
     let (min, max) = ([-1.7e-3, -1.1e-3], [3.1e-3, 2.9e-3]);
-    scene.loads.push(Load { body: 0, pressure: 40.0, min, max, start: 0.0, end: f64::INFINITY });
+    scene.loads.push(Load::on_top(&scene.skins[0], 40.0, min, max));
     let load = -40.0 * (max[0] - min[0]) * (max[1] - min[1]);
     [MASS * 1.5, MASS * -0.7, MASS * -9.81 + load]
 }
@@ -155,7 +155,7 @@ fn momentum(place: &Platform) {
         if law != LINEAR {
             // small enough for the damping, which has the rotations and springs of the step's start
             scene.time.gravity.iter_mut().for_each(|g| *g *= 1e-2);
-            scene.loads[0].pressure *= 1e-2;
+            scene.loads[0].kind = LoadKind::Pressure { pressure: 0.4, follower: false };
             total.iter_mut().for_each(|f| *f *= 1e-2);
         }
         reactions(&mut scene, &Region::Bottom);
@@ -194,7 +194,7 @@ fn anchored(place: &Platform) {
 fn posed(law: Law, place: &Platform, turn: f64) -> Scene {
     let mut scene = static_block(place, law);
     let displacement = [1e-4, -2e-4, 3e-4];
-    scene.boundaries.push(Boundary { body: 0, region: Region::All, axes: [true; 3], displacement, rotation: turn });
+    scene.boundaries.push(Boundary { region: Region::All, displacement, rotation: turn, ..Boundary::default() });
     scene
 }
 

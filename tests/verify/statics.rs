@@ -26,8 +26,7 @@ fn loaded(law: Law) -> Scene {
     scene.skins[0].law = law;
     scene.boundaries = vec![held(Region::Bottom, [true; 3])];
     let half = [2e-3; 2];
-    scene.loads =
-        vec![Load { body: 0, pressure: 1e4, min: half.map(|h| -h), max: half, start: 0.0, end: f64::INFINITY }];
+    scene.loads = vec![Load::on_top(&scene.skins[0], 1e4, half.map(|h| -h), half)];
     (scene.time.gravity, scene.solver.tolerance) = ([0.0; 3], 1e-8);
     scene
 }

@@ -12,7 +12,7 @@ use crate::bodies::{Anchors, Model, Removal, rate};
 use crate::error::Result;
 use crate::kernels::advance::Request;
 use crate::kernels::cut::Hit;
-use crate::kernels::{Params, ahead, anchors, blocks, bounds, cut, duplicate, integrate, rhs};
+use crate::kernels::{Params, ahead, anchors, blocks, bounds, cut, duplicate, integrate, prescribe, rhs};
 use crate::linear::Outcome;
 use crate::math::{Real, V3, V4, round, widen};
 use crate::scene::Mass;
@@ -29,6 +29,7 @@ pub struct CpuBackend<R> {
     all_nodes: usize,
     contact: bool,
     explicit: bool,
+    driven: bool, // has nodes on prescribed paths
     u: Vec<V4<R>>,
     v: Vec<V4<R>>,
     ahead: Vec<V4<R>>,  // for damped explicit steps; otherwise empty
@@ -93,6 +94,7 @@ impl<R: Real> CpuBackend<R> {
             all_nodes,
             contact: needs.contact,
             explicit: model.step.explicit(),
+            driven: !model.paths.nodes.is_empty(),
             u: in_use(&start.u),
             v: in_use(&start.v),
             ahead: zeros(usize::from(model.step.lead() > 0.0)),
@@ -163,6 +165,12 @@ impl<R: Real> Backend for CpuBackend<R> {
 
     fn set_load(&mut self, load: &[[f64; 3]]) {
         self.load.iter_mut().zip(load).for_each(|(to, l)| *to = V3::of(*l).pad(R::zero()));
+    }
+
+    fn prescribe(&mut self, nodes: &[u32], target: &[[f64; 3]]) -> Result<()> {
+        let target: Vec<V4<R>> = target.iter().map(|t| V3::of(*t).pad(R::zero())).collect();
+        prescribe::prescribe(nodes, &target, &self.free, &self.u, &mut self.x);
+        Ok(())
     }
 
     fn begin(&mut self) -> Result<()> {
@@ -320,9 +328,9 @@ impl<R: Real> Backend for CpuBackend<R> {
     }
 }
 
-fn request<R: Real>(target: Target, floor: f64) -> Request<R> {
+fn request<R: Real>(target: Target, floor: f64, driven: bool) -> Request<R> {
     let (tolerance, reference, use_load) = match target {
-        Target::OfLoad(t) => (t, 0.0, R::one()),
+        Target::OfLoad(t) => (t, 0.0, R::of(if driven { 2.0 } else { 1.0 })),
         Target::Absolute(norm) | Target::Loose(norm, _) => (1.0, norm * norm, R::zero()),
     };
     Request {

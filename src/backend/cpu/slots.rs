@@ -26,7 +26,7 @@ impl<R: Real> CpuBackend<R> {
         let n = self.node_count;
         self.system.factor(&self.free)?;
         let (params, free, system) = (&self.params, &self.free, &self.system);
-        let (load, floor, max_iterations) = (self.load_squared, self.floor, self.max_iterations);
+        let (load, floor, max_iterations, driven) = (self.load_squared, self.floor, self.max_iterations, self.driven);
         let precondition = system.preconditioner(params, free, &self.block);
         // one conjugate gradient solve per right-hand side, in parallel
         let arrays = (
@@ -43,7 +43,7 @@ impl<R: Real> CpuBackend<R> {
             .enumerate()
             .filter_map(|(slot, arrays)| Some((requests.iter().find(|w| w.slot == slot)?, arrays)))
             .map(|(want, (x, r, p, s, z, w, Workspace { scratch, levels }))| {
-                let request = request(want.target, floor);
+                let request = request(want.target, floor, driven);
                 let outcome = solve(
                     Slot { x, r, p, s, z, w },
                     &request,
@@ -76,7 +76,12 @@ impl<R: Real> CpuBackend<R> {
     pub(super) fn newton(&mut self, tolerance: f64) -> Result<Outcome> {
         let (n, floor) = (self.node_count, self.floor);
         let zeros = vec![[R::zero(); 4]; n];
-        let still = Point { dx: zeros.clone(), residual: zeros.clone() };
+        // fixed nodes have their prescribed increments from the start
+        let prescribed = |(x, free): (&V4<R>, &V4<R>)| {
+            std::array::from_fn(|k| if k < 3 && free[k] == R::zero() { x[k] } else { R::zero() })
+        };
+        let dx = self.x.iter().zip(&self.free).map(prescribed).collect();
+        let still = Point { dx, residual: zeros.clone() };
         let b = self.r[..n].to_vec();
         let mut descent = LineSearch { body: self, b, current: still.clone(), trial: still, direction: zeros };
         let (outcome, newton_iterations) = newton(&mut descent, tolerance, floor)?;
@@ -165,7 +170,14 @@ impl<R: Real> Descent for LineSearch<'_, R> {
         R::EPSILON.f64()
     }
 
+    fn driven(&self) -> bool {
+        self.body.driven
+    }
+
     fn inverted_at_start(&self) -> Error {
-        unreachable!("the forces at the start of the step have been evaluated")
+        let moved = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
+        let moved: Vec<V4<f64>> = self.body.u.iter().zip(&self.current.dx).map(moved).collect();
+        let found = self.body.system.first_inverted(&moved);
+        found.unwrap_or_else(|| unreachable!("only an inverted cell rejects the first trial point")).into()
     }
 }

@@ -9,6 +9,7 @@ mod arrays;
 mod exchange;
 mod explicit;
 mod newton;
+mod paths;
 mod solver;
 mod split;
 
@@ -24,6 +25,7 @@ use anchors::Anchored;
 use arrays::{Body, Bounds, Cutting, axes, compensation_survives};
 use exchange::{Gather, Scatter};
 use newton::Newton;
+use paths::Driven;
 use solver::Solver;
 use split::Split;
 use std::sync::Arc;
@@ -49,6 +51,7 @@ pub struct GpuBackend {
     anchored: Option<Anchored>,
     solver: Solver,
     newton: Option<Newton>,
+    driven: Option<Driven>,
     begin: Vec<Dispatch>,
     integrate: [Bound; 2], // without and with the correction
     pick: Gather,
@@ -102,6 +105,9 @@ impl GpuBackend {
         let arrays = kind.shared().joined(&Arrays::of(&state));
         let solver = Solver::new(&mut made, model, kind.as_mut(), &arrays, params, &main, needs.contact)?;
         let newton = kind.nonlinear(&mut made, &arrays, &solver.x)?.map(|law| Newton::new(law, params));
+        // Newton's method has the increments of a step in an array of its own
+        let increments = newton.as_ref().map_or(&solver.x, Newton::increments);
+        let driven = Driven::new(&mut made, model, &free, &u, increments)?;
         gpu.making("solver");
         let of_main = |source, more: &[(&'static str, &Buffer)]| {
             arrays.bind(&gpu, source, &[&[("params", &main)], more].concat())
@@ -163,6 +169,7 @@ impl GpuBackend {
             anchored,
             solver,
             newton,
+            driven,
             begin,
             integrate,
             pick,
@@ -204,6 +211,11 @@ impl Backend for GpuBackend {
     fn set_load(&mut self, load: &[[f64; 3]]) {
         let load: Vec<V4<f32>> = load.iter().map(|l| V3::of(*l).pad(0.0)).collect();
         self.gpu.write(&self.body.load, 0, &load);
+    }
+
+    fn prescribe(&mut self, nodes: &[u32], target: &[[f64; 3]]) -> Result<()> {
+        self.drive(nodes, target);
+        Ok(())
     }
 
     fn begin(&mut self) -> Result<()> {

@@ -37,6 +37,11 @@ impl Newton {
         Self { law, params, count: Nonlinear::default(), shift: 0.0, start: vec![], load: 0.0 }
     }
 
+    /// `[node]` increments of the current point, m.
+    pub fn increments(&self) -> &Buffer {
+        &self.law.search.dx[0]
+    }
+
     /// Kernel launches per trial point.
     pub fn launches(&self) -> u32 {
         self.law.search.kernels.len() as u32
@@ -119,6 +124,7 @@ impl GpuBackend {
         for vector in [&search.dx[0], &search.residual_force[0], &self.solver.x] {
             batch.clear(vector, 0, self.vector());
         }
+        self.driven.iter().for_each(|driven| driven.record(batch));
     }
 }
 
@@ -209,6 +215,10 @@ impl Descent for GpuBackend {
 
     fn rounding(&self) -> f64 {
         f64::from(f32::EPSILON)
+    }
+
+    fn driven(&self) -> bool {
+        self.driven.is_some()
     }
 
     fn inverted_at_start(&self) -> Error {

@@ -128,14 +128,14 @@ impl Solver {
     }
 
     /// Sets the stopping criteria; slots that are not requested are marked as done.
-    pub fn write_requests(&self, gpu: &Gpu, requests: &[SolveRequest], rows: usize, floor: f64) {
+    pub fn write_requests(&self, gpu: &Gpu, requests: &[SolveRequest], rows: usize, floor: f64, driven: bool) {
         let mut scalars = vec![[1f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]; rows];
         let mut criteria = vec![[0f32; 4]; rows];
         for w in requests {
             scalars[w.slot][3] = 0.0;
             let floor = (floor * floor) as f32;
             criteria[w.slot] = match w.target {
-                Target::OfLoad(t) => [(t * t) as f32, 0.0, floor, 1.0],
+                Target::OfLoad(t) => [(t * t) as f32, 0.0, floor, if driven { 2.0 } else { 1.0 }],
                 Target::Absolute(norm) | Target::Loose(norm, _) => [1.0, (norm * norm) as f32, floor, 0.0],
             };
         }
@@ -169,7 +169,7 @@ impl GpuBackend {
         let only_correction = requests.iter().all(|w| w.slot == CORRECTION);
         let last = requests.iter().map(|w| w.slot).max().unwrap_or(FREE);
         let (first, rows) = if only_correction { (CORRECTION, 1) } else { (FREE, last as u32 + 1) };
-        self.solver.write_requests(&self.gpu, requests, last + 1, self.floor);
+        self.solver.write_requests(&self.gpu, requests, last + 1, self.floor, self.driven.is_some());
         let ids: Vec<u32> = pick.iter().map(|(slot, node)| (slot * self.node_count) as u32 + node).collect();
         let mut batch = self.record();
         let last_bytes = 16 * self.solver.in_use.nodes as u64;

@@ -310,6 +310,11 @@ impl<R: Real> System<R> for Hexahedra<R> {
         self.tangents.is_some()
     }
 
+    fn first_inverted(&self, at: &[V4<f64>]) -> Option<Refused> {
+        let Tangents { law, params, .. } = self.tangents.as_ref()?;
+        law.first_inverted(params, at).map(|cell| Refused::InvertedCell { cell: params.cell_at(cell) })
+    }
+
     fn linearise(&mut self, at: &[V4<f64>]) {
         if let Some(tangents) = &mut self.tangents {
             tangents.linearise(at);

@@ -19,7 +19,7 @@ pub use files::write;
 use super::Refused;
 use super::study::{element_word, grid_words};
 use crate::error::Result;
-use crate::scene::{BodyId, Integrator, Law, Preconditioner, Probe, ProbeKind, Scene};
+use crate::scene::{BodyId, Integrator, Law, LoadKind, Preconditioner, Probe, ProbeKind, Scene};
 use crate::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -72,7 +72,11 @@ impl Change {
                 let top = scene.skins.iter_mut().filter_map(|skin| skin.layers.last_mut());
                 top.for_each(|layer| layer.density = density);
             }
-            Self::Pressure(pressure) => scene.loads.iter_mut().for_each(|load| load.pressure = pressure),
+            Self::Pressure(pressure) => scene.loads.iter_mut().for_each(|load| {
+                if let LoadKind::Pressure { pressure: present, .. } = &mut load.kind {
+                    *present = pressure;
+                }
+            }),
             Self::Friction(friction) => scene.contact.iter_mut().for_each(|contact| contact.friction = friction),
             Self::Integrator(integrator) => scene.time.integrator = integrator,
             Self::ToolDown(z) => {
@@ -254,7 +258,7 @@ impl Case {
         let mut simulation = Simulation::new(scene, platform)?;
         let energy = |simulation: &mut Simulation| -> Result<f64> {
             let states = simulation.snapshots()?;
-            Ok(simulation.measure(&states).energy)
+            Ok(simulation.measure(&states).map_or(f64::NAN, |measured| measured.energy.total()))
         };
         let start = if self.measure == Measure::EnergyKept { energy(&mut simulation)? } else { 0.0 };
         let (mut work, mut samples, mut last) = (0.0, vec![], StepReport::default());

@@ -1,0 +1,189 @@
+//! Loads on the surface of a body as forces at its nodes.
+//!
+//! A traction `t` over parts `S` of the grid's outer faces gives its nodes the consistent loads `f_a = ∫_S N_a t dA`, `N_a` the bilinear
+//! shape functions of the face. At rest faces are rectangles, so the integral is exact: a uniform traction gives each corner of a whole face
+//! a quarter of its force. A dead pressure `p` is `t = −p n` with the outward normal `n` at rest, a total force `F` is `t = F/A` with the
+//! area `A` of `S`. A force at a material point acts on the nodes of its cell by their shape functions; on the surface only those of the
+//! face differ from 0, so force and moment at rest are those of the force itself.
+//!
+//! A follower pressure acts along the normal of the deformed face, on its area: `f_a = −p ∫ N_a (x_ξ × x_η) dξ dη` with the positions
+//! `x(ξ, η) = Σ N_a x_a`. The integrand is of degree 2 in each coordinate, so two Gauss points per axis are exact, and a closed surface under
+//! uniform pressure has no resultant. The positions are those at the start of a step (lagged); static steps repeat their solves until the
+//! balance holds with the pressure on the shape that they end in.
+//! Source: Bonet, Wood 2008, section 8.5 (pressure forces); here without their stiffness, which is why the pressure lags.
+//!
+//! After a cut a face keeps its load, on the nodes that its cell has then.
+//! Units: m, N, Pa.
+
+use super::Model;
+use crate::kernels::corner;
+use crate::math::V3;
+use crate::mesh::{Grid, trilinear};
+use crate::scene::{ACROSS, CellFace, Load, LoadKind, Region, Spans};
+
+/// Face of the surface with its loaded parts. Its corners are in the order `00, 10, 01, 11` of its two axes.
+struct Face {
+    /// Cell behind it.
+    cell: usize,
+    /// Numbers of its corners in the cell.
+    corners: [usize; 4],
+    /// Edges along its two axes, m.
+    edge: [f64; 2],
+    /// Outward normal at rest.
+    normal: [f64; 3],
+    /// 1 where the outward normal is the first axis × the second one, otherwise −1.
+    orientation: f64,
+    parts: Vec<Spans>,
+}
+
+/// Faces of the grid's surface that have parts in a region.
+fn faces(grid: &Grid, region: &Region) -> Vec<Face> {
+    let params = grid.params::<f64>();
+    let size = [0, 1].map(|n| grid.edge[n] * grid.cells[n] as f64);
+    let mut out = vec![];
+    for (axis, upper) in (0..3).flat_map(|axis| [(axis, 0), (axis, 1)]) {
+        let [p, q] = ACROSS[axis];
+        let corners = [[0, 0], [1, 0], [0, 1], [1, 1]].map(|[i, j]| {
+            let wanted = |a: &usize| (corner(*a)[axis], corner(*a)[p], corner(*a)[q]) == (upper, i, j);
+            (0..8).find(wanted).expect("a cell has this corner")
+        });
+        let outward = if upper == 1 { 1.0 } else { -1.0 };
+        let mut normal = [0.0; 3];
+        normal[axis] = outward;
+        for j in 0..grid.cells[q] {
+            for i in 0..grid.cells[p] {
+                let mut cell = [0; 3];
+                (cell[axis], cell[p], cell[q]) = (upper * (grid.cells[axis] - 1), i, j);
+                let mut lowest = cell;
+                lowest[axis] += upper;
+                let height = grid.heights[cell[2] + 1] - grid.heights[cell[2]];
+                let edge = [grid.edge[0], grid.edge[1], height];
+                let face = CellFace { axis, low: grid.rest(params.node_id(lowest)), edge };
+                let parts = region.parts_of(&face, size, grid.thickness());
+                if !parts.is_empty() {
+                    out.push(Face {
+                        cell: params.cell_id(cell),
+                        corners,
+                        edge: [edge[p], edge[q]],
+                        normal,
+                        orientation: if axis == 1 { -outward } else { outward }, // e_x × e_z = −e_y
+                        parts,
+                    });
+                }
+            }
+        }
+    }
+    out
+}
+
+impl Face {
+    /// Area at rest of its loaded parts, m².
+    fn area(&self) -> f64 {
+        let of =
+            |spans: &Spans| spans.iter().zip(self.edge).map(|([from, to], edge)| (to - from) * edge).product::<f64>();
+        self.parts.iter().map(of).sum()
+    }
+
+    /// Adds the loads of a traction, Pa, on its corners `nodes`.
+    fn add_traction(&self, traction: [f64; 3], nodes: [usize; 4], out: &mut [[f64; 3]]) {
+        for spans in &self.parts {
+            let share = |n: usize| {
+                let ([a, b], edge) = (spans[n], self.edge[n]);
+                let upper = 0.5 * (b * b - a * a);
+                [(b - a - upper) * edge, upper * edge]
+            };
+            let (x, y) = (share(0), share(1));
+            for (node, [p, q]) in nodes.into_iter().zip([[0, 0], [1, 0], [0, 1], [1, 1]]) {
+                (0..3).for_each(|n| out[node][n] += traction[n] * x[p] * y[q]);
+            }
+        }
+    }
+
+    /// Adds the loads of a pressure, Pa, on the face with its corners at `x`, m.
+    fn add_follower(&self, pressure: f64, x: [V3<f64>; 4], nodes: [usize; 4], out: &mut [[f64; 3]]) {
+        let gauss = [-1.0, 1.0].map(|side: f64| 0.5 + side * 0.5 / 3f64.sqrt());
+        for [[a, b], [c, d]] in &self.parts {
+            for (s, t) in gauss.into_iter().flat_map(|s| gauss.map(|t| (a + s * (b - a), c + t * (d - c)))) {
+                let along = (x[1] - x[0]) * (1.0 - t) + (x[3] - x[2]) * t;
+                let across = (x[2] - x[0]) * (1.0 - s) + (x[3] - x[1]) * s;
+                let weight = 0.25 * (b - a) * (d - c) * self.orientation;
+                let force = (along.cross(across) * (-pressure * weight)).f64();
+                let shape = [(1.0 - s) * (1.0 - t), s * (1.0 - t), (1.0 - s) * t, s * t];
+                for (node, shape) in nodes.into_iter().zip(shape) {
+                    (0..3).for_each(|n| out[node][n] += force[n] * shape);
+                }
+            }
+        }
+    }
+}
+
+impl Model {
+    /// The body's loads that act at a time.
+    fn acting<'a>(&self, loads: &'a [Load], time: f64) -> impl Iterator<Item = &'a Load> {
+        let body = self.body;
+        loads.iter().filter(move |load| load.body == body && time >= load.start && time < load.end)
+    }
+
+    /// `[node]` loads on the uncut body at rest at a time, N.
+    pub fn load_at(&self, loads: &[Load], time: f64) -> Vec<[f64; 3]> {
+        let params = self.grid.params::<f64>();
+        self.load_on(loads, time, |cell| params.corners(cell), |_| [0.0; 3])
+    }
+
+    /// The same with the cells' `corners` after a cut, and displacements, m, of the nodes that follower pressures act on.
+    pub fn load_on(
+        &self,
+        loads: &[Load],
+        time: f64,
+        corners: impl Fn(usize) -> [usize; 8],
+        displacement: impl Fn(usize) -> [f64; 3],
+    ) -> Vec<[f64; 3]> {
+        let mut out = vec![[0.0; 3]; self.node_count()];
+        for load in self.acting(loads, time) {
+            if let LoadKind::PointForce { force, at } = load.kind {
+                let (cell, natural) = self.grid.cell_at(at);
+                for (node, weight) in corners(cell).into_iter().zip(trilinear(natural)) {
+                    (0..3).for_each(|n| out[node][n] += force[n] * weight);
+                }
+                continue;
+            }
+            let faces = faces(&self.grid, &load.region);
+            let area: f64 = faces.iter().map(Face::area).sum();
+            for face in &faces {
+                let of_cell = corners(face.cell);
+                let nodes = face.corners.map(|a| of_cell[a]);
+                match load.kind {
+                    LoadKind::Pressure { pressure, follower: true } => {
+                        // positions from those of the uncut cell: a duplicate rests where its original does
+                        let own = self.grid.params::<f64>().corners(face.cell);
+                        let at =
+                            |k: usize| V3::of(self.grid.rest(own[face.corners[k]])) + V3::of(displacement(nodes[k]));
+                        face.add_follower(pressure, [0, 1, 2, 3].map(at), nodes, &mut out);
+                    }
+                    LoadKind::Pressure { pressure, follower: false } => {
+                        face.add_traction(face.normal.map(|n| -pressure * n), nodes, &mut out);
+                    }
+                    LoadKind::Traction(traction) => face.add_traction(traction, nodes, &mut out),
+                    LoadKind::Force(force) => face.add_traction(force.map(|f| f / area), nodes, &mut out),
+                    LoadKind::PointForce { .. } => {}
+                }
+            }
+        }
+        out
+    }
+
+    /// Nodes that follower pressures act on at a time, each once, in ascending order.
+    pub fn followed_nodes(&self, loads: &[Load], time: f64, corners: impl Fn(usize) -> [usize; 8]) -> Vec<u32> {
+        let follows = |load: &&Load| matches!(load.kind, LoadKind::Pressure { follower: true, .. });
+        let faces = self.acting(loads, time).filter(follows).flat_map(|load| faces(&self.grid, &load.region));
+        let mut nodes: Vec<u32> = faces
+            .flat_map(|face| {
+                let of_cell = corners(face.cell);
+                face.corners.map(|a| of_cell[a] as u32)
+            })
+            .collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        nodes
+    }
+}

@@ -1,0 +1,135 @@
+//! Notes on a valid scene: what runs, but is seldom meant.
+
+use super::{BodyId, LoadKind, Region, Scene};
+use glam::DVec3;
+
+/// Share of a step by which a duration may miss a multiple of it; decimal numbers of the file are rounded to 10⁻¹⁶ of their value.
+const WHOLE: f64 = 1e-6;
+
+/// A body's centre and the radius of a ball around it, m.
+#[derive(Clone, Copy)]
+struct Extent {
+    centre: DVec3,
+    radius: f64,
+}
+
+impl Scene {
+    /// Notes for a person, one sentence each: a duration that is no multiple of the step, bodies that gravity or loads push away since nothing
+    /// holds them and nothing is in their way. A body that nothing pushes may float.
+    pub fn notes(&self) -> Vec<String> {
+        let mut out = vec![];
+        let (steps, time) = (self.time.duration / self.time.step, &self.time);
+        if (steps - steps.round()).abs() > WHOLE {
+            let (count, step) = (time.steps(), 1e3 * time.step);
+            out.push(format!(
+                "duration_s = {} is no multiple of step_ms = {step}: the run takes {count} steps and ends at {:.6} s",
+                time.duration,
+                f64::from(count) * time.step
+            ));
+        }
+        let kept = self.kept();
+        for (number, id) in self.movable().into_iter().enumerate() {
+            if kept[number] || !self.pushed(id) {
+                continue;
+            }
+            let (name, by) = match id {
+                BodyId::Deformable(k) if time.gravity == [0.0; 3] => (&self.skins[k].name, "its load pushes"),
+                BodyId::Deformable(k) => (&self.skins[k].name, "gravity pulls"),
+                BodyId::Rigid(k) => (&self.tools[k].name, "gravity pulls"),
+                _ => continue,
+            };
+            out.push(format!(
+                "nothing holds `{name}` and nothing is under it, so {by} it away; hold a region of it with [[boundary]], [[anchor]] or \
+                 [[attach]], put a [[plane]] under it, or leave out gravity and loads"
+            ));
+        }
+        out
+    }
+
+    /// Bodies that are not held by a hand: deformable ones, then free rigid ones.
+    fn movable(&self) -> Vec<BodyId> {
+        let free = (0..self.tools.len()).filter(|k| self.tools[*k].free.is_some()).map(BodyId::Rigid);
+        (0..self.skins.len()).map(BodyId::Deformable).chain(free).collect()
+    }
+
+    /// `[movable body]` true if something holds it, or something that is kept is in its way.
+    fn kept(&self) -> Vec<bool> {
+        let bodies = self.movable();
+        let mut kept: Vec<bool> = bodies.iter().map(|id| self.held(*id)).collect();
+        // what rests on or is tied to what is kept is kept: as many rounds as bodies
+        for _ in 0..bodies.len() {
+            for (number, id) in bodies.iter().enumerate() {
+                let by = |other: usize| other != number && kept[other];
+                let found = (0..bodies.len()).any(|other| {
+                    by(other) && (self.tied(*id, bodies[other]) || self.in_way_of(*id, self.extent(bodies[other])))
+                });
+                kept[number] |= found;
+            }
+        }
+        kept
+    }
+
+    /// True if the world or a hand holds a body, or a wall or a hand's tool is in its way.
+    fn held(&self, id: BodyId) -> bool {
+        let g = DVec3::from_array(self.time.gravity);
+        let along = |axes: [bool; 3]| g == DVec3::ZERO || (0..3).any(|n| axes[n] && g[n] != 0.0);
+        let hand = |k: usize| self.tools[k].free.is_none();
+        let own = matches!(id, BodyId::Deformable(body) if {
+            self.boundaries.iter().any(|b| b.body == body && along(b.axes)) || self.anchors.iter().any(|a| a.body == body)
+        });
+        let wall = self.planes.iter().any(|plane| g == DVec3::ZERO || DVec3::from_array(plane.normal).dot(g) < 0.0);
+        let tools = (0..self.tools.len()).filter(|k| hand(*k)).map(BodyId::Rigid);
+        let of_tools = tools.into_iter().any(|tool| self.tied(id, tool) || self.in_way_of(id, self.extent(tool)));
+        own || wall || of_tools || self.tied(id, BodyId::World)
+    }
+
+    fn tied(&self, a: BodyId, b: BodyId) -> bool {
+        let between = |pair: [BodyId; 2]| pair == [a, b] || pair == [b, a];
+        self.attachments.iter().any(|tie| between([BodyId::Deformable(tie.body), tie.to]))
+    }
+
+    /// True if gravity or a load with a resultant acts on a body.
+    fn pushed(&self, id: BodyId) -> bool {
+        let balanced =
+            |region: &Region| matches!(region, Region::All | Region::Sides | Region::SidesX | Region::SidesY);
+        let loaded = self.loads.iter().any(|load| {
+            BodyId::Deformable(load.body) == id
+                && match load.kind {
+                    LoadKind::Pressure { pressure, .. } => pressure != 0.0 && !balanced(&load.region),
+                    LoadKind::Traction(v) | LoadKind::Force(v) | LoadKind::PointForce { force: v, .. } => v != [0.0; 3],
+                }
+        });
+        self.time.gravity != [0.0; 3] || loaded
+    }
+
+    /// True if a body meets another extent when gravity pulls it; by loads alone, wherever that is.
+    fn in_way_of(&self, id: BodyId, other: Extent) -> bool {
+        let down = DVec3::from_array(self.time.gravity).normalize_or_zero();
+        let own = self.extent(id);
+        let apart = other.centre - own.centre;
+        let beside = apart - down * apart.dot(down);
+        down == DVec3::ZERO || (apart.dot(down) > 0.0 && beside.length() <= own.radius + other.radius)
+    }
+
+    fn extent(&self, id: BodyId) -> Extent {
+        match id {
+            BodyId::Deformable(k) => {
+                let skin = &self.skins[k];
+                let half = 0.5 * DVec3::new(skin.size[0], skin.size[1], skin.thickness());
+                Extent { centre: DVec3::from_array(skin.position) + DVec3::Z * half.z, radius: half.length() }
+            }
+            BodyId::Rigid(k) => {
+                let tool = &self.tools[k];
+                let centre = tool.trajectory.first().map_or(DVec3::ZERO, |pose| DVec3::from_array(pose.position));
+                let length = |p: &[f64; 3]| DVec3::from_array(*p).length();
+                let round = tool
+                    .round
+                    .as_ref()
+                    .map_or(0.0, |round| round.radius + round.ends.iter().map(length).fold(0.0, f64::max));
+                let mesh = tool.mesh.positions.iter().map(length).fold(round, f64::max);
+                Extent { centre, radius: mesh }
+            }
+            _ => Extent { centre: DVec3::ZERO, radius: 0.0 },
+        }
+    }
+}
