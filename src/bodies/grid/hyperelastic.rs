@@ -212,15 +212,22 @@ impl Hyperelastic {
         (sums(params, split, &forces), stiffening)
     }
 
-    /// Change of the forces from `f` over a step of Newton's method, as it enters the step, `[node]` N; NaN if a cell is inverted.
-    pub fn change(&self, model: &Model, solved: &Solved, f: &[V4<f64>]) -> Vec<V4<f64>> {
+    /// Change of the forces of the cells that are `alive` from `f` over a step, as it enters the step, `[node]` N; NaN if Newton's method has
+    /// inverted a cell.
+    pub fn change(
+        &self,
+        model: &Model,
+        solved: &Solved,
+        alive: &(dyn Fn(usize) -> bool + Sync),
+        f: &[V4<f64>],
+    ) -> Vec<V4<f64>> {
         let params = model.params::<f64>();
         let end: Vec<V4<f64>> =
             solved.start.u.iter().zip(&solved.dx).map(|(u, d)| std::array::from_fn(|n| u[n] + d[n])).collect();
-        if self.first_inverted(&params, &end).is_some() {
+        if self.newton && self.first_inverted(&params, &end).is_some() {
             return vec![[f64::NAN; 4]; f.len()];
         }
-        let mut change = self.forces(&params, &[], &|_| true, &end);
+        let mut change = self.forces(&params, &solved.start.split, alive, &end);
         let share = model.step.end_share();
         change.iter_mut().zip(f).for_each(|(e, f)| (0..3).for_each(|n| e[n] = share * (e[n] - f[n])));
         change

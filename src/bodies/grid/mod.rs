@@ -337,11 +337,12 @@ impl Mechanics for Hexahedra {
             split_product(&params, &modes, layers, &rotation, in_system, split, &cells, &solved.dx, &mut w);
         }
         // hyperelastic forces, and their change over a step of Newton's method
+        let alive = |cell: usize| rotation[cell] != [0.0; 4];
         if let Some(law) = &self.hyperelastic {
-            f = law.forces(&params, split, &|cell| rotation[cell] != [0.0; 4], at);
+            f = law.forces(&params, split, &alive, at);
         }
         if let Some(law) = newton {
-            let change = law.change(model, solved, &f);
+            let change = law.change(model, solved, &alive, &f);
             for ((sum, more), free) in w.iter_mut().zip(&change).zip(&solved.start.free) {
                 (0..3).for_each(|n| sum[n] += more[n] * free[n]);
             }
