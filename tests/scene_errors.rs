@@ -334,7 +334,8 @@ fn full_scene_keeps_boundaries_loads_and_outputs() {
     let load = &scene.loads[0];
     assert_eq!(load.kind, LoadKind::Pressure { pressure: 1500.0, follower: false });
     assert_eq!((load.start, load.end), (0.1, 0.2));
-    assert_eq!(load.region, Region::Box { min: [-0.02, -0.01, 2.5e-3], max: [0.0, 0.01, 2.5e-3] });
+    let top = scene.skins[0].thickness();
+    assert_eq!(load.region, Region::Box { min: [-0.02, -0.01, top], max: [0.0, 0.01, top] });
     let point = [0.0, 0.0, 2.5e-3];
     assert_eq!(scene.probes[0].kind, ProbeKind::Displacement { body: 0, point, axis: 0 });
     let region = Region::SidesX;

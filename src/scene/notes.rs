@@ -22,9 +22,9 @@ impl Scene {
         if (steps - steps.round()).abs() > WHOLE {
             let (count, step) = (time.steps(), 1e3 * time.step);
             out.push(format!(
-                "duration_s = {} is no multiple of step_ms = {step}: the run takes {count} steps and ends at {:.6} s",
+                "duration_s = {} is no multiple of step_ms = {step}: the run takes {count} steps and ends at {} s",
                 time.duration,
-                f64::from(count) * time.step
+                (f64::from(count) * time.step * 1e6).round() / 1e6
             ));
         }
         let kept = self.kept();

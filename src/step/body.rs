@@ -379,13 +379,15 @@ impl Body {
         Solved { start, load: self.padded_load_at(scene, time), contact: forces, ..Solved::default() }
     }
 
-    /// Forces out of balance at the present state under contact forces, relative to the largest ([`out_of_balance`]).
+    /// Forces out of balance at the present state under contact forces, relative to the largest ([`out_of_balance`]); 0 below the solver's
+    /// floor.
     pub(super) fn out_of_balance(&mut self, contact: &[(u32, [f64; 3])], scene: &Scene, time: f64) -> Result<f64> {
         let state = self.snapshot()?;
         let at = |node: u32| [0, 1, 2].map(|n| state.u[node as usize][n]);
         self.pressed = self.followed_nodes(scene, time).into_iter().map(|node| (node, at(node))).collect();
         let (left, largest) = out_of_balance(&self.model, &self.solved(state, contact, scene, time));
-        Ok(if largest == 0.0 { 0.0 } else { left / largest })
+        // where nothing loads the body, rounding is all that is left
+        Ok(if left <= scene.solver.floor { 0.0 } else { left / largest })
     }
 
     /// Refines and checks the step's solution; `before` is the state at its start. Returns the energy that a checked step has damped, J.

@@ -178,8 +178,11 @@ fn stretched(model: &Model, by: f64) -> [[f64; 3]; 3] {
     at(low)
 }
 
+/// Displacement gradient of a strain, and the axis of the force on the upper face that it is known by.
+type Mode = fn(&Model, f64) -> ([[f64; 3]; 3], usize);
+
 /// Strain of a law at which its force is 5 % off the neo-Hookean one: as the law's warning measures it; none up to 80 %.
-fn limit(law: Law, poisson: f64, mode: fn(&Model, f64) -> ([[f64; 3]; 3], usize)) -> Option<f64> {
+fn limit(law: Law, poisson: f64, mode: Mode) -> Option<f64> {
     let [own, large] = [law, Law::Hyperelastic(Material::NeoHookean)].map(|law| one_cell(law, poisson));
     let off = |by: f64| {
         let force = |model: &Model| {
@@ -206,7 +209,7 @@ const LIMITS: [(f64, [Option<f64>; 6]); 3] = [
 ];
 
 fn small_strain() {
-    let modes: [fn(&Model, f64) -> ([[f64; 3]; 3], usize); 3] = [
+    let modes: [Mode; 3] = [
         |model, by| (stretched(model, by), 2),
         |model, by| (stretched(model, -by), 2),
         |_, by| ([[0.0, 0.0, by], [0.0; 3], [0.0; 3]], 0),
