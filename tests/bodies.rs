@@ -340,7 +340,7 @@ fn the_penalty_loop_comes_nearer_as_its_spring_gets_stiffer() {
     };
     let wanted = force("");
     let [soft, stiff] =
-        [20.0, 200.0].map(|k| apart(force(&format!("forces = \"penalty\"\npenalty_n_m = {k}")), wanted));
+        [10.0, 100.0].map(|k| apart(force(&format!("forces = \"penalty\"\npenalty_n_m = {k}")), wanted));
     assert!(soft > 3.0 * stiff && stiff < 0.1 && soft > 0.05, "{soft} and {stiff}");
 }
 

@@ -156,7 +156,7 @@ pub struct DissipationReport {
     /// By Rayleigh damping and the dampers of springs; `null` where not every step was checked (`true_residual_every`).
     pub damping: Option<f64>,
     /// The remainder: by the integrator, by removed cells, and by damping where that is not known. Negative where a run has made energy;
-    /// `null` where boundaries on paths or follower pressures have done work, which is not booked.
+    /// `null` where boundaries on paths, follower pressures or tools in static steps have done work, which is not booked.
     pub numerical: Option<f64>,
 }
 

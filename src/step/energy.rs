@@ -15,8 +15,8 @@
 //! With `F·slip` of a contact `= Σ F·(motion of its sides)`, `ΔE = work − impact − friction − cutting − damping − numerical`. The last term
 //! is the remainder: at least 0 for implicit Euler, up to the tolerance of its solves. Where it falls below what it was by more than an
 //! allowance, the run has made energy from nothing: [`Measured::grew`]. A load's work is read where it changes: one read-back at that step on a
-//! GPU, with what the next search for contacts reads. The work of boundaries on paths and of follower pressures is not booked; from their
-//! first motion on nothing is said of the remainder ([`Booked::unknown`]).
+//! GPU, with what the next search for contacts reads. The work of boundaries on paths, of follower pressures, and of tools in static steps, whose solves
+//! come to the balance by forces that are not those of the way, is not known; with them nothing is said of the remainder ([`Booked::unknown`]).
 
 use super::{Body, Simulation, StepReport};
 use crate::backend::{Query, Snapshot};
@@ -48,7 +48,7 @@ pub struct Booked {
     pub damping: f64,
     /// Steps with damping that were not checked, whose part of `damping` is missing.
     pub undamped_steps: u64,
-    /// Boundaries have moved or follower pressures acted, whose work is missing.
+    /// Boundaries have moved, follower pressures have acted, or tools have worked in static steps: that work is missing.
     pub unknown: bool,
     /// Most that the potential can have risen as a cut took mass away.
     pub removed: f64,
@@ -158,7 +158,8 @@ impl Simulation {
         let [from, to] = [1, 0].map(|back| (self.step_number - back) as f64 * self.scene.time.part());
         let follows = |load: &Load| matches!(load.kind, LoadKind::Pressure { follower: true, .. });
         self.booked.unknown |= self.bodies.iter().any(|body| body.model.driven(&self.scene, from, to) > 0.0)
-            || self.scene.loads.iter().any(follows);
+            || self.scene.loads.iter().any(follows)
+            || self.scene.time.integrator == Integrator::Static && !self.tools.is_empty();
         Ok(())
     }
 

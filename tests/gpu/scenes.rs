@@ -4,7 +4,7 @@ use super::states::{SCENES, resumes};
 use super::{Failure, platform};
 use cutis::backend::Snapshot;
 use cutis::gpu::Gpu;
-use cutis::scene::{BodyId, Element, Law, Material, Preconditioner, ProbeKind, read};
+use cutis::scene::{BodyId, Element, Integrator, Law, Material, Preconditioner, ProbeKind, read};
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
 use std::sync::Arc;
@@ -136,6 +136,7 @@ fn a_limit_of_iterations_is_kept_to_the_last_one(gpu: &Gpu) -> Result<(), Failur
 /// Force on the sphere after some steps into a coarse skin of a law, N.
 fn pressed(platform: &Platform, law: Law) -> Result<f64, Failure> {
     let mut scene = read(&Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/sphere_press_neo_hookean.toml"))?;
+    (scene.time.integrator, scene.time.step) = (Integrator::ImplicitEuler, 0.1);
     let skin = &mut scene.skins[0];
     (skin.cells, skin.law) = ([10, 10], law);
     skin.layers.iter_mut().for_each(|layer| (layer.cells, layer.second_share) = (1, 0.4));
