@@ -1,7 +1,7 @@
 //! Spheres and capsules on the skin: what holds them, what they feel, and what each check would miss without it.
 
 use cutis::math::random::Random;
-use cutis::scene::{Filter, Law, Pose, Scene, read};
+use cutis::scene::{Filter, Integrator, Law, Pose, Scene, read};
 use cutis::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
@@ -92,7 +92,9 @@ fn a_sphere_of_2_mm_is_right_on_cells_of_1_mm_and_neither_one_point_nor_small_st
         let found = error(&moved(&press, x, y));
         assert!(found.abs() < 0.1, "at {x}, {y}: {found}");
     }
+    // one point never comes to rest: each step finds another nearest one
     let mut one = press.clone();
+    (one.time.integrator, one.time.step) = (Integrator::ImplicitEuler, 0.1);
     one.contact.as_mut().expect("it has a tool").filter = Filter::One;
     let (_, reports) = run(&one, None);
     assert!(reports.iter().all(|r| r.contact.count() <= 1));
