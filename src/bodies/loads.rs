@@ -175,8 +175,8 @@ impl Model {
 
     /// Nodes that follower pressures act on at a time, each once, in ascending order.
     pub fn followed_nodes(&self, loads: &[Load], time: f64, corners: impl Fn(usize) -> [usize; 8]) -> Vec<u32> {
-        let follows = |load: &&Load| matches!(load.kind, LoadKind::Pressure { follower: true, .. });
-        let faces = self.acting(loads, time).filter(follows).flat_map(|load| faces(&self.grid, &load.region));
+        let faces =
+            self.acting(loads, time).filter(|load| load.follows()).flat_map(|load| faces(&self.grid, &load.region));
         let mut nodes: Vec<u32> = faces
             .flat_map(|face| {
                 let of_cell = corners(face.cell);

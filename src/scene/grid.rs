@@ -212,6 +212,18 @@ impl Row {
     }
 }
 
+/// Error if a key of a region is present.
+pub(super) fn no_extent(scene: &SceneText, extent: &Extent, why: &'static str) -> Result<()> {
+    let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm } = extent;
+    scene.needless("box_mm", box_mm, why)?;
+    scene.needless("centre_mm", centre_mm, why)?;
+    scene.needless("radius_mm", radius_mm, why)?;
+    scene.needless("through_mm", through_mm, why)?;
+    scene.needless("normal", normal, why)?;
+    scene.needless("within_mm", within_mm, why)?;
+    scene.needless("margin_mm", margin_mm, why)
+}
+
 /// Region of the given name; it must contain a node of each grid.
 pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids: &[Grid]) -> Result<Region> {
     // region of this name; keys of other regions are errors

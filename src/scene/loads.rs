@@ -1,7 +1,7 @@
 //! Loads: on parts of a skin in code, and of a scene file, where each is of one kind.
 
 use super::bodies::Names;
-use super::grid::{Grid, region};
+use super::grid::{Grid, no_extent, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, Extent, Points, Table};
 use super::region::SLACK;
@@ -19,6 +19,11 @@ impl Load {
             start: 0.0,
             end: f64::INFINITY,
         }
+    }
+
+    /// Whether it is a follower pressure.
+    pub fn follows(&self) -> bool {
+        matches!(self.kind, LoadKind::Pressure { follower: true, .. })
     }
 }
 
@@ -144,18 +149,6 @@ fn surface(scene: &SceneText, raw: &raw::Load, extent: Extent, skin: &Skin, grid
             Err(Invalid::NoSurface { at: scene.location(name.span()), grid: grid.name, region: name.into_inner() })
         }
     }
-}
-
-/// Error if a key of a region is present.
-fn no_extent(scene: &SceneText, extent: &Extent, why: &'static str) -> Result<()> {
-    let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm } = extent;
-    scene.needless("box_mm", box_mm, why)?;
-    scene.needless("centre_mm", centre_mm, why)?;
-    scene.needless("radius_mm", radius_mm, why)?;
-    scene.needless("through_mm", through_mm, why)?;
-    scene.needless("normal", normal, why)?;
-    scene.needless("within_mm", within_mm, why)?;
-    scene.needless("margin_mm", margin_mm, why)
 }
 
 /// Rectangle inside the top, with an area.

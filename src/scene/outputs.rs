@@ -1,7 +1,7 @@
 //! Outputs of a scene: probes, checks and pictures.
 
 use super::bodies::Names;
-use super::grid::{Grid, region};
+use super::grid::{Grid, no_extent, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Extent, Table};
 use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, or, or_vector};
@@ -113,14 +113,7 @@ fn probe_kind(scene: &SceneText, table: Table<raw::Probe>, bodies: &Names, grids
     if !kind.of_region() {
         let why = "only kind = \"reaction\", \"mean_displacement\" and \"pressure\" ask for a region";
         scene.needless("region", &raw.region, why)?;
-        let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm } = &extent;
-        scene.needless("box_mm", box_mm, why)?;
-        scene.needless("centre_mm", centre_mm, why)?;
-        scene.needless("radius_mm", radius_mm, why)?;
-        scene.needless("through_mm", through_mm, why)?;
-        scene.needless("normal", normal, why)?;
-        scene.needless("within_mm", within_mm, why)?;
-        scene.needless("margin_mm", margin_mm, why)?;
+        no_extent(scene, &extent, why)?;
     }
     if kind != Kind::Force {
         scene.needless("from", &raw.from, "only kind = \"force\" asks from whom")?;

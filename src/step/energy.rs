@@ -25,7 +25,7 @@ use crate::bodies::{Energy, beyond_law, energy, inverted_cells};
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::math::{V4, larger};
-use crate::scene::{BodyId, Integrator, Load, LoadKind};
+use crate::scene::{BodyId, Integrator, Load};
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -156,9 +156,8 @@ impl Simulation {
         self.booked.loads += work;
         self.booked.turnover += work.abs();
         let [from, to] = [1, 0].map(|back| (self.step_number - back) as f64 * self.scene.time.part());
-        let follows = |load: &Load| matches!(load.kind, LoadKind::Pressure { follower: true, .. });
         self.booked.unknown |= self.bodies.iter().any(|body| body.model.driven(&self.scene, from, to) > 0.0)
-            || self.scene.loads.iter().any(follows)
+            || self.scene.loads.iter().any(Load::follows)
             || self.scene.time.integrator == Integrator::Static && !self.tools.is_empty();
         Ok(())
     }

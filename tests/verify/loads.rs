@@ -5,7 +5,7 @@
 //! the stretch `a` across from `μ (a² − 1) + λ ln(a² s) = 0`: Cauchy stress `σ = (μ (s² − 1) + λ ln J)/J`, nominal stress `P = σ a²`. A dead
 //! pressure sets `P = −p`, one that follows `σ = −p`.
 
-use super::setup::{LONG, Random, block, epsilon, measured, model};
+use super::setup::{self, LONG, Random, block, epsilon, exact, measured, model};
 use super::small::held;
 use super::{Case, Everywhere};
 
@@ -39,22 +39,11 @@ const POISSON: f64 = 0.45;
 const LINEAR: Law = Law::Fem { element: Bbar, corotational: false };
 const NEO_HOOKEAN: Law = Law::Hyperelastic(Material::NeoHookean);
 
-/// Relative error of displacements and of what comes from them: residuals of the solves and, in f32, rounded displacements over cells of a
-/// tenth of the strained length.
-fn exact(place: &Platform) -> f64 {
-    match place {
-        Platform::Cpu64 => 1e-8,
-        Platform::Cpu32 | Platform::Gpu(_) => 2e-5,
-    }
-}
-
+/// The block in ten steps without inertia, of large strain by Newton's method.
 fn static_block(place: &Platform, law: Law) -> Scene {
-    let mut scene = block(Bbar, true);
-    scene.time.step = LONG;
+    let mut scene = setup::static_block(place, law);
     scene.time.duration = 10.0 * LONG;
-    scene.solver.tolerance = if *place == Platform::Cpu64 { 1e-12 } else { 1e-6 };
     scene.solver.newton = law == NEO_HOOKEAN;
-    scene.skins[0].law = law;
     scene
 }
 

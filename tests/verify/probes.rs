@@ -3,7 +3,7 @@
 //! Uniform stretch by `s` along z, free across: `σ_zz = E (s − 1)` of small strains; neo-Hookean with the stretch `a` across from
 //! `μ (a² − 1) + λ ln(a² s) = 0`, `σ = (μ (FFᵀ − I) + λ ln J I)/J`.
 
-use super::setup::{LONG, block, measured};
+use super::setup::{exact, measured, static_block};
 use super::small::held;
 use super::{Case, Everywhere};
 use cutis::kernels::Params;
@@ -12,7 +12,7 @@ use cutis::math::V4;
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::{
     Anchor, Blade, BodyId, Boundary, COMPONENTS, Component, Contact, Coupling, Law, Load, LoadKind, Material, Motion,
-    Plane, Pose, Preconditioner, Probe, ProbeKind, Region, Round, Scene, Tool,
+    Plane, Pose, Probe, ProbeKind, Region, Round, Scene, Tool,
 };
 use cutis::step::{Platform, Simulation, StepReport};
 
@@ -41,27 +41,6 @@ const YOUNG: f64 = 50e3;
 const POISSON: f64 = 0.45;
 /// kg: 1000 kg/m³ over 8 mm × 6 mm.
 const MASS: f64 = 1000.0 * 8e-3 * 6e-3 * TOP;
-
-/// Relative error of values computed from a place's displacements: residuals of its solves ([`static_block`]) and, in f32, displacements that
-/// are rounded to 6·10⁻⁸ of themselves, over cells that have a tenth of the strained length.
-fn exact(place: &Platform) -> f64 {
-    match place {
-        Platform::Cpu64 => 1e-8,
-        Platform::Cpu32 | Platform::Gpu(_) => 2e-5,
-    }
-}
-
-/// The block of three layers of one material, in steps without inertia.
-fn static_block(place: &Platform, law: Law) -> Scene {
-    let mut scene = block(Bbar, true);
-    scene.time.step = LONG;
-    scene.solver.tolerance = if *place == Platform::Cpu64 { 1e-12 } else { 1e-6 };
-    scene.skins[0].law = law;
-    if let Law::Springs { .. } = law {
-        scene.solver.preconditioner = Preconditioner::Column;
-    }
-    scene
-}
 
 const LINEAR: Law = Law::Fem { element: Bbar, corotational: false };
 const COROTATIONAL: Law = Law::Fem { element: Bbar, corotational: true };

@@ -206,14 +206,6 @@ fn stiffen<R: Real>(rotation: &mut [V4<R>], stiffening: &[f64]) {
     }
 }
 
-/// Unit quaternion of a stiffened one; a removed cell keeps its 0.
-fn unstiffen(q: &mut V4<f64>) {
-    let length = q.iter().map(|c| c * c).sum::<f64>().sqrt();
-    if length > 0.0 {
-        *q = q.map(|c| c / length);
-    }
-}
-
 /// `[cell]` rest position of the centre, m.
 pub fn cell_centres(model: &Model) -> Vec<[f64; 3]> {
     let params = model.grid.params::<f64>();
@@ -223,6 +215,19 @@ pub fn cell_centres(model: &Model) -> Vec<[f64; 3]> {
         std::array::from_fn(|n| 0.5 * (a[n] + b[n]))
     };
     (0..model.grid.cell_count()).map(centre).collect()
+}
+
+impl Hexahedra {
+    /// `[cell]` rotations at the displacements of a state, as unit quaternions; 0 for a removed cell.
+    fn unit_rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
+        let mut rotation = state.rotation.clone();
+        if self.corotational != 0 {
+            let layers = &model.grid.layer_of;
+            let shapes = model.shapes();
+            rotations::rotations(&model.params(), &shapes, layers, &state.split, &state.u, &mut rotation);
+        }
+        rotation
+    }
 }
 
 impl Mechanics for Hexahedra {
@@ -319,10 +324,11 @@ impl Mechanics for Hexahedra {
         let (shapes, layers) = (model.shapes::<f64>(), &model.grid.layer_of);
         let (blocks, pre_strains, split) = (model.stiffness_blocks::<f64>(), model.pre_strains(), &solved.start.split);
         let newton = self.hyperelastic.as_ref().filter(|law| law.newton || solved.exact);
-        let mut rotation = self.rotations(model, &solved.start);
-        if newton.is_some() {
-            rotation.iter_mut().for_each(unstiffen);
-        }
+        // the stiffening belongs to the linearisation
+        let rotation = match newton {
+            Some(_) => self.unit_rotations(model, &solved.start),
+            None => self.rotations(model, &solved.start),
+        };
         // elastic forces with the rotations of the state
         forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, at, &rotation, &mut f);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
@@ -351,12 +357,7 @@ impl Mechanics for Hexahedra {
     }
 
     fn rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
-        let mut rotation = state.rotation.clone();
-        if self.corotational != 0 {
-            let layers = &model.grid.layer_of;
-            let shapes = model.shapes();
-            rotations::rotations(&model.params(), &shapes, layers, &state.split, &state.u, &mut rotation);
-        }
+        let mut rotation = self.unit_rotations(model, state);
         if let Some(law) = self.hyperelastic.as_ref().filter(|_| self.corotational == STIFFENED) {
             let alive = |cell: usize| rotation[cell] != [0.0; 4];
             let (_, stiffening) = law.forces_and_stiffening(&model.params(), &state.split, &alive, &state.u);
