@@ -24,6 +24,11 @@ fn outer(a: vec3<f32>, b: vec3<f32>) -> mat3x3<f32> {
     return mat3x3<f32>(a * b.x, a * b.y, a * b.z);
 }
 
+// Σ A_ij B_ij
+fn contracted(a: mat3x3<f32>, b: mat3x3<f32>) -> f32 {
+    return dot(a[0], b[0]) + dot(a[1], b[1]) + dot(a[2], b[2]);
+}
+
 fn identity() -> mat3x3<f32> {
     return diagonal(vec3<f32>(1.0));
 }

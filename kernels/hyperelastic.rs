@@ -12,8 +12,8 @@
 //! Below a tenth of the volume at rest `ln J` is extended by its tangent ([`super::deformation::log_volume`]), so a cell that is flat or
 //! inverted has finite forces that open it again.
 //!
-//! A law consists of a file with `W'`, `P' = ∂W'/∂F` and `dP'`, in Rust and in WGSL, and an arm of [`Law`]. For neo-Hookean material `κ` is
-//! Lamé's λ.
+//! A law consists of a file with `W'`, `P' = ∂W'/∂F` and `dP'`, in Rust and in WGSL, and an arm of [`Law`]. For neo-Hookean material and the
+//! matrix between fibres `κ` is Lamé's λ.
 //! Source: Simo, Taylor, Pister 1985 (mean dilatation at finite strain). Differs: the mean enters the κ-term only, not a modified F, which
 //! keeps the law's own form of `W'`.
 //! Units: u m, edges m, κ Pa, W J, f N.
@@ -21,12 +21,18 @@
 use super::deformation::{
     EXTENDED, Point, field_gradient, gradient, log_volume, log_volume_slope, log_volume_stiffness,
 };
+use super::holzapfel::{self, Fibres};
 use super::{Params, mooney_rivlin, neo_hookean};
 use crate::math::{M3, Real, V3, V4};
 
 /// Text shared by the shaders of hyperelastic cells.
-pub const WGSL: [&str; 4] =
-    [super::deformation::WGSL, neo_hookean::WGSL, mooney_rivlin::WGSL, include_str!("hyperelastic.wgsl")];
+pub const WGSL: [&str; 5] = [
+    super::deformation::WGSL,
+    neo_hookean::WGSL,
+    mooney_rivlin::WGSL,
+    holzapfel::WGSL,
+    include_str!("hyperelastic.wgsl"),
+];
 
 /// Law with its constants, Pa.
 #[derive(Clone, Copy, Debug)]
@@ -35,7 +41,12 @@ pub enum Law<R> {
     NeoHookean(R),
     /// c₁₀, c₀₁
     MooneyRivlin([R; 2]),
+    /// μ and the fibres
+    Holzapfel(R, Fibres<R>),
 }
+
+/// Numbers of a layer's fibres on the device: both directions; k₂, κ and two zeros.
+pub type FibreRows<R> = [V4<R>; 2];
 
 /// Cell size and material of a layer.
 #[derive(Clone, Copy, Debug)]
@@ -51,16 +62,24 @@ pub struct Material<R> {
 }
 
 impl<R: Real> Material<R> {
-    /// From a layer's `shape`, `material` (κ, the law's constants, and its code) and `pre_strain`.
-    pub fn of(shape: V4<R>, [bulk, first, second, code]: V4<R>, pre_strain: V4<R>) -> Self {
-        let law = if code == R::one() { Law::MooneyRivlin([first, second]) } else { Law::NeoHookean(first) };
+    /// From a layer's `shape`, `material` (κ, the law's constants, and its code), `fibres` and `pre_strain`.
+    pub fn of(shape: V4<R>, [bulk, first, second, code]: V4<R>, fibres: FibreRows<R>, pre_strain: V4<R>) -> Self {
+        let [[x1, y1, x2, y2], [growth, dispersion, _, _]] = fibres;
+        let law = if code == R::of(2.0) {
+            let directions = [[x1, y1], [x2, y2]];
+            Law::Holzapfel(first, Fibres { directions, stiffness: second, growth, dispersion })
+        } else if code == R::one() {
+            Law::MooneyRivlin([first, second])
+        } else {
+            Law::NeoHookean(first)
+        };
         Self { edges: V3::from4(shape), pre_strain: V3::from4(pre_strain), bulk, law }
     }
 
     /// Shear modulus at small strain, Pa.
     fn shear(&self) -> R {
         match self.law {
-            Law::NeoHookean(mu) => mu,
+            Law::NeoHookean(mu) | Law::Holzapfel(mu, _) => mu,
             Law::MooneyRivlin([c10, c01]) => R::of(2.0) * (c10 + c01),
         }
     }
@@ -70,6 +89,7 @@ impl<R: Real> Material<R> {
         match self.law {
             Law::NeoHookean(mu) => neo_hookean::energy(mu, p),
             Law::MooneyRivlin(c) => mooney_rivlin::energy(c, p),
+            Law::Holzapfel(mu, fibres) => holzapfel::energy(mu, &fibres, p),
         }
     }
 
@@ -78,6 +98,7 @@ impl<R: Real> Material<R> {
         match self.law {
             Law::NeoHookean(mu) => neo_hookean::stress(mu, p),
             Law::MooneyRivlin(c) => mooney_rivlin::stress(c, p),
+            Law::Holzapfel(mu, fibres) => holzapfel::stress(mu, &fibres, p),
         }
     }
 
@@ -86,6 +107,7 @@ impl<R: Real> Material<R> {
         match self.law {
             Law::NeoHookean(mu) => neo_hookean::tangent(mu, p, change),
             Law::MooneyRivlin(c) => mooney_rivlin::tangent(c, p, change),
+            Law::Holzapfel(mu, fibres) => holzapfel::tangent(mu, &fibres, p, change),
         }
     }
 }
@@ -110,17 +132,18 @@ impl<R: Real> Cell<R> {
     /// Of a body with `material` by layer, `displacement` the displacements of its nodes, m.
     pub fn of(
         params: &Params<R>,
-        shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
-        material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
-        pre_strain: &[V4<R>],   // [layer] elastic strain at rest along x, y, z
-        layer_of: &[u32],       // [cells_z] layer
-        displacement: &[V4<R>], // [node] displacement, m
-        split: &[u32],          // see `split`
+        shape: &[V4<R>],         // [layer] cell edges m, mass of one corner kg
+        material: &[V4<R>],      // [layer] κ, two constants Pa, the law's code
+        fibres: &[FibreRows<R>], // [layer] directions; k₂, κ
+        pre_strain: &[V4<R>],    // [layer] elastic strain at rest along x, y, z
+        layer_of: &[u32],        // [cells_z] layer
+        displacement: &[V4<R>],  // [node] displacement, m
+        split: &[u32],           // see `split`
         cell: usize,
     ) -> Self {
         let layer = layer_of[params.cell_at(cell)[2]] as usize;
         let u = params.corner_nodes(split, cell).map(|n| V3::from4(displacement[n]));
-        Self::new(Material::of(shape[layer], material[layer], pre_strain[layer]), &u)
+        Self::new(Material::of(shape[layer], material[layer], fibres[layer], pre_strain[layer]), &u)
     }
 
     /// From the corners' displacements, m.
@@ -192,7 +215,7 @@ impl<R: Real> Cell<R> {
     /// `s = max(1, |∂φ/∂F|² − 2) + (κ/μ)/6 max(0, (φ'² + φ φ'')(J̄)) (|cof F|² − 3 J^(4/3))`, plus `−p/(2 μ) max(1, |F|/√3)` under pressure,
     ///
     /// that is, `λ⁻²` for one principal stretch `λ`; the volume's stiffness along directions that have turned away from those at rest; and the
-    /// stiffness that pressure gives to shear. Where `ln J` is extended the first term is at least `(1 + φ' |F|)/2`. A pre-strain scales the
+    /// stiffness that pressure gives to shear; and what stretched fibres add ([`holzapfel::stiffening`]). Where `ln J` is extended the first term is at least `(1 + φ' |F|)/2`. A pre-strain scales the
     /// small-strain stiffness by up to `max (1 + e)²/Π (1 + e)`.
     ///
     /// Rayleigh damping acts with the rotated small-strain stiffness itself: with the factor `f = 1 + r_K/h` of the stiffness in `A` the
@@ -200,17 +223,20 @@ impl<R: Real> Cell<R> {
     pub fn stiffening(&self, params: &Params<R>) -> R {
         let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
         let shear = self.material.shear();
-        let squared = |m: &M3<R>| m.0.iter().map(|c| c.dot(*c)).sum::<R>();
-        let (mut pressed, mut turned, mut longest) = (one, zero, R::of(3.0));
+        let squared = |m: M3<R>| m.dot(m);
+        let (mut pressed, mut turned, mut longest, mut fibrous) = (one, zero, R::of(3.0), zero);
         for p in &self.points {
-            let stretched = squared(&(M3::identity() + p.h));
-            pressed = pressed.max(squared(&p.log_gradient) - two);
+            let stretched = squared(M3::identity() + p.h);
+            pressed = pressed.max(squared(p.log_gradient) - two);
             if one + p.dilatation < R::of(EXTENDED) {
                 pressed = pressed.max((one + log_volume_slope(p.dilatation) * stretched.sqrt()) / two);
             }
             let even = R::of(3.0) * R::exp(R::of(4.0 / 3.0) * log_volume(p.dilatation)[0]);
-            turned = turned.max(squared(&p.cofactor) - even);
+            turned = turned.max(squared(p.cofactor) - even);
             longest = longest.max(stretched);
+            if let Law::Holzapfel(mu, fibres) = &self.material.law {
+                fibrous = fibrous.max(holzapfel::stiffening(*mu, fibres, p));
+            }
         }
         let volume =
             self.material.bulk / (R::of(6.0) * shear) * log_volume_stiffness(self.mean_dilatation).max(zero) * turned;
@@ -218,7 +244,7 @@ impl<R: Real> Cell<R> {
         let stretch = self.material.pre_strain + V3::splat(one);
         let strained = stretch.times(stretch) * (one / (stretch.x * stretch.y * stretch.z));
         let strained = one.max(strained.x).max(strained.y).max(strained.z);
-        let s = ((pressed + volume + sheared) * strained).min(R::of(STIFFEST));
+        let s = ((pressed + volume + sheared + fibrous) * strained).min(R::of(STIFFEST));
         one + (s - one) / params.stiffness_factor
     }
 }

@@ -4,7 +4,7 @@
 //! The unit quaternions of a body that is solved with [`Cell::stiffening`] take its length.
 //! Units: displacement m, material Pa, energy J, force N.
 
-use super::hyperelastic::{Cell, STIFFENED};
+use super::hyperelastic::{Cell, FibreRows, STIFFENED};
 use super::{Params, Source};
 use crate::math::{Real, V4};
 
@@ -21,15 +21,16 @@ pub const INVERTED_ENERGY: f32 = 1e38;
 /// Forces and energies of all cells.
 pub fn hyperelastic_forces<R: Real>(
     params: &Params<R>,
-    shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
-    material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
-    pre_strain: &[V4<R>],   // [layer] elastic strain at rest along x, y, z
-    layer_of: &[u32],       // [cells_z] layer
-    split: &[u32],          // see `split`
-    rotation: &mut [V4<R>], // [cell] quaternion; 0 of a dead cell
-    displacement: &[V4<R>], // [node] displacement, m
-    corner_force: &mut [R], // [cell][corner][axis] N
-    energy: &mut [R],       // [cell] J
+    shape: &[V4<R>],         // [layer] cell edges m, mass of one corner kg
+    material: &[V4<R>],      // [layer] κ, two constants Pa, the law's code
+    fibres: &[FibreRows<R>], // [layer] directions; k₂, κ
+    pre_strain: &[V4<R>],    // [layer] elastic strain at rest along x, y, z
+    layer_of: &[u32],        // [cells_z] layer
+    split: &[u32],           // see `split`
+    rotation: &mut [V4<R>],  // [cell] quaternion; 0 of a dead cell
+    displacement: &[V4<R>],  // [node] displacement, m
+    corner_force: &mut [R],  // [cell][corner][axis] N
+    energy: &mut [R],        // [cell] J
 ) {
     let cells = corner_force.as_chunks_mut::<24>().0.iter_mut().zip(energy).zip(rotation);
     for (cell, ((force, energy), q)) in cells.enumerate().take(params.cell_count as usize) {
@@ -37,7 +38,7 @@ pub fn hyperelastic_forces<R: Real>(
         if *q == [R::zero(); 4] {
             continue;
         }
-        let found = Cell::of(params, shape, material, pre_strain, layer_of, displacement, split, cell);
+        let found = Cell::of(params, shape, material, fibres, pre_strain, layer_of, displacement, split, cell);
         *energy = if found.inverted { R::of(f64::from(INVERTED_ENERGY)) } else { found.energy() };
         for (out, f) in force.chunks_exact_mut(3).zip(found.forces()) {
             out.copy_from_slice(&[f.x, f.y, f.z]);

@@ -9,6 +9,7 @@
 @group(0) @binding(7) var<storage, read> split: array<u32>;                 // see split.rs
 @group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;  // [cell] quaternion; 0 of a dead cell
 @group(0) @binding(9) var<uniform> pre_strain: array<vec4<f32>, 21>;       // [layer] elastic strain at rest along x, y, z
+@group(0) @binding(10) var<uniform> fibres: array<vec4<f32>, 42>;          // [layer × 2] directions; k₂, κ
 
 const INVERTED_ENERGY: f32 = 1e38;
 const STIFFENED: u32 = 2u;
@@ -34,11 +35,12 @@ fn hyperelastic_forces(thread: Thread) {
     var pressed = 1.0; // the parts of the stiffening: largest of the Gauss points
     var turned = 0.0;
     var longest = 3.0;
+    var fibrous = 0.0;
     for (var p = 0u; p < 8u; p += 1u) {
         let point = cell_point(own, u, p);
         inverted = inverted || is_inverted(point);
         dilatations += point.dilatation;
-        sum += law_energy(own.material, point);
+        sum += law_energy(own, point);
         if params.corotational == STIFFENED {
             let f = identity() + point.h;
             let squared = contracted(f, f);
@@ -48,9 +50,10 @@ fn hyperelastic_forces(thread: Thread) {
             let even = 3.0 * exp(4.0 / 3.0 * log_volume(point.dilatation).x);
             turned = max(turned, contracted(point.cofactor, point.cofactor) - even);
             longest = max(longest, squared);
+            if own.material.w == HOLZAPFEL { fibrous = max(fibrous, holzapfel_stiffening(own.material.y, own.fibres, point)); }
         }
         let pushed = point.cofactor * own.weight;
-        let stress = law_stress(own.material, point) * own.weight;
+        let stress = law_stress(own, point) * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {
             let gradient = shape_gradient(own.inverse_edges, a, p);
             volume_gradient[a] += pushed * gradient;
@@ -68,7 +71,7 @@ fn hyperelastic_forces(thread: Thread) {
         let stretch = 1.0 + own.pre_strain;
         let strained = stretch * stretch / (stretch.x * stretch.y * stretch.z);
         let most = max(max(strained.x, strained.y), max(strained.z, 1.0));
-        let s = min((pressed + volume + sheared) * most, STIFFEST);
+        let s = min((pressed + volume + sheared + fibrous) * most, STIFFEST);
         rotation[cell] = rotation[cell] * sqrt(sqrt(1.0 + (s - 1.0) / params.stiffness_factor));
     }
     for (var a = 0u; a < 8u; a += 1u) {

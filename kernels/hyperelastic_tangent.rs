@@ -11,7 +11,7 @@
 //! Units: displacement m, z m, force N, material Pa.
 
 use super::deformation::{field_gradient, gradient, log_volume_stiffness};
-use super::hyperelastic::{Cell, at_corners};
+use super::hyperelastic::{Cell, FibreRows, at_corners};
 use super::{Params, Source};
 use crate::math::{Real, V3, V4};
 
@@ -37,7 +37,7 @@ impl<R: Real> Cell<R> {
             let change = field_gradient(self.inverse, z, n);
             let log_gradient = p.log_gradient;
             let jacobian = R::one() + p.dilatation;
-            let relative_change = (0..3).map(|k| log_gradient.0[k].dot(change.0[k])).sum::<R>();
+            let relative_change = log_gradient.dot(change);
             let kirchhoff_pressure = pressure * jacobian;
             volume += self.weight * jacobian * relative_change;
             let crossed = log_gradient * change.transpose() * log_gradient;
@@ -58,16 +58,17 @@ impl<R: Real> Cell<R> {
 /// One right-hand side.
 pub fn hyperelastic_tangent<R: Real>(
     params: &Params<R>,
-    shape: &[V4<R>],        // [layer] cell edges m, mass of one corner kg
-    material: &[V4<R>],     // [layer] κ, two constants Pa, the law's code
-    pre_strain: &[V4<R>],   // [layer] elastic strain at rest along x, y, z
-    layer_of: &[u32],       // [cells_z] layer
-    displacement: &[V4<R>], // [node] displacement, m
-    z: &[V4<R>],            // [node] m
-    corner_force: &mut [R], // [cell][corner][axis] N
+    shape: &[V4<R>],         // [layer] cell edges m, mass of one corner kg
+    material: &[V4<R>],      // [layer] κ, two constants Pa, the law's code
+    fibres: &[FibreRows<R>], // [layer] directions; k₂, κ
+    pre_strain: &[V4<R>],    // [layer] elastic strain at rest along x, y, z
+    layer_of: &[u32],        // [cells_z] layer
+    displacement: &[V4<R>],  // [node] displacement, m
+    z: &[V4<R>],             // [node] m
+    corner_force: &mut [R],  // [cell][corner][axis] N
 ) {
     for (cell, force) in corner_force.chunks_exact_mut(24).enumerate() {
-        let found = Cell::of(params, shape, material, pre_strain, layer_of, displacement, &[], cell);
+        let found = Cell::of(params, shape, material, fibres, pre_strain, layer_of, displacement, &[], cell);
         let own = if found.inverted { [V3::zero(); 8] } else { found.product(&at_corners(params, z, cell)) };
         for (out, f) in force.chunks_exact_mut(3).zip(own) {
             out.copy_from_slice(&[f.x, f.y, f.z]);

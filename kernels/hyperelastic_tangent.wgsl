@@ -8,6 +8,7 @@
 @group(0) @binding(6) var<storage, read_write> corner_force: array<f32>;    // [slot][cell][corner][axis] N
 @group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;         // [slot × 2] alpha beta gamma done; target² rr iterations state
 @group(0) @binding(8) var<uniform> pre_strain: array<vec4<f32>, 21>;       // [layer] elastic strain at rest along x, y, z
+@group(0) @binding(9) var<uniform> fibres: array<vec4<f32>, 42>;          // [layer × 2] directions; k₂, κ
 
 @compute @workgroup_size(64)
 fn hyperelastic_tangent(thread: Thread) {
@@ -39,7 +40,7 @@ fn hyperelastic_tangent(thread: Thread) {
         let kirchhoff_pressure = pressure * jacobian;
         volume += own.weight * jacobian * relative_change;
         let crossed = log_gradient * transpose(change) * log_gradient;
-        let stress = (law_tangent(own.material, point, change)
+        let stress = (law_tangent(own, point, change)
             - crossed * kirchhoff_pressure + log_gradient * (kirchhoff_pressure * relative_change)) * own.weight;
         let pushed = point.cofactor * own.weight;
         for (var a = 0u; a < 8u; a += 1u) {

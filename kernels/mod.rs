@@ -28,6 +28,7 @@ pub mod duplicate;
 pub mod factor;
 pub mod forces;
 pub mod gather;
+pub mod holzapfel;
 pub mod hyperelastic;
 pub mod hyperelastic_forces;
 pub mod hyperelastic_tangent;

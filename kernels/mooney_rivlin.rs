@@ -38,7 +38,7 @@ impl<R: Real> Invariants<R> {
         let (two, half, third) = (R::of(2.0), R::of(0.5), R::of(1.0 / 3.0));
         let e = p.h + p.h.transpose() + p.h.transpose() * p.h;
         let trace = e.trace();
-        let squares = e.0.iter().map(|c| c.dot(*c)).sum::<R>();
+        let squares = e.dot(e);
         let second = half * (trace * trace - squares);
         let (i1, i2) = (trace * third, (two * trace + second) * third);
         let s = M3::identity() * trace - e;
@@ -76,17 +76,12 @@ impl<R: Real> Isochoric<R> {
     }
 }
 
-/// `Σ A_ij B_ij`
-fn dot<R: Real>(a: &M3<R>, b: &M3<R>) -> R {
-    (0..3).map(|k| a.0[k].dot(b.0[k])).sum()
-}
-
 /// W
 pub fn energy<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> R {
     let Invariants { second, i1, i2, .. } = Invariants::of(p);
     let (three, two_thirds) = (R::of(3.0), R::of(2.0 / 3.0));
     // |h|² − 2 (J − 1 − tr h): second-order part of tr e − 2 (J − 1)
-    let left = p.h.0.iter().map(|c| c.dot(*c)).sum::<R>() - R::of(2.0) * p.second_order;
+    let left = p.h.dot(p.h) - R::of(2.0) * p.second_order;
     let beyond = Isochoric::of(p).beyond;
     let x1 = left * R::of(1.0 / 3.0) - logarithm(i1)[1] + two_thirds * beyond;
     let x2 = left * two_thirds + second * R::of(1.0 / 3.0) - logarithm(i2)[1] + R::of(4.0 / 3.0) * beyond;
@@ -110,7 +105,7 @@ pub fn tangent<R: Real>([c10, c01]: [R; 2], p: &Point<R>, change: M3<R>) -> M3<R
     let Isochoric { scale, log_gradient, complement, .. } = Isochoric::of(p);
     let (one, two, four) = (R::one(), R::of(2.0), R::of(4.0));
     let (two_thirds, four_thirds) = (R::of(2.0 / 3.0), R::of(4.0 / 3.0));
-    let (t, along) = (dot(&log_gradient, &change), dot(&f, &change));
+    let (t, along) = (log_gradient.dot(change), f.dot(change));
     let crossed = log_gradient * change.transpose() * log_gradient;
     let difference = p.h + complement - log_gradient * i1;
     let d1 = change - difference * (two_thirds * t) - log_gradient * (two_thirds * along) + crossed * (one + i1);
@@ -119,7 +114,7 @@ pub fn tangent<R: Real>([c10, c01]: [R; 2], p: &Point<R>, change: M3<R>) -> M3<R
     let q = d * two - log_gradient * (four * (one + i2));
     let dc = change.transpose() * f + f.transpose() * change;
     let dd = f * (two * along) + change * inner - f * dc;
-    let d2 = q * (-four_thirds * t) + dd * two - log_gradient * (two * four_thirds * dot(&d, &change))
+    let d2 = q * (-four_thirds * t) + dd * two - log_gradient * (two * four_thirds * d.dot(change))
         + crossed * (four * (one + i2));
     d1 * (two * c10 * scale) + d2 * (c01 * scale * scale)
 }

@@ -9,10 +9,6 @@ fn invariants(p: Point) -> Invariants {
     return Invariants(identity() + p.h, identity() * trace - e, second, trace / 3.0, (2.0 * trace + second) / 3.0);
 }
 
-fn contracted(a: mat3x3<f32>, b: mat3x3<f32>) -> f32 {
-    return dot(a[0], b[0]) + dot(a[1], b[1]) + dot(a[2], b[2]);
-}
-
 // J^(−2/3), its own tangent below J = EXTENDED.
 struct Isochoric { scale: f32, beyond: f32, log_gradient: mat3x3<f32>, complement: mat3x3<f32> }
 

@@ -14,7 +14,7 @@ pub const WGSL: &str = include_str!("neo_hookean.wgsl");
 /// W
 pub fn energy<R: Real>(mu: R, p: &Point<R>) -> R {
     let two = R::of(2.0);
-    let squares = p.h.0.iter().map(|c| c.dot(*c)).sum::<R>();
+    let squares = p.h.dot(p.h);
     R::of(0.5) * mu * (squares - two * p.second_order + two * log_volume(p.dilatation)[1])
 }
 

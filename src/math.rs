@@ -248,6 +248,10 @@ impl<R: Real> M3<R> {
     pub fn trace(self) -> R {
         self.0[0].x + self.0[1].y + self.0[2].z
     }
+    /// `Σ A_ij B_ij`.
+    pub fn dot(self, o: Self) -> R {
+        (0..3).map(|k| self.0[k].dot(o.0[k])).sum()
+    }
     /// Determinant.
     pub fn determinant(self) -> R {
         self.0[0].dot(self.0[1].cross(self.0[2]))

@@ -57,10 +57,16 @@ const SECTIONS: &[(&str, &str)] = &[
     ("[view]", ""),
 ];
 
-/// What has to stand beside a key that belongs to a choice: its table's header, the key, lines; `-key` takes a line away.
+/// What has to stand beside a key that belongs to a choice: its table's header, the key, lines; `-key` takes a line away, `[skin] key` is
+/// of that table.
 const BESIDE: &[(&str, &str, &str)] = &[
     ("[skin]", "spring_stiffness_n_m", "law = \"springs\"\nspring_damping_n_s_m = 1.0"),
     ("[skin]", "spring_damping_n_s_m", "law = \"springs\"\nspring_stiffness_n_m = 1.0"),
+    ("[[skin.layer]]", "fibre_kpa", "[skin] law = \"holzapfel\""),
+    ("[[skin.layer]]", "fibre_growth", "fibre_kpa = 1.0\n[skin] law = \"holzapfel\""),
+    ("[[skin.layer]]", "fibre_dispersion", "fibre_kpa = 1.0\n[skin] law = \"holzapfel\""),
+    ("[[skin.layer]]", "fibre_angle_deg", "fibre_kpa = 1.0\n[skin] law = \"holzapfel\""),
+    ("[[skin.layer]]", "langer_deg", "fibre_kpa = 1.0\n[skin] law = \"holzapfel\""),
     ("[skin]", "element", "law = \"corotational\""),
     ("[skin]", "start_mm", "start = \"random\""),
     ("[skin]", "start_seed", "start = \"random\"\nstart_mm = 1.0"),
@@ -98,7 +104,12 @@ fn with(header: &str, lines: &str) -> Result<Scene> {
     for (name, own) in SECTIONS {
         let here = open && *name == header;
         open &= !here;
-        let new: Vec<&str> = if here { lines.lines().collect() } else { vec![] };
+        let elsewhere = |line: &&str| line.starts_with("[skin] ");
+        let new: Vec<&str> = match *name {
+            "[skin]" if header != *name => lines.lines().filter_map(|line| line.strip_prefix("[skin] ")).collect(),
+            _ if here => lines.lines().filter(|line| !elsewhere(line)).collect(),
+            _ => vec![],
+        };
         let kept = own.lines().filter(|line| !new.iter().any(|other| key(other) == key(line)));
         text += &format!("{name}\n");
         let there = |line: &&str| !line.starts_with('-');
@@ -107,9 +118,10 @@ fn with(header: &str, lines: &str) -> Result<Scene> {
     parse(&text, Path::new("keys.toml"), &Files::Embedded(&[("tip.obj", TIP), ("probe.obj", PROBE)]))
 }
 
-/// A key with a value, and what has to stand beside it.
-fn given(key: &Key, value: &str) -> Result<Scene> {
-    let of_check = format!("\"cut.length_mm\" = {{ min = 0.0, {} = {value} }}", key.name);
+/// A key with a value, if any, and what has to stand beside it.
+fn given(key: &Key, value: Option<&str>) -> Result<Scene> {
+    let own = value.map_or(String::new(), |value| format!("{} = {value}", key.name));
+    let of_check = format!("\"cut.length_mm\" = {{ min = 0.0, {own} }}");
     let at = header(key);
     let beside = BESIDE.iter().find(|(table, name, _)| {
         let region =
@@ -122,7 +134,7 @@ fn given(key: &Key, value: &str) -> Result<Scene> {
     let reaction = if at == "[[probe]]" && beside.contains("region") { "\nkind = \"reaction\"" } else { "" };
     match at {
         "[check]" => with(at, &of_check),
-        _ => with(at, &format!("{} = {value}{beside}{reaction}", key.name)),
+        _ => with(at, &format!("{own}{beside}{reaction}")),
     }
 }
 
@@ -195,7 +207,6 @@ fn the_page_has_the_keys_of_the_reader() {
 
 #[test]
 fn defaults_are_those_of_the_reader() {
-    let plain = format!("{:?}", with("", "title = \"All tables\"").unwrap_or_else(|e| panic!("{e}")));
     let mut tried = 0;
     for key in keys() {
         let Some(default) = key.default.strip_prefix('`').and_then(|word| word.strip_suffix('`')) else {
@@ -203,13 +214,15 @@ fn defaults_are_those_of_the_reader() {
             continue;
         };
         tried += 1;
-        let said = given(&key, default).map_or_else(|e| panic!("{key:?}: {e}"), |scene| format!("{scene:?}"));
+        let [said, plain] = [Some(default), None]
+            .map(|value| given(&key, value).map_or_else(|e| panic!("{key:?}: {e}"), |scene| format!("{scene:?}")));
         assert!(said == plain, "{key:?}: its default changes the scene");
     }
     assert!(tried > 50, "{tried} defaults");
     // the counter-test
     let tolerance = keys().into_iter().find(|key| key.name == "tolerance").expect("it is there");
-    assert!(format!("{:?}", given(&tolerance, "2e-3").expect("it is in range")) != plain);
+    let of = |value| format!("{:?}", given(&tolerance, value).expect("it is in range"));
+    assert!(of(Some("2e-3")) != of(None));
 }
 
 #[test]
@@ -219,7 +232,7 @@ fn what_is_beyond_a_range_is_refused() {
         for value in beyond(key.range) {
             tried += 1;
             let value = shaped(&key, &value);
-            assert!(given(&key, &value).is_err(), "{key:?} takes {value}");
+            assert!(given(&key, Some(&value)).is_err(), "{key:?} takes {value}");
         }
     }
     assert!(tried > 150, "{tried} values");
@@ -233,7 +246,7 @@ fn what_is_beyond_a_range_is_refused() {
         ("size_px", "[8192, 1]"),
     ] {
         let key = keys().into_iter().find(|key| key.name == name).expect("it is there");
-        given(&key, value).unwrap_or_else(|e| panic!("{name} = {value}: {e}"));
+        given(&key, Some(value)).unwrap_or_else(|e| panic!("{name} = {value}: {e}"));
     }
 }
 

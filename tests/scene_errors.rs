@@ -870,6 +870,33 @@ fn mooney_rivlin_constants_are_read_and_asked_for() {
 }
 
 #[test]
+fn fibres_are_read_and_asked_for() {
+    let with = |law: &str, fibres: &str| {
+        let text = alone("", "", &format!("law = \"{law}\""));
+        parsed(&text.replace("poisson = 0.45\n", &format!("poisson = 0.45\n{fibres}")))
+    };
+    let all = "fibre_kpa = 20\nfibre_growth = 3\nfibre_dispersion = 0.1\nfibre_angle_deg = 30\nlanger_deg = 60\n";
+    let scene = with("holzapfel", all).expect("the scene is valid");
+    let fibres = scene.skins[0].layers[0].fibres;
+    assert_eq!((fibres.stiffness, fibres.growth, fibres.dispersion), (20e3, 3.0, 0.1));
+    let right = std::f64::consts::FRAC_PI_2;
+    assert!((fibres.families[0] - right).abs() < 1e-12 && (fibres.families[1] - right / 3.0).abs() < 1e-12);
+    let none = with("holzapfel", "").expect("a layer without fibres is valid");
+    assert_eq!(none.skins[0].layers[0].fibres.stiffness, 0.0);
+    for (law, fibres, wanted) in [
+        ("holzapfel", "fibre_kpa = -1\n", "scenes/full.toml:18: … fibre_kpa … 0 or more"),
+        ("holzapfel", "fibre_kpa = 1\nfibre_growth = 0\n", "scenes/full.toml:19: … fibre_growth"),
+        ("holzapfel", "fibre_kpa = 1\nfibre_dispersion = 0.34\n", "scenes/full.toml:19: … fibre_dispersion … 1/3"),
+        ("holzapfel", "fibre_kpa = 1\nlanger_deg = nan\n", "scenes/full.toml:19: … langer_deg"),
+        ("holzapfel", "langer_deg = 30\n", "scenes/full.toml:18: … langer_deg … fibre_kpa"),
+        ("neo_hookean", "fibre_kpa = 1\n", "scenes/full.toml:18: … fibre_kpa … holzapfel"),
+        ("corotational", "langer_deg = 1\n", "scenes/full.toml:18: … langer_deg … holzapfel"),
+    ] {
+        says(&with(law, fibres).expect_err(fibres).to_string(), wanted);
+    }
+}
+
+#[test]
 fn neo_hookean_skin_takes_any_steps_and_newtons_method_no_refinements() {
     let explicit = alone("integrator = \"symplectic_euler\"", "", "law = \"neo_hookean\"");
     assert!(parsed(&explicit).is_ok());

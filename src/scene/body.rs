@@ -205,6 +205,7 @@ fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 
             hyperelastic::linear(scene, &raw, table.span, true)?
         }
     };
+    let fibres = hyperelastic::fibres(scene, &raw, law)?;
     let toughness = or(raw.toughness_kj_m2, 2.0);
     let pre_strain = or_vector(raw.pre_strain, &[0.0; 2]);
     Ok(Layer {
@@ -214,6 +215,7 @@ fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 
         young: constants.young,
         poisson: constants.poisson,
         second_share: constants.second_share,
+        fibres,
         density: scene.number("density_kg_m3", &raw.density_kg_m3, KG_M3, Bound::Positive)?,
         pre_strain: scene.vector("pre_strain", &pre_strain, PLAIN, Bound::Strain)?,
         toughness: scene.number("toughness_kj_m2", &toughness, KJ_M2, Bound::NotNegative)?,

@@ -92,6 +92,7 @@ impl Default for Layer {
             young: 2e5,
             poisson: 0.45,
             second_share: 0.0,
+            fibres: Default::default(),
             density: 1100.0,
             pre_strain: [0.0; 2],
             toughness: 2e3,
@@ -363,8 +364,7 @@ impl Scene {
                 part.positive("young", &[layer.young])?;
                 part.of("poisson").that((0.0..0.5).contains(&layer.poisson), layer.poisson, "from 0 to below 0.5")?;
             }
-            let share = layer.second_share;
-            part.of("second_share").that((0.0..=1.0).contains(&share), share, "a share from 0 to 1")?;
+            layer.odd_constant().map_or(Ok(()), |(name, found, wanted)| Err(part.of(name).refuse(found, wanted)))?;
         }
         if let Law::Springs { stiffness, damping } = skin.law {
             part.of("law").positive("stiffness", &[stiffness])?;

@@ -366,6 +366,7 @@ mod tests {
         ) {
             let layer = |(cells, thickness): &(u32, f64)| Layer {
                 second_share: 0.0,
+                fibres: Default::default(),
                 name: String::new(),
                 thickness: *thickness,
                 cells: *cells,

@@ -2,9 +2,9 @@
 
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At};
-use super::text::{Bound, KPA, SceneText};
+use super::text::{Bound, DEGREE, KPA, PLAIN, SceneText, or};
 use super::words::word;
-use super::{Element, Integrator, Law};
+use super::{Element, Integrator, Law, Layer};
 use std::ops::Range;
 
 /// Large-strain law of a body of hexahedra ([`crate::kernels::hyperelastic`]).
@@ -14,11 +14,53 @@ pub enum Material {
     NeoHookean,
     /// Compressible Mooney–Rivlin.
     MooneyRivlin,
+    /// Compressible neo-Hookean with collagen fibres, of Holzapfel, Gasser and Ogden.
+    Holzapfel,
+}
+
+/// Two families of fibres in a layer's plane ([`crate::kernels::holzapfel`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fibres {
+    /// k₁, Pa; 0: none.
+    pub stiffness: f64,
+    /// k₂
+    pub growth: f64,
+    /// κ: 0 all fibres of a family along its direction, ⅓ every way.
+    pub dispersion: f64,
+    /// Angles of the families from the x axis towards y, rad.
+    pub families: [f64; 2],
+}
+
+impl Default for Fibres {
+    /// None.
+    fn default() -> Self {
+        Self { stiffness: 0.0, growth: 1.0, dispersion: 0.0, families: [0.0; 2] }
+    }
+}
+
+impl Layer {
+    /// First constant of a hyperelastic law that is out of its range: field, value, range.
+    pub(super) fn odd_constant(&self) -> Option<(&'static str, f64, &'static str)> {
+        let Fibres { stiffness, growth, dispersion, families: [first, second] } = self.fibres;
+        let share = self.second_share;
+        let constants = [
+            ("second_share", share, (0.0..=1.0).contains(&share), "a share from 0 to 1"),
+            ("fibres.stiffness", stiffness, stiffness.is_finite() && stiffness >= 0.0, "a finite number of at least 0"),
+            ("fibres.growth", growth, growth.is_finite() && growth > 0.0, "a finite number above 0"),
+            ("fibres.dispersion", dispersion, (0.0..=1.0 / 3.0).contains(&dispersion), "from 0 to 1/3"),
+            ("fibres.families", first, first.is_finite(), "finite angles"),
+            ("fibres.families", second, second.is_finite(), "finite angles"),
+        ];
+        constants.into_iter().find(|(_, _, sound, _)| !sound).map(|(name, found, _, wanted)| (name, found, wanted))
+    }
 }
 
 /// Names of the laws.
-pub const MATERIALS: [(&str, Material); 2] =
-    [("neo_hookean", Material::NeoHookean), ("mooney_rivlin", Material::MooneyRivlin)];
+pub const MATERIALS: [(&str, Material); 3] = [
+    ("neo_hookean", Material::NeoHookean),
+    ("mooney_rivlin", Material::MooneyRivlin),
+    ("holzapfel", Material::Holzapfel),
+];
 
 /// Largest Poisson's ratio: the bulk modulus is 5000 times the shear modulus. The hard cases go up to it (`scenes/hard/nu_04999.toml`, in
 /// f32 too); beyond it the accuracy of a solve is unknown.
@@ -70,7 +112,7 @@ pub(super) fn constants(
     table: Range<usize>,
 ) -> Result<Constants> {
     match material {
-        Material::NeoHookean => linear(scene, raw, table, false),
+        Material::NeoHookean | Material::Holzapfel => linear(scene, raw, table, false),
         Material::MooneyRivlin => {
             let why = "law = \"mooney_rivlin\" has c10_kpa, c01_kpa and bulk_kpa in its place";
             scene.needless("young_kpa", &raw.young_kpa, why)?;
@@ -97,6 +139,52 @@ pub(super) fn constants(
             Ok(Constants { young, poisson, second_share: c01 / (c10 + c01) })
         }
     }
+}
+
+/// Fibres of a layer: two families at `fibre_angle_deg` to both sides of Langer's lines.
+pub(super) fn fibres(scene: &SceneText, raw: &raw::Layer, law: &Law) -> Result<Fibres> {
+    let numbers = [
+        ("fibre_kpa", &raw.fibre_kpa),
+        ("fibre_growth", &raw.fibre_growth),
+        ("fibre_dispersion", &raw.fibre_dispersion),
+        ("fibre_angle_deg", &raw.fibre_angle_deg),
+        ("langer_deg", &raw.langer_deg),
+    ];
+    if *law != Law::Hyperelastic(Material::Holzapfel) {
+        let needless = numbers
+            .into_iter()
+            .try_for_each(|(key, value)| scene.needless(key, value, "it belongs to law = \"holzapfel\""));
+        return needless.map(|()| Fibres::default());
+    }
+    if raw.fibre_kpa.is_none() {
+        let why = "it is of a layer's fibres, and this layer has none; add fibre_kpa";
+        numbers.into_iter().try_for_each(|(key, value)| scene.needless(key, value, why))?;
+    }
+    let default = Fibres::default();
+    let growth = or(raw.fibre_growth.clone(), default.growth);
+    let dispersion = or(raw.fibre_dispersion.clone(), default.dispersion);
+    let found = *dispersion.get_ref();
+    if !(0.0..=1.0 / 3.0).contains(&found) {
+        return Err(Invalid::Number {
+            at: scene.location(dispersion.span()),
+            key: "fibre_dispersion".into(),
+            found,
+            wanted: "a number from 0 (all fibres along their family's direction) to 1/3 (every way)",
+            unit: PLAIN.name,
+            example: 0.1,
+        });
+    }
+    let angle = |key, value: &Option<At<f64>>| {
+        let value = or(value.clone(), 0.0);
+        scene.number(key, &value, DEGREE, Bound::Finite).map(f64::to_radians)
+    };
+    let (langer, aside) = (angle("langer_deg", &raw.langer_deg)?, angle("fibre_angle_deg", &raw.fibre_angle_deg)?);
+    Ok(Fibres {
+        stiffness: scene.number("fibre_kpa", &or(raw.fibre_kpa.clone(), 0.0), KPA, Bound::NotNegative)?,
+        growth: scene.number("fibre_growth", &growth, PLAIN, Bound::Positive)?,
+        dispersion: found,
+        families: [langer + aside, langer - aside],
+    })
 }
 
 /// All laws by name; those of small strain with the given element.

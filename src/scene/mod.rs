@@ -35,7 +35,7 @@ pub use builtin::incision;
 pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
 pub use files::{COLUMNS as TRAJECTORY_COLUMNS, FORCE_COLUMNS, Files};
 pub use grid::MOST_NODES;
-pub use hyperelastic::{MATERIALS, Material};
+pub use hyperelastic::{Fibres, MATERIALS, Material};
 pub use invalid::{Invalid, Location};
 pub use read::{parse, read};
 pub use recorded::{Check, Component, Probe, ProbeKind, TestForm, View};
@@ -258,6 +258,8 @@ pub struct Layer {
     pub poisson: f64,
     /// Fraction of the shear modulus in the law's second constant, `c01/(c10 + c01)` of Mooney–Rivlin; otherwise unused.
     pub second_share: f64,
+    /// Collagen fibres; only of [`Material::Holzapfel`].
+    pub fibres: Fibres,
     /// kg/m³
     pub density: f64,
     /// Elastic strain along x and y in the reference shape (pre-strain); zero for springs.

@@ -263,7 +263,18 @@ impl Body {
             "material" => (0..LAYERS)
                 .flat_map(|layer| {
                     let [bulk, first, second] = [9e4, 1e4, 4e3].map(|c| c * (1.0 + 0.3 * random.next()));
-                    if layer % 2 == 0 { [bulk, first, 0.0, 0.0] } else { [bulk, first, second, 1.0] }
+                    match layer % 3 {
+                        0 => [bulk, first, 0.0, 0.0],
+                        1 => [bulk, first, second, 1.0],
+                        _ => [bulk, first, second, 2.0],
+                    }
+                })
+                .collect(),
+            "fibres" => (0..LAYERS)
+                .flat_map(|_| {
+                    let [x1, x2, growth, dispersion] = [0.6, 0.8, 3.0, 0.1].map(|c| c * (1.0 + 0.2 * random.next()));
+                    let across = |x: f32| (1.0 - x * x).sqrt();
+                    [x1, across(x1), -x2, across(x2), growth, dispersion, 0.0, 0.0]
                 })
                 .collect(),
             "corner_force" => random.many(self.grid.cell_count() * 24 * self.slots, 0.01),
@@ -409,6 +420,7 @@ impl Body {
         match name {
             "params" => Ok(gpu.uniform("params", 0, &self.words())),
             "shape" | "material" | "pre_strain" => Ok(uniform(MAX_LAYERS * 16)),
+            "fibres" => Ok(uniform(MAX_LAYERS * 32)),
             "stiffness" => Ok(uniform(MAX_LAYERS * 64 * 48)),
             "modes" => Ok(uniform(MAX_LAYERS * 8 * 48)),
             _ => match self.array(name) {

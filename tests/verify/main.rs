@@ -9,6 +9,7 @@ mod dense;
 mod differences;
 mod direct;
 mod elements;
+mod holzapfel;
 mod integrators;
 mod loads;
 mod masses;
@@ -82,13 +83,14 @@ fn main() -> ExitCode {
         probes::CASES,
         slit::CASES,
     ];
-    let everywhere: [&[Everywhere]; 15] = [
+    let everywhere: [&[Everywhere]; 16] = [
         anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
         integrators::EVERYWHERE,
         loads::EVERYWHERE,
         motion::EVERYWHERE,
+        holzapfel::EVERYWHERE,
         mooney_rivlin::EVERYWHERE,
         neo_hookean::EVERYWHERE,
         masses::EVERYWHERE,

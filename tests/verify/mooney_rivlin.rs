@@ -1,8 +1,8 @@
 //! Mooney–Rivlin hexahedra: a bar that is pulled and pressed, against the law in principal stretches, and against Mooney's own formula.
 
 use super::Everywhere;
-use super::setup::{Body, LONG, block, displaced, measured, model, tolerance};
-use cutis::scene::{Element::Bbar, Law, Material};
+use super::setup::{measured, pulled};
+use cutis::scene::{Layer, Material};
 use cutis::step::Platform;
 
 pub const EVERYWHERE: &[Everywhere] = &[("mooney_rivlin_bar_follows_its_uniaxial_curve", bar)];
@@ -30,45 +30,13 @@ fn uniaxial(a: f64, bulk: f64) -> f64 {
     stress(0.5 * (low + high))[0]
 }
 
-/// Nominal stress of a bar of 2 × 2 × 2 cells held by its ends alone, Pa.
+/// Nominal stress of a bar of these constants at small strain, pulled along z, Pa.
 fn found(platform: &Platform, material: Material, stretch: f64, bulk: f64) -> f64 {
-    let mut scene = block(Bbar, true);
-    scene.solver.newton = true;
     let shear = 2.0 * (C[0] + C[1]);
-    let skin = &mut scene.skins[0];
-    (skin.law, skin.cells) = (Law::Hyperelastic(material), [2, 2]);
-    skin.layers.truncate(1);
-    let layer = &mut skin.layers[0];
-    layer.cells = 2;
-    layer.poisson = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear));
-    layer.young = 2.0 * shear * (1.0 + layer.poisson);
-    layer.second_share = C[1] / (C[0] + C[1]);
-    let (height, area) = (layer.thickness, skin.size[0] * skin.size[1]);
-    scene.time.step = LONG;
-    let mut model = model(&scene);
-    let params = model.grid.params::<f64>();
-    for node in 0..model.rest.len() {
-        let at = params.node_at(node);
-        let end = at[2] == 0 || at[2] == 2;
-        model.free[node][..3].copy_from_slice(&[at[0] != 1, at[1] != 1, !end].map(|f| f64::from(u8::from(f))));
-    }
-    // a little at a time, each from the heights that it ends at and the width that the last one left
-    let mut u = displaced(&model, |_| [0.0; 3]);
-    let mut body = None;
-    for part in 1..=4 {
-        let moved = 1.0 + (stretch - 1.0) * f64::from(part) / 4.0;
-        for (node, x) in model.rest.iter().enumerate() {
-            u.u[node][2] = (moved - 1.0) * x[2];
-        }
-        let mut now = Body::new(platform, model.clone(), &u, 100.0 * tolerance(platform));
-        now.step();
-        now.step(); // whose load is what the first has left
-        u.u = now.state().u;
-        body = Some(now);
-    }
-    let forces = body.expect("four parts").forces();
-    let top = (0..model.rest.len()).filter(|n| (model.rest[*n][2] - height).abs() < 1e-9);
-    top.map(|n| forces[n][2]).sum::<f64>() / area
+    let poisson = (3.0 * bulk - 2.0 * shear) / (2.0 * (3.0 * bulk + shear));
+    let young = 2.0 * shear * (1.0 + poisson);
+    let layer = Layer { young, poisson, second_share: C[1] / (C[0] + C[1]), ..Layer::default() };
+    pulled(platform, material, &layer, 2, stretch)
 }
 
 fn bar(platform: &Platform) {

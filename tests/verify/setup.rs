@@ -7,7 +7,7 @@ use cutis::bodies::Removal;
 use cutis::gpu::Gpu;
 use cutis::linear::Outcome;
 use cutis::math::{V4, norm, random};
-use cutis::scene::{Element, Law, Preconditioner, Scene, Solver, read};
+use cutis::scene::{Element, Law, Layer, Material, Preconditioner, Scene, Solver, read};
 use cutis::step::Platform;
 use std::path::Path;
 
@@ -45,6 +45,40 @@ pub fn static_block(place: &Platform, law: Law) -> Scene {
         scene.solver.preconditioner = Preconditioner::Column;
     }
     scene
+}
+
+/// Nominal stress of a bar of 2 × 2 × 2 cells of a layer's material that is stretched along an axis and held by its ends alone, Pa.
+pub fn pulled(platform: &Platform, material: Material, layer: &Layer, axis: usize, stretch: f64) -> f64 {
+    let mut scene = block(Element::Bbar, true);
+    scene.solver.newton = true;
+    scene.time.step = LONG;
+    let skin = &mut scene.skins[0];
+    (skin.law, skin.cells) = (Law::Hyperelastic(material), [2, 2]);
+    skin.layers = vec![Layer { cells: 2, thickness: 1.2e-3, ..layer.clone() }];
+    let edges = [skin.size[0], skin.size[1], 1.2e-3];
+    let mut model = model(&scene);
+    let at: Vec<[usize; 3]> = (0..model.rest.len()).map(|node| model.grid.params::<f64>().node_at(node)).collect();
+    // free across but for the middle planes, and along but for the ends
+    for (free, at) in model.free.iter_mut().zip(&at) {
+        (0..3).for_each(|n| free[n] = f64::from(u8::from((at[n] == 1) == (n == axis))));
+    }
+    // a little at a time, each from the places that it ends at and the width that the last one left
+    let mut u = displaced(&model, |_| [0.0; 3]);
+    let mut body = None;
+    for part in 1..=4 {
+        let moved = 1.0 + (stretch - 1.0) * f64::from(part) / 4.0;
+        for (node, x) in model.rest.iter().enumerate() {
+            u.u[node][axis] = (moved - 1.0) * x[axis];
+        }
+        let mut now = Body::new(platform, model.clone(), &u, 100.0 * tolerance(platform));
+        now.step();
+        now.step(); // whose load is what the first has left
+        u.u = now.state().u;
+        body = Some(now);
+    }
+    let forces = body.expect("four parts").forces();
+    let ends = forces.iter().zip(&at).filter(|(_, at)| at[axis] == 2);
+    ends.map(|(force, _)| force[axis]).sum::<f64>() * edges[axis] / edges.iter().product::<f64>()
 }
 
 /// A scene of the repository.

@@ -136,7 +136,9 @@ impl Hexahedra {
         let corner_force = made.of("corner_force", &vec![0f32; cells * 24 * slots])?;
         let energy = made.of("energy", &vec![0f32; cells])?;
         let displacement = if law.newton { made.vec4("displacement", n)? } else { u.clone() };
-        let own = [layers_uniform(made, "material", &law.rounded()), corner_force, energy.clone()];
+        let fibres: Vec<u32> = law.rounded_fibres::<f32>().as_flattened().iter().map(|c| c.to_bits()).collect();
+        let fibres = made.uniform("fibres", MAX_LAYERS * 32, &fibres);
+        let own = [layers_uniform(made, "material", &law.rounded()), fibres, corner_force, energy.clone()];
         self.shared = self.shared.joined(&Arrays::of(&own)).joined(&Arrays::one("displacement", &displacement));
         if !law.newton {
             return Ok(());

@@ -21,8 +21,9 @@ use super::element::{Matrix, lame};
 use crate::bodies::{Model, Solved};
 use crate::kernels::collect::collect;
 use crate::kernels::deformation::gradient;
-use crate::kernels::hyperelastic::{Cell, Material};
+use crate::kernels::hyperelastic::{Cell, FibreRows, Law as CellLaw, Material};
 use crate::kernels::{PARALLEL, Params};
+use crate::math::elementary::{cos, sin};
 use crate::math::{M3, Real, V3, V4};
 use crate::mesh::Grid;
 use crate::scene::{self, Law, Layer, Scene, Skin};
@@ -85,16 +86,59 @@ fn constants(law: scene::Material, layer: &Layer) -> V4<f64> {
             let (half, share) = (0.5 * mu, layer.second_share);
             [lambda + mu * 2.0 / 3.0, half * (1.0 - share), half * share, 1.0]
         }
+        scene::Material::Holzapfel => [lambda, mu, layer.fibres.stiffness, 2.0],
     }
 }
 
+/// Numbers of a layer's fibres, in the layout of [`Material::of`].
+fn fibre_rows(layer: &Layer) -> FibreRows<f64> {
+    let [[x1, y1], [x2, y2]] = layer.fibres.families.map(|angle| [cos(angle), sin(angle)]);
+    [[x1, y1, x2, y2], [layer.fibres.growth, layer.fibres.dispersion, 0.0, 0.0]]
+}
+
+/// Stiffness of stretched fibres at small strain, averaged over the mirror images of a cell, which is what products with the small-strain
+/// matrix need ([`crate::kernels::product`]); twice that where the two families are no mirror images of each other or of themselves, since
+/// a matrix is at most twice its mean with its mirror images.
+pub(super) fn fibre_stiffness(edges: [f64; 3], material: &Material<f64>) -> Matrix {
+    let mut own = [[0.0; 24]; 24];
+    let CellLaw::Holzapfel(_, fibres) = material.law else { return own };
+    let inverse = V3::of(edges.map(|h| 1.0 / h));
+    let weight = edges.iter().product::<f64>() / 8.0;
+    let mut mirrored = own;
+    for family in 0..2 {
+        for (sum, side) in [(&mut own, 1.0), (&mut mirrored, -1.0)] {
+            let mut fibres = fibres;
+            fibres.directions[family][0] *= side;
+            let structure = fibres.structure(family);
+            for point in 0..8 {
+                // dE/du of a corner at rest
+                let slopes = (0..8).flat_map(|a| (structure * gradient(inverse, a, point) * 2.0).f64());
+                let slopes: Vec<f64> = slopes.collect();
+                for (row, left) in sum.iter_mut().zip(&slopes) {
+                    row.iter_mut().zip(&slopes).for_each(|(k, right)| *k += weight * fibres.stiffness * left * right);
+                }
+            }
+        }
+    }
+    let pairs = || own.as_flattened().iter().zip(mirrored.as_flattened());
+    let size = own.as_flattened().iter().fold(0.0f64, |most, k| most.max(k.abs()));
+    let symmetric = pairs().all(|(a, b)| (a - b).abs() <= SYMMETRIC * size);
+    let share = if symmetric { 0.5 } else { 1.0 };
+    let mut out = own;
+    out.as_flattened_mut().iter_mut().zip(mirrored.as_flattened()).for_each(|(k, m)| *k = share * (*k + m));
+    out
+}
+
+/// Difference, relative to the largest entry, below which a matrix and its mirror image are one.
+const SYMMETRIC: f64 = 1e-9;
+
 /// Elastic strain of a layer with given strains along x and y and no stress along z, by bisection on the stretch along z.
-fn pre_strain(material: V4<f64>, [x, y]: [f64; 2]) -> V4<f64> {
+fn pre_strain(material: V4<f64>, fibres: FibreRows<f64>, [x, y]: [f64; 2]) -> V4<f64> {
     if [x, y] == [0.0; 2] {
         return [0.0; 4];
     }
     let pull = |z: f64| {
-        let cell = Cell::new(Material::of([1.0; 4], material, [x, y, z, 0.0]), &[V3::zero(); 8]);
+        let cell = Cell::new(Material::of([1.0; 4], material, fibres, [x, y, z, 0.0]), &[V3::zero(); 8]);
         cell.forces()[4..].iter().map(|force| force.z).sum::<f64>()
     };
     let (mut low, mut high) = (THINNEST - 1.0, THICKEST - 1.0);
@@ -118,6 +162,8 @@ pub struct Hyperelastic {
     shapes: Vec<V4<f64>>,
     /// `[layer]` κ and two constants, Pa, and the law's code, in the kernels' layout.
     materials: Vec<V4<f64>>,
+    /// `[layer]` directions of the fibres; k₂, κ.
+    fibres: Vec<FibreRows<f64>>,
     /// `[layer]` elastic strain of the rest shape along x, y, z, and 0; that along z leaves no stress on the layer's faces.
     pub(super) pre_strain: Vec<V4<f64>>,
     /// `[cells_z]` layer
@@ -136,12 +182,14 @@ impl Hyperelastic {
             [x, y, z, 0.0]
         };
         let materials: Vec<V4<f64>> = skin.layers.iter().map(|layer| constants(material, layer)).collect();
-        let strains =
-            skin.layers.iter().zip(&materials).map(|(layer, material)| pre_strain(*material, layer.pre_strain));
+        let fibres: Vec<FibreRows<f64>> = skin.layers.iter().map(fibre_rows).collect();
+        let constants = skin.layers.iter().zip(&materials).zip(&fibres);
+        let strains = constants.map(|((layer, own), fibres)| pre_strain(*own, *fibres, layer.pre_strain));
         Some(Self {
             shapes: (0..skin.layers.len()).map(shape).collect(),
             pre_strain: strains.collect(),
             materials,
+            fibres,
             layer_of: grid.layer_of.clone(),
             newton: scene.newton(),
         })
@@ -149,12 +197,18 @@ impl Hyperelastic {
 
     /// State of a cell at nodal displacements.
     pub fn cell(&self, params: &Params<f64>, split: &[u32], u: &[V4<f64>], cell: usize) -> Cell<f64> {
-        Cell::of(params, &self.shapes, &self.materials, &self.pre_strain, &self.layer_of, u, split, cell)
+        let (shapes, materials, fibres) = (&self.shapes, &self.materials, &self.fibres);
+        Cell::of(params, shapes, materials, fibres, &self.pre_strain, &self.layer_of, u, split, cell)
     }
 
     /// State of a cell of a layer at its corners' displacements.
     pub(super) fn of_layer(&self, layer: usize, u: &[V3<f64>; 8]) -> Cell<f64> {
-        Cell::new(Material::of(self.shapes[layer], self.materials[layer], self.pre_strain[layer]), u)
+        Cell::new(self.material(layer), u)
+    }
+
+    /// Cell size and material of a layer.
+    pub(super) fn material(&self, layer: usize) -> Material<f64> {
+        Material::of(self.shapes[layer], self.materials[layer], self.fibres[layer], self.pre_strain[layer])
     }
 
     /// `[cell]` values of the cells that are `alive`, `None` of the others.
@@ -237,6 +291,11 @@ impl Hyperelastic {
     pub fn rounded<R: Real>(&self) -> Vec<V4<R>> {
         self.materials.iter().map(|m| m.map(R::of)).collect()
     }
+
+    /// `[layer × 2]` fibres, for the kernels.
+    pub fn rounded_fibres<R: Real>(&self) -> Vec<V4<R>> {
+        self.fibres.as_flattened().iter().map(|row| row.map(R::of)).collect()
+    }
 }
 
 /// Assembles cell forces at the nodes, `[node]` N.
@@ -250,6 +309,7 @@ fn sums(params: &Params<f64>, split: &[u32], cells: &[[[f64; 3]; 8]]) -> Vec<V4<
 mod tests {
     use super::*;
     use crate::kernels::corner;
+    use crate::kernels::holzapfel::Fibres;
     use crate::kernels::hyperelastic;
     use crate::math::random::Random;
 
@@ -267,7 +327,10 @@ mod tests {
         of(Law::NeoHookean(MU))
     }
 
-    const LAWS: [Law; 2] = [Law::NeoHookean(MU), Law::MooneyRivlin([0.3 * MU, 0.2 * MU])];
+    const FIBRES: Fibres<f64> =
+        Fibres { directions: [[0.8, 0.6], [-0.28, 0.96]], stiffness: 0.7 * MU, growth: 2.0, dispersion: 0.1 };
+
+    const LAWS: [Law; 3] = [Law::NeoHookean(MU), Law::MooneyRivlin([0.3 * MU, 0.2 * MU]), Law::Holzapfel(MU, FIBRES)];
 
     fn field(mut one: impl FnMut(usize, usize) -> f64) -> Field {
         std::array::from_fn(|a| V3::of(std::array::from_fn(|i| one(a, i))))
@@ -381,7 +444,7 @@ mod tests {
         let poisson = 0.5 * BULK / (BULK + MU);
         let material = [BULK, MU, 0.0, 0.0];
         for [x, y] in [[1e-4, 2e-4], [0.05, 0.1], [0.3, -0.2]] {
-            let e = pre_strain(material, [x, y]);
+            let e = pre_strain(material, [[0.0; 4]; 2], [x, y]);
             let own = Material { pre_strain: V3::from4(e), ..soft() };
             let cell = Cell::new(own, &[V3::zero(); 8]);
             let pull =
@@ -430,31 +493,91 @@ mod tests {
         largest
     }
 
+    /// Largest ratio of the true tangent to the stiffened one and to the unstiffened one, in cells of stretches `scale`.
+    fn most_stiff(law: Law, small: &Matrix, scales: impl Iterator<Item = [f64; 3]>) -> [f64; 2] {
+        let edges = soft().edges.f64();
+        let ratios = scales.map(|scale| {
+            let u = field(|a, n| (corner(a)[n] as f64) * edges[n] * (scale[n] - 1.0));
+            let cell = Cell::new(of(law), &u);
+            let (k, factor) = (tangent(&cell), cell.stiffening(&Params { stiffness_factor: 1.0, ..Params::default() }));
+            let ratio = stiffer(&k, small, factor);
+            assert!(ratio < 2.0, "{scale:?}: {ratio} of the stiffened tangent");
+            [ratio, stiffer(&k, small, 1.0)]
+        });
+        ratios.fold([0.0; 2], |most, own| [most[0].max(own[0]), most[1].max(own[1])])
+    }
+
+    fn small_strain() -> Matrix {
+        let young = MU * (3.0 * BULK + 2.0 * MU) / (BULK + MU);
+        let poisson = 0.5 * BULK / (BULK + MU);
+        super::super::element::stiffness(soft().edges.f64(), young, poisson, crate::scene::Element::Bbar)
+    }
+
     #[test]
     fn the_stiffened_tangent_is_more_than_half_of_the_true_one() {
-        let young = MU * (3.0 * BULK + 2.0 * MU) / (BULK + MU);
-        let (edges, poisson) = (soft().edges.f64(), 0.5 * BULK / (BULK + MU));
-        let small = super::super::element::stiffness(edges, young, poisson, crate::scene::Element::Bbar);
-        let mut plain = 0.0f64;
         // pressed along z, held or free to spread aside
-        for (by, aside) in [(0.2, 0.0), (0.4, 0.0), (0.6, 0.0), (0.7, 0.0), (0.3, 1.0), (0.5, 1.0), (0.7, 1.0)] {
+        let pressed = [(0.2, 0.0), (0.4, 0.0), (0.6, 0.0), (0.7, 0.0), (0.3, 1.0), (0.5, 1.0), (0.7, 1.0)];
+        let scales = pressed.map(|(by, aside): (f64, f64)| {
             let stretch = 1.0 - by;
             let across = 1.0 + aside * (1.0 / f64::sqrt(stretch) - 1.0);
-            let scale = [across, across, stretch];
-            let u = field(|a, n| (corner(a)[n] as f64) * edges[n] * (scale[n] - 1.0));
-            let pressed = Cell::new(soft(), &u);
-            let (k, factor) =
-                (tangent(&pressed), pressed.stiffening(&Params { stiffness_factor: 1.0, ..Params::default() }));
-            let ratio = stiffer(&k, &small, factor);
-            assert!(ratio < 2.0, "pressed by {by}, {aside}: {ratio} of the stiffened tangent");
-            plain = plain.max(stiffer(&k, &small, 1.0));
-        }
+            [across, across, stretch]
+        });
+        let [_, plain] = most_stiff(Law::NeoHookean(MU), &small_strain(), scales.into_iter());
         assert!(plain > 4.0, "the counter-test: without it the true tangent is {plain} times as stiff");
+    }
+
+    /// The same with fibres, whose stiffness at rest is in the small-strain matrix: stretched along them, across them and pressed.
+    #[test]
+    fn the_stiffened_tangent_of_fibres_is_more_than_half_of_the_true_one() {
+        let directions = [[0.8, 0.6], [0.8, -0.6]];
+        let crossed = [[0.8, 0.6], [-0.28, 0.96]];
+        for (directions, dispersion, stiffness) in
+            [(directions, 0.0, 1.0), (directions, 0.2, 30.0), (crossed, 0.1, 1.0), (crossed, 0.0, 100.0)]
+        {
+            let fibres = Fibres { directions, stiffness: stiffness * MU, growth: 2.0, dispersion };
+            let law = Law::Holzapfel(MU, fibres);
+            let (isotropic, mut small) = (small_strain(), fibre_stiffness(soft().edges.f64(), &of(law)));
+            small.as_flattened_mut().iter_mut().zip(isotropic.as_flattened()).for_each(|(k, more)| *k += more);
+            let mut scales = vec![[1.2, 1.2, 0.7], [1.1, 0.9, 1.0], [0.9, 1.1, 1.0], [1.0, 1.0, 0.6]];
+            scales.extend([1.001, 1.05, 1.2, 1.5].map(|s: f64| [s, 1.0 / s.sqrt(), 1.0 / s.sqrt()]));
+            scales.extend([1.001, 1.05, 1.2, 1.5].map(|s: f64| [1.0 / s.sqrt(), s, 1.0 / s.sqrt()]));
+            let [most, plain] = most_stiff(law, &small, scales.into_iter());
+            assert!(plain > 2.0, "{fibres:?}: the counter-test: {plain} without it, {most} with it");
+            // what is in the matrix keeps the factor small where fibres begin to pull
+            let first = field(|a, n| if n == 0 { 1e-3 * (corner(a)[0] as f64) * soft().edges.x } else { 0.0 });
+            let factor = Cell::new(of(law), &first).stiffening(&Params { stiffness_factor: 1.0, ..Params::default() });
+            assert!(factor < 2.0, "{fibres:?}: {factor}");
+        }
+    }
+
+    /// A matrix that is the same in the mirrors x and y, which the products' form asks for.
+    #[test]
+    fn the_small_strain_matrix_of_fibres_has_the_cells_mirrors() {
+        let edges = soft().edges.f64();
+        let crossed = Fibres { directions: [[0.8, 0.6], [-0.28, 0.96]], ..FIBRES };
+        let k = fibre_stiffness(edges, &of(Law::Holzapfel(MU, crossed)));
+        let size = k[0][0].abs();
+        for axis in 0..3 {
+            let mirror = |a: usize| {
+                (0..8).find(|b| {
+                    let (own, other) = (corner(a), corner(*b));
+                    (0..3).all(|n| (own[n] == other[n]) == (n != axis))
+                })
+            };
+            for (m, row) in k.iter().enumerate() {
+                for (n, entry) in row.iter().enumerate() {
+                    let of = |m: usize| 3 * mirror(m / 3).expect("a corner") + m % 3;
+                    let sign = if (m % 3 == axis) == (n % 3 == axis) { 1.0 } else { -1.0 };
+                    let other = sign * k[of(m)][of(n)];
+                    assert!((entry - other).abs() < 1e-12 * size, "{axis}: {m}, {n}: {entry} and {other}");
+                }
+            }
+        }
     }
 
     #[test]
     fn at_rest_the_tangent_is_the_small_strain_element_in_constant_strain() {
-        // in the neo-Hookean law BULK is λ, in the other the bulk modulus
+        // in the neo-Hookean law BULK is λ, in the other the bulk modulus; fibres have a kink at rest
         for (law, lambda) in LAWS.into_iter().zip([BULK, BULK - MU * 2.0 / 3.0]) {
             as_small_strain(law, lambda);
         }

@@ -98,10 +98,16 @@ impl Hexahedra {
             Law::Fem { element, .. } => element,
             _ => Element::Bbar,
         };
-        let matrix = |(index, layer): (usize, &Layer)| {
-            element::stiffness(grid.cell_edges(index as u32), layer.young, layer.poisson, element)
-        };
         let hyperelastic = Hyperelastic::of(scene, skin, grid);
+        let matrix = |(index, layer): (usize, &Layer)| {
+            let edges = grid.cell_edges(index as u32);
+            let mut k = element::stiffness(edges, layer.young, layer.poisson, element);
+            if let Some(law) = &hyperelastic {
+                let fibres = hyperelastic::fibre_stiffness(edges, &law.material(index));
+                k.as_flattened_mut().iter_mut().zip(fibres.as_flattened()).for_each(|(k, more)| *k += more);
+            }
+            k
+        };
         Self {
             pre_strain: match &hyperelastic {
                 Some(law) => law.pre_strain.clone(),

@@ -27,6 +27,7 @@ const SCENES: &[(&str, &str)] = &[
     ("hertz", include_str!("../../../scenes/verify/hertz.toml")),
     ("incline_slide", include_str!("../../../scenes/verify/incline_slide.toml")),
     ("incline_stick", include_str!("../../../scenes/verify/incline_stick.toml")),
+    ("langer", include_str!("../../../scenes/verify/langer.toml")),
     ("panel", include_str!("../../../scenes/verify/panel.toml")),
     ("patch", include_str!("../../../scenes/verify/patch.toml")),
     ("skin_block_045", include_str!("../../../scenes/verify/skin_block_045.toml")),
@@ -162,6 +163,19 @@ const ELASTICA: Case = Case {
     ..BASE
 };
 
+const FIBRES: Case = Case {
+    name: "strip with fibres, stretch 1.2, along Langer's lines",
+    scene: "langer",
+    measure: Probe("along"),
+    what: "reaction of its end",
+    unit: N,
+    reference: 0.9845238,
+    source: "law in principal stretches, exact",
+    bound: 1e-4,
+    quick: true,
+    ..BASE
+};
+
 const CONFINED: Case = Case {
     name: "confined layers, 0.1 mm, ν 0.45",
     scene: "confined_column_045",
@@ -186,6 +200,8 @@ pub const CASES: &[Case] = &[
     Case { changes: &[COROTATIONAL], ..PATCH },
     Case { changes: &[NEO_HOOKEAN], reference: 0.9170344, source: "P(λ), no stress across", ..PATCH },
     Case { changes: &[TWO_CONSTANTS, SecondShare(0.25)], reference: 0.8893319, source: "P(λ), no stress across", ..PATCH },
+    FIBRES,
+    Case { name: "strip with fibres, stretch 1.2, across Langer's lines", measure: Probe("across"), reference: 0.2769133, ..FIBRES },
     CONFINED,
     Case { name: "confined layers, 0.1 mm, ν 0.49", scene: "confined_column_049", reference: -4.236779, ..CONFINED },
     Case { quick: true, ..CANTILEVER },
