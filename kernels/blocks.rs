@@ -3,11 +3,12 @@
 //! `D_i = s Σ_c R_c K_aa R_cᵀ + m_i (1 + h r_M)/h² I`, `U_i = s Σ_c R_c K_{a,a+4} R_cᵀ` over the up to four cells above the node. Where a
 //! cut has put the two nodes of a cell's vertical edge into different columns, `U` omits their coupling and `D` counts the cell twice at
 //! both: a positive definite matrix is at most twice its block diagonal, so the smoother's bound still holds. Fixed axes get the identity's
-//! row and column. `params.preconditioner` selects the entries kept: 0 the identity, 1 the diagonal of `D`, 2 `D`, 3 `D` and `U`. Packed as
+//! row and column. Hyperelastic cells add the stiffness of their volume, `v_a ⊗ v_b` with `v_a = R Σ_n ± y_n` ([`super::volume`]). `params.preconditioner` selects the entries kept: 0 the identity, 1 the diagonal of `D`, 2 `D`, 3 `D` and `U`. Packed as
 //! 16 numbers per node: 6 of the symmetric `D`, 9 of `U` by columns, one pad.
 //! Units: N/m.
 
 use super::split::Around;
+use super::volume::{HYPERELASTIC, slope_of};
 use super::{PARALLEL, Params, Source};
 use crate::math::{M3, Real, V3, V4, rotation_matrix};
 use rayon::prelude::*;
@@ -68,6 +69,13 @@ pub fn blocks<R: Real>(
             sum.d = sum.d + r * stiffness[first + a] * turned * twice;
             if a < 4 && chained {
                 sum.g = sum.g + r * stiffness[first + a + 4] * turned;
+            }
+            if params.corotational >= HYPERELASTIC {
+                let own = r * slope_of(params, rotation, cell, a);
+                sum.d = sum.d + own.outer(own) * twice;
+                if a < 4 && chained {
+                    sum.g = sum.g + own.outer(r * slope_of(params, rotation, cell, a + 4));
+                }
             }
         }
         let axes_above = if above < params.node_count as usize { V3::from4(free[above]) } else { V3::zero() };

@@ -19,14 +19,19 @@ fn blocks(thread: Thread) {
         let at = c - corner(a);
         if !has_cell(params, at) { continue; }
         if corner_node(params, at, a) != i { continue; }
-        let q = rotation[cell_id(params, at)];
+        let cell = cell_id(params, at);
         let first = layer_of[at.z] * 64u + a * 8u;
-        let r = rotation_matrix(q);
+        let r = rotation_matrix(rotation[cell]);
         let turned = transpose(r);
         let other = corner_node(params, at, a ^ 4u); // along the vertical edge
         let chained = select(above(params, other) == i, other == over, a < 4u);
         d += r * stiffness[first + a] * turned * select(2.0, 1.0, chained);
         if a < 4u && chained { g += r * stiffness[first + a + 4u] * turned; }
+        if params.corotational >= HYPERELASTIC {
+            let own = r * volume_slope(cell, a);
+            d += outer_product(own, own) * select(2.0, 1.0, chained);
+            if a < 4u && chained { g += outer_product(own, r * volume_slope(cell, a + 4u)); }
+        }
     }
     var axes_above = vec3<f32>(0.0);
     if over < params.node_count { axes_above = free[over].xyz; }

@@ -5,7 +5,11 @@
 //! `s_c = Σ s_i / 4`. A cell that was removed or lies outside the finer grid (odd sizes) has `s = 0`. The coarse operator needs no
 //! assembled matrix: one 24×24 matrix per level and layer, `Σ PᵀKP` over the four children (`bodies::grid::levels`), rotated and scaled per
 //! cell.
+//!
+//! The stiffness `y ⊗ y` of a hyperelastic cell's mean volume ([`super::volume`]) has `y_c = Σ s_i (y_1, y_2, 2 y_3)_i / Σ s_i`: a coarse cell
+//! has four times the volume and twice the edges along x and y. (The four volumes apart from their mean stay in `Σ PᵀKP`.)
 
+use super::volume::{self, HYPERELASTIC};
 use super::{Params, Source};
 use crate::math::{Real, V4};
 
@@ -20,7 +24,11 @@ pub fn coarsen<R: Real>(
     coarse_rotation: &mut [V4<R>], // [coarse cell] quaternion
 ) {
     let [cells_x, cells_y, _] = params.coarse_cells();
+    let count = cells_x * cells_y * params.cells_z as usize;
+    let (coarse_rotation, rows) = coarse_rotation.split_at_mut(count);
+    let mut rows = rows.as_chunks_mut::<3>().0.iter_mut();
     for (cell, out) in coarse_rotation.iter_mut().enumerate() {
+        let mut sums = [[R::zero(); 4]; 3];
         let (x, y, z) = (cell % cells_x, cell / cells_x % cells_y, cell / (cells_x * cells_y));
         let mut sum = [R::zero(); 4];
         let mut share = R::zero();
@@ -29,7 +37,8 @@ pub fn coarsen<R: Real>(
             if fine_x >= params.cells_x as usize || fine_y >= params.cells_y as usize {
                 continue;
             }
-            let q = rotation[params.cell_id([fine_x, fine_y, z])];
+            let fine = params.cell_id([fine_x, fine_y, z]);
+            let q = rotation[fine];
             let squared = dot(q, q);
             if squared == R::zero() {
                 continue;
@@ -43,6 +52,17 @@ pub fn coarsen<R: Real>(
                 sum[n] += weight * q[n];
             }
             share += squared * squared;
+            if params.corotational >= HYPERELASTIC {
+                let own = volume::rows(params, rotation, fine);
+                for (sum, row) in sums.iter_mut().zip(own) {
+                    sum.iter_mut().zip(row).for_each(|(sum, y)| *sum += *y * squared * squared);
+                }
+            }
+        }
+        if let Some(rows) = rows.next() {
+            let mean = if share > R::zero() { R::one() / share } else { R::zero() };
+            let factors = [mean, mean, mean + mean];
+            *rows = [0, 1, 2].map(|n| sums[n].map(|y| y * factors[n]));
         }
         let squared = dot(sum, sum);
         *out = [R::zero(); 4];

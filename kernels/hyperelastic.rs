@@ -22,8 +22,9 @@ use super::deformation::{
     EXTENDED, Point, field_gradient, gradient, log_volume, log_volume_slope, log_volume_stiffness,
 };
 use super::holzapfel::{self, Fibres};
-use super::{Params, mooney_rivlin, neo_hookean};
-use crate::math::{M3, Real, V3, V4};
+use super::volume::HYPERELASTIC;
+use super::{Params, corner, mooney_rivlin, neo_hookean};
+use crate::math::{M3, Real, V3, V4, rotation_matrix};
 
 /// Text shared by the shaders of hyperelastic cells.
 pub const WGSL: [&str; 5] = [
@@ -201,52 +202,99 @@ impl<R: Real> Cell<R> {
     }
 }
 
-/// `params.corotational` of a body whose tangent is the rotated small-strain stiffness times [`Cell::stiffening`]; `product` reads the factor
-/// `s` from the length `s^¼` of the cell's quaternion.
-pub const STIFFENED: u32 = 2;
+/// `params.corotational` of a hyperelastic body whose steps are one linear solve each ([`Cell::linearised`]); `product` reads the factor `s`
+/// from the length `s^¼` of the cell's quaternion.
+pub const STIFFENED: u32 = HYPERELASTIC;
+/// That of one whose steps are solved by Newton's method; its small-strain stiffness, which is not stiffened, damps and preconditions.
+pub const NEWTON: u32 = HYPERELASTIC + 1;
 
 /// Largest factor.
 const STIFFEST: f64 = 1e6;
 
+/// Linearisation of a cell: `s R K' Rᵀ + c ⊗ c`, with `K'` its stiffness at small strain less that of its mean volume ([`mean_volume`]).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Linearised<R> {
+    /// s
+    pub stiffening: R,
+    /// `y`: `c` in the patterns 1, 2 and 4 of the cell's frame, divided by `√s`.
+    pub volume: [V3<R>; 3],
+}
+
 impl<R: Real> Cell<R> {
-    /// Factor `s` by which the tangent exceeds the small-strain stiffness, at least: with a tangent less than half of the true one a linear
-    /// step overshoots, and steps diverge. With the largest of the Gauss points in each term,
+    /// Linearisation of a cell with rotation `q`. The stiffness of the volume has its present direction, `c = √(κ (φ'² + φ φ'')/V) ∂v/∂u`: a
+    /// rotated one would resist incompressible motion of cells that are strained, by up to κ/μ of their stiffness, and steps would lag
+    /// behind their loads.
     ///
-    /// `s = max(1, |∂φ/∂F|² − 2) + (κ/μ)/6 max(0, (φ'² + φ φ'')(J̄)) (|cof F|² − 3 J^(4/3))`, plus `−p/(2 μ) max(1, |F|/√3)` under pressure,
+    /// `s` is the factor by which the true tangent exceeds the small-strain stiffness, at least: with a tangent less than half of the true
+    /// one a linear step overshoots, and steps diverge. With the largest of the Gauss points in each term,
     ///
-    /// that is, `λ⁻²` for one principal stretch `λ`; the volume's stiffness along directions that have turned away from those at rest; and the
-    /// stiffness that pressure gives to shear; and what stretched fibres add ([`holzapfel::stiffening`]). Where `ln J` is extended the first term is at least `(1 + φ' |F|)/2`. A pre-strain scales the
-    /// small-strain stiffness by up to `max (1 + e)²/Π (1 + e)`.
+    /// `s = max(1, |∂φ/∂F|² − 2)`, plus `(κ/μ)/3 (φ'² + φ φ'') mean |cof F − mean cof F|²`, plus `−p/(2 μ) max(1, |F|/√3)` under pressure,
     ///
-    /// Rayleigh damping acts with the rotated small-strain stiffness itself: with the factor `f = 1 + r_K/h` of the stiffness in `A` the
+    /// that is, `λ⁻²` for one principal stretch `λ`; the volume's stiffness against hourglass patterns, which `y` leaves out; the stiffness
+    /// that pressure gives to shear; and what stretched fibres add ([`holzapfel::stiffening`]). Where `ln J` is extended the first term is at
+    /// least `(1 + φ' |F|)/2`. A pre-strain scales the small-strain stiffness by up to `max (1 + e)²/Π (1 + e)`.
+    ///
+    /// Rayleigh damping acts with `R K' Rᵀ` and the same stiffness of the volume: with the factor `f = 1 + r_K/h` of the stiffness in `A` the
     /// result is `1 + (s − 1)/f`.
-    pub fn stiffening(&self, params: &Params<R>) -> R {
+    pub fn linearised(&self, params: &Params<R>, q: V4<R>) -> Linearised<R> {
+        let stiffening =
+            if params.corotational == STIFFENED { self.stiffening(params.stiffness_factor) } else { R::one() };
+        let bulk = self.material.bulk * self.volume_stiffness();
+        let scale = R::of(0.125) * (bulk / (R::of(8.0) * self.weight * stiffening)).sqrt();
+        let (slope, back) = (self.volume_gradient(), rotation_matrix(q).transpose());
+        let volume = [0, 1, 2].map(|n| {
+            let mut sum = V3::zero();
+            for (a, slope) in slope.iter().enumerate() {
+                if corner(a)[n] == 0 { sum += *slope } else { sum = sum - *slope }
+            }
+            back * sum * scale
+        });
+        Linearised { stiffening, volume }
+    }
+
+    /// `φ'² + φ φ''`, at least a tenth of `φ'²`: of a volume that is torn up, where it is negative.
+    fn volume_stiffness(&self) -> R {
+        let slope = log_volume_slope(self.mean_dilatation);
+        log_volume_stiffness(self.mean_dilatation).max(R::of(0.1) * slope * slope)
+    }
+
+    /// `1 + (s − 1)/f` of [`Cell::linearised`].
+    fn stiffening(&self, factor: R) -> R {
         let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
         let shear = self.material.shear();
         let squared = |m: M3<R>| m.dot(m);
-        let (mut pressed, mut turned, mut longest, mut fibrous) = (one, zero, R::of(3.0), zero);
+        let (mut pressed, mut longest, mut fibrous) = (one, R::of(3.0), zero);
+        let (mut beyond, mut squares) = (M3::zero(), zero); // of the cofactors, from the first one
         for p in &self.points {
             let stretched = squared(M3::identity() + p.h);
             pressed = pressed.max(squared(p.log_gradient) - two);
             if one + p.dilatation < R::of(EXTENDED) {
                 pressed = pressed.max((one + log_volume_slope(p.dilatation) * stretched.sqrt()) / two);
             }
-            let even = R::of(3.0) * R::exp(R::of(4.0 / 3.0) * log_volume(p.dilatation)[0]);
-            turned = turned.max(squared(p.cofactor) - even);
+            let more = p.cofactor - self.points[0].cofactor;
+            beyond = beyond + more;
+            squares += squared(more);
             longest = longest.max(stretched);
             if let Law::Holzapfel(mu, fibres) = &self.material.law {
                 fibrous = fibrous.max(holzapfel::stiffening(*mu, fibres, p));
             }
         }
-        let volume =
-            self.material.bulk / (R::of(6.0) * shear) * log_volume_stiffness(self.mean_dilatation).max(zero) * turned;
+        let uneven = (squares - R::of(0.125) * squared(beyond)).max(zero);
+        let volume = self.material.bulk / (R::of(24.0) * shear) * self.volume_stiffness() * uneven;
         let sheared = (-self.pressure() / (two * shear)).max(zero) * (longest / R::of(3.0)).sqrt();
         let stretch = self.material.pre_strain + V3::splat(one);
         let strained = stretch.times(stretch) * (one / (stretch.x * stretch.y * stretch.z));
         let strained = one.max(strained.x).max(strained.y).max(strained.z);
         let s = ((pressed + volume + sheared + fibrous) * strained).min(R::of(STIFFEST));
-        one + (s - one) / params.stiffness_factor
+        one + (s - one) / factor
     }
+}
+
+/// Stiffness of the mean volume of a box at rest by corner and axis, `κ V b ⊗ b` with the mean gradients `b`, N/m.
+pub fn mean_volume(edges: [f64; 3], bulk: f64) -> [[f64; 24]; 24] {
+    let volume: f64 = edges.iter().product();
+    let slope = |m: usize| (if corner(m / 3)[m % 3] == 1 { 0.25 } else { -0.25 }) / edges[m % 3];
+    std::array::from_fn(|m| std::array::from_fn(|n| bulk * volume * slope(m) * slope(n)))
 }
 
 /// Displacements of a cell's corners.

@@ -1,10 +1,12 @@
 //! Energy and internal forces of each hyperelastic cell; formula and source in [`super::hyperelastic`].
 //!
 //! An inverted cell has the energy [`INVERTED_ENERGY`] and the forces of the extended law, a removed cell has none.
-//! The unit quaternions of a body that is solved with [`Cell::stiffening`] take its length.
+//! The unit quaternions take the length of [`Cell::linearised`], and the rows after them its stiffness of the volume, unless
+//! `params.corotational` is less than [`HYPERELASTIC`] (trial points).
 //! Units: displacement m, material Pa, energy J, force N.
 
-use super::hyperelastic::{Cell, FibreRows, STIFFENED};
+use super::hyperelastic::{Cell, FibreRows};
+use super::volume::HYPERELASTIC;
 use super::{Params, Source};
 use crate::math::{Real, V4};
 
@@ -27,13 +29,17 @@ pub fn hyperelastic_forces<R: Real>(
     pre_strain: &[V4<R>],    // [layer] elastic strain at rest along x, y, z
     layer_of: &[u32],        // [cells_z] layer
     split: &[u32],           // see `split`
-    rotation: &mut [V4<R>],  // [cell] quaternion; 0 of a dead cell
+    rotation: &mut [V4<R>],  // [cell] quaternion, 0 of a dead cell; [cell × 3] `y`
     displacement: &[V4<R>],  // [node] displacement, m
     corner_force: &mut [R],  // [cell][corner][axis] N
     energy: &mut [R],        // [cell] J
 ) {
+    let count = params.cell_count as usize;
+    let (rotation, rows) = rotation.split_at_mut(count);
+    let mut rows = rows.as_chunks_mut::<3>().0.iter_mut();
     let cells = corner_force.as_chunks_mut::<24>().0.iter_mut().zip(energy).zip(rotation);
-    for (cell, ((force, energy), q)) in cells.enumerate().take(params.cell_count as usize) {
+    for (cell, ((force, energy), q)) in cells.enumerate().take(count) {
+        let rows = rows.next();
         (*energy, *force) = (R::zero(), [R::zero(); 24]);
         if *q == [R::zero(); 4] {
             continue;
@@ -43,9 +49,11 @@ pub fn hyperelastic_forces<R: Real>(
         for (out, f) in force.chunks_exact_mut(3).zip(found.forces()) {
             out.copy_from_slice(&[f.x, f.y, f.z]);
         }
-        if params.corotational == STIFFENED {
-            let length = found.stiffening(params).sqrt().sqrt();
+        if let Some(rows) = rows.filter(|_| params.corotational >= HYPERELASTIC) {
+            let linearised = found.linearised(params, *q);
+            let length = linearised.stiffening.sqrt().sqrt();
             *q = q.map(|c| c * length);
+            *rows = linearised.volume.map(|y| y.pad(R::zero()));
         }
     }
 }

@@ -7,13 +7,18 @@
 @group(0) @binding(5) var<storage, read_write> corner_force: array<f32>;    // [cell][corner][axis] N
 @group(0) @binding(6) var<storage, read_write> energy: array<f32>;          // [cell] J
 @group(0) @binding(7) var<storage, read> split: array<u32>;                 // see split.rs
-@group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;  // [cell] quaternion; 0 of a dead cell
+@group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;  // [cell] quaternion, 0 of a dead cell; [cell × 3] y
 @group(0) @binding(9) var<uniform> pre_strain: array<vec4<f32>, 21>;       // [layer] elastic strain at rest along x, y, z
 @group(0) @binding(10) var<uniform> fibres: array<vec4<f32>, 42>;          // [layer × 2] directions; k₂, κ
 
 const INVERTED_ENERGY: f32 = 1e38;
 const STIFFENED: u32 = 2u;
 const STIFFEST: f32 = 1e6;
+
+fn volume_stiffness(mean: f32) -> f32 {
+    let slope = log_volume_slope(mean);
+    return max(log_volume_stiffness(mean), 0.1 * slope * slope);
+}
 
 @compute @workgroup_size(64)
 fn hyperelastic_forces(thread: Thread) {
@@ -33,7 +38,9 @@ fn hyperelastic_forces(thread: Thread) {
     var sum = 0.0;
     var inverted = false;
     var pressed = 1.0; // the parts of the stiffening: largest of the Gauss points
-    var turned = 0.0;
+    var first_cofactor = mat3x3<f32>();
+    var beyond = mat3x3<f32>();
+    var squares = 0.0;
     var longest = 3.0;
     var fibrous = 0.0;
     for (var p = 0u; p < 8u; p += 1u) {
@@ -47,9 +54,11 @@ fn hyperelastic_forces(thread: Thread) {
             let flat = 0.5 * (1.0 + log_volume_slope(point.dilatation) * sqrt(squared));
             pressed = max(pressed, contracted(point.log_gradient, point.log_gradient) - 2.0);
             pressed = max(pressed, select(0.0, flat, 1.0 + point.dilatation < EXTENDED));
-            let even = 3.0 * exp(4.0 / 3.0 * log_volume(point.dilatation).x);
-            turned = max(turned, contracted(point.cofactor, point.cofactor) - even);
             longest = max(longest, squared);
+            if p == 0u { first_cofactor = point.cofactor; }
+            let more = point.cofactor - first_cofactor;
+            beyond += more;
+            squares += contracted(more, more);
             if own.material.w == HOLZAPFEL { fibrous = max(fibrous, holzapfel_stiffening(own.material.y, own.fibres, point)); }
         }
         let pushed = point.cofactor * own.weight;
@@ -64,15 +73,30 @@ fn hyperelastic_forces(thread: Thread) {
     let log_mean = log_volume(mean).x;
     let pressure = own.material.x * log_mean * log_volume_slope(mean);
     energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean), INVERTED_ENERGY, inverted);
+    var factor = 1.0;
     if params.corotational == STIFFENED {
         let shear = law_shear(own.material);
-        let volume = own.material.x / (6.0 * shear) * max(log_volume_stiffness(mean), 0.0) * turned;
+        let uneven = max(squares - 0.125 * contracted(beyond, beyond), 0.0);
+        let volume = own.material.x / (24.0 * shear) * volume_stiffness(mean) * uneven;
         let sheared = max(-pressure / (2.0 * shear), 0.0) * sqrt(longest / 3.0);
         let stretch = 1.0 + own.pre_strain;
         let strained = stretch * stretch / (stretch.x * stretch.y * stretch.z);
         let most = max(max(strained.x, strained.y), max(strained.z, 1.0));
         let s = min((pressed + volume + sheared + fibrous) * most, STIFFEST);
-        rotation[cell] = rotation[cell] * sqrt(sqrt(1.0 + (s - 1.0) / params.stiffness_factor));
+        factor = 1.0 + (s - 1.0) / params.stiffness_factor;
+    }
+    if params.corotational >= HYPERELASTIC {
+        let bulk = own.material.x * volume_stiffness(mean);
+        let scale = 0.125 * sqrt(bulk / (8.0 * own.weight * factor));
+        let r = rotation_matrix(rotation[cell]);
+        for (var n = 0u; n < 3u; n += 1u) {
+            var row = vec3<f32>(0.0);
+            for (var a = 0u; a < 8u; a += 1u) {
+                row += select(-volume_gradient[a], volume_gradient[a], corner(a)[n] == 0u);
+            }
+            rotation[params.cell_count + 3u * cell + n] = vec4<f32>((row * r) * scale, 0.0);
+        }
+        rotation[cell] = rotation[cell] * sqrt(sqrt(factor));
     }
     for (var a = 0u; a < 8u; a += 1u) {
         let out = force[a] + volume_gradient[a] * pressure;

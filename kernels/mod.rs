@@ -54,6 +54,7 @@ pub mod springs_blocks;
 pub mod springs_product;
 pub mod trial_point;
 pub mod update;
+pub mod volume;
 
 use crate::math::Real;
 
@@ -65,6 +66,7 @@ pub fn text(source: &Source) -> String {
     let mut out = COMMON.to_string();
     let shared = [
         ("> split: array", &[split::WGSL][..]),
+        ("> rotation: array", &[volume::WGSL][..]),
         ("> material: array", &hyperelastic::WGSL[..]),
         ("read> corner_force: array", &[collected::WGSL][..]),
         ("read> partial_residual: array", &[compensated::WGSL][..]),
@@ -168,7 +170,7 @@ params! {
         cell_count: u32,
         /// 0 none, 1 Jacobi, 2 block, 3 column (the multigrid smoother works by columns).
         preconditioner: u32,
-        /// 0 linear, 1 corotational, 2 with stiffness factors ([`hyperelastic::STIFFENED`]).
+        /// 0 linear, 1 corotational, 2 and 3 hyperelastic ([`hyperelastic::STIFFENED`], [`hyperelastic::NEWTON`]).
         corotational: u32,
         /// Number of right-hand sides of the running solve.
         slot_count: u32,
@@ -279,6 +281,12 @@ impl<R: Real> Params<R> {
             self.node_id([c[0] + o[0], c[1] + o[1], c[2] + o[2]])
         })
     }
+    /// Length of the array of rotations: a quaternion for each cell, and three rows for each hyperelastic one ([`volume`]).
+    pub fn frames(&self) -> usize {
+        let rows = if self.corotational >= volume::HYPERELASTIC { 4 } else { 1 };
+        rows * self.cell_count as usize
+    }
+
     /// Cells along x, y, z of the next coarser level: pairs along x and y; the last one stays single if the number is odd.
     pub fn coarse_cells(&self) -> [usize; 3] {
         [self.cells_x.div_ceil(2) as usize, self.cells_y.div_ceil(2) as usize, self.cells_z as usize]

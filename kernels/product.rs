@@ -23,11 +23,14 @@
 //!
 //! Rotations are used as `|q|² R(q)`: a zero quaternion gives no force, and a short one scales its cell's stiffness by `|q|⁴`.
 //!
+//! A hyperelastic cell has the stiffness of its volume apart from `K`, `y ⊗ y` in its frame ([`super::volume`]): 18 operations.
+//!
 //! Cost per cell in the twin: 26 operations for the rotation matrix, 144 for the patterns, 126 for rotating there and back, 72 for the
 //! blocks, 24 to accumulate forces, 19 for its node: 411, with a fused multiply-add counted once (543 counted twice). Memory: z, w, mass
 //! and rotation, 64 bytes in f32, 128 in f64; everything else stays in a core's cache (16 numbers for each node of 18 rows).
 //! Units: z m, w N, B N/m.
 
+use super::volume::HYPERELASTIC;
 use super::{Params, Source};
 use crate::math::mirrors::{dot, patterns, rotation_minus_one, rotation_rows};
 use crate::math::wide::{Lanes, MOST, Task};
@@ -64,6 +67,8 @@ const NARROW: usize = 7;
 const ALONE: usize = 512;
 /// Planes of a strip's scratch: z and force at two levels, by component, and the rotations of one level.
 const PLANES: usize = 16;
+/// Further planes of hyperelastic cells: the stiffness of their volume.
+const VOLUME_PLANES: usize = 9;
 
 /// Node rows of each strip.
 fn strips<R: Real>(params: &Params<R>) -> Vec<Range<usize>> {
@@ -84,7 +89,8 @@ pub fn cell_groups<R: Real>(params: &Params<R>) -> usize {
 }
 
 fn strip_pieces<R: Real>(params: &Params<R>, rows: &Range<usize>) -> usize {
-    (PLANES * plane_len(params, rows.len())).div_ceil(24 * LANES)
+    let volume = if params.corotational >= HYPERELASTIC { VOLUME_PLANES } else { 0 };
+    ((PLANES + volume) * plane_len(params, rows.len())).div_ceil(24 * LANES)
 }
 
 /// One right-hand side; returns `z·w`.
@@ -202,6 +208,8 @@ impl<R: Real> Task<R> for Strip<'_, R> {
         let (mut z_below, mut z_above) = ([take(), take(), take()], [take(), take(), take()]);
         let (mut f_below, mut f_above) = ([take(), take(), take()], [take(), take(), take()]);
         let mut q = [take(), take(), take(), take()];
+        let hyperelastic = params.corotational >= HYPERELASTIC && matches!(of, Of::System { .. });
+        let mut volume: Option<[_; VOLUME_PLANES]> = hyperelastic.then(|| std::array::from_fn(|_| take()));
 
         spread(&z[first..first + nodes], &mut z_below, 0);
         let mut along = [R::zero(); 4];
@@ -213,6 +221,10 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                 for (row, y) in cell_rows.clone().enumerate() {
                     let first = params.cell_id([0, y, k]);
                     spread(&rotation[first..][..cells_x], &mut q, row * nodes_x);
+                    if let Some(volume) = &mut volume {
+                        let rows = &rotation[params.cell_count as usize + 3 * first..][..3 * cells_x];
+                        spread_rows(rows, volume, row * nodes_x);
+                    }
                     if params.extra_columns > 0 {
                         leave_out(&split[params.layout().row + first..][..cells_x], &mut q, row * nodes_x);
                     }
@@ -245,7 +257,10 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                             }
                         }
                     }
-                    let force = cell_forces(lanes, blocks, rotation, at_corner, stretch, pulled);
+                    let row =
+                        |y: &[&mut [R]; VOLUME_PLANES], n: usize| [0, 1, 2].map(|i| lanes.load(&y[3 * n + i][at..]));
+                    let volume = volume.as_ref().map(|y| [0, 1, 2].map(|n| row(y, n)));
+                    let force = cell_forces(lanes, blocks, rotation, at_corner, stretch, pulled, volume);
                     // corners in descending order: a node gets its cells in ascending order, independent of the register width
                     for c in (0..4).rev() {
                         for n in 0..3 {
@@ -282,6 +297,16 @@ fn spread<R: Real, const N: usize>(from: &[V4<R>], to: &mut [&mut [R]; N], at: u
     for n in 0..N {
         for (to, from) in to[n][at..].iter_mut().zip(from) {
             *to = from[n];
+        }
+    }
+}
+
+/// The same of the three rows of each cell.
+#[inline(always)]
+fn spread_rows<R: Real>(from: &[V4<R>], to: &mut [&mut [R]; VOLUME_PLANES], at: usize) {
+    for (cell, rows) in from.as_chunks::<3>().0.iter().enumerate() {
+        for (plane, value) in to.iter_mut().zip(rows.iter().flat_map(|row| &row[..3])) {
+            plane[at + cell] = *value;
         }
     }
 }
@@ -327,7 +352,7 @@ fn add_to<R: Real, L: Lanes<R>>(l: L, to: &mut [R], value: L::V) {
 }
 
 /// Forces of cells on their corners, without the factor `s`; corner numbers have bits x + 2y + 4z. `stretch_i (Rᵀ − I) e_i + pulled_i e_i`
-/// is added to the pattern of axis `i`.
+/// is added to the pattern of axis `i`; `volume` is a hyperelastic cell's `y`.
 #[inline(always)]
 pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
     l: L,
@@ -336,6 +361,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
     z: [[L::V; 3]; 8],
     stretch: [L::V; 3],
     pulled: [L::V; 3],
+    volume: Option<[[L::V; 3]; 3]>,
 ) -> [[L::V; 3]; 8] {
     // patterns in the cells' frames
     let r = rotation_rows(l, q);
@@ -362,6 +388,16 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
         for n in 0..3 {
             let [a, b, c] = blocks[parity][n];
             force[parity ^ (1 << n)][n] = dot(l, [l.splat(a), l.splat(b), l.splat(c)], v);
+        }
+    }
+    // stiffness of the volume
+    if let Some(y) = volume {
+        let along = |n: usize| dot(l, y[n], local[1 << n]);
+        let change = l.add(l.add(along(0), along(1)), along(2));
+        for n in 0..3 {
+            for i in 0..3 {
+                force[1 << n][i] = l.mul_add(y[n][i], change, force[1 << n][i]);
+            }
         }
     }
     // rotate back, and from patterns to corners

@@ -23,8 +23,8 @@ fn patterns(v: array<vec3<f32>, 8>) -> array<vec3<f32>, 8> {
     return array<vec3<f32>, 8>(b0 + b4, b1 + b5, b2 + b6, b3 + b7, b0 - b4, b1 - b5, b2 - b6, b3 - b7);
 }
 
-fn cell_forces(q: vec4<f32>, first: u32, at: array<vec3<f32>, 8>) -> array<vec3<f32>, 8> {
-    let r = rotation_matrix(q);
+fn cell_forces(cell: u32, first: u32, at: array<vec3<f32>, 8>) -> array<vec3<f32>, 8> {
+    let r = rotation_matrix(rotation[cell]);
     let a = patterns(at);
     let l1 = a[1] * r; let l2 = a[2] * r; let l3 = a[3] * r; let l4 = a[4] * r;
     let l5 = a[5] * r; let l6 = a[6] * r; let l7 = a[7] * r;
@@ -37,12 +37,20 @@ fn cell_forces(q: vec4<f32>, first: u32, at: array<vec3<f32>, 8>) -> array<vec3<
     let g5 = modes[first + 5u] * vec3<f32>(l4.x, l7.y, l1.z);
     let g6 = modes[first + 6u] * vec3<f32>(l7.x, l4.y, l2.z);
     let g7 = modes[first + 7u] * vec3<f32>(l6.x, l5.y, l3.z);
+    var f1 = vec3<f32>(g0.x, g3.y, g5.z);
+    var f2 = vec3<f32>(g3.x, g0.y, g6.z);
+    var f4 = vec3<f32>(g5.x, g6.y, g0.z);
+    if params.corotational >= HYPERELASTIC {
+        let y1 = volume_row(cell, 0u); let y2 = volume_row(cell, 1u); let y4 = volume_row(cell, 2u);
+        let change = dot(y1, l1) + dot(y2, l2) + dot(y4, l4);
+        f1 += y1 * change; f2 += y2 * change; f4 += y4 * change;
+    }
     return patterns(array<vec3<f32>, 8>(
         vec3<f32>(0.0),
-        r * vec3<f32>(g0.x, g3.y, g5.z),
-        r * vec3<f32>(g3.x, g0.y, g6.z),
+        r * f1,
+        r * f2,
         r * vec3<f32>(g2.x, g1.y, g7.z),
-        r * vec3<f32>(g5.x, g6.y, g0.z),
+        r * f4,
         r * vec3<f32>(g4.x, g7.y, g1.z),
         r * vec3<f32>(g7.x, g4.y, g2.z),
         r * vec3<f32>(g6.x, g5.y, g3.z),
@@ -83,7 +91,7 @@ fn product(thread: Thread) {
             at[6] = z[upper + params.nodes_x].xyz;
             at[7] = z[upper + params.nodes_x + 1u].xyz;
             let cell = (x - 1u) + params.cells_x * ((y - 1u) + params.cells_y * k);
-            if !is_split(params, cell) { force = cell_forces(rotation[cell], layer_of[k] * 8u, at); }
+            if !is_split(params, cell) { force = cell_forces(cell, layer_of[k] * 8u, at); }
         }
         for (var n = 0u; n < 8u; n += 1u) { corner_force[n * 64u + lane] = force[n]; }
         workgroupBarrier();

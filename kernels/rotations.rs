@@ -27,7 +27,7 @@ pub fn rotations<R: Real>(
     u: &[V4<R>],            // [node] m
     rotation: &mut [V4<R>], // [cell] quaternion
 ) {
-    for (cell, q) in rotation.iter_mut().enumerate() {
+    for (cell, q) in rotation.iter_mut().enumerate().take(params.cell_count as usize) {
         *q = rotate_cell(params, shape, layer_of, split, u, cell, *q);
     }
 }

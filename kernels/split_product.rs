@@ -6,6 +6,7 @@
 //! Units: z m, w N, K N/m.
 
 use super::product::{LANES, Modes, cell_forces};
+use super::volume::{HYPERELASTIC, rows};
 use super::{Params, Source};
 use crate::math::wide::{Lanes, Task};
 use crate::math::{Real, V3, V4};
@@ -69,9 +70,17 @@ impl<R: Real> Task<R> for Cells<'_, R> {
             // gather rotations and corner values, one cell per lane
             let mut at = [[[R::zero(); LANES]; 3]; 8];
             let mut q = [[R::zero(); LANES]; 4];
+            let mut y = [[[R::zero(); LANES]; 3]; 3];
+            let hyperelastic = params.corotational >= HYPERELASTIC;
             for lane in 0..count {
                 for n in 0..4 {
                     q[n][lane] = rotation[cells[first + lane] as usize][n];
+                }
+                if hyperelastic {
+                    let own = rows(params, rotation, cells[first + lane] as usize);
+                    for (row, own) in y.iter_mut().zip(own) {
+                        row.iter_mut().zip(own).for_each(|(to, value)| to[lane] = *value);
+                    }
                 }
                 for c in 0..8 {
                     let node = corners[(first + lane) * 8 + BY_BITS[c]] as usize;
@@ -90,6 +99,7 @@ impl<R: Real> Task<R> for Cells<'_, R> {
                 at.each_ref().map(|v| v.each_ref().map(load)),
                 zero,
                 zero,
+                hyperelastic.then(|| y.each_ref().map(|row| row.each_ref().map(load))),
             );
             for c in 0..8 {
                 for n in 0..3 {

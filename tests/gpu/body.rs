@@ -210,6 +210,10 @@ impl Body {
     pub fn coarse_cells(&self) -> usize {
         self.params::<f64>().coarse_cells().iter().product()
     }
+    /// Quaternions and rows of its cells.
+    pub fn coarse_frames(&self) -> usize {
+        self.params::<f64>().frames() / self.grid.cell_count() * self.coarse_cells()
+    }
     /// Nodes of the next coarser level.
     pub fn coarse_nodes(&self) -> usize {
         self.params::<f64>().coarse_cells().iter().map(|c| c + 1).product()
@@ -290,7 +294,7 @@ impl Body {
             "z" | "x" | "p" | "d" => random.vectors(all, 1e-4),
             "coarse_z" => random.vectors(self.coarse_nodes() * self.slots, 1e-4),
             "coarse_r" => random.vectors(self.coarse_nodes() * self.slots, 0.01),
-            "coarse_rotation" => random.many(self.coarse_cells() * 4, 1.0),
+            "coarse_rotation" => random.many(self.coarse_frames() * 4, 1.0),
             "w" | "r" | "s" | "b" => random.vectors(all, 0.01),
             "values" if self.kernel == "duplicate" => random.many(all * 4, 1.0),
             "source" | "values" | "picked" | "destination" => random.many(nodes * 4, 1.0),
@@ -373,7 +377,8 @@ impl Body {
     fn rotation(&self, random: &mut Random) -> Vec<f32> {
         let cells = self.grid.cell_count();
         let unit = |q: [f32; 4]| q.map(|c| c / q.iter().map(|c| c * c).sum::<f32>().sqrt());
-        (0..cells)
+        let rows = if self.kernel == "rotations" { 0 } else { self.params::<f64>().frames() - cells };
+        let quaternions = (0..cells)
             .flat_map(|cell| {
                 let [x, y, z] = [0; 3].map(|_| 0.5 * random.next());
                 // a coarse level's cells may be short, and either sign is the same rotation
@@ -381,7 +386,11 @@ impl Body {
                 // a cell of its own is alive
                 if cell > 0 && cell == cells / 2 { [0.0; 4] } else { unit([x, y, z, 1.0]).map(|c| c * size) }
             })
-            .collect()
+            .collect::<Vec<_>>();
+        // stiffness of the volume
+        let volume = (0..rows).flat_map(|_| [0; 3].map(|_| 5.0 * random.next()).into_iter().chain([0.0]));
+        let volume: Vec<f32> = volume.collect();
+        [quaternions, volume].concat()
     }
 
     /// An array of numbers, for the twin.

@@ -9,6 +9,7 @@ use cutis::kernels::Params;
 use cutis::kernels::advance::{Request, Scalars};
 use cutis::kernels::cut::Hit;
 use cutis::kernels::product::{LANES, cell_groups};
+use cutis::kernels::volume::{HYPERELASTIC, slope_of};
 use cutis::math::{Real, V3, V4, rotation_matrix};
 
 /// Name and elements of each read-write array.
@@ -124,7 +125,7 @@ pub fn centres<R: Real>(b: &Body) -> Outputs<R> {
 }
 
 pub fn coarsen<R: Real>(b: &Body) -> Outputs<R> {
-    let mut coarse = vec![[R::zero(); 4]; b.coarse_cells()];
+    let mut coarse = vec![[R::zero(); 4]; b.coarse_frames()];
     kernels::coarsen::coarsen(&b.params(), &b.v4("rotation"), &mut coarse);
     vec![("coarse_rotation", flat(&coarse))]
 }
@@ -356,9 +357,17 @@ pub fn split_product<R: Real>(b: &Body) -> Outputs<R> {
                 let a = corners.iter().position(|n| *n == i).expect("a cell of the node");
                 let first = b.grid.layer_of[p.cell_at(cell)[2]] as usize * 64 + a * 8;
                 let r = rotation_matrix(rotation[cell]);
-                let mut local = V3::zero();
+                let hyperelastic = p.corotational >= HYPERELASTIC;
+                let (mut local, mut change) = (V3::zero(), R::zero());
                 for (k, node) in corners.into_iter().enumerate() {
-                    local += stiffness[first + k] * (r.transpose() * (V3::from4(z[node]) - own));
+                    let moved = r.transpose() * (V3::from4(z[node]) - own);
+                    local += stiffness[first + k] * moved;
+                    if hyperelastic {
+                        change += slope_of(&p, &rotation, cell, k).dot(moved);
+                    }
+                }
+                if hyperelastic {
+                    local += slope_of(&p, &rotation, cell, a) * change;
                 }
                 sum += r * local;
             }

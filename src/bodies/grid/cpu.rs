@@ -4,7 +4,7 @@
 
 use super::direct::Direct;
 use super::multigrid::{Hierarchy, Operator, cycle, workspaces};
-use super::{Hyperelastic, element, stiffen, tangent};
+use super::{Hyperelastic, element, tangent};
 use crate::bodies::cpu::{Preconditioner, Start, System, Trial, Workspace};
 use crate::bodies::{Model, Refused, Removal};
 use crate::error::Result;
@@ -12,7 +12,6 @@ use crate::kernels::blocks::blocks;
 use crate::kernels::centres::centres;
 use crate::kernels::collect_product::collect_product;
 use crate::kernels::factor::factor;
-use crate::kernels::hyperelastic::STIFFENED;
 use crate::kernels::precondition::precondition;
 use crate::kernels::product::{CellForces, LANES, Modes, cell_groups, elastic_forces, product};
 use crate::kernels::split_product::split_product;
@@ -30,6 +29,8 @@ pub struct Hexahedra<R> {
     system: Vec<M3<R>>,
     modes: Vec<Modes<R>>,
     layer_of: Vec<u32>,
+    cell_count: usize,
+    /// `[cell]` quaternion; `[cell × 3]` stiffness of the volume of a hyperelastic body ([`crate::kernels::product`])
     rotation: Vec<V4<R>>,
     split: Vec<u32>,
     split_cells: Vec<u32>,
@@ -113,7 +114,8 @@ impl<R: Real> Hexahedra<R> {
             system: model.system_blocks(),
             modes: model.modes(),
             layer_of: model.grid.layer_of.clone(),
-            rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.grid.cell_count()],
+            cell_count: model.grid.cell_count(),
+            rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.params::<R>().frames()],
             split: Parts::new(model.params()).table().to_vec(),
             split_cells: vec![],
             multigrid: Hierarchy::new(model),
@@ -153,7 +155,7 @@ impl<R: Real> System<R> for Hexahedra<R> {
         let Self { shape, pre_strain, stiffness, elastic, layer_of, rotation, split, law, tangents, .. } = self;
         // rotations at the start of the step
         if params.corotational != 0 {
-            rotation.par_iter_mut().enumerate().for_each(|(cell, q)| {
+            rotation[..params.cell_count as usize].par_iter_mut().enumerate().for_each(|(cell, q)| {
                 *q = rotations::rotate_cell(params, shape, layer_of, split, u, cell, *q);
             });
         }
@@ -164,16 +166,15 @@ impl<R: Real> System<R> for Hexahedra<R> {
                 return Err(Refused::InvertedCell { cell: tangents.params.cell_at(cell) }.into());
             }
             f.iter_mut().zip(tangents.forces(&displacement)).for_each(|(f, force)| *f = round(&force));
+            tangents.law.linearise(&tangents.params, &[], &displacement, rotation);
             return Ok(());
         }
         if let Some((law, own)) = law {
             let wide = Params { node_count: params.node_count, ..*own };
             let alive = |cell: usize| rotation[cell] != [R::zero(); 4];
-            let (forces, stiffening) = law.forces_and_stiffening(&wide, split, &alive, &widen(at));
-            f.iter_mut().zip(forces).for_each(|(f, force)| *f = round(&force));
-            if params.corotational == STIFFENED {
-                stiffen(rotation, &stiffening);
-            }
+            let at = widen(at);
+            f.iter_mut().zip(law.forces(&wide, split, &alive, &at)).for_each(|(f, force)| *f = round(&force));
+            law.linearise(&wide, split, &at, rotation);
             return Ok(());
         }
         // corotational forces; nodes of split cells are summed again
@@ -287,7 +288,7 @@ impl<R: Real> System<R> for Hexahedra<R> {
     }
 
     fn rotations(&self) -> Vec<V4<f64>> {
-        widen(&self.rotation)
+        widen(&self.rotation[..self.cell_count])
     }
 
     fn set_rotations(&mut self, rotation: &[V4<f64>]) {

@@ -15,6 +15,7 @@
 
 use crate::bodies::{Model, Refused};
 use crate::error::Result;
+use crate::kernels::volume::{HYPERELASTIC, slope_of};
 use crate::kernels::{Params, corner};
 use crate::math::{M3, Real, V4, rotation_matrix};
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -87,7 +88,7 @@ impl Pattern {
         params: &Params<f64>,
         stiffness: &[M3<f64>], // [layer × 64] blocks a×8+b, N/m
         layer_of: &[u32],      // [cells_z] layer
-        rotation: &[V4<f64>],  // [cell] quaternion
+        rotation: &[V4<f64>],  // [cell] quaternion; [cell × 3] `y`
         free: &[V4<f64>],      // [node] DOF mask (1 free, 0 fixed) and mass kg
         value: &mut [f64],     // [entry] N/m
     ) {
@@ -166,6 +167,10 @@ fn blocks_around(
         for b in 0..8 {
             let sum = &mut block[offset(corner(b), corner(a))];
             *sum = *sum + r * stiffness[first + 8 * b + a] * turned;
+            if params.corotational >= HYPERELASTIC {
+                let [row, column] = [b, a].map(|corner| r * slope_of(params, rotation, cell, corner));
+                *sum = *sum + row.outer(column);
+            }
         }
     }
     block

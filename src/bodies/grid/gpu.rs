@@ -89,14 +89,14 @@ impl Hexahedra {
             return Err(Refused::DirectOnGpu.into());
         }
         // arrays of all laws
-        let rotation = made.of("rotation", &vec![[0f32, 0.0, 0.0, 1.0]; model.grid.cell_count()])?;
+        let rotation = made.of("rotation", &vec![[0f32, 0.0, 0.0, 1.0]; params.frames()])?;
         let host = Parts::new(model.params()).table().to_vec();
         let table = made.of("split", if host.is_empty() { &[0] } else { &host[..] })?;
         let system = model.system_matrices();
         let mut shared = Arrays::of(&[
             table.clone(),
             layers_uniform(made, "shape", &model.shapes()),
-            stiffness_uniform(made, &hexahedra.stiffness),
+            stiffness_uniform(made, if hexahedra.hyperelastic.is_some() { &system } else { &hexahedra.stiffness }),
             modes_uniform(made, &system),
             made.of("layer_of", &model.grid.layer_of)?,
             rotation.clone(),
@@ -233,7 +233,9 @@ impl Hexahedra {
         // parameter blocks: step length, factor of damping, fraction of the force change
         let gain = made.params(&self.params);
         let (_, damped) = with_factor(made, &self.params, law.damping);
-        let (_, shared) = with_factor(made, &self.params, law.end_share);
+        // trial points leave the linearisation as it is
+        let trial = Params { corotational: 1, ..self.params };
+        let (_, shared) = with_factor(made, &trial, law.end_share);
         let along =
             [("params", &gain), ("dx", &dx[0]), ("x", x), ("residual_force", &residual_force[0]), ("dx_next", &dx[1])];
         let along = [&along[..], &[("predicted_decrease", &predicted_decrease)]].concat();
@@ -292,7 +294,7 @@ fn make_levels(
         own.push(unread.clone());
         own.extend(layer_of.clone());
         own.push(made.of("free", &free)?);
-        own.push(made.vec4("rotation", params.cell_count as usize)?);
+        own.push(made.vec4("rotation", params.frames())?);
         own.push(made.vec4("block", n * 4)?);
         for name in ["r", "z", "d", "w"] {
             own.push(made.vec4(name, n * slots)?);

@@ -21,7 +21,7 @@ use super::element::{Matrix, lame};
 use crate::bodies::{Model, Solved};
 use crate::kernels::collect::collect;
 use crate::kernels::deformation::gradient;
-use crate::kernels::hyperelastic::{Cell, FibreRows, Law as CellLaw, Material};
+use crate::kernels::hyperelastic::{Cell, FibreRows, Law as CellLaw, Linearised, Material, mean_volume};
 use crate::kernels::{PARALLEL, Params};
 use crate::math::elementary::{cos, sin};
 use crate::math::{M3, Real, V3, V4};
@@ -169,7 +169,7 @@ pub struct Hyperelastic {
     /// `[cells_z]` layer
     layer_of: Vec<u32>,
     /// True if steps are solved by Newton's method with the consistent tangent; otherwise each is one linear solve with the rotated
-    /// stiffness ([`Cell::stiffening`]).
+    /// stiffness ([`Cell::linearised`]).
     pub newton: bool,
 }
 
@@ -253,17 +253,34 @@ impl Hyperelastic {
         sums(params, split, &each.into_iter().map(Option::unwrap_or_default).collect::<Vec<_>>())
     }
 
-    /// The same, and the `[cell]` factors of the stiffness ([`Cell::stiffening`]), 0 of cells that are not `alive`.
-    pub fn forces_and_stiffening(
-        &self,
-        params: &Params<f64>,
-        split: &[u32],
-        alive: &(dyn Fn(usize) -> bool + Sync),
-        u: &[V4<f64>],
-    ) -> (Vec<V4<f64>>, Vec<f64>) {
-        let each = self.each(params, split, alive, u, |state| (state.forces().map(V3::f64), state.stiffening(params)));
-        let (forces, stiffening): (Vec<_>, _) = each.into_iter().map(Option::unwrap_or_default).unzip();
-        (sums(params, split, &forces), stiffening)
+    /// Gives the unit quaternions of a body the lengths, and the rows after them the stiffness of the volume, of the cells' linearisation at
+    /// `u` ([`Cell::linearised`]).
+    pub fn linearise<R: Real>(&self, params: &Params<f64>, split: &[u32], u: &[V4<f64>], rotation: &mut [V4<R>]) {
+        let (quaternions, rows) = rotation.split_at_mut(params.cell_count as usize);
+        let cells = quaternions.par_iter_mut().zip(rows.par_chunks_exact_mut(3)).enumerate();
+        cells.with_min_len(PARALLEL / 8).for_each(|(cell, (q, rows))| {
+            if *q == [R::zero(); 4] {
+                return;
+            }
+            let wide = q.map(|c| c.f64());
+            let Linearised { stiffening, volume } = self.cell(params, split, u, cell).linearised(params, wide);
+            let length = stiffening.sqrt().sqrt();
+            *q = wide.map(|c| R::of(c * length));
+            rows.iter_mut().zip(volume).for_each(|(row, y)| *row = y.pad(0.0).map(R::of));
+        });
+    }
+
+    /// `[layer]` small-strain matrices of a level whose cells have `2^coarsened` times the edges along x and y, less the stiffness of their mean
+    /// volume, N/m.
+    pub(super) fn without_volume(&self, stiffness: &[Matrix], coarsened: u32) -> Vec<Matrix> {
+        let times = f64::from(1u32 << coarsened);
+        let of_layer = |(k, (shape, material)): (&Matrix, (&V4<f64>, &V4<f64>))| {
+            let mut k = *k;
+            let volume = mean_volume([shape[0] * times, shape[1] * times, shape[2]], material[0]);
+            k.as_flattened_mut().iter_mut().zip(volume.as_flattened()).for_each(|(k, v)| *k -= v);
+            k
+        };
+        stiffness.iter().zip(self.shapes.iter().zip(&self.materials)).map(of_layer).collect()
     }
 
     /// Change of the forces of the cells that are `alive` from `f` over a step, as it enters the step, `[node]` N; NaN if Newton's method has
@@ -311,7 +328,10 @@ mod tests {
     use crate::kernels::corner;
     use crate::kernels::holzapfel::Fibres;
     use crate::kernels::hyperelastic;
+    use crate::kernels::hyperelastic::STIFFENED;
+    use crate::kernels::volume::slope;
     use crate::math::random::Random;
+    use crate::math::rotation_matrix;
 
     type Law = hyperelastic::Law<f64>;
     type Field = [V3<f64>; 8];
@@ -424,7 +444,7 @@ mod tests {
 
     #[test]
     fn a_cell_in_disorder_has_finite_forces_and_stiffening() {
-        let params = Params { stiffness_factor: 3.0, ..Params::default() };
+        let params = Params { stiffness_factor: 3.0, corotational: STIFFENED, ..Params::default() };
         for (law, seed) in LAWS.into_iter().flat_map(|law| (1..50).map(move |seed| (law, seed))) {
             // up to ten times the thinnest edge
             let cell = Cell::new(of(law), &random(seed, 4e-3));
@@ -433,7 +453,7 @@ mod tests {
             let slope = (moved(law, &u, &d, 1e-6).energy() - moved(law, &u, &d, -1e-6).energy()) / 2e-6;
             let wanted: f64 = cell.forces().iter().zip(d).map(|(f, d)| f.dot(d)).sum();
             assert!((slope / wanted - 1.0).abs() < 1e-3, "seed {seed}: {law:?}, {slope:e}, wanted {wanted:e}");
-            let s = cell.stiffening(&params);
+            let s = cell.linearised(&params, UNTURNED).stiffening;
             assert!(s.is_finite() && s >= 1.0, "seed {seed}: {law:?}, {s}");
         }
     }
@@ -473,10 +493,29 @@ mod tests {
         }
     }
 
-    /// Largest `xᵀ K x / xᵀ S x` over uniform strains `x` of a cell, `S` the small-strain matrix times `factor`. (Rotations are not the
-    /// tangent's business: the matrix turns with the cell.)
-    fn stiffer(k: &Matrix, small: &Matrix, factor: f64) -> f64 {
-        let edges = soft().edges.f64();
+    const UNTURNED: V4<f64> = [0.0, 0.0, 0.0, 1.0];
+
+    /// Linearised stiffness of a cell ([`Cell::linearised`]) with a small-strain matrix, for steps without damping.
+    fn linearised(cell: &Cell<f64>, small: &Matrix, q: V4<f64>) -> Matrix {
+        let params = Params { stiffness_factor: 1.0, corotational: STIFFENED, ..Params::default() };
+        let found = cell.linearised(&params, q);
+        let (volume, r) = (mean_volume(cell.material.edges.f64(), cell.material.bulk), rotation_matrix(q));
+        let turned = |m: usize, n: usize, k: &dyn Fn(usize, usize) -> f64| -> f64 {
+            let (row, column) = (r.transpose().0[m % 3].f64(), r.transpose().0[n % 3].f64());
+            let (a, b) = (m / 3 * 3, n / 3 * 3);
+            (0..9).map(|k_of| row[k_of / 3] * k(a + k_of / 3, b + k_of % 3) * column[k_of % 3]).sum()
+        };
+        let local = |m: usize, n: usize| {
+            let slope = |m: usize| slope(found.volume, m / 3).f64()[m % 3];
+            small[m][n] - volume[m][n] + slope(m) * slope(n)
+        };
+        std::array::from_fn(|m| std::array::from_fn(|n| found.stiffening * turned(m, n, &local)))
+    }
+
+    /// Largest `xᵀ K x / xᵀ S x` over uniform strains and hourglass patterns `x` of a cell, turned by `q`. (Rotations are not the tangent's
+    /// business: the matrix turns with the cell.)
+    fn stiffer(k: &Matrix, s: &Matrix, q: V4<f64>) -> f64 {
+        let (edges, r) = (soft().edges.f64(), rotation_matrix(q));
         let mut random = Random::new(3);
         let mut largest = 0.0f64;
         for sample in 0..3000 {
@@ -485,26 +524,51 @@ mod tests {
                 0..3 => std::array::from_fn(|m| std::array::from_fn(|n| f64::from(u8::from(m == n && m == sample)))),
                 _ => [[a, d, e], [d, b, f], [e, f, c]],
             };
-            let x = field(|corner_of, m| (0..3).map(|n| strain[m][n] * corner(corner_of)[n] as f64 * edges[n]).sum());
+            let hourglass: [[f64; 3]; 4] = std::array::from_fn(|_| std::array::from_fn(|_| 3e-4 * random.signed()));
+            let x = field(|corner_of, m| {
+                let at = corner(corner_of).map(|c| 2.0 * c as f64 - 1.0);
+                let patterns = [at[0] * at[1], at[1] * at[2], at[2] * at[0], at[0] * at[1] * at[2]];
+                let uniform: f64 = (0..3).map(|n| 0.5 * strain[m][n] * at[n] * edges[n]).sum();
+                let bent: f64 = (0..4).map(|p| hourglass[p][m] * patterns[p]).sum();
+                uniform + if sample % 3 == 1 { bent } else { 0.0 }
+            });
+            let x = x.map(|x| r * x);
             let energy =
                 |matrix: &Matrix| -> f64 { times(matrix, &x).iter().zip(x).map(|(f, x)| V3::of(*f).dot(x)).sum() };
-            largest = largest.max(energy(k) / (factor * energy(small)));
+            largest = largest.max(energy(k) / energy(s));
         }
         largest
     }
 
-    /// Largest ratio of the true tangent to the stiffened one and to the unstiffened one, in cells of stretches `scale`.
+    /// Largest ratio of the true tangent to the linearised one and to the one at rest, in cells of stretches `scale`.
     fn most_stiff(law: Law, small: &Matrix, scales: impl Iterator<Item = [f64; 3]>) -> [f64; 2] {
         let edges = soft().edges.f64();
         let ratios = scales.map(|scale| {
             let u = field(|a, n| (corner(a)[n] as f64) * edges[n] * (scale[n] - 1.0));
             let cell = Cell::new(of(law), &u);
-            let (k, factor) = (tangent(&cell), cell.stiffening(&Params { stiffness_factor: 1.0, ..Params::default() }));
-            let ratio = stiffer(&k, small, factor);
-            assert!(ratio < 2.0, "{scale:?}: {ratio} of the stiffened tangent");
-            [ratio, stiffer(&k, small, 1.0)]
+            let (k, s) = (tangent(&cell), linearised(&cell, small, UNTURNED));
+            let ratio = stiffer(&k, &s, UNTURNED);
+            assert!(ratio < 2.0, "{scale:?}: {ratio} of the linearised tangent");
+            [ratio, stiffer(&k, small, UNTURNED)]
         });
         ratios.fold([0.0; 2], |most, own| [most[0].max(own[0]), most[1].max(own[1])])
+    }
+
+    /// Cells that are sheared, bent and turned.
+    #[test]
+    fn the_linearised_tangent_of_uneven_cells_is_about_half_of_the_true_one_or_more() {
+        let (small, edges) = (small_strain(), soft().edges);
+        let mut most = 0.0f64;
+        for seed in 0..60 {
+            let mut random = Random::new(seed);
+            let size = 0.25 + 0.15 * random.signed();
+            let u = field(|_, n| 0.5 * size * random.signed() * edges.f64()[n]);
+            let cell = Cell::new(soft(), &u);
+            let mean = cell.points.iter().fold(M3::zero(), |sum, p| sum + p.h * 0.125);
+            let q = crate::kernels::rotations::polar(M3::identity() + mean, UNTURNED);
+            most = most.max(stiffer(&tangent(&cell), &linearised(&cell, &small, q), q));
+        }
+        assert!(most < 2.0, "{most}");
     }
 
     fn small_strain() -> Matrix {
@@ -545,7 +609,8 @@ mod tests {
             assert!(plain > 2.0, "{fibres:?}: the counter-test: {plain} without it, {most} with it");
             // what is in the matrix keeps the factor small where fibres begin to pull
             let first = field(|a, n| if n == 0 { 1e-3 * (corner(a)[0] as f64) * soft().edges.x } else { 0.0 });
-            let factor = Cell::new(of(law), &first).stiffening(&Params { stiffness_factor: 1.0, ..Params::default() });
+            let params = Params { stiffness_factor: 1.0, corotational: STIFFENED, ..Params::default() };
+            let factor = Cell::new(of(law), &first).linearised(&params, UNTURNED).stiffening;
             assert!(factor < 2.0, "{fibres:?}: {factor}");
         }
     }

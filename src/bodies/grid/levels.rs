@@ -24,6 +24,10 @@ pub const COARSEST: usize = 2;
 /// `λ(M, D)` of a consistent mass: 3/2 along x times 3/2 along y. Lumped masses have 1.
 pub const OF_MASS: f64 = 2.25;
 
+/// `λ(c ⊗ c, D)` of the stiffness of a hyperelastic cell's volume, whatever its direction: `(Σ c_e·z_e)² ≤ 4 Σ (c_e·z_e)²` over the four
+/// vertical edges.
+pub const OF_VOLUME: f64 = 4.0;
+
 /// One level below the finest.
 #[derive(Clone, Debug)]
 pub struct Level {

@@ -26,7 +26,9 @@ use super::{Hexahedra, element};
 use crate::bodies::{Model, Moved, Wound};
 use crate::kernels::deformation::{Point, field_gradient};
 use crate::kernels::forces::rest_corner;
-use crate::kernels::{PARALLEL, rotations};
+use crate::kernels::hyperelastic::NEWTON;
+use crate::kernels::volume::slope;
+use crate::kernels::{PARALLEL, Params, rotations};
 use crate::math::{M3, V3, V4, rotation_matrix, rotation_minus_identity};
 use crate::scene::Element;
 use rayon::prelude::*;
@@ -72,11 +74,19 @@ impl Hexahedra {
             let local = elastic + back * (v[a] - v[0]) * rate;
             d[3 * a..3 * a + 3].copy_from_slice(&local.f64());
         }
-        let k = &self.stiffness[layer];
-        let row = |r: usize| k[r].iter().zip(&d).map(|(k, d)| k * d).sum::<f64>();
-        let own = law.map_or([V3::zero(); 8], |state| state.forces());
+        let row = |k: &element::Matrix, r: usize| k[r].iter().zip(&d).map(|(k, d)| k * d).sum::<f64>();
+        let local = |k: &element::Matrix, a: usize| V3::new(row(k, 3 * a), row(k, 3 * a + 1), row(k, 3 * a + 2));
         let ahead = rotation_matrix(q);
-        std::array::from_fn(|a| own[a] + ahead * V3::new(row(3 * a), row(3 * a + 1), row(3 * a + 2)))
+        let Some((law, state)) = self.hyperelastic.as_ref().zip(law) else {
+            return std::array::from_fn(|a| ahead * local(&self.stiffness[layer], a));
+        };
+        // the volume's stiffness has its present direction
+        let k = law.without_volume(&self.stiffness, 0)[layer];
+        let params = Params { corotational: NEWTON, ..Params::default() };
+        let slopes: [V3<f64>; 8] = std::array::from_fn(|a| slope(state.linearised(&params, q).volume, a));
+        let change: f64 = slopes.iter().zip(d.as_chunks::<3>().0).map(|(slope, d)| slope.dot(V3::of(*d))).sum();
+        let own = state.forces();
+        std::array::from_fn(|a| own[a] + ahead * (local(&k, a) + slopes[a] * change))
     }
 
     /// `[asked]` forces of the present cells around nodes in ascending order, N.

@@ -19,14 +19,14 @@ use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
 use crate::kernels::forces::rest_corner;
-use crate::kernels::hyperelastic::STIFFENED;
+use crate::kernels::hyperelastic::{NEWTON, STIFFENED};
 use crate::kernels::product::{LANES, Modes, cell_groups, product, tiles};
 use crate::kernels::split::split_cells;
 use crate::kernels::split_product::split_product;
 use crate::kernels::{GROUP, Params, forces, rotations};
 use crate::math::{M3, Real, V3, V4, rotation_matrix, rotation_minus_identity};
 use crate::mesh::Grid;
-use crate::scene::{Cut, Element, Law, Layer, Mass, Preconditioner, Scene, Skin};
+use crate::scene::{Cut, Element, Integrator, Law, Layer, Mass, Preconditioner, Scene, Skin};
 
 /// Arrays of a body of hexahedra.
 #[derive(Clone, Debug)]
@@ -85,9 +85,17 @@ pub(super) fn prepare(model: &mut Model, preconditioner: Preconditioner) {
     let grid = &model.grid;
     let Kind::Hexahedra(hexahedra) = &mut model.kind else { return };
     hexahedra.direct = implicit && preconditioner == Preconditioner::Direct;
-    hexahedra.multigrid = (implicit && preconditioner == Preconditioner::Multigrid).then(|| Multigrid {
-        largest: levels::largest(&hexahedra.stiffness).max(largest_of_mass),
-        coarse: levels::levels(grid, &hexahedra.stiffness, &in_system[..count]),
+    hexahedra.multigrid = (implicit && preconditioner == Preconditioner::Multigrid).then(|| {
+        let mut coarse = levels::levels(grid, &hexahedra.stiffness, &in_system[..count]);
+        let mut largest = levels::largest(&hexahedra.stiffness).max(largest_of_mass);
+        if let Some(law) = &hexahedra.hyperelastic {
+            largest = levels::largest(&law.without_volume(&hexahedra.stiffness, 0)).max(levels::OF_VOLUME);
+            for (number, level) in (1..).zip(&mut coarse) {
+                level.stiffness = law.without_volume(&level.stiffness, number);
+                level.largest = levels::largest(&level.stiffness).max(levels::OF_VOLUME);
+            }
+        }
+        Multigrid { largest, coarse }
     });
 }
 
@@ -118,7 +126,9 @@ impl Hexahedra {
             element,
             corotational: match (skin.law, &hyperelastic) {
                 (Law::Fem { corotational, .. }, _) => u32::from(corotational),
-                (_, Some(law)) if !law.newton => STIFFENED,
+                (_, Some(_)) if scene.time.integrator == Integrator::SymplecticEuler => 1,
+                (_, Some(law)) if law.newton => NEWTON,
+                (_, Some(_)) => STIFFENED,
                 _ => 1,
             },
             hyperelastic,
@@ -162,10 +172,11 @@ impl Model {
         element::blocks(&self.system_matrices())
     }
 
-    /// `[layer]` a cell's matrix in `A` without the nodal masses, divided by the stiffness factor `s`: K and, for a consistent mass, the
-    /// difference between consistent and lumped mass. Blocks of M are multiples of the identity, so it rotates with K.
+    /// `[layer]` a cell's matrix in `A` without the nodal masses, divided by the stiffness factor `s`: K, of hyperelastic cells less the
+    /// stiffness of their mean volume; and, for a consistent mass, the difference between consistent and lumped mass. Blocks of M are multiples of the identity, so it rotates with K.
     pub fn system_matrices(&self) -> Vec<element::Matrix> {
-        let mut all = self.hexahedra().stiffness.clone();
+        let Hexahedra { stiffness, hyperelastic, .. } = self.hexahedra();
+        let mut all = hyperelastic.as_ref().map_or_else(|| stiffness.clone(), |law| law.without_volume(stiffness, 0));
         if self.mass == Mass::Consistent {
             let params = self.params::<f64>();
             for (k, shape) in all.iter_mut().zip(&self.shape) {
@@ -204,14 +215,6 @@ pub fn links(params: &Params<f64>) -> Vec<[u32; 2]> {
     out
 }
 
-/// Gives unit quaternions the lengths that carry factors of the stiffness ([`STIFFENED`]).
-fn stiffen<R: Real>(rotation: &mut [V4<R>], stiffening: &[f64]) {
-    for (q, s) in rotation.iter_mut().zip(stiffening) {
-        let length = R::of(s.sqrt().sqrt());
-        *q = q.map(|c| c * length);
-    }
-}
-
 /// `[cell]` rest position of the centre, m.
 pub fn cell_centres(model: &Model) -> Vec<[f64; 3]> {
     let params = model.grid.params::<f64>();
@@ -224,13 +227,15 @@ pub fn cell_centres(model: &Model) -> Vec<[f64; 3]> {
 }
 
 impl Hexahedra {
-    /// `[cell]` rotations at the displacements of a state, as unit quaternions; 0 for a removed cell.
-    fn unit_rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
-        let mut rotation = state.rotation.clone();
-        if self.corotational != 0 {
-            let layers = &model.grid.layer_of;
-            let shapes = model.shapes();
-            rotations::rotations(&model.params(), &shapes, layers, &state.split, &state.u, &mut rotation);
+    /// `[cell]` rotations at the displacements of a state, 0 for a removed cell, and `[cell × 3]` the stiffness of the volume of hyperelastic
+    /// cells; stiffened, or as unit quaternions for what is damping alone.
+    fn linearisation(&self, model: &Model, state: &Snapshot, stiffened: bool) -> Vec<V4<f64>> {
+        let mut rotation = self.rotations(model, state);
+        let mut params = model.params::<f64>();
+        if let Some(law) = &self.hyperelastic {
+            rotation.resize(4 * rotation.len(), [0.0; 4]);
+            params.corotational = if stiffened { self.corotational } else { NEWTON };
+            law.linearise(&params, &state.split, &state.u, &mut rotation);
         }
         rotation
     }
@@ -332,8 +337,8 @@ impl Mechanics for Hexahedra {
         let newton = self.hyperelastic.as_ref().filter(|law| law.newton || solved.exact);
         // the stiffening belongs to the linearisation
         let rotation = match newton {
-            Some(_) => self.unit_rotations(model, &solved.start),
-            None => self.rotations(model, &solved.start),
+            Some(_) => self.linearisation(model, &solved.start, false),
+            None => self.linearisation(model, &solved.start, true),
         };
         // elastic forces with the rotations of the state
         forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, at, &rotation, &mut f);
@@ -363,11 +368,10 @@ impl Mechanics for Hexahedra {
     }
 
     fn rotations(&self, model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
-        let mut rotation = self.unit_rotations(model, state);
-        if let Some(law) = self.hyperelastic.as_ref().filter(|_| self.corotational == STIFFENED) {
-            let alive = |cell: usize| rotation[cell] != [0.0; 4];
-            let (_, stiffening) = law.forces_and_stiffening(&model.params(), &state.split, &alive, &state.u);
-            stiffen(&mut rotation, &stiffening);
+        let mut rotation = state.rotation.clone();
+        if self.corotational != 0 {
+            let layers = &model.grid.layer_of;
+            rotations::rotations(&model.params(), &model.shapes(), layers, &state.split, &state.u, &mut rotation);
         }
         rotation
     }

@@ -100,7 +100,7 @@ impl<R: Real> Hierarchy<R> {
                 stiffness: element::blocks(&level.stiffness),
                 modes: element::rounded_modes(&level.stiffness),
                 steps: rounded(level.largest, number + 1 == levels),
-                rotation: vec![[R::zero(); 4]; params.cell_count as usize],
+                rotation: vec![[R::zero(); 4]; params.frames()],
                 free: level.free.iter().map(|f| f.map(R::of)).collect(),
                 block: vec![[R::zero(); 4]; params.node_count as usize * 4],
                 params,
