@@ -296,6 +296,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
                 "1 array hyperelastic law: dx",
                 "1 array hyperelastic law: dx_next",
                 "1 array hyperelastic law: energy",
+                "1 array hyperelastic law: fibres",
                 "1 array hyperelastic law: material",
                 "3 array hyperelastic law: params",
                 "1 array hyperelastic law: partial_product",
@@ -323,6 +324,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
             &[
                 "1 array hyperelastic law: corner_force",
                 "1 array hyperelastic law: energy",
+                "1 array hyperelastic law: fibres",
                 "1 array hyperelastic law: material",
                 "1 kernel collect",
                 "1 kernel hyperelastic_forces",

@@ -2,13 +2,14 @@
 
 use cutis::bodies::Model;
 use cutis::bodies::Wound;
-use cutis::bodies::grid::levels::largest;
+use cutis::bodies::grid::levels::{OF_VOLUME, largest};
 use cutis::kernels::blocks::{Block, blocks, pack, unpack};
 use cutis::kernels::cut::Hit;
 use cutis::kernels::factor::factor;
 use cutis::kernels::precondition::precondition;
 use cutis::kernels::product::{LANES, cell_groups, product};
 use cutis::kernels::split_product::split_product;
+use cutis::kernels::volume::slope_of;
 use cutis::math::random::Random;
 use cutis::math::{M3, V3, V4, rotation_matrix};
 use cutis::scene::{Files, Mass, parse};
@@ -158,7 +159,12 @@ fn turned(model: &Model, seed: u64) -> Vec<V4<f64>> {
         let q = [next(), next(), next(), next() + 1.5];
         q.map(|c| c / q.iter().map(|c| c * c).sum::<f64>().sqrt())
     };
-    (0..model.grid.cell_count()).map(|_| unit()).collect()
+    let cells = model.grid.cell_count();
+    let mut rotation: Vec<V4<f64>> = (0..cells).map(|_| unit()).collect();
+    // stiffness of the volume in any direction
+    let size = model.hexahedra().stiffness[0][0][0].sqrt();
+    rotation.extend((0..3 * cells).map(|_| [next() * size, next() * size, next() * size, 0.0]));
+    rotation
 }
 
 /// `A` by 3×3 blocks, from the cells with the corners that they have now.
@@ -169,16 +175,18 @@ struct Dense {
 
 impl Dense {
     fn new(model: &Model, wound: &Wound, rotation: &[V4<f64>]) -> Self {
-        let (params, stiffness) = (model.params::<f64>(), model.stiffness_blocks::<f64>());
+        let (params, stiffness) = (model.params::<f64>(), model.system_blocks::<f64>());
         let count = model.node_count();
         let mut block = vec![M3::zero(); count * count];
         let axes = |node: usize| V3::from4(wound.free[node]);
-        for (cell, q) in rotation.iter().enumerate() {
+        for (cell, q) in rotation.iter().enumerate().take(model.grid.cell_count()) {
             let nodes = wound.surface.parts.corners(cell);
             let layer = model.grid.layer_of[params.cell_at(cell)[2]] as usize;
             let r = rotation_matrix(*q);
             for (a, b) in (0..64).map(|n| (n / 8, n % 8)) {
-                let k = r * stiffness[layer * 64 + a * 8 + b] * r.transpose() * params.stiffness_factor;
+                let [row, column] = [a, b].map(|corner| slope_of(&params, rotation, cell, corner));
+                let k = stiffness[layer * 64 + a * 8 + b] + row.outer(column);
+                let k = r * k * r.transpose() * params.stiffness_factor;
                 let at = &mut block[nodes[a] * count + nodes[b]];
                 *at = *at + M3::diagonal(axes(nodes[a])) * k * M3::diagonal(axes(nodes[b]));
             }
@@ -388,7 +396,7 @@ fn still(mut model: Model) -> Model {
 #[test]
 fn the_bound_of_the_smoother_holds_on_cut_bodies() {
     let model = still(body(Mass::Lumped, ENOUGH));
-    let bound = largest(&model.hexahedra().stiffness);
+    let bound = largest(&model.system_matrices()).max(OF_VOLUME);
     let mut next = random(17);
     let scattered: Vec<u32> = (0..80).map(|_| (0.5 * (next() + 1.0) * f64::from(LINKS)) as u32).collect();
     let both: Vec<u32> = [plane(&model, 0, 1), plane(&model, 2, 1), plane(&model, 1, 0)].concat();

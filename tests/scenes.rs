@@ -11,9 +11,10 @@ use forms::{RESIDUAL, ROUNDED, files, folder, hard, passes, report_of, scene, te
 fn run(name: &str, scene: &Scene) {
     let report = report_of(name, scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     passes(name, scene, &report).unwrap_or_else(|e| panic!("{e}"));
-    // the tolerance of the recurrence, and what f64 loses to it
+    // the tolerance of the recurrence, of unconstrained motion and correction by contact each, and what f64 loses to it
     let residual = report.solver.residual_true.expect("the last step is asked for it");
-    assert!(residual <= 1.1 * scene.solver.tolerance, "{name}: true residual {residual:e}");
+    let solves = if scene.contact.is_some() { std::f64::consts::SQRT_2 } else { 1.0 };
+    assert!(residual <= 1.1 * solves * scene.solver.tolerance, "{name}: true residual {residual:e}");
 }
 
 #[test]

@@ -6,6 +6,7 @@
 //! `M^(−½) K M^(−½)` with the matrix-free product. A bent or compressed body may be stiffer.
 //! Source: Lanczos 1950; Golub, Van Loan 2013, section 10.1; Hughes 1987, section 9.2 (critical steps).
 
+use super::element::rounded_modes;
 use crate::bodies::{Kind, Model};
 use crate::kernels::Params;
 use crate::kernels::product::{LANES, cell_groups, product};
@@ -36,7 +37,9 @@ impl Model {
         let count = self.grid.node_count();
         let params = Params { inertia: 0.0, stiffness_factor: 1.0, ..self.params::<f64>() };
         let params = Params { node_count: count as u32, extra_columns: 0, split_cells: 0, touched_nodes: 0, ..params };
-        let (modes, layers) = (self.modes::<f64>(), &self.grid.layer_of);
+        // small strain, with the stiffness of the volume
+        let params = Params { corotational: 0, ..params };
+        let (modes, layers) = (rounded_modes(&self.hexahedra().stiffness), &self.grid.layer_of);
         let upright = vec![[0.0, 0.0, 0.0, 1.0]; self.grid.cell_count()];
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         let root: Vec<f64> =
