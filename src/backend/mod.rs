@@ -6,6 +6,7 @@
 //! unconstrained motion, [`CORRECTION`] the contact correction, compliance columns start at [`FIRST_COLUMN`]. A solution stays in its slot
 //! and is the initial guess of the next solve.
 
+mod conserve;
 mod cpu;
 mod gpu;
 mod newton;

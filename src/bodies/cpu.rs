@@ -40,6 +40,8 @@ pub struct Trial<R> {
     pub potential: f64,
     /// `[node]` −∇Π, N
     pub residual: Vec<V4<R>>,
+    /// Work of the elastic forces and of the residual over the increment, J ([`crate::kernels::residual`]).
+    pub work: f64,
 }
 
 /// Interface of a body to the solver: forces, product with the system matrix `A`, and preconditioner. `free` is `[node]` the DOF mask per
@@ -116,11 +118,15 @@ pub trait System<R: Real>: Send + Sync {
     fn first_inverted(&self, _at: &[V4<f64>]) -> Option<super::Refused> {
         None
     }
+    /// Elastic energy of a body solved by Newton's method, at displacements, J.
+    fn energy(&self, _at: &[V4<f64>]) -> f64 {
+        0.0
+    }
     /// Evaluates the element tangents at displacements, m.
     fn linearise(&mut self, _at: &[V4<f64>]) {}
     /// Sets the multiple of the small-strain matrix that is added when the tangent is not positive definite.
     fn set_shift(&mut self, _shift: f64) {}
-    /// Potential and residual at `u + dx`, for the right-hand side `b` and the forces `f` at the start of the step; `None` if a cell is
+    /// Potential and residual for an increment `dx`, for the right-hand side `b` and the forces `f` at the start of the step; `None` if a cell is
     /// inverted.
     ///
     /// # Errors

@@ -459,6 +459,8 @@ impl Scene {
             "Static",
             "another with free rigid bodies or blades, or without deformable bodies",
         )?;
+        let stable = self.skins.iter().all(|skin| self.time.integrator.fits(skin.law));
+        integrator.that(stable, "Newmark or Midpoint", "one that is stable with the law (`Integrator::fits`)")?;
         if self.time.integrator == Integrator::SymplecticEuler {
             let explicit = |skin: &Skin| !matches!(skin.law, Law::Springs { .. }) && skin.mass != Mass::Consistent;
             let fits = self.skins.iter().all(explicit);

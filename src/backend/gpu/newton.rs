@@ -3,17 +3,19 @@
 //! One read returns a trial point: partial sums over groups of nodes, and the energy of each cell. The host subtracts the cell energies at
 //! the start of the step in f64, so that the small change over a step is not lost in the total energy.
 
-use super::GpuBackend;
+use super::{GpuBackend, rounded};
 use super::exchange::triples;
+use crate::backend::conserve::Conserved;
 use crate::backend::newton::{Descent, Shifted, TrialPoint, newton as descend, solve_shifted};
 use crate::backend::{FREE, Nonlinear, SolveRequest, Target};
-use crate::bodies::Refused;
+use crate::bodies::{Model, Refused};
 use crate::bodies::gpu::{NonlinearLaw, Search};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Buffer, Gpu, cast};
 use crate::kernels::hyperelastic_forces::INVERTED_ENERGY;
 use crate::kernels::{GROUP, Params};
 use crate::linear::Outcome;
+use crate::math::{V4, widen};
 
 /// Rounding error of the summed potential, relative to the sum of magnitudes.
 const ROUNDINGS: f64 = 4.0 * f32::EPSILON as f64;
@@ -30,11 +32,27 @@ pub(super) struct Newton {
     start: Vec<f32>,
     /// Norm of the step's load, N.
     load: f64,
+    /// Work of elastic forces and residual at the current and the trial point, J.
+    work: [f64; 2],
+    /// Data for steps that conserve energy.
+    conserved: Option<Conserved>,
+    /// Excess of the last solve, J ([`Conserved`]).
+    excess: f64,
 }
 
 impl Newton {
-    pub fn new(law: NonlinearLaw, params: Params<f32>) -> Self {
-        Self { law, params, count: Nonlinear::default(), shift: 0.0, start: vec![], load: 0.0 }
+    pub fn new(law: NonlinearLaw, params: Params<f32>, model: &Model) -> Self {
+        Self {
+            law,
+            params,
+            count: Nonlinear::default(),
+            shift: 0.0,
+            start: vec![],
+            load: 0.0,
+            work: [0.0; 2],
+            conserved: Conserved::of(model),
+            excess: 0.0,
+        }
     }
 
     /// `[node]` increments of the current point, m.
@@ -45,6 +63,11 @@ impl Newton {
     /// Kernel launches per trial point.
     pub fn launches(&self) -> u32 {
         self.law.search.kernels.len() as u32
+    }
+
+    /// Parameter block of a trial point at a step length, with the elastic forces at this part of the increment.
+    fn along(&self, step_length: f64, at: f64) -> Vec<u32> {
+        Params { gain: step_length as f32, stiffness_factor: at as f32, ..self.params }.words()
     }
 
     /// Sets the factor of `K₀` in the tangents.
@@ -92,11 +115,48 @@ impl GpuBackend {
                 let (tolerance, floor) = (*tolerance, self.floor);
                 (newton.count, newton.start) = (Nonlinear::default(), vec![]);
                 let (outcome, newton_iterations) = descend(self, tolerance, floor)?;
+                self.evaluate_end()?;
                 let values = self.found(newton_iterations, pick)?;
                 Ok((vec![outcome], values))
             }
             _ => self.solve_slots(requests, pick),
         }
+    }
+
+    /// Finds the excess of a step that conserves energy, from the energy at its end.
+    fn evaluate_end(&mut self) -> Result<()> {
+        let mut batch = self.record();
+        let Some(newton) = self.newton.as_ref().filter(|newton| newton.conserved.is_some()) else {
+            self.pending = Some(batch);
+            return Ok(());
+        };
+        let NonlinearLaw { search, energy, .. } = &newton.law;
+        self.gpu.write(&search.gain, 0, &newton.along(0.0, 1.0));
+        search.kernels[..2].iter().for_each(|(kernel, threads)| batch.run(kernel, *threads, 1));
+        let end = self.gpu.submit_and_read(batch, &[(energy, u64::from(newton.params.cell_count) * 4)])?;
+        let change = |(end, start): (&f32, &f32)| f64::from(*end) - f64::from(*start);
+        let gained: f64 = cast::<f32>(&end[0]).iter().zip(&newton.start).map(change).sum();
+        if let Some(newton) = &mut self.newton {
+            newton.excess = gained - newton.work[0];
+        }
+        Ok(())
+    }
+
+    /// Takes the excess of the step from the velocities at its end.
+    pub(super) fn conserve(&mut self) -> Result<()> {
+        let conserves = |newton: &&mut Newton| newton.conserved.is_some();
+        let Some(excess) = self.newton.as_mut().filter(conserves).map(|newton| std::mem::take(&mut newton.excess)) else {
+            return Ok(());
+        };
+        let batch = self.record();
+        let state = [&self.body.u, &self.body.v].map(|array| (array, array.bytes));
+        let parts = self.gpu.submit_and_read(batch, &state)?;
+        let [u, mut v] = [0, 1].map(|k| widen(&cast::<V4<f32>>(&parts[k])));
+        if let Some(conserved) = self.newton.as_ref().and_then(|newton| newton.conserved.as_ref()) {
+            conserved.project(&u, &mut v, excess);
+        }
+        self.gpu.write(&self.body.v, 0, &rounded(&v));
+        Ok(())
     }
 
     /// Copies the result of Newton's method to the solution and returns its values at nodes.
@@ -156,23 +216,26 @@ impl Descent for GpuBackend {
             self.start_step(&mut batch, newton, search);
         }
         // evaluate the point
-        self.gpu.write(&search.gain, 0, &Params { gain: step_length as f32, ..newton.params }.words());
+        self.gpu.write(&search.gain, 0, &newton.along(step_length, newton.law.elastic_at));
         search.kernels.iter().for_each(|(kernel, threads)| batch.run(kernel, *threads, 1));
         let groups = self.node_count.div_ceil(GROUP as usize) as u64;
         let wanted = [
             (&search.predicted_decrease, groups * 4),
-            (&search.potential_and_residual, groups * 8),
+            (&search.potential_and_residual, groups * 16),
             (&newton.law.energy, u64::from(newton.params.cell_count) * 4),
             (&search.load, groups * 4),
         ];
         let parts = self.gpu.submit_and_read(batch, &wanted)?;
         // sum on the host, the elastic energy relative to the start of the step
         let sum = |values: Vec<f32>| values.iter().map(|v| f64::from(*v)).sum::<f64>();
-        let (potential_and_residual, energy) = (cast::<[f32; 2]>(&parts[1]), cast::<f32>(&parts[2]));
-        let (inverted, end_share) = (newton.first_inverted(&energy).is_some(), newton.law.end_share);
-        if first && let Some(newton) = &mut self.newton {
-            newton.start = energy.clone();
-            newton.load = sum(cast(&parts[3])).sqrt();
+        let (potential_and_residual, energy) = (cast::<V4<f32>>(&parts[1]), cast::<f32>(&parts[2]));
+        let (inverted, at) = (newton.first_inverted(&energy).is_some(), newton.law.elastic_at);
+        if let Some(newton) = &mut self.newton {
+            newton.work[1] = potential_and_residual.iter().map(|b| f64::from(b[2])).sum();
+            if first {
+                newton.start = energy.clone();
+                newton.load = sum(cast(&parts[3])).sqrt();
+            }
         }
         if inverted {
             return Ok(None);
@@ -180,10 +243,10 @@ impl Descent for GpuBackend {
         let start = self.newton.iter().flat_map(|newton| &newton.start);
         let gained: f64 = energy.iter().zip(start).map(|(e, s)| f64::from(*e) - f64::from(*s)).sum();
         let of_nodes =
-            |part: fn(&[f32; 2]) -> f32| potential_and_residual.iter().map(|b| f64::from(part(b))).sum::<f64>();
-        let magnitude = of_nodes(|b| b[0].abs()) + end_share * sum(energy);
+            |part: fn(&V4<f32>) -> f32| potential_and_residual.iter().map(|b| f64::from(part(b))).sum::<f64>();
+        let magnitude = of_nodes(|b| b[0].abs()) + sum(energy) / at;
         Ok(Some(TrialPoint {
-            potential: of_nodes(|b| b[0]) + end_share * gained,
+            potential: of_nodes(|b| b[0]) + gained / at,
             noise: ROUNDINGS * magnitude,
             residual_norm: of_nodes(|b| b[1]).sqrt(),
             predicted_decrease: sum(cast(&parts[0])),
@@ -198,6 +261,9 @@ impl Descent for GpuBackend {
             }
         }
         self.pending = Some(batch);
+        if let Some(newton) = &mut self.newton {
+            newton.work[0] = newton.work[1];
+        }
     }
 
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {

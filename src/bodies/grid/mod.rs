@@ -334,7 +334,7 @@ impl Mechanics for Hexahedra {
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         // product of the small-strain cells; of a hyperelastic body these have damping only
         if newton.is_some() {
-            params.stiffness_factor -= model.step.end_share();
+            params.stiffness_factor -= model.step.elastic_at();
         }
         let modes = model.modes();
         product(&params, &modes, layers, &rotation, in_system, split, &solved.dx, &mut w, &mut scratch);

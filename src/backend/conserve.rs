@@ -1,0 +1,128 @@
+//! Energy of a midpoint step: projection of the velocities.
+//!
+//! The midpoint rule keeps linear and angular momentum. Its kinetic energy changes by the work of the forces at the middle of the step, its
+//! elastic energy by `W(u + Δx) − W(u)`; for a nonlinear law the two differ by the excess `ε = W(u + Δx) − W(u) − f(u + Δx/2)·Δx`, which is of
+//! third order in the step and adds up without bound in steps that are long beside a body's vibrations. So the velocities at the end are
+//! split into the rigid motion that has their momentum, `r = V + Ω × x`, and the rest, and
+//!
+//! `v' ← r + s (v' − r)`, `s² = 1 − ε/T`, `T = ½ (v' − r)·M (v' − r)`:
+//!
+//! the energy of the step is that of the work done on it, and both momenta stay. A body that deforms too slowly for it (`ε > T`) keeps the rigid
+//! motion alone; what is then left of ε is a rise of the energy, which checked steps tell ([`crate::step::Measured`]).
+//!
+//! Nodes that are held or have rest-shape springs restrict `r` to the rigid motions that leave them at rest.
+//! Source: Simo, Tarnow, Wong 1992 (projection of the midpoint rule on the surface of constant energy and momentum); Hairer, Lubich, Wanner
+//! 2006, section IV.4. Differs: displacements are not projected, so a step is solved once.
+
+use crate::bodies::{Kind, Model};
+use crate::math::V4;
+use crate::scene::Integrator;
+
+/// Weight of held axes beside the mass of the body: what a rigid motion moves them by, relative to the others.
+const HELD: f64 = 1e9;
+
+/// Constant data of a body whose steps conserve energy.
+pub(super) struct Conserved {
+    /// `[node]` rest position relative to the middle of the body, m.
+    rest: Vec<[f64; 3]>,
+    /// `[node]` DOF mask and mass, kg.
+    free: Vec<V4<f64>>,
+    /// `[node]` no rigid motion moves it.
+    held: Vec<bool>,
+    /// kg
+    mass: f64,
+}
+
+impl Conserved {
+    /// Data of a body by the midpoint rule whose steps are solved by Newton's method; steps of linear bodies conserve energy by themselves.
+    pub fn of(model: &Model) -> Option<Self> {
+        let Kind::Hexahedra(hexahedra) = &model.kind else { return None };
+        let nonlinear = hexahedra.hyperelastic.as_ref().is_some_and(|law| law.newton);
+        (nonlinear && model.step.integrator == Integrator::Midpoint).then(|| Self::new(model))
+    }
+
+    fn new(model: &Model) -> Self {
+        let count = model.rest.len() as f64;
+        let middle = [0, 1, 2].map(|n| model.rest.iter().map(|x| x[n]).sum::<f64>() / count);
+        Self {
+            rest: model.rest.iter().map(|x| [0, 1, 2].map(|n| x[n] - middle[n])).collect(),
+            free: model.free.clone(),
+            held: (0..model.rest.len() as u32).map(|node| model.anchors.nodes.binary_search(&node).is_ok()).collect(),
+            mass: model.free.iter().map(|free| free[3]).sum(),
+        }
+    }
+
+    /// Takes the excess `ε`, J, from velocities at displacements `u`, `[node]` m and m/s.
+    pub fn project(&self, u: &[V4<f64>], v: &mut [V4<f64>], excess: f64) {
+        let rigid = self.rigid(u, v);
+        // kinetic energy of the rest, and what it has in common with the rigid motion
+        let (mut deforming, mut common) = (0.0, 0.0);
+        let rest = |node: usize, v: &[V4<f64>]| {
+            [0, 1, 2].map(|axis| self.free[node][axis] * (v[node][axis] - dot(&rigid, &self.mode(node, axis, u))))
+        };
+        for node in 0..u.len() {
+            let (rest, mass) = (rest(node, v), self.free[node][3]);
+            for axis in 0..3 {
+                deforming += 0.5 * mass * rest[axis] * rest[axis];
+                common += mass * rest[axis] * (v[node][axis] - rest[axis]);
+            }
+        }
+        if deforming == 0.0 {
+            return;
+        }
+        // deforming s² + common s = deforming + common − excess
+        let root = common * common + 4.0 * deforming * (deforming + common - excess);
+        let scale = ((root.max(0.0).sqrt() - common) / (2.0 * deforming)).max(0.0);
+        for node in 0..u.len() {
+            let rest = rest(node, v);
+            (0..3).for_each(|axis| v[node][axis] += (scale - 1.0) * rest[axis]);
+        }
+    }
+
+    /// Velocity of a node along an axis in the six rigid motions: along x, y, z, and about them.
+    fn mode(&self, node: usize, axis: usize, u: &[V4<f64>]) -> [f64; 6] {
+        let x: [f64; 3] = [0, 1, 2].map(|n| self.rest[node][n] + u[node][n]);
+        let mut mode = [0.0; 6];
+        let [next, last] = [(axis + 1) % 3, (axis + 2) % 3];
+        (mode[axis], mode[3 + next], mode[3 + last]) = (1.0, x[last], -x[next]);
+        mode
+    }
+
+    /// The rigid motion with the momentum of the velocities, along and about the axes: the one nearest to them in kinetic energy.
+    fn rigid(&self, u: &[V4<f64>], v: &[V4<f64>]) -> [f64; 6] {
+        let (mut matrix, mut momentum) = ([[0.0; 6]; 6], [0.0; 6]);
+        for (node, free) in self.free.iter().enumerate().take(u.len()) {
+            for axis in 0..3 {
+                let mode = self.mode(node, axis, u);
+                let rests = free[axis] == 0.0 || self.held[node];
+                let weight = if rests { HELD * self.mass } else { free[3] };
+                let speed = if rests { 0.0 } else { v[node][axis] };
+                for k in 0..6 {
+                    momentum[k] += weight * mode[k] * speed;
+                    (0..6).for_each(|l| matrix[k][l] += weight * mode[k] * mode[l]);
+                }
+            }
+        }
+        solve(matrix, momentum)
+    }
+}
+
+fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Solution of a positive definite system, by elimination.
+fn solve(mut matrix: [[f64; 6]; 6], mut right: [f64; 6]) -> [f64; 6] {
+    for k in 0..6 {
+        for row in k + 1..6 {
+            let factor = matrix[row][k] / matrix[k][k];
+            (k..6).for_each(|l| matrix[row][l] -= factor * matrix[k][l]);
+            right[row] -= factor * right[k];
+        }
+    }
+    for k in (0..6).rev() {
+        let known: f64 = (k + 1..6).map(|l| matrix[k][l] * right[l]).sum();
+        right[k] = (right[k] - known) / matrix[k][k];
+    }
+    right
+}
