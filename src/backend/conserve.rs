@@ -1,19 +1,23 @@
-//! Energy of a midpoint step: projection of the velocities.
+//! Energy of a midpoint step.
 //!
 //! The midpoint rule keeps linear and angular momentum. Its kinetic energy changes by the work of the forces at the middle of the step, its
 //! elastic energy by `W(u + Δx) − W(u)`; for a nonlinear law the two differ by the excess `ε = W(u + Δx) − W(u) − f(u + Δx/2)·Δx`, which is of
 //! third order in the step and adds up without bound in steps that are long beside a body's vibrations. So the velocities at the end are
-//! split into the rigid motion that has their momentum, `r = V + Ω × x`, and the rest, and
+//! split into the rigid motion that has their momenta, `r = V + Ω × x`, and the rest, and
 //!
 //! `v' ← r + s (v' − r)`, `s² = 1 − ε/T`, `T = ½ (v' − r)·M (v' − r)`:
 //!
-//! the energy of the step is that of the work done on it, and both momenta stay. A body that deforms too slowly for it (`ε > T`) keeps the rigid
-//! motion alone; what is then left of ε is a rise of the energy, which checked steps tell ([`crate::step::Measured`]).
+//! the energy of the step is that of the work done on it, and both momenta stay. Nodes that are held or have rest-shape springs restrict `r` to
+//! the rigid motions that leave them at rest.
 //!
-//! Nodes that are held or have rest-shape springs restrict `r` to the rigid motions that leave them at rest.
-//! Source: Simo, Tarnow, Wong 1992 (projection of the midpoint rule on the surface of constant energy and momentum); Hairer, Lubich, Wanner
-//! 2006, section IV.4. Differs: displacements are not projected, so a step is solved once.
+//! Where the excess is not small beside `T` (the step is many periods of what deforms), the step is solved again with its elastic forces taken
+//! nearer to its end, at `u + τ Δx`, `τ` up to 1: their work then falls short of the change of the energy less, and at 1 not at all for a convex
+//! `W`. Such a step is of first order and counted ([`super::Nonlinear::elastic_at`]).
+//! Source: Simo, Tarnow, Wong 1992 (projection of the midpoint rule on the surface of constant energy and momenta); Hairer, Lubich, Wanner
+//! 2006, section IV.4; Simo, Wong 1991 (a parameter of the rule that keeps the energy). Differs: displacements are not projected, so that one
+//! solve suffices.
 
+use crate::error::Result;
 use crate::bodies::{Kind, Model};
 use crate::math::V4;
 use crate::scene::Integrator;
@@ -21,7 +25,34 @@ use crate::scene::Integrator;
 /// Weight of held axes beside the mass of the body: what a rigid motion moves them by, relative to the others.
 const HELD: f64 = 1e9;
 
+/// Largest excess relative to `T` that velocities take: they lose up to 30 % of their deforming part.
+const MOST_TAKEN: f64 = 0.5;
+
+/// Where a step takes its elastic forces, one after the other until the excess is small enough.
+const ELASTIC_AT: [f64; 6] = [0.5, 0.53125, 0.5625, 0.625, 0.75, 1.0];
+
+/// Solves a step with its elastic forces at `u + τ Δx`, with `τ` as small as the excess allows.
+pub(super) fn solve<T>(mut at: impl FnMut(f64) -> Result<(T, Ended)>) -> Result<(T, Ended)> {
+    let mut solved = at(ELASTIC_AT[0])?;
+    for elastic_at in &ELASTIC_AT[1..] {
+        if solved.1.conserved {
+            break;
+        }
+        solved = at(*elastic_at)?;
+    }
+    Ok(solved)
+}
+
+/// Velocities at the end of a step.
+pub(super) struct Ended {
+    /// `[node]` m/s
+    pub v: Vec<V4<f64>>,
+    /// They have taken the excess, which was small.
+    pub conserved: bool,
+}
+
 /// Constant data of a body whose steps conserve energy.
+#[derive(Clone)]
 pub(super) struct Conserved {
     /// `[node]` rest position relative to the middle of the body, m.
     rest: Vec<[f64; 3]>,
@@ -31,6 +62,8 @@ pub(super) struct Conserved {
     held: Vec<bool>,
     /// kg
     mass: f64,
+    /// s
+    step: f64,
 }
 
 impl Conserved {
@@ -49,34 +82,39 @@ impl Conserved {
             free: model.free.clone(),
             held: (0..model.rest.len() as u32).map(|node| model.anchors.nodes.binary_search(&node).is_ok()).collect(),
             mass: model.free.iter().map(|free| free[3]).sum(),
+            step: model.step.step,
         }
     }
 
-    /// Takes the excess `ε`, J, from velocities at displacements `u`, `[node]` m and m/s.
-    pub fn project(&self, u: &[V4<f64>], v: &mut [V4<f64>], excess: f64) {
-        let rigid = self.rigid(u, v);
-        // kinetic energy of the rest, and what it has in common with the rigid motion
+    /// Velocities at the end of a step from `u` and `v` with increments `dx`, `[node]` m and m/s, less the excess `ε`, J.
+    pub fn end(&self, u: &[V4<f64>], v: &[V4<f64>], dx: &[V4<f64>], excess: f64) -> Ended {
+        let u: Vec<V4<f64>> = u.iter().zip(dx).map(|(u, d)| std::array::from_fn(|n| u[n] + d[n])).collect();
+        let end = |(v, d): (&V4<f64>, &V4<f64>)| std::array::from_fn(|n| 2.0 * d[n] / self.step - v[n]);
+        let mut v: Vec<V4<f64>> = v.iter().zip(dx).map(end).collect();
+        // kinetic energy of what is not rigid, and what it has in common with the rigid motion
+        let rigid = self.rigid(&u, &v);
         let (mut deforming, mut common) = (0.0, 0.0);
         let rest = |node: usize, v: &[V4<f64>]| {
-            [0, 1, 2].map(|axis| self.free[node][axis] * (v[node][axis] - dot(&rigid, &self.mode(node, axis, u))))
+            [0, 1, 2].map(|axis| self.free[node][axis] * (v[node][axis] - dot(&rigid, &self.mode(node, axis, &u))))
         };
         for node in 0..u.len() {
-            let (rest, mass) = (rest(node, v), self.free[node][3]);
+            let (rest, mass) = (rest(node, &v), self.free[node][3]);
             for axis in 0..3 {
                 deforming += 0.5 * mass * rest[axis] * rest[axis];
                 common += mass * rest[axis] * (v[node][axis] - rest[axis]);
             }
         }
         if deforming == 0.0 {
-            return;
+            return Ended { v, conserved: excess <= 0.0 };
         }
         // deforming s² + common s = deforming + common − excess
         let root = common * common + 4.0 * deforming * (deforming + common - excess);
         let scale = ((root.max(0.0).sqrt() - common) / (2.0 * deforming)).max(0.0);
         for node in 0..u.len() {
-            let rest = rest(node, v);
+            let rest = rest(node, &v);
             (0..3).for_each(|axis| v[node][axis] += (scale - 1.0) * rest[axis]);
         }
+        Ended { v, conserved: excess <= MOST_TAKEN * deforming }
     }
 
     /// Velocity of a node along an axis in the six rigid motions: along x, y, z, and about them.
@@ -103,7 +141,7 @@ impl Conserved {
                 }
             }
         }
-        solve(matrix, momentum)
+        eliminate(matrix, momentum)
     }
 }
 
@@ -112,7 +150,7 @@ fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
 }
 
 /// Solution of a positive definite system, by elimination.
-fn solve(mut matrix: [[f64; 6]; 6], mut right: [f64; 6]) -> [f64; 6] {
+fn eliminate(mut matrix: [[f64; 6]; 6], mut right: [f64; 6]) -> [f64; 6] {
     for k in 0..6 {
         for row in k + 1..6 {
             let factor = matrix[row][k] / matrix[k][k];

@@ -118,10 +118,12 @@ pub trait System<R: Real>: Send + Sync {
     fn first_inverted(&self, _at: &[V4<f64>]) -> Option<super::Refused> {
         None
     }
-    /// Elastic energy of a body solved by Newton's method, at displacements, J.
+    /// Elastic energy of a body solved by Newton's method, at displacements, J; infinite if a cell is inverted.
     fn energy(&self, _at: &[V4<f64>]) -> f64 {
         0.0
     }
+    /// Sets `τ`: a step solved by Newton's method has the elastic forces at `u + τ Δx`.
+    fn set_elastic_at(&mut self, _elastic_at: f64) {}
     /// Evaluates the element tangents at displacements, m.
     fn linearise(&mut self, _at: &[V4<f64>]) {}
     /// Sets the multiple of the small-strain matrix that is added when the tangent is not positive definite.

@@ -156,6 +156,8 @@ pub struct NonlinearLaw {
     pub damping: f64,
     /// Parameter blocks of the small-strain products: their factor is `damping` plus the shift for indefinite tangents.
     pub blocks: Vec<(Params<f32>, Buffer)>,
+    /// Parameter blocks of the sums of tangent products: their factor is `elastic_at`.
+    pub sums: Vec<(Params<f32>, Buffer)>,
     /// `[cell]` J
     pub energy: Buffer,
     /// The step's right-hand side, `[node]` N.

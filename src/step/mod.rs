@@ -426,6 +426,7 @@ impl Simulation {
             let work = body.backend.nonlinear();
             report.newton_iterations = report.newton_iterations.max(work.iterations);
             report.warn("tangent_indefinite", work.indefinite);
+            report.warn("midpoint_moved", u32::from(work.elastic_at.is_some()));
         }
         self.book_damping(check.then_some(damped));
         self.summarise_solves(&ended, &mut report);

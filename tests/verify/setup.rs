@@ -1,7 +1,7 @@
 //! A deformable body on any platform, driven step by step without a scene's tools; and what tests compare it with.
 
 use super::small;
-use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Query, Snapshot, SolveRequest, Target};
+use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Nonlinear, Query, Snapshot, SolveRequest, Target};
 use cutis::bodies::Model;
 use cutis::bodies::Removal;
 use cutis::gpu::Gpu;
@@ -86,6 +86,7 @@ pub struct Body {
     pub model: Model,
     backend: Box<dyn Backend>,
     tolerance: f64,
+    taken: Nonlinear,
 }
 
 impl Body {
@@ -102,7 +103,7 @@ impl Body {
                 Box::new(backend.unwrap_or_else(|e| panic!("{e}")))
             }
         };
-        Self { model, backend, tolerance }
+        Self { model, backend, tolerance, taken: Nonlinear::default() }
     }
 
     /// Sets the dead loads, [node] N.
@@ -112,12 +113,17 @@ impl Body {
 
     /// Newton iterations of the last step.
     pub fn newton(&self) -> u32 {
-        self.backend.nonlinear().iterations
+        self.taken.iterations
     }
 
     /// Tangents of the last step that were not positive.
     pub fn indefinite(&self) -> u32 {
-        self.backend.nonlinear().indefinite
+        self.taken.indefinite
+    }
+
+    /// True if the last step had its elastic forces elsewhere than in its middle.
+    pub fn moved(&self) -> bool {
+        self.taken.elastic_at.is_some()
     }
 
     /// Bytes of its arrays.
@@ -136,6 +142,7 @@ impl Body {
         let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(self.tolerance) }];
         self.backend.begin()?;
         let (outcomes, _) = self.backend.solve(&wanted, &[])?;
+        self.taken = self.backend.nonlinear();
         self.backend.finish(false, false)?;
         Ok(outcomes[0])
     }

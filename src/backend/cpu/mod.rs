@@ -26,7 +26,7 @@ pub struct CpuBackend<R> {
     nonlinear: Nonlinear,
     elastic_at: f64, // τ of `bodies::Step::elastic_at`
     conserved: Option<Conserved>,
-    excess: f64, // of the last solve, J
+    ended: Vec<V4<f64>>, // velocities at the end of the step that conserve energy
     max_iterations: u32,
     floor: f64,
     node_count: usize, // in use; `all_nodes` includes the reserve of duplicates
@@ -94,7 +94,7 @@ impl<R: Real> CpuBackend<R> {
             nonlinear: Nonlinear::default(),
             elastic_at: model.step.elastic_at(),
             conserved: Conserved::of(model),
-            excess: 0.0,
+            ended: vec![],
             max_iterations,
             floor,
             node_count,
@@ -272,11 +272,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         }
         let params = Params { slot_count: if corrected { 2 } else { 1 }, ..self.params };
         integrate::integrate(&params, &self.x, &mut self.u, &mut self.v);
-        if let Some(conserved) = &self.conserved {
-            let (u, mut v) = (widen(&self.u), widen(&self.v));
-            conserved.project(&u, &mut v, std::mem::take(&mut self.excess));
-            self.v.iter_mut().zip(&v).for_each(|(to, v)| *to = round(v));
-        }
+        self.v.iter_mut().zip(std::mem::take(&mut self.ended)).for_each(|(to, v)| *to = round(&v));
         Ok(())
     }
 

@@ -1,6 +1,7 @@
 //! Solves on the CPU path: conjugate gradients over the right-hand sides, explicit steps, and Newton's method.
 
 use super::{CpuBackend, request};
+use crate::backend::conserve;
 use crate::backend::newton::{Descent, Shifted, TrialPoint, newton, solve_shifted};
 use crate::backend::{FREE, SolveRequest, Target};
 use crate::bodies::cpu::{Start, Trial, Workspace};
@@ -74,6 +75,35 @@ impl<R: Real> CpuBackend<R> {
 
     /// Unconstrained motion by Newton's method; the right-hand side is `b` of the step, the solution its increment.
     pub(super) fn newton(&mut self, tolerance: f64) -> Result<Outcome> {
+        let b = self.r[..self.node_count].to_vec();
+        let Some(conserved) = self.conserved.take() else {
+            return Ok(self.balance(tolerance, &b)?.0);
+        };
+        let [u, v] = [&self.u, &self.v].map(|values| widen(values));
+        let before = self.system.energy(&u);
+        let solved = conserve::solve(|elastic_at| {
+            self.set_elastic_at(elastic_at);
+            let (outcome, work) = self.balance(tolerance, &b)?;
+            let dx = &self.x[..self.node_count];
+            let end: Vec<V4<f64>> =
+                self.u.iter().zip(dx).map(|(u, d)| std::array::from_fn(|n| (u[n] + d[n]).f64())).collect();
+            let excess = self.system.energy(&end) - before - work;
+            Ok((outcome, conserved.end(&u, &v, &widen(dx), excess)))
+        });
+        self.conserved = Some(conserved);
+        let (outcome, ended) = solved?;
+        self.ended = ended.v;
+        Ok(outcome)
+    }
+
+    fn set_elastic_at(&mut self, elastic_at: f64) {
+        self.nonlinear.elastic_at = (elastic_at != 0.5).then_some(elastic_at);
+        self.elastic_at = elastic_at;
+        self.system.set_elastic_at(elastic_at);
+    }
+
+    /// Balance of the step by Newton's method; its outcome, and the work of elastic forces and residual, J.
+    fn balance(&mut self, tolerance: f64, b: &[V4<R>]) -> Result<(Outcome, f64)> {
         let (n, floor) = (self.node_count, self.floor);
         let zeros = vec![[R::zero(); 4]; n];
         // fixed nodes have their prescribed increments from the start
@@ -82,19 +112,14 @@ impl<R: Real> CpuBackend<R> {
         };
         let dx = self.x.iter().zip(&self.free).map(prescribed).collect();
         let still = Point { dx, residual: zeros.clone(), work: 0.0 };
-        let b = self.r[..n].to_vec();
-        let mut descent = LineSearch { body: self, b, current: still.clone(), trial: still, direction: zeros };
+        let mut descent =
+            LineSearch { body: self, b: b.to_vec(), current: still.clone(), trial: still, direction: zeros };
         let (outcome, newton_iterations) = newton(&mut descent, tolerance, floor)?;
         let Point { dx, work, .. } = descent.current;
         self.x[..n].copy_from_slice(&dx);
-        self.nonlinear.iterations = newton_iterations;
+        self.nonlinear.iterations += newton_iterations;
         self.system.set_shift(0.0);
-        if self.conserved.is_some() {
-            let end: Vec<V4<f64>> = self.u.iter().zip(&dx).map(|(u, d)| std::array::from_fn(|n| (u[n] + d[n]).f64())).collect();
-            let [before, after] = [self.system.energy(&widen(&self.u)), self.system.energy(&end)];
-            self.excess = after - before - work;
-        }
-        Ok(outcome)
+        Ok((outcome, work))
     }
 }
 

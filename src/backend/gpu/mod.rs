@@ -311,7 +311,8 @@ impl Backend for GpuBackend {
         }
         batch.run(&self.integrate[usize::from(corrected)], self.solver.in_use.nodes, 1);
         self.pending = Some(batch);
-        self.conserve()
+        self.set_ended();
+        Ok(())
     }
 
     fn read(&mut self, query: &Query) -> Result<Values> {

@@ -5,7 +5,7 @@
 
 use super::{GpuBackend, rounded};
 use super::exchange::triples;
-use crate::backend::conserve::Conserved;
+use crate::backend::conserve::{self, Conserved, Ended};
 use crate::backend::newton::{Descent, Shifted, TrialPoint, newton as descend, solve_shifted};
 use crate::backend::{FREE, Nonlinear, SolveRequest, Target};
 use crate::bodies::{Model, Refused};
@@ -36,8 +36,8 @@ pub(super) struct Newton {
     work: [f64; 2],
     /// Data for steps that conserve energy.
     conserved: Option<Conserved>,
-    /// Excess of the last solve, J ([`Conserved`]).
-    excess: f64,
+    /// Velocities at the end of the step that conserve energy, m/s.
+    ended: Vec<V4<f64>>,
 }
 
 impl Newton {
@@ -51,7 +51,7 @@ impl Newton {
             load: 0.0,
             work: [0.0; 2],
             conserved: Conserved::of(model),
-            excess: 0.0,
+            ended: vec![],
         }
     }
 
@@ -66,8 +66,20 @@ impl Newton {
     }
 
     /// Parameter block of a trial point at a step length, with the elastic forces at this part of the increment.
-    fn along(&self, step_length: f64, at: f64) -> Vec<u32> {
-        Params { gain: step_length as f32, stiffness_factor: at as f32, ..self.params }.words()
+    fn along(&self, step_length: f64, elastic_at: f64) -> Vec<u32> {
+        Params { gain: step_length as f32, stiffness_factor: elastic_at as f32, ..self.params }.words()
+    }
+
+    /// Has the steps take their elastic forces at `u + τ Δx`.
+    fn set_elastic_at(&mut self, gpu: &Gpu, elastic_at: f64) {
+        self.count.elastic_at = (elastic_at != 0.5).then_some(elastic_at);
+        if elastic_at == self.law.elastic_at {
+            return;
+        }
+        self.law.elastic_at = elastic_at;
+        for (params, block) in &self.law.sums {
+            gpu.write(block, 0, &Params { stiffness_factor: elastic_at as f32, ..*params }.words());
+        }
     }
 
     /// Sets the factor of `K₀` in the tangents.
@@ -112,58 +124,82 @@ impl GpuBackend {
         let Some(newton) = &mut self.newton else { return Ok((vec![], vec![])) };
         match requests {
             [SolveRequest { slot: FREE, target: Target::OfLoad(tolerance) }] => {
-                let (tolerance, floor) = (*tolerance, self.floor);
-                (newton.count, newton.start) = (Nonlinear::default(), vec![]);
-                let (outcome, newton_iterations) = descend(self, tolerance, floor)?;
-                self.evaluate_end()?;
-                let values = self.found(newton_iterations, pick)?;
+                newton.count = Nonlinear::default();
+                let outcome = match newton.conserved.take() {
+                    None => self.balance(*tolerance)?,
+                    Some(conserved) => {
+                        let solved = self.conserve(&conserved, *tolerance);
+                        self.newton.iter_mut().for_each(|newton| newton.conserved = Some(conserved.clone()));
+                        solved?
+                    }
+                };
+                let values = self.found(pick)?;
                 Ok((vec![outcome], values))
             }
             _ => self.solve_slots(requests, pick),
         }
     }
 
-    /// Finds the excess of a step that conserves energy, from the energy at its end.
-    fn evaluate_end(&mut self) -> Result<()> {
-        let mut batch = self.record();
-        let Some(newton) = self.newton.as_ref().filter(|newton| newton.conserved.is_some()) else {
+    /// Balance of the step, whose right-hand side is in `r`, by Newton's method.
+    fn balance(&mut self, tolerance: f64) -> Result<Outcome> {
+        self.newton.iter_mut().for_each(|newton| newton.start = vec![]);
+        let (outcome, newton_iterations) = descend(self, tolerance, self.floor)?;
+        self.newton.iter_mut().for_each(|newton| newton.count.iterations += newton_iterations);
+        Ok(outcome)
+    }
+
+    /// Balance of a midpoint step, with the velocities at its end that conserve energy.
+    fn conserve(&mut self, conserved: &Conserved, tolerance: f64) -> Result<Outcome> {
+        let mut again = false;
+        let (outcome, ended) = conserve::solve(|elastic_at| {
+            let mut batch = self.record();
+            if let Some(newton) = &mut self.newton {
+                newton.set_elastic_at(&self.gpu, elastic_at);
+                if std::mem::replace(&mut again, true) {
+                    batch.copy(&newton.law.b, 0, &self.solver.r, 0, (self.node_count * 16) as u64);
+                }
+            }
             self.pending = Some(batch);
-            return Ok(());
-        };
+            let outcome = self.balance(tolerance)?;
+            Ok((outcome, self.end(conserved)?))
+        })?;
+        self.newton.iter_mut().for_each(|newton| newton.ended = ended.v.clone());
+        Ok(outcome)
+    }
+
+    /// Velocities at the end of the step that conserve energy, from the energy there.
+    fn end(&mut self, conserved: &Conserved) -> Result<Ended> {
+        let mut batch = self.record();
+        let Some(newton) = &self.newton else { unreachable!("only Newton's method conserves energy") };
         let NonlinearLaw { search, energy, .. } = &newton.law;
         self.gpu.write(&search.gain, 0, &newton.along(0.0, 1.0));
         search.kernels[..2].iter().for_each(|(kernel, threads)| batch.run(kernel, *threads, 1));
-        let end = self.gpu.submit_and_read(batch, &[(energy, u64::from(newton.params.cell_count) * 4)])?;
+        let state = [&self.body.u, &self.body.v, &search.dx[0]].map(|array| (array, array.bytes));
+        let wanted = [&state[..], &[(energy, u64::from(newton.params.cell_count) * 4)]].concat();
+        let parts = self.gpu.submit_and_read(batch, &wanted)?;
+        let energy: Vec<f32> = cast(&parts[3]);
         let change = |(end, start): (&f32, &f32)| f64::from(*end) - f64::from(*start);
-        let gained: f64 = cast::<f32>(&end[0]).iter().zip(&newton.start).map(change).sum();
-        if let Some(newton) = &mut self.newton {
-            newton.excess = gained - newton.work[0];
-        }
-        Ok(())
+        let gained: f64 = energy.iter().zip(&newton.start).map(change).sum();
+        let inverted = newton.first_inverted(&energy).is_some();
+        let excess = if inverted { f64::INFINITY } else { gained - newton.work[0] };
+        let [u, v, dx] = [0, 1, 2].map(|k| widen(&cast::<V4<f32>>(&parts[k])));
+        Ok(conserved.end(&u, &v, &dx, excess))
     }
 
-    /// Takes the excess of the step from the velocities at its end.
-    pub(super) fn conserve(&mut self) -> Result<()> {
-        let conserves = |newton: &&mut Newton| newton.conserved.is_some();
-        let Some(excess) = self.newton.as_mut().filter(conserves).map(|newton| std::mem::take(&mut newton.excess)) else {
-            return Ok(());
-        };
-        let batch = self.record();
-        let state = [&self.body.u, &self.body.v].map(|array| (array, array.bytes));
-        let parts = self.gpu.submit_and_read(batch, &state)?;
-        let [u, mut v] = [0, 1].map(|k| widen(&cast::<V4<f32>>(&parts[k])));
-        if let Some(conserved) = self.newton.as_ref().and_then(|newton| newton.conserved.as_ref()) {
-            conserved.project(&u, &mut v, excess);
+    /// Sets the velocities that conserve energy, after the integration.
+    pub(super) fn set_ended(&mut self) {
+        let ended = self.newton.as_mut().map_or(vec![], |newton| std::mem::take(&mut newton.ended));
+        if !ended.is_empty() {
+            let batch = self.record();
+            self.gpu.submit(batch); // a write takes effect before later commands
+            self.gpu.write(&self.body.v, 0, &rounded(&ended));
         }
-        self.gpu.write(&self.body.v, 0, &rounded(&v));
-        Ok(())
     }
 
     /// Copies the result of Newton's method to the solution and returns its values at nodes.
-    fn found(&mut self, newton_iterations: u32, pick: &[(usize, u32)]) -> Result<Vec<[f64; 3]>> {
+    fn found(&mut self, pick: &[(usize, u32)]) -> Result<Vec<[f64; 3]>> {
         let mut batch = self.record();
         if let Some(newton) = &mut self.newton {
-            newton.count.iterations = newton_iterations;
             newton.shift(&self.gpu, 0.0);
         }
         if let Some(newton) = &self.newton {

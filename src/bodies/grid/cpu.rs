@@ -317,7 +317,16 @@ impl<R: Real> System<R> for Hexahedra<R> {
     }
 
     fn energy(&self, at: &[V4<f64>]) -> f64 {
-        self.tangents.as_ref().map_or(0.0, |own| own.law.energy(&own.params, &[], &|_| true, at).0)
+        let Some(Tangents { law, params, .. }) = &self.tangents else { return 0.0 };
+        let (energy, inverted) = law.energy(params, &[], &|_| true, at);
+        if inverted { f64::INFINITY } else { energy }
+    }
+
+    fn set_elastic_at(&mut self, elastic_at: f64) {
+        if let Some(tangents) = &mut self.tangents {
+            tangents.elastic_at = elastic_at;
+            tangents.sums.stiffness_factor = R::of(elastic_at);
+        }
     }
 
     fn linearise(&mut self, at: &[V4<f64>]) {

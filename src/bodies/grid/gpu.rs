@@ -50,8 +50,9 @@ struct Law {
     damping: f64,
     energy: Buffer,
     b: Buffer,
-    /// Parameter blocks of the small-strain products.
+    /// Parameter blocks of the small-strain products, and of the sums of tangent products.
     blocks: Vec<(Params<f32>, Buffer)>,
+    sums: Vec<(Params<f32>, Buffer)>,
 }
 
 /// One level of multigrid: its arrays, sizes and smoothing coefficients.
@@ -148,6 +149,7 @@ impl Hexahedra {
             energy,
             b: made.vec4("b", n)?,
             blocks: vec![],
+            sums: vec![],
         });
         Ok(())
     }
@@ -361,13 +363,14 @@ impl Recorded for Hexahedra {
             // inertia and damping, tangent of each cell, and the sum at the nodes
             Some(law) => {
                 let damped = with_factor(made, params, law.damping);
-                let (_, summed) = with_factor(made, params, law.elastic_at);
+                let summed = with_factor(made, params, law.elastic_at);
                 let list = vec![
                     (bind(&product::SOURCE, &damped.1)?, threads),
                     (bind(&hyperelastic_tangent::SOURCE, &damped.1)?, params.cell_count as usize),
-                    (bind(&collect_product::SOURCE, &summed)?, params.node_count as usize),
+                    (bind(&collect_product::SOURCE, &summed.1)?, params.node_count as usize),
                 ];
                 law.blocks.push(damped);
+                law.sums.push(summed);
                 list
             }
         };
@@ -423,8 +426,8 @@ impl Recorded for Hexahedra {
         let Some(law) = &self.law else { return Ok(None) };
         made.gpu.making("hyperelastic law");
         let search = self.search(made, arrays, x, law)?;
-        let Law { elastic_at, damping, energy, b, blocks, .. } = law;
-        let (blocks, energy, b) = (blocks.clone(), energy.clone(), b.clone());
-        Ok(Some(NonlinearLaw { elastic_at: *elastic_at, damping: *damping, blocks, energy, b, search }))
+        let Law { elastic_at, damping, energy, b, blocks, sums } = law;
+        let (blocks, sums, energy, b) = (blocks.clone(), sums.clone(), energy.clone(), b.clone());
+        Ok(Some(NonlinearLaw { elastic_at: *elastic_at, damping: *damping, blocks, sums, energy, b, search }))
     }
 }

@@ -222,7 +222,7 @@ impl Hyperelastic {
         f: &[V4<f64>],
     ) -> Vec<V4<f64>> {
         let params = model.params::<f64>();
-        let elastic_at = model.step.elastic_at();
+        let elastic_at = solved.elastic_at.unwrap_or(model.step.elastic_at());
         let moved = |(u, d): (&V4<f64>, &V4<f64>)| std::array::from_fn(|n| u[n] + elastic_at * d[n]);
         let at: Vec<V4<f64>> = solved.start.u.iter().zip(&solved.dx).map(moved).collect();
         if self.newton && self.first_inverted(&params, &at).is_some() {
