@@ -829,7 +829,8 @@ fn explicit_steps_need_no_solver() {
 #[test]
 fn steps_of_second_order_are_of_laws_that_they_are_stable_with() {
     let springs = "law = \"springs\"\nspring_stiffness_n_m = 5\nspring_damping_n_s_m = 0";
-    let [linear, corotational, neo_hookean] = ["linear", "corotational", "neo_hookean"].map(|law| format!("law = \"{law}\""));
+    let [linear, corotational, neo_hookean] =
+        ["linear", "corotational", "neo_hookean"].map(|law| format!("law = \"{law}\""));
     let read = |word: &str, law: &str| parsed(&alone(&format!("integrator = \"{word}\""), "", law));
     for (word, law, says_why) in [
         ("newmark", &neo_hookean[..], "hyperelastic … \"midpoint\" … \"implicit_euler\""),
@@ -849,7 +850,8 @@ fn steps_of_second_order_are_of_laws_that_they_are_stable_with() {
     }
     // a study takes it where one of its laws does
     let study = |laws: &str| {
-        let text = alone("", "", &corotational).replace("[skin]\n", "[study]\nintegrators = [\"midpoint\"]\nlaws = LAWS\n[skin]\n");
+        let text = alone("", "", &corotational)
+            .replace("[skin]\n", "[study]\nintegrators = [\"midpoint\"]\nlaws = LAWS\n[skin]\n");
         parsed(&text.replace("LAWS", laws))
     };
     assert!(study("[\"neo_hookean\", \"bbar\"]").is_ok());
@@ -861,7 +863,8 @@ fn neo_hookean_law_is_read() {
     let scene = parsed(&alone("", "", "law = \"neo_hookean\"")).expect("the scene is valid");
     assert!(matches!(scene.skins[0].law, Law::Hyperelastic(Material::NeoHookean)));
     assert_eq!(scene.solver.preconditioner, Preconditioner::Multigrid);
-    let midpoint = parsed(&alone("integrator = \"midpoint\"", "", "law = \"neo_hookean\"")).expect("the scene is valid");
+    let midpoint =
+        parsed(&alone("integrator = \"midpoint\"", "", "law = \"neo_hookean\"")).expect("the scene is valid");
     assert!(midpoint.newton() && midpoint.time.integrator == Integrator::Midpoint);
 }
 

@@ -12,13 +12,16 @@
 //!
 //! Where the excess is not small beside `T` (the step is many periods of what deforms), the step is solved again with its elastic forces taken
 //! nearer to its end, at `u + τ Δx`, `τ` up to 1: their work then falls short of the change of the energy less, and at 1 not at all for a convex
-//! `W`. Such a step is of first order and counted ([`super::Nonlinear::elastic_at`]).
+//! `W`. Away from the middle they have a torque about it, whose angular momentum is given back to the rigid motion. Such a step is of first order
+//! and counted ([`super::Nonlinear::elastic_at`]).
 //! Source: Simo, Tarnow, Wong 1992 (projection of the midpoint rule on the surface of constant energy and momenta); Hairer, Lubich, Wanner
 //! 2006, section IV.4; Simo, Wong 1991 (a parameter of the rule that keeps the energy). Differs: displacements are not projected, so that one
 //! solve suffices.
 
-use crate::error::Result;
+use crate::bodies::grid::Hyperelastic;
 use crate::bodies::{Kind, Model};
+use crate::error::Result;
+use crate::kernels::Params;
 use crate::math::V4;
 use crate::scene::Integrator;
 
@@ -64,17 +67,19 @@ pub(super) struct Conserved {
     mass: f64,
     /// s
     step: f64,
+    law: Hyperelastic,
+    params: Params<f64>,
 }
 
 impl Conserved {
     /// Data of a body by the midpoint rule whose steps are solved by Newton's method; steps of linear bodies conserve energy by themselves.
     pub fn of(model: &Model) -> Option<Self> {
         let Kind::Hexahedra(hexahedra) = &model.kind else { return None };
-        let nonlinear = hexahedra.hyperelastic.as_ref().is_some_and(|law| law.newton);
-        (nonlinear && model.step.integrator == Integrator::Midpoint).then(|| Self::new(model))
+        let law = hexahedra.hyperelastic.as_ref().filter(|law| law.newton)?;
+        (model.step.integrator == Integrator::Midpoint).then(|| Self::new(model, law))
     }
 
-    fn new(model: &Model) -> Self {
+    fn new(model: &Model, law: &Hyperelastic) -> Self {
         let count = model.rest.len() as f64;
         let middle = [0, 1, 2].map(|n| model.rest.iter().map(|x| x[n]).sum::<f64>() / count);
         Self {
@@ -83,14 +88,36 @@ impl Conserved {
             held: (0..model.rest.len() as u32).map(|node| model.anchors.nodes.binary_search(&node).is_ok()).collect(),
             mass: model.free.iter().map(|free| free[3]).sum(),
             step: model.step.step,
+            law: law.clone(),
+            params: model.params(),
         }
     }
 
-    /// Velocities at the end of a step from `u` and `v` with increments `dx`, `[node]` m and m/s, less the excess `ε`, J.
-    pub fn end(&self, u: &[V4<f64>], v: &[V4<f64>], dx: &[V4<f64>], excess: f64) -> Ended {
-        let u: Vec<V4<f64>> = u.iter().zip(dx).map(|(u, d)| std::array::from_fn(|n| u[n] + d[n])).collect();
+    /// Velocities at the end of a step from `u` and `v` with increments `dx`, `[node]` m and m/s, and elastic forces at `u + τ Δx`, less the
+    /// excess `ε`, J.
+    pub fn end(&self, u: &[V4<f64>], v: &[V4<f64>], dx: &[V4<f64>], elastic_at: f64, mut excess: f64) -> Ended {
+        let at = |part: f64| -> Vec<V4<f64>> {
+            u.iter().zip(dx).map(|(u, d)| std::array::from_fn(|n| u[n] + part * d[n])).collect()
+        };
         let end = |(v, d): (&V4<f64>, &V4<f64>)| std::array::from_fn(|n| 2.0 * d[n] / self.step - v[n]);
         let mut v: Vec<V4<f64>> = v.iter().zip(dx).map(end).collect();
+        // angular momentum of elastic forces away from the middle
+        let (u, middle) = (at(1.0), at(0.5));
+        if elastic_at != 0.5 && excess.is_finite() {
+            let force = self.law.forces(&self.params, &[], &|_| true, &at(elastic_at));
+            let mut momentum = [0.0; 6];
+            for (node, axis) in (0..3 * u.len()).map(|n| (n / 3, n % 3)) {
+                let (mode, push) =
+                    (self.mode(node, axis, &middle), self.step * self.free[node][axis] * force[node][axis]);
+                (0..6).for_each(|k| momentum[k] += push * mode[k]);
+            }
+            let back = eliminate(self.inertia(&u), momentum);
+            for (node, axis) in (0..3 * u.len()).map(|n| (n / 3, n % 3)) {
+                let (before, free) = (v[node][axis], self.free[node]);
+                v[node][axis] += free[axis] * dot(&back, &self.mode(node, axis, &u));
+                excess += 0.5 * free[3] * (v[node][axis] * v[node][axis] - before * before);
+            }
+        }
         // kinetic energy of what is not rigid, and what it has in common with the rigid motion
         let rigid = self.rigid(&u, &v);
         let (mut deforming, mut common) = (0.0, 0.0);
@@ -128,20 +155,24 @@ impl Conserved {
 
     /// The rigid motion with the momentum of the velocities, along and about the axes: the one nearest to them in kinetic energy.
     fn rigid(&self, u: &[V4<f64>], v: &[V4<f64>]) -> [f64; 6] {
-        let (mut matrix, mut momentum) = ([[0.0; 6]; 6], [0.0; 6]);
-        for (node, free) in self.free.iter().enumerate().take(u.len()) {
-            for axis in 0..3 {
-                let mode = self.mode(node, axis, u);
-                let rests = free[axis] == 0.0 || self.held[node];
-                let weight = if rests { HELD * self.mass } else { free[3] };
-                let speed = if rests { 0.0 } else { v[node][axis] };
-                for k in 0..6 {
-                    momentum[k] += weight * mode[k] * speed;
-                    (0..6).for_each(|l| matrix[k][l] += weight * mode[k] * mode[l]);
-                }
-            }
+        let mut momentum = [0.0; 6];
+        for (node, axis) in (0..3 * u.len()).map(|n| (n / 3, n % 3)) {
+            let (mode, free) = (self.mode(node, axis, u), self.free[node]);
+            (0..6).for_each(|k| momentum[k] += free[axis] * free[3] * mode[k] * v[node][axis]);
         }
-        eliminate(matrix, momentum)
+        eliminate(self.inertia(u), momentum)
+    }
+
+    /// Inertia of the six rigid motions; held nodes resist them.
+    fn inertia(&self, u: &[V4<f64>]) -> [[f64; 6]; 6] {
+        let mut matrix = [[0.0; 6]; 6];
+        for (node, axis) in (0..3 * u.len()).map(|n| (n / 3, n % 3)) {
+            let (mode, free) = (self.mode(node, axis, u), self.free[node]);
+            let rests = free[axis] == 0.0 || self.held[node];
+            let weight = if rests { HELD * self.mass } else { free[3] };
+            (0..36).for_each(|n| matrix[n / 6][n % 6] += weight * mode[n / 6] * mode[n % 6]);
+        }
+        matrix
     }
 }
 

@@ -67,9 +67,10 @@ pub(super) fn stable(scene: &SceneText, word: &At<String>, integrator: Integrato
         return Ok(());
     }
     let (why, fix) = match law {
-        Law::Hyperelastic(_) => {
-            ("gains energy without bound with a hyperelastic law", "take \"midpoint\", which keeps it, or \"implicit_euler\"")
-        }
+        Law::Hyperelastic(_) => (
+            "gains energy without bound with a hyperelastic law",
+            "take \"midpoint\", which keeps it, or \"implicit_euler\"",
+        ),
         _ => (
             "has one linear solve a step with this law, and gains energy without bound",
             "take \"implicit_euler\", or a hyperelastic law with \"midpoint\"",

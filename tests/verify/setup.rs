@@ -165,10 +165,15 @@ impl Body {
         self.backend.read(&query).expect("the device works").elastic_forces
     }
 
+    /// Present state, in which a cell may be inverted; rotations belong to it.
+    pub fn fallible_state(&mut self) -> cutis::error::Result<Snapshot> {
+        self.backend.begin()?;
+        self.backend.snapshot()
+    }
+
     /// Present state; rotations belong to it.
     pub fn state(&mut self) -> Snapshot {
-        self.backend.begin().expect("the device works");
-        self.backend.snapshot().expect("the device works")
+        self.fallible_state().expect("the device works")
     }
 }
 

@@ -88,7 +88,7 @@ impl<R: Real> CpuBackend<R> {
             let end: Vec<V4<f64>> =
                 self.u.iter().zip(dx).map(|(u, d)| std::array::from_fn(|n| (u[n] + d[n]).f64())).collect();
             let excess = self.system.energy(&end) - before - work;
-            Ok((outcome, conserved.end(&u, &v, &widen(dx), excess)))
+            Ok((outcome, conserved.end(&u, &v, &widen(dx), elastic_at, excess)))
         });
         self.conserved = Some(conserved);
         let (outcome, ended) = solved?;

@@ -3,13 +3,13 @@
 //! One read returns a trial point: partial sums over groups of nodes, and the energy of each cell. The host subtracts the cell energies at
 //! the start of the step in f64, so that the small change over a step is not lost in the total energy.
 
-use super::{GpuBackend, rounded};
 use super::exchange::triples;
+use super::{GpuBackend, rounded};
 use crate::backend::conserve::{self, Conserved, Ended};
 use crate::backend::newton::{Descent, Shifted, TrialPoint, newton as descend, solve_shifted};
 use crate::backend::{FREE, Nonlinear, SolveRequest, Target};
-use crate::bodies::{Model, Refused};
 use crate::bodies::gpu::{NonlinearLaw, Search};
+use crate::bodies::{Model, Refused};
 use crate::error::{Error, Result};
 use crate::gpu::{Batch, Buffer, Gpu, cast};
 use crate::kernels::hyperelastic_forces::INVERTED_ENERGY;
@@ -183,7 +183,7 @@ impl GpuBackend {
         let inverted = newton.first_inverted(&energy).is_some();
         let excess = if inverted { f64::INFINITY } else { gained - newton.work[0] };
         let [u, v, dx] = [0, 1, 2].map(|k| widen(&cast::<V4<f32>>(&parts[k])));
-        Ok(conserved.end(&u, &v, &dx, excess))
+        Ok(conserved.end(&u, &v, &dx, newton.law.elastic_at, excess))
     }
 
     /// Sets the velocities that conserve energy, after the integration.

@@ -101,7 +101,8 @@ impl Runs<'_> {
 
 /// The setting at the shortest step, with the integrator of highest order that is stable with its law.
 pub(super) fn at_shortest(scene: &Scene, setting: &Setting) -> Setting {
-    let second = scene.study.integrators.iter().copied().filter(|i| matches!(i, Integrator::Newmark | Integrator::Midpoint));
+    let second =
+        scene.study.integrators.iter().copied().filter(|i| matches!(i, Integrator::Newmark | Integrator::Midpoint));
     let mut known = second.chain([scene.time.integrator]);
     let integrator = known.find(|i| fits(scene, setting.law, *i)).unwrap_or(Integrator::ImplicitEuler);
     Setting { step: scene.study.finest_step(&scene.time), integrator, ..setting.clone() }
