@@ -18,8 +18,8 @@
 //! 2006, section IV.4; Simo, Wong 1991 (a parameter of the rule that keeps the energy). Differs: displacements are not projected, so that one
 //! solve suffices.
 
+use crate::bodies::Model;
 use crate::bodies::grid::Hyperelastic;
-use crate::bodies::{Kind, Model};
 use crate::error::Result;
 use crate::kernels::Params;
 use crate::math::V4;
@@ -74,8 +74,7 @@ pub(super) struct Conserved {
 impl Conserved {
     /// Data of a body by the midpoint rule whose steps are solved by Newton's method; steps of linear bodies conserve energy by themselves.
     pub fn of(model: &Model) -> Option<Self> {
-        let Kind::Hexahedra(hexahedra) = &model.kind else { return None };
-        let law = hexahedra.hyperelastic.as_ref().filter(|law| law.newton)?;
+        let law = model.newton()?;
         (model.step.integrator == Integrator::Midpoint).then(|| Self::new(model, law))
     }
 

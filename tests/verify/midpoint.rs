@@ -12,7 +12,7 @@ use cutis::backend::Snapshot;
 use cutis::bodies::{Model, elastic_energy};
 use cutis::math::norm;
 use cutis::scene::Integrator::{self, ImplicitEuler, Midpoint, Newmark};
-use cutis::scene::{Element, Law, Material, Region, Scene};
+use cutis::scene::{Element, Law, Material, Preconditioner, Region, Scene};
 use cutis::step::{Platform, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
@@ -24,6 +24,7 @@ pub const EVERYWHERE: &[Everywhere] = &[
 pub const CASES: &[Case] = &[
     ("midpoint_rule_is_of_second_order_at_large_strain", order),
     ("midpoint_rule_keeps_energy_of_held_and_partly_held_bodies", held_bodies),
+    ("newmarks_method_gains_energy_where_the_law_is_not_linear", newmark_gains),
 ];
 
 fn kinetic(model: &Model, state: &Snapshot) -> f64 {
@@ -213,4 +214,40 @@ fn held_bodies() {
             assert!(axes[0] || slide.max(spin) < 1e-6, "{slide:e} {spin:e}");
         }
     }
+}
+
+/// Most energy that a run gains, relative to the start; infinite where it fails.
+fn gained(law: Law, integrator: Integrator, step: f64, steps: u32) -> f64 {
+    let mut scene = free(law);
+    scene.solver.preconditioner = Preconditioner::Column;
+    let mut model = model(&scene);
+    (model.step.integrator, model.step.step) = (integrator, step);
+    let first = start(&model, ANGLE);
+    let mut body = Body::new(&Platform::Cpu64, model, &first, 1e-8);
+    let state = body.state();
+    let e = energy(&body.model, &state);
+    let one = |_| {
+        body.step();
+        let state = body.state();
+        energy(&body.model, &state) / e - 1.0
+    };
+    (0..steps).map(one).fold(0.0, |most, now| if now.is_finite() { f64::max(most, now) } else { f64::INFINITY })
+}
+
+/// Why scenes refuse it with laws whose steps are one linear solve ([`Integrator::fits`]).
+fn newmark_gains() {
+    let corotational = Law::Fem { element: Element::Bbar, corotational: true };
+    let springs = Law::Springs { stiffness: 100.0, damping: 0.0 };
+    for (law, least) in [(corotational, 10.0), (springs, 0.1)] {
+        let [newmark, midpoint] = [Newmark, Midpoint].map(|integrator| gained(law, integrator, 5e-3, 100));
+        measured(&format!("Newmark, {law:?}, 100 steps of 5 ms: energy gained"), newmark, 0.0);
+        assert!(newmark > least, "{law:?}: {newmark:e}");
+        assert!(midpoint == newmark, "{law:?}: one linear solve a step is the same by both, {midpoint:e} {newmark:e}");
+        assert!(!Newmark.fits(law) && !Midpoint.fits(law));
+        // counter-test: implicit Euler gains none
+        let euler = gained(law, ImplicitEuler, 5e-3, 100);
+        assert!(euler < 1e-3, "{law:?}: implicit Euler {euler:e}");
+    }
+    let linear = gained(LINEAR, Newmark, 5e-3, 100);
+    assert!(linear < 1e-6 && Newmark.fits(LINEAR), "the linear law: {linear:e}");
 }

@@ -146,6 +146,12 @@ impl Model {
         }
     }
 
+    /// Law of a hyperelastic body whose steps are solved by Newton's method.
+    pub fn newton(&self) -> Option<&Hyperelastic> {
+        let Kind::Hexahedra(hexahedra) = &self.kind else { return None };
+        hexahedra.hyperelastic.as_ref().filter(|law| law.newton)
+    }
+
     /// `[layer × 64]` 3×3 blocks of the element matrices, for elastic forces.
     pub fn stiffness_blocks<R: Real>(&self) -> Vec<M3<R>> {
         element::blocks(&self.hexahedra().stiffness)
