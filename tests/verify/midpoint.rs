@@ -244,10 +244,8 @@ fn newmark_gains() {
         assert!(newmark > least, "{law:?}: {newmark:e}");
         assert!(midpoint == newmark, "{law:?}: one linear solve a step is the same by both, {midpoint:e} {newmark:e}");
         assert!(!Newmark.fits(law) && !Midpoint.fits(law));
-        // counter-test: implicit Euler gains none
-        let euler = gained(law, ImplicitEuler, 5e-3, 100);
-        assert!(euler < 1e-3, "{law:?}: implicit Euler {euler:e}");
     }
+    // counter-test
     let linear = gained(LINEAR, Newmark, 5e-3, 100);
     assert!(linear < 1e-6 && Newmark.fits(LINEAR), "the linear law: {linear:e}");
 }

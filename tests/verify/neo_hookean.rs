@@ -256,7 +256,9 @@ fn true_residuals(platform: &Platform) {
             let residual = report.true_residual.unwrap_or(f64::NAN);
             measured(&format!("neo-Hookean true residual {platform:?} {integrator:?}"), residual, tight(platform));
             assert!(residual < 2.0 * tight(platform), "{platform:?} {integrator:?}: {residual:e}");
-            assert!(report.newton_iterations > 1 && report.warnings.is_empty(), "{:?}", report.warnings);
+            // a step of 10 ms is long beside the vibrations of a block of 2 mm
+            let asked = |name: &&str| *name == "midpoint_moved" && integrator == Integrator::Midpoint;
+            assert!(report.newton_iterations > 1 && report.warnings.keys().all(asked), "{:?}", report.warnings);
         }
     }
 }
