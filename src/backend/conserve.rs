@@ -10,7 +10,7 @@
 //! the energy of the step is that of the work done on it, and both momenta stay. Nodes that are held or have rest-shape springs restrict `r` to
 //! the rigid motions that leave them at rest.
 //!
-//! Where the excess is not small beside `T` (the step is many periods of what deforms), the step is solved again with its elastic forces taken
+//! Where the excess is not small beside `T` and is more than damping takes (the step is many periods of what deforms), the step is solved again with its elastic forces taken
 //! nearer to its end, at `u + τ Δx`, `τ` up to 1: their work then falls short of the change of the energy less, and at 1 not at all for a convex
 //! `W`. Away from the middle they have a torque about it, whose angular momentum is given back to the rigid motion. Such a step is of first order
 //! and counted ([`super::Nonlinear::elastic_at`]).
@@ -28,7 +28,8 @@ use crate::scene::Integrator;
 /// Weight of held axes beside the mass of the body: what a rigid motion moves them by, relative to the others.
 const HELD: f64 = 1e9;
 
-/// Largest excess relative to `T` that velocities take: they lose up to 30 % of their deforming part.
+/// Largest excess relative to `T` that velocities take: they lose up to 30 % of their deforming part. What damping takes in the same step may be
+/// left.
 const MOST_TAKEN: f64 = 0.5;
 
 /// Where a step takes its elastic forces, one after the other until the excess is small enough.
@@ -61,8 +62,8 @@ pub(super) struct Conserved {
     rest: Vec<[f64; 3]>,
     /// `[node]` DOF mask and mass, kg.
     free: Vec<V4<f64>>,
-    /// `[node]` no rigid motion moves it.
-    held: Vec<bool>,
+    /// `[node]` stiffness of its rest-shape spring, N/m; no rigid motion moves it where there is one.
+    anchored: Vec<f64>,
     /// kg
     mass: f64,
     /// s
@@ -80,11 +81,14 @@ impl Conserved {
 
     fn new(model: &Model, law: &Hyperelastic) -> Self {
         let count = model.rest.len() as f64;
+        let mut anchored = vec![0.0; model.rest.len()];
+        let anchors = model.anchors.nodes.iter().zip(&model.anchors.stiffness);
+        anchors.for_each(|(node, stiffness)| anchored[*node as usize] = *stiffness);
         let middle = [0, 1, 2].map(|n| model.rest.iter().map(|x| x[n]).sum::<f64>() / count);
         Self {
             rest: model.rest.iter().map(|x| [0, 1, 2].map(|n| x[n] - middle[n])).collect(),
             free: model.free.clone(),
-            held: (0..model.rest.len() as u32).map(|node| model.anchors.nodes.binary_search(&node).is_ok()).collect(),
+            anchored,
             mass: model.free.iter().map(|free| free[3]).sum(),
             step: model.step.step,
             law: law.clone(),
@@ -93,8 +97,15 @@ impl Conserved {
     }
 
     /// Velocities at the end of a step from `u` and `v` with increments `dx`, `[node]` m and m/s, and elastic forces at `u + τ Δx`, less the
-    /// excess `ε`, J.
-    pub fn end(&self, u: &[V4<f64>], v: &[V4<f64>], dx: &[V4<f64>], elastic_at: f64, mut excess: f64) -> Ended {
+    /// excess `ε`, J; `linear` is the work of inertia and damping over the increments, J.
+    pub fn end(
+        &self,
+        u: &[V4<f64>],
+        v: &[V4<f64>],
+        dx: &[V4<f64>],
+        elastic_at: f64,
+        [mut excess, linear]: [f64; 2],
+    ) -> Ended {
         let at = |part: f64| -> Vec<V4<f64>> {
             u.iter().zip(dx).map(|(u, d)| std::array::from_fn(|n| u[n] + part * d[n])).collect()
         };
@@ -117,6 +128,12 @@ impl Conserved {
                 excess += 0.5 * free[3] * (v[node][axis] * v[node][axis] - before * before);
             }
         }
+        // energy that damping takes: the work without that of inertia and of rest-shape springs
+        let stored = |node: usize| {
+            let squared: f64 = (0..3).map(|n| self.free[node][n] * dx[node][n] * dx[node][n]).sum();
+            (2.0 * self.free[node][3] / (self.step * self.step) + 0.5 * self.anchored[node]) * squared
+        };
+        let damped = linear - (0..dx.len()).map(stored).sum::<f64>();
         // kinetic energy of what is not rigid, and what it has in common with the rigid motion
         let rigid = self.rigid(&u, &v);
         let (mut deforming, mut common) = (0.0, 0.0);
@@ -131,16 +148,18 @@ impl Conserved {
             }
         }
         if deforming == 0.0 {
-            return Ended { v, conserved: excess <= 0.0 };
+            return Ended { v, conserved: excess <= damped };
         }
-        // deforming s² + common s = deforming + common − excess
-        let root = common * common + 4.0 * deforming * (deforming + common - excess);
+        // deforming s² + common s = deforming + common − taken
+        let conserved = excess <= MOST_TAKEN * deforming + damped;
+        let taken = if conserved { excess.min(MOST_TAKEN * deforming) } else { excess };
+        let root = common * common + 4.0 * deforming * (deforming + common - taken);
         let scale = ((root.max(0.0).sqrt() - common) / (2.0 * deforming)).max(0.0);
         for node in 0..u.len() {
             let rest = rest(node, &v);
             (0..3).for_each(|axis| v[node][axis] += (scale - 1.0) * rest[axis]);
         }
-        Ended { v, conserved: excess <= MOST_TAKEN * deforming }
+        Ended { v, conserved }
     }
 
     /// Velocity of a node along an axis in the six rigid motions: along x, y, z, and about them.
@@ -167,7 +186,7 @@ impl Conserved {
         let mut matrix = [[0.0; 6]; 6];
         for (node, axis) in (0..3 * u.len()).map(|n| (n / 3, n % 3)) {
             let (mode, free) = (self.mode(node, axis, u), self.free[node]);
-            let rests = free[axis] == 0.0 || self.held[node];
+            let rests = free[axis] == 0.0 || self.anchored[node] > 0.0;
             let weight = if rests { HELD * self.mass } else { free[3] };
             (0..36).for_each(|n| matrix[n / 6][n % 6] += weight * mode[n / 6] * mode[n % 6]);
         }

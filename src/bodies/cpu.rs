@@ -40,8 +40,8 @@ pub struct Trial<R> {
     pub potential: f64,
     /// `[node]` −∇Π, N
     pub residual: Vec<V4<R>>,
-    /// Work of the elastic forces and of the residual over the increment, J ([`crate::kernels::residual`]).
-    pub work: f64,
+    /// Work over the increment of the elastic forces and of the residual, and of inertia and damping, J ([`crate::kernels::residual`]).
+    pub work: [f64; 2],
 }
 
 /// Interface of a body to the solver: forces, product with the system matrix `A`, and preconditioner. `free` is `[node]` the DOF mask per

@@ -87,8 +87,8 @@ impl<R: Real> CpuBackend<R> {
             let dx = &self.x[..self.node_count];
             let end: Vec<V4<f64>> =
                 self.u.iter().zip(dx).map(|(u, d)| std::array::from_fn(|n| (u[n] + d[n]).f64())).collect();
-            let excess = self.system.energy(&end) - before - work;
-            Ok((outcome, conserved.end(&u, &v, &widen(dx), elastic_at, excess)))
+            let excess = self.system.energy(&end) - before - work[0];
+            Ok((outcome, conserved.end(&u, &v, &widen(dx), elastic_at, [excess, work[1]])))
         });
         self.conserved = Some(conserved);
         let (outcome, ended) = solved?;
@@ -102,8 +102,8 @@ impl<R: Real> CpuBackend<R> {
         self.system.set_elastic_at(elastic_at);
     }
 
-    /// Balance of the step by Newton's method; its outcome, and the work of elastic forces and residual, J.
-    fn balance(&mut self, tolerance: f64, b: &[V4<R>]) -> Result<(Outcome, f64)> {
+    /// Balance of the step by Newton's method; its outcome, and the work of [`Trial`], J.
+    fn balance(&mut self, tolerance: f64, b: &[V4<R>]) -> Result<(Outcome, [f64; 2])> {
         let (n, floor) = (self.node_count, self.floor);
         let zeros = vec![[R::zero(); 4]; n];
         // fixed nodes have their prescribed increments from the start
@@ -111,7 +111,7 @@ impl<R: Real> CpuBackend<R> {
             std::array::from_fn(|k| if k < 3 && free[k] == R::zero() { x[k] } else { R::zero() })
         };
         let dx = self.x.iter().zip(&self.free).map(prescribed).collect();
-        let still = Point { dx, residual: zeros.clone(), work: 0.0 };
+        let still = Point { dx, residual: zeros.clone(), work: [0.0; 2] };
         let mut descent =
             LineSearch { body: self, b: b.to_vec(), current: still.clone(), trial: still, direction: zeros };
         let (outcome, newton_iterations) = newton(&mut descent, tolerance, floor)?;
@@ -131,7 +131,7 @@ struct Point<R> {
     /// `[node]` −∇Π, N
     residual: Vec<V4<R>>,
     /// J, see [`Trial`].
-    work: f64,
+    work: [f64; 2],
 }
 
 /// Line search state: a body and the right-hand side of its step.

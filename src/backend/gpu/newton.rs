@@ -32,8 +32,8 @@ pub(super) struct Newton {
     start: Vec<f32>,
     /// Norm of the step's load, N.
     load: f64,
-    /// Work of elastic forces and residual at the current and the trial point, J.
-    work: [f64; 2],
+    /// Work over the increment of elastic forces and residual, and of inertia and damping, at the current and the trial point, J.
+    work: [[f64; 2]; 2],
     /// Data for steps that conserve energy.
     conserved: Option<Conserved>,
     /// Velocities at the end of the step that conserve energy, m/s.
@@ -49,7 +49,7 @@ impl Newton {
             shift: 0.0,
             start: vec![],
             load: 0.0,
-            work: [0.0; 2],
+            work: [[0.0; 2]; 2],
             conserved: Conserved::of(model),
             ended: vec![],
         }
@@ -181,9 +181,9 @@ impl GpuBackend {
         let change = |(end, start): (&f32, &f32)| f64::from(*end) - f64::from(*start);
         let gained: f64 = energy.iter().zip(&newton.start).map(change).sum();
         let inverted = newton.first_inverted(&energy).is_some();
-        let excess = if inverted { f64::INFINITY } else { gained - newton.work[0] };
+        let excess = if inverted { f64::INFINITY } else { gained - newton.work[0][0] };
         let [u, v, dx] = [0, 1, 2].map(|k| widen(&cast::<V4<f32>>(&parts[k])));
-        Ok(conserved.end(&u, &v, &dx, newton.law.elastic_at, excess))
+        Ok(conserved.end(&u, &v, &dx, newton.law.elastic_at, [excess, newton.work[0][1]]))
     }
 
     /// Sets the velocities that conserve energy, after the integration.
@@ -267,7 +267,9 @@ impl Descent for GpuBackend {
         let (potential_and_residual, energy) = (cast::<V4<f32>>(&parts[1]), cast::<f32>(&parts[2]));
         let (inverted, at) = (newton.first_inverted(&energy).is_some(), newton.law.elastic_at);
         if let Some(newton) = &mut self.newton {
-            newton.work[1] = potential_and_residual.iter().map(|b| f64::from(b[2])).sum();
+            let [potential, work] =
+                [0, 2].map(|part| potential_and_residual.iter().map(|b| f64::from(b[part])).sum::<f64>());
+            newton.work[1] = [work, -2.0 * (potential + work)]; // w = b + f(u) − f(u + τ Δx) + ∇Π
             if first {
                 newton.start = energy.clone();
                 newton.load = sum(cast(&parts[3])).sqrt();

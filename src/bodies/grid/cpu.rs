@@ -368,6 +368,6 @@ impl<R: Real> System<R> for Hexahedra<R> {
                 residual[i][n] = R::of(left);
             }
         }
-        Ok(Some(Trial { potential, residual, work }))
+        Ok(Some(Trial { potential, residual, work: [work, linear.f64()] }))
     }
 }
