@@ -1,10 +1,11 @@
 //! Blocks of `A` for the preconditioner: each node's 3×3 block `D`, and its coupling block `U` with the node above it.
 //!
-//! `D_i = s Σ_c R_c K_aa R_cᵀ + m_i (1 + h r_M)/h² I`, `U_i = s Σ_c R_c K_{a,a+4} R_cᵀ` over the up to four cells above the node. Where a
-//! cut has put the two nodes of a cell's vertical edge into different columns, `U` omits their coupling and `D` counts the cell twice at
-//! both: a positive definite matrix is at most twice its block diagonal, so the smoother's bound still holds. Fixed axes get the identity's
-//! row and column. Hyperelastic cells add the stiffness of their volume, `v_a ⊗ v_b` with `v_a = R Σ_n ± y_n` ([`super::volume`]). `params.preconditioner` selects the entries kept: 0 the identity, 1 the diagonal of `D`, 2 `D`, 3 `D` and `U`. Packed as
-//! 16 numbers per node: 6 of the symmetric `D`, 9 of `U` by columns, one pad.
+//! `D_i = s Σ_c R_c K_aa R_cᵀ + m_i (1 + h r_M)/h² I`, `U_i = s Σ_c R_c K_{a,a+4} R_cᵀ` over the up to four cells above the node. Where a cut has
+//! put the two nodes of a cell's vertical edge into different columns, `U` omits their coupling and `D` counts the cell twice at both: a positive
+//! definite matrix is at most twice its block diagonal, so the smoother's bound still holds. Fixed axes get the identity's row and column.
+//! Hyperelastic cells add the stiffness of their volume, `v_a ⊗ v_b` with `v_a = R Σ_n ± y_n` ([`super::volume`]). `params.preconditioner`
+//! selects the entries kept: 0 the identity, 1 the diagonal of `D`, 2 `D`, 3 `D` and `U`. Packed as 16 numbers per node: 6 of the symmetric `D`,
+//! 9 of `U` by columns, one pad.
 //! Units: N/m.
 
 use super::split::Around;

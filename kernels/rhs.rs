@@ -1,7 +1,7 @@
 //! Right-hand side of the unconstrained motion, and the load that residuals are compared with.
 //!
 //! Implicit Euler with Rayleigh damping in displacement increments `Δx = h v'`: `A Δx = b`, `A = (1 + h r_M)/h² M + (1 + r_K/h) K`,
-//! `b = −f + f_ext + m g + M v/h`. Newmark's trapezoidal rule has `2 M v/h`, symplectic Euler `(1 − h r_M) M v/h`: `params.momentum_factor`
+//! `b = −f + f_ext + m g + M v/h`. The trapezoidal and the midpoint rule have `2 M v/h`, symplectic Euler `(1 − h r_M) M v/h`: `params.momentum_factor`
 //! (`bodies::Step` has their `A`). (These are the equations of SOFA's `EulerImplicitSolver` with `dv = Δx/h − v`, where the damping terms
 //! of the right-hand side cancel.) `load² = Σ |b|² + |f_ext + m g|²` over free axes plus `Σ |f|²` over fixed ones: the magnitude of the
 //! step's forces, also at rest.

@@ -1,5 +1,5 @@
-//! Trial point along Newton's direction `x`: `Δx' = Δx + t x`, `t = params.gain`, displacement `u + Δx'`; and the predicted decrease
-//! `−∇Π·x`.
+//! Trial point along Newton's direction `x`: `Δx' = Δx + t x`, `t = params.gain`; displacement `u + τ Δx'` at which the step takes its elastic
+//! forces, `τ = params.stiffness_factor` of this kernel's own block; and the predicted decrease `−∇Π·x`.
 //! Units: u dx x m, residual (`residual_force`) −∇Π N, predicted decrease (`predicted_decrease`) J.
 
 use super::{Params, Source};
@@ -23,7 +23,7 @@ pub fn trial_point<R: Real>(
     for i in 0..u.len() {
         let moved = V3::from4(dx[i]) + V3::from4(x[i]) * params.gain;
         dx_next[i] = moved.pad(R::zero());
-        displacement[i] = (V3::from4(u[i]) + moved).pad(R::zero());
+        displacement[i] = (V3::from4(u[i]) + moved * params.stiffness_factor).pad(R::zero());
         predicted_decrease += V3::from4(residual_force[i]).dot(V3::from4(x[i]));
     }
     predicted_decrease

@@ -16,7 +16,7 @@ fn trial_point(thread: Thread) {
     if i < params.node_count {
         let moved = dx[i].xyz + x[i].xyz * params.gain;
         dx_next[i] = vec4<f32>(moved, 0.0);
-        displacement[i] = vec4<f32>(u[i].xyz + moved, 0.0);
+        displacement[i] = vec4<f32>(u[i].xyz + moved * params.stiffness_factor, 0.0);
         part = dot(residual_force[i].xyz, x[i].xyz);
     }
     let sum_of_group = group_sum(part, thread.lane);

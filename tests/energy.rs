@@ -3,7 +3,7 @@
 mod small;
 
 use cutis::report::{EnergyReport, Report};
-use cutis::scene::Integrator::{self, ImplicitEuler, Newmark, SymplecticEuler};
+use cutis::scene::Integrator::{self, ImplicitEuler, Midpoint, Newmark, SymplecticEuler};
 use cutis::scene::{Element, Law, Load, LoadKind, Material, Preconditioner, Region, Scene, Start};
 use cutis::step::{Measured, Platform, Simulation};
 use small::{block, held};
@@ -79,23 +79,30 @@ fn cantilever(law: Law, integrator: Integrator) -> Scene {
 }
 
 #[test]
-fn newmark_that_makes_energy_is_told_and_implicit_euler_makes_none() {
-    for law in [COROTATIONAL, NEO_HOOKEAN] {
-        for step in [0.5e-3, 5e-3] {
-            let (count, most) = grew(&twisted(law, Newmark, step), 5);
-            println!("twisted {law:?} Newmark {step}: {count} warnings, energy up to {most:.3e} of that at the start");
-            assert!(law != COROTATIONAL || count > 0, "{law:?} {step}: {most:e}");
-            let (count, most) = grew(&twisted(law, ImplicitEuler, step), 5);
-            println!("twisted {law:?} Euler {step}: {count} warnings, {most:.3e}");
-            assert!(count == 0, "{law:?} {step}: {most:e}");
+fn implicit_steps_make_no_energy() {
+    for (law, integrator) in [(COROTATIONAL, ImplicitEuler), (NEO_HOOKEAN, ImplicitEuler), (NEO_HOOKEAN, Midpoint)] {
+        let runs = [twisted(law, integrator, 0.5e-3), twisted(law, integrator, 5e-3), cantilever(law, integrator)];
+        for (what, scene) in ["twisted, 0.5 ms", "twisted, 5 ms", "cantilever, 20 ms"].iter().zip(&runs) {
+            let (count, most) = grew(scene, 5);
+            println!("{what}: {law:?} {integrator:?}: {count} warnings, energy up to {most:.6e} of that at the start");
+            assert!(count == 0, "{what}: {law:?} {integrator:?}: {most:e}");
         }
-        let (count, most) = grew(&cantilever(law, Newmark), 5);
-        println!("cantilever {law:?} Newmark: {count} warnings, {most:.3e}");
-        assert!(law != COROTATIONAL || count > 0, "{law:?}: {most:e}");
-        let (count, most) = grew(&cantilever(law, ImplicitEuler), 5);
-        println!("cantilever {law:?} Euler: {count} warnings, {most:.3e}");
-        assert!(count == 0, "{law:?}: {most:e}");
     }
+}
+
+#[test]
+fn energy_that_unfinished_solves_make_is_told() {
+    let warnings = |tolerance: f64| {
+        let mut scene = twisted(LINEAR, Newmark, 5e-3);
+        (scene.solver.preconditioner, scene.solver.tolerance) = (Preconditioner::None, tolerance);
+        let (count, most) = grew(&scene, 5);
+        println!(
+            "linear, Newmark, solves to {tolerance}: {count} warnings, energy up to {most:.3e} of that at the start"
+        );
+        count
+    };
+    assert!(warnings(0.3) > 0, "what the solves leave is a force that works");
+    assert_eq!(warnings(1e-8), 0, "counter-test: average acceleration keeps the energy of a linear body");
 }
 
 /// A linear layer that a load presses from 5 to 12 ms, without damping unless `damping`.
@@ -144,17 +151,14 @@ fn a_load_does_its_force_times_the_way() {
 
 #[test]
 fn damping_takes_what_is_missing() {
-    for law in [LINEAR, Law::Springs { stiffness: 20.0, damping: 1e-3 }] {
-        let mut scene = pressed(Newmark, 1.0);
-        scene.skins[0].law = law;
-        scene.solver.preconditioner = Preconditioner::Column;
+    {
+        let scene = pressed(Newmark, 1.0);
         let found = measures(&scene, &Platform::Cpu64);
         let (first, last) = (found[0], found[found.len() - 1]);
         let damping = last.booked.damping().expect("all steps are checked");
         let lost = last.booked.work() - (last.energy.total() - first.energy.total());
         assert!(damping > 0.1 * last.booked.loads, "{damping:e}");
-        let bound = if law == LINEAR { 1e-6 } else { 1e-2 }; // springs turn a little: measured 3e-3
-        assert!((damping / lost - 1.0).abs() < bound, "{law:?}: {damping:e}, missing {lost:e}");
+        assert!((damping / lost - 1.0).abs() < 1e-6, "{damping:e}, missing {lost:e}");
         // not known where steps are not checked
         let report = run("damped", &scene, &Platform::Cpu64).0;
         let EnergyReport { dissipated, .. } = report.energy_j;

@@ -98,7 +98,7 @@ fn links(model: &Model) -> Vec<[usize; 3]> {
 
 fn solved(before: Snapshot, dx: Vec<[f64; 4]>) -> Solved {
     let zeros = vec![[0.0; 4]; dx.len()];
-    Solved { start: before, load: zeros.clone(), contact: zeros, dx, exact: false }
+    Solved { start: before, load: zeros.clone(), contact: zeros, dx, ..Solved::default() }
 }
 
 /// Relative change of a body's mass.

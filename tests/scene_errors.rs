@@ -790,7 +790,7 @@ fn integrator_is_read_and_has_a_default() {
     let read = |word: &str| parsed(&alone(word, "", "")).expect("the scene is valid").time.integrator;
     assert_eq!(read(""), Integrator::ImplicitEuler);
     assert_eq!(read("integrator = \"implicit_euler\""), Integrator::ImplicitEuler);
-    assert_eq!(read("integrator = \"newmark\""), Integrator::Newmark);
+    assert_eq!(read("integrator = \"midpoint\""), Integrator::Midpoint);
     assert_eq!(read("integrator = \"symplectic_euler\""), Integrator::SymplecticEuler);
 }
 
@@ -799,6 +799,7 @@ fn explicit_steps_of_a_consistent_mass() {
     let text = alone("integrator = \"symplectic_euler\"", "", "law = \"linear\"\nmass = \"consistent\"");
     says(&parsed(&text).expect_err("no diagonal").to_string(), "scenes/full.toml:5: … consistent … lumped or uniform");
     assert!(parsed(&text.replace("symplectic_euler", "newmark")).is_ok());
+    assert!(parsed(&text.replace("symplectic_euler", "midpoint")).is_ok());
 }
 
 #[test]
@@ -809,7 +810,7 @@ fn explicit_steps_of_springs() {
         &parsed(&text).expect_err("dampers are implicit").to_string(),
         "scenes/full.toml:5: … springs … \"implicit_euler\"",
     );
-    assert!(parsed(&text.replace("symplectic_euler", "newmark")).is_ok());
+    assert!(parsed(&text.replace("symplectic_euler", "implicit_euler")).is_ok());
 }
 
 #[test]
@@ -826,12 +827,45 @@ fn explicit_steps_need_no_solver() {
 }
 
 #[test]
+fn steps_of_second_order_are_of_laws_that_they_are_stable_with() {
+    let springs = "law = \"springs\"\nspring_stiffness_n_m = 5\nspring_damping_n_s_m = 0";
+    let [linear, corotational, neo_hookean] =
+        ["linear", "corotational", "neo_hookean"].map(|law| format!("law = \"{law}\""));
+    let read = |word: &str, law: &str| parsed(&alone(&format!("integrator = \"{word}\""), "", law));
+    for (word, law, says_why) in [
+        ("newmark", &neo_hookean[..], "hyperelastic … \"midpoint\" … \"implicit_euler\""),
+        ("newmark", &corotational, "energy … \"implicit_euler\""),
+        ("midpoint", &corotational, "energy … \"implicit_euler\""),
+        ("newmark", springs, "energy … \"implicit_euler\""),
+        ("midpoint", springs, "energy … \"implicit_euler\""),
+    ] {
+        says(&read(word, law).expect_err(law).to_string(), &format!("scenes/full.toml:5: … {word} … {says_why}"));
+    }
+    for (word, law) in [("newmark", &linear), ("midpoint", &linear), ("midpoint", &neo_hookean)] {
+        let mut scene = read(word, law).expect("the scene is valid");
+        assert!(scene.check().is_ok());
+        // in code as in files
+        scene.skins[0].law = parsed(&alone("", "", &corotational)).expect("the scene is valid").skins[0].law;
+        says(&scene.check().expect_err("corotational").to_string(), "time.integrator … Midpoint … stable");
+    }
+    // a study takes it where one of its laws does
+    let study = |laws: &str| {
+        let text = alone("", "", &corotational)
+            .replace("[skin]\n", "[study]\nintegrators = [\"midpoint\"]\nlaws = LAWS\n[skin]\n");
+        parsed(&text.replace("LAWS", laws))
+    };
+    assert!(study("[\"neo_hookean\", \"bbar\"]").is_ok());
+    says(&study("[\"bbar\"]").expect_err("none fits").to_string(), "midpoint … energy");
+}
+
+#[test]
 fn neo_hookean_law_is_read() {
     let scene = parsed(&alone("", "", "law = \"neo_hookean\"")).expect("the scene is valid");
     assert!(matches!(scene.skins[0].law, Law::Hyperelastic(Material::NeoHookean)));
     assert_eq!(scene.solver.preconditioner, Preconditioner::Multigrid);
-    let newmark = alone("integrator = \"newmark\"", "", "law = \"neo_hookean\"");
-    assert!(parsed(&newmark).is_ok());
+    let midpoint =
+        parsed(&alone("integrator = \"midpoint\"", "", "law = \"neo_hookean\"")).expect("the scene is valid");
+    assert!(midpoint.newton() && midpoint.time.integrator == Integrator::Midpoint);
 }
 
 #[test]
@@ -903,8 +937,8 @@ fn neo_hookean_skin_takes_any_steps_and_newtons_method_no_refinements() {
     assert!(parsed(&alone("", "refinements = 2", "")).is_ok());
     let refined = alone("", "newton = true\nrefinements = 2", "");
     says(&parsed(&refined).expect_err("Newton alone").to_string(), "scenes/full.toml:8: … refinements … Newton");
-    let newmark = alone("integrator = \"newmark\"", "refinements = 2", "");
-    says(&parsed(&newmark).expect_err("Newton alone").to_string(), "scenes/full.toml:7: … refinements … Newton");
+    let midpoint = alone("integrator = \"midpoint\"", "refinements = 2", "");
+    says(&parsed(&midpoint).expect_err("Newton alone").to_string(), "scenes/full.toml:7: … refinements … Newton");
     for (skin, time, says_why) in
         [("law = \"linear\"", "", "only hyperelastic"), ("", "integrator = \"symplectic_euler\"", "solves no system")]
     {

@@ -6,6 +6,7 @@
 //! unconstrained motion, [`CORRECTION`] the contact correction, compliance columns start at [`FIRST_COLUMN`]. A solution stays in its slot
 //! and is the initial guess of the next solve.
 
+mod conserve;
 mod cpu;
 mod gpu;
 mod newton;
@@ -121,12 +122,14 @@ pub struct Values {
 }
 
 /// Solver statistics of a nonlinear law for one step.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Nonlinear {
     /// Newton iterations; 0 if the step is linearised once.
     pub iterations: u32,
     /// Number of indefinite tangents that had to be shifted.
     pub indefinite: u32,
+    /// `τ` of [`crate::bodies::Step::elastic_at`], where a midpoint step has needed another one.
+    pub elastic_at: Option<f64>,
 }
 
 /// Description of the device for reports.

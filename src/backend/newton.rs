@@ -1,11 +1,11 @@
 //! Newton's method for a step with a nonlinear law, on any backend.
 //!
-//! A step minimises `Π(Δx) = ½ Δx·(inertia M + (r_K/h) K₀) Δx + σ (W(u + Δx) − f(u)·Δx) − b·Δx`, with the integrator's end weight `σ` (1,
-//! or ½ for Newmark) and the rotated small-strain matrix `K₀` used for Rayleigh damping and preconditioning. Newton's method solves
-//! `(inertia M + (r_K/h) K₀ + σ K_T) e = −∇Π` by conjugate gradients to a fraction of the residual that decreases with it, so that
-//! convergence stays quadratic; then `Δx += t e`, `t` halved until `Π` decreases sufficiently (Armijo) and no cell is inverted. If the
-//! gradients break down, the tangent is indefinite: `K₀` is added with a factor that grows tenfold until they converge (counted). The
-//! factor that sufficed sets the first one of the next iteration (Levenberg 1944, Marquardt 1963).
+//! A step minimises `Π(Δx) = ½ Δx·(inertia M + (r_K/h) K₀) Δx + W(u + τ Δx)/τ − (b + f(u))·Δx`: its elastic forces are those at `u + τ Δx`, with
+//! `τ` 1, or ½ for the midpoint rule ([`crate::bodies::Step::elastic_at`]), and the rotated small-strain matrix `K₀` is used for Rayleigh damping
+//! and preconditioning. Newton's method solves `(inertia M + (r_K/h) K₀ + τ K_T) e = −∇Π`, `K_T` at `u + τ Δx`, by conjugate gradients to a
+//! fraction of the residual that decreases with it, so that convergence stays quadratic; then `Δx += t e`, `t` halved until `Π` decreases
+//! sufficiently (Armijo) and no cell is inverted. If the gradients break down, the tangent is indefinite: `K₀` is added with a factor that grows
+//! tenfold until they converge (counted). The factor that sufficed sets the first one of the next iteration (Levenberg 1944, Marquardt 1963).
 //! Source: Nocedal, Wright 2006, chapters 3 and 7 (line search, inexact Newton); Eisenstat, Walker 1996 (forcing terms).
 
 use crate::error::{Error, Result};

@@ -40,6 +40,8 @@ pub struct Trial<R> {
     pub potential: f64,
     /// `[node]` −∇Π, N
     pub residual: Vec<V4<R>>,
+    /// Work over the increment of the elastic forces and of the residual, and of inertia and damping, J ([`crate::kernels::residual`]).
+    pub work: [f64; 2],
 }
 
 /// Interface of a body to the solver: forces, product with the system matrix `A`, and preconditioner. `free` is `[node]` the DOF mask per
@@ -116,11 +118,17 @@ pub trait System<R: Real>: Send + Sync {
     fn first_inverted(&self, _at: &[V4<f64>]) -> Option<super::Refused> {
         None
     }
+    /// Elastic energy of a body solved by Newton's method, at displacements, J; infinite if a cell is inverted.
+    fn energy(&self, _at: &[V4<f64>]) -> f64 {
+        0.0
+    }
+    /// Sets `τ`: a step solved by Newton's method has the elastic forces at `u + τ Δx`.
+    fn set_elastic_at(&mut self, _elastic_at: f64) {}
     /// Evaluates the element tangents at displacements, m.
     fn linearise(&mut self, _at: &[V4<f64>]) {}
     /// Sets the multiple of the small-strain matrix that is added when the tangent is not positive definite.
     fn set_shift(&mut self, _shift: f64) {}
-    /// Potential and residual at `u + dx`, for the right-hand side `b` and the forces `f` at the start of the step; `None` if a cell is
+    /// Potential and residual for an increment `dx`, for the right-hand side `b` and the forces `f` at the start of the step; `None` if a cell is
     /// inverted.
     ///
     /// # Errors

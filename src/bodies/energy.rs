@@ -50,6 +50,8 @@ pub struct Solved {
     pub dx: Vec<V4<f64>>,
     /// The equations are those of the law itself, not of its linearisation at the start of the step.
     pub exact: bool,
+    /// `τ` of [`super::Step::elastic_at`], where the step has needed another one.
+    pub elastic_at: Option<f64>,
 }
 
 /// Elastic energy of a displacement field with that of the rest-shape springs, `½ Σ k |u|²`, J; `rotation` as stored by the kernels (0 for

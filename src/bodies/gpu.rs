@@ -150,12 +150,14 @@ pub trait Recorded {
 
 /// Arrays and kernels of a nonlinear law.
 pub struct NonlinearLaw {
-    /// Fraction of the change of elastic forces over a step that enters the step.
-    pub end_share: f64,
+    /// `τ` ([`crate::bodies::Step::elastic_at`]).
+    pub elastic_at: f64,
     /// `r_K/h`
     pub damping: f64,
     /// Parameter blocks of the small-strain products: their factor is `damping` plus the shift for indefinite tangents.
     pub blocks: Vec<(Params<f32>, Buffer)>,
+    /// Parameter blocks of the sums of tangent products: their factor is `elastic_at`.
+    pub sums: Vec<(Params<f32>, Buffer)>,
     /// `[cell]` J
     pub energy: Buffer,
     /// The step's right-hand side, `[node]` N.
@@ -176,7 +178,7 @@ pub struct Search {
     pub residual_force: [Buffer; 2],
     /// `[group]` predicted decrease `−∇Π·e`, e the search direction, J.
     pub predicted_decrease: Buffer,
-    /// `[group]` partial sums of Π, J, and of `|∇Π|²`, N².
+    /// `[group]` partial sums of Π, J, of `|∇Π|²`, N², and of the work of elastic forces and residual, J ([`crate::kernels::residual`]).
     pub potential_and_residual: Buffer,
     /// `[group]` partial sums of the squared load of the step, N².
     pub load: Buffer,

@@ -3,20 +3,30 @@
 //! The unknowns are displacement increments: `A Δx = b`, `A = inertia · M + stiffness_factor · K`, `b = f_ext − f_int + momentum_factor · M v/h`,
 //! then `u' = u + Δx`, `v' = v + velocity_factor (Δx/h − v)`. With Rayleigh damping `C = r_M M + r_K K`:
 //!
-//! | integrator | inertia | stiffness factor | momentum factor | velocity factor | `f_int` at |
-//! | --- | --- | --- | --- | --- | --- |
-//! | implicit Euler | `(1 + h r_M)/h²` | `1 + r_K/h` | 1 | 1 | `u` |
-//! | Newmark, β ¼, γ ½ | `(2 + h r_M)/h²` | `½ + r_K/h` | 2 | 2 | `u` |
-//! | symplectic Euler | `1/h²` | 0 | `1 − h r_M` | 1 | `u + r_K v` |
-//! | static | 10⁻⁹ s⁻² | 1 | 0 | 0 | `u` |
+//! | integrator | inertia | stiffness factor | momentum factor | velocity factor | `f_int` of `b` at | a step solved to its balance: at |
+//! | --- | --- | --- | --- | --- | --- | --- |
+//! | implicit Euler | `(1 + h r_M)/h²` | `1 + r_K/h` | 1 | 1 | `u` | `u + Δx` |
+//! | Newmark, β ¼, γ ½ | `(2 + h r_M)/h²` | `½ + r_K/h` | 2 | 2 | `u` | (linear law) |
+//! | midpoint | the same | the same | 2 | 2 | `u` | `u + Δx/2` |
+//! | symplectic Euler | `1/h²` | 0 | `1 − h r_M` | 1 | `u + r_K v` | `u + r_K v` |
+//! | static | 10⁻⁹ s⁻² | 1 | 0 | 0 | `u` | `u + Δx` |
 //!
 //! Newmark's `u' = u + h v + h²/4 (a + a')`, `v' = v + h/2 (a + a')` are the trapezoidal rules `Δx = h/2 (v + v')`,
 //! `v' − v = h/2 (a + a')`. Inserted into the sum of the balances `M a + C v + K u = f` at both ends they eliminate `a`, so it is not
 //! stored: `(2/h² M + C/h + K/2) Δx = f_ext − f_int + 2 M v/h`. The trajectories are exactly Newmark's if the loads are constant within a
-//! step and the initial acceleration satisfies the balance. Symplectic Euler is `v' = v + h M⁻¹ (f_ext − f_int − C v)`, `u' = u + h v'`,
+//! step and the initial acceleration satisfies the balance.
+//!
+//! The implicit midpoint rule is `Δx = h/2 (v + v')`, `M (v' − v) = h (f_ext − f_int(u + Δx/2) − C Δx/h)`: for a linear law the same method. It
+//! keeps linear and angular momentum, and for a nonlinear law the energy up to an excess that is taken from the velocities at the end of each step
+//! (`src/backend/conserve.rs`). Symplectic Euler is `v' = v + h M⁻¹ (f_ext − f_int − C v)`, `u' = u + h v'`,
 //! stable up to [`super::Model::stable_step`]. A static step is repeated until the forces balance; its trace of inertia keeps a rigid-body
 //! mode that nothing holds from being singular.
-//! Source: Newmark 1959; Hughes 1987, chapter 9; Hairer, Lubich, Wanner 2003 (symplectic Euler).
+//! Source: Newmark 1959; Hughes 1987, chapter 9; Hairer, Lubich, Wanner 2003 (symplectic Euler); Simo, Tarnow 1992 (momenta and energy of the
+//! midpoint rule).
+//!
+//! A nonlinear law and second order: average acceleration that keeps the energy of a linear body gains energy without bound where the law is not
+//! linear (Hughes, Caughey, Liu 1978), and so does the midpoint rule by itself. The linearised step of corotational hexahedra and springs is the
+//! same by both, so for these laws there is no second-order integrator here; hyperelastic bodies have the midpoint rule ([`Integrator::fits`]).
 //!
 //! Effect on an undamped vibration `ω`, `z = h ω` (tests/verify/integrators.rs checks each entry):
 //!
@@ -88,17 +98,17 @@ impl Step {
         let (h, drag) = (self.step, self.rayleigh_mass);
         match self.integrator {
             Integrator::ImplicitEuler => (1.0 + h * drag) / (h * h),
-            Integrator::Newmark => (2.0 + h * drag) / (h * h),
+            Integrator::Newmark | Integrator::Midpoint => (2.0 + h * drag) / (h * h),
             Integrator::SymplecticEuler => 1.0 / (h * h),
             Integrator::Static => STATIC_INERTIA,
         }
     }
 
-    /// Fraction of the change of elastic forces over a step that enters the step.
-    pub fn end_share(&self) -> f64 {
+    /// `τ`: a step has the elastic forces at `u + τ Δx`.
+    pub fn elastic_at(&self) -> f64 {
         match self.integrator {
             Integrator::ImplicitEuler | Integrator::Static => 1.0,
-            Integrator::Newmark => 0.5,
+            Integrator::Newmark | Integrator::Midpoint => 0.5,
             Integrator::SymplecticEuler => 0.0,
         }
     }
@@ -108,7 +118,7 @@ impl Step {
         match self.integrator {
             Integrator::SymplecticEuler => 0.0,
             Integrator::Static => 1.0,
-            _ => self.end_share() + self.rayleigh_stiffness / self.step,
+            _ => self.elastic_at() + self.rayleigh_stiffness / self.step,
         }
     }
 
@@ -116,7 +126,7 @@ impl Step {
     pub fn momentum_factor(&self) -> f64 {
         match self.integrator {
             Integrator::ImplicitEuler => 1.0,
-            Integrator::Newmark => 2.0,
+            Integrator::Newmark | Integrator::Midpoint => 2.0,
             Integrator::SymplecticEuler => 1.0 - self.step * self.rayleigh_mass,
             Integrator::Static => 0.0,
         }
@@ -125,7 +135,7 @@ impl Step {
     /// Velocity factor: change of velocity over a step relative to the change to the mean velocity.
     pub fn velocity_factor(&self) -> f64 {
         match self.integrator {
-            Integrator::Newmark => 2.0,
+            Integrator::Newmark | Integrator::Midpoint => 2.0,
             Integrator::Static => 0.0,
             _ => 1.0,
         }

@@ -453,12 +453,10 @@ impl Scene {
             "ImplicitEuler or Static where bodies may touch",
         )?;
         let moves = self.tools.iter().any(|tool| tool.free.is_some() || tool.blade.is_some()) || self.skins.is_empty();
-        let rest = self.time.integrator != Integrator::Static;
-        integrator.that(
-            rest || !moves,
-            "Static",
-            "another with free rigid bodies or blades, or without deformable bodies",
-        )?;
+        let fits = self.time.integrator != Integrator::Static || !moves;
+        integrator.that(fits, "Static", "another with free rigid bodies or blades, or without deformable bodies")?;
+        let stable = self.skins.iter().all(|skin| self.time.integrator.fits(skin.law));
+        integrator.that(stable, "Newmark or Midpoint", "one that is stable with the law (`Integrator::fits`)")?;
         if self.time.integrator == Integrator::SymplecticEuler {
             let explicit = |skin: &Skin| !matches!(skin.law, Law::Springs { .. }) && skin.mass != Mass::Consistent;
             let fits = self.skins.iter().all(explicit);

@@ -40,7 +40,7 @@ pub(super) fn integrator(
         let why = "is for one body that touches nothing, and this scene has tools, walls, ties or several bodies";
         return Err(unfit(why, "take \"implicit_euler\", or leave them out"));
     }
-    if integrator == Integrator::Newmark {
+    if matches!(integrator, Integrator::Newmark | Integrator::Midpoint) {
         return Ok(integrator);
     }
     if skins.iter().any(|s| s.mass == Mass::Consistent) {
@@ -50,7 +50,7 @@ pub(super) fn integrator(
         ));
     }
     if skins.iter().any(|s| matches!(s.law, Law::Springs { .. })) {
-        return Err(unfit("is for hexahedra, and this skin is of springs", "take \"implicit_euler\" or \"newmark\""));
+        return Err(unfit("is for hexahedra, and this skin is of springs", "take \"implicit_euler\""));
     }
     let why = "integrator = \"symplectic_euler\" solves no system";
     scene.needless("preconditioner", &solver.preconditioner, why)?;
@@ -59,4 +59,22 @@ pub(super) fn integrator(
     scene.needless("max_iterations", &solver.max_iterations, why)?;
     scene.needless("refinements", &solver.refinements, why)?;
     Ok(integrator)
+}
+
+/// Rejects an integrator that gains energy with a law.
+pub(super) fn stable(scene: &SceneText, word: &At<String>, integrator: Integrator, law: Law) -> Result<()> {
+    if integrator.fits(law) {
+        return Ok(());
+    }
+    let (why, fix) = match law {
+        Law::Hyperelastic(_) => (
+            "gains energy without bound with a hyperelastic law",
+            "take \"midpoint\", which keeps it, or \"implicit_euler\"",
+        ),
+        _ => (
+            "has one linear solve a step with this law, and gains energy without bound",
+            "take \"implicit_euler\", or a hyperelastic law with \"midpoint\"",
+        ),
+    };
+    Err(Invalid::IntegratorUnfit { at: scene.location(word.span()), found: word.get_ref().clone(), why, fix })
 }

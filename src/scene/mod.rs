@@ -92,7 +92,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// Whether steps of hyperelastic bodies are solved by Newton's method: where asked for; in Newmark's method, whose steps are of second
+    /// Whether steps of hyperelastic bodies are solved by Newton's method: where asked for; by the midpoint rule, whose steps are of second
     /// order only so; and in static steps where nothing may touch.
     pub fn newton(&self) -> bool {
         self.time.integrator.newton(self.solver.newton, self.contact.is_some())
@@ -134,6 +134,8 @@ pub enum Integrator {
     ImplicitEuler,
     /// Average acceleration: second order, conserves the energy of a linear body.
     Newmark,
+    /// Implicit midpoint rule with the energy of the step conserved: second order, for linear and hyperelastic bodies.
+    Midpoint,
     /// Explicit: no solve, but a small critical step.
     SymplecticEuler,
     /// No inertia and no damping: each step ends in static balance.
@@ -141,10 +143,21 @@ pub enum Integrator {
 }
 
 impl Integrator {
+    /// Whether it is stable with a law, as far as the step goes: steps of second order that are solved by one linear system gain energy without
+    /// bound where the law is not linear ([`crate::bodies::Step`]).
+    pub fn fits(self, law: Law) -> bool {
+        let linear = matches!(law, Law::Fem { corotational: false, .. });
+        match self {
+            Self::Newmark => linear,
+            Self::Midpoint => linear || matches!(law, Law::Hyperelastic(_)),
+            Self::ImplicitEuler | Self::SymplecticEuler | Self::Static => true,
+        }
+    }
+
     /// See [`Scene::newton`]: whether it is `asked` for, and whether bodies may touch.
     fn newton(self, asked: bool, touching: bool) -> bool {
         match self {
-            Self::Newmark => true,
+            Self::Midpoint => true,
             Self::Static => !touching,
             _ => asked,
         }

@@ -82,7 +82,10 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let mut time_keys = raw.time.keys;
     let raw_solver = raw::keys(raw.solver);
     let word = time_keys.integrator.take();
-    let integrator = integrator::integrator(&scene, word, &raw_solver, &skins, &tools, touching)?;
+    let integrator = integrator::integrator(&scene, word.clone(), &raw_solver, &skins, &tools, touching)?;
+    for (word, skin) in word.iter().flat_map(|word| skins.iter().map(move |skin| (word, skin))) {
+        integrator::stable(&scene, word, integrator, skin.law)?;
+    }
     hyperelastic::fits(&scene, hyperelastic, touching, integrator, &raw_solver)?;
     let time = time(&scene, time_keys, integrator)?;
     // the remaining tables

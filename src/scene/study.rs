@@ -1,6 +1,6 @@
 //! Variations of a scene for `cutis study`, and the reference for its errors.
 
-use super::integrator::integrator;
+use super::integrator::{integrator, stable};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Numbers, Table};
 use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
@@ -32,7 +32,7 @@ pub struct Study {
     pub grids: Vec<f64>,
     /// s
     pub steps: Vec<f64>,
-    /// Integrators; the reference uses the one of highest order.
+    /// Integrators, for the laws that they are stable with; the reference uses the one of highest order.
     pub integrators: Vec<Integrator>,
     /// Contact corrections.
     pub corrections: Vec<Correction>,
@@ -99,6 +99,15 @@ pub(super) fn study(
         Some(value) => scene.number(key, value, unit, Bound::Positive),
         None => Ok(0.0),
     };
+    let laws = words(scene, "laws", raw.laws, &laws(skins))?;
+    let of_study = |word: &At<String>| {
+        let integrator = integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, tools, touching)?;
+        let mut all = skins.iter().map(|skin| skin.law).chain(laws.iter().copied());
+        match all.clone().any(|law| integrator.fits(law)) {
+            true => Ok(integrator),
+            false => all.try_for_each(|law| stable(scene, word, integrator, law)).map(|()| integrator),
+        }
+    };
     let study = Study {
         probes: raw.probes.unwrap_or_default().iter().map(number).collect::<Result<_>>()?,
         known,
@@ -107,7 +116,6 @@ pub(super) fn study(
             .as_ref()
             .map(|t| scene.number("duration_s", t, SECOND, Bound::Positive))
             .transpose()?,
-        laws: words(scene, "laws", raw.laws, &laws(skins))?,
         preconditioners: words(scene, "preconditioners", raw.preconditioners, &preconditioners(skins))?,
         tolerances: match &raw.tolerances {
             Some(list) => each(scene, "tolerances", list, |v| scene.number("tolerances", v, PLAIN, Bound::Fraction))?,
@@ -120,11 +128,10 @@ pub(super) fn study(
         grids,
         steps: numbers(scene, "steps_ms", &raw.steps_ms, MS)?,
         integrators: match &raw.integrators {
-            Some(list) => each(scene, "integrators", list, |word| {
-                integrator(scene, Some(word.clone()), &raw::Solver::default(), skins, tools, touching)
-            })?,
+            Some(list) => each(scene, "integrators", list, of_study)?,
             None => vec![],
         },
+        laws,
         corrections: words(scene, "corrections", raw.corrections, &CORRECTIONS)?,
         quick_grid: one("quick_grid", &raw.quick_grid, PLAIN)?,
         reference_grid: one("reference_grid", &raw.reference_grid, PLAIN)?,

@@ -7,9 +7,10 @@ pub const ELEMENTS: [(&str, Element); 3] =
     [("bbar", Element::Bbar), ("enhanced", Element::Enhanced), ("plain", Element::Plain)];
 
 /// Integrators.
-pub const INTEGRATORS: [(&str, Integrator); 4] = [
+pub const INTEGRATORS: [(&str, Integrator); 5] = [
     ("implicit_euler", Integrator::ImplicitEuler),
     ("newmark", Integrator::Newmark),
+    ("midpoint", Integrator::Midpoint),
     ("symplectic_euler", Integrator::SymplecticEuler),
     ("static", Integrator::Static),
 ];

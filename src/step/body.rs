@@ -405,6 +405,7 @@ impl Body {
         let mut solved = self.solved(before, contact.unwrap_or_default(), scene, time);
         // iterative refinement
         solved.dx = self.increment(corrected)?;
+        solved.elastic_at = self.backend.nonlinear().elastic_at;
         if refined {
             self.refine(&mut solved, &scene.solver, corrected, free, report)?;
         }

@@ -10,7 +10,7 @@
 //! `A = (1 + h r_M)/h² M + (1 + r_K/h) K`, `b = f_ext − f_int + M v/h` ([`crate::kernels::rhs`]; M lumped, uniform or consistent;
 //! rest-shape springs, [`crate::bodies::Anchors`], are part of `f_int` and `K`). External forces and inertia stand in one right-hand side,
 //! so nothing is lost to f32. `A` is never assembled, except on the CPU path when a scene asks for its factor
-//! ([`crate::bodies::grid::direct`]). Newmark's method and symplectic Euler have other factors in the same `A` and `b`
+//! ([`crate::bodies::grid::direct`]). Newmark's method, the midpoint rule and symplectic Euler have other factors in the same `A` and `b`
 //! ([`crate::bodies::Step`]). A hyperelastic body has its own `f_int` and the rotated, stiffened `K` of
 //! [`crate::kernels::hyperelastic::Cell::stiffening`]; where nothing may touch, Newton's method solves its step with the consistent tangent.
 //!
@@ -426,6 +426,7 @@ impl Simulation {
             let work = body.backend.nonlinear();
             report.newton_iterations = report.newton_iterations.max(work.iterations);
             report.warn("tangent_indefinite", work.indefinite);
+            report.warn("midpoint_moved", u32::from(work.elastic_at.is_some()));
         }
         self.book_damping(check.then_some(damped));
         self.summarise_solves(&ended, &mut report);

@@ -284,7 +284,7 @@ impl Body {
             "corner_force" => random.many(self.grid.cell_count() * 24 * self.slots, 0.01),
             "energy" => random.many(self.grid.cell_count(), 1e-6),
             "predicted_decrease" => random.many(self.node_groups(), 1e-6),
-            "potential_and_residual" => random.many(self.node_groups() * 2, 1e-6),
+            "potential_and_residual" => random.many(self.node_groups() * 4, 1e-6),
             "dx" | "dx_next" => random.vectors(nodes, 1e-4),
             "residual_force" => random.vectors(nodes, 0.01),
             "point_u" | "point_before" => random.vectors(nodes, 3e-4),

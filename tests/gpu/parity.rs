@@ -75,7 +75,7 @@ const CASES: &[Case] = cases! {
         "* anchor[k]" => "* anchor[0]", "* free[i].xyz" => "", "let i = ids[k]" => "let i = k", "b[i].xyz - u" => "b[i].xyz + u"
     ]
     trial_point Nodes false [
-        "* params.gain" => "", "u[i].xyz + moved" => "moved", "dot(residual_force[i].xyz" => "dot(dx[i].xyz", "n = GROUP / 2u" => "n = GROUP / 4u"
+        "* params.gain" => "", "u[i].xyz + moved" => "moved", "dot(residual_force[i].xyz" => "dot(dx[i].xyz", "moved * params.stiffness_factor" => "moved", "n = GROUP / 2u" => "n = GROUP / 4u"
     ]
     blocks Nodes false [
         "a + 4u" => "a + 3u", "if a < 4u" => "if a < 3u", "layer_of[at.z] * 64u" => "0u",
@@ -175,8 +175,8 @@ const CASES: &[Case] = cases! {
         "scalars[slot * 2u].w == 0.0" => "true", "z[at].xyz + change" => "change", "- w[at].xyz" => ""
     ]
     residual Nodes false [
-        "(collected(i, 0u) - before)" => "collected(i, 0u)", "- w[i].xyz - change" => "- change", "* free[i].xyz" => "", "* 0.5" => "",
-        "before * params.stiffness_factor" => "before", "dot(left, left)" => "dot(left, pull)", "n = GROUP / 2u" => "n = GROUP / 4u"
+        "(elastic - before)" => "elastic", "- w[i].xyz - (" => "- (", "* free[i].xyz" => "", "* 0.5" => "",
+        "(b[i].xyz + before)" => "b[i].xyz", "dot(left, left)" => "dot(left, pull)", "elastic + left" => "elastic - left", "n = GROUP / 2u" => "n = GROUP / 4u"
     ]
     restriction Nodes true [
         "0.5, 1.0, dx == 1u" => "0.5, 1.0, dx == 0u", "- w[node].xyz" => "+ w[node].xyz", "x > params.nodes_x ||" => "",
@@ -320,8 +320,8 @@ fn numbers(body: &Body, name: &str, bytes: &[u8]) -> Vec<f64> {
         ("partial_gamma", Array::Real(all)) => slot_sums(&real()[..all.len()], body.column_groups()),
         ("partial_product", Array::Real(all)) => slot_sums(&real()[..all.len()], body.product_groups()),
         ("potential_and_residual", Array::Real(all)) => {
-            let sum = |part: usize| real()[..all.len()].iter().skip(part).step_by(2).sum();
-            vec![sum(0), sum(1)]
+            let sum = |part: usize| real()[..all.len()].iter().skip(part).step_by(4).sum();
+            vec![sum(0), sum(1), sum(2)]
         }
         ("partial_load" | "partial_residual" | "predicted_decrease", Array::Real(all)) => {
             slot_sums(&real()[..all.len()], body.node_groups())

@@ -13,6 +13,7 @@ mod holzapfel;
 mod integrators;
 mod loads;
 mod masses;
+mod midpoint;
 mod mooney_rivlin;
 mod motion;
 mod multigrid;
@@ -62,7 +63,7 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 19] = [
+    let groups: [&[Case]; 20] = [
         anchors::CASES,
         multigrid::CASES,
         direct::CASES,
@@ -77,13 +78,14 @@ fn main() -> ExitCode {
         motion::CASES,
         neo_hookean::CASES,
         masses::CASES,
+        midpoint::CASES,
         skin_block::CASES,
         release::CASES,
         prestrain::CASES,
         probes::CASES,
         slit::CASES,
     ];
-    let everywhere: [&[Everywhere]; 16] = [
+    let everywhere: [&[Everywhere]; 17] = [
         anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
@@ -94,6 +96,7 @@ fn main() -> ExitCode {
         mooney_rivlin::EVERYWHERE,
         neo_hookean::EVERYWHERE,
         masses::EVERYWHERE,
+        midpoint::EVERYWHERE,
         springs::EVERYWHERE,
         release::EVERYWHERE,
         prestrain::EVERYWHERE,

@@ -15,7 +15,7 @@ use cutis::step::{Platform, Simulation};
 
 pub const EVERYWHERE: &[Everywhere] = &[
     ("neo_hookean_column_has_its_large_strain", column),
-    ("explicit_neo_hookean_steps_follow_newmarks", explicit),
+    ("explicit_neo_hookean_steps_follow_those_of_the_midpoint_rule", explicit),
     ("newton_halves_steps_that_would_turn_cells_inside_out", inside_out),
     ("newton_gets_past_tangents_that_are_not_positive", buckling),
     ("neo_hookean_steps_end_at_their_true_residual", true_residuals),
@@ -40,7 +40,7 @@ fn neo_block() -> Scene {
     scene
 }
 
-/// Explicit steps, which need no tangent, against Newmark's of the same length, each solved by Newton's method.
+/// Explicit steps, which need no tangent, against those of the midpoint rule of the same length, each solved by Newton's method.
 fn explicit(platform: &Platform) {
     let mut scene = neo_block();
     scene.boundaries = vec![held(Region::Bottom, [true; 3])];
@@ -57,7 +57,7 @@ fn explicit(platform: &Platform) {
         run.bodies[0].snapshot().unwrap_or_else(|e| panic!("{e}")).u[top][2]
     };
     let law = Law::Hyperelastic(Material::NeoHookean);
-    let (found, wanted) = (down(Integrator::SymplecticEuler, law), down(Integrator::Newmark, law));
+    let (found, wanted) = (down(Integrator::SymplecticEuler, law), down(Integrator::Midpoint, law));
     measured(&format!("explicit neo-Hookean steps {platform:?} / mm"), found * 1e3, wanted * 1e3);
     assert!(wanted < -1e-4 && (found / wanted - 1.0).abs() < 0.01, "{platform:?}: {found:e}, wanted {wanted:e}");
     // counter-test: the law is felt by then
@@ -242,7 +242,7 @@ fn buckling(platform: &Platform) {
 }
 
 fn true_residuals(platform: &Platform) {
-    for integrator in [Integrator::ImplicitEuler, Integrator::Newmark] {
+    for integrator in [Integrator::ImplicitEuler, Integrator::Midpoint] {
         let mut scene = neo_block();
         let skin = &mut scene.skins[0];
         (skin.rayleigh_mass, skin.rayleigh_stiffness) = (3.0, 1e-3);
@@ -256,7 +256,9 @@ fn true_residuals(platform: &Platform) {
             let residual = report.true_residual.unwrap_or(f64::NAN);
             measured(&format!("neo-Hookean true residual {platform:?} {integrator:?}"), residual, tight(platform));
             assert!(residual < 2.0 * tight(platform), "{platform:?} {integrator:?}: {residual:e}");
-            assert!(report.newton_iterations > 1 && report.warnings.is_empty(), "{:?}", report.warnings);
+            // a step of 10 ms is long beside the vibrations of a block of 2 mm
+            let asked = |name: &&str| *name == "midpoint_moved" && integrator == Integrator::Midpoint;
+            assert!(report.newton_iterations > 1 && report.warnings.keys().all(asked), "{:?}", report.warnings);
         }
     }
 }

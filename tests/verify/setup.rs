@@ -1,7 +1,7 @@
 //! A deformable body on any platform, driven step by step without a scene's tools; and what tests compare it with.
 
 use super::small;
-use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Query, Snapshot, SolveRequest, Target};
+use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Nonlinear, Query, Snapshot, SolveRequest, Target};
 use cutis::bodies::Model;
 use cutis::bodies::Removal;
 use cutis::gpu::Gpu;
@@ -120,6 +120,7 @@ pub struct Body {
     pub model: Model,
     backend: Box<dyn Backend>,
     tolerance: f64,
+    taken: Nonlinear,
 }
 
 impl Body {
@@ -136,7 +137,7 @@ impl Body {
                 Box::new(backend.unwrap_or_else(|e| panic!("{e}")))
             }
         };
-        Self { model, backend, tolerance }
+        Self { model, backend, tolerance, taken: Nonlinear::default() }
     }
 
     /// Sets the dead loads, [node] N.
@@ -146,12 +147,17 @@ impl Body {
 
     /// Newton iterations of the last step.
     pub fn newton(&self) -> u32 {
-        self.backend.nonlinear().iterations
+        self.taken.iterations
     }
 
     /// Tangents of the last step that were not positive.
     pub fn indefinite(&self) -> u32 {
-        self.backend.nonlinear().indefinite
+        self.taken.indefinite
+    }
+
+    /// True if the last step had its elastic forces elsewhere than in its middle.
+    pub fn moved(&self) -> bool {
+        self.taken.elastic_at.is_some()
     }
 
     /// Bytes of its arrays.
@@ -170,6 +176,7 @@ impl Body {
         let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(self.tolerance) }];
         self.backend.begin()?;
         let (outcomes, _) = self.backend.solve(&wanted, &[])?;
+        self.taken = self.backend.nonlinear();
         self.backend.finish(false, false)?;
         Ok(outcomes[0])
     }
@@ -192,10 +199,15 @@ impl Body {
         self.backend.read(&query).expect("the device works").elastic_forces
     }
 
+    /// Present state, in which a cell may be inverted; rotations belong to it.
+    pub fn fallible_state(&mut self) -> cutis::error::Result<Snapshot> {
+        self.backend.begin()?;
+        self.backend.snapshot()
+    }
+
     /// Present state; rotations belong to it.
     pub fn state(&mut self) -> Snapshot {
-        self.backend.begin().expect("the device works");
-        self.backend.snapshot().expect("the device works")
+        self.fallible_state().expect("the device works")
     }
 }
 

@@ -3,6 +3,7 @@
 mod reserve;
 mod slots;
 
+use super::conserve::Conserved;
 use super::{
     Backend, CORRECTION, Device, FREE, NOT_KEPT, Needs, Nonlinear, Query, Snapshot, SolveRequest, Target, Values,
     Vector,
@@ -23,6 +24,9 @@ pub struct CpuBackend<R> {
     params: Params<R>,
     system: Box<dyn System<R>>,
     nonlinear: Nonlinear,
+    elastic_at: f64, // τ of `bodies::Step::elastic_at`
+    conserved: Option<Conserved>,
+    ended: Vec<V4<f64>>, // velocities at the end of the step that conserve energy
     max_iterations: u32,
     floor: f64,
     node_count: usize, // in use; `all_nodes` includes the reserve of duplicates
@@ -88,6 +92,9 @@ impl<R: Real> CpuBackend<R> {
         Self {
             params: Params { node_count: node_count as u32, ..params },
             nonlinear: Nonlinear::default(),
+            elastic_at: model.step.elastic_at(),
+            conserved: Conserved::of(model),
+            ended: vec![],
             max_iterations,
             floor,
             node_count,
@@ -265,6 +272,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         }
         let params = Params { slot_count: if corrected { 2 } else { 1 }, ..self.params };
         integrate::integrate(&params, &self.x, &mut self.u, &mut self.v);
+        self.v.iter_mut().zip(std::mem::take(&mut self.ended)).for_each(|(to, v)| *to = round(&v));
         Ok(())
     }
 

@@ -1,6 +1,7 @@
 //! Solves on the CPU path: conjugate gradients over the right-hand sides, explicit steps, and Newton's method.
 
 use super::{CpuBackend, request};
+use crate::backend::conserve;
 use crate::backend::newton::{Descent, Shifted, TrialPoint, newton, solve_shifted};
 use crate::backend::{FREE, SolveRequest, Target};
 use crate::bodies::cpu::{Start, Trial, Workspace};
@@ -74,6 +75,35 @@ impl<R: Real> CpuBackend<R> {
 
     /// Unconstrained motion by Newton's method; the right-hand side is `b` of the step, the solution its increment.
     pub(super) fn newton(&mut self, tolerance: f64) -> Result<Outcome> {
+        let b = self.r[..self.node_count].to_vec();
+        let Some(conserved) = self.conserved.take() else {
+            return Ok(self.balance(tolerance, &b)?.0);
+        };
+        let [u, v] = [&self.u, &self.v].map(|values| widen(values));
+        let before = self.system.energy(&u);
+        let solved = conserve::solve(|elastic_at| {
+            self.set_elastic_at(elastic_at);
+            let (outcome, work) = self.balance(tolerance, &b)?;
+            let dx = &self.x[..self.node_count];
+            let end: Vec<V4<f64>> =
+                self.u.iter().zip(dx).map(|(u, d)| std::array::from_fn(|n| (u[n] + d[n]).f64())).collect();
+            let excess = self.system.energy(&end) - before - work[0];
+            Ok((outcome, conserved.end(&u, &v, &widen(dx), elastic_at, [excess, work[1]])))
+        });
+        self.conserved = Some(conserved);
+        let (outcome, ended) = solved?;
+        self.ended = ended.v;
+        Ok(outcome)
+    }
+
+    fn set_elastic_at(&mut self, elastic_at: f64) {
+        self.nonlinear.elastic_at = (elastic_at != 0.5).then_some(elastic_at);
+        self.elastic_at = elastic_at;
+        self.system.set_elastic_at(elastic_at);
+    }
+
+    /// Balance of the step by Newton's method; its outcome, and the work of [`Trial`], J.
+    fn balance(&mut self, tolerance: f64, b: &[V4<R>]) -> Result<(Outcome, [f64; 2])> {
         let (n, floor) = (self.node_count, self.floor);
         let zeros = vec![[R::zero(); 4]; n];
         // fixed nodes have their prescribed increments from the start
@@ -81,15 +111,15 @@ impl<R: Real> CpuBackend<R> {
             std::array::from_fn(|k| if k < 3 && free[k] == R::zero() { x[k] } else { R::zero() })
         };
         let dx = self.x.iter().zip(&self.free).map(prescribed).collect();
-        let still = Point { dx, residual: zeros.clone() };
-        let b = self.r[..n].to_vec();
-        let mut descent = LineSearch { body: self, b, current: still.clone(), trial: still, direction: zeros };
+        let still = Point { dx, residual: zeros.clone(), work: [0.0; 2] };
+        let mut descent =
+            LineSearch { body: self, b: b.to_vec(), current: still.clone(), trial: still, direction: zeros };
         let (outcome, newton_iterations) = newton(&mut descent, tolerance, floor)?;
-        let dx = descent.current.dx;
+        let Point { dx, work, .. } = descent.current;
         self.x[..n].copy_from_slice(&dx);
-        self.nonlinear.iterations = newton_iterations;
+        self.nonlinear.iterations += newton_iterations;
         self.system.set_shift(0.0);
-        Ok(outcome)
+        Ok((outcome, work))
     }
 }
 
@@ -100,6 +130,8 @@ struct Point<R> {
     dx: Vec<V4<R>>,
     /// `[node]` −∇Π, N
     residual: Vec<V4<R>>,
+    /// J, see [`Trial`].
+    work: [f64; 2],
 }
 
 /// Line search state: a body and the right-hand side of its step.
@@ -125,6 +157,15 @@ impl<R: Real> Shifted for CpuBackend<R> {
     }
 }
 
+impl<R: Real> LineSearch<'_, R> {
+    /// `[node]` displacements at which the current point has its elastic forces, m.
+    fn moved(&self) -> Vec<V4<f64>> {
+        let at = self.body.elastic_at;
+        let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + at * d[n].f64());
+        self.body.u.iter().zip(&self.current.dx).map(sum).collect()
+    }
+}
+
 impl<R: Real> Descent for LineSearch<'_, R> {
     fn trial(&mut self, step_length: f64) -> Result<Option<TrialPoint>> {
         let along = |(d, e): (&V4<R>, &V4<R>)| {
@@ -133,13 +174,13 @@ impl<R: Real> Descent for LineSearch<'_, R> {
         let dx: Vec<V4<R>> = self.current.dx.iter().zip(&self.direction).map(along).collect();
         let CpuBackend { params, free, u, f, system, space, .. } = &mut *self.body;
         let start = Start { params, free, u, f, b: &self.b };
-        let Some(Trial { potential, residual }) = system.trial(&start, &dx, &mut space[FREE].scratch)? else {
+        let Some(Trial { potential, residual, work }) = system.trial(&start, &dx, &mut space[FREE].scratch)? else {
             return Ok(None);
         };
         let product = |(r, e): (&V4<R>, &V4<R>)| (0..3).map(|n| r[n].f64() * e[n].f64()).sum::<f64>();
         let predicted_decrease = self.current.residual.iter().zip(&self.direction).map(product).sum();
         let residual_norm = norm(&widen(&residual));
-        self.trial = Point { dx, residual };
+        self.trial = Point { dx, residual, work };
         Ok(Some(TrialPoint { potential, noise: 0.0, residual_norm, predicted_decrease }))
     }
 
@@ -148,9 +189,7 @@ impl<R: Real> Descent for LineSearch<'_, R> {
     }
 
     fn direction(&mut self, residual: f64, shift: f64) -> Result<(u32, f64)> {
-        let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
-        let moved: Vec<V4<f64>> = self.body.u.iter().zip(&self.current.dx).map(sum).collect();
-        self.body.system.linearise(&moved);
+        self.body.system.linearise(&self.moved());
         let (residual_force, n) = (&self.current.residual, self.b.len());
         let wanted = [SolveRequest { slot: FREE, target: Target::Absolute(residual) }];
         let (iterations, shift) = solve_shifted(self.body, shift, |body| {
@@ -175,9 +214,7 @@ impl<R: Real> Descent for LineSearch<'_, R> {
     }
 
     fn inverted_at_start(&self) -> Error {
-        let moved = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
-        let moved: Vec<V4<f64>> = self.body.u.iter().zip(&self.current.dx).map(moved).collect();
-        let found = self.body.system.first_inverted(&moved);
+        let found = self.body.system.first_inverted(&self.moved());
         found.unwrap_or_else(|| unreachable!("only an inverted cell rejects the first trial point")).into()
     }
 }

@@ -104,7 +104,7 @@ impl GpuBackend {
         let state = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
         let arrays = kind.shared().joined(&Arrays::of(&state));
         let solver = Solver::new(&mut made, model, kind.as_mut(), &arrays, params, &main, needs.contact)?;
-        let newton = kind.nonlinear(&mut made, &arrays, &solver.x)?.map(|law| Newton::new(law, params));
+        let newton = kind.nonlinear(&mut made, &arrays, &solver.x)?.map(|law| Newton::new(law, params, model));
         // Newton's method has the increments of a step in an array of its own
         let increments = newton.as_ref().map_or(&solver.x, Newton::increments);
         let driven = Driven::new(&mut made, model, &free, &u, increments)?;
@@ -311,6 +311,7 @@ impl Backend for GpuBackend {
         }
         batch.run(&self.integrate[usize::from(corrected)], self.solver.in_use.nodes, 1);
         self.pending = Some(batch);
+        self.set_ended();
         Ok(())
     }
 

@@ -46,11 +46,12 @@ pub struct Hexahedra<R> {
 struct Tangents<R> {
     law: Hyperelastic,
     params: Params<f64>,
-    /// Parameters for sums of cell forces; the stiffness factor is `end_share`.
+    /// Parameters for sums of cell forces; the stiffness factor is `elastic_at`.
     sums: Params<R>,
     /// `[cell]` tangents by rows, N/m
     tangent: Vec<[[R; 24]; 24]>,
-    end_share: f64,
+    /// `τ` ([`crate::bodies::Step::elastic_at`]).
+    elastic_at: f64,
     /// `r_K/h`
     damping: f64,
     /// Multiple of the small-strain matrix added to indefinite tangents.
@@ -59,11 +60,11 @@ struct Tangents<R> {
 
 impl<R: Real> Tangents<R> {
     fn new(law: &Hyperelastic, model: &Model) -> Self {
-        let (params, end_share) = (model.params::<f64>(), model.step.end_share());
+        let (params, elastic_at) = (model.params::<f64>(), model.step.elastic_at());
         let tangent = vec![[[R::zero(); 24]; 24]; params.cell_count as usize];
-        let damping = params.stiffness_factor - end_share;
-        let sums = Params { stiffness_factor: R::of(end_share), ..model.params() };
-        Self { law: law.clone(), params, sums, tangent, end_share, damping, shift: 0.0 }
+        let damping = params.stiffness_factor - elastic_at;
+        let sums = Params { stiffness_factor: R::of(elastic_at), ..model.params() };
+        Self { law: law.clone(), params, sums, tangent, elastic_at, damping, shift: 0.0 }
     }
 
     /// Internal forces at `u`, `[node]` N.
@@ -82,7 +83,7 @@ impl<R: Real> Tangents<R> {
         });
     }
 
-    /// `w += P σ K_T z`, P the DOF mask, σ `end_share`; returns the increment of `z·w`.
+    /// `w += P τ K_T z`, P the DOF mask, τ `elastic_at`; returns the increment of `z·w`.
     fn add_product(&self, free: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>]) -> R {
         let params = &self.params;
         let one = |(cell, k): (usize, &[[R; 24]; 24])| {
@@ -316,6 +317,19 @@ impl<R: Real> System<R> for Hexahedra<R> {
         law.first_inverted(params, at).map(|cell| Refused::InvertedCell { cell: params.cell_at(cell) })
     }
 
+    fn energy(&self, at: &[V4<f64>]) -> f64 {
+        let Some(Tangents { law, params, .. }) = &self.tangents else { return 0.0 };
+        let (energy, inverted) = law.energy(params, &[], &|_| true, at);
+        if inverted { f64::INFINITY } else { energy }
+    }
+
+    fn set_elastic_at(&mut self, elastic_at: f64) {
+        if let Some(tangents) = &mut self.tangents {
+            tangents.elastic_at = elastic_at;
+            tangents.sums.stiffness_factor = R::of(elastic_at);
+        }
+    }
+
     fn linearise(&mut self, at: &[V4<f64>]) {
         if let Some(tangents) = &mut self.tangents {
             tangents.linearise(at);
@@ -331,7 +345,8 @@ impl<R: Real> System<R> for Hexahedra<R> {
     fn trial(&self, step: &Start<R>, dx: &[V4<R>], scratch: &mut [CellForces<R>]) -> Result<Option<Trial<R>>> {
         let Some(tangents) = &self.tangents else { return Ok(None) };
         // elastic energy and forces at the trial point
-        let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + d[n].f64());
+        let at = tangents.elastic_at;
+        let sum = |(u, d): (&V4<R>, &V4<R>)| std::array::from_fn(|n| u[n].f64() + at * d[n].f64());
         let displacement: Vec<V4<f64>> = step.u.iter().zip(dx).map(sum).collect();
         let (energy, inverted) = tangents.law.energy(&tangents.params, &[], &|_| true, &displacement);
         if inverted {
@@ -342,18 +357,18 @@ impl<R: Real> System<R> for Hexahedra<R> {
         let params = Params { stiffness_factor: R::of(tangents.damping), ..*step.params };
         let mut residual = vec![[R::zero(); 4]; dx.len()];
         let linear = self.linear_product(&params, step.free, dx, &mut residual, scratch);
-        let share = tangents.end_share;
         // potential and its negative gradient on free axes
-        let mut potential = 0.5 * linear.f64() + share * energy;
+        let (mut potential, mut work) = (0.5 * linear.f64() + energy / at, 0.0);
         for i in 0..dx.len() {
             for n in 0..3 {
                 let (b, f) = (step.b[i][n].f64(), step.f[i][n].f64());
-                let change = share * (forces[i][n] - f);
                 let axis = step.free[i][n].f64();
-                potential -= dx[i][n].f64() * (b + share * f);
-                residual[i][n] = R::of((b - residual[i][n].f64() - change) * axis);
+                let left = (b - residual[i][n].f64() - (forces[i][n] - f)) * axis;
+                potential -= dx[i][n].f64() * (b + f);
+                work += dx[i][n].f64() * (forces[i][n] + left);
+                residual[i][n] = R::of(left);
             }
         }
-        Ok(Some(Trial { potential, residual }))
+        Ok(Some(Trial { potential, residual, work: [work, linear.f64()] }))
     }
 }

@@ -44,14 +44,15 @@ fn layers_uniform(made: &mut Maker, name: &'static str, rows: &[V4<f32>]) -> Buf
 
 /// Arrays of a hyperelastic body that is solved by Newton's method.
 struct Law {
-    /// Fraction of the change of elastic forces over a step that enters the step.
-    end_share: f64,
+    /// `τ` ([`crate::bodies::Step::elastic_at`]).
+    elastic_at: f64,
     /// `r_K/h`
     damping: f64,
     energy: Buffer,
     b: Buffer,
-    /// Parameter blocks of the small-strain products.
+    /// Parameter blocks of the small-strain products, and of the sums of tangent products.
     blocks: Vec<(Params<f32>, Buffer)>,
+    sums: Vec<(Params<f32>, Buffer)>,
 }
 
 /// One level of multigrid: its arrays, sizes and smoothing coefficients.
@@ -143,13 +144,14 @@ impl Hexahedra {
         if !law.newton {
             return Ok(());
         }
-        let end_share = model.step.end_share();
+        let elastic_at = model.step.elastic_at();
         self.law = Some(Law {
-            end_share,
-            damping: model.step.stiffness_factor() - end_share,
+            elastic_at,
+            damping: model.step.stiffness_factor() - elastic_at,
             energy,
             b: made.vec4("b", n)?,
             blocks: vec![],
+            sums: vec![],
         });
         Ok(())
     }
@@ -227,27 +229,24 @@ impl Hexahedra {
         let residual_force = [vector("residual_force")?, vector("residual_force_next")?];
         let w = vector("w")?;
         let predicted_decrease = made.of("predicted_decrease", &vec![0f32; groups])?;
-        let potential_and_residual = made.of("potential_and_residual", &vec![[0f32; 2]; groups])?;
+        let potential_and_residual = made.vec4("potential_and_residual", groups)?;
         let sums = made.of("partial_product", &vec![0f32; self.params.product_groups as usize])?;
         let running = made.vec4("scalars", 2)?;
-        // parameter blocks: step length, factor of damping, fraction of the force change
+        // parameter blocks: step length and place of the elastic forces, factor of damping
         let gain = made.params(&self.params);
         let (_, damped) = with_factor(made, &self.params, law.damping);
-        // trial points leave the linearisation as it is
-        let trial = Params { corotational: 1, ..self.params };
-        let (_, shared) = with_factor(made, &trial, law.end_share);
         let along =
             [("params", &gain), ("dx", &dx[0]), ("x", x), ("residual_force", &residual_force[0]), ("dx_next", &dx[1])];
         let along = [&along[..], &[("predicted_decrease", &predicted_decrease)]].concat();
         let linear = [("params", &damped), ("z", &dx[1]), ("w", &w), ("partial_product", &sums), ("scalars", &running)];
         let left =
-            [("params", &shared), ("b", &law.b), ("w", &w), ("dx", &dx[1]), ("residual_force", &residual_force[1])];
+            [("params", &gain), ("b", &law.b), ("w", &w), ("dx", &dx[1]), ("residual_force", &residual_force[1])];
         let left = [&left[..], &[("potential_and_residual", &potential_and_residual)]].concat();
         let bind = |source, more: &[(&'static str, &Buffer)]| arrays.bind(made.gpu, source, more);
         // trial point, elastic forces, inertia and damping, residual
         let kernels = vec![
             (bind(&trial_point::SOURCE, &along)?, n),
-            (bind(&hyperelastic_forces::SOURCE, &[("params", &shared)])?, self.params.cell_count as usize),
+            (bind(&hyperelastic_forces::SOURCE, &[("params", &gain)])?, self.params.cell_count as usize),
             (bind(&product::SOURCE, &linear)?, product::tiles(&self.params) * GROUP as usize),
             (bind(&residual::SOURCE, &left)?, n),
         ];
@@ -366,13 +365,14 @@ impl Recorded for Hexahedra {
             // inertia and damping, tangent of each cell, and the sum at the nodes
             Some(law) => {
                 let damped = with_factor(made, params, law.damping);
-                let (_, summed) = with_factor(made, params, law.end_share);
+                let summed = with_factor(made, params, law.elastic_at);
                 let list = vec![
                     (bind(&product::SOURCE, &damped.1)?, threads),
                     (bind(&hyperelastic_tangent::SOURCE, &damped.1)?, params.cell_count as usize),
-                    (bind(&collect_product::SOURCE, &summed)?, params.node_count as usize),
+                    (bind(&collect_product::SOURCE, &summed.1)?, params.node_count as usize),
                 ];
                 law.blocks.push(damped);
+                law.sums.push(summed);
                 list
             }
         };
@@ -428,8 +428,8 @@ impl Recorded for Hexahedra {
         let Some(law) = &self.law else { return Ok(None) };
         made.gpu.making("hyperelastic law");
         let search = self.search(made, arrays, x, law)?;
-        let Law { end_share, damping, energy, b, blocks, .. } = law;
-        let (blocks, energy, b) = (blocks.clone(), energy.clone(), b.clone());
-        Ok(Some(NonlinearLaw { end_share: *end_share, damping: *damping, blocks, energy, b, search }))
+        let Law { elastic_at, damping, energy, b, blocks, sums } = law;
+        let (blocks, sums, energy, b) = (blocks.clone(), sums.clone(), energy.clone(), b.clone());
+        Ok(Some(NonlinearLaw { elastic_at: *elastic_at, damping: *damping, blocks, sums, energy, b, search }))
     }
 }

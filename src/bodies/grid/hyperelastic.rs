@@ -293,14 +293,14 @@ impl Hyperelastic {
         f: &[V4<f64>],
     ) -> Vec<V4<f64>> {
         let params = model.params::<f64>();
-        let end: Vec<V4<f64>> =
-            solved.start.u.iter().zip(&solved.dx).map(|(u, d)| std::array::from_fn(|n| u[n] + d[n])).collect();
-        if self.newton && self.first_inverted(&params, &end).is_some() {
+        let elastic_at = solved.elastic_at.unwrap_or(model.step.elastic_at());
+        let moved = |(u, d): (&V4<f64>, &V4<f64>)| std::array::from_fn(|n| u[n] + elastic_at * d[n]);
+        let at: Vec<V4<f64>> = solved.start.u.iter().zip(&solved.dx).map(moved).collect();
+        if self.newton && self.first_inverted(&params, &at).is_some() {
             return vec![[f64::NAN; 4]; f.len()];
         }
-        let mut change = self.forces(&params, &solved.start.split, alive, &end);
-        let share = model.step.end_share();
-        change.iter_mut().zip(f).for_each(|(e, f)| (0..3).for_each(|n| e[n] = share * (e[n] - f[n])));
+        let mut change = self.forces(&params, &solved.start.split, alive, &at);
+        change.iter_mut().zip(f).for_each(|(e, f)| (0..3).for_each(|n| e[n] -= f[n]));
         change
     }
 

@@ -162,6 +162,12 @@ impl Model {
         }
     }
 
+    /// Law of a hyperelastic body whose steps are solved by Newton's method.
+    pub fn newton(&self) -> Option<&Hyperelastic> {
+        let Kind::Hexahedra(hexahedra) = &self.kind else { return None };
+        hexahedra.hyperelastic.as_ref().filter(|law| law.newton)
+    }
+
     /// `[layer × 64]` 3×3 blocks of the element matrices, for elastic forces.
     pub fn stiffness_blocks<R: Real>(&self) -> Vec<M3<R>> {
         element::blocks(&self.hexahedra().stiffness)
@@ -345,7 +351,7 @@ impl Mechanics for Hexahedra {
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         // product of the small-strain cells; of a hyperelastic body these have damping only
         if newton.is_some() {
-            params.stiffness_factor -= model.step.end_share();
+            params.stiffness_factor -= model.step.elastic_at();
         }
         let modes = model.modes();
         product(&params, &modes, layers, &rotation, in_system, split, &solved.dx, &mut w, &mut scratch);

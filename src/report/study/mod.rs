@@ -150,7 +150,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
     // settings to run, and their reference
     let axes = Axes::new(scene, options.gpu.as_ref());
     let first = if options.quick { quick(scene) } else { own(scene) };
-    let variants = if options.quick { axes.star(&first) } else { axes.all(&first) };
+    let variants = if options.quick { axes.star(scene, &first) } else { axes.all(scene, &first) };
     let reference = reference(scene, options.quick);
     let all_steps = scene.study.all_steps(&scene.time);
     let duration = scene.study.duration.unwrap_or(scene.time.duration);
@@ -186,7 +186,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
     // all runs that the rows need, each once, and the repetitions; their costs weigh the progress
     let settings = variants.iter().flat_map(|s| runs.needed(s));
     let mut wanted: Vec<(Setting, bool)> = vec![];
-    let complete = most_complete(scene).map(|law| Setting { law, ..reference.clone() });
+    let complete = most_complete(scene).map(|law| at_shortest(scene, &Setting { law, ..reference.clone() }));
     let by_law = complete.iter().filter(|complete| known || **complete != reference).cloned();
     let references = (!known).then(|| reference.clone()).into_iter().chain(by_law).map(|setting| (setting, true));
     for run in settings.chain(references) {

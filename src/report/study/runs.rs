@@ -2,7 +2,7 @@
 
 use super::super::StudyUnfit as Unfit;
 use super::Progress;
-use super::settings::{Setting, Stop, exact, scene_of};
+use super::settings::{Setting, Stop, exact, fits, scene_of};
 use super::trace::{Signal, Trace, trace};
 use crate::error::Result;
 use crate::scene::{Integrator, Scene};
@@ -99,9 +99,11 @@ impl Runs<'_> {
     }
 }
 
-/// The setting at the shortest step, with the integrator of highest order.
+/// The setting at the shortest step, with the integrator of highest order that is stable with its law.
 pub(super) fn at_shortest(scene: &Scene, setting: &Setting) -> Setting {
-    let second = scene.study.integrators.contains(&Integrator::Newmark);
-    let integrator = if second { Integrator::Newmark } else { scene.time.integrator };
+    let second =
+        scene.study.integrators.iter().copied().filter(|i| matches!(i, Integrator::Newmark | Integrator::Midpoint));
+    let mut known = second.chain([scene.time.integrator]);
+    let integrator = known.find(|i| fits(scene, setting.law, *i)).unwrap_or(Integrator::ImplicitEuler);
     Setting { step: scene.study.finest_step(&scene.time), integrator, ..setting.clone() }
 }

@@ -104,6 +104,14 @@ pub fn quick(scene: &Scene) -> Setting {
     Setting { refinement: grid, ..own(scene) }
 }
 
+/// Whether an integrator is stable in a setting with a law; in its own one each of a scene's bodies keeps its law.
+pub fn fits(scene: &Scene, law: Law, integrator: Integrator) -> bool {
+    match law == scene.skins[0].law {
+        true => scene.skins.iter().all(|skin| integrator.fits(skin.law)),
+        false => integrator.fits(law),
+    }
+}
+
 /// All pairs of two lists.
 fn both<A: Copy, B: Copy>(a: &[A], b: &[B]) -> Vec<(A, B)> {
     a.iter().flat_map(|a| b.iter().map(move |b| (*a, *b))).collect()
@@ -147,12 +155,13 @@ impl Axes {
         }
     }
 
-    /// The scene's own setting, then every valid combination: a factor needs the CPU path in f64 and has no tolerance.
-    pub fn all(&self, own: &Setting) -> Vec<Setting> {
+    /// The scene's own setting, then every valid combination: a factor needs the CPU path in f64 and has no tolerance, and an integrator is of
+    /// the laws that it is stable with.
+    pub fn all(&self, scene: &Scene, own: &Setting) -> Vec<Setting> {
         let mut out: Vec<Setting> = vec![own.clone()];
         let mut add = |setting: Setting| {
             let factor = setting.preconditioner == Preconditioner::Direct && setting.platform != Platform::Cpu64;
-            if !factor && !out.contains(&setting) {
+            if !factor && fits(scene, setting.law, setting.integrator) && !out.contains(&setting) {
                 out.push(setting);
             }
         };
@@ -181,11 +190,13 @@ impl Axes {
     }
 
     /// A setting, then those that differ from it along one axis only, on no finer grid.
-    pub fn star(&self, own: &Setting) -> Vec<Setting> {
+    pub fn star(&self, scene: &Scene, own: &Setting) -> Vec<Setting> {
         let mut out = vec![own.clone()];
         let one = || own.clone();
-        out.extend(self.laws.iter().map(|v| Setting { law: *v, ..one() }));
-        out.extend(self.integrators.iter().map(|v| Setting { integrator: *v, ..one() }));
+        let laws = self.laws.iter().filter(|v| fits(scene, **v, own.integrator));
+        out.extend(laws.map(|v| Setting { law: *v, ..one() }));
+        let integrators = self.integrators.iter().filter(|v| fits(scene, own.law, **v));
+        out.extend(integrators.map(|v| Setting { integrator: *v, ..one() }));
         let solved = |v: &Preconditioner| Setting { preconditioner: *v, stop: stop(*v, own.stop), ..one() };
         out.extend(self.preconditioners.iter().map(solved));
         if own.stop != Stop::Exact {
@@ -282,8 +293,9 @@ pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) 
     // an exact step of large strain is one in balance, where nothing may touch
     let large = out.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
     let implicit = out.time.integrator == Integrator::ImplicitEuler;
-    if exactly && large && implicit && out.contact.is_none() {
-        (out.solver.newton, out.solver.refinements) = (true, 0);
+    out.solver.newton |= exactly && large && implicit && out.contact.is_none();
+    if large && out.newton() {
+        out.solver.refinements = 0;
     }
     if let (Some(contact), Some(correction)) = (&mut out.contact, setting.correction) {
         contact.correction = correction;
