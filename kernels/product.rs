@@ -420,7 +420,10 @@ mod tests {
     /// Rows that are shorter than a register.
     const NARROW_CELLS: [u32; 3] = [2, 5, 2];
 
-    fn with<R: Real>(cells: [u32; 3], run: impl Fn(Strip<R>) -> R + Send + Sync) -> (R, Vec<V4<R>>) {
+    fn with<R: Real>(
+        (cells, corotational): ([u32; 3], u32),
+        run: impl Fn(Strip<R>) -> R + Send + Sync,
+    ) -> (R, Vec<V4<R>>) {
         let [x, y, z] = cells;
         let layer_of = vec![0; z as usize];
         let (node_count, cell_count) = ((x + 1) * (y + 1) * (z + 1), x * y * z);
@@ -435,17 +438,19 @@ mod tests {
             cells_y,
             cells_z,
             cell_count,
+            corotational,
             ..Params::default()
         };
         let params = Params { inertia: R::of(0.7), stiffness_factor: R::of(1.3), ..size };
         assert_eq!(strips(&params).len() > 1, cells == CELLS);
         let wave = |i: usize, n: usize| R::of((1.7 * i as f64 + n as f64).sin());
-        let field = |count: u32, first: usize| {
-            (0..count as usize).map(|i| [0, 1, 2, 3].map(|n| wave(i, first + n))).collect::<Vec<V4<R>>>()
+        let field = |count: usize, first: usize| {
+            (0..count).map(|i| [0, 1, 2, 3].map(|n| wave(i, first + n))).collect::<Vec<V4<R>>>()
         };
-        let (rotation, free, z) = (field(cell_count, 0), field(node_count, 4), field(node_count, 8));
+        let nodes = node_count as usize;
+        let (rotation, free, z) = (field(params.frames(), 0), field(nodes, 4), field(nodes, 8));
         let modes = [[[[R::one(), R::of(0.2), R::of(0.1)]; 3]; 8]];
-        let mut w = vec![[R::zero(); 4]; node_count as usize];
+        let mut w = vec![[R::zero(); 4]; nodes];
         let mut scratch = vec![[[[R::one(); LANES]; 3]; 8]; cell_groups(&params)];
         let input = Input {
             params: &params,
@@ -461,7 +466,7 @@ mod tests {
 
     /// Numbers and arrays of different widths against the registers of this machine.
     fn registers_agree<R: Real>() {
-        for cells in [CELLS, NARROW_CELLS] {
+        for cells in [(CELLS, 1), (NARROW_CELLS, 1), (CELLS, HYPERELASTIC)] {
             let wide = with::<R>(cells, |strip| R::widest(strip));
             assert!(wide.1.iter().flatten().any(|a| a.f64().abs() > 1.0), "nothing is computed");
             assert_eq!(with::<R>(cells, |strip| strip.run(OneByOne)), wide, "{} one by one", R::NAME);
@@ -482,7 +487,8 @@ mod tests {
     fn any_number_of_threads_gives_the_same_bits() {
         let on = |threads: usize| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build();
-            pool.expect("a few threads can be had").install(|| with::<f32>(CELLS, |strip| f32::widest(strip)))
+            pool.expect("a few threads can be had")
+                .install(|| with::<f32>((CELLS, HYPERELASTIC), |strip| f32::widest(strip)))
         };
         let one = on(1);
         assert!(on(2) == one && on(3) == one);
