@@ -109,7 +109,7 @@ pub fn tangent<R: Real>(mu: R, fibres: &Fibres<R>, p: &Point<R>, change: M3<R>) 
     neo_hookean::tangent(mu, p, change) + first + second
 }
 
-/// What the fibres add to the factor of [`super::hyperelastic::Cell::stiffening`]: that by which stretched fibres are stiffer than at rest,
+/// What the fibres add to the factor of [`super::hyperelastic::Cell::linearised`]: that by which stretched fibres are stiffer than at rest,
 /// the stiffness that their tension gives across them, `w (1 − 2κ)/μ`, and that of fibres which have turned against the cell,
 /// `2 w' |B − g A|²/μ` with `B = (U − 1) A`, `g = B:A/A:A`, and `(C − 1)/2` in place of `U − 1`.
 pub fn stiffening<R: Real>(mu: R, fibres: &Fibres<R>, p: &Point<R>) -> R {

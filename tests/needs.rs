@@ -298,7 +298,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
                 "1 array hyperelastic law: energy",
                 "1 array hyperelastic law: fibres",
                 "1 array hyperelastic law: material",
-                "3 array hyperelastic law: params",
+                "2 array hyperelastic law: params",
                 "1 array hyperelastic law: partial_product",
                 "1 array hyperelastic law: potential_and_residual",
                 "1 array hyperelastic law: predicted_decrease",

@@ -11,8 +11,8 @@
 //! rest-shape springs, [`crate::bodies::Anchors`], are part of `f_int` and `K`). External forces and inertia stand in one right-hand side,
 //! so nothing is lost to f32. `A` is never assembled, except on the CPU path when a scene asks for its factor
 //! ([`crate::bodies::grid::direct`]). Newmark's method, the midpoint rule and symplectic Euler have other factors in the same `A` and `b`
-//! ([`crate::bodies::Step`]). A hyperelastic body has its own `f_int` and the rotated, stiffened `K` of
-//! [`crate::kernels::hyperelastic::Cell::stiffening`]; where nothing may touch, Newton's method solves its step with the consistent tangent.
+//! ([`crate::bodies::Step`]). A hyperelastic body has its own `f_int` and the linearised `K` of
+//! [`crate::kernels::hyperelastic::Cell::linearised`]; where nothing may touch, Newton's method solves its step with the consistent tangent.
 //!
 //! Contacts: a bounding-box tree over tiles of each body, refitted to the bounds that the device reports ([`crate::collide::broad`]), gives
 //! the few faces whose nodes are read back; sphere, capsule, point, line and box have their own narrow phase. The compliance at the nodes
