@@ -29,8 +29,8 @@ fn blocks(thread: Thread) {
         if a < 4u && chained { g += r * stiffness[first + a + 4u] * turned; }
         if params.corotational >= HYPERELASTIC {
             let own = r * volume_slope(cell, a);
-            d += outer_product(own, own) * select(2.0, 1.0, chained);
-            if a < 4u && chained { g += outer_product(own, r * volume_slope(cell, a + 4u)); }
+            d += outer(own, own) * select(2.0, 1.0, chained);
+            if a < 4u && chained { g += outer(own, r * volume_slope(cell, a + 4u)); }
         }
     }
     var axes_above = vec3<f32>(0.0);

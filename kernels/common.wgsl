@@ -122,6 +122,11 @@ fn corner(a: u32) -> vec3<u32> {
     return vec3<u32>(((a + 1u) >> 1u) & 1u, (a >> 1u) & 1u, a >> 2u);
 }
 
+// a ⊗ b
+fn outer(a: vec3<f32>, b: vec3<f32>) -> mat3x3<f32> {
+    return mat3x3<f32>(a * b.x, a * b.y, a * b.z);
+}
+
 // |q|² times the rotation matrix: 0 for a removed cell.
 fn rotation_matrix(q: vec4<f32>) -> mat3x3<f32> {
     let xx = q.x * q.x; let yy = q.y * q.y; let zz = q.z * q.z; let ww = q.w * q.w;

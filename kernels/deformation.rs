@@ -116,6 +116,11 @@ impl<R: Real> Point<R> {
         Self { h, dilatation, second_order, cofactor, complement, log_gradient }
     }
 
+    /// `C − 1`, twice the Green–Lagrange strain, without cancellation at small strains.
+    pub fn green(&self) -> M3<R> {
+        self.h + self.h.transpose() + self.h.transpose() * self.h
+    }
+
     /// Whether the volume is not a positive, finite number.
     pub fn inverted(&self) -> bool {
         let volume = R::one() + self.dilatation;

@@ -20,10 +20,6 @@ fn shape_gradient(inverse_edges: vec3<f32>, a: u32, p: u32) -> vec3<f32> {
     return sign * weight.yxx * weight.zzy * inverse_edges;
 }
 
-fn outer(a: vec3<f32>, b: vec3<f32>) -> mat3x3<f32> {
-    return mat3x3<f32>(a * b.x, a * b.y, a * b.z);
-}
-
 // Σ A_ij B_ij
 fn contracted(a: mat3x3<f32>, b: mat3x3<f32>) -> f32 {
     return dot(a[0], b[0]) + dot(a[1], b[1]) + dot(a[2], b[2]);
@@ -56,6 +52,9 @@ fn point_of(h: mat3x3<f32>) -> Point {
     if 1.0 + dilatation >= EXTENDED { complement = (identity() * second_order + transpose(h) - own) * slope; }
     return Point(h, dilatation, second_order, cofactor, complement, log_gradient);
 }
+
+// C − 1
+fn green(p: Point) -> mat3x3<f32> { return p.h + transpose(p.h) + transpose(p.h) * p.h; }
 
 fn is_inverted(point: Point) -> bool {
     let volume = 1.0 + point.dilatation;

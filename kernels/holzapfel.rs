@@ -71,17 +71,12 @@ impl<R: Real> Fibres<R> {
 
     /// Both families at a deformation.
     fn families(&self, p: &Point<R>) -> [Family<R>; 2] {
-        let e = green(p);
+        let e = p.green();
         [0, 1].map(|family| {
             let structure = self.structure(family);
             Family { response: self.response(structure.dot(e)), structure }
         })
     }
-}
-
-/// `C − 1`
-fn green<R: Real>(p: &Point<R>) -> M3<R> {
-    p.h + p.h.transpose() + p.h.transpose() * p.h
 }
 
 /// W
@@ -114,7 +109,7 @@ pub fn tangent<R: Real>(mu: R, fibres: &Fibres<R>, p: &Point<R>, change: M3<R>) 
 /// `2 w' |B − g A|²/μ` with `B = (U − 1) A`, `g = B:A/A:A`, and `(C − 1)/2` in place of `U − 1`.
 pub fn stiffening<R: Real>(mu: R, fibres: &Fibres<R>, p: &Point<R>) -> R {
     let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
-    let half = green(p) * R::of(0.5);
+    let half = p.green() * R::of(0.5);
     let mut sum = zero;
     for Family { structure, response: [_, slope, curvature] } in fibres.families(p) {
         if slope > zero {

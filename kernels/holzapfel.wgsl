@@ -6,8 +6,6 @@ struct Fibres { directions: vec4<f32>, stiffness: f32, growth: f32, dispersion: 
 
 struct Family { structure: mat3x3<f32>, energy: f32, slope: f32, curvature: f32 }
 
-fn green(p: Point) -> mat3x3<f32> { return p.h + transpose(p.h) + transpose(p.h) * p.h; }
-
 fn family_of(fibres: Fibres, strain: mat3x3<f32>, family: u32) -> Family {
     let a = vec3<f32>(select(fibres.directions.xy, fibres.directions.zw, family == 1u), 0.0);
     let along = 1.0 - 3.0 * fibres.dispersion;

@@ -36,7 +36,7 @@ struct Invariants<R> {
 impl<R: Real> Invariants<R> {
     fn of(p: &Point<R>) -> Self {
         let (two, half, third) = (R::of(2.0), R::of(0.5), R::of(1.0 / 3.0));
-        let e = p.h + p.h.transpose() + p.h.transpose() * p.h;
+        let e = p.green();
         let trace = e.trace();
         let squares = e.dot(e);
         let second = half * (trace * trace - squares);

@@ -2,7 +2,7 @@
 struct Invariants { f: mat3x3<f32>, s: mat3x3<f32>, second: f32, i1: f32, i2: f32 }
 
 fn invariants(p: Point) -> Invariants {
-    let e = p.h + transpose(p.h) + transpose(p.h) * p.h;
+    let e = green(p);
     let trace = e[0].x + e[1].y + e[2].z;
     let squares = dot(e[0], e[0]) + dot(e[1], e[1]) + dot(e[2], e[2]);
     let second = 0.5 * (trace * trace - squares);

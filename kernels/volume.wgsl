@@ -3,8 +3,6 @@ const HYPERELASTIC: u32 = 2u;
 
 fn volume_row(cell: u32, n: u32) -> vec3<f32> { return rotation[params.cell_count + 3u * cell + n].xyz; }
 
-fn outer_product(a: vec3<f32>, b: vec3<f32>) -> mat3x3<f32> { return mat3x3<f32>(a * b.x, a * b.y, a * b.z); }
-
 // Of a corner, in the cell's frame.
 fn volume_slope(cell: u32, a: u32) -> vec3<f32> {
     let sign = select(vec3<f32>(-1.0), vec3<f32>(1.0), corner(a) == vec3<u32>(0u));

@@ -81,7 +81,7 @@ const CASES: &[Case] = cases! {
         "a + 4u" => "a + 3u", "if a < 4u" => "if a < 3u", "layer_of[at.z] * 64u" => "0u",
         "all(c < vec3" => "all(c + 1u < vec3", "corner_node(params, at, a) != i" => "false", "a < 4u && chained" => "a < 4u",
         "select(2.0, 1.0, chained)" => "1.0", "above(params, other) == i" => "true", "i + bundle(p, (i - columns * p.nodes_z) / p.nodes_z).y" => "i + BUNDLE", "free[over].xyz" => "free[i].xyz",
-        "d += outer_product(own, own)" => "d += outer_product(own, r * own)", "g += outer_product(own, r *" => "g += outer_product(own, ", "params.corotational >= HYPERELASTIC" => "false", "* sign.y" => "* sign.z"
+        "d += outer(own, own)" => "d += outer(own, r * own)", "g += outer(own, r *" => "g += outer(own, ", "params.corotational >= HYPERELASTIC" => "false", "* sign.y" => "* sign.z"
     ]
     bounds Bounds false [
         "last - first + 1u" => "last - first", "max(high, d)" => "min(high, d)", "low.w += 1.0" => "low.w += 0.0", "n += GROUP" => "n += 2u * GROUP",

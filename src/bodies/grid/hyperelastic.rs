@@ -273,14 +273,16 @@ impl Hyperelastic {
     /// `[layer]` small-strain matrices of a level whose cells have `2^coarsened` times the edges along x and y, less the stiffness of their mean
     /// volume, N/m.
     pub(super) fn without_volume(&self, stiffness: &[Matrix], coarsened: u32) -> Vec<Matrix> {
-        let times = f64::from(1u32 << coarsened);
-        let of_layer = |(k, (shape, material)): (&Matrix, (&V4<f64>, &V4<f64>))| {
-            let mut k = *k;
-            let volume = mean_volume([shape[0] * times, shape[1] * times, shape[2]], material[0]);
-            k.as_flattened_mut().iter_mut().zip(volume.as_flattened()).for_each(|(k, v)| *k -= v);
-            k
-        };
-        stiffness.iter().zip(self.shapes.iter().zip(&self.materials)).map(of_layer).collect()
+        stiffness.iter().enumerate().map(|(layer, k)| self.layer_without_volume(layer, k, coarsened)).collect()
+    }
+
+    /// That of one layer.
+    pub(super) fn layer_without_volume(&self, layer: usize, k: &Matrix, coarsened: u32) -> Matrix {
+        let (times, [x, y, z, _]) = (f64::from(1u32 << coarsened), self.shapes[layer]);
+        let volume = mean_volume([x * times, y * times, z], self.materials[layer][0]);
+        let mut k = *k;
+        k.as_flattened_mut().iter_mut().zip(volume.as_flattened()).for_each(|(k, v)| *k -= v);
+        k
     }
 
     /// Change of the forces of the cells that are `alive` from `f` over a step, as it enters the step, `[node]` N; NaN if Newton's method has

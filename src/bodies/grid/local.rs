@@ -81,9 +81,10 @@ impl Hexahedra {
             return std::array::from_fn(|a| ahead * local(&self.stiffness[layer], a));
         };
         // the volume's stiffness has its present direction
-        let k = law.without_volume(&self.stiffness, 0)[layer];
+        let k = law.layer_without_volume(layer, &self.stiffness[layer], 0);
         let params = Params { corotational: NEWTON, ..Params::default() };
-        let slopes: [V3<f64>; 8] = std::array::from_fn(|a| slope(state.linearised(&params, q).volume, a));
+        let volume = state.linearised(&params, q).volume;
+        let slopes: [V3<f64>; 8] = std::array::from_fn(|a| slope(volume, a));
         let change: f64 = slopes.iter().zip(d.as_chunks::<3>().0).map(|(slope, d)| slope.dot(V3::of(*d))).sum();
         let own = state.forces();
         std::array::from_fn(|a| own[a] + ahead * (local(&k, a) + slopes[a] * change))
