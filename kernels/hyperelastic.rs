@@ -252,10 +252,10 @@ impl<R: Real> Cell<R> {
         Linearised { stiffening, volume }
     }
 
-    /// `φ'² + φ φ''`, at least a tenth of `φ'²`: of a volume that is torn up, where it is negative.
+    /// `φ'² + φ φ''`, at least `φ'²`: a volume that is torn up has less, and its tension gives that back where it grows further.
     fn volume_stiffness(&self) -> R {
         let slope = log_volume_slope(self.mean_dilatation);
-        log_volume_stiffness(self.mean_dilatation).max(R::of(0.1) * slope * slope)
+        log_volume_stiffness(self.mean_dilatation).max(slope * slope)
     }
 
     /// `1 + (s − 1)/f` of [`Cell::linearised`].

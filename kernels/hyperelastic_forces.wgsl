@@ -17,7 +17,7 @@ const STIFFEST: f32 = 1e6;
 
 fn volume_stiffness(mean: f32) -> f32 {
     let slope = log_volume_slope(mean);
-    return max(log_volume_stiffness(mean), 0.1 * slope * slope);
+    return max(log_volume_stiffness(mean), slope * slope);
 }
 
 @compute @workgroup_size(64)

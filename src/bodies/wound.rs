@@ -18,6 +18,8 @@ pub struct Totals {
     pub links: usize,
     /// Links that the blade crossed but that stay intact because the reserve of duplicate nodes is used up.
     pub refused: usize,
+    /// Crossings of links that stay intact because they hold a piece of too few cells.
+    pub holding: usize,
     /// Duplicated nodes.
     pub copies: usize,
     /// Cut area on one side, m²: the sum of the faces of severed links, or of the faces that belong to cut springs along an axis.
@@ -38,6 +40,7 @@ impl Totals {
             springs_removed: self.springs_removed + other.springs_removed,
             links: self.links + other.links,
             refused: self.refused + other.refused,
+            holding: self.holding + other.holding,
             copies: self.copies + other.copies,
             area: self.area + other.area,
             length: self.length + other.length,

@@ -65,10 +65,12 @@ impl Simulation {
     /// Cuts what the edges have swept; `cuts` says whether any of them touches skin.
     pub(super) fn incise(&mut self, old: &[Instrument], cuts: bool, report: &mut StepReport) -> Result<()> {
         let contacts = std::mem::take(&mut report.contact.contacts);
-        let refused = self.totals().refused;
+        let before = self.totals();
         let done = self.sweep(old, &contacts, cuts, report);
         report.contact.contacts = contacts;
-        report.warn("cut_reserve_exhausted", (self.totals().refused - refused) as u32);
+        let after = self.totals();
+        report.warn("cut_reserve_exhausted", (after.refused - before.refused) as u32);
+        report.warn("fragments_held", (after.holding - before.holding) as u32);
         done
     }
 

@@ -19,7 +19,7 @@ impl Wound {
     /// Severs links and duplicates nodes.
     pub(super) fn split(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let links: Vec<(u32, f64)> = hits.iter().map(|hit| (hit.segment, hit.at)).collect();
-        let Change { links, refused, copies, words, nodes } = self.surface.parts.cut(&links);
+        let Change { links, refused, holding, copies, words, nodes } = self.surface.parts.cut(&links);
         let params = model.grid.params::<f64>();
         let shape = |cell: usize| model.shape[model.grid.layer(cell)];
         // area and extent of the severed faces
@@ -30,6 +30,7 @@ impl Wound {
         }
         self.totals.links += links.len();
         self.totals.refused += refused as usize;
+        self.totals.holding += holding as usize;
         self.totals.copies += copies.len();
         let mut removal = Removal { copies, words, ..Removal::default() };
         // rest positions of duplicates

@@ -592,6 +592,16 @@ mod tests {
         assert!(plain > 4.0, "the counter-test: without it the true tangent is {plain} times as stiff");
     }
 
+    /// Stretched in all directions or along one, to four times the volume at rest: what tension adds as a volume grows.
+    #[test]
+    fn the_stiffened_tangent_of_volumes_that_grow_is_more_than_half_of_the_true_one() {
+        let volumes = [1.2, 1.5, 2.0, 2.72, 4.0];
+        let evenly = volumes.map(|v: f64| [v.cbrt(); 3]);
+        let upwards = volumes.map(|v| [1.0, 1.0, v]);
+        let aside = volumes.map(|v: f64| [v.sqrt(), v.sqrt(), 1.0]);
+        most_stiff(Law::NeoHookean(MU), &small_strain(), [evenly, upwards, aside].into_iter().flatten());
+    }
+
     /// The same with fibres, whose stiffness at rest is in the small-strain matrix: stretched along them, across them and pressed.
     #[test]
     fn the_stiffened_tangent_of_fibres_is_more_than_half_of_the_true_one() {
