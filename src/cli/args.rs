@@ -106,6 +106,9 @@ pub struct Run {
     pub frames: Option<u32>,
     #[command(flatten)]
     pub solver: Solver,
+    /// Print what the steps cost, by part
+    #[arg(long, conflicts_with = "json")]
+    pub profile: bool,
     /// Print the report as JSON, nothing else, on standard output
     #[arg(long)]
     pub json: bool,

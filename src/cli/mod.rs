@@ -89,6 +89,9 @@ fn run_scene(args: &Run) -> Result<u8> {
         print_json(&summary.report);
     } else {
         print!("{}", text::summary(&scene, &summary, &args.out));
+        if args.profile {
+            print!("{}", text::profile(&summary.report));
+        }
     }
     for (name, count) in &summary.report.warnings {
         eprintln!("warning: {name} × {count}");

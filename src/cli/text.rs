@@ -29,6 +29,38 @@ pub fn summary(scene: &Scene, summary: &Summary, out: &Path) -> String {
     format!("{size}\n{step}\n{solve}\n{cut}\n{ticks}{force}; {pictures}, everything else in {}\n", super::shown(out))
 }
 
+/// Table of what the steps cost.
+pub fn profile(r: &Report) -> String {
+    let c = &r.costs;
+    let times = [
+        ("search", c.search_ms),
+        ("free motion", c.free_ms),
+        ("columns", c.columns_ms),
+        ("corrections", c.corrections_ms),
+        ("contact laws", c.laws_ms),
+        ("cut", c.cut_ms),
+        ("other", c.other_ms),
+    ];
+    let counts = [
+        ("columns", c.columns),
+        ("passes", c.passes),
+        ("iterations", c.iterations),
+        ("row updates", c.row_updates),
+        ("cut tests", c.cut_tests),
+    ];
+    let whole: f64 = times.iter().map(|(_, share)| share.mean).sum();
+    let mut text = format!("\n{:<14}{:>10}{:>8}{:>12}{:>12}\n", "ms per step", "mean", "", "99 of 100", "most");
+    for (name, share) in times {
+        let part = 100.0 * share.mean / whole.max(f64::MIN_POSITIVE);
+        writeln!(text, "{name:<14}{:>10.2}{part:>7.0}%{:>12.2}{:>12.2}", share.mean, share.p99, share.max).ok();
+    }
+    writeln!(text, "{:<14}{:>10}{:>8}{:>12}{:>12}", "per step", "mean", "", "99 of 100", "most").ok();
+    for (name, share) in counts {
+        writeln!(text, "{name:<14}{:>10.1}{:>8}{:>12.0}{:>12.0}", share.mean, "", share.p99, share.max).ok();
+    }
+    text
+}
+
 /// Timing of the haptic loop; empty for a run by the scene's clock.
 fn ticks(r: &Report) -> String {
     let h = &r.haptic;

@@ -1,10 +1,10 @@
 //! Accumulates step reports into the report of a run.
 
-use super::{DissipationReport, Memory, Report, SolverReport, Spread, WorkReport};
+use super::{CostReport, DissipationReport, Memory, Report, Share, SolverReport, Spread, WorkReport};
 use crate::backend::Snapshot;
 use crate::math::larger;
 use crate::scene::{Integrator, PRECONDITIONERS, Preconditioner, Scene, word};
-use crate::step::{Measured, Simulation, StepReport};
+use crate::step::{Costs, Measured, Part, Simulation, StepReport};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
 
@@ -22,6 +22,8 @@ pub(super) struct Collected {
     wall: f64,
     plain: Vec<f64>,
     checked: Vec<f64>,
+    /// With the columns and the passes of each step.
+    costs: Vec<(Costs, u32, u32)>,
     iterations: u64,
     passes: u64,
     touching: u32,
@@ -101,6 +103,7 @@ impl Collector {
             None => &mut self.seen.plain,
         };
         times.push(took.as_secs_f64() * 1e3);
+        self.seen.costs.push((step.costs, step.contact.columns, step.contact.passes));
         self.seen.iterations += u64::from(step.free.iterations);
         r.solver.iterations_max = r.solver.iterations_max.max(step.free.iterations);
         r.solver.refinements += u64::from(step.refinements);
@@ -227,8 +230,34 @@ impl Collector {
             true => &self.seen.checked,
             false => &self.seen.plain,
         });
+        r.costs = costs(&self.seen.costs);
         r.wall_s = self.wall();
         r
+    }
+}
+
+/// Costs of steps with their columns and passes.
+fn costs(steps: &[(Costs, u32, u32)]) -> CostReport {
+    let share = |of: &dyn Fn(&(Costs, u32, u32)) -> f64| {
+        let values: Vec<f64> = steps.iter().map(of).collect();
+        let Spread { p99, max, .. } = spread(&values);
+        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+        Share { mean, p99: p99.unwrap_or(0.0), max: max.unwrap_or(0.0) }
+    };
+    let ms = |part: Part| share(&|(costs, ..)| costs.of(part) * 1e3);
+    CostReport {
+        columns: share(&|(_, columns, _)| f64::from(*columns)),
+        passes: share(&|(.., passes)| f64::from(*passes)),
+        iterations: share(&|(costs, ..)| f64::from(costs.iterations)),
+        row_updates: share(&|(costs, ..)| costs.row_updates as f64),
+        cut_tests: share(&|(costs, ..)| costs.cut_tests as f64),
+        search_ms: ms(Part::Search),
+        free_ms: ms(Part::Free),
+        columns_ms: ms(Part::Columns),
+        corrections_ms: ms(Part::Corrections),
+        laws_ms: ms(Part::Laws),
+        cut_ms: ms(Part::Cut),
+        other_ms: ms(Part::Other),
     }
 }
 

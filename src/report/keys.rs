@@ -35,6 +35,8 @@ pub struct Report {
     pub wall_s: f64,
     /// Time of a step, ms. Steps whose residual was checked in f64 are excluded, unless all were.
     pub step_ms: Spread,
+    /// What a step costs, by part.
+    pub costs: CostReport,
     /// Solver of the unconstrained motion.
     pub solver: SolverReport,
     /// Largest number of contacts in a step.
@@ -69,6 +71,46 @@ pub struct Spread {
     pub p99: Option<f64>,
     /// Maximum.
     pub max: Option<f64>,
+}
+
+/// Work and time of the steps ([`crate::step::Costs`]). On a GPU, waiting for the device belongs to the part that waits.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct CostReport {
+    /// Compliance columns solved.
+    pub columns: Share,
+    /// Passes of the contact solve.
+    pub passes: Share,
+    /// Iterations of all solves, V-cycles with the multigrid preconditioner; a batch of columns counts once.
+    pub iterations: Share,
+    /// Row updates of the contact laws' solves.
+    pub row_updates: Share,
+    /// Links and springs tested against swept edges.
+    pub cut_tests: Share,
+    /// Search for contacts, ms.
+    pub search_ms: Share,
+    /// Unconstrained motion, ms.
+    pub free_ms: Share,
+    /// Compliance columns, ms.
+    pub columns_ms: Share,
+    /// Corrections by contact forces, ms.
+    pub corrections_ms: Share,
+    /// Contact laws, ms.
+    pub laws_ms: Share,
+    /// Cutting, ms.
+    pub cut_ms: Share,
+    /// The remainder: loads, acceptance of the step, probes, checks in f64, ms.
+    pub other_ms: Share,
+}
+
+/// Mean, 99th percentile and maximum over the steps.
+#[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
+pub struct Share {
+    /// Mean.
+    pub mean: f64,
+    /// 99 of 100 steps have at most this.
+    pub p99: f64,
+    /// Maximum.
+    pub max: f64,
 }
 
 /// Solver of the unconstrained motion.

@@ -19,7 +19,7 @@ pub mod study;
 pub mod verify;
 
 pub use keys::{
-    CutReport, DissipationReport, EnergyReport, Extremes, HapticReport, Memory, Passes, Periods, Report, SolverReport,
-    Spread, WorkReport,
+    CostReport, CutReport, DissipationReport, EnergyReport, Extremes, HapticReport, Memory, Passes, Periods, Report,
+    Share, SolverReport, Spread, WorkReport,
 };
 pub use refused::{CheckpointUnfit, Refused, StudyUnfit};

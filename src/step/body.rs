@@ -9,7 +9,7 @@ pub use compliance::Compliance;
 pub(super) use known::Known;
 pub use start::{needs, start};
 
-use super::StepReport;
+use super::{Part, StepReport};
 use crate::backend::{
     Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target,
 };
@@ -29,6 +29,7 @@ use glam::DVec3;
 use start::{check_step, slots};
 use std::collections::BTreeMap;
 use std::sync::Arc;
+use std::time::Instant;
 
 /// See the module.
 pub struct Body {
@@ -300,12 +301,20 @@ impl Body {
     }
 
     /// Solves the unconstrained motion; returns its values at nodes.
-    pub(super) fn solve_free(&mut self, solver: &Solver, nodes: &[u32]) -> Result<(Outcome, Vec<[f64; 3]>)> {
+    pub(super) fn solve_free(
+        &mut self,
+        solver: &Solver,
+        nodes: &[u32],
+        report: &mut StepReport,
+    ) -> Result<(Outcome, Vec<[f64; 3]>)> {
+        let clock = Instant::now();
         let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(solver.tolerance) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
         let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;
         // a non-finite solution has a non-finite residual
         self.non_finite = !outcomes[0].residual.is_finite() || !picked.iter().flatten().all(|c| c.is_finite());
+        report.costs.iterations += outcomes[0].iterations;
+        report.costs.spend(Part::Free, clock);
         Ok((outcomes[0], picked))
     }
 

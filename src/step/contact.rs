@@ -3,7 +3,7 @@
 mod passes;
 
 use super::rows::Rows;
-use super::{Simulation, StepReport};
+use super::{Part, Simulation, StepReport};
 use crate::bodies::rigid::UnconstrainedMotion;
 use crate::collide::Contact;
 use crate::constraints::Law;
@@ -14,6 +14,7 @@ use crate::scene::{self, BodyId, Correction, Loop};
 use glam::{DMat3, DVec3};
 use passes::Observation;
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 /// Contacts of a step and how their forces were solved for.
 #[derive(Clone, Debug, Default)]
@@ -170,7 +171,7 @@ impl Simulation {
         // per body: unconstrained motion, read at the nodes of the rows; their compliance
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let own = rows.nodes(number);
-            let (outcome, values) = body.solve_free(&self.scene.solver, &own)?;
+            let (outcome, values) = body.solve_free(&self.scene.solver, &own, report)?;
             ended.push(outcome);
             picked.push(values);
             blocks.push(body.prepare_compliance(&law, &own, report)?);
@@ -193,11 +194,13 @@ impl Simulation {
             load,
         };
         // W, slips and violations at the unconstrained positions
+        let clock = Instant::now();
         problem.columns = self.compliance_of(&problem);
         problem.w.clone_from(&problem.columns);
         let rigid = |number: usize| (free[number].translation, free[number].rotation);
         problem.free_slips = problem.rows.slips(rigid, |body, node| problem.at(&picked, body, node)).collect();
         problem.violation = problem.rows.violations(&problem.free_slips);
+        report.costs.spend(Part::Laws, clock);
         Ok((problem, ended))
     }
 

@@ -165,6 +165,7 @@ impl Simulation {
         }
         // cut the bodies
         for (number, body) in self.bodies.iter_mut().enumerate() {
+            report.costs.cut_tests += body.model.mechanics().segment_count(&body.model) as u64;
             let hits = body.read(Query { quads: quads.clone(), ..query(&self.probes, number) })?;
             let mass = body.wound.mass_of_nodes();
             let severed = body.sever(&hits)?;

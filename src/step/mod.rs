@@ -31,6 +31,7 @@
 
 mod body;
 mod contact;
+mod costs;
 mod energy;
 mod find;
 mod finite;
@@ -42,6 +43,7 @@ mod state;
 
 pub use body::{Body, needs, start};
 pub use contact::ContactReport;
+pub use costs::{Costs, PARTS, Part};
 pub use energy::{Booked, Measured};
 pub use refused::Refused;
 pub use state::State;
@@ -62,6 +64,7 @@ use glam::DVec3;
 use probes::Prepared;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Backend and precision of the deformable bodies.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -121,6 +124,8 @@ pub struct StepReport {
     pub overlap: f64,
     /// Probe values in the scene's order, SI.
     pub probes: Vec<f64>,
+    /// What the step cost.
+    pub costs: Costs,
     /// Trouble in this step.
     pub warnings: Warnings,
 }
@@ -146,6 +151,7 @@ impl StepReport {
         self.severed += before.severed;
         self.opening = self.opening.max(before.opening);
         self.overlap = self.overlap.max(before.overlap);
+        self.costs = self.costs.and(before.costs);
         let (old, new) = (&before.contact, &mut self.contact);
         new.passes = new.passes.max(old.passes);
         new.columns += old.columns;
@@ -374,6 +380,7 @@ impl Simulation {
     /// Step that ends at the present time, with the loads at `begin`; also the contact forces at the bodies' nodes.
     fn solve_from(&mut self, begin: f64, check: bool) -> Result<(StepReport, Option<Vec<NodeForces>>)> {
         let h = self.step_size();
+        let start = Instant::now();
         let mut report = StepReport { time: self.time, ..StepReport::default() };
         // set loads where they change; checked steps keep the state at their start
         // start of the previous step exactly as that step computed it: begin − h rounds otherwise
@@ -397,13 +404,17 @@ impl Simulation {
         // unconstrained motion of the rigid bodies, contacts at the start of the step
         let free: Vec<UnconstrainedMotion> = self.tools.iter().map(|t| t.unconstrained_motion(self.time, h)).collect();
         self.hands_are_finite(&free)?;
+        let clock = Instant::now();
         let contacts = match self.scene.contact {
             Some(law) => self.find_contacts(&law, &free, &mut report)?,
             None => vec![],
         };
+        report.costs.spend(Part::Search, clock);
+        let clock = Instant::now();
         for body in &mut self.bodies {
             body.begin(&self.scene, self.time)?;
         }
+        report.costs.spend(Part::Free, clock);
         // unconstrained motion and contact; solved again without warm starts if the result is non-finite
         let old = self.tools.clone();
         let mut solved = self.solve(contacts, &free, false, &mut report)?;
@@ -432,10 +443,13 @@ impl Simulation {
         self.summarise_solves(&ended, &mut report);
         // cut what the edges swept, then read the probes
         if self.scene.tools.iter().any(|t| t.blade.is_some()) {
+            let clock = Instant::now();
             self.incise(&old, cuts, &mut report)?;
+            report.costs.spend(Part::Cut, clock);
         }
         self.read_probes(begin, forces.as_deref(), &mut report)?;
         self.probes_are_finite(&report)?;
+        report.costs.close(start);
         Ok((report, forces))
     }
 
@@ -449,15 +463,15 @@ impl Simulation {
     ) -> Result<Resolved> {
         match self.scene.contact.filter(|_| !contacts.is_empty()) {
             Some(law) => self.resolve(law, contacts, free, reuse_forces, report),
-            None => self.move_freely(free),
+            None => self.move_freely(free, report),
         }
     }
 
     /// Solves a step without contact.
-    fn move_freely(&mut self, free: &[UnconstrainedMotion]) -> Result<Resolved> {
+    fn move_freely(&mut self, free: &[UnconstrainedMotion], report: &mut StepReport) -> Result<Resolved> {
         let h = self.step_size();
         let solver = self.scene.solver;
-        let solves = self.bodies.iter_mut().map(|body| Ok(body.solve_free(&solver, &[])?.0));
+        let solves = self.bodies.iter_mut().map(|body| Ok(body.solve_free(&solver, &[], report)?.0));
         let ended = solves.collect::<Result<_>>()?;
         for (tool, free) in self.tools.iter_mut().zip(free) {
             tool.advance(free.translation, free.rotation, h);

@@ -33,7 +33,13 @@ const RUN: &[&str] = &["run", "scene.toml", "--backend", "cpu", "--json"];
 
 /// Keys that DESIGN.md asks for, and the ones added since.
 const KEYS: &str = "scene backend adapter driver nodes hexes tets springs dof step_s steps error wall_s step_ms.median step_ms.p99 \
-    step_ms.max solver.kind solver.preconditioner solver.iterations_mean solver.iterations_max solver.newton_iterations_max solver.sums solver.refinements \
+    step_ms.max costs.columns.mean costs.columns.p99 costs.columns.max costs.passes.mean costs.passes.p99 costs.passes.max costs.iterations.mean \
+    costs.iterations.p99 costs.iterations.max costs.row_updates.mean costs.row_updates.p99 costs.row_updates.max costs.cut_tests.mean \
+    costs.cut_tests.p99 costs.cut_tests.max costs.search_ms.mean costs.search_ms.p99 costs.search_ms.max costs.free_ms.mean \
+    costs.free_ms.p99 costs.free_ms.max costs.columns_ms.mean costs.columns_ms.p99 costs.columns_ms.max costs.corrections_ms.mean \
+    costs.corrections_ms.p99 costs.corrections_ms.max costs.laws_ms.mean costs.laws_ms.p99 costs.laws_ms.max costs.cut_ms.mean \
+    costs.cut_ms.p99 costs.cut_ms.max costs.other_ms.mean costs.other_ms.p99 costs.other_ms.max \
+    solver.kind solver.preconditioner solver.iterations_mean solver.iterations_max solver.newton_iterations_max solver.sums solver.refinements \
     solver.at_floor solver.residual_max solver.residual_true solver.law_residual energy_j.start energy_j.max energy_j.end energy_j.kinetic.start \
     energy_j.kinetic.max energy_j.kinetic.end energy_j.elastic.start energy_j.elastic.max energy_j.elastic.end energy_j.potential.start \
     energy_j.potential.max energy_j.potential.end energy_j.work_in.loads energy_j.work_in.hands energy_j.work_in.overlaps \

@@ -77,7 +77,7 @@ fn left(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, String> {
         if path.ends_with("report.json") {
             let mut report: serde_json::Value = serde_json::from_slice(&bytes).map_err(|e| e.to_string())?;
             let keys = report.as_object_mut().ok_or("a report is a table")?;
-            ["wall_s", "step_ms"].iter().for_each(|key| drop(keys.remove(*key)));
+            ["wall_s", "step_ms", "costs"].iter().for_each(|key| drop(keys.remove(*key)));
             bytes = report.to_string().into_bytes();
         }
         out.push((path.strip_prefix(folder).map_err(|e| e.to_string())?.display().to_string(), bytes));

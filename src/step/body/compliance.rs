@@ -11,10 +11,11 @@ use crate::backend::{Backend, CORRECTION, CpuBackend, FIRST_COLUMN, Needs, Snaps
 use crate::bodies::Model;
 use crate::error::Result;
 use crate::scene::{self, Correction};
-use crate::step::StepReport;
+use crate::step::{Part, StepReport};
 use glam::{DMat3, DVec3};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::time::Instant;
 
 /// Columns solved at once: three axes of two nodes. Each further one costs every node of the body 112 bytes on the device.
 pub const COLUMNS: usize = 6;
@@ -84,6 +85,7 @@ impl Compliance {
     /// Solves the columns of all nodes without them.
     fn complete(&mut self, backend: &mut dyn Backend, tolerance: f64, report: &mut StepReport) -> Result<()> {
         let all: Vec<u32> = self.known.keys().copied().collect();
+        let clock = Instant::now();
         let missing: Vec<u32> = self.known.iter().filter(|(_, k)| k.solved == 0).map(|(n, _)| *n).collect();
         for pair in missing.chunks(COLUMNS / 3) {
             let budget = self.usual.map_or(u32::MAX, |usual| BEYOND * usual);
@@ -102,6 +104,7 @@ impl Compliance {
             report.contact.columns += slots.len() as u32;
             let most = outcomes.iter().map(|o| o.iterations).max().unwrap_or(0);
             report.contact.column_iterations = report.contact.column_iterations.max(most);
+            report.costs.iterations += most;
             // columns of fixed nodes take no iterations
             if most > 0 {
                 self.usual = Some(self.usual.map_or(most, |usual| usual.min(most)));
@@ -117,6 +120,7 @@ impl Compliance {
                 }
             }
         }
+        report.costs.spend(Part::Columns, clock);
         Ok(())
     }
 
@@ -256,12 +260,15 @@ impl Body {
             self.backend.reset_initial_guess(&[CORRECTION])?;
             return Ok(vec![[0.0; 3]; nodes.len()]);
         }
+        let clock = Instant::now();
         let entries: Vec<_> = forces.iter().map(|(n, f)| (CORRECTION, *n, *f)).collect();
         self.backend.set_rows(&[CORRECTION], &entries)?;
         let wanted = [SolveRequest { slot: CORRECTION, target: Target::Absolute(tolerance * total) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
         let (outcome, moved) = self.backend.solve(&wanted, &pick)?;
         report.correction_iterations += outcome[0].iterations;
+        report.costs.iterations += outcome[0].iterations;
+        report.costs.spend(Part::Corrections, clock);
         report.warn("solver_not_converged", u32::from(!outcome[0].converged));
         self.non_finite |= !outcome[0].residual.is_finite();
         Ok(moved)

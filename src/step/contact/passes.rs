@@ -16,8 +16,9 @@ use crate::constraints::{self, Effort, Law, LooseTolerance, Residual, solve};
 use crate::error::Result;
 use crate::scene::Correction;
 use crate::step::rows::energy;
-use crate::step::{Simulation, StepReport};
+use crate::step::{Costs, Part, Simulation, StepReport};
 use glam::DVec3;
+use std::time::Instant;
 
 /// Most row updates of a contact solve, which bounds a step's time: 4 ms for 36 rows and 50 ms for 192 on one core. 99 % of the solves of
 /// perturbed incisions take less than 65,000, 64 points with friction on 25 nodes 250,000; with 50,000, a third of three crossing cuts
@@ -132,31 +133,34 @@ impl Problem<'_> {
         LooseTolerance { share, gap: share * PRESS }
     }
 
-    /// Solves for the forces by the model `W`; true if what they leave cannot be felt.
-    fn solve(&self, without_force: &[f64], lambda: &mut [f64]) -> bool {
+    /// Solves for the forces by the model `W`; true if what they leave cannot be felt. Counts the row updates.
+    fn solve(&self, without_force: &[f64], lambda: &mut [f64], costs: &mut Costs) -> bool {
+        let clock = Instant::now();
         let effort = Effort { tolerance: TOLERANCE, loose: self.loose_tolerance(INNER_SHARE), updates: ROW_UPDATES };
-        let ends = |lambda: &mut [f64]| {
+        let mut ends = |lambda: &mut [f64]| {
             let ended = solve(&self.laws, &self.w, without_force, lambda, &effort);
+            costs.row_updates += ended.updates;
             (ended.converged || self.loose_tolerance(1.0).is_met(&ended.residual, lambda), ended.residual.energy)
         };
-        let (solved, left) = ends(lambda);
+        let (mut solved, left) = ends(lambda);
         // an edge's law is not monotone: where the last step's forces lead to no solution, a start from zero may
-        let mut other = vec![0.0; lambda.len()];
         if !solved && lambda.iter().any(|l| *l != 0.0) {
-            let (solved, less) = ends(&mut other);
+            let mut other = vec![0.0; lambda.len()];
+            let less;
+            (solved, less) = ends(&mut other);
             if solved || less < left {
                 lambda.copy_from_slice(&other);
             }
-            return solved;
         }
+        costs.spend(Part::Laws, clock);
         solved
     }
 
     /// Pass that ended with `slips` under `lambda`, and the forces of the next one by the model `W`.
-    fn evaluate(&self, lambda: Vec<f64>, slips: Vec<DVec3>) -> Pass {
+    fn evaluate(&self, lambda: Vec<f64>, slips: Vec<DVec3>, costs: &mut Costs) -> Pass {
         let without_force = self.without_force(&self.rows.violations(&slips), &lambda);
         let mut next = lambda.clone();
-        let solved = self.solve(&without_force, &mut next);
+        let solved = self.solve(&without_force, &mut next, costs);
         let change = less(&next, &lambda);
         let total = energy(&self.w, &lambda);
         let negligible = change.iter().all(|c| c.abs() <= self.law.tolerance * self.load);
@@ -177,7 +181,7 @@ impl Simulation {
     ) -> Result<(Vec<f64>, Vec<DVec3>)> {
         let law = problem.law;
         let mut tied = problem.laws.iter().any(Law::is_constraint);
-        problem.solve(&problem.violation, &mut lambda);
+        problem.solve(&problem.violation, &mut lambda, &mut report.costs);
         let mut last = (vec![0.0; lambda.len()], problem.violation.clone(), 0.0);
         let mut best: Option<Pass> = None;
         let mut before = f64::INFINITY;
@@ -196,19 +200,19 @@ impl Simulation {
             last = (lambda.clone(), found, share);
             problem.update_compliance();
             // forces of the next pass
-            let mut pass = problem.evaluate(lambda, slips);
+            let mut pass = problem.evaluate(lambda, slips, &mut report.costs);
             if !pass.solved {
                 // the observations of several passes need not agree on one compliance
                 problem.observations.clear();
                 problem.update_compliance();
-                pass = problem.evaluate(pass.lambda, pass.slips);
+                pass = problem.evaluate(pass.lambda, pass.slips, &mut report.costs);
             }
             // solve aged columns anew where convergence is slow
             let slow = pass.relative_change > SLOW * before;
             if (pass.relative_change > law.tolerance && slow || !pass.solved)
                 && self.renew(problem, &pass.lambda, report)?
             {
-                pass = problem.evaluate(pass.lambda, pass.slips);
+                pass = problem.evaluate(pass.lambda, pass.slips, &mut report.costs);
             }
             before = pass.relative_change;
             // stop if the change is within the tolerance, or slow and too small to be felt
