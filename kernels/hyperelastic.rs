@@ -252,10 +252,12 @@ impl<R: Real> Cell<R> {
         Linearised { stiffening, volume }
     }
 
-    /// `φ'² + φ φ''`, at least `φ'²`: a volume that is torn up has less, and its tension gives that back where it grows further.
+    /// `φ'² + φ φ''`, at least `(0.6 − ln J̄/5) φ'²`, above a tenth: in a volume that grows, `p ∂²v/∂u²` of the tension adds up to
+    /// `(2/3 ln J̄) φ'²`, so the true tangent has `(1 − ln J̄/3) φ'²` in all where the first term has `(1 − ln J̄) φ'²`.
     fn volume_stiffness(&self) -> R {
-        let slope = log_volume_slope(self.mean_dilatation);
-        log_volume_stiffness(self.mean_dilatation).max(slope * slope)
+        let [log, slope] = [log_volume(self.mean_dilatation)[0], log_volume_slope(self.mean_dilatation)];
+        let least = (R::of(0.6) - R::of(0.2) * log).max(R::of(0.1)).min(R::of(0.6));
+        log_volume_stiffness(self.mean_dilatation).max(least * slope * slope)
     }
 
     /// `1 + (s − 1)/f` of [`Cell::linearised`].

@@ -17,7 +17,8 @@ const STIFFEST: f32 = 1e6;
 
 fn volume_stiffness(mean: f32) -> f32 {
     let slope = log_volume_slope(mean);
-    return max(log_volume_stiffness(mean), slope * slope);
+    let least = clamp(0.6 - 0.2 * log_volume(mean).x, 0.1, 0.6);
+    return max(log_volume_stiffness(mean), least * slope * slope);
 }
 
 @compute @workgroup_size(64)
