@@ -5,7 +5,7 @@ use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_m
 use cutis::bodies::Model;
 use cutis::gpu::{Bound, Buffer, Gpu};
 use cutis::kernels::GROUP;
-use cutis::kernels::product::{self, CellForces, LANES, cell_groups, product};
+use cutis::kernels::product::{self, CellForces, Frames, LANES, cell_groups, product};
 use cutis::math::{Real, V3, V4, rotation_matrix};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -78,8 +78,9 @@ fn cpu<R: Real>(model: &Model, rotation: &[V4<f64>], z: &[V4<f64>], use_it: impl
     let (rotation, free, z) = (round(rotation), round(&model.free), round(z));
     let (params, modes, layers) = (model.params::<R>(), model.modes::<R>(), &model.grid.layer_of);
     let mut scratch: Vec<CellForces<R>> = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&params)];
+    let frames = Frames::new(&params, &rotation, &[]);
     use_it(&mut |w| {
-        product(&params, &modes, layers, &rotation, &free, &[], &z, w, &mut scratch);
+        product(&params, &modes, layers, &frames, &free, &z, w, &mut scratch);
     });
 }
 

@@ -14,7 +14,7 @@
 //!
 //! The twin sweeps strips of node rows upwards, one strip per core at a time. A level's cells have the numbers of the nodes at their lowest
 //! corner, so a register ([`crate::math::wide`]) holds consecutive cells, also across the ends of rows; the entry after a row's last cell
-//! is an empty one. Each level's vectors are first re-arranged by component, forces are accumulated in the same layout, and a level of
+//! is an empty one. Each level's vectors are first re-arranged by component (its rotations have been, once a step: [`Frames`]), forces are accumulated in the same layout, and a level of
 //! nodes is complete when the cells on both sides are. Neighbouring strips both compute the row of cells between them (1 in 9 to 17).
 //! Strips depend on the grid alone, and a node's cells are added in ascending order, so the order of sums is the same for any number of
 //! threads and any register width.
@@ -27,7 +27,7 @@
 //!
 //! Cost per cell in the twin: 26 operations for the rotation matrix, 144 for the patterns, 126 for rotating there and back, 72 for the
 //! blocks, 24 to accumulate forces, 19 for its node: 411, with a fused multiply-add counted once (543 counted twice). Memory: z, w, mass
-//! and rotation, 64 bytes in f32, 128 in f64; everything else stays in a core's cache (16 numbers for each node of 18 rows).
+//! and rotation, 64 bytes in f32, 128 in f64; everything else stays in a core's cache (12 numbers for each node of 18 rows).
 //! Units: z m, w N, B N/m.
 
 use super::volume::HYPERELASTIC;
@@ -65,8 +65,10 @@ const STRIP: usize = 16;
 const NARROW: usize = 7;
 /// Minimum number of cells for a product on several threads.
 const ALONE: usize = 512;
-/// Planes of a strip's scratch: z and force at two levels, by component, and the rotations of one level.
-const PLANES: usize = 16;
+/// Planes of a strip's scratch: z and force at two levels, by component.
+const PLANES: usize = 12;
+/// Planes of the rotations of a level, by component.
+const ROTATION_PLANES: usize = 4;
 /// Further planes of hyperelastic cells: the stiffness of their volume.
 const VOLUME_PLANES: usize = 9;
 
@@ -89,8 +91,68 @@ pub fn cell_groups<R: Real>(params: &Params<R>) -> usize {
 }
 
 fn strip_pieces<R: Real>(params: &Params<R>, rows: &Range<usize>) -> usize {
-    let volume = if params.corotational >= HYPERELASTIC { VOLUME_PLANES } else { 0 };
-    ((PLANES + volume) * plane_len(params, rows.len())).div_ceil(24 * LANES)
+    (PLANES * plane_len(params, rows.len())).div_ceil(24 * LANES)
+}
+
+/// Rotations of all cells, and the stiffness of the volume of hyperelastic ones, by component for the twin's registers: `[level][component]`
+/// planes in which cells have the numbers of the nodes at their lowest corner. Split cells have none.
+#[derive(Clone, Debug, Default)]
+pub struct Frames<R> {
+    planes: Vec<R>,
+}
+
+impl<R: Real> Frames<R> {
+    /// From quaternions and rows `y`, `[cell]` and `[cell × 3]`, and the table of split cells.
+    pub fn new(params: &Params<R>, rotation: &[V4<R>], split: &[u32]) -> Self {
+        let mut frames = Self::default();
+        frames.update(params, rotation, split);
+        frames
+    }
+
+    /// Takes over new ones.
+    pub fn update(&mut self, params: &Params<R>, rotation: &[V4<R>], split: &[u32]) {
+        let (planes, len) = Self::sizes(params);
+        let (cells_x, nodes_x) = (params.cells_x as usize, params.nodes_x as usize);
+        self.planes.resize(params.cells_z as usize * planes * len, R::zero());
+        let one_level = |(k, level): (usize, &mut [R])| {
+            let mut planes = level.chunks_exact_mut(len);
+            let mut take = || planes.next().expect("all components of a level");
+            let mut q: [_; ROTATION_PLANES] = std::array::from_fn(|_| take());
+            for y in 0..params.cells_y as usize {
+                let first = params.cell_id([0, y, k]);
+                spread(&rotation[first..][..cells_x], &mut q, y * nodes_x);
+                if params.extra_columns > 0 {
+                    leave_out(&split[params.layout().row + first..][..cells_x], &mut q, y * nodes_x);
+                }
+            }
+            if params.corotational >= HYPERELASTIC {
+                let mut volume: [_; VOLUME_PLANES] = std::array::from_fn(|_| take());
+                for y in 0..params.cells_y as usize {
+                    let first = params.cell_count as usize + 3 * params.cell_id([0, y, k]);
+                    spread_rows(&rotation[first..][..3 * cells_x], &mut volume, y * nodes_x);
+                }
+            }
+        };
+        self.planes.par_chunks_exact_mut(planes * len).enumerate().for_each(one_level);
+    }
+
+    /// Number of planes of a level, and their length: all rows, and a register at the end.
+    fn sizes(params: &Params<R>) -> (usize, usize) {
+        let volume = if params.corotational >= HYPERELASTIC { VOLUME_PLANES } else { 0 };
+        (ROTATION_PLANES + volume, (params.cells_y * params.nodes_x) as usize + MOST)
+    }
+
+    /// Planes of a level.
+    #[inline(always)]
+    fn level(&self, params: &Params<R>, k: usize) -> std::slice::ChunksExact<'_, R> {
+        let (planes, len) = Self::sizes(params);
+        self.planes[k * planes * len..][..planes * len].chunks_exact(len)
+    }
+
+    /// Size, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.planes[..])
+    }
 }
 
 /// One right-hand side; returns `z·w`.
@@ -98,14 +160,13 @@ pub fn product<R: Real>(
     params: &Params<R>,
     modes: &[Modes<R>],            // [layer] N/m
     layer_of: &[u32],              // [cells_z] layer
-    rotation: &[V4<R>],            // [cell] quaternion
+    frames: &Frames<R>,            // of the cells
     free: &[V4<R>],                // [node] 1 free, 0 fixed, per axis; mass kg
-    split: &[u32],                 // see `split`
     z: &[V4<R>],                   // [node] m
     w: &mut [V4<R>],               // [node] N
     scratch: &mut [CellForces<R>], // [cell_groups]
 ) -> R {
-    let input = Input { params, modes, layer_of, rotation, split, of: Of::System { free }, z };
+    let input = Input { params, modes, layer_of, frames, of: Of::System { free }, z };
     by_strips(input, w, scratch, |strip| R::widest(strip))
 }
 
@@ -118,13 +179,12 @@ pub fn elastic_forces<R: Real>(
     pre_strain: &[V4<R>],          // [layer] elastic strain at rest along x, y, z
     modes: &[Modes<R>],            // [layer] N/m, of stiffness alone
     layer_of: &[u32],              // [cells_z] layer
-    rotation: &[V4<R>],            // [cell] quaternion
-    split: &[u32],                 // see `split`
+    frames: &Frames<R>,            // of the cells
     u: &[V4<R>],                   // [node] m
     f: &mut [V4<R>],               // [node] N
     scratch: &mut [CellForces<R>], // [cell_groups]
 ) {
-    let input = Input { params, modes, layer_of, rotation, split, of: Of::Elastic { shape, pre_strain }, z: u };
+    let input = Input { params, modes, layer_of, frames, of: Of::Elastic { shape, pre_strain }, z: u };
     by_strips(input, f, scratch, |strip| R::widest(strip));
 }
 
@@ -162,8 +222,7 @@ struct Input<'a, R> {
     params: &'a Params<R>,
     modes: &'a [Modes<R>],
     layer_of: &'a [u32],
-    rotation: &'a [V4<R>],
-    split: &'a [u32],
+    frames: &'a Frames<R>,
     of: Of<'a, R>,
     z: &'a [V4<R>],
 }
@@ -191,8 +250,8 @@ impl<R: Real> Task<R> for Strip<'_, R> {
     #[inline(always)]
     fn run<L: Lanes<R>>(self, lanes: L) -> R {
         let Strip { input, rows, mut w, scratch } = self;
-        let Input { params, modes, layer_of, rotation, split, of, z } = input;
-        let (nodes_x, cells_x) = (params.nodes_x as usize, params.cells_x as usize);
+        let Input { params, modes, layer_of, frames, of, z } = input;
+        let nodes_x = params.nodes_x as usize;
         let level_nodes = nodes_x * params.nodes_y as usize;
         // one row of cells more than of nodes, where the grid has it
         let cell_rows = rows.start.saturating_sub(1)..rows.end.min(params.cells_y as usize);
@@ -200,16 +259,14 @@ impl<R: Real> Task<R> for Strip<'_, R> {
         let (cells, nodes) = (cell_rows.len() * nodes_x, (cell_rows.len() + 1) * nodes_x);
         let own = rows.start * nodes_x - first..rows.end * nodes_x - first;
 
-        // scratch planes: vectors and forces at two levels, rotations at one
+        // scratch planes: vectors and forces at two levels
         scratch.fill(R::zero());
         let len = plane_len(params, rows.len());
         let mut planes = scratch.chunks_exact_mut(len);
         let mut take = || planes.next().expect("PLANES of them");
         let (mut z_below, mut z_above) = ([take(), take(), take()], [take(), take(), take()]);
         let (mut f_below, mut f_above) = ([take(), take(), take()], [take(), take(), take()]);
-        let mut q = [take(), take(), take(), take()];
         let hyperelastic = params.corotational >= HYPERELASTIC && matches!(of, Of::System { .. });
-        let mut volume: Option<[_; VOLUME_PLANES]> = hyperelastic.then(|| std::array::from_fn(|_| take()));
 
         spread(&z[first..first + nodes], &mut z_below, 0);
         let mut along = [R::zero(); 4];
@@ -217,17 +274,13 @@ impl<R: Real> Task<R> for Strip<'_, R> {
         for k in 0..params.nodes_z as usize {
             if k < params.cells_z as usize {
                 spread(&z[(k + 1) * level_nodes + first..][..nodes], &mut z_above, 0);
-                // upper level and rotations by component; split cells get no rotation
-                for (row, y) in cell_rows.clone().enumerate() {
-                    let first = params.cell_id([0, y, k]);
-                    spread(&rotation[first..][..cells_x], &mut q, row * nodes_x);
-                    if let Some(volume) = &mut volume {
-                        let rows = &rotation[params.cell_count as usize + 3 * first..][..3 * cells_x];
-                        spread_rows(rows, volume, row * nodes_x);
-                    }
-                    if params.extra_columns > 0 {
-                        leave_out(&split[params.layout().row + first..][..cells_x], &mut q, row * nodes_x);
-                    }
+                // rotations of these rows and all after them
+                let mut planes = frames.level(params, k);
+                let mut take = || &planes.next().expect("all components of a level")[first..];
+                let q: [&[R]; ROTATION_PLANES] = [take(), take(), take(), take()];
+                let mut volume_planes = [q[0]; VOLUME_PLANES];
+                if hyperelastic {
+                    volume_planes.iter_mut().for_each(|plane| *plane = take());
                 }
                 let layer = layer_of[k] as usize;
                 let blocks = &modes[layer];
@@ -248,8 +301,10 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                     let [mut stretch, mut pulled] = [[lanes.splat(R::zero()); 3]; 2];
                     if let Of::Elastic { shape, pre_strain } = of {
                         // the lower corner has the positive sign in a pattern
-                        stretch = [0, 1, 2].map(|n| lanes.splat(shape[layer][n] * R::of(-4.0)));
-                        pulled = [0, 1, 2].map(|n| lanes.mul(stretch[n], lanes.splat(pre_strain[layer][n])));
+                        for n in 0..3 {
+                            stretch[n] = lanes.splat(shape[layer][n] * R::of(-4.0));
+                            pulled[n] = lanes.mul(stretch[n], lanes.splat(pre_strain[layer][n]));
+                        }
                         let first = at_corner[0];
                         for corner in &mut at_corner {
                             for n in 0..3 {
@@ -257,9 +312,16 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                             }
                         }
                     }
-                    let row =
-                        |y: &[&mut [R]; VOLUME_PLANES], n: usize| [0, 1, 2].map(|i| lanes.load(&y[3 * n + i][at..]));
-                    let volume = volume.as_ref().map(|y| [0, 1, 2].map(|n| row(y, n)));
+                    let mut volume = None;
+                    if hyperelastic {
+                        let mut rows = [[lanes.splat(R::zero()); 3]; 3];
+                        for n in 0..3 {
+                            for i in 0..3 {
+                                rows[n][i] = lanes.load(&volume_planes[3 * n + i][at..]);
+                            }
+                        }
+                        volume = Some(rows);
+                    }
                     let force = cell_forces(lanes, blocks, rotation, at_corner, stretch, pulled, volume);
                     // corners in descending order: a node gets its cells in ascending order, independent of the register width
                     for c in (0..4).rev() {
@@ -456,8 +518,7 @@ mod tests {
             params: &params,
             modes: &modes,
             layer_of: &layer_of,
-            rotation: &rotation,
-            split: &[],
+            frames: &Frames::new(&params, &rotation, &[]),
             of: Of::System { free: &free },
             z: &z,
         };

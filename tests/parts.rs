@@ -7,7 +7,7 @@ use cutis::kernels::blocks::{Block, blocks, pack, unpack};
 use cutis::kernels::cut::Hit;
 use cutis::kernels::factor::factor;
 use cutis::kernels::precondition::precondition;
-use cutis::kernels::product::{LANES, cell_groups, product};
+use cutis::kernels::product::{Frames, LANES, cell_groups, product};
 use cutis::kernels::split_product::split_product;
 use cutis::kernels::volume::slope_of;
 use cutis::math::random::Random;
@@ -218,7 +218,8 @@ fn multiply(model: &Model, wound: &Wound, rotation: &[V4<f64>], z: &[V4<f64>]) -
     let (split, cells) = (wound.surface.parts.table(), wound.surface.parts.split_cells());
     let mut w = vec![[0.0; 4]; z.len()];
     let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
-    let whole = product(&params, &modes, layers, rotation, &wound.free, split, z, &mut w, &mut scratch);
+    let whole =
+        product(&params, &modes, layers, &Frames::new(&params, rotation, split), &wound.free, z, &mut w, &mut scratch);
     let dot = whole + split_product(&params, &modes, layers, rotation, &wound.free, split, cells, z, &mut w);
     (w, dot)
 }

@@ -8,7 +8,7 @@ use cutis::kernels;
 use cutis::kernels::Params;
 use cutis::kernels::advance::{Request, Scalars};
 use cutis::kernels::cut::Hit;
-use cutis::kernels::product::{LANES, cell_groups};
+use cutis::kernels::product::{Frames, LANES, cell_groups};
 use cutis::kernels::volume::{HYPERELASTIC, slope_of};
 use cutis::math::{Real, V3, V4, rotation_matrix};
 
@@ -294,11 +294,12 @@ pub fn product<R: Real>(b: &Body) -> Outputs<R> {
     let (modes, rotation) = (b.modes(), b.v4("rotation"));
     let (free, z, mut w) = (b.v4::<R>("free"), b.v4("z"), b.v4("w"));
     let (p, layer_of, split) = (b.params(), &b.grid.layer_of, b.split());
+    let frames = Frames::new(&p, &rotation, &split);
     let mut scratch = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&p)];
     let mut dots = start_sums(b, "partial_product", b.product_groups());
     for (slot, at) in running(b) {
         let (z, w) = (&z[at.clone()], &mut w[at]);
-        dots[slot] = kernels::product::product(&p, &modes, layer_of, &rotation, &free, &split, z, w, &mut scratch);
+        dots[slot] = kernels::product::product(&p, &modes, layer_of, &frames, &free, z, w, &mut scratch);
     }
     vec![("w", flat(&w)), ("partial_product", dots)]
 }

@@ -6,7 +6,7 @@ use cutis::bodies::Model;
 use cutis::bodies::grid::element::rounded_modes;
 use cutis::kernels::Params;
 use cutis::kernels::forces::forces;
-use cutis::kernels::product::{LANES, cell_groups, elastic_forces, product};
+use cutis::kernels::product::{Frames, LANES, cell_groups, elastic_forces, product};
 use cutis::math::V4;
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::Mass::{self, Consistent, Lumped, Uniform};
@@ -164,7 +164,8 @@ pub fn without_dead(model: &Model, rotation: &[V4<f64>]) -> Model {
 /// `w = A z` by the twin; returns `z·w`.
 pub fn multiply(params: &Params<f64>, model: &Model, rotation: &[V4<f64>], z: &[V4<f64>], w: &mut [V4<f64>]) -> f64 {
     let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(params)];
-    product(params, &model.modes(), &model.grid.layer_of, rotation, &model.free, &[], z, w, &mut scratch)
+    let frames = Frames::new(params, rotation, &[]);
+    product(params, &model.modes(), &model.grid.layer_of, &frames, &model.free, z, w, &mut scratch)
 }
 
 /// Differences of twin and assembled matrix on a random vector: of `A z`, relative to its largest, and of `z·A z`, relative to itself.
@@ -267,7 +268,8 @@ fn forces_in_strips() {
     let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
     let run = |rotation: &[V4<f64>], fast: &mut [V4<f64>], scratch: &mut [_]| {
         let modes = rounded_modes(&model.hexahedra().stiffness);
-        elastic_forces(&params, &shape, &model.pre_strains(), &modes, layers, rotation, &[], &u, fast, scratch);
+        let frames = Frames::new(&params, rotation, &[]);
+        elastic_forces(&params, &shape, &model.pre_strains(), &modes, layers, &frames, &u, fast, scratch);
         let largest = plain.as_flattened().iter().fold(0.0f64, |m, c| m.max(c.abs()));
         let off = plain.as_flattened().iter().zip(fast.as_flattened());
         off.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max) / largest

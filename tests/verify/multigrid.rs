@@ -9,7 +9,7 @@ use cutis::bodies::grid::multigrid::{Hierarchy, Operator, cycle, workspaces};
 use cutis::kernels::advance::Request;
 use cutis::kernels::blocks::blocks;
 use cutis::kernels::factor::factor;
-use cutis::kernels::product::{LANES, cell_groups, product};
+use cutis::kernels::product::{Frames, LANES, cell_groups, product};
 use cutis::linear::{Outcome, Slot, solve};
 use cutis::math::V4;
 use cutis::scene::{Load, Preconditioner, Scene};
@@ -93,6 +93,7 @@ fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) ->
     factor(&params, &mut block);
     let mut hierarchy = Hierarchy::new(model).expect("multigrid");
     hierarchy.refresh(&params, layers, rotation);
+    let frames = Frames::new(&params, rotation, &[]);
     let finest = Operator {
         params,
         free: &free,
@@ -101,6 +102,7 @@ fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) ->
         modes: &modes,
         layer_of: layers,
         rotation,
+        frames: &frames,
         split: (&[], &[]),
     };
     let levels = hierarchy.operators(finest);
@@ -120,7 +122,7 @@ fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) ->
         &request,
         0.0,
         200,
-        |z: &[V4<f64>], w: &mut [V4<f64>]| product(&params, &modes, layers, rotation, &free, &[], z, w, &mut scratch),
+        |z: &[V4<f64>], w: &mut [V4<f64>]| product(&params, &modes, layers, &frames, &free, z, w, &mut scratch),
         |r: &[V4<f64>], z: &mut [V4<f64>]| cycle(&levels, &mut work, r, z),
     );
     (x, outcome)
@@ -207,13 +209,14 @@ fn bound() {
         blocks(&params, &model.stiffness_blocks(), layers, &rotation, &model.free, &[], &mut block);
         factor(&params, &mut block);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
+        let frames = Frames::new(&params, &rotation, &[]);
         let mut z = super::setup::Random::new(3).field(count, 1.0);
         let mut w = vec![[0.0; 4]; count];
         let mut found = 0.0;
         for _ in 0..300 {
             let size = z.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt();
             z.iter_mut().for_each(|z| *z = z.map(|c| c / size));
-            product(&params, &modes, layers, &rotation, &model.free, &[], &z, &mut w, &mut scratch);
+            product(&params, &modes, layers, &frames, &model.free, &z, &mut w, &mut scratch);
             // z·w over z·Mz needs M; the growth of M⁻¹A z does not
             cutis::kernels::precondition::precondition(&params, &block, &w, &mut z);
             found = z.as_flattened().iter().map(|c| c * c).sum::<f64>().sqrt();

@@ -13,7 +13,7 @@ use crate::kernels::centres::centres;
 use crate::kernels::collect_product::collect_product;
 use crate::kernels::factor::factor;
 use crate::kernels::precondition::precondition;
-use crate::kernels::product::{CellForces, LANES, Modes, cell_groups, elastic_forces, product};
+use crate::kernels::product::{CellForces, Frames, LANES, Modes, cell_groups, elastic_forces, product};
 use crate::kernels::split_product::split_product;
 use crate::kernels::{PARALLEL, Params, forces, momentum, rotations};
 use crate::math::{M3, Real, V4, round, widen};
@@ -32,6 +32,8 @@ pub struct Hexahedra<R> {
     cell_count: usize,
     /// `[cell]` quaternion; `[cell × 3]` stiffness of the volume of a hyperelastic body ([`crate::kernels::product`])
     rotation: Vec<V4<R>>,
+    /// The same for the products of a step.
+    frames: Frames<R>,
     split: Vec<u32>,
     split_cells: Vec<u32>,
     multigrid: Option<Hierarchy<R>>,
@@ -117,6 +119,7 @@ impl<R: Real> Hexahedra<R> {
             layer_of: model.grid.layer_of.clone(),
             cell_count: model.grid.cell_count(),
             rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.params::<R>().frames()],
+            frames: Frames::default(),
             split: Parts::new(model.params()).table().to_vec(),
             split_cells: vec![],
             multigrid: Hierarchy::new(model),
@@ -135,8 +138,8 @@ impl<R: Real> Hexahedra<R> {
         w: &mut [V4<R>],
         scratch: &mut [CellForces<R>],
     ) -> R {
-        let Self { modes, layer_of, rotation, split, split_cells, .. } = self;
-        let dot = product(params, modes, layer_of, rotation, free, split, z, w, scratch);
+        let Self { modes, layer_of, rotation, frames, split, split_cells, .. } = self;
+        let dot = product(params, modes, layer_of, frames, free, z, w, scratch);
         match split_cells[..] {
             [] => dot,
             _ => dot + split_product(params, modes, layer_of, rotation, free, split, split_cells, z, w),
@@ -153,7 +156,7 @@ impl<R: Real> System<R> for Hexahedra<R> {
         f: &mut [V4<R>],
         scratch: &mut [CellForces<R>],
     ) -> Result<()> {
-        let Self { shape, pre_strain, stiffness, elastic, layer_of, rotation, split, law, tangents, .. } = self;
+        let Self { shape, pre_strain, stiffness, elastic, layer_of, rotation, frames, split, law, tangents, .. } = self;
         // rotations at the start of the step
         if params.corotational != 0 {
             rotation[..params.cell_count as usize].par_iter_mut().enumerate().for_each(|(cell, q)| {
@@ -168,6 +171,7 @@ impl<R: Real> System<R> for Hexahedra<R> {
             }
             f.iter_mut().zip(tangents.forces(&displacement)).for_each(|(f, force)| *f = round(&force));
             tangents.law.linearise(&tangents.params, &[], &displacement, rotation);
+            frames.update(params, rotation, split);
             return Ok(());
         }
         if let Some((law, own)) = law {
@@ -176,10 +180,12 @@ impl<R: Real> System<R> for Hexahedra<R> {
             let at = widen(at);
             f.iter_mut().zip(law.forces(&wide, split, &alive, &at)).for_each(|(f, force)| *f = round(&force));
             law.linearise(&wide, split, &at, rotation);
+            frames.update(params, rotation, split);
             return Ok(());
         }
         // corotational forces; nodes of split cells are summed again
-        elastic_forces(params, shape, pre_strain, elastic, layer_of, rotation, split, at, f, scratch);
+        frames.update(params, rotation, split);
+        elastic_forces(params, shape, pre_strain, elastic, layer_of, frames, at, f, scratch);
         for node in params.touched(split).iter().map(|n| *n as usize) {
             let force = forces::node_force(params, shape, pre_strain, stiffness, layer_of, split, at, rotation, node);
             f[node] = force.pad(R::zero());
@@ -239,13 +245,14 @@ impl<R: Real> System<R> for Hexahedra<R> {
         free: &'a [V4<R>],
         block: &'a [V4<R>],
     ) -> Preconditioner<'a, R> {
-        let (modes, layer_of, rotation) = (&self.modes[..], &self.layer_of[..], &self.rotation[..]);
+        let (modes, layer_of, rotation, frames) =
+            (&self.modes[..], &self.layer_of[..], &self.rotation[..], &self.frames);
         match (&self.direct, &self.multigrid) {
             (Some(direct), _) => Box::new(|_, r, z| direct.solve(r, z)),
             (None, Some(multigrid)) => {
                 let steps = &[];
                 let split = (&self.split[..], &self.split_cells[..]);
-                let finest = Operator { params: *params, free, block, steps, modes, layer_of, rotation, split };
+                let finest = Operator { params: *params, free, block, steps, modes, layer_of, rotation, frames, split };
                 let levels = multigrid.operators(finest);
                 Box::new(move |work, r, z| {
                     if work.is_empty() {

@@ -20,7 +20,7 @@ use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
 use crate::kernels::forces::rest_corner;
 use crate::kernels::hyperelastic::{NEWTON, STIFFENED};
-use crate::kernels::product::{LANES, Modes, cell_groups, product, tiles};
+use crate::kernels::product::{Frames, LANES, Modes, cell_groups, product, tiles};
 use crate::kernels::split::split_cells;
 use crate::kernels::split_product::split_product;
 use crate::kernels::{GROUP, Params, forces, rotations};
@@ -354,7 +354,8 @@ impl Mechanics for Hexahedra {
             params.stiffness_factor -= model.step.elastic_at();
         }
         let modes = model.modes();
-        product(&params, &modes, layers, &rotation, in_system, split, &solved.dx, &mut w, &mut scratch);
+        let frames = Frames::new(&params, &rotation, split);
+        product(&params, &modes, layers, &frames, in_system, &solved.dx, &mut w, &mut scratch);
         let cells = split_cells(&params, split);
         if !cells.is_empty() {
             split_product(&params, &modes, layers, &rotation, in_system, split, &cells, &solved.dx, &mut w);

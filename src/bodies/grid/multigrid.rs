@@ -18,7 +18,7 @@ use crate::kernels::Params;
 use crate::kernels::blocks::blocks;
 use crate::kernels::coarsen::coarsen;
 use crate::kernels::factor::factor;
-use crate::kernels::product::{LANES, Modes, cell_groups, product};
+use crate::kernels::product::{Frames, LANES, Modes, cell_groups, product};
 use crate::kernels::prolongation::prolongation;
 use crate::kernels::relax::relax;
 use crate::kernels::restriction::restriction;
@@ -68,6 +68,8 @@ pub struct Operator<'a, R> {
     pub layer_of: &'a [u32],
     /// `[cell]` quaternion
     pub rotation: &'a [V4<R>],
+    /// The same for the product.
+    pub frames: &'a Frames<R>,
     /// Table of split nodes and the split cells in order of their rows; finest level only.
     pub split: (&'a [u32], &'a [u32]),
 }
@@ -84,6 +86,7 @@ struct Coarse<R> {
     modes: Vec<Modes<R>>,
     steps: Vec<[R; 2]>,
     rotation: Vec<V4<R>>,
+    frames: Frames<R>,
     free: Vec<V4<R>>,
     block: Vec<V4<R>>,
 }
@@ -101,6 +104,7 @@ impl<R: Real> Hierarchy<R> {
                 modes: element::rounded_modes(&level.stiffness),
                 steps: rounded(level.largest, number + 1 == levels),
                 rotation: vec![[R::zero(); 4]; params.frames()],
+                frames: Frames::default(),
                 free: level.free.iter().map(|f| f.map(R::of)).collect(),
                 block: vec![[R::zero(); 4]; params.node_count as usize * 4],
                 params,
@@ -115,6 +119,7 @@ impl<R: Real> Hierarchy<R> {
         let mut finer = (*params, rotation);
         for level in &mut self.coarse {
             coarsen(&finer.0, finer.1, &mut level.rotation);
+            level.frames.update(&level.params, &level.rotation, &[]);
             blocks(&level.params, &level.stiffness, layer_of, &level.rotation, &level.free, &[], &mut level.block);
             factor(&level.params, &mut level.block);
             finer = (level.params, &level.rotation);
@@ -132,6 +137,7 @@ impl<R: Real> Hierarchy<R> {
             modes: &c.modes,
             layer_of,
             rotation: &c.rotation,
+            frames: &c.frames,
             split: (&[], &[]),
         });
         std::iter::once(Operator { steps: &self.steps, ..finest }).chain(coarse).collect()
@@ -155,7 +161,7 @@ impl<R: Real> Operator<'_, R> {
     fn multiply(&self, z: &[V4<R>], work: &mut LevelWork<R>) {
         let LevelWork { w, scratch, .. } = work;
         let (split, cells) = self.split;
-        product(&self.params, self.modes, self.layer_of, self.rotation, self.free, split, z, w, scratch);
+        product(&self.params, self.modes, self.layer_of, self.frames, self.free, z, w, scratch);
         if !cells.is_empty() {
             split_product(&self.params, self.modes, self.layer_of, self.rotation, self.free, split, cells, z, w);
         }

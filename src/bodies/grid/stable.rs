@@ -9,7 +9,7 @@
 use super::element::rounded_modes;
 use crate::bodies::{Kind, Model};
 use crate::kernels::Params;
-use crate::kernels::product::{LANES, cell_groups, product};
+use crate::kernels::product::{Frames, LANES, cell_groups, product};
 use crate::math::random::Random;
 use crate::math::{V4, norm};
 use crate::scene::Mass;
@@ -40,7 +40,7 @@ impl Model {
         // small strain, with the stiffness of the volume
         let params = Params { corotational: 0, ..params };
         let (modes, layers) = (rounded_modes(&self.hexahedra().stiffness), &self.grid.layer_of);
-        let upright = vec![[0.0, 0.0, 0.0, 1.0]; self.grid.cell_count()];
+        let upright = Frames::new(&params, &vec![[0.0, 0.0, 0.0, 1.0]; self.grid.cell_count()], &[]);
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         let root: Vec<f64> =
             self.free[..count].iter().map(|f| if f[3] > 0.0 { f[3].sqrt().recip() } else { 0.0 }).collect();
@@ -50,7 +50,7 @@ impl Model {
             for i in 0..count {
                 scaled[i] = std::array::from_fn(|n| if n < 3 { q[i][n] * root[i] * self.free[i][n] } else { 0.0 });
             }
-            product(&params, &modes, layers, &upright, &self.free[..count], &[], &scaled, &mut force, &mut scratch);
+            product(&params, &modes, layers, &upright, &self.free[..count], &scaled, &mut force, &mut scratch);
             for (node, stiffness) in self.anchors.nodes.iter().zip(&self.anchors.stiffness) {
                 let i = *node as usize;
                 (0..3).for_each(|n| force[i][n] += stiffness * scaled[i][n]);
