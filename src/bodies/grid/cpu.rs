@@ -169,17 +169,15 @@ impl<R: Real> System<R> for Hexahedra<R> {
             if let Some(cell) = tangents.law.first_inverted(&tangents.params, &displacement) {
                 return Err(Refused::InvertedCell { cell: tangents.params.cell_at(cell) }.into());
             }
-            f.iter_mut().zip(tangents.forces(&displacement)).for_each(|(f, force)| *f = round(&force));
-            tangents.law.linearise(&tangents.params, &[], &displacement, rotation);
+            let forces = tangents.law.linearise(&tangents.params, &[], &displacement, rotation);
+            f.iter_mut().zip(forces).for_each(|(f, force)| *f = round(&force));
             frames.update(params, rotation, split);
             return Ok(());
         }
         if let Some((law, own)) = law {
             let wide = Params { node_count: params.node_count, ..*own };
-            let alive = |cell: usize| rotation[cell] != [R::zero(); 4];
-            let at = widen(at);
-            f.iter_mut().zip(law.forces(&wide, split, &alive, &at)).for_each(|(f, force)| *f = round(&force));
-            law.linearise(&wide, split, &at, rotation);
+            let forces = law.linearise(&wide, split, &widen(at), rotation);
+            f.iter_mut().zip(forces).for_each(|(f, force)| *f = round(&force));
             frames.update(params, rotation, split);
             return Ok(());
         }

@@ -254,20 +254,29 @@ impl Hyperelastic {
     }
 
     /// Gives the unit quaternions of a body the lengths, and the rows after them the stiffness of the volume, of the cells' linearisation at
-    /// `u` ([`Cell::linearised`]).
-    pub fn linearise<R: Real>(&self, params: &Params<f64>, split: &[u32], u: &[V4<f64>], rotation: &mut [V4<R>]) {
+    /// `u` ([`Cell::linearised`]); returns the internal forces, `[node]` N. A quaternion of zero is of a removed cell.
+    pub fn linearise<R: Real>(
+        &self,
+        params: &Params<f64>,
+        split: &[u32],
+        u: &[V4<f64>],
+        rotation: &mut [V4<R>],
+    ) -> Vec<V4<f64>> {
         let (quaternions, rows) = rotation.split_at_mut(params.cell_count as usize);
-        let cells = quaternions.par_iter_mut().zip(rows.par_chunks_exact_mut(3)).enumerate();
-        cells.with_min_len(PARALLEL / 8).for_each(|(cell, (q, rows))| {
+        let one = |(cell, (q, rows)): (usize, (&mut V4<R>, &mut [V4<R>]))| {
             if *q == [R::zero(); 4] {
-                return;
+                return Default::default();
             }
-            let wide = q.map(|c| c.f64());
-            let Linearised { stiffening, volume } = self.cell(params, split, u, cell).linearised(params, wide);
+            let (state, wide) = (self.cell(params, split, u, cell), q.map(|c| c.f64()));
+            let Linearised { stiffening, volume } = state.linearised(params, wide);
             let length = stiffening.sqrt().sqrt();
             *q = wide.map(|c| R::of(c * length));
             rows.iter_mut().zip(volume).for_each(|(row, y)| *row = y.pad(0.0).map(R::of));
-        });
+            state.forces().map(V3::f64)
+        };
+        let cells = quaternions.par_iter_mut().zip(rows.par_chunks_exact_mut(3)).enumerate();
+        let forces: Vec<[[f64; 3]; 8]> = cells.with_min_len(PARALLEL / 8).map(one).collect();
+        sums(params, split, &forces)
     }
 
     /// `[layer]` small-strain matrices of a level whose cells have `2^coarsened` times the edges along x and y, less the stiffness of their mean
