@@ -105,7 +105,7 @@ fn without_tool(scene: &Scene) -> Scene {
 fn variants(scene: &Scene) -> Vec<Variant> {
     let mut list = vec![];
     let mut add = |name: &str, scene: Scene| list.push(Variant { name: name.into(), scene, runs: vec![] });
-    add("exact (default: tolerance 1e-3, columns 0.05, 16 passes)", scene.clone());
+    add("exact (default: tolerance 1e-3, columns 0.2, 16 passes)", scene.clone());
     let mut with = |name: &str, change: &dyn Fn(&mut Scene)| {
         let mut scene = scene.clone();
         change(&mut scene);
@@ -114,7 +114,7 @@ fn variants(scene: &Scene) -> Vec<Variant> {
     for (tolerance, name) in [(1e-1, "1e-1"), (1e-2, "1e-2"), (1e-5, "1e-5")] {
         with(&format!("exact, tolerance {name}"), &|s| law(s).tolerance = tolerance);
     }
-    for (tolerance, name) in [(0.3, "0.3"), (1e-3, "1e-3")] {
+    for (tolerance, name) in [(0.05, "0.05"), (1e-3, "1e-3")] {
         with(&format!("exact, columns {name}"), &|s| law(s).column_tolerance = tolerance);
     }
     for passes in [1, 2] {

@@ -406,7 +406,7 @@ fn full_scene_loads_tool_mesh_and_hand() {
     let contact = scene.contact.expect("a scene with a tool has a contact law");
     assert_eq!((contact.friction, contact.alarm, contact.distance), (0.2, 0.6e-3, 0.0));
     assert_eq!((contact.correction, contact.max_contacts), (Correction::Uncoupled, 8));
-    assert_eq!((contact.tolerance, contact.column_tolerance, contact.max_passes), (1e-3, 0.05, 16));
+    assert_eq!((contact.tolerance, contact.column_tolerance, contact.max_passes), (1e-3, 0.2, 16));
     let short = parsed(&FULL.replace("max_contacts = 8", "max_passes = 2")).expect("two passes are allowed");
     assert_eq!(short.contact.map(|c| c.max_passes), Some(2));
 }

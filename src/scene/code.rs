@@ -163,7 +163,7 @@ impl Default for Contact {
             max_contacts: 16,
             lips: false,
             tolerance: 1e-3,
-            column_tolerance: 0.05,
+            column_tolerance: 0.2,
             max_passes: 16,
         }
     }

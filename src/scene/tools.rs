@@ -211,7 +211,7 @@ pub(super) fn contact(scene: &SceneText, raw: raw::Contact, tools: &[Tool]) -> R
         max_contacts: scene.count("max_contacts", &or(raw.max_contacts, 16), [1, u32::MAX])?,
         lips: raw.lips.is_some_and(|word| *word.get_ref()),
         tolerance: number("tolerance", raw.tolerance, 1e-3, PLAIN, Bound::Fraction)?,
-        column_tolerance: number("column_tolerance", raw.column_tolerance, 0.05, PLAIN, Bound::Fraction)?,
+        column_tolerance: number("column_tolerance", raw.column_tolerance, 0.2, PLAIN, Bound::Fraction)?,
         max_passes: scene.count("max_passes", &or(raw.max_passes, 16), [1, 100])?,
     })
 }
