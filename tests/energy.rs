@@ -2,6 +2,7 @@
 
 mod small;
 
+use cutis::bodies::Model;
 use cutis::report::{EnergyReport, Report};
 use cutis::scene::Integrator::{self, ImplicitEuler, Midpoint, Newmark, SymplecticEuler};
 use cutis::scene::{Element, Law, Load, LoadKind, Material, Preconditioner, Region, Scene, Start};
@@ -265,6 +266,99 @@ fn explicit_steps_swing_and_do_not_grow() {
     println!("symplectic Euler: {most:e} of {largest:e}");
     assert!(most > 1e-3 * largest, "it swings: {most:e} of {largest:e}");
     assert!(found.iter().all(|m| !m.grew), "a swing is no growth");
+}
+
+/// A layer without damping in 2000 explicit steps of a share of the one that is stable at rest.
+fn explicit(law: Law, start: Start, pressure: f64, share: f64) -> Scene {
+    let mut scene = pressed(SymplecticEuler, 0.0);
+    (scene.skins[0].law, scene.skins[0].start) = (law, start);
+    let kind = LoadKind::Pressure { pressure, follower: false };
+    scene.loads[0] = Load { kind, start: 0.0, end: 1.0, ..scene.loads[0].clone() };
+    scene.time.gravity = [0.0; 3];
+    scene.time.step = share * Model::new(&scene, 0).expect("it is small").stable_step();
+    scene.time.duration = 2000.0 * scene.time.step;
+    scene
+}
+
+/// The first step that warned that the energy grew, with the energy then over what was there, and the last step before the run became
+/// non-finite; the most that the energy rose by, over what was there.
+fn growth(scene: &Scene, platform: &Platform) -> (Option<(u32, f64)>, u32, f64) {
+    let mut simulation = Simulation::new(scene, platform).expect("the step is at most the stable one");
+    let states = simulation.snapshots().expect("the CPU path has no device to fail");
+    let first = simulation.measure(&states).expect("there is a body");
+    let (mut told, mut last, mut least, mut most) = (None, 0, first, 0.0_f64);
+    for step in 1..=scene.time.steps() {
+        let Ok(report) = simulation.step(true) else { break };
+        let now = report.measured.expect("each step is checked");
+        if !now.energy.total().is_finite() {
+            break;
+        }
+        let rise = now.unexplained(&least);
+        if rise <= 0.0 {
+            least = now;
+        }
+        most = most.max(rise / now.largest);
+        if told.is_none() && report.warnings.contains_key("energy_grew") {
+            told = Some((step, rise / now.largest));
+        }
+        last = step;
+    }
+    (told, last, most)
+}
+
+const RANDOM: Start = Start::Random { amplitude: 1e-4, seed: 1 };
+
+#[test]
+fn stable_explicit_steps_are_not_warned_of() {
+    let twist = Start::Twist(0.5);
+    for platform in [Platform::Cpu64, Platform::Cpu32] {
+        let mut widest = 0.0_f64;
+        for (law, start, pressure, share) in [
+            (LINEAR, RANDOM, 0.0, 0.9),
+            (LINEAR, RANDOM, 0.0, 0.99),
+            (LINEAR, twist, 0.0, 0.99),
+            (LINEAR, Start::Rest, 200.0, 0.999),
+            (LINEAR, Start::Rest, 15e3, 0.99),
+            (NEO_HOOKEAN, RANDOM, 0.0, 0.8),
+            (NEO_HOOKEAN, twist, 0.0, 0.8),
+            (NEO_HOOKEAN, Start::Rest, 200.0, 0.99),
+            (NEO_HOOKEAN, Start::Rest, 15e3, 0.8),
+        ] {
+            let scene = explicit(law, start, pressure, share);
+            let (told, last, most) = growth(&scene, &platform);
+            println!("{platform:?}, {law:?}, {start:?}, {pressure} Pa, {share} of the stable step: {most:.2} times");
+            assert!(told.is_none() && last == scene.time.steps(), "{told:?} of {last} steps");
+            widest = widest.max(most);
+        }
+        assert!(widest > 10.0, "the counter-test: a tenth of what is let pass would be told, {widest}");
+    }
+}
+
+/// Rise over what was there by which growth is to be told: ten times the largest found, of a step in which cells invert.
+const IN_TIME: f64 = 1e4;
+
+#[test]
+fn growing_explicit_steps_are_told_before_they_overflow() {
+    for platform in [Platform::Cpu64, Platform::Cpu32] {
+        for (law, start, pressure, share) in [
+            // the double root at the limit: the motion grows with the steps, its energy with their square
+            (LINEAR, RANDOM, 0.0, 1.0),
+            (LINEAR, Start::Rest, 200.0, 1.0),
+            // compressed cells are stiffer than at rest
+            (NEO_HOOKEAN, RANDOM, 0.0, 0.97),
+            (NEO_HOOKEAN, Start::Rest, 200.0, 1.0),
+            (NEO_HOOKEAN, Start::Rest, 5e3, 0.9),
+            (NEO_HOOKEAN, Start::Rest, 15e3, 0.9),
+        ] {
+            let scene = explicit(law, start, pressure, share);
+            let (told, last, most) = growth(&scene, &platform);
+            println!(
+                "{platform:?}, {law:?}, {start:?}, {pressure} Pa, {share} of the stable step: told at {told:?} of {last}, most {most:.1e}"
+            );
+            let (step, rise) = told.unwrap_or_else(|| panic!("not told in {last} steps, a rise of {most:e}"));
+            assert!(step < last && rise < IN_TIME, "{rise:e} at step {step} of {last}");
+        }
+    }
 }
 
 /// 48 neo-Hookean cells, each step solved to its balance by Newton's method, to 1e-8 without a floor.

@@ -7,7 +7,7 @@ mod forms;
 mod long;
 
 use cutis::report::Report;
-use cutis::scene::{Check, Element, Law, Load, Scene};
+use cutis::scene::{Check, Element, Integrator, Law, Load, Scene};
 use cutis::step::Platform;
 use forms::{hard, passes, report_of};
 use long::{PRECISIONS, apart, case, difference_over, displacements, largest, measured, pressed, simulate};
@@ -24,6 +24,35 @@ fn plain_hexahedra_fail_the_bound_at_nu_04999() {
     let mut scene = case("nu_04999");
     scene.skins[0].law = Law::Fem { element: Element::Plain, corotational: false };
     let failure = fails("plain", &scene);
+    assert!(failure.contains("probes.u_z_centre"), "{failure}");
+}
+
+#[test]
+fn fifty_kpa_at_nu_0499_end_in_the_static_balance_and_no_other_law_does() {
+    let scene = case("press_50kpa_nu_0499");
+    let mut balance = scene.clone();
+    (balance.time.integrator, balance.time.duration) = (Integrator::Static, balance.time.step);
+    (balance.solver.tolerance, balance.solver.floor) = (1e-8, 0.0);
+    let centre = |scene: &Scene| {
+        let report = report_of("nu-0499", scene, &Platform::Cpu64).expect("it runs");
+        report.probes["u_z_centre"]
+    };
+    let (found, wanted) = (centre(&scene), centre(&balance));
+    println!("{:.5} mm after {} s, {:.5} mm in balance", 1e3 * found, scene.time.duration, 1e3 * wanted);
+    // solved to 1e-4 of the load
+    assert!((found / wanted - 1.0).abs() < 2e-4, "{found:e} m, in balance {wanted:e}");
+    // counter-tests: half of the time, and the law that gives way
+    let mut early = scene.clone();
+    early.time.duration *= 0.5;
+    let failure = fails("early", &early);
+    assert!(failure.contains("probes.u_z_centre"), "{failure}");
+    let mut corotational = scene;
+    corotational.skins[0].law = Law::Fem { element: Element::Bbar, corotational: true };
+    // what tells of it
+    for key in ["warnings.inverted_cells", "warnings.strain_beyond_law"] {
+        corotational.checks.push(Check { key: key.into(), min: 1.0, max: f64::INFINITY, cells: 0.0 });
+    }
+    let failure = fails("corotational", &corotational);
     assert!(failure.contains("probes.u_z_centre"), "{failure}");
 }
 

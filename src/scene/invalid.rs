@@ -459,7 +459,7 @@ pub enum Invalid {
 
     /// A load's region without any part of the surface.
     #[error(
-        "{at}: no face of the {grid}'s surface reaches into region = \"{region}\"; a load acts on the surface, so move the region onto it"
+        "{at}: no face of the {grid}'s surface reaches into region = \"{region}\"; move the region onto the surface, on which loads act"
     )]
     NoSurface {
         /// The region.

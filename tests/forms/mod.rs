@@ -67,6 +67,7 @@ pub const ROUNDED: &[&str] = &[
     "island",
     "nu_0499",
     "nu_04999",
+    "press_50kpa_nu_0499",
     "start_inside_out",
     "stiffness_ratio",
     "stiffness_ratio_tilted",

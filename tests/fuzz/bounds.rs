@@ -145,6 +145,7 @@ pub fn mends(message: &str, file: &str) -> Result<(), String> {
         "choose",
         "close",
         "complete",
+        "constrain",
         "convert",
         "did you mean",
         "end",

@@ -77,3 +77,13 @@ fn a_tool_that_is_nowhere_ends_the_run() {
     let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
     assert!(simulation.step(false).is_ok(), "the counter-test: where the scene puts it");
 }
+
+#[test]
+fn a_load_beside_the_surface_is_told_where_to_go() {
+    let found = refused(
+        "skin_block.toml",
+        "rectangle_mm = [[-2.0, -2.0], [2.0, 2.0]]",
+        "region = \"sphere\"\ncentre_mm = [0, 0, 1.2]\nradius_mm = 0.1",
+    );
+    assert!(found.contains("; move the region onto the surface"), "{found}");
+}
