@@ -18,7 +18,7 @@ pub struct Totals {
     pub links: usize,
     /// Links that the blade crossed but that stay intact because the reserve of duplicate nodes is used up.
     pub refused: usize,
-    /// Crossings of links that stay intact because they hold a piece of too few cells.
+    /// Crossings of links that stay intact because they alone hold a cell, or a piece of too few cells.
     pub holding: usize,
     /// Duplicated nodes.
     pub copies: usize,

@@ -285,7 +285,8 @@ pub struct Periods {
 }
 
 /// Cut. Lengths and areas refer to the unloaded skin. Links that stay intact because `cut_reserve_columns` are used up count in
-/// `warnings.cut_reserve_exhausted`; crossings of links that hold a piece of fewer than 8 cells in `warnings.fragments_held`.
+/// `warnings.cut_reserve_exhausted`; crossings of links that alone hold a cell, or a piece of fewer than 8 cells, in
+/// `warnings.fragments_held`.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct CutReport {
     /// Removed hexahedra.
