@@ -254,7 +254,8 @@ impl Hyperelastic {
     }
 
     /// Gives the unit quaternions of a body the lengths, and the rows after them the stiffness of the volume, of the cells' linearisation at
-    /// `u` ([`Cell::linearised`]); returns the internal forces, `[node]` N. A quaternion of zero is of a removed cell.
+    /// `u` ([`Cell::linearised`]); returns the internal forces, `[node]` N. A quaternion of zero is of a removed cell; explicit steps have no
+    /// linearisation and no rows.
     pub fn linearise<R: Real>(
         &self,
         params: &Params<f64>,
@@ -263,6 +264,9 @@ impl Hyperelastic {
         rotation: &mut [V4<R>],
     ) -> Vec<V4<f64>> {
         let (quaternions, rows) = rotation.split_at_mut(params.cell_count as usize);
+        if rows.is_empty() {
+            return self.forces(params, split, &|cell| quaternions[cell] != [R::zero(); 4], u);
+        }
         let one = |(cell, (q, rows)): (usize, (&mut V4<R>, &mut [V4<R>]))| {
             if *q == [R::zero(); 4] {
                 return Default::default();
