@@ -1,5 +1,4 @@
-//! A block that is held at its bottom, drawn taut and pulled at by gravity, and random sweeps of a short edge through it: enough of them
-//! leave nothing but crumbs.
+//! A block that is held at its bottom, drawn taut and pulled at by gravity, and random sweeps of a short edge through it.
 
 use cutis::backend::{Needs, Snapshot};
 use cutis::bodies::Model;
