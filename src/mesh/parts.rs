@@ -39,7 +39,7 @@ pub struct Change {
     pub links: Vec<(u32, usize)>,
     /// Number of links that stay intact because the reserve is used up.
     pub refused: u32,
-    /// Number of links that stay intact because they alone hold a cell, or a piece too small to be free ([`FRAGMENT`]).
+    /// Number of links that stay intact because they alone hold a cell, or a piece too small to be free.
     pub holding: u32,
     /// New duplicates, each with the node whose state it copies, as of before the cut.
     pub copies: Vec<[u32; 2]>,
