@@ -219,6 +219,7 @@ impl Collector {
         r.cut.hexes_removed = totals.hexes;
         r.cut.springs_removed = totals.springs_removed;
         r.cut.links_severed = totals.links;
+        r.cut.links_held = totals.holding;
         r.cut.node_copies = totals.copies;
         r.cut.area_mm2 = totals.area * 1e6;
         r.cut.length_mm = totals.length * 1e3;

@@ -285,8 +285,7 @@ pub struct Periods {
 }
 
 /// Cut. Lengths and areas refer to the unloaded skin. Links that stay intact because `cut_reserve_columns` are used up count in
-/// `warnings.cut_reserve_exhausted`; crossings of links that alone hold a cell, or a piece of fewer than 8 cells, in
-/// `warnings.fragments_held`.
+/// `warnings.cut_reserve_exhausted`.
 #[derive(Clone, Copy, Debug, Default, Serialize, Deserialize)]
 pub struct CutReport {
     /// Removed hexahedra.
@@ -297,6 +296,8 @@ pub struct CutReport {
     pub springs_removed: usize,
     /// Severed links between hexahedra.
     pub links_severed: usize,
+    /// Crossings of links that stay intact because they alone hold a cell, or a piece of fewer than 8 cells.
+    pub links_held: usize,
     /// Duplicated nodes.
     pub node_copies: usize,
     /// Connected pieces of the bodies of hexahedra at the end of the run.

@@ -65,12 +65,10 @@ impl Simulation {
     /// Cuts what the edges have swept; `cuts` says whether any of them touches skin.
     pub(super) fn incise(&mut self, old: &[Instrument], cuts: bool, report: &mut StepReport) -> Result<()> {
         let contacts = std::mem::take(&mut report.contact.contacts);
-        let before = self.totals();
+        let refused = self.totals().refused;
         let done = self.sweep(old, &contacts, cuts, report);
         report.contact.contacts = contacts;
-        let after = self.totals();
-        report.warn("cut_reserve_exhausted", (after.refused - before.refused) as u32);
-        report.warn("fragments_held", (after.holding - before.holding) as u32);
+        report.warn("cut_reserve_exhausted", (self.totals().refused - refused) as u32);
         done
     }
 

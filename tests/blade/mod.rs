@@ -251,9 +251,7 @@ impl Case {
     fn may_warn(&self) -> &[&str] {
         match self.kind {
             Kind::Straight => &[],
-            Kind::Through | Kind::Any => {
-                &["contacts_unexplained", "cut_reserve_exhausted", "fragments_held", "inverted_cells"]
-            }
+            Kind::Through | Kind::Any => &["contacts_unexplained", "cut_reserve_exhausted", "inverted_cells"],
         }
     }
 
