@@ -22,9 +22,8 @@ pub enum Part {
     Other,
 }
 
-/// All parts, in order.
-pub const PARTS: [Part; 7] =
-    [Part::Search, Part::Free, Part::Columns, Part::Corrections, Part::Laws, Part::Cut, Part::Other];
+/// Number of parts.
+const PARTS: usize = Part::Other as usize + 1;
 
 /// Work and time of a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -37,7 +36,7 @@ pub struct Costs {
     /// Links and springs tested against the swept edges.
     pub cut_tests: u64,
     /// `[part]` s
-    pub seconds: [f64; PARTS.len()],
+    pub seconds: [f64; PARTS],
 }
 
 impl Costs {
@@ -53,7 +52,6 @@ impl Costs {
 
     /// Gives the time of a step since `start` that no part has to the remainder.
     pub(super) fn close(&mut self, start: Instant) {
-        self.seconds[Part::Other as usize] = 0.0;
         self.seconds[Part::Other as usize] =
             (start.elapsed().as_secs_f64() - self.seconds.iter().sum::<f64>()).max(0.0);
     }

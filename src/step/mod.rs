@@ -43,7 +43,7 @@ mod state;
 
 pub use body::{Body, needs, start};
 pub use contact::ContactReport;
-pub use costs::{Costs, PARTS, Part};
+pub use costs::{Costs, Part};
 pub use energy::{Booked, Measured};
 pub use refused::Refused;
 pub use state::State;

@@ -4,8 +4,10 @@
 //! of `A⁻¹`, solved loosely: the passes of the contact solve use the true violations, so `C` decides how many passes they take, not their
 //! result. With columns to 0.3 instead of 0.05, `incision_shapes` takes 2.4 passes a step instead of 2.3, 42 % of the time for columns, a
 //! third in the step with most of them, and 81 % in all; to 0.5 the same. The default is 0.2, two iterations: the residual of many redundant
-//! rows grows beyond it (64 points on 25 nodes: 1.6e-7, 9.5e-7, 4.2e-6 N for 0.05, 0.2, 0.3). Rows of contacts are sums over the nodes of a face, `W = J C Jᵀ`, so `C` stays valid while a contact slides over its triangle;
-//! only nodes that the tools newly reach cost solves. Columns of earlier steps age with the rotations since. A slow pass has one batch of
+//! rows grows beyond it (64 points on 25 nodes: 1.6e-7, 9.5e-7, 4.2e-6 N for 0.05, 0.2, 0.3).
+//!
+//! Rows of contacts are sums over the nodes of a face, `W = J C Jᵀ`, so `C` stays valid while a contact slides over its triangle; only nodes
+//! that the tools newly reach cost solves. Columns of earlier steps age with the rotations since. A slow pass has one batch of
 //! columns, the oldest, solved anew; all at once took 30 to 70 times a step's time.
 
 use super::Body;
