@@ -3,13 +3,13 @@
 //! `D_i = s Σ_c R_c K_aa R_cᵀ + m_i (1 + h r_M)/h² I`, `U_i = s Σ_c R_c K_{a,a+4} R_cᵀ` over the up to four cells above the node. Where a cut has
 //! put the two nodes of a cell's vertical edge into different columns, `U` omits their coupling and `D` counts the cell twice at both: a positive
 //! definite matrix is at most twice its block diagonal, so the smoother's bound still holds. Fixed axes get the identity's row and column.
-//! Hyperelastic cells add the stiffness of their volume, `v_a ⊗ v_b` with `v_a = R Σ_n ± y_n` ([`super::volume`]). `params.preconditioner`
+//! Hyperelastic cells add the stiffness of their volume and tension to `K` ([`super::linearised`]). `params.preconditioner`
 //! selects the entries kept: 0 the identity, 1 the diagonal of `D`, 2 `D`, 3 `D` and `U`. Packed as 16 numbers per node: 6 of the symmetric `D`,
 //! 9 of `U` by columns, one pad.
 //! Units: N/m.
 
 use super::split::Around;
-use super::volume::{HYPERELASTIC, slope_of};
+use super::linearised::{HYPERELASTIC, Rows};
 use super::{PARALLEL, Params, Source};
 use crate::math::{M3, Real, V3, V4, rotation_matrix};
 use rayon::prelude::*;
@@ -65,18 +65,13 @@ pub fn blocks<R: Real>(
             let chained = if a < 4 { other == above } else { params.above(other) == i };
             let twice = R::of(if chained { 1.0 } else { 2.0 });
             let first = layer_of[level] as usize * 64 + a * 8;
+            let rows = (params.corotational >= HYPERELASTIC).then(|| Rows::of(params, rotation, cell));
+            let with = |b: usize| rows.map_or(stiffness[first + b], |rows| stiffness[first + b] + rows.between(a, b));
             let r = rotation_matrix(rotation[cell]);
             let turned = r.transpose();
-            sum.d = sum.d + r * stiffness[first + a] * turned * twice;
+            sum.d = sum.d + r * with(a) * turned * twice;
             if a < 4 && chained {
-                sum.g = sum.g + r * stiffness[first + a + 4] * turned;
-            }
-            if params.corotational >= HYPERELASTIC {
-                let own = r * slope_of(params, rotation, cell, a);
-                sum.d = sum.d + own.outer(own) * twice;
-                if a < 4 && chained {
-                    sum.g = sum.g + own.outer(r * slope_of(params, rotation, cell, a + 4));
-                }
+                sum.g = sum.g + r * with(a + 4) * turned;
             }
         }
         let axes_above = if above < params.node_count as usize { V3::from4(free[above]) } else { V3::zero() };

@@ -25,13 +25,14 @@ fn blocks(thread: Thread) {
         let turned = transpose(r);
         let other = corner_node(params, at, a ^ 4u); // along the vertical edge
         let chained = select(above(params, other) == i, other == over, a < 4u);
-        d += r * stiffness[first + a] * turned * select(2.0, 1.0, chained);
-        if a < 4u && chained { g += r * stiffness[first + a + 4u] * turned; }
+        var own = stiffness[first + a];
+        var upper = stiffness[first + (a | 4u)];
         if params.corotational >= HYPERELASTIC {
-            let own = r * volume_slope(cell, a);
-            d += outer(own, own) * select(2.0, 1.0, chained);
-            if a < 4u && chained { g += outer(own, r * volume_slope(cell, a + 4u)); }
+            own += stiffness_between(cell, a, a);
+            upper += stiffness_between(cell, a, a | 4u);
         }
+        d += r * own * turned * select(2.0, 1.0, chained);
+        if a < 4u && chained { g += r * upper * turned; }
     }
     var axes_above = vec3<f32>(0.0);
     if over < params.node_count { axes_above = free[over].xyz; }

@@ -6,10 +6,11 @@
 //! assembled matrix: one 24×24 matrix per level and layer, `Σ PᵀKP` over the four children (`bodies::grid::levels`), rotated and scaled per
 //! cell.
 //!
-//! The stiffness `y ⊗ y` of a hyperelastic cell's mean volume ([`super::volume`]) has `y_c = Σ s_i (y_1, y_2, 2 y_3)_i / Σ s_i`: a coarse cell
-//! has four times the volume and twice the edges along x and y. (The four volumes apart from their mean stay in `Σ PᵀKP`.)
+//! The stiffness `y ⊗ y` of a hyperelastic cell's mean volume ([`super::linearised`]) has `y_c = Σ s_i (y_1, y_2, 2 y_3)_i / Σ s_i`: a coarse cell
+//! has four times the volume and twice the edges along x and y. (The four volumes apart from their mean stay in `Σ PᵀKP`.) The same holds
+//! for `p` of the tension.
 
-use super::volume::{self, HYPERELASTIC};
+use super::linearised::{self, HYPERELASTIC};
 use super::{Params, Source};
 use crate::math::{Real, V4};
 
@@ -53,7 +54,7 @@ pub fn coarsen<R: Real>(
             }
             share += squared * squared;
             if params.corotational >= HYPERELASTIC {
-                let own = volume::rows(params, rotation, fine);
+                let own = linearised::rows(params, rotation, fine);
                 for (sum, row) in sums.iter_mut().zip(own) {
                     sum.iter_mut().zip(row).for_each(|(sum, y)| *sum += *y * squared * squared);
                 }

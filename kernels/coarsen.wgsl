@@ -1,6 +1,6 @@
 // Rotations and remaining fractions of a coarser level's cells. Twin: coarsen.rs (formula there).
 @group(0) @binding(0) var<uniform> params: Params; // of the finer level
-@group(0) @binding(1) var<storage, read> rotation: array<vec4<f32>>;               // [cell] quaternion; [cell × 3] y
+@group(0) @binding(1) var<storage, read> rotation: array<vec4<f32>>;               // [cell] quaternion; [cell × 3] y, p
 @group(0) @binding(2) var<storage, read_write> coarse_rotation: array<vec4<f32>>;  // [coarse cell] quaternion
 
 @compute @workgroup_size(64)
@@ -11,7 +11,7 @@ fn coarsen(thread: Thread) {
     let at = vec3<u32>(cell % size.x, (cell / size.x) % size.y, cell / (size.x * size.y));
     var sum = vec4<f32>(0.0);
     var share = 0.0;
-    var rows = array<vec3<f32>, 3>();
+    var rows = array<vec4<f32>, 3>();
     for (var child = 0u; child < 4u; child += 1u) {
         let x = 2u * at.x + (child & 1u);
         let y = 2u * at.y + (child >> 1u);
@@ -24,7 +24,7 @@ fn coarsen(thread: Thread) {
         sum += select(weight, -weight, dot(q, sum) < 0.0) * q;
         share += squared * squared;
         if params.corotational >= HYPERELASTIC {
-            for (var n = 0u; n < 3u; n += 1u) { rows[n] += volume_row(fine, n) * (squared * squared); }
+            for (var n = 0u; n < 3u; n += 1u) { rows[n] += rotation[params.cell_count + 3u * fine + n] * (squared * squared); }
         }
     }
     let squared = dot(sum, sum);
@@ -35,7 +35,7 @@ fn coarsen(thread: Thread) {
     var mean = 0.0;
     if share > 0.0 { mean = 1.0 / share; }
     let first = size.x * size.y * size.z + 3u * cell;
-    coarse_rotation[first] = vec4<f32>(rows[0] * mean, 0.0);
-    coarse_rotation[first + 1u] = vec4<f32>(rows[1] * mean, 0.0);
-    coarse_rotation[first + 2u] = vec4<f32>(rows[2] * (2.0 * mean), 0.0);
+    coarse_rotation[first] = rows[0] * mean;
+    coarse_rotation[first + 1u] = rows[1] * mean;
+    coarse_rotation[first + 2u] = rows[2] * (2.0 * mean);
 }

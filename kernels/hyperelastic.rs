@@ -22,7 +22,7 @@ use super::deformation::{
     EXTENDED, Point, field_gradient, gradient, log_volume, log_volume_slope, log_volume_stiffness,
 };
 use super::holzapfel::{self, Fibres};
-use super::volume::HYPERELASTIC;
+use super::linearised::{HYPERELASTIC, Rows};
 use super::{Params, corner, mooney_rivlin, neo_hookean};
 use crate::math::{M3, Real, V3, V4, rotation_matrix};
 
@@ -211,13 +211,14 @@ pub const NEWTON: u32 = HYPERELASTIC + 1;
 /// Largest factor.
 const STIFFEST: f64 = 1e6;
 
-/// Linearisation of a cell: `s R K' Rᵀ + c ⊗ c`, with `K'` its stiffness at small strain less that of its mean volume ([`mean_volume`]).
+/// Linearisation of a cell: `s R K' Rᵀ + c ⊗ c` and the stiffness of tension ([`super::linearised`]), with `K'` its stiffness at small strain
+/// less that of its mean volume ([`mean_volume`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Linearised<R> {
     /// s
     pub stiffening: R,
-    /// `y`: `c` in the patterns 1, 2 and 4 of the cell's frame, divided by `√s`.
-    pub volume: [V3<R>; 3],
+    /// Stiffness of the volume and of tension, divided by `s`: `y` is `c` in the patterns 1, 2 and 4 of the cell's frame, divided by `√s`.
+    pub rows: Rows<R>,
 }
 
 impl<R: Real> Cell<R> {
@@ -236,9 +237,16 @@ impl<R: Real> Cell<R> {
     ///
     /// Rayleigh damping acts with `R K' Rᵀ` and the same stiffness of the volume: with the factor `f = 1 + r_K/h` of the stiffness in `A` the
     /// result is `1 + (s − 1)/f`.
-    pub fn linearised(&self, params: &Params<R>, q: V4<R>) -> Linearised<R> {
-        let stiffening =
-            if params.corotational == STIFFENED { self.stiffening(params.stiffness_factor) } else { R::one() };
+    ///
+    /// Tension `τ` is `(T_i + T_j)/(λ_i + λ_j)` for principal Biot stresses `T` and stretches, which is the stiffness that an isotropic law has
+    /// against `H_ij = −H_ji`; here `½ (⅔ tr T + √⅔ |dev T|)` of the mean stress, at least half the sum of any two, without damping.
+    pub fn linearised(&self, params: &Params<R>, q: V4<R>, forces: &[V3<R>; 8]) -> Linearised<R> {
+        let (mut stiffening, mut tension) = (R::one(), R::zero());
+        if params.corotational == STIFFENED {
+            stiffening = self.stiffening(params.stiffness_factor);
+            tension = self.tension(rotation_matrix(q), forces) / params.stiffness_factor;
+        }
+        let tension = self.inverse * (R::of(0.25) * (R::of(8.0) * self.weight * tension / stiffening).sqrt());
         let bulk = self.material.bulk * self.volume_stiffness();
         let scale = R::of(0.125) * (bulk / (R::of(8.0) * self.weight * stiffening)).sqrt();
         let (slope, back) = (self.volume_gradient(), rotation_matrix(q).transpose());
@@ -249,7 +257,7 @@ impl<R: Real> Cell<R> {
             }
             back * sum * scale
         });
-        Linearised { stiffening, volume }
+        Linearised { stiffening, rows: Rows { volume, tension } }
     }
 
     /// `φ'² + φ φ''`, at least `(0.6 − ln J̄/5) φ'²`, above a tenth: in a volume that grows, `p ∂²v/∂u²` of the tension adds up to
@@ -258,6 +266,23 @@ impl<R: Real> Cell<R> {
         let [log, slope] = [log_volume(self.mean_dilatation)[0], log_volume_slope(self.mean_dilatation)];
         let least = (R::of(0.6) - R::of(0.2) * log).max(R::of(0.1)).min(R::of(0.6));
         log_volume_stiffness(self.mean_dilatation).max(least * slope * slope)
+    }
+
+    /// `τ` of [`Cell::linearised`], Pa.
+    fn tension(&self, rotation: M3<R>, forces: &[V3<R>; 8]) -> R {
+        // mean of P, by columns
+        let mut stress = [V3::zero(); 3];
+        for (a, force) in forces.iter().enumerate() {
+            for (n, column) in stress.iter_mut().enumerate() {
+                *column = if corner(a)[n] == 0 { *column - *force } else { *column + *force };
+            }
+        }
+        let (share, inverse) = (R::of(0.0625) / self.weight, self.inverse);
+        let stress =
+            M3([stress[0] * (share / inverse.x), stress[1] * (share / inverse.y), stress[2] * (share / inverse.z)]);
+        let trace = stress.dot(rotation);
+        let deviator = (stress.dot(stress) - trace * trace / R::of(3.0)).max(R::zero());
+        (trace / R::of(3.0) + (deviator / R::of(6.0)).sqrt()).max(R::zero())
     }
 
     /// `1 + (s − 1)/f` of [`Cell::linearised`].

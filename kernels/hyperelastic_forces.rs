@@ -6,7 +6,7 @@
 //! Units: displacement m, material Pa, energy J, force N.
 
 use super::hyperelastic::{Cell, FibreRows};
-use super::volume::HYPERELASTIC;
+use super::linearised::HYPERELASTIC;
 use super::{Params, Source};
 use crate::math::{Real, V4};
 
@@ -46,14 +46,15 @@ pub fn hyperelastic_forces<R: Real>(
         }
         let found = Cell::of(params, shape, material, fibres, pre_strain, layer_of, displacement, split, cell);
         *energy = if found.inverted { R::of(f64::from(INVERTED_ENERGY)) } else { found.energy() };
-        for (out, f) in force.chunks_exact_mut(3).zip(found.forces()) {
+        let forces = found.forces();
+        for (out, f) in force.chunks_exact_mut(3).zip(&forces) {
             out.copy_from_slice(&[f.x, f.y, f.z]);
         }
         if let Some(rows) = rows.filter(|_| params.corotational >= HYPERELASTIC) {
-            let linearised = found.linearised(params, *q);
+            let linearised = found.linearised(params, *q, &forces);
             let length = linearised.stiffening.sqrt().sqrt();
             *q = q.map(|c| c * length);
-            *rows = linearised.volume.map(|y| y.pad(R::zero()));
+            *rows = linearised.rows.packed();
         }
     }
 }

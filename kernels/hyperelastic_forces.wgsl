@@ -7,7 +7,7 @@
 @group(0) @binding(5) var<storage, read_write> corner_force: array<f32>;    // [cell][corner][axis] N
 @group(0) @binding(6) var<storage, read_write> energy: array<f32>;          // [cell] J
 @group(0) @binding(7) var<storage, read> split: array<u32>;                 // see split.rs
-@group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;  // [cell] quaternion, 0 of a dead cell; [cell × 3] y
+@group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;  // [cell] quaternion, 0 of a dead cell; [cell × 3] y, p
 @group(0) @binding(9) var<uniform> pre_strain: array<vec4<f32>, 21>;       // [layer] elastic strain at rest along x, y, z
 @group(0) @binding(10) var<uniform> fibres: array<vec4<f32>, 42>;          // [layer × 2] directions; k₂, κ
 
@@ -19,6 +19,18 @@ fn volume_stiffness(mean: f32) -> f32 {
     let slope = log_volume_slope(mean);
     let least = clamp(0.6 - 0.2 * log_volume(mean).x, 0.1, 0.6);
     return max(log_volume_stiffness(mean), least * slope * slope);
+}
+
+// Of the mean stress in the cell's frame, Pa.
+fn largest_tension(own: Cell, turn: mat3x3<f32>, force: array<vec3<f32>, 8>) -> f32 {
+    var mean = mat3x3<f32>();
+    for (var a = 0u; a < 8u; a += 1u) {
+        for (var n = 0u; n < 3u; n += 1u) { mean[n] += select(force[a], -force[a], corner(a)[n] == 0u); }
+    }
+    for (var n = 0u; n < 3u; n += 1u) { mean[n] *= 0.0625 / (own.weight * own.inverse_edges[n]); }
+    let trace = contracted(mean, turn);
+    let deviator = max(contracted(mean, mean) - trace * trace / 3.0, 0.0);
+    return max(trace / 3.0 + sqrt(deviator / 6.0), 0.0);
 }
 
 @compute @workgroup_size(64)
@@ -74,7 +86,9 @@ fn hyperelastic_forces(thread: Thread) {
     let log_mean = log_volume(mean).x;
     let pressure = own.material.x * log_mean * log_volume_slope(mean);
     energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean), INVERTED_ENERGY, inverted);
+    for (var a = 0u; a < 8u; a += 1u) { force[a] += volume_gradient[a] * pressure; }
     var factor = 1.0;
+    var tension = vec3<f32>(0.0);
     if params.corotational == STIFFENED {
         let shear = law_shear(own.material);
         let uneven = max(squares - 0.125 * contracted(beyond, beyond), 0.0);
@@ -85,6 +99,8 @@ fn hyperelastic_forces(thread: Thread) {
         let most = max(max(strained.x, strained.y), max(strained.z, 1.0));
         let s = min((pressed + volume + sheared + fibrous) * most, STIFFEST);
         factor = 1.0 + (s - 1.0) / params.stiffness_factor;
+        let most_drawn = largest_tension(own, rotation_matrix(rotation[cell]), force) / params.stiffness_factor;
+        tension = own.inverse_edges * (0.25 * sqrt(8.0 * own.weight * most_drawn / factor));
     }
     if params.corotational >= HYPERELASTIC {
         let bulk = own.material.x * volume_stiffness(mean);
@@ -95,12 +111,11 @@ fn hyperelastic_forces(thread: Thread) {
             for (var a = 0u; a < 8u; a += 1u) {
                 row += select(-volume_gradient[a], volume_gradient[a], corner(a)[n] == 0u);
             }
-            rotation[params.cell_count + 3u * cell + n] = vec4<f32>((row * r) * scale, 0.0);
+            rotation[params.cell_count + 3u * cell + n] = vec4<f32>((row * r) * scale, tension[n]);
         }
         rotation[cell] = rotation[cell] * sqrt(sqrt(factor));
     }
     for (var a = 0u; a < 8u; a += 1u) {
-        let out = force[a] + volume_gradient[a] * pressure;
-        for (var n = 0u; n < 3u; n += 1u) { corner_force[cell * 24u + a * 3u + n] = out[n]; }
+        for (var n = 0u; n < 3u; n += 1u) { corner_force[cell * 24u + a * 3u + n] = force[a][n]; }
     }
 }

@@ -33,6 +33,7 @@ pub mod hyperelastic;
 pub mod hyperelastic_forces;
 pub mod hyperelastic_tangent;
 pub mod integrate;
+pub mod linearised;
 pub mod momentum;
 pub mod mooney_rivlin;
 pub mod neo_hookean;
@@ -54,7 +55,6 @@ pub mod springs_blocks;
 pub mod springs_product;
 pub mod trial_point;
 pub mod update;
-pub mod volume;
 
 use crate::math::Real;
 
@@ -66,7 +66,7 @@ pub fn text(source: &Source) -> String {
     let mut out = COMMON.to_string();
     let shared = [
         ("> split: array", &[split::WGSL][..]),
-        ("> rotation: array", &[volume::WGSL][..]),
+        ("> rotation: array", &[linearised::WGSL][..]),
         ("> material: array", &hyperelastic::WGSL[..]),
         ("read> corner_force: array", &[collected::WGSL][..]),
         ("read> partial_residual: array", &[compensated::WGSL][..]),
@@ -283,7 +283,7 @@ impl<R: Real> Params<R> {
     }
     /// Length of the array of rotations: a quaternion for each cell, and three rows for each hyperelastic one ([`volume`]).
     pub fn frames(&self) -> usize {
-        let rows = if self.corotational >= volume::HYPERELASTIC { 4 } else { 1 };
+        let rows = if self.corotational >= linearised::HYPERELASTIC { 4 } else { 1 };
         rows * self.cell_count as usize
     }
 

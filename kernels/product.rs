@@ -23,14 +23,14 @@
 //!
 //! Rotations are used as `|q|² R(q)`: a zero quaternion gives no force, and a short one scales its cell's stiffness by `|q|⁴`.
 //!
-//! A hyperelastic cell has the stiffness of its volume apart from `K`, `y ⊗ y` in its frame ([`super::volume`]): 18 operations.
+//! A hyperelastic cell has the stiffness of its volume and tension apart from `K` ([`super::linearised`]): 18 and 39 operations.
 //!
 //! Cost per cell in the twin: 26 operations for the rotation matrix, 144 for the patterns, 126 for rotating there and back, 72 for the
 //! blocks, 24 to accumulate forces, 19 for its node: 411, with a fused multiply-add counted once (543 counted twice). Memory: z, w, mass
 //! and rotation, 64 bytes in f32, 128 in f64; everything else stays in a core's cache (12 numbers for each node of 18 rows).
 //! Units: z m, w N, B N/m.
 
-use super::volume::HYPERELASTIC;
+use super::linearised::HYPERELASTIC;
 use super::{Params, Source};
 use crate::math::mirrors::{dot, patterns, rotation_minus_one, rotation_rows};
 use crate::math::wide::{Lanes, MOST, Task};
@@ -69,8 +69,8 @@ const ALONE: usize = 512;
 const PLANES: usize = 12;
 /// Planes of the rotations of a level, by component.
 const ROTATION_PLANES: usize = 4;
-/// Further planes of hyperelastic cells: the stiffness of their volume.
-const VOLUME_PLANES: usize = 9;
+/// Further planes of hyperelastic cells: the stiffness of their volume and tension.
+const LINEARISED_PLANES: usize = 12;
 
 /// Node rows of each strip.
 fn strips<R: Real>(params: &Params<R>) -> Vec<Range<usize>> {
@@ -126,10 +126,10 @@ impl<R: Real> Frames<R> {
                 }
             }
             if params.corotational >= HYPERELASTIC {
-                let mut volume: [_; VOLUME_PLANES] = std::array::from_fn(|_| take());
+                let mut rows: [_; LINEARISED_PLANES] = std::array::from_fn(|_| take());
                 for y in 0..params.cells_y as usize {
                     let first = params.cell_count as usize + 3 * params.cell_id([0, y, k]);
-                    spread_rows(&rotation[first..][..3 * cells_x], &mut volume, y * nodes_x);
+                    spread_rows(&rotation[first..][..3 * cells_x], &mut rows, y * nodes_x);
                 }
             }
         };
@@ -138,8 +138,8 @@ impl<R: Real> Frames<R> {
 
     /// Number of planes of a level, and their length: all rows, and a register at the end.
     fn sizes(params: &Params<R>) -> (usize, usize) {
-        let volume = if params.corotational >= HYPERELASTIC { VOLUME_PLANES } else { 0 };
-        (ROTATION_PLANES + volume, (params.cells_y * params.nodes_x) as usize + MOST)
+        let linearised = if params.corotational >= HYPERELASTIC { LINEARISED_PLANES } else { 0 };
+        (ROTATION_PLANES + linearised, (params.cells_y * params.nodes_x) as usize + MOST)
     }
 
     /// Planes of a level.
@@ -273,9 +273,9 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                 let mut planes = frames.level(params, k);
                 let mut take = || &planes.next().expect("all components of a level")[first..];
                 let q: [&[R]; ROTATION_PLANES] = [take(), take(), take(), take()];
-                let mut volume_planes = [q[0]; VOLUME_PLANES];
+                let mut linearised_planes = [q[0]; LINEARISED_PLANES];
                 if hyperelastic {
-                    volume_planes.iter_mut().for_each(|plane| *plane = take());
+                    linearised_planes.iter_mut().for_each(|plane| *plane = take());
                 }
                 let layer = layer_of[k] as usize;
                 let blocks = &modes[layer];
@@ -307,17 +307,17 @@ impl<R: Real> Task<R> for Strip<'_, R> {
                             }
                         }
                     }
-                    let mut volume = None;
+                    let mut linearised = None;
                     if hyperelastic {
-                        let mut rows = [[lanes.splat(R::zero()); 3]; 3];
+                        let mut rows = [[lanes.splat(R::zero()); 4]; 3];
                         for n in 0..3 {
-                            for i in 0..3 {
-                                rows[n][i] = lanes.load(&volume_planes[3 * n + i][at..]);
+                            for i in 0..4 {
+                                rows[n][i] = lanes.load(&linearised_planes[4 * n + i][at..]);
                             }
                         }
-                        volume = Some(rows);
+                        linearised = Some(rows);
                     }
-                    let force = cell_forces(lanes, blocks, rotation, at_corner, stretch, pulled, volume);
+                    let force = cell_forces(lanes, blocks, rotation, at_corner, stretch, pulled, linearised);
                     // corners in descending order: a node gets its cells in ascending order, independent of the register width
                     for c in (0..4).rev() {
                         for n in 0..3 {
@@ -360,9 +360,9 @@ fn spread<R: Real, const N: usize>(from: &[V4<R>], to: &mut [&mut [R]; N], at: u
 
 /// The same of the three rows of each cell.
 #[inline(always)]
-fn spread_rows<R: Real>(from: &[V4<R>], to: &mut [&mut [R]; VOLUME_PLANES], at: usize) {
+fn spread_rows<R: Real>(from: &[V4<R>], to: &mut [&mut [R]; LINEARISED_PLANES], at: usize) {
     for (cell, rows) in from.as_chunks::<3>().0.iter().enumerate() {
-        for (plane, value) in to.iter_mut().zip(rows.iter().flat_map(|row| &row[..3])) {
+        for (plane, value) in to.iter_mut().zip(rows.as_flattened()) {
             plane[at + cell] = *value;
         }
     }
@@ -409,7 +409,7 @@ fn add_to<R: Real, L: Lanes<R>>(l: L, to: &mut [R], value: L::V) {
 }
 
 /// Forces of cells on their corners, without the factor `s`; corner numbers have bits x + 2y + 4z. `stretch_i (Rᵀ − I) e_i + pulled_i e_i`
-/// is added to the pattern of axis `i`; `volume` is a hyperelastic cell's `y`.
+/// is added to the pattern of axis `i`; `linearised` has the rows of a hyperelastic cell ([`super::linearised`]).
 #[inline(always)]
 pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
     l: L,
@@ -418,7 +418,7 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
     z: [[L::V; 3]; 8],
     stretch: [L::V; 3],
     pulled: [L::V; 3],
-    volume: Option<[[L::V; 3]; 3]>,
+    linearised: Option<[[L::V; 4]; 3]>,
 ) -> [[L::V; 3]; 8] {
     // patterns in the cells' frames
     let r = rotation_rows(l, q);
@@ -447,13 +447,37 @@ pub(super) fn cell_forces<R: Real, L: Lanes<R>>(
             force[parity ^ (1 << n)][n] = dot(l, [l.splat(a), l.splat(b), l.splat(c)], v);
         }
     }
-    // stiffness of the volume
-    if let Some(y) = volume {
-        let along = |n: usize| dot(l, y[n], local[1 << n]);
+    if let Some(rows) = linearised {
+        // stiffness of the volume
+        let along = |n: usize| dot(l, [rows[n][0], rows[n][1], rows[n][2]], local[1 << n]);
         let change = l.add(l.add(along(0), along(1)), along(2));
         for n in 0..3 {
             for i in 0..3 {
-                force[1 << n][i] = l.mul_add(y[n][i], change, force[1 << n][i]);
+                force[1 << n][i] = l.mul_add(rows[n][i], change, force[1 << n][i]);
+            }
+        }
+        // of tension: rotation
+        let p = rows.map(|row| row[3]);
+        let half = l.splat(R::of(0.5));
+        for [i, j] in [[0, 1], [1, 2], [2, 0]] {
+            let turned = l.sub(l.mul(p[i], local[1 << i][j]), l.mul(p[j], local[1 << j][i]));
+            let turned = l.mul(half, turned);
+            force[1 << i][j] = l.mul_add(p[i], turned, force[1 << i][j]);
+            force[1 << j][i] = l.sub(force[1 << j][i], l.mul(p[j], turned));
+        }
+        // hourglass patterns
+        let third = l.splat(R::of(1.0 / 3.0));
+        let squares = p.map(|p| l.mul(l.mul(p, p), third));
+        for n in 0..3 {
+            let (a, b) = ((n + 1) % 3, (n + 2) % 3);
+            let both = l.add(squares[a], squares[b]);
+            for (pattern, k) in [
+                (1 << n | 1 << a, squares[a]),
+                (1 << n | 1 << b, squares[b]),
+                (1 << a | 1 << b, both),
+                (7, l.mul(third, both)),
+            ] {
+                force[pattern][n] = l.mul_add(k, local[pattern][n], force[pattern][n]);
             }
         }
     }

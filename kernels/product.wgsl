@@ -40,20 +40,35 @@ fn cell_forces(cell: u32, first: u32, at: array<vec3<f32>, 8>) -> array<vec3<f32
     var f1 = vec3<f32>(g0.x, g3.y, g5.z);
     var f2 = vec3<f32>(g3.x, g0.y, g6.z);
     var f4 = vec3<f32>(g5.x, g6.y, g0.z);
+    var f3 = vec3<f32>(g2.x, g1.y, g7.z);
+    var f5 = vec3<f32>(g4.x, g7.y, g1.z);
+    var f6 = vec3<f32>(g7.x, g4.y, g2.z);
+    var f7 = vec3<f32>(g6.x, g5.y, g3.z);
     if params.corotational >= HYPERELASTIC {
         let y1 = volume_row(cell, 0u); let y2 = volume_row(cell, 1u); let y4 = volume_row(cell, 2u);
         let change = dot(y1, l1) + dot(y2, l2) + dot(y4, l4);
         f1 += y1 * change; f2 += y2 * change; f4 += y4 * change;
+        // tension: rotation and hourglass patterns
+        let p = tension_row(cell);
+        let spin = 0.5 * (cross(vec3<f32>(p.x, 0.0, 0.0), l1) + cross(vec3<f32>(0.0, p.y, 0.0), l2) + cross(vec3<f32>(0.0, 0.0, p.z), l4));
+        f1 += cross(spin, vec3<f32>(p.x, 0.0, 0.0));
+        f2 += cross(spin, vec3<f32>(0.0, p.y, 0.0));
+        f4 += cross(spin, vec3<f32>(0.0, 0.0, p.z));
+        let k = p * p / 3.0;
+        f3 += vec3<f32>(k.y, k.x, k.x + k.y) * l3;
+        f5 += vec3<f32>(k.z, k.x + k.z, k.x) * l5;
+        f6 += vec3<f32>(k.y + k.z, k.z, k.y) * l6;
+        f7 += vec3<f32>(k.y + k.z, k.x + k.z, k.x + k.y) / 3.0 * l7;
     }
     return patterns(array<vec3<f32>, 8>(
         vec3<f32>(0.0),
         r * f1,
         r * f2,
-        r * vec3<f32>(g2.x, g1.y, g7.z),
+        r * f3,
         r * f4,
-        r * vec3<f32>(g4.x, g7.y, g1.z),
-        r * vec3<f32>(g7.x, g4.y, g2.z),
-        r * vec3<f32>(g6.x, g5.y, g3.z),
+        r * f5,
+        r * f6,
+        r * f7,
     ));
 }
 

@@ -6,7 +6,7 @@
 //! Units: z m, w N, K N/m.
 
 use super::product::{LANES, Modes, cell_forces};
-use super::volume::{HYPERELASTIC, rows};
+use super::linearised::{HYPERELASTIC, rows};
 use super::{Params, Source};
 use crate::math::wide::{Lanes, Task};
 use crate::math::{Real, V3, V4};
@@ -70,7 +70,7 @@ impl<R: Real> Task<R> for Cells<'_, R> {
             // gather rotations and corner values, one cell per lane
             let mut at = [[[R::zero(); LANES]; 3]; 8];
             let mut q = [[R::zero(); LANES]; 4];
-            let mut y = [[[R::zero(); LANES]; 3]; 3];
+            let mut y = [[[R::zero(); LANES]; 4]; 3];
             let hyperelastic = params.corotational >= HYPERELASTIC;
             for lane in 0..count {
                 for n in 0..4 {

@@ -23,14 +23,12 @@ fn force_on(i: u32, offset: u32) -> vec3<f32> {
         let first = layer_of[at.z] * 64u + a * 8u;
         let r = rotation_matrix(rotation[cell]);
         var local = vec3<f32>(0.0);
-        var change = 0.0; // of the volume
         for (var b = 0u; b < 8u; b += 1u) {
             // K has no force for a translation
             let moved = (z[offset + corner_node(params, at, b)].xyz - own) * r;
             local += stiffness[first + b] * moved;
-            if params.corotational >= HYPERELASTIC { change += dot(volume_slope(cell, b), moved); }
+            if params.corotational >= HYPERELASTIC { local += stiffness_between(cell, a, b) * moved; }
         }
-        if params.corotational >= HYPERELASTIC { local += volume_slope(cell, a) * change; }
         sum += r * local;
     }
     return sum;

@@ -9,7 +9,7 @@ use cutis::kernels::factor::factor;
 use cutis::kernels::precondition::precondition;
 use cutis::kernels::product::{Frames, LANES, cell_groups, product};
 use cutis::kernels::split_product::split_product;
-use cutis::kernels::volume::slope_of;
+use cutis::kernels::linearised::slope_of;
 use cutis::math::random::Random;
 use cutis::math::{M3, V3, V4, rotation_matrix};
 use cutis::scene::{Files, Mass, parse};

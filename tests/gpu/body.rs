@@ -387,10 +387,9 @@ impl Body {
                 if cell > 0 && cell == cells / 2 { [0.0; 4] } else { unit([x, y, z, 1.0]).map(|c| c * size) }
             })
             .collect::<Vec<_>>();
-        // stiffness of the volume
-        let volume = (0..rows).flat_map(|_| [0; 3].map(|_| 5.0 * random.next()).into_iter().chain([0.0]));
-        let volume: Vec<f32> = volume.collect();
-        [quaternions, volume].concat()
+        // stiffness of the volume and of tension
+        let linearised = (0..4 * rows).map(|_| 5.0 * random.next()).collect::<Vec<f32>>();
+        [quaternions, linearised].concat()
     }
 
     /// An array of numbers, for the twin.

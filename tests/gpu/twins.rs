@@ -9,7 +9,7 @@ use cutis::kernels::Params;
 use cutis::kernels::advance::{Request, Scalars};
 use cutis::kernels::cut::Hit;
 use cutis::kernels::product::{Frames, LANES, cell_groups};
-use cutis::kernels::volume::{HYPERELASTIC, slope_of};
+use cutis::kernels::linearised::{HYPERELASTIC, Rows};
 use cutis::math::{Real, V3, V4, rotation_matrix};
 
 /// Name and elements of each read-write array.
@@ -359,16 +359,13 @@ pub fn split_product<R: Real>(b: &Body) -> Outputs<R> {
                 let first = b.grid.layer_of[p.cell_at(cell)[2]] as usize * 64 + a * 8;
                 let r = rotation_matrix(rotation[cell]);
                 let hyperelastic = p.corotational >= HYPERELASTIC;
-                let (mut local, mut change) = (V3::zero(), R::zero());
+                let mut local = V3::zero();
                 for (k, node) in corners.into_iter().enumerate() {
                     let moved = r.transpose() * (V3::from4(z[node]) - own);
                     local += stiffness[first + k] * moved;
                     if hyperelastic {
-                        change += slope_of(&p, &rotation, cell, k).dot(moved);
+                        local += Rows::of(&p, &rotation, cell).between(a, k) * moved;
                     }
-                }
-                if hyperelastic {
-                    local += slope_of(&p, &rotation, cell, a) * change;
                 }
                 sum += r * local;
             }

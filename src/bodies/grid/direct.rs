@@ -15,7 +15,7 @@
 
 use crate::bodies::{Model, Refused};
 use crate::error::Result;
-use crate::kernels::volume::{HYPERELASTIC, slope_of};
+use crate::kernels::linearised::{HYPERELASTIC, Rows};
 use crate::kernels::{Params, corner};
 use crate::math::{M3, Real, V4, rotation_matrix};
 use faer::dyn_stack::{MemBuffer, MemStack};
@@ -164,13 +164,11 @@ fn blocks_around(
         let first = layer_of[at[2] - corner(a)[2]] as usize * 64;
         let r = rotation_matrix(rotation[cell]);
         let turned = r.transpose();
+        let rows = (params.corotational >= HYPERELASTIC).then(|| Rows::of(params, rotation, cell));
         for b in 0..8 {
+            let own = stiffness[first + 8 * b + a];
             let sum = &mut block[offset(corner(b), corner(a))];
-            *sum = *sum + r * stiffness[first + 8 * b + a] * turned;
-            if params.corotational >= HYPERELASTIC {
-                let [row, column] = [b, a].map(|corner| r * slope_of(params, rotation, cell, corner));
-                *sum = *sum + row.outer(column);
-            }
+            *sum = *sum + r * rows.map_or(own, |rows| own + rows.between(b, a)) * turned;
         }
     }
     block

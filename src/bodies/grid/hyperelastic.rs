@@ -96,10 +96,18 @@ fn fibre_rows(layer: &Layer) -> FibreRows<f64> {
     [[x1, y1, x2, y2], [layer.fibres.growth, layer.fibres.dispersion, 0.0, 0.0]]
 }
 
+/// Small-strain matrix of a cell: the tangent of its law at rest, and the stiffness of fibres, which resist stretching alone.
+pub(super) fn at_rest(edges: [f64; 3], material: Material<f64>) -> Matrix {
+    let material = Material { edges: V3::of(edges), pre_strain: V3::zero(), ..material };
+    let (mut k, fibres) = (tangent(&Cell::new(material, &[V3::zero(); 8])), fibre_stiffness(edges, &material));
+    k.as_flattened_mut().iter_mut().zip(fibres.as_flattened()).for_each(|(k, more)| *k += more);
+    k
+}
+
 /// Stiffness of stretched fibres at small strain, averaged over the mirror images of a cell, which is what products with the small-strain
 /// matrix need ([`crate::kernels::product`]); twice that where the two families are no mirror images of each other or of themselves, since
 /// a matrix is at most twice its mean with its mirror images.
-pub(super) fn fibre_stiffness(edges: [f64; 3], material: &Material<f64>) -> Matrix {
+fn fibre_stiffness(edges: [f64; 3], material: &Material<f64>) -> Matrix {
     let mut own = [[0.0; 24]; 24];
     let CellLaw::Holzapfel(_, fibres) = material.law else { return own };
     let inverse = V3::of(edges.map(|h| 1.0 / h));
@@ -272,11 +280,12 @@ impl Hyperelastic {
                 return Default::default();
             }
             let (state, wide) = (self.cell(params, split, u, cell), q.map(|c| c.f64()));
-            let Linearised { stiffening, volume } = state.linearised(params, wide);
+            let forces = state.forces();
+            let Linearised { stiffening, rows: own } = state.linearised(params, wide, &forces);
             let length = stiffening.sqrt().sqrt();
             *q = wide.map(|c| R::of(c * length));
-            rows.iter_mut().zip(volume).for_each(|(row, y)| *row = y.pad(0.0).map(R::of));
-            state.forces().map(V3::f64)
+            rows.iter_mut().zip(own.packed()).for_each(|(row, own)| *row = own.map(R::of));
+            forces.map(V3::f64)
         };
         let cells = quaternions.par_iter_mut().zip(rows.par_chunks_exact_mut(3)).enumerate();
         let forces: Vec<[[f64; 3]; 8]> = cells.with_min_len(PARALLEL / 8).map(one).collect();
@@ -344,7 +353,6 @@ mod tests {
     use crate::kernels::holzapfel::Fibres;
     use crate::kernels::hyperelastic;
     use crate::kernels::hyperelastic::STIFFENED;
-    use crate::kernels::volume::slope;
     use crate::math::random::Random;
     use crate::math::rotation_matrix;
 
@@ -468,7 +476,7 @@ mod tests {
             let slope = (moved(law, &u, &d, 1e-6).energy() - moved(law, &u, &d, -1e-6).energy()) / 2e-6;
             let wanted: f64 = cell.forces().iter().zip(d).map(|(f, d)| f.dot(d)).sum();
             assert!((slope / wanted - 1.0).abs() < 1e-3, "seed {seed}: {law:?}, {slope:e}, wanted {wanted:e}");
-            let s = cell.linearised(&params, UNTURNED).stiffening;
+            let s = cell.linearised(&params, UNTURNED, &cell.forces()).stiffening;
             assert!(s.is_finite() && s >= 1.0, "seed {seed}: {law:?}, {s}");
         }
     }
@@ -513,7 +521,29 @@ mod tests {
     /// Linearised stiffness of a cell ([`Cell::linearised`]) with a small-strain matrix, for steps without damping.
     fn linearised(cell: &Cell<f64>, small: &Matrix, q: V4<f64>) -> Matrix {
         let params = Params { stiffness_factor: 1.0, corotational: STIFFENED, ..Params::default() };
-        let found = cell.linearised(&params, q);
+        assembled(cell, small, q, cell.linearised(&params, q, &cell.forces()))
+    }
+
+    /// The same without the stiffness of tension; rotations, which have none then, are held by springs of stiffness `held`.
+    fn without_tension(cell: &Cell<f64>, small: &Matrix, q: V4<f64>, held: f64) -> Matrix {
+        let params = Params { stiffness_factor: 1.0, corotational: STIFFENED, ..Params::default() };
+        let mut found = cell.linearised(&params, q, &cell.forces());
+        found.rows.tension = V3::zero();
+        let mut k = assembled(cell, small, q, found);
+        for axis in 0..3 {
+            let x = |a: usize| V3::of(std::array::from_fn(|n| corner(a)[n] as f64 - 0.5)).times(cell.material.edges);
+            let spin = V3::of(std::array::from_fn(|n| f64::from(u8::from(n == axis))));
+            let turned: [V3<f64>; 8] = std::array::from_fn(|a| rotation_matrix(q) * spin.cross(x(a)));
+            let turned: Vec<f64> = turned.iter().flat_map(|x| x.f64()).collect();
+            let size: f64 = turned.iter().map(|x| x * x).sum();
+            for (row, a) in k.iter_mut().zip(&turned) {
+                row.iter_mut().zip(&turned).for_each(|(k, b)| *k += held / size * a * b);
+            }
+        }
+        k
+    }
+
+    fn assembled(cell: &Cell<f64>, small: &Matrix, q: V4<f64>, found: Linearised<f64>) -> Matrix {
         let (volume, r) = (mean_volume(cell.material.edges.f64(), cell.material.bulk), rotation_matrix(q));
         let turned = |m: usize, n: usize, k: &dyn Fn(usize, usize) -> f64| -> f64 {
             let (row, column) = (r.transpose().0[m % 3].f64(), r.transpose().0[n % 3].f64());
@@ -521,8 +551,7 @@ mod tests {
             (0..9).map(|k_of| row[k_of / 3] * k(a + k_of / 3, b + k_of % 3) * column[k_of % 3]).sum()
         };
         let local = |m: usize, n: usize| {
-            let slope = |m: usize| slope(found.volume, m / 3).f64()[m % 3];
-            small[m][n] - volume[m][n] + slope(m) * slope(n)
+            small[m][n] - volume[m][n] + found.rows.between(m / 3, n / 3).0[n % 3].f64()[m % 3]
         };
         std::array::from_fn(|m| std::array::from_fn(|n| found.stiffening * turned(m, n, &local)))
     }
@@ -587,9 +616,7 @@ mod tests {
     }
 
     fn small_strain() -> Matrix {
-        let young = MU * (3.0 * BULK + 2.0 * MU) / (BULK + MU);
-        let poisson = 0.5 * BULK / (BULK + MU);
-        super::super::element::stiffness(soft().edges.f64(), young, poisson, crate::scene::Element::Bbar)
+        at_rest(soft().edges.f64(), soft())
     }
 
     #[test]
@@ -615,6 +642,72 @@ mod tests {
         most_stiff(Law::NeoHookean(MU), &small_strain(), [evenly, upwards, aside].into_iter().flatten());
     }
 
+    /// Largest `xᵀ K x / xᵀ S x` over all displacements of a cell, by power iteration; a millionth of the identity in `S` stands for the
+    /// translations.
+    fn largest(k: &Matrix, s: &Matrix) -> f64 {
+        let size = (0..24).fold(0.0f64, |most, n| most.max(s[n][n]));
+        let mut known = *s;
+        (0..24).for_each(|n| known[n][n] += 1e-6 * size);
+        // beyond every negative eigenvalue of a cell in tension
+        const SHIFT: f64 = 2.0;
+        let mut random = Random::new(11);
+        let mut x: [f64; 24] = std::array::from_fn(|_| random.signed());
+        let mut value = 0.0;
+        for _ in 0..300 {
+            let right: [f64; 24] = std::array::from_fn(|m| (0..24).map(|n| (k[m][n] + SHIFT * known[m][n]) * x[n]).sum());
+            let next = solved(known, right);
+            let norm = next.iter().map(|x| x * x).sum::<f64>().sqrt();
+            value = next.iter().zip(x).map(|(a, b)| a * b).sum::<f64>() - SHIFT;
+            x = next.map(|x| x / norm);
+        }
+        value
+    }
+
+    /// Solution by Gaussian elimination, without pivots: for positive definite matrices.
+    fn solved(mut a: Matrix, mut b: [f64; 24]) -> [f64; 24] {
+        for n in 0..24 {
+            for m in n + 1..24 {
+                let factor = a[m][n] / a[n][n];
+                (n..24).for_each(|c| a[m][c] -= factor * a[n][c]);
+                b[m] -= factor * b[n];
+            }
+        }
+        for n in (0..24).rev() {
+            let known: f64 = (n + 1..24).map(|c| a[n][c] * b[c]).sum();
+            b[n] = (b[n] - known) / a[n][n];
+        }
+        b
+    }
+
+    /// Flat cells drawn along one axis or two and bent, all displacements, rotations as well.
+    #[test]
+    fn the_linearised_tangent_of_cells_in_tension_is_about_half_of_the_true_one_or_more() {
+        let edges = [0.5556e-3, 0.5556e-3, 0.1e-3];
+        let (young, poisson) = (1e6, 0.45);
+        let (lambda, mu) = lame(young, poisson);
+        let material =
+            Material { edges: V3::of(edges), pre_strain: V3::zero(), bulk: lambda, law: Law::NeoHookean(mu) };
+        let small = at_rest(edges, material);
+        let (mut most, mut without) = (0.0f64, 0.0f64);
+        for (seed, [along, aside]) in
+            (0..40).flat_map(|seed| [[1.02, 0.99], [1.33, 0.87], [1.2, 1.2], [1.5, 1.0]].map(|s| (seed, s)))
+        {
+            let mut random = Random::new(seed);
+            let scale = [along, aside, 1.0 / (along * aside)];
+            let bent = if seed == 0 { 0.0 } else { 0.1 * edges[2] };
+            let u = field(|a, n| corner(a)[n] as f64 * edges[n] * (scale[n] - 1.0) + bent * random.signed());
+            let cell = Cell::new(material, &u);
+            let mean = cell.points.iter().fold(M3::zero(), |sum, p| sum + p.h * 0.125);
+            let q = crate::kernels::rotations::polar(M3::identity() + mean, UNTURNED);
+            let (k, held) = (tangent(&cell), small[0][0]);
+            most = most.max(largest(&k, &linearised(&cell, &small, q)));
+            without = without.max(largest(&k, &without_tension(&cell, &small, q, held)));
+        }
+        println!("{most} {without}");
+        assert!(most < 2.0, "{most}");
+        assert!(without > 5.0, "the counter-test: without tension {without}");
+    }
+
     /// The same with fibres, whose stiffness at rest is in the small-strain matrix: stretched along them, across them and pressed.
     #[test]
     fn the_stiffened_tangent_of_fibres_is_more_than_half_of_the_true_one() {
@@ -625,8 +718,7 @@ mod tests {
         {
             let fibres = Fibres { directions, stiffness: stiffness * MU, growth: 2.0, dispersion };
             let law = Law::Holzapfel(MU, fibres);
-            let (isotropic, mut small) = (small_strain(), fibre_stiffness(soft().edges.f64(), &of(law)));
-            small.as_flattened_mut().iter_mut().zip(isotropic.as_flattened()).for_each(|(k, more)| *k += more);
+            let small = at_rest(soft().edges.f64(), of(law));
             let mut scales = vec![[1.2, 1.2, 0.7], [1.1, 0.9, 1.0], [0.9, 1.1, 1.0], [1.0, 1.0, 0.6]];
             scales.extend([1.001, 1.05, 1.2, 1.5].map(|s: f64| [s, 1.0 / s.sqrt(), 1.0 / s.sqrt()]));
             scales.extend([1.001, 1.05, 1.2, 1.5].map(|s: f64| [1.0 / s.sqrt(), s, 1.0 / s.sqrt()]));
@@ -635,7 +727,8 @@ mod tests {
             // what is in the matrix keeps the factor small where fibres begin to pull
             let first = field(|a, n| if n == 0 { 1e-3 * (corner(a)[0] as f64) * soft().edges.x } else { 0.0 });
             let params = Params { stiffness_factor: 1.0, corotational: STIFFENED, ..Params::default() };
-            let factor = Cell::new(of(law), &first).linearised(&params, UNTURNED).stiffening;
+            let cell = Cell::new(of(law), &first);
+            let factor = cell.linearised(&params, UNTURNED, &cell.forces()).stiffening;
             assert!(factor < 2.0, "{fibres:?}: {factor}");
         }
     }

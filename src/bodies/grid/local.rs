@@ -27,7 +27,6 @@ use crate::bodies::{Model, Moved, Wound};
 use crate::kernels::deformation::{Point, field_gradient};
 use crate::kernels::forces::rest_corner;
 use crate::kernels::hyperelastic::NEWTON;
-use crate::kernels::volume::slope;
 use crate::kernels::{PARALLEL, Params, rotations};
 use crate::math::{M3, V3, V4, rotation_matrix, rotation_minus_identity};
 use crate::scene::Element;
@@ -83,10 +82,10 @@ impl Hexahedra {
         // the volume's stiffness has its present direction
         let k = law.layer_without_volume(layer, &self.stiffness[layer], 0);
         let params = Params { corotational: NEWTON, ..Params::default() };
-        let volume = state.linearised(&params, q).volume;
-        let slopes: [V3<f64>; 8] = std::array::from_fn(|a| slope(volume, a));
-        let change: f64 = slopes.iter().zip(d.as_chunks::<3>().0).map(|(slope, d)| slope.dot(V3::of(*d))).sum();
         let own = state.forces();
+        let volume = state.linearised(&params, q, &own).rows;
+        let slopes: [V3<f64>; 8] = std::array::from_fn(|a| volume.slope(a));
+        let change: f64 = slopes.iter().zip(d.as_chunks::<3>().0).map(|(slope, d)| slope.dot(V3::of(*d))).sum();
         std::array::from_fn(|a| own[a] + ahead * (local(&k, a) + slopes[a] * change))
     }
 

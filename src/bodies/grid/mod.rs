@@ -109,12 +109,10 @@ impl Hexahedra {
         let hyperelastic = Hyperelastic::of(scene, skin, grid);
         let matrix = |(index, layer): (usize, &Layer)| {
             let edges = grid.cell_edges(index as u32);
-            let mut k = element::stiffness(edges, layer.young, layer.poisson, element);
-            if let Some(law) = &hyperelastic {
-                let fibres = hyperelastic::fibre_stiffness(edges, &law.material(index));
-                k.as_flattened_mut().iter_mut().zip(fibres.as_flattened()).for_each(|(k, more)| *k += more);
+            match &hyperelastic {
+                Some(law) => hyperelastic::at_rest(edges, law.material(index)),
+                None => element::stiffness(edges, layer.young, layer.poisson, element),
             }
-            k
         };
         Self {
             pre_strain: match &hyperelastic {
