@@ -8,8 +8,8 @@
 //! 9 of `U` by columns, one pad.
 //! Units: N/m.
 
-use super::split::Around;
 use super::linearised::{HYPERELASTIC, Rows};
+use super::split::Around;
 use super::{PARALLEL, Params, Source};
 use crate::math::{M3, Real, V3, V4, rotation_matrix};
 use rayon::prelude::*;

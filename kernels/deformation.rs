@@ -21,13 +21,62 @@ pub fn gradient<R: Real>(inverse: V3<R>, a: usize, p: usize) -> V3<R> {
     V3::new(sign(0) * y * z, sign(1) * x * z, sign(2) * x * y).times(inverse)
 }
 
-/// Gradient of a field with values at the corners, at Gauss point `p`.
-pub fn field_gradient<R: Real>(inverse: V3<R>, at: &[V3<R>; 8], p: usize) -> M3<R> {
-    let mut sum = M3::zero();
-    for a in 1..8 {
-        sum = sum + (at[a] - at[0]).outer(gradient(inverse, a, p));
+/// `Σ_a v_a ⊗ ∇N_a` of a field with values `v` at the corners, at all Gauss points.
+pub fn field_gradients<R: Real>(inverse: V3<R>, at: &[V3<R>; 8]) -> [M3<R>; 8] {
+    let pattern = sign_patterns(by_bits(at.map(|v| v - at[0])));
+    let mut out = [M3::zero(); 8];
+    for (axis, (scales, own)) in scales_of_axes(inverse).into_iter().enumerate() {
+        let columns = signed_sums(std::array::from_fn(|n| pattern[own[n]] * scales[n]));
+        (0..8).for_each(|p| out[p].0[axis] = columns[beside(axis, p)]);
     }
-    sum
+    out
+}
+
+/// `Σ_p P_p ∇N_a` at each corner, of matrices at the Gauss points: the transpose of [`field_gradients`].
+pub fn corner_sums<R: Real>(inverse: V3<R>, matrices: &[M3<R>; 8]) -> [V3<R>; 8] {
+    let mut pattern = [V3::zero(); 8];
+    for (axis, (scales, own)) in scales_of_axes(inverse).into_iter().enumerate() {
+        let mut columns = [V3::zero(); 4];
+        (0..8).for_each(|p| columns[beside(axis, p)] += matrices[p].0[axis]);
+        let sums = signed_sums(columns);
+        (0..4).for_each(|n| pattern[own[n]] += sums[n] * scales[n]);
+    }
+    by_bits(sign_patterns(pattern))
+}
+
+/// Factors of a derivative along each axis, and the patterns they belong to: with `±` the signs of a Gauss point along the two other axes
+/// and `g = 1/√3`, `∂_x v = −(v_1 ± g v_3 ± g v_5 ± ± g² v_7)/(4 h_x)`, `v_P` the sign patterns.
+fn scales_of_axes<R: Real>(inverse: V3<R>) -> [([R; 4], [usize; 4]); 3] {
+    let away = 1.0 / 3.0f64.sqrt();
+    let scales = |inverse: R| [1.0, away, away, away * away].map(|g| inverse * R::of(-0.25 * g));
+    [(scales(inverse.x), [1, 3, 5, 7]), (scales(inverse.y), [2, 3, 6, 7]), (scales(inverse.z), [4, 5, 6, 7])]
+}
+
+/// Place of Gauss point `p` among the four signs of the axes beside `axis`.
+fn beside(axis: usize, p: usize) -> usize {
+    let at = corner(p);
+    match axis {
+        0 => at[1] + 2 * at[2],
+        1 => at[0] + 2 * at[2],
+        _ => at[0] + 2 * at[1],
+    }
+}
+
+/// `[v_0 ± v_1 ± v_2 ± ± v_3]` for the four pairs of signs, ++ first; its own transpose.
+fn signed_sums<R: Real>([a, b, c, d]: [V3<R>; 4]) -> [V3<R>; 4] {
+    let (x, y, z, w) = (a + b, a - b, c + d, c - d);
+    [x + z, y + w, x - z, y - w]
+}
+
+/// Corners in VTK's order from bits x + 2y + 4z, or the other way.
+fn by_bits<T>([a, b, c, d, e, f, g, h]: [T; 8]) -> [T; 8] {
+    [a, b, d, c, e, f, h, g]
+}
+
+/// Sums of eight corners by sign pattern ([`super::product`]), both by bits, lower corners positive; its own transpose.
+fn sign_patterns<R: Real>([a, b, c, d, e, f, g, h]: [V3<R>; 8]) -> [V3<R>; 8] {
+    let (below, above) = (signed_sums([a, b, c, d]), signed_sums([e, f, g, h]));
+    std::array::from_fn(|n| if n < 4 { below[n] + above[n] } else { below[n - 4] - above[n - 4] })
 }
 
 /// Terms of the logarithm's series: the relative error is 10⁻¹⁵ where `J` is 2 or ½.

@@ -19,7 +19,7 @@
 //! Units: u m, edges m, κ Pa, W J, f N.
 
 use super::deformation::{
-    EXTENDED, Point, field_gradient, gradient, log_volume, log_volume_slope, log_volume_stiffness,
+    EXTENDED, Point, corner_sums, field_gradients, log_volume, log_volume_slope, log_volume_stiffness,
 };
 use super::holzapfel::{self, Fibres};
 use super::linearised::{HYPERELASTIC, Rows};
@@ -152,13 +152,9 @@ impl<R: Real> Cell<R> {
         let (edges, e) = (material.edges, material.pre_strain);
         let stretch = e + V3::splat(R::one());
         let inverse = V3::new(stretch.x / edges.x, stretch.y / edges.y, stretch.z / edges.z);
-        let mut points = [Point::default(); 8];
-        let (mut sum, mut inverted) = (R::zero(), false);
-        for (p, point) in points.iter_mut().enumerate() {
-            *point = Point::new(M3::diagonal(e) + field_gradient(inverse, u, p));
-            sum += point.dilatation;
-            inverted |= point.inverted();
-        }
+        let points = field_gradients(inverse, u).map(|gradient| Point::new(M3::diagonal(e) + gradient));
+        let sum = points.iter().map(|p| p.dilatation).sum::<R>();
+        let inverted = points.iter().any(Point::inverted);
         let eighth = R::of(0.125);
         let weight = eighth / (inverse.x * inverse.y * inverse.z);
         Self { points, weight, mean_dilatation: sum * eighth, material, inverse, inverted }
@@ -178,27 +174,14 @@ impl<R: Real> Cell<R> {
 
     /// `∂v/∂u_a`, m².
     pub fn volume_gradient(&self) -> [V3<R>; 8] {
-        let mut out = [V3::zero(); 8];
-        for (n, p) in self.points.iter().enumerate() {
-            let pushed = p.cofactor * self.weight;
-            for (a, c) in out.iter_mut().enumerate() {
-                *c += pushed * gradient(self.inverse, a, n);
-            }
-        }
-        out
+        corner_sums(self.inverse, &self.points.map(|p| p.cofactor * self.weight))
     }
 
     /// Internal forces at the corners, N.
     pub fn forces(&self) -> [V3<R>; 8] {
         let pressure = self.pressure();
-        let mut out = self.volume_gradient().map(|c| c * pressure);
-        for (n, p) in self.points.iter().enumerate() {
-            let stress = self.material.stress(p) * self.weight;
-            for (a, force) in out.iter_mut().enumerate() {
-                *force += stress * gradient(self.inverse, a, n);
-            }
-        }
-        out
+        let stress = |p: &Point<R>| (self.material.stress(p) + p.cofactor * pressure) * self.weight;
+        corner_sums(self.inverse, &self.points.each_ref().map(stress))
     }
 }
 
@@ -249,14 +232,11 @@ impl<R: Real> Cell<R> {
         let tension = self.inverse * (R::of(0.25) * (R::of(8.0) * self.weight * tension / stiffening).sqrt());
         let bulk = self.material.bulk * self.volume_stiffness();
         let scale = R::of(0.125) * (bulk / (R::of(8.0) * self.weight * stiffening)).sqrt();
-        let (slope, back) = (self.volume_gradient(), rotation_matrix(q).transpose());
-        let volume = [0, 1, 2].map(|n| {
-            let mut sum = V3::zero();
-            for (a, slope) in slope.iter().enumerate() {
-                if corner(a)[n] == 0 { sum += *slope } else { sum = sum - *slope }
-            }
-            back * sum * scale
-        });
+        // sign pattern of ∂v/∂u along an axis: the column of Σ w cof F times −2/h
+        let slope =
+            self.points.iter().fold(M3::zero(), |sum, p| sum + p.cofactor) * (R::of(-2.0) * self.weight * scale);
+        let [x, y, z] = (rotation_matrix(q).transpose() * slope).0;
+        let volume = [x * self.inverse.x, y * self.inverse.y, z * self.inverse.z];
         Linearised { stiffening, rows: Rows { volume, tension } }
     }
 

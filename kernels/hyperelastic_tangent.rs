@@ -10,10 +10,10 @@
 //! Source: Bonet, Wood 2008, sections 6.4 and 8.6 (tangent with mean dilatation).
 //! Units: displacement m, z m, force N, material Pa.
 
-use super::deformation::{field_gradient, gradient, log_volume_stiffness};
+use super::deformation::{corner_sums, field_gradients, log_volume_stiffness};
 use super::hyperelastic::{Cell, FibreRows, at_corners};
 use super::{Params, Source};
-use crate::math::{Real, V3, V4};
+use crate::math::{M3, Real, V3, V4};
 
 /// The shader.
 pub const SOURCE: Source = Source {
@@ -31,10 +31,9 @@ impl<R: Real> Cell<R> {
     /// `K z`, N.
     pub fn product(&self, z: &[V3<R>; 8]) -> [V3<R>; 8] {
         let pressure = self.pressure();
-        let mut out = [V3::zero(); 8];
         let mut volume = R::zero();
-        for (n, p) in self.points.iter().enumerate() {
-            let change = field_gradient(self.inverse, z, n);
+        let mut stress = [M3::zero(); 8];
+        for ((p, change), stress) in self.points.iter().zip(field_gradients(self.inverse, z)).zip(&mut stress) {
             let log_gradient = p.log_gradient;
             let jacobian = R::one() + p.dilatation;
             let relative_change = log_gradient.dot(change);
@@ -42,11 +41,9 @@ impl<R: Real> Cell<R> {
             volume += self.weight * jacobian * relative_change;
             let crossed = log_gradient * change.transpose() * log_gradient;
             let volumetric = crossed * -kirchhoff_pressure + log_gradient * (kirchhoff_pressure * relative_change);
-            let stress = (self.material.tangent(p, change) + volumetric) * self.weight;
-            for (a, force) in out.iter_mut().enumerate() {
-                *force += stress * gradient(self.inverse, a, n);
-            }
+            *stress = (self.material.tangent(p, change) + volumetric) * self.weight;
         }
+        let mut out = corner_sums(self.inverse, &stress);
         let pressure_change = self.pressure_slope() * volume;
         for (force, c) in out.iter_mut().zip(self.volume_gradient()) {
             *force += c * pressure_change;

@@ -123,7 +123,8 @@ mod tests {
             let all = (0..8).flat_map(|a| (0..8).map(move |b| (a, b)));
             all.map(|(a, b)| at(a).dot(rows.between(a, b) * at(b))).sum::<f64>()
         };
-        let close = |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-9 * wanted.max(1.0), "{found} {wanted}");
+        let close =
+            |found: f64, wanted: f64| assert!((found - wanted).abs() < 1e-9 * wanted.max(1.0), "{found} {wanted}");
         close(twice_energy(&|x| [0.3 * x[1], 0.5 * x[0], 0.0]), 0.5 * tau * volume * 0.2 * 0.2);
         close(twice_energy(&|x| [0.4 * x[1], 0.4 * x[0] + 0.1 * x[2], 0.1 * x[1]]), 0.0);
         close(twice_energy(&|x| [0.2 * x[0], 0.3, x[2]]), 0.0);

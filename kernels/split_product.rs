@@ -5,8 +5,8 @@
 //! processes as many cells at once as a register holds and scatters, with the same mirror blocks as `product`.
 //! Units: z m, w N, K N/m.
 
-use super::product::{LANES, Modes, cell_forces};
 use super::linearised::{HYPERELASTIC, rows};
+use super::product::{LANES, Modes, cell_forces};
 use super::{Params, Source};
 use crate::math::wide::{Lanes, Task};
 use crate::math::{Real, V3, V4};

@@ -8,8 +8,8 @@ use cutis::kernels;
 use cutis::kernels::Params;
 use cutis::kernels::advance::{Request, Scalars};
 use cutis::kernels::cut::Hit;
-use cutis::kernels::product::{Frames, LANES, cell_groups};
 use cutis::kernels::linearised::{HYPERELASTIC, Rows};
+use cutis::kernels::product::{Frames, LANES, cell_groups};
 use cutis::math::{Real, V3, V4, rotation_matrix};
 
 /// Name and elements of each read-write array.

@@ -550,9 +550,8 @@ mod tests {
             let (a, b) = (m / 3 * 3, n / 3 * 3);
             (0..9).map(|k_of| row[k_of / 3] * k(a + k_of / 3, b + k_of % 3) * column[k_of % 3]).sum()
         };
-        let local = |m: usize, n: usize| {
-            small[m][n] - volume[m][n] + found.rows.between(m / 3, n / 3).0[n % 3].f64()[m % 3]
-        };
+        let local =
+            |m: usize, n: usize| small[m][n] - volume[m][n] + found.rows.between(m / 3, n / 3).0[n % 3].f64()[m % 3];
         std::array::from_fn(|m| std::array::from_fn(|n| found.stiffening * turned(m, n, &local)))
     }
 
@@ -654,7 +653,8 @@ mod tests {
         let mut x: [f64; 24] = std::array::from_fn(|_| random.signed());
         let mut value = 0.0;
         for _ in 0..300 {
-            let right: [f64; 24] = std::array::from_fn(|m| (0..24).map(|n| (k[m][n] + SHIFT * known[m][n]) * x[n]).sum());
+            let right: [f64; 24] =
+                std::array::from_fn(|m| (0..24).map(|n| (k[m][n] + SHIFT * known[m][n]) * x[n]).sum());
             let next = solved(known, right);
             let norm = next.iter().map(|x| x * x).sum::<f64>().sqrt();
             value = next.iter().zip(x).map(|(a, b)| a * b).sum::<f64>() - SHIFT;

@@ -24,7 +24,7 @@
 
 use super::{Hexahedra, element};
 use crate::bodies::{Model, Moved, Wound};
-use crate::kernels::deformation::{Point, field_gradient};
+use crate::kernels::deformation::{Point, field_gradients};
 use crate::kernels::forces::rest_corner;
 use crate::kernels::hyperelastic::NEWTON;
 use crate::kernels::{PARALLEL, Params, rotations};
@@ -174,7 +174,7 @@ impl Wound {
             let [x, y, z, _] = model.shape[model.grid.layer(*cell)];
             let inverse = V3::new(1.0 / x, 1.0 / y, 1.0 / z);
             let u = self.surface.parts.corners(*cell).map(|node| V3::from4(u[node]));
-            let dilatation: f64 = (0..8).map(|p| Point::new(field_gradient(inverse, &u, p)).dilatation).sum();
+            let dilatation: f64 = field_gradients(inverse, &u).into_iter().map(|h| Point::new(h).dilatation).sum();
             [x * y * z, x * y * z * dilatation / 8.0]
         };
         let each: Vec<[f64; 2]> = alive.par_iter().with_min_len(PARALLEL / 8).map(of_cell).collect();
