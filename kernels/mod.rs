@@ -145,6 +145,10 @@ macro_rules! params {
             pub fn words(&self) -> Vec<u32> {
                 vec![$(self.$u,)* $((self.$r.f64() as f32).to_bits(),)*]
             }
+            /// The same in another precision.
+            pub fn rounded<S: Real>(&self) -> Params<S> {
+                Params { $($u: self.$u,)* $($r: S::of(self.$r.f64()),)* }
+            }
         }
     };
 }

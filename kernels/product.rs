@@ -36,6 +36,7 @@ use crate::math::mirrors::{dot, patterns, rotation_minus_one, rotation_rows};
 use crate::math::wide::{Lanes, MOST, Task};
 use crate::math::{Real, V4};
 use rayon::prelude::*;
+use std::any::Any;
 use std::ops::Range;
 
 /// The shader.
@@ -134,6 +135,16 @@ impl<R: Real> Frames<R> {
             }
         };
         self.planes.par_chunks_exact_mut(planes * len).enumerate().for_each(one_level);
+    }
+
+    /// These, if they are in this precision.
+    pub fn same<S: Real>(&self) -> Option<&Frames<S>> {
+        (self as &dyn Any).downcast_ref()
+    }
+
+    /// Size, bytes.
+    pub fn bytes(&self) -> usize {
+        size_of_val(&self.planes[..])
     }
 
     /// Number of planes of a level, and their length: all rows, and a register at the end.

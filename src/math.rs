@@ -113,6 +113,16 @@ pub fn round<R: Real, const N: usize>(a: &[f64; N]) -> [R; N] {
     a.map(R::of)
 }
 
+/// An array itself, if it is in this precision.
+pub fn same<R: Real, S: Real>(a: &[V4<R>]) -> Option<&[V4<S>]> {
+    (R::NAME == S::NAME).then(|| bytemuck::cast_slice(a))
+}
+
+/// The same of an array to be written.
+pub fn same_mut<R: Real, S: Real>(a: &mut [V4<R>]) -> Option<&mut [V4<S>]> {
+    (R::NAME == S::NAME).then(|| bytemuck::cast_slice_mut(a))
+}
+
 /// Vectors widened to f64.
 pub fn widen<R: Real>(a: &[V4<R>]) -> Vec<V4<f64>> {
     a.iter().map(|v| v.map(Real::f64)).collect()

@@ -6,7 +6,7 @@ use cutis::bodies::grid::levels::{OF_VOLUME, largest};
 use cutis::kernels::blocks::{Block, blocks, pack, unpack};
 use cutis::kernels::cut::Hit;
 use cutis::kernels::factor::factor;
-use cutis::kernels::linearised::slope_of;
+use cutis::kernels::linearised::Rows;
 use cutis::kernels::precondition::precondition;
 use cutis::kernels::product::{Frames, LANES, cell_groups, product};
 use cutis::kernels::split_product::split_product;
@@ -163,7 +163,7 @@ fn turned(model: &Model, seed: u64) -> Vec<V4<f64>> {
     let mut rotation: Vec<V4<f64>> = (0..cells).map(|_| unit()).collect();
     // stiffness of the volume in any direction
     let size = model.hexahedra().stiffness[0][0][0].sqrt();
-    rotation.extend((0..3 * cells).map(|_| [next() * size, next() * size, next() * size, 0.0]));
+    rotation.extend((0..3 * cells).map(|_| [next() * size, next() * size, next() * size, next() * size]));
     rotation
 }
 
@@ -183,9 +183,9 @@ impl Dense {
             let nodes = wound.surface.parts.corners(cell);
             let layer = model.grid.layer_of[params.cell_at(cell)[2]] as usize;
             let r = rotation_matrix(*q);
+            let rows = Rows::of(&params, rotation, cell);
             for (a, b) in (0..64).map(|n| (n / 8, n % 8)) {
-                let [row, column] = [a, b].map(|corner| slope_of(&params, rotation, cell, corner));
-                let k = stiffness[layer * 64 + a * 8 + b] + row.outer(column);
+                let k = stiffness[layer * 64 + a * 8 + b] + rows.between(a, b);
                 let k = r * k * r.transpose() * params.stiffness_factor;
                 let at = &mut block[nodes[a] * count + nodes[b]];
                 *at = *at + M3::diagonal(axes(nodes[a])) * k * M3::diagonal(axes(nodes[b]));

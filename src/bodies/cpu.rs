@@ -12,10 +12,13 @@ pub struct Workspace<R> {
     /// `[cell group]` scratch of the product
     pub scratch: Vec<CellForces<R>>,
     /// Multigrid levels, finest first; empty before the first use.
-    pub levels: Vec<LevelWork<R>>,
+    pub levels: Vec<LevelWork<Cycle>>,
 }
 
-/// Work vectors of one multigrid level; the finest level uses `r` and `z` of the conjugate gradients.
+/// Precision of the V-cycle that preconditions the conjugate gradients, whatever theirs is: it changes the iterations, not the solution.
+pub type Cycle = f32;
+
+/// Work vectors of one multigrid level; the finest level uses `r` and `z` of the conjugate gradients where they have its precision.
 #[derive(Clone, Debug, Default)]
 pub struct LevelWork<R> {
     /// `[cell group]` scratch of the product
@@ -31,7 +34,7 @@ pub struct LevelWork<R> {
 }
 
 /// Applies `z = M⁻¹ r` for the conjugate gradients and returns `r·z`; may be called from any number of threads at once.
-pub type Preconditioner<'a, R> = Box<dyn Fn(&mut Vec<LevelWork<R>>, &[V4<R>], &mut [V4<R>]) -> R + Sync + 'a>;
+pub type Preconditioner<'a, R> = Box<dyn Fn(&mut Vec<LevelWork<Cycle>>, &[V4<R>], &mut [V4<R>]) -> R + Sync + 'a>;
 
 /// Trial point of the line search in Newton's method.
 #[derive(Clone, Debug)]
@@ -64,8 +67,8 @@ pub trait System<R: Real>: Send + Sync {
     fn mean_velocities(&self, _params: &Params<R>, _free: &[V4<R>], _v: &[V4<R>], _mean_v: &mut [V4<R>]) {}
     /// Diagonal and sub-diagonal 3×3 blocks of `A` along z-columns of nodes, `[node × 4]` packed, N/m.
     fn blocks(&self, params: &Params<R>, free: &[V4<R>], out: &mut [V4<R>]);
-    /// Updates the preconditioner for the step; leaves the factored columns in `block`.
-    fn refresh(&mut self, params: &Params<R>, free: &[V4<R>], block: &mut [V4<R>]);
+    /// Updates the preconditioner for the step.
+    fn refresh(&mut self, params: &Params<R>, free: &[V4<R>]);
     /// Factors the direct solver's matrix before a solve; does nothing for other solvers.
     ///
     /// # Errors
@@ -84,12 +87,7 @@ pub trait System<R: Real>: Send + Sync {
         scratch: &mut [CellForces<R>],
     ) -> R;
     /// Preconditioner, or the exact inverse of the direct solver.
-    fn preconditioner<'a>(
-        &'a self,
-        params: &'a Params<R>,
-        free: &'a [V4<R>],
-        block: &'a [V4<R>],
-    ) -> Preconditioner<'a, R>;
+    fn preconditioner<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>]) -> Preconditioner<'a, R>;
     /// Work vectors for one right-hand side.
     fn workspace(&self, params: &Params<R>) -> Workspace<R>;
     /// Displacements of the segments' end points, m.
@@ -106,10 +104,8 @@ pub trait System<R: Real>: Send + Sync {
     fn law(&self) -> Vec<V4<f64>>;
     /// Table of split nodes; empty where no node can be split.
     fn split(&self) -> &[u32];
-    /// Size of the stored tangent matrices, bytes.
-    fn tangent_bytes(&self) -> usize {
-        0
-    }
+    /// Size of the stored tangents and of the preconditioner, bytes.
+    fn stored_bytes(&self) -> usize;
     /// True if its steps are solved by Newton's method.
     fn newton(&self) -> bool {
         false

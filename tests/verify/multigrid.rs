@@ -5,7 +5,7 @@ use super::{Case, Everywhere};
 use cutis::backend::Snapshot;
 use cutis::bodies::Model;
 use cutis::bodies::grid::levels::largest;
-use cutis::bodies::grid::multigrid::{Hierarchy, Operator, cycle, workspaces};
+use cutis::bodies::grid::multigrid::{Finest, Hierarchy, apply, workspaces};
 use cutis::kernels::advance::Request;
 use cutis::kernels::blocks::blocks;
 use cutis::kernels::factor::factor;
@@ -79,7 +79,7 @@ fn slot(model: &Model, rotation: &mut [V4<f64>]) {
 /// The press solved in given rotations from zero.
 fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) -> (Vec<V4<f64>>, Outcome) {
     let params = model.params::<f64>();
-    let (stiffness, layers, modes) = (model.stiffness_blocks(), &model.grid.layer_of, model.modes());
+    let (layers, modes) = (&model.grid.layer_of, model.modes());
     let count = model.rest.len();
     let mut free = model.free.clone();
     for (node, free) in free.iter_mut().enumerate() {
@@ -88,25 +88,13 @@ fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) ->
             *free = [0.0; 4];
         }
     }
-    let mut block = vec![[0.0; 4]; 4 * count];
-    blocks(&params, &stiffness, layers, rotation, &free, &[], &mut block);
-    factor(&params, &mut block);
-    let mut hierarchy = Hierarchy::new(model).expect("multigrid");
-    hierarchy.refresh(&params, layers, rotation);
     let frames = Frames::new(&params, rotation, &[]);
-    let finest = Operator {
-        params,
-        free: &free,
-        block: &block,
-        steps: &[],
-        modes: &modes,
-        layer_of: layers,
-        rotation,
-        frames: &frames,
-        split: (&[], &[]),
-    };
+    let finest =
+        Finest { params: &params, free: &free, layer_of: layers, rotation, frames: &frames, split: (&[], &[]) };
+    let mut hierarchy = Hierarchy::<f32>::new(model).expect("multigrid");
+    hierarchy.refresh(finest);
     let levels = hierarchy.operators(finest);
-    let mut work = workspaces(&levels);
+    let mut work = workspaces::<f64, f32>(&levels);
     let load = model.load_at(&scene.loads, 0.0);
     let mut r: Vec<V4<f64>> =
         load.iter().zip(&free).map(|(l, f)| [l[0] * f[0], l[1] * f[1], l[2] * f[2], 0.0]).collect();
@@ -123,7 +111,7 @@ fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) ->
         0.0,
         200,
         |z: &[V4<f64>], w: &mut [V4<f64>]| product(&params, &modes, layers, &frames, &free, z, w, &mut scratch),
-        |r: &[V4<f64>], z: &mut [V4<f64>]| cycle(&levels, &mut work, r, z),
+        |r: &[V4<f64>], z: &mut [V4<f64>]| apply(&levels, &mut work, r, z),
     );
     (x, outcome)
 }

@@ -45,7 +45,6 @@ pub struct CpuBackend<R> {
     anchor: Vec<R>,
     anchor_rate: f64,
     load: Vec<V4<R>>,
-    block: Vec<V4<R>>,
     load_squared: R,
     // [slot][node]
     x: Vec<V4<R>>,
@@ -113,7 +112,6 @@ impl<R: Real> CpuBackend<R> {
             anchor_rate,
             anchors,
             load: zeros(1),
-            block: zeros(solved * 4),
             load_squared: R::zero(),
             x: zeros(slots),
             r: zeros(slots),
@@ -156,7 +154,7 @@ impl<R: Real> CpuBackend<R> {
 
 impl<R: Real> Backend for CpuBackend<R> {
     fn device(&self) -> Device {
-        let arrays = [&self.u, &self.v, &self.f, &self.free, &self.masses, &self.load, &self.block, &self.x];
+        let arrays = [&self.u, &self.v, &self.f, &self.free, &self.masses, &self.load, &self.x];
         let solver = [&self.r, &self.p, &self.s, &self.z, &self.w, &self.ahead];
         let bytes: usize = arrays.iter().chain(&solver).map(|a| a.capacity()).sum();
         Device {
@@ -166,7 +164,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             driver: String::new(),
             software: false,
             sums: "plain",
-            device_bytes: (bytes * size_of::<V4<R>>()) as u64 + self.system.tangent_bytes() as u64,
+            device_bytes: (bytes * size_of::<V4<R>>()) as u64 + self.system.stored_bytes() as u64,
         }
     }
 
@@ -195,7 +193,7 @@ impl<R: Real> Backend for CpuBackend<R> {
         if self.explicit {
             return Ok(());
         }
-        self.system.refresh(&params, &self.free, &mut self.block);
+        self.system.refresh(&params, &self.free);
         Ok(())
     }
 

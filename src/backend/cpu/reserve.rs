@@ -43,10 +43,10 @@ impl<R: Real> CpuBackend<R> {
         for values in of_slots.into_iter().chain(of_state).chain(of_body) {
             spread(values, from, to);
         }
-        self.block.resize(self.block.len() / from * to, [R::zero(); 4]);
         for finest in self.space.iter_mut().filter_map(|space| space.levels.first_mut()) {
-            spread(&mut finest.d, from, to);
-            spread(&mut finest.w, from, to);
+            for values in [&mut finest.r, &mut finest.z, &mut finest.d, &mut finest.w] {
+                spread(values, from, to);
+            }
         }
         self.node_count = to;
         self.params.node_count = to as u32;

@@ -28,7 +28,7 @@ impl<R: Real> CpuBackend<R> {
         self.system.factor(&self.free)?;
         let (params, free, system) = (&self.params, &self.free, &self.system);
         let (load, floor, max_iterations, driven) = (self.load_squared, self.floor, self.max_iterations, self.driven);
-        let precondition = system.preconditioner(params, free, &self.block);
+        let precondition = system.preconditioner(params, free);
         // one conjugate gradient solve per right-hand side, in parallel
         let arrays = (
             self.x.par_chunks_mut(n),

@@ -3,9 +3,9 @@
 //! A hyperelastic body stores the tangents of its cells and updates them when a solve asks for it.
 
 use super::direct::Direct;
-use super::multigrid::{Hierarchy, Operator, cycle, workspaces};
+use super::multigrid::{Finest, Hierarchy, apply, workspaces};
 use super::{Hyperelastic, element, tangent};
-use crate::bodies::cpu::{Preconditioner, Start, System, Trial, Workspace};
+use crate::bodies::cpu::{Cycle, Preconditioner, Start, System, Trial, Workspace};
 use crate::bodies::{Model, Refused, Removal};
 use crate::error::Result;
 use crate::kernels::blocks::blocks;
@@ -36,7 +36,9 @@ pub struct Hexahedra<R> {
     frames: Frames<R>,
     split: Vec<u32>,
     split_cells: Vec<u32>,
-    multigrid: Option<Hierarchy<R>>,
+    /// `[node × 4]` factored columns or blocks of the preconditioners without levels.
+    block: Vec<V4<R>>,
+    multigrid: Option<Hierarchy<Cycle>>,
     direct: Option<Direct>,
     /// A hyperelastic body that is solved by one linear system per step.
     law: Option<(Hyperelastic, Params<f64>)>,
@@ -122,11 +124,18 @@ impl<R: Real> Hexahedra<R> {
             frames: Frames::default(),
             split: Parts::new(model.params()).table().to_vec(),
             split_cells: vec![],
+            block: vec![],
             multigrid: Hierarchy::new(model),
             direct: Direct::new(model),
             law: hexahedra.hyperelastic.clone().filter(|law| !law.newton).map(|law| (law, model.params())),
             tangents: hexahedra.hyperelastic.as_ref().filter(|law| law.newton).map(|law| Tangents::new(law, model)),
         }
+    }
+
+    /// Arrays of the finest level.
+    fn finest<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>]) -> Finest<'a, R> {
+        let split = (&self.split[..], &self.split_cells[..]);
+        Finest { params, free, layer_of: &self.layer_of, rotation: &self.rotation, frames: &self.frames, split }
     }
 
     /// `w = A z` with the rotated small-strain matrices; returns `z·w`.
@@ -202,15 +211,18 @@ impl<R: Real> System<R> for Hexahedra<R> {
         blocks(params, &self.system, &self.layer_of, &self.rotation, free, &self.split, out);
     }
 
-    fn refresh(&mut self, params: &Params<R>, free: &[V4<R>], block: &mut [V4<R>]) {
+    fn refresh(&mut self, params: &Params<R>, free: &[V4<R>]) {
         if let Some(direct) = &mut self.direct {
             direct.current = false;
-            return;
-        }
-        self.blocks(params, free, block);
-        factor(params, block);
-        if let Some(multigrid) = &mut self.multigrid {
-            multigrid.refresh(params, &self.layer_of, &self.rotation);
+        } else if let Some(mut multigrid) = self.multigrid.take() {
+            multigrid.refresh(self.finest(params, free));
+            self.multigrid = Some(multigrid);
+        } else {
+            let mut block = std::mem::take(&mut self.block);
+            block.resize(4 * params.node_count as usize, [R::zero(); 4]);
+            self.blocks(params, free, &mut block);
+            factor(params, &mut block);
+            self.block = block;
         }
     }
 
@@ -237,29 +249,19 @@ impl<R: Real> System<R> for Hexahedra<R> {
         dot + tangents.add_product(free, z, w)
     }
 
-    fn preconditioner<'a>(
-        &'a self,
-        params: &'a Params<R>,
-        free: &'a [V4<R>],
-        block: &'a [V4<R>],
-    ) -> Preconditioner<'a, R> {
-        let (modes, layer_of, rotation, frames) =
-            (&self.modes[..], &self.layer_of[..], &self.rotation[..], &self.frames);
+    fn preconditioner<'a>(&'a self, params: &'a Params<R>, free: &'a [V4<R>]) -> Preconditioner<'a, R> {
         match (&self.direct, &self.multigrid) {
             (Some(direct), _) => Box::new(|_, r, z| direct.solve(r, z)),
             (None, Some(multigrid)) => {
-                let steps = &[];
-                let split = (&self.split[..], &self.split_cells[..]);
-                let finest = Operator { params: *params, free, block, steps, modes, layer_of, rotation, frames, split };
-                let levels = multigrid.operators(finest);
+                let levels = multigrid.operators(self.finest(params, free));
                 Box::new(move |work, r, z| {
                     if work.is_empty() {
-                        *work = workspaces(&levels);
+                        *work = workspaces::<R, Cycle>(&levels);
                     }
-                    cycle(&levels, work, r, z)
+                    apply(&levels, work, r, z)
                 })
             }
-            (None, None) => Box::new(move |_, r, z| precondition(params, block, r, z)),
+            (None, None) => Box::new(move |_, r, z| precondition(params, &self.block, r, z)),
         }
     }
 
@@ -309,8 +311,10 @@ impl<R: Real> System<R> for Hexahedra<R> {
         &self.split
     }
 
-    fn tangent_bytes(&self) -> usize {
-        self.tangents.as_ref().map_or(0, |tangents| size_of_val(&tangents.tangent[..]))
+    fn stored_bytes(&self) -> usize {
+        let tangents = self.tangents.as_ref().map_or(0, |tangents| size_of_val(&tangents.tangent[..]));
+        let levels = self.multigrid.as_ref().map_or(0, Hierarchy::bytes);
+        tangents + levels + size_of_val(&self.block[..])
     }
 
     fn newton(&self) -> bool {

@@ -23,7 +23,7 @@ use crate::kernels::prolongation::prolongation;
 use crate::kernels::relax::relax;
 use crate::kernels::restriction::restriction;
 use crate::kernels::split_product::split_product;
-use crate::math::{M3, Real, V4};
+use crate::math::{M3, Real, V3, V4, same, same_mut};
 
 /// Smoothing steps before and after the correction. 2 needs a third more iterations, 4 a fifth fewer; both take the same time in total.
 pub const DEGREE: usize = 3;
@@ -52,6 +52,23 @@ pub fn steps(largest: f64, coarsest: bool) -> Vec<[f64; 2]> {
     if coarsest { chebyshev(largest, COARSEST_SPREAD, COARSEST_DEGREE) } else { chebyshev(largest, SPREAD, DEGREE) }
 }
 
+/// Arrays of a body that the finest level of its multigrid is made of, in the body's precision.
+#[derive(Clone, Copy)]
+pub struct Finest<'a, R> {
+    /// Sizes.
+    pub params: &'a Params<R>,
+    /// `[node]` DOF mask (1 free, 0 fixed) and mass, kg
+    pub free: &'a [V4<R>],
+    /// `[cells_z]` layer
+    pub layer_of: &'a [u32],
+    /// `[cell]` quaternion
+    pub rotation: &'a [V4<R>],
+    /// The same for the product.
+    pub frames: &'a Frames<R>,
+    /// Table of split nodes and the split cells in order of their rows.
+    pub split: (&'a [u32], &'a [u32]),
+}
+
 /// Operator of one level.
 pub struct Operator<'a, R> {
     /// Sizes.
@@ -74,13 +91,12 @@ pub struct Operator<'a, R> {
     pub split: (&'a [u32], &'a [u32]),
 }
 
-/// Arrays of all coarse levels.
-pub struct Hierarchy<R> {
-    steps: Vec<[R; 2]>, // of the finest level
-    coarse: Vec<Coarse<R>>,
+/// Arrays of all levels, finest first, in precision `S`. Those that the body has in the same precision stay empty in the finest.
+pub struct Hierarchy<S> {
+    levels: Vec<Arrays<S>>,
 }
 
-struct Coarse<R> {
+struct Arrays<R> {
     params: Params<R>,
     stiffness: Vec<M3<R>>,
     modes: Vec<Modes<R>>,
@@ -91,66 +107,115 @@ struct Coarse<R> {
     block: Vec<V4<R>>,
 }
 
-impl<R: Real> Hierarchy<R> {
-    /// Levels below a model's grid; `None` if it does not use multigrid.
+impl<S: Real> Hierarchy<S> {
+    /// Levels of a model's grid; `None` if it does not use multigrid.
     pub fn new(model: &Model) -> Option<Self> {
         let multigrid = model.hexahedra().multigrid.as_ref()?;
-        let rounded = |largest: f64, coarsest: bool| steps(largest, coarsest).iter().map(|s| s.map(R::of)).collect();
+        let rounded = |largest: f64, coarsest: bool| steps(largest, coarsest).iter().map(|s| s.map(S::of)).collect();
         let levels = multigrid.coarse.len();
         let of = |(number, level): (usize, &Level)| {
-            let params: Params<R> = level.params(model.params());
-            Coarse {
+            let params: Params<S> = level.params(model.params());
+            Arrays {
                 stiffness: element::blocks(&level.stiffness),
                 modes: element::rounded_modes(&level.stiffness),
                 steps: rounded(level.largest, number + 1 == levels),
-                rotation: vec![[R::zero(); 4]; params.frames()],
+                rotation: vec![[S::zero(); 4]; params.frames()],
                 frames: Frames::default(),
-                free: level.free.iter().map(|f| f.map(R::of)).collect(),
-                block: vec![[R::zero(); 4]; params.node_count as usize * 4],
+                free: level.free.iter().map(|f| f.map(S::of)).collect(),
+                block: vec![[S::zero(); 4]; params.node_count as usize * 4],
                 params,
             }
         };
-        let coarse = multigrid.coarse.iter().enumerate().map(of).collect();
-        Some(Self { steps: rounded(multigrid.largest, levels == 0), coarse })
+        // nodal arrays with room for the reserve
+        let finest = Arrays {
+            stiffness: model.system_blocks(),
+            modes: model.modes(),
+            steps: rounded(multigrid.largest, levels == 0),
+            rotation: vec![],
+            frames: Frames::default(),
+            free: vec![],
+            block: Vec::with_capacity(4 * model.node_count()),
+            params: model.params(),
+        };
+        Some(Self { levels: std::iter::once(finest).chain(multigrid.coarse.iter().enumerate().map(of)).collect() })
     }
 
-    /// Updates rotations and factored columns of the coarse levels from the finest level's rotations.
-    pub fn refresh(&mut self, params: &Params<R>, layer_of: &[u32], rotation: &[V4<R>]) {
+    /// Updates all levels from a body's arrays: rotations and factored columns.
+    pub fn refresh<R: Real>(&mut self, of: Finest<R>) {
+        let (finest, coarse) = self.levels.split_at_mut(1);
+        let finest = &mut finest[0];
+        finest.params = of.params.rounded();
+        // copies in another precision
+        if same::<R, S>(of.free).is_none() {
+            replace(&mut finest.free, of.free);
+            replace(&mut finest.rotation, of.rotation);
+            finest.frames.update(&finest.params, &finest.rotation, of.split.0);
+        }
+        let Arrays { params, stiffness, block, free, rotation, .. } = finest;
+        let (free, rotation) = (same(of.free).unwrap_or(free), same(of.rotation).unwrap_or(rotation));
+        block.resize(4 * params.node_count as usize, [S::zero(); 4]);
+        blocks(params, stiffness, of.layer_of, rotation, free, of.split.0, block);
+        factor(params, block);
         let mut finer = (*params, rotation);
-        for level in &mut self.coarse {
+        for level in coarse {
             coarsen(&finer.0, finer.1, &mut level.rotation);
             level.frames.update(&level.params, &level.rotation, &[]);
-            blocks(&level.params, &level.stiffness, layer_of, &level.rotation, &level.free, &[], &mut level.block);
+            blocks(&level.params, &level.stiffness, of.layer_of, &level.rotation, &level.free, &[], &mut level.block);
             factor(&level.params, &mut level.block);
             finer = (level.params, &level.rotation);
         }
     }
 
-    /// Operators of all levels, finest first; `finest` is given by the caller without its `steps`.
-    pub fn operators<'a>(&'a self, finest: Operator<'a, R>) -> Vec<Operator<'a, R>> {
-        let layer_of = finest.layer_of;
-        let coarse = self.coarse.iter().map(|c| Operator {
-            params: c.params,
-            free: &c.free,
-            block: &c.block,
-            steps: &c.steps,
-            modes: &c.modes,
-            layer_of,
-            rotation: &c.rotation,
-            frames: &c.frames,
-            split: (&[], &[]),
-        });
-        std::iter::once(Operator { steps: &self.steps, ..finest }).chain(coarse).collect()
+    /// Operators of all levels, finest first, after [`Hierarchy::refresh`] with the same arrays.
+    pub fn operators<'a, R: Real>(&'a self, of: Finest<'a, R>) -> Vec<Operator<'a, S>> {
+        let mut operators: Vec<Operator<S>> = self.levels.iter().map(|level| level.operator(of.layer_of)).collect();
+        let finest = &mut operators[0];
+        finest.free = same(of.free).unwrap_or(finest.free);
+        finest.rotation = same(of.rotation).unwrap_or(finest.rotation);
+        finest.frames = of.frames.same().unwrap_or(finest.frames);
+        finest.split = of.split;
+        operators
+    }
+
+    /// Size, bytes.
+    pub fn bytes(&self) -> usize {
+        let of = |level: &Arrays<S>| {
+            let arrays = [&level.rotation, &level.free, &level.block];
+            arrays.iter().map(|a| a.capacity() * size_of::<V4<S>>()).sum::<usize>() + level.frames.bytes()
+        };
+        self.levels.iter().map(of).sum()
     }
 }
 
-/// Zeroed work vectors for each level; the finest level has no `r` and `z` of its own.
-pub fn workspaces<R: Real>(levels: &[Operator<R>]) -> Vec<LevelWork<R>> {
-    let of = |(number, level): (usize, &Operator<R>)| {
-        let zeros = |count: usize| vec![[R::zero(); 4]; count];
+impl<S: Real> Arrays<S> {
+    fn operator<'a>(&'a self, layer_of: &'a [u32]) -> Operator<'a, S> {
+        Operator {
+            params: self.params,
+            free: &self.free,
+            block: &self.block,
+            steps: &self.steps,
+            modes: &self.modes,
+            layer_of,
+            rotation: &self.rotation,
+            frames: &self.frames,
+            split: (&[], &[]),
+        }
+    }
+}
+
+/// Replaces an array by one in another precision.
+fn replace<R: Real, S: Real>(to: &mut Vec<V4<S>>, from: &[V4<R>]) {
+    to.clear();
+    to.extend(from.iter().map(|v| v.map(|c| S::of(c.f64()))));
+}
+
+/// Zeroed work vectors for each level, for vectors in precision `R`; in the same precision the finest level has no `r` and `z` of its own.
+pub fn workspaces<R: Real, S: Real>(levels: &[Operator<S>]) -> Vec<LevelWork<S>> {
+    let of = |(number, level): (usize, &Operator<S>)| {
+        let zeros = |count: usize| vec![[S::zero(); 4]; count];
         let count = level.params.node_count as usize;
-        let kept = if number == 0 { 0 } else { count };
-        let scratch = vec![[[[R::zero(); LANES]; 3]; 8]; cell_groups(&level.params)];
+        let kept = if number == 0 && R::NAME == S::NAME { 0 } else { count };
+        let scratch = vec![[[[S::zero(); LANES]; 3]; 8]; cell_groups(&level.params)];
         LevelWork { scratch, r: zeros(kept), z: zeros(kept), d: zeros(count), w: zeros(count) }
     };
     levels.iter().enumerate().map(of).collect()
@@ -182,8 +247,25 @@ impl<R: Real> Operator<'_, R> {
     }
 }
 
+/// `z = M⁻¹ r` by one V-cycle in precision `S` for vectors in precision `R`; returns `r·z`.
+pub fn apply<R: Real, S: Real>(levels: &[Operator<S>], work: &mut [LevelWork<S>], r: &[V4<R>], z: &mut [V4<R>]) -> R {
+    if let (Some(r), Some(z)) = (same(r), same_mut(z)) {
+        return R::of(cycle(levels, work, r, z).f64());
+    }
+    let (mut own_r, mut own_z) = (std::mem::take(&mut work[0].r), std::mem::take(&mut work[0].z));
+    own_r.iter_mut().zip(r).for_each(|(to, from)| *to = from.map(|c| S::of(c.f64())));
+    cycle(levels, work, &own_r, &mut own_z);
+    let mut gamma = R::zero();
+    for ((z, own), r) in z.iter_mut().zip(&own_z).zip(r) {
+        *z = own.map(|c| R::of(c.f64()));
+        gamma += V3::from4(*r).dot(V3::from4(*z));
+    }
+    (work[0].r, work[0].z) = (own_r, own_z);
+    gamma
+}
+
 /// `z = M⁻¹ r` by one V-cycle over levels, finest first; returns `r·z`.
-pub fn cycle<R: Real>(levels: &[Operator<R>], work: &mut [LevelWork<R>], r: &[V4<R>], z: &mut [V4<R>]) -> R {
+fn cycle<R: Real>(levels: &[Operator<R>], work: &mut [LevelWork<R>], r: &[V4<R>], z: &mut [V4<R>]) -> R {
     let (own, coarser) = (&levels[0], &levels[1..]);
     let (here, below) = work.split_at_mut(1);
     let here = &mut here[0];

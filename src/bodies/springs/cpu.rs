@@ -15,6 +15,7 @@ pub struct Springs<R> {
     half: Vec<[u32; 2]>,
     law: Vec<V4<R>>,
     tangent: Vec<V4<R>>, // [half spring × 2], at the start of the step
+    block: Vec<V4<R>>,   // [node × 4] inverse of the node's block
 }
 
 impl<R: Real> Springs<R> {
@@ -26,6 +27,7 @@ impl<R: Real> Springs<R> {
             half: springs.half.clone(),
             law: springs.law.iter().map(round).collect(),
             tangent: vec![[R::zero(); 4]; springs.half.len() * 2],
+            block: vec![],
         }
     }
 }
@@ -47,22 +49,24 @@ impl<R: Real> System<R> for Springs<R> {
         springs_blocks::springs_blocks(params, &self.first, &self.half, &self.tangent, free, out);
     }
 
-    fn refresh(&mut self, params: &Params<R>, free: &[V4<R>], block: &mut [V4<R>]) {
-        self.blocks(params, free, block);
-        factor::factor(params, block);
+    fn refresh(&mut self, params: &Params<R>, free: &[V4<R>]) {
+        let mut block = std::mem::take(&mut self.block);
+        block.resize(4 * params.node_count as usize, [R::zero(); 4]);
+        self.blocks(params, free, &mut block);
+        factor::factor(params, &mut block);
+        self.block = block;
     }
 
     fn product(&self, params: &Params<R>, free: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>], _: &mut [CellForces<R>]) -> R {
         springs_product::springs_product(params, &self.first, &self.half, &self.tangent, free, z, w)
     }
 
-    fn preconditioner<'a>(
-        &'a self,
-        params: &'a Params<R>,
-        _: &'a [V4<R>],
-        block: &'a [V4<R>],
-    ) -> Preconditioner<'a, R> {
-        Box::new(move |_, r, z| precondition(params, block, r, z))
+    fn preconditioner<'a>(&'a self, params: &'a Params<R>, _: &'a [V4<R>]) -> Preconditioner<'a, R> {
+        Box::new(move |_, r, z| precondition(params, &self.block, r, z))
+    }
+
+    fn stored_bytes(&self) -> usize {
+        size_of_val(&self.tangent[..]) + size_of_val(&self.block[..])
     }
 
     fn workspace(&self, _: &Params<R>) -> Workspace<R> {
