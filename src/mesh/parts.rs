@@ -12,10 +12,9 @@
 //! the lower one gets a duplicate without a neighbour at the next z-level, which is smoothed alone. Skin has its thin stiff layers on top,
 //! where the coupling between z-levels matters most; with the opposite choice an undermined patch took three times as many iterations.
 //!
-//! A link whose cut would set free a piece of fewer than [`FRAGMENT`] cells, or leave a cell on a single link, holds. Cuts that cross leave
-//! such crumbs between the steps of the grid, which no tissue has: too small to move as bodies, and so light (0.2 mg a cell) that what a
-//! solve leaves over throws them out of the wound. A flat cell that hangs by one face and is drawn is up to 60 times as stiff against its
-//! torsion as its linearisation says, and swings up from step to step.
+//! A link whose cut would set free a piece of fewer than [`FRAGMENT`] cells holds. Cuts that cross leave such crumbs between the steps of the
+//! grid, which no tissue has: too small to move as bodies, and so light (0.2 mg a cell) that what a solve leaves over throws them out of the
+//! wound.
 //!
 //! Crossed links store the position of the crossing. A corner of the wound lies at the mean of the crossings around it, which gives a
 //! smooth wound in a grid of boxes.
@@ -196,7 +195,7 @@ impl Parts {
                 continue;
             }
             self.severed[cell] |= 1 << axis;
-            if [cell, beyond].into_iter().any(|cell| self.is_fragment(cell) || self.hangs(cell)) {
+            if [cell, beyond].into_iter().any(|cell| self.is_fragment(cell)) {
                 self.severed[cell] &= !(1 << axis);
                 change.holding += 1;
                 continue;
@@ -404,14 +403,6 @@ impl Parts {
             next += 1;
         }
         piece.len() < FRAGMENT
-    }
-
-    /// Whether a cell hangs on a single link, which one of a row of cells may.
-    fn hangs(&self, cell: usize) -> bool {
-        let at = self.params.cell_at(cell);
-        let cells = [self.params.cells_x, self.params.cells_y, self.params.cells_z];
-        let uncut: usize = (0..3).map(|n| usize::from(at[n] > 0) + usize::from(at[n] + 1 < cells[n] as usize)).sum();
-        uncut > 2 && self.linked(cell).count() < 2
     }
 
     /// Number of connected pieces of the remaining cells.
