@@ -296,7 +296,7 @@ pub struct CutReport {
     pub springs_removed: usize,
     /// Severed links between hexahedra.
     pub links_severed: usize,
-    /// Crossings of links that stay intact because they alone hold a cell, or a piece of fewer than 8 cells.
+    /// Crossings of links that stay intact because they alone hold a piece of fewer than 8 cells.
     pub links_held: usize,
     /// Duplicated nodes.
     pub node_copies: usize,
