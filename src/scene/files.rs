@@ -1,10 +1,10 @@
-//! Files named by a scene: meshes (Wavefront OBJ) and trajectories (CSV).
+//! Files named by a scene, and the trajectories (CSV) among them.
 
+use super::Pose;
 use super::diagnose::shorten;
 use super::invalid::{Invalid, Location, Result};
 use super::raw::At;
 use super::text::{MM, SceneText};
-use super::{Pose, ToolMesh};
 use crate::math::elementary::hypot;
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -55,51 +55,6 @@ impl Files {
             Err(reason) => Err(Invalid::File { at: scene.location(name.span()), key, path, reason, fix }),
         }
     }
-}
-
-/// Triangles of all objects in an OBJ text; `unit` is one unit of the file in m. Polygons become triangle fans.
-pub(super) fn mesh(text: &str, path: &Path, unit: f64) -> Result<ToolMesh> {
-    let options =
-        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
-    let loaded = tobj::load_obj_buf(&mut bare(text).as_bytes(), &options, no_materials);
-    let (models, _) = loaded.map_err(|error| Invalid::Mesh { path: path.to_path_buf(), problem: error.to_string() })?;
-    let loaded = models.into_iter().next().filter(|model| !model.mesh.indices.is_empty());
-    let loaded = loaded.ok_or_else(|| Invalid::MeshEmpty { path: path.to_path_buf() })?;
-    let vertices = loaded.mesh.positions.as_chunks::<3>().0.iter().enumerate();
-    let positions = vertices.map(|(i, vertex)| {
-        let position = vertex.map(f64::from);
-        let si = position.map(|coordinate| coordinate * unit);
-        let finite = si.iter().all(|coordinate| coordinate.is_finite());
-        finite.then_some(si).ok_or_else(|| Invalid::MeshVertex { path: path.to_path_buf(), vertex: i + 1, position })
-    });
-    Ok(ToolMesh {
-        positions: positions.collect::<Result<_>>()?,
-        triangles: loaded.mesh.indices.as_chunks::<3>().0.to_vec(),
-    })
-}
-
-/// The vertices and faces of an OBJ text, as one object, without texture and normal indices: these are unused, and tobj 4.0.5 panics if
-/// they are out of range.
-fn bare(text: &str) -> String {
-    let mut bare = String::with_capacity(text.len());
-    for line in text.lines() {
-        let mut words = line.split_whitespace();
-        match words.next() {
-            Some("v") => bare.push_str(line),
-            Some("f") => {
-                bare.push('f');
-                for corner in words {
-                    bare.push(' ');
-                    let vertex = corner.split('/').next().filter(|vertex| !vertex.is_empty());
-                    bare.push_str(vertex.unwrap_or("missing"));
-                }
-            }
-            _ => continue,
-        }
-        bare.push('\n');
-    }
-    bare
 }
 
 /// Samples of a hand path, at least one, in ascending order of times, quaternions of length 1. Blank lines are skipped.

@@ -535,21 +535,21 @@ pub enum Invalid {
         found: usize,
     },
 
-    /// A vertex of a tool's lines without three numbers.
-    #[error("{at}: `{found}`; wanted `v` and three finite numbers; mend the line, or export the lines again")]
-    LinesNumber {
+    /// A vertex without three numbers.
+    #[error("{at}: `{found}`; wanted `v` and three finite numbers; mend the line, or export the file again")]
+    ObjNumber {
         /// The `v` line.
         at: Location,
         /// The line.
         found: String,
     },
 
-    /// An index of a tool's lines without a vertex.
+    /// An index without a vertex.
     #[error(
         "{at}: `{found}` is no vertex; {count} `v` lines stand above, so wanted 1 to {count}, or -{count} to -1; mend the index, or move the vertices up"
     )]
-    LinesIndex {
-        /// The `l` or `p` line.
+    ObjIndex {
+        /// The `f`, `l` or `p` line.
         at: Location,
         /// The index found.
         found: String,
@@ -557,13 +557,26 @@ pub enum Invalid {
         count: usize,
     },
 
-    /// A line with one end only.
-    #[error("{at}: the line has {found} vertices; wanted at least two; add one, or write `p` for a point")]
-    LinesLone {
-        /// The `l` line.
+    /// A face, a line or a point without enough vertices.
+    #[error(
+        "{at}: `{found}`; wanted at least {wanted} vertices (`f` for faces, `l` for lines, `p` for points); add some, or remove the line"
+    )]
+    ObjShort {
+        /// The line.
         at: Location,
-        /// Vertices found.
-        found: usize,
+        /// Its text.
+        found: String,
+        /// Fewest vertices.
+        wanted: usize,
+    },
+
+    /// A vertex beyond the range of f32.
+    #[error("{at}: `{found}`; in metres that exceeds the range of f32; mend the line, or mesh_unit_mm of the scene")]
+    ObjFar {
+        /// The `v` line.
+        at: Location,
+        /// The line.
+        found: String,
     },
 
     /// A segment of zero length.
@@ -577,19 +590,6 @@ pub enum Invalid {
         a: usize,
         /// The other one.
         b: usize,
-    },
-
-    /// A vertex of a tool's lines beyond the range of f32.
-    #[error(
-        "{at}: vertex {vertex} is at {position:?}; in metres that exceeds the range of f32; mend its `v` line or mesh_unit_mm of the scene"
-    )]
-    LinesVertex {
-        /// The line that names it.
-        at: Location,
-        /// From 1.
-        vertex: usize,
-        /// Coordinates, in units of the file.
-        position: [f64; 3],
     },
 
     /// A file without points and lines.
@@ -647,33 +647,11 @@ pub enum Invalid {
         fix: &'static str,
     },
 
-    /// A mesh that is not Wavefront OBJ.
-    #[error("{path}: not a readable OBJ mesh ({problem}); export the tool again as Wavefront OBJ")]
-    Mesh {
-        /// The mesh.
-        path: PathBuf,
-        /// The reader's words.
-        problem: String,
-    },
-
     /// A mesh without triangles.
     #[error("{path}: the mesh has no triangles; wanted at least one face (a line `f 1 2 3`); export it with its faces")]
     MeshEmpty {
         /// The mesh.
         path: PathBuf,
-    },
-
-    /// A vertex at no finite position.
-    #[error(
-        "{path}: vertex {vertex} is at {position:?}; wanted finite coordinates; mend its `v` line or mesh_unit_mm of the scene"
-    )]
-    MeshVertex {
-        /// The mesh.
-        path: PathBuf,
-        /// Vertex in order of first use by a face, from 1.
-        vertex: usize,
-        /// Coordinates, in units of the file.
-        position: [f64; 3],
     },
 
     /// A trajectory without samples.

@@ -18,6 +18,7 @@ pub mod keys;
 mod lines;
 mod loads;
 mod notes;
+mod obj;
 mod outputs;
 mod raw;
 mod read;

@@ -1,9 +1,10 @@
 //! Tools and contact of a scene file.
 
 use super::devices::device;
-use super::files::{Files, mesh, trajectory};
+use super::files::{Files, trajectory};
 use super::invalid::{Invalid, Result};
 use super::lines::{angle_cone, filter, lines};
+use super::obj::Obj;
 use super::raw::{self, At, Table};
 use super::round::{path, round};
 use super::text::{
@@ -101,7 +102,7 @@ fn loaded(scene: &SceneText, files: &Files, raw: &raw::Tool, table: Range<usize>
     let why = "a tool without a `round` table has no shape of its own to be drawn";
     let name = scene.required("mesh", raw.mesh.as_ref(), table, why)?;
     let (path, text) = files.text(scene, "mesh", name)?;
-    mesh(&text, &path, unit)
+    Obj::read(&text, &path)?.triangles(unit)
 }
 
 /// Hand path of a tool, from its file or from the scene.
