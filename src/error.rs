@@ -59,15 +59,20 @@ impl Error {
             Self::Gpu(gpu::Failed::TooLarge { .. }) => 2,
             Self::Gpu(_) => 1,
             Self::Step(step::Refused::NonFinite { .. } | step::Refused::NoBalance { .. })
-            | Self::Run(runner::Refused::Threads { .. }) => 1,
+            | Self::Run(runner::Refused::Threads { .. } | runner::Refused::Interrupted) => 1,
             #[cfg(feature = "haply")]
             Self::Haply(
                 haply::Refused::Nobody { .. } | haply::Refused::NoService { .. } | haply::Refused::Port { .. },
             ) => 1,
             #[cfg(feature = "program")]
-            Self::Picture(_) | Self::Report(report::Refused::Plot { .. }) => 1,
+            Self::Picture(_)
+            | Self::Report(
+                report::Refused::Plot { .. } | report::Refused::Locked { .. } | report::Refused::Foreign { .. },
+            ) => 1,
             #[cfg(feature = "program")]
-            Self::Output(output::Failed::Write { .. } | output::Failed::Vtk { .. }) => 1,
+            Self::Output(output::Failed::TableUnfit { .. }) => 2,
+            #[cfg(feature = "program")]
+            Self::Output(_) => 1,
             _ => 2,
         }
     }

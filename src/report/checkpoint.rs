@@ -9,6 +9,7 @@
 
 use super::collect::Collected;
 use super::files::{CHECKPOINT, Written};
+use super::listing::Listing;
 use super::{CheckpointUnfit as Unfit, Refused};
 use crate::error::Result;
 use crate::output::{Failed, TableMark, checksum, replace};
@@ -56,9 +57,9 @@ pub(super) fn identity(scene: &Scene, platform: &Platform) -> Identity {
     Identity { title: scene.title.clone(), scene: scene_sum, platform: platform.backend_and_precision().join(" ") }
 }
 
-/// Writes a checkpoint to a folder, replacing the last one.
-pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
-    let path = folder.join(CHECKPOINT);
+/// Writes a checkpoint to its folder, replacing the last one.
+pub(super) fn write(checkpoint: &Checkpoint, listing: &mut Listing) -> Result<()> {
+    let path = listing.add(CHECKPOINT)?;
     let failed = |e: postcard::Error| Failed::Write { path: path.clone(), source: std::io::Error::other(e) };
     let bytes = postcard::to_stdvec(checkpoint).map_err(failed)?;
     let mut file = Vec::with_capacity(HEADER + bytes.len());

@@ -33,6 +33,24 @@ pub enum Refused {
         unfit: CheckpointUnfit,
     },
 
+    /// Folder that another command writes to.
+    #[error("{}: another run writes there; wait for its end, or choose another folder with --out", path.display())]
+    Locked {
+        /// The folder.
+        path: PathBuf,
+    },
+
+    /// Something that this program has not written, under the name of a result.
+    #[error(
+        "{}: stands where a result goes, and is not on the folder's list of files that cutis has written (cutis-files.txt); move it away, or \
+         choose another folder with --out",
+        path.display()
+    )]
+    Foreign {
+        /// The file.
+        path: PathBuf,
+    },
+
     /// Check on an unknown key.
     #[error(
         "{}: [check] names `{key}`, which is no number of the report; name one of {known}, warnings.NAME or probes.NAME",

@@ -2,14 +2,17 @@
 
 use super::checkpoint::{self, Checkpoint, Identity};
 use super::collect::Collector;
-use super::files::Folder;
+use super::files::{self, Folder};
 use super::haptics::{self, HapticFiles};
+use super::listing::Listing;
 use super::{Refused, Report, check};
 use crate::error::{Error, Result};
 use crate::runner::{Clock, Runner};
 use crate::scene::{BodyId, Scene};
 use crate::step::{Platform, Simulation, StepReport};
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Options of a run.
 #[derive(Clone, Debug)]
@@ -28,19 +31,31 @@ pub struct Options {
     pub checkpoint: Option<u32>,
     /// Checkpoint to resume from; its run had the same folder.
     pub resume: Option<PathBuf>,
+    /// Once set, the run ends with [`Interrupted`](crate::runner::Refused::Interrupted); its end sets it too.
+    pub interrupt: Arc<AtomicBool>,
 }
 
 impl Options {
     /// Options of a whole run by the scene's clock.
     pub fn new(platform: Platform, out: impl Into<PathBuf>) -> Self {
         let out = out.into();
-        Self { platform, steps: None, out, realtime: false, record: false, checkpoint: None, resume: None }
+        let interrupt = Arc::default();
+        Self { platform, steps: None, out, realtime: false, record: false, checkpoint: None, resume: None, interrupt }
     }
 
     /// The checkpoint to resume from, if any.
     fn resumed(&self, scene: &Scene) -> Result<Option<Checkpoint>> {
         let steps = self.steps.unwrap_or(scene.time.steps());
         self.resume.as_ref().map(|file| checkpoint::read(file, scene, &self.platform, steps)).transpose()
+    }
+
+    /// Opens the folder of the results and tries the names of all of them.
+    fn folder(&self, scene: &Scene) -> Result<Listing> {
+        let recordings: Vec<String> = match self.record {
+            true => scene.tools.iter().map(haptics::recording).collect(),
+            false => vec![],
+        };
+        files::open(&self.out, scene.view.frames.min(self.steps.unwrap_or(scene.time.steps())), &recordings)
     }
 
     /// Refuses options that exclude each other.
@@ -97,9 +112,10 @@ pub struct Summary {
 pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)) -> Result<Summary> {
     check::known(scene)?;
     options.check()?;
-    // refuse before a device is opened or a file touched
+    // refuse before anything is computed, a device opened or a file touched
     let resumed = options.resumed(scene)?;
-    run_from(scene, options, Simulation::new(scene, &options.platform)?, resumed, progress)
+    let listing = options.folder(scene)?;
+    run_from(scene, options, Simulation::new(scene, &options.platform)?, resumed, listing, progress)
 }
 
 /// The same with an existing simulation at its start.
@@ -114,7 +130,7 @@ pub fn run_prepared(
 ) -> Result<Summary> {
     options.check()?;
     let resumed = options.resumed(scene)?;
-    run_from(scene, options, simulation, resumed, progress)
+    run_from(scene, options, simulation, resumed, options.folder(scene)?, progress)
 }
 
 fn run_from(
@@ -122,19 +138,21 @@ fn run_from(
     options: &Options,
     simulation: Simulation,
     resumed: Option<Checkpoint>,
+    listing: Listing,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary> {
     let steps = options.steps.unwrap_or(scene.time.steps());
     let clock = if options.realtime { Clock::Wall } else { Clock::Scene };
     let mut collector = Collector::new(scene, &simulation);
     let mut runner = Runner::new(scene, simulation, clock);
+    runner.interrupt_by(options.interrupt.clone());
     // start the folder's files, or continue those of the checkpoint
     let (folder, haptic, last) = match resumed {
         None => {
-            let folder = Folder::create(&options.out, scene)?;
+            let mut folder = Folder::create(listing, scene)?;
             let rows = runner.start(options.record)?;
             let haptic = match runner.haptic() {
-                Some(_) => HapticFiles::create(&options.out, scene, rows)?,
+                Some(_) => HapticFiles::create(&mut folder.listing, scene, rows)?,
                 None => HapticFiles::default(),
             };
             (folder, haptic, vec![])
@@ -145,7 +163,7 @@ fn run_from(
             HapticFiles::verify(&options.out, checkpoint.ticks)?;
             runner.restore(&checkpoint.runner)?;
             collector.resume(checkpoint.collected);
-            let folder = Folder::reopen(&options.out, scene, &checkpoint.files)?;
+            let folder = Folder::reopen(listing, scene, &checkpoint.files)?;
             (folder, HapticFiles::reopen(&options.out, checkpoint.ticks)?, checkpoint.last)
         }
     };
@@ -202,6 +220,8 @@ impl Running<'_> {
             let report = self.report();
             self.folder.write_report(&report)?;
         }
+        let report = self.report();
+        self.folder.reserve(&report)?;
         let frames = u64::from(self.scene.view.frames.min(steps));
         // picture k of F shows the end of step k·steps/F, rounded up
         let pictures = |n: u32| u64::from(n) * frames / u64::from(steps);
@@ -222,7 +242,7 @@ impl Running<'_> {
             }
             if self.options.checkpoint.is_some_and(|every| number.is_multiple_of(every)) {
                 let checkpoint = self.checkpoint()?;
-                checkpoint::write(&checkpoint, &self.options.out)?;
+                checkpoint::write(&checkpoint, &mut self.folder.listing)?;
             }
         }
         let Self { runner, haptic, .. } = self;
@@ -266,6 +286,8 @@ impl Running<'_> {
         let Self { runner, haptic, .. } = self;
         drop(runner.stop(&mut |tool, record| haptic.add(tool, record)));
         let report = Report { error: error.to_string(), ..self.report() };
+        // the report comes first: what the tables have left may fill the room that it was kept
+        drop(self.folder.release());
         drop(self.folder.write_report(&report));
         drop(self.haptic.finish());
         drop(self.folder.flush());

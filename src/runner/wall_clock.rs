@@ -19,6 +19,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
+/// Longest wait between two looks at `stop`, s: a run that is interrupted ends at once for whoever waits for it.
+const SLICE: f64 = 0.02;
+
 type Ended = (Timing, Felt, Result<()>);
 
 /// All devices, running.
@@ -44,11 +47,16 @@ struct Thread {
 }
 
 impl WallClock {
-    /// Starts the device threads; none if no hand holds a tool.
-    pub fn start(scene: &Scene, simulation: &Simulation, channels: Vec<Channel>) -> Result<Self> {
+    /// Starts the device threads, which end with `stop`; none if no hand holds a tool.
+    pub fn start(
+        scene: &Scene,
+        simulation: &Simulation,
+        channels: Vec<Channel>,
+        stop: Arc<AtomicBool>,
+    ) -> Result<Self> {
         let mut clock = Self {
             threads: vec![],
-            stop: Arc::new(AtomicBool::new(false)),
+            stop,
             start: Instant::now(),
             rate: scene.haptic.rate,
             late_steps: 0,
@@ -78,13 +86,16 @@ impl WallClock {
         self.pausing.get_or_insert_with(Instant::now);
     }
 
-    /// Waits until the step from `begin` to `end` (scene time, s) may start; moves the tools to their hands.
+    /// Waits until the step from `begin` to `end` (scene time, s) may start, or until `stop`; moves the tools to their hands.
     pub fn before_step(&mut self, simulation: &mut Simulation, begin: f64, end: f64) {
         self.paused += self.pausing.take().map_or(0.0, |since| since.elapsed().as_secs_f64());
         let due = begin + self.paused;
-        let left = due - self.start.elapsed().as_secs_f64();
-        if left > 0.0 {
-            sleep(Duration::from_secs_f64(left));
+        while !self.stop.load(Ordering::Acquire) {
+            let left = due - self.start.elapsed().as_secs_f64();
+            if left <= 0.0 {
+                break;
+            }
+            sleep(Duration::from_secs_f64(left.min(SLICE)));
         }
         self.seen = self.start.elapsed().as_secs_f64();
         self.late_steps += u64::from(self.seen > due + 1.0 / self.rate);

@@ -80,6 +80,12 @@ fn left(folder: &Path) -> Result<Vec<(String, Vec<u8>)>, String> {
             ["wall_s", "step_ms", "costs"].iter().for_each(|key| drop(keys.remove(*key)));
             bytes = report.to_string().into_bytes();
         }
+        if path.ends_with("cutis-files.txt") {
+            let text = String::from_utf8(bytes).map_err(|e| e.to_string())?;
+            let mut names: Vec<&str> = text.lines().collect();
+            names.sort_unstable();
+            bytes = names.join("\n").into_bytes();
+        }
         out.push((path.strip_prefix(folder).map_err(|e| e.to_string())?.display().to_string(), bytes));
     }
     Ok(out)
