@@ -85,7 +85,7 @@ pub struct Run {
     #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "seconds", value_parser = clap::value_parser!(u32).range(1..))]
     pub steps: Option<u32>,
     /// Stop after T seconds of the scene
-    #[arg(long, value_name = "T", allow_negative_numbers = true, value_parser = positive)]
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = positive)]
     pub seconds: Option<f64>,
     /// Pace the steps by the wall clock, with a 1 kHz thread for each device; pictures take time, so think of --frames 0
     #[arg(long)]
@@ -119,7 +119,7 @@ pub struct Run {
 #[derive(Args, Clone, Debug)]
 pub struct Solver {
     /// Residual of a solve, relative to the step's load
-    #[arg(long, value_name = "R", allow_negative_numbers = true, value_parser = fraction)]
+    #[arg(long, value_name = "R", allow_hyphen_values = true, value_parser = fraction)]
     pub tolerance: Option<f64>,
     /// Most iterations of a solve; beyond, the step counts as not converged
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
@@ -160,7 +160,7 @@ pub struct Study {
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: u32,
     /// Stop a run after so many seconds; its errors are then not known (what others are measured against runs to its end)
-    #[arg(long, value_name = "T", allow_negative_numbers = true, default_value = "60", value_parser = positive)]
+    #[arg(long, value_name = "T", allow_hyphen_values = true, default_value = "60", value_parser = positive)]
     pub limit: f64,
     /// Folder of study.csv, study.md and study.svg
     #[arg(long, value_name = "DIR", default_value = "out")]

@@ -11,6 +11,7 @@ mod usage;
 
 use args::{Backend, Cli, Command, Precision, Run};
 use cutis::error::Error;
+use cutis::report::memory::{self, Purpose};
 use cutis::report::{check, compare, inspect, run, study, verify};
 use cutis::runner;
 use cutis::scene::{self, Preconditioner, Scene};
@@ -71,7 +72,7 @@ fn run_scene(args: &Run) -> Result<u8> {
     solver.max_iterations = args.solver.iterations.unwrap_or(solver.max_iterations);
     solver.preconditioner = args.solver.preconditioner.map_or(solver.preconditioner, Into::into);
     scene.view.frames = args.frames.unwrap_or(scene.view.frames);
-    let of_time = args.seconds.map(|t| (t / scene.time.step).round().max(1.0) as u32);
+    let of_time = args.seconds.map(|seconds| steps_of(seconds, scene.time.step)).transpose()?;
     // haptic threads need a core of their own
     if args.realtime {
         runner::leave_a_core()?;
@@ -124,6 +125,12 @@ fn run_scene(args: &Run) -> Result<u8> {
     Ok(if summary.failures.is_empty() { 0 } else { FAILED })
 }
 
+/// Number of steps in a time, at least one.
+fn steps_of(seconds: f64, step: f64) -> Result<u32> {
+    let steps = (seconds / step).round().max(1.0);
+    if steps > f64::from(u32::MAX) { Err(Refused::Seconds { seconds, steps }) } else { Ok(steps as u32) }
+}
+
 /// Prints the notes on a scene.
 fn note(scene: &Scene) {
     scene.notes().iter().for_each(|note| print::note(format_args!("note: {note}")));
@@ -167,6 +174,7 @@ fn note_software(adapter: Option<&str>) {
 }
 
 fn compare_paths(args: &args::Compare) -> Result<u8> {
+    runner::take_all_cores()?;
     let scene = read(args.scene.as_ref())?;
     note_software(args.adapter.as_deref());
     let result = compare::compare(&scene, args.adapter.as_deref(), args.steps, &mut |stage| print::note(stage))?;
@@ -189,6 +197,7 @@ fn compare_paths(args: &args::Compare) -> Result<u8> {
 }
 
 fn study_scene(args: &args::Study) -> Result<u8> {
+    runner::take_all_cores()?;
     let scene = read(args.scene.as_ref())?;
     let gpu = match &args.adapter {
         Some(text) => Some(Platform::Gpu(Some(text.clone()))),
@@ -232,6 +241,7 @@ fn verify_answers(args: &args::Verify) -> Result<u8> {
 }
 
 fn inspect_scene(args: &args::Inspect) -> Result<u8> {
+    runner::take_all_cores()?;
     let scene = read(args.scene.as_ref())?;
     let plan = inspect::inspect(&scene)?;
     note(&scene);
@@ -247,6 +257,7 @@ fn check_scenes(args: &args::Check) -> Result<u8> {
     let read = |path: &PathBuf| -> Result<Scene> {
         let scene = scene::read(path)?;
         check::known(&scene)?;
+        memory::fits(&scene, Purpose::Single)?;
         Ok(scene)
     };
     let mut worst = 0;

@@ -21,11 +21,32 @@ pub enum Refused {
         error: clap::Error,
     },
 
+    /// Word that is neither a command nor a file.
+    #[error(
+        "there is no command and no scene file `{word}`; {}`cutis --help` lists the commands",
+        nearest.as_ref().map(|nearest| format!("did you mean `cutis {nearest}`? ")).unwrap_or_default()
+    )]
+    NoCommand {
+        /// The word.
+        word: String,
+        /// The nearest command, if one is near.
+        nearest: Option<String>,
+    },
+
     /// Options of a command in front of it.
     #[error("options stand before the command `{command}`; write them behind it: cutis {command} …")]
     OptionBeforeCommand {
         /// The command.
         command: String,
+    },
+
+    /// Time of more steps than are counted.
+    #[error("--seconds {seconds} is {steps:.3e} steps of this scene; at most {} are counted; ask for less", u32::MAX)]
+    Seconds {
+        /// s
+        seconds: f64,
+        /// Number of steps.
+        steps: f64,
     },
 
     /// Standard output that takes no more.

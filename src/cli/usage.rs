@@ -5,16 +5,20 @@ use super::print;
 use super::refused::{Refused, Result};
 use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser};
+use cutis::scene::nearest;
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
 
 /// Arguments of the program; none where help or version was asked for, which is printed here.
 pub fn read(words: &[OsString]) -> Result<Option<Cli>> {
     if let Some(word) = words.get(1)
-        && looks_like_command(word)
-        && let Some(error) = unknown_command(word)
+        && is_neither_scene_nor_option(word)
+        && !commands().iter().any(|command| word == command.as_str())
     {
-        return Err(Refused::Usage { error });
+        let known = commands();
+        let word = word.to_string_lossy().into_owned();
+        let known: Vec<&str> = known.iter().map(String::as_str).collect();
+        return Err(Refused::NoCommand { nearest: nearest(&word, &known).map(String::from), word });
     }
     match Cli::try_parse_from(words) {
         Ok(cli) => Ok(Some(cli)),
@@ -28,23 +32,18 @@ pub fn read(words: &[OsString]) -> Result<Option<Cli>> {
     }
 }
 
-/// Neither an option nor the path of a scene.
-fn looks_like_command(word: &OsStr) -> bool {
+fn is_neither_scene_nor_option(word: &OsStr) -> bool {
     let text = word.to_string_lossy();
     !text.is_empty() && !text.starts_with('-') && !text.contains(['.', '/', '\\']) && !Path::new(word).exists()
 }
 
-/// The parser's error for a command that there is not; it names the nearest.
-fn unknown_command(word: &OsStr) -> Option<clap::Error> {
-    let commands = Cli::command().get_subcommands().cloned().collect::<Vec<_>>();
-    let parser = clap::Command::new("cutis").subcommands(commands).subcommand_required(true);
-    let error = parser.try_get_matches_from([OsStr::new("cutis"), word]).err()?;
-    (error.kind() == ErrorKind::InvalidSubcommand).then_some(error)
+/// Names of the commands.
+fn commands() -> Vec<String> {
+    let help = ["help".to_string()].into_iter();
+    Cli::command().get_subcommands().map(|command| command.get_name().to_string()).chain(help).collect()
 }
 
 /// Command that stands behind options of its own.
 fn command_behind(words: &[OsString]) -> Option<String> {
-    let known = Cli::command();
-    let mut names = known.get_subcommands().map(|command| command.get_name());
-    names.find(|name| words.iter().skip(2).any(|word| word == name)).map(String::from)
+    commands().into_iter().find(|name| words.iter().skip(2).any(|word| word == name.as_str()))
 }

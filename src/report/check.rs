@@ -2,7 +2,7 @@
 
 use super::{Refused, Report};
 use crate::error::Result;
-use crate::scene::Scene;
+use crate::scene::{Scene, check_of};
 use serde_json::Value;
 
 /// Check that failed.
@@ -87,8 +87,8 @@ pub fn known(scene: &Scene) -> Result<()> {
     for check in &scene.checks {
         let named = check.key.starts_with("warnings.") || check.key.starts_with("probes.");
         if !named && !keys.contains(&check.key) {
-            let (path, key) = (scene.file.clone(), check.key.clone());
-            return Err(Refused::UnknownCheck { path, key, known: keys.join(", ") }.into());
+            let (at, key) = (scene.at(&check_of(&check.key)), check.key.clone());
+            return Err(Refused::UnknownCheck { at, key, known: keys.join(", ") }.into());
         }
     }
     Ok(())

@@ -14,7 +14,7 @@ use super::{CheckpointUnfit as Unfit, Refused};
 use crate::error::Result;
 use crate::output::{Failed, TableMark, checksum, replace};
 use crate::runner;
-use crate::scene::Scene;
+use crate::scene::{Scene, bytes_of};
 use crate::step::Platform;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -52,7 +52,7 @@ pub(super) struct Identity {
 
 /// Identity of a run's checkpoints.
 pub(super) fn identity(scene: &Scene, platform: &Platform) -> Identity {
-    let nameless = Scene { file: PathBuf::new(), ..scene.clone() };
+    let nameless = Scene { file: PathBuf::new(), lines: Default::default(), ..scene.clone() };
     let scene_sum = checksum(format!("{nameless:?}").as_bytes());
     Identity { title: scene.title.clone(), scene: scene_sum, platform: platform.backend_and_precision().join(" ") }
 }
@@ -78,7 +78,7 @@ pub(super) fn write(checkpoint: &Checkpoint, listing: &mut Listing) -> Result<()
 /// One of as many is of a run that was killed after its last step, and lacks its report.
 pub(super) fn read(path: &Path, scene: &Scene, platform: &Platform, steps: u32) -> Result<Checkpoint> {
     let refused = |unfit| Refused::Checkpoint { path: path.to_owned(), unfit };
-    let file = std::fs::read(path).map_err(|source| refused(Unfit::Unread { source }))?;
+    let file = bytes_of(path).map_err(|source| refused(Unfit::Unread { source }))?;
     let checkpoint: Checkpoint = unpack(&file).map_err(refused)?;
     let done = checkpoint.runner.steps();
     let (found, wanted) = (&checkpoint.identity, identity(scene, platform));

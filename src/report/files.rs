@@ -13,7 +13,7 @@ use super::listing::{Listing, remove};
 use crate::backend::Snapshot;
 use crate::error::Result;
 use crate::output::{Failed, Field, Series, Table, TableMark, replace, write_hexes, write_triangles};
-use crate::scene::Scene;
+use crate::scene::{FIXED_COLUMNS, Probe, Scene};
 use crate::step::{Measured, Simulation, StepReport};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
@@ -48,10 +48,11 @@ pub(super) struct Written {
 
 /// Columns of `probes.csv`.
 fn columns(scene: &Scene) -> Vec<String> {
-    let mut columns = vec!["time_s".to_string()];
-    columns.extend(scene.probes.iter().map(|p| format!("{}_{}", p.name, p.kind.unit())));
+    let [first, last @ ..] = FIXED_COLUMNS;
+    let mut columns = vec![first.to_string()];
+    columns.extend(scene.probes.iter().map(Probe::column));
     if scene.contact.is_some() {
-        columns.extend(["contacts", "contact_force_n", "links_cut"].map(String::from));
+        columns.extend(last.map(String::from));
     }
     columns
 }

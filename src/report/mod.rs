@@ -13,6 +13,7 @@ mod haptics;
 pub mod inspect;
 mod keys;
 mod listing;
+pub mod memory;
 pub mod recording;
 mod refused;
 pub mod run;

@@ -5,14 +5,19 @@ use super::collect::Collector;
 use super::files::{self, Folder};
 use super::haptics::{self, HapticFiles};
 use super::listing::Listing;
+use super::memory::{self, Purpose};
 use super::{Refused, Report, check};
 use crate::error::{Error, Result};
 use crate::runner::{Clock, Runner};
-use crate::scene::{BodyId, Scene};
+use crate::scene::{BodyId, STEP, Scene};
 use crate::step::{Platform, Simulation, StepReport};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
+
+/// Longest step by the wall clock, s; a hand feels none that takes a tenth of a second.
+const LONGEST_STEP: f64 = 60.0;
 
 /// Options of a run.
 #[derive(Clone, Debug)]
@@ -55,11 +60,20 @@ impl Options {
             true => scene.tools.iter().map(haptics::recording).collect(),
             false => vec![],
         };
+        let mut names = BTreeSet::new();
+        if let Some(name) = recordings.iter().find(|name| !names.insert(*name)) {
+            return Err(Refused::RecordingsAlike { name: name.clone() }.into());
+        }
         files::open(&self.out, scene.view.frames.min(self.steps.unwrap_or(scene.time.steps())), &recordings)
     }
 
-    /// Refuses options that exclude each other.
-    fn check(&self) -> Result<()> {
+    /// Refuses options that exclude each other, or that the scene excludes.
+    fn check(&self, scene: &Scene) -> Result<()> {
+        if self.realtime && scene.time.step > LONGEST_STEP {
+            return Err(
+                Refused::StepInRealTime { at: scene.at(STEP), step: scene.time.step, most: LONGEST_STEP }.into()
+            );
+        }
         if self.steps == Some(0) || self.checkpoint == Some(0) {
             return Err(Refused::NoSteps.into());
         }
@@ -111,11 +125,13 @@ pub struct Summary {
 /// a device fails. The results up to then are in the folder.
 pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)) -> Result<Summary> {
     check::known(scene)?;
-    options.check()?;
+    options.check(scene)?;
     // refuse before anything is computed, a device opened or a file touched
     let resumed = options.resumed(scene)?;
+    memory::fits(scene, Purpose::from(&options.platform))?;
     let listing = options.folder(scene)?;
-    run_from(scene, options, Simulation::new(scene, &options.platform)?, resumed, listing, progress)
+    let simulation = Simulation::new(scene, &options.platform).map_err(|error| error.of_scene(scene, ""))?;
+    run_from(scene, options, simulation, resumed, listing, progress)
 }
 
 /// The same with an existing simulation at its start.
@@ -128,7 +144,7 @@ pub fn run_prepared(
     simulation: Simulation,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary> {
-    options.check()?;
+    options.check(scene)?;
     let resumed = options.resumed(scene)?;
     run_from(scene, options, simulation, resumed, options.folder(scene)?, progress)
 }

@@ -17,7 +17,7 @@ use crate::haptic::device::Device;
 use crate::haptic::replay::Row;
 use crate::haptic::servo::Record;
 use crate::haptic::thread::Timing;
-use crate::scene::Scene;
+use crate::scene::{STEP, Scene};
 use crate::step::{self, Simulation, StepReport};
 use channel::channels;
 use rtrb::Consumer;
@@ -199,7 +199,7 @@ impl Runner {
         }
         self.interrupted()?;
         let started = Instant::now();
-        let report = self.simulation.step(check)?;
+        let report = self.simulation.step(check).map_err(|error| error.of_scene(&self.scene, STEP))?;
         let took = started.elapsed();
         self.steps += 1;
         if let Hands::Wall(clock) = &mut self.hands {
@@ -280,11 +280,20 @@ pub fn leave_a_core() -> Result<()> {
     pool.build_global().map_err(|source| Refused::CoresTaken { source }.into())
 }
 
-/// Starts the global thread pool, one thread per core.
+/// Variable that asks for a number of threads.
+const THREADS: &str = "RAYON_NUM_THREADS";
+/// Most threads, beyond the cores of any machine; each takes 2 MiB of address space, and time to start.
+const MOST_THREADS: usize = 4096;
+
+/// Starts the global thread pool: one thread per core, or as many as `RAYON_NUM_THREADS` asks for.
 ///
 /// # Errors
-/// [`Refused::Threads`] when the system starts none.
+/// [`Refused::TooManyThreads`], and [`Refused::Threads`] when the system starts none.
 pub fn take_all_cores() -> Result<()> {
+    let asked = std::env::var(THREADS).unwrap_or_default();
+    if asked.parse().is_ok_and(|found: usize| found > MOST_THREADS) {
+        return Err(Refused::TooManyThreads { asked, most: MOST_THREADS }.into());
+    }
     let started = rayon::ThreadPoolBuilder::new().build_global();
     // an existing pool serves as well
     let reason = |e: &rayon::ThreadPoolBuildError| std::error::Error::source(e).map(ToString::to_string);

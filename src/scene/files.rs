@@ -7,6 +7,7 @@ use super::raw::At;
 use super::text::{MM, SceneText};
 use crate::math::elementary::hypot;
 use std::borrow::Cow;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Header of a trajectory; the quaternion has its scalar last.
@@ -39,8 +40,7 @@ impl Files {
         let (path, text, fix) = match self {
             Files::Folder(folder) => {
                 let path = folder.join(name.get_ref());
-                let text = std::fs::read_to_string(&path).map(Cow::Owned);
-                let text = text.map_err(|error| error.to_string());
+                let text = text_of(&path).map(Cow::Owned);
                 (path, text, "put the file there: names are relative to the scene's folder")
             }
             Files::Embedded(files) => {
@@ -54,6 +54,33 @@ impl Files {
             Ok(text) => Ok((path, text)),
             Err(reason) => Err(Invalid::File { at: scene.location(name.span()), key, path, reason, fix }),
         }
+    }
+}
+
+/// Text of a file, or why there is none: only files have an end, and only UTF-8 is read.
+pub(super) fn text_of(path: &Path) -> std::result::Result<String, String> {
+    let bytes = bytes_of(path).map_err(|error| error.to_string())?;
+    String::from_utf8(bytes).map_err(|error| {
+        let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = 1 + good.iter().filter(|byte| **byte == b'\n').count();
+        let begin = good.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
+        // what stands before the bad byte is text
+        let column = 1 + String::from_utf8_lossy(&good[begin..]).chars().count();
+        let byte = error.as_bytes()[good.len()];
+        let guess = if error.as_bytes().starts_with(&[0xff, 0xfe]) { "utf-16" } else { "latin1" };
+        format!(
+            "not UTF-8: the byte 0x{byte:02x} in line {line}, column {column}; save it as UTF-8, or convert it with \
+             `iconv -f {guess} -t utf-8`"
+        )
+    })
+}
+
+/// Bytes of a file; pipes and devices, which may have no end, are refused.
+pub(crate) fn bytes_of(path: &Path) -> io::Result<Vec<u8>> {
+    match std::fs::metadata(path)? {
+        found if found.is_file() => std::fs::read(path),
+        found if found.is_dir() => Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")),
+        _ => Err(io::Error::other("it is a pipe or a device; save what it gives in a file")),
     }
 }
 

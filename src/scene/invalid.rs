@@ -34,12 +34,12 @@ impl fmt::Display for Location {
 #[derive(Debug, thiserror::Error)]
 pub enum Invalid {
     /// The scene file itself cannot be read.
-    #[error("{path}: the scene cannot be read ({source}); give the path of a scene file in TOML, as UTF-8 text")]
+    #[error("{path}: the scene cannot be read ({reason}); give the path of a scene file in TOML, as UTF-8 text")]
     SceneRead {
         /// The scene file.
         path: PathBuf,
-        /// Reason given by the system.
-        source: std::io::Error,
+        /// Why.
+        reason: String,
     },
 
     /// An invalid part of a scene made in code.
@@ -258,6 +258,63 @@ pub enum Invalid {
         at: Location,
         /// The value found.
         found: f64,
+    },
+
+    /// More steps than are counted.
+    #[error(
+        "{at}: the run has {steps:.3e} steps; at most {most} are counted; take a longer step_ms or a shorter duration_s"
+    )]
+    TooManySteps {
+        /// The duration.
+        at: Location,
+        /// Steps.
+        steps: f64,
+        /// Maximum.
+        most: u32,
+    },
+
+    /// Steps with more haptic ticks than are computed.
+    #[error(
+        "{at}: a step of {step} s has {ticks:.3e} ticks of {rate} Hz for the hands of its tools; at most {most:e} are computed; take a \
+         shorter step_ms, or a lower [haptic] rate_hz"
+    )]
+    TooManyTicks {
+        /// The step.
+        at: Location,
+        /// s
+        step: f64,
+        /// Ticks of a step.
+        ticks: f64,
+        /// Hz
+        rate: f64,
+        /// Maximum.
+        most: f64,
+    },
+
+    /// A device's address that no service can have.
+    #[error(
+        "{at}: url = \"{found}\" is no address of a service ({problem}); write ws://host:port, for example ws://localhost:10001"
+    )]
+    Url {
+        /// Where.
+        at: Location,
+        /// The text.
+        found: String,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+
+    /// A probe whose column has the name of another one.
+    #[error(
+        "{at}: the probe \"{name}\" gives the column {column} of probes.csv, which is there already; rename the probe"
+    )]
+    Column {
+        /// Where.
+        at: Location,
+        /// Name of the probe.
+        name: String,
+        /// Name of its column.
+        column: String,
     },
 
     /// Two bounds in the wrong order.

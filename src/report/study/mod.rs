@@ -26,6 +26,7 @@ mod trace;
 pub use settings::{Setting, Stop, element_word, grid_words};
 pub use trace::{KINDS, Signal, Trace};
 
+use super::memory::{self, Purpose};
 use super::{Listing, StudyUnfit as Unfit};
 use crate::error::Result;
 use crate::gpu::{Gpu, adapters};
@@ -192,7 +193,8 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
     let references = (!known).then(|| reference.clone()).into_iter().chain(by_law).map(|setting| (setting, true));
     for run in settings.chain(references) {
         if !wanted.contains(&run) {
-            scene_of(scene, &run.0, duration, run.1)?; // refused before the first run
+            // refused before the first run
+            memory::fits(&scene_of(scene, &run.0, duration, run.1)?, Purpose::Single)?;
             wanted.push(run);
         }
     }
