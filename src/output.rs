@@ -260,6 +260,8 @@ pub struct Table {
     /// Whole lines that are not in the file yet, and how many.
     pending: Vec<u8>,
     pending_rows: usize,
+    /// The file takes no more; its length has been told.
+    stopped: bool,
     line: String,
     kept: TableMark,
 }
@@ -304,7 +306,8 @@ impl Table {
     }
 
     fn at(path: &Path, file: File, column_count: usize, kept: TableMark) -> Self {
-        Self { path: path.to_owned(), file, column_count, pending: vec![], pending_rows: 0, line: String::new(), kept }
+        let path = path.to_owned();
+        Self { path, file, column_count, pending: vec![], pending_rows: 0, stopped: false, line: String::new(), kept }
     }
 
     /// Checks that a file begins with what a table of these columns wrote up to a mark.
@@ -365,16 +368,21 @@ impl Table {
         }
         self.line.push('\n');
         self.kept = self.kept.and(self.line.as_bytes());
-        self.pending.extend_from_slice(self.line.as_bytes());
-        self.pending_rows += 1;
+        if !self.stopped {
+            self.pending.extend_from_slice(self.line.as_bytes());
+            self.pending_rows += 1;
+        }
         if self.pending_rows < ROWS_PER_FLUSH { Ok(()) } else { self.flush() }
     }
 
     /// Flushes all rows so far.
     ///
     /// # Errors
-    /// [`Failed::Stopped`]; the file then ends with its last whole line.
+    /// [`Failed::Stopped`], once; the file then ends with its last whole line, and stays as it is.
     pub fn flush(&mut self) -> Result<()> {
+        if self.stopped {
+            return Ok(());
+        }
         if let Err(source) = self.file.write_all(&self.pending) {
             return Err(self.cut_back(source));
         }
@@ -390,7 +398,8 @@ impl Table {
         let part = &self.pending[..self.pending.len().min(length.saturating_sub(before) as usize)];
         let whole = part.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
         let bytes = before + whole as u64;
-        self.pending.drain(..whole);
+        self.pending.clear();
+        self.stopped = true;
         // where even this is refused, the message has the length up to which the table is good
         self.file.set_len(bytes).ok();
         Failed::Stopped { path: self.path.clone(), bytes, source }.into()

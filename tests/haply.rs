@@ -2,6 +2,9 @@
 //!
 //! Nothing here passes or fails by a bare time: counts are compared with counts, and waits end when what is waited for is there.
 
+#[path = "haply/stand_in.rs"]
+mod stand_in;
+
 use cutis::error::{Error, Result};
 use cutis::haptic::device::{Device, Limits, Reading, Wrench};
 use cutis::haptic::haply::command::{Command, Version};

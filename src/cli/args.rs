@@ -250,6 +250,9 @@ pub struct HaplyMock {
     /// Scene whose recorded hand the simulated one follows; it rests when none is given
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    /// Leave the hand where the last client has left it, instead of beginning anew with the first client of each run
+    #[arg(long)]
+    pub keep: bool,
     /// End with the end of standard input, for a program that starts the stand-in and may die before it
     #[arg(long)]
     pub until_stdin_ends: bool,

@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// Serves until the program is ended, or standard input where that is asked for.
 pub fn stand_in(args: &HaplyMock) -> Result<u8> {
-    let mut options = Options { port: args.port, tell: Some(tell), ..Options::default() };
+    let mut options = Options { port: args.port, tell: Some(tell), keep: args.keep, ..Options::default() };
     options.arms = vec![(ArmKind::Inverse3, args.device.clone())];
     options.grips = if args.no_grip { Vec::new() } else { vec![(GripKind::Wired, args.grip.clone())] };
     options.path = args.scene.as_deref().map_or(Ok(Vec::new()), |scene| hand(scene, args.tool.as_deref()))?;

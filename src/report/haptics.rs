@@ -124,6 +124,17 @@ pub(super) fn report(counted: &HapticCounts) -> HapticReport {
     r
 }
 
+/// Warning of a device that was lost.
+pub(super) const LOST: &str = "device_lost";
+/// Share of a device's ticks without it that is warned of: below, a connection was interrupted and came back.
+const LOST_SHARE: f64 = 0.1;
+
+/// Ticks of devices that were lost for more than a moment.
+pub(super) fn lost(counted: &HapticCounts) -> u64 {
+    let gone = counted.servos.iter().filter(|c| c.lost as f64 > LOST_SHARE * c.ticks as f64);
+    gone.map(|c| c.lost).sum()
+}
+
 /// Adds the timing.
 fn timed(r: &mut HapticReport, timing: &Timing, late_steps: u64) {
     let spread = |h: &crate::haptic::histogram::Histogram, unit: f64| Periods {

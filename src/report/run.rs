@@ -291,7 +291,11 @@ impl Running<'_> {
 
     fn report(&mut self) -> Report {
         let mut report = self.collector.report(&self.runner.simulation);
-        report.haptic = self.runner.haptic().as_ref().map(haptics::report).unwrap_or_default();
+        let counted = self.runner.haptic();
+        report.haptic = counted.as_ref().map(haptics::report).unwrap_or_default();
+        if let Some(ticks) = counted.as_ref().map(haptics::lost).filter(|ticks| *ticks > 0) {
+            report.warnings.insert(haptics::LOST.into(), ticks);
+        }
         let names = self.scene.probes.iter().map(|p| p.name.clone());
         report.probes = names.zip(self.last.iter().copied()).collect();
         report

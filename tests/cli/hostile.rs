@@ -4,7 +4,7 @@ use super::killed::{long, read_back};
 use super::work::{ALONE, PRESS, Said, Work};
 use super::{Outcome, Test};
 use crate::ensure;
-use cutis::haptic::haply::mock::{Mock, Options};
+use cutis::haptic::haply::mock::{Faults, Mock, Options};
 use cutis::scene::Pose;
 use serde_json::Value;
 use std::fs::File;
@@ -18,6 +18,7 @@ pub const TESTS: &[Test] = &[
     ("a_full_output_is_exit_1_with_words", a_full_output_is_exit_1_with_words),
     ("a_run_goes_on_where_nobody_reads_its_messages", a_run_goes_on_where_nobody_reads_its_messages),
     ("a_signal_releases_the_devices_and_leaves_a_report", a_signal_releases_the_devices_and_leaves_a_report),
+    ("a_device_that_is_lost_is_a_warning_and_fails_a_check", a_device_that_is_lost_is_a_warning_and_fails_a_check),
     ("a_second_signal_ends_a_run_at_once", a_second_signal_ends_a_run_at_once),
     ("a_signal_that_is_ignored_stays_ignored", a_signal_that_is_ignored_stays_ignored),
     ("a_file_size_limit_leaves_whole_rows_and_is_reported", a_file_size_limit_leaves_whole_rows_and_is_reported),
@@ -132,10 +133,10 @@ fn a_run_goes_on_where_nobody_reads_its_messages() -> Outcome {
 }
 
 /// A stand-in whose hand presses the block, and the scene that it holds the tip of.
-fn pressing() -> Result<(Mock, Work), String> {
+fn pressing(options: Options) -> Result<(Mock, Work), String> {
     let pose = |time, z| Pose { time, position: [0.3e-3, 0.2e-3, z], rotation: [0.0, 0.0, 0.0, 1.0] };
-    let options = Options { port: 0, path: vec![pose(0.0, 2.5e-3), pose(0.2, 1.2e-3)], ..Options::default() };
-    let mock = Mock::start(options).map_err(words)?;
+    let path = vec![pose(0.0, 2.5e-3), pose(0.2, 1.2e-3)];
+    let mock = Mock::start(Options { port: 0, path, ..options }).map_err(words)?;
     let device = format!("device = {{ kind = \"haply\", url = \"{}\" }}", mock.url());
     let points = "points_mm = [[0.0, 0.0, 0.0]]";
     let scene = PRESS.replace(points, &format!("{points}\n{device}")).replace("= 0.025", "= 60.0");
@@ -144,7 +145,7 @@ fn pressing() -> Result<(Mock, Work), String> {
 
 fn a_signal_releases_the_devices_and_leaves_a_report() -> Outcome {
     for (signal, wanted) in [("-INT", 130), ("-TERM", 143), ("-HUP", 129)] {
-        let (mock, work) = pressing()?;
+        let (mock, work) = pressing(Options::default())?;
         let arguments = ["run", "scene.toml", "--backend", "cpu", "--realtime", "--frames", "0", "--record"];
         let process = cutis(&work, &arguments).stderr(Stdio::piped()).spawn().map_err(words)?;
         until("a force", || mock.record().forces.iter().any(|force| force.length() > 0.05))?;
@@ -161,6 +162,32 @@ fn a_signal_releases_the_devices_and_leaves_a_report() -> Outcome {
         let [steps, _] = read_back(&work.path("out"))?;
         ensure!(steps > 0 && report["steps"].as_u64() == Some(steps as u64), "{steps} steps, {report}");
         ensure!(work.read("out/hand_tip.csv")?.lines().count() > steps, "the recording is short");
+    }
+    Ok(())
+}
+
+/// After its first frame the service sends nothing of use.
+fn a_device_that_is_lost_is_a_warning_and_fails_a_check() -> Outcome {
+    for (faults, check, wanted) in [
+        (Faults { malformed_every: 1, ..Faults::default() }, true, 1),
+        (Faults { empty_every: 1, ..Faults::default() }, true, 1),
+        (Faults { malformed_every: 1, ..Faults::default() }, false, 0),
+        // the counter-tests: a whole one, and one with a gap
+        (Faults::default(), true, 0),
+        (Faults { malformed_every: 40, ..Faults::default() }, true, 0),
+    ] {
+        let (_mock, work) = pressing(Options { faults, ..Options::default() })?;
+        let scene = work.read("scene.toml")?.replace("duration_s = 60.0", "duration_s = 0.5");
+        let checks = if check { "\n[check]\n\"steps\" = { min = 100 }\n" } else { "" };
+        work.write("scene.toml", &(scene + checks))?;
+        let said = work.cutis(&["run", "scene.toml", "--backend", "cpu", "--realtime", "--frames", "0"])?;
+        ensure!(said.code == wanted, "{faults:?}: {}: {}", said.code, said.err);
+        let lost = faults.malformed_every == 1 || faults.empty_every == 1;
+        let ticks = report(&work)?["warnings"]["device_lost"].as_u64();
+        ensure!(ticks.is_some_and(|ticks| ticks > 200) == lost, "{faults:?}: {ticks:?} of 500 ticks");
+        ensure!(said.err.contains("warning: device_lost") == lost, "{faults:?}: {}", said.err);
+        let failed = said.err.contains("check failed: warnings.device_lost = ");
+        ensure!(failed == (lost && check), "{faults:?}: {}", said.err);
     }
     Ok(())
 }

@@ -10,7 +10,7 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 use tungstenite::protocol::WebSocketConfig;
-use tungstenite::{Message, WebSocket, client::client_with_config, http::Uri};
+use tungstenite::{HandshakeError, Message, WebSocket, client::client_with_config, http::Uri};
 
 /// A WebSocket of the service.
 pub(super) type Socket = WebSocket<TcpStream>;
@@ -67,11 +67,15 @@ impl Address {
 
     /// Connects and completes the WebSocket handshake.
     pub fn connect(&self, patience: Duration) -> Result<Socket> {
-        let nobody = |e: io::Error| Refused::Nobody { url: self.url.clone(), reason: e.to_string() };
+        let nobody = |e: io::Error| Refused::Nobody { url: self.url.clone(), reason: reason(&e, patience) };
         let stream = self.dial(patience).map_err(nobody)?;
         let config = WebSocketConfig::default().max_message_size(Some(LARGEST)).max_frame_size(Some(LARGEST));
-        let (socket, _) = client_with_config(self.url.as_str(), stream, Some(config))
-            .map_err(|e| self.no_service(format!("its answer to the WebSocket handshake: {e}")))?;
+        let (socket, _) = client_with_config(self.url.as_str(), stream, Some(config)).map_err(|e| match e {
+            HandshakeError::Interrupted(_) => {
+                self.no_service(format!("no answer to the WebSocket handshake within {} s", patience.as_secs_f64()))
+            }
+            HandshakeError::Failure(e) => self.no_service(format!("its answer to the WebSocket handshake: {e}")),
+        })?;
         socket.get_ref().set_read_timeout(Some(SLICE)).map_err(nobody)?;
         Ok(socket)
     }
@@ -107,7 +111,7 @@ impl Address {
 
     /// `GET /version` on the channel's port; `Err` with the reason.
     fn ask_version(&self) -> std::result::Result<String, String> {
-        let reason = |e: io::Error| format!("GET /version: {e}");
+        let reason = |e: io::Error| format!("GET /version: {}", reason(&e, PATIENCE));
         let mut stream = self.dial(PATIENCE).map_err(reason)?;
         let request = format!(
             "GET /version HTTP/1.1\r\nHost: {}:{}\r\nAccept: application/json\r\nConnection: close\r\n\r\n",
@@ -128,6 +132,14 @@ impl Address {
                 return Err(format!("GET /version was answered by `{line}`"));
             }
         }
+    }
+}
+
+/// Reason of a failed attempt; the system has only a number for a time that has run out.
+fn reason(error: &io::Error, patience: Duration) -> String {
+    match error.kind() {
+        ErrorKind::WouldBlock | ErrorKind::TimedOut => format!("no answer within {} s", patience.as_secs_f64()),
+        _ => error.to_string(),
     }
 }
 
