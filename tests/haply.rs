@@ -179,7 +179,7 @@ fn falls_silent() -> (String, Receiver<DVec3>) {
         let mut socket = tungstenite::accept(stream).expect("its handshake");
         let zero = Vector::from(DVec3::ZERO);
         let state = ArmState {
-            cursor_position: zero,
+            cursor_position: Some(zero),
             cursor_velocity: zero,
             current_cursor_force: None,
             transform: Default::default(),

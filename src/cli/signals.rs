@@ -20,10 +20,8 @@ const ENDED: i32 = 128;
 
 /// What has arrived.
 pub struct Signals {
-    /// Set by the first signal; a run that has ended sets it too.
-    pub stop: Arc<AtomicBool>,
     /// Set by the first signal.
-    seen: Arc<AtomicBool>,
+    pub stop: Arc<AtomicBool>,
     /// Number of the last signal.
     number: Arc<AtomicUsize>,
 }
@@ -31,7 +29,7 @@ pub struct Signals {
 impl Signals {
     /// Catches them from here on.
     pub fn catch() -> Result<Self> {
-        let caught = Self { stop: Arc::default(), seen: Arc::default(), number: Arc::default() };
+        let caught = Self { stop: Arc::default(), number: Arc::default() };
         let ignored = ignored();
         for signal in ENDING.into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0) {
             caught.register(signal).map_err(|source| Refused::Signals { source })?;
@@ -40,9 +38,8 @@ impl Signals {
     }
 
     fn register(&self, signal: i32) -> io::Result<()> {
-        // in this order: the first signal finds `seen` unset and sets it
-        flag::register_conditional_shutdown(signal, ENDED + signal, self.seen.clone())?;
-        flag::register(signal, self.seen.clone())?;
+        // in this order: the first signal finds `stop` unset and sets it
+        flag::register_conditional_shutdown(signal, ENDED + signal, self.stop.clone())?;
         flag::register_usize(signal, self.number.clone(), signal as usize)?;
         flag::register(signal, self.stop.clone()).map(drop)
     }

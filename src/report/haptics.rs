@@ -126,10 +126,10 @@ pub(super) fn report(counted: &HapticCounts) -> HapticReport {
 
 /// Warning of a device that was lost.
 pub(super) const LOST: &str = "device_lost";
-/// Share of a device's ticks without it that is warned of: below, a connection was interrupted and came back.
-const LOST_SHARE: f64 = 0.1;
+/// Share of a device's ticks without it that is warned of: below, the hand led the tool for most of the run.
+const LOST_SHARE: f64 = 0.5;
 
-/// Ticks of devices that were lost for more than a moment.
+/// Ticks of devices that were lost for most of the run.
 pub(super) fn lost(counted: &HapticCounts) -> u64 {
     let gone = counted.servos.iter().filter(|c| c.lost as f64 > LOST_SHARE * c.ticks as f64);
     gone.map(|c| c.lost).sum()

@@ -120,7 +120,7 @@ impl Runner {
     }
 
     /// Has a flag, once set, end the run: devices under the wall clock are released at their next tick, the others by [`Runner::stop`], and
-    /// the next step is [`Refused::Interrupted`]. Call it before the run begins; the end of the run sets the flag too.
+    /// the next step is [`Refused::Interrupted`]. Call it before the run begins.
     pub fn interrupt_by(&mut self, flag: Arc<AtomicBool>) {
         self.interrupt = flag;
     }

@@ -34,6 +34,7 @@ mod words;
 pub use body::Start;
 pub use builtin::incision;
 pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
+#[cfg(feature = "program")]
 pub(crate) use files::bytes_of;
 pub use files::{COLUMNS as TRAJECTORY_COLUMNS, FORCE_COLUMNS, Files};
 pub use grid::MOST_NODES;

@@ -18,6 +18,7 @@
 
 mod hand;
 mod options;
+mod whole;
 
 pub use options::{Event, Faults, Options, Record};
 
@@ -157,13 +158,11 @@ fn head(stream: &TcpStream) -> io::Result<String> {
     Err(ErrorKind::TimedOut.into())
 }
 
-/// Answers an HTTP request.
+/// Answers an HTTP request, in one piece.
 fn answer(stream: &mut TcpStream, status: &str, body: &str) -> io::Result<()> {
     let length = body.len();
-    write!(
-        stream,
-        "HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"
-    )
+    let head = format!("HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {length}\r\n");
+    stream.write_all(format!("{head}Connection: close\r\n\r\n{body}").as_bytes())
 }
 
 /// Whether the request is of this machine: a page of a browser says where it is from, and by which name it found the stand-in.
@@ -208,12 +207,11 @@ impl Shared {
         if !(is_local(&head) && head.contains("upgrade: websocket")) {
             let mut asked = [0; 4096];
             let _ = stream.read(&mut asked)?;
-            let version = format!("{{\"project_version\": \"{}\"}}", self.options.version);
             return match head.starts_with("get /version ") {
                 _ if !is_local(&head) => {
                     answer(&mut stream, "403 Forbidden", "{\"error\": \"this stand-in serves its own machine alone\"}")
                 }
-                true => answer(&mut stream, "200 OK", &version),
+                true => answer(&mut stream, "200 OK", &whole::version(&self.options.version)),
                 false => answer(&mut stream, "404 Not Found", "{\"error\": \"this stand-in answers /version alone\"}"),
             };
         }
@@ -310,9 +308,10 @@ impl Shared {
         if first {
             record.first_forces.push(record.forces.clone());
         }
-        if let Some(session) = command.session {
-            record.profile = Some(session.configure.profile.name);
-            record.required_version = session.configure.profile.required_version;
+        // a session may be there without a profile
+        if let Some(profile) = command.session.map(|session| session.configure.profile).filter(|p| !p.name.is_empty()) {
+            record.profile = Some(profile.name);
+            record.required_version = profile.required_version;
         }
     }
 
@@ -333,12 +332,12 @@ impl Shared {
         if due(faults.null_every) {
             // a NaN is written as null
             for arm in frame.inverse3.iter_mut().chain(&mut frame.inverse3x).chain(&mut frame.minverse) {
-                if let Some(state) = &mut arm.state {
-                    state.cursor_position.y = f64::NAN;
+                if let Some(position) = arm.state.as_mut().and_then(|state| state.cursor_position.as_mut()) {
+                    position.y = f64::NAN;
                 }
             }
         }
-        let text = serde_json::to_string(&frame).expect("strings and numbers always have a text");
+        let text = whole::text(&frame, inventory);
         if due(faults.malformed_every) { text[..text.len() / 2].into() } else { text }
     }
 
@@ -349,7 +348,7 @@ impl Shared {
             |word: &str| inventory.then(|| Config { kind: Some(word.into()), handedness: Some("right".into()) });
         for (((kind, id), hand), force) in self.options.arms.iter().zip(&state.hands).zip(&state.record.forces) {
             let arm = ArmState {
-                cursor_position: hand.encoded().into(),
+                cursor_position: Some(hand.encoded().into()),
                 cursor_velocity: hand.velocity.into(),
                 current_cursor_force: Some((*force).into()),
                 transform: Default::default(),

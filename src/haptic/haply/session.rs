@@ -239,7 +239,8 @@ pub(super) fn reading(frame: &Frame, chosen: &Chosen, last: Reading) -> std::res
             buttons = grip.buttons.bits();
         }
     }
-    let (position, velocity) = (state.cursor_position.into(), state.cursor_velocity.into());
+    let position = state.cursor_position.ok_or(Fault::Absent)?.into();
+    let velocity = state.cursor_velocity.into();
     let reading = Reading { position, rotation, velocity, angular_velocity: DVec3::ZERO, buttons, age: 0.0 };
     if reading.is_valid() { Ok((reading, whole)) } else { Err(Fault::NonFinite) }
 }
@@ -260,6 +261,18 @@ mod tests {
     fn said(text: &str) -> std::result::Result<(Reading, bool), Fault> {
         let turned = Reading { rotation: DQuat::from_rotation_x(1.0), buttons: 7, ..Reading::at_rest(0.0) };
         reading(&frame(text).expect("a frame"), &chosen(), turned)
+    }
+
+    #[test]
+    fn an_arm_without_a_position_does_not_spoil_the_others() {
+        let position = r#""cursor_position": {"x":0,"y":-0.12,"z":0.15}, "#;
+        assert_eq!(said(&INVENTORY.replace(position, "")).err(), Some(Fault::Absent));
+        // beside one that has one
+        let (head, arm) = INVENTORY.split_once("\"inverse3\": [ ").expect("it has arms");
+        let (arm, rest) = arm.split_once(" ],\n      \"wireless").expect("grips follow");
+        let other = arm.replace("049D", "AAAA").replace(position, "");
+        let both = format!("{head}\"inverse3\": [ {other}, {arm} ],\n      \"wireless{rest}");
+        assert_eq!(said(&both).expect("the other one").0.position, DVec3::new(0.0, -0.12, 0.15));
     }
 
     #[test]
