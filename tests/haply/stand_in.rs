@@ -8,6 +8,7 @@ use glam::DVec3;
 use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
+use tungstenite::Message;
 
 /// What a stand-in answers to a request, up to the end of the connection.
 fn answered(mock: &Mock, request: &str) -> String {
@@ -102,4 +103,41 @@ fn a_client_names_the_time_that_it_waited() {
     let error = open(&Settings { url, ..Settings::default() }).err().expect("nobody answers").to_string();
     assert!(error.contains("no answer to the WebSocket handshake within ") && error.contains(" s"), "{error}");
     assert!(!error.contains("os error") && !error.contains("WouldBlock"), "{error}");
+}
+
+/// Of the documentation: what a client may rely on, and this crate's own does not read.
+#[test]
+fn frames_have_the_documented_keys_and_sessions_need_no_profile() {
+    let mock = mock(Faults::default());
+    let (mut socket, _) = tungstenite::connect(mock.url()).expect("it listens");
+    let mut hear = |say: Option<&str>| -> serde_json::Value {
+        say.into_iter().for_each(|text| socket.send(Message::text(text)).expect("it reads"));
+        serde_json::from_str(socket.read().expect("it answers").to_text().expect("text")).expect("JSON")
+    };
+    let has = |tree: &serde_json::Value, keys: &[&str]| {
+        let missing: Vec<&&str> = keys.iter().filter(|key| tree.pointer(key).is_none()).collect();
+        assert!(missing.is_empty(), "{missing:?} are missing in {tree}");
+    };
+    let inventory = hear(None);
+    let arm =
+        ["type", "device_info/uuid", "port", "gravity_compensation/enabled", "torque_scaling", "basis", "filters"];
+    let arm: Vec<String> = arm.iter().map(|key| format!("/inverse3/0/config/{key}")).collect();
+    has(&inventory, &arm.iter().map(String::as_str).collect::<Vec<_>>());
+    has(&inventory, &["/verse_grip/0/config/port", "/verse_grip/0/config/type", "/verse_grip/0/status/error"]);
+    // a session without a profile does not spoil the force beside it
+    let force = r#"{"set_cursor_force": {"vector": {"x": 0, "y": 0, "z": 1}, "execute": true}}"#;
+    let order = format!(r#""inverse3": [{{"device_id": "MOCK", "commands": {force}}}]"#);
+    for session in ["{}", r#"{"force_render_full_state": {}}"#, r#"{"configure": {"basis": {"permutation": "XYZ"}}}"#] {
+        let state = hear(Some(&format!(r#"{{"session": {session}, {order}}}"#)));
+        let keys = ["mode", "control_domain", "body_orientation/w", "angular_position/a0", "angular_velocity/a2"];
+        let keys: Vec<String> = keys.iter().map(|key| format!("/inverse3/0/state/{key}")).collect();
+        has(&state, &keys.iter().map(String::as_str).collect::<Vec<_>>());
+        has(&state, &["/inverse3/0/status/in_use", "/inverse3/0/status/started", "/verse_grip/0/state/hall"]);
+        assert_eq!(state["inverse3"][0]["state"]["control_mode"], "force", "{session}: {state}");
+        assert!(state["inverse3"][0].get("config").is_none(), "{state}");
+    }
+    let version = answered(&mock, "GET /version HTTP/1.1\r\nHost: localhost\r\n\r\n");
+    for key in ["project_version", "project_name", "build_time", "git_hash", "git_tag", "git_branch", "git_describe"] {
+        assert!(version.contains(&format!("\"{key}\"")), "{key} is missing in {version}");
+    }
 }
