@@ -150,7 +150,7 @@ fn looped(contacts: usize, mut meanwhile: impl FnMut()) -> Timing {
     let (start, stop) = (Instant::now(), Arc::new(AtomicBool::new(false)));
     let device_loop = Loop { servo, device: Box::new(Swaying), cells: ends, records };
     let told = stop.clone();
-    let thread = std::thread::spawn(move || device_loop.run(start, &told));
+    let thread = std::thread::spawn(move || device_loop.run(start, [&told; 2]));
     while start.elapsed().as_secs_f64() < SECONDS {
         meanwhile();
     }

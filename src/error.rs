@@ -13,7 +13,7 @@ use crate::output;
 #[cfg(feature = "program")]
 use crate::report;
 use crate::runner;
-use crate::scene::Invalid;
+use crate::scene::{Invalid, Scene};
 use crate::step;
 #[cfg(feature = "program")]
 use crate::view;
@@ -29,6 +29,14 @@ pub enum Error {
     Scene(Box<Invalid>),
     /// Body that cannot be computed as its scene asks.
     Body(#[from] bodies::Refused),
+    /// The same of a body, with the scene that it is of.
+    #[error("{at}: {error}")]
+    OfScene {
+        /// File, and line if it is known.
+        at: String,
+        /// The error.
+        error: Box<Error>,
+    },
     /// Adapter, kernel, array or device.
     Gpu(#[from] gpu::Failed),
     /// Simulation that cannot be made, changed, restored or continued.
@@ -52,22 +60,40 @@ pub enum Error {
 }
 
 impl Error {
+    /// The error with the place of its scene, if it does not say that itself; `key` of [`Scene::lines`] is what to change.
+    #[must_use]
+    pub fn of_scene(self, scene: &Scene, key: &str) -> Self {
+        match self {
+            Self::Body(_) => Self::OfScene { at: scene.at(key), error: Box::new(self) },
+            other => other,
+        }
+    }
+
     /// Exit status of the program: 2 for bad input, 3 without a usable adapter, 1 for failures of machine or disk.
     pub fn exit_code(&self) -> u8 {
         match self {
+            Self::OfScene { error, .. } => error.exit_code(),
             Self::Gpu(gpu::Failed::NoAdapter { .. }) => 3,
             Self::Gpu(gpu::Failed::TooLarge { .. }) => 2,
             Self::Gpu(_) => 1,
             Self::Step(step::Refused::NonFinite { .. } | step::Refused::NoBalance { .. })
-            | Self::Run(runner::Refused::Threads { .. }) => 1,
+            | Self::Run(runner::Refused::Threads { .. } | runner::Refused::Interrupted) => 1,
             #[cfg(feature = "haply")]
             Self::Haply(
                 haply::Refused::Nobody { .. } | haply::Refused::NoService { .. } | haply::Refused::Port { .. },
             ) => 1,
             #[cfg(feature = "program")]
-            Self::Picture(_) | Self::Report(report::Refused::Plot { .. }) => 1,
+            Self::Picture(_)
+            | Self::Report(
+                report::Refused::Plot { .. }
+                | report::Refused::Locked { .. }
+                | report::Refused::Foreign { .. }
+                | report::Refused::Memory { .. },
+            ) => 1,
             #[cfg(feature = "program")]
-            Self::Output(output::Failed::Write { .. } | output::Failed::Vtk { .. }) => 1,
+            Self::Output(output::Failed::TableUnfit { .. }) => 2,
+            #[cfg(feature = "program")]
+            Self::Output(_) => 1,
             _ => 2,
         }
     }

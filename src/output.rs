@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use std::borrow::Borrow;
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{self, BufRead as _, BufReader, BufWriter, Write as _};
+use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
 use vtkio::IOBuffer;
 use vtkio::model::{
@@ -24,6 +24,21 @@ pub enum Failed {
     Write {
         /// The file.
         path: PathBuf,
+        /// Reason given by the system.
+        source: io::Error,
+    },
+
+    /// Table that ends before its run.
+    #[error(
+        "{}: stopped after {bytes} bytes, at the end of a row ({source}); make space on the disk, raise the limit of file sizes (ulimit -f), \
+         or choose another folder",
+        path.display()
+    )]
+    Stopped {
+        /// The table.
+        path: PathBuf,
+        /// Its length.
+        bytes: u64,
         /// Reason given by the system.
         source: io::Error,
     },
@@ -240,9 +255,13 @@ fn escape(text: &str) -> String {
 #[derive(Debug)]
 pub struct Table {
     path: PathBuf,
-    file: BufWriter<File>,
+    file: File,
     column_count: usize,
-    row_count: usize,
+    /// Whole lines that are not in the file yet, and how many.
+    pending: Vec<u8>,
+    pending_rows: usize,
+    /// The file takes no more; its length has been told.
+    stopped: bool,
     line: String,
     kept: TableMark,
 }
@@ -281,16 +300,14 @@ impl Table {
     pub fn create(path: &Path, columns: &[impl Borrow<str>]) -> Result<Self> {
         let header = columns.join(",") + "\n";
         replace(path, header.as_bytes())?;
-        let opened = File::options().append(true).open(path);
-        let file = BufWriter::new(opened.map_err(|source| Failed::Write { path: path.to_owned(), source })?);
-        Ok(Self {
-            path: path.to_owned(),
-            file,
-            column_count: columns.len(),
-            row_count: 0,
-            line: String::new(),
-            kept: TableMark::NONE.and(header.as_bytes()),
-        })
+        let file = File::options().append(true).open(path);
+        let file = file.map_err(|source| Failed::Write { path: path.to_owned(), source })?;
+        Ok(Self::at(path, file, columns.len(), TableMark::NONE.and(header.as_bytes())))
+    }
+
+    fn at(path: &Path, file: File, column_count: usize, kept: TableMark) -> Self {
+        let path = path.to_owned();
+        Self { path, file, column_count, pending: vec![], pending_rows: 0, stopped: false, line: String::new(), kept }
     }
 
     /// Checks that a file begins with what a table of these columns wrote up to a mark.
@@ -327,8 +344,8 @@ impl Table {
         let failed = |source| Failed::Write { path: path.to_owned(), source };
         let opened = File::options().write(true).open(path).map_err(failed)?;
         opened.set_len(kept.bytes).map_err(failed)?;
-        let file = BufWriter::new(File::options().append(true).open(path).map_err(failed)?);
-        Ok(Self { path: path.to_owned(), file, column_count: columns.len(), row_count: 0, line: String::new(), kept })
+        let file = File::options().append(true).open(path).map_err(failed)?;
+        Ok(Self::at(path, file, columns.len(), kept))
     }
 
     /// Mark of the current position, with all rows flushed.
@@ -337,8 +354,7 @@ impl Table {
         Ok(self.kept)
     }
 
-    /// Adds a row, one value per column. Lines reach the file complete: each is handed to the buffer in one piece, and the buffer is
-    /// emptied only between lines.
+    /// Adds a row, one value per column. Lines reach the file complete, also where the disk is full in the middle of one.
     ///
     /// # Panics
     /// If the number of values is not the number of columns.
@@ -352,27 +368,52 @@ impl Table {
         }
         self.line.push('\n');
         self.kept = self.kept.and(self.line.as_bytes());
-        self.row_count += 1;
-        let written = self.file.write_all(self.line.as_bytes());
-        let flushed = match self.row_count.is_multiple_of(ROWS_PER_FLUSH) {
-            true => written.and_then(|()| self.file.flush()),
-            false => written,
-        };
-        flushed.map_err(|source| self.error(source))
+        if !self.stopped {
+            self.pending.extend_from_slice(self.line.as_bytes());
+            self.pending_rows += 1;
+        }
+        if self.pending_rows < ROWS_PER_FLUSH { Ok(()) } else { self.flush() }
     }
 
     /// Flushes all rows so far.
+    ///
+    /// # Errors
+    /// [`Failed::Stopped`], once; the file then ends with its last whole line, and stays as it is.
     pub fn flush(&mut self) -> Result<()> {
-        self.file.flush().map_err(|source| self.error(source))
+        if self.stopped {
+            return Ok(());
+        }
+        if let Err(source) = self.file.write_all(&self.pending) {
+            return Err(self.cut_back(source));
+        }
+        self.pending.clear();
+        self.pending_rows = 0;
+        Ok(())
+    }
+
+    /// Cuts a line off that the file took a part of.
+    fn cut_back(&mut self, source: io::Error) -> Error {
+        let before = self.kept.bytes - self.pending.len() as u64;
+        let length = self.file.metadata().map_or(before, |file| file.len());
+        let part = &self.pending[..self.pending.len().min(length.saturating_sub(before) as usize)];
+        let whole = part.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
+        let bytes = before + whole as u64;
+        self.pending.clear();
+        self.stopped = true;
+        // where even this is refused, the message has the length up to which the table is good
+        self.file.set_len(bytes).ok();
+        Failed::Stopped { path: self.path.clone(), bytes, source }.into()
     }
 
     /// Flushes and closes the file.
     pub fn finish(mut self) -> Result<()> {
-        self.file.flush().map_err(|source| self.error(source))
+        self.flush()
     }
+}
 
-    fn error(&self, source: io::Error) -> Error {
-        Failed::Write { path: self.path.clone(), source }.into()
+impl Drop for Table {
+    fn drop(&mut self) {
+        drop(self.flush());
     }
 }
 

@@ -2,6 +2,8 @@
 //!
 //! Tests that need an adapter are listed as ignored without one; `CUTIS_GPU=require` makes that a failure.
 
+#[path = "cli/hostile.rs"]
+mod hostile;
 #[path = "cli/input.rs"]
 mod input;
 #[path = "cli/killed.rs"]
@@ -46,7 +48,9 @@ fn main() {
     };
     // limits of the address space, and what a process takes of it, are Linux's
     let memory = if cfg!(target_os = "linux") { memory::TESTS } else { &[] };
-    let plain = [input::TESTS, killed::TESTS, memory, results::TESTS, resumed::TESTS, stand_in::TESTS].concat();
+    let hostile = if cfg!(unix) { hostile::TESTS } else { &[] };
+    let plain =
+        [hostile, input::TESTS, killed::TESTS, memory, results::TESTS, resumed::TESTS, stand_in::TESTS].concat();
     let on_gpu = results::GPU_TESTS;
     let mut trials: Vec<Trial> = plain.iter().map(trial).collect();
     trials.extend(on_gpu.iter().map(|test| match (adapter, required) {

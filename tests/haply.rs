@@ -2,6 +2,9 @@
 //!
 //! Nothing here passes or fails by a bare time: counts are compared with counts, and waits end when what is waited for is there.
 
+#[path = "haply/stand_in.rs"]
+mod stand_in;
+
 use cutis::error::{Error, Result};
 use cutis::haptic::device::{Device, Limits, Reading, Wrench};
 use cutis::haptic::haply::command::{Command, Version};
@@ -176,7 +179,7 @@ fn falls_silent() -> (String, Receiver<DVec3>) {
         let mut socket = tungstenite::accept(stream).expect("its handshake");
         let zero = Vector::from(DVec3::ZERO);
         let state = ArmState {
-            cursor_position: zero,
+            cursor_position: Some(zero),
             cursor_velocity: zero,
             current_cursor_force: None,
             transform: Default::default(),

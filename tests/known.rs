@@ -1,6 +1,6 @@
 //! `cutis verify`: the short form meets its bounds, what is computed wrongly misses them, and the page says what was run.
 
-use cutis::report::verify::{CASES, Case, Page, Row, verify, write};
+use cutis::report::verify::{CASES, Case, Page, Row, open, verify, write};
 use cutis::scene::Scene;
 use cutis::step::Platform;
 use std::sync::LazyLock;
@@ -65,7 +65,8 @@ fn f32_meets_the_bounds_that_are_stated_for_it() {
 #[test]
 fn the_files_have_every_row_and_its_figures() {
     let folder = std::env::temp_dir().join(format!("cutis-known-{}", std::process::id()));
-    write(&PAGE, &folder).unwrap_or_else(|e| panic!("{e}"));
+    let mut listing = open(&folder).unwrap_or_else(|e| panic!("{e}"));
+    write(&PAGE, &mut listing).unwrap_or_else(|e| panic!("{e}"));
     let read = |name: &str| std::fs::read_to_string(folder.join(name)).expect("it was written");
     let [page, csv, json] = ["verification.md", "verification.csv", "verification.json"].map(read);
     std::fs::remove_dir_all(&folder).expect("it was made");

@@ -7,6 +7,7 @@ use cutis::scene::{Scene, read};
 use cutis::step::{Platform, Simulation};
 use glam::{DQuat, DVec3};
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
@@ -153,4 +154,31 @@ fn a_run_goes_on_from_its_state_with_its_hands() {
     second.restore(&state).expect("it is of this scene");
     assert_eq!(ahead(&mut second, 10), wanted, "once more, from where it had come to");
     assert!(ahead(&mut second, 10) != wanted, "the counter-test: it is elsewhere now");
+}
+
+#[test]
+fn an_interrupted_run_releases_its_device_before_the_next_step() {
+    let (mut runner, given) = held(&probe(), Clock::Wall);
+    let flag = Arc::new(AtomicBool::new(false));
+    runner.interrupt_by(flag.clone());
+    runner.step(false, &mut |_, _| Ok(())).expect("it is not interrupted yet");
+    flag.store(true, Ordering::Release);
+    let begin = Instant::now();
+    let closed = || given.lock().expect("nobody panics").last().is_some_and(|force| force.is_nan());
+    while !closed() {
+        assert!(begin.elapsed() < Duration::from_secs(10), "no step is taken, and the device is still held");
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    // the last force was none
+    let forces = given.lock().expect("nobody panics").clone();
+    assert_eq!(forces[forces.len() - 2], 0.0);
+    let refused = runner.step(false, &mut |_, _| Ok(())).expect_err("it is interrupted").to_string();
+    assert_eq!(refused, "interrupted");
+    // a run that ends leaves the flag of its caller as it is
+    let (mut next, _) = held(&probe(), Clock::Wall);
+    flag.store(false, Ordering::Release);
+    next.interrupt_by(flag.clone());
+    next.step(false, &mut |_, _| Ok(())).expect("it is not interrupted");
+    next.stop(&mut |_, _| Ok(())).expect("it ends");
+    assert!(!flag.load(Ordering::Acquire));
 }

@@ -162,6 +162,16 @@ const FILES: &[(&str, &str)] = &[
     ("meshes/bad.obj", "v 0 0 0\nf 1 2 9\n"),
     ("meshes/loose.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf /1 2 3\n"),
     ("meshes/text.obj", "v zero 0 0\n"),
+    ("meshes/pair.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n"),
+    ("meshes/cut.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf\n"),
+    ("meshes/two.obj", "v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n"),
+    ("meshes/decimals.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1.5 2 3\n"),
+    ("meshes/huge.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 99999999999999999999 2 3\n"),
+    ("meshes/behind.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 2 3\n"),
+    ("meshes/before.obj", "f 1 2 3\nv 0 0 0\nv 1 0 0\nv 0 1 0\n"),
+    ("meshes/far.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3\n"),
+    ("meshes/continued.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 \\\n 2 9\nf 1 2 3\n"),
+    ("meshes/marked.obj", "\u{feff}v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 \\\n 1 # up\nf 1/1/1 2//2 \\\n\\\n3\nf -1 1 2\n"),
     ("lines/good.obj", "# a hook\nv 9 9 9\nv 0 0 -1 0.5\nv 0 0 0\nv 1 0 2\nf 1 2 3\nvn 0 0 1\nl 2/1 3 -1\np 3 4\n"),
     ("lines/none.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
     ("lines/number.obj", "v 0 0 0\nv 1 zero 0\nl 1 2\n"),
@@ -459,6 +469,15 @@ fn keys_of_another_kind_of_device_are_needless() {
 fn a_trajectory_may_have_the_forces_of_a_recording() {
     let found = parsed(&FULL.replace("incision.csv", "felt.csv")).expect("forces are passed over");
     assert_eq!(found.tools[0].trajectory[1].position, [4e-3, 5e-3, 6e-3]);
+}
+
+#[test]
+fn a_mesh_may_begin_with_a_mark_and_continue_its_lines() {
+    let found =
+        parsed(&FULL.replace("meshes/scalpel.obj", "meshes/marked.obj")).expect("both are as the format has them");
+    let mesh = &found.tools[0].mesh;
+    assert_eq!(mesh.positions, [[0.0; 3], [0.01, 0.0, 0.0], [0.0, 0.01, 0.0], [0.0, 0.0, 0.01]]);
+    assert_eq!(mesh.triangles, [[0, 1, 2], [3, 0, 1]]);
 }
 
 const SMALL: &str = "title = 'a'\n[time]\nstep_ms = 1\nduration_s = 1\n[skin]\nsize_mm = [10, 10]\ncells = [2, 2]\nlaw = 'springs'\nspring_stiffness_n_m = 5\nspring_damping_n_s_m = 0\n[[skin.layer]]\nname = 'a'\nthickness_mm = 1\ncells = 1\ndensity_kg_m3 = 1000\n";

@@ -11,7 +11,8 @@ const LONG_ABOUT: &str = "GPU soft-tissue engine: layered skin that is pressed a
 Without a command, the built-in incision runs: a scalpel slices 10 mm along three-layer skin. Pictures, tables and meshes for ParaView \
 are then in `out/`.";
 
-const AFTER: &str = "Exit status: 0 done; 1 a check or a comparison failed, or the machine or disk did; 2 bad input; 3 no usable adapter.";
+const AFTER: &str = "Exit status: 0 done; 1 a check or a comparison failed, or the machine or disk did; 2 bad input; 3 no usable adapter; \
+129, 130 or 143 a run that SIGHUP, SIGINT (Ctrl-C) or SIGTERM ended, with the report of its completed steps.";
 
 /// The whole command line.
 #[derive(Debug, Parser)]
@@ -62,7 +63,7 @@ pub enum Command {
     /// Stand in for Haply's Inverse Service: an Inverse3 and a simulated hand that pushes back, on a port of this machine
     ///
     /// Speaks the service's WebSocket frames, so that a scene with a Haply device runs without one. The hand is a mass on a spring; it
-    /// moves on by 1 ms per frame of the client. Ends with Ctrl-C or with the end of standard input.
+    /// moves on by 1 ms per frame of the client. Ends with Ctrl-C.
     HaplyMock(HaplyMock),
 }
 
@@ -81,10 +82,10 @@ pub struct Run {
     #[arg(long, value_enum)]
     pub precision: Option<Precision>,
     /// Stop after N steps; the scene's checks are evaluated on whole runs only
-    #[arg(long, value_name = "N", conflicts_with = "seconds", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "seconds", value_parser = clap::value_parser!(u32).range(1..))]
     pub steps: Option<u32>,
     /// Stop after T seconds of the scene
-    #[arg(long, value_name = "T", value_parser = positive)]
+    #[arg(long, value_name = "T", allow_hyphen_values = true, value_parser = positive)]
     pub seconds: Option<f64>,
     /// Pace the steps by the wall clock, with a 1 kHz thread for each device; pictures take time, so think of --frames 0
     #[arg(long)]
@@ -93,7 +94,7 @@ pub struct Run {
     #[arg(long)]
     pub record: bool,
     /// Write DIR/checkpoint.bin after every N steps, from which a run that was ended goes on with --resume
-    #[arg(long, value_name = "N", conflicts_with_all = ["realtime", "record"], value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with_all = ["realtime", "record"], value_parser = clap::value_parser!(u32).range(1..))]
     pub checkpoint: Option<u32>,
     /// Go on from a checkpoint, with the same scene, options and DIR: the end is that of a run that was not ended
     #[arg(long, value_name = "FILE", conflicts_with_all = ["realtime", "record"])]
@@ -102,7 +103,7 @@ pub struct Run {
     #[arg(long, value_name = "DIR", default_value = "out")]
     pub out: PathBuf,
     /// Pictures and meshes over the run, instead of the scene's number; 0 for none
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub frames: Option<u32>,
     #[command(flatten)]
     pub solver: Solver,
@@ -118,10 +119,10 @@ pub struct Run {
 #[derive(Args, Clone, Debug)]
 pub struct Solver {
     /// Residual of a solve, relative to the step's load
-    #[arg(long, value_name = "R", value_parser = fraction)]
+    #[arg(long, value_name = "R", allow_hyphen_values = true, value_parser = fraction)]
     pub tolerance: Option<f64>,
     /// Most iterations of a solve; beyond, the step counts as not converged
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = clap::value_parser!(u32).range(1..))]
     pub iterations: Option<u32>,
     /// Preconditioner of the conjugate gradients
     #[arg(long, value_enum)]
@@ -134,7 +135,7 @@ pub struct Compare {
     /// Scene file; the built-in incision when none is given
     pub scene: Option<PathBuf>,
     /// Steps of the scene as it is
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..))]
     pub steps: u32,
     /// GPU whose name, API or driver contains TEXT; hardware first when none is given
     #[arg(long, value_name = "TEXT")]
@@ -156,10 +157,10 @@ pub struct Study {
     #[arg(long, value_name = "TEXT")]
     pub adapter: Option<String>,
     /// Run every setting so many times, one after the other, and take the fastest: for machines that do other things too
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=1000))]
     pub repeats: u32,
     /// Stop a run after so many seconds; its errors are then not known (what others are measured against runs to its end)
-    #[arg(long, value_name = "T", default_value = "60", value_parser = positive)]
+    #[arg(long, value_name = "T", allow_hyphen_values = true, default_value = "60", value_parser = positive)]
     pub limit: f64,
     /// Folder of study.csv, study.md and study.svg
     #[arg(long, value_name = "DIR", default_value = "out")]
@@ -235,13 +236,13 @@ pub struct Adapters {
 #[derive(Args, Clone, Debug)]
 pub struct HaplyMock {
     /// Port to listen on, 0 for any that is free; clients look at 10001 when nothing is said
-    #[arg(long, value_name = "N", default_value_t = cutis::haptic::haply::mock::PORT)]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = cutis::haptic::haply::mock::PORT)]
     pub port: u16,
     /// Name of the arm
-    #[arg(long, value_name = "ID", default_value = "MOCK")]
+    #[arg(long, value_name = "ID", default_value = "MOCK", value_parser = name)]
     pub device: String,
     /// Name of the grip, whose rotation and buttons the hand has
-    #[arg(long, value_name = "ID", default_value = "GRIP", conflicts_with = "no_grip")]
+    #[arg(long, value_name = "ID", default_value = "GRIP", conflicts_with = "no_grip", value_parser = name)]
     pub grip: String,
     /// An arm alone: no rotation and no buttons
     #[arg(long)]
@@ -249,6 +250,12 @@ pub struct HaplyMock {
     /// Scene whose recorded hand the simulated one follows; it rests when none is given
     #[arg(long, value_name = "SCENE")]
     pub scene: Option<PathBuf>,
+    /// Leave the hand where the last client has left it, instead of beginning anew with the first client of each run
+    #[arg(long)]
+    pub keep: bool,
+    /// End with the end of standard input, for a program that starts the stand-in and may die before it
+    #[arg(long)]
+    pub until_stdin_ends: bool,
     /// Tool of that scene, the first one when none is given
     #[arg(long, value_name = "NAME", requires = "scene")]
     pub tool: Option<String>,
@@ -304,14 +311,19 @@ impl From<Precondition> for Preconditioner {
     }
 }
 
-fn number(text: &str) -> Result<f64, String> {
-    text.parse().map_err(|_| "not a number".to_string())
+fn number(text: &str, wanted: &str, holds: impl Fn(f64) -> bool) -> Result<f64, String> {
+    text.parse().ok().filter(|value| holds(*value)).ok_or_else(|| format!("wanted {wanted}"))
 }
 
 fn positive(text: &str) -> Result<f64, String> {
-    number(text).and_then(|v| if v.is_finite() && v > 0.0 { Ok(v) } else { Err("wanted seconds above 0".into()) })
+    number(text, "seconds above 0", |v| v.is_finite() && v > 0.0)
 }
 
 fn fraction(text: &str) -> Result<f64, String> {
-    number(text).and_then(|v| if v > 0.0 && v < 1.0 { Ok(v) } else { Err("wanted a number between 0 and 1".into()) })
+    number(text, "a number between 0 and 1", |v| v > 0.0 && v < 1.0)
+}
+
+fn name(text: &str) -> Result<String, String> {
+    let holds = !text.trim().is_empty() && !text.contains(char::is_control);
+    if holds { Ok(text.into()) } else { Err("wanted a name, which is not empty and on one line".into()) }
 }

@@ -1,18 +1,25 @@
 //! The program: translates arguments to library calls, results to text or JSON, errors to exit codes.
 
 mod args;
+mod print;
 mod progress;
 mod refused;
+mod signals;
 mod stand_in;
 mod text;
+mod usage;
 
 use args::{Backend, Cli, Command, Precision, Run};
-use clap::Parser;
+use cutis::error::Error;
+use cutis::report::memory::{self, Purpose};
 use cutis::report::{check, compare, inspect, run, study, verify};
+use cutis::runner;
 use cutis::scene::{self, Preconditioner, Scene};
 use cutis::step::Platform;
 use refused::{Refused, Result};
 use serde_json::{Value, json};
+use signals::Signals;
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -21,8 +28,25 @@ const FAILED: u8 = 1;
 
 /// Runs the requested command.
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
-    let done = match cli.command.unwrap_or(Command::Run(cli.run)) {
+    signals::survive_file_limits();
+    let words: Vec<OsString> = std::env::args_os().collect();
+    let as_json = words.iter().any(|word| word == "--json");
+    let done = usage::read(&words).and_then(|cli| cli.map_or(Ok(0), obey));
+    ExitCode::from(done.unwrap_or_else(|error| {
+        if as_json {
+            // what cannot be printed is said on standard error
+            print::json(&json!({ "error": error.to_string() })).ok();
+        }
+        match &error {
+            Refused::Usage { error } => drop(error.print()),
+            _ => print::note(format_args!("error: {error}")),
+        }
+        error.exit_code()
+    }))
+}
+
+fn obey(cli: Cli) -> Result<u8> {
+    match cli.command.unwrap_or(Command::Run(cli.run)) {
         Command::Run(args) => run_scene(&args),
         Command::Compare(args) => compare_paths(&args),
         Command::Study(args) => study_scene(&args),
@@ -32,21 +56,12 @@ pub fn main() -> ExitCode {
         Command::Keys(args) => list_keys(&args),
         Command::Adapters(args) => list_adapters(args),
         Command::HaplyMock(args) => stand_in::stand_in(&args),
-    };
-    ExitCode::from(done.unwrap_or_else(|error| {
-        eprintln!("error: {error}");
-        error.exit_code()
-    }))
+    }
 }
 
 /// Reads the scene at a path, or the built-in one.
 fn read(path: Option<&PathBuf>) -> Result<Scene> {
     Ok(path.map_or_else(scene::incision, |path| scene::read(path))?)
-}
-
-fn print_json(value: &impl serde::Serialize) {
-    // a tree of numbers and strings always serialises
-    println!("{}", serde_json::to_string_pretty(value).unwrap_or_default());
 }
 
 fn run_scene(args: &Run) -> Result<u8> {
@@ -57,14 +72,15 @@ fn run_scene(args: &Run) -> Result<u8> {
     solver.max_iterations = args.solver.iterations.unwrap_or(solver.max_iterations);
     solver.preconditioner = args.solver.preconditioner.map_or(solver.preconditioner, Into::into);
     scene.view.frames = args.frames.unwrap_or(scene.view.frames);
-    let of_time = args.seconds.map(|t| (t / scene.time.step).round().max(1.0) as u32);
+    let of_time = args.seconds.map(|seconds| steps_of(seconds, scene.time.step)).transpose()?;
     // haptic threads need a core of their own
     if args.realtime {
-        cutis::runner::leave_a_core()?;
+        runner::leave_a_core()?;
     } else {
-        cutis::runner::take_all_cores()?;
+        runner::take_all_cores()?;
     }
     note(&scene);
+    let signals = Signals::catch()?;
     let options = run::Options {
         platform: platform(
             args.backend,
@@ -78,36 +94,46 @@ fn run_scene(args: &Run) -> Result<u8> {
         record: args.record,
         checkpoint: args.checkpoint,
         resume: args.resume.clone(),
+        interrupt: signals.stop.clone(),
     };
     // run with a progress display
     let mut shown = progress::Shown::new(options.steps.unwrap_or(scene.time.steps()));
     let summary = run::run(&scene, &options, &mut |p| shown.update(p));
     shown.end();
-    let summary = summary?;
+    let summary = summary.map_err(|error| match error {
+        Error::Run(runner::Refused::Interrupted) => Refused::Interrupted { code: signals.exit_code() },
+        error => error.into(),
+    })?;
     // result on standard output, notes on standard error
     if args.json {
-        print_json(&summary.report);
+        print::json(&summary.report)?;
     } else {
-        print!("{}", text::summary(&scene, &summary, &args.out));
+        print::lines(&text::summary(&scene, &summary, &args.out))?;
         if args.profile {
-            print!("{}", text::profile(&summary.report));
+            print::lines(&text::profile(&summary.report))?;
         }
     }
     for (name, count) in &summary.report.warnings {
-        eprintln!("warning: {name} × {count}");
+        print::note(format_args!("warning: {name} × {count}"));
     }
     if summary.cut_short && !scene.checks.is_empty() {
-        eprintln!("note: the scene's checks are for the whole run and were not evaluated");
+        print::note("note: the scene's checks are for the whole run and were not evaluated");
     }
     for failure in &summary.failures {
-        eprintln!("check failed: {failure}");
+        print::note(format_args!("check failed: {failure}"));
     }
     Ok(if summary.failures.is_empty() { 0 } else { FAILED })
 }
 
+/// Number of steps in a time, at least one.
+fn steps_of(seconds: f64, step: f64) -> Result<u32> {
+    let steps = (seconds / step).round().max(1.0);
+    if steps > f64::from(u32::MAX) { Err(Refused::Seconds { seconds, steps }) } else { Ok(steps as u32) }
+}
+
 /// Prints the notes on a scene.
 fn note(scene: &Scene) {
-    scene.notes().iter().for_each(|note| eprintln!("note: {note}"));
+    scene.notes().iter().for_each(|note| print::note(format_args!("note: {note}")));
 }
 
 /// Backend of a run: the hardware GPU if there is one, else the CPU path; a software adapter only on request. With `direct` solves, the CPU
@@ -140,36 +166,38 @@ fn platform(backend: Backend, adapter: Option<&str>, precision: Option<Precision
 fn note_software(adapter: Option<&str>) {
     let first = cutis::gpu::adapters().into_iter().next();
     if let (None, Some(first)) = (adapter, first.filter(|a| a.software)) {
-        eprintln!(
+        print::note(format_args!(
             "note: no hardware GPU; `{}` is a software adapter: a GPU's results at less than the CPU path's speed",
             first.name
-        );
+        ));
     }
 }
 
 fn compare_paths(args: &args::Compare) -> Result<u8> {
+    runner::take_all_cores()?;
     let scene = read(args.scene.as_ref())?;
     note_software(args.adapter.as_deref());
-    let result = compare::compare(&scene, args.adapter.as_deref(), args.steps, &mut |stage| eprintln!("{stage}"))?;
+    let result = compare::compare(&scene, args.adapter.as_deref(), args.steps, &mut |stage| print::note(stage))?;
     let holds = result.rows.iter().all(compare::Row::holds);
     if args.json {
         let row = |r: &compare::Row| json!({ "name": r.name, "cpu": r.cpu, "gpu": r.gpu, "difference": r.difference, "bound": r.bound, "holds": r.holds() });
         let rows: Vec<Value> = result.rows.iter().map(row).collect();
-        print_json(&json!({
+        print::json(&json!({
             "scene": scene.file.display().to_string(),
             "adapter": result.gpu.adapter,
             "driver": result.gpu.driver,
             "steps": result.steps,
             "holds": holds,
             "rows": rows,
-        }));
+        }))?;
     } else {
-        print!("{}", text::comparison(&result));
+        print::lines(&text::comparison(&result))?;
     }
     Ok(if holds { 0 } else { FAILED })
 }
 
 fn study_scene(args: &args::Study) -> Result<u8> {
+    runner::take_all_cores()?;
     let scene = read(args.scene.as_ref())?;
     let gpu = match &args.adapter {
         Some(text) => Some(Platform::Gpu(Some(text.clone()))),
@@ -182,12 +210,12 @@ fn study_scene(args: &args::Study) -> Result<u8> {
     shown.end();
     let result = result?;
     if args.json {
-        print_json(&result.to_json());
+        print::json(&result.to_json())?;
     } else {
-        print!("{}", text::study(&result, &args.out));
+        print::lines(&text::study(&result, &args.out))?;
     }
     for line in result.failures() {
-        eprintln!("warning: not run: {line}");
+        print::note(format_args!("warning: not run: {line}"));
     }
     Ok(0)
 }
@@ -196,29 +224,31 @@ fn verify_answers(args: &args::Verify) -> Result<u8> {
     // a page of the CPU path unless a GPU is asked for: its figures are the same on every machine
     let backend = args.backend.unwrap_or(if args.adapter.is_some() { Backend::Auto } else { Backend::Cpu });
     let platform = platform(backend, args.adapter.as_deref(), args.precision, false)?;
-    cutis::runner::take_all_cores()?;
+    runner::take_all_cores()?;
+    let mut folder = args.out.as_deref().map(verify::open).transpose()?;
     let page = verify::verify(&platform, args.quick, &mut |number, all, case| {
-        eprintln!("{}/{all}: {}", number + 1, case.name);
+        print::note(format_args!("{}/{all}: {}", number + 1, case.name));
     })?;
-    if let Some(folder) = &args.out {
+    if let Some(folder) = &mut folder {
         verify::write(&page, folder)?;
     }
     if args.json {
-        print_json(&page.to_json());
+        print::json(&page.to_json())?;
     } else {
-        print!("{}", text::verification(&page, args.out.as_deref()));
+        print::lines(&text::verification(&page, args.out.as_deref()))?;
     }
     Ok(if page.missed().is_empty() { 0 } else { FAILED })
 }
 
 fn inspect_scene(args: &args::Inspect) -> Result<u8> {
+    runner::take_all_cores()?;
     let scene = read(args.scene.as_ref())?;
     let plan = inspect::inspect(&scene)?;
     note(&scene);
     if args.json {
-        print_json(&plan);
+        print::json(&plan)?;
     } else {
-        print!("{}", text::plan(&plan));
+        print::lines(&text::plan(&plan))?;
     }
     Ok(0)
 }
@@ -227,6 +257,7 @@ fn check_scenes(args: &args::Check) -> Result<u8> {
     let read = |path: &PathBuf| -> Result<Scene> {
         let scene = scene::read(path)?;
         check::known(&scene)?;
+        memory::fits(&scene, Purpose::Single)?;
         Ok(scene)
     };
     let mut worst = 0;
@@ -240,7 +271,7 @@ fn check_scenes(args: &args::Check) -> Result<u8> {
                 list.push(json!({ "scene": name, "valid": true, "title": scene.title, "notes": notes }));
             }
             Ok(scene) => {
-                println!("{name}: valid: {}", scene.title);
+                print::line(&format!("{name}: valid: {}", scene.title))?;
                 note(scene);
             }
             Err(error) => {
@@ -248,12 +279,12 @@ fn check_scenes(args: &args::Check) -> Result<u8> {
                 if args.json {
                     list.push(json!({ "scene": name, "valid": false, "error": error.to_string() }));
                 }
-                eprintln!("error: {error}");
+                print::note(format_args!("error: {error}"));
             }
         }
     }
     if args.json {
-        print_json(&list);
+        print::json(&list)?;
     }
     Ok(worst)
 }
@@ -265,9 +296,9 @@ fn list_keys(args: &args::Keys) -> Result<u8> {
     }
     if args.json {
         let row = |k: &scene::keys::Key| json!({ "table": k.table, "key": k.name, "default": k.default, "range": k.range, "meaning": k.meaning });
-        print_json(&found.iter().map(row).collect::<Vec<Value>>());
+        print::json(&found.iter().map(row).collect::<Vec<Value>>())?;
     } else {
-        print!("{}", text::keys(&found));
+        print::lines(&text::keys(&found))?;
     }
     Ok(0)
 }
@@ -282,9 +313,9 @@ fn list_adapters(args: args::Adapters) -> Result<u8> {
                 "binding_bytes_max": a.max_binding, "auto": k == 0 && !a.software,
             })
         };
-        print_json(&all.iter().enumerate().map(row).collect::<Vec<Value>>());
+        print::json(&all.iter().enumerate().map(row).collect::<Vec<Value>>())?;
     } else {
-        print!("{}", text::adapters(&all));
+        print::lines(&text::adapters(&all))?;
     }
     Ok(0)
 }

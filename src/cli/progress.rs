@@ -1,5 +1,6 @@
 //! Progress of a run on standard error: a bar on a terminal, about ten lines elsewhere.
 
+use super::print;
 use cutis::report::{run::Progress, study};
 use indicatif::{ProgressBar, ProgressStyle};
 use std::io::IsTerminal;
@@ -38,7 +39,10 @@ impl Shown {
         if line(p.step) > line(p.step - 1) {
             let spent = self.start.elapsed().as_secs_f64();
             let left = spent / f64::from(p.step) * f64::from(p.steps - p.step);
-            eprintln!("step {}/{}, {:.3} s, {state}; {spent:.0} s spent, {left:.0} s left", p.step, p.steps, p.time);
+            print::note(format_args!(
+                "step {}/{}, {:.3} s, {state}; {spent:.0} s spent, {left:.0} s left",
+                p.step, p.steps, p.time
+            ));
         }
     }
 
@@ -85,7 +89,7 @@ impl Share {
         let line = (p.share * LINES as f64) as u64;
         if line > self.line {
             self.line = line;
-            eprintln!("{text}");
+            print::note(text);
         }
     }
 

@@ -40,6 +40,8 @@ pub struct Counts {
     pub out_of_time: u64,
     /// Invalid readings.
     pub unsound: u64,
+    /// Ticks at which the device was lost: no reading, an old one, or one that is no pose.
+    pub lost: u64,
     /// Ticks with a non-finite force; none is applied then.
     pub non_finite: u64,
     /// Ticks with a problem that was too old.

@@ -79,13 +79,13 @@ pub struct Loop {
 }
 
 impl Loop {
-    /// Ticks from `start` until `stop` is set, then releases the device. Returns timing, the last message, and the result of closing.
-    pub fn run(mut self, start: Instant, stop: &AtomicBool) -> (Timing, Felt, Result<()>) {
+    /// Ticks from `start` until one of `stops` is set, then releases the device. Returns timing, the last message, and how closing went.
+    pub fn run(mut self, start: Instant, stops: [&AtomicBool; 2]) -> (Timing, Felt, Result<()>) {
         let mut timing = Timing::new();
         let tick = self.servo.settings.tick;
         let mut number = 0u64;
         let mut before: Option<f64> = None;
-        while !stop.load(Ordering::Acquire) {
+        while !stops.iter().any(|stop| stop.load(Ordering::Acquire)) {
             let due = number as f64 * tick;
             wait(start, due, SPIN.min(SPIN_SHARE * tick));
             let begin = start.elapsed().as_secs_f64();

@@ -1,8 +1,9 @@
 //! Bounds on the result of a run: the scene's `[check]` table applied to the report's keys.
 
+use super::haptics::LOST;
 use super::{Refused, Report};
 use crate::error::Result;
-use crate::scene::Scene;
+use crate::scene::{Scene, check_of};
 use serde_json::Value;
 
 /// Check that failed.
@@ -47,10 +48,12 @@ fn digits(value: f64) -> String {
     }
 }
 
-/// Checks of the scene that a report fails.
+/// Checks of the scene that a report fails; a lost device, whose hand nobody led, fails them too.
 pub fn failures(scene: &Scene, report: &Report) -> Vec<Failure> {
     let tree = serde_json::to_value(report).unwrap_or(Value::Null);
     let bound = |b: f64| b.is_finite().then_some(b);
+    let found = report.warnings.get(LOST).filter(|_| !scene.checks.is_empty()).map(|count| *count as f64);
+    let lost = found.map(|_| Failure { key: format!("warnings.{LOST}"), found, min: None, max: Some(0.0) });
     scene
         .checks
         .iter()
@@ -60,6 +63,7 @@ pub fn failures(scene: &Scene, report: &Report) -> Vec<Failure> {
             let holds = found.is_some_and(|v| min <= v && v <= max);
             (!holds).then(|| Failure { key: check.key.clone(), found, min: bound(min), max: bound(max) })
         })
+        .chain(lost)
         .collect()
 }
 
@@ -87,8 +91,8 @@ pub fn known(scene: &Scene) -> Result<()> {
     for check in &scene.checks {
         let named = check.key.starts_with("warnings.") || check.key.starts_with("probes.");
         if !named && !keys.contains(&check.key) {
-            let (path, key) = (scene.file.clone(), check.key.clone());
-            return Err(Refused::UnknownCheck { path, key, known: keys.join(", ") }.into());
+            let (at, key) = (scene.at(&check_of(&check.key)), check.key.clone());
+            return Err(Refused::UnknownCheck { at, key, known: keys.join(", ") }.into());
         }
     }
     Ok(())

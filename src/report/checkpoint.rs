@@ -9,11 +9,12 @@
 
 use super::collect::Collected;
 use super::files::{CHECKPOINT, Written};
+use super::listing::Listing;
 use super::{CheckpointUnfit as Unfit, Refused};
 use crate::error::Result;
 use crate::output::{Failed, TableMark, checksum, replace};
 use crate::runner;
-use crate::scene::Scene;
+use crate::scene::{Scene, bytes_of};
 use crate::step::Platform;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -21,7 +22,7 @@ use std::path::{Path, PathBuf};
 /// First bytes of each checkpoint.
 const MAGIC: &[u8; 16] = b"cutis checkpoint";
 /// Format version; a program reads only the one that it writes.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 /// Bytes before the checkpoint itself.
 const HEADER: usize = MAGIC.len() + 4 + 8 + 8;
 
@@ -51,14 +52,14 @@ pub(super) struct Identity {
 
 /// Identity of a run's checkpoints.
 pub(super) fn identity(scene: &Scene, platform: &Platform) -> Identity {
-    let nameless = Scene { file: PathBuf::new(), ..scene.clone() };
+    let nameless = Scene { file: PathBuf::new(), lines: Default::default(), ..scene.clone() };
     let scene_sum = checksum(format!("{nameless:?}").as_bytes());
     Identity { title: scene.title.clone(), scene: scene_sum, platform: platform.backend_and_precision().join(" ") }
 }
 
-/// Writes a checkpoint to a folder, replacing the last one.
-pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
-    let path = folder.join(CHECKPOINT);
+/// Writes a checkpoint to its folder, replacing the last one.
+pub(super) fn write(checkpoint: &Checkpoint, listing: &mut Listing) -> Result<()> {
+    let path = listing.add(CHECKPOINT)?;
     let failed = |e: postcard::Error| Failed::Write { path: path.clone(), source: std::io::Error::other(e) };
     let bytes = postcard::to_stdvec(checkpoint).map_err(failed)?;
     let mut file = Vec::with_capacity(HEADER + bytes.len());
@@ -77,7 +78,7 @@ pub(super) fn write(checkpoint: &Checkpoint, folder: &Path) -> Result<()> {
 /// One of as many is of a run that was killed after its last step, and lacks its report.
 pub(super) fn read(path: &Path, scene: &Scene, platform: &Platform, steps: u32) -> Result<Checkpoint> {
     let refused = |unfit| Refused::Checkpoint { path: path.to_owned(), unfit };
-    let file = std::fs::read(path).map_err(|source| refused(Unfit::Unread { source }))?;
+    let file = bytes_of(path).map_err(|source| refused(Unfit::Unread { source }))?;
     let checkpoint: Checkpoint = unpack(&file).map_err(refused)?;
     let done = checkpoint.runner.steps();
     let (found, wanted) = (&checkpoint.identity, identity(scene, platform));

@@ -1,28 +1,29 @@
 //! The folder of a run: tables, meshes for ParaView, pictures, the report.
 //!
 //! ```text
-//! report.json   probes.csv   energy.csv   haptic.csv   volume.pvd   surface.pvd
+//! report.json   probes.csv   energy.csv   haptic.csv   hand_TOOL.csv   volume.pvd   surface.pvd   checkpoint.bin   cutis-files.txt
 //! frames/frame_0001.png …    vtu/volume_0001.vtu …     vtu/surface_0001.vtu …
 //! ```
 //! A killed run leaves every file readable; report.json is then that of the last picture. A run that ends with an error leaves the report
-//! of the completed steps, including the error.
+//! of the completed steps, including the error; `reserve.bin` keeps room for it on a disk that has none left.
 
 use super::Report;
 use super::frames::{self, SkinSurface};
+use super::listing::{Listing, remove};
 use crate::backend::Snapshot;
 use crate::error::Result;
 use crate::output::{Failed, Field, Series, Table, TableMark, replace, write_hexes, write_triangles};
-use crate::scene::Scene;
+use crate::scene::{FIXED_COLUMNS, Probe, Scene};
 use crate::step::{Measured, Simulation, StepReport};
 use serde::{Deserialize, Serialize};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Checkpoint file of a run.
 pub(super) const CHECKPOINT: &str = "checkpoint.bin";
 
 /// Folder of a running simulation.
 pub(super) struct Folder {
-    path: PathBuf,
+    pub listing: Listing,
     probes: Table,
     energy: Table,
     /// Time of the last row of `energy`, s; NaN before one.
@@ -47,10 +48,11 @@ pub(super) struct Written {
 
 /// Columns of `probes.csv`.
 fn columns(scene: &Scene) -> Vec<String> {
-    let mut columns = vec!["time_s".to_string()];
-    columns.extend(scene.probes.iter().map(|p| format!("{}_{}", p.name, p.kind.unit())));
+    let [first, last @ ..] = FIXED_COLUMNS;
+    let mut columns = vec![first.to_string()];
+    columns.extend(scene.probes.iter().map(Probe::column));
     if scene.contact.is_some() {
-        columns.extend(["contacts", "contact_force_n", "links_cut"].map(String::from));
+        columns.extend(last.map(String::from));
     }
     columns
 }
@@ -69,52 +71,51 @@ const ENERGY: [&str; 10] = [
     "impact_j",
 ];
 
-fn create(path: &Path) -> Result<()> {
-    Ok(std::fs::create_dir_all(path).map_err(|source| Failed::Write { path: path.to_owned(), source })?)
+/// Files of a run that have no number.
+const FIXED: [&str; 8] =
+    [CHECKPOINT, "report.json", RESERVE, "probes.csv", "energy.csv", "haptic.csv", "volume.pvd", "surface.pvd"];
+/// Room kept for the report.
+const RESERVE: &str = "reserve.bin";
+/// Size of the reserve, bytes, beside twice that of the report before the first step: four blocks of a common file system.
+const RESERVE_BYTES: usize = 16384;
+
+/// Number in the name of a picture or a mesh.
+fn number(name: &str) -> Option<u32> {
+    let families = [("frames/frame_", ".png"), ("vtu/volume_", ".vtu"), ("vtu/surface_", ".vtu")];
+    let digits = families.iter().find_map(|(start, end)| name.strip_prefix(start)?.strip_suffix(end))?;
+    let plain = digits.len() >= 4 && digits.bytes().all(|b| b.is_ascii_digit());
+    if plain { digits.parse().ok() } else { None }
 }
 
-/// Removes results of an earlier run, which could be mistaken for this one's. Files that name others go first, so that a run killed here
-/// leaves no name of a missing file.
-fn remove_old(path: &Path) {
-    for name in [CHECKPOINT, "report.json", "volume.pvd", "surface.pvd", "haptic.csv"] {
-        std::fs::remove_file(path.join(name)).ok();
-    }
-    remove_numbered(path, 0);
+/// Whether a run writes files of this name.
+fn of_runs(name: &str) -> bool {
+    FIXED.contains(&name) || number(name).is_some() || (name.starts_with("hand_") && name.ends_with(".csv"))
 }
 
-/// Removes numbered files above a number.
-fn remove_numbered(path: &Path, kept: u32) {
-    let numbered = |name: &str| {
-        [("frame_", ".png"), ("volume_", ".vtu"), ("surface_", ".vtu")]
-            .iter()
-            .filter_map(|(start, end)| name.strip_prefix(start)?.strip_suffix(end))
-            .filter(|number| number.len() == 4 && number.bytes().all(|b| b.is_ascii_digit()))
-            .any(|number| number.parse().is_ok_and(|number: u32| number > kept))
+/// Opens the folder of a run, before anything is computed: tries the names of all files that it will have, `more` beside the usual ones.
+///
+/// # Errors
+/// As [`Listing::open`].
+pub(super) fn open(path: &Path, frames: u32, more: &[String]) -> Result<Listing> {
+    let wanted = |name: &str| {
+        FIXED.contains(&name) || more.iter().any(|more| more == name) || number(name).is_some_and(|n| n <= frames)
     };
-    for folder in ["frames", "vtu"] {
-        let entries = std::fs::read_dir(path.join(folder)).into_iter().flatten();
-        for entry in entries.flatten() {
-            if entry.file_name().to_str().is_some_and(numbered) {
-                std::fs::remove_file(entry.path()).ok();
-            }
-        }
-    }
+    Listing::open(path, &["frames", "vtu"], wanted)
 }
 
 impl Folder {
-    /// Creates the folder and starts its tables; removes the files of an earlier run.
-    pub fn create(path: &Path, scene: &Scene) -> Result<Self> {
-        create(path)?;
-        remove_old(path);
+    /// Removes the files of an earlier run and starts the tables.
+    pub fn create(mut listing: Listing, scene: &Scene) -> Result<Self> {
+        listing.remove(of_runs)?;
         Ok(Self {
-            probes: Table::create(&path.join("probes.csv"), &columns(scene))?,
-            energy: Table::create(&path.join("energy.csv"), &ENERGY)?,
+            probes: Table::create(&listing.add("probes.csv")?, &columns(scene))?,
+            energy: Table::create(&listing.add("energy.csv")?, &ENERGY)?,
             measured: f64::NAN,
             contact: scene.contact.is_some(),
-            volume: Series::new(path.join("volume.pvd")),
-            surface: Series::new(path.join("surface.pvd")),
+            volume: Series::new(listing.path("volume.pvd")),
+            surface: Series::new(listing.path("surface.pvd")),
             frame_count: 0,
-            path: path.to_owned(),
+            listing,
         })
     }
 
@@ -125,21 +126,32 @@ impl Folder {
     }
 
     /// Continues in the folder of a run; removes what it wrote later.
-    pub fn reopen(path: &Path, scene: &Scene, written: &Written) -> Result<Self> {
+    pub fn reopen(mut listing: Listing, scene: &Scene, written: &Written) -> Result<Self> {
+        listing.remove(|name| number(name).is_some_and(|number| number > written.frames))?;
         let mut folder = Self {
-            probes: Table::reopen(&path.join("probes.csv"), &columns(scene), written.probes)?,
-            energy: Table::reopen(&path.join("energy.csv"), &ENERGY, written.energy)?,
+            probes: Table::reopen(&listing.add("probes.csv")?, &columns(scene), written.probes)?,
+            energy: Table::reopen(&listing.add("energy.csv")?, &ENERGY, written.energy)?,
             measured: f64::NAN,
             contact: scene.contact.is_some(),
-            volume: Series::new(path.join("volume.pvd")),
-            surface: Series::new(path.join("surface.pvd")),
+            volume: Series::new(listing.path("volume.pvd")),
+            surface: Series::new(listing.path("surface.pvd")),
             frame_count: written.frames,
-            path: path.to_owned(),
+            listing,
         };
         folder.volume.resume(written.volume.clone())?;
         folder.surface.resume(written.surface.clone())?;
-        remove_numbered(path, written.frames);
         Ok(folder)
+    }
+
+    /// Keeps room for a report of twice this size, for a disk that is full at the end.
+    pub fn reserve(&mut self, report: &Report) -> Result<()> {
+        let path = self.listing.add(RESERVE)?;
+        replace(&path, &vec![0; RESERVE_BYTES + 2 * text(&path, report)?.len()])
+    }
+
+    /// Gives that room up.
+    pub fn release(&self) -> Result<()> {
+        remove(&self.listing.path(RESERVE))
     }
 
     /// Positions so far, with all rows flushed.
@@ -185,29 +197,25 @@ impl Folder {
         state: &[Snapshot],
         step: &StepReport,
     ) -> Result<()> {
-        if self.frame_count == 0 {
-            create(&self.path.join("frames"))?;
-            create(&self.path.join("vtu"))?;
-        }
         self.frame_count += 1;
         let number = self.frame_count;
         let skin = SkinSurface::new(simulation, state);
-        let picture = self.path.join(format!("frames/frame_{number:04}.png"));
+        let picture = self.listing.add(&format!("frames/frame_{number:04}.png"))?;
         frames::write(scene, simulation, &skin, step, &picture)?;
         let volume = format!("vtu/volume_{number:04}.vtu");
-        write_volume(&self.path.join(&volume), simulation, state)?;
+        write_volume(&self.listing.add(&volume)?, simulation, state)?;
+        self.listing.add("volume.pvd")?;
         self.volume.add(step.time, &volume)?;
         let surface = format!("vtu/surface_{number:04}.vtu");
-        write_surface(&self.path.join(&surface), &skin)?;
+        write_surface(&self.listing.add(&surface)?, &skin)?;
+        self.listing.add("surface.pvd")?;
         self.surface.add(step.time, &surface)
     }
 
     /// Writes report.json.
-    pub fn write_report(&self, report: &Report) -> Result<()> {
-        let path = self.path.join("report.json");
-        let text =
-            serde_json::to_string_pretty(report).map_err(|e| Failed::Write { path: path.clone(), source: e.into() })?;
-        replace(&path, format!("{text}\n").as_bytes())
+    pub fn write_report(&mut self, report: &Report) -> Result<()> {
+        let path = self.listing.add("report.json")?;
+        replace(&path, text(&path, report)?.as_bytes())
     }
 
     /// Flushes all rows so far.
@@ -218,10 +226,17 @@ impl Folder {
 
     /// Closes the tables; returns the number of pictures.
     pub fn finish(self) -> Result<u32> {
+        self.release()?;
         self.probes.finish()?;
         self.energy.finish()?;
         Ok(self.frame_count)
     }
+}
+
+/// Text of report.json.
+fn text(path: &Path, report: &Report) -> Result<String> {
+    let text = serde_json::to_string_pretty(report);
+    Ok(text.map_err(|e| Failed::Write { path: path.to_owned(), source: e.into() })? + "\n")
 }
 
 /// Points kept in a file, and cells renumbered for them.

@@ -1,5 +1,6 @@
 //! Haptic results of a run: `haptic.csv`, recordings, counters for the report.
 
+use super::listing::Listing;
 use super::recording::Recording;
 use super::{HapticReport, Periods};
 use crate::error::Result;
@@ -8,7 +9,7 @@ use crate::haptic::servo::Record;
 use crate::haptic::thread::Timing;
 use crate::output::{Table, TableMark};
 use crate::runner::HapticCounts;
-use crate::scene::Scene;
+use crate::scene::{Scene, Tool};
 use rtrb::Consumer;
 use std::path::Path;
 
@@ -33,6 +34,12 @@ const COLUMNS: [&str; 18] = [
     "active",
 ];
 
+/// Name of a tool's recording.
+pub(super) fn recording(tool: &Tool) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
+    format!("hand_{}.csv", tool.name.chars().map(plain).collect::<String>())
+}
+
 /// Table of all ticks, and the recordings of devices.
 #[derive(Default)]
 pub(super) struct HapticFiles {
@@ -42,16 +49,13 @@ pub(super) struct HapticFiles {
 
 impl HapticFiles {
     /// Creates `haptic.csv` in a folder, and `hand_TOOL.csv` for each recorded device.
-    pub fn create(folder: &Path, scene: &Scene, rows: Vec<(usize, Consumer<Row>)>) -> Result<Self> {
-        let plain = |c: char| if c.is_alphanumeric() || "-_".contains(c) { c } else { '_' };
-        let recording = |(tool, rows): (usize, _)| {
-            let name: String = scene.tools[tool].name.chars().map(plain).collect();
-            Recording::create(&folder.join(format!("hand_{name}.csv")), rows)
-        };
-        Ok(Self {
-            ticks: Some(Table::create(&folder.join("haptic.csv"), &COLUMNS)?),
-            recordings: rows.into_iter().map(recording).collect::<Result<_>>()?,
-        })
+    pub fn create(listing: &mut Listing, scene: &Scene, rows: Vec<(usize, Consumer<Row>)>) -> Result<Self> {
+        let ticks = Some(Table::create(&listing.add("haptic.csv")?, &COLUMNS)?);
+        let mut recordings = vec![];
+        for (tool, rows) in rows {
+            recordings.push(Recording::create(&listing.add(&recording(&scene.tools[tool]))?, rows)?);
+        }
+        Ok(Self { ticks, recordings })
     }
 
     /// Checks that the `haptic.csv` of a folder matches a mark.
@@ -118,6 +122,17 @@ pub(super) fn report(counted: &HapticCounts) -> HapticReport {
     }
     counted.timing.iter().for_each(|timing| timed(&mut r, timing, counted.late_steps));
     r
+}
+
+/// Warning of a device that was lost.
+pub(super) const LOST: &str = "device_lost";
+/// Share of a device's ticks without it that is warned of: below, the hand led the tool for most of the run.
+const LOST_SHARE: f64 = 0.5;
+
+/// Ticks of devices that were lost for most of the run.
+pub(super) fn lost(counted: &HapticCounts) -> u64 {
+    let gone = counted.servos.iter().filter(|c| c.lost as f64 > LOST_SHARE * c.ticks as f64);
+    gone.map(|c| c.lost).sum()
 }
 
 /// Adds the timing.

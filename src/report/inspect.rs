@@ -4,6 +4,7 @@
 //! passes wgpu's validation, and nothing is computed. Dispatches and read-backs are counted from the way [`crate::step`] drives the
 //! backend.
 
+use super::memory::{self, Purpose};
 use crate::backend::GpuBackend;
 use crate::bodies::Model;
 use crate::error::Result;
@@ -88,6 +89,7 @@ pub struct Plan {
 /// If the scene is too large for 32-bit indices, or a kernel is invalid.
 pub fn inspect(scene: &Scene) -> Result<Plan> {
     scene.check()?;
+    memory::fits(scene, Purpose::SetUp)?;
     let mut plan = all_bodies(scene)?;
     if cuts(scene) {
         let mut blunt = scene.clone();

@@ -12,6 +12,8 @@ pub mod frames;
 mod haptics;
 pub mod inspect;
 mod keys;
+mod listing;
+pub mod memory;
 pub mod recording;
 mod refused;
 pub mod run;
@@ -22,4 +24,5 @@ pub use keys::{
     CostReport, CutReport, DissipationReport, EnergyReport, Extremes, HapticReport, Memory, Passes, Periods, Report,
     Share, SolverReport, Spread, WorkReport,
 };
+pub use listing::Listing;
 pub use refused::{CheckpointUnfit, Refused, StudyUnfit};

@@ -14,6 +14,43 @@ pub enum Refused {
     )]
     NoSteps,
 
+    /// Scene that does not fit into memory.
+    #[error(
+        "{at}: the scene needs {:.1} GB of memory at least, and {:.1} GB are free; make {key} smaller, or close what takes memory",
+        *wanted as f64 * 1e-9,
+        *free as f64 * 1e-9
+    )]
+    Memory {
+        /// Where.
+        at: String,
+        /// Bytes.
+        wanted: u64,
+        /// Bytes.
+        free: u64,
+        /// Key to lower.
+        key: &'static str,
+    },
+
+    /// Step that nobody waits for.
+    #[error(
+        "{at}: steps of {step} s by the wall clock; at most {most} s are waited for; take a shorter step_ms, or leave out --realtime"
+    )]
+    StepInRealTime {
+        /// Where.
+        at: String,
+        /// s
+        step: f64,
+        /// s
+        most: f64,
+    },
+
+    /// Two tools whose recordings have one name.
+    #[error("two tools are recorded as {name}, which has _ for what is no letter, digit, - or _; rename one of them")]
+    RecordingsAlike {
+        /// Name of the file.
+        name: String,
+    },
+
     /// Checkpoint of a run by the wall clock.
     #[error(
         "a checkpoint of a run by the wall clock, whose hands do not wait; leave out --realtime, or --checkpoint and --resume"
@@ -33,14 +70,31 @@ pub enum Refused {
         unfit: CheckpointUnfit,
     },
 
-    /// Check on an unknown key.
+    /// Folder that another command writes to.
+    #[error("{}: another run writes there; wait for its end, or choose another folder with --out", path.display())]
+    Locked {
+        /// The folder.
+        path: PathBuf,
+    },
+
+    /// Something that this program has not written, under the name of a result.
     #[error(
-        "{}: [check] names `{key}`, which is no number of the report; name one of {known}, warnings.NAME or probes.NAME",
+        "{}: stands where a result goes, and is not on the folder's list of files that cutis has written (cutis-files.txt); move it away, or \
+         choose another folder with --out",
         path.display()
     )]
-    UnknownCheck {
-        /// The scene file.
+    Foreign {
+        /// The file.
         path: PathBuf,
+    },
+
+    /// Check on an unknown key.
+    #[error(
+        "{at}: [check] names `{key}`, which is no number of the report; name one of {known}, warnings.NAME or probes.NAME"
+    )]
+    UnknownCheck {
+        /// Where.
+        at: String,
         /// Key in the scene.
         key: String,
         /// Known keys, separated by commas.

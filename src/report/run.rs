@@ -2,14 +2,22 @@
 
 use super::checkpoint::{self, Checkpoint, Identity};
 use super::collect::Collector;
-use super::files::Folder;
+use super::files::{self, Folder};
 use super::haptics::{self, HapticFiles};
+use super::listing::Listing;
+use super::memory::{self, Purpose};
 use super::{Refused, Report, check};
 use crate::error::{Error, Result};
-use crate::runner::{Clock, Runner};
-use crate::scene::{BodyId, Scene};
+use crate::runner::{self, Clock, Runner};
+use crate::scene::{BodyId, STEP, Scene};
 use crate::step::{Platform, Simulation, StepReport};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Longest step by the wall clock, s; a hand feels none that takes a tenth of a second.
+const LONGEST_STEP: f64 = 60.0;
 
 /// Options of a run.
 #[derive(Clone, Debug)]
@@ -28,13 +36,16 @@ pub struct Options {
     pub checkpoint: Option<u32>,
     /// Checkpoint to resume from; its run had the same folder.
     pub resume: Option<PathBuf>,
+    /// Once set, the run ends with [`Interrupted`](crate::runner::Refused::Interrupted).
+    pub interrupt: Arc<AtomicBool>,
 }
 
 impl Options {
     /// Options of a whole run by the scene's clock.
     pub fn new(platform: Platform, out: impl Into<PathBuf>) -> Self {
         let out = out.into();
-        Self { platform, steps: None, out, realtime: false, record: false, checkpoint: None, resume: None }
+        let interrupt = Arc::default();
+        Self { platform, steps: None, out, realtime: false, record: false, checkpoint: None, resume: None, interrupt }
     }
 
     /// The checkpoint to resume from, if any.
@@ -43,8 +54,26 @@ impl Options {
         self.resume.as_ref().map(|file| checkpoint::read(file, scene, &self.platform, steps)).transpose()
     }
 
-    /// Refuses options that exclude each other.
-    fn check(&self) -> Result<()> {
+    /// Opens the folder of the results and tries the names of all of them.
+    fn folder(&self, scene: &Scene) -> Result<Listing> {
+        let recordings: Vec<String> = match self.record {
+            true => scene.tools.iter().map(haptics::recording).collect(),
+            false => vec![],
+        };
+        let mut names = BTreeSet::new();
+        if let Some(name) = recordings.iter().find(|name| !names.insert(*name)) {
+            return Err(Refused::RecordingsAlike { name: name.clone() }.into());
+        }
+        files::open(&self.out, scene.view.frames.min(self.steps.unwrap_or(scene.time.steps())), &recordings)
+    }
+
+    /// Refuses options that exclude each other, or that the scene excludes.
+    fn check(&self, scene: &Scene) -> Result<()> {
+        if self.realtime && scene.time.step > LONGEST_STEP {
+            return Err(
+                Refused::StepInRealTime { at: scene.at(STEP), step: scene.time.step, most: LONGEST_STEP }.into()
+            );
+        }
         if self.steps == Some(0) || self.checkpoint == Some(0) {
             return Err(Refused::NoSteps.into());
         }
@@ -96,10 +125,13 @@ pub struct Summary {
 /// a device fails. The results up to then are in the folder.
 pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)) -> Result<Summary> {
     check::known(scene)?;
-    options.check()?;
-    // refuse before a device is opened or a file touched
+    options.check(scene)?;
+    // refuse before anything is computed, a device opened or a file touched
     let resumed = options.resumed(scene)?;
-    run_from(scene, options, Simulation::new(scene, &options.platform)?, resumed, progress)
+    memory::fits(scene, Purpose::from(&options.platform))?;
+    let listing = options.folder(scene)?;
+    let simulation = Simulation::new(scene, &options.platform).map_err(|error| error.of_scene(scene, ""))?;
+    run_from(scene, options, simulation, resumed, listing, progress)
 }
 
 /// The same with an existing simulation at its start.
@@ -112,9 +144,9 @@ pub fn run_prepared(
     simulation: Simulation,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary> {
-    options.check()?;
+    options.check(scene)?;
     let resumed = options.resumed(scene)?;
-    run_from(scene, options, simulation, resumed, progress)
+    run_from(scene, options, simulation, resumed, options.folder(scene)?, progress)
 }
 
 fn run_from(
@@ -122,19 +154,25 @@ fn run_from(
     options: &Options,
     simulation: Simulation,
     resumed: Option<Checkpoint>,
+    listing: Listing,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary> {
+    if options.interrupt.load(Ordering::Acquire) {
+        // while it was set up: the results of an earlier run stay
+        return Err(runner::Refused::Interrupted.into());
+    }
     let steps = options.steps.unwrap_or(scene.time.steps());
     let clock = if options.realtime { Clock::Wall } else { Clock::Scene };
     let mut collector = Collector::new(scene, &simulation);
     let mut runner = Runner::new(scene, simulation, clock);
+    runner.interrupt_by(options.interrupt.clone());
     // start the folder's files, or continue those of the checkpoint
     let (folder, haptic, last) = match resumed {
         None => {
-            let folder = Folder::create(&options.out, scene)?;
+            let mut folder = Folder::create(listing, scene)?;
             let rows = runner.start(options.record)?;
             let haptic = match runner.haptic() {
-                Some(_) => HapticFiles::create(&options.out, scene, rows)?,
+                Some(_) => HapticFiles::create(&mut folder.listing, scene, rows)?,
                 None => HapticFiles::default(),
             };
             (folder, haptic, vec![])
@@ -145,7 +183,7 @@ fn run_from(
             HapticFiles::verify(&options.out, checkpoint.ticks)?;
             runner.restore(&checkpoint.runner)?;
             collector.resume(checkpoint.collected);
-            let folder = Folder::reopen(&options.out, scene, &checkpoint.files)?;
+            let folder = Folder::reopen(listing, scene, &checkpoint.files)?;
             (folder, HapticFiles::reopen(&options.out, checkpoint.ticks)?, checkpoint.last)
         }
     };
@@ -202,6 +240,8 @@ impl Running<'_> {
             let report = self.report();
             self.folder.write_report(&report)?;
         }
+        let report = self.report();
+        self.folder.reserve(&report)?;
         let frames = u64::from(self.scene.view.frames.min(steps));
         // picture k of F shows the end of step k·steps/F, rounded up
         let pictures = |n: u32| u64::from(n) * frames / u64::from(steps);
@@ -222,7 +262,7 @@ impl Running<'_> {
             }
             if self.options.checkpoint.is_some_and(|every| number.is_multiple_of(every)) {
                 let checkpoint = self.checkpoint()?;
-                checkpoint::write(&checkpoint, &self.options.out)?;
+                checkpoint::write(&checkpoint, &mut self.folder.listing)?;
             }
         }
         let Self { runner, haptic, .. } = self;
@@ -255,7 +295,11 @@ impl Running<'_> {
 
     fn report(&mut self) -> Report {
         let mut report = self.collector.report(&self.runner.simulation);
-        report.haptic = self.runner.haptic().as_ref().map(haptics::report).unwrap_or_default();
+        let counted = self.runner.haptic();
+        report.haptic = counted.as_ref().map(haptics::report).unwrap_or_default();
+        if let Some(ticks) = counted.as_ref().map(haptics::lost).filter(|ticks| *ticks > 0) {
+            report.warnings.insert(haptics::LOST.into(), ticks);
+        }
         let names = self.scene.probes.iter().map(|p| p.name.clone());
         report.probes = names.zip(self.last.iter().copied()).collect();
         report
@@ -266,6 +310,8 @@ impl Running<'_> {
         let Self { runner, haptic, .. } = self;
         drop(runner.stop(&mut |tool, record| haptic.add(tool, record)));
         let report = Report { error: error.to_string(), ..self.report() };
+        // the report comes first: what the tables have left may fill the room that it was kept
+        drop(self.folder.release());
         drop(self.folder.write_report(&report));
         drop(self.haptic.finish());
         drop(self.folder.flush());

@@ -7,7 +7,7 @@ use crate::haptic::device::{Device, Limits, Workspace};
 use crate::haptic::devices::open;
 use crate::haptic::replay::{Recorder, Row};
 use crate::haptic::servo::{Servo, Settings};
-use crate::scene::{DeviceKind, Scene};
+use crate::scene::{DeviceKind, Scene, device_of};
 use crate::step::Simulation;
 use rtrb::Consumer;
 use std::collections::BTreeMap;
@@ -45,7 +45,8 @@ pub(super) fn channels(
         let mut device = match own {
             Some(device) => device,
             None if !live && matches!(spec.kind, DeviceKind::Haply { .. }) => {
-                return Err(Refused::NeedsWallClock { tool: asked.name.clone() }.into());
+                let at = scene.at(&device_of(&asked.name));
+                return Err(Refused::NeedsWallClock { at, tool: asked.name.clone() }.into());
             }
             None => open(&spec, asked)?,
         };

@@ -17,13 +17,15 @@ use crate::haptic::device::Device;
 use crate::haptic::replay::Row;
 use crate::haptic::servo::Record;
 use crate::haptic::thread::Timing;
-use crate::scene::Scene;
+use crate::scene::{STEP, Scene};
 use crate::step::{self, Simulation, StepReport};
 use channel::channels;
 use rtrb::Consumer;
 use scene_clock::SceneClock;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 use wall_clock::WallClock;
 
@@ -74,6 +76,7 @@ pub struct Runner {
     attached: BTreeMap<usize, Box<dyn Device>>,
     records: bool,
     stopped: bool,
+    interrupt: Arc<AtomicBool>,
     hands: Hands,
 }
 
@@ -111,7 +114,21 @@ impl Runner {
             attached: BTreeMap::new(),
             records: false,
             stopped: false,
+            interrupt: Arc::default(),
             hands: Hands::Waiting,
+        }
+    }
+
+    /// Has a flag, once set, end the run: devices under the wall clock are released at their next tick, the others by [`Runner::stop`], and
+    /// the next step is [`Refused::Interrupted`]. Call it before the run begins.
+    pub fn interrupt_by(&mut self, flag: Arc<AtomicBool>) {
+        self.interrupt = flag;
+    }
+
+    fn interrupted(&self) -> Result<()> {
+        match self.interrupt.load(Ordering::Acquire) {
+            true => Err(Refused::Interrupted.into()),
+            false => Ok(()),
         }
     }
 
@@ -145,7 +162,12 @@ impl Runner {
         let channels = channels(&self.scene, &self.simulation, live, attached, record.then_some(&mut rows))?;
         self.records = record;
         self.hands = match live {
-            true => Hands::Wall(Box::new(WallClock::start(&self.scene, &self.simulation, channels)?)),
+            true => Hands::Wall(Box::new(WallClock::start(
+                &self.scene,
+                &self.simulation,
+                channels,
+                self.interrupt.clone(),
+            )?)),
             false => Hands::Scene(SceneClock::new(self.scene.haptic.rate, channels)),
         };
         Ok(rows)
@@ -160,7 +182,7 @@ impl Runner {
     /// clock those before the step, by the wall clock those until its end.
     ///
     /// # Errors
-    /// As [`Simulation::step`], and errors of `on_tick`.
+    /// As [`Simulation::step`], errors of `on_tick`, and [`Refused::Interrupted`].
     pub fn step(&mut self, check: bool, on_tick: OnTick) -> Result<Step> {
         if matches!(self.hands, Hands::Waiting) {
             self.start(false)?;
@@ -168,14 +190,16 @@ impl Runner {
         if self.stopped {
             return Err(Refused::Stopped.into());
         }
+        self.interrupted()?;
         let [begin, end] = [self.steps, self.steps + 1].map(|n| f64::from(n) * self.scene.time.step);
         match &mut self.hands {
             Hands::Waiting => {}
             Hands::Scene(clock) => clock.advance(&mut self.simulation, end, on_tick)?,
             Hands::Wall(clock) => clock.before_step(&mut self.simulation, begin, end),
         }
+        self.interrupted()?;
         let started = Instant::now();
-        let report = self.simulation.step(check)?;
+        let report = self.simulation.step(check).map_err(|error| error.of_scene(&self.scene, STEP))?;
         let took = started.elapsed();
         self.steps += 1;
         if let Hands::Wall(clock) = &mut self.hands {
@@ -256,11 +280,20 @@ pub fn leave_a_core() -> Result<()> {
     pool.build_global().map_err(|source| Refused::CoresTaken { source }.into())
 }
 
-/// Starts the global thread pool, one thread per core.
+/// Variable that asks for a number of threads.
+const THREADS: &str = "RAYON_NUM_THREADS";
+/// Most threads, beyond the cores of any machine; each takes 2 MiB of address space, and time to start.
+const MOST_THREADS: usize = 4096;
+
+/// Starts the global thread pool: one thread per core, or as many as `RAYON_NUM_THREADS` asks for.
 ///
 /// # Errors
-/// [`Refused::Threads`] when the system starts none.
+/// [`Refused::TooManyThreads`], and [`Refused::Threads`] when the system starts none.
 pub fn take_all_cores() -> Result<()> {
+    let asked = std::env::var(THREADS).unwrap_or_default();
+    if asked.parse().is_ok_and(|found: usize| found > MOST_THREADS) {
+        return Err(Refused::TooManyThreads { asked, most: MOST_THREADS }.into());
+    }
     let started = rayon::ThreadPoolBuilder::new().build_global();
     // an existing pool serves as well
     let reason = |e: &rayon::ThreadPoolBuildError| std::error::Error::source(e).map(ToString::to_string);

@@ -7,10 +7,12 @@ use std::io;
 pub enum Refused {
     /// Device that needs the wall clock, in a run by the scene's clock.
     #[error(
-        "the tool \"{tool}\" is held by a haply device, which goes by the wall clock; run it with --realtime, or write kind = \"hand\" in \
-         its [tool.device]"
+        "{at}: the tool \"{tool}\" is held by a haply device, which goes by the wall clock; run it with --realtime, or write kind = \"hand\" \
+         in its [tool.device]"
     )]
     NeedsWallClock {
+        /// Where.
+        at: String,
         /// Name of the tool.
         tool: String,
     },
@@ -33,6 +35,10 @@ pub enum Refused {
     )]
     Stopped,
 
+    /// The run was asked to end.
+    #[error("interrupted")]
+    Interrupted,
+
     /// State of a run that cannot be restored.
     #[error(
         "the state of a run by the wall clock, or of one that records its devices; run by the scene's clock without recording"
@@ -44,6 +50,17 @@ pub enum Refused {
     CoresTaken {
         /// Reason given by the thread pool.
         source: rayon::ThreadPoolBuildError,
+    },
+
+    /// More threads than make sense.
+    #[error(
+        "RAYON_NUM_THREADS={asked} asks for more threads than {most}; ask for as many as there are cores, or unset it"
+    )]
+    TooManyThreads {
+        /// The text of the variable.
+        asked: String,
+        /// Maximum.
+        most: usize,
     },
 
     /// The system starts no more threads, mostly for lack of memory.

@@ -19,12 +19,17 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
 
+/// Longest wait between two looks at `interrupt`, s: a run that is interrupted ends at once for whoever waits for it.
+const SLICE: f64 = 0.02;
+
 type Ended = (Timing, Felt, Result<()>);
 
 /// All devices, running.
 pub(super) struct WallClock {
     threads: Vec<Thread>,
     stop: Arc<AtomicBool>,
+    /// Set by the caller of the run.
+    interrupt: Arc<AtomicBool>,
     start: Instant,
     rate: f64,
     late_steps: u64,
@@ -44,11 +49,17 @@ struct Thread {
 }
 
 impl WallClock {
-    /// Starts the device threads; none if no hand holds a tool.
-    pub fn start(scene: &Scene, simulation: &Simulation, channels: Vec<Channel>) -> Result<Self> {
+    /// Starts the device threads, which `interrupt` ends too; none if no hand holds a tool.
+    pub fn start(
+        scene: &Scene,
+        simulation: &Simulation,
+        channels: Vec<Channel>,
+        interrupt: Arc<AtomicBool>,
+    ) -> Result<Self> {
         let mut clock = Self {
             threads: vec![],
-            stop: Arc::new(AtomicBool::new(false)),
+            stop: Arc::default(),
+            interrupt,
             start: Instant::now(),
             rate: scene.haptic.rate,
             late_steps: 0,
@@ -63,10 +74,10 @@ impl WallClock {
             let untouched = Reduced::free(tool.position, tool.rotation, 0);
             let (cells, ours) = cells(&Problem { reduced: untouched, ..Problem::default() }, &servo.felt());
             let (producer, records) = RingBuffer::new((RING * scene.haptic.rate) as usize);
-            let (stop, start) = (clock.stop.clone(), clock.start);
+            let (stop, interrupt, start) = (clock.stop.clone(), clock.interrupt.clone(), clock.start);
             let device_loop = Loop { servo, device, cells, records: producer };
             let named = Builder::new().name("haptic".into());
-            let spawned = named.spawn(move || device_loop.run(start, &stop));
+            let spawned = named.spawn(move || device_loop.run(start, [&stop, &interrupt]));
             let handle = spawned.map_err(|source| Refused::HapticThread { source })?;
             clock.threads.push(Thread { cells: ours, records, handle: Some(handle) });
         }
@@ -78,13 +89,16 @@ impl WallClock {
         self.pausing.get_or_insert_with(Instant::now);
     }
 
-    /// Waits until the step from `begin` to `end` (scene time, s) may start; moves the tools to their hands.
+    /// Waits until the step from `begin` to `end` (scene time, s) may start, or until the run is interrupted; moves the tools to their hands.
     pub fn before_step(&mut self, simulation: &mut Simulation, begin: f64, end: f64) {
         self.paused += self.pausing.take().map_or(0.0, |since| since.elapsed().as_secs_f64());
         let due = begin + self.paused;
-        let left = due - self.start.elapsed().as_secs_f64();
-        if left > 0.0 {
-            sleep(Duration::from_secs_f64(left));
+        while !self.interrupt.load(Ordering::Acquire) {
+            let left = due - self.start.elapsed().as_secs_f64();
+            if left <= 0.0 {
+                break;
+            }
+            sleep(Duration::from_secs_f64(left.min(SLICE)));
         }
         self.seen = self.start.elapsed().as_secs_f64();
         self.late_steps += u64::from(self.seen > due + 1.0 / self.rate);

@@ -4,7 +4,7 @@ use super::grid::{Grid, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Numbers, Table};
 use super::text::{
-    Bound, DEGREE, GRAM, MM, NEWTON, PLAIN, RADIAN_PER_SECOND, SPEED, SceneText, normalized, or, or_vector,
+    Bound, DEGREE, GRAM, MM, NEWTON, PLAIN, RADIAN_PER_SECOND, SPEED, SceneText, Taken, normalized, or, or_vector,
 };
 use super::{Attachment, BodyId, Coupling, Motion, Plane, Pose, Round, Skin, Slide, Tool, ToolMesh, round};
 use glam::{DQuat, DVec3};
@@ -65,11 +65,11 @@ impl Names {
 }
 
 /// Rigid bodies in the file's order; `taken` has the names of the other bodies.
-pub(super) fn rigids(scene: &SceneText, raw: Vec<Table<raw::Rigid>>, taken: &mut Vec<At<String>>) -> Result<Vec<Tool>> {
+pub(super) fn rigids(scene: &SceneText, raw: Vec<Table<raw::Rigid>>, taken: &mut Taken) -> Result<Vec<Tool>> {
     raw.into_iter().map(|table| rigid(scene, table, taken)).collect()
 }
 
-fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Vec<At<String>>) -> Result<Tool> {
+fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Taken) -> Result<Tool> {
     let raw = table.keys;
     let name = scene.name("body", &raw.name, taken)?;
     let mass = scene.number("mass_g", &raw.mass_g, GRAM, Bound::Positive)?;
@@ -118,11 +118,7 @@ fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Vec<At<String>
 }
 
 /// Walls in the file's order.
-pub(super) fn planes(
-    scene: &SceneText,
-    raw: Vec<Table<raw::Plane>>,
-    taken: &mut Vec<At<String>>,
-) -> Result<Vec<Plane>> {
+pub(super) fn planes(scene: &SceneText, raw: Vec<Table<raw::Plane>>, taken: &mut Taken) -> Result<Vec<Plane>> {
     let plane = |table: Table<raw::Plane>| {
         let raw = table.keys;
         let normal = normalized(scene.vector("normal", &raw.normal, PLAIN, Bound::Finite)?);

@@ -5,10 +5,11 @@ use super::hyperelastic;
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::text::{
-    Bound, DAMPING, DEGREE, KG_M3, KJ_M2, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, or, or_vector,
+    Bound, DAMPING, DEGREE, KG_M3, KJ_M2, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, Taken, or,
+    or_vector,
 };
 use super::words::ELEMENTS;
-use super::{Cut, Law, Layer, Mass, Skin};
+use super::{Cut, Law, Layer, MOST_NODES, Mass, Skin};
 use std::ops::Range;
 
 /// Initial shape of a body; constrained nodes have their prescribed displacement.
@@ -35,7 +36,7 @@ pub enum Start {
 const PALETTE: [[u8; 3]; 3] = [[242, 211, 138], [217, 136, 128], [232, 185, 160]];
 
 /// A body; missing keys get their defaults. A block has a position and a name that is not among `taken`; the skin has neither.
-pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mut Vec<At<String>>>) -> Result<Skin> {
+pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mut Taken>) -> Result<Skin> {
     let raw = table.keys;
     // name and position
     let (name, position) = match taken {
@@ -62,7 +63,8 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
     }
     // layers with default colours
     let count = raw.layer.len();
-    let mut names = Vec::new();
+    let mut names = Taken::new();
+    let counts: Vec<At<u32>> = raw.layer.iter().map(|layer| layer.keys.cells.clone()).collect();
     let layers = raw.layer.into_iter().enumerate().map(|(i, layer_table)| {
         let from_top = count - 1 - i;
         let color = match (i, from_top) {
@@ -81,8 +83,9 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
     let velocity = or_vector(raw.velocity_m_s, &zero);
     let displacement = or_vector(raw.displacement_mm, &zero);
     let cells = scene.counts("cells", &raw.cells, [1, u32::MAX])?;
-    grid::numbered(scene, cells, &layers, &raw.cells)?;
+    grid::numbered(scene, cells, &counts, &raw.cells)?;
     let cut = cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, cells)?;
+    reserved(scene, cut, cells, &layers, &raw.cut_reserve_columns)?;
     Ok(Skin {
         name,
         position,
@@ -182,6 +185,24 @@ fn cut(
     let enough = cells[0].saturating_add(cells[1]).saturating_add(2).saturating_mul(2);
     let reserve = or(reserve.clone(), enough);
     Ok(Cut::Split { reserve_columns: scene.count("cut_reserve_columns", &reserve, [1, u32::MAX])? })
+}
+
+/// The reserve of a cut must be numbered with the grid.
+fn reserved(scene: &SceneText, cut: Cut, cells: [u32; 2], layers: &[Layer], key: &Option<At<u32>>) -> Result<()> {
+    let (Cut::Split { reserve_columns }, Some(key)) = (cut, key) else { return Ok(()) };
+    let nodes = 1 + layers.iter().map(|layer| u64::from(layer.cells)).sum::<u64>();
+    let grid = (u64::from(cells[0]) + 1) * (u64::from(cells[1]) + 1);
+    let most = u64::from(MOST_NODES) / nodes - grid;
+    if u64::from(reserve_columns) <= most {
+        return Ok(());
+    }
+    Err(Invalid::Count {
+        at: scene.location(key.span()),
+        key: "cut_reserve_columns".into(),
+        found: reserve_columns,
+        min: 1,
+        max: most as u32,
+    })
 }
 
 fn mass(scene: &SceneText, raw: &raw::Skin, law: &Law) -> Result<Mass> {

@@ -14,6 +14,7 @@ impl Default for Scene {
         Self {
             title: String::new(),
             file: PathBuf::from("scene in code"),
+            lines: Default::default(),
             time: Time::default(),
             solver: Solver::default(),
             skins: vec![],

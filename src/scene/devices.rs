@@ -1,5 +1,6 @@
 //! Haptic loop and devices of a scene file: `[haptic]`, `[tool.device]`.
 
+use super::diagnose::shorten;
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::text::{
@@ -141,6 +142,19 @@ pub(super) fn haptic(scene: &SceneText, raw: raw::Haptic) -> Result<Haptic> {
     Ok(Haptic { rate: found })
 }
 
+/// Refuses addresses other than `ws://host:port`.
+fn address(scene: &SceneText, url: &At<String>) -> Result<()> {
+    let found = url.get_ref();
+    let refused = |problem| Err(Invalid::Url { at: scene.location(url.span()), found: shorten(found), problem });
+    let Some(rest) = found.strip_prefix("ws://") else { return refused("it does not begin with ws://") };
+    let authority = rest.split('/').next().unwrap_or_default();
+    let Some((host, port)) = authority.rsplit_once(':') else { return refused("it has no port") };
+    if host.is_empty() || !host.chars().all(|c| c.is_ascii_alphanumeric() || "-._[]:".contains(c)) {
+        return refused("it has no host");
+    }
+    if port.parse::<u16>().is_err() { refused("its port is no number up to 65535") } else { Ok(()) }
+}
+
 #[derive(Clone, Copy, PartialEq)]
 enum Word {
     Replay,
@@ -183,6 +197,9 @@ pub(super) fn device(scene: &SceneText, table: Table<raw::Device>) -> Result<Dev
 }
 
 fn kind(scene: &SceneText, word: Word, raw: &raw::Device) -> Result<DeviceKind> {
+    if let (Word::Haply, Some(url)) = (word, &raw.url) {
+        address(scene, url)?;
+    }
     if word != Word::Hand {
         let why = "only kind = \"hand\" is a simulated hand";
         scene.needless("hand_mass_g", &raw.hand_mass_g, why)?;

@@ -1,12 +1,13 @@
-//! Files named by a scene: meshes (Wavefront OBJ) and trajectories (CSV).
+//! Files named by a scene, and the trajectories (CSV) among them.
 
+use super::Pose;
 use super::diagnose::shorten;
 use super::invalid::{Invalid, Location, Result};
 use super::raw::At;
 use super::text::{MM, SceneText};
-use super::{Pose, ToolMesh};
 use crate::math::elementary::hypot;
 use std::borrow::Cow;
+use std::io;
 use std::path::{Path, PathBuf};
 
 /// Header of a trajectory; the quaternion has its scalar last.
@@ -39,8 +40,7 @@ impl Files {
         let (path, text, fix) = match self {
             Files::Folder(folder) => {
                 let path = folder.join(name.get_ref());
-                let text = std::fs::read_to_string(&path).map(Cow::Owned);
-                let text = text.map_err(|error| error.to_string());
+                let text = text_of(&path).map(Cow::Owned);
                 (path, text, "put the file there: names are relative to the scene's folder")
             }
             Files::Embedded(files) => {
@@ -57,49 +57,31 @@ impl Files {
     }
 }
 
-/// Triangles of all objects in an OBJ text; `unit` is one unit of the file in m. Polygons become triangle fans.
-pub(super) fn mesh(text: &str, path: &Path, unit: f64) -> Result<ToolMesh> {
-    let options =
-        tobj::LoadOptions { triangulate: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    let no_materials = |_: &Path| Ok((Vec::new(), Default::default()));
-    let loaded = tobj::load_obj_buf(&mut bare(text).as_bytes(), &options, no_materials);
-    let (models, _) = loaded.map_err(|error| Invalid::Mesh { path: path.to_path_buf(), problem: error.to_string() })?;
-    let loaded = models.into_iter().next().filter(|model| !model.mesh.indices.is_empty());
-    let loaded = loaded.ok_or_else(|| Invalid::MeshEmpty { path: path.to_path_buf() })?;
-    let vertices = loaded.mesh.positions.as_chunks::<3>().0.iter().enumerate();
-    let positions = vertices.map(|(i, vertex)| {
-        let position = vertex.map(f64::from);
-        let si = position.map(|coordinate| coordinate * unit);
-        let finite = si.iter().all(|coordinate| coordinate.is_finite());
-        finite.then_some(si).ok_or_else(|| Invalid::MeshVertex { path: path.to_path_buf(), vertex: i + 1, position })
-    });
-    Ok(ToolMesh {
-        positions: positions.collect::<Result<_>>()?,
-        triangles: loaded.mesh.indices.as_chunks::<3>().0.to_vec(),
+/// Text of a file, or why there is none: only files have an end, and only UTF-8 is read.
+pub(super) fn text_of(path: &Path) -> std::result::Result<String, String> {
+    let bytes = bytes_of(path).map_err(|error| error.to_string())?;
+    String::from_utf8(bytes).map_err(|error| {
+        let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        let line = 1 + good.iter().filter(|byte| **byte == b'\n').count();
+        let begin = good.iter().rposition(|byte| *byte == b'\n').map_or(0, |at| at + 1);
+        // what stands before the bad byte is text
+        let column = 1 + String::from_utf8_lossy(&good[begin..]).chars().count();
+        let byte = error.as_bytes()[good.len()];
+        let guess = if error.as_bytes().starts_with(&[0xff, 0xfe]) { "utf-16" } else { "latin1" };
+        format!(
+            "not UTF-8: the byte 0x{byte:02x} in line {line}, column {column}; save it as UTF-8, or convert it with \
+             `iconv -f {guess} -t utf-8`"
+        )
     })
 }
 
-/// The vertices and faces of an OBJ text, as one object, without texture and normal indices: these are unused, and tobj 4.0.5 panics if
-/// they are out of range.
-fn bare(text: &str) -> String {
-    let mut bare = String::with_capacity(text.len());
-    for line in text.lines() {
-        let mut words = line.split_whitespace();
-        match words.next() {
-            Some("v") => bare.push_str(line),
-            Some("f") => {
-                bare.push('f');
-                for corner in words {
-                    bare.push(' ');
-                    let vertex = corner.split('/').next().filter(|vertex| !vertex.is_empty());
-                    bare.push_str(vertex.unwrap_or("missing"));
-                }
-            }
-            _ => continue,
-        }
-        bare.push('\n');
+/// Bytes of a file; pipes and devices, which may have no end, are refused.
+pub(crate) fn bytes_of(path: &Path) -> io::Result<Vec<u8>> {
+    match std::fs::metadata(path)? {
+        found if found.is_file() => std::fs::read(path),
+        found if found.is_dir() => Err(io::Error::new(io::ErrorKind::IsADirectory, "it is a folder")),
+        _ => Err(io::Error::other("it is a pipe or a device; save what it gives in a file")),
     }
-    bare
 }
 
 /// Samples of a hand path, at least one, in ascending order of times, quaternions of length 1. Blank lines are skipped.

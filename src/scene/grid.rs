@@ -26,15 +26,21 @@ pub(super) fn grids<'a>(skin: &'a Skin, test: &Option<TestForm>) -> Vec<Grid<'a>
 }
 
 /// Error if the nodes of a grid exceed 32-bit indices.
-pub(super) fn numbered(scene: &SceneText, cells: [u32; 2], layers: &[Layer], at: &At<Vec<u32>>) -> Result<()> {
-    let over_thickness: u64 = layers.iter().map(|layer| u64::from(layer.cells)).sum();
+pub(super) fn numbered(scene: &SceneText, cells: [u32; 2], layers: &[At<u32>], at: &At<Vec<u32>>) -> Result<()> {
+    let over_thickness: u64 = layers.iter().map(|layer| u64::from(*layer.get_ref())).sum();
     let found = (u64::from(cells[0]) + 1)
         .saturating_mul(u64::from(cells[1]) + 1)
         .saturating_mul(over_thickness.saturating_add(1));
     if found <= u64::from(MOST_NODES) {
         return Ok(());
     }
-    Err(Invalid::TooManyNodes { at: scene.location(at.span()), found, limit: MOST_NODES })
+    // the larger number is the one to mend
+    let thickest = layers.iter().max_by_key(|layer| *layer.get_ref());
+    let span = match thickest.filter(|_| over_thickness > u64::from(cells[0].max(cells[1]))) {
+        Some(layer) => layer.span(),
+        None => at.span(),
+    };
+    Err(Invalid::TooManyNodes { at: scene.location(span), found, limit: MOST_NODES })
 }
 
 impl Grid<'_> {

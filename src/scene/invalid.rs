@@ -34,12 +34,12 @@ impl fmt::Display for Location {
 #[derive(Debug, thiserror::Error)]
 pub enum Invalid {
     /// The scene file itself cannot be read.
-    #[error("{path}: the scene cannot be read ({source}); give the path of a scene file in TOML, as UTF-8 text")]
+    #[error("{path}: the scene cannot be read ({reason}); give the path of a scene file in TOML, as UTF-8 text")]
     SceneRead {
         /// The scene file.
         path: PathBuf,
-        /// Reason given by the system.
-        source: std::io::Error,
+        /// Why.
+        reason: String,
     },
 
     /// An invalid part of a scene made in code.
@@ -258,6 +258,63 @@ pub enum Invalid {
         at: Location,
         /// The value found.
         found: f64,
+    },
+
+    /// More steps than are counted.
+    #[error(
+        "{at}: the run has {steps:.3e} steps; at most {most} are counted; take a longer step_ms or a shorter duration_s"
+    )]
+    TooManySteps {
+        /// The duration.
+        at: Location,
+        /// Steps.
+        steps: f64,
+        /// Maximum.
+        most: u32,
+    },
+
+    /// Steps with more haptic ticks than are computed.
+    #[error(
+        "{at}: a step of {step} s has {ticks:.3e} ticks of {rate} Hz for the hands of its tools; at most {most:e} are computed; take a \
+         shorter step_ms, or a lower [haptic] rate_hz"
+    )]
+    TooManyTicks {
+        /// The step.
+        at: Location,
+        /// s
+        step: f64,
+        /// Ticks of a step.
+        ticks: f64,
+        /// Hz
+        rate: f64,
+        /// Maximum.
+        most: f64,
+    },
+
+    /// A device's address that no service can have.
+    #[error(
+        "{at}: url = \"{found}\" is no address of a service ({problem}); write ws://host:port, for example ws://localhost:10001"
+    )]
+    Url {
+        /// Where.
+        at: Location,
+        /// The text.
+        found: String,
+        /// What is wrong with it.
+        problem: &'static str,
+    },
+
+    /// A probe whose column has the name of another one.
+    #[error(
+        "{at}: the probe \"{name}\" gives the column {column} of probes.csv, which is there already; rename the probe"
+    )]
+    Column {
+        /// Where.
+        at: Location,
+        /// Name of the probe.
+        name: String,
+        /// Name of its column.
+        column: String,
     },
 
     /// Two bounds in the wrong order.
@@ -535,21 +592,21 @@ pub enum Invalid {
         found: usize,
     },
 
-    /// A vertex of a tool's lines without three numbers.
-    #[error("{at}: `{found}`; wanted `v` and three finite numbers; mend the line, or export the lines again")]
-    LinesNumber {
+    /// A vertex without three numbers.
+    #[error("{at}: `{found}`; wanted `v` and three finite numbers; mend the line, or export the file again")]
+    ObjNumber {
         /// The `v` line.
         at: Location,
         /// The line.
         found: String,
     },
 
-    /// An index of a tool's lines without a vertex.
+    /// An index without a vertex.
     #[error(
         "{at}: `{found}` is no vertex; {count} `v` lines stand above, so wanted 1 to {count}, or -{count} to -1; mend the index, or move the vertices up"
     )]
-    LinesIndex {
-        /// The `l` or `p` line.
+    ObjIndex {
+        /// The `f`, `l` or `p` line.
         at: Location,
         /// The index found.
         found: String,
@@ -557,13 +614,26 @@ pub enum Invalid {
         count: usize,
     },
 
-    /// A line with one end only.
-    #[error("{at}: the line has {found} vertices; wanted at least two; add one, or write `p` for a point")]
-    LinesLone {
-        /// The `l` line.
+    /// A face, a line or a point without enough vertices.
+    #[error(
+        "{at}: `{found}`; wanted at least {wanted} vertices (`f` for faces, `l` for lines, `p` for points); add some, or remove the line"
+    )]
+    ObjShort {
+        /// The line.
         at: Location,
-        /// Vertices found.
-        found: usize,
+        /// Its text.
+        found: String,
+        /// Fewest vertices.
+        wanted: usize,
+    },
+
+    /// A vertex beyond the range of f32.
+    #[error("{at}: `{found}`; in metres that exceeds the range of f32; mend the line, or mesh_unit_mm of the scene")]
+    ObjFar {
+        /// The `v` line.
+        at: Location,
+        /// The line.
+        found: String,
     },
 
     /// A segment of zero length.
@@ -577,19 +647,6 @@ pub enum Invalid {
         a: usize,
         /// The other one.
         b: usize,
-    },
-
-    /// A vertex of a tool's lines beyond the range of f32.
-    #[error(
-        "{at}: vertex {vertex} is at {position:?}; in metres that exceeds the range of f32; mend its `v` line or mesh_unit_mm of the scene"
-    )]
-    LinesVertex {
-        /// The line that names it.
-        at: Location,
-        /// From 1.
-        vertex: usize,
-        /// Coordinates, in units of the file.
-        position: [f64; 3],
     },
 
     /// A file without points and lines.
@@ -647,33 +704,11 @@ pub enum Invalid {
         fix: &'static str,
     },
 
-    /// A mesh that is not Wavefront OBJ.
-    #[error("{path}: not a readable OBJ mesh ({problem}); export the tool again as Wavefront OBJ")]
-    Mesh {
-        /// The mesh.
-        path: PathBuf,
-        /// The reader's words.
-        problem: String,
-    },
-
     /// A mesh without triangles.
     #[error("{path}: the mesh has no triangles; wanted at least one face (a line `f 1 2 3`); export it with its faces")]
     MeshEmpty {
         /// The mesh.
         path: PathBuf,
-    },
-
-    /// A vertex at no finite position.
-    #[error(
-        "{path}: vertex {vertex} is at {position:?}; wanted finite coordinates; mend its `v` line or mesh_unit_mm of the scene"
-    )]
-    MeshVertex {
-        /// The mesh.
-        path: PathBuf,
-        /// Vertex in order of first use by a face, from 1.
-        vertex: usize,
-        /// Coordinates, in units of the file.
-        position: [f64; 3],
     },
 
     /// A trajectory without samples.

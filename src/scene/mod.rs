@@ -18,6 +18,7 @@ pub mod keys;
 mod lines;
 mod loads;
 mod notes;
+mod obj;
 mod outputs;
 mod raw;
 mod read;
@@ -33,14 +34,17 @@ mod words;
 pub use body::Start;
 pub use builtin::incision;
 pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
+#[cfg(feature = "program")]
+pub(crate) use files::bytes_of;
 pub use files::{COLUMNS as TRAJECTORY_COLUMNS, FORCE_COLUMNS, Files};
 pub use grid::MOST_NODES;
 pub use hyperelastic::{Fibres, MATERIALS, Material};
 pub use invalid::{Invalid, Location};
 pub use read::{parse, read};
-pub use recorded::{Check, Component, Probe, ProbeKind, TestForm, View};
+pub use recorded::{Check, Component, FIXED_COLUMNS, Probe, ProbeKind, TestForm, View};
 pub use region::{ACROSS, CellFace, Region, Spans};
 pub use study::Study;
+pub use text::nearest;
 pub use touching::{
     Attachment, Blade, BodyId, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Slide,
     Tool, ToolMesh,
@@ -48,6 +52,7 @@ pub use touching::{
 
 pub use words::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, word};
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// A complete scene in SI units. [`Scene::check`] tests that every number is finite and in its range.
@@ -57,6 +62,8 @@ pub struct Scene {
     pub title: String,
     /// Source of the text, for messages.
     pub file: PathBuf,
+    /// Lines of that text where keys stand that can be refused once the scene has been read; none for scenes made in code.
+    pub lines: BTreeMap<String, usize>,
     /// Step, duration, gravity.
     pub time: Time,
     /// Linear solver of the unconstrained motion.
@@ -91,7 +98,38 @@ pub struct Scene {
     pub view: View,
 }
 
+/// Key of [`Scene::lines`] for the step.
+pub const STEP: &str = "step_ms";
+
+/// Key of [`Scene::lines`] for a check.
+pub fn check_of(key: &str) -> String {
+    format!("check {key}")
+}
+
+/// Key of [`Scene::lines`] for a tool's device.
+pub fn device_of(tool: &str) -> String {
+    format!("device of {tool}")
+}
+
+/// Key of [`Scene::lines`] for a body's cells.
+pub fn cells_of(body: &str) -> String {
+    format!("cells of {body}")
+}
+
+/// Key of [`Scene::lines`] for the room that a body's cuts have.
+pub fn reserve_of(body: &str) -> String {
+    format!("cut_reserve_columns of {body}")
+}
+
 impl Scene {
+    /// Where a key stands, for messages: the file, with the line if that is known.
+    pub fn at(&self, key: &str) -> String {
+        match self.lines.get(key) {
+            Some(line) => format!("{}:{line}", self.file.display()),
+            None => self.file.display().to_string(),
+        }
+    }
+
     /// Whether steps of hyperelastic bodies are solved by Newton's method: where asked for; by the midpoint rule, whose steps are of second
     /// order only so; and in static steps where nothing may touch.
     pub fn newton(&self) -> bool {

@@ -4,10 +4,10 @@ use super::bodies::Names;
 use super::grid::{Grid, no_extent, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Extent, Table};
-use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, or, or_vector};
-use super::{BodyId, COMPONENTS, Check, Probe, ProbeKind, Skin, Tool, View};
+use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, Taken, or, or_vector};
+use super::{BodyId, COMPONENTS, Check, FIXED_COLUMNS, Probe, ProbeKind, Skin, Tool, View};
 use crate::math::elementary::{atan, hypot, sin, tan};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
 /// Direction from the skin to the camera: from the front right, 30 degrees above.
@@ -26,12 +26,21 @@ pub(super) fn probes(
     bodies: &Names,
     grids: &[Vec<Grid>],
 ) -> Result<Vec<Probe>> {
-    let mut names = Vec::new();
+    let mut names = Taken::new();
+    let mut columns = BTreeSet::from(FIXED_COLUMNS.map(String::from));
     raw.into_iter()
         .map(|table| {
+            let span = table.keys.name.span();
             let name = scene.name("probe", &table.keys.name, &mut names)?;
             let kind = probe_kind(scene, table, bodies, grids)?;
-            Ok(Probe { name, kind })
+            let probe = Probe { name, kind };
+            // the columns of others end with their unit too
+            match columns.insert(probe.column()) {
+                true => Ok(probe),
+                false => {
+                    Err(Invalid::Column { at: scene.location(span), name: probe.name.clone(), column: probe.column() })
+                }
+            }
         })
         .collect()
 }
@@ -195,12 +204,19 @@ pub(super) fn checks(
 ) -> Result<Vec<Check>> {
     let mut rows: Vec<_> = raw.into_iter().collect();
     rows.sort_by_key(|(key, _)| key.span().start);
-    rows.into_iter().map(|(key, table)| check(scene, key, table.keys, probes)).collect()
+    let names: BTreeSet<&str> = probes.iter().map(|probe| probe.name.as_str()).collect();
+    rows.into_iter().map(|(key, table)| check(scene, key, table.keys, probes, &names)).collect()
 }
 
-fn check(scene: &SceneText, key: At<String>, raw: raw::Check, probes: &[Probe]) -> Result<Check> {
-    let names: Vec<&str> = probes.iter().map(|probe| probe.name.as_str()).collect();
+fn check(
+    scene: &SceneText,
+    key: At<String>,
+    raw: raw::Check,
+    probes: &[Probe],
+    names: &BTreeSet<&str>,
+) -> Result<Check> {
     if let Some(name) = key.get_ref().strip_prefix("probes.").filter(|name| !names.contains(name)) {
+        let names: Vec<&str> = probes.iter().map(|probe| probe.name.as_str()).collect();
         return Err(scene.unknown_word("probe", &At::new(key.span(), name.to_string()), &names));
     }
     let bounds = [("min", raw.min, f64::NEG_INFINITY), ("max", raw.max, f64::INFINITY)];

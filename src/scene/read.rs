@@ -5,15 +5,22 @@
 
 use super::bodies::{self, Names};
 use super::diagnose::tables;
-use super::files::Files;
+use super::files::{Files, text_of};
 use super::grid::{self, Grid, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::study;
-use super::text::{ACCELERATION, Bound, DEGREE, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, or, or_vector};
-use super::{Anchor, Boundary, Correction, Integrator, Law, Mass, Scene, Skin, Solver, TestForm, Time};
+use super::text::{
+    ACCELERATION, Bound, DEGREE, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, Taken, or, or_vector,
+};
+use super::{
+    Anchor, Boundary, Correction, Integrator, Law, Mass, STEP, Scene, Skin, Solver, TestForm, Time, cells_of, check_of,
+    device_of, reserve_of,
+};
 use super::{body, devices, hyperelastic, integrator, loads, outputs, round, tools};
 use crate::error;
+use std::collections::BTreeMap;
+use std::ops::Range;
 use std::path::Path;
 
 /// Reads a scene file; the files that it names are relative to its folder.
@@ -21,8 +28,7 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Scene`](error::Error::Scene) with [`Invalid`].
 pub fn read(path: &Path) -> error::Result<Scene> {
-    let text =
-        std::fs::read_to_string(path).map_err(|source| Invalid::SceneRead { path: path.to_path_buf(), source })?;
+    let text = text_of(path).map_err(|reason| Invalid::SceneRead { path: path.to_path_buf(), reason })?;
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
     parse(&text, path, &Files::Folder(folder))
 }
@@ -36,20 +42,37 @@ pub fn parse(text: &str, file: &Path, files: &Files) -> error::Result<Scene> {
 }
 
 fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
-    let scene = SceneText { file, text };
+    let scene = SceneText::new(file, text.trim_start_matches('\u{feff}'));
+    let text = scene.text;
     if text.trim().is_empty() {
         return Err(Invalid::EmptyScene { path: file.to_path_buf() });
     }
     let raw = tables(&scene)?;
+    // lines for what is refused after reading
+    let mut lines = BTreeMap::new();
+    let mut stands = |key: String, span: &Range<usize>| {
+        lines.insert(key, scene.line(span));
+    };
+    stands(STEP.into(), &raw.time.keys.step_ms.span());
+    for table in raw.skin.iter().chain(&raw.block) {
+        let name = table.keys.name.as_ref().map_or("skin", |name| name.get_ref());
+        stands(cells_of(name), &table.keys.cells.span());
+        table.keys.cut_reserve_columns.iter().for_each(|reserve| stands(reserve_of(name), &reserve.span()));
+    }
+    for tool in &raw.tool {
+        let device = tool.keys.device.iter();
+        device.for_each(|device| stands(device_of(tool.keys.name.get_ref()), &device.span));
+    }
+    raw.check.keys().for_each(|key| stands(check_of(key.get_ref()), &key.span()));
     // bodies
-    let mut taken = Vec::new();
+    let mut taken = Taken::new();
     let mut skins = Vec::new();
     if let Some(table) = raw.skin {
         skins.push(body::skin(&scene, table, None)?);
     }
     let has_skin = !skins.is_empty();
     if has_skin {
-        taken.push(At::new(0..0, "skin".to_string()));
+        taken.insert("skin".to_string(), 0..0);
     }
     for table in raw.block {
         skins.push(body::skin(&scene, table, Some(&mut taken))?);
@@ -87,17 +110,21 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         integrator::stable(&scene, word, integrator, skin.law)?;
     }
     hyperelastic::fits(&scene, hyperelastic, touching, integrator, &raw_solver)?;
+    let step_ms = time_keys.step_ms.span();
     let time = time(&scene, time_keys, integrator)?;
+    let haptic = devices::haptic(&scene, raw::keys(raw.haptic))?;
+    tools::ticks(&scene, step_ms, time.step, haptic.rate, &tools)?;
     // the remaining tables
     let made = Scene {
         title: raw.title.into_inner(),
         file: file.to_path_buf(),
+        lines,
         solver: solver(&scene, raw_solver, &skins)?,
         boundaries: boundaries.collect::<Result<_>>()?,
         anchors: anchors(&scene, raw.anchor, &names, &skins, &grids)?,
         loads: loads.collect::<Result<_>>()?,
         contact: touching.then_some(contact),
-        haptic: devices::haptic(&scene, raw::keys(raw.haptic))?,
+        haptic,
         checks: outputs::checks(&scene, raw.check, &probes)?,
         view: outputs::view(&scene, raw.view, &skins, &tools)?,
         study: study::study(&scene, raw.study, &time, &skins, &tools, &probes, touching)?,
@@ -131,6 +158,10 @@ fn time(scene: &SceneText, raw: raw::Time, integrator: Integrator) -> Result<Tim
             upper: time.duration,
             fix: "run for at least one step; steps are in ms, the duration in s",
         });
+    }
+    let steps = time.duration / time.step;
+    if steps > f64::from(u32::MAX) {
+        return Err(Invalid::TooManySteps { at: scene.location(raw.duration_s.span()), steps, most: u32::MAX });
     }
     Ok(time)
 }
@@ -214,7 +245,8 @@ fn test_form(scene: &SceneText, raw: raw::Test, skin: Option<&Skin>) -> Result<T
     let cells = match (&raw.cells, skin) {
         (Some(value), Some(skin)) => {
             let cells = scene.counts("cells", value, [1, u32::MAX])?;
-            grid::numbered(scene, cells, &skin.layers, value)?;
+            let layers: Vec<At<u32>> = skin.layers.iter().map(|layer| At::new(value.span(), layer.cells)).collect();
+            grid::numbered(scene, cells, &layers, value)?;
             Some(cells)
         }
         (cells, _) => {

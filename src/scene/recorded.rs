@@ -118,6 +118,16 @@ pub enum ProbeKind {
     },
 }
 
+/// Columns of `probes.csv` beside those of the probes: the first one, and the last ones of a scene with contact.
+pub const FIXED_COLUMNS: [&str; 4] = ["time_s", "contacts", "contact_force_n", "links_cut"];
+
+impl Probe {
+    /// Name of its column in `probes.csv`.
+    pub fn column(&self) -> String {
+        format!("{}_{}", self.name, self.kind.unit())
+    }
+}
+
 impl ProbeKind {
     /// Unit of its values, as in the column's name.
     pub fn unit(&self) -> &'static str {

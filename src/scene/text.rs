@@ -5,6 +5,7 @@
 use super::invalid::{Invalid, Location, Result};
 use super::raw::{At, Counts, Numbers, Points};
 use crate::math::elementary::hypot;
+use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::Path;
 
@@ -110,17 +111,30 @@ pub(super) fn or_vector<T: Clone>(value: Option<At<Vec<T>>>, default: &[T]) -> A
     or(value, default.to_vec())
 }
 
+/// Names that are given already, with their spans.
+pub(super) type Taken = BTreeMap<String, Range<usize>>;
+
 /// Scene text with its file name, for locations in messages.
 pub(super) struct SceneText<'a> {
     pub file: &'a Path,
     pub text: &'a str,
+    /// Positions of the line ends.
+    ends: Vec<usize>,
 }
 
-impl SceneText<'_> {
+impl<'a> SceneText<'a> {
+    pub fn new(file: &'a Path, text: &'a str) -> Self {
+        Self { file, text, ends: text.match_indices('\n').map(|(at, _)| at).collect() }
+    }
+
     /// Line where a span starts.
     pub fn location(&self, span: Range<usize>) -> Location {
-        let before = self.text.bytes().take(span.start);
-        Location::new(self.file, 1 + before.filter(|byte| *byte == b'\n').count())
+        Location::new(self.file, self.line(&span))
+    }
+
+    /// Its number, from 1.
+    pub fn line(&self, span: &Range<usize>) -> usize {
+        1 + self.ends.partition_point(|end| *end < span.start)
     }
 
     fn checked(&self, key: &str, found: f64, span: Range<usize>, unit: Unit, bound: Bound) -> Result<f64> {
@@ -244,21 +258,21 @@ impl SceneText<'_> {
     }
 
     /// Valid name that is not among `taken`; it is added there.
-    pub fn name(&self, what: &'static str, value: &At<String>, taken: &mut Vec<At<String>>) -> Result<String> {
+    pub fn name(&self, what: &'static str, value: &At<String>, taken: &mut Taken) -> Result<String> {
         let name = value.get_ref();
         let unusable = |c: char| c.is_control() || c == ',' || c == '"';
         if name.is_empty() || name.trim() != name || name.contains(unusable) {
             return Err(Invalid::Name { at: self.location(value.span()), what, found: name.clone() });
         }
-        if let Some(first) = taken.iter().find(|other| other.get_ref() == name) {
+        if let Some(first) = taken.get(name) {
             return Err(Invalid::Duplicate {
                 at: self.location(value.span()),
                 what,
                 name: name.clone(),
-                first: self.location(first.span()).line,
+                first: self.line(first),
             });
         }
-        taken.push(value.clone());
+        taken.insert(name.clone(), value.span());
         Ok(name.clone())
     }
 
@@ -287,7 +301,7 @@ pub(super) fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
 }
 
 /// Nearest known word, within an edit distance of a third of its length, at least 2.
-pub(super) fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
+pub fn nearest<'a>(word: &str, known: &[&'a str]) -> Option<&'a str> {
     let lower = word.to_lowercase();
     let ranked = known.iter().map(|other| (edit_distance(&lower, other), *other));
     let (distance, other) = ranked.min_by_key(|(distance, _)| *distance)?;

@@ -1,14 +1,15 @@
 //! Tools and contact of a scene file.
 
 use super::devices::device;
-use super::files::{Files, mesh, trajectory};
+use super::files::{Files, trajectory};
 use super::invalid::{Invalid, Result};
 use super::lines::{angle_cone, filter, lines};
+use super::obj::Obj;
 use super::raw::{self, At, Table};
 use super::round::{path, round};
 use super::text::{
-    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS, SceneText, difference,
-    normalized, or, or_vector,
+    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS, SceneText, Taken,
+    difference, normalized, or, or_vector,
 };
 use super::words::CORRECTIONS;
 use super::{Blade, Contact, Coupling, Loop, Pose, Tool, ToolMesh};
@@ -27,7 +28,7 @@ pub(super) fn tools(
     scene: &SceneText,
     files: &Files,
     raw: Vec<Table<raw::Tool>>,
-    taken: &mut Vec<At<String>>,
+    taken: &mut Taken,
 ) -> Result<Vec<Tool>> {
     raw.into_iter()
         .map(|table| {
@@ -101,7 +102,7 @@ fn loaded(scene: &SceneText, files: &Files, raw: &raw::Tool, table: Range<usize>
     let why = "a tool without a `round` table has no shape of its own to be drawn";
     let name = scene.required("mesh", raw.mesh.as_ref(), table, why)?;
     let (path, text) = files.text(scene, "mesh", name)?;
-    mesh(&text, &path, unit)
+    Obj::read(&text, &path)?.triangles(unit)
 }
 
 /// Hand path of a tool, from its file or from the scene.
@@ -193,6 +194,18 @@ pub(super) fn samples(edge: &[[f64; 3]], depth: f64, [along, flat]: [f64; 2]) ->
 
 pub(super) fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Most ticks of a step: 100 s at 1 kHz. Each is a row of `haptic.csv`, of some 100 bytes.
+const MOST_TICKS: f64 = 1e5;
+
+/// Refuses steps with too many ticks.
+pub(super) fn ticks(scene: &SceneText, step_ms: Range<usize>, step: f64, rate: f64, tools: &[Tool]) -> Result<()> {
+    let (ticks, held) = (step * rate, tools.iter().any(|tool| tool.free.is_none()));
+    if !held || ticks <= MOST_TICKS {
+        return Ok(());
+    }
+    Err(Invalid::TooManyTicks { at: scene.location(step_ms), step, ticks, rate, most: MOST_TICKS })
 }
 
 /// Contact law; missing keys get their defaults.

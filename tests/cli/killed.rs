@@ -13,7 +13,6 @@ pub const TESTS: &[super::Test] = &[
     ("a_killed_run_leaves_whole_files", a_killed_run_leaves_whole_files),
     ("an_interrupted_run_leaves_whole_files", an_interrupted_run_leaves_whole_files),
     ("a_cut_off_file_is_noticed", a_cut_off_file_is_noticed),
-    ("a_run_that_cannot_write_keeps_what_it_has", a_run_that_cannot_write_keeps_what_it_has),
     ("a_run_whose_tool_overflows_ends_with_what_it_has", a_run_whose_tool_overflows_ends_with_what_it_has),
 ];
 
@@ -28,7 +27,7 @@ const LONG: [(&str, &str); 4] = [
 /// How many runs are killed, each at another moment within the first second or so of its results.
 const KILLED: u64 = 24;
 
-fn long() -> String {
+pub fn long() -> String {
     LONG.iter().fold(super::work::PRESS.to_string(), |text, (old, new)| {
         assert!(text.contains(old));
         text.replace(old, new)
@@ -90,7 +89,8 @@ fn series(folder: &Path, name: &str) -> Result<usize, String> {
 
 /// Reads everything in a folder of results; how many steps and meshes there are.
 pub fn read_back(folder: &Path) -> Result<[usize; 2], String> {
-    let (mut steps, mut meshes) = (0, 0);
+    let (mut steps, mut meshes, mut listed) = (0, 0, vec![]);
+    let mut found = vec![];
     let entries =
         |path: &Path| std::fs::read_dir(path).into_iter().flatten().flatten().map(|e| e.path()).collect::<Vec<_>>();
     for path in [entries(folder), entries(&folder.join("frames")), entries(&folder.join("vtu"))].concat() {
@@ -98,6 +98,7 @@ pub fn read_back(folder: &Path) -> Result<[usize; 2], String> {
             continue;
         }
         let name = path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_string();
+        found.push(path.strip_prefix(folder).map_err(|e| e.to_string())?.display().to_string());
         let text = || std::fs::read_to_string(&path).map_err(|e| e.to_string());
         match name.rsplit('.').next().unwrap_or_default() {
             "csv" => {
@@ -111,11 +112,15 @@ pub fn read_back(folder: &Path) -> Result<[usize; 2], String> {
             "png" => picture(&path)?,
             "vtu" => mesh(&path)?,
             "pvd" => meshes += series(folder, &name)?,
-            // written beside its place and not yet there: it passes for no result
-            "tmp" => {}
+            // written beside its place and not yet there, or room kept for the report: it passes for no result
+            "tmp" | "bin" => {}
+            "txt" => listed = text()?.lines().map(String::from).collect(),
             _ => return Err(format!("{name} is no result")),
         }
     }
+    // each file is on the list of those that a next run may remove
+    found.retain(|name| name != "cutis-files.txt" && !listed.contains(&name.trim_end_matches(".tmp").to_string()));
+    ensure!(found.is_empty(), "{found:?} are not on the list");
     Ok([steps, meshes])
 }
 
@@ -168,19 +173,6 @@ fn a_cut_off_file_is_noticed() -> Outcome {
     }
     std::fs::remove_file(out.join("vtu/volume_0001.vtu")).map_err(|e| e.to_string())?;
     ensure!(read_back(&out).is_err(), "a series may name what is not there");
-    Ok(())
-}
-
-/// A folder stands where the second picture goes, as good as a disk that takes no more.
-fn a_run_that_cannot_write_keeps_what_it_has() -> Outcome {
-    let work = Work::with(super::work::PRESS)?;
-    std::fs::create_dir_all(work.path("out/frames/frame_0002.png")).map_err(|e| e.to_string())?;
-    let said = work.cutis(&["run", "scene.toml", "--backend", "cpu", "--record"])?;
-    ensure!(said.code == 1 && said.err.contains("frame_0002.png: cannot be written"), "{}: {}", said.code, said.err);
-    let report: serde_json::Value = serde_json::from_str(&work.read("out/report.json")?).map_err(|e| e.to_string())?;
-    ensure!(report["steps"] == 5, "{report}");
-    ensure!(report["error"].as_str().is_some_and(|e| said.err.contains(e)), "{report}");
-    ensure!(read_back(&work.path("out"))? == [5, 2], "{:?}", read_back(&work.path("out"))?);
     Ok(())
 }
 

@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 /// Tests of this file.
 pub const TESTS: &[super::Test] = &[
     ("a_run_out_of_memory_says_so_and_leaves_whole_files", a_run_out_of_memory_says_so_and_leaves_whole_files),
+    ("a_scene_beyond_memory_is_refused_before_it_takes_any", a_scene_beyond_memory_is_refused_before_it_takes_any),
     ("an_end_without_words_is_noticed", an_end_without_words_is_noticed),
 ];
 
@@ -116,6 +117,32 @@ fn a_run_out_of_memory_says_so_and_leaves_whole_files() -> Outcome {
     let told = ends.iter().filter(|(_, code, steps)| *code == Some(1) && (1..5).contains(steps)).count();
     ensure!(told > 0, "none ended with an error between its first and last step: {ends:?}");
     ensure!(ends.iter().any(|(.., steps)| *steps == 0), "none ended before its first step: {ends:?}");
+    Ok(())
+}
+
+fn a_scene_beyond_memory_is_refused_before_it_takes_any() -> Outcome {
+    // 5.9 million nodes, and with the reserve of a blade 30 million more
+    let large = super::work::ALONE.replace("cells = [4, 4]", "cells = [1400, 1400]");
+    let blade = "edge_mm = [[0, 0, 0], [2, 0, 0.5]]\nthickness_mm = 0.4";
+    let cut = super::work::PRESS
+        .replace("cells = [4, 4]", "cells = [4, 4]\ncut_reserve_columns = 10000000")
+        .replace("points_mm = [[0.0, 0.0, 0.0]]", &format!("[tool.blade]\n{blade}"));
+    for (scene, key) in [(large, "cells"), (cut, "cut_reserve_columns")] {
+        let work = Work::with(&scene)?;
+        let at = scene.lines().take_while(|line| !line.starts_with(&format!("{key} = "))).count() + 1;
+        for (command, limit) in
+            [(&RUN[..], 2_000_000), (&["check", "scene.toml"], 2_000_000), (&["inspect", "scene.toml"], 900_000)]
+        {
+            let end = under(&work, Some(limit), command)?;
+            let told = end.said.lines().any(|line| {
+                let parts = [&format!("scene.toml:{at}: the scene needs "), " GB are free; make ", key, " smaller"];
+                line.starts_with("error: ") && parts.iter().all(|part| line.contains(*part))
+            });
+            ensure!(end.code == Some(1) && told, "{key}: {command:?}: {end:?}");
+            ensure!(end.peak < 600_000, "{key}: {command:?} took {} KiB", end.peak);
+            ensure!(!work.path("out").exists(), "{key}: {command:?} has begun");
+        }
+    }
     Ok(())
 }
 

@@ -14,6 +14,7 @@ pub const TESTS: &[Test] = &[
     ("haply_mock_serves_a_client_until_its_input_ends", haply_mock_serves_a_client_until_its_input_ends),
     ("haply_mock_follows_a_scenes_hand", haply_mock_follows_a_scenes_hand),
     ("haply_mock_without_a_grip_is_not_turned", haply_mock_without_a_grip_is_not_turned),
+    ("haply_mock_without_an_input_goes_on", haply_mock_without_an_input_goes_on),
     ("a_second_haply_mock_on_a_port_is_refused", a_second_haply_mock_on_a_port_is_refused),
     ("haply_mock_explains_itself", haply_mock_explains_itself),
 ];
@@ -28,7 +29,7 @@ struct StandIn {
 impl StandIn {
     fn start(work: &Work, more: &[&str]) -> Result<Self, String> {
         let mut command = Command::new(env!("CARGO_BIN_EXE_cutis"));
-        command.args(["haply-mock", "--port", "0"]).args(more).current_dir(work.path(""));
+        command.args(["haply-mock", "--port", "0", "--until-stdin-ends"]).args(more).current_dir(work.path(""));
         let mut process = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().map_err(|e| e.to_string())?;
         let out = process.stdout.take().ok_or("no output")?;
         let (mut out, mut first) = (BufReader::new(out), String::new());
@@ -121,6 +122,21 @@ fn haply_mock_without_a_grip_is_not_turned() -> Outcome {
     Ok(())
 }
 
+/// As in the background of a shell, or under a service manager.
+fn haply_mock_without_an_input_goes_on() -> Outcome {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_cutis"));
+    command.args(["haply-mock", "--port", "0"]).stdin(Stdio::null()).stdout(Stdio::piped());
+    let mut process = command.spawn().map_err(|e| e.to_string())?;
+    let (mut out, mut first) = (BufReader::new(process.stdout.take().ok_or("no output")?), String::new());
+    out.read_line(&mut first).map_err(|e| e.to_string())?;
+    let mut stand_in = StandIn { process, out, first };
+    std::thread::sleep(Duration::from_millis(300));
+    ensure!(stand_in.process.try_wait().map_err(|e| e.to_string())?.is_none(), "it has ended by itself");
+    follow(&mut stand_in.client()?, DVec3::ZERO, 10)?;
+    ensure!(!stand_in.first.contains("standard input"), "{}", stand_in.first);
+    Ok(())
+}
+
 fn a_second_haply_mock_on_a_port_is_refused() -> Outcome {
     let work = Work::with(ALONE)?;
     let stand_in = StandIn::start(&work, &[])?;
@@ -137,7 +153,9 @@ fn a_second_haply_mock_on_a_port_is_refused() -> Outcome {
 fn haply_mock_explains_itself() -> Outcome {
     let said = Work::with(ALONE)?.cutis(&["haply-mock", "--help"])?;
     ensure!(said.code == 0, "exit status {}", said.code);
-    for word in ["--port", "10001", "--device", "--grip", "--no-grip", "--scene", "--tool", "Ctrl-C"] {
+    for word in
+        ["--port", "10001", "--device", "--grip", "--no-grip", "--scene", "--tool", "--until-stdin-ends", "Ctrl-C"]
+    {
         ensure!(said.out.contains(word), "no `{word}` in {}", said.out);
     }
     Ok(())

@@ -55,7 +55,7 @@ fn held(kind: DeviceKind) -> Scene {
 }
 
 fn folder(name: &str) -> PathBuf {
-    FilePath::new(env!("CARGO_TARGET_TMPDIR")).join(format!("haptic_{name}"))
+    FilePath::new(env!("CARGO_TARGET_TMPDIR")).join(format!("haptic_run_{name}"))
 }
 
 fn options(name: &str, realtime: bool) -> Options {

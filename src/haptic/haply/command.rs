@@ -90,6 +90,7 @@ pub struct SetForce {
 
 /// Session request of the first frame.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Session {
     /// Settings of the session.
     pub configure: Configure,
@@ -97,6 +98,7 @@ pub struct Session {
 
 /// Settings of a session.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Configure {
     /// Profile of the client.
     pub profile: Profile,
@@ -104,6 +106,7 @@ pub struct Configure {
 
 /// Profile of a client.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Profile {
     /// Name shown in Haply's hub.
     pub name: String,

@@ -18,6 +18,7 @@
 
 mod hand;
 mod options;
+mod whole;
 
 pub use options::{Event, Faults, Options, Record};
 
@@ -33,6 +34,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
+use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Message, WebSocket};
 
 /// Port of the service's simulation channel.
@@ -40,8 +42,12 @@ pub const PORT: u16 = 10001;
 
 /// Time without a command after which a device is idle: ten times the client's own time-out.
 const IDLE: Duration = Duration::from_millis(500);
-/// Time without a client after which the hands return to the start of their path, because the next client is another run.
-const ANEW: Duration = Duration::from_millis(1500);
+/// Most connections at once; an arm and a person have two or three.
+const MOST_GUESTS: usize = 32;
+/// Longest message of a client, bytes; commands have a few hundred.
+const LONGEST: usize = 1 << 16;
+/// Largest force of an arm, N; the specification of the Inverse3 has 10 N at its peak.
+const STRONGEST: f64 = 10.0;
 /// Longest interval between checks for a stop.
 const SLICE: Duration = Duration::from_millis(20);
 /// Time that a peer has to state its request.
@@ -50,8 +56,6 @@ const PATIENCE: Duration = Duration::from_secs(1);
 struct State {
     hands: Vec<Hand>,
     record: Record,
-    /// Time when the last client left.
-    left: Option<Instant>,
 }
 
 struct Shared {
@@ -82,7 +86,7 @@ impl Mock {
         let address = listener.local_addr().map_err(refused)?;
         let hands = vec![Hand::at_start(&options.path); options.arms.len()];
         let record = Record { forces: vec![DVec3::ZERO; hands.len()], ..Record::default() };
-        let state = Mutex::new(State { hands, record, left: None });
+        let state = Mutex::new(State { hands, record });
         let shared = Arc::new(Shared { options, version, state, stop: AtomicBool::new(false) });
         let inside = shared.clone();
         let door = thread::Builder::new().name("haply-mock".into()).spawn(move || admit(&listener, &inside));
@@ -116,7 +120,15 @@ fn admit(listener: &TcpListener, shared: &Arc<Shared>) {
     let mut guests: Vec<JoinHandle<()>> = Vec::new();
     while !shared.stopped() {
         guests.retain(|guest| !guest.is_finished());
-        let Ok((stream, from)) = listener.accept() else { continue };
+        let Ok((mut stream, from)) = listener.accept() else {
+            // out of descriptors, for instance: one becomes free when a client leaves
+            thread::sleep(SLICE);
+            continue;
+        };
+        if guests.len() >= MOST_GUESTS {
+            answer(&mut stream, "503 Service Unavailable", "{\"error\": \"too many connections\"}").ok();
+            continue;
+        }
         let inside = shared.clone();
         // if the handshake fails, closing the connection tells the client
         let guest = thread::Builder::new().spawn(move || drop(inside.receive(stream, from)));
@@ -144,6 +156,24 @@ fn head(stream: &TcpStream) -> io::Result<String> {
         thread::sleep(Duration::from_millis(1));
     }
     Err(ErrorKind::TimedOut.into())
+}
+
+/// Answers an HTTP request, in one piece.
+fn answer(stream: &mut TcpStream, status: &str, body: &str) -> io::Result<()> {
+    let length = body.len();
+    let head = format!("HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {length}\r\n");
+    stream.write_all(format!("{head}Connection: close\r\n\r\n{body}").as_bytes())
+}
+
+/// Whether the request is of this machine: a page of a browser says where it is from, and by which name it found the stand-in.
+fn is_local(head: &str) -> bool {
+    let value = |name: &str| head.lines().find_map(|line| line.strip_prefix(name)).map(str::trim);
+    let local = |host: &str| {
+        let name = host.strip_prefix('[').map_or_else(|| host.split(':').next(), |six| six.split(']').next());
+        matches!(name, Some("localhost" | "127.0.0.1" | "::1"))
+    };
+    let origin = |text: &str| text.split_once("://").is_some_and(|(_, host)| local(host));
+    value("host:").is_none_or(local) && value("origin:").is_none_or(origin)
 }
 
 /// Sends an old frame `times` times, then a new one; false if it could not.
@@ -174,26 +204,30 @@ impl Shared {
         stream.set_read_timeout(Some(PATIENCE))?;
         stream.set_write_timeout(Some(PATIENCE))?;
         let head = head(&stream)?;
-        if !head.contains("upgrade: websocket") {
+        if !(is_local(&head) && head.contains("upgrade: websocket")) {
             let mut asked = [0; 4096];
             let _ = stream.read(&mut asked)?;
-            let (status, body) = match head.starts_with("get /version ") {
-                true => ("200 OK", format!("{{\"project_version\": \"{}\"}}", self.options.version)),
-                false => ("404 Not Found", "{\"error\": \"this stand-in answers /version alone\"}".into()),
+            return match head.starts_with("get /version ") {
+                _ if !is_local(&head) => {
+                    answer(&mut stream, "403 Forbidden", "{\"error\": \"this stand-in serves its own machine alone\"}")
+                }
+                true => answer(&mut stream, "200 OK", &whole::version(&self.options.version)),
+                false => answer(&mut stream, "404 Not Found", "{\"error\": \"this stand-in answers /version alone\"}"),
             };
-            let length = body.len();
-            return write!(
-                stream,
-                "HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}"
-            );
         }
-        let socket = tungstenite::accept(stream).map_err(io::Error::other)?;
+        let mut refusal = stream.try_clone()?;
+        let config = WebSocketConfig::default().max_message_size(Some(LONGEST)).max_frame_size(Some(LONGEST));
+        let accepted = tungstenite::accept_with_config(stream, Some(config));
+        let socket = accepted.map_err(|error| {
+            let body = serde_json::json!({ "error": error.to_string() }).to_string();
+            answer(&mut refusal, "400 Bad Request", &body).ok();
+            io::Error::other(error)
+        })?;
         socket.get_ref().set_read_timeout(Some(SLICE))?;
         {
             let state = &mut *self.state();
-            // the first client after a pause starts anew; a reconnecting one continues
             let alone = state.record.connections == state.record.ended;
-            if alone && state.left.is_some_and(|left| left.elapsed() > ANEW) {
+            if alone && !self.options.keep {
                 state.hands.fill(Hand::at_start(&self.options.path));
             }
             state.record.connections += 1;
@@ -201,7 +235,6 @@ impl Shared {
         self.tell(Event::Connected(from));
         let frames = self.serve(socket);
         let state = &mut *self.state();
-        state.left = Some(Instant::now());
         let record = &mut state.record;
         record.ended += 1;
         record.last_forces.push(record.forces.clone());
@@ -267,6 +300,7 @@ impl Shared {
             let sets = own.filter_map(|order| order.commands.set_cursor_force);
             let force = sets.filter_map(|set| self.hear(set, record)).sum::<DVec3>();
             let force = if self.options.faults.deaf || !force.is_finite() { DVec3::ZERO } else { force };
+            let force = force.clamp_length_max(STRONGEST);
             record.forces[i] = force;
             record.peak = record.peak.max(force.length());
             hands[i].advance(&self.options.path, force);
@@ -274,9 +308,10 @@ impl Shared {
         if first {
             record.first_forces.push(record.forces.clone());
         }
-        if let Some(session) = command.session {
-            record.profile = Some(session.configure.profile.name);
-            record.required_version = session.configure.profile.required_version;
+        // a session may be there without a profile
+        if let Some(profile) = command.session.map(|session| session.configure.profile).filter(|p| !p.name.is_empty()) {
+            record.profile = Some(profile.name);
+            record.required_version = profile.required_version;
         }
     }
 
@@ -297,12 +332,12 @@ impl Shared {
         if due(faults.null_every) {
             // a NaN is written as null
             for arm in frame.inverse3.iter_mut().chain(&mut frame.inverse3x).chain(&mut frame.minverse) {
-                if let Some(state) = &mut arm.state {
-                    state.cursor_position.y = f64::NAN;
+                if let Some(position) = arm.state.as_mut().and_then(|state| state.cursor_position.as_mut()) {
+                    position.y = f64::NAN;
                 }
             }
         }
-        let text = serde_json::to_string(&frame).expect("strings and numbers always have a text");
+        let text = whole::text(&frame, inventory);
         if due(faults.malformed_every) { text[..text.len() / 2].into() } else { text }
     }
 
@@ -313,7 +348,7 @@ impl Shared {
             |word: &str| inventory.then(|| Config { kind: Some(word.into()), handedness: Some("right".into()) });
         for (((kind, id), hand), force) in self.options.arms.iter().zip(&state.hands).zip(&state.record.forces) {
             let arm = ArmState {
-                cursor_position: hand.encoded().into(),
+                cursor_position: Some(hand.encoded().into()),
                 cursor_velocity: hand.velocity.into(),
                 current_cursor_force: Some((*force).into()),
                 transform: Default::default(),

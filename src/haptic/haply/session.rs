@@ -10,7 +10,7 @@ use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};
 use std::time::{Duration, Instant};
 use tungstenite::protocol::WebSocketConfig;
-use tungstenite::{Message, WebSocket, client::client_with_config, http::Uri};
+use tungstenite::{HandshakeError, Message, WebSocket, client::client_with_config, http::Uri};
 
 /// A WebSocket of the service.
 pub(super) type Socket = WebSocket<TcpStream>;
@@ -67,11 +67,15 @@ impl Address {
 
     /// Connects and completes the WebSocket handshake.
     pub fn connect(&self, patience: Duration) -> Result<Socket> {
-        let nobody = |e: io::Error| Refused::Nobody { url: self.url.clone(), reason: e.to_string() };
+        let nobody = |e: io::Error| Refused::Nobody { url: self.url.clone(), reason: reason(&e, patience) };
         let stream = self.dial(patience).map_err(nobody)?;
         let config = WebSocketConfig::default().max_message_size(Some(LARGEST)).max_frame_size(Some(LARGEST));
-        let (socket, _) = client_with_config(self.url.as_str(), stream, Some(config))
-            .map_err(|e| self.no_service(format!("its answer to the WebSocket handshake: {e}")))?;
+        let (socket, _) = client_with_config(self.url.as_str(), stream, Some(config)).map_err(|e| match e {
+            HandshakeError::Interrupted(_) => {
+                self.no_service(format!("no answer to the WebSocket handshake within {} s", patience.as_secs_f64()))
+            }
+            HandshakeError::Failure(e) => self.no_service(format!("its answer to the WebSocket handshake: {e}")),
+        })?;
         socket.get_ref().set_read_timeout(Some(SLICE)).map_err(nobody)?;
         Ok(socket)
     }
@@ -107,7 +111,7 @@ impl Address {
 
     /// `GET /version` on the channel's port; `Err` with the reason.
     fn ask_version(&self) -> std::result::Result<String, String> {
-        let reason = |e: io::Error| format!("GET /version: {e}");
+        let reason = |e: io::Error| format!("GET /version: {}", reason(&e, PATIENCE));
         let mut stream = self.dial(PATIENCE).map_err(reason)?;
         let request = format!(
             "GET /version HTTP/1.1\r\nHost: {}:{}\r\nAccept: application/json\r\nConnection: close\r\n\r\n",
@@ -128,6 +132,14 @@ impl Address {
                 return Err(format!("GET /version was answered by `{line}`"));
             }
         }
+    }
+}
+
+/// Reason of a failed attempt; the system has only a number for a time that has run out.
+fn reason(error: &io::Error, patience: Duration) -> String {
+    match error.kind() {
+        ErrorKind::WouldBlock | ErrorKind::TimedOut => format!("no answer within {} s", patience.as_secs_f64()),
+        _ => error.to_string(),
     }
 }
 
@@ -227,7 +239,8 @@ pub(super) fn reading(frame: &Frame, chosen: &Chosen, last: Reading) -> std::res
             buttons = grip.buttons.bits();
         }
     }
-    let (position, velocity) = (state.cursor_position.into(), state.cursor_velocity.into());
+    let position = state.cursor_position.ok_or(Fault::Absent)?.into();
+    let velocity = state.cursor_velocity.into();
     let reading = Reading { position, rotation, velocity, angular_velocity: DVec3::ZERO, buttons, age: 0.0 };
     if reading.is_valid() { Ok((reading, whole)) } else { Err(Fault::NonFinite) }
 }
@@ -248,6 +261,18 @@ mod tests {
     fn said(text: &str) -> std::result::Result<(Reading, bool), Fault> {
         let turned = Reading { rotation: DQuat::from_rotation_x(1.0), buttons: 7, ..Reading::at_rest(0.0) };
         reading(&frame(text).expect("a frame"), &chosen(), turned)
+    }
+
+    #[test]
+    fn an_arm_without_a_position_does_not_spoil_the_others() {
+        let position = r#""cursor_position": {"x":0,"y":-0.12,"z":0.15}, "#;
+        assert_eq!(said(&INVENTORY.replace(position, "")).err(), Some(Fault::Absent));
+        // beside one that has one
+        let (head, arm) = INVENTORY.split_once("\"inverse3\": [ ").expect("it has arms");
+        let (arm, rest) = arm.split_once(" ],\n      \"wireless").expect("grips follow");
+        let other = arm.replace("049D", "AAAA").replace(position, "");
+        let both = format!("{head}\"inverse3\": [ {other}, {arm} ],\n      \"wireless{rest}");
+        assert_eq!(said(&both).expect("the other one").0.position, DVec3::new(0.0, -0.12, 0.15));
     }
 
     #[test]

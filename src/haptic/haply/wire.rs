@@ -95,9 +95,11 @@ impl Default for Transform {
 /// State of an arm.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ArmState {
-    /// m
-    pub cursor_position: Vector,
+    /// m; `None` for an arm that is led in its joints, which has no pose here and does not spoil those of others.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub cursor_position: Option<Vector>,
     /// m/s
+    #[serde(default)]
     pub cursor_velocity: Vector,
     /// Force of the motors, N.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -333,7 +335,7 @@ pub(super) mod tests {
         assert_eq!(arm.device_id, "049D");
         assert_eq!(arm.status, Status { calibrated: Some(true), ready: Some(true) });
         let state = arm.state.expect("it has one");
-        assert_eq!(DVec3::from(state.cursor_position), DVec3::new(0.0, -0.12, 0.15));
+        assert_eq!(state.cursor_position.map(DVec3::from), Some(DVec3::new(0.0, -0.12, 0.15)));
         assert_eq!(state.transform, Transform::default());
         assert_eq!(arm.config.as_ref().and_then(|c| c.handedness.as_deref()), Some("right"));
         let grip = frame.wireless_verse_grip[0].state.expect("it has one");
@@ -368,7 +370,7 @@ pub(super) mod tests {
     #[test]
     fn a_null_is_a_number_that_is_none_and_a_missing_number_is_another_shape() {
         let null = frame(&INVENTORY.replace("-0.12", "null")).expect("a frame");
-        assert!(null.inverse3[0].state.expect("it has one").cursor_position.y.is_nan());
+        assert!(null.inverse3[0].state.and_then(|state| state.cursor_position).expect("it has one").y.is_nan());
         assert!(frame(&INVENTORY.replace("\"y\":-0.12,", "")).is_err());
         assert!(frame(&INVENTORY.replace("-0.12", "NaN")).is_err());
         assert!(frame(&INVENTORY.replace("-0.12", "1e999")).is_err());

@@ -3,7 +3,8 @@
 use super::settings::element_word;
 use super::{KINDS, Row, Setting, Stop, Study, plot};
 use crate::error::Result;
-use crate::output::{Failed, replace};
+use crate::output::replace;
+use crate::report::Listing;
 use crate::scene::{CORRECTIONS, Correction, INTEGRATORS, Integrator, PRECONDITIONERS, word};
 use std::fmt::Write;
 use std::path::Path;
@@ -48,12 +49,18 @@ const COLUMNS: [&str; 33] = [
     "pareto",
 ];
 
+/// Names of the files.
+const FILES: [&str; 3] = ["study.csv", "study.md", "study.svg"];
+
+/// Opens the folder for the three files, before anything is computed.
+pub(super) fn open(folder: &Path) -> Result<Listing> {
+    Listing::open(folder, &[], |name| FILES.contains(&name))
+}
+
 /// Writes the three files.
-pub(super) fn write(study: &Study, folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|source| Failed::Write { path: folder.to_owned(), source })?;
-    replace(&folder.join("study.csv"), table(study).as_bytes())?;
-    replace(&folder.join("study.md"), page(study).as_bytes())?;
-    replace(&folder.join("study.svg"), plot::picture(study)?.as_bytes())
+pub(super) fn write(study: &Study, folder: &mut Listing) -> Result<()> {
+    let texts = [table(study), page(study), plot::picture(study)?];
+    FILES.iter().zip(texts).try_for_each(|(name, text)| replace(&folder.add(name)?, text.as_bytes()))
 }
 
 fn correction_name(correction: Option<Correction>) -> &'static str {

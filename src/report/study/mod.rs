@@ -26,14 +26,15 @@ mod trace;
 pub use settings::{Setting, Stop, element_word, grid_words};
 pub use trace::{KINDS, Signal, Trace};
 
-use super::StudyUnfit as Unfit;
+use super::memory::{self, Purpose};
+use super::{Listing, StudyUnfit as Unfit};
 use crate::error::Result;
 use crate::gpu::{Gpu, adapters};
 use crate::scene::Scene;
 use crate::step::Platform;
 use runs::{Runs, at_shortest};
 use settings::{Axes, exact, most_complete, own, quick, scene_of};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use trace::{apart, apart_in, signals};
 
@@ -173,6 +174,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
         progress,
     };
     // refuse what cannot run before anything takes time
+    let mut folder = files::open(&options.out)?;
     if let Some(Platform::Gpu(text)) = &options.gpu {
         Gpu::open(text.as_deref())?; // without an adapter there is no study
     }
@@ -191,7 +193,8 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
     let references = (!known).then(|| reference.clone()).into_iter().chain(by_law).map(|setting| (setting, true));
     for run in settings.chain(references) {
         if !wanted.contains(&run) {
-            scene_of(scene, &run.0, duration, run.1)?; // refused before the first run
+            // refused before the first run
+            memory::fits(&scene_of(scene, &run.0, duration, run.1)?, Purpose::Single)?;
             wanted.push(run);
         }
     }
@@ -237,7 +240,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
             Ok(row) => study.rows.push(row),
             Err(error) => study.failed.push((setting.clone(), error.to_string())),
         }
-        study.write(&first, &options.out)?;
+        study.write(&first, &mut folder)?;
     }
     // repetitions keep the fastest time of each setting
     for _ in 1..options.repeats {
@@ -245,14 +248,14 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
             row.trace.keep_faster(&runs.run(&row.setting, false)?);
             runs.advance(&row.setting, false);
         }
-        study.write(&first, &options.out)?;
+        study.write(&first, &mut folder)?;
     }
     Ok(study)
 }
 
 impl Study {
     /// Marks the Pareto front and writes the files for the runs so far.
-    fn write(&mut self, first: &Setting, folder: &Path) -> Result<()> {
+    fn write(&mut self, first: &Setting, folder: &mut Listing) -> Result<()> {
         mark_front(&mut self.rows);
         self.own_ms = self.rows.iter().find(|r| r.setting == *first).map(|r| r.trace.ms_per_step);
         files::write(self, folder)

@@ -2,7 +2,8 @@
 
 use super::{Page, Row, SINGLE_BOUND, SINGLE_TOLERANCE};
 use crate::error::Result;
-use crate::output::{Failed, replace};
+use crate::output::replace;
+use crate::report::Listing;
 use serde_json::{Value, json};
 use std::fmt::Write;
 use std::path::Path;
@@ -26,16 +27,25 @@ const COLUMNS: [&str; 15] = [
     "note",
 ];
 
+/// Names of the files.
+const FILES: [&str; 3] = ["verification.md", "verification.csv", "verification.json"];
+
+/// Opens the folder for the three files, before anything is computed.
+///
+/// # Errors
+/// If the folder cannot be written, another command writes there, or a file of somebody else has one of the names.
+pub fn open(folder: &Path) -> Result<Listing> {
+    Listing::open(folder, &[], |name| FILES.contains(&name))
+}
+
 /// Writes the three files.
 ///
 /// # Errors
 /// If the folder cannot be written.
-pub fn write(page: &Page, folder: &Path) -> Result<()> {
-    std::fs::create_dir_all(folder).map_err(|source| Failed::Write { path: folder.to_owned(), source })?;
-    replace(&folder.join("verification.md"), page.markdown().as_bytes())?;
-    replace(&folder.join("verification.csv"), page.csv().as_bytes())?;
-    let text = serde_json::to_string_pretty(&page.to_json()).unwrap_or_default(); // numbers and strings always serialise
-    replace(&folder.join("verification.json"), text.as_bytes())
+pub fn write(page: &Page, folder: &mut Listing) -> Result<()> {
+    let json = serde_json::to_string_pretty(&page.to_json()).unwrap_or_default(); // numbers and strings always serialise
+    let texts = [page.markdown(), page.csv(), json];
+    FILES.iter().zip(texts).try_for_each(|(name, text)| replace(&folder.add(name)?, text.as_bytes()))
 }
 
 impl Page {

@@ -14,7 +14,7 @@ mod cases;
 mod files;
 
 pub use cases::CASES;
-pub use files::write;
+pub use files::{open, write};
 
 use super::Refused;
 use super::study::{element_word, grid_words};

@@ -31,6 +31,8 @@ pub struct Options {
     pub path: Vec<Pose>,
     /// Times of the hand, s, in ascending order, with the buttons pressed from then on.
     pub buttons: Vec<(f64, u32)>,
+    /// Hands stay where the last client has left them; without it they begin anew with the first client of each run.
+    pub keep: bool,
     /// Faults; none by default.
     pub faults: Faults,
     /// Called for each event.
@@ -46,6 +48,7 @@ impl Default for Options {
             grips: vec![(GripKind::Wired, "GRIP".into())],
             path: Vec::new(),
             buttons: Vec::new(),
+            keep: false,
             faults: Faults::default(),
             tell: None,
         }

@@ -1,0 +1,161 @@
+//! Whether a scene fits into memory, from its number of nodes, before any of it is taken.
+//!
+//! The bytes of a node are the least that were measured (peak resident memory of one step, 78,000 to 214,000 nodes of hexahedra, linear law,
+//! columns as preconditioner); other laws, multigrid and exact factors take more. A scene that is refused cannot fit; one that passes may
+//! still meet an error of its own later. Where the system does not tell what is free (it does on Linux), nothing is refused.
+
+use super::Refused;
+use crate::error::Result;
+use crate::scene::{Cut, Law, Scene, Skin, cells_of, reserve_of};
+use crate::step::Platform;
+use std::path::Path;
+
+/// What is to be done with a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Purpose {
+    /// To step it on the CPU path in f64.
+    Double,
+    /// To step it on the CPU path in f32.
+    Single,
+    /// To set it up for a GPU, without stepping it here.
+    SetUp,
+}
+
+impl From<&Platform> for Purpose {
+    fn from(platform: &Platform) -> Self {
+        match platform {
+            Platform::Cpu64 => Self::Double,
+            Platform::Cpu32 => Self::Single,
+            Platform::Gpu(_) => Self::SetUp,
+        }
+    }
+}
+
+impl Purpose {
+    /// Bytes of a node of the grid, and of one in the reserve of a cut.
+    fn of_node(self, skin: &Skin, contact: bool) -> [u64; 2] {
+        let springs = matches!(skin.law, Law::Springs { .. });
+        match (self, springs, contact) {
+            (Self::SetUp, ..) => [180, 400],
+            (_, true, _) => [4000, 0],
+            (Self::Double, _, false) => [1300, 1000],
+            (Self::Double, _, true) => [2600, 1000],
+            (Self::Single, _, false) => [1000, 700],
+            (Self::Single, _, true) => [1700, 700],
+        }
+    }
+}
+
+/// Refuses a scene that cannot fit.
+///
+/// # Errors
+/// [`Refused::Memory`], with the key that takes the most.
+pub fn fits(scene: &Scene, purpose: Purpose) -> Result<()> {
+    let Some(free) = free() else { return Ok(()) };
+    let cuts = scene.tools.iter().any(|tool| tool.blade.is_some());
+    let (mut wanted, mut largest) = (0, (0, String::new(), ""));
+    for skin in &scene.skins {
+        let z = 1 + skin.layers.iter().map(|layer| u64::from(layer.cells)).sum::<u64>();
+        let columns = (u64::from(skin.cells[0]) + 1) * (u64::from(skin.cells[1]) + 1);
+        let reserve = match skin.cut {
+            Cut::Split { reserve_columns } if cuts => u64::from(reserve_columns),
+            _ => 0,
+        };
+        let [of_grid, of_reserve] = purpose.of_node(skin, scene.contact.is_some());
+        let parts = [
+            (columns * z * of_grid, cells_of(&skin.name), "cells"),
+            (reserve * z * of_reserve, reserve_of(&skin.name), "cut_reserve_columns"),
+        ];
+        for part in parts {
+            wanted += part.0;
+            largest = if part.0 > largest.0 { part } else { largest };
+        }
+    }
+    if wanted <= free {
+        return Ok(());
+    }
+    Err(Refused::Memory { at: scene.at(&largest.1), wanted, free, key: largest.2 }.into())
+}
+
+/// Bytes that the process may still take: the machine's, the control group's, and those of its limit of address space (`ulimit -v`).
+fn free() -> Option<u64> {
+    let group = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
+    [of_machine(), of_address_space(), of_group(&group)].into_iter().flatten().min()
+}
+
+/// Number of a line `name value`, in its unit.
+fn number(text: &str, name: &str) -> Option<u64> {
+    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
+    line.trim_start_matches(':').split_whitespace().next()?.parse().ok()
+}
+
+fn of_machine() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    Some(1024 * (number(&text, "MemAvailable")? + number(&text, "SwapFree").unwrap_or(0)))
+}
+
+fn of_address_space() -> Option<u64> {
+    let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
+    let taken = std::fs::read_to_string("/proc/self/status").ok()?;
+    // "unlimited" is no number
+    Some(number(&limits, "Max address space")?.saturating_sub(1024 * number(&taken, "VmSize")?))
+}
+
+/// Least of the groups that the process is in, of either version; caches of files count as free.
+fn of_group(text: &str) -> Option<u64> {
+    let left = |folder: &Path, [most, taken, cache]: [&str; 3]| {
+        let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap_or_default();
+        let most: u64 = read(most).trim().parse().ok()?;
+        let taken: u64 = read(taken).trim().parse().ok()?;
+        Some(most.saturating_sub(taken) + number(&read("memory.stat"), cache).unwrap_or(0))
+    };
+    let of_line = |line: &str| {
+        let mut parts = line.splitn(3, ':');
+        let (kind, path) = (parts.nth(1)?, parts.next()?);
+        let (root, names) = match kind {
+            "" => ("/sys/fs/cgroup", ["memory.max", "memory.current", "inactive_file"]),
+            "memory" => {
+                ("/sys/fs/cgroup/memory", ["memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"])
+            }
+            _ => return None,
+        };
+        let own = Path::new(root).join(path.trim_start_matches('/'));
+        own.ancestors().take_while(|folder| folder.starts_with(root)).filter_map(|folder| left(folder, names)).min()
+    };
+    text.lines().filter_map(of_line).min()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::incision;
+
+    #[test]
+    fn what_the_system_says_is_read() {
+        assert_eq!(number("MemTotal:  9 kB\nMemAvailable:   123 kB\n", "MemAvailable"), Some(123));
+        assert_eq!(
+            number("Max address space         unlimited            unlimited  bytes\n", "Max address space"),
+            None
+        );
+        assert_eq!(number("Max address space         4096  unlimited  bytes\n", "Max address space"), Some(4096));
+        if cfg!(target_os = "linux") {
+            let free = free().expect("Linux tells");
+            assert!((1 << 20..1 << 60).contains(&free), "{free}");
+        }
+    }
+
+    #[test]
+    fn the_largest_part_is_the_one_to_lower() {
+        let mut scene = incision().expect("the embedded scene is valid");
+        fits(&scene, Purpose::Double).expect("it is small");
+        let words = |scene: &Scene| fits(scene, Purpose::Double).map_err(|e| e.to_string());
+        scene.skins[0].cut = Cut::Split { reserve_columns: u32::MAX };
+        let Err(reserve) = words(&scene) else { return assert!(free().is_none()) };
+        assert!(reserve.contains("cut_reserve_columns"), "{reserve}");
+        scene.skins[0].cells = [1 << 20; 2];
+        scene.skins[0].cut = Cut::Remove;
+        assert!(
+            words(&scene).expect_err("no machine has it").ends_with("make cells smaller, or close what takes memory")
+        );
+    }
+}
