@@ -8,6 +8,8 @@
 //! rejected: degrees 1 (14 and 31 iterations at 16×16×5, ν 0.45), 2 (7 and 16) and 4 (4 and 9), which cost as many products; Chebyshev
 //! polynomials of the fourth kind (no better); more sweeps on the coarsest level (no effect); four-colour Gauss–Seidel over columns (in the
 //! prototype a little less work than degree 2, with four times the dispatches).
+//! On the CPU path the cycle is in f32 also where the conjugate gradients are in f64, which keep the solution's precision: the same
+//! iterations up to ν 0.4999 (94 of 94 at 10⁻⁴), an eighth less time for a step of the incision.
 //! Source: Brandt 1977; line smoothing with semi-coarsening: Schaffer 1998; Chebyshev recurrence: Saad 2003, algorithm 12.1.
 
 use super::element;
