@@ -1,6 +1,7 @@
-//! Inputs that nobody would write: scenes, trajectories, meshes and folders of results, changed at random. Whatever they hold, the
-//! program does not panic, comes back, takes no memory beyond what the input is worth, and says where the input is wrong and how to
-//! mend it. 10⁴ inputs of each kind; `CUTIS_FUZZ=1000000` asks for another number, `CUTIS_FUZZ_SEED` for other ones.
+//! Inputs that nobody would write: scenes, trajectories, meshes, folders of results and command lines, changed at random, and outputs
+//! that take nothing. Whatever they hold, the program does not panic, comes back, takes no memory beyond what the input is worth, and says
+//! where the input is wrong and how to mend it. 10⁴ inputs of each kind, fewer where each takes a run or a process;
+//! `CUTIS_FUZZ=1000000` asks for another number, `CUTIS_FUZZ_SEED` for other ones.
 
 #[path = "fuzz/bounds.rs"]
 mod bounds;
@@ -10,5 +11,8 @@ mod change;
 mod files;
 #[path = "fuzz/found.rs"]
 mod found;
+#[cfg(unix)]
+#[path = "fuzz/program.rs"]
+mod program;
 #[path = "fuzz/scenes.rs"]
 mod scenes;

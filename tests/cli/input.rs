@@ -240,6 +240,16 @@ fn errors_after_reading_name_their_line() -> Outcome {
     let at = held.lines().take_while(|line| *line != "[tool.device]").count() + 1;
     let run = ["run", "scene.toml", "--backend", "cpu"];
     says(&work, &run, 2, &[&format!("scene.toml:{at}: the tool \"tip\" is held by a haply device")])?;
+    // a cell that is inverted from the start
+    let inverted = "cells = [4, 4]\nlaw = \"neo_hookean\"\nstart = \"inside_out\"";
+    let inverted = ALONE.replace("cells = [4, 4]", inverted).replace("[time]", "[time]\nintegrator = \"static\"");
+    let work = Work::with(&inverted)?;
+    says(
+        &work,
+        &run,
+        2,
+        &["scene.toml:5: cell [2, 1, 0]", "is inverted at the start of a step", "take a shorter step_ms"],
+    )?;
     // more layers than a body can have
     let [layer, boundary] = ["[[skin.layer]]", "[[boundary]]"].map(|table| ALONE.find(table).unwrap_or_default());
     let one = &ALONE[layer..boundary];

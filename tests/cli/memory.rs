@@ -12,6 +12,10 @@ use std::time::{Duration, Instant};
 pub const TESTS: &[super::Test] = &[
     ("a_run_out_of_memory_says_so_and_leaves_whole_files", a_run_out_of_memory_says_so_and_leaves_whole_files),
     ("a_scene_beyond_memory_is_refused_before_it_takes_any", a_scene_beyond_memory_is_refused_before_it_takes_any),
+    (
+        "a_verification_beyond_memory_is_refused_before_its_first_case",
+        a_verification_beyond_memory_is_refused_before_its_first_case,
+    ),
     ("an_end_without_words_is_noticed", an_end_without_words_is_noticed),
 ];
 
@@ -42,6 +46,8 @@ fn under(work: &Work, limit: Option<u64>, arguments: &[&str]) -> Result<End, Str
     let mut run = Command::new("sh");
     run.args(["-c", "ulimit -v \"$1\" && shift && exec \"$@\"", "sh", &limit, env!("CARGO_BIN_EXE_cutis")]);
     run.args(arguments).current_dir(work.path(".")).env("RUST_BACKTRACE", "0");
+    // on a machine of many cores the stacks of its threads would take the address space
+    run.env("RAYON_NUM_THREADS", "2");
     let mut run = run.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().map_err(|e| e.to_string())?;
     let (begin, mut peak) = (Instant::now(), 0);
     let status = loop {
@@ -143,6 +149,18 @@ fn a_scene_beyond_memory_is_refused_before_it_takes_any() -> Outcome {
             ensure!(!work.path("out").exists(), "{key}: {command:?} has begun");
         }
     }
+    Ok(())
+}
+
+fn a_verification_beyond_memory_is_refused_before_its_first_case() -> Outcome {
+    let work = Work::with(&scene())?;
+    let least = least(&work, 4_000_000)?;
+    // the largest case is 59,536 nodes in contact, 155 MB of the estimate
+    let verify = ["verify", "--backend", "cpu", "--out", "page"];
+    let end = under(&work, Some(least + 50_000), &verify)?;
+    let errors: Vec<&str> = end.said.lines().filter(|line| !line.contains(": the scene needs ")).collect();
+    ensure!(end.code == Some(1) && errors.is_empty() && end.said.contains("hertz.toml:"), "{end:?}");
+    ensure!(!work.path("page").exists(), "the folder is left");
     Ok(())
 }
 

@@ -17,6 +17,7 @@ pub use cases::CASES;
 pub use files::{open, write};
 
 use super::Refused;
+use super::memory::{self, Purpose};
 use super::study::{element_word, grid_words};
 use crate::error::Result;
 use crate::scene::{BodyId, Integrator, Law, LoadKind, Preconditioner, Probe, ProbeKind, Scene};
@@ -192,10 +193,12 @@ impl Page {
 /// Runs all cases, or those of the short form; calls `begin` with the number of each, their number, and its case.
 ///
 /// # Errors
-/// Without a fitting adapter. What fails in one case is its result.
+/// Without a fitting adapter, or if a case cannot fit into memory. What else fails in one case is its result.
 pub fn verify(platform: &Platform, quick: bool, begin: &mut dyn FnMut(usize, usize, &Case)) -> Result<Page> {
     let mut page = Page { device: String::new(), version: env!("CARGO_PKG_VERSION"), quick, rows: vec![] };
     let wanted: Vec<&Case> = CASES.iter().filter(|case| case.quick || !quick).collect();
+    // refused before the first run
+    wanted.iter().try_for_each(|case| memory::fits(&case.scene()?, Purpose::from(platform)))?;
     for (number, case) in wanted.iter().enumerate() {
         begin(number, wanted.len(), case);
         let scene = case.scene()?;
