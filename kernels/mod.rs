@@ -285,7 +285,7 @@ impl<R: Real> Params<R> {
             self.node_id([c[0] + o[0], c[1] + o[1], c[2] + o[2]])
         })
     }
-    /// Length of the array of rotations: a quaternion for each cell, and three rows for each hyperelastic one ([`volume`]).
+    /// Length of the array of rotations: a quaternion for each cell, and three rows for each hyperelastic one ([`linearised`]).
     pub fn frames(&self) -> usize {
         let rows = if self.corotational >= linearised::HYPERELASTIC { 4 } else { 1 };
         rows * self.cell_count as usize
