@@ -16,7 +16,6 @@ use super::element;
 use super::levels::Level;
 use crate::bodies::Model;
 use crate::bodies::cpu::LevelWork;
-use crate::kernels::Params;
 use crate::kernels::blocks::blocks;
 use crate::kernels::coarsen::coarsen;
 use crate::kernels::factor::factor;
@@ -25,7 +24,9 @@ use crate::kernels::prolongation::prolongation;
 use crate::kernels::relax::relax;
 use crate::kernels::restriction::restriction;
 use crate::kernels::split_product::split_product;
+use crate::kernels::{PARALLEL, Params};
 use crate::math::{M3, Real, V3, V4, same, same_mut};
+use rayon::prelude::*;
 
 /// Smoothing steps before and after the correction. 2 needs a third more iterations, 4 a fifth fewer; both take the same time in total.
 pub const DEGREE: usize = 3;
@@ -254,16 +255,29 @@ pub fn apply<R: Real, S: Real>(levels: &[Operator<S>], work: &mut [LevelWork<S>]
     if let (Some(r), Some(z)) = (same(r), same_mut(z)) {
         return R::of(cycle(levels, work, r, z).f64());
     }
-    let (mut own_r, mut own_z) = (std::mem::take(&mut work[0].r), std::mem::take(&mut work[0].z));
-    own_r.iter_mut().zip(r).for_each(|(to, from)| *to = from.map(|c| S::of(c.f64())));
-    cycle(levels, work, &own_r, &mut own_z);
-    let mut gamma = R::zero();
-    for ((z, own), r) in z.iter_mut().zip(&own_z).zip(r) {
-        *z = own.map(|c| R::of(c.f64()));
-        gamma += V3::from4(*r).dot(V3::from4(*z));
+    // of size 1, since a motion that fades away leaves the range of f32 long before that of f64
+    let of_chunk = |r: &[V4<R>]| r.as_flattened().iter().fold(R::zero(), |most, c| most.max(c.abs()));
+    let size = r.par_chunks(PARALLEL).map(of_chunk).collect::<Vec<R>>().into_iter().fold(R::zero(), R::max);
+    if size == R::zero() {
+        z.fill([R::zero(); 4]);
+        return R::zero();
     }
+    let (mut own_r, mut own_z) = (std::mem::take(&mut work[0].r), std::mem::take(&mut work[0].z));
+    let to_own = |(to, from): (&mut V4<S>, &V4<R>)| *to = from.map(|c| S::of((c / size).f64()));
+    own_r.par_iter_mut().zip(r).with_min_len(PARALLEL).for_each(to_own);
+    cycle(levels, work, &own_r, &mut own_z);
+    let from_own = |((z, own), r): ((&mut [V4<R>], &[V4<S>]), &[V4<R>])| {
+        let mut gamma = R::zero();
+        for ((z, own), r) in z.iter_mut().zip(own).zip(r) {
+            *z = own.map(|c| R::of(c.f64()) * size);
+            gamma += V3::from4(*r).dot(V3::from4(*z));
+        }
+        gamma
+    };
+    let chunks = z.par_chunks_mut(PARALLEL).zip(own_z.par_chunks(PARALLEL)).zip(r.par_chunks(PARALLEL));
+    let sums: Vec<R> = chunks.map(from_own).collect();
     (work[0].r, work[0].z) = (own_r, own_z);
-    gamma
+    sums.into_iter().sum()
 }
 
 /// `z = M⁻¹ r` by one V-cycle over levels, finest first; returns `r·z`.
