@@ -142,7 +142,10 @@ fn layered(tied: &str) -> String {
     }
     let upper = format!("[[block]]\nname = \"dermis\"\nposition_mm = [0, 0, 1]\n{size}{}", layer("block", 200.0));
     let load = load("body = \"dermis\"\n");
-    format!("{head}{end}[contact]\ntolerance = 1e-6\n{tied}[skin]\n{size}{}{upper}{load}", layer("skin", 34.0))
+    format!(
+        "{head}{end}[contact]\ntolerance = 1e-7\ncolumn_tolerance = 0.01\n{tied}[skin]\n{size}{}{upper}{load}",
+        layer("skin", 34.0)
+    )
 }
 
 const TIE: &str = "[[attach]]\nbody = \"dermis\"\nregion = \"bottom\"\nto = \"skin\"\n";

@@ -117,7 +117,8 @@ fn refinement_counts_contact_forces_in() {
 #[test]
 fn at_rest_the_contact_force_is_the_coupling_force() {
     // SOFA reports 1/1.2 of it: its contact compliance of the tool leaves the coupling out
-    let scene = pressed(3e-4);
+    let mut scene = pressed(3e-4);
+    scene.solver.tolerance = 1e-4; // at 1e-3 the force goes to and fro by 3e-3
     let (simulation, report) = run(&scene, 300);
     let tool = &simulation.tools[0];
     let pull = (DVec3::from_array(scene.tools[0].trajectory[2].position) - tool.position) * tool.coupling.stiffness;

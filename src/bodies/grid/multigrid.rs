@@ -266,16 +266,16 @@ pub fn apply<R: Real, S: Real>(levels: &[Operator<S>], work: &mut [LevelWork<S>]
     let to_own = |(to, from): (&mut V4<S>, &V4<R>)| *to = from.map(|c| S::of((c / size).f64()));
     own_r.par_iter_mut().zip(r).with_min_len(PARALLEL).for_each(to_own);
     cycle(levels, work, &own_r, &mut own_z);
-    let from_own = |((z, own), r): ((&mut [V4<R>], &[V4<S>]), &[V4<R>])| {
+    let chunks = z.par_chunks_mut(PARALLEL).zip(own_z.par_chunks(PARALLEL)).zip(r.par_chunks(PARALLEL));
+    let gammas = chunks.map(|((z, own), r)| {
         let mut gamma = R::zero();
         for ((z, own), r) in z.iter_mut().zip(own).zip(r) {
             *z = own.map(|c| R::of(c.f64()) * size);
             gamma += V3::from4(*r).dot(V3::from4(*z));
         }
         gamma
-    };
-    let chunks = z.par_chunks_mut(PARALLEL).zip(own_z.par_chunks(PARALLEL)).zip(r.par_chunks(PARALLEL));
-    let sums: Vec<R> = chunks.map(from_own).collect();
+    });
+    let sums: Vec<R> = gammas.collect();
     (work[0].r, work[0].z) = (own_r, own_z);
     sums.into_iter().sum()
 }
