@@ -164,6 +164,8 @@ pub trait Backend: Send {
     /// # Errors
     /// Here and in every method: if the device fails.
     fn begin(&mut self) -> Result<()>;
+    /// Adds forces at nodes, N, to the right-hand side of the unconstrained motion; after [`Backend::begin`], each node once.
+    fn add_forces(&mut self, entries: &[(u32, [f64; 3])]) -> Result<()>;
     /// Sets right-hand sides of compliance columns from (slot, node, N) entries; zeroes `slots` first. No entry may occur twice.
     fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()>;
     /// Sets a right-hand side, `[node]` N, or a solution, which is also the next initial guess, `[node]` m.
@@ -176,7 +178,7 @@ pub trait Backend: Send {
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()>;
     /// Diagonal 3×3 blocks of `A` at nodes, by rows, N/m.
     fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>>;
-    /// Ends the step. `corrected` adds the contact correction; `cuts` saves the segment positions before the step, as swept quads need
+    /// Ends the step. `corrected` adds the contact correction, and the sum is the next initial guess of [`FREE`]; `cuts` saves the segment positions before the step, as swept quads need
     /// them.
     fn finish(&mut self, corrected: bool, cuts: bool) -> Result<()>;
     /// Statistics of a nonlinear law since the last [`Backend::begin`].

@@ -300,14 +300,18 @@ impl Body {
         DVec3::from_array(self.wound.rest[node as usize]) + DVec3::from_array(self.located.displacement(node))
     }
 
-    /// Solves the unconstrained motion; returns its values at nodes.
+    /// Solves the unconstrained motion under forces at nodes, N; returns its values at `nodes`.
     pub(super) fn solve_free(
         &mut self,
         solver: &Solver,
+        forces: &[(u32, [f64; 3])],
         nodes: &[u32],
         report: &mut StepReport,
     ) -> Result<(Outcome, Vec<[f64; 3]>)> {
         let clock = Instant::now();
+        if !forces.is_empty() {
+            self.backend.add_forces(forces)?;
+        }
         let wanted = [SolveRequest { slot: FREE, target: Target::OfLoad(solver.tolerance) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (FREE, *n)).collect();
         let (outcomes, picked) = self.backend.solve(&wanted, &pick)?;

@@ -10,6 +10,7 @@ use crate::constraints::Law;
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::linear::Outcome;
+use crate::backend::CORRECTION;
 use crate::scene::{self, BodyId, Correction, Loop};
 use glam::{DMat3, DVec3};
 use passes::Observation;
@@ -100,22 +101,25 @@ struct Problem<'a> {
     pub observations: Vec<Observation>,
     /// `W` of the columns, updated by the observations, m/N.
     pub w: Vec<f64>,
-    /// `[contact]` displacement of the first body relative to the second without contact forces, m.
+    /// `[row]` forces in the solve of the unconstrained motion: those of the last step, or zero; N.
+    pub included: Vec<f64>,
+    /// `[contact]` displacement of the first body relative to the second by that solve, m: without forces on rigid bodies, with the
+    /// included ones on deformable bodies.
     free_slips: Vec<DVec3>,
-    /// `[row]` violations at the unconstrained positions, m.
+    /// `[row]` violations under the included forces, m.
     pub violation: Vec<f64>,
     /// Norm of the step's load on the bodies, N, the largest over them; forces below a small share of it are negligible.
     pub load: f64,
 }
 
 impl Problem<'_> {
-    /// Value at a node of a body's list; zero at other nodes.
+    /// Value at a node of a body's list; zero at other nodes, and without lists.
     fn at(&self, values: &[Vec<[f64; 3]>], body: usize, node: u32) -> DVec3 {
-        let found = self.nodes[body].binary_search(&node);
-        found.map_or(DVec3::ZERO, |k| DVec3::from_array(values[body][k]))
+        let found = values.get(body).and_then(|values| Some(values[self.nodes[body].binary_search(&node).ok()?]));
+        found.map_or(DVec3::ZERO, DVec3::from_array)
     }
 
-    /// `[contact]` slips of the step when forces move the nodes by `moved` and the rigid bodies by their compliance, m.
+    /// `[contact]` slips of the step under forces, of which the included ones have moved the nodes and the rest moves them by `moved`, m.
     pub fn slips_after(&self, lambda: &[f64], moved: &[Vec<[f64; 3]>]) -> Vec<DVec3> {
         let displacements: Vec<(DVec3, DVec3)> = (0..)
             .zip(self.free)
@@ -136,14 +140,14 @@ impl Simulation {
         reuse_forces: bool,
         report: &mut StepReport,
     ) -> Result<Resolved> {
-        let (mut problem, ended) = self.assemble(law, &contacts, free, report)?;
-        let lambda = self.first_forces(&problem, reuse_forces);
+        let first = self.first_forces(&law, &contacts, reuse_forces);
+        let (mut problem, ended) = self.assemble(law, &contacts, free, &first, report)?;
         let (lambda, slips) = match law.forces {
-            Loop::Constraints if !reuse_forces => self.iterate(&mut problem, lambda, report)?,
+            Loop::Constraints if !reuse_forces => self.iterate(&mut problem, report)?,
             _ => {
-                let moved = self.correct(&problem, &lambda, law.tolerance, report)?;
-                let slips = problem.slips_after(&lambda, &moved);
-                (lambda, slips)
+                let moved = self.correct(&problem, &first, law.tolerance, report)?;
+                let slips = problem.slips_after(&first, &moved);
+                (first, slips)
             }
         };
         self.move_tools(&problem, &lambda, report);
@@ -157,21 +161,32 @@ impl Simulation {
         Ok(Resolved { free: ended, forces: Some(forces), contact_forces })
     }
 
-    /// Solves the unconstrained motion and the missing compliance columns, and assembles rows, `W` and violations.
+    /// Solves the unconstrained motion, under the `first` forces where the correction is exact, and the missing compliance columns;
+    /// assembles rows, `W` and violations.
+    ///
+    /// What is left for the corrections is the change of the forces since the last step, a small part of them: on the incision a touching
+    /// step takes TODO.
     fn assemble<'a>(
         &mut self,
         law: scene::Contact,
         contacts: &'a [Contact],
         free: &'a [UnconstrainedMotion],
+        first: &[f64],
         report: &mut StepReport,
     ) -> Result<(Problem<'a>, Vec<Outcome>)> {
         let rows = Rows::new(contacts, &self.tools);
+        let included = match law.correction {
+            Correction::Exact => first.to_vec(),
+            _ => vec![0.0; first.len()],
+        };
         let mut nodes = vec![];
         let (mut ended, mut picked, mut blocks) = (vec![], vec![], vec![]);
         // per body: unconstrained motion, read at the nodes of the rows; their compliance
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let own = rows.nodes(number);
-            let (outcome, values) = body.solve_free(&self.scene.solver, &own, report)?;
+            let forces = rows.on_nodes(number, &included);
+            let (outcome, values) = body.solve_free(&self.scene.solver, &forces, &own, report)?;
+            body.backend.reset_initial_guess(&[CORRECTION])?;
             ended.push(outcome);
             picked.push(values);
             blocks.push(body.prepare_compliance(&law, &own, report)?);
@@ -189,6 +204,7 @@ impl Simulation {
             columns: vec![],
             observations: vec![],
             w: vec![],
+            included,
             free_slips: vec![],
             violation: vec![],
             load,
@@ -199,7 +215,7 @@ impl Simulation {
         problem.w.clone_from(&problem.columns);
         let rigid = |number: usize| (free[number].translation, free[number].rotation);
         problem.free_slips = problem.rows.slips(rigid, |body, node| problem.at(&picked, body, node)).collect();
-        problem.violation = problem.rows.violations(&problem.free_slips);
+        problem.violation = problem.rows.violations(&problem.slips_after(&problem.included, &[]));
         report.costs.spend(Part::Laws, clock);
         Ok((problem, ended))
     }
@@ -219,10 +235,10 @@ impl Simulation {
 
     /// Initial forces: those of the last step, by contact id. The penalty loop's forces are final, unless those of the last step are
     /// reused (`reuse_forces`).
-    fn first_forces(&self, problem: &Problem, reuse_forces: bool) -> Vec<f64> {
-        let forces = if reuse_forces { Loop::Constraints } else { problem.law.forces };
+    fn first_forces(&self, law: &scene::Contact, contacts: &[Contact], reuse_forces: bool) -> Vec<f64> {
+        let forces = if reuse_forces { Loop::Constraints } else { law.forces };
         let mut out = vec![];
-        for contact in problem.rows.contacts {
+        for contact in contacts {
             let along = match forces {
                 Loop::Penalty(stiffness) if contact.law.is_constraint() => contact.gap.map(|gap| -stiffness * gap),
                 Loop::Penalty(stiffness) => [stiffness * (-contact.gap[0]).max(0.0), 0.0, 0.0],
@@ -236,8 +252,8 @@ impl Simulation {
         out
     }
 
-    /// Displacement of the rows' nodes under contact forces, `[body][node]` m, solved to a share of the forces; the backends keep the
-    /// correction of all nodes.
+    /// Displacement of the rows' nodes under contact forces beyond the included ones, `[body][node]` m, solved to a share of the forces;
+    /// the backends keep the correction of all nodes.
     fn correct(
         &mut self,
         problem: &Problem,
@@ -246,9 +262,15 @@ impl Simulation {
         report: &mut StepReport,
     ) -> Result<Vec<Vec<[f64; 3]>>> {
         let tolerance = self.scene.solver.tolerance.min(share);
+        let change: Vec<f64> = lambda.iter().zip(&problem.included).map(|(all, included)| all - included).collect();
         let mut out = vec![];
         for (number, body) in self.bodies.iter_mut().enumerate() {
-            let (nodes, forces) = (&problem.nodes[number], problem.rows.on_nodes(number, lambda));
+            let (nodes, forces) = (&problem.nodes[number], problem.rows.on_nodes(number, &change));
+            let size = |lambda: &[f64]| {
+                let forces = problem.rows.on_nodes(number, lambda);
+                forces.iter().map(|f| DVec3::from_array(f.1).length_squared()).sum::<f64>().sqrt()
+            };
+            let scale = size(lambda).max(size(&problem.included));
             out.push(match problem.law.correction {
                 Correction::Uncoupled => {
                     let force = |n: &u32| forces.binary_search_by_key(n, |f| f.0).map_or([0.0; 3], |k| forces[k].1);
@@ -259,7 +281,7 @@ impl Simulation {
                     body.backend.set_correction(&list)?;
                     moved
                 }
-                _ => body.correct(nodes, &forces, tolerance, report)?,
+                _ => body.correct(nodes, &forces, tolerance * scale, report)?,
             });
             body.non_finite |= !out[number].iter().flatten().all(|c| c.is_finite());
         }

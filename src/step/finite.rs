@@ -7,7 +7,7 @@
 
 use super::contact::Resolved;
 use super::{Refused, Simulation, StepReport};
-use crate::backend::{CORRECTION, FREE};
+use crate::backend::FREE;
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
 use crate::error::{Error, Result};
@@ -73,11 +73,10 @@ impl Simulation {
         report.warn("step_retried", 1);
         // reset tools, warm starts and compliance
         self.tools.clone_from_slice(old);
-        let slots = if self.scene.contact.is_some() { &[FREE, CORRECTION][..] } else { &[FREE] };
         for body in &mut self.bodies {
             body.non_finite = false;
             body.compliance = Default::default();
-            body.backend.reset_initial_guess(slots)?;
+            body.backend.reset_initial_guess(&[FREE])?;
             body.begin(&self.scene, self.time)?;
         }
         // drop non-finite contacts

@@ -471,7 +471,7 @@ impl Simulation {
     fn move_freely(&mut self, free: &[UnconstrainedMotion], report: &mut StepReport) -> Result<Resolved> {
         let h = self.step_size();
         let solver = self.scene.solver;
-        let solves = self.bodies.iter_mut().map(|body| Ok(body.solve_free(&solver, &[], report)?.0));
+        let solves = self.bodies.iter_mut().map(|body| Ok(body.solve_free(&solver, &[], &[], report)?.0));
         let ended = solves.collect::<Result<_>>()?;
         for (tool, free) in self.tools.iter_mut().zip(free) {
             tool.advance(free.translation, free.rotation, h);

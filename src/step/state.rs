@@ -6,7 +6,7 @@
 
 use super::body::{Body, Compliance, Known, first_motion};
 use super::{Booked, Measured, Refused, Simulation, incise};
-use crate::backend::{CORRECTION, FREE, Vector};
+use crate::backend::{FREE, Vector};
 use crate::bodies::rigid::Motion;
 use crate::error::Result;
 use crate::haptic::Reduced;
@@ -41,8 +41,8 @@ struct BodyState {
     v: Vec<V4<f64>>,
     /// `[cell]` quaternions, warm start of the next rotation extraction; none for springs.
     rotation: Vec<V4<f64>>,
-    /// `[slot][node]` solutions that warm-start the next solves: of the unconstrained motion, and of the correction if there is contact, m.
-    solutions: Vec<Vec<V4<f64>>>,
+    /// `[node]` displacement of the last step, with which the next solve starts, m.
+    solution: Vec<V4<f64>>,
     /// `[cut]` hits, in order.
     cuts: Vec<Vec<Hit<f64>>>,
     /// `[tile]` bounds of its nodes' displacement when last read, m.
@@ -57,11 +57,10 @@ impl Simulation {
     /// # Errors
     /// When a device fails.
     pub fn state(&mut self) -> Result<State> {
-        let slots = self.slots_kept();
         Ok(State {
             step_number: self.step_number,
             epoch: self.epoch,
-            bodies: self.bodies.iter_mut().map(|body| body.state(slots)).collect::<Result<_>>()?,
+            bodies: self.bodies.iter_mut().map(|body| body.state()).collect::<Result<_>>()?,
             tools: self.tools.iter().map(|tool| tool.motion()).collect(),
             reduced: self.reduced.clone(),
             postponed: self.postponed.clone(),
@@ -79,7 +78,6 @@ impl Simulation {
     /// [`Refused::StateUnfit`] for a state of other bodies; when a device fails.
     pub fn restore(&mut self, state: &State) -> Result<()> {
         self.fits(state)?;
-        let slots = self.slots_kept();
         for number in 0..self.bodies.len() {
             let from = &state.bodies[number];
             let body = &mut self.bodies[number];
@@ -89,7 +87,7 @@ impl Simulation {
                 *body = Body::new(&self.scene, number, self.gpu.as_ref(), self.single)?;
                 body.tied = tied;
             }
-            self.bodies[number].restore(from, slots)?;
+            self.bodies[number].restore(from)?;
             let begun = state.step_number > 0;
             self.bodies[number].first_motion = if begun { 0.0 } else { first_motion(&self.scene, number) };
         }
@@ -131,11 +129,6 @@ impl Simulation {
         Ok(())
     }
 
-    /// Right-hand sides whose solutions warm-start the next step; columns start from zero.
-    fn slots_kept(&self) -> &'static [usize] {
-        if self.scene.contact.is_some() { &[FREE, CORRECTION] } else { &[FREE] }
-    }
-
     fn fits(&self, state: &State) -> Result<()> {
         let unfit = |what, [found, wanted]: [usize; 2]| match found == wanted {
             true => Ok(()),
@@ -149,8 +142,7 @@ impl Simulation {
             let segments = mechanics.segment_count(&body.model);
             unfit("nodes", [from.u.len(), nodes])?;
             unfit("nodes", [from.v.len(), nodes])?;
-            unfit("solutions", [from.solutions.len(), self.slots_kept().len()])?;
-            from.solutions.iter().try_for_each(|x| unfit("nodes", [x.len(), nodes]))?;
+            unfit("nodes", [from.solution.len(), nodes])?;
             unfit("cells", [from.rotation.len(), mechanics.rotation_count(&body.model)])?;
             let last = from.cuts.iter().flatten().map(|hit| hit.segment as usize + 1).max().unwrap_or(0);
             unfit("links or springs", [last.max(segments), segments])?;
@@ -160,13 +152,13 @@ impl Simulation {
 }
 
 impl Body {
-    fn state(&mut self, slots: &[usize]) -> Result<BodyState> {
+    fn state(&mut self) -> Result<BodyState> {
         let snapshot = self.backend.snapshot()?;
         Ok(BodyState {
             u: snapshot.u,
             v: snapshot.v,
             rotation: snapshot.rotation,
-            solutions: slots.iter().map(|slot| self.backend.solution(*slot)).collect::<Result<_>>()?,
+            solution: self.backend.solution(FREE)?,
             cuts: self.cuts.clone(),
             motion: self.boxes.motion().to_vec(),
             compliance: self.compliance.clone(),
@@ -175,15 +167,13 @@ impl Body {
     }
 
     /// Restores a state whose cuts begin with those of the body.
-    fn restore(&mut self, state: &BodyState, slots: &[usize]) -> Result<()> {
+    fn restore(&mut self, state: &BodyState) -> Result<()> {
         for hits in &state.cuts[self.cuts.len()..] {
             self.sever(hits)?;
         }
         self.backend.set_state(&state.u, &state.v, &state.rotation)?;
         self.known = Known::default();
-        for (slot, x) in slots.iter().zip(&state.solutions) {
-            self.backend.set_vector(Vector::Solution, *slot, x)?;
-        }
+        self.backend.set_vector(Vector::Solution, FREE, &state.solution)?;
         self.boxes.set_motion(&state.motion);
         self.compliance.clone_from(&state.compliance);
         self.at_rest.known.clone_from(&state.at_rest);

@@ -146,7 +146,8 @@ impl Body {
         let segments = self.springs.ends.len() as u32;
         match self.kernel {
             "cut" => vec![segments, QUADS as u32, segments, 0],
-            "anchors" | "prescribe" | "scatter" => vec![self.ids().len() as u32, 0, 0, 0],
+            "anchors" | "prescribe" => vec![self.ids().len() as u32, 0, 0, 0],
+            "scatter" => vec![self.ids().len() as u32, 1, 0, 0],
             "gather" => vec![self.ids().len() as u32 - Self::FIRST, Self::FIRST, 0, 0],
             "duplicate" => vec![self.copies().len() as u32, self.nodes() as u32, 0, 0],
             _ => self.params::<f32>().words(),

@@ -119,7 +119,7 @@ const CASES: &[Case] = cases! {
     gather Ids false [
         "source[ids[k]]" => "source[k]", "params.first + number_of" => "number_of", "params.first + params.count" => "params.count"
     ]
-    integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "params.velocity_factor / params.step" => "1.0 / params.step", "- kept" => "", "params.velocity_factor - 1.0" => "params.velocity_factor"]
+    integrate Nodes false ["slot_count > 1u" => "slot_count > 99u", "x[i] = " => "let total = ", "params.velocity_factor / params.step" => "1.0 / params.step", "- kept" => "", "params.velocity_factor - 1.0" => "params.velocity_factor"]
     momentum Nodes false [
         "near.y * near.z" => "near.y", "sum * rate" => "sum", "v[corner_node(params, at, b)].xyz - own" => "v[corner_node(params, at, b)].xyz", "|| corner_node(params, at, a) != i" => "", "shape[layer_of[at.z]]" => "shape[0]",
         "all(c < vec3" => "all(c + 1u < vec3", "== vec4<f32>(0.0)) ||" => "== vec4<f32>(9.0)) ||"
@@ -187,7 +187,7 @@ const CASES: &[Case] = cases! {
         "elastic + v[i].xyz" => "elastic - v[i].xyz", "dot(reaction, reaction)" => "dot(reaction, sum)", "n > 0u" => "n > 1u"
     ]
     rotations Cells false ["u[corner_node(params, at, a)]" => "u[node_id(params, at + o)]", "* 2.0 - 1.0" => "* 2.0 - 1.001", "t - s[1].y" => "t + s[1].y", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"]
-    scatter Ids false ["destination[ids[k]]" => "destination[k]"]
+    scatter Ids false ["destination[ids[k]] =" => "destination[k] =", "params.add == 1u" => "params.add == 2u"]
     split_product Touched true [
         "!is_split(params, cell) ||" => "", "|| corner_node(params, at, a) != i" => "", "if !of_grid { out" => "if of_grid { out",
         "if of_grid { out +=" => "if false { out +=", "* 64u + a * 8u" => "* 64u", "n = GROUP / 2u" => "n = GROUP / 4u", "scalars[slot * 2u].w == 0.0" => "true",

@@ -268,9 +268,9 @@ pub fn gather<R: Real>(b: &Body) -> Outputs<R> {
 }
 
 pub fn integrate<R: Real>(b: &Body) -> Outputs<R> {
-    let (mut u, mut v) = (b.v4::<R>("u"), b.v4("v"));
-    kernels::integrate::integrate(&b.params(), &b.v4("x"), &mut u, &mut v);
-    vec![("u", flat(&u)), ("v", flat(&v))]
+    let (mut x, mut u, mut v) = (b.v4::<R>("x"), b.v4("u"), b.v4("v"));
+    kernels::integrate::integrate(&b.params(), &mut x, &mut u, &mut v);
+    vec![("x", flat(&x)), ("u", flat(&u)), ("v", flat(&v))]
 }
 
 pub fn momentum<R: Real>(b: &Body) -> Outputs<R> {
@@ -404,7 +404,7 @@ pub fn prescribe<R: Real>(b: &Body) -> Outputs<R> {
 
 pub fn scatter<R: Real>(b: &Body) -> Outputs<R> {
     let mut destination = b.v4::<R>("destination");
-    kernels::scatter::scatter(&b.ids(), &b.v4("values"), &mut destination);
+    kernels::scatter::scatter(true, &b.ids(), &b.v4("values"), &mut destination);
     vec![("destination", flat(&destination))]
 }
 

@@ -210,6 +210,15 @@ impl<R: Real> Backend for CpuBackend<R> {
         Ok(())
     }
 
+    fn add_forces(&mut self, entries: &[(u32, [f64; 3])]) -> Result<()> {
+        for (node, value) in entries {
+            let node = *node as usize;
+            let force = V3::of(*value).times(V3::from4(self.free[node]));
+            self.r[node] = (V3::from4(self.r[node]) + force).pad(R::zero());
+        }
+        Ok(())
+    }
+
     fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()> {
         let array = if which == Vector::Solution { &mut self.x } else { &mut self.r };
         let nodes = slot * self.node_count..(slot + 1) * self.node_count;
@@ -269,7 +278,7 @@ impl<R: Real> Backend for CpuBackend<R> {
             }
         }
         let params = Params { slot_count: if corrected { 2 } else { 1 }, ..self.params };
-        integrate::integrate(&params, &self.x, &mut self.u, &mut self.v);
+        integrate::integrate(&params, &mut self.x, &mut self.u, &mut self.v);
         self.v.iter_mut().zip(std::mem::take(&mut self.ended)).for_each(|(to, v)| *to = round(&v));
         Ok(())
     }

@@ -13,7 +13,7 @@ mod paths;
 mod solver;
 mod split;
 
-use super::{Backend, CORRECTION, Device, Needs, Nonlinear, Query, Snapshot, SolveRequest, Values, Vector};
+use super::{Backend, CORRECTION, Device, FREE, Needs, Nonlinear, Query, Snapshot, SolveRequest, Values, Vector};
 use crate::bodies::gpu::{Arrays, Dispatch, Maker, over_columns, over_nodes, untouched};
 use crate::bodies::{Model, Removal};
 use crate::error::Result;
@@ -189,6 +189,32 @@ impl GpuBackend {
         })
     }
 
+    /// Writes (slot, node, N) entries into right-hand sides, or adds them; zeroes `slots` first.
+    fn scatter_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])], add: bool) -> Result<()> {
+        let mut batch = self.record();
+        if self.rows_pending {
+            // the entries below would overwrite those that the batch still has to scatter
+            self.gpu.submit(batch);
+            batch = self.gpu.batch();
+        }
+        self.rows_pending = true;
+        let bytes = self.offset(1);
+        for slot in slots {
+            batch.clear(&self.solver.r, self.offset(*slot), bytes);
+        }
+        let ids: Vec<u32> = entries.iter().map(|(s, n, _)| (s * self.node_count) as u32 + n).collect();
+        let free = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
+        let values: Vec<V4<f32>> = entries.iter().map(|(_, n, v)| free(*n, *v)).collect();
+        if let Some(put) = &self.put {
+            self.gpu.write(&put.row_params, 0, &[ids.len() as u32, u32::from(add), 0, 0]);
+            self.gpu.write(&put.ids, 0, &ids);
+            self.gpu.write(&put.values, 0, &values);
+            batch.run(&put.rows, ids.len(), 1);
+        }
+        self.pending = Some(batch);
+        Ok(())
+    }
+
     fn offset(&self, slot: usize) -> u64 {
         (slot * self.node_count * 16) as u64
     }
@@ -228,28 +254,12 @@ impl Backend for GpuBackend {
     }
 
     fn set_rows(&mut self, slots: &[usize], entries: &[(usize, u32, [f64; 3])]) -> Result<()> {
-        let mut batch = self.record();
-        if self.rows_pending {
-            // the entries below would overwrite those that the batch still has to scatter
-            self.gpu.submit(batch);
-            batch = self.gpu.batch();
-        }
-        self.rows_pending = true;
-        let bytes = self.offset(1);
-        for slot in slots {
-            batch.clear(&self.solver.r, self.offset(*slot), bytes);
-        }
-        let ids: Vec<u32> = entries.iter().map(|(s, n, _)| (s * self.node_count) as u32 + n).collect();
-        let free = |n: u32, v: [f64; 3]| V3::of(v).times(self.axes[n as usize]).pad(0.0);
-        let values: Vec<V4<f32>> = entries.iter().map(|(_, n, v)| free(*n, *v)).collect();
-        if let Some(put) = &self.put {
-            self.gpu.write(&put.row_params, 0, &[ids.len() as u32, 0, 0, 0]);
-            self.gpu.write(&put.ids, 0, &ids);
-            self.gpu.write(&put.values, 0, &values);
-            batch.run(&put.rows, ids.len(), 1);
-        }
-        self.pending = Some(batch);
-        Ok(())
+        self.scatter_rows(slots, entries, false)
+    }
+
+    fn add_forces(&mut self, entries: &[(u32, [f64; 3])]) -> Result<()> {
+        let entries: Vec<_> = entries.iter().map(|(node, force)| (FREE, *node, *force)).collect();
+        self.scatter_rows(&[], &entries, true)
     }
 
     fn set_vector(&mut self, which: Vector, slot: usize, values: &[V4<f64>]) -> Result<()> {

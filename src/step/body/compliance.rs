@@ -250,7 +250,7 @@ impl Body {
         Ok(vec![])
     }
 
-    /// Displacement of nodes under contact forces, solved to a relative residual of `tolerance`, m.
+    /// Displacement of nodes under changes of the contact forces, solved to a residual of `tolerance`, N; m.
     pub(in crate::step) fn correct(
         &mut self,
         nodes: &[u32],
@@ -258,16 +258,15 @@ impl Body {
         tolerance: f64,
         report: &mut StepReport,
     ) -> Result<Vec<[f64; 3]>> {
-        let total = forces.iter().map(|f| DVec3::from_array(f.1).length_squared()).sum::<f64>().sqrt();
-        if total == 0.0 {
-            // no force: nothing to solve, and no scale for a tolerance
+        if forces.iter().flat_map(|f| f.1).all(|f| f == 0.0) {
+            // no change: nothing to solve
             self.backend.reset_initial_guess(&[CORRECTION])?;
             return Ok(vec![[0.0; 3]; nodes.len()]);
         }
         let clock = Instant::now();
         let entries: Vec<_> = forces.iter().map(|(n, f)| (CORRECTION, *n, *f)).collect();
         self.backend.set_rows(&[CORRECTION], &entries)?;
-        let wanted = [SolveRequest { slot: CORRECTION, target: Target::Absolute(tolerance * total) }];
+        let wanted = [SolveRequest { slot: CORRECTION, target: Target::Absolute(tolerance) }];
         let pick: Vec<(usize, u32)> = nodes.iter().map(|n| (CORRECTION, *n)).collect();
         let (outcome, moved) = self.backend.solve(&wanted, &pick)?;
         report.correction_iterations += outcome[0].iterations;

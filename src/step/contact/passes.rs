@@ -156,14 +156,15 @@ impl Problem<'_> {
         solved
     }
 
-    /// Pass that ended with `slips` under `lambda`, and the forces of the next one by the model `W`.
-    fn evaluate(&self, lambda: Vec<f64>, slips: Vec<DVec3>, costs: &mut Costs) -> Pass {
+    /// Pass that ended with `slips` under `lambda`, and the forces of the next one by the model `W`; a change of at most `least` in each row, N,
+    /// is negligible.
+    fn evaluate(&self, lambda: Vec<f64>, slips: Vec<DVec3>, least: f64, costs: &mut Costs) -> Pass {
         let without_force = self.without_force(&self.rows.violations(&slips), &lambda);
         let mut next = lambda.clone();
         let solved = self.solve(&without_force, &mut next, costs);
         let change = less(&next, &lambda);
-        let total = energy(&self.w, &lambda);
-        let negligible = change.iter().all(|c| c.abs() <= self.law.tolerance * self.load);
+        let total = energy(&self.w, &lambda).max(energy(&self.w, &next));
+        let negligible = change.iter().all(|c| c.abs() <= least);
         let relative_change = if total > 0.0 && !negligible { (energy(&self.w, &change) / total).sqrt() } else { 0.0 };
         let residual = constraints::residual(&self.laws, &self.w, &without_force, &lambda);
         Pass { lambda, slips, next, relative_change, solved, residual }
@@ -172,57 +173,41 @@ impl Problem<'_> {
 
 impl Simulation {
     /// Runs passes until one more would change the forces by less than the tolerance; where they are used up, takes the best one. Returns
-    /// its forces and slips.
-    pub(super) fn iterate(
-        &mut self,
-        problem: &mut Problem,
-        mut lambda: Vec<f64>,
-        report: &mut StepReport,
-    ) -> Result<(Vec<f64>, Vec<DVec3>)> {
+    /// its forces and slips. The solve of the unconstrained motion, with its included forces, is the first of them.
+    pub(super) fn iterate(&mut self, problem: &mut Problem, report: &mut StepReport) -> Result<(Vec<f64>, Vec<DVec3>)> {
         let law = problem.law;
         let mut tied = problem.laws.iter().any(Law::is_constraint);
-        problem.solve(&problem.violation, &mut lambda, &mut report.costs);
-        let mut last = (vec![0.0; lambda.len()], problem.violation.clone(), 0.0);
+        // a first touch of little force is not negligible
+        let mut least = 0.0;
+        let mut last = (problem.included.clone(), problem.violation.clone(), 0.0);
+        let mut pass =
+            problem.evaluate(last.0.clone(), problem.slips_after(&last.0, &[]), least, &mut report.costs);
         let mut best: Option<Pass> = None;
         let mut before = f64::INFINITY;
         let pass = loop {
-            report.contact.passes += 1;
-            // correct the whole bodies, as accurately as the change of the forces requires
-            let s = less(&lambda, &last.0);
-            let change = norm(&s) / norm(&lambda).max(f64::MIN_POSITIVE);
-            let share = law.tolerance * (FINE * change).clamp(FINEST, 1.0);
-            let moved = self.correct(problem, &lambda, share, report)?;
-            let slips = problem.slips_after(&lambda, &moved);
-            let found = problem.rows.violations(&slips);
-            // update W by what the pass has observed
-            let noise = (share + last.2) * norm(&less(&found, &problem.violation));
-            problem.observations.push(Observation { s, y: less(&found, &last.1), noise });
-            last = (lambda.clone(), found, share);
-            problem.update_compliance();
-            // forces of the next pass
-            let mut pass = problem.evaluate(lambda, slips, &mut report.costs);
-            if !pass.solved {
+            if !pass.solved && !problem.observations.is_empty() {
                 // the observations of several passes need not agree on one compliance
                 problem.observations.clear();
                 problem.update_compliance();
-                pass = problem.evaluate(pass.lambda, pass.slips, &mut report.costs);
+                pass = problem.evaluate(pass.lambda, pass.slips, least, &mut report.costs);
             }
             // solve aged columns anew where convergence is slow
             let slow = pass.relative_change > SLOW * before;
             if (pass.relative_change > law.tolerance && slow || !pass.solved)
                 && self.renew(problem, &pass.lambda, report)?
             {
-                pass = problem.evaluate(pass.lambda, pass.slips, &mut report.costs);
+                pass = problem.evaluate(pass.lambda, pass.slips, least, &mut report.costs);
             }
             before = pass.relative_change;
             // stop if the change is within the tolerance, or slow and too small to be felt
             let perceptible = !problem.loose_tolerance(1.0).is_met(&pass.residual, &pass.lambda);
             // attachments take one pass more: their gap is what the changes of the forces leave, and nothing else closes it
             let closed = pass.relative_change <= law.tolerance && !std::mem::take(&mut tied);
-            if closed || (slow && !perceptible) || law.correction != Correction::Exact {
+            let single = law.correction != Correction::Exact && report.contact.passes == 1;
+            if closed || (slow && !perceptible) || single {
                 break pass;
             }
-            lambda = pass.next.clone();
+            let lambda = pass.next.clone();
             if best.as_ref().is_none_or(|best| pass.residual.energy < best.residual.energy) {
                 best = Some(pass);
             }
@@ -236,6 +221,23 @@ impl Simulation {
                 self.correct(problem, &best.lambda, law.tolerance, report)?;
                 break best;
             }
+            report.contact.passes += 1;
+            // correct the whole bodies, as accurately as the change of the forces requires
+            let s = less(&lambda, &last.0);
+            let change = norm(&s) / norm(&lambda).max(f64::MIN_POSITIVE);
+            let share = law.tolerance * (FINE * change).clamp(FINEST, 1.0);
+            let moved = self.correct(problem, &lambda, share, report)?;
+            let slips = problem.slips_after(&lambda, &moved);
+            let found = problem.rows.violations(&slips);
+            // update W by what the pass has observed
+            let without_force = problem.without_force(&found, &lambda);
+            let noise = (share + last.2) * norm(&less(&found, &without_force));
+            problem.observations.push(Observation { s, y: less(&found, &last.1), noise });
+            last = (lambda.clone(), found, share);
+            problem.update_compliance();
+            // forces of the next pass
+            least = law.tolerance * problem.load;
+            pass = problem.evaluate(lambda, slips, least, &mut report.costs);
         };
         let perceptible = !problem.loose_tolerance(1.0).is_met(&pass.residual, &pass.lambda);
         report.warn("contact_not_converged", u32::from(!pass.solved && perceptible));
