@@ -1,46 +1,170 @@
 //! Solution of the factored columns ([`super::factor`]) for a load, with a dot product: shared by `precondition` and `relax`.
 //!
 //! Forward: `y_k = l_k − G_{k−1}ᵀ y_{k−1}`; backward: `s_k = D'_k⁻¹ y_k − G_k s_{k+1}`. The kernel supplies the load `l` and the use of the
-//! solution `s`, as functions of one node.
+//! solution `s`, level by level.
+//!
+//! The twin solves as many columns at once as a register ([`crate::math::wide`]) holds; for it the factors of a part's nodes at one level
+//! are stored by component ([`by_component`]), where the shader has them by node. One column at a time took four times as long.
 //! Units: r l y N, s m.
 
-use super::blocks::unpack;
-use super::{Levels, PART};
-use crate::math::{Real, V3, V4};
+use super::{PART, Params};
+use crate::math::wide::{Lanes, OneByOne, Task};
+use crate::math::{Real, V4};
 
 /// Text of the shaders.
 pub const WGSL: &str = include_str!("columns.wgsl");
 
-/// Solves the columns of one part ([`super::by_columns`]); returns the sum of `r·z`.
+/// Numbers of a node's factors: 6 of `D'⁻¹`, 9 of `G` by columns, one pad ([`super::blocks::pack`]).
+const NUMBERS: usize = 16;
+
+/// Values at a part's nodes of one level, by component.
+pub type Components<R> = [[R; PART]; 3];
+
+/// Re-arranges the factors of a part's nodes at one level, `[node × 4]` packed, in place: `[number][node]`.
+pub fn by_component<R: Real>(packed: &mut [V4<R>]) {
+    let mut moved = [R::zero(); NUMBERS * PART];
+    let width = packed.len() / 4;
+    for (node, numbers) in packed.as_flattened().as_chunks::<NUMBERS>().0.iter().enumerate() {
+        for (n, value) in numbers.iter().enumerate() {
+            moved[n * width + node] = *value;
+        }
+    }
+    packed.as_flattened_mut().copy_from_slice(&moved[..NUMBERS * width]);
+}
+
+/// The factors of all nodes by node, `[node × 4]` packed, as the shader has them.
+pub fn by_node<R: Real>(params: &Params<R>, block: &[V4<R>]) -> Vec<V4<R>> {
+    let mut out = block.to_vec();
+    for (first, set) in params.column_sets() {
+        for level in out[4 * first..4 * (first + set.node_count as usize)].chunks_mut(4 * set.columns()) {
+            for packed in level.chunks_mut(4 * PART) {
+                let width = packed.len() / 4;
+                let from = packed.as_flattened().to_vec();
+                for (i, to) in packed.as_flattened_mut().iter_mut().enumerate() {
+                    *to = from[i % NUMBERS * width + i / NUMBERS];
+                }
+            }
+        }
+    }
+    out
+}
+
+/// What a kernel does at the nodes of a part at one level; mark both `#[inline(always)]` ([`crate::math::wide`]).
+pub trait Ends<R> {
+    /// The load, from what is in `y`, N.
+    fn load(&mut self, level: usize, y: &[V4<R>], load: &mut Components<R>);
+    /// Uses the solution, m, and sets `y`.
+    fn take(&mut self, level: usize, y: &mut [V4<R>], solution: &Components<R>);
+}
+
+/// Solves the columns of one part ([`super::by_columns`]): takes the loads from the bottom up, gives the solutions from the top down.
 pub fn solve_columns<R: Real>(
-    columns: usize,                                               // of all parts
-    part: usize,                                                  // its number
-    block: &[V4<R>],                                              // [node × 4] packed D'⁻¹, G
-    r: &[V4<R>],                                                  // [node] N
-    y: &mut Levels<V4<R>>,                                        // [level][column of the part] N
-    pushed: impl Fn(V3<R>, V3<R>) -> V3<R>,                       // load, of r and what was in y
-    mut take: impl FnMut([usize; 2], &mut V4<R>, V3<R>) -> V3<R>, // z, of level and column, its number in y, solution
-) -> R {
-    let mut carried = [V3::zero(); PART]; // G_{k−1}ᵀ y_{k−1}
-    // forward substitution, bottom to top
-    for (k, level) in y.iter_mut().enumerate() {
-        for (c, y) in level.iter_mut().enumerate() {
-            let i = part * PART + k * columns + c;
-            let own = pushed(V3::from4(r[i]), V3::from4(*y)) - carried[c];
-            *y = own.pad(R::zero());
-            carried[c] = unpack(&block[i * 4..i * 4 + 4]).g.transpose() * own;
+    columns: usize,         // of all parts
+    part: usize,            // its number
+    block: &[V4<R>],        // [node × 4] D'⁻¹, G by component
+    y: &mut [&mut [V4<R>]], // [level][column of the part] N
+    ends: impl Ends<R>,
+) {
+    R::widest(Solve { columns, part, block, y, ends });
+}
+
+struct Solve<'a, 'b, R, E> {
+    columns: usize,
+    part: usize,
+    block: &'a [V4<R>],
+    y: &'a mut [&'b mut [V4<R>]],
+    ends: E,
+}
+
+impl<R: Real, E: Ends<R>> Task<R> for Solve<'_, '_, R, E> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<R>>(self, lanes: L) {
+        let Solve { columns, part, block, y, mut ends } = self;
+        let width = y.first().map_or(0, |level| level.len());
+        let whole = width - width % L::COUNT;
+        let mut load = [[R::zero(); PART]; 3];
+        // forward substitution, bottom to top
+        let mut carried = [[R::zero(); PART]; 3]; // G_{k−1}ᵀ y_{k−1}
+        for (k, y) in y.iter_mut().enumerate() {
+            ends.load(k, y, &mut load);
+            let factors = block[4 * (part * PART + k * columns)..][..4 * width].as_flattened();
+            let y = y.as_flattened_mut();
+            for at in (0..whole).step_by(L::COUNT) {
+                forward(lanes, factors, [width, at], &load, &mut carried, y);
+            }
+            for at in whole..width {
+                forward(OneByOne, factors, [width, at], &load, &mut carried, y);
+            }
+        }
+        // backward substitution, top to bottom
+        let mut solution = [[R::zero(); PART]; 3];
+        for (k, y) in y.iter_mut().enumerate().rev() {
+            let factors = block[4 * (part * PART + k * columns)..][..4 * width].as_flattened();
+            for at in (0..whole).step_by(L::COUNT) {
+                backward(lanes, factors, [width, at], y.as_flattened(), &mut solution);
+            }
+            for at in whole..width {
+                backward(OneByOne, factors, [width, at], y.as_flattened(), &mut solution);
+            }
+            ends.take(k, y, &solution);
         }
     }
-    // backward substitution, top to bottom
-    let mut above = [V3::zero(); PART];
-    let mut gamma = R::zero();
-    for (k, level) in y.iter_mut().enumerate().rev() {
-        for (c, y) in level.iter_mut().enumerate() {
-            let i = part * PART + k * columns + c;
-            let own = unpack(&block[i * 4..i * 4 + 4]);
-            above[c] = own.d * V3::from4(*y) - own.g * above[c];
-            gamma += V3::from4(r[i]).dot(take([k, c], y, above[c]));
-        }
+}
+
+/// `y = load − carried`, `carried = Gᵀ y` for the columns of a register.
+#[inline(always)]
+fn forward<R: Real, L: Lanes<R>>(
+    lanes: L,
+    factors: &[R],
+    [width, at]: [usize; 2],
+    load: &Components<R>,
+    carried: &mut Components<R>,
+    y: &mut [R],
+) {
+    let mut own = [lanes.splat(R::zero()); 3];
+    for n in 0..3 {
+        own[n] = lanes.sub(lanes.load(&load[n][at..]), lanes.load(&carried[n][at..]));
+        lanes.store(own[n], &mut y[n * width + at..]);
     }
-    gamma
+    for column in 0..3 {
+        let mut g = own;
+        for n in 0..3 {
+            g[n] = lanes.load(&factors[(6 + 3 * column + n) * width + at..]);
+        }
+        lanes.store(dot(lanes, g, own), &mut carried[column][at..]);
+    }
+}
+
+/// `solution = D'⁻¹ y − G solution` for the columns of a register.
+#[inline(always)]
+fn backward<R: Real, L: Lanes<R>>(
+    lanes: L,
+    factors: &[R],
+    [width, at]: [usize; 2],
+    y: &[R],
+    solution: &mut Components<R>,
+) {
+    let [mut own, mut above] = [[lanes.splat(R::zero()); 3]; 2];
+    for n in 0..3 {
+        own[n] = lanes.load(&y[n * width + at..]);
+        above[n] = lanes.load(&solution[n][at..]);
+    }
+    for row in 0..3 {
+        let [mut d, mut g] = [own; 2];
+        for n in 0..3 {
+            d[n] = lanes.load(&factors[SYMMETRIC[row][n] * width + at..]);
+            g[n] = lanes.load(&factors[(6 + 3 * n + row) * width + at..]);
+        }
+        lanes.store(lanes.sub(dot(lanes, d, own), dot(lanes, g, above)), &mut solution[row][at..]);
+    }
+}
+
+/// Numbers of the rows of `D'⁻¹`.
+const SYMMETRIC: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
+
+#[inline(always)]
+fn dot<R: Real, L: Lanes<R>>(lanes: L, a: [L::V; 3], b: [L::V; 3]) -> L::V {
+    lanes.mul_add(a[2], b[2], lanes.mul_add(a[1], b[1], lanes.mul(a[0], b[0])))
 }

@@ -6,6 +6,7 @@
 //! Source: Golub, Van Loan 2013, section 4.5 (block tridiagonal systems).
 
 use super::blocks::{Block, pack, unpack};
+use super::columns::by_component;
 use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
 use crate::math::{M3, Real, V3, V4};
 use rayon::prelude::*;
@@ -16,7 +17,7 @@ pub const SOURCE: Source = Source { name: "factor", wgsl: include_str!("factor.w
 /// Factors all columns.
 pub fn factor<R: Real>(
     params: &Params<R>,
-    block: &mut [V4<R>], // [node × 4] packed: D, U in; D'⁻¹, G out
+    block: &mut [V4<R>], // [node × 4] D, U in, packed; D'⁻¹, G out, by component
 ) {
     for (first, set) in params.column_sets() {
         factor_set(&set, &mut block[first * 4..(first + set.node_count as usize) * 4]);
@@ -52,6 +53,7 @@ fn factor_set<R: Real>(params: &Params<R>, block: &mut [V4<R>]) {
                 below[c] = own.g.transpose() * g;
                 *packed = pack(Block { d, g });
             }
+            by_component(level.as_flattened_mut());
         }
     };
     by_columns(block.as_chunks_mut::<4>().0, columns)

@@ -239,7 +239,8 @@ pub type Levels<'a, T> = Vec<&'a mut [T]>;
 
 /// Splits a nodal array into parts of [`PART`] z-columns for threads.
 pub fn by_columns<T>(array: &mut [T], columns: usize) -> Vec<Levels<'_, T>> {
-    let mut parts: Vec<Levels<T>> = (0..columns.div_ceil(PART)).map(|_| vec![]).collect();
+    let levels = array.len().div_ceil(columns);
+    let mut parts: Vec<Levels<T>> = (0..columns.div_ceil(PART)).map(|_| Vec::with_capacity(levels)).collect();
     for level in array.chunks_mut(columns) {
         for (part, piece) in parts.iter_mut().zip(level.chunks_mut(PART)) {
             part.push(piece);

@@ -5,8 +5,8 @@
 //! Coefficients: `bodies::grid::multigrid`. Source: Adams, Brezina, Hu, Tuminaro 2003 (polynomial smoothing).
 //! Units: r w N; z d m.
 
-use super::columns::solve_columns;
-use super::{Levels, Params, Source, by_columns, parts_at_once};
+use super::columns::{Components, Ends, solve_columns};
+use super::{Levels, PART, Params, Source, by_columns, parts_at_once};
 use crate::math::{Real, V3, V4};
 use rayon::prelude::*;
 
@@ -16,7 +16,7 @@ pub const SOURCE: Source = Source { name: "relax", wgsl: include_str!("relax.wgs
 /// One right-hand side.
 pub fn relax<R: Real>(
     params: &Params<R>,
-    block: &[V4<R>], // [node × 4] packed D'⁻¹, G
+    block: &[V4<R>], // [node × 4] D'⁻¹, G by component
     r: &[V4<R>],     // [node] N
     w: &mut [V4<R>], // [node] N
     d: &mut [V4<R>], // [node] m
@@ -39,23 +39,55 @@ fn relax_set<R: Real>(
     z: &mut [V4<R>],
 ) -> R {
     let columns = params.columns();
-    let fresh = params.fresh == 1;
     let parts = by_columns(w, columns).into_par_iter().zip(by_columns(d, columns)).zip(by_columns(z, columns));
     let one_part = |(part, ((w, d), z)): (usize, ((Levels<_>, Levels<_>), Levels<_>))| -> R {
-        let [mut w, mut d, mut z]: [Levels<V4<R>>; 3] = [w, d, z];
-        let pushed = |r, w| if fresh { r } else { r - w };
-        solve_columns(columns, part, block, r, &mut w, pushed, |[k, c], _, solution| {
-            let mut change = solution * params.gain;
-            let mut sum = change;
-            if !fresh {
-                change += V3::from4(d[k][c]) * params.keep;
-                sum = V3::from4(z[k][c]) + change;
-            }
-            d[k][c] = change.pad(R::zero());
-            z[k][c] = sum.pad(R::zero());
-            sum
-        })
+        let [mut w, d, z]: [Levels<V4<R>>; 3] = [w, d, z];
+        let mut gamma = [R::zero(); PART];
+        let ends = Relaxed { params, r: &r[part * PART..], d, z, gamma: &mut gamma };
+        solve_columns(columns, part, block, &mut w, ends);
+        gamma.into_iter().sum()
     };
     let sums: Vec<R> = parts.enumerate().with_min_len(parts_at_once(params)).map(one_part).collect();
     sums.into_iter().sum()
+}
+
+/// The nodes of a part.
+struct Relaxed<'a, R> {
+    params: &'a Params<R>,
+    r: &'a [V4<R>], // from its first column on
+    d: Levels<'a, V4<R>>,
+    z: Levels<'a, V4<R>>,
+    gamma: &'a mut [R; PART], // [column] r·z
+}
+
+impl<R: Real> Ends<R> for Relaxed<'_, R> {
+    #[inline(always)]
+    fn load(&mut self, level: usize, w: &[V4<R>], load: &mut Components<R>) {
+        let r = &self.r[level * self.params.columns()..][..w.len()];
+        for n in 0..3 {
+            if self.params.fresh == 1 {
+                load[n].iter_mut().zip(r).for_each(|(load, r)| *load = r[n]);
+            } else {
+                load[n].iter_mut().zip(r).zip(w).for_each(|((load, r), w)| *load = r[n] - w[n]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn take(&mut self, level: usize, _: &mut [V4<R>], solution: &Components<R>) {
+        let (keep, gain) = (self.params.keep, self.params.gain);
+        let (d, z) = (&mut *self.d[level], &mut *self.z[level]);
+        let r = &self.r[level * self.params.columns()..][..z.len()];
+        for c in 0..z.len().min(PART) {
+            let mut change = V3::new(solution[0][c], solution[1][c], solution[2][c]) * gain;
+            let mut sum = change;
+            if self.params.fresh != 1 {
+                change += V3::from4(d[c]) * keep;
+                sum = V3::from4(z[c]) + change;
+            }
+            d[c] = change.pad(R::zero());
+            z[c] = sum.pad(R::zero());
+            self.gamma[c] += V3::from4(r[c]).dot(sum);
+        }
+    }
 }

@@ -4,13 +4,13 @@ mod passes;
 
 use super::rows::Rows;
 use super::{Part, Simulation, StepReport};
+use crate::backend::CORRECTION;
 use crate::bodies::rigid::UnconstrainedMotion;
 use crate::collide::Contact;
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::linear::Outcome;
-use crate::backend::CORRECTION;
 use crate::scene::{self, BodyId, Correction, Loop};
 use glam::{DMat3, DVec3};
 use passes::Observation;

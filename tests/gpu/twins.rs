@@ -5,11 +5,11 @@
 use super::body::{Body, NO_HIT};
 use super::bounded::{Bounded, uncertain_comparisons};
 use cutis::kernels;
-use cutis::kernels::Params;
 use cutis::kernels::advance::{Request, Scalars};
 use cutis::kernels::cut::Hit;
 use cutis::kernels::linearised::{HYPERELASTIC, Rows};
 use cutis::kernels::product::{Frames, LANES, cell_groups};
+use cutis::kernels::{PART, Params};
 use cutis::math::{Real, V3, V4, rotation_matrix};
 
 /// Name and elements of each read-write array.
@@ -249,6 +249,7 @@ pub fn uncertain_segments(b: &Body) -> Vec<usize> {
 pub fn factor<R: Real>(b: &Body) -> Outputs<R> {
     let mut block = b.v4::<R>("block");
     kernels::factor::factor(&b.params(), &mut block);
+    let block = kernels::columns::by_node(&b.params(), &block);
     vec![("block", flat(&block))]
 }
 
@@ -281,8 +282,18 @@ pub fn momentum<R: Real>(b: &Body) -> Outputs<R> {
     vec![("mean_v", flat(&mean_v))]
 }
 
+/// Factors of the columns, as the twins have them.
+fn factors<R: Real>(b: &Body) -> Vec<V4<R>> {
+    let (params, mut block) = (b.params::<R>(), b.v4("block"));
+    for (first, set) in params.column_sets() {
+        let levels = block[4 * first..4 * (first + set.node_count as usize)].chunks_mut(4 * set.columns());
+        levels.flat_map(|level| level.chunks_mut(4 * PART)).for_each(kernels::columns::by_component);
+    }
+    block
+}
+
 pub fn precondition<R: Real>(b: &Body) -> Outputs<R> {
-    let (block, r, mut z) = (b.v4::<R>("block"), b.v4("r"), b.v4("z"));
+    let (block, r, mut z) = (factors::<R>(b), b.v4("r"), b.v4("z"));
     let mut gamma = start_sums(b, "partial_gamma", b.column_groups());
     for (slot, at) in running(b) {
         gamma[slot] = kernels::precondition::precondition(&b.params(), &block, &r[at.clone()], &mut z[at]);
@@ -314,12 +325,21 @@ pub fn prolongation<R: Real>(b: &Body) -> Outputs<R> {
 }
 
 pub fn relax<R: Real>(b: &Body) -> Outputs<R> {
-    let (block, r) = (b.v4::<R>("block"), b.v4("r"));
+    let (block, r) = (factors::<R>(b), b.v4("r"));
     let [mut w, mut d, mut z] = ["w", "d", "z"].map(|name| b.v4(name));
     let mut gamma = start_sums(b, "partial_gamma", b.column_groups());
     for (slot, at) in running(b) {
         let at = || at.clone();
         gamma[slot] = kernels::relax::relax(&b.params(), &block, &r[at()], &mut w[at()], &mut d[at()], &mut z[at()]);
+        // what the twin leaves in `w` by component
+        for (first, set) in b.params::<R>().column_sets() {
+            let levels = w[at()][first..][..set.node_count as usize].chunks_mut(set.columns());
+            for part in levels.flat_map(|level| level.chunks_mut(PART)) {
+                let (width, from) = (part.len(), part.as_flattened().to_vec());
+                let node = |c: usize| [from[c], from[width + c], from[2 * width + c], R::zero()];
+                part.iter_mut().enumerate().for_each(|(c, to)| *to = node(c));
+            }
+        }
     }
     vec![("w", flat(&w)), ("d", flat(&d)), ("z", flat(&z)), ("partial_gamma", gamma)]
 }

@@ -180,8 +180,7 @@ impl Simulation {
         // a first touch of little force is not negligible
         let mut least = 0.0;
         let mut last = (problem.included.clone(), problem.violation.clone(), 0.0);
-        let mut pass =
-            problem.evaluate(last.0.clone(), problem.slips_after(&last.0, &[]), least, &mut report.costs);
+        let mut pass = problem.evaluate(last.0.clone(), problem.slips_after(&last.0, &[]), least, &mut report.costs);
         let mut best: Option<Pass> = None;
         let mut before = f64::INFINITY;
         let pass = loop {
