@@ -60,12 +60,12 @@ pub enum Error {
 }
 
 impl Error {
-    /// The error with the place of its scene, if it does not say that itself; `key` of [`Scene::lines`] is what to change.
+    /// The error with the place of its scene, if it does not say that itself: the line of the key that is to change.
     #[must_use]
-    pub fn of_scene(self, scene: &Scene, key: &str) -> Self {
-        match self {
-            Self::Body(_) => Self::OfScene { at: scene.at(key), error: Box::new(self) },
-            other => other,
+    pub fn of_scene(self, scene: &Scene) -> Self {
+        match &self {
+            Self::Body(refused) => Self::OfScene { at: scene.at(refused.key()), error: Box::new(self) },
+            _ => self,
         }
     }
 
@@ -88,7 +88,8 @@ impl Error {
                 report::Refused::Plot { .. }
                 | report::Refused::Locked { .. }
                 | report::Refused::Foreign { .. }
-                | report::Refused::Memory { .. },
+                | report::Refused::Memory { .. }
+                | report::Refused::CaseMemory { .. },
             ) => 1,
             #[cfg(feature = "program")]
             Self::Output(output::Failed::TableUnfit { .. }) => 2,

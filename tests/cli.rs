@@ -8,6 +8,8 @@ mod hostile;
 mod input;
 #[path = "cli/killed.rs"]
 mod killed;
+#[path = "cli/lost.rs"]
+mod lost;
 #[path = "cli/memory.rs"]
 mod memory;
 #[path = "cli/results.rs"]
@@ -50,7 +52,8 @@ fn main() {
     let memory = if cfg!(target_os = "linux") { memory::TESTS } else { &[] };
     let hostile = if cfg!(unix) { hostile::TESTS } else { &[] };
     let plain =
-        [hostile, input::TESTS, killed::TESTS, memory, results::TESTS, resumed::TESTS, stand_in::TESTS].concat();
+        [hostile, input::TESTS, killed::TESTS, lost::TESTS, memory, results::TESTS, resumed::TESTS, stand_in::TESTS]
+            .concat();
     let on_gpu = results::GPU_TESTS;
     let mut trials: Vec<Trial> = plain.iter().map(trial).collect();
     trials.extend(on_gpu.iter().map(|test| match (adapter, required) {

@@ -1,8 +1,13 @@
 //! Only what a scene needs is made: `inspect` states it for every shipped scene, and a feature takes its kernels, arrays and read-backs
 //! with it when it goes.
 
+use cutis::backend::{GpuBackend, Needs, Snapshot};
+use cutis::bodies::{Kind, Model};
+use cutis::gpu::{Gpu, Made};
+use cutis::kernels::Params;
+use cutis::mesh::Parts;
 use cutis::report::inspect::{Plan, inspect};
-use cutis::scene::{Correction, Element, Law, Mass, Material, Preconditioner, ProbeKind, Scene, read};
+use cutis::scene::{Anchor, Correction, Element, Law, Mass, Material, Preconditioner, ProbeKind, Region, Scene, read};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -72,6 +77,117 @@ fn inspect_states_what_every_shipped_scene_makes_and_does() {
             );
         }
     }
+}
+
+/// Arrays, launches and kernels of a body's set-up.
+fn set_up(scene: &Scene, model: &Model, needs: Needs, start: &Snapshot) -> (Vec<Made>, [u32; 4], Vec<&'static str>) {
+    let gpu = Gpu::dry().expect("wgpu has its no-op device");
+    let solver = scene.solver;
+    let backend = GpuBackend::new(gpu, model, needs, solver.max_iterations, solver.floor, start);
+    let backend = backend.unwrap_or_else(|e| panic!("{}: {e}", scene.file.display()));
+    (backend.gpu().arrays(), backend.launches(), backend.gpu().kernels())
+}
+
+/// Bytes of the arrays that a model has on the host.
+fn bytes_of_arrays(model: &Model) -> usize {
+    let own = match &model.kind {
+        Kind::Springs(s) => {
+            size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + size_of_val(&s.first[..]) + size_of_val(&s.half[..])
+        }
+        Kind::Hexahedra(h) => size_of_val(&h.stiffness[..]) + size_of_val(&h.pre_strain[..]),
+    };
+    let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.prescribed[..]);
+    let anchors = size_of_val(&model.anchors.nodes[..]) + size_of_val(&model.anchors.stiffness[..]);
+    own + nodes + anchors + size_of_val(&model.shape[..])
+}
+
+/// Sizes that a model of sizes states, beside those of the arrays that the model has.
+fn sizes_are_of_the_arrays(scene: &Scene, body: usize) {
+    let name = scene.file.display();
+    let model = Model::new(scene, body).unwrap_or_else(|e| panic!("{name}: {e}"));
+    let sizes = Model::of_sizes(scene, body).unwrap_or_else(|e| panic!("{name}: {e}"));
+    assert!(sizes.rest.is_empty() && sizes.free.is_empty() && sizes.prescribed.is_empty(), "{name}");
+    assert!(sizes.anchors.nodes.is_empty() && sizes.paths.nodes.is_empty(), "{name}");
+    // nodes, degrees of freedom, springs of both kinds
+    assert_eq!([sizes.own_nodes(), sizes.node_count()], [model.rest.len(), model.free.len()], "{name}");
+    assert_eq!(
+        [sizes.anchor_count(), sizes.driven_count()],
+        [model.anchors.nodes.len(), model.paths.nodes.len()],
+        "{name}"
+    );
+    assert_eq!(sizes.degrees_of_freedom(), model.degrees_of_freedom(), "{name}");
+    assert_eq!(sizes.elements(), model.elements(), "{name}");
+    assert_eq!([sizes.host_bytes(), model.host_bytes()], [bytes_of_arrays(&model) as u64; 2], "{name}");
+    let (segments, mechanics) = (model.mechanics().segments(&model), sizes.mechanics());
+    let counts = [mechanics.segment_count(&sizes), mechanics.point_count(&sizes)];
+    assert_eq!(counts, [segments.ends.len(), segments.rest.len()], "{name}");
+    match (&model.kind, &sizes.kind) {
+        (Kind::Springs(springs), Kind::Springs(none)) => {
+            assert!(none.ends.is_empty() && none.half.is_empty(), "{name}");
+            let count = sizes.elements().spring_count;
+            assert_eq!(
+                [springs.ends.len(), springs.law.len(), springs.half.len()],
+                [count, count, 2 * count],
+                "{name}"
+            );
+            assert_eq!(springs.first.len(), sizes.own_nodes() + 1, "{name}");
+        }
+        (Kind::Hexahedra(_), Kind::Hexahedra(hexahedra)) => {
+            let params: Params<f64> = model.params();
+            let words = if hexahedra.extra_columns > 0 { params.layout().words } else { 0 };
+            assert_eq!(Parts::new(params).table().len(), words, "{name}");
+            let levels = |model: &Model| -> Vec<(usize, usize)> {
+                let coarse = model.hexahedra().multigrid.iter().flat_map(|m| &m.coarse);
+                coarse.map(|level| (level.params(params).node_count as usize, level.free.len())).collect()
+            };
+            assert!(levels(&model).iter().all(|(stated, there)| stated == there), "{name}: {:?}", levels(&model));
+            let stated: Vec<(usize, usize)> = levels(&model).iter().map(|(stated, _)| (*stated, 0)).collect();
+            assert_eq!(levels(&sizes), stated, "{name}");
+        }
+        _ => panic!("{name}: elements of another kind"),
+    }
+    // what a device is given
+    let [of_model, of_sizes] = [&model, &sizes].map(|model| cutis::step::needs(scene, model));
+    assert_eq!(of_sizes, of_model, "{name}");
+    let start = cutis::step::start(scene, &model);
+    let whole = set_up(scene, &model, of_model, &start);
+    assert!(!whole.0.is_empty(), "{name}");
+    assert_eq!(set_up(scene, &sizes, of_sizes, &Snapshot::default()), whole, "{name}");
+}
+
+#[test]
+fn a_model_of_sizes_states_the_arrays_of_every_shipped_scene() {
+    let mut all = vec![];
+    files(&scenes(), &mut all);
+    let (mut springs, mut driven, mut split) = (0, 0, 0);
+    for path in all {
+        let scene = read(&path).unwrap_or_else(|e| panic!("{e}"));
+        if scene.solver.preconditioner == Preconditioner::Direct {
+            continue;
+        }
+        for body in 0..scene.skins.len() {
+            sizes_are_of_the_arrays(&scene, body);
+            let sizes = Model::of_sizes(&scene, body).unwrap_or_else(|e| panic!("{e}"));
+            springs += sizes.elements().spring_count;
+            driven += sizes.driven_count();
+            split += sizes.mechanics().extra_columns();
+        }
+    }
+    // the shipped scenes have each, so none of the above compares nothing with nothing; rest-shape springs have a test of their own
+    assert!([springs, driven, split].iter().all(|n| *n > 0), "{springs} {driven} {split}");
+}
+
+#[test]
+fn regions_that_overlap_are_counted_once() {
+    let mut scene = small("incision.toml");
+    scene.skins[0].mass = Mass::Lumped;
+    let anchor = |region| Anchor { body: 0, region, stiffness: 1.0 };
+    scene.anchors = vec![anchor(Region::Top), anchor(Region::Sides), anchor(Region::Top)];
+    sizes_are_of_the_arrays(&scene, 0);
+    let mut without = scene.clone();
+    without.anchors.pop();
+    let [a, b] = [scene, without].map(|scene| Model::of_sizes(&scene, 0).expect("valid").anchor_count());
+    assert!(a == b && a > 0, "{a} {b}");
 }
 
 /// Kernels, arrays and read-backs by name, with how often each is there.

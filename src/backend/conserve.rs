@@ -76,7 +76,9 @@ impl Conserved {
     /// Data of a body by the midpoint rule whose steps are solved by Newton's method; steps of linear bodies conserve energy by themselves.
     pub fn of(model: &Model) -> Option<Self> {
         let law = model.newton()?;
-        (model.step.integrator == Integrator::Midpoint).then(|| Self::new(model, law))
+        // a model of sizes has no nodes to conserve anything of
+        let conserves = model.step.integrator == Integrator::Midpoint && model.counts.is_none();
+        conserves.then(|| Self::new(model, law))
     }
 
     fn new(model: &Model, law: &Hyperelastic) -> Self {

@@ -90,7 +90,28 @@ impl<'a> Maker<'a> {
     /// # Errors
     /// If they exceed a limit of the adapter.
     pub fn vec4(&mut self, name: &'static str, count: usize) -> Result<Buffer> {
-        let buffer = self.gpu.array::<V4<f32>>(name, count)?;
+        self.zeros::<V4<f32>>(name, count)
+    }
+    /// Zeroed array.
+    ///
+    /// # Errors
+    /// If it exceeds a limit of the adapter.
+    pub fn zeros<T: bytemuck::NoUninit>(&mut self, name: &'static str, count: usize) -> Result<Buffer> {
+        let buffer = self.gpu.array::<T>(name, count)?;
+        self.bytes += buffer.bytes;
+        Ok(buffer)
+    }
+    /// Array of `count` values of the size of the grid, made only where the device stores them ([`Gpu::array_with`]).
+    ///
+    /// # Errors
+    /// If it exceeds a limit of the adapter.
+    pub fn with<T: bytemuck::NoUninit>(
+        &mut self,
+        name: &'static str,
+        count: usize,
+        data: impl FnOnce() -> Vec<T>,
+    ) -> Result<Buffer> {
+        let buffer = self.gpu.array_with(name, count, data)?;
         self.bytes += buffer.bytes;
         Ok(buffer)
     }

@@ -6,6 +6,7 @@
 //! and these interfaces, never the elements. Both present kinds use a regular [`Grid`].
 
 mod anchors;
+mod counts;
 pub mod cpu;
 mod energy;
 pub mod gpu;
@@ -20,6 +21,7 @@ mod step;
 mod wound;
 
 pub use anchors::{Anchors, rate};
+pub use counts::Counts;
 pub use energy::{
     Energy, Snapshot, Solved, beyond_law, damped, elastic_energy, energy, inverted_cells, law_residual, out_of_balance,
     residual, true_residual,
@@ -87,6 +89,8 @@ pub trait Mechanics {
     fn segments(&self, model: &Model) -> Segments;
     /// Number of segments.
     fn segment_count(&self, model: &Model) -> usize;
+    /// Number of points that are ends of segments.
+    fn point_count(&self, model: &Model) -> usize;
     /// Columns of duplicate nodes reserved for cuts ([`crate::kernels::split`]).
     fn extra_columns(&self) -> usize;
     /// Rotations of the elements, as [`Params::corotational`].
@@ -96,7 +100,7 @@ pub trait Mechanics {
     /// The same body for reference solves at the limit of f64: with the direct solver where there is one.
     fn exact(&self) -> Kind;
     /// Size of the arrays on the host, bytes.
-    fn host_bytes(&self) -> usize;
+    fn host_bytes(&self, model: &Model) -> usize;
     /// Elastic energy at displacements `u`, J; `rotation` as stored by the kernels (0 for removed cells), `law` of the springs after all
     /// cuts.
     fn energy(&self, model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64;
@@ -180,6 +184,8 @@ pub struct Model {
     pub splitting: Vec<f64>,
     /// Step size, gravity, damping, preconditioner.
     pub step: Step,
+    /// Counts in place of the arrays over nodes, rest-shape springs and springs, which are empty with them ([`Model::of_sizes`]).
+    pub counts: Option<Counts>,
 }
 
 /// Room per duplicate node for split cells and for their nodes: a staircase cut has four cells around each of its edges, in six columns.
@@ -194,9 +200,9 @@ pub fn turned([x, y, _]: [f64; 3], angle: f64) -> [f64; 3] {
     [cos * x - sin * y - x, sin * x + cos * y - y, 0.0]
 }
 
-/// Nodes of a skin inside a region.
-pub fn nodes_in(skin: &Skin, region: &Region) -> Vec<u32> {
-    Grid::new(skin).nodes_in(region)
+/// Number of nodes of a skin inside a region.
+pub fn count_in(skin: &Skin, region: &Region) -> usize {
+    Grid::new(skin).count_in(region)
 }
 
 impl Model {
@@ -206,6 +212,38 @@ impl Model {
     /// [`Refused`] for more layers than a uniform binding holds, more nodes than 32-bit indices reach, multigrid or the direct solver on
     /// springs, the direct solver where a cut may duplicate nodes, or rest-shape springs on a consistent mass.
     pub fn new(scene: &Scene, body: usize) -> Result<Self> {
+        let mut model = Self::without_arrays(scene, body)?;
+        let skin = &scene.skins[body];
+        if let (Kind::Springs(springs), Law::Springs { stiffness, damping }) = (&mut model.kind, skin.law) {
+            **springs = Springs::between_corners(&model.grid, stiffness, damping);
+        }
+        let count = model.own_nodes();
+        let rest = |node| [0, 1, 2].map(|a| model.grid.rest(node)[a] + skin.position[a]);
+        model.rest = (0..count).map(rest).collect();
+        let anchors: Vec<Anchor> = scene.anchors.iter().filter(|a| a.body == body).cloned().collect();
+        model.anchors = Anchors::new(&anchors, |anchor| model.grid.nodes_in(&anchor.region));
+        model.set_masses();
+        model.hold(scene);
+        // reserve for the nodes that a cut duplicates
+        model.free.resize(model.node_count(), [0.0; 4]);
+        grid::prepare(&mut model, scene.solver.preconditioner);
+        Ok(model)
+    }
+
+    /// A model of deformable body number `body` that has counts in place of the arrays of the size of its grid, for what asks for sizes
+    /// alone: nothing can be computed with it.
+    ///
+    /// # Errors
+    /// As [`Model::new`].
+    pub fn of_sizes(scene: &Scene, body: usize) -> Result<Self> {
+        let mut model = Self::without_arrays(scene, body)?;
+        model.counts = Some(Counts::new(scene, body, &model.grid));
+        grid::prepare(&mut model, scene.solver.preconditioner);
+        Ok(model)
+    }
+
+    /// Everything but the arrays over nodes, rest-shape springs and springs.
+    fn without_arrays(scene: &Scene, body: usize) -> Result<Self> {
         let skin = &scene.skins[body];
         let grid = Grid::new(skin);
         // limits of uniform bindings and of 32-bit indices
@@ -226,67 +264,73 @@ impl Model {
         let shape: Vec<[f64; 4]> = shape.collect();
         // elements; fails if the scene's solver does not support them
         let kind = match skin.law {
-            Law::Springs { stiffness, damping } => {
-                Kind::Springs(Box::new(Springs::new(scene, &grid, stiffness, damping)?))
+            Law::Springs { .. } => {
+                springs::check(scene)?;
+                Kind::Springs(Box::default())
             }
             Law::Fem { .. } | Law::Hyperelastic(_) => {
                 Kind::Hexahedra(Box::new(Hexahedra::new(scene, skin, &grid, extra_columns)))
             }
         };
-        let anchors: Vec<Anchor> = scene.anchors.iter().filter(|a| a.body == body).cloned().collect();
-        if skin.mass == Mass::Consistent && !anchors.is_empty() {
+        if skin.mass == Mass::Consistent && scene.anchors.iter().any(|a| a.body == body) {
             return Err(Refused::AnchoredMass.into());
         }
-        // nodal masses: an eighth of each cell at each corner, or one uniform value
-        let params = grid.params::<f64>();
-        let count = grid.node_count();
-        let mut free = vec![[1.0, 1.0, 1.0, 0.0]; count];
-        for cell in 0..grid.cell_count() {
-            let layer = grid.layer(cell);
+        let mut model = Self {
+            rest: vec![],
+            position: skin.position,
+            body,
+            shape,
+            mass: skin.mass,
+            free: vec![],
+            anchors: Anchors::default(),
+            prescribed: vec![],
+            paths: Paths::default(),
+            toughness: skin.layers.iter().map(|l| l.toughness).collect(),
+            splitting: vec![],
+            step: Step::new(scene, skin),
+            counts: None,
+            grid,
+            kind,
+        };
+        model.splitting = skin.layers.iter().map(|layer| model.mechanics().splitting(layer)).collect();
+        Ok(model)
+    }
+
+    /// Masses of the grid's nodes, all axes free: an eighth of each cell at each corner, or one uniform value.
+    fn set_masses(&mut self) {
+        let params = self.grid.params::<f64>();
+        let count = self.own_nodes();
+        self.free = vec![[1.0, 1.0, 1.0, 0.0]; count];
+        for cell in 0..self.grid.cell_count() {
+            let layer = self.grid.layer(cell);
             for node in params.corners(cell) {
-                free[node][3] += shape[layer][3];
+                self.free[node][3] += self.shape[layer][3];
             }
         }
-        if skin.mass == Mass::Uniform {
-            let each = free.iter().map(|f| f[3]).sum::<f64>() / count as f64;
-            free.iter_mut().for_each(|f| f[3] = each);
+        if self.mass == Mass::Uniform {
+            let each = self.free.iter().map(|f| f[3]).sum::<f64>() / count as f64;
+            self.free.iter_mut().for_each(|f| f[3] = each);
         }
-        // Dirichlet conditions: DOF mask, and the prescribed displacement of fixed axes
-        let mut prescribed = vec![[0.0; 3]; count];
+    }
+
+    /// Dirichlet conditions: DOF mask, and the prescribed displacement of fixed axes.
+    fn hold(&mut self, scene: &Scene) {
+        let (grid, count) = (&self.grid, self.own_nodes());
+        self.prescribed = vec![[0.0; 3]; count];
         let mut holding = vec![[None; 3]; count];
-        for (number, boundary) in scene.boundaries.iter().enumerate().filter(|(_, b)| b.body == body) {
+        for (number, boundary) in scene.boundaries.iter().enumerate().filter(|(_, b)| b.body == self.body) {
             for node in (0..count).filter(|n| grid.contains(&boundary.region, *n)) {
                 let turned = turned(grid.rest(node), boundary.rotation);
                 for axis in (0..3).filter(|a| boundary.axes[*a]) {
-                    free[node][axis] = 0.0;
+                    self.free[node][axis] = 0.0;
                     holding[node][axis] = Some(number);
-                    prescribed[node][axis] = turned[axis] + boundary.displacement[axis];
+                    self.prescribed[node][axis] = turned[axis] + boundary.displacement[axis];
                 }
             }
         }
         let mut paths = Paths::default();
         holding.into_iter().enumerate().for_each(|(node, holding)| paths.take(scene, node, holding));
-        // reserve for the nodes that a cut duplicates
-        free.resize(count + extra_columns * grid.nodes[2], [0.0; 4]);
-        let mut model = Self {
-            rest: (0..count).map(|n| [0, 1, 2].map(|a| grid.rest(n)[a] + skin.position[a])).collect(),
-            position: skin.position,
-            body,
-            shape,
-            mass: skin.mass,
-            free,
-            anchors: Anchors::new(&anchors, |anchor| grid.nodes_in(&anchor.region)),
-            prescribed,
-            paths,
-            toughness: skin.layers.iter().map(|l| l.toughness).collect(),
-            splitting: vec![],
-            step: Step::new(scene, skin),
-            grid,
-            kind,
-        };
-        model.splitting = skin.layers.iter().map(|layer| model.mechanics().splitting(layer)).collect();
-        grid::prepare(&mut model, scene.solver.preconditioner);
-        Ok(model)
+        self.paths = paths;
     }
 
     /// Mechanics on the host.
@@ -312,7 +356,17 @@ impl Model {
 
     /// Number of nodes without the reserve of duplicates.
     pub fn own_nodes(&self) -> usize {
-        self.rest.len()
+        self.grid.node_count()
+    }
+
+    /// Number of nodes with a rest-shape spring.
+    pub fn anchor_count(&self) -> usize {
+        self.counts.map_or(self.anchors.nodes.len(), |counts| counts.anchors)
+    }
+
+    /// Number of nodes on prescribed paths.
+    pub fn driven_count(&self) -> usize {
+        self.counts.map_or(self.paths.nodes.len(), |counts| counts.driven)
     }
 
     /// Capacity of the table of split nodes for nodes of split cells.
@@ -400,14 +454,21 @@ impl Model {
 
     /// Number of unconstrained degrees of freedom.
     pub fn degrees_of_freedom(&self) -> usize {
-        self.free.iter().map(|f| f[..3].iter().filter(|axis| **axis != 0.0).count()).sum()
+        let of_node = |f: &[f64; 4]| f[..3].iter().filter(|axis| **axis != 0.0).count();
+        self.counts.map_or_else(|| self.free.iter().map(of_node).sum(), |counts| counts.dof)
     }
 
     /// Size of the arrays on the host, bytes.
     pub fn host_bytes(&self) -> u64 {
-        let nodes = size_of_val(&self.rest[..]) + size_of_val(&self.free[..]) + size_of_val(&self.prescribed[..]);
-        let anchors = size_of_val(&self.anchors.nodes[..]) + size_of_val(&self.anchors.stiffness[..]);
-        (nodes + anchors + size_of_val(&self.shape[..]) + self.mechanics().host_bytes()) as u64
+        // rest positions and prescribed displacements; DOF masks and masses, with the reserve of duplicates
+        let nodes = self.own_nodes() * 2 * size_of::<[f64; 3]>() + self.node_count() * size_of::<[f64; 4]>();
+        let anchors = self.anchor_count() * (size_of::<u32>() + size_of::<f64>());
+        (nodes + anchors + size_of_val(&self.shape[..]) + self.mechanics().host_bytes(self)) as u64
+    }
+
+    /// Number of nodes inside a region.
+    pub fn count_in(&self, region: &Region) -> usize {
+        self.grid.count_in(region)
     }
 
     /// Nodes inside a region.

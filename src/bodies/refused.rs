@@ -1,7 +1,7 @@
 //! Errors of setting up or solving a body.
 
 use super::MAX_LAYERS;
-use crate::scene::MOST_NODES;
+use crate::scene::{MOST_NODES, PRECONDITIONER, STEP};
 
 /// See the module.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -89,10 +89,23 @@ pub enum Refused {
     /// Inverted hexahedron of a hyperelastic body, where the law has no energy.
     #[error(
         "cell {cell:?} of a hyperelastic body is inverted at the start of a step; take a shorter step_ms, let contacts and prescribed \
-         displacements move less in one step, or take law = \"fem\""
+         displacements move less in one step, or take law = \"corotational\""
     )]
     InvertedCell {
         /// Hexahedron along x, y, z, from 0.
         cell: [usize; 3],
     },
+}
+
+impl Refused {
+    /// Key of [`crate::scene::Scene::lines`] for what the scene is to change; empty where more than one key would do.
+    pub fn key(&self) -> &'static str {
+        match self {
+            Self::SpringSolver { .. } | Self::DirectOnGpu | Self::DirectSplit | Self::DirectMemory { .. } => {
+                PRECONDITIONER
+            }
+            Self::CutLinks { .. } | Self::NotPositive { .. } | Self::InvertedCell { .. } => STEP,
+            Self::Layers { .. } | Self::Nodes { .. } | Self::SweptQuads { .. } | Self::AnchoredMass => "",
+        }
+    }
 }

@@ -285,6 +285,33 @@ impl Gpu {
         Ok(buffer)
     }
 
+    /// Storage array of `count` elements, which are made where the device stores them: a dry one asks for none.
+    ///
+    /// # Errors
+    /// As [`Gpu::array`].
+    ///
+    /// # Panics
+    /// If `data` makes another number of elements.
+    pub fn array_with<T: NoUninit>(
+        &self,
+        name: &'static str,
+        count: usize,
+        data: impl FnOnce() -> Vec<T>,
+    ) -> Result<Buffer> {
+        let buffer = self.array::<T>(name, count)?;
+        if !self.dry {
+            let data = data();
+            assert_eq!(data.len(), count, "elements of the array `{name}`");
+            self.write(&buffer, 0, &data);
+        }
+        Ok(buffer)
+    }
+
+    /// True for a device that stores no data ([`Gpu::dry`]).
+    pub fn is_dry(&self) -> bool {
+        self.dry
+    }
+
     /// Uniform buffer of at least `bytes`, filled with `data`.
     pub fn uniform<T: NoUninit>(&self, name: &'static str, bytes: usize, data: &[T]) -> Buffer {
         let bytes = bytes.max(size_of_val(data)).next_multiple_of(16) as u64;

@@ -109,6 +109,11 @@ impl Grid {
         (0..self.node_count()).filter(|n| self.contains(region, *n)).map(|n| n as u32).collect()
     }
 
+    /// Number of nodes of a region.
+    pub fn count_in(&self, region: &Region) -> usize {
+        (0..self.node_count()).filter(|n| self.contains(region, *n)).count()
+    }
+
     /// Node nearest to a rest position.
     pub fn nearest(&self, point: [f64; 3]) -> usize {
         let along = |axis: usize| {

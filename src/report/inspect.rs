@@ -1,16 +1,16 @@
 //! Lists what a scene will allocate and run, without running anything and without an adapter.
 //!
 //! The body is set up by the code for GPUs on wgpu's no-op device: arrays and kernels are those of a run by construction, every kernel
-//! passes wgpu's validation, and nothing is computed. Dispatches and read-backs are counted from the way [`crate::step`] drives the
+//! passes wgpu's validation, and nothing is computed. The model has counts in place of its arrays ([`Model::of_sizes`]), so the memory of
+//! this does not grow with the grid. Dispatches and read-backs are counted from the way [`crate::step`] drives the
 //! backend.
 
-use super::memory::{self, Purpose};
-use crate::backend::GpuBackend;
+use crate::backend::{GpuBackend, Snapshot};
 use crate::bodies::Model;
 use crate::error::Result;
 use crate::gpu::{Gpu, Made, adapters};
 use crate::scene::{BodyId, Correction, Integrator, Law, ProbeKind, Scene, Skin};
-use crate::step::{needs, start};
+use crate::step::needs;
 use serde::Serialize;
 
 /// Array of a body.
@@ -89,7 +89,6 @@ pub struct Plan {
 /// If the scene is too large for 32-bit indices, or a kernel is invalid.
 pub fn inspect(scene: &Scene) -> Result<Plan> {
     scene.check()?;
-    memory::fits(scene, Purpose::SetUp)?;
     let mut plan = all_bodies(scene)?;
     if cuts(scene) {
         let mut blunt = scene.clone();
@@ -107,7 +106,7 @@ fn all_bodies(scene: &Scene) -> Result<Plan> {
         ..Plan::default()
     };
     for number in 0..scene.skins.len() {
-        add_body(&mut plan, scene, &Model::new(scene, number)?)?;
+        add_body(&mut plan, scene, &Model::of_sizes(scene, number)?)?;
     }
     plan.shares = shares(&plan.arrays, plan.cells);
     plan.device_bytes = plan.arrays.iter().map(|a| a.bytes).sum();
@@ -117,8 +116,8 @@ fn all_bodies(scene: &Scene) -> Result<Plan> {
 /// Adds one deformable body.
 fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
     let (needs, solver) = (needs(scene, model), scene.solver);
-    let start = start(scene, model);
-    let backend = GpuBackend::new(Gpu::dry()?, model, needs, solver.max_iterations, solver.floor, &start)?;
+    let empty = Snapshot::default();
+    let backend = GpuBackend::new(Gpu::dry()?, model, needs, solver.max_iterations, solver.floor, &empty)?;
     plan.nodes += model.own_nodes();
     plan.cells += model.cell_count();
     plan.spring_count += model.elements().spring_count;

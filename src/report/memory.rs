@@ -6,9 +6,8 @@
 
 use super::Refused;
 use crate::error::Result;
-use crate::scene::{Cut, Law, Scene, Skin, cells_of, reserve_of};
+use crate::scene::{Cut, Law, Scene, Skin, cells_of, free, reserve_of};
 use crate::step::Platform;
-use std::path::Path;
 
 /// What is to be done with a scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,72 +76,10 @@ pub fn fits(scene: &Scene, purpose: Purpose) -> Result<()> {
     Err(Refused::Memory { at: scene.at(&largest.1), wanted, free, key: largest.2 }.into())
 }
 
-/// Bytes that the process may still take: the machine's, the control group's, and those of its limit of address space (`ulimit -v`).
-fn free() -> Option<u64> {
-    let group = std::fs::read_to_string("/proc/self/cgroup").unwrap_or_default();
-    [of_machine(), of_address_space(), of_group(&group)].into_iter().flatten().min()
-}
-
-/// Number of a line `name value`, in its unit.
-fn number(text: &str, name: &str) -> Option<u64> {
-    let line = text.lines().find_map(|line| line.strip_prefix(name))?;
-    line.trim_start_matches(':').split_whitespace().next()?.parse().ok()
-}
-
-fn of_machine() -> Option<u64> {
-    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
-    Some(1024 * (number(&text, "MemAvailable")? + number(&text, "SwapFree").unwrap_or(0)))
-}
-
-fn of_address_space() -> Option<u64> {
-    let limits = std::fs::read_to_string("/proc/self/limits").ok()?;
-    let taken = std::fs::read_to_string("/proc/self/status").ok()?;
-    // "unlimited" is no number
-    Some(number(&limits, "Max address space")?.saturating_sub(1024 * number(&taken, "VmSize")?))
-}
-
-/// Least of the groups that the process is in, of either version; caches of files count as free.
-fn of_group(text: &str) -> Option<u64> {
-    let left = |folder: &Path, [most, taken, cache]: [&str; 3]| {
-        let read = |name: &str| std::fs::read_to_string(folder.join(name)).unwrap_or_default();
-        let most: u64 = read(most).trim().parse().ok()?;
-        let taken: u64 = read(taken).trim().parse().ok()?;
-        Some(most.saturating_sub(taken) + number(&read("memory.stat"), cache).unwrap_or(0))
-    };
-    let of_line = |line: &str| {
-        let mut parts = line.splitn(3, ':');
-        let (kind, path) = (parts.nth(1)?, parts.next()?);
-        let (root, names) = match kind {
-            "" => ("/sys/fs/cgroup", ["memory.max", "memory.current", "inactive_file"]),
-            "memory" => {
-                ("/sys/fs/cgroup/memory", ["memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"])
-            }
-            _ => return None,
-        };
-        let own = Path::new(root).join(path.trim_start_matches('/'));
-        own.ancestors().take_while(|folder| folder.starts_with(root)).filter_map(|folder| left(folder, names)).min()
-    };
-    text.lines().filter_map(of_line).min()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::scene::incision;
-
-    #[test]
-    fn what_the_system_says_is_read() {
-        assert_eq!(number("MemTotal:  9 kB\nMemAvailable:   123 kB\n", "MemAvailable"), Some(123));
-        assert_eq!(
-            number("Max address space         unlimited            unlimited  bytes\n", "Max address space"),
-            None
-        );
-        assert_eq!(number("Max address space         4096  unlimited  bytes\n", "Max address space"), Some(4096));
-        if cfg!(target_os = "linux") {
-            let free = free().expect("Linux tells");
-            assert!((1 << 20..1 << 60).contains(&free), "{free}");
-        }
-    }
 
     #[test]
     fn the_largest_part_is_the_one_to_lower() {
@@ -154,8 +91,6 @@ mod tests {
         assert!(reserve.contains("cut_reserve_columns"), "{reserve}");
         scene.skins[0].cells = [1 << 20; 2];
         scene.skins[0].cut = Cut::Remove;
-        assert!(
-            words(&scene).expect_err("no machine has it").ends_with("make cells smaller, or close what takes memory")
-        );
+        assert!(words(&scene).expect_err("no machine has it").ends_with("lower cells, or close what takes memory"));
     }
 }

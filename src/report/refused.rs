@@ -16,7 +16,7 @@ pub enum Refused {
 
     /// Scene that does not fit into memory.
     #[error(
-        "{at}: the scene needs {:.1} GB of memory at least, and {:.1} GB are free; make {key} smaller, or close what takes memory",
+        "{at}: the scene needs {:.1} GB of memory at least, and {:.1} GB are free; lower {key}, or close what takes memory",
         *wanted as f64 * 1e-9,
         *free as f64 * 1e-9
     )]
@@ -29,6 +29,22 @@ pub enum Refused {
         free: u64,
         /// Key to lower.
         key: &'static str,
+    },
+
+    /// Case of a verification that does not fit into memory.
+    #[error(
+        "the case {case} needs {:.2} GB of memory at least, and {:.2} GB are free; close what takes memory, raise the limit that this \
+         program runs under (ulimit -v, control group), or verify with --quick",
+        *wanted as f64 * 1e-9,
+        *free as f64 * 1e-9
+    )]
+    CaseMemory {
+        /// Name of the case.
+        case: &'static str,
+        /// Bytes.
+        wanted: u64,
+        /// Bytes.
+        free: u64,
     },
 
     /// Step that nobody waits for.

@@ -130,7 +130,7 @@ pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)
     let resumed = options.resumed(scene)?;
     memory::fits(scene, Purpose::from(&options.platform))?;
     let listing = options.folder(scene)?;
-    let simulation = Simulation::new(scene, &options.platform).map_err(|error| error.of_scene(scene, ""))?;
+    let simulation = Simulation::new(scene, &options.platform).map_err(|error| error.of_scene(scene))?;
     run_from(scene, options, simulation, resumed, listing, progress)
 }
 

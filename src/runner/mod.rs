@@ -17,7 +17,7 @@ use crate::haptic::device::Device;
 use crate::haptic::replay::Row;
 use crate::haptic::servo::Record;
 use crate::haptic::thread::Timing;
-use crate::scene::{STEP, Scene};
+use crate::scene::Scene;
 use crate::step::{self, Simulation, StepReport};
 use channel::channels;
 use rtrb::Consumer;
@@ -199,7 +199,7 @@ impl Runner {
         }
         self.interrupted()?;
         let started = Instant::now();
-        let report = self.simulation.step(check).map_err(|error| error.of_scene(&self.scene, STEP))?;
+        let report = self.simulation.step(check).map_err(|error| error.of_scene(&self.scene))?;
         let took = started.elapsed();
         self.steps += 1;
         if let Hands::Wall(clock) = &mut self.hands {

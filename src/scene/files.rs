@@ -2,6 +2,7 @@
 
 use super::Pose;
 use super::diagnose::shorten;
+use super::free::free;
 use super::invalid::{Invalid, Location, Result};
 use super::raw::At;
 use super::text::{MM, SceneText};
@@ -19,6 +20,13 @@ pub const FORCE_COLUMNS: [&str; 6] =
     ["force_x_n", "force_y_n", "force_z_n", "torque_x_n_mm", "torque_y_n_mm", "torque_z_n_mm"];
 /// Tolerance of a quaternion's length: two printed digits pass, a wrong column order rarely does.
 const QUATERNION_SLACK: f64 = 0.01;
+
+/// Largest coordinate of a path, mm: 1 km from the origin single precision has steps of 0.06 mm, and no hand is there.
+const FARTHEST: f64 = 1e6;
+/// Memory that a text takes while it is read, bytes per byte of the file, as measured of the worst texts (lists of one-digit numbers, short
+/// rows): TOML with its tokens, which takes 58, and tables of numbers and meshes. Less is free, and the reader is aborted.
+const PER_BYTE_OF_TOML: u64 = 80;
+const PER_BYTE: u64 = 16;
 
 /// Source of the files that a scene names.
 #[derive(Clone, Debug)]
@@ -40,7 +48,7 @@ impl Files {
         let (path, text, fix) = match self {
             Files::Folder(folder) => {
                 let path = folder.join(name.get_ref());
-                let text = text_of(&path).map(Cow::Owned);
+                let text = text_of(&path, PER_BYTE).map(Cow::Owned);
                 (path, text, "put the file there: names are relative to the scene's folder")
             }
             Files::Embedded(files) => {
@@ -57,8 +65,22 @@ impl Files {
     }
 }
 
-/// Text of a file, or why there is none: only files have an end, and only UTF-8 is read.
-pub(super) fn text_of(path: &Path) -> std::result::Result<String, String> {
+/// Text of a scene file, as [`text_of`].
+pub(super) fn toml_of(path: &Path) -> std::result::Result<String, String> {
+    text_of(path, PER_BYTE_OF_TOML)
+}
+
+/// Text of a file, or why there is none: only files have an end, only UTF-8 is read, and only what fits into memory, of which each byte
+/// takes `per_byte`.
+fn text_of(path: &Path, per_byte: u64) -> std::result::Result<String, String> {
+    let size = std::fs::metadata(path).map_or(0, |found| if found.is_file() { found.len() } else { 0 });
+    if let Some(free) = free().filter(|free| size.saturating_mul(per_byte) > *free) {
+        let [size, wanted, free] = [size, size.saturating_mul(per_byte), free].map(|bytes| bytes as f64 * 1e-6);
+        return Err(format!(
+            "its {size:.1} MB may take {wanted:.0} MB of memory to read, and {free:.0} MB are free; split it or leave rows out, or close what \
+             takes memory"
+        ));
+    }
     let bytes = bytes_of(path).map_err(|error| error.to_string())?;
     String::from_utf8(bytes).map_err(|error| {
         let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
@@ -126,6 +148,10 @@ fn pose(at: &Location, line: &str, with_forces: bool) -> Result<Pose> {
         })?;
     }
     let [time, x, y, z, qx, qy, qz, qw] = row;
+    let far = [x, y, z].into_iter().zip(&COLUMNS[1..]).find(|(found, _)| found.abs() > FARTHEST);
+    if let Some((found, column)) = far {
+        return Err(Invalid::TrajectoryFar { at: at.clone(), column, found, most: FARTHEST });
+    }
     let length = hypot(hypot(hypot(qx, qy), qz), qw);
     if (length - 1.0).abs() > QUATERNION_SLACK {
         return Err(Invalid::TrajectoryRotation { at: at.clone(), length, allowed: QUATERNION_SLACK });

@@ -757,6 +757,19 @@ pub enum Invalid {
         found: String,
     },
 
+    /// Position that no hand reaches.
+    #[error("{at}: {column} = {found:?}; wanted {most} at most in size (1 km); mend the value or remove the row")]
+    TrajectoryFar {
+        /// Where.
+        at: Location,
+        /// The column's name.
+        column: &'static str,
+        /// mm
+        found: f64,
+        /// mm
+        most: f64,
+    },
+
     /// Time that stands still or runs back.
     #[error("{at}: time_s = {found:?} after {before:?}; times must rise from row to row; sort or remove rows")]
     TrajectoryTime {

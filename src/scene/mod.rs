@@ -10,6 +10,7 @@ mod code;
 mod devices;
 mod diagnose;
 mod files;
+mod free;
 mod grid;
 mod hyperelastic;
 mod integrator;
@@ -37,6 +38,7 @@ pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
 #[cfg(feature = "program")]
 pub(crate) use files::bytes_of;
 pub use files::{COLUMNS as TRAJECTORY_COLUMNS, FORCE_COLUMNS, Files};
+pub use free::free;
 pub use grid::MOST_NODES;
 pub use hyperelastic::{Fibres, MATERIALS, Material};
 pub use invalid::{Invalid, Location};
@@ -110,6 +112,14 @@ pub fn check_of(key: &str) -> String {
 pub fn device_of(tool: &str) -> String {
     format!("device of {tool}")
 }
+
+/// Key of [`Scene::lines`] for an attachment, by its number.
+pub fn attach_of(number: usize) -> String {
+    format!("attach {number}")
+}
+
+/// Key of [`Scene::lines`] for the preconditioner.
+pub const PRECONDITIONER: &str = "preconditioner";
 
 /// Key of [`Scene::lines`] for a body's cells.
 pub fn cells_of(body: &str) -> String {

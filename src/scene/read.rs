@@ -5,7 +5,7 @@
 
 use super::bodies::{self, Names};
 use super::diagnose::tables;
-use super::files::{Files, text_of};
+use super::files::{Files, toml_of};
 use super::grid::{self, Grid, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
@@ -14,8 +14,8 @@ use super::text::{
     ACCELERATION, Bound, DEGREE, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, Taken, or, or_vector,
 };
 use super::{
-    Anchor, Boundary, Correction, Integrator, Law, Mass, STEP, Scene, Skin, Solver, TestForm, Time, cells_of, check_of,
-    device_of, reserve_of,
+    Anchor, Boundary, Correction, Integrator, Law, Mass, PRECONDITIONER, STEP, Scene, Skin, Solver, TestForm, Time,
+    attach_of, cells_of, check_of, device_of, reserve_of,
 };
 use super::{body, devices, hyperelastic, integrator, loads, outputs, round, tools};
 use crate::error;
@@ -28,7 +28,7 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Scene`](error::Error::Scene) with [`Invalid`].
 pub fn read(path: &Path) -> error::Result<Scene> {
-    let text = text_of(path).map_err(|reason| Invalid::SceneRead { path: path.to_path_buf(), reason })?;
+    let text = toml_of(path).map_err(|reason| Invalid::SceneRead { path: path.to_path_buf(), reason })?;
     let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
     parse(&text, path, &Files::Folder(folder))
 }
@@ -63,6 +63,9 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         let device = tool.keys.device.iter();
         device.for_each(|device| stands(device_of(tool.keys.name.get_ref()), &device.span));
     }
+    raw.attach.iter().enumerate().for_each(|(number, table)| stands(attach_of(number), &table.span));
+    let preconditioner = raw.solver.iter().flat_map(|table| &table.keys.preconditioner);
+    preconditioner.for_each(|word| stands(PRECONDITIONER.into(), &word.span()));
     raw.check.keys().for_each(|key| stands(check_of(key.get_ref()), &key.span()));
     // bodies
     let mut taken = Taken::new();

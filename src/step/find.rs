@@ -6,7 +6,7 @@ use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips,
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::mesh::{MaterialPoint, Quad};
-use crate::scene::{self, Attachment, BodyId, Integrator, Scene};
+use crate::scene::{self, Attachment, BodyId, Integrator, Scene, attach_of};
 use glam::DVec3;
 use std::collections::BTreeSet;
 
@@ -319,7 +319,12 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
         let (axes, law) = rows(attachment, nodes.len());
         for node in nodes {
             let at = DVec3::from_array(model.rest[node as usize]);
-            let (point, anchor) = other_end(simulation, attachment.to, patch.as_ref(), at)?;
+            let apart = |distance: f64| Refused::TiedToNothing {
+                at: scene.at(&attach_of(number)),
+                position: at.to_array().map(|c| c * 1e3),
+                distance: distance * 1e3,
+            };
+            let (point, anchor) = other_end(simulation, attachment.to, patch.as_ref(), at).map_err(apart)?;
             let contact = Contact {
                 on: [BodyId::Deformable(attachment.body), attachment.to],
                 points: [MaterialPoint::node(node), point],
@@ -348,8 +353,13 @@ fn rows(attachment: &Attachment, nodes: usize) -> ([DVec3; 3], Law) {
 }
 
 /// Attachment point on the other body for a rest position `at`: the material point of a deformable body, on its surface or inside, and the
-/// anchor of a [`Tie`].
-fn other_end(simulation: &Simulation, to: BodyId, patch: Option<&Patch>, at: DVec3) -> Result<(MaterialPoint, DVec3)> {
+/// anchor of a [`Tie`]; the distance to the body, m, if it is not there.
+fn other_end(
+    simulation: &Simulation,
+    to: BodyId,
+    patch: Option<&Patch>,
+    at: DVec3,
+) -> std::result::Result<(MaterialPoint, DVec3), f64> {
     match (to, patch) {
         (BodyId::Rigid(number), _) => {
             let tool = &simulation.tools[number];
@@ -358,10 +368,9 @@ fn other_end(simulation: &Simulation, to: BodyId, patch: Option<&Patch>, at: DVe
         (BodyId::Deformable(other), Some(patch)) => {
             let (on_surface, distance) = patch.nearest(at);
             let inside = || simulation.bodies[other].model.material_point(at.to_array());
-            let nothing = || Refused::TiedToNothing { at: at.to_array().map(|c| c * 1e3), distance: distance * 1e3 };
             match distance <= TOUCHES {
                 true => Ok((on_surface, at)),
-                false => Ok((inside().ok_or_else(nothing)?, at)),
+                false => Ok((inside().ok_or(distance)?, at)),
             }
         }
         _ => Ok((MaterialPoint::default(), at)),

@@ -11,7 +11,7 @@ use crate::backend::FREE;
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
 use crate::error::{Error, Result};
-use crate::scene::BodyId;
+use crate::scene::{BodyId, STEP, device_of};
 
 /// Advice for a body or a tool.
 const SHORTER: &str = "take a shorter step_ms, move and load it more slowly, and look at the last rows of probes.csv and the last picture";
@@ -34,11 +34,12 @@ impl Simulation {
             BodyId::Plane(number) => ("the force on the wall", &self.scene.planes[number].name),
             BodyId::World => ("the force on a tie of", &self.scene.title),
         };
-        self.non_finite_of(what, name, fix)
+        self.non_finite_of(STEP, what, name, fix)
     }
 
-    fn non_finite_of(&self, what: &'static str, name: &str, fix: &'static str) -> Error {
-        Refused::NonFinite { path: self.scene.file.clone(), what, name: name.into(), time: self.time, fix }.into()
+    /// `key` of [`crate::scene::Scene::lines`] is what to change.
+    fn non_finite_of(&self, key: &str, what: &'static str, name: &str, fix: &'static str) -> Error {
+        Refused::NonFinite { at: self.scene.at(key), what, name: name.into(), time: self.time, fix }.into()
     }
 
     /// Refuses non-finite unconstrained motions, such as those of a non-finite hand pose.
@@ -47,7 +48,10 @@ impl Simulation {
         let Some(number) = non_finite else { return Ok(()) };
         let (position, rotation) = self.tools[number].hand(self.time);
         match is_finite(&self.tools[number]) && !(position.is_finite() && rotation.is_finite()) {
-            true => Err(self.non_finite_of("the hand of the tool", &self.scene.tools[number].name, HAND)),
+            true => {
+                let name = &self.scene.tools[number].name;
+                Err(self.non_finite_of(&device_of(name), "the hand of the tool", name, HAND))
+            }
             false => Err(self.non_finite(BodyId::Rigid(number))),
         }
     }

@@ -57,7 +57,7 @@ use crate::gpu::Gpu;
 use crate::haptic::Reduced;
 use crate::linear::Outcome;
 use crate::math::larger;
-use crate::scene::{BodyId, Integrator, Scene};
+use crate::scene::{BodyId, Integrator, STEP, Scene};
 use body::Known;
 use contact::{NodeForces, Resolved};
 use glam::DVec3;
@@ -367,14 +367,8 @@ impl Simulation {
                 return Ok(report);
             }
         }
-        Err(Refused::NoBalance {
-            path: self.scene.file.clone(),
-            time: self.time,
-            iterations: MOST_STATIC,
-            left,
-            tolerance,
-        }
-        .into())
+        Err(Refused::NoBalance { at: self.scene.at(STEP), time: self.time, iterations: MOST_STATIC, left, tolerance }
+            .into())
     }
 
     /// Step that ends at the present time, with the loads at `begin`; also the contact forces at the bodies' nodes.

@@ -1,20 +1,17 @@
 //! Errors of making, changing, restoring and stepping a simulation.
 
-use std::path::PathBuf;
-
 /// See the module.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum Refused {
     /// Explicit step above the stability limit.
     #[error(
-        "{}: {name} is stable under integrator = \"symplectic_euler\" up to a step of {stable_ms:.3e} ms, and its step (step_ms over \
+        "{at}: {name} is stable under integrator = \"symplectic_euler\" up to a step of {stable_ms:.3e} ms, and its step (step_ms over \
          substeps) is {step_ms:.3e} ms; take at least substeps = {substeps} or a smaller step_ms, a smaller rayleigh_stiffness_s, coarser \
-         cells, or integrator = \"implicit_euler\"",
-        path.display()
+         cells, or integrator = \"implicit_euler\""
     )]
     UnstableStep {
-        /// The scene file.
-        path: PathBuf,
+        /// Where.
+        at: String,
         /// Name of the body.
         name: String,
         /// Requested substep, ms.
@@ -27,15 +24,17 @@ pub enum Refused {
 
     /// Attachment across a gap.
     #[error(
-        "the node at ({:.3}, {:.3}, {:.3}) mm is to be tied to a body that is {distance:.3} mm away from it; let the bodies touch where \
-         they are tied, or choose another region",
-        at[0],
-        at[1],
-        at[2]
+        "{at}: the node at ({:.3}, {:.3}, {:.3}) mm is to be tied to a body that is {distance:.3} mm away from it; let the bodies touch \
+         where they are tied, or choose another region",
+        position[0],
+        position[1],
+        position[2]
     )]
     TiedToNothing {
+        /// Where.
+        at: String,
         /// Rest position of the node, mm.
-        at: [f64; 3],
+        position: [f64; 3],
         /// Distance to the other body, mm.
         distance: f64,
     },
@@ -59,13 +58,12 @@ pub enum Refused {
 
     /// Static step without balance.
     #[error(
-        "{}: the static step to {time} s is not in balance after {iterations} iterations: {left:.1e} of the forces are left, and the \
-         tolerance is {tolerance:.1e}; take shorter steps, hold what slides or turns away, or a larger tolerance",
-        path.display()
+        "{at}: the static step to {time} s is not in balance after {iterations} iterations: {left:.1e} of the forces are left, and the \
+         tolerance is {tolerance:.1e}; take shorter steps, hold what slides or turns away, or a larger tolerance"
     )]
     NoBalance {
-        /// The scene file.
-        path: PathBuf,
+        /// Where.
+        at: String,
         /// End of the step, s.
         time: f64,
         /// Linear solves.
@@ -77,10 +75,10 @@ pub enum Refused {
     },
 
     /// Non-finite state that ends a run.
-    #[error("{}: {what} \"{name}\" is non-finite at {time} s, where the run ends; {fix}", path.display())]
+    #[error("{at}: {what} \"{name}\" is non-finite at {time} s, where the run ends; {fix}")]
     NonFinite {
-        /// The scene file.
-        path: PathBuf,
+        /// Where.
+        at: String,
         /// "the tool", "the body", "the hand of the tool".
         what: &'static str,
         /// Its name.

@@ -22,6 +22,7 @@ pub const TESTS: &[Test] = &[
     ("too_many_threads_are_refused", too_many_threads_are_refused),
     ("steps_that_nobody_waits_for_are_refused", steps_that_nobody_waits_for_are_refused),
     ("errors_after_reading_name_their_line", errors_after_reading_name_their_line),
+    ("positions_that_no_hand_reaches_are_refused", positions_that_no_hand_reaches_are_refused),
     ("a_file_that_is_not_utf8_names_its_first_bad_byte", a_file_that_is_not_utf8_names_its_first_bad_byte),
     ("pipes_and_devices_are_no_input", pipes_and_devices_are_no_input),
     ("control_characters_do_not_reach_the_terminal", control_characters_do_not_reach_the_terminal),
@@ -228,6 +229,35 @@ fn steps_that_nobody_waits_for_are_refused() -> Outcome {
     says(&work, &["check", "scene.toml"], 2, &["scene.toml:4: ", "has 1.000e7 ticks of 1000 Hz", "[haptic] rate_hz"])
 }
 
+/// Layer of the scene, as it stands there.
+fn one_layer() -> &'static str {
+    let [layer, boundary] = ["[[skin.layer]]", "[[boundary]]"].map(|table| ALONE.find(table).unwrap_or_default());
+    &ALONE[layer..boundary]
+}
+
+fn positions_that_no_hand_reaches_are_refused() -> Outcome {
+    let work = Work::with(PRESS)?;
+    for (position, column, found) in
+        [("1e308,0,0", "x_mm", "1e308"), ("0,-1e7,0", "y_mm", "-10000000.0"), ("0,0,1000001", "z_mm", "1000001.0")]
+    {
+        let hand = format!("time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,2,0,0,0,1\n0.02,{position},0,0,0,1\n");
+        work.write("hand.csv", &hand)?;
+        for command in [&["run", "scene.toml"][..], &["check", "scene.toml"]] {
+            says(
+                &work,
+                command,
+                2,
+                &["hand.csv:3: ", &format!("{column} = {found}; wanted "), "mend the value or remove the row"],
+            )?;
+        }
+    }
+    // as far as a path may go
+    work.write("hand.csv", "time_s,x_mm,y_mm,z_mm,qx,qy,qz,qw\n0,0,0,2,0,0,0,1\n0.02,-1e6,1e6,1e6,0,0,0,1\n")?;
+    let said = work.cutis(&["check", "scene.toml"])?;
+    ensure!(said.code == 0, "{}", said.err);
+    Ok(())
+}
+
 fn errors_after_reading_name_their_line() -> Outcome {
     let checks = "\n[check]\n\"cut.depth_mm\" = { min = 0 }\n\"steps_taken\" = { min = 1 }\n";
     let work = Work::with(&format!("{ALONE}{checks}"))?;
@@ -248,11 +278,39 @@ fn errors_after_reading_name_their_line() -> Outcome {
         &work,
         &run,
         2,
-        &["scene.toml:5: cell [2, 1, 0]", "is inverted at the start of a step", "take a shorter step_ms"],
+        &["scene.toml:5: cell [2, 1, 0]", "is inverted at the start of a step", "or take law = \"corotational\""],
+    )?;
+    // which is a law
+    let law = ALONE.replace("cells = [4, 4]", "cells = [4, 4]\nlaw = \"corotational\"");
+    let read = Work::with(&law)?.cutis(&["check", "scene.toml"])?;
+    ensure!(read.code == 0, "{}", read.err);
+    // an explicit step beyond the stability limit
+    let unstable = ALONE.replace("[time]", "[time]\nintegrator = \"symplectic_euler\"");
+    let work = Work::with(&unstable)?;
+    says(
+        &work,
+        &run,
+        2,
+        &["scene.toml:5: skin is stable under integrator", "and its step (step_ms over substeps) is 5"],
+    )?;
+    // a block that nothing holds under the tip that presses it
+    let loose = PRESS.replace("[time]", "[time]\nintegrator = \"static\"");
+    let work = Work::with(&loose.replace("[[boundary]]\nregion = \"bottom\"\n", ""))?;
+    says(&work, &run, 1, &["scene.toml:5: the static step to 0.005 s is not in balance", "hold what slides"])?;
+    // bodies that are to be tied, apart from each other
+    let block = "\n[[block]]\nname = \"other\"\nposition_mm = [0.0, 0.0, 40.0]\nsize_mm = [2.0, 2.0]\ncells = [1, 1]\n";
+    let tie = "\n[[attach]]\nbody = \"other\"\nto = \"skin\"\nregion = \"bottom\"\n";
+    let apart = format!("{ALONE}{block}{}{tie}", one_layer().replace("[[skin.layer]]", "[[block.layer]]"));
+    let at = apart.lines().take_while(|line| *line != "[[attach]]").count() + 1;
+    let work = Work::with(&apart)?;
+    says(
+        &work,
+        &run,
+        2,
+        &[&format!("scene.toml:{at}: the node at"), "mm is to be tied to a body that is 38.000 mm away"],
     )?;
     // more layers than a body can have
-    let [layer, boundary] = ["[[skin.layer]]", "[[boundary]]"].map(|table| ALONE.find(table).unwrap_or_default());
-    let one = &ALONE[layer..boundary];
+    let one = one_layer();
     let many: String = (0..22).map(|k| one.replace("dermis", &format!("layer {k}"))).collect();
     let work = Work::with(&ALONE.replace(one, &many))?;
     says(&work, &run, 2, &["scene.toml: the layers' element matrices: 22 wanted"])?;

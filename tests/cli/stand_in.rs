@@ -7,6 +7,7 @@ use cutis::haptic::haply::{Client, Settings, open};
 use glam::DVec3;
 use std::f64::consts::FRAC_PI_2;
 use std::io::{BufRead, BufReader, Read};
+use std::net::TcpStream;
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -15,6 +16,7 @@ pub const TESTS: &[Test] = &[
     ("haply_mock_follows_a_scenes_hand", haply_mock_follows_a_scenes_hand),
     ("haply_mock_without_a_grip_is_not_turned", haply_mock_without_a_grip_is_not_turned),
     ("haply_mock_without_an_input_goes_on", haply_mock_without_an_input_goes_on),
+    ("haply_mock_waits_where_descriptors_are_short", haply_mock_waits_where_descriptors_are_short),
     ("a_second_haply_mock_on_a_port_is_refused", a_second_haply_mock_on_a_port_is_refused),
     ("haply_mock_explains_itself", haply_mock_explains_itself),
 ];
@@ -134,6 +136,57 @@ fn haply_mock_without_an_input_goes_on() -> Outcome {
     ensure!(stand_in.process.try_wait().map_err(|e| e.to_string())?.is_none(), "it has ended by itself");
     follow(&mut stand_in.client()?, DVec3::ZERO, 10)?;
     ensure!(!stand_in.first.contains("standard input"), "{}", stand_in.first);
+    Ok(())
+}
+
+/// Descriptors that it may have: its own, and those of a few clients.
+const FEW: &str = "24";
+
+/// Time that a process has computed, in ticks of 10 ms.
+fn computed(id: u32) -> Result<u64, String> {
+    let text = std::fs::read_to_string(format!("/proc/{id}/stat")).map_err(|e| e.to_string())?;
+    let after = text.rsplit(')').next().unwrap_or_default();
+    let numbers = after.split_whitespace().skip(11).take(2).map(str::parse::<u64>);
+    numbers.sum::<Result<u64, _>>().map_err(|e| e.to_string())
+}
+
+/// More clients than descriptors: those that it has no room for wait, and it does not burn a core on them; when others leave, they come in.
+fn haply_mock_waits_where_descriptors_are_short() -> Outcome {
+    if !cfg!(target_os = "linux") {
+        return Ok(());
+    }
+    let mut command = Command::new("sh");
+    let script = "ulimit -n \"$1\" && shift && exec \"$@\"";
+    command.args(["-c", script, "sh", FEW, env!("CARGO_BIN_EXE_cutis"), "haply-mock", "--port", "0"]);
+    let mut process = command.stdin(Stdio::null()).stdout(Stdio::piped()).spawn().map_err(|e| e.to_string())?;
+    let (mut out, mut first) = (BufReader::new(process.stdout.take().ok_or("no output")?), String::new());
+    out.read_line(&mut first).map_err(|e| e.to_string())?;
+    let mut stand_in = StandIn { process, out, first };
+    let address = stand_in.url()?.trim_start_matches("ws://").to_string();
+    // clients stay connected; the handshake of those beyond the limit is not answered
+    let mut inside = vec![];
+    let waiting = loop {
+        ensure!(inside.len() < 30, "{} clients have come in", inside.len());
+        let stream = TcpStream::connect(&address).map_err(|e| e.to_string())?;
+        stream.set_read_timeout(Some(Duration::from_millis(700))).map_err(|e| e.to_string())?;
+        let kept = stream.try_clone().map_err(|e| e.to_string())?;
+        match tungstenite::client(format!("ws://{address}"), stream) {
+            Ok((socket, _)) => inside.push(socket),
+            Err(_) => break kept,
+        }
+    };
+    ensure!(inside.len() > 5, "{} clients only", inside.len());
+    drop(waiting);
+    // nobody is served, and nothing is computed
+    let waits = TcpStream::connect(&address).map_err(|e| e.to_string())?;
+    let before = computed(stand_in.process.id())?;
+    std::thread::sleep(Duration::from_secs(2));
+    let ticks = computed(stand_in.process.id())? - before;
+    ensure!(ticks < 50, "{ticks} ticks of 10 ms in 2 s");
+    ensure!(stand_in.process.try_wait().map_err(|e| e.to_string())?.is_none(), "it has ended");
+    // with room again it serves a new client
+    drop((inside, waits));
+    follow(&mut stand_in.client()?, DVec3::ZERO, 10)?;
     Ok(())
 }
 

@@ -9,6 +9,8 @@ use std::io::{Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 use tungstenite::Message;
+use tungstenite::protocol::frame::Frame as WsFrame;
+use tungstenite::protocol::frame::coding::{Data, OpCode};
 
 /// What a stand-in answers to a request, up to the end of the connection.
 fn answered(mock: &Mock, request: &str) -> String {
@@ -72,6 +74,100 @@ fn a_stand_in_limits_connections_and_forces() {
     ticks(&mut strong, DVec3::Z * 40.0, |_, _| mock.record().peak > 0.0);
     ticks(&mut strong, DVec3::Z * 40.0, |_, n| n == 50);
     assert!((mock.record().peak - 10.0).abs() < 1e-9, "{:?}", mock.record());
+}
+
+/// Waits for the end of a connection; what was said before, and how long it took.
+fn ended(stream: &mut TcpStream) -> (String, Duration) {
+    let begin = Instant::now();
+    stream.set_read_timeout(Some(Duration::from_secs(20))).expect("a time");
+    let mut said = Vec::new();
+    // a reset ends a connection too
+    if let Err(error) = stream.read_to_end(&mut said) {
+        assert_eq!(error.kind(), std::io::ErrorKind::ConnectionReset, "it goes on: {error}");
+    }
+    (String::from_utf8_lossy(&said).into_owned(), begin.elapsed())
+}
+
+#[test]
+fn a_handshake_without_an_end_is_ended_and_holds_nobody_up() {
+    let mock = mock(Faults::default());
+    let address = mock.url().trim_start_matches("ws://").to_string();
+    let begun = |text: &str| {
+        let mut stream = TcpStream::connect(&address).expect("it listens");
+        stream.write_all(text.as_bytes()).expect("it reads");
+        stream
+    };
+    let half = format!("GET / HTTP/1.1\r\nHost: localhost\r\n{UPGRADE}");
+    // nothing at all, half a request, and a request of which a byte comes now and then
+    let mut slow: Vec<TcpStream> = (0..10).flat_map(|_| [begun(""), begun(&half)]).collect();
+    let mut drips = begun(&half);
+    let dripping = std::thread::spawn(move || {
+        let begin = Instant::now();
+        while begin.elapsed() < Duration::from_secs(20) && drips.write_all(b"a").is_ok() {
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        (begin.elapsed(), drips)
+    });
+    // meanwhile others are served
+    let begin = Instant::now();
+    let mut other = client(&mock);
+    ticks(&mut other, DVec3::Z, |_, n| n == 50);
+    let served = begin.elapsed();
+    assert!(mock.record().peak > 0.0, "{:?}", mock.record());
+    let first = ended(&mut slow[0]);
+    println!("another client had its 50 ticks after {served:?}; the first handshake was ended after {:?}", first.1);
+    for stream in &mut slow[1..] {
+        let (said, took) = ended(stream);
+        assert!(took < Duration::from_secs(10), "{took:?}");
+        assert!(said.is_empty() || said.starts_with("HTTP/1.1 408"), "{said}");
+    }
+    let (took, _) = dripping.join().expect("it ends");
+    assert!(took < Duration::from_secs(10), "{took:?}");
+    assert_eq!(mock.record().connections, 1, "none of them was a client");
+}
+
+#[test]
+fn a_request_or_a_message_that_is_too_long_is_refused() {
+    let mock = mock(Faults::default());
+    let long = format!("GET / HTTP/1.1\r\nHost: localhost\r\nX-Long: {}\r\n{UPGRADE}\r\n", "a".repeat(5000));
+    let said = answered(&mock, &long);
+    assert!(said.starts_with("HTTP/1.1 431") && said.contains("at most 4 KiB"), "{said}");
+    // a message of 64 KiB is read and answered, a longer one ends its connection, whole or in fragments
+    const LONGEST: usize = 1 << 16;
+    let connect = || {
+        let (mut socket, _) = tungstenite::connect(mock.url()).expect("it listens");
+        socket.read().expect("the inventory");
+        socket
+    };
+    let mut fits = connect();
+    fits.send(Message::text(" ".repeat(LONGEST))).expect("it reads");
+    assert!(fits.read().expect("it answers").is_text());
+    let mut whole = connect();
+    whole.send(Message::text(" ".repeat(LONGEST + 1))).ok();
+    assert!(until_end(&mut whole), "a message of 64 KiB and a byte is answered");
+    let mut fragments = connect();
+    for number in 0..64 {
+        let code = if number == 0 { Data::Text } else { Data::Continue };
+        let fragment = WsFrame::message(vec![b' '; 4096], OpCode::Data(code), false);
+        if fragments.send(Message::Frame(fragment)).is_err() {
+            break;
+        }
+    }
+    assert!(until_end(&mut fragments), "fragments of 256 KiB in all are taken");
+    // and those of others go on
+    fits.send(Message::text("{}")).expect("it reads");
+    assert!(fits.read().expect("it answers").is_text());
+}
+
+/// True if a connection ends without an answer.
+fn until_end<S: Read + Write>(socket: &mut tungstenite::WebSocket<S>) -> bool {
+    loop {
+        match socket.read() {
+            Ok(Message::Text(_)) => return false,
+            Ok(_) => {}
+            Err(_) => return true,
+        }
+    }
 }
 
 #[test]

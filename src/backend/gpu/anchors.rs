@@ -21,16 +21,17 @@ pub(super) struct Anchored {
 impl Anchored {
     /// `None` for a body without rest-shape springs.
     pub fn new(made: &mut Maker, model: &Model) -> Result<Option<Self>> {
-        let (nodes, stiffness) = (&model.anchors.nodes, &model.anchors.stiffness);
-        if nodes.is_empty() {
+        let count = model.anchor_count();
+        if count == 0 {
             return Ok(None);
         }
         made.gpu.making("anchors");
-        let masses: Vec<V4<f32>> = model.free.iter().map(|f| f.map(|c| c as f32)).collect();
-        let stiffness: Vec<f32> = stiffness.iter().map(|k| *k as f32).collect();
-        let masses = made.of("free", &masses)?;
-        let (ids, anchor) = (made.of("ids", nodes)?, made.of("anchor", &stiffness)?);
-        let params = made.uniform("params", 16, &[nodes.len() as u32, 0, 0, 0]);
+        let Anchors { nodes, stiffness } = &model.anchors;
+        let masses: &dyn Fn() -> Vec<V4<f32>> = &|| model.free.iter().map(|f| f.map(|c| c as f32)).collect();
+        let masses = made.with("free", model.node_count(), masses)?;
+        let ids = made.with("ids", count, || nodes.clone())?;
+        let anchor = made.with("anchor", count, || stiffness.iter().map(|k| *k as f32).collect())?;
+        let params = made.uniform("params", 16, &[count as u32, 0, 0, 0]);
         made.gpu.making("state");
         Ok(Some(Self { masses, params, ids, anchor, list: model.anchors.clone(), rate: rate(&model.step) }))
     }

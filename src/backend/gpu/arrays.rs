@@ -2,7 +2,7 @@
 
 use crate::backend::NOT_KEPT;
 use crate::bodies::gpu::{Dispatch, Maker, Recorded};
-use crate::bodies::{Model, Refused};
+use crate::bodies::{Model, Refused, Segments};
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
 use crate::kernels::cut::Hit;
@@ -58,16 +58,18 @@ pub(super) fn compensation_survives(made: &mut Maker) -> Result<bool> {
 impl Cutting {
     pub fn new(made: &mut Maker, model: &Model, main: &Buffer, kind: &dyn Recorded, u: &Buffer) -> Result<Self> {
         let gpu = made.gpu;
-        let of_body = model.mechanics().segments(model);
+        let mechanics = model.mechanics();
+        let (segments, points) = (mechanics.segment_count(model), mechanics.point_count(model));
         // buffers of the segments, the quads and the hits
-        let rest: Vec<V4<f32>> = of_body.rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();
-        let segments = of_body.ends.len();
-        let (ends, rest) = (made.of("ends", &of_body.ends)?, made.of("rest", &rest)?);
+        let of_body = if gpu.is_dry() { Segments::default() } else { mechanics.segments(model) };
+        let rest = || of_body.rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();
+        let rest: &dyn Fn() -> Vec<V4<f32>> = &rest;
+        let ends = made.with("ends", segments, || of_body.ends.clone())?;
+        let rest = made.with("rest", points, rest)?;
         let params = made.uniform("params", 16, &[0; 4]);
         let quads = made.vec4("quads", MAX_QUADS * 4)?;
-        let hits = made.of("hits", &vec![[0u32; 2]; MAX_HITS])?;
+        let hits = made.zeros::<[u32; 2]>("hits", MAX_HITS)?;
         let hit_count = made.of("hit_count", &[0u32; 4])?;
-        let points = of_body.rest.len();
         let point_before = made.vec4("point_before", points)?;
         // segments end at nodes, or at points computed from nodes
         let (centres, point_u) = match kind.points(gpu, main, u, &point_before)? {

@@ -21,7 +21,7 @@ impl Scatter {
     pub fn new(made: &mut Maker, capacity: usize, r: &Buffer) -> Result<Self> {
         let gpu = made.gpu;
         let (row_params, params) = (made.uniform("params", 16, &[0u32; 4]), made.uniform("params", 16, &[0u32; 4]));
-        let (ids, values) = (made.of("ids", &vec![0u32; capacity])?, made.vec4("values", capacity)?);
+        let (ids, values) = (made.zeros::<u32>("ids", capacity)?, made.vec4("values", capacity)?);
         let list = [("params", &row_params), ("ids", &ids), ("values", &values), ("destination", r)];
         let rows = gpu.bind(&scatter::SOURCE, &list)?;
         Ok(Self { row_params, params, ids, values, rows })
@@ -57,7 +57,7 @@ impl Gather {
     pub fn new(made: &mut Maker, capacity: usize, [x, u, v, f]: [&Buffer; 4]) -> Result<Self> {
         let params = made.uniform("params", 16, &[0u32; 4]);
         let later_params = [0; 2].map(|_| made.uniform("params", 16, &[0u32; 4]));
-        let ids = made.of("ids", &vec![0u32; capacity])?;
+        let ids = made.zeros::<u32>("ids", capacity)?;
         let picked = made.vec4("picked", capacity)?;
         let bind = |params: &Buffer, source: &Buffer| {
             let list = [("params", params), ("ids", &ids), ("source", source), ("picked", &picked)];

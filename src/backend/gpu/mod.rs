@@ -63,7 +63,8 @@ pub struct GpuBackend {
 }
 
 impl GpuBackend {
-    /// The body in its initial state on a device, with the arrays that `needs` names.
+    /// The body in its initial state on a device, with the arrays that `needs` names. On a dry device a model of sizes
+    /// ([`Model::of_sizes`]) and an empty state do.
     ///
     /// # Errors
     /// If an array exceeds a limit of the adapter or a kernel does not compile.
@@ -84,11 +85,11 @@ impl GpuBackend {
         // state and constant arrays of the law
         gpu.making("state");
         let main = made.params(&params);
-        let (u, v) = (made.of("u", &rounded(&start.u))?, made.of("v", &rounded(&start.v))?);
+        let (u, v) = (made.with("u", n, || rounded(&start.u))?, made.with("v", n, || rounded(&start.v))?);
         let explicit = model.step.explicit();
         let ahead = explicit::Ahead::new(&mut made, model, &main, &u, &v)?;
         let (f, load) = (made.vec4("f", n)?, made.vec4("load", n)?);
-        let free = made.of("free", &rounded(&model.in_system()))?;
+        let free = made.with("free", n, || rounded(&model.in_system()))?;
         let anchored = Anchored::new(&mut made, model)?;
         let masses = anchored.as_ref().map_or(&free, |a| &a.masses).clone();
         let mut kind = model.mechanics().recorded(model, &mut made, &u, &params)?;
@@ -97,9 +98,11 @@ impl GpuBackend {
         gpu.making("columns");
         let grid_nodes = model.own_nodes();
         let block = made.vec4("block", if explicit { 0 } else { n * 4 })?;
-        gpu.write(&block, grid_nodes as u64 * 64, &untouched(if explicit { 0 } else { n - grid_nodes }));
+        if !explicit && !gpu.is_dry() {
+            gpu.write(&block, grid_nodes as u64 * 64, &untouched(n - grid_nodes));
+        }
         gpu.making("solver");
-        let partial_load = made.of("partial_load", &vec![0f32; n.div_ceil(GROUP as usize)])?;
+        let partial_load = made.zeros::<f32>("partial_load", n.div_ceil(GROUP as usize))?;
         // the conjugate gradients, bound to these arrays by name
         let state = [&u, &v, &f, &load, &free, &block, &partial_load].map(Buffer::clone);
         let arrays = kind.shared().joined(&Arrays::of(&state));

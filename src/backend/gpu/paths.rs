@@ -20,7 +20,7 @@ pub(super) struct Driven {
 impl Driven {
     /// `None` for a body without paths; `x` takes the increments.
     pub fn new(made: &mut Maker, model: &Model, free: &Buffer, u: &Buffer, x: &Buffer) -> Result<Option<Self>> {
-        let nodes = model.paths.nodes.len();
+        let nodes = model.driven_count();
         if nodes == 0 {
             return Ok(None);
         }
@@ -28,7 +28,7 @@ impl Driven {
         // a cut may duplicate nodes on paths
         let room = nodes + model.node_count() - model.own_nodes();
         let params = made.uniform("params", 16, &[0u32; 4]);
-        let (ids, values) = (made.of("ids", &vec![0u32; room])?, made.vec4("values", room)?);
+        let (ids, values) = (made.zeros::<u32>("ids", room)?, made.vec4("values", room)?);
         let list = [("params", &params), ("ids", &ids), ("values", &values), ("free", free), ("u", u), ("x", x)];
         let kernel = made.gpu.bind(&SOURCE, &list)?;
         Ok(Some(Self { params, ids, values, kernel, count: 0 }))

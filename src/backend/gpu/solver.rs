@@ -55,7 +55,7 @@ impl Solver {
         let (x, r, z) = (x?, r?, z?);
         let scalars = made.vec4("scalars", slots * 2)?;
         let requests = made.vec4("requests", slots)?;
-        let mut sums = |name, count: usize| made.of(name, &vec![0f32; count]);
+        let mut sums = |name, count: usize| made.zeros::<f32>(name, count);
         let gamma = sums("partial_gamma", groups(columns(&params)))?;
         let shared = Arrays::of(&[
             scalars.clone(),

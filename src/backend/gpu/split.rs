@@ -33,7 +33,7 @@ impl Split {
         };
         let most = model.node_count() - model.own_nodes();
         let params = made.uniform("params", 16, &[0u32; 4]);
-        let pairs = made.of("pairs", &vec![[0u32; 2]; most])?;
+        let pairs = made.zeros::<[u32; 2]>("pairs", most)?;
         let bind = |(values, slots): &(&Buffer, u32)| {
             let list = [("params", &params), ("pairs", &pairs), ("values", *values)];
             Ok((made.gpu.bind(&duplicate::SOURCE, &list)?, *slots))

@@ -90,9 +90,13 @@ impl Hexahedra {
             return Err(Refused::DirectOnGpu.into());
         }
         // arrays of all laws
-        let rotation = made.of("rotation", &vec![[0f32, 0.0, 0.0, 1.0]; params.frames()])?;
-        let host = Parts::new(model.params()).table().to_vec();
-        let table = made.of("split", if host.is_empty() { &[0] } else { &host[..] })?;
+        let rotation = made.with("rotation", params.frames(), || vec![[0f32, 0.0, 0.0, 1.0]; params.frames()])?;
+        // the table of split nodes, or one word to bind where there is none
+        let host = if made.gpu.is_dry() { vec![] } else { Parts::new(model.params()).table().to_vec() };
+        let table = match hexahedra.extra_columns {
+            0 => made.zeros::<u32>("split", 1)?,
+            _ => made.with("split", params.layout().words, || host.clone())?,
+        };
         let system = model.system_matrices();
         let mut shared = Arrays::of(&[
             table.clone(),
@@ -134,8 +138,8 @@ impl Hexahedra {
         let (n, cells) = (self.params.node_count as usize, self.params.cell_count as usize);
         // products with the consistent tangent write corner forces for each right-hand side
         let slots = if law.newton { self.params.slot_count as usize } else { 1 };
-        let corner_force = made.of("corner_force", &vec![0f32; cells * 24 * slots])?;
-        let energy = made.of("energy", &vec![0f32; cells])?;
+        let corner_force = made.zeros::<f32>("corner_force", cells * 24 * slots)?;
+        let energy = made.zeros::<f32>("energy", cells)?;
         let displacement = if law.newton { made.vec4("displacement", n)? } else { u.clone() };
         let fibres: Vec<u32> = law.rounded_fibres::<f32>().as_flattened().iter().map(|c| c.to_bits()).collect();
         let fibres = made.uniform("fibres", MAX_LAYERS * 32, &fibres);
@@ -228,9 +232,9 @@ impl Hexahedra {
         let dx = [vector("dx")?, vector("dx_next")?];
         let residual_force = [vector("residual_force")?, vector("residual_force_next")?];
         let w = vector("w")?;
-        let predicted_decrease = made.of("predicted_decrease", &vec![0f32; groups])?;
+        let predicted_decrease = made.zeros::<f32>("predicted_decrease", groups)?;
         let potential_and_residual = made.vec4("potential_and_residual", groups)?;
-        let sums = made.of("partial_product", &vec![0f32; self.params.product_groups as usize])?;
+        let sums = made.zeros::<f32>("partial_product", self.params.product_groups as usize)?;
         let running = made.vec4("scalars", 2)?;
         // parameter blocks: step length and place of the elastic forces, factor of damping
         let gain = made.params(&self.params);
@@ -284,22 +288,22 @@ fn make_levels(
     let mut out = vec![Level { arrays: finest, params: *params, main: main.clone(), steps: first }];
     // sums of the coarse smoothers, which nothing reads; on the finest level, entries beyond those in use must stay zero
     let unread = multigrid.coarse.first().map_or(0, |level| columns(&level.params(*params)).div_ceil(GROUP as usize));
-    let unread = made.of("partial_gamma", &vec![0f32; unread * slots])?;
+    let unread = made.zeros::<f32>("partial_gamma", unread * slots)?;
     for (number, level) in multigrid.coarse.iter().enumerate() {
         let params = level.params(*params);
         let n = params.node_count as usize;
-        let free: Vec<[f32; 4]> = level.free.iter().map(|f| f.map(|c| c as f32)).collect();
+        let free: &dyn Fn() -> Vec<V4<f32>> = &|| level.free.iter().map(|f| f.map(|c| c as f32)).collect();
         let mut own = vec![stiffness_uniform(made, &level.stiffness), modes_uniform(made, &level.stiffness)];
         own.push(unread.clone());
         own.extend(layer_of.clone());
-        own.push(made.of("free", &free)?);
+        own.push(made.with("free", n, free)?);
         own.push(made.vec4("rotation", params.frames())?);
         own.push(made.vec4("block", n * 4)?);
         for name in ["r", "z", "d", "w"] {
             own.push(made.vec4(name, n * slots)?);
         }
         // an array of its own, so that the finest level's sums persist
-        own.push(made.of("partial_product", &vec![0f32; params.product_groups as usize * slots])?);
+        own.push(made.zeros::<f32>("partial_product", params.product_groups as usize * slots)?);
         let main = made.params(&params);
         let steps = steps(level.largest, number + 1 == count);
         out.push(Level { arrays: shared.joined(&Arrays::of(&own)), params, main, steps });

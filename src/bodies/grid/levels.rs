@@ -35,7 +35,7 @@ pub struct Level {
     pub cells: [usize; 3],
     /// `[layer]` N/m
     pub stiffness: Vec<Matrix>,
-    /// `[node]` DOF mask per axis (1 free, 0 fixed) and mass, kg.
+    /// `[node]` DOF mask per axis (1 free, 0 fixed) and mass, kg; empty in a model of sizes.
     pub free: Vec<[f64; 4]>,
     /// Upper bound of the eigenvalues of `M⁻¹A`.
     pub largest: f64,
@@ -49,7 +49,7 @@ impl Level {
             nodes_x: cells_x + 1,
             nodes_y: cells_y + 1,
             nodes_z: cells_z + 1,
-            node_count: self.free.len() as u32,
+            node_count: (cells_x + 1) * (cells_y + 1) * (cells_z + 1),
             cells_x,
             cells_y,
             cells_z,
@@ -64,7 +64,7 @@ impl Level {
     }
 }
 
-/// Levels below a grid, in order of coarsening; empty if the grid itself is coarse.
+/// Levels below a grid, in order of coarsening; empty if the grid itself is coarse. Without `free` they have none either.
 pub fn levels(grid: &Grid, stiffness: &[Matrix], free: &[[f64; 4]]) -> Vec<Level> {
     let mut out: Vec<Level> = vec![];
     let mut cells = grid.cells;
@@ -109,6 +109,9 @@ fn galerkin(k: &Matrix) -> Matrix {
 /// cell extends beyond the grid.
 fn coarse_free(cells: [usize; 3], free: &[[f64; 4]]) -> (Vec<[f64; 4]>, [usize; 3]) {
     let coarse = [cells[0].div_ceil(2), cells[1].div_ceil(2), cells[2]];
+    if free.is_empty() {
+        return (vec![], coarse);
+    }
     let (nodes, coarse_nodes) = (cells.map(|c| c + 1), coarse.map(|c| c + 1));
     let fine_at = |x: usize, y: usize, z: usize| x + nodes[0] * (y + nodes[1] * z);
     let mut out = vec![[0.0; 4]; coarse_nodes.iter().product()];

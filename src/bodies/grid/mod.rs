@@ -80,7 +80,8 @@ pub(super) fn reserve(scene: &Scene, skin: &Skin) -> Result<usize> {
 pub(super) fn prepare(model: &mut Model, preconditioner: Preconditioner) {
     let implicit = !model.step.explicit();
     let in_system = model.in_system();
-    let count = model.own_nodes();
+    // without the reserve of duplicates; a model of sizes has no nodes at all
+    let count = model.own_nodes().min(in_system.len());
     let largest_of_mass = if model.mass == Mass::Consistent { levels::OF_MASS } else { 1.0 };
     let grid = &model.grid;
     let Kind::Hexahedra(hexahedra) = &mut model.kind else { return };
@@ -271,6 +272,10 @@ impl Mechanics for Hexahedra {
         3 * model.grid.cell_count()
     }
 
+    fn point_count(&self, model: &Model) -> usize {
+        model.grid.cell_count()
+    }
+
     fn extra_columns(&self) -> usize {
         self.extra_columns
     }
@@ -291,7 +296,7 @@ impl Mechanics for Hexahedra {
         Kind::Hexahedra(Box::new(Self { direct: true, multigrid: None, ..self.clone() }))
     }
 
-    fn host_bytes(&self) -> usize {
+    fn host_bytes(&self, _: &Model) -> usize {
         size_of_val(&self.stiffness[..]) + size_of_val(&self.pre_strain[..])
     }
 

@@ -16,14 +16,15 @@ pub(super) struct Springs {
 
 impl Springs {
     pub fn new(springs: &super::Springs, model: &Model, made: &mut Maker) -> Result<Self> {
-        let rest: Vec<V4<f32>> = model.rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();
-        let law: Vec<V4<f32>> = springs.law.iter().map(|l| l.map(|c| c as f32)).collect();
-        let law = made.of("law", &law)?;
+        let (count, nodes) = (model.elements().spring_count, model.own_nodes());
+        let rest: &dyn Fn() -> Vec<V4<f32>> = &|| model.rest.iter().map(|p| V3::of(*p).pad(0.0)).collect();
+        let law: &dyn Fn() -> Vec<V4<f32>> = &|| springs.law.iter().map(|l| l.map(|c| c as f32)).collect();
+        let law = made.with("law", count, law)?;
         let shared = Arrays::of(&[
-            made.of("rest", &rest)?,
-            made.of("first", &springs.first)?,
-            made.of("half", &springs.half)?,
-            made.vec4("tangent", springs.half.len() * 2)?,
+            made.with("rest", nodes, rest)?,
+            made.with("first", nodes + 1, || springs.first.clone())?,
+            made.with("half", 2 * count, || springs.half.clone())?,
+            made.vec4("tangent", 4 * count)?,
             law.clone(),
         ]);
         Ok(Self { shared, law, nodes: model.node_count() })

@@ -18,7 +18,7 @@ use crate::scene::{Layer, Preconditioner, Scene};
 use std::collections::BTreeSet;
 
 /// Spring arrays.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Springs {
     /// `[spring]` node ids, first < second.
     pub ends: Vec<[u32; 2]>,
@@ -30,24 +30,32 @@ pub struct Springs {
     pub half: Vec<[u32; 2]>,
 }
 
+/// Refuses a scene of springs with a solver for hexahedra.
+///
+/// # Errors
+/// [`Refused::SpringSolver`].
+pub(super) fn check(scene: &Scene) -> Result<()> {
+    let for_hexahedra = match scene.solver.preconditioner {
+        Preconditioner::Multigrid => Some("multigrid"),
+        Preconditioner::Direct => Some("the direct solver"),
+        _ => None,
+    };
+    match for_hexahedra {
+        Some(solver) => Err(Refused::SpringSolver { solver }.into()),
+        None => Ok(()),
+    }
+}
+
 impl Springs {
-    /// Springs between all corner pairs of each cell.
-    ///
-    /// # Errors
-    /// [`Refused::SpringSolver`] if the scene's solver supports hexahedra only.
-    pub(super) fn new(scene: &Scene, grid: &Grid, stiffness: f64, damping: f64) -> Result<Self> {
-        let for_hexahedra = match scene.solver.preconditioner {
-            Preconditioner::Multigrid => Some("multigrid"),
-            Preconditioner::Direct => Some("the direct solver"),
-            _ => None,
-        };
-        if let Some(solver) = for_hexahedra {
-            return Err(Refused::SpringSolver { solver }.into());
-        }
-        Ok(Self::between_corners(grid, stiffness, damping))
+    /// Number of springs that [`Springs::between_corners`] makes: edges, face diagonals and space diagonals.
+    pub fn count_between_corners(grid: &Grid) -> usize {
+        let ([x, y, z], [nodes_x, nodes_y, nodes_z]) = (grid.cells, grid.nodes);
+        let edges = x * nodes_y * nodes_z + nodes_x * y * nodes_z + nodes_x * nodes_y * z;
+        let faces = x * y * nodes_z + x * nodes_y * z + nodes_x * y * z;
+        edges + 2 * faces + 4 * x * y * z
     }
 
-    /// Springs between all corner pairs of each cell, for any solver.
+    /// Springs between all corner pairs of each cell.
     pub fn between_corners(grid: &Grid, stiffness: f64, damping: f64) -> Self {
         let params = grid.params::<f64>();
         let mut pairs = BTreeSet::new();
@@ -95,8 +103,8 @@ impl Model {
 }
 
 impl Mechanics for Springs {
-    fn elements(&self, _: &Model) -> Elements {
-        Elements { hexahedron_count: 0, spring_count: self.ends.len() }
+    fn elements(&self, model: &Model) -> Elements {
+        Elements { hexahedron_count: 0, spring_count: self.segment_count(model) }
     }
 
     fn around_nodes(&self, _: &Model) -> Vec<u32> {
@@ -111,8 +119,12 @@ impl Mechanics for Springs {
         Segments { ends: self.ends.clone(), rest: model.rest.clone() }
     }
 
-    fn segment_count(&self, _: &Model) -> usize {
-        self.ends.len()
+    fn segment_count(&self, model: &Model) -> usize {
+        model.counts.map_or(self.ends.len(), |counts| counts.springs)
+    }
+
+    fn point_count(&self, model: &Model) -> usize {
+        model.own_nodes()
     }
 
     fn extra_columns(&self) -> usize {
@@ -131,11 +143,10 @@ impl Mechanics for Springs {
         Kind::Springs(Box::new(self.clone()))
     }
 
-    fn host_bytes(&self) -> usize {
-        size_of_val(&self.ends[..])
-            + size_of_val(&self.law[..])
-            + size_of_val(&self.first[..])
-            + size_of_val(&self.half[..])
+    fn host_bytes(&self, model: &Model) -> usize {
+        let count = self.segment_count(model);
+        count * (size_of::<[u32; 2]>() + size_of::<[f64; 4]>() + 2 * size_of::<[u32; 2]>())
+            + (model.own_nodes() + 1) * size_of::<u32>()
     }
 
     /// `½ Σ k ε²`, ε the elongation.

@@ -139,7 +139,10 @@ fn admit(listener: &TcpListener, shared: &Arc<Shared>) {
     }
 }
 
-/// First bytes of a connection up to the empty line, left in the socket.
+/// First bytes of a connection up to the empty line, left in the socket: whole, so that nobody waits for the rest of a handshake.
+///
+/// # Errors
+/// [`ErrorKind::TimedOut`] after [`PATIENCE`], however many bytes have come by then, [`ErrorKind::FileTooLarge`] for more than fit.
 fn head(stream: &TcpStream) -> io::Result<String> {
     let until = Instant::now() + PATIENCE;
     let mut bytes = [0; 4096];
@@ -148,8 +151,11 @@ fn head(stream: &TcpStream) -> io::Result<String> {
             0 => return Err(ErrorKind::UnexpectedEof.into()),
             read => {
                 let text = String::from_utf8_lossy(&bytes[..read]);
-                if text.contains("\r\n\r\n") || read == bytes.len() {
+                if text.contains("\r\n\r\n") {
                     return Ok(text.to_ascii_lowercase());
+                }
+                if read == bytes.len() {
+                    return Err(ErrorKind::FileTooLarge.into());
                 }
             }
         }
@@ -203,7 +209,13 @@ impl Shared {
         stream.set_nodelay(true)?;
         stream.set_read_timeout(Some(PATIENCE))?;
         stream.set_write_timeout(Some(PATIENCE))?;
-        let head = head(&stream)?;
+        let head = head(&stream).inspect_err(|error| {
+            let status = match error.kind() {
+                ErrorKind::FileTooLarge => "431 Request Header Fields Too Large",
+                _ => "408 Request Timeout",
+            };
+            answer(&mut stream, status, "{\"error\": \"wanted a whole request of at most 4 KiB within 1 s\"}").ok();
+        })?;
         if !(is_local(&head) && head.contains("upgrade: websocket")) {
             let mut asked = [0; 4096];
             let _ = stream.read(&mut asked)?;
@@ -223,6 +235,7 @@ impl Shared {
             answer(&mut refusal, "400 Bad Request", &body).ok();
             io::Error::other(error)
         })?;
+        drop(refusal); // a descriptor
         socket.get_ref().set_read_timeout(Some(SLICE))?;
         {
             let state = &mut *self.state();

@@ -19,7 +19,7 @@ pub use files::{open, write};
 use super::Refused;
 use super::memory::{self, Purpose};
 use super::study::{element_word, grid_words};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::scene::{BodyId, Integrator, Law, LoadKind, Preconditioner, Probe, ProbeKind, Scene};
 use crate::step::{Platform, Simulation, StepReport};
 use glam::DVec3;
@@ -198,7 +198,7 @@ pub fn verify(platform: &Platform, quick: bool, begin: &mut dyn FnMut(usize, usi
     let mut page = Page { device: String::new(), version: env!("CARGO_PKG_VERSION"), quick, rows: vec![] };
     let wanted: Vec<&Case> = CASES.iter().filter(|case| case.quick || !quick).collect();
     // refused before the first run
-    wanted.iter().try_for_each(|case| memory::fits(&case.scene()?, Purpose::from(platform)))?;
+    wanted.iter().try_for_each(|case| case.fits(platform))?;
     for (number, case) in wanted.iter().enumerate() {
         begin(number, wanted.len(), case);
         let scene = case.scene()?;
@@ -213,6 +213,16 @@ pub fn verify(platform: &Platform, quick: bool, begin: &mut dyn FnMut(usize, usi
 }
 
 impl Case {
+    /// Refuses a case that cannot fit into memory: nobody can change its scene.
+    fn fits(&self, platform: &Platform) -> Result<()> {
+        memory::fits(&self.scene()?, Purpose::from(platform)).map_err(|error| match error {
+            Error::Report(Refused::Memory { wanted, free, .. }) => {
+                Refused::CaseMemory { case: self.name, wanted, free }.into()
+            }
+            error => error,
+        })
+    }
+
     /// Its scene, changed.
     ///
     /// # Errors

@@ -5,7 +5,7 @@ use super::compliance::{COLUMNS, most_nodes};
 use crate::backend::{Needs, Snapshot};
 use crate::bodies::{self, Model};
 use crate::error::Result;
-use crate::scene::{Attachment, BodyId, Correction, Scene};
+use crate::scene::{Attachment, BodyId, Correction, STEP, Scene};
 
 /// Number of right-hand sides of a deformable body's backend.
 pub(super) fn slots(scene: &Scene) -> usize {
@@ -24,7 +24,7 @@ pub(super) fn check_step(scene: &Scene, model: &Model) -> Result<()> {
         return Ok(());
     }
     let refused = Refused::UnstableStep {
-        path: scene.file.clone(),
+        at: scene.at(STEP),
         name: scene.skins[model.body].name.clone(),
         step_ms: 1e3 * step,
         stable_ms: 1e3 * stable,
@@ -53,8 +53,8 @@ pub fn needs(scene: &Scene, model: &Model) -> Needs {
 /// Number of an attachment's nodes, whichever body they belong to.
 fn tied_nodes(scene: &Scene, model: &Model, attachment: &Attachment) -> usize {
     match attachment.body == model.body {
-        true => model.nodes_in(&attachment.region).len(),
-        false => bodies::nodes_in(&scene.skins[attachment.body], &attachment.region).len(),
+        true => model.count_in(&attachment.region),
+        false => bodies::count_in(&scene.skins[attachment.body], &attachment.region),
     }
 }
 
