@@ -500,11 +500,10 @@ impl Number for u8 {
 fn array<T: Number>(out: &mut String, name: &str, components: usize, values: &[T], encoding: Encoding) {
     let format = if encoding == Encoding::Binary { "binary" } else { "ascii" };
     let (kind, name) = (T::NAME, escaped(name));
-    write!(
-        out,
-        "        <DataArray type=\"{kind}\" Name=\"{name}\" NumberOfComponents=\"{components}\" format=\"{format}\">"
-    )
-    .expect("a String takes any text");
+    // left out where it is 1: some readers take it for a dimension of its own
+    let components_of = if components == 1 { String::new() } else { format!(" NumberOfComponents=\"{components}\"") };
+    write!(out, "        <DataArray type=\"{kind}\" Name=\"{name}\"{components_of} format=\"{format}\">")
+        .expect("a String takes any text");
     match encoding {
         Encoding::Binary => {
             let length = std::mem::size_of_val(values);

@@ -106,7 +106,7 @@ fn every_defect_is_told_and_mended() -> Outcome {
     for (name, count) in [
         ("unused points", 1),
         ("points at the position of another", 1),
-        ("inverted tetrahedra", 2),
+        ("inverted tetrahedra", 1),
         ("degenerate tetrahedra", 1),
         ("repeated tetrahedra", 1),
         ("repeated triangles", 1),
@@ -116,7 +116,7 @@ fn every_defect_is_told_and_mended() -> Outcome {
         ensure!(list.contains(&(name.into(), count)), "no {count} {name} in {list:?}");
     }
     let said = work.cutis(&["mesh", "bad.msh"])?;
-    ensure!(said.out.contains("inverted tetrahedra: 2, the first tetrahedron 1: "), "{}", said.out);
+    ensure!(said.out.contains("inverted tetrahedra: 1, the first tetrahedron 1: "), "{}", said.out);
     // mended: what remains overlaps, which is not for a program to mend
     let mended = work.json(&["mesh", "bad.msh", "--mend", "--out", "good.msh", "--json"], 0)?;
     let again = work.json(&["mesh", "good.msh", "--json"], 0)?;
@@ -195,7 +195,7 @@ fn meshes_of_results_are_examined() -> Outcome {
 fn bad_meshes_are_exit_2_with_their_place() -> Outcome {
     let work = Work::with(ALONE)?;
     work.write("nan.msh", &REGULAR.replace("2 -1 1 -1", "2 -1 nan -1"))?;
-    work.write("cut.msh", &REGULAR[..REGULAR.len() / 2])?;
+    work.write("cut.msh", &REGULAR[..REGULAR.len() - 20])?;
     work.write("empty.vtu", "")?;
     std::fs::create_dir(work.path("folder.stl")).map_err(|e| e.to_string())?;
     for (name, words) in [

@@ -75,6 +75,9 @@ cells = [("triangle", faces), ("tetra", tets)]
 on_cells = [np.full(len(faces), 9), tags]
 solid = meshio.Mesh(points, cells, cell_data={"gmsh:physical": on_cells, "gmsh:geometrical": on_cells})
 solid.field_data = {"side": np.array([9, 2]), "fat": np.array([3, 3]), "der mis": np.array([5, 3])}
+solid41 = meshio.Mesh(points, cells, cell_data=solid.cell_data, field_data=solid.field_data)
+# the entity that each point is in, which its writer asks for
+solid41.point_data = {"gmsh:dim_tags": np.tile([3, 1], (len(points), 1))}
 plain = meshio.Mesh(points, cells, cell_data={"region": on_cells})
 used = np.unique(faces)
 surface = meshio.Mesh(points[used], [("triangle", np.searchsorted(used, faces))])
@@ -83,8 +86,8 @@ surface = meshio.Mesh(points[used], [("triangle", np.searchsorted(used, faces))]
 forms = [
     ("gmsh22.msh", solid, "gmsh22", {"binary": False}),
     ("gmsh22b.msh", solid, "gmsh22", {"binary": True}),
-    ("gmsh41.msh", solid, "gmsh", {"binary": False}),
-    ("gmsh41b.msh", solid, "gmsh", {"binary": True}),
+    ("gmsh41.msh", solid41, "gmsh", {"binary": False}),
+    ("gmsh41b.msh", solid41, "gmsh", {"binary": True}),
     ("vtk42.vtk", plain, "vtk42", {"binary": False}),
     ("vtk42b.vtk", plain, "vtk42", {"binary": True}),
     ("vtk51.vtk", plain, "vtk51", {"binary": False}),
