@@ -15,7 +15,7 @@
 //!
 //! The readers are our own: `mshio`, `stl_io`, `ply-rs` and `vtkio` read some of these formats, but believe the counts of a header and do
 //! not say where a file is wrong. No count is believed here beyond what the bytes behind it can hold. The peak of memory is the file and
-//! the mesh, and one decoded array of a VTU.
+//! the mesh, and one decoded array of a VTU, or the list of an OBJ's statements.
 //!
 //! Sources: Gmsh reference manual, section 10 (file formats); VTK file formats (Kitware); Turk 1994 (PLY); 3D Systems 1989 (STL).
 

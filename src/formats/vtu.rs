@@ -21,7 +21,7 @@ const ZLIB_RATIO: u64 = 1032;
 struct File<'a> {
     path: &'a Path,
     document: &'a Document<'a>,
-    /// Line of the document's first line.
+    /// The most significant byte of a number comes first.
     big: bool,
     /// Of the lengths before binary data.
     header: Type,

@@ -214,17 +214,25 @@ fn shape(mesh: &Mesh, nodes: &[u32; 4]) -> (f64, [DVec3; 4], f64) {
     (longest, normals, mesh.volume(nodes))
 }
 
-fn is_degenerate(mesh: &Mesh, nodes: &[u32; 4]) -> bool {
+/// Whether a tetrahedron is not degenerate; false for lengths beyond f64.
+fn has_volume(mesh: &Mesh, nodes: &[u32; 4]) -> bool {
     let (longest, _, volume) = shape(mesh, nodes);
     // a regular one has a volume of edge³ / 6√2
     let regular = longest.powi(3) / (6.0 * std::f64::consts::SQRT_2);
-    !(volume.abs() > DEGENERATE * regular)
+    volume.abs() > DEGENERATE * regular
+}
+
+/// The same of a triangle and its area.
+fn has_area(mesh: &Mesh, nodes: &[u32; 3]) -> bool {
+    let [a, b, c] = nodes.map(|id| DVec3::from(mesh.points[id as usize]));
+    let longest = (b - a).length().max((c - a).length()).max((c - b).length());
+    (b - a).cross(c - a).length() > DEGENERATE * longest * longest
 }
 
 fn quality(mesh: &Mesh) -> Quality {
     let mut q =
         Quality { aspect_max: 0.0, aspect: [0; ASPECTS.len()], angle_min: 180.0, angle_max: 0.0, angles: [0; ANGLES] };
-    for nodes in mesh.tetrahedra.iter().filter(|nodes| !is_degenerate(mesh, nodes)) {
+    for nodes in mesh.tetrahedra.iter().filter(|nodes| has_volume(mesh, nodes)) {
         let (longest, normals, volume) = shape(mesh, nodes);
         let largest = normals.iter().map(|n| n.length()).fold(0.0, f64::max);
         // least height = 6 |V| / (2 × largest face)
@@ -277,14 +285,9 @@ fn defects(mesh: &Mesh, edges: &[Edge]) -> Vec<Defect> {
         let first = found.next();
         (found.count() + usize::from(first.is_some()), first)
     };
-    let flat = of_solids(&|nodes| is_degenerate(mesh, nodes));
-    let inverted = of_solids(&|nodes| mesh.volume(nodes) < 0.0 && !is_degenerate(mesh, nodes));
-    let no_area = |[a, b, c]: &[u32; 3]| {
-        let [a, b, c] = [a, b, c].map(|id| DVec3::from(mesh.points[*id as usize]));
-        let longest = (b - a).length().max((c - a).length()).max((c - b).length());
-        !((b - a).cross(c - a).length() > DEGENERATE * longest * longest)
-    };
-    let thin: Vec<usize> = (0..mesh.triangles.len()).filter(|k| no_area(&mesh.triangles[*k])).collect();
+    let flat = of_solids(&|nodes| !has_volume(mesh, nodes));
+    let inverted = of_solids(&|nodes| mesh.volume(nodes) < 0.0 && has_volume(mesh, nodes));
+    let thin: Vec<usize> = (0..mesh.triangles.len()).filter(|k| !has_area(mesh, &mesh.triangles[*k])).collect();
     let mut all = faces(&mesh.tetrahedra);
     all.sort_unstable();
     let crowded = all.chunk_by(|a: &Face, b: &Face| a.0 == b.0).filter(|same| same.len() > 2);
@@ -348,7 +351,7 @@ pub fn mended(mesh: &Mesh) -> Mesh {
     let mut known = HashSet::new();
     for (nodes, region) in mesh.tetrahedra.iter().zip(&mesh.tetrahedron_regions) {
         let mut nodes = nodes.map(|id| joined[id as usize]);
-        if is_degenerate(mesh, &nodes) || !known.insert(sorted(&nodes)) {
+        if !has_volume(mesh, &nodes) || !known.insert(sorted(&nodes)) {
             continue;
         }
         if mesh.volume(&nodes) < 0.0 {
@@ -360,9 +363,7 @@ pub fn mended(mesh: &Mesh) -> Mesh {
     let mut known = HashSet::new();
     for (nodes, region) in mesh.triangles.iter().zip(&mesh.triangle_regions) {
         let nodes = nodes.map(|id| joined[id as usize]);
-        let [a, b, c] = nodes.map(|id| DVec3::from(mesh.points[id as usize]));
-        let longest = (b - a).length().max((c - a).length()).max((c - b).length());
-        if (b - a).cross(c - a).length() > DEGENERATE * longest * longest && known.insert(sorted(&nodes)) {
+        if has_area(mesh, &nodes) && known.insert(sorted(&nodes)) {
             out.triangles.push(nodes);
             out.triangle_regions.push(*region);
         }
