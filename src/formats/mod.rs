@@ -33,6 +33,7 @@ mod vtu;
 pub use cell::{Cell, Face, faces};
 pub use grid::{Array, Grid};
 pub use refused::{At, Place, Refused};
+#[cfg(feature = "program")]
 pub(crate) use vtu::escaped;
 pub use vtu::{read as read_grid, write as write_grid};
 
