@@ -4,6 +4,7 @@
 //! module's enum. Errors are for input, machine and disk; a broken invariant of this crate is an `assert!`.
 
 use crate::bodies;
+use crate::formats;
 use crate::gpu;
 use crate::haptic;
 #[cfg(feature = "haply")]
@@ -27,6 +28,8 @@ pub type Result<T> = std::result::Result<T, Error>;
 pub enum Error {
     /// Invalid scene, or a file that it names.
     Scene(Box<Invalid>),
+    /// Mesh file that cannot be read or written.
+    Mesh(#[from] formats::Refused),
     /// Body that cannot be computed as its scene asks.
     Body(#[from] bodies::Refused),
     /// The same of a body, with the scene that it is of.

@@ -17,6 +17,7 @@
 //! | --- | --- | --- |
 //! | [`scene`] | plain data in SI, reader, validation | all keys: [`scene::keys`] |
 //! | [`kernels`] | computations on flat arrays, in WGSL and Rust | formula, units, source |
+//! | [`formats`] | mesh files: Gmsh, VTK, OBJ, STL, PLY | what each keeps; defects of meshes |
 //! | [`mesh`] | the grid, its links, duplicated nodes and surface | how a cut separates cells and nodes |
 //! | [`bodies`] | bodies by kind: hexahedra, springs, rigid bodies | elements, hyperelastic laws, multigrid, wounds |
 //! | [`collide`], [`constraints`] | contacts between any two bodies; contact laws | blades, lips, normal cones; the contact solvers |
@@ -143,7 +144,7 @@
 //!
 //! # Rules that hold everywhere
 //! - Imports go downward: main > cli > report > runner, output, view > step > haptic > backend > collide > constraints, linear >
-//!   bodies > mesh, gpu > kernels, scene > error, math. Modules of one level do not import each other (a test reads this); `error` alone names the
+//!   bodies > mesh, gpu > kernels, scene > formats > error, math. Modules of one level do not import each other (a test reads this); `error` alone names the
 //!   errors of those above it.
 //!   `gpu` knows no physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
 //! - SI units inside; scene keys carry their unit.
@@ -163,6 +164,7 @@ pub mod bodies;
 pub mod collide;
 pub mod constraints;
 pub mod error;
+pub mod formats;
 pub mod gpu;
 pub mod haptic;
 #[path = "../kernels/mod.rs"]

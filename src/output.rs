@@ -1,21 +1,16 @@
 //! Result files: meshes for ParaView (`.vtu`), their times (`.pvd`) and tables (`.csv`).
 //!
-//! Meshes are VTK XML unstructured grids with inline base64 binary arrays in little-endian order, written with vtkio and readable by
-//! ParaView and vtkio. Coordinates are metres. A killed run leaves readable files: meshes and series are written to temporary files and
+//! Meshes are VTK XML unstructured grids with inline base64 binary arrays in little-endian order. Coordinates are metres. A killed run leaves readable files: meshes and series are written to temporary files and
 //! then renamed; tables are flushed in complete lines.
 
 use crate::error::{Error, Result};
+use crate::formats::{Array, Encoding, Grid, escaped, write_grid};
 use serde::{Deserialize, Serialize};
 use std::borrow::Borrow;
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufRead as _, BufReader, Write as _};
 use std::path::{Path, PathBuf};
-use vtkio::IOBuffer;
-use vtkio::model::{
-    Attribute, Attributes, ByteOrder, CellType, Cells, DataSet, UnstructuredGridPiece, Version, VertexNumbers, Vtk,
-};
-
 /// Result file that cannot be written or continued.
 #[derive(Debug, thiserror::Error)]
 pub enum Failed {
@@ -66,6 +61,10 @@ pub enum Failed {
 /// for each row would cost a system call per step.
 const ROWS_PER_FLUSH: usize = 64;
 
+/// VTK's numbers of the shapes that are written.
+const TRIANGLE: u8 = 5;
+const HEXAHEDRON: u8 = 12;
+
 /// Values on the points or cells of a mesh; the field's name contains the unit.
 #[derive(Clone, Copy, Debug)]
 pub enum Field<'a> {
@@ -96,7 +95,7 @@ pub fn write_hexes(
     point_data: &[(&str, Field)],
     cell_data: &[(&str, Field)],
 ) -> Result<()> {
-    write_grid(path, points, cells, CellType::Hexahedron, point_data, cell_data)
+    write_cells(path, points, cells, HEXAHEDRON, point_data, cell_data)
 }
 
 /// Writes triangles to a `.vtu` file; otherwise as [`write_hexes`].
@@ -107,14 +106,14 @@ pub fn write_triangles(
     point_data: &[(&str, Field)],
     cell_data: &[(&str, Field)],
 ) -> Result<()> {
-    write_grid(path, points, cells, CellType::Triangle, point_data, cell_data)
+    write_cells(path, points, cells, TRIANGLE, point_data, cell_data)
 }
 
-fn write_grid<const N: usize>(
+fn write_cells<const N: usize>(
     path: &Path,
     points: &[[f64; 3]],
     cells: &[[u32; N]],
-    cell_type: CellType,
+    shape: u8,
     point_data: &[(&str, Field)],
     cell_data: &[(&str, Field)],
 ) -> Result<()> {
@@ -124,63 +123,33 @@ fn write_grid<const N: usize>(
         let count = points.len();
         return Err(vtk_error(format!("a cell names point {id}, but there are {count} points")).into());
     }
-    let vtk = Vtk {
-        version: Version::new((1, 0)),
-        title: String::new(),
-        byte_order: ByteOrder::LittleEndian,
-        file_path: None,
-        data: DataSet::inline(UnstructuredGridPiece {
-            points: IOBuffer::F64(points.as_flattened().to_vec()),
-            cells: vtk_cells(cells, cell_type),
-            data: Attributes {
-                point: attributes(point_data, points.len(), "points").map_err(vtk_error)?,
-                cell: attributes(cell_data, cells.len(), "cells").map_err(vtk_error)?,
-            },
-        }),
+    let grid = Grid {
+        points: points.to_vec(),
+        types: vec![shape; cells.len()],
+        offsets: (1..=cells.len()).map(|end| (end * N) as u64).collect(),
+        connectivity: cells.as_flattened().to_vec(),
+        point_data: arrays(point_data, points.len(), "points").map_err(vtk_error)?,
+        cell_data: arrays(cell_data, cells.len(), "cells").map_err(vtk_error)?,
+        ..Grid::default()
     };
-    let mut bytes = Vec::new();
-    vtk.write_xml(&mut bytes).map_err(|error| vtk_error(error.to_string()))?;
-    if cells.is_empty() {
-        state_no_cells(&mut bytes);
-    }
-    replace(path, &bytes)
+    replace(path, &write_grid(&grid, Encoding::Binary))
 }
 
-/// Cells of one type in vtkio's form.
-fn vtk_cells<const N: usize>(cells: &[[u32; N]], cell_type: CellType) -> Cells {
-    let ids = cells.as_flattened().iter();
-    Cells {
-        cell_verts: VertexNumbers::XML {
-            connectivity: ids.map(|&id| u64::from(id)).collect(),
-            offsets: (1..=cells.len()).map(|end| (end * N) as u64).collect(),
-        },
-        types: vec![cell_type; cells.len()],
-    }
-}
-
-/// Adds `NumberOfCells="0"`: VTK rejects a file without it, and vtkio omits it when it is 0.
-fn state_no_cells(bytes: &mut Vec<u8>) {
-    let piece = b"<Piece ";
-    let start = bytes.windows(piece.len()).position(|text| text == piece);
-    let end = start.expect("vtkio writes one piece") + piece.len();
-    bytes.splice(end..end, *b"NumberOfCells=\"0\" ");
-}
-
-/// Fields in vtkio's form, or the reason why they are invalid.
-fn attributes(fields: &[(&str, Field)], count: usize, of: &str) -> std::result::Result<Vec<Attribute>, String> {
-    let mut attributes = Vec::with_capacity(fields.len());
+/// Fields as arrays, or the reason why they are invalid.
+fn arrays(fields: &[(&str, Field)], count: usize, of: &str) -> std::result::Result<Vec<Array>, String> {
+    let mut arrays = Vec::with_capacity(fields.len());
     for (name, field) in fields {
         if field.len() != count {
             let found = field.len();
             return Err(format!("field `{name}` has {found} values for {count} {of}; give one each"));
         }
-        let attribute = match field {
-            Field::Scalars(values) => Attribute::generic(*name, 1).with_data(values.to_vec()),
-            Field::Vectors(values) => Attribute::generic(*name, 3).with_data(values.as_flattened().to_vec()),
+        let (components, values) = match field {
+            Field::Scalars(values) => (1, values.to_vec()),
+            Field::Vectors(values) => (3, values.as_flattened().to_vec()),
         };
-        attributes.push(attribute);
+        arrays.push(Array { name: (*name).into(), components, values });
     }
-    Ok(attributes)
+    Ok(arrays)
 }
 
 /// Writes `bytes` to `path` atomically: a reader, or a killed run, sees the old file or the new one.
@@ -210,7 +179,7 @@ impl Series {
 
     /// Adds `file_name`, relative to the `.pvd` file, at `time_s` seconds, and rewrites the file.
     pub fn add(&mut self, time_s: f64, file_name: &str) -> Result<()> {
-        let file = escape(file_name);
+        let file = escaped(file_name);
         let time = shortest(time_s);
         let line = format!("    <DataSet timestep=\"{time}\" part=\"0\" file=\"{file}\"/>\n");
         self.entries.push_str(&line);
@@ -243,11 +212,6 @@ impl Series {
         );
         replace(&self.path, text.as_bytes())
     }
-}
-
-fn escape(text: &str) -> String {
-    let text = text.replace('&', "&amp;").replace('<', "&lt;");
-    text.replace('>', "&gt;").replace('"', "&quot;")
 }
 
 /// A CSV file with a header; each value is written with the fewest digits that read back to the same `f64`. Dropping it flushes;
@@ -430,7 +394,7 @@ fn shortest(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use vtkio::model::Piece;
+    use crate::formats::read_grid;
 
     /// A folder of its own for one test, removed at the end.
     struct Folder(PathBuf);
@@ -453,22 +417,12 @@ mod tests {
         }
     }
 
-    fn read(path: &Path) -> UnstructuredGridPiece {
-        let vtk = Vtk::import(path).unwrap();
-        match vtk.data {
-            DataSet::UnstructuredGrid { mut pieces, .. } => match pieces.remove(0) {
-                Piece::Inline(piece) => *piece,
-                other => panic!("{other:?}"),
-            },
-            other => panic!("{other:?}"),
-        }
+    fn read(path: &Path) -> Grid {
+        read_grid(&std::fs::read(path).unwrap(), path).unwrap()
     }
 
-    fn values(attribute: &Attribute) -> (String, Vec<f64>) {
-        match attribute {
-            Attribute::DataArray(array) => (array.name.clone(), array.data.clone().into_vec().unwrap()),
-            other => panic!("{other:?}"),
-        }
+    fn array(name: &str, components: usize, values: &[f64]) -> Array {
+        Array { name: name.into(), components, values: values.to_vec() }
     }
 
     const CUBE: [[f64; 3]; 8] = [
@@ -497,17 +451,10 @@ mod tests {
         )
         .unwrap();
         let piece = read(&path);
-        assert_eq!(piece.points.into_vec::<f64>().unwrap(), CUBE.as_flattened());
-        assert_eq!(piece.cells.types, [CellType::Hexahedron]);
-        let (ends, ids) = match piece.cells.cell_verts {
-            VertexNumbers::XML { connectivity, offsets } => (offsets, connectivity),
-            other => panic!("{other:?}"),
-        };
-        assert_eq!((ends, ids), (vec![8], (0..8).collect()));
-        let expected = ("v_m_s".to_owned(), speed.as_flattened().to_vec());
-        assert_eq!(values(&piece.data.point[0]), expected);
-        assert_eq!(values(&piece.data.point[1]), ("t_K".to_owned(), temperature));
-        assert_eq!(values(&piece.data.cell[0]), ("layer".to_owned(), vec![2.0]));
+        assert_eq!((piece.points.as_slice(), piece.types.as_slice()), (&CUBE[..], &[HEXAHEDRON][..]));
+        assert_eq!((piece.offsets, piece.connectivity), (vec![8], (0..8).collect()));
+        assert_eq!(piece.point_data, [array("v_m_s", 3, speed.as_flattened()), array("t_K", 1, &temperature)]);
+        assert_eq!(piece.cell_data, [array("layer", 1, &[2.0])]);
         assert!(!folder.file("cube.vtu.tmp").exists());
     }
 
@@ -519,13 +466,10 @@ mod tests {
         let data = [("normal", Field::Vectors(&normals))];
         write_triangles(&path, &CUBE[..4], &[[0, 2, 1], [0, 3, 2]], &[], &data).unwrap();
         let piece = read(&path);
-        assert_eq!(piece.points.into_vec::<f64>().unwrap(), CUBE[..4].as_flattened());
-        assert_eq!(piece.cells.types, [CellType::Triangle; 2]);
-        let (_, ids) = piece.cells.cell_verts.into_legacy();
-        assert_eq!(ids, [3, 0, 2, 1, 3, 0, 3, 2]);
-        assert!(piece.data.point.is_empty());
-        let expected = ("normal".to_owned(), normals.as_flattened().to_vec());
-        assert_eq!(values(&piece.data.cell[0]), expected);
+        assert_eq!((piece.points.as_slice(), piece.types.as_slice()), (&CUBE[..4], &[TRIANGLE; 2][..]));
+        assert_eq!((piece.offsets, piece.connectivity), (vec![3, 6], vec![0, 2, 1, 0, 3, 2]));
+        assert!(piece.point_data.is_empty());
+        assert_eq!(piece.cell_data, [array("normal", 3, normals.as_flattened())]);
     }
 
     #[test]
@@ -534,12 +478,12 @@ mod tests {
         let path = folder.file("empty.vtu");
         write_hexes(&path, &[], &[], &[("v", Field::Vectors(&[]))], &[]).unwrap();
         let piece = read(&path);
-        assert_eq!((piece.num_points(), piece.cells.num_cells()), (0, 0));
-        assert_eq!(values(&piece.data.point[0]), ("v".to_owned(), vec![]));
+        assert_eq!((piece.points.len(), piece.types.len()), (0, 0));
+        assert_eq!(piece.point_data, [array("v", 3, &[])]);
         write_triangles(&path, &CUBE, &[], &[], &[]).unwrap();
-        assert_eq!(read(&path).num_points(), 8);
+        assert_eq!(read(&path).points.len(), 8);
         let text = std::fs::read_to_string(&path).unwrap();
-        assert!(text.contains("<Piece NumberOfCells=\"0\" NumberOfPoints=\"8\""));
+        assert!(text.contains("<Piece NumberOfPoints=\"8\" NumberOfCells=\"0\""));
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! The built program from outside: exit codes, messages, files.
 //!
-//! Tests that need an adapter are listed as ignored without one; `CUTIS_GPU=require` makes that a failure.
+//! Tests that need an adapter are listed as ignored without one; `CUTIS_GPU=require` makes that a failure. So is the one that needs python3
+//! with meshio (`CUTIS_PYTHON` names another interpreter).
 
 #[path = "cli/hostile.rs"]
 mod hostile;
@@ -12,6 +13,8 @@ mod killed;
 mod lost;
 #[path = "cli/memory.rs"]
 mod memory;
+#[path = "cli/mesh.rs"]
+mod mesh;
 #[path = "cli/results.rs"]
 mod results;
 #[path = "cli/resumed.rs"]
@@ -51,15 +54,29 @@ fn main() {
     // limits of the address space, and what a process takes of it, are Linux's
     let memory = if cfg!(target_os = "linux") { memory::TESTS } else { &[] };
     let hostile = if cfg!(unix) { hostile::TESTS } else { &[] };
-    let plain =
-        [hostile, input::TESTS, killed::TESTS, lost::TESTS, memory, results::TESTS, resumed::TESTS, stand_in::TESTS]
-            .concat();
+    let plain = [
+        hostile,
+        input::TESTS,
+        killed::TESTS,
+        lost::TESTS,
+        memory,
+        mesh::TESTS,
+        results::TESTS,
+        resumed::TESTS,
+        stand_in::TESTS,
+    ]
+    .concat();
     let on_gpu = results::GPU_TESTS;
     let mut trials: Vec<Trial> = plain.iter().map(trial).collect();
     trials.extend(on_gpu.iter().map(|test| match (adapter, required) {
         (false, true) => Trial::test(test.0, || Err("no adapter, and CUTIS_GPU=require".into())),
         (false, false) => trial(test).with_ignored_flag(true).with_kind("no adapter"),
         (true, _) => trial(test),
+    }));
+    let meshio = mesh::has_meshio();
+    trials.extend(mesh::MESHIO_TESTS.iter().map(|test| match meshio {
+        true => trial(test),
+        false => trial(test).with_ignored_flag(true).with_kind("no python3 with meshio"),
     }));
     libtest_mimic::run(&arguments, trials).exit();
 }

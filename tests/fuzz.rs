@@ -11,8 +11,13 @@ mod change;
 mod files;
 #[path = "fuzz/found.rs"]
 mod found;
+#[path = "fuzz/meshes.rs"]
+mod meshes;
 #[cfg(unix)]
 #[path = "fuzz/program.rs"]
 mod program;
+#[path = "formats/samples.rs"]
+#[allow(dead_code, reason = "other tests take its larger mesh")]
+mod samples;
 #[path = "fuzz/scenes.rs"]
 mod scenes;

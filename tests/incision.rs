@@ -96,6 +96,20 @@ fn a_hard_press_enters_and_tougher_skin_withstands_it() {
 }
 
 #[test]
+fn duplicates_without_cells_do_not_move() {
+    let (mut cut, _) = run(&pressed(1.8e-3), 60);
+    assert!(cut.totals().links > 0, "the blade should have entered");
+    let state = cut.snapshots().expect("the CPU path has no device to fail").remove(0);
+    let spare: Vec<usize> = (0..state.u.len()).filter(|node| state.free[*node][3] == 0.0).collect();
+    assert!(!spare.is_empty(), "columns of duplicates are whole, and the cut is not");
+    assert!(
+        spare.iter().all(|node| state.v[*node] == [0.0; 4]),
+        "{:?}",
+        spare.iter().map(|n| state.v[*n]).collect::<Vec<_>>()
+    );
+}
+
+#[test]
 fn refinement_counts_contact_forces_in() {
     let mut scene = pressed(1e-4);
     scene.solver.tolerance = 1e-7;

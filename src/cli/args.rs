@@ -58,6 +58,11 @@ pub enum Command {
     Check(Check),
     /// Explain the keys of scene files: default, range, meaning
     Keys(Keys),
+    /// Examine a mesh file: counts, sizes, quality, boundary, defects; draw it, mend it, convert it
+    ///
+    /// Reads Gmsh .msh (2.2, 4.1), legacy .vtk, .vtu, .obj, .stl and .ply; --out writes them (but .vtk) by their ending. A mesh with defects
+    /// is no error: they are listed, with what comes of each.
+    Mesh(Mesh),
     /// List the adapters of this machine and say which one `--backend auto` takes
     Adapters(Adapters),
     /// Stand in for Haply's Inverse Service: an Inverse3 and a simulated hand that pushes back, on a port of this machine
@@ -219,6 +224,28 @@ pub struct Check {
 pub struct Keys {
     /// Keys and tables with WORD in their name; all when none is given
     pub word: Option<String>,
+    /// Print JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `mesh`.
+#[derive(Args, Clone, Debug)]
+pub struct Mesh {
+    /// Mesh file
+    pub file: PathBuf,
+    /// Write the mesh to FILE: .msh (2.2), .vtu, .obj, .stl or .ply
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Write text instead of binary numbers
+    #[arg(long, requires = "out")]
+    pub text: bool,
+    /// Before writing and drawing, join equal points, turn inverted tetrahedra, leave out what is unused, repeated or degenerate
+    #[arg(long)]
+    pub mend: bool,
+    /// Draw the surface into a PNG file, coloured by region
+    #[arg(long, value_name = "FILE")]
+    pub png: Option<PathBuf>,
     /// Print JSON on standard output
     #[arg(long)]
     pub json: bool,

@@ -11,8 +11,9 @@ mod usage;
 
 use args::{Backend, Cli, Command, Precision, Run};
 use cutis::error::Error;
+use cutis::formats::{self, Encoding, Format};
 use cutis::report::memory::{self, Purpose};
-use cutis::report::{check, compare, inspect, run, study, verify};
+use cutis::report::{check, compare, inspect, mesh, run, study, verify};
 use cutis::runner;
 use cutis::scene::{self, Preconditioner, Scene};
 use cutis::step::Platform;
@@ -54,6 +55,7 @@ fn obey(cli: Cli) -> Result<u8> {
         Command::Inspect(args) => inspect_scene(&args),
         Command::Check(args) => check_scenes(&args),
         Command::Keys(args) => list_keys(&args),
+        Command::Mesh(args) => examine_mesh(&args),
         Command::Adapters(args) => list_adapters(args),
         Command::HaplyMock(args) => stand_in::stand_in(&args),
     }
@@ -299,6 +301,45 @@ fn list_keys(args: &args::Keys) -> Result<u8> {
         print::json(&found.iter().map(row).collect::<Vec<Value>>())?;
     } else {
         print::lines(&text::keys(&found))?;
+    }
+    Ok(0)
+}
+
+fn examine_mesh(args: &args::Mesh) -> Result<u8> {
+    runner::take_all_cores()?;
+    // endings first: a large file takes its time
+    let format = args.out.as_deref().map(Format::of).transpose().map_err(Error::from)?;
+    if let (Some(Format::Vtk), Some(path)) = (format, &args.out) {
+        return Err(Error::from(formats::Refused::ReadOnly { path: path.clone() }).into());
+    }
+    let mut shown = progress::Reading::new(std::fs::metadata(&args.file).map_or(0, |file| file.len()));
+    let read = formats::read(&args.file, &mut |share| shown.update(share));
+    shown.end();
+    let mut found = read.map_err(Error::from)?;
+    let mut summary = mesh::summary(&found);
+    if args.mend {
+        found = mesh::mended(&found);
+        let after = mesh::summary(&found);
+        print::note(format_args!(
+            "note: mended: {} points, {} tetrahedra, {} triangles before; what follows is of the mended mesh",
+            summary.points, summary.tetrahedra, summary.triangles
+        ));
+        summary = after;
+    }
+    if args.json {
+        print::json(&summary)?;
+    } else {
+        print::lines(&text::mesh(&args.file, &summary))?;
+    }
+    if let (Some(path), Some(format)) = (&args.out, format) {
+        let encoding = if args.text { Encoding::Text } else { Encoding::Binary };
+        for words in formats::lost(&found, format, encoding) {
+            print::note(format_args!("note: {} does not keep {words}", path.display()));
+        }
+        mesh::save(&found, encoding, path)?;
+    }
+    if let Some(path) = &args.png {
+        mesh::picture(&found, &summary, path)?;
     }
     Ok(0)
 }

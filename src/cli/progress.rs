@@ -100,3 +100,46 @@ impl Share {
         }
     }
 }
+
+/// Files below this are read before anybody looks, bytes.
+const LARGE: u64 = 64 << 20;
+
+/// Progress display of a file that is read; nothing for a small one.
+pub struct Reading {
+    bar: Option<ProgressBar>,
+    /// Whether lines are printed instead, and the last one.
+    line: Option<u64>,
+}
+
+impl Reading {
+    /// Display before a file of so many bytes.
+    pub fn new(bytes: u64) -> Self {
+        let terminal = std::io::stderr().is_terminal();
+        let bar = (bytes >= LARGE && terminal).then(|| {
+            let style = ProgressStyle::with_template("{bar:30} {percent} % read, {eta} left");
+            let bar = ProgressBar::new(PARTS as u64);
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar
+        });
+        Self { bar, line: (bytes >= LARGE && !terminal).then_some(0) }
+    }
+
+    /// Updates it.
+    pub fn update(&mut self, share: f64) {
+        if let Some(bar) = &self.bar {
+            bar.set_position((share * PARTS) as u64);
+        }
+        let now = (share * LINES as f64) as u64;
+        if let Some(line) = self.line.as_mut().filter(|line| now > **line) {
+            *line = now;
+            print::note(format_args!("{:.0} % read", 100.0 * share));
+        }
+    }
+
+    /// Ends it.
+    pub fn end(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

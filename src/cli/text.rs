@@ -4,6 +4,7 @@ use cutis::gpu::Adapter;
 use cutis::report::Report;
 use cutis::report::compare::Comparison;
 use cutis::report::inspect::{Array, Count, Plan};
+use cutis::report::mesh::{Quality, Summary as MeshSummary};
 use cutis::report::run::Summary;
 use cutis::report::study::Study;
 use cutis::report::verify::Page;
@@ -267,6 +268,49 @@ pub fn keys(keys: &[Key]) -> String {
             };
             writeln!(text, "  {} ({}{default})\n      {}", key.name, plain(key.range), plain(key.meaning)).ok();
         }
+    }
+    text
+}
+
+/// What a mesh file holds.
+pub fn mesh(path: &Path, s: &MeshSummary) -> String {
+    let mut text =
+        format!("{}: {} points, {} tetrahedra, {} triangles\n", path.display(), s.points, s.tetrahedra, s.triangles);
+    for (name, count) in &s.others {
+        let fate = if matches!(*name, "point" | "line") { "left out" } else { "split" };
+        writeln!(text, "cells of the shape {name}: {count}, {fate}").ok();
+    }
+    for r in &s.regions {
+        let cells = if r.dimension == 3 { "tetrahedra" } else { "triangles" };
+        let name = if r.name.is_empty() { String::new() } else { format!(" \"{}\"", r.name) };
+        writeln!(text, "region {}{name}: {} {cells}", r.tag, r.cells).ok();
+    }
+    let [low, high] = [s.low, s.high].map(|p| format!("({:.6e}, {:.6e}, {:.6e})", p[0], p[1], p[2]));
+    writeln!(text, "from {low} to {high}, in the file's unit").ok();
+    writeln!(text, "volume {:.6e}, surface {:.6e}, components {}", s.volume, s.area, s.components).ok();
+    let closed = if s.boundary.closed { "closed" } else { "open" };
+    writeln!(text, "boundary: {} triangles, {} edges, {closed}", s.boundary.triangles, s.boundary.edges).ok();
+    if let Some(quality) = &s.quality {
+        text += &mesh_quality(quality);
+    }
+    if s.defects.is_empty() {
+        text += "no defects\n";
+    }
+    for d in &s.defects {
+        writeln!(text, "{}: {}, the first {}: {}", d.name, d.count, d.first, d.effect).ok();
+    }
+    text
+}
+
+fn mesh_quality(q: &Quality) -> String {
+    let ends = ["< 1.5", "< 2", "< 3", "< 5", "< 10", "≥ 10"];
+    let aspects: Vec<String> = ends.iter().zip(q.aspect).map(|(end, count)| format!("{end}: {count}")).collect();
+    let mut text = format!("aspect ratio up to {:.4}; {}\n", q.aspect_max, aspects.join(", "));
+    writeln!(text, "dihedral angles {:.2}° to {:.2}°", q.angle_min, q.angle_max).ok();
+    let most = q.angles.iter().max().map_or(1, |most| (*most).max(1));
+    for (k, count) in q.angles.iter().enumerate().filter(|(_, count)| **count > 0) {
+        let bar = "#".repeat((40 * count).div_ceil(most));
+        writeln!(text, "{:>4}° to {:>3}° {count:>9} {bar}", 10 * k, 10 * (k + 1)).ok();
     }
     text
 }

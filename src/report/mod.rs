@@ -1,7 +1,7 @@
 //! Results of a run (report, tables, meshes, pictures) and of the other commands.
 //!
 //! [`run`] steps a scene and writes its folder, [`compare`] compares the GPU with the CPU path, [`inspect`] lists what a scene will
-//! allocate without running it, [`verify`] runs known answers. Nothing here prints; the program does.
+//! allocate without running it, [`verify`] runs known answers, [`mesh`] examines a mesh file. Nothing here prints; the program does.
 
 pub mod check;
 mod checkpoint;
@@ -14,6 +14,7 @@ pub mod inspect;
 mod keys;
 mod listing;
 pub mod memory;
+pub mod mesh;
 pub mod recording;
 mod refused;
 pub mod run;

@@ -592,40 +592,9 @@ pub enum Invalid {
         found: usize,
     },
 
-    /// A vertex without three numbers.
-    #[error("{at}: `{found}`; wanted `v` and three finite numbers; mend the line, or export the file again")]
-    ObjNumber {
-        /// The `v` line.
-        at: Location,
-        /// The line.
-        found: String,
-    },
-
-    /// An index without a vertex.
-    #[error(
-        "{at}: `{found}` is no vertex; {count} `v` lines stand above, so wanted 1 to {count}, or -{count} to -1; mend the index, or move the vertices up"
-    )]
-    ObjIndex {
-        /// The `f`, `l` or `p` line.
-        at: Location,
-        /// The index found.
-        found: String,
-        /// Vertices so far.
-        count: usize,
-    },
-
-    /// A face, a line or a point without enough vertices.
-    #[error(
-        "{at}: `{found}`; wanted at least {wanted} vertices (`f` for faces, `l` for lines, `p` for points); add some, or remove the line"
-    )]
-    ObjShort {
-        /// The line.
-        at: Location,
-        /// Its text.
-        found: String,
-        /// Fewest vertices.
-        wanted: usize,
-    },
+    /// Mesh file that cannot be read.
+    #[error(transparent)]
+    Mesh(crate::formats::Refused),
 
     /// A vertex beyond the range of f32.
     #[error("{at}: `{found}`; in metres that exceeds the range of f32; mend the line, or mesh_unit_mm of the scene")]

@@ -5,25 +5,26 @@
 
 use super::files::Files;
 use super::invalid::{Invalid, Result};
-use super::obj::Obj;
+use super::obj;
 use super::raw::{self, At};
 use super::text::{Bound, MM, SceneText, or};
 use super::{Filter, Lines, Tool};
+use crate::formats::obj::Obj;
 
 /// Points and segments of a tool.
 pub(super) fn lines(scene: &SceneText, files: &Files, raw: &raw::Lines) -> Result<Lines> {
     let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm.clone(), 1.0), MM, Bound::Positive)?;
     let radius = scene.number("radius_mm", &or(raw.radius_mm.clone(), 0.0), MM, Bound::NotNegative)?;
     let (path, text) = files.text(scene, "mesh", &raw.mesh)?;
-    let file = Obj::read(&text, &path)?;
-    let (points, segments) = (file.points()?, file.segments()?);
+    let file = Obj::read(&text, &path).map_err(Invalid::Mesh)?;
+    let (points, segments) = (obj::points(&file)?, obj::segments(&file)?);
     let mut ids = [&points[..], segments.as_flattened()].concat();
     ids.sort_unstable();
     ids.dedup();
     if ids.is_empty() {
         return Err(Invalid::LinesEmpty { path });
     }
-    let positions = ids.iter().map(|id| file.position(*id, unit)).collect::<Result<_>>()?;
+    let positions = ids.iter().map(|id| obj::position(&file, *id, unit)).collect::<Result<_>>()?;
     let number = |id: usize| ids.partition_point(|known| *known < id) as u32;
     let segments = segments.iter().map(|ends| ends.map(number)).collect();
     Ok(Lines { positions, segments, radius })

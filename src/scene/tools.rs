@@ -4,7 +4,7 @@ use super::devices::device;
 use super::files::{Files, trajectory};
 use super::invalid::{Invalid, Result};
 use super::lines::{angle_cone, filter, lines};
-use super::obj::Obj;
+use super::obj;
 use super::raw::{self, At, Table};
 use super::round::{path, round};
 use super::text::{
@@ -13,6 +13,7 @@ use super::text::{
 };
 use super::words::CORRECTIONS;
 use super::{Blade, Contact, Coupling, Loop, Pose, Tool, ToolMesh};
+use crate::formats::obj::Obj;
 use crate::math::elementary::{acos, hypot};
 use std::ops::Range;
 
@@ -102,7 +103,7 @@ fn loaded(scene: &SceneText, files: &Files, raw: &raw::Tool, table: Range<usize>
     let why = "a tool without a `round` table has no shape of its own to be drawn";
     let name = scene.required("mesh", raw.mesh.as_ref(), table, why)?;
     let (path, text) = files.text(scene, "mesh", name)?;
-    Obj::read(&text, &path)?.triangles(unit)
+    obj::triangles(&Obj::read(&text, &path).map_err(Invalid::Mesh)?, unit)
 }
 
 /// Hand path of a tool, from its file or from the scene.

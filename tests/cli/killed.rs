@@ -75,7 +75,8 @@ fn picture(path: &Path) -> Outcome {
 }
 
 fn mesh(path: &Path) -> Outcome {
-    vtkio::Vtk::import(path).map(drop).map_err(|e| format!("{}: {e}", path.display()))
+    let bytes = std::fs::read(path).map_err(|e| format!("{}: {e}", path.display()))?;
+    cutis::formats::read_grid(&bytes, path).map(drop).map_err(|e| e.to_string())
 }
 
 /// A `.pvd`: closed, and each mesh that it names is there and whole; how many they are.

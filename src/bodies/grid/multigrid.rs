@@ -231,6 +231,8 @@ impl<R: Real> Operator<'_, R> {
         let (split, cells) = self.split;
         product(&self.params, self.modes, self.layer_of, self.frames, self.free, z, w, scratch);
         if !cells.is_empty() {
+            // duplicates that no cell has reached: the relaxation leaves in `w` what it computed for others
+            w[self.params.grid_nodes()..].fill([R::zero(); 4]);
             split_product(&self.params, self.modes, self.layer_of, self.rotation, self.free, split, cells, z, w);
         }
     }
