@@ -508,7 +508,7 @@ mod tests {
     use crate::math::wide::{Arrays, OneByOne, Wide};
 
     /// Cells along x, y, z: several strips, rows that are no multiple of a register.
-    const CELLS: [u32; 3] = [19, 41, 3];
+    const CELLS: [u32; 3] = [21, 40, 5];
     /// Rows that are shorter than a register.
     const NARROW_CELLS: [u32; 3] = [2, 5, 2];
 
