@@ -127,6 +127,12 @@ impl Problem<'_> {
         }
     }
 
+    /// Relative change from the included forces that needs no correction: forces must not lag behind by the tolerance where nothing changes
+    /// fast, and rigid bodies are corrected at no cost.
+    fn enough_at_first(&self) -> f64 {
+        if self.nodes.iter().all(Vec::is_empty) { 0.0 } else { FINEST * self.law.tolerance }
+    }
+
     /// Residual too small to be felt, for a share of the tolerance.
     fn loose_tolerance(&self, share: f64) -> LooseTolerance {
         let share = share * self.law.tolerance;
@@ -201,7 +207,8 @@ impl Simulation {
             // stop if the change is within the tolerance, or slow and too small to be felt
             let perceptible = !problem.loose_tolerance(1.0).is_met(&pass.residual, &pass.lambda);
             // attachments take one pass more: their gap is what the changes of the forces leave, and nothing else closes it
-            let closed = pass.relative_change <= law.tolerance && !std::mem::take(&mut tied);
+            let enough = if report.contact.passes == 0 { problem.enough_at_first() } else { law.tolerance };
+            let closed = pass.relative_change <= enough && !std::mem::take(&mut tied);
             let single = law.correction != Correction::Exact && report.contact.passes == 1;
             if closed || (slow && !perceptible) || single {
                 break pass;
