@@ -7,7 +7,7 @@
 //! are stored by component ([`by_component`]), where the shader has them by node. One column at a time took four times as long.
 //! Units: r l y N, s m.
 
-use super::{PART, Params};
+use super::PART;
 use crate::math::wide::{Lanes, OneByOne, Task};
 use crate::math::{Real, V4};
 
@@ -30,23 +30,6 @@ pub fn by_component<R: Real>(packed: &mut [V4<R>]) {
         }
     }
     packed.as_flattened_mut().copy_from_slice(&moved[..NUMBERS * width]);
-}
-
-/// The factors of all nodes by node, `[node × 4]` packed, as the shader has them.
-pub fn by_node<R: Real>(params: &Params<R>, block: &[V4<R>]) -> Vec<V4<R>> {
-    let mut out = block.to_vec();
-    for (first, set) in params.column_sets() {
-        for level in out[4 * first..4 * (first + set.node_count as usize)].chunks_mut(4 * set.columns()) {
-            for packed in level.chunks_mut(4 * PART) {
-                let width = packed.len() / 4;
-                let from = packed.as_flattened().to_vec();
-                for (i, to) in packed.as_flattened_mut().iter_mut().enumerate() {
-                    *to = from[i % NUMBERS * width + i / NUMBERS];
-                }
-            }
-        }
-    }
-    out
 }
 
 /// What a kernel does at the nodes of a part at one level; mark both `#[inline(always)]` ([`crate::math::wide`]).

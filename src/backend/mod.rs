@@ -178,8 +178,8 @@ pub trait Backend: Send {
     fn set_correction(&mut self, nodes: &[(u32, [f64; 3])]) -> Result<()>;
     /// Diagonal 3×3 blocks of `A` at nodes, by rows, N/m.
     fn node_blocks(&mut self, nodes: &[u32]) -> Result<Vec<[[f64; 3]; 3]>>;
-    /// Ends the step. `corrected` adds the contact correction, and the sum is the next initial guess of [`FREE`]; `cuts` saves the segment positions before the step, as swept quads need
-    /// them.
+    /// Ends the step. `corrected` adds the contact correction, and the sum is the next initial guess of [`FREE`]; `cuts` saves the segment
+    /// positions before the step, as swept quads need them.
     fn finish(&mut self, corrected: bool, cuts: bool) -> Result<()>;
     /// Statistics of a nonlinear law since the last [`Backend::begin`].
     fn nonlinear(&self) -> Nonlinear {

@@ -6,6 +6,7 @@
 use super::Result;
 use super::refused::{At, Place, Refused, quoted};
 use std::path::Path;
+use std::str::FromStr;
 
 /// How numbers stand in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -255,28 +256,26 @@ impl<'a> Cursor<'a> {
         found.ok_or_else(|| self.unlike(self.begun(at), word, wanted))
     }
 
+    /// The next word as a number.
+    fn parsed<T: FromStr>(&mut self, wanted: &'static str) -> Result<T> {
+        let at = self.at;
+        let word = self.word();
+        let found = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
+        found.ok_or_else(|| self.unlike(self.begun(at), word, wanted))
+    }
+
     /// A whole number within 32 bits.
     pub fn int(&mut self, wanted: &'static str) -> Result<i32> {
-        let at = self.at;
         match self.numbers {
-            Numbers::Text => {
-                let word = self.word();
-                let found = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
-                found.ok_or_else(|| self.unlike(self.begun(at), word, wanted))
-            }
+            Numbers::Text => self.parsed(wanted),
             numbers => Ok(bits(self.take(4, wanted)?, numbers == Numbers::Big) as u32 as i32),
         }
     }
 
     /// A number; of `kind` in binary data; may be non-finite.
     pub fn real(&mut self, kind: Type, wanted: &'static str) -> Result<f64> {
-        let at = self.at;
         match self.numbers {
-            Numbers::Text => {
-                let word = self.word();
-                let found = std::str::from_utf8(word).ok().and_then(|word| word.parse().ok());
-                found.ok_or_else(|| self.unlike(self.begun(at), word, wanted))
-            }
+            Numbers::Text => self.parsed(wanted),
             numbers => Ok(kind.real(self.take(kind.bytes(), wanted)?, numbers == Numbers::Big)),
         }
     }

@@ -106,8 +106,6 @@ struct Problem<'a> {
     /// `[contact]` displacement of the first body relative to the second by that solve, m: without forces on rigid bodies, with the
     /// included ones on deformable bodies.
     free_slips: Vec<DVec3>,
-    /// `[row]` violations under the included forces, m.
-    pub violation: Vec<f64>,
     /// Norm of the step's load on the bodies, N, the largest over them; forces below a small share of it are negligible.
     pub load: f64,
 }
@@ -162,7 +160,7 @@ impl Simulation {
     }
 
     /// Solves the unconstrained motion, under the `first` forces where the correction is exact, and the missing compliance columns;
-    /// assembles rows, `W` and violations.
+    /// assembles rows and `W`.
     ///
     /// What is left for the corrections is the change of the forces since the last step, a small part of them: the incision takes 1.5
     /// corrections and 6.7 iterations a step in place of 2.0 and 8.7 with all forces in the corrections, the dental probe 1.1 and 7.1 in
@@ -207,16 +205,14 @@ impl Simulation {
             w: vec![],
             included,
             free_slips: vec![],
-            violation: vec![],
             load,
         };
-        // W, slips and violations at the unconstrained positions
+        // W, and slips at the unconstrained positions
         let clock = Instant::now();
         problem.columns = self.compliance_of(&problem);
         problem.w.clone_from(&problem.columns);
         let rigid = |number: usize| (free[number].translation, free[number].rotation);
         problem.free_slips = problem.rows.slips(rigid, |body, node| problem.at(&picked, body, node)).collect();
-        problem.violation = problem.rows.violations(&problem.slips_after(&problem.included, &[]));
         report.costs.spend(Part::Laws, clock);
         Ok((problem, ended))
     }
@@ -263,7 +259,7 @@ impl Simulation {
         report: &mut StepReport,
     ) -> Result<Vec<Vec<[f64; 3]>>> {
         let tolerance = self.scene.solver.tolerance.min(share);
-        let change: Vec<f64> = lambda.iter().zip(&problem.included).map(|(all, included)| all - included).collect();
+        let change = passes::less(lambda, &problem.included);
         let mut out = vec![];
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let (nodes, forces) = (&problem.nodes[number], problem.rows.on_nodes(number, &change));

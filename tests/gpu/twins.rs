@@ -249,7 +249,7 @@ pub fn uncertain_segments(b: &Body) -> Vec<usize> {
 pub fn factor<R: Real>(b: &Body) -> Outputs<R> {
     let mut block = b.v4::<R>("block");
     kernels::factor::factor(&b.params(), &mut block);
-    let block = kernels::columns::by_node(&b.params(), &block);
+    each_part(&b.params(), &mut block, |part| by_node::<R, 16>(part.as_flattened_mut()));
     vec![("block", flat(&block))]
 }
 
@@ -282,13 +282,27 @@ pub fn momentum<R: Real>(b: &Body) -> Outputs<R> {
     vec![("mean_v", flat(&mean_v))]
 }
 
+/// Calls a function with the values at the nodes of each part of each level.
+fn each_part<R: Real>(params: &Params<R>, values: &mut [V4<R>], change: impl Fn(&mut [V4<R>])) {
+    let each = values.len() / params.node_count as usize;
+    for (first, set) in params.column_sets() {
+        let levels = values[each * first..][..each * set.node_count as usize].chunks_mut(each * set.columns());
+        levels.flat_map(|level| level.chunks_mut(each * PART)).for_each(&change);
+    }
+}
+
+/// Re-arranges numbers that a twin leaves by component: `[number][node]` into `[node][number]`, `COUNT` numbers a node.
+fn by_node<R: Real, const COUNT: usize>(part: &mut [R]) {
+    let (width, from) = (part.len() / COUNT, part.to_vec());
+    for (i, to) in part.iter_mut().enumerate() {
+        *to = from[i % COUNT * width + i / COUNT];
+    }
+}
+
 /// Factors of the columns, as the twins have them.
 fn factors<R: Real>(b: &Body) -> Vec<V4<R>> {
-    let (params, mut block) = (b.params::<R>(), b.v4("block"));
-    for (first, set) in params.column_sets() {
-        let levels = block[4 * first..4 * (first + set.node_count as usize)].chunks_mut(4 * set.columns());
-        levels.flat_map(|level| level.chunks_mut(4 * PART)).for_each(kernels::columns::by_component);
-    }
+    let mut block = b.v4("block");
+    each_part(&b.params::<R>(), &mut block, kernels::columns::by_component);
     block
 }
 
@@ -331,15 +345,10 @@ pub fn relax<R: Real>(b: &Body) -> Outputs<R> {
     for (slot, at) in running(b) {
         let at = || at.clone();
         gamma[slot] = kernels::relax::relax(&b.params(), &block, &r[at()], &mut w[at()], &mut d[at()], &mut z[at()]);
-        // what the twin leaves in `w` by component
-        for (first, set) in b.params::<R>().column_sets() {
-            let levels = w[at()][first..][..set.node_count as usize].chunks_mut(set.columns());
-            for part in levels.flat_map(|level| level.chunks_mut(PART)) {
-                let (width, from) = (part.len(), part.as_flattened().to_vec());
-                let node = |c: usize| [from[c], from[width + c], from[2 * width + c], R::zero()];
-                part.iter_mut().enumerate().for_each(|(c, to)| *to = node(c));
-            }
-        }
+        each_part(&b.params(), &mut w[at()], |part| {
+            by_node::<R, 4>(part.as_flattened_mut());
+            part.iter_mut().for_each(|node| node[3] = R::zero());
+        });
     }
     vec![("w", flat(&w)), ("d", flat(&d)), ("z", flat(&z)), ("partial_gamma", gamma)]
 }

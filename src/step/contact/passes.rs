@@ -51,7 +51,7 @@ fn norm(a: &[f64]) -> f64 {
     a.iter().map(|a| a * a).sum::<f64>().sqrt()
 }
 
-fn less(a: &[f64], b: &[f64]) -> Vec<f64> {
+pub(super) fn less(a: &[f64], b: &[f64]) -> Vec<f64> {
     a.iter().zip(b).map(|(a, b)| a - b).collect()
 }
 
@@ -185,8 +185,10 @@ impl Simulation {
         let mut tied = problem.laws.iter().any(Law::is_constraint);
         // a first touch of little force is not negligible
         let mut least = 0.0;
-        let mut last = (problem.included.clone(), problem.violation.clone(), 0.0);
-        let mut pass = problem.evaluate(last.0.clone(), problem.slips_after(&last.0, &[]), least, &mut report.costs);
+        let slips = problem.slips_after(&problem.included, &[]);
+        // forces, violations and the correction's tolerance of the pass before
+        let mut last = (problem.included.clone(), problem.rows.violations(&slips), 0.0);
+        let mut pass = problem.evaluate(last.0.clone(), slips, least, &mut report.costs);
         let mut best: Option<Pass> = None;
         let mut before = f64::INFINITY;
         let pass = loop {
