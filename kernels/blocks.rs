@@ -8,10 +8,11 @@
 //! 9 of `U` by columns, one pad.
 //! Units: N/m.
 
-use super::linearised::{HYPERELASTIC, Rows};
+use super::linearised::{HYPERELASTIC, Rows, rows};
 use super::split::Around;
 use super::{PARALLEL, Params, Source};
-use crate::math::{M3, Real, V3, V4, rotation_matrix};
+use crate::math::wide::{Lanes, MOST, Packed, Task};
+use crate::math::{M3, Number, Real, V3, V4, rotation_matrix};
 use rayon::prelude::*;
 
 /// The shader.
@@ -47,7 +48,98 @@ pub fn pack<R: Real>(k: Block<R>) -> [V4<R>; 4] {
     [[d0.x, d0.y, d0.z, d1.y], [d1.z, d2.z, g0.x, g0.y], [g0.z, g1.x, g1.y, g1.z], [g2.x, g2.y, g2.z, R::zero()]]
 }
 
+/// Stiffness of a cell at a corner, turned: with itself, and with the corner above, which only the lower ones have.
+#[inline(always)]
+fn of_corner<N: Number>(a: usize, own: M3<N>, upper: M3<N>, rotation: M3<N>, rows: Option<Rows<N>>) -> [M3<N>; 2] {
+    let back = rotation.transpose();
+    let (mut own, mut upper) = (own, upper);
+    if let Some(rows) = rows {
+        own = own + rows.between(a, a);
+        if a < 4 {
+            upper = upper + rows.between(a, a + 4);
+        }
+    }
+    [rotation * own * back, if a < 4 { rotation * upper * back } else { upper }]
+}
+
+/// Turned stiffness of a cell: `[corner]` with itself, then `[lower corner]` with the corner above.
+type OfCell<R> = [M3<R>; 12];
+
+/// Computes consecutive cells of one layer, as many at once as a register holds.
+struct Cells<'a, R> {
+    params: &'a Params<R>,
+    /// `[64]` blocks a×8+b of the layer, N/m
+    stiffness: &'a [M3<R>],
+    /// `[cell]` quaternion; `[cell × 3]` rows
+    rotation: &'a [V4<R>],
+    first: usize,
+    out: &'a mut [OfCell<R>],
+}
+
+impl<R: Real> Task<R> for Cells<'_, R> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<R>>(self, lanes: L) {
+        let Self { params, stiffness, rotation, first, out } = self;
+        let hyperelastic = params.corotational >= HYPERELASTIC;
+        for (group, out) in out.chunks_mut(L::COUNT).enumerate() {
+            // rotations and rows by component; lanes without a cell repeat the last one
+            let mut numbers = [[[R::zero(); MOST]; 4]; 4];
+            for i in 0..L::COUNT {
+                let cell = first + group * L::COUNT + i.min(out.len() - 1);
+                let mut own = [rotation[cell], [R::zero(); 4], [R::zero(); 4], [R::zero(); 4]];
+                if hyperelastic {
+                    own[1..].copy_from_slice(rows(params, rotation, cell));
+                }
+                for (to, from) in numbers.as_flattened_mut().iter_mut().zip(own.as_flattened()) {
+                    to[i] = *from;
+                }
+            }
+            let zero = Packed::splat(lanes, R::zero());
+            let mut loaded = [[zero; 4]; 4];
+            for (loaded, from) in loaded.as_flattened_mut().iter_mut().zip(numbers.as_flattened()) {
+                *loaded = Packed::load(lanes, from);
+            }
+            let [q, x, y, z] = loaded;
+            let rows = if hyperelastic { Some(Rows::unpacked([x, y, z])) } else { None };
+            let rotation = rotation_matrix(q);
+            for a in 0..8 {
+                let (own, upper) = (stiffness[a * 8 + a].packed(lanes), stiffness[a * 8 + (a | 4)].packed(lanes));
+                let [d, u] = of_corner(a, own, upper, rotation, rows);
+                unpack_lanes(d, a, out);
+                if a < 4 {
+                    unpack_lanes(u, 8 + a, out);
+                }
+            }
+        }
+    }
+}
+
+/// Writes the lanes of a matrix to number `at` of each cell.
+#[inline(always)]
+fn unpack_lanes<R: Real, L: Lanes<R>>(m: M3<Packed<R, L>>, at: usize, out: &mut [OfCell<R>]) {
+    let mut numbers = [[[R::zero(); MOST]; 3]; 3];
+    for (to, column) in numbers.iter_mut().zip(m.0) {
+        column.x.store(&mut to[0]);
+        column.y.store(&mut to[1]);
+        column.z.store(&mut to[2]);
+    }
+    for (i, of) in out.iter_mut().enumerate() {
+        for (column, from) in of[at].0.iter_mut().zip(&numbers) {
+            *column = V3::new(from[0][i], from[1][i], from[2][i]);
+        }
+    }
+}
+
+/// Most cells of a level that the twin computes at once.
+const BAND: usize = 4096;
+/// Cells that a thread takes at once.
+const CHUNK: usize = 128;
+
 /// Computes the blocks of all nodes.
+///
+/// The twin takes the grid in bands of node rows, and a band level by level: it computes a level's cells, then adds those around each node.
 pub fn blocks<R: Real>(
     params: &Params<R>,
     stiffness: &[M3<R>], // [layer × 64] blocks a×8+b, N/m
@@ -57,28 +149,85 @@ pub fn blocks<R: Real>(
     split: &[u32],       // see `split`
     block: &mut [V4<R>], // [node × 4] packed
 ) {
-    let one_node = |i: usize, out: &mut [V4<R>; 4]| {
+    let of_layer = |level: usize| &stiffness[layer_of[level] as usize * 64..][..64];
+    let complete = |i: usize, [d, g]: [M3<R>; 2]| {
         let above = params.above(i);
-        let mut sum = Block { d: M3::zero(), g: M3::zero() };
-        for Around { corner: a, cell, level, nodes } in params.cells_around(split, i) {
-            let other = nodes[a ^ 4]; // along the vertical edge
-            let chained = if a < 4 { other == above } else { params.above(other) == i };
-            let twice = R::of(if chained { 1.0 } else { 2.0 });
-            let first = layer_of[level] as usize * 64 + a * 8;
-            let rows = (params.corotational >= HYPERELASTIC).then(|| Rows::of(params, rotation, cell));
-            let with = |b: usize| rows.map_or(stiffness[first + b], |rows| stiffness[first + b] + rows.between(a, b));
-            let r = rotation_matrix(rotation[cell]);
-            let turned = r.transpose();
-            sum.d = sum.d + r * with(a) * turned * twice;
-            if a < 4 && chained {
-                sum.g = sum.g + r * with(a + 4) * turned;
-            }
-        }
         let axes_above = if above < params.node_count as usize { V3::from4(free[above]) } else { V3::zero() };
-        *out = finish(params, sum, free[i], axes_above);
+        finish(params, Block { d, g }, free[i], axes_above)
     };
-    let nodes = block.as_chunks_mut::<4>().0;
-    nodes.par_iter_mut().enumerate().with_min_len(PARALLEL / 8).for_each(|(i, out)| one_node(i, out));
+    let [width, depth, height] = [params.cells_x, params.cells_y, params.cells_z].map(|n| n as usize);
+    let (nodes, grid_nodes) = (params.nodes_x as usize, params.grid_nodes());
+    let (grid, duplicates) = block.as_chunks_mut::<4>().0.split_at_mut(grid_nodes);
+    let rows_at_once = (BAND / width).max(1);
+    let [mut below, mut above] = [vec![], vec![]];
+    for first in (0..=depth).step_by(rows_at_once) {
+        let end = (first + rows_at_once).min(depth + 1);
+        let cells = first.saturating_sub(1) * width..end.min(depth) * width; // of a level
+        below.resize(cells.len(), [M3::zero(); 12]);
+        above.resize(cells.len(), [M3::zero(); 12]);
+        for level in 0..=height {
+            std::mem::swap(&mut below, &mut above);
+            if level < height {
+                let begin = level * width * depth + cells.start;
+                let some = |(chunk, out): (usize, &mut [OfCell<R>])| {
+                    let first = begin + chunk * CHUNK;
+                    R::widest(Cells { params, stiffness: of_layer(level), rotation, first, out });
+                };
+                above.par_chunks_mut(CHUNK).enumerate().with_min_len(PARALLEL / 8 / CHUNK).for_each(some);
+            }
+            let start = (level * (depth + 1) + first) * nodes;
+            let one = |(n, out): (usize, &mut [V4<R>; 4])| {
+                let i = start + n;
+                let mut sums = [M3::zero(); 2];
+                for a in 0..8 {
+                    let at = [n % nodes, first + n / nodes, level];
+                    let Some(cell) = params.cell_below(at, a) else { continue };
+                    let of_cell = if a < 4 { &above } else { &below };
+                    let own = &of_cell[cell % (width * depth) - cells.start];
+                    let chained = match params.is_split(split, cell) {
+                        false => true,
+                        true => {
+                            let corners = params.corner_nodes(split, cell);
+                            if corners[a] != i {
+                                continue;
+                            }
+                            is_chained(params, i, a, &corners)
+                        }
+                    };
+                    add(&mut sums, a, [own[a], own[8 + a % 4]], chained);
+                }
+                *out = complete(i, sums);
+            };
+            let band = &mut grid[start..][..(end - first) * nodes];
+            band.par_iter_mut().enumerate().with_min_len(PARALLEL / 8).for_each(one);
+        }
+    }
+    let one_duplicate = |(n, out): (usize, &mut [V4<R>; 4])| {
+        let i = grid_nodes + n;
+        let mut sums = [M3::zero(); 2];
+        for Around { corner: a, cell, level, nodes } in params.cells_around(split, i) {
+            let rows = (params.corotational >= HYPERELASTIC).then(|| Rows::of(params, rotation, cell));
+            let [own, upper] = [a, a | 4].map(|b| of_layer(level)[a * 8 + b]);
+            let own = of_corner(a, own, upper, rotation_matrix(rotation[cell]), rows);
+            add(&mut sums, a, own, is_chained(params, i, a, &nodes));
+        }
+        *out = complete(i, sums);
+    };
+    duplicates.par_iter_mut().enumerate().with_min_len(PARALLEL / 8).for_each(one_duplicate);
+}
+
+/// Whether the vertical edge of a cell at its corner `a`, a node, is within the node's column.
+fn is_chained<R: Real>(params: &Params<R>, node: usize, a: usize, corners: &[usize; 8]) -> bool {
+    let other = corners[a ^ 4];
+    if a < 4 { other == params.above(node) } else { params.above(other) == node }
+}
+
+/// Adds a cell's `D` and `U` at its corner `a`.
+fn add<R: Real>([d, g]: &mut [M3<R>; 2], a: usize, own: [M3<R>; 2], chained: bool) {
+    *d = *d + own[0] * R::of(if chained { 1.0 } else { 2.0 });
+    if a < 4 && chained {
+        *g = *g + own[1];
+    }
 }
 
 /// Multiplies by the stiffness factor, adds inertia, eliminates fixed axes and selects the entries for the preconditioner.

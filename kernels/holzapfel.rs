@@ -15,7 +15,7 @@
 
 use super::deformation::{Point, exponential};
 use super::neo_hookean;
-use crate::math::{M3, Real, V3};
+use crate::math::{M3, Number, V3};
 
 /// The law in WGSL.
 pub const WGSL: &str = include_str!("holzapfel.wgsl");
@@ -37,89 +37,97 @@ pub struct Fibres<R> {
 const MOST_EXPONENT: f64 = 16.0;
 
 /// State of a family at a Gauss point.
-struct Family<R> {
+struct Family<N> {
     /// A
-    structure: M3<R>,
+    structure: M3<N>,
     /// W, dW/dE, d²W/dE²
-    response: [R; 3],
+    response: [N; 3],
 }
 
-impl<R: Real> Fibres<R> {
+impl<N: Number> Fibres<N> {
     /// `κ 1 + (1 − 3κ) a ⊗ a` of a family.
-    pub fn structure(&self, family: usize) -> M3<R> {
+    #[inline(always)]
+    pub fn structure(&self, family: usize) -> M3<N> {
         let [x, y] = self.directions[family];
-        let a = V3::new(x, y, R::zero());
-        let along = R::one() - R::of(3.0) * self.dispersion;
-        M3::diagonal(V3::splat(self.dispersion)) + a.outer(a) * along
+        let a = V3::new(x, y, x.like(0.0));
+        let along = x.like(1.0) - x.like(3.0) * self.dispersion;
+        (a.outer(a) * along).plus(self.dispersion)
     }
 
     /// W, dW/dE and d²W/dE² at a strain of the fibres.
-    fn response(&self, strain: R) -> [R; 3] {
-        let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
-        if strain <= zero {
-            return [zero; 3];
-        }
+    #[inline(always)]
+    fn response(&self, strain: N) -> [N; 3] {
+        let (zero, one, two) = (strain.like(0.0), strain.like(1.0), strain.like(2.0));
         let [k1, k2] = [self.stiffness, self.growth];
-        let within = strain.min((R::of(MOST_EXPONENT) / k2).sqrt());
+        let within = strain.min((strain.like(MOST_EXPONENT) / k2).sqrt()).max(zero);
         let exponent = k2 * within * within;
         let grown = exponential(exponent);
         let (slope, curvature) = (k1 * within * (one + grown), k1 * (one + grown) * (one + two * exponent));
         let beyond = strain - within;
         let energy = k1 / (two * k2) * grown + (slope + curvature * beyond / two) * beyond;
-        [energy, slope + curvature * beyond, curvature]
+        // pressed fibres carry nothing
+        let slope = slope + curvature * beyond;
+        [zero.pick(strain, zero, energy), zero.pick(strain, zero, slope), zero.pick(strain, zero, curvature)]
     }
 
     /// Both families at a deformation.
-    fn families(&self, p: &Point<R>) -> [Family<R>; 2] {
+    #[inline(always)]
+    fn families(&self, p: &Point<N>) -> [Family<N>; 2] {
         let e = p.green();
-        [0, 1].map(|family| {
-            let structure = self.structure(family);
-            Family { response: self.response(structure.dot(e)), structure }
-        })
+        let [first, second] = [self.structure(0), self.structure(1)];
+        [
+            Family { response: self.response(first.dot(e)), structure: first },
+            Family { response: self.response(second.dot(e)), structure: second },
+        ]
     }
 }
 
 /// W
-pub fn energy<R: Real>(mu: R, fibres: &Fibres<R>, p: &Point<R>) -> R {
-    let [first, second] = fibres.families(p).map(|family| family.response[0]);
-    neo_hookean::energy(mu, p) + first + second
+#[inline(always)]
+pub fn energy<N: Number>(mu: N, fibres: &Fibres<N>, p: &Point<N>) -> N {
+    let [first, second] = fibres.families(p);
+    neo_hookean::energy(mu, p) + first.response[0] + second.response[0]
 }
 
 /// P
-pub fn stress<R: Real>(mu: R, fibres: &Fibres<R>, p: &Point<R>) -> M3<R> {
-    let f = M3::identity() + p.h;
-    let [first, second] = fibres.families(p).map(|family| f * family.structure * (R::of(2.0) * family.response[1]));
-    neo_hookean::stress(mu, p) + first + second
+#[inline(always)]
+pub fn stress<N: Number>(mu: N, fibres: &Fibres<N>, p: &Point<N>) -> M3<N> {
+    let (f, two) = (p.gradient(), mu.like(2.0));
+    let mut sum = neo_hookean::stress(mu, p);
+    for family in fibres.families(p) {
+        sum = sum + f * family.structure * (two * family.response[1]);
+    }
+    sum
 }
 
 /// dP
-pub fn tangent<R: Real>(mu: R, fibres: &Fibres<R>, p: &Point<R>, change: M3<R>) -> M3<R> {
-    let f = M3::identity() + p.h;
-    let of_family = |family: Family<R>| {
-        let [_, slope, curvature] = family.response;
-        let pull = f * family.structure;
-        change * family.structure * (R::of(2.0) * slope) + pull * (R::of(4.0) * curvature * pull.dot(change))
-    };
-    let [first, second] = fibres.families(p).map(of_family);
-    neo_hookean::tangent(mu, p, change) + first + second
+#[inline(always)]
+pub fn tangent<N: Number>(mu: N, fibres: &Fibres<N>, p: &Point<N>, change: M3<N>) -> M3<N> {
+    let (f, two, four) = (p.gradient(), mu.like(2.0), mu.like(4.0));
+    let mut sum = neo_hookean::tangent(mu, p, change);
+    for Family { structure, response: [_, slope, curvature] } in fibres.families(p) {
+        let pull = f * structure;
+        sum = sum + (change * structure * (two * slope) + pull * (four * curvature * pull.dot(change)));
+    }
+    sum
 }
 
 /// What the fibres add to the factor of [`super::hyperelastic::Cell::linearised`]: that by which stretched fibres are stiffer than at rest,
 /// the stiffness that their tension gives across them, `w (1 − 2κ)/μ`, and that of fibres which have turned against the cell,
 /// `2 w' |B − g A|²/μ` with `B = (U − 1) A`, `g = B:A/A:A`, and `(C − 1)/2` in place of `U − 1`.
-pub fn stiffening<R: Real>(mu: R, fibres: &Fibres<R>, p: &Point<R>) -> R {
-    let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
-    let half = p.green() * R::of(0.5);
+#[inline(always)]
+pub fn stiffening<N: Number>(mu: N, fibres: &Fibres<N>, p: &Point<N>) -> N {
+    let (zero, one, two) = (mu.like(0.0), mu.like(1.0), mu.like(2.0));
+    let half = p.green() * mu.like(0.5);
     let mut sum = zero;
     for Family { structure, response: [_, slope, curvature] } in fibres.families(p) {
-        if slope > zero {
-            let stretched = half * structure;
-            let grown = stretched.dot(structure) / structure.dot(structure);
-            let turned = stretched + structure * -grown;
-            let stiffer = curvature * (one + grown) * (one + grown) / fibres.stiffness - one;
-            sum += stiffer.max(zero)
-                + (slope * (one - two * fibres.dispersion) + two * curvature * turned.dot(turned)) / mu;
-        }
+        let stretched = half * structure;
+        let grown = stretched.dot(structure) / structure.dot(structure);
+        let turned = stretched + structure * -grown;
+        let stiffer = curvature * (one + grown) * (one + grown) / fibres.stiffness - one;
+        let more =
+            stiffer.max(zero) + (slope * (one - two * fibres.dispersion) + two * curvature * turned.dot(turned)) / mu;
+        sum += zero.pick(slope, zero, more);
     }
     sum
 }

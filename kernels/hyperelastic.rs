@@ -24,7 +24,8 @@ use super::deformation::{
 use super::holzapfel::{self, Fibres};
 use super::linearised::{HYPERELASTIC, Rows};
 use super::{Params, corner, mooney_rivlin, neo_hookean};
-use crate::math::{M3, Real, V3, V4, rotation_matrix};
+use crate::math::wide::{Lanes, Packed};
+use crate::math::{M3, Number, Real, V3, V4, rotation_matrix};
 
 /// Text shared by the shaders of hyperelastic cells.
 pub const WGSL: [&str; 5] = [
@@ -51,15 +52,15 @@ pub type FibreRows<R> = [V4<R>; 2];
 
 /// Cell size and material of a layer.
 #[derive(Clone, Copy, Debug)]
-pub struct Material<R> {
+pub struct Material<N> {
     /// Edges of a cell, m.
-    pub edges: V3<R>,
+    pub edges: V3<N>,
     /// Elastic strain of the rest shape along x, y, z.
-    pub pre_strain: V3<R>,
+    pub pre_strain: V3<N>,
     /// κ, Pa
-    pub bulk: R,
+    pub bulk: N,
     /// Law, without the volumetric term.
-    pub law: Law<R>,
+    pub law: Law<N>,
 }
 
 impl<R: Real> Material<R> {
@@ -77,16 +78,38 @@ impl<R: Real> Material<R> {
         Self { edges: V3::from4(shape), pre_strain: V3::from4(pre_strain), bulk, law }
     }
 
+    /// The same in every lane of a register.
+    #[inline(always)]
+    pub fn packed<L: Lanes<R>>(&self, lanes: L) -> Material<Packed<R, L>> {
+        let one = |value: R| Packed::splat(lanes, value);
+        let three = |v: V3<R>| v.packed(lanes);
+        let law = match self.law {
+            Law::NeoHookean(mu) => Law::NeoHookean(one(mu)),
+            Law::MooneyRivlin([c10, c01]) => Law::MooneyRivlin([one(c10), one(c01)]),
+            Law::Holzapfel(mu, Fibres { directions: [[x1, y1], [x2, y2]], stiffness, growth, dispersion }) => {
+                let directions = [[one(x1), one(y1)], [one(x2), one(y2)]];
+                let [stiffness, growth, dispersion] = [one(stiffness), one(growth), one(dispersion)];
+                Law::Holzapfel(one(mu), Fibres { directions, stiffness, growth, dispersion })
+            }
+        };
+        let (edges, pre_strain) = (three(self.edges), three(self.pre_strain));
+        Material { edges, pre_strain, bulk: one(self.bulk), law }
+    }
+}
+
+impl<N: Number> Material<N> {
     /// Shear modulus at small strain, Pa.
-    fn shear(&self) -> R {
+    #[inline(always)]
+    fn shear(&self) -> N {
         match self.law {
             Law::NeoHookean(mu) | Law::Holzapfel(mu, _) => mu,
-            Law::MooneyRivlin([c10, c01]) => R::of(2.0) * (c10 + c01),
+            Law::MooneyRivlin([c10, c01]) => c10.like(2.0) * (c10 + c01),
         }
     }
 
     /// W' of a Gauss point, J/m³.
-    fn energy(&self, p: &Point<R>) -> R {
+    #[inline(always)]
+    fn energy(&self, p: &Point<N>) -> N {
         match self.law {
             Law::NeoHookean(mu) => neo_hookean::energy(mu, p),
             Law::MooneyRivlin(c) => mooney_rivlin::energy(c, p),
@@ -95,7 +118,8 @@ impl<R: Real> Material<R> {
     }
 
     /// P' of a Gauss point, Pa.
-    pub fn stress(&self, p: &Point<R>) -> M3<R> {
+    #[inline(always)]
+    pub fn stress(&self, p: &Point<N>) -> M3<N> {
         match self.law {
             Law::NeoHookean(mu) => neo_hookean::stress(mu, p),
             Law::MooneyRivlin(c) => mooney_rivlin::stress(c, p),
@@ -104,7 +128,8 @@ impl<R: Real> Material<R> {
     }
 
     /// dP' for a change of F, Pa.
-    pub fn tangent(&self, p: &Point<R>, change: M3<R>) -> M3<R> {
+    #[inline(always)]
+    pub fn tangent(&self, p: &Point<N>, change: M3<N>) -> M3<N> {
         match self.law {
             Law::NeoHookean(mu) => neo_hookean::tangent(mu, p, change),
             Law::MooneyRivlin(c) => mooney_rivlin::tangent(c, p, change),
@@ -113,75 +138,127 @@ impl<R: Real> Material<R> {
     }
 }
 
-/// State of a cell for given corner displacements.
-pub struct Cell<R> {
+/// State of a cell, or of one in each lane, for given corner displacements.
+pub struct Cell<N> {
     /// Gauss points, numbered by the nearest corner.
-    pub points: [Point<R>; 8],
+    pub points: [Point<N>; 8],
     /// Stress-free volume of a Gauss point, m³.
-    pub weight: R,
+    pub weight: N,
     /// `J̄ − 1`.
-    pub mean_dilatation: R,
+    pub mean_dilatation: N,
     /// Cell size and material.
-    pub material: Material<R>,
+    pub material: Material<N>,
     /// 1/edges of the stress-free shape, 1/m.
-    pub inverse: V3<R>,
-    /// The volume is not positive at some Gauss point: energy and forces are those of the extended law.
-    pub inverted: bool,
+    pub inverse: V3<N>,
+    /// 0 where the volume is not a positive, finite number at some Gauss point, so that energy and forces are those of the extended law; 1
+    /// elsewhere.
+    pub upright: N,
+}
+
+/// Cells of a body, with the displacements of its nodes.
+#[derive(Clone, Copy)]
+pub struct Cells<'a, R> {
+    /// Parameters of the body's kernels.
+    pub params: &'a Params<R>,
+    /// `[layer]` cell edges, m, and mass of one corner, kg
+    pub shape: &'a [V4<R>],
+    /// `[layer]` κ, two constants, Pa, and the law's code
+    pub material: &'a [V4<R>],
+    /// `[layer]` directions; k₂, κ
+    pub fibres: &'a [FibreRows<R>],
+    /// `[layer]` elastic strain at rest along x, y, z
+    pub pre_strain: &'a [V4<R>],
+    /// `[cells_z]` layer
+    pub layer_of: &'a [u32],
+    /// See [`super::split`].
+    pub split: &'a [u32],
+    /// `[node]` displacement, m
+    pub displacement: &'a [V4<R>],
+}
+
+impl<R: Real> Cells<'_, R> {
+    /// Layer of a cell.
+    pub fn layer(&self, cell: usize) -> usize {
+        self.layer_of[self.params.cell_at(cell)[2]] as usize
+    }
+
+    /// Cell size and material of a layer.
+    pub fn material(&self, layer: usize) -> Material<R> {
+        Material::of(self.shape[layer], self.material[layer], self.fibres[layer], self.pre_strain[layer])
+    }
+
+    /// Displacements of a cell's corners, m.
+    pub fn corners(&self, cell: usize) -> [V3<R>; 8] {
+        self.params.corner_nodes(self.split, cell).map(|n| V3::from4(self.displacement[n]))
+    }
+
+    /// State of a cell.
+    pub fn state(&self, cell: usize) -> Cell<R> {
+        Cell::new(self.material(self.layer(cell)), &self.corners(cell))
+    }
 }
 
 impl<R: Real> Cell<R> {
-    /// Of a body with `material` by layer, `displacement` the displacements of its nodes, m.
-    pub fn of(
-        params: &Params<R>,
-        shape: &[V4<R>],         // [layer] cell edges m, mass of one corner kg
-        material: &[V4<R>],      // [layer] κ, two constants Pa, the law's code
-        fibres: &[FibreRows<R>], // [layer] directions; k₂, κ
-        pre_strain: &[V4<R>],    // [layer] elastic strain at rest along x, y, z
-        layer_of: &[u32],        // [cells_z] layer
-        displacement: &[V4<R>],  // [node] displacement, m
-        split: &[u32],           // see `split`
-        cell: usize,
-    ) -> Self {
-        let layer = layer_of[params.cell_at(cell)[2]] as usize;
-        let u = params.corner_nodes(split, cell).map(|n| V3::from4(displacement[n]));
-        Self::new(Material::of(shape[layer], material[layer], fibres[layer], pre_strain[layer]), &u)
+    /// Whether the volume is not a positive, finite number at some Gauss point.
+    pub fn inverted(&self) -> bool {
+        self.upright == R::zero()
     }
+}
 
+impl<N: Number> Cell<N> {
     /// From the corners' displacements, m.
-    pub fn new(material: Material<R>, u: &[V3<R>; 8]) -> Self {
+    #[inline(always)]
+    pub fn new(material: Material<N>, u: &[V3<N>; 8]) -> Self {
         let (edges, e) = (material.edges, material.pre_strain);
-        let stretch = e + V3::splat(R::one());
+        let [zero, one] = [e.x.like(0.0), e.x.like(1.0)];
+        let stretch = e + V3::splat(one);
         let inverse = V3::new(stretch.x / edges.x, stretch.y / edges.y, stretch.z / edges.z);
-        let points = field_gradients(inverse, u).map(|gradient| Point::new(M3::diagonal(e) + gradient));
-        let sum = points.iter().map(|p| p.dilatation).sum::<R>();
-        let inverted = points.iter().any(Point::inverted);
-        let eighth = R::of(0.125);
+        let gradients = field_gradients(inverse, u);
+        let first = Point::new(gradients[0].plus_diagonal(e));
+        let (mut points, mut sum, mut upright) = ([first; 8], zero, one);
+        let (least, most) = (zero.like(f64::from(f32::MIN_POSITIVE)), zero.like(f64::from(f32::MAX)));
+        for (point, gradient) in points.iter_mut().zip(gradients) {
+            *point = Point::new(gradient.plus_diagonal(e));
+            sum += point.dilatation;
+            let volume = one + point.dilatation;
+            upright = volume.pick(least, most.pick(volume, upright, zero), zero);
+        }
+        let eighth = zero.like(0.125);
         let weight = eighth / (inverse.x * inverse.y * inverse.z);
-        Self { points, weight, mean_dilatation: sum * eighth, material, inverse, inverted }
+        Self { points, weight, mean_dilatation: sum * eighth, material, inverse, upright }
     }
 
     /// Energy, J
-    pub fn energy(&self) -> R {
-        let sum = self.points.iter().map(|p| self.material.energy(p)).sum::<R>();
+    #[inline(always)]
+    pub fn energy(&self) -> N {
+        let mut sum = self.weight.like(0.0);
+        for p in &self.points {
+            sum += self.material.energy(p);
+        }
         let log = log_volume(self.mean_dilatation)[0];
-        self.weight * (sum + R::of(4.0) * self.material.bulk * log * log)
+        self.weight * (sum + sum.like(4.0) * self.material.bulk * log * log)
     }
 
     /// `κ φ(J̄) φ'(J̄)`, which is `κ ln J̄/J̄` for a volume above a tenth, Pa.
-    pub fn pressure(&self) -> R {
+    #[inline(always)]
+    pub fn pressure(&self) -> N {
         self.material.bulk * log_volume(self.mean_dilatation)[0] * log_volume_slope(self.mean_dilatation)
     }
 
     /// `∂v/∂u_a`, m².
-    pub fn volume_gradient(&self) -> [V3<R>; 8] {
+    pub fn volume_gradient(&self) -> [V3<N>; 8] {
         corner_sums(self.inverse, &self.points.map(|p| p.cofactor * self.weight))
     }
 
     /// Internal forces at the corners, N.
-    pub fn forces(&self) -> [V3<R>; 8] {
+    #[inline(always)]
+    pub fn forces(&self) -> [V3<N>; 8] {
         let pressure = self.pressure();
-        let stress = |p: &Point<R>| (self.material.stress(p) + p.cofactor * pressure) * self.weight;
-        corner_sums(self.inverse, &self.points.each_ref().map(stress))
+        let mut stress = [self.points[0].h; 8];
+        for (stress, p) in stress.iter_mut().zip(&self.points) {
+            *stress = (self.material.stress(p) + p.cofactor * pressure) * self.weight;
+        }
+        corner_sums(self.inverse, &stress)
     }
 }
 
@@ -196,15 +273,15 @@ const STIFFEST: f64 = 1e6;
 
 /// Linearisation of a cell: `s R K' Rᵀ + c ⊗ c` and the stiffness of tension ([`super::linearised`]), with `K'` its stiffness at small strain
 /// less that of its mean volume ([`mean_volume`]).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Linearised<R> {
+#[derive(Clone, Copy, Debug)]
+pub struct Linearised<N> {
     /// s
-    pub stiffening: R,
+    pub stiffening: N,
     /// Stiffness of the volume and of tension, divided by `s`: `y` is `c` in the patterns 1, 2 and 4 of the cell's frame, divided by `√s`.
-    pub rows: Rows<R>,
+    pub rows: Rows<N>,
 }
 
-impl<R: Real> Cell<R> {
+impl<N: Number> Cell<N> {
     /// Linearisation of a cell with rotation `q`. The stiffness of the volume has its present direction, `c = √(κ (φ'² + φ φ'')/V) ∂v/∂u`: a
     /// rotated one would resist incompressible motion of cells that are strained, by up to κ/μ of their stiffness, and steps would lag
     /// behind their loads.
@@ -223,76 +300,89 @@ impl<R: Real> Cell<R> {
     ///
     /// Tension `τ` is `(T_i + T_j)/(λ_i + λ_j)` for principal Biot stresses `T` and stretches, which is the stiffness that an isotropic law has
     /// against `H_ij = −H_ji`; here `½ (⅔ tr T + √⅔ |dev T|)` of the mean stress, at least half the sum of any two, without damping.
-    pub fn linearised(&self, params: &Params<R>, q: V4<R>, forces: &[V3<R>; 8]) -> Linearised<R> {
-        let (mut stiffening, mut tension) = (R::one(), R::zero());
-        if params.corotational == STIFFENED {
-            stiffening = self.stiffening(params.stiffness_factor);
-            tension = self.tension(rotation_matrix(q), forces) / params.stiffness_factor;
+    ///
+    /// `factor` is `f`; none for [`NEWTON`]: a matrix without stiffening and tension.
+    #[inline(always)]
+    pub fn linearised(&self, factor: Option<N>, q: V4<N>, forces: &[V3<N>; 8]) -> Linearised<N> {
+        let [zero, one, eight] = [q[3].like(0.0), q[3].like(1.0), q[3].like(8.0)];
+        let rotation = rotation_matrix(q);
+        let (mut stiffening, mut tension) = (one, zero);
+        if let Some(factor) = factor {
+            stiffening = self.stiffening(factor);
+            tension = self.tension(rotation, forces) / factor;
         }
-        let tension = self.inverse * (R::of(0.25) * (R::of(8.0) * self.weight * tension / stiffening).sqrt());
+        let tension = self.inverse * (one.like(0.25) * (eight * self.weight * tension / stiffening).sqrt());
         let bulk = self.material.bulk * self.volume_stiffness();
-        let scale = R::of(0.125) * (bulk / (R::of(8.0) * self.weight * stiffening)).sqrt();
+        let scale = one.like(0.125) * (bulk / (eight * self.weight * stiffening)).sqrt();
         // sign pattern of ∂v/∂u along an axis: the column of Σ w cof F times −2/h
-        let slope =
-            self.points.iter().fold(M3::zero(), |sum, p| sum + p.cofactor) * (R::of(-2.0) * self.weight * scale);
-        let [x, y, z] = (rotation_matrix(q).transpose() * slope).0;
+        let mut slope = M3::diagonal(V3::splat(zero));
+        for p in &self.points {
+            slope = slope + p.cofactor;
+        }
+        let [x, y, z] = (rotation.transpose() * (slope * (one.like(-2.0) * self.weight * scale))).0;
         let volume = [x * self.inverse.x, y * self.inverse.y, z * self.inverse.z];
         Linearised { stiffening, rows: Rows { volume, tension } }
     }
 
     /// `φ'² + φ φ''`, at least `(0.6 − ln J̄/5) φ'²`, above a tenth: in a volume that grows, `p ∂²v/∂u²` of the tension adds up to
     /// `(2/3 ln J̄) φ'²`, so the true tangent has `(1 − ln J̄/3) φ'²` in all where the first term has `(1 − ln J̄) φ'²`.
-    fn volume_stiffness(&self) -> R {
+    #[inline(always)]
+    fn volume_stiffness(&self) -> N {
         let [log, slope] = [log_volume(self.mean_dilatation)[0], log_volume_slope(self.mean_dilatation)];
-        let least = (R::of(0.6) - R::of(0.2) * log).max(R::of(0.1)).min(R::of(0.6));
+        let least = (log.like(0.6) - log.like(0.2) * log).max(log.like(0.1)).min(log.like(0.6));
         log_volume_stiffness(self.mean_dilatation).max(least * slope * slope)
     }
 
     /// `τ` of [`Cell::linearised`], Pa.
-    fn tension(&self, rotation: M3<R>, forces: &[V3<R>; 8]) -> R {
+    #[inline(always)]
+    fn tension(&self, rotation: M3<N>, forces: &[V3<N>; 8]) -> N {
+        let [zero, three, six] = [self.weight.like(0.0), self.weight.like(3.0), self.weight.like(6.0)];
         // mean of P, by columns
-        let mut stress = [V3::zero(); 3];
+        let mut stress = [V3::splat(zero); 3];
         for (a, force) in forces.iter().enumerate() {
             for (n, column) in stress.iter_mut().enumerate() {
                 *column = if corner(a)[n] == 0 { *column - *force } else { *column + *force };
             }
         }
-        let (share, inverse) = (R::of(0.0625) / self.weight, self.inverse);
+        let (share, inverse) = (zero.like(0.0625) / self.weight, self.inverse);
         let stress =
             M3([stress[0] * (share / inverse.x), stress[1] * (share / inverse.y), stress[2] * (share / inverse.z)]);
         let trace = stress.dot(rotation);
-        let deviator = (stress.dot(stress) - trace * trace / R::of(3.0)).max(R::zero());
-        (trace / R::of(3.0) + (deviator / R::of(6.0)).sqrt()).max(R::zero())
+        let deviator = (stress.dot(stress) - trace * trace / three).max(zero);
+        (trace / three + (deviator / six).sqrt()).max(zero)
     }
 
     /// `1 + (s − 1)/f` of [`Cell::linearised`].
-    fn stiffening(&self, factor: R) -> R {
-        let (zero, one, two) = (R::zero(), R::one(), R::of(2.0));
+    #[inline(always)]
+    fn stiffening(&self, factor: N) -> N {
+        let (zero, one, two, three) = (factor.like(0.0), factor.like(1.0), factor.like(2.0), factor.like(3.0));
         let shear = self.material.shear();
-        let squared = |m: M3<R>| m.dot(m);
-        let (mut pressed, mut longest, mut fibrous) = (one, R::of(3.0), zero);
-        let (mut beyond, mut squares) = (M3::zero(), zero); // of the cofactors, from the first one
+        let (mut pressed, mut longest, mut fibrous) = (one, three, zero);
+        let (mut beyond, mut squares) = (M3::diagonal(V3::splat(zero)), zero); // of the cofactors, from the first one
         for p in &self.points {
-            let stretched = squared(M3::identity() + p.h);
-            pressed = pressed.max(squared(p.log_gradient) - two);
-            if one + p.dilatation < R::of(EXTENDED) {
-                pressed = pressed.max((one + log_volume_slope(p.dilatation) * stretched.sqrt()) / two);
+            let f = p.gradient();
+            let stretched = f.dot(f);
+            pressed = pressed.max(p.log_gradient.dot(p.log_gradient) - two);
+            let (volume, least) = (one + p.dilatation, one.like(EXTENDED));
+            if !volume.all_at_least(least) {
+                let extended = pressed.max((one + log_volume_slope(p.dilatation) * stretched.sqrt()) / two);
+                pressed = volume.pick(least, pressed, extended);
             }
             let more = p.cofactor - self.points[0].cofactor;
             beyond = beyond + more;
-            squares += squared(more);
+            squares += more.dot(more);
             longest = longest.max(stretched);
             if let Law::Holzapfel(mu, fibres) = &self.material.law {
                 fibrous = fibrous.max(holzapfel::stiffening(*mu, fibres, p));
             }
         }
-        let uneven = (squares - R::of(0.125) * squared(beyond)).max(zero);
-        let volume = self.material.bulk / (R::of(24.0) * shear) * self.volume_stiffness() * uneven;
-        let sheared = (-self.pressure() / (two * shear)).max(zero) * (longest / R::of(3.0)).sqrt();
+        let uneven = (squares - one.like(0.125) * beyond.dot(beyond)).max(zero);
+        let volume = self.material.bulk / (one.like(24.0) * shear) * self.volume_stiffness() * uneven;
+        let sheared = (-self.pressure() / (two * shear)).max(zero) * (longest / three).sqrt();
         let stretch = self.material.pre_strain + V3::splat(one);
         let strained = stretch.times(stretch) * (one / (stretch.x * stretch.y * stretch.z));
         let strained = one.max(strained.x).max(strained.y).max(strained.z);
-        let s = ((pressed + volume + sheared + fibrous) * strained).min(R::of(STIFFEST));
+        let s = ((pressed + volume + sheared + fibrous) * strained).min(one.like(STIFFEST));
         one + (s - one) / factor
     }
 }

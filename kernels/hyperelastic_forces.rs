@@ -5,10 +5,12 @@
 //! `params.corotational` is less than [`HYPERELASTIC`] (trial points).
 //! Units: displacement m, material Pa, energy J, force N.
 
-use super::hyperelastic::{Cell, FibreRows};
+use super::hyperelastic::{Cell, Cells, FibreRows, Material, STIFFENED};
 use super::linearised::HYPERELASTIC;
 use super::{Params, Source};
-use crate::math::{Real, V4};
+use crate::math::wide::{Lanes, MOST, Packed, Task};
+use crate::math::{Number, Real, V3, V4};
+use std::ops::Range;
 
 /// The shader.
 pub const SOURCE: Source = Source {
@@ -35,26 +37,143 @@ pub fn hyperelastic_forces<R: Real>(
     energy: &mut [R],        // [cell] J
 ) {
     let count = params.cell_count as usize;
-    let (rotation, rows) = rotation.split_at_mut(count);
-    let mut rows = rows.as_chunks_mut::<3>().0.iter_mut();
-    let cells = corner_force.as_chunks_mut::<24>().0.iter_mut().zip(energy).zip(rotation);
-    for (cell, ((force, energy), q)) in cells.enumerate().take(count) {
-        let rows = rows.next();
-        (*energy, *force) = (R::zero(), [R::zero(); 24]);
-        if *q == [R::zero(); 4] {
-            continue;
+    let (quaternions, rows) = rotation.split_at_mut(count);
+    let linearised = params.corotational >= HYPERELASTIC && !rows.is_empty();
+    corner_force.fill(R::zero());
+    energy.fill(R::zero());
+    let unit = quaternions.to_vec();
+    let alive = |cell: usize| (unit[cell] != [R::zero(); 4]).then_some(unit[cell]);
+    let cells = Cells { params, shape, material, fibres, pre_strain, layer_of, split, displacement };
+    cells.respond(0..count, Wanted { energy: true, linearised }, &alive, &mut |cell, found| {
+        energy[cell] = if found.inverted { R::of(f64::from(INVERTED_ENERGY)) } else { found.energy };
+        corner_force[24 * cell..24 * (cell + 1)].copy_from_slice(found.force.as_flattened());
+        if linearised {
+            quaternions[cell] = unit[cell].map(|c| c * found.length);
+            rows[3 * cell..3 * (cell + 1)].copy_from_slice(&found.rows);
         }
-        let found = Cell::of(params, shape, material, fibres, pre_strain, layer_of, displacement, split, cell);
-        *energy = if found.inverted { R::of(f64::from(INVERTED_ENERGY)) } else { found.energy() };
-        let forces = found.forces();
-        for (out, f) in force.chunks_exact_mut(3).zip(&forces) {
-            out.copy_from_slice(&[f.x, f.y, f.z]);
+    });
+}
+
+/// What is wanted of cells beside their forces.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Wanted {
+    /// The energy.
+    pub energy: bool,
+    /// The linearisation.
+    pub linearised: bool,
+}
+
+/// Response of a cell to its displacements.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Response<R> {
+    /// `[corner]` internal forces, N.
+    pub force: [[R; 3]; 8],
+    /// Energy, J, if wanted.
+    pub energy: R,
+    /// The volume is not positive at some Gauss point.
+    pub inverted: bool,
+    /// Length of the quaternion by the linearisation, if wanted.
+    pub length: R,
+    /// Rows of the linearisation, if wanted.
+    pub rows: [V4<R>; 3],
+}
+
+impl<R: Real> Cells<'_, R> {
+    /// Calls `take` with the response of each cell of a range that has a rotation, as many at once as a register holds.
+    pub fn respond(
+        &self,
+        cells: Range<usize>,
+        wanted: Wanted,
+        rotation: &dyn Fn(usize) -> Option<V4<R>>,
+        take: &mut dyn FnMut(usize, &Response<R>),
+    ) {
+        let mut start = cells.start;
+        while start < cells.end {
+            let layer = self.layer(start);
+            let alike = (start..cells.end).take_while(|cell| self.layer(*cell) == layer).count();
+            let present = (start..start + alike).filter_map(|cell| Some((cell, rotation(cell)?)));
+            let present: Vec<(usize, V4<R>)> = present.collect();
+            R::widest(Responses { cells: self, material: self.material(layer), present: &present, wanted, take });
+            start += alike;
         }
-        if let Some(rows) = rows.filter(|_| params.corotational >= HYPERELASTIC) {
-            let linearised = found.linearised(params, *q, &forces);
-            let length = linearised.stiffening.sqrt().sqrt();
-            *q = q.map(|c| c * length);
-            *rows = linearised.rows.packed();
+    }
+}
+
+/// Responses of cells of one layer.
+struct Responses<'a, R> {
+    cells: &'a Cells<'a, R>,
+    material: Material<R>,
+    /// Cells, with their rotations.
+    present: &'a [(usize, V4<R>)],
+    wanted: Wanted,
+    take: &'a mut dyn FnMut(usize, &Response<R>),
+}
+
+impl<R: Real> Task<R> for Responses<'_, R> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes<R>>(self, lanes: L) {
+        let Self { cells, wanted, .. } = self;
+        let material = self.material.packed(lanes);
+        let factor = Packed::splat(lanes, cells.params.stiffness_factor);
+        let factor = (cells.params.corotational == STIFFENED).then_some(factor);
+        for group in self.present.chunks(L::COUNT) {
+            // displacements and rotations by component; lanes without a cell repeat the last one
+            let (mut moved, mut turned) = ([[[R::zero(); MOST]; 3]; 8], [[R::zero(); MOST]; 4]);
+            for i in 0..L::COUNT {
+                let (cell, q) = group[i.min(group.len() - 1)];
+                for (moved, u) in moved.iter_mut().zip(cells.corners(cell)) {
+                    (moved[0][i], moved[1][i], moved[2][i]) = (u.x, u.y, u.z);
+                }
+                for (turned, c) in turned.iter_mut().zip(q) {
+                    turned[i] = c;
+                }
+            }
+            let mut corners = [material.edges; 8];
+            for (corner, [x, y, z]) in corners.iter_mut().zip(&moved) {
+                *corner = V3::new(Packed::load(lanes, x), Packed::load(lanes, y), Packed::load(lanes, z));
+            }
+            let state = Cell::new(material, &corners);
+            let forces = state.forces();
+            // results by component, into the arrays of the displacements
+            for ([x, y, z], force) in moved.iter_mut().zip(&forces) {
+                force.x.store(x);
+                force.y.store(y);
+                force.z.store(z);
+            }
+            let [mut energy, mut upright, mut length] = [[R::zero(); MOST]; 3];
+            state.upright.store(&mut upright);
+            if wanted.energy {
+                state.energy().store(&mut energy);
+            }
+            let mut rows = [[[R::zero(); MOST]; 4]; 3];
+            if wanted.linearised {
+                let [x, y, z, w] = &turned;
+                let q = [x, y, z, w].map(|c| Packed::load(lanes, c));
+                let found = state.linearised(factor, q, &forces);
+                found.stiffening.sqrt().sqrt().store(&mut length);
+                for (row, own) in rows.iter_mut().zip(found.rows.packed()) {
+                    for (row, own) in row.iter_mut().zip(own) {
+                        own.store(row);
+                    }
+                }
+            }
+            for (i, (cell, _)) in group.iter().enumerate() {
+                let mut found = Response {
+                    energy: energy[i],
+                    inverted: upright[i] == R::zero(),
+                    length: length[i],
+                    ..Response::default()
+                };
+                for (force, moved) in found.force.as_flattened_mut().iter_mut().zip(moved.as_flattened()) {
+                    *force = moved[i];
+                }
+                for (row, own) in found.rows.as_flattened_mut().iter_mut().zip(rows.as_flattened()) {
+                    *row = own[i];
+                }
+                (self.take)(*cell, &found);
+            }
         }
     }
 }

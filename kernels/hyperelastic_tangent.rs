@@ -11,9 +11,9 @@
 //! Units: displacement m, z m, force N, material Pa.
 
 use super::deformation::{corner_sums, field_gradients, log_volume_stiffness};
-use super::hyperelastic::{Cell, FibreRows, at_corners};
+use super::hyperelastic::{Cell, Cells, FibreRows, at_corners};
 use super::{Params, Source};
-use crate::math::{M3, Real, V3, V4};
+use crate::math::{Number, Real, V3, V4};
 
 /// The shader.
 pub const SOURCE: Source = Source {
@@ -22,20 +22,20 @@ pub const SOURCE: Source = Source {
     params: Params::<f32>::FIELDS,
 };
 
-impl<R: Real> Cell<R> {
+impl<N: Number> Cell<N> {
     /// `κ (φ'² + φ φ'')(J̄)/V`, Pa/m³: derivative of the pressure with respect to the cell's volume.
-    pub fn pressure_slope(&self) -> R {
-        self.material.bulk * log_volume_stiffness(self.mean_dilatation) / (R::of(8.0) * self.weight)
+    pub fn pressure_slope(&self) -> N {
+        self.material.bulk * log_volume_stiffness(self.mean_dilatation) / (self.weight.like(8.0) * self.weight)
     }
 
     /// `K z`, N.
-    pub fn product(&self, z: &[V3<R>; 8]) -> [V3<R>; 8] {
+    pub fn product(&self, z: &[V3<N>; 8]) -> [V3<N>; 8] {
         let pressure = self.pressure();
-        let mut volume = R::zero();
-        let mut stress = [M3::zero(); 8];
+        let mut volume = pressure.like(0.0);
+        let mut stress = [self.points[0].h; 8];
         for ((p, change), stress) in self.points.iter().zip(field_gradients(self.inverse, z)).zip(&mut stress) {
             let log_gradient = p.log_gradient;
-            let jacobian = R::one() + p.dilatation;
+            let jacobian = volume.like(1.0) + p.dilatation;
             let relative_change = log_gradient.dot(change);
             let kirchhoff_pressure = pressure * jacobian;
             volume += self.weight * jacobian * relative_change;
@@ -64,9 +64,10 @@ pub fn hyperelastic_tangent<R: Real>(
     z: &[V4<R>],             // [node] m
     corner_force: &mut [R],  // [cell][corner][axis] N
 ) {
+    let cells = Cells { params, shape, material, fibres, pre_strain, layer_of, split: &[], displacement };
     for (cell, force) in corner_force.chunks_exact_mut(24).enumerate() {
-        let found = Cell::of(params, shape, material, fibres, pre_strain, layer_of, displacement, &[], cell);
-        let own = if found.inverted { [V3::zero(); 8] } else { found.product(&at_corners(params, z, cell)) };
+        let state = cells.state(cell);
+        let own = if state.inverted() { [V3::zero(); 8] } else { state.product(&at_corners(params, z, cell)) };
         for (out, f) in force.chunks_exact_mut(3).zip(own) {
             out.copy_from_slice(&[f.x, f.y, f.z]);
         }

@@ -15,7 +15,7 @@
 //! The numbers stand after the quaternions in the array of rotations, `[cell × 3]` rows: `y_n` and `p_n`.
 
 use super::{Params, corner};
-use crate::math::{M3, Real, V3, V4};
+use crate::math::{M3, Number, Real, V3, V4};
 
 /// Text shared by the shaders that have rotations.
 pub const WGSL: &str = include_str!("linearised.wgsl");
@@ -37,50 +37,62 @@ pub struct Rows<R> {
     pub tension: V3<R>,
 }
 
-impl<R: Real> Rows<R> {
-    /// Those of a cell.
-    pub fn of(params: &Params<R>, rotation: &[V4<R>], cell: usize) -> Self {
-        let own = rows(params, rotation, cell);
-        let volume = [0, 1, 2].map(|n| V3::from4(own[n]));
-        Self { volume, tension: V3::new(own[0][3], own[1][3], own[2][3]) }
+impl<N: Number> Rows<N> {
+    /// From how they are stored.
+    #[inline(always)]
+    pub fn unpacked([x, y, z]: [V4<N>; 3]) -> Self {
+        Self { volume: [V3::from4(x), V3::from4(y), V3::from4(z)], tension: V3::new(x[3], y[3], z[3]) }
     }
 
     /// As they are stored.
-    pub fn packed(&self) -> [V4<R>; 3] {
+    #[inline(always)]
+    pub fn packed(&self) -> [V4<N>; 3] {
         let [x, y, z] = self.volume;
         [x.pad(self.tension.x), y.pad(self.tension.y), z.pad(self.tension.z)]
     }
 
     /// `Σ_n ± y_n` of a corner.
-    pub fn slope(&self, a: usize) -> V3<R> {
-        let sign = signs(a);
+    #[inline(always)]
+    pub fn slope(&self, a: usize) -> V3<N> {
+        let sign = signs(a, self.tension.x);
         self.volume[0] * sign.x + self.volume[1] * sign.y + self.volume[2] * sign.z
     }
 
     /// Block of the stiffness between two corners.
-    pub fn between(&self, a: usize, b: usize) -> M3<R> {
-        let (of_a, of_b, p) = (signs(a), signs(b), self.tension);
+    #[inline(always)]
+    pub fn between(&self, a: usize, b: usize) -> M3<N> {
+        let p = self.tension;
+        let (of_a, of_b, half, third) = (signs(a, p.x), signs(b, p.x), p.x.like(0.5), p.x.like(1.0 / 3.0));
         let (s_a, s_b, both) = (of_a.times(p), of_b.times(p), of_a.times(of_b));
-        let (half, third) = (R::of(0.5), R::of(1.0 / 3.0));
-        let rotation = (M3::identity() * s_a.dot(s_b) - s_b.outer(s_a)) * half;
+        let rotation = (s_b.outer(s_a) * p.x.like(-1.0)).plus(s_a.dot(s_b)) * half;
         // sums over the patterns of ± k_P, by the axes of their gradients
         let [xy, xz, yz] = [both.x * both.y, both.x * both.z, both.y * both.z];
         let all = xy * both.z * third;
-        let hourglass = [
-            [R::zero(), xy + yz + all, xz + yz + all],
-            [xy + xz + all, R::zero(), yz + xz + all],
-            [xz + xy + all, yz + xy + all, R::zero()],
-        ];
+        let zero = p.x.like(0.0);
         let squares = p.times(p) * third;
-        let diagonal = hourglass.map(|row| V3::new(row[0], row[1], row[2]).dot(squares));
-        rotation + M3::diagonal(V3::new(diagonal[0], diagonal[1], diagonal[2])) + self.slope(a).outer(self.slope(b))
+        let diagonal = V3::new(
+            V3::new(zero, xy + yz + all, xz + yz + all).dot(squares),
+            V3::new(xy + xz + all, zero, yz + xz + all).dot(squares),
+            V3::new(xz + xy + all, yz + xy + all, zero).dot(squares),
+        );
+        rotation.plus_diagonal(diagonal) + self.slope(a).outer(self.slope(b))
     }
 }
 
 /// Signs of a corner in the patterns 1, 2, 4; lower corners have the positive one.
-fn signs<R: Real>(a: usize) -> V3<R> {
-    let sign = |n: usize| R::of(if corner(a)[n] == 0 { 1.0 } else { -1.0 });
-    V3::new(sign(0), sign(1), sign(2))
+#[inline(always)]
+fn signs<N: Number>(a: usize, kind: N) -> V3<N> {
+    let at = corner(a);
+    let sign = [1.0, -1.0];
+    V3::new(kind.like(sign[at[0]]), kind.like(sign[at[1]]), kind.like(sign[at[2]]))
+}
+
+impl<R: Real> Rows<R> {
+    /// Those of a cell.
+    pub fn of(params: &Params<R>, rotation: &[V4<R>], cell: usize) -> Self {
+        let own = rows(params, rotation, cell);
+        Self::unpacked([own[0], own[1], own[2]])
+    }
 }
 
 #[cfg(test)]

@@ -15,84 +15,91 @@
 //! Source: Mooney 1940; Rivlin 1948; Bonet, Wood 2008, section 6.5 (isochoric invariants). SOFA's `MooneyRivlin` is the same law.
 //! Units: c₁₀ c₀₁ Pa, W J/m³, P Pa.
 
-use super::deformation::{EXTENDED, LOG_EXTENDED, Point, exponential, log_volume, logarithm};
-use crate::math::{M3, Real};
+use super::deformation::{EXTENDED, LOG_EXTENDED, Point, exponential, log_volume, logarithm, pick};
+use crate::math::{M3, Number};
 
 /// The law in WGSL.
 pub const WGSL: &str = include_str!("mooney_rivlin.wgsl");
 
 /// Invariants for stress and energy.
-struct Invariants<R> {
+struct Invariants<N> {
     /// F
-    f: M3<R>,
+    f: M3<N>,
     /// `tr(e) 1 − e`
-    s: M3<R>,
+    s: M3<N>,
     /// `½ (tr² e − tr e²)`
-    second: R,
-    i1: R,
-    i2: R,
+    second: N,
+    i1: N,
+    i2: N,
 }
 
-impl<R: Real> Invariants<R> {
-    fn of(p: &Point<R>) -> Self {
-        let (two, half, third) = (R::of(2.0), R::of(0.5), R::of(1.0 / 3.0));
+impl<N: Number> Invariants<N> {
+    #[inline(always)]
+    fn of(p: &Point<N>) -> Self {
+        let one = p.dilatation.like(1.0);
+        let (two, half, third) = (one.like(2.0), one.like(0.5), one.like(1.0 / 3.0));
         let e = p.green();
         let trace = e.trace();
         let squares = e.dot(e);
         let second = half * (trace * trace - squares);
         let (i1, i2) = (trace * third, (two * trace + second) * third);
-        let s = M3::identity() * trace - e;
-        Self { f: M3::identity() + p.h, s, second, i1, i2 }
+        let s = (e * -one).plus(trace);
+        Self { f: p.gradient(), s, second, i1, i2 }
     }
 }
 
 /// `S = J^(−2/3)`, which the extension of `ln J` below `J = ε` would let grow exponentially: there it is its own tangent at `ε`.
-struct Isochoric<R> {
+struct Isochoric<N> {
     /// S
-    scale: R,
+    scale: N,
     /// `J − 1 + 3/2 ln S`
-    beyond: R,
+    beyond: N,
     /// `−3/2 ∂(ln S)/∂F`: `F⁻ᵀ` above `J = ε`.
-    log_gradient: M3<R>,
+    log_gradient: M3<N>,
     /// 1 less that.
-    complement: M3<R>,
+    complement: M3<N>,
 }
 
-impl<R: Real> Isochoric<R> {
-    fn of(p: &Point<R>) -> Self {
-        let (least, two_thirds) = (R::of(EXTENDED), R::of(2.0 / 3.0));
-        let volume = R::one() + p.dilatation;
+impl<N: Number> Isochoric<N> {
+    #[inline(always)]
+    fn of(p: &Point<N>) -> Self {
+        let one = p.dilatation.like(1.0);
+        let (least, two_thirds, volume) = (one.like(EXTENDED), one.like(2.0 / 3.0), one + p.dilatation);
         let [log, beyond] = log_volume(p.dilatation);
-        if volume >= least {
-            let (log_gradient, complement) = (p.log_gradient, p.complement);
-            return Self { scale: R::exp(-two_thirds * log), beyond, log_gradient, complement };
+        let scale = N::exp(-two_thirds * log);
+        if volume.all_at_least(least) {
+            return Self { scale, beyond, log_gradient: p.log_gradient, complement: p.complement };
         }
-        // relative to the scale at ε
-        let grown = R::one() + two_thirds * (least - volume) / least;
-        let log = R::of(LOG_EXTENDED) - R::of(1.5) * R::ln(grown);
-        let scale = R::exp(-two_thirds * R::of(LOG_EXTENDED)) * grown;
-        let log_gradient = p.log_gradient * (R::one() / grown);
-        Self { scale, beyond: p.dilatation - log, log_gradient, complement: M3::identity() - log_gradient }
+        // relative to the scale at ε, where the volume is smaller
+        let grown = (one + two_thirds * (least - volume) / least).max(one);
+        let log = one.like(LOG_EXTENDED) - one.like(1.5) * N::ln(grown);
+        let extended = N::exp(-two_thirds * one.like(LOG_EXTENDED)) * grown;
+        let log_gradient = p.log_gradient * (one / grown);
+        let complement = pick(volume, least, p.complement, (log_gradient * -one).plus(one));
+        let scale = volume.pick(least, scale, extended);
+        Self { scale, beyond: volume.pick(least, beyond, p.dilatation - log), log_gradient, complement }
     }
 }
 
 /// W
-pub fn energy<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> R {
+#[inline(always)]
+pub fn energy<N: Number>([c10, c01]: [N; 2], p: &Point<N>) -> N {
     let Invariants { second, i1, i2, .. } = Invariants::of(p);
-    let (three, two_thirds) = (R::of(3.0), R::of(2.0 / 3.0));
+    let (third, two_thirds) = (c10.like(1.0 / 3.0), c10.like(2.0 / 3.0));
     // |h|² − 2 (J − 1 − tr h): second-order part of tr e − 2 (J − 1)
-    let left = p.h.dot(p.h) - R::of(2.0) * p.second_order;
+    let left = p.h.dot(p.h) - c10.like(2.0) * p.second_order;
     let beyond = Isochoric::of(p).beyond;
-    let x1 = left * R::of(1.0 / 3.0) - logarithm(i1)[1] + two_thirds * beyond;
-    let x2 = left * two_thirds + second * R::of(1.0 / 3.0) - logarithm(i2)[1] + R::of(4.0 / 3.0) * beyond;
-    three * (c10 * exponential(x1) + c01 * exponential(x2))
+    let x1 = left * third - logarithm(i1)[1] + two_thirds * beyond;
+    let x2 = left * two_thirds + second * third - logarithm(i2)[1] + c10.like(4.0 / 3.0) * beyond;
+    c10.like(3.0) * (c10 * exponential(x1) + c01 * exponential(x2))
 }
 
 /// P
-pub fn stress<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> M3<R> {
+#[inline(always)]
+pub fn stress<N: Number>([c10, c01]: [N; 2], p: &Point<N>) -> M3<N> {
     let Invariants { f, s, i1, i2, .. } = Invariants::of(p);
     let Isochoric { scale, log_gradient, complement, .. } = Isochoric::of(p);
-    let (two, four) = (R::of(2.0), R::of(4.0));
+    let (two, four) = (c10.like(2.0), c10.like(4.0));
     let difference = p.h + complement;
     let p1 = difference - log_gradient * i1;
     let p2 = difference * four + f * s * two - log_gradient * (four * i2);
@@ -100,16 +107,17 @@ pub fn stress<R: Real>([c10, c01]: [R; 2], p: &Point<R>) -> M3<R> {
 }
 
 /// dP
-pub fn tangent<R: Real>([c10, c01]: [R; 2], p: &Point<R>, change: M3<R>) -> M3<R> {
+#[inline(always)]
+pub fn tangent<N: Number>([c10, c01]: [N; 2], p: &Point<N>, change: M3<N>) -> M3<N> {
     let Invariants { f, s, i1, i2, .. } = Invariants::of(p);
     let Isochoric { scale, log_gradient, complement, .. } = Isochoric::of(p);
-    let (one, two, four) = (R::one(), R::of(2.0), R::of(4.0));
-    let (two_thirds, four_thirds) = (R::of(2.0 / 3.0), R::of(4.0 / 3.0));
+    let (one, two, four) = (c10.like(1.0), c10.like(2.0), c10.like(4.0));
+    let (two_thirds, four_thirds) = (c10.like(2.0 / 3.0), c10.like(4.0 / 3.0));
     let (t, along) = (log_gradient.dot(change), f.dot(change));
     let crossed = log_gradient * change.transpose() * log_gradient;
     let difference = p.h + complement - log_gradient * i1;
     let d1 = change - difference * (two_thirds * t) - log_gradient * (two_thirds * along) + crossed * (one + i1);
-    let inner = M3::identity() * two + s;
+    let inner = s.plus(two);
     let d = f * inner;
     let q = d * two - log_gradient * (four * (one + i2));
     let dc = change.transpose() * f + f.transpose() * change;

@@ -6,24 +6,27 @@
 //! Units: μ Pa, W J/m³, P Pa.
 
 use super::deformation::{Point, log_volume};
-use crate::math::{M3, Real};
+use crate::math::{M3, Number};
 
 /// The law in WGSL.
 pub const WGSL: &str = include_str!("neo_hookean.wgsl");
 
 /// W
-pub fn energy<R: Real>(mu: R, p: &Point<R>) -> R {
-    let two = R::of(2.0);
+#[inline(always)]
+pub fn energy<N: Number>(mu: N, p: &Point<N>) -> N {
+    let two = mu.like(2.0);
     let squares = p.h.dot(p.h);
-    R::of(0.5) * mu * (squares - two * p.second_order + two * log_volume(p.dilatation)[1])
+    mu.like(0.5) * mu * (squares - two * p.second_order + two * log_volume(p.dilatation)[1])
 }
 
 /// P
-pub fn stress<R: Real>(mu: R, p: &Point<R>) -> M3<R> {
+#[inline(always)]
+pub fn stress<N: Number>(mu: N, p: &Point<N>) -> M3<N> {
     (p.h + p.complement) * mu
 }
 
 /// dP
-pub fn tangent<R: Real>(mu: R, p: &Point<R>, change: M3<R>) -> M3<R> {
+#[inline(always)]
+pub fn tangent<N: Number>(mu: N, p: &Point<N>, change: M3<N>) -> M3<N> {
     (change + p.log_gradient * change.transpose() * p.log_gradient) * mu
 }

@@ -150,10 +150,10 @@ mod tests {
     #[test]
     fn half_turns_and_inversions_have_a_rotation() {
         let half_turn = M3::diagonal(V3::new(-1.0, -1.0, 1.0));
-        let q = polar(half_turn, [0.0, 0.0, 0.0, 1.0]);
+        let q: V4<f64> = polar(half_turn, [0.0, 0.0, 0.0, 1.0]);
         assert!((q[2].abs() - 1.0).abs() < 1e-12);
         let inverted = M3::diagonal(V3::new(1.0, 1.0, -0.3));
-        let q = polar(inverted, [0.0, 0.0, 0.0, 1.0]);
+        let q: V4<f64> = polar(inverted, [0.0, 0.0, 0.0, 1.0]);
         assert!((q[3].abs() - 1.0).abs() < 1e-12, "{q:?}");
         for f in [M3::zero(), M3::diagonal(V3::new(1.0, 0.0, 0.0))] {
             let q = polar::<f32>(M3(f.0.map(|c: V3<f64>| V3::of(c.f64()))), [0.0, 0.0, 0.0, 1.0]);

@@ -11,37 +11,23 @@ use bytemuck::Pod;
 use std::fmt::Debug;
 use std::iter::Sum;
 use std::ops::{Add, AddAssign, Div, DivAssign, Mul, MulAssign, Neg, Sub, SubAssign};
+use wide::{Lanes, Packed};
 
-/// Scalar type, f32 or f64.
-pub trait Real:
+/// What [`V3`] and [`M3`] consist of: a scalar, or the scalars of several cells in a register ([`wide::Packed`]).
+///
+/// Code on numbers has no branches that depend on values but those of [`Number::all_at_least`].
+pub trait Number:
     Copy
     + Debug
-    + Default
-    + PartialOrd
-    + Pod
-    + wide::Wide
-    + Send
-    + Sync
-    + Sum
     + Add<Output = Self>
     + Sub<Output = Self>
     + Mul<Output = Self>
     + Div<Output = Self>
     + Neg<Output = Self>
     + AddAssign
-    + SubAssign
-    + MulAssign
-    + DivAssign
-    + 'static
 {
-    /// Name for reports: `f32` or `f64`.
-    const NAME: &'static str;
-    /// Distance from 1 to the next larger number.
-    const EPSILON: Self;
-    /// Rounds an f64.
-    fn of(value: f64) -> Self;
-    /// Widens to f64.
-    fn f64(self) -> f64;
+    /// A constant, rounded; of the kind of `self`, whose value is not used.
+    fn like(self, value: f64) -> Self;
     /// Square root.
     fn sqrt(self) -> Self;
     /// Natural logarithm.
@@ -54,6 +40,24 @@ pub trait Real:
     fn max(self, other: Self) -> Self;
     /// Smaller of two.
     fn min(self, other: Self) -> Self;
+    /// `above` where `self ≥ bound`, `below` elsewhere, and for NaN.
+    fn pick(self, bound: Self, above: Self, below: Self) -> Self;
+    /// `self ≥ bound` everywhere.
+    fn all_at_least(self, bound: Self) -> bool;
+}
+
+/// Scalar type, f32 or f64.
+pub trait Real:
+    Number + Default + PartialOrd + Pod + wide::Wide + Send + Sync + Sum + SubAssign + MulAssign + DivAssign + 'static
+{
+    /// Name for reports: `f32` or `f64`.
+    const NAME: &'static str;
+    /// Distance from 1 to the next larger number.
+    const EPSILON: Self;
+    /// Rounds an f64.
+    fn of(value: f64) -> Self;
+    /// Widens to f64.
+    fn f64(self) -> f64;
     /// Neither infinite nor NaN.
     fn is_finite(self) -> bool;
     /// 0.
@@ -68,15 +72,12 @@ pub trait Real:
 
 macro_rules! real {
     ($t:ty, $name:literal, $ln:path, $exp:path) => {
-        impl Real for $t {
-            const NAME: &'static str = $name;
-            const EPSILON: Self = <$t>::EPSILON;
-            fn of(value: f64) -> Self {
+        impl Number for $t {
+            #[inline(always)]
+            fn like(self, value: f64) -> Self {
                 value as $t
             }
-            fn f64(self) -> f64 {
-                f64::from(self)
-            }
+            #[inline(always)]
             fn sqrt(self) -> Self {
                 self.sqrt()
             }
@@ -86,15 +87,36 @@ macro_rules! real {
             fn exp(self) -> Self {
                 $exp(self)
             }
+            #[inline(always)]
             fn abs(self) -> Self {
                 self.abs()
             }
+            #[inline(always)]
             fn max(self, other: Self) -> Self {
                 // of 0 and −0, std's method may return either, depending on the processor
                 if self.is_nan() || other > self { other } else { self }
             }
+            #[inline(always)]
             fn min(self, other: Self) -> Self {
                 if self.is_nan() || other < self { other } else { self }
+            }
+            #[inline(always)]
+            fn pick(self, bound: Self, above: Self, below: Self) -> Self {
+                if self >= bound { above } else { below }
+            }
+            #[inline(always)]
+            fn all_at_least(self, bound: Self) -> bool {
+                self >= bound
+            }
+        }
+        impl Real for $t {
+            const NAME: &'static str = $name;
+            const EPSILON: Self = <$t>::EPSILON;
+            fn of(value: f64) -> Self {
+                value as $t
+            }
+            fn f64(self) -> f64 {
+                f64::from(self)
             }
             fn is_finite(self) -> bool {
                 self.is_finite()
@@ -149,63 +171,88 @@ pub struct V3<R> {
     pub z: R,
 }
 
-impl<R: Real> V3<R> {
+impl<N: Number> V3<N> {
     /// From components.
-    pub fn new(x: R, y: R, z: R) -> Self {
+    #[inline(always)]
+    pub fn new(x: N, y: N, z: N) -> Self {
         Self { x, y, z }
     }
-    /// Rounds a triple of f64.
-    pub fn of(a: [f64; 3]) -> Self {
-        Self::new(R::of(a[0]), R::of(a[1]), R::of(a[2]))
-    }
     /// The first three numbers of a buffer entry.
-    pub fn from4(a: V4<R>) -> Self {
+    #[inline(always)]
+    pub fn from4(a: V4<N>) -> Self {
         Self::new(a[0], a[1], a[2])
     }
     /// As a buffer entry, with the fourth number.
-    pub fn pad(self, w: R) -> V4<R> {
+    #[inline(always)]
+    pub fn pad(self, w: N) -> V4<N> {
         [self.x, self.y, self.z, w]
+    }
+    /// All three equal.
+    #[inline(always)]
+    pub fn splat(a: N) -> Self {
+        Self::new(a, a, a)
+    }
+    /// Scalar product.
+    #[inline(always)]
+    pub fn dot(self, o: Self) -> N {
+        self.x * o.x + self.y * o.y + self.z * o.z
+    }
+    /// Vector product.
+    #[inline(always)]
+    pub fn cross(self, o: Self) -> Self {
+        Self::new(self.y * o.z - self.z * o.y, self.z * o.x - self.x * o.z, self.x * o.y - self.y * o.x)
+    }
+    /// Euclidean norm.
+    #[inline(always)]
+    pub fn length(self) -> N {
+        self.dot(self).sqrt()
+    }
+    /// Component by component.
+    #[inline(always)]
+    pub fn times(self, o: Self) -> Self {
+        Self::new(self.x * o.x, self.y * o.y, self.z * o.z)
+    }
+    /// `self ⊗ o`.
+    #[inline(always)]
+    pub fn outer(self, o: Self) -> M3<N> {
+        M3([self * o.x, self * o.y, self * o.z])
+    }
+}
+
+impl<R: Real> V3<R> {
+    /// Rounds a triple of f64.
+    pub fn of(a: [f64; 3]) -> Self {
+        Self::new(R::of(a[0]), R::of(a[1]), R::of(a[2]))
     }
     /// Widened to f64.
     pub fn f64(self) -> [f64; 3] {
         [self.x.f64(), self.y.f64(), self.z.f64()]
     }
-    /// All three equal.
-    pub fn splat(a: R) -> Self {
-        Self::new(a, a, a)
-    }
     /// Zero.
     pub fn zero() -> Self {
         Self::default()
     }
-    /// Scalar product.
-    pub fn dot(self, o: Self) -> R {
-        self.x * o.x + self.y * o.y + self.z * o.z
-    }
-    /// Vector product.
-    pub fn cross(self, o: Self) -> Self {
-        Self::new(self.y * o.z - self.z * o.y, self.z * o.x - self.x * o.z, self.x * o.y - self.y * o.x)
-    }
-    /// Euclidean norm.
-    pub fn length(self) -> R {
-        self.dot(self).sqrt()
-    }
-    /// Component by component.
-    pub fn times(self, o: Self) -> Self {
-        Self::new(self.x * o.x, self.y * o.y, self.z * o.z)
-    }
-    /// `self ⊗ o`.
-    pub fn outer(self, o: Self) -> M3<R> {
-        M3([self * o.x, self * o.y, self * o.z])
+    /// The same in every lane of a register.
+    #[inline(always)]
+    pub fn packed<L: Lanes<R>>(self, lanes: L) -> V3<Packed<R, L>> {
+        V3::new(Packed::splat(lanes, self.x), Packed::splat(lanes, self.y), Packed::splat(lanes, self.z))
     }
 }
 
 macro_rules! componentwise {
     ($trait:ident, $fn:ident, $op:tt) => {
-        impl<R: Real> $trait for V3<R> {
+        impl<N: Number> $trait for V3<N> {
             type Output = Self;
+            #[inline(always)]
             fn $fn(self, o: Self) -> Self {
                 Self::new(self.x $op o.x, self.y $op o.y, self.z $op o.z)
+            }
+        }
+        impl<N: Number> $trait for M3<N> {
+            type Output = Self;
+            #[inline(always)]
+            fn $fn(self, o: Self) -> Self {
+                Self([self.0[0] $op o.0[0], self.0[1] $op o.0[1], self.0[2] $op o.0[2]])
             }
         }
     };
@@ -213,19 +260,22 @@ macro_rules! componentwise {
 componentwise!(Add, add, +);
 componentwise!(Sub, sub, -);
 
-impl<R: Real> Neg for V3<R> {
+impl<N: Number> Neg for V3<N> {
     type Output = Self;
+    #[inline(always)]
     fn neg(self) -> Self {
         Self::new(-self.x, -self.y, -self.z)
     }
 }
-impl<R: Real> Mul<R> for V3<R> {
+impl<N: Number> Mul<N> for V3<N> {
     type Output = Self;
-    fn mul(self, s: R) -> Self {
+    #[inline(always)]
+    fn mul(self, s: N) -> Self {
         Self::new(self.x * s, self.y * s, self.z * s)
     }
 }
-impl<R: Real> AddAssign for V3<R> {
+impl<N: Number> AddAssign for V3<N> {
+    #[inline(always)]
     fn add_assign(&mut self, o: Self) {
         *self = *self + o;
     }
@@ -234,6 +284,53 @@ impl<R: Real> AddAssign for V3<R> {
 /// A 3×3 matrix as three columns.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct M3<R>(pub [V3<R>; 3]);
+
+impl<N: Number> M3<N> {
+    /// Diagonal matrix.
+    #[inline(always)]
+    pub fn diagonal(d: V3<N>) -> Self {
+        let o = d.x.like(0.0);
+        Self([V3::new(d.x, o, o), V3::new(o, d.y, o), V3::new(o, o, d.z)])
+    }
+    /// With a number added along the diagonal.
+    #[inline(always)]
+    pub fn plus(self, s: N) -> Self {
+        self.plus_diagonal(V3::splat(s))
+    }
+    /// With a diagonal matrix added.
+    #[inline(always)]
+    pub fn plus_diagonal(self, d: V3<N>) -> Self {
+        let [a, b, c] = self.0;
+        Self([V3::new(a.x + d.x, a.y, a.z), V3::new(b.x, b.y + d.y, b.z), V3::new(c.x, c.y, c.z + d.z)])
+    }
+    /// Transposed.
+    #[inline(always)]
+    pub fn transpose(self) -> Self {
+        let [a, b, c] = self.0;
+        Self([V3::new(a.x, b.x, c.x), V3::new(a.y, b.y, c.y), V3::new(a.z, b.z, c.z)])
+    }
+    /// Trace.
+    #[inline(always)]
+    pub fn trace(self) -> N {
+        self.0[0].x + self.0[1].y + self.0[2].z
+    }
+    /// `Σ A_ij B_ij`.
+    #[inline(always)]
+    pub fn dot(self, o: Self) -> N {
+        self.0[0].dot(o.0[0]) + self.0[1].dot(o.0[1]) + self.0[2].dot(o.0[2])
+    }
+    /// Cofactors: `det A` times the transposed inverse.
+    #[inline(always)]
+    pub fn cofactors(self) -> Self {
+        let [a, b, c] = self.0;
+        Self([b.cross(c), c.cross(a), a.cross(b)])
+    }
+    /// Determinant.
+    #[inline(always)]
+    pub fn determinant(self) -> N {
+        self.0[0].dot(self.0[1].cross(self.0[2]))
+    }
+}
 
 impl<R: Real> M3<R> {
     /// Identity.
@@ -244,34 +341,15 @@ impl<R: Real> M3<R> {
     pub fn zero() -> Self {
         Self::default()
     }
-    /// Diagonal matrix.
-    pub fn diagonal(d: V3<R>) -> Self {
-        let o = R::zero();
-        Self([V3::new(d.x, o, o), V3::new(o, d.y, o), V3::new(o, o, d.z)])
-    }
-    /// Transposed.
-    pub fn transpose(self) -> Self {
-        let [a, b, c] = self.0;
-        Self([V3::new(a.x, b.x, c.x), V3::new(a.y, b.y, c.y), V3::new(a.z, b.z, c.z)])
-    }
-    /// Trace.
-    pub fn trace(self) -> R {
-        self.0[0].x + self.0[1].y + self.0[2].z
-    }
-    /// `Σ A_ij B_ij`.
-    pub fn dot(self, o: Self) -> R {
-        (0..3).map(|k| self.0[k].dot(o.0[k])).sum()
-    }
-    /// Determinant.
-    pub fn determinant(self) -> R {
-        self.0[0].dot(self.0[1].cross(self.0[2]))
-    }
     /// Inverse by cofactors; the matrix must be regular.
     pub fn inverse(self) -> Self {
-        let [a, b, c] = self.0;
-        let (r0, r1, r2) = (b.cross(c), c.cross(a), a.cross(b));
-        let s = R::one() / a.dot(r0);
-        Self([r0 * s, r1 * s, r2 * s]).transpose()
+        let own = self.cofactors();
+        (own * (R::one() / self.0[0].dot(own.0[0]))).transpose()
+    }
+    /// The same in every lane of a register.
+    #[inline(always)]
+    pub fn packed<L: Lanes<R>>(self, lanes: L) -> M3<Packed<R, L>> {
+        M3([self.0[0].packed(lanes), self.0[1].packed(lanes), self.0[2].packed(lanes)])
     }
     /// From rows of f64.
     pub fn of_rows(rows: [[f64; 3]; 3]) -> Self {
@@ -279,40 +357,32 @@ impl<R: Real> M3<R> {
     }
 }
 
-impl<R: Real> Mul<V3<R>> for M3<R> {
-    type Output = V3<R>;
-    fn mul(self, v: V3<R>) -> V3<R> {
+impl<N: Number> Mul<V3<N>> for M3<N> {
+    type Output = V3<N>;
+    #[inline(always)]
+    fn mul(self, v: V3<N>) -> V3<N> {
         self.0[0] * v.x + self.0[1] * v.y + self.0[2] * v.z
     }
 }
-impl<R: Real> Mul for M3<R> {
+impl<N: Number> Mul for M3<N> {
     type Output = Self;
+    #[inline(always)]
     fn mul(self, o: Self) -> Self {
-        Self(o.0.map(|c| self * c))
+        Self([self * o.0[0], self * o.0[1], self * o.0[2]])
     }
 }
-impl<R: Real> Mul<R> for M3<R> {
+impl<N: Number> Mul<N> for M3<N> {
     type Output = Self;
-    fn mul(self, s: R) -> Self {
-        Self(self.0.map(|c| c * s))
-    }
-}
-impl<R: Real> Add for M3<R> {
-    type Output = Self;
-    fn add(self, o: Self) -> Self {
-        Self([self.0[0] + o.0[0], self.0[1] + o.0[1], self.0[2] + o.0[2]])
-    }
-}
-impl<R: Real> Sub for M3<R> {
-    type Output = Self;
-    fn sub(self, o: Self) -> Self {
-        Self([self.0[0] - o.0[0], self.0[1] - o.0[1], self.0[2] - o.0[2]])
+    #[inline(always)]
+    fn mul(self, s: N) -> Self {
+        Self([self.0[0] * s, self.0[1] * s, self.0[2] * s])
     }
 }
 
 /// `|q|²` times the rotation matrix of a quaternion (x, y, z, w): the rotation for a unit quaternion, 0 for that of a removed cell.
-pub fn rotation_matrix<R: Real>(q: V4<R>) -> M3<R> {
-    let two = R::of(2.0);
+#[inline(always)]
+pub fn rotation_matrix<N: Number>(q: V4<N>) -> M3<N> {
+    let two = q[3].like(2.0);
     let [x, y, z, w] = q;
     let (xx, yy, zz, ww) = (x * x, y * y, z * z, w * w);
     let (xy, xz, yz) = (x * y, x * z, y * z);

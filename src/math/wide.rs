@@ -11,11 +11,13 @@
 //!
 //! [`force`] makes the whole process use other registers than the widest, so that tests can check this on one machine.
 
+use super::Number;
 use super::elementary::{fma, fma_f32};
 use bytemuck::Pod;
 use pulp::{Arch, Simd, WithSimd};
 use std::array::from_fn;
-use std::ops::{Add, Mul, Sub};
+use std::fmt::{self, Debug, Formatter};
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub};
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Registers for tasks on f32 and f64.
@@ -69,6 +71,12 @@ pub trait Lanes<R: Pod>: Copy {
     fn mul(self, a: Self::V, b: Self::V) -> Self::V;
     /// `a b + c`, rounded once.
     fn mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V;
+    /// `a / b`
+    fn div(self, a: Self::V, b: Self::V) -> Self::V;
+    /// `√a`
+    fn sqrt(self, a: Self::V) -> Self::V;
+    /// `above` where `a ≥ bound`, `below` elsewhere, and for NaN.
+    fn pick(self, a: Self::V, bound: Self::V, above: Self::V, below: Self::V) -> Self::V;
     /// The first [`Lanes::COUNT`] numbers of a slice.
     #[inline(always)]
     fn load(self, from: &[R]) -> Self::V {
@@ -93,7 +101,7 @@ pub trait Task<R: Pod> {
 }
 
 /// Numbers that a [`Task`] can use.
-pub trait Wide: Pod + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {
+pub trait Wide: Pod + Number {
     /// `self b + c`, rounded once.
     fn mul_add(self, b: Self, c: Self) -> Self;
     /// Runs a task with the widest registers of this machine; one number at a time if there are none.
@@ -128,6 +136,18 @@ impl<R: Wide> Lanes<R> for OneByOne {
     fn mul_add(self, a: R, b: R, c: R) -> R {
         R::mul_add(a, b, c)
     }
+    #[inline(always)]
+    fn div(self, a: R, b: R) -> R {
+        a / b
+    }
+    #[inline(always)]
+    fn sqrt(self, a: R) -> R {
+        a.sqrt()
+    }
+    #[inline(always)]
+    fn pick(self, a: R, bound: R, above: R, below: R) -> R {
+        a.pick(bound, above, below)
+    }
 }
 
 /// Registers of `N` numbers, for any machine.
@@ -159,6 +179,140 @@ where
     fn mul_add(self, a: [R; N], b: [R; N], c: [R; N]) -> [R; N] {
         from_fn(|i| R::mul_add(a[i], b[i], c[i]))
     }
+    #[inline(always)]
+    fn div(self, a: [R; N], b: [R; N]) -> [R; N] {
+        from_fn(|i| a[i] / b[i])
+    }
+    #[inline(always)]
+    fn sqrt(self, a: [R; N]) -> [R; N] {
+        from_fn(|i| a[i].sqrt())
+    }
+    #[inline(always)]
+    fn pick(self, a: [R; N], bound: [R; N], above: [R; N], below: [R; N]) -> [R; N] {
+        from_fn(|i| a[i].pick(bound[i], above[i], below[i]))
+    }
+}
+
+/// A number in each lane of a register.
+pub struct Packed<R: Pod, L: Lanes<R>> {
+    v: L::V,
+    lanes: L,
+}
+
+impl<R: Pod, L: Lanes<R>> Clone for Packed<R, L> {
+    #[inline(always)]
+    fn clone(&self) -> Self {
+        *self
+    }
+}
+impl<R: Pod, L: Lanes<R>> Copy for Packed<R, L> {}
+
+impl<R: Pod + Debug, L: Lanes<R>> Debug for Packed<R, L> {
+    fn fmt(&self, f: &mut Formatter) -> fmt::Result {
+        let numbers: &[R] = bytemuck::cast_slice(std::slice::from_ref(&self.v));
+        numbers.fmt(f)
+    }
+}
+
+macro_rules! operator {
+    ($trait:ident, $fn:ident) => {
+        impl<R: Pod, L: Lanes<R>> $trait for Packed<R, L> {
+            type Output = Self;
+            #[inline(always)]
+            fn $fn(self, o: Self) -> Self {
+                Self { v: self.lanes.$fn(self.v, o.v), ..self }
+            }
+        }
+    };
+}
+operator!(Add, add);
+operator!(Sub, sub);
+operator!(Mul, mul);
+operator!(Div, div);
+
+impl<R: Wide, L: Lanes<R>> Neg for Packed<R, L> {
+    type Output = Self;
+    #[inline(always)]
+    fn neg(self) -> Self {
+        self * self.like(-1.0)
+    }
+}
+impl<R: Pod, L: Lanes<R>> AddAssign for Packed<R, L> {
+    #[inline(always)]
+    fn add_assign(&mut self, o: Self) {
+        *self = *self + o;
+    }
+}
+
+impl<R: Wide, L: Lanes<R>> Packed<R, L> {
+    /// The same number in all lanes.
+    #[inline(always)]
+    pub fn splat(lanes: L, value: R) -> Self {
+        Self { v: lanes.splat(value), lanes }
+    }
+    /// The first numbers of a slice.
+    #[inline(always)]
+    pub fn load(lanes: L, from: &[R]) -> Self {
+        Self { v: lanes.load(from), lanes }
+    }
+    /// Writes the first numbers of a slice.
+    #[inline(always)]
+    pub fn store(self, to: &mut [R]) {
+        self.lanes.store(self.v, to);
+    }
+    /// A function of each lane; not for what has to be fast.
+    #[inline(always)]
+    fn each(self, of: impl Fn(R) -> R) -> Self {
+        let mut numbers = [self.lanes.splat(R::zeroed()); 1];
+        let own: &[R] = bytemuck::cast_slice(std::slice::from_ref(&self.v));
+        bytemuck::cast_slice_mut(&mut numbers).iter_mut().zip(own).for_each(|(to, from)| *to = of(*from));
+        Self { v: numbers[0], ..self }
+    }
+}
+
+impl<R: Wide, L: Lanes<R>> Number for Packed<R, L> {
+    #[inline(always)]
+    fn like(self, value: f64) -> Self {
+        Self { v: self.lanes.splat(R::zeroed().like(value)), ..self }
+    }
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        Self { v: self.lanes.sqrt(self.v), ..self }
+    }
+    #[inline(always)]
+    fn ln(self) -> Self {
+        self.each(R::ln)
+    }
+    #[inline(always)]
+    fn exp(self) -> Self {
+        self.each(R::exp)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.pick(self.like(0.0), self, -self)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.pick(other, self, other.pick(other, other, self))
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        other.pick(self, self, other.pick(other, other, self))
+    }
+    #[inline(always)]
+    fn pick(self, bound: Self, above: Self, below: Self) -> Self {
+        Self { v: self.lanes.pick(self.v, bound.v, above.v, below.v), ..self }
+    }
+    #[inline(always)]
+    fn all_at_least(self, bound: Self) -> bool {
+        let (own, bound) = ([self.v], [bound.v]);
+        let (own, bound): (&[R], &[R]) = (bytemuck::cast_slice(&own), bytemuck::cast_slice(&bound));
+        let mut all = true;
+        for i in 0..L::COUNT {
+            all &= own[i].all_at_least(bound[i]);
+        }
+        all
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -189,7 +343,7 @@ fn has_avx2() -> bool {
 }
 
 macro_rules! wide {
-    ($t:ty, $v:ident, $splat:ident, $add:ident, $sub:ident, $mul:ident, $mul_add:ident, $fma:path) => {
+    ($t:ty, $v:ident, $fma:path, $splat:ident, $add:ident, $sub:ident, $mul:ident, $div:ident, $sqrt:ident, $mul_add:ident, $at_least:ident, $select:ident) => {
         impl<S: Simd> Lanes<$t> for On<S> {
             type V = S::$v;
             #[inline(always)]
@@ -211,6 +365,18 @@ macro_rules! wide {
             #[inline(always)]
             fn mul_add(self, a: Self::V, b: Self::V, c: Self::V) -> Self::V {
                 self.0.$mul_add(a, b, c)
+            }
+            #[inline(always)]
+            fn div(self, a: Self::V, b: Self::V) -> Self::V {
+                self.0.$div(a, b)
+            }
+            #[inline(always)]
+            fn sqrt(self, a: Self::V) -> Self::V {
+                self.0.$sqrt(a)
+            }
+            #[inline(always)]
+            fn pick(self, a: Self::V, bound: Self::V, above: Self::V, below: Self::V) -> Self::V {
+                self.0.$select(self.0.$at_least(a, bound), above, below)
             }
         }
         impl Wide for $t {
@@ -236,8 +402,34 @@ macro_rules! wide {
         }
     };
 }
-wide!(f32, f32s, splat_f32s, add_f32s, sub_f32s, mul_f32s, mul_add_f32s, fma_f32);
-wide!(f64, f64s, splat_f64s, add_f64s, sub_f64s, mul_f64s, mul_add_f64s, fma);
+wide!(
+    f32,
+    f32s,
+    fma_f32,
+    splat_f32s,
+    add_f32s,
+    sub_f32s,
+    mul_f32s,
+    div_f32s,
+    sqrt_f32s,
+    mul_add_f32s,
+    greater_than_or_equal_f32s,
+    select_f32s
+);
+wide!(
+    f64,
+    f64s,
+    fma,
+    splat_f64s,
+    add_f64s,
+    sub_f64s,
+    mul_f64s,
+    div_f64s,
+    sqrt_f64s,
+    mul_add_f64s,
+    greater_than_or_equal_f64s,
+    select_f64s
+);
 
 #[cfg(test)]
 mod tests {

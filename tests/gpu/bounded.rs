@@ -10,8 +10,8 @@
 //! correctly, but in either direction), `/` 2.5 ulp, `sqrt` = 1 / inverseSqrt: 2 + 2.5 ulp, `log` 3 ulp, `exp` 3 + 2 |x| ulp; subnormal results may be flushed to zero.
 
 use bytemuck::{Pod, Zeroable};
-use cutis::math::Real;
 use cutis::math::wide::Wide;
+use cutis::math::{Number, Real};
 use std::cell::Cell;
 use std::cmp::Ordering;
 use std::iter::Sum;
@@ -141,15 +141,9 @@ impl Wide for Bounded {
     }
 }
 
-impl Real for Bounded {
-    const NAME: &'static str = "f64 with a bound for f32";
-    // the twins' own tolerances are those of f32
-    const EPSILON: Self = Self { value: ULP, terms: ULP, error: 0.0 };
-    fn of(value: f64) -> Self {
-        Self { value, terms: value.abs(), error: (value - f64::from(value as f32)).abs() }
-    }
-    fn f64(self) -> f64 {
-        self.value
+impl Number for Bounded {
+    fn like(self, value: f64) -> Self {
+        Self::of(value)
     }
     fn sqrt(self) -> Self {
         // |√a − √b| ≤ √|a − b|, and ≤ |a − b| / √a
@@ -177,6 +171,24 @@ impl Real for Bounded {
     }
     fn min(self, o: Self) -> Self {
         -(-self).max(-o)
+    }
+    fn pick(self, bound: Self, above: Self, below: Self) -> Self {
+        if self >= bound { above } else { below }
+    }
+    fn all_at_least(self, bound: Self) -> bool {
+        self >= bound
+    }
+}
+
+impl Real for Bounded {
+    const NAME: &'static str = "f64 with a bound for f32";
+    // the twins' own tolerances are those of f32
+    const EPSILON: Self = Self { value: ULP, terms: ULP, error: 0.0 };
+    fn of(value: f64) -> Self {
+        Self { value, terms: value.abs(), error: (value - f64::from(value as f32)).abs() }
+    }
+    fn f64(self) -> f64 {
+        self.value
     }
     fn is_finite(self) -> bool {
         self.value.is_finite()

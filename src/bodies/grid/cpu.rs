@@ -80,8 +80,8 @@ impl<R: Real> Tangents<R> {
     fn linearise(&mut self, u: &[V4<f64>]) {
         let Self { law, params, tangent: all, .. } = self;
         all.par_iter_mut().enumerate().with_min_len(PARALLEL / 32).for_each(|(cell, k)| {
-            let state = law.cell(params, &[], u, cell);
-            if !state.inverted {
+            let state = law.cells(params, &[], u).state(cell);
+            if !state.inverted() {
                 *k = tangent(&state).map(|row| row.map(R::of));
             }
         });

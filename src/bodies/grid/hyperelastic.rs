@@ -21,7 +21,8 @@ use super::element::{Matrix, lame};
 use crate::bodies::{Model, Solved};
 use crate::kernels::collect::collect;
 use crate::kernels::deformation::gradient;
-use crate::kernels::hyperelastic::{Cell, FibreRows, Law as CellLaw, Linearised, Material, mean_volume};
+use crate::kernels::hyperelastic::{Cell, Cells, FibreRows, Law as CellLaw, Material, mean_volume};
+use crate::kernels::hyperelastic_forces::{Response, Wanted};
 use crate::kernels::{PARALLEL, Params};
 use crate::math::elementary::{cos, sin};
 use crate::math::{M3, Real, V3, V4};
@@ -163,6 +164,9 @@ fn pre_strain(material: V4<f64>, fibres: FibreRows<f64>, [x, y]: [f64; 2]) -> V4
 const THINNEST: f64 = 0.1;
 const THICKEST: f64 = 10.0;
 
+/// Cells that a thread takes at once.
+const CHUNK: usize = 128;
+
 /// Grid of hyperelastic cells.
 #[derive(Clone, Debug)]
 pub struct Hyperelastic {
@@ -203,10 +207,15 @@ impl Hyperelastic {
         })
     }
 
-    /// State of a cell at nodal displacements.
-    pub fn cell(&self, params: &Params<f64>, split: &[u32], u: &[V4<f64>], cell: usize) -> Cell<f64> {
-        let (shapes, materials, fibres) = (&self.shapes, &self.materials, &self.fibres);
-        Cell::of(params, shapes, materials, fibres, &self.pre_strain, &self.layer_of, u, split, cell)
+    /// Cells at nodal displacements.
+    pub fn cells<'a>(
+        &'a self,
+        params: &'a Params<f64>,
+        split: &'a [u32],
+        displacement: &'a [V4<f64>],
+    ) -> Cells<'a, f64> {
+        let Self { shapes: shape, materials: material, fibres, pre_strain, layer_of, .. } = self;
+        Cells { params, shape, material, fibres, pre_strain, layer_of, split, displacement }
     }
 
     /// State of a cell of a layer at its corners' displacements.
@@ -220,21 +229,27 @@ impl Hyperelastic {
     }
 
     /// `[cell]` values of the cells that are `alive`, `None` of the others.
-    fn each<T: Send>(
-        &self,
-        params: &Params<f64>,
-        split: &[u32],
+    fn each<T: Clone + Send>(
+        cells: Cells<f64>,
         alive: &(dyn Fn(usize) -> bool + Sync),
-        u: &[V4<f64>],
-        of: impl Fn(Cell<f64>) -> T + Sync,
+        wanted: Wanted,
+        of: impl Fn(&Response<f64>) -> T + Sync,
     ) -> Vec<Option<T>> {
-        let one = |cell| alive(cell).then(|| of(self.cell(params, split, u, cell)));
-        (0..params.cell_count as usize).into_par_iter().with_min_len(PARALLEL / 8).map(one).collect()
+        let mut out = vec![None; cells.params.cell_count as usize];
+        let some = |(chunk, out): (usize, &mut [Option<T>])| {
+            let (first, count) = (chunk * CHUNK, out.len());
+            let rotation = |cell| alive(cell).then_some([0.0, 0.0, 0.0, 1.0]);
+            let mut take = |cell: usize, found: &Response<f64>| out[cell - first] = Some(of(found));
+            cells.respond(first..first + count, wanted, &rotation, &mut take);
+        };
+        out.par_chunks_mut(CHUNK).enumerate().with_min_len(PARALLEL / 8 / CHUNK).for_each(some);
+        out
     }
 
     /// First inverted cell of an uncut body.
     pub fn first_inverted(&self, params: &Params<f64>, u: &[V4<f64>]) -> Option<usize> {
-        self.each(params, &[], &|_| true, u, |state| state.inverted).iter().position(|inverted| *inverted == Some(true))
+        let each = Self::each(self.cells(params, &[], u), &|_| true, Wanted::default(), |found| found.inverted);
+        each.iter().position(|inverted| *inverted == Some(true))
     }
 
     /// Energy of all cells that are `alive`, J, and whether one is inverted.
@@ -245,7 +260,8 @@ impl Hyperelastic {
         alive: &(dyn Fn(usize) -> bool + Sync),
         u: &[V4<f64>],
     ) -> (f64, bool) {
-        let each = self.each(params, split, alive, u, |state| (state.energy(), state.inverted));
+        let wanted = Wanted { energy: true, ..Wanted::default() };
+        let each = Self::each(self.cells(params, split, u), alive, wanted, |found| (found.energy, found.inverted));
         each.into_iter().flatten().fold((0.0, false), |(sum, any), (energy, inverted)| (sum + energy, any || inverted))
     }
 
@@ -257,7 +273,7 @@ impl Hyperelastic {
         alive: &(dyn Fn(usize) -> bool + Sync),
         u: &[V4<f64>],
     ) -> Vec<V4<f64>> {
-        let each = self.each(params, split, alive, u, |state| state.forces().map(V3::f64));
+        let each = Self::each(self.cells(params, split, u), alive, Wanted::default(), |found| found.force);
         sums(params, split, &each.into_iter().map(Option::unwrap_or_default).collect::<Vec<_>>())
     }
 
@@ -275,36 +291,40 @@ impl Hyperelastic {
         if rows.is_empty() {
             return self.forces(params, split, &|cell| quaternions[cell] != [R::zero(); 4], u);
         }
-        let one = |(cell, (q, rows)): (usize, (&mut V4<R>, &mut [V4<R>]))| {
-            if *q == [R::zero(); 4] {
-                return Default::default();
-            }
-            let (state, wide) = (self.cell(params, split, u, cell), q.map(|c| c.f64()));
-            let forces = state.forces();
-            let Linearised { stiffening, rows: own } = state.linearised(params, wide, &forces);
-            let length = stiffening.sqrt().sqrt();
-            *q = wide.map(|c| R::of(c * length));
-            rows.iter_mut().zip(own.packed()).for_each(|(row, own)| *row = own.map(R::of));
-            forces.map(V3::f64)
-        };
-        let cells = quaternions.par_iter_mut().zip(rows.par_chunks_exact_mut(3)).enumerate();
-        let forces: Vec<[[f64; 3]; 8]> = cells.with_min_len(PARALLEL / 8).map(one).collect();
+        let cells = self.cells(params, split, u);
+        let mut forces = vec![[[0.0; 3]; 8]; quaternions.len()];
+        let some =
+            |(chunk, ((quaternions, rows), forces)): (usize, ((&mut [V4<R>], &mut [V4<R>]), &mut [[[f64; 3]; 8]]))| {
+                let first = chunk * CHUNK;
+                let unit = quaternions.to_vec();
+                let rotation =
+                    |cell: usize| (unit[cell - first] != [R::zero(); 4]).then(|| unit[cell - first].map(R::f64));
+                let wanted = Wanted { energy: false, linearised: true };
+                cells.respond(first..first + unit.len(), wanted, &rotation, &mut |cell, found| {
+                    let own = cell - first;
+                    quaternions[own] = unit[own].map(|c| R::of(c.f64() * found.length));
+                    rows[3 * own..3 * own + 3].copy_from_slice(&found.rows.map(|row| row.map(R::of)));
+                    forces[own] = found.force;
+                });
+            };
+        let chunks = quaternions.par_chunks_mut(CHUNK).zip(rows.par_chunks_mut(3 * CHUNK));
+        let chunks = chunks.zip(forces.par_chunks_mut(CHUNK)).enumerate();
+        chunks.with_min_len(PARALLEL / 8 / CHUNK).for_each(some);
         sums(params, split, &forces)
     }
 
     /// `[layer]` small-strain matrices of a level whose cells have `2^coarsened` times the edges along x and y, less the stiffness of their mean
     /// volume, N/m.
     pub(super) fn without_volume(&self, stiffness: &[Matrix], coarsened: u32) -> Vec<Matrix> {
-        stiffness.iter().enumerate().map(|(layer, k)| self.layer_without_volume(layer, k, coarsened)).collect()
-    }
-
-    /// That of one layer.
-    pub(super) fn layer_without_volume(&self, layer: usize, k: &Matrix, coarsened: u32) -> Matrix {
-        let (times, [x, y, z, _]) = (f64::from(1u32 << coarsened), self.shapes[layer]);
-        let volume = mean_volume([x * times, y * times, z], self.materials[layer][0]);
-        let mut k = *k;
-        k.as_flattened_mut().iter_mut().zip(volume.as_flattened()).for_each(|(k, v)| *k -= v);
-        k
+        let times = f64::from(1u32 << coarsened);
+        let of_layer = |(layer, k): (usize, &Matrix)| {
+            let [x, y, z, _] = self.shapes[layer];
+            let volume = mean_volume([x * times, y * times, z], self.materials[layer][0]);
+            let mut k = *k;
+            k.as_flattened_mut().iter_mut().zip(volume.as_flattened()).for_each(|(k, v)| *k -= v);
+            k
+        };
+        stiffness.iter().enumerate().map(of_layer).collect()
     }
 
     /// Change of the forces of the cells that are `alive` from `f` over a step, as it enters the step, `[node]` N; NaN if Newton's method has
@@ -352,7 +372,6 @@ mod tests {
     use crate::kernels::corner;
     use crate::kernels::holzapfel::Fibres;
     use crate::kernels::hyperelastic;
-    use crate::kernels::hyperelastic::STIFFENED;
     use crate::math::random::Random;
     use crate::math::rotation_matrix;
 
@@ -450,8 +469,8 @@ mod tests {
     fn an_inverted_cell_is_told_and_pushed_open() {
         let height = 0.4e-3;
         let pressed = |by: f64| Cell::new(soft(), &field(|a, n| if a >= 4 && n == 2 { -by * height } else { 0.0 }));
-        assert!(!pressed(0.99).inverted && pressed(1.01).inverted);
-        assert!(Cell::new(soft(), &[V3::splat(f64::NAN); 8]).inverted);
+        assert!(!pressed(0.99).inverted() && pressed(1.01).inverted());
+        assert!(Cell::new(soft(), &[V3::splat(f64::NAN); 8]).inverted());
         // through flat and beyond: finite, downward on the top, more and more so, and the slope of the energy
         let on_top = |by: f64| pressed(by).forces()[4..].iter().map(|f| f.z).sum::<f64>();
         let mut before = 0.0;
@@ -467,7 +486,6 @@ mod tests {
 
     #[test]
     fn a_cell_in_disorder_has_finite_forces_and_stiffening() {
-        let params = Params { stiffness_factor: 3.0, corotational: STIFFENED, ..Params::default() };
         for (law, seed) in LAWS.into_iter().flat_map(|law| (1..50).map(move |seed| (law, seed))) {
             // up to ten times the thinnest edge
             let cell = Cell::new(of(law), &random(seed, 4e-3));
@@ -476,7 +494,7 @@ mod tests {
             let slope = (moved(law, &u, &d, 1e-6).energy() - moved(law, &u, &d, -1e-6).energy()) / 2e-6;
             let wanted: f64 = cell.forces().iter().zip(d).map(|(f, d)| f.dot(d)).sum();
             assert!((slope / wanted - 1.0).abs() < 1e-3, "seed {seed}: {law:?}, {slope:e}, wanted {wanted:e}");
-            let s = cell.linearised(&params, UNTURNED, &cell.forces()).stiffening;
+            let s = cell.linearised(Some(3.0), UNTURNED, &cell.forces()).stiffening;
             assert!(s.is_finite() && s >= 1.0, "seed {seed}: {law:?}, {s}");
         }
     }
@@ -520,14 +538,12 @@ mod tests {
 
     /// Linearised stiffness of a cell ([`Cell::linearised`]) with a small-strain matrix, for steps without damping.
     fn linearised(cell: &Cell<f64>, small: &Matrix, q: V4<f64>) -> Matrix {
-        let params = Params { stiffness_factor: 1.0, corotational: STIFFENED, ..Params::default() };
-        assembled(cell, small, q, cell.linearised(&params, q, &cell.forces()))
+        assembled(cell, small, q, cell.linearised(Some(1.0), q, &cell.forces()))
     }
 
     /// The same without the stiffness of tension; rotations, which have none then, are held by springs of stiffness `held`.
     fn without_tension(cell: &Cell<f64>, small: &Matrix, q: V4<f64>, held: f64) -> Matrix {
-        let params = Params { stiffness_factor: 1.0, corotational: STIFFENED, ..Params::default() };
-        let mut found = cell.linearised(&params, q, &cell.forces());
+        let mut found = cell.linearised(Some(1.0), q, &cell.forces());
         found.rows.tension = V3::zero();
         let mut k = assembled(cell, small, q, found);
         for axis in 0..3 {
@@ -543,7 +559,7 @@ mod tests {
         k
     }
 
-    fn assembled(cell: &Cell<f64>, small: &Matrix, q: V4<f64>, found: Linearised<f64>) -> Matrix {
+    fn assembled(cell: &Cell<f64>, small: &Matrix, q: V4<f64>, found: hyperelastic::Linearised<f64>) -> Matrix {
         let (volume, r) = (mean_volume(cell.material.edges.f64(), cell.material.bulk), rotation_matrix(q));
         let turned = |m: usize, n: usize, k: &dyn Fn(usize, usize) -> f64| -> f64 {
             let (row, column) = (r.transpose().0[m % 3].f64(), r.transpose().0[n % 3].f64());
@@ -726,9 +742,8 @@ mod tests {
             assert!(plain > 2.0, "{fibres:?}: the counter-test: {plain} without it, {most} with it");
             // what is in the matrix keeps the factor small where fibres begin to pull
             let first = field(|a, n| if n == 0 { 1e-3 * (corner(a)[0] as f64) * soft().edges.x } else { 0.0 });
-            let params = Params { stiffness_factor: 1.0, corotational: STIFFENED, ..Params::default() };
             let cell = Cell::new(of(law), &first);
-            let factor = cell.linearised(&params, UNTURNED, &cell.forces()).stiffening;
+            let factor = cell.linearised(Some(1.0), UNTURNED, &cell.forces()).stiffening;
             assert!(factor < 2.0, "{fibres:?}: {factor}");
         }
     }

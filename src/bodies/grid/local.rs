@@ -26,8 +26,7 @@ use super::{Hexahedra, element};
 use crate::bodies::{Model, Moved, Wound};
 use crate::kernels::deformation::{Point, field_gradients};
 use crate::kernels::forces::rest_corner;
-use crate::kernels::hyperelastic::NEWTON;
-use crate::kernels::{PARALLEL, Params, rotations};
+use crate::kernels::{PARALLEL, rotations};
 use crate::math::{M3, V3, V4, rotation_matrix, rotation_minus_identity};
 use crate::scene::Element;
 use rayon::prelude::*;
@@ -53,40 +52,46 @@ impl Hexahedra {
         }
     }
 
-    /// Internal forces at the corners of a cell, with the damping of velocities `v`, N.
-    fn forces_of(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], v: &[V3<f64>; 8]) -> [V3<f64>; 8] {
+    /// Internal forces at the corners of a cell, with the damping of velocities `v`, N; `small` has the small-strain matrix of its layer,
+    /// for a hyperelastic body without the stiffness of the mean volume.
+    fn forces_of(
+        &self,
+        model: &Model,
+        small: &element::Matrix,
+        cell: usize,
+        u: &[V3<f64>; 8],
+        v: &[V3<f64>; 8],
+    ) -> [V3<f64>; 8] {
         let layer = model.grid.layer(cell);
         let edges = model.grid.cell_edges(layer as u32);
         let q = self.rotation(edges, u);
         let (back, turn) = (rotation_matrix(q).transpose(), rotation_minus_identity(q).transpose());
-        let law = self.hyperelastic.as_ref().map(|law| law.of_layer(layer, u));
+        let state = self.hyperelastic.as_ref().map(|law| law.of_layer(layer, u));
         let rate = model.step.rayleigh_stiffness;
         // displacements that the matrix acts on, in the cell's frame; common ones first taken off, for which it has no force
         let (h, e) = (V3::of(edges), V3::from4(self.pre_strain[layer]));
         let mut d = [0.0; 24];
         for a in 0..8 {
             let x = rest_corner(h, a);
-            let elastic = match law {
+            let elastic = match state {
                 Some(_) => V3::zero(),
                 None => back * (u[a] - u[0]) + turn * x + e.times(x),
             };
             let local = elastic + back * (v[a] - v[0]) * rate;
             d[3 * a..3 * a + 3].copy_from_slice(&local.f64());
         }
-        let row = |k: &element::Matrix, r: usize| k[r].iter().zip(&d).map(|(k, d)| k * d).sum::<f64>();
-        let local = |k: &element::Matrix, a: usize| V3::new(row(k, 3 * a), row(k, 3 * a + 1), row(k, 3 * a + 2));
+        let row = |r: usize| small[r].iter().zip(&d).map(|(k, d)| k * d).sum::<f64>();
+        let local = |a: usize| V3::new(row(3 * a), row(3 * a + 1), row(3 * a + 2));
         let ahead = rotation_matrix(q);
-        let Some((law, state)) = self.hyperelastic.as_ref().zip(law) else {
-            return std::array::from_fn(|a| ahead * local(&self.stiffness[layer], a));
+        let Some(state) = state else {
+            return std::array::from_fn(|a| ahead * local(a));
         };
         // the volume's stiffness has its present direction
-        let k = law.layer_without_volume(layer, &self.stiffness[layer], 0);
-        let params = Params { corotational: NEWTON, ..Params::default() };
         let own = state.forces();
-        let volume = state.linearised(&params, q, &own).rows;
+        let volume = state.linearised(None, q, &own).rows;
         let slopes: [V3<f64>; 8] = std::array::from_fn(|a| volume.slope(a));
         let change: f64 = slopes.iter().zip(d.as_chunks::<3>().0).map(|(slope, d)| slope.dot(V3::of(*d))).sum();
-        std::array::from_fn(|a| own[a] + ahead * (local(&k, a) + slopes[a] * change))
+        std::array::from_fn(|a| own[a] + ahead * (local(a) + slopes[a] * change))
     }
 
     /// `[asked]` forces of the present cells around nodes in ascending order, N.
@@ -96,10 +101,14 @@ impl Hexahedra {
         let mut cells: Vec<usize> = around.filter(|cell| wound.surface.alive[*cell]).collect();
         cells.sort_unstable();
         cells.dedup();
+        let small = match &self.hyperelastic {
+            Some(law) => &law.without_volume(&self.stiffness, 0),
+            None => &self.stiffness,
+        };
         let of_cell = |cell: &usize| {
-            let corners = parts.corners(*cell);
+            let (corners, small) = (parts.corners(*cell), &small[model.grid.layer(*cell)]);
             let moved = corners.map(moved);
-            (corners, self.forces_of(model, *cell, &moved.map(|m| m[0]), &moved.map(|m| m[1])))
+            (corners, self.forces_of(model, small, *cell, &moved.map(|m| m[0]), &moved.map(|m| m[1])))
         };
         let forces: Vec<_> = cells.par_iter().with_min_len(PARALLEL / 32).map(of_cell).collect();
         let mut sums = vec![V3::zero(); nodes.len()];

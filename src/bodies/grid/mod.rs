@@ -341,16 +341,21 @@ impl Mechanics for Hexahedra {
         let mut params = model.params::<f64>();
         let zeros = vec![[0.0; 4]; at.len()];
         let (mut f, mut w) = (zeros.clone(), zeros);
-        let (shapes, layers) = (model.shapes::<f64>(), &model.grid.layer_of);
-        let (blocks, pre_strains, split) = (model.stiffness_blocks::<f64>(), model.pre_strains(), &solved.start.split);
+        let (layers, split) = (&model.grid.layer_of, &solved.start.split);
         let newton = self.hyperelastic.as_ref().filter(|law| law.newton || solved.exact);
         // the stiffening belongs to the linearisation
         let rotation = match newton {
             Some(_) => self.linearisation(model, &solved.start, false),
             None => self.linearisation(model, &solved.start, true),
         };
-        // elastic forces with the rotations of the state
-        forces::forces(&params, &shapes, &pre_strains, &blocks, layers, split, at, &rotation, &mut f);
+        let alive = |cell: usize| rotation[cell] != [0.0; 4];
+        // elastic forces: of small-strain cells with the rotations of the state
+        if let Some(law) = &self.hyperelastic {
+            f = law.forces(&params, split, &alive, at);
+        } else {
+            let (shapes, blocks) = (model.shapes::<f64>(), model.stiffness_blocks::<f64>());
+            forces::forces(&params, &shapes, &model.pre_strains(), &blocks, layers, split, at, &rotation, &mut f);
+        }
         let mut scratch = vec![[[[0.0; LANES]; 3]; 8]; cell_groups(&params)];
         // product of the small-strain cells; of a hyperelastic body these have damping only
         if newton.is_some() {
@@ -363,11 +368,7 @@ impl Mechanics for Hexahedra {
         if !cells.is_empty() {
             split_product(&params, &modes, layers, &rotation, in_system, split, &cells, &solved.dx, &mut w);
         }
-        // hyperelastic forces, and their change over a step of Newton's method
-        let alive = |cell: usize| rotation[cell] != [0.0; 4];
-        if let Some(law) = &self.hyperelastic {
-            f = law.forces(&params, split, &alive, at);
-        }
+        // change of hyperelastic forces over a step of Newton's method
         if let Some(law) = newton {
             let change = law.change(model, solved, &alive, &f);
             for ((sum, more), free) in w.iter_mut().zip(&change).zip(&solved.start.free) {
