@@ -39,8 +39,8 @@ pub fn hyperelastic_forces<R: Real>(
     let count = params.cell_count as usize;
     let (quaternions, rows) = rotation.split_at_mut(count);
     let linearised = params.corotational >= HYPERELASTIC && !rows.is_empty();
-    corner_force.fill(R::zero());
-    energy.fill(R::zero());
+    corner_force[..24 * count].fill(R::zero());
+    energy[..count].fill(R::zero());
     let unit = quaternions.to_vec();
     let alive = |cell: usize| (unit[cell] != [R::zero(); 4]).then_some(unit[cell]);
     let cells = Cells { params, shape, material, fibres, pre_strain, layer_of, split, displacement };
