@@ -15,6 +15,7 @@ use super::Problem;
 use crate::constraints::{self, Effort, Law, LooseTolerance, Residual, solve};
 use crate::error::Result;
 use crate::scene::Correction;
+use crate::step::body::Places;
 use crate::step::rows::energy;
 use crate::step::{Costs, Part, Simulation, StepReport};
 use glam::DVec3;
@@ -264,7 +265,8 @@ impl Simulation {
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let forces = problem.rows.on_nodes(number, lambda);
             let tolerance = problem.law.column_tolerance * body.tolerance_factor;
-            renewed |= body.compliance.renew(body.backend.as_mut(), &forces, tolerance, report)?;
+            let places = Places { rest: &body.wound.rest, originals: body.model.rest.len() };
+            renewed |= body.compliance.renew(body.backend.as_mut(), places, &forces, tolerance, report)?;
         }
         if renewed {
             problem.columns = self.compliance_of(problem);
