@@ -126,3 +126,22 @@ fn a_point_feels_the_same_at_mirror_images_of_a_place() {
     let [here, there] = [[0.3, 0.2], [0.4, 0.0]].map(|at| at_mirror_images(7, 0.0, at)[0]);
     assert!(spread(&[here, there]) > 0.01, "{here} N, {there} N");
 }
+
+/// 64 points reach 25 nodes at once, which are 75 columns: a step solves two nodes' of them, and two more in each pass; the others are
+/// borrowed.
+#[test]
+fn columns_are_solved_a_batch_at_a_time() {
+    let scene = punch();
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
+    let (mut first, mut sum) = (None, 0);
+    for _ in 0..scene.time.steps() {
+        let contact = simulation.step(false).expect("the CPU path has no device to fail").contact;
+        assert!(contact.columns <= 6 * (2 + contact.passes), "{} in {} passes", contact.columns, contact.passes);
+        sum += contact.columns;
+        if contact.count() > 0 && first.is_none() {
+            first = Some(contact.count());
+        }
+    }
+    assert_eq!(first, Some(64), "the counter-test: all points touch in one step");
+    assert!(sum >= 75, "{sum}: each node gets columns of its own");
+}

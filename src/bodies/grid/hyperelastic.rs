@@ -293,23 +293,20 @@ impl Hyperelastic {
         }
         let cells = self.cells(params, split, u);
         let mut forces = vec![[[0.0; 3]; 8]; quaternions.len()];
-        let some =
-            |(chunk, ((quaternions, rows), forces)): (usize, ((&mut [V4<R>], &mut [V4<R>]), &mut [[[f64; 3]; 8]]))| {
-                let first = chunk * CHUNK;
-                let unit = quaternions.to_vec();
-                let rotation =
-                    |cell: usize| (unit[cell - first] != [R::zero(); 4]).then(|| unit[cell - first].map(R::f64));
-                let wanted = Wanted { energy: false, linearised: true };
-                cells.respond(first..first + unit.len(), wanted, &rotation, &mut |cell, found| {
-                    let own = cell - first;
-                    quaternions[own] = unit[own].map(|c| R::of(c.f64() * found.length));
-                    rows[3 * own..3 * own + 3].copy_from_slice(&found.rows.map(|row| row.map(R::of)));
-                    forces[own] = found.force;
-                });
-            };
+        let each = |first: usize, quaternions: &mut [V4<R>], rows: &mut [V4<R>], forces: &mut [[[f64; 3]; 8]]| {
+            let unit = quaternions.to_vec();
+            let rotation = |cell: usize| (unit[cell - first] != [R::zero(); 4]).then(|| unit[cell - first].map(R::f64));
+            let wanted = Wanted { energy: false, linearised: true };
+            cells.respond(first..first + unit.len(), wanted, &rotation, &mut |cell, found| {
+                let own = cell - first;
+                quaternions[own] = unit[own].map(|c| R::of(c.f64() * found.length));
+                rows[3 * own..3 * own + 3].copy_from_slice(&found.rows.map(|row| row.map(R::of)));
+                forces[own] = found.force;
+            });
+        };
         let chunks = quaternions.par_chunks_mut(CHUNK).zip(rows.par_chunks_mut(3 * CHUNK));
-        let chunks = chunks.zip(forces.par_chunks_mut(CHUNK)).enumerate();
-        chunks.with_min_len(PARALLEL / 8 / CHUNK).for_each(some);
+        let chunks = chunks.zip(forces.par_chunks_mut(CHUNK)).enumerate().with_min_len(PARALLEL / 8 / CHUNK);
+        chunks.for_each(|(chunk, ((quaternions, rows), forces))| each(chunk * CHUNK, quaternions, rows, forces));
         sums(params, split, &forces)
     }
 
