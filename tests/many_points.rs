@@ -127,16 +127,19 @@ fn a_point_feels_the_same_at_mirror_images_of_a_place() {
     assert!(spread(&[here, there]) > 0.01, "{here} N, {there} N");
 }
 
-/// 64 points reach 25 nodes at once, which are 75 columns: a step solves two nodes' of them, and two more in each pass; the others are
+/// 64 points reach 25 nodes at once, which are 75 columns: a step solves those of two nodes, and of two more after each pass; the others are
 /// borrowed.
 #[test]
 fn columns_are_solved_a_batch_at_a_time() {
-    let scene = punch();
+    let mut scene = punch();
+    // the first step of all, which solves all columns, is without contact
+    scene.tools[0].trajectory[0].position[2] = 2.45e-3;
+    scene.time.duration = 2.0;
     let mut simulation = Simulation::new(&scene, &Platform::Cpu64).expect("the scene fits");
     let (mut first, mut sum) = (None, 0);
     for _ in 0..scene.time.steps() {
         let contact = simulation.step(false).expect("the CPU path has no device to fail").contact;
-        assert!(contact.columns <= 6 * (2 + contact.passes), "{} in {} passes", contact.columns, contact.passes);
+        assert!(contact.columns <= 6 * (1 + contact.passes), "{} in {} passes", contact.columns, contact.passes);
         sum += contact.columns;
         if contact.count() > 0 && first.is_none() {
             first = Some(contact.count());
