@@ -18,6 +18,7 @@ use crate::scene::{Invalid, Scene};
 use crate::step;
 #[cfg(feature = "program")]
 use crate::view;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Result of every fallible function of this crate.
 pub type Result<T> = std::result::Result<T, Error>;
@@ -49,6 +50,9 @@ pub enum Error {
     /// Haply's Inverse Service, or a device of it.
     #[cfg(feature = "haply")]
     Haply(#[from] haply::Refused),
+    /// Run that was asked to end, between two steps or within one.
+    #[error("interrupted")]
+    Interrupted,
     /// Run that cannot proceed as asked.
     Run(#[from] runner::Refused),
     /// Picture for which memory is short.
@@ -80,7 +84,8 @@ impl Error {
             Self::Gpu(gpu::Failed::TooLarge { .. }) => 2,
             Self::Gpu(_) => 1,
             Self::Step(step::Refused::NonFinite { .. } | step::Refused::NoBalance { .. })
-            | Self::Run(runner::Refused::Threads { .. } | runner::Refused::Interrupted) => 1,
+            | Self::Run(runner::Refused::Threads { .. })
+            | Self::Interrupted => 1,
             #[cfg(feature = "haply")]
             Self::Haply(
                 haply::Refused::Nobody { .. } | haply::Refused::NoService { .. } | haply::Refused::Port { .. },
@@ -100,6 +105,14 @@ impl Error {
             Self::Output(_) => 1,
             _ => 2,
         }
+    }
+}
+
+/// [`Error::Interrupted`] once the flag is set.
+pub(crate) fn unless(interrupt: &AtomicBool) -> Result<()> {
+    match interrupt.load(Ordering::Acquire) {
+        true => Err(Error::Interrupted),
+        false => Ok(()),
     }
 }
 

@@ -981,3 +981,18 @@ fn static_steps_are_of_bodies_that_stay() {
     let cut = FULL.replace("[time]\n", "[time]\nintegrator = \"static\"\n").replace("velocity_m_s = [0, 0, 0.1]\n", "");
     says(&parsed(&cut).expect_err("a blade cuts in time").to_string(), "static … blade");
 }
+
+/// What a body refuses once it runs names the line of the key that mends it.
+#[test]
+fn a_blade_of_too_many_pieces_has_its_line() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/incision.toml");
+    let text = std::fs::read_to_string(&path).expect("the scene is there");
+    let line = |start: &str| text.lines().position(|line| line.starts_with(start)).map(|at| at + 1);
+    let wanted = line("edge_spacing_mm").or(line("[tool.blade]")).expect("the scene has a blade");
+    let scene = read(&path).expect("the scene is valid");
+    let error = Error::from(cutis::bodies::Refused::SweptQuads { count: 300, most: 256 }).of_scene(&scene).to_string();
+    assert!(error.contains(&format!("incision.toml:{wanted}: the blade's pieces: 300 wanted")), "{error}");
+    // the counter-test: a body without one key to mend has the file alone
+    let error = Error::from(cutis::bodies::Refused::AnchoredMass).of_scene(&scene).to_string();
+    assert!(error.contains("incision.toml: rest-shape"), "{error}");
+}

@@ -21,6 +21,8 @@ use crate::gpu::Gpu;
 use crate::kernels::cut::Hit;
 use crate::linear::Outcome;
 use crate::math::V4;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Right-hand side index of the unconstrained motion.
 pub const FREE: usize = 0;
@@ -155,6 +157,8 @@ pub struct Device {
 pub trait Backend: Send {
     /// Description of the device.
     fn device(&self) -> Device;
+    /// Has a flag, once set, end every solve at its present iterations with [`Error::Interrupted`](crate::error::Error::Interrupted).
+    fn interrupt_by(&mut self, flag: Arc<AtomicBool>);
     /// Sets the loads, `[node]` N.
     fn set_load(&mut self, load: &[[f64; 3]]);
     /// Prescribes displacements of nodes at the end of the step along their fixed axes, m; after [`Backend::begin`], each node once.

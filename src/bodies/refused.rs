@@ -1,7 +1,7 @@
 //! Errors of setting up or solving a body.
 
 use super::MAX_LAYERS;
-use crate::scene::{MOST_NODES, PRECONDITIONER, STEP};
+use crate::scene::{EDGE_SPACING, MOST_NODES, PRECONDITIONER, STEP};
 
 /// See the module.
 #[derive(Clone, Debug, thiserror::Error)]
@@ -105,7 +105,8 @@ impl Refused {
                 PRECONDITIONER
             }
             Self::CutLinks { .. } | Self::NotPositive { .. } | Self::InvertedCell { .. } => STEP,
-            Self::Layers { .. } | Self::Nodes { .. } | Self::SweptQuads { .. } | Self::AnchoredMass => "",
+            Self::SweptQuads { .. } => EDGE_SPACING,
+            Self::Layers { .. } | Self::Nodes { .. } | Self::AnchoredMass => "",
         }
     }
 }

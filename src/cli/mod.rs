@@ -103,7 +103,7 @@ fn run_scene(args: &Run) -> Result<u8> {
     let summary = run::run(&scene, &options, &mut |p| shown.update(p));
     shown.end();
     let summary = summary.map_err(|error| match error {
-        Error::Run(runner::Refused::Interrupted) => Refused::Interrupted { code: signals.exit_code() },
+        Error::Interrupted => Refused::Interrupted { code: signals.exit_code() },
         error => error.into(),
     })?;
     // result on standard output, notes on standard error

@@ -1,12 +1,16 @@
 //! Accumulates step reports into the report of a run.
 
-use super::{CostReport, DissipationReport, Memory, Report, Share, SolverReport, Spread, WorkReport};
+use super::series::Series;
+use super::{CostReport, DissipationReport, Memory, Report, SolverReport, WorkReport};
 use crate::backend::Snapshot;
 use crate::math::larger;
 use crate::scene::{Integrator, PRECONDITIONERS, Preconditioner, Scene, word};
-use crate::step::{Costs, Measured, Part, Simulation, StepReport};
+use crate::step::{Measured, Part, Simulation, StepReport};
 use serde::{Deserialize, Serialize};
 use std::time::{Duration, Instant};
+
+/// Number of costs in the report.
+const COSTS: usize = 12;
 
 /// Accumulates the report of a run.
 pub(super) struct Collector {
@@ -20,10 +24,10 @@ pub(super) struct Collected {
     report: Report,
     /// Wall time before the run was resumed, s.
     wall: f64,
-    plain: Vec<f64>,
-    checked: Vec<f64>,
-    /// With the columns and the passes of each step.
-    costs: Vec<(Costs, u32, u32)>,
+    /// Times of the steps without and with a check, ms.
+    plain: Series,
+    checked: Series,
+    costs: [Series; COSTS],
     iterations: u64,
     passes: u64,
     touching: u32,
@@ -102,8 +106,8 @@ impl Collector {
             Some(_) => &mut self.seen.checked,
             None => &mut self.seen.plain,
         };
-        times.push(took.as_secs_f64() * 1e3);
-        self.seen.costs.push((step.costs, step.contact.columns, step.contact.passes));
+        times.add(took.as_secs_f64() * 1e3);
+        self.seen.costs.iter_mut().zip(cost_values(step)).for_each(|(series, value)| series.add(value));
         self.seen.iterations += u64::from(step.free.iterations);
         r.solver.iterations_max = r.solver.iterations_max.max(step.free.iterations);
         r.solver.refinements += u64::from(step.refinements);
@@ -227,38 +231,62 @@ impl Collector {
         r.cut.depth_mm = totals.depth * 1e3;
         r.solver.iterations_mean = mean(self.seen.iterations, r.steps);
         r.contact.passes_mean = mean(self.seen.passes, self.seen.touching);
-        r.step_ms = spread(match self.seen.plain.is_empty() {
-            true => &self.seen.checked,
-            false => &self.seen.plain,
-        });
+        let times = if self.seen.plain.is_empty() { &self.seen.checked } else { &self.seen.plain };
+        r.step_ms = times.spread();
         r.costs = costs(&self.seen.costs);
         r.wall_s = self.wall();
         r
     }
 }
 
-/// Costs of steps with their columns and passes.
-fn costs(steps: &[(Costs, u32, u32)]) -> CostReport {
-    let share = |of: &dyn Fn(&(Costs, u32, u32)) -> f64| {
-        let values: Vec<f64> = steps.iter().map(of).collect();
-        let Spread { p99, max, .. } = spread(&values);
-        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
-        Share { mean, p99: p99.unwrap_or(0.0), max: max.unwrap_or(0.0) }
-    };
-    let ms = |part: Part| share(&|(costs, ..)| costs.of(part) * 1e3);
+/// A step's costs with its columns and passes, in the order of [`costs`].
+fn cost_values(step: &StepReport) -> [f64; COSTS] {
+    let ms = |part: Part| step.costs.of(part) * 1e3;
+    [
+        f64::from(step.contact.columns),
+        f64::from(step.contact.passes),
+        f64::from(step.costs.iterations),
+        step.costs.row_updates as f64,
+        step.costs.cut_tests as f64,
+        ms(Part::Search),
+        ms(Part::Free),
+        ms(Part::Columns),
+        ms(Part::Corrections),
+        ms(Part::Laws),
+        ms(Part::Cut),
+        ms(Part::Other),
+    ]
+}
+
+/// Report of the values of [`cost_values`].
+fn costs(series: &[Series; COSTS]) -> CostReport {
+    let [
+        columns,
+        passes,
+        iterations,
+        row_updates,
+        cut_tests,
+        search_ms,
+        free_ms,
+        columns_ms,
+        corrections_ms,
+        laws_ms,
+        cut_ms,
+        other_ms,
+    ] = series.each_ref().map(Series::share);
     CostReport {
-        columns: share(&|(_, columns, _)| f64::from(*columns)),
-        passes: share(&|(.., passes)| f64::from(*passes)),
-        iterations: share(&|(costs, ..)| f64::from(costs.iterations)),
-        row_updates: share(&|(costs, ..)| costs.row_updates as f64),
-        cut_tests: share(&|(costs, ..)| costs.cut_tests as f64),
-        search_ms: ms(Part::Search),
-        free_ms: ms(Part::Free),
-        columns_ms: ms(Part::Columns),
-        corrections_ms: ms(Part::Corrections),
-        laws_ms: ms(Part::Laws),
-        cut_ms: ms(Part::Cut),
-        other_ms: ms(Part::Other),
+        columns,
+        passes,
+        iterations,
+        row_updates,
+        cut_tests,
+        search_ms,
+        free_ms,
+        columns_ms,
+        corrections_ms,
+        laws_ms,
+        cut_ms,
+        other_ms,
     }
 }
 
@@ -267,17 +295,6 @@ fn mean(sum: u64, count: u32) -> f64 {
         0 => 0.0,
         _ => sum as f64 / f64::from(count),
     }
-}
-
-/// Order statistics by nearest rank; `None` without values.
-fn spread(values: &[f64]) -> Spread {
-    let mut sorted = values.to_vec();
-    sorted.sort_by(f64::total_cmp);
-    let rank = |share: f64| {
-        let rank = (share * sorted.len() as f64).ceil() as usize;
-        sorted.get(rank.max(1) - 1).copied()
-    };
-    Spread { median: rank(0.5), p99: rank(0.99), max: sorted.last().copied() }
 }
 
 #[cfg(test)]
@@ -299,14 +316,5 @@ mod tests {
         assert_eq!(warned(f64::NAN, 2, 0, false), [("inverted_cells".into(), 2), ("non_finite_energy".into(), 1)]);
         assert_eq!(warned(1.0, 0, 3, true), [("energy_grew".into(), 1), ("strain_beyond_law".into(), 3)]);
         assert_eq!(warned(1.0, 0, 0, false), [], "the counter-test");
-    }
-
-    #[test]
-    fn ranks_are_values_that_occurred() {
-        let values: Vec<f64> = (1..=200).rev().map(f64::from).collect();
-        let s = spread(&values);
-        assert_eq!((s.median, s.p99, s.max), (Some(100.0), Some(198.0), Some(200.0)));
-        assert_eq!(spread(&[3.0]).p99, Some(3.0));
-        assert_eq!(spread(&[]).median, None);
     }
 }

@@ -18,6 +18,7 @@ pub mod mesh;
 pub mod recording;
 mod refused;
 pub mod run;
+mod series;
 pub mod study;
 pub mod verify;
 

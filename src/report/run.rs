@@ -7,14 +7,14 @@ use super::haptics::{self, HapticFiles};
 use super::listing::Listing;
 use super::memory::{self, Purpose};
 use super::{Refused, Report, check};
-use crate::error::{Error, Result};
-use crate::runner::{self, Clock, Runner};
+use crate::error::{Error, Result, unless};
+use crate::runner::{Clock, Runner};
 use crate::scene::{BodyId, STEP, Scene};
 use crate::step::{Platform, Simulation, StepReport};
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 /// Longest step by the wall clock, s; a hand feels none that takes a tenth of a second.
 const LONGEST_STEP: f64 = 60.0;
@@ -36,7 +36,7 @@ pub struct Options {
     pub checkpoint: Option<u32>,
     /// Checkpoint to resume from; its run had the same folder.
     pub resume: Option<PathBuf>,
-    /// Once set, the run ends with [`Interrupted`](crate::runner::Refused::Interrupted).
+    /// Once set, the run ends with [`Error::Interrupted`].
     pub interrupt: Arc<AtomicBool>,
 }
 
@@ -157,10 +157,8 @@ fn run_from(
     listing: Listing,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Summary> {
-    if options.interrupt.load(Ordering::Acquire) {
-        // while it was set up: the results of an earlier run stay
-        return Err(runner::Refused::Interrupted.into());
-    }
+    // while it was set up: the results of an earlier run stay
+    unless(&options.interrupt)?;
     let steps = options.steps.unwrap_or(scene.time.steps());
     let clock = if options.realtime { Clock::Wall } else { Clock::Scene };
     let mut collector = Collector::new(scene, &simulation);

@@ -11,7 +11,7 @@ mod wall_clock;
 
 pub use refused::Refused;
 
-use crate::error::Result;
+use crate::error::{Result, unless};
 use crate::haptic::cells::Counts;
 use crate::haptic::device::Device;
 use crate::haptic::replay::Row;
@@ -25,7 +25,7 @@ use scene_clock::SceneClock;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 use wall_clock::WallClock;
 
@@ -120,16 +120,10 @@ impl Runner {
     }
 
     /// Has a flag, once set, end the run: devices under the wall clock are released at their next tick, the others by [`Runner::stop`], and
-    /// the next step is [`Refused::Interrupted`]. Call it before the run begins.
+    /// the present step or the next one is [`Interrupted`](crate::error::Error::Interrupted). Call it before the run begins.
     pub fn interrupt_by(&mut self, flag: Arc<AtomicBool>) {
+        self.simulation.interrupt_by(&flag);
         self.interrupt = flag;
-    }
-
-    fn interrupted(&self) -> Result<()> {
-        match self.interrupt.load(Ordering::Acquire) {
-            true => Err(Refused::Interrupted.into()),
-            false => Ok(()),
-        }
     }
 
     /// Attaches a device to a tool, in place of the scene's.
@@ -182,7 +176,7 @@ impl Runner {
     /// clock those before the step, by the wall clock those until its end.
     ///
     /// # Errors
-    /// As [`Simulation::step`], errors of `on_tick`, and [`Refused::Interrupted`].
+    /// As [`Simulation::step`], and errors of `on_tick`.
     pub fn step(&mut self, check: bool, on_tick: OnTick) -> Result<Step> {
         if matches!(self.hands, Hands::Waiting) {
             self.start(false)?;
@@ -190,14 +184,14 @@ impl Runner {
         if self.stopped {
             return Err(Refused::Stopped.into());
         }
-        self.interrupted()?;
+        unless(&self.interrupt)?;
         let [begin, end] = [self.steps, self.steps + 1].map(|n| f64::from(n) * self.scene.time.step);
         match &mut self.hands {
             Hands::Waiting => {}
             Hands::Scene(clock) => clock.advance(&mut self.simulation, end, on_tick)?,
             Hands::Wall(clock) => clock.before_step(&mut self.simulation, begin, end),
         }
-        self.interrupted()?;
+        unless(&self.interrupt)?;
         let started = Instant::now();
         let report = self.simulation.step(check).map_err(|error| error.of_scene(&self.scene))?;
         let took = started.elapsed();

@@ -35,10 +35,6 @@ pub enum Refused {
     )]
     Stopped,
 
-    /// The run was asked to end.
-    #[error("interrupted")]
-    Interrupted,
-
     /// State of a run that cannot be restored.
     #[error(
         "the state of a run by the wall clock, or of one that records its devices; run by the scene's clock without recording"

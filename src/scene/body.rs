@@ -64,6 +64,7 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
     // layers with default colours
     let count = raw.layer.len();
     let mut names = Taken::new();
+    let thicknesses: Vec<_> = raw.layer.iter().map(|layer| layer.keys.thickness_mm.span()).collect();
     let counts: Vec<At<u32>> = raw.layer.iter().map(|layer| layer.keys.cells.clone()).collect();
     let layers = raw.layer.into_iter().enumerate().map(|(i, layer_table)| {
         let from_top = count - 1 - i;
@@ -84,12 +85,14 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
     let displacement = or_vector(raw.displacement_mm, &zero);
     let cells = scene.counts("cells", &raw.cells, [1, u32::MAX])?;
     grid::numbered(scene, cells, &counts, &raw.cells)?;
+    let size = scene.vector("size_mm", &raw.size_mm, MM, Bound::Positive)?;
+    grid::not_slender(scene, (size, raw.size_mm.span()), cells, &layers, &thicknesses)?;
     let cut = cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, cells)?;
     reserved(scene, cut, cells, &layers, &raw.cut_reserve_columns)?;
     Ok(Skin {
         name,
         position,
-        size: scene.vector("size_mm", &raw.size_mm, MM, Bound::Positive)?,
+        size,
         cells,
         layers,
         law,

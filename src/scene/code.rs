@@ -1,5 +1,6 @@
 //! Scenes in code: default values, and the check that every scene passes before it runs.
 
+use super::grid::LONGEST;
 use super::invalid::{Invalid, Result};
 use super::text::{difference, normalized};
 use super::tools::{MOST_SAMPLES, NORMAL_SLACK, dot, samples};
@@ -356,6 +357,8 @@ impl Scene {
             let part = part.of(format!("layers[{k}]"));
             part.positive("thickness, density", &[layer.thickness, layer.density])?;
             part.at_least_one("cells", &[layer.cells])?;
+            let aspect = layer.aspect(skin.size, skin.cells);
+            part.of("thickness, cells").that(aspect <= LONGEST, aspect, "cells at most 10000 times as long as wide")?;
             part.not_negative("toughness", &[layer.toughness])?;
             let odd = layer.pre_strain.iter().find(|e| !(**e > -0.5 && **e < 1.0));
             odd.map_or(Ok(()), |e| Err(part.of("pre_strain").refuse(e, "strains between -0.5 and 1")))?;

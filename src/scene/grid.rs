@@ -5,6 +5,7 @@ use super::raw::{At, Extent, Points};
 use super::region::{ACROSS, CellFace, SLACK};
 use super::text::{Bound, MM, PLAIN, SceneText, in_mm, normalized};
 use super::{Layer, Region, Skin, TestForm};
+use std::ops::Range;
 
 /// Maximum number of nodes with 32-bit indices: the largest array has 64 numbers per node.
 pub const MOST_NODES: u32 = u32::MAX / 64;
@@ -41,6 +42,46 @@ pub(super) fn numbered(scene: &SceneText, cells: [u32; 2], layers: &[At<u32>], a
         None => at.span(),
     };
     Err(Invalid::TooManyNodes { at: scene.location(span), found, limit: MOST_NODES })
+}
+
+/// Largest ratio of the edges of a cell: the condition of the system grows with its square, and beyond 10⁴ the solvers no longer reach a
+/// tolerance of 10⁻⁹ in f64 (a patch of one strain, pulled over layers 10³ to 10⁹ times as thick as cells are wide).
+pub(super) const LONGEST: f64 = 1e4;
+
+impl Layer {
+    /// Edges of its cells, m.
+    pub(super) fn edges(&self, size: [f64; 2], cells: [u32; 2]) -> [f64; 3] {
+        let [x, y] = [0, 1].map(|axis| size[axis] / f64::from(cells[axis]));
+        [x, y, self.thickness / f64::from(self.cells)]
+    }
+
+    /// Longest edge of its cells over the shortest one.
+    pub(super) fn aspect(&self, size: [f64; 2], cells: [u32; 2]) -> f64 {
+        let edges = self.edges(size, cells);
+        edges.iter().copied().fold(0.0, f64::max) / edges.iter().copied().fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Error if the cells of a layer are [`LONGEST`] times as long as wide, or more: of its thickness, or, where that holds for every one of
+/// several layers, of the body's size.
+pub(super) fn not_slender(
+    scene: &SceneText,
+    (size, size_at): ([f64; 2], Range<usize>),
+    cells: [u32; 2],
+    layers: &[Layer],
+    thicknesses: &[Range<usize>],
+) -> Result<()> {
+    let slender = |layer: &Layer| layer.aspect(size, cells) > LONGEST;
+    let all = layers.len() > 1 && layers.iter().all(slender);
+    let found = layers.iter().zip(thicknesses).find(|(layer, _)| slender(layer));
+    found.map_or(Ok(()), |(layer, thickness)| {
+        Err(Invalid::SlenderCells {
+            at: scene.location(if all { size_at } else { thickness.clone() }),
+            layer: layer.name.clone(),
+            edges: layer.edges(size, cells).map(in_mm),
+            most: LONGEST,
+        })
+    })
 }
 
 impl Grid<'_> {

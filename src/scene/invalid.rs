@@ -439,6 +439,22 @@ pub enum Invalid {
         limit: u32,
     },
 
+    /// Cells so long that no solver reaches an answer.
+    #[error(
+        "{at}: the cells of layer \"{layer}\" are {:e} × {:e} × {:e} mm; at most {most} times as long as wide are solved with any accuracy; \
+         mend thickness_mm or size_mm, or have more cells along the long edge", edges[0], edges[1], edges[2]
+    )]
+    SlenderCells {
+        /// The thickness, or the size.
+        at: Location,
+        /// Name of the layer.
+        layer: String,
+        /// Edges along x, y, z, mm.
+        edges: [f64; 3],
+        /// Largest ratio.
+        most: f64,
+    },
+
     /// A region without nodes.
     #[error(
         "{at}: the {region} holds no node of the {grid}; look at its position and size (origin: centre of the bottom; z up), or widen it to a cell at least"

@@ -121,6 +121,9 @@ pub fn attach_of(number: usize) -> String {
 /// Key of [`Scene::lines`] for the preconditioner.
 pub const PRECONDITIONER: &str = "preconditioner";
 
+/// Key of [`Scene::lines`] for the pieces of a blade's edge: of the first tool that has one.
+pub const EDGE_SPACING: &str = "edge_spacing_mm";
+
 /// Key of [`Scene::lines`] for a body's cells.
 pub fn cells_of(body: &str) -> String {
     format!("cells of {body}")

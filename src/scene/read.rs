@@ -14,8 +14,8 @@ use super::text::{
     ACCELERATION, Bound, DEGREE, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, Taken, or, or_vector,
 };
 use super::{
-    Anchor, Boundary, Correction, Integrator, Law, Mass, PRECONDITIONER, STEP, Scene, Skin, Solver, TestForm, Time,
-    attach_of, cells_of, check_of, device_of, reserve_of,
+    Anchor, Boundary, Correction, EDGE_SPACING, Integrator, Law, Mass, PRECONDITIONER, STEP, Scene, Skin, Solver,
+    TestForm, Time, attach_of, cells_of, check_of, device_of, reserve_of,
 };
 use super::{body, devices, hyperelastic, integrator, loads, outputs, round, tools};
 use crate::error;
@@ -62,6 +62,10 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     for tool in &raw.tool {
         let device = tool.keys.device.iter();
         device.for_each(|device| stands(device_of(tool.keys.name.get_ref()), &device.span));
+    }
+    for blade in raw.tool.iter().rev().flat_map(|tool| &tool.keys.blade) {
+        let spacing = blade.keys.edge_spacing_mm.as_ref();
+        stands(EDGE_SPACING.into(), &spacing.map_or(blade.span.clone(), |spacing| spacing.span()));
     }
     raw.attach.iter().enumerate().for_each(|(number, table)| stands(attach_of(number), &table.span));
     let preconditioner = raw.solver.iter().flat_map(|table| &table.keys.preconditioner);
@@ -250,6 +254,8 @@ fn test_form(scene: &SceneText, raw: raw::Test, skin: Option<&Skin>) -> Result<T
             let cells = scene.counts("cells", value, [1, u32::MAX])?;
             let layers: Vec<At<u32>> = skin.layers.iter().map(|layer| At::new(value.span(), layer.cells)).collect();
             grid::numbered(scene, cells, &layers, value)?;
+            let everywhere = vec![value.span(); layers.len()];
+            grid::not_slender(scene, (skin.size, value.span()), cells, &skin.layers, &everywhere)?;
             Some(cells)
         }
         (cells, _) => {

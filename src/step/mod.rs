@@ -52,7 +52,7 @@ use crate::backend::{Device, Snapshot};
 use crate::bodies::Totals;
 use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::Contact;
-use crate::error::Result;
+use crate::error::{Result, unless};
 use crate::gpu::Gpu;
 use crate::haptic::Reduced;
 use crate::linear::Outcome;
@@ -64,6 +64,7 @@ use glam::DVec3;
 use probes::Prepared;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// Backend and precision of the deformable bodies.
@@ -172,6 +173,10 @@ const AT_FLOOR: f64 = 1.0 + 1e-5;
 
 /// Most linear solves, with their contact, of a static step.
 const MOST_STATIC: u32 = 1000;
+/// Most of them running that bring the step no nearer to balance: what is left is then rounding, or goes to and fro.
+const IDLE_STATIC: u32 = 200;
+/// Part of the least imbalance so far that a solve has to come below to bring the step nearer.
+const NEARER: f64 = 0.99;
 
 /// A running scene.
 pub struct Simulation {
@@ -198,6 +203,7 @@ pub struct Simulation {
     /// Force of each contact by its id, N.
     last_forces: BTreeMap<([BodyId; 2], usize), DVec3>,
     load_changes: Vec<f64>,
+    interrupt: Arc<AtomicBool>,
     /// Work and dissipation so far.
     booked: Booked,
     /// The measure of least unexplained energy.
@@ -252,6 +258,7 @@ impl Simulation {
             depths: BTreeMap::new(),
             last_forces: BTreeMap::new(),
             load_changes: scene.loads.iter().flat_map(|l| [l.start, l.end]).collect(),
+            interrupt: Arc::default(),
             booked: Booked::default(),
             least: None,
             step_number: 0,
@@ -298,6 +305,13 @@ impl Simulation {
     /// When a device fails.
     pub fn snapshots(&mut self) -> Result<Vec<Snapshot>> {
         self.bodies.iter_mut().map(Body::snapshot).collect()
+    }
+
+    /// Has a flag, once set, end the present step or the next one at its present solves, with
+    /// [`Error::Interrupted`](crate::error::Error::Interrupted); the state is then between two steps, and cannot be continued.
+    pub fn interrupt_by(&mut self, flag: &Arc<AtomicBool>) {
+        self.interrupt = flag.clone();
+        self.bodies.iter_mut().for_each(|body| body.backend.interrupt_by(flag.clone()));
     }
 
     /// Totals over all wounds.
@@ -350,8 +364,10 @@ impl Simulation {
         let tolerance = self.scene.solver.tolerance;
         self.bodies.iter_mut().for_each(|body| body.loaded = false);
         let (mut report, mut forces) = self.solve_from(self.time, false)?;
-        let mut left = 0.0;
-        for _ in 1..MOST_STATIC {
+        let (mut left, mut nearest) = (0.0, f64::INFINITY);
+        let (mut solves, mut idle) = (1, 0);
+        while solves < MOST_STATIC && idle < IDLE_STATIC {
+            unless(&self.interrupt)?;
             // out of balance: the bodies, or the hands, which the tools' forces follow
             left = 0.0;
             for (number, body) in self.bodies.iter_mut().enumerate() {
@@ -362,16 +378,19 @@ impl Simulation {
             let balanced = left <= tolerance;
             let (next, of_next) = self.solve_from(self.time, check && balanced)?;
             forces = of_next;
+            solves += 1;
             report.followed_by(next);
             let scale = report.contact.largest_on_tools();
             let change = before.iter().zip(&report.contact.on_tool);
             let change = change.map(|(a, b)| (DVec3::from_array(*a) - DVec3::from_array(*b)).length());
-            if balanced && change.fold(0.0, f64::max) <= tolerance * scale {
+            let change = change.fold(0.0, f64::max);
+            if balanced && change <= tolerance * scale {
                 return Ok(report);
             }
+            let away = larger(left, if scale > 0.0 { change / scale } else { 0.0 });
+            (nearest, idle) = if away < NEARER * nearest { (away, 0) } else { (nearest, idle + 1) };
         }
-        Err(Refused::NoBalance { at: self.scene.at(STEP), time: self.time, iterations: MOST_STATIC, left, tolerance }
-            .into())
+        Err(Refused::NoBalance { at: self.scene.at(STEP), time: self.time, iterations: solves, left, tolerance }.into())
     }
 
     /// Step that ends at the present time, with the loads at `begin`; also the contact forces at the bodies' nodes.

@@ -19,6 +19,7 @@ pub const TESTS: &[Test] = &[
     ("a_run_goes_on_where_nobody_reads_its_messages", a_run_goes_on_where_nobody_reads_its_messages),
     ("a_signal_releases_the_devices_and_leaves_a_report", a_signal_releases_the_devices_and_leaves_a_report),
     ("a_device_that_is_lost_is_a_warning_and_fails_a_check", a_device_that_is_lost_is_a_warning_and_fails_a_check),
+    ("a_signal_ends_a_step_without_an_end", a_signal_ends_a_step_without_an_end),
     ("a_second_signal_ends_a_run_at_once", a_second_signal_ends_a_run_at_once),
     ("a_signal_that_is_ignored_stays_ignored", a_signal_that_is_ignored_stays_ignored),
     ("a_file_size_limit_leaves_whole_rows_and_is_reported", a_file_size_limit_leaves_whole_rows_and_is_reported),
@@ -205,6 +206,24 @@ fn a_second_signal_ends_a_run_at_once() -> Outcome {
     let (code, _) = end(process)?;
     ensure!(code == Some(143) && sent.elapsed() < Duration::from_secs(2), "{code:?} after {:?}", sent.elapsed());
     ensure!(!work.path("out/report.json").exists(), "it has ended as after the first");
+    Ok(())
+}
+
+/// A static step whose tolerance is below rounding, so that it takes all its solves.
+fn a_signal_ends_a_step_without_an_end() -> Outcome {
+    let scene =
+        ALONE.replace("[skin]", "[solver]\ntolerance = 1e-30\nmax_iterations = 1000000\nfloor_n = 0.0\n\n[skin]");
+    let scene = scene.replace("[time]", "[time]\nintegrator = \"static\"");
+    let work = Work::with(&scene.replace("cells = [4, 4]", "cells = [100, 100]").replace("cells = 2", "cells = 8"))?;
+    let run = ["run", "scene.toml", "--backend", "cpu", "--frames", "0"];
+    let process = cutis(&work, &run).stderr(Stdio::piped()).spawn().map_err(words)?;
+    until("a table", || work.path("out/energy.csv").exists() || work.path("out/probes.csv").exists())?;
+    std::thread::sleep(Duration::from_secs(3));
+    kill(&process, "-INT")?;
+    let (code, said) = end(process)?;
+    ensure!(code == Some(130) && said.contains("error: interrupted"), "{code:?}: {said}");
+    let report = report(&work)?;
+    ensure!(report["error"] == "interrupted" && report["steps"] == 0, "{report}");
     Ok(())
 }
 

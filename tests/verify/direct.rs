@@ -14,6 +14,7 @@ use cutis::math::{Real, V4, norm, widen};
 use cutis::scene::Element::{Bbar, Enhanced, Plain};
 use cutis::scene::Mass::{Consistent, Lumped, Uniform};
 use cutis::scene::{Element, Law, Mass, Preconditioner, Scene};
+use std::sync::atomic::AtomicBool;
 
 pub const CASES: &[Case] = &[
     ("assembled_matrix_is_the_product", assembled_is_product),
@@ -174,6 +175,7 @@ fn residual_after(cap: u32, model: &Model, rotation: &[V4<f64>], factored: &Dire
         &request,
         0.0,
         cap,
+        &AtomicBool::new(false),
         |z: &[V4<f64>], w: &mut [V4<f64>]| multiply(&params, model, rotation, z, w),
         |r: &[V4<f64>], z: &mut [V4<f64>]| factored.solve(r, z),
     );

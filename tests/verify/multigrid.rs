@@ -14,6 +14,7 @@ use cutis::linear::{Outcome, Slot, solve};
 use cutis::math::V4;
 use cutis::scene::{Load, Preconditioner, Scene};
 use cutis::step::Platform;
+use std::sync::atomic::AtomicBool;
 
 pub const CASES: &[Case] = &[
     ("multigrid_takes_as_few_iterations_on_every_grid", table),
@@ -110,6 +111,7 @@ fn solved(model: &Model, scene: &Scene, rotation: &[V4<f64>], tolerance: f64) ->
         &request,
         0.0,
         200,
+        &AtomicBool::new(false),
         |z: &[V4<f64>], w: &mut [V4<f64>]| product(&params, &modes, layers, &frames, &free, z, w, &mut scratch),
         |r: &[V4<f64>], z: &mut [V4<f64>]| apply(&levels, &mut work, r, z),
     );

@@ -14,6 +14,7 @@ use cutis::scene::Element::Bbar;
 use cutis::scene::Mass::{self, Consistent, Lumped};
 use cutis::scene::Preconditioner;
 use cutis::step::{Platform, Simulation};
+use std::sync::atomic::AtomicBool;
 
 pub const CASES: &[Case] = &[
     ("every_preconditioner_finds_the_dense_solution", dense_solution),
@@ -47,6 +48,7 @@ fn cg(model: &Model, b: &[V4<f64>], cap: u32, product_of: f64) -> (Vec<V4<f64>>,
         &request,
         0.0,
         cap,
+        &AtomicBool::new(false),
         |z: &[V4<f64>], w: &mut [V4<f64>]| {
             let dot = multiply(&params, model, &rotation, z, w);
             w.as_flattened_mut().iter_mut().for_each(|c| *c *= product_of);

@@ -18,6 +18,8 @@ use crate::linear::Outcome;
 use crate::math::{Real, V3, V4, round, widen};
 use crate::scene::Mass;
 use rayon::prelude::*;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// State and constant arrays of a body in one precision.
 pub struct CpuBackend<R> {
@@ -28,6 +30,7 @@ pub struct CpuBackend<R> {
     conserved: Option<Conserved>,
     ended: Vec<V4<f64>>, // velocities at the end of the step that conserve energy
     max_iterations: u32,
+    interrupt: Arc<AtomicBool>,
     floor: f64,
     node_count: usize, // in use; `all_nodes` includes the reserve of duplicates
     all_nodes: usize,
@@ -95,6 +98,7 @@ impl<R: Real> CpuBackend<R> {
             conserved: Conserved::of(model),
             ended: vec![],
             max_iterations,
+            interrupt: Arc::default(),
             floor,
             node_count,
             all_nodes,
@@ -166,6 +170,10 @@ impl<R: Real> Backend for CpuBackend<R> {
             sums: "plain",
             device_bytes: (bytes * size_of::<V4<R>>()) as u64 + self.system.stored_bytes() as u64,
         }
+    }
+
+    fn interrupt_by(&mut self, flag: Arc<AtomicBool>) {
+        self.interrupt = flag;
     }
 
     fn set_load(&mut self, load: &[[f64; 3]]) {

@@ -5,7 +5,7 @@ use crate::backend::conserve;
 use crate::backend::newton::{Descent, Shifted, TrialPoint, newton, solve_shifted};
 use crate::backend::{FREE, SolveRequest, Target};
 use crate::bodies::cpu::{Start, Trial, Workspace};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, unless};
 use crate::kernels::accelerate::accelerate;
 use crate::linear::{Outcome, Slot, solve};
 use crate::math::{Real, V3, V4, norm, round, widen};
@@ -28,6 +28,7 @@ impl<R: Real> CpuBackend<R> {
         self.system.factor(&self.free)?;
         let (params, free, system) = (&self.params, &self.free, &self.system);
         let (load, floor, max_iterations, driven) = (self.load_squared, self.floor, self.max_iterations, self.driven);
+        let interrupt = &*self.interrupt;
         let precondition = system.preconditioner(params, free);
         // one conjugate gradient solve per right-hand side, in parallel
         let arrays = (
@@ -50,12 +51,14 @@ impl<R: Real> CpuBackend<R> {
                     &request,
                     load,
                     want.target.iterations(max_iterations),
+                    interrupt,
                     |z: &[V4<R>], w: &mut [V4<R>]| system.product(params, free, z, w, scratch),
                     |r: &[V4<R>], z: &mut [V4<R>]| precondition(levels, r, z),
                 );
                 (want.slot, outcome)
             })
             .collect();
+        unless(interrupt)?;
         done.sort_by_key(|(slot, _)| *slot);
         let find = |w: &SolveRequest| done.iter().find(|d| d.0 == w.slot).map(|d| d.1).unwrap_or_default();
         let outcomes = requests.iter().map(find).collect();

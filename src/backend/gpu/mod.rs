@@ -29,6 +29,7 @@ use paths::Driven;
 use solver::Solver;
 use split::Split;
 use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 /// Minimum number of values per right-hand side that one read-back can hold; more need another submission.
 const PICKED: usize = 1024;
@@ -40,6 +41,7 @@ pub struct GpuBackend {
     node_count: usize,
     rotates: bool, // its elements are cells, which have rotations
     max_iterations: u32,
+    interrupt: Arc<AtomicBool>,
     floor: f64,
     expected: [u32; 2],
     pending: Option<Batch>,
@@ -161,6 +163,7 @@ impl GpuBackend {
             node_count: n,
             rotates: model.mechanics().rotation_count(model) > 0,
             max_iterations,
+            interrupt: Arc::default(),
             floor,
             expected: [8, 8],
             pending: None,
@@ -235,6 +238,10 @@ impl Backend for GpuBackend {
             sums: if self.params.compensated == 1 { "compensated" } else { "plain" },
             device_bytes: self.bytes,
         }
+    }
+
+    fn interrupt_by(&mut self, flag: Arc<AtomicBool>) {
+        self.interrupt = flag;
     }
 
     fn set_load(&mut self, load: &[[f64; 3]]) {

@@ -6,7 +6,7 @@ use super::newton::Newton;
 use crate::backend::{CORRECTION, FREE, SolveRequest, Target};
 use crate::bodies::Model;
 use crate::bodies::gpu::{Arrays, Dispatch, InUse, Maker, Recorded, TOUCHED, over_columns, over_nodes};
-use crate::error::Result;
+use crate::error::{Result, unless};
 use crate::gpu::{Batch, Buffer, Gpu, cast};
 use crate::kernels::advance::Scalars;
 use crate::kernels::{GROUP, Params, Source, advance, converge, precondition, update};
@@ -187,6 +187,7 @@ impl GpuBackend {
             let heads = 32 * (last as u64 + 1);
             let parts =
                 self.gpu.submit_and_read(batch, &[(&self.solver.scalars, heads), (&self.pick.picked, picked)])?;
+            unless(&self.interrupt)?;
             let heads = scalars(&parts[0], requests);
             let running = heads.iter().filter(|k| k.done == 0.0).map(|k| k.iterations as u32);
             let left = running.map(|done| most.saturating_sub(done)).max().unwrap_or(0);
