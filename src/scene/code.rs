@@ -1,6 +1,5 @@
 //! Scenes in code: default values, and the check that every scene passes before it runs.
 
-use super::grid::LONGEST;
 use super::invalid::{Invalid, Result};
 use super::text::{difference, normalized};
 use super::tools::{MOST_SAMPLES, NORMAL_SLACK, dot, samples};
@@ -287,12 +286,9 @@ impl Scene {
             several("anchors", k).index("body", anchor.body, skins)?;
             several("anchors", k).positive("stiffness", &[anchor.stiffness])?;
             check_region(&several("anchors", k).of("region"), &anchor.region)?;
-            let consistent = self.skins[anchor.body].mass == Mass::Consistent;
-            several("anchors", k).of("body").that(
-                !consistent,
-                "of a consistent mass",
-                "of a lumped or uniform mass",
-            )?;
+            let lumped = self.skins[anchor.body].mass != Mass::Consistent;
+            let part = several("anchors", k);
+            part.of("body").that(lumped, "of a consistent mass", "of a lumped or uniform mass")?;
         }
         for (k, load) in self.loads.iter().enumerate() {
             let part = several("loads", k);
@@ -358,7 +354,8 @@ impl Scene {
             part.positive("thickness, density", &[layer.thickness, layer.density])?;
             part.at_least_one("cells", &[layer.cells])?;
             let aspect = layer.aspect(skin.size, skin.cells);
-            part.of("thickness, cells").that(aspect <= LONGEST, aspect, "cells at most 10000 times as long as wide")?;
+            let wide = aspect <= grid::LONGEST;
+            part.of("thickness, cells").that(wide, aspect, "cells at most 10000 times as long as wide")?;
             part.not_negative("toughness", &[layer.toughness])?;
             let odd = layer.pre_strain.iter().find(|e| !(**e > -0.5 && **e < 1.0));
             odd.map_or(Ok(()), |e| Err(part.of("pre_strain").refuse(e, "strains between -0.5 and 1")))?;
