@@ -364,12 +364,12 @@ impl Simulation {
         let tolerance = self.scene.solver.tolerance;
         self.bodies.iter_mut().for_each(|body| body.loaded = false);
         let (mut report, mut forces) = self.solve_from(self.time, false)?;
-        let (mut left, mut nearest) = (0.0, f64::INFINITY);
+        let (mut away, mut nearest) = (0.0, f64::INFINITY);
         let (mut solves, mut idle) = (1, 0);
         while solves < MOST_STATIC && idle < IDLE_STATIC {
             unless(&self.interrupt)?;
             // out of balance: the bodies, or the hands, which the tools' forces follow
-            left = 0.0;
+            let mut left = 0.0;
             for (number, body) in self.bodies.iter_mut().enumerate() {
                 let contact = forces.as_ref().map_or(&[][..], |forces| &forces[number]);
                 left = larger(left, body.out_of_balance(contact, &self.scene, self.time)?);
@@ -387,10 +387,11 @@ impl Simulation {
             if balanced && change <= tolerance * scale {
                 return Ok(report);
             }
-            let away = larger(left, if scale > 0.0 { change / scale } else { 0.0 });
+            away = larger(left, if scale > 0.0 { change / scale } else { 0.0 });
             (nearest, idle) = if away < NEARER * nearest { (away, 0) } else { (nearest, idle + 1) };
         }
-        Err(Refused::NoBalance { at: self.scene.at(STEP), time: self.time, iterations: solves, left, tolerance }.into())
+        Err(Refused::NoBalance { at: self.scene.at(STEP), time: self.time, iterations: solves, left: away, tolerance }
+            .into())
     }
 
     /// Step that ends at the present time, with the loads at `begin`; also the contact forces at the bodies' nodes.

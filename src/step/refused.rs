@@ -68,7 +68,7 @@ pub enum Refused {
         time: f64,
         /// Linear solves.
         iterations: u32,
-        /// Forces out of balance, relative to the largest.
+        /// Forces out of balance, or the change of the forces on tools in the last solve, relative to the largest.
         left: f64,
         /// Solver's tolerance.
         tolerance: f64,
