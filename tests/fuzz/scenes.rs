@@ -242,6 +242,10 @@ fn two_steps_written(scene: &Scene) -> Result<()> {
 /// What an accepted scene goes on to; one of four is stepped, one of 64 writes a folder, one of 1024 is inspected.
 fn goes_on(scene: Scene, luck: u32) -> std::result::Result<(), String> {
     let scene = small(scene);
+    // fewer cells may be slender, which no file may ask for
+    if scene.check().is_err_and(|error| error.to_string().contains("times as long as wide")) {
+        return Ok(());
+    }
     let result = bounded(TO_RUN, || {
         for number in 0..scene.skins.len() {
             drop(Model::new(&scene, number)?);
