@@ -25,7 +25,7 @@ use crate::math::{V4, larger, norm};
 use crate::mesh::{Corner, Quad};
 use crate::scene::{Scene, Solver};
 use compliance::AtRest;
-pub(super) use compliance::{BATCHES, Places};
+pub(super) use compliance::Places;
 use glam::DVec3;
 use start::{check_step, slots};
 use std::collections::BTreeMap;

@@ -2,7 +2,6 @@
 
 mod passes;
 
-use super::body::BATCHES;
 use super::rows::Rows;
 use super::{Part, Simulation, StepReport};
 use crate::backend::CORRECTION;
@@ -182,7 +181,7 @@ impl Simulation {
         let mut nodes = vec![];
         let (mut ended, mut picked, mut blocks) = (vec![], vec![], vec![]);
         // attachments are there from the first step on
-        let batches = if self.step_number == 1 { usize::MAX } else { BATCHES };
+        let all = self.step_number == 1;
         // per body: unconstrained motion, read at the nodes of the rows; their compliance
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let own = rows.nodes(number);
@@ -191,7 +190,7 @@ impl Simulation {
             body.backend.reset_initial_guess(&[CORRECTION])?;
             ended.push(outcome);
             picked.push(values);
-            blocks.push(body.prepare_compliance(&law, &own, batches, report)?);
+            blocks.push(body.prepare_compliance(&law, &own, all, report)?);
             nodes.push(own);
         }
         let laws = contacts.iter().map(|c| c.law).collect();
