@@ -36,10 +36,6 @@ const PRESS: f64 = 1e-4;
 /// Share of the previous pass's residual above which a pass is slow: the compliance has aged too much.
 const SLOW: f64 = 0.5;
 
-/// Share of the passes beyond which each slow one has a batch of columns solved. With one batch in each step, all passes were used up in one of
-/// three cuts right through, a pressed wound and a stretched one.
-const MANY: f64 = 0.5;
-
 /// Least cosine between a change of the forces and the error of `W` along it for a safe rank-one update, whose size is that of the error
 /// over the cosine.
 const STEEP: f64 = 0.1;
@@ -266,12 +262,11 @@ impl Simulation {
             return Ok(false);
         }
         let mut renewed = false;
-        let more = f64::from(report.contact.passes) >= MANY * f64::from(problem.law.max_passes);
         for (number, body) in self.bodies.iter_mut().enumerate() {
             let forces = problem.rows.on_nodes(number, lambda);
             let tolerance = problem.law.column_tolerance * body.tolerance_factor;
             let places = Places { rest: &body.wound.rest, originals: body.model.rest.len() };
-            renewed |= body.compliance.renew(body.backend.as_mut(), places, &forces, (tolerance, more), report)?;
+            renewed |= body.compliance.renew(body.backend.as_mut(), places, &forces, tolerance, report)?;
         }
         if renewed {
             problem.columns = self.compliance_of(problem);
