@@ -95,6 +95,15 @@ fn bytes_of_arrays(model: &Model) -> usize {
             size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + size_of_val(&s.first[..]) + size_of_val(&s.half[..])
         }
         Kind::Hexahedra(h) => size_of_val(&h.stiffness[..]) + size_of_val(&h.pre_strain[..]),
+        Kind::Tetrahedra(t) => {
+            let a = &t.arrays;
+            let of_elements = size_of_val(&a.corners[..]) + size_of_val(&a.gradients[..]) + size_of_val(&a.volume[..]);
+            let around =
+                size_of_val(&a.first_of_node[..]) + size_of_val(&a.of_node[..]) + size_of_val(&a.per_volume[..]);
+            let domains =
+                size_of_val(&a.first_of_domain[..]) + size_of_val(&a.of_domain[..]) + size_of_val(&a.shear[..]);
+            of_elements + around + domains + size_of_val(&a.domains[..]) + size_of_val(&a.block[..])
+        }
     };
     let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.prescribed[..]);
     let anchors = size_of_val(&model.anchors.nodes[..]) + size_of_val(&model.anchors.stiffness[..]);
@@ -144,6 +153,7 @@ fn sizes_are_of_the_arrays(scene: &Scene, body: usize) {
             let stated: Vec<(usize, usize)> = levels(&model).iter().map(|(stated, _)| (*stated, 0)).collect();
             assert_eq!(levels(&sizes), stated, "{name}");
         }
+        (Kind::Tetrahedra(_), Kind::Tetrahedra(none)) => assert!(none.arrays.corners.is_empty(), "{name}"),
         _ => panic!("{name}: elements of another kind"),
     }
     // what a device is given

@@ -18,6 +18,7 @@ pub mod rigid;
 pub mod springs;
 mod start;
 mod step;
+pub mod tetrahedra;
 mod wound;
 
 pub use anchors::{Anchors, rate};
@@ -43,6 +44,7 @@ use cpu::System;
 use gpu::{Maker, Recorded};
 use grid::Hexahedra;
 use springs::Springs;
+use tetrahedra::Tetrahedra;
 
 /// Maximum number of layers: one uniform binding holds their element matrices (64 KiB in core WebGPU, 3 KiB each).
 pub const MAX_LAYERS: usize = 21;
@@ -54,6 +56,8 @@ pub enum Kind {
     Hexahedra(Box<Hexahedra>),
     /// Springs between the corners of the grid's cells.
     Springs(Box<Springs>),
+    /// Tetrahedra in the cells of the grid.
+    Tetrahedra(Box<Tetrahedra>),
 }
 
 /// Number of elements of each kind.
@@ -63,6 +67,8 @@ pub struct Elements {
     pub hexahedron_count: usize,
     /// Springs.
     pub spring_count: usize,
+    /// Tetrahedra.
+    pub tetrahedron_count: usize,
 }
 
 /// Segments that a blade can cut: pairs of points with their rest positions, m.
@@ -220,6 +226,9 @@ impl Model {
         let count = model.own_nodes();
         let rest = |node| [0, 1, 2].map(|a| model.grid.rest(node)[a] + skin.position[a]);
         model.rest = (0..count).map(rest).collect();
+        if let Kind::Tetrahedra(tetrahedra) = &mut model.kind {
+            tetrahedra.fill(&model.grid, &model.rest, &skin.layers);
+        }
         let anchors: Vec<Anchor> = scene.anchors.iter().filter(|a| a.body == body).cloned().collect();
         model.anchors = Anchors::new(&anchors, |anchor| model.grid.nodes_in(&anchor.region));
         model.set_masses();
@@ -267,6 +276,10 @@ impl Model {
             Law::Springs { .. } => {
                 springs::check(scene)?;
                 Kind::Springs(Box::default())
+            }
+            Law::Fem { .. } if skin.law.of_tetrahedra() => {
+                tetrahedra::check(scene, body)?;
+                Kind::Tetrahedra(Box::new(Tetrahedra::of_law(skin.law)))
             }
             Law::Fem { .. } | Law::Hyperelastic(_) => {
                 Kind::Hexahedra(Box::new(Hexahedra::new(scene, skin, &grid, extra_columns)))
@@ -338,6 +351,7 @@ impl Model {
         match &self.kind {
             Kind::Hexahedra(hexahedra) => &**hexahedra,
             Kind::Springs(springs) => &**springs,
+            Kind::Tetrahedra(tetrahedra) => &**tetrahedra,
         }
     }
 
@@ -346,6 +360,7 @@ impl Model {
         match &self.kind {
             Kind::Hexahedra(_) => Box::new(grid::cpu::Hexahedra::new(self)),
             Kind::Springs(springs) => Box::new(springs::cpu::Springs::new(self, springs)),
+            Kind::Tetrahedra(tetrahedra) => Box::new(tetrahedra::cpu::Tetrahedra::new(self, tetrahedra)),
         }
     }
 

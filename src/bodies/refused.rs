@@ -53,6 +53,19 @@ pub enum Refused {
     )]
     AnchoredMass,
 
+    /// What tetrahedra do not have.
+    #[error("{what} is not for tetrahedra (element = \"tetra\" or \"plain_tetra\"); {fix}, or take element = \"bbar\"")]
+    Tetrahedra {
+        /// Key or part of the scene.
+        what: &'static str,
+        /// What to do.
+        fix: &'static str,
+    },
+
+    /// Tetrahedra on a GPU.
+    #[error("tetrahedra run on the CPU path, not on a GPU; run it with --backend cpu, or take element = \"bbar\"")]
+    TetrahedraOnGpu,
+
     /// The direct solver on a GPU.
     #[error(
         "the direct solver runs on the CPU path, not on a GPU; run it with --backend cpu, or take the preconditioner multigrid"
@@ -106,7 +119,11 @@ impl Refused {
             }
             Self::CutLinks { .. } | Self::NotPositive { .. } | Self::InvertedCell { .. } => STEP,
             Self::SweptQuads { .. } => EDGE_SPACING,
-            Self::Layers { .. } | Self::Nodes { .. } | Self::AnchoredMass => "",
+            Self::Layers { .. }
+            | Self::Nodes { .. }
+            | Self::AnchoredMass
+            | Self::Tetrahedra { .. }
+            | Self::TetrahedraOnGpu => "",
         }
     }
 }

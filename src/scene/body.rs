@@ -8,7 +8,7 @@ use super::text::{
     Bound, DAMPING, DEGREE, KG_M3, KJ_M2, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, Taken, or,
     or_vector,
 };
-use super::words::ELEMENTS;
+use super::words::{ELEMENTS, TETRAHEDRA};
 use super::{Cut, Law, Layer, MOST_NODES, Mass, Skin};
 use std::ops::Range;
 
@@ -114,7 +114,7 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     let stiffness = number("spring_stiffness_n_m", &raw.spring_stiffness_n_m, STIFFNESS, Bound::Positive)?;
     let damping = number("spring_damping_n_s_m", &raw.spring_damping_n_s_m, DAMPING, Bound::NotNegative)?;
     let element = or(raw.element.clone(), "bbar".to_string());
-    let element = scene.choice("element", &element, &ELEMENTS)?;
+    let element = scene.choice("element", &element, &[&ELEMENTS[..], &TETRAHEDRA].concat())?;
     let name = or(raw.law.clone(), "neo_hookean".to_string());
     let law = scene.choice("law", &name, &hyperelastic::laws(element))?;
     match law {

@@ -52,7 +52,7 @@ pub use touching::{
     Tool, ToolMesh,
 };
 
-pub use words::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, word};
+pub use words::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, TETRAHEDRA, word};
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -355,6 +355,18 @@ pub enum Law {
     },
 }
 
+impl Law {
+    /// Whether it has tetrahedra.
+    pub fn of_tetrahedra(self) -> bool {
+        matches!(self, Self::Fem { element: Element::Tetra | Element::PlainTetra, .. })
+    }
+
+    /// Whether it has hexahedra.
+    pub fn of_hexahedra(self) -> bool {
+        !self.of_tetrahedra() && !matches!(self, Self::Springs { .. })
+    }
+}
+
 /// Mass discretisation of a skin.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mass {
@@ -367,7 +379,7 @@ pub enum Mass {
     Consistent,
 }
 
-/// Hexahedral element.
+/// Element of small strains.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Element {
     /// Trilinear, full integration; locks near incompressibility.
@@ -376,6 +388,10 @@ pub enum Element {
     Bbar,
     /// Trilinear with nine incompatible modes.
     Enhanced,
+    /// Tetrahedra with the deviator smoothed over edges and the volume at nodes.
+    Tetra,
+    /// Plain linear tetrahedra; lock near incompressibility.
+    PlainTetra,
 }
 
 /// Rest-shape springs at the nodes of a region.

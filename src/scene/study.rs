@@ -46,8 +46,10 @@ pub struct Study {
 
 /// Preconditioners by name, as far as the skins allow.
 pub(super) fn preconditioners(skins: &[Skin]) -> Vec<(&'static str, Preconditioner)> {
-    let hexahedra = skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
-    let known = if hexahedra { PRECONDITIONERS.len() } else { PRECONDITIONERS.len() - 2 };
+    let hexahedra = skins.iter().all(|skin| skin.law.of_hexahedra());
+    let tetrahedra = skins.iter().any(|skin| skin.law.of_tetrahedra());
+    let without = if tetrahedra { 3 } else { 2 };
+    let known = if hexahedra { PRECONDITIONERS.len() } else { PRECONDITIONERS.len() - without };
     PRECONDITIONERS[..known].to_vec()
 }
 

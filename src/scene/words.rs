@@ -2,9 +2,12 @@
 
 use super::{Component, Correction, Element, Integrator, Preconditioner};
 
-/// Element types.
+/// Elements of hexahedra.
 pub const ELEMENTS: [(&str, Element); 3] =
     [("bbar", Element::Bbar), ("enhanced", Element::Enhanced), ("plain", Element::Plain)];
+
+/// Elements of tetrahedra.
+pub const TETRAHEDRA: [(&str, Element); 2] = [("tetra", Element::Tetra), ("plain_tetra", Element::PlainTetra)];
 
 /// Integrators.
 pub const INTEGRATORS: [(&str, Integrator); 5] = [
@@ -30,7 +33,7 @@ pub const COMPONENTS: [(&str, Component); 7] = [
     ("von_mises", Component::VonMises),
 ];
 
-/// Preconditioners; the last two are for hexahedra.
+/// Preconditioners; the last two are for hexahedra, the last three not for tetrahedra.
 pub const PRECONDITIONERS: [(&str, Preconditioner); 6] = [
     ("none", Preconditioner::None),
     ("jacobi", Preconditioner::Jacobi),

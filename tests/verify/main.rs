@@ -30,6 +30,7 @@ mod small;
 mod solver;
 mod springs;
 mod statics;
+mod tetrahedra;
 
 use cutis::gpu::adapters;
 use cutis::step::Platform;
@@ -63,11 +64,12 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 20] = [
+    let groups: [&[Case]; 21] = [
         anchors::CASES,
         multigrid::CASES,
         direct::CASES,
         elements::CASES,
+        tetrahedra::CASES,
         integrators::CASES,
         loads::CASES,
         differences::CASES,

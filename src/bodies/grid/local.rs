@@ -43,6 +43,13 @@ const SMALL: f64 = 0.06;
 /// The centre of a cell.
 const CENTRE: [f64; 3] = [0.5; 3];
 
+/// Whether a small-strain law is strained beyond [`SMALL`] at a displacement gradient (NaN counts).
+pub fn beyond(change: M3<f64>, corotational: bool) -> bool {
+    let [a, b, c] = if corotational { element::green_lagrange(change).0 } else { change.0 };
+    let norm = (a.dot(a) + b.dot(b) + c.dot(c)).sqrt();
+    norm > SMALL || norm.is_nan()
+}
+
 impl Hexahedra {
     /// Rotation of a cell at its corners' displacements.
     fn rotation(&self, edges: [f64; 3], u: &[V3<f64>; 8]) -> V4<f64> {
@@ -128,10 +135,7 @@ impl Hexahedra {
             return false;
         }
         let stretch = M3::diagonal(V3::from4(self.pre_strain[layer]) + V3::splat(1.0));
-        let change = gradient * stretch - M3::identity();
-        let [a, b, c] = if self.corotational == 0 { change.0 } else { element::green_lagrange(change).0 };
-        let norm = (a.dot(a) + b.dot(b) + c.dot(c)).sqrt();
-        norm > SMALL || norm.is_nan()
+        beyond(gradient * stretch - M3::identity(), self.corotational != 0)
     }
 
     /// Green–Lagrange strain and Cauchy stress, Pa, at a point of a cell of a layer, natural coordinates in 0…1.

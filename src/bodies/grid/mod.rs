@@ -7,7 +7,7 @@ pub mod element;
 pub mod gpu;
 mod hyperelastic;
 pub mod levels;
-mod local;
+pub mod local;
 pub mod multigrid;
 mod stable;
 
@@ -67,7 +67,11 @@ pub struct Multigrid {
 pub(super) fn reserve(scene: &Scene, skin: &Skin) -> Result<usize> {
     let blade = scene.tools.iter().any(|t| t.blade.is_some());
     let columns = match (skin.cut, skin.law) {
-        (Cut::Split { reserve_columns }, Law::Fem { .. } | Law::Hyperelastic(_)) if blade => reserve_columns as usize,
+        (Cut::Split { reserve_columns }, Law::Fem { .. } | Law::Hyperelastic(_))
+            if blade && !skin.law.of_tetrahedra() =>
+        {
+            reserve_columns as usize
+        }
         _ => 0,
     };
     if columns > 0 && scene.solver.preconditioner == Preconditioner::Direct {
@@ -146,7 +150,7 @@ impl Model {
     pub fn hexahedra(&self) -> &Hexahedra {
         match &self.kind {
             Kind::Hexahedra(hexahedra) => hexahedra,
-            Kind::Springs(_) => unreachable!("springs have no cells with a stiffness"),
+            Kind::Springs(_) | Kind::Tetrahedra(_) => unreachable!("others have no cells with a stiffness"),
         }
     }
 
@@ -157,7 +161,7 @@ impl Model {
     pub fn hexahedra_mut(&mut self) -> &mut Hexahedra {
         match &mut self.kind {
             Kind::Hexahedra(hexahedra) => hexahedra,
-            Kind::Springs(_) => unreachable!("springs have no cells with a stiffness"),
+            Kind::Springs(_) | Kind::Tetrahedra(_) => unreachable!("others have no cells with a stiffness"),
         }
     }
 
@@ -248,7 +252,7 @@ impl Hexahedra {
 
 impl Mechanics for Hexahedra {
     fn elements(&self, model: &Model) -> Elements {
-        Elements { hexahedron_count: model.grid.cell_count(), spring_count: 0 }
+        Elements { hexahedron_count: model.grid.cell_count(), ..Elements::default() }
     }
 
     fn around_nodes(&self, model: &Model) -> Vec<u32> {

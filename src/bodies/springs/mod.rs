@@ -89,7 +89,7 @@ impl Model {
     pub fn springs(&self) -> Option<&Springs> {
         match &self.kind {
             Kind::Springs(springs) => Some(springs),
-            Kind::Hexahedra(_) => None,
+            Kind::Hexahedra(_) | Kind::Tetrahedra(_) => None,
         }
     }
 
@@ -97,14 +97,14 @@ impl Model {
     pub fn springs_mut(&mut self) -> Option<&mut Springs> {
         match &mut self.kind {
             Kind::Springs(springs) => Some(springs),
-            Kind::Hexahedra(_) => None,
+            Kind::Hexahedra(_) | Kind::Tetrahedra(_) => None,
         }
     }
 }
 
 impl Mechanics for Springs {
     fn elements(&self, model: &Model) -> Elements {
-        Elements { hexahedron_count: 0, spring_count: self.segment_count(model) }
+        Elements { spring_count: self.segment_count(model), ..Elements::default() }
     }
 
     fn around_nodes(&self, _: &Model) -> Vec<u32> {

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::mesh::Grid;
 use crate::scene::{
     Correction, Cut, ELEMENTS, Integrator, Law, MATERIALS, MOST_NODES, Mass, Material, Preconditioner, Region, Scene,
-    Skin, word,
+    Skin, TETRAHEDRA, word,
 };
 use crate::step::Platform;
 
@@ -51,7 +51,7 @@ pub struct Setting {
 /// Name: `bbar`, `enhanced`, `plain`, a hyperelastic law or `springs`.
 pub fn element_word(law: Law) -> &'static str {
     match law {
-        Law::Fem { element, .. } => word(&ELEMENTS, element),
+        Law::Fem { element, .. } => word(&[&ELEMENTS[..], &TETRAHEDRA].concat(), element),
         Law::Hyperelastic(material) => word(&MATERIALS, material),
         Law::Springs { .. } => "springs",
     }
@@ -317,7 +317,7 @@ pub fn cells(scene: &Scene, grid: f64) -> f64 {
 
 /// The same element, grid and step, solved exactly in f64.
 pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
-    let hexahedra = scene.skins.iter().all(|skin| !matches!(skin.law, Law::Springs { .. }));
+    let hexahedra = scene.skins.iter().all(|skin| skin.law.of_hexahedra());
     let splits = scene.tools.iter().any(|t| t.blade.is_some());
     let unknowns = |skin: &Skin| {
         let [x, y] = skin.cells.map(|n| f64::from(n) * setting.refinement + 1.0);

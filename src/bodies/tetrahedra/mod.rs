@@ -1,0 +1,261 @@
+//! Linear tetrahedra in the cells of a grid, on the CPU path: six to a cell, along its diagonal (Kuhn 1960), with the same nodes. Smoothed
+//! elements, which do not lock, and plain ones, which do ([`operator`]).
+//!
+//! Error of the skin block's centre displacement on 20×20×5 cells (tests/verify/tetrahedra.rs), %, at ν 0.45, 0.49, 0.499:
+//! smoothed +9, +7, −2; plain −26, −54, −88. Hexahedra of mean dilatation have +2, +2, +1.
+//!
+//! Contact, loads and probes see the faces of the cells, whose shape functions share the tetrahedra's nodes. Masses are those of the cells.
+
+pub mod cpu;
+pub mod operator;
+
+use super::gpu::{Maker, Recorded};
+use super::{Elements, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Wound};
+use crate::bodies::grid::element;
+use crate::bodies::grid::local::beyond;
+use crate::error::Result;
+use crate::gpu::Buffer;
+use crate::kernels::cut::Hit;
+use crate::kernels::{GROUP, Params, corner};
+use crate::math::{M3, V3, V4};
+use crate::mesh::Grid;
+use crate::scene::{Element, Integrator, Law, Layer, Mass, Preconditioner, ProbeKind, Scene};
+use operator::{Arrays, Tetrahedron};
+
+/// Tetrahedra per cell.
+pub const PER_CELL: usize = 6;
+
+/// Arrays of a body of tetrahedra.
+#[derive(Clone, Debug, Default)]
+pub struct Tetrahedra {
+    /// The elastic operator; empty in a model of sizes.
+    pub arrays: Arrays<f64>,
+    /// Rotations of elements and edges; otherwise small strains.
+    pub corotational: bool,
+    /// Smoothed elements; otherwise plain ones.
+    pub smoothed: bool,
+}
+
+/// Refuses a scene of tetrahedra with what is for other elements.
+///
+/// # Errors
+/// [`Refused::Tetrahedra`].
+pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
+    let skin = &scene.skins[body];
+    let refuse = |what, fix| Err(Refused::Tetrahedra { what, fix }.into());
+    let of_cells = |kind: &ProbeKind| match kind {
+        ProbeKind::Reaction { body: of, .. }
+        | ProbeKind::Strain { body: of, .. }
+        | ProbeKind::Stress { body: of, .. } => *of == body,
+        _ => false,
+    };
+    match scene.solver.preconditioner {
+        Preconditioner::None | Preconditioner::Jacobi | Preconditioner::Block => {}
+        _ => return refuse("this preconditioner", "take \"block\""),
+    }
+    if scene.time.integrator == Integrator::SymplecticEuler {
+        return refuse("integrator = \"symplectic_euler\"", "take \"implicit_euler\"");
+    }
+    if skin.mass == Mass::Consistent {
+        return refuse("mass = \"consistent\"", "take \"lumped\"");
+    }
+    if skin.layers.iter().any(|layer| layer.pre_strain != [0.0; 2]) {
+        return refuse("pre_strain", "leave it out");
+    }
+    if scene.tools.iter().any(|tool| tool.blade.is_some()) {
+        return refuse("a blade", "take a tool without one");
+    }
+    if scene.probes.iter().any(|probe| of_cells(&probe.kind)) {
+        return refuse("a probe of a reaction, strain or stress", "probe displacements or the tools' forces");
+    }
+    Ok(())
+}
+
+/// Tetrahedra of a cell by the cell's corners: each goes from the first corner to the opposite one along the axes in one of their six
+/// orders.
+fn of_cell() -> [[usize; 4]; PER_CELL] {
+    let at = |axes: &[usize]| {
+        let place: [usize; 3] = std::array::from_fn(|n| usize::from(axes.contains(&n)));
+        (0..8).find(|a| corner(*a) == place).unwrap_or_else(|| unreachable!("a cell has every corner"))
+    };
+    let path = |[x, y, z]: [usize; 3]| [at(&[]), at(&[x]), at(&[x, y]), at(&[x, y, z])];
+    // the odd orders are mirrored
+    let odd = |order| {
+        let [a, b, c, d] = path(order);
+        [a, c, b, d]
+    };
+    [path([0, 1, 2]), path([1, 2, 0]), path([2, 0, 1]), odd([0, 2, 1]), odd([1, 0, 2]), odd([2, 1, 0])]
+}
+
+impl Tetrahedra {
+    /// Without the arrays of the grid's size.
+    pub(super) fn of_law(law: Law) -> Self {
+        let (smoothed, corotational) = match law {
+            Law::Fem { element, corotational } => (element == Element::Tetra, corotational),
+            _ => (true, true),
+        };
+        Self { arrays: Arrays::default(), corotational, smoothed }
+    }
+
+    /// Fills the arrays: `rest` has the nodes of the grid, m.
+    pub(super) fn fill(&mut self, grid: &Grid, rest: &[[f64; 3]], layers: &[Layer]) {
+        let params = grid.params::<f64>();
+        let mut all: Vec<Tetrahedron> = Vec::with_capacity(PER_CELL * grid.cell_count());
+        for cell in 0..grid.cell_count() {
+            let corners = params.corners(cell);
+            all.extend(of_cell().map(|tetrahedron| (tetrahedron.map(|a| corners[a] as u32), grid.layer(cell))));
+        }
+        let moduli: Vec<[f64; 2]> = layers
+            .iter()
+            .map(|layer| {
+                let (lambda, mu) = element::lame(layer.young, layer.poisson);
+                [lambda + 2.0 / 3.0 * mu, mu]
+            })
+            .collect();
+        self.arrays = Arrays::new(rest, &all, &moduli, self.smoothed);
+    }
+
+    /// Number of domains of the deviator: edges, once per material, or tetrahedra.
+    fn domain_count(&self, grid: &Grid) -> usize {
+        let ([x, y, z], [nx, ny, nz]) = (grid.cells, grid.nodes);
+        if !self.smoothed {
+            return PER_CELL * x * y * z;
+        }
+        let in_plane = x * ny + nx * y + x * y;
+        let borders = grid.layer_of.windows(2).filter(|w| w[0] != w[1]).count();
+        in_plane * (nz + borders) + z * (nx * ny + x * ny + nx * y) + x * y * z
+    }
+}
+
+impl Mechanics for Tetrahedra {
+    fn elements(&self, model: &Model) -> Elements {
+        Elements { tetrahedron_count: PER_CELL * model.grid.cell_count(), ..Elements::default() }
+    }
+
+    fn around_nodes(&self, _: &Model) -> Vec<u32> {
+        self.arrays.first_of_node.windows(2).map(|w| w[1] - w[0]).collect()
+    }
+
+    fn rotation_count(&self, _: &Model) -> usize {
+        0
+    }
+
+    fn segments(&self, model: &Model) -> Segments {
+        Segments { ends: vec![], rest: model.rest.clone() }
+    }
+
+    fn segment_count(&self, _: &Model) -> usize {
+        0
+    }
+
+    fn point_count(&self, model: &Model) -> usize {
+        model.own_nodes()
+    }
+
+    fn extra_columns(&self) -> usize {
+        0
+    }
+
+    fn corotational(&self) -> u32 {
+        u32::from(self.corotational)
+    }
+
+    fn product_groups(&self, model: &Model) -> usize {
+        model.own_nodes().div_ceil(GROUP as usize)
+    }
+
+    fn exact(&self) -> Kind {
+        Kind::Tetrahedra(Box::new(self.clone()))
+    }
+
+    fn host_bytes(&self, model: &Model) -> usize {
+        let (nodes, cells, domains) = (model.own_nodes(), model.grid.cell_count(), self.domain_count(&model.grid));
+        let each = if self.smoothed { 6 } else { 1 };
+        let of_element = size_of::<[u32; 4]>() + size_of::<[V3<f64>; 3]>() + size_of::<[f64; 2]>();
+        let lists = 4 * size_of::<[u32; 2]>() + 2 * each * size_of::<u32>();
+        PER_CELL * cells * (of_element + lists)
+            + nodes * (size_of::<f64>() + size_of::<M3<f64>>() + size_of::<u32>())
+            + domains * (size_of::<[f64; 2]>() + size_of::<u32>())
+            + 2 * size_of::<u32>()
+    }
+
+    fn energy(&self, _: &Model, u: &[V4<f64>], _: &[V4<f64>], _: &[u32], _: &[V4<f64>]) -> f64 {
+        self.arrays.energy(u, self.corotational)
+    }
+
+    fn linearised(&self, _: &Model) -> bool {
+        false
+    }
+
+    fn forces_and_product(
+        &self,
+        model: &Model,
+        solved: &Solved,
+        at: &[V4<f64>],
+        in_system: &[V4<f64>],
+    ) -> [Vec<V4<f64>>; 2] {
+        let params = model.params::<f64>();
+        let zeros = vec![[0.0; 4]; at.len()];
+        let (mut f, mut w) = (zeros.clone(), zeros);
+        let moved = self.arrays.displacement_gradients(&solved.start.u);
+        let rotations = self.arrays.rotations(&moved, self.corotational);
+        self.arrays.forces(at, &rotations, &mut f);
+        self.arrays.product(&solved.dx, &rotations, &mut w);
+        for ((w, dx), own) in w.iter_mut().zip(&solved.dx).zip(in_system) {
+            let inertia = V3::from4(*dx) * (params.inertia * own[3]);
+            *w = (V3::from4(*w) * params.stiffness_factor + inertia).times(V3::from4(*own)).pad(0.0);
+        }
+        [f, w]
+    }
+
+    fn rotations(&self, _: &Model, _: &Snapshot) -> Vec<V4<f64>> {
+        vec![]
+    }
+
+    /// Of the whole body, since the volume at a node depends on nodes two elements away: scenes that ask for fewer nodes are refused.
+    fn forces_at(&self, model: &Model, _: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
+        let (u, v): (Vec<_>, Vec<_>) =
+            (0..model.own_nodes()).map(|node| moved(node)).map(|[u, v]| (u.pad(0.0), v.pad(0.0))).unzip();
+        let rotations = self.arrays.rotations(&self.arrays.displacement_gradients(&u), self.corotational);
+        let (mut f, mut damping) = (vec![[0.0; 4]; u.len()], vec![[0.0; 4]; u.len()]);
+        self.arrays.forces(&u, &rotations, &mut f);
+        self.arrays.product(&v, &rotations, &mut damping);
+        let sum = |node: &u32| {
+            let i = *node as usize;
+            (V3::from4(f[i]) + V3::from4(damping[i]) * model.step.rayleigh_stiffness).f64()
+        };
+        nodes.iter().map(sum).collect()
+    }
+
+    fn strain_and_stress(&self, _: &Model, _: usize, _: &[V3<f64>; 8], _: [f64; 3]) -> [M3<f64>; 2] {
+        unreachable!("scenes with probes of strain and stress in tetrahedra are refused")
+    }
+
+    fn beyond_law(&self, _: usize, gradient: M3<f64>) -> bool {
+        beyond(gradient - M3::identity(), self.corotational)
+    }
+
+    fn stays(&self, _: &Model, _: &[V4<f64>], _: &[V4<f64>], _: usize) -> bool {
+        true
+    }
+
+    fn cut(&self, _: &Model, _: &mut Wound, _: &[Hit<f64>]) -> Removal {
+        Removal::default()
+    }
+
+    fn pieces(&self, _: &Wound) -> Option<usize> {
+        None
+    }
+
+    fn mass_left(&self, _: &Model, wound: &Wound) -> f64 {
+        wound.mass_of_nodes()
+    }
+
+    fn splitting(&self, _: &Layer) -> f64 {
+        f64::INFINITY
+    }
+
+    fn recorded(&self, _: &Model, _: &mut Maker, _: &Buffer, _: &Params<f32>) -> Result<Box<dyn Recorded>> {
+        Err(Refused::TetrahedraOnGpu.into())
+    }
+}
