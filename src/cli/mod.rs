@@ -83,9 +83,15 @@ fn run_scene(args: &Run) -> Result<u8> {
     }
     note(&scene);
     let signals = Signals::catch()?;
+    // no device runs tetrahedra
+    let tetrahedra = scene.skins.iter().any(|skin| skin.law.of_tetrahedra());
     let options = run::Options {
         platform: platform(
-            args.backend,
+            if tetrahedra && args.adapter.is_none() && args.backend == Backend::Auto {
+                Backend::Cpu
+            } else {
+                args.backend
+            },
             args.adapter.as_deref(),
             args.precision,
             scene.solver.preconditioner == Preconditioner::Direct,

@@ -214,8 +214,7 @@ impl Mechanics for Tetrahedra {
 
     /// Of the whole body, since the volume at a node depends on nodes two elements away: scenes that ask for fewer nodes are refused.
     fn forces_at(&self, model: &Model, _: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
-        let (u, v): (Vec<_>, Vec<_>) =
-            (0..model.own_nodes()).map(|node| moved(node)).map(|[u, v]| (u.pad(0.0), v.pad(0.0))).unzip();
+        let (u, v): (Vec<_>, Vec<_>) = (0..model.own_nodes()).map(moved).map(|[u, v]| (u.pad(0.0), v.pad(0.0))).unzip();
         let rotations = self.arrays.rotations(&self.arrays.displacement_gradients(&u), self.corotational);
         let (mut f, mut damping) = (vec![[0.0; 4]; u.len()], vec![[0.0; 4]; u.len()]);
         self.arrays.forces(&u, &rotations, &mut f);

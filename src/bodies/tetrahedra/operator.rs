@@ -143,7 +143,7 @@ impl Arrays<f64> {
             for domain in &self.domains[each * e..each * (e + 1)] {
                 let share = self.volume[e][0] / self.shear[*domain as usize][0];
                 let b = of_domain.entry(*domain).or_insert(V3::zero());
-                *b = *b + self.gradient(e, *a as usize) * share;
+                *b += self.gradient(e, *a as usize) * share;
             }
         }
         for (domain, b) in of_domain {
@@ -164,7 +164,7 @@ impl Arrays<f64> {
             let e = *e as usize;
             for node in self.corners[e] {
                 let w = at_nodes.entry(node).or_insert(V3::zero());
-                *w = *w + self.gradient(e, *a as usize) * (self.volume[e][0] * self.per_volume[node as usize]);
+                *w += self.gradient(e, *a as usize) * (self.volume[e][0] * self.per_volume[node as usize]);
             }
         }
         let reached: BTreeSet<u32> =
