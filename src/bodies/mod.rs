@@ -277,7 +277,7 @@ impl Model {
                 springs::check(scene)?;
                 Kind::Springs(Box::default())
             }
-            Law::Fem { .. } if skin.law.of_tetrahedra() => {
+            Law::Fem { .. } if skin.law.is_tetrahedral() => {
                 tetrahedra::check(scene, body)?;
                 Kind::Tetrahedra(Box::new(Tetrahedra::of_law(skin.law)))
             }

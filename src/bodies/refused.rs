@@ -56,6 +56,8 @@ pub enum Refused {
     /// What tetrahedra do not have.
     #[error("{what} is not for tetrahedra (element = \"tetra\" or \"plain_tetra\"); {fix}, or take element = \"bbar\"")]
     Tetrahedra {
+        /// Key of [`crate::scene::Scene::lines`], or empty.
+        key: &'static str,
         /// Key or part of the scene.
         what: &'static str,
         /// What to do.
@@ -119,11 +121,8 @@ impl Refused {
             }
             Self::CutLinks { .. } | Self::NotPositive { .. } | Self::InvertedCell { .. } => STEP,
             Self::SweptQuads { .. } => EDGE_SPACING,
-            Self::Layers { .. }
-            | Self::Nodes { .. }
-            | Self::AnchoredMass
-            | Self::Tetrahedra { .. }
-            | Self::TetrahedraOnGpu => "",
+            Self::Layers { .. } | Self::Nodes { .. } | Self::AnchoredMass | Self::TetrahedraOnGpu => "",
+            Self::Tetrahedra { key, .. } => key,
         }
     }
 }

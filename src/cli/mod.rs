@@ -10,6 +10,7 @@ mod text;
 mod usage;
 
 use args::{Backend, Cli, Command, Precision, Run};
+use cutis::bodies::Model;
 use cutis::error::Error;
 use cutis::formats::{self, Encoding, Format};
 use cutis::report::memory::{self, Purpose};
@@ -84,7 +85,7 @@ fn run_scene(args: &Run) -> Result<u8> {
     note(&scene);
     let signals = Signals::catch()?;
     // no device runs tetrahedra
-    let tetrahedra = scene.skins.iter().any(|skin| skin.law.of_tetrahedra());
+    let tetrahedra = scene.skins.iter().any(|skin| skin.law.is_tetrahedral());
     let options = run::Options {
         platform: platform(
             if tetrahedra && args.adapter.is_none() && args.backend == Backend::Auto {
@@ -266,6 +267,10 @@ fn check_scenes(args: &args::Check) -> Result<u8> {
         let scene = scene::read(path)?;
         check::known(&scene)?;
         memory::fits(&scene, Purpose::Single)?;
+        // what only the set-up of a body refuses
+        (0..scene.skins.len())
+            .try_for_each(|body| Model::of_sizes(&scene, body).map(drop))
+            .map_err(|e| e.of_scene(&scene))?;
         Ok(scene)
     };
     let mut worst = 0;

@@ -79,9 +79,10 @@ fn ticks(r: &Report) -> String {
 }
 
 fn body(r: &Report) -> String {
-    let elements = match r.spring_count {
-        0 => format!("{} cells", r.hexes),
-        n => format!("{n} springs"),
+    let elements = match (r.spring_count, r.tets) {
+        (0, 0) => format!("{} cells", r.hexes),
+        (0, n) => format!("{n} tetrahedra"),
+        (n, _) => format!("{n} springs"),
     };
     let steps = if r.steps == 1 { "step" } else { "steps" };
     format!("{elements}, {} nodes, {} {steps} of {} ms", r.nodes, r.steps, milli(r.step_s))

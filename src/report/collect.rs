@@ -58,6 +58,7 @@ impl Collector {
             driver: device.driver,
             nodes: models().map(|m| m.own_nodes()).sum(),
             hexes: models().map(|m| m.elements().hexahedron_count).sum(),
+            tets: models().map(|m| m.elements().tetrahedron_count).sum(),
             spring_count: models().map(|m| m.elements().spring_count).sum(),
             dof: models().map(|model| model.degrees_of_freedom()).sum(),
             step_s: scene.time.step,

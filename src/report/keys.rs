@@ -16,9 +16,9 @@ pub struct Report {
     pub driver: String,
     /// Nodes of the uncut bodies.
     pub nodes: usize,
-    /// Hexahedra of the uncut bodies; 0 for springs.
+    /// Hexahedra of the uncut bodies; 0 for springs and tetrahedra.
     pub hexes: usize,
-    /// Tetrahedra.
+    /// Tetrahedra of the uncut bodies.
     pub tets: usize,
     /// Springs of the uncut bodies.
     #[serde(rename = "springs")]

@@ -357,13 +357,13 @@ pub enum Law {
 
 impl Law {
     /// Whether it has tetrahedra.
-    pub fn of_tetrahedra(self) -> bool {
+    pub fn is_tetrahedral(self) -> bool {
         matches!(self, Self::Fem { element: Element::Tetra | Element::PlainTetra, .. })
     }
 
     /// Whether it has hexahedra.
-    pub fn of_hexahedra(self) -> bool {
-        !self.of_tetrahedra() && !matches!(self, Self::Springs { .. })
+    pub fn is_hexahedral(self) -> bool {
+        !self.is_tetrahedral() && !matches!(self, Self::Springs { .. })
     }
 }
 

@@ -175,8 +175,8 @@ fn time(scene: &SceneText, raw: raw::Time, integrator: Integrator) -> Result<Tim
 
 fn solver(scene: &SceneText, raw: raw::Solver, skins: &[Skin]) -> Result<Solver> {
     let preconditioners = study::preconditioners(skins);
-    let tetrahedra = skins.iter().any(|skin| skin.law.of_tetrahedra());
-    let hexahedra = skins.iter().all(|skin| skin.law.of_hexahedra());
+    let tetrahedra = skins.iter().any(|skin| skin.law.is_tetrahedral());
+    let hexahedra = skins.iter().all(|skin| skin.law.is_hexahedral());
     let best = if tetrahedra { "block" } else { ["column", "multigrid"][usize::from(hexahedra)] };
     let preconditioner = or(raw.preconditioner, best.to_string());
     let count = |key, value, default| scene.count(key, &or(value, default), [1, u32::MAX]);

@@ -68,7 +68,7 @@ pub(super) fn reserve(scene: &Scene, skin: &Skin) -> Result<usize> {
     let blade = scene.tools.iter().any(|t| t.blade.is_some());
     let columns = match (skin.cut, skin.law) {
         (Cut::Split { reserve_columns }, Law::Fem { .. } | Law::Hyperelastic(_))
-            if blade && !skin.law.of_tetrahedra() =>
+            if blade && !skin.law.is_tetrahedral() =>
         {
             reserve_columns as usize
         }

@@ -19,7 +19,7 @@ use crate::kernels::cut::Hit;
 use crate::kernels::{GROUP, Params, corner};
 use crate::math::{M3, V3, V4};
 use crate::mesh::Grid;
-use crate::scene::{Element, Integrator, Law, Layer, Mass, Preconditioner, ProbeKind, Scene};
+use crate::scene::{Element, Integrator, Law, Layer, Mass, PRECONDITIONER, Preconditioner, ProbeKind, Scene};
 use operator::{Arrays, Tetrahedron};
 
 /// Tetrahedra per cell.
@@ -42,7 +42,8 @@ pub struct Tetrahedra {
 /// [`Refused::Tetrahedra`].
 pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
     let skin = &scene.skins[body];
-    let refuse = |what, fix| Err(Refused::Tetrahedra { what, fix }.into());
+    let of_key = |key, what, fix| Err(Refused::Tetrahedra { key, what, fix }.into());
+    let refuse = |what, fix| of_key("", what, fix);
     let of_cells = |kind: &ProbeKind| match kind {
         ProbeKind::Reaction { body: of, .. }
         | ProbeKind::Strain { body: of, .. }
@@ -51,7 +52,7 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
     };
     match scene.solver.preconditioner {
         Preconditioner::None | Preconditioner::Jacobi | Preconditioner::Block => {}
-        _ => return refuse("this preconditioner", "take \"block\""),
+        _ => return of_key(PRECONDITIONER, "this preconditioner", "take \"block\""),
     }
     if scene.time.integrator == Integrator::SymplecticEuler {
         return refuse("integrator = \"symplectic_euler\"", "take \"implicit_euler\"");

@@ -317,7 +317,7 @@ pub fn cells(scene: &Scene, grid: f64) -> f64 {
 
 /// The same element, grid and step, solved exactly in f64.
 pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
-    let hexahedra = scene.skins.iter().all(|skin| skin.law.of_hexahedra());
+    let hexahedra = scene.skins.iter().all(|skin| skin.law.is_hexahedral());
     let splits = scene.tools.iter().any(|t| t.blade.is_some());
     let unknowns = |skin: &Skin| {
         let [x, y] = skin.cells.map(|n| f64::from(n) * setting.refinement + 1.0);

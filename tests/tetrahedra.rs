@@ -1,0 +1,85 @@
+//! Bodies of tetrahedra in whole simulations: pressed by a tool, resumed, and refused with what is for other elements.
+
+use cutis::scene::Element::{Bbar, PlainTetra, Tetra};
+use cutis::scene::{Element, Law, Mass, Preconditioner, Scene, read};
+use cutis::step::{Platform, Simulation};
+use std::path::Path;
+
+/// Skin of 12 × 12 × 3 cells under a needle.
+fn pressed(element: Element) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/needle_press.toml");
+    let mut scene = read(&path).unwrap_or_else(|e| panic!("{e}"));
+    let skin = &mut scene.skins[0];
+    skin.law = Law::Fem { element, corotational: true };
+    skin.cells = [12, 12];
+    skin.layers.iter_mut().for_each(|layer| layer.cells = 1);
+    scene.solver.preconditioner = Preconditioner::Block;
+    scene.probes.clear();
+    scene
+}
+
+fn simulation(scene: &Scene) -> Simulation {
+    Simulation::new(scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// Largest force on the tool, N.
+fn peak(scene: &Scene, platform: &Platform) -> f64 {
+    let mut simulation = Simulation::new(scene, platform).unwrap_or_else(|e| panic!("{e}"));
+    let mut peak = 0.0f64;
+    for _ in 0..scene.time.steps() {
+        let report = simulation.step(true).expect("the CPU path has no device to fail");
+        // the small-strain law is used beyond its range under the needle's tip
+        let others = report.warnings.keys().filter(|key| **key != "strain_beyond_law").count();
+        assert_eq!(others, 0, "at {} s: {:?}", report.time, report.warnings);
+        let force = report.contact.on_tool.first().copied().unwrap_or_default();
+        peak = peak.max(force.iter().map(|f| f * f).sum::<f64>().sqrt());
+    }
+    peak
+}
+
+#[test]
+fn smoothed_tetrahedra_push_back_like_hexahedra_and_plain_ones_lock() {
+    let [bricks, smoothed, plain] = [Bbar, Tetra, PlainTetra].map(|element| peak(&pressed(element), &Platform::Cpu64));
+    let [smoothed, plain] = [smoothed, plain].map(|force| force / bricks);
+    println!("hexahedra {bricks} N, smoothed tetrahedra {smoothed} of it, plain {plain}");
+    assert!((0.8..1.2).contains(&smoothed), "{smoothed}");
+    // the counter-test
+    assert!(plain > 1.2, "{plain}");
+    let single = peak(&pressed(Tetra), &Platform::Cpu32) / bricks;
+    assert!((single / smoothed - 1.0).abs() < 5e-3, "{single} in f32, {smoothed}");
+}
+
+#[test]
+fn tetrahedra_go_on_from_their_state() {
+    let scene = pressed(Tetra);
+    let steps = |simulation: &mut Simulation, count: u32| {
+        (0..count).for_each(|_| drop(simulation.step(false).expect("the CPU path has no device to fail")));
+    };
+    let [mut whole, mut first, mut rest] = [(); 3].map(|()| simulation(&scene));
+    steps(&mut whole, 60);
+    steps(&mut first, 40);
+    rest.restore(&first.state().expect("it has a state")).expect("the same scene");
+    steps(&mut rest, 20);
+    let bytes = |simulation: &mut Simulation| {
+        postcard::to_allocvec(&simulation.state().expect("it has a state")).expect("it can be written")
+    };
+    assert_eq!(bytes(&mut whole), bytes(&mut rest));
+    assert_ne!(bytes(&mut whole), bytes(&mut first), "the counter-test");
+}
+
+#[test]
+fn what_is_for_other_elements_is_refused() {
+    type Change = fn(&mut Scene);
+    let changes: [(Change, &str); 4] = [
+        (|scene| scene.solver.preconditioner = Preconditioner::Multigrid, "take \"block\""),
+        (|scene| scene.skins[0].mass = Mass::Consistent, "take \"lumped\""),
+        (|scene| scene.skins[0].layers[0].pre_strain = [0.05; 2], "pre_strain"),
+        (|scene| scene.solver.preconditioner = Preconditioner::Direct, "take \"block\""),
+    ];
+    for (change, words) in changes {
+        let mut scene = pressed(Tetra);
+        change(&mut scene);
+        let refused = Simulation::new(&scene, &Platform::Cpu64).err().expect(words).to_string();
+        assert!(refused.contains(words) && refused.contains("tetrahedra"), "{refused}");
+    }
+}
