@@ -43,7 +43,7 @@ const SMALL: f64 = 0.06;
 /// The centre of a cell.
 const CENTRE: [f64; 3] = [0.5; 3];
 
-/// Whether a small-strain law is strained beyond [`SMALL`] at a displacement gradient (NaN counts).
+/// Whether a small-strain law is strained beyond `SMALL` at a displacement gradient (NaN counts).
 pub fn beyond(change: M3<f64>, corotational: bool) -> bool {
     let [a, b, c] = if corotational { element::green_lagrange(change).0 } else { change.0 };
     let norm = (a.dot(a) + b.dot(b) + c.dot(c)).sqrt();
