@@ -15,6 +15,8 @@ use crate::output;
 use crate::report;
 use crate::runner;
 use crate::scene::{Invalid, Scene};
+#[cfg(feature = "serve")]
+use crate::serve;
 use crate::step;
 #[cfg(feature = "program")]
 use crate::view;
@@ -61,6 +63,9 @@ pub enum Error {
     /// Result file that cannot be written or continued.
     #[cfg(feature = "program")]
     Output(#[from] output::Failed),
+    /// Server that cannot listen.
+    #[cfg(feature = "serve")]
+    Serve(#[from] serve::Refused),
     /// Run with files, comparison or study that cannot proceed as asked.
     #[cfg(feature = "program")]
     Report(#[from] report::Refused),
@@ -90,6 +95,8 @@ impl Error {
             Self::Haply(
                 haply::Refused::Nobody { .. } | haply::Refused::NoService { .. } | haply::Refused::Port { .. },
             ) => 1,
+            #[cfg(feature = "serve")]
+            Self::Serve(_) => 1,
             #[cfg(feature = "program")]
             Self::Picture(_)
             | Self::Report(

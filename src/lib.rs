@@ -25,6 +25,7 @@
 //! | [`step`] | one time step over all bodies | the equations, contact, the state of a simulation |
 //! | [`haptic`] | devices and the 1 kHz loop | passivity, threads, the vendor's protocol |
 //! | [`runner`], `report`, `cli` | the run loop, its observers, the program | report keys, studies, known answers |
+//! | `serve`, `http` | a running scene in a browser | messages between page and session |
 //!
 //! Speed and error are measured in the same run: `cutis study` separates the errors of law, grid, step, solver and rounding, each relative
 //! to a stated reference (root of the sum of squares over the samples of a run). `cutis verify` holds known answers to stated bounds; its page,
@@ -143,8 +144,8 @@
 //! ```
 //!
 //! # Rules that hold everywhere
-//! - Imports go downward: main > cli > report > runner, output, view > step > haptic > backend > collide > constraints, linear >
-//!   bodies > mesh, gpu > kernels, scene > formats > error, math. Modules of one level do not import each other (a test reads this); `error` alone names the
+//! - Imports go downward: main > cli > serve > report > runner, output, view > step > haptic > backend > collide > constraints, linear >
+//!   bodies > mesh, gpu > kernels, scene > formats > http, error, math. Modules of one level do not import each other (a test reads this); `error` alone names the
 //!   errors of those above it.
 //!   `gpu` knows no physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
 //! - SI units inside; scene keys carry their unit.
@@ -167,6 +168,8 @@ pub mod error;
 pub mod formats;
 pub mod gpu;
 pub mod haptic;
+#[cfg(any(feature = "haply", feature = "serve"))]
+pub mod http;
 #[path = "../kernels/mod.rs"]
 pub mod kernels;
 pub mod linear;
@@ -178,6 +181,8 @@ pub mod output;
 pub mod report;
 pub mod runner;
 pub mod scene;
+#[cfg(feature = "serve")]
+pub mod serve;
 pub mod step;
 #[cfg(feature = "program")]
 pub mod view;

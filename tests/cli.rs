@@ -19,6 +19,8 @@ mod mesh;
 mod results;
 #[path = "cli/resumed.rs"]
 mod resumed;
+#[path = "cli/served.rs"]
+mod served;
 #[path = "cli/stand_in.rs"]
 mod stand_in;
 #[path = "cli/work.rs"]
@@ -63,6 +65,7 @@ fn main() {
         mesh::TESTS,
         results::TESTS,
         resumed::TESTS,
+        served::TESTS,
         stand_in::TESTS,
     ]
     .concat();

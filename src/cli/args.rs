@@ -2,6 +2,7 @@
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use cutis::scene::Preconditioner;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 
 const ABOUT: &str = "GPU soft-tissue engine: layered skin that is pressed and cut";
@@ -52,6 +53,11 @@ pub enum Command {
     /// scenes are inside the program. With --out DIR, writes DIR/verification.md, verification.csv and verification.json. Exit status 1
     /// if a case misses its bound.
     Verify(Verify),
+    /// Run a scene in a browser: watch it, hold its tools with the mouse, change it while it runs
+    ///
+    /// Prints an address; the page there shows skin and tools, plots forces and times, pauses, steps, goes back, and changes friction,
+    /// stiffness, tolerance and step. Any number of pages join. Ends with Ctrl-C.
+    Serve(Serve),
     /// List the arrays, kernels, launches and read-backs of a scene; nothing runs, no adapter is needed
     Inspect(Inspect),
     /// Read and validate scenes
@@ -196,6 +202,29 @@ pub struct Verify {
     /// Print JSON on standard output
     #[arg(long)]
     pub json: bool,
+}
+
+/// `serve`.
+#[derive(Args, Clone, Debug)]
+pub struct Serve {
+    /// Scene file; the built-in incision when none is given
+    pub scene: Option<PathBuf>,
+    /// Where to compute
+    #[arg(long, value_enum, default_value_t = Backend::Auto)]
+    pub backend: Backend,
+    /// GPU whose name, API or driver contains TEXT; the only way to a software adapter under `auto`
+    #[arg(long, value_name = "TEXT")]
+    pub adapter: Option<String>,
+    /// Precision of the CPU path, f64 when none is given; asks for the CPU path under `auto`
+    #[arg(long, value_enum)]
+    pub precision: Option<Precision>,
+    /// Address and port to listen on, port 0 for any that is free; on other addresses than this machine's own, pages need the token of the
+    /// printed address
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8088", value_parser = address)]
+    pub listen: SocketAddr,
+    /// Stand still until the page says otherwise
+    #[arg(long)]
+    pub paused: bool,
 }
 
 /// `inspect`.
@@ -348,6 +377,10 @@ fn positive(text: &str) -> Result<f64, String> {
 
 fn fraction(text: &str) -> Result<f64, String> {
     number(text, "a number between 0 and 1", |v| v > 0.0 && v < 1.0)
+}
+
+fn address(text: &str) -> Result<SocketAddr, String> {
+    text.parse().map_err(|_| "wanted an address with a port, as 127.0.0.1:8088".into())
 }
 
 fn name(text: &str) -> Result<String, String> {

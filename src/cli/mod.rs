@@ -17,6 +17,7 @@ use cutis::report::memory::{self, Purpose};
 use cutis::report::{check, compare, inspect, mesh, run, study, verify};
 use cutis::runner;
 use cutis::scene::{self, Preconditioner, Scene};
+use cutis::serve;
 use cutis::step::Platform;
 use refused::{Refused, Result};
 use serde_json::{Value, json};
@@ -48,11 +49,13 @@ pub fn main() -> ExitCode {
 }
 
 fn obey(cli: Cli) -> Result<u8> {
+    runner::check_threads()?;
     match cli.command.unwrap_or(Command::Run(cli.run)) {
         Command::Run(args) => run_scene(&args),
         Command::Compare(args) => compare_paths(&args),
         Command::Study(args) => study_scene(&args),
         Command::Verify(args) => verify_answers(&args),
+        Command::Serve(args) => serve_scene(&args),
         Command::Inspect(args) => inspect_scene(&args),
         Command::Check(args) => check_scenes(&args),
         Command::Keys(args) => list_keys(&args),
@@ -84,19 +87,8 @@ fn run_scene(args: &Run) -> Result<u8> {
     }
     note(&scene);
     let signals = Signals::catch()?;
-    // no device runs tetrahedra
-    let tetrahedra = scene.skins.iter().any(|skin| skin.law.is_tetrahedral());
     let options = run::Options {
-        platform: platform(
-            if tetrahedra && args.adapter.is_none() && args.backend == Backend::Auto {
-                Backend::Cpu
-            } else {
-                args.backend
-            },
-            args.adapter.as_deref(),
-            args.precision,
-            scene.solver.preconditioner == Preconditioner::Direct,
-        )?,
+        platform: platform_of(&scene, args.backend, args.adapter.as_deref(), args.precision)?,
         steps: args.steps.or(of_time),
         out: args.out.clone(),
         realtime: args.realtime,
@@ -134,6 +126,28 @@ fn run_scene(args: &Run) -> Result<u8> {
     Ok(if summary.failures.is_empty() { 0 } else { FAILED })
 }
 
+fn serve_scene(args: &args::Serve) -> Result<u8> {
+    let scene = read(args.scene.as_ref())?;
+    memory::fits(&scene, Purpose::Single)?;
+    // haptic threads need a core of their own
+    if serve::session::is_live(&scene) {
+        runner::leave_a_core()?;
+    } else {
+        runner::take_all_cores()?;
+    }
+    note(&scene);
+    let signals = Signals::catch()?;
+    let options = serve::Options {
+        platform: platform_of(&scene, args.backend, args.adapter.as_deref(), args.precision)?,
+        listen: args.listen,
+        paused: args.paused,
+        interrupt: signals.stop.clone(),
+    };
+    // whether somebody reads this or not
+    serve::serve(&scene, &options, &mut |url| print::line(&format!("open {url} in a browser; Ctrl-C ends")).ok())?;
+    Ok(signals.exit_code())
+}
+
 /// Number of steps in a time, at least one.
 fn steps_of(seconds: f64, step: f64) -> Result<u32> {
     let steps = (seconds / step).round().max(1.0);
@@ -143,6 +157,19 @@ fn steps_of(seconds: f64, step: f64) -> Result<u32> {
 /// Prints the notes on a scene.
 fn note(scene: &Scene) {
     scene.notes().iter().for_each(|note| print::note(format_args!("note: {note}")));
+}
+
+/// Backend for a scene.
+fn platform_of(
+    scene: &Scene,
+    backend: Backend,
+    adapter: Option<&str>,
+    precision: Option<Precision>,
+) -> Result<Platform> {
+    // no device runs tetrahedra
+    let tetrahedra = scene.skins.iter().any(|skin| skin.law.is_tetrahedral());
+    let backend = if tetrahedra && adapter.is_none() && backend == Backend::Auto { Backend::Cpu } else { backend };
+    platform(backend, adapter, precision, scene.solver.preconditioner == Preconditioner::Direct)
 }
 
 /// Backend of a run: the hardware GPU if there is one, else the CPU path; a software adapter only on request. With `direct` solves, the CPU

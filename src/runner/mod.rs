@@ -279,15 +279,25 @@ const THREADS: &str = "RAYON_NUM_THREADS";
 /// Most threads, beyond the cores of any machine; each takes 2 MiB of address space, and time to start.
 const MOST_THREADS: usize = 4096;
 
-/// Starts the global thread pool: one thread per core, or as many as `RAYON_NUM_THREADS` asks for.
+/// Refuses a number of threads by `RAYON_NUM_THREADS` that no machine has cores for: the pool, which the first parallel loop starts, would
+/// take minutes to start them.
 ///
 /// # Errors
-/// [`Refused::TooManyThreads`], and [`Refused::Threads`] when the system starts none.
-pub fn take_all_cores() -> Result<()> {
+/// [`Refused::TooManyThreads`].
+pub fn check_threads() -> Result<()> {
     let asked = std::env::var(THREADS).unwrap_or_default();
     if asked.parse().is_ok_and(|found: usize| found > MOST_THREADS) {
         return Err(Refused::TooManyThreads { asked, most: MOST_THREADS }.into());
     }
+    Ok(())
+}
+
+/// Starts the global thread pool: one thread per core, or as many as `RAYON_NUM_THREADS` asks for.
+///
+/// # Errors
+/// As [`check_threads`], and [`Refused::Threads`] when the system starts none.
+pub fn take_all_cores() -> Result<()> {
+    check_threads()?;
     let started = rayon::ThreadPoolBuilder::new().build_global();
     // an existing pool serves as well
     let reason = |e: &rayon::ThreadPoolBuildError| std::error::Error::source(e).map(ToString::to_string);

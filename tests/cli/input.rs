@@ -204,9 +204,9 @@ fn errors_are_json_where_that_is_asked_for() -> Outcome {
 
 fn too_many_threads_are_refused() -> Outcome {
     let work = Work::with(PRESS)?;
-    for command in ["run", "inspect", "study", "verify"] {
+    for command in ["run", "check", "compare", "inspect", "study", "mesh", "verify", "keys", "adapters"] {
         let mut cutis = std::process::Command::new(env!("CARGO_BIN_EXE_cutis"));
-        cutis.arg(command).args(["scene.toml"].iter().filter(|_| command != "verify"));
+        cutis.arg(command).args(["scene.toml"].iter().filter(|_| !["verify", "keys", "adapters"].contains(&command)));
         let ran = cutis.current_dir(work.path(".")).env("RAYON_NUM_THREADS", "100000").output();
         let ran = ran.map_err(|e| e.to_string())?;
         let said = String::from_utf8_lossy(&ran.stderr).into_owned();

@@ -91,6 +91,7 @@ fn values(name: &str) -> &'static [&'static str] {
         "FILE" => &["made/checkpoint.bin", "scene.toml", "missing", ".", "/dev/zero", ""],
         "ID" => &["A", "é", " ", "", "\u{1b}[2J"],
         "NAME" => &["tip", "", "-"],
+        "ADDRESS" => &["127.0.0.1:0", "127.0.0.1", "8.8.8.8:1", "[::1]:x", ""],
         "SCENE" => &SCENES,
         "BACKEND" => &["cpu", "auto", "cuda", "CPU", ""],
         "PRECISION" => &["f32", "f64", "f16", ""],
@@ -174,12 +175,12 @@ fn apply(change: Change, words: &mut Vec<Vec<u8>>) {
 }
 
 /// Whether it would compute for minutes or wait for clients, were it not refused: verification, comparison and study, the built-in scene
-/// into a folder that takes it, and the stand-in for devices.
+/// into a folder that takes it, the stand-in for devices, and the server of pages.
 fn takes_long(words: &[Vec<u8>]) -> bool {
     let has = |word: &str| words.iter().any(|found| found == word.as_bytes());
     let holds = |part: &str| words.iter().any(|found| String::from_utf8_lossy(found).contains(part));
     let made = holds("--out") || holds("made") || has(".");
-    let waits = has("haply-mock") && !has("--until-stdin-ends");
+    let waits = (has("haply-mock") && !has("--until-stdin-ends")) || has("serve");
     // without an adapter these two end at once
     let adapter = [&b"--adapter"[..], b"no such thing"];
     let nobody = words.windows(2).any(|pair| pair == adapter) || has("--adapter=no such thing");
@@ -233,7 +234,8 @@ fn command_lines_end_with_a_documented_status_and_words() {
 #[test]
 fn every_command_and_option_of_the_help_is_tried() {
     let names: Vec<&str> = COMMANDS.iter().map(|(name, _)| &**name).collect();
-    for name in ["", "run", "compare", "study", "verify", "inspect", "check", "keys", "adapters", "haply-mock", "help"]
+    for name in
+        ["", "run", "compare", "study", "verify", "inspect", "check", "keys", "serve", "adapters", "haply-mock", "help"]
     {
         assert!(names.contains(&name), "{name:?} of {names:?}");
     }

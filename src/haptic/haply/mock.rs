@@ -26,9 +26,10 @@ use super::command::{Command, SetForce, Version};
 use super::refused::Refused;
 use super::wire::{ArmState, Buttons, Config, Entry, Frame, GripState, Status};
 use crate::error::Result;
+use crate::http::{self, PATIENCE};
 use glam::DVec3;
 use hand::Hand;
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -50,8 +51,6 @@ const LONGEST: usize = 1 << 16;
 const STRONGEST: f64 = 10.0;
 /// Longest interval between checks for a stop.
 const SLICE: Duration = Duration::from_millis(20);
-/// Time that a peer has to state its request.
-const PATIENCE: Duration = Duration::from_secs(1);
 
 struct State {
     hands: Vec<Hand>,
@@ -126,7 +125,7 @@ fn admit(listener: &TcpListener, shared: &Arc<Shared>) {
             continue;
         };
         if guests.len() >= MOST_GUESTS {
-            answer(&mut stream, "503 Service Unavailable", "{\"error\": \"too many connections\"}").ok();
+            http::refuse(&mut stream, "503 Service Unavailable", "too many connections").ok();
             continue;
         }
         let inside = shared.clone();
@@ -137,49 +136,6 @@ fn admit(listener: &TcpListener, shared: &Arc<Shared>) {
     for guest in guests {
         guest.join().ok();
     }
-}
-
-/// First bytes of a connection up to the empty line, left in the socket: whole, so that nobody waits for the rest of a handshake.
-///
-/// # Errors
-/// [`ErrorKind::TimedOut`] after [`PATIENCE`], however many bytes have come by then, [`ErrorKind::FileTooLarge`] for more than fit.
-fn head(stream: &TcpStream) -> io::Result<String> {
-    let until = Instant::now() + PATIENCE;
-    let mut bytes = [0; 4096];
-    while Instant::now() < until {
-        match stream.peek(&mut bytes)? {
-            0 => return Err(ErrorKind::UnexpectedEof.into()),
-            read => {
-                let text = String::from_utf8_lossy(&bytes[..read]);
-                if text.contains("\r\n\r\n") {
-                    return Ok(text.to_ascii_lowercase());
-                }
-                if read == bytes.len() {
-                    return Err(ErrorKind::FileTooLarge.into());
-                }
-            }
-        }
-        thread::sleep(Duration::from_millis(1));
-    }
-    Err(ErrorKind::TimedOut.into())
-}
-
-/// Answers an HTTP request, in one piece.
-fn answer(stream: &mut TcpStream, status: &str, body: &str) -> io::Result<()> {
-    let length = body.len();
-    let head = format!("HTTP/1.1 {status}\r\nContent-Type: application/json\r\nContent-Length: {length}\r\n");
-    stream.write_all(format!("{head}Connection: close\r\n\r\n{body}").as_bytes())
-}
-
-/// Whether the request is of this machine: a page of a browser says where it is from, and by which name it found the stand-in.
-fn is_local(head: &str) -> bool {
-    let value = |name: &str| head.lines().find_map(|line| line.strip_prefix(name)).map(str::trim);
-    let local = |host: &str| {
-        let name = host.strip_prefix('[').map_or_else(|| host.split(':').next(), |six| six.split(']').next());
-        matches!(name, Some("localhost" | "127.0.0.1" | "::1"))
-    };
-    let origin = |text: &str| text.split_once("://").is_some_and(|(_, host)| local(host));
-    value("host:").is_none_or(local) && value("origin:").is_none_or(origin)
 }
 
 /// Sends an old frame `times` times, then a new one; false if it could not.
@@ -209,22 +165,18 @@ impl Shared {
         stream.set_nodelay(true)?;
         stream.set_read_timeout(Some(PATIENCE))?;
         stream.set_write_timeout(Some(PATIENCE))?;
-        let head = head(&stream).inspect_err(|error| {
-            let status = match error.kind() {
-                ErrorKind::FileTooLarge => "431 Request Header Fields Too Large",
-                _ => "408 Request Timeout",
-            };
-            answer(&mut stream, status, "{\"error\": \"wanted a whole request of at most 4 KiB within 1 s\"}").ok();
-        })?;
-        if !(is_local(&head) && head.contains("upgrade: websocket")) {
+        let head = http::head(&mut stream)?;
+        let local = http::is_local(&head);
+        if !(local && http::is_upgrade(&head)) {
             let mut asked = [0; 4096];
             let _ = stream.read(&mut asked)?;
-            return match head.starts_with("get /version ") {
-                _ if !is_local(&head) => {
-                    answer(&mut stream, "403 Forbidden", "{\"error\": \"this stand-in serves its own machine alone\"}")
+            return match http::asked(&head) {
+                _ if !local => http::refuse(&mut stream, "403 Forbidden", "this stand-in serves its own machine alone"),
+                Some(("/version", _)) => {
+                    let text = whole::version(&self.options.version);
+                    http::answer(&mut stream, "200 OK", "application/json", text.as_bytes())
                 }
-                true => answer(&mut stream, "200 OK", &whole::version(&self.options.version)),
-                false => answer(&mut stream, "404 Not Found", "{\"error\": \"this stand-in answers /version alone\"}"),
+                _ => http::refuse(&mut stream, "404 Not Found", "this stand-in answers /version alone"),
             };
         }
         let mut refusal = stream.try_clone()?;
@@ -232,7 +184,7 @@ impl Shared {
         let accepted = tungstenite::accept_with_config(stream, Some(config));
         let socket = accepted.map_err(|error| {
             let body = serde_json::json!({ "error": error.to_string() }).to_string();
-            answer(&mut refusal, "400 Bad Request", &body).ok();
+            http::answer(&mut refusal, "400 Bad Request", "application/json", body.as_bytes()).ok();
             io::Error::other(error)
         })?;
         drop(refusal); // a descriptor

@@ -1,0 +1,120 @@
+//! What the servers of the program share: the head of a request, and answers in one piece.
+
+use std::io::{self, ErrorKind, Write};
+use std::net::TcpStream;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Time that a peer has to state its request.
+pub const PATIENCE: Duration = Duration::from_secs(1);
+
+/// First bytes of a connection up to the empty line, in lower case, left in the socket: whole, so that nobody waits for the rest of a
+/// handshake.
+///
+/// # Errors
+/// [`ErrorKind::TimedOut`] after [`PATIENCE`], however many bytes have come by then, [`ErrorKind::FileTooLarge`] for more than 4 KiB; both
+/// have been answered.
+pub fn head(stream: &mut TcpStream) -> io::Result<String> {
+    let until = Instant::now() + PATIENCE;
+    let mut bytes = [0; 4096];
+    let refused = loop {
+        if Instant::now() >= until {
+            break (ErrorKind::TimedOut, "408 Request Timeout");
+        }
+        match stream.peek(&mut bytes)? {
+            0 => return Err(ErrorKind::UnexpectedEof.into()),
+            read => {
+                let text = String::from_utf8_lossy(&bytes[..read]);
+                if text.contains("\r\n\r\n") {
+                    return Ok(text.to_ascii_lowercase());
+                }
+                if read == bytes.len() {
+                    break (ErrorKind::FileTooLarge, "431 Request Header Fields Too Large");
+                }
+            }
+        }
+        thread::sleep(Duration::from_millis(1));
+    };
+    refuse(stream, refused.1, "wanted a whole request of at most 4 KiB within 1 s").ok();
+    Err(refused.0.into())
+}
+
+/// Value of a field of a request's head.
+fn field<'a>(head: &'a str, name: &str) -> Option<&'a str> {
+    head.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':')).map(str::trim)
+}
+
+fn names_this_machine(host: &str) -> bool {
+    let name = host.strip_prefix('[').map_or_else(|| host.split(':').next(), |six| six.split(']').next());
+    matches!(name, Some("localhost" | "127.0.0.1" | "::1"))
+}
+
+/// Whether the request is of this machine: a page of a browser says where it is from, and by which name it found the server.
+pub fn is_local(head: &str) -> bool {
+    let origin = |text: &str| text.split_once("://").is_some_and(|(_, host)| names_this_machine(host));
+    field(head, "host").is_none_or(names_this_machine) && field(head, "origin").is_none_or(origin)
+}
+
+/// Whether a page of a browser that makes the request is the server's own; requests that name no page are not a browser's.
+pub fn is_same_origin(head: &str) -> bool {
+    let host = field(head, "host");
+    let same = |text: &str| text.split_once("://").map(|(_, from)| from) == host;
+    field(head, "origin").is_none_or(same)
+}
+
+/// Whether the request asks for a WebSocket.
+pub fn is_upgrade(head: &str) -> bool {
+    field(head, "upgrade") == Some("websocket")
+}
+
+/// Path of a GET request, without what follows a question mark, and that; none of other requests.
+pub fn asked(head: &str) -> Option<(&str, &str)> {
+    let target = head.strip_prefix("get ")?.split(' ').next()?;
+    Some(target.split_once('?').unwrap_or((target, "")))
+}
+
+/// Answers a request, in one piece.
+///
+/// # Errors
+/// When the peer does not take it.
+pub fn answer(stream: &mut TcpStream, status: &str, kind: &str, body: &[u8]) -> io::Result<()> {
+    let length = body.len();
+    let head = format!("HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n");
+    stream.write_all(format!("{head}Cache-Control: no-store\r\nConnection: close\r\n\r\n").as_bytes())?;
+    stream.write_all(body)
+}
+
+/// Answers a request with words on what is wrong with it, as JSON; `words` have no quotes.
+///
+/// # Errors
+/// As [`answer`].
+pub fn refuse(stream: &mut TcpStream, status: &str, words: &str) -> io::Result<()> {
+    answer(stream, status, "application/json", format!("{{\"error\": \"{words}\"}}").as_bytes())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_of_another_site_is_known_by_its_origin() {
+        let head = |host: &str, origin: &str| format!("get / http/1.1\r\nhost: {host}\r\norigin: {origin}\r\n\r\n");
+        assert!(is_local(&head("localhost:80", "http://127.0.0.1:80")));
+        assert!(is_local(&head("[::1]:80", "http://localhost")));
+        assert!(!is_local(&head("localhost.evil.example", "http://localhost")));
+        assert!(!is_local(&head("localhost", "http://evil.example")));
+        assert!(is_same_origin(&head("box:8080", "http://box:8080")));
+        assert!(!is_same_origin(&head("box:8080", "http://evil.example")));
+        assert!(is_same_origin("get / http/1.1\r\nhost: box\r\n\r\n"));
+        assert!(!is_same_origin("get / http/1.1\r\norigin: null\r\n\r\n"));
+    }
+
+    #[test]
+    fn a_request_is_taken_apart() {
+        assert_eq!(asked("get /stream?token=7 http/1.1\r\n\r\n"), Some(("/stream", "token=7")));
+        assert_eq!(asked("get / http/1.1\r\n\r\n"), Some(("/", "")));
+        assert_eq!(asked("post / http/1.1\r\n\r\n"), None);
+        assert!(is_upgrade("get / http/1.1\r\nupgrade: websocket\r\n\r\n"));
+        assert!(!is_upgrade("get / http/1.1\r\nx-upgrade: websocket\r\n\r\n"));
+    }
+}
