@@ -119,6 +119,7 @@ fn tool(at: DVec3, points: Vec<[f64; 3]>) -> Instrument {
         round: None,
         lines: None,
         cuboid: None,
+        carve: None,
         free: None,
         device: None,
         coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },

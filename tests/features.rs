@@ -63,6 +63,7 @@ fn tool(vertices: &[[f64; 3]], segments: &[[u32; 2]], radius: f64) -> (Instrumen
             tip_radius: 0.0,
             round: None,
             cuboid: None,
+            carve: None,
             free: None,
             device: None,
             lines: Some(lines.clone()),

@@ -7,6 +7,8 @@
 mod body;
 #[path = "gpu/bounded.rs"]
 mod bounded;
+#[path = "gpu/carving.rs"]
+mod carving;
 mod crumbs;
 #[path = "gpu/device.rs"]
 mod device;
@@ -97,6 +99,9 @@ fn tests() -> Vec<(String, Test)> {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in robust::TESTS {
+        all.push((name.to_string(), Box::new(test)));
+    }
+    for (name, test) in carving::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in swept::TESTS {

@@ -19,7 +19,10 @@ const SECTIONS: &[(&str, &str)] = &[
         "[[skin.layer]]",
         "name = \"dermis\"\nthickness_mm = 2.0\ncells = 2\nyoung_kpa = 50.0\npoisson = 0.4\ndensity_kg_m3 = 1000.0",
     ),
-    ("[[block]]", "name = \"fat\"\nposition_mm = [30.0, 0.0, 0.0]\nsize_mm = [10.0, 10.0]\ncells = [4, 4]"),
+    (
+        "[[block]]",
+        "name = \"fat\"\ncut = \"remove\"\nposition_mm = [30.0, 0.0, 0.0]\nsize_mm = [10.0, 10.0]\ncells = [4, 4]",
+    ),
     (
         "[[block.layer]]",
         "name = \"fat\"\nthickness_mm = 2.0\ncells = 2\nyoung_kpa = 50.0\npoisson = 0.4\ndensity_kg_m3 = 1000.0",
@@ -45,6 +48,7 @@ const SECTIONS: &[(&str, &str)] = &[
         "name = \"hook\"\nmesh = \"tip.obj\"\nmass_g = 10.0\ninertia_g_mm2 = [1.0, 1.0, 1.0]\npath_mm = [[0.0, 0.0, 0.0, 39.0]]",
     ),
     ("[tool.lines]", "mesh = \"probe.obj\""),
+    ("[tool.carve]", ""),
     ("[[rigid]]", "name = \"stone\"\nradius_mm = 2.0\nmass_g = 5.0\nposition_mm = [0.0, 0.0, 60.0]"),
     ("[[plane]]", "name = \"floor\"\nthrough_mm = [0.0, 0.0, -9.0]\nnormal = [0.0, 0.0, 1.0]"),
     ("[[attach]]", "body = \"fat\"\nregion = \"bottom\""),

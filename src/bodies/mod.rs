@@ -142,6 +142,10 @@ pub trait Mechanics {
     fn stays(&self, model: &Model, rotation: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool;
     /// Applies hits (sorted by segment) to a wound; returns the changes for the backend.
     fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal;
+    /// Removes cells from a wound, and what would hang by an edge or a corner without them; returns the changes for the backend.
+    fn carve(&self, _: &Model, _: &mut Wound, _: &[u32]) -> Removal {
+        unreachable!("a scene in which a tool carves has hexahedra only")
+    }
     /// Number of connected pieces of the body; `None` where they are not counted.
     fn pieces(&self, wound: &Wound) -> Option<usize>;
     /// Mass of the remaining elements, kg.

@@ -387,6 +387,7 @@ mod tests {
                 round: None,
                 lines: None,
                 cuboid: None,
+                carve: None,
                 free: None,
                 device: None,
                 coupling: Coupling { stiffness: 1000.0, damping: 5.0, angular_stiffness: 1.0, angular_damping: 0.01 },

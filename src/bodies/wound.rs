@@ -12,6 +12,8 @@ use crate::mesh::Surface;
 pub struct Totals {
     /// Removed cells.
     pub hexes: usize,
+    /// Their volume at rest, m³.
+    pub volume: f64,
     /// Removed springs.
     pub springs_removed: usize,
     /// Severed face links.
@@ -37,6 +39,7 @@ impl Totals {
     pub fn and(self, other: Self) -> Self {
         Self {
             hexes: self.hexes + other.hexes,
+            volume: self.volume + other.volume,
             springs_removed: self.springs_removed + other.springs_removed,
             links: self.links + other.links,
             refused: self.refused + other.refused,
@@ -133,18 +136,35 @@ impl Wound {
     /// Applies hits (sorted by segment); returns the changes for the backend.
     pub fn apply(&mut self, model: &Model, hits: &[Hit<f64>]) -> Removal {
         let removal = model.mechanics().cut(model, self, hits);
-        if self.totals.links + self.open.len() > 0 {
+        self.extend(model);
+        removal
+    }
+
+    /// Removes cells; returns the changes for the backend.
+    pub fn carve(&mut self, model: &Model, cells: &[u32]) -> Removal {
+        let removal = model.mechanics().carve(model, self, cells);
+        self.extend(model);
+        removal
+    }
+
+    /// Measures the wound.
+    fn extend(&mut self, model: &Model) {
+        if self.totals.links + self.open.len() + self.totals.hexes > 0 {
             self.totals.length = self.all.length();
             self.totals.length_top = self.top.length();
             self.totals.depth = model.position[2] + model.grid.thickness() - self.all.low[2];
         }
-        removal
     }
 
     /// Marks a cell as open; `axis` points across the cut.
     pub(super) fn open_cell(&mut self, model: &Model, cell: u32, axis: usize) {
-        self.surface.alive[cell as usize] = false;
         self.open.push((cell, axis));
+        self.empty_cell(model, cell);
+    }
+
+    /// Takes a cell out of the body and extends the wound by it.
+    pub(super) fn empty_cell(&mut self, model: &Model, cell: u32) {
+        self.surface.alive[cell as usize] = false;
         let params = model.grid.params::<f64>();
         let topmost = params.cell_at(cell as usize)[2] + 1 == model.grid.cells[2];
         for node in params.corners(cell as usize) {

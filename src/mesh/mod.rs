@@ -8,6 +8,6 @@ mod surface;
 
 pub use corner::Corner;
 pub use grid::Grid;
-pub use parts::{Change, Parts};
+pub use parts::{Change, FRAGMENT, Parts};
 pub use point::{MaterialPoint, trilinear};
 pub use surface::{Edges, Quad, Surface};

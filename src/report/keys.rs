@@ -290,6 +290,8 @@ pub struct Periods {
 pub struct CutReport {
     /// Removed hexahedra.
     pub hexes_removed: usize,
+    /// Volume at rest of the removed hexahedra.
+    pub removed_mm3: f64,
     /// Removed tetrahedra.
     pub tets_removed: usize,
     /// Removed springs.

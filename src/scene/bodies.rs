@@ -109,6 +109,7 @@ fn rigid(scene: &SceneText, table: Table<raw::Rigid>, taken: &mut Taken) -> Resu
         tip_radius: 0.0,
         round,
         lines: None,
+        carve: None,
         cuboid,
         coupling: Coupling { stiffness: 0.0, damping: 0.0, angular_stiffness: 0.0, angular_damping: 0.0 },
         trajectory: vec![Pose { time: 0.0, position, rotation: DQuat::from_scaled_axis(turn).to_array() }],

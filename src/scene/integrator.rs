@@ -27,8 +27,10 @@ pub(super) fn integrator(
         return Ok(integrator);
     }
     if integrator == Integrator::Static {
-        if skins.is_empty() || tools.iter().any(|tool| tool.free.is_some() || tool.blade.is_some()) {
-            let why = "finds the balance of deformable bodies and what presses them, and a [[rigid]] body moves freely, a blade cuts in time";
+        if skins.is_empty()
+            || tools.iter().any(|tool| tool.free.is_some() || tool.blade.is_some() || tool.carve.is_some())
+        {
+            let why = "finds the balance of deformable bodies and what presses them, and a [[rigid]] body moves freely, a blade cuts, or a tool carves, in time";
             return Err(unfit(why, "take \"implicit_euler\", or leave them out"));
         }
         if skins.iter().any(|skin| skin.velocity != [0.0; 3]) {

@@ -104,6 +104,17 @@ pub enum Invalid {
         path: PathBuf,
     },
 
+    /// Tool that carves where it cannot.
+    #[error("{}: the tool \"{tool}\" carves: {what}", path.display())]
+    Carving {
+        /// The scene file.
+        path: PathBuf,
+        /// Name of the tool.
+        tool: String,
+        /// Reason and remedy.
+        what: &'static str,
+    },
+
     /// Attachments with a contact correction that cannot hold them.
     #[error("{}: correction = \"uncoupled\" lets tied nodes drift apart, as it ignores the compliance between nodes; take \"exact\"", path.display())]
     UncoupledTies {

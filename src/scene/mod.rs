@@ -48,8 +48,8 @@ pub use region::{ACROSS, CellFace, Region, Spans};
 pub use study::Study;
 pub use text::nearest;
 pub use touching::{
-    Attachment, Blade, BodyId, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round, Slide,
-    Tool, ToolMesh,
+    Attachment, Blade, BodyId, Carve, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round,
+    Slide, Tool, ToolMesh,
 };
 
 pub use words::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, TETRAHEDRA, word};
@@ -293,6 +293,13 @@ pub struct Skin {
     pub displacement: [f64; 3],
     /// Initial shape, before that displacement.
     pub start: Start,
+}
+
+impl Skin {
+    /// Whether tools that carve remove its cells.
+    pub fn can_be_carved(&self) -> bool {
+        self.law.is_hexahedral() && self.cut == Cut::Remove
+    }
 }
 
 /// Effect of a blade on a body of hexahedra.

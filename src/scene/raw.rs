@@ -266,6 +266,7 @@ pub(super) struct Tool {
     pub blade: Option<Table<Blade>>,
     pub round: Option<Table<Round>>,
     pub lines: Option<Table<Lines>>,
+    pub carve: Option<Table<Carve>>,
     pub device: Option<Table<Device>>,
 }
 
@@ -330,6 +331,13 @@ pub(super) struct Coupling {
     pub damping_n_s_m: Option<At<f64>>,
     pub angular_stiffness_n_m_rad: Option<At<f64>>,
     pub angular_damping_n_m_s_rad: Option<At<f64>>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Carve {
+    pub distance_mm: Option<At<f64>>,
+    pub pressure_kpa: Option<At<f64>>,
 }
 
 #[derive(serde::Deserialize)]

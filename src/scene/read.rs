@@ -109,6 +109,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     if contact.correction == Correction::Precomputed && tools.iter().any(|t| t.blade.is_some()) {
         return Err(Invalid::PrecomputedCut { path: file.to_path_buf() });
     }
+    tools::carves(file, &skins, &tools, contact.correction)?;
     let mut time_keys = raw.time.keys;
     let raw_solver = raw::keys(raw.solver);
     let word = time_keys.integrator.take();

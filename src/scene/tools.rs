@@ -8,14 +8,15 @@ use super::obj;
 use super::raw::{self, At, Table};
 use super::round::{path, round};
 use super::text::{
-    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, MM, PLAIN, STIFFNESS, SceneText, Taken,
+    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, KPA, MM, PLAIN, STIFFNESS, SceneText, Taken,
     difference, normalized, or, or_vector,
 };
 use super::words::CORRECTIONS;
-use super::{Blade, Contact, Coupling, Loop, Pose, Tool, ToolMesh};
+use super::{Blade, Carve, Contact, Correction, Coupling, Loop, Pose, Skin, Tool, ToolMesh};
 use crate::formats::obj::Obj;
 use crate::math::elementary::{acos, hypot};
 use std::ops::Range;
+use std::path::Path;
 
 /// Allowed deviation of a blade's normal from the right angle to its edge, degrees. A blade's plane contains its edge; the tolerance admits
 /// slightly bent edges. With a larger one the flats would visibly leave the cutting plane.
@@ -64,6 +65,7 @@ fn tool(scene: &SceneText, files: &Files, name: String, table: Table<raw::Tool>)
         tip_radius,
         round,
         lines,
+        carve: raw.carve.map(|table| carve(scene, table.keys)).transpose()?,
         cuboid: None,
         coupling: coupling(scene, raw::keys(raw.coupling))?,
         trajectory,
@@ -140,6 +142,31 @@ fn coupling(scene: &SceneText, raw: raw::Coupling) -> Result<Coupling> {
             Bound::NotNegative,
         )?,
     })
+}
+
+fn carve(scene: &SceneText, raw: raw::Carve) -> Result<Carve> {
+    Ok(Carve {
+        distance: scene.number("distance_mm", &or(raw.distance_mm, 0.1), MM, Bound::NotNegative)?,
+        pressure: scene.number("pressure_kpa", &or(raw.pressure_kpa, 0.0), KPA, Bound::NotNegative)?,
+    })
+}
+
+/// Refuses a tool that carves where whole cells cannot be removed.
+pub(super) fn carves(file: &Path, skins: &[Skin], tools: &[Tool], correction: Correction) -> Result<()> {
+    let Some(tool) = tools.iter().find(|tool| tool.carve.is_some()) else { return Ok(()) };
+    let unfit = |what| Err(Invalid::Carving { path: file.to_path_buf(), tool: tool.name.clone(), what });
+    if tool.blade.is_some() {
+        return unfit("the tool has a blade, which cuts; take another tool");
+    }
+    if correction == Correction::Precomputed {
+        return unfit("correction = \"precomputed\" has the compliance of the whole body; take \"exact\"");
+    }
+    match skins.iter().any(Skin::can_be_carved) {
+        true => Ok(()),
+        false => unfit(
+            "it removes whole hexahedra; write cut = \"remove\" in the [skin] or [[block]] that it carves, of hexahedra",
+        ),
+    }
 }
 
 fn blade(scene: &SceneText, raw: raw::Blade) -> Result<Blade> {

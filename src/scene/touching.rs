@@ -25,6 +25,8 @@ pub struct Tool {
     pub round: Option<Round>,
     /// Points and segments of a tool that touches with these only; such a tool has neither blade nor points nor a round surface.
     pub lines: Option<Lines>,
+    /// Removal of the cells that the tool touches, for tools that carve.
+    pub carve: Option<Carve>,
     /// Half edges of a box around the body's origin, m.
     pub cuboid: Option<[f64; 3]>,
     /// Virtual coupling to the hand; zero for a free body.
@@ -35,6 +37,15 @@ pub struct Tool {
     pub device: Option<Device>,
     /// Initial motion of a free body, which is subject to gravity. `None` for a tool, whose weight the hand carries.
     pub free: Option<Motion>,
+}
+
+/// Removal of whole cells, as by SOFA's CarvingManager: those behind the faces that a tool touches.
+#[derive(Clone, Copy, Debug)]
+pub struct Carve {
+    /// Gap below which a contact removes its cell, at the end of a step, m.
+    pub distance: f64,
+    /// Normal force of a contact per area of its face below which it removes nothing, Pa.
+    pub pressure: f64,
 }
 
 /// Motion of a rigid body.

@@ -27,6 +27,7 @@ use crate::scene::{Scene, Solver};
 use compliance::AtRest;
 pub(super) use compliance::Places;
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 use start::{check_step, slots};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -65,10 +66,19 @@ pub struct Body {
     pub(super) lips: Option<Vec<Lips>>,
     /// Nodes of the scene's attachments.
     pub(super) tied: Vec<u32>,
-    /// Hits of each cut, in order; applied to the uncut body they give the wound.
-    pub(super) cuts: Vec<Vec<Hit<f64>>>,
+    /// Its cuts, in order; applied to the uncut body they give the wound.
+    pub(super) cuts: Vec<Cut>,
     /// Its nodes, or the present step's solution for them, contain non-finite values.
     pub(super) non_finite: bool,
+}
+
+/// Change of a body's cells.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub(super) enum Cut {
+    /// Hits of a blade's sweep.
+    Swept(Vec<Hit<f64>>),
+    /// Cells that a tool has carved.
+    Carved(Vec<u32>),
 }
 
 /// A floating body resists a common push of its nodes by inertia alone, 10⁻³ to 10⁻⁵ of its stiffness, so the same residual is a share of

@@ -10,17 +10,18 @@
 //! front, not the cell, tells opened tissue from new tissue. The work of cutting is then toughness times area, and the force does not
 //! pulsate from cell to cell.
 
-use super::body::{Body, Known, Located};
+use super::body::{Body, Cut, Known, Located};
 use super::probes::query;
 use super::{Simulation, StepReport};
 use crate::backend::Query;
-use crate::bodies::Wound;
 use crate::bodies::rigid::{Instrument, Role};
+use crate::bodies::{Removal, Wound};
 use crate::collide::{Contact, lips};
 use crate::constraints::Law;
 use crate::error::Result;
 use crate::kernels::corner;
 use crate::kernels::cut::Hit;
+use crate::mesh::Quad;
 use crate::scene::BodyId;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -70,6 +71,41 @@ impl Simulation {
         report.contact.contacts = contacts;
         report.warn("cut_reserve_exhausted", (self.totals().refused - refused) as u32);
         done
+    }
+
+    /// Removes the cells behind the contacts of tools that carve, where they are near enough and press hard enough.
+    pub(super) fn carve(&mut self, report: &mut StepReport) -> Result<()> {
+        let contact = &report.contact;
+        let mut cells: Vec<Vec<u32>> = vec![vec![]; self.bodies.len()];
+        for (k, found) in contact.contacts.iter().enumerate() {
+            let [BodyId::Rigid(tool), BodyId::Deformable(number)] = found.on else { continue };
+            let Some(carve) = self.scene.tools[tool].carve else { continue };
+            if !self.scene.skins[number].can_be_carved() {
+                continue;
+            }
+            // the face that the contact is on, and what presses on it
+            let located = &self.bodies[number].located;
+            let holds = |face: &&Quad| found.points[1].nodes().all(|node| face.nodes.contains(&node));
+            let Some(face) = located.faces[tool].iter().find(holds) else { continue };
+            let [a, b, c, d] = face.nodes.map(|node| self.bodies[number].position(node));
+            let area = 0.5 * (c - a).cross(d - b).length();
+            let gap = found.gap[0] + found.axes[0].dot(contact.slips[k]);
+            if gap <= carve.distance && contact.forces[k][0] >= carve.pressure * area {
+                cells[number].push(face.cell);
+            }
+        }
+        for (body, mut cells) in self.bodies.iter_mut().zip(cells) {
+            cells.sort_unstable();
+            cells.dedup();
+            let mass = body.wound.mass_of_nodes();
+            let removed = body.carve(&cells)?;
+            report.carved += removed;
+            self.epoch += u32::from(removed > 0);
+            // mass that has left takes its potential with it
+            let weight = DVec3::from_array(body.model.step.gravity).length() * (mass - body.wound.mass_of_nodes());
+            self.booked.removed += weight.max(0.0) * body.boxes.farthest();
+        }
+        Ok(())
     }
 
     /// Moves the fronts of the pieces of edge: sticking pieces move relative to the skin, the others by their own motion. A piece that has
@@ -188,7 +224,7 @@ impl Body {
         if hits.is_empty() {
             return Ok(0);
         }
-        self.cuts.push(hits.to_vec());
+        self.cuts.push(Cut::Swept(hits.to_vec()));
         let count = |wound: &Wound| wound.totals.links + wound.totals.springs_removed;
         let before = count(&self.wound);
         let removal = self.wound.apply(&self.model, hits);
@@ -197,12 +233,32 @@ impl Body {
             if let Some(lips) = &mut self.lips {
                 *lips = lips::faces(&self.wound.surface.parts);
             }
-            self.compliance.invalidate(removal.free.iter().map(|(node, _)| *node));
-            self.backend.remove(&removal)?;
-            self.known = Known::default();
-            self.loaded = false;
+            self.apply(&removal)?;
         }
         Ok(severed)
+    }
+
+    /// Removes cells, and what would hang by an edge or a corner without them; returns how many cells were removed.
+    ///
+    /// # Errors
+    /// When the device fails.
+    pub fn carve(&mut self, cells: &[u32]) -> Result<u32> {
+        if cells.is_empty() {
+            return Ok(0);
+        }
+        self.cuts.push(Cut::Carved(cells.to_vec()));
+        let removal = self.wound.carve(&self.model, cells);
+        self.apply(&removal)?;
+        Ok(removal.cells.len() as u32)
+    }
+
+    /// Applies the changes of a wound.
+    fn apply(&mut self, removal: &Removal) -> Result<()> {
+        self.compliance.invalidate(removal.free.iter().map(|(node, _)| *node));
+        self.backend.remove(removal)?;
+        self.known = Known::default();
+        self.loaded = false;
+        Ok(())
     }
 
     /// Opening of the wound over its severed links and open cells, as far as they were located, m.

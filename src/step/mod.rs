@@ -119,6 +119,8 @@ pub struct StepReport {
     pub contact: ContactReport,
     /// Links or springs cut in this step.
     pub severed: u32,
+    /// Cells carved in this step.
+    pub carved: u32,
     /// Widest opening of the wound near the tool, m.
     pub opening: f64,
     /// Deepest overlap of the wound's lips at the start of the step, m.
@@ -150,6 +152,7 @@ impl StepReport {
         self.residual = larger(before.residual, self.residual);
         self.at_floor &= before.at_floor;
         self.severed += before.severed;
+        self.carved += before.carved;
         self.opening = self.opening.max(before.opening);
         self.overlap = self.overlap.max(before.overlap);
         self.costs = self.costs.and(before.costs);
@@ -458,10 +461,17 @@ impl Simulation {
         }
         self.book_damping(check.then_some(damped));
         self.summarise_solves(&ended, &mut report);
-        // cut what the edges swept, then read the probes
-        if self.scene.tools.iter().any(|t| t.blade.is_some()) {
+        // cut what the edges swept, carve, then read the probes
+        let [blades, carvers] =
+            [self.scene.tools.iter().any(|t| t.blade.is_some()), self.scene.tools.iter().any(|t| t.carve.is_some())];
+        if blades || carvers {
             let clock = Instant::now();
-            self.incise(&old, cuts, &mut report)?;
+            if blades {
+                self.incise(&old, cuts, &mut report)?;
+            }
+            if carvers {
+                self.carve(&mut report)?;
+            }
             report.costs.spend(Part::Cut, clock);
         }
         self.read_probes(begin, forces.as_deref(), &mut report)?;

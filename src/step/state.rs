@@ -1,16 +1,15 @@
 //! Complete state of a simulation beside its scene, without anything that can be computed again: a run restored from it gives the same
 //! bits.
 //!
-//! The wound is stored as its hits: applying them to the uncut body gives the same nodes in the same order. Compliance columns are stored
+//! The wound is stored as its cuts: applying them to the uncut body gives the same nodes in the same order. Compliance columns are stored
 //! although they could be solved for: their age decides how many passes a step takes.
 
-use super::body::{Body, Compliance, Known, first_motion};
+use super::body::{Body, Compliance, Cut, Known, first_motion};
 use super::{Booked, Measured, Refused, Simulation, incise};
 use crate::backend::{FREE, Vector};
 use crate::bodies::rigid::Motion;
 use crate::error::Result;
 use crate::haptic::Reduced;
-use crate::kernels::cut::Hit;
 use crate::math::V4;
 use crate::scene::{BodyId, Scene};
 use glam::DVec3;
@@ -43,8 +42,8 @@ struct BodyState {
     rotation: Vec<V4<f64>>,
     /// `[node]` displacement of the last step, with which the next solve starts, m.
     solution: Vec<V4<f64>>,
-    /// `[cut]` hits, in order.
-    cuts: Vec<Vec<Hit<f64>>>,
+    /// `[cut]` in order.
+    cuts: Vec<Cut>,
     /// `[tile]` bounds of its nodes' displacement when last read, m.
     motion: Vec<[DVec3; 2]>,
     compliance: Compliance,
@@ -144,8 +143,13 @@ impl Simulation {
             unfit("nodes", [from.v.len(), nodes])?;
             unfit("nodes", [from.solution.len(), nodes])?;
             unfit("cells", [from.rotation.len(), mechanics.rotation_count(&body.model)])?;
-            let last = from.cuts.iter().flatten().map(|hit| hit.segment as usize + 1).max().unwrap_or(0);
+            let hits = from.cuts.iter().flat_map(|cut| if let Cut::Swept(hits) = cut { &hits[..] } else { &[] });
+            let last = hits.map(|hit| hit.segment as usize + 1).max().unwrap_or(0);
             unfit("links or springs", [last.max(segments), segments])?;
+            let carved = from.cuts.iter().flat_map(|cut| if let Cut::Carved(cells) = cut { &cells[..] } else { &[] });
+            let (last, cells) =
+                (carved.map(|cell| *cell as usize + 1).max().unwrap_or(0), body.wound.surface.alive.len());
+            unfit("cells", [last.max(cells), cells])?;
         }
         Ok(())
     }
@@ -168,8 +172,11 @@ impl Body {
 
     /// Restores a state whose cuts begin with those of the body.
     fn restore(&mut self, state: &BodyState) -> Result<()> {
-        for hits in &state.cuts[self.cuts.len()..] {
-            self.sever(hits)?;
+        for cut in &state.cuts[self.cuts.len()..] {
+            match cut {
+                Cut::Swept(hits) => self.sever(hits)?,
+                Cut::Carved(cells) => self.carve(cells)?,
+            };
         }
         self.backend.set_state(&state.u, &state.v, &state.rotation)?;
         self.known = Known::default();

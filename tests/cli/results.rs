@@ -50,7 +50,7 @@ const KEYS: &str = "scene backend adapter driver nodes hexes tets springs dof st
     haptic.coupling_age_ms.p99_9 haptic.coupling_age_ms.max haptic.missed haptic.records_lost haptic.device_faults haptic.late_steps haptic.sweeps_max \
     haptic.out_of_time haptic.unsound haptic.non_finite haptic.late_ticks haptic.stale_ticks haptic.clamped haptic.fades haptic.stops \
     haptic.force_n_max haptic.force_jump_n_max haptic.cut_jump_n haptic.energy_out_j haptic.energy_uncontrolled_j haptic.energy_damped_j \
-    cut.hexes_removed cut.tets_removed cut.springs_removed cut.links_severed cut.links_held cut.node_copies cut.pieces cut.nonmanifold_edges \
+    cut.hexes_removed cut.removed_mm3 cut.tets_removed cut.springs_removed cut.links_severed cut.links_held cut.node_copies cut.pieces cut.nonmanifold_edges \
     cut.area_mm2 cut.length_mm cut.length_top_mm cut.depth_mm cut.opening_mm_max cut.overlap_mm_max warnings memory_bytes.device memory_bytes.host probes.top probes.bed";
 
 fn keys(prefix: &str, tree: &Value, found: &mut Vec<String>) {

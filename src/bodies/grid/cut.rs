@@ -1,4 +1,4 @@
-//! Cuts through hexahedra. Links between cells are severed and nodes are duplicated ([`Parts`](crate::mesh::Parts)); each duplicate gets
+//! Cuts through hexahedra, and carving. Links between cells are severed and nodes are duplicated ([`Parts`](crate::mesh::Parts)); each duplicate gets
 //! the mass of its cells. Alternatively, a crossed link removes the cell in whose half the blade crossed it. A node without cells leaves
 //! the system.
 //!
@@ -12,7 +12,7 @@
 use crate::bodies::{Model, Removal, Wound};
 use crate::kernels::corner;
 use crate::kernels::cut::Hit;
-use crate::mesh::Change;
+use crate::mesh::{Change, FRAGMENT};
 use crate::scene::Mass;
 
 impl Wound {
@@ -95,22 +95,97 @@ impl Wound {
             removal.cells.push(gone);
             opened.push((gone, axis));
         }
-        // masses of the nodes around removed cells
         for (cell, axis) in opened {
             self.open_cell(model, cell, axis);
-            self.totals.hexes += 1;
-            let corner_mass = model.shape[model.grid.layer(cell as usize)][3];
-            for node in params.corners(cell as usize) {
-                self.live[node] -= 1;
-                if self.live[node] == 0 {
-                    self.leave(node as u32, &mut removal);
-                } else {
-                    self.free[node][3] -= if model.mass == Mass::Uniform { 0.0 } else { corner_mass };
-                    removal.free.retain(|(n, _)| *n as usize != node);
-                    removal.free.push((node as u32, self.free[node]));
-                }
-            }
+            self.take_cell(model, cell, &mut removal);
         }
         removal
+    }
+
+    /// Takes an emptied cell's mass from its nodes; a node without cells leaves the system.
+    fn take_cell(&mut self, model: &Model, cell: u32, removal: &mut Removal) {
+        let [hx, hy, hz, corner_mass] = model.shape[model.grid.layer(cell as usize)];
+        self.totals.hexes += 1;
+        self.totals.volume += hx * hy * hz;
+        for node in model.grid.params::<f64>().corners(cell as usize) {
+            self.live[node] -= 1;
+            if self.live[node] == 0 {
+                self.leave(node as u32, removal);
+            } else {
+                self.free[node][3] -= if model.mass == Mass::Uniform { 0.0 } else { corner_mass };
+                removal.free.retain(|(n, _)| *n as usize != node);
+                removal.free.push((node as u32, self.free[node]));
+            }
+        }
+    }
+
+    /// Removes cells, then what they leave that no tissue has: cells that meet the others around a node in an edge or a corner alone, of
+    /// which only the most that share faces stay (Sase et al. 2015), and pieces of fewer than [`FRAGMENT`] cells.
+    pub(super) fn carve_cells(&mut self, model: &Model, cells: &[u32]) -> Removal {
+        let mut removal = Removal::default();
+        let mut next: Vec<u32> = cells.to_vec();
+        while !next.is_empty() {
+            next.sort_unstable();
+            next.dedup();
+            next.retain(|cell| self.surface.alive[*cell as usize]);
+            for cell in &next {
+                self.empty_cell(model, *cell);
+                self.take_cell(model, *cell, &mut removal);
+                removal.cells.push(*cell);
+            }
+            next = self.hanging(model, &next);
+        }
+        removal
+    }
+
+    /// Cells that hang by an edge or a corner, or in a piece too small, after the removal of others.
+    fn hanging(&self, model: &Model, removed: &[u32]) -> Vec<u32> {
+        let params = model.grid.params::<f64>();
+        let alive = |cell: usize| self.surface.alive[cell];
+        // face neighbours that are alive
+        let steps = [1, params.cells_x as usize, (params.cells_x * params.cells_y) as usize];
+        let beside = |cell: usize| {
+            let at = params.cell_at(cell);
+            (0..3).flat_map(move |axis| {
+                let below = (at[axis] > 0).then(|| cell - steps[axis]);
+                let above = (at[axis] + 1 < model.grid.cells[axis]).then(|| cell + steps[axis]);
+                [below, above]
+            })
+        };
+        let neighbours = |cell: usize| beside(cell).flatten().filter(|other| alive(*other));
+        // piece of a set of cells that share faces, up to a number of them
+        let piece = |first: usize, within: &dyn Fn(usize) -> bool, most: usize| {
+            let mut found = vec![first];
+            let mut seen = 0;
+            while seen < found.len() && found.len() < most {
+                let more: Vec<usize> = neighbours(found[seen]).filter(|c| within(*c) && !found.contains(c)).collect();
+                found.extend(more);
+                seen += 1;
+            }
+            found
+        };
+        let mut out: Vec<u32> = vec![];
+        let mut nodes: Vec<usize> = removed.iter().flat_map(|cell| params.corners(*cell as usize)).collect();
+        nodes.sort_unstable();
+        nodes.dedup();
+        for node in nodes {
+            let at = params.node_at(node);
+            let mut around: Vec<usize> =
+                (0..8).filter_map(|a| params.cell_below(at, a)).filter(|c| alive(*c)).collect();
+            let mut best: Vec<usize> = vec![];
+            while let Some(first) = around.first().copied() {
+                let found = piece(first, &|cell| around.contains(&cell), usize::MAX);
+                around.retain(|cell| !found.contains(cell));
+                let less = if found.len() > best.len() { std::mem::replace(&mut best, found) } else { found };
+                out.extend(less.iter().map(|cell| *cell as u32));
+            }
+        }
+        for cell in removed.iter().flat_map(|cell| neighbours(*cell as usize)) {
+            let found = piece(cell, &|_| true, FRAGMENT);
+            if found.len() < FRAGMENT {
+                out.extend(found.iter().map(|cell| *cell as u32));
+            }
+        }
+        out
     }
 }

@@ -413,6 +413,10 @@ impl Mechanics for Hexahedra {
         if self.extra_columns == 0 { wound.remove_cells(model, hits) } else { wound.split(model, hits) }
     }
 
+    fn carve(&self, model: &Model, wound: &mut Wound, cells: &[u32]) -> Removal {
+        wound.carve_cells(model, cells)
+    }
+
     fn pieces(&self, wound: &Wound) -> Option<usize> {
         Some(wound.surface.pieces())
     }
