@@ -7,7 +7,7 @@ use cutis::scene::{Contact, Cut, Region, Scene, Tool};
 use cutis::step::{Platform, Simulation};
 
 /// Difference of the displacement, of the largest: what the solver's tolerance leaves, times what a slender rest of the body makes of it.
-const APART: f64 = 1e-2;
+const APART: f64 = 1e-3;
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
 
