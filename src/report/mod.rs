@@ -9,17 +9,20 @@ mod collect;
 pub mod compare;
 mod files;
 pub mod frames;
+mod glb;
 mod haptics;
 pub mod inspect;
 mod keys;
 mod listing;
 pub mod memory;
 pub mod mesh;
+mod meshes;
 pub mod recording;
 mod refused;
 pub mod run;
 mod series;
 pub mod study;
+mod tables;
 pub mod verify;
 
 pub use keys::{
