@@ -11,6 +11,8 @@ use super::Report;
 use super::frames::{self, SkinSurface};
 use super::listing::{Listing, remove};
 use super::meshes;
+use super::plot;
+use super::render;
 use super::tables::{self, Marks, Tables};
 use crate::backend::Snapshot;
 use crate::error::Result;
@@ -82,7 +84,11 @@ fn number(name: &str) -> Option<u32> {
 
 /// Whether a run writes files of this name.
 fn of_runs(name: &str) -> bool {
-    FIXED.contains(&name) || number(name).is_some() || (name.starts_with("hand_") && name.ends_with(".csv"))
+    FIXED.contains(&name)
+        || number(name).is_some()
+        || plot::is_plot(name)
+        || render::is_rendered(name)
+        || (name.starts_with("hand_") && name.ends_with(".csv"))
 }
 
 /// Opens the folder of a run, before anything is computed: tries the names of all files that it will have, `more` beside the usual ones.

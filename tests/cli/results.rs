@@ -287,9 +287,20 @@ fn the_incision_inside_is_the_one_in_scenes() -> Outcome {
 fn help_names_every_command() -> Outcome {
     let said = Work::with(ALONE)?.cutis(&["--help"])?;
     ensure!(said.code == 0, "exit status {}", said.code);
-    for word in
-        ["run", "compare", "study", "verify", "inspect", "check", "adapters", "haply-mock", "--json", "Exit status"]
-    {
+    for word in [
+        "run",
+        "compare",
+        "study",
+        "verify",
+        "inspect",
+        "check",
+        "plot",
+        "render",
+        "adapters",
+        "haply-mock",
+        "--json",
+        "Exit status",
+    ] {
         ensure!(said.out.contains(word), "no `{word}` in {}", said.out);
     }
     Ok(())

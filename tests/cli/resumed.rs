@@ -35,7 +35,7 @@ fn pressed() -> String {
 }
 
 /// The shipped incision on few cells, past its first cuts.
-fn cut() -> String {
+pub fn cut() -> String {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let text = std::fs::read_to_string(scenes.join("incision.toml")).expect("it is shipped");
     let whole = |key: &str| (format!("{key} = \""), format!("{key} = \"{}/", scenes.display()));
