@@ -24,7 +24,7 @@
 //! | [`backend`], [`linear`], [`gpu`] | the state on a device, and solvers | Newton's method; read-backs and launches |
 //! | [`step`] | one time step over all bodies | the equations, contact, the state of a simulation |
 //! | [`haptic`] | devices and the 1 kHz loop | passivity, threads, the vendor's protocol |
-//! | [`runner`], `report`, `cli` | the run loop, its observers, the program | report keys, studies, known answers |
+//! | [`runner`], `report`, `cli` | the run loop, its observers, the program | report keys, studies, known answers, plots, pictures |
 //! | `serve`, `http` | a running scene in a browser | messages between page and session |
 //!
 //! Speed and error are measured in the same run: `cutis study` separates the errors of law, grid, step, solver and rounding, each relative

@@ -6,7 +6,7 @@
 use crate::error::{Error, Result};
 use crate::formats::{Array, Encoding, Grid, escaped, write_grid};
 use serde::{Deserialize, Serialize};
-use std::borrow::Borrow;
+use std::borrow::{Borrow, Cow};
 use std::fmt::Write as _;
 use std::fs::File;
 use std::io::{self, BufRead as _, BufReader, Write as _};
@@ -72,6 +72,8 @@ pub enum Field<'a> {
     Scalars(&'a [f64]),
     /// Three numbers each: `[point]` or `[cell]`.
     Vectors(&'a [[f64; 3]]),
+    /// Symmetric tensors, `xx yy zz xy yz zx` as in VTK: `[point]` or `[cell]`.
+    Tensors(&'a [[f64; 6]]),
 }
 
 impl Field<'_> {
@@ -79,6 +81,7 @@ impl Field<'_> {
         match self {
             Field::Scalars(values) => values.len(),
             Field::Vectors(values) => values.len(),
+            Field::Tensors(values) => values.len(),
         }
     }
 }
@@ -146,6 +149,7 @@ fn arrays(fields: &[(&str, Field)], count: usize, of: &str) -> std::result::Resu
         let (components, values) = match field {
             Field::Scalars(values) => (1, values.to_vec()),
             Field::Vectors(values) => (3, values.as_flattened().to_vec()),
+            Field::Tensors(values) => (6, values.as_flattened().to_vec()),
         };
         arrays.push(Array { name: (*name).into(), components, values });
     }
@@ -245,6 +249,22 @@ impl TableMark {
     }
 }
 
+/// Value of a [`Table`].
+#[derive(Clone, Copy, Debug)]
+pub enum Cell<'a> {
+    /// A number.
+    Number(f64),
+    /// A word; in quotes where it has a comma or a quote (RFC 4180).
+    Word(&'a str),
+}
+
+fn quoted(word: &str) -> Cow<'_, str> {
+    match word.contains([',', '"', '\n', '\r']) {
+        true => format!("\"{}\"", word.replace('"', "\"\"")).into(),
+        false => word.into(),
+    }
+}
+
 /// FNV-1a, 64 bits. Source: Fowler, Noll, Vo 1991.
 pub(crate) const fn checksum(bytes: &[u8]) -> u64 {
     checksum_on(0xcbf2_9ce4_8422_2325, bytes)
@@ -323,13 +343,27 @@ impl Table {
     /// # Panics
     /// If the number of values is not the number of columns.
     pub fn row(&mut self, values: &[f64]) -> Result<()> {
-        assert_eq!(values.len(), self.column_count, "values in a row of {}", self.path.display());
+        self.cells(values.iter().map(|value| Cell::Number(*value)))
+    }
+
+    /// Adds a row of numbers and words; otherwise as [`Table::row`].
+    ///
+    /// # Panics
+    /// If the number of cells is not the number of columns.
+    pub fn cells<'a>(&mut self, cells: impl IntoIterator<Item = Cell<'a>>) -> Result<()> {
         self.line.clear();
-        for (column, &value) in values.iter().enumerate() {
-            let comma = if column == 0 { "" } else { "," };
-            // + 0.0 avoids −0: which zero a maximum returns depends on the processor
-            write!(self.line, "{comma}{}", shortest(value + 0.0)).expect("a String takes any text");
+        let mut count = 0;
+        for cell in cells {
+            let comma = if count == 0 { "" } else { "," };
+            let text = match cell {
+                // + 0.0 avoids −0: which zero a maximum returns depends on the processor
+                Cell::Number(value) => shortest(value + 0.0).into(),
+                Cell::Word(word) => quoted(word),
+            };
+            write!(self.line, "{comma}{text}").expect("a String takes any text");
+            count += 1;
         }
+        assert_eq!(count, self.column_count, "values in a row of {}", self.path.display());
         self.line.push('\n');
         self.kept = self.kept.and(self.line.as_bytes());
         if !self.stopped {

@@ -1,7 +1,7 @@
 //! Several bodies in a scene: rigid ones that fall and collide, deformable ones that are tied and touch; laws that hold between them.
 
-use cutis::scene::{Files, Scene, parse};
-use cutis::step::{Platform, Simulation, StepReport};
+use cutis::scene::{BodyId, Files, Scene, parse};
+use cutis::step::{Platform, PointKind, Simulation, StepReport};
 use glam::DVec3;
 use std::path::Path;
 
@@ -82,6 +82,37 @@ fn a_box_slides_down_a_slope_as_coulomb_says() {
         let (end, reports) = run(&scene(&text.replace("friction = 0.3", &format!("friction = {friction}"))));
         let acceleration = end.tools[0].velocity.x / (0.005 * reports.len() as f64);
         assert!(apart(acceleration, known) < 1e-4, "{acceleration} m/s² with μ {friction}");
+    }
+}
+
+#[test]
+fn contact_points_say_what_slides_and_what_sticks() {
+    let text = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/verify/incline_slide.toml"));
+    let text = text.expect("the scene is in the repository");
+    let (the_box, slope) = (BodyId::Rigid(0), BodyId::Plane(0));
+    for (friction, slides) in [(0.3, true), (0.7, false)] {
+        let (end, reports) = run(&scene(&text.replace("friction = 0.3", &format!("friction = {friction}"))));
+        let last = reports.last().expect("there was a step");
+        let points: Vec<_> = last.contact.points().collect();
+        assert_eq!(points.len(), last.contact.count());
+        let on_box: DVec3 = points.iter().map(|p| p.force_on(the_box)).sum();
+        let on_slope: DVec3 = points.iter().map(|p| p.force_on(slope)).sum();
+        assert!((on_box - DVec3::from_array(last.contact.on_tool[0])).length() < 1e-15, "{on_box}");
+        assert!((on_box - last.contact.force(the_box, Some(slope))).length() < 1e-15, "{on_box}");
+        // weight, and friction that holds it or is μ times the normal force
+        assert!((on_box + on_slope).length() < 1e-15 && apart(on_box.z, 0.84957) < 1e-5, "{on_box} {on_slope}");
+        let along = if slides { friction * on_box.z } else { 0.4905 };
+        assert!(apart(-on_box.x, along) < 1e-4, "{on_box} with μ {friction}");
+        for p in points.iter().filter(|p| p.force != DVec3::ZERO) {
+            assert_eq!((p.bodies, p.kind, p.normal), ([the_box, slope], PointKind::Contact, DVec3::Z));
+            assert!(p.gap.abs() < 1e-9 && p.slip.z == 0.0 && p.point.z.abs() < 1e-6, "{p:?}");
+            // a step at the end's velocity, or none: the counter-test of each other
+            let slid = end.tools[0].velocity.x * 0.005;
+            match slides {
+                true => assert!(slid > 5e-3 && apart(p.slip.x, slid) < 1e-6, "{p:?}, {slid} m"),
+                false => assert!(p.slip.length() < 1e-9, "{p:?} sticks"),
+            }
+        }
     }
 }
 

@@ -1,8 +1,10 @@
 //! The built program from outside: exit codes, messages, files.
 //!
-//! Tests that need an adapter are listed as ignored without one; `CUTIS_GPU=require` makes that a failure. So is the one that needs python3
-//! with meshio (`CUTIS_PYTHON` names another interpreter).
+//! Tests that need an adapter are listed as ignored without one; `CUTIS_GPU=require` makes that a failure. So are those that need python3
+//! with meshio, and with trimesh and pygltflib too (`CUTIS_PYTHON` names another interpreter).
 
+#[path = "cli/drawn.rs"]
+mod drawn;
 #[path = "cli/hostile.rs"]
 mod hostile;
 #[path = "cli/input.rs"]
@@ -57,6 +59,7 @@ fn main() {
     let memory = if cfg!(target_os = "linux") { memory::TESTS } else { &[] };
     let hostile = if cfg!(unix) { hostile::TESTS } else { &[] };
     let plain = [
+        drawn::TESTS,
         hostile,
         input::TESTS,
         killed::TESTS,
@@ -80,6 +83,11 @@ fn main() {
     trials.extend(mesh::MESHIO_TESTS.iter().map(|test| match meshio {
         true => trial(test),
         false => trial(test).with_ignored_flag(true).with_kind("no python3 with meshio"),
+    }));
+    let readers = drawn::has_readers();
+    trials.extend(drawn::READER_TESTS.iter().map(|test| match readers {
+        true => trial(test),
+        false => trial(test).with_ignored_flag(true).with_kind("no python3 with meshio, trimesh and pygltflib"),
     }));
     libtest_mimic::run(&arguments, trials).exit();
 }

@@ -59,6 +59,7 @@ const SECTIONS: &[(&str, &str)] = &[
     ("[study]", ""),
     ("[test]", ""),
     ("[view]", ""),
+    ("[output]", ""),
 ];
 
 /// What has to stand beside a key that belongs to a choice: its table's header, the key, lines; `-key` takes a line away, `[skin] key` is

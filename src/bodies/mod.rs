@@ -129,6 +129,10 @@ pub trait Mechanics {
     /// Green–Lagrange strain and Cauchy stress, Pa, at a place of a cell (natural coordinates, 0 to 1) for the displacements of its corners,
     /// m. Springs have no stress: it is 0.
     fn strain_and_stress(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], at: [f64; 3]) -> [M3<f64>; 2];
+    /// Share of a present cell's links to its neighbours that are intact, 0 to 1; of the springs in it for springs.
+    fn alive_share(&self, _model: &Model, wound: &Wound, cell: usize) -> f64 {
+        wound.surface.linked_share(cell)
+    }
     /// True where the mean deformation gradient of a cell of a layer is beyond what its law is for; false for laws of large strains and
     /// springs.
     fn beyond_law(&self, _layer: usize, _gradient: M3<f64>) -> bool {

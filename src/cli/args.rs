@@ -33,8 +33,8 @@ pub struct Cli {
 pub enum Command {
     /// Run a scene: report.json, tables, pictures and meshes (the default)
     ///
-    /// Steps the scene to its end, writes DIR/report.json, probes.csv, energy.csv, haptic.csv, frames/*.png, volume.pvd and
-    /// surface.pvd, and evaluates the scene's [check] table: a failed check is exit status 1.
+    /// Steps the scene to its end, writes DIR/report.json, probes.csv, solver.csv, energy.csv, contacts.csv, haptic.csv,
+    /// frames/*.png, volume.pvd, surface.pvd and tools.pvd, and evaluates the scene's [check] table: a failed check is exit status 1.
     Run(Run),
     /// Run a scene on the GPU and on the CPU path and list the differences
     ///
@@ -69,6 +69,16 @@ pub enum Command {
     /// Reads Gmsh .msh (2.2, 4.1), legacy .vtk, .vtu, .obj, .stl and .ply; --out writes them (but .vtk) by their ending. A mesh with defects
     /// is no error: they are listed, with what comes of each.
     Mesh(Mesh),
+    /// Draw force, probes, energy, convergence and computing time of a run over its time, as SVG and PNG
+    ///
+    /// Reads the tables and the report in DIR and writes DIR/plots/force.svg and .png, probes, energy, residual and timing, as far as there is
+    /// something to draw.
+    Plot(Plot),
+    /// Make pictures and a film of a run from its saved surfaces, coloured by displacement, velocity, stress or layer
+    ///
+    /// Reads the meshes in DIR (of the pictures that --frames asked for) and writes DIR/render/frame_0001.png … and film.png, an animated PNG
+    /// that browsers play.
+    Render(Render),
     /// List the adapters of this machine and say which one `--backend auto` takes
     Adapters(Adapters),
     /// Stand in for Haply's Inverse Service: an Inverse3 and a simulated hand that pushes back, on a port of this machine
@@ -280,6 +290,56 @@ pub struct Mesh {
     pub json: bool,
 }
 
+/// `plot`.
+#[derive(Args, Clone, Debug)]
+pub struct Plot {
+    /// Folder of a run
+    #[arg(value_name = "DIR", default_value = "out")]
+    pub folder: PathBuf,
+    /// Print the names of the files as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `render`.
+#[derive(Args, Clone, Debug)]
+pub struct Render {
+    /// Folder of a run
+    #[arg(value_name = "DIR", default_value = "out")]
+    pub folder: PathBuf,
+    /// What the colours are of
+    #[arg(long, value_enum, default_value_t = Color::Displacement)]
+    pub color: Color,
+    /// Width and height, pixels
+    #[arg(long, num_args = 2, value_names = ["W", "H"], allow_negative_numbers = true, default_values_t = [960, 640], value_parser = clap::value_parser!(u32).range(1..=8192))]
+    pub size: Vec<u32>,
+    /// Pictures of the film per second
+    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 10, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    pub fps: u16,
+    /// Position of the camera; all in view from the front right when none is given
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true, value_parser = millimetres)]
+    pub eye_mm: Option<Vec<f64>>,
+    /// Point that it looks at; the middle when none is given
+    #[arg(long, num_args = 3, value_names = ["X", "Y", "Z"], allow_hyphen_values = true, value_parser = millimetres)]
+    pub target_mm: Option<Vec<f64>>,
+    /// Print the names of the files as JSON on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Colours of `render`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Color {
+    /// Length of the displacement
+    Displacement,
+    /// Length of the velocity
+    Velocity,
+    /// Von Mises stress; the scene has to save it: [output] fields = ["stress"]
+    VonMises,
+    /// Layers, as in the pictures of the run
+    Layer,
+}
+
 /// `adapters`.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct Adapters {
@@ -373,6 +433,10 @@ fn number(text: &str, wanted: &str, holds: impl Fn(f64) -> bool) -> Result<f64, 
 
 fn positive(text: &str) -> Result<f64, String> {
     number(text, "seconds above 0", |v| v.is_finite() && v > 0.0)
+}
+
+fn millimetres(text: &str) -> Result<f64, String> {
+    number(text, "a length in mm", |v| v.abs() < 1e9)
 }
 
 fn fraction(text: &str) -> Result<f64, String> {

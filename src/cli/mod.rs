@@ -14,7 +14,7 @@ use cutis::bodies::Model;
 use cutis::error::Error;
 use cutis::formats::{self, Encoding, Format};
 use cutis::report::memory::{self, Purpose};
-use cutis::report::{check, compare, inspect, mesh, run, study, verify};
+use cutis::report::{check, compare, inspect, mesh, plot, render, run, study, verify};
 use cutis::runner;
 use cutis::scene::{self, Preconditioner, Scene};
 use cutis::serve;
@@ -60,6 +60,8 @@ fn obey(cli: Cli) -> Result<u8> {
         Command::Check(args) => check_scenes(&args),
         Command::Keys(args) => list_keys(&args),
         Command::Mesh(args) => examine_mesh(&args),
+        Command::Plot(args) => plot_results(&args),
+        Command::Render(args) => render_results(&args),
         Command::Adapters(args) => list_adapters(args),
         Command::HaplyMock(args) => stand_in::stand_in(&args),
     }
@@ -378,6 +380,42 @@ fn examine_mesh(args: &args::Mesh) -> Result<u8> {
     }
     if let Some(path) = &args.png {
         mesh::picture(&found, &summary, path)?;
+    }
+    Ok(0)
+}
+
+fn plot_results(args: &args::Plot) -> Result<u8> {
+    list_files(&plot::plot(&args.folder)?, args.json)
+}
+
+fn render_results(args: &args::Render) -> Result<u8> {
+    runner::take_all_cores()?;
+    let metres = |values: &Vec<f64>| [0, 1, 2].map(|k| values[k] * 1e-3);
+    let options = render::Options {
+        folder: args.folder.clone(),
+        color: match args.color {
+            args::Color::Displacement => render::Color::Displacement,
+            args::Color::Velocity => render::Color::Velocity,
+            args::Color::VonMises => render::Color::VonMises,
+            args::Color::Layer => render::Color::Layer,
+        },
+        size: [args.size[0], args.size[1]],
+        rate: args.fps,
+        eye: args.eye_mm.as_ref().map(metres),
+        target: args.target_mm.as_ref().map(metres),
+    };
+    let mut shown = progress::Pictures::new();
+    let files = render::render(&options, &mut |done, all| shown.update(done, all));
+    shown.end();
+    list_files(&files?, args.json)
+}
+
+/// Prints the names of the files that a command has written.
+fn list_files(files: &[PathBuf], as_json: bool) -> Result<u8> {
+    let names: Vec<String> = files.iter().map(|path| path.display().to_string()).collect();
+    match as_json {
+        true => print::json(&names)?,
+        false => names.iter().try_for_each(|name| print::line(name))?,
     }
     Ok(0)
 }

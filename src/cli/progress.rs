@@ -143,3 +143,43 @@ impl Reading {
         }
     }
 }
+
+/// Progress display of pictures.
+pub struct Pictures {
+    start: Instant,
+    bar: Option<ProgressBar>,
+}
+
+impl Pictures {
+    /// Display before the first one.
+    pub fn new() -> Self {
+        let bar = std::io::stderr().is_terminal().then(|| {
+            let style = ProgressStyle::with_template("{bar:30} {pos}/{len} pictures, {eta} left");
+            let bar = ProgressBar::new(0);
+            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+            bar
+        });
+        Self { start: Instant::now(), bar }
+    }
+
+    /// Updates it after a picture.
+    pub fn update(&mut self, done: usize, all: usize) {
+        if let Some(bar) = &self.bar {
+            bar.set_length(all as u64);
+            bar.set_position(done as u64);
+            return;
+        }
+        let line = |done: usize| done * LINES as usize / all;
+        if line(done) > line(done - 1) {
+            let spent = self.start.elapsed().as_secs_f64();
+            print::note(format_args!("picture {done}/{all}, {spent:.1} s spent"));
+        }
+    }
+
+    /// Ends it.
+    pub fn end(&self) {
+        if let Some(bar) = &self.bar {
+            bar.finish_and_clear();
+        }
+    }
+}

@@ -85,6 +85,16 @@ impl Surface {
         live.map(|cell| (self.of.layer(cell), self.parts.corners(cell)))
     }
 
+    /// Share of a cell's neighbours in the grid that it is still linked to, 0 to 1; 1 without neighbours.
+    pub fn linked_share(&self, cell: usize) -> f64 {
+        let p = &self.params;
+        let (at, size) = (p.cell_at(cell), [p.cells_x, p.cells_y, p.cells_z]);
+        let sides = |axis: usize| usize::from(at[axis] > 0) + usize::from(at[axis] + 1 < size[axis] as usize);
+        let all: usize = (0..3).map(sides).sum();
+        let linked = self.parts.linked(cell).filter(|other| self.alive[*other]).count();
+        if all > 0 { linked as f64 / all as f64 } else { 1.0 }
+    }
+
     /// Number of connected pieces of the remaining cells.
     pub fn pieces(&self) -> usize {
         self.parts.pieces(&self.alive)

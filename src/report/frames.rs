@@ -9,26 +9,26 @@ use crate::mesh::Quad;
 use crate::output::{Failed, replace};
 use crate::scene::{Scene, Tool};
 use crate::step::{Body, Simulation, StepReport};
-use crate::view::{self, Camera, Image, Outline, Surface};
+use crate::view::{self, Camera, Image, Outline, Paint, Surface};
 use std::path::Path;
 
 /// Material of the tools.
-const STEEL: [u8; 3] = [188, 194, 202];
-const STEEL_SHININESS: f64 = 90.0;
+pub(super) const STEEL: [u8; 3] = [188, 194, 202];
+pub(super) const STEEL_SHININESS: f64 = 90.0;
 /// Highlight of moist skin.
-const SKIN_SHININESS: f64 = 14.0;
+pub(super) const SKIN_SHININESS: f64 = 14.0;
 
 /// Colour factors of thin lines between cells, and of the rim of a wound, where blood gathers.
-const CELL_INK: [f32; 3] = [0.42; 3];
-const RIM_INK: [f32; 3] = [0.34, 0.03, 0.03];
-/// Widths of lines, samples: between cells of the skin, between cells of a wound's walls, along the rim.
-const CELL_LINE: u32 = 2;
-const WALL_LINE: u32 = 1;
-const RIM_LINE: u32 = 4;
+pub(super) const CELL_INK: [f32; 3] = [0.42; 3];
+pub(super) const RIM_INK: [f32; 3] = [0.34, 0.03, 0.03];
+/// Widths of lines, pixels: between cells of the skin, between cells of a wound's walls, along the rim.
+pub(super) const CELL_LINE: f32 = 1.0;
+pub(super) const WALL_LINE: f32 = 0.6;
+pub(super) const RIM_LINE: f32 = 2.0;
 /// A fresh wall is wet with blood: fraction of its layer's colour; the rest is blood.
-const LAYER_SHARE: f64 = 0.62;
-const BLOOD: [u8; 3] = [128, 12, 16];
-const WET_SHININESS: f64 = 36.0;
+pub(super) const LAYER_SHARE: f64 = 0.62;
+pub(super) const BLOOD: [u8; 3] = [128, 12, 16];
+pub(super) const WET_SHININESS: f64 = 36.0;
 
 /// Current surface of the deformable bodies. Its points have the numbers of the nodes that they belong to.
 pub struct SkinSurface {
@@ -53,6 +53,8 @@ pub struct Faces {
     pub triangles: Vec<[u32; 3]>,
     /// `[triangle]` body and layer of the cell behind it
     pub layers: Vec<[u32; 2]>,
+    /// `[triangle]` that cell, in the body's grid
+    pub cells: Vec<u32>,
     /// `[line]` node ids, each edge of a face once
     pub edges: Vec<[u32; 2]>,
 }
@@ -108,13 +110,14 @@ impl Faces {
     fn add(&mut self, quad: &Quad, first: u32, layer: [u32; 2]) {
         self.triangles.extend(quad.triangles().map(|t| t.map(|n| first + n)));
         self.layers.extend([layer; 2]);
+        self.cells.extend([quad.cell; 2]);
         let n = quad.nodes.map(|n| first + n);
         let sides = [[0, 1], [1, 2], [2, 3], [3, 0]];
         self.edges.extend(sides.map(|[a, b]: [usize; 2]| [n[a].min(n[b]), n[a].max(n[b])]));
     }
 
     /// `[triangle]` colours of the layers, mixed with another colour.
-    fn colors(&self, scene: &Scene, share: f64, other: [u8; 3]) -> Vec<[u8; 3]> {
+    pub(super) fn colors(&self, scene: &Scene, share: f64, other: [u8; 3]) -> Vec<[u8; 3]> {
         let color = |[body, layer]: &[u32; 2]| {
             let own = scene.skins[*body as usize].layers[*layer as usize].color;
             std::array::from_fn(|k| (share * f64::from(own[k]) + (1.0 - share) * f64::from(other[k])).round() as u8)
@@ -135,17 +138,21 @@ pub(super) fn positions(simulation: &Simulation, state: &[Snapshot]) -> Vec<[f64
     moved.map(|(x, u)| std::array::from_fn(|n| x[n] + u[n])).collect()
 }
 
+/// `[tool][vertex]` positions of the rigid bodies' meshes at their poses, m.
+pub(super) fn tool_positions(scene: &Scene, simulation: &Simulation) -> Vec<Vec<[f64; 3]>> {
+    let moved = |(tool, now): (&Tool, &Instrument)| {
+        let at = |p: &[f64; 3]| now.at(glam::DVec3::from_array(*p)).to_array();
+        tool.mesh.positions.iter().map(at).collect()
+    };
+    scene.tools.iter().zip(&simulation.tools).map(moved).collect()
+}
+
 /// Draws the scene with its camera.
 ///
 /// # Errors
 /// [`NoMemory`](view::NoMemory) when there is none for so many pixels.
 pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Result<Image> {
-    // tools at their poses
-    let positions = |(tool, now): (&Tool, &Instrument)| {
-        let at = |p: &[f64; 3]| now.at(glam::DVec3::from_array(*p)).to_array();
-        tool.mesh.positions.iter().map(at).collect::<Vec<_>>()
-    };
-    let tools: Vec<Vec<[f64; 3]>> = scene.tools.iter().zip(&simulation.tools).map(positions).collect();
+    let tools = tool_positions(scene, simulation);
     let triangle_count = scene.tools.iter().map(|t| t.mesh.triangles.len()).max();
     let steel = vec![STEEL; triangle_count.unwrap_or(0)];
     // walls below the skin, so that its lines are drawn last
@@ -160,7 +167,7 @@ pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &S
         Surface {
             positions: &skin.positions,
             triangles: &skin.walls.triangles,
-            colors: &wall_colors,
+            colors: Paint::Triangles(&wall_colors),
             smooth: true,
             outlines: &of_walls,
             shininess: WET_SHININESS,
@@ -168,7 +175,7 @@ pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &S
         Surface {
             positions: &skin.positions,
             triangles: &skin.skin.triangles,
-            colors: &skin_colors,
+            colors: Paint::Triangles(&skin_colors),
             smooth: true,
             outlines: &of_skin,
             shininess: SKIN_SHININESS,
@@ -178,7 +185,7 @@ pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &S
         surfaces.push(Surface {
             positions,
             triangles: &tool.mesh.triangles,
-            colors: &steel,
+            colors: Paint::Triangles(&steel),
             smooth: true,
             outlines: &[],
             shininess: STEEL_SHININESS,

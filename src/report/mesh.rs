@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::formats::{Encoding, Face, Format, Mesh, faces, write};
 use crate::math::elementary::acos;
 use crate::output::{Failed, replace};
-use crate::view::{self, Camera, Outline, Surface};
+use crate::view::{self, Camera, Outline, Paint, Surface};
 use glam::DVec3;
 use serde::Serialize;
 use std::collections::{HashMap, HashSet};
@@ -420,10 +420,16 @@ pub fn picture(mesh: &Mesh, summary: &Summary, path: &Path) -> Result<()> {
     let lines: Vec<[u32; 2]> = edges(&triangles).iter().map(|edge| edge.ids).collect();
     // lines are left out where they would cover the faces
     let drawn = if lines.len() < 60_000 { &lines[..] } else { &[] };
-    let outline = [Outline { lines: drawn, width: 1, ink: [0.45; 3] }];
+    let outline = [Outline { lines: drawn, width: 0.7, ink: [0.45; 3] }];
     let (outlines, shininess) = (&outline[..], 14.0);
-    let surface =
-        Surface { positions: &positions, triangles: &triangles, colors: &colors, smooth: false, outlines, shininess };
+    let surface = Surface {
+        positions: &positions,
+        triangles: &triangles,
+        colors: Paint::Triangles(&colors),
+        smooth: false,
+        outlines,
+        shininess,
+    };
     // from the front, above, to the right; the whole diagonal fits
     let eye = (DVec3::new(0.5, -0.75, 0.5).normalize() * 2.6 * DIAGONAL).to_array();
     let camera = Camera { eye, target: [0.0; 3], up: [0.0, 0.0, 1.0], field_of_view_deg: 25.0 };

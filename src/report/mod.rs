@@ -1,7 +1,7 @@
 //! Results of a run (report, tables, meshes, pictures) and of the other commands.
 //!
 //! [`run`] steps a scene and writes its folder, [`compare`] compares the GPU with the CPU path, [`inspect`] lists what a scene will
-//! allocate without running it, [`verify`] runs known answers, [`mesh`] examines a mesh file. Nothing here prints; the program does.
+//! allocate without running it, [`verify`] runs known answers, [`mesh`] examines a mesh file, [`plot`] draws what a run has left. Nothing here prints; the program does.
 
 pub mod check;
 mod checkpoint;
@@ -9,17 +9,23 @@ mod collect;
 pub mod compare;
 mod files;
 pub mod frames;
+mod glb;
 mod haptics;
 pub mod inspect;
 mod keys;
 mod listing;
 pub mod memory;
 pub mod mesh;
+mod meshes;
+pub mod plot;
 pub mod recording;
 mod refused;
+pub mod render;
 pub mod run;
 mod series;
 pub mod study;
+mod table;
+mod tables;
 pub mod verify;
 
 pub use keys::{

@@ -104,6 +104,43 @@ pub enum Refused {
         path: PathBuf,
     },
 
+    /// Folder without results of a run.
+    #[error(
+        "{}: no results of a run in it: {wanted} is looked for; make some with `cutis run --out {}`",
+        path.display(),
+        path.display()
+    )]
+    NoResults {
+        /// The folder.
+        path: PathBuf,
+        /// What is looked for.
+        wanted: &'static str,
+    },
+
+    /// Field that a saved mesh does not have.
+    #[error(
+        "{}: no field {name}; run the scene again with the field in its [output] (fields = [\"stress\"] for von Mises stress), or colour by \
+         another one",
+        path.display()
+    )]
+    NoField {
+        /// The mesh.
+        path: PathBuf,
+        /// Name of the array.
+        name: String,
+    },
+
+    /// Result that is damaged, or was not written by a run.
+    #[error("{at}: {found} where {wanted} is wanted; draw a folder as `cutis run` has left it, or run the scene again")]
+    Table {
+        /// The file, with the line if there is one.
+        at: String,
+        /// What stands there.
+        found: String,
+        /// What is wanted.
+        wanted: &'static str,
+    },
+
     /// Check on an unknown key.
     #[error(
         "{at}: [check] names `{key}`, which is no number of the report; name one of {known}, warnings.NAME or probes.NAME"
@@ -143,8 +180,10 @@ pub enum Refused {
     },
 
     /// Plot that cannot be drawn.
-    #[error("study.svg cannot be drawn ({message}); study.csv has the same numbers")]
+    #[error("{file} cannot be drawn ({message}); the tables (.csv) have the same numbers")]
     Plot {
+        /// Name of the plot.
+        file: &'static str,
         /// Message of the drawing library.
         message: String,
     },

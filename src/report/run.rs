@@ -230,7 +230,7 @@ impl Running<'_> {
             let state = self.runner.simulation.snapshots()?;
             if let Some(measured) = self.runner.simulation.measure(&state) {
                 self.collector.began(&measured);
-                self.folder.add_energy(&measured)?;
+                self.folder.tables.add_energy(&measured)?;
             }
         }
         if done > 0 {
@@ -268,7 +268,7 @@ impl Running<'_> {
         let state = self.runner.simulation.snapshots()?;
         let measured = self.runner.simulation.measure(&state);
         self.collector.ended(&self.runner.simulation, &state, measured.as_ref());
-        measured.iter().try_for_each(|measured| self.folder.add_energy(measured))?;
+        measured.iter().try_for_each(|measured| self.folder.tables.add_energy(measured))?;
         if let Some(body) = state.iter().position(|state| state.non_finite() > 0) {
             return Err(self.runner.simulation.non_finite(BodyId::Deformable(body)));
         }
@@ -288,8 +288,8 @@ impl Running<'_> {
         let step = runner.step(exact, &mut |tool, record| haptic.add(tool, record))?;
         self.collector.add(&step.report, step.took);
         self.last.clone_from(&step.report.probes);
-        self.folder.add_step(&step.report)?;
-        step.report.measured.iter().try_for_each(|measured| self.folder.add_energy(measured))?;
+        self.folder.tables.add_step(self.scene, &step.report)?;
+        step.report.measured.iter().try_for_each(|measured| self.folder.tables.add_energy(measured))?;
         Ok(step.report)
     }
 
@@ -314,7 +314,7 @@ impl Running<'_> {
         drop(self.folder.release());
         drop(self.folder.write_report(&report));
         drop(self.haptic.finish());
-        drop(self.folder.flush());
+        drop(self.folder.tables.flush());
     }
 
     /// Complete state of the run. Table rows are flushed before they are counted.

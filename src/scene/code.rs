@@ -30,6 +30,7 @@ impl Default for Scene {
             study: Study::default(),
             test: None,
             view: View::default(),
+            output: Output::default(),
         }
     }
 }

@@ -43,7 +43,9 @@ pub use grid::MOST_NODES;
 pub use hyperelastic::{Fibres, MATERIALS, Material};
 pub use invalid::{Invalid, Location};
 pub use read::{parse, read};
-pub use recorded::{Check, Component, FIXED_COLUMNS, Probe, ProbeKind, TestForm, View};
+pub use recorded::{
+    Check, Component, FIXED_COLUMNS, Output, OutputField, Probe, ProbeKind, SurfaceFormat, TestForm, View,
+};
 pub use region::{ACROSS, CellFace, Region, Spans};
 pub use study::Study;
 pub use text::nearest;
@@ -98,6 +100,8 @@ pub struct Scene {
     pub test: Option<TestForm>,
     /// Pictures.
     pub view: View,
+    /// What is saved with them beside the usual.
+    pub output: Output,
 }
 
 /// Key of [`Scene::lines`] for the step.
@@ -135,6 +139,19 @@ pub fn reserve_of(body: &str) -> String {
 }
 
 impl Scene {
+    /// Name of a body; `world` for the world.
+    ///
+    /// # Panics
+    /// For a body that the scene does not have.
+    pub fn body_name(&self, body: BodyId) -> &str {
+        match body {
+            BodyId::Rigid(number) => &self.tools[number].name,
+            BodyId::Deformable(number) => &self.skins[number].name,
+            BodyId::Plane(number) => &self.planes[number].name,
+            BodyId::World => "world",
+        }
+    }
+
     /// Where a key stands, for messages: the file, with the line if that is known.
     pub fn at(&self, key: &str) -> String {
         match self.lines.get(key) {

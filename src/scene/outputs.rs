@@ -4,8 +4,10 @@ use super::bodies::Names;
 use super::grid::{Grid, no_extent, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Extent, Table};
+use super::study::words;
 use super::text::{Bound, DEGREE, MM, PLAIN, SceneText, Taken, or, or_vector};
-use super::{BodyId, COMPONENTS, Check, FIXED_COLUMNS, Probe, ProbeKind, Skin, Tool, View};
+use super::words::{OUTPUT_FIELDS, SURFACE_FORMATS};
+use super::{BodyId, COMPONENTS, Check, FIXED_COLUMNS, Output, Probe, ProbeKind, Skin, Tool, View};
 use crate::math::elementary::{atan, hypot, sin, tan};
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -279,6 +281,15 @@ pub(super) fn view(scene: &SceneText, table: Option<Table<raw::View>>, skins: &[
         return Err(Invalid::ViewPoint { at: scene.location(span) });
     }
     Ok(View { frames: scene.count("frames", &or(raw.frames, 8), [0, u32::MAX])?, size, eye, target, field_of_view })
+}
+
+/// What is saved with the pictures.
+pub(super) fn output(scene: &SceneText, table: Option<Table<raw::Output>>) -> Result<Output> {
+    let raw = raw::keys(table);
+    Ok(Output {
+        fields: words(scene, "fields", raw.fields, &OUTPUT_FIELDS)?,
+        surfaces: words(scene, "surface", raw.surface, &SURFACE_FORMATS)?,
+    })
 }
 
 /// Bounding sphere (centre and radius) of the deformable bodies; without any, of the free bodies, m.

@@ -92,6 +92,7 @@ pub(super) struct Scene {
     pub study: Option<Table<Study>>,
     pub test: Option<Table<Test>>,
     pub view: Option<Table<View>>,
+    pub output: Option<Table<Output>>,
 }
 
 #[derive(serde::Deserialize)]
@@ -462,4 +463,11 @@ pub(super) struct View {
     pub eye_mm: Option<Numbers>,
     pub target_mm: Option<Numbers>,
     pub field_of_view_deg: Option<At<f64>>,
+}
+
+#[derive(Default, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Output {
+    pub fields: Option<At<Vec<At<String>>>>,
+    pub surface: Option<At<Vec<At<String>>>>,
 }

@@ -135,6 +135,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         haptic,
         checks: outputs::checks(&scene, raw.check, &probes)?,
         view: outputs::view(&scene, raw.view, &skins, &tools)?,
+        output: outputs::output(&scene, raw.output)?,
         study: study::study(&scene, raw.study, &time, &skins, &tools, &probes, touching)?,
         time,
         skins,

@@ -248,3 +248,52 @@ pub struct View {
     /// Vertical field of view, degrees.
     pub field_of_view: f64,
 }
+
+/// Fields of the saved meshes beside displacement, velocity, layer and body.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OutputField {
+    /// Cauchy stress and its von Mises invariant, at the middle of each cell.
+    Stress,
+    /// Green–Lagrange strain, at the middle of each cell.
+    Strain,
+    /// Share of a cell's links, or of the springs in it, that are intact.
+    Alive,
+}
+
+/// Format of saved surfaces.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SurfaceFormat {
+    /// glTF 2.0, binary, with colours and the tools.
+    Glb,
+    /// Wavefront OBJ.
+    Obj,
+    /// STL, binary.
+    Stl,
+}
+
+impl SurfaceFormat {
+    /// Ending of its files.
+    pub fn ending(self) -> &'static str {
+        match self {
+            Self::Glb => "glb",
+            Self::Obj => "obj",
+            Self::Stl => "stl",
+        }
+    }
+}
+
+/// What is saved with each picture beside the usual; each has its cost, and is left out unless asked for.
+#[derive(Clone, Debug, Default)]
+pub struct Output {
+    /// More fields of the meshes.
+    pub fields: Vec<OutputField>,
+    /// More formats of the surface.
+    pub surfaces: Vec<SurfaceFormat>,
+}
+
+impl Output {
+    /// Whether a field is asked for.
+    pub fn has(&self, field: OutputField) -> bool {
+        self.fields.contains(&field)
+    }
+}

@@ -213,7 +213,8 @@ fn numbers(scene: &SceneText, key: &'static str, list: &Option<Numbers>, unit: s
     each(scene, key, &At::new(list.span(), values), |v| scene.number(key, v, unit, Bound::Positive))
 }
 
-fn words<T: Copy>(
+/// Values of a list of words.
+pub(super) fn words<T: Copy>(
     scene: &SceneText,
     key: &'static str,
     list: Option<At<Vec<At<String>>>>,

@@ -1,6 +1,6 @@
 //! Names of the choices in a scene file, used for reading and for output in reports and studies.
 
-use super::{Component, Correction, Element, Integrator, Preconditioner};
+use super::{Component, Correction, Element, Integrator, OutputField, Preconditioner, SurfaceFormat};
 
 /// Elements of hexahedra.
 pub const ELEMENTS: [(&str, Element); 3] =
@@ -32,6 +32,14 @@ pub const COMPONENTS: [(&str, Component); 7] = [
     ("zx", Component::Entry(2, 0)),
     ("von_mises", Component::VonMises),
 ];
+
+/// Fields of saved meshes.
+pub const OUTPUT_FIELDS: [(&str, OutputField); 3] =
+    [("stress", OutputField::Stress), ("strain", OutputField::Strain), ("alive", OutputField::Alive)];
+
+/// Formats of saved surfaces.
+pub const SURFACE_FORMATS: [(&str, SurfaceFormat); 3] =
+    [("glb", SurfaceFormat::Glb), ("obj", SurfaceFormat::Obj), ("stl", SurfaceFormat::Stl)];
 
 /// Preconditioners; the last two are for hexahedra, the last three not for tetrahedra.
 pub const PRECONDITIONERS: [(&str, Preconditioner); 6] = [

@@ -1,6 +1,9 @@
 //! Contact solve of a step: constraint rows, compliance `W`, forces and correction. [`passes`] has its passes.
 
 mod passes;
+mod points;
+
+pub use points::{ContactPoint, PointKind};
 
 use super::rows::Rows;
 use super::{Part, Simulation, StepReport};

@@ -42,7 +42,7 @@ mod rows;
 mod state;
 
 pub use body::{Body, needs, start};
-pub use contact::ContactReport;
+pub use contact::{ContactPoint, ContactReport, PointKind};
 pub use costs::{Costs, Part};
 pub use energy::{Booked, Measured};
 pub use refused::Refused;

@@ -18,6 +18,35 @@ pub(super) fn glyph(character: char) -> [u8; HEIGHT] {
     }
 }
 
+/// Strokes of a character: lines between the centres of neighbouring dots, in dots from the left and from the top; a lone dot is a line of
+/// no length. Diagonal neighbours are joined where no other way leads from one to the other.
+pub fn strokes(character: char) -> Vec<[[f64; 2]; 2]> {
+    let rows = glyph(character);
+    let dot = |x: isize, y: isize| {
+        let inside = (0..WIDTH as isize).contains(&x) && (0..HEIGHT as isize).contains(&y);
+        inside && rows[y as usize] >> (WIDTH as isize - 1 - x) & 1 == 1
+    };
+    let mut out = vec![];
+    for (x, y) in
+        (0..HEIGHT as isize).flat_map(|y| (0..WIDTH as isize).map(move |x| (x, y))).filter(|(x, y)| dot(*x, *y))
+    {
+        let here = [x as f64, y as f64];
+        let mut lone = true;
+        for (dx, dy) in (-1..=1).flat_map(|dy| (-1..=1).map(move |dx| (dx, dy))).filter(|d| *d != (0, 0)) {
+            let joined = dot(x + dx, y + dy) && (dx == 0 || dy == 0 || !(dot(x + dx, y) || dot(x, y + dy)));
+            lone &= !joined;
+            // each line once
+            if joined && (dy, dx) > (0, 0) {
+                out.push([here, [(x + dx) as f64, (y + dy) as f64]]);
+            }
+        }
+        if lone {
+            out.push([here; 2]);
+        }
+    }
+    out
+}
+
 /// `[character − space][row]`.
 #[rustfmt::skip]
 const ASCII: [[u8; HEIGHT]; 95] = [

@@ -1,6 +1,8 @@
 //! Pictures without a graphics adapter: a small software rasteriser.
 //!
-//! Triangles are clipped at the near plane, drawn into a depth buffer with 2 × 2 samples per pixel, and shaded once per pixel and triangle.
+//! Triangles are clipped at the near plane, drawn into a depth buffer with 4 × 4 samples per pixel, and shaded once per pixel and triangle.
+//! A picture is drawn in bands of rows, so that the samples take little memory: first the nearest surface of each pixel, for the ambient
+//! occlusion, then its colour.
 //! Wounds are shallow compared with the patch, so two cheap depth cues are added: ambient occlusion from the depth buffer, and shadows of
 //! the first light. Triangles are drawn in a fixed order and rows are shaded independently, so the same input gives the same bytes for any
 //! number of threads.
@@ -8,15 +10,20 @@
 //! View space: x right, y up, z away from the eye, in metres. Lights are fixed to the camera.
 
 mod font;
+mod map;
 mod occlusion;
+mod overlay;
 mod raster;
 mod shade;
 
+pub use font::strokes;
+pub use map::color_of;
+pub use overlay::{ColorBar, color_bar};
 pub use raster::NoMemory;
 
 use crate::error::Result;
 use glam::{DVec3, Vec3};
-use raster::{NO_TRIANGLE, SAMPLES, Samples, room};
+use raster::{Line, NO_TRIANGLE, SAMPLES, Samples, room};
 use rayon::prelude::*;
 
 /// Cosine of 40°: smooth shading preserves edges sharper than this. A larger angle rounds the bevel of a blade, a smaller one shows the
@@ -26,7 +33,7 @@ const CREASE_COSINE: f32 = 0.766;
 /// Distance of the near plane as a fraction of the distance from eye to target.
 const NEAR: f64 = 0.01;
 
-/// Colour of triangles beyond the end of `Surface::colors`, sRGB.
+/// Colour of what is beyond the end of `Surface::colors`, sRGB.
 const NO_COLOR: [u8; 3] = [128; 3];
 
 /// Minimum number of rows per thread: ten thousand pixels or so; fewer are not worth distributing.
@@ -38,8 +45,8 @@ pub struct Surface<'a> {
     pub positions: &'a [[f64; 3]],
     /// `[triangle]` vertex ids; either winding.
     pub triangles: &'a [[u32; 3]],
-    /// `[triangle]` sRGB; missing ones are grey.
-    pub colors: &'a [[u8; 3]],
+    /// Colours.
+    pub colors: Paint<'a>,
     /// Smooth shading with normals averaged over the faces around a vertex, except across creases; otherwise flat.
     pub smooth: bool,
     /// Lines on the surface, later ones over earlier ones.
@@ -48,13 +55,36 @@ pub struct Surface<'a> {
     pub shininess: f64,
 }
 
+/// Colours of a surface, sRGB; missing ones are grey.
+#[derive(Clone, Copy, Debug)]
+pub enum Paint<'a> {
+    /// `[triangle]`
+    Triangles(&'a [[u8; 3]]),
+    /// `[vertex]`, with even transitions between them.
+    Vertices(&'a [[u8; 3]]),
+}
+
+impl Paint<'_> {
+    /// Linear colours of the corners of a triangle, from 0 to 1.
+    fn corners(self, triangle: usize, ids: [u32; 3]) -> [Vec3; 3] {
+        let linear = |srgb: Option<&[u8; 3]>| {
+            let color = Vec3::from(srgb.unwrap_or(&NO_COLOR).map(|channel| f32::from(channel) / 255.0));
+            color * color
+        };
+        match self {
+            Self::Triangles(colors) => [linear(colors.get(triangle)); 3],
+            Self::Vertices(colors) => ids.map(|id| linear(colors.get(id as usize))),
+        }
+    }
+}
+
 /// Lines of one style, drawn where they are visible.
 #[derive(Clone, Copy, Debug)]
 pub struct Outline<'a> {
     /// `[line]` vertex ids.
     pub lines: &'a [[u32; 2]],
-    /// Width in samples; a pixel has two along each side.
-    pub width: u32,
+    /// Width, pixels.
+    pub width: f32,
     /// Fraction of the surface's linear colour that remains under the line, 0 to 1.
     pub ink: [f32; 3],
 }
@@ -89,8 +119,8 @@ pub struct Image {
 struct Triangle {
     corners: [Vec3; 3],
     normals: [Vec3; 3],
-    /// Linear, 0 to 1.
-    color: Vec3,
+    /// Of the corners, linear, 0 to 1.
+    colors: [Vec3; 3],
     shininess: f32,
 }
 
@@ -148,30 +178,91 @@ impl View {
 /// [`NoMemory`] if there is not enough memory for the picture.
 pub fn render(surfaces: &[Surface], camera: &Camera, width: u32, height: u32, caption: &[&str]) -> Result<Image> {
     let (columns, rows) = (width as usize, height as usize);
-    let mut skipped = 0;
-    let mut samples = Samples::new(columns, rows)?;
-    let mut triangles = Vec::new();
-    let view = View::new(camera, columns, rows);
-    if let Some(view) = &view {
+    let mut image = Image { width, height, rgb: room(3 * columns * rows, 0)?, skipped: 0 };
+    let mut drawing = None;
+    if let Some(view) = View::new(camera, columns, rows) {
+        let mut made = Drawing::new(view);
+        image.skipped = surfaces.iter().map(|surface| made.add(surface)).sum();
+        surfaces.iter().for_each(|surface| made.add_lines(surface));
+        drawing = Some(made).filter(|made| !made.triangles.is_empty());
+    }
+    shade::shade(drawing.as_ref(), &mut image)?;
+    overlay::caption(&mut image, caption);
+    Ok(image)
+}
+
+/// What is drawn, in view space.
+struct Drawing {
+    view: View,
+    /// Distance of the near plane, m.
+    near: f32,
+    triangles: Vec<Triangle>,
+    lines: Vec<Line>,
+    /// `[pen]` fraction of the linear colour that remains under a line; the first is that of no line.
+    inks: Vec<Vec3>,
+    /// `[triangle]` and `[line]` rows of samples that each reaches.
+    triangle_rows: Vec<[f64; 2]>,
+    line_rows: Vec<[f64; 2]>,
+}
+
+impl Drawing {
+    fn new(view: View) -> Self {
         let near = (NEAR * view.distance) as f32;
-        for surface in surfaces {
-            let in_view: Vec<_> = surface.positions.iter().map(|p| view.to_view(p)).collect();
-            let first = triangles.len();
-            skipped += prepare(surface, &in_view, &mut triangles);
-            for (id, triangle) in triangles.iter().enumerate().skip(first) {
-                samples.draw_triangle(view, near, &triangle.corners, id as u32);
-            }
-        }
-        for surface in surfaces {
-            for outline in surface.outlines {
-                draw_outline(surface.positions, outline, view, near, &mut samples);
+        let (triangles, lines, inks) = (vec![], vec![], vec![Vec3::ONE]);
+        Self { view, near, triangles, lines, inks, triangle_rows: vec![], line_rows: vec![] }
+    }
+
+    /// Adds the triangles of a surface; returns the number of skipped ones.
+    fn add(&mut self, surface: &Surface) -> usize {
+        let in_view: Vec<_> = surface.positions.iter().map(|p| self.view.to_view(p)).collect();
+        let first = self.triangles.len();
+        let skipped = prepare(surface, &in_view, &mut self.triangles);
+        let reach = |triangle: &Triangle| raster::rows(&self.view, self.near, &triangle.corners, 0.0);
+        self.triangle_rows.extend(self.triangles[first..].iter().map(reach));
+        skipped
+    }
+
+    /// Adds the lines of a surface; those with a missing or non-finite end are skipped.
+    fn add_lines(&mut self, surface: &Surface) {
+        for outline in surface.outlines {
+            let pen = self.pen(outline.ink);
+            let width = f64::from(outline.width) * SAMPLES as f64;
+            for ids in outline.lines {
+                let ends = ids.map(|id| surface.positions.get(id as usize).and_then(|p| self.view.to_view(p)));
+                if let [Some(a), Some(b)] = ends {
+                    self.line_rows.push(raster::rows(&self.view, self.near, &[a, b], 0.5 * width));
+                    self.lines.push(Line { ends: [a, b], pen, width });
+                }
             }
         }
     }
-    let mut image = Image { width, height, rgb: room(3 * columns * rows, 0)?, skipped };
-    shade::shade(&samples, &triangles, view.as_ref(), &mut image)?;
-    draw_caption(&mut image, caption);
-    Ok(image)
+
+    /// Pen of a colour; colours beyond the 255th share its pen.
+    fn pen(&mut self, ink: [f32; 3]) -> u8 {
+        let ink = Vec3::from(ink);
+        let known = self.inks.iter().position(|other| *other == ink);
+        let pen = known.unwrap_or_else(|| {
+            self.inks.push(ink);
+            self.inks.len() - 1
+        });
+        pen.min(255) as u8
+    }
+
+    /// Samples of the `rows` rows of pixels from `top` on, in a picture of `columns` columns; without lines where only depths are wanted.
+    fn samples(&self, columns: usize, rows: usize, top: usize, with_lines: bool) -> Result<Samples> {
+        let mut samples = Samples::new(columns, rows, top)?;
+        let (first, last) = (samples.top as f64, (samples.top + samples.height) as f64);
+        let inside = |[low, high]: &[f64; 2]| *low < last && *high > first;
+        for (id, triangle) in self.triangles.iter().enumerate().filter(|(id, _)| inside(&self.triangle_rows[*id])) {
+            samples.draw_triangle(&self.view, self.near, &triangle.corners, id as u32);
+        }
+        if with_lines {
+            for (_, line) in self.lines.iter().enumerate().filter(|(k, _)| inside(&self.line_rows[*k])) {
+                samples.draw_line(&self.view, self.near, line);
+            }
+        }
+        Ok(samples)
+    }
 }
 
 /// Adds the surface's triangles in view space; returns the number of skipped ones.
@@ -183,12 +274,10 @@ fn prepare(surface: &Surface, in_view: &[Option<Vec3>], triangles: &mut Vec<Tria
         let [Some(a), Some(b), Some(c)] = ids.map(corner) else {
             continue;
         };
-        let srgb = surface.colors.get(index).unwrap_or(&NO_COLOR);
-        let color = Vec3::from(srgb.map(|channel| f32::from(channel) / 255.0));
         triangles.push(Triangle {
             corners: [a, b, c],
             normals: [(b - a).cross(c - a).normalize_or_zero(); 3],
-            color: color * color,
+            colors: surface.colors.corners(index, *ids),
             shininess: (surface.shininess as f32).clamp(1.0, 1e4),
         });
         kept_ids.push(*ids);
@@ -234,52 +323,10 @@ fn smooth_normals(vertex_count: usize, ids: &[[u32; 3]], triangles: &mut [Triang
     }
 }
 
-/// Draws lines between positions; those with a missing or non-finite end are skipped.
-fn draw_outline(positions: &[[f64; 3]], outline: &Outline, view: &View, near: f32, samples: &mut Samples) {
-    let pen = samples.pen(outline.ink);
-    for ids in outline.lines {
-        let ends = ids.map(|id| positions.get(id as usize).and_then(|p| view.to_view(p)));
-        if let [Some(a), Some(b)] = ends {
-            samples.draw_line(view, near, [a, b], (pen, outline.width as isize));
-        }
-    }
-}
-
 /// Calls `fill(y, row)` for each row of a picture, on all cores. Rows are independent, so the number of threads does not affect the result.
 fn for_rows<T: Send>(data: &mut [T], row_size: usize, fill: impl Fn(usize, &mut [T]) + Sync) {
     // uses the existing threads: starting new ones would fail where memory is short
     data.par_chunks_mut(row_size.max(1)).enumerate().with_min_len(ROWS).for_each(|(y, row)| fill(y, row));
-}
-
-/// Dark text with a light rim, legible on the background and on the scene.
-fn draw_caption(image: &mut Image, caption: &[&str]) {
-    const INK: [u8; 3] = [38, 42, 50];
-    const RIM: [u8; 3] = [236, 238, 241];
-    let dot = (image.height as usize / 320).max(1);
-    let (column, row) = ((font::WIDTH + 1) * dot, (font::HEIGHT + 3) * dot);
-    for (color, rim) in [(RIM, 1), (INK, 0)] {
-        for (line, text) in caption.iter().enumerate() {
-            for (index, character) in text.chars().enumerate() {
-                let left = 5 * dot + index * column;
-                let top = 5 * dot + line * row;
-                for (y, bits) in font::glyph(character).into_iter().enumerate() {
-                    for x in (0..font::WIDTH).filter(|x| bits >> (font::WIDTH - 1 - x) & 1 == 1) {
-                        fill_square(image, [left + x * dot, top + y * dot], dot, rim, color);
-                    }
-                }
-            }
-        }
-    }
-}
-
-/// Fills a square of `size` pixels with a `rim` on each side, clipped to the picture.
-fn fill_square(image: &mut Image, corner: [usize; 2], size: usize, rim: usize, color: [u8; 3]) {
-    let (width, height) = (image.width as usize, image.height as usize);
-    for y in corner[1] - rim..(corner[1] + size + rim).min(height) {
-        for x in corner[0] - rim..(corner[0] + size + rim).min(width) {
-            image.rgb[3 * (y * width + x)..][..3].copy_from_slice(&color);
-        }
-    }
 }
 
 /// Encodes the picture as PNG.
@@ -320,7 +367,14 @@ mod tests {
     }
 
     fn surface<'a>(positions: &'a [[f64; 3]], colors: &'a [[u8; 3]]) -> Surface<'a> {
-        Surface { positions, triangles: &[[0, 1, 2]], colors, smooth: false, outlines: &[], shininess: 10.0 }
+        Surface {
+            positions,
+            triangles: &[[0, 1, 2]],
+            colors: Paint::Triangles(colors),
+            smooth: false,
+            outlines: &[],
+            shininess: 10.0,
+        }
     }
 
     fn picture(surfaces: &[Surface]) -> Image {
@@ -380,9 +434,9 @@ mod tests {
             let surface = Surface {
                 positions: &positions,
                 triangles: &triangles,
-                colors: &colors,
+                colors: Paint::Triangles(&colors),
                 smooth: true,
-                outlines: &[Outline { lines: &outline, width: 2, ink: [0.4; 3] }],
+                outlines: &[Outline { lines: &outline, width: 1.0, ink: [0.4; 3] }],
                 shininess: 60.0,
             };
             render(&[surface], &CAMERA, 123, 77, &["t = 0.1 s"])
@@ -395,19 +449,37 @@ mod tests {
         let (positions, triangles, _) = sheet(31);
         let colors = vec![RED; triangles.len()];
         let surface = Surface { triangles: &triangles, ..surface(&positions, &colors) };
-        let mut samples = Samples::new(64, 48).unwrap();
-        let view = View::new(&CAMERA, 64, 48).unwrap();
-        let in_view: Vec<_> = positions.iter().map(|p| view.to_view(p)).collect();
-        let mut prepared = Vec::new();
-        assert_eq!(prepare(&surface, &in_view, &mut prepared), 0);
-        for (id, triangle) in prepared.iter().enumerate() {
-            samples.draw_triangle(&view, 1e-4, &triangle.corners, id as u32);
-        }
-        let inside = (40..samples.width - 40).flat_map(|x| (20..76).map(move |y| (x, y)));
+        let mut drawing = Drawing::new(View::new(&CAMERA, 64, 48).unwrap());
+        assert_eq!(drawing.add(&surface), 0);
+        let samples = drawing.samples(64, 48, 0, true).unwrap();
+        let inside = (20 * SAMPLES..44 * SAMPLES).flat_map(|x| (10 * SAMPLES..38 * SAMPLES).map(move |y| (x, y)));
         for (x, y) in inside {
             let id = samples.triangle[y * samples.width + x];
             assert_ne!(id, NO_TRIANGLE, "gap at sample {x} {y}");
         }
+    }
+
+    #[test]
+    fn edges_and_lines_have_many_shades() {
+        // a slanted edge, and a slanted line on a sheet
+        let corners = [[-9e-3, -9e-3, 0.0], [9e-3, -9e-3, 0.0], [9e-3, -3e-3, 0.0]];
+        let sheet =
+            [[-9e-3, -9e-3, 0.0], [9e-3, -9e-3, 0.0], [0.0, 20e-3, 0.0], [-3e-3, -1e-3, 0.0], [3e-3, 1e-3, 0.0]];
+        let lines = [[3, 4]];
+        let outlines = [Outline { lines: &lines, width: 1.5, ink: [0.0; 3] }];
+        let shades = |image: &Image| {
+            let middle: Vec<u8> =
+                (0..48).flat_map(|y| (8..56).map(move |x| 3 * (y * 64 + x) + 2)).map(|k| image.rgb[k]).collect();
+            let mut found = middle.clone();
+            found.sort_unstable();
+            found.dedup();
+            let (low, high) = (found[0], found[found.len() - 1]);
+            found.iter().filter(|shade| **shade > low + 8 && **shade < high - 8).count()
+        };
+        let edge = shades(&picture(&[surface(&corners, &[RED])]));
+        let line = shades(&picture(&[Surface { outlines: &outlines, ..surface(&sheet, &[RED]) }]));
+        assert!(edge >= 8, "{edge} shades along an edge");
+        assert!(line >= 5, "{line} shades along a line");
     }
 
     #[test]
@@ -426,7 +498,7 @@ mod tests {
             let lines = [[0, 1], [1, 2], [0, 7]];
             let hidden = Surface { smooth: true, ..surface(&corners, &[RED]) };
             assert_eq!(picture(&[hidden]).rgb.len(), empty.rgb.len());
-            let outlines = [Outline { lines: &lines, width: 2, ink: [0.4; 3] }];
+            let outlines = [Outline { lines: &lines, width: 1.0, ink: [0.4; 3] }];
             let lined = Surface { outlines: &outlines, ..surface(&corners, &[]) };
             picture(&[lined]);
         }
@@ -496,6 +568,22 @@ mod tests {
             (0..96 * 48).filter(|i| with.rgb[3 * i..3 * i + 3] != without.rgb[3 * i..3 * i + 3]).collect();
         assert!(changed.len() > 50);
         assert!(changed.iter().all(|i| i % 96 < 40 && i / 96 < 26));
+    }
+
+    #[test]
+    fn colours_of_vertices_blend_between_them() {
+        let corners = triangle(4e-3, 0.0);
+        let painted = |colors| picture(&[Surface { colors, ..surface(&corners, &[]) }]);
+        let both = painted(Paint::Vertices(&[RED, BLUE, [0; 3]]));
+        let red_at = |x: usize| {
+            let rgb = &both.rgb[3 * (40 * 64 + x)..][..3];
+            f64::from(rgb[0]) / f64::from(u32::from(rgb[0]) + u32::from(rgb[2]))
+        };
+        let shares: Vec<f64> = (16..48).map(red_at).collect();
+        assert!(shares[0] > 0.65 && shares[31] < 0.35, "{shares:?}");
+        assert!(shares.windows(2).all(|pair| pair[1] < pair[0] + 0.01 && pair[0] - pair[1] < 0.05), "{shares:?}");
+        // one colour at all vertices is that of the triangle
+        assert_eq!(painted(Paint::Vertices(&[RED; 3])), painted(Paint::Triangles(&[RED])));
     }
 
     #[test]

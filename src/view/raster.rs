@@ -1,4 +1,4 @@
-//! Scan conversion: the nearest triangle at each sample.
+//! Scan conversion: the nearest triangle and line at each sample of a band of rows.
 //!
 //! Corners are snapped to 1/256 of a sample, so that edge functions are exact and triangles with a common edge leave no gap.
 
@@ -6,8 +6,8 @@ use super::View;
 use crate::error::Result;
 use glam::{Vec2, Vec3};
 
-/// Samples along each side of a pixel.
-pub(super) const SAMPLES: usize = 2;
+/// Samples along each side of a pixel: 16 shades from none to all of an edge.
+pub(super) const SAMPLES: usize = 4;
 
 /// Id where no triangle was drawn.
 pub(super) const NO_TRIANGLE: u32 = u32::MAX;
@@ -19,18 +19,27 @@ const SNAP: f64 = 256.0;
 /// faces, more lets them show through thin layers.
 const LINE_DEPTH_SHARE: f64 = 2e-3;
 
-/// Nearest triangle and line at each sample.
+/// Nearest triangle and line at each sample of a band.
 pub(super) struct Samples {
     pub(super) width: usize,
     pub(super) height: usize,
+    /// Row of the picture's samples where the band begins.
+    pub(super) top: usize,
     /// `[height][width]` 1/m, 1/z in view space; 0 where there is nothing.
     pub(super) inverse_depth: Vec<f32>,
     /// `[height][width]` triangle ids.
     pub(super) triangle: Vec<u32>,
     /// `[height][width]` pen of the line; 0 for none.
     pub(super) line: Vec<u8>,
-    /// `[pen]` fraction of the linear colour that remains under a line.
-    pub(super) inks: Vec<Vec3>,
+}
+
+/// A line in view space.
+pub(super) struct Line {
+    pub(super) ends: [Vec3; 2],
+    /// Number of its colour.
+    pub(super) pen: u8,
+    /// Samples.
+    pub(super) width: f64,
 }
 
 /// Not enough memory for a picture.
@@ -54,25 +63,30 @@ pub(super) fn room<T: Clone>(count: usize, value: T) -> Result<Vec<T>> {
 }
 
 impl Samples {
-    /// Empty samples for a picture of `columns` × `rows` pixels.
-    pub(super) fn new(columns: usize, rows: usize) -> Result<Self> {
+    /// Empty samples for `rows` rows of a picture of `columns` pixels, from row `top` on.
+    pub(super) fn new(columns: usize, rows: usize, top: usize) -> Result<Self> {
         let (width, height) = (columns * SAMPLES, rows * SAMPLES);
         Ok(Self {
             width,
             height,
+            top: top * SAMPLES,
             inverse_depth: room(width * height, 0.0)?,
             triangle: room(width * height, NO_TRIANGLE)?,
             line: room(width * height, 0)?,
-            inks: vec![Vec3::ONE],
         })
+    }
+
+    /// x and y in samples of the band, and 1/z in 1/m.
+    fn project(&self, view: &View, p: Vec3) -> [f64; 3] {
+        let [x, y, inverse] = project(view, p);
+        [x, y - self.top as f64, inverse]
     }
 
     /// Draws a triangle in view space where it is beyond the near plane and nearest.
     pub(super) fn draw_triangle(&mut self, view: &View, near: f32, corners: &[Vec3; 3], id: u32) {
         let (polygon, count) = clip(corners, near);
-        let project = |p: Vec3| project(view, p);
         for k in 2..count {
-            let corners = [project(polygon[0]), project(polygon[k - 1]), project(polygon[k])];
+            let corners = [polygon[0], polygon[k - 1], polygon[k]].map(|p| self.project(view, p));
             fill(self.width, self.height, corners, |sample, inverse_depth| {
                 if inverse_depth > self.inverse_depth[sample] {
                     self.inverse_depth[sample] = inverse_depth;
@@ -82,51 +96,73 @@ impl Samples {
         }
     }
 
-    /// Pen of a colour; colours beyond the 255th share its pen.
-    pub(super) fn pen(&mut self, ink: [f32; 3]) -> u8 {
-        let ink = Vec3::from(ink);
-        let known = self.inks.iter().position(|other| *other == ink);
-        known
-            .unwrap_or_else(|| {
-                self.inks.push(ink);
-                self.inks.len() - 1
-            })
-            .min(255) as u8
-    }
-
-    /// Marks the samples of a line in view space that are not behind a surface; `pen` is its colour, `line_width` its width in samples.
-    pub(super) fn draw_line(&mut self, view: &View, near: f32, [a, b]: [Vec3; 2], (pen, line_width): (u8, isize)) {
+    /// Marks the samples of a line that are not behind a surface.
+    pub(super) fn draw_line(&mut self, view: &View, near: f32, line: &Line) {
+        let [a, b] = line.ends;
         let (a, b) = if a.z < b.z { (a, b) } else { (b, a) };
         if b.z <= near {
             return;
         }
         let a = if a.z < near { a.lerp(b, (near - a.z) / (b.z - a.z)) } else { a };
-        let (a, b) = (project(view, a), project(view, b));
-        let steep = usize::from((b[1] - a[1]).abs() > (b[0] - a[0]).abs());
-        let (a, b) = if a[steep] < b[steep] { (a, b) } else { (b, a) };
-        let length = b[steep] - a[steep];
-        if !(length > 0.0 && length.is_finite()) {
+        let (a, b) = (self.project(view, a), self.project(view, b));
+        let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+        let squared = dx * dx + dy * dy;
+        if !(squared > 0.0 && squared.is_finite()) {
             return;
         }
-        let size = [self.width as isize, self.height as isize];
-        let start = a[steep].floor().max(0.0) as isize;
-        let end = b[steep].ceil().min(size[steep] as f64) as isize;
-        for major in start..end {
-            let t = ((major as f64 + 0.5 - a[steep]) / length).clamp(0.0, 1.0);
-            let at = |axis: usize| a[axis] + t * (b[axis] - a[axis]);
-            let from = (at(1 - steep) - 0.5 * (line_width - 1) as f64).floor() as isize;
-            let front = at(2) * (1.0 + LINE_DEPTH_SHARE);
-            for minor in from..from.saturating_add(line_width) {
-                let (x, y) = if steep == 1 { (minor, major) } else { (major, minor) };
-                if (0..size[0]).contains(&x) && (0..size[1]).contains(&y) {
-                    let sample = y as usize * self.width + x as usize;
-                    if front >= f64::from(self.inverse_depth[sample]) {
-                        self.line[sample] = pen;
-                    }
+        let half = 0.5 * line.width;
+        let index = |value: f64, size: usize| value.clamp(0.0, size as f64) as usize;
+        // centres of samples nearer than half the width
+        let rows = (a[1].min(b[1]) - half - 0.5).ceil()..(a[1].max(b[1]) + half - 0.5).floor() + 1.0;
+        for row in index(rows.start, self.height)..index(rows.end, self.height) {
+            let y = row as f64 + 0.5;
+            let Some([low, high]) = across([a[0], a[1]], [b[0], b[1]], half, y) else { continue };
+            let columns = index((low - 0.5).ceil(), self.width)..index((high - 0.5).floor() + 1.0, self.width);
+            for column in columns {
+                let x = column as f64 + 0.5;
+                let t = (((x - a[0]) * dx + (y - a[1]) * dy) / squared).clamp(0.0, 1.0);
+                let front = (a[2] + t * (b[2] - a[2])) * (1.0 + LINE_DEPTH_SHARE);
+                let sample = row * self.width + column;
+                if front >= f64::from(self.inverse_depth[sample]) {
+                    self.line[sample] = line.pen;
                 }
             }
         }
     }
+}
+
+/// Part of a row at height `y` that is at most `half` from the line between two points: the line with its round ends is convex.
+fn across(a: [f64; 2], b: [f64; 2], half: f64, y: f64) -> Option<[f64; 2]> {
+    let [dx, dy] = [b[0] - a[0], b[1] - a[1]];
+    let scale = half / dx.hypot(dy);
+    let [nx, ny] = [-dy * scale, dx * scale];
+    let sides = [[a[0] + nx, a[1] + ny], [b[0] + nx, b[1] + ny], [b[0] - nx, b[1] - ny], [a[0] - nx, a[1] - ny]];
+    let mut found = [f64::INFINITY, f64::NEG_INFINITY];
+    let mut meet = |x: f64| found = [found[0].min(x), found[1].max(x)];
+    for end in [a, b] {
+        let squared = half * half - (y - end[1]) * (y - end[1]);
+        if squared >= 0.0 {
+            meet(end[0] - squared.sqrt());
+            meet(end[0] + squared.sqrt());
+        }
+    }
+    for (k, p) in sides.iter().enumerate() {
+        let q = sides[(k + 1) % 4];
+        if (p[1] <= y) != (q[1] <= y) {
+            meet(p[0] + (y - p[1]) / (q[1] - p[1]) * (q[0] - p[0]));
+        }
+    }
+    (found[0] <= found[1]).then_some(found)
+}
+
+/// Rows of samples that points in view space reach, with one to spare; all where one is before the near plane.
+pub(super) fn rows(view: &View, near: f32, points: &[Vec3], half_width: f64) -> [f64; 2] {
+    if points.iter().any(|p| p.z <= near) {
+        return [f64::NEG_INFINITY, f64::INFINITY];
+    }
+    let heights = points.iter().map(|p| project(view, *p)[1]);
+    let [low, high] = heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], y| [low.min(y), high.max(y)]);
+    [low - half_width - 1.0, high + half_width + 1.0]
 }
 
 /// Part of a triangle beyond the near plane: a polygon of 0, 3 or 4 corners.

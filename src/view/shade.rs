@@ -5,9 +5,10 @@
 
 use super::occlusion::{NOTHING, Pixels, Seen};
 use super::raster::{ShadowMap, room};
-use super::{Image, NO_TRIANGLE, SAMPLES, Samples, Triangle, View, for_rows};
-use crate::error::Result;
+use super::{Drawing, Image, NO_TRIANGLE, SAMPLES, Samples, Triangle, for_rows};
+use crate::error::{Error, Result};
 use glam::Vec3;
+use rayon::prelude::*;
 
 /// Lights: direction in view space, of any length, and brightness. The first one comes from the left and casts shadows, so that a wound
 /// across the picture has a dark and a light wall; the others light the sides of the patch.
@@ -21,36 +22,53 @@ const AMBIENT: [f32; 2] = [0.37, 0.36];
 /// Background at the top and the bottom, linear grey.
 const BACKGROUND: [f32; 2] = [0.86, 0.62];
 
+/// Rows of pixels that are drawn at once.
+const BAND: usize = 16;
+
 /// Shading of samples.
 struct Shader<'a> {
-    samples: &'a Samples,
-    triangles: &'a [Triangle],
-    view: &'a View,
+    drawing: &'a Drawing,
     shadow: ShadowMap,
     lights: [(Vec3, f32); 3],
 }
 
-/// Computes the pixels of `image` from the samples.
-pub(super) fn shade(samples: &Samples, triangles: &[Triangle], view: Option<&View>, image: &mut Image) -> Result<()> {
+/// Computes the pixels of `image`.
+pub(super) fn shade(drawing: Option<&Drawing>, image: &mut Image) -> Result<()> {
     let (width, height) = (image.width as usize, image.height as usize);
-    let shader = match view {
-        Some(view) if !triangles.is_empty() => Some(Shader::new(samples, triangles, view)?),
-        _ => None,
+    let Some(drawing) = drawing else {
+        for_rows(&mut image.rgb, 3 * width, |y, row| {
+            row.chunks_exact_mut(3).enumerate().for_each(|(x, rgb)| put(background(x, y, width, height), rgb));
+        });
+        return Ok(());
     };
-    let openness = |s: &Shader| s.pixels(width, height)?.openness(s.view);
-    let occlusion = shader.as_ref().map(openness).transpose()?;
-    for_rows(&mut image.rgb, 3 * width, |y, row| {
-        for (x, rgb) in row.chunks_exact_mut(3).enumerate() {
+    if image.rgb.is_empty() {
+        return Ok(());
+    }
+    let shader = Shader::new(drawing)?;
+    let rows = |band: usize| BAND.min(height - band * BAND);
+    // nearest surfaces, the light that their surroundings leave, colours
+    let mut seen = room(width * height, NOTHING)?;
+    seen.par_chunks_mut(BAND * width).enumerate().try_for_each(|(band, pixels)| {
+        let samples = drawing.samples(width, rows(band), band * BAND, false)?;
+        pixels.iter_mut().enumerate().for_each(|(k, pixel)| *pixel = shader.seen(&samples, k % width, k / width));
+        Ok::<(), Error>(())
+    })?;
+    let open = Pixels { width, height, seen }.openness(&drawing.view)?;
+    image.rgb.par_chunks_mut(BAND * 3 * width).enumerate().try_for_each(|(band, bytes)| {
+        let samples = drawing.samples(width, rows(band), band * BAND, true)?;
+        for (k, rgb) in bytes.chunks_exact_mut(3).enumerate() {
+            let (x, y) = (k % width, band * BAND + k / width);
             let behind = background(x, y, width, height);
-            let color = match (&shader, &occlusion) {
-                (Some(shader), Some(open)) => shader.pixel(x, y, open[y * width + x], behind),
-                _ => behind,
-            };
-            let srgb = color.clamp(Vec3::ZERO, Vec3::ONE).map(f32::sqrt) * 255.0 + 0.5;
-            rgb.copy_from_slice(&srgb.to_array().map(|channel| channel as u8));
+            put(shader.pixel(&samples, x, k / width, open[y * width + x], behind), rgb);
         }
-    });
-    Ok(())
+        Ok(())
+    })
+}
+
+/// sRGB bytes of a linear colour.
+fn put(color: Vec3, rgb: &mut [u8]) {
+    let srgb = color.clamp(Vec3::ZERO, Vec3::ONE).map(f32::sqrt) * 255.0 + 0.5;
+    rgb.copy_from_slice(&srgb.to_array().map(|channel| channel as u8));
 }
 
 /// Light grey, darker towards the bottom and a little towards the corners; linear.
@@ -62,46 +80,39 @@ fn background(x: usize, y: usize, width: usize, height: usize) -> Vec3 {
 }
 
 impl<'a> Shader<'a> {
-    fn new(samples: &'a Samples, triangles: &'a [Triangle], view: &'a View) -> Result<Self> {
+    fn new(drawing: &'a Drawing) -> Result<Self> {
         let lights = [KEY, FILL, RIM].map(|(to, bright)| (Vec3::from(to).normalize(), bright));
-        let shadow = ShadowMap::new(lights[0].0, triangles.iter().map(|t| &t.corners))?;
-        Ok(Self { samples, triangles, view, shadow, lights })
+        let shadow = ShadowMap::new(lights[0].0, drawing.triangles.iter().map(|t| &t.corners))?;
+        Ok(Self { drawing, shadow, lights })
     }
 
     /// Direction with z = 1 through a point given in samples.
     fn ray(&self, x: f32, y: f32) -> Vec3 {
-        let focal = self.view.focal as f32;
-        let center = self.view.center;
+        let focal = self.drawing.view.focal as f32;
+        let center = self.drawing.view.center;
         Vec3::new((x - center[0] as f32) / focal, (center[1] as f32 - y) / focal, 1.0)
     }
 
-    /// The nearest sample of each pixel, with its face's normal.
-    fn pixels(&self, width: usize, height: usize) -> Result<Pixels> {
-        let mut seen = room(width * height, NOTHING)?;
-        let inverse_depth = &self.samples.inverse_depth;
-        for_rows(&mut seen, width, |y, row| {
-            for (x, seen) in row.iter_mut().enumerate() {
-                let front = pixel_samples(x, y, self.samples.width)
-                    .into_iter()
-                    .max_by(|&i, &j| inverse_depth[i].total_cmp(&inverse_depth[j]))
-                    .expect("a pixel has samples");
-                let id = self.samples.triangle[front];
-                if id != NO_TRIANGLE {
-                    let middle = |pixel: usize| (pixel * SAMPLES) as f32 + 0.5 * SAMPLES as f32;
-                    let ray = self.ray(middle(x), middle(y));
-                    *seen = Seen {
-                        depth: 1.0 / inverse_depth[front],
-                        normal: facing(face_normal(&self.triangles[id as usize]), ray),
-                    };
-                }
-            }
-        });
-        Ok(Pixels { width, height, seen })
+    /// The nearest sample of a pixel, with its face's normal; `y` counts from the top of the band.
+    fn seen(&self, samples: &Samples, x: usize, y: usize) -> Seen {
+        let inverse_depth = &samples.inverse_depth;
+        let front = pixel_samples(x, y, samples.width)
+            .into_iter()
+            .max_by(|&i, &j| inverse_depth[i].total_cmp(&inverse_depth[j]))
+            .expect("a pixel has samples");
+        let id = samples.triangle[front];
+        if id == NO_TRIANGLE {
+            return NOTHING;
+        }
+        let middle = |pixel: usize| (pixel * SAMPLES) as f32 + 0.5 * SAMPLES as f32;
+        let ray = self.ray(middle(x), middle(y) + samples.top as f32);
+        let normal = facing(face_normal(&self.drawing.triangles[id as usize]), ray);
+        Seen { depth: 1.0 / inverse_depth[front], normal }
     }
 
-    /// Linear colour of a pixel; each triangle in it is shaded once.
-    fn pixel(&self, x: usize, y: usize, open: f32, behind: Vec3) -> Vec3 {
-        let ids = pixel_samples(x, y, self.samples.width).map(|s| self.samples.triangle[s]);
+    /// Linear colour of a pixel; each triangle in it is shaded once. `y` counts from the top of the band.
+    fn pixel(&self, samples: &Samples, x: usize, y: usize, open: f32, behind: Vec3) -> Vec3 {
+        let ids = pixel_samples(x, y, samples.width).map(|s| samples.triangle[s]);
         if ids == [NO_TRIANGLE; SAMPLES * SAMPLES] {
             return behind;
         }
@@ -117,21 +128,22 @@ impl<'a> Shader<'a> {
             color[k] = match ids[..k].iter().position(|&id| id == ids[k]) {
                 Some(same) => color[same],
                 None => {
-                    let ray = self.ray((x * SAMPLES) as f32 + dx, (y * SAMPLES) as f32 + dy);
-                    self.light(&self.triangles[ids[k] as usize], ray, open)
+                    let at_top = (y * SAMPLES + samples.top) as f32;
+                    let ray = self.ray((x * SAMPLES) as f32 + dx, at_top + dy);
+                    self.light(&self.drawing.triangles[ids[k] as usize], ray, open)
                 }
             };
         }
         let mut sum = Vec3::ZERO;
-        for (sample, color) in pixel_samples(x, y, self.samples.width).into_iter().zip(color) {
-            sum += color * self.samples.inks[usize::from(self.samples.line[sample])];
+        for (sample, color) in pixel_samples(x, y, samples.width).into_iter().zip(color) {
+            sum += color * self.drawing.inks[usize::from(samples.line[sample])];
         }
         sum / (SAMPLES * SAMPLES) as f32
     }
 
     /// Linear colour of the triangle where the ray meets it; `open` is the fraction of ambient light left by occlusion, 0 to 1.
     fn light(&self, triangle: &Triangle, ray: Vec3, open: f32) -> Vec3 {
-        let (position, normal) = meet(triangle, ray);
+        let (position, normal, color) = meet(triangle, ray);
         let face = facing(face_normal(triangle), ray);
         let normal = if normal.dot(face) < 0.0 { -normal } else { normal };
         let to_eye = -ray.normalize();
@@ -150,8 +162,8 @@ impl<'a> Shader<'a> {
             highlight += bright * cosine.min(0.25) * 4.0 * s / (shininess * (1.0 - s) + s);
         }
         let seen = surroundings(ray.normalize().reflect(normal), self.lights[0].0);
-        let matt = triangle.color * diffuse * (1.0 - 0.75 * mirror);
-        let glossy = triangle.color * (mirror * seen) + highlight * (0.07 + 0.5 * mirror);
+        let matt = color * diffuse * (1.0 - 0.75 * mirror);
+        let glossy = color * (mirror * seen) + highlight * (0.07 + 0.5 * mirror);
         matt * open + glossy * (0.4 + 0.6 * open)
     }
 }
@@ -182,20 +194,22 @@ fn facing(normal: Vec3, ray: Vec3) -> Vec3 {
     if normal.dot(ray) > 0.0 { -normal } else { normal }
 }
 
-/// Intersection of a ray from the eye with the triangle's plane, clamped to the triangle, and the normal there. Source: Möller and Trumbore
+/// Intersection of a ray from the eye with the triangle's plane, clamped to the triangle, and the normal and colour there. Source: Möller and Trumbore
 /// 1997.
-fn meet(triangle: &Triangle, ray: Vec3) -> (Vec3, Vec3) {
+fn meet(triangle: &Triangle, ray: Vec3) -> (Vec3, Vec3, Vec3) {
     let [a, b, c] = triangle.corners;
     let (ab, ac) = (b - a, c - a);
     let p = ray.cross(ac);
     let volume = ab.dot(p);
     let (v, w) = (-a.dot(p) / volume, ray.dot(ab.cross(a)) / volume);
     if !(v.is_finite() && w.is_finite()) {
-        return (a, triangle.normals[0]); // seen exactly edge on
+        return (a, triangle.normals[0], triangle.colors[0]); // seen exactly edge on
     }
     let v = v.clamp(0.0, 1.0);
     let w = w.clamp(0.0, 1.0 - v);
     let [na, nb, nc] = triangle.normals;
     let normal = na * (1.0 - v - w) + nb * v + nc * w;
-    (a + ab * v + ac * w, normal.try_normalize().unwrap_or(na))
+    let [ca, cb, cc] = triangle.colors;
+    let color = ca + (cb - ca) * v + (cc - ca) * w;
+    (a + ab * v + ac * w, normal.try_normalize().unwrap_or(na), color)
 }

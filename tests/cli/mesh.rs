@@ -22,7 +22,7 @@ pub fn has_meshio() -> bool {
     Command::new(python()).args(["-c", "import meshio, numpy"]).output().is_ok_and(|ran| ran.status.success())
 }
 
-fn python() -> String {
+pub fn python() -> String {
     std::env::var("CUTIS_PYTHON").unwrap_or_else(|_| "python3".into())
 }
 

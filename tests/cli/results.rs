@@ -142,7 +142,7 @@ fn meshes_read_back() -> Outcome {
         let found = (grid.types.len(), grid.connectivity.len());
         ensure!(found == (cells, cells * corners), "{name}: {found:?} cells and ids");
         let fields = (grid.point_data.len(), grid.cell_data.len());
-        let of_cells = if name == "surface" { 3 } else { 2 };
+        let of_cells = if name == "surface" { 4 } else { 2 };
         ensure!(fields == (2, of_cells), "{name}: {fields:?} fields");
     }
     Ok(())
@@ -295,6 +295,8 @@ fn help_names_every_command() -> Outcome {
         "verify",
         "inspect",
         "check",
+        "plot",
+        "render",
         "adapters",
         "haply-mock",
         "--json",

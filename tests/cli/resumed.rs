@@ -35,7 +35,7 @@ fn pressed() -> String {
 }
 
 /// The shipped incision on few cells, past its first cuts.
-fn cut() -> String {
+pub fn cut() -> String {
     let scenes = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
     let text = std::fs::read_to_string(scenes.join("incision.toml")).expect("it is shipped");
     let whole = |key: &str| (format!("{key} = \""), format!("{key} = \"{}/", scenes.display()));
@@ -243,9 +243,9 @@ fn a_damaged_checkpoint_is_refused() -> Outcome {
     for at in [28, 36, whole.len() / 3, whole.len() - 1] {
         with(&changed(at), "is damaged")?;
     }
-    with(&changed(16), "is of a newer program (format 21; this one reads 5)")?;
+    with(&changed(16), "is of a newer program (format 22; this one reads 6)")?;
     let mut older = whole.clone();
     older[16] = 0;
-    with(&older, "is of an older program (format 0; this one reads 5)")?;
+    with(&older, "is of an older program (format 0; this one reads 6)")?;
     Ok(())
 }

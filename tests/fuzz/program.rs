@@ -95,6 +95,9 @@ fn values(name: &str) -> &'static [&'static str] {
         "SCENE" => &SCENES,
         "BACKEND" => &["cpu", "auto", "cuda", "CPU", ""],
         "PRECISION" => &["f32", "f64", "f16", ""],
+        "COLOR" => &["displacement", "von-mises", "layer", "red", ""],
+        "W" => &["32", "0", "9000", "x", ""],
+        "X" => &["1", "-1", "nan", "x", ""],
         "PRECONDITIONER" => &["none", "jacobi", "block", "column", "multigrid", "direct", "best", ""],
         _ => panic!("no values of <{name}> are tried; add some"),
     }
@@ -356,7 +359,7 @@ fn wanted(faults: &Faults) -> &'static [i32] {
 
 /// The tables end in whole rows, and what is read as a whole is there as a whole.
 fn whole(results: &Path, foreign: &str) -> Result<(), String> {
-    for table in ["probes.csv", "energy.csv"] {
+    for table in ["probes.csv", "solver.csv", "energy.csv"] {
         let Ok(text) = fs::read_to_string(results.join(table)) else { continue };
         let columns = text.lines().next().unwrap_or_default().split(',').count();
         let rows = text.lines().all(|line| line.split(',').count() == columns);

@@ -229,6 +229,22 @@ impl Mechanics for Springs {
         [element::green_lagrange(element::displacement_gradient(edges, u, at)), M3::zero()]
     }
 
+    fn alive_share(&self, model: &Model, wound: &Wound, cell: usize) -> f64 {
+        let corners = model.grid.params::<f64>().corners(cell).map(|node| node as u32);
+        let inside = |half: &&[u32; 2]| corners.contains(&half[0]);
+        let own = corners.iter().flat_map(|node| {
+            let [first, last] = [self.first[*node as usize], self.first[*node as usize + 1]];
+            self.half[first as usize..last as usize].iter().filter(inside)
+        });
+        // each spring from both of its ends
+        let (mut all, mut alive) = (0, 0);
+        for [_, spring] in own {
+            all += 1;
+            alive += usize::from(!wound.spring_gone[*spring as usize]);
+        }
+        alive as f64 / all as f64
+    }
+
     fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal {
         wound.cut_springs(model, self, hits)
     }

@@ -19,7 +19,9 @@ use crate::kernels::cut::Hit;
 use crate::kernels::{GROUP, Params, corner};
 use crate::math::{M3, V3, V4};
 use crate::mesh::Grid;
-use crate::scene::{Element, Integrator, Law, Layer, Mass, PRECONDITIONER, Preconditioner, ProbeKind, Scene};
+use crate::scene::{
+    Element, Integrator, Law, Layer, Mass, OutputField, PRECONDITIONER, Preconditioner, ProbeKind, Scene,
+};
 use operator::{Arrays, Tetrahedron};
 
 /// Tetrahedra per cell.
@@ -68,6 +70,9 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
     }
     if scene.probes.iter().any(|probe| of_cells(&probe.kind)) {
         return refuse("a probe of a reaction, strain or stress", "probe displacements or the tools' forces");
+    }
+    if scene.output.fields.iter().any(|field| *field != OutputField::Alive) {
+        return refuse("a saved field of stress or strain", "leave it out of [output] fields");
     }
     Ok(())
 }

@@ -43,7 +43,7 @@ pub(super) fn picture(study: &Study) -> Result<String> {
     {
         let size = (PANEL.0 * paths.len().max(1) as u32 + LEGEND, PANEL.1 + TITLE);
         let area = SVGBackend::with_string(&mut text, size).into_drawing_area();
-        draw(study, &paths, &area).map_err(|e| Refused::Plot { message: e.to_string() })?;
+        draw(study, &paths, &area).map_err(|e| Refused::Plot { file: "study.svg", message: e.to_string() })?;
     }
     Ok(text)
 }
