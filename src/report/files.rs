@@ -12,7 +12,8 @@ use super::frames::{self, SkinSurface};
 use super::listing::{Listing, remove};
 use crate::backend::Snapshot;
 use crate::error::Result;
-use crate::output::{Failed, Field, Series, Table, TableMark, replace, write_hexes, write_triangles};
+use crate::mesh::Unstructured;
+use crate::output::{Failed, Field, Series, Table, TableMark, replace, write_solids, write_triangles};
 use crate::scene::{FIXED_COLUMNS, Probe, Scene};
 use crate::step::{Measured, Simulation, StepReport};
 use serde::{Deserialize, Serialize};
@@ -258,6 +259,7 @@ impl Kept {
 /// Remaining cells at displaced positions. Grid nodes without a remaining cell stay in the file, unused duplicates do not.
 fn write_volume(path: &Path, simulation: &Simulation, state: &[Snapshot]) -> Result<()> {
     let (mut cells, mut layers, mut bodies, mut old) = (vec![], vec![], vec![], vec![]);
+    let (mut tetrahedra, mut theirs) = (vec![], vec![]); // after the cells of all grids
     let mut first = 0;
     for (number, body) in simulation.bodies.iter().enumerate() {
         let surface = &body.wound.surface;
@@ -266,15 +268,22 @@ fn write_volume(path: &Path, simulation: &Simulation, state: &[Snapshot]) -> Res
             layers.push(layer as f64);
             bodies.push(number as f64);
         }
+        if let Some(Unstructured { mesh, .. }) = body.model.unstructured() {
+            tetrahedra.extend(mesh.tetrahedra().iter().map(|corners| corners.map(|n| first + n)));
+            theirs.extend(mesh.layers().iter().map(|layer| (f64::from(*layer), number as f64)));
+        }
         let count = body.model.node_count();
         old.extend((0..count).filter(|node| surface.parts.in_use(*node)).map(|node| first + node as u32));
         first += count as u32;
     }
+    layers.extend(theirs.iter().map(|(layer, _)| *layer));
+    bodies.extend(theirs.iter().map(|(_, body)| *body));
     let kept = Kept { old };
-    write_hexes(
+    write_solids(
         path,
         &kept.of(&frames::positions(simulation, state)),
         &kept.renumbered(&cells),
+        &kept.renumbered(&tetrahedra),
         &[
             ("displacement_m", Field::Vectors(&kept.of(&frames::joined(state, |s| &s.u)))),
             ("velocity_m_s", Field::Vectors(&kept.of(&frames::joined(state, |s| &s.v)))),
