@@ -12,7 +12,7 @@ var<workgroup> greatest: array<vec3<f32>, 64>;
 fn bounds(thread: Thread) {
     let lane = thread.lane;
     let tile = group_of(thread);
-    let tiles = (vec2<u32>(params.cells_x, params.cells_y) + TILE - 1u) / TILE;
+    let tiles = max((vec2<u32>(params.cells_x, params.cells_y) + TILE - 1u) / TILE, vec2<u32>(1u));
     let of_grid = tiles.x * tiles.y;
     var first = vec2<u32>(tile % tiles.x, tile / tiles.x) * TILE;
     let last = min(first + TILE, vec2<u32>(params.cells_x, params.cells_y));

@@ -20,7 +20,7 @@ pub use blade::Resistance;
 
 use crate::bodies::rigid::{Instrument, Role};
 use crate::constraints::Law;
-use crate::mesh::{MaterialPoint, Quad};
+use crate::mesh::{Face, MaterialPoint};
 use crate::scene::{BodyId, Filter, Plane};
 use glam::DVec3;
 use parry3d::bounding_volume::BoundingVolume;
@@ -162,7 +162,7 @@ fn to_f32(p: DVec3) -> Vector {
 
 /// Splits a face in two; along its other diagonal if the first folds one half over, as in a quad with a reflex corner, such as the lip of a
 /// wound may have. (Below a half that lies face down all of the air counted as inside.)
-fn halves(face: &Quad, position: impl Fn(u32) -> DVec3) -> [[u32; 3]; 2] {
+fn halves(face: &Face, position: impl Fn(u32) -> DVec3) -> impl Iterator<Item = [u32; 3]> {
     let [a, b, c, d] = face.nodes;
     let folds = |halves: [[u32; 3]; 2]| {
         let [first, second] = halves.map(|half| {
@@ -171,13 +171,14 @@ fn halves(face: &Quad, position: impl Fn(u32) -> DVec3) -> [[u32; 3]; 2] {
         });
         first.dot(second) < 0.0
     };
-    let (first, other) = (face.triangles(), [[a, b, d], [b, c, d]]);
-    if folds(first) && !folds(other) { other } else { first }
+    let (first, other) = ([[a, b, c], [a, c, d]], [[a, b, d], [b, c, d]]);
+    let turned = !face.is_triangle() && folds(first) && !folds(other);
+    if turned { other } else { first }.into_iter().take(face.triangles().count())
 }
 
 impl Patch {
     /// Patch of faces at the present positions of their nodes; `None` without faces.
-    pub fn new(faces: &[Quad], position: impl Fn(u32) -> DVec3) -> Option<Self> {
+    pub fn new(faces: &[Face], position: impl Fn(u32) -> DVec3) -> Option<Self> {
         let mut ids: Vec<u32> = faces.iter().flat_map(|q| q.nodes).collect();
         ids.sort_unstable();
         ids.dedup();
@@ -187,8 +188,8 @@ impl Patch {
         let triangles: Vec<[u32; 3]> = faces.iter().flat_map(|q| halves(q, &position)).collect();
         let indices = triangles.iter().map(|t| t.map(local)).collect();
         let mesh = TriMesh::with_flags(vertices, indices, TriMeshFlags::ORIENTED).ok()?;
-        let cells = faces.iter().flat_map(|q| [q.cell; 2]).collect();
-        let walls = faces.iter().flat_map(|q| [q.wall; 2]).collect();
+        let cells = faces.iter().flat_map(|q| q.triangles().map(|_| q.cell)).collect();
+        let walls = faces.iter().flat_map(|q| q.triangles().map(|_| q.wall)).collect();
         let corners = triangles.iter().map(|t| t.map(&position)).collect();
         Some(Self { mesh, triangles, quarters: vec![], cells, walls, corners, origin })
     }

@@ -63,6 +63,7 @@ const ROWS_PER_FLUSH: usize = 64;
 
 /// VTK's numbers of the shapes that are written.
 const TRIANGLE: u8 = 5;
+const TETRAHEDRON: u8 = 10;
 const HEXAHEDRON: u8 = 12;
 
 /// Values on the points or cells of a mesh; the field's name contains the unit.
@@ -86,22 +87,24 @@ impl Field<'_> {
     }
 }
 
-/// Writes hexahedra to a `.vtu` file; an existing file is replaced atomically.
+/// Writes hexahedra, then tetrahedra to a `.vtu` file; an existing file is replaced atomically.
 ///
-/// `points`: `[node]` m. `cells`: `[cell]` node ids in VTK's hexahedron order. Fields must have
+/// `points`: `[node]` m. `hexahedra`, `tetrahedra`: `[cell]` node ids in VTK's order. Fields must have
 /// one value per point or cell, and ids must be in range, else [`Failed::Vtk`]. Without cells or
 /// points the file is valid and empty.
-pub fn write_hexes(
+pub fn write_solids(
     path: &Path,
     points: &[[f64; 3]],
-    cells: &[[u32; 8]],
+    hexahedra: &[[u32; 8]],
+    tetrahedra: &[[u32; 4]],
     point_data: &[(&str, Field)],
     cell_data: &[(&str, Field)],
 ) -> Result<()> {
-    write_cells(path, points, cells, HEXAHEDRON, point_data, cell_data)
+    let cells = [(HEXAHEDRON, 8, hexahedra.as_flattened()), (TETRAHEDRON, 4, tetrahedra.as_flattened())];
+    write_cells(path, points, &cells, point_data, cell_data)
 }
 
-/// Writes triangles to a `.vtu` file; otherwise as [`write_hexes`].
+/// Writes triangles to a `.vtu` file; otherwise as [`write_solids`].
 pub fn write_triangles(
     path: &Path,
     points: &[[f64; 3]],
@@ -109,30 +112,37 @@ pub fn write_triangles(
     point_data: &[(&str, Field)],
     cell_data: &[(&str, Field)],
 ) -> Result<()> {
-    write_cells(path, points, cells, TRIANGLE, point_data, cell_data)
+    write_cells(path, points, &[(TRIANGLE, 3, cells.as_flattened())], point_data, cell_data)
 }
 
-fn write_cells<const N: usize>(
+/// Cells by VTK's number of their shape, their number of nodes and the nodes of all.
+fn write_cells(
     path: &Path,
     points: &[[f64; 3]],
-    cells: &[[u32; N]],
-    shape: u8,
+    cells: &[(u8, usize, &[u32])],
     point_data: &[(&str, Field)],
     cell_data: &[(&str, Field)],
 ) -> Result<()> {
     let vtk_error = |message| Failed::Vtk { path: path.to_owned(), message };
-    let bad_id = cells.as_flattened().iter().find(|&&id| id as usize >= points.len());
+    let connectivity: Vec<u32> = cells.iter().flat_map(|(_, _, ids)| ids.iter().copied()).collect();
+    let each = || cells.iter().flat_map(|(shape, nodes, ids)| std::iter::repeat_n((*shape, *nodes), ids.len() / nodes));
+    let bad_id = connectivity.iter().find(|&&id| id as usize >= points.len());
     if let Some(id) = bad_id {
         let count = points.len();
         return Err(vtk_error(format!("a cell names point {id}, but there are {count} points")).into());
     }
     let grid = Grid {
         points: points.to_vec(),
-        types: vec![shape; cells.len()],
-        offsets: (1..=cells.len()).map(|end| (end * N) as u64).collect(),
-        connectivity: cells.as_flattened().to_vec(),
+        types: each().map(|(shape, _)| shape).collect(),
+        offsets: each()
+            .scan(0, |end, (_, nodes)| {
+                *end += nodes as u64;
+                Some(*end)
+            })
+            .collect(),
+        connectivity,
         point_data: arrays(point_data, points.len(), "points").map_err(vtk_error)?,
-        cell_data: arrays(cell_data, cells.len(), "cells").map_err(vtk_error)?,
+        cell_data: arrays(cell_data, each().count(), "cells").map_err(vtk_error)?,
         ..Grid::default()
     };
     replace(path, &write_grid(&grid, Encoding::Binary))
@@ -471,24 +481,25 @@ mod tests {
     ];
 
     #[test]
-    fn hexes_read_back_equal() {
+    fn hexahedra_and_tetrahedra_read_back_equal() {
         let folder = Folder::new("hexes");
         let path = folder.file("cube.vtu");
         let speed = CUBE.map(|p| [p[0] + 0.1, -p[1], 1.0 / 3.0]);
         let temperature: Vec<f64> = (0..8).map(|i| f64::from(i) / 7.0).collect();
-        write_hexes(
+        write_solids(
             &path,
             &CUBE,
             &[[0, 1, 2, 3, 4, 5, 6, 7]],
+            &[[0, 1, 3, 4]],
             &[("v_m_s", Field::Vectors(&speed)), ("t_K", Field::Scalars(&temperature))],
-            &[("layer", Field::Scalars(&[2.0]))],
+            &[("layer", Field::Scalars(&[2.0, 1.0]))],
         )
         .unwrap();
         let piece = read(&path);
-        assert_eq!((piece.points.as_slice(), piece.types.as_slice()), (&CUBE[..], &[HEXAHEDRON][..]));
-        assert_eq!((piece.offsets, piece.connectivity), (vec![8], (0..8).collect()));
+        assert_eq!((piece.points.as_slice(), piece.types.as_slice()), (&CUBE[..], &[HEXAHEDRON, TETRAHEDRON][..]));
+        assert_eq!((piece.offsets, piece.connectivity), (vec![8, 12], (0..8).chain([0, 1, 3, 4]).collect()));
         assert_eq!(piece.point_data, [array("v_m_s", 3, speed.as_flattened()), array("t_K", 1, &temperature)]);
-        assert_eq!(piece.cell_data, [array("layer", 1, &[2.0])]);
+        assert_eq!(piece.cell_data, [array("layer", 1, &[2.0, 1.0])]);
         assert!(!folder.file("cube.vtu.tmp").exists());
     }
 
@@ -510,7 +521,7 @@ mod tests {
     fn an_empty_mesh_is_a_valid_file() {
         let folder = Folder::new("empty");
         let path = folder.file("empty.vtu");
-        write_hexes(&path, &[], &[], &[("v", Field::Vectors(&[]))], &[]).unwrap();
+        write_solids(&path, &[], &[], &[], &[("v", Field::Vectors(&[]))], &[]).unwrap();
         let piece = read(&path);
         assert_eq!((piece.points.len(), piece.types.len()), (0, 0));
         assert_eq!(piece.point_data, [array("v", 3, &[])]);

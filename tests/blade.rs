@@ -9,19 +9,19 @@ use blade::{Case, Kind};
 use cutis::bodies::rigid::Instrument;
 use cutis::collide::{Contact, Patch, Resistance, Search, contacts};
 use cutis::constraints::Law;
-use cutis::mesh::Quad;
+use cutis::mesh::Face;
 use cutis::scene::Filter;
 use cutis::step::Platform;
 use glam::DVec3;
 
 /// Walls across y, each a quad of 10 mm: at these positions, m, and turned towards −y or +y.
-fn walls(at: &[(f64, f64)]) -> (Vec<Quad>, Vec<DVec3>) {
+fn walls(at: &[(f64, f64)]) -> (Vec<Face>, Vec<DVec3>) {
     let mut quads = vec![];
     let mut positions = vec![];
     for (wall, (y, normal)) in (0u32..).zip(at) {
         let ends = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
         positions.extend(ends.map(|[x, z]| DVec3::new(5e-3 * x * -normal, *y, 5e-3 * z)));
-        quads.push(Quad { nodes: [0, 1, 2, 3].map(|n| 4 * wall + n), cell: wall, wall: true });
+        quads.push(Face { nodes: [0, 1, 2, 3].map(|n| 4 * wall + n), cell: wall, wall: true });
     }
     (quads, positions)
 }
@@ -111,7 +111,7 @@ fn a_wall_in_the_blade_is_pushed_as_the_bevel_opens_it() {
 fn from_a_bent_lip(first: usize, point: DVec3) -> f64 {
     let top = [[0.0, 0.0], [1.0, 0.01], [2.0, 0.0], [1.0, 2.0]].map(|[x, y]| DVec3::new(x, y, 0.0));
     let positions: Vec<DVec3> = top.into_iter().chain(top.map(|p| p - DVec3::Z)).map(|p| p * 1e-3).collect();
-    let quad = |nodes, wall| Quad { nodes, cell: 0, wall };
+    let quad = |nodes, wall| Face { nodes, cell: 0, wall };
     let mut face = [0, 1, 2, 3];
     face.rotate_left(first);
     let quads = [quad(face, false), quad([4, 5, 1, 0], true), quad([5, 6, 2, 1], true)];

@@ -6,7 +6,7 @@ use cutis::collide::{Contact, Patch, Resistance, Search, contacts, tool_box};
 use cutis::kernels::bounds;
 use cutis::math::V4;
 use cutis::math::random::Random;
-use cutis::mesh::Quad;
+use cutis::mesh::Face;
 use cutis::mesh::{Grid, Surface};
 use cutis::scene::{Coupling, Filter, Pose, Scene, Tool, ToolMesh, read};
 use cutis::step::{Platform, Simulation, StepReport};
@@ -30,6 +30,7 @@ fn grid(x: usize, y: usize) -> Grid {
         edge: [8e-4; 2],
         heights: vec![0.0, 1e-3, 2e-3],
         layer_of: vec![0, 0],
+        unstructured: None,
     }
 }
 
@@ -81,13 +82,13 @@ impl Skin {
         DVec3::new(x[0] + u[0], x[1] + u[1], x[2] + u[2])
     }
 
-    fn faces(&self, area: &Aabb) -> Vec<Quad> {
+    fn faces(&self, area: &Aabb) -> Vec<Face> {
         self.boxes.faces(&self.surface, area)
     }
 
     /// Every face whose own box meets the area.
-    fn brute_force(&self, area: &Aabb) -> Vec<Quad> {
-        let meets = |q: &Quad| Aabb::from_points(q.nodes.map(|n| self.at(n).as_vec3())).intersects(area);
+    fn brute_force(&self, area: &Aabb) -> Vec<Face> {
+        let meets = |q: &Face| Aabb::from_points(q.nodes.map(|n| self.at(n).as_vec3())).intersects(area);
         self.surface.all().into_iter().filter(meets).collect()
     }
 }
@@ -97,9 +98,9 @@ fn area(centre: DVec3, half: f64) -> Aabb {
 }
 
 /// Faces of cells whose rest box, widened by `reach` and by the area's, meets the area: how far skin has moved is guessed.
-fn within_reach(skin: &Skin, area: &Aabb, reach: f64) -> Vec<Quad> {
+fn within_reach(skin: &Skin, area: &Aabb, reach: f64) -> Vec<Face> {
     let wide = area.loosened(reach as f32);
-    let rest = |q: &Quad| q.nodes.map(|n| DVec3::from_array(skin.grid.rest(n as usize)).as_vec3());
+    let rest = |q: &Face| q.nodes.map(|n| DVec3::from_array(skin.grid.rest(n as usize)).as_vec3());
     skin.surface.all().into_iter().filter(|q| Aabb::from_points(rest(q)).intersects(&wide)).collect()
 }
 
@@ -132,7 +133,7 @@ const SEARCH: Search = Search { alarm: 5e-4, distance: 1e-4, friction: 0.3, filt
 const TRAVEL: f64 = 1e-4;
 const MARGIN: f64 = SEARCH.alarm + SEARCH.distance + TRAVEL;
 
-fn contacts_with(skin: &Skin, tool: &Instrument, faces: &[Quad]) -> Vec<Contact> {
+fn contacts_with(skin: &Skin, tool: &Instrument, faces: &[Face]) -> Vec<Contact> {
     let patch = Patch::new(faces, |id| skin.at(id));
     patch.map_or(vec![], |patch| contacts((0, tool), (0, &patch), &SEARCH, TRAVEL, |_| BEARS, |_| None))
 }

@@ -8,7 +8,7 @@ use cutis::collide::features::{contacts, contacts_among};
 use cutis::collide::{Contact, Patch, Search};
 use cutis::constraints::Law;
 use cutis::math::random::Random;
-use cutis::mesh::Quad;
+use cutis::mesh::Face;
 use cutis::scene::{Coupling, Filter, Lines, Pose, Scene, Tool, ToolMesh, read};
 use cutis::step::{Platform, Simulation, StepReport};
 use glam::{DMat3, DVec3};
@@ -38,7 +38,7 @@ fn surface(height: impl Fn(f64, f64) -> f64) -> Patch {
     for j in 0..SIDE - 1 {
         for i in 0..SIDE - 1 {
             let a = j * SIDE + i;
-            quads.push(Quad { nodes: [a, a + 1, a + SIDE + 1, a + SIDE], cell: 0, wall: false });
+            quads.push(Face { nodes: [a, a + 1, a + SIDE + 1, a + SIDE], cell: 0, wall: false });
         }
     }
     let position = |id: u32| {

@@ -6,7 +6,7 @@
 //! derivative of the rotations with respect to `u`, so it is the gradient of `E_elastic` where the strain of a cell is uniform, and
 //! otherwise for small strains only (Müller, Gross 2004).
 
-use super::{Model, Wound, rate};
+use super::{Holds, Model, Wound, rate};
 use crate::kernels::rotations::mean_gradient;
 use crate::kernels::{ahead, anchors, momentum, rhs};
 use crate::math::{M3, V3, V4, norm};
@@ -153,22 +153,23 @@ fn mean_velocities(model: &Model, state: &Snapshot) -> Vec<V4<f64>> {
 
 /// Number of cells strained beyond their law ([`super::Mechanics::beyond_law`]).
 pub fn beyond_law(model: &Model, state: &Snapshot) -> u32 {
-    count_cells(model, state, |cell, f| model.mechanics().beyond_law(model.grid.layer(cell), f))
+    model.mechanics().count_cells(model, state, &|layer, f| model.mechanics().beyond_law(layer, f))
 }
 
 /// Number of cells whose mean deformation gradient has no positive determinant (non-finite ones count). Removed cells are skipped; the grid
 /// cells of springs are included.
 pub fn inverted_cells(model: &Model, state: &Snapshot) -> u32 {
     let upright = |f: M3<f64>| f.determinant() > 0.0; // false for NaN
-    count_cells(model, state, |_, f| !upright(f))
+    model.mechanics().count_cells(model, state, &|_, f| !upright(f))
 }
 
-/// Number of cells that a condition on their mean deformation gradients holds for. Removed cells are skipped.
-fn count_cells(model: &Model, state: &Snapshot, holds: impl Fn(usize, M3<f64>) -> bool) -> u32 {
+/// [`super::Mechanics::count_cells`] of the grid's cells.
+pub(super) fn count_cells(model: &Model, state: &Snapshot, holds: &Holds) -> u32 {
     let (params, shapes) = (model.params::<f64>(), model.shapes::<f64>());
     let alive = |cell: &usize| state.rotation.get(*cell) != Some(&[0.0; 4]);
     let gradient = |cell| mean_gradient(&params, &shapes, &model.grid.layer_of, &state.split, &state.u, cell);
-    (0..params.cell_count as usize).filter(alive).filter(|cell| holds(*cell, gradient(*cell))).count() as u32
+    (0..params.cell_count as usize).filter(alive).filter(|cell| holds(model.grid.layer(*cell), gradient(*cell))).count()
+        as u32
 }
 
 /// Norms of the forces out of balance at the start of a static step, `b + Jᵀλ`, and of the largest of its parts, N: elastic forces at all

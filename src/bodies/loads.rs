@@ -13,13 +13,16 @@
 //! a neo-Hookean block of ν 0.45 under a twentieth of its Young's modulus does, under a fifth it does not, and the step ends in an error.
 //! Source: Bonet, Wood 2008, section 8.5 (pressure forces); here without their stiffness, which is why the pressure lags.
 //!
+//! A triangle of a mesh is loaded as a whole, where its three corners are in the region: `f_a = t A/3`, and a follower pressure gives each
+//! corner `−p/6 (x_1 − x_0) × (x_2 − x_0)`, which is exact.
+//!
 //! After a cut a face keeps its load, on the nodes that its cell has then.
 //! Units: m, N, Pa.
 
 use super::Model;
 use crate::kernels::corner;
 use crate::math::V3;
-use crate::mesh::{Grid, trilinear};
+use crate::mesh::{Face as Outer, Grid, MaterialPoint, Unstructured, trilinear};
 use crate::scene::{ACROSS, CellFace, Load, LoadKind, Region, Spans};
 
 /// Face of the surface with its loaded parts. Its corners are in the order `00, 10, 01, 11` of its two axes.
@@ -40,7 +43,7 @@ struct Face {
 /// Faces of the grid's surface that have parts in a region.
 fn faces(grid: &Grid, region: &Region) -> Vec<Face> {
     let params = grid.params::<f64>();
-    let size = [0, 1].map(|n| grid.edge[n] * grid.cells[n] as f64);
+    let size = grid.size();
     let mut out = vec![];
     for (axis, upper) in (0..3).flat_map(|axis| [(axis, 0), (axis, 1)]) {
         let [p, q] = ACROSS[axis];
@@ -142,10 +145,18 @@ impl Model {
         let mut out = vec![[0.0; 3]; self.node_count()];
         for load in self.acting(loads, time) {
             if let LoadKind::PointForce { force, at } = load.kind {
+                if let Some(MaterialPoint(weights)) = self.grid.point_of_mesh(at) {
+                    weights.iter().for_each(|(node, w)| (0..3).for_each(|n| out[*node as usize][n] += force[n] * w));
+                    continue;
+                }
                 let (cell, natural) = self.grid.cell_at(at);
                 for (node, weight) in corners(cell).into_iter().zip(trilinear(natural)) {
                     (0..3).for_each(|n| out[node][n] += force[n] * weight);
                 }
+                continue;
+            }
+            if let Some(unstructured) = &self.grid.unstructured {
+                self.load_triangles(unstructured, load, &displacement, &mut out);
                 continue;
             }
             let faces = faces(&self.grid, &load.region);
@@ -173,10 +184,53 @@ impl Model {
         out
     }
 
+    /// Triangles of a mesh with their corners in a region.
+    fn triangles<'a>(&'a self, mesh: &'a Unstructured, region: &'a Region) -> impl Iterator<Item = [usize; 3]> + 'a {
+        let corners = |face: &Outer| [0, 1, 2].map(|k| face.nodes[k] as usize);
+        let inside = |nodes: &[usize; 3]| nodes.iter().all(|node| self.grid.contains(region, *node));
+        mesh.outside.iter().map(corners).filter(inside)
+    }
+
+    /// Adds a load on the triangles of a mesh: see the module.
+    fn load_triangles(
+        &self,
+        mesh: &Unstructured,
+        load: &Load,
+        displacement: &impl Fn(usize) -> [f64; 3],
+        out: &mut [[f64; 3]],
+    ) {
+        // twice the outward area, m²
+        let twice = |x: [V3<f64>; 3]| (x[1] - x[0]).cross(x[2] - x[0]);
+        let at_rest = |nodes: [usize; 3]| nodes.map(|node| V3::of(self.grid.rest(node)));
+        let area: f64 = self.triangles(mesh, &load.region).map(|nodes| 0.5 * twice(at_rest(nodes)).length()).sum();
+        for nodes in self.triangles(mesh, &load.region) {
+            let rest = at_rest(nodes);
+            let own = 0.5 * twice(rest).length();
+            let force = match load.kind {
+                LoadKind::Pressure { pressure, follower } => {
+                    let moved = [0, 1, 2].map(|k| rest[k] + V3::of(displacement(nodes[k])));
+                    twice(if follower { moved } else { rest }) * (-0.5 * pressure)
+                }
+                LoadKind::Traction(traction) => V3::of(traction) * own,
+                LoadKind::Force(force) => V3::of(force) * (own / area),
+                LoadKind::PointForce { .. } => V3::zero(), // acts at its point
+            };
+            let third = (force * (1.0 / 3.0)).f64();
+            nodes.iter().for_each(|node| (0..3).for_each(|n| out[*node][n] += third[n]));
+        }
+    }
+
     /// Nodes that follower pressures act on at a time, each once, in ascending order.
     pub fn followed_nodes(&self, loads: &[Load], time: f64, corners: impl Fn(usize) -> [usize; 8]) -> Vec<u32> {
-        let faces =
-            self.acting(loads, time).filter(|load| load.follows()).flat_map(|load| faces(&self.grid, &load.region));
+        let followed = || self.acting(loads, time).filter(|load| load.follows());
+        if let Some(unstructured) = &self.grid.unstructured {
+            let triangles = followed().flat_map(|load| self.triangles(unstructured, &load.region));
+            let mut nodes: Vec<u32> = triangles.flatten().map(|node| node as u32).collect();
+            nodes.sort_unstable();
+            nodes.dedup();
+            return nodes;
+        }
+        let faces = followed().flat_map(|load| faces(&self.grid, &load.region));
         let mut nodes: Vec<u32> = faces
             .flat_map(|face| {
                 let of_cell = corners(face.cell);

@@ -3,7 +3,7 @@
 //! Each kind is one folder. It holds the arrays and the mechanics on the host in f64 ([`Mechanics`]), the interface to the solver on the
 //! CPU path ([`cpu::System`]) and on a device ([`gpu::Recorded`]), and the effect of a cut. All kinds share a [`Model`]: nodes with masses,
 //! Dirichlet conditions and loads, in flat arrays that never change during a run. The rest of the program sees the [`Model`], its [`Wound`]
-//! and these interfaces, never the elements. Both present kinds use a regular [`Grid`].
+//! and these interfaces, never the elements. Nodes are those of a regular [`Grid`], or, of tetrahedra, of a mesh file.
 
 mod anchors;
 mod counts;
@@ -38,8 +38,8 @@ use crate::kernels::Params;
 use crate::kernels::cut::Hit;
 use crate::math::elementary::sin_cos;
 use crate::math::{M3, Real, V3, V4};
-use crate::mesh::{Grid, MaterialPoint};
-use crate::scene::{Anchor, Law, MOST_NODES, Mass, Region, Scene, Skin};
+use crate::mesh::{Grid, MaterialPoint, Unstructured};
+use crate::scene::{Anchor, Law, Layer, MOST_NODES, Mass, Region, Scene, Skin};
 use cpu::System;
 use gpu::{Maker, Recorded};
 use grid::Hexahedra;
@@ -56,7 +56,7 @@ pub enum Kind {
     Hexahedra(Box<Hexahedra>),
     /// Springs between the corners of the grid's cells.
     Springs(Box<Springs>),
-    /// Tetrahedra in the cells of the grid.
+    /// Tetrahedra in the cells of the grid, or of a mesh.
     Tetrahedra(Box<Tetrahedra>),
 }
 
@@ -82,6 +82,9 @@ pub struct Segments {
 
 /// Displacement, m, and velocity, m/s, of a node.
 pub type Moved<'a> = dyn Fn(usize) -> [V3<f64>; 2] + Sync + 'a;
+
+/// Whether a condition holds for an element of a layer with this deformation gradient.
+pub type Holds<'a> = dyn Fn(usize, M3<f64>) -> bool + 'a;
 
 /// Mechanics of a deformable body on the host, in f64.
 pub trait Mechanics {
@@ -133,6 +136,11 @@ pub trait Mechanics {
     fn alive_share(&self, _model: &Model, wound: &Wound, cell: usize) -> f64 {
         wound.surface.linked_share(cell)
     }
+    /// Number of elements that a condition on their mean deformation gradients holds for; of springs, cells of their grid. Removed cells are
+    /// skipped.
+    fn count_cells(&self, model: &Model, state: &Snapshot, holds: &Holds) -> u32 {
+        energy::count_cells(model, state, holds)
+    }
     /// True where the mean deformation gradient of a cell of a layer is beyond what its law is for; false for laws of large strains and
     /// springs.
     fn beyond_law(&self, _layer: usize, _gradient: M3<f64>) -> bool {
@@ -155,7 +163,11 @@ pub trait Mechanics {
     /// Mass of the remaining elements, kg.
     fn mass_left(&self, model: &Model, wound: &Wound) -> f64;
     /// `√(π E′ G / 2)` of a layer, N/m^1.5, with toughness `G` and `E′ = E/(1 − ν²)`: see [`Model::splitting`].
-    fn splitting(&self, layer: &crate::scene::Layer) -> f64;
+    fn splitting(&self, layer: &Layer) -> f64;
+    /// True if devices run it; otherwise the CPU path alone does.
+    fn on_devices(&self) -> bool {
+        true
+    }
     /// Arrays and kernels of the body on a device; `u` holds the displacements.
     ///
     /// # Errors
@@ -170,9 +182,9 @@ pub struct Model {
     pub body: usize,
     /// Rest position of the centre of the grid's bottom face, m.
     pub position: [f64; 3],
-    /// Grid, in the body's own frame.
+    /// Grid, or nodes of a mesh, in the body's own frame.
     pub grid: Grid,
-    /// `[layer]` cell edges, m, and the mass that a cell gives each corner, kg.
+    /// `[layer]` cell edges, m, and the mass that a cell gives each corner, kg; 0 of a mesh.
     pub shape: Vec<[f64; 4]>,
     /// Elements.
     pub kind: Kind,
@@ -239,7 +251,7 @@ impl Model {
         }
         let anchors: Vec<Anchor> = scene.anchors.iter().filter(|a| a.body == body).cloned().collect();
         model.anchors = Anchors::new(&anchors, |anchor| model.grid.nodes_in(&anchor.region));
-        model.set_masses();
+        model.set_masses(&skin.layers);
         model.hold(scene);
         // reserve for the nodes that a cut duplicates
         model.free.resize(model.node_count(), [0.0; 4]);
@@ -317,8 +329,8 @@ impl Model {
         Ok(model)
     }
 
-    /// Masses of the grid's nodes, all axes free: an eighth of each cell at each corner, or one uniform value.
-    fn set_masses(&mut self) {
+    /// Masses of the nodes, all axes free: an eighth of each cell at each corner, a quarter of each tetrahedron of a mesh, or one uniform value.
+    fn set_masses(&mut self, layers: &[Layer]) {
         let params = self.grid.params::<f64>();
         let count = self.own_nodes();
         self.free = vec![[1.0, 1.0, 1.0, 0.0]; count];
@@ -326,6 +338,12 @@ impl Model {
             let layer = self.grid.layer(cell);
             for node in params.corners(cell) {
                 self.free[node][3] += self.shape[layer][3];
+            }
+        }
+        if let Some(Unstructured { mesh, .. }) = self.grid.unstructured.as_deref() {
+            for (e, (corners, layer)) in mesh.tetrahedra().iter().zip(mesh.layers()).enumerate() {
+                let quarter = 0.25 * layers[*layer as usize].density * mesh.volume(e);
+                corners.iter().for_each(|node| self.free[*node as usize][3] += quarter);
             }
         }
         if self.mass == Mass::Uniform {
@@ -403,9 +421,9 @@ impl Model {
         self.own_nodes() + self.mechanics().extra_columns() * self.grid.nodes[2]
     }
 
-    /// Number of cells inside the body's surface.
+    /// Number of cells inside the body's surface: of the grid, or tetrahedra of a mesh.
     pub fn cell_count(&self) -> usize {
-        self.grid.cell_count()
+        self.grid.unstructured.as_ref().map_or(self.grid.cell_count(), |of| of.mesh.tetrahedra().len())
     }
 
     /// Layer of a cell.
@@ -415,12 +433,15 @@ impl Model {
 
     /// Larger horizontal cell edge, m.
     pub fn cell_width(&self) -> f64 {
+        if let Some(unstructured) = &self.grid.unstructured {
+            return unstructured.mesh.cell_width();
+        }
         self.grid.edge[0].max(self.grid.edge[1])
     }
 
     /// Largest extent along x or z at rest, m.
     pub fn extent(&self) -> f64 {
-        self.grid.thickness().max(self.grid.edge[0] * self.grid.cells[0] as f64)
+        self.grid.thickness().max(self.grid.size()[0])
     }
 
     /// Number of elements.
@@ -436,6 +457,16 @@ impl Model {
     /// The material point at a rest position, m; none outside of the uncut body.
     pub fn material_point(&self, at: [f64; 3]) -> Option<MaterialPoint> {
         self.grid.material_point([0, 1, 2].map(|n| at[n] - self.position[n]))
+    }
+
+    /// The mesh of tetrahedra that its nodes are of, if they are of one.
+    pub fn unstructured(&self) -> Option<&Unstructured> {
+        self.grid.unstructured.as_deref()
+    }
+
+    /// The material point of a mesh at a rest position in the body's frame, or nearest to it; none of a grid.
+    pub fn point_of_mesh(&self, at: [f64; 3]) -> Option<MaterialPoint> {
+        self.grid.point_of_mesh(at)
     }
 
     /// Cells that contain a rest position given in the body's frame ([`Grid::cells_at`]).
@@ -486,7 +517,8 @@ impl Model {
         // rest positions and prescribed displacements; DOF masks and masses, with the reserve of duplicates
         let nodes = self.own_nodes() * 2 * size_of::<[f64; 3]>() + self.node_count() * size_of::<[f64; 4]>();
         let anchors = self.anchor_count() * (size_of::<u32>() + size_of::<f64>());
-        (nodes + anchors + size_of_val(&self.shape[..]) + self.mechanics().host_bytes(self)) as u64
+        let mesh = self.grid.unstructured.as_ref().map_or(0, |unstructured| unstructured.bytes());
+        (nodes + anchors + mesh + size_of_val(&self.shape[..]) + self.mechanics().host_bytes(self)) as u64
     }
 
     /// Number of nodes inside a region.

@@ -4,7 +4,7 @@ use super::{Model, turned};
 use crate::math::V4;
 use crate::math::random::scattered;
 use crate::mesh::Grid;
-use crate::scene::{Scene, Start};
+use crate::scene::{Scene, Start, TetrahedralMesh};
 
 impl Model {
     /// `[node]` initial displacements, m, and velocities, m/s.
@@ -43,6 +43,9 @@ fn shaped(start: Start, grid: &Grid, node: usize) -> [f64; 3] {
         }
         Start::Flat => [0.0, 0.0, -z],
         Start::Inverted => {
+            if let Some(unstructured) = &grid.unstructured {
+                return inverted(&unstructured.mesh, grid.thickness(), node);
+            }
             let params = grid.params::<f64>();
             let corners = params.corners(params.cell_id(grid.cells.map(|count| count / 2)));
             let (low, high) = (grid.rest(corners[0]), grid.rest(corners[6]));
@@ -51,4 +54,14 @@ fn shaped(start: Start, grid: &Grid, node: usize) -> [f64; 3] {
         }
         Start::Twist(angle) => turned([x, y, z], angle * z / grid.thickness()),
     }
+}
+
+/// Displacement that puts a corner of the tetrahedron in the middle of a mesh beyond its centroid; 0 of other nodes.
+fn inverted(mesh: &TetrahedralMesh, thickness: f64, node: usize) -> [f64; 3] {
+    let (e, _) = mesh.nearest([0.0, 0.0, 0.5 * thickness]);
+    if !mesh.tetrahedra()[e].contains(&(node as u32)) {
+        return [0.0; 3];
+    }
+    let corners = mesh.corners(e);
+    [0, 1, 2].map(|n| 0.5 * corners.iter().map(|x| x[n]).sum::<f64>() - 2.0 * mesh.nodes()[node][n])
 }

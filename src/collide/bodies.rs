@@ -9,8 +9,8 @@
 use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, Role};
 use crate::constraints::Law;
+use crate::mesh::Face;
 use crate::mesh::MaterialPoint;
-use crate::mesh::Quad;
 use crate::scene::{BodyId, Plane};
 use glam::DVec3;
 use parry3d::math::Pose;
@@ -188,13 +188,13 @@ fn on_box(body: &Instrument, point: DVec3) -> DVec3 {
 }
 
 /// Nodes of faces with outward directions, not of unit length.
-fn nodes(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> BTreeMap<u32, DVec3> {
+fn nodes(faces: &[Face], position: &impl Fn(u32) -> DVec3) -> BTreeMap<u32, DVec3> {
     let mut out: BTreeMap<u32, DVec3> = BTreeMap::new();
     for face in faces {
-        let [a, b, c, d] = face.nodes;
+        let [a, b, c, d] = face.nodes; // of a triangle: twice its area too
         let outward = (position(c) - position(a)).cross(position(d) - position(b));
-        for node in face.nodes {
-            *out.entry(node).or_default() += outward;
+        for node in face.corners() {
+            *out.entry(*node).or_default() += outward;
         }
     }
     out
@@ -202,7 +202,7 @@ fn nodes(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> BTreeMap<u32, DVec
 
 /// Contacts of a deformable body's faces with a wall.
 pub fn skin_on_plane(
-    (number, faces): (usize, &[Quad]),
+    (number, faces): (usize, &[Face]),
     position: &impl Fn(u32) -> DVec3,
     (wall, plane): (usize, &Plane),
     search: &Search,
@@ -223,7 +223,7 @@ pub fn skin_on_plane(
 
 /// Contacts of a deformable body's nodes with the faces of a box, for nodes over a face or inside; none if the tool is no box.
 pub fn skin_on_box(
-    (number, faces): (usize, &[Quad]),
+    (number, faces): (usize, &[Face]),
     position: &impl Fn(u32) -> DVec3,
     (rigid, tool): (usize, &Instrument),
     search: &Search,
@@ -251,7 +251,7 @@ pub fn skin_on_box(
 
 /// Contacts of the first body's nodes with the second's faces; nodes within `same` of a point of `skip` are omitted.
 pub fn skin_on_skin(
-    (first, faces, position): (usize, &[Quad], &impl Fn(u32) -> DVec3),
+    (first, faces, position): (usize, &[Face], &impl Fn(u32) -> DVec3),
     (second, patch): (usize, &Patch),
     search: &Search,
     skip: &[DVec3],

@@ -5,16 +5,16 @@
 //! what is below the surface too, and a point that has sunk into the skin still meets it.
 //!
 //! Tiles whose boxes meet a tool's are searched column by column with the same two displacements; the surface of the columns that may meet
-//! the tool's box goes to the narrow phase. Leaves are rounded outward to the f32 of parry3d.
+//! the tool's box goes to the narrow phase. A mesh of tetrahedra is one tile; its triangles are searched one by one with the boxes of the
+//! tetrahedra behind them ([`crate::mesh::Unstructured`]). Leaves are rounded outward to the f32 of parry3d.
 //! Units: m.
 
 use crate::kernels::Params;
 use crate::kernels::bounds::{TILE, columns, tile_count, tiles};
 use crate::math::V4;
-use crate::mesh::Quad;
-use crate::mesh::{Grid, Surface};
+use crate::mesh::{Face, Grid, Surface};
 use glam::DVec3;
-use parry3d::bounding_volume::Aabb;
+use parry3d::bounding_volume::{Aabb, BoundingVolume};
 use parry3d::math::Vector;
 use parry3d::partitioning::{Bvh, BvhBuildStrategy};
 use std::collections::BTreeSet;
@@ -62,6 +62,10 @@ impl Boxes {
         let mut rest: Vec<[DVec3; 2]> = (0..x * y)
             .map(|tile| {
                 let [first, last] = columns(params, tile);
+                if grid.unstructured.is_some() {
+                    let [x, y] = grid.size().map(|size| 0.5 * size);
+                    return [DVec3::new(-x, -y, 0.0), DVec3::new(x, y, grid.thickness())];
+                }
                 let corner = |c: [usize; 2], z: usize| grid.rest(params.node_id([c[0], c[1], z]));
                 [corner(first, 0), corner(last, grid.cells[2])].map(DVec3::from_array)
             })
@@ -141,9 +145,17 @@ impl Boxes {
         found
     }
 
-    /// Surface faces of the cell columns that may meet an area.
-    pub fn faces(&self, surface: &Surface, area: &Aabb) -> Vec<Quad> {
+    /// Surface faces of the cell columns, or of the tetrahedra behind them, that may meet an area.
+    pub fn faces(&self, surface: &Surface, area: &Aabb) -> Vec<Face> {
         let grid = surface.grid();
+        if let Some(unstructured) = &grid.unstructured {
+            let [least, greatest] = self.motion[0];
+            let meets = |[low, high]: &[[f64; 3]; 2]| {
+                outward(DVec3::from_array(*low) + least, DVec3::from_array(*high) + greatest).intersects(area)
+            };
+            let near = unstructured.outside.iter().zip(&unstructured.behind).filter(|(_, behind)| meets(behind));
+            return near.map(|(face, _)| *face).collect();
+        }
         let params = grid.params::<f64>();
         let mut out = vec![];
         let parents = surface.parts.parents();

@@ -5,19 +5,23 @@
 //! the four corners alike. Blades, round tools and tools of lines use faces in two: their pieces meet several triangles at once.
 
 use super::{Patch, to_f32};
-use crate::mesh::{MaterialPoint, Quad};
+use crate::mesh::{Face, MaterialPoint};
 use glam::DVec3;
 use parry3d::shape::{TriMesh, TriMeshFlags};
 
 impl Patch {
-    /// Patch of faces at the present positions of their nodes, as [`Patch::new`]; `None` without faces.
-    pub fn about_centres(faces: &[Quad], position: impl Fn(u32) -> DVec3) -> Option<Self> {
+    /// Patch of faces at the present positions of their nodes, as [`Patch::new`]; `None` without faces. Triangles have no diagonal and stay
+    /// whole.
+    pub fn about_centres(faces: &[Face], position: impl Fn(u32) -> DVec3) -> Option<Self> {
+        if faces.iter().any(Face::is_triangle) {
+            return Self::new(faces, position);
+        }
         let mut ids: Vec<u32> = faces.iter().flat_map(|q| q.nodes).collect();
         ids.sort_unstable();
         ids.dedup();
         let origin = position(*ids.first()?);
         let local = |id: u32| ids.binary_search(&id).unwrap_or(0) as u32;
-        let centre = |q: &Quad| q.nodes.iter().map(|id| position(*id)).sum::<DVec3>() * 0.25;
+        let centre = |q: &Face| q.nodes.iter().map(|id| position(*id)).sum::<DVec3>() * 0.25;
         let points = ids.iter().map(|id| position(*id)).chain(faces.iter().map(centre));
         let vertices = points.map(|p| to_f32(p - origin)).collect();
         let (mut indices, mut corners) = (vec![], vec![]);

@@ -34,7 +34,7 @@
 use super::{Contact, Patch, Search, frame};
 use crate::bodies::rigid::{Instrument, Role, UnconstrainedMotion};
 use crate::constraints::Law;
-use crate::mesh::{MaterialPoint, Quad};
+use crate::mesh::{Face, MaterialPoint};
 use crate::scene::{Filter, Round};
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -156,17 +156,19 @@ impl Sweep {
 
 /// `[face]` curvature of the skin, 1/m, positive in a hollow: change of the normal over the distance to a neighbour, the largest one. At
 /// the end of a contact the skin leaves the tool on one side.
-fn curvatures(faces: &[Quad], position: &impl Fn(u32) -> DVec3) -> Vec<f64> {
-    let shape = |face: &Quad| {
+fn curvatures(faces: &[Face], position: &impl Fn(u32) -> DVec3) -> Vec<f64> {
+    let shape = |face: &Face| {
         let [a, b, c, d] = face.nodes.map(position);
-        ((a + b + c + d) * 0.25, (c - a).cross(d - b).normalize_or_zero())
+        let corners = face.corners();
+        let centre = corners.iter().map(|id| position(*id)).sum::<DVec3>() * (1.0 / corners.len() as f64);
+        (centre, (c - a).cross(d - b).normalize_or_zero())
     };
     let shapes: Vec<(DVec3, DVec3)> = faces.iter().map(shape).collect();
     let mut beside: BTreeMap<(u32, u32), usize> = BTreeMap::new();
     let mut most = vec![0.0f64; faces.len()];
     // each edge with the face seen before on its other side
     for (k, face) in faces.iter().enumerate() {
-        for (a, b) in (0..4).map(|n| (face.nodes[n], face.nodes[(n + 1) % 4])) {
+        for [a, b] in face.edges() {
             let Some(other) = beside.insert((a.min(b), a.max(b)), k) else { continue };
             let ((here, up), (there, turned)) = (shapes[k], shapes[other]);
             let way = there - here;
@@ -189,7 +191,7 @@ struct Overlapped {
 
 /// Surface points of faces by their two nodes (a corner has the same one twice).
 fn surface_points(
-    faces: &[Quad],
+    faces: &[Face],
     position: &impl Fn(u32) -> DVec3,
     sweep: &Sweep,
     curvature: &[f64],
@@ -199,8 +201,10 @@ fn surface_points(
         let corners = face.nodes.map(position);
         let turned = (corners[2] - corners[0]).cross(corners[3] - corners[1]);
         // two nodes of a triangle and the third; the diagonal of a face is that of its triangles
-        let pairs = [(0, 0, 0), (1, 1, 1), (2, 2, 2), (3, 3, 3), (0, 1, 2), (1, 2, 0), (2, 3, 0), (3, 0, 2), (0, 2, 1)];
-        for (i, j, k) in pairs {
+        let of_triangle = [(0, 0, 0), (1, 1, 1), (2, 2, 2), (0, 1, 2), (1, 2, 0), (0, 2, 1)];
+        let of_second = [(3, 3, 3), (2, 3, 0), (3, 0, 2)];
+        let second = if face.is_triangle() { &[][..] } else { &of_second };
+        for (i, j, k) in of_triangle.iter().chain(second).copied() {
             let overlap = sweep.overlap([corners[i], corners[j], corners[k]], [0.5, 0.5, 0.0], *curvature);
             let (a, b) = (face.nodes[i], face.nodes[j]);
             let first = Overlapped { outward: DVec3::ZERO, overlap };
@@ -229,7 +233,7 @@ pub fn contacts(
     (number, tool): (usize, &Instrument),
     round: &Round,
     (body, patch): (usize, &Patch),
-    faces: &[Quad],
+    faces: &[Face],
     position: &impl Fn(u32) -> DVec3,
     search: &Search,
     free: &UnconstrainedMotion,
@@ -364,11 +368,11 @@ mod tests {
     }
 
     /// Patch of 4 × 4 faces at height `z(x, y)`, and its nodes.
-    fn patch(z: impl Fn(f64, f64) -> f64) -> (Vec<Quad>, Vec<DVec3>) {
+    fn patch(z: impl Fn(f64, f64) -> f64) -> (Vec<Face>, Vec<DVec3>) {
         let at = |k: u32| (f64::from(k) - 2.0) * CELL;
         let nodes = (0..25).map(|n| (at(n % 5), at(n / 5)));
         let corner = |k: u32| k % 4 + 5 * (k / 4);
-        let quad = |k: u32| Quad { nodes: [0, 1, 6, 5].map(|n| corner(k) + n), cell: 0, wall: false };
+        let quad = |k: u32| Face { nodes: [0, 1, 6, 5].map(|n| corner(k) + n), cell: 0, wall: false };
         ((0..16).map(quad).collect(), nodes.map(|(x, y)| DVec3::new(x, y, z(x, y))).collect())
     }
 

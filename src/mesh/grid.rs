@@ -1,26 +1,35 @@
-//! Regular grid of hexahedra in layers: z-ranges of one grid that share their interface nodes, so layers are perfectly bonded.
+//! Regular grid of hexahedra in layers: z-ranges of one grid that share their interface nodes, so layers are perfectly bonded. Or, in its
+//! place, the nodes of a mesh of tetrahedra.
 
+use super::Unstructured;
 use crate::kernels::Params;
-use crate::scene::{Region, Skin};
+use crate::scene::{Region, Skin, TetrahedralMesh};
+use std::sync::Arc;
 
-/// Geometry of the grid: x fastest, then y, then z. The origin is the centre of the bottom face.
+/// Geometry of the grid: x fastest, then y, then z. The origin is the centre of the bottom face. Of a mesh of tetrahedra its nodes in one
+/// column, without cells.
 #[derive(Clone, Debug)]
 pub struct Grid {
     /// Cells along each axis.
     pub cells: [usize; 3],
     /// Nodes along each axis.
     pub nodes: [usize; 3],
-    /// Cell edges along x and y, m.
+    /// Cell edges along x and y, m; of a mesh the extent along them.
     pub edge: [f64; 2],
     /// `[z-level]` height of each level of nodes, m.
     pub heights: Vec<f64>,
     /// `[cells_z]` layer of each level of cells.
     pub layer_of: Vec<u32>,
+    /// The mesh of tetrahedra that the nodes are of, if they are of one.
+    pub unstructured: Option<Arc<Unstructured>>,
 }
 
 impl Grid {
-    /// Grid of a skin.
+    /// Grid of a skin, or the nodes of its mesh.
     pub fn new(skin: &Skin) -> Self {
+        if let Some(mesh) = &skin.mesh {
+            return Self::of_mesh(mesh);
+        }
         let mut heights = vec![0.0];
         let mut layer_of = vec![];
         let mut bottom = 0.0;
@@ -38,6 +47,20 @@ impl Grid {
             edge: [skin.size[0] / cells[0] as f64, skin.size[1] / cells[1] as f64],
             heights,
             layer_of,
+            unstructured: None,
+        }
+    }
+
+    /// The nodes of a mesh in one column, without cells: what is of cells does nothing, and the mesh has tetrahedra in their place.
+    fn of_mesh(mesh: &Arc<TetrahedralMesh>) -> Self {
+        let [x, y, z] = mesh.size();
+        Self {
+            cells: [0; 3],
+            nodes: [1, 1, mesh.nodes().len()],
+            edge: [x, y],
+            heights: vec![0.0, z],
+            layer_of: vec![],
+            unstructured: Some(Arc::new(Unstructured::new(mesh))),
         }
     }
 
@@ -46,14 +69,25 @@ impl Grid {
         self.nodes.iter().product()
     }
 
-    /// Number of cells.
+    /// Number of hexahedral cells.
     pub fn cell_count(&self) -> usize {
         self.cells.iter().product()
     }
 
-    /// Layer of a cell.
+    /// Layer of a cell, or of a tetrahedron of the mesh.
     pub fn layer(&self, cell: usize) -> usize {
+        if let Some(unstructured) = &self.unstructured {
+            return unstructured.mesh.layers()[cell] as usize;
+        }
         self.layer_of[cell / (self.cells[0] * self.cells[1])] as usize
+    }
+
+    /// Extent along x and y, m.
+    pub fn size(&self) -> [f64; 2] {
+        match self.unstructured {
+            Some(_) => self.edge,
+            None => [0, 1].map(|n| self.edge[n] * self.cells[n] as f64),
+        }
     }
 
     /// Total thickness, m.
@@ -63,15 +97,18 @@ impl Grid {
 
     /// Rest position of a node, m.
     pub fn rest(&self, node: usize) -> [f64; 3] {
+        if let Some(unstructured) = &self.unstructured {
+            return unstructured.mesh.nodes()[node];
+        }
         let [i, j, k] = self.params::<f64>().node_at(node);
         let along = |i: usize, axis: usize| (i as f64 - 0.5 * self.cells[axis] as f64) * self.edge[axis];
         [along(i, 0), along(j, 1), self.heights[k]]
     }
 
-    /// Edges of a layer's cells, m.
+    /// Edges of a layer's cells, m; 0 without a cell.
     pub fn cell_edges(&self, layer: u32) -> [f64; 3] {
-        let k = self.layer_of.iter().position(|l| *l == layer).unwrap_or(0);
-        [self.edge[0], self.edge[1], self.heights[k + 1] - self.heights[k]]
+        let first = self.layer_of.iter().position(|l| *l == layer);
+        first.map_or([0.0; 3], |k| [self.edge[0], self.edge[1], self.heights[k + 1] - self.heights[k]])
     }
 
     /// Kernel parameters with the sizes set; everything else is zero.
@@ -100,8 +137,10 @@ impl Grid {
 
     /// True if a node belongs to a region.
     pub fn contains(&self, region: &Region, node: usize) -> bool {
-        let size = [0, 1].map(|n| self.edge[n] * self.cells[n] as f64);
-        region.holds(self.rest(node), size, self.thickness())
+        match &self.unstructured {
+            Some(unstructured) => unstructured.mesh.node_is_in(node, region),
+            None => region.holds(self.rest(node), self.size(), self.thickness()),
+        }
     }
 
     /// Nodes of a region.
@@ -116,6 +155,11 @@ impl Grid {
 
     /// Node nearest to a rest position.
     pub fn nearest(&self, point: [f64; 3]) -> usize {
+        if self.unstructured.is_some() {
+            let squared = |node: &usize| (0..3).map(|n| (self.rest(*node)[n] - point[n]).powi(2)).sum::<f64>();
+            let nearer = |a: &usize, b: &usize| squared(a).total_cmp(&squared(b));
+            return (0..self.node_count()).min_by(nearer).unwrap_or(0);
+        }
         let along = |axis: usize| {
             let i = (point[axis] / self.edge[axis] + 0.5 * self.cells[axis] as f64).round();
             i.clamp(0.0, self.cells[axis] as f64) as usize

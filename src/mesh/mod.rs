@@ -1,13 +1,20 @@
-//! The regular grid of a body: nodes and cells, their connectivity under cuts, and the surface.
+//! The nodes and cells of a body, their connectivity under cuts, and the surface: of a regular grid, or of a mesh of tetrahedra, which is
+//! not cut.
 
 mod corner;
+mod face;
 mod grid;
 mod parts;
 mod point;
 mod surface;
+mod tetrahedra;
+mod unstructured;
 
 pub use corner::Corner;
+pub use face::Face;
 pub use grid::Grid;
 pub use parts::{Change, FRAGMENT, Parts};
 pub use point::{MaterialPoint, trilinear};
-pub use surface::{Edges, Quad, Surface};
+pub use surface::{Edges, Surface};
+pub use tetrahedra::PAIRS;
+pub use unstructured::Unstructured;

@@ -448,6 +448,7 @@ mod tests {
             edge: [1e-3, 1e-3],
             heights: vec![0.0, 1e-3, 2e-3, 3e-3, 4e-3],
             layer_of: vec![0; 4],
+            unstructured: None,
         };
         let params = Params { extra_columns: 60, split_cells: 100, touched_nodes: 400, ..grid.params() };
         Parts::new(Params { node_count: params.node_count + 60 * params.nodes_z, ..params })

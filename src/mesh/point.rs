@@ -1,6 +1,6 @@
 //! Material points: what moves with a few nodes.
 
-use super::Grid;
+use super::{Grid, Unstructured};
 use crate::kernels::corner;
 
 /// A material point of a deformable body: node ids, each once, with their weights, which sum to 1. `u = Σ_a N_a u_a`, and a force on it
@@ -32,9 +32,27 @@ pub fn trilinear(natural: [f64; 3]) -> [f64; 8] {
     std::array::from_fn(|a| (0..3).map(|m| if corner(a)[m] == 1 { natural[m] } else { 1.0 - natural[m] }).product())
 }
 
+/// Weight below which a node has none: coordinates in scenes are rounded.
+const NONE: f64 = 1e-9;
+
+/// The point of a mesh at a rest position in its frame; outside of it by the shape functions of the nearest tetrahedron.
+fn of_tetrahedron(unstructured: &Unstructured, at: [f64; 3]) -> MaterialPoint {
+    let (e, weights) = unstructured.mesh.nearest(at);
+    let weights = weights.map(|weight| if weight.abs() < NONE { 0.0 } else { weight });
+    MaterialPoint::of(unstructured.mesh.tetrahedra()[e], weights)
+}
+
 impl Grid {
+    /// The material point at a rest position in the frame of a mesh, or nearest to it; none of a grid.
+    pub fn point_of_mesh(&self, at: [f64; 3]) -> Option<MaterialPoint> {
+        self.unstructured.as_ref().map(|unstructured| of_tetrahedron(unstructured, at))
+    }
+
     /// The material point at a rest position in the grid's frame; none outside of it.
     pub fn material_point(&self, at: [f64; 3]) -> Option<MaterialPoint> {
+        if let Some(unstructured) = &self.unstructured {
+            return unstructured.mesh.holds(at).then(|| of_tetrahedron(unstructured, at));
+        }
         let half = |axis: usize| 0.5 * self.cells[axis] as f64;
         let inside = |axis: usize| (0.0..=self.cells[axis] as f64).contains(&(at[axis] / self.edge[axis] + half(axis)));
         if !(inside(0) && inside(1) && (self.heights[0]..=self.thickness()).contains(&at[2])) {

@@ -1,26 +1,7 @@
-//! The skin's surface: faces of remaining cells without a neighbour, and both sides of each severed link.
+//! The skin's surface: faces of remaining cells without a neighbour, and both sides of each severed link; of a mesh, its outside.
 
-use super::{Corner, Grid, Parts};
+use super::{Corner, Face, Grid, Parts};
 use crate::kernels::Params;
-
-/// A boundary face: corner nodes counter-clockwise seen from outside.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Quad {
-    /// Node ids.
-    pub nodes: [u32; 4],
-    /// Cell behind the face.
-    pub cell: u32,
-    /// True for a wall of the wound, made by a cut.
-    pub wall: bool,
-}
-
-impl Quad {
-    /// The face as two triangles of node ids.
-    pub fn triangles(&self) -> [[u32; 3]; 2] {
-        let [a, b, c, d] = self.nodes;
-        [[a, b, c], [a, c, d]]
-    }
-}
 
 /// Edge defects of a surface; both are 0 for an uncut body.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -101,7 +82,7 @@ impl Surface {
     }
 
     /// Boundary faces of the cells with grid coordinates in `low..high`.
-    pub fn quads(&self, low: [usize; 3], high: [usize; 3], out: &mut Vec<Quad>) {
+    pub fn quads(&self, low: [usize; 3], high: [usize; 3], out: &mut Vec<Face>) {
         for k in low[2]..high[2] {
             for j in low[1]..high[1] {
                 for i in low[0]..high[0] {
@@ -112,9 +93,9 @@ impl Surface {
     }
 
     /// All boundary faces.
-    pub fn all(&self) -> Vec<Quad> {
+    pub fn all(&self) -> Vec<Face> {
         let p = &self.params;
-        let mut out = vec![];
+        let mut out = self.of.unstructured.as_ref().map_or(vec![], |unstructured| unstructured.outside.clone());
         self.quads([0; 3], [p.cells_x as usize, p.cells_y as usize, p.cells_z as usize], &mut out);
         out
     }
@@ -124,7 +105,7 @@ impl Surface {
         edges(&self.all())
     }
 
-    fn cell_quads(&self, at: [usize; 3], out: &mut Vec<Quad>) {
+    fn cell_quads(&self, at: [usize; 3], out: &mut Vec<Face>) {
         let p = &self.params;
         let cell = p.cell_id(at);
         if !self.alive[cell] {
@@ -144,17 +125,16 @@ impl Surface {
             let other = p.cell_id(next);
             let wall = inside && (!self.alive[other] || self.parts.is_severed(cell.min(other), number / 2));
             if wall || !inside {
-                out.push(Quad { nodes: face.map(|a| corners[a] as u32), cell: cell as u32, wall });
+                out.push(Face { nodes: face.map(|a| corners[a] as u32), cell: cell as u32, wall });
             }
         }
     }
 }
 
-fn edges(quads: &[Quad]) -> Edges {
+fn edges(quads: &[Face]) -> Edges {
     let mut sides: Vec<([u32; 2], bool)> = vec![];
-    for Quad { nodes, .. } in quads {
-        let next = [1, 2, 3, 0].map(|k| nodes[k]);
-        sides.extend(nodes.iter().zip(next).map(|(a, b)| ([*a.min(&b), *a.max(&b)], *a < b)));
+    for face in quads {
+        sides.extend(face.edges().map(|[a, b]| ([a.min(b), a.max(b)], a < b)));
     }
     sides.sort_unstable();
     let mut found = Edges::default();
@@ -179,6 +159,7 @@ mod tests {
             edge: [1.0, 1.0],
             heights: vec![0.0, 1.0, 2.0],
             layer_of: vec![0, 0],
+            unstructured: None,
         };
         let mut surface = Surface::new(&grid);
         surface.alive[13] = false;
@@ -201,6 +182,7 @@ mod tests {
             edge: [1.0, 1.0],
             heights: vec![0.0, 1.0, 2.0, 3.0],
             layer_of: vec![0; 3],
+            unstructured: None,
         };
         let params = Params { extra_columns: 16, split_cells: 100, touched_nodes: 400, ..grid.params::<f64>() };
         Surface::with_reserve(&grid, params)

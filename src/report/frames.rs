@@ -5,7 +5,7 @@ use crate::backend::Snapshot;
 use crate::bodies::rigid::Instrument;
 use crate::error::Result;
 use crate::math::V4;
-use crate::mesh::Quad;
+use crate::mesh::Face;
 use crate::output::{Failed, replace};
 use crate::scene::{Scene, Tool};
 use crate::step::{Body, Simulation, StepReport};
@@ -91,7 +91,7 @@ impl SkinSurface {
     }
 
     /// Moves points of a body from its nodes to the surface corners.
-    fn smooth(&mut self, body: &Body, state: &Snapshot, quads: &[Quad], first: usize) {
+    fn smooth(&mut self, body: &Body, state: &Snapshot, quads: &[Face], first: usize) {
         let mut nodes: Vec<u32> = quads.iter().flat_map(|quad| quad.nodes).collect();
         nodes.sort_unstable();
         nodes.dedup();
@@ -107,13 +107,11 @@ impl SkinSurface {
 }
 
 impl Faces {
-    fn add(&mut self, quad: &Quad, first: u32, layer: [u32; 2]) {
+    fn add(&mut self, quad: &Face, first: u32, layer: [u32; 2]) {
         self.triangles.extend(quad.triangles().map(|t| t.map(|n| first + n)));
-        self.layers.extend([layer; 2]);
-        self.cells.extend([quad.cell; 2]);
-        let n = quad.nodes.map(|n| first + n);
-        let sides = [[0, 1], [1, 2], [2, 3], [3, 0]];
-        self.edges.extend(sides.map(|[a, b]: [usize; 2]| [n[a].min(n[b]), n[a].max(n[b])]));
+        self.layers.extend(quad.triangles().map(|_| layer));
+        self.cells.extend(quad.triangles().map(|_| quad.cell));
+        self.edges.extend(quad.edges().map(|[a, b]| [first + a.min(b), first + a.max(b)]));
     }
 
     /// `[triangle]` colours of the layers, mixed with another colour.

@@ -56,13 +56,17 @@ pub fn fits(scene: &Scene, purpose: Purpose) -> Result<()> {
     for skin in &scene.skins {
         let z = 1 + skin.layers.iter().map(|layer| u64::from(layer.cells)).sum::<u64>();
         let columns = (u64::from(skin.cells[0]) + 1) * (u64::from(skin.cells[1]) + 1);
+        let (nodes, key) = match &skin.mesh {
+            Some(mesh) => (mesh.nodes().len() as u64, "the number of tetrahedra in mesh"),
+            None => (columns * z, "cells"),
+        };
         let reserve = match skin.cut {
             Cut::Split { reserve_columns } if cuts => u64::from(reserve_columns),
             _ => 0,
         };
         let [of_grid, of_reserve] = purpose.of_node(skin, scene.contact.is_some());
         let parts = [
-            (columns * z * of_grid, cells_of(&skin.name), "cells"),
+            (nodes * of_grid, cells_of(&skin.name), key),
             (reserve * z * of_reserve, reserve_of(&skin.name), "cut_reserve_columns"),
         ];
         for part in parts {

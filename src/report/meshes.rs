@@ -6,7 +6,8 @@ use crate::backend::Snapshot;
 use crate::error::Result;
 use crate::formats::{self, Encoding, Format, Mesh};
 use crate::math::V3;
-use crate::output::{Field, replace, write_hexes, write_triangles};
+use crate::mesh::Unstructured;
+use crate::output::{Field, replace, write_solids, write_triangles};
 use crate::scene::{Component, OutputField, Scene, SurfaceFormat};
 use crate::step::{Body, Simulation};
 use rayon::prelude::*;
@@ -52,6 +53,8 @@ impl CellFields {
                     false => 0.0,
                 };
                 own.alive = (0..wound.surface.alive.len()).map(share).collect();
+                // tetrahedra of a mesh are not cut
+                own.alive.extend(model.unstructured().into_iter().flat_map(|of| of.mesh.tetrahedra()).map(|_| 1.0));
             }
             own
         };
@@ -160,6 +163,7 @@ pub(super) fn write_volume(
     fields: &CellFields,
 ) -> Result<()> {
     let (mut cells, mut layers, mut bodies, mut old, mut numbers) = (vec![], vec![], vec![], vec![], vec![]);
+    let (mut tetrahedra, mut theirs) = (vec![], vec![]); // after the cells of all grids
     let mut first = 0;
     for (number, body) in simulation.bodies.iter().enumerate() {
         let surface = &body.wound.surface;
@@ -168,16 +172,24 @@ pub(super) fn write_volume(
             layers.push(layer as f64);
             bodies.push(number as f64);
         }
+        if let Some(Unstructured { mesh, .. }) = body.model.unstructured() {
+            theirs.extend(mesh.layers().iter().enumerate().map(|(cell, layer)| (f64::from(*layer), (number, cell))));
+            tetrahedra.extend(mesh.tetrahedra().iter().map(|corners| corners.map(|n| first + n)));
+        }
         numbers.extend((0..surface.alive.len()).filter(|cell| surface.alive[*cell]).map(|cell| (number, cell)));
         let count = body.model.node_count();
         old.extend((0..count).filter(|node| surface.parts.in_use(*node)).map(|node| first + node as u32));
         first += count as u32;
     }
+    layers.extend(theirs.iter().map(|(layer, _)| *layer));
+    bodies.extend(theirs.iter().map(|(_, (body, _))| *body as f64));
+    numbers.extend(theirs.iter().map(|(_, number)| *number));
     let (kept, more) = (Kept { old }, fields.of(&numbers));
-    write_hexes(
+    write_solids(
         path,
         &kept.of(&frames::positions(simulation, state)),
         &kept.renumbered(&cells),
+        &kept.renumbered(&tetrahedra),
         &[
             ("displacement_m", Field::Vectors(&kept.of(&frames::joined(state, |s| &s.u)))),
             ("velocity_m_s", Field::Vectors(&kept.of(&frames::joined(state, |s| &s.v)))),

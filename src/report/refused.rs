@@ -315,6 +315,15 @@ pub enum StudyUnfit {
         refined: f64,
     },
 
+    /// Refinement of a mesh.
+    #[error(
+        "[study] grid {factor}: the scene has a mesh, which is not refined; study a scene of each mesh, or leave the grids out"
+    )]
+    Mesh {
+        /// Refinement relative to the scene's mesh.
+        factor: f64,
+    },
+
     /// Grid with more nodes than 32-bit indices reach.
     #[error("[study] grid {factor}: it has more nodes than 32-bit indices reach; take a coarser grid")]
     Nodes {

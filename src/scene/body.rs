@@ -1,16 +1,19 @@
 //! Deformable bodies of a scene file: laws and layers.
 
+use super::files::Files;
 use super::grid;
 use super::hyperelastic;
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
+use super::tetrahedral::{self, Wanted};
 use super::text::{
     Bound, DAMPING, DEGREE, KG_M3, KJ_M2, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, Taken, or,
     or_vector,
 };
 use super::words::{ELEMENTS, TETRAHEDRA};
-use super::{Cut, Law, Layer, MOST_NODES, Mass, Skin};
+use super::{Cut, Element, Law, Layer, MOST_NODES, Mass, Skin, TetrahedralMesh};
 use std::ops::Range;
+use std::sync::Arc;
 
 /// Initial shape of a body; constrained nodes have their prescribed displacement.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,7 +39,12 @@ pub enum Start {
 const PALETTE: [[u8; 3]; 3] = [[242, 211, 138], [217, 136, 128], [232, 185, 160]];
 
 /// A body; missing keys get their defaults. A block has a position and a name that is not among `taken`; the skin has neither.
-pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mut Taken>) -> Result<Skin> {
+pub(super) fn skin(
+    scene: &SceneText,
+    files: &Files,
+    table: Table<raw::Skin>,
+    taken: Option<&mut Taken>,
+) -> Result<Skin> {
     let raw = table.keys;
     // name and position
     let (name, position) = match taken {
@@ -61,11 +69,14 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
     if raw.layer.is_empty() {
         return Err(Invalid::NoLayers { at: scene.location(table.span) });
     }
+    let mesh = mesh(scene, files, &raw)?;
+    let meshed = mesh.is_some();
     // layers with default colours
     let count = raw.layer.len();
     let mut names = Taken::new();
-    let thicknesses: Vec<_> = raw.layer.iter().map(|layer| layer.keys.thickness_mm.span()).collect();
-    let counts: Vec<At<u32>> = raw.layer.iter().map(|layer| layer.keys.cells.clone()).collect();
+    let span = |thickness: &Option<At<f64>>| thickness.as_ref().map_or(0..0, At::span);
+    let thicknesses: Vec<_> = raw.layer.iter().map(|layer| span(&layer.keys.thickness_mm)).collect();
+    let counts: Vec<At<u32>> = raw.layer.iter().filter_map(|layer| layer.keys.cells.clone()).collect();
     let layers = raw.layer.into_iter().enumerate().map(|(i, layer_table)| {
         let from_top = count - 1 - i;
         let color = match (i, from_top) {
@@ -74,7 +85,7 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
             _ => PALETTE[1],
         };
         let name = scene.name("layer", &layer_table.keys.name, &mut names)?;
-        layer(scene, layer_table, name, color, &law)
+        layer(scene, layer_table, name, color, &law, meshed)
     });
     let layers = layers.collect::<Result<Vec<_>>>()?;
     // the remaining keys
@@ -83,13 +94,26 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
     let stiffness = or(raw.rayleigh_stiffness_s, 0.01);
     let velocity = or_vector(raw.velocity_m_s, &zero);
     let displacement = or_vector(raw.displacement_mm, &zero);
-    let cells = scene.counts("cells", &raw.cells, [1, u32::MAX])?;
-    grid::numbered(scene, cells, &counts, &raw.cells)?;
-    let size = scene.vector("size_mm", &raw.size_mm, MM, Bound::Positive)?;
-    grid::not_slender(scene, (size, raw.size_mm.span()), cells, &layers, &thicknesses)?;
-    let cut = cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, cells)?;
+    let (size, cells) = match &mesh {
+        Some(mesh) => (std::array::from_fn(|axis| mesh.size()[axis]), [0; 2]),
+        None => {
+            let why = "a grid asks for it; a body of tetrahedra from a file has `mesh` in its place";
+            let cells_text = scene.required("cells", raw.cells.as_ref(), table.span.clone(), why)?;
+            let cells = scene.counts("cells", cells_text, [1, u32::MAX])?;
+            grid::numbered(scene, cells, &counts, cells_text)?;
+            let size_text = scene.required("size_mm", raw.size_mm.as_ref(), table.span, why)?;
+            let size = scene.vector("size_mm", size_text, MM, Bound::Positive)?;
+            grid::not_slender(scene, (size, size_text.span()), cells, &layers, &thicknesses)?;
+            (size, cells)
+        }
+    };
+    let cut = match meshed {
+        true => Cut::Remove,
+        false => cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, cells)?,
+    };
     reserved(scene, cut, cells, &layers, &raw.cut_reserve_columns)?;
     Ok(Skin {
+        mesh: mesh.map(Arc::new),
         name,
         position,
         size,
@@ -106,6 +130,29 @@ pub(super) fn skin(scene: &SceneText, table: Table<raw::Skin>, taken: Option<&mu
     })
 }
 
+/// The tetrahedra of a body of a mesh file, which has no keys of a grid; none of a grid.
+fn mesh(scene: &SceneText, files: &Files, raw: &raw::Skin) -> Result<Option<TetrahedralMesh>> {
+    let layers = || raw.layer.iter().map(|layer| &layer.keys);
+    let Some(name) = &raw.mesh else {
+        scene.needless("mesh_unit_mm", &raw.mesh_unit_mm, "there is no `mesh`")?;
+        let why = "only a mesh has groups: the body's `mesh`";
+        return layers().try_for_each(|layer| scene.needless("group", &layer.group, why)).map(|()| None);
+    };
+    let why = "the body's `mesh` already gives it";
+    scene.needless("size_mm", &raw.size_mm, why)?;
+    scene.needless("cells", &raw.cells, why)?;
+    for layer in layers() {
+        scene.needless("thickness_mm", &layer.thickness_mm, why)?;
+        scene.needless("cells", &layer.cells, why)?;
+    }
+    let why = "the tetrahedra of a mesh are not cut; take a grid, without `mesh`";
+    scene.needless("cut", &raw.cut, why)?;
+    scene.needless("cut_reserve_columns", &raw.cut_reserve_columns, why)?;
+    let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm.clone(), 1.0), MM, Bound::Positive)?;
+    let wanted: Vec<Wanted> = layers().map(|layer| Wanted { name: &layer.name, group: &layer.group }).collect();
+    tetrahedral::read(scene, files, name, unit, &wanted).map(Some)
+}
+
 fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     let number = |key, value: &Option<At<f64>>, unit, bound| match value {
         Some(value) => scene.number(key, value, unit, bound).map(Some),
@@ -113,8 +160,16 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     };
     let stiffness = number("spring_stiffness_n_m", &raw.spring_stiffness_n_m, STIFFNESS, Bound::Positive)?;
     let damping = number("spring_damping_n_s_m", &raw.spring_damping_n_s_m, DAMPING, Bound::NotNegative)?;
-    let element = or(raw.element.clone(), "bbar".to_string());
-    let element = scene.choice("element", &element, &[&ELEMENTS[..], &TETRAHEDRA].concat())?;
+    let element = |default: &str, known: &[(&str, Element)]| {
+        scene.choice("element", &or(raw.element.clone(), default.to_string()), known)
+    };
+    if raw.mesh.is_some() {
+        let element = element("tetra", &TETRAHEDRA)?;
+        let of = |corotational| Law::Fem { element, corotational };
+        let name = or(raw.law.clone(), "corotational".to_string());
+        return scene.choice("law", &name, &[("corotational", of(true)), ("linear", of(false))]);
+    }
+    let element = element("bbar", &[&ELEMENTS[..], &TETRAHEDRA].concat())?;
     let name = or(raw.law.clone(), "neo_hookean".to_string());
     let law = scene.choice("law", &name, &hyperelastic::laws(element))?;
     match law {
@@ -218,8 +273,16 @@ fn mass(scene: &SceneText, raw: &raw::Skin, law: &Law) -> Result<Mass> {
     Ok(mass)
 }
 
-fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 3], law: &Law) -> Result<Layer> {
-    let raw = table.keys;
+/// A layer; of a mesh without thickness and cells.
+fn layer(
+    scene: &SceneText,
+    table: Table<raw::Layer>,
+    name: String,
+    color: [u8; 3],
+    law: &Law,
+    meshed: bool,
+) -> Result<Layer> {
+    let (at, raw) = (table.span.clone(), table.keys);
     let constants = match law {
         Law::Fem { .. } => hyperelastic::linear(scene, &raw, table.span, false)?,
         Law::Hyperelastic(material) => hyperelastic::constants(scene, &raw, *material, table.span)?,
@@ -230,12 +293,20 @@ fn layer(scene: &SceneText, table: Table<raw::Layer>, name: String, color: [u8; 
         }
     };
     let fibres = hyperelastic::fibres(scene, &raw, law)?;
+    let (thickness, cells) = if meshed {
+        (0.0, 0)
+    } else {
+        let why = "a layer of a grid asks for it";
+        let thickness = scene.required("thickness_mm", raw.thickness_mm.as_ref(), at.clone(), why)?;
+        let cells = scene.required("cells", raw.cells.as_ref(), at, why)?;
+        (scene.number("thickness_mm", thickness, MM, Bound::Positive)?, scene.count("cells", cells, [1, u32::MAX])?)
+    };
     let toughness = or(raw.toughness_kj_m2, 2.0);
     let pre_strain = or_vector(raw.pre_strain, &[0.0; 2]);
     Ok(Layer {
         name,
-        thickness: scene.number("thickness_mm", &raw.thickness_mm, MM, Bound::Positive)?,
-        cells: scene.count("cells", &raw.cells, [1, u32::MAX])?,
+        thickness,
+        cells,
         young: constants.young,
         poisson: constants.poisson,
         second_share: constants.second_share,

@@ -71,6 +71,7 @@ impl Default for Skin {
             size: [0.01; 2],
             cells: [10; 2],
             layers: vec![Layer::default()],
+            mesh: None,
             law: Law::Hyperelastic(Material::NeoHookean),
             mass: Mass::Lumped,
             cut: Cut::Split { reserve_columns: 44 },
@@ -344,19 +345,13 @@ impl Scene {
     fn check_skin(&self, part: &Part, skin: &Skin) -> Result<()> {
         part.finite("position, velocity, displacement", &[skin.position, skin.velocity, skin.displacement].concat())?;
         part.positive("size", &skin.size)?;
-        part.at_least_one("cells", &skin.cells)?;
         part.of("layers").that(!skin.layers.is_empty(), "none", "at least one layer")?;
         part.not_negative("rayleigh_mass, rayleigh_stiffness", &[skin.rayleigh_mass, skin.rayleigh_stiffness])?;
-        let levels: u64 = skin.layers.iter().map(|layer| u64::from(layer.cells)).sum();
-        let nodes = skin.cells.iter().fold(levels.saturating_add(1), |n, c| n.saturating_mul(u64::from(*c) + 1));
-        part.of("cells").that(nodes <= u64::from(MOST_NODES), nodes, "fewer nodes than 32-bit indices reach")?;
+        let odd = skin.mesh.as_ref().map_or_else(|| skin.odd_grid(), |mesh| mesh.misfit(skin));
+        odd.map_or(Ok(()), |(name, found, wanted)| Err(part.of(name).refuse(found, wanted)))?;
         for (k, layer) in skin.layers.iter().enumerate() {
             let part = part.of(format!("layers[{k}]"));
-            part.positive("thickness, density", &[layer.thickness, layer.density])?;
-            part.at_least_one("cells", &[layer.cells])?;
-            let aspect = layer.aspect(skin.size, skin.cells);
-            let wide = aspect <= grid::LONGEST;
-            part.of("thickness, cells").that(wide, aspect, "cells at most 10000 times as long as wide")?;
+            part.positive("density", &[layer.density])?;
             part.not_negative("toughness", &[layer.toughness])?;
             let odd = layer.pre_strain.iter().find(|e| !(**e > -0.5 && **e < 1.0));
             odd.map_or(Ok(()), |e| Err(part.of("pre_strain").refuse(e, "strains between -0.5 and 1")))?;

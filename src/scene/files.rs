@@ -6,6 +6,7 @@ use super::free::free;
 use super::invalid::{Invalid, Location, Result};
 use super::raw::At;
 use super::text::{MM, SceneText};
+use crate::formats::{self, Format, Mesh};
 use crate::math::elementary::hypot;
 use std::borrow::Cow;
 use std::io;
@@ -65,6 +66,41 @@ impl Files {
     }
 }
 
+impl Files {
+    /// Path (for messages) and mesh of the file that the body's key `mesh` names.
+    pub(super) fn mesh(&self, scene: &SceneText, name: &At<String>) -> Result<(PathBuf, Mesh)> {
+        if let Files::Folder(folder) = self {
+            let path = folder.join(name.get_ref());
+            let fix = "put the file there: names are relative to the scene's folder";
+            let refuse = |reason| Invalid::File {
+                at: scene.location(name.span()),
+                key: "mesh",
+                path: path.clone(),
+                reason,
+                fix,
+            };
+            let size = std::fs::metadata(&path).map_err(|error| refuse(error.to_string()))?.len();
+            fits(size, PER_BYTE).map_err(refuse)?;
+            let mesh = formats::read(&path, &mut |_| {}).map_err(Invalid::Mesh)?;
+            return Ok((path, mesh));
+        }
+        let (path, text) = self.text(scene, "mesh", name)?;
+        let format = Format::of(&path).map_err(Invalid::Mesh)?;
+        let mesh = formats::parse(text.as_bytes(), format, &path, &mut |_| {}).map_err(Invalid::Mesh)?;
+        Ok((path, mesh))
+    }
+}
+
+/// Why a file of `size` bytes, of which each takes `per_byte`, does not fit into memory.
+fn fits(size: u64, per_byte: u64) -> std::result::Result<(), String> {
+    let Some(free) = free().filter(|free| size.saturating_mul(per_byte) > *free) else { return Ok(()) };
+    let [size, wanted, free] = [size, size.saturating_mul(per_byte), free].map(|bytes| bytes as f64 * 1e-6);
+    Err(format!(
+        "its {size:.1} MB may take {wanted:.0} MB of memory to read, and {free:.0} MB are free; split it or leave rows out, or close what \
+         takes memory"
+    ))
+}
+
 /// Text of a scene file, as [`text_of`].
 pub(super) fn toml_of(path: &Path) -> std::result::Result<String, String> {
     text_of(path, PER_BYTE_OF_TOML)
@@ -74,13 +110,7 @@ pub(super) fn toml_of(path: &Path) -> std::result::Result<String, String> {
 /// takes `per_byte`.
 fn text_of(path: &Path, per_byte: u64) -> std::result::Result<String, String> {
     let size = std::fs::metadata(path).map_or(0, |found| if found.is_file() { found.len() } else { 0 });
-    if let Some(free) = free().filter(|free| size.saturating_mul(per_byte) > *free) {
-        let [size, wanted, free] = [size, size.saturating_mul(per_byte), free].map(|bytes| bytes as f64 * 1e-6);
-        return Err(format!(
-            "its {size:.1} MB may take {wanted:.0} MB of memory to read, and {free:.0} MB are free; split it or leave rows out, or close what \
-             takes memory"
-        ));
-    }
+    fits(size, per_byte)?;
     let bytes = bytes_of(path).map_err(|error| error.to_string())?;
     String::from_utf8(bytes).map_err(|error| {
         let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];

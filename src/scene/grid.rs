@@ -1,26 +1,26 @@
-//! Node positions as far as the reader needs them: a region must contain nodes.
+//! Node positions of grids and meshes as far as the reader needs them: a region must contain nodes.
 
 use super::invalid::{Invalid, Result};
+use super::limits::{LONGEST, MOST_NODES};
 use super::raw::{At, Extent, Points};
 use super::region::{ACROSS, CellFace, SLACK};
 use super::text::{Bound, MM, PLAIN, SceneText, in_mm, normalized};
-use super::{Layer, Region, Skin, TestForm};
+use super::{Layer, Region, Skin, TestForm, TetrahedralMesh};
 use std::ops::Range;
 
-/// Maximum number of nodes with 32-bit indices: the largest array has 64 numbers per node.
-pub const MOST_NODES: u32 = u32::MAX / 64;
-
-/// A grid of nodes: the scene's, or its test form's.
+/// A grid of nodes: the scene's, or its test form's; or the nodes of a mesh.
 pub(super) struct Grid<'a> {
     pub name: &'static str,
     size: [f64; 2],
     cells: [u32; 2],
     layers: &'a [Layer],
+    mesh: Option<&'a TetrahedralMesh>,
 }
 
 /// The scene's grid, then that of its test form if it has its own cells.
 pub(super) fn grids<'a>(skin: &'a Skin, test: &Option<TestForm>) -> Vec<Grid<'a>> {
-    let grid = |name, cells| Grid { name, size: skin.size, cells, layers: &skin.layers };
+    let mesh = skin.mesh.as_deref();
+    let grid = |name, cells| Grid { name, size: skin.size, cells, layers: &skin.layers, mesh };
     let mut grids = vec![grid("scene", skin.cells)];
     grids.extend(test.and_then(|test| test.cells).map(|cells| grid("test form", cells)));
     grids
@@ -44,9 +44,34 @@ pub(super) fn numbered(scene: &SceneText, cells: [u32; 2], layers: &[At<u32>], a
     Err(Invalid::TooManyNodes { at: scene.location(span), found, limit: MOST_NODES })
 }
 
-/// Largest ratio of the edges of a cell: the condition of the system grows with its square, and beyond 10⁴ the solvers no longer reach a
-/// tolerance of 10⁻⁹ in f64 (a patch of one strain, pulled over layers 10³ to 10⁹ times as thick as cells are wide).
-pub(super) const LONGEST: f64 = 1e4;
+impl Skin {
+    /// First number of its grid that is out of range: its part, value and range.
+    pub(super) fn odd_grid(&self) -> Option<(String, String, &'static str)> {
+        let odd = |part: String, found: String, wanted| Some((part, found, wanted));
+        if self.cells.contains(&0) {
+            return odd("cells".into(), "0".into(), "at least 1");
+        }
+        let levels: u64 = self.layers.iter().map(|layer| u64::from(layer.cells)).sum();
+        let nodes = self.cells.iter().fold(levels.saturating_add(1), |n, c| n.saturating_mul(u64::from(*c) + 1));
+        if nodes > u64::from(MOST_NODES) {
+            return odd("cells".into(), nodes.to_string(), "fewer nodes than 32-bit indices reach");
+        }
+        for (k, layer) in self.layers.iter().enumerate() {
+            let part = |name: &str| format!("layers[{k}].{name}");
+            if !(layer.thickness.is_finite() && layer.thickness > 0.0) {
+                return odd(part("thickness"), layer.thickness.to_string(), "finite numbers above 0");
+            }
+            if layer.cells == 0 {
+                return odd(part("cells"), "0".into(), "at least 1");
+            }
+            let aspect = layer.aspect(self.size, self.cells);
+            if aspect.is_nan() || aspect > LONGEST {
+                return odd(part("thickness, cells"), aspect.to_string(), "cells at most 10000 times as long as wide");
+            }
+        }
+        None
+    }
+}
 
 impl Layer {
     /// Edges of its cells, m.
@@ -87,6 +112,11 @@ pub(super) fn not_slender(
 impl Grid<'_> {
     /// Error if a box contains no node. Nodes are a product of three rows, so a box contains one exactly if each of its intervals does.
     pub fn holds_node(&self, scene: &SceneText, at: &Points, min: [f64; 3], max: [f64; 3]) -> Result<()> {
+        if self.mesh.is_some() {
+            let region = "box".to_string();
+            let none = || Err(Invalid::NoNode { at: scene.location(at.span()), grid: self.name, region });
+            return if self.holds(&Region::Box { min, max }) { Ok(()) } else { none() };
+        }
         for axis in 0..3 {
             let rows = self.rows(axis);
             if rows.iter().any(|row| row.holds_node(min[axis], max[axis])) {
@@ -109,6 +139,9 @@ impl Grid<'_> {
     /// True if the region contains a node. On a line of nodes each region is one interval, or both ends of the line. Along the longest axis
     /// it is therefore enough to test the ends and the nodes next to the region's own position on the line.
     pub fn holds(&self, region: &Region) -> bool {
+        if let Some(mesh) = self.mesh {
+            return (0..mesh.nodes().len()).any(|node| mesh.node_is_in(node, region));
+        }
         let rows = [0, 1, 2].map(|axis| self.rows(axis));
         let count = |axis: usize| rows[axis].iter().map(|row| u64::from(row.cells) + 1).sum::<u64>();
         let longest = (0..3).max_by_key(|axis| count(*axis)).unwrap_or(0);
@@ -131,6 +164,9 @@ impl Grid<'_> {
 
     /// True if the region contains the four corners of a face of the surface.
     pub fn holds_face(&self, region: &Region) -> bool {
+        if let Some(mesh) = self.mesh {
+            return mesh.outside().iter().any(|face| face.iter().all(|node| mesh.node_is_in(*node as usize, region)));
+        }
         let places = [0, 1, 2].map(|axis| {
             let mut all: Vec<f64> = self.rows(axis).iter().flat_map(Row::positions).collect();
             all.dedup(); // layers share their interfaces
@@ -157,6 +193,9 @@ impl Grid<'_> {
 
     /// True if the region contains a part of the surface.
     pub fn loads(&self, region: &Region) -> bool {
+        if self.mesh.is_some() {
+            return self.holds_face(region);
+        }
         let rows = [0, 1, 2].map(|axis| {
             let cells = |row: &Row| {
                 let (start, step) = (row.start, row.step);
@@ -184,6 +223,10 @@ impl Grid<'_> {
 
     /// Error if a point lies outside the skin.
     pub fn contains(&self, scene: &SceneText, point: [f64; 3], at: &At<Vec<f64>>) -> Result<()> {
+        if let Some(mesh) = self.mesh {
+            let outside = || Err(Invalid::PointOutsideMesh { at: scene.location(at.span()), found: point.map(in_mm) });
+            return if mesh.holds(point) { Ok(()) } else { outside() };
+        }
         match self.beyond(point) {
             None => Ok(()),
             Some((axis, [min, max])) => Err(Invalid::PointOutside {
@@ -261,7 +304,8 @@ impl Row {
 
 /// Error if a key of a region is present.
 pub(super) fn no_extent(scene: &SceneText, extent: &Extent, why: &'static str) -> Result<()> {
-    let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm } = extent;
+    let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm, group } = extent;
+    scene.needless("group", group, why)?;
     scene.needless("box_mm", box_mm, why)?;
     scene.needless("centre_mm", centre_mm, why)?;
     scene.needless("radius_mm", radius_mm, why)?;
@@ -290,10 +334,14 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
         ("plane", None),
         ("bottom_rim", None),
         ("bottom_core", None),
+        ("group", None),
     ];
     let words: Vec<(&str, (&str, &Option<Region>))> = known.iter().map(|(word, of)| (*word, (*word, of))).collect();
     let (word, whole) = scene.choice("region", name, &words)?;
-    let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm } = &extent;
+    let Extent { box_mm, centre_mm, radius_mm, through_mm, normal, within_mm, margin_mm, group } = &extent;
+    if word != "group" {
+        scene.needless("group", group, "it belongs to region = \"group\"")?;
+    }
     if word != "box" {
         scene.needless("box_mm", box_mm, "it belongs to region = \"box\"")?;
     }
@@ -315,6 +363,19 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
     // regions with keys of their own
     let region = match word {
         "box" => return within_box(scene, name, box_mm, grids),
+        "group" => {
+            let why = "region = \"group\" asks for `group`, the name of a physical group of the mesh";
+            let asked = scene.required("group", group.as_ref(), name.span(), why)?;
+            let groups = grids.iter().find_map(|grid| grid.mesh).map_or(&[][..], TetrahedralMesh::groups);
+            let why = "a grid has no groups; they are of a body with `mesh` whose file names some";
+            if groups.is_empty() {
+                scene.needless("group", group, why)?;
+            }
+            let known: Vec<&str> = groups.iter().map(|group| group.name()).collect();
+            let found = groups.iter().find(|group| group.name() == asked.get_ref());
+            let found = found.ok_or_else(|| scene.unknown_word("group", asked, &known))?;
+            return Ok(Region::Group(found.clone()));
+        }
         "sphere" => {
             let why = "region = \"sphere\" asks for centre_mm = [x,y,z] and radius_mm";
             let centre = scene.required("centre_mm", centre_mm.as_ref(), name.span(), why)?;
@@ -425,7 +486,7 @@ mod tests {
                 color: [0; 3],
             };
             let layers: Vec<Layer> = over.iter().map(layer).collect();
-            let grid = Grid { name: "scene", size: [4.0, 3.0], cells, layers: &layers };
+            let grid = Grid { name: "scene", size: [4.0, 3.0], cells, layers: &layers, mesh: None };
             let positions = [0, 1, 2].map(|axis| grid.rows(axis).iter().flat_map(Row::positions).collect::<Vec<f64>>());
             let top = positions[2][positions[2].len() - 1];
             let all = positions[2].iter().flat_map(|z| positions[1].iter().flat_map(|y| positions[0].iter().map(|x| [*x, *y, *z])));

@@ -541,6 +541,18 @@ pub enum Invalid {
         half: f64,
     },
 
+    /// A point of a probe or of a load outside the tetrahedra of a mesh.
+    #[error(
+        "{at}: the point [{}, {}, {}] mm lies in no tetrahedron of the mesh; move it into the body (origin: middle of the bottom of its \
+         bounding box; z up)", found[0], found[1], found[2]
+    )]
+    PointOutsideMesh {
+        /// The point.
+        at: Location,
+        /// mm
+        found: [f64; 3],
+    },
+
     /// A load's region without any part of the surface.
     #[error(
         "{at}: no face of the {grid}'s surface reaches into region = \"{region}\"; move the region onto the surface, on which loads act"
@@ -622,6 +634,19 @@ pub enum Invalid {
     /// Mesh file that cannot be read.
     #[error(transparent)]
     Mesh(crate::formats::Refused),
+
+    /// A mesh file that no body can be made of.
+    #[error("{at}: mesh names {}, of which no body can be made: {found}; {mend}", path.display())]
+    BodyMesh {
+        /// Where it is named.
+        at: Location,
+        /// The mesh file.
+        path: PathBuf,
+        /// What is wrong with it.
+        found: String,
+        /// What to do.
+        mend: String,
+    },
 
     /// A vertex beyond the range of f32.
     #[error("{at}: `{found}`; in metres that exceeds the range of f32; mend the line, or mesh_unit_mm of the scene")]

@@ -41,7 +41,10 @@ impl LoadKind {
 impl Skin {
     /// Total thickness, m.
     pub fn thickness(&self) -> f64 {
-        self.layers.iter().map(|layer| layer.thickness).sum()
+        match &self.mesh {
+            Some(mesh) => mesh.size()[2],
+            None => self.layers.iter().map(|layer| layer.thickness).sum(),
+        }
     }
 
     /// A rectangle of its top, by its corners x, y, m.
@@ -52,6 +55,9 @@ impl Skin {
 
     /// True if a rest position in the body's frame, m, belongs to it.
     pub(super) fn holds(&self, at: [f64; 3]) -> bool {
+        if let Some(mesh) = &self.mesh {
+            return mesh.holds(at);
+        }
         let [x, y] = self.size.map(|size| 0.5 * size);
         Region::Box { min: [-x, -y, 0.0], max: [x, y, self.thickness()] }.holds(at, self.size, self.thickness())
     }

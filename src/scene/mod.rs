@@ -16,6 +16,7 @@ mod hyperelastic;
 mod integrator;
 mod invalid;
 pub mod keys;
+mod limits;
 mod lines;
 mod loads;
 mod notes;
@@ -27,6 +28,7 @@ mod recorded;
 mod region;
 mod round;
 mod study;
+mod tetrahedral;
 mod text;
 mod tools;
 mod touching;
@@ -39,15 +41,16 @@ pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
 pub(crate) use files::bytes_of;
 pub use files::{COLUMNS as TRAJECTORY_COLUMNS, FORCE_COLUMNS, Files};
 pub use free::free;
-pub use grid::MOST_NODES;
 pub use hyperelastic::{Fibres, MATERIALS, Material};
 pub use invalid::{Invalid, Location};
+pub use limits::MOST_NODES;
 pub use read::{parse, read};
 pub use recorded::{
     Check, Component, FIXED_COLUMNS, Output, OutputField, Probe, ProbeKind, SurfaceFormat, TestForm, View,
 };
-pub use region::{ACROSS, CellFace, Region, Spans};
+pub use region::{ACROSS, CellFace, Group, Region, Spans};
 pub use study::Study;
+pub use tetrahedral::{Defect, TetrahedralMesh};
 pub use text::nearest;
 pub use touching::{
     Attachment, Blade, BodyId, Carve, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round,
@@ -58,6 +61,7 @@ pub use words::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS,
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// A complete scene in SI units. [`Scene::check`] tests that every number is finite and in its range.
 #[derive(Clone, Debug)]
@@ -171,7 +175,8 @@ impl Scene {
     pub fn in_test_form(&self) -> Self {
         let mut scene = self.clone();
         if let Some(form) = self.test {
-            if let (Some(skin), Some(cells)) = (scene.skins.first_mut(), form.cells) {
+            if let (Some(skin), Some(cells)) = (scene.skins.first_mut().filter(|skin| skin.mesh.is_none()), form.cells)
+            {
                 skin.cells = cells;
             }
             scene.time.duration = form.steps.map_or(self.time.duration, |n| f64::from(n) * self.time.step);
@@ -281,19 +286,21 @@ pub struct Solver {
     pub true_residual_every: u32,
 }
 
-/// A deformable body: a regular grid of hexahedra in bonded layers.
+/// A deformable body: a regular grid of hexahedra in bonded layers, or the tetrahedra of a mesh.
 #[derive(Clone, Debug)]
 pub struct Skin {
     /// `skin`, or the name of a block.
     pub name: String,
     /// Rest position of the centre of its bottom face, m.
     pub position: [f64; 3],
-    /// Extent in x and y, m.
+    /// Extent in x and y, m; of a mesh that of its bounding box.
     pub size: [f64; 2],
-    /// Cells in x and y.
+    /// Cells in x and y; 0 of a mesh.
     pub cells: [u32; 2],
-    /// Layers from the bottom up, at least one.
+    /// Layers from the bottom up, at least one; of a mesh those that its tetrahedra name.
     pub layers: Vec<Layer>,
+    /// Tetrahedra in place of a grid.
+    pub mesh: Option<Arc<TetrahedralMesh>>,
     /// The elastic law.
     pub law: Law,
     /// Mass discretisation.
@@ -336,9 +343,9 @@ pub enum Cut {
 pub struct Layer {
     /// Name, used by regions and outputs.
     pub name: String,
-    /// m
+    /// m; 0 of a mesh.
     pub thickness: f64,
-    /// Cells over the thickness.
+    /// Cells over the thickness; 0 of a mesh.
     pub cells: u32,
     /// Pa; unused by the spring law.
     pub young: f64,

@@ -302,7 +302,7 @@ fn sphere_around(skins: &[Skin], tools: &[Tool]) -> ([f64; 3], f64) {
         }
     };
     for skin in skins {
-        let thickness: f64 = skin.layers.iter().map(|layer| layer.thickness).sum();
+        let thickness = skin.thickness();
         let [x, y, z] = skin.position;
         let half = skin.size.map(|size| size / 2.0);
         add([x - half[0], y - half[1], z]);

@@ -122,8 +122,10 @@ pub(super) struct Solver {
 pub(super) struct Skin {
     pub name: Option<At<String>>,
     pub position_mm: Option<Numbers>,
-    pub size_mm: Numbers,
-    pub cells: Counts,
+    pub size_mm: Option<Numbers>,
+    pub cells: Option<Counts>,
+    pub mesh: Option<At<String>>,
+    pub mesh_unit_mm: Option<At<f64>>,
     pub law: Option<At<String>>,
     pub element: Option<At<String>>,
     pub mass: Option<At<String>>,
@@ -147,8 +149,9 @@ pub(super) struct Skin {
 #[serde(deny_unknown_fields)]
 pub(super) struct Layer {
     pub name: At<String>,
-    pub thickness_mm: At<f64>,
-    pub cells: At<u32>,
+    pub thickness_mm: Option<At<f64>>,
+    pub cells: Option<At<u32>>,
+    pub group: Option<At<String>>,
     pub young_kpa: Option<At<f64>>,
     pub poisson: Option<At<f64>>,
     pub c10_kpa: Option<At<f64>>,
@@ -174,6 +177,7 @@ pub(super) struct Extent {
     pub normal: Option<Numbers>,
     pub within_mm: Option<At<f64>>,
     pub margin_mm: Option<At<f64>>,
+    pub group: Option<At<String>>,
 }
 
 macro_rules! with_extent {
@@ -189,6 +193,7 @@ macro_rules! with_extent {
                     normal: self.normal.take(),
                     within_mm: self.within_mm.take(),
                     margin_mm: self.margin_mm.take(),
+                    group: self.group.take(),
                 }
             }
         }
@@ -208,6 +213,7 @@ pub(super) struct Boundary {
     pub normal: Option<Numbers>,
     pub within_mm: Option<At<f64>>,
     pub margin_mm: Option<At<f64>>,
+    pub group: Option<At<String>>,
     pub axes: Option<At<String>>,
     pub displacement_mm: Option<Numbers>,
     pub turn_deg: Option<At<f64>>,
@@ -226,6 +232,7 @@ pub(super) struct Anchor {
     pub normal: Option<Numbers>,
     pub within_mm: Option<At<f64>>,
     pub margin_mm: Option<At<f64>>,
+    pub group: Option<At<String>>,
     pub stiffness_n_m: At<f64>,
 }
 
@@ -247,6 +254,7 @@ pub(super) struct Load {
     pub normal: Option<Numbers>,
     pub within_mm: Option<At<f64>>,
     pub margin_mm: Option<At<f64>>,
+    pub group: Option<At<String>>,
     pub start_s: Option<At<f64>>,
     pub end_s: Option<At<f64>>,
 }
@@ -308,6 +316,7 @@ pub(super) struct Attach {
     pub normal: Option<Numbers>,
     pub within_mm: Option<At<f64>>,
     pub margin_mm: Option<At<f64>>,
+    pub group: Option<At<String>>,
 }
 
 #[derive(serde::Deserialize)]
@@ -419,6 +428,7 @@ pub(super) struct Probe {
     pub normal: Option<Numbers>,
     pub within_mm: Option<At<f64>>,
     pub margin_mm: Option<At<f64>>,
+    pub group: Option<At<String>>,
 }
 
 #[derive(serde::Deserialize)]

@@ -56,7 +56,8 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     stands(STEP.into(), &raw.time.keys.step_ms.span());
     for table in raw.skin.iter().chain(&raw.block) {
         let name = table.keys.name.as_ref().map_or("skin", |name| name.get_ref());
-        stands(cells_of(name), &table.keys.cells.span());
+        let extent = table.keys.cells.as_ref().map(At::span).or(table.keys.mesh.as_ref().map(At::span));
+        stands(cells_of(name), &extent.unwrap_or(table.span.clone()));
         table.keys.cut_reserve_columns.iter().for_each(|reserve| stands(reserve_of(name), &reserve.span()));
     }
     for tool in &raw.tool {
@@ -75,14 +76,14 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
     let mut taken = Taken::new();
     let mut skins = Vec::new();
     if let Some(table) = raw.skin {
-        skins.push(body::skin(&scene, table, None)?);
+        skins.push(body::skin(&scene, files, table, None)?);
     }
     let has_skin = !skins.is_empty();
     if has_skin {
         taken.insert("skin".to_string(), 0..0);
     }
     for table in raw.block {
-        skins.push(body::skin(&scene, table, Some(&mut taken))?);
+        skins.push(body::skin(&scene, files, table, Some(&mut taken))?);
     }
     let mut tools = tools::tools(&scene, files, raw.tool, &mut taken)?;
     tools.extend(bodies::rigids(&scene, raw.rigid, &mut taken)?);
@@ -253,7 +254,7 @@ fn anchors(
 
 fn test_form(scene: &SceneText, raw: raw::Test, skin: Option<&Skin>) -> Result<TestForm> {
     let cells = match (&raw.cells, skin) {
-        (Some(value), Some(skin)) => {
+        (Some(value), Some(skin)) if skin.mesh.is_none() => {
             let cells = scene.counts("cells", value, [1, u32::MAX])?;
             let layers: Vec<At<u32>> = skin.layers.iter().map(|layer| At::new(value.span(), layer.cells)).collect();
             grid::numbered(scene, cells, &layers, value)?;
@@ -262,7 +263,7 @@ fn test_form(scene: &SceneText, raw: raw::Test, skin: Option<&Skin>) -> Result<T
             Some(cells)
         }
         (cells, _) => {
-            scene.needless("cells", cells, "there is no `[skin]` whose cells could be others")?;
+            scene.needless("cells", cells, "there is no `[skin]` of a grid whose cells could be others")?;
             None
         }
     };

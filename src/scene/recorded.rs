@@ -212,15 +212,20 @@ pub struct Check {
     pub min: f64,
     /// Inclusive upper bound.
     pub max: f64,
-    /// Widening of both bounds, in cell widths of the first skin (the smaller of x and y): a length in mm is known to within a cell.
+    /// Widening of both bounds, in cell widths of the first skin (the smaller of x and y; of a mesh those of
+    /// [`TetrahedralMesh::cell_width`](super::TetrahedralMesh::cell_width)): a length in mm is known to within a cell.
     pub cells: f64,
 }
 
 impl Check {
     /// Bounds for the grid of a skin, in the report's units.
     pub fn bounds(&self, skins: &[Skin]) -> [f64; 2] {
-        let widths = skins.first().map(|skin| [0, 1].map(|axis| skin.size[axis] / f64::from(skin.cells[axis])));
-        let width = widths.map_or(0.0, |[x, y]| 1e3 * x.min(y));
+        let of_grid = |skin: &Skin| {
+            let [x, y] = [0, 1].map(|axis| skin.size[axis] / f64::from(skin.cells[axis]));
+            x.min(y)
+        };
+        let of = |skin: &Skin| skin.mesh.as_ref().map_or_else(|| of_grid(skin), |mesh| mesh.cell_width());
+        let width = 1e3 * skins.first().map_or(0.0, of);
         [self.min - self.cells * width, self.max + self.cells * width]
     }
 }

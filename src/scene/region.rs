@@ -1,4 +1,6 @@
-//! Regions: sets of nodes selected by their rest positions.
+//! Regions: sets of nodes selected by their rest positions, or by a group of a mesh.
+
+use std::sync::Arc;
 
 /// Tolerance for rounding between lengths in mm and node positions in m; a billionth of a metre is far below any cell.
 pub(super) const SLACK: f64 = 1e-9;
@@ -49,10 +51,43 @@ pub enum Region {
         /// m
         within: f64,
     },
+    /// Nodes of a physical group of a mesh; none of a grid.
+    Group(Group),
     /// z = 0, within this distance from the sides, m.
     Rim(f64),
     /// z = 0 without the rim of this width, m.
     Core(f64),
+}
+
+/// Named nodes of a mesh.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Group {
+    name: String,
+    nodes: Arc<[u32]>, // in ascending order, each once
+}
+
+impl Group {
+    /// Nodes by their ids, in any order.
+    pub fn new(name: String, mut nodes: Vec<u32>) -> Self {
+        nodes.sort_unstable();
+        nodes.dedup();
+        Self { name, nodes: nodes.into() }
+    }
+
+    /// Name of the physical group; its number where it has none.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Node ids in ascending order.
+    pub fn nodes(&self) -> &[u32] {
+        &self.nodes
+    }
+
+    /// True if a node belongs to it.
+    pub fn holds(&self, node: usize) -> bool {
+        self.nodes.binary_search(&(node as u32)).is_ok()
+    }
 }
 
 /// Rectangle in a face: intervals along its two axes, in shares of its edges, 0 to 1.
@@ -124,7 +159,7 @@ impl Region {
         }
     }
 
-    /// True if a rest position belongs to the region; `size` and `thickness` of the skin, m.
+    /// True if a rest position belongs to the region; `size` and `thickness` of the skin, m. A group has nodes, whatever their positions.
     pub fn holds(&self, p: [f64; 3], size: [f64; 2], thickness: f64) -> bool {
         let to_side = |n: usize| 0.5 * size[n] - p[n].abs();
         let from = |q: &[f64; 3]| [0, 1, 2].map(|n| p[n] - q[n]);
@@ -140,6 +175,7 @@ impl Region {
             Self::SideYMin => 0.5 * size[1] + p[1] <= SLACK,
             Self::SideYMax => 0.5 * size[1] - p[1] <= SLACK,
             Self::All => true,
+            Self::Group(_) => false,
             Self::Box { min, max } => (0..3).all(|n| p[n] >= min[n] - SLACK && p[n] <= max[n] + SLACK),
             Self::Sphere { centre, radius } => from(centre).iter().map(|c| c * c).sum::<f64>().sqrt() <= radius + SLACK,
             Self::Plane { through, normal, within } => {

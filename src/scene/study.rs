@@ -96,6 +96,13 @@ pub(super) fn study(
         let why = "springs and Mooney–Rivlin material have constants of their own, which other laws cannot take";
         scene.needless("laws", &raw.laws, why)?;
     }
+    if skins.iter().any(|skin| skin.mesh.is_some()) {
+        let why = "a mesh is not refined, and has no hexahedra: study a scene of each mesh";
+        scene.needless("grids", &raw.grids, why)?;
+        scene.needless("laws", &raw.laws, why)?;
+        scene.needless("quick_grid", &raw.quick_grid, why)?;
+        scene.needless("reference_grid", &raw.reference_grid, why)?;
+    }
     let grids = numbers(scene, "grids", &raw.grids, PLAIN)?;
     let one = |key, value: &Option<At<f64>>, unit| match value {
         Some(value) => scene.number(key, value, unit, Bound::Positive),

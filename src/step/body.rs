@@ -22,7 +22,7 @@ use crate::gpu::Gpu;
 use crate::kernels::cut::Hit;
 use crate::linear::Outcome;
 use crate::math::{V4, larger, norm};
-use crate::mesh::{Corner, Quad};
+use crate::mesh::{Corner, Face};
 use crate::scene::{Scene, Solver};
 use compliance::AtRest;
 pub(super) use compliance::Places;
@@ -122,7 +122,7 @@ fn floats(model: &Model) -> bool {
 /// Surroundings of the present step: faces near each tool, each other deformable body and each wall, and their positions.
 #[derive(Default)]
 pub(super) struct Located {
-    pub faces: Vec<Vec<Quad>>,
+    pub faces: Vec<Vec<Face>>,
     pub patches: Vec<Option<Patch>>,
     /// Nodes of the corners, attachments and lips, with their displacements, m.
     pub nodes: Vec<u32>,
@@ -251,13 +251,13 @@ impl Body {
     }
 
     /// Faces whose boxes a box meets.
-    pub(super) fn faces_near(&self, area: &Aabb) -> Vec<Quad> {
+    pub(super) fn faces_near(&self, area: &Aabb) -> Vec<Face> {
         self.boxes.faces(&self.wound.surface, &collide::moved(area, -self.origin()))
     }
 
     /// Finds the positions of these faces' corners, of attachments' nodes and of the wound's lips. The first `patched` lists of faces
     /// become patches; those marked in `about_centres` have four triangles per face.
-    pub(super) fn locate(&mut self, faces: Vec<Vec<Quad>>, patched: usize, about_centres: &[bool]) -> Result<()> {
+    pub(super) fn locate(&mut self, faces: Vec<Vec<Face>>, patched: usize, about_centres: &[bool]) -> Result<()> {
         // corners of the faces, each once
         let mut corners: Vec<u32> = faces.iter().flatten().flat_map(|q| q.nodes).collect();
         corners.sort_unstable();
@@ -282,7 +282,7 @@ impl Body {
         self.located.corners = corners;
         // patches of the first lists
         let position = |id| self.position(id);
-        let patch = |(k, faces): (usize, &Vec<Quad>)| match about_centres.get(k) {
+        let patch = |(k, faces): (usize, &Vec<Face>)| match about_centres.get(k) {
             Some(true) => Patch::about_centres(faces, position),
             _ => Patch::new(faces, position),
         };

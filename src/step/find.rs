@@ -5,7 +5,7 @@ use crate::bodies::rigid::{Instrument, UnconstrainedMotion};
 use crate::collide::{self, Aabb, Contact, Patch, Search, bodies, features, lips, round};
 use crate::constraints::Law;
 use crate::error::Result;
-use crate::mesh::{MaterialPoint, Quad};
+use crate::mesh::{Face, MaterialPoint};
 use crate::scene::{self, Attachment, BodyId, Integrator, Scene, attach_of};
 use glam::DVec3;
 use std::collections::BTreeSet;
@@ -188,7 +188,7 @@ impl Simulation {
             let body = &self.bodies[number];
             let tools = tools.iter().map(|area| Some(collide::wider(area, body.travel)));
             let areas = tools.chain(others).chain(walls);
-            let near: Vec<Vec<Quad>> = areas.map(|area| area.map_or(vec![], |area| body.faces_near(&area))).collect();
+            let near: Vec<Vec<Face>> = areas.map(|area| area.map_or(vec![], |area| body.faces_near(&area))).collect();
             let walls = self.scene.planes.len(); // their lists come last; a wall meets nodes, not faces
             let patched = near.len() - walls;
             let of_points = |tool: &Instrument| tool.edge.is_none() && tool.round.is_none() && tool.lines.is_none();

@@ -21,7 +21,7 @@ use crate::constraints::Law;
 use crate::error::Result;
 use crate::kernels::corner;
 use crate::kernels::cut::Hit;
-use crate::mesh::Quad;
+use crate::mesh::Face;
 use crate::scene::BodyId;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
@@ -85,7 +85,7 @@ impl Simulation {
             }
             // the face that the contact is on, and what presses on it
             let located = &self.bodies[number].located;
-            let holds = |face: &&Quad| found.points[1].nodes().all(|node| face.nodes.contains(&node));
+            let holds = |face: &&Face| found.points[1].nodes().all(|node| face.nodes.contains(&node));
             let Some(face) = located.faces[tool].iter().find(holds) else { continue };
             let [a, b, c, d] = face.nodes.map(|node| self.bodies[number].position(node));
             let area = 0.5 * (c - a).cross(d - b).length();

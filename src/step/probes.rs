@@ -203,6 +203,9 @@ impl Body {
     fn shares(&self, nodes: &[u32]) -> Vec<f64> {
         let surface = &self.wound.surface;
         let around = |node: &u32| -> f64 {
+            if let Some(unstructured) = self.model.unstructured() {
+                return unstructured.around[*node as usize];
+            }
             let cells = surface.parts.cells_of(*node as usize).into_iter().filter(|cell| surface.alive[*cell]);
             cells.map(|cell| self.model.shape[self.model.layer(cell)][..3].iter().product::<f64>()).sum()
         };
@@ -214,6 +217,9 @@ impl Body {
 
     /// The material point at a rest position in the body's frame: a node of the grid, or a point of a cell as it is cut now.
     fn material_point(&self, point: [f64; 3]) -> MaterialPoint {
+        if let Some(own) = self.model.point_of_mesh(point) {
+            return own;
+        }
         let cells = self.model.cells_at(point);
         let present = cells.iter().find(|(cell, _)| self.wound.surface.alive[*cell]);
         let Some((cell, natural)) = present.or(cells.first()) else { return MaterialPoint::default() };

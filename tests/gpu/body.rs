@@ -107,6 +107,7 @@ impl Body {
             edge: [1e-3, 1.1e-3],
             heights: (0..=cells[2]).map(|k| 4e-4 * k as f64).collect(),
             layer_of: (0..cells[2]).map(|k| (k * LAYERS / cells[2]) as u32).collect(),
+            unstructured: None,
         };
         let (parts, springs) = (parts(kernel, &grid, seed), Springs::between_corners(&grid, 50.0, 0.05));
         Self { kernel, slots, first_slot, springs, no_segments: vec![], grid, parts, seed }

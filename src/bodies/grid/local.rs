@@ -181,6 +181,9 @@ impl Hexahedra {
 impl Wound {
     /// Volume of the present cells at rest, and its change at displacements `u`, `[node]` m, m³.
     pub fn volume(&self, model: &Model, u: &[V4<f64>]) -> [f64; 2] {
+        if let Some(unstructured) = &model.grid.unstructured {
+            return unstructured.volume(u);
+        }
         let alive: Vec<usize> = (0..model.grid.cell_count()).filter(|cell| self.surface.alive[*cell]).collect();
         // det F is at most quadratic along each axis, so the Gauss points' mean is exact
         let of_cell = |cell: &usize| {

@@ -11,6 +11,7 @@
 
 use crate::kernels::rotations::polar;
 use crate::math::{M3, Real, V3, V4, rotation_matrix, rotation_minus_identity};
+use crate::mesh::PAIRS;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -77,9 +78,6 @@ fn lists<T: Copy + Default>(count: usize, pairs: &[(u32, T)]) -> (Vec<u32>, Vec<
     (first, out)
 }
 
-/// Pairs of corners that are the edges of a tetrahedron.
-const EDGES: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
-
 impl Arrays<f64> {
     /// Arrays of a mesh: `rest` `[node]` m, `moduli` `[layer]` bulk and shear modulus, Pa.
     pub fn new(rest: &[[f64; 3]], tetrahedra: &[Tetrahedron], moduli: &[[f64; 2]], smoothed: bool) -> Self {
@@ -106,7 +104,7 @@ impl Arrays<f64> {
         let mut members = vec![];
         for (e, (corners, layer)) in tetrahedra.iter().enumerate() {
             let own: Vec<[u32; 2]> = if smoothed {
-                EDGES.map(|ends| ends.map(|a| corners[a])).map(|[a, b]| [a.min(b), a.max(b)]).to_vec()
+                PAIRS.map(|ends| ends.map(|a| corners[a])).map(|[a, b]| [a.min(b), a.max(b)]).to_vec()
             } else {
                 vec![[e as u32; 2]]
             };
@@ -225,7 +223,7 @@ impl Arrays<f64> {
 impl<R: Real> Arrays<R> {
     /// Domains per tetrahedron.
     fn each(&self) -> usize {
-        if self.smoothed { EDGES.len() } else { 1 }
+        if self.smoothed { PAIRS.len() } else { 1 }
     }
 
     /// Share of a tetrahedron's volume that belongs to each of its domains.

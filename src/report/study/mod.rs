@@ -300,7 +300,9 @@ fn row(runs: &mut Runs, setting: &Setting, course: &[Vec<f64>], by_law: Option<&
 
 /// Setting of the reference: finest grid, shortest step, solved exactly with the scene's own element.
 fn reference(scene: &Scene, quick: bool) -> Setting {
-    let finest = scene.study.finest_grid().max(2.0);
+    // meshes are not refined
+    let twice = if scene.skins.iter().any(|skin| skin.mesh.is_some()) { 1.0 } else { 2.0 };
+    let finest = scene.study.finest_grid().max(twice);
     let grid = if scene.study.reference_grid > 0.0 { scene.study.reference_grid } else { finest };
     let grid = if quick { grid.min(2.0 * settings::quick(scene).refinement) } else { grid };
     at_shortest(scene, &exact(scene, &Setting { refinement: grid, ..own(scene) }))

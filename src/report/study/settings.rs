@@ -57,9 +57,12 @@ pub fn element_word(law: Law) -> &'static str {
     }
 }
 
-/// Cells of the grids, `20 × 20 × 5`; of several bodies with `+` in between; `rigid` without a deformable one.
+/// Cells of the grids, `20 × 20 × 5`, or `1200 tetrahedra`; of several bodies with `+` in between; `rigid` without a deformable one.
 pub fn grid_words(scene: &Scene) -> String {
     let of = |skin: &Skin| {
+        if let Some(mesh) = &skin.mesh {
+            return format!("{} tetrahedra", mesh.tetrahedra().len());
+        }
         let levels: u32 = skin.layers.iter().map(|layer| layer.cells).sum();
         format!("{} × {} × {levels}", skin.cells[0], skin.cells[1])
     };
@@ -68,11 +71,13 @@ pub fn grid_words(scene: &Scene) -> String {
 }
 
 /// The most complete law that the constants of a scene's layers suffice for: large strain. None for springs, which no other law can take the
-/// constants of, and with a consistent mass, which hyperelastic bodies do not have.
+/// constants of, with a consistent mass, which hyperelastic bodies do not have, and for the tetrahedra of a mesh.
 pub fn most_complete(scene: &Scene) -> Option<Law> {
     let complete = |skin: &Skin| match skin.law {
         Law::Hyperelastic(_) => Some(skin.law),
-        Law::Fem { .. } => (skin.mass != Mass::Consistent).then_some(Law::Hyperelastic(Material::NeoHookean)),
+        Law::Fem { .. } => {
+            (skin.mass != Mass::Consistent && skin.mesh.is_none()).then_some(Law::Hyperelastic(Material::NeoHookean))
+        }
         Law::Springs { .. } => None,
     };
     let first = complete(scene.skins.first()?)?;
@@ -221,11 +226,18 @@ impl Axes {
 /// The scene on another grid: `factor` times its cells along each axis, at least one per layer.
 ///
 /// # Errors
-/// [`Unfit`] if that is no whole number along x or y, a region holds no node there, or a probe lies between nodes.
+/// [`Unfit`] if that is no whole number along x or y, a region holds no node there, or a probe lies between nodes; of a mesh for every factor
+/// but 1.
 pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
     let mut out = scene.clone();
     // cells and reserve of each body
     for skin in &mut out.skins {
+        if skin.mesh.is_some() {
+            if factor != 1.0 {
+                return Err(Unfit::Mesh { factor }.of(scene));
+            }
+            continue;
+        }
         for cells in &mut skin.cells {
             let wanted = f64::from(*cells) * factor;
             if (wanted - wanted.round()).abs() > 1e-9 || !(1.0..=f64::from(u32::MAX)).contains(&wanted) {
@@ -242,6 +254,9 @@ pub fn on_grid(scene: &Scene, factor: f64) -> Result<Scene> {
     }
     // refuse grids with too many nodes, regions without a node, probes between nodes
     let nodes = |skin: &Skin| {
+        if let Some(mesh) = &skin.mesh {
+            return mesh.nodes().len() as f64;
+        }
         let z: f64 = skin.layers.iter().map(|l| f64::from(l.cells)).sum();
         (f64::from(skin.cells[0]) + 1.0) * (f64::from(skin.cells[1]) + 1.0) * (z + 1.0)
     };
@@ -309,6 +324,9 @@ pub fn scene_of(scene: &Scene, setting: &Setting, duration: f64, exactly: bool) 
 /// Approximate number of cells of all bodies on a grid.
 pub fn cells(scene: &Scene, grid: f64) -> f64 {
     let of = |skin: &Skin| {
+        if let Some(mesh) = &skin.mesh {
+            return mesh.tetrahedra().len() as f64;
+        }
         let z: f64 = skin.layers.iter().map(|l| (f64::from(l.cells) * grid).max(1.0)).sum();
         f64::from(skin.cells[0]) * f64::from(skin.cells[1]) * grid * grid * z
     };
@@ -328,6 +346,9 @@ pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
     let (preconditioner, stop) = match (hexahedra, few && !splits) {
         (true, true) => (Preconditioner::Direct, Stop::Exact),
         (true, false) => (Preconditioner::Multigrid, Stop::Tolerance(EXACT)),
+        (false, _) if scene.skins.iter().any(|skin| skin.law.is_tetrahedral()) => {
+            (Preconditioner::Block, Stop::Tolerance(EXACT))
+        }
         (false, _) => (Preconditioner::Column, Stop::Tolerance(EXACT)),
     };
     let correction = setting.correction.map(|_| Correction::Exact);
