@@ -65,7 +65,9 @@ pub enum Refused {
     },
 
     /// Tetrahedra on a GPU.
-    #[error("tetrahedra run on the CPU path, not on a GPU; run it with --backend cpu, or take element = \"bbar\"")]
+    #[error(
+        "tetrahedra run on the CPU path, not on a GPU; run it with --backend cpu, or take a grid with element = \"bbar\""
+    )]
     TetrahedraOnGpu,
 
     /// The direct solver on a GPU.
