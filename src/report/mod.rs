@@ -1,7 +1,8 @@
 //! Results of a run (report, tables, meshes, pictures) and of the other commands.
 //!
 //! [`run`] steps a scene and writes its folder, [`compare`] compares the GPU with the CPU path, [`inspect`] lists what a scene will
-//! allocate without running it, [`verify`] runs known answers, [`mesh`] examines a mesh file, [`plot`] draws what a run has left. Nothing here prints; the program does.
+//! allocate without running it, [`verify`] runs known answers, [`mesh`] examines a mesh file, [`plot`] and [`render`] draw what a
+//! run has left. Nothing here prints; the program does.
 
 pub mod check;
 mod checkpoint;

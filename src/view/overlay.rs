@@ -80,12 +80,16 @@ fn blend(image: &mut Image, x: usize, y: usize, color: [u8; 3], share: f32) {
     }
 }
 
-/// Draws a colour bar at the left below the caption, with its title above and labels at round values.
+/// Draws a colour bar at the left below the caption, with its title above and labels at round values; a picture that is too low for one
+/// stays as it is.
 pub fn color_bar(image: &mut Image, bar: &ColorBar) {
     let dot = dot(image);
     let height = (image.height as f32 * BAR_SHARE) as usize;
     let (left, bottom) = (6 * dot, (image.height as usize).saturating_sub(10 * dot));
-    let top = bottom.saturating_sub(height);
+    if height == 0 || bottom <= height {
+        return;
+    }
+    let top = bottom - height;
     text(image, left, top.saturating_sub(2 * LINE * dot), dot, &bar.title);
     for y in top..bottom {
         let share = (bottom - y) as f64 / height.max(1) as f64;
@@ -95,7 +99,7 @@ pub fn color_bar(image: &mut Image, bar: &ColorBar) {
         }
     }
     for (value, label) in labels(bar.high) {
-        let y = bottom - (value / bar.high * height as f64) as usize;
+        let y = bottom - ((value / bar.high * height as f64) as usize).min(height);
         for x in left + BAR_WIDTH * dot..left + (BAR_WIDTH + 3) * dot {
             blend(image, x, y.min(bottom - 1), INK, 1.0);
         }
@@ -120,6 +124,17 @@ fn labels(high: f64) -> Vec<(f64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_bar_fits_into_pictures_of_any_size() {
+        let bar = ColorBar { title: "stress, kPa".into(), high: 3.0 };
+        for (width, height) in [(0, 0), (1, 1), (7, 5), (3, 19), (40, 60), (96, 64), (960, 640)] {
+            let blank = Image { width, height, rgb: vec![255; 3 * width as usize * height as usize], skipped: 0 };
+            let mut image = blank.clone();
+            color_bar(&mut image, &bar);
+            assert_eq!(image != blank, height >= 19 && width > 6, "{width} × {height}");
+        }
+    }
 
     #[test]
     fn labels_are_round_and_within_the_bar() {

@@ -3,6 +3,9 @@
 /// Most buckets of a curve; a picture is some hundred pixels wide.
 const BUCKETS: usize = 4096;
 
+/// Larger values are not drawn: sums and products of an axis would not be finite.
+const LARGEST: f64 = 1e100;
+
 /// Value over time. Of more rows than buckets, neighbouring rows share a bucket, which keeps their least and largest value.
 #[derive(Clone, Debug)]
 pub(super) struct Curve {
@@ -19,9 +22,9 @@ impl Curve {
         Self { name: name.into(), each: 1, inside: 1, buckets: vec![] }
     }
 
-    /// Adds a row; values that are not finite are gaps and left out.
+    /// Adds a row; values that are not finite, or beyond what axes are made for, are gaps and left out.
     pub fn add(&mut self, time: f64, value: f64) {
-        if !(time.is_finite() && value.is_finite()) {
+        if !(time.abs() < LARGEST && value.abs() < LARGEST) {
             return;
         }
         if let Some(last) = self.buckets.last_mut().filter(|_| self.inside < self.each) {

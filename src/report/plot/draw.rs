@@ -21,6 +21,8 @@ const MOST_CURVES: usize = 10;
 /// Most letters of a name in the legend, and of a title.
 const NAME_LETTERS: usize = 27;
 const TITLE_LETTERS: usize = 96;
+/// Shortest axis; shorter ones are of 1 about 0.
+const SMALLEST: f64 = 1e-100;
 /// Font sizes.
 const LARGE: i32 = 18;
 const MIDDLE: i32 = 15;
@@ -107,7 +109,7 @@ fn label(quantity: &str, unit: &str) -> String {
 /// Range of values from 0, or of both signs, with some room.
 fn range(values: impl Iterator<Item = f64>) -> Range<f64> {
     let (low, high) = values.fold((0.0f64, 0.0f64), |(low, high), y| (low.min(y), high.max(y)));
-    match high > low {
+    match high - low > SMALLEST {
         true => low - 0.06 * (high - low) * f64::from(u8::from(low < 0.0))..high + 0.06 * (high - low),
         false => 0.0..1.0,
     }
@@ -143,7 +145,7 @@ where
     let mut chart = ChartBuilder::on(area);
     chart.x_label_area_size(36).y_label_area_size(62);
     if panel.logarithmic {
-        let values = decades(all().map(|p| p.1).filter(|y| *y > 0.0));
+        let values = decades(all().map(|p| p.1).filter(|y| *y > SMALLEST));
         let name = label(&panel.quantity, &panel.unit);
         lines(panel, chart.build_cartesian_2d(times, Decades(values))?, 1.0, &name, &decade)
     } else {
@@ -217,7 +219,7 @@ where
         .y_label_formatter(&|y| format(y))
         .draw()?;
     for (k, curve) in shown(panel).iter().enumerate().filter(|(_, curve)| !hidden(panel, curve)) {
-        let points = curve.points().filter(|(_, y)| !panel.logarithmic || *y > 0.0).map(|(t, y)| (t, y * factor));
+        let points = curve.points().filter(|(_, y)| !panel.logarithmic || *y > SMALLEST).map(|(t, y)| (t, y * factor));
         chart.draw_series(LineSeries::new(points, line_style(k)))?;
     }
     Ok(())
