@@ -93,15 +93,8 @@ pub enum Command {
 pub struct Run {
     /// Scene file; the built-in incision when none is given
     pub scene: Option<PathBuf>,
-    /// Where to compute
-    #[arg(long, value_enum, default_value_t = Backend::Auto)]
-    pub backend: Backend,
-    /// GPU whose name, API or driver contains TEXT; the only way to a software adapter under `auto`
-    #[arg(long, value_name = "TEXT")]
-    pub adapter: Option<String>,
-    /// Precision of the CPU path, f64 when none is given; asks for the CPU path under `auto`
-    #[arg(long, value_enum)]
-    pub precision: Option<Precision>,
+    #[command(flatten)]
+    pub target: Target,
     /// Stop after N steps; the scene's checks are evaluated on whole runs only
     #[arg(long, value_name = "N", allow_negative_numbers = true, conflicts_with = "seconds", value_parser = clap::value_parser!(u32).range(1..))]
     pub steps: Option<u32>,
@@ -134,6 +127,20 @@ pub struct Run {
     /// Print the report as JSON, nothing else, on standard output
     #[arg(long)]
     pub json: bool,
+}
+
+/// Where a scene is computed.
+#[derive(Args, Clone, Debug)]
+pub struct Target {
+    /// Where to compute
+    #[arg(long, value_enum, default_value_t = Backend::Auto)]
+    pub backend: Backend,
+    /// GPU whose name, API or driver contains TEXT; the only way to a software adapter under `auto`
+    #[arg(long, value_name = "TEXT")]
+    pub adapter: Option<String>,
+    /// Precision of the CPU path, f64 when none is given; asks for the CPU path under `auto`
+    #[arg(long, value_enum)]
+    pub precision: Option<Precision>,
 }
 
 /// Overrides of the scene's solver.
@@ -219,15 +226,8 @@ pub struct Verify {
 pub struct Serve {
     /// Scene file; the built-in incision when none is given
     pub scene: Option<PathBuf>,
-    /// Where to compute
-    #[arg(long, value_enum, default_value_t = Backend::Auto)]
-    pub backend: Backend,
-    /// GPU whose name, API or driver contains TEXT; the only way to a software adapter under `auto`
-    #[arg(long, value_name = "TEXT")]
-    pub adapter: Option<String>,
-    /// Precision of the CPU path, f64 when none is given; asks for the CPU path under `auto`
-    #[arg(long, value_enum)]
-    pub precision: Option<Precision>,
+    #[command(flatten)]
+    pub target: Target,
     /// Address and port to listen on, port 0 for any that is free; on other addresses than this machine's own, pages need the token of the
     /// printed address
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8088", value_parser = address)]

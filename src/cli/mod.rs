@@ -105,7 +105,7 @@ fn run_scene(args: &Run) -> Result<u8> {
     note(&scene);
     let signals = Signals::catch()?;
     let options = run::Options {
-        platform: platform_of(&scene, args.backend, args.adapter.as_deref(), args.precision)?,
+        platform: platform_of(&scene, &args.target)?,
         steps: args.steps.or(of_time),
         out: args.out.clone(),
         realtime: args.realtime,
@@ -155,7 +155,7 @@ fn serve_scene(args: &args::Serve) -> Result<u8> {
     note(&scene);
     let signals = Signals::catch()?;
     let options = serve::Options {
-        platform: platform_of(&scene, args.backend, args.adapter.as_deref(), args.precision)?,
+        platform: platform_of(&scene, &args.target)?,
         listen: args.listen,
         paused: args.paused,
         interrupt: signals.stop.clone(),
@@ -177,16 +177,12 @@ fn note(scene: &Scene) {
 }
 
 /// Backend for a scene.
-fn platform_of(
-    scene: &Scene,
-    backend: Backend,
-    adapter: Option<&str>,
-    precision: Option<Precision>,
-) -> Result<Platform> {
+fn platform_of(scene: &Scene, target: &args::Target) -> Result<Platform> {
+    let (backend, adapter) = (target.backend, target.adapter.as_deref());
     // no device runs tetrahedra
     let tetrahedra = scene.skins.iter().any(|skin| skin.law.is_tetrahedral());
     let backend = if tetrahedra && adapter.is_none() && backend == Backend::Auto { Backend::Cpu } else { backend };
-    platform(backend, adapter, precision, scene.solver.preconditioner == Preconditioner::Direct)
+    platform(backend, adapter, target.precision, scene.solver.preconditioner == Preconditioner::Direct)
 }
 
 /// Backend of a run: the hardware GPU if there is one, else the CPU path; a software adapter only on request. With `direct` solves, the CPU
