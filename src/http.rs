@@ -58,7 +58,7 @@ pub fn is_local(head: &str) -> bool {
 /// Whether a page of a browser that makes the request is the server's own; requests that name no page are not a browser's.
 pub fn is_same_origin(head: &str) -> bool {
     let host = field(head, "host");
-    let same = |text: &str| text.split_once("://").map(|(_, from)| from) == host;
+    let same = |text: &str| text.split_once("://").is_some_and(|(_, from)| Some(from) == host);
     field(head, "origin").is_none_or(same)
 }
 

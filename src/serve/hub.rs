@@ -27,7 +27,7 @@ const PAGE: &str = include_str!("page.html");
 /// Most connections at once.
 const MOST_GUESTS: usize = 16;
 /// Commands that wait for the session; beyond, the newest are refused with words.
-const MOST_COMMANDS: usize = 256;
+pub(super) const MOST_COMMANDS: usize = 256;
 /// Texts that wait for a page; beyond, the oldest goes.
 const MOST_TEXTS: usize = 16;
 /// Messages that are no commands after which a page is sent away.

@@ -1,6 +1,6 @@
 //! The simulation behind the pages: paced, paused, begun anew, taken back, changed, and held by its pages' mice.
 
-use super::hub::{Frame, Hub, Motion, lock};
+use super::hub::{Frame, Hub, MOST_COMMANDS, Motion, lock};
 use super::mouse::{Mouse, Shared};
 use super::wire::{self, Command, Vertices};
 use crate::error::{Error, Result};
@@ -222,7 +222,8 @@ impl Session {
             true => self.due.min(now + SLICE),
             false => now + SLICE,
         };
-        loop {
+        // a bounded number of commands, so that pages that send without end do not hold up the steps
+        for _ in 0..MOST_COMMANDS {
             let left = until.saturating_duration_since(Instant::now());
             match self.hub.commands().recv_timeout(left) {
                 Ok((guest, command)) => {
