@@ -143,7 +143,7 @@ fn a_killed_run_leaves_whole_files() -> Outcome {
 
 fn an_interrupted_run_leaves_whole_files() -> Outcome {
     let work = Work::with(&long())?;
-    ended_by(&work, "-INT", Duration::from_millis(300))?;
+    ended_by(&work, "-TERM", Duration::from_millis(300))?;
     let [steps, _] = read_back(&work.path("out"))?;
     ensure!(steps > 0, "nothing was done");
     let hand = work.read("out/hand_tip.csv")?;
