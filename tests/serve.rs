@@ -40,7 +40,7 @@ impl Session {
             interrupt: stop.clone(),
         };
         let (sender, urls) = channel();
-        let thread = std::thread::spawn(move || serve(&scene, &options, &mut |url| sender.send(url.to_string()).ok()));
+        let thread = std::thread::spawn(move || serve(&scene, &options, &mut |url| drop(sender.send(url.to_string()))));
         let url = urls.recv_timeout(LONG).expect("the address of a session that listens");
         Self { url, stop, thread: Some(thread) }
     }

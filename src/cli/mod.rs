@@ -161,7 +161,8 @@ fn serve_scene(args: &args::Serve) -> Result<u8> {
         interrupt: signals.stop.clone(),
     };
     // whether somebody reads this or not
-    serve::serve(&scene, &options, &mut |url| print::line(&format!("open {url} in a browser; Ctrl-C ends")).ok())?;
+    let tell = |url: &str| drop(print::line(&format!("open {url} in a browser; Ctrl-C ends")));
+    serve::serve(&scene, &options, &mut { tell })?;
     Ok(signals.exit_code())
 }
 

@@ -380,7 +380,7 @@ impl Parts {
 
 impl Parts {
     /// Cells to which a cell is linked.
-    pub(super) fn linked(&self, cell: usize) -> impl Iterator<Item = usize> {
+    pub fn linked(&self, cell: usize) -> impl Iterator<Item = usize> {
         let strides = [1, self.params.cells_x as usize, (self.params.cells_x * self.params.cells_y) as usize];
         let at = self.params.cell_at(cell);
         (0..3).flat_map(move |axis| {

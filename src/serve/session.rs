@@ -115,7 +115,7 @@ struct Session {
 ///
 /// # Errors
 /// If the address is taken, or the scene cannot be prepared.
-pub fn serve(scene: &Scene, options: &Options, tell: &mut dyn FnMut(&str) -> Option<()>) -> Result<()> {
+pub fn serve(scene: &Scene, options: &Options, tell: &mut dyn FnMut(&str)) -> Result<()> {
     let hub = Hub::start(options.listen)?;
     let mut session = Session::new(scene, options, hub)?;
     tell(&session.hub.url());
@@ -388,13 +388,13 @@ impl Session {
         if self.runner.simulation.time - last >= self.between_kept * (1.0 - 1e-9) {
             self.keep()?;
         }
-        if self.shown.elapsed() >= BETWEEN_FRAMES {
+        if self.shown.elapsed() >= BETWEEN_FRAMES && self.hub.guests() > 0 {
             self.show()?;
         }
         Ok(())
     }
 
-    /// Shows the present state, if anybody looks.
+    /// Shows the present state.
     fn show(&mut self) -> Result<()> {
         self.shown = Instant::now();
         self.pages = self.hub.guests();

@@ -13,6 +13,7 @@ use super::mouse::Target;
 use crate::report::frames::{Faces, SkinSurface};
 use crate::scene::{Scene, Skin};
 use crate::step::{Simulation, StepReport};
+use crate::view::VIRIDIS;
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
@@ -104,7 +105,7 @@ impl Hand {
     }
 }
 
-/// The scene for the page: layers with their colours, tools with their meshes, camera.
+/// The scene for the page: layers with their colours, tools with their meshes, camera, colour map.
 pub fn scene(scene: &Scene, held: &[bool]) -> Value {
     let layers = |skin: &Skin| -> Vec<Value> {
         skin.layers.iter().map(|layer| json!({ "name": layer.name, "color": layer.color })).collect()
@@ -122,6 +123,7 @@ pub fn scene(scene: &Scene, held: &[bool]) -> Value {
         "tools": scene.tools.iter().zip(held).map(tool).collect::<Vec<_>>(),
         "eye": view.eye, "target": view.target, "field_of_view_deg": view.field_of_view,
         "step_ms": scene.time.step * 1e3, "duration_s": scene.time.duration,
+        "color_map": VIRIDIS,
         "friction": scene.contact.map(|contact| contact.friction), "tolerance": scene.solver.tolerance,
     }})
 }

@@ -2,7 +2,7 @@
 //! Source: `viridis` of matplotlib (Smith, van der Walt 2015, CC0), at eleven values, linear between them.
 
 /// `[tenth]` sRGB.
-const VIRIDIS: [[u8; 3]; 11] = [
+pub const VIRIDIS: [[u8; 3]; 11] = [
     [68, 1, 84],
     [72, 36, 117],
     [65, 68, 135],

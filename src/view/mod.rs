@@ -17,7 +17,7 @@ mod raster;
 mod shade;
 
 pub use font::strokes;
-pub use map::color_of;
+pub use map::{VIRIDIS, color_of};
 pub use overlay::{ColorBar, color_bar};
 pub use raster::NoMemory;
 

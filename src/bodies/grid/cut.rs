@@ -1,6 +1,6 @@
-//! Cuts through hexahedra, and carving. Links between cells are severed and nodes are duplicated ([`Parts`](crate::mesh::Parts)); each duplicate gets
-//! the mass of its cells. Alternatively, a crossed link removes the cell in whose half the blade crossed it. A node without cells leaves
-//! the system.
+//! Cuts through hexahedra, and carving. Links between cells are severed and nodes are duplicated ([`Parts`](crate::mesh::Parts)); each
+//! duplicate gets the mass of its cells. Alternatively, a crossed link removes the cell in whose half the blade crossed it. A node without
+//! cells leaves the system.
 //!
 //! Arrays and the product over the grid stay unchanged: cells with duplicates among their corners are added one by one
 //! ([`crate::kernels::split_product`]), the smoother includes the duplicate columns, and the coarse levels ignore the cut. Unused
@@ -142,17 +142,7 @@ impl Wound {
     fn hanging(&self, model: &Model, removed: &[u32]) -> Vec<u32> {
         let params = model.grid.params::<f64>();
         let alive = |cell: usize| self.surface.alive[cell];
-        // face neighbours that are alive
-        let steps = [1, params.cells_x as usize, (params.cells_x * params.cells_y) as usize];
-        let beside = |cell: usize| {
-            let at = params.cell_at(cell);
-            (0..3).flat_map(move |axis| {
-                let below = (at[axis] > 0).then(|| cell - steps[axis]);
-                let above = (at[axis] + 1 < model.grid.cells[axis]).then(|| cell + steps[axis]);
-                [below, above]
-            })
-        };
-        let neighbours = |cell: usize| beside(cell).flatten().filter(|other| alive(*other));
+        let neighbours = |cell: usize| self.surface.parts.linked(cell).filter(|other| alive(*other));
         // piece of a set of cells that share faces, up to a number of them
         let piece = |first: usize, within: &dyn Fn(usize) -> bool, most: usize| {
             let mut found = vec![first];
