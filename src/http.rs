@@ -1,7 +1,7 @@
-//! What the servers of the program share: the head of a request, and answers in one piece.
+//! What the servers of the program share: the head of a request, and answers.
 
-use std::io::{self, ErrorKind, Write};
-use std::net::TcpStream;
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::{Shutdown, TcpStream};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -73,15 +73,21 @@ pub fn asked(head: &str) -> Option<(&str, &str)> {
     Some(target.split_once('?').unwrap_or((target, "")))
 }
 
-/// Answers a request, in one piece.
+/// Answers a request and ends the connection: the answer is one piece, and what the peer still says is read until it leaves, within the
+/// stream's time limits. A system resets a connection that is closed over unread bytes, and a peer then loses the answer.
 ///
 /// # Errors
 /// When the peer does not take it.
 pub fn answer(stream: &mut TcpStream, status: &str, kind: &str, body: &[u8]) -> io::Result<()> {
     let length = body.len();
     let head = format!("HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n");
-    stream.write_all(format!("{head}Cache-Control: no-store\r\nConnection: close\r\n\r\n").as_bytes())?;
-    stream.write_all(body)
+    let mut whole = format!("{head}Cache-Control: no-store\r\nConnection: close\r\n\r\n").into_bytes();
+    whole.extend_from_slice(body);
+    stream.write_all(&whole)?;
+    stream.shutdown(Shutdown::Write)?;
+    let (until, mut rest) = (Instant::now() + PATIENCE, [0; 4096]);
+    while Instant::now() < until && stream.read(&mut rest).is_ok_and(|read| read > 0) {}
+    Ok(())
 }
 
 /// Answers a request with words on what is wrong with it, as JSON; `words` have no quotes.
@@ -107,6 +113,28 @@ mod tests {
         assert!(!is_same_origin(&head("box:8080", "http://evil.example")));
         assert!(is_same_origin("get / http/1.1\r\nhost: box\r\n\r\n"));
         assert!(!is_same_origin("get / http/1.1\r\norigin: null\r\n\r\n"));
+    }
+
+    /// Closed over the unread rest of the request, the connection would be reset and the answer lost.
+    #[test]
+    fn an_answer_arrives_whole_whatever_is_left_of_the_request() {
+        let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
+        let address = listener.local_addr().expect("it has one");
+        let server = thread::spawn(move || {
+            let mut stream = listener.accept().expect("a client").0;
+            stream.set_read_timeout(Some(PATIENCE)).expect("a time");
+            head(&mut stream).expect("a request");
+            answer(&mut stream, "200 OK", "text/plain", &[b'a'; 100_000])
+        });
+        let mut client = TcpStream::connect(address).expect("it listens");
+        client.write_all(b"POST / HTTP/1.1\r\n\r\n").expect("it reads");
+        client.write_all(&[b'b'; 10_000]).expect("it reads");
+        thread::sleep(Duration::from_millis(50));
+        let mut said = Vec::new();
+        client.read_to_end(&mut said).expect("no reset");
+        assert!(said.starts_with(b"HTTP/1.1 200 OK\r\n") && said.ends_with(&[b'a'; 100_000]), "{} bytes", said.len());
+        drop(client);
+        server.join().expect("it ends").expect("it is taken");
     }
 
     #[test]

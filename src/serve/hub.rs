@@ -11,7 +11,7 @@ use crate::http::{self, PATIENCE};
 use crate::scene::TRAJECTORY_COLUMNS;
 use std::collections::VecDeque;
 use std::hash::{BuildHasher, Hasher, RandomState};
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
@@ -201,6 +201,8 @@ fn admit(listener: &TcpListener, shared: &Arc<Shared>) {
             continue;
         };
         if threads.len() >= MOST_GUESTS {
+            // the others wait in line meanwhile
+            stream.set_read_timeout(Some(SLICE)).ok();
             http::refuse(&mut stream, "503 Service Unavailable", "too many connections").ok();
             continue;
         }
@@ -247,8 +249,6 @@ impl Shared {
         let (path, query) = http::asked(&head).unwrap_or_default();
         let admitted = self.admits(&head, query);
         if !(admitted && path == "/stream" && http::is_upgrade(&head)) {
-            let mut asked = [0; 4096];
-            let _ = stream.read(&mut asked)?;
             let own = "this server answers pages of its own machine, or with the token of the printed address";
             return match path {
                 _ if !admitted => http::refuse(&mut stream, "403 Forbidden", own),

@@ -12,14 +12,19 @@ use tungstenite::Message;
 use tungstenite::protocol::frame::Frame as WsFrame;
 use tungstenite::protocol::frame::coding::{Data, OpCode};
 
-/// What a stand-in answers to a request, up to the end of the connection.
+/// What a stand-in answers to a request: the whole answer, or the head alone where it goes on with a WebSocket.
 fn answered(mock: &Mock, request: &str) -> String {
     let mut stream = TcpStream::connect(mock.url().trim_start_matches("ws://")).expect("it listens");
     stream.set_read_timeout(Some(Duration::from_secs(5))).expect("a time");
     stream.write_all(request.as_bytes()).expect("it reads");
-    let mut answer = vec![0; 512];
-    let read = stream.read(&mut answer).unwrap_or(0);
-    String::from_utf8_lossy(&answer[..read]).into_owned()
+    let (mut said, mut piece) = (Vec::new(), [0; 512]);
+    while let Ok(read @ 1..) = stream.read(&mut piece) {
+        said.extend_from_slice(&piece[..read]);
+        if said.starts_with(b"HTTP/1.1 101") && said.windows(4).any(|end| end == b"\r\n\r\n") {
+            break;
+        }
+    }
+    String::from_utf8_lossy(&said).into_owned()
 }
 
 const UPGRADE: &str = "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\n\

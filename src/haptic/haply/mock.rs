@@ -29,7 +29,7 @@ use crate::error::Result;
 use crate::http::{self, PATIENCE};
 use glam::DVec3;
 use hand::Hand;
-use std::io::{self, ErrorKind, Read};
+use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -125,6 +125,8 @@ fn admit(listener: &TcpListener, shared: &Arc<Shared>) {
             continue;
         };
         if guests.len() >= MOST_GUESTS {
+            // the others wait in line meanwhile
+            stream.set_read_timeout(Some(SLICE)).ok();
             http::refuse(&mut stream, "503 Service Unavailable", "too many connections").ok();
             continue;
         }
@@ -168,8 +170,6 @@ impl Shared {
         let head = http::head(&mut stream)?;
         let local = http::is_local(&head);
         if !(local && http::is_upgrade(&head)) {
-            let mut asked = [0; 4096];
-            let _ = stream.read(&mut asked)?;
             return match http::asked(&head) {
                 _ if !local => http::refuse(&mut stream, "403 Forbidden", "this stand-in serves its own machine alone"),
                 Some(("/version", _)) => {
