@@ -114,12 +114,7 @@ impl Folder {
     /// Removes the files of an earlier run and starts the tables.
     pub fn create(mut listing: Listing, scene: &Scene) -> Result<Self> {
         listing.remove(of_runs)?;
-        Ok(Self {
-            tables: Tables::create(&mut listing, scene)?,
-            series: series(&listing),
-            frame_count: 0,
-            listing,
-        })
+        Ok(Self { tables: Tables::create(&mut listing, scene)?, series: series(&listing), frame_count: 0, listing })
     }
 
     /// Checks that a folder belongs to the run with these positions.

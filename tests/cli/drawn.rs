@@ -93,7 +93,8 @@ fn contact_points_add_up_to_the_force_of_the_probes() -> Outcome {
         ensure!(vector(row, FORCE).dot(normal) > 0.0, "a contact pulls: {row:?}");
     }
     // the points of a picture are the rows of its time, with those that bear no force
-    let at = |time: &str| contacts.iter().filter(|row| row["time_s"] == time).map(|row| vector(row, FORCE)).sum::<DVec3>();
+    let at =
+        |time: &str| contacts.iter().filter(|row| row["time_s"] == time).map(|row| vector(row, FORCE)).sum::<DVec3>();
     let (points, series) = (saved(&work, "out/vtu/contacts_0002.vtu")?, work.read("out/contacts.pvd")?);
     let time = series.lines().find(|line| line.contains("contacts_0002")).and_then(|line| line.split('"').nth(1));
     let forces = array(&points, "force_n")?.chunks_exact(3).map(DVec3::from_slice);

@@ -22,9 +22,7 @@ use crate::kernels::cut::Hit;
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, V3, V4};
 use crate::mesh::{Grid, PER_CELL};
-use crate::scene::{
-    Element, Integrator, Law, Layer, Mass, PRECONDITIONER, Preconditioner, ProbeKind, Scene,
-};
+use crate::scene::{Element, Integrator, Law, Layer, Mass, PRECONDITIONER, Preconditioner, ProbeKind, Scene};
 use operator::Arrays;
 
 /// Arrays of a body of tetrahedra.
@@ -69,7 +67,10 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
         return refuse("a blade", "take a tool without one");
     }
     if scene.probes.iter().any(|probe| of_cells(&probe.kind)) {
-        return refuse("a probe of a reaction, strain or stress", "probe displacements or the tools' forces, or save the field by [output] fields");
+        return refuse(
+            "a probe of a reaction, strain or stress",
+            "probe displacements or the tools' forces, or save the field by [output] fields",
+        );
     }
     Ok(())
 }
