@@ -161,8 +161,8 @@ fn serve_scene(args: &args::Serve) -> Result<u8> {
         interrupt: signals.stop.clone(),
     };
     // whether somebody reads this or not
-    let tell = |url: &str| drop(print::line(&format!("open {url} in a browser; Ctrl-C ends")));
-    serve::serve(&scene, &options, &mut { tell })?;
+    let mut tell = |url: &str| drop(print::line(&format!("open {url} in a browser; Ctrl-C ends")));
+    serve::serve(&scene, &options, &mut tell)?;
     Ok(signals.exit_code())
 }
 

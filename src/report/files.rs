@@ -174,7 +174,7 @@ impl Folder {
         for (series, kind) in self.series.iter_mut().zip(KINDS) {
             let is_there = match kind {
                 "tools" => scene.tools.iter().any(|tool| !tool.mesh.triangles.is_empty()),
-                "contacts" => scene.contact.is_some() || !scene.attachments.is_empty(),
+                "contacts" => scene.contact.is_some(),
                 _ => true,
             };
             if !is_there {

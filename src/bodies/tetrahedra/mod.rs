@@ -213,8 +213,10 @@ impl Mechanics for Tetrahedra {
             return all;
         }
         let (six, _) = all.as_chunks::<PER_CELL>();
-        let mean = |of: &[[M3<f64>; 2]; PER_CELL], k| of.iter().fold(M3::zero(), |sum, own| sum + own[k]) * (1.0 / 6.0);
-        six.iter().map(|own| [mean(own, 0), mean(own, 1)]).collect()
+        let mean = |own: &[[M3<f64>; 2]; PER_CELL]| {
+            [0, 1].map(|k| own.iter().fold(M3::zero(), |sum, own| sum + own[k]) * (1.0 / PER_CELL as f64))
+        };
+        six.iter().map(mean).collect()
     }
 
     fn count_cells(&self, model: &Model, state: &Snapshot, holds: &Holds) -> u32 {

@@ -219,9 +219,7 @@ impl Arrays<f64> {
         }
         sum
     }
-}
 
-impl Arrays<f64> {
     /// `[tetrahedron]` Green–Lagrange strain and Cauchy stress, Pa, at displacements. The stress is the one that the element's forces come
     /// from: of smoothed elements the means over its edges (deviator) and corners (pressure), turned back by its own rotation as far as
     /// theirs differ.
