@@ -1,11 +1,12 @@
 //! Arrays of the elastic operator of a mesh of linear tetrahedra, and its passes on the CPU path ([`crate::kernels::tetrahedra`]).
 
+use crate::bodies::grid::element::green_lagrange;
 use crate::kernels::tetrahedra::{deviator, displacement_gradient, matrix};
 use crate::kernels::{
     Params, polar, tetrahedra_domains, tetrahedra_forces, tetrahedra_means, tetrahedra_plain, tetrahedra_pressures,
     tetrahedra_product, tetrahedra_rotations, tetrahedra_smoothed, tetrahedra_strains, tetrahedra_volumes,
 };
-use crate::math::{M3, Real, V3, V4, round};
+use crate::math::{M3, Real, V3, V4, rotation_matrix, round};
 use crate::mesh::PAIRS;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, BTreeSet};
@@ -111,7 +112,8 @@ impl Arrays<f64> {
         (self.first_of_domain, self.of_domain) = lists(numbers.len(), &members);
     }
 
-    fn volume(&self, e: usize) -> f64 {
+    /// Volume of a tetrahedron, m³.
+    pub fn volume(&self, e: usize) -> f64 {
         self.gradients[3 * e][3]
     }
 
@@ -210,6 +212,21 @@ impl Arrays<f64> {
             sum += volume * shear / 6.0 * deviator.dot(deviator);
         }
         sum
+    }
+
+    /// `[tetrahedron]` Green–Lagrange strain and Cauchy stress, Pa, at displacements. The stress is the one that the element's forces come
+    /// from: of smoothed elements the means over its edges (deviator) and corners (pressure), turned back by its own rotation as far as
+    /// theirs differ.
+    pub fn strains_and_stresses(&self, u: &[V4<f64>], corotational: bool) -> Vec<[M3<f64>; 2]> {
+        let rotations = self.rotations(u, corotational);
+        let forces = self.corner_forces(1, u, &rotations);
+        let of = |(e, moved): (usize, M3<f64>)| {
+            // the forces at corners 1 to 3 are V P ∇N_a
+            let stress = matrix(&forces, e) * matrix(&self.gradients, e).inverse();
+            let turned = stress * rotation_matrix(rotations.element[e]).transpose();
+            [green_lagrange(moved), (turned + turned.transpose()) * (0.5 / self.volume(e))]
+        };
+        self.displacement_gradients(u).into_iter().enumerate().map(of).collect()
     }
 }
 
