@@ -177,7 +177,7 @@ fn rotated() {
 }
 
 /// E 50 kPa, ν 0.45.
-const LAME: [f64; 2] = [155172.413_793_103_4, 17241.379_310_344_83];
+const LAME: [f64; 2] = [155_172.413_793_103_4, 17_241.379_310_344_83];
 
 /// Uniform strain, turned: `λ tr ε + 2 μ ε`, turned.
 fn of_material() {
