@@ -1,7 +1,7 @@
 //! Bodies of tetrahedra in whole simulations: pressed by a tool, resumed, and refused with what is for other elements.
 
 use cutis::scene::Element::{Bbar, PlainTetra, Tetra};
-use cutis::scene::{Element, Law, Mass, OutputField, Preconditioner, Scene, read};
+use cutis::scene::{Element, Law, Mass, Preconditioner, Scene, read};
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
 
@@ -70,11 +70,7 @@ fn tetrahedra_go_on_from_their_state() {
 #[test]
 fn what_is_for_other_elements_is_refused() {
     type Change = fn(&mut Scene);
-    let changes: [(Change, &str); 5] = [
-        (
-            |scene| scene.output.fields = vec![OutputField::Alive, OutputField::Stress],
-            "leave it out of [output] fields",
-        ),
+    let changes: [(Change, &str); 4] = [
         (|scene| scene.solver.preconditioner = Preconditioner::Multigrid, "take \"block\""),
         (|scene| scene.skins[0].mass = Mass::Consistent, "take \"lumped\""),
         (|scene| scene.skins[0].layers[0].pre_strain = [0.05; 2], "pre_strain"),
