@@ -30,6 +30,9 @@ pub fn tile_count<R: Real>(params: &Params<R>) -> usize {
 pub fn columns<R: Real>(params: &Params<R>, tile: usize) -> [[usize; 2]; 2] {
     let across = tiles(params)[0];
     let first = [tile % across * TILE, tile / across * TILE];
+    if params.cells_x == 0 {
+        return [first, [params.nodes_x as usize - 1, params.nodes_y as usize - 1]];
+    }
     [first, [(first[0] + TILE).min(params.cells_x as usize), (first[1] + TILE).min(params.cells_y as usize)]]
 }
 

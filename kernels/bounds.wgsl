@@ -15,7 +15,8 @@ fn bounds(thread: Thread) {
     let tiles = max((vec2<u32>(params.cells_x, params.cells_y) + TILE - 1u) / TILE, vec2<u32>(1u));
     let of_grid = tiles.x * tiles.y;
     var first = vec2<u32>(tile % tiles.x, tile / tiles.x) * TILE;
-    let last = min(first + TILE, vec2<u32>(params.cells_x, params.cells_y));
+    var last = min(first + TILE, vec2<u32>(params.cells_x, params.cells_y));
+    if params.cells_x == 0u { last = vec2<u32>(params.nodes_x, params.nodes_y) - 1u; } // no cells: one tile of all nodes
     let inside = tile < of_grid + (params.extra_columns + TILE - 1u) / TILE;
     var size = last - first + 1u; // columns of nodes, seams included
     if tile >= of_grid {

@@ -4,8 +4,9 @@ struct Params {
     cells_x: u32, cells_y: u32, cells_z: u32, cell_count: u32,
     preconditioner: u32, corotational: u32, slot_count: u32, first_slot: u32,
     product_groups: u32, fresh: u32, compensated: u32, zero: u32,
-    extra_columns: u32, split_cells: u32, touched_nodes: u32, pad: u32,
-    pad_1: u32, inertia: f32, stiffness_factor: f32, step: f32,
+    extra_columns: u32, split_cells: u32, touched_nodes: u32, tetrahedron_count: u32,
+    domain_count: u32, total: u32, pad: u32, pad_1: u32,
+    pad_2: u32, inertia: f32, stiffness_factor: f32, step: f32,
     momentum_factor: f32, velocity_factor: f32, lead: f32, gravity_x: f32,
     gravity_y: f32, gravity_z: f32, keep: f32, gain: f32,
 }

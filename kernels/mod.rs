@@ -28,6 +28,7 @@ pub mod duplicate;
 pub mod factor;
 pub mod forces;
 pub mod gather;
+pub mod gathered;
 pub mod holzapfel;
 pub mod hyperelastic;
 pub mod hyperelastic_forces;
@@ -37,6 +38,7 @@ pub mod linearised;
 pub mod momentum;
 pub mod mooney_rivlin;
 pub mod neo_hookean;
+pub mod polar;
 pub mod precondition;
 pub mod prescribe;
 pub mod probe;
@@ -53,6 +55,18 @@ pub mod split_product;
 pub mod springs;
 pub mod springs_blocks;
 pub mod springs_product;
+pub mod tetrahedra;
+pub mod tetrahedra_blocks;
+pub mod tetrahedra_domains;
+pub mod tetrahedra_forces;
+pub mod tetrahedra_means;
+pub mod tetrahedra_plain;
+pub mod tetrahedra_pressures;
+pub mod tetrahedra_product;
+pub mod tetrahedra_rotations;
+pub mod tetrahedra_smoothed;
+pub mod tetrahedra_strains;
+pub mod tetrahedra_volumes;
 pub mod trial_point;
 pub mod update;
 
@@ -61,7 +75,7 @@ use crate::math::Real;
 /// Text shared by all shaders: `Params`, `Thread`, corners, quaternions, reductions.
 pub const COMMON: &str = include_str!("common.wgsl");
 
-/// Complete text of a kernel: the common part, the shared texts that its bindings call for, and its own.
+/// Complete text of a kernel: the common part, the shared texts that its bindings and calls ask for, and its own.
 pub fn text(source: &Source) -> String {
     let mut out = COMMON.to_string();
     let shared = [
@@ -71,9 +85,12 @@ pub fn text(source: &Source) -> String {
         ("read> corner_force: array", &[collected::WGSL][..]),
         ("read> partial_residual: array", &[compensated::WGSL][..]),
         ("read_write> partial_gamma: array", &[columns::WGSL][..]),
+        (" polar(", &[polar::WGSL][..]),
+        ("> gradients: array", &[tetrahedra::WGSL][..]),
+        ("read> tetrahedron_force: array", &[gathered::WGSL][..]),
     ];
-    for (binding, texts) in shared {
-        if source.wgsl.contains(binding) {
+    for (asked, texts) in shared {
+        if source.wgsl.contains(asked) {
             texts.iter().for_each(|text| out = format!("{out}\n{text}"));
         }
     }
@@ -128,6 +145,17 @@ pub const ALL: &[&Source] = &[
     &springs::SOURCE,
     &springs_blocks::SOURCE,
     &springs_product::SOURCE,
+    &tetrahedra_blocks::SOURCE,
+    &tetrahedra_domains::SOURCE,
+    &tetrahedra_forces::SOURCE,
+    &tetrahedra_means::SOURCE,
+    &tetrahedra_plain::SOURCE,
+    &tetrahedra_pressures::SOURCE,
+    &tetrahedra_product::SOURCE,
+    &tetrahedra_rotations::SOURCE,
+    &tetrahedra_smoothed::SOURCE,
+    &tetrahedra_strains::SOURCE,
+    &tetrahedra_volumes::SOURCE,
     &trial_point::SOURCE,
     &update::SOURCE,
 ];
@@ -194,10 +222,18 @@ params! {
         split_cells: u32,
         /// Capacity of the table for nodes of split cells.
         touched_nodes: u32,
+        /// Number of tetrahedra.
+        tetrahedron_count: u32,
+        /// Number of domains of smoothed tetrahedra.
+        domain_count: u32,
+        /// 1: strains of tetrahedra are those of all displacements, 0: of increments ([`tetrahedra`]).
+        total: u32,
         /// Padding to a multiple of 16 bytes.
         pad: u32,
         /// Padding.
         pad_1: u32,
+        /// Padding.
+        pad_2: u32,
     }
     {
         /// Factor of `M` in `A`: `(1 + h r_M)/h²` in implicit Euler, 1/s² (others: `bodies::Step`).

@@ -31,6 +31,8 @@ mod states;
 mod sweeps;
 #[path = "gpu/swept.rs"]
 mod swept;
+#[path = "gpu/tetrahedra.rs"]
+mod tetrahedra;
 #[path = "gpu/twins.rs"]
 mod twins;
 
@@ -105,6 +107,9 @@ fn tests() -> Vec<(String, Test)> {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in swept::TESTS {
+        all.push((name.to_string(), Box::new(test)));
+    }
+    for (name, test) in tetrahedra::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
     all.extend(solver::tests());

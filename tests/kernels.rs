@@ -56,6 +56,9 @@ fn every_kernel_has_one_name_and_one_twin() {
             "collected",
             "columns",
             "compensated",
+            "polar",
+            "tetrahedra",
+            "gathered",
         ]
         .map(|name| path.ends_with(format!("{name}.wgsl")));
         if path.extension().is_some_and(|e| e == "wgsl") && !shared.contains(&true) {

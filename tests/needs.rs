@@ -60,12 +60,6 @@ fn inspect_states_what_every_shipped_scene_makes_and_does() {
             assert!(list("kernels").is_empty() && list("arrays").is_empty(), "{name}: rigid bodies need no device");
             continue;
         }
-        if scene.skins.iter().all(|skin| skin.law.is_tetrahedral()) {
-            let bytes: Vec<_> = ["device_bytes", "host_bytes"].map(|key| plan[key].as_u64().expect("bytes")).into();
-            assert!(list("kernels").is_empty() && bytes[0] == 0 && bytes[1] > 0, "{name}: {bytes:?}");
-            assert!(text.contains("CPU path"), "{name}: {text}");
-            continue;
-        }
         let bytes: u64 = list("arrays").iter().filter_map(|array| array["bytes"].as_u64()).sum();
         assert_eq!(plan["device_bytes"].as_u64(), Some(bytes), "{name}");
         for key in ["kernels", "arrays", "dispatches", "read_backs"] {
@@ -103,12 +97,12 @@ fn bytes_of_arrays(model: &Model) -> usize {
         Kind::Hexahedra(h) => size_of_val(&h.stiffness[..]) + size_of_val(&h.pre_strain[..]),
         Kind::Tetrahedra(t) => {
             let a = &t.arrays;
-            let of_elements = size_of_val(&a.corners[..]) + size_of_val(&a.gradients[..]) + size_of_val(&a.volume[..]);
+            let of_elements = size_of_val(&a.corners[..]) + size_of_val(&a.gradients[..]);
             let around =
                 size_of_val(&a.first_of_node[..]) + size_of_val(&a.of_node[..]) + size_of_val(&a.per_volume[..]);
             let domains =
                 size_of_val(&a.first_of_domain[..]) + size_of_val(&a.of_domain[..]) + size_of_val(&a.shear[..]);
-            of_elements + around + domains + size_of_val(&a.domains[..]) + size_of_val(&a.block[..])
+            of_elements + around + domains + size_of_val(&a.domains[..]) + size_of_val(&a.rest_block[..])
         }
     };
     let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.prescribed[..]);
@@ -171,10 +165,6 @@ fn sizes_are_of_the_arrays(scene: &Scene, body: usize) {
     let [of_model, of_sizes] = [&model, &sizes].map(|model| cutis::step::needs(scene, model));
     assert_eq!(of_sizes, of_model, "{name}");
     let start = cutis::step::start(scene, &model);
-    if !model.mechanics().on_devices() {
-        let backend = GpuBackend::new(Gpu::dry().expect("wgpu has its no-op device"), &model, of_model, 1, 0.0, &start);
-        return assert!(backend.is_err_and(|e| e.to_string().contains("CPU path")), "{name}");
-    }
     let whole = set_up(scene, &model, of_model, &start);
     assert!(!whole.0.is_empty(), "{name}");
     assert_eq!(set_up(scene, &sizes, of_sizes, &Snapshot::default()), whole, "{name}");

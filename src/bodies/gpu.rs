@@ -130,8 +130,8 @@ impl<'a> Maker<'a> {
 pub trait Recorded {
     /// Arrays of this kind that kernels share by name.
     fn shared(&self) -> Arrays;
-    /// `[element]` rotations of cells, or laws of springs.
-    fn elements(&self) -> Buffer;
+    /// `[element]` rotations of cells, or laws of springs; `None` where elements have no state.
+    fn elements(&self) -> Option<Buffer>;
     /// `[node]` velocities for a consistent mass; `None` for other masses.
     fn mean_velocities(&self) -> Option<Buffer>;
     /// Elastic forces at `at`; `None` for the current displacements, which all but explicit steps use.

@@ -178,10 +178,6 @@ pub trait Mechanics {
     fn mass_left(&self, model: &Model, wound: &Wound) -> f64;
     /// `√(π E′ G / 2)` of a layer, N/m^1.5, with toughness `G` and `E′ = E/(1 − ν²)`: see [`Model::splitting`].
     fn splitting(&self, layer: &Layer) -> f64;
-    /// True if devices run it; otherwise the CPU path alone does.
-    fn on_devices(&self) -> bool {
-        true
-    }
     /// Arrays and kernels of the body on a device; `u` holds the displacements.
     ///
     /// # Errors
@@ -295,7 +291,10 @@ impl Model {
         }
         let extra_columns = grid::reserve(scene, skin)?;
         let columns = (skin.cells[0] as u64 + 1) * (skin.cells[1] as u64 + 1) + extra_columns as u64;
-        let indexed = columns * grid.nodes[2] as u64;
+        let indexed = match &grid.unstructured {
+            Some(_) => grid.node_count() as u64,
+            None => columns * grid.nodes[2] as u64,
+        };
         if indexed > u64::from(MOST_NODES) {
             return Err(Refused::Nodes { count: indexed }.into());
         }
@@ -491,6 +490,10 @@ impl Model {
     /// The kernels' parameter block.
     pub fn params<R: Real>(&self) -> Params<R> {
         let (s, mechanics) = (&self.step, self.mechanics());
+        let [tetrahedron_count, domain_count] = match &self.kind {
+            Kind::Tetrahedra(own) => [self.grid.tetrahedron_count(), own.domain_count(&self.grid)],
+            Kind::Hexahedra(_) | Kind::Springs(_) => [0; 2],
+        };
         let extra = mechanics.extra_columns();
         let split = extra * self.grid.nodes[2];
         Params {
@@ -498,6 +501,8 @@ impl Model {
             extra_columns: extra as u32,
             split_cells: if split > 0 { CELLS * split + AROUND } else { 0 } as u32,
             touched_nodes: self.touched_nodes() as u32,
+            tetrahedron_count: tetrahedron_count as u32,
+            domain_count: domain_count as u32,
             preconditioner: s.preconditioner,
             corotational: mechanics.corotational(),
             slot_count: 1,

@@ -64,12 +64,6 @@ pub enum Refused {
         fix: &'static str,
     },
 
-    /// Tetrahedra on a GPU.
-    #[error(
-        "tetrahedra run on the CPU path, not on a GPU; run it with --backend cpu, or take a grid with element = \"bbar\""
-    )]
-    TetrahedraOnGpu,
-
     /// The direct solver on a GPU.
     #[error(
         "the direct solver runs on the CPU path, not on a GPU; run it with --backend cpu, or take the preconditioner multigrid"
@@ -123,7 +117,7 @@ impl Refused {
             }
             Self::CutLinks { .. } | Self::NotPositive { .. } | Self::InvertedCell { .. } => STEP,
             Self::SweptQuads { .. } => EDGE_SPACING,
-            Self::Layers { .. } | Self::Nodes { .. } | Self::AnchoredMass | Self::TetrahedraOnGpu => "",
+            Self::Layers { .. } | Self::Nodes { .. } | Self::AnchoredMass => "",
             Self::Tetrahedra { key, .. } => key,
         }
     }

@@ -180,9 +180,6 @@ fn note(scene: &Scene) {
 /// Backend for a scene.
 fn platform_of(scene: &Scene, target: &args::Target) -> Result<Platform> {
     let (backend, adapter) = (target.backend, target.adapter.as_deref());
-    // no device runs tetrahedra
-    let tetrahedra = scene.skins.iter().any(|skin| skin.law.is_tetrahedral());
-    let backend = if tetrahedra && adapter.is_none() && backend == Backend::Auto { Backend::Cpu } else { backend };
     platform(backend, adapter, target.precision, scene.solver.preconditioner == Preconditioner::Direct)
 }
 

@@ -194,9 +194,6 @@ pub fn plan(p: &Plan) -> String {
         "{}: {} nodes, {} cells, {} springs, {} degrees of freedom, {} steps, up to {} right-hand sides\n",
         p.scene, p.nodes, p.cells, p.spring_count, p.dof, p.steps, p.right_hand_sides
     );
-    if p.arrays.is_empty() && p.nodes > 0 {
-        text += "tetrahedra run on the CPU path alone\n";
-    }
     let mut purposes: Vec<&str> = p.arrays.iter().map(|a| a.purpose).collect();
     purposes.dedup();
     for purpose in purposes {

@@ -7,7 +7,7 @@ use crate::scene::{Region, Skin, TetrahedralMesh};
 use std::sync::Arc;
 
 /// Geometry of the grid: x fastest, then y, then z. The origin is the centre of the bottom face. Of a mesh of tetrahedra its nodes in one
-/// column, without cells.
+/// row, each a column of its own, without cells.
 #[derive(Clone, Debug)]
 pub struct Grid {
     /// Cells along each axis.
@@ -51,12 +51,12 @@ impl Grid {
         }
     }
 
-    /// The nodes of a mesh in one column, without cells: what is of cells does nothing, and the mesh has tetrahedra in their place.
+    /// The nodes of a mesh in one row, each a column of its own, without cells: what is of cells does nothing, and the mesh has tetrahedra in their place.
     fn of_mesh(mesh: &Arc<TetrahedralMesh>) -> Self {
         let [x, y, z] = mesh.size();
         Self {
             cells: [0; 3],
-            nodes: [1, 1, mesh.nodes().len()],
+            nodes: [mesh.nodes().len(), 1, 1],
             edge: [x, y],
             heights: vec![0.0, z],
             layer_of: vec![],

@@ -2,8 +2,7 @@
 //!
 //! The body is set up by the code for GPUs on wgpu's no-op device: arrays and kernels are those of a run by construction, every kernel
 //! passes wgpu's validation, and nothing is computed. The model has counts in place of its arrays ([`Model::of_sizes`]), so the memory of
-//! this does not grow with the grid. A body that the CPU path alone runs has its arrays on the host and none here. Dispatches and read-backs are counted from the way [`crate::step`] drives the
-//! backend.
+//! this does not grow with the grid. Dispatches and read-backs are counted from the way [`crate::step`] drives the backend.
 
 use crate::backend::{GpuBackend, Snapshot};
 use crate::bodies::Model;
@@ -122,9 +121,6 @@ fn add_body(plan: &mut Plan, scene: &Scene, model: &Model) -> Result<()> {
     plan.dof += model.degrees_of_freedom();
     plan.right_hand_sides = plan.right_hand_sides.max(needs.slots());
     plan.host_bytes += model.host_bytes();
-    if !model.mechanics().on_devices() {
-        return Ok(());
-    }
     let empty = Snapshot::default();
     let backend = GpuBackend::new(Gpu::dry()?, model, needs, solver.max_iterations, solver.floor, &empty)?;
     let made = backend.gpu().arrays().into_iter();

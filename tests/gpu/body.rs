@@ -5,6 +5,7 @@
 
 use cutis::bodies::MAX_LAYERS;
 use cutis::bodies::springs::Springs;
+use cutis::bodies::tetrahedra::operator::Arrays;
 use cutis::error::Result;
 use cutis::gpu::{Buffer, Gpu};
 use cutis::kernels::bounds;
@@ -28,6 +29,8 @@ pub struct Body {
     pub grid: Grid,
     /// Springs between all corners of each cell.
     pub springs: Springs,
+    /// Six tetrahedra in each cell.
+    pub tetrahedra: Arrays<f64>,
     /// Springs that are no segments, beside every fifth.
     pub no_segments: Vec<usize>,
     /// Split nodes, for kernels that know of them.
@@ -37,6 +40,8 @@ pub struct Body {
 
 /// Quads of the swept edge.
 const QUADS: usize = 6;
+/// Nodes of a body without cells.
+const ROW: usize = 150;
 /// Layers of a body.
 const LAYERS: usize = 3;
 
@@ -99,18 +104,21 @@ impl Pad for [f32; 3] {
 }
 
 impl Body {
-    /// A body of some cells.
+    /// A body of some cells; without any, its nodes are in a row.
     pub fn new(kernel: &'static str, cells: [usize; 3], slots: usize, first_slot: usize, seed: u64) -> Self {
         let grid = Grid {
             cells,
-            nodes: cells.map(|c| c + 1),
+            nodes: if cells == [0; 3] { [ROW, 1, 1] } else { cells.map(|c| c + 1) },
             edge: [1e-3, 1.1e-3],
             heights: (0..=cells[2]).map(|k| 4e-4 * k as f64).collect(),
             layer_of: (0..cells[2]).map(|k| (k * LAYERS / cells[2]) as u32).collect(),
             unstructured: None,
         };
         let (parts, springs) = (parts(kernel, &grid, seed), Springs::between_corners(&grid, 50.0, 0.05));
-        Self { kernel, slots, first_slot, springs, no_segments: vec![], grid, parts, seed }
+        let rest: Vec<[f64; 3]> = (0..grid.node_count()).map(|node| grid.rest(node)).collect();
+        let moduli = [0.8, 1.0, 1.3].map(|c| [9e4 * c, 1e4 * c]);
+        let tetrahedra = Arrays::new(&rest, &grid.tetrahedra(), &moduli, true);
+        Self { kernel, slots, first_slot, springs, tetrahedra, no_segments: vec![], grid, parts, seed }
     }
 
     /// What the grid kernels know of it.
@@ -121,6 +129,9 @@ impl Body {
             corotational: if self.grid.cells[0] == 7 { STIFFENED } else { 1 },
             slot_count: self.slots as u32,
             first_slot: self.first_slot as u32,
+            tetrahedron_count: self.tetrahedra.corners.len() as u32,
+            domain_count: self.tetrahedra.shear.len() as u32,
+            total: u32::from(self.first_slot == 0),
             product_groups: self.product_groups() as u32,
             inertia: R::of(1_010_000.0),
             stiffness_factor: R::of(11.0),
@@ -151,6 +162,7 @@ impl Body {
             "scatter" => vec![self.ids().len() as u32, 1, 0, 0],
             "gather" => vec![self.ids().len() as u32 - Self::FIRST, Self::FIRST, 0, 0],
             "duplicate" => vec![self.copies().len() as u32, self.nodes() as u32, 0, 0],
+            "tetrahedra_means" => vec![self.nodes() as u32, 0, 0, 0],
             _ => self.params::<f32>().words(),
         }
     }
@@ -237,6 +249,13 @@ impl Body {
         match name {
             "ids" => Array::Count(self.ids()),
             "layer_of" => Array::Count(self.grid.layer_of.clone()),
+            "corners" => Array::Count(self.tetrahedra.corners.concat()),
+            "first" if self.kernel == "tetrahedra_means" => Array::Count(self.tetrahedra.first_of_node.clone()),
+            "first_of_node" => Array::Count(self.tetrahedra.first_of_node.clone()),
+            "members" | "of_node" => Array::Count(self.tetrahedra.of_node.clone()),
+            "first_of_domain" => Array::Count(self.tetrahedra.first_of_domain.clone()),
+            "of_domain" => Array::Count(self.tetrahedra.of_domain.clone()),
+            "domains" => Array::Count(self.tetrahedra.domains.clone()),
             "first" => Array::Count(self.springs.first.clone()),
             "half" => Array::Count(self.springs.half.concat()),
             "ends" => Array::Count(self.segments().concat()),
@@ -260,7 +279,21 @@ impl Body {
         let seed = name.bytes().fold(self.seed, |s, c| s.wrapping_mul(31).wrapping_add(u64::from(c)));
         let mut random = Random::new(seed.wrapping_mul(0x9E37_79B9_7F4A_7C15));
         random.next();
+        let of = &self.tetrahedra;
+        let (tetrahedra, domains) = (of.corners.len(), of.shear.len());
         match name {
+            "gradients" => of.gradients.concat().iter().map(|c| *c as f32).collect(),
+            "per_volume" => of.per_volume.iter().map(|c| *c as f32).collect(),
+            "shear" => of.shear.concat().iter().map(|c| *c as f32).collect(),
+            "rest_block" => of.rest_block.concat().iter().map(|c| *c as f32).collect(),
+            "element_rotation" => (0..tetrahedra).flat_map(|_| turned(&mut random)).collect(),
+            "domain_rotation" => (0..domains).flat_map(|_| turned(&mut random)).collect(),
+            "node_rotation" | "mean_rotation" => (0..nodes).flat_map(|_| turned(&mut random)).collect(),
+            "strain" => random.many(12 * tetrahedra * self.slots, 0.2),
+            "tetrahedron_force" => random.vectors(3 * tetrahedra * self.slots, 0.01),
+            "domain_stress" => random.vectors(3 * domains * self.slots, 1e3),
+            "nodal_strain" => random.many(nodes * self.slots, 0.1),
+            "pressure" => random.many(nodes * self.slots, 1e4),
             "u" if self.kernel == "bounds" => nowhere(random.vectors(nodes, 1e-4)),
             "u" => coincide(random.vectors(nodes, 1e-4)),
             "tile_bounds" => random.many(self.tiles() * 8, 1.0),
@@ -413,6 +446,10 @@ impl Body {
         let block = |k: usize, parity: usize| std::array::from_fn(|row| rows[(k * 8 + parity) * 3 + row]);
         (0..LAYERS).map(|k| std::array::from_fn(|parity| block(k, parity))).collect()
     }
+    /// An array of pairs of numbers, for the twin.
+    pub fn v2<R: Real>(&self, name: &str) -> Vec<[R; 2]> {
+        self.scalars(name).chunks_exact(2).map(|c| [c[0], c[1]]).collect()
+    }
     /// An array of id pairs, for the twin.
     pub fn pairs(&self, name: &str) -> Vec<[u32; 2]> {
         match name {
@@ -510,6 +547,12 @@ fn coincide(mut nodes: Vec<f32>) -> Vec<f32> {
 /// 0.5 to 1.5, so that no sum is near zero.
 fn positive(random: &mut Random, count: usize) -> impl Iterator<Item = f32> {
     (0..count).map(|_| 1.0 + 0.5 * random.next())
+}
+
+/// A rotation of up to some 60°.
+fn turned(random: &mut Random) -> [f32; 4] {
+    let q = [0.5 * random.next(), 0.5 * random.next(), 0.5 * random.next(), 1.0];
+    q.map(|c| c / q.iter().map(|c| c * c).sum::<f32>().sqrt())
 }
 
 /// A symmetric matrix, by rows of four.

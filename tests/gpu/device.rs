@@ -155,7 +155,7 @@ fn a_wrong_binding_says_which_names_are_known(gpu: &Gpu) -> Result<(), Failure> 
             }
         }
     }
-    // 16 bytes where the shader's block has 128
+    // 16 bytes where the shader's block has 144
     let names = ["scalars", "z", "w", "x", "p", "s", "r"];
     let mut list: Vec<(&str, &Buffer)> = names.iter().map(|n| (*n, &array)).collect();
     list.push(("params", &update_params));
@@ -165,12 +165,12 @@ fn a_wrong_binding_says_which_names_are_known(gpu: &Gpu) -> Result<(), Failure> 
             let all = [
                 "`update`",
                 "`params`",
-                "has 16 bytes, 128 are needed",
+                "has 16 bytes, 144 are needed",
                 "params, scalars, z, w, x, p, s, r, partial_residual",
             ];
             require(all.iter().all(|part| words.contains(part)), || words)?;
         }
-        _ => return Err("16 bytes were taken for 128".into()),
+        _ => return Err("16 bytes were taken for 144".into()),
     }
     require(short.bytes == 16, || format!("a uniform has {} bytes", short.bytes))
 }

@@ -8,8 +8,9 @@ use super::body::{Array, Body, NO_HIT};
 use super::bounded::{Bounded, uncertain_comparisons};
 use super::twins::{self, Outputs, slot_sums};
 use cutis::gpu::{Access, Buffer, Gpu, Shader, cast};
+use cutis::kernels::tetrahedra::matrix;
 use cutis::kernels::{self, GROUP, Source};
-use cutis::math::{M3, V3, V4, rotation_matrix};
+use cutis::math::{M3, V3, rotation_matrix};
 use std::collections::BTreeMap;
 
 /// Sums of three terms (`dot`, matrix times vector) may be associated either way; that at most doubles their roundings.
@@ -17,6 +18,8 @@ const ORDER: f64 = 2.0;
 /// Roundings on the way from displacements to the gradient of `tr(Rᵀ F)`: 8 terms of 2 in F, 10 in R, 3 in RᵀF, 1 in the
 /// difference, each up to 2 ulp with WGSL's rounding in either direction; and what is left when Newton stops at `|ω|² < ulp`.
 const NEWTON_ROUNDINGS: f64 = 64.0;
+/// The same from a mean over tetrahedra: 24 terms of 2 in F and 24 in the volume, a product and a quotient.
+const MEAN_ROUNDINGS: f64 = 180.0;
 
 /// What a dispatch covers.
 #[derive(Clone, Copy)]
@@ -25,6 +28,8 @@ enum Threads {
     Cells,
     Tiles,
     Touched,
+    Tetrahedra,
+    Domains,
     Bounds,
     Columns,
     Segments,
@@ -86,7 +91,7 @@ const CASES: &[Case] = cases! {
     bounds Bounds false [
         "last - first + 1u" => "last - first", "max(high, d)" => "min(high, d)", "low.w += 1.0" => "low.w += 0.0", "n += GROUP" => "n += 2u * GROUP",
         "n = GROUP / 2u" => "n = GROUP / 4u", "tile / tiles.x" => "tile / tiles.y", "min(first + TILE," => "max(first,",
-        "if tile >= of_grid { i" => "if false { i", "BUNDLE: u32 = 32u" => "BUNDLE: u32 = 64u", "vec2<u32>((tile - of_grid) * TILE, 0u)" => "vec2<u32>(0u, 0u)"
+        "params.cells_x == 0u" => "false", "if tile >= of_grid { i" => "if false { i", "BUNDLE: u32 = 32u" => "BUNDLE: u32 = 64u", "vec2<u32>((tile - of_grid) * TILE, 0u)" => "vec2<u32>(0u, 0u)"
     ]
     centres Cells false ["sum * 0.125" => "sum * 0.126", "corner_node(params, at, k)" => "node_id(params, at + corner(k))"]
     coarsen Cells false [
@@ -201,6 +206,47 @@ const CASES: &[Case] = cases! {
     springs_product Nodes true [
         "(own - z" => "(own + z", "n = GROUP / 2u" => "n = GROUP / 4u", "scalars[slot * 2u].w == 0.0" => "true"
     ]
+    tetrahedra_blocks Nodes false [
+        "* transpose(r)" => "* r", "node_rotation[i]" => "node_rotation[0]", "2u * i + 1u" => "2u * i", "params.stiffness_factor, params" => "1.0, params"
+    ]
+    tetrahedra_domains Domains true [
+        "1.0 / shear[k].x" => "1.0", "of_domain[n] / 4u" => "of_domain[n] / 5u", "if total == 1u { a" => "if false { a", "shear[k].y * (1.0 / 3.0)" => "shear[k].y",
+        "trace(strain) * (1.0 / 3.0)" => "trace(strain)", "(a + transpose(a)) * 0.5" => "a", "gradients[3u * e].w * per_volume" => "per_volume",
+        "slot * params.domain_count + k" => "k", "slot * params.tetrahedron_count + e" => "e", "scalars[slot * 2u].w != 0.0" => "false"
+    ]
+    tetrahedra_forces Nodes false ["sum -= tet" => "sum += tet", "at + a - 1u" => "at", "of_node[n] % 4u" => "1u", "of_node[n] / 4u" => "of_node[n] / 5u"]
+    tetrahedra_means Nodes false [
+        "volume += own" => "volume = own", "members[n] / 4u" => "members[n] / 5u", "strain[3u * e + 2u]" => "strain[3u * e + 1u]", "diagonal(vec3<f32>(1.0)) +" => "",
+        "sum * (1.0 / volume)" => "sum", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"
+    ]
+    tetrahedra_plain Tetrahedra true [
+        "gradients[3u * e + 1u].w *" => "", "2.0 * gradients" => "gradients", "q)), total == 1u" => "q)), false", "if total == 1u { a" => "if false { a",
+        "* gradients[3u * e].w" => "", "corners[e] + slot * params.node_count" => "corners[e]", "slot * params.tetrahedron_count + e" => "e",
+        "scalars[slot * 2u].w != 0.0" => "false", "outer(u3 - u0, g[2])" => "outer(u3 - u0, g[1])"
+    ]
+    tetrahedra_pressures Nodes true [
+        "* 0.25" => "", "corners[e] + offset" => "corners[e]", "gradients[3u * e + 1u].w *" => "", "sum * per_volume[i]" => "sum",
+        "pressure[offset + i]" => "pressure[i]", "scalars[slot * 2u].w != 0.0" => "false"
+    ]
+    tetrahedra_product Nodes true [
+        "params.inertia * free[i].w" => "params.inertia", "* params.stiffness_factor" => "", "* free[i].xyz" => "", "n = GROUP / 2u" => "n = GROUP / 4u",
+        "3u * slot * params.tetrahedron_count" => "0u", "scalars[slot * 2u].w == 0.0" => "true", "sum -= tet" => "sum += tet"
+    ]
+    tetrahedra_rotations Tetrahedra false [
+        "u[c.w].xyz" => "u[c.z].xyz", "outer(u1 - u0, g[0])" => "outer(u1, g[0])", "diagonal(vec3<f32>(1.0)) +" => "", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"
+    ]
+    tetrahedra_smoothed Tetrahedra true [
+        "* 0.25" => "", "EDGES: u32 = 6u" => "EDGES: u32 = 5u", "domains[EDGES * e + n]" => "domains[n]", "* gradients[3u * e].w" => "",
+        "slot * params.domain_count" => "0u", "slot * params.node_count" => "0u", "element_rotation[e]" => "element_rotation[0]", "scalars[slot * 2u].w != 0.0" => "false"
+    ]
+    tetrahedra_strains Tetrahedra true [
+        "q)), total == 1u" => "q)), false", "corners[e] + slot * params.node_count" => "corners[e]", "dot(r[2], gradient[2])" => "dot(r[2], gradient[1])",
+        "slot * params.tetrahedron_count + e" => "e", "scalars[slot * 2u].w != 0.0" => "false", "gradients[3u * e + 2u]" => "gradients[3u * e + 1u]"
+    ]
+    tetrahedra_volumes Nodes true [
+        "sum * per_volume[i]" => "sum", "strain[first + at]" => "strain[at]", "gradients[at].w *" => "", "slot * params.node_count + i" => "i",
+        "scalars[slot * 2u].w != 0.0" => "false"
+    ]
     update Nodes true [
         "head.y * s[i]" => "head.x * s[i]", "&& scalars[slot * 2u].w == 0.0" => "", ".w == 1.0" => ".w == 2.0", "r[i] - head.x" => "r[i] + head.x",
         "n = GROUP / 2u" => "n = GROUP / 4u"
@@ -247,8 +293,11 @@ impl Expected {
             if decides && uncertain_comparisons() > 0 {
                 continue;
             }
-            if case.source.name == "rotations" {
-                bounded = bounded_rotations(&body);
+            match case.source.name {
+                "rotations" => bounded = bounded_rotations(&body),
+                "tetrahedra_rotations" => bounded = bounded_tetrahedra(&body),
+                "tetrahedra_means" => bounded = bounded_means(&body),
+                _ => {}
             }
             return Ok(Self { single: (case.single)(&body), bounded, body });
         }
@@ -267,8 +316,9 @@ impl Expected {
             all.push(Self::new(case, [129, 129, 1], 5, 0)?);
         }
         if case.source.name == "bounds" {
-            // several tiles, the last ones narrower
+            // several tiles, the last ones narrower; and no cells
             all.push(Self::new(case, [17, 9, 2], 1, 0)?);
+            all.push(Self::new(case, [0; 3], 1, 0)?);
         }
         Ok(all)
     }
@@ -295,6 +345,8 @@ fn run(gpu: &Gpu, case: &Case, body: &Body, broken: Option<&Shader>) -> Result<B
         Threads::Cells => body.grid.cell_count(),
         Threads::Tiles => body.product_tiles() * GROUP as usize,
         Threads::Touched => body.params::<f32>().touched_nodes as usize,
+        Threads::Tetrahedra => body.tetrahedra.corners.len(),
+        Threads::Domains => body.tetrahedra.shear.len(),
         Threads::Bounds => body.tiles() * GROUP as usize,
         Threads::Columns => body.columns(),
         Threads::Segments => body.springs.ends.len(),
@@ -383,15 +435,23 @@ fn compare(expected: &Expected, gpu: &BTreeMap<String, Vec<f64>>) -> Result<Resu
 }
 
 /// Newton forgets the roundings of its early steps, which a running analysis does not know. What counts is the last gradient `g` of
-/// `tr(Rᵀ F)`: `δω = H⁻¹ δg`, `δq = δω / 2`, with `|δg| ≤ ulp (1 + Σ_a |u_a| |∇N_a|)` per rounding.
+/// `tr(Rᵀ F)`: `δω = H⁻¹ δg`, `δq = δω / 2`, with `|δg| ≤ ulp size` per rounding, `size` the sum of the absolute terms of F.
+fn bounded_polar(f: M3<f64>, size: f64, q: [f64; 4], roundings: f64) -> [Bounded; 4] {
+    let s = rotation_matrix(q).transpose() * f;
+    let symmetric = (s + s.transpose()) * 0.5;
+    let hessian = M3::diagonal(V3::splat(s.trace())) - symmetric;
+    let inverse = hessian.inverse().0.iter().map(|c| c.dot(*c)).sum::<f64>().sqrt();
+    q.map(|c| Bounded::with_error(c, 0.5 * inverse * roundings * f64::from(f32::EPSILON) * size))
+}
+
+/// Rotations of cells: `size` is `1 + Σ_a |u_a| |∇N_a|`.
 fn bounded_rotations(body: &Body) -> Outputs<Bounded> {
     let params = body.params::<f64>();
     let (u, shape) = (body.v4::<f64>("u"), body.v4::<f64>("shape"));
     let start = body.v4::<f64>("rotation");
     let rotation = &twins::rotations::<f64>(body)[0].1;
     let mut out = vec![];
-    for (cell, q) in rotation.chunks_exact(4).enumerate() {
-        let q: V4<f64> = [q[0], q[1], q[2], q[3]];
+    for (cell, q) in rotation.as_chunks::<4>().0.iter().enumerate() {
         let level = params.cell_at(cell)[2];
         let h = V3::from4(shape[body.grid.layer_of[level] as usize]);
         let (mut f, mut size) = (M3::identity(), 1.0);
@@ -401,15 +461,50 @@ fn bounded_rotations(body: &Body) -> Outputs<Bounded> {
             f = f + V3::from4(u[node]).outer(gradient);
             size += V3::from4(u[node]).length() * gradient.length();
         }
-        let s = rotation_matrix(q).transpose() * f;
-        let symmetric = (s + s.transpose()) * 0.5;
-        let hessian = M3::diagonal(V3::splat(s.trace())) - symmetric;
-        let inverse = hessian.inverse().0.iter().map(|c| c.dot(*c)).sum::<f64>().sqrt();
         let dead = start[cell] == [0.0; 4];
-        let error = if dead { 0.0 } else { 0.5 * inverse * NEWTON_ROUNDINGS * f64::from(f32::EPSILON) * size };
-        out.extend(q.map(|c| Bounded::with_error(c, error)));
+        out.extend(if dead {
+            q.map(|c| Bounded::with_error(c, 0.0))
+        } else {
+            bounded_polar(f, size, *q, NEWTON_ROUNDINGS)
+        });
     }
     vec![("rotation", out)]
+}
+
+/// Rotations of tetrahedra: three differences of displacements.
+fn bounded_tetrahedra(body: &Body) -> Outputs<Bounded> {
+    let (u, gradients) = (body.v4::<f64>("u"), body.v4::<f64>("gradients"));
+    let rotation = &twins::tetrahedra_rotations::<f64>(body)[0].1;
+    let mut out = vec![];
+    for (e, q) in rotation.as_chunks::<4>().0.iter().enumerate() {
+        let corners = body.tetrahedra.corners[e].map(|node| V3::from4(u[node as usize]));
+        let (mut f, mut size) = (M3::identity(), 1.0);
+        for k in 0..3 {
+            let gradient = V3::from4(gradients[3 * e + k]);
+            f = f + (corners[k + 1] - corners[0]).outer(gradient);
+            size += (corners[k + 1].length() + corners[0].length()) * gradient.length();
+        }
+        out.extend(bounded_polar(f, size, *q, NEWTON_ROUNDINGS));
+    }
+    vec![("element_rotation", out)]
+}
+
+/// Mean rotations: up to 24 tetrahedra, whose volumes are summed too.
+fn bounded_means(body: &Body) -> Outputs<Bounded> {
+    let (gradients, strain) = (body.v4::<f64>("gradients"), body.v4::<f64>("strain"));
+    let rotation = &twins::tetrahedra_means::<f64>(body)[0].1;
+    let mut out = vec![];
+    for (node, q) in rotation.as_chunks::<4>().0.iter().enumerate() {
+        let volume: f64 = body.tetrahedra.around(node).map(|(e, _)| gradients[3 * e][3]).sum();
+        let (mut f, mut size) = (M3::identity(), 1.0);
+        for (e, _) in body.tetrahedra.around(node) {
+            let (own, share) = (matrix(&strain, e), gradients[3 * e][3] / volume);
+            f = f + own * share;
+            size += own.dot(own).sqrt() * share;
+        }
+        out.extend(bounded_polar(f, size, *q, MEAN_ROUNDINGS));
+    }
+    vec![("mean_rotation", out)]
 }
 
 /// The kernel agrees with its twin on every body.

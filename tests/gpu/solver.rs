@@ -65,23 +65,39 @@ const PRECONDITIONERS: [(&str, Preconditioner); 5] = [
 ];
 const FEM: Law = Law::Fem { element: Element::Bbar, corotational: true };
 const SPRINGS: Law = Law::Springs { stiffness: 30.0, damping: 0.02 };
+const TETRAHEDRA: Law = Law::Fem { element: Element::Tetra, corotational: true };
+const SMALL_STRAINS: Law = Law::Fem { element: Element::Tetra, corotational: false };
+const PLAIN: Law = Law::Fem { element: Element::PlainTetra, corotational: true };
 
 /// Every test here, by name.
 pub fn tests() -> Vec<(String, Test)> {
     let mut all: Vec<(String, Test)> = vec![];
-    let cases = [("hexahedra", FEM, Lumped), ("heavy_hexahedra", FEM, Consistent), ("springs", SPRINGS, Lumped)];
+    let cases = [
+        ("hexahedra", FEM, Lumped),
+        ("heavy_hexahedra", FEM, Consistent),
+        ("springs", SPRINGS, Lumped),
+        ("tetrahedra", TETRAHEDRA, Lumped),
+        ("tetrahedra_of_small_strains", SMALL_STRAINS, Lumped),
+        ("plain_tetrahedra", PLAIN, Lumped),
+    ];
     for (name, law, mass) in cases {
-        let case = Case { name, law, mass, preconditioner: Column, anchored: false };
+        let tetrahedral = law.is_tetrahedral();
+        let preconditioner = if tetrahedral { Block } else { Column };
+        let case = Case { name, law, mass, preconditioner, anchored: false };
         for (kind, preconditioner) in PRECONDITIONERS {
-            if preconditioner == Multigrid && name == "springs" {
-                continue; // hexahedra only
+            if preconditioner == Multigrid && name == "springs"
+                || tetrahedral && [Column, Multigrid].contains(&preconditioner)
+            {
+                continue; // hexahedra only, or not for tetrahedra
             }
             let case = Case { preconditioner, ..case };
             all.push((format!("free_motion_of_{name}_{kind}"), Box::new(move |gpu| case.free_motion(gpu))));
         }
         all.push((format!("columns_of_{name}_alone_or_together"), Box::new(move |gpu| case.columns(gpu))));
         all.push((format!("wrong_load_on_{name}_is_found_out"), Box::new(move |gpu| case.wrong_load(gpu))));
-        all.push((format!("cut_of_{name}"), Box::new(move |gpu| case.cut(gpu))));
+        if !tetrahedral {
+            all.push((format!("cut_of_{name}"), Box::new(move |gpu| case.cut(gpu))));
+        }
         all.push((format!("two_steps_of_{name}"), Box::new(move |gpu| case.two_steps(gpu))));
         if mass != Consistent {
             let case = Case { anchored: true, ..case };
@@ -361,7 +377,11 @@ fn script(b: &mut dyn Backend, model: &Model, top: &[u32]) -> cutis::error::Resu
 type Removal = (Vec<u32>, Vec<u32>, Vec<(u32, V4<f64>)>);
 
 /// The last cell, its springs to the last node, and what is left of its corners: the last node has no other cell and leaves the system.
+/// Of tetrahedra, which are not cut, nothing.
 fn removal(model: &Model) -> Removal {
+    if model.elements().tetrahedron_count > 0 {
+        return Removal::default();
+    }
     let params = model.grid.params::<f64>();
     let (cell, last) = (model.grid.cell_count() - 1, model.grid.node_count() - 1);
     let share = model.shape[model.shape.len() - 1][3];

@@ -470,6 +470,145 @@ pub fn springs_product<R: Real>(b: &Body) -> Outputs<R> {
     vec![("w", flat(&w)), ("partial_product", dots)]
 }
 
+/// Slots that a dispatch works on, with their numbers in `[slot][count]` arrays.
+fn running_of(b: &Body, count: usize) -> impl Iterator<Item = (usize, std::ops::Range<usize>)> {
+    running(b).map(move |(slot, _)| (slot, slot * count..(slot + 1) * count))
+}
+
+pub fn tetrahedra_rotations<R: Real>(b: &Body) -> Outputs<R> {
+    let mut q = b.v4::<R>("element_rotation");
+    let corners = &b.tetrahedra.corners;
+    kernels::tetrahedra_rotations::tetrahedra_rotations(corners, &b.v4("gradients"), &b.v4("u"), &mut q);
+    vec![("element_rotation", flat(&q))]
+}
+
+pub fn tetrahedra_means<R: Real>(b: &Body) -> Outputs<R> {
+    let mut q = b.v4::<R>("mean_rotation");
+    let (gradients, strain, of) = (b.v4("gradients"), b.v4("strain"), &b.tetrahedra);
+    kernels::tetrahedra_means::tetrahedra_means(&gradients, &of.first_of_node, &of.of_node, &strain, &mut q);
+    vec![("mean_rotation", flat(&q))]
+}
+
+pub fn tetrahedra_strains<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, rotation, z) = (b.v4("gradients"), b.v4("element_rotation"), b.v4::<R>("z"));
+    let (mut strain, corners) = (b.v4("strain"), &b.tetrahedra.corners);
+    for ((_, at), (_, nodes)) in running_of(b, gradients.len()).zip(running(b)) {
+        let (z, strain) = (&z[nodes], &mut strain[at]);
+        kernels::tetrahedra_strains::tetrahedra_strains(&b.params(), corners, &gradients, &rotation, z, strain);
+    }
+    vec![("strain", flat(&strain))]
+}
+
+pub fn tetrahedra_plain<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, rotation, z) = (b.v4("gradients"), b.v4("element_rotation"), b.v4::<R>("z"));
+    let (mut force, corners) = (b.v4("tetrahedron_force"), &b.tetrahedra.corners);
+    for ((_, at), (_, nodes)) in running_of(b, gradients.len()).zip(running(b)) {
+        let (z, force) = (&z[nodes], &mut force[at]);
+        kernels::tetrahedra_plain::tetrahedra_plain(&b.params(), corners, &gradients, &rotation, z, force);
+    }
+    vec![("tetrahedron_force", flat(&force))]
+}
+
+pub fn tetrahedra_domains<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, rotation, shear, of) = (b.v4("gradients"), b.v4("domain_rotation"), b.v2("shear"), &b.tetrahedra);
+    let (strain, mut stress) = (b.v4::<R>("strain"), b.v4("domain_stress"));
+    for ((_, at), (_, to)) in running_of(b, gradients.len()).zip(running_of(b, 3 * shear.len())) {
+        kernels::tetrahedra_domains::tetrahedra_domains(
+            &b.params(),
+            &gradients,
+            &of.first_of_domain,
+            &of.of_domain,
+            &shear,
+            &rotation,
+            &strain[at],
+            &mut stress[to],
+        );
+    }
+    vec![("domain_stress", flat(&stress))]
+}
+
+pub fn tetrahedra_volumes<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, per_volume, of) = (b.v4("gradients"), b.scalars("per_volume"), &b.tetrahedra);
+    let (strain, mut nodal) = (b.v4::<R>("strain"), b.scalars("nodal_strain"));
+    for ((_, at), (_, nodes)) in running_of(b, gradients.len()).zip(running(b)) {
+        kernels::tetrahedra_volumes::tetrahedra_volumes(
+            &gradients,
+            &of.first_of_node,
+            &of.of_node,
+            &per_volume,
+            &strain[at],
+            &mut nodal[nodes],
+        );
+    }
+    vec![("nodal_strain", nodal)]
+}
+
+pub fn tetrahedra_pressures<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, per_volume, of) = (b.v4::<R>("gradients"), b.scalars("per_volume"), &b.tetrahedra);
+    let (nodal, mut pressure) = (b.scalars::<R>("nodal_strain"), b.scalars("pressure"));
+    for (_, nodes) in running(b) {
+        kernels::tetrahedra_pressures::tetrahedra_pressures(
+            &of.corners,
+            &gradients,
+            &of.first_of_node,
+            &of.of_node,
+            &per_volume,
+            &nodal[nodes.clone()],
+            &mut pressure[nodes],
+        );
+    }
+    vec![("pressure", pressure)]
+}
+
+pub fn tetrahedra_smoothed<R: Real>(b: &Body) -> Outputs<R> {
+    let (gradients, rotation, of) = (b.v4::<R>("gradients"), b.v4("element_rotation"), &b.tetrahedra);
+    let (stress, pressure, mut force) = (b.v4("domain_stress"), b.scalars("pressure"), b.v4("tetrahedron_force"));
+    let domains = 3 * of.shear.len();
+    for ((slot, at), (_, nodes)) in running_of(b, gradients.len()).zip(running(b)) {
+        kernels::tetrahedra_smoothed::tetrahedra_smoothed(
+            &of.corners,
+            &gradients,
+            &rotation,
+            &of.domains,
+            &stress[slot * domains..(slot + 1) * domains],
+            &pressure[nodes],
+            &mut force[at],
+        );
+    }
+    vec![("tetrahedron_force", flat(&force))]
+}
+
+pub fn tetrahedra_forces<R: Real>(b: &Body) -> Outputs<R> {
+    let (force, mut f, of) = (b.v4::<R>("tetrahedron_force"), b.v4("f"), &b.tetrahedra);
+    kernels::tetrahedra_forces::tetrahedra_forces(&of.first_of_node, &of.of_node, &force, &mut f);
+    vec![("f", flat(&f))]
+}
+
+pub fn tetrahedra_product<R: Real>(b: &Body) -> Outputs<R> {
+    let (force, free, of) = (b.v4::<R>("tetrahedron_force"), b.v4("free"), &b.tetrahedra);
+    let (z, mut w) = (b.v4::<R>("z"), b.v4("w"));
+    let mut dots = start_sums(b, "partial_product", b.product_groups());
+    for ((slot, at), (_, nodes)) in running_of(b, 3 * of.corners.len()).zip(running(b)) {
+        dots[slot] = kernels::tetrahedra_product::tetrahedra_product(
+            &b.params(),
+            &of.first_of_node,
+            &of.of_node,
+            &force[at],
+            &free,
+            &z[nodes.clone()],
+            &mut w[nodes],
+        );
+    }
+    vec![("w", flat(&w)), ("partial_product", dots)]
+}
+
+pub fn tetrahedra_blocks<R: Real>(b: &Body) -> Outputs<R> {
+    let (rest, rotation, free) = (b.v4("rest_block"), b.v4("node_rotation"), b.v4("free"));
+    let mut block = b.v4::<R>("block");
+    kernels::tetrahedra_blocks::tetrahedra_blocks(&b.params(), &rest, &rotation, &free, &mut block);
+    vec![("block", flat(&block))]
+}
+
 pub fn update<R: Real>(b: &Body) -> Outputs<R> {
     let (z, w, scalars) = (b.v4::<R>("z"), b.v4("w"), b.scalars("scalars"));
     let [mut x, mut p, mut s, mut r] = ["x", "p", "s", "r"].map(|name| b.v4(name));

@@ -5,6 +5,7 @@ use super::setup::{block, displaced, measured, model, scene, times};
 use super::skin_block::{Grid, POINTS, on_grid, static_answer};
 use cutis::bodies::tetrahedra::operator::Arrays;
 use cutis::bodies::{Kind, Model, Wound};
+use cutis::kernels::blocks::symmetric;
 use cutis::math::rotation_matrix;
 use cutis::math::{M3, V3, V4};
 use cutis::scene::Element::{self, PlainTetra, Tetra};
@@ -62,7 +63,7 @@ fn arrays(model: &Model) -> &Arrays<f64> {
 }
 
 fn forces(a: &Arrays<f64>, u: &[V4<f64>], corotational: bool) -> Vec<V4<f64>> {
-    let rotations = a.rotations(&a.displacement_gradients(u), corotational);
+    let rotations = a.rotations(u, corotational);
     let mut f = vec![[0.0; 4]; u.len()];
     a.forces(u, &rotations, &mut f);
     f
@@ -127,7 +128,7 @@ fn products() {
     for element in [Tetra, PlainTetra] {
         let model = body(element, false);
         let (a, u) = (arrays(&model), wavy(&model));
-        let rotations = a.rotations(&a.displacement_gradients(&u), false);
+        let rotations = a.rotations(&u, false);
         let mut w = vec![[0.0; 4]; u.len()];
         a.product(&u, &rotations, &mut w);
         let f = forces(a, &u, false);
@@ -140,14 +141,14 @@ fn blocks() {
     for element in [Tetra, PlainTetra] {
         let model = body(element, false);
         let a = arrays(&model);
-        let rotations = a.rotations(&a.displacement_gradients(&wavy(&model)), false);
+        let rotations = a.rotations(&wavy(&model), false);
         for node in (0..model.rest.len()).step_by(5) {
             for axis in 0..3 {
                 let mut z = vec![[0.0; 4]; model.rest.len()];
                 z[node][axis] = 1.0;
                 let mut w = z.clone();
                 a.product(&z, &rotations, &mut w);
-                let column = a.block[node].0[axis].f64();
+                let column = symmetric(a.rest_block[2 * node], a.rest_block[2 * node + 1]).0[axis].f64();
                 let size = column[axis];
                 assert!(size > 0.0);
                 let off = (0..3).map(|n| (w[node][n] - column[n]).abs()).fold(0.0, f64::max);
@@ -213,11 +214,11 @@ fn balanced() {
         };
         let wanted = virial(&forces(a, &u, false));
         let stress = a.strains_and_stresses(&u, false);
-        let sum = stress.iter().zip(&a.volume).fold(M3::zero(), |sum, (own, [volume, _])| sum + own[1] * *volume);
+        let sum = stress.iter().enumerate().fold(M3::zero(), |sum, (e, own)| sum + own[1] * a.volume(e));
         let off = |sum: M3<f64>| (sum - wanted).dot(sum - wanted).sqrt() / wanted.dot(wanted).sqrt();
         assert!(off(sum) < 1e-12, "{element:?}: {:e}", off(sum));
         // counter-test: the last tetrahedron's is missing
-        let last = stress[stress.len() - 1][1] * a.volume[stress.len() - 1][0];
+        let last = stress[stress.len() - 1][1] * a.volume(stress.len() - 1);
         assert!(off(sum - last) > 1e-4);
     }
 }

@@ -16,7 +16,7 @@ pub(super) struct Body {
     pub free: Buffer,   // DOF mask and mass as in A
     pub masses: Buffer, // DOF mask and nodal mass; the same array without rest-shape springs
     pub load: Buffer,
-    pub elements: Buffer, // rotations of cells, or laws of springs
+    pub elements: Option<Buffer>, // rotations of cells, or laws of springs
 }
 
 pub(super) struct Cutting {

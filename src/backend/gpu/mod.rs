@@ -140,7 +140,7 @@ impl GpuBackend {
         // host exchange: gathered values, scattered values, bounding boxes of tiles, swept quads
         let picked = n.min(needs.near.max(PICKED)) * slots;
         let pick = Gather::new(&mut made, picked, [&solver.x, &u, &v, &f])?;
-        let most = n.max((elements.bytes / 16) as usize);
+        let most = n.max(elements.as_ref().map_or(0, |elements| (elements.bytes / 16) as usize));
         let put = if needs.contact || needs.cutting { Some(Scatter::new(&mut made, most, &solver.r)?) } else { None };
         let bounds = if needs.contact { Some(Bounds::new(&mut made, model, &main, &u)?) } else { None };
         gpu.making("cut");
@@ -349,7 +349,9 @@ impl Backend for GpuBackend {
         self.gpu.write(&self.body.u, 0, &rounded(u));
         self.gpu.write(&self.body.v, 0, &rounded(v));
         // for springs the array holds the law, which only cuts change
-        self.gpu.write(&self.body.elements, 0, &rounded(rotation));
+        if let Some(elements) = &self.body.elements {
+            self.gpu.write(elements, 0, &rounded(rotation));
+        }
         Ok(())
     }
 
@@ -357,13 +359,19 @@ impl Backend for GpuBackend {
         let batch = self.record();
         let b = &self.body;
         // without what is computed from the displacements in each step
-        let elements = if self.rotates { 16 * u64::from(self.params.cell_count) } else { b.elements.bytes };
-        let wanted = [(&b.u, b.u.bytes), (&b.v, b.v.bytes), (&b.masses, b.masses.bytes), (&b.elements, elements)];
+        let bytes = |elements: &Buffer| {
+            if self.rotates { 16 * u64::from(self.params.cell_count) } else { elements.bytes }
+        };
+        let mut wanted = vec![(&b.u, b.u.bytes), (&b.v, b.v.bytes), (&b.masses, b.masses.bytes)];
+        wanted.extend(b.elements.iter().map(|elements| (elements, bytes(elements))));
         let parts = self.gpu.submit_and_read(batch, &wanted)?;
-        let wide = |k: usize| cast::<V4<f32>>(&parts[k]).iter().map(|v| v.map(f64::from)).collect::<Vec<_>>();
-        let (rotation, law) = if self.rotates { (wide(3), vec![]) } else { (vec![], wide(3)) };
+        let all = parts.iter().map(|part| cast::<V4<f32>>(part).iter().map(|v| v.map(f64::from)).collect());
+        let mut all: Vec<Vec<V4<f64>>> = all.collect();
+        let elements = if all.len() > 3 { all.remove(3) } else { vec![] };
+        let (rotation, law) = if self.rotates { (elements, vec![]) } else { (vec![], elements) };
         let split = self.split.as_ref().map_or(vec![], |split| split.host.clone());
-        Ok(Snapshot { u: wide(0), v: wide(1), rotation, split, free: wide(2), law })
+        let [u, v, free] = [0, 1, 2].map(|k| std::mem::take(&mut all[k]));
+        Ok(Snapshot { u, v, rotation, split, free, law })
     }
 
     fn gpu(&self) -> Option<&Gpu> {

@@ -89,9 +89,10 @@ impl GpuBackend {
             self.solver.in_use = InUse::new(&self.params, &split.host);
         }
         // removed elements, new masses
-        let elements = self.body.elements.clone();
         let gone = if self.rotates { cells } else { springs };
-        self.put(&elements, gone, &vec![[0f32; 4]; gone.len()])?;
+        if let Some(elements) = self.body.elements.clone() {
+            self.put(&elements, gone, &vec![[0f32; 4]; gone.len()])?;
+        }
         let ids: Vec<u32> = free.iter().map(|(n, _)| *n).collect();
         let values: Vec<V4<f32>> = free.iter().map(|(_, v)| v.map(|c| c as f32)).collect();
         let buffer = self.body.masses.clone();

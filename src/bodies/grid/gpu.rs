@@ -316,8 +316,8 @@ impl Recorded for Hexahedra {
         self.shared.clone()
     }
 
-    fn elements(&self) -> Buffer {
-        self.rotation.clone()
+    fn elements(&self) -> Option<Buffer> {
+        Some(self.rotation.clone())
     }
 
     fn mean_velocities(&self) -> Option<Buffer> {

@@ -621,7 +621,7 @@ mod tests {
             let u = field(|_, n| 0.5 * size * random.signed() * edges.f64()[n]);
             let cell = Cell::new(soft(), &u);
             let mean = cell.points.iter().fold(M3::zero(), |sum, p| sum + p.h * 0.125);
-            let q = crate::kernels::rotations::polar(M3::identity() + mean, UNTURNED);
+            let q = crate::kernels::polar::polar(M3::identity() + mean, UNTURNED);
             most = most.max(stiffer(&tangent(&cell), &linearised(&cell, &small, q), q));
         }
         assert!(most < 2.0, "{most}");
@@ -711,7 +711,7 @@ mod tests {
             let u = field(|a, n| corner(a)[n] as f64 * edges[n] * (scale[n] - 1.0) + bent * random.signed());
             let cell = Cell::new(material, &u);
             let mean = cell.points.iter().fold(M3::zero(), |sum, p| sum + p.h * 0.125);
-            let q = crate::kernels::rotations::polar(M3::identity() + mean, UNTURNED);
+            let q = crate::kernels::polar::polar(M3::identity() + mean, UNTURNED);
             let (k, held) = (tangent(&cell), small[0][0]);
             most = most.max(largest(&k, &linearised(&cell, &small, q)));
             without = without.max(largest(&k, &without_tension(&cell, &small, q, held)));

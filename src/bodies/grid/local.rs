@@ -26,7 +26,7 @@ use super::{Hexahedra, element};
 use crate::bodies::{Model, Moved, Wound};
 use crate::kernels::deformation::{Point, field_gradients};
 use crate::kernels::forces::rest_corner;
-use crate::kernels::{PARALLEL, rotations};
+use crate::kernels::{PARALLEL, polar};
 use crate::math::{M3, V3, V4, rotation_matrix, rotation_minus_identity};
 use crate::scene::Element;
 use rayon::prelude::*;
@@ -55,7 +55,7 @@ impl Hexahedra {
     fn rotation(&self, edges: [f64; 3], u: &[V3<f64>; 8]) -> V4<f64> {
         match self.corotational {
             0 => UNTURNED,
-            _ => rotations::polar(M3::identity() + element::displacement_gradient(edges, u, CENTRE), UNTURNED),
+            _ => polar::polar(M3::identity() + element::displacement_gradient(edges, u, CENTRE), UNTURNED),
         }
     }
 

@@ -36,8 +36,8 @@ impl Recorded for Springs {
         self.shared.clone()
     }
 
-    fn elements(&self) -> Buffer {
-        self.law.clone()
+    fn elements(&self) -> Option<Buffer> {
+        Some(self.law.clone())
     }
 
     fn mean_velocities(&self) -> Option<Buffer> {

@@ -4,11 +4,10 @@ use super::operator::{Arrays, Rotations};
 use crate::bodies::cpu::{Preconditioner, System, Workspace};
 use crate::bodies::{Model, Removal};
 use crate::error::Result;
-use crate::kernels::blocks::{Block, finish};
 use crate::kernels::precondition::precondition;
 use crate::kernels::product::CellForces;
-use crate::kernels::{Params, factor};
-use crate::math::{M3, Real, V3, V4, rotation_matrix};
+use crate::kernels::{Params, factor, tetrahedra_blocks};
+use crate::math::{Real, V4};
 
 /// Arrays in one precision, with the rotations of the step.
 pub struct Tetrahedra<R> {
@@ -23,9 +22,8 @@ impl<R: Real> Tetrahedra<R> {
     /// Arrays of a model.
     pub fn new(model: &Model, tetrahedra: &super::Tetrahedra) -> Self {
         let arrays: Arrays<R> = tetrahedra.arrays.rounded();
-        let at_rest = vec![M3::zero(); arrays.corners.len()];
         Self {
-            rotations: arrays.rotations(&at_rest, false),
+            rotations: arrays.rotations(&[], false),
             node_rotations: arrays.node_rotations(&[], false),
             corotational: tetrahedra.corotational,
             block: Vec::with_capacity(4 * model.own_nodes()),
@@ -44,7 +42,7 @@ impl<R: Real> System<R> for Tetrahedra<R> {
         _: &mut [CellForces<R>],
     ) -> Result<()> {
         if self.corotational {
-            self.rotations = self.arrays.rotations(&self.arrays.displacement_gradients(u), true);
+            self.rotations = self.arrays.rotations(u, true);
             self.node_rotations = self.arrays.node_rotations(u, true);
         }
         self.arrays.forces(at, &self.rotations, f);
@@ -52,11 +50,7 @@ impl<R: Real> System<R> for Tetrahedra<R> {
     }
 
     fn blocks(&self, params: &Params<R>, free: &[V4<R>], out: &mut [V4<R>]) {
-        for (i, (block, q)) in self.arrays.block.iter().zip(&self.node_rotations).enumerate() {
-            let r = rotation_matrix(*q);
-            let own = Block { d: r * *block * r.transpose(), g: M3::zero() };
-            out[i * 4..i * 4 + 4].copy_from_slice(&finish(params, own, free[i], V3::zero()));
-        }
+        tetrahedra_blocks::tetrahedra_blocks(params, &self.arrays.rest_block, &self.node_rotations, free, out);
     }
 
     fn refresh(&mut self, params: &Params<R>, free: &[V4<R>]) {
@@ -68,16 +62,7 @@ impl<R: Real> System<R> for Tetrahedra<R> {
     }
 
     fn product(&self, params: &Params<R>, free: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>], _: &mut [CellForces<R>]) -> R {
-        self.arrays.product(z, &self.rotations, w);
-        let mut dot = R::zero();
-        for i in 0..z.len() {
-            let own = V3::from4(z[i]);
-            let sum = V3::from4(w[i]) * params.stiffness_factor + own * (params.inertia * free[i][3]);
-            let out = sum.times(V3::from4(free[i]));
-            w[i] = out.pad(R::zero());
-            dot += own.dot(out);
-        }
-        dot
+        self.arrays.system_product(params, free, z, &self.rotations, w)
     }
 
     fn preconditioner<'a>(&'a self, params: &'a Params<R>, _: &'a [V4<R>]) -> Preconditioner<'a, R> {

@@ -1,5 +1,5 @@
-//! Linear tetrahedra, on the CPU path: of a mesh file, or six to each cell of a grid, with the same nodes ([`Grid::tetrahedra`]). Smoothed
-//! elements, which do not lock, and plain ones, which do ([`operator`]).
+//! Linear tetrahedra: of a mesh file, or six to each cell of a grid, with the same nodes ([`Grid::tetrahedra`]). Smoothed elements, which do
+//! not lock, and plain ones, which do ([`crate::kernels::tetrahedra`]).
 //!
 //! Error of the skin block's centre displacement on 20×20×5 cells (tests/verify/tetrahedra.rs), %, at ν 0.45, 0.49, 0.499:
 //! smoothed +9, +7, −2; plain −26, −54, −88. Hexahedra of mean dilatation have +2, +2, +1. Error of the force on the probe of
@@ -10,6 +10,7 @@
 //! of the cells. Of a mesh they see the triangles of its outside, and each tetrahedron gives its corners a quarter of its mass.
 
 pub mod cpu;
+mod gpu;
 pub mod operator;
 
 use super::gpu::{Maker, Recorded};
@@ -97,9 +98,14 @@ impl Tetrahedra {
         self.arrays = Arrays::new(rest, &grid.tetrahedra(), &moduli, self.smoothed);
     }
 
-    /// Number of domains of the deviator: edges, once per material, or tetrahedra.
-    fn domain_count(&self, grid: &Grid) -> usize {
-        if self.smoothed { grid.tetrahedron_edges() } else { grid.tetrahedron_count() }
+    /// Number of domains of the deviator: edges, once per material; none of plain elements.
+    pub(super) fn domain_count(&self, grid: &Grid) -> usize {
+        match self.smoothed {
+            false => 0,
+            // a model of sizes has no arrays
+            true if self.arrays.shear.is_empty() => grid.tetrahedron_edges(),
+            true => self.arrays.shear.len(),
+        }
     }
 }
 
@@ -145,14 +151,17 @@ impl Mechanics for Tetrahedra {
     }
 
     fn host_bytes(&self, model: &Model) -> usize {
-        let (nodes, domains) = (model.own_nodes(), self.domain_count(&model.grid));
-        let each = if self.smoothed { 6 } else { 1 };
-        let of_element = size_of::<[u32; 4]>() + size_of::<[V3<f64>; 3]>() + size_of::<[f64; 2]>();
-        let lists = 4 * size_of::<[u32; 2]>() + 2 * each * size_of::<u32>();
-        model.grid.tetrahedron_count() * (of_element + lists)
-            + nodes * (size_of::<f64>() + size_of::<M3<f64>>() + size_of::<u32>())
-            + domains * (size_of::<[f64; 2]>() + size_of::<u32>())
-            + 2 * size_of::<u32>()
+        let (nodes, count) = (model.own_nodes(), model.grid.tetrahedron_count());
+        // corners and gradients; lists of the nodes, 1/volume and block
+        let of_elements = size_of::<[u32; 4]>() + 3 * size_of::<V4<f64>>() + 4 * size_of::<u32>();
+        let of_nodes = size_of::<u32>() + size_of::<f64>() + 2 * size_of::<V4<f64>>();
+        let own = count * of_elements + nodes * of_nodes + size_of::<u32>();
+        if !self.smoothed {
+            return own;
+        }
+        // lists of the domains, both ways; volume and modulus
+        let lists = count * 12 * size_of::<u32>() + size_of::<u32>();
+        own + lists + self.domain_count(&model.grid) * (size_of::<[f64; 2]>() + size_of::<u32>())
     }
 
     fn energy(&self, _: &Model, u: &[V4<f64>], _: &[V4<f64>], _: &[u32], _: &[V4<f64>]) -> f64 {
@@ -170,17 +179,11 @@ impl Mechanics for Tetrahedra {
         at: &[V4<f64>],
         in_system: &[V4<f64>],
     ) -> [Vec<V4<f64>>; 2] {
-        let params = model.params::<f64>();
         let zeros = vec![[0.0; 4]; at.len()];
         let (mut f, mut w) = (zeros.clone(), zeros);
-        let moved = self.arrays.displacement_gradients(&solved.start.u);
-        let rotations = self.arrays.rotations(&moved, self.corotational);
+        let rotations = self.arrays.rotations(&solved.start.u, self.corotational);
         self.arrays.forces(at, &rotations, &mut f);
-        self.arrays.product(&solved.dx, &rotations, &mut w);
-        for ((w, dx), own) in w.iter_mut().zip(&solved.dx).zip(in_system) {
-            let inertia = V3::from4(*dx) * (params.inertia * own[3]);
-            *w = (V3::from4(*w) * params.stiffness_factor + inertia).times(V3::from4(*own)).pad(0.0);
-        }
+        self.arrays.system_product(&model.params(), in_system, &solved.dx, &rotations, &mut w);
         [f, w]
     }
 
@@ -191,7 +194,7 @@ impl Mechanics for Tetrahedra {
     /// Of the whole body, since the volume at a node depends on nodes two elements away: scenes that ask for fewer nodes are refused.
     fn forces_at(&self, model: &Model, _: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
         let (u, v): (Vec<_>, Vec<_>) = (0..model.own_nodes()).map(moved).map(|[u, v]| (u.pad(0.0), v.pad(0.0))).unzip();
-        let rotations = self.arrays.rotations(&self.arrays.displacement_gradients(&u), self.corotational);
+        let rotations = self.arrays.rotations(&u, self.corotational);
         let (mut f, mut damping) = (vec![[0.0; 4]; u.len()], vec![[0.0; 4]; u.len()]);
         self.arrays.forces(&u, &rotations, &mut f);
         self.arrays.product(&v, &rotations, &mut damping);
@@ -249,11 +252,7 @@ impl Mechanics for Tetrahedra {
         f64::INFINITY
     }
 
-    fn on_devices(&self) -> bool {
-        false
-    }
-
-    fn recorded(&self, _: &Model, _: &mut Maker, _: &Buffer, _: &Params<f32>) -> Result<Box<dyn Recorded>> {
-        Err(Refused::TetrahedraOnGpu.into())
+    fn recorded(&self, _: &Model, made: &mut Maker, _: &Buffer, params: &Params<f32>) -> Result<Box<dyn Recorded>> {
+        Ok(Box::new(gpu::Tetrahedra::new(self, made, params)?))
     }
 }

@@ -1,0 +1,58 @@
+//! Linear tetrahedra: energy, arrays, and what their kernels share.
+//!
+//! Energy: `Σ_k V_k μ_k |dev ε̄_k|² + ½ Σ_e κ_e V_e θ̄_e²`. Smoothed elements: a domain `k` is an edge in one material with
+//! `V_k = Σ V_e/6`, `F̄_k = Σ V_e F_e / Σ V_e` over the tetrahedra around it, `ε̄_k = sym(R_kᵀ F̄_k) − I`; the volume strain
+//! `θ_e = tr(R_eᵀ F_e) − 3` is averaged at nodes over all materials, `θ_a = Σ V_e θ_e / Σ V_e`, and `θ̄_e` is the mean of the element's four
+//! nodes. Plain elements: a domain is one tetrahedron, and `θ̄_e = θ_e`. `R` are the polar factors; their derivative adds nothing to
+//! the forces on the deviator, and is omitted from the tangent as in [`super::forces`]. Forces of all displacements
+//! (`params.total = 1`) have the strain of the rotation itself, `sym(Rᵀ) − I`; products with increments have not.
+//! Source: Nguyen-Thoi, Liu, Vu-Do, Nguyen-Xuan 2009 (edge-smoothed deviator, node-averaged volume); differs: volume averaged across
+//! materials, and corotational. Bonet, Burton 1998 (average nodal pressure).
+//!
+//! Passes of smoothed elements, each with one writer per entry and a fixed order of sums: `tetrahedra_strains` → `tetrahedra_domains`,
+//! `tetrahedra_volumes` → `tetrahedra_pressures` → `tetrahedra_smoothed`; of plain ones `tetrahedra_plain`. Then `tetrahedra_forces` or
+//! `tetrahedra_product` at the nodes.
+//!
+//! `gradients`: `[tetrahedron × 3]` gradients of the shape functions of corners 1 to 3, 1/m; fourth numbers: volume m³, bulk modulus Pa,
+//! shear modulus Pa. The gradient of corner 0 is minus their sum. Units: u m, stress Pa, f N.
+
+use crate::math::{M3, Real, V3, V4, rotation_matrix, rotation_minus_identity};
+
+/// Text shared by the shaders that read `gradients`.
+pub const WGSL: &str = include_str!("tetrahedra.wgsl");
+
+/// Fewest tetrahedra, domains or nodes per thread of a pass on the CPU path.
+pub const FEWEST: usize = 1024;
+
+/// Three columns of a matrix in an array, 48 bytes.
+#[inline(always)]
+pub fn matrix<R: Real>(columns: &[V4<R>], at: usize) -> M3<R> {
+    M3([0, 1, 2].map(|n| V3::from4(columns[3 * at + n])))
+}
+
+/// Displacement gradient of a tetrahedron, from differences to corner 0.
+#[inline(always)]
+pub fn displacement_gradient<R: Real>(gradients: &[V4<R>], e: usize, corners: [u32; 4], u: &[V4<R>]) -> M3<R> {
+    let own = V3::from4(u[corners[0] as usize]);
+    let [a, b, c] = [1, 2, 3].map(|k| V3::from4(u[corners[k] as usize]) - own);
+    let g = matrix(gradients, e).0;
+    a.outer(g[0]) + b.outer(g[1]) + c.outer(g[2])
+}
+
+/// Deviatoric strain of a displacement gradient with the rotation `q`; of increments where `total` is 0.
+#[inline(always)]
+pub fn deviator<R: Real>(gradient: M3<R>, q: V4<R>, total: u32) -> M3<R> {
+    let mut a = rotation_matrix(q).transpose() * gradient;
+    if total == 1 {
+        a = a + rotation_minus_identity(q).transpose();
+    }
+    let strain = (a + a.transpose()) * R::of(0.5);
+    strain - M3::diagonal(V3::splat(strain.trace() * R::of(1.0 / 3.0)))
+}
+
+/// Volume strain of a displacement gradient with the rotation `q`; of increments where `total` is 0.
+#[inline(always)]
+pub fn volume_strain<R: Real>(gradient: M3<R>, q: V4<R>, total: u32) -> R {
+    let theta = rotation_matrix(q).dot(gradient);
+    if total == 1 { theta + rotation_minus_identity(q).trace() } else { theta }
+}

@@ -1,0 +1,183 @@
+//! Tetrahedra on a device: the arrays of [`super::operator`], rotations of the step, and the results of each pass for each right-hand side.
+
+use super::operator::Arrays as Operator;
+use crate::bodies::gpu::{Arrays, Dispatch, Maker, NonlinearLaw, Recorded};
+use crate::error::Result;
+use crate::gpu::{Bound, Buffer, Gpu};
+use crate::kernels::polar::UPRIGHT;
+use crate::kernels::{
+    GROUP, Params, Source, tetrahedra_blocks, tetrahedra_domains, tetrahedra_forces, tetrahedra_means,
+    tetrahedra_plain, tetrahedra_pressures, tetrahedra_product, tetrahedra_rotations, tetrahedra_smoothed,
+    tetrahedra_strains, tetrahedra_volumes,
+};
+use crate::math::round;
+
+/// Arrays over tetrahedra, domains and nodes on a device.
+pub(super) struct Tetrahedra {
+    shared: Arrays,
+    params: Params<f32>,
+    corotational: bool,
+    smoothed: bool,
+    /// Parameter block of the forces, which are those of all displacements.
+    total: Buffer,
+    /// Solver scalars of a right-hand side that is not done, for the forces.
+    running: Buffer,
+    /// Parameter blocks of the mean rotations of domains and of nodes.
+    means: [Buffer; 2],
+}
+
+/// Rounds an array of the host when the device stores it.
+fn rounded<const N: usize>(values: &[[f64; N]]) -> Vec<[f32; N]> {
+    values.iter().map(round).collect()
+}
+
+impl Tetrahedra {
+    pub fn new(tetrahedra: &super::Tetrahedra, made: &mut Maker, params: &Params<f32>) -> Result<Self> {
+        let (own, smoothed): (&Operator<f64>, _) = (&tetrahedra.arrays, tetrahedra.smoothed);
+        let [nodes, count, domains] =
+            [params.node_count, params.tetrahedron_count, params.domain_count].map(|n| n as usize);
+        let slots = params.slot_count as usize;
+        // constant arrays
+        let per_volume: &dyn Fn() -> Vec<f32> = &|| own.per_volume.iter().map(|v| *v as f32).collect();
+        let mut shared = vec![
+            made.with("corners", count, || own.corners.clone())?,
+            made.with("gradients", 3 * count, || rounded(&own.gradients))?,
+            made.with("first_of_node", nodes + 1, || own.first_of_node.clone())?,
+            made.with("of_node", 4 * count, || own.of_node.clone())?,
+            made.with("rest_block", 2 * nodes, || rounded(&own.rest_block))?,
+        ];
+        // rotations of the step, and forces of the tetrahedra, whose array has their strains before
+        let upright = |count: usize| move || vec![UPRIGHT.map(|c| c as f32); count];
+        shared.push(made.with("element_rotation", count, upright(count))?);
+        shared.push(made.with("node_rotation", nodes, upright(nodes))?);
+        let force = made.vec4("tetrahedron_force", 3 * count * slots)?;
+        if smoothed {
+            shared.extend([
+                made.with("per_volume", nodes, per_volume)?,
+                made.with("first_of_domain", domains + 1, || own.first_of_domain.clone())?,
+                made.with("of_domain", 6 * count, || own.of_domain.clone())?,
+                made.with("shear", domains, || rounded(&own.shear))?,
+                made.with("domains", 6 * count, || own.domains.clone())?,
+                made.with("domain_rotation", domains, upright(domains))?,
+                made.vec4("domain_stress", 3 * domains * slots)?,
+                made.zeros::<f32>("nodal_strain", nodes * slots)?,
+                made.zeros::<f32>("pressure", nodes * slots)?,
+            ]);
+        }
+        Ok(Self {
+            shared: Arrays::of(&shared).joined(&Arrays::of(std::slice::from_ref(&force))).joined(&Arrays::one("strain", &force)),
+            total: made.params(&Params { total: 1, ..*params }),
+            running: made.vec4("scalars", 2)?,
+            means: [domains, nodes].map(|count| made.uniform("params", 16, &[count as u32, 0, 0, 0])),
+            params: *params,
+            corotational: tetrahedra.corotational,
+            smoothed,
+        })
+    }
+
+    /// Rotations of the tetrahedra, domains and nodes at the displacements `u`.
+    fn rotations(&self, gpu: &Gpu, arrays: &Arrays, u: &Buffer) -> Result<Vec<Dispatch>> {
+        let [nodes, count, domains] = self.threads();
+        let total = ("params", &self.total);
+        let mut list = vec![
+            (arrays.bind(gpu, &tetrahedra_rotations::SOURCE, &[total])?, count),
+            (arrays.bind(gpu, &tetrahedra_strains::SOURCE, &[total, ("z", u), ("scalars", &self.running)])?, count),
+        ];
+        let lists =
+            [("first_of_domain", "of_domain", "domain_rotation"), ("first_of_node", "of_node", "node_rotation")];
+        for (((first, members, rotation), params), threads) in lists.iter().zip(&self.means).zip([domains, nodes]) {
+            let named = [("first", first), ("members", members), ("mean_rotation", rotation)];
+            let own: Vec<_> = named.iter().filter_map(|(name, own)| Some((*name, arrays.get(own)?))).collect();
+            // plain elements have no domains
+            if own.len() == named.len() {
+                let mut more: Vec<_> = own.iter().map(|(name, buffer)| (*name, buffer)).collect();
+                more.push(("params", params));
+                list.push((arrays.bind(gpu, &tetrahedra_means::SOURCE, &more)?, threads));
+            }
+        }
+        Ok(list)
+    }
+
+    /// Forces of the tetrahedra at their corners; `more` overrides arrays of the body.
+    fn corner_forces(&self, gpu: &Gpu, arrays: &Arrays, more: &[(&'static str, &Buffer)]) -> Result<Vec<Dispatch>> {
+        let [nodes, count, domains] = self.threads();
+        let passes: &[(&Source, usize)] = if self.smoothed {
+            &[
+                (&tetrahedra_strains::SOURCE, count),
+                (&tetrahedra_domains::SOURCE, domains),
+                (&tetrahedra_volumes::SOURCE, nodes),
+                (&tetrahedra_pressures::SOURCE, nodes),
+                (&tetrahedra_smoothed::SOURCE, count),
+            ]
+        } else {
+            &[(&tetrahedra_plain::SOURCE, count)]
+        };
+        passes.iter().map(|(source, threads)| Ok((arrays.bind(gpu, source, more)?, *threads))).collect()
+    }
+
+    /// Numbers of nodes, tetrahedra and domains.
+    fn threads(&self) -> [usize; 3] {
+        [self.params.node_count, self.params.tetrahedron_count, self.params.domain_count].map(|n| n as usize)
+    }
+}
+
+impl Recorded for Tetrahedra {
+    fn shared(&self) -> Arrays {
+        self.shared.clone()
+    }
+
+    fn elements(&self) -> Option<Buffer> {
+        None
+    }
+
+    fn mean_velocities(&self) -> Option<Buffer> {
+        None
+    }
+
+    fn forces(&self, gpu: &Gpu, arrays: &Arrays, main: &Buffer, at: Option<&Buffer>) -> Result<Vec<Dispatch>> {
+        assert!(at.is_none(), "scenes of tetrahedra with explicit steps are refused");
+        let u = arrays.get("u").unwrap_or_else(|| unreachable!("every body has it"));
+        let mut list = if self.corotational { self.rotations(gpu, arrays, &u)? } else { vec![] };
+        let of_all = [("params", &self.total), ("z", &u), ("scalars", &self.running)];
+        list.extend(self.corner_forces(gpu, arrays, &of_all)?);
+        list.push((arrays.bind(gpu, &tetrahedra_forces::SOURCE, &[("params", main)])?, self.threads()[0]));
+        Ok(list)
+    }
+
+    fn blocks(&self, gpu: &Gpu, arrays: &Arrays, more: &[(&'static str, &Buffer)]) -> Result<Bound> {
+        arrays.bind(gpu, &tetrahedra_blocks::SOURCE, more)
+    }
+
+    fn product(
+        &mut self,
+        made: &mut Maker,
+        arrays: &Arrays,
+        params: &Params<f32>,
+        main: &Buffer,
+    ) -> Result<Vec<Dispatch>> {
+        let mut list = self.corner_forces(made.gpu, arrays, &[("params", main)])?;
+        let kernel = arrays.bind(made.gpu, &tetrahedra_product::SOURCE, &[("params", main)])?;
+        list.push((kernel, params.product_groups as usize * GROUP as usize));
+        Ok(list)
+    }
+
+    fn refresh(&mut self, _: &mut Maker, _: &Arrays, _: &Arrays, _: &Params<f32>, _: &Buffer) -> Result<Vec<Dispatch>> {
+        Ok(vec![])
+    }
+
+    fn precondition(&self, _: &mut Maker, _: &Params<f32>) -> Result<Option<Vec<Dispatch>>> {
+        Ok(None)
+    }
+
+    fn points(&self, _: &Gpu, _: &Buffer, _: &Buffer, _: &Buffer) -> Result<Option<Dispatch>> {
+        Ok(None)
+    }
+
+    fn split(&self) -> Option<(Buffer, Vec<u32>)> {
+        None
+    }
+
+    fn nonlinear(&mut self, _: &mut Maker, _: &Arrays, _: &Buffer) -> Result<Option<NonlinearLaw>> {
+        Ok(None)
+    }
+}
