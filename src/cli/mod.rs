@@ -18,6 +18,7 @@ use cutis::report::{check, compare, inspect, mesh, plot, render, run, study, ver
 use cutis::runner;
 use cutis::scene::{self, Preconditioner, Scene};
 use cutis::serve;
+use cutis::session;
 use cutis::step::Platform;
 use refused::{Refused, Result};
 use serde_json::{Value, json};
@@ -147,19 +148,19 @@ fn serve_scene(args: &args::Serve) -> Result<u8> {
     let scene = read(args.scene.as_ref())?;
     memory::fits(&scene, Purpose::Single)?;
     // haptic threads need a core of their own
-    if serve::session::is_live(&scene) {
+    if session::is_live(&scene) {
         runner::leave_a_core()?;
     } else {
         runner::take_all_cores()?;
     }
     note(&scene);
     let signals = Signals::catch()?;
-    let options = serve::Options {
+    let session = session::Options {
         platform: platform_of(&scene, &args.target)?,
-        listen: args.listen,
         paused: args.paused,
         interrupt: signals.stop.clone(),
     };
+    let options = serve::Options { listen: args.listen, session };
     // whether somebody reads this or not
     let tell = |url: &str| drop(print::line(&format!("open {url} in a browser; Ctrl-C ends")));
     serve::serve(&scene, &options, &mut { tell })?;

@@ -1,0 +1,632 @@
+//! The same pictures on a graphics adapter: off-screen, or for a window.
+//!
+//! Triangles, normals with creases, lights, shadows and lines are the rasteriser's ([`render`](super::render)); ambient occlusion is left
+//! out, and a pixel has 4 samples, not 16. Each picture is drawn into a texture of this module, which a window shows and [`Renderer::read`]
+//! brings back. One adapter repeats its own bytes; others differ from it in the last bits, and from the rasteriser at edges and in hollows.
+//! The shader is `picture.wgsl`; its twin is the rasteriser itself.
+
+use super::raster::{LINE_DEPTH_SHARE, ShadowMap};
+use super::shade::{AMBIENT, BACKGROUND, FILL, KEY, RIM};
+use super::{Camera, Image, NEAR, Surface, Triangle, View, prepare};
+use crate::error::Result;
+use crate::gpu::Failed;
+use bytemuck::{Pod, Zeroable};
+use glam::Vec3;
+
+/// Format of a picture: sRGB by gamma 2, as the rasteriser's.
+pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
+const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
+/// Samples of a pixel: what every adapter offers.
+const SAMPLES: u32 = 4;
+
+/// Text of the shader.
+pub const WGSL: &str = include_str!("picture.wgsl");
+
+/// What a picture has in common, as the shader has it.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Frame {
+    right: [f32; 4],
+    up: [f32; 4],
+    forward: [f32; 4],
+    eye: [f32; 4],
+    lens: [f32; 4],
+    size: [f32; 4],
+    clip: [f32; 4],
+    lights: [[f32; 4]; 3],
+    ambient: [f32; 4],
+    map_u: [f32; 4],
+    map_v: [f32; 4],
+    map_w: [f32; 4],
+    map_scale: [f32; 4],
+}
+
+/// Corner of a triangle.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Corner {
+    x: [f32; 3],
+    normal: [f32; 3],
+    color: [f32; 3],
+    /// Shininess, and 1 if the plane clips it.
+    material: [f32; 2],
+}
+
+/// Line with its style.
+#[repr(C)]
+#[derive(Clone, Copy, Pod, Zeroable)]
+struct Stroke {
+    ends: [[f32; 3]; 2],
+    ink: [f32; 3],
+    /// Width, pixels, and 1 if the plane clips it.
+    style: [f32; 2],
+}
+
+/// Half-space that remains of what is clipped: the points with `normal · x ≥ offset`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clip {
+    /// Of any length.
+    pub normal: [f64; 3],
+    /// m times the length of the normal.
+    pub offset: f64,
+}
+
+/// Number of elements on the device, with room for more.
+struct Array {
+    raw: wgpu::Buffer,
+    count: u32,
+}
+
+/// Textures of one size of picture.
+struct Target {
+    size: [u32; 2],
+    samples: wgpu::TextureView,
+    depth: wgpu::TextureView,
+    picture: wgpu::Texture,
+    view: wgpu::TextureView,
+}
+
+/// Draws on a device, which others may use too.
+pub struct Renderer {
+    device: wgpu::Device,
+    queue: wgpu::Queue,
+    sky: wgpu::RenderPipeline,
+    surface: wgpu::RenderPipeline,
+    line: wgpu::RenderPipeline,
+    cast: wgpu::RenderPipeline,
+    frame: wgpu::Buffer,
+    frame_group: wgpu::BindGroup,
+    shadow: wgpu::TextureView,
+    shadow_group: wgpu::BindGroup,
+    corners: Array,
+    strokes: Array,
+    /// `[corner]` m, for the box of the shadow map
+    points: Vec<Vec3>,
+    target: Option<Target>,
+}
+
+impl Renderer {
+    /// Pipelines and arrays on a device; nothing is loaded yet.
+    pub fn new(device: wgpu::Device, queue: wgpu::Queue) -> Self {
+        let [frame_layout, shadow_layout] = layouts(&device);
+        let frame = device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("frame"),
+            size: size_of::<Frame>() as u64,
+            usage: wgpu::BufferUsages::UNIFORM | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let frame_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("frame"),
+            layout: &frame_layout,
+            entries: &[wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }],
+        });
+        let side = ShadowMap::CELLS as u32;
+        let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
+        let shadow = texture(&device, "shadow", [side, side], 1, DEPTH, usage).create_view(&Default::default());
+        let nearest = device.create_sampler(&wgpu::SamplerDescriptor {
+            label: Some("shadow"),
+            mag_filter: wgpu::FilterMode::Linear,
+            min_filter: wgpu::FilterMode::Linear,
+            // lit where nothing is nearer to the light
+            compare: Some(wgpu::CompareFunction::GreaterEqual),
+            ..Default::default()
+        });
+        let shadow_group = device.create_bind_group(&wgpu::BindGroupDescriptor {
+            label: Some("shadow"),
+            layout: &shadow_layout,
+            entries: &[
+                wgpu::BindGroupEntry { binding: 0, resource: wgpu::BindingResource::TextureView(&shadow) },
+                wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&nearest) },
+            ],
+        });
+        let make = Maker::new(&device, [&frame_layout, &shadow_layout]);
+        let (corners, strokes) = (array(&device, "corners", &[]), array(&device, "strokes", &[]));
+        Self {
+            sky: make.sky(),
+            surface: make.surface(),
+            line: make.line(),
+            cast: make.cast(),
+            device,
+            queue,
+            frame,
+            frame_group,
+            shadow,
+            shadow_group,
+            corners,
+            strokes,
+            points: vec![],
+            target: None,
+        }
+    }
+
+    /// Takes what is drawn from now on: surfaces that a clipping plane cuts, and those that it leaves whole. Returns the number of triangles
+    /// skipped because a corner is non-finite or not there. Nothing of the input is kept.
+    pub fn load(&mut self, clipped: &[Surface], whole: &[Surface]) -> usize {
+        let (mut corners, mut strokes, mut skipped) = (vec![], vec![], 0);
+        for (surfaces, clips) in [(clipped, 1.0), (whole, 0.0)] {
+            for surface in surfaces {
+                skipped += add(surface, clips, &mut corners);
+                add_lines(surface, clips, &mut strokes);
+            }
+        }
+        self.points = corners.iter().map(|corner| Vec3::from(corner.x)).collect();
+        fill(&self.device, &self.queue, &mut self.corners, "corners", &corners);
+        fill(&self.device, &self.queue, &mut self.strokes, "strokes", &strokes);
+        skipped
+    }
+
+    /// Draws what is loaded in perspective on a light background. The picture stays on the device until the next one; with a camera without
+    /// a direction it is the background.
+    ///
+    /// # Panics
+    /// If a side is 0 or beyond `max_texture_dimension_2d` of the device.
+    pub fn draw(&mut self, camera: &Camera, size: [u32; 2], clip: Option<Clip>) -> &wgpu::TextureView {
+        let largest = self.device.limits().max_texture_dimension_2d;
+        assert!(size.into_iter().all(|side| (1..=largest).contains(&side)), "a picture of {size:?}");
+        let target = match self.target.take() {
+            Some(target) if target.size == size => target,
+            _ => Target::new(&self.device, size),
+        };
+        let view = View::new(camera, size[0] as usize, size[1] as usize);
+        let frame = view.as_ref().map_or_else(|| blank(size), |view| self.frame_of(view, size, clip));
+        self.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
+        let mut encoder =
+            self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
+        let corners = if view.is_some() { self.corners.count } else { 0 };
+        let strokes = if view.is_some() { self.strokes.count } else { 0 };
+        // what is nearest to the first light
+        {
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("shadow"),
+                depth_stencil_attachment: Some(cleared(&self.shadow)),
+                ..Default::default()
+            });
+            pass.set_pipeline(&self.cast);
+            pass.set_bind_group(0, &self.frame_group, &[]);
+            pass.set_vertex_buffer(0, self.corners.raw.slice(..));
+            pass.draw(0..corners, 0..1);
+        }
+        // background, surfaces, lines on them
+        {
+            let color = wgpu::RenderPassColorAttachment {
+                view: &target.samples,
+                depth_slice: None,
+                resolve_target: Some(&target.view),
+                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Discard },
+            };
+            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
+                label: Some("picture"),
+                color_attachments: &[Some(color)],
+                depth_stencil_attachment: Some(cleared(&target.depth)),
+                ..Default::default()
+            });
+            pass.set_bind_group(0, &self.frame_group, &[]);
+            pass.set_bind_group(1, &self.shadow_group, &[]);
+            pass.set_pipeline(&self.sky);
+            pass.draw(0..3, 0..1);
+            pass.set_pipeline(&self.surface);
+            pass.set_vertex_buffer(0, self.corners.raw.slice(..));
+            pass.draw(0..corners, 0..1);
+            pass.set_pipeline(&self.line);
+            pass.set_vertex_buffer(0, self.strokes.raw.slice(..));
+            pass.draw(0..6, 0..strokes);
+        }
+        self.queue.submit([encoder.finish()]);
+        &self.target.insert(target).view
+    }
+
+    /// What the shader is told of a camera.
+    fn frame_of(&self, view: &View, size: [u32; 2], clip: Option<Clip>) -> Frame {
+        let [width, height] = size.map(|side| side as f32);
+        let axis = |k: usize| view.axes[k].as_vec3().extend(0.0).to_array();
+        let up = 1.0 / view.half_tangent as f32;
+        let near = (NEAR * view.distance) as f32;
+        // box of all corners along the axes of the first light; the camera's box of view does not matter
+        let lights = [KEY, FILL, RIM].map(|(to, bright)| (Vec3::from(to).normalize(), bright));
+        let (u, v) = lights[0].0.any_orthonormal_pair();
+        let (mut low, mut high) = (Vec3::MAX, Vec3::MIN);
+        let eye = view.eye.as_vec3();
+        let axes = view.axes.map(|axis| axis.as_vec3());
+        let map_axes = [u, v, lights[0].0];
+        // the light's axes in the world, so that a corner takes three products
+        let world = map_axes.map(|axis| axes[0] * axis.x + axes[1] * axis.y + axes[2] * axis.z);
+        for point in &self.points {
+            let p = Vec3::from(world.map(|axis| axis.dot(*point - eye)));
+            (low, high) = (low.min(p), high.max(p));
+        }
+        if self.points.is_empty() {
+            (low, high) = (Vec3::ZERO, Vec3::ONE);
+        }
+        let side = (high - low).truncate().max_element().max(f32::MIN_POSITIVE);
+        let deep = (high.z - low.z).max(f32::MIN_POSITIVE);
+        let cells = ShadowMap::CELLS as f32;
+        let map = |k: usize| map_axes[k].extend(low[k]).to_array();
+        let clip = clip
+            .map_or([0.0, 0.0, 0.0, -1.0], |Clip { normal: [x, y, z], offset }| [x, y, z, offset].map(|v| v as f32));
+        Frame {
+            right: axis(0),
+            up: axis(1),
+            forward: axis(2),
+            eye: eye.extend(0.0).to_array(),
+            lens: [up * height / width, up, near, LINE_DEPTH_SHARE as f32],
+            size: [width, height, 0.0, 0.0],
+            clip,
+            lights: lights.map(|(to, bright)| to.extend(bright).to_array()),
+            ambient: [AMBIENT[0], AMBIENT[1], BACKGROUND[0], BACKGROUND[1]],
+            map_u: map(0),
+            map_v: map(1),
+            map_w: map(2),
+            map_scale: [1.0 / side, 1.0 / deep, cells, side / cells],
+        }
+    }
+
+    /// Brings the last picture back; without pixels if there is none.
+    ///
+    /// # Errors
+    /// [`Failed::Device`] if the device fails.
+    pub fn read(&self) -> Result<Image> {
+        let Some(target) = &self.target else {
+            return Ok(Image { width: 0, height: 0, rgb: vec![], skipped: 0 });
+        };
+        let [width, height] = target.size;
+        let row = (4 * width).next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT);
+        let bytes = u64::from(row) * u64::from(height);
+        let staging = self.device.create_buffer(&wgpu::BufferDescriptor {
+            label: Some("picture"),
+            size: bytes,
+            usage: wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::COPY_DST,
+            mapped_at_creation: false,
+        });
+        let mut encoder = self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("read") });
+        let layout = wgpu::TexelCopyBufferLayout { offset: 0, bytes_per_row: Some(row), rows_per_image: None };
+        encoder.copy_texture_to_buffer(
+            target.picture.as_image_copy(),
+            wgpu::TexelCopyBufferInfo { buffer: &staging, layout },
+            target.picture.size(),
+        );
+        self.queue.submit([encoder.finish()]);
+        let failed = |message: String| Failed::Device { message };
+        staging.map_async(wgpu::MapMode::Read, 0..bytes, |_| {});
+        self.device.poll(wgpu::PollType::wait_indefinitely()).map_err(|e| failed(e.to_string()))?;
+        let mapped = staging.get_mapped_range(0..bytes).map_err(|e| failed(e.to_string()))?;
+        let mut rgb = Vec::with_capacity(3 * width as usize * height as usize);
+        for line in mapped.chunks_exact(row as usize) {
+            line[..4 * width as usize].chunks_exact(4).for_each(|pixel| rgb.extend_from_slice(&pixel[..3]));
+        }
+        Ok(Image { width, height, rgb, skipped: 0 })
+    }
+}
+
+/// Corners of a surface's triangles; returns the number of those skipped.
+fn add(surface: &Surface, clips: f32, corners: &mut Vec<Corner>) -> usize {
+    let points: Vec<Option<Vec3>> = surface
+        .positions
+        .iter()
+        .map(|p| Some(glam::DVec3::from_array(*p).as_vec3()).filter(|p| p.is_finite()))
+        .collect();
+    let mut triangles: Vec<Triangle> = vec![];
+    let skipped = prepare(surface, &points, &mut triangles);
+    for triangle in &triangles {
+        for k in 0..3 {
+            corners.push(Corner {
+                x: triangle.corners[k].to_array(),
+                normal: triangle.normals[k].to_array(),
+                color: triangle.colors[k].to_array(),
+                material: [triangle.shininess, clips],
+            });
+        }
+    }
+    skipped
+}
+
+/// Lines of a surface; those with a missing or non-finite end are left out.
+fn add_lines(surface: &Surface, clips: f32, strokes: &mut Vec<Stroke>) {
+    let point = |id: u32| {
+        let p = surface.positions.get(id as usize)?.map(|v| v as f32);
+        p.iter().all(|v| v.is_finite()).then_some(p)
+    };
+    for outline in surface.outlines {
+        let stroke = |ids: &[u32; 2]| {
+            let ends = [point(ids[0])?, point(ids[1])?];
+            Some(Stroke { ends, ink: outline.ink, style: [outline.width, clips] })
+        };
+        strokes.extend(outline.lines.iter().filter_map(stroke));
+    }
+}
+
+/// Frame of a background alone.
+fn blank(size: [u32; 2]) -> Frame {
+    let ambient = [AMBIENT[0], AMBIENT[1], BACKGROUND[0], BACKGROUND[1]];
+    Frame { size: [size[0] as f32, size[1] as f32, 0.0, 0.0], ambient, ..Frame::zeroed() }
+}
+
+fn array(device: &wgpu::Device, label: &'static str, bytes: &[u8]) -> Array {
+    // room for a wound that grows, so that not every frame makes an array
+    let size = (bytes.len() as u64).next_power_of_two().max(4096);
+    let usage = wgpu::BufferUsages::VERTEX | wgpu::BufferUsages::COPY_DST;
+    let descriptor = wgpu::BufferDescriptor { label: Some(label), size, usage, mapped_at_creation: false };
+    Array { raw: device.create_buffer(&descriptor), count: 0 }
+}
+
+fn fill<T: Pod>(device: &wgpu::Device, queue: &wgpu::Queue, to: &mut Array, label: &'static str, data: &[T]) {
+    let bytes = bytemuck::cast_slice(data);
+    if to.raw.size() < bytes.len() as u64 {
+        *to = array(device, label, bytes);
+    }
+    queue.write_buffer(&to.raw, 0, bytes);
+    to.count = data.len() as u32;
+}
+
+fn texture(
+    device: &wgpu::Device,
+    label: &'static str,
+    [width, height]: [u32; 2],
+    sample_count: u32,
+    format: wgpu::TextureFormat,
+    usage: wgpu::TextureUsages,
+) -> wgpu::Texture {
+    device.create_texture(&wgpu::TextureDescriptor {
+        label: Some(label),
+        size: wgpu::Extent3d { width, height, depth_or_array_layers: 1 },
+        mip_level_count: 1,
+        sample_count,
+        dimension: wgpu::TextureDimension::D2,
+        format,
+        usage,
+        view_formats: &[],
+    })
+}
+
+/// A depth texture that a pass begins with nothing in.
+fn cleared(view: &wgpu::TextureView) -> wgpu::RenderPassDepthStencilAttachment<'_> {
+    let depth_ops = Some(wgpu::Operations { load: wgpu::LoadOp::Clear(0.0), store: wgpu::StoreOp::Store });
+    wgpu::RenderPassDepthStencilAttachment { view, depth_ops, stencil_ops: None }
+}
+
+impl Target {
+    fn new(device: &wgpu::Device, size: [u32; 2]) -> Self {
+        let drawn = wgpu::TextureUsages::RENDER_ATTACHMENT;
+        let shown = drawn | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
+        let picture = texture(device, "picture", size, 1, FORMAT, shown);
+        Self {
+            size,
+            samples: texture(device, "samples", size, SAMPLES, FORMAT, drawn).create_view(&Default::default()),
+            depth: texture(device, "depth", size, SAMPLES, DEPTH, drawn).create_view(&Default::default()),
+            view: picture.create_view(&Default::default()),
+            picture,
+        }
+    }
+}
+
+/// Layouts of the bindings: of a picture, and of its shadows.
+fn layouts(device: &wgpu::Device) -> [wgpu::BindGroupLayout; 2] {
+    let layout = |label: &'static str, entries: &[wgpu::BindGroupLayoutEntry]| {
+        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
+    };
+    let entry = |binding: u32, visibility: wgpu::ShaderStages, ty: wgpu::BindingType| wgpu::BindGroupLayoutEntry {
+        binding,
+        visibility,
+        ty,
+        count: None,
+    };
+    let uniform = wgpu::BindingType::Buffer {
+        ty: wgpu::BufferBindingType::Uniform,
+        has_dynamic_offset: false,
+        min_binding_size: None,
+    };
+    let depth = wgpu::BindingType::Texture {
+        sample_type: wgpu::TextureSampleType::Depth,
+        view_dimension: wgpu::TextureViewDimension::D2,
+        multisampled: false,
+    };
+    let compares = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison);
+    let shades = wgpu::ShaderStages::FRAGMENT;
+    [
+        layout("frame", &[entry(0, wgpu::ShaderStages::VERTEX_FRAGMENT, uniform)]),
+        layout("shadow", &[entry(0, shades, depth), entry(1, shades, compares)]),
+    ]
+}
+
+/// Makes the pipelines.
+struct Maker<'a> {
+    device: &'a wgpu::Device,
+    module: wgpu::ShaderModule,
+    /// With shadows, and without.
+    layouts: [wgpu::PipelineLayout; 2],
+}
+
+/// What two pipelines differ in.
+struct Kind<'a> {
+    vertex: &'static str,
+    fragment: &'static str,
+    buffer: Option<wgpu::VertexBufferLayout<'a>>,
+    compare: wgpu::CompareFunction,
+    writes_depth: bool,
+    blend: Option<wgpu::BlendState>,
+    /// Of the shadow map, not of the picture.
+    casts: bool,
+}
+
+impl<'a> Maker<'a> {
+    fn new(device: &'a wgpu::Device, [frame, shadow]: [&wgpu::BindGroupLayout; 2]) -> Self {
+        let source = wgpu::ShaderSource::Wgsl(WGSL.into());
+        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("picture"), source });
+        let layout = |layouts: &[Option<&wgpu::BindGroupLayout>]| {
+            device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
+                label: Some("picture"),
+                bind_group_layouts: layouts,
+                immediate_size: 0,
+            })
+        };
+        let layouts = [layout(&[Some(frame), Some(shadow)]), layout(&[Some(frame)])];
+        Self { device, module, layouts }
+    }
+
+    fn pipeline(&self, kind: Kind) -> wgpu::RenderPipeline {
+        let color = wgpu::ColorTargetState { format: FORMAT, blend: kind.blend, write_mask: wgpu::ColorWrites::ALL };
+        let colors = [Some(color)];
+        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
+            label: Some(kind.fragment),
+            layout: Some(&self.layouts[usize::from(kind.casts)]),
+            vertex: wgpu::VertexState {
+                module: &self.module,
+                entry_point: Some(kind.vertex),
+                compilation_options: Default::default(),
+                buffers: &[kind.buffer],
+            },
+            // both sides are drawn
+            primitive: wgpu::PrimitiveState::default(),
+            depth_stencil: Some(wgpu::DepthStencilState {
+                format: DEPTH,
+                depth_write_enabled: Some(kind.writes_depth),
+                depth_compare: Some(kind.compare),
+                stencil: wgpu::StencilState::default(),
+                bias: wgpu::DepthBiasState::default(),
+            }),
+            multisample: wgpu::MultisampleState { count: if kind.casts { 1 } else { SAMPLES }, ..Default::default() },
+            fragment: Some(wgpu::FragmentState {
+                module: &self.module,
+                entry_point: Some(kind.fragment),
+                compilation_options: Default::default(),
+                targets: if kind.casts { &[] } else { &colors },
+            }),
+            multiview_mask: None,
+            cache: None,
+        })
+    }
+
+    fn sky(&self) -> wgpu::RenderPipeline {
+        self.pipeline(Kind {
+            vertex: "sky_vertex",
+            fragment: "sky",
+            buffer: None,
+            compare: wgpu::CompareFunction::Always,
+            writes_depth: false,
+            blend: None,
+            casts: false,
+        })
+    }
+
+    fn surface(&self) -> wgpu::RenderPipeline {
+        self.pipeline(Kind {
+            vertex: "surface_vertex",
+            fragment: "surface",
+            buffer: Some(of_corners(&CORNER)),
+            compare: wgpu::CompareFunction::Greater,
+            writes_depth: true,
+            blend: None,
+            casts: false,
+        })
+    }
+
+    fn cast(&self) -> wgpu::RenderPipeline {
+        self.pipeline(Kind {
+            vertex: "cast_vertex",
+            fragment: "cast",
+            buffer: Some(of_corners(&CAST)),
+            compare: wgpu::CompareFunction::Greater,
+            writes_depth: true,
+            blend: None,
+            casts: true,
+        })
+    }
+
+    fn line(&self) -> wgpu::RenderPipeline {
+        // what is below times the ink; by gamma 2 a product is the same of linear colours
+        let times = wgpu::BlendComponent {
+            src_factor: wgpu::BlendFactor::Dst,
+            dst_factor: wgpu::BlendFactor::Zero,
+            operation: wgpu::BlendOperation::Add,
+        };
+        self.pipeline(Kind {
+            vertex: "line_vertex",
+            fragment: "line",
+            buffer: Some(wgpu::VertexBufferLayout {
+                array_stride: size_of::<Stroke>() as u64,
+                step_mode: wgpu::VertexStepMode::Instance,
+                attributes: &STROKE,
+            }),
+            compare: wgpu::CompareFunction::GreaterEqual,
+            writes_depth: false,
+            blend: Some(wgpu::BlendState { color: times, alpha: times }),
+            casts: false,
+        })
+    }
+}
+
+const CORNER: [wgpu::VertexAttribute; 4] =
+    wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32x2];
+/// Position and material of a corner.
+const CAST: [wgpu::VertexAttribute; 2] = [CORNER[0], CORNER[3]];
+const STROKE: [wgpu::VertexAttribute; 4] =
+    wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32x2];
+
+fn of_corners(attributes: &[wgpu::VertexAttribute]) -> wgpu::VertexBufferLayout<'_> {
+    wgpu::VertexBufferLayout {
+        array_stride: size_of::<Corner>() as u64,
+        step_mode: wgpu::VertexStepMode::Vertex,
+        attributes,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::mem::offset_of;
+
+    #[test]
+    fn the_shader_is_valid_and_laid_out_as_in_rust() {
+        let module = naga::front::wgsl::parse_str(WGSL).expect("WGSL");
+        use naga::valid::{Capabilities, ValidationFlags, Validator};
+        let info = Validator::new(ValidationFlags::all(), Capabilities::empty()).validate(&module).expect("valid WGSL");
+        let (_, frame) = module.types.iter().find(|(_, ty)| ty.name.as_deref() == Some("Frame")).expect("the uniform");
+        let naga::TypeInner::Struct { members, span } = &frame.inner else { panic!("a struct") };
+        let found: Vec<(&str, usize)> =
+            members.iter().map(|m| (m.name.as_deref().unwrap_or_default(), m.offset as usize)).collect();
+        let wanted = [
+            ("right", offset_of!(Frame, right)),
+            ("up", offset_of!(Frame, up)),
+            ("forward", offset_of!(Frame, forward)),
+            ("eye", offset_of!(Frame, eye)),
+            ("lens", offset_of!(Frame, lens)),
+            ("size", offset_of!(Frame, size)),
+            ("clip", offset_of!(Frame, clip)),
+            ("lights", offset_of!(Frame, lights)),
+            ("ambient", offset_of!(Frame, ambient)),
+            ("map_u", offset_of!(Frame, map_u)),
+            ("map_v", offset_of!(Frame, map_v)),
+            ("map_w", offset_of!(Frame, map_w)),
+            ("map_scale", offset_of!(Frame, map_scale)),
+        ];
+        assert_eq!((found.as_slice(), *span as usize), (&wanted[..], size_of::<Frame>()));
+        // what the drivers of Vulkan, Metal and DX12 are given
+        let options = naga::back::spv::Options::default();
+        naga::back::spv::write_vec(&module, &info, &options, None).expect("SPIR-V");
+        let options =
+            naga::back::msl::Options { lang_version: (2, 4), fake_missing_bindings: true, ..Default::default() };
+        naga::back::msl::write_string(&module, &info, &options, &Default::default()).expect("MSL");
+        let options = naga::back::hlsl::Options { fake_missing_bindings: true, ..Default::default() };
+        let (mut text, all) = (String::new(), naga::back::hlsl::PipelineOptions::default());
+        naga::back::hlsl::Writer::new(&mut text, &options, &all).write(&module, &info, None).expect("HLSL");
+    }
+}
