@@ -542,7 +542,7 @@ impl<'a> Maker<'a> {
     fn cast(&self) -> wgpu::RenderPipeline {
         self.pipeline(Kind {
             vertex: "cast_vertex",
-            fragment: "cast",
+            fragment: "cast_shadow",
             buffer: Some(of_corners(&CAST)),
             compare: wgpu::CompareFunction::Greater,
             writes_depth: true,

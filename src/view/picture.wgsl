@@ -78,7 +78,7 @@ fn cast_vertex(@location(0) x: vec3<f32>, @location(3) material: vec2<f32>) -> C
 }
 
 @fragment
-fn cast(in: Cast) {
+fn cast_shadow(in: Cast) {
     if is_clipped(in.world, in.clips) {
         discard;
     }

@@ -290,6 +290,7 @@ fn help_names_every_command() -> Outcome {
     for word in [
         "run",
         "serve",
+        "view",
         "compare",
         "study",
         "verify",
