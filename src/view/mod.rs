@@ -20,7 +20,7 @@ mod shade;
 pub use font::strokes;
 pub use map::{VIRIDIS, color_of};
 pub use overlay::{ColorBar, caption, color_bar};
-pub use picture::{Clip, Renderer, WGSL};
+pub use picture::{Clip, Drawn, Renderer, WGSL};
 pub use raster::NoMemory;
 
 use crate::error::Result;

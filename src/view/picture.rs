@@ -19,6 +19,14 @@ const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
 /// Samples of a pixel: what every adapter offers.
 const SAMPLES: u32 = 4;
 
+/// Share by which what is in front is nearer: before everything but what is closer than an eighth of its own distance.
+const FRONT: f32 = 8.0;
+
+/// Kinds of what is drawn, as the shader has them.
+const WHOLE: f32 = 0.0;
+const CLIPPED: f32 = 1.0;
+const IN_FRONT: f32 = 2.0;
+
 /// Text of the shader.
 pub const WGSL: &str = include_str!("picture.wgsl");
 
@@ -48,7 +56,7 @@ struct Corner {
     x: [f32; 3],
     normal: [f32; 3],
     color: [f32; 3],
-    /// Shininess, and 1 if the plane clips it.
+    /// Shininess, and its kind.
     material: [f32; 2],
 }
 
@@ -58,7 +66,7 @@ struct Corner {
 struct Stroke {
     ends: [[f32; 3]; 2],
     ink: [f32; 3],
-    /// Width, pixels, and 1 if the plane clips it.
+    /// Width, pixels, and its kind.
     style: [f32; 2],
 }
 
@@ -69,6 +77,17 @@ pub struct Clip {
     pub normal: [f64; 3],
     /// m times the length of the normal.
     pub offset: f64,
+}
+
+/// What is drawn.
+#[derive(Clone, Copy, Default)]
+pub struct Drawn<'a> {
+    /// Surfaces that a clipping plane cuts.
+    pub clipped: &'a [Surface<'a>],
+    /// Surfaces that it leaves whole.
+    pub whole: &'a [Surface<'a>],
+    /// Surfaces that nothing hides, and that cast no shadow.
+    pub in_front: &'a [Surface<'a>],
 }
 
 /// Number of elements on the device, with room for more.
@@ -100,7 +119,7 @@ pub struct Renderer {
     shadow_group: wgpu::BindGroup,
     corners: Array,
     strokes: Array,
-    /// `[corner]` m, for the box of the shadow map
+    /// `[corner]` of what casts shadows, m, for the box of their map
     points: Vec<Vec3>,
     target: Option<Target>,
 }
@@ -159,17 +178,18 @@ impl Renderer {
         }
     }
 
-    /// Takes what is drawn from now on: surfaces that a clipping plane cuts, and those that it leaves whole. Returns the number of triangles
-    /// skipped because a corner is non-finite or not there. Nothing of the input is kept.
-    pub fn load(&mut self, clipped: &[Surface], whole: &[Surface]) -> usize {
+    /// Takes what is drawn from now on; returns the number of triangles skipped because a corner is non-finite or not there. Nothing of the
+    /// input is kept.
+    pub fn load(&mut self, drawn: &Drawn) -> usize {
         let (mut corners, mut strokes, mut skipped) = (vec![], vec![], 0);
-        for (surfaces, clips) in [(clipped, 1.0), (whole, 0.0)] {
+        for (surfaces, kind) in [(drawn.clipped, CLIPPED), (drawn.whole, WHOLE), (drawn.in_front, IN_FRONT)] {
             for surface in surfaces {
-                skipped += add(surface, clips, &mut corners);
-                add_lines(surface, clips, &mut strokes);
+                skipped += add(surface, kind, &mut corners);
+                add_lines(surface, kind, &mut strokes);
             }
         }
-        self.points = corners.iter().map(|corner| Vec3::from(corner.x)).collect();
+        let casts = corners.iter().filter(|corner: &&Corner| corner.material[1] != IN_FRONT);
+        self.points = casts.map(|corner| Vec3::from(corner.x)).collect();
         fill(&self.device, &self.queue, &mut self.corners, "corners", &corners);
         fill(&self.device, &self.queue, &mut self.strokes, "strokes", &strokes);
         skipped
@@ -269,7 +289,7 @@ impl Renderer {
             forward: axis(2),
             eye: eye.extend(0.0).to_array(),
             lens: [up * height / width, up, near, LINE_DEPTH_SHARE as f32],
-            size: [width, height, 0.0, 0.0],
+            size: [width, height, FRONT, 0.0],
             clip,
             lights: lights.map(|(to, bright)| to.extend(bright).to_array()),
             ambient: [AMBIENT[0], AMBIENT[1], BACKGROUND[0], BACKGROUND[1]],
@@ -318,7 +338,7 @@ impl Renderer {
 }
 
 /// Corners of a surface's triangles; returns the number of those skipped.
-fn add(surface: &Surface, clips: f32, corners: &mut Vec<Corner>) -> usize {
+fn add(surface: &Surface, kind: f32, corners: &mut Vec<Corner>) -> usize {
     let points: Vec<Option<Vec3>> = surface
         .positions
         .iter()
@@ -332,7 +352,7 @@ fn add(surface: &Surface, clips: f32, corners: &mut Vec<Corner>) -> usize {
                 x: triangle.corners[k].to_array(),
                 normal: triangle.normals[k].to_array(),
                 color: triangle.colors[k].to_array(),
-                material: [triangle.shininess, clips],
+                material: [triangle.shininess, kind],
             });
         }
     }
@@ -340,7 +360,7 @@ fn add(surface: &Surface, clips: f32, corners: &mut Vec<Corner>) -> usize {
 }
 
 /// Lines of a surface; those with a missing or non-finite end are left out.
-fn add_lines(surface: &Surface, clips: f32, strokes: &mut Vec<Stroke>) {
+fn add_lines(surface: &Surface, kind: f32, strokes: &mut Vec<Stroke>) {
     let point = |id: u32| {
         let p = surface.positions.get(id as usize)?.map(|v| v as f32);
         p.iter().all(|v| v.is_finite()).then_some(p)
@@ -348,7 +368,7 @@ fn add_lines(surface: &Surface, clips: f32, strokes: &mut Vec<Stroke>) {
     for outline in surface.outlines {
         let stroke = |ids: &[u32; 2]| {
             let ends = [point(ids[0])?, point(ids[1])?];
-            Some(Stroke { ends, ink: outline.ink, style: [outline.width, clips] })
+            Some(Stroke { ends, ink: outline.ink, style: [outline.width, kind] })
         };
         strokes.extend(outline.lines.iter().filter_map(stroke));
     }

@@ -8,7 +8,7 @@ struct Frame {
     forward: vec4<f32>,
     eye: vec4<f32>,           // m
     lens: vec4<f32>,          // x and y of the picture per x/z and y/z, near plane, m, share by which lines are nearer
-    size: vec4<f32>,          // width, height, pixels
+    size: vec4<f32>,          // width, height, pixels; share by which what is in front is nearer
     clip: vec4<f32>,          // what is clipped remains where clip.xyz · x ≥ clip.w, m
     lights: array<vec4<f32>, 3>, // direction to the light, view space, and brightness; the first casts shadows
     ambient: vec4<f32>,       // from above, from below; background at the top, at the bottom
@@ -31,8 +31,9 @@ fn project(p: vec3<f32>) -> vec4<f32> {
     return vec4<f32>(p.x * frame.lens.x, p.y * frame.lens.y, frame.lens.z, p.z);
 }
 
-fn is_clipped(x: vec3<f32>, clips: f32) -> bool {
-    return clips > 0.5 && dot(frame.clip.xyz, x) < frame.clip.w;
+// How a surface is drawn: 0 whole, 1 clipped by the plane, 2 in front of all others and without a shadow.
+fn is_clipped(x: vec3<f32>, kind: f32) -> bool {
+    return kind == 1.0 && dot(frame.clip.xyz, x) < frame.clip.w;
 }
 
 // Position in the shadow map: across from 0 to 1, and height towards the light from 0 to 1.
@@ -68,7 +69,7 @@ fn sky(in: Sky) -> @location(0) vec4<f32> {
 struct Cast {
     @builtin(position) at: vec4<f32>,
     @location(0) world: vec3<f32>,
-    @location(1) @interpolate(flat) clips: f32,
+    @location(1) @interpolate(flat) kind: f32,
 }
 
 @vertex
@@ -79,7 +80,7 @@ fn cast_vertex(@location(0) x: vec3<f32>, @location(3) material: vec2<f32>) -> C
 
 @fragment
 fn cast_shadow(in: Cast) {
-    if is_clipped(in.world, in.clips) {
+    if is_clipped(in.world, in.kind) || in.kind == 2.0 {
         discard;
     }
 }
@@ -92,7 +93,7 @@ struct Corner {
     @location(1) normal: vec3<f32>, // view space
     @location(2) color: vec3<f32>,
     @location(3) world: vec3<f32>,  // m
-    @location(4) @interpolate(flat) material: vec2<f32>, // shininess, 1 if the plane clips it
+    @location(4) @interpolate(flat) material: vec2<f32>, // shininess, kind
 }
 
 @vertex
@@ -104,7 +105,11 @@ fn surface_vertex(
 ) -> Corner {
     let p = to_view(x);
     let n = vec3<f32>(dot(frame.right.xyz, normal), dot(frame.up.xyz, normal), dot(frame.forward.xyz, normal));
-    return Corner(project(p), p, n, color, x, material);
+    var at = project(p);
+    if material.y == 2.0 {
+        at.z *= frame.size.z;
+    }
+    return Corner(at, p, n, color, x, material);
 }
 
 // Fraction of the first light that reaches a point; a shadow's edge is three cells wide.
@@ -168,7 +173,7 @@ struct Stroke {
     @builtin(position) at: vec4<f32>,
     @location(0) ink: vec3<f32>,
     @location(1) world: vec3<f32>,
-    @location(2) @interpolate(flat) clips: f32,
+    @location(2) @interpolate(flat) kind: f32,
 }
 
 @vertex
@@ -177,7 +182,7 @@ fn line_vertex(
     @location(0) a: vec3<f32>,
     @location(1) b: vec3<f32>,
     @location(2) ink: vec3<f32>,
-    @location(3) style: vec2<f32>, // width, pixels, 1 if the plane clips it
+    @location(3) style: vec2<f32>, // width, pixels, and kind
 ) -> Stroke {
     let near = frame.lens.z;
     var p = to_view(a);
@@ -197,13 +202,14 @@ fn line_vertex(
     var at = ends[corner >> 1u];
     let sign = f32(corner & 1u) * 2.0 - 1.0;
     let moved = at.xy + side * (sign * 0.5 * style.x) / pixels * at.w;
-    at = vec4<f32>(moved, at.z * (1.0 + frame.lens.w), at.w);
+    let nearer = select(1.0 + frame.lens.w, frame.size.z, style.y == 2.0);
+    at = vec4<f32>(moved, at.z * nearer, at.w);
     return Stroke(at, ink, select(a, b, (corner >> 1u) == 1u), style.y);
 }
 
 @fragment
 fn line(in: Stroke) -> @location(0) vec4<f32> {
-    if is_clipped(in.world, in.clips) {
+    if is_clipped(in.world, in.kind) {
         discard;
     }
     return vec4<f32>(sqrt(in.ink), 1.0);

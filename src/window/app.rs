@@ -8,7 +8,7 @@ use super::plots::Plots;
 use crate::output::{Failed, replace};
 use crate::report::frames::{Look, camera, with_surfaces};
 use crate::session::{Command, Hand};
-use crate::view::{self, Clip, ColorBar, Outline, Paint, Renderer, Surface, color_of};
+use crate::view::{self, Clip, ColorBar, Drawn, Outline, Paint, Renderer, Surface, color_of};
 use eframe::egui::{self, Color32, Key, PointerButton, Rect, Sense, Ui, Vec2, ViewportCommand};
 use eframe::egui_wgpu::RenderState;
 use eframe::{CreationContext, wgpu};
@@ -19,7 +19,7 @@ use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
 /// Width of the panel, points.
-const PANEL: f32 = 330.0;
+const PANEL: f32 = 350.0;
 /// Depth of a tool per point of the wheel's way, m: a notch is a tenth of a millimetre or so.
 const DEPTH: f64 = 2e-6;
 /// Angle of a tool per press of Q or E, rad.
@@ -237,12 +237,8 @@ impl App {
         let way = plain(&self.way, &[], &[], &outlines);
         let renderer = &mut self.renderer;
         with_surfaces(&begun.scene, &shot.skin, &shot.tools, &look, |bodies, tools| {
-            let mut whole = tools.to_vec();
-            whole.push(forces);
-            if shows.way {
-                whole.push(way);
-            }
-            renderer.load(bodies, &whole)
+            let in_front = if shows.way { &[forces, way][..] } else { &[forces] };
+            renderer.load(&Drawn { clipped: bodies, whole: tools, in_front })
         });
         self.loaded = Some(self.state.shows.clone());
         self.seen = None;
@@ -306,7 +302,9 @@ impl App {
                 } else {
                     held.position.z += wheel * DEPTH;
                 }
-                if let (Some(now), false) = (response.hover_pos(), turns) {
+                // a mouse that comes in from beside the picture does not take the tool along
+                let from = |now: &egui::Pos2| response.rect.contains(*now - way);
+                if let (Some(now), false) = (response.hover_pos().filter(from), turns) {
                     held.position += moved(orbit, response.rect, now - way, now, held.position.z);
                 }
                 held.pressed = pressed && !turns && response.is_pointer_button_down_on();

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 
-/// Length of an arrow per force, m/N, as in the page.
-const LENGTH: f64 = 0.02;
+/// Length of an arrow per force, m/N: a contact point of a blade bears some 10 mN.
+const LENGTH: f64 = 0.05;
 /// Shortest arrow that is drawn, m.
 const SHORTEST: f64 = 1e-5;
 /// Width of a head as a share of the camera's distance, its length in widths, the shaft's width as a share of it.
@@ -71,7 +71,7 @@ mod tests {
     fn an_arrow_is_as_long_as_its_force_and_none_has_none() {
         let arrows = Arrows::new(&[[[0.0, 0.0, 0.01], [0.0, 0.0, 0.5]], [[0.0; 3], [0.0; 3]]], 0.05);
         let high = arrows.positions.iter().map(|p| p[2]).fold(f64::MIN, f64::max);
-        assert!((high - 0.02).abs() < 1e-12 && arrows.triangles.len() == 3 * SIDES as usize, "{high}");
+        assert!((high - 0.035).abs() < 1e-12 && arrows.triangles.len() == 3 * SIDES as usize, "{high}");
         assert!(Arrows::new(&[[[0.0; 3], [f64::NAN, 0.0, 0.0]]], 0.05).positions.is_empty());
     }
 }

@@ -8,6 +8,8 @@ const TURN: f64 = 0.006;
 const ZOOM: f64 = 2e-3;
 /// Lowest and highest angle of the eye above the level plane, rad: not straight down, where there is no up.
 const HEIGHTS: [f64; 2] = [-0.3, 1.5];
+/// The scene's camera fills its picture, which is wide and low; the window's stands so much farther off.
+const ROOM: f64 = 1.25;
 /// Nearest and farthest eye, in distances of the scene's camera.
 const DISTANCES: [f64; 2] = [0.05, 20.0];
 
@@ -30,11 +32,11 @@ impl Orbit {
         let distance = off.length().max(1e-6);
         Self {
             target: camera.target.into(),
-            distance,
+            distance: ROOM * distance,
             azimuth: off.y.atan2(off.x),
             height: (off.z / distance).asin(),
             field_of_view_deg: camera.field_of_view_deg,
-            own: distance,
+            own: ROOM * distance,
         }
     }
 
@@ -88,7 +90,8 @@ mod tests {
     #[test]
     fn an_orbit_begins_at_its_camera() {
         let back = Orbit::of(&CAMERA).camera();
-        let apart = DVec3::from(back.eye).distance(CAMERA.eye.into());
+        let [eye, target] = [CAMERA.eye, CAMERA.target].map(DVec3::from);
+        let apart = DVec3::from(back.eye).distance(target + (eye - target) * ROOM);
         assert!(apart < 1e-12, "{apart}");
         assert_eq!((back.target, back.field_of_view_deg), (CAMERA.target, 40.0));
     }

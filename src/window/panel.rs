@@ -13,6 +13,8 @@ use std::collections::BTreeSet;
 
 /// Size of the bar on the picture, points.
 const BAR: Vec2 = vec2(14.0, 180.0);
+/// Width of a slider, points.
+const SLIDER: f32 = 96.0;
 /// Steps of the bar.
 const TENTHS: u32 = 30;
 const INK: Color32 = Color32::from_rgb(38, 42, 50);
@@ -87,7 +89,8 @@ pub fn show(ui: &mut Ui, state: &mut State) {
         return;
     };
     ScrollArea::vertical().show(ui, |ui| {
-        ui.spacing_mut().slider_width = 130.0;
+        ui.spacing_mut().slider_width = SLIDER;
+        ui.set_max_width(ui.available_width());
         light(ui, &figures);
         running(ui, state, &figures);
         ui.separator();
@@ -120,6 +123,7 @@ fn light(ui: &mut Ui, figures: &Figures) {
         ui.painter().circle_filled(rect.center(), 7.0, color);
         ui.add(egui::Label::new(words).wrap());
     });
+    ui.label(RichText::new(format!("{:.3} s", figures.time_s)).monospace());
 }
 
 fn in_time(share: f64) -> String {
@@ -141,7 +145,6 @@ fn running(ui: &mut Ui, state: &mut State, figures: &Figures) {
         if ui.button("Picture").clicked() {
             state.saves = true;
         }
-        ui.label(RichText::new(format!("{:.3} s", figures.time_s)).monospace());
     });
     if let Some(speed) = changed(ui, "speed", "×", figures.speed, [0.25, 2.0], true) {
         state.send(Command::Speed(speed));
@@ -167,7 +170,11 @@ fn changed(ui: &mut Ui, name: &str, unit: &str, now: f64, [low, high]: [f64; 2],
     let id = ui.scope_id().with(name);
     let mut value = ui.data(|data| data.get_temp::<f64>(id)).unwrap_or(now);
     let mut slider = Slider::new(&mut value, low..=high).logarithmic(logarithmic).text(name).suffix(unit);
-    slider = if low < 1e-3 { slider.custom_formatter(|v, _| format!("{v:.1e}")) } else { slider.max_decimals(2) };
+    slider = if logarithmic && low < 1e-3 {
+        slider.custom_formatter(|v, _| format!("{v:.1e}"))
+    } else {
+        slider.max_decimals(2)
+    };
     let response = ui.add(slider);
     let held = response.dragged() || response.has_focus();
     ui.data_mut(|data| match held {
@@ -242,11 +249,10 @@ fn looks(ui: &mut Ui, state: &mut State) {
         }
     });
     ui.horizontal(|ui| {
-        ui.label("cut open at");
+        ui.add(Slider::new(&mut shows.clip.1, 0.0..=1.0).max_decimals(2).text("cut open at"));
         for (axis, name) in AXES.iter().enumerate() {
             ui.selectable_value(&mut shows.clip.0, axis, *name);
         }
-        ui.add(Slider::new(&mut shows.clip.1, 0.0..=1.0).max_decimals(2));
     });
 }
 

@@ -29,23 +29,33 @@ pub struct Plots {
 struct Kind {
     title: &'static str,
     digits: usize,
+    /// Least and largest value that are always within.
+    within: [f64; 2],
     values: fn(&Figures) -> Vec<f64>,
     /// Drawn in grey: what the values are to keep below.
     limit: Option<fn(&Figures) -> f64>,
 }
 
 const KINDS: [Kind; 4] = [
-    Kind { title: "force, N", digits: 3, values: |f| f.force_n.clone(), limit: None },
+    Kind { title: "force, N", digits: 3, within: [0.0, 0.1], values: |f| f.force_n.clone(), limit: None },
     Kind {
         title: "iterations: solver, contact passes",
         digits: 0,
+        within: [0.0, 10.0],
         values: |f| vec![f64::from(f.iterations), f64::from(f.passes)],
         limit: None,
     },
-    Kind { title: "residual, log₁₀", digits: 1, values: |f| vec![f.residual.max(1e-12).log10()], limit: None },
+    Kind {
+        title: "residual, log10",
+        digits: 1,
+        within: [LOWEST, 0.0],
+        values: |f| vec![f.residual.log10().max(LOWEST)],
+        limit: None,
+    },
     Kind {
         title: "step, ms: median, 90 %, its time",
         digits: 1,
+        within: [0.0, 1.0],
         values: |f| vec![f.step_ms, f.step_ms_90],
         limit: Some(|f| f.budget_ms),
     },
@@ -78,12 +88,14 @@ impl Plots {
             if let Some(limit) = kind.limit {
                 lines.push(self.curve("its time", FAINT, |figures| Some(limit(figures))));
             }
-            for number in 0..newest.len() {
+            // tools without contact have no force: their curves begin with the first one
+            let most = self.past.iter().map(|figures| (kind.values)(figures).len()).max().unwrap_or(0);
+            for number in 0..most {
                 let value = |figures: &Figures| (kind.values)(figures).get(number).copied();
                 lines.push(self.curve(&format!("{number}"), INKS[number % INKS.len()], value));
             }
-            let floor = if kind.title.starts_with("residual") { LOWEST } else { 0.0 };
             Plot::new(kind.title)
+                .width(ui.available_width())
                 .height(HEIGHT)
                 .allow_drag(false)
                 .allow_zoom(false)
@@ -95,7 +107,8 @@ impl Plots {
                 .y_axis_min_width(34.0)
                 .include_x(0.0)
                 .include_x(MOST as f64)
-                .include_y(floor)
+                .include_y(kind.within[0])
+                .include_y(kind.within[1])
                 .show(ui, |plot| lines.into_iter().for_each(|line| plot.line(line)));
         }
     }

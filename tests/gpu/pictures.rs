@@ -5,7 +5,7 @@ use cutis::gpu::Gpu;
 use cutis::report::frames::{Look, SkinSurface, camera, tool_positions, with_surfaces};
 use cutis::scene::{Scene, incision};
 use cutis::step::{Platform, Simulation};
-use cutis::view::{Camera, Clip, Image, Renderer, Surface, render};
+use cutis::view::{Camera, Clip, Drawn, Image, Renderer, Surface, render};
 use glam::DVec3;
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
@@ -52,7 +52,7 @@ fn both(renderer: &mut Renderer, scene: &Scene, simulation: &Simulation) -> Resu
     let tools = tool_positions(scene, simulation);
     let camera = camera(scene);
     let drawn = with_surfaces(scene, &skin, &tools, &Look::default(), |bodies, tools| {
-        renderer.load(bodies, tools);
+        renderer.load(&Drawn { clipped: bodies, whole: tools, in_front: &[] });
         render(&[bodies, tools].concat(), &camera, SIZE[0], SIZE[1], &[])
     })?;
     renderer.draw(&camera, SIZE, None);
@@ -150,7 +150,7 @@ fn a_clipping_plane_leaves_one_half(gpu: &Gpu) -> Result<(), Failure> {
         let k = 3 * (SIZE[1] as usize / 2 * SIZE[0] as usize + column as usize);
         image.rgb[k] > 2 * image.rgb[k + 1]
     };
-    renderer.load(&[surface], &[]);
+    renderer.load(&Drawn { clipped: &[surface], ..Default::default() });
     for (clip, wanted) in [(None, [true, true, true, true]), (clip, [false, false, false, true])] {
         renderer.draw(&camera, SIZE, clip);
         let image = renderer.read()?;
@@ -160,7 +160,7 @@ fn a_clipping_plane_leaves_one_half(gpu: &Gpu) -> Result<(), Failure> {
         }
     }
     // what is not to be clipped stays whole
-    renderer.load(&[], &[surface]);
+    renderer.load(&Drawn { whole: &[surface], ..Default::default() });
     renderer.draw(&camera, SIZE, clip);
     let image = renderer.read()?;
     if red(&image, -0.009) { Ok(()) } else { Err("the plane has cut what it was to leave".into()) }
@@ -180,7 +180,7 @@ fn what_cannot_be_drawn_is_counted_or_left_out(gpu: &Gpu) -> Result<(), Failure>
     if !renderer.read()?.rgb.is_empty() {
         return Err("a picture before the first".into());
     }
-    let skipped = renderer.load(&[surface], &[]);
+    let skipped = renderer.load(&Drawn { clipped: &[surface], ..Default::default() });
     if skipped != 2 {
         return Err(format!("{skipped} triangles skipped, not 2").into());
     }
