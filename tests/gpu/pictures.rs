@@ -20,11 +20,12 @@ pub const TESTS: [(&str, Test); 4] = [
 const SIZE: [u32; 2] = [480, 320];
 /// Side of the blocks over which pictures are averaged, pixels: edges differ by a pixel, since there are 4 samples there and 16 here.
 const BLOCK: usize = 16;
-/// Largest mean difference of a channel: the rasteriser darkens hollows (ambient occlusion), by a few hundredths over the patch.
-const MEAN: f64 = 0.02;
-/// Largest difference of a block's mean. Occlusion takes at most 0.1 of a block beside the blade; another colour of a layer, or no blade,
-/// changes one by 0.2 and more.
-const OF_BLOCK: f64 = 0.12;
+/// Largest mean difference of a channel: the rasteriser darkens hollows (ambient occlusion), and so a few pixels along edges and the blade;
+/// half a percent here.
+const MEAN: f64 = 0.01;
+/// Largest difference of a block's mean, from 0 to 1. Occlusion takes a twentieth of a block beside the blade; another colour of a layer, or
+/// no blade, changes one by 0.4 and more.
+const OF_BLOCK: f64 = 0.1;
 
 /// The incision on few cells, after its first cuts.
 fn cut() -> Result<(Scene, Simulation), Failure> {
@@ -47,8 +48,9 @@ fn renderer(gpu: &Gpu) -> Result<Renderer, Failure> {
 }
 
 /// What the rasteriser and the adapter draw of a state.
-fn both(renderer: &mut Renderer, scene: &Scene, simulation: &Simulation) -> Result<[Image; 2], Failure> {
-    let skin = SkinSurface::new(simulation, &simulation.snapshots()?);
+fn both(renderer: &mut Renderer, scene: &Scene, simulation: &mut Simulation) -> Result<[Image; 2], Failure> {
+    let state = simulation.snapshots()?;
+    let skin = SkinSurface::new(simulation, &state);
     let tools = tool_positions(scene, simulation);
     let camera = camera(scene);
     let drawn = with_surfaces(scene, &skin, &tools, &Look::default(), |bodies, tools| {
@@ -81,9 +83,9 @@ fn holds([mean, block]: [f64; 2]) -> bool {
 }
 
 fn a_picture_is_that_of_the_rasteriser(gpu: &Gpu) -> Result<(), Failure> {
-    let (mut scene, simulation) = cut()?;
+    let (mut scene, mut simulation) = cut()?;
     let renderer = &mut renderer(gpu)?;
-    let [drawn, picture] = both(renderer, &scene, &simulation)?;
+    let [drawn, picture] = both(renderer, &scene, &mut simulation)?;
     let found = difference(&drawn, &picture);
     report(gpu, &format!("pictures: mean {:.4} of {MEAN}, block {:.4} of {OF_BLOCK}", found[0], found[1]));
     if let Some(folder) = std::env::var_os("CUTIS_PICTURES").map(std::path::PathBuf::from) {
@@ -98,15 +100,15 @@ fn a_picture_is_that_of_the_rasteriser(gpu: &Gpu) -> Result<(), Failure> {
     // counter-tests: another colour of the outermost layer, and no tool
     let top = scene.skins[0].layers.iter_mut().last().ok_or("layers")?;
     let own = std::mem::replace(&mut top.color, [40, 120, 60]);
-    let [_, other] = both(renderer, &scene, &simulation)?;
+    let [_, other] = both(renderer, &scene, &mut simulation)?;
     scene.skins[0].layers.iter_mut().last().ok_or("layers")?.color = own;
     let of_color = difference(&drawn, &other);
     scene.tools[0].mesh.triangles.clear();
-    let [_, other] = both(renderer, &scene, &simulation)?;
+    let [_, other] = both(renderer, &scene, &mut simulation)?;
     let of_tool = difference(&drawn, &other);
     report(gpu, &format!("another colour: {of_color:.4?}, no tool: {of_tool:.4?}"));
     for (what, found) in [("another colour", of_color), ("no tool", of_tool)] {
-        if found[1] < 1.5 * OF_BLOCK {
+        if found[1] < 3.0 * OF_BLOCK {
             return Err(format!("{what} is hardly seen: {found:?}").into());
         }
     }
@@ -114,14 +116,14 @@ fn a_picture_is_that_of_the_rasteriser(gpu: &Gpu) -> Result<(), Failure> {
 }
 
 fn a_picture_is_repeated_to_the_bit(gpu: &Gpu) -> Result<(), Failure> {
-    let (scene, simulation) = cut()?;
-    let [_, first] = both(&mut renderer(gpu)?, &scene, &simulation)?;
+    let (scene, mut simulation) = cut()?;
+    let [_, first] = both(&mut renderer(gpu)?, &scene, &mut simulation)?;
     let renderer = &mut renderer(gpu)?;
     // after another size, and twice
     let camera = Camera { eye: [0.0, 0.0, 0.1], target: [0.0; 3], up: [0.0, 1.0, 0.0], field_of_view_deg: 30.0 };
     renderer.draw(&camera, [77, 31], None);
     for _ in 0..2 {
-        let [_, again] = both(renderer, &scene, &simulation)?;
+        let [_, again] = both(renderer, &scene, &mut simulation)?;
         if again != first {
             return Err(format!("other bytes, by {:?}", difference(&first, &again)).into());
         }
