@@ -108,6 +108,23 @@ mod window {
         pixels.iter().filter(|[r, _, b]| u32::from(*r) > u32::from(*b) + 40).count() as f64 / pixels.len() as f64
     }
 
+    /// Share of pixels of a wound's rim: the reddest.
+    fn wound(pixels: &[[u8; 3]]) -> f64 {
+        let of_rim = |[r, g, b]: &&[u8; 3]| *g < 55 && *b < 55 && *r > *g + 50;
+        pixels.iter().filter(of_rim).count() as f64 / pixels.len() as f64
+    }
+
+    /// Share of a picture that the rim of a wound of some millimetres has at least.
+    const WOUND: f64 = 3e-4;
+
+    /// Takes pictures until one is as it is wanted.
+    fn wait(what: &str, picture: &mut dyn FnMut() -> Vec<[u8; 3]>, holds: impl Fn(&[[u8; 3]]) -> bool) {
+        let begun = Instant::now();
+        while !holds(&picture()) {
+            assert!(begun.elapsed() < LONG, "{what}");
+        }
+    }
+
     /// Pixels of a picture that the window has saved.
     fn saved(path: &Path) -> Vec<[u8; 3]> {
         let mut reader = png::Decoder::new(BufReader::new(std::fs::File::open(path).expect("a picture")))
@@ -130,44 +147,65 @@ mod window {
             println!("left out: CUTIS_WINDOW names no folder for pictures");
             return;
         };
-        for name in (1..9).map(|n| format!("view_{n:04}.png")) {
+        for name in (1..999).map(|n| format!("view_{n:04}.png")) {
             std::fs::remove_file(folder.join(name)).ok();
         }
         let screen = Screen::start(&folder);
         let mut command = cutis(&["view", "--backend", "cpu", "--paused", "--out"]);
-        let window = command.arg(&folder).env("DISPLAY", &screen.display).stderr(Stdio::piped()).spawn();
+        let window = command.arg(&folder).env("DISPLAY", &screen.display).stdout(Stdio::piped()).spawn();
         let mut window = Running(window.expect("the program"));
         until("the patch is on the screen", || red(&screen.pixels()) > 0.1);
-        screen.save("screen_1.png");
-        let picture = |number: u32| {
+        screen.act("search --sync --name cutis: windowfocus");
+        let mut number = 0;
+        let mut picture = || {
+            number += 1;
             screen.act("key p");
             let path = folder.join(format!("view_{number:04}.png"));
             until("a saved picture", || path.exists());
             saved(&path)
         };
         screen.act("mousemove 300 600");
-        let first = picture(1);
-        assert!(red(&first) > 0.1, "{}", red(&first));
-        // it runs: the recorded hand comes down
+        let whole = picture();
+        assert!(red(&whole) > 0.1 && wound(&whole) == 0.0, "{} {}", red(&whole), wound(&whole));
+        screen.save("screen_1.png");
+        // it runs: the recorded hand cuts
         screen.act("key space");
-        std::thread::sleep(Duration::from_secs(6));
+        wait("a wound", &mut picture, |picture| wound(picture) > WOUND);
         screen.act("key space");
         std::thread::sleep(Duration::from_secs(1));
-        let second = picture(2);
-        assert!(differing(&first, &second) > 0.005, "{}", differing(&first, &second));
+        let cut = picture();
         screen.save("screen_2.png");
         // it stands still: two pictures are one
-        assert_eq!(differing(&second, &picture(3)), 0.0);
+        assert_eq!(differing(&cut, &picture()), 0.0);
         // dragging turns the view
-        screen.act("mousemove 300 600 mousedown 1 mousemove 360 640 mousemove 420 600 mouseup 1");
-        std::thread::sleep(Duration::from_secs(1));
-        let turned = picture(4);
-        assert!(differing(&second, &turned) > 0.1, "{}", differing(&second, &turned));
+        screen.act("mousemove 300 600 mousedown 1");
+        screen.act("mousemove 360 640");
+        screen.act("mousemove 420 600");
+        screen.act("mouseup 1");
+        wait("the view is turned", &mut picture, |turned| differing(&cut, turned) > 0.1);
         screen.save("screen_3.png");
+        // anew, with the scalpel in hand: it waits above the skin, where the recorded one has cut by then
+        screen.act("mousemove 1015 53 click 1");
+        wait("the skin is whole", &mut picture, |picture| wound(picture) == 0.0);
+        screen.act("mousemove 950 132 click 1");
+        screen.act("mousemove 400 500");
+        screen.act("key space");
+        std::thread::sleep(Duration::from_secs(6));
+        assert_eq!(wound(&picture()), 0.0);
+        // down by the wheel, along with the button
+        (0..26).for_each(|_| screen.act("click 5"));
+        screen.act("mousedown 1");
+        (0..30).for_each(|_| screen.act("mousemove_relative -- 6 -3"));
+        wait("a wound by hand", &mut picture, |picture| wound(picture) > WOUND);
+        screen.save("screen_4.png");
+        screen.act("mouseup 1");
         // a signal ends it with its status
         let killed = Command::new("kill").args(["-TERM", &window.0.id().to_string()]).status();
         assert!(killed.is_ok_and(|status| status.success()), "kill");
         let status = window.0.wait().expect("an end");
         assert_eq!(status.code(), Some(143));
+        let mut said = String::new();
+        BufReader::new(window.0.stdout.take().expect("its output")).read_line(&mut said).expect("a line");
+        assert!(said.contains(" pictures in "), "{said}");
     }
 }

@@ -158,8 +158,9 @@ fn serve_scene(args: &args::Serve) -> Result<u8> {
 fn view_scene(args: &args::View) -> Result<u8> {
     let (scene, signals, session) = watched(args.scene.as_ref(), &args.target, args.paused)?;
     let options = cutis::window::Options { session, pictures: args.out.clone() };
-    let closed = cutis::window::show(&scene, &options)?;
-    Ok(if closed { 0 } else { signals.exit_code() })
+    let shown = cutis::window::show(&scene, &options)?;
+    print::line(&format!("{} pictures in {:.1} s", shown.pictures, shown.seconds))?;
+    Ok(if shown.closed { 0 } else { signals.exit_code() })
 }
 
 #[cfg(not(feature = "view"))]

@@ -24,11 +24,12 @@ const PANEL: f32 = 350.0;
 const DEPTH: f64 = 2e-6;
 /// Angle of a tool per press of Q or E, rad.
 const TURN: f64 = 0.05;
-/// How long words stay.
+/// Most words at once, and how long they stay.
+const MOST_WORDS: usize = 4;
 const WORDS: Duration = Duration::from_secs(8);
-/// Most points of a hand's way.
+/// Most points of a tip's way.
 const MOST_POINTS: usize = 2000;
-/// Fraction of the colour that remains under the way of a hand, and its width, pixels.
+/// Fraction of the colour that remains under the way of a tip, and its width, pixels.
 const WAY_INK: [f32; 3] = [0.05, 0.2, 0.5];
 const WAY_WIDTH: f32 = 1.5;
 /// Most pictures of a folder.
@@ -94,6 +95,9 @@ impl State {
 
     /// Shows words for a while.
     pub fn say(&mut self, words: String) {
+        if self.words.len() == MOST_WORDS {
+            self.words.remove(0);
+        }
         self.words.push((Instant::now(), words));
     }
 
@@ -129,7 +133,9 @@ pub struct App {
     seen: Option<Seen>,
     /// Largest value of the colour bar, in its unit.
     bar: Option<ColorBar>,
-    /// Way of the hand that moves, m.
+    /// `[tool]` vertex that was the lowest at the beginning: its tip
+    tips: Vec<usize>,
+    /// Way of the tip in hand, or of the first one, m.
     way: Vec<[f64; 3]>,
     /// `Shows` of what is loaded.
     loaded: Option<Shows>,
@@ -172,6 +178,7 @@ impl App {
             orbit: None,
             seen: None,
             bar: None,
+            tips: vec![],
             way: vec![],
             loaded: None,
             pictures: start.pictures,
@@ -185,30 +192,37 @@ impl App {
             self.orbit.get_or_insert(orbit);
             self.state.plots.clear();
             self.state.begun = Some(begun);
+            self.tips.clear();
             self.way.clear();
-            // the tool that was in hand is taken again, from where it begins
-            if let Some(held) = self.state.held.take() {
-                self.state.held = None;
-                self.state.send(Command::Release(held.tool));
-            }
+            // every tool is where it begins, and in nobody's hand
+            self.state.held = None;
         }
-        self.state.words.extend(self.link.take_words().into_iter().map(|words| (Instant::now(), words)));
+        self.link.take_words().into_iter().for_each(|words| self.state.say(words));
         self.state.words.retain(|(said, _)| said.elapsed() < WORDS);
         if let Some(shot) = self.link.take_shot() {
             self.state.plots.take(&shot.figures);
-            let hand = self.state.held.map_or(0, |held| held.tool);
+            if self.tips.is_empty() {
+                let lowest = |mesh: &Vec<[f64; 3]>| (0..mesh.len()).min_by(|a, b| mesh[*a][2].total_cmp(&mesh[*b][2]));
+                self.tips = shot.tools.iter().map(|mesh| lowest(mesh).unwrap_or(0)).collect();
+            }
             if self.state.shot.as_ref().is_some_and(|before| before.figures.time_s > shot.figures.time_s) {
                 self.way.clear();
             }
-            if let Some(at) = shot.hands.get(hand).filter(|at| self.way.last() != Some(at)) {
+            self.state.shot = Some(shot);
+            if let Some(at) = self.tip().filter(|at| self.way.last() != Some(at)) {
                 if self.way.len() == MOST_POINTS {
                     self.way.remove(0);
                 }
-                self.way.push(*at);
+                self.way.push(at);
             }
-            self.state.shot = Some(shot);
             self.loaded = None;
         }
+    }
+
+    /// Where the tip of the tool in hand is, or of the first one, m.
+    fn tip(&self) -> Option<[f64; 3]> {
+        let tool = self.state.held.map_or(0, |held| held.tool);
+        self.state.shot.as_ref()?.tools.get(tool)?.get(*self.tips.get(tool)?).copied()
     }
 
     /// Loads the newest state as it is wanted.
@@ -284,6 +298,7 @@ impl App {
 
     /// The mouse: turns and zooms, or moves the tool in hand.
     fn point(&mut self, ui: &Ui, response: &egui::Response) {
+        let tip = self.tip();
         let Some(orbit) = &mut self.orbit else { return };
         let (way, wheel, shift, pressed) = ui.input(|i| {
             (i.pointer.delta(), f64::from(i.smooth_scroll_delta().y), i.modifiers.shift, i.pointer.primary_down())
@@ -305,7 +320,8 @@ impl App {
                 // a mouse that comes in from beside the picture does not take the tool along
                 let from = |now: &egui::Pos2| response.rect.contains(*now - way);
                 if let (Some(now), false) = (response.hover_pos().filter(from), turns) {
-                    held.position += moved(orbit, response.rect, now - way, now, held.position.z);
+                    held.position +=
+                        moved(orbit, response.rect, now - way, now, tip.map_or(held.position.z, |tip| tip[2]));
                 }
                 held.pressed = pressed && !turns && response.is_pointer_button_down_on();
                 self.state.hold(held);
@@ -376,7 +392,7 @@ impl eframe::App for App {
     }
 }
 
-/// How far a tool moves between two points of the picture, on the level plane at its height, m.
+/// How far a tool moves between two points of the picture, on the level plane at the height of its tip, m.
 fn moved(orbit: &Orbit, rect: Rect, from: egui::Pos2, to: egui::Pos2, height: f64) -> DVec3 {
     let aspect = f64::from(rect.width() / rect.height());
     let at = |p: egui::Pos2| {

@@ -1,4 +1,4 @@
-//! Forces as arrows and the way of a tool's hand as a line, on the picture.
+//! Contact forces as arrows.
 
 use glam::DVec3;
 

@@ -6,7 +6,7 @@ use crate::scene::Scene;
 use crate::session::audience::lock;
 use crate::session::{Audience, Command, Figures, Shown};
 use eframe::egui;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, OnceLock};
 
@@ -41,6 +41,7 @@ pub struct Link {
     begun: Mutex<Option<Begun>>,
     words: Mutex<Vec<String>>,
     drawn: AtomicBool,
+    pictures: AtomicU64,
     ended: AtomicBool,
     /// What draws, once there is a window.
     pub context: OnceLock<egui::Context>,
@@ -66,7 +67,13 @@ impl Link {
 
     /// What was taken is drawn: the next state would be looked at.
     pub fn is_drawn(&self) {
+        self.pictures.fetch_add(1, Ordering::Relaxed);
         self.drawn.store(true, Ordering::Release);
+    }
+
+    /// Number of pictures drawn so far.
+    pub fn pictures(&self) -> u64 {
+        self.pictures.load(Ordering::Relaxed)
     }
 
     /// Keeps the first error of the device and closes the window.

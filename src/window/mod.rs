@@ -26,6 +26,7 @@ use std::sync::atomic::Ordering;
 use std::sync::mpsc::{channel, sync_channel};
 use std::sync::{Arc, PoisonError};
 use std::thread;
+use std::time::Instant;
 
 /// Size of the window at first, points.
 const SIZE: [f32; 2] = [1240.0, 800.0];
@@ -53,7 +54,18 @@ pub enum Refused {
     },
 }
 
-/// Runs a scene in a window until that is closed, or the session interrupted; true if it was closed.
+/// What a window has shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Shown {
+    /// It was closed; otherwise the session was interrupted.
+    pub closed: bool,
+    /// Number of pictures.
+    pub pictures: u64,
+    /// Time that it was open, s.
+    pub seconds: f64,
+}
+
+/// Runs a scene in a window until that is closed, or the session interrupted.
 ///
 /// # Errors
 /// [`Refused::NoDisplay`], [`Failed::NoAdapter`] if nothing here draws on windows, [`Failed::Device`] if what draws fails, and those of the
@@ -61,7 +73,7 @@ pub enum Refused {
 ///
 /// # Panics
 /// Outside the main thread, on systems where windows belong to that.
-pub fn show(scene: &Scene, options: &Options) -> Result<bool> {
+pub fn show(scene: &Scene, options: &Options) -> Result<Shown> {
     let (sender, commands) = sync_channel(MOST_COMMANDS);
     let link = Arc::new(Link::default());
     let (ready, prepared) = channel();
@@ -74,17 +86,22 @@ pub fn show(scene: &Scene, options: &Options) -> Result<bool> {
         });
         let simulates = simulates.map_err(|source| runner::Refused::Threads { source })?;
         // a scene that cannot be prepared is said without a window
+        let mut begun = Instant::now();
         let opened = match prepared.recv() {
-            Ok(()) => open(&scene.title, app::Start { link: link.clone(), sender, pictures: options.pictures.clone() }),
+            Ok(()) => {
+                begun = Instant::now();
+                open(&scene.title, app::Start { link: link.clone(), sender, pictures: options.pictures.clone() })
+            }
             Err(_) => Ok(()),
         };
-        let closed = !link.has_ended();
+        let shown =
+            Shown { closed: !link.has_ended(), pictures: link.pictures(), seconds: begun.elapsed().as_secs_f64() };
         options.session.interrupt.store(true, Ordering::Release);
         let simulated = simulates.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         opened?;
         simulated?;
         let fault = link.fault.lock().unwrap_or_else(PoisonError::into_inner).take();
-        fault.map_or(Ok(closed), |message| Err(Failed::Device { message }.into()))
+        fault.map_or(Ok(shown), |message| Err(Failed::Device { message }.into()))
     })
 }
 

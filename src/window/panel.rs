@@ -17,6 +17,8 @@ const BAR: Vec2 = vec2(14.0, 180.0);
 const SLIDER: f32 = 96.0;
 /// Steps of the bar.
 const TENTHS: u32 = 30;
+/// Colour of words that go away again.
+const SAID: Color32 = Color32::from_rgb(160, 32, 32);
 const INK: Color32 = Color32::from_rgb(38, 42, 50);
 
 /// What the colours are of.
@@ -56,7 +58,7 @@ pub struct Shows {
     pub cells: bool,
     /// Arrows of contact forces.
     pub forces: bool,
-    /// Way of the hand.
+    /// Way of the tip.
     pub way: bool,
     /// Bodies with their layers that are left out.
     pub hidden: BTreeSet<[u32; 2]>,
@@ -240,7 +242,7 @@ fn looks(ui: &mut Ui, state: &mut State) {
     ui.horizontal_wrapped(|ui| {
         ui.checkbox(&mut shows.cells, "cells");
         ui.checkbox(&mut shows.forces, "forces");
-        ui.checkbox(&mut shows.way, "way of the hand");
+        ui.checkbox(&mut shows.way, "way of the tip");
     });
     ui.horizontal(|ui| {
         ui.label("colours");
@@ -287,8 +289,7 @@ pub fn overlays(ui: &Ui, rect: Rect, state: &State, bar: Option<&ColorBar>) {
     }
     let words: Vec<&str> = state.words.iter().map(|(_, words)| words.as_str()).collect();
     if !words.is_empty() {
-        let red = Color32::from_rgb(160, 32, 32);
-        label(rect.left_bottom() + vec2(14.0, -36.0), Align2::LEFT_BOTTOM, words.join("\n"), red);
+        label(rect.left_bottom() + vec2(14.0, -36.0), Align2::LEFT_BOTTOM, words.join("\n"), SAID);
     }
     let Some(bar) = bar else { return };
     let title = label(rect.left_top() + vec2(14.0, 38.0), Align2::LEFT_TOP, bar.title.clone(), INK);

@@ -150,7 +150,7 @@ fn a_clipping_plane_leaves_one_half(gpu: &Gpu) -> Result<(), Failure> {
         // x = 0.01 m is 0.01 / (0.06 tan 15°) of half the height
         let column = SIZE[0] as f64 / 2.0 + x / (0.06 * 15f64.to_radians().tan()) * SIZE[1] as f64 / 2.0;
         let k = 3 * (SIZE[1] as usize / 2 * SIZE[0] as usize + column as usize);
-        image.rgb[k] > 2 * image.rgb[k + 1]
+        u16::from(image.rgb[k]) > 2 * u16::from(image.rgb[k + 1])
     };
     renderer.load(&Drawn { clipped: &[surface], ..Default::default() });
     for (clip, wanted) in [(None, [true, true, true, true]), (clip, [false, false, false, true])] {
