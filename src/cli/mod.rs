@@ -157,10 +157,12 @@ fn serve_scene(args: &args::Serve) -> Result<u8> {
 #[cfg(feature = "view")]
 fn view_scene(args: &args::View) -> Result<u8> {
     let (scene, signals, session) = watched(args.scene.as_ref(), &args.target, args.paused)?;
-    let options = cutis::window::Options { session, pictures: args.out.clone() };
-    let shown = cutis::window::show(&scene, &options)?;
-    print::line(&format!("{} pictures in {:.1} s", shown.pictures, shown.seconds))?;
-    Ok(if shown.closed { 0 } else { signals.exit_code() })
+    use cutis::window;
+    let options = window::Options { session, pictures: args.out.clone() };
+    let shown = window::show(&scene, &options)?;
+    let window::Shown { closed, pictures, seconds, time_s } = shown;
+    print::line(&format!("{time_s:.3} s of the scene and {pictures} pictures in {seconds:.1} s"))?;
+    Ok(if closed { 0 } else { signals.exit_code() })
 }
 
 #[cfg(not(feature = "view"))]

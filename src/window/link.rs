@@ -42,6 +42,8 @@ pub struct Link {
     words: Mutex<Vec<String>>,
     drawn: AtomicBool,
     pictures: AtomicU64,
+    /// Bits of the scene's time, s.
+    time: AtomicU64,
     ended: AtomicBool,
     /// What draws, once there is a window.
     pub context: OnceLock<egui::Context>,
@@ -74,6 +76,11 @@ impl Link {
     /// Number of pictures drawn so far.
     pub fn pictures(&self) -> u64 {
         self.pictures.load(Ordering::Relaxed)
+    }
+
+    /// Time of the newest state, s.
+    pub fn time(&self) -> f64 {
+        f64::from_bits(self.time.load(Ordering::Relaxed))
     }
 
     /// Keeps the first error of the device and closes the window.
@@ -143,6 +150,7 @@ impl Audience for Screen {
             skin: shown.surface,
             figures: shown.figures,
         };
+        self.link.time.store(shot.figures.time_s.to_bits(), Ordering::Relaxed);
         self.link.drawn.store(false, Ordering::Release);
         // the old one is dropped without the lock
         let old = lock(&self.link.shot).replace(Box::new(shot));

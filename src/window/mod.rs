@@ -63,6 +63,8 @@ pub struct Shown {
     pub pictures: u64,
     /// Time that it was open, s.
     pub seconds: f64,
+    /// Time that the scene had come to, s.
+    pub time_s: f64,
 }
 
 /// Runs a scene in a window until that is closed, or the session interrupted.
@@ -94,8 +96,12 @@ pub fn show(scene: &Scene, options: &Options) -> Result<Shown> {
             }
             Err(_) => Ok(()),
         };
-        let shown =
-            Shown { closed: !link.has_ended(), pictures: link.pictures(), seconds: begun.elapsed().as_secs_f64() };
+        let shown = Shown {
+            closed: !link.has_ended(),
+            pictures: link.pictures(),
+            seconds: begun.elapsed().as_secs_f64(),
+            time_s: link.time(),
+        };
         options.session.interrupt.store(true, Ordering::Release);
         let simulated = simulates.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         opened?;
