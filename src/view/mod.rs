@@ -14,13 +14,14 @@ mod map;
 mod occlusion;
 mod overlay;
 mod picture;
+mod pipelines;
 mod raster;
 mod shade;
 
 pub use font::strokes;
 pub use map::{VIRIDIS, color_of};
 pub use overlay::{ColorBar, caption, color_bar};
-pub use picture::{Clip, Drawn, Renderer, WGSL};
+pub use picture::{Clip, Drawn, Renderer};
 pub use raster::NoMemory;
 
 use crate::error::Result;

@@ -5,6 +5,7 @@
 //! brings back. One adapter repeats its own bytes; others differ from it in the last bits, and from the rasteriser at edges and in hollows.
 //! The shader is `picture.wgsl`; its twin is the rasteriser itself.
 
+use super::pipelines::{Corner, DEPTH, FORMAT, Maker, SAMPLES, Stroke, layouts};
 use super::raster::{LINE_DEPTH_SHARE, ShadowMap};
 use super::shade::{AMBIENT, BACKGROUND, FILL, KEY, RIM};
 use super::{Camera, Image, NEAR, Surface, Triangle, View, prepare};
@@ -13,12 +14,6 @@ use crate::gpu::Failed;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
 
-/// Format of a picture: sRGB by gamma 2, as the rasteriser's.
-pub const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
-const DEPTH: wgpu::TextureFormat = wgpu::TextureFormat::Depth32Float;
-/// Samples of a pixel: what every adapter offers.
-const SAMPLES: u32 = 4;
-
 /// Share by which what is in front is nearer: before everything but what is closer than an eighth of its own distance.
 const FRONT: f32 = 8.0;
 
@@ -26,9 +21,6 @@ const FRONT: f32 = 8.0;
 const WHOLE: f32 = 0.0;
 const CLIPPED: f32 = 1.0;
 const IN_FRONT: f32 = 2.0;
-
-/// Text of the shader.
-pub const WGSL: &str = include_str!("picture.wgsl");
 
 /// What a picture has in common, as the shader has it.
 #[repr(C)]
@@ -47,27 +39,6 @@ struct Frame {
     map_v: [f32; 4],
     map_w: [f32; 4],
     map_scale: [f32; 4],
-}
-
-/// Corner of a triangle.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct Corner {
-    x: [f32; 3],
-    normal: [f32; 3],
-    color: [f32; 3],
-    /// Shininess, and its kind.
-    material: [f32; 2],
-}
-
-/// Line with its style.
-#[repr(C)]
-#[derive(Clone, Copy, Pod, Zeroable)]
-struct Stroke {
-    ends: [[f32; 3]; 2],
-    ink: [f32; 3],
-    /// Width, pixels, and its kind.
-    style: [f32; 2],
 }
 
 /// Half-space that remains of what is clipped: the points with `normal · x ≥ offset`.
@@ -438,179 +409,9 @@ impl Target {
     }
 }
 
-/// Layouts of the bindings: of a picture, and of its shadows.
-fn layouts(device: &wgpu::Device) -> [wgpu::BindGroupLayout; 2] {
-    let layout = |label: &'static str, entries: &[wgpu::BindGroupLayoutEntry]| {
-        device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor { label: Some(label), entries })
-    };
-    let entry = |binding: u32, visibility: wgpu::ShaderStages, ty: wgpu::BindingType| wgpu::BindGroupLayoutEntry {
-        binding,
-        visibility,
-        ty,
-        count: None,
-    };
-    let uniform = wgpu::BindingType::Buffer {
-        ty: wgpu::BufferBindingType::Uniform,
-        has_dynamic_offset: false,
-        min_binding_size: None,
-    };
-    let depth = wgpu::BindingType::Texture {
-        sample_type: wgpu::TextureSampleType::Depth,
-        view_dimension: wgpu::TextureViewDimension::D2,
-        multisampled: false,
-    };
-    let compares = wgpu::BindingType::Sampler(wgpu::SamplerBindingType::Comparison);
-    let shades = wgpu::ShaderStages::FRAGMENT;
-    [
-        layout("frame", &[entry(0, wgpu::ShaderStages::VERTEX_FRAGMENT, uniform)]),
-        layout("shadow", &[entry(0, shades, depth), entry(1, shades, compares)]),
-    ]
-}
-
-/// Makes the pipelines.
-struct Maker<'a> {
-    device: &'a wgpu::Device,
-    module: wgpu::ShaderModule,
-    /// With shadows, and without.
-    layouts: [wgpu::PipelineLayout; 2],
-}
-
-/// What two pipelines differ in.
-struct Kind<'a> {
-    vertex: &'static str,
-    fragment: &'static str,
-    buffer: Option<wgpu::VertexBufferLayout<'a>>,
-    compare: wgpu::CompareFunction,
-    writes_depth: bool,
-    blend: Option<wgpu::BlendState>,
-    /// Of the shadow map, not of the picture.
-    casts: bool,
-}
-
-impl<'a> Maker<'a> {
-    fn new(device: &'a wgpu::Device, [frame, shadow]: [&wgpu::BindGroupLayout; 2]) -> Self {
-        let source = wgpu::ShaderSource::Wgsl(WGSL.into());
-        let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("picture"), source });
-        let layout = |layouts: &[Option<&wgpu::BindGroupLayout>]| {
-            device.create_pipeline_layout(&wgpu::PipelineLayoutDescriptor {
-                label: Some("picture"),
-                bind_group_layouts: layouts,
-                immediate_size: 0,
-            })
-        };
-        let layouts = [layout(&[Some(frame), Some(shadow)]), layout(&[Some(frame)])];
-        Self { device, module, layouts }
-    }
-
-    fn pipeline(&self, kind: Kind) -> wgpu::RenderPipeline {
-        let color = wgpu::ColorTargetState { format: FORMAT, blend: kind.blend, write_mask: wgpu::ColorWrites::ALL };
-        let colors = [Some(color)];
-        self.device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: Some(kind.fragment),
-            layout: Some(&self.layouts[usize::from(kind.casts)]),
-            vertex: wgpu::VertexState {
-                module: &self.module,
-                entry_point: Some(kind.vertex),
-                compilation_options: Default::default(),
-                buffers: &[kind.buffer],
-            },
-            // both sides are drawn
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format: DEPTH,
-                depth_write_enabled: Some(kind.writes_depth),
-                depth_compare: Some(kind.compare),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState { count: if kind.casts { 1 } else { SAMPLES }, ..Default::default() },
-            fragment: Some(wgpu::FragmentState {
-                module: &self.module,
-                entry_point: Some(kind.fragment),
-                compilation_options: Default::default(),
-                targets: if kind.casts { &[] } else { &colors },
-            }),
-            multiview_mask: None,
-            cache: None,
-        })
-    }
-
-    fn sky(&self) -> wgpu::RenderPipeline {
-        self.pipeline(Kind {
-            vertex: "sky_vertex",
-            fragment: "sky",
-            buffer: None,
-            compare: wgpu::CompareFunction::Always,
-            writes_depth: false,
-            blend: None,
-            casts: false,
-        })
-    }
-
-    fn surface(&self) -> wgpu::RenderPipeline {
-        self.pipeline(Kind {
-            vertex: "surface_vertex",
-            fragment: "surface",
-            buffer: Some(of_corners(&CORNER)),
-            compare: wgpu::CompareFunction::Greater,
-            writes_depth: true,
-            blend: None,
-            casts: false,
-        })
-    }
-
-    fn cast(&self) -> wgpu::RenderPipeline {
-        self.pipeline(Kind {
-            vertex: "cast_vertex",
-            fragment: "cast_shadow",
-            buffer: Some(of_corners(&CAST)),
-            compare: wgpu::CompareFunction::Greater,
-            writes_depth: true,
-            blend: None,
-            casts: true,
-        })
-    }
-
-    fn line(&self) -> wgpu::RenderPipeline {
-        // what is below times the ink; by gamma 2 a product is the same of linear colours
-        let times = wgpu::BlendComponent {
-            src_factor: wgpu::BlendFactor::Dst,
-            dst_factor: wgpu::BlendFactor::Zero,
-            operation: wgpu::BlendOperation::Add,
-        };
-        self.pipeline(Kind {
-            vertex: "line_vertex",
-            fragment: "line",
-            buffer: Some(wgpu::VertexBufferLayout {
-                array_stride: size_of::<Stroke>() as u64,
-                step_mode: wgpu::VertexStepMode::Instance,
-                attributes: &STROKE,
-            }),
-            compare: wgpu::CompareFunction::GreaterEqual,
-            writes_depth: false,
-            blend: Some(wgpu::BlendState { color: times, alpha: times }),
-            casts: false,
-        })
-    }
-}
-
-const CORNER: [wgpu::VertexAttribute; 4] =
-    wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32x2];
-/// Position and material of a corner.
-const CAST: [wgpu::VertexAttribute; 2] = [CORNER[0], CORNER[3]];
-const STROKE: [wgpu::VertexAttribute; 4] =
-    wgpu::vertex_attr_array![0 => Float32x3, 1 => Float32x3, 2 => Float32x3, 3 => Float32x2];
-
-fn of_corners(attributes: &[wgpu::VertexAttribute]) -> wgpu::VertexBufferLayout<'_> {
-    wgpu::VertexBufferLayout {
-        array_stride: size_of::<Corner>() as u64,
-        step_mode: wgpu::VertexStepMode::Vertex,
-        attributes,
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::pipelines::WGSL;
     use super::*;
     use std::mem::offset_of;
 

@@ -1,13 +1,13 @@
 //! The window: a picture of the newest state with its overlays, the mouse and the keys as a hand, saved pictures.
 
 use super::arrows::{Arrows, BLUE};
-use super::link::{Begun, Link, Shot};
+use super::link::Link;
 use super::orbit::Orbit;
-use super::panel::{self, Colors, Shows};
-use super::plots::Plots;
+use super::panel;
+use super::state::{Shows, State, WORDS};
 use crate::output::{Failed, replace};
 use crate::report::frames::{Look, camera, with_surfaces};
-use crate::session::{Command, Hand};
+use crate::session::Command;
 use crate::view::{self, Clip, ColorBar, Drawn, Outline, Paint, Renderer, Surface, color_of};
 use eframe::egui::{self, Color32, Key, PointerButton, Rect, Sense, Ui, Vec2, ViewportCommand};
 use eframe::egui_wgpu::RenderState;
@@ -16,7 +16,6 @@ use glam::{DVec2, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
-use std::time::{Duration, Instant};
 
 /// Width of the panel, points.
 const PANEL: f32 = 350.0;
@@ -24,9 +23,6 @@ const PANEL: f32 = 350.0;
 const DEPTH: f64 = 2e-6;
 /// Angle of a tool per press of Q or E, rad.
 const TURN: f64 = 0.05;
-/// Most words at once, and how long they stay.
-const MOST_WORDS: usize = 4;
-const WORDS: Duration = Duration::from_secs(8);
 /// Most points of a tip's way.
 const MOST_POINTS: usize = 2000;
 /// Fraction of the colour that remains under the way of a tip, and its width, pixels.
@@ -45,81 +41,12 @@ pub struct Start {
     pub pictures: PathBuf,
 }
 
-/// A tool in the mouse's hand.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Held {
-    /// Its number.
-    pub tool: usize,
-    position: DVec3,
-    turn: f64,
-    pressed: bool,
-}
-
 /// What a picture on the device shows.
 #[derive(Clone, Copy, PartialEq)]
 struct Seen {
     orbit: Orbit,
     size: [u32; 2],
     clip: Option<Clip>,
-}
-
-/// What the panel shows and changes.
-pub struct State {
-    /// The scene and its tools.
-    pub begun: Option<Begun>,
-    /// The newest state.
-    pub shot: Option<Box<Shot>>,
-    /// Curves.
-    pub plots: Plots,
-    /// What of the picture is wanted.
-    pub shows: Shows,
-    /// The tool in hand.
-    pub held: Option<Held>,
-    /// Words, and when they came.
-    pub words: Vec<(Instant, String)>,
-    /// A picture is to be saved.
-    pub saves: bool,
-    sender: SyncSender<(u64, Command)>,
-}
-
-impl State {
-    /// Sends a command; what cannot be is said.
-    pub fn send(&mut self, command: Command) {
-        let sent = command.checked().and_then(|command| {
-            self.sender.try_send((0, command)).map_err(|_| "the simulation takes no more commands at the moment".into())
-        });
-        if let Err(words) = sent {
-            self.say(words);
-        }
-    }
-
-    /// Shows words for a while.
-    pub fn say(&mut self, words: String) {
-        if self.words.len() == MOST_WORDS {
-            self.words.remove(0);
-        }
-        self.words.push((Instant::now(), words));
-    }
-
-    /// Takes a tool, or with the one in hand or none lets go.
-    pub fn take(&mut self, tool: Option<usize>) {
-        let before = self.held.take().map(|held| held.tool);
-        if let Some(before) = before {
-            self.send(Command::Release(before));
-        }
-        let hand = |tool: &usize| self.shot.as_ref().and_then(|shot| shot.hands.get(*tool)).copied();
-        if let Some((tool, position)) = tool.filter(|tool| before != Some(*tool)).and_then(|t| Some((t, hand(&t)?))) {
-            self.hold(Held { tool, position: position.into(), turn: 0.0, pressed: false });
-        }
-    }
-
-    fn hold(&mut self, held: Held) {
-        if self.held != Some(held) {
-            self.held = Some(held);
-            let Held { tool, position, turn, pressed } = held;
-            self.send(Command::Hand(Hand { tool, position: position.to_array(), turn, pressed }));
-        }
-    }
 }
 
 /// See the module.
@@ -159,16 +86,7 @@ impl App {
         });
         context.egui_ctx.set_theme(egui::Theme::Light);
         start.link.context.get_or_init(|| context.egui_ctx.clone());
-        let state = State {
-            begun: None,
-            shot: None,
-            plots: Plots::default(),
-            shows: Shows::default(),
-            held: None,
-            words: vec![],
-            saves: false,
-            sender: start.sender,
-        };
+        let state = State::new(start.sender);
         Ok(Self {
             renderer: Renderer::new(device.device.clone(), device.queue.clone()),
             link: start.link,
@@ -198,7 +116,7 @@ impl App {
             self.state.held = None;
         }
         self.link.take_words().into_iter().for_each(|words| self.state.say(words));
-        self.state.words.retain(|(said, _)| said.elapsed() < WORDS);
+        self.state.forget();
         if let Some(shot) = self.link.take_shot() {
             self.state.plots.take(&shot.figures);
             if self.tips.is_empty() {
@@ -409,16 +327,4 @@ fn moved(orbit: &Orbit, rect: Rect, from: egui::Pos2, to: egui::Pos2, height: f6
 fn free_name(folder: &Path) -> PathBuf {
     let names = (1..=MOST_PICTURES).map(|number| folder.join(format!("view_{number:04}.png")));
     names.into_iter().find(|path| !path.exists()).unwrap_or_else(|| folder.join("view.png"))
-}
-
-impl Colors {
-    /// Values of the nodes, their unit, and its factor; none of the layers.
-    fn values(self, skin: &crate::report::frames::SkinSurface) -> Option<(Vec<f64>, &'static str, f64)> {
-        let lengths = |vectors: &[[f64; 3]]| vectors.iter().map(|v| DVec3::from(*v).length()).collect();
-        match self {
-            Self::Layers => None,
-            Self::Displacement => Some((lengths(&skin.displacements), "mm", 1e3)),
-            Self::Velocity => Some((lengths(&skin.velocities), "mm/s", 1e3)),
-        }
-    }
 }

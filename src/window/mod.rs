@@ -11,6 +11,7 @@ mod link;
 mod orbit;
 mod panel;
 mod plots;
+mod state;
 
 use crate::error::{Error, Result};
 use crate::gpu::Failed;

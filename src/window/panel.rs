@@ -1,15 +1,13 @@
 //! The panel beside the picture, and what lies on it.
 
-use super::app::State;
-use crate::report::frames::SkinSurface;
+use super::state::{Colors, State};
 use crate::session::audience::Pace;
 use crate::session::{Command, Figures};
-use crate::view::{Clip, ColorBar, color_of};
+use crate::view::{ColorBar, color_of};
 use eframe::egui::{
     self, Align2, Button, Color32, FontId, Rect, RichText, ScrollArea, Sense, Slider, Stroke, StrokeKind, Ui, Vec2,
     pos2, vec2,
 };
-use std::collections::BTreeSet;
 
 /// Size of the bar on the picture, points.
 const BAR: Vec2 = vec2(14.0, 180.0);
@@ -21,68 +19,8 @@ const TENTHS: u32 = 30;
 const SAID: Color32 = Color32::from_rgb(160, 32, 32);
 const INK: Color32 = Color32::from_rgb(38, 42, 50);
 
-/// What the colours are of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Colors {
-    /// Layers.
-    #[default]
-    Layers,
-    /// Length of the displacement.
-    Displacement,
-    /// Length of the velocity.
-    Velocity,
-}
-
-impl Colors {
-    const ALL: [Self; 3] = [Self::Layers, Self::Displacement, Self::Velocity];
-
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Layers => "layers",
-            Self::Displacement => "displacement",
-            Self::Velocity => "velocity",
-        }
-    }
-}
-
 /// Axes that the clipping plane is across.
 const AXES: [&str; 3] = ["x", "y", "z"];
-
-/// What of the picture is wanted.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Shows {
-    /// Colours.
-    pub colors: Colors,
-    /// Lines between cells.
-    pub cells: bool,
-    /// Arrows of contact forces.
-    pub forces: bool,
-    /// Way of the tip.
-    pub way: bool,
-    /// Bodies with their layers that are left out.
-    pub hidden: BTreeSet<[u32; 2]>,
-    /// Axis that the clipping plane is across, and where it is, as a share of the bodies' extent; 0 cuts nothing.
-    pub clip: (usize, f64),
-}
-
-impl Default for Shows {
-    fn default() -> Self {
-        Self { colors: Colors::Layers, cells: true, forces: true, way: true, hidden: BTreeSet::new(), clip: (1, 0.0) }
-    }
-}
-
-impl Shows {
-    /// The clipping plane through a surface.
-    pub fn plane(&self, skin: &SkinSurface) -> Option<Clip> {
-        let (axis, share) = self.clip;
-        let rest = skin.positions.iter().zip(&skin.displacements).map(|(x, u)| x[axis] - u[axis]);
-        let [low, high] = rest.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| [low.min(x), high.max(x)]);
-        let mut normal = [0.0; 3];
-        normal[axis] = 1.0;
-        (share > 0.0 && low < high).then_some(Clip { normal, offset: low + share * (high - low) })
-    }
-}
 
 /// The whole panel.
 pub fn show(ui: &mut Ui, state: &mut State) {
