@@ -1,6 +1,6 @@
 //! `cutis serve`: a running scene in a browser, seen, held and changed from there.
 //!
-//! One thread simulates ([`session`](crate::session)), one per page sends and receives ([`hub`]); a page draws by itself. A frame is made at
+//! One thread simulates ([`session`]), one per page sends and receives ([`hub`]); a page draws by itself. A frame is made at
 //! most 30 times a second and only if a page is open, so the price of a picture to the simulation is that of reading the state and packing
 //! the surface. Any number of pages watch and hold one run.
 

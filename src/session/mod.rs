@@ -1,6 +1,6 @@
 //! A running scene behind a page or a window: paced, paused, begun anew, taken back, changed, and held by a mouse.
 //!
-//! The thread of the session simulates ([`run`]) and does nothing else. Whoever watches ([`Audience`]) sends [`Command`]s and gets the surface
+//! The thread of the session simulates ([`run()`]) and does nothing else. Whoever watches ([`Audience`]) sends [`Command`]s and gets the surface
 //! and the [`Figures`] of the newest state; a picture's price to the simulation is that of reading the state.
 
 pub mod audience;

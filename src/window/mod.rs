@@ -1,6 +1,6 @@
 //! `cutis view`: a running scene in a window, seen, held and changed from there.
 //!
-//! The main thread draws ([`app`]), one of its own simulates ([`session`](crate::session)); between them lies the newest state ([`link`]),
+//! The main thread draws (`app`), one of its own simulates ([`session`]); between them lies the newest state (`link`),
 //! which is replaced, never waited for. A state is read for a picture only once the last one has been drawn, and at most 30 times a second:
 //! a slow picture makes fewer pictures, not slower steps. The window has a device of its own, so that its work does not stand in the queue
 //! of the simulation's.
