@@ -169,3 +169,48 @@ impl Drop for Screen {
         self.link.end();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::session::{self, Motion};
+    use crate::step::Platform;
+    use std::sync::mpsc::sync_channel;
+    use std::time::{Duration, Instant};
+
+    #[test]
+    fn a_window_that_draws_nothing_holds_no_step_up() {
+        let scene = crate::scene::incision().expect("the built-in scene").in_test_form();
+        let (sender, commands) = sync_channel(8);
+        let (link, interrupt) = (Arc::new(Link::default()), Arc::new(AtomicBool::new(false)));
+        let options = session::Options { platform: Platform::Cpu64, paused: false, interrupt: interrupt.clone() };
+        let shot = |what: &str| {
+            let begun = Instant::now();
+            loop {
+                match link.take_shot() {
+                    Some(shot) => break shot,
+                    None => assert!(begun.elapsed() < Duration::from_secs(120), "{what}"),
+                }
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        };
+        let mut screen = Screen::new(commands, link.clone());
+        std::thread::scope(|scope| {
+            let thread = scope.spawn(|| session::run(&scene, &options, &mut screen, Motion::default(), &mut || {}));
+            assert_eq!(shot("the beginning").figures.time_s, 0.0);
+            // nothing is drawn: no state is read for a picture, and the steps go on
+            std::thread::sleep(Duration::from_millis(600));
+            assert!(link.take_shot().is_none(), "a picture that nobody waits for");
+            sender.send((0, Command::Pause)).expect("a session that listens");
+            let stands = shot("the pause");
+            assert!(!stands.figures.playing && stands.figures.time_s > 4.5 * scene.time.step, "{:?}", stands.figures);
+            // drawn: the next one comes
+            link.is_drawn();
+            sender.send((0, Command::Play)).expect("a session that listens");
+            assert!(shot("the next").figures.time_s > stands.figures.time_s);
+            interrupt.store(true, Ordering::Release);
+            assert!(thread.join().expect("a session that does not panic").is_ok());
+        });
+        assert!(!link.has_ended(), "the screen is still there");
+    }
+}
