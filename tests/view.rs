@@ -155,6 +155,12 @@ mod window {
         let window = command.arg(&folder).env("DISPLAY", &screen.display).stdout(Stdio::piped()).spawn();
         let mut window = Running(window.expect("the program"));
         until("the patch is on the screen", || red(&screen.pixels()) > 0.1);
+        // without a driver there is no picture
+        let mut blind = cutis(&["view", "--backend", "cpu"]);
+        blind.env("DISPLAY", &screen.display).env("VK_DRIVER_FILES", "none").env("VK_ICD_FILENAMES", "none");
+        let said = blind.output().expect("the program");
+        let words = String::from_utf8_lossy(&said.stderr);
+        assert!(said.status.code() == Some(3) && words.contains("no usable GPU adapter"), "{words}");
         screen.act("search --sync --name cutis: windowfocus");
         let mut number = 0;
         let mut picture = || {
@@ -207,5 +213,13 @@ mod window {
         let mut said = String::new();
         BufReader::new(window.0.stdout.take().expect("its output")).read_line(&mut said).expect("a line");
         assert!(said.contains(" pictures in "), "{said}");
+        // closed by the one who watches: all is well
+        let mut command = cutis(&["view", "--backend", "cpu"]);
+        let window = command.env("DISPLAY", &screen.display).stdout(Stdio::null()).spawn().expect("the program");
+        let mut window = Running(window);
+        screen.act("search --sync --name cutis: windowfocus");
+        until("it draws", || red(&screen.pixels()) > 0.1);
+        screen.act("mousemove 500 300 key ctrl+q");
+        assert_eq!(window.0.wait().expect("an end").code(), Some(0));
     }
 }

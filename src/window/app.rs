@@ -267,6 +267,9 @@ impl App {
             self.state.hold(held);
         }
         self.state.saves |= save;
+        if ui.input(|i| i.modifiers.command && i.key_pressed(Key::Q)) {
+            ui.ctx().send_viewport_cmd(ViewportCommand::Close);
+        }
     }
 
     /// Saves the picture with its caption and bar.

@@ -23,7 +23,7 @@ use eframe::egui_wgpu::{WgpuError, WgpuSetup, WgpuSetupCreateNew};
 use eframe::{NativeOptions, egui, wgpu};
 use link::{Link, Screen};
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{channel, sync_channel};
 use std::sync::{Arc, PoisonError};
 use std::thread;
@@ -88,6 +88,8 @@ pub fn show(scene: &Scene, options: &Options) -> Result<Shown> {
             })
         });
         let simulates = simulates.map_err(|source| runner::Refused::Threads { source })?;
+        // however the window ends, the simulation ends with it
+        let ends = Ends(&options.session.interrupt);
         // a scene that cannot be prepared is said without a window
         let mut begun = Instant::now();
         let opened = match prepared.recv() {
@@ -103,13 +105,22 @@ pub fn show(scene: &Scene, options: &Options) -> Result<Shown> {
             seconds: begun.elapsed().as_secs_f64(),
             time_s: link.time(),
         };
-        options.session.interrupt.store(true, Ordering::Release);
+        drop(ends);
         let simulated = simulates.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic));
         opened?;
         simulated?;
         let fault = link.fault.lock().unwrap_or_else(PoisonError::into_inner).take();
         fault.map_or(Ok(shown), |message| Err(Failed::Device { message }.into()))
     })
+}
+
+/// Ends the session when it is dropped, be that by a panic of what draws.
+struct Ends<'a>(&'a AtomicBool);
+
+impl Drop for Ends<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Release);
+    }
 }
 
 /// Opens the window; returns once it is closed.
@@ -128,7 +139,15 @@ fn open(title: &str, start: app::Start) -> Result<()> {
     native.wgpu_options.wgpu_setup = WgpuSetup::CreateNew(setup);
     let made = eframe::run_native("cutis", native, Box::new(|context| Ok(Box::new(app::App::new(context, start)?))));
     made.map_err(|error| match error {
-        eframe::Error::Wgpu(WgpuError::CustomNativeAdapterSelectionError(found)) => {
+        eframe::Error::Wgpu(WgpuError::RequestDeviceError(error)) => {
+            Failed::Device { message: error.to_string() }.into()
+        }
+        // no driver, or none that draws on windows
+        eframe::Error::Wgpu(error) => {
+            let found = match error {
+                WgpuError::CustomNativeAdapterSelectionError(found) => found,
+                _ => "none".into(),
+            };
             Failed::NoAdapter { wanted: "an adapter that draws on this window".into(), found }.into()
         }
         // the last part says what is missing, the first ones where in the library

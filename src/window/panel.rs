@@ -221,7 +221,7 @@ pub fn overlays(ui: &Ui, rect: Rect, state: &State, bar: Option<&ColorBar>) {
             Some(_) => {
                 "; mouse moves, button cuts, wheel: depth, Q and E turn, right button turns the view, Esc releases"
             }
-            None => "; drag turns, wheel zooms; space plays, . steps, P saves a picture",
+            None => "; drag turns, wheel zooms; space plays, . steps, P saves a picture, Ctrl+Q ends",
         };
         label(rect.left_bottom() + vec2(14.0, -10.0), Align2::LEFT_BOTTOM, text, INK);
     }
