@@ -2,8 +2,8 @@
 //!
 //! A tile is 8×8 columns of cells over all z-levels. Its nodes are the 9×9 columns of their corners; nodes on a seam count for each
 //! adjacent tile. A body without cells is one tile, all of its nodes. The displacement of a point in a hexahedron is a weighted mean of
-//! those of its corners, so every point of a tile moves by a value between the two. A node with an infinite or NaN displacement is excluded and counted. A tile without any other node has its
-//! minimum above its maximum.
+//! those of its corners, so every point of a tile moves by a value between the two. A node with an infinite or NaN displacement is excluded
+//! and counted. A tile without any other node has its minimum above its maximum.
 //! Units: m.
 
 use super::{Params, Source};

@@ -1,12 +1,92 @@
-//! What the servers of the program share: the head of a request, and answers.
+//! What the servers of the program share: the thread that accepts connections, the head of a request, and answers.
 
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{Shutdown, TcpStream};
-use std::thread;
+use std::net::{Ipv4Addr, Ipv6Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
 /// Time that a peer has to state its request.
 pub const PATIENCE: Duration = Duration::from_secs(1);
+
+/// Time that accepting waits for a descriptor, or for a peer that is turned away to leave: others wait meanwhile.
+const SHORT: Duration = Duration::from_millis(4);
+
+/// Thread that accepts connections until this is dropped.
+pub struct Door {
+    address: SocketAddr,
+    stop: Arc<AtomicBool>,
+    thread: Option<JoinHandle<()>>,
+}
+
+impl Door {
+    /// Has each connection received by a thread of its own, `most` at once, and further ones refused. Those that receive end once `stop` is
+    /// set, which dropping does.
+    ///
+    /// # Errors
+    /// When the listener has no address or the system starts no thread.
+    pub fn open(
+        name: &str,
+        listener: TcpListener,
+        most: usize,
+        stop: &Arc<AtomicBool>,
+        receive: impl Fn(TcpStream, SocketAddr) -> io::Result<()> + Clone + Send + 'static,
+    ) -> io::Result<Self> {
+        let (address, inside) = (listener.local_addr()?, stop.clone());
+        let accepting = move || admit(&listener, most, &inside, &receive);
+        let thread = thread::Builder::new().name(name.into()).spawn(accepting)?;
+        Ok(Self { address, stop: stop.clone(), thread: Some(thread) })
+    }
+
+    /// Address that it listens at.
+    pub fn address(&self) -> SocketAddr {
+        self.address
+    }
+}
+
+impl Drop for Door {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Release);
+        // a connection wakes the thread that waits in accept
+        let port = self.address.port();
+        let own = match self.address {
+            SocketAddr::V4(_) => SocketAddr::from((Ipv4Addr::LOCALHOST, port)),
+            SocketAddr::V6(_) => SocketAddr::from((Ipv6Addr::LOCALHOST, port)),
+        };
+        let there = if self.address.ip().is_unspecified() { own } else { self.address };
+        TcpStream::connect_timeout(&there, PATIENCE).ok();
+        if let Some(thread) = self.thread.take() {
+            thread.join().ok();
+        }
+    }
+}
+
+fn admit<F>(listener: &TcpListener, most: usize, stop: &AtomicBool, receive: &F)
+where
+    F: Fn(TcpStream, SocketAddr) -> io::Result<()> + Clone + Send + 'static,
+{
+    let mut guests: Vec<JoinHandle<()>> = Vec::new();
+    while !stop.load(Ordering::Acquire) {
+        guests.retain(|guest| !guest.is_finished());
+        let Ok((mut stream, from)) = listener.accept() else {
+            // out of descriptors, for instance: one becomes free when a guest leaves
+            thread::sleep(SHORT);
+            continue;
+        };
+        if guests.len() >= most {
+            stream.set_read_timeout(Some(SHORT)).ok();
+            refuse(&mut stream, "503 Service Unavailable", "too many connections").ok();
+            continue;
+        }
+        let receive = receive.clone();
+        // if the handshake fails, closing the connection tells the peer
+        guests.extend(thread::Builder::new().spawn(move || drop(receive(stream, from))));
+    }
+    for guest in guests {
+        guest.join().ok();
+    }
+}
 
 /// First bytes of a connection up to the empty line, in lower case, left in the socket: whole, so that nobody waits for the rest of a
 /// handshake.

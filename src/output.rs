@@ -62,6 +62,7 @@ pub enum Failed {
 const ROWS_PER_FLUSH: usize = 64;
 
 /// VTK's numbers of the shapes that are written.
+const VERTEX: u8 = 1;
 const TRIANGLE: u8 = 5;
 const TETRAHEDRON: u8 = 10;
 const HEXAHEDRON: u8 = 12;
@@ -113,6 +114,12 @@ pub fn write_triangles(
     cell_data: &[(&str, Field)],
 ) -> Result<()> {
     write_cells(path, points, &[(TRIANGLE, 3, cells.as_flattened())], point_data, cell_data)
+}
+
+/// Writes points, each a cell of its own, to a `.vtu` file; otherwise as [`write_solids`].
+pub fn write_points(path: &Path, points: &[[f64; 3]], point_data: &[(&str, Field)]) -> Result<()> {
+    let ids: Vec<u32> = (0..points.len() as u32).collect();
+    write_cells(path, points, &[(VERTEX, 1, &ids)], point_data, &[])
 }
 
 /// Cells by VTK's number of their shape, their number of nodes and the nodes of all.

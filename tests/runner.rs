@@ -125,6 +125,27 @@ fn a_run_that_pauses_takes_that_much_longer() {
     assert!(said.contains("by the wall clock"), "{said}");
 }
 
+/// Not made up for, or all the steps after it would be late as well.
+#[test]
+fn a_late_step_puts_the_clock_back() {
+    let scene = probe();
+    let (mut runner, _) = held(&scene, Clock::Wall);
+    let (steps, busy) = (40, Duration::from_millis(120));
+    let begin = Instant::now();
+    for k in 0..steps {
+        if k == 3 {
+            std::thread::sleep(busy);
+        }
+        runner.step(false, &mut |_, _| Ok(())).expect("it runs");
+    }
+    let took = begin.elapsed();
+    let behind = Duration::from_secs_f64(runner.haptic().expect("a device").behind);
+    let step = Duration::from_secs_f64(scene.time.step);
+    assert!(behind + step >= busy, "{behind:?}");
+    assert!(took >= step * (steps - 1) + behind, "{took:?}, {behind:?} behind");
+    assert!(runner.haptic().is_some_and(|counts| counts.late_steps >= 1));
+}
+
 #[test]
 fn a_run_goes_on_from_its_state_with_its_hands() {
     let mut scene = probe();

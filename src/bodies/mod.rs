@@ -43,6 +43,7 @@ use crate::scene::{Anchor, Law, Layer, MOST_NODES, Mass, Region, Scene, Skin};
 use cpu::System;
 use gpu::{Maker, Recorded};
 use grid::Hexahedra;
+use rayon::prelude::*;
 use springs::Springs;
 use tetrahedra::Tetrahedra;
 
@@ -132,6 +133,19 @@ pub trait Mechanics {
     /// Green–Lagrange strain and Cauchy stress, Pa, at a place of a cell (natural coordinates, 0 to 1) for the displacements of its corners,
     /// m. Springs have no stress: it is 0.
     fn strain_and_stress(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], at: [f64; 3]) -> [M3<f64>; 2];
+    /// `[cell]`, or `[tetrahedron]` of a mesh: Green–Lagrange strain and Cauchy stress, Pa, in the middle, at displacements `u`, `[node]` m;
+    /// those of removed cells are 0.
+    fn strains_and_stresses(&self, model: &Model, wound: &Wound, u: &[V4<f64>]) -> Vec<[M3<f64>; 2]> {
+        let surface = &wound.surface;
+        let of_cell = |cell: usize| {
+            if !surface.alive[cell] {
+                return [M3::zero(); 2];
+            }
+            let u = surface.parts.corners(cell).map(|node| V3::from4(u[node]));
+            model.mechanics().strain_and_stress(model, cell, &u, [0.5; 3])
+        };
+        (0..surface.alive.len()).into_par_iter().map(of_cell).collect()
+    }
     /// Share of a present cell's links to its neighbours that are intact, 0 to 1; of the springs in it for springs.
     fn alive_share(&self, _model: &Model, wound: &Wound, cell: usize) -> f64 {
         wound.surface.linked_share(cell)

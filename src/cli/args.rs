@@ -34,7 +34,7 @@ pub enum Command {
     /// Run a scene: report.json, tables, pictures and meshes (the default)
     ///
     /// Steps the scene to its end, writes DIR/report.json, probes.csv, solver.csv, energy.csv, contacts.csv, haptic.csv,
-    /// frames/*.png, volume.pvd, surface.pvd and tools.pvd, and evaluates the scene's [check] table: a failed check is exit status 1.
+    /// frames/*.png, volume.pvd, surface.pvd, tools.pvd and contacts.pvd, and evaluates the scene's [check] table: a failed check is exit status 1.
     Run(Run),
     /// Run a scene on the GPU and on the CPU path and list the differences
     ///

@@ -68,11 +68,14 @@ fn ticks(r: &Report) -> String {
     let Some(missed) = h.missed else { return String::new() };
     let us = |value: Option<f64>| value.map_or("no".into(), |v| format!("{v:.0}"));
     format!(
-        "haptic loop at {} Hz: 99 of 100 periods within {} µs and ticks within {} µs, {missed} deadlines missed; largest force {:.3} N, \
-         change in a tick {:.3} N\n",
+        "haptic loop at {} Hz: 99 of 100 periods within {} µs and ticks within {} µs, {missed} deadlines missed; {} of {} steps late, \
+         {:.1} % of the ticks with an old problem; largest force {:.3} N, change in a tick {:.3} N\n",
         h.rate_hz,
         us(h.period_us.p99),
         us(h.tick_us.p99),
+        h.late_steps.unwrap_or(0),
+        r.steps,
+        h.old_share * 100.0,
         h.force_n_max,
         h.force_jump_n_max
     )

@@ -44,7 +44,9 @@ pub struct Counts {
     pub lost: u64,
     /// Ticks with a non-finite force; none is applied then.
     pub non_finite: u64,
-    /// Ticks with a problem that was too old.
+    /// Ticks with a problem older than two steps, its age when every step takes its time.
+    pub old: u64,
+    /// Ticks with a problem so old that the force fades.
     pub late: u64,
     /// Ticks with a problem from before a cut.
     pub stale: u64,

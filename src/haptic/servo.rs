@@ -236,7 +236,7 @@ impl Servo {
         // output and counters
         let before = self.wrench.force;
         let clamped = self.output(gain);
-        self.count(problem, signs, clamped);
+        self.count(problem, age, signs, clamped);
         let jump = (self.wrench.force - before).length();
         self.counts.jump_max = self.counts.jump_max.max(jump);
         if cut {
@@ -327,11 +327,12 @@ impl Servo {
         clamped
     }
 
-    fn count(&mut self, problem: &Problem, signs: Signs, clamped: bool) {
+    fn count(&mut self, problem: &Problem, age: f64, signs: Signs, clamped: bool) {
         let counts = &mut self.counts;
         counts.ticks += 1;
         counts.sweeps_max = counts.sweeps_max.max(self.rendered.sweeps);
         counts.out_of_time += u64::from(self.rendered.out_of_time);
+        counts.old += u64::from(age > 2.0 * self.settings.step + self.settings.tick);
         counts.late += u64::from(signs.late);
         counts.lost += u64::from(signs.lost);
         counts.stale += u64::from(problem.reduced.epoch < problem.announced);

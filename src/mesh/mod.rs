@@ -16,5 +16,5 @@ pub use grid::Grid;
 pub use parts::{Change, FRAGMENT, Parts};
 pub use point::{MaterialPoint, trilinear};
 pub use surface::{Edges, Surface};
-pub use tetrahedra::PAIRS;
+pub use tetrahedra::{PAIRS, PER_CELL};
 pub use unstructured::Unstructured;

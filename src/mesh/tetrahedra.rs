@@ -5,7 +5,7 @@ use super::{Grid, Unstructured};
 use crate::kernels::corner;
 
 /// Tetrahedra per cell.
-const PER_CELL: usize = 6;
+pub const PER_CELL: usize = 6;
 
 /// Tetrahedra of a cell by the cell's corners: each goes from the first corner to the opposite one along the axes in one of their six
 /// orders.

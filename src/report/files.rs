@@ -1,8 +1,9 @@
 //! The folder of a run: tables, meshes for ParaView, pictures, the report.
 //!
 //! ```text
-//! report.json   probes.csv   solver.csv   energy.csv   contacts.csv   haptic.csv   hand_TOOL.csv   volume.pvd   surface.pvd   checkpoint.bin   cutis-files.txt
-//! tools.pvd   frames/frame_0001.png …   vtu/volume_0001.vtu …   vtu/surface_0001.vtu …   vtu/tools_0001.vtu …   surface/surface_0001.glb …
+//! report.json   probes.csv   solver.csv   energy.csv   contacts.csv   haptic.csv   hand_TOOL.csv   checkpoint.bin   cutis-files.txt
+//! volume.pvd   surface.pvd   tools.pvd   contacts.pvd   frames/frame_0001.png …   vtu/volume_0001.vtu …   vtu/surface_0001.vtu …   vtu/tools_0001.vtu …
+//! vtu/contacts_0001.vtu …   surface/surface_0001.glb …
 //! ```
 //! A killed run leaves every file readable; report.json is then that of the last picture. A run that ends with an error leaves the report
 //! of the completed steps, including the error; `reserve.bin` keeps room for it on a disk that has none left.
@@ -29,9 +30,8 @@ pub(super) const CHECKPOINT: &str = "checkpoint.bin";
 pub(super) struct Folder {
     pub listing: Listing,
     pub tables: Tables,
-    volume: Series,
-    surface: Series,
-    tools: Series,
+    /// In the order of [`KINDS`].
+    series: [Series; 4],
     frame_count: u32,
 }
 
@@ -41,14 +41,20 @@ pub(super) struct Written {
     tables: Marks,
     /// Number of pictures.
     frames: u32,
-    /// Entries of the `.pvd` files.
-    volume: String,
-    surface: String,
-    tools: String,
+    /// Entries of the `.pvd` files, in the order of [`KINDS`].
+    series: [String; 4],
+}
+
+/// Series of meshes: `KIND.pvd` and `vtu/KIND_0001.vtu` ….
+const KINDS: [&str; 4] = ["volume", "surface", "tools", "contacts"];
+
+/// Empty series in a folder.
+fn series(listing: &Listing) -> [Series; 4] {
+    KINDS.map(|kind| Series::new(listing.path(&format!("{kind}.pvd"))))
 }
 
 /// Files of a run that have no number.
-const FIXED: [&str; 11] = [
+const FIXED: [&str; 12] = [
     CHECKPOINT,
     "report.json",
     RESERVE,
@@ -60,6 +66,7 @@ const FIXED: [&str; 11] = [
     "volume.pvd",
     "surface.pvd",
     "tools.pvd",
+    "contacts.pvd",
 ];
 /// Room kept for the report.
 const RESERVE: &str = "reserve.bin";
@@ -73,6 +80,7 @@ fn number(name: &str) -> Option<u32> {
         ("vtu/volume_", ".vtu"),
         ("vtu/surface_", ".vtu"),
         ("vtu/tools_", ".vtu"),
+        ("vtu/contacts_", ".vtu"),
         ("surface/surface_", ".glb"),
         ("surface/surface_", ".obj"),
         ("surface/surface_", ".stl"),
@@ -106,14 +114,7 @@ impl Folder {
     /// Removes the files of an earlier run and starts the tables.
     pub fn create(mut listing: Listing, scene: &Scene) -> Result<Self> {
         listing.remove(of_runs)?;
-        Ok(Self {
-            tables: Tables::create(&mut listing, scene)?,
-            volume: Series::new(listing.path("volume.pvd")),
-            surface: Series::new(listing.path("surface.pvd")),
-            tools: Series::new(listing.path("tools.pvd")),
-            frame_count: 0,
-            listing,
-        })
+        Ok(Self { tables: Tables::create(&mut listing, scene)?, series: series(&listing), frame_count: 0, listing })
     }
 
     /// Checks that a folder belongs to the run with these positions.
@@ -126,15 +127,13 @@ impl Folder {
         listing.remove(|name| number(name).is_some_and(|number| number > written.frames))?;
         let mut folder = Self {
             tables: Tables::reopen(&mut listing, scene, &written.tables)?,
-            volume: Series::new(listing.path("volume.pvd")),
-            surface: Series::new(listing.path("surface.pvd")),
-            tools: Series::new(listing.path("tools.pvd")),
+            series: series(&listing),
             frame_count: written.frames,
             listing,
         };
-        folder.volume.resume(written.volume.clone())?;
-        folder.surface.resume(written.surface.clone())?;
-        folder.tools.resume(written.tools.clone())?;
+        for (series, entries) in folder.series.iter_mut().zip(&written.series) {
+            series.resume(entries.clone())?;
+        }
         Ok(folder)
     }
 
@@ -154,9 +153,7 @@ impl Folder {
         Ok(Written {
             tables: self.tables.marks()?,
             frames: self.frame_count,
-            volume: self.volume.entries().into(),
-            surface: self.surface.entries().into(),
-            tools: self.tools.entries().into(),
+            series: self.series.each_ref().map(|series| series.entries().into()),
         })
     }
 
@@ -174,17 +171,22 @@ impl Folder {
         let fields = meshes::CellFields::new(scene, simulation, state);
         let picture = self.listing.add(&format!("frames/frame_{number:04}.png"))?;
         frames::write(scene, simulation, &skin, step, &picture)?;
-        let mut kinds = vec![(&mut self.volume, "volume"), (&mut self.surface, "surface")];
-        if scene.tools.iter().any(|tool| !tool.mesh.triangles.is_empty()) {
-            kinds.push((&mut self.tools, "tools"));
-        }
-        for (series, kind) in kinds {
+        for (series, kind) in self.series.iter_mut().zip(KINDS) {
+            let is_there = match kind {
+                "tools" => scene.tools.iter().any(|tool| !tool.mesh.triangles.is_empty()),
+                "contacts" => scene.contact.is_some(),
+                _ => true,
+            };
+            if !is_there {
+                continue;
+            }
             let name = format!("vtu/{kind}_{number:04}.vtu");
             let path = self.listing.add(&name)?;
             match kind {
                 "volume" => meshes::write_volume(&path, simulation, state, &fields)?,
                 "surface" => meshes::write_surface(&path, scene, &skin, &fields)?,
-                _ => meshes::write_tools(&path, scene, simulation)?,
+                "tools" => meshes::write_tools(&path, scene, simulation)?,
+                _ => meshes::write_contacts(&path, step)?,
             }
             self.listing.add(&format!("{kind}.pvd"))?;
             series.add(step.time, &name)?;

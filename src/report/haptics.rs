@@ -103,6 +103,8 @@ impl HapticFiles {
 /// Report of the servos' counters (sums of counts, maxima of magnitudes) and of the timing, if measured.
 pub(super) fn report(counted: &HapticCounts) -> HapticReport {
     let mut r = HapticReport { rate_hz: counted.rate, ..HapticReport::default() };
+    let ticks: u64 = counted.servos.iter().map(|c| c.ticks).sum();
+    r.old_share = counted.servos.iter().map(|c| c.old).sum::<u64>() as f64 / ticks.max(1) as f64;
     for c in &counted.servos {
         r.force_n_max = r.force_n_max.max(c.force_max);
         r.sweeps_max = r.sweeps_max.max(c.sweeps_max);
@@ -120,7 +122,7 @@ pub(super) fn report(counted: &HapticCounts) -> HapticReport {
         r.energy_uncontrolled_j = r.energy_uncontrolled_j.max(c.energy_uncontrolled);
         r.energy_damped_j += c.energy_damped;
     }
-    counted.timing.iter().for_each(|timing| timed(&mut r, timing, counted.late_steps));
+    counted.timing.iter().for_each(|timing| timed(&mut r, timing, counted));
     r
 }
 
@@ -136,7 +138,7 @@ pub(super) fn lost(counted: &HapticCounts) -> u64 {
 }
 
 /// Adds the timing.
-fn timed(r: &mut HapticReport, timing: &Timing, late_steps: u64) {
+fn timed(r: &mut HapticReport, timing: &Timing, counted: &HapticCounts) {
     let spread = |h: &crate::haptic::histogram::Histogram, unit: f64| Periods {
         p50: h.quantile(0.5).map(|v| v * unit),
         p99: h.quantile(0.99).map(|v| v * unit),
@@ -149,5 +151,6 @@ fn timed(r: &mut HapticReport, timing: &Timing, late_steps: u64) {
     r.missed = Some(timing.missed);
     r.records_lost = Some(timing.lost);
     r.device_faults = Some(timing.faults);
-    r.late_steps = Some(late_steps);
+    r.late_steps = Some(counted.late_steps);
+    r.behind_ms = Some(counted.behind * 1e3);
 }

@@ -237,8 +237,12 @@ pub struct HapticReport {
     pub records_lost: Option<u64>,
     /// Faults of the devices: unusable messages, lost connections.
     pub device_faults: Option<u64>,
-    /// Steps that began late.
+    /// Steps that began more than a tick late.
     pub late_steps: Option<u64>,
+    /// Time by which the scene fell behind the wall clock because of them, ms.
+    pub behind_ms: Option<f64>,
+    /// Share of the ticks whose contact problem was older than two steps: than it gets when no step takes longer than its time.
+    pub old_share: f64,
     /// Largest number of Gauss–Seidel sweeps in a tick.
     pub sweeps_max: u32,
     /// Ticks whose time budget for sweeps was used up.

@@ -7,10 +7,10 @@ use crate::error::Result;
 use crate::formats::{self, Encoding, Format, Mesh};
 use crate::math::V3;
 use crate::mesh::Unstructured;
-use crate::output::{Field, replace, write_solids, write_triangles};
+use crate::output::{Field, replace, write_points, write_solids, write_triangles};
 use crate::scene::{Component, OutputField, Scene, SurfaceFormat};
-use crate::step::{Body, Simulation};
-use rayon::prelude::*;
+use crate::step::{Body, ContactPoint, Simulation, StepReport};
+use glam::DVec3;
 use std::path::Path;
 
 /// Fields of the cells that the scene asks for; those that it does not ask for are empty.
@@ -42,9 +42,11 @@ impl CellFields {
         let of_body = |(body, state): (&Body, &Snapshot)| {
             let mut own = OfBody::default();
             if stress || strain {
-                let [e, s] = tensors(body, state);
-                own.von_mises = s.iter().map(|s| Component::VonMises.of(*s)).collect();
-                (own.strain, own.stress) = (e.into_iter().map(six).collect(), s.into_iter().map(six).collect());
+                let all = body.model.mechanics().strains_and_stresses(&body.model, &body.wound, &state.u);
+                // symmetric: columns are rows
+                let tensors = |k: usize| all.iter().map(move |own| own[k].0.map(V3::f64));
+                own.von_mises = tensors(1).map(|s| Component::VonMises.of(s)).collect();
+                (own.strain, own.stress) = (tensors(0).map(six).collect(), tensors(1).map(six).collect());
             }
             if alive {
                 let (model, wound) = (&body.model, &body.wound);
@@ -109,22 +111,6 @@ impl Picked {
         }
         out
     }
-}
-
-/// `[cell]` Green–Lagrange strain and Cauchy stress, Pa, in the middle of each cell.
-fn tensors(body: &Body, state: &Snapshot) -> [Vec<[[f64; 3]; 3]>; 2] {
-    let (model, surface) = (&body.model, &body.wound.surface);
-    let of_cell = |cell: usize| {
-        if !surface.alive[cell] {
-            return [[[0.0; 3]; 3]; 2];
-        }
-        let u = surface.parts.corners(cell).map(|node| V3::from4(state.u[node]));
-        let found = model.mechanics().strain_and_stress(model, cell, &u, [0.5; 3]);
-        found.map(|tensor| tensor.0.map(V3::f64)) // symmetric: columns are rows
-    };
-    let all: Vec<_> = (0..surface.alive.len()).into_par_iter().map(of_cell).collect();
-    let (strain, stress) = all.into_iter().map(|[strain, stress]| (strain, stress)).unzip();
-    [strain, stress]
 }
 
 fn six(t: [[f64; 3]; 3]) -> [f64; 6] {
@@ -243,6 +229,26 @@ pub(super) fn write_tools(path: &Path, scene: &Scene, simulation: &Simulation) -
         points.extend(positions);
     }
     write_triangles(path, &points, &triangles, &[], &[("body", Field::Scalars(&bodies))])
+}
+
+/// Points of the step's contacts, also those without a force, with what is known of each; an arrow along `force_n` is the force on the first
+/// body. `kind` is 0 for a contact, 1 for a blade's edge, 2 for an attachment, 3 for one along a path.
+pub(super) fn write_contacts(path: &Path, step: &StepReport) -> Result<()> {
+    let all: Vec<ContactPoint> = step.contact.points().collect();
+    let vectors = |of: fn(&ContactPoint) -> DVec3| all.iter().map(|p| of(p).to_array()).collect::<Vec<_>>();
+    let kinds: Vec<f64> = all.iter().map(|p| f64::from(p.kind as u8)).collect();
+    let gaps: Vec<f64> = all.iter().map(|p| p.gap).collect();
+    write_points(
+        path,
+        &vectors(|p| p.point),
+        &[
+            ("force_n", Field::Vectors(&vectors(|p| p.force))),
+            ("normal", Field::Vectors(&vectors(|p| p.normal))),
+            ("slip_m", Field::Vectors(&vectors(|p| p.slip))),
+            ("gap_m", Field::Scalars(&gaps)),
+            ("kind", Field::Scalars(&kinds)),
+        ],
+    )
 }
 
 /// The surface of the deformable bodies in another format, m; glTF has the colours of the pictures, and the tools.

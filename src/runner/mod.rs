@@ -64,6 +64,8 @@ pub struct HapticCounts {
     pub timing: Option<Timing>,
     /// Steps that began more than a tick late.
     pub late_steps: u64,
+    /// Time by which the scene fell behind the wall clock for that, s.
+    pub behind: f64,
 }
 
 /// See the module.

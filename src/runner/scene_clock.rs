@@ -81,7 +81,13 @@ impl SceneClock {
     /// Counts of the servos; none if no hand holds a tool.
     pub fn counts(&self) -> Option<HapticCounts> {
         let servos: Vec<_> = self.channels.iter().map(|(channel, _)| channel.servo.counts()).collect();
-        (!servos.is_empty()).then_some(HapticCounts { rate: self.rate, servos, timing: None, late_steps: 0 })
+        (!servos.is_empty()).then_some(HapticCounts {
+            rate: self.rate,
+            servos,
+            timing: None,
+            late_steps: 0,
+            behind: 0.0,
+        })
     }
 
     /// State of servos and devices.

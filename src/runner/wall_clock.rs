@@ -1,6 +1,7 @@
 //! Haptic loop by the wall clock: one thread per device, the simulation paced by the same clock.
 //!
-//! Step k begins `k h` after the start, or at once if that has passed; a step that begins more than a tick late is counted. At its start
+//! Step k begins `k h` after the start, or at once if that has passed. Up to a tick is made up for; if a step begins more than a tick late,
+//! it is counted and the scene falls behind the wall clock by that time: a long step delays no step but the next. At its start
 //! the tools follow their hands from the pose of the last step's start, so that no motion is lost. At its end its contact problems go to
 //! the servos, with the time of the hand poses that they are based on.
 
@@ -33,6 +34,8 @@ pub(super) struct WallClock {
     start: Instant,
     rate: f64,
     late_steps: u64,
+    /// Time by which the scene fell behind the wall clock, s.
+    behind: f64,
     /// Time of the last reading of the hands, s.
     seen: f64,
     /// Total time of pauses, s, and the start of the present one.
@@ -63,6 +66,7 @@ impl WallClock {
             start: Instant::now(),
             rate: scene.haptic.rate,
             late_steps: 0,
+            behind: 0.0,
             seen: 0.0,
             paused: 0.0,
             pausing: None,
@@ -92,7 +96,7 @@ impl WallClock {
     /// Waits until the step from `begin` to `end` (scene time, s) may start, or until the run is interrupted; moves the tools to their hands.
     pub fn before_step(&mut self, simulation: &mut Simulation, begin: f64, end: f64) {
         self.paused += self.pausing.take().map_or(0.0, |since| since.elapsed().as_secs_f64());
-        let due = begin + self.paused;
+        let due = begin + self.paused + self.behind;
         while !self.interrupt.load(Ordering::Acquire) {
             let left = due - self.start.elapsed().as_secs_f64();
             if left <= 0.0 {
@@ -101,7 +105,11 @@ impl WallClock {
             sleep(Duration::from_secs_f64(left.min(SLICE)));
         }
         self.seen = self.start.elapsed().as_secs_f64();
-        self.late_steps += u64::from(self.seen > due + 1.0 / self.rate);
+        let late = self.seen - due;
+        if late > 1.0 / self.rate {
+            self.late_steps += 1;
+            self.behind += late;
+        }
         for (thread, tool) in self.threads.iter_mut().zip(&mut simulation.tools) {
             let felt = thread.cells.felt.read();
             tool.follow((felt.hand.position, felt.hand.rotation), begin, end);
@@ -149,7 +157,7 @@ impl WallClock {
             Some((timing, counts)) => (Some(timing.clone()), counts.clone()),
             None => (None, self.threads.iter_mut().map(|thread| thread.cells.felt.read().counts).collect()),
         };
-        HapticCounts { rate: self.rate, servos, timing, late_steps: self.late_steps }
+        HapticCounts { rate: self.rate, servos, timing, late_steps: self.late_steps, behind: self.behind }
     }
 }
 

@@ -7,18 +7,17 @@
 use super::Refused;
 use super::wire::LONGEST;
 use crate::error::Result;
-use crate::http::{self, PATIENCE};
+use crate::http::{self, Door, PATIENCE};
 use crate::scene::TRAJECTORY_COLUMNS;
 use crate::session::audience::{MOST_COMMANDS, Motion, lock};
 use crate::session::command::Command;
 use std::collections::VecDeque;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, ErrorKind};
-use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
 use std::sync::{Arc, Mutex};
-use std::thread::{self, JoinHandle};
 use std::time::Duration;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Message, WebSocket};
@@ -66,7 +65,7 @@ struct Guest {
 
 struct Shared {
     token: Option<String>,
-    stop: AtomicBool,
+    stop: Arc<AtomicBool>,
     commands: SyncSender<(u64, Command)>,
     rooms: Mutex<Rooms>,
     motion: Motion,
@@ -83,10 +82,9 @@ struct Rooms {
 
 /// Server that runs until it is dropped.
 pub struct Hub {
-    address: SocketAddr,
+    door: Door, // first: the threads of the pages end before what they use
     shared: Arc<Shared>,
     commands: Receiver<(u64, Command)>,
-    door: Option<JoinHandle<()>>,
 }
 
 /// 128 random bits by the keys that the standard library takes from the system.
@@ -103,25 +101,25 @@ impl Hub {
     pub fn start(wanted: SocketAddr) -> Result<Self> {
         let refused = |source: io::Error| Refused::Port { address: wanted, source };
         let listener = TcpListener::bind(wanted).map_err(refused)?;
-        let address = listener.local_addr().map_err(refused)?;
         let (sender, commands) = sync_channel(MOST_COMMANDS);
         let shared = Arc::new(Shared {
             token: (!wanted.ip().is_loopback()).then(token),
-            stop: AtomicBool::new(false),
+            stop: Arc::default(),
             commands: sender,
             rooms: Mutex::default(),
             motion: Motion::default(),
         });
         let inside = shared.clone();
-        let door = thread::Builder::new().name("serve".into()).spawn(move || admit(&listener, &inside));
-        Ok(Self { address, shared, commands, door: Some(door.map_err(refused)?) })
+        let receive = move |stream, _| inside.receive(stream);
+        let door = Door::open("serve", listener, MOST_GUESTS, &shared.stop, receive).map_err(refused)?;
+        Ok(Self { door, shared, commands })
     }
 
     /// Address for a browser, with the token where one is needed.
     pub fn url(&self) -> String {
         match &self.shared.token {
-            None => format!("http://{}/", self.address),
-            Some(token) => format!("http://{}/?token={token}", self.address),
+            None => format!("http://{}/", self.door.address()),
+            Some(token) => format!("http://{}/?token={token}", self.door.address()),
         }
     }
 
@@ -162,48 +160,6 @@ impl Hub {
     /// Motion of the hands, which `/motion.csv` answers.
     pub fn motion(&self) -> Motion {
         self.shared.motion.clone()
-    }
-}
-
-impl Drop for Hub {
-    fn drop(&mut self) {
-        self.shared.stop.store(true, Ordering::Release);
-        // a connection wakes the thread that waits in accept
-        let port = self.address.port();
-        let own = match self.address {
-            SocketAddr::V4(_) => SocketAddr::from((Ipv4Addr::LOCALHOST, port)),
-            SocketAddr::V6(_) => SocketAddr::from((Ipv6Addr::LOCALHOST, port)),
-        };
-        let there = if self.address.ip().is_unspecified() { own } else { self.address };
-        TcpStream::connect_timeout(&there, PATIENCE).ok();
-        if let Some(door) = self.door.take() {
-            door.join().ok();
-        }
-    }
-}
-
-/// Accepts connections and starts a thread for each.
-fn admit(listener: &TcpListener, shared: &Arc<Shared>) {
-    let mut threads: Vec<JoinHandle<()>> = Vec::new();
-    while !shared.stopped() {
-        threads.retain(|guest| !guest.is_finished());
-        let Ok((mut stream, _)) = listener.accept() else {
-            // out of descriptors, for instance: one becomes free when a page leaves
-            thread::sleep(SLICE);
-            continue;
-        };
-        if threads.len() >= MOST_GUESTS {
-            // the others wait in line meanwhile
-            stream.set_read_timeout(Some(SLICE)).ok();
-            http::refuse(&mut stream, "503 Service Unavailable", "too many connections").ok();
-            continue;
-        }
-        let inside = shared.clone();
-        // if the handshake fails, closing the connection tells the page
-        threads.extend(thread::Builder::new().spawn(move || drop(inside.receive(stream))));
-    }
-    for thread in threads {
-        thread.join().ok();
     }
 }
 

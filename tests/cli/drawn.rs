@@ -92,6 +92,15 @@ fn contact_points_add_up_to_the_force_of_the_probes() -> Outcome {
         ensure!(gap.abs() < 1e-3 && number(row, "slip_x_mm").abs() < 0.1, "{row:?}");
         ensure!(vector(row, FORCE).dot(normal) > 0.0, "a contact pulls: {row:?}");
     }
+    // the points of a picture are the rows of its time, with those that bear no force
+    let at =
+        |time: &str| contacts.iter().filter(|row| row["time_s"] == time).map(|row| vector(row, FORCE)).sum::<DVec3>();
+    let (points, series) = (saved(&work, "out/vtu/contacts_0002.vtu")?, work.read("out/contacts.pvd")?);
+    let time = series.lines().find(|line| line.contains("contacts_0002")).and_then(|line| line.split('"').nth(1));
+    let forces = array(&points, "force_n")?.chunks_exact(3).map(DVec3::from_slice);
+    let (sum, wanted) = (forces.sum::<DVec3>(), at(time.ok_or("no time")?));
+    ensure!(wanted.length() > 1e-3 && (sum - wanted).length() < 1e-9 * wanted.length(), "{sum} N, {wanted} N");
+    ensure!(points.points.iter().all(|p| (p[2] - 2e-3).abs() < 2e-3), "{:?}", points.points);
     // the counter-test
     let changed = number(&contacts[1], "force_z_n") * (1.0 + 1e-9);
     contacts[1].insert("force_z_n".into(), format!("{changed}"));

@@ -157,7 +157,7 @@ fn a_cut_off_file_is_noticed() -> Outcome {
     let work = Work::with(super::work::PRESS)?;
     work.json(&["run", "scene.toml", "--backend", "cpu", "--json"], 0)?;
     let out = work.path("out");
-    ensure!(read_back(&out)? == [5, 6], "{:?}", read_back(&out)?);
+    ensure!(read_back(&out)? == [5, 8], "{:?}", read_back(&out)?);
     let files = [
         "report.json",
         "probes.csv",
@@ -190,6 +190,6 @@ fn a_run_that_overflows_ends_with_what_it_has() -> Outcome {
     let report: serde_json::Value = serde_json::from_str(&work.read("out/report.json")?).map_err(|e| e.to_string())?;
     ensure!(report["steps"] == 3 && report["contact_force_n_max"].as_f64() > Some(0.01), "{report}");
     ensure!(report["error"].as_str().is_some_and(|e| said.err.contains(e)), "{report}");
-    ensure!(read_back(&work.path("out"))? == [3, 3], "{:?}", read_back(&work.path("out"))?);
+    ensure!(read_back(&work.path("out"))? == [3, 4], "{:?}", read_back(&work.path("out"))?);
     Ok(())
 }

@@ -75,5 +75,9 @@ for mesh in gltf.meshes:
 tools = meshio.read(FOLDER / "vtu/tools_0002.vtu")
 if len(tools.get_cells_type("triangle")) != 4:
     wrong("tools", "triangles", len(tools.get_cells_type("triangle")), 4)
+contacts = meshio.read(FOLDER / "vtu/contacts_0002.vtu")
+force = contacts.point_data["force_n"]
+if len(contacts.points) == 0 or force.shape != contacts.points.shape or not force[:, 2].sum() > 0:
+    wrong("contacts", "force", force, "one that lifts the tip")
 print(f"{len(hexahedra)} hexahedra, {len(triangles)} triangles, volume {wanted.volume:.6g} m3")
 print("all agree")

@@ -4,9 +4,9 @@ use super::Case;
 use super::setup::{block, displaced, measured, model, scene, times};
 use super::skin_block::{Grid, POINTS, on_grid, static_answer};
 use cutis::bodies::tetrahedra::operator::Arrays;
-use cutis::bodies::{Kind, Model};
+use cutis::bodies::{Kind, Model, Wound};
 use cutis::math::rotation_matrix;
-use cutis::math::{V3, V4};
+use cutis::math::{M3, V3, V4};
 use cutis::scene::Element::{self, PlainTetra, Tetra};
 use cutis::scene::Preconditioner;
 use cutis::step::Platform;
@@ -18,6 +18,8 @@ pub const CASES: &[Case] = &[
     ("products_of_tetrahedra_are_the_change_of_linear_forces", products),
     ("blocks_of_tetrahedra_are_those_of_the_product", blocks),
     ("rotated_tetrahedra_have_rotated_forces", rotated),
+    ("stress_of_tetrahedra_is_that_of_their_material", of_material),
+    ("stress_of_tetrahedra_balances_their_forces", balanced),
 ];
 
 /// Error of the centre displacement at ν 0.45, 0.49, 0.499, %, computed outside this project.
@@ -170,5 +172,52 @@ fn rotated() {
         }
         // counter-test: the small-strain law resists
         assert!(scale(&forces(a, &turned, false)) > 10.0 * scale(&f));
+    }
+}
+
+/// E 50 kPa, ν 0.45.
+const LAME: [f64; 2] = [155_172.413_793_103_4, 17_241.379_310_344_83];
+
+/// Uniform strain, turned: `λ tr ε + 2 μ ε`, turned.
+fn of_material() {
+    let strain = M3::of_rows([[0.01, 0.003, 0.0], [0.003, 0.02, 0.004], [0.0, 0.004, -0.015]]);
+    let stress = M3::identity() * (LAME[0] * strain.trace()) + strain * (2.0 * LAME[1]);
+    for (element, corotational) in [(Tetra, false), (Tetra, true), (PlainTetra, false), (PlainTetra, true)] {
+        let model = body(element, corotational);
+        let r = if corotational { rotation_matrix([0.48, -0.36, 0.0, 0.8]) } else { M3::identity() };
+        let gradient = r * (M3::identity() + strain) - M3::identity();
+        let u = displaced(&model, |x| (gradient * V3::of(x)).f64()).u;
+        let most = (stress.dot(stress)).sqrt();
+        let off = |wanted: M3<f64>| {
+            let all = model.mechanics().strains_and_stresses(&model, &Wound::new(&model), &u);
+            assert_eq!(all.len(), model.grid.cell_count());
+            let off = |own: &[M3<f64>; 2]| (own[1] - wanted).dot(own[1] - wanted).sqrt() / most;
+            all.iter().map(off).fold(0.0, f64::max)
+        };
+        let found = off(r * stress * r.transpose());
+        measured(&format!("{element:?} corotational {corotational} stress"), found, 0.0);
+        assert!(found < 1e-9, "{element:?} corotational {corotational}: {found:e}");
+        // counter-test: not turned, or without the strain's volume
+        let other = if corotational { stress } else { strain * (2.0 * LAME[1]) };
+        assert!(off(other) > 0.1);
+    }
+}
+
+/// Any displacements: `Σ V σ = Σ f ⊗ x`, of small strains.
+fn balanced() {
+    for element in [Tetra, PlainTetra] {
+        let model = body(element, false);
+        let (a, u) = (arrays(&model), wavy(&model));
+        let virial = |f: &[V4<f64>]| {
+            f.iter().zip(&model.rest).fold(M3::zero(), |sum, (f, x)| sum + V3::from4(*f).outer(V3::of(*x)))
+        };
+        let wanted = virial(&forces(a, &u, false));
+        let stress = a.strains_and_stresses(&u, false);
+        let sum = stress.iter().zip(&a.volume).fold(M3::zero(), |sum, (own, [volume, _])| sum + own[1] * *volume);
+        let off = |sum: M3<f64>| (sum - wanted).dot(sum - wanted).sqrt() / wanted.dot(wanted).sqrt();
+        assert!(off(sum) < 1e-12, "{element:?}: {:e}", off(sum));
+        // counter-test: the last tetrahedron's is missing
+        let last = stress[stress.len() - 1][1] * a.volume[stress.len() - 1][0];
+        assert!(off(sum - last) > 1e-4);
     }
 }

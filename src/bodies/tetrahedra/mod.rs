@@ -21,10 +21,8 @@ use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, V3, V4};
-use crate::mesh::Grid;
-use crate::scene::{
-    Element, Integrator, Law, Layer, Mass, OutputField, PRECONDITIONER, Preconditioner, ProbeKind, Scene,
-};
+use crate::mesh::{Grid, PER_CELL};
+use crate::scene::{Element, Integrator, Law, Layer, Mass, PRECONDITIONER, Preconditioner, ProbeKind, Scene};
 use operator::Arrays;
 
 /// Arrays of a body of tetrahedra.
@@ -69,10 +67,10 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
         return refuse("a blade", "take a tool without one");
     }
     if scene.probes.iter().any(|probe| of_cells(&probe.kind)) {
-        return refuse("a probe of a reaction, strain or stress", "probe displacements or the tools' forces");
-    }
-    if scene.output.fields.iter().any(|field| *field != OutputField::Alive) {
-        return refuse("a saved field of stress or strain", "leave it out of [output] fields");
+        return refuse(
+            "a probe of a reaction, strain or stress",
+            "probe displacements or the tools' forces, or save the field by [output] fields",
+        );
     }
     Ok(())
 }
@@ -206,6 +204,19 @@ impl Mechanics for Tetrahedra {
 
     fn strain_and_stress(&self, _: &Model, _: usize, _: &[V3<f64>; 8], _: [f64; 3]) -> [M3<f64>; 2] {
         unreachable!("scenes with probes of strain and stress in tetrahedra are refused")
+    }
+
+    /// Of a cell of a grid the means over its tetrahedra.
+    fn strains_and_stresses(&self, model: &Model, _: &Wound, u: &[V4<f64>]) -> Vec<[M3<f64>; 2]> {
+        let all = self.arrays.strains_and_stresses(u, self.corotational);
+        if model.unstructured().is_some() {
+            return all;
+        }
+        let (six, _) = all.as_chunks::<PER_CELL>();
+        let mean = |own: &[[M3<f64>; 2]; PER_CELL]| {
+            [0, 1].map(|k| own.iter().fold(M3::zero(), |sum, own| sum + own[k]) * (1.0 / PER_CELL as f64))
+        };
+        six.iter().map(mean).collect()
     }
 
     fn count_cells(&self, model: &Model, state: &Snapshot, holds: &Holds) -> u32 {

@@ -9,6 +9,7 @@
 //! materials, and corotational. Bonet, Burton 1998 (average nodal pressure).
 //! Units: u m, gradients 1/m, stress Pa, f N.
 
+use crate::bodies::grid::element::green_lagrange;
 use crate::kernels::rotations::polar;
 use crate::math::{M3, Real, V3, V4, rotation_matrix, rotation_minus_identity};
 use crate::mesh::PAIRS;
@@ -217,6 +218,20 @@ impl Arrays<f64> {
             sum += 0.5 * bulk * volume * theta * theta;
         }
         sum
+    }
+
+    /// `[tetrahedron]` Green–Lagrange strain and Cauchy stress, Pa, at displacements. The stress is the one that the element's forces come
+    /// from: of smoothed elements the means over its edges (deviator) and corners (pressure), turned back by its own rotation as far as
+    /// theirs differ.
+    pub fn strains_and_stresses(&self, u: &[V4<f64>], corotational: bool) -> Vec<[M3<f64>; 2]> {
+        let moved = self.displacement_gradients(u);
+        let rotations = self.rotations(&moved, corotational);
+        let all = self.stresses(&moved, &rotations, true);
+        let of = |e: usize| {
+            let turned = all[e] * rotation_matrix(rotations.element[e]).transpose();
+            [green_lagrange(moved[e]), (turned + turned.transpose()) * (0.5 / self.volume[e][0])]
+        };
+        (0..all.len()).map(of).collect()
     }
 }
 

@@ -26,14 +26,14 @@ use super::command::{Command, SetForce, Version};
 use super::refused::Refused;
 use super::wire::{ArmState, Buttons, Config, Entry, Frame, GripState, Status};
 use crate::error::Result;
-use crate::http::{self, PATIENCE};
+use crate::http::{self, Door, PATIENCE};
 use glam::DVec3;
 use hand::Hand;
 use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::thread::{self, JoinHandle};
+use std::thread;
 use std::time::{Duration, Instant};
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Message, WebSocket};
@@ -61,14 +61,13 @@ struct Shared {
     options: Options,
     version: Version,
     state: Mutex<State>,
-    stop: AtomicBool,
+    stop: Arc<AtomicBool>,
 }
 
 /// Stand-in that serves until it is dropped.
 pub struct Mock {
-    address: SocketAddr,
+    door: Door,
     shared: Arc<Shared>,
-    door: Option<JoinHandle<()>>,
 }
 
 impl Mock {
@@ -82,61 +81,24 @@ impl Mock {
         let named = || Refused::StandInVersion { version: options.version.clone() };
         let version = Version::of(&options.version).ok_or_else(named)?;
         let listener = TcpListener::bind(wanted).map_err(refused)?;
-        let address = listener.local_addr().map_err(refused)?;
         let hands = vec![Hand::at_start(&options.path); options.arms.len()];
         let record = Record { forces: vec![DVec3::ZERO; hands.len()], ..Record::default() };
         let state = Mutex::new(State { hands, record });
-        let shared = Arc::new(Shared { options, version, state, stop: AtomicBool::new(false) });
+        let shared = Arc::new(Shared { options, version, state, stop: Arc::default() });
         let inside = shared.clone();
-        let door = thread::Builder::new().name("haply-mock".into()).spawn(move || admit(&listener, &inside));
-        Ok(Self { address, shared, door: Some(door.map_err(refused)?) })
+        let receive = move |stream, from| inside.receive(stream, from);
+        let door = Door::open("haply-mock", listener, MOST_GUESTS, &shared.stop, receive).map_err(refused)?;
+        Ok(Self { door, shared })
     }
 
     /// Address for clients.
     pub fn url(&self) -> String {
-        format!("ws://{}", self.address)
+        format!("ws://{}", self.door.address())
     }
 
     /// Record so far.
     pub fn record(&self) -> Record {
         self.shared.state().record.clone()
-    }
-}
-
-impl Drop for Mock {
-    fn drop(&mut self) {
-        self.shared.stop.store(true, Ordering::Release);
-        // a connection wakes the thread that waits in accept
-        TcpStream::connect_timeout(&self.address, PATIENCE).ok();
-        if let Some(door) = self.door.take() {
-            door.join().ok();
-        }
-    }
-}
-
-/// Accepts clients and starts a thread for each.
-fn admit(listener: &TcpListener, shared: &Arc<Shared>) {
-    let mut guests: Vec<JoinHandle<()>> = Vec::new();
-    while !shared.stopped() {
-        guests.retain(|guest| !guest.is_finished());
-        let Ok((mut stream, from)) = listener.accept() else {
-            // out of descriptors, for instance: one becomes free when a client leaves
-            thread::sleep(SLICE);
-            continue;
-        };
-        if guests.len() >= MOST_GUESTS {
-            // the others wait in line meanwhile
-            stream.set_read_timeout(Some(SLICE)).ok();
-            http::refuse(&mut stream, "503 Service Unavailable", "too many connections").ok();
-            continue;
-        }
-        let inside = shared.clone();
-        // if the handshake fails, closing the connection tells the client
-        let guest = thread::Builder::new().spawn(move || drop(inside.receive(stream, from)));
-        guests.extend(guest);
-    }
-    for guest in guests {
-        guest.join().ok();
     }
 }
 
