@@ -20,6 +20,8 @@ use crate::serve;
 use crate::step;
 #[cfg(feature = "program")]
 use crate::view;
+#[cfg(feature = "view")]
+use crate::window;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 /// Result of every fallible function of this crate.
@@ -66,6 +68,9 @@ pub enum Error {
     /// Server that cannot listen.
     #[cfg(feature = "serve")]
     Serve(#[from] serve::Refused),
+    /// Window that cannot be opened.
+    #[cfg(feature = "view")]
+    Window(#[from] window::Refused),
     /// Run with files, comparison or study that cannot proceed as asked.
     #[cfg(feature = "program")]
     Report(#[from] report::Refused),
@@ -97,6 +102,8 @@ impl Error {
             ) => 1,
             #[cfg(feature = "serve")]
             Self::Serve(_) => 1,
+            #[cfg(feature = "view")]
+            Self::Window(_) => 1,
             #[cfg(feature = "program")]
             Self::Picture(_)
             | Self::Report(

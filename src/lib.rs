@@ -25,7 +25,9 @@
 //! | [`step`] | one time step over all bodies | the equations, contact, the state of a simulation |
 //! | [`haptic`] | devices and the 1 kHz loop | passivity, threads, the vendor's protocol |
 //! | [`runner`], `report`, `cli` | the run loop, its observers, the program | report keys, studies, known answers, plots, pictures |
-//! | `serve`, `http` | a running scene in a browser | messages between page and session |
+//! | `session` | a running scene that is watched, held and changed | commands, pictures, figures |
+//! | `serve`, `http` | a session in a browser | messages between page and session |
+//! | `window` | a session in a window (feature `view`) | threads |
 //!
 //! Speed and error are measured in the same run: `cutis study` separates the errors of law, grid, step, solver and rounding, each relative
 //! to a stated reference (root of the sum of squares over the samples of a run). `cutis verify` holds known answers to stated bounds; its page,
@@ -144,7 +146,7 @@
 //! ```
 //!
 //! # Rules that hold everywhere
-//! - Imports go downward: main > cli > serve > report > runner, output, view > step > haptic > backend > collide > constraints, linear >
+//! - Imports go downward: main > cli > serve, window > session > report > runner, output, view > step > haptic > backend > collide > constraints, linear >
 //!   bodies > mesh, gpu > kernels, scene > formats > http, error, math. Modules of one level do not import each other (a test reads this); `error` alone names the
 //!   errors of those above it.
 //!   `gpu` knows no physics; `collide` alone names parry3d; `scene` alone reads scene syntax.
@@ -183,6 +185,10 @@ pub mod runner;
 pub mod scene;
 #[cfg(feature = "serve")]
 pub mod serve;
+#[cfg(feature = "program")]
+pub mod session;
 pub mod step;
 #[cfg(feature = "program")]
 pub mod view;
+#[cfg(feature = "view")]
+pub mod window;

@@ -20,6 +20,8 @@ mod long;
 mod lost;
 #[path = "gpu/parity.rs"]
 mod parity;
+#[path = "gpu/pictures.rs"]
+mod pictures;
 #[path = "gpu/robust.rs"]
 mod robust;
 #[path = "gpu/scenes.rs"]
@@ -98,6 +100,9 @@ fn tests() -> Vec<(String, Test)> {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in scenes::TESTS {
+        all.push((name.to_string(), Box::new(test)));
+    }
+    for (name, test) in pictures::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in robust::TESTS {

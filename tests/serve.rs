@@ -3,6 +3,7 @@
 
 use cutis::scene::{Scene, incision};
 use cutis::serve::{Options, serve};
+use cutis::session;
 use cutis::step::Platform;
 use serde_json::{Value, json};
 use std::io::{Read, Write};
@@ -33,12 +34,8 @@ impl Session {
 
     fn of(scene: Scene, listen: &str) -> Self {
         let stop: Arc<AtomicBool> = Arc::default();
-        let options = Options {
-            platform: Platform::Cpu64,
-            listen: listen.parse().expect("an address"),
-            paused: true,
-            interrupt: stop.clone(),
-        };
+        let session = session::Options { platform: Platform::Cpu64, paused: true, interrupt: stop.clone() };
+        let options = Options { listen: listen.parse().expect("an address"), session };
         let (sender, urls) = channel();
         let thread = std::thread::spawn(move || serve(&scene, &options, &mut |url| drop(sender.send(url.to_string()))));
         let url = urls.recv_timeout(LONG).expect("the address of a session that listens");

@@ -58,6 +58,11 @@ pub enum Command {
     /// Prints an address; the page there shows skin and tools, plots forces and times, pauses, steps, goes back, and changes friction,
     /// stiffness, tolerance and step. Any number of pages join. Ends with Ctrl-C.
     Serve(Serve),
+    /// Run a scene in a window: watch it, hold its tools with the mouse, change it while it runs
+    ///
+    /// The window shows skin and tools, plots forces and times, pauses, steps, goes back, and changes friction, stiffness, tolerance and step;
+    /// P saves a picture. Needs a display and a program built with `--features view`.
+    View(View),
     /// List the arrays, kernels, launches and read-backs of a scene; nothing runs, no adapter is needed
     Inspect(Inspect),
     /// Read and validate scenes
@@ -235,6 +240,21 @@ pub struct Serve {
     /// Stand still until the page says otherwise
     #[arg(long)]
     pub paused: bool,
+}
+
+/// `view`.
+#[derive(Args, Clone, Debug)]
+pub struct View {
+    /// Scene file; the built-in incision when none is given
+    pub scene: Option<PathBuf>,
+    #[command(flatten)]
+    pub target: Target,
+    /// Stand still until somebody plays
+    #[arg(long)]
+    pub paused: bool,
+    /// Folder of the pictures that are saved, view_0001.png and so on; none is replaced
+    #[arg(long, value_name = "DIR", default_value = ".")]
+    pub out: PathBuf,
 }
 
 /// `inspect`.

@@ -18,6 +18,7 @@ use cutis::report::{check, compare, inspect, mesh, plot, render, run, study, ver
 use cutis::runner;
 use cutis::scene::{self, Preconditioner, Scene};
 use cutis::serve;
+use cutis::session;
 use cutis::step::Platform;
 use refused::{Refused, Result};
 use serde_json::{Value, json};
@@ -71,6 +72,7 @@ fn obey(cli: Cli) -> Result<u8> {
         Command::Study(args) => study_scene(&args),
         Command::Verify(args) => verify_answers(&args),
         Command::Serve(args) => serve_scene(&args),
+        Command::View(args) => view_scene(&args),
         Command::Inspect(args) => inspect_scene(&args),
         Command::Check(args) => check_scenes(&args),
         Command::Keys(args) => list_keys(&args),
@@ -144,26 +146,44 @@ fn run_scene(args: &Run) -> Result<u8> {
 }
 
 fn serve_scene(args: &args::Serve) -> Result<u8> {
-    let scene = read(args.scene.as_ref())?;
+    let (scene, signals, session) = watched(args.scene.as_ref(), &args.target, args.paused)?;
+    let options = serve::Options { listen: args.listen, session };
+    // whether somebody reads this or not
+    let tell = |url: &str| drop(print::line(&format!("open {url} in a browser; Ctrl-C ends")));
+    serve::serve(&scene, &options, &mut { tell })?;
+    Ok(signals.exit_code())
+}
+
+#[cfg(feature = "view")]
+fn view_scene(args: &args::View) -> Result<u8> {
+    let (scene, signals, session) = watched(args.scene.as_ref(), &args.target, args.paused)?;
+    use cutis::window;
+    let options = window::Options { session, pictures: args.out.clone() };
+    let shown = window::show(&scene, &options)?;
+    let window::Shown { closed, pictures, seconds, time_s } = shown;
+    print::line(&format!("{time_s:.3} s of the scene and {pictures} pictures in {seconds:.1} s"))?;
+    Ok(if closed { 0 } else { signals.exit_code() })
+}
+
+#[cfg(not(feature = "view"))]
+fn view_scene(_: &args::View) -> Result<u8> {
+    Err(Refused::NoWindow)
+}
+
+/// A scene that is run before somebody, and how.
+fn watched(path: Option<&PathBuf>, target: &args::Target, paused: bool) -> Result<(Scene, Signals, session::Options)> {
+    let scene = read(path)?;
     memory::fits(&scene, Purpose::Single)?;
     // haptic threads need a core of their own
-    if serve::session::is_live(&scene) {
+    if session::is_live(&scene) {
         runner::leave_a_core()?;
     } else {
         runner::take_all_cores()?;
     }
     note(&scene);
     let signals = Signals::catch()?;
-    let options = serve::Options {
-        platform: platform_of(&scene, &args.target)?,
-        listen: args.listen,
-        paused: args.paused,
-        interrupt: signals.stop.clone(),
-    };
-    // whether somebody reads this or not
-    let mut tell = |url: &str| drop(print::line(&format!("open {url} in a browser; Ctrl-C ends")));
-    serve::serve(&scene, &options, &mut tell)?;
-    Ok(signals.exit_code())
+    let options = session::Options { platform: platform_of(&scene, target)?, paused, interrupt: signals.stop.clone() };
+    Ok((scene, signals, options))
 }
 
 /// Number of steps in a time, at least one.

@@ -70,6 +70,13 @@ pub enum Refused {
         code: u8,
     },
 
+    /// Program without the window.
+    #[cfg(not(feature = "view"))]
+    #[error(
+        "this program was built without its window; build it with `cargo build --release --features view`, or use `cutis serve` and a browser"
+    )]
+    NoWindow,
+
     /// A GPU and the CPU path requested together.
     #[error("--adapter names a GPU, but the CPU path is asked for; leave out --adapter, or use --backend gpu")]
     AdapterForCpu,

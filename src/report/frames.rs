@@ -10,6 +10,7 @@ use crate::output::{Failed, replace};
 use crate::scene::{Scene, Tool};
 use crate::step::{Body, Simulation, StepReport};
 use crate::view::{self, Camera, Image, Outline, Paint, Surface};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// Material of the tools.
@@ -137,7 +138,7 @@ pub(super) fn positions(simulation: &Simulation, state: &[Snapshot]) -> Vec<[f64
 }
 
 /// `[tool][vertex]` positions of the rigid bodies' meshes at their poses, m.
-pub(super) fn tool_positions(scene: &Scene, simulation: &Simulation) -> Vec<Vec<[f64; 3]>> {
+pub fn tool_positions(scene: &Scene, simulation: &Simulation) -> Vec<Vec<[f64; 3]>> {
     let moved = |(tool, now): (&Tool, &Instrument)| {
         let at = |p: &[f64; 3]| now.at(glam::DVec3::from_array(*p)).to_array();
         tool.mesh.positions.iter().map(at).collect()
@@ -145,42 +146,91 @@ pub(super) fn tool_positions(scene: &Scene, simulation: &Simulation) -> Vec<Vec<
     scene.tools.iter().zip(&simulation.tools).map(moved).collect()
 }
 
-/// Draws the scene with its camera.
-///
-/// # Errors
-/// [`NoMemory`](view::NoMemory) when there is none for so many pixels.
-pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Result<Image> {
-    let tools = tool_positions(scene, simulation);
-    let triangle_count = scene.tools.iter().map(|t| t.mesh.triangles.len()).max();
-    let steel = vec![STEEL; triangle_count.unwrap_or(0)];
-    // walls below the skin, so that its lines are drawn last
-    let (skin_colors, wall_colors) =
-        (skin.skin.colors(scene, 1.0, BLOOD), skin.walls.colors(scene, LAYER_SHARE, BLOOD));
+/// How a state is drawn.
+#[derive(Clone, Debug, Default)]
+pub struct Look {
+    /// `[node]` colours in place of the layers'.
+    pub colors: Option<Vec<[u8; 3]>>,
+    /// Bodies with their layers that are left out.
+    pub hidden: BTreeSet<[u32; 2]>,
+    /// Without the lines between cells.
+    pub plain: bool,
+}
+
+/// What of the faces is drawn.
+struct Drawn {
+    triangles: Vec<[u32; 3]>,
+    /// `[triangle]` of the layers
+    colors: Vec<[u8; 3]>,
+    edges: Vec<[u32; 2]>,
+    /// `[node]` whether a triangle is there
+    seen: Vec<bool>,
+}
+
+impl Drawn {
+    fn new(faces: &Faces, colors: Vec<[u8; 3]>, node_count: usize, look: &Look) -> Self {
+        let kept = (0..faces.triangles.len()).filter(|t| !look.hidden.contains(&faces.layers[*t]));
+        let (triangles, colors): (Vec<_>, Vec<_>) = kept.map(|t| (faces.triangles[t], colors[t])).unzip();
+        let mut seen = vec![false; node_count];
+        triangles.as_flattened().iter().for_each(|node| seen[*node as usize] = true);
+        let mut out = Self { triangles, colors, edges: vec![], seen };
+        if !look.plain {
+            out.edges = out.among(&faces.edges);
+        }
+        out
+    }
+
+    /// Lines both of whose ends are drawn.
+    fn among(&self, lines: &[[u32; 2]]) -> Vec<[u32; 2]> {
+        lines.iter().filter(|line| line.iter().all(|node| self.seen[*node as usize])).copied().collect()
+    }
+
+    fn paint<'a>(&'a self, look: &'a Look) -> Paint<'a> {
+        look.colors.as_deref().map_or(Paint::Triangles(&self.colors), Paint::Vertices)
+    }
+}
+
+/// Calls `draw` with the surfaces of the deformable bodies and those of the tools, whose vertices are at `tools`.
+pub fn with_surfaces<R>(
+    scene: &Scene,
+    skin: &SkinSurface,
+    tools: &[Vec<[f64; 3]>],
+    look: &Look,
+    draw: impl FnOnce(&[Surface], &[Surface]) -> R,
+) -> R {
+    let node_count = skin.positions.len();
+    let outside = Drawn::new(&skin.skin, skin.skin.colors(scene, 1.0, BLOOD), node_count, look);
+    let walls = Drawn::new(&skin.walls, skin.walls.colors(scene, LAYER_SHARE, BLOOD), node_count, look);
+    let rims = outside.among(&skin.rims);
     let of_skin = [
-        Outline { lines: &skin.skin.edges, width: CELL_LINE, ink: CELL_INK },
-        Outline { lines: &skin.rims, width: RIM_LINE, ink: RIM_INK },
+        Outline { lines: &outside.edges, width: CELL_LINE, ink: CELL_INK },
+        Outline { lines: &rims, width: RIM_LINE, ink: RIM_INK },
     ];
-    let of_walls = [Outline { lines: &skin.walls.edges, width: WALL_LINE, ink: CELL_INK }];
-    let mut surfaces = vec![
+    let of_walls = [Outline { lines: &walls.edges, width: WALL_LINE, ink: CELL_INK }];
+    // walls below the skin, so that its lines are drawn last
+    let bodies = [
         Surface {
             positions: &skin.positions,
-            triangles: &skin.walls.triangles,
-            colors: Paint::Triangles(&wall_colors),
+            triangles: &walls.triangles,
+            colors: walls.paint(look),
             smooth: true,
             outlines: &of_walls,
             shininess: WET_SHININESS,
         },
         Surface {
             positions: &skin.positions,
-            triangles: &skin.skin.triangles,
-            colors: Paint::Triangles(&skin_colors),
+            triangles: &outside.triangles,
+            colors: outside.paint(look),
             smooth: true,
             outlines: &of_skin,
             shininess: SKIN_SHININESS,
         },
     ];
-    for (tool, positions) in scene.tools.iter().zip(&tools) {
-        surfaces.push(Surface {
+    let triangle_count = scene.tools.iter().map(|t| t.mesh.triangles.len()).max();
+    let steel = vec![STEEL; triangle_count.unwrap_or(0)];
+    let mut instruments = vec![];
+    for (tool, positions) in scene.tools.iter().zip(tools) {
+        instruments.push(Surface {
             positions,
             triangles: &tool.mesh.triangles,
             colors: Paint::Triangles(&steel),
@@ -189,16 +239,31 @@ pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &S
             shininess: STEEL_SHININESS,
         });
     }
-    // camera and caption
-    let view = scene.view;
-    let camera =
-        Camera { eye: view.eye, target: view.target, up: [0.0, 0.0, 1.0], field_of_view_deg: view.field_of_view };
-    let caption = caption(scene, simulation, step);
-    let lines: Vec<&str> = caption.iter().map(String::as_str).collect();
-    view::render(&surfaces, &camera, view.size[0], view.size[1], &lines)
+    draw(&bodies, &instruments)
 }
 
-fn caption(scene: &Scene, simulation: &Simulation, step: &StepReport) -> Vec<String> {
+/// Draws the scene with its camera.
+///
+/// # Errors
+/// [`NoMemory`](view::NoMemory) when there is none for so many pixels.
+pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Result<Image> {
+    let tools = tool_positions(scene, simulation);
+    let caption = caption(scene, simulation, step);
+    let lines: Vec<&str> = caption.iter().map(String::as_str).collect();
+    let [width, height] = scene.view.size;
+    with_surfaces(scene, skin, &tools, &Look::default(), |bodies, tools| {
+        view::render(&[bodies, tools].concat(), &camera(scene), width, height, &lines)
+    })
+}
+
+/// The scene's camera.
+pub fn camera(scene: &Scene) -> Camera {
+    let view = scene.view;
+    Camera { eye: view.eye, target: view.target, up: [0.0, 0.0, 1.0], field_of_view_deg: view.field_of_view }
+}
+
+/// What stands on a picture: time, force, cut.
+pub fn caption(scene: &Scene, simulation: &Simulation, step: &StepReport) -> Vec<String> {
     let mut lines = vec![format!("time {:.3} s", step.time)];
     if scene.contact.is_some() {
         lines.push(format!("force {:.3} N", step.contact.largest_on_tools()));

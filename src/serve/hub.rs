@@ -5,17 +5,19 @@
 //! of another site; on another interface a page needs the token of the printed address.
 
 use super::Refused;
-use super::wire::{Command, LONGEST};
+use super::wire::LONGEST;
 use crate::error::Result;
 use crate::http::{self, Door, PATIENCE};
 use crate::scene::TRAJECTORY_COLUMNS;
+use crate::session::audience::{MOST_COMMANDS, Motion, lock};
+use crate::session::command::Command;
 use std::collections::VecDeque;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, ErrorKind};
 use std::net::{SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, SyncSender, TrySendError, sync_channel};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 use tungstenite::protocol::WebSocketConfig;
 use tungstenite::{Message, WebSocket};
@@ -25,8 +27,6 @@ const PAGE: &str = include_str!("page.html");
 
 /// Most connections at once.
 const MOST_GUESTS: usize = 16;
-/// Commands that wait for the session; beyond, the newest are refused with words.
-pub(super) const MOST_COMMANDS: usize = 256;
 /// Texts that wait for a page; beyond, the oldest goes.
 const MOST_TEXTS: usize = 16;
 /// Messages that are no commands after which a page is sent away.
@@ -35,9 +35,6 @@ const MOST_FAULTS: u32 = 100;
 const AHEAD: u32 = 2;
 /// Longest time before a new frame is noticed, and between looks for a stop.
 const SLICE: Duration = Duration::from_millis(4);
-
-/// Recorded motion of the hands: `[tool][row]` time, s, position, mm, and quaternion.
-pub type Motion = Arc<Mutex<Vec<Vec<[f64; 8]>>>>;
 
 /// A picture's data, shared by all pages.
 #[derive(Clone)]
@@ -88,11 +85,6 @@ pub struct Hub {
     door: Door, // first: the threads of the pages end before what they use
     shared: Arc<Shared>,
     commands: Receiver<(u64, Command)>,
-}
-
-/// Locks; each value is whole between any two statements that hold it.
-pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// 128 random bits by the keys that the standard library takes from the system.

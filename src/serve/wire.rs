@@ -9,101 +9,15 @@
 //!
 //! Of a displacement of 6 mm, 1/65535 is 0.1 µm.
 
-use super::mouse::Target;
 use crate::report::frames::{Faces, SkinSurface};
 use crate::scene::{Scene, Skin};
-use crate::step::{Simulation, StepReport};
+use crate::session::Shown;
 use crate::view::VIRIDIS;
-use serde::Deserialize;
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
 /// Longest command, bytes.
 pub const LONGEST: usize = 1 << 12;
-
-/// Where the page wants a tool's hand.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(deny_unknown_fields)]
-pub struct Hand {
-    /// Number of the tool.
-    pub tool: usize,
-    /// m
-    pub position: [f64; 3],
-    /// rad about z
-    #[serde(default)]
-    pub turn: f64,
-    /// The button that a blade cuts with.
-    #[serde(default)]
-    pub pressed: bool,
-}
-
-/// What a page asks for.
-#[derive(Clone, Copy, Debug, Deserialize, PartialEq)]
-#[serde(rename_all = "snake_case")]
-pub enum Command {
-    /// Go on.
-    Play,
-    /// Stand still.
-    Pause,
-    /// One step, then stand still.
-    Step,
-    /// Begin anew, with the present settings.
-    Reset,
-    /// Scene time per wall time.
-    Speed(f64),
-    /// Move a tool's hand.
-    Hand(Hand),
-    /// Give a tool's hand back to its recording.
-    Release(usize),
-    /// Go back to a kept state, counted from the oldest.
-    Seek(usize),
-    /// Coefficient of friction.
-    Friction(f64),
-    /// Factor on Young's moduli and spring stiffnesses of the scene as read.
-    Stiffness(f64),
-    /// Residual of a solve.
-    Tolerance(f64),
-    /// Length of a step, ms; begins anew.
-    StepMs(f64),
-    /// The page has drawn a frame.
-    Drawn(u32),
-}
-
-/// Farthest that a page may move a hand, m.
-const FARTHEST: f64 = 10.0;
-
-impl Command {
-    /// Reads a command.
-    ///
-    /// # Errors
-    /// What is wrong with the text, for the one who sent it.
-    pub fn read(text: &str) -> Result<Self, String> {
-        let command: Self = serde_json::from_str(text).map_err(|error| format!("no command: {error}"))?;
-        let within = |what: &str, value: f64, [low, high]: [f64; 2]| match (low..=high).contains(&value) {
-            true => Ok(command),
-            false => Err(format!("{what} = {value}; wanted a number from {low} to {high}")),
-        };
-        match command {
-            Self::Speed(v) => within("speed", v, [0.01, 10.0]),
-            Self::Friction(v) => within("friction", v, [0.0, 10.0]),
-            Self::Stiffness(v) => within("stiffness", v, [0.01, 100.0]),
-            Self::Tolerance(v) => within("tolerance", v, [1e-9, 0.5]),
-            Self::StepMs(v) => within("step_ms", v, [0.01, 1000.0]),
-            Self::Hand(Hand { position, turn, .. }) => {
-                position.into_iter().try_for_each(|v| within("position", v, [-FARTHEST, FARTHEST]).map(drop))?;
-                within("turn", turn, [-1e3, 1e3])
-            }
-            _ => Ok(command),
-        }
-    }
-}
-
-impl Hand {
-    /// As a target.
-    pub fn target(&self) -> Target {
-        Target { position: self.position.into(), turn: self.turn, pressed: self.pressed }
-    }
-}
 
 /// The scene for the page: layers with their colours, tools with their meshes, camera, colour map.
 pub fn scene(scene: &Scene, held: &[bool]) -> Value {
@@ -193,15 +107,9 @@ impl Vertices {
         out
     }
 
-    /// Message with the present motion: the frame's number, the surface's, and the last step's report. `hands` are the positions of hands.
-    pub fn frame(
-        &self,
-        [number, of_surface]: [u32; 2],
-        surface: &SkinSurface,
-        simulation: &Simulation,
-        hands: &[[f64; 3]],
-        step: &StepReport,
-    ) -> Vec<u8> {
+    /// Message with the present motion: the frame's number, the surface's, and the last step's report.
+    pub fn frame(&self, [number, of_surface]: [u32; 2], shown: &Shown) -> Vec<u8> {
+        let Shown { surface, simulation, hands, report, .. } = shown;
         let u = |node: &u32| surface.displacements[*node as usize];
         // the box of the displacements
         let (mut low, mut high) = ([0.0f64; 3], [0.0f64; 3]);
@@ -211,7 +119,7 @@ impl Vertices {
         }
         let size: [f64; 3] = std::array::from_fn(|k| high[k] - low[k]);
         let mut out: Vec<u8> = vec![2, 0, 0, 0];
-        let contact = &step.contact;
+        let contact = &report.contact;
         let counts = [self.nodes.len(), simulation.tools.len(), contact.contacts.len()].map(|n| n as u32);
         for word in [of_surface, number, (simulation.time as f32).to_bits()] {
             out.extend(word.to_le_bytes());
@@ -238,34 +146,5 @@ impl Vertices {
             put(&at.in_world(*force).to_array());
         }
         out
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn commands_are_read_or_refused_with_words() {
-        assert_eq!(Command::read("\"pause\""), Ok(Command::Pause));
-        assert_eq!(Command::read("{\"speed\": 0.5}"), Ok(Command::Speed(0.5)));
-        let hand = Hand { tool: 0, position: [0.0, 0.01, 0.02], turn: 0.0, pressed: true };
-        let text = "{\"hand\": {\"tool\": 0, \"position\": [0, 0.01, 0.02], \"pressed\": true}}";
-        assert_eq!(Command::read(text), Ok(Command::Hand(hand)));
-        for wrong in [
-            "",
-            "{}",
-            "\"fly\"",
-            "{\"speed\": -1}",
-            "{\"speed\": 1e999}",
-            "{\"hand\": {\"tool\": 0, \"position\": [0, 1e9, 0]}}",
-            "{\"hand\": {\"tool\": -1, \"position\": [0, 0, 0]}}",
-            "{\"hand\": {\"tool\": 0, \"position\": [0, 0]}}",
-            "{\"hand\": {\"tool\": 0, \"position\": [0, 0, 0], \"more\": 1}}",
-            "{\"friction\": null}",
-        ] {
-            let words = Command::read(wrong).expect_err(wrong);
-            assert!(words.contains("no command") || words.contains("wanted a number"), "{wrong}: {words}");
-        }
     }
 }

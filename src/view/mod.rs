@@ -13,12 +13,15 @@ mod font;
 mod map;
 mod occlusion;
 mod overlay;
+mod picture;
+mod pipelines;
 mod raster;
 mod shade;
 
 pub use font::strokes;
 pub use map::{VIRIDIS, color_of};
-pub use overlay::{ColorBar, color_bar};
+pub use overlay::{ColorBar, caption, color_bar};
+pub use picture::{Clip, Drawn, Renderer};
 pub use raster::NoMemory;
 
 use crate::error::Result;
@@ -40,6 +43,7 @@ const NO_COLOR: [u8; 3] = [128; 3];
 const ROWS: usize = 16;
 
 /// Triangle mesh with its material. Both sides of a triangle are drawn.
+#[derive(Clone, Copy, Debug)]
 pub struct Surface<'a> {
     /// `[vertex]` m.
     pub positions: &'a [[f64; 3]],

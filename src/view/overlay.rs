@@ -33,7 +33,7 @@ fn dot(image: &Image) -> usize {
 }
 
 /// Draws lines of text at the top left.
-pub(super) fn caption(image: &mut Image, lines: &[&str]) {
+pub fn caption(image: &mut Image, lines: &[&str]) {
     let dot = dot(image);
     for (number, line) in lines.iter().enumerate() {
         text(image, 5 * dot, 5 * dot + number * LINE * dot, dot, line);

@@ -17,7 +17,7 @@ const SNAP: f64 = 256.0;
 
 /// A line is drawn if it is at most this fraction of its depth behind the surface. Lines lie in the surface: less breaks them up on slanted
 /// faces, more lets them show through thin layers.
-const LINE_DEPTH_SHARE: f64 = 2e-3;
+pub(super) const LINE_DEPTH_SHARE: f64 = 2e-3;
 
 /// Nearest triangle and line at each sample of a band.
 pub(super) struct Samples {
@@ -251,7 +251,7 @@ pub(super) struct ShadowMap {
 
 impl ShadowMap {
     /// Cells along each side. The whole scene is about 60 mm, so a cell is about 0.05 mm, well below a wound's width.
-    const CELLS: usize = 1280;
+    pub(super) const CELLS: usize = 1280;
 
     /// `to_light` is a unit vector; `triangles` are in view space, m.
     pub(super) fn new<'a>(to_light: Vec3, triangles: impl Iterator<Item = &'a [Vec3; 3]> + Clone) -> Result<Self> {

@@ -12,15 +12,15 @@ use rayon::prelude::*;
 
 /// Lights: direction in view space, of any length, and brightness. The first one comes from the left and casts shadows, so that a wound
 /// across the picture has a dark and a light wall; the others light the sides of the patch.
-const KEY: ([f32; 3], f32) = ([-0.55, 0.50, -0.66], 0.66);
-const FILL: ([f32; 3], f32) = ([0.75, -0.05, -0.75], 0.30);
-const RIM: ([f32; 3], f32) = ([0.15, 0.60, 0.75], 0.25);
+pub(super) const KEY: ([f32; 3], f32) = ([-0.55, 0.50, -0.66], 0.66);
+pub(super) const FILL: ([f32; 3], f32) = ([0.75, -0.05, -0.75], 0.30);
+pub(super) const RIM: ([f32; 3], f32) = ([0.15, 0.60, 0.75], 0.25);
 
 /// Ambient light from above and from below.
-const AMBIENT: [f32; 2] = [0.37, 0.36];
+pub(super) const AMBIENT: [f32; 2] = [0.37, 0.36];
 
 /// Background at the top and the bottom, linear grey.
-const BACKGROUND: [f32; 2] = [0.86, 0.62];
+pub(super) const BACKGROUND: [f32; 2] = [0.86, 0.62];
 
 /// Rows of pixels that are drawn at once.
 const BAND: usize = 16;

@@ -291,6 +291,7 @@ fn help_names_every_command() -> Outcome {
     for word in [
         "run",
         "serve",
+        "view",
         "compare",
         "study",
         "verify",

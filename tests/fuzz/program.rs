@@ -178,12 +178,12 @@ fn apply(change: Change, words: &mut Vec<Vec<u8>>) {
 }
 
 /// Whether it would compute for minutes or wait for clients, were it not refused: verification, comparison and study, the built-in scene
-/// into a folder that takes it, the stand-in for devices, and the server of pages.
+/// into a folder that takes it, the stand-in for devices, the server of pages, and the window.
 fn takes_long(words: &[Vec<u8>]) -> bool {
     let has = |word: &str| words.iter().any(|found| found == word.as_bytes());
     let holds = |part: &str| words.iter().any(|found| String::from_utf8_lossy(found).contains(part));
     let made = holds("--out") || holds("made") || has(".");
-    let waits = (has("haply-mock") && !has("--until-stdin-ends")) || has("serve");
+    let waits = (has("haply-mock") && !has("--until-stdin-ends")) || has("serve") || has("view");
     // without an adapter these two end at once
     let adapter = [&b"--adapter"[..], b"no such thing"];
     let nobody = words.windows(2).any(|pair| pair == adapter) || has("--adapter=no such thing");
@@ -237,9 +237,21 @@ fn command_lines_end_with_a_documented_status_and_words() {
 #[test]
 fn every_command_and_option_of_the_help_is_tried() {
     let names: Vec<&str> = COMMANDS.iter().map(|(name, _)| &**name).collect();
-    for name in
-        ["", "run", "compare", "study", "verify", "inspect", "check", "keys", "serve", "adapters", "haply-mock", "help"]
-    {
+    for name in [
+        "",
+        "run",
+        "compare",
+        "study",
+        "verify",
+        "inspect",
+        "check",
+        "keys",
+        "serve",
+        "view",
+        "adapters",
+        "haply-mock",
+        "help",
+    ] {
         assert!(names.contains(&name), "{name:?} of {names:?}");
     }
     let run = &COMMANDS[1].1;

@@ -1,4 +1,4 @@
-//! A tool's hand, moved from the page: the recorded one until somebody takes the tool.
+//! A tool's hand, moved by a mouse: the recorded one until somebody takes the tool.
 //!
 //! A mouse moves in jumps of some 16 ms. The hand follows its target as through a damper, and no faster than a hand is.
 
@@ -18,7 +18,7 @@ const LONGEST: f64 = 0.01;
 /// Button that a blade cuts with.
 const CUTS: u32 = 1;
 
-/// Where the page wants a hand.
+/// Where a watcher wants a hand.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Target {
     /// m
@@ -66,7 +66,7 @@ impl Mouse {
 
 impl Device for Mouse {
     fn name(&self) -> &str {
-        "page"
+        "mouse"
     }
 
     fn limits(&self) -> Limits {
@@ -75,7 +75,7 @@ impl Device for Mouse {
 
     fn read(&mut self, time: f64) -> Reading {
         let passed = (time - std::mem::replace(&mut self.time, time)).clamp(0.0, LONGEST);
-        // a tick under the wall clock does not wait for the page: the last target serves
+        // a tick under the wall clock does not wait for the watcher: the last target serves
         if let Ok(target) = self.shared.0.try_lock() {
             self.wanted = *target;
         }
@@ -120,7 +120,7 @@ impl Device for Mouse {
         (self.time, self.position) = (*time, DVec3::new(*x, *y, *z));
         self.rotation = DQuat::from_xyzw(a, b, c, d);
         self.taken = (*taken > 0.0).then_some(DQuat::from_xyzw(e, f, g, h));
-        // the page's hand is where it was then
+        // the mouse's hand is where it was then
         self.wanted = (*taken > 0.0).then_some(Target { position: self.position, turn: 0.0, pressed: false });
         self.shared.set(self.wanted);
     }

@@ -1,8 +1,8 @@
-//! The simulation behind the pages: paced, paused, begun anew, taken back, changed, and held by its pages' mice.
+//! The simulation: one thread that takes commands, makes a step when one is due, and shows its state.
 
-use super::hub::{Frame, Hub, MOST_COMMANDS, Motion, lock};
+use super::audience::{Audience, Figures, MOST_COMMANDS, Motion, Shown, lock};
+use super::command::Command;
 use super::mouse::{Mouse, Shared};
-use super::wire::{self, Command, Vertices};
 use crate::error::{Error, Result};
 use crate::haptic::device::Workspace;
 use crate::haptic::replay::Path;
@@ -10,9 +10,7 @@ use crate::report::frames::SkinSurface;
 use crate::runner::{Clock, Runner, State};
 use crate::scene::{Device, DeviceKind, Law, Role, Scene};
 use crate::step::{Platform, Simulation, StepReport, Warnings};
-use serde_json::json;
 use std::collections::VecDeque;
-use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::RecvTimeoutError;
@@ -36,9 +34,7 @@ const MOST_ROWS: usize = 100_000;
 pub struct Options {
     /// Backend and precision.
     pub platform: Platform,
-    /// Address to listen on.
-    pub listen: SocketAddr,
-    /// Stand still until a page says otherwise.
+    /// Stand still until a watcher says otherwise.
     pub paused: bool,
     /// Once set, the session ends.
     pub interrupt: Arc<AtomicBool>,
@@ -49,7 +45,7 @@ pub fn is_live(scene: &Scene) -> bool {
     scene.tools.iter().any(|tool| tool.device.as_ref().is_some_and(|d| matches!(d.kind, DeviceKind::Haply { .. })))
 }
 
-/// Values that pages change.
+/// Values that watchers change.
 #[derive(Clone, Copy, Debug)]
 struct Settings {
     friction: Option<f64>,
@@ -81,15 +77,15 @@ impl Settings {
     }
 }
 
-struct Session {
+struct Session<'a> {
     read: Scene,
     settings: Settings,
     platform: Platform,
-    hub: Hub,
+    audience: &'a mut dyn Audience,
     interrupt: Arc<AtomicBool>,
     live: bool,
     runner: Runner,
-    /// `[tool]` its hand, if pages may hold it
+    /// `[tool]` its hand, if watchers may hold it
     hands: Vec<Option<Arc<Shared>>>,
     /// `[tool]` position of the hand, m
     held: Vec<[f64; 3]>,
@@ -100,32 +96,33 @@ struct Session {
     kept: VecDeque<(f64, State)>,
     between_kept: f64,
     recent: VecDeque<f64>,
-    vertices: Vertices,
-    shape: Arc<[u8]>,
-    surface: u32,
-    frame: u32,
     shown: Instant,
-    pages: usize,
+    watchers: usize,
     report: StepReport,
     warnings: Warnings,
     motion: Motion,
 }
 
-/// Serves a scene until it is interrupted; calls `tell` with the address once it listens.
+/// Runs a scene before an audience until it is interrupted; calls `ready` once it is prepared. The hands' motion is recorded in `motion`.
 ///
 /// # Errors
-/// If the address is taken, or the scene cannot be prepared.
-pub fn serve(scene: &Scene, options: &Options, tell: &mut dyn FnMut(&str)) -> Result<()> {
-    let hub = Hub::start(options.listen)?;
-    let mut session = Session::new(scene, options, hub)?;
-    tell(&session.hub.url());
+/// If the scene cannot be prepared, or its state not be read.
+pub fn run(
+    scene: &Scene,
+    options: &Options,
+    audience: &mut dyn Audience,
+    motion: Motion,
+    ready: &mut dyn FnMut(),
+) -> Result<()> {
+    let mut session = Session::new(scene, options, audience, motion)?;
+    ready();
     while !options.interrupt.load(Ordering::Acquire) {
         session.turn()?;
     }
     session.runner.stop(&mut |_, _| Ok(()))
 }
 
-/// A scene whose tools pages may hold, and the hands of those; a tool on a real device stays with it.
+/// A scene whose tools watchers may hold, and the hands of those; a tool on a real device stays with it.
 fn prepared(scene: &Scene) -> (Scene, Vec<Option<Arc<Shared>>>) {
     let mut scene = scene.clone();
     let mut hands = vec![];
@@ -133,7 +130,7 @@ fn prepared(scene: &Scene) -> (Scene, Vec<Option<Arc<Shared>>>) {
         let real = matches!(tool.device.as_ref().map(|d| &d.kind), Some(DeviceKind::Haply { .. }));
         let ours = tool.free.is_none() && !real;
         if ours {
-            // positions of pages are those of the scene, and their button cuts
+            // positions of watchers are those of the scene, and their button cuts
             let buttons = if tool.blade.is_some() { vec![Role::Active] } else { vec![] };
             tool.device = Some(Device { buttons, passivity: false, ..Device::default() });
         }
@@ -142,17 +139,16 @@ fn prepared(scene: &Scene) -> (Scene, Vec<Option<Arc<Shared>>>) {
     (scene, hands)
 }
 
-impl Session {
-    fn new(read: &Scene, options: &Options, hub: Hub) -> Result<Self> {
+impl<'a> Session<'a> {
+    fn new(read: &Scene, options: &Options, audience: &'a mut dyn Audience, motion: Motion) -> Result<Self> {
         let settings = Settings::of(read);
         let live = is_live(read);
         let (runner, hands) = Self::runner(read, &options.platform, live, &options.interrupt)?;
-        let motion = hub.motion();
         let mut session = Self {
             read: read.clone(),
             settings,
             platform: options.platform.clone(),
-            hub,
+            audience,
             interrupt: options.interrupt.clone(),
             live,
             runner,
@@ -165,12 +161,8 @@ impl Session {
             kept: VecDeque::new(),
             between_kept: BETWEEN_KEPT,
             recent: VecDeque::new(),
-            vertices: Vertices::default(),
-            shape: Arc::default(),
-            surface: 0,
-            frame: 0,
             shown: Instant::now(),
-            pages: 0,
+            watchers: 0,
             report: StepReport::default(),
             warnings: Warnings::new(),
             motion,
@@ -179,7 +171,7 @@ impl Session {
         Ok(session)
     }
 
-    /// Runner at the start of a scene, with the pages' hands.
+    /// Runner at the start of a scene, with the watchers' hands.
     fn runner(
         scene: &Scene,
         platform: &Platform,
@@ -202,7 +194,7 @@ impl Session {
     /// What a new runner begins with.
     fn began(&mut self) -> Result<()> {
         let held: Vec<bool> = self.hands.iter().map(Option::is_some).collect();
-        self.hub.set_scene(&wire::scene(&self.settings.apply(&self.read), &held).to_string());
+        self.audience.begin(&self.settings.apply(&self.read), &held);
         self.kept.clear();
         self.recent.clear();
         *lock(&self.motion) = vec![vec![]; self.read.tools.len()];
@@ -222,16 +214,16 @@ impl Session {
             true => self.due.min(now + SLICE),
             false => now + SLICE,
         };
-        // a bounded number of commands, so that pages that send without end do not hold up the steps
+        // a bounded number of commands, so that watchers that send without end do not hold up the steps
         for _ in 0..MOST_COMMANDS {
             let left = until.saturating_duration_since(Instant::now());
-            match self.hub.commands().recv_timeout(left) {
-                Ok((guest, command)) => {
+            match self.audience.commands().recv_timeout(left) {
+                Ok((watcher, command)) => {
                     if let Err(error) = self.obey(command) {
                         if matches!(error, Error::Interrupted) {
                             return Ok(());
                         }
-                        self.hub.tell(Some(guest), &json!({ "error": error.to_string() }).to_string());
+                        self.audience.refuse(Some(watcher), &error.to_string());
                     }
                 }
                 Err(RecvTimeoutError::Timeout) => break,
@@ -240,7 +232,7 @@ impl Session {
         }
         if self.playing && (self.live || Instant::now() >= self.due) {
             self.step_or_stand();
-        } else if self.pages != self.hub.guests() {
+        } else if self.watchers != self.audience.watchers() {
             self.show()?;
         }
         Ok(())
@@ -287,7 +279,7 @@ impl Session {
                     return Err(error);
                 }
             }
-            Command::Drawn(_) => {} // the hub's own
+            Command::Drawn(_) => {} // the server's own
         }
         Ok(())
     }
@@ -354,7 +346,7 @@ impl Session {
         if let Err(error) = self.step() {
             self.stand();
             if !matches!(error, Error::Interrupted) {
-                self.hub.tell(None, &json!({ "error": format!("{error}; begin anew") }).to_string());
+                self.audience.refuse(None, &format!("{error}; begin anew"));
             }
         }
     }
@@ -388,7 +380,7 @@ impl Session {
         if self.runner.simulation.time - last >= self.between_kept * (1.0 - 1e-9) {
             self.keep()?;
         }
-        if self.shown.elapsed() >= BETWEEN_FRAMES && self.hub.guests() > 0 {
+        if self.shown.elapsed() >= BETWEEN_FRAMES && self.audience.is_ready() {
             self.show()?;
         }
         Ok(())
@@ -397,43 +389,44 @@ impl Session {
     /// Shows the present state.
     fn show(&mut self) -> Result<()> {
         self.shown = Instant::now();
-        self.pages = self.hub.guests();
+        self.watchers = self.audience.watchers();
         let state = self.runner.simulation.snapshots()?;
         let surface = SkinSurface::new(&self.runner.simulation, &state);
-        let vertices = Vertices::new(&surface, &self.read);
-        if vertices != self.vertices || self.surface == 0 {
-            self.surface += 1;
-            self.vertices = vertices;
-            self.shape = self.vertices.message(self.surface, &surface).into();
-        }
-        self.frame += 1;
-        let numbers = [self.frame, self.surface];
-        let motion = self.vertices.frame(numbers, &surface, &self.runner.simulation, &self.held, &self.report);
         let figures = self.figures();
-        let (shape, surface) = (self.shape.clone(), self.surface);
-        self.hub.show(Frame { number: self.frame, surface, shape, motion: motion.into(), figures: figures.into() });
+        let (simulation, report) = (&self.runner.simulation, &self.report);
+        self.audience.show(Shown { surface, simulation, hands: &self.held, report, figures });
         Ok(())
     }
 
-    /// Figures of the last step, JSON.
-    fn figures(&self) -> String {
+    /// Figures of the last steps.
+    fn figures(&self) -> Figures {
         let mut sorted: Vec<f64> = self.recent.iter().copied().collect();
         sorted.sort_by(f64::total_cmp);
         let rank = |share: f64| sorted.get(((sorted.len() as f64 * share) as usize).min(sorted.len().max(1) - 1));
         let [median, high] = [0.5, 0.9].map(|share| rank(share).copied().unwrap_or(0.0));
         let budget = self.settings.step / self.speed;
         let (report, totals) = (&self.report, self.runner.simulation.totals());
-        let forces: Vec<f64> = report.contact.on_tool.iter().map(|f| glam::DVec3::from_array(*f).length()).collect();
-        json!({ "figures": {
-            "time_s": self.runner.simulation.time, "playing": self.playing, "speed": self.speed,
-            "force_n": forces, "contacts": report.contact.count(), "passes": report.contact.passes,
-            "iterations": report.free.iterations + report.correction_iterations, "residual": report.residual,
-            "step_ms": median * 1e3, "step_ms_90": high * 1e3, "budget_ms": budget * 1e3, "late": self.late,
-            "severed": totals.links + totals.springs_removed, "kept": self.kept.iter().map(|(time, _)| *time).collect::<Vec<_>>(),
-            "friction": self.settings.friction, "stiffness": self.settings.stiffness,
-            "tolerance": self.settings.tolerance, "scene_step_ms": self.settings.step * 1e3,
-            "pages": self.pages, "warnings": self.warnings,
-        }})
-        .to_string()
+        Figures {
+            time_s: self.runner.simulation.time,
+            playing: self.playing,
+            speed: self.speed,
+            force_n: report.contact.on_tool.iter().map(|f| glam::DVec3::from_array(*f).length()).collect(),
+            contacts: report.contact.count(),
+            passes: report.contact.passes,
+            iterations: report.free.iterations + report.correction_iterations,
+            residual: report.residual,
+            step_ms: median * 1e3,
+            step_ms_90: high * 1e3,
+            budget_ms: budget * 1e3,
+            late: self.late,
+            severed: totals.links + totals.springs_removed,
+            kept: self.kept.iter().map(|(time, _)| *time).collect(),
+            friction: self.settings.friction,
+            stiffness: self.settings.stiffness,
+            tolerance: self.settings.tolerance,
+            scene_step_ms: self.settings.step * 1e3,
+            watchers: self.watchers,
+            warnings: self.warnings.clone(),
+        }
     }
 }

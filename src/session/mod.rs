@@ -1,0 +1,13 @@
+//! A running scene behind a page or a window: paced, paused, begun anew, taken back, changed, and held by a mouse.
+//!
+//! The thread of the session simulates ([`run()`]) and does nothing else. Whoever watches ([`Audience`]) sends [`Command`]s and gets the surface
+//! and the [`Figures`] of the newest state; a picture's price to the simulation is that of reading the state.
+
+pub mod audience;
+pub mod command;
+pub mod mouse;
+pub mod run;
+
+pub use audience::{Audience, Figures, Motion, Shown};
+pub use command::{Command, Hand};
+pub use run::{Options, is_live, run};

@@ -1,0 +1,333 @@
+//! The window: a picture of the newest state with its overlays, the mouse and the keys as a hand, saved pictures.
+
+use super::arrows::{Arrows, BLUE};
+use super::link::Link;
+use super::orbit::Orbit;
+use super::panel;
+use super::state::{Shows, State, WORDS};
+use crate::output::{Failed, replace};
+use crate::report::frames::{Look, camera, with_surfaces};
+use crate::session::Command;
+use crate::view::{self, Clip, ColorBar, Drawn, Outline, Paint, Renderer, Surface, color_of};
+use eframe::egui::{self, Color32, Key, PointerButton, Rect, Sense, Ui, Vec2, ViewportCommand};
+use eframe::egui_wgpu::RenderState;
+use eframe::{CreationContext, wgpu};
+use glam::{DVec2, DVec3};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::mpsc::SyncSender;
+
+/// Width of the panel, points.
+const PANEL: f32 = 350.0;
+/// Depth of a tool per point of the wheel's way, m: a notch is a tenth of a millimetre or so.
+const DEPTH: f64 = 2e-6;
+/// Angle of a tool per press of Q or E, rad.
+const TURN: f64 = 0.05;
+/// Most points of a tip's way.
+const MOST_POINTS: usize = 2000;
+/// Fraction of the colour that remains under the way of a tip, and its width, pixels.
+const WAY_INK: [f32; 3] = [0.05, 0.2, 0.5];
+const WAY_WIDTH: f32 = 1.5;
+/// Most pictures of a folder.
+const MOST_PICTURES: u32 = 9999;
+
+/// What a window begins with.
+pub struct Start {
+    /// The session's other end.
+    pub link: Arc<Link>,
+    /// Its commands.
+    pub sender: SyncSender<(u64, Command)>,
+    /// Folder of saved pictures.
+    pub pictures: PathBuf,
+}
+
+/// What a picture on the device shows.
+#[derive(Clone, Copy, PartialEq)]
+struct Seen {
+    orbit: Orbit,
+    size: [u32; 2],
+    clip: Option<Clip>,
+}
+
+/// See the module.
+pub struct App {
+    link: Arc<Link>,
+    state: State,
+    device: RenderState,
+    renderer: Renderer,
+    texture: Option<egui::TextureId>,
+    orbit: Option<Orbit>,
+    seen: Option<Seen>,
+    /// Largest value of the colour bar, in its unit.
+    bar: Option<ColorBar>,
+    /// `[tool]` vertex that was the lowest at the beginning: its tip
+    tips: Vec<usize>,
+    /// Way of the tip in hand, or of the first one, m.
+    way: Vec<[f64; 3]>,
+    /// `Shows` of what is loaded.
+    loaded: Option<Shows>,
+    pictures: PathBuf,
+}
+
+impl App {
+    /// Begins to draw.
+    ///
+    /// # Errors
+    /// If the window has no device.
+    pub fn new(context: &CreationContext, start: Start) -> Result<Self, String> {
+        let device = context.wgpu_render_state.clone().ok_or("the window has no device that draws")?;
+        let (errors, lost) = (start.link.clone(), start.link.clone());
+        device.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| errors.fail(error.to_string())));
+        device.device.set_device_lost_callback(move |reason, message| {
+            // the one at the end is no failure
+            if reason != wgpu::DeviceLostReason::Destroyed {
+                lost.fail(format!("it was lost ({reason:?}): {message}"));
+            }
+        });
+        context.egui_ctx.set_theme(egui::Theme::Light);
+        start.link.context.get_or_init(|| context.egui_ctx.clone());
+        let state = State::new(start.sender);
+        Ok(Self {
+            renderer: Renderer::new(device.device.clone(), device.queue.clone()),
+            link: start.link,
+            state,
+            device,
+            texture: None,
+            orbit: None,
+            seen: None,
+            bar: None,
+            tips: vec![],
+            way: vec![],
+            loaded: None,
+            pictures: start.pictures,
+        })
+    }
+
+    /// Takes what the session has left.
+    fn take(&mut self) {
+        if let Some(begun) = self.link.take_begun() {
+            let orbit = Orbit::of(&camera(&begun.scene));
+            self.orbit.get_or_insert(orbit);
+            self.state.plots.clear();
+            self.state.begun = Some(begun);
+            self.tips.clear();
+            self.way.clear();
+            // every tool is where it begins, and in nobody's hand
+            self.state.held = None;
+        }
+        self.link.take_words().into_iter().for_each(|words| self.state.say(words));
+        self.state.forget();
+        if let Some(shot) = self.link.take_shot() {
+            self.state.plots.take(&shot.figures);
+            if self.tips.is_empty() {
+                let lowest = |mesh: &Vec<[f64; 3]>| (0..mesh.len()).min_by(|a, b| mesh[*a][2].total_cmp(&mesh[*b][2]));
+                self.tips = shot.tools.iter().map(|mesh| lowest(mesh).unwrap_or(0)).collect();
+            }
+            if self.state.shot.as_ref().is_some_and(|before| before.figures.time_s > shot.figures.time_s) {
+                self.way.clear();
+            }
+            self.state.shot = Some(shot);
+            if let Some(at) = self.tip().filter(|at| self.way.last() != Some(at)) {
+                if self.way.len() == MOST_POINTS {
+                    self.way.remove(0);
+                }
+                self.way.push(at);
+            }
+            self.loaded = None;
+        }
+    }
+
+    /// Where the tip of the tool in hand is, or of the first one, m.
+    fn tip(&self) -> Option<[f64; 3]> {
+        let tool = self.state.held.map_or(0, |held| held.tool);
+        self.state.shot.as_ref()?.tools.get(tool)?.get(*self.tips.get(tool)?).copied()
+    }
+
+    /// Loads the newest state as it is wanted.
+    fn load(&mut self, distance: f64) {
+        let (Some(begun), Some(shot)) = (&self.state.begun, &self.state.shot) else { return };
+        if self.loaded.as_ref() == Some(&self.state.shows) {
+            return;
+        }
+        let shows = &self.state.shows;
+        let mut look = Look { hidden: shows.hidden.clone(), plain: !shows.cells, colors: None };
+        self.bar = None;
+        if let Some((values, unit, factor)) = shows.colors.values(&shot.skin) {
+            let high = values.iter().copied().fold(0.0, f64::max);
+            look.colors = Some(values.iter().map(|v| color_of(if high > 0.0 { v / high } else { 0.0 })).collect());
+            self.bar = Some(ColorBar { title: format!("{}, {unit}", shows.colors.name()), high: high * factor });
+        }
+        let arrows = if shows.forces { Arrows::new(&shot.contacts, distance) } else { Arrows::default() };
+        let blue = vec![BLUE; arrows.triangles.len()];
+        let steps: Vec<[u32; 2]> = (1..self.way.len() as u32).map(|k| [k - 1, k]).collect();
+        let outlines = [Outline { lines: &steps, width: WAY_WIDTH, ink: WAY_INK }];
+        let plain = |positions, triangles, colors, outlines| {
+            let colors = Paint::Triangles(colors);
+            Surface { positions, triangles, colors, smooth: true, outlines, shininess: 10.0 }
+        };
+        let forces = plain(&arrows.positions, &arrows.triangles, &blue, &[]);
+        let way = plain(&self.way, &[], &[], &outlines);
+        let renderer = &mut self.renderer;
+        with_surfaces(&begun.scene, &shot.skin, &shot.tools, &look, |bodies, tools| {
+            let in_front = if shows.way { &[forces, way][..] } else { &[forces] };
+            renderer.load(&Drawn { clipped: bodies, whole: tools, in_front })
+        });
+        self.loaded = Some(self.state.shows.clone());
+        self.seen = None;
+    }
+
+    /// Draws the picture if it is not the one that is there.
+    fn draw(&mut self, size: [u32; 2]) {
+        let Some(orbit) = self.orbit else { return };
+        self.load(DVec3::from(orbit.camera().eye).distance(orbit.camera().target.into()));
+        let clip = self.state.shot.as_ref().and_then(|shot| self.state.shows.plane(&shot.skin));
+        let wanted = Seen { orbit, size, clip };
+        if self.seen == Some(wanted) {
+            return;
+        }
+        let resized = self.seen.is_none_or(|seen| seen.size != size) || self.texture.is_none();
+        let view = self.renderer.draw(&orbit.camera(), size, clip);
+        if resized {
+            let egui = &mut *self.device.renderer.write();
+            let filter = wgpu::FilterMode::Linear;
+            match self.texture {
+                Some(id) => egui.update_egui_texture_from_wgpu_texture(&self.device.device, view, filter, id),
+                None => self.texture = Some(egui.register_native_texture(&self.device.device, view, filter)),
+            }
+        }
+        self.seen = Some(wanted);
+        self.link.is_drawn();
+    }
+
+    /// The picture, what lies on it, and the mouse over it.
+    fn picture(&mut self, ui: &mut Ui) {
+        let (rect, response) = ui.allocate_exact_size(ui.available_size(), Sense::click_and_drag());
+        let dots = ui.ctx().pixels_per_point();
+        let largest = self.device.device.limits().max_texture_dimension_2d as f32;
+        let size = [rect.width(), rect.height()].map(|side| (side * dots).round().clamp(1.0, largest) as u32);
+        self.draw(size);
+        if let Some(texture) = self.texture {
+            let whole = Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
+            ui.painter().image(texture, rect, whole, Color32::WHITE);
+        }
+        panel::overlays(ui, rect, &self.state, self.bar.as_ref());
+        self.point(ui, &response);
+    }
+
+    /// The mouse: turns and zooms, or moves the tool in hand.
+    fn point(&mut self, ui: &Ui, response: &egui::Response) {
+        let tip = self.tip();
+        let Some(orbit) = &mut self.orbit else { return };
+        let (way, wheel, shift, pressed) = ui.input(|i| {
+            (i.pointer.delta(), f64::from(i.smooth_scroll_delta().y), i.modifiers.shift, i.pointer.primary_down())
+        });
+        let turns = response.dragged_by(PointerButton::Secondary)
+            || response.dragged_by(PointerButton::Middle)
+            || (self.state.held.is_none() && response.dragged_by(PointerButton::Primary));
+        if turns {
+            orbit.turn(DVec2::new(f64::from(way.x), f64::from(way.y)));
+        }
+        let over = response.hovered() || response.dragged();
+        match self.state.held {
+            Some(mut held) if over => {
+                if shift {
+                    orbit.zoom(wheel);
+                } else {
+                    held.position.z += wheel * DEPTH;
+                }
+                // a mouse that comes in from beside the picture does not take the tool along
+                let from = |now: &egui::Pos2| response.rect.contains(*now - way);
+                if let (Some(now), false) = (response.hover_pos().filter(from), turns) {
+                    held.position +=
+                        moved(orbit, response.rect, now - way, now, tip.map_or(held.position.z, |tip| tip[2]));
+                }
+                held.pressed = pressed && !turns && response.is_pointer_button_down_on();
+                self.state.hold(held);
+            }
+            None if over => orbit.zoom(wheel),
+            _ => {}
+        }
+    }
+
+    fn keys(&mut self, ui: &Ui) {
+        let [play, step, leave, save, left, right] =
+            ui.input(|i| [Key::Space, Key::Period, Key::Escape, Key::P, Key::Q, Key::E].map(|key| i.key_pressed(key)));
+        let playing = self.state.shot.as_ref().is_some_and(|shot| shot.figures.playing);
+        if play {
+            self.state.send(if playing { Command::Pause } else { Command::Play });
+        }
+        if step {
+            self.state.send(Command::Step);
+        }
+        if leave {
+            self.state.take(None);
+        }
+        if let (Some(mut held), true) = (self.state.held, left != right) {
+            held.turn += if left { TURN } else { -TURN };
+            self.state.hold(held);
+        }
+        self.state.saves |= save;
+        if ui.input(|i| i.modifiers.command && i.key_pressed(Key::Q)) {
+            ui.ctx().send_viewport_cmd(ViewportCommand::Close);
+        }
+    }
+
+    /// Saves the picture with its caption and bar.
+    fn save(&mut self) {
+        let caption = self.state.shot.as_ref().map(|shot| shot.caption.clone()).unwrap_or_default();
+        let bar = self.bar.clone();
+        let saved = self.renderer.read().and_then(|mut image| {
+            view::caption(&mut image, &caption.iter().map(String::as_str).collect::<Vec<_>>());
+            if let Some(bar) = &bar {
+                view::color_bar(&mut image, bar);
+            }
+            let path = free_name(&self.pictures);
+            let bytes = view::png(&image);
+            replace(&path, &bytes.map_err(|source| Failed::Write { path: path.clone(), source })?)?;
+            Ok(path)
+        });
+        self.state.say(match saved {
+            Ok(path) => format!("saved {}", path.display()),
+            Err(error) => error.to_string(),
+        });
+    }
+}
+
+impl eframe::App for App {
+    fn ui(&mut self, ui: &mut Ui, _: &mut eframe::Frame) {
+        if self.link.has_ended() {
+            ui.ctx().send_viewport_cmd(ViewportCommand::Close);
+        }
+        self.take();
+        if !ui.ctx().egui_wants_keyboard_input() {
+            self.keys(ui);
+        }
+        egui::Panel::right("panel").exact_size(PANEL).show(ui, |ui| panel::show(ui, &mut self.state));
+        egui::CentralPanel::no_frame().show(ui, |ui| self.picture(ui));
+        if std::mem::take(&mut self.state.saves) {
+            self.save();
+        }
+        if !self.state.words.is_empty() {
+            ui.ctx().request_repaint_after(WORDS);
+        }
+    }
+}
+
+/// How far a tool moves between two points of the picture, on the level plane at the height of its tip, m.
+fn moved(orbit: &Orbit, rect: Rect, from: egui::Pos2, to: egui::Pos2, height: f64) -> DVec3 {
+    let aspect = f64::from(rect.width() / rect.height());
+    let at = |p: egui::Pos2| {
+        let share: Vec2 = (p - rect.center()) / (0.5 * rect.size());
+        orbit.on_plane(DVec2::new(f64::from(share.x), -f64::from(share.y)), aspect, height)
+    };
+    match (at(from), at(to)) {
+        (Some(a), Some(b)) => b - a,
+        _ => DVec3::ZERO,
+    }
+}
+
+/// First name of a picture that no file of the folder has.
+fn free_name(folder: &Path) -> PathBuf {
+    let names = (1..=MOST_PICTURES).map(|number| folder.join(format!("view_{number:04}.png")));
+    names.into_iter().find(|path| !path.exists()).unwrap_or_else(|| folder.join("view.png"))
+}
