@@ -59,7 +59,7 @@ fn arrays(model: &Model) -> &Arrays<f64> {
 fn forces(a: &Arrays<f64>, u: &[V4<f64>], corotational: bool) -> Vec<V4<f64>> {
     let rotations = a.rotations(u, corotational);
     let mut f = vec![[0.0; 4]; u.len()];
-    a.forces(u, &rotations, &mut f);
+    a.forces(u, &rotations, &mut f, &mut a.scratch());
     f
 }
 

@@ -65,7 +65,7 @@ fn arrays(model: &Model) -> &Arrays<f64> {
 fn forces(a: &Arrays<f64>, u: &[V4<f64>], corotational: bool) -> Vec<V4<f64>> {
     let rotations = a.rotations(u, corotational);
     let mut f = vec![[0.0; 4]; u.len()];
-    a.forces(u, &rotations, &mut f);
+    a.forces(u, &rotations, &mut f, &mut a.scratch());
     f
 }
 
@@ -130,7 +130,7 @@ fn products() {
         let (a, u) = (arrays(&model), wavy(&model));
         let rotations = a.rotations(&u, false);
         let mut w = vec![[0.0; 4]; u.len()];
-        a.product(&u, &rotations, &mut w);
+        a.product(&u, &rotations, &mut w, &mut a.scratch());
         let f = forces(a, &u, false);
         let off = w.iter().zip(&f).flat_map(|(w, f)| (0..3).map(move |n| (w[n] - f[n]).abs())).fold(0.0, f64::max);
         assert!(off <= 1e-12 * scale(&f), "{element:?}: {off:e}");
@@ -147,7 +147,7 @@ fn blocks() {
                 let mut z = vec![[0.0; 4]; model.rest.len()];
                 z[node][axis] = 1.0;
                 let mut w = z.clone();
-                a.product(&z, &rotations, &mut w);
+                a.product(&z, &rotations, &mut w, &mut a.scratch());
                 let column = symmetric(a.rest_block[2 * node], a.rest_block[2 * node + 1]).0[axis].f64();
                 let size = column[axis];
                 assert!(size > 0.0);

@@ -5,7 +5,7 @@ use crate::bodies::cpu::{Preconditioner, System, Workspace};
 use crate::bodies::{Model, Removal};
 use crate::error::Result;
 use crate::kernels::precondition::precondition;
-use crate::kernels::product::CellForces;
+use crate::kernels::product::{CellForces, LANES};
 use crate::kernels::{Params, factor, tetrahedra_blocks};
 use crate::math::{Real, V4};
 
@@ -32,6 +32,11 @@ impl<R: Real> Tetrahedra<R> {
     }
 }
 
+/// The scratch of a right-hand side as numbers.
+fn numbers<R>(scratch: &mut [CellForces<R>]) -> &mut [R] {
+    scratch.as_flattened_mut().as_flattened_mut().as_flattened_mut()
+}
+
 impl<R: Real> System<R> for Tetrahedra<R> {
     fn forces(
         &mut self,
@@ -39,13 +44,13 @@ impl<R: Real> System<R> for Tetrahedra<R> {
         u: &[V4<R>],
         at: &[V4<R>],
         f: &mut [V4<R>],
-        _: &mut [CellForces<R>],
+        scratch: &mut [CellForces<R>],
     ) -> Result<()> {
         if self.corotational {
             self.rotations = self.arrays.rotations(u, true);
             self.node_rotations = self.arrays.node_rotations(u, true);
         }
-        self.arrays.forces(at, &self.rotations, f);
+        self.arrays.forces(at, &self.rotations, f, numbers(scratch));
         Ok(())
     }
 
@@ -61,8 +66,15 @@ impl<R: Real> System<R> for Tetrahedra<R> {
         self.block = block;
     }
 
-    fn product(&self, params: &Params<R>, free: &[V4<R>], z: &[V4<R>], w: &mut [V4<R>], _: &mut [CellForces<R>]) -> R {
-        self.arrays.system_product(params, free, z, &self.rotations, w)
+    fn product(
+        &self,
+        params: &Params<R>,
+        free: &[V4<R>],
+        z: &[V4<R>],
+        w: &mut [V4<R>],
+        scratch: &mut [CellForces<R>],
+    ) -> R {
+        self.arrays.system_product(params, free, z, &self.rotations, w, numbers(scratch))
     }
 
     fn preconditioner<'a>(&'a self, params: &'a Params<R>, _: &'a [V4<R>]) -> Preconditioner<'a, R> {
@@ -76,7 +88,9 @@ impl<R: Real> System<R> for Tetrahedra<R> {
     }
 
     fn workspace(&self, _: &Params<R>) -> Workspace<R> {
-        Workspace::default()
+        let numbers = size_of::<CellForces<R>>() / size_of::<R>();
+        let scratch = vec![[[[R::zero(); LANES]; 3]; 8]; self.arrays.scratch().len().div_ceil(numbers)];
+        Workspace { scratch, levels: vec![] }
     }
 
     fn points(&self, _: &Params<R>, u: &[V4<R>], points: &mut [V4<R>]) {

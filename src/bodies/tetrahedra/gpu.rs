@@ -65,7 +65,9 @@ impl Tetrahedra {
             ]);
         }
         Ok(Self {
-            shared: Arrays::of(&shared).joined(&Arrays::of(std::slice::from_ref(&force))).joined(&Arrays::one("strain", &force)),
+            shared: Arrays::of(&shared)
+                .joined(&Arrays::of(std::slice::from_ref(&force)))
+                .joined(&Arrays::one("strain", &force)),
             total: made.params(&Params { total: 1, ..*params }),
             running: made.vec4("scalars", 2)?,
             means: [domains, nodes].map(|count| made.uniform("params", 16, &[count as u32, 0, 0, 0])),

@@ -182,8 +182,9 @@ impl Mechanics for Tetrahedra {
         let zeros = vec![[0.0; 4]; at.len()];
         let (mut f, mut w) = (zeros.clone(), zeros);
         let rotations = self.arrays.rotations(&solved.start.u, self.corotational);
-        self.arrays.forces(at, &rotations, &mut f);
-        self.arrays.system_product(&model.params(), in_system, &solved.dx, &rotations, &mut w);
+        let scratch = &mut self.arrays.scratch();
+        self.arrays.forces(at, &rotations, &mut f, scratch);
+        self.arrays.system_product(&model.params(), in_system, &solved.dx, &rotations, &mut w, scratch);
         [f, w]
     }
 
@@ -196,8 +197,9 @@ impl Mechanics for Tetrahedra {
         let (u, v): (Vec<_>, Vec<_>) = (0..model.own_nodes()).map(moved).map(|[u, v]| (u.pad(0.0), v.pad(0.0))).unzip();
         let rotations = self.arrays.rotations(&u, self.corotational);
         let (mut f, mut damping) = (vec![[0.0; 4]; u.len()], vec![[0.0; 4]; u.len()]);
-        self.arrays.forces(&u, &rotations, &mut f);
-        self.arrays.product(&v, &rotations, &mut damping);
+        let scratch = &mut self.arrays.scratch();
+        self.arrays.forces(&u, &rotations, &mut f, scratch);
+        self.arrays.product(&v, &rotations, &mut damping, scratch);
         let sum = |node: &u32| {
             let i = *node as usize;
             (V3::from4(f[i]) + V3::from4(damping[i]) * model.step.rayleigh_stiffness).f64()

@@ -193,7 +193,10 @@ impl Arrays<f64> {
         let (rotations, total) = (self.rotations(u, corotational), 1);
         let strain = self.strains(total, u, &rotations.element);
         let mut sum = 0.0;
-        let nodal = if self.smoothed { self.volumes(&strain) } else { vec![] };
+        let mut nodal = vec![0.0; self.per_volume.len()];
+        if self.smoothed {
+            self.volumes(&strain, &mut nodal);
+        }
         for (e, corners) in self.corners.iter().enumerate() {
             let [volume, bulk, shear] = [0, 1, 2].map(|n| self.gradients[3 * e + n][3]);
             let theta = if self.smoothed {
@@ -219,10 +222,11 @@ impl Arrays<f64> {
     /// theirs differ.
     pub fn strains_and_stresses(&self, u: &[V4<f64>], corotational: bool) -> Vec<[M3<f64>; 2]> {
         let rotations = self.rotations(u, corotational);
-        let forces = self.corner_forces(1, u, &rotations);
+        let mut scratch = self.scratch();
+        let forces = self.corner_forces(1, u, &rotations, &mut scratch);
         let of = |(e, moved): (usize, M3<f64>)| {
             // the forces at corners 1 to 3 are V P ∇N_a
-            let stress = matrix(&forces, e) * matrix(&self.gradients, e).inverse();
+            let stress = matrix(forces, e) * matrix(&self.gradients, e).inverse();
             let turned = stress * rotation_matrix(rotations.element[e]).transpose();
             [green_lagrange(moved), (turned + turned.transpose()) * (0.5 / self.volume(e))]
         };
@@ -283,70 +287,77 @@ impl<R: Real> Arrays<R> {
         out
     }
 
-    /// `[node]` volume strains.
-    fn volumes(&self, strain: &[V4<R>]) -> Vec<R> {
-        let (first, members, mut out) = (&self.first_of_node, &self.of_node, vec![R::zero(); self.per_volume.len()]);
-        tetrahedra_volumes::tetrahedra_volumes(&self.gradients, first, members, &self.per_volume, strain, &mut out);
-        out
+    /// What the passes store between them: one array for each right-hand side.
+    pub fn scratch(&self) -> Vec<R> {
+        vec![R::zero(); 4 * (self.gradients.len() + 3 * self.shear.len()) + 2 * self.per_volume.len()]
     }
 
-    /// `[tetrahedron × 3]` forces at corners 1 to 3, N; `total` is that of [`Params`].
-    fn corner_forces(&self, total: u32, z: &[V4<R>], rotations: &Rotations<R>) -> Vec<V4<R>> {
+    /// `[node]` volume strains.
+    fn volumes(&self, strain: &[V4<R>], out: &mut [R]) {
+        let (first, members) = (&self.first_of_node, &self.of_node);
+        tetrahedra_volumes::tetrahedra_volumes(&self.gradients, first, members, &self.per_volume, strain, out);
+    }
+
+    /// `[tetrahedron × 3]` forces at corners 1 to 3, N, in `scratch`; `total` is that of [`Params`].
+    fn corner_forces<'a>(
+        &self,
+        total: u32,
+        z: &[V4<R>],
+        rotations: &Rotations<R>,
+        scratch: &'a mut [R],
+    ) -> &'a mut [V4<R>] {
         let params = Params { total, ..Params::default() };
-        let Self { corners, gradients, first_of_node, of_node, per_volume, .. } = self;
+        let Self { corners, gradients, first_of_node, of_node, first_of_domain, of_domain, per_volume, .. } = self;
         let element = &rotations.element;
-        let mut out = vec![[R::zero(); 4]; gradients.len()];
+        // strains of the tetrahedra, then their forces; stresses of the domains; volume strains and pressures of the nodes
+        let (of_elements, rest) = scratch.split_at_mut(4 * gradients.len());
+        let of_elements = of_elements.as_chunks_mut().0;
         if !self.smoothed {
-            tetrahedra_plain::tetrahedra_plain(&params, corners, gradients, element, z, &mut out);
-            return out;
+            tetrahedra_plain::tetrahedra_plain(&params, corners, gradients, element, z, of_elements);
+            return of_elements;
         }
-        let strain = self.strains(total, z, element);
-        let mut stress = vec![[R::zero(); 4]; 3 * self.shear.len()];
+        let (stress, rest) = rest.split_at_mut(12 * self.shear.len());
+        let stress = stress.as_chunks_mut().0;
+        let (strain, pressure) = rest[..2 * per_volume.len()].split_at_mut(per_volume.len());
+        tetrahedra_strains::tetrahedra_strains(&params, corners, gradients, element, z, of_elements);
         tetrahedra_domains::tetrahedra_domains(
             &params,
             gradients,
-            &self.first_of_domain,
-            &self.of_domain,
+            first_of_domain,
+            of_domain,
             &self.shear,
             &rotations.domain,
-            &strain,
-            &mut stress,
+            of_elements,
+            stress,
         );
-        let (nodal, mut pressure) = (self.volumes(&strain), vec![R::zero(); per_volume.len()]);
+        self.volumes(of_elements, strain);
         tetrahedra_pressures::tetrahedra_pressures(
             corners,
             gradients,
             first_of_node,
             of_node,
             per_volume,
-            &nodal,
-            &mut pressure,
+            strain,
+            pressure,
         );
-        tetrahedra_smoothed::tetrahedra_smoothed(
-            corners,
-            gradients,
-            element,
-            &self.domains,
-            &stress,
-            &pressure,
-            &mut out,
-        );
-        out
+        let domains = &self.domains;
+        tetrahedra_smoothed::tetrahedra_smoothed(corners, gradients, element, domains, stress, pressure, of_elements);
+        of_elements
     }
 
-    /// Internal forces at displacements with the rotations given, `[node]` N.
-    pub fn forces(&self, u: &[V4<R>], rotations: &Rotations<R>, f: &mut [V4<R>]) {
-        let forces = self.corner_forces(1, u, rotations);
-        tetrahedra_forces::tetrahedra_forces(&self.first_of_node, &self.of_node, &forces, f);
+    /// Internal forces at displacements with the rotations given, `[node]` N; `scratch` as of [`Self::scratch`].
+    pub fn forces(&self, u: &[V4<R>], rotations: &Rotations<R>, f: &mut [V4<R>], scratch: &mut [R]) {
+        let forces = self.corner_forces(1, u, rotations, scratch);
+        tetrahedra_forces::tetrahedra_forces(&self.first_of_node, &self.of_node, forces, f);
     }
 
     /// `K z`, `[node]` N.
-    pub fn product(&self, z: &[V4<R>], rotations: &Rotations<R>, w: &mut [V4<R>]) {
-        let forces = self.corner_forces(0, z, rotations);
-        tetrahedra_forces::tetrahedra_forces(&self.first_of_node, &self.of_node, &forces, w);
+    pub fn product(&self, z: &[V4<R>], rotations: &Rotations<R>, w: &mut [V4<R>], scratch: &mut [R]) {
+        let forces = self.corner_forces(0, z, rotations, scratch);
+        tetrahedra_forces::tetrahedra_forces(&self.first_of_node, &self.of_node, forces, w);
     }
 
-    /// `w = A z`, `[node]` N; `free` has the DOF masks and masses. Returns `z·w`.
+    /// `w = A z`, `[node]` N; `free` has the DOF masks and masses, `scratch` as of [`Self::scratch`]. Returns `z·w`.
     pub fn system_product(
         &self,
         params: &Params<R>,
@@ -354,8 +365,9 @@ impl<R: Real> Arrays<R> {
         z: &[V4<R>],
         rotations: &Rotations<R>,
         w: &mut [V4<R>],
+        scratch: &mut [R],
     ) -> R {
-        let forces = self.corner_forces(0, z, rotations);
-        tetrahedra_product::tetrahedra_product(params, &self.first_of_node, &self.of_node, &forces, free, z, w)
+        let forces = self.corner_forces(0, z, rotations, scratch);
+        tetrahedra_product::tetrahedra_product(params, &self.first_of_node, &self.of_node, forces, free, z, w)
     }
 }
