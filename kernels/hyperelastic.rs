@@ -78,6 +78,18 @@ impl<R: Real> Material<R> {
         Self { edges: V3::from4(shape), pre_strain: V3::from4(pre_strain), bulk, law }
     }
 
+    /// A material of the same kind, `scale` times as stiff.
+    pub fn scaled(self, scale: R) -> Self {
+        let law = match self.law {
+            Law::NeoHookean(mu) => Law::NeoHookean(mu * scale),
+            Law::MooneyRivlin(c) => Law::MooneyRivlin(c.map(|c| c * scale)),
+            Law::Holzapfel(mu, fibres) => {
+                Law::Holzapfel(mu * scale, Fibres { stiffness: fibres.stiffness * scale, ..fibres })
+            }
+        };
+        Self { bulk: self.bulk * scale, law, ..self }
+    }
+
     /// The same in every lane of a register.
     #[inline(always)]
     pub fn packed<L: Lanes<R>>(&self, lanes: L) -> Material<Packed<R, L>> {
@@ -170,6 +182,8 @@ pub struct Cells<'a, R> {
     pub pre_strain: &'a [V4<R>],
     /// `[cells_z]` layer
     pub layer_of: &'a [u32],
+    /// `[cell]` factor on the stiffness of its layer, or one for all
+    pub scale: &'a [R],
     /// See [`super::split`].
     pub split: &'a [u32],
     /// `[node]` displacement, m
@@ -182,6 +196,11 @@ impl<R: Real> Cells<'_, R> {
         self.layer_of[self.params.cell_at(cell)[2]] as usize
     }
 
+    /// Factor of a cell on the stiffness of its layer: every law's energy is linear in its constants.
+    pub fn scale(&self, cell: usize) -> R {
+        self.scale[cell.min(self.scale.len() - 1)]
+    }
+
     /// Cell size and material of a layer.
     pub fn material(&self, layer: usize) -> Material<R> {
         Material::of(self.shape[layer], self.material[layer], self.fibres[layer], self.pre_strain[layer])
@@ -192,9 +211,9 @@ impl<R: Real> Cells<'_, R> {
         self.params.corner_nodes(self.split, cell).map(|n| V3::from4(self.displacement[n]))
     }
 
-    /// State of a cell.
+    /// State of a cell, of its own material.
     pub fn state(&self, cell: usize) -> Cell<R> {
-        Cell::new(self.material(self.layer(cell)), &self.corners(cell))
+        Cell::new(self.material(self.layer(cell)).scaled(self.scale(cell)), &self.corners(cell))
     }
 }
 

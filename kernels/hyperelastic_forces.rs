@@ -30,6 +30,7 @@ pub fn hyperelastic_forces<R: Real>(
     fibres: &[FibreRows<R>], // [layer] directions; k₂, κ
     pre_strain: &[V4<R>],    // [layer] elastic strain at rest along x, y, z
     layer_of: &[u32],        // [cells_z] layer
+    scale: &[R],             // [cell] factor on the layer's stiffness, or one for all
     split: &[u32],           // see `split`
     rotation: &mut [V4<R>],  // [cell] quaternion, 0 of a dead cell; [cell × 3] `y`
     displacement: &[V4<R>],  // [node] displacement, m
@@ -43,7 +44,7 @@ pub fn hyperelastic_forces<R: Real>(
     energy[..count].fill(R::zero());
     let unit = quaternions.to_vec();
     let alive = |cell: usize| (unit[cell] != [R::zero(); 4]).then_some(unit[cell]);
-    let cells = Cells { params, shape, material, fibres, pre_strain, layer_of, split, displacement };
+    let cells = Cells { params, shape, material, fibres, pre_strain, layer_of, scale, split, displacement };
     cells.respond(0..count, Wanted { energy: true, linearised }, &alive, &mut |cell, found| {
         energy[cell] = if found.inverted { R::of(f64::from(INVERTED_ENERGY)) } else { found.energy };
         corner_force[24 * cell..24 * (cell + 1)].copy_from_slice(found.force.as_flattened());
@@ -160,14 +161,16 @@ impl<R: Real> Task<R> for Responses<'_, R> {
                 }
             }
             for (i, (cell, _)) in group.iter().enumerate() {
+                // the rows are those of any scale: the quaternion's length scales them with the rest
+                let scale = cells.scale(*cell);
                 let mut found = Response {
-                    energy: energy[i],
+                    energy: energy[i] * scale,
                     inverted: upright[i] == R::zero(),
-                    length: length[i],
+                    length: length[i] * scale.sqrt().sqrt(),
                     ..Response::default()
                 };
                 for (force, moved) in found.force.as_flattened_mut().iter_mut().zip(moved.as_flattened()) {
-                    *force = moved[i];
+                    *force = moved[i] * scale;
                 }
                 for (row, own) in found.rows.as_flattened_mut().iter_mut().zip(rows.as_flattened()) {
                     *row = own[i];

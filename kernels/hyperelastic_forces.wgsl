@@ -10,6 +10,7 @@
 @group(0) @binding(8) var<storage, read_write> rotation: array<vec4<f32>>;  // [cell] quaternion, 0 of a dead cell; [cell × 3] y, p
 @group(0) @binding(9) var<uniform> pre_strain: array<vec4<f32>, 21>;       // [layer] elastic strain at rest along x, y, z
 @group(0) @binding(10) var<uniform> fibres: array<vec4<f32>, 42>;          // [layer × 2] directions; k₂, κ
+@group(0) @binding(11) var<storage, read> scale: array<f32>;               // [cell] factor on the layer's stiffness, or one for all
 
 const INVERTED_ENERGY: f32 = 1e38;
 const STIFFENED: u32 = 2u;
@@ -43,6 +44,7 @@ fn hyperelastic_forces(thread: Thread) {
         return;
     }
     let own = cell_of(cell);
+    let times = scale[min(cell, arrayLength(&scale) - 1u)];
     var u: array<vec3<f32>, 8>;
     for (var a = 0u; a < 8u; a += 1u) { u[a] = displacement[corner_node(params, own.at, a)].xyz; }
     var force: array<vec3<f32>, 8>;
@@ -85,7 +87,7 @@ fn hyperelastic_forces(thread: Thread) {
     let mean = dilatations * 0.125;
     let log_mean = log_volume(mean).x;
     let pressure = own.material.x * log_mean * log_volume_slope(mean);
-    energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean), INVERTED_ENERGY, inverted);
+    energy[cell] = select(own.weight * (sum + 4.0 * own.material.x * log_mean * log_mean) * times, INVERTED_ENERGY, inverted);
     for (var a = 0u; a < 8u; a += 1u) { force[a] += volume_gradient[a] * pressure; }
     var factor = 1.0;
     var tension = vec3<f32>(0.0);
@@ -113,9 +115,9 @@ fn hyperelastic_forces(thread: Thread) {
             }
             rotation[params.cell_count + 3u * cell + n] = vec4<f32>((row * r) * scale, tension[n]);
         }
-        rotation[cell] = rotation[cell] * sqrt(sqrt(factor));
+        rotation[cell] = rotation[cell] * (sqrt(sqrt(factor)) * sqrt(sqrt(times)));
     }
     for (var a = 0u; a < 8u; a += 1u) {
-        for (var n = 0u; n < 3u; n += 1u) { corner_force[cell * 24u + a * 3u + n] = force[a][n]; }
+        for (var n = 0u; n < 3u; n += 1u) { corner_force[cell * 24u + a * 3u + n] = force[a][n] * times; }
     }
 }

@@ -60,11 +60,12 @@ pub fn hyperelastic_tangent<R: Real>(
     fibres: &[FibreRows<R>], // [layer] directions; k₂, κ
     pre_strain: &[V4<R>],    // [layer] elastic strain at rest along x, y, z
     layer_of: &[u32],        // [cells_z] layer
+    scale: &[R],             // [cell] factor on the layer's stiffness, or one for all
     displacement: &[V4<R>],  // [node] displacement, m
     z: &[V4<R>],             // [node] m
     corner_force: &mut [R],  // [cell][corner][axis] N
 ) {
-    let cells = Cells { params, shape, material, fibres, pre_strain, layer_of, split: &[], displacement };
+    let cells = Cells { params, shape, material, fibres, pre_strain, layer_of, scale, split: &[], displacement };
     for (cell, force) in corner_force.chunks_exact_mut(24).enumerate() {
         let state = cells.state(cell);
         let own = if state.inverted() { [V3::zero(); 8] } else { state.product(&at_corners(params, z, cell)) };

@@ -9,6 +9,7 @@
 @group(0) @binding(7) var<storage, read> scalars: array<vec4<f32>>;         // [slot × 2] alpha beta gamma done; target² rr iterations state
 @group(0) @binding(8) var<uniform> pre_strain: array<vec4<f32>, 21>;       // [layer] elastic strain at rest along x, y, z
 @group(0) @binding(9) var<uniform> fibres: array<vec4<f32>, 42>;          // [layer × 2] directions; k₂, κ
+@group(0) @binding(10) var<storage, read> scale: array<f32>;               // [cell] factor on the layer's stiffness, or one for all
 
 @compute @workgroup_size(64)
 fn hyperelastic_tangent(thread: Thread) {
@@ -16,6 +17,7 @@ fn hyperelastic_tangent(thread: Thread) {
     let slot = params.first_slot + thread.group.y;
     if cell >= params.cell_count || scalars[slot * 2u].w != 0.0 { return; }
     let own = cell_of(cell);
+    let times = scale[min(cell, arrayLength(&scale) - 1u)];
     let u = at_corners(own);
     var field: array<vec3<f32>, 8>;
     for (var a = 0u; a < 8u; a += 1u) {
@@ -53,6 +55,6 @@ fn hyperelastic_tangent(thread: Thread) {
     let first = (slot * params.cell_count + cell) * 24u;
     for (var a = 0u; a < 8u; a += 1u) {
         let out = select(force[a] + volume_gradient[a] * pressure_change, vec3<f32>(0.0), inverted);
-        for (var n = 0u; n < 3u; n += 1u) { corner_force[first + a * 3u + n] = out[n]; }
+        for (var n = 0u; n < 3u; n += 1u) { corner_force[first + a * 3u + n] = out[n] * times; }
     }
 }

@@ -29,6 +29,10 @@ const SECTIONS: &[(&str, &str)] = &[
     ),
     ("[[boundary]]", "body = \"skin\"\nregion = \"bottom\""),
     ("[[anchor]]", "body = \"skin\"\nregion = \"top\"\nstiffness_n_m = 10.0"),
+    (
+        "[[inclusion]]",
+        "body = \"skin\"\nregion = \"sphere\"\ncentre_mm = [0.0, 0.0, 1.0]\nradius_mm = 0.5\nyoung_kpa = 90.0",
+    ),
     ("[[load]]", "body = \"skin\"\npressure_kpa = 1.0\nrectangle_mm = [[-2.0, -2.0], [2.0, 2.0]]"),
     (
         "[[tool]]",

@@ -94,7 +94,10 @@ fn bytes_of_arrays(model: &Model) -> usize {
         Kind::Springs(s) => {
             size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + size_of_val(&s.first[..]) + size_of_val(&s.half[..])
         }
-        Kind::Hexahedra(h) => size_of_val(&h.stiffness[..]) + size_of_val(&h.pre_strain[..]),
+        Kind::Hexahedra(h) => {
+            let factors = h.hyperelastic.as_ref().map_or(0, |law| size_of_val(&law.rounded_scale::<f64>()[..]));
+            size_of_val(&h.stiffness[..]) + size_of_val(&h.pre_strain[..]) + factors
+        }
         Kind::Tetrahedra(t) => {
             let a = &t.arrays;
             let of_elements = size_of_val(&a.corners[..]) + size_of_val(&a.gradients[..]);
@@ -436,6 +439,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
                 "1 array hyperelastic law: residual_force",
                 "1 array hyperelastic law: residual_force_next",
                 "1 array hyperelastic law: scalars",
+                "1 array hyperelastic law: scale",
                 "1 array hyperelastic law: w",
                 "2 array solver: params",
                 "1 kernel collect",
@@ -457,6 +461,7 @@ fn table() -> Vec<(&'static str, Scene, Scene, &'static [&'static str])> {
                 "1 array hyperelastic law: energy",
                 "1 array hyperelastic law: fibres",
                 "1 array hyperelastic law: material",
+                "1 array hyperelastic law: scale",
                 "1 kernel collect",
                 "1 kernel hyperelastic_forces",
             ],

@@ -814,6 +814,31 @@ fn integrator_is_read_and_has_a_default() {
 }
 
 #[test]
+fn an_inclusion_is_a_solid_in_a_body_of_a_large_strain_law() {
+    let of = |time: &str, skin: &str, region: &str| {
+        parsed(&format!("{}\n[[inclusion]]\n{region}\nyoung_kpa = 90\n", alone(time, "", skin)))
+    };
+    let sphere = "region = \"sphere\"\ncentre_mm = [0, 0, 0.5]\nradius_mm = 0.8";
+    let scene = of("", "", sphere).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!((scene.inclusions[0].body, scene.inclusions[0].young), (0, 90e3));
+    assert_eq!(scene.inclusions[0].region, Region::Sphere { centre: [0.0, 0.0, 0.5e-3], radius: 0.8e-3 });
+    let refused = |time: &str, skin: &str, region: &str, parts: &str| {
+        let error = of(time, skin, region).expect_err(parts);
+        assert_eq!(error.exit_code(), 2);
+        says(&error.to_string(), parts);
+    };
+    let law = "give it a hyperelastic law";
+    refused("", "law = \"corotational\"", sphere, &format!("scenes/full.toml:20: … small-strain … {law}"));
+    refused("integrator = \"symplectic_euler\"", "", sphere, "symplectic Euler … take implicit Euler steps");
+    refused("", "", "region = \"top\"", "scenes/full.toml:21: … no solid … \"sphere\" or \"box\"");
+    refused("", "", &sphere.replace("[0, 0, 0.5]", "[0, 0, 9]"), "no node");
+    refused("", "", &sphere.replace("0.8", "0"), "radius_mm");
+    refused("", "", "region = \"sphere\"", "centre_mm");
+    refused("", "", &sphere.replace("sphere", "ball"), "no solid … \"sphere\"");
+    refused("", "", &format!("{sphere}\nyoung_pa = 9"), "young_pa");
+}
+
+#[test]
 fn explicit_steps_of_a_consistent_mass() {
     let text = alone("integrator = \"symplectic_euler\"", "", "law = \"linear\"\nmass = \"consistent\"");
     says(&parsed(&text).expect_err("no diagonal").to_string(), "scenes/full.toml:5: … consistent … lumped or uniform");

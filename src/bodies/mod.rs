@@ -146,6 +146,10 @@ pub trait Mechanics {
         };
         (0..surface.alive.len()).into_par_iter().map(of_cell).collect()
     }
+    /// Factor of a cell on the stiffness of its layer, by inclusions.
+    fn stiffness_factor(&self, _cell: usize) -> f64 {
+        1.0
+    }
     /// Share of a present cell's links to its neighbours that are intact, 0 to 1; of the springs in it for springs.
     fn alive_share(&self, _model: &Model, wound: &Wound, cell: usize) -> f64 {
         wound.surface.linked_share(cell)
@@ -259,6 +263,11 @@ impl Model {
         if let Kind::Tetrahedra(tetrahedra) = &mut model.kind {
             tetrahedra.fill(&model.grid, &model.rest, &skin.layers);
         }
+        if let Kind::Hexahedra(hexahedra) = &mut model.kind
+            && let Some(law) = &mut hexahedra.hyperelastic
+        {
+            law.include(&model.grid, &skin.layers);
+        }
         let anchors: Vec<Anchor> = scene.anchors.iter().filter(|a| a.body == body).cloned().collect();
         model.anchors = Anchors::new(&anchors, |anchor| model.grid.nodes_in(&anchor.region));
         model.set_masses(&skin.layers);
@@ -315,7 +324,7 @@ impl Model {
                 Kind::Tetrahedra(Box::new(Tetrahedra::of_law(skin.law)))
             }
             Law::Fem { .. } | Law::Hyperelastic(_) => {
-                Kind::Hexahedra(Box::new(Hexahedra::new(scene, skin, &grid, extra_columns)))
+                Kind::Hexahedra(Box::new(Hexahedra::new(scene, body, &grid, extra_columns)))
             }
         };
         if skin.mass == Mass::Consistent && scene.anchors.iter().any(|a| a.body == body) {

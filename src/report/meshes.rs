@@ -20,6 +20,7 @@ pub(super) struct CellFields {
     stress: bool,
     strain: bool,
     alive: bool,
+    stiffness: bool,
 }
 
 /// Fields over the cells of a body; those of removed cells are 0.
@@ -33,12 +34,14 @@ struct OfBody {
     strain: Vec<[f64; 6]>,
     /// `[cell]` intact share of its links or springs
     alive: Vec<f64>,
+    /// `[cell]` factor on the stiffness of its layer, by inclusions
+    stiffness: Vec<f64>,
 }
 
 impl CellFields {
     pub fn new(scene: &Scene, simulation: &Simulation, state: &[Snapshot]) -> Self {
-        let [stress, strain, alive] =
-            [OutputField::Stress, OutputField::Strain, OutputField::Alive].map(|field| scene.output.has(field));
+        let asked = [OutputField::Stress, OutputField::Strain, OutputField::Alive, OutputField::Stiffness];
+        let [stress, strain, alive, stiffness] = asked.map(|field| scene.output.has(field));
         let of_body = |(body, state): (&Body, &Snapshot)| {
             let mut own = OfBody::default();
             if stress || strain {
@@ -48,19 +51,22 @@ impl CellFields {
                 own.von_mises = tensors(1).map(|s| Component::VonMises.of(s)).collect();
                 (own.strain, own.stress) = (tensors(0).map(six).collect(), tensors(1).map(six).collect());
             }
+            let (model, wound) = (&body.model, &body.wound);
+            // tetrahedra of a mesh are not cut and have no inclusions
+            let others = || model.unstructured().into_iter().flat_map(|of| of.mesh.tetrahedra()).map(|_| 1.0);
+            let present = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
+                let cells = wound.surface.alive.iter().enumerate();
+                cells.map(|(cell, here)| if *here { of(cell) } else { 0.0 }).chain(others()).collect()
+            };
             if alive {
-                let (model, wound) = (&body.model, &body.wound);
-                let share = |cell| match wound.surface.alive[cell] {
-                    true => model.mechanics().alive_share(model, wound, cell),
-                    false => 0.0,
-                };
-                own.alive = (0..wound.surface.alive.len()).map(share).collect();
-                // tetrahedra of a mesh are not cut
-                own.alive.extend(model.unstructured().into_iter().flat_map(|of| of.mesh.tetrahedra()).map(|_| 1.0));
+                own.alive = present(&|cell| model.mechanics().alive_share(model, wound, cell));
+            }
+            if stiffness {
+                own.stiffness = present(&|cell| model.mechanics().stiffness_factor(cell));
             }
             own
         };
-        Self { bodies: simulation.bodies.iter().zip(state).map(of_body).collect(), stress, strain, alive }
+        Self { bodies: simulation.bodies.iter().zip(state).map(of_body).collect(), stress, strain, alive, stiffness }
     }
 
     /// Fields over some cells, by body and number: what is asked for, under the names in the files.
@@ -78,8 +84,12 @@ impl CellFields {
             if self.alive {
                 out.alive.push(own.alive[*cell]);
             }
+            if self.stiffness {
+                out.stiffness.push(own.stiffness[*cell]);
+            }
         }
-        (out.has_stress, out.has_strain, out.has_alive) = (self.stress, self.strain, self.alive);
+        (out.has_stress, out.has_strain) = (self.stress, self.strain);
+        (out.has_alive, out.has_stiffness) = (self.alive, self.stiffness);
         out
     }
 }
@@ -91,9 +101,11 @@ struct Picked {
     von_mises: Vec<f64>,
     strain: Vec<[f64; 6]>,
     alive: Vec<f64>,
+    stiffness: Vec<f64>,
     has_stress: bool,
     has_strain: bool,
     has_alive: bool,
+    has_stiffness: bool,
 }
 
 impl Picked {
@@ -108,6 +120,9 @@ impl Picked {
         }
         if self.has_alive {
             out.push(("alive_share", Field::Scalars(&self.alive)));
+        }
+        if self.has_stiffness {
+            out.push(("stiffness_factor", Field::Scalars(&self.stiffness)));
         }
         out
     }

@@ -19,6 +19,7 @@ impl Default for Scene {
             skins: vec![],
             boundaries: vec![],
             anchors: vec![],
+            inclusions: vec![],
             loads: vec![],
             tools: vec![],
             planes: vec![],
@@ -291,6 +292,18 @@ impl Scene {
             let lumped = self.skins[anchor.body].mass != Mass::Consistent;
             let part = several("anchors", k);
             part.of("body").that(lumped, "of a consistent mass", "of a lumped or uniform mass")?;
+        }
+        for (k, inclusion) in self.inclusions.iter().enumerate() {
+            let part = several("inclusions", k);
+            part.index("body", inclusion.body, skins)?;
+            part.positive("young", &[inclusion.young])?;
+            check_region(&part.of("region"), &inclusion.region)?;
+            let solid = matches!(inclusion.region, Region::Sphere { .. } | Region::Box { .. });
+            part.of("region").that(solid, "neither a sphere nor a box", "one of them")?;
+            let large = matches!(self.skins[inclusion.body].law, Law::Hyperelastic(_));
+            part.of("body").that(large, "of a small-strain law, springs or tetrahedra", "of a hyperelastic law")?;
+            let implicit = self.time.integrator != Integrator::SymplecticEuler;
+            scene.of("time").of("integrator").that(implicit, "symplectic Euler", "an implicit one, for inclusions")?;
         }
         for (k, load) in self.loads.iter().enumerate() {
             let part = several("loads", k);

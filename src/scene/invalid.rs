@@ -170,6 +170,15 @@ pub enum Invalid {
         why: &'static str,
     },
 
+    /// An inclusion that a body cannot have.
+    #[error("{at}: an inclusion cannot be had here: {why}")]
+    Inclusion {
+        /// Where.
+        at: Location,
+        /// Why, and what to do.
+        why: &'static str,
+    },
+
     /// Rest-shape springs with a consistent mass.
     #[error(
         "{at}: an anchor needs lumped nodal masses, which mass = \"consistent\" does not have; \

@@ -82,6 +82,8 @@ pub struct Scene {
     pub boundaries: Vec<Boundary>,
     /// Regions with rest-shape springs.
     pub anchors: Vec<Anchor>,
+    /// Regions of bodies with another stiffness than their layers.
+    pub inclusions: Vec<Inclusion>,
     /// Loads on surfaces.
     pub loads: Vec<Load>,
     /// Rigid bodies: the `[[tool]]`s, each held by a hand, then the `[[rigid]]`s, which are free.
@@ -434,6 +436,18 @@ pub struct Anchor {
     pub region: Region,
     /// Stiffness per node, N/m.
     pub stiffness: f64,
+}
+
+/// Part of a deformable body with another stiffness than its layers, such as a nodule. It has their Poisson's ratios, densities, fibres and
+/// toughness; a cell that it fills in part is stiffened in part.
+#[derive(Clone, Debug)]
+pub struct Inclusion {
+    /// Index of the deformable body; hexahedra of a hyperelastic law.
+    pub body: usize,
+    /// [`Region::Sphere`] or [`Region::Box`]. Where regions overlap, the last one counts.
+    pub region: Region,
+    /// Young's modulus, Pa.
+    pub young: f64,
 }
 
 /// Dirichlet conditions: nodes fixed or displaced along chosen axes.

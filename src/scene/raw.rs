@@ -80,6 +80,8 @@ pub(super) struct Scene {
     #[serde(default)]
     pub anchor: Vec<Table<Anchor>>,
     #[serde(default)]
+    pub inclusion: Vec<Table<Inclusion>>,
+    #[serde(default)]
     pub load: Vec<Table<Load>>,
     #[serde(default)]
     pub tool: Vec<Table<Tool>>,
@@ -201,6 +203,23 @@ macro_rules! with_extent {
 }
 with_extent!(Boundary, Anchor, Load, Probe, Attach);
 
+impl Inclusion {
+    /// Takes the keys of its region, a solid.
+    pub(super) fn extent(&mut self) -> Extent {
+        let (box_mm, centre_mm, radius_mm) = (self.box_mm.take(), self.centre_mm.take(), self.radius_mm.take());
+        Extent {
+            box_mm,
+            centre_mm,
+            radius_mm,
+            through_mm: None,
+            normal: None,
+            within_mm: None,
+            margin_mm: None,
+            group: None,
+        }
+    }
+}
+
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Boundary {
@@ -218,6 +237,17 @@ pub(super) struct Boundary {
     pub displacement_mm: Option<Numbers>,
     pub turn_deg: Option<At<f64>>,
     pub path_mm: Option<Points>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Inclusion {
+    pub body: Option<At<String>>,
+    pub region: At<String>,
+    pub box_mm: Option<Points>,
+    pub centre_mm: Option<Numbers>,
+    pub radius_mm: Option<At<f64>>,
+    pub young_kpa: At<f64>,
 }
 
 #[derive(serde::Deserialize)]

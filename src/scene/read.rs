@@ -11,11 +11,11 @@ use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::study;
 use super::text::{
-    ACCELERATION, Bound, DEGREE, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, Taken, or, or_vector,
+    ACCELERATION, Bound, DEGREE, KPA, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, Taken, or, or_vector,
 };
 use super::{
-    Anchor, Boundary, Correction, EDGE_SPACING, Integrator, Law, Mass, PRECONDITIONER, STEP, Scene, Skin, Solver,
-    TestForm, Time, attach_of, cells_of, check_of, device_of, reserve_of,
+    Anchor, Boundary, Correction, EDGE_SPACING, Inclusion, Integrator, Law, Mass, PRECONDITIONER, STEP, Scene, Skin,
+    Solver, TestForm, Time, attach_of, cells_of, check_of, device_of, reserve_of,
 };
 use super::{body, devices, hyperelastic, integrator, loads, outputs, round, tools};
 use crate::error;
@@ -131,6 +131,7 @@ fn scene(text: &str, file: &Path, files: &Files) -> Result<Scene> {
         solver: solver(&scene, raw_solver, &skins)?,
         boundaries: boundaries.collect::<Result<_>>()?,
         anchors: anchors(&scene, raw.anchor, &names, &skins, &grids)?,
+        inclusions: inclusions(&scene, raw.inclusion, &names, &skins, &grids, integrator)?,
         loads: loads.collect::<Result<_>>()?,
         contact: touching.then_some(contact),
         haptic,
@@ -248,6 +249,38 @@ fn anchors(
             region: region(scene, &raw.region, extent, &grids[body])?,
             stiffness: scene.number("stiffness_n_m", &raw.stiffness_n_m, STIFFNESS, Bound::Positive)?,
         })
+    };
+    list.into_iter().map(one).collect()
+}
+
+/// Regions with another stiffness.
+fn inclusions(
+    scene: &SceneText,
+    list: Vec<Table<raw::Inclusion>>,
+    names: &Names,
+    skins: &[Skin],
+    grids: &[Vec<Grid>],
+    integrator: Integrator,
+) -> Result<Vec<Inclusion>> {
+    let one = |table: Table<raw::Inclusion>| {
+        let mut raw = table.keys;
+        let body = names.skin(scene, &raw.body, table.span.clone())?;
+        let refused = |span, why| Err(Invalid::Inclusion { at: scene.location(span), why });
+        if !matches!(skins[body].law, Law::Hyperelastic(_)) {
+            return refused(
+                table.span,
+                "its body has a small-strain law, springs or tetrahedra; give it a hyperelastic law",
+            );
+        }
+        if integrator == Integrator::SymplecticEuler {
+            return refused(table.span, "symplectic Euler steps have no inclusions; take implicit Euler steps");
+        }
+        if !["sphere", "box"].contains(&raw.region.get_ref().as_str()) {
+            return refused(raw.region.span(), "its region is no solid; take \"sphere\" or \"box\"");
+        }
+        let extent = raw.extent();
+        let region = region(scene, &raw.region, extent, &grids[body])?;
+        Ok(Inclusion { body, region, young: scene.number("young_kpa", &raw.young_kpa, KPA, Bound::Positive)? })
     };
     list.into_iter().map(one).collect()
 }

@@ -263,6 +263,8 @@ pub enum OutputField {
     Strain,
     /// Share of a cell's links, or of the springs in it, that are intact.
     Alive,
+    /// Factor of a cell on the stiffness of its layer, by inclusions.
+    Stiffness,
 }
 
 /// Format of saved surfaces.

@@ -34,8 +34,12 @@ pub const COMPONENTS: [(&str, Component); 7] = [
 ];
 
 /// Fields of saved meshes.
-pub const OUTPUT_FIELDS: [(&str, OutputField); 3] =
-    [("stress", OutputField::Stress), ("strain", OutputField::Strain), ("alive", OutputField::Alive)];
+pub const OUTPUT_FIELDS: [(&str, OutputField); 4] = [
+    ("stress", OutputField::Stress),
+    ("strain", OutputField::Strain),
+    ("alive", OutputField::Alive),
+    ("stiffness", OutputField::Stiffness),
+];
 
 /// Formats of saved surfaces.
 pub const SURFACE_FORMATS: [(&str, SurfaceFormat); 3] =

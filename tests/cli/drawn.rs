@@ -14,6 +14,7 @@ pub const TESTS: &[Test] = &[
     ("contact_points_add_up_to_the_force_of_the_probes", contact_points_add_up_to_the_force_of_the_probes),
     ("saved_stress_is_that_of_the_probes", saved_stress_is_that_of_the_probes),
     ("alive_shares_follow_the_cut", alive_shares_follow_the_cut),
+    ("saved_stiffness_is_that_of_the_inclusion", saved_stiffness_is_that_of_the_inclusion),
     ("surfaces_in_every_format_are_one_surface", surfaces_in_every_format_are_one_surface),
     ("plots_show_what_the_tables_have", plots_show_what_the_tables_have),
     ("what_cannot_be_plotted_is_told_with_its_place", what_cannot_be_plotted_is_told_with_its_place),
@@ -204,6 +205,28 @@ fn alive_shares_follow_the_cut() -> Outcome {
         severed > 0.0 && (missing - 2.0 * severed).abs() < 1e-6,
         "{missing} sides missing, {severed} links severed"
     );
+    Ok(())
+}
+
+fn saved_stiffness_is_that_of_the_inclusion() -> Outcome {
+    // the half with x < 0
+    let inclusion = "[[inclusion]]\nregion = \"box\"\nbox_mm = [[-99, -99, -1], [0, 99, 99]]\nyoung_kpa = 68\n";
+    let work = Work::with(&format!("{}\n{inclusion}[output]\nfields = [\"stiffness\"]\n", cut()))?;
+    let said = work.cutis(&["run", "scene.toml", "--backend", "cpu", "--steps", "8"])?;
+    ensure!(said.code == 0, "{}", said.err);
+    let grid = saved(&work, "out/vtu/volume_0001.vtu")?;
+    let mut counts = [0; 4];
+    for (p, factor) in middles(&grid)?.iter().zip(array(&grid, "stiffness_factor")?) {
+        let (kind, wanted) = match p.z {
+            _ if p.x > 0.0 => (3, 1.0),
+            z if z < 1.2e-3 => (0, 68.0 / 34.0),
+            z if z < 2.2e-3 => (1, 68.0 / 200.0),
+            _ => (2, 68.0 / 1000.0),
+        };
+        counts[kind] += 1;
+        ensure!((factor / wanted - 1.0).abs() < 1e-6, "{factor} at {p}, wanted {wanted}");
+    }
+    ensure!(counts.iter().all(|count| *count > 0) && counts[3] == counts[..3].iter().sum::<i32>(), "{counts:?}");
     Ok(())
 }
 

@@ -316,6 +316,9 @@ impl Body {
                     [x1, across(x1), -x2, across(x2), growth, dispersion, 0.0, 0.0]
                 })
                 .collect(),
+            // one for all of some grids
+            "scale" if self.grid.cells[0] == 7 => vec![1.3; 4],
+            "scale" => (0..self.grid.cell_count()).map(|_| 1.0 + 0.7 * random.next()).collect(),
             "corner_force" => random.many(self.grid.cell_count() * 24 * self.slots, 0.01),
             "energy" => random.many(self.grid.cell_count(), 1e-6),
             "predicted_decrease" => random.many(self.node_groups(), 1e-6),

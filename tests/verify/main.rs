@@ -10,6 +10,7 @@ mod differences;
 mod direct;
 mod elements;
 mod holzapfel;
+mod inclusions;
 mod integrators;
 mod loads;
 mod masses;
@@ -64,11 +65,12 @@ fn main() -> ExitCode {
         let names = found.iter().map(|a| format!("{} ({}, {})", a.name, a.backend, a.driver));
         println!("adapters: {:?}", names.collect::<Vec<_>>());
     }
-    let groups: [&[Case]; 21] = [
+    let groups: [&[Case]; 22] = [
         anchors::CASES,
         multigrid::CASES,
         direct::CASES,
         elements::CASES,
+        inclusions::CASES,
         tetrahedra::CASES,
         integrators::CASES,
         loads::CASES,
@@ -87,7 +89,7 @@ fn main() -> ExitCode {
         probes::CASES,
         slit::CASES,
     ];
-    let everywhere: [&[Everywhere]; 17] = [
+    let everywhere: [&[Everywhere]; 18] = [
         anchors::EVERYWHERE,
         multigrid::EVERYWHERE,
         elements::EVERYWHERE,
@@ -95,6 +97,7 @@ fn main() -> ExitCode {
         loads::EVERYWHERE,
         motion::EVERYWHERE,
         holzapfel::EVERYWHERE,
+        inclusions::EVERYWHERE,
         mooney_rivlin::EVERYWHERE,
         neo_hookean::EVERYWHERE,
         masses::EVERYWHERE,

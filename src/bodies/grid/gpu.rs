@@ -143,7 +143,8 @@ impl Hexahedra {
         let displacement = if law.newton { made.vec4("displacement", n)? } else { u.clone() };
         let fibres: Vec<u32> = law.rounded_fibres::<f32>().as_flattened().iter().map(|c| c.to_bits()).collect();
         let fibres = made.uniform("fibres", MAX_LAYERS * 32, &fibres);
-        let own = [layers_uniform(made, "material", &law.rounded()), fibres, corner_force, energy.clone()];
+        let scale = made.with("scale", law.scale_count(), || law.rounded_scale::<f32>())?;
+        let own = [layers_uniform(made, "material", &law.rounded()), fibres, corner_force, energy.clone(), scale];
         self.shared = self.shared.joined(&Arrays::of(&own)).joined(&Arrays::one("displacement", &displacement));
         if !law.newton {
             return Ok(());

@@ -24,10 +24,10 @@ use crate::kernels::deformation::gradient;
 use crate::kernels::hyperelastic::{Cell, Cells, FibreRows, Law as CellLaw, Material, mean_volume};
 use crate::kernels::hyperelastic_forces::{Response, Wanted};
 use crate::kernels::{PARALLEL, Params};
-use crate::math::elementary::{cos, sin};
+use crate::math::elementary::{cos, exp, ln, sin};
 use crate::math::{M3, Real, V3, V4};
 use crate::mesh::Grid;
-use crate::scene::{self, Law, Layer, Scene, Skin};
+use crate::scene::{self, Law, Layer, Region, Scene};
 use rayon::prelude::*;
 
 /// 24×24 tangent, row and column `3a + i`, N/m.
@@ -164,6 +164,13 @@ fn pre_strain(material: V4<f64>, fibres: FibreRows<f64>, [x, y]: [f64; 2]) -> V4
 const THINNEST: f64 = 0.1;
 const THICKEST: f64 = 10.0;
 
+/// Points of a cell along an axis at which inclusions are looked for: the volume of a ball of two cells across is right to 2 %.
+const SAMPLES: usize = 4;
+
+/// Factors where there are no inclusions, of which cells beyond the last have the last: as many as fill the 16 bytes that arrays on a device have
+/// at least.
+const ONE_FOR_ALL: usize = 4;
+
 /// Cells that a thread takes at once.
 const CHUNK: usize = 128;
 
@@ -180,6 +187,11 @@ pub struct Hyperelastic {
     pub(super) pre_strain: Vec<V4<f64>>,
     /// `[cells_z]` layer
     layer_of: Vec<u32>,
+    cell_count: usize,
+    /// Regions with another Young's modulus, Pa, in the body's frame.
+    inclusions: Vec<(Region, f64)>,
+    /// `[cell]` factor on the stiffness of its layer, or one for all.
+    scale: Vec<f64>,
     /// True if steps are solved by Newton's method with the consistent tangent; otherwise each is one linear solve with the rotated
     /// stiffness ([`Cell::linearised`]).
     pub newton: bool,
@@ -187,7 +199,8 @@ pub struct Hyperelastic {
 
 impl Hyperelastic {
     /// Grid of a scene's body, if its law is hyperelastic.
-    pub(super) fn of(scene: &Scene, skin: &Skin, grid: &Grid) -> Option<Self> {
+    pub(super) fn of(scene: &Scene, body: usize, grid: &Grid) -> Option<Self> {
+        let skin = &scene.skins[body];
         let Law::Hyperelastic(material) = skin.law else { return None };
         let shape = |layer: usize| {
             let [x, y, z] = grid.cell_edges(layer as u32);
@@ -203,8 +216,49 @@ impl Hyperelastic {
             materials,
             fibres,
             layer_of: grid.layer_of.clone(),
+            cell_count: grid.cell_count(),
+            inclusions: scene
+                .inclusions
+                .iter()
+                .filter(|i| i.body == body)
+                .map(|i| (i.region.clone(), i.young))
+                .collect(),
+            scale: vec![1.0; ONE_FOR_ALL],
             newton: scene.newton(),
         })
+    }
+
+    /// Number of factors: one per cell where there are inclusions.
+    pub(super) fn scale_count(&self) -> usize {
+        if self.inclusions.is_empty() { ONE_FOR_ALL } else { self.cell_count }
+    }
+
+    /// Factor of a cell on the stiffness of its layer.
+    pub(super) fn scale(&self, cell: usize) -> f64 {
+        self.scale[cell.min(self.scale.len() - 1)]
+    }
+
+    /// Fills in the factors of the cells: the geometric mean of Young's modulus over [`SAMPLES`]³ points of a cell, over that of its layer;
+    /// where inclusions overlap, the last one counts. The arithmetic mean makes an inclusion larger, the harmonic mean smaller than it is.
+    pub(in crate::bodies) fn include(&mut self, grid: &Grid, layers: &[Layer]) {
+        if self.inclusions.is_empty() {
+            return;
+        }
+        let params = grid.params::<f64>();
+        let of_cell = |cell: usize| {
+            let layer = grid.layer(cell);
+            let (low, edges) = (grid.rest(params.corners(cell)[0]), grid.cell_edges(layer as u32));
+            let share = |k: usize| (k as f64 + 0.5) / SAMPLES as f64;
+            let logarithm = |k: usize| {
+                let at = [k % SAMPLES, k / SAMPLES % SAMPLES, k / SAMPLES / SAMPLES].map(share);
+                let point = std::array::from_fn(|n| low[n] + at[n] * edges[n]);
+                let inside = |(region, _): &&(Region, f64)| region.holds(point, grid.size(), grid.thickness());
+                self.inclusions.iter().rfind(inside).map_or(0.0, |(_, young)| ln(young / layers[layer].young))
+            };
+            let count = SAMPLES.pow(3);
+            exp((0..count).map(logarithm).sum::<f64>() / count as f64)
+        };
+        self.scale = (0..grid.cell_count()).into_par_iter().map(of_cell).collect();
     }
 
     /// Cells at nodal displacements.
@@ -214,11 +268,11 @@ impl Hyperelastic {
         split: &'a [u32],
         displacement: &'a [V4<f64>],
     ) -> Cells<'a, f64> {
-        let Self { shapes: shape, materials: material, fibres, pre_strain, layer_of, .. } = self;
-        Cells { params, shape, material, fibres, pre_strain, layer_of, split, displacement }
+        let Self { shapes: shape, materials: material, fibres, pre_strain, layer_of, scale, .. } = self;
+        Cells { params, shape, material, fibres, pre_strain, layer_of, scale, split, displacement }
     }
 
-    /// State of a cell of a layer at its corners' displacements.
+    /// State of a cell of a layer at its corners' displacements, without its own factor.
     pub(super) fn of_layer(&self, layer: usize, u: &[V3<f64>; 8]) -> Cell<f64> {
         Cell::new(self.material(layer), u)
     }
@@ -348,6 +402,11 @@ impl Hyperelastic {
     /// `[layer]` materials, for the kernels.
     pub fn rounded<R: Real>(&self) -> Vec<V4<R>> {
         self.materials.iter().map(|m| m.map(R::of)).collect()
+    }
+
+    /// `[cell]` factors, or one for all, for the kernels.
+    pub fn rounded_scale<R: Real>(&self) -> Vec<R> {
+        self.scale.iter().map(|scale| R::of(*scale)).collect()
     }
 
     /// `[layer × 2]` fibres, for the kernels.

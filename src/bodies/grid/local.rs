@@ -98,7 +98,8 @@ impl Hexahedra {
         let volume = state.linearised(None, q, &own).rows;
         let slopes: [V3<f64>; 8] = std::array::from_fn(|a| volume.slope(a));
         let change: f64 = slopes.iter().zip(d.as_chunks::<3>().0).map(|(slope, d)| slope.dot(V3::of(*d))).sum();
-        std::array::from_fn(|a| own[a] + ahead * (local(a) + slopes[a] * change))
+        let factor = self.hyperelastic.as_ref().map_or(1.0, |law| law.scale(cell));
+        std::array::from_fn(|a| (own[a] + ahead * (local(a) + slopes[a] * change)) * factor)
     }
 
     /// `[asked]` forces of the present cells around nodes in ascending order, N.
@@ -138,14 +139,16 @@ impl Hexahedra {
         beyond(gradient * stretch - M3::identity(), self.corotational != 0)
     }
 
-    /// Green–Lagrange strain and Cauchy stress, Pa, at a point of a cell of a layer, natural coordinates in 0…1.
+    /// Green–Lagrange strain and Cauchy stress, Pa, at a point of a cell, natural coordinates in 0…1.
     pub(super) fn strain_and_stress_at(
         &self,
-        layer: usize,
-        edges: [f64; 3],
+        model: &Model,
+        cell: usize,
         u: &[V3<f64>; 8],
         natural: [f64; 3],
     ) -> [M3<f64>; 2] {
+        let layer = model.grid.layer(cell);
+        let edges = model.grid.cell_edges(layer as u32);
         let natural = if self.element == Element::Enhanced { CENTRE } else { natural };
         let gradient = element::displacement_gradient(edges, u, natural);
         let strain = element::green_lagrange(gradient);
@@ -156,7 +159,7 @@ impl Hexahedra {
             let f = M3::identity() + point.h;
             let volume = (1.0 + point.dilatation).max(FLAT);
             let own = state.material.stress(&point) * f.transpose() * (1.0 / volume);
-            return [strain, own + M3::identity() * state.pressure()];
+            return [strain, (own + M3::identity() * state.pressure()) * law.scale(cell)];
         }
         let q = self.rotation(edges, u);
         let (ahead, turn) = (rotation_matrix(q), rotation_minus_identity(q).transpose());

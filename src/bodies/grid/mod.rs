@@ -106,12 +106,13 @@ pub(super) fn prepare(model: &mut Model, preconditioner: Preconditioner) {
 
 impl Hexahedra {
     /// Builds the arrays of a skin: one element matrix per layer, since all cells of a layer are equal.
-    pub(super) fn new(scene: &Scene, skin: &Skin, grid: &Grid, extra_columns: usize) -> Self {
+    pub(super) fn new(scene: &Scene, body: usize, grid: &Grid, extra_columns: usize) -> Self {
+        let skin = &scene.skins[body];
         let element = match skin.law {
             Law::Fem { element, .. } => element,
             _ => Element::Bbar,
         };
-        let hyperelastic = Hyperelastic::of(scene, skin, grid);
+        let hyperelastic = Hyperelastic::of(scene, body, grid);
         let matrix = |(index, layer): (usize, &Layer)| {
             let edges = grid.cell_edges(index as u32);
             match &hyperelastic {
@@ -301,7 +302,12 @@ impl Mechanics for Hexahedra {
     }
 
     fn host_bytes(&self, _: &Model) -> usize {
-        size_of_val(&self.stiffness[..]) + size_of_val(&self.pre_strain[..])
+        let factors = self.hyperelastic.as_ref().map_or(0, Hyperelastic::scale_count);
+        size_of_val(&self.stiffness[..]) + size_of_val(&self.pre_strain[..]) + factors * size_of::<f64>()
+    }
+
+    fn stiffness_factor(&self, cell: usize) -> f64 {
+        self.hyperelastic.as_ref().map_or(1.0, |law| law.scale(cell))
     }
 
     /// `½ Σ_c d_cᵀ K d_c`, `d = Rᵀ(X + u) − X + e∘X` with the strain `e` of the rest shape; of a hyperelastic body that of its law.
@@ -402,7 +408,7 @@ impl Mechanics for Hexahedra {
     }
 
     fn strain_and_stress(&self, model: &Model, cell: usize, u: &[V3<f64>; 8], at: [f64; 3]) -> [M3<f64>; 2] {
-        self.strain_and_stress_at(model.grid.layer(cell), model.grid.cell_edges(model.grid.layer(cell) as u32), u, at)
+        self.strain_and_stress_at(model, cell, u, at)
     }
 
     fn beyond_law(&self, layer: usize, gradient: M3<f64>) -> bool {

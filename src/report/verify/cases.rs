@@ -14,6 +14,7 @@ use std::path::Path;
 
 /// Scenes by name, as of the build.
 const SCENES: &[(&str, &str)] = &[
+    ("ball", include_str!("../../../scenes/verify/ball.toml")),
     ("bar", include_str!("../../../scenes/verify/bar.toml")),
     ("beam", include_str!("../../../scenes/verify/beam.toml")),
     ("braking", include_str!("../../../scenes/verify/braking.toml")),
@@ -247,6 +248,8 @@ pub const CASES: &[Case] = &[
            what: "reaction of a quarter", unit: MN, reference: 3.365695e-3, source: "Hertz 1882, Dimitriadis et al. 2002", bound: 0.02, ..BASE },
     Case { name: "Hertz: sphere R 5 mm, 0.1 mm deep, on 10 mm", scene: "hertz", measure: Probe("bottom"),
            what: "reaction of a quarter", unit: MN, reference: 3.365695e-3, source: "Hertz 1882, Dimitriadis et al. 2002", bound: 0.01, ..BASE },
+    Case { name: "stiff ball in a pulled block, 10 : 1, ν 0.3", scene: "ball", measure: Probe("inside"), what: "strain inside, along", unit: RATIO,
+           reference: 1.842538e-4, source: "Eshelby 1957", bound: 0.05, quick: true, ..BASE },
     Case { name: "sphere R 2 mm, 0.575 mm into skin, ν 0.45", changes: &[NEO_HOOKEAN, COARSE], reference: 0.172, bound: 0.10, ..SPHERE },
     Case { name: "sphere R 2 mm, 0.575 mm into skin, ν 0.45", changes: &[NEO_HOOKEAN, FINE], reference: 0.172, bound: 0.05, ..SPHERE },
     Case { name: "sphere R 2 mm, 0.575 mm into skin, ν 0.49", changes: &[NEO_HOOKEAN, COARSE, Poisson(0.49)], reference: 0.2, bound: 0.10, ..SPHERE },
