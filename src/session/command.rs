@@ -1,6 +1,7 @@
 //! What a watcher asks of a session.
 
 use super::mouse::Target;
+use super::quantity::Quantity;
 use serde::Deserialize;
 
 /// Where a watcher wants a tool's hand.
@@ -47,6 +48,9 @@ pub enum Command {
     Tolerance(f64),
     /// Length of a step, ms; begins anew.
     StepMs(f64),
+    /// Read this quantity too for every picture, or none.
+    #[serde(skip)]
+    Look(Option<Quantity>),
     /// A page has drawn a frame; no matter of the session.
     Drawn(u32),
 }

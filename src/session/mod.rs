@@ -6,8 +6,10 @@
 pub mod audience;
 pub mod command;
 pub mod mouse;
+pub mod quantity;
 pub mod run;
 
 pub use audience::{Audience, Figures, Motion, Shown};
 pub use command::{Command, Hand};
+pub use quantity::Quantity;
 pub use run::{Options, is_live, run};

@@ -3,6 +3,7 @@
 use super::audience::{Audience, Figures, MOST_COMMANDS, Motion, Shown, lock};
 use super::command::Command;
 use super::mouse::{Mouse, Shared};
+use super::quantity::Quantity;
 use crate::error::{Error, Result};
 use crate::haptic::device::Workspace;
 use crate::haptic::replay::Path;
@@ -72,6 +73,7 @@ impl Settings {
                 *stiffness *= self.stiffness;
             }
         }
+        scene.inclusions.iter_mut().for_each(|inclusion| inclusion.young *= self.stiffness);
         (scene.solver.tolerance, scene.time.step) = (self.tolerance, self.step);
         scene
     }
@@ -97,6 +99,7 @@ struct Session<'a> {
     between_kept: f64,
     recent: VecDeque<f64>,
     shown: Instant,
+    quantity: Option<Quantity>,
     watchers: usize,
     report: StepReport,
     warnings: Warnings,
@@ -162,6 +165,7 @@ impl<'a> Session<'a> {
             between_kept: BETWEEN_KEPT,
             recent: VecDeque::new(),
             shown: Instant::now(),
+            quantity: None,
             watchers: 0,
             report: StepReport::default(),
             warnings: Warnings::new(),
@@ -279,6 +283,10 @@ impl<'a> Session<'a> {
                     return Err(error);
                 }
             }
+            Command::Look(quantity) => {
+                self.quantity = quantity;
+                self.show()?;
+            }
             Command::Drawn(_) => {} // the server's own
         }
         Ok(())
@@ -392,9 +400,10 @@ impl<'a> Session<'a> {
         self.watchers = self.audience.watchers();
         let state = self.runner.simulation.snapshots()?;
         let surface = SkinSurface::new(&self.runner.simulation, &state);
-        let figures = self.figures();
+        let of = |quantity: Quantity| (quantity, quantity.on_nodes(&surface, &self.runner.simulation, &state));
+        let (quantity, figures) = (self.quantity.map(of), self.figures());
         let (simulation, report) = (&self.runner.simulation, &self.report);
-        self.audience.show(Shown { surface, simulation, hands: &self.held, report, figures });
+        self.audience.show(Shown { surface, quantity, simulation, hands: &self.held, report, figures });
         Ok(())
     }
 

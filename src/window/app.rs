@@ -152,7 +152,7 @@ impl App {
         let shows = &self.state.shows;
         let mut look = Look { hidden: shows.hidden.clone(), plain: !shows.cells, colors: None };
         self.bar = None;
-        if let Some((values, unit, factor)) = shows.colors.values(&shot.skin) {
+        if let Some((values, unit, factor)) = shows.colors.values(shot) {
             let high = values.iter().copied().fold(0.0, f64::max);
             look.colors = Some(values.iter().map(|v| color_of(if high > 0.0 { v / high } else { 0.0 })).collect());
             self.bar = Some(ColorBar { title: format!("{}, {unit}", shows.colors.name()), high: high * factor });

@@ -3,7 +3,7 @@
 use super::link::{Begun, Shot};
 use super::plots::Plots;
 use crate::report::frames::SkinSurface;
-use crate::session::{Command, Hand};
+use crate::session::{Command, Hand, Quantity};
 use crate::view::Clip;
 use glam::DVec3;
 use std::collections::BTreeSet;
@@ -36,11 +36,21 @@ pub enum Colors {
     Displacement,
     /// Length of the velocity.
     Velocity,
+    /// A quantity over cells, which the session reads while it is asked for.
+    Of(Quantity),
 }
 
 impl Colors {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Layers, Self::Displacement, Self::Velocity];
+    pub const ALL: [Self; 7] = [
+        Self::Layers,
+        Self::Displacement,
+        Self::Velocity,
+        Self::Of(Quantity::VonMises),
+        Self::Of(Quantity::Pressure),
+        Self::Of(Quantity::Alive),
+        Self::Of(Quantity::Stiffness),
+    ];
 
     /// In words.
     pub fn name(self) -> &'static str {
@@ -48,16 +58,23 @@ impl Colors {
             Self::Layers => "layers",
             Self::Displacement => "displacement",
             Self::Velocity => "velocity",
+            Self::Of(quantity) => quantity.name(),
         }
     }
 
-    /// Values of the nodes, their unit, and its factor; none of the layers.
-    pub fn values(self, skin: &SkinSurface) -> Option<(Vec<f64>, &'static str, f64)> {
+    /// Values of the nodes, their unit, and its factor; none of the layers, or of a quantity that the session has not read yet.
+    pub fn values(self, shot: &Shot) -> Option<(Vec<f64>, &'static str, f64)> {
+        let skin = &shot.skin;
         let lengths = |vectors: &[[f64; 3]]| vectors.iter().map(|v| DVec3::from(*v).length()).collect();
         match self {
             Self::Layers => None,
             Self::Displacement => Some((lengths(&skin.displacements), "mm", 1e3)),
             Self::Velocity => Some((lengths(&skin.velocities), "mm/s", 1e3)),
+            Self::Of(wanted) => {
+                let (_, values) = shot.quantity.as_ref().filter(|(read, _)| *read == wanted)?;
+                let (unit, factor) = wanted.unit();
+                Some((values.clone(), unit, factor))
+            }
         }
     }
 }
