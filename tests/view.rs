@@ -186,6 +186,22 @@ mod window {
             apart == 0.0
         });
         screen.save("screen_2.png");
+        // cut open by the slider, in the colours of a quantity over cells, and back
+        let drag = |from: u32, to: u32| {
+            screen.act(&format!("mousemove {from} 357 mousedown 1"));
+            screen.act(&format!("mousemove {to} 357"));
+            screen.act("mouseup 1");
+        };
+        drag(904, 950);
+        wait("it is cut open", &mut picture, |open| differing(&cut, open) > 0.05 && red(open) > 0.05);
+        screen.save("screen_5.png");
+        screen.act("mousemove 935 333 click 1");
+        wait("the colours of von Mises' stress", &mut picture, |colored| red(colored) < 0.02);
+        screen.save("screen_6.png");
+        screen.act("mousemove 973 310 click 1");
+        drag(950, 880);
+        wait("it is whole", &mut picture, |whole| differing(&cut, whole) == 0.0);
+        screen.act("mousemove 300 600");
         // dragging turns the view
         screen.act("mousemove 300 600 mousedown 1");
         screen.act("mousemove 360 640");

@@ -17,13 +17,13 @@ use std::path::Path;
 pub(super) const STEEL: [u8; 3] = [188, 194, 202];
 pub(super) const STEEL_SHININESS: f64 = 90.0;
 /// Highlight of moist skin.
-pub(super) const SKIN_SHININESS: f64 = 14.0;
+pub const SKIN_SHININESS: f64 = 14.0;
 
 /// Colour factors of thin lines between cells, and of the rim of a wound, where blood gathers.
-pub(super) const CELL_INK: [f32; 3] = [0.42; 3];
+pub const CELL_INK: [f32; 3] = [0.42; 3];
 pub(super) const RIM_INK: [f32; 3] = [0.34, 0.03, 0.03];
 /// Widths of lines, pixels: between cells of the skin, between cells of a wound's walls, along the rim.
-pub(super) const CELL_LINE: f32 = 1.0;
+pub const CELL_LINE: f32 = 1.0;
 pub(super) const WALL_LINE: f32 = 0.6;
 pub(super) const RIM_LINE: f32 = 2.0;
 /// A fresh wall is wet with blood: fraction of its layer's colour; the rest is blood.

@@ -24,6 +24,7 @@ mod refused;
 pub mod render;
 pub mod run;
 mod series;
+pub mod slice;
 pub mod study;
 mod table;
 mod tables;

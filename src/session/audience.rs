@@ -1,7 +1,7 @@
 //! Who watches a session, and what it is shown.
 
 use super::command::Command;
-use super::quantity::Quantity;
+use super::quantity::Read;
 use crate::report::frames::SkinSurface;
 use crate::scene::Scene;
 use crate::step::{Simulation, StepReport, Warnings};
@@ -40,8 +40,8 @@ pub trait Audience {
 pub struct Shown<'a> {
     /// Surface of the deformable bodies.
     pub surface: SkinSurface,
-    /// The quantity that was asked for, `[node]`.
-    pub quantity: Option<(Quantity, Vec<f64>)>,
+    /// What was asked for beside it.
+    pub read: Read,
     /// The simulation in that state.
     pub simulation: &'a Simulation,
     /// `[tool]` positions of the hands, m

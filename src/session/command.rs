@@ -1,7 +1,7 @@
 //! What a watcher asks of a session.
 
 use super::mouse::Target;
-use super::quantity::Quantity;
+use super::quantity::Asked;
 use serde::Deserialize;
 
 /// Where a watcher wants a tool's hand.
@@ -48,9 +48,9 @@ pub enum Command {
     Tolerance(f64),
     /// Length of a step, ms; begins anew.
     StepMs(f64),
-    /// Read this quantity too for every picture, or none.
+    /// Read this too for every picture.
     #[serde(skip)]
-    Look(Option<Quantity>),
+    Look(Asked),
     /// A page has drawn a frame; no matter of the session.
     Drawn(u32),
 }

@@ -3,8 +3,10 @@
 use crate::backend::Snapshot;
 use crate::math::{M3, V3};
 use crate::report::frames::SkinSurface;
+use crate::report::slice::Slice;
 use crate::scene::Component;
 use crate::step::{Body, Simulation};
+use crate::view::Clip;
 
 /// See the module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,10 +66,14 @@ impl Quantity {
         }
     }
 
-    /// `[node]` means over the cells behind the faces around it; 0 off the surface.
-    pub fn on_nodes(self, surface: &SkinSurface, simulation: &Simulation, state: &[Snapshot]) -> Vec<f64> {
+    /// Values on the surface, and on a slice.
+    fn read(self, surface: &SkinSurface, slice: Option<&Slice>, simulation: &Simulation, state: &[Snapshot]) -> Values {
         let bodies = simulation.bodies.iter().zip(state);
         let of_cells: Vec<Vec<f64>> = bodies.map(|(body, state)| self.of_cells(body, state)).collect();
+        let of_slice = slice.map_or(vec![], |slice| {
+            let cells = slice.layers.iter().zip(&slice.cells);
+            cells.map(|([body, _], cell)| of_cells[*body as usize][*cell as usize]).collect()
+        });
         let mut sums = vec![[0.0, 0.0]; surface.positions.len()];
         for faces in [&surface.skin, &surface.walls] {
             for ((triangle, [body, _]), cell) in faces.triangles.iter().zip(&faces.layers).zip(&faces.cells) {
@@ -78,7 +84,46 @@ impl Quantity {
                 }
             }
         }
-        sums.into_iter().map(|[sum, count]| if count > 0.0 { sum / count } else { 0.0 }).collect()
+        let nodes = sums.into_iter().map(|[sum, count]| if count > 0.0 { sum / count } else { 0.0 }).collect();
+        Values { of: self, nodes, slice: of_slice }
+    }
+}
+
+/// Values of a quantity.
+#[derive(Clone, Debug)]
+pub struct Values {
+    /// The quantity.
+    pub of: Quantity,
+    /// `[node]` means over the cells behind the faces around it; 0 off the surface.
+    pub nodes: Vec<f64>,
+    /// `[triangle]` of the slice.
+    pub slice: Vec<f64>,
+}
+
+/// What is read for pictures beside the surface.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Asked {
+    /// A quantity.
+    pub quantity: Option<Quantity>,
+    /// A plane that the bodies are cut open at.
+    pub plane: Option<Clip>,
+}
+
+/// What was asked for.
+#[derive(Debug, Default)]
+pub struct Read {
+    /// The quantity.
+    pub values: Option<Values>,
+    /// What the plane lays open.
+    pub slice: Option<Slice>,
+}
+
+impl Asked {
+    /// Reads it.
+    pub fn read(&self, surface: &SkinSurface, simulation: &Simulation, state: &[Snapshot]) -> Read {
+        let slice = self.plane.map(|plane| Slice::new(simulation, surface, plane));
+        let values = self.quantity.map(|quantity| quantity.read(surface, slice.as_ref(), simulation, state));
+        Read { values, slice }
     }
 }
 
@@ -89,16 +134,20 @@ mod tests {
     use crate::step::Platform;
     use std::path::Path;
 
-    /// Quantities on the surface after a step, without the nodes off it.
+    /// Quantities on the surface after a step, without the nodes off it, and on a slice.
     fn seen(scene: &Scene) -> [Vec<f64>; 4] {
         let mut simulation = Simulation::new(scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
         simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
         let state = simulation.snapshots().unwrap_or_else(|e| panic!("{e}"));
         let surface = SkinSurface::new(&simulation, &state);
+        let plane = Some(Clip { normal: [0.0, 1.0, 0.2], offset: 0.3e-3 });
         let on: std::collections::BTreeSet<u32> = surface.skin.triangles.iter().flatten().copied().collect();
         Quantity::ALL.map(|quantity| {
-            let all = quantity.on_nodes(&surface, &simulation, &state);
-            on.iter().map(|node| all[*node as usize]).collect()
+            let asked = Asked { quantity: Some(quantity), plane };
+            let Read { values, slice } = asked.read(&surface, &simulation, &state);
+            let Values { of, nodes, slice: inside } = values.expect("it was asked for");
+            assert!(of == quantity && inside.len() == slice.expect("a slice").triangles.len() && !inside.is_empty());
+            on.iter().map(|node| nodes[*node as usize]).chain(inside).collect()
         })
     }
 

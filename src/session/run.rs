@@ -3,7 +3,7 @@
 use super::audience::{Audience, Figures, MOST_COMMANDS, Motion, Shown, lock};
 use super::command::Command;
 use super::mouse::{Mouse, Shared};
-use super::quantity::Quantity;
+use super::quantity::Asked;
 use crate::error::{Error, Result};
 use crate::haptic::device::Workspace;
 use crate::haptic::replay::Path;
@@ -99,7 +99,7 @@ struct Session<'a> {
     between_kept: f64,
     recent: VecDeque<f64>,
     shown: Instant,
-    quantity: Option<Quantity>,
+    asked: Asked,
     watchers: usize,
     report: StepReport,
     warnings: Warnings,
@@ -165,7 +165,7 @@ impl<'a> Session<'a> {
             between_kept: BETWEEN_KEPT,
             recent: VecDeque::new(),
             shown: Instant::now(),
-            quantity: None,
+            asked: Asked::default(),
             watchers: 0,
             report: StepReport::default(),
             warnings: Warnings::new(),
@@ -283,9 +283,12 @@ impl<'a> Session<'a> {
                     return Err(error);
                 }
             }
-            Command::Look(quantity) => {
-                self.quantity = quantity;
-                self.show()?;
+            Command::Look(asked) => {
+                self.asked = asked;
+                // otherwise with the next step's
+                if !self.playing {
+                    self.show()?;
+                }
             }
             Command::Drawn(_) => {} // the server's own
         }
@@ -400,10 +403,10 @@ impl<'a> Session<'a> {
         self.watchers = self.audience.watchers();
         let state = self.runner.simulation.snapshots()?;
         let surface = SkinSurface::new(&self.runner.simulation, &state);
-        let of = |quantity: Quantity| (quantity, quantity.on_nodes(&surface, &self.runner.simulation, &state));
-        let (quantity, figures) = (self.quantity.map(of), self.figures());
+        let read = self.asked.read(&surface, &self.runner.simulation, &state);
+        let figures = self.figures();
         let (simulation, report) = (&self.runner.simulation, &self.report);
-        self.audience.show(Shown { surface, quantity, simulation, hands: &self.held, report, figures });
+        self.audience.show(Shown { surface, read, simulation, hands: &self.held, report, figures });
         Ok(())
     }
 

@@ -2,9 +2,10 @@
 
 use super::arrows::{Arrows, BLUE};
 use super::link::Link;
+use super::opened::Opened;
 use super::orbit::Orbit;
 use super::panel;
-use super::state::{Shows, State, WORDS};
+use super::state::{Colored, Shows, State, WORDS};
 use crate::output::{Failed, replace};
 use crate::report::frames::{Look, camera, with_surfaces};
 use crate::session::Command;
@@ -152,11 +153,18 @@ impl App {
         let shows = &self.state.shows;
         let mut look = Look { hidden: shows.hidden.clone(), plain: !shows.cells, colors: None };
         self.bar = None;
-        if let Some((values, unit, factor)) = shows.colors.values(shot) {
-            let high = values.iter().copied().fold(0.0, f64::max);
-            look.colors = Some(values.iter().map(|v| color_of(if high > 0.0 { v / high } else { 0.0 })).collect());
+        let colored = shows.colors.values(shot);
+        let values = |of: &Colored| of.nodes.iter().chain(of.slice.values()).copied().fold(0.0, f64::max);
+        let high = colored.as_ref().map_or(0.0, values);
+        let color = |value: f64| color_of(if high > 0.0 { value / high } else { 0.0 });
+        if let Some(Colored { nodes, unit, factor, .. }) = &colored {
+            look.colors = Some(nodes.iter().map(|value| color(*value)).collect());
             self.bar = Some(ColorBar { title: format!("{}, {unit}", shows.colors.name()), high: high * factor });
         }
+        let slice = shot.read.slice.as_ref();
+        let opened = slice.map(|slice| Opened::new(slice, &begun.scene, shows, colored.as_ref(), color));
+        let lines = opened.as_ref().map(Opened::lines);
+        let opened: Vec<Surface> = opened.iter().zip(&lines).map(|(opened, lines)| opened.surface(lines)).collect();
         let arrows = if shows.forces { Arrows::new(&shot.contacts, distance) } else { Arrows::default() };
         let blue = vec![BLUE; arrows.triangles.len()];
         let steps: Vec<[u32; 2]> = (1..self.way.len() as u32).map(|k| [k - 1, k]).collect();
@@ -170,7 +178,8 @@ impl App {
         let renderer = &mut self.renderer;
         with_surfaces(&begun.scene, &shot.skin, &shot.tools, &look, |bodies, tools| {
             let in_front = if shows.way { &[forces, way][..] } else { &[forces] };
-            renderer.load(&Drawn { clipped: bodies, whole: tools, in_front })
+            // the plane's own surface is not clipped by it
+            renderer.load(&Drawn { clipped: bodies, whole: &[tools, &opened].concat(), in_front })
         });
         self.loaded = Some(self.state.shows.clone());
         self.seen = None;
@@ -181,6 +190,11 @@ impl App {
         let Some(orbit) = self.orbit else { return };
         self.load(DVec3::from(orbit.camera().eye).distance(orbit.camera().target.into()));
         let clip = self.state.shot.as_ref().and_then(|shot| self.state.shows.plane(&shot.skin));
+        let asked = self.state.shot.as_ref().map(|shot| self.state.shows.asked(&shot.skin));
+        if let Some(asked) = asked.filter(|asked| self.state.asked != *asked) {
+            self.state.asked = asked;
+            self.state.send(Command::Look(asked));
+        }
         let wanted = Seen { orbit, size, clip };
         if self.seen == Some(wanted) {
             return;

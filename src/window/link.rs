@@ -4,7 +4,7 @@
 use crate::report::frames::{SkinSurface, caption, tool_positions};
 use crate::scene::Scene;
 use crate::session::audience::lock;
-use crate::session::{Audience, Command, Figures, Quantity, Shown};
+use crate::session::{Audience, Command, Figures, Read, Shown};
 use eframe::egui;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
@@ -14,8 +14,8 @@ use std::sync::{Arc, Mutex, OnceLock};
 pub struct Shot {
     /// Surface of the deformable bodies.
     pub skin: SkinSurface,
-    /// The quantity that was asked for, `[node]`.
-    pub quantity: Option<(Quantity, Vec<f64>)>,
+    /// What was asked for beside it.
+    pub read: Read,
     /// `[tool][vertex]` m
     pub tools: Vec<Vec<[f64; 3]>>,
     /// `[tool]` position of the hand, m
@@ -150,7 +150,7 @@ impl Audience for Screen {
             contacts: forces.map(|(at, force)| [at.point.to_array(), at.in_world(*force).to_array()]).collect(),
             caption: caption(scene, shown.simulation, shown.report),
             skin: shown.surface,
-            quantity: shown.quantity,
+            read: shown.read,
             figures: shown.figures,
         };
         self.link.time.store(shot.figures.time_s.to_bits(), Ordering::Relaxed);

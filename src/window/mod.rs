@@ -8,6 +8,7 @@
 mod app;
 mod arrows;
 mod link;
+mod opened;
 mod orbit;
 mod panel;
 mod plots;

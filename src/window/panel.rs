@@ -182,7 +182,6 @@ fn looks(ui: &mut Ui, state: &mut State) {
         ui.checkbox(&mut shows.forces, "forces");
         ui.checkbox(&mut shows.way, "way of the tip");
     });
-    let before = shows.colors;
     ui.horizontal_wrapped(|ui| {
         ui.label("colours");
         for colors in Colors::ALL {
@@ -195,11 +194,6 @@ fn looks(ui: &mut Ui, state: &mut State) {
             ui.selectable_value(&mut shows.clip.0, axis, *name);
         }
     });
-    let quantity = |colors: Colors| if let Colors::Of(quantity) = colors { Some(quantity) } else { None };
-    let now = quantity(shows.colors);
-    if quantity(before) != now {
-        state.send(Command::Look(now));
-    }
 }
 
 /// Title, figures, words and colour bar on the picture.

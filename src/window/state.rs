@@ -3,7 +3,7 @@
 use super::link::{Begun, Shot};
 use super::plots::Plots;
 use crate::report::frames::SkinSurface;
-use crate::session::{Command, Hand, Quantity};
+use crate::session::{Asked, Command, Hand, Quantity};
 use crate::view::Clip;
 use glam::DVec3;
 use std::collections::BTreeSet;
@@ -62,19 +62,53 @@ impl Colors {
         }
     }
 
-    /// Values of the nodes, their unit, and its factor; none of the layers, or of a quantity that the session has not read yet.
-    pub fn values(self, shot: &Shot) -> Option<(Vec<f64>, &'static str, f64)> {
+    /// Values; none of the layers, or of a quantity that the session has not read yet.
+    pub fn values(self, shot: &Shot) -> Option<Colored> {
         let skin = &shot.skin;
         let lengths = |vectors: &[[f64; 3]]| vectors.iter().map(|v| DVec3::from(*v).length()).collect();
+        let of_nodes = |nodes: Vec<f64>, unit, factor| {
+            let slice = OnSlice::Vertices(shot.read.slice.as_ref().map_or(vec![], |slice| slice.of_nodes(&nodes)));
+            Some(Colored { nodes, slice, unit, factor })
+        };
         match self {
             Self::Layers => None,
-            Self::Displacement => Some((lengths(&skin.displacements), "mm", 1e3)),
-            Self::Velocity => Some((lengths(&skin.velocities), "mm/s", 1e3)),
+            Self::Displacement => of_nodes(lengths(&skin.displacements), "mm", 1e3),
+            Self::Velocity => of_nodes(lengths(&skin.velocities), "mm/s", 1e3),
             Self::Of(wanted) => {
-                let (_, values) = shot.quantity.as_ref().filter(|(read, _)| *read == wanted)?;
+                let values = shot.read.values.as_ref().filter(|values| values.of == wanted)?;
                 let (unit, factor) = wanted.unit();
-                Some((values.clone(), unit, factor))
+                let slice = OnSlice::Triangles(values.slice.clone());
+                Some(Colored { nodes: values.nodes.clone(), slice, unit, factor })
             }
+        }
+    }
+}
+
+/// Values that the picture is coloured by.
+pub struct Colored {
+    /// `[node]`
+    pub nodes: Vec<f64>,
+    /// Of what a plane lays open.
+    pub slice: OnSlice,
+    /// Unit in the picture.
+    pub unit: &'static str,
+    /// Its factor.
+    pub factor: f64,
+}
+
+/// Values on a slice.
+pub enum OnSlice {
+    /// `[vertex]`
+    Vertices(Vec<f64>),
+    /// `[triangle]`
+    Triangles(Vec<f64>),
+}
+
+impl OnSlice {
+    /// All of them.
+    pub fn values(&self) -> &[f64] {
+        match self {
+            Self::Vertices(values) | Self::Triangles(values) => values,
         }
     }
 }
@@ -103,6 +137,12 @@ impl Default for Shows {
 }
 
 impl Shows {
+    /// What the session is to read for it.
+    pub fn asked(&self, skin: &SkinSurface) -> Asked {
+        let quantity = if let Colors::Of(quantity) = self.colors { Some(quantity) } else { None };
+        Asked { quantity, plane: self.plane(skin) }
+    }
+
     /// The clipping plane through a surface.
     pub fn plane(&self, skin: &SkinSurface) -> Option<Clip> {
         let (axis, share) = self.clip;
@@ -128,6 +168,8 @@ pub struct State {
     pub held: Option<Held>,
     /// Words, and when they came.
     pub words: Vec<(Instant, String)>,
+    /// What the session was asked to read.
+    pub asked: Asked,
     /// A picture is to be saved.
     pub saves: bool,
     sender: SyncSender<(u64, Command)>,
@@ -143,6 +185,7 @@ impl State {
             shows: Shows::default(),
             held: None,
             words: vec![],
+            asked: Asked::default(),
             saves: false,
             sender,
         }
