@@ -76,15 +76,16 @@ fn under(work: &Work, limit: Option<u64>, arguments: &[&str]) -> Result<End, Str
 
 const RUN: [&str; 5] = ["run", "scene.toml", "--backend", "cpu", "--record"];
 
-/// Least address space with which the program starts and reads a scene, KiB.
+/// Little more than the least address space with which the program starts and reads a scene, KiB: at the very edge it is the system's own
+/// libraries that end it, before it has a word to say.
 fn least(work: &Work, most: u64) -> Result<u64, String> {
     let (mut fails, mut starts) = (0, most);
-    while starts - fails > most / 64 {
+    while starts - fails > most / 1024 {
         let middle = (fails + starts) / 2;
         let begun = under(work, Some(middle), &["check", "scene.toml"])?.code == Some(0);
         *(if begun { &mut starts } else { &mut fails }) = middle;
     }
-    Ok(starts)
+    Ok(starts + most / 512)
 }
 
 /// What a run may end with: done, an error about memory that is in its report too, or an abort that names memory.
