@@ -149,24 +149,34 @@ pub trait Recorded {
         params: &Params<f32>,
         main: &Buffer,
     ) -> Result<Vec<Dispatch>>;
-    /// Creates the arrays of the preconditioner besides the factored columns and returns the dispatches that update it in each step; `sums`
+    /// Creates the arrays of the preconditioner besides the factored columns and returns the dispatches that update it in each step; `_sums`
     /// are the arrays of the conjugate gradients that all levels share.
     fn refresh(
         &mut self,
-        made: &mut Maker,
-        arrays: &Arrays,
-        sums: &Arrays,
-        params: &Params<f32>,
-        main: &Buffer,
-    ) -> Result<Vec<Dispatch>>;
+        _made: &mut Maker,
+        _arrays: &Arrays,
+        _sums: &Arrays,
+        _params: &Params<f32>,
+        _main: &Buffer,
+    ) -> Result<Vec<Dispatch>> {
+        Ok(vec![])
+    }
     /// `z = M⁻¹ r` where the preconditioner is more than the factored columns; `None` otherwise.
-    fn precondition(&self, made: &mut Maker, params: &Params<f32>) -> Result<Option<Vec<Dispatch>>>;
-    /// Displacements of the segments' end points from the nodal displacements `u`; `None` where the end points are nodes.
-    fn points(&self, gpu: &Gpu, main: &Buffer, u: &Buffer, to: &Buffer) -> Result<Option<Dispatch>>;
+    fn precondition(&self, _made: &mut Maker, _params: &Params<f32>) -> Result<Option<Vec<Dispatch>>> {
+        Ok(None)
+    }
+    /// Displacements of the segments' end points from the nodal displacements `_u`; `None` where the end points are nodes.
+    fn points(&self, _gpu: &Gpu, _main: &Buffer, _u: &Buffer, _to: &Buffer) -> Result<Option<Dispatch>> {
+        Ok(None)
+    }
     /// Table of split nodes with its initial values; `None` where no node can be split.
-    fn split(&self) -> Option<(Buffer, Vec<u32>)>;
-    /// Arrays of a nonlinear law, requested after all dispatches; `x` holds the solution.
-    fn nonlinear(&mut self, made: &mut Maker, arrays: &Arrays, x: &Buffer) -> Result<Option<NonlinearLaw>>;
+    fn split(&self) -> Option<(Buffer, Vec<u32>)> {
+        None
+    }
+    /// Arrays of a nonlinear law, requested after all dispatches; `_x` holds the solution.
+    fn nonlinear(&mut self, _made: &mut Maker, _arrays: &Arrays, _x: &Buffer) -> Result<Option<NonlinearLaw>> {
+        Ok(None)
+    }
 }
 
 /// Arrays and kernels of a nonlinear law.

@@ -51,18 +51,11 @@ impl CellFields {
                 own.von_mises = tensors(1).map(|s| Component::VonMises.of(s)).collect();
                 (own.strain, own.stress) = (tensors(0).map(six).collect(), tensors(1).map(six).collect());
             }
-            let (model, wound) = (&body.model, &body.wound);
-            // tetrahedra of a mesh are not cut and have no inclusions
-            let others = || model.unstructured().into_iter().flat_map(|of| of.mesh.tetrahedra()).map(|_| 1.0);
-            let present = |of: &dyn Fn(usize) -> f64| -> Vec<f64> {
-                let cells = wound.surface.alive.iter().enumerate();
-                cells.map(|(cell, here)| if *here { of(cell) } else { 0.0 }).chain(others()).collect()
-            };
             if alive {
-                own.alive = present(&|cell| model.mechanics().alive_share(model, wound, cell));
+                own.alive = body.alive_shares();
             }
             if stiffness {
-                own.stiffness = present(&|cell| model.mechanics().stiffness_factor(cell));
+                own.stiffness = body.stiffness_factors();
             }
             own
         };

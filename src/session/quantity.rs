@@ -47,22 +47,15 @@ impl Quantity {
     /// `[cell]` of a body; 0 for cells that are gone.
     fn of_cells(self, body: &Body, state: &Snapshot) -> Vec<f64> {
         let (model, wound) = (&body.model, &body.wound);
-        let mechanics = model.mechanics();
         let of_stress = |of: fn(M3<f64>) -> f64| {
-            mechanics.strains_and_stresses(model, wound, &state.u).into_iter().map(|[_, stress]| of(stress)).collect()
-        };
-        let of_cell = |of: &dyn Fn(usize) -> f64| {
-            let cells = wound.surface.alive.iter().enumerate();
-            let whole = model.unstructured().map_or(0, |of| of.mesh.tetrahedra().len());
-            // tetrahedra of a mesh are not cut and have no inclusions
-            let whole = std::iter::repeat_n(1.0, whole);
-            cells.map(|(cell, here)| if *here { of(cell) } else { 0.0 }).chain(whole).collect()
+            let all = model.mechanics().strains_and_stresses(model, wound, &state.u);
+            all.into_iter().map(|[_, stress]| of(stress)).collect()
         };
         match self {
             Self::VonMises => of_stress(|stress| Component::VonMises.of(stress.0.map(V3::f64))),
             Self::Pressure => of_stress(|stress| -stress.trace() / 3.0),
-            Self::Alive => of_cell(&|cell| mechanics.alive_share(model, wound, cell)),
-            Self::Stiffness => of_cell(&|cell| mechanics.stiffness_factor(cell)),
+            Self::Alive => body.alive_shares(),
+            Self::Stiffness => body.stiffness_factors(),
         }
     }
 

@@ -150,6 +150,26 @@ pub(super) fn first_motion(scene: &Scene, number: usize) -> f64 {
 }
 
 impl Body {
+    /// `[cell]` share of a cell's links or springs that are intact.
+    pub(crate) fn alive_shares(&self) -> Vec<f64> {
+        self.of_present(|cell| self.model.mechanics().alive_share(&self.model, &self.wound, cell))
+    }
+
+    /// `[cell]` factor on the stiffness of its layer, by inclusions.
+    pub(crate) fn stiffness_factors(&self) -> Vec<f64> {
+        self.of_present(|cell| self.model.mechanics().stiffness_factor(cell))
+    }
+
+    /// Values of the cells, 0 for those that are gone; 1 for the tetrahedra of a mesh, which are not cut and have no inclusions.
+    fn of_present(&self, of: impl Fn(usize) -> f64) -> Vec<f64> {
+        let cells = self.wound.surface.alive.iter().enumerate();
+        let tetrahedra = self.model.unstructured().map_or(0, |of| of.mesh.tetrahedra().len());
+        cells
+            .map(|(cell, here)| if *here { of(cell) } else { 0.0 })
+            .chain(std::iter::repeat_n(1.0, tetrahedra))
+            .collect()
+    }
+
     /// Puts deformable body `number` of a scene on a GPU; without one on the CPU path, in f64 or, if `single`, f32.
     ///
     /// # Errors

@@ -189,8 +189,8 @@ impl App {
     fn draw(&mut self, size: [u32; 2]) {
         let Some(orbit) = self.orbit else { return };
         self.load(DVec3::from(orbit.camera().eye).distance(orbit.camera().target.into()));
-        let clip = self.state.shot.as_ref().and_then(|shot| self.state.shows.plane(&shot.skin));
         let asked = self.state.shot.as_ref().map(|shot| self.state.shows.asked(&shot.skin));
+        let clip = asked.and_then(|asked| asked.plane);
         if let Some(asked) = asked.filter(|asked| self.state.asked != *asked) {
             self.state.asked = asked;
             self.state.send(Command::Look(asked));

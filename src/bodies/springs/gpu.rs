@@ -1,7 +1,7 @@
 //! Spring networks on a device.
 
 use crate::bodies::Model;
-use crate::bodies::gpu::{Arrays, Dispatch, Maker, NonlinearLaw, Recorded};
+use crate::bodies::gpu::{Arrays, Dispatch, Maker, Recorded};
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::{GROUP, Params, springs, springs_blocks, springs_product};
@@ -61,25 +61,5 @@ impl Recorded for Springs {
     ) -> Result<Vec<Dispatch>> {
         let kernel = arrays.bind(made.gpu, &springs_product::SOURCE, &[("params", main)])?;
         Ok(vec![(kernel, params.product_groups as usize * GROUP as usize)])
-    }
-
-    fn refresh(&mut self, _: &mut Maker, _: &Arrays, _: &Arrays, _: &Params<f32>, _: &Buffer) -> Result<Vec<Dispatch>> {
-        Ok(vec![])
-    }
-
-    fn precondition(&self, _: &mut Maker, _: &Params<f32>) -> Result<Option<Vec<Dispatch>>> {
-        Ok(None)
-    }
-
-    fn points(&self, _: &Gpu, _: &Buffer, _: &Buffer, _: &Buffer) -> Result<Option<Dispatch>> {
-        Ok(None)
-    }
-
-    fn split(&self) -> Option<(Buffer, Vec<u32>)> {
-        None
-    }
-
-    fn nonlinear(&mut self, _: &mut Maker, _: &Arrays, _: &Buffer) -> Result<Option<NonlinearLaw>> {
-        Ok(None)
     }
 }

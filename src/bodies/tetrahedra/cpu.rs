@@ -89,7 +89,7 @@ impl<R: Real> System<R> for Tetrahedra<R> {
 
     fn workspace(&self, _: &Params<R>) -> Workspace<R> {
         let numbers = size_of::<CellForces<R>>() / size_of::<R>();
-        let scratch = vec![[[[R::zero(); LANES]; 3]; 8]; self.arrays.scratch().len().div_ceil(numbers)];
+        let scratch = vec![[[[R::zero(); LANES]; 3]; 8]; self.arrays.scratch_len().div_ceil(numbers)];
         Workspace { scratch, levels: vec![] }
     }
 

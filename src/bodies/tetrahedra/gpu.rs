@@ -1,7 +1,7 @@
 //! Tetrahedra on a device: the arrays of [`super::operator`], rotations of the step, and the results of each pass for each right-hand side.
 
 use super::operator::Arrays as Operator;
-use crate::bodies::gpu::{Arrays, Dispatch, Maker, NonlinearLaw, Recorded};
+use crate::bodies::gpu::{Arrays, Dispatch, Maker, Recorded};
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::polar::UPRIGHT;
@@ -161,25 +161,5 @@ impl Recorded for Tetrahedra {
         let kernel = arrays.bind(made.gpu, &tetrahedra_product::SOURCE, &[("params", main)])?;
         list.push((kernel, params.product_groups as usize * GROUP as usize));
         Ok(list)
-    }
-
-    fn refresh(&mut self, _: &mut Maker, _: &Arrays, _: &Arrays, _: &Params<f32>, _: &Buffer) -> Result<Vec<Dispatch>> {
-        Ok(vec![])
-    }
-
-    fn precondition(&self, _: &mut Maker, _: &Params<f32>) -> Result<Option<Vec<Dispatch>>> {
-        Ok(None)
-    }
-
-    fn points(&self, _: &Gpu, _: &Buffer, _: &Buffer, _: &Buffer) -> Result<Option<Dispatch>> {
-        Ok(None)
-    }
-
-    fn split(&self) -> Option<(Buffer, Vec<u32>)> {
-        None
-    }
-
-    fn nonlinear(&mut self, _: &mut Maker, _: &Arrays, _: &Buffer) -> Result<Option<NonlinearLaw>> {
-        Ok(None)
     }
 }

@@ -289,7 +289,12 @@ impl<R: Real> Arrays<R> {
 
     /// What the passes store between them: one array for each right-hand side.
     pub fn scratch(&self) -> Vec<R> {
-        vec![R::zero(); 4 * (self.gradients.len() + 3 * self.shear.len()) + 2 * self.per_volume.len()]
+        vec![R::zero(); self.scratch_len()]
+    }
+
+    /// Its length.
+    pub fn scratch_len(&self) -> usize {
+        4 * (self.gradients.len() + 3 * self.shear.len()) + 2 * self.per_volume.len()
     }
 
     /// `[node]` volume strains.
