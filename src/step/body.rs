@@ -149,6 +149,8 @@ pub(super) fn first_motion(scene: &Scene, number: usize) -> f64 {
     DVec3::from_array(scene.skins[number].velocity).length() * scene.time.part()
 }
 
+/// What pictures and files show of the cells.
+#[cfg(feature = "program")]
 impl Body {
     /// `[cell]` share of a cell's links or springs that are intact.
     pub(crate) fn alive_shares(&self) -> Vec<f64> {
@@ -169,7 +171,9 @@ impl Body {
             .chain(std::iter::repeat_n(1.0, tetrahedra))
             .collect()
     }
+}
 
+impl Body {
     /// Puts deformable body `number` of a scene on a GPU; without one on the CPU path, in f64 or, if `single`, f32.
     ///
     /// # Errors
