@@ -83,6 +83,10 @@ struct Page {
     /// Largest displacement in the last frame, m, and the positions of the tools.
     moved: f64,
     tools: Vec<[f32; 3]>,
+    /// Number of the quantity that colours are of, its values, and those on the slice with the slice's vertices, m.
+    quantity: u32,
+    values: Vec<f64>,
+    slice: (Vec<f64>, Vec<[f32; 3]>),
     frames: u32,
     errors: Vec<String>,
     draws: bool,
@@ -105,6 +109,9 @@ impl Page {
             surface,
             moved: 0.0,
             tools: vec![],
+            quantity: 0,
+            values: vec![],
+            slice: (vec![], vec![]),
             frames: 0,
             errors: vec![],
             draws: true,
@@ -154,17 +161,38 @@ impl Page {
         let float = |k: usize| f32::from_bits(word(k));
         let (vertices, tools, contacts) = (word(10) as usize, word(11) as usize, word(12) as usize);
         assert_eq!(word(1), self.surface.0, "a frame moves the surface that was sent before it");
-        let at = 52 + (6 * vertices).next_multiple_of(4);
-        assert_eq!(bytes.len(), at + 52 * tools + 24 * contacts);
+        self.quantity = word(13);
+        let (high, [cut, triangles, lines]) = (f64::from(float(14)), [15, 16, 17].map(|k| word(k) as usize));
+        let mut at = 72;
+        let mut take = |count: usize, bytes: usize| {
+            let from = at;
+            at += (count * bytes).next_multiple_of(4);
+            from
+        };
+        let shares_at = |from: usize, count: usize| -> Vec<u16> {
+            bytes[from..from + 2 * count].chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect()
+        };
+        let values_at =
+            |from, count| shares_at(from, count).iter().map(|s| high * f64::from(*s) / 65535.0).collect::<Vec<_>>();
         // displacements are shares of a box
-        let shares: Vec<u16> =
-            bytes[52..52 + 6 * vertices].chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
+        let shares = shares_at(take(3 * vertices, 2), 3 * vertices);
+        let valued = usize::from(self.quantity > 0);
+        self.values = values_at(take(valued * vertices, 2), valued * vertices);
+        let at_tools = take(13 * tools + 6 * contacts, 4);
+        let positions = take(3 * cut, 4);
+        take(cut, 4);
+        let of_cut = values_at(take(valued * cut, 2), valued * cut);
+        let corners = take(3 * triangles + 2 * lines, 4);
+        assert_eq!(bytes.len(), at);
+        assert!((corners / 4..at / 4).all(|k| (word(k) as usize) < cut), "a corner beyond the slice");
+        let position = |n: usize| std::array::from_fn(|k| float(positions / 4 + 3 * n + k));
+        self.slice = (of_cut, (0..cut).map(position).collect());
         let part = |n: usize, k: usize| {
             f64::from(float(4 + k)) + f64::from(float(7 + k)) * f64::from(shares[3 * n + k]) / 65535.0
         };
         let length = |n: usize| (0..3).map(|k| part(n, k).powi(2)).sum::<f64>().sqrt();
         self.moved = (0..vertices).map(length).fold(0.0, f64::max);
-        self.tools = (0..tools).map(|tool| std::array::from_fn(|k| float(at / 4 + 13 * tool + k))).collect();
+        self.tools = (0..tools).map(|tool| std::array::from_fn(|k| float(at_tools / 4 + 13 * tool + k))).collect();
         self.frames += 1;
         if self.draws {
             let frames = self.frames;
@@ -271,6 +299,56 @@ fn a_run_is_changed_while_it_goes_on_and_begun_anew() {
         page.until(words, |page| page.errors.iter().any(|error| error.contains(words)));
     }
     assert_eq!([page.figure("friction"), page.figure("scene_step_ms")], [0.1, 10.0]);
+}
+
+#[test]
+fn pages_are_coloured_by_a_quantity_and_cut_open_alike() {
+    let session = Session::start("127.0.0.1:0");
+    let mut page = session.page();
+    page.until("a first frame", |page| page.frames > 0 && !page.figures.is_null() && !page.scene.is_null());
+    let at = page.tools[0].map(f64::from);
+    page.send(&json!({ "hand": { "tool": 0, "position": [at[0], at[1], at[2] - 2.5e-3], "pressed": false } }));
+    page.send(&json!({ "speed": 10.0 }));
+    page.send(&json!("play"));
+    page.until("the skin is pressed", |page| page.figures["force_n"][0].as_f64().is_some_and(|force| force > 0.05));
+    page.send(&json!("pause"));
+    page.until("it stands still", |page| page.figures["playing"] == json!(false));
+    assert!(page.quantity == 0 && page.values.is_empty() && page.slice.1.is_empty());
+    let plane = json!({ "normal": [0.0, 1.0, 0.0], "offset": at[1] });
+    let keys: Vec<String> = {
+        let list = page.scene["quantities"].as_array().expect("a list");
+        list.iter().map(|of| of["key"].as_str().unwrap_or_default().into()).collect()
+    };
+    assert!(keys.len() == 7 && keys[0] == "displacement" && keys[4] == "residual", "{keys:?}");
+    let mut second = session.page();
+    for (number, key) in keys.iter().enumerate() {
+        let look = json!({ "quantity": key, "plane": plane });
+        page.send(&json!({ "look": look }));
+        if key == "residual" {
+            page.send(&json!("step")); // it is that of a step
+        }
+        for page in [&mut page, &mut second] {
+            page.until(key, |page| page.figures["look"] == look && page.quantity == number as u32 + 1);
+            assert_eq!(page.values.len(), page.surface.1 as usize, "{key}");
+            assert!(page.slice.0.len() == page.slice.1.len() && !page.slice.1.is_empty(), "{key}");
+            // the plane through the moved cells
+            assert!(page.slice.1.iter().all(|x| (f64::from(x[1]) - at[1]).abs() < 1e-7), "{key}");
+            let largest = page.values.iter().copied().fold(0.0, f64::max);
+            let (low, high) = match key.as_str() {
+                "displacement" => (0.99 * page.moved, 1.01 * page.moved),
+                "velocity" => (1e-5, 1.0),
+                "von_mises" => (500.0, 1e6),
+                "pressure" => (100.0, 1e6),
+                "residual" => (1e-12, 1e-2),
+                _ => (1.0, 1.0),
+            };
+            assert!((low..=high).contains(&largest), "{key}: {largest:e}, not in {low:e} to {high:e}");
+        }
+    }
+    page.send(&json!({ "look": {} }));
+    page.until("layers, whole", |page| page.quantity == 0 && page.slice.1.is_empty());
+    page.send(&json!({ "look": { "plane": { "normal": [0, 0, 0], "offset": 0 } } }));
+    page.until("a refusal", |page| page.errors.iter().any(|error| error.contains("plane's normal")));
 }
 
 #[test]

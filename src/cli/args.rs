@@ -61,7 +61,7 @@ pub enum Command {
     /// Run a scene in a window: watch it, hold its tools with the mouse, change it while it runs
     ///
     /// The window shows skin and tools, plots forces and times, pauses, steps, goes back, and changes friction, stiffness, tolerance and step;
-    /// P saves a picture. Needs a display and a program built with `--features view`.
+    /// P saves a picture, F a film (an animated PNG). Needs a display and a program built with `--features view`.
     View(View),
     /// List the arrays, kernels, launches and read-backs of a scene; nothing runs, no adapter is needed
     Inspect(Inspect),
@@ -252,7 +252,7 @@ pub struct View {
     /// Stand still until somebody plays
     #[arg(long)]
     pub paused: bool,
-    /// Folder of the pictures that are saved, view_0001.png and so on; none is replaced
+    /// Folder of what is saved: view_0001.png, film_0001.png, motion_0001.csv and so on; none is replaced
     #[arg(long, value_name = "DIR", default_value = ".")]
     pub out: PathBuf,
 }

@@ -158,7 +158,7 @@ fn serve_scene(args: &args::Serve) -> Result<u8> {
 fn view_scene(args: &args::View) -> Result<u8> {
     let (scene, signals, session) = watched(args.scene.as_ref(), &args.target, args.paused)?;
     use cutis::window;
-    let options = window::Options { session, pictures: args.out.clone() };
+    let options = window::Options { session, folder: args.out.clone() };
     let shown = window::show(&scene, &options)?;
     let window::Shown { closed, pictures, seconds, time_s } = shown;
     print::line(&format!("{time_s:.3} s of the scene and {pictures} pictures in {seconds:.1} s"))?;

@@ -9,7 +9,7 @@
 //! of the completed steps, including the error; `reserve.bin` keeps room for it on a disk that has none left.
 
 use super::Report;
-use super::frames::{self, SkinSurface};
+use super::frames::{Painter, SkinSurface};
 use super::listing::{Listing, remove};
 use super::meshes;
 use super::plot;
@@ -33,6 +33,8 @@ pub(super) struct Folder {
     /// In the order of [`KINDS`].
     series: [Series; 4],
     frame_count: u32,
+    /// From the first picture on.
+    painter: Option<Painter>,
 }
 
 /// Positions in the files of a run.
@@ -114,7 +116,8 @@ impl Folder {
     /// Removes the files of an earlier run and starts the tables.
     pub fn create(mut listing: Listing, scene: &Scene) -> Result<Self> {
         listing.remove(of_runs)?;
-        Ok(Self { tables: Tables::create(&mut listing, scene)?, series: series(&listing), frame_count: 0, listing })
+        let tables = Tables::create(&mut listing, scene)?;
+        Ok(Self { tables, series: series(&listing), frame_count: 0, painter: None, listing })
     }
 
     /// Checks that a folder belongs to the run with these positions.
@@ -129,6 +132,7 @@ impl Folder {
             tables: Tables::reopen(&mut listing, scene, &written.tables)?,
             series: series(&listing),
             frame_count: written.frames,
+            painter: None,
             listing,
         };
         for (series, entries) in folder.series.iter_mut().zip(&written.series) {
@@ -170,7 +174,8 @@ impl Folder {
         let skin = SkinSurface::new(simulation, state);
         let fields = meshes::CellFields::new(scene, simulation, state);
         let picture = self.listing.add(&format!("frames/frame_{number:04}.png"))?;
-        frames::write(scene, simulation, &skin, step, &picture)?;
+        let painter = self.painter.get_or_insert_with(|| Painter::new(scene, simulation));
+        painter.write(scene, simulation, &skin, step, &picture)?;
         for (series, kind) in self.series.iter_mut().zip(KINDS) {
             let is_there = match kind {
                 "tools" => scene.tools.iter().any(|tool| !tool.mesh.triangles.is_empty()),

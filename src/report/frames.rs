@@ -9,7 +9,7 @@ use crate::mesh::Face;
 use crate::output::{Failed, replace};
 use crate::scene::{Scene, Tool};
 use crate::step::{Body, Simulation, StepReport};
-use crate::view::{self, Camera, Image, Outline, Paint, Surface};
+use crate::view::{self, Camera, Image, Outline, Paint, Renderer, Surface};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -242,18 +242,58 @@ pub fn with_surfaces<R>(
     draw(&bodies, &instruments)
 }
 
-/// Draws the scene with its camera.
-///
-/// # Errors
-/// [`NoMemory`](view::NoMemory) when there is none for so many pixels.
-pub fn draw(scene: &Scene, simulation: &Simulation, skin: &SkinSurface, step: &StepReport) -> Result<Image> {
-    let tools = tool_positions(scene, simulation);
-    let caption = caption(scene, simulation, step);
-    let lines: Vec<&str> = caption.iter().map(String::as_str).collect();
-    let [width, height] = scene.view.size;
-    with_surfaces(scene, skin, &tools, &Look::default(), |bodies, tools| {
-        view::render(&[bodies, tools].concat(), &camera(scene), width, height, &lines)
-    })
+/// Draws the pictures of a run: on the simulation's own device, or with the rasteriser where there is none or its textures are too small.
+pub struct Painter(Option<Renderer>);
+
+impl Painter {
+    /// For the pictures of a scene.
+    pub fn new(scene: &Scene, simulation: &Simulation) -> Self {
+        let renderer = |(device, queue): (wgpu::Device, wgpu::Queue)| {
+            let largest = device.limits().max_texture_dimension_2d;
+            scene.view.size.iter().all(|side| *side <= largest).then(|| Renderer::new(device, queue))
+        };
+        Self(simulation.gpu().map(|gpu| gpu.handles()).and_then(renderer))
+    }
+
+    /// Draws a state with the scene's camera.
+    ///
+    /// # Errors
+    /// [`NoMemory`](view::NoMemory) when there is none for so many pixels, and when the device fails.
+    pub fn draw(
+        &mut self,
+        scene: &Scene,
+        simulation: &Simulation,
+        skin: &SkinSurface,
+        step: &StepReport,
+    ) -> Result<Image> {
+        let tools = tool_positions(scene, simulation);
+        let caption = caption(scene, simulation, step);
+        let lines: Vec<&str> = caption.iter().map(String::as_str).collect();
+        let (camera, [width, height]) = (camera(scene), scene.view.size);
+        with_surfaces(scene, skin, &tools, &Look::default(), |bodies, tools| match &mut self.0 {
+            None => view::render(&[bodies, tools].concat(), &camera, width, height, &lines),
+            Some(renderer) => {
+                let skipped = renderer.load(&view::Drawn { clipped: bodies, whole: tools, in_front: &[] });
+                renderer.draw(&camera, [width, height], None);
+                let mut image = Image { skipped, ..renderer.read()? };
+                view::caption(&mut image, &lines);
+                Ok(image)
+            }
+        })
+    }
+
+    /// Draws into a PNG file, which is written atomically.
+    pub(super) fn write(
+        &mut self,
+        scene: &Scene,
+        simulation: &Simulation,
+        skin: &SkinSurface,
+        step: &StepReport,
+        path: &Path,
+    ) -> Result<()> {
+        let bytes = view::png(&self.draw(scene, simulation, skin, step)?);
+        replace(path, &bytes.map_err(|source| Failed::Write { path: path.to_owned(), source })?)
+    }
 }
 
 /// The scene's camera.
@@ -273,16 +313,4 @@ pub fn caption(scene: &Scene, simulation: &Simulation, step: &StepReport) -> Vec
         lines.push(format!("cut {:.1} mm long, {:.1} mm deep", totals.length * 1e3, totals.depth * 1e3));
     }
     lines
-}
-
-/// Draws into a PNG file, which is written atomically.
-pub(super) fn write(
-    scene: &Scene,
-    simulation: &Simulation,
-    skin: &SkinSurface,
-    step: &StepReport,
-    path: &Path,
-) -> Result<()> {
-    let bytes = view::png(&draw(scene, simulation, skin, step)?);
-    replace(path, &bytes.map_err(|source| Failed::Write { path: path.to_owned(), source })?)
 }

@@ -9,6 +9,7 @@ mod checkpoint;
 mod collect;
 pub mod compare;
 mod files;
+pub mod film;
 pub mod frames;
 mod glb;
 mod haptics;

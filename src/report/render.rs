@@ -1,6 +1,7 @@
 //! Pictures and a film of a run from its saved surfaces: coloured by layer, or by a field with a labelled bar.
 
 use super::Refused;
+use super::film::Film;
 use super::frames::{CELL_INK, CELL_LINE, RIM_INK, RIM_LINE, SKIN_SHININESS, STEEL, STEEL_SHININESS, WALL_LINE};
 use super::listing::Listing;
 use crate::error::Result;
@@ -10,6 +11,7 @@ use crate::view::{self, Camera, ColorBar, Image, Outline, Paint, Surface, color_
 use glam::DVec3;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Folder of the pictures in that of the run, and the film in it.
 const FOLDER: &str = "render";
@@ -218,7 +220,8 @@ pub fn render(options: &Options, progress: &mut dyn FnMut(usize, usize)) -> Resu
     let mut listing = Listing::open(folder, &[FOLDER], is_rendered)?;
     listing.remove(is_rendered)?;
     let film = listing.add(FILM)?;
-    let mut frames = Film::new(&film, options, surfaces.len())?;
+    let mut frames = Film::new(&film, options.size)?;
+    let delay = Duration::from_secs_f64(1.0 / f64::from(options.rate.max(1)));
     let mut files = vec![film];
     for (number, (time, path)) in surfaces.iter().enumerate() {
         let saved = Saved::read(path.clone())?;
@@ -227,7 +230,7 @@ pub fn render(options: &Options, progress: &mut dyn FnMut(usize, usize)) -> Resu
         let path = listing.add(&format!("{FOLDER}/frame_{:04}.png", number + 1))?;
         let bytes = view::png(&image).map_err(|source| Failed::Write { path: path.clone(), source })?;
         replace(&path, &bytes)?;
-        frames.add(&image)?;
+        frames.add(&image, delay)?;
         files.push(path);
         progress(number + 1, surfaces.len());
     }
@@ -340,44 +343,6 @@ fn picture(
         color_bar(&mut image, &ColorBar { title: format!("{}, {unit}", quantity.name), high: high * factor });
     }
     Ok(image)
-}
-
-/// An animated PNG in the making; it has its name once it is whole.
-struct Film {
-    path: PathBuf,
-    unfinished: PathBuf,
-    writer: png::Writer<std::io::BufWriter<std::fs::File>>,
-}
-
-impl Film {
-    fn new(path: &Path, options: &Options, count: usize) -> Result<Self> {
-        let mut name = path.as_os_str().to_owned();
-        name.push(".tmp");
-        let unfinished = PathBuf::from(name);
-        let failed = |source| Failed::Write { path: unfinished.clone(), source };
-        let file = std::io::BufWriter::new(std::fs::File::create(&unfinished).map_err(failed)?);
-        let begin = || -> std::result::Result<_, png::EncodingError> {
-            let mut encoder = png::Encoder::new(file, options.size[0], options.size[1]);
-            encoder.set_color(png::ColorType::Rgb);
-            encoder.set_depth(png::BitDepth::Eight);
-            encoder.set_animated(count as u32, 0)?;
-            encoder.set_frame_delay(1, options.rate)?;
-            encoder.write_header()
-        };
-        let writer = begin().map_err(|error| failed(error.into()))?;
-        Ok(Self { path: path.to_owned(), unfinished, writer })
-    }
-
-    fn add(&mut self, image: &Image) -> Result<()> {
-        let failed = |error: png::EncodingError| Failed::Write { path: self.unfinished.clone(), source: error.into() };
-        Ok(self.writer.write_image_data(&image.rgb).map_err(failed)?)
-    }
-
-    fn finish(self) -> Result<()> {
-        let failed = |source| Failed::Write { path: self.path.clone(), source };
-        self.writer.finish().map_err(|error| failed(error.into()))?;
-        Ok(std::fs::rename(&self.unfinished, &self.path).map_err(failed)?)
-    }
 }
 
 #[cfg(test)]

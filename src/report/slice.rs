@@ -97,6 +97,15 @@ impl Slice {
         let of = |([a, b], share): &([u32; 2], f64)| (1.0 - share) * values[*a as usize] + share * values[*b as usize];
         self.between.iter().map(of).collect()
     }
+
+    /// `[vertex]` the value of the cell that its polygon cuts, of `[body][cell]` values.
+    pub fn of_cells(&self, values: &[Vec<f64>]) -> Vec<f64> {
+        let mut out = vec![0.0; self.positions.len()];
+        for ((triangle, [body, _]), cell) in self.triangles.iter().zip(&self.layers).zip(&self.cells) {
+            triangle.iter().for_each(|vertex| out[*vertex as usize] = values[*body as usize][*cell as usize]);
+        }
+        out
+    }
 }
 
 #[cfg(test)]

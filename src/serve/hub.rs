@@ -8,8 +8,7 @@ use super::Refused;
 use super::wire::LONGEST;
 use crate::error::Result;
 use crate::http::{self, Door, PATIENCE};
-use crate::scene::TRAJECTORY_COLUMNS;
-use crate::session::audience::{MOST_COMMANDS, Motion, lock};
+use crate::session::audience::{MOST_COMMANDS, Motion, lock, trajectory};
 use crate::session::command::Command;
 use std::collections::VecDeque;
 use std::hash::{BuildHasher, Hasher, RandomState};
@@ -220,14 +219,7 @@ impl Shared {
     /// Recorded motion of a tool (`tool=NUMBER`, otherwise the first one) as a trajectory that a scene reads.
     fn motion_of(&self, query: &str) -> String {
         let asked = query.split('&').find_map(|part| part.strip_prefix("tool=")?.parse().ok()).unwrap_or(0);
-        let motion = lock(&self.motion);
-        let mut table = TRAJECTORY_COLUMNS.join(",");
-        for row in motion.get(asked).into_iter().flatten() {
-            let numbers: Vec<String> = row.iter().map(f64::to_string).collect();
-            table.push('\n');
-            table.push_str(&numbers.join(","));
-        }
-        table + "\n"
+        trajectory(&self.motion, asked)
     }
 
     fn invite(&self) -> Arc<Guest> {

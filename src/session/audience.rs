@@ -1,9 +1,9 @@
 //! Who watches a session, and what it is shown.
 
 use super::command::Command;
-use super::quantity::Read;
+use super::quantity::{Asked, Read};
 use crate::report::frames::SkinSurface;
-use crate::scene::Scene;
+use crate::scene::{Scene, TRAJECTORY_COLUMNS};
 use crate::step::{Simulation, StepReport, Warnings};
 use serde::Serialize;
 use std::sync::mpsc::Receiver;
@@ -14,6 +14,18 @@ pub const MOST_COMMANDS: usize = 256;
 
 /// Recorded motion of the hands: `[tool][row]` time, s, position, mm, and quaternion.
 pub type Motion = Arc<Mutex<Vec<Vec<[f64; 8]>>>>;
+
+/// Recorded motion of a tool's hand as a table that a scene's `trajectory` reads.
+pub fn trajectory(motion: &Motion, tool: usize) -> String {
+    let motion = lock(motion);
+    let mut table = TRAJECTORY_COLUMNS.join(",");
+    for row in motion.get(tool).into_iter().flatten() {
+        let numbers: Vec<String> = row.iter().map(f64::to_string).collect();
+        table.push('\n');
+        table.push_str(&numbers.join(","));
+    }
+    table + "\n"
+}
 
 /// Locks; each value is whole between any two statements that hold it.
 pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
@@ -91,6 +103,8 @@ pub struct Figures {
     pub tolerance: f64,
     /// Length of a step, ms.
     pub scene_step_ms: f64,
+    /// What is read beside the surface.
+    pub look: Asked,
     /// Number of watchers.
     #[serde(rename = "pages")]
     pub watchers: usize,

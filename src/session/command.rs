@@ -2,6 +2,8 @@
 
 use super::mouse::Target;
 use super::quantity::Asked;
+use crate::view::Clip;
+use glam::DVec3;
 use serde::Deserialize;
 
 /// Where a watcher wants a tool's hand.
@@ -48,14 +50,13 @@ pub enum Command {
     Tolerance(f64),
     /// Length of a step, ms; begins anew.
     StepMs(f64),
-    /// Read this too for every picture.
-    #[serde(skip)]
+    /// Read this too for every picture, for all who watch.
     Look(Asked),
     /// A page has drawn a frame; no matter of the session.
     Drawn(u32),
 }
 
-/// Farthest that a watcher may move a hand, m.
+/// Farthest that a watcher may move a hand, or put a plane from the origin, m.
 const FARTHEST: f64 = 10.0;
 
 impl Command {
@@ -86,6 +87,12 @@ impl Command {
                 position.into_iter().try_for_each(|v| within("position", v, [-FARTHEST, FARTHEST]).map(drop))?;
                 within("turn", turn, [-1e3, 1e3])
             }
+            Self::Look(Asked { plane: Some(Clip { normal, offset }), .. }) => {
+                // its length scales the offset
+                let length = DVec3::from(normal).length();
+                within("length of the plane's normal", length, [1e-3, 1e3])?;
+                within("offset of the plane", offset, [-FARTHEST * length, FARTHEST * length])
+            }
             _ => Ok(self),
         }
     }
@@ -101,6 +108,7 @@ impl Hand {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::session::Quantity;
 
     #[test]
     fn commands_are_read_or_refused_with_words() {
@@ -109,6 +117,10 @@ mod tests {
         let hand = Hand { tool: 0, position: [0.0, 0.01, 0.02], turn: 0.0, pressed: true };
         let text = "{\"hand\": {\"tool\": 0, \"position\": [0, 0.01, 0.02], \"pressed\": true}}";
         assert_eq!(Command::read(text), Ok(Command::Hand(hand)));
+        let text = "{\"look\": {\"quantity\": \"von_mises\", \"plane\": {\"normal\": [0, 1, 0], \"offset\": 0.001}}}";
+        let plane = Some(Clip { normal: [0.0, 1.0, 0.0], offset: 1e-3 });
+        assert_eq!(Command::read(text), Ok(Command::Look(Asked { quantity: Some(Quantity::VonMises), plane })));
+        assert_eq!(Command::read("{\"look\": {}}"), Ok(Command::Look(Asked::default())));
         for wrong in [
             "",
             "{}",
@@ -120,6 +132,9 @@ mod tests {
             "{\"hand\": {\"tool\": 0, \"position\": [0, 0]}}",
             "{\"hand\": {\"tool\": 0, \"position\": [0, 0, 0], \"more\": 1}}",
             "{\"friction\": null}",
+            "{\"look\": {\"quantity\": \"beauty\"}}",
+            "{\"look\": {\"plane\": {\"normal\": [0, 0, 0], \"offset\": 0}}}",
+            "{\"look\": {\"plane\": {\"normal\": [0, 1, 0], \"offset\": 11}}}",
         ] {
             let words = Command::read(wrong).expect_err(wrong);
             assert!(words.contains("no command") || words.contains("wanted a number"), "{wrong}: {words}");

@@ -11,5 +11,5 @@ pub mod run;
 
 pub use audience::{Audience, Figures, Motion, Shown};
 pub use command::{Command, Hand};
-pub use quantity::{Asked, Quantity, Read};
+pub use quantity::{Asked, Quantity, Read, Values};
 pub use run::{Options, is_live, run};

@@ -1,4 +1,4 @@
-//! Quantities over cells, for colours on the surface.
+//! Quantities for colours on the surface: over nodes, or over cells.
 
 use crate::backend::Snapshot;
 use crate::math::{M3, V3};
@@ -7,14 +7,23 @@ use crate::report::slice::Slice;
 use crate::scene::Component;
 use crate::step::{Body, Simulation};
 use crate::view::Clip;
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 /// See the module.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
 pub enum Quantity {
+    /// Length of the displacement.
+    Displacement,
+    /// Length of the velocity.
+    Velocity,
     /// Von Mises' invariant of the Cauchy stress.
     VonMises,
     /// Minus a third of the trace of the Cauchy stress.
     Pressure,
+    /// Force that the last step has left out of balance at a node. The session evaluates it in f64 in each step while it is asked for.
+    Residual,
     /// Share of a cell's links or springs that are intact.
     Alive,
     /// Factor on the stiffness of the layer, by inclusions.
@@ -23,13 +32,24 @@ pub enum Quantity {
 
 impl Quantity {
     /// All of them.
-    pub const ALL: [Self; 4] = [Self::VonMises, Self::Pressure, Self::Alive, Self::Stiffness];
+    pub const ALL: [Self; 7] = [
+        Self::Displacement,
+        Self::Velocity,
+        Self::VonMises,
+        Self::Pressure,
+        Self::Residual,
+        Self::Alive,
+        Self::Stiffness,
+    ];
 
     /// In words.
     pub fn name(self) -> &'static str {
         match self {
+            Self::Displacement => "displacement",
+            Self::Velocity => "velocity",
             Self::VonMises => "von Mises",
             Self::Pressure => "pressure",
+            Self::Residual => "residual",
             Self::Alive => "links left",
             Self::Stiffness => "stiffness",
         }
@@ -38,48 +58,71 @@ impl Quantity {
     /// Unit in a picture, and its factor.
     pub fn unit(self) -> (&'static str, f64) {
         match self {
+            Self::Displacement => ("mm", 1e3),
+            Self::Velocity => ("mm/s", 1e3),
             Self::VonMises | Self::Pressure => ("kPa", 1e-3),
+            Self::Residual => ("mN", 1e3),
             Self::Alive => ("share", 1.0),
             Self::Stiffness => ("× that of the layer", 1.0),
         }
     }
 
-    /// `[cell]` of a body; 0 for cells that are gone.
-    fn of_cells(self, body: &Body, state: &Snapshot) -> Vec<f64> {
-        let (model, wound) = (&body.model, &body.wound);
-        let of_stress = |of: fn(M3<f64>) -> f64| {
-            let all = model.mechanics().strains_and_stresses(model, wound, &state.u);
-            all.into_iter().map(|[_, stress]| of(stress)).collect()
+    /// Values on the surface, and on a slice; none of a residual that was not evaluated.
+    fn read(
+        self,
+        surface: &SkinSurface,
+        slice: Option<&Slice>,
+        simulation: &Simulation,
+        state: &[Snapshot],
+    ) -> Option<Values> {
+        let of_nodes = |nodes: Vec<f64>| {
+            let slice = slice.map_or(vec![], |slice| slice.of_nodes(&nodes));
+            Values { of: self, nodes, slice }
         };
-        match self {
-            Self::VonMises => of_stress(|stress| Component::VonMises.of(stress.0.map(V3::f64))),
-            Self::Pressure => of_stress(|stress| -stress.trace() / 3.0),
-            Self::Alive => body.alive_shares(),
-            Self::Stiffness => body.stiffness_factors(),
-        }
+        let of_cells = |of: &dyn Fn(&Body, &Snapshot) -> Vec<f64>| {
+            let bodies = simulation.bodies.iter().zip(state);
+            let cells: Vec<Vec<f64>> = bodies.map(|(body, state)| of(body, state)).collect();
+            Values {
+                of: self,
+                nodes: means(surface, &cells),
+                slice: slice.map_or(vec![], |slice| slice.of_cells(&cells)),
+            }
+        };
+        let lengths = |vectors: &[[f64; 3]]| vectors.iter().map(|v| DVec3::from(*v).length()).collect();
+        let of_stress = |of: &dyn Fn(M3<f64>) -> f64| {
+            of_cells(&|body, state| {
+                let all = body.model.mechanics().strains_and_stresses(&body.model, &body.wound, &state.u);
+                all.into_iter().map(|[_, stress]| of(stress)).collect()
+            })
+        };
+        Some(match self {
+            Self::Displacement => of_nodes(lengths(&surface.displacements)),
+            Self::Velocity => of_nodes(lengths(&surface.velocities)),
+            Self::Residual => {
+                let forces: Vec<f64> = simulation.bodies.iter().flat_map(|body| &body.residual).copied().collect();
+                return (forces.len() == surface.positions.len()).then(|| of_nodes(forces));
+            }
+            Self::VonMises => of_stress(&|stress| Component::VonMises.of(stress.0.map(V3::f64))),
+            Self::Pressure => of_stress(&|stress| -stress.trace() / 3.0),
+            Self::Alive => of_cells(&|body, _| body.alive_shares()),
+            Self::Stiffness => of_cells(&|body, _| body.stiffness_factors()),
+        })
     }
+}
 
-    /// Values on the surface, and on a slice.
-    fn read(self, surface: &SkinSurface, slice: Option<&Slice>, simulation: &Simulation, state: &[Snapshot]) -> Values {
-        let bodies = simulation.bodies.iter().zip(state);
-        let of_cells: Vec<Vec<f64>> = bodies.map(|(body, state)| self.of_cells(body, state)).collect();
-        let of_slice = slice.map_or(vec![], |slice| {
-            let cells = slice.layers.iter().zip(&slice.cells);
-            cells.map(|([body, _], cell)| of_cells[*body as usize][*cell as usize]).collect()
-        });
-        let mut sums = vec![[0.0, 0.0]; surface.positions.len()];
-        for faces in [&surface.skin, &surface.walls] {
-            for ((triangle, [body, _]), cell) in faces.triangles.iter().zip(&faces.layers).zip(&faces.cells) {
-                for node in triangle {
-                    let [sum, count] = &mut sums[*node as usize];
-                    *sum += of_cells[*body as usize][*cell as usize];
-                    *count += 1.0;
-                }
+/// `[node]` means over the cells behind the faces around it, of `[body][cell]` values; 0 off the surface.
+fn means(surface: &SkinSurface, cells: &[Vec<f64>]) -> Vec<f64> {
+    let mut sums = vec![[0.0, 0.0]; surface.positions.len()];
+    for faces in [&surface.skin, &surface.walls] {
+        for ((triangle, [body, _]), cell) in faces.triangles.iter().zip(&faces.layers).zip(&faces.cells) {
+            for node in triangle {
+                let [sum, count] = &mut sums[*node as usize];
+                *sum += cells[*body as usize][*cell as usize];
+                *count += 1.0;
             }
         }
-        let nodes = sums.into_iter().map(|[sum, count]| if count > 0.0 { sum / count } else { 0.0 }).collect();
-        Values { of: self, nodes, slice: of_slice }
     }
+    sums.into_iter().map(|[sum, count]| if count > 0.0 { sum / count } else { 0.0 }).collect()
 }
 
 /// Values of a quantity.
@@ -87,14 +130,22 @@ impl Quantity {
 pub struct Values {
     /// The quantity.
     pub of: Quantity,
-    /// `[node]` means over the cells behind the faces around it; 0 off the surface.
+    /// `[node]` of the surface; of a quantity over cells the mean over those behind the faces around it.
     pub nodes: Vec<f64>,
-    /// `[triangle]` of the slice.
+    /// `[vertex]` of the slice.
     pub slice: Vec<f64>,
 }
 
+impl Values {
+    /// The largest one, or 0 where none is positive.
+    pub fn high(&self) -> f64 {
+        self.nodes.iter().chain(&self.slice).copied().fold(0.0, f64::max)
+    }
+}
+
 /// What is read for pictures beside the surface.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Asked {
     /// A quantity.
     pub quantity: Option<Quantity>,
@@ -115,7 +166,7 @@ impl Asked {
     /// Reads it.
     pub fn read(&self, surface: &SkinSurface, simulation: &Simulation, state: &[Snapshot]) -> Read {
         let slice = self.plane.map(|plane| Slice::new(simulation, surface, plane));
-        let values = self.quantity.map(|quantity| quantity.read(surface, slice.as_ref(), simulation, state));
+        let values = self.quantity.and_then(|quantity| quantity.read(surface, slice.as_ref(), simulation, state));
         Read { values, slice }
     }
 }
@@ -127,10 +178,10 @@ mod tests {
     use crate::step::Platform;
     use std::path::Path;
 
-    /// Quantities on the surface after a step, without the nodes off it, and on a slice.
-    fn seen(scene: &Scene) -> [Vec<f64>; 4] {
+    /// Quantities on the surface after a checked step, without the nodes off it, and on a slice.
+    fn seen(scene: &Scene) -> [Vec<f64>; 7] {
         let mut simulation = Simulation::new(scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
-        simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
+        simulation.step(true).unwrap_or_else(|e| panic!("{e}"));
         let state = simulation.snapshots().unwrap_or_else(|e| panic!("{e}"));
         let surface = SkinSurface::new(&simulation, &state);
         let plane = Some(Clip { normal: [0.0, 1.0, 0.2], offset: 0.3e-3 });
@@ -139,7 +190,7 @@ mod tests {
             let asked = Asked { quantity: Some(quantity), plane };
             let Read { values, slice } = asked.read(&surface, &simulation, &state);
             let Values { of, nodes, slice: inside } = values.expect("it was asked for");
-            assert!(of == quantity && inside.len() == slice.expect("a slice").triangles.len() && !inside.is_empty());
+            assert!(of == quantity && inside.len() == slice.expect("a slice").positions.len() && !inside.is_empty());
             on.iter().map(|node| nodes[*node as usize]).chain(inside).collect()
         })
     }
@@ -149,16 +200,20 @@ mod tests {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/verify/patch.toml");
         let mut scene = read(&path).unwrap_or_else(|e| panic!("{e}"));
         // nominal stress, Pa, times the stretch of 1.1 over the volume ratio; free across
-        let [von_mises, pressure, alive, stiffness] = seen(&scene);
+        let [displacement, velocity, von_mises, pressure, residual, alive, stiffness] = seen(&scene);
         let (mean, third) = (von_mises[0], von_mises[0] / 3.0);
         assert!((9170.0..1.3 * 9170.0).contains(&mean), "{mean} Pa");
         assert!(von_mises.iter().all(|v| (v / mean - 1.0).abs() < 1e-4), "{von_mises:?}");
         assert!(pressure.iter().all(|v| (v / third + 1.0).abs() < 1e-4), "{pressure:?}");
         assert!(alive.iter().chain(&stiffness).all(|v| *v == 1.0));
+        let [farthest, fastest, out_of_balance] =
+            [displacement, velocity, residual].map(|of| of.into_iter().fold(0.0, f64::max));
+        assert!((0.5e-3..2e-3).contains(&farthest), "a tenth of the side of 10 mm: {farthest:e} m");
+        assert!(fastest < 1e-9 && out_of_balance < 1e-6, "{fastest:e} m/s, {out_of_balance:e} N");
         // the upper half is harder
         let region = Region::Box { min: [-1.0, -1.0, 2e-3], max: [1.0; 3] };
         scene.inclusions.push(Inclusion { body: 0, region, young: 300e3 });
-        let [von_mises, _, _, stiffness] = seen(&scene);
+        let [_, _, von_mises, _, _, _, stiffness] = seen(&scene);
         let (low, high) = stiffness.iter().fold((f64::MAX, 0.0f64), |(l, h), v| (l.min(*v), h.max(*v)));
         assert!(low == 1.0 && (high - 3.0).abs() < 1e-12, "{low} to {high}");
         assert!(von_mises.iter().any(|v| (v / mean - 1.0).abs() > 0.05), "{von_mises:?}");

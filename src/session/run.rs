@@ -3,7 +3,7 @@
 use super::audience::{Audience, Figures, MOST_COMMANDS, Motion, Shown, lock};
 use super::command::Command;
 use super::mouse::{Mouse, Shared};
-use super::quantity::Asked;
+use super::quantity::{Asked, Quantity};
 use crate::error::{Error, Result};
 use crate::haptic::device::Workspace;
 use crate::haptic::replay::Path;
@@ -364,7 +364,8 @@ impl<'a> Session<'a> {
 
     fn step(&mut self) -> Result<()> {
         let (held, motion) = (&mut self.held, &self.motion);
-        let step = self.runner.step(false, &mut |tool, tick| {
+        let check = self.asked.quantity == Some(Quantity::Residual);
+        let step = self.runner.step(check, &mut |tool, tick| {
             held[tool] = tick.hand.position.to_array();
             let rows = &mut lock(motion)[tool];
             let due = rows.last().is_none_or(|row| tick.time - row[0] >= BETWEEN_ROWS * (1.0 - 1e-9));
@@ -437,6 +438,7 @@ impl<'a> Session<'a> {
             stiffness: self.settings.stiffness,
             tolerance: self.settings.tolerance,
             scene_step_ms: self.settings.step * 1e3,
+            look: self.asked,
             watchers: self.watchers,
             warnings: self.warnings.clone(),
         }

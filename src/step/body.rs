@@ -70,6 +70,8 @@ pub struct Body {
     pub(super) cuts: Vec<Cut>,
     /// Its nodes, or the present step's solution for them, contain non-finite values.
     pub(super) non_finite: bool,
+    /// `[node]` magnitude of the true residual of the last step, N, if that was checked; otherwise empty.
+    pub(crate) residual: Vec<f64>,
 }
 
 /// Change of a body's cells.
@@ -225,6 +227,7 @@ impl Body {
             tied: vec![],
             cuts: vec![],
             non_finite: false,
+            residual: vec![],
             model,
         })
     }
@@ -465,6 +468,7 @@ impl Body {
         if check {
             damped = if self.model.damps() { bodies::damped(&self.model, &self.wound, &solved) } else { 0.0 };
             let (residual_force, load) = residual(&self.model, &solved);
+            self.residual = residual_force.iter().map(|f| DVec3::from_slice(f).length()).collect();
             let (left, wanted) = (norm(&residual_force), (scene.solver.tolerance * load).max(scene.solver.floor));
             report.warn("residual_true_above_tolerance", u32::from(larger(left, 2.0 * wanted) != 2.0 * wanted));
             let residual = if load == 0.0 { 0.0 } else { left / load };

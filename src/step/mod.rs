@@ -288,6 +288,11 @@ impl Simulation {
         device
     }
 
+    /// GPU that the deformable bodies are on.
+    pub fn gpu(&self) -> Option<&Gpu> {
+        self.gpu.as_deref()
+    }
+
     /// Starts or stops timing by the device's own clock.
     pub fn time_device(&mut self, on: bool) {
         self.gpu.iter().for_each(|gpu| gpu.time_passes(on));
@@ -410,6 +415,7 @@ impl Simulation {
         let refined = self.scene.solver.refinements > 0;
         let mut before: Vec<Option<Snapshot>> = vec![];
         for body in &mut self.bodies {
+            body.residual.clear();
             body.drive(&self.scene, [self.time - self.scene.time.part(), self.time]);
             let follows = body.press(&self.scene, begin)?;
             if loaded || follows || !body.loaded {

@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::gpu::Failed;
 use bytemuck::{Pod, Zeroable};
 use glam::Vec3;
+use serde::{Deserialize, Serialize};
 
 /// Share by which what is in front is nearer: before everything but what is closer than an eighth of its own distance.
 const FRONT: f32 = 8.0;
@@ -42,7 +43,8 @@ struct Frame {
 }
 
 /// Half-space that remains of what is clipped: the points with `normal · x ≥ offset`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Deserialize, PartialEq, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Clip {
     /// Of any length.
     pub normal: [f64; 3],

@@ -1,15 +1,20 @@
 //! The window: a picture of the newest state with its overlays, the mouse and the keys as a hand, saved pictures.
 
 use super::arrows::{Arrows, BLUE};
+use super::filming::Filming;
 use super::link::Link;
 use super::opened::Opened;
 use super::orbit::Orbit;
+#[cfg(feature = "gamepad")]
+use super::pad::{self, Pad};
 use super::panel;
-use super::state::{Colored, Shows, State, WORDS};
+use super::state::{Shows, State, WORDS};
+use crate::error::Result;
 use crate::output::{Failed, replace};
 use crate::report::frames::{Look, camera, with_surfaces};
-use crate::session::Command;
-use crate::view::{self, Clip, ColorBar, Drawn, Outline, Paint, Renderer, Surface, color_of};
+use crate::session::audience::trajectory;
+use crate::session::{Command, Motion, Values};
+use crate::view::{self, Clip, ColorBar, Drawn, Image, Outline, Paint, Renderer, Surface, color_of};
 use eframe::egui::{self, Color32, Key, PointerButton, Rect, Sense, Ui, Vec2, ViewportCommand};
 use eframe::egui_wgpu::RenderState;
 use eframe::{CreationContext, wgpu};
@@ -29,8 +34,8 @@ const MOST_POINTS: usize = 2000;
 /// Fraction of the colour that remains under the way of a tip, and its width, pixels.
 const WAY_INK: [f32; 3] = [0.05, 0.2, 0.5];
 const WAY_WIDTH: f32 = 1.5;
-/// Most pictures of a folder.
-const MOST_PICTURES: u32 = 9999;
+/// Most files of a kind in a folder.
+const MOST_FILES: u32 = 9999;
 
 /// What a window begins with.
 pub struct Start {
@@ -38,8 +43,10 @@ pub struct Start {
     pub link: Arc<Link>,
     /// Its commands.
     pub sender: SyncSender<(u64, Command)>,
-    /// Folder of saved pictures.
-    pub pictures: PathBuf,
+    /// Folder of what is saved.
+    pub folder: PathBuf,
+    /// Recorded motion of the hands.
+    pub motion: Motion,
 }
 
 /// What a picture on the device shows.
@@ -67,7 +74,15 @@ pub struct App {
     way: Vec<[f64; 3]>,
     /// `Shows` of what is loaded.
     loaded: Option<Shows>,
-    pictures: PathBuf,
+    folder: PathBuf,
+    motion: Motion,
+    filming: Option<Filming>,
+    /// Another picture was drawn than the one that was filmed last.
+    drawn: bool,
+    #[cfg(feature = "gamepad")]
+    pad: Option<Pad>,
+    #[cfg(feature = "gamepad")]
+    pad_cuts: bool,
 }
 
 impl App {
@@ -75,7 +90,7 @@ impl App {
     ///
     /// # Errors
     /// If the window has no device.
-    pub fn new(context: &CreationContext, start: Start) -> Result<Self, String> {
+    pub fn new(context: &CreationContext, start: Start) -> std::result::Result<Self, String> {
         let device = context.wgpu_render_state.clone().ok_or("the window has no device that draws")?;
         let (errors, lost) = (start.link.clone(), start.link.clone());
         device.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| errors.fail(error.to_string())));
@@ -87,8 +102,14 @@ impl App {
         });
         context.egui_ctx.set_theme(egui::Theme::Light);
         start.link.context.get_or_init(|| context.egui_ctx.clone());
-        let state = State::new(start.sender);
+        let mut state = State::new(start.sender);
+        #[cfg(feature = "gamepad")]
+        let pad = Pad::new().map_err(|words| state.say(words)).ok();
         Ok(Self {
+            #[cfg(feature = "gamepad")]
+            pad,
+            #[cfg(feature = "gamepad")]
+            pad_cuts: false,
             renderer: Renderer::new(device.device.clone(), device.queue.clone()),
             link: start.link,
             state,
@@ -100,7 +121,10 @@ impl App {
             tips: vec![],
             way: vec![],
             loaded: None,
-            pictures: start.pictures,
+            folder: start.folder,
+            motion: start.motion,
+            filming: None,
+            drawn: false,
         })
     }
 
@@ -153,16 +177,17 @@ impl App {
         let shows = &self.state.shows;
         let mut look = Look { hidden: shows.hidden.clone(), plain: !shows.cells, colors: None };
         self.bar = None;
-        let colored = shows.colors.values(shot);
-        let values = |of: &Colored| of.nodes.iter().chain(of.slice.values()).copied().fold(0.0, f64::max);
-        let high = colored.as_ref().map_or(0.0, values);
+        // none of a quantity that the session has not read yet
+        let values = shot.read.values.as_ref().filter(|values| shows.colors == Some(values.of));
+        let high = values.map_or(0.0, Values::high);
         let color = |value: f64| color_of(if high > 0.0 { value / high } else { 0.0 });
-        if let Some(Colored { nodes, unit, factor, .. }) = &colored {
+        if let Some(Values { of, nodes, .. }) = values {
             look.colors = Some(nodes.iter().map(|value| color(*value)).collect());
-            self.bar = Some(ColorBar { title: format!("{}, {unit}", shows.colors.name()), high: high * factor });
+            let (unit, factor) = of.unit();
+            self.bar = Some(ColorBar { title: format!("{}, {unit}", of.name()), high: high * factor });
         }
         let slice = shot.read.slice.as_ref();
-        let opened = slice.map(|slice| Opened::new(slice, &begun.scene, shows, colored.as_ref(), color));
+        let opened = slice.map(|slice| Opened::new(slice, &begun.scene, shows, values, color));
         let lines = opened.as_ref().map(Opened::lines);
         let opened: Vec<Surface> = opened.iter().zip(&lines).map(|(opened, lines)| opened.surface(lines)).collect();
         let arrows = if shows.forces { Arrows::new(&shot.contacts, distance) } else { Arrows::default() };
@@ -210,6 +235,7 @@ impl App {
             }
         }
         self.seen = Some(wanted);
+        self.drawn = true;
         self.link.is_drawn();
     }
 
@@ -220,6 +246,7 @@ impl App {
         let largest = self.device.device.limits().max_texture_dimension_2d as f32;
         let size = [rect.width(), rect.height()].map(|side| (side * dots).round().clamp(1.0, largest) as u32);
         self.draw(size);
+        self.film(size);
         if let Some(texture) = self.texture {
             let whole = Rect::from_min_max(egui::pos2(0.0, 0.0), egui::pos2(1.0, 1.0));
             ui.painter().image(texture, rect, whole, Color32::WHITE);
@@ -264,11 +291,10 @@ impl App {
     }
 
     fn keys(&mut self, ui: &Ui) {
-        let [play, step, leave, save, left, right] =
-            ui.input(|i| [Key::Space, Key::Period, Key::Escape, Key::P, Key::Q, Key::E].map(|key| i.key_pressed(key)));
-        let playing = self.state.shot.as_ref().is_some_and(|shot| shot.figures.playing);
+        let keys = [Key::Space, Key::Period, Key::Escape, Key::P, Key::F, Key::Q, Key::E];
+        let [play, step, leave, save, film, left, right] = ui.input(|i| keys.map(|key| i.key_pressed(key)));
         if play {
-            self.state.send(if playing { Command::Pause } else { Command::Play });
+            self.state.toggle();
         }
         if step {
             self.state.send(Command::Step);
@@ -281,29 +307,89 @@ impl App {
             self.state.hold(held);
         }
         self.state.saves |= save;
+        self.state.films ^= film;
         if ui.input(|i| i.modifiers.command && i.key_pressed(Key::Q)) {
             ui.ctx().send_viewport_cmd(ViewportCommand::Close);
         }
     }
 
-    /// Saves the picture with its caption and bar.
-    fn save(&mut self) {
-        let caption = self.state.shot.as_ref().map(|shot| shot.caption.clone()).unwrap_or_default();
-        let bar = self.bar.clone();
-        let saved = self.renderer.read().and_then(|mut image| {
-            view::caption(&mut image, &caption.iter().map(String::as_str).collect::<Vec<_>>());
-            if let Some(bar) = &bar {
-                view::color_bar(&mut image, bar);
+    /// A game pad moves the tool in hand.
+    #[cfg(feature = "gamepad")]
+    fn pad(&mut self, ui: &Ui) {
+        let Some((read, time)) = self.pad.as_mut().and_then(Pad::read) else { return };
+        ui.ctx().request_repaint_after(pad::BETWEEN);
+        if read.plays {
+            self.state.toggle();
+        }
+        if read.takes
+            && let Some(begun) = &self.state.begun
+        {
+            let now = self.state.held.map(|held| held.tool);
+            // the one in hand lets go where there is no next
+            self.state.take(pad::next(&begun.scene, &begun.held, now).or(now));
+        }
+        if let (Some(mut held), Some(orbit)) = (self.state.held, &self.orbit) {
+            let (way, turn) = pad::moved(read.sticks, orbit.level_axes(), time);
+            held.position += way;
+            held.turn += turn;
+            // the mouse's button stays its own
+            if read.cuts != self.pad_cuts {
+                (held.pressed, self.pad_cuts) = (read.cuts, read.cuts);
             }
-            let path = free_name(&self.pictures);
-            let bytes = view::png(&image);
-            replace(&path, &bytes.map_err(|source| Failed::Write { path: path.clone(), source })?)?;
-            Ok(path)
+            self.state.hold(held);
+        }
+    }
+
+    /// The picture with its caption and bar.
+    fn pictured(&self) -> Result<Image> {
+        let caption = self.state.shot.as_ref().map(|shot| shot.caption.clone()).unwrap_or_default();
+        let mut image = self.renderer.read()?;
+        view::caption(&mut image, &caption.iter().map(String::as_str).collect::<Vec<_>>());
+        if let Some(bar) = &self.bar {
+            view::color_bar(&mut image, bar);
+        }
+        Ok(image)
+    }
+
+    /// Saves the picture.
+    fn save(&mut self) {
+        let saved = self.pictured().and_then(|image| {
+            let path = free_name(&self.folder, "view", "png");
+            let bytes = view::png(&image).map_err(|source| Failed::Write { path: path.clone(), source })?;
+            replace(&path, &bytes).map(|()| path)
         });
-        self.state.say(match saved {
-            Ok(path) => format!("saved {}", path.display()),
-            Err(error) => error.to_string(),
-        });
+        self.state.say_saved(saved);
+    }
+
+    /// Saves the motion of the hand in use, or of the first one.
+    fn save_motion(&mut self) {
+        let tool = self.state.held.map_or(0, |held| held.tool);
+        let path = free_name(&self.folder, "motion", "csv");
+        let saved = replace(&path, trajectory(&self.motion, tool).as_bytes()).map(|()| path);
+        self.state.say_saved(saved);
+    }
+
+    /// Begins, continues or ends a film.
+    fn film(&mut self, size: [u32; 2]) {
+        let ends = |filming: &Filming| !self.state.films || !filming.fits(size);
+        if let Some(filming) = self.filming.take_if(|filming| ends(filming)) {
+            self.state.films = false;
+            self.state.say(filming.end());
+        } else if self.state.films && self.filming.as_ref().is_none_or(|filming| self.drawn && filming.is_due()) {
+            self.drawn = false;
+            let added = self.pictured().and_then(|image| match &mut self.filming {
+                Some(filming) => filming.add(image),
+                None => {
+                    self.filming = Some(Filming::new(&free_name(&self.folder, "film", "png"), image)?);
+                    Ok(())
+                }
+            });
+            if let Err(error) = added {
+                // dropped, it leaves no file
+                (self.filming, self.state.films) = (None, false);
+                self.state.say(error.to_string());
+            }
+        }
     }
 }
 
@@ -316,13 +402,24 @@ impl eframe::App for App {
         if !ui.ctx().egui_wants_keyboard_input() {
             self.keys(ui);
         }
+        #[cfg(feature = "gamepad")]
+        self.pad(ui);
         egui::Panel::right("panel").exact_size(PANEL).show(ui, |ui| panel::show(ui, &mut self.state));
         egui::CentralPanel::no_frame().show(ui, |ui| self.picture(ui));
         if std::mem::take(&mut self.state.saves) {
             self.save();
         }
+        if std::mem::take(&mut self.state.saves_motion) {
+            self.save_motion();
+        }
         if !self.state.words.is_empty() {
             ui.ctx().request_repaint_after(WORDS);
+        }
+    }
+
+    fn on_exit(&mut self) {
+        if let Some(filming) = self.filming.take() {
+            filming.end();
         }
     }
 }
@@ -340,8 +437,8 @@ fn moved(orbit: &Orbit, rect: Rect, from: egui::Pos2, to: egui::Pos2, height: f6
     }
 }
 
-/// First name of a picture that no file of the folder has.
-fn free_name(folder: &Path) -> PathBuf {
-    let names = (1..=MOST_PICTURES).map(|number| folder.join(format!("view_{number:04}.png")));
-    names.into_iter().find(|path| !path.exists()).unwrap_or_else(|| folder.join("view.png"))
+/// First numbered name that no file of the folder has.
+fn free_name(folder: &Path, what: &str, ending: &str) -> PathBuf {
+    let mut names = (1..=MOST_FILES).map(|number| folder.join(format!("{what}_{number:04}.{ending}")));
+    names.find(|path| !path.exists()).unwrap_or_else(|| folder.join(format!("{what}.{ending}")))
 }

@@ -7,9 +7,12 @@
 
 mod app;
 mod arrows;
+mod filming;
 mod link;
 mod opened;
 mod orbit;
+#[cfg(feature = "gamepad")]
+mod pad;
 mod panel;
 mod plots;
 mod state;
@@ -38,8 +41,8 @@ const SIZE: [f32; 2] = [1240.0, 800.0];
 pub struct Options {
     /// The simulation.
     pub session: session::Options,
-    /// Folder of the pictures that are saved.
-    pub pictures: PathBuf,
+    /// Folder of what is saved.
+    pub folder: PathBuf,
 }
 
 /// Errors of the window.
@@ -81,10 +84,12 @@ pub fn show(scene: &Scene, options: &Options) -> Result<Shown> {
     let (sender, commands) = sync_channel(MOST_COMMANDS);
     let link = Arc::new(Link::default());
     let (ready, prepared) = channel();
+    let motion = Motion::default();
+    let recorded = motion.clone();
     thread::scope(|scope| {
         let mut screen = Screen::new(commands, link.clone());
         let simulates = thread::Builder::new().name("simulation".into()).spawn_scoped(scope, move || {
-            session::run(scene, &options.session, &mut screen, Motion::default(), &mut || {
+            session::run(scene, &options.session, &mut screen, recorded, &mut || {
                 ready.send(()).ok();
             })
         });
@@ -96,7 +101,10 @@ pub fn show(scene: &Scene, options: &Options) -> Result<Shown> {
         let opened = match prepared.recv() {
             Ok(()) => {
                 begun = Instant::now();
-                open(&scene.title, app::Start { link: link.clone(), sender, pictures: options.pictures.clone() })
+                open(
+                    &scene.title,
+                    app::Start { link: link.clone(), sender, folder: options.folder.clone(), motion: motion.clone() },
+                )
             }
             Err(_) => Ok(()),
         };

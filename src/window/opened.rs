@@ -1,18 +1,19 @@
 //! What the clipping plane lays open, as it is drawn: the present cells' polygons in the colours of their layers, or of values.
 
-use super::state::{Colored, OnSlice, Shows};
+use super::state::Shows;
 use crate::report::frames::{CELL_INK, CELL_LINE, SKIN_SHININESS};
 use crate::report::slice::Slice;
 use crate::scene::Scene;
+use crate::session::Values;
 use crate::view::{Outline, Paint, Surface};
 
 /// See the module.
 pub struct Opened<'a> {
     positions: &'a [[f64; 3]],
     triangles: Vec<[u32; 3]>,
-    /// `[triangle]`, or with `smooth` `[vertex]`
+    /// `[triangle]`, or with `of_vertices` `[vertex]`
     colors: Vec<[u8; 3]>,
-    smooth: bool,
+    of_vertices: bool,
     edges: Vec<[u32; 2]>,
 }
 
@@ -22,17 +23,16 @@ impl<'a> Opened<'a> {
         slice: &'a Slice,
         scene: &Scene,
         shows: &Shows,
-        colored: Option<&Colored>,
+        values: Option<&Values>,
         color: impl Fn(f64) -> [u8; 3],
     ) -> Self {
         let kept: Vec<usize> =
             (0..slice.triangles.len()).filter(|t| !shows.hidden.contains(&slice.layers[*t])).collect();
         let triangles: Vec<[u32; 3]> = kept.iter().map(|t| slice.triangles[*t]).collect();
         let of_layer = |[body, layer]: [u32; 2]| scene.skins[body as usize].layers[layer as usize].color;
-        let (colors, smooth) = match colored.map(|colored| &colored.slice) {
+        let (colors, of_vertices) = match values {
             None => (kept.iter().map(|t| of_layer(slice.layers[*t])).collect(), false),
-            Some(OnSlice::Triangles(values)) => (kept.iter().map(|t| color(values[*t])).collect(), false),
-            Some(OnSlice::Vertices(values)) => (values.iter().map(|value| color(*value)).collect(), true),
+            Some(values) => (values.slice.iter().map(|value| color(*value)).collect(), true),
         };
         let mut edges = vec![];
         if shows.cells {
@@ -40,7 +40,7 @@ impl<'a> Opened<'a> {
             triangles.as_flattened().iter().for_each(|vertex| seen[*vertex as usize] = true);
             edges.extend(slice.edges.iter().filter(|[a, _]| seen[*a as usize]));
         }
-        Self { positions: &slice.positions, triangles, colors, smooth, edges }
+        Self { positions: &slice.positions, triangles, colors, of_vertices, edges }
     }
 
     /// Lines between its cells.
@@ -50,7 +50,7 @@ impl<'a> Opened<'a> {
 
     /// The surface; `lines` are [`Opened::lines`].
     pub fn surface<'b>(&'b self, lines: &'b [Outline<'b>]) -> Surface<'b> {
-        let colors = if self.smooth { Paint::Vertices(&self.colors) } else { Paint::Triangles(&self.colors) };
+        let colors = if self.of_vertices { Paint::Vertices(&self.colors) } else { Paint::Triangles(&self.colors) };
         let Self { positions, triangles, .. } = self;
         Surface { positions, triangles, colors, smooth: false, outlines: lines, shininess: SKIN_SHININESS }
     }

@@ -45,6 +45,13 @@ impl Orbit {
         DVec3::new(level * cos, level * sin, up)
     }
 
+    /// Level axes of the picture: to the right, and away from the eye.
+    #[cfg(feature = "gamepad")]
+    pub fn level_axes(&self) -> [DVec3; 2] {
+        let (sin, cos) = self.azimuth.sin_cos();
+        [DVec3::new(-sin, cos, 0.0), DVec3::new(-cos, -sin, 0.0)]
+    }
+
     /// The camera.
     pub fn camera(&self) -> Camera {
         Camera {

@@ -1,8 +1,8 @@
 //! The panel beside the picture, and what lies on it.
 
-use super::state::{Colors, State};
+use super::state::State;
 use crate::session::audience::Pace;
-use crate::session::{Command, Figures};
+use crate::session::{Command, Figures, Quantity};
 use crate::view::{ColorBar, color_of};
 use eframe::egui::{
     self, Align2, Button, Color32, FontId, Rect, RichText, ScrollArea, Sense, Slider, Stroke, StrokeKind, Ui, Vec2,
@@ -74,7 +74,7 @@ fn in_time(share: f64) -> String {
 fn running(ui: &mut Ui, state: &mut State, figures: &Figures) {
     ui.horizontal(|ui| {
         if ui.button(if figures.playing { "Pause" } else { "Play" }).clicked() {
-            state.send(if figures.playing { Command::Pause } else { Command::Play });
+            state.toggle();
         }
         if ui.button("Step").clicked() {
             state.send(Command::Step);
@@ -82,8 +82,15 @@ fn running(ui: &mut Ui, state: &mut State, figures: &Figures) {
         if ui.button("Begin anew").clicked() {
             state.send(Command::Reset);
         }
+    });
+    ui.horizontal(|ui| {
+        ui.label("save");
         if ui.button("Picture").clicked() {
             state.saves = true;
+        }
+        ui.toggle_value(&mut state.films, "Film");
+        if ui.button("Motion of the hand").clicked() {
+            state.saves_motion = true;
         }
     });
     if let Some(speed) = changed(ui, "speed", "×", figures.speed, [0.25, 2.0], true) {
@@ -184,8 +191,9 @@ fn looks(ui: &mut Ui, state: &mut State) {
     });
     ui.horizontal_wrapped(|ui| {
         ui.label("colours");
-        for colors in Colors::ALL {
-            ui.selectable_value(&mut shows.colors, colors, colors.name());
+        ui.selectable_value(&mut shows.colors, None, "layers");
+        for quantity in Quantity::ALL {
+            ui.selectable_value(&mut shows.colors, Some(quantity), quantity.name());
         }
     });
     ui.horizontal(|ui| {
@@ -221,7 +229,7 @@ pub fn overlays(ui: &Ui, rect: Rect, state: &State, bar: Option<&ColorBar>) {
             Some(_) => {
                 "; mouse moves, button cuts, wheel: depth, Q and E turn, right button turns the view, Esc releases"
             }
-            None => "; drag turns, wheel zooms; space plays, . steps, P saves a picture, Ctrl+Q ends",
+            None => "; drag turns, wheel zooms; space plays, . steps, P saves a picture, F a film, Ctrl+Q ends",
         };
         label(rect.left_bottom() + vec2(14.0, -10.0), Align2::LEFT_BOTTOM, text, INK);
     }
@@ -243,5 +251,131 @@ pub fn overlays(ui: &Ui, rect: Rect, state: &State, bar: Option<&ColorBar>) {
     for share in [0.0, 0.5, 1.0] {
         let at = pos2(place.right() + 12.0, place.bottom() - BAR.y * share as f32);
         label(at, Align2::LEFT_CENTER, format!("{:.3}", bar.high * share), INK);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::link::{Begun, Shot};
+    use super::*;
+    use crate::report::frames::{Faces, SkinSurface};
+    use crate::session::{Quantity, Read};
+    use egui::accesskit::Role;
+    use egui_kittest::Harness;
+    use egui_kittest::kittest::{NodeT as _, Queryable as _};
+    use std::sync::mpsc::{Receiver, sync_channel};
+
+    /// A panel of the built-in scene that stands still, and what it sends.
+    fn panel(figures: Figures) -> (Harness<'static, State>, Receiver<(u64, Command)>) {
+        let (sender, commands) = sync_channel(64);
+        let mut state = State::new(sender);
+        let scene = crate::scene::incision().expect("the built-in scene");
+        let held = vec![true; scene.tools.len()];
+        let skin = SkinSurface {
+            positions: vec![],
+            displacements: vec![],
+            velocities: vec![],
+            skin: Faces::default(),
+            walls: Faces::default(),
+            rims: vec![],
+        };
+        state.shot = Some(Box::new(Shot {
+            skin,
+            read: Read::default(),
+            tools: vec![],
+            hands: vec![[1e-3, 2e-3, 3e-3]; scene.tools.len()],
+            contacts: vec![],
+            figures,
+            caption: vec![],
+        }));
+        state.begun = Some(Begun { scene, held });
+        let harness = Harness::builder().with_size([360.0, 900.0]).build_ui_state(show, state);
+        (harness, commands)
+    }
+
+    fn still() -> Figures {
+        let (kept, friction) = (vec![0.0, 0.1, 0.2], Some(0.3));
+        Figures {
+            kept,
+            friction,
+            speed: 1.0,
+            stiffness: 1.0,
+            tolerance: 1e-2,
+            scene_step_ms: 5.0,
+            ..Figures::default()
+        }
+    }
+
+    #[test]
+    fn buttons_send_their_commands_and_boxes_change_the_picture() {
+        let (mut panel, commands) = panel(still());
+        let mut click = |label: &str| {
+            let of_slider = [Role::Slider, Role::SpinButton];
+            {
+                let mut named = panel.get_all_by_label(label);
+                named.find(|node| !of_slider.contains(&node.accesskit_node().role())).expect("a button").click();
+            }
+            panel.run();
+            let sent: Vec<Command> = commands.try_iter().map(|(_, command)| command).collect();
+            (sent, panel.state().shows.clone(), panel.state().saves, panel.state().films)
+        };
+        for (label, command) in [("Play", Command::Play), ("Step", Command::Step), ("Begin anew", Command::Reset)] {
+            assert_eq!(click(label).0, [command], "{label}");
+        }
+        let (sent, _, saves, films) = click("Picture");
+        assert!(sent.is_empty() && saves && !films);
+        assert!(click("Film").3 && !click("Film").3);
+        // the scalpel is taken where it is, and let go
+        let (sent, ..) = click("Take the scalpel");
+        let [Command::Hand(hand)] = sent[..] else { panic!("{sent:?}") };
+        assert!(hand.tool == 0 && hand.position == [1e-3, 2e-3, 3e-3] && !hand.pressed, "{hand:?}");
+        assert_eq!(click("Take the scalpel").0, [Command::Release(0)]);
+        // what is shown
+        for quantity in Quantity::ALL {
+            assert_eq!(click(quantity.name()).1.colors, Some(quantity));
+        }
+        assert_eq!(click("layers").1.colors, None);
+        let (_, before, ..) = click("x");
+        let (_, after, ..) = click("cells");
+        assert!(before.clip.0 == 0 && before.cells && !after.cells);
+        let (_, hidden, ..) = click("dermis");
+        assert_eq!(hidden.hidden.len(), 1);
+    }
+
+    #[test]
+    fn sliders_send_a_value_once_it_is_chosen() {
+        let (mut panel, commands) = panel(still());
+        for (label, wanted) in [
+            ("friction", Command::Friction(0.0)),
+            ("stiffness", Command::Stiffness(0.0)),
+            ("tolerance", Command::Tolerance(0.0)),
+            ("step (begins anew)", Command::StepMs(0.0)),
+            ("speed", Command::Speed(0.0)),
+            ("back to", Command::Seek(0)),
+        ] {
+            panel.get_by_role_and_label(Role::Slider, label).focus();
+            panel.run();
+            let key = if label == "back to" { egui::Key::ArrowLeft } else { egui::Key::ArrowRight };
+            panel.key_press(key);
+            panel.run();
+            let sent: Vec<Command> = commands.try_iter().map(|(_, command)| command).collect();
+            // the one before, whose value nobody has taken over here, says it once more as it loses the focus
+            let same = |command: &&Command| std::mem::discriminant(*command) == std::mem::discriminant(&wanted);
+            assert_eq!(sent.iter().filter(same).count(), 1, "{label}: {sent:?}");
+        }
+    }
+
+    #[test]
+    fn the_light_says_whether_it_is_in_real_time() {
+        let with = |ms: f64, playing: bool| {
+            let mut figures = still();
+            (figures.playing, figures.step_ms_90, figures.budget_ms) = (playing, ms, 5.0);
+            panel(figures).0
+        };
+        assert!(with(20.0, false).query_by_label("stands still").is_some());
+        assert!(with(4.5, true).query_by_label_contains("a step takes 90 % of its time").is_some());
+        let late = with(20.0, true);
+        assert!(late.query_by_label_contains("a step takes 4.0 times its time; fewer [skin] cells").is_some());
+        assert!(late.query_by_label("Pause").is_some() && late.query_by_label("Play").is_none());
     }
 }

@@ -2,11 +2,13 @@
 
 use super::link::{Begun, Shot};
 use super::plots::Plots;
+use crate::error::Result;
 use crate::report::frames::SkinSurface;
 use crate::session::{Asked, Command, Hand, Quantity};
 use crate::view::Clip;
 use glam::DVec3;
 use std::collections::BTreeSet;
+use std::path::PathBuf;
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
@@ -26,98 +28,11 @@ pub struct Held {
     pub pressed: bool,
 }
 
-/// What the colours are of.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Colors {
-    /// Layers.
-    #[default]
-    Layers,
-    /// Length of the displacement.
-    Displacement,
-    /// Length of the velocity.
-    Velocity,
-    /// A quantity over cells, which the session reads while it is asked for.
-    Of(Quantity),
-}
-
-impl Colors {
-    /// All of them.
-    pub const ALL: [Self; 7] = [
-        Self::Layers,
-        Self::Displacement,
-        Self::Velocity,
-        Self::Of(Quantity::VonMises),
-        Self::Of(Quantity::Pressure),
-        Self::Of(Quantity::Alive),
-        Self::Of(Quantity::Stiffness),
-    ];
-
-    /// In words.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Layers => "layers",
-            Self::Displacement => "displacement",
-            Self::Velocity => "velocity",
-            Self::Of(quantity) => quantity.name(),
-        }
-    }
-
-    /// Values; none of the layers, or of a quantity that the session has not read yet.
-    pub fn values(self, shot: &Shot) -> Option<Colored> {
-        let skin = &shot.skin;
-        let lengths = |vectors: &[[f64; 3]]| vectors.iter().map(|v| DVec3::from(*v).length()).collect();
-        let of_nodes = |nodes: Vec<f64>, unit, factor| {
-            let slice = OnSlice::Vertices(shot.read.slice.as_ref().map_or(vec![], |slice| slice.of_nodes(&nodes)));
-            Some(Colored { nodes, slice, unit, factor })
-        };
-        match self {
-            Self::Layers => None,
-            Self::Displacement => of_nodes(lengths(&skin.displacements), "mm", 1e3),
-            Self::Velocity => of_nodes(lengths(&skin.velocities), "mm/s", 1e3),
-            Self::Of(wanted) => {
-                let values = shot.read.values.as_ref().filter(|values| values.of == wanted)?;
-                let (unit, factor) = wanted.unit();
-                let slice = OnSlice::Triangles(values.slice.clone());
-                Some(Colored { nodes: values.nodes.clone(), slice, unit, factor })
-            }
-        }
-    }
-}
-
-/// Values that the picture is coloured by.
-pub struct Colored {
-    /// `[node]`
-    pub nodes: Vec<f64>,
-    /// Of what a plane lays open.
-    pub slice: OnSlice,
-    /// Unit in the picture.
-    pub unit: &'static str,
-    /// Its factor.
-    pub factor: f64,
-}
-
-/// Values on a slice.
-pub enum OnSlice {
-    /// `[vertex]`
-    Vertices(Vec<f64>),
-    /// `[triangle]`
-    Triangles(Vec<f64>),
-}
-
-impl OnSlice {
-    /// All of them.
-    pub fn values(&self) -> &[f64] {
-        match self {
-            Self::Vertices(values) | Self::Triangles(values) => values,
-        }
-    }
-}
-
 /// What of the picture is wanted.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Shows {
-    /// Colours.
-    pub colors: Colors,
+    /// What the colours are of: layers, or a quantity that the session reads while it is asked for.
+    pub colors: Option<Quantity>,
     /// Lines between cells.
     pub cells: bool,
     /// Arrows of contact forces.
@@ -132,15 +47,14 @@ pub struct Shows {
 
 impl Default for Shows {
     fn default() -> Self {
-        Self { colors: Colors::Layers, cells: true, forces: true, way: true, hidden: BTreeSet::new(), clip: (1, 0.0) }
+        Self { colors: None, cells: true, forces: true, way: true, hidden: BTreeSet::new(), clip: (1, 0.0) }
     }
 }
 
 impl Shows {
     /// What the session is to read for it.
     pub fn asked(&self, skin: &SkinSurface) -> Asked {
-        let quantity = if let Colors::Of(quantity) = self.colors { Some(quantity) } else { None };
-        Asked { quantity, plane: self.plane(skin) }
+        Asked { quantity: self.colors, plane: self.plane(skin) }
     }
 
     /// The clipping plane through a surface.
@@ -172,6 +86,10 @@ pub struct State {
     pub asked: Asked,
     /// A picture is to be saved.
     pub saves: bool,
+    /// The motion of the hand is to be saved.
+    pub saves_motion: bool,
+    /// A film is recorded.
+    pub films: bool,
     sender: SyncSender<(u64, Command)>,
 }
 
@@ -187,6 +105,8 @@ impl State {
             words: vec![],
             asked: Asked::default(),
             saves: false,
+            saves_motion: false,
+            films: false,
             sender,
         }
     }
@@ -201,6 +121,12 @@ impl State {
         }
     }
 
+    /// Plays, or pauses.
+    pub fn toggle(&mut self) {
+        let playing = self.shot.as_ref().is_some_and(|shot| shot.figures.playing);
+        self.send(if playing { Command::Pause } else { Command::Play });
+    }
+
     /// Forgets the words that have been there for long.
     pub fn forget(&mut self) {
         self.words.retain(|(said, _)| said.elapsed() < WORDS);
@@ -212,6 +138,14 @@ impl State {
             self.words.remove(0);
         }
         self.words.push((Instant::now(), words));
+    }
+
+    /// Says where something was saved, or why not.
+    pub fn say_saved(&mut self, saved: Result<PathBuf>) {
+        self.say(match saved {
+            Ok(path) => format!("saved {}", path.display()),
+            Err(error) => error.to_string(),
+        });
     }
 
     /// Takes a tool, or with the one in hand or none lets go.

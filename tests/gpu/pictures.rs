@@ -2,7 +2,7 @@
 
 use super::{Failure, report};
 use cutis::gpu::Gpu;
-use cutis::report::frames::{Look, SkinSurface, camera, tool_positions, with_surfaces};
+use cutis::report::frames::{Look, Painter, SkinSurface, camera, tool_positions, with_surfaces};
 use cutis::scene::{Scene, incision};
 use cutis::step::{Platform, Simulation};
 use cutis::view::{Camera, Clip, Drawn, Image, Renderer, Surface, render};
@@ -10,7 +10,8 @@ use glam::DVec3;
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
 
-pub const TESTS: [(&str, Test); 4] = [
+pub const TESTS: [(&str, Test); 5] = [
+    ("a_run_on_an_adapter_draws_there", a_run_on_an_adapter_draws_there),
     ("a_picture_is_that_of_the_rasteriser", a_picture_is_that_of_the_rasteriser),
     ("a_picture_is_repeated_to_the_bit", a_picture_is_repeated_to_the_bit),
     ("a_clipping_plane_leaves_one_half", a_clipping_plane_leaves_one_half),
@@ -110,6 +111,32 @@ fn a_picture_is_that_of_the_rasteriser(gpu: &Gpu) -> Result<(), Failure> {
     for (what, found) in [("another colour", of_color), ("no tool", of_tool)] {
         if found[1] < 3.0 * OF_BLOCK {
             return Err(format!("{what} is hardly seen: {found:?}").into());
+        }
+    }
+    Ok(())
+}
+
+fn a_run_on_an_adapter_draws_there(gpu: &Gpu) -> Result<(), Failure> {
+    let mut scene = incision()?.in_test_form();
+    scene.view.size = SIZE;
+    let (mut images, mut again) = (vec![], vec![]);
+    for platform in [Platform::Cpu64, Platform::Gpu(Some(gpu.adapter.name.clone()))] {
+        let mut simulation = Simulation::new(&scene, &platform)?;
+        let mut painter = Painter::new(&scene, &simulation);
+        for images in [&mut images, &mut again] {
+            let report = simulation.step(false)?;
+            let state = simulation.snapshots()?;
+            let skin = SkinSurface::new(&simulation, &state);
+            images.push(painter.draw(&scene, &simulation, &skin, &report)?);
+        }
+    }
+    for of in [&images, &again] {
+        let [of_cpu, of_gpu] = &of[..] else { return Err("two pictures".into()) };
+        let found = difference(of_cpu, of_gpu);
+        report(gpu, &format!("pictures of runs: {found:.4?}"));
+        // it is not the rasteriser that has drawn both
+        if !holds(found) || of_cpu == of_gpu {
+            return Err(format!("mean and block differ by {found:?}").into());
         }
     }
     Ok(())

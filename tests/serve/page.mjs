@@ -72,13 +72,33 @@ try {
   await until(() => window.cutis.figures.contacts === 0 && window.cutis.surface.kinds.some((kind, k) => k % 4 === 1 && kind === 1));
   await picture("3_cut");
   must((await seen("errors.length")) === 0, await seen("errors.join()"));
+  // a game pad moves the tool in hand along the picture and lets it go
+  await page.evaluate(() => {
+    const pad = (window.pad_of_test = { connected: true, mapping: "standard", axes: [0, 0, 0, 0], buttons: Array.from({ length: 16 }, () => ({ pressed: false })) });
+    navigator.getGamepads = () => [null, pad];
+  });
+  const before = await seen("tools[0].hand.slice()");
+  await page.evaluate(() => (window.pad_of_test.axes = [1, 0, 0, -1]));
+  await page.waitForFunction(([x, y, z]) => { const [a, b, c] = window.cutis.tools[0].hand; return Math.hypot(a - x, b - y) > 2e-3 && c > z + 1e-3; }, { timeout: 60000 }, before);
+  await page.evaluate(() => (window.pad_of_test.axes = [0.1, -0.1, 0.1, 0]));
+  await page.evaluate(() => (window.pad_of_test.buttons[8].pressed = true));
+  await until(() => window.cutis.taken === -1, 60000);
+  await page.evaluate(() => (navigator.getGamepads = () => []));
   // a second page, colours, wires, cut open, back
   const second = await open();
   await until(() => window.cutis.figures.pages === 2);
-  await second.click("#moved");
+  await second.select("#colors", "von_mises");
   await second.click("#wires");
-  await second.evaluate(() => { const clip = document.getElementById("clip"); clip.value = 0.5; clip.oninput(); });
+  await second.evaluate(() => { const clip = document.getElementById("clip"); clip.value = 0.5; clip.oninput(); clip.onchange(); });
+  // both pages show it
+  for (const of of [second, page]) {
+    await of.waitForFunction(() => window.cutis.figures.look.plane && window.cutis.slice?.vertices > 0 && window.cutis.slice.values.some((v) => v > 0.2), { timeout: 60000 });
+    must((await of.evaluate(() => document.getElementById("colors").value)) === "von_mises", "the pages differ");
+  }
   await picture("4_second", second);
+  await second.select("#colors", "");
+  await second.evaluate(() => { const clip = document.getElementById("clip"); clip.value = 0; clip.oninput(); clip.onchange(); });
+  await page.waitForFunction(() => window.cutis.slice.vertices === 0 && window.cutis.quantity === 0, { timeout: 60000 });
   must(second.faults.length === 0, second.faults.join("\n"));
   await second.close();
   await page.click("#play");
