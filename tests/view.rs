@@ -70,12 +70,22 @@ mod window {
             Self { _server: server, display: format!(":{}", number.trim()), folder: folder.into() }
         }
 
-        /// Mouse and keys, in `xdotool`'s words.
-        fn act(&self, words: &str) {
+        fn told(&self, words: &str) -> Result<(), String> {
             let done = Command::new("xdotool").args(words.split(' ')).env("DISPLAY", &self.display).output();
             let done = done.expect("xdotool");
-            assert!(done.status.success(), "{words}: {}", String::from_utf8_lossy(&done.stderr));
+            let said = String::from_utf8_lossy(&done.stderr);
+            if done.status.success() { Ok(()) } else { Err(format!("{words}: {said}")) }
+        }
+
+        /// Mouse and keys, in `xdotool`'s words.
+        fn act(&self, words: &str) {
+            self.told(words).unwrap_or_else(|said| panic!("{said}"));
             std::thread::sleep(Duration::from_millis(120));
+        }
+
+        /// Gives the window the keys; one that is not shown yet refuses them.
+        fn focus(&self) {
+            until("a window that takes the keys", || self.told("search --name cutis: windowfocus").is_ok());
         }
 
         /// What is on the screen, `[pixel]` RGB: the frame buffer is a file of the X window dump format.
@@ -135,6 +145,21 @@ mod window {
         bytes.chunks_exact(3).map(|p| [p[0], p[1], p[2]]).collect()
     }
 
+    /// Number of pictures of a film, and their time, s.
+    fn filmed(path: &Path) -> (u32, f64) {
+        let mut reader =
+            png::Decoder::new(BufReader::new(std::fs::File::open(path).expect("a film"))).read_info().expect("a PNG");
+        let count = reader.info().animation_control().expect("an animated PNG").num_frames;
+        let mut bytes = vec![0; reader.output_buffer_size().expect("a size")];
+        let mut seconds = 0.0;
+        for _ in 0..count {
+            reader.next_frame(&mut bytes).expect("a picture");
+            let control = reader.info().frame_control().expect("its time");
+            seconds += f64::from(control.delay_num) / f64::from(control.delay_den);
+        }
+        (count, seconds)
+    }
+
     fn differing(a: &[[u8; 3]], b: &[[u8; 3]]) -> f64 {
         let other = |(a, b): &(&[u8; 3], &[u8; 3])| (0..3).any(|k| a[k].abs_diff(b[k]) > 12);
         a.iter().zip(b).filter(other).count() as f64 / a.len() as f64
@@ -147,8 +172,10 @@ mod window {
             println!("left out: CUTIS_WINDOW names no folder for pictures");
             return;
         };
-        for name in (1..999).map(|n| format!("view_{n:04}.png")) {
-            std::fs::remove_file(folder.join(name)).ok();
+        for n in 1..999 {
+            for name in [format!("view_{n:04}.png"), format!("film_{n:04}.png"), format!("motion_{n:04}.csv")] {
+                std::fs::remove_file(folder.join(name)).ok();
+            }
         }
         let screen = Screen::start(&folder);
         let mut command = cutis(&["view", "--backend", "cpu", "--paused", "--out"]);
@@ -161,7 +188,7 @@ mod window {
         let said = blind.output().expect("the program");
         let words = String::from_utf8_lossy(&said.stderr);
         assert!(said.status.code() == Some(3) && words.contains("no usable GPU adapter"), "{words}");
-        screen.act("search --sync --name cutis: windowfocus");
+        screen.focus();
         let mut number = 0;
         let mut picture = || {
             number += 1;
@@ -175,6 +202,7 @@ mod window {
         assert!(red(&whole) > 0.1 && wound(&whole) == 0.0, "{} {}", red(&whole), wound(&whole));
         screen.save("screen_1.png");
         // it runs: the recorded hand cuts
+        screen.act("key f");
         screen.act("key space");
         wait("a wound", &mut picture, |picture| wound(picture) > WOUND);
         screen.act("key space");
@@ -186,21 +214,40 @@ mod window {
             apart == 0.0
         });
         screen.save("screen_2.png");
-        // cut open by the slider, in the colours of a quantity over cells, and back
+        // a film of it, and the motion of the hand so far
+        screen.act("key f");
+        let film = folder.join("film_0001.png");
+        until("a film", || film.exists());
+        let (count, seconds) = filmed(&film);
+        assert!(count > 5 && (1.0..120.0).contains(&seconds), "{count} pictures, {seconds} s");
+        screen.act("mousemove 1109 76 click 1");
+        let motion = folder.join("motion_0001.csv");
+        until("the hand's motion", || motion.exists());
+        let table = std::fs::read_to_string(&motion).expect("a table");
+        assert!(table.starts_with("time_s,x_mm") && table.lines().count() > 20, "{table}");
+        screen.act("mousemove 300 600");
+        // cut open by the slider, in the colours of a quantity over cells, and back; again where a slow machine has taken press and release at
+        // once
         let drag = |from: u32, to: u32| {
-            screen.act(&format!("mousemove {from} 357 mousedown 1"));
-            screen.act(&format!("mousemove {to} 357"));
+            screen.act(&format!("mousemove {from} 403 mousedown 1"));
+            screen.act(&format!("mousemove {to} 403"));
             screen.act("mouseup 1");
         };
-        drag(904, 950);
-        wait("it is cut open", &mut picture, |open| differing(&cut, open) > 0.05 && red(open) > 0.05);
+        let mut opened = || {
+            drag(904, 950);
+            picture()
+        };
+        wait("it is cut open", &mut opened, |open| differing(&cut, open) > 0.05 && red(open) > 0.05);
         screen.save("screen_5.png");
-        screen.act("mousemove 935 333 click 1");
+        screen.act("mousemove 935 356 click 1");
         wait("the colours of von Mises' stress", &mut picture, |colored| red(colored) < 0.02);
         screen.save("screen_6.png");
-        screen.act("mousemove 973 310 click 1");
-        drag(950, 880);
-        wait("it is whole", &mut picture, |whole| differing(&cut, whole) == 0.0);
+        screen.act("mousemove 973 333 click 1");
+        let mut closed = || {
+            drag(950, 880);
+            picture()
+        };
+        wait("it is whole", &mut closed, |whole| differing(&cut, whole) == 0.0);
         screen.act("mousemove 300 600");
         // dragging turns the view
         screen.act("mousemove 300 600 mousedown 1");
@@ -212,7 +259,7 @@ mod window {
         // anew, with the scalpel in hand: it waits above the skin, where the recorded one has cut by then
         screen.act("mousemove 1015 53 click 1");
         wait("the skin is whole", &mut picture, |picture| wound(picture) == 0.0);
-        screen.act("mousemove 950 132 click 1");
+        screen.act("mousemove 950 155 click 1");
         screen.act("mousemove 400 500");
         screen.act("key space");
         std::thread::sleep(Duration::from_secs(6));
@@ -236,7 +283,7 @@ mod window {
         let mut command = cutis(&["view", "--backend", "cpu"]);
         let window = command.env("DISPLAY", &screen.display).stdout(Stdio::null()).spawn().expect("the program");
         let mut window = Running(window);
-        screen.act("search --sync --name cutis: windowfocus");
+        screen.focus();
         until("it draws", || red(&screen.pixels()) > 0.1);
         screen.act("mousemove 500 300 key ctrl+q");
         assert_eq!(window.0.wait().expect("an end").code(), Some(0));
