@@ -24,7 +24,7 @@ impl Counts {
         let boundaries: Vec<_> = scene.boundaries.iter().filter(|b| b.body == body).collect();
         let anchors: Vec<_> = scene.anchors.iter().filter(|a| a.body == body).collect();
         let springs = match scene.skins[body].law {
-            Law::Springs { .. } => Springs::count_between_corners(grid),
+            Law::Springs { .. } => Springs::count(grid),
             _ => 0,
         };
         let of_node = |node: usize| {

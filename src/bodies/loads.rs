@@ -188,7 +188,7 @@ impl Model {
     fn triangles<'a>(&'a self, mesh: &'a Unstructured, region: &'a Region) -> impl Iterator<Item = [usize; 3]> + 'a {
         let corners = |face: &Outer| [0, 1, 2].map(|k| face.nodes[k] as usize);
         let inside = |nodes: &[usize; 3]| nodes.iter().all(|node| self.grid.contains(region, *node));
-        mesh.outside.iter().map(corners).filter(inside)
+        mesh.outside.faces.iter().map(corners).filter(inside)
     }
 
     /// Adds a load on the triangles of a mesh: see the module.

@@ -55,7 +55,7 @@ pub const MAX_LAYERS: usize = 21;
 pub enum Kind {
     /// Hexahedral cells of the grid, each with a stiffness matrix.
     Hexahedra(Box<Hexahedra>),
-    /// Springs between the corners of the grid's cells.
+    /// Springs between the corners of the grid's cells, or along the edges of a mesh.
     Springs(Box<Springs>),
     /// Tetrahedra in the cells of the grid, or of a mesh.
     Tetrahedra(Box<Tetrahedra>),
@@ -136,15 +136,7 @@ pub trait Mechanics {
     /// `[cell]`, or `[tetrahedron]` of a mesh: Green–Lagrange strain and Cauchy stress, Pa, in the middle, at displacements `u`, `[node]` m;
     /// those of removed cells are 0.
     fn strains_and_stresses(&self, model: &Model, wound: &Wound, u: &[V4<f64>]) -> Vec<[M3<f64>; 2]> {
-        let surface = &wound.surface;
-        let of_cell = |cell: usize| {
-            if !surface.alive[cell] {
-                return [M3::zero(); 2];
-            }
-            let u = surface.parts.corners(cell).map(|node| V3::from4(u[node]));
-            model.mechanics().strain_and_stress(model, cell, &u, [0.5; 3])
-        };
-        (0..surface.alive.len()).into_par_iter().map(of_cell).collect()
+        of_cells(model, wound, u)
     }
     /// Factor of a cell on the stiffness of its layer, by inclusions.
     fn stiffness_factor(&self, _cell: usize) -> f64 {
@@ -187,6 +179,19 @@ pub trait Mechanics {
     /// # Errors
     /// If an array exceeds a limit of the adapter, or the scene's solver does not run on a device.
     fn recorded(&self, model: &Model, made: &mut Maker, u: &Buffer, params: &Params<f32>) -> Result<Box<dyn Recorded>>;
+}
+
+/// [`Mechanics::strains_and_stresses`] of the cells of a grid.
+fn of_cells(model: &Model, wound: &Wound, u: &[V4<f64>]) -> Vec<[M3<f64>; 2]> {
+    let surface = &wound.surface;
+    let of_cell = |cell: usize| {
+        if !surface.alive[cell] {
+            return [M3::zero(); 2];
+        }
+        let u = surface.parts.corners(cell).map(|node| V3::from4(u[node]));
+        model.mechanics().strain_and_stress(model, cell, &u, [0.5; 3])
+    };
+    (0..surface.alive.len()).into_par_iter().map(of_cell).collect()
 }
 
 /// A deformable body.
@@ -255,7 +260,11 @@ impl Model {
         let mut model = Self::without_arrays(scene, body)?;
         let skin = &scene.skins[body];
         if let (Kind::Springs(springs), Law::Springs { stiffness, damping }) = (&mut model.kind, skin.law) {
-            **springs = Springs::between_corners(&model.grid, stiffness, damping);
+            **springs = match &model.grid.unstructured {
+                Some(of) => Springs::along_edges(&of.mesh, &skin.layers, stiffness, damping),
+                // a scene of a grid gives one
+                None => Springs::between_corners(&model.grid, stiffness.unwrap_or_default(), damping),
+            };
         }
         let count = model.own_nodes();
         let rest = |node| [0, 1, 2].map(|a| model.grid.rest(node)[a] + skin.position[a]);
@@ -316,7 +325,7 @@ impl Model {
         // elements; fails if the scene's solver does not support them
         let kind = match skin.law {
             Law::Springs { .. } => {
-                springs::check(scene)?;
+                springs::check(scene, body)?;
                 Kind::Springs(Box::default())
             }
             Law::Fem { .. } if skin.law.is_tetrahedral() => {

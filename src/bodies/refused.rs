@@ -41,10 +41,22 @@ pub enum Refused {
     },
 
     /// Springs with a solver for hexahedra.
-    #[error("{solver} is for hexahedra; this skin is of springs; take the preconditioner column")]
+    #[error("{solver} is for hexahedra; this skin is of springs; take the preconditioner {fix}")]
     SpringSolver {
         /// Solver: "multigrid" or "the direct solver".
         solver: &'static str,
+        /// Preconditioner to take.
+        fix: &'static str,
+    },
+
+    /// A probe of a strain in a mesh of springs.
+    #[error(
+        "the probe `{name}` asks for the strain at a point of a mesh of springs; probe displacements or forces, or save the strain of all \
+         tetrahedra by [output] fields"
+    )]
+    SpringProbe {
+        /// Its name.
+        name: String,
     },
 
     /// Rest-shape springs on a body with consistent mass.
@@ -117,7 +129,7 @@ impl Refused {
             }
             Self::CutLinks { .. } | Self::NotPositive { .. } | Self::InvertedCell { .. } => STEP,
             Self::SweptQuads { .. } => EDGE_SPACING,
-            Self::Layers { .. } | Self::Nodes { .. } | Self::AnchoredMass => "",
+            Self::Layers { .. } | Self::Nodes { .. } | Self::AnchoredMass | Self::SpringProbe { .. } => "",
             Self::Tetrahedra { key, .. } => key,
         }
     }

@@ -16,6 +16,8 @@ pub struct Totals {
     pub volume: f64,
     /// Removed springs.
     pub springs_removed: usize,
+    /// Tetrahedra that springs held together no more.
+    pub tetrahedra: usize,
     /// Severed face links.
     pub links: usize,
     /// Links that the blade crossed but that stay intact because the reserve of duplicate nodes is used up.
@@ -24,7 +26,8 @@ pub struct Totals {
     pub holding: usize,
     /// Duplicated nodes.
     pub copies: usize,
-    /// Cut area on one side, m²: the sum of the faces of severed links, or of the faces that belong to cut springs along an axis.
+    /// Cut area on one side, m²: the sum of the faces of severed links, or of the faces that belong to cut springs along an axis; of a mesh of
+    /// springs estimated from the number of cut ones.
     pub area: f64,
     /// Extent of the wound along x or y, whichever is longer, at rest, m: of removed or open cells, or of the faces of severed links.
     pub length: f64,
@@ -41,6 +44,7 @@ impl Totals {
             hexes: self.hexes + other.hexes,
             volume: self.volume + other.volume,
             springs_removed: self.springs_removed + other.springs_removed,
+            tetrahedra: self.tetrahedra + other.tetrahedra,
             links: self.links + other.links,
             refused: self.refused + other.refused,
             holding: self.holding + other.holding,
@@ -149,7 +153,7 @@ impl Wound {
 
     /// Measures the wound.
     fn extend(&mut self, model: &Model) {
-        if self.totals.links + self.open.len() + self.totals.hexes > 0 {
+        if self.totals.links + self.open.len() + self.totals.hexes + self.totals.tetrahedra > 0 {
             self.totals.length = self.all.length();
             self.totals.length_top = self.top.length();
             self.totals.depth = model.position[2] + model.grid.thickness() - self.all.low[2];

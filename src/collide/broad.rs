@@ -148,12 +148,12 @@ impl Boxes {
     /// Surface faces of the cell columns, or of the tetrahedra behind them, that may meet an area.
     pub fn faces(&self, surface: &Surface, area: &Aabb) -> Vec<Face> {
         let grid = surface.grid();
-        if let Some(unstructured) = &grid.unstructured {
+        if let Some(outside) = surface.outside() {
             let [least, greatest] = self.motion[0];
             let meets = |[low, high]: &[[f64; 3]; 2]| {
                 outward(DVec3::from_array(*low) + least, DVec3::from_array(*high) + greatest).intersects(area)
             };
-            let near = unstructured.outside.iter().zip(&unstructured.behind).filter(|(_, behind)| meets(behind));
+            let near = outside.faces.iter().zip(&outside.behind).filter(|(_, behind)| meets(behind));
             return near.map(|(face, _)| *face).collect();
         }
         let params = grid.params::<f64>();

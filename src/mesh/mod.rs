@@ -17,4 +17,4 @@ pub use parts::{Change, FRAGMENT, Parts};
 pub use point::{MaterialPoint, trilinear};
 pub use surface::{Edges, Surface};
 pub use tetrahedra::{PAIRS, PER_CELL};
-pub use unstructured::Unstructured;
+pub use unstructured::{Outside, Unstructured};

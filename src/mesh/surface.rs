@@ -1,6 +1,6 @@
 //! The skin's surface: faces of remaining cells without a neighbour, and both sides of each severed link; of a mesh, its outside.
 
-use super::{Corner, Face, Grid, Parts};
+use super::{Corner, Face, Grid, Outside, Parts};
 use crate::kernels::Params;
 
 /// Edge defects of a surface; both are 0 for an uncut body.
@@ -19,6 +19,10 @@ pub struct Surface {
     params: Params<f64>,
     /// `[cell]` false if removed.
     pub alive: Vec<bool>,
+    /// `[tetrahedron]` of a mesh, false if removed.
+    present: Vec<bool>,
+    /// The outside of a mesh of which some are removed.
+    opened: Option<Outside>,
     /// Severed links and duplicated nodes.
     pub parts: Parts,
 }
@@ -42,7 +46,8 @@ impl Surface {
     /// The same with room for the splits that the parameters allow.
     pub fn with_reserve(grid: &Grid, params: Params<f64>) -> Self {
         let alive = vec![true; params.cell_count as usize];
-        Self { of: grid.clone(), params, alive, parts: Parts::new(params) }
+        let present = vec![true; grid.unstructured.as_ref().map_or(0, |of| of.mesh.tetrahedra().len())];
+        Self { of: grid.clone(), params, alive, present, opened: None, parts: Parts::new(params) }
     }
 
     /// Grid of the body.
@@ -53,6 +58,24 @@ impl Surface {
     /// Parameters, with the sizes of the table of split nodes.
     pub fn params(&self) -> &Params<f64> {
         &self.params
+    }
+
+    /// `[tetrahedron]` of a mesh, false if removed; empty for a grid.
+    pub fn present(&self) -> &[bool] {
+        &self.present
+    }
+
+    /// The outside of the remaining tetrahedra of a mesh; none of a grid.
+    pub fn outside(&self) -> Option<&Outside> {
+        self.opened.as_ref().or(self.of.unstructured.as_ref().map(|of| &of.outside))
+    }
+
+    /// Removes tetrahedra of a mesh.
+    pub fn remove_tetrahedra(&mut self, gone: &[u32]) {
+        if let (Some(of), false) = (&self.of.unstructured, gone.is_empty()) {
+            gone.iter().for_each(|e| self.present[*e as usize] = false);
+            self.opened = Some(Outside::new(&of.mesh, |e| self.present[e]));
+        }
     }
 
     /// Surface corner at a node.
@@ -95,7 +118,7 @@ impl Surface {
     /// All boundary faces.
     pub fn all(&self) -> Vec<Face> {
         let p = &self.params;
-        let mut out = self.of.unstructured.as_ref().map_or(vec![], |unstructured| unstructured.outside.clone());
+        let mut out = self.outside().map_or(vec![], |outside| outside.faces.clone());
         self.quads([0; 3], [p.cells_x as usize, p.cells_y as usize, p.cells_z as usize], &mut out);
         out
     }

@@ -7,7 +7,7 @@
 
 use super::Face;
 use crate::formats::faces;
-use crate::math::{V3, V4};
+use crate::math::{M3, V3, V4};
 use crate::scene::TetrahedralMesh;
 use std::collections::VecDeque;
 use std::sync::Arc;
@@ -20,39 +20,58 @@ const NONE: u32 = u32::MAX;
 pub struct Unstructured {
     /// The mesh.
     pub mesh: Arc<TetrahedralMesh>,
-    /// Triangles of the outside; their cells are tetrahedra.
-    pub outside: Vec<Face>,
-    /// `[triangle]` lowest and highest corner of the box around the tetrahedra behind it, m.
-    pub behind: Vec<[[f64; 3]; 2]>,
+    /// Its outside.
+    pub outside: Outside,
     /// `[node]` quarter of the volumes around it, m³.
     pub around: Vec<f64>,
 }
 
-impl Unstructured {
-    /// The outside of a mesh.
-    pub fn new(mesh: &Arc<TetrahedralMesh>) -> Self {
+/// The outside of the tetrahedra of a mesh that are there.
+#[derive(Clone, Debug, Default)]
+pub struct Outside {
+    /// Triangles; their cells are tetrahedra.
+    pub faces: Vec<Face>,
+    /// `[triangle]` lowest and highest corner of the box around the tetrahedra behind it, m.
+    pub behind: Vec<[[f64; 3]; 2]>,
+}
+
+impl Outside {
+    /// The outside of some tetrahedra: a triangle that another one had on its other side is a wall. Takes time in proportion to the mesh.
+    pub fn new(mesh: &TetrahedralMesh, is_there: impl Fn(usize) -> bool) -> Self {
         let tetrahedra = mesh.tetrahedra();
         let mut all = faces(tetrahedra);
         all.sort_unstable();
         let mut outside = vec![];
         let mut beyond = vec![[NONE; 4]; tetrahedra.len()]; // [tetrahedron][face] neighbour
         for same in all.chunk_by(|a, b| a.0 == b.0) {
-            let [cell, face] = [same[0].1 / 4, same[0].1 % 4];
-            match same {
-                [one] => outside.push(Face::triangle(one.outward(tetrahedra), cell as u32)),
-                [_, other, ..] => {
-                    beyond[cell as usize][face as usize] = (other.1 / 4) as u32;
-                    beyond[(other.1 / 4) as usize][(other.1 % 4) as usize] = cell as u32;
+            let there: Vec<_> = same.iter().filter(|side| is_there(side.1 as usize / 4)).collect();
+            match there[..] {
+                [one] => {
+                    let face = Face::triangle(one.outward(tetrahedra), (one.1 / 4) as u32);
+                    outside.push(Face { wall: same.len() > 1, ..face });
+                }
+                [one, other, ..] => {
+                    let [a, b] = [one, other].map(|side| [side.1 as usize / 4, side.1 as usize % 4]);
+                    beyond[a[0]][a[1]] = b[0] as u32;
+                    beyond[b[0]][b[1]] = a[0] as u32;
                 }
                 [] => {}
             }
         }
+        let behind = behind(mesh, &outside, &beyond);
+        Self { faces: outside, behind }
+    }
+}
+
+impl Unstructured {
+    /// The outside of a mesh.
+    pub fn new(mesh: &Arc<TetrahedralMesh>) -> Self {
+        let tetrahedra = mesh.tetrahedra();
         let mut around = vec![0.0; mesh.nodes().len()];
         for (e, corners) in tetrahedra.iter().enumerate() {
             corners.iter().for_each(|id| around[*id as usize] += 0.25 * mesh.volume(e));
         }
-        let behind = behind(mesh, &outside, &beyond);
-        Self { mesh: mesh.clone(), outside, behind, around }
+        Self { mesh: mesh.clone(), outside: Outside::new(mesh, |_| true), around }
     }
 
     /// Size of the arrays, bytes.
@@ -61,9 +80,20 @@ impl Unstructured {
         size_of_val(mesh.nodes())
             + size_of_val(mesh.tetrahedra())
             + size_of_val(mesh.layers())
-            + size_of_val(&self.outside[..])
-            + size_of_val(&self.behind[..])
+            + size_of_val(&self.outside.faces[..])
+            + size_of_val(&self.outside.behind[..])
             + size_of_val(&self.around[..])
+    }
+
+    /// Displacement gradient of a tetrahedron at displacements `u`, `[node]` m.
+    pub fn displacement_gradient(&self, e: usize, u: &[V4<f64>]) -> M3<f64> {
+        let [x, a, b, c] = self.mesh.corners(e).map(V3::of);
+        let [a, b, c] = [a - x, b - x, c - x];
+        let [o, p, q, r] = self.mesh.tetrahedra()[e].map(|id| V3::from4(u[id as usize]));
+        // gradients of the shape functions
+        let six = a.dot(b.cross(c));
+        let [ga, gb, gc] = [b.cross(c), c.cross(a), a.cross(b)].map(|normal| normal * (1.0 / six));
+        (p - o).outer(ga) + (q - o).outer(gb) + (r - o).outer(gc)
     }
 
     /// Volume at rest, and its change at displacements `u`, `[node]` m, m³.
@@ -107,7 +137,8 @@ fn behind(mesh: &TetrahedralMesh, outside: &[Face], beyond: &[[u32; 4]]) -> Vec<
             (0..3).for_each(|n| (low[n], high[n]) = (low[n].min(x[n]), high[n].max(x[n])));
         }
     };
-    owner.iter().enumerate().for_each(|(e, number)| add(*number as usize, e));
+    let owned = owner.iter().enumerate().filter(|(_, number)| **number != NONE);
+    owned.for_each(|(e, number)| add(*number as usize, e));
     outside.iter().enumerate().for_each(|(number, face)| add(number, face.cell as usize));
     boxes
 }

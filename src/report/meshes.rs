@@ -167,8 +167,12 @@ pub(super) fn write_volume(
             bodies.push(number as f64);
         }
         if let Some(Unstructured { mesh, .. }) = body.model.unstructured() {
-            theirs.extend(mesh.layers().iter().enumerate().map(|(cell, layer)| (f64::from(*layer), (number, cell))));
-            tetrahedra.extend(mesh.tetrahedra().iter().map(|corners| corners.map(|n| first + n)));
+            let present = surface.present();
+            let all = mesh.layers().iter().zip(mesh.tetrahedra()).enumerate().filter(|(cell, _)| present[*cell]);
+            for (cell, (layer, corners)) in all {
+                theirs.push((f64::from(*layer), (number, cell)));
+                tetrahedra.push(corners.map(|n| first + n));
+            }
         }
         numbers.extend((0..surface.alive.len()).filter(|cell| surface.alive[*cell]).map(|cell| (number, cell)));
         let count = body.model.node_count();

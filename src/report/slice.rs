@@ -37,7 +37,8 @@ impl Slice {
             let (parts, alive) = (&body.wound.surface.parts, &body.wound.surface.alive);
             let of = |cell: usize| [number as u32, body.model.layer(cell) as u32];
             if let Some(unstructured) = body.model.unstructured() {
-                for (cell, corners) in unstructured.mesh.tetrahedra().iter().enumerate() {
+                let all = unstructured.mesh.tetrahedra().iter().zip(body.wound.surface.present()).enumerate();
+                for (cell, (corners, _)) in all.filter(|(_, (_, here))| **here) {
                     let corners = corners.map(|node| first + node);
                     out.add(&heights, surface, normal, &corners, &PAIRS, (of(cell), cell));
                 }

@@ -167,7 +167,16 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
         let element = element("tetra", &TETRAHEDRA)?;
         let of = |corotational| Law::Fem { element, corotational };
         let name = or(raw.law.clone(), "corotational".to_string());
-        return scene.choice("law", &name, &[("corotational", of(true)), ("linear", of(false))]);
+        let springs = Law::Springs { stiffness: None, damping: 0.0 };
+        let known = [("corotational", of(true)), ("linear", of(false)), ("springs", springs)];
+        let law = scene.choice("law", &name, &known)?;
+        if !matches!(law, Law::Springs { .. }) {
+            return Ok(law);
+        }
+        let why = "law = \"springs\" has springs along the edges of the mesh; elements belong to \"corotational\" and \"linear\"";
+        scene.needless("element", &raw.element, why)?;
+        let damping = scene.required("spring_damping_n_s_m", damping, table, "law = \"springs\" asks for it")?;
+        return Ok(Law::Springs { stiffness, damping });
     }
     let element = element("bbar", &[&ELEMENTS[..], &TETRAHEDRA].concat())?;
     let name = or(raw.law.clone(), "neo_hookean".to_string());
@@ -184,7 +193,7 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     }
     let why = "law = \"springs\" asks for it";
     Ok(Law::Springs {
-        stiffness: scene.required("spring_stiffness_n_m", stiffness, table.clone(), why)?,
+        stiffness: Some(scene.required("spring_stiffness_n_m", stiffness, table.clone(), why)?),
         damping: scene.required("spring_damping_n_s_m", damping, table, why)?,
     })
 }
@@ -284,12 +293,13 @@ fn layer(
 ) -> Result<Layer> {
     let (at, raw) = (table.span.clone(), table.keys);
     let constants = match law {
-        Law::Fem { .. } => hyperelastic::linear(scene, &raw, table.span, false)?,
+        Law::Fem { .. } => hyperelastic::linear(scene, &raw, table.span, [false; 2])?,
         Law::Hyperelastic(material) => hyperelastic::constants(scene, &raw, *material, table.span)?,
-        Law::Springs { .. } => {
+        Law::Springs { stiffness, .. } => {
             let why = "springs are at rest where the scene puts them; pre-strain belongs to hexahedra";
             scene.needless("pre_strain", &raw.pre_strain, why)?;
-            hyperelastic::linear(scene, &raw, table.span, true)?
+            // without a stiffness springs are fitted to the modulus
+            hyperelastic::linear(scene, &raw, table.span, [stiffness.is_some(), true])?
         }
     };
     let fibres = hyperelastic::fibres(scene, &raw, law)?;

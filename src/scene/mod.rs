@@ -326,6 +326,11 @@ impl Skin {
     pub fn can_be_carved(&self) -> bool {
         self.law.is_hexahedral() && self.cut == Cut::Remove
     }
+
+    /// Whether its nodes are in no columns of a grid that a preconditioner for columns could take.
+    pub fn is_without_columns(&self) -> bool {
+        self.law.is_tetrahedral() || self.mesh.is_some()
+    }
 }
 
 /// Effect of a blade on a body of hexahedra.
@@ -379,10 +384,10 @@ pub enum Law {
     },
     /// Hyperelastic hexahedra ([`crate::bodies::grid::Hyperelastic`]).
     Hyperelastic(Material),
-    /// Springs between all pairs of nodes of a cell, as in SOFA's MeshSpringForceField.
+    /// Springs between all pairs of nodes of a cell, or along the edges of a mesh, as in SOFA's MeshSpringForceField.
     Springs {
-        /// N/m
-        stiffness: f64,
+        /// N/m; of a mesh none where it is fitted to the layers' moduli ([`crate::bodies::springs`]).
+        stiffness: Option<f64>,
         /// N·s/m
         damping: f64,
     },
@@ -392,6 +397,11 @@ impl Law {
     /// Whether it has tetrahedra.
     pub fn is_tetrahedral(self) -> bool {
         matches!(self, Self::Fem { element: Element::Tetra | Element::PlainTetra, .. })
+    }
+
+    /// Whether a body of the tetrahedra of a mesh may have it.
+    pub fn is_of_mesh(self) -> bool {
+        self.is_tetrahedral() || matches!(self, Self::Springs { .. })
     }
 
     /// Whether it has hexahedra.

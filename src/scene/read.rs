@@ -179,7 +179,7 @@ fn time(scene: &SceneText, raw: raw::Time, integrator: Integrator) -> Result<Tim
 
 fn solver(scene: &SceneText, raw: raw::Solver, skins: &[Skin]) -> Result<Solver> {
     let preconditioners = study::preconditioners(skins);
-    let tetrahedra = skins.iter().any(|skin| skin.law.is_tetrahedral());
+    let tetrahedra = skins.iter().any(Skin::is_without_columns);
     let hexahedra = skins.iter().all(|skin| skin.law.is_hexahedral());
     let best = if tetrahedra { "block" } else { ["column", "multigrid"][usize::from(hexahedra)] };
     let preconditioner = or(raw.preconditioner, best.to_string());

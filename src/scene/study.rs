@@ -47,7 +47,7 @@ pub struct Study {
 /// Preconditioners by name, as far as the skins allow.
 pub(super) fn preconditioners(skins: &[Skin]) -> Vec<(&'static str, Preconditioner)> {
     let hexahedra = skins.iter().all(|skin| skin.law.is_hexahedral());
-    let tetrahedra = skins.iter().any(|skin| skin.law.is_tetrahedral());
+    let tetrahedra = skins.iter().any(Skin::is_without_columns);
     let without = if tetrahedra { 3 } else { 2 };
     let known = if hexahedra { PRECONDITIONERS.len() } else { PRECONDITIONERS.len() - without };
     PRECONDITIONERS[..known].to_vec()

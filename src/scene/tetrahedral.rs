@@ -198,7 +198,7 @@ impl TetrahedralMesh {
             (skin.cells == [0; 2], "cells", format!("{:?}", skin.cells), "0 of a mesh"),
             (!skin.layers.iter().any(of_grid), "layers", "with a thickness or cells".into(), "without, of a mesh"),
             (most < count, "mesh.layers", most.to_string(), "the number of one that is there, from 0"),
-            (skin.law.is_tetrahedral(), "law", "of other elements".into(), "of tetrahedra with a mesh"),
+            (skin.law.is_of_mesh(), "law", "of other elements".into(), "of tetrahedra or springs with a mesh"),
             (nodes <= MOST_NODES as usize, "mesh", nodes.to_string(), "fewer nodes than 32-bit indices reach"),
         ];
         let odd = parts.into_iter().find(|(fits, ..)| !fits);

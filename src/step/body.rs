@@ -164,14 +164,11 @@ impl Body {
         self.of_present(|cell| self.model.mechanics().stiffness_factor(cell))
     }
 
-    /// Values of the cells, 0 for those that are gone; 1 for the tetrahedra of a mesh, which are not cut and have no inclusions.
+    /// Values of the cells, or of the tetrahedra of a mesh, 0 for those that are gone.
     fn of_present(&self, of: impl Fn(usize) -> f64) -> Vec<f64> {
-        let cells = self.wound.surface.alive.iter().enumerate();
-        let tetrahedra = self.model.unstructured().map_or(0, |of| of.mesh.tetrahedra().len());
-        cells
-            .map(|(cell, here)| if *here { of(cell) } else { 0.0 })
-            .chain(std::iter::repeat_n(1.0, tetrahedra))
-            .collect()
+        let surface = &self.wound.surface;
+        let here = if self.model.unstructured().is_some() { surface.present() } else { &surface.alive };
+        here.iter().enumerate().map(|(cell, here)| if *here { of(cell) } else { 0.0 }).collect()
     }
 }
 

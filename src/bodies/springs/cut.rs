@@ -1,16 +1,21 @@
 //! Cuts through spring networks: crossed springs are removed. A cell counts as open if two or more of its four edges along one axis are
-//! cut. A node without springs leaves the system.
+//! cut, a tetrahedron of a mesh if its remaining edges do not join its corners. A node without springs leaves the system.
 
-use super::Springs;
+use super::{Springs, comes_apart};
 use crate::bodies::{Model, Removal, Wound};
 use crate::kernels::corner;
 use crate::kernels::cut::Hit;
+use glam::DVec3;
+
+/// Share of the thickness below the highest node in which nodes are of the top.
+const TOP: f64 = 1e-6;
 
 impl Wound {
     /// Removes crossed springs.
     pub(super) fn cut_springs(&mut self, model: &Model, springs: &Springs, hits: &[Hit<f64>]) -> Removal {
         let params = model.grid.params::<f64>();
         let mut removal = Removal::default();
+        let mut touched = vec![];
         for hit in hits {
             let spring = hit.segment as usize;
             if std::mem::replace(&mut self.spring_gone[spring], true) {
@@ -26,6 +31,15 @@ impl Wound {
                     self.leave(node as u32, &mut removal);
                 }
             }
+            if let Some(mesh) = model.unstructured() {
+                // a plane meets `½ L` edges per area where their length per volume is L (Saltykov 1958): each stands for the area 2 V / l
+                let [x, y] = springs.ends[spring].map(|n| DVec3::from_array(model.rest[n as usize]));
+                let around = springs.tetrahedra.of_spring(spring);
+                let share: f64 = around.iter().map(|e| mesh.mesh.volume(*e as usize) / 6.0).sum();
+                self.totals.area += 2.0 * share / x.distance(y);
+                touched.extend(around);
+                continue;
+            }
             // a spring along an axis is a grid edge
             let (p, q) = (params.node_at(a), params.node_at(b));
             let along: Vec<usize> = (0..3).filter(|n| p[*n] != q[*n]).collect();
@@ -33,7 +47,25 @@ impl Wound {
                 self.edge_cut(model, springs, a, axis, &mut removal);
             }
         }
+        self.open_tetrahedra(model, springs, touched);
         removal
+    }
+
+    /// Opens those of some tetrahedra that come apart, and extends the wound by them.
+    fn open_tetrahedra(&mut self, model: &Model, springs: &Springs, mut touched: Vec<u32>) {
+        touched.sort_unstable();
+        touched.dedup();
+        let left = |e: &u32| springs.tetrahedra.springs[*e as usize].map(|spring| !self.spring_gone[spring as usize]);
+        touched.retain(|e| self.surface.present()[*e as usize] && comes_apart(left(e)));
+        let Some(mesh) = model.unstructured() else { return };
+        let top = model.position[2] + model.grid.thickness() * (1.0 - TOP);
+        for e in &touched {
+            let corners = mesh.mesh.tetrahedra()[*e as usize].map(|node| model.rest[node as usize]);
+            corners.iter().for_each(|x| self.all.add(x));
+            corners.iter().filter(|x| x[2] >= top).for_each(|x| self.top.add(x));
+        }
+        self.totals.tetrahedra += touched.len();
+        self.surface.remove_tetrahedra(&touched);
     }
 
     /// Opens the cells around a cut grid edge (from node `a` along `axis`) that have severed two edges along that axis.

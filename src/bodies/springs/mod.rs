@@ -1,5 +1,9 @@
-//! Spring networks: one spring per unique pair of corners of each cell (12 edges, 12 face and 4 space diagonals), as in SOFA's
-//! MeshSpringForceField for hexahedra. The rest length is the initial length.
+//! Spring networks: one spring per unique pair of corners of each cell (12 edges, 12 face and 4 space diagonals), or per edge of the
+//! tetrahedra of a mesh, as in SOFA's MeshSpringForceField for both. The rest length is the initial length.
+//!
+//! All springs have one stiffness, or those of a mesh one each that fits Young's modulus `E`: `E V / l²`, `V` the volume of the tetrahedra
+//! around the edge and `l` its length (Van Gelder 1998). A network whose edges point all ways alike then has the modulus `E`, and Poisson's
+//! ratio is ¼ whatever the springs are, as of all networks of central forces (Cauchy's relation).
 
 pub mod cpu;
 mod cut;
@@ -7,14 +11,17 @@ mod gpu;
 
 use super::gpu::{Maker, Recorded};
 use super::grid::element;
-use super::{Elements, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Wound};
+use super::{
+    Elements, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Wound, energy,
+    of_cells,
+};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
 use crate::kernels::{GROUP, Params, springs, springs_product};
 use crate::math::{M3, V3, V4};
-use crate::mesh::Grid;
-use crate::scene::{Layer, Preconditioner, Scene};
+use crate::mesh::{Grid, PAIRS};
+use crate::scene::{Layer, Preconditioner, ProbeKind, Scene, TetrahedralMesh};
 use std::collections::BTreeSet;
 
 /// Spring arrays.
@@ -28,27 +35,89 @@ pub struct Springs {
     pub first: Vec<u32>,
     /// Half springs around each node: other node, spring.
     pub half: Vec<[u32; 2]>,
+    /// Tetrahedra of a mesh, empty for a grid.
+    pub tetrahedra: Edged,
 }
 
-/// Refuses a scene of springs with a solver for hexahedra.
+/// Edges of the tetrahedra of a mesh.
+#[derive(Clone, Debug, Default)]
+pub struct Edged {
+    /// `[tetrahedron]` springs, in the order of [`PAIRS`].
+    pub springs: Vec<[u32; 6]>,
+    /// `[spring + 1]` CSR offsets into `around`.
+    pub first: Vec<u32>,
+    /// Tetrahedra around each spring.
+    pub around: Vec<u32>,
+}
+
+impl Edged {
+    /// Of a mesh, and the pairs of nodes that are its edges, in ascending order.
+    fn new(tetrahedra: &[[u32; 4]]) -> (Self, Vec<[u32; 2]>) {
+        let pair = |corners: &[u32; 4], [a, b]: [usize; 2]| [corners[a].min(corners[b]), corners[a].max(corners[b])];
+        let mut ends: Vec<[u32; 2]> =
+            tetrahedra.iter().flat_map(|corners| PAIRS.map(|edge| pair(corners, edge))).collect();
+        ends.sort_unstable();
+        ends.dedup();
+        let number =
+            |ends_of: [u32; 2]| ends.binary_search(&ends_of).unwrap_or_else(|_| unreachable!("it is among them"));
+        let springs: Vec<[u32; 6]> =
+            tetrahedra.iter().map(|corners| PAIRS.map(|edge| number(pair(corners, edge)) as u32)).collect();
+        let mut first = vec![0; ends.len() + 1];
+        springs.as_flattened().iter().for_each(|spring| first[*spring as usize + 1] += 1);
+        (0..ends.len()).for_each(|spring| first[spring + 1] += first[spring]);
+        let (mut next, mut around) = (first.clone(), vec![0; 6 * springs.len()]);
+        for (e, own) in springs.iter().enumerate() {
+            for spring in own {
+                around[next[*spring as usize] as usize] = e as u32;
+                next[*spring as usize] += 1;
+            }
+        }
+        (Self { springs, first, around }, ends)
+    }
+
+    /// Tetrahedra around a spring.
+    pub fn of_spring(&self, spring: usize) -> &[u32] {
+        &self.around[self.first[spring] as usize..self.first[spring + 1] as usize]
+    }
+}
+
+/// True if the springs that are left of a tetrahedron do not join its corners; `left` in the order of [`PAIRS`].
+fn comes_apart(left: [bool; 6]) -> bool {
+    let mut part = [0, 1, 2, 3];
+    for ([a, b], _) in PAIRS.into_iter().zip(left).filter(|(_, left)| *left) {
+        let (kept, old) = (part[a], part[b]);
+        part.iter_mut().filter(|own| **own == old).for_each(|own| *own = kept);
+    }
+    part.iter().any(|own| *own != part[0])
+}
+
+/// Refuses a scene of springs with a solver for hexahedra, and a mesh of springs with probes of a grid's cells.
 ///
 /// # Errors
-/// [`Refused::SpringSolver`].
-pub(super) fn check(scene: &Scene) -> Result<()> {
+/// [`Refused::SpringSolver`], [`Refused::SpringProbe`].
+pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
+    let meshed = scene.skins[body].mesh.is_some();
     let for_hexahedra = match scene.solver.preconditioner {
         Preconditioner::Multigrid => Some("multigrid"),
         Preconditioner::Direct => Some("the direct solver"),
         _ => None,
     };
-    match for_hexahedra {
-        Some(solver) => Err(Refused::SpringSolver { solver }.into()),
+    if let Some(solver) = for_hexahedra {
+        return Err(Refused::SpringSolver { solver, fix: if meshed { "block" } else { "column" } }.into());
+    }
+    let of_cells = |kind: &ProbeKind| matches!(kind, ProbeKind::Strain { body: of, .. } if *of == body);
+    match scene.probes.iter().find(|probe| meshed && of_cells(&probe.kind)) {
+        Some(probe) => Err(Refused::SpringProbe { name: probe.name.clone() }.into()),
         None => Ok(()),
     }
 }
 
 impl Springs {
-    /// Number of springs that [`Springs::between_corners`] makes: edges, face diagonals and space diagonals.
-    pub fn count_between_corners(grid: &Grid) -> usize {
+    /// Number of springs: edges, face diagonals and space diagonals of a grid; edges of a mesh.
+    pub fn count(grid: &Grid) -> usize {
+        if let Some(of) = &grid.unstructured {
+            return Edged::new(of.mesh.tetrahedra()).1.len();
+        }
         let ([x, y, z], [nodes_x, nodes_y, nodes_z]) = (grid.cells, grid.nodes);
         let edges = x * nodes_y * nodes_z + nodes_x * y * nodes_z + nodes_x * nodes_y * z;
         let faces = x * y * nodes_z + x * nodes_y * z + nodes_x * y * z;
@@ -69,7 +138,26 @@ impl Springs {
         }
         let ends: Vec<[u32; 2]> = pairs.into_iter().collect();
         let law = vec![[0.0, stiffness, damping, 0.0]; ends.len()];
-        let mut around = vec![vec![]; grid.node_count()];
+        Self::new(grid.node_count(), ends, law)
+    }
+
+    /// Springs along the edges of a mesh, of one stiffness, N/m, or fitted to the layers' moduli: see the module.
+    pub fn along_edges(mesh: &TetrahedralMesh, layers: &[Layer], stiffness: Option<f64>, damping: f64) -> Self {
+        let (tetrahedra, ends) = Edged::new(mesh.tetrahedra());
+        let of = |(spring, [a, b]): (usize, &[u32; 2])| {
+            let around = tetrahedra.of_spring(spring).iter().map(|e| *e as usize);
+            let modulus = |e: usize| layers[mesh.layers()[e] as usize].young * mesh.volume(e);
+            let [a, b] = [a, b].map(|node| V3::<f64>::of(mesh.nodes()[*node as usize]));
+            let fitted = || around.map(modulus).sum::<f64>() / (b - a).dot(b - a);
+            [0.0, stiffness.unwrap_or_else(fitted), damping, 0.0]
+        };
+        let law = ends.iter().enumerate().map(of).collect();
+        Self { tetrahedra, ..Self::new(mesh.nodes().len(), ends, law) }
+    }
+
+    /// With the half springs around each node.
+    fn new(node_count: usize, ends: Vec<[u32; 2]>, law: Vec<[f64; 4]>) -> Self {
+        let mut around = vec![vec![]; node_count];
         for (s, [a, b]) in ends.iter().enumerate() {
             around[*a as usize].push([*b, s as u32]);
             around[*b as usize].push([*a, s as u32]);
@@ -80,7 +168,7 @@ impl Springs {
             half.extend(list);
             first.push(half.len() as u32);
         }
-        Self { ends, law, first, half }
+        Self { ends, law, first, half, tetrahedra: Edged::default() }
     }
 }
 
@@ -145,8 +233,12 @@ impl Mechanics for Springs {
 
     fn host_bytes(&self, model: &Model) -> usize {
         let count = self.segment_count(model);
-        count * (size_of::<[u32; 2]>() + size_of::<[f64; 4]>() + 2 * size_of::<[u32; 2]>())
-            + (model.own_nodes() + 1) * size_of::<u32>()
+        let own = count * (size_of::<[u32; 2]>() + size_of::<[f64; 4]>() + 2 * size_of::<[u32; 2]>())
+            + (model.own_nodes() + 1) * size_of::<u32>();
+        match model.unstructured() {
+            Some(of) => own + of.mesh.tetrahedra().len() * 2 * size_of::<[u32; 6]>() + (count + 1) * size_of::<u32>(),
+            None => own,
+        }
     }
 
     /// `½ Σ k ε²`, ε the elongation.
@@ -229,7 +321,26 @@ impl Mechanics for Springs {
         [element::green_lagrange(element::displacement_gradient(edges, u, at)), M3::zero()]
     }
 
+    fn strains_and_stresses(&self, model: &Model, wound: &Wound, u: &[V4<f64>]) -> Vec<[M3<f64>; 2]> {
+        let Some(mesh) = model.unstructured() else { return of_cells(model, wound, u) };
+        let of = |(e, here): (usize, &bool)| match here {
+            true => [element::green_lagrange(mesh.displacement_gradient(e, u)), M3::zero()],
+            false => [M3::zero(); 2],
+        };
+        wound.surface.present().iter().enumerate().map(of).collect()
+    }
+
+    fn count_cells(&self, model: &Model, state: &Snapshot, holds: &Holds) -> u32 {
+        let Some(mesh) = model.unstructured() else { return energy::count_cells(model, state, holds) };
+        // the springs of removed tetrahedra are still there, or some of them: all are counted
+        let of = |e: &usize| holds(model.layer(*e), M3::identity() + mesh.displacement_gradient(*e, &state.u));
+        (0..model.cell_count()).filter(of).count() as u32
+    }
+
     fn alive_share(&self, model: &Model, wound: &Wound, cell: usize) -> f64 {
+        if let Some(own) = self.tetrahedra.springs.get(cell) {
+            return own.iter().filter(|spring| !wound.spring_gone[**spring as usize]).count() as f64 / 6.0;
+        }
         let corners = model.grid.params::<f64>().corners(cell).map(|node| node as u32);
         let inside = |half: &&[u32; 2]| corners.contains(&half[0]);
         let own = corners.iter().flat_map(|node| {

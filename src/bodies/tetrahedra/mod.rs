@@ -224,6 +224,11 @@ impl Mechanics for Tetrahedra {
         six.iter().map(mean).collect()
     }
 
+    /// Nothing cuts or carves them.
+    fn alive_share(&self, _: &Model, _: &Wound, _: usize) -> f64 {
+        1.0
+    }
+
     fn count_cells(&self, model: &Model, state: &Snapshot, holds: &Holds) -> u32 {
         let gradients = self.arrays.displacement_gradients(&state.u);
         let of = |(e, h): &(usize, &M3<f64>)| holds(model.grid.tetrahedron_layer(*e), M3::identity() + **h);

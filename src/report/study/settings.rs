@@ -346,7 +346,7 @@ pub fn exact(scene: &Scene, setting: &Setting) -> Setting {
     let (preconditioner, stop) = match (hexahedra, few && !splits) {
         (true, true) => (Preconditioner::Direct, Stop::Exact),
         (true, false) => (Preconditioner::Multigrid, Stop::Tolerance(EXACT)),
-        (false, _) if scene.skins.iter().any(|skin| skin.law.is_tetrahedral()) => {
+        (false, _) if scene.skins.iter().any(Skin::is_without_columns) => {
             (Preconditioner::Block, Stop::Tolerance(EXACT))
         }
         (false, _) => (Preconditioner::Column, Stop::Tolerance(EXACT)),
