@@ -261,9 +261,8 @@ impl Model {
         let skin = &scene.skins[body];
         if let (Kind::Springs(springs), Law::Springs { stiffness, damping }) = (&mut model.kind, skin.law) {
             **springs = match &model.grid.unstructured {
-                Some(of) => Springs::along_edges(&of.mesh, &skin.layers, stiffness, damping),
-                // a scene of a grid gives one
-                None => Springs::between_corners(&model.grid, stiffness.unwrap_or_default(), damping),
+                Some(of) => Springs::along_edges(&of.mesh, stiffness, damping),
+                None => Springs::between_corners(&model.grid, stiffness, damping),
             };
         }
         let count = model.own_nodes();

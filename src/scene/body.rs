@@ -163,39 +163,40 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     let element = |default: &str, known: &[(&str, Element)]| {
         scene.choice("element", &or(raw.element.clone(), default.to_string()), known)
     };
+    let springs = || {
+        let why = "law = \"springs\" asks for it";
+        Ok(Law::Springs {
+            stiffness: scene.required("spring_stiffness_n_m", stiffness, table.clone(), why)?,
+            damping: scene.required("spring_damping_n_s_m", damping, table.clone(), why)?,
+        })
+    };
     if raw.mesh.is_some() {
         let element = element("tetra", &TETRAHEDRA)?;
         let of = |corotational| Law::Fem { element, corotational };
+        let of_springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
         let name = or(raw.law.clone(), "corotational".to_string());
-        let springs = Law::Springs { stiffness: None, damping: 0.0 };
-        let known = [("corotational", of(true)), ("linear", of(false)), ("springs", springs)];
+        let known = [("corotational", of(true)), ("linear", of(false)), ("springs", of_springs)];
         let law = scene.choice("law", &name, &known)?;
         if !matches!(law, Law::Springs { .. }) {
             return Ok(law);
         }
         let why = "law = \"springs\" has springs along the edges of the mesh; elements belong to \"corotational\" and \"linear\"";
         scene.needless("element", &raw.element, why)?;
-        let damping = scene.required("spring_damping_n_s_m", damping, table, "law = \"springs\" asks for it")?;
-        return Ok(Law::Springs { stiffness, damping });
+        return springs();
     }
     let element = element("bbar", &[&ELEMENTS[..], &TETRAHEDRA].concat())?;
     let name = or(raw.law.clone(), "neo_hookean".to_string());
     let law = scene.choice("law", &name, &hyperelastic::laws(element))?;
     match law {
-        Law::Springs { .. } => {}
-        Law::Fem { .. } => return Ok(law),
+        Law::Springs { .. } => springs(),
+        Law::Fem { .. } => Ok(law),
         Law::Hyperelastic(_) => {
             let why = "a hyperelastic law (the default is \"neo_hookean\") has one element, of mean dilatation; others belong to law = \
                        \"corotational\" or \"linear\"";
             scene.needless("element", &raw.element, why)?;
-            return Ok(law);
+            Ok(law)
         }
     }
-    let why = "law = \"springs\" asks for it";
-    Ok(Law::Springs {
-        stiffness: Some(scene.required("spring_stiffness_n_m", stiffness, table.clone(), why)?),
-        damping: scene.required("spring_damping_n_s_m", damping, table, why)?,
-    })
 }
 
 /// Reads `start` and its keys.
@@ -293,13 +294,12 @@ fn layer(
 ) -> Result<Layer> {
     let (at, raw) = (table.span.clone(), table.keys);
     let constants = match law {
-        Law::Fem { .. } => hyperelastic::linear(scene, &raw, table.span, [false; 2])?,
+        Law::Fem { .. } => hyperelastic::linear(scene, &raw, table.span, false)?,
         Law::Hyperelastic(material) => hyperelastic::constants(scene, &raw, *material, table.span)?,
-        Law::Springs { stiffness, .. } => {
+        Law::Springs { .. } => {
             let why = "springs are at rest where the scene puts them; pre-strain belongs to hexahedra";
             scene.needless("pre_strain", &raw.pre_strain, why)?;
-            // without a stiffness springs are fitted to the modulus
-            hyperelastic::linear(scene, &raw, table.span, [stiffness.is_some(), true])?
+            hyperelastic::linear(scene, &raw, table.span, true)?
         }
     };
     let fibres = hyperelastic::fibres(scene, &raw, law)?;

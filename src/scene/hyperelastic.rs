@@ -76,27 +76,22 @@ pub(super) struct Constants {
     pub second_share: f64,
 }
 
-/// Young's modulus and Poisson's ratio of a layer, each of which may be missing where it is `optional`.
-pub(super) fn linear(
-    scene: &SceneText,
-    raw: &raw::Layer,
-    table: Range<usize>,
-    optional: [bool; 2],
-) -> Result<Constants> {
+/// Young's modulus and Poisson's ratio of a layer.
+pub(super) fn linear(scene: &SceneText, raw: &raw::Layer, table: Range<usize>, springs: bool) -> Result<Constants> {
     let why = "it belongs to law = \"mooney_rivlin\"";
     for (key, value) in [("c10_kpa", &raw.c10_kpa), ("c01_kpa", &raw.c01_kpa), ("bulk_kpa", &raw.bulk_kpa)] {
         scene.needless(key, value, why)?;
     }
     let why = "this law asks for it in each layer";
     let young = match &raw.young_kpa {
-        None if optional[0] => 0.0,
+        None if springs => 0.0,
         value => {
             let value = scene.required("young_kpa", value.clone(), table.clone(), why)?;
             scene.number("young_kpa", &value, KPA, Bound::Positive)?
         }
     };
     let poisson = match &raw.poisson {
-        None if optional[1] => 0.0,
+        None if springs => 0.0,
         value => {
             let value = scene.required("poisson", value.clone(), table, why)?;
             let ratio = *value.get_ref();
@@ -117,7 +112,7 @@ pub(super) fn constants(
     table: Range<usize>,
 ) -> Result<Constants> {
     match material {
-        Material::NeoHookean | Material::Holzapfel => linear(scene, raw, table, [false; 2]),
+        Material::NeoHookean | Material::Holzapfel => linear(scene, raw, table, false),
         Material::MooneyRivlin => {
             let why = "law = \"mooney_rivlin\" has c10_kpa, c01_kpa and bulk_kpa in its place";
             scene.needless("young_kpa", &raw.young_kpa, why)?;
@@ -194,7 +189,7 @@ pub(super) fn fibres(scene: &SceneText, raw: &raw::Layer, law: &Law) -> Result<F
 
 /// All laws by name; those of small strain with the given element.
 pub(super) fn laws(element: Element) -> Vec<(&'static str, Law)> {
-    let springs = Law::Springs { stiffness: None, damping: 0.0 };
+    let springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
     let of = |corotational| Law::Fem { element, corotational };
     let hyperelastic = MATERIALS.map(|(word, material)| (word, Law::Hyperelastic(material)));
     let others = [("corotational", of(true)), ("linear", of(false)), ("springs", springs)];

@@ -386,8 +386,8 @@ pub enum Law {
     Hyperelastic(Material),
     /// Springs between all pairs of nodes of a cell, or along the edges of a mesh, as in SOFA's MeshSpringForceField.
     Springs {
-        /// N/m; of a mesh none where it is fitted to the layers' moduli ([`crate::bodies::springs`]).
-        stiffness: Option<f64>,
+        /// N/m
+        stiffness: f64,
         /// N·s/m
         damping: f64,
     },

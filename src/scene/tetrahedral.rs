@@ -182,6 +182,15 @@ impl TetrahedralMesh {
         self.tetrahedra[e].map(|id| self.nodes[id as usize])
     }
 
+    /// Corners of the tetrahedra around some nodes, both in ascending order.
+    pub fn nodes_around(&self, nodes: &[u32]) -> Vec<u32> {
+        let around = |corners: &&[u32; 4]| corners.iter().any(|node| nodes.binary_search(node).is_ok());
+        let mut all: Vec<u32> = self.tetrahedra.iter().filter(around).flatten().copied().collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
     /// Volume of a tetrahedron, m³.
     pub fn volume(&self, e: usize) -> f64 {
         Shape::of(self.corners(e)).volume

@@ -70,7 +70,7 @@ impl Settings {
         for skin in &mut scene.skins {
             skin.layers.iter_mut().for_each(|layer| layer.young *= self.stiffness);
             if let Law::Springs { stiffness, .. } = &mut skin.law {
-                stiffness.iter_mut().for_each(|stiffness| *stiffness *= self.stiffness);
+                *stiffness *= self.stiffness;
             }
         }
         scene.inclusions.iter_mut().for_each(|inclusion| inclusion.young *= self.stiffness);

@@ -83,7 +83,10 @@ impl Prepared {
             }
             ProbeKind::Reaction { region, .. } => {
                 self.nodes = body.nodes_in(region);
-                self.read = corners(&mut self.nodes.iter().flat_map(|node| parts.cells_of(*node as usize)));
+                self.read = match body.model.unstructured() {
+                    Some(of) => of.mesh.nodes_around(&self.nodes),
+                    None => corners(&mut self.nodes.iter().flat_map(|node| parts.cells_of(*node as usize))),
+                };
             }
             ProbeKind::Pressure { region, .. } => {
                 self.nodes = body.nodes_in(region);

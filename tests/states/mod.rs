@@ -9,6 +9,7 @@ pub const SCENES: &[(&str, usize, usize)] = &[
     ("incision", 37, 44),
     ("dental_probe", 22, 34),
     ("skin_springs", 35, 40),
+    ("skin_springs_tetra", 55, 62),
     ("verify/stack_five_soft", 3, 6),
     ("hard/press_50kpa", 2, 5),
 ];
@@ -27,10 +28,13 @@ fn probed(scene: &mut Scene) {
         ProbeKind::Displacement { body, point, axis },
         ProbeKind::MeanDisplacement { body, region: Region::Top, axis },
         ProbeKind::Reaction { body, region: Region::All, axis },
-        ProbeKind::Strain { body, point, component },
         ProbeKind::VolumeChange { body },
         ProbeKind::CentreOfMass { of: BodyId::Deformable(body), axis },
     ];
+    // a mesh of springs has no strain at a point
+    if scene.skins[body].mesh.is_none() {
+        kinds.push(ProbeKind::Strain { body, point, component });
+    }
     if scene.contact.is_some() {
         kinds.push(ProbeKind::Pressure { body, region: Region::Top });
     }
