@@ -9,7 +9,7 @@ use crate::mesh::Face;
 use crate::output::{Failed, replace};
 use crate::scene::{Scene, Tool};
 use crate::step::{Body, Simulation, StepReport};
-use crate::view::{self, Camera, Image, Outline, Paint, Renderer, Surface};
+use crate::view::{self, Camera, Effort, Image, Outline, Paint, Renderer, Surface};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -250,7 +250,7 @@ impl Painter {
     pub fn new(scene: &Scene, simulation: &Simulation) -> Self {
         let renderer = |(device, queue): (wgpu::Device, wgpu::Queue)| {
             let largest = device.limits().max_texture_dimension_2d;
-            scene.view.size.iter().all(|side| *side <= largest).then(|| Renderer::new(device, queue))
+            scene.view.size.iter().all(|side| *side <= largest).then(|| Renderer::new(device, queue, Effort::Full))
         };
         Self(simulation.gpu().map(|gpu| gpu.handles()).and_then(renderer))
     }

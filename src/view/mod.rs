@@ -21,7 +21,7 @@ mod shade;
 pub use font::strokes;
 pub use map::{VIRIDIS, color_of};
 pub use overlay::{ColorBar, caption, color_bar};
-pub use picture::{Clip, Drawn, Renderer};
+pub use picture::{Clip, Drawn, Effort, Renderer};
 pub use raster::NoMemory;
 
 use crate::error::Result;

@@ -82,24 +82,48 @@ struct Target {
 pub struct Renderer {
     device: wgpu::Device,
     queue: wgpu::Queue,
+    effort: Effort,
     sky: wgpu::RenderPipeline,
-    surface: wgpu::RenderPipeline,
+    /// Where a plane clips, and where none does.
+    surfaces: [wgpu::RenderPipeline; 2],
     line: wgpu::RenderPipeline,
-    cast: wgpu::RenderPipeline,
+    casts: [wgpu::RenderPipeline; 2],
     frame: wgpu::Buffer,
     frame_group: wgpu::BindGroup,
     shadow: wgpu::TextureView,
     shadow_group: wgpu::BindGroup,
     corners: Array,
+    /// Number of those that cast a shadow, which come first.
+    casting: u32,
     strokes: Array,
     /// `[corner]` of what casts shadows, m, for the box of their map
     points: Vec<Vec3>,
     target: Option<Target>,
 }
 
+/// What a picture may cost.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Effort {
+    /// The rasteriser's light.
+    #[default]
+    Full,
+    /// Shadows of fewer cells with sharper edges, for pictures on the processor's cores beside a simulation.
+    Light,
+}
+
+impl Effort {
+    /// Cells along a side of the shadow map, and those of a shadow's edge to either side.
+    fn shadow(self) -> (u32, f32) {
+        match self {
+            Self::Full => (ShadowMap::CELLS as u32, 1.0),
+            Self::Light => (512, 0.0),
+        }
+    }
+}
+
 impl Renderer {
     /// Pipelines and arrays on a device; nothing is loaded yet.
-    pub fn new(device: wgpu::Device, queue: wgpu::Queue) -> Self {
+    pub fn new(device: wgpu::Device, queue: wgpu::Queue, effort: Effort) -> Self {
         let [frame_layout, shadow_layout] = layouts(&device);
         let frame = device.create_buffer(&wgpu::BufferDescriptor {
             label: Some("frame"),
@@ -112,7 +136,7 @@ impl Renderer {
             layout: &frame_layout,
             entries: &[wgpu::BindGroupEntry { binding: 0, resource: frame.as_entire_binding() }],
         });
-        let side = ShadowMap::CELLS as u32;
+        let (side, _) = effort.shadow();
         let usage = wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
         let shadow = texture(&device, "shadow", [side, side], 1, DEPTH, usage).create_view(&Default::default());
         let nearest = device.create_sampler(&wgpu::SamplerDescriptor {
@@ -134,10 +158,11 @@ impl Renderer {
         let make = Maker::new(&device, [&frame_layout, &shadow_layout]);
         let (corners, strokes) = (array(&device, "corners", &[]), array(&device, "strokes", &[]));
         Self {
+            effort,
             sky: make.sky(),
-            surface: make.surface(),
+            surfaces: make.surfaces(),
             line: make.line(),
-            cast: make.cast(),
+            casts: make.casts(),
             device,
             queue,
             frame,
@@ -145,6 +170,7 @@ impl Renderer {
             shadow,
             shadow_group,
             corners,
+            casting: 0,
             strokes,
             points: vec![],
             target: None,
@@ -154,15 +180,18 @@ impl Renderer {
     /// Takes what is drawn from now on; returns the number of triangles skipped because a corner is non-finite or not there. Nothing of the
     /// input is kept.
     pub fn load(&mut self, drawn: &Drawn) -> usize {
-        let (mut corners, mut strokes, mut skipped) = (vec![], vec![], 0);
+        let (mut corners, mut strokes, mut skipped, mut casting) = (vec![], vec![], 0, 0);
         for (surfaces, kind) in [(drawn.clipped, CLIPPED), (drawn.whole, WHOLE), (drawn.in_front, IN_FRONT)] {
             for surface in surfaces {
                 skipped += add(surface, kind, &mut corners);
                 add_lines(surface, kind, &mut strokes);
             }
+            if kind != IN_FRONT {
+                casting = corners.len();
+            }
         }
-        let casts = corners.iter().filter(|corner: &&Corner| corner.material[1] != IN_FRONT);
-        self.points = casts.map(|corner| Vec3::from(corner.x)).collect();
+        self.casting = casting as u32;
+        self.points = corners[..casting].iter().map(|corner: &Corner| Vec3::from(corner.x)).collect();
         fill(&self.device, &self.queue, &mut self.corners, "corners", &corners);
         fill(&self.device, &self.queue, &mut self.strokes, "strokes", &strokes);
         skipped
@@ -185,7 +214,8 @@ impl Renderer {
         self.queue.write_buffer(&self.frame, 0, bytemuck::bytes_of(&frame));
         let mut encoder =
             self.device.create_command_encoder(&wgpu::CommandEncoderDescriptor { label: Some("picture") });
-        let corners = if view.is_some() { self.corners.count } else { 0 };
+        let (corners, casting) = if view.is_some() { (self.corners.count, self.casting) } else { (0, 0) };
+        let whole = usize::from(clip.is_none());
         let strokes = if view.is_some() { self.strokes.count } else { 0 };
         // what is nearest to the first light
         {
@@ -194,10 +224,10 @@ impl Renderer {
                 depth_stencil_attachment: Some(cleared(&self.shadow)),
                 ..Default::default()
             });
-            pass.set_pipeline(&self.cast);
+            pass.set_pipeline(&self.casts[whole]);
             pass.set_bind_group(0, &self.frame_group, &[]);
             pass.set_vertex_buffer(0, self.corners.raw.slice(..));
-            pass.draw(0..corners, 0..1);
+            pass.draw(0..casting, 0..1);
         }
         // background, surfaces, lines on them
         {
@@ -217,7 +247,7 @@ impl Renderer {
             pass.set_bind_group(1, &self.shadow_group, &[]);
             pass.set_pipeline(&self.sky);
             pass.draw(0..3, 0..1);
-            pass.set_pipeline(&self.surface);
+            pass.set_pipeline(&self.surfaces[whole]);
             pass.set_vertex_buffer(0, self.corners.raw.slice(..));
             pass.draw(0..corners, 0..1);
             pass.set_pipeline(&self.line);
@@ -252,7 +282,8 @@ impl Renderer {
         }
         let side = (high - low).truncate().max_element().max(f32::MIN_POSITIVE);
         let deep = (high.z - low.z).max(f32::MIN_POSITIVE);
-        let cells = ShadowMap::CELLS as f32;
+        let (cells, around) = self.effort.shadow();
+        let cells = cells as f32;
         let map = |k: usize| map_axes[k].extend(low[k]).to_array();
         let clip = clip
             .map_or([0.0, 0.0, 0.0, -1.0], |Clip { normal: [x, y, z], offset }| [x, y, z, offset].map(|v| v as f32));
@@ -262,7 +293,7 @@ impl Renderer {
             forward: axis(2),
             eye: eye.extend(0.0).to_array(),
             lens: [up * height / width, up, near, LINE_DEPTH_SHARE as f32],
-            size: [width, height, FRONT, 0.0],
+            size: [width, height, FRONT, around],
             clip,
             lights: lights.map(|(to, bright)| to.extend(bright).to_array()),
             ambient: [AMBIENT[0], AMBIENT[1], BACKGROUND[0], BACKGROUND[1]],

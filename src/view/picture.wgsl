@@ -8,7 +8,7 @@ struct Frame {
     forward: vec4<f32>,
     eye: vec4<f32>,           // m
     lens: vec4<f32>,          // x and y of the picture per x/z and y/z, near plane, m, share by which lines are nearer
-    size: vec4<f32>,          // width, height, pixels; share by which what is in front is nearer
+    size: vec4<f32>,          // width, height, pixels; share by which what is in front is nearer; cells of a shadow's edge to either side
     clip: vec4<f32>,          // what is clipped remains where clip.xyz · x ≥ clip.w, m
     lights: array<vec4<f32>, 3>, // direction to the light, view space, and brightness; the first casts shadows
     ambient: vec4<f32>,       // from above, from below; background at the top, at the bottom
@@ -80,10 +80,14 @@ fn cast_vertex(@location(0) x: vec3<f32>, @location(3) material: vec2<f32>) -> C
 
 @fragment
 fn cast_shadow(in: Cast) {
-    if is_clipped(in.world, in.kind) || in.kind == 2.0 {
+    if is_clipped(in.world, in.kind) {
         discard;
     }
 }
+
+// where no plane clips: without a discard, depths are tested before the fragments are shaded
+@fragment
+fn cast_whole(in: Cast) {}
 
 // ------------------------------------------------------------------ surfaces
 
@@ -112,19 +116,21 @@ fn surface_vertex(
     return Corner(at, p, n, color, x, material);
 }
 
-// Fraction of the first light that reaches a point; a shadow's edge is three cells wide.
+// Fraction of the first light that reaches a point; a shadow's edge is three cells wide, or one.
 fn lit(p: vec3<f32>, normal: vec3<f32>) -> f32 {
     let at = to_map(p + normal * (2.0 * frame.map_scale.w));
     let cell = 1.0 / frame.map_scale.z;
+    let around = i32(frame.size.w);
     var sum = 0.0;
-    for (var row = -1; row <= 1; row++) {
-        for (var column = -1; column <= 1; column++) {
+    for (var row = -around; row <= around; row++) {
+        for (var column = -around; column <= around; column++) {
             let offset = vec2<f32>(f32(column), f32(row)) * cell;
             sum += textureSampleCompareLevel(shadow, nearest, at.xy + offset, at.z);
         }
     }
     let inside = all(at.xy > vec2<f32>(cell)) && all(at.xy < vec2<f32>(1.0 - 3.0 * cell));
-    return select(1.0, sum / 9.0, inside);
+    let side = f32(2 * around + 1);
+    return select(1.0, sum / (side * side), inside);
 }
 
 // Brightness of the surroundings in a mirror: a light ceiling, a darker floor, a soft lamp.
@@ -139,6 +145,16 @@ fn surface(in: Corner) -> @location(0) vec4<f32> {
     if is_clipped(in.world, in.material.y) {
         discard;
     }
+    return shaded(in, across);
+}
+
+@fragment
+fn surface_whole(in: Corner) -> @location(0) vec4<f32> {
+    return shaded(in, cross(dpdx(in.x), dpdy(in.x)));
+}
+
+// Colour of a point of a face whose normal is along `across`.
+fn shaded(in: Corner, across: vec3<f32>) -> vec4<f32> {
     let ray = normalize(in.x);
     var face = select(normalize(across), -ray, dot(across, across) == 0.0);
     face = select(face, -face, dot(face, ray) > 0.0);

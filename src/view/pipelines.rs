@@ -141,10 +141,15 @@ impl<'a> Maker<'a> {
         })
     }
 
-    pub(super) fn surface(&self) -> wgpu::RenderPipeline {
+    /// Where a plane clips, and where none does.
+    pub(super) fn surfaces(&self) -> [wgpu::RenderPipeline; 2] {
+        ["surface", "surface_whole"].map(|fragment| self.surface(fragment))
+    }
+
+    fn surface(&self, fragment: &'static str) -> wgpu::RenderPipeline {
         self.pipeline(Kind {
             vertex: "surface_vertex",
-            fragment: "surface",
+            fragment,
             buffer: Some(of_corners(&CORNER)),
             compare: wgpu::CompareFunction::Greater,
             writes_depth: true,
@@ -153,10 +158,15 @@ impl<'a> Maker<'a> {
         })
     }
 
-    pub(super) fn cast(&self) -> wgpu::RenderPipeline {
+    /// As [`Maker::surfaces`].
+    pub(super) fn casts(&self) -> [wgpu::RenderPipeline; 2] {
+        ["cast_shadow", "cast_whole"].map(|fragment| self.cast(fragment))
+    }
+
+    fn cast(&self, fragment: &'static str) -> wgpu::RenderPipeline {
         self.pipeline(Kind {
             vertex: "cast_vertex",
-            fragment: "cast_shadow",
+            fragment,
             buffer: Some(of_corners(&CAST)),
             compare: wgpu::CompareFunction::Greater,
             writes_depth: true,

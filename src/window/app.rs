@@ -14,7 +14,7 @@ use crate::output::{Failed, replace};
 use crate::report::frames::{Look, camera, with_surfaces};
 use crate::session::audience::trajectory;
 use crate::session::{Command, Motion, Values};
-use crate::view::{self, Clip, ColorBar, Drawn, Image, Outline, Paint, Renderer, Surface, color_of};
+use crate::view::{self, Clip, ColorBar, Drawn, Effort, Image, Outline, Paint, Renderer, Surface, color_of};
 use eframe::egui::{self, Color32, Key, PointerButton, Rect, Sense, Ui, Vec2, ViewportCommand};
 use eframe::egui_wgpu::RenderState;
 use eframe::{CreationContext, wgpu};
@@ -22,11 +22,14 @@ use glam::{DVec2, DVec3};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::mpsc::SyncSender;
+use std::time::{Duration, Instant};
 
 /// Width of the panel, points.
 const PANEL: f32 = 350.0;
 /// Depth of a tool per point of the wheel's way, m: a notch is a tenth of a millimetre or so.
 const DEPTH: f64 = 2e-6;
+/// Time between two pictures that the processor's own cores draw beside the simulation, in that of the last picture.
+const REST: u32 = 3;
 /// Angle of a tool per press of Q or E, rad.
 const TURN: f64 = 0.05;
 /// Most points of a tip's way.
@@ -79,6 +82,10 @@ pub struct App {
     filming: Option<Filming>,
     /// Another picture was drawn than the one that was filmed last.
     drawn: bool,
+    /// The adapter is the processor.
+    on_cores: bool,
+    /// Size of the picture in the window, pixels.
+    whole: [u32; 2],
     #[cfg(feature = "gamepad")]
     pad: Option<Pad>,
     #[cfg(feature = "gamepad")]
@@ -105,12 +112,16 @@ impl App {
         let mut state = State::new(start.sender);
         #[cfg(feature = "gamepad")]
         let pad = Pad::new().map_err(|words| state.say(words)).ok();
+        let on_cores = device.adapter.get_info().device_type == wgpu::DeviceType::Cpu;
+        let effort = if on_cores { Effort::Light } else { Effort::Full };
         Ok(Self {
+            on_cores,
+            whole: [1; 2],
             #[cfg(feature = "gamepad")]
             pad,
             #[cfg(feature = "gamepad")]
             pad_cuts: false,
-            renderer: Renderer::new(device.device.clone(), device.queue.clone()),
+            renderer: Renderer::new(device.device.clone(), device.queue.clone(), effort),
             link: start.link,
             state,
             device,
@@ -210,6 +221,15 @@ impl App {
         self.seen = None;
     }
 
+    /// Size of the next picture: half of the window's on the processor's own cores while they simulate, or are filmed.
+    fn fitting(&self, whole: [u32; 2]) -> [u32; 2] {
+        let playing = self.state.shot.as_ref().is_some_and(|shot| shot.figures.playing);
+        match self.on_cores && (playing || self.state.films) {
+            true => whole.map(|side| side.div_ceil(2)),
+            false => whole,
+        }
+    }
+
     /// Draws the picture if it is not the one that is there.
     fn draw(&mut self, size: [u32; 2]) {
         let Some(orbit) = self.orbit else { return };
@@ -225,7 +245,14 @@ impl App {
             return;
         }
         let resized = self.seen.is_none_or(|seen| seen.size != size) || self.texture.is_none();
+        let begun = Instant::now();
         let view = self.renderer.draw(&orbit.camera(), size, clip);
+        let mut rest = Duration::ZERO;
+        if self.on_cores {
+            // what fails here fails again where the picture is shown, and is said there
+            self.device.device.poll(wgpu::PollType::wait_indefinitely()).ok();
+            rest = REST * begun.elapsed();
+        }
         if resized {
             let egui = &mut *self.device.renderer.write();
             let filter = wgpu::FilterMode::Linear;
@@ -236,7 +263,7 @@ impl App {
         }
         self.seen = Some(wanted);
         self.drawn = true;
-        self.link.is_drawn();
+        self.link.is_drawn(rest);
     }
 
     /// The picture, what lies on it, and the mouse over it.
@@ -245,6 +272,8 @@ impl App {
         let dots = ui.ctx().pixels_per_point();
         let largest = self.device.device.limits().max_texture_dimension_2d as f32;
         let size = [rect.width(), rect.height()].map(|side| (side * dots).round().clamp(1.0, largest) as u32);
+        self.whole = size;
+        let size = self.fitting(size);
         self.draw(size);
         self.film(size);
         if let Some(texture) = self.texture {
@@ -353,6 +382,7 @@ impl App {
 
     /// Saves the picture.
     fn save(&mut self) {
+        self.draw(self.whole);
         let saved = self.pictured().and_then(|image| {
             let path = free_name(&self.folder, "view", "png");
             let bytes = view::png(&image).map_err(|source| Failed::Write { path: path.clone(), source })?;

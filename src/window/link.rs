@@ -9,6 +9,7 @@ use eframe::egui;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Receiver;
 use std::sync::{Arc, Mutex, OnceLock};
+use std::time::{Duration, Instant};
 
 /// A state to draw.
 pub struct Shot {
@@ -42,7 +43,8 @@ pub struct Link {
     shot: Mutex<Option<Box<Shot>>>,
     begun: Mutex<Option<Begun>>,
     words: Mutex<Vec<String>>,
-    drawn: AtomicBool,
+    /// Time from which the next state would be looked at; none while the last one is not drawn yet.
+    ready: Mutex<Option<Instant>>,
     pictures: AtomicU64,
     /// Bits of the scene's time, s.
     time: AtomicU64,
@@ -69,10 +71,10 @@ impl Link {
         std::mem::take(&mut *lock(&self.words))
     }
 
-    /// What was taken is drawn: the next state would be looked at.
-    pub fn is_drawn(&self) {
+    /// What was taken is drawn: the next state would be looked at after some time.
+    pub fn is_drawn(&self, after: Duration) {
         self.pictures.fetch_add(1, Ordering::Relaxed);
-        self.drawn.store(true, Ordering::Release);
+        *lock(&self.ready) = Some(Instant::now() + after);
     }
 
     /// Number of pictures drawn so far.
@@ -132,7 +134,7 @@ impl Audience for Screen {
     }
 
     fn is_ready(&self) -> bool {
-        self.link.drawn.load(Ordering::Acquire)
+        lock(&self.link.ready).is_some_and(|ready| ready <= Instant::now())
     }
 
     fn begin(&mut self, scene: &Scene, held: &[bool]) {
@@ -154,7 +156,7 @@ impl Audience for Screen {
             figures: shown.figures,
         };
         self.link.time.store(shot.figures.time_s.to_bits(), Ordering::Relaxed);
-        self.link.drawn.store(false, Ordering::Release);
+        *lock(&self.link.ready) = None;
         // the old one is dropped without the lock
         let old = lock(&self.link.shot).replace(Box::new(shot));
         drop(old);
@@ -179,7 +181,6 @@ mod tests {
     use crate::session::{self, Motion};
     use crate::step::Platform;
     use std::sync::mpsc::sync_channel;
-    use std::time::{Duration, Instant};
 
     #[test]
     fn a_window_that_draws_nothing_holds_no_step_up() {
@@ -208,7 +209,7 @@ mod tests {
             let stands = shot("the pause");
             assert!(!stands.figures.playing && stands.figures.time_s > 4.5 * scene.time.step, "{:?}", stands.figures);
             // drawn: the next one comes
-            link.is_drawn();
+            link.is_drawn(Duration::ZERO);
             sender.send((0, Command::Play)).expect("a session that listens");
             assert!(shot("the next").figures.time_s > stands.figures.time_s);
             interrupt.store(true, Ordering::Release);

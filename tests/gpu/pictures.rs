@@ -5,7 +5,7 @@ use cutis::gpu::Gpu;
 use cutis::report::frames::{Look, Painter, SkinSurface, camera, tool_positions, with_surfaces};
 use cutis::scene::{Scene, incision};
 use cutis::step::{Platform, Simulation};
-use cutis::view::{Camera, Clip, Drawn, Image, Renderer, Surface, render};
+use cutis::view::{Camera, Clip, Drawn, Effort, Image, Renderer, Surface, render};
 use glam::DVec3;
 
 type Test = fn(&Gpu) -> Result<(), Failure>;
@@ -45,7 +45,7 @@ fn cut() -> Result<(Scene, Simulation), Failure> {
 /// Draws, off-screen.
 fn renderer(gpu: &Gpu) -> Result<Renderer, Failure> {
     let (_, (device, queue)) = gpu.adapter.request(&Default::default())?;
-    Ok(Renderer::new(device, queue))
+    Ok(Renderer::new(device, queue, Effort::Full))
 }
 
 /// What the rasteriser and the adapter draw of a state.
