@@ -90,7 +90,7 @@ fn an_irregular_mesh_passes_the_patch_test() {
         let mut scene = skin("coarse", element);
         scene.skins[0].law = Law::Fem { element, corotational };
         let model = model(&scene);
-        let outside = &model.grid.unstructured.as_ref().expect("a mesh").outside;
+        let outside = &model.grid.unstructured.as_ref().expect("a mesh").outside.faces;
         let mut inner = vec![true; model.rest.len()];
         outside.iter().flat_map(|face| face.corners().to_vec()).for_each(|node| inner[node as usize] = false);
         assert!(inner.contains(&true), "the coarse mesh has inner nodes");
@@ -267,14 +267,14 @@ fn faces_near_a_box_are_found_and_none_of_the_inside_is_without_one() {
         let found = boxes.faces(&surface, &near);
         // what has sunk to the middle of a tetrahedron is behind a face
         assert!(!found.is_empty(), "{centre}");
-        fewer += usize::from(2 * found.len() < of.outside.len());
+        fewer += usize::from(2 * found.len() < of.outside.faces.len());
         let meets = |face: &&Face| {
             let [a, b, c] = [0, 1, 2].map(|k| at(face.nodes[k]));
             let (low, high) = (a.min(b).min(c), a.max(b).max(c));
             (0..3).all(|n| low[n] <= centre[n] + 5e-4 && high[n] >= centre[n] - 5e-4)
         };
         let wide = boxes.faces(&surface, &area(centre, 5e-4));
-        assert!(of.outside.iter().filter(meets).all(|face| wide.contains(face)));
+        assert!(of.outside.faces.iter().filter(meets).all(|face| wide.contains(face)));
     }
     // the counter-test: the search leaves faces out
     assert!(10 * fewer > 9 * of.mesh.tetrahedra().len(), "{fewer}");

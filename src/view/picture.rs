@@ -72,7 +72,8 @@ struct Array {
 /// Textures of one size of picture.
 struct Target {
     size: [u32; 2],
-    samples: wgpu::TextureView,
+    /// What is resolved into the picture; none of one sample a pixel.
+    samples: Option<wgpu::TextureView>,
     depth: wgpu::TextureView,
     picture: wgpu::Texture,
     view: wgpu::TextureView,
@@ -107,11 +108,19 @@ pub enum Effort {
     /// The rasteriser's light.
     #[default]
     Full,
-    /// Shadows of fewer cells with sharper edges, for pictures on the processor's cores beside a simulation.
+    /// One sample a pixel, shadows of fewer cells with sharper edges: for pictures on the processor's cores beside a simulation.
     Light,
 }
 
 impl Effort {
+    /// Samples of a pixel.
+    fn samples(self) -> u32 {
+        match self {
+            Self::Full => SAMPLES,
+            Self::Light => 1,
+        }
+    }
+
     /// Cells along a side of the shadow map, and those of a shadow's edge to either side.
     fn shadow(self) -> (u32, f32) {
         match self {
@@ -155,7 +164,7 @@ impl Renderer {
                 wgpu::BindGroupEntry { binding: 1, resource: wgpu::BindingResource::Sampler(&nearest) },
             ],
         });
-        let make = Maker::new(&device, [&frame_layout, &shadow_layout]);
+        let make = Maker::new(&device, [&frame_layout, &shadow_layout], effort.samples());
         let (corners, strokes) = (array(&device, "corners", &[]), array(&device, "strokes", &[]));
         Self {
             effort,
@@ -207,7 +216,7 @@ impl Renderer {
         assert!(size.into_iter().all(|side| (1..=largest).contains(&side)), "a picture of {size:?}");
         let target = match self.target.take() {
             Some(target) if target.size == size => target,
-            _ => Target::new(&self.device, size),
+            _ => Target::new(&self.device, size, self.effort.samples()),
         };
         let view = View::new(camera, size[0] as usize, size[1] as usize);
         let frame = view.as_ref().map_or_else(|| blank(size), |view| self.frame_of(view, size, clip));
@@ -232,10 +241,13 @@ impl Renderer {
         // background, surfaces, lines on them
         {
             let color = wgpu::RenderPassColorAttachment {
-                view: &target.samples,
+                view: target.samples.as_ref().unwrap_or(&target.view),
                 depth_slice: None,
-                resolve_target: Some(&target.view),
-                ops: wgpu::Operations { load: wgpu::LoadOp::Clear(wgpu::Color::BLACK), store: wgpu::StoreOp::Discard },
+                resolve_target: target.samples.as_ref().map(|_| &target.view),
+                ops: wgpu::Operations {
+                    load: wgpu::LoadOp::Clear(wgpu::Color::BLACK),
+                    store: if target.samples.is_some() { wgpu::StoreOp::Discard } else { wgpu::StoreOp::Store },
+                },
             };
             let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
                 label: Some("picture"),
@@ -428,14 +440,15 @@ fn cleared(view: &wgpu::TextureView) -> wgpu::RenderPassDepthStencilAttachment<'
 }
 
 impl Target {
-    fn new(device: &wgpu::Device, size: [u32; 2]) -> Self {
+    fn new(device: &wgpu::Device, size: [u32; 2], samples: u32) -> Self {
         let drawn = wgpu::TextureUsages::RENDER_ATTACHMENT;
         let shown = drawn | wgpu::TextureUsages::TEXTURE_BINDING | wgpu::TextureUsages::COPY_SRC;
         let picture = texture(device, "picture", size, 1, FORMAT, shown);
         Self {
             size,
-            samples: texture(device, "samples", size, SAMPLES, FORMAT, drawn).create_view(&Default::default()),
-            depth: texture(device, "depth", size, SAMPLES, DEPTH, drawn).create_view(&Default::default()),
+            samples: (samples > 1)
+                .then(|| texture(device, "samples", size, samples, FORMAT, drawn).create_view(&Default::default())),
+            depth: texture(device, "depth", size, samples, DEPTH, drawn).create_view(&Default::default()),
             view: picture.create_view(&Default::default()),
             picture,
         }

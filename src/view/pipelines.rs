@@ -65,6 +65,7 @@ pub(super) fn layouts(device: &wgpu::Device) -> [wgpu::BindGroupLayout; 2] {
 pub(super) struct Maker<'a> {
     device: &'a wgpu::Device,
     module: wgpu::ShaderModule,
+    samples: u32,
     /// With shadows, and without.
     layouts: [wgpu::PipelineLayout; 2],
 }
@@ -82,7 +83,7 @@ struct Kind<'a> {
 }
 
 impl<'a> Maker<'a> {
-    pub(super) fn new(device: &'a wgpu::Device, [frame, shadow]: [&wgpu::BindGroupLayout; 2]) -> Self {
+    pub(super) fn new(device: &'a wgpu::Device, [frame, shadow]: [&wgpu::BindGroupLayout; 2], samples: u32) -> Self {
         let source = wgpu::ShaderSource::Wgsl(WGSL.into());
         let module = device.create_shader_module(wgpu::ShaderModuleDescriptor { label: Some("picture"), source });
         let layout = |layouts: &[Option<&wgpu::BindGroupLayout>]| {
@@ -93,7 +94,7 @@ impl<'a> Maker<'a> {
             })
         };
         let layouts = [layout(&[Some(frame), Some(shadow)]), layout(&[Some(frame)])];
-        Self { device, module, layouts }
+        Self { device, module, samples, layouts }
     }
 
     fn pipeline(&self, kind: Kind) -> wgpu::RenderPipeline {
@@ -117,7 +118,10 @@ impl<'a> Maker<'a> {
                 stencil: wgpu::StencilState::default(),
                 bias: wgpu::DepthBiasState::default(),
             }),
-            multisample: wgpu::MultisampleState { count: if kind.casts { 1 } else { SAMPLES }, ..Default::default() },
+            multisample: wgpu::MultisampleState {
+                count: if kind.casts { 1 } else { self.samples },
+                ..Default::default()
+            },
             fragment: Some(wgpu::FragmentState {
                 module: &self.module,
                 entry_point: Some(kind.fragment),

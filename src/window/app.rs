@@ -82,8 +82,11 @@ pub struct App {
     filming: Option<Filming>,
     /// Another picture was drawn than the one that was filmed last.
     drawn: bool,
-    /// The adapter is the processor.
-    on_cores: bool,
+    /// Where the adapter is the processor: for pictures beside the simulation.
+    light: Option<Renderer>,
+    is_light: bool,
+    /// The texture in the window is not of the picture that is drawn next.
+    texture_is_old: bool,
     /// Size of the picture in the window, pixels.
     whole: [u32; 2],
     #[cfg(feature = "gamepad")]
@@ -113,15 +116,17 @@ impl App {
         #[cfg(feature = "gamepad")]
         let pad = Pad::new().map_err(|words| state.say(words)).ok();
         let on_cores = device.adapter.get_info().device_type == wgpu::DeviceType::Cpu;
-        let effort = if on_cores { Effort::Light } else { Effort::Full };
+        let renderer = |effort| Renderer::new(device.device.clone(), device.queue.clone(), effort);
         Ok(Self {
-            on_cores,
+            light: on_cores.then(|| renderer(Effort::Light)),
+            is_light: false,
+            texture_is_old: true,
+            renderer: renderer(Effort::Full),
             whole: [1; 2],
             #[cfg(feature = "gamepad")]
             pad,
             #[cfg(feature = "gamepad")]
             pad_cuts: false,
-            renderer: Renderer::new(device.device.clone(), device.queue.clone(), effort),
             link: start.link,
             state,
             device,
@@ -211,7 +216,7 @@ impl App {
         };
         let forces = plain(&arrows.positions, &arrows.triangles, &blue, &[]);
         let way = plain(&self.way, &[], &[], &outlines);
-        let renderer = &mut self.renderer;
+        let renderer = if self.is_light { self.light.as_mut() } else { None }.unwrap_or(&mut self.renderer);
         with_surfaces(&begun.scene, &shot.skin, &shot.tools, &look, |bodies, tools| {
             let in_front = if shows.way { &[forces, way][..] } else { &[forces] };
             // the plane's own surface is not clipped by it
@@ -221,12 +226,18 @@ impl App {
         self.seen = None;
     }
 
-    /// Size of the next picture: half of the window's on the processor's own cores while they simulate, or are filmed.
-    fn fitting(&self, whole: [u32; 2]) -> [u32; 2] {
+    /// Size of the next picture: half of the window's each way, lightly drawn, on the processor's own cores while they simulate or film.
+    fn fitting(&mut self, whole: [u32; 2]) -> [u32; 2] {
         let playing = self.state.shot.as_ref().is_some_and(|shot| shot.figures.playing);
-        match self.on_cores && (playing || self.state.films) {
-            true => whole.map(|side| side.div_ceil(2)),
-            false => whole,
+        self.draw_lightly(self.light.is_some() && (playing || self.state.films));
+        if self.is_light { whole.map(|side| side.div_ceil(2)) } else { whole }
+    }
+
+    /// Has the next pictures drawn lightly, or in full.
+    fn draw_lightly(&mut self, lightly: bool) {
+        if self.is_light != lightly {
+            self.is_light = lightly;
+            (self.loaded, self.texture_is_old) = (None, true);
         }
     }
 
@@ -244,11 +255,12 @@ impl App {
         if self.seen == Some(wanted) {
             return;
         }
-        let resized = self.seen.is_none_or(|seen| seen.size != size) || self.texture.is_none();
+        let resized = self.seen.is_none_or(|seen| seen.size != size) || self.texture_is_old;
         let begun = Instant::now();
-        let view = self.renderer.draw(&orbit.camera(), size, clip);
+        let renderer = if self.is_light { self.light.as_mut() } else { None }.unwrap_or(&mut self.renderer);
+        let view = renderer.draw(&orbit.camera(), size, clip);
         let mut rest = Duration::ZERO;
-        if self.on_cores {
+        if self.is_light {
             // what fails here fails again where the picture is shown, and is said there
             self.device.device.poll(wgpu::PollType::wait_indefinitely()).ok();
             rest = REST * begun.elapsed();
@@ -260,6 +272,7 @@ impl App {
                 Some(id) => egui.update_egui_texture_from_wgpu_texture(&self.device.device, view, filter, id),
                 None => self.texture = Some(egui.register_native_texture(&self.device.device, view, filter)),
             }
+            self.texture_is_old = false;
         }
         self.seen = Some(wanted);
         self.drawn = true;
@@ -372,7 +385,8 @@ impl App {
     /// The picture with its caption and bar.
     fn pictured(&self) -> Result<Image> {
         let caption = self.state.shot.as_ref().map(|shot| shot.caption.clone()).unwrap_or_default();
-        let mut image = self.renderer.read()?;
+        let renderer = if self.is_light { self.light.as_ref() } else { None }.unwrap_or(&self.renderer);
+        let mut image = renderer.read()?;
         view::caption(&mut image, &caption.iter().map(String::as_str).collect::<Vec<_>>());
         if let Some(bar) = &self.bar {
             view::color_bar(&mut image, bar);
@@ -382,6 +396,7 @@ impl App {
 
     /// Saves the picture.
     fn save(&mut self) {
+        self.draw_lightly(false);
         self.draw(self.whole);
         let saved = self.pictured().and_then(|image| {
             let path = free_name(&self.folder, "view", "png");
