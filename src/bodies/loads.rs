@@ -149,7 +149,10 @@ impl Model {
                     weights.iter().for_each(|(node, w)| (0..3).for_each(|n| out[*node as usize][n] += force[n] * w));
                     continue;
                 }
-                let (cell, natural) = self.grid.cell_at(at);
+                let (cell, natural) = match &self.grid.embedded {
+                    Some(_) => self.grid.present_at(at).unwrap_or_else(|| self.grid.cell_at(at)),
+                    None => self.grid.cell_at(at),
+                };
                 for (node, weight) in corners(cell).into_iter().zip(trilinear(natural)) {
                     (0..3).for_each(|n| out[node][n] += force[n] * weight);
                 }

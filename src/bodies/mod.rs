@@ -8,6 +8,7 @@
 mod anchors;
 mod counts;
 pub mod cpu;
+mod embedded;
 mod energy;
 pub mod gpu;
 pub mod grid;
@@ -45,6 +46,7 @@ use gpu::{Maker, Recorded};
 use grid::Hexahedra;
 use rayon::prelude::*;
 use springs::Springs;
+use std::collections::BTreeMap;
 use tetrahedra::Tetrahedra;
 
 /// Maximum number of layers: one uniform binding holds their element matrices (64 KiB in core WebGPU, 3 KiB each).
@@ -266,7 +268,7 @@ impl Model {
         if let Kind::Hexahedra(hexahedra) = &mut model.kind
             && let Some(law) = &mut hexahedra.hyperelastic
         {
-            law.include(&model.grid, &skin.layers);
+            law.fill(&model.grid, &skin.layers);
         }
         let anchors: Vec<Anchor> = scene.anchors.iter().filter(|a| a.body == body).cloned().collect();
         model.anchors = Anchors::new(&anchors, |anchor| model.grid.nodes_in(&anchor.region));
@@ -294,6 +296,7 @@ impl Model {
     fn without_arrays(scene: &Scene, body: usize) -> Result<Self> {
         let skin = &scene.skins[body];
         let grid = Grid::new(skin);
+        embedded::check(scene, body, &grid)?;
         // limits of uniform bindings and of 32-bit indices
         if skin.layers.len() > MAX_LAYERS {
             return Err(Refused::Layers { count: skin.layers.len() }.into());
@@ -351,10 +354,16 @@ impl Model {
         Ok(model)
     }
 
-    /// Masses of the nodes, all axes free: an eighth of each cell at each corner, a quarter of each tetrahedron of a mesh, or one uniform value.
+    /// Masses of the nodes, all axes free: an eighth of each cell at each corner, a quarter of each tetrahedron of a mesh, what an embedded surface
+    /// encloses, or one uniform value. Nodes without a present cell are fixed and have none.
     fn set_masses(&mut self, layers: &[Layer]) {
         let params = self.grid.params::<f64>();
         let count = self.own_nodes();
+        if let Some(embedded) = &self.grid.embedded {
+            let of_node = |mass: &f64| if *mass > 0.0 { [1.0, 1.0, 1.0, *mass] } else { [0.0; 4] };
+            self.free = embedded.mass.iter().map(of_node).collect();
+            return;
+        }
         self.free = vec![[1.0, 1.0, 1.0, 0.0]; count];
         for cell in 0..self.grid.cell_count() {
             let layer = self.grid.layer(cell);
@@ -443,9 +452,45 @@ impl Model {
         self.own_nodes() + self.mechanics().extra_columns() * self.grid.nodes[2]
     }
 
+    /// Number of nodes and of points of an embedded surface, which are numbered after them.
+    pub fn point_count(&self) -> usize {
+        self.node_count() + self.grid.embedded.as_ref().map_or(0, |embedded| embedded.nodes.len())
+    }
+
+    /// `[point]` rest positions of the nodes, of the reserve of duplicates at 0, and of the points of an embedded surface, m.
+    pub fn rest_of_surface(&self) -> Vec<[f64; 3]> {
+        let mut all = self.rest.clone();
+        all.resize(self.node_count(), [0.0; 3]);
+        let points = self.grid.embedded.as_ref().map_or(&[][..], |embedded| embedded.surface.points());
+        all.extend(points.iter().map(|x| [0, 1, 2].map(|n| x[n] + self.position[n])));
+        all
+    }
+
+    /// A material point of the surface as nodes alone: a point of an embedded surface moves with those of its cell.
+    pub fn on_nodes(&self, point: MaterialPoint) -> MaterialPoint {
+        let Some(embedded) = &self.grid.embedded else { return point };
+        let first = self.node_count() as u32;
+        let mut sum: BTreeMap<u32, f64> = BTreeMap::new();
+        for (id, weight) in point.0 {
+            let own = if id < first { MaterialPoint::node(id) } else { embedded.point(id - first) };
+            own.0.into_iter().for_each(|(node, part)| *sum.entry(node).or_default() += weight * part);
+        }
+        MaterialPoint(sum.into_iter().collect())
+    }
+
     /// Number of cells inside the body's surface: of the grid, or tetrahedra of a mesh.
     pub fn cell_count(&self) -> usize {
         self.grid.unstructured.as_ref().map_or(self.grid.cell_count(), |of| of.mesh.tetrahedra().len())
+    }
+
+    /// Share of a cell's volume that belongs to the body: 1 but for cells that an embedded surface cuts.
+    pub fn grid_share(&self, cell: usize) -> f64 {
+        self.grid.share(cell)
+    }
+
+    /// True if a node is of a cell that was there from the start, or a duplicate.
+    pub fn is_used(&self, node: usize) -> bool {
+        node >= self.own_nodes() || self.grid.is_used(node)
     }
 
     /// Layer of a cell.
@@ -546,7 +591,8 @@ impl Model {
         let nodes = self.own_nodes() * 2 * size_of::<[f64; 3]>() + self.node_count() * size_of::<[f64; 4]>();
         let anchors = self.anchor_count() * (size_of::<u32>() + size_of::<f64>());
         let mesh = self.grid.unstructured.as_ref().map_or(0, |unstructured| unstructured.bytes());
-        (nodes + anchors + mesh + size_of_val(&self.shape[..]) + self.mechanics().host_bytes(self)) as u64
+        let embedded = self.grid.embedded.as_ref().map_or(0, |embedded| embedded.bytes());
+        (nodes + anchors + mesh + embedded + size_of_val(&self.shape[..]) + self.mechanics().host_bytes(self)) as u64
     }
 
     /// Number of nodes inside a region.
