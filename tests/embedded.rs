@@ -4,8 +4,8 @@ use cutis::bodies::Model;
 use cutis::math::random::Random;
 use cutis::mesh::{LINES, MaterialPoint, Surface};
 use cutis::scene::{
-    Anchor, BodyId, Boundary, ClosedSurface, Contact, Cut, Integrator, Law, Layer, Leak, Material, Pose, Preconditioner,
-    Probe, ProbeKind, Region, Round, Scene, Skin, Tool,
+    Anchor, BodyId, Boundary, ClosedSurface, Contact, Cut, Integrator, Law, Layer, Leak, Material, Pose,
+    Preconditioner, Probe, ProbeKind, Region, Round, Scene, Skin, Tool,
 };
 use cutis::step::{Platform, Simulation, StepReport};
 use std::collections::BTreeMap;
@@ -104,7 +104,8 @@ fn a_box_aslant_has_its_volume_and_cavities_are_left_out() {
     assert!((aslant.volume() / 48e-9 - 1.0).abs() < 1e-12);
     let of = |surface: &Arc<ClosedSurface>, cells| {
         let model = model(body(surface, cells, None));
-        model.grid.embedded.as_ref().expect("it is").share.iter().sum::<f64>() * model.shape[0][..3].iter().product::<f64>()
+        model.grid.embedded.as_ref().expect("it is").share.iter().sum::<f64>()
+            * model.shape[0][..3].iter().product::<f64>()
     };
     assert!((of(&aslant, [12, 10, 8]) / 48e-9 - 1.0).abs() < 2e-3, "{}", of(&aslant, [12, 10, 8]) / 48e-9);
     // a box in a box, turned inside out
@@ -160,7 +161,10 @@ fn forces_on_the_surface_do_the_work_that_they_do_on_the_nodes() {
         outside += [a, b, c].iter().zip(weights).map(|(id, w)| w * work(at(*id))).sum::<f64>();
         let on_nodes = |point: MaterialPoint| {
             let point = model.on_nodes(point);
-            assert!(point.nodes().all(|node| node < first) && (point.0.iter().map(|p| p.1).sum::<f64>() - 1.0).abs() < 1e-12);
+            assert!(
+                point.nodes().all(|node| node < first)
+                    && (point.0.iter().map(|p| p.1).sum::<f64>() - 1.0).abs() < 1e-12
+            );
             point.0.iter().map(|(node, w)| w * work(u[*node as usize])).sum::<f64>()
         };
         inside += on_nodes(MaterialPoint::of([a, b, c], weights));
@@ -179,15 +183,19 @@ fn forces_on_the_surface_do_the_work_that_they_do_on_the_nodes() {
     }
 }
 
-/// Runs a scene; the last step's report.
-fn run(scene: &Scene, platform: &Platform, steps: usize) -> StepReport {
+/// Runs a scene without a warning but this one; the last step's report.
+fn run_with(scene: &Scene, platform: &Platform, steps: usize, warning: &str) -> StepReport {
     let mut simulation = Simulation::new(scene, platform).unwrap_or_else(|e| panic!("{e}"));
     let mut last = StepReport::default();
     for _ in 0..steps {
         last = simulation.step(true).unwrap_or_else(|e| panic!("{e}"));
-        assert!(last.warnings.is_empty(), "{:?}", last.warnings);
+        assert!(last.warnings.keys().all(|key| *key == warning), "{:?}", last.warnings);
     }
     last
+}
+
+fn run(scene: &Scene, platform: &Platform, steps: usize) -> StepReport {
+    run_with(scene, platform, steps, "")
 }
 
 fn held(region: Region, axes: [bool; 3]) -> Boundary {
@@ -231,7 +239,9 @@ fn a_box_that_fills_its_grid_is_a_plain_body() {
     let wider = body(&exact, [10, 8, 4], Some([10e-3, 8e-3, 4e-3]));
     let own = body(&exact, [8, 6, 3], None);
     let plain = Skin { embedded: None, ..own.clone() };
-    for preconditioner in [Preconditioner::Multigrid, Preconditioner::Column, Preconditioner::Block, Preconditioner::Direct] {
+    for preconditioner in
+        [Preconditioner::Multigrid, Preconditioner::Column, Preconditioner::Block, Preconditioner::Direct]
+    {
         for newton in [false, true] {
             let answers = |skin: &Skin| {
                 let mut scene = block(skin.clone(), preconditioner);
@@ -362,9 +372,9 @@ fn a_beam_that_cuts_cells_in_half_bends_as_on_a_grid_of_its_own() {
         let edge = 1e-3 / f64::from(n);
         let plain = Skin { embedded: None, ..body(&beam, [16 * n, 4 * n, 4 * n], None) };
         // the beam stands on the bottom of its grid, so it is cut along y and at its top
-        let wide = body(&beam, [16 * n, 4 * n + 1, 4 * n + 1], Some([16e-3, 4e-3 + edge, 4e-3 + 1.0 * edge]));
-        let shifted = Skin { layers: vec![Layer { thickness: (4.0 * f64::from(n) + 1.0) * 0.9412 * edge, ..wide.layers[0].clone() }], ..wide };
-        all.push(bent(shifted, 2e-3) / bent(plain, 2e-3) - 1.0);
+        let height = 4e-3 * f64::from(4 * n + 1) / (f64::from(4 * n) + 0.5);
+        let cut = body(&beam, [16 * n, 4 * n + 1, 4 * n + 1], Some([16e-3, 4e-3 + edge, height]));
+        all.push(bent(cut, 2e-3) / bent(plain, 2e-3) - 1.0);
     }
     println!("beam: {all:?}");
     assert!(all[0].abs() < 0.25 && all[1].abs() < 0.1 && all[2].abs() < 0.05 && all[2].abs() < 0.4 * all[0].abs());
@@ -385,8 +395,10 @@ fn pad(count: u32, cells: [u32; 3]) -> Scene {
         trajectory: vec![pose(0.0, 11.1e-3), pose(0.1, 9.9e-3), pose(1.0, 9.9e-3)],
         ..Tool::default()
     });
-    scene.contact = Some(Contact { friction: 0.3, max_contacts: 200, alarm: 2e-4, ..Contact::default() });
-    scene.probes.push(Probe { name: "on".into(), kind: ProbeKind::Force { on: BodyId::Rigid(0), from: None, axis: 2 } });
+    scene.contact = Some(Contact { friction: 0.3, max_contacts: 1000, alarm: 2e-4, ..Contact::default() });
+    scene
+        .probes
+        .push(Probe { name: "on".into(), kind: ProbeKind::Force { on: BodyId::Rigid(0), from: None, axis: 2 } });
     scene.probes.push(displacement("low", [0.0, 0.0, 4e-3], 2));
     scene.probes.push(Probe { name: "held".into(), kind: ProbeKind::Reaction { body: 0, region: low, axis: 2 } });
     scene
@@ -397,17 +409,18 @@ fn a_ball_presses_an_embedded_pad_and_its_support_bears_it() {
     let steps = 60;
     let double = run(&pad(16, [16, 12, 8]), &Platform::Cpu64, steps);
     let [force, low, support] = double.probes[..] else { panic!("three probes") };
+    let count = 17 * 13 * 9; // nodes
+    let nodes = || double.contact.contacts.iter().map(|contact| &contact.points[1]);
+    assert!(nodes().all(|point| point.nodes().all(|node| node < count)) && nodes().any(|point| point.0.len() > 8));
     println!("force {force} N, middle {low} m, support {support} N, {} contacts", double.contact.contacts.len());
     let weight = DENSITY * 4.0 / 3.0 * std::f64::consts::PI * 8e-3 * 6e-3 * 4e-3 * 9.81;
     assert!(force > 0.05 && low < -1e-4);
     // action is reaction; the ball has come to rest
     assert!((support / (force + weight) - 1.0).abs() < 0.02, "{support} of {}", force + weight);
-    // f32, and another triangulation on the same grid
     let single = run(&pad(16, [16, 12, 8]), &Platform::Cpu32, steps).probes;
     let off = apart(&single, &double.probes);
-    let finer = run(&pad(24, [16, 12, 8]), &Platform::Cpu64, steps).probes;
-    println!("f32: {off:.1e}; finer triangles {finer:?}");
-    assert!(off < 1e-3 && (finer[0] / force - 1.0).abs() < 0.05);
+    println!("f32: {off:.1e}");
+    assert!(off < 1e-4);
 }
 
 #[test]
@@ -427,4 +440,197 @@ fn an_embedded_pad_goes_on_from_its_state() {
     };
     assert_eq!(bytes(&mut whole), bytes(&mut rest));
     assert_ne!(bytes(&mut whole), bytes(&mut first), "the counter-test");
+}
+
+/// A plain block and one embedded in a grid that it cuts in half at the sides and the top, pressed by a ball.
+#[test]
+fn a_ball_on_an_embedded_block_feels_the_block() {
+    let size = [16e-3, 12e-3, 8e-3];
+    let pressed = |skin: Skin| {
+        let mut scene = pad(8, [4, 4, 4]);
+        scene.skins = vec![skin];
+        scene.anchors.clear();
+        scene.boundaries.push(held(Region::Bottom, [true; 3]));
+        scene.probes.truncate(1);
+        let pose = |time, z| Pose { time, position: [0.0, 0.0, z], ..Pose::default() };
+        scene.tools[0].trajectory = vec![pose(0.0, 14.05e-3), pose(0.1, 13.0e-3), pose(1.0, 13.0e-3)];
+        scene.tools[0].round = Some(Round { radius: 6e-3, ends: [[0.0; 3]; 2] });
+        scene.tools[0].coupling.stiffness = 2e4;
+        // more rows than nodes, on either body
+        run_with(&scene, &Platform::Cpu64, 30, "contact_not_converged").probes[0]
+    };
+    let block = |count| surface(cuboid([0.0; 3], size, count));
+    let plain = |n: u32| pressed(Skin { embedded: None, ..body(&block(1), [16, 12, 8].map(|c| c * n), None) });
+    let wanted = [1, 2].map(plain);
+    let found = [1u32, 2].map(|n| {
+        let edge = 1e-3 / f64::from(n);
+        let beyond = [size[0] + edge, size[1] + edge, size[2] + 0.5 * edge];
+        pressed(body(&block(14 * n), [16 * n + 1, 12 * n + 1, 8 * n + 1], Some(beyond)))
+    });
+    let off = [0, 1].map(|k| found[k] / wanted[k] - 1.0);
+    println!("plain {wanted:?} N, embedded {found:?} N: {off:?}");
+    assert!(wanted[0] > 0.1 && off[0].abs() < 0.12 && off[1].abs() < 0.06);
+}
+
+/// A cushion: a box bent at its corners and its top.
+fn cushion([x, y, z]: [f64; 3]) -> [f64; 3] {
+    let low = 0.3 * (x * x + y * y - x * x * y * y);
+    [8e-3 * x * (1.0 - 0.3 * y * y).sqrt(), 6e-3 * y * (1.0 - 0.3 * x * x).sqrt(), 8e-3 * z * (1.0 - low)]
+}
+
+#[test]
+fn a_cushion_sags_like_its_tetrahedra() {
+    // tetrahedra of a bent grid, small strains
+    let bent = |n: u32| {
+        let layer = Layer { thickness: 1.0, cells: 3 * n, ..Layer::default() };
+        let raster =
+            Skin { size: [2.0; 2], cells: [4 * n, 4 * n], layers: vec![layer], cut: Cut::Remove, ..Skin::default() };
+        let grid = cutis::mesh::Grid::new(&raster);
+        let points: Vec<[f64; 3]> = (0..grid.node_count()).map(|node| cushion(grid.rest(node))).collect();
+        (points, grid.tetrahedra().into_iter().map(|(corners, _)| corners).collect::<Vec<_>>())
+    };
+    let sagged = |skin: Skin| {
+        let mut scene = Scene { skins: vec![skin], ..Scene::default() };
+        scene.time.integrator = Integrator::Static;
+        scene.time.gravity = [1.0, -0.5, -1.0];
+        (scene.solver.tolerance, scene.solver.floor) = (1e-9, 0.0);
+        if scene.skins[0].embedded.is_none() {
+            scene.solver.preconditioner = Preconditioner::Block;
+        }
+        scene.boundaries.push(held(Region::Bottom, [true; 3]));
+        scene.probes = (0..3).map(|axis| displacement("u", [1e-3, 0.5e-3, 6.5e-3], axis)).collect();
+        run(&scene, &Platform::Cpu64, 1).probes
+    };
+    let tetrahedra = |n: u32| {
+        let (points, corners) = bent(n);
+        let layers = vec![0; corners.len()];
+        let mesh = cutis::scene::TetrahedralMesh::new(points, corners, layers).unwrap_or_else(|e| panic!("{e}"));
+        let [x, y, _] = mesh.size();
+        let layer = Layer { thickness: 0.0, cells: 0, young: 50e3, poisson: 0.3, density: DENSITY, ..Layer::default() };
+        let law = Law::Fem { element: cutis::scene::Element::Tetra, corotational: true };
+        sagged(Skin {
+            size: [x, y],
+            cells: [0; 2],
+            layers: vec![layer],
+            mesh: Some(Arc::new(mesh)),
+            law,
+            cut: Cut::Remove,
+            ..Skin::default()
+        })
+    };
+    let wanted = tetrahedra(6);
+    let coarse = tetrahedra(3);
+    // the boundary of the finest tetrahedra in grids of cells of 2, 1 and 2/3 mm
+    let (points, corners) = bent(6);
+    let mut faces: BTreeMap<[u32; 3], Vec<[u32; 3]>> = BTreeMap::new();
+    for [a, b, c, d] in corners {
+        for face in [[b, c, d], [a, d, c], [a, b, d], [a, c, b]] {
+            let mut key = face;
+            key.sort_unstable();
+            faces.entry(key).or_default().push(face);
+        }
+    }
+    let outside = faces.into_values().filter(|same| same.len() == 1).map(|same| same[0]).collect();
+    let surface = surface((points, outside));
+    let apart = |u: &[f64]| [0, 1, 2].map(|n| u[n] / wanted[n] - 1.0);
+    let found = [1, 2, 3].map(|n| apart(&sagged(body(&surface, [8 * n, 6 * n, 4 * n], None))));
+    println!("tetrahedra half as fine {:?}; embedded {found:?}", apart(&coarse));
+    assert!(found[2].iter().all(|off| off.abs() < 0.03) && found[0].iter().all(|off| off.abs() < 0.1), "{found:?}");
+}
+
+#[test]
+fn an_embedded_body_rests_on_a_wall_and_on_another_body() {
+    let half = [4e-3, 3e-3, 2e-3];
+    let mut pebble = body(&ellipsoid(half, 10), [8, 6, 4], None);
+    (pebble.name, pebble.position) = ("pebble".into(), [0.2e-3, 0.1e-3, 0.0]);
+    pebble.rayleigh_mass = 20.0;
+    let weight = |simulation: &Simulation| simulation.bodies[0].wound.mass_of_nodes() * 9.81;
+    let falls = |other: Option<Skin>| {
+        let mut scene = Scene { skins: vec![pebble.clone()], ..Scene::default() };
+        scene.contact = Some(Contact { friction: 0.3, max_contacts: 200, alarm: 2e-4, ..Contact::default() });
+        let from = match other {
+            None => {
+                scene.planes.push(cutis::scene::Plane {
+                    name: "floor".into(),
+                    through: [0.0; 3],
+                    normal: [0.0, 0.0, 1.0],
+                });
+                BodyId::Plane(0)
+            }
+            Some(block) => {
+                scene.skins.push(block);
+                scene.boundaries.push(Boundary { body: 1, ..held(Region::Bottom, [true; 3]) });
+                BodyId::Deformable(1)
+            }
+        };
+        let kind = ProbeKind::Force { on: BodyId::Deformable(0), from: Some(from), axis: 2 };
+        scene.probes.push(Probe { name: "borne".into(), kind });
+        let mut simulation = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+        let mut last = StepReport::default();
+        for _ in 0..120 {
+            last = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
+        }
+        last.probes[0] / weight(&simulation)
+    };
+    let layer = Layer { thickness: 3e-3, cells: 3, young: 50e3, poisson: 0.3, ..Layer::default() };
+    let block = Skin { name: "block".into(), position: [0.0, 0.0, -3e-3], layers: vec![layer], ..Skin::default() };
+    let borne = [falls(None), falls(Some(block))];
+    println!("borne, of the weight: {borne:?}");
+    assert!(borne.iter().all(|share| (share - 1.0).abs() < 0.1), "{borne:?}");
+}
+
+#[test]
+fn what_a_surface_leaves_out_of_its_grid_is_refused() {
+    let words =
+        |scene: &Scene| Simulation::new(scene, &Platform::Cpu64).err().map(|e| e.to_string()).unwrap_or_default();
+    let of = |skin: Skin| Scene { skins: vec![skin], ..Scene::default() };
+    let round = ellipsoid([8e-3, 6e-3, 4e-3], 12);
+    let sound = of(body(&round, [8, 6, 4], None));
+    assert_eq!(words(&sound), "");
+    // a sheet aslant, thinner than a cell; two balls joined by a thread, or apart within a cell
+    let (points, triangles) = cuboid([-5e-3, -5e-3, -0.01e-3], [5e-3, 5e-3, 0.01e-3], 6);
+    let turn = glam::DQuat::from_rotation_x(0.6);
+    let sheet = surface((points.iter().map(|x| (turn * glam::DVec3::from(*x)).to_array()).collect(), triangles));
+    let said = words(&of(body(&sheet, [4, 4, 4], None)));
+    assert!(said.contains("use more cells"), "{said}");
+    let (mut points, mut triangles) = cuboid([0.0; 3], [4e-3; 3], 4);
+    let (more, others) = cuboid([4.2e-3, 0.0, 0.0], [8.2e-3, 4e-3, 4e-3], 4);
+    let first = points.len() as u32;
+    points.extend(more);
+    triangles.extend(others.iter().map(|t| t.map(|id| id + first)));
+    let twins = surface((points, triangles));
+    let said = words(&of(body(&twins, [8, 4, 4], None)));
+    assert!(said.contains("encloses 2 separate bodies") && said.contains("come in 1"), "{said}");
+    assert_eq!(words(&of(body(&twins, [82, 8, 8], None))), "");
+    // regions and points beside it
+    let mut beside = sound.clone();
+    beside.boundaries.push(held(Region::Box { min: [-8e-3, -6e-3, 0.0], max: [-7.9e-3, -5.9e-3, 0.1e-3] }, [true; 3]));
+    assert!(words(&beside).contains("the region of boundary has no node"), "{}", words(&beside));
+    let mut beside = sound.clone();
+    beside.probes.push(displacement("corner", [7.9e-3, 5.9e-3, 0.1e-3], 0));
+    assert!(
+        words(&beside).contains("[7.9000, 5.9000, 0.1000] mm of the probe corner lies outside"),
+        "{}",
+        words(&beside)
+    );
+    // what `Scene::check` has for scenes in code
+    for (change, wanted) in [
+        ((|skin| skin.size = [1e-2; 2]) as fn(&mut Skin), "a box around `embedded`"),
+        (|skin| skin.cut = Cut::Split { reserve_columns: 9 }, "is not cut"),
+        (|skin| skin.mass = cutis::scene::Mass::Uniform, "lumped"),
+        (|skin| skin.law = Law::Fem { element: cutis::scene::Element::Bbar, corotational: true }, "a hyperelastic one"),
+    ] {
+        let mut other = sound.clone();
+        change(&mut other.skins[0]);
+        assert!(words(&other).contains(wanted), "{}", words(&other));
+    }
+    let mut other = sound.clone();
+    other.tools.push(Tool { blade: Some(cutis::scene::Blade::default()), round: None, ..Tool::default() });
+    other.contact = Some(Contact::default());
+    assert!(words(&other).contains("the blade of tool cannot be had"), "{}", words(&other));
+    let mut other = sound;
+    let region = Region::Bottom;
+    other.probes.push(Probe { name: "under".into(), kind: ProbeKind::Pressure { body: 0, region } });
+    other.contact = Some(Contact::default());
+    assert!(words(&other).contains("the probe under of pressure cannot be had"), "{}", words(&other));
 }

@@ -91,7 +91,9 @@ pub enum Refused {
     },
 
     /// A region of the grid without a node of the body that is embedded in it.
-    #[error("{at}: the region of {what} has no node of a cell with a part inside of the embedded surface; move or widen it")]
+    #[error(
+        "{at}: the region of {what} has no node of a cell with a part inside of the embedded surface; move or widen it"
+    )]
     EmbeddedRegion {
         /// The scene.
         at: String,

@@ -155,9 +155,8 @@ impl Boxes {
         };
         let across = tiles(params)[0];
         let nothing = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-        let rows = (tile(0, 1, -1.0 - ROUNDING)..=tile(1, 1, 1.0 + ROUNDING)).flat_map(|j| {
-            (tile(0, 0, -1.0 - ROUNDING)..=tile(1, 0, 1.0 + ROUNDING)).map(move |i| i + across * j)
-        });
+        let rows = (tile(0, 1, -1.0 - ROUNDING)..=tile(1, 1, 1.0 + ROUNDING))
+            .flat_map(|j| (tile(0, 0, -1.0 - ROUNDING)..=tile(1, 0, 1.0 + ROUNDING)).map(move |i| i + across * j));
         let [least, greatest] = rows.fold(nothing, |[low, high], tile| {
             let [least, greatest] = self.motion[tile];
             [low.min(least), high.max(greatest)]

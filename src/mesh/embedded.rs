@@ -233,7 +233,9 @@ impl Embedded {
         }
         let around = |triangle: &[u32; 3]| {
             let corners = triangle.map(|id| self.surface.points()[id as usize]);
-            let bound = |by: fn(f64, f64) -> f64| [0, 1, 2].map(|n| corners.map(|x| x[n]).into_iter().reduce(by).unwrap_or(0.0));
+            let bound = |by: fn(f64, f64) -> f64| {
+                [0, 1, 2].map(|n| corners.map(|x| x[n]).into_iter().reduce(by).unwrap_or(0.0))
+            };
             [bound(f64::min), bound(f64::max)]
         };
         let mut boxes: Vec<[[f64; 3]; 2]> = triangles.iter().map(around).collect();

@@ -183,7 +183,8 @@ fn embedded(scene: &SceneText, files: &Files, raw: &raw::Skin, law: &Law) -> Res
     scene.choice("embed", word, &[("bricks", ())])?;
     let refuse = |text: Option<&At<String>>, key: &str, fix| {
         let text = text.unwrap_or(word);
-        let what = if text.get_ref() == word.get_ref() { key.into() } else { format!("{key} = \"{}\"", text.get_ref()) };
+        let what =
+            if text.get_ref() == word.get_ref() { key.into() } else { format!("{key} = \"{}\"", text.get_ref()) };
         Err(Invalid::Embedded { at: scene.location(text.span()).to_string(), what, fix })
     };
     if !matches!(law, Law::Hyperelastic(_)) {
@@ -191,7 +192,11 @@ fn embedded(scene: &SceneText, files: &Files, raw: &raw::Skin, law: &Law) -> Res
         return refuse(raw.law.as_ref(), "law", fix);
     }
     if let Some(mass) = raw.mass.as_ref().filter(|mass| mass.get_ref() != "lumped") {
-        return refuse(Some(mass), "mass", "leave it out: each node has the mass of what is inside of the cells around it");
+        return refuse(
+            Some(mass),
+            "mass",
+            "leave it out: each node has the mass of what is inside of the cells around it",
+        );
     }
     let why = "the group of a layer is of tetrahedra; with `embed` layers are z-ranges of the grid";
     raw.layer.iter().try_for_each(|layer| scene.needless("group", &layer.keys.group, why))?;

@@ -89,7 +89,9 @@ impl ClosedSurface {
         if triangles.is_empty() {
             return Err(Leak::Empty);
         }
-        let odd = |[a, b, c]: &[u32; 3]| [a, b, c].iter().any(|id| **id as usize >= points.len()) || a == b || b == c || c == a;
+        let odd = |[a, b, c]: &[u32; 3]| {
+            [a, b, c].iter().any(|id| **id as usize >= points.len()) || a == b || b == c || c == a
+        };
         if let Some(first) = triangles.iter().position(odd) {
             return Err(Leak::Point(first));
         }
@@ -183,7 +185,12 @@ impl ClosedSurface {
         let covers = beyond(self, skin.size, skin.thickness()).is_none();
         let large = matches!(skin.law, Law::Hyperelastic(_));
         let parts = [
-            (covers, "size, layers.thickness", format!("{:?}, {}", skin.size, skin.thickness()), "a box around `embedded`"),
+            (
+                covers,
+                "size, layers.thickness",
+                format!("{:?}, {}", skin.size, skin.thickness()),
+                "a box around `embedded`",
+            ),
             (large, "law", "of small strains or springs".into(), "a hyperelastic one with `embedded`"),
             (skin.mass == Mass::Lumped, "mass", format!("{:?}", skin.mass), "lumped with `embedded`"),
             (skin.cut == super::Cut::Remove, "cut", "split".into(), "`Cut::Remove` with `embedded`, which is not cut"),
@@ -240,7 +247,9 @@ pub(super) fn too_small(at: Location, (axis, own, grid): (char, f64, f64)) -> In
 
 /// Refuses what a scene asks of embedded bodies that they do not have.
 pub(super) fn fits(scene: &Scene) -> Result<()> {
-    let Some(name) = scene.skins.iter().find(|skin| skin.embedded.is_some()).map(|skin| &skin.name) else { return Ok(()) };
+    let Some(name) = scene.skins.iter().find(|skin| skin.embedded.is_some()).map(|skin| &skin.name) else {
+        return Ok(());
+    };
     let refuse = |at: String, what: String, fix| Err(Invalid::Embedded { at, what, fix });
     let file = scene.file.display().to_string();
     if let Some(tool) = scene.tools.iter().find(|tool| tool.blade.is_some()) {

@@ -318,12 +318,7 @@ pub(super) fn no_extent(scene: &SceneText, extent: &Extent, why: &'static str) -
 }
 
 /// Region of the given name; it must contain a node of each grid.
-pub(super) fn region<'a>(
-    scene: &SceneText,
-    name: &At<String>,
-    extent: Extent,
-    grids: &[Grid<'a>],
-) -> Result<Region> {
+pub(super) fn region<'a>(scene: &SceneText, name: &At<String>, extent: Extent, grids: &[Grid<'a>]) -> Result<Region> {
     // region of this name; keys of other regions are errors
     let known = [
         ("bottom", Some(Region::Bottom)),
@@ -373,7 +368,8 @@ pub(super) fn region<'a>(
         "group" => {
             let why = "region = \"group\" asks for `group`, the name of a physical group of the mesh";
             let asked = scene.required("group", group.as_ref(), name.span(), why)?;
-            let of = |grid: &Grid<'a>| grid.mesh.map(TetrahedralMesh::groups).or(grid.surface.map(ClosedSurface::groups));
+            let of =
+                |grid: &Grid<'a>| grid.mesh.map(TetrahedralMesh::groups).or(grid.surface.map(ClosedSurface::groups));
             let groups = grids.iter().find_map(of).unwrap_or_default();
             let why = "a grid has no groups; they are of a body with `mesh` whose file names some";
             if groups.is_empty() {

@@ -316,6 +316,10 @@ impl Mechanics for Hexahedra {
         size_of_val(&self.stiffness[..]) + size_of_val(&self.pre_strain[..]) + factors * size_of::<f64>()
     }
 
+    fn alive_share(&self, model: &Model, wound: &Wound, cell: usize) -> f64 {
+        model.grid.embedded.as_ref().map_or_else(|| wound.surface.linked_share(cell), |embedded| embedded.share[cell])
+    }
+
     fn stiffness_factor(&self, cell: usize) -> f64 {
         self.hyperelastic.as_ref().map_or(1.0, |law| law.scale(cell))
     }
