@@ -445,7 +445,7 @@ fn an_embedded_pad_goes_on_from_its_state() {
 /// A plain block and one embedded in a grid that it cuts in half at the sides and the top, pressed by a ball.
 #[test]
 fn a_ball_on_an_embedded_block_feels_the_block() {
-    let size = [16e-3, 12e-3, 8e-3];
+    let size = [10e-3, 8e-3, 5e-3];
     let pressed = |skin: Skin| {
         let mut scene = pad(8, [4, 4, 4]);
         scene.skins = vec![skin];
@@ -453,23 +453,24 @@ fn a_ball_on_an_embedded_block_feels_the_block() {
         scene.boundaries.push(held(Region::Bottom, [true; 3]));
         scene.probes.truncate(1);
         let pose = |time, z| Pose { time, position: [0.0, 0.0, z], ..Pose::default() };
-        scene.tools[0].trajectory = vec![pose(0.0, 14.05e-3), pose(0.1, 13.0e-3), pose(1.0, 13.0e-3)];
+        scene.tools[0].trajectory = vec![pose(0.0, 11.05e-3), pose(0.08, 10.5e-3), pose(1.0, 10.5e-3)];
         scene.tools[0].round = Some(Round { radius: 6e-3, ends: [[0.0; 3]; 2] });
         scene.tools[0].coupling.stiffness = 2e4;
         // more rows than nodes, on either body
-        run_with(&scene, &Platform::Cpu64, 30, "contact_not_converged").probes[0]
+        run_with(&scene, &Platform::Cpu64, 20, "contact_not_converged").probes[0]
     };
     let block = |count| surface(cuboid([0.0; 3], size, count));
-    let plain = |n: u32| pressed(Skin { embedded: None, ..body(&block(1), [16, 12, 8].map(|c| c * n), None) });
+    let plain = |n: u32| pressed(Skin { embedded: None, ..body(&block(1), [10, 8, 5].map(|c| c * n), None) });
     let wanted = [1, 2].map(plain);
     let found = [1u32, 2].map(|n| {
         let edge = 1e-3 / f64::from(n);
         let beyond = [size[0] + edge, size[1] + edge, size[2] + 0.5 * edge];
-        pressed(body(&block(14 * n), [16 * n + 1, 12 * n + 1, 8 * n + 1], Some(beyond)))
+        pressed(body(&block(4 + 5 * n), [10 * n + 1, 8 * n + 1, 5 * n + 1], Some(beyond)))
     });
     let off = [0, 1].map(|k| found[k] / wanted[k] - 1.0);
     println!("plain {wanted:?} N, embedded {found:?} N: {off:?}");
-    assert!(wanted[0] > 0.1 && off[0].abs() < 0.12 && off[1].abs() < 0.06);
+    // the contact is 1.4 and 2.8 cells in radius
+    assert!(wanted[0] > 0.05 && off[0].abs() < 0.18 && off[1].abs() < 0.09 && off[1].abs() < 0.6 * off[0].abs());
 }
 
 /// A cushion: a box bent at its corners and its top.

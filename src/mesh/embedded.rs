@@ -6,8 +6,8 @@
 //! the nodes that no other cell has.
 //!
 //! Volumes are sums over vertical lines, [`LINES`]² to a cell, between their crossings with the triangles
-//! ([`ClosedSurface::crossing`]): exact along z, by the midpoint rule across. An ellipsoid of 8 cells to its width has its volume within
-//! 10⁻³, of 16 within 10⁻⁴.
+//! ([`ClosedSurface::crossing`]): exact along z, by the midpoint rule across. An ellipsoid has its volume within
+//! 4·10⁻⁴ with 4 cells to its length, within 10⁻⁴ with 8 and 2·10⁻⁵ with 16.
 //!
 //! A point of the surface in a present cell has the displacement `u = Σ_a N_a(ξ) u_a` of its corners, and a force on it acts on them by the
 //! same weights. A point in a cell that is gone moves with the nearest present cell, beyond it by less than a cell; a surface thinner than
@@ -15,7 +15,8 @@
 //!
 //! Source: Parvizian, Düster, Rank 2007 (finite cell method: cells beyond the body's boundary, of less stiffness); Lee, Sifakis, Terzopoulos 2009
 //! (surfaces embedded in a lattice of hexahedra). Here a cut cell keeps one stiffness matrix, times its share, in place of an integral over
-//! what is inside: forces of thin parts are right where a cell's strain is nearly uniform, and otherwise to first order in the cell width.
+//! what is inside: right where a cell's strain is uniform, and otherwise to first order in the cell width (tests/embedded.rs: 4 and 16 cells across a
+//! beam −7 and −0.6 % of its bend; 8 and 24 along a cushion −6 and −1.7 % of its sag).
 
 use super::point::trilinear;
 use super::{Face, Grid, MaterialPoint};
