@@ -1,9 +1,10 @@
-//! Whether the grid of a body can carry the surface that is embedded in it, and holds what the scene asks of it.
+//! Surfaces embedded in the grid of a body: their points among its nodes, and whether the grid can carry them and holds what the scene asks of it.
 
-use super::Refused;
+use super::{Model, Refused};
 use crate::error::Result;
-use crate::mesh::{Grid, Misfit};
+use crate::mesh::{Grid, MaterialPoint, Misfit};
 use crate::scene::{LoadKind, ProbeKind, Region, Scene, cells_of};
+use std::collections::BTreeMap;
 
 /// Refuses a surface that is too thin for its cells, and regions and points outside of it, where a scene knows the box of the grid alone.
 ///
@@ -46,4 +47,42 @@ pub(super) fn check(scene: &Scene, body: usize, grid: &Grid) -> Result<()> {
         return Err(Refused::EmbeddedPoint { at, what, point: point.map(|c| 1e3 * c) }.into());
     }
     Ok(())
+}
+
+impl Model {
+    /// Number of nodes and of points of an embedded surface, which are numbered after them.
+    pub fn point_count(&self) -> usize {
+        self.node_count() + self.grid.embedded.as_ref().map_or(0, |embedded| embedded.nodes.len())
+    }
+
+    /// `[point]` rest positions of the nodes, of the reserve of duplicates at 0, and of the points of an embedded surface, m.
+    pub fn rest_of_surface(&self) -> Vec<[f64; 3]> {
+        let mut all = self.rest.clone();
+        all.resize(self.node_count(), [0.0; 3]);
+        let points = self.grid.embedded.as_ref().map_or(&[][..], |embedded| embedded.surface.points());
+        all.extend(points.iter().map(|x| [0, 1, 2].map(|n| x[n] + self.position[n])));
+        all
+    }
+
+    /// A material point of the surface as nodes alone: a point of an embedded surface moves with those of its cell.
+    pub fn on_nodes(&self, point: MaterialPoint) -> MaterialPoint {
+        let Some(embedded) = &self.grid.embedded else { return point };
+        let first = self.node_count() as u32;
+        let mut sum: BTreeMap<u32, f64> = BTreeMap::new();
+        for (id, weight) in point.0 {
+            let own = if id < first { MaterialPoint::node(id) } else { embedded.point(id - first) };
+            own.0.into_iter().for_each(|(node, part)| *sum.entry(node).or_default() += weight * part);
+        }
+        MaterialPoint(sum.into_iter().collect())
+    }
+
+    /// Share of a cell's volume that belongs to the body: 1 but for cells that an embedded surface cuts.
+    pub fn grid_share(&self, cell: usize) -> f64 {
+        self.grid.share(cell)
+    }
+
+    /// True if a node is of a cell that was there from the start, or a duplicate.
+    pub fn is_used(&self, node: usize) -> bool {
+        node >= self.own_nodes() || self.grid.is_used(node)
+    }
 }

@@ -27,8 +27,8 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// Grid of a skin, or the nodes of its mesh.
-    pub fn new(skin: &Skin) -> Self {
+    /// Grid of a skin without what is embedded in it, or the nodes of its mesh.
+    pub(super) fn whole(skin: &Skin) -> Self {
         if let Some(mesh) = &skin.mesh {
             return Self::of_mesh(mesh);
         }
@@ -43,7 +43,7 @@ impl Grid {
             bottom += layer.thickness;
         }
         let cells = [skin.cells[0] as usize, skin.cells[1] as usize, layer_of.len()];
-        let mut grid = Self {
+        Self {
             cells,
             nodes: cells.map(|c| c + 1),
             edge: [skin.size[0] / cells[0] as f64, skin.size[1] / cells[1] as f64],
@@ -51,9 +51,7 @@ impl Grid {
             layer_of,
             unstructured: None,
             embedded: None,
-        };
-        grid.embedded = skin.embedded.as_ref().map(|surface| Arc::new(Embedded::new(&grid, skin, surface)));
-        grid
+        }
     }
 
     /// The nodes of a mesh in one row, each a column of its own, without cells: what is of cells does nothing, and the mesh has tetrahedra in their place.

@@ -3,6 +3,7 @@
 
 mod corner;
 mod embedded;
+mod embedding;
 mod face;
 mod grid;
 mod parts;

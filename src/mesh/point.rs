@@ -1,6 +1,6 @@
 //! Material points: what moves with a few nodes.
 
-use super::{Grid, Unstructured};
+use super::{Embedded, Grid, Unstructured};
 use crate::kernels::corner;
 
 /// A material point of a deformable body: node ids, each once, with their weights, which sum to 1. `u = Σ_a N_a u_a`, and a force on it
@@ -40,6 +40,13 @@ fn of_tetrahedron(unstructured: &Unstructured, at: [f64; 3]) -> MaterialPoint {
     let (e, weights) = unstructured.mesh.nearest(at);
     let weights = weights.map(|weight| if weight.abs() < NONE { 0.0 } else { weight });
     MaterialPoint::of(unstructured.mesh.tetrahedra()[e], weights)
+}
+
+impl Embedded {
+    /// A point of the surface as its nodes.
+    pub fn point(&self, point: u32) -> MaterialPoint {
+        MaterialPoint::of(self.nodes[point as usize], self.weights[point as usize])
+    }
 }
 
 impl Grid {

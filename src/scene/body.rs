@@ -188,7 +188,7 @@ fn embedded(scene: &SceneText, files: &Files, raw: &raw::Skin, law: &Law) -> Res
         Err(Invalid::Embedded { at: scene.location(text.span()).to_string(), what, fix })
     };
     if !matches!(law, Law::Hyperelastic(_)) {
-        let fix = "give the body a law of large strains: \"neo_hookean\", \"mooney_rivlin\" or \"holzapfel\"";
+        let fix = "leave it out, or take one of the laws of large strains (`cutis keys law`)";
         return refuse(raw.law.as_ref(), "law", fix);
     }
     if let Some(mass) = raw.mass.as_ref().filter(|mass| mass.get_ref() != "lumped") {
