@@ -4,8 +4,8 @@ use cutis::bodies::Model;
 use cutis::math::random::Random;
 use cutis::mesh::{LINES, MaterialPoint, Surface};
 use cutis::scene::{
-    Anchor, BodyId, Boundary, ClosedSurface, Contact, Cut, Integrator, Law, Layer, Leak, Material, Pose,
-    Preconditioner, Probe, ProbeKind, Region, Round, Scene, Skin, Tool,
+    Anchor, BodyId, Boundary, ClosedSurface, Contact, Cut, Integrator, Law, Layer, Leak, Load, LoadKind, Material,
+    Pose, Preconditioner, Probe, ProbeKind, Region, Round, Scene, Skin, Tool,
 };
 use cutis::step::{Platform, Simulation, StepReport};
 use std::collections::BTreeMap;
@@ -634,4 +634,69 @@ fn what_a_surface_leaves_out_of_its_grid_is_refused() {
     other.probes.push(Probe { name: "under".into(), kind: ProbeKind::Pressure { body: 0, region } });
     other.contact = Some(Contact::default());
     assert!(words(&other).contains("the probe under of pressure cannot be had"), "{}", words(&other));
+}
+
+#[test]
+fn loads_on_the_surface_have_its_area_and_a_pressure_all_around_presses_evenly() {
+    let half = [4e-3, 3e-3, 2e-3];
+    let surface = ellipsoid(half, 16);
+    let pushed = |kind: LoadKind, follower_moves: f64| {
+        let model = model(body(&surface, [8, 6, 4], None));
+        let load = Load { body: 0, region: Region::All, kind, start: 0.0, end: 1.0 };
+        let corners = |cell: usize| model.grid.params::<f64>().corners(cell);
+        let moved = |node: usize| model.grid.rest(node).map(|x| follower_moves * x);
+        let forces = model.load_on(&[load], 0.0, corners, moved);
+        let total = [0, 1, 2].map(|n| forces.iter().map(|f| f[n]).sum::<f64>());
+        // virial: 3 p V of a pressure
+        let virial: f64 = forces.iter().zip(&model.rest).map(|(f, x)| (0..3).map(|n| f[n] * x[n]).sum::<f64>()).sum();
+        (total, virial)
+    };
+    let area: f64 = surface
+        .triangles()
+        .iter()
+        .map(|t| {
+            let [a, b, c] = t.map(|id| glam::DVec3::from(surface.points()[id as usize]));
+            0.5 * (b - a).cross(c - a).length()
+        })
+        .sum();
+    let (total, _) = pushed(LoadKind::Traction([1.0, 0.0, -2.0]), 0.0);
+    assert!((total[0] / area - 1.0).abs() < 1e-12 && (total[2] / area + 2.0).abs() < 1e-12, "{total:?}, {area}");
+    for (follower, stretch) in [(false, 0.0), (true, 0.0), (true, 0.1)] {
+        let (total, virial) = pushed(LoadKind::Pressure { pressure: 7.0, follower }, stretch);
+        assert!(total.iter().all(|f| f.abs() < 1e-12 * area), "{total:?}");
+        let wanted = -3.0 * 7.0 * surface.volume() * if follower { (1.0 + stretch).powi(2) } else { 1.0 };
+        assert!((virial / wanted - 1.0).abs() < 1e-12, "{virial}, wanted {wanted}");
+    }
+    // a part of the surface
+    let caps = |region: Region| {
+        let model = model(body(&surface, [8, 6, 4], None));
+        let kind = LoadKind::Pressure { pressure: 1.0, follower: false };
+        model.load_at(&[Load { body: 0, region, kind, start: 0.0, end: 1.0 }], 0.0).iter().map(|f| f[2]).sum::<f64>()
+    };
+    let upper = caps(Region::Box { min: [-1.0, -1.0, half[2] - 1e-6], max: [1.0; 3] });
+    let section = std::f64::consts::PI * half[0] * half[1];
+    assert!((-upper / section - 1.0).abs() < 0.02, "{upper:e} of {section:e}");
+    // volume under pressure all around: K = E/(3 (1 − 2 ν))
+    let shrunk = |cells: [u32; 3]| {
+        let mut scene = balanced(body(&surface, cells, None));
+        let kind = LoadKind::Pressure { pressure: 10.0, follower: false };
+        scene.loads.push(Load { body: 0, region: Region::All, kind, start: 0.0, end: f64::INFINITY });
+        scene.boundaries.push(held(
+            Region::Plane { through: [0.0; 3], normal: [1.0, 0.0, 0.0], within: 1e-9 },
+            [true, false, false],
+        ));
+        scene.boundaries.push(held(
+            Region::Plane { through: [0.0; 3], normal: [0.0, 1.0, 0.0], within: 1e-9 },
+            [false, true, false],
+        ));
+        scene.boundaries.push(held(
+            Region::Plane { through: [0.0, 0.0, half[2]], normal: [0.0, 0.0, 1.0], within: 1e-9 },
+            [false, false, true],
+        ));
+        scene.probes.push(Probe { name: "change".into(), kind: ProbeKind::VolumeChange { body: 0 } });
+        run(&scene, &Platform::Cpu64, 1).probes[0] * (50e3 / (3.0 * (1.0 - 0.6))) / -10.0
+    };
+    let found = [shrunk([8, 6, 4]), shrunk([16, 12, 8])];
+    println!("volume change under pressure, of what it should be: {found:?}");
+    assert!((found[0] - 1.0).abs() < 0.1 && (found[1] - 1.0).abs() < 0.05, "{found:?}");
 }

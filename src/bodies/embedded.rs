@@ -64,6 +64,22 @@ impl Model {
         all
     }
 
+    /// Rest position of a node, or of a point of an embedded surface, in the body's frame, m.
+    pub(super) fn rest_of_point(&self, id: u32) -> [f64; 3] {
+        match (&self.grid.embedded, (id as usize).checked_sub(self.node_count())) {
+            (Some(embedded), Some(point)) => embedded.surface.points()[point],
+            _ => self.grid.rest(id as usize),
+        }
+    }
+
+    /// True if a node, or a point of an embedded surface, belongs to a region.
+    pub(super) fn point_is_in(&self, region: &Region, id: u32) -> bool {
+        match (&self.grid.embedded, (id as usize).checked_sub(self.node_count())) {
+            (Some(embedded), Some(point)) => embedded.surface.point_is_in(point, region),
+            _ => self.grid.contains(region, id as usize),
+        }
+    }
+
     /// A material point of the surface as nodes alone: a point of an embedded surface moves with those of its cell.
     pub fn on_nodes(&self, point: MaterialPoint) -> MaterialPoint {
         let Some(embedded) = &self.grid.embedded else { return point };

@@ -6,10 +6,10 @@
 use super::files::Files;
 use super::invalid::{Invalid, Location, Result};
 use super::raw::At;
-use super::region::Group;
+use super::region::{Group, Region};
 use super::tetrahedral::groups;
 use super::text::{SceneText, in_mm};
-use super::{Integrator, Law, LoadKind, Mass, Probe, ProbeKind, STEP, Scene, Skin};
+use super::{Integrator, Law, Mass, Probe, ProbeKind, STEP, Scene, Skin};
 use crate::formats::Mesh;
 use glam::DVec3;
 use std::fmt;
@@ -150,6 +150,20 @@ impl ClosedSurface {
         &self.groups
     }
 
+    /// True if a point belongs to a region; its `top` and `sides` are where those of the bounding box are.
+    pub fn point_is_in(&self, point: usize, region: &Region) -> bool {
+        let [x, y, thickness] = self.size;
+        match region {
+            Region::Group(group) => group.holds(point),
+            _ => region.holds(self.points[point], [x, y], thickness),
+        }
+    }
+
+    /// True if a region holds the corners of a triangle.
+    pub(super) fn has_triangle_in(&self, region: &Region) -> bool {
+        self.triangles.iter().any(|corners| corners.iter().all(|id| self.point_is_in(*id as usize, region)))
+    }
+
     /// Where the vertical line through `x`, `y` crosses a triangle: height, m, and 1 if the triangle faces up there, −1 if down; none if
     /// it passes beside it. Triangles that share an edge decide alike on which of them the line passes, so up and down alternate along each
     /// line of a closed surface, whatever the rounding.
@@ -247,9 +261,9 @@ pub(super) fn too_small(at: Location, (axis, own, grid): (char, f64, f64)) -> In
 
 /// Refuses what a scene asks of embedded bodies that they do not have.
 pub(super) fn fits(scene: &Scene) -> Result<()> {
-    let Some(name) = scene.skins.iter().find(|skin| skin.embedded.is_some()).map(|skin| &skin.name) else {
+    if scene.skins.iter().all(|skin| skin.embedded.is_none()) {
         return Ok(());
-    };
+    }
     let refuse = |at: String, what: String, fix| Err(Invalid::Embedded { at, what, fix });
     let file = scene.file.display().to_string();
     if let Some(tool) = scene.tools.iter().find(|tool| tool.blade.is_some()) {
@@ -261,10 +275,6 @@ pub(super) fn fits(scene: &Scene) -> Result<()> {
         return refuse(scene.at(STEP), "integrator = \"symplectic_euler\"".into(), fix);
     }
     let embedded = |body: usize| scene.skins[body].embedded.is_some();
-    if scene.loads.iter().any(|load| embedded(load.body) && !matches!(load.kind, LoadKind::PointForce { .. })) {
-        let fix = "its surface takes no pressure or traction; load it by force_n with at_mm, gravity, or a tool";
-        return refuse(file, format!("a load on the surface of {name}"), fix);
-    }
     let of_faces = |probe: &&Probe| matches!(probe.kind, ProbeKind::Pressure { body, .. } if embedded(body));
     if let Some(probe) = scene.probes.iter().find(of_faces) {
         let fix = "take kind = \"force\" of the tool that presses";

@@ -166,6 +166,9 @@ impl Grid<'_> {
 
     /// True if the region contains the four corners of a face of the surface.
     pub fn holds_face(&self, region: &Region) -> bool {
+        if let Some(surface) = self.surface {
+            return surface.has_triangle_in(region);
+        }
         if let Some(mesh) = self.mesh {
             return mesh.outside().iter().any(|face| face.iter().all(|node| mesh.node_is_in(*node as usize, region)));
         }
@@ -195,7 +198,7 @@ impl Grid<'_> {
 
     /// True if the region contains a part of the surface.
     pub fn loads(&self, region: &Region) -> bool {
-        if self.mesh.is_some() {
+        if self.mesh.is_some() || self.surface.is_some() {
             return self.holds_face(region);
         }
         let rows = [0, 1, 2].map(|axis| {
