@@ -276,7 +276,7 @@ fn inside_row(grid: &Grid, surface: &ClosedSurface, j: usize, triangles: &[usize
                 about -= pair[0].1;
                 if about > 0 {
                     let column = |k: usize| a / LINES + width * k;
-                    add(grid, [pair[0].0, pair[1].0], [xi, eta], weight, |k| column(k), &mut out);
+                    add(grid, [pair[0].0, pair[1].0], [xi, eta], weight, column, &mut out);
                 }
             }
         }
