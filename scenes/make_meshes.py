@@ -1,12 +1,15 @@
 #!/usr/bin/env python3
 """Writes the skin of scenes/skin_tetra.toml as Gmsh files of three sizes: meshes/skin_coarse.msh, skin_middle.msh,
-skin_fine.msh.
+skin_fine.msh; and the surface of scenes/pad.toml: meshes/pad.obj.
 
 Plain Python 3, no packages, no input, no randomness: the same files on every run.
 
     python3 scenes/make_meshes.py
+    python3 scenes/make_meshes.py --pad 24 FILE.msh     the pad as tetrahedra, 24 cells across, to compare with
 
-A box of 20 x 20 x 2.3 mm with its corner at the origin, as Gmsh's box has it; version 2.2, text. Physical groups: the
+The pad: a box bent to a cushion of 16 x 12 x 8 mm, with round corners and a top that is 3 mm lower at its rim.
+
+The skin: a box of 20 x 20 x 2.3 mm with its corner at the origin, as Gmsh's box has it; version 2.2, text. Physical groups: the
 volume `skin`; its faces `bottom`, `top` and `sides`.
 
 Nodes of a raster are moved by up to a fifth of its width, on faces within them, on edges along them. Each cell becomes six
@@ -16,8 +19,12 @@ mixed, so that neighbours are split in different ways and no direction is prefer
 
 from itertools import product
 from pathlib import Path
+import sys
 
 SIZE = (20.0, 20.0, 2.3)  # mm
+PAD = (16.0, 12.0, 8.0)  # mm
+ROUND = 0.35  # of the pad's corners: 0 none, 0.5 an ellipse
+DROP = 3.0  # mm, of its top at the middle of its sides
 SIZES = {"coarse": (8, 8, 2), "middle": (12, 12, 3), "fine": (16, 16, 4)}  # cells
 JITTER = 0.2  # largest move of a node along an axis, widths of a cell
 # Corners around each face of a cell, counter-clockwise from outside; a corner has the bits x, y, z.
@@ -50,15 +57,31 @@ def halves(face, rank):
     return (a, b, c), (a, c, d)
 
 
-def skin(cells):
-    """Points, tetrahedra, and triangles of the faces with their group."""
+def box(at):
+    """A place of the skin, mm, by its shares of the edges."""
+    return [size * share for size, share in zip(SIZE, at)]
+
+
+def cushion(at):
+    """The same of the pad."""
+    x, y = 2 * at[0] - 1, 2 * at[1] - 1
+    low = DROP * (x * x + y * y - x * x * y * y) / PAD[2]
+    return [
+        0.5 * PAD[0] * x * (1 - ROUND * y * y) ** 0.5,
+        0.5 * PAD[1] * y * (1 - ROUND * x * x) ** 0.5,
+        PAD[2] * at[2] * (1 - low),
+    ]
+
+
+def mesh(cells, place, jitter):
+    """Points, tetrahedra, and triangles of the faces with their group, of a box that is bent by `place`."""
     counts = [n + 1 for n in cells]
     number = {at: k for k, at in enumerate(product(*map(range, counts)))}
     points, rank = [], []
     for at, k in number.items():
         inner = (0 < i < n for i, n in zip(at, cells))
-        moves = (JITTER * (2 * mixed(k, axis) - 1) * free for axis, free in enumerate(inner))
-        points.append([size * (i + move) / n for i, move, n, size in zip(at, moves, cells, SIZE)])
+        moves = (jitter * (2 * mixed(k, axis) - 1) * free for axis, free in enumerate(inner))
+        points.append(place([(i + move) / n for i, move, n in zip(at, moves, cells)]))
         rank.append((mixed(k, 3), k))
     tetrahedra, triangles = [], []
     for cell in product(*map(range, cells)):
@@ -91,13 +114,33 @@ def msh(points, tetrahedra, triangles):
     return "\n".join(lines + ["$EndElements"]) + "\n"
 
 
+def obj(points, triangles):
+    """Text of a Wavefront OBJ file of the triangles and their points."""
+    used = sorted({k for _, nodes in triangles for k in nodes})
+    number = {k: n + 1 for n, k in enumerate(used)}
+    lines = ["# surface of scenes/pad.toml, mm, by make_meshes.py"]
+    lines += ["v " + " ".join(f"{c:.4f}".rstrip("0").rstrip(".") for c in points[k]) for k in used]
+    return "\n".join(lines + ["f " + " ".join(str(number[k]) for k in nodes) for _, nodes in triangles]) + "\n"
+
+
+def pad(across):
+    """The pad with this many cells along its longest edge."""
+    return mesh([max(1, round(across * size / PAD[0])) for size in PAD], cushion, 0.0)
+
+
 def main():
+    if sys.argv[1:2] == ["--pad"]:
+        Path(sys.argv[3]).write_text(msh(*pad(int(sys.argv[2]))))
+        return
     folder = Path(__file__).parent / "meshes"
     for name, cells in SIZES.items():
-        made = skin(cells)
+        made = mesh(cells, box, JITTER)
         path = folder / f"skin_{name}.msh"
         path.write_text(msh(*made))
         print(f"{path.name}: {len(made[0])} nodes, {len(made[1])} tetrahedra")
+    points, _, triangles = pad(24)
+    (folder / "pad.obj").write_text(obj(points, triangles))
+    print(f"pad.obj: {len(triangles)} triangles")
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@
 //! | [`scene`] | plain data in SI, reader, validation | all keys: [`scene::keys`] |
 //! | [`kernels`] | computations on flat arrays, in WGSL and Rust | formula, units, source |
 //! | [`formats`] | mesh files: Gmsh, VTK, OBJ, STL, PLY | what each keeps; defects of meshes |
-//! | [`mesh`] | the grid, its links, duplicated nodes and surface; meshes of tetrahedra | how a cut separates cells and nodes |
+//! | [`mesh`] | the grid, its links, duplicated nodes and surface; surfaces embedded in it; meshes of tetrahedra | how a cut separates cells and nodes; shares of cells |
 //! | [`bodies`] | bodies by kind: hexahedra, tetrahedra, springs, rigid bodies | elements, hyperelastic laws, multigrid, wounds |
 //! | [`collide`], [`constraints`] | contacts between any two bodies; contact laws | blades, lips, normal cones; the contact solvers |
 //! | [`backend`], [`linear`], [`gpu`] | the state on a device, and solvers | Newton's method; read-backs and launches |

@@ -31,6 +31,7 @@ fn grid(x: usize, y: usize) -> Grid {
         heights: vec![0.0, 1e-3, 2e-3],
         layer_of: vec![0, 0],
         unstructured: None,
+        embedded: None,
     }
 }
 

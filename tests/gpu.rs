@@ -12,6 +12,8 @@ mod carving;
 mod crumbs;
 #[path = "gpu/device.rs"]
 mod device;
+#[path = "gpu/embedded.rs"]
+mod embedded;
 mod forms;
 #[path = "gpu/hard.rs"]
 mod hard;
@@ -112,6 +114,9 @@ fn tests() -> Vec<(String, Test)> {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in swept::TESTS {
+        all.push((name.to_string(), Box::new(test)));
+    }
+    for (name, test) in embedded::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in tetrahedra::TESTS {

@@ -111,11 +111,17 @@ fn bytes_of_arrays(model: &Model) -> usize {
     let nodes = size_of_val(&model.rest[..]) + size_of_val(&model.free[..]) + size_of_val(&model.prescribed[..]);
     let anchors = size_of_val(&model.anchors.nodes[..]) + size_of_val(&model.anchors.stiffness[..]);
     let mesh = model.grid.unstructured.as_ref().map_or(0, |of| {
-        let (mesh, outside) = (&of.mesh, size_of_val(&of.outside[..]) + size_of_val(&of.behind[..]));
+        let (mesh, outside) = (&of.mesh, size_of_val(&of.outside.faces[..]) + size_of_val(&of.outside.behind[..]));
         let file = size_of_val(mesh.nodes()) + size_of_val(mesh.tetrahedra()) + size_of_val(mesh.layers());
         file + outside + size_of_val(&of.around[..])
     });
-    own + nodes + anchors + mesh + size_of_val(&model.shape[..])
+    let embedded = model.grid.embedded.as_ref().map_or(0, |of| {
+        let surface = size_of_val(of.surface.points()) + size_of_val(of.surface.triangles());
+        let cells = size_of_val(&of.share[..]) + size_of_val(&of.mass[..]);
+        let points = size_of_val(&of.nodes[..]) + size_of_val(&of.weights[..]);
+        surface + cells + points + size_of_val(&of.outside.faces[..]) + size_of_val(&of.outside.behind[..])
+    });
+    own + nodes + anchors + mesh + embedded + size_of_val(&model.shape[..])
 }
 
 /// Sizes that a model of sizes states, beside those of the arrays that the model has.

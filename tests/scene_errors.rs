@@ -154,6 +154,52 @@ stiffness_n_m = 40
 rate_hz = 2000
 "##;
 
+/// A cube of 4 mm embedded in a grid.
+const EMBEDDED: &str = r#"title = "A cube"
+
+[time]
+step_ms = 5
+duration_s = 0.1
+
+[skin]
+mesh = "meshes/cube.obj"
+embed = "bricks"
+cells = [4, 4]
+
+[[skin.layer]]
+name = "cube"
+cells = 4
+young_kpa = 50
+poisson = 0.4
+density_kg_m3 = 1000
+
+[[anchor]]
+region = "bottom"
+stiffness_n_m = 10
+"#;
+
+const CUBE: &str = "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 0 0 4\nv 4 0 4\nv 4 4 4\nv 0 4 4\n\
+    f 4 3 2 1\nf 5 6 7 8\nf 1 2 6 5\nf 2 3 7 6\nf 3 4 8 7\nf 4 1 5 8\n";
+
+#[test]
+fn an_embedded_surface_gives_the_grid_its_size() {
+    let scene = parsed(EMBEDDED).expect("EMBEDDED is valid");
+    let skin = &scene.skins[0];
+    assert_eq!((skin.size, skin.layers[0].thickness, skin.cells), ([4e-3; 2], 4e-3, [4; 2]));
+    assert!(skin.mesh.is_none() && skin.cut == Cut::Remove && !skin.can_be_carved());
+    let surface = skin.embedded.as_ref().expect("it is");
+    assert_eq!((surface.triangles().len(), surface.points().len()), (12, 8));
+    assert!((surface.volume() / 64e-9 - 1.0).abs() < 1e-12);
+    // a larger grid, in layers
+    let text = EMBEDDED.replace("cells = [4, 4]", "cells = [6, 6]\nsize_mm = [6, 6]").replace(
+        "cells = 4\n",
+        "cells = 2\nthickness_mm = 2\nyoung_kpa = 20\npoisson = 0.4\ndensity_kg_m3 = 900\n[[skin.layer]]\nname = \"upper\"\n\
+         thickness_mm = 2.5\ncells = 2\n",
+    );
+    let skin = &parsed(&text).expect("the grid is around it").skins[0];
+    assert_eq!((skin.size, skin.layers.len()), ([6e-3; 2], 2));
+}
+
 /// Files that the scene names, good and bad.
 const FILES: &[(&str, &str)] = &[
     ("meshes/scalpel.obj", QUAD),
@@ -172,6 +218,10 @@ const FILES: &[(&str, &str)] = &[
     ("meshes/far.obj", "v 0 0 0\nv 1 0 0\nv 0 1e300 0\nf 1 2 3\n"),
     ("meshes/continued.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 \\\n 2 9\nf 1 2 3\n"),
     ("meshes/marked.obj", "\u{feff}v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 \\\n 1 # up\nf 1/1/1 2//2 \\\n\\\n3\nf -1 1 2\n"),
+    ("meshes/cube.obj", CUBE),
+    ("meshes/open.obj", "v 0 0 0\nv 4 0 0\nv 4 4 0\nv 0 4 0\nv 0 0 4\nf 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\n"),
+    ("meshes/turned.obj", "v 0 0 0\nv 4 0 0\nv 0 4 0\nv 0 0 4\nf 1 2 3\nf 1 4 2\nf 2 4 3\nf 1 3 4\n"),
+    ("meshes/mixed.obj", "v 0 0 0\nv 4 0 0\nv 0 4 0\nv 0 0 4\nf 1 2 3\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"),
     ("lines/good.obj", "# a hook\nv 9 9 9\nv 0 0 -1 0.5\nv 0 0 0\nv 1 0 2\nf 1 2 3\nvn 0 0 1\nl 2/1 3 -1\np 3 4\n"),
     ("lines/none.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"),
     ("lines/number.obj", "v 0 0 0\nv 1 zero 0\nl 1 2\n"),
@@ -272,6 +322,7 @@ fn bad_input_is_refused_where_it_stands_with_the_way_to_mend_it() {
                 "alone]" => alone("", "", ""),
                 "round]" => rounded(),
                 "lines]" => wired(),
+                "embedded]" => EMBEDDED.into(),
                 other => panic!("[{other} is no scene"),
             };
             continue;

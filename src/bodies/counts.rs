@@ -28,6 +28,9 @@ impl Counts {
             _ => 0,
         };
         let of_node = |node: usize| {
+            if !grid.is_used(node) {
+                return Self::default();
+            }
             // the last boundary of the scene holds an axis
             let mut holding = [None; 3];
             for boundary in boundaries.iter().filter(|b| grid.contains(&b.region, node)) {

@@ -13,8 +13,9 @@
 //! a neo-Hookean block of ν 0.45 under a twentieth of its Young's modulus does, under a fifth it does not, and the step ends in an error.
 //! Source: Bonet, Wood 2008, section 8.5 (pressure forces); here without their stiffness, which is why the pressure lags.
 //!
-//! A triangle of a mesh is loaded as a whole, where its three corners are in the region: `f_a = t A/3`, and a follower pressure gives each
-//! corner `−p/6 (x_1 − x_0) × (x_2 − x_0)`, which is exact.
+//! A triangle of a mesh or of an embedded surface is loaded as a whole, where its three corners are in the region: `f_a = t A/3`, and a
+//! follower pressure gives each corner `−p/6 (x_1 − x_0) × (x_2 − x_0)`, which is exact. Those of an embedded surface pass it on to the nodes
+//! that they move with.
 //!
 //! After a cut a face keeps its load, on the nodes that its cell has then.
 //! Units: m, N, Pa.
@@ -22,7 +23,7 @@
 use super::Model;
 use crate::kernels::corner;
 use crate::math::V3;
-use crate::mesh::{Face as Outer, Grid, MaterialPoint, Unstructured, trilinear};
+use crate::mesh::{Face as Outer, Grid, MaterialPoint, trilinear};
 use crate::scene::{ACROSS, CellFace, Load, LoadKind, Region, Spans};
 
 /// Face of the surface with its loaded parts. Its corners are in the order `00, 10, 01, 11` of its two axes.
@@ -149,14 +150,17 @@ impl Model {
                     weights.iter().for_each(|(node, w)| (0..3).for_each(|n| out[*node as usize][n] += force[n] * w));
                     continue;
                 }
-                let (cell, natural) = self.grid.cell_at(at);
+                let (cell, natural) = match &self.grid.embedded {
+                    Some(_) => self.grid.present_at(at).unwrap_or_else(|| self.grid.cell_at(at)),
+                    None => self.grid.cell_at(at),
+                };
                 for (node, weight) in corners(cell).into_iter().zip(trilinear(natural)) {
                     (0..3).for_each(|n| out[node][n] += force[n] * weight);
                 }
                 continue;
             }
-            if let Some(unstructured) = &self.grid.unstructured {
-                self.load_triangles(unstructured, load, &displacement, &mut out);
+            if let Some(outside) = self.outside() {
+                self.load_triangles(outside, load, &displacement, &mut out);
                 continue;
             }
             let faces = faces(&self.grid, &load.region);
@@ -184,31 +188,44 @@ impl Model {
         out
     }
 
-    /// Triangles of a mesh with their corners in a region.
-    fn triangles<'a>(&'a self, mesh: &'a Unstructured, region: &'a Region) -> impl Iterator<Item = [usize; 3]> + 'a {
-        let corners = |face: &Outer| [0, 1, 2].map(|k| face.nodes[k] as usize);
-        let inside = |nodes: &[usize; 3]| nodes.iter().all(|node| self.grid.contains(region, *node));
-        mesh.outside.faces.iter().map(corners).filter(inside)
+    /// Triangles of a mesh of tetrahedra, or of an embedded surface; none of a grid.
+    fn outside(&self) -> Option<&[Outer]> {
+        match (&self.grid.unstructured, &self.grid.embedded) {
+            (Some(unstructured), _) => Some(&unstructured.outside.faces),
+            (None, embedded) => embedded.as_ref().map(|embedded| &embedded.outside[..]),
+        }
     }
 
-    /// Adds a load on the triangles of a mesh: see the module.
+    /// Triangles with their corners in a region.
+    fn triangles<'a>(&'a self, outside: &'a [Outer], region: &'a Region) -> impl Iterator<Item = [u32; 3]> + 'a {
+        let corners = |face: &Outer| [0, 1, 2].map(|k| face.nodes[k]);
+        outside.iter().map(corners).filter(|corners| corners.iter().all(|id| self.point_is_in(region, *id)))
+    }
+
+    /// Adds a load on triangles: see the module.
     fn load_triangles(
         &self,
-        mesh: &Unstructured,
+        outside: &[Outer],
         load: &Load,
         displacement: &impl Fn(usize) -> [f64; 3],
         out: &mut [[f64; 3]],
     ) {
         // twice the outward area, m²
         let twice = |x: [V3<f64>; 3]| (x[1] - x[0]).cross(x[2] - x[0]);
-        let at_rest = |nodes: [usize; 3]| nodes.map(|node| V3::of(self.grid.rest(node)));
-        let area: f64 = self.triangles(mesh, &load.region).map(|nodes| 0.5 * twice(at_rest(nodes)).length()).sum();
-        for nodes in self.triangles(mesh, &load.region) {
-            let rest = at_rest(nodes);
+        let at_rest = |corners: [u32; 3]| corners.map(|id| V3::of(self.rest_of_point(id)));
+        let area: f64 =
+            self.triangles(outside, &load.region).map(|corners| 0.5 * twice(at_rest(corners)).length()).sum();
+        for corners in self.triangles(outside, &load.region) {
+            let rest = at_rest(corners);
+            let points = corners.map(|id| self.on_nodes(MaterialPoint::node(id)));
             let own = 0.5 * twice(rest).length();
             let force = match load.kind {
                 LoadKind::Pressure { pressure, follower } => {
-                    let moved = [0, 1, 2].map(|k| rest[k] + V3::of(displacement(nodes[k])));
+                    let of = |point: &MaterialPoint| -> V3<f64> {
+                        let each = point.0.iter().map(|(node, w)| V3::of(displacement(*node as usize)) * *w);
+                        each.fold(V3::zero(), |sum, own| sum + own)
+                    };
+                    let moved = [0, 1, 2].map(|k| rest[k] + of(&points[k]));
                     twice(if follower { moved } else { rest }) * (-0.5 * pressure)
                 }
                 LoadKind::Traction(traction) => V3::of(traction) * own,
@@ -216,16 +233,19 @@ impl Model {
                 LoadKind::PointForce { .. } => V3::zero(), // acts at its point
             };
             let third = (force * (1.0 / 3.0)).f64();
-            nodes.iter().for_each(|node| (0..3).for_each(|n| out[*node][n] += third[n]));
+            for (node, weight) in points.iter().flat_map(|point| &point.0) {
+                (0..3).for_each(|n| out[*node as usize][n] += third[n] * weight);
+            }
         }
     }
 
     /// Nodes that follower pressures act on at a time, each once, in ascending order.
     pub fn followed_nodes(&self, loads: &[Load], time: f64, corners: impl Fn(usize) -> [usize; 8]) -> Vec<u32> {
         let followed = || self.acting(loads, time).filter(|load| load.follows());
-        if let Some(unstructured) = &self.grid.unstructured {
-            let triangles = followed().flat_map(|load| self.triangles(unstructured, &load.region));
-            let mut nodes: Vec<u32> = triangles.flatten().map(|node| node as u32).collect();
+        if let Some(outside) = self.outside() {
+            let corners = followed().flat_map(|load| self.triangles(outside, &load.region)).flatten();
+            let mut nodes: Vec<u32> =
+                corners.flat_map(|id| self.on_nodes(MaterialPoint::node(id)).0).map(|(node, _)| node).collect();
             nodes.sort_unstable();
             nodes.dedup();
             return nodes;

@@ -8,6 +8,7 @@
 mod anchors;
 mod counts;
 pub mod cpu;
+mod embedded;
 mod energy;
 pub mod gpu;
 pub mod grid;
@@ -274,7 +275,7 @@ impl Model {
         if let Kind::Hexahedra(hexahedra) = &mut model.kind
             && let Some(law) = &mut hexahedra.hyperelastic
         {
-            law.include(&model.grid, &skin.layers);
+            law.fill(&model.grid, &skin.layers);
         }
         let anchors: Vec<Anchor> = scene.anchors.iter().filter(|a| a.body == body).cloned().collect();
         model.anchors = Anchors::new(&anchors, |anchor| model.grid.nodes_in(&anchor.region));
@@ -302,6 +303,7 @@ impl Model {
     fn without_arrays(scene: &Scene, body: usize) -> Result<Self> {
         let skin = &scene.skins[body];
         let grid = Grid::new(skin);
+        embedded::check(scene, body, &grid)?;
         // limits of uniform bindings and of 32-bit indices
         if skin.layers.len() > MAX_LAYERS {
             return Err(Refused::Layers { count: skin.layers.len() }.into());
@@ -359,10 +361,16 @@ impl Model {
         Ok(model)
     }
 
-    /// Masses of the nodes, all axes free: an eighth of each cell at each corner, a quarter of each tetrahedron of a mesh, or one uniform value.
+    /// Masses of the nodes, all axes free: an eighth of each cell at each corner, a quarter of each tetrahedron of a mesh, what an embedded surface
+    /// encloses, or one uniform value. Nodes without a present cell are fixed and have none.
     fn set_masses(&mut self, layers: &[Layer]) {
         let params = self.grid.params::<f64>();
         let count = self.own_nodes();
+        if let Some(embedded) = &self.grid.embedded {
+            let of_node = |mass: &f64| if *mass > 0.0 { [1.0, 1.0, 1.0, *mass] } else { [0.0; 4] };
+            self.free = embedded.mass.iter().map(of_node).collect();
+            return;
+        }
         self.free = vec![[1.0, 1.0, 1.0, 0.0]; count];
         for cell in 0..self.grid.cell_count() {
             let layer = self.grid.layer(cell);
@@ -554,7 +562,8 @@ impl Model {
         let nodes = self.own_nodes() * 2 * size_of::<[f64; 3]>() + self.node_count() * size_of::<[f64; 4]>();
         let anchors = self.anchor_count() * (size_of::<u32>() + size_of::<f64>());
         let mesh = self.grid.unstructured.as_ref().map_or(0, |unstructured| unstructured.bytes());
-        (nodes + anchors + mesh + size_of_val(&self.shape[..]) + self.mechanics().host_bytes(self)) as u64
+        let embedded = self.grid.embedded.as_ref().map_or(0, |embedded| embedded.bytes());
+        (nodes + anchors + mesh + embedded + size_of_val(&self.shape[..]) + self.mechanics().host_bytes(self)) as u64
     }
 
     /// Number of nodes inside a region.

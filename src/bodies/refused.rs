@@ -76,6 +76,57 @@ pub enum Refused {
         fix: &'static str,
     },
 
+    /// A surface thinner than the cells that it is embedded in.
+    #[error(
+        "{at}: the surface embedded in the grid is too thin for its cells at [{:.4}, {:.4}, {:.4}] mm, where no cell beside has a part inside; use more cells",
+        point[0], point[1], point[2]
+    )]
+    EmbeddedThin {
+        /// Where the body stands.
+        at: String,
+        /// Point of the surface in the body's frame, mm.
+        point: [f64; 3],
+    },
+
+    /// A surface whose parts and those of the cells that it cuts differ.
+    #[error(
+        "{at}: the surface embedded in the grid encloses {surface} separate bodies, and the cells with a part inside come in {cells}; use more cells: \
+         necks and gaps have to be wider than a cell"
+    )]
+    EmbeddedApart {
+        /// Where the body stands.
+        at: String,
+        /// Parts of the present cells.
+        cells: usize,
+        /// Parts of the surface.
+        surface: usize,
+    },
+
+    /// A region of the grid without a node of the body that is embedded in it.
+    #[error(
+        "{at}: the region of {what} has no node of a cell with a part inside of the embedded surface; move or widen it"
+    )]
+    EmbeddedRegion {
+        /// The scene.
+        at: String,
+        /// What has the region.
+        what: String,
+    },
+
+    /// A point in a cell that has no part inside.
+    #[error(
+        "{at}: the point [{:.4}, {:.4}, {:.4}] mm of {what} lies outside of the embedded surface; move it into the body",
+        point[0], point[1], point[2]
+    )]
+    EmbeddedPoint {
+        /// The scene.
+        at: String,
+        /// What has the point.
+        what: String,
+        /// Point in the body's frame, mm.
+        point: [f64; 3],
+    },
+
     /// The direct solver on a GPU.
     #[error(
         "the direct solver runs on the CPU path, not on a GPU; run it with --backend cpu, or take the preconditioner multigrid"
@@ -129,7 +180,14 @@ impl Refused {
             }
             Self::CutLinks { .. } | Self::NotPositive { .. } | Self::InvertedCell { .. } => STEP,
             Self::SweptQuads { .. } => EDGE_SPACING,
-            Self::Layers { .. } | Self::Nodes { .. } | Self::AnchoredMass | Self::SpringProbe { .. } => "",
+            Self::Layers { .. }
+            | Self::Nodes { .. }
+            | Self::AnchoredMass
+            | Self::SpringProbe { .. }
+            | Self::EmbeddedThin { .. }
+            | Self::EmbeddedApart { .. }
+            | Self::EmbeddedRegion { .. }
+            | Self::EmbeddedPoint { .. } => "",
             Self::Tetrahedra { key, .. } => key,
         }
     }

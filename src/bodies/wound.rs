@@ -83,7 +83,7 @@ pub struct Wound {
     pub open: Vec<(u32, usize)>,
     /// `[node]` current DOF mask and mass.
     pub free: Vec<V4<f64>>,
-    /// `[node]` rest position, m; a duplicate has that of its original.
+    /// `[node]` rest position, m; a duplicate has that of its original; then `[point]` those of an embedded surface.
     pub rest: Vec<[f64; 3]>,
     /// `[node of the grid]` number of remaining elements around it.
     pub(super) live: Vec<u32>,
@@ -129,7 +129,7 @@ impl Wound {
             totals: Totals::default(),
             open: vec![],
             free: model.free.clone(),
-            rest: model.rest.iter().copied().chain(std::iter::repeat([0.0; 3])).take(model.node_count()).collect(),
+            rest: model.rest_of_surface(),
             live: model.mechanics().around_nodes(model),
             spring_gone: vec![false; model.elements().spring_count],
             all: Extent::NONE,

@@ -6,7 +6,8 @@
 //!
 //! Tiles whose boxes meet a tool's are searched column by column with the same two displacements; the surface of the columns that may meet
 //! the tool's box goes to the narrow phase. A mesh of tetrahedra is one tile; its triangles are searched one by one with the boxes of the
-//! tetrahedra behind them ([`crate::mesh::Unstructured`]). Leaves are rounded outward to the f32 of parry3d.
+//! tetrahedra behind them ([`crate::mesh::Unstructured`]). So are those of an embedded surface, with the cells behind them
+//! ([`crate::mesh::Embedded`]) and the displacements of the tiles that these are in. Leaves are rounded outward to the f32 of parry3d.
 //! Units: m.
 
 use crate::kernels::Params;
@@ -145,6 +146,25 @@ impl Boxes {
         found
     }
 
+    /// Range of the displacements of the tiles that a box at rest meets, widened by a part of it, m.
+    fn motion_in(&self, grid: &Grid, params: &Params<f64>, rest: [DVec3; 2], beyond: f64) -> [DVec3; 2] {
+        // one cell more on either side: points move with cells beside their own
+        let tile = |end: usize, axis: usize, more: f64| {
+            let cell = rest[end][axis] / grid.edge[axis] + 0.5 * grid.cells[axis] as f64 + more;
+            cell.clamp(0.0, (grid.cells[axis] - 1) as f64) as usize / TILE
+        };
+        let across = tiles(params)[0];
+        let nothing = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+        let rows = (tile(0, 1, -1.0 - ROUNDING)..=tile(1, 1, 1.0 + ROUNDING))
+            .flat_map(|j| (tile(0, 0, -1.0 - ROUNDING)..=tile(1, 0, 1.0 + ROUNDING)).map(move |i| i + across * j));
+        let [least, greatest] = rows.fold(nothing, |[low, high], tile| {
+            let [least, greatest] = self.motion[tile];
+            [low.min(least), high.max(greatest)]
+        });
+        let more = (greatest - least) * beyond;
+        [least - more, greatest + more]
+    }
+
     /// Surface faces of the cell columns, or of the tetrahedra behind them, that may meet an area.
     pub fn faces(&self, surface: &Surface, area: &Aabb) -> Vec<Face> {
         let grid = surface.grid();
@@ -157,6 +177,14 @@ impl Boxes {
             return near.map(|(face, _)| *face).collect();
         }
         let params = grid.params::<f64>();
+        if let Some(embedded) = &grid.embedded {
+            let near = embedded.outside.iter().zip(&embedded.behind).filter(|(_, behind)| {
+                let [low, high] = behind.map(DVec3::from_array);
+                let [least, greatest] = self.motion_in(grid, &params, [low, high], embedded.beyond);
+                outward(low + least, high + greatest).intersects(area)
+            });
+            return near.map(|(face, _)| *face).collect();
+        }
         let mut out = vec![];
         let parents = surface.parts.parents();
         let spread = if parents.is_empty() { 0.0 } else { 1.0 }; // corners of a wound lie up to half a cell beside their nodes

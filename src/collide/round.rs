@@ -317,6 +317,7 @@ fn nearest_on_triangles(
     reach: f64,
 ) -> Vec<Nearest> {
     let mut met: Vec<(f64, usize, Nearest)> = vec![];
+    let per_face = patch.corners.len() / curvature.len().max(1); // faces of a body are all of one kind
     for (triangle, corners) in patch.corners.iter().enumerate() {
         let longest = (0..3).map(|k| corners[k].distance(corners[(k + 1) % 3])).fold(0.0, f64::max);
         if longest <= sweep.radius {
@@ -332,7 +333,8 @@ fn nearest_on_triangles(
             });
             let nearest = patch.position(triangle, weights);
             let touch = sweep.meets(nearest, reach).filter(|t| t.normal.dot(outward) > FACING)?;
-            let touch = Touch { gap: touch.gap + sweep.overlap(*corners, weights, curvature[triangle / 2]), ..touch };
+            let touch =
+                Touch { gap: touch.gap + sweep.overlap(*corners, weights, curvature[triangle / per_face]), ..touch };
             Some((
                 clear,
                 triangle,

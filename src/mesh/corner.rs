@@ -102,6 +102,7 @@ mod tests {
             heights: vec![0.0, 0.6e-3, 1.1e-3, 1.2e-3],
             layer_of: vec![0, 1, 2],
             unstructured: None,
+            embedded: None,
         }
     }
 

@@ -1,7 +1,7 @@
-//! Regular grid of hexahedra in layers: z-ranges of one grid that share their interface nodes, so layers are perfectly bonded. Or, in its
-//! place, the nodes of a mesh of tetrahedra.
+//! Regular grid of hexahedra in layers: z-ranges of one grid that share their interface nodes, so layers are perfectly bonded. It may carry a
+//! surface that its cells are cut by ([`Embedded`]). Or, in its place, the nodes of a mesh of tetrahedra.
 
-use super::Unstructured;
+use super::{Embedded, Unstructured};
 use crate::kernels::Params;
 use crate::scene::{Region, Skin, TetrahedralMesh};
 use std::sync::Arc;
@@ -22,11 +22,13 @@ pub struct Grid {
     pub layer_of: Vec<u32>,
     /// The mesh of tetrahedra that the nodes are of, if they are of one.
     pub unstructured: Option<Arc<Unstructured>>,
+    /// The surface that the grid carries, if it does not fill its box.
+    pub embedded: Option<Arc<Embedded>>,
 }
 
 impl Grid {
-    /// Grid of a skin, or the nodes of its mesh.
-    pub fn new(skin: &Skin) -> Self {
+    /// Grid of a skin without what is embedded in it, or the nodes of its mesh.
+    pub(super) fn whole(skin: &Skin) -> Self {
         if let Some(mesh) = &skin.mesh {
             return Self::of_mesh(mesh);
         }
@@ -48,6 +50,7 @@ impl Grid {
             heights,
             layer_of,
             unstructured: None,
+            embedded: None,
         }
     }
 
@@ -61,6 +64,7 @@ impl Grid {
             heights: vec![0.0, z],
             layer_of: vec![],
             unstructured: Some(Arc::new(Unstructured::new(mesh))),
+            embedded: None,
         }
     }
 
@@ -135,12 +139,39 @@ impl Grid {
         [[self.edge[0]; 2], [self.edge[1]; 2], [below, above]]
     }
 
-    /// True if a node belongs to a region.
+    /// True if a node belongs to a region; nodes that no present cell has belong to none, and a group of an embedded surface has the nodes that its
+    /// points move with.
     pub fn contains(&self, region: &Region, node: usize) -> bool {
         match &self.unstructured {
             Some(unstructured) => unstructured.mesh.node_is_in(node, region),
-            None => region.holds(self.rest(node), self.size(), self.thickness()),
+            None => match (&self.embedded, region) {
+                (Some(embedded), _) if embedded.mass[node] == 0.0 => false,
+                (Some(embedded), Region::Group(group)) => {
+                    embedded.groups.iter().any(|own| own.name() == group.name() && own.holds(node))
+                }
+                _ => region.holds(self.rest(node), self.size(), self.thickness()),
+            },
         }
+    }
+
+    /// True if a cell is there from the start: those outside of an embedded surface are not.
+    pub fn is_present(&self, cell: usize) -> bool {
+        self.embedded.as_ref().is_none_or(|embedded| embedded.share[cell] > 0.0)
+    }
+
+    /// True if a node is of a present cell.
+    pub fn is_used(&self, node: usize) -> bool {
+        self.embedded.as_ref().is_none_or(|embedded| embedded.mass[node] > 0.0)
+    }
+
+    /// Share of a cell's volume that belongs to the body.
+    pub fn share(&self, cell: usize) -> f64 {
+        self.embedded.as_ref().map_or(1.0, |embedded| embedded.share[cell])
+    }
+
+    /// Factor on the stiffness of a cell for that share.
+    pub fn share_factor(&self, cell: usize) -> f64 {
+        self.embedded.as_ref().map_or(1.0, |embedded| embedded.factor(cell))
     }
 
     /// Nodes of a region.

@@ -1,7 +1,9 @@
-//! The nodes and cells of a body, their connectivity under cuts, and the surface: of a regular grid, or of a mesh of tetrahedra, which is
-//! not cut.
+//! The nodes and cells of a body, their connectivity under cuts, and the surface: of a regular grid, of a closed surface embedded in one, or
+//! of a mesh of tetrahedra. The last two are not cut.
 
 mod corner;
+mod embedded;
+mod embedding;
 mod face;
 mod grid;
 mod parts;
@@ -11,6 +13,7 @@ mod tetrahedra;
 mod unstructured;
 
 pub use corner::Corner;
+pub use embedded::{Embedded, LINES, Misfit};
 pub use face::Face;
 pub use grid::Grid;
 pub use parts::{Change, FRAGMENT, Parts};

@@ -449,6 +449,7 @@ mod tests {
             heights: vec![0.0, 1e-3, 2e-3, 3e-3, 4e-3],
             layer_of: vec![0; 4],
             unstructured: None,
+            embedded: None,
         };
         let params = Params { extra_columns: 60, split_cells: 100, touched_nodes: 400, ..grid.params() };
         Parts::new(Params { node_count: params.node_count + 60 * params.nodes_z, ..params })

@@ -1,6 +1,6 @@
 //! Material points: what moves with a few nodes.
 
-use super::{Grid, Unstructured};
+use super::{Embedded, Grid, Unstructured};
 use crate::kernels::corner;
 
 /// A material point of a deformable body: node ids, each once, with their weights, which sum to 1. `u = Σ_a N_a u_a`, and a force on it
@@ -42,13 +42,20 @@ fn of_tetrahedron(unstructured: &Unstructured, at: [f64; 3]) -> MaterialPoint {
     MaterialPoint::of(unstructured.mesh.tetrahedra()[e], weights)
 }
 
+impl Embedded {
+    /// A point of the surface as its nodes.
+    pub fn point(&self, point: u32) -> MaterialPoint {
+        MaterialPoint::of(self.nodes[point as usize], self.weights[point as usize])
+    }
+}
+
 impl Grid {
     /// The material point at a rest position in the frame of a mesh, or nearest to it; none of a grid.
     pub fn point_of_mesh(&self, at: [f64; 3]) -> Option<MaterialPoint> {
         self.unstructured.as_ref().map(|unstructured| of_tetrahedron(unstructured, at))
     }
 
-    /// The material point at a rest position in the grid's frame; none outside of it.
+    /// The material point at a rest position in the grid's frame; none outside of it, or where an embedded surface leaves no cell.
     pub fn material_point(&self, at: [f64; 3]) -> Option<MaterialPoint> {
         if let Some(unstructured) = &self.unstructured {
             return unstructured.mesh.holds(at).then(|| of_tetrahedron(unstructured, at));
@@ -58,9 +65,19 @@ impl Grid {
         if !(inside(0) && inside(1) && (self.heights[0]..=self.thickness()).contains(&at[2])) {
             return None;
         }
-        let (cell, natural) = self.cell_at(at);
+        let (cell, natural) = match &self.embedded {
+            Some(_) => self.present_at(at)?,
+            None => self.cell_at(at),
+        };
         let corners = self.params::<f64>().corners(cell).map(|id| id as u32);
         Some(MaterialPoint::of(corners, trilinear(natural)))
+    }
+
+    /// A present cell at a rest position in the grid's frame, of several the one with the largest share of the body, with the natural
+    /// coordinates there; none where every cell there is gone.
+    pub fn present_at(&self, at: [f64; 3]) -> Option<(usize, [f64; 3])> {
+        let cells = self.cells_at(at).into_iter().filter(|(cell, _)| self.is_present(*cell));
+        cells.max_by(|a, b| self.share(a.0).total_cmp(&self.share(b.0)))
     }
 
     /// The cell at a finite rest position in the grid's frame, with its natural coordinates there, 0 to 1; outside of the grid those of the

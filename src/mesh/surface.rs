@@ -1,4 +1,5 @@
-//! The skin's surface: faces of remaining cells without a neighbour, and both sides of each severed link; of a mesh, its outside.
+//! The skin's surface: faces of remaining cells without a neighbour, and both sides of each severed link; of a mesh, its outside; of an
+//! embedded surface, its triangles.
 
 use super::{Corner, Face, Grid, Outside, Parts};
 use crate::kernels::Params;
@@ -45,7 +46,7 @@ impl Surface {
 
     /// The same with room for the splits that the parameters allow.
     pub fn with_reserve(grid: &Grid, params: Params<f64>) -> Self {
-        let alive = vec![true; params.cell_count as usize];
+        let alive = (0..params.cell_count as usize).map(|cell| grid.is_present(cell)).collect();
         let present = vec![true; grid.unstructured.as_ref().map_or(0, |of| of.mesh.tetrahedra().len())];
         Self { of: grid.clone(), params, alive, present, opened: None, parts: Parts::new(params) }
     }
@@ -78,8 +79,13 @@ impl Surface {
         }
     }
 
-    /// Surface corner at a node.
+    /// Surface corner at a node; points of an embedded surface are numbered after the nodes.
     pub fn corner(&self, node: usize) -> Corner {
+        if let Some(embedded) = &self.of.embedded
+            && let Some(point) = node.checked_sub(self.params.node_count as usize)
+        {
+            return Corner { offset: [0.0; 3], nodes: embedded.nodes[point], weights: embedded.weights[point] };
+        }
         self.parts.corner(&self.of, node)
     }
 
@@ -117,6 +123,9 @@ impl Surface {
 
     /// All boundary faces.
     pub fn all(&self) -> Vec<Face> {
+        if let Some(embedded) = &self.of.embedded {
+            return embedded.outside.clone();
+        }
         let p = &self.params;
         let mut out = self.outside().map_or(vec![], |outside| outside.faces.clone());
         self.quads([0; 3], [p.cells_x as usize, p.cells_y as usize, p.cells_z as usize], &mut out);
@@ -183,6 +192,7 @@ mod tests {
             heights: vec![0.0, 1.0, 2.0],
             layer_of: vec![0, 0],
             unstructured: None,
+            embedded: None,
         };
         let mut surface = Surface::new(&grid);
         surface.alive[13] = false;
@@ -206,6 +216,7 @@ mod tests {
             heights: vec![0.0, 1.0, 2.0, 3.0],
             layer_of: vec![0; 3],
             unstructured: None,
+            embedded: None,
         };
         let params = Params { extra_columns: 16, split_cells: 100, touched_nodes: 400, ..grid.params::<f64>() };
         Surface::with_reserve(&grid, params)

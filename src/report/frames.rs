@@ -31,7 +31,8 @@ pub(super) const LAYER_SHARE: f64 = 0.62;
 pub(super) const BLOOD: [u8; 3] = [128, 12, 16];
 pub(super) const WET_SHININESS: f64 = 36.0;
 
-/// Current surface of the deformable bodies. Its points have the numbers of the nodes that they belong to.
+/// Current surface of the deformable bodies. Its points have the numbers of the nodes that they belong to, those of an embedded surface
+/// numbers after its body's nodes.
 pub struct SkinSurface {
     /// `[node]` m
     pub positions: Vec<[f64; 3]>,
@@ -65,8 +66,8 @@ impl SkinSurface {
     pub fn new(simulation: &Simulation, state: &[Snapshot]) -> Self {
         let mut out = Self {
             positions: positions(simulation, state),
-            displacements: joined(state, |s| &s.u),
-            velocities: joined(state, |s| &s.v),
+            displacements: joined(simulation, state, |s| &s.u),
+            velocities: joined(simulation, state, |s| &s.v),
             skin: Faces::default(),
             walls: Faces::default(),
             rims: vec![],
@@ -80,7 +81,7 @@ impl SkinSurface {
                 faces.add(quad, first, [number as u32, layer]);
             }
             out.smooth(body, &state[number], &quads, first as usize);
-            first += body.model.node_count() as u32;
+            first += body.model.point_count() as u32;
         }
         for faces in [&mut out.skin, &mut out.walls] {
             faces.edges.sort_unstable();
@@ -125,15 +126,25 @@ impl Faces {
     }
 }
 
-/// Field over the nodes of all bodies.
-pub(super) fn joined(state: &[Snapshot], field: fn(&Snapshot) -> &Vec<V4<f64>>) -> Vec<[f64; 3]> {
-    state.iter().flat_map(field).map(|v| [v[0], v[1], v[2]]).collect()
+/// Field over the nodes of all bodies; 0 at the points of embedded surfaces.
+pub(super) fn joined(
+    simulation: &Simulation,
+    state: &[Snapshot],
+    field: fn(&Snapshot) -> &Vec<V4<f64>>,
+) -> Vec<[f64; 3]> {
+    let mut out = vec![];
+    for (body, state) in simulation.bodies.iter().zip(state) {
+        let more = body.model.point_count() - body.model.node_count();
+        out.extend(field(state).iter().map(|v| [v[0], v[1], v[2]]));
+        out.extend(std::iter::repeat_n([0.0; 3], more));
+    }
+    out
 }
 
-/// `[node]` displaced positions of all bodies, m.
+/// `[node]` displaced positions of all bodies, m; those of points of embedded surfaces at rest.
 pub(super) fn positions(simulation: &Simulation, state: &[Snapshot]) -> Vec<[f64; 3]> {
-    let bodies = simulation.bodies.iter().zip(state);
-    let moved = bodies.flat_map(|(body, state)| body.wound.rest.iter().zip(&state.u));
+    let rest = simulation.bodies.iter().flat_map(|body| &body.wound.rest);
+    let moved = rest.zip(joined(simulation, state, |s| &s.u));
     moved.map(|(x, u)| std::array::from_fn(|n| x[n] + u[n])).collect()
 }
 

@@ -149,7 +149,8 @@ impl Kept {
     }
 }
 
-/// Remaining cells at displaced positions. Grid nodes without a remaining cell stay in the file, unused duplicates do not.
+/// Remaining cells at displaced positions. Grid nodes that a cut has left without a cell stay in the file; unused duplicates, and nodes beside
+/// an embedded surface, do not.
 pub(super) fn write_volume(
     path: &Path,
     simulation: &Simulation,
@@ -176,8 +177,9 @@ pub(super) fn write_volume(
         }
         numbers.extend((0..surface.alive.len()).filter(|cell| surface.alive[*cell]).map(|cell| (number, cell)));
         let count = body.model.node_count();
-        old.extend((0..count).filter(|node| surface.parts.in_use(*node)).map(|node| first + node as u32));
-        first += count as u32;
+        let kept = |node: &usize| surface.parts.in_use(*node) && body.model.is_used(*node);
+        old.extend((0..count).filter(kept).map(|node| first + node as u32));
+        first += body.model.point_count() as u32;
     }
     layers.extend(theirs.iter().map(|(layer, _)| *layer));
     bodies.extend(theirs.iter().map(|(_, (body, _))| *body as f64));
@@ -189,8 +191,8 @@ pub(super) fn write_volume(
         &kept.renumbered(&cells),
         &kept.renumbered(&tetrahedra),
         &[
-            ("displacement_m", Field::Vectors(&kept.of(&frames::joined(state, |s| &s.u)))),
-            ("velocity_m_s", Field::Vectors(&kept.of(&frames::joined(state, |s| &s.v)))),
+            ("displacement_m", Field::Vectors(&kept.of(&frames::joined(simulation, state, |s| &s.u)))),
+            ("velocity_m_s", Field::Vectors(&kept.of(&frames::joined(simulation, state, |s| &s.v)))),
         ],
         &[vec![("layer", Field::Scalars(&layers)), ("body", Field::Scalars(&bodies))], more.fields()].concat(),
     )

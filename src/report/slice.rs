@@ -48,7 +48,7 @@ impl Slice {
                     out.add(&heights, surface, normal, &corners, &EDGES, (of(cell), cell));
                 }
             }
-            first += body.model.node_count() as u32;
+            first += body.model.point_count() as u32;
         }
         out
     }

@@ -1,5 +1,6 @@
 //! Deformable bodies of a scene file: laws and layers.
 
+use super::embedded::{self, ClosedSurface};
 use super::files::Files;
 use super::grid;
 use super::hyperelastic;
@@ -70,7 +71,12 @@ pub(super) fn skin(
         return Err(Invalid::NoLayers { at: scene.location(table.span) });
     }
     let mesh = mesh(scene, files, &raw)?;
-    let meshed = mesh.is_some();
+    let embedded = embedded(scene, files, &raw, &law)?;
+    let form = match (&mesh, &embedded) {
+        (Some(_), _) => Form::Tetrahedra,
+        (None, Some(surface)) if raw.layer.len() == 1 => Form::Surface(surface.size()[2]),
+        (None, _) => Form::Grid,
+    };
     // layers with default colours
     let count = raw.layer.len();
     let mut names = Taken::new();
@@ -85,7 +91,7 @@ pub(super) fn skin(
             _ => PALETTE[1],
         };
         let name = scene.name("layer", &layer_table.keys.name, &mut names)?;
-        layer(scene, layer_table, name, color, &law, meshed)
+        layer(scene, layer_table, name, color, &law, &form)
     });
     let layers = layers.collect::<Result<Vec<_>>>()?;
     // the remaining keys
@@ -101,19 +107,33 @@ pub(super) fn skin(
             let cells_text = scene.required("cells", raw.cells.as_ref(), table.span.clone(), why)?;
             let cells = scene.counts("cells", cells_text, [1, u32::MAX])?;
             grid::numbered(scene, cells, &counts, cells_text)?;
-            let size_text = scene.required("size_mm", raw.size_mm.as_ref(), table.span, why)?;
-            let size = scene.vector("size_mm", size_text, MM, Bound::Positive)?;
-            grid::not_slender(scene, (size, size_text.span()), cells, &layers, &thicknesses)?;
+            let (size, size_at) = match (&raw.size_mm, &embedded) {
+                (None, Some(surface)) => (std::array::from_fn(|axis| surface.size()[axis]), cells_text.span()),
+                (size_text, _) => {
+                    let size_text = scene.required("size_mm", size_text.as_ref(), table.span.clone(), why)?;
+                    (scene.vector("size_mm", size_text, MM, Bound::Positive)?, size_text.span())
+                }
+            };
+            grid::not_slender(scene, (size, size_at.clone()), cells, &layers, &thicknesses)?;
+            if let Some(surface) = &embedded {
+                let thickness = layers.iter().map(|layer| layer.thickness).sum();
+                if let Some(found) = embedded::beyond(surface, size, thickness) {
+                    let of_layers = thicknesses.iter().find(|span| !span.is_empty()).cloned();
+                    let at = if found.0 == 'z' { of_layers.unwrap_or(size_at) } else { size_at };
+                    return Err(embedded::too_small(scene.location(at), found));
+                }
+            }
             (size, cells)
         }
     };
-    let cut = match meshed {
+    let cut = match mesh.is_some() || embedded.is_some() {
         true => Cut::Remove,
         false => cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, cells)?,
     };
     reserved(scene, cut, cells, &layers, &raw.cut_reserve_columns)?;
     Ok(Skin {
         mesh: mesh.map(Arc::new),
+        embedded: embedded.map(Arc::new),
         name,
         position,
         size,
@@ -135,9 +155,13 @@ fn mesh(scene: &SceneText, files: &Files, raw: &raw::Skin) -> Result<Option<Tetr
     let layers = || raw.layer.iter().map(|layer| &layer.keys);
     let Some(name) = &raw.mesh else {
         scene.needless("mesh_unit_mm", &raw.mesh_unit_mm, "there is no `mesh`")?;
+        scene.needless("embed", &raw.embed, "there is no `mesh` to embed in the grid")?;
         let why = "only a mesh has groups: the body's `mesh`";
         return layers().try_for_each(|layer| scene.needless("group", &layer.group, why)).map(|()| None);
     };
+    if raw.embed.is_some() {
+        return Ok(None);
+    }
     let why = "the body's `mesh` already gives it";
     scene.needless("size_mm", &raw.size_mm, why)?;
     scene.needless("cells", &raw.cells, why)?;
@@ -151,6 +175,36 @@ fn mesh(scene: &SceneText, files: &Files, raw: &raw::Skin) -> Result<Option<Tetr
     let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm.clone(), 1.0), MM, Bound::Positive)?;
     let wanted: Vec<Wanted> = layers().map(|layer| Wanted { name: &layer.name, group: &layer.group }).collect();
     tetrahedral::read(scene, files, name, unit, &wanted).map(Some)
+}
+
+/// The surface of a mesh file that is embedded in the body's grid; none of other bodies.
+fn embedded(scene: &SceneText, files: &Files, raw: &raw::Skin, law: &Law) -> Result<Option<ClosedSurface>> {
+    let (Some(name), Some(word)) = (&raw.mesh, &raw.embed) else { return Ok(None) };
+    scene.choice("embed", word, &[("bricks", ())])?;
+    let refuse = |text: Option<&At<String>>, key: &str, fix| {
+        let text = text.unwrap_or(word);
+        let what =
+            if text.get_ref() == word.get_ref() { key.into() } else { format!("{key} = \"{}\"", text.get_ref()) };
+        Err(Invalid::Embedded { at: scene.location(text.span()).to_string(), what, fix })
+    };
+    if !matches!(law, Law::Hyperelastic(_)) {
+        let fix = "leave it out, or take one of the laws of large strains (`cutis keys law`)";
+        return refuse(raw.law.as_ref(), "law", fix);
+    }
+    if let Some(mass) = raw.mass.as_ref().filter(|mass| mass.get_ref() != "lumped") {
+        return refuse(
+            Some(mass),
+            "mass",
+            "leave it out: each node has the mass of what is inside of the cells around it",
+        );
+    }
+    let why = "the group of a layer is of tetrahedra; with `embed` layers are z-ranges of the grid";
+    raw.layer.iter().try_for_each(|layer| scene.needless("group", &layer.keys.group, why))?;
+    let why = "a body with `embed` is not cut";
+    scene.needless("cut", &raw.cut, why)?;
+    scene.needless("cut_reserve_columns", &raw.cut_reserve_columns, why)?;
+    let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm.clone(), 1.0), MM, Bound::Positive)?;
+    embedded::read(scene, files, name, unit).map(Some)
 }
 
 fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
@@ -170,7 +224,7 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
             damping: scene.required("spring_damping_n_s_m", damping, table.clone(), why)?,
         })
     };
-    if raw.mesh.is_some() {
+    if raw.mesh.is_some() && raw.embed.is_none() {
         let element = element("tetra", &TETRAHEDRA)?;
         let of = |corotational| Law::Fem { element, corotational };
         let of_springs = Law::Springs { stiffness: 0.0, damping: 0.0 };
@@ -283,14 +337,24 @@ fn mass(scene: &SceneText, raw: &raw::Skin, law: &Law) -> Result<Mass> {
     Ok(mass)
 }
 
-/// A layer; of a mesh without thickness and cells.
+/// What gives a layer its thickness.
+enum Form {
+    /// Its keys.
+    Grid,
+    /// Nothing: tetrahedra have no layers by height.
+    Tetrahedra,
+    /// Its keys, or, where they do not, the height of a surface, m.
+    Surface(f64),
+}
+
+/// A layer; of tetrahedra without thickness and cells.
 fn layer(
     scene: &SceneText,
     table: Table<raw::Layer>,
     name: String,
     color: [u8; 3],
     law: &Law,
-    meshed: bool,
+    form: &Form,
 ) -> Result<Layer> {
     let (at, raw) = (table.span.clone(), table.keys);
     let constants = match law {
@@ -303,13 +367,19 @@ fn layer(
         }
     };
     let fibres = hyperelastic::fibres(scene, &raw, law)?;
-    let (thickness, cells) = if meshed {
+    let (thickness, cells) = if let Form::Tetrahedra = form {
         (0.0, 0)
     } else {
         let why = "a layer of a grid asks for it";
-        let thickness = scene.required("thickness_mm", raw.thickness_mm.as_ref(), at.clone(), why)?;
+        let thickness = match (form, &raw.thickness_mm) {
+            (Form::Surface(height), None) => *height,
+            (_, text) => {
+                let text = scene.required("thickness_mm", text.as_ref(), at.clone(), why)?;
+                scene.number("thickness_mm", text, MM, Bound::Positive)?
+            }
+        };
         let cells = scene.required("cells", raw.cells.as_ref(), at, why)?;
-        (scene.number("thickness_mm", thickness, MM, Bound::Positive)?, scene.count("cells", cells, [1, u32::MAX])?)
+        (thickness, scene.count("cells", cells, [1, u32::MAX])?)
     };
     let toughness = or(raw.toughness_kj_m2, 2.0);
     let pre_strain = or_vector(raw.pre_strain, &[0.0; 2]);

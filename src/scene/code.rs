@@ -73,6 +73,7 @@ impl Default for Skin {
             cells: [10; 2],
             layers: vec![Layer::default()],
             mesh: None,
+            embedded: None,
             law: Law::Hyperelastic(Material::NeoHookean),
             mass: Mass::Lumped,
             cut: Cut::Split { reserve_columns: 44 },
@@ -362,6 +363,8 @@ impl Scene {
         part.not_negative("rayleigh_mass, rayleigh_stiffness", &[skin.rayleigh_mass, skin.rayleigh_stiffness])?;
         let odd = skin.mesh.as_ref().map_or_else(|| skin.odd_grid(), |mesh| mesh.misfit(skin));
         odd.map_or(Ok(()), |(name, found, wanted)| Err(part.of(name).refuse(found, wanted)))?;
+        let odd = skin.embedded.as_ref().and_then(|surface| surface.misfit(skin));
+        odd.map_or(Ok(()), |(name, found, wanted)| Err(part.of(name).refuse(found, wanted)))?;
         for (k, layer) in skin.layers.iter().enumerate() {
             let part = part.of(format!("layers[{k}]"));
             part.positive("density", &[layer.density])?;
@@ -450,6 +453,7 @@ impl Scene {
 
     /// Checks combinations of parts.
     fn check_together(&self, scene: &Part) -> Result<()> {
+        super::embedded::fits(self)?;
         let hyperelastic = self.skins.iter().any(|skin| matches!(skin.law, Law::Hyperelastic(_)));
         let refinements = scene.of("solver.refinements");
         let newton = hyperelastic && self.newton();

@@ -5,7 +5,7 @@ use super::limits::{LONGEST, MOST_NODES};
 use super::raw::{At, Extent, Points};
 use super::region::{ACROSS, CellFace, SLACK};
 use super::text::{Bound, MM, PLAIN, SceneText, in_mm, normalized};
-use super::{Layer, Region, Skin, TestForm, TetrahedralMesh};
+use super::{ClosedSurface, Layer, Region, Skin, TestForm, TetrahedralMesh};
 use std::ops::Range;
 
 /// A grid of nodes: the scene's, or its test form's; or the nodes of a mesh.
@@ -15,12 +15,14 @@ pub(super) struct Grid<'a> {
     cells: [u32; 2],
     layers: &'a [Layer],
     mesh: Option<&'a TetrahedralMesh>,
+    surface: Option<&'a ClosedSurface>,
 }
 
 /// The scene's grid, then that of its test form if it has its own cells.
 pub(super) fn grids<'a>(skin: &'a Skin, test: &Option<TestForm>) -> Vec<Grid<'a>> {
     let mesh = skin.mesh.as_deref();
-    let grid = |name, cells| Grid { name, size: skin.size, cells, layers: &skin.layers, mesh };
+    let surface = skin.embedded.as_deref();
+    let grid = |name, cells| Grid { name, size: skin.size, cells, layers: &skin.layers, mesh, surface };
     let mut grids = vec![grid("scene", skin.cells)];
     grids.extend(test.and_then(|test| test.cells).map(|cells| grid("test form", cells)));
     grids
@@ -164,6 +166,9 @@ impl Grid<'_> {
 
     /// True if the region contains the four corners of a face of the surface.
     pub fn holds_face(&self, region: &Region) -> bool {
+        if let Some(surface) = self.surface {
+            return surface.has_triangle_in(region);
+        }
         if let Some(mesh) = self.mesh {
             return mesh.outside().iter().any(|face| face.iter().all(|node| mesh.node_is_in(*node as usize, region)));
         }
@@ -193,7 +198,7 @@ impl Grid<'_> {
 
     /// True if the region contains a part of the surface.
     pub fn loads(&self, region: &Region) -> bool {
-        if self.mesh.is_some() {
+        if self.mesh.is_some() || self.surface.is_some() {
             return self.holds_face(region);
         }
         let rows = [0, 1, 2].map(|axis| {
@@ -316,7 +321,7 @@ pub(super) fn no_extent(scene: &SceneText, extent: &Extent, why: &'static str) -
 }
 
 /// Region of the given name; it must contain a node of each grid.
-pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids: &[Grid]) -> Result<Region> {
+pub(super) fn region<'a>(scene: &SceneText, name: &At<String>, extent: Extent, grids: &[Grid<'a>]) -> Result<Region> {
     // region of this name; keys of other regions are errors
     let known = [
         ("bottom", Some(Region::Bottom)),
@@ -366,7 +371,9 @@ pub(super) fn region(scene: &SceneText, name: &At<String>, extent: Extent, grids
         "group" => {
             let why = "region = \"group\" asks for `group`, the name of a physical group of the mesh";
             let asked = scene.required("group", group.as_ref(), name.span(), why)?;
-            let groups = grids.iter().find_map(|grid| grid.mesh).map_or(&[][..], TetrahedralMesh::groups);
+            let of =
+                |grid: &Grid<'a>| grid.mesh.map(TetrahedralMesh::groups).or(grid.surface.map(ClosedSurface::groups));
+            let groups = grids.iter().find_map(of).unwrap_or_default();
             let why = "a grid has no groups; they are of a body with `mesh` whose file names some";
             if groups.is_empty() {
                 scene.needless("group", group, why)?;
@@ -486,7 +493,7 @@ mod tests {
                 color: [0; 3],
             };
             let layers: Vec<Layer> = over.iter().map(layer).collect();
-            let grid = Grid { name: "scene", size: [4.0, 3.0], cells, layers: &layers, mesh: None };
+            let grid = Grid { name: "scene", size: [4.0, 3.0], cells, layers: &layers, mesh: None, surface: None };
             let positions = [0, 1, 2].map(|axis| grid.rows(axis).iter().flat_map(Row::positions).collect::<Vec<f64>>());
             let top = positions[2][positions[2].len() - 1];
             let all = positions[2].iter().flat_map(|z| positions[1].iter().flat_map(|y| positions[0].iter().map(|x| [*x, *y, *z])));

@@ -657,6 +657,33 @@ pub enum Invalid {
         mend: String,
     },
 
+    /// A grid that ends within the surface embedded in it.
+    #[error(
+        "{at}: along {axis} the grid has {grid} mm and the surface that is embedded in it {own} mm; leave the grid's size out, which then is the \
+         surface's, or write at least {own}"
+    )]
+    EmbeddedSize {
+        /// Where the size stands, or the body.
+        at: Location,
+        /// x, y or z.
+        axis: char,
+        /// Extent of the surface, mm.
+        own: f64,
+        /// Extent of the grid, mm.
+        grid: f64,
+    },
+
+    /// What a body embedded in a grid does not have.
+    #[error("{at}: {what} cannot be had with embed = \"bricks\"; {fix}")]
+    Embedded {
+        /// Where.
+        at: String,
+        /// What was found.
+        what: String,
+        /// What to do.
+        fix: &'static str,
+    },
+
     /// A vertex beyond the range of f32.
     #[error("{at}: `{found}`; in metres that exceeds the range of f32; mend the line, or mesh_unit_mm of the scene")]
     ObjFar {

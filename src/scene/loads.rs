@@ -145,7 +145,14 @@ fn surface(scene: &SceneText, raw: &raw::Load, extent: Extent, skin: &Skin, grid
         let why = "`rectangle_mm` already is a part of the top; for other parts of the surface take `region` alone";
         scene.needless("region", &raw.region, why)?;
         no_extent(scene, &extent, why)?;
-        return on_top(scene, rectangle, skin);
+        let region = on_top(scene, rectangle, skin)?;
+        return match grids.iter().find(|grid| !grid.loads(&region)) {
+            None => Ok(region),
+            Some(grid) => {
+                let region = "the rectangle".to_string();
+                Err(Invalid::NoSurface { at: scene.location(rectangle.span()), grid: grid.name, region })
+            }
+        };
     }
     let name = or(raw.region.clone(), "top".to_string());
     let region = region(scene, &name, extent, grids)?;

@@ -9,6 +9,7 @@ mod builtin;
 mod code;
 mod devices;
 mod diagnose;
+mod embedded;
 mod files;
 mod free;
 mod grid;
@@ -37,6 +38,7 @@ mod words;
 pub use body::Start;
 pub use builtin::incision;
 pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
+pub use embedded::{ClosedSurface, Leak};
 #[cfg(feature = "program")]
 pub(crate) use files::bytes_of;
 pub use files::{COLUMNS as TRAJECTORY_COLUMNS, FORCE_COLUMNS, Files};
@@ -288,7 +290,7 @@ pub struct Solver {
     pub true_residual_every: u32,
 }
 
-/// A deformable body: a regular grid of hexahedra in bonded layers, or the tetrahedra of a mesh.
+/// A deformable body: a regular grid of hexahedra in bonded layers, the part of one within a closed surface, or the tetrahedra of a mesh.
 #[derive(Clone, Debug)]
 pub struct Skin {
     /// `skin`, or the name of a block.
@@ -303,6 +305,8 @@ pub struct Skin {
     pub layers: Vec<Layer>,
     /// Tetrahedra in place of a grid.
     pub mesh: Option<Arc<TetrahedralMesh>>,
+    /// Surface of the body within its grid, which then is the box around it.
+    pub embedded: Option<Arc<ClosedSurface>>,
     /// The elastic law.
     pub law: Law,
     /// Mass discretisation.
@@ -324,7 +328,7 @@ pub struct Skin {
 impl Skin {
     /// Whether tools that carve remove its cells.
     pub fn can_be_carved(&self) -> bool {
-        self.law.is_hexahedral() && self.cut == Cut::Remove
+        self.law.is_hexahedral() && self.cut == Cut::Remove && self.embedded.is_none()
     }
 
     /// Whether its nodes are in no columns of a grid that a preconditioner for columns could take.

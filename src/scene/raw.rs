@@ -128,6 +128,7 @@ pub(super) struct Skin {
     pub cells: Option<Counts>,
     pub mesh: Option<At<String>>,
     pub mesh_unit_mm: Option<At<f64>>,
+    pub embed: Option<At<String>>,
     pub law: Option<At<String>>,
     pub element: Option<At<String>>,
     pub mass: Option<At<String>>,

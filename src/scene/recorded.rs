@@ -261,9 +261,9 @@ pub enum OutputField {
     Stress,
     /// Green–Lagrange strain, at the middle of each cell.
     Strain,
-    /// Share of a cell's links, or of the springs in it, that are intact.
+    /// Share of a cell's links, or of the springs in it, that are intact; of its volume that is inside of an embedded surface.
     Alive,
-    /// Factor of a cell on the stiffness of its layer, by inclusions.
+    /// Factor of a cell on the stiffness of its layer, by inclusions and by the share of it inside of an embedded surface.
     Stiffness,
 }
 

@@ -103,6 +103,10 @@ pub(super) fn study(
         scene.needless("quick_grid", &raw.quick_grid, why)?;
         scene.needless("reference_grid", &raw.reference_grid, why)?;
     }
+    if skins.iter().any(|skin| skin.embedded.is_some()) {
+        let why = "a body with `embed` has a law of large strains";
+        scene.needless("laws", &raw.laws, why)?;
+    }
     let grids = numbers(scene, "grids", &raw.grids, PLAIN)?;
     let one = |key, value: &Option<At<f64>>, unit| match value {
         Some(value) => scene.number(key, value, unit, Bound::Positive),

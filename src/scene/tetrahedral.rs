@@ -368,7 +368,7 @@ fn named(mesh: &Mesh, dimension: u8, tag: i32) -> Option<&String> {
 }
 
 /// Nodes of the groups of triangles and tetrahedra.
-fn groups(mesh: &formats::Mesh) -> Vec<Group> {
+pub(super) fn groups(mesh: &formats::Mesh) -> Vec<Group> {
     let triangles = mesh.triangles.iter().map(|cell| &cell[..]).zip(&mesh.triangle_regions).collect::<Vec<_>>();
     let tetrahedra = mesh.tetrahedra.iter().map(|cell| &cell[..]).zip(&mesh.tetrahedron_regions).collect::<Vec<_>>();
     let mut out = vec![];

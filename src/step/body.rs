@@ -94,7 +94,7 @@ const UNCONSTRAINED_PIVOT: f64 = 1e-9;
 fn floats(model: &Model) -> bool {
     let mut seen = [[0.0; 6]; 6]; // Σ rᵀr over fixed axes, r the axis's value in the six modes; positions in units of the extent
     let length = model.extent();
-    for (node, (free, rest)) in model.free.iter().zip(&model.rest).enumerate() {
+    for (node, (free, rest)) in model.free.iter().zip(&model.rest).enumerate().filter(|(_, (free, _))| free[3] > 0.0) {
         let anchored = model.anchors.nodes.binary_search(&(node as u32)).is_ok();
         let at = (DVec3::from_array(*rest) - DVec3::from_array(model.position)) / length;
         for axis in (0..3).filter(|axis| anchored || free[*axis] == 0.0) {

@@ -257,6 +257,15 @@ impl Simulation {
             }
             debug_assert_eq!(body.located.faces.len(), tools + others + walls);
         }
+        // forces on an embedded surface act on the nodes of its cells
+        for contact in &mut found {
+            for side in 0..2 {
+                if let BodyId::Deformable(number) = contact.on[side] {
+                    let point = std::mem::take(&mut contact.points[side]);
+                    contact.points[side] = self.bodies[number].model.on_nodes(point);
+                }
+            }
+        }
         found
     }
 
@@ -310,8 +319,8 @@ pub(super) fn ties(simulation: &Simulation, scene: &Scene) -> Result<Vec<Tie>> {
         let model = &simulation.bodies[attachment.body].model;
         let patch = match attachment.to {
             BodyId::Deformable(other) => {
-                let (model, wound) = (&simulation.bodies[other].model, &simulation.bodies[other].wound);
-                Patch::new(&wound.surface.all(), |id| DVec3::from_array(model.rest[id as usize]))
+                let wound = &simulation.bodies[other].wound;
+                Patch::new(&wound.surface.all(), |id| DVec3::from_array(wound.rest[id as usize]))
             }
             _ => None,
         };
@@ -367,9 +376,10 @@ fn other_end(
         }
         (BodyId::Deformable(other), Some(patch)) => {
             let (on_surface, distance) = patch.nearest(at);
-            let inside = || simulation.bodies[other].model.material_point(at.to_array());
+            let model = &simulation.bodies[other].model;
+            let inside = || model.material_point(at.to_array());
             match distance <= TOUCHES {
-                true => Ok((on_surface, at)),
+                true => Ok((model.on_nodes(on_surface), at)),
                 false => Ok((inside().ok_or(distance)?, at)),
             }
         }

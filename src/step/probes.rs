@@ -210,7 +210,8 @@ impl Body {
                 return unstructured.around[*node as usize];
             }
             let cells = surface.parts.cells_of(*node as usize).into_iter().filter(|cell| surface.alive[*cell]);
-            cells.map(|cell| self.model.shape[self.model.layer(cell)][..3].iter().product::<f64>()).sum()
+            let volume = |cell| self.model.shape[self.model.layer(cell)][..3].iter().product::<f64>();
+            cells.map(|cell| volume(cell) * self.model.grid_share(cell)).sum()
         };
         let volumes: Vec<f64> = nodes.iter().map(around).collect();
         let sum: f64 = volumes.iter().sum();

@@ -113,6 +113,7 @@ impl Body {
             heights: (0..=cells[2]).map(|k| 4e-4 * k as f64).collect(),
             layer_of: (0..cells[2]).map(|k| (k * LAYERS / cells[2]) as u32).collect(),
             unstructured: None,
+            embedded: None,
         };
         let (parts, springs) = (parts(kernel, &grid, seed), Springs::between_corners(&grid, 50.0, 0.05));
         let rest: Vec<[f64; 3]> = (0..grid.node_count()).map(|node| grid.rest(node)).collect();

@@ -120,7 +120,7 @@ impl<R: Real> Hexahedra<R> {
             modes: model.modes(),
             layer_of: model.grid.layer_of.clone(),
             cell_count: model.grid.cell_count(),
-            rotation: vec![[R::zero(), R::zero(), R::zero(), R::one()]; model.params::<R>().frames()],
+            rotation: model.first_rotations(),
             frames: Frames::default(),
             split: Parts::new(model.params()).table().to_vec(),
             split_cells: vec![],

@@ -90,7 +90,7 @@ impl Hexahedra {
             return Err(Refused::DirectOnGpu.into());
         }
         // arrays of all laws
-        let rotation = made.with("rotation", params.frames(), || vec![[0f32, 0.0, 0.0, 1.0]; params.frames()])?;
+        let rotation = made.with("rotation", params.frames(), || model.first_rotations::<f32>())?;
         // the table of split nodes, or one word to bind where there is none
         let host = if made.gpu.is_dry() { vec![] } else { Parts::new(model.params()).table().to_vec() };
         let table = match hexahedra.extra_columns {

@@ -167,7 +167,7 @@ const THICKEST: f64 = 10.0;
 /// Points of a cell along an axis at which inclusions are looked for: the volume of a ball of two cells across is right to 2 %.
 const SAMPLES: usize = 4;
 
-/// Factors where there are no inclusions, of which cells beyond the last have the last: as many as fill the 16 bytes that arrays on a device have
+/// Factors where cells have none of their own, of which cells beyond the last have the last: as many as fill the 16 bytes that arrays on a device have
 /// at least.
 const ONE_FOR_ALL: usize = 4;
 
@@ -188,6 +188,8 @@ pub struct Hyperelastic {
     /// `[cells_z]` layer
     layer_of: Vec<u32>,
     cell_count: usize,
+    /// True if cells have factors of their own, by inclusions or by the shares of an embedded surface.
+    scaled: bool,
     /// Regions with another Young's modulus, Pa, in the body's frame.
     inclusions: Vec<(Region, f64)>,
     /// `[cell]` factor on the stiffness of its layer, or one for all.
@@ -217,6 +219,7 @@ impl Hyperelastic {
             fibres,
             layer_of: grid.layer_of.clone(),
             cell_count: grid.cell_count(),
+            scaled: grid.embedded.is_some() || scene.inclusions.iter().any(|i| i.body == body),
             inclusions: scene
                 .inclusions
                 .iter()
@@ -228,20 +231,21 @@ impl Hyperelastic {
         })
     }
 
-    /// Number of factors: one per cell where there are inclusions.
+    /// Number of factors: one per cell where cells have their own.
     pub(super) fn scale_count(&self) -> usize {
-        if self.inclusions.is_empty() { ONE_FOR_ALL } else { self.cell_count }
+        if self.scaled { self.cell_count } else { ONE_FOR_ALL }
     }
 
-    /// Factor of a cell on the stiffness of its layer.
+    /// Factor of a cell on the stiffness of its layer; 0 for one that is gone from the start.
     pub(super) fn scale(&self, cell: usize) -> f64 {
         self.scale[cell.min(self.scale.len() - 1)]
     }
 
     /// Fills in the factors of the cells: the geometric mean of Young's modulus over [`SAMPLES`]³ points of a cell, over that of its layer;
-    /// where inclusions overlap, the last one counts. The arithmetic mean makes an inclusion larger, the harmonic mean smaller than it is.
-    pub(in crate::bodies) fn include(&mut self, grid: &Grid, layers: &[Layer]) {
-        if self.inclusions.is_empty() {
+    /// where inclusions overlap, the last one counts. The arithmetic mean makes an inclusion larger, the harmonic mean smaller than it is. Times the
+    /// factor for the share of the cell in the body ([`Grid::share_factor`]).
+    pub(in crate::bodies) fn fill(&mut self, grid: &Grid, layers: &[Layer]) {
+        if !self.scaled {
             return;
         }
         let params = grid.params::<f64>();
@@ -256,7 +260,10 @@ impl Hyperelastic {
                 self.inclusions.iter().rfind(inside).map_or(0.0, |(_, young)| ln(young / layers[layer].young))
             };
             let count = SAMPLES.pow(3);
-            exp((0..count).map(logarithm).sum::<f64>() / count as f64)
+            if self.inclusions.is_empty() {
+                return grid.share_factor(cell);
+            }
+            exp((0..count).map(logarithm).sum::<f64>() / count as f64) * grid.share_factor(cell)
         };
         self.scale = (0..grid.cell_count()).into_par_iter().map(of_cell).collect();
     }
@@ -282,7 +289,7 @@ impl Hyperelastic {
         Material::of(self.shapes[layer], self.materials[layer], self.fibres[layer], self.pre_strain[layer])
     }
 
-    /// `[cell]` values of the cells that are `alive`, `None` of the others.
+    /// `[cell]` values of the cells that are `alive` and were there from the start, `None` of the others.
     fn each<T: Clone + Send>(
         cells: Cells<f64>,
         alive: &(dyn Fn(usize) -> bool + Sync),
@@ -292,7 +299,8 @@ impl Hyperelastic {
         let mut out = vec![None; cells.params.cell_count as usize];
         let some = |(chunk, out): (usize, &mut [Option<T>])| {
             let (first, count) = (chunk * CHUNK, out.len());
-            let rotation = |cell| alive(cell).then_some([0.0, 0.0, 0.0, 1.0]);
+            let there = |cell: usize| alive(cell) && cells.scale(cell) > 0.0;
+            let rotation = |cell| there(cell).then_some([0.0, 0.0, 0.0, 1.0]);
             let mut take = |cell: usize, found: &Response<f64>| out[cell - first] = Some(of(found));
             cells.respond(first..first + count, wanted, &rotation, &mut take);
         };

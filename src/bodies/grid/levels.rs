@@ -106,7 +106,7 @@ fn galerkin(k: &Matrix) -> Matrix {
 }
 
 /// Masses and DOF masks of a coarse level. A mask is that of the fine node at the same position, or of the last fine node where the coarse
-/// cell extends beyond the grid.
+/// cell extends beyond the grid; 1 where that node has no cell and one beside it does.
 fn coarse_free(cells: [usize; 3], free: &[[f64; 4]]) -> (Vec<[f64; 4]>, [usize; 3]) {
     let coarse = [cells[0].div_ceil(2), cells[1].div_ceil(2), cells[2]];
     if free.is_empty() {
@@ -120,11 +120,19 @@ fn coarse_free(cells: [usize; 3], free: &[[f64; 4]]) -> (Vec<[f64; 4]>, [usize; 
         let same = fine_at((2 * at[0]).min(cells[0]), (2 * at[1]).min(cells[1]), at[2]);
         slot[..3].copy_from_slice(&free[same][..3]);
     }
+    let used = |fine: usize| free[fine][3] > 0.0;
     for (i, fine) in free.iter().enumerate() {
         let at = [i % nodes[0], i / nodes[0] % nodes[1], i / (nodes[0] * nodes[1])];
         for (dx, dy) in [(0, 0), (1, 0), (0, 1), (1, 1)] {
             let (x, y) = (at[0] / 2 + at[0] % 2 * dx, at[1] / 2 + at[1] % 2 * dy);
             out[x + coarse_nodes[0] * (y + coarse_nodes[1] * at[2])][3] += 0.25 * fine[3];
+        }
+    }
+    // a coarse node beside used ones is free where its own fine node has no cell
+    for (i, slot) in out.iter_mut().enumerate().filter(|(_, slot)| slot[3] > 0.0) {
+        let at = [i % coarse_nodes[0], i / coarse_nodes[0] % coarse_nodes[1], i / (coarse_nodes[0] * coarse_nodes[1])];
+        if !used(fine_at((2 * at[0]).min(cells[0]), (2 * at[1]).min(cells[1]), at[2])) {
+            slot[..3].fill(1.0);
         }
     }
     (out, coarse)

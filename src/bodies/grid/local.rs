@@ -159,7 +159,9 @@ impl Hexahedra {
             let f = M3::identity() + point.h;
             let volume = (1.0 + point.dilatation).max(FLAT);
             let own = state.material.stress(&point) * f.transpose() * (1.0 / volume);
-            return [strain, (own + M3::identity() * state.pressure()) * law.scale(cell)];
+            // of the material: the share of the cell inside an embedded surface does not thin it
+            let factor = law.scale(cell) / model.grid.share_factor(cell);
+            return [strain, (own + M3::identity() * state.pressure()) * factor];
         }
         let q = self.rotation(edges, u);
         let (ahead, turn) = (rotation_matrix(q), rotation_minus_identity(q).transpose());
@@ -182,7 +184,7 @@ impl Hexahedra {
 }
 
 impl Wound {
-    /// Volume of the present cells at rest, and its change at displacements `u`, `[node]` m, m³.
+    /// Volume of the present cells at rest, of those that a surface cuts their share, and its change at displacements `u`, `[node]` m, m³.
     pub fn volume(&self, model: &Model, u: &[V4<f64>]) -> [f64; 2] {
         if let Some(unstructured) = &model.grid.unstructured {
             return unstructured.volume(u);
@@ -194,7 +196,8 @@ impl Wound {
             let inverse = V3::new(1.0 / x, 1.0 / y, 1.0 / z);
             let u = self.surface.parts.corners(*cell).map(|node| V3::from4(u[node]));
             let dilatation: f64 = field_gradients(inverse, &u).into_iter().map(|h| Point::new(h).dilatation).sum();
-            [x * y * z, x * y * z * dilatation / 8.0]
+            let volume = x * y * z * model.grid.share(*cell);
+            [volume, volume * dilatation / 8.0]
         };
         let each: Vec<[f64; 2]> = alive.par_iter().with_min_len(PARALLEL / 8).map(of_cell).collect();
         each.iter().fold([0.0; 2], |sum, own| [sum[0] + own[0], sum[1] + own[1]])

@@ -144,6 +144,15 @@ impl Hexahedra {
 }
 
 impl Model {
+    /// `[cell]` unit quaternions, 0 of cells that an embedded surface leaves out; then rows of 0 for hyperelastic cells.
+    pub fn first_rotations<R: Real>(&self) -> Vec<V4<R>> {
+        let mut all = vec![[R::zero(), R::zero(), R::zero(), R::one()]; self.params::<R>().frames()];
+        for cell in (0..self.grid.cell_count()).filter(|cell| !self.grid.is_present(*cell)) {
+            all[cell] = [R::zero(); 4];
+        }
+        all
+    }
+
     /// Arrays of a body of hexahedra.
     ///
     /// # Panics
@@ -253,13 +262,14 @@ impl Hexahedra {
 
 impl Mechanics for Hexahedra {
     fn elements(&self, model: &Model) -> Elements {
-        Elements { hexahedron_count: model.grid.cell_count(), ..Elements::default() }
+        let present = (0..model.grid.cell_count()).filter(|cell| model.grid.is_present(*cell));
+        Elements { hexahedron_count: present.count(), ..Elements::default() }
     }
 
     fn around_nodes(&self, model: &Model) -> Vec<u32> {
         let params = model.grid.params::<f64>();
         let mut live = vec![0; model.own_nodes()];
-        for cell in 0..model.grid.cell_count() {
+        for cell in (0..model.grid.cell_count()).filter(|cell| model.grid.is_present(*cell)) {
             params.corners(cell).into_iter().for_each(|node| live[node] += 1);
         }
         live
@@ -304,6 +314,10 @@ impl Mechanics for Hexahedra {
     fn host_bytes(&self, _: &Model) -> usize {
         let factors = self.hyperelastic.as_ref().map_or(0, Hyperelastic::scale_count);
         size_of_val(&self.stiffness[..]) + size_of_val(&self.pre_strain[..]) + factors * size_of::<f64>()
+    }
+
+    fn alive_share(&self, model: &Model, wound: &Wound, cell: usize) -> f64 {
+        model.grid.embedded.as_ref().map_or_else(|| wound.surface.linked_share(cell), |embedded| embedded.share[cell])
     }
 
     fn stiffness_factor(&self, cell: usize) -> f64 {
@@ -428,7 +442,7 @@ impl Mechanics for Hexahedra {
     }
 
     fn mass_left(&self, model: &Model, wound: &Wound) -> f64 {
-        if model.mass == Mass::Uniform {
+        if model.mass == Mass::Uniform || model.grid.embedded.is_some() {
             return wound.mass_of_nodes();
         }
         let live = (0..model.grid.cell_count()).filter(|c| wound.surface.alive[*c]);

@@ -1,0 +1,321 @@
+//! How a surface is embedded in a grid: what of each cell is inside, and which cell each of its points moves with ([`super::embedded`]).
+
+use super::embedded::{Embedded, LINES, Misfit};
+use super::point::trilinear;
+use super::{Face, Grid};
+use crate::kernels::{Params, corner};
+use crate::scene::{ClosedSurface, Group, Skin};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::collections::VecDeque;
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Share of a cell below which it is gone. Its mass is lost: at most this share of a cut cell.
+const GONE: f64 = 1e-4;
+/// What is inside of a row of cells along x, at all levels.
+#[derive(Clone, Default)]
+struct Inside {
+    share: f64,
+    corners: [f64; 8], // ∫ N_a over the cell's volume
+}
+
+impl Grid {
+    /// Grid of a skin with what is embedded in it, or the nodes of its mesh.
+    pub fn new(skin: &Skin) -> Self {
+        let mut grid = Self::whole(skin);
+        grid.embedded = skin.embedded.as_ref().map(|surface| Arc::new(Embedded::new(&grid, skin, surface)));
+        grid
+    }
+}
+
+impl Embedded {
+    /// Embeds the surface of a skin in its grid.
+    pub(super) fn new(grid: &Grid, skin: &Skin, surface: &Arc<ClosedSurface>) -> Self {
+        let params = grid.params::<f64>();
+        let (share, mass) = inside(grid, skin, surface);
+        let mut out = Self {
+            surface: surface.clone(),
+            share,
+            mass,
+            nodes: vec![],
+            weights: vec![],
+            outside: vec![],
+            behind: vec![],
+            beyond: 0.0,
+            groups: vec![],
+            misfit: None,
+        };
+        // the points of the surface, each with its cell
+        let mut cells = vec![];
+        for point in surface.points() {
+            let (cell, natural) = out.carrier(grid, &params, *point).unwrap_or_else(|nearest| {
+                out.misfit = Some(Misfit::Thin(*point));
+                nearest
+            });
+            let weights = trilinear(natural);
+            out.beyond = out.beyond.max(0.5 * (weights.iter().map(|w| w.abs()).sum::<f64>() - 1.0));
+            out.nodes.push(params.corners(cell).map(|id| id as u32));
+            out.weights.push(weights);
+            cells.push(cell as u32);
+        }
+        let parts = [out.parts(&params), bodies(surface)];
+        if out.misfit.is_none() && parts[0] != parts[1] {
+            out.misfit = Some(Misfit::Apart(parts[0], parts[1]));
+        }
+        let first = params.node_count;
+        let face = |t: &[u32; 3]| Face::triangle(t.map(|id| first + id), cells[t[0] as usize]);
+        out.outside = surface.triangles().iter().map(face).collect();
+        out.behind = out.behind(grid, &params, &cells);
+        let of_group = |group: &Group| {
+            let nodes = group.nodes().iter().flat_map(|point| out.point(*point).0).map(|(node, _)| node);
+            Group::new(group.name().to_string(), nodes.collect())
+        };
+        out.groups = surface.groups().iter().map(of_group).collect();
+        out
+    }
+
+    /// The present cell that a point moves with, and its natural coordinates there: of the cells that contain it the one with most inside;
+    /// otherwise the nearest one beside those. Without one beside it the cell that contains it.
+    fn carrier(
+        &self,
+        grid: &Grid,
+        params: &Params<f64>,
+        at: [f64; 3],
+    ) -> std::result::Result<(usize, [f64; 3]), (usize, [f64; 3])> {
+        let around = grid.cells_at(at);
+        let fullest = around.iter().max_by(|a, b| self.share[a.0].total_cmp(&self.share[b.0]));
+        let own = *fullest.unwrap_or_else(|| unreachable!("a position is in a cell of the grid's box"));
+        if self.share[own.0] > 0.0 {
+            return Ok(own);
+        }
+        let place = params.cell_at(own.0);
+        let mut best = (f64::INFINITY, own);
+        for number in 0..27 {
+            let step = [number % 3, number / 3 % 3, number / 9];
+            let next = [0, 1, 2].map(|n| place[n] + step[n]); // one more than the cell
+            if (0..3).any(|n| next[n] == 0 || next[n] > grid.cells[n]) {
+                continue;
+            }
+            let cell = params.cell_id(next.map(|n| n - 1));
+            if self.share[cell] == 0.0 {
+                continue;
+            }
+            let (low, high) = cell_box(grid, params, cell);
+            let natural = [0, 1, 2].map(|n| (at[n] - low[n]) / (high[n] - low[n]));
+            let far = natural.iter().map(|t| (t - t.clamp(0.0, 1.0)).powi(2)).sum::<f64>();
+            if far < best.0 {
+                best = (far, (cell, natural));
+            }
+        }
+        if best.0.is_finite() { Ok(best.1) } else { Err(best.1) }
+    }
+
+    /// Present cells that share a face with a cell.
+    fn beside(&self, params: &Params<f64>, cell: usize) -> impl Iterator<Item = usize> {
+        let (at, size) = (params.cell_at(cell), [params.cells_x, params.cells_y, params.cells_z]);
+        let strides = [1, params.cells_x as usize, (params.cells_x * params.cells_y) as usize];
+        (0..3).flat_map(move |axis| {
+            let before = (at[axis] > 0).then(|| cell - strides[axis]);
+            let after = (at[axis] + 1 < size[axis] as usize).then(|| cell + strides[axis]);
+            [before, after].into_iter().flatten().filter(|other| self.share[*other] > 0.0)
+        })
+    }
+
+    /// Number of parts that present cells come in.
+    fn parts(&self, params: &Params<f64>) -> usize {
+        let mut seen: Vec<bool> = self.share.iter().map(|share| *share == 0.0).collect();
+        let (mut count, mut open) = (0, vec![]);
+        for first in 0..seen.len() {
+            if std::mem::replace(&mut seen[first], true) {
+                continue;
+            }
+            count += 1;
+            open.push(first);
+            while let Some(cell) = open.pop() {
+                for next in self.beside(params, cell) {
+                    if !std::mem::replace(&mut seen[next], true) {
+                        open.push(next);
+                    }
+                }
+            }
+        }
+        count
+    }
+
+    /// Boxes around triangles and the cells behind them: those that are reached from their points' cells first, from cell to cell.
+    fn behind(&self, grid: &Grid, params: &Params<f64>, cells: &[u32]) -> Vec<[[f64; 3]; 2]> {
+        let triangles = self.surface.triangles();
+        let mut owner = vec![None; self.share.len()];
+        let mut queue = VecDeque::new();
+        for (number, triangle) in triangles.iter().enumerate() {
+            for cell in triangle.map(|id| cells[id as usize] as usize) {
+                if owner[cell].is_none() {
+                    owner[cell] = Some(number);
+                    queue.push_back(cell);
+                }
+            }
+        }
+        while let Some(cell) = queue.pop_front() {
+            for next in self.beside(params, cell) {
+                if owner[next].is_none() {
+                    owner[next] = owner[cell];
+                    queue.push_back(next);
+                }
+            }
+        }
+        let around = |triangle: &[u32; 3]| {
+            let corners = triangle.map(|id| self.surface.points()[id as usize]);
+            let bound = |by: fn(f64, f64) -> f64| {
+                [0, 1, 2].map(|n| corners.map(|x| x[n]).into_iter().reduce(by).unwrap_or(0.0))
+            };
+            [bound(f64::min), bound(f64::max)]
+        };
+        let mut boxes: Vec<[[f64; 3]; 2]> = triangles.iter().map(around).collect();
+        for (cell, owner) in owner.iter().enumerate() {
+            let Some(owner) = owner else { continue };
+            let ((low, high), [own_low, own_high]) = (cell_box(grid, params, cell), &mut boxes[*owner]);
+            for n in 0..3 {
+                (own_low[n], own_high[n]) = (own_low[n].min(low[n]), own_high[n].max(high[n]));
+            }
+        }
+        boxes
+    }
+}
+
+/// Lowest and highest corner of a cell at rest, m.
+fn cell_box(grid: &Grid, params: &Params<f64>, cell: usize) -> ([f64; 3], [f64; 3]) {
+    let corners = params.corners(cell);
+    (grid.rest(corners[0]), grid.rest(corners[6]))
+}
+
+/// Number of separate bodies that a surface encloses: its connected parts of positive volume; those of negative volume are cavities.
+fn bodies(surface: &ClosedSurface) -> usize {
+    let mut parent: Vec<u32> = (0..surface.points().len() as u32).collect();
+    fn root(parent: &mut [u32], mut id: u32) -> u32 {
+        while parent[id as usize] != id {
+            parent[id as usize] = parent[parent[id as usize] as usize];
+            id = parent[id as usize];
+        }
+        id
+    }
+    for [a, b, c] in surface.triangles() {
+        let first = root(&mut parent, *a);
+        for id in [*b, *c] {
+            let other = root(&mut parent, id);
+            parent[other as usize] = first;
+        }
+    }
+    let mut volume = vec![0.0; parent.len()];
+    for [a, b, c] in surface.triangles() {
+        let [p, q, r] = [a, b, c].map(|id| DVec3::from_array(surface.points()[*id as usize]));
+        volume[root(&mut parent, *a) as usize] += p.dot(q.cross(r));
+    }
+    volume.into_iter().filter(|volume| *volume > 0.0).count()
+}
+
+/// `[cell]` shares inside, and `[node]` masses, kg.
+fn inside(grid: &Grid, skin: &Skin, surface: &ClosedSurface) -> (Vec<f64>, Vec<f64>) {
+    let params = grid.params::<f64>();
+    let [width, depth, height] = grid.cells;
+    // triangles of each row of cells along x
+    let mut of_row: Vec<Vec<usize>> = vec![vec![]; depth];
+    for (t, triangle) in surface.triangles().iter().enumerate() {
+        let y = triangle.map(|id| surface.points()[id as usize][1]);
+        let row = |y: f64| (y / grid.edge[1] + 0.5 * depth as f64).floor().clamp(0.0, (depth - 1) as f64) as usize;
+        let low = y.into_iter().fold(f64::INFINITY, f64::min);
+        let high = y.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        (row(low)..=row(high)).for_each(|j| of_row[j].push(t));
+    }
+    let rows: Vec<Vec<Inside>> =
+        of_row.par_iter().enumerate().map(|(j, triangles)| inside_row(grid, surface, j, triangles)).collect();
+    let mut share = vec![0.0; grid.cell_count()];
+    let mut mass = vec![0.0; grid.node_count()];
+    for (j, row) in rows.iter().enumerate() {
+        for (number, found) in row.iter().enumerate().filter(|(_, found)| found.share >= GONE) {
+            let (i, k) = (number % width, number / width);
+            debug_assert!(k < height);
+            let cell = params.cell_id([i, j, k]);
+            let layer = grid.layer(cell);
+            let full = skin.layers[layer].density * grid.cell_edges(layer as u32).iter().product::<f64>();
+            share[cell] = found.share.min(1.0);
+            for (node, part) in params.corners(cell).into_iter().zip(found.corners) {
+                mass[node] += full * part;
+            }
+        }
+    }
+    (share, mass)
+}
+
+/// `[level × width]` what is inside of a row of cells.
+fn inside_row(grid: &Grid, surface: &ClosedSurface, j: usize, triangles: &[usize]) -> Vec<Inside> {
+    let [width, depth, height] = grid.cells;
+    let mut out = vec![Inside::default(); width * height];
+    let step = grid.edge[0] / LINES as f64;
+    let left = -0.5 * grid.edge[0] * width as f64;
+    let weight = 1.0 / (LINES * LINES) as f64;
+    let mut lines: Vec<Vec<(f64, i32)>> = vec![vec![]; width * LINES];
+    for b in 0..LINES {
+        let eta = (b as f64 + 0.5) / LINES as f64;
+        let y = (j as f64 + eta - 0.5 * depth as f64) * grid.edge[1];
+        lines.iter_mut().for_each(Vec::clear);
+        for t in triangles {
+            let corners = surface.triangles()[*t].map(|id| surface.points()[id as usize]);
+            let low = corners.iter().map(|x| x[0]).fold(f64::INFINITY, f64::min);
+            let high = corners.iter().map(|x| x[0]).fold(f64::NEG_INFINITY, f64::max);
+            for a in between(left, step, [low, high], lines.len()) {
+                let x = left + (a as f64 + 0.5) * step;
+                lines[a].extend(surface.crossing(*t, [x, y]));
+            }
+        }
+        for (a, line) in lines.iter_mut().enumerate() {
+            line.sort_unstable_by(|p, q| p.0.total_cmp(&q.0).then(p.1.cmp(&q.1)));
+            let xi = (a % LINES) as f64 / LINES as f64 + 0.5 / LINES as f64;
+            let mut about = 0; // how often the surface winds about the line above a crossing
+            for pair in line.windows(2) {
+                about -= pair[0].1;
+                if about > 0 {
+                    let column = |k: usize| a / LINES + width * k;
+                    add(grid, [pair[0].0, pair[1].0], [xi, eta], weight, column, &mut out);
+                }
+            }
+        }
+    }
+    out
+}
+
+/// Lines of a row between two places, with one more at either end: rounding does not lose one.
+fn between(left: f64, step: f64, [low, high]: [f64; 2], count: usize) -> Range<usize> {
+    let place = |x: f64| (x - left) / step - 0.5;
+    let first = (place(low).floor() - 1.0).clamp(0.0, count as f64) as usize;
+    let last = (place(high).ceil() + 2.0).clamp(0.0, count as f64) as usize;
+    first..last.max(first)
+}
+
+/// Adds a piece of a line within the body to the cells that it passes.
+fn add(
+    grid: &Grid,
+    [low, high]: [f64; 2],
+    [xi, eta]: [f64; 2],
+    weight: f64,
+    cell: impl Fn(usize) -> usize,
+    out: &mut [Inside],
+) {
+    let height = grid.cells[2];
+    let first = grid.heights.partition_point(|z| *z <= low).clamp(1, height) - 1;
+    for k in first..height {
+        let (bottom, top) = (grid.heights[k], grid.heights[k + 1]);
+        if bottom >= high {
+            break;
+        }
+        let [from, to] = [low, high].map(|z| ((z - bottom) / (top - bottom)).clamp(0.0, 1.0));
+        let upper = 0.5 * (to * to - from * from);
+        let own = &mut out[cell(k)];
+        own.share += weight * (to - from);
+        let across = [[1.0 - xi, xi], [1.0 - eta, eta]];
+        for (a, part) in own.corners.iter_mut().enumerate() {
+            let [x, y, z] = corner(a);
+            *part += weight * across[0][x] * across[1][y] * [to - from - upper, upper][z];
+        }
+    }
+}
