@@ -119,7 +119,7 @@ fn bytes_of_arrays(model: &Model) -> usize {
         let surface = size_of_val(of.surface.points()) + size_of_val(of.surface.triangles());
         let cells = size_of_val(&of.share[..]) + size_of_val(&of.mass[..]);
         let points = size_of_val(&of.nodes[..]) + size_of_val(&of.weights[..]);
-        surface + cells + points + size_of_val(&of.outside.faces[..]) + size_of_val(&of.outside.behind[..])
+        surface + cells + points + size_of_val(&of.outside[..]) + size_of_val(&of.behind[..])
     });
     own + nodes + anchors + mesh + embedded + size_of_val(&model.shape[..])
 }
