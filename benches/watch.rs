@@ -22,8 +22,8 @@ const UNTIL: f64 = 0.6;
 const RUNS: usize = 5;
 /// Pixels of the picture in a window as it opens; on the processor's own cores half of it each way while it runs.
 const SIZE: [u32; 2] = [890, 800];
-/// Time between two pictures of those cores, in that of the last one: the window's.
-const REST: u32 = 3;
+/// Time between two pictures of those cores: the window's.
+const BETWEEN: Duration = Duration::from_millis(95);
 
 /// Who watches.
 #[derive(Clone, Copy, PartialEq)]
@@ -131,7 +131,8 @@ fn timed(scene: &Scene, watcher: Watcher, renderer: &mut Renderer, on_cores: boo
             let [skin, _] = seen(&renderer.read().expect("the adapter draws"));
             assert!(skin > 0.1, "skin is seen on {skin} of the picture");
             pictures += 1;
-            let rest = if on_cores { REST * begun.elapsed() } else { Duration::ZERO };
+            let took = begun.elapsed();
+            let rest = if on_cores { took.max(BETWEEN.saturating_sub(took)) } else { Duration::ZERO };
             *ready.lock().unwrap_or_else(PoisonError::into_inner) = Some(Instant::now() + rest);
         }
         let time = start.elapsed().as_secs_f64();

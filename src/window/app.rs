@@ -28,8 +28,8 @@ use std::time::{Duration, Instant};
 const PANEL: f32 = 350.0;
 /// Depth of a tool per point of the wheel's way, m: a notch is a tenth of a millimetre or so.
 const DEPTH: f64 = 2e-6;
-/// Time between two pictures that the processor's own cores draw beside the simulation, in that of the last picture.
-const REST: u32 = 3;
+/// Time between two pictures that the processor's own cores draw beside the simulation.
+const BETWEEN: Duration = Duration::from_millis(95);
 /// Angle of a tool per press of Q or E, rad.
 const TURN: f64 = 0.05;
 /// Most points of a tip's way.
@@ -263,7 +263,8 @@ impl App {
         if self.is_light {
             // what fails here fails again where the picture is shown, and is said there
             self.device.device.poll(wgpu::PollType::wait_indefinitely()).ok();
-            rest = REST * begun.elapsed();
+            // the simulation has half of the time at least
+            rest = begun.elapsed().max(BETWEEN.saturating_sub(begun.elapsed()));
         }
         if resized {
             let egui = &mut *self.device.renderer.write();
