@@ -4,8 +4,8 @@ use cutis::bodies::Model;
 use cutis::math::random::Random;
 use cutis::mesh::{LINES, MaterialPoint, Surface};
 use cutis::scene::{
-    Anchor, BodyId, Boundary, ClosedSurface, Contact, Cut, Integrator, Law, Layer, Leak, Load, LoadKind, Material,
-    Pose, Preconditioner, Probe, ProbeKind, Region, Round, Scene, Skin, Tool,
+    Anchor, BodyId, Boundary, ClosedSurface, Contact, Cut, Integrator, Law, Layer, Leak, Lines, Load, LoadKind,
+    Material, Pose, Preconditioner, Probe, ProbeKind, Region, Round, Scene, Skin, Tool,
 };
 use cutis::step::{Platform, Simulation, StepReport};
 use std::collections::BTreeMap;
@@ -699,4 +699,93 @@ fn loads_on_the_surface_have_its_area_and_a_pressure_all_around_presses_evenly()
     let found = [shrunk([8, 6, 4]), shrunk([16, 12, 8])];
     println!("volume change under pressure, of what it should be: {found:?}");
     assert!((found[0] - 1.0).abs() < 0.1 && (found[1] - 1.0).abs() < 0.05, "{found:?}");
+}
+
+#[test]
+fn points_and_edges_of_tools_press_an_embedded_pad() {
+    let pressed = |change: fn(&mut Tool)| {
+        let mut scene = pad(12, [12, 9, 6]);
+        let tool = &mut scene.tools[0];
+        tool.round = None;
+        tool.trajectory.iter_mut().for_each(|pose| pose.position[2] -= 3e-3);
+        change(tool);
+        let report = run_with(&scene, &Platform::Cpu64, 40, "contact_not_converged");
+        let weight = DENSITY * 4.0 / 3.0 * std::f64::consts::PI * 8e-3 * 6e-3 * 4e-3 * 9.81;
+        (report.probes[0], report.probes[2] / (report.probes[0] + weight))
+    };
+    let tip = pressed(|tool| (tool.points, tool.tip_radius) = (vec![[0.0; 3]], 1.5e-3));
+    let edge = pressed(|tool| {
+        let positions = vec![[-3e-3, 0.0, 0.0], [3e-3, 0.0, 0.0]];
+        tool.lines = Some(Lines { positions, segments: vec![[0, 1]], radius: 0.0 });
+    });
+    println!("tip {tip:?}, edge {edge:?}");
+    for (force, borne) in [tip, edge] {
+        assert!(force > 0.02 && (borne - 1.0).abs() < 0.03, "{force} N, {borne}");
+    }
+}
+
+#[test]
+fn a_block_hangs_on_an_embedded_body_and_that_on_a_group_of_its_mesh() {
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes");
+    let text = r#"title = "Tied"
+[time]
+step_ms = 5
+duration_s = 1
+[skin]
+mesh = "meshes/skin_coarse.msh"
+embed = "bricks"
+size_mm = [20.8, 20.8]
+cells = [8, 8]
+rayleigh_mass_per_s = 20.0
+[[skin.layer]]
+name = "skin"
+cells = 3
+young_kpa = 200
+poisson = 0.45
+density_kg_m3 = 1100
+[[block]]
+name = "block"
+position_mm = [0.3, -0.2, -4.0]
+size_mm = [6, 6]
+cells = [3, 3]
+rayleigh_mass_per_s = 20.0
+[[block.layer]]
+name = "block"
+thickness_mm = 4
+cells = 2
+young_kpa = 200
+poisson = 0.45
+density_kg_m3 = 1100
+[[boundary]]
+body = "skin"
+region = "group"
+group = "top"
+[[attach]]
+body = "block"
+region = "top"
+to = "skin"
+[[probe]]
+name = "held"
+kind = "reaction"
+body = "skin"
+region = "group"
+group = "top"
+axis = "z"
+"#;
+    let scene = cutis::scene::parse(text, std::path::Path::new("tied.toml"), &cutis::scene::Files::Folder(folder))
+        .unwrap_or_else(|e| panic!("{e}"));
+    // the upper nodes of the cells that the top goes along
+    let model = Model::new(&scene, 0).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(model.nodes_in(&scene.boundaries[0].region).len(), 81);
+    assert!(
+        (model.free.iter().map(|free| free[3]).sum::<f64>() / (1100.0 * 20e-3 * 20e-3 * 2.3e-3) - 1.0).abs() < 1e-3
+    );
+    let mut simulation = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
+    let mut last = StepReport::default();
+    for _ in 0..100 {
+        last = simulation.step(false).unwrap_or_else(|e| panic!("{e}"));
+    }
+    let weight: f64 = simulation.bodies.iter().map(|body| body.wound.mass_of_nodes() * 9.81).sum();
+    println!("held {:?} N of {weight} N", last.probes);
+    assert!((last.probes[0] / weight - 1.0).abs() < 0.01, "{:?}, {weight}", last.probes);
 }
