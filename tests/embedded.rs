@@ -2,7 +2,7 @@
 
 use cutis::bodies::Model;
 use cutis::math::random::Random;
-use cutis::mesh::{LINES, MaterialPoint, Surface};
+use cutis::mesh::{MaterialPoint, Surface};
 use cutis::scene::{
     Anchor, BodyId, Boundary, ClosedSurface, Contact, Cut, Integrator, Law, Layer, Leak, Lines, Load, LoadKind,
     Material, Pose, Preconditioner, Probe, ProbeKind, Region, Round, Scene, Skin, Tool,
@@ -76,7 +76,7 @@ fn model(skin: Skin) -> Model {
 fn a_body_has_the_volume_mass_and_centre_of_its_surface() {
     let half = [4e-3, 3e-3, 2e-3];
     let surface = ellipsoid(half, 24);
-    for (cells, bound) in [(4, 1e-3), (8, 3e-4), (16, 1e-4), (32, 3e-5)] {
+    for cells in [4, 8, 16, 32] {
         let model = model(body(&surface, [cells, cells * 3 / 4, cells / 2], None));
         let embedded = model.grid.embedded.as_ref().expect("it is");
         let cell = model.shape[0][..3].iter().product::<f64>();
@@ -87,10 +87,10 @@ fn a_body_has_the_volume_mass_and_centre_of_its_surface() {
         let [apart, heavier] = [volume / surface.volume() - 1.0, mass / (DENSITY * surface.volume()) - 1.0];
         let off = centre.map(|c| c.abs()).into_iter().fold(0.0, f64::max) / half[2];
         println!("{cells} cells: volume {apart:.2e}, mass {heavier:.2e}, centre {off:.2e}");
-        assert!(apart.abs() < bound && heavier.abs() < bound && off < bound);
+        assert!(apart.abs() < 1e-6 && heavier.abs() < 1e-6 && off < 1e-6);
         // the counter-test: whole cells
         let whole = embedded.share.iter().filter(|share| **share > 0.0).count() as f64 * cell;
-        assert!(whole / surface.volume() - 1.0 > 20.0 * bound, "{whole:e}");
+        assert!(whole / surface.volume() - 1.0 > 0.05, "{whole:e}");
     }
 }
 
@@ -107,7 +107,7 @@ fn a_box_aslant_has_its_volume_and_cavities_are_left_out() {
         model.grid.embedded.as_ref().expect("it is").share.iter().sum::<f64>()
             * model.shape[0][..3].iter().product::<f64>()
     };
-    assert!((of(&aslant, [12, 10, 8]) / 48e-9 - 1.0).abs() < 2e-3, "{}", of(&aslant, [12, 10, 8]) / 48e-9);
+    assert!((of(&aslant, [12, 10, 8]) / 48e-9 - 1.0).abs() < 1e-6, "{}", of(&aslant, [12, 10, 8]) / 48e-9);
     // a box in a box, turned inside out
     let (mut points, mut triangles) = cuboid([-3e-3; 3], [3e-3; 3], 2);
     let (inner, inside) = cuboid([-1.1e-3; 3], [1.1e-3; 3], 1);
@@ -117,9 +117,8 @@ fn a_box_aslant_has_its_volume_and_cavities_are_left_out() {
     let hollow = surface((points, triangles));
     let wanted = 6e-3f64.powi(3) - 2.2e-3f64.powi(3);
     assert!((hollow.volume() / wanted - 1.0).abs() < 1e-12);
-    // lines are 1/8 of a cell apart: the cavity's sides lie between two of them
     let found = of(&hollow, [10, 10, 10]);
-    assert!((found / wanted - 1.0).abs() < 5e-3, "{found:e} of {wanted:e} with {LINES} lines a cell");
+    assert!((found / wanted - 1.0).abs() < 1e-11, "{found:e} of {wanted:e}");
 }
 
 #[test]
@@ -420,7 +419,8 @@ fn a_ball_presses_an_embedded_pad_and_its_support_bears_it() {
     let single = run(&pad(16, [16, 12, 8]), &Platform::Cpu32, steps).probes;
     let off = apart(&single, &double.probes);
     println!("f32: {off:.1e}");
-    assert!(off < 1e-4);
+    // to which the contact is solved
+    assert!(off < 1e-3);
 }
 
 #[test]
@@ -778,7 +778,7 @@ axis = "z"
     let model = Model::new(&scene, 0).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(model.nodes_in(&scene.boundaries[0].region).len(), 81);
     assert!(
-        (model.free.iter().map(|free| free[3]).sum::<f64>() / (1100.0 * 20e-3 * 20e-3 * 2.3e-3) - 1.0).abs() < 1e-3
+        (model.free.iter().map(|free| free[3]).sum::<f64>() / (1100.0 * 20e-3 * 20e-3 * 2.3e-3) - 1.0).abs() < 1e-9
     );
     let mut simulation = Simulation::new(&scene, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     let mut last = StepReport::default();

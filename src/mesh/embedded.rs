@@ -2,12 +2,11 @@
 //! points lie in.
 //!
 //! A cell with the share `s` of its volume inside has `max(s, 1/100)` times the stiffness of its layer, and gives its corners the mass
-//! `ρ ∫ N_a dV` of what is inside, so that mass and its first moments are those of the body. Cells with less than 10⁻⁴ are gone from the start, with
+//! `ρ ∫ N_a dV` of what is inside, so that mass and its first moments are those of the body. Cells with less than 10⁻⁴ are gone from the start with what they hold (10⁻⁸ of an ellipsoid on 32 cells), with
 //! the nodes that no other cell has.
 //!
-//! Volumes are sums over vertical lines, [`LINES`]² to a cell, between their crossings with the triangles
-//! ([`ClosedSurface::crossing`]): exact along z, by the midpoint rule across. An ellipsoid has its volume within
-//! 4·10⁻⁴ with 4 cells to its length, within 10⁻⁴ with 8 and 2·10⁻⁵ with 16.
+//! The integrals are exact to rounding: triangles are cut along the cells' planes, and each piece adds what is below it in its column of cells if
+//! it faces up, and takes it away if it faces down. A surface that overlaps itself counts once in each cell.
 //!
 //! A point of the surface in a present cell has the displacement `u = Σ_a N_a(ξ) u_a` of its corners, and a force on it acts on them by the
 //! same weights. A point in a cell that is gone moves with the nearest present cell, beyond it by less than a cell; a surface thinner than
@@ -22,8 +21,6 @@ use super::Face;
 use crate::scene::{ClosedSurface, Group};
 use std::sync::Arc;
 
-/// Vertical lines per cell along x, and along y.
-pub const LINES: usize = 8;
 /// Least factor on the stiffness of a present cell: less makes the system worse conditioned, more makes slivers stiff.
 const SOFTEST: f64 = 1e-2;
 

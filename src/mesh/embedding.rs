@@ -1,6 +1,6 @@
 //! How a surface is embedded in a grid: what of each cell is inside, and which cell each of its points moves with ([`super::embedded`]).
 
-use super::embedded::{Embedded, LINES, Misfit};
+use super::embedded::{Embedded, Misfit};
 use super::point::trilinear;
 use super::{Face, Grid};
 use crate::kernels::{Params, corner};
@@ -8,7 +8,6 @@ use crate::scene::{ClosedSurface, Group, Skin};
 use glam::DVec3;
 use rayon::prelude::*;
 use std::collections::VecDeque;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Share of a cell below which it is gone. Its mass is lost: at most this share of a cut cell.
@@ -217,15 +216,12 @@ fn bodies(surface: &ClosedSurface) -> usize {
 /// `[cell]` shares inside, and `[node]` masses, kg.
 fn inside(grid: &Grid, skin: &Skin, surface: &ClosedSurface) -> (Vec<f64>, Vec<f64>) {
     let params = grid.params::<f64>();
-    let [width, depth, height] = grid.cells;
+    let [width, depth, _] = grid.cells;
     // triangles of each row of cells along x
     let mut of_row: Vec<Vec<usize>> = vec![vec![]; depth];
     for (t, triangle) in surface.triangles().iter().enumerate() {
-        let y = triangle.map(|id| surface.points()[id as usize][1]);
-        let row = |y: f64| (y / grid.edge[1] + 0.5 * depth as f64).floor().clamp(0.0, (depth - 1) as f64) as usize;
-        let low = y.into_iter().fold(f64::INFINITY, f64::min);
-        let high = y.into_iter().fold(f64::NEG_INFINITY, f64::max);
-        (row(low)..=row(high)).for_each(|j| of_row[j].push(t));
+        let [low, high] = ends(triangle.map(|id| surface.points()[id as usize][1]));
+        (number(low, grid.edge[1], depth)..=number(high, grid.edge[1], depth)).for_each(|j| of_row[j].push(t));
     }
     let rows: Vec<Vec<Inside>> =
         of_row.par_iter().enumerate().map(|(j, triangles)| inside_row(grid, surface, j, triangles)).collect();
@@ -233,89 +229,123 @@ fn inside(grid: &Grid, skin: &Skin, surface: &ClosedSurface) -> (Vec<f64>, Vec<f
     let mut mass = vec![0.0; grid.node_count()];
     for (j, row) in rows.iter().enumerate() {
         for (number, found) in row.iter().enumerate().filter(|(_, found)| found.share >= GONE) {
-            let (i, k) = (number % width, number / width);
-            debug_assert!(k < height);
-            let cell = params.cell_id([i, j, k]);
+            let cell = params.cell_id([number % width, j, number / width]);
             let layer = grid.layer(cell);
             let full = skin.layers[layer].density * grid.cell_edges(layer as u32).iter().product::<f64>();
             share[cell] = found.share.min(1.0);
+            let once = share[cell] / found.share; // where a surface overlaps itself
             for (node, part) in params.corners(cell).into_iter().zip(found.corners) {
-                mass[node] += full * part;
+                mass[node] += full * part * once;
             }
         }
     }
     (share, mass)
 }
 
-/// `[level × width]` what is inside of a row of cells.
+/// Least and largest of some numbers.
+fn ends<const N: usize>(values: [f64; N]) -> [f64; 2] {
+    values.into_iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], v| [low.min(v), high.max(v)])
+}
+
+/// Number of the cell at a place along x or y, of `count` about the middle.
+fn number(place: f64, edge: f64, count: usize) -> usize {
+    (place / edge + 0.5 * count as f64).floor().clamp(0.0, (count - 1) as f64) as usize
+}
+
+/// `[level × width]` what is inside of a row of cells: of each cell the integral of what is below the triangles that face up, less that of
+/// those that face down.
 fn inside_row(grid: &Grid, surface: &ClosedSurface, j: usize, triangles: &[usize]) -> Vec<Inside> {
     let [width, depth, height] = grid.cells;
     let mut out = vec![Inside::default(); width * height];
-    let step = grid.edge[0] / LINES as f64;
-    let left = -0.5 * grid.edge[0] * width as f64;
-    let weight = 1.0 / (LINES * LINES) as f64;
-    let mut lines: Vec<Vec<(f64, i32)>> = vec![vec![]; width * LINES];
-    for b in 0..LINES {
-        let eta = (b as f64 + 0.5) / LINES as f64;
-        let y = (j as f64 + eta - 0.5 * depth as f64) * grid.edge[1];
-        lines.iter_mut().for_each(Vec::clear);
-        for t in triangles {
-            let corners = surface.triangles()[*t].map(|id| surface.points()[id as usize]);
-            let low = corners.iter().map(|x| x[0]).fold(f64::INFINITY, f64::min);
-            let high = corners.iter().map(|x| x[0]).fold(f64::NEG_INFINITY, f64::max);
-            for a in between(left, step, [low, high], lines.len()) {
-                let x = left + (a as f64 + 0.5) * step;
-                lines[a].extend(surface.crossing(*t, [x, y]));
+    let start = |axis: usize, k: usize| (k as f64 - 0.5 * grid.cells[axis] as f64) * grid.edge[axis];
+    for t in triangles {
+        let corners = surface.triangles()[*t].map(|id| DVec3::from_array(surface.points()[id as usize]));
+        let in_row = clipped(&corners, 1, [start(1, j), start(1, j + 1)], [j == 0, j + 1 == depth]);
+        let [low, high] = ends(corners.map(|x| x.x));
+        for i in number(low, grid.edge[0], width)..=number(high, grid.edge[0], width) {
+            let piece = clipped(&in_row, 0, [start(0, i), start(0, i + 1)], [i == 0, i + 1 == width]);
+            if piece.len() < 3 {
+                continue;
             }
-        }
-        for (a, line) in lines.iter_mut().enumerate() {
-            line.sort_unstable_by(|p, q| p.0.total_cmp(&q.0).then(p.1.cmp(&q.1)));
-            let xi = (a % LINES) as f64 / LINES as f64 + 0.5 / LINES as f64;
-            let mut about = 0; // how often the surface winds about the line above a crossing
-            for pair in line.windows(2) {
-                about -= pair[0].1;
-                if about > 0 {
-                    let column = |k: usize| a / LINES + width * k;
-                    add(grid, [pair[0].0, pair[1].0], [xi, eta], weight, column, &mut out);
-                }
-            }
+            let place = |x: DVec3| [(x.x - start(0, i)) / grid.edge[0], (x.y - start(1, j)) / grid.edge[1]];
+            add_below(grid, &piece, place, |k| i + width * k, &mut out);
         }
     }
     out
 }
 
-/// Lines of a row between two places, with one more at either end: rounding does not lose one.
-fn between(left: f64, step: f64, [low, high]: [f64; 2], count: usize) -> Range<usize> {
-    let place = |x: f64| (x - left) / step - 0.5;
-    let first = (place(low).floor() - 1.0).clamp(0.0, count as f64) as usize;
-    let last = (place(high).ceil() + 2.0).clamp(0.0, count as f64) as usize;
-    first..last.max(first)
+/// The part of a polygon between two planes across an axis; a plane that is `open` does not cut.
+fn clipped(polygon: &[DVec3], axis: usize, planes: [f64; 2], open: [bool; 2]) -> Vec<DVec3> {
+    let mut kept = polygon.to_vec();
+    for ((plane, side), _) in planes.into_iter().zip([1.0, -1.0]).zip(open).filter(|(_, open)| !open) {
+        let whole = std::mem::take(&mut kept);
+        let height = |x: &DVec3| side * (x[axis] - plane);
+        for (k, here) in whole.iter().enumerate() {
+            let next = &whole[(k + 1) % whole.len()];
+            let (a, b) = (height(here), height(next));
+            if a >= 0.0 {
+                kept.push(*here);
+            }
+            if (a > 0.0 && b < 0.0) || (a < 0.0 && b > 0.0) {
+                kept.push(here.lerp(*next, a / (a - b)));
+            }
+        }
+    }
+    kept
 }
 
-/// Adds a piece of a line within the body to the cells that it passes.
-fn add(
+/// Adds what is below a polygon in a column of cells to these; `place` gives natural coordinates across.
+fn add_below(
     grid: &Grid,
-    [low, high]: [f64; 2],
-    [xi, eta]: [f64; 2],
-    weight: f64,
+    polygon: &[DVec3],
+    place: impl Fn(DVec3) -> [f64; 2],
     cell: impl Fn(usize) -> usize,
     out: &mut [Inside],
 ) {
     let height = grid.cells[2];
-    let first = grid.heights.partition_point(|z| *z <= low).clamp(1, height) - 1;
-    for k in first..height {
-        let (bottom, top) = (grid.heights[k], grid.heights[k + 1]);
-        if bottom >= high {
-            break;
-        }
-        let [from, to] = [low, high].map(|z| ((z - bottom) / (top - bottom)).clamp(0.0, 1.0));
-        let upper = 0.5 * (to * to - from * from);
+    let level = |z: f64| grid.heights.partition_point(|level| *level <= z).clamp(1, height) - 1;
+    let bound = |start: f64, by: fn(f64, f64) -> f64| polygon.iter().fold(start, |sum, x| by(sum, x.z));
+    let [low, high] = [bound(f64::INFINITY, f64::min), bound(f64::NEG_INFINITY, f64::max)];
+    let (first, last) = (level(low), level(high));
+    let mut above = Inside::default(); // below what lies in higher levels
+    for k in (0..=last).rev() {
         let own = &mut out[cell(k)];
-        own.share += weight * (to - from);
-        let across = [[1.0 - xi, xi], [1.0 - eta, eta]];
-        for (a, part) in own.corners.iter_mut().enumerate() {
-            let [x, y, z] = corner(a);
-            *part += weight * across[0][x] * across[1][y] * [to - from - upper, upper][z];
+        own.share += above.share;
+        own.corners.iter_mut().zip(above.corners).for_each(|(own, above)| *own += above);
+        if k < first {
+            continue;
+        }
+        let (bottom, top) = (grid.heights[k], grid.heights[k + 1]);
+        // one that lies level, maybe between two levels, is whole in one of them
+        let piece = clipped(polygon, 2, [bottom, top], [k == 0 || low == high, k + 1 == height || low == high]);
+        for n in 2..piece.len() {
+            let triangle = [piece[0], piece[n - 1], piece[n]];
+            let [a, b, c] = triangle.map(&place);
+            let area = 0.5 * ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]));
+            for (weight, shares) in POINTS {
+                for turn in 0..3 {
+                    let of =
+                        |at: fn(DVec3) -> f64| (0..3).map(|m| shares[(m + turn) % 3] * at(triangle[m])).sum::<f64>();
+                    let [xi, eta] = place(DVec3::new(of(|x| x.x), of(|x| x.y), 0.0));
+                    let up = ((of(|x| x.z) - bottom) / (top - bottom)).clamp(0.0, 1.0);
+                    let upper = 0.5 * up * up;
+                    own.share += weight * area * up;
+                    above.share += weight * area;
+                    for a in 0..8 {
+                        let [x, y, z] = corner(a);
+                        let across = weight * area * [1.0 - xi, xi][x] * [1.0 - eta, eta][y];
+                        own.corners[a] += across * [up - upper, upper][z];
+                        above.corners[a] += 0.5 * across;
+                    }
+                }
+            }
         }
     }
 }
+
+/// Weights and barycentric coordinates of six points of a triangle, three of each kind, that integrate polynomials of degree 4.
+/// Source: Dunavant 1985.
+const POINTS: [(f64, [f64; 3]); 2] = [
+    (0.223_381_589_678_011, [0.108_103_018_168_070, 0.445_948_490_915_965, 0.445_948_490_915_965]),
+    (0.109_951_743_655_322, [0.816_847_572_980_458, 0.091_576_213_509_771, 0.091_576_213_509_771]),
+];

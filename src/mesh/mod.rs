@@ -13,7 +13,7 @@ mod tetrahedra;
 mod unstructured;
 
 pub use corner::Corner;
-pub use embedded::{Embedded, LINES, Misfit};
+pub use embedded::{Embedded, Misfit};
 pub use face::Face;
 pub use grid::Grid;
 pub use parts::{Change, FRAGMENT, Parts};

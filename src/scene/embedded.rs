@@ -164,36 +164,6 @@ impl ClosedSurface {
         self.triangles.iter().any(|corners| corners.iter().all(|id| self.point_is_in(*id as usize, region)))
     }
 
-    /// Where the vertical line through `x`, `y` crosses a triangle: height, m, and 1 if the triangle faces up there, −1 if down; none if
-    /// it passes beside it. Triangles that share an edge decide alike on which of them the line passes, so up and down alternate along each
-    /// line of a closed surface, whatever the rounding.
-    pub fn crossing(&self, triangle: usize, [x, y]: [f64; 2]) -> Option<(f64, i32)> {
-        let ids = self.triangles[triangle];
-        let corners = ids.map(|id| self.points[id as usize]);
-        // winding number of the projected triangle about the point, by the edges that a ray along x crosses
-        let mut winding = 0;
-        for (a, b) in [(0, 1), (1, 2), (2, 0)] {
-            let upward = corners[b][1] > y;
-            if (corners[a][1] > y) == upward {
-                continue;
-            }
-            // from the same end for both triangles at the edge
-            let (p, q) = if ids[a] < ids[b] { (corners[a], corners[b]) } else { (corners[b], corners[a]) };
-            if p[0] + (y - p[1]) * ((q[0] - p[0]) / (q[1] - p[1])) > x {
-                winding += if upward { 1 } else { -1 };
-            }
-        }
-        if winding == 0 {
-            return None;
-        }
-        let [a, b, c] = corners.map(DVec3::from_array);
-        let normal = (b - a).cross(c - a);
-        let (low, high) = (a.z.min(b.z).min(c.z), a.z.max(b.z).max(c.z));
-        let height = a.z - (normal.x * (x - a.x) + normal.y * (y - a.y)) / normal.z;
-        // a triangle that stands upright is met by rounding alone
-        Some((if height.is_finite() { height.clamp(low, high) } else { 0.5 * (low + high) }, winding))
-    }
-
     /// First part of a body that does not fit its surface: the part, what was found, what has to be.
     pub(super) fn misfit(&self, skin: &Skin) -> Option<(String, String, &'static str)> {
         let covers = beyond(self, skin.size, skin.thickness()).is_none();
