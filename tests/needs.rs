@@ -92,7 +92,10 @@ fn set_up(scene: &Scene, model: &Model, needs: Needs, start: &Snapshot) -> (Vec<
 fn bytes_of_arrays(model: &Model) -> usize {
     let own = match &model.kind {
         Kind::Springs(s) => {
-            size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + size_of_val(&s.first[..]) + size_of_val(&s.half[..])
+            let of_mesh = &s.tetrahedra;
+            let lists = size_of_val(&of_mesh.first[..]) + size_of_val(&of_mesh.around[..]);
+            let around = size_of_val(&s.first[..]) + size_of_val(&s.half[..]);
+            size_of_val(&s.ends[..]) + size_of_val(&s.law[..]) + around + size_of_val(&of_mesh.springs[..]) + lists
         }
         Kind::Hexahedra(h) => {
             let factors = h.hyperelastic.as_ref().map_or(0, |law| size_of_val(&law.rounded_scale::<f64>()[..]));

@@ -307,11 +307,6 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// The device and its queue, for what shares them.
-    pub fn handles(&self) -> (wgpu::Device, wgpu::Queue) {
-        (self.device.clone(), self.queue.clone())
-    }
-
     /// True for a device that stores no data ([`Gpu::dry`]).
     pub fn is_dry(&self) -> bool {
         self.dry

@@ -25,6 +25,11 @@ pub struct Film {
     count: u32,
 }
 
+/// A time as a fraction of a second that films have, to the millisecond.
+pub fn milliseconds(time: Duration) -> [u16; 2] {
+    [time.clamp(SHORTEST, LONGEST).as_millis() as u16, 1000]
+}
+
 impl Film {
     /// Begins a film of pictures of one size, pixels.
     ///
@@ -57,18 +62,17 @@ impl Film {
         self.size
     }
 
-    /// Adds a picture that is shown for some time, to the millisecond.
+    /// Adds a picture that is shown for a fraction of a second.
     ///
     /// # Errors
     /// [`Failed::Write`], also of a picture of another size.
-    pub fn add(&mut self, image: &Image, time: Duration) -> Result<()> {
+    pub fn add(&mut self, image: &Image, [share, of]: [u16; 2]) -> Result<()> {
         let failed = |source| Failed::Write { path: self.unfinished.clone(), source };
         let Some(writer) = &mut self.writer else { return Ok(()) };
         if [image.width, image.height] != self.size {
             return Err(failed(io::Error::other("a picture of another size")).into());
         }
-        let milliseconds = time.clamp(SHORTEST, LONGEST).as_millis() as u16;
-        let added = writer.set_frame_delay(milliseconds, 1000).and_then(|()| writer.write_image_data(&image.rgb));
+        let added = writer.set_frame_delay(share, of).and_then(|()| writer.write_image_data(&image.rgb));
         added.map_err(|error| failed(error.into()))?;
         self.count += 1;
         Ok(())
@@ -125,7 +129,7 @@ mod tests {
         std::fs::create_dir_all(&folder).expect("a folder");
         let path = folder.join("film.png");
         let mut film = Film::new(&path, [7, 5]).expect("a film");
-        let times = [100, 40, 250].map(Duration::from_millis);
+        let times = [[1, 30], milliseconds(Duration::from_millis(40)), milliseconds(Duration::from_secs(100))];
         for (gray, time) in [10, 20, 30].into_iter().zip(times) {
             film.add(&picture(gray), time).expect("a picture");
         }
@@ -141,7 +145,8 @@ mod tests {
             reader.next_frame(&mut bytes).expect("a frame");
             let control = reader.info().frame_control().expect("its time");
             let shown = f64::from(control.delay_num) / f64::from(control.delay_den);
-            assert!(bytes.iter().all(|b| *b == gray) && (shown - time.as_secs_f64()).abs() < 1e-9, "{gray}: {shown} s");
+            let [share, of] = time.map(f64::from);
+            assert!(bytes.iter().all(|b| *b == gray) && (shown - share / of).abs() < 1e-9, "{gray}: {shown} s");
         }
         assert!(reader.next_frame(&mut bytes).is_err());
         // one that is given up leaves nothing

@@ -11,7 +11,6 @@ use crate::view::{self, Camera, ColorBar, Image, Outline, Paint, Surface, color_
 use glam::DVec3;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 /// Folder of the pictures in that of the run, and the film in it.
 const FOLDER: &str = "render";
@@ -221,7 +220,6 @@ pub fn render(options: &Options, progress: &mut dyn FnMut(usize, usize)) -> Resu
     listing.remove(is_rendered)?;
     let film = listing.add(FILM)?;
     let mut frames = Film::new(&film, options.size)?;
-    let delay = Duration::from_secs_f64(1.0 / f64::from(options.rate.max(1)));
     let mut files = vec![film];
     for (number, (time, path)) in surfaces.iter().enumerate() {
         let saved = Saved::read(path.clone())?;
@@ -230,7 +228,7 @@ pub fn render(options: &Options, progress: &mut dyn FnMut(usize, usize)) -> Resu
         let path = listing.add(&format!("{FOLDER}/frame_{:04}.png", number + 1))?;
         let bytes = view::png(&image).map_err(|source| Failed::Write { path: path.clone(), source })?;
         replace(&path, &bytes)?;
-        frames.add(&image, delay)?;
+        frames.add(&image, [1, options.rate])?;
         files.push(path);
         progress(number + 1, surfaces.len());
     }

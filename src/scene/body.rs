@@ -217,7 +217,7 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
     let element = |default: &str, known: &[(&str, Element)]| {
         scene.choice("element", &or(raw.element.clone(), default.to_string()), known)
     };
-    let springs = || {
+    let network = || {
         let why = "law = \"springs\" asks for it";
         Ok(Law::Springs {
             stiffness: scene.required("spring_stiffness_n_m", stiffness, table.clone(), why)?,
@@ -236,13 +236,13 @@ fn law(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Law> {
         }
         let why = "law = \"springs\" has springs along the edges of the mesh; elements belong to \"corotational\" and \"linear\"";
         scene.needless("element", &raw.element, why)?;
-        return springs();
+        return network();
     }
     let element = element("bbar", &[&ELEMENTS[..], &TETRAHEDRA].concat())?;
     let name = or(raw.law.clone(), "neo_hookean".to_string());
     let law = scene.choice("law", &name, &hyperelastic::laws(element))?;
     match law {
-        Law::Springs { .. } => springs(),
+        Law::Springs { .. } => network(),
         Law::Fem { .. } => Ok(law),
         Law::Hyperelastic(_) => {
             let why = "a hyperelastic law (the default is \"neo_hookean\") has one element, of mean dilatation; others belong to law = \

@@ -1,7 +1,7 @@
 //! A film of the window's pictures, with their times by the wall clock.
 
 use crate::error::Result;
-use crate::report::film::Film;
+use crate::report::film::{Film, milliseconds};
 use crate::view::Image;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -43,13 +43,13 @@ impl Filming {
     pub fn add(&mut self, next: Image) -> Result<()> {
         let now = Instant::now();
         let (last, seen) = std::mem::replace(&mut self.last, (next, now));
-        self.film.add(&last, now - seen)
+        self.film.add(&last, milliseconds(now - seen))
     }
 
     /// Ends the film; what became of it, in words.
     pub fn end(mut self) -> String {
         let (last, seen) = &self.last;
-        let ended = self.film.add(last, seen.elapsed().max(BETWEEN)).map(|()| self.film.count());
+        let ended = self.film.add(last, milliseconds(seen.elapsed().max(BETWEEN))).map(|()| self.film.count());
         match ended.and_then(|count| self.film.finish().map(|()| count)) {
             Ok(count) => format!("saved {} with {count} pictures", self.path.display()),
             Err(error) => error.to_string(),

@@ -89,6 +89,11 @@ impl Handle {
 }
 
 impl Gpu {
+    /// The device and its queue, for what shares them.
+    pub fn handles(&self) -> (wgpu::Device, wgpu::Queue) {
+        (self.device.clone(), self.queue.clone())
+    }
+
     /// Counters since the device was opened.
     pub fn work(&self) -> Work {
         *locked(&self.work)
