@@ -23,7 +23,7 @@ const RUNS: usize = 5;
 /// Pixels of the picture in a window as it opens; on the processor's own cores half of it each way while it runs.
 const SIZE: [u32; 2] = [890, 800];
 /// Time between two pictures of those cores: the window's.
-const BETWEEN: Duration = Duration::from_millis(95);
+const BETWEEN: Duration = Duration::from_millis(80);
 
 /// Who watches.
 #[derive(Clone, Copy, PartialEq)]

@@ -29,7 +29,7 @@ const PANEL: f32 = 350.0;
 /// Depth of a tool per point of the wheel's way, m: a notch is a tenth of a millimetre or so.
 const DEPTH: f64 = 2e-6;
 /// Time between two pictures that the processor's own cores draw beside the simulation.
-const BETWEEN: Duration = Duration::from_millis(95);
+const BETWEEN: Duration = Duration::from_millis(80);
 /// Angle of a tool per press of Q or E, rad.
 const TURN: f64 = 0.05;
 /// Most points of a tip's way.
