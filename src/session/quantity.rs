@@ -98,16 +98,28 @@ impl Quantity {
         Some(match self {
             Self::Displacement => of_nodes(lengths(&surface.displacements)),
             Self::Velocity => of_nodes(lengths(&surface.velocities)),
-            Self::Residual => {
-                let forces: Vec<f64> = simulation.bodies.iter().flat_map(|body| &body.residual).copied().collect();
-                return (forces.len() == surface.positions.len()).then(|| of_nodes(forces));
-            }
+            Self::Residual => of_nodes(residuals(simulation)?),
             Self::VonMises => of_stress(&|stress| Component::VonMises.of(stress.0.map(V3::f64))),
             Self::Pressure => of_stress(&|stress| -stress.trace() / 3.0),
             Self::Alive => of_cells(&|body, _| body.alive_shares()),
             Self::Stiffness => of_cells(&|body, _| body.stiffness_factors()),
         })
     }
+}
+
+/// `[node]` residuals of the last step, N, those of the points of embedded surfaces between their nodes'; none if it was not checked.
+fn residuals(simulation: &Simulation) -> Option<Vec<f64>> {
+    let mut out = vec![];
+    for body in &simulation.bodies {
+        let (own, model) = (&body.residual, &body.model);
+        if own.len() != model.node_count() {
+            return None;
+        }
+        out.extend(own);
+        let at = |point: usize| body.wound.surface.corner(point).moved(|node| [own[node as usize], 0.0, 0.0])[0];
+        out.extend((model.node_count()..model.point_count()).map(at));
+    }
+    Some(out)
 }
 
 /// `[node]` means over the cells behind the faces around it, of `[body][cell]` values; 0 off the surface.
@@ -193,6 +205,16 @@ mod tests {
             assert!(of == quantity && inside.len() == slice.expect("a slice").positions.len() && !inside.is_empty());
             on.iter().map(|node| nodes[*node as usize]).chain(inside).collect()
         })
+    }
+
+    #[test]
+    fn every_quantity_is_read_on_an_embedded_surface() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/pad.toml");
+        let scene = read(&path).unwrap_or_else(|e| panic!("{e}")).in_test_form();
+        let all = seen(&scene);
+        assert!(all.iter().flatten().all(|value| value.is_finite()));
+        let [displacement, _, _, _, residual, alive, _] = all;
+        assert!([displacement, residual, alive].iter().all(|of| of.iter().any(|value| *value > 0.0)));
     }
 
     #[test]

@@ -60,12 +60,31 @@ struct Seen {
     clip: Option<Clip>,
 }
 
+/// What draws the pictures.
+struct Renderers {
+    full: Renderer,
+    /// Where the adapter is the processor: for pictures beside the simulation.
+    light: Option<Renderer>,
+    /// The light one draws.
+    is_light: bool,
+}
+
+impl Renderers {
+    fn present(&mut self) -> &mut Renderer {
+        self.light.as_mut().filter(|_| self.is_light).unwrap_or(&mut self.full)
+    }
+
+    fn last(&self) -> &Renderer {
+        self.light.as_ref().filter(|_| self.is_light).unwrap_or(&self.full)
+    }
+}
+
 /// See the module.
 pub struct App {
     link: Arc<Link>,
     state: State,
     device: RenderState,
-    renderer: Renderer,
+    renderers: Renderers,
     texture: Option<egui::TextureId>,
     orbit: Option<Orbit>,
     seen: Option<Seen>,
@@ -82,9 +101,6 @@ pub struct App {
     filming: Option<Filming>,
     /// Another picture was drawn than the one that was filmed last.
     drawn: bool,
-    /// Where the adapter is the processor: for pictures beside the simulation.
-    light: Option<Renderer>,
-    is_light: bool,
     /// The texture in the window is not of the picture that is drawn next.
     texture_is_old: bool,
     /// Size of the picture in the window, pixels.
@@ -118,10 +134,12 @@ impl App {
         let on_cores = device.adapter.get_info().device_type == wgpu::DeviceType::Cpu;
         let renderer = |effort| Renderer::new(device.device.clone(), device.queue.clone(), effort);
         Ok(Self {
-            light: on_cores.then(|| renderer(Effort::Light)),
-            is_light: false,
             texture_is_old: true,
-            renderer: renderer(Effort::Full),
+            renderers: Renderers {
+                full: renderer(Effort::Full),
+                light: on_cores.then(|| renderer(Effort::Light)),
+                is_light: false,
+            },
             whole: [1; 2],
             #[cfg(feature = "gamepad")]
             pad,
@@ -216,7 +234,7 @@ impl App {
         };
         let forces = plain(&arrows.positions, &arrows.triangles, &blue, &[]);
         let way = plain(&self.way, &[], &[], &outlines);
-        let renderer = if self.is_light { self.light.as_mut() } else { None }.unwrap_or(&mut self.renderer);
+        let renderer = self.renderers.present();
         with_surfaces(&begun.scene, &shot.skin, &shot.tools, &look, |bodies, tools| {
             let in_front = if shows.way { &[forces, way][..] } else { &[forces] };
             // the plane's own surface is not clipped by it
@@ -229,14 +247,14 @@ impl App {
     /// Size of the next picture: half of the window's each way, lightly drawn, on the processor's own cores while they simulate or film.
     fn fitting(&mut self, whole: [u32; 2]) -> [u32; 2] {
         let playing = self.state.shot.as_ref().is_some_and(|shot| shot.figures.playing);
-        self.draw_lightly(self.light.is_some() && (playing || self.state.films));
-        if self.is_light { whole.map(|side| side.div_ceil(2)) } else { whole }
+        self.draw_lightly(self.renderers.light.is_some() && (playing || self.state.films));
+        if self.renderers.is_light { whole.map(|side| side.div_ceil(2)) } else { whole }
     }
 
     /// Has the next pictures drawn lightly, or in full.
     fn draw_lightly(&mut self, lightly: bool) {
-        if self.is_light != lightly {
-            self.is_light = lightly;
+        if self.renderers.is_light != lightly {
+            self.renderers.is_light = lightly;
             (self.loaded, self.texture_is_old) = (None, true);
         }
     }
@@ -257,10 +275,10 @@ impl App {
         }
         let resized = self.seen.is_none_or(|seen| seen.size != size) || self.texture_is_old;
         let begun = Instant::now();
-        let renderer = if self.is_light { self.light.as_mut() } else { None }.unwrap_or(&mut self.renderer);
-        let view = renderer.draw(&orbit.camera(), size, clip);
+        let is_light = self.renderers.is_light;
+        let view = self.renderers.present().draw(&orbit.camera(), size, clip);
         let mut rest = Duration::ZERO;
-        if self.is_light {
+        if is_light {
             // what fails here fails again where the picture is shown, and is said there
             self.device.device.poll(wgpu::PollType::wait_indefinitely()).ok();
             // the simulation has half of the time at least
@@ -386,8 +404,7 @@ impl App {
     /// The picture with its caption and bar.
     fn pictured(&self) -> Result<Image> {
         let caption = self.state.shot.as_ref().map(|shot| shot.caption.clone()).unwrap_or_default();
-        let renderer = if self.is_light { self.light.as_ref() } else { None }.unwrap_or(&self.renderer);
-        let mut image = renderer.read()?;
+        let mut image = self.renderers.last().read()?;
         view::caption(&mut image, &caption.iter().map(String::as_str).collect::<Vec<_>>());
         if let Some(bar) = &self.bar {
             view::color_bar(&mut image, bar);
