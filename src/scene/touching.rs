@@ -227,8 +227,7 @@ pub struct Contact {
     pub angle_cone: f64,
     /// Maximum number of contacts at a time, and of lip contacts of each wound.
     pub max_contacts: u32,
-    /// Contact between the lips of a wound; otherwise they pass through each other. Flaps dragged along by a blade fold over, and the solve
-    /// of their lips may fail: use it for wounds of a few plain cuts.
+    /// Contact between the lips of wounds; otherwise they pass through each other.
     pub lips: bool,
     /// Relative residual at which the passes stop.
     pub tolerance: f64,

@@ -15,7 +15,7 @@ use crate::backend::{
 };
 use crate::bodies::{self, Model, Solved, Totals, Wound, law_residual, out_of_balance, residual};
 use crate::collide::broad::Boxes;
-use crate::collide::lips::Lips;
+use crate::collide::lips::Faces;
 use crate::collide::{self, Aabb, Patch, Resistance};
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -63,7 +63,7 @@ pub struct Body {
     /// Most nodes whose compliance is kept.
     pub(super) near: usize,
     /// Lips of its wound, if they may rest on each other.
-    pub(super) lips: Option<Vec<Lips>>,
+    pub(super) lips: Option<Faces>,
     /// Nodes of the scene's attachments.
     pub(super) tied: Vec<u32>,
     /// Its cuts, in order; applied to the uncut body they give the wound.
@@ -290,7 +290,7 @@ impl Body {
         let moving: Vec<Corner> = corners.iter().map(|n| surface.corner(*n as usize)).collect();
         // nodes to read: of attachments, lips and corners
         let mut nodes = self.tied.clone();
-        nodes.extend(self.lips.iter().flatten().flatten().flatten());
+        nodes.extend(self.lips.iter().flatten().flatten());
         nodes.extend(moving.iter().flat_map(|corner| corner.nodes));
         nodes.sort_unstable();
         nodes.dedup();

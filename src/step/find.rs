@@ -80,7 +80,7 @@ impl Simulation {
         let mut out = vec![];
         for (number, body) in self.bodies.iter().enumerate() {
             let Some(lips) = &body.lips else { continue };
-            let position = |id: u32| body.node_position(id);
+            let position = |id: u32| [body.node_position(id), DVec3::from_array(body.wound.rest[id as usize])];
             let free = |id: u32| body.wound.free[id as usize][..3].iter().all(|axis| *axis != 0.0);
             // the search reaches farther by the body's own motion
             let mut found = lips::contacts(number, lips, position, free, search.alarm + body.travel);

@@ -45,6 +45,9 @@ const STEEP: f64 = 0.1;
 const FINE: f64 = 10.0;
 const FINEST: f64 = 0.1;
 
+/// Multiples of each row's compliance that are added where `W` has no solution.
+const ADDED: [f64; 3] = [1.0, 10.0, 100.0];
+
 /// Share of a row's compliance by the columns that an update must leave.
 const LEFT: f64 = 1e-2;
 
@@ -163,12 +166,40 @@ impl Problem<'_> {
         solved
     }
 
+    /// Forces of the next pass where `W` has no solution, since its columns are loose and aged: those of the model with a multiple of each
+    /// row's own compliance added for changes from `lambda`, the smallest of [`ADDED`] that has one. The next pass observes what they do.
+    fn damped(&self, without_force: &[f64], lambda: &[f64], costs: &mut Costs) -> Vec<f64> {
+        let clock = Instant::now();
+        let effort =
+            Effort { tolerance: TOLERANCE, loose: self.loose_tolerance(INNER_SHARE), updates: ROW_UPDATES / 4 };
+        let mut next = lambda.to_vec();
+        for share in ADDED {
+            let (mut w, mut free) = (self.w.clone(), without_force.to_vec());
+            for (row, f) in lambda.iter().enumerate() {
+                let added = share * self.columns[row * (lambda.len() + 1)];
+                w[row * (lambda.len() + 1)] += added;
+                free[row] -= added * f;
+            }
+            next.copy_from_slice(lambda);
+            let ended = solve(&self.laws, &w, &free, &mut next, &effort);
+            costs.row_updates += ended.updates;
+            if ended.converged {
+                break;
+            }
+        }
+        costs.spend(Part::Laws, clock);
+        next
+    }
+
     /// Pass that ended with `slips` under `lambda`, and the forces of the next one by the model `W`; a change of at most `least` in each row, N,
     /// is negligible.
     fn evaluate(&self, lambda: Vec<f64>, slips: Vec<DVec3>, least: f64, costs: &mut Costs) -> Pass {
         let without_force = self.without_force(&self.rows.violations(&slips), &lambda);
         let mut next = lambda.clone();
         let solved = self.solve(&without_force, &mut next, costs);
+        if !solved {
+            next = self.damped(&without_force, &lambda, costs);
+        }
         let change = less(&next, &lambda);
         let total = energy(&self.w, &lambda).max(energy(&self.w, &next));
         let negligible = change.iter().all(|c| c.abs() <= least);
@@ -211,7 +242,7 @@ impl Simulation {
             let perceptible = !problem.loose_tolerance(1.0).is_met(&pass.residual, &pass.lambda);
             // attachments take one pass more: their gap is what the changes of the forces leave, and nothing else closes it
             let enough = if report.contact.passes == 0 { problem.enough_at_first() } else { law.tolerance };
-            let closed = pass.relative_change <= enough && !std::mem::take(&mut tied);
+            let closed = pass.relative_change <= enough && (pass.solved || !perceptible) && !std::mem::take(&mut tied);
             let single = law.correction != Correction::Exact && report.contact.passes == 1;
             if closed || (slow && !perceptible) || single {
                 break pass;
