@@ -4,7 +4,7 @@ use super::listing::Listing;
 use super::recording::Recording;
 use super::{HapticReport, Periods};
 use crate::error::Result;
-use crate::haptic::replay::Row;
+use crate::haptic::devices::Row;
 use crate::haptic::servo::Record;
 use crate::haptic::thread::Timing;
 use crate::output::{Table, TableMark};
@@ -139,7 +139,7 @@ pub(super) fn lost(counted: &HapticCounts) -> u64 {
 
 /// Adds the timing.
 fn timed(r: &mut HapticReport, timing: &Timing, counted: &HapticCounts) {
-    let spread = |h: &crate::haptic::histogram::Histogram, unit: f64| Periods {
+    let spread = |h: &crate::haptic::thread::Histogram, unit: f64| Periods {
         p50: h.quantile(0.5).map(|v| v * unit),
         p99: h.quantile(0.99).map(|v| v * unit),
         p99_9: h.quantile(0.999).map(|v| v * unit),

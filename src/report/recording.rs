@@ -1,7 +1,7 @@
 //! Writes the recording of a device to `hand_TOOL.csv` during the run; a killed run leaves it up to the last flush.
 
 use crate::error::Result;
-use crate::haptic::replay::Row;
+use crate::haptic::devices::Row;
 use crate::output::Table;
 use crate::scene::{FORCE_COLUMNS, TRAJECTORY_COLUMNS};
 use rtrb::Consumer;
@@ -14,7 +14,7 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// Creates or truncates the file at `path`; `rows` come from a [`Recorder`](crate::haptic::replay::Recorder).
+    /// Creates or truncates the file at `path`; `rows` come from a [`Recorder`](crate::haptic::devices::Recorder).
     ///
     /// # Errors
     /// Here and in every method: if the file cannot be written.

@@ -5,7 +5,7 @@ use crate::small;
 use cutis::haptic::cells::Problem;
 use cutis::haptic::device::Device;
 use cutis::haptic::haply::mock;
-use cutis::haptic::replay::{Path, Recorder, Replay};
+use cutis::haptic::devices::{Path, Recorder, Replay};
 use cutis::haptic::servo::Servo;
 use cutis::haptic::{device::Workspace, device::Wrench};
 use cutis::report::recording::Recording;
