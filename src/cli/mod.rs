@@ -13,7 +13,7 @@ use args::{Backend, Cli, Command, Precision, Run};
 use cutis::bodies::Model;
 use cutis::error::Error;
 use cutis::formats::{self, Encoding, Format};
-use cutis::report::memory::{self, Purpose};
+use cutis::report::inspect::Purpose;
 use cutis::report::{check, compare, inspect, mesh, plot, render, run, study, verify};
 use cutis::runner;
 use cutis::scene::{self, Preconditioner, Scene};
@@ -173,7 +173,7 @@ fn view_scene(_: &args::View) -> Result<u8> {
 /// A scene that is run before somebody, and how.
 fn watched(path: Option<&PathBuf>, target: &args::Target, paused: bool) -> Result<(Scene, Signals, session::Options)> {
     let scene = read(path)?;
-    memory::fits(&scene, Purpose::Single)?;
+    inspect::fits(&scene, Purpose::Single)?;
     // haptic threads need a core of their own
     if session::is_live(&scene) {
         runner::leave_a_core()?;
@@ -324,7 +324,7 @@ fn check_scenes(args: &args::Check) -> Result<u8> {
     let read = |path: &PathBuf| -> Result<Scene> {
         let scene = scene::read(path)?;
         check::known(&scene)?;
-        memory::fits(&scene, Purpose::Single)?;
+        inspect::fits(&scene, Purpose::Single)?;
         // what only the set-up of a body refuses
         (0..scene.skins.len())
             .try_for_each(|body| Model::of_sizes(&scene, body).map(drop))
