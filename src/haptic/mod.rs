@@ -20,7 +20,6 @@ pub mod haply;
 pub mod servo;
 pub mod thread;
 
-
 use crate::bodies::rigid::rotation_vector;
 use crate::constraints::{Law, relax};
 use crate::scene::{Coupling, Rendering};

@@ -1,6 +1,5 @@
 //! Accumulates step reports into the report of a run.
 
-
 use super::{CostReport, DissipationReport, Memory, Report, Share, SolverReport, Spread, WorkReport};
 use crate::backend::Snapshot;
 use crate::math::larger;

@@ -1,6 +1,5 @@
 //! Haptic results of a run: `haptic.csv`, recordings, counters for the report.
 
-
 use super::listing::Listing;
 use super::{HapticReport, Periods};
 use crate::error::Result;

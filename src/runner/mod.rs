@@ -4,10 +4,8 @@
 //! of its own and the same clock paces the steps. The caller of a [`Runner`] receives every tick and step: the program's `run` writes them
 //! to files ([`crate::report::run`]); another program may show them, pause, or attach its own device to a tool.
 
-
 mod scene_clock;
 mod wall_clock;
-
 
 use crate::error::{Result, unless};
 use crate::haptic::Hand;
@@ -18,7 +16,6 @@ use crate::haptic::servo::{Record, Servo, Settings};
 use crate::haptic::thread::Timing;
 use crate::scene::{DeviceKind, Scene, device_of};
 use crate::step::{self, Simulation, StepReport};
-
 use rtrb::Consumer;
 use scene_clock::SceneClock;
 use serde::{Deserialize, Serialize};

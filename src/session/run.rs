@@ -1,7 +1,6 @@
 //! The simulation: one thread that takes commands, makes a step when one is due, and shows its state.
 
-use super::audience::{Audience, Figures, MOST_COMMANDS, Motion, Shown, lock};
-
+use super::audience::{Audience, Command, Figures, MOST_COMMANDS, Motion, Shown, lock};
 use super::mouse::{Mouse, Shared};
 use super::quantity::{Asked, Quantity};
 use crate::error::{Error, Result};

@@ -1,6 +1,5 @@
 //! The device as seen by the loop, and the I/O thread that keeps the socket in lock step with it.
 
-
 use super::command::{Command, Configure, Profile, Session, Version};
 use super::refused::Refused;
 use super::session::{Address, Chosen, Fault, Heard, Socket, hear, reading};

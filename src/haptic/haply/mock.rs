@@ -22,7 +22,6 @@
 
 mod whole;
 
-
 use super::command::{Command, SetForce, Version};
 use super::refused::Refused;
 use super::wire::{ArmKind, ArmState, Buttons, Config, Entry, Frame, GripKind, GripState, Status};
@@ -31,7 +30,6 @@ use crate::error::Result;
 use crate::http::{self, Door, PATIENCE};
 use crate::scene::Pose;
 use glam::{DQuat, DVec3};
-
 use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};

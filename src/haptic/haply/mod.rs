@@ -36,7 +36,6 @@ pub mod wire;
 pub use client::{Client, Trouble};
 pub use refused::Refused;
 
-
 use super::device::Limits;
 use crate::error::Result;
 use command::Version;

@@ -1,7 +1,6 @@
 //! Figures of the tables and the report in a folder.
 
 use super::super::Refused;
-
 use super::super::tables::{CONTACTS, ENERGY, PROBES, Rows, SOLVER};
 use super::draw::{Bar, Bars, Curve, Figure, Panel};
 use crate::error::Result;

@@ -31,7 +31,6 @@ use crate::error::Result;
 use crate::gpu::{Gpu, adapters};
 use crate::scene::Scene;
 use crate::step::Platform;
-
 use settings::{Axes, exact, most_complete, own, quick, scene_of};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
