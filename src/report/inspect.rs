@@ -4,9 +4,10 @@
 //! passes wgpu's validation, and nothing is computed. The model has counts in place of its arrays ([`Model::of_sizes`]), so the memory of
 //! this does not grow with the grid. Dispatches and read-backs are counted from the way [`crate::step`] drives the backend.
 //!
-//! [`fits`] tells from the number of nodes, before any memory is taken. The bytes of a node are the least that were measured (peak resident memory of one step, 78,000 to 214,000 nodes of hexahedra, linear law,
-//! columns as preconditioner); other laws, multigrid and exact factors take more. A scene that is refused cannot fit; one that passes may
-//! still meet an error of its own later. Where the system does not tell what is free (it does on Linux), nothing is refused.
+//! [`fits`] tells from the number of nodes, before any memory is taken. The bytes of a node are the least that were measured (peak resident
+//! memory of one step, 78,000 to 214,000 nodes of hexahedra, linear law, columns as preconditioner); other laws, multigrid and exact
+//! factors take more. A scene that is refused cannot fit; one that passes may still meet an error of its own later. Where the system does
+//! not tell what is free (it does on Linux), nothing is refused.
 
 use super::Refused;
 use crate::backend::{GpuBackend, Snapshot};
@@ -330,7 +331,6 @@ pub fn fits(scene: &Scene, purpose: Purpose) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::incision;
     use crate::scene::{Cut, Preconditioner, incision};
 
     /// Bytes per cell by purpose, on 64 × 64 × 23 cells without tools.
