@@ -1,9 +1,9 @@
-//! Random paths of a blade through small skins, judged by force, jumps, depth, links and warnings (`tests/blade/mod.rs`).
+//! Random paths of a blade through small skins, judged by force, jumps, depth, links and warnings (`tests/engine/blade/paths.rs`).
 //!
 //! `cargo bench --bench blade -- straight 100 0` runs 100 straight cuts from number 0 on; `through` are cuts right across and through,
 //! `any` are paths of any kind. Prints a line for each path with a fault, and the worst of all; ends with 1 when there was a fault.
 
-#[path = "../tests/blade/mod.rs"]
+#[path = "../tests/engine/blade/paths.rs"]
 mod blade;
 
 use blade::{Case, Kind};

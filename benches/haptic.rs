@@ -8,8 +8,8 @@
 use cutis::constraints::Law;
 use cutis::haptic::cells::{Problem, cells};
 use cutis::haptic::device::{Device, Limits, Reading, Workspace, Wrench};
-use cutis::haptic::histogram::Histogram;
 use cutis::haptic::servo::{BUDGET, Buttons, Servo, Settings};
+use cutis::haptic::thread::Histogram;
 use cutis::haptic::thread::{Loop, Timing};
 use cutis::haptic::{Hand, MAX_SWEEPS, Reduced};
 use cutis::report::run::{Options, run};

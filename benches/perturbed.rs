@@ -5,7 +5,7 @@
 //! `cargo bench --bench perturbed -- SCENE=incision RUNS=100 FIRST=1 CELLS=12,16,20,24,32,40,48`; all of them may be left out.
 //! `RUNS=1 FIRST=7` repeats run 7 alone. Peak forces are compared among runs of the same cells.
 
-#[path = "../tests/perturbation/mod.rs"]
+#[path = "../tests/scenes/perturbation.rs"]
 mod perturbation;
 
 use perturbation::{Outcome, outcome, shipped, varied};

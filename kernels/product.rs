@@ -32,8 +32,8 @@
 
 use super::linearised::HYPERELASTIC;
 use super::{Params, Source};
-use crate::math::mirrors::{dot, patterns, rotation_minus_one, rotation_rows};
 use crate::math::wide::{Lanes, MOST, Task};
+use crate::math::wide::{dot, patterns, rotation_minus_one, rotation_rows};
 use crate::math::{Real, V4};
 use rayon::prelude::*;
 use std::any::Any;

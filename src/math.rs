@@ -3,7 +3,6 @@
 //! Buffers hold [`V4`], a plain array (16 bytes in f32, as WGSL's `vec4<f32>`); arithmetic is done on [`V3`] and [`M3`].
 
 pub mod elementary;
-pub mod mirrors;
 pub mod random;
 pub mod wide;
 

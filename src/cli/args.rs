@@ -1,9 +1,13 @@
-//! Commands and options.
+//! Commands and options. [`read`] reads the command line; where it cannot be read, it says what was meant as far as that can be told.
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
-use cutis::scene::Preconditioner;
+use super::print;
+use super::refused::{self, Refused};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use cutis::scene::{Preconditioner, nearest};
+use std::ffi::{OsStr, OsString};
 use std::net::SocketAddr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 const ABOUT: &str = "GPU soft-tissue engine: layered skin that is pressed and cut";
 
@@ -470,4 +474,43 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 fn name(text: &str) -> Result<String, String> {
     let holds = !text.trim().is_empty() && !text.contains(char::is_control);
     if holds { Ok(text.into()) } else { Err("wanted a name, which is not empty and on one line".into()) }
+}
+
+/// Arguments of the program; none where help or version was asked for, which is printed here.
+pub fn read(words: &[OsString]) -> refused::Result<Option<Cli>> {
+    if let Some(word) = words.get(1)
+        && is_neither_scene_nor_option(word)
+        && !commands().iter().any(|command| word == command.as_str())
+    {
+        let known = commands();
+        let word = word.to_string_lossy().into_owned();
+        let known: Vec<&str> = known.iter().map(String::as_str).collect();
+        return Err(Refused::NoCommand { nearest: nearest(&word, &known).map(String::from), word });
+    }
+    match Cli::try_parse_from(words) {
+        Ok(cli) => Ok(Some(cli)),
+        Err(error) if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) => {
+            print::written(error.print()).map(|()| None)
+        }
+        Err(error) => Err(match (error.kind(), command_behind(words)) {
+            (ErrorKind::ArgumentConflict, Some(command)) => Refused::OptionBeforeCommand { command },
+            _ => Refused::Usage { error },
+        }),
+    }
+}
+
+fn is_neither_scene_nor_option(word: &OsStr) -> bool {
+    let text = word.to_string_lossy();
+    !text.is_empty() && !text.starts_with('-') && !text.contains(['.', '/', '\\']) && !Path::new(word).exists()
+}
+
+/// Names of the commands.
+fn commands() -> Vec<String> {
+    let help = ["help".to_string()].into_iter();
+    Cli::command().get_subcommands().map(|command| command.get_name().to_string()).chain(help).collect()
+}
+
+/// Command that stands behind options of its own.
+fn command_behind(words: &[OsString]) -> Option<String> {
+    commands().into_iter().find(|name| words.iter().skip(2).any(|word| word == name.as_str()))
 }

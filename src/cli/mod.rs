@@ -5,21 +5,19 @@ mod print;
 mod progress;
 mod refused;
 mod signals;
-mod stand_in;
 mod text;
-mod usage;
 
-use args::{Backend, Cli, Command, Precision, Run};
+use args::{Backend, Cli, Command, HaplyMock, Precision, Run};
 use cutis::bodies::Model;
 use cutis::error::Error;
 use cutis::formats::{self, Encoding, Format};
-use cutis::report::memory::{self, Purpose};
-use cutis::report::{check, compare, inspect, mesh, plot, render, run, study, verify};
-use cutis::runner;
-use cutis::scene::{self, Preconditioner, Scene};
-use cutis::serve;
-use cutis::session;
+use cutis::haptic::haply::mock::{Event, Mock, Options};
+use cutis::haptic::haply::wire::{ArmKind, GripKind};
+use cutis::report::inspect::{self, Purpose};
+use cutis::report::{check, compare, mesh, plot, render, run, study, verify};
+use cutis::scene::{self, Pose, Preconditioner, Scene, Tool};
 use cutis::step::Platform;
+use cutis::{runner, serve, session};
 use refused::{Refused, Result};
 use serde_json::{Value, json};
 use signals::Signals;
@@ -50,7 +48,7 @@ pub fn main() -> ExitCode {
     signals::survive_file_limits();
     let words: Vec<OsString> = std::env::args_os().collect();
     let as_json = words.iter().any(|word| word == "--json");
-    let done = usage::read(&words).and_then(|cli| cli.map_or(Ok(0), obey));
+    let done = args::read(&words).and_then(|cli| cli.map_or(Ok(0), obey));
     ExitCode::from(done.unwrap_or_else(|error| {
         if as_json {
             // what cannot be printed is said on standard error
@@ -80,7 +78,7 @@ fn obey(cli: Cli) -> Result<u8> {
         Command::Plot(args) => plot_results(&args),
         Command::Render(args) => render_results(&args),
         Command::Adapters(args) => list_adapters(args),
-        Command::HaplyMock(args) => stand_in::stand_in(&args),
+        Command::HaplyMock(args) => stand_in(&args),
     }
 }
 
@@ -173,7 +171,7 @@ fn view_scene(_: &args::View) -> Result<u8> {
 /// A scene that is run before somebody, and how.
 fn watched(path: Option<&PathBuf>, target: &args::Target, paused: bool) -> Result<(Scene, Signals, session::Options)> {
     let scene = read(path)?;
-    memory::fits(&scene, Purpose::Single)?;
+    inspect::fits(&scene, Purpose::Single)?;
     // haptic threads need a core of their own
     if session::is_live(&scene) {
         runner::leave_a_core()?;
@@ -324,7 +322,7 @@ fn check_scenes(args: &args::Check) -> Result<u8> {
     let read = |path: &PathBuf| -> Result<Scene> {
         let scene = scene::read(path)?;
         check::known(&scene)?;
-        memory::fits(&scene, Purpose::Single)?;
+        inspect::fits(&scene, Purpose::Single)?;
         // what only the set-up of a body refuses
         (0..scene.skins.len())
             .try_for_each(|body| Model::of_sizes(&scene, body).map(drop))
@@ -469,4 +467,46 @@ fn list_adapters(args: args::Adapters) -> Result<u8> {
 /// A path as printed, with a separator at the end.
 fn shown(path: &Path) -> String {
     format!("{}{}", path.display(), std::path::MAIN_SEPARATOR)
+}
+
+/// `cutis haply-mock`: stand-in for Haply's Inverse Service until the program is ended, or standard input where that is asked for.
+fn stand_in(args: &HaplyMock) -> Result<u8> {
+    let mut options = Options { port: args.port, tell: Some(tell), keep: args.keep, ..Options::default() };
+    options.arms = vec![(ArmKind::Inverse3, args.device.clone())];
+    options.grips = if args.no_grip { Vec::new() } else { vec![(GripKind::Wired, args.grip.clone())] };
+    options.path = args.scene.as_deref().map_or(Ok(Vec::new()), |scene| hand(scene, args.tool.as_deref()))?;
+    let mock = Mock::start(options)?;
+    let with = if args.no_grip { String::new() } else { format!(" with verse_grip {}", args.grip) };
+    let end = if args.until_stdin_ends { "Ctrl-C or the end of standard input ends it" } else { "Ctrl-C ends it" };
+    print::line(&format!("listens at {} as inverse3 {}{with}; {end}", mock.url(), args.device))?;
+    if !args.until_stdin_ends {
+        loop {
+            std::thread::park();
+        }
+    }
+    // an unreadable input counts as ended
+    std::io::copy(&mut std::io::stdin(), &mut std::io::sink()).ok();
+    Ok(0)
+}
+
+/// Recorded hand trajectory of a scene's tool.
+fn hand(path: &Path, wanted: Option<&str>) -> Result<Vec<Pose>> {
+    let scene = scene::read(path)?;
+    let held: Vec<Tool> = scene.tools.into_iter().filter(|tool| tool.free.is_none()).collect();
+    let names: Vec<String> = held.iter().map(|tool| format!("\"{}\"", tool.name)).collect();
+    let found = held.into_iter().find(|tool| wanted.is_none_or(|name| name == tool.name));
+    let scene = path.to_path_buf();
+    found.map(|tool| tool.trajectory).ok_or_else(|| match wanted {
+        Some(name) if !names.is_empty() => Refused::NoTool { scene, name: name.into(), known: names.join(", ") },
+        _ => Refused::NoHand { scene },
+    })
+}
+
+fn tell(event: Event) {
+    let line = match event {
+        Event::Connected(from) => format!("connected: {from}"),
+        Event::Left(from, frames) => format!("left: {from} after {frames} frames"),
+    };
+    // clients are served whether somebody reads this or not
+    print::line(&line).ok();
 }

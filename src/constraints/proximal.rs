@@ -20,7 +20,7 @@
 //! −1 % of the largest. In 400,000 row updates 4,295 converge, 4,302 to 10⁻³ and 100 nm, the others to 10⁻³ and 150 nm; half of one cut's
 //! in 8,000 and 99 % in 60,000. Sweeps and Newton steps alone, 400 sweeps each, leave 2.7 % of them and take four times the sweeps; without
 //! a bound they took up to 10,000 sweeps and 57,000 Newton steps. 64 points with friction on 25 nodes: 240,000 at most. To 10⁻¹⁰ on random
-//! `W` over ten decades, 300 rows: 700,000 (`tests/contact_laws.rs`). Of the 639 solves of three crossing cuts 100,000 updates leave 11, or
+//! `W` over ten decades, 300 rows: 700,000 (`tests/engine/contact_laws.rs`). Of the 639 solves of three crossing cuts 100,000 updates leave 11, or
 //! 17 with `ε` of 10⁻³ at first; with 10⁻¹ they take a sixth more Newton steps. Solving without friction first and adding it in steps
 //! solved none of those left.
 //!

@@ -3,8 +3,7 @@
 //! Text is read by rows where a format has a record on each line, so that a line with too few or too many numbers is told by its own
 //! number; or freely ([`Cursor::free`]) where numbers may stand on any lines. Lines are counted when an error asks for them.
 
-use super::Result;
-use super::refused::{At, Place, Refused, quoted};
+use super::{At, Place, Refused, Result, quoted};
 use std::path::Path;
 use std::str::FromStr;
 

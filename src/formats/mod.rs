@@ -18,27 +18,26 @@
 //! the mesh, and one decoded array of a VTU, or the list of an OBJ's statements.
 //!
 //! Sources: Gmsh reference manual, section 10 (file formats); VTK file formats (Kitware); Turk 1994 (PLY); 3D Systems 1989 (STL).
+//!
+//! An error ([`Refused`]) tells file and line or byte, what was found, what was wanted, how to mend it.
 
-mod cell;
 mod cursor;
 mod grid;
 mod msh;
 pub mod obj;
 mod ply;
-mod refused;
 mod stl;
 mod vtk;
 mod vtu;
 
-pub use cell::{Cell, Face, faces};
-pub use grid::{Array, Grid};
-pub use refused::{At, Place, Refused};
+pub use grid::{Array, Cell, Face, Grid, faces};
 #[cfg(feature = "program")]
 pub(crate) use vtu::escaped;
 pub use vtu::{read as read_grid, write as write_grid};
 
 use cursor::Cursor;
-use std::path::Path;
+use std::fmt;
+use std::path::{Path, PathBuf};
 
 /// Result of the readers and writers.
 pub type Result<T> = std::result::Result<T, Refused>;
@@ -234,9 +233,9 @@ fn unused(mesh: &Mesh) -> bool {
 impl Mesh {
     /// Adds a cell; others than tetrahedra and triangles are split, points and lines counted.
     ///
-    /// A quadrilateral is split along the diagonal of its smallest point id, a solid into tetrahedra from its smallest point id to the faces
-    /// that do not have it, each split the same way: neighbours agree on a face, whatever they are. Source: Dompierre et al. 1999, section 2.
-    /// The sign of the volume stays, but for wedges, of which VTK and Gmsh have opposite ones: they become positive.
+    /// A quadrilateral is split along the diagonal of its smallest point id, a solid into tetrahedra from its smallest point id to the
+    /// faces that do not have it, each split the same way: neighbours agree on a face, whatever they are. Source: Dompierre et al. 1999,
+    /// section 2. The sign of the volume stays, but for wedges, of which VTK and Gmsh have opposite ones: they become positive.
     ///
     /// # Panics
     /// If `nodes` are not as many as the cell has, or not points of the mesh.
@@ -266,14 +265,14 @@ impl Mesh {
         }
         match cell.dimension() {
             3 => {
-                let mut pieces = cell::tetrahedra(cell, nodes);
+                let mut pieces = grid::tetrahedra(cell, nodes);
                 let volume = pieces.iter().map(|piece| self.volume(piece)).sum::<f64>();
                 if cell == Cell::Wedge && volume < 0.0 {
                     pieces.iter_mut().for_each(|piece| piece.swap(2, 3));
                 }
                 pieces.into_iter().for_each(|piece| self.add_tetrahedron(piece, region));
             }
-            2 => cell::triangles(nodes).into_iter().for_each(|piece| self.add_triangle(piece, region)),
+            2 => grid::triangles(nodes).into_iter().for_each(|piece| self.add_triangle(piece, region)),
             _ => {}
         }
     }
@@ -287,7 +286,7 @@ impl Mesh {
     /// Faces of tetrahedra that no other one has, turned outward where the tetrahedron is positive, with its region; in ascending order of
     /// sorted ids.
     pub fn boundary(&self) -> Vec<([u32; 3], i32)> {
-        let mut faces = cell::faces(&self.tetrahedra);
+        let mut faces = grid::faces(&self.tetrahedra);
         faces.sort_unstable();
         let alone = faces.chunk_by(|a, b| a.0 == b.0).filter(|same| same.len() == 1);
         alone
@@ -325,4 +324,209 @@ impl Mesh {
         self.triangles.shrink_to_fit();
         self.triangle_regions.shrink_to_fit();
     }
+}
+
+/// Place in a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct At {
+    /// File name as given by the user.
+    pub file: PathBuf,
+    /// Where in it.
+    pub place: Place,
+}
+
+/// Place within a file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Place {
+    /// Line of a text, from 1.
+    Line(usize),
+    /// Byte of binary data, from 0.
+    Byte(usize),
+}
+
+impl At {
+    /// A line of a file.
+    pub fn line(file: &Path, line: usize) -> Self {
+        Self { file: file.to_path_buf(), place: Place::Line(line) }
+    }
+}
+
+impl fmt::Display for At {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.place {
+            Place::Line(line) => write!(f, "{}:{line}", self.file.display()),
+            Place::Byte(byte) => write!(f, "{}, byte {byte}", self.file.display()),
+        }
+    }
+}
+
+/// Mesh file that cannot be read or written.
+#[derive(Debug, thiserror::Error)]
+pub enum Refused {
+    /// File that the system does not give.
+    #[error("{}: the mesh cannot be read ({reason}); give the path of a mesh file", path.display())]
+    File {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        reason: String,
+    },
+
+    /// Ending of no known format.
+    #[error(
+        "{}: no mesh format that is known here has this ending; name the file .msh (Gmsh), .vtk, .vtu, .obj, .stl or .ply, by what it holds",
+        path.display()
+    )]
+    Ending {
+        /// The file.
+        path: PathBuf,
+    },
+
+    /// Content of another format than the ending says.
+    #[error("{}: the file is named .{named}, but begins like a .{found}; rename it to .{found}", path.display())]
+    Type {
+        /// The file.
+        path: PathBuf,
+        /// Its ending.
+        named: &'static str,
+        /// Ending of files that begin like this one.
+        found: &'static str,
+    },
+
+    /// File without content.
+    #[error("{}: the file is empty; export the mesh again", path.display())]
+    Empty {
+        /// The file.
+        path: PathBuf,
+    },
+
+    /// File without cells.
+    #[error("{}: there is no tetrahedron and no face in the file; export the mesh with its cells", path.display())]
+    NoCells {
+        /// The file.
+        path: PathBuf,
+    },
+
+    /// Format that is not written.
+    #[error("{}: legacy VTK is read, but not written; name the file .vtu instead", path.display())]
+    ReadOnly {
+        /// The file.
+        path: PathBuf,
+    },
+
+    /// Something else than what the format says.
+    #[error("{at}: {found}; wanted {wanted}; mend it, or export the mesh again")]
+    Unexpected {
+        /// Place in the file.
+        at: At,
+        /// What stands there.
+        found: String,
+        /// What should.
+        wanted: &'static str,
+    },
+
+    /// File that is cut off.
+    #[error("{at}: the file ends where {wanted} should stand; export the mesh again, it was cut off")]
+    End {
+        /// Its end.
+        at: At,
+        /// What should stand there.
+        wanted: &'static str,
+    },
+
+    /// A count beyond what the rest of the file can hold.
+    #[error(
+        "{at}: {found} {what} are announced, but only {left} bytes follow; export the mesh again, it is cut off or the number is wrong"
+    )]
+    Count {
+        /// Place of the number.
+        at: At,
+        /// What is counted.
+        what: &'static str,
+        /// The number.
+        found: u64,
+        /// Bytes behind it.
+        left: usize,
+    },
+
+    /// Number of a point that is not there.
+    #[error(
+        "{at}: a cell names point {found}, which is not among the {count} points of the file; mend the cell, or export the mesh again"
+    )]
+    Point {
+        /// Place of the number.
+        at: At,
+        /// The number.
+        found: String,
+        /// Number of points.
+        count: usize,
+    },
+
+    /// What the format has and is not read here.
+    #[error("{at}: {found}; {mend}")]
+    Unsupported {
+        /// Place in the file.
+        at: At,
+        /// What stands there, and what is read.
+        found: String,
+        /// What to do.
+        mend: &'static str,
+    },
+
+    /// More points than ids.
+    #[error("{}: {count} points; at most {} are counted here; export a coarser mesh, or parts of it", path.display(), u32::MAX)]
+    TooMany {
+        /// The file.
+        path: PathBuf,
+        /// Their number.
+        count: u64,
+    },
+
+    /// An OBJ vertex without three numbers.
+    #[error("{at}: `{found}`; wanted `v` and three finite numbers; mend the line, or export the file again")]
+    ObjNumber {
+        /// The `v` line.
+        at: At,
+        /// The line.
+        found: String,
+    },
+
+    /// An index of an OBJ file without a vertex.
+    #[error(
+        "{at}: `{found}` is no vertex; {count} `v` lines stand above, so wanted 1 to {count}, or -{count} to -1; mend the index, or move the vertices up"
+    )]
+    ObjIndex {
+        /// The `f`, `l` or `p` line.
+        at: At,
+        /// The index found.
+        found: String,
+        /// Number of vertices above.
+        count: usize,
+    },
+
+    /// A face, a line or a point without enough vertices.
+    #[error(
+        "{at}: `{found}`; wanted at least {wanted} vertices (`f` for faces, `l` for lines, `p` for points); add some, or remove the line"
+    )]
+    ObjShort {
+        /// The line.
+        at: At,
+        /// Its text.
+        found: String,
+        /// Fewest vertices.
+        wanted: usize,
+    },
+}
+
+/// Longest quotation of a file in a message, characters.
+const QUOTE_LENGTH: usize = 72;
+
+/// Text of a file for a message, on one line.
+fn quoted(bytes: &[u8]) -> String {
+    let text = String::from_utf8_lossy(&bytes[..bytes.len().min(4 * QUOTE_LENGTH)]);
+    let mut short: String = text.chars().take(QUOTE_LENGTH).collect();
+    if short.len() < bytes.len() {
+        short.push('…');
+    }
+    format!("`{}`", short.replace(char::is_control, " "))
 }

@@ -3,10 +3,9 @@
 //! A cell's region is the first physical group that it is in: in 2.2 its first tag, in 4.1 that of its entity. Numbers of points may have
 //! gaps. Sections that are not of the mesh (periodicity, fields) are skipped.
 
-use super::cell::gmsh_name;
 use super::cursor::{Cursor, Numbers, Type, digits};
-use super::refused::{Refused, quoted};
-use super::{Cell, Encoding, Group, Mesh, Result};
+use super::grid::gmsh_name;
+use super::{Cell, Encoding, Group, Mesh, Refused, Result, quoted};
 use std::collections::HashMap;
 use std::fmt::Write as _;
 

@@ -3,8 +3,7 @@
 //! Indices count from 1, or back from the last vertex so far if negative; anything after a slash is ignored. A `#` starts a comment, and a
 //! backslash at the end of a line continues it. Lines of other kinds (normals, groups, materials) are skipped.
 
-use super::refused::{At, Refused, quoted};
-use super::{Cell, Mesh, Result};
+use super::{At, Cell, Mesh, Refused, Result, quoted};
 use std::borrow::Cow;
 use std::fmt::Write as _;
 use std::path::Path;

@@ -1,8 +1,7 @@
 //! PLY 1.0: vertices and faces; other elements and properties are passed over. A property `region` of faces is kept.
 
 use super::cursor::{Cursor, Numbers, Type};
-use super::refused::{Refused, quoted};
-use super::{Cell, Encoding, Mesh, Result};
+use super::{Cell, Encoding, Mesh, Refused, Result, quoted};
 use std::fmt::Write as _;
 
 /// Property of an element.

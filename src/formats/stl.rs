@@ -4,8 +4,7 @@
 //! are regions from 1 on.
 
 use super::cursor::{Cursor, Numbers, Type};
-use super::refused::{Refused, quoted};
-use super::{Encoding, Group, Mesh, Result};
+use super::{Encoding, Group, Mesh, Refused, Result, quoted};
 use std::collections::HashMap;
 use std::fmt::Write as _;
 

@@ -4,8 +4,7 @@
 
 use super::cursor::{Cursor, Numbers, Type};
 use super::grid::{Array, Grid};
-use super::refused::{Refused, quoted};
-use super::{Mesh, Result};
+use super::{Mesh, Refused, Result, quoted};
 
 /// VTK's number of each list of polygonal data.
 const LISTS: [(&[u8], u8); 4] = [(b"VERTICES", 2), (b"LINES", 4), (b"POLYGONS", 7), (b"TRIANGLE_STRIPS", 6)];

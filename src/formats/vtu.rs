@@ -5,8 +5,7 @@
 
 use super::cursor::{Type, digits};
 use super::grid::{Array, Grid};
-use super::refused::{At, Refused, quoted};
-use super::{Encoding, Result};
+use super::{At, Encoding, Refused, Result, quoted};
 use flate2::read::ZlibDecoder;
 use roxmltree::{Document, Node};
 use std::borrow::Cow;

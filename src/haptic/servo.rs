@@ -7,8 +7,7 @@
 
 use super::cells::{Counts, Felt, Problem};
 use super::device::{Limits, Reading, Workspace, Wrench};
-use super::guard::{Guard, LATE_STEPS, LOST_AFTER, Signs};
-use super::passivity::Passivity;
+use super::guard::{Guard, LATE_STEPS, LOST_AFTER, Passivity, Signs};
 use super::{Hand, MAX_SWEEPS, Renderer, Tick};
 use crate::bodies::rigid::rotation_vector;
 use crate::scene::{self, Coupling, Rendering, Role};

@@ -14,7 +14,7 @@
 //!
 //! Source: Parvizian, Düster, Rank 2007 (finite cell method: cells beyond the body's boundary, of less stiffness); Lee, Sifakis, Terzopoulos 2009
 //! (surfaces embedded in a lattice of hexahedra). Here a cut cell keeps one stiffness matrix, times its share, in place of an integral over
-//! what is inside: right where a cell's strain is uniform, and otherwise to first order in the cell width (tests/embedded.rs: 4 and 16 cells across a
+//! what is inside: right where a cell's strain is uniform, and otherwise to first order in the cell width (tests/engine/embedded.rs: 4 and 16 cells across a
 //! beam −7 and −0.6 % of its bend; 8 and 24 along a cushion −6 and −1.7 % of its sag).
 
 use super::Face;

@@ -5,7 +5,7 @@
 //! invariants and by the peak force.
 
 use super::Refused;
-use super::memory::{self, Purpose};
+use super::inspect::{self, Purpose};
 use crate::backend::{Device, Snapshot};
 use crate::error::Result;
 use crate::math::V4;
@@ -74,7 +74,7 @@ pub fn compare(scene: &Scene, adapter: Option<&str>, steps: u32, stage: &mut dyn
     if scene.skins.is_empty() {
         return Err(Refused::NothingToCompare.into());
     }
-    memory::fits(scene, Purpose::Double)?;
+    inspect::fits(scene, Purpose::Double)?;
     let gpu = Platform::Gpu(adapter.map(String::from));
     let mut rows = vec![];
     for (tolerance, bound) in [(TIGHT, TIGHT_BOUND), (scene.solver.tolerance, OWN_BOUND)] {

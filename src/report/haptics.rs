@@ -1,15 +1,14 @@
 //! Haptic results of a run: `haptic.csv`, recordings, counters for the report.
 
 use super::listing::Listing;
-use super::recording::Recording;
 use super::{HapticReport, Periods};
 use crate::error::Result;
-use crate::haptic::replay::Row;
+use crate::haptic::devices::Row;
 use crate::haptic::servo::Record;
 use crate::haptic::thread::Timing;
 use crate::output::{Table, TableMark};
 use crate::runner::HapticCounts;
-use crate::scene::{Scene, Tool};
+use crate::scene::{FORCE_COLUMNS, Scene, TRAJECTORY_COLUMNS, Tool};
 use rtrb::Consumer;
 use std::path::Path;
 
@@ -139,7 +138,7 @@ pub(super) fn lost(counted: &HapticCounts) -> u64 {
 
 /// Adds the timing.
 fn timed(r: &mut HapticReport, timing: &Timing, counted: &HapticCounts) {
-    let spread = |h: &crate::haptic::histogram::Histogram, unit: f64| Periods {
+    let spread = |h: &crate::haptic::thread::Histogram, unit: f64| Periods {
         p50: h.quantile(0.5).map(|v| v * unit),
         p99: h.quantile(0.99).map(|v| v * unit),
         p99_9: h.quantile(0.999).map(|v| v * unit),
@@ -153,4 +152,35 @@ fn timed(r: &mut HapticReport, timing: &Timing, counted: &HapticCounts) {
     r.device_faults = Some(timing.faults);
     r.late_steps = Some(counted.late_steps);
     r.behind_ms = Some(counted.behind * 1e3);
+}
+
+/// An open recording of a device: `hand_TOOL.csv`, written during the run; a killed run leaves it up to the last flush.
+pub struct Recording {
+    rows: Consumer<Row>,
+    table: Table,
+}
+
+impl Recording {
+    /// Creates or truncates the file at `path`; `rows` come from a [`Recorder`](crate::haptic::devices::Recorder).
+    ///
+    /// # Errors
+    /// Here and in every method: if the file cannot be written.
+    pub fn create(path: &Path, rows: Consumer<Row>) -> Result<Self> {
+        let columns: Vec<&str> = TRAJECTORY_COLUMNS.iter().chain(&FORCE_COLUMNS).copied().collect();
+        Ok(Self { rows, table: Table::create(path, &columns)? })
+    }
+
+    /// Writes the rows that have arrived.
+    pub fn drain(&mut self) -> Result<()> {
+        while let Ok(row) = self.rows.pop() {
+            self.table.row(&row)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the remaining rows and closes the file.
+    pub fn finish(mut self) -> Result<()> {
+        self.drain()?;
+        self.table.finish()
+    }
 }

@@ -4,8 +4,8 @@ use super::checkpoint::{self, Checkpoint, Identity};
 use super::collect::Collector;
 use super::files::{self, Folder};
 use super::haptics::{self, HapticFiles};
+use super::inspect::{self, Purpose};
 use super::listing::Listing;
-use super::memory::{self, Purpose};
 use super::{Refused, Report, check};
 use crate::error::{Error, Result, unless};
 use crate::runner::{Clock, Runner};
@@ -128,7 +128,7 @@ pub fn run(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progress)
     options.check(scene)?;
     // refuse before anything is computed, a device opened or a file touched
     let resumed = options.resumed(scene)?;
-    memory::fits(scene, Purpose::from(&options.platform))?;
+    inspect::fits(scene, Purpose::from(&options.platform))?;
     let listing = options.folder(scene)?;
     let simulation = Simulation::new(scene, &options.platform).map_err(|error| error.of_scene(scene))?;
     run_from(scene, options, simulation, resumed, listing, progress)

@@ -4,26 +4,23 @@
 //! of its own and the same clock paces the steps. The caller of a [`Runner`] receives every tick and step: the program's `run` writes them
 //! to files ([`crate::report::run`]); another program may show them, pause, or attach its own device to a tool.
 
-mod channel;
-mod refused;
 mod scene_clock;
 mod wall_clock;
 
-pub use refused::Refused;
-
 use crate::error::{Result, unless};
+use crate::haptic::Hand;
 use crate::haptic::cells::Counts;
-use crate::haptic::device::Device;
-use crate::haptic::replay::Row;
-use crate::haptic::servo::Record;
+use crate::haptic::device::{Device, Limits, Workspace};
+use crate::haptic::devices::{Recorder, Row, open};
+use crate::haptic::servo::{Record, Servo, Settings};
 use crate::haptic::thread::Timing;
-use crate::scene::Scene;
+use crate::scene::{DeviceKind, Scene, device_of};
 use crate::step::{self, Simulation, StepReport};
-use channel::channels;
 use rtrb::Consumer;
 use scene_clock::SceneClock;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
+use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
@@ -305,4 +302,143 @@ pub fn take_all_cores() -> Result<()> {
     let reason = |e: &rayon::ThreadPoolBuildError| std::error::Error::source(e).map(ToString::to_string);
     let refused = started.err().as_ref().and_then(reason).map(std::io::Error::other);
     refused.map_or(Ok(()), |source| Err(Refused::Threads { source }.into()))
+}
+
+/// Most rows for which memory is reserved at the start; a larger problem reallocates once.
+const MOST_ROWS: usize = 600;
+
+/// A tool's device, with the servo between it and the simulation.
+struct Channel {
+    pub servo: Servo,
+    pub device: Box<dyn Device>,
+    /// The device moves the tool; false if the tool follows its trajectory.
+    pub moves: bool,
+}
+
+/// Devices and servos of the tools held by a hand, at rest. Under the wall clock those without a device are guarded too. `attached` devices
+/// replace the scene's. With `rows` each device is recorded.
+fn channels(
+    scene: &Scene,
+    simulation: &Simulation,
+    live: bool,
+    mut attached: BTreeMap<usize, Box<dyn Device>>,
+    mut rows: Option<&mut Vec<(usize, Consumer<Row>)>>,
+) -> Result<Vec<Channel>> {
+    let times = [1.0 / scene.haptic.rate, scene.time.step];
+    let others = scene.skins.len() + scene.planes.len() + scene.tools.len();
+    let most = scene.contact.map_or(0, |c| 3 * c.max_contacts as usize * others).min(MOST_ROWS);
+    let held = simulation.tools.iter().zip(&scene.tools).take_while(|(tool, _)| !tool.free);
+    let mut out = vec![];
+    // the attached device, or the scene's
+    for (number, (tool, asked)) in held.enumerate() {
+        let spec = asked.device.clone().unwrap_or_default();
+        let own = attached.remove(&number);
+        let moves = own.is_some() || asked.device.is_some();
+        let mut device = match own {
+            Some(device) => device,
+            None if !live && matches!(spec.kind, DeviceKind::Haply { .. }) => {
+                let at = scene.at(&device_of(&asked.name));
+                return Err(Refused::NeedsWallClock { at, tool: asked.name.clone() }.into());
+            }
+            None => open(&spec, asked)?,
+        };
+        // record it
+        if let Some(rows) = &mut rows {
+            let ticks = (RING * scene.haptic.rate) as usize;
+            let (recorder, written) = Recorder::new(device, Workspace::new(&spec), ticks);
+            device = Box::new(recorder);
+            rows.push((number, written));
+        }
+        // settings of the servo; a trajectory has no force limits
+        let unlimited = Limits { force: f64::INFINITY, torque: f64::INFINITY };
+        let can = if moves { device.limits() } else { unlimited };
+        let plain = Settings::new(&spec, tool.coupling, can, times);
+        let guarded = moves || live;
+        let passivity = plain.passivity && guarded;
+        let settings = Settings { guarded, passivity, resolution: device.resolution(), rows: most, ..plain };
+        let (position, rotation) = tool.hand(0.0);
+        out.push(Channel { servo: Servo::new(settings, Hand { position, rotation }), device, moves });
+    }
+    Ok(out)
+}
+
+/// Errors of a run.
+#[derive(Debug, thiserror::Error)]
+pub enum Refused {
+    /// Device that needs the wall clock, in a run by the scene's clock.
+    #[error(
+        "{at}: the tool \"{tool}\" is held by a haply device, which goes by the wall clock; run it with --realtime, or write kind = \"hand\" \
+         in its [tool.device]"
+    )]
+    NeedsWallClock {
+        /// Where.
+        at: String,
+        /// Name of the tool.
+        tool: String,
+    },
+
+    /// Device attached after the first step.
+    #[error("a device is attached to a run that has begun; attach it before the first step")]
+    AttachedLate,
+
+    /// Device attached to a tool without a hand.
+    #[error("a device is attached to a tool that the scene does not have; count the [[tool]]s from 0")]
+    AttachedToNothing,
+
+    /// Run started twice.
+    #[error("a run is started that has begun; make a new one")]
+    StartedTwice,
+
+    /// Step after the run was stopped.
+    #[error(
+        "a step is asked of a run that was stopped, whose devices are gone; make a new one; its state may be this one's"
+    )]
+    Stopped,
+
+    /// State of a run that cannot be restored.
+    #[error(
+        "the state of a run by the wall clock, or of one that records its devices; run by the scene's clock without recording"
+    )]
+    NoState,
+
+    /// The global thread pool exists already.
+    #[error("no core can be left to the haptic threads ({source}); ask for it before anything is computed")]
+    CoresTaken {
+        /// Reason given by the thread pool.
+        source: rayon::ThreadPoolBuildError,
+    },
+
+    /// More threads than make sense.
+    #[error(
+        "RAYON_NUM_THREADS={asked} asks for more threads than {most}; ask for as many as there are cores, or unset it"
+    )]
+    TooManyThreads {
+        /// The text of the variable.
+        asked: String,
+        /// Maximum.
+        most: usize,
+    },
+
+    /// The system starts no more threads, mostly for lack of memory.
+    #[error(
+        "the threads cannot be started ({source}); close what takes memory or threads, or raise the limit that this program runs under \
+         (ulimit -v, ulimit -u)"
+    )]
+    Threads {
+        /// Reason given by the system.
+        source: io::Error,
+    },
+
+    /// The system starts no thread for a device.
+    #[error(
+        "the haptic thread cannot be started ({source}); let the system have more threads, or run without --realtime"
+    )]
+    HapticThread {
+        /// Reason given by the system.
+        source: io::Error,
+    },
+
+    /// A haptic thread panicked: an error of this program or of an attached device.
+    #[error("a haptic thread has panicked; report what it said above, with the scene")]
+    Panicked,
 }

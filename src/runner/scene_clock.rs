@@ -4,8 +4,7 @@
 //! its recorded hand, whose force is computed unmodified: no ramp, no limits, no controller. A tool with a device is treated as under the
 //! wall clock, and the device moves the tool in the simulation.
 
-use super::channel::Channel;
-use super::{HapticCounts, OnTick};
+use super::{Channel, HapticCounts, OnTick};
 use crate::error::Result;
 use crate::haptic::cells::Problem;
 use crate::haptic::servo::Servo;

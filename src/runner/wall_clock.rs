@@ -5,8 +5,7 @@
 //! the tools follow their hands from the pose of the last step's start, so that no motion is lost. At its end its contact problems go to
 //! the servos, with the time of the hand poses that they are based on.
 
-use super::channel::Channel;
-use super::{HapticCounts, OnTick, RING, Refused};
+use super::{Channel, HapticCounts, OnTick, RING, Refused};
 use crate::error::Result;
 use crate::haptic::Reduced;
 use crate::haptic::cells::{Counts, Felt, Problem, SimulationEnd, cells};

@@ -1,10 +1,9 @@
 //! Haptic loop and devices of a scene file: `[haptic]`, `[tool.device]`.
 
-use super::diagnose::shorten;
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::text::{
-    Bound, DAMPING, DEGREE, GRAM, HERTZ, MICRON, MM, N_MM, NEWTON, PLAIN, STIFFNESS, SceneText, or, or_vector,
+    Bound, DAMPING, DEGREE, GRAM, HERTZ, MICRON, MM, N_MM, NEWTON, PLAIN, STIFFNESS, SceneText, or, or_vector, shorten,
 };
 use glam::{DQuat, DVec3};
 

@@ -1,11 +1,10 @@
 //! Files named by a scene, and the trajectories (CSV) among them.
 
 use super::Pose;
-use super::diagnose::shorten;
-use super::free::free;
 use super::invalid::{Invalid, Location, Result};
+use super::limits::free;
 use super::raw::At;
-use super::text::{MM, SceneText};
+use super::text::{MM, SceneText, shorten};
 use crate::formats::{self, Format, Mesh};
 use crate::math::elementary::hypot;
 use std::borrow::Cow;

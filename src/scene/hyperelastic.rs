@@ -2,8 +2,7 @@
 
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At};
-use super::text::{Bound, DEGREE, KPA, PLAIN, SceneText, or};
-use super::words::word;
+use super::text::{Bound, DEGREE, KPA, PLAIN, SceneText, or, word};
 use super::{Element, Integrator, Law, Layer};
 use std::ops::Range;
 

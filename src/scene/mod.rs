@@ -5,20 +5,16 @@
 
 mod bodies;
 mod body;
-mod builtin;
 mod code;
 mod devices;
-mod diagnose;
 mod embedded;
 mod files;
-mod free;
 mod grid;
 mod hyperelastic;
 mod integrator;
 mod invalid;
 pub mod keys;
 mod limits;
-mod lines;
 mod loads;
 mod notes;
 mod obj;
@@ -33,33 +29,28 @@ mod tetrahedral;
 mod text;
 mod tools;
 mod touching;
-mod words;
 
 pub use body::Start;
-pub use builtin::incision;
 pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
 pub use embedded::{ClosedSurface, Leak};
 #[cfg(feature = "program")]
 pub(crate) use files::bytes_of;
 pub use files::{COLUMNS as TRAJECTORY_COLUMNS, FORCE_COLUMNS, Files};
-pub use free::free;
 pub use hyperelastic::{Fibres, MATERIALS, Material};
 pub use invalid::{Invalid, Location};
-pub use limits::MOST_NODES;
-pub use read::{parse, read};
+pub use limits::{MOST_NODES, free};
+pub use read::{incision, parse, read};
 pub use recorded::{
     Check, Component, FIXED_COLUMNS, Output, OutputField, Probe, ProbeKind, SurfaceFormat, TestForm, View,
 };
 pub use region::{ACROSS, CellFace, Group, Region, Spans};
 pub use study::Study;
 pub use tetrahedral::{Defect, TetrahedralMesh};
-pub use text::nearest;
+pub use text::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, TETRAHEDRA, nearest, word};
 pub use touching::{
     Attachment, Blade, BodyId, Carve, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round,
     Slide, Tool, ToolMesh,
 };
-
-pub use words::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, TETRAHEDRA, word};
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

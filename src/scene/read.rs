@@ -1,23 +1,21 @@
 //! Reads a scene text into a [`Scene`] in SI units.
 //!
-//! `raw` holds the tables as TOML has them, `diagnose` explains TOML errors, `text` checks and converts values, `region` with `grid` reads
-//! regions; `body`, `bodies`, `loads`, `tools` with `files`, and `outputs` read their tables. Small tables are read here.
+//! `raw` holds the tables as TOML has them, `text` explains TOML errors, checks and converts values, `region` with `grid` reads regions;
+//! `body`, `bodies`, `loads`, `tools` with `files`, and `outputs` read their tables. Small tables are read here.
 
 use super::bodies::{self, Names};
-use super::diagnose::tables;
 use super::files::{Files, toml_of};
 use super::grid::{self, Grid, region};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
-use super::study;
 use super::text::{
-    ACCELERATION, Bound, DEGREE, KPA, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, Taken, or, or_vector,
+    ACCELERATION, Bound, DEGREE, KPA, MM, MS, NEWTON, PLAIN, SECOND, STIFFNESS, SceneText, Taken, or, or_vector, tables,
 };
 use super::{
     Anchor, Boundary, Correction, EDGE_SPACING, Inclusion, Integrator, Law, Mass, PRECONDITIONER, STEP, Scene, Skin,
-    Solver, TestForm, Time, attach_of, cells_of, check_of, device_of, reserve_of,
+    Solver, TestForm, Time, attach_of, body, cells_of, check_of, device_of, devices, hyperelastic, integrator, loads,
+    outputs, reserve_of, round, study, tools,
 };
-use super::{body, devices, hyperelastic, integrator, loads, outputs, round, tools};
 use crate::error;
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -302,4 +300,20 @@ fn test_form(scene: &SceneText, raw: raw::Test, skin: Option<&Skin>) -> Result<T
     };
     let steps = raw.steps.map(|steps| scene.count("steps", &steps, [1, u32::MAX]));
     Ok(TestForm { cells, steps: steps.transpose()? })
+}
+
+/// The scene embedded in the program, so that it runs without files.
+const TEXT: &str = include_str!("../../scenes/incision.toml");
+
+const FILES: &[(&str, &str)] = &[
+    ("meshes/scalpel.obj", include_str!("../../scenes/meshes/scalpel.obj")),
+    ("incision.csv", include_str!("../../scenes/incision.csv")),
+];
+
+/// The incision: `scenes/incision.toml` with its mesh and hand path, as of the build.
+///
+/// # Errors
+/// As [`parse`], if the scene was invalid at build time.
+pub fn incision() -> error::Result<Scene> {
+    parse(TEXT, Path::new("scenes/incision.toml"), &Files::Embedded(FILES))
 }

@@ -3,13 +3,12 @@
 //! Like a grid, the mesh stands on the origin of its body's frame: the middle of the bottom of its bounding box is put there. A mesh that
 //! already stands so keeps its coordinates.
 
-use super::diagnose::shorten;
 use super::files::Files;
 use super::invalid::{Invalid, Result};
 use super::limits::{LONGEST, MOST_NODES};
 use super::raw::At;
 use super::region::{Group, Region};
-use super::text::SceneText;
+use super::text::{SceneText, shorten};
 use super::{Layer, Skin};
 use crate::formats::{self, Mesh, faces};
 use crate::math::elementary::cbrt;

@@ -4,12 +4,10 @@
 //! and the [`Figures`] of the newest state; a picture's price to the simulation is that of reading the state.
 
 pub mod audience;
-pub mod command;
 pub mod mouse;
 pub mod quantity;
 pub mod run;
 
-pub use audience::{Audience, Figures, Motion, Shown};
-pub use command::{Command, Hand};
+pub use audience::{Audience, Command, Figures, Hand, Motion, Shown};
 pub use quantity::{Asked, Quantity, Read, Values};
 pub use run::{Options, is_live, run};

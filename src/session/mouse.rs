@@ -4,7 +4,7 @@
 
 use crate::error::Result;
 use crate::haptic::device::{Device, Limits, Reading, Wrench};
-use crate::haptic::replay::Path;
+use crate::haptic::devices::Path;
 use glam::{DQuat, DVec3};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 

@@ -1,12 +1,11 @@
 //! The simulation: one thread that takes commands, makes a step when one is due, and shows its state.
 
-use super::audience::{Audience, Figures, MOST_COMMANDS, Motion, Shown, lock};
-use super::command::Command;
+use super::audience::{Audience, Command, Figures, MOST_COMMANDS, Motion, Shown, lock};
 use super::mouse::{Mouse, Shared};
 use super::quantity::{Asked, Quantity};
 use crate::error::{Error, Result};
 use crate::haptic::device::Workspace;
-use crate::haptic::replay::Path;
+use crate::haptic::devices::Path;
 use crate::report::frames::SkinSurface;
 use crate::runner::{Clock, Runner, State};
 use crate::scene::{Device, DeviceKind, Law, Role, Scene};

@@ -99,7 +99,7 @@ const SOLVED_TO: f64 = 1e-3;
 
 /// The same for symplectic Euler, of what there was to swing. Its energy differs from the one that it keeps by `h/2 v·K u`, at most `z/2` of it for
 /// a vibration of `z = h ω` ([`crate::bodies::Step`]), so it rises by up to `(z/2)/(1 − z/2)` times what was there: 99 times where the step is 99 %
-/// of the stable one and all motion is in the stiffest vibration, without bound beyond. A block of 48 cells over 2000 steps (tests/energy.rs),
+/// of the stable one and all motion is in the stiffest vibration, without bound beyond. A block of 48 cells over 2000 steps (tests/engine/energy.rs),
 /// random at the start: linear 1.9 and 12 times at 90 and 99 % of the step that is stable at rest, neo-Hookean 1.1 times at 80 %; from rest under a
 /// load 0.5 and 2.1 times at 99 and 99.9 %. Steps beyond the limit pass 100 times after 12 to 96 steps (linear, at the limit), and after 21 of
 /// the 25 until the run is non-finite (neo-Hookean at 97 %, whose compressed cells are stiffer). With 10 the stable block would be warned of.

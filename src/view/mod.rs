@@ -9,18 +9,13 @@
 //!
 //! View space: x right, y up, z away from the eye, in metres. Lights are fixed to the camera.
 
-mod font;
-mod map;
-mod occlusion;
 mod overlay;
 mod picture;
 mod pipelines;
 mod raster;
 mod shade;
 
-pub use font::strokes;
-pub use map::{VIRIDIS, color_of};
-pub use overlay::{ColorBar, caption, color_bar};
+pub use overlay::{ColorBar, VIRIDIS, caption, color_bar, color_of, strokes};
 pub use picture::{Clip, Drawn, Effort, Renderer};
 pub use raster::NoMemory;
 

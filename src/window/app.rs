@@ -1,16 +1,15 @@
 //! The window: a picture of the newest state with its overlays, the mouse and the keys as a hand, saved pictures.
 
-use super::arrows::{Arrows, BLUE};
-use super::filming::Filming;
 use super::link::Link;
-use super::opened::Opened;
 use super::orbit::Orbit;
+use super::overlays::{Arrows, BLUE, Opened};
 #[cfg(feature = "gamepad")]
 use super::pad::{self, Pad};
 use super::panel;
 use super::state::{Shows, State, WORDS};
 use crate::error::Result;
 use crate::output::{Failed, replace};
+use crate::report::film::Filming;
 use crate::report::frames::{Look, camera, with_surfaces};
 use crate::session::audience::trajectory;
 use crate::session::{Command, Motion, Values};

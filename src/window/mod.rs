@@ -6,11 +6,9 @@
 //! of the simulation's.
 
 mod app;
-mod arrows;
-mod filming;
 mod link;
-mod opened;
 mod orbit;
+mod overlays;
 #[cfg(feature = "gamepad")]
 mod pad;
 mod panel;

@@ -435,7 +435,7 @@ fn what_cannot_be_rendered_is_told_with_its_place() -> Outcome {
 
 fn other_readers_agree() -> Outcome {
     let work = pressed(FIELDS)?;
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/formats/results_check.py");
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/cli/results_check.py");
     let ran = Command::new(python()).arg(script).arg(work.path("out")).output().map_err(|e| e.to_string())?;
     let (said, failed) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
     ensure!(ran.status.success() && said.ends_with("all agree\n"), "{said}{failed}");

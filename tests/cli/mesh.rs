@@ -219,7 +219,7 @@ fn bad_meshes_are_exit_2_with_their_place() -> Outcome {
 
 fn meshio_agrees() -> Outcome {
     let work = Work::with(ALONE)?;
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/formats/meshio_check.py");
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/cli/meshio_check.py");
     let ran = Command::new(python()).args([script, env!("CARGO_BIN_EXE_cutis")]).arg(work.path("")).output();
     let ran = ran.map_err(|e| e.to_string())?;
     let said = String::from_utf8_lossy(&ran.stdout);

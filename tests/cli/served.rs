@@ -1,4 +1,4 @@
-//! `cutis serve` from outside; tests/serve.rs has what goes over its socket.
+//! `cutis serve` from outside; tests/session/serve.rs has what goes over its socket.
 
 use crate::work::{PRESS, Work};
 use crate::{Outcome, Test, ensure};

@@ -26,7 +26,7 @@ mod release;
 mod setup;
 mod skin_block;
 mod slit;
-#[path = "../small/mod.rs"]
+#[path = "../shared/small.rs"]
 mod small;
 mod solver;
 mod springs;

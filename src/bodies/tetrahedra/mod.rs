@@ -3,7 +3,7 @@
 //!
 //! Error of the skin block's centre displacement on 20×20×5 cells (tests/verify/tetrahedra.rs), %, at ν 0.45, 0.49, 0.499:
 //! smoothed +9, +7, −2; plain −26, −54, −88. Hexahedra of mean dilatation have +2, +2, +1. Error of the force on the probe of
-//! scenes/skin_tetra.toml on irregular meshes of 768, 2592 and 6144 tetrahedra (tests/meshes.rs), %: smoothed +24, +9, −2; plain, on the
+//! scenes/skin_tetra.toml on irregular meshes of 768, 2592 and 6144 tetrahedra (tests/engine/meshes.rs), %: smoothed +24, +9, −2; plain, on the
 //! last, +45.
 //!
 //! In a grid, contact, loads and probes see the faces of the cells, whose shape functions share the tetrahedra's nodes, and masses are those

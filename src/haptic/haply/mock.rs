@@ -15,20 +15,21 @@
 //! # Ok(())
 //! # }
 //! ```
+//!
+//! The hand's law is `m v' = f + k (target − x) − d v`, by semi-implicit Euler with a step far below its period (0.14 s); at rest `x =
+//! target + f/k`. Time counts frames, not seconds: each frame of the client advances the hand by one tick with the frame's force held. The
+//! output of a stand-in therefore depends on the frames only. Units: x m, v m/s, f N, m kg, d N·s/m, k N/m.
 
-mod hand;
-mod options;
 mod whole;
-
-pub use options::{Event, Faults, Options, Record};
 
 use super::command::{Command, SetForce, Version};
 use super::refused::Refused;
-use super::wire::{ArmState, Buttons, Config, Entry, Frame, GripState, Status};
+use super::wire::{ArmKind, ArmState, Buttons, Config, Entry, Frame, GripKind, GripState, Status};
+use crate::bodies::rigid::along;
 use crate::error::Result;
 use crate::http::{self, Door, PATIENCE};
-use glam::DVec3;
-use hand::Hand;
+use crate::scene::Pose;
+use glam::{DQuat, DVec3};
 use std::io::{self, ErrorKind};
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -294,5 +295,195 @@ impl Shared {
             frame.grips_mut(*kind).push(entry);
         }
         frame
+    }
+}
+
+/// Event at a stand-in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
+    /// A client connected from this address.
+    Connected(SocketAddr),
+    /// It disconnected after this many frames.
+    Left(SocketAddr, u64),
+}
+
+/// Configuration of a stand-in.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// Port; 0 for any free one.
+    pub port: u16,
+    /// Version stated by `/version`; before 3.5 only the key `values` sets a force.
+    pub version: String,
+    /// Arms by kind and name.
+    pub arms: Vec<(ArmKind, String)>,
+    /// Grips by kind and name; all are held by the first arm's hand, or at rest without an arm.
+    pub grips: Vec<(GripKind, String)>,
+    /// Path of the hands, m; at rest without one.
+    pub path: Vec<Pose>,
+    /// Times of the hand, s, in ascending order, with the buttons pressed from then on.
+    pub buttons: Vec<(f64, u32)>,
+    /// Hands stay where the last client has left them; without it they begin anew with the first client of each run.
+    pub keep: bool,
+    /// Faults; none by default.
+    pub faults: Faults,
+    /// Called for each event.
+    pub tell: Option<fn(Event)>,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            port: PORT,
+            version: "3.5.0".into(),
+            arms: vec![(ArmKind::Inverse3, "MOCK".into())],
+            grips: vec![(GripKind::Wired, "GRIP".into())],
+            path: Vec::new(),
+            buttons: Vec::new(),
+            keep: false,
+            faults: Faults::default(),
+            tell: None,
+        }
+    }
+}
+
+/// Faults to simulate; 0 and `false` for none.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Faults {
+    /// Connections end without a closing handshake after this many frames.
+    pub drop_after: u64,
+    /// Each n-th frame is cut in half.
+    pub malformed_every: u64,
+    /// Each n-th frame has `null` in a position, since JSON has no NaN.
+    pub null_every: u64,
+    /// Each n-th frame has no devices.
+    pub empty_every: u64,
+    /// Arms report that they are not calibrated.
+    pub uncalibrated: bool,
+    /// Delay before each answer.
+    pub delay: Duration,
+    /// Each 10th frame is preceded by this many old ones.
+    pub burst: u32,
+    /// Forces are ignored.
+    pub deaf: bool,
+    /// No inventory is sent.
+    pub silent: bool,
+}
+
+/// Record of a stand-in.
+#[derive(Clone, Debug, Default)]
+pub struct Record {
+    /// WebSocket connections.
+    pub connections: u64,
+    /// Connections that ended.
+    pub ended: u64,
+    /// Frames of clients.
+    pub frames: u64,
+    /// `[arm]` current force, N.
+    pub forces: Vec<DVec3>,
+    /// `[arm]` force of each connection's first frame, N.
+    pub first_forces: Vec<Vec<DVec3>>,
+    /// `[arm]` force of each ended connection's last frame, N.
+    pub last_forces: Vec<Vec<DVec3>>,
+    /// Number of forces released because no frame arrived.
+    pub idled: u64,
+    /// Largest force so far, N.
+    pub peak: f64,
+    /// Profile name of the last client.
+    pub profile: Option<String>,
+    /// Version that it required.
+    pub required_version: Option<String>,
+    /// Key of the last force.
+    pub wording: Option<&'static str>,
+}
+
+/// Time per frame of the client, s.
+const TICK: f64 = 1e-3;
+/// Substeps of a tick.
+const INNER: u32 = 10;
+/// Mass of a hand that holds a stylus, of the order of a finger and the device's own, kg.
+const MASS: f64 = 0.1;
+/// Stiffness, N/m; of the order of a relaxed grip.
+const STIFFNESS: f64 = 200.0;
+/// Damping, N·s/m; 0.9 of critical.
+const DAMPING: f64 = 8.0;
+/// Resolution of the encoders, m.
+const QUANTUM: f64 = 1e-5;
+
+/// Rest position of an Inverse3's cursor without a path: in front of the device, above the table, m.
+const REST: DVec3 = DVec3::new(0.0, -0.12, 0.15);
+
+/// Simulated hand.
+#[derive(Clone, Copy, Debug)]
+struct Hand {
+    pub position: DVec3,
+    pub velocity: DVec3,
+    pub rotation: DQuat,
+    ticks: u64,
+}
+
+/// Target pose of the path at a time.
+fn target(path: &[Pose], time: f64) -> (DVec3, DQuat) {
+    along(path, time).unwrap_or((REST, DQuat::IDENTITY))
+}
+
+impl Hand {
+    /// At rest at the start of the path.
+    pub fn at_start(path: &[Pose]) -> Self {
+        let (position, rotation) = target(path, 0.0);
+        Self { position, velocity: DVec3::ZERO, rotation, ticks: 0 }
+    }
+
+    /// Time of the hand, s.
+    pub fn time(&self) -> f64 {
+        self.ticks as f64 * TICK
+    }
+
+    /// Advances by one tick with a constant force.
+    pub fn advance(&mut self, path: &[Pose], force: DVec3) {
+        let (from, h) = (self.time(), TICK / f64::from(INNER));
+        for k in 1..=INNER {
+            let (aim, rotation) = target(path, from + f64::from(k) * h);
+            let push = force + (aim - self.position) * STIFFNESS - self.velocity * DAMPING;
+            self.velocity += push * (h / MASS);
+            self.position += self.velocity * h;
+            self.rotation = rotation;
+        }
+        self.ticks += 1;
+    }
+
+    /// Position rounded to the encoders' resolution, m.
+    pub fn encoded(&self) -> DVec3 {
+        (self.position / QUANTUM).round() * QUANTUM
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_held_force_moves_the_hand_by_its_spring() {
+        let mut hand = Hand::at_start(&[]);
+        for _ in 0..2000 {
+            hand.advance(&[], DVec3::new(0.0, 0.0, 1.0));
+        }
+        assert!((hand.position - REST - DVec3::Z / STIFFNESS).length() < 1e-9, "{hand:?}");
+        assert!((hand.encoded() - hand.position).abs().max_element() <= QUANTUM / 2.0);
+    }
+
+    #[test]
+    fn the_hand_follows_its_path_and_rests_at_its_end() {
+        let pose = |time, x| Pose { time, position: [x, 0.0, 0.0], rotation: [0.0, 0.0, 0.0, 1.0] };
+        let path = [pose(0.0, 0.0), pose(1.0, 0.1)];
+        let mut hand = Hand::at_start(&path);
+        for _ in 0..800 {
+            hand.advance(&path, DVec3::ZERO);
+        }
+        // a moving target is followed at a distance of d v / k
+        assert!((hand.position.x - (0.08 - DAMPING * 0.1 / STIFFNESS)).abs() < 1e-4, "{hand:?}");
+        for _ in 0..2000 {
+            hand.advance(&path, DVec3::ZERO);
+        }
+        assert!((hand.position.x - 0.1).abs() < 1e-9, "{hand:?}");
     }
 }

@@ -31,12 +31,10 @@ pub mod command;
 pub mod mock;
 mod refused;
 mod session;
-mod trouble;
 pub mod wire;
 
-pub use client::Client;
+pub use client::{Client, Trouble};
 pub use refused::Refused;
-pub use trouble::Trouble;
 
 use super::device::Limits;
 use crate::error::Result;

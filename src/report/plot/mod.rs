@@ -6,7 +6,6 @@
 //! curve keeps the least and the largest value of neighbouring rows.
 
 mod canvas;
-mod curve;
 mod draw;
 mod read;
 

@@ -1,9 +1,8 @@
 //! Figures of the tables and the report in a folder.
 
 use super::super::Refused;
-use super::super::table::Rows;
-use super::super::tables::{CONTACTS, ENERGY, PROBES, SOLVER};
-use super::curve::{Bar, Bars, Curve, Figure, Panel};
+use super::super::tables::{CONTACTS, ENERGY, PROBES, Rows, SOLVER};
+use super::draw::{Bar, Bars, Curve, Figure, Panel};
 use crate::error::Result;
 use crate::scene::FIXED_COLUMNS;
 use glam::DVec3;

@@ -19,24 +19,22 @@
 
 mod files;
 mod plot;
-mod runs;
 mod settings;
 mod trace;
 
 pub use settings::{Setting, Stop, element_word, grid_words};
 pub use trace::{KINDS, Signal, Trace};
 
-use super::memory::{self, Purpose};
+use super::inspect::{self, Purpose};
 use super::{Listing, StudyUnfit as Unfit};
 use crate::error::Result;
 use crate::gpu::{Gpu, adapters};
 use crate::scene::Scene;
 use crate::step::Platform;
-use runs::{Runs, at_shortest};
 use settings::{Axes, exact, most_complete, own, quick, scene_of};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
-use trace::{apart, apart_in, signals};
+use trace::{Runs, apart, apart_in, at_shortest, signals};
 
 /// A quick study stops each run after this time,
 const QUICK_RUN: Duration = Duration::from_secs(12);
@@ -194,7 +192,7 @@ pub fn study(scene: &Scene, options: &Options, progress: &mut dyn FnMut(&Progres
     for run in settings.chain(references) {
         if !wanted.contains(&run) {
             // refused before the first run
-            memory::fits(&scene_of(scene, &run.0, duration, run.1)?, Purpose::Single)?;
+            inspect::fits(&scene_of(scene, &run.0, duration, run.1)?, Purpose::Single)?;
             wanted.push(run);
         }
     }

@@ -17,7 +17,7 @@ pub use cases::CASES;
 pub use files::{open, write};
 
 use super::Refused;
-use super::memory::{self, Purpose};
+use super::inspect::{self, Purpose};
 use super::study::{element_word, grid_words};
 use crate::error::{Error, Result};
 use crate::scene::{BodyId, Integrator, Law, LoadKind, Preconditioner, Probe, ProbeKind, Scene};
@@ -215,7 +215,7 @@ pub fn verify(platform: &Platform, quick: bool, begin: &mut dyn FnMut(usize, usi
 impl Case {
     /// Refuses a case that cannot fit into memory: nobody can change its scene.
     fn fits(&self, platform: &Platform) -> Result<()> {
-        memory::fits(&self.scene()?, Purpose::from(platform)).map_err(|error| match error {
+        inspect::fits(&self.scene()?, Purpose::from(platform)).map_err(|error| match error {
             Error::Report(Refused::Memory { wanted, free, .. }) => {
                 Refused::CaseMemory { case: self.name, wanted, free }.into()
             }

@@ -1,0 +1,31 @@
+//! The engine itself, in small scenes: bodies, contacts, cuts, meshes, energies, states.
+
+mod blade;
+mod bodies;
+mod broad;
+mod carving;
+mod contact_laws;
+#[path = "../shared/crumbs.rs"]
+mod crumbs;
+mod cut;
+mod embedded;
+mod energy;
+mod features;
+mod halves;
+mod incision;
+mod lips;
+mod many_points;
+mod meshes;
+mod networks;
+mod parts;
+mod robust;
+mod round;
+#[path = "../shared/small.rs"]
+mod small;
+mod state;
+#[path = "../shared/states.rs"]
+mod states;
+#[path = "../shared/sweeps.rs"]
+mod sweeps;
+mod tetrahedra;
+mod tip;

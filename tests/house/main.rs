@@ -1,0 +1,4 @@
+//! Rules about the repository: its texts, and its shaders as text.
+
+mod kernels;
+mod tidy;
