@@ -5,8 +5,7 @@
 //! nodes meet, which both find, one contact is kept. Lips that have slid along each other, and flaps that have folded over, are found as
 //! well as those that face each other as they did when cut. Lips are wet: there is no friction between them.
 //!
-//! Pairs of nodes that were one before the cut do worse where lips slide: with them first, and faces for the nodes that have lost their pair,
-//! 1889 nodes of the folding flap of tests/engine/lips.rs lie inside of foreign cells, 0.59 mm deep, and with faces alone 1001, 0.06 mm deep.
+//! Three crossing cuts with a flap on 14 × 14 cells: 0.06 mm of the deepest node inside of a foreign cell, 0.23 mm without contact.
 //!
 //! Behind every face there is tissue, and the far side of a thin flap faces it from there. Such a node was behind the face at rest, and
 //! does not touch it.

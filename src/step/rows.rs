@@ -223,8 +223,8 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// `λᵀ W λ`, N·m.
+/// `|λᵀ W λ|`, N·m: a `W` of loosely solved columns may be negative along some forces, and along those a change counts as along others.
 pub(super) fn energy(w: &[f64], lambda: &[f64]) -> f64 {
     let rows = w.chunks_exact(lambda.len().max(1)).zip(lambda);
-    rows.map(|(line, l)| l * line.iter().zip(lambda).map(|(w, m)| w * m).sum::<f64>()).sum::<f64>().max(0.0)
+    rows.map(|(line, l)| l * line.iter().zip(lambda).map(|(w, m)| w * m).sum::<f64>()).sum::<f64>().abs()
 }

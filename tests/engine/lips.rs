@@ -39,7 +39,7 @@ fn pressed_skin_closes_its_wound_and_no_further() {
     let [_, overlap] = cut(&incision(-0.08));
     println!("drawn: {gape} m apart; pressed: {overlap} m through each other");
     assert!(gape > 2e-4 && none < 1e-8, "drawn skin gapes: {gape} m, overlap {none} m");
-    assert!(overlap > 0.0 && overlap < 0.02 * gape, "{overlap} m through each other, {gape} m apart when drawn");
+    assert!(overlap > 0.0 && overlap < 4e-3 * gape, "{overlap} m through each other, {gape} m apart when drawn");
 }
 
 /// How far the lips of a bar in two halves that are pushed against each other pass through, in the mean over their nodes, m.
@@ -83,8 +83,9 @@ fn halves_that_are_pushed_together_bear_on_each_other() {
     assert!(with.abs() < 1e-3 * without, "{with} m through each other, {without} m without contact");
 }
 
-/// A grid with `size` × `size` links cut across an axis, and the nodes beyond them moved: gaps, and normals towards what moved.
-fn parted(axis: usize, size: usize, motion: DVec3) -> (Vec<f64>, Vec<DVec3>) {
+/// A grid with `size` × `size` links cut across an axis, and the nodes beyond them moved: gaps, normals towards what moved, and how many of
+/// the contacts are of nodes that moved.
+fn parted(axis: usize, size: usize, motion: DVec3) -> (Vec<f64>, Vec<DVec3>, usize) {
     let scene = incision(0.0);
     let model = Model::new(&scene, 0).unwrap_or_else(|e| panic!("{e}"));
     let params = model.params();
@@ -111,7 +112,8 @@ fn parted(axis: usize, size: usize, motion: DVec3) -> (Vec<f64>, Vec<DVec3>) {
     };
     let found = contacts(0, &lips, position, |_| true, 1e-4);
     let normal = |c: &cutis::collide::Contact| if moves(c.points[0].0[0].0) { c.axes[0] } else { -c.axes[0] };
-    (found.iter().map(|c| c.gap[0]).collect(), found.iter().map(normal).collect())
+    let moved = found.iter().filter(|c| moves(c.points[0].0[0].0)).count();
+    (found.iter().map(|c| c.gap[0]).collect(), found.iter().map(normal).collect(), moved)
 }
 
 /// All within 3 % of a gap; there are some.
@@ -123,15 +125,15 @@ fn are(gaps: &[f64], gap: f64) -> bool {
 fn lips_meet_along_the_normal_of_their_faces() {
     for axis in 0..3 {
         let along = DVec3::AXES[axis];
-        let (gaps, normals) = parted(axis, 2, -3e-5 * along);
+        let (gaps, normals, _) = parted(axis, 2, -3e-5 * along);
         assert!(are(&gaps, -3e-5), "axis {axis}: {gaps:?}");
         assert!(normals.iter().all(|n| n.dot(along) > 0.99), "axis {axis}: {normals:?}");
-        let (gaps, _) = parted(axis, 2, 5e-5 * along);
+        let (gaps, ..) = parted(axis, 2, 5e-5 * along);
         assert!(are(&gaps, 5e-5), "axis {axis}: {gaps:?}");
         assert!(parted(axis, 2, 3e-4 * along).0.is_empty(), "axis {axis}: lips that have parted touch");
-        // beyond the rim there is nothing to rest on
+        // beyond the rim there is nothing to rest on; the faces that it has stretched cover what stayed
         let aside = DVec3::AXES[(axis + 1) % 3] * 5e-3;
-        assert!(parted(axis, 2, aside - 3e-5 * along).0.is_empty(), "axis {axis}: lips that have slid away touch");
+        assert_eq!(parted(axis, 2, aside - 3e-5 * along).2, 0, "axis {axis}: a node that has slid away touches");
     }
 }
 
@@ -140,7 +142,7 @@ fn lips_meet_along_the_normal_of_their_faces() {
 fn lips_that_have_slid_by_more_than_a_cell_still_meet() {
     for (axis, across) in [(0, 1), (1, 0), (2, 0)] {
         let aside = DVec3::AXES[across] * 1.6 * 20e-3 / 12.0;
-        let (gaps, normals) = parted(axis, 3, aside - 3e-5 * DVec3::AXES[axis]);
+        let (gaps, normals, _) = parted(axis, 3, aside - 3e-5 * DVec3::AXES[axis]);
         assert!(gaps.iter().any(|gap| (gap + 3e-5).abs() < 3e-6), "axis {axis}: {gaps:?}");
         assert!(normals.iter().all(|n| n.dot(DVec3::AXES[axis]) > 0.99), "axis {axis}: {normals:?}");
     }
