@@ -15,7 +15,7 @@ pub use crate::bodies::Snapshot;
 pub use cpu::CpuBackend;
 pub use gpu::GpuBackend;
 
-use crate::bodies::Removal;
+use crate::bodies::{Model, Removal};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::kernels::cut::Hit;
@@ -33,6 +33,21 @@ pub const FIRST_COLUMN: usize = 2;
 
 /// Assertion message: swept quads need the segment positions that `finish(.., cuts = true)` saves.
 const NOT_KEPT: &str = "a cut follows a step that has kept where the segments were";
+
+/// A [`CpuBackend`] in f32 (`single`) or f64. Code elsewhere that names its type is compiled with all of its kernels once more.
+pub fn on_cpu(
+    single: bool,
+    model: &Model,
+    needs: Needs,
+    max_iterations: u32,
+    floor: f64,
+    start: &Snapshot,
+) -> Box<dyn Backend> {
+    match single {
+        true => Box::new(CpuBackend::<f32>::new(model, needs, max_iterations, floor, start)),
+        false => Box::new(CpuBackend::<f64>::new(model, needs, max_iterations, floor, start)),
+    }
+}
 
 /// Arrays that a scene needs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

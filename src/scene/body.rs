@@ -2,14 +2,17 @@
 
 use super::embedded::{self, ClosedSurface};
 use super::files::Files;
+use super::grid;
+use super::hyperelastic;
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Table};
 use super::tetrahedral::{self, Wanted};
 use super::text::{
-    Bound, DAMPING, DEGREE, ELEMENTS, KG_M3, KJ_M2, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText,
-    TETRAHEDRA, Taken, or, or_vector,
+    Bound, DAMPING, DEGREE, KG_M3, KJ_M2, MM, PER_SECOND, PLAIN, SECOND, SPEED, STIFFNESS, SceneText, Taken, or,
+    or_vector,
 };
-use super::{Cut, Element, Law, Layer, MOST_NODES, Mass, Skin, TetrahedralMesh, grid, hyperelastic};
+use super::words::{ELEMENTS, TETRAHEDRA};
+use super::{Cut, Element, Law, Layer, MOST_NODES, Mass, Skin, TetrahedralMesh};
 use std::ops::Range;
 use std::sync::Arc;
 

@@ -2,7 +2,8 @@
 
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At};
-use super::text::{Bound, DEGREE, KPA, PLAIN, SceneText, or, word};
+use super::text::{Bound, DEGREE, KPA, PLAIN, SceneText, or};
+use super::words::word;
 use super::{Element, Integrator, Law, Layer};
 use std::ops::Range;
 

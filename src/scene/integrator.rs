@@ -2,7 +2,8 @@
 
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At};
-use super::text::{INTEGRATORS, SceneText, or};
+use super::text::{SceneText, or};
+use super::words::INTEGRATORS;
 use super::{Integrator, Law, Mass, Skin, Tool};
 
 /// Integrator of a scene; `touching` is true if bodies can touch or are attached.

@@ -29,6 +29,7 @@ mod tetrahedral;
 mod text;
 mod tools;
 mod touching;
+mod words;
 
 pub use body::Start;
 pub use devices::{Device, DeviceKind, Haptic, Rendering, Role};
@@ -46,11 +47,13 @@ pub use recorded::{
 pub use region::{ACROSS, CellFace, Group, Region, Spans};
 pub use study::Study;
 pub use tetrahedral::{Defect, TetrahedralMesh};
-pub use text::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, TETRAHEDRA, nearest, word};
+pub use text::nearest;
 pub use touching::{
     Attachment, Blade, BodyId, Carve, Contact, Correction, Coupling, Filter, Lines, Loop, Motion, Plane, Pose, Round,
     Slide, Tool, ToolMesh,
 };
+
+pub use words::{COMPONENTS, CORRECTIONS, ELEMENTS, INTEGRATORS, PRECONDITIONERS, TETRAHEDRA, word};
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;

@@ -3,7 +3,8 @@
 use super::integrator::{integrator, stable};
 use super::invalid::{Invalid, Result};
 use super::raw::{self, At, Numbers, Table};
-use super::text::{Bound, CORRECTIONS, ELEMENTS, MS, PLAIN, PRECONDITIONERS, SECOND, SceneText, word};
+use super::text::{Bound, MS, PLAIN, SECOND, SceneText};
+use super::words::{CORRECTIONS, ELEMENTS, PRECONDITIONERS, word};
 use super::{Correction, Integrator, Law, MATERIALS, Material, Preconditioner, Probe, Skin, Time, Tool};
 
 /// Maximum number of values on one axis of a study.

@@ -7,9 +7,10 @@ use super::obj::{self, angle_cone, filter, lines};
 use super::raw::{self, At, Table};
 use super::round::{path, round};
 use super::text::{
-    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, CORRECTIONS, DAMPING, G_MM2, GRAM, KPA, MM, PLAIN, STIFFNESS, SceneText,
-    Taken, difference, normalized, or, or_vector,
+    ANGULAR_DAMPING, ANGULAR_STIFFNESS, Bound, DAMPING, G_MM2, GRAM, KPA, MM, PLAIN, STIFFNESS, SceneText, Taken,
+    difference, normalized, or, or_vector,
 };
+use super::words::CORRECTIONS;
 use super::{Blade, Carve, Contact, Correction, Coupling, Loop, Pose, Skin, Tool, ToolMesh};
 use crate::formats::obj::Obj;
 use crate::math::elementary::{acos, hypot};

@@ -2,7 +2,7 @@
 //! whole runs of scenes/skin_tetra.toml beside bricks, and what is refused.
 
 use crate::small;
-use cutis::backend::{Backend, CpuBackend, Needs};
+use cutis::backend::{Needs, on_cpu};
 use cutis::bodies::tetrahedra::operator::Arrays;
 use cutis::bodies::{Kind, Model};
 use cutis::collide::broad::Boxes;
@@ -248,13 +248,12 @@ fn faces_near_a_box_are_found_and_none_of_the_inside_is_without_one() {
     let surface = Surface::new(&model.grid);
     let u = wavy(&model);
     let mut boxes = Boxes::new(&surface);
-    let backend = {
+    let mut backend = {
         let needs = Needs { contact: true, ..cutis::step::needs(&scene, &model) };
         let start = cutis::backend::Snapshot { u: u.clone(), ..cutis::step::start(&scene, &model) };
-        CpuBackend::<f64>::new(&model, needs, 100, 0.0, &start)
+        on_cpu(false, &model, needs, 100, 0.0, &start)
     };
     let query = cutis::backend::Query { bounds: true, ..Default::default() };
-    let mut backend: Box<dyn Backend> = Box::new(backend);
     let bounds = backend.read(&query).expect("the CPU path has no device to fail").bounds;
     assert_eq!(boxes.refit(&surface, &bounds), 0);
     let at = |id: u32| DVec3::from(model.rest[id as usize]) + DVec3::from([0, 1, 2].map(|n| u[id as usize][n]));

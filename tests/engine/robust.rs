@@ -4,7 +4,7 @@
 //! `CUTIS_MEASURED=1` prints what was measured.
 
 use crate::crumbs::{CAP, at_rest, block, needs, quad, random};
-use cutis::backend::{Backend, CpuBackend, FREE, Query, Snapshot, SolveRequest, Target};
+use cutis::backend::{Backend, FREE, Query, Snapshot, SolveRequest, Target, on_cpu};
 use cutis::bodies::Wound;
 use cutis::bodies::{Model, Solved, true_residual};
 use std::collections::BTreeSet;
@@ -24,7 +24,7 @@ const ENOUGH: usize = 7 * 9 * 9;
 struct Run {
     model: Model,
     wound: Wound,
-    backend: CpuBackend<f64>,
+    backend: Box<dyn Backend>,
     pieces: usize,
     iterations: u32,
     residual: f64,
@@ -33,7 +33,7 @@ struct Run {
 impl Run {
     fn new(reserve: usize) -> Self {
         let model = block(reserve);
-        let backend = CpuBackend::new(&model, needs(), CAP, 0.0, &at_rest(&model));
+        let backend = on_cpu(false, &model, needs(), CAP, 0.0, &at_rest(&model));
         Self { wound: Wound::new(&model), model, backend, pieces: 1, iterations: 0, residual: 0.0 }
     }
 

@@ -6,7 +6,7 @@
 
 use super::Failure;
 use super::crumbs::{CAP, at_rest, block, needs, quad, random};
-use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target};
+use cutis::backend::{Backend, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target, on_cpu};
 use cutis::bodies::Model;
 use cutis::bodies::{Removal, Wound};
 use cutis::gpu::Gpu;
@@ -99,8 +99,8 @@ impl Run {
     }
 
     /// The CPU path from the device's state.
-    fn twin(&mut self) -> Result<CpuBackend<f32>, Failure> {
-        let mut twin = CpuBackend::new(&self.model, needs(), CAP, 0.0, &self.gpu.snapshot()?);
+    fn twin(&mut self) -> Result<Box<dyn Backend>, Failure> {
+        let mut twin = on_cpu(true, &self.model, needs(), CAP, 0.0, &self.gpu.snapshot()?);
         twin.remove(&whole(&self.model, &self.wound))?;
         Ok(twin)
     }
@@ -108,7 +108,7 @@ impl Run {
     /// A step on both and sweeps after it; `lose` drops what it wants of the device's removal.
     fn round(&mut self, next: &mut impl FnMut() -> f64, lose: impl Fn(&mut Removal)) -> Result<(), Failure> {
         let mut twin = self.twin()?;
-        let moved = [step(&mut self.gpu)?, step(&mut twin)?];
+        let moved = [step(&mut self.gpu)?, step(twin.as_mut())?];
         self.apart = self.apart.max(apart(&moved[0], &moved[1]));
         let quads: Vec<[f64; 3]> = (0..SWEEPS).flat_map(|_| quad(&self.model, next)).collect();
         let query = Query { quads, ..Query::default() };

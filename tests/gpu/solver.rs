@@ -2,8 +2,7 @@
 
 use super::{Failure, small};
 use cutis::backend::{
-    Backend, CORRECTION, CpuBackend, FIRST_COLUMN, FREE, GpuBackend, Needs, Query, Snapshot, SolveRequest, Target,
-    Values,
+    Backend, CORRECTION, FIRST_COLUMN, FREE, GpuBackend, Needs, Query, Snapshot, SolveRequest, Target, Values, on_cpu,
 };
 use cutis::bodies::Model;
 use cutis::gpu::Gpu;
@@ -123,8 +122,8 @@ struct Case {
 struct Three {
     model: Model,
     gpu: GpuBackend,
-    single: CpuBackend<f32>,
-    double: CpuBackend<f64>,
+    single: Box<dyn Backend>,
+    double: Box<dyn Backend>,
 }
 
 impl Case {
@@ -149,8 +148,8 @@ impl Case {
         let own = Gpu::open(Some(&format!("{} {} {}", a.name, a.backend, a.driver)))?;
         let mut three = Three {
             gpu: GpuBackend::new(own, &model, needs, MAX_ITERATIONS, FLOOR, &start)?,
-            single: CpuBackend::new(&model, needs, MAX_ITERATIONS, FLOOR, &start),
-            double: CpuBackend::new(&model, needs, MAX_ITERATIONS, FLOOR, &start),
+            single: on_cpu(true, &model, needs, MAX_ITERATIONS, FLOOR, &start),
+            double: on_cpu(false, &model, needs, MAX_ITERATIONS, FLOOR, &start),
             model,
         };
         three.each(|b| {
@@ -299,7 +298,7 @@ impl Case {
 impl Three {
     /// Does the same on each: GPU, CPU in f32, CPU in f64.
     fn each<T>(&mut self, mut act: impl FnMut(&mut dyn Backend) -> cutis::error::Result<T>) -> Result<[T; 3], Failure> {
-        Ok([act(&mut self.gpu)?, act(&mut self.single)?, act(&mut self.double)?])
+        Ok([act(&mut self.gpu)?, act(self.single.as_mut())?, act(self.double.as_mut())?])
     }
     fn top(&self) -> Vec<u32> {
         self.model.nodes_in(&cutis::scene::Region::Top)

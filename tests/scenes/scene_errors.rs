@@ -564,16 +564,6 @@ fn direct_is_for_hexahedra() {
 }
 
 #[test]
-fn tool_without_contact_table_has_default_contact() {
-    let start = FULL.find("[contact]").expect("in FULL");
-    let end = FULL.find("[[probe]]").expect("in FULL");
-    let scene = parsed(&format!("{}{}", &FULL[..start], &FULL[end..])).expect("valid");
-    let contact = scene.contact.expect("default");
-    assert_eq!((contact.friction, contact.alarm, contact.max_contacts), (0.3, 0.5e-3, 16));
-    assert_eq!(contact.correction, Correction::Exact);
-}
-
-#[test]
 fn scene_is_read_with_files_of_its_folder() {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("scene_errors");
     std::fs::create_dir_all(folder.join("meshes")).expect("the target folder is writable");

@@ -7,7 +7,7 @@
 use super::setup::{Body, LONG, apart, block, displaced, dot, epsilon, largest, measured, model, tolerance, xyz};
 use super::small::held;
 use super::{Case, Everywhere};
-use cutis::backend::{Backend, CpuBackend, Needs};
+use cutis::backend::{Backend, Needs, on_cpu};
 use cutis::bodies::Wound;
 use cutis::bodies::{Anchors, Model, Solved, elastic_energy, true_residual};
 use cutis::kernels::cut::Hit;
@@ -294,7 +294,7 @@ fn cut() {
         }
         let model = model(&scene);
         let start = displaced(&model, |_| [1e-5, 0.0, 0.0]);
-        (CpuBackend::<f64>::new(&model, Needs::default(), 100, 0.0, &start), model)
+        (on_cpu(false, &model, Needs::default(), 100, 0.0, &start), model)
     };
     const STIFFNESS: f64 = 7.0;
     let ((mut with, model), (mut without, _)) = (of(Some(STIFFNESS)), of(None));
@@ -303,7 +303,7 @@ fn cut() {
     assert_eq!(removal.cells, [0]);
     // a corner of the grid, a neighbour on the bottom, one further on, and the one above the corner
     let nodes = [0, 1, 2, 20];
-    let added = |with: &mut CpuBackend<f64>, without: &mut CpuBackend<f64>| {
+    let added = |with: &mut Box<dyn Backend>, without: &mut Box<dyn Backend>| {
         let device = "the CPU path has no device to fail";
         let (a, b) = (with.node_blocks(&nodes).expect(device), without.node_blocks(&nodes).expect(device));
         a.iter().zip(&b).map(|(a, b)| [a[0][0] - b[0][0], a[0][1] - b[0][1], a[2][2] - b[2][2]]).collect::<Vec<_>>()
@@ -322,7 +322,7 @@ fn cut() {
     for (found, k) in after.iter().zip([0.0, wanted, wanted, 0.0]) {
         assert!(near(found, k), "{after:?}, wanted {wanted}");
     }
-    let free = |b: &mut CpuBackend<f64>| b.snapshot().expect("the CPU path has no device to fail").free;
+    let free = |b: &mut Box<dyn Backend>| b.snapshot().expect("the CPU path has no device to fail").free;
     assert_eq!(free(&mut with), wound.free, "masses are the body's, not those of its system");
     // the energy of the corner's spring went with it
     let state = with.snapshot().expect("the CPU path has no device to fail");

@@ -3,7 +3,7 @@
 use super::Case;
 use super::dense::{hold_some, multiply, random_rotations, small, without_dead};
 use super::setup::{LONG, Random, apart, displaced, measured, model};
-use cutis::backend::{Backend, CpuBackend, FREE, Needs, SolveRequest, Target};
+use cutis::backend::{FREE, Needs, SolveRequest, Target, on_cpu};
 use cutis::bodies::grid::direct::{Direct, Pattern};
 use cutis::bodies::{Model, Refused, Removal};
 use cutis::error::Error;
@@ -119,7 +119,7 @@ fn increment<R: Real>(scene: &Scene, tolerance: f64) -> (Vec<V4<f64>>, Outcome) 
     let start = displaced(&model, |[x, y, z]| {
         [(c - 1.0) * x - s * y + 0.1 * z, s * x + (c - 1.0) * y, 0.05 * x * (1.0 + 40.0 * y)]
     });
-    let mut backend = CpuBackend::<R>::new(&model, Needs::default(), 5000, 0.0, &start);
+    let mut backend = on_cpu(size_of::<R>() == size_of::<f32>(), &model, Needs::default(), 5000, 0.0, &start);
     backend
         .set_load(&Random::new(8).field(model.rest.len(), 1e-3).iter().map(|f| [f[0], f[1], f[2]]).collect::<Vec<_>>());
     // the cells' rotations are there before a cut

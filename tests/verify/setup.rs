@@ -1,7 +1,7 @@
 //! A deformable body on any platform, driven step by step without a scene's tools; and what tests compare it with.
 
 use super::small;
-use cutis::backend::{Backend, CpuBackend, FREE, GpuBackend, Needs, Nonlinear, Query, Snapshot, SolveRequest, Target};
+use cutis::backend::{Backend, FREE, GpuBackend, Needs, Nonlinear, Query, Snapshot, SolveRequest, Target, on_cpu};
 use cutis::bodies::Model;
 use cutis::bodies::Removal;
 use cutis::gpu::Gpu;
@@ -129,8 +129,8 @@ impl Body {
         const CAP: u32 = 20_000;
         let needs = Needs { cutting: model.mechanics().extra_columns() > 0, ..Needs::default() };
         let backend: Box<dyn Backend> = match platform {
-            Platform::Cpu64 => Box::new(CpuBackend::<f64>::new(&model, needs, CAP, 0.0, start)),
-            Platform::Cpu32 => Box::new(CpuBackend::<f32>::new(&model, needs, CAP, 0.0, start)),
+            Platform::Cpu64 => on_cpu(false, &model, needs, CAP, 0.0, start),
+            Platform::Cpu32 => on_cpu(true, &model, needs, CAP, 0.0, start),
             Platform::Gpu(text) => {
                 let gpu = Gpu::open(text.as_deref()).unwrap_or_else(|e| panic!("{e}"));
                 let backend = GpuBackend::new(gpu, &model, needs, CAP, 0.0, start);
