@@ -6,9 +6,8 @@
 //! over 2 mm) with friction; a tick's error is that of its force against the same problem solved to its end.
 
 use cutis::constraints::Law;
-use cutis::haptic::cells::{Problem, cells};
 use cutis::haptic::device::{Device, Limits, Reading, Workspace, Wrench};
-use cutis::haptic::servo::{BUDGET, Buttons, Servo, Settings};
+use cutis::haptic::servo::{BUDGET, Buttons, Problem, Servo, Settings, cells};
 use cutis::haptic::thread::Histogram;
 use cutis::haptic::thread::{Loop, Timing};
 use cutis::haptic::{Hand, MAX_SWEEPS, Reduced};

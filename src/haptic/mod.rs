@@ -7,11 +7,10 @@
 //! contact (a wall, another rigid body) then has no force, as no force could hold the hand.
 //!
 //! A [`Servo`](servo::Servo) is the complete tick of one device: transform, render, limit, control passivity. Under the wall clock it runs
-//! in a thread of its own ([`thread`]), with [`cells`] between it and the simulation; under the scene's clock in the simulation's thread,
-//! so that a run repeats. A tick does not allocate, lock or wait. A slow step costs force, never a tick: the last problem sustains the
-//! force, which fades when that is too old ([`guard`]) and returns with the next.
+//! in a thread of its own ([`thread`]), with [`servo::cells`] between it and the simulation; under the scene's clock in the simulation's
+//! thread, so that a run repeats. A tick does not allocate, lock or wait. A slow step costs force, never a tick: the last problem sustains
+//! the force, which fades when that is too old ([`guard`]) and returns with the next.
 
-pub mod cells;
 pub mod device;
 pub mod devices;
 pub mod guard;

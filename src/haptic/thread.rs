@@ -4,9 +4,8 @@
 //! tick late. Missed deadlines are counted and skipped. Periods and durations of ticks are counted in fixed memory. Records go through a
 //! wait-free ring; those that find it full are counted and lost.
 
-use super::cells::{Felt, ServoEnd};
 use super::device::Device;
-use super::servo::{Record, Servo};
+use super::servo::{Felt, Record, Servo, ServoEnd};
 use crate::error::Result;
 use rtrb::Producer;
 use std::sync::atomic::{AtomicBool, Ordering};

@@ -4,27 +4,24 @@
 //! of its own and the same clock paces the steps. The caller of a [`Runner`] receives every tick and step: the program's `run` writes them
 //! to files ([`crate::report::run`]); another program may show them, pause, or attach its own device to a tool.
 
-mod scene_clock;
-mod wall_clock;
+mod clocks;
 
 use crate::error::{Result, unless};
 use crate::haptic::Hand;
-use crate::haptic::cells::Counts;
 use crate::haptic::device::{Device, Limits, Workspace};
 use crate::haptic::devices::{Recorder, Row, open};
-use crate::haptic::servo::{Record, Servo, Settings};
+use crate::haptic::servo::{Counts, Record, Servo, Settings};
 use crate::haptic::thread::Timing;
 use crate::scene::{DeviceKind, Scene, device_of};
 use crate::step::{self, Simulation, StepReport};
+use clocks::{SceneClock, WallClock};
 use rtrb::Consumer;
-use scene_clock::SceneClock;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::io;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
-use wall_clock::WallClock;
 
 /// Capacity of the record rings, seconds of ticks: longer than a picture takes.
 const RING: f64 = 8.0;
@@ -84,7 +81,7 @@ pub struct Runner {
 pub struct State {
     steps: u32,
     simulation: step::State,
-    hands: scene_clock::State,
+    hands: clocks::State,
 }
 
 impl State {

@@ -1,9 +1,8 @@
 //! What the tests put on the bench: walls, settings, readings.
 
 use cutis::constraints::Law;
-use cutis::haptic::cells::Problem;
 use cutis::haptic::device::{Limits, Reading, Workspace};
-use cutis::haptic::servo::{Buttons, Servo, Settings};
+use cutis::haptic::servo::{Buttons, Problem, Servo, Settings};
 use cutis::haptic::{Hand, MAX_SWEEPS, Reduced};
 use cutis::scene::{Coupling, Pose, Rendering};
 use glam::{DQuat, DVec3};

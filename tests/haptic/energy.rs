@@ -3,10 +3,9 @@
 use crate::bench::{TICK, at, measured, plain, problem, resting, spring, wall, wall_of};
 use cutis::constraints::Law;
 use cutis::haptic::Reduced;
-use cutis::haptic::cells::Problem;
 use cutis::haptic::device::{Device, Workspace};
 use cutis::haptic::devices::{Path, SimulatedHand};
-use cutis::haptic::servo::{Servo, Settings};
+use cutis::haptic::servo::{Problem, Servo, Settings};
 use cutis::math::random::Random;
 use cutis::scene::Coupling;
 use glam::{DQuat, DVec3};

@@ -1,10 +1,9 @@
 //! Ramp, fade, stop, saturation, buttons, readings that are none.
 
 use crate::bench::{TICK, plain, problem, reading, servo, spring, wall};
-use cutis::haptic::cells::Problem;
 use cutis::haptic::device::{Limits, Reading, Workspace, Wrench};
 use cutis::haptic::guard::{FADE_TIME, LATE_STEPS, LOST_AFTER, RAMP_TIME, STOP_TIME, VALID_FOR};
-use cutis::haptic::servo::{Buttons, Record, Servo, Settings};
+use cutis::haptic::servo::{Buttons, Problem, Record, Servo, Settings};
 use cutis::scene::{Coupling, Role};
 use glam::{DQuat, DVec3};
 

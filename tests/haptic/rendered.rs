@@ -128,7 +128,7 @@ fn handing_over_allocates_nothing_once_the_buffers_have_grown() {
     let arms: Vec<DVec3> = (0..8).map(|k| DVec3::new(1e-3 * f64::from(k), 0.0, 0.0)).collect();
     let (large, small) = (wall(&arms, 1e-3), wall(&arms[..2], 1e-3));
     let first = problem(small.clone());
-    let (mut servo_end, mut ours) = cutis::haptic::cells::cells(&first, &servo(plain(spring(1.0))).felt());
+    let (mut servo_end, mut ours) = cutis::haptic::servo::cells(&first, &servo(plain(spring(1.0))).felt());
     let mut pass = |count: u32| {
         for k in 0..count {
             ours.publish(if k % 2 == 0 { &large } else { &small }, 0.0, 0);

@@ -2,11 +2,10 @@
 
 use crate::bench::{TICK, at, measured, plain};
 use crate::small;
-use cutis::haptic::cells::Problem;
 use cutis::haptic::device::Device;
 use cutis::haptic::devices::{Path, Recorder, Replay};
 use cutis::haptic::haply::mock;
-use cutis::haptic::servo::Servo;
+use cutis::haptic::servo::{Problem, Servo};
 use cutis::haptic::{device::Workspace, device::Wrench};
 use cutis::report::haptics::Recording;
 use cutis::report::run::{Options, Summary, run};

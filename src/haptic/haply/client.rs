@@ -1,8 +1,7 @@
 //! The device as seen by the loop, and the I/O thread that keeps the socket in lock step with it.
 
 use super::command::{Command, Configure, Profile, Session, Version};
-use super::refused::Refused;
-use super::session::{Address, Chosen, Fault, Heard, Socket, hear, reading};
+use super::session::{Address, Chosen, Fault, Heard, Refused, Socket, hear, reading};
 use super::wire::frame;
 use super::{DEAD_MAN, PATIENCE, RESOLUTION, Settings};
 use crate::error::Result;

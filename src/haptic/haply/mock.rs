@@ -23,7 +23,7 @@
 mod whole;
 
 use super::command::{Command, SetForce, Version};
-use super::refused::Refused;
+use super::session::Refused;
 use super::wire::{ArmKind, ArmState, Buttons, Config, Entry, Frame, GripKind, GripState, Status};
 use crate::bodies::rigid::along;
 use crate::error::Result;

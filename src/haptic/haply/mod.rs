@@ -29,12 +29,11 @@
 mod client;
 pub mod command;
 pub mod mock;
-mod refused;
 mod session;
 pub mod wire;
 
 pub use client::{Client, Trouble};
-pub use refused::Refused;
+pub use session::Refused;
 
 use super::device::Limits;
 use crate::error::Result;

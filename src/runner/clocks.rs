@@ -1,30 +1,155 @@
-//! Haptic loop by the wall clock: one thread per device, the simulation paced by the same clock.
+//! Haptic loops by the scene's clock and by the wall clock.
 //!
-//! Step k begins `k h` after the start, or at once if that has passed. Up to a tick is made up for; if a step begins more than a tick late,
-//! it is counted and the scene falls behind the wall clock by that time: a long step delays no step but the next. At its start
-//! the tools follow their hands from the pose of the last step's start, so that no motion is lost. At its end its contact problems go to
-//! the servos, with the time of the hand poses that they are based on.
+//! By the scene's clock a step's contact problem serves the ticks until the end of the next step, as on a live device. A tool without
+//! `[tool.device]` is held by its recorded hand, whose force is computed unmodified: no ramp, no limits, no controller. A tool with a
+//! device is treated as under the wall clock, and the device moves the tool in the simulation.
+//!
+//! By the wall clock there is one thread per device, and the simulation is paced by the same clock. Step k begins `k h` after the start, or
+//! at once if that has passed. Up to a tick is made up for; if a step begins more than a tick late, it is counted and the scene falls
+//! behind the wall clock by that time: a long step delays no step but the next. At its start the tools follow their hands from the pose of
+//! the last step's start, so that no motion is lost. At its end its contact problems go to the servos, with the time of the hand poses that
+//! they are based on.
 
 use super::{Channel, HapticCounts, OnTick, RING, Refused};
 use crate::error::Result;
 use crate::haptic::Reduced;
-use crate::haptic::cells::{Counts, Felt, Problem, SimulationEnd, cells};
-use crate::haptic::servo::{BUDGET, Record, Servo, Settings};
+use crate::haptic::servo::{BUDGET, Counts, Felt, Problem, Record, Servo, Settings, SimulationEnd, cells};
 use crate::haptic::thread::{Loop, Timing};
 use crate::scene::Scene;
-use crate::step::Simulation;
+use crate::step::{self, Simulation};
 use rtrb::{Consumer, RingBuffer};
+use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::{Builder, JoinHandle, sleep};
 use std::time::{Duration, Instant};
+
+/// Tolerance for the end of a step, s: a tick belongs to the step that its time falls in, and step times are rounded sums.
+const SLACK: f64 = 1e-9;
+
+/// By the scene's clock: all devices with their problems.
+pub(super) struct SceneClock {
+    channels: Vec<(Channel, Problem)>,
+    rate: f64,
+    tick_number: u64,
+    closed: bool,
+}
+
+impl Drop for SceneClock {
+    /// Closes the devices of a failed run as well; the run's own error is the one reported.
+    fn drop(&mut self) {
+        drop(self.close());
+    }
+}
+
+/// State of the haptic loop between two steps.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct State {
+    channels: Vec<ChannelState>,
+    tick_number: u64,
+}
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+struct ChannelState {
+    servo: Servo,
+    device: Vec<f64>,
+    problem: Problem,
+}
+
+impl SceneClock {
+    /// Devices at rest at their hands.
+    pub fn new(rate: f64, channels: Vec<Channel>) -> Self {
+        let channels = channels.into_iter().map(|channel| (channel, Problem::default())).collect();
+        Self { channels, rate, tick_number: 0, closed: false }
+    }
+
+    /// Accepts the last step's contact problems and ticks until `end`, s; then moves the tools to their devices.
+    pub fn advance(&mut self, simulation: &mut Simulation, end: f64, on_tick: OnTick) -> Result<()> {
+        if self.channels.is_empty() {
+            return Ok(());
+        }
+        let (now, announced) = (simulation.time, simulation.epoch());
+        for ((_, problem), reduced) in self.channels.iter_mut().zip(&simulation.reduced) {
+            let number = problem.number + 1;
+            problem.refill(reduced, now, number, announced);
+        }
+        while (self.tick_number + 1) as f64 / self.rate <= end + SLACK {
+            self.tick_number += 1;
+            let time = self.tick_number as f64 / self.rate;
+            for (number, (channel, problem)) in self.channels.iter_mut().enumerate() {
+                let record = channel.servo.tick(channel.device.read(time), problem, time);
+                channel.device.write(time, record.wrench);
+                on_tick(number, &record)?;
+            }
+        }
+        for ((channel, _), tool) in self.channels.iter().zip(&mut simulation.tools).filter(|((c, _), _)| c.moves) {
+            let felt = channel.servo.felt();
+            tool.follow((felt.hand.position, felt.hand.rotation), now, end);
+            tool.sharp = felt.active;
+        }
+        Ok(())
+    }
+
+    /// Counts of the servos; none if no hand holds a tool.
+    pub fn counts(&self) -> Option<HapticCounts> {
+        let servos: Vec<_> = self.channels.iter().map(|(channel, _)| channel.servo.counts()).collect();
+        (!servos.is_empty()).then_some(HapticCounts {
+            rate: self.rate,
+            servos,
+            timing: None,
+            late_steps: 0,
+            behind: 0.0,
+        })
+    }
+
+    /// State of servos and devices.
+    pub fn state(&self) -> State {
+        let of = |(channel, problem): &(Channel, Problem)| ChannelState {
+            servo: channel.servo.clone(),
+            device: channel.device.state(),
+            problem: problem.clone(),
+        };
+        State { channels: self.channels.iter().map(of).collect(), tick_number: self.tick_number }
+    }
+
+    /// Whether a state has as many devices.
+    pub fn fits(&self, state: &State) -> Result<()> {
+        let (found, wanted) = (state.channels.len(), self.channels.len());
+        match found == wanted {
+            true => Ok(()),
+            false => Err(step::Refused::StateUnfit { what: "devices", found, wanted }.into()),
+        }
+    }
+
+    /// Restores a state.
+    pub fn restore(&mut self, state: &State) {
+        for ((channel, problem), from) in self.channels.iter_mut().zip(&state.channels) {
+            channel.servo.clone_from(&from.servo);
+            channel.device.restore(&from.device);
+            problem.clone_from(&from.problem);
+        }
+        self.tick_number = state.tick_number;
+    }
+
+    /// Closes all devices, once; returns the first error.
+    pub fn close(&mut self) -> Result<()> {
+        let mut closed = Ok(());
+        if std::mem::replace(&mut self.closed, true) {
+            return closed;
+        }
+        for (channel, _) in &mut self.channels {
+            closed = closed.and(channel.device.close());
+        }
+        closed
+    }
+}
 
 /// Longest wait between two looks at `interrupt`, s: a run that is interrupted ends at once for whoever waits for it.
 const SLICE: f64 = 0.02;
 
 type Ended = (Timing, Felt, Result<()>);
 
-/// All devices, running.
+/// By the wall clock: all devices, running.
 pub(super) struct WallClock {
     threads: Vec<Thread>,
     stop: Arc<AtomicBool>,
@@ -92,7 +217,8 @@ impl WallClock {
         self.pausing.get_or_insert_with(Instant::now);
     }
 
-    /// Waits until the step from `begin` to `end` (scene time, s) may start, or until the run is interrupted; moves the tools to their hands.
+    /// Waits until the step from `begin` to `end` (scene time, s) may start, or until the run is interrupted; moves the tools to their
+    /// hands.
     pub fn before_step(&mut self, simulation: &mut Simulation, begin: f64, end: f64) {
         self.paused += self.pausing.take().map_or(0.0, |since| since.elapsed().as_secs_f64());
         let due = begin + self.paused + self.behind;
