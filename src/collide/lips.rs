@@ -7,16 +7,21 @@
 use super::{Contact, frame};
 use crate::constraints::Law;
 use crate::kernels::corner;
-use crate::mesh::{MaterialPoint, Parts};
+use crate::mesh::{MaterialPoint, Surface};
 use crate::scene::BodyId;
 use glam::DVec3;
 use std::collections::BTreeMap;
 
-/// Two faces left by a severed link: their nodes around the face, seen along the link, on its lower and its upper side.
+/// Two faces left by a severed link: their nodes around the face, seen along the link, on its lower and its upper side; a triangle has its
+/// third one twice.
 pub type Lips = [[u32; 4]; 2];
 
 /// Faces of all severed links.
-pub fn faces(parts: &Parts) -> Vec<Lips> {
+pub fn faces(surface: &Surface) -> Vec<Lips> {
+    if let Some(of) = surface.tetrahedra() {
+        return of.cuts().map(|link| of.faces(link).map(|[a, b, c]| [a, b, c, c])).collect();
+    }
+    let parts = &surface.parts;
     let mut out = vec![];
     for (cell, axis, _) in parts.cuts() {
         let Some(beyond) = parts.beyond(cell as usize, axis) else { continue };
