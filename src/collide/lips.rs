@@ -7,7 +7,7 @@
 use super::{Contact, frame};
 use crate::constraints::Law;
 use crate::kernels::corner;
-use crate::mesh::{MaterialPoint, Surface};
+use crate::mesh::{MaterialPoint, Parts, TetrahedralParts};
 use crate::scene::BodyId;
 use glam::DVec3;
 use std::collections::BTreeMap;
@@ -17,11 +17,7 @@ use std::collections::BTreeMap;
 pub type Lips = [[u32; 4]; 2];
 
 /// Faces of all severed links.
-pub fn faces(surface: &Surface) -> Vec<Lips> {
-    if let Some(of) = surface.tetrahedra() {
-        return of.cuts().map(|link| of.faces(link).map(|[a, b, c]| [a, b, c, c])).collect();
-    }
-    let parts = &surface.parts;
+pub fn faces(parts: &Parts) -> Vec<Lips> {
     let mut out = vec![];
     for (cell, axis, _) in parts.cuts() {
         let Some(beyond) = parts.beyond(cell as usize, axis) else { continue };
@@ -29,6 +25,11 @@ pub fn faces(surface: &Surface) -> Vec<Lips> {
         out.push(sides.map(|(corners, side)| around(axis, side).map(|a| corners[a] as u32)));
     }
     out
+}
+
+/// The same of a mesh.
+pub fn triangles(parts: &TetrahedralParts) -> Vec<Lips> {
+    parts.cuts().map(|link| parts.faces(link).map(|[a, b, c]| [a, b, c, c])).collect()
 }
 
 /// Corner numbers around a cell's face across an axis, counterclockwise seen against the axis.

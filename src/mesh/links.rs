@@ -18,6 +18,7 @@ use super::parts::FRAGMENT;
 use super::{Outside, PAIRS, Unstructured};
 use crate::formats::{Face, faces};
 use crate::scene::TetrahedralMesh;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -235,13 +236,16 @@ impl TetrahedralParts {
     }
 
     /// `[node]` quarter of the volumes of the present tetrahedra around it, m³.
-    pub fn volumes(&self) -> Vec<f64> {
+    pub fn volumes(&self) -> Cow<'_, [f64]> {
+        if self.outside.is_none() {
+            return Cow::Borrowed(&self.of.around);
+        }
         let mut out = vec![0.0; self.of.mesh.nodes().len() + self.reserve];
         for e in (0..self.present.len()).filter(|e| self.present[*e]) {
             let quarter = 0.25 * self.of.mesh.volume(e);
             self.corners()[e].iter().for_each(|node| out[*node as usize] += quarter);
         }
-        out
+        Cow::Owned(out)
     }
 
     /// Present tetrahedra around a node as it is now.

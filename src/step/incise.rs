@@ -231,7 +231,8 @@ impl Body {
         let severed = (count(&self.wound) - before) as u32;
         if severed > 0 {
             if let Some(lips) = &mut self.lips {
-                *lips = lips::faces(&self.wound.surface);
+                let surface = &self.wound.surface;
+                *lips = surface.tetrahedra().map_or_else(|| lips::faces(&surface.parts), lips::triangles);
             }
             self.apply(&removal)?;
         }
