@@ -24,6 +24,7 @@ mod lost;
 mod parity;
 #[path = "gpu/pictures.rs"]
 mod pictures;
+mod ragged;
 #[path = "gpu/robust.rs"]
 mod robust;
 #[path = "gpu/scenes.rs"]
@@ -37,6 +38,8 @@ mod sweeps;
 mod swept;
 #[path = "gpu/tetrahedra.rs"]
 mod tetrahedra;
+#[path = "gpu/tetrahedra_cut.rs"]
+mod tetrahedra_cut;
 #[path = "gpu/twins.rs"]
 mod twins;
 
@@ -120,6 +123,9 @@ fn tests() -> Vec<(String, Test)> {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in tetrahedra::TESTS {
+        all.push((name.to_string(), Box::new(test)));
+    }
+    for (name, test) in tetrahedra_cut::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
     all.extend(solver::tests());

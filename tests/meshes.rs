@@ -550,12 +550,6 @@ fn keys_that_do_not_go_with_a_mesh_are_refused() {
     };
     assert!(of("group = \"fat\"").contains("only a mesh has groups"));
     assert!(of("[[boundary]]\nregion = \"group\"\ngroup = \"fat\"").contains("a grid has no groups"));
-    // nor is a blade for a mesh, in words
-    let mut scene = skin("coarse", Tetra);
-    scene.tools[0].round = None;
-    scene.tools[0].blade = Some(cutis::scene::Blade::default());
-    let blade = Simulation::new(&scene, &Platform::Cpu64).err().expect("it has a blade").to_string();
-    assert!(blade.contains("a blade") && blade.contains("tetrahedra"), "{blade}");
 }
 
 #[test]

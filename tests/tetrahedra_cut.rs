@@ -1,79 +1,28 @@
 //! Meshes of tetrahedra that are cut and carved: what parts, what it weighs, and that the operator is that of what is left.
 
+#[path = "ragged/mod.rs"]
+mod ragged;
 #[path = "small/mod.rs"]
 mod small;
 
 use cutis::bodies::tetrahedra::operator::Arrays;
 use cutis::bodies::{Model, Wound};
-use cutis::kernels::cut::{Hit, cut};
+use cutis::kernels::cut::Hit;
 use cutis::math::random::Random;
 use cutis::math::{M3, V3, V4};
-use cutis::mesh::{Edges, Grid};
-use cutis::scene::{
-    Carve, Contact, Cut, Element, Law, Load, LoadKind, Mass, Pose, Preconditioner, Region, Round, Scene,
-    TetrahedralMesh, Tool, read,
-};
+use cutis::mesh::Edges;
+use cutis::scene::{Carve, Contact, Cut, Element, Law, Load, LoadKind, Mass, Pose, Region, Round, Scene, Tool, read};
 use cutis::step::{Platform, Simulation};
-use small::{block, held};
+use ragged::{body, of_cells, split, through};
+use small::held;
 use std::path::Path;
-use std::sync::Arc;
+use std::time::Instant;
 
-/// Cells of the block, 1 mm each.
-const CELLS: [u32; 2] = [6, 4];
-/// Room for any cut of it.
-const ENOUGH: u32 = 4000;
 /// Sums over a thousand tetrahedra.
 const ROUNDING: f64 = 1e-12;
 
-/// A block of two layers as an irregular mesh, six tetrahedra to a cell.
-fn body(element: Element, cut: Cut) -> Scene {
-    let [x, y] = CELLS.map(|c| f64::from(c) * 1e-3);
-    let mut scene = block([x, y], CELLS, &[(2, 2e-3, 30e3, 0.45, 1000.0), (2, 2e-3, 100e3, 0.4, 1200.0)]);
-    let skin = &mut scene.skins[0];
-    let grid = Grid::new(skin);
-    let (tetrahedra, layers): (Vec<_>, Vec<_>) =
-        grid.tetrahedra().into_iter().map(|(corners, layer)| (corners, layer as u32)).unzip();
-    let mut random = Random::new(3);
-    let size = [x, y, 4e-3];
-    let mut place = |node: usize| {
-        let at = grid.rest(node);
-        let low = [-0.5 * x, -0.5 * y, 0.0];
-        // nodes of the box's faces stay in them
-        std::array::from_fn(|n| {
-            let inside = (1e-9..size[n] - 1e-9).contains(&(at[n] - low[n]));
-            at[n] + if inside { 0.15e-3 * random.signed() } else { 0.0 }
-        })
-    };
-    let nodes = (0..grid.node_count()).map(&mut place).collect();
-    let mesh = TetrahedralMesh::new(nodes, tetrahedra, layers).unwrap_or_else(|e| panic!("{e}"));
-    (skin.size, skin.cells, skin.cut) = ([mesh.size()[0], mesh.size()[1]], [0; 2], cut);
-    skin.layers.iter_mut().for_each(|layer| (layer.thickness, layer.cells) = (0.0, 0));
-    skin.law = Law::Fem { element, corotational: true };
-    skin.mesh = Some(Arc::new(mesh));
-    (skin.rayleigh_mass, skin.rayleigh_stiffness) = (0.0, 0.0);
-    scene.solver.preconditioner = Preconditioner::Block;
-    // a blade far away, which makes room for cuts
-    let trajectory = vec![Pose { position: [0.0, 0.0, 0.5], ..Pose::default() }];
-    scene.tools = vec![Tool { trajectory, round: None, ..Tool::default() }];
-    scene.contact = Some(Contact::default());
-    scene
-}
-
-fn split(element: Element) -> Scene {
-    body(element, Cut::Split { reserve_columns: ENOUGH })
-}
-
 fn model(scene: &Scene) -> Model {
     Model::new(scene, 0).unwrap_or_else(|e| panic!("{e}"))
-}
-
-/// Links that a blade crosses in the plane `x = at`, m.
-fn through(model: &Model, at: f64) -> Vec<Hit<f64>> {
-    let segments = model.mechanics().segments(model);
-    let rest: Vec<V4<f64>> = segments.rest.iter().map(|x| V3::of(*x).pad(0.0)).collect();
-    let still = vec![[0.0; 4]; rest.len()];
-    let quad = [[-1.0, -1.0], [-1.0, 1.0], [1.0, 1.0], [1.0, -1.0]].map(|[y, z]| [at, y, z, 0.0]);
-    cut(&segments.ends, &rest, &still, &still, &quad)
 }
 
 /// Layer moduli: bulk and shear, Pa.
@@ -225,7 +174,10 @@ fn uniform_strains_of_both_halves_are_exact_after_the_cut() {
     const AT: f64 = 0.4e-3;
     for element in [Element::Tetra, Element::PlainTetra] {
         let mut scene = split(element);
-        scene.skins[0].law = Law::Fem { element, corotational: false };
+        let skin = &mut scene.skins[0];
+        skin.law = Law::Fem { element, corotational: false };
+        // one material: between two a uniform strain is no uniform stress
+        (skin.layers[1].young, skin.layers[1].poisson) = (skin.layers[0].young, skin.layers[0].poisson);
         let model = model(&scene);
         let mut wound = Wound::new(&model);
         let whole = wound.clone();
@@ -238,8 +190,6 @@ fn uniform_strains_of_both_halves_are_exact_after_the_cut() {
         let nodes: Vec<u32> = (0..model.node_count() as u32).collect();
         let forces = model.mechanics().forces_at(&model, &wound, &nodes, &|n| [V3::from4(u[n]), V3::zero()]);
         let mut outside: Vec<u32> = wound.surface.all().iter().flat_map(|face| face.nodes).collect();
-        // where layers of other moduli meet, a uniform strain is no uniform stress
-        outside.extend((0..model.node_count()).filter(|n| (wound.rest[*n][2] - 2e-3).abs() < 0.6e-3).map(|n| n as u32));
         outside.sort_unstable();
         let size = |f: &[f64; 3]| f.iter().map(|c| c.abs()).fold(0.0, f64::max);
         let most = forces.iter().map(size).fold(0.0, f64::max);
@@ -522,6 +472,34 @@ fn a_ball_carves_tetrahedra_as_deep_as_it_goes() {
     let mut simulation = Simulation::new(&pressed, &Platform::Cpu64).unwrap_or_else(|e| panic!("{e}"));
     steps(&mut simulation, 30);
     assert_eq!(simulation.totals().tetrahedra, 0);
+}
+
+#[test]
+#[ignore = "measures times: cargo test --release --test tetrahedra_cut -- --ignored --nocapture"]
+fn what_a_cut_costs() {
+    for cells in [[8, 8, 8], [16, 16, 16], [32, 32, 32]] {
+        let scene = of_cells(cells, Element::Tetra, Cut::Split { reserve_columns: 20_000 });
+        let model = model(&scene);
+        let hits = through(&model, 0.4e-3);
+        let clock = Instant::now();
+        let fresh = Arrays::new(&model.rest, &model.grid.tetrahedra(), &moduli(&scene), true);
+        let [made, count] = [clock.elapsed().as_secs_f64() * 1e3, fresh.corners.len() as f64];
+        let mut wound = Wound::new(&model);
+        wound.apply(&model, &hits[..1]); // copies the operator once
+        let mut timed = |change: &mut dyn FnMut(&mut Wound)| {
+            let clock = Instant::now();
+            change(&mut wound);
+            clock.elapsed().as_secs_f64() * 1e3
+        };
+        let few: f64 = (0..5).map(|k| timed(&mut |wound| drop(wound.apply(&model, &hits[1 + 4 * k..5 + 4 * k])))).sum();
+        let one = timed(&mut |wound| drop(wound.carve(&model, &[17])));
+        let many = timed(&mut |wound| drop(wound.apply(&model, &hits)));
+        println!(
+            "{count} tetrahedra, operator afresh {made:.1} ms: 4 links {:.2} ms, one removed {one:.2} ms, {} links {many:.1} ms",
+            few / 5.0,
+            hits.len()
+        );
+    }
 }
 
 #[test]

@@ -24,7 +24,7 @@ pub struct Snapshot {
     pub rotation: Vec<V4<f64>>,
     /// `[node]` DOF mask and mass.
     pub free: Vec<V4<f64>>,
-    /// Table of split nodes ([`crate::kernels::split`]); empty where none can be split.
+    /// Table of split nodes ([`crate::kernels::split`]), of tetrahedra the list of their corners; empty where none can be split.
     pub split: Vec<u32>,
     /// `[spring]` law; empty for hexahedra.
     pub law: Vec<V4<f64>>,

@@ -45,7 +45,7 @@ pub struct Tetrahedra {
     pub smoothed: bool,
     /// Nodes reserved for those that a cut duplicates.
     pub reserve: usize,
-    /// Whether tools of the scene cut or carve the body.
+    /// Whether the scene has tools that may cut or carve the body.
     pub can_change: bool,
     /// `[layer]` kg/m³
     density: Vec<f64>,
@@ -110,11 +110,9 @@ impl Tetrahedra {
             Law::Fem { element, corotational } => (element == Element::Tetra, corotational),
             _ => (true, true),
         };
-        let blade = scene.tools.iter().any(|tool| tool.blade.is_some());
-        let carves = skin.can_be_carved() && scene.tools.iter().any(|tool| tool.carve.is_some());
-        let reserve = reserve(scene, skin);
+        let (reserve, can_change) = (reserve(scene, skin), skin.mesh.is_some() && !scene.tools.is_empty());
         let density = skin.layers.iter().map(|layer| layer.density).collect();
-        Self { arrays: Arrays::default(), corotational, smoothed, reserve, can_change: blade || carves, density }
+        Self { arrays: Arrays::default(), corotational, smoothed, reserve, can_change, density }
     }
 
     /// Fills the arrays: `rest` has the nodes of the grid or of its mesh, m.
