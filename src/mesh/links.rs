@@ -6,6 +6,10 @@
 //! is lost. The faces of a severed link are both on the surface, with the nodes of their own sides. Tetrahedra that are removed take their
 //! links with them.
 //!
+//! Crossed links store the position of the crossing. A corner of the wound lies at the mean of the crossings around it ([`super::Corner`]),
+//! by at most half of the shortest edge there, which gives a smooth wound in a mesh that the blade does not follow. On the outside of the body
+//! it stays there. It moves with the tetrahedron of its own component that it is inside, or nearest to.
+//!
 //! A link whose cut would set free a piece of fewer than [`FRAGMENT`] tetrahedra holds, as between hexahedra ([`super::Parts`]). One that
 //! would need more duplicates, or more edges of the smoothed element ([`EDGES`]), than there is room for is refused.
 //!
@@ -15,9 +19,10 @@
 //! hangs by a node or an edge is removed, not joined or split.
 
 use super::parts::FRAGMENT;
-use super::{Outside, PAIRS, Unstructured};
+use super::{Corner, Outside, PAIRS, Unstructured};
 use crate::formats::{Face, faces};
 use crate::scene::TetrahedralMesh;
+use glam::DVec3;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -28,6 +33,9 @@ const NONE: u32 = u32::MAX;
 /// Room for edges that a duplicate divides, in one material each. In a triangulated wall three edges are there for each node, and those at the
 /// borders of layers count once for each.
 pub const EDGES: usize = 8;
+
+/// Sine of the angle between normals of the outside from which on an edge is between them: 20°.
+const EDGE: f64 = 0.34;
 
 /// Faces that two tetrahedra share.
 #[derive(Clone, Debug, Default)]
@@ -91,11 +99,14 @@ pub struct TetrahedralParts {
     reserve: usize,
     /// `[tetrahedron]` nodes; empty while they are those of the mesh.
     corners: Vec<[u32; 4]>,
-    present: Vec<bool>,    // [tetrahedron]
-    severed: Vec<bool>,    // [link]
-    originals: Vec<u32>,   // [duplicate] node of the mesh
-    edges: usize,          // divided so far
-    around: [Vec<u32>; 2], // CSR of the tetrahedra around each node of the mesh; empty before the first cut
+    present: Vec<bool>,              // [tetrahedron]
+    severed: Vec<bool>,              // [link]
+    crossings: BTreeMap<u32, f64>,   // position of the crossing along each severed link, 0 to 1
+    wounded: BTreeSet<u32>,          // nodes of the mesh at severed links
+    held: BTreeMap<u32, Vec<DVec3>>, // directions that corners of the outside keep to
+    originals: Vec<u32>,             // [duplicate] node of the mesh
+    edges: usize,                    // divided so far
+    around: [Vec<u32>; 2],           // CSR of the tetrahedra around each node of the mesh; empty before the first cut
     outside: Option<Outside>,
 }
 
@@ -109,6 +120,9 @@ impl TetrahedralParts {
             corners: vec![],
             present: vec![true; count],
             severed: vec![false; links],
+            crossings: BTreeMap::new(),
+            wounded: BTreeSet::new(),
+            held: BTreeMap::new(),
             originals: vec![],
             edges: 0,
             around: Default::default(),
@@ -248,8 +262,8 @@ impl TetrahedralParts {
         Cow::Owned(out)
     }
 
-    /// Present tetrahedra around a node as it is now.
-    pub fn around(&mut self, node: u32) -> Vec<usize> {
+    /// Makes the lists of the first cut.
+    fn prepare(&mut self) {
         if self.around[0].is_empty() {
             let tetrahedra = self.of.mesh.tetrahedra();
             let mut first = vec![0; self.of.mesh.nodes().len() + 1];
@@ -261,19 +275,92 @@ impl TetrahedralParts {
                 next[*node as usize] += 1;
             }
             self.around = [first, entries];
+            for face in &self.of.outside.faces {
+                let [a, b, c] = [0, 1, 2].map(|k| self.rest(face.nodes[k]));
+                let normal = (b - a).cross(c - a).normalize_or_zero();
+                for node in face.corners() {
+                    let own = self.held.entry(*node).or_default();
+                    let rest = own.iter().fold(normal, |rest, held| rest - *held * held.dot(rest));
+                    // a smooth surface has one direction, an edge two, a tip three
+                    if rest.length() > EDGE {
+                        own.push(rest.normalize());
+                    }
+                }
+            }
         }
-        let [first, entries] = &self.around;
-        let original = self.original(node as usize);
-        let own = &entries[first[original] as usize..first[original + 1] as usize];
-        let is_here = |e: &usize| self.present[*e] && self.corners()[*e].contains(&node);
-        own.iter().map(|e| *e as usize).filter(is_here).collect()
     }
 
-    /// Severs links in the given order; those that are already cut, or gone with a tetrahedron, keep their state.
-    pub fn cut(&mut self, links: impl Iterator<Item = u32>) -> Severed {
+    fn rest(&self, node: u32) -> DVec3 {
+        DVec3::from_array(self.of.mesh.nodes()[self.original(node as usize)])
+    }
+
+    /// Tetrahedra around a node of the mesh; none before the first cut.
+    fn all_around(&self, original: usize) -> impl Iterator<Item = usize> {
+        let [first, entries] = &self.around;
+        let own = first.get(original..original + 2).map_or(0..0, |own| own[0] as usize..own[1] as usize);
+        entries[own].iter().map(|e| *e as usize)
+    }
+
+    /// Present tetrahedra around a node as it is now; none before the first cut.
+    pub fn around(&self, node: u32) -> Vec<usize> {
+        let is_here = |e: &usize| self.present[*e] && self.corners()[*e].contains(&node);
+        self.all_around(self.original(node as usize)).filter(is_here).collect()
+    }
+
+    /// Offset of the surface corner from the rest position of a node, m; zero where no link is cut.
+    pub(super) fn offset(&self, node: u32) -> DVec3 {
+        let (original, at, mesh) = (self.original(node as usize) as u32, self.rest(node), &self.of.mesh);
+        if !self.wounded.contains(&original) {
+            return DVec3::ZERO;
+        }
+        let (mut sum, mut count, mut shortest) = (DVec3::ZERO, 0.0, f64::INFINITY);
+        for e in self.all_around(original as usize) {
+            let corners = mesh.tetrahedra()[e];
+            let beside = corners.iter().filter(|other| **other != original);
+            shortest = beside.map(|other| self.rest(*other).distance(at)).fold(shortest, f64::min);
+            // faces that hold the node, from their lower tetrahedron
+            for link in (0..4).filter(|k| corners[*k] != original).filter_map(|k| self.of.links.over(e, k)) {
+                let ends = self.of.links.ends(link);
+                if let Some(share) = self.crossings.get(&(link as u32)).filter(|_| ends[0] == e) {
+                    let [near, far] = ends.map(|e| mesh.corners(e).map(DVec3::from_array).iter().sum::<DVec3>() * 0.25);
+                    sum += near.lerp(far, *share) - at;
+                    count += 1.0;
+                }
+            }
+        }
+        let held = self.held.get(&original).map_or(&[][..], |held| held);
+        held.iter().fold(sum / count, |rest, held| rest - *held * held.dot(rest)).clamp_length_max(0.5 * shortest)
+    }
+
+    /// Surface corner at a node; a node without a cut link or without tetrahedra is its own corner.
+    pub fn corner(&self, node: usize) -> Corner {
+        let id = node as u32;
+        let offset = self.offset(id);
+        let mut own =
+            Corner { offset: offset.to_array(), nodes: [id; 8], weights: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0] };
+        if offset == DVec3::ZERO {
+            return own;
+        }
+        let at = (self.rest(id) + offset).to_array();
+        let mut most = f64::NEG_INFINITY;
+        for e in self.around(id) {
+            let weights = self.of.mesh.weights(e, at);
+            let least = weights.into_iter().fold(f64::INFINITY, f64::min);
+            if least > most {
+                most = least;
+                own.nodes[..4].copy_from_slice(&self.corners()[e]);
+                own.weights[..4].copy_from_slice(&weights);
+            }
+        }
+        own
+    }
+
+    /// Severs links, each at a position along it, in the given order; those that are already cut, or gone with a tetrahedron, keep their state.
+    pub fn cut(&mut self, hits: impl Iterator<Item = (u32, f64)>) -> Severed {
+        self.prepare();
         let mut out = Severed::default();
         let mut changed = BTreeSet::new();
-        for link in links {
+        for (link, at) in hits {
             let ends = self.of.links.ends(link as usize);
             if self.severed[link as usize] || ends.iter().any(|e| !self.present[*e]) {
                 continue;
@@ -295,6 +382,8 @@ impl TetrahedralParts {
                 continue;
             }
             self.edges += edges;
+            self.crossings.insert(link, at);
+            self.wounded.extend(face.map(|node| self.original(node as usize) as u32));
             for (node, own) in leaving {
                 out.copies.push([self.take_copy(node, &own), node]);
                 changed.extend(own.into_iter().map(|e| e as u32));
@@ -332,8 +421,8 @@ impl TetrahedralParts {
 
     /// Number of edges at a node, of one layer each, that a component that leaves it shares with what stays; those of the severed face,
     /// whose other ends may be divided too, count twice.
-    fn divided_edges(&mut self, node: u32, own: &[usize], face: &[u32]) -> usize {
-        let mesh = self.of.mesh.clone();
+    fn divided_edges(&self, node: u32, own: &[usize], face: &[u32]) -> usize {
+        let mesh = &self.of.mesh;
         let stay: Vec<usize> = self.around(node).into_iter().filter(|e| own.binary_search(e).is_err()).collect();
         let edges = |list: &[usize]| -> BTreeSet<(u32, u32)> {
             let of = |e: &usize| self.corners()[*e].map(|other| (other, mesh.layers()[*e]));
@@ -357,6 +446,7 @@ impl TetrahedralParts {
 
     /// Removes tetrahedra.
     pub fn remove(&mut self, gone: &[u32]) {
+        self.prepare();
         if !gone.is_empty() {
             gone.iter().for_each(|e| self.present[*e as usize] = false);
             self.outside = Some(Outside::of(self));
@@ -366,6 +456,7 @@ impl TetrahedralParts {
     /// Removes tetrahedra, then what they leave that hangs by an edge or a node, and pieces of fewer than [`FRAGMENT`]; returns all that
     /// went, in order.
     pub fn carve(&mut self, chosen: &[u32]) -> Vec<u32> {
+        self.prepare();
         let mut out = vec![];
         let mut next: Vec<u32> = chosen.to_vec();
         while !next.is_empty() {
@@ -383,7 +474,7 @@ impl TetrahedralParts {
     }
 
     /// Tetrahedra that hang by a node or an edge, or in a piece too small, after the removal of others.
-    fn hanging(&mut self, removed: &[u32]) -> Vec<u32> {
+    fn hanging(&self, removed: &[u32]) -> Vec<u32> {
         // nodes and edges of what went
         let mut held: BTreeSet<Vec<u32>> = BTreeSet::new();
         for corners in removed.iter().map(|e| self.corners()[*e as usize]) {

@@ -118,7 +118,7 @@ impl Surface {
         {
             return Corner { offset: [0.0; 3], nodes: embedded.nodes[point], weights: embedded.weights[point] };
         }
-        self.parts.corner(&self.of, node)
+        self.tetrahedra.as_ref().map_or_else(|| self.parts.corner(&self.of, node), |of| of.corner(node))
     }
 
     /// Remaining cells, each with its layer and corner nodes.

@@ -43,12 +43,23 @@ impl Outside {
     pub fn of(parts: &TetrahedralParts) -> Self {
         let Unstructured { mesh, links, .. } = parts.mesh();
         let present = parts.present();
-        Self::found(
+        let mut out = Self::found(
             mesh,
             |e| present[e],
             |e, opposite| parts.beyond(e, opposite),
             |e, opposite| (parts.outward(e, opposite), links.over(e, opposite).is_some()),
-        )
+        );
+        // corners of the wound lie beside their nodes
+        for (face, [low, high]) in out.faces.iter().zip(&mut out.behind) {
+            for node in face.corners() {
+                let (rest, offset) = (mesh.nodes()[parts.original(*node as usize)], parts.offset(*node));
+                for n in 0..3 {
+                    let x = rest[n] + offset[n];
+                    (low[n], high[n]) = (low[n].min(x), high[n].max(x));
+                }
+            }
+        }
+        out
     }
 
     /// By whether a tetrahedron is there, what is beyond a face of it, and the outward nodes of a face with whether it is a wall.

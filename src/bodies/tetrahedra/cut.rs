@@ -29,7 +29,7 @@ fn parts(wound: &mut Wound) -> &mut TetrahedralParts {
 impl Wound {
     /// Severs links and duplicates nodes.
     pub(super) fn split_nodes(&mut self, model: &Model, own: &Tetrahedra, hits: &[Hit<f64>]) -> Removal {
-        let cut = parts(self).cut(hits.iter().map(|hit| hit.segment));
+        let cut = parts(self).cut(hits.iter().map(|hit| (hit.segment, hit.at)));
         let Severed { links, refused, holding, copies, tetrahedra } = cut;
         links.iter().for_each(|link| self.measure_link(model, *link as usize));
         self.totals.refused += refused as usize;
