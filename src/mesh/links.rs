@@ -14,7 +14,7 @@
 //! would need more duplicates, or more edges of the smoothed element ([`EDGES`]), than there is room for is refused.
 //!
 //! After removals no two tetrahedra meet in a node or an edge alone: of the components around each, by faces that hold it, only the largest
-//! stays. What is on the outside is found anew for the whole mesh: 0.05 µs per tetrahedron.
+//! stays. What is on the outside is found anew for the whole mesh.
 //! Source: Molino, Bao, Fedkiw 2004 (virtual nodes); Sase et al. 2015 (removal that keeps the surface a manifold); differs from both: what
 //! hangs by a node or an edge is removed, not joined or split.
 
