@@ -11,15 +11,17 @@ mod parts;
 mod point;
 mod surface;
 mod tetrahedra;
+mod tetrahedral;
 mod unstructured;
 
 pub use corner::Corner;
 pub use embedded::{Embedded, Misfit};
 pub use face::Face;
 pub use grid::Grid;
-pub use links::{EDGES, Links, Severed, TetrahedralParts};
+pub use links::Links;
 pub use parts::{Change, FRAGMENT, Parts};
 pub use point::{MaterialPoint, trilinear};
 pub use surface::{Edges, Surface};
 pub use tetrahedra::{PAIRS, PER_CELL};
+pub use tetrahedral::{EDGES, Severed, TetrahedralParts};
 pub use unstructured::{Outside, Unstructured};

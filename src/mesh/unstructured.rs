@@ -5,7 +5,7 @@
 //! tetrahedron is always its own too. They divide the body as the columns of cells below their faces divide a grid, so a point that has sunk
 //! into the body is behind a triangle.
 
-use super::{Face, Links, TetrahedralParts};
+use super::{Face, Links};
 use crate::formats;
 use crate::math::{M3, V3, V4};
 use crate::scene::TetrahedralMesh;
@@ -38,32 +38,8 @@ pub struct Outside {
 }
 
 impl Outside {
-    /// The outside of the tetrahedra that are left: a triangle that another one had on its other side is a wall. Takes time in proportion
-    /// to the mesh.
-    pub fn of(parts: &TetrahedralParts) -> Self {
-        let Unstructured { mesh, links, .. } = parts.mesh();
-        let present = parts.present();
-        let mut out = Self::found(
-            mesh,
-            |e| present[e],
-            |e, opposite| parts.beyond(e, opposite),
-            |e, opposite| (parts.outward(e, opposite), links.over(e, opposite).is_some()),
-        );
-        // corners of the wound lie beside their nodes
-        for (face, [low, high]) in out.faces.iter().zip(&mut out.behind) {
-            for node in face.corners() {
-                let (rest, offset) = (mesh.nodes()[parts.original(*node as usize)], parts.offset(*node));
-                for n in 0..3 {
-                    let x = rest[n] + offset[n];
-                    (low[n], high[n]) = (low[n].min(x), high[n].max(x));
-                }
-            }
-        }
-        out
-    }
-
     /// By whether a tetrahedron is there, what is beyond a face of it, and the outward nodes of a face with whether it is a wall.
-    fn found(
+    pub(super) fn found(
         mesh: &TetrahedralMesh,
         is_there: impl Fn(usize) -> bool,
         beyond: impl Fn(usize, usize) -> Option<usize>,
@@ -127,22 +103,6 @@ impl Unstructured {
         let six = a.dot(b.cross(c));
         let [ga, gb, gc] = [b.cross(c), c.cross(a), a.cross(b)].map(|normal| normal * (1.0 / six));
         (p - o).outer(ga) + (q - o).outer(gb) + (r - o).outer(gc)
-    }
-
-    /// Volume at rest of the tetrahedra that are there, with the nodes that they have now, and its change at displacements `u`, `[node]` m,
-    /// m³.
-    pub fn volume(&self, parts: &TetrahedralParts, u: &[V4<f64>]) -> [f64; 2] {
-        let mut sum = [0.0; 2];
-        for (e, ids) in parts.corners().iter().enumerate().filter(|(e, _)| parts.present()[*e]) {
-            let x = self.mesh.corners(e).map(V3::of);
-            let u = ids.map(|id| V3::from4(u[id as usize]));
-            // 6 V = a·(b × c) of the edges; its change without the difference of two volumes
-            let ([a, b, c], [p, q, r]) = ([1, 2, 3].map(|k| x[k] - x[0]), [1, 2, 3].map(|k| u[k] - u[0]));
-            let linear = p.dot(b.cross(c)) + a.dot(q.cross(c)) + a.dot(b.cross(r));
-            let rest = a.dot(q.cross(r)) + p.dot(b.cross(r)) + p.dot(q.cross(c)) + p.dot(q.cross(r));
-            sum = [sum[0] + a.dot(b.cross(c)) / 6.0, sum[1] + (linear + rest) / 6.0];
-        }
-        sum
     }
 }
 
