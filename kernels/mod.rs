@@ -57,6 +57,7 @@ pub mod springs_blocks;
 pub mod springs_product;
 pub mod tetrahedra;
 pub mod tetrahedra_blocks;
+pub mod tetrahedra_centres;
 pub mod tetrahedra_domains;
 pub mod tetrahedra_forces;
 pub mod tetrahedra_means;
@@ -146,6 +147,7 @@ pub const ALL: &[&Source] = &[
     &springs_blocks::SOURCE,
     &springs_product::SOURCE,
     &tetrahedra_blocks::SOURCE,
+    &tetrahedra_centres::SOURCE,
     &tetrahedra_domains::SOURCE,
     &tetrahedra_forces::SOURCE,
     &tetrahedra_means::SOURCE,

@@ -1,4 +1,5 @@
-//! Rotation of each domain or node: polar factor of the mean deformation gradient `Σ V_e F_e / Σ V_e` of the tetrahedra of its list.
+//! Rotation of each domain or node: polar factor of the mean deformation gradient `Σ V_e F_e / Σ V_e` of the tetrahedra of its list; none of
+//! an empty list.
 //!
 //! Units: gradients 1, rotation unit quaternion.
 
@@ -30,6 +31,7 @@ pub fn tetrahedra_means<R: Real>(
             volume += gradients[3 * e][3];
             sum = sum + matrix(strain, e) * gradients[3 * e][3];
         }
-        *q = polar(M3::identity() + sum * (R::one() / volume), UPRIGHT.map(R::of));
+        let per_volume = if volume > R::zero() { R::one() / volume } else { R::zero() };
+        *q = polar(M3::identity() + sum * per_volume, UPRIGHT.map(R::of));
     });
 }

@@ -19,5 +19,7 @@ fn tetrahedra_means(thread: Thread) {
         volume += own;
         sum += mat3x3<f32>(strain[3u * e].xyz, strain[3u * e + 1u].xyz, strain[3u * e + 2u].xyz) * own;
     }
-    mean_rotation[k] = polar(diagonal(vec3<f32>(1.0)) + sum * (1.0 / volume), vec4<f32>(0.0, 0.0, 0.0, 1.0));
+    var per_volume = 0.0;
+    if volume > 0.0 { per_volume = 1.0 / volume; }
+    mean_rotation[k] = polar(diagonal(vec3<f32>(1.0)) + sum * per_volume, vec4<f32>(0.0, 0.0, 0.0, 1.0));
 }

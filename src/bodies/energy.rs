@@ -24,7 +24,7 @@ pub struct Snapshot {
     pub rotation: Vec<V4<f64>>,
     /// `[node]` DOF mask and mass.
     pub free: Vec<V4<f64>>,
-    /// Table of split nodes ([`crate::kernels::split`]); empty where none can be split.
+    /// Table of split nodes ([`crate::kernels::split`]), of tetrahedra the list of their corners; empty where none can be split.
     pub split: Vec<u32>,
     /// `[spring]` law; empty for hexahedra.
     pub law: Vec<V4<f64>>,
@@ -58,7 +58,7 @@ pub struct Solved {
 /// removed cells), `law` of the springs after all cuts.
 pub fn elastic_energy(model: &Model, u: &[V4<f64>], rotation: &[V4<f64>], split: &[u32], law: &[V4<f64>]) -> f64 {
     let mechanics = model.mechanics();
-    let anchored = model.anchors.energy(u, |node| mechanics.stays(model, rotation, law, node));
+    let anchored = model.anchors.energy(u, mechanics.stays(model, rotation, split, law));
     anchored + mechanics.energy(model, u, rotation, split, law)
 }
 

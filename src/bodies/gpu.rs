@@ -5,6 +5,7 @@
 //! the end of all nodal arrays. No kernel runs there, so their initial values persist: zeros in partial sums and vectors, and identity
 //! blocks in the columns, which are their own factors. A workgroup that extends beyond the last node in use reads these values.
 
+use super::Removal;
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::blocks::{Block, pack};
@@ -127,7 +128,7 @@ impl<'a> Maker<'a> {
 }
 
 /// Arrays and kernels of a body on a device. `arrays` are those of the whole body by name, `main` is its parameter block.
-pub trait Recorded {
+pub trait Recorded: Send {
     /// Arrays of this kind that kernels share by name.
     fn shared(&self) -> Arrays;
     /// `[element]` rotations of cells, or laws of springs; `None` where elements have no state.
@@ -169,10 +170,12 @@ pub trait Recorded {
     fn points(&self, _gpu: &Gpu, _main: &Buffer, _u: &Buffer, _to: &Buffer) -> Result<Option<Dispatch>> {
         Ok(None)
     }
-    /// Table of split nodes with its initial values; `None` where no node can be split.
+    /// Table of split nodes with its initial values, of tetrahedra the list of their corners; `None` where no node can be split.
     fn split(&self) -> Option<(Buffer, Vec<u32>)> {
         None
     }
+    /// Has arrays of its own follow a cut, after all earlier commands were submitted.
+    fn take(&self, _gpu: &Gpu, _removal: &Removal) {}
     /// Arrays of a nonlinear law, requested after all dispatches; `_x` holds the solution.
     fn nonlinear(&mut self, _made: &mut Maker, _arrays: &Arrays, _x: &Buffer) -> Result<Option<NonlinearLaw>> {
         Ok(None)

@@ -81,6 +81,11 @@ fn faces(grid: &Grid, region: &Region) -> Vec<Face> {
     out
 }
 
+/// Corners of a tetrahedron, twice.
+pub fn twice([a, b, c, d]: [u32; 4]) -> [usize; 8] {
+    [a, b, c, d, a, b, c, d].map(|node| node as usize)
+}
+
 impl Face {
     /// Area at rest of its loaded parts, m².
     fn area(&self) -> f64 {
@@ -132,10 +137,15 @@ impl Model {
     /// `[node]` loads on the uncut body at rest at a time, N.
     pub fn load_at(&self, loads: &[Load], time: f64) -> Vec<[f64; 3]> {
         let params = self.grid.params::<f64>();
-        self.load_on(loads, time, |cell| params.corners(cell), |_| [0.0; 3])
+        let corners = |cell: usize| match self.unstructured() {
+            Some(of) => twice(of.mesh.tetrahedra()[cell]),
+            None => params.corners(cell),
+        };
+        self.load_on(loads, time, corners, |_| [0.0; 3])
     }
 
-    /// The same with the cells' `corners` after a cut, and displacements, m, of the nodes that follower pressures act on.
+    /// The same with the cells' `corners` after a cut (of a tetrahedron its four, twice), and displacements, m, of the nodes that follower
+    /// pressures act on.
     pub fn load_on(
         &self,
         loads: &[Load],
@@ -146,8 +156,11 @@ impl Model {
         let mut out = vec![[0.0; 3]; self.node_count()];
         for load in self.acting(loads, time) {
             if let LoadKind::PointForce { force, at } = load.kind {
-                if let Some(MaterialPoint(weights)) = self.grid.point_of_mesh(at) {
-                    weights.iter().for_each(|(node, w)| (0..3).for_each(|n| out[*node as usize][n] += force[n] * w));
+                if let Some((e, weights)) = self.grid.tetrahedron_at(at) {
+                    corners(e)
+                        .iter()
+                        .zip(weights)
+                        .for_each(|(node, w)| (0..3).for_each(|n| out[*node][n] += force[n] * w));
                     continue;
                 }
                 let (cell, natural) = match &self.grid.embedded {
@@ -160,7 +173,7 @@ impl Model {
                 continue;
             }
             if let Some(outside) = self.outside() {
-                self.load_triangles(outside, load, &displacement, &mut out);
+                self.load_triangles(outside, load, &corners, &displacement, &mut out);
                 continue;
             }
             let faces = faces(&self.grid, &load.region);
@@ -196,10 +209,22 @@ impl Model {
         }
     }
 
-    /// Triangles with their corners in a region.
-    fn triangles<'a>(&'a self, outside: &'a [Outer], region: &'a Region) -> impl Iterator<Item = [u32; 3]> + 'a {
-        let corners = |face: &Outer| [0, 1, 2].map(|k| face.nodes[k]);
-        outside.iter().map(corners).filter(|corners| corners.iter().all(|id| self.point_is_in(region, *id)))
+    /// Triangles with their corners in a region, and their corners after a cut.
+    fn triangles<'a>(
+        &'a self,
+        outside: &'a [Outer],
+        region: &'a Region,
+        corners: &'a impl Fn(usize) -> [usize; 8],
+    ) -> impl Iterator<Item = [[u32; 3]; 2]> + 'a {
+        let at_rest = |face: &Outer| [0, 1, 2].map(|k| face.nodes[k]);
+        let inside = move |face: &&Outer| at_rest(face).iter().all(|id| self.point_is_in(region, *id));
+        outside.iter().filter(inside).map(move |face| {
+            let own = at_rest(face);
+            let Some(of) = self.unstructured() else { return [own; 2] };
+            let whole = of.mesh.tetrahedra()[face.cell as usize];
+            let now = corners(face.cell as usize);
+            [own, own.map(|id| whole.iter().position(|other| *other == id).map_or(id, |k| now[k] as u32))]
+        })
     }
 
     /// Adds a load on triangles: see the module.
@@ -207,18 +232,21 @@ impl Model {
         &self,
         outside: &[Outer],
         load: &Load,
+        corners: &impl Fn(usize) -> [usize; 8],
         displacement: &impl Fn(usize) -> [f64; 3],
         out: &mut [[f64; 3]],
     ) {
         // twice the outward area, m²
-        let twice = |x: [V3<f64>; 3]| (x[1] - x[0]).cross(x[2] - x[0]);
+        let area_twice = |x: [V3<f64>; 3]| (x[1] - x[0]).cross(x[2] - x[0]);
         let at_rest = |corners: [u32; 3]| corners.map(|id| V3::of(self.rest_of_point(id)));
-        let area: f64 =
-            self.triangles(outside, &load.region).map(|corners| 0.5 * twice(at_rest(corners)).length()).sum();
-        for corners in self.triangles(outside, &load.region) {
-            let rest = at_rest(corners);
-            let points = corners.map(|id| self.on_nodes(MaterialPoint::node(id)));
-            let own = 0.5 * twice(rest).length();
+        let area: f64 = self
+            .triangles(outside, &load.region, corners)
+            .map(|[own, _]| 0.5 * area_twice(at_rest(own)).length())
+            .sum();
+        for [own, now] in self.triangles(outside, &load.region, corners) {
+            let rest = at_rest(own);
+            let points = now.map(|id| self.on_nodes(MaterialPoint::node(id)));
+            let own = 0.5 * area_twice(rest).length();
             let force = match load.kind {
                 LoadKind::Pressure { pressure, follower } => {
                     let of = |point: &MaterialPoint| -> V3<f64> {
@@ -226,7 +254,7 @@ impl Model {
                         each.fold(V3::zero(), |sum, own| sum + own)
                     };
                     let moved = [0, 1, 2].map(|k| rest[k] + of(&points[k]));
-                    twice(if follower { moved } else { rest }) * (-0.5 * pressure)
+                    area_twice(if follower { moved } else { rest }) * (-0.5 * pressure)
                 }
                 LoadKind::Traction(traction) => V3::of(traction) * own,
                 LoadKind::Force(force) => V3::of(force) * (own / area),
@@ -243,9 +271,12 @@ impl Model {
     pub fn followed_nodes(&self, loads: &[Load], time: f64, corners: impl Fn(usize) -> [usize; 8]) -> Vec<u32> {
         let followed = || self.acting(loads, time).filter(|load| load.follows());
         if let Some(outside) = self.outside() {
-            let corners = followed().flat_map(|load| self.triangles(outside, &load.region)).flatten();
-            let mut nodes: Vec<u32> =
-                corners.flat_map(|id| self.on_nodes(MaterialPoint::node(id)).0).map(|(node, _)| node).collect();
+            let triangles = followed().flat_map(|load| self.triangles(outside, &load.region, &corners));
+            let mut nodes: Vec<u32> = triangles
+                .flat_map(|[_, now]| now)
+                .flat_map(|id| self.on_nodes(MaterialPoint::node(id)).0)
+                .map(|(node, _)| node)
+                .collect();
             nodes.sort_unstable();
             nodes.dedup();
             return nodes;

@@ -88,6 +88,9 @@ pub type Moved<'a> = dyn Fn(usize) -> [V3<f64>; 2] + Sync + 'a;
 /// Whether a condition holds for an element of a layer with this deformation gradient.
 pub type Holds<'a> = dyn Fn(usize, M3<f64>) -> bool + 'a;
 
+/// Whether a node stays in the system.
+pub type Stays<'a> = Box<dyn Fn(usize) -> bool + 'a>;
+
 /// Mechanics of a deformable body on the host, in f64.
 pub trait Mechanics {
     /// Number of elements.
@@ -104,6 +107,10 @@ pub trait Mechanics {
     fn point_count(&self, model: &Model) -> usize;
     /// Columns of duplicate nodes reserved for cuts ([`crate::kernels::split`]).
     fn extra_columns(&self) -> usize;
+    /// Number of nodes reserved for cuts.
+    fn extra_nodes(&self, model: &Model) -> usize {
+        self.extra_columns() * model.grid.nodes[2]
+    }
     /// Rotations of the elements, as [`Params::corotational`].
     fn corotational(&self) -> u32;
     /// Number of partial sums that a product writes per right-hand side.
@@ -161,13 +168,13 @@ pub trait Mechanics {
     fn damps(&self) -> bool {
         false
     }
-    /// True if a remaining element keeps the node in the system; `rotation` and `law` as in `energy`.
-    fn stays(&self, model: &Model, rotation: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool;
+    /// Whether a remaining element keeps a node in the system; arguments as in `energy`.
+    fn stays<'a>(&'a self, model: &'a Model, rotation: &'a [V4<f64>], split: &[u32], law: &'a [V4<f64>]) -> Stays<'a>;
     /// Applies hits (sorted by segment) to a wound; returns the changes for the backend.
     fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal;
     /// Removes cells from a wound, and what would hang by an edge or a corner without them; returns the changes for the backend.
     fn carve(&self, _: &Model, _: &mut Wound, _: &[u32]) -> Removal {
-        unreachable!("a scene in which a tool carves has hexahedra only")
+        unreachable!("tools carve hexahedra and tetrahedra alone")
     }
     /// Number of connected pieces of the body; `None` where they are not counted.
     fn pieces(&self, wound: &Wound) -> Option<usize>;
@@ -311,7 +318,7 @@ impl Model {
         let extra_columns = grid::reserve(scene, skin)?;
         let columns = (skin.cells[0] as u64 + 1) * (skin.cells[1] as u64 + 1) + extra_columns as u64;
         let indexed = match &grid.unstructured {
-            Some(_) => grid.node_count() as u64,
+            Some(_) => grid.node_count() as u64 + tetrahedra::reserve(scene, skin) as u64,
             None => columns * grid.nodes[2] as u64,
         };
         if indexed > u64::from(MOST_NODES) {
@@ -331,7 +338,7 @@ impl Model {
             }
             Law::Fem { .. } if skin.law.is_tetrahedral() => {
                 tetrahedra::check(scene, body)?;
-                Kind::Tetrahedra(Box::new(Tetrahedra::of_law(skin.law)))
+                Kind::Tetrahedra(Box::new(Tetrahedra::new(scene, body)))
             }
             Law::Fem { .. } | Law::Hyperelastic(_) => {
                 Kind::Hexahedra(Box::new(Hexahedra::new(scene, body, &grid, extra_columns)))
@@ -456,7 +463,7 @@ impl Model {
 
     /// Number of nodes, with the reserve of duplicates.
     pub fn node_count(&self) -> usize {
-        self.own_nodes() + self.mechanics().extra_columns() * self.grid.nodes[2]
+        self.own_nodes() + self.mechanics().extra_nodes(self)
     }
 
     /// Number of cells inside the body's surface: of the grid, or tetrahedra of a mesh.
@@ -502,9 +509,9 @@ impl Model {
         self.grid.unstructured.as_deref()
     }
 
-    /// The material point of a mesh at a rest position in the body's frame, or nearest to it; none of a grid.
-    pub fn point_of_mesh(&self, at: [f64; 3]) -> Option<MaterialPoint> {
-        self.grid.point_of_mesh(at)
+    /// The tetrahedron of a mesh at a rest position in the body's frame, or nearest to it, and the weights of its corners; none of a grid.
+    pub fn tetrahedron_at(&self, at: [f64; 3]) -> Option<(usize, [f64; 4])> {
+        self.grid.tetrahedron_at(at)
     }
 
     /// Cells that contain a rest position given in the body's frame ([`Grid::cells_at`]).
@@ -541,6 +548,12 @@ impl Model {
             gravity_x: R::of(s.gravity[0]),
             gravity_y: R::of(s.gravity[1]),
             gravity_z: R::of(s.gravity[2]),
+            // nodes of a mesh are in one row, with their duplicates
+            nodes_x: if self.grid.unstructured.is_some() {
+                self.node_count() as u32
+            } else {
+                self.grid.nodes[0] as u32
+            },
             ..self.grid.params()
         }
     }

@@ -3,20 +3,22 @@
 //! Lumped and consistent masses belong to the cells; a uniform mass belongs to the node, as in SOFA's UniformMass by default.
 
 use super::Model;
+use super::tetrahedra::operator::{Arrays, Changes};
 use crate::kernels::cut::Hit;
 use crate::math::V4;
 use crate::mesh::Surface;
+use std::sync::Arc;
 
 /// Totals for the report.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Totals {
     /// Removed cells.
     pub hexes: usize,
-    /// Their volume at rest, m³.
+    /// Volume at rest of the removed cells and tetrahedra, m³.
     pub volume: f64,
     /// Removed springs.
     pub springs_removed: usize,
-    /// Tetrahedra that springs held together no more.
+    /// Removed tetrahedra, with those that springs hold together no more.
     pub tetrahedra: usize,
     /// Severed face links.
     pub links: usize,
@@ -60,16 +62,18 @@ impl Totals {
 /// Changes that a backend applies after a cut.
 #[derive(Clone, Debug, Default)]
 pub struct Removal {
-    /// Cell ids.
+    /// Cell ids, or tetrahedra.
     pub cells: Vec<u32>,
     /// Spring ids.
     pub springs: Vec<u32>,
     /// Duplicated nodes, each with the node whose state it copies.
     pub copies: Vec<[u32; 2]>,
-    /// Words to write into the table of split nodes.
+    /// Words to write into the table of split nodes; of tetrahedra into the list of their corners.
     pub words: Vec<(u32, u32)>,
     /// New DOF masks and masses of nodes in use.
     pub free: Vec<(u32, V4<f64>)>,
+    /// Operator of tetrahedra, and where it has changed.
+    pub operator: Option<(Arc<Arrays<f64>>, Changes)>,
 }
 
 /// State of the cut body.
@@ -89,6 +93,8 @@ pub struct Wound {
     pub(super) live: Vec<u32>,
     /// `[spring]` true if it is cut.
     pub(super) spring_gone: Vec<bool>,
+    /// Operator of tetrahedra as they are cut; none before the first cut.
+    pub(super) operator: Option<Arc<Arrays<f64>>>,
     pub(super) all: Extent,
     pub(super) top: Extent,
 }
@@ -132,6 +138,7 @@ impl Wound {
             rest: model.rest_of_surface(),
             live: model.mechanics().around_nodes(model),
             spring_gone: vec![false; model.elements().spring_count],
+            operator: None,
             all: Extent::NONE,
             top: Extent::NONE,
         }

@@ -14,7 +14,7 @@ use super::features::closest::on_triangle;
 use super::{Contact, frame};
 use crate::constraints::Law;
 use crate::kernels::corner;
-use crate::mesh::{MaterialPoint, Parts};
+use crate::mesh::{MaterialPoint, Parts, TetrahedralParts};
 use crate::scene::BodyId;
 use glam::DVec3;
 use std::collections::{BTreeMap, BTreeSet};
@@ -27,7 +27,7 @@ const LEAST_NORMAL: f64 = 0.3;
 /// Weight of a face's node from which a contact is one of two nodes.
 const AT_NODE: f64 = 1.0 - 1e-9;
 
-/// Faces left by severed links: their nodes counterclockwise seen from outside of the tissue.
+/// Faces left by severed links: their nodes counterclockwise seen from outside of the tissue; a triangle has its third one twice.
 pub type Faces = Vec<[u32; 4]>;
 
 /// Faces of all severed links, those of a link one after the other: of the cell before it, and of the one beyond.
@@ -41,6 +41,12 @@ pub fn faces(parts: &Parts) -> Faces {
         out.extend([before, beyond]);
     }
     out
+}
+
+/// The same of a mesh; a triangle has its third node twice.
+pub fn triangles(parts: &TetrahedralParts) -> Faces {
+    let sides = |[[a, b, c], [d, e, f]]: [[u32; 3]; 2]| [[a, b, c, c], [f, e, d, d]];
+    parts.cuts().flat_map(|link| sides(parts.faces(link))).collect()
 }
 
 /// Corner numbers around a cell's face across an axis, counterclockwise seen against the axis.
@@ -82,6 +88,12 @@ impl Placed {
         };
         let nearest = (0..4).map(on_quarter).min_by(|a, b| a.1.total_cmp(&b.1));
         nearest.map_or([0.25; 4], |(weights, _)| weights)
+    }
+
+    /// The point with these weights.
+    fn material_point(&self, [a, b, c, d]: [f64; 4]) -> MaterialPoint {
+        let triangle = self.nodes[2] == self.nodes[3];
+        MaterialPoint::of(self.nodes, if triangle { [a, b, c + d, 0.0] } else { [a, b, c, d] })
     }
 
     /// Whether a node at this rest position was behind the face at rest, with the tissue of the face between them.
@@ -162,7 +174,7 @@ pub fn contacts(
             if faces_it && within && nearer && !face.was_behind(rest) {
                 let found = Contact {
                     on: [BodyId::Deformable(body); 2],
-                    points: [MaterialPoint::node(*node), MaterialPoint::of(face.nodes, weights)],
+                    points: [MaterialPoint::node(*node), face.material_point(weights)],
                     feature: *node as usize,
                     point: at - away * 0.5,
                     axes: frame(normal),

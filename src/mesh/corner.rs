@@ -1,6 +1,6 @@
 //! Positions of the wound's surface corners, and their motion with the nodes of their own component.
 //!
-//! A corner belongs to a node `n`. Its rest position is `X_n + o`, where `o` is the mean of the crossings of the cut links around the node.
+//! Of a grid here, of a mesh of tetrahedra in [`super::TetrahedralParts`]. A corner belongs to a node `n`. Its rest position is `X_n + o`, where `o` is the mean of the crossings of the cut links around the node.
 //! All duplicates of a node share `o`, so a closed wound has no gap. The corner moves with the hexahedron around it, `u = Σ_a N_a(ξ) u_a`
 //! over the eight nodes of one cell of its component: of those around the node, the one that the corner is inside, or nearest to. Where the
 //! crossings lie outside the component's cells, `N_a` is extrapolated (by half a cell at most, along each axis).

@@ -1,23 +1,27 @@
 //! The nodes and cells of a body, their connectivity under cuts, and the surface: of a regular grid, of a closed surface embedded in one, or
-//! of a mesh of tetrahedra. The last two are not cut.
+//! of a mesh of tetrahedra. An embedded surface is not cut.
 
 mod corner;
 mod embedded;
 mod embedding;
 mod face;
 mod grid;
+mod links;
 mod parts;
 mod point;
 mod surface;
 mod tetrahedra;
+mod tetrahedral;
 mod unstructured;
 
 pub use corner::Corner;
 pub use embedded::{Embedded, Misfit};
 pub use face::Face;
 pub use grid::Grid;
+pub use links::Links;
 pub use parts::{Change, FRAGMENT, Parts};
 pub use point::{MaterialPoint, trilinear};
 pub use surface::{Edges, Surface};
 pub use tetrahedra::{PAIRS, PER_CELL};
+pub use tetrahedral::{EDGES, Severed, TetrahedralParts};
 pub use unstructured::{Outside, Unstructured};

@@ -35,10 +35,15 @@ pub fn trilinear(natural: [f64; 3]) -> [f64; 8] {
 /// Weight below which a node has none: coordinates in scenes are rounded.
 const NONE: f64 = 1e-9;
 
+/// The tetrahedron of a mesh at a rest position in its frame, outside of it the nearest, and the weights of its corners.
+fn tetrahedron_at(unstructured: &Unstructured, at: [f64; 3]) -> (usize, [f64; 4]) {
+    let (e, weights) = unstructured.mesh.nearest(at);
+    (e, weights.map(|weight| if weight.abs() < NONE { 0.0 } else { weight }))
+}
+
 /// The point of a mesh at a rest position in its frame; outside of it by the shape functions of the nearest tetrahedron.
 fn of_tetrahedron(unstructured: &Unstructured, at: [f64; 3]) -> MaterialPoint {
-    let (e, weights) = unstructured.mesh.nearest(at);
-    let weights = weights.map(|weight| if weight.abs() < NONE { 0.0 } else { weight });
+    let (e, weights) = tetrahedron_at(unstructured, at);
     MaterialPoint::of(unstructured.mesh.tetrahedra()[e], weights)
 }
 
@@ -53,6 +58,11 @@ impl Grid {
     /// The material point at a rest position in the frame of a mesh, or nearest to it; none of a grid.
     pub fn point_of_mesh(&self, at: [f64; 3]) -> Option<MaterialPoint> {
         self.unstructured.as_ref().map(|unstructured| of_tetrahedron(unstructured, at))
+    }
+
+    /// The tetrahedron of a mesh at a rest position in its frame, or nearest to it, and the weights of its corners; none of a grid.
+    pub fn tetrahedron_at(&self, at: [f64; 3]) -> Option<(usize, [f64; 4])> {
+        self.unstructured.as_ref().map(|unstructured| tetrahedron_at(unstructured, at))
     }
 
     /// The material point at a rest position in the grid's frame; none outside of it, or where an embedded surface leaves no cell.

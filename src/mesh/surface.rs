@@ -1,7 +1,7 @@
-//! The skin's surface: faces of remaining cells without a neighbour, and both sides of each severed link; of a mesh, its outside; of an
-//! embedded surface, its triangles.
+//! The skin's surface: faces of remaining cells without a neighbour, and both sides of each severed link; of a mesh, its outside
+//! likewise; of an embedded surface, its triangles.
 
-use super::{Corner, Face, Grid, Outside, Parts};
+use super::{Corner, Face, Grid, Outside, Parts, TetrahedralParts};
 use crate::kernels::Params;
 
 /// Edge defects of a surface; both are 0 for an uncut body.
@@ -20,10 +20,8 @@ pub struct Surface {
     params: Params<f64>,
     /// `[cell]` false if removed.
     pub alive: Vec<bool>,
-    /// `[tetrahedron]` of a mesh, false if removed.
-    present: Vec<bool>,
-    /// The outside of a mesh of which some are removed.
-    opened: Option<Outside>,
+    /// Tetrahedra of a mesh.
+    tetrahedra: Option<TetrahedralParts>,
     /// Severed links and duplicated nodes.
     pub parts: Parts,
 }
@@ -47,8 +45,9 @@ impl Surface {
     /// The same with room for the splits that the parameters allow.
     pub fn with_reserve(grid: &Grid, params: Params<f64>) -> Self {
         let alive = (0..params.cell_count as usize).map(|cell| grid.is_present(cell)).collect();
-        let present = vec![true; grid.unstructured.as_ref().map_or(0, |of| of.mesh.tetrahedra().len())];
-        Self { of: grid.clone(), params, alive, present, opened: None, parts: Parts::new(params) }
+        let reserve = params.node_count as usize - grid.node_count();
+        let tetrahedra = grid.unstructured.as_ref().map(|of| TetrahedralParts::new(of.clone(), reserve));
+        Self { of: grid.clone(), params, alive, tetrahedra, parts: Parts::new(params) }
     }
 
     /// Grid of the body.
@@ -61,22 +60,55 @@ impl Surface {
         &self.params
     }
 
+    /// Tetrahedra of a mesh as they are cut; none of a grid.
+    pub fn tetrahedra(&self) -> Option<&TetrahedralParts> {
+        self.tetrahedra.as_ref()
+    }
+
+    /// The same, to cut them.
+    pub fn tetrahedra_mut(&mut self) -> Option<&mut TetrahedralParts> {
+        self.tetrahedra.as_mut()
+    }
+
     /// `[tetrahedron]` of a mesh, false if removed; empty for a grid.
     pub fn present(&self) -> &[bool] {
-        &self.present
+        self.tetrahedra.as_ref().map_or(&[], |of| of.present())
+    }
+
+    /// Ids of the eight corners of a cell as it is cut now; of a tetrahedron of a mesh its four, twice.
+    pub fn corners_of(&self, cell: usize) -> [usize; 8] {
+        match &self.tetrahedra {
+            Some(of) => {
+                let [a, b, c, d] = of.corners()[cell];
+                [a, b, c, d, a, b, c, d].map(|node| node as usize)
+            }
+            None => self.parts.corners(cell),
+        }
+    }
+
+    /// `[tetrahedron]` of a mesh: its nodes as it is cut now; empty for a grid.
+    pub fn corners_of_tetrahedra(&self) -> &[[u32; 4]] {
+        self.tetrahedra.as_ref().map_or(&[], |of| of.corners())
     }
 
     /// The outside of the remaining tetrahedra of a mesh; none of a grid.
     pub fn outside(&self) -> Option<&Outside> {
-        self.opened.as_ref().or(self.of.unstructured.as_ref().map(|of| &of.outside))
+        self.tetrahedra.as_ref().map(|of| of.outside())
     }
 
-    /// Removes tetrahedra of a mesh.
-    pub fn remove_tetrahedra(&mut self, gone: &[u32]) {
-        if let (Some(of), false) = (&self.of.unstructured, gone.is_empty()) {
-            gone.iter().for_each(|e| self.present[*e as usize] = false);
-            self.opened = Some(Outside::new(&of.mesh, |e| self.present[e]));
-        }
+    /// Duplicates of a node that a cut has made.
+    pub fn copies(&self, node: usize) -> Vec<u32> {
+        self.tetrahedra.as_ref().map_or_else(|| self.parts.copies(node), |of| of.copies(node))
+    }
+
+    /// Original of a duplicate; the node itself if it is none.
+    pub fn original(&self, node: usize) -> usize {
+        self.tetrahedra.as_ref().map_or_else(|| self.parts.original(node), |of| of.original(node))
+    }
+
+    /// True for a node that is no duplicate, and for a duplicate that has been taken.
+    pub fn in_use(&self, node: usize) -> bool {
+        self.tetrahedra.as_ref().map_or_else(|| self.parts.in_use(node), |of| of.in_use(node))
     }
 
     /// Surface corner at a node; points of an embedded surface are numbered after the nodes.
@@ -86,7 +118,7 @@ impl Surface {
         {
             return Corner { offset: [0.0; 3], nodes: embedded.nodes[point], weights: embedded.weights[point] };
         }
-        self.parts.corner(&self.of, node)
+        self.tetrahedra.as_ref().map_or_else(|| self.parts.corner(&self.of, node), |of| of.corner(node))
     }
 
     /// Remaining cells, each with its layer and corner nodes.
@@ -97,6 +129,9 @@ impl Surface {
 
     /// Share of a cell's neighbours in the grid that it is still linked to, 0 to 1; 1 without neighbours.
     pub fn linked_share(&self, cell: usize) -> f64 {
+        if let Some(of) = &self.tetrahedra {
+            return of.linked_share(cell);
+        }
         let p = &self.params;
         let (at, size) = (p.cell_at(cell), [p.cells_x, p.cells_y, p.cells_z]);
         let sides = |axis: usize| usize::from(at[axis] > 0) + usize::from(at[axis] + 1 < size[axis] as usize);
@@ -105,9 +140,9 @@ impl Surface {
         if all > 0 { linked as f64 / all as f64 } else { 1.0 }
     }
 
-    /// Number of connected pieces of the remaining cells.
+    /// Number of connected pieces of the remaining cells, or tetrahedra.
     pub fn pieces(&self) -> usize {
-        self.parts.pieces(&self.alive)
+        self.tetrahedra.as_ref().map_or_else(|| self.parts.pieces(&self.alive), |of| of.pieces())
     }
 
     /// Boundary faces of the cells with grid coordinates in `low..high`.

@@ -5,8 +5,8 @@
 //! tetrahedron is always its own too. They divide the body as the columns of cells below their faces divide a grid, so a point that has sunk
 //! into the body is behind a triangle.
 
-use super::Face;
-use crate::formats::faces;
+use super::{Face, Links};
+use crate::formats;
 use crate::math::{M3, V3, V4};
 use crate::scene::TetrahedralMesh;
 use std::collections::VecDeque;
@@ -22,6 +22,8 @@ pub struct Unstructured {
     pub mesh: Arc<TetrahedralMesh>,
     /// Its outside.
     pub outside: Outside,
+    /// Faces that its tetrahedra share.
+    pub links: Links,
     /// `[node]` quarter of the volumes around it, m³.
     pub around: Vec<f64>,
 }
@@ -36,30 +38,28 @@ pub struct Outside {
 }
 
 impl Outside {
-    /// The outside of some tetrahedra: a triangle that another one had on its other side is a wall. Takes time in proportion to the mesh.
-    pub fn new(mesh: &TetrahedralMesh, is_there: impl Fn(usize) -> bool) -> Self {
-        let tetrahedra = mesh.tetrahedra();
-        let mut all = faces(tetrahedra);
-        all.sort_unstable();
-        let mut outside = vec![];
-        let mut beyond = vec![[NONE; 4]; tetrahedra.len()]; // [tetrahedron][face] neighbour
-        for same in all.chunk_by(|a, b| a.0 == b.0) {
-            let there: Vec<_> = same.iter().filter(|side| is_there(side.1 as usize / 4)).collect();
-            match there[..] {
-                [one] => {
-                    let face = Face::triangle(one.outward(tetrahedra), (one.1 / 4) as u32);
-                    outside.push(Face { wall: same.len() > 1, ..face });
-                }
-                [one, other, ..] => {
-                    let [a, b] = [one, other].map(|side| [side.1 as usize / 4, side.1 as usize % 4]);
-                    beyond[a[0]][a[1]] = b[0] as u32;
-                    beyond[b[0]][b[1]] = a[0] as u32;
-                }
-                [] => {}
-            }
-        }
-        let behind = behind(mesh, &outside, &beyond);
-        Self { faces: outside, behind }
+    /// By whether a tetrahedron is there, what is beyond a face of it, and the outward nodes of a face with whether it is a wall.
+    pub(super) fn found(
+        mesh: &TetrahedralMesh,
+        is_there: impl Fn(usize) -> bool,
+        beyond: impl Fn(usize, usize) -> Option<usize>,
+        face: impl Fn(usize, usize) -> ([u32; 3], bool),
+    ) -> Self {
+        let count = mesh.tetrahedra().len();
+        let sides = (0..count).filter(|e| is_there(*e)).flat_map(|e| (0..4).map(move |opposite| (e, opposite)));
+        let outside = sides.filter(|(e, opposite)| beyond(*e, *opposite).is_none());
+        let mut outside: Vec<([u32; 3], Face)> = outside
+            .map(|(e, opposite)| {
+                let (nodes, wall) = face(e, opposite);
+                let mut ids = nodes;
+                ids.sort_unstable();
+                (ids, Face { wall, ..Face::triangle(nodes, e as u32) })
+            })
+            .collect();
+        outside.sort_by_key(|(ids, face)| (*ids, face.cell));
+        let faces: Vec<Face> = outside.into_iter().map(|(_, face)| face).collect();
+        let behind = behind(mesh, &faces, beyond);
+        Self { faces, behind }
     }
 }
 
@@ -71,7 +71,15 @@ impl Unstructured {
         for (e, corners) in tetrahedra.iter().enumerate() {
             corners.iter().for_each(|id| around[*id as usize] += 0.25 * mesh.volume(e));
         }
-        Self { mesh: mesh.clone(), outside: Outside::new(mesh, |_| true), around }
+        let links = Links::new(mesh);
+        let beyond = |e: usize, opposite: usize| {
+            let [a, b] = links.ends(links.over(e, opposite)?);
+            Some(if a == e { b } else { a })
+        };
+        let outward =
+            |e: usize, opposite: usize| (formats::Face([0; 3], (4 * e + opposite) as u64).outward(tetrahedra), false);
+        let outside = Outside::found(mesh, |_| true, beyond, outward);
+        Self { mesh: mesh.clone(), outside, links, around }
     }
 
     /// Size of the arrays, bytes.
@@ -83,6 +91,7 @@ impl Unstructured {
             + size_of_val(&self.outside.faces[..])
             + size_of_val(&self.outside.behind[..])
             + size_of_val(&self.around[..])
+            + self.links.bytes()
     }
 
     /// Displacement gradient of a tetrahedron at displacements `u`, `[node]` m.
@@ -95,26 +104,15 @@ impl Unstructured {
         let [ga, gb, gc] = [b.cross(c), c.cross(a), a.cross(b)].map(|normal| normal * (1.0 / six));
         (p - o).outer(ga) + (q - o).outer(gb) + (r - o).outer(gc)
     }
-
-    /// Volume at rest, and its change at displacements `u`, `[node]` m, m³.
-    pub fn volume(&self, u: &[V4<f64>]) -> [f64; 2] {
-        let mut sum = [0.0; 2];
-        for (e, ids) in self.mesh.tetrahedra().iter().enumerate() {
-            let x = self.mesh.corners(e).map(V3::of);
-            let u = ids.map(|id| V3::from4(u[id as usize]));
-            // 6 V = a·(b × c) of the edges; its change without the difference of two volumes
-            let ([a, b, c], [p, q, r]) = ([1, 2, 3].map(|k| x[k] - x[0]), [1, 2, 3].map(|k| u[k] - u[0]));
-            let linear = p.dot(b.cross(c)) + a.dot(q.cross(c)) + a.dot(b.cross(r));
-            let rest = a.dot(q.cross(r)) + p.dot(b.cross(r)) + p.dot(q.cross(c)) + p.dot(q.cross(r));
-            sum = [sum[0] + a.dot(b.cross(c)) / 6.0, sum[1] + (linear + rest) / 6.0];
-        }
-        sum
-    }
 }
 
 /// Boxes around the tetrahedra behind the triangles: see the module.
-fn behind(mesh: &TetrahedralMesh, outside: &[Face], beyond: &[[u32; 4]]) -> Vec<[[f64; 3]; 2]> {
-    let mut owner = vec![NONE; beyond.len()];
+fn behind(
+    mesh: &TetrahedralMesh,
+    outside: &[Face],
+    beyond: impl Fn(usize, usize) -> Option<usize>,
+) -> Vec<[[f64; 3]; 2]> {
+    let mut owner = vec![NONE; mesh.tetrahedra().len()];
     let mut queue = VecDeque::new();
     for (number, face) in outside.iter().enumerate() {
         if owner[face.cell as usize] == NONE {
@@ -123,10 +121,10 @@ fn behind(mesh: &TetrahedralMesh, outside: &[Face], beyond: &[[u32; 4]]) -> Vec<
         }
     }
     while let Some(e) = queue.pop_front() {
-        for next in beyond[e].iter().filter(|next| **next != NONE) {
-            if owner[*next as usize] == NONE {
-                owner[*next as usize] = owner[e];
-                queue.push_back(*next as usize);
+        for next in (0..4).filter_map(|opposite| beyond(e, opposite)) {
+            if owner[next] == NONE {
+                owner[next] = owner[e];
+                queue.push_back(next);
             }
         }
     }

@@ -223,6 +223,7 @@ impl Collector {
         let totals = simulation.totals();
         r.cut.hexes_removed = totals.hexes;
         r.cut.removed_mm3 = totals.volume * 1e9;
+        r.cut.tets_removed = totals.tetrahedra;
         r.cut.springs_removed = totals.springs_removed;
         r.cut.links_severed = totals.links;
         r.cut.links_held = totals.holding;

@@ -294,19 +294,19 @@ pub struct Periods {
 pub struct CutReport {
     /// Removed hexahedra.
     pub hexes_removed: usize,
-    /// Volume at rest of the removed hexahedra.
+    /// Volume at rest of the removed hexahedra and tetrahedra.
     pub removed_mm3: f64,
-    /// Removed tetrahedra.
+    /// Removed tetrahedra, with those that springs hold together no more.
     pub tets_removed: usize,
     /// Removed springs.
     pub springs_removed: usize,
-    /// Severed links between hexahedra.
+    /// Severed links between hexahedra, or tetrahedra.
     pub links_severed: usize,
-    /// Crossings of links that stay intact because they alone hold a piece of fewer than 8 cells.
+    /// Crossings of links that stay intact because they alone hold a piece of fewer than 8 cells or tetrahedra.
     pub links_held: usize,
     /// Duplicated nodes.
     pub node_copies: usize,
-    /// Connected pieces of the bodies of hexahedra at the end of the run.
+    /// Connected pieces of the bodies of hexahedra and of meshes of tetrahedra at the end of the run.
     pub pieces: Option<usize>,
     /// Edges of their surface shared by more than two faces at the end of the run.
     pub nonmanifold_edges: Option<usize>,

@@ -169,7 +169,12 @@ pub(super) fn write_volume(
         }
         if let Some(Unstructured { mesh, .. }) = body.model.unstructured() {
             let present = surface.present();
-            let all = mesh.layers().iter().zip(mesh.tetrahedra()).enumerate().filter(|(cell, _)| present[*cell]);
+            let all = mesh
+                .layers()
+                .iter()
+                .zip(surface.corners_of_tetrahedra())
+                .enumerate()
+                .filter(|(cell, _)| present[*cell]);
             for (cell, (layer, corners)) in all {
                 theirs.push((f64::from(*layer), (number, cell)));
                 tetrahedra.push(corners.map(|n| first + n));
@@ -177,7 +182,7 @@ pub(super) fn write_volume(
         }
         numbers.extend((0..surface.alive.len()).filter(|cell| surface.alive[*cell]).map(|cell| (number, cell)));
         let count = body.model.node_count();
-        let kept = |node: &usize| surface.parts.in_use(*node) && body.model.is_used(*node);
+        let kept = |node: &usize| surface.in_use(*node) && body.model.is_used(*node);
         old.extend((0..count).filter(kept).map(|node| first + node as u32));
         first += body.model.point_count() as u32;
     }

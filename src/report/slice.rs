@@ -36,8 +36,9 @@ impl Slice {
         for (number, body) in simulation.bodies.iter().enumerate() {
             let (parts, alive) = (&body.wound.surface.parts, &body.wound.surface.alive);
             let of = |cell: usize| [number as u32, body.model.layer(cell) as u32];
-            if let Some(unstructured) = body.model.unstructured() {
-                let all = unstructured.mesh.tetrahedra().iter().zip(body.wound.surface.present()).enumerate();
+            if body.model.unstructured().is_some() {
+                let cut = &body.wound.surface;
+                let all = cut.corners_of_tetrahedra().iter().zip(cut.present()).enumerate();
                 for (cell, (corners, _)) in all.filter(|(_, (_, here))| **here) {
                     let corners = corners.map(|node| first + node);
                     out.add(&heights, surface, normal, &corners, &PAIRS, (of(cell), cell));

@@ -13,6 +13,7 @@ use super::text::{
 };
 use super::words::{ELEMENTS, TETRAHEDRA};
 use super::{Cut, Element, Law, Layer, MOST_NODES, Mass, Skin, TetrahedralMesh};
+use crate::math::elementary::cbrt;
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -126,9 +127,10 @@ pub(super) fn skin(
             (size, cells)
         }
     };
-    let cut = match mesh.is_some() || embedded.is_some() {
-        true => Cut::Remove,
-        false => cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, cells)?,
+    let cut = match (&mesh, &embedded) {
+        (_, Some(_)) => Cut::Remove,
+        (Some(mesh), None) => cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, room_of_mesh(mesh.nodes().len()))?,
+        (None, None) => cut(scene, &raw.cut, &raw.cut_reserve_columns, &law, room_of_grid(cells))?,
     };
     reserved(scene, cut, cells, &layers, &raw.cut_reserve_columns)?;
     Ok(Skin {
@@ -169,9 +171,6 @@ fn mesh(scene: &SceneText, files: &Files, raw: &raw::Skin) -> Result<Option<Tetr
         scene.needless("thickness_mm", &layer.thickness_mm, why)?;
         scene.needless("cells", &layer.cells, why)?;
     }
-    let why = "the tetrahedra of a mesh are not cut; take a grid, without `mesh`";
-    scene.needless("cut", &raw.cut, why)?;
-    scene.needless("cut_reserve_columns", &raw.cut_reserve_columns, why)?;
     let unit = scene.number("mesh_unit_mm", &or(raw.mesh_unit_mm.clone(), 1.0), MM, Bound::Positive)?;
     let wanted: Vec<Wanted> = layers().map(|layer| Wanted { name: &layer.name, group: &layer.group }).collect();
     tetrahedral::read(scene, files, name, unit, &wanted).map(Some)
@@ -285,16 +284,20 @@ fn start(scene: &SceneText, raw: &raw::Skin, table: Range<usize>) -> Result<Star
     })
 }
 
-/// Default reserve: two cuts across the complete body in either direction.
-fn cut(
-    scene: &SceneText,
-    word: &Option<At<String>>,
-    reserve: &Option<At<u32>>,
-    law: &Law,
-    cells: [u32; 2],
-) -> Result<Cut> {
+/// Default reserve of a grid: two cuts across the complete body in either direction.
+fn room_of_grid(cells: [u32; 2]) -> u32 {
+    cells[0].saturating_add(cells[1]).saturating_add(2).saturating_mul(2)
+}
+
+/// Default reserve of a mesh: as many nodes as four planes through a cube of it have.
+fn room_of_mesh(nodes: usize) -> u32 {
+    let across = cbrt(nodes as f64).ceil();
+    (4.0 * across * across) as u32
+}
+
+fn cut(scene: &SceneText, word: &Option<At<String>>, reserve: &Option<At<u32>>, law: &Law, enough: u32) -> Result<Cut> {
     if matches!(law, Law::Springs { .. }) {
-        let why = "a blade removes springs; only hexahedra are split";
+        let why = "a blade removes springs; only hexahedra and tetrahedra are split";
         scene.needless("cut", word, why)?;
         scene.needless("cut_reserve_columns", reserve, why)?;
         return Ok(Cut::Remove);
@@ -304,7 +307,6 @@ fn cut(
         scene.needless("cut_reserve_columns", reserve, "cut = \"remove\" splits nothing")?;
         return Ok(Cut::Remove);
     }
-    let enough = cells[0].saturating_add(cells[1]).saturating_add(2).saturating_mul(2);
     let reserve = or(reserve.clone(), enough);
     Ok(Cut::Split { reserve_columns: scene.count("cut_reserve_columns", &reserve, [1, u32::MAX])? })
 }

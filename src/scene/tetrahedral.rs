@@ -247,6 +247,11 @@ impl TetrahedralMesh {
         (best.0, best.1)
     }
 
+    /// Barycentric coordinates of a position in the body's frame in a tetrahedron.
+    pub fn weights(&self, e: usize, at: [f64; 3]) -> [f64; 4] {
+        barycentric(self.corners(e), at)
+    }
+
     /// True if a position in the body's frame is in a tetrahedron, or at most a millionth of one's height outside.
     pub fn holds(&self, at: [f64; 3]) -> bool {
         self.nearest(at).1.iter().all(|weight| *weight >= -INSIDE)

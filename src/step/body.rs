@@ -369,7 +369,7 @@ impl Body {
     /// `[node]` loads at a given time, with follower pressures on the shape at the start of the last step that began, N.
     pub(super) fn load_at(&self, scene: &Scene, time: f64) -> Vec<[f64; 3]> {
         let displacement = |node: usize| self.pressed.get(&(node as u32)).copied().unwrap_or_default();
-        self.model.load_on(&scene.loads, time, |cell| self.wound.surface.parts.corners(cell), displacement)
+        self.model.load_on(&scene.loads, time, |cell| self.wound.surface.corners_of(cell), displacement)
     }
 
     /// Has the shape that follower pressures act on at a given time be the present one; false if there are none.
@@ -384,7 +384,7 @@ impl Body {
     }
 
     fn followed_nodes(&self, scene: &Scene, time: f64) -> Vec<u32> {
-        self.model.followed_nodes(&scene.loads, time, |cell| self.wound.surface.parts.corners(cell))
+        self.model.followed_nodes(&scene.loads, time, |cell| self.wound.surface.corners_of(cell))
     }
 
     /// Has the search for contacts reach as far as the paths move its nodes in a step.
@@ -403,7 +403,7 @@ impl Body {
         let (mut nodes, mut entries): (Vec<u32>, Vec<usize>) = (vec![], vec![]);
         for (entry, node) in self.model.paths.nodes.iter().enumerate() {
             nodes.push(*node);
-            nodes.extend(self.wound.surface.parts.copies(*node as usize));
+            nodes.extend(self.wound.surface.copies(*node as usize));
             entries.resize(nodes.len(), entry);
         }
         let target: Vec<[f64; 3]> = entries.iter().map(|entry| target[*entry]).collect();

@@ -231,7 +231,8 @@ impl Body {
         let severed = (count(&self.wound) - before) as u32;
         if severed > 0 {
             if let Some(lips) = &mut self.lips {
-                *lips = lips::faces(&self.wound.surface.parts);
+                let surface = &self.wound.surface;
+                *lips = surface.tetrahedra().map_or_else(|| lips::faces(&surface.parts), lips::triangles);
             }
             self.apply(&removal)?;
         }
@@ -264,6 +265,9 @@ impl Body {
     /// Opening of the wound over its severed links and open cells, as far as they were located, m.
     pub(super) fn opening(&self) -> f64 {
         let surface = &self.wound.surface;
+        if let Some(of) = surface.tetrahedra() {
+            return of.cuts().filter_map(|link| self.faces_parted(of.faces(link))).fold(0.0, f64::max);
+        }
         let cuts = surface.parts.cuts();
         cuts.filter_map(|(cell, axis, _)| self.parted(cell as usize, axis)).fold(self.opening_of_cells(), f64::max)
     }
@@ -278,6 +282,16 @@ impl Body {
             sum += (far? - near?)[axis];
         }
         Some(0.25 * sum)
+    }
+
+    /// Distance that the two faces of a severed link have parted along their normal at rest, mean over their corners, m; none if not all
+    /// were located.
+    fn faces_parted(&self, [near, far]: [[u32; 3]; 2]) -> Option<f64> {
+        let [a, b, c] = near.map(|node| DVec3::from_array(self.wound.rest[node as usize]));
+        let normal = (b - a).cross(c - a).normalize_or_zero();
+        let position = |node: u32| self.located.corner_position(node);
+        let gaps = near.into_iter().zip(far).map(|(near, far)| Some(normal.dot(position(far)? - position(near)?)));
+        Some(gaps.collect::<Option<Vec<f64>>>()?.iter().sum::<f64>() / 3.0)
     }
 
     /// Widest opening of the open cells along their axes, m; a cell counts with at least two pairs of corners located.

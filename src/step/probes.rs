@@ -194,9 +194,9 @@ impl Simulation {
 impl Body {
     /// Nodes of a region with their duplicates, in ascending order.
     fn nodes_in(&self, region: &Region) -> Vec<u32> {
-        let parts = &self.wound.surface.parts;
+        let surface = &self.wound.surface;
         let mut nodes = self.model.nodes_in(region);
-        let copies: Vec<u32> = nodes.iter().flat_map(|node| parts.copies(*node as usize)).collect();
+        let copies: Vec<u32> = nodes.iter().flat_map(|node| surface.copies(*node as usize)).collect();
         nodes.extend(copies);
         nodes.sort_unstable();
         nodes
@@ -205,9 +205,10 @@ impl Body {
     /// `[node]` shares of the volume of the present cells around nodes; equal ones where no cell is left.
     fn shares(&self, nodes: &[u32]) -> Vec<f64> {
         let surface = &self.wound.surface;
+        let quarters = surface.tetrahedra().map(|of| of.volumes());
         let around = |node: &u32| -> f64 {
-            if let Some(unstructured) = self.model.unstructured() {
-                return unstructured.around[*node as usize];
+            if let Some(quarters) = &quarters {
+                return quarters[*node as usize];
             }
             let cells = surface.parts.cells_of(*node as usize).into_iter().filter(|cell| surface.alive[*cell]);
             let volume = |cell| self.model.shape[self.model.layer(cell)][..3].iter().product::<f64>();
@@ -221,8 +222,12 @@ impl Body {
 
     /// The material point at a rest position in the body's frame: a node of the grid, or a point of a cell as it is cut now.
     fn material_point(&self, point: [f64; 3]) -> MaterialPoint {
-        if let Some(own) = self.model.point_of_mesh(point) {
-            return own;
+        if let Some((e, weights)) = self.model.tetrahedron_at(point) {
+            let surface = &self.wound.surface;
+            let own = MaterialPoint::of(surface.corners_of_tetrahedra()[e], weights);
+            // a node stands for itself, whichever tetrahedra it still has
+            let of_node = |node: u32| MaterialPoint::node(surface.original(node as usize) as u32);
+            return if own.0.len() == 1 { of_node(own.0[0].0) } else { own };
         }
         let cells = self.model.cells_at(point);
         let present = cells.iter().find(|(cell, _)| self.wound.surface.alive[*cell]);

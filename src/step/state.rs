@@ -147,8 +147,9 @@ impl Simulation {
             let last = hits.map(|hit| hit.segment as usize + 1).max().unwrap_or(0);
             unfit("links or springs", [last.max(segments), segments])?;
             let carved = from.cuts.iter().flat_map(|cut| if let Cut::Carved(cells) = cut { &cells[..] } else { &[] });
-            let (last, cells) =
-                (carved.map(|cell| *cell as usize + 1).max().unwrap_or(0), body.wound.surface.alive.len());
+            let surface = &body.wound.surface;
+            let cells = surface.alive.len().max(surface.present().len());
+            let last = carved.map(|cell| *cell as usize + 1).max().unwrap_or(0);
             unfit("cells", [last.max(cells), cells])?;
         }
         Ok(())

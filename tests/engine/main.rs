@@ -18,6 +18,8 @@ mod many_points;
 mod meshes;
 mod networks;
 mod parts;
+#[path = "../shared/ragged.rs"]
+mod ragged;
 mod robust;
 mod round;
 #[path = "../shared/small.rs"]
@@ -28,4 +30,5 @@ mod states;
 #[path = "../shared/sweeps.rs"]
 mod sweeps;
 mod tetrahedra;
+mod tetrahedra_cut;
 mod tip;

@@ -1,7 +1,7 @@
 //! Bodies of tetrahedra in whole simulations: pressed by a tool, resumed, and refused with what is for other elements.
 
 use cutis::scene::Element::{Bbar, PlainTetra, Tetra};
-use cutis::scene::{Component, Element, Law, Mass, OutputField, Preconditioner, Probe, ProbeKind, Scene, read};
+use cutis::scene::{Blade, Component, Element, Law, Mass, OutputField, Preconditioner, Probe, ProbeKind, Scene, read};
 use cutis::step::{Platform, Simulation};
 use std::path::Path;
 
@@ -70,7 +70,7 @@ fn tetrahedra_go_on_from_their_state() {
 #[test]
 fn what_is_for_other_elements_is_refused() {
     type Change = fn(&mut Scene);
-    let changes: [(Change, &str); 5] = [
+    let changes: [(Change, &str); 6] = [
         (
             |scene| {
                 let kind = ProbeKind::Stress { body: 0, point: [0.0; 3], component: Component::VonMises };
@@ -80,6 +80,8 @@ fn what_is_for_other_elements_is_refused() {
         ),
         (|scene| scene.solver.preconditioner = Preconditioner::Multigrid, "take \"block\""),
         (|scene| scene.skins[0].mass = Mass::Consistent, "take \"lumped\""),
+        // of a mesh they are cut
+        (|scene| scene.tools[0].blade = Some(Blade::default()), "give the body a `mesh`"),
         (|scene| scene.skins[0].layers[0].pre_strain = [0.05; 2], "pre_strain"),
         (|scene| scene.solver.preconditioner = Preconditioner::Direct, "take \"block\""),
     ];

@@ -326,6 +326,7 @@ impl Body {
             "potential_and_residual" => random.many(self.node_groups() * 4, 1e-6),
             "dx" | "dx_next" => random.vectors(nodes, 1e-4),
             "residual_force" => random.vectors(nodes, 0.01),
+            "point_u" if self.kernel == "tetrahedra_centres" => random.vectors(tetrahedra, 3e-4),
             "point_u" | "point_before" => random.vectors(nodes, 3e-4),
             "v" | "mean_v" => random.vectors(nodes, 0.1),
             "y" => random.vectors(nodes, 1e-2),

@@ -18,6 +18,8 @@ mod long;
 mod lost;
 mod parity;
 mod pictures;
+#[path = "../shared/ragged.rs"]
+mod ragged;
 mod robust;
 mod scenes;
 #[path = "../shared/small.rs"]
@@ -29,6 +31,7 @@ mod states;
 mod sweeps;
 mod swept;
 mod tetrahedra;
+mod tetrahedra_cut;
 mod twins;
 
 use cutis::gpu::{Adapter, Gpu, adapters};
@@ -111,6 +114,9 @@ fn tests() -> Vec<(String, Test)> {
         all.push((name.to_string(), Box::new(test)));
     }
     for (name, test) in tetrahedra::TESTS {
+        all.push((name.to_string(), Box::new(test)));
+    }
+    for (name, test) in tetrahedra_cut::TESTS {
         all.push((name.to_string(), Box::new(test)));
     }
     all.extend(solver::tests());

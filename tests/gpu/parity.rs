@@ -211,6 +211,7 @@ const CASES: &[Case] = cases! {
     tetrahedra_blocks Nodes false [
         "* transpose(r)" => "* r", "node_rotation[i]" => "node_rotation[0]", "2u * i + 1u" => "2u * i", "params.stiffness_factor, params" => "1.0, params"
     ]
+    tetrahedra_centres Tetrahedra false ["sum * 0.25" => "sum * 0.26", "u[c.w].xyz" => "u[c.z].xyz", "corners[e]" => "corners[0]"]
     tetrahedra_domains Domains true [
         "1.0 / shear[k].x" => "1.0", "of_domain[n] / 4u" => "of_domain[n] / 5u", "if total == 1u { a" => "if false { a", "shear[k].y * (1.0 / 3.0)" => "shear[k].y",
         "trace(strain) * (1.0 / 3.0)" => "trace(strain)", "(a + transpose(a)) * 0.5" => "a", "gradients[3u * e].w * per_volume" => "per_volume",
@@ -219,7 +220,7 @@ const CASES: &[Case] = cases! {
     tetrahedra_forces Nodes false ["sum -= tet" => "sum += tet", "at + a - 1u" => "at", "of_node[n] % 4u" => "1u", "of_node[n] / 4u" => "of_node[n] / 5u"]
     tetrahedra_means Nodes false [
         "volume += own" => "volume = own", "members[n] / 4u" => "members[n] / 5u", "strain[3u * e + 2u]" => "strain[3u * e + 1u]", "diagonal(vec3<f32>(1.0)) +" => "",
-        "sum * (1.0 / volume)" => "sum", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"
+        "sum * per_volume" => "sum", "MAX_NEWTON: u32 = 64u" => "MAX_NEWTON: u32 = 1u"
     ]
     tetrahedra_plain Tetrahedra true [
         "gradients[3u * e + 1u].w *" => "", "2.0 * gradients" => "gradients", "q)), total == 1u" => "q)), false", "if total == 1u { a" => "if false { a",

@@ -477,6 +477,12 @@ fn running_of(b: &Body, count: usize) -> impl Iterator<Item = (usize, std::ops::
     running(b).map(move |(slot, _)| (slot, slot * count..(slot + 1) * count))
 }
 
+pub fn tetrahedra_centres<R: Real>(b: &Body) -> Outputs<R> {
+    let mut point_u = b.v4("point_u");
+    kernels::tetrahedra_centres::tetrahedra_centres(&b.tetrahedra.corners, &b.v4("u"), &mut point_u);
+    vec![("point_u", flat(&point_u))]
+}
+
 pub fn tetrahedra_rotations<R: Real>(b: &Body) -> Outputs<R> {
     let mut q = b.v4::<R>("element_rotation");
     let corners = &b.tetrahedra.corners;

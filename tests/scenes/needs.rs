@@ -116,7 +116,7 @@ fn bytes_of_arrays(model: &Model) -> usize {
     let mesh = model.grid.unstructured.as_ref().map_or(0, |of| {
         let (mesh, outside) = (&of.mesh, size_of_val(&of.outside.faces[..]) + size_of_val(&of.outside.behind[..]));
         let file = size_of_val(mesh.nodes()) + size_of_val(mesh.tetrahedra()) + size_of_val(mesh.layers());
-        file + outside + size_of_val(&of.around[..])
+        file + outside + size_of_val(&of.around[..]) + of.links.bytes()
     });
     let embedded = model.grid.embedded.as_ref().map_or(0, |of| {
         let surface = size_of_val(of.surface.points()) + size_of_val(of.surface.triangles());

@@ -14,7 +14,7 @@ mod solver;
 mod split;
 
 use super::{Backend, CORRECTION, Device, FREE, Needs, Nonlinear, Query, Snapshot, SolveRequest, Values, Vector};
-use crate::bodies::gpu::{Arrays, Dispatch, Maker, over_columns, over_nodes, untouched};
+use crate::bodies::gpu::{Arrays, Dispatch, Maker, Recorded, over_columns, over_nodes, untouched};
 use crate::bodies::{Model, Removal};
 use crate::error::Result;
 use crate::gpu::{Batch, Bound, Buffer, Gpu, cast};
@@ -61,6 +61,7 @@ pub struct GpuBackend {
     bounds: Option<Bounds>,
     cutting: Option<Cutting>,
     split: Option<Split>,
+    kind: Box<dyn Recorded>,
     node_blocks: Option<(Bound, Buffer)>,
 }
 
@@ -183,6 +184,7 @@ impl GpuBackend {
             bounds,
             cutting,
             split,
+            kind,
             node_blocks,
             gpu,
         })

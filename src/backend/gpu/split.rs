@@ -81,13 +81,14 @@ impl Split {
 impl GpuBackend {
     /// Implements [`crate::backend::Backend::remove`].
     pub(super) fn take(&mut self, removal: &Removal) -> Result<()> {
-        let Removal { cells, springs, copies, words, free } = removal;
+        let Removal { cells, springs, copies, words, free, .. } = removal;
         let batch = self.record();
         self.gpu.submit(batch);
         if let Some(split) = &mut self.split {
             split.take(&self.gpu, self.node_count, words, copies);
             self.solver.in_use = InUse::new(&self.params, &split.host);
         }
+        self.kind.take(&self.gpu, removal);
         // removed elements, new masses
         let gone = if self.rotates { cells } else { springs };
         if let Some(elements) = self.body.elements.clone() {

@@ -22,7 +22,7 @@ use crate::kernels::corner;
 use crate::kernels::momentum::share;
 use crate::kernels::product::Modes;
 use crate::math::{M3, Real, V3};
-use crate::scene::Element;
+use crate::scene::{Element, Layer};
 
 /// 24×24 matrix by rows.
 pub type Matrix = [[f64; 24]; 24];
@@ -31,6 +31,12 @@ pub type Matrix = [[f64; 24]; 24];
 pub fn lame(young: f64, poisson: f64) -> (f64, f64) {
     let lambda = young * poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson));
     (lambda, young / (2.0 * (1.0 + poisson)))
+}
+
+/// `√(π E′ G / 2)` of a layer, N/m^1.5: see [`crate::bodies::Model::splitting`].
+pub fn splitting(layer: &Layer) -> f64 {
+    let modulus = layer.young / (1.0 - layer.poisson * layer.poisson);
+    (std::f64::consts::FRAC_PI_2 * modulus * layer.toughness).sqrt()
 }
 
 /// Elastic strain of the rest shape along x, y and z (and 0) of a layer with in-plane strain `[e_x, e_y]`: `e_z = −ν/(1 − ν) (e_x + e_y)`,

@@ -14,7 +14,7 @@ mod stable;
 pub use hyperelastic::{Hyperelastic, tangent};
 
 use super::gpu::{Maker, Recorded};
-use super::{Elements, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Wound};
+use super::{Elements, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
@@ -411,10 +411,12 @@ impl Mechanics for Hexahedra {
         rotation
     }
 
-    fn stays(&self, model: &Model, rotation: &[V4<f64>], _: &[V4<f64>], node: usize) -> bool {
+    fn stays<'a>(&'a self, model: &'a Model, rotation: &'a [V4<f64>], _: &[u32], _: &'a [V4<f64>]) -> Stays<'a> {
         let params = model.grid.params::<f64>();
-        let at = params.node_at(node);
-        (0..8).filter_map(|a| params.cell_below(at, a)).any(|cell| rotation[cell] != [0.0; 4])
+        Box::new(move |node| {
+            let at = params.node_at(node);
+            (0..8).filter_map(|a| params.cell_below(at, a)).any(|cell| rotation[cell] != [0.0; 4])
+        })
     }
 
     fn forces_at(&self, model: &Model, wound: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
@@ -450,8 +452,7 @@ impl Mechanics for Hexahedra {
     }
 
     fn splitting(&self, layer: &Layer) -> f64 {
-        let modulus = layer.young / (1.0 - layer.poisson * layer.poisson);
-        (std::f64::consts::FRAC_PI_2 * modulus * layer.toughness).sqrt()
+        element::splitting(layer)
     }
 
     fn recorded(&self, model: &Model, made: &mut Maker, u: &Buffer, params: &Params<f32>) -> Result<Box<dyn Recorded>> {

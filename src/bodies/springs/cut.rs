@@ -65,7 +65,9 @@ impl Wound {
             corners.iter().filter(|x| x[2] >= top).for_each(|x| self.top.add(x));
         }
         self.totals.tetrahedra += touched.len();
-        self.surface.remove_tetrahedra(&touched);
+        if let Some(parts) = self.surface.tetrahedra_mut() {
+            parts.remove(&touched);
+        }
     }
 
     /// Opens the cells around a cut grid edge (from node `a` along `axis`) that have severed two edges along that axis.

@@ -12,7 +12,7 @@ mod gpu;
 use super::gpu::{Maker, Recorded};
 use super::grid::element;
 use super::{
-    Elements, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Wound, energy,
+    Elements, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound, energy,
     of_cells,
 };
 use crate::error::Result;
@@ -270,9 +270,11 @@ impl Mechanics for Springs {
         state.rotation.clone()
     }
 
-    fn stays(&self, _: &Model, _: &[V4<f64>], law: &[V4<f64>], node: usize) -> bool {
-        let own = self.first[node] as usize..self.first[node + 1] as usize;
-        self.half[own].iter().any(|[_, spring]| law[*spring as usize] != [0.0; 4])
+    fn stays<'a>(&'a self, _: &'a Model, _: &'a [V4<f64>], _: &[u32], law: &'a [V4<f64>]) -> Stays<'a> {
+        Box::new(|node| {
+            let own = self.first[node] as usize..self.first[node + 1] as usize;
+            self.half[own].iter().any(|[_, spring]| law[*spring as usize] != [0.0; 4])
+        })
     }
 
     /// The forces of [`springs::springs`]; its dampers `c`, and Rayleigh's damping with `r_K` times its tangent, act on the velocity with

@@ -6,13 +6,14 @@ use crate::bodies::{Model, Removal};
 use crate::error::Result;
 use crate::kernels::precondition::precondition;
 use crate::kernels::product::{CellForces, LANES};
-use crate::kernels::{Params, factor, tetrahedra_blocks};
+use crate::kernels::{Params, factor, tetrahedra_blocks, tetrahedra_centres};
 use crate::math::{Real, V4};
 
 /// Arrays in one precision, with the rotations of the step.
 pub struct Tetrahedra<R> {
     arrays: Arrays<R>,
     corotational: bool,
+    can_change: bool,
     rotations: Rotations<R>,
     node_rotations: Vec<V4<R>>,
     block: Vec<V4<R>>, // [node × 4] inverse of the node's block
@@ -26,7 +27,8 @@ impl<R: Real> Tetrahedra<R> {
             rotations: arrays.rotations(&[], false),
             node_rotations: arrays.node_rotations(&[], false),
             corotational: tetrahedra.corotational,
-            block: Vec::with_capacity(4 * model.own_nodes()),
+            can_change: tetrahedra.can_change,
+            block: Vec::with_capacity(4 * model.node_count()),
             arrays,
         }
     }
@@ -94,10 +96,14 @@ impl<R: Real> System<R> for Tetrahedra<R> {
     }
 
     fn points(&self, _: &Params<R>, u: &[V4<R>], points: &mut [V4<R>]) {
-        points.copy_from_slice(u);
+        tetrahedra_centres::tetrahedra_centres(&self.arrays.corners, u, points);
     }
 
-    fn take(&mut self, _: &Params<R>, _: &Removal) {}
+    fn take(&mut self, _: &Params<R>, removal: &Removal) {
+        if let Some((operator, changes)) = &removal.operator {
+            self.arrays.take(operator, changes);
+        }
+    }
 
     fn nodes_in_use(&self, params: &Params<R>) -> usize {
         params.node_count as usize
@@ -114,6 +120,6 @@ impl<R: Real> System<R> for Tetrahedra<R> {
     }
 
     fn split(&self) -> &[u32] {
-        &[]
+        if self.can_change { self.arrays.corners.as_flattened() } else { &[] }
     }
 }

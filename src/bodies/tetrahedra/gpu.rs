@@ -1,14 +1,15 @@
 //! Tetrahedra on a device: the arrays of [`super::operator`], rotations of the step, and the results of each pass for each right-hand side.
 
 use super::operator::Arrays as Operator;
+use crate::bodies::Removal;
 use crate::bodies::gpu::{Arrays, Dispatch, Maker, Recorded};
 use crate::error::Result;
 use crate::gpu::{Bound, Buffer, Gpu};
 use crate::kernels::polar::UPRIGHT;
 use crate::kernels::{
-    GROUP, Params, Source, tetrahedra_blocks, tetrahedra_domains, tetrahedra_forces, tetrahedra_means,
-    tetrahedra_plain, tetrahedra_pressures, tetrahedra_product, tetrahedra_rotations, tetrahedra_smoothed,
-    tetrahedra_strains, tetrahedra_volumes,
+    GROUP, Params, Source, tetrahedra_blocks, tetrahedra_centres, tetrahedra_domains, tetrahedra_forces,
+    tetrahedra_means, tetrahedra_plain, tetrahedra_pressures, tetrahedra_product, tetrahedra_rotations,
+    tetrahedra_smoothed, tetrahedra_strains, tetrahedra_volumes,
 };
 use crate::math::round;
 
@@ -24,6 +25,8 @@ pub(super) struct Tetrahedra {
     running: Buffer,
     /// Parameter blocks of the mean rotations of domains and of nodes.
     means: [Buffer; 2],
+    /// Corners, where tools cut or carve.
+    corners: Option<(Buffer, Vec<u32>)>,
 }
 
 /// Rounds an array of the host when the device stores it.
@@ -64,7 +67,9 @@ impl Tetrahedra {
                 made.zeros::<f32>("pressure", nodes * slots)?,
             ]);
         }
+        let corners = || if made.gpu.is_dry() { vec![] } else { own.corners.as_flattened().to_vec() };
         Ok(Self {
+            corners: tetrahedra.can_change.then(|| (shared[0].clone(), corners())),
             shared: Arrays::of(&shared)
                 .joined(&Arrays::of(std::slice::from_ref(&force)))
                 .joined(&Arrays::one("strain", &force)),
@@ -123,6 +128,14 @@ impl Tetrahedra {
     }
 }
 
+/// Writes the values of some owners, `each` of them for one, in one piece per run of consecutive owners.
+fn write<T: bytemuck::NoUninit>(gpu: &Gpu, buffer: &Buffer, owners: &[u32], each: usize, value: impl Fn(usize) -> T) {
+    for run in owners.chunk_by(|a, b| a + 1 == *b) {
+        let values: Vec<T> = (run[0] as usize * each..(run[run.len() - 1] as usize + 1) * each).map(&value).collect();
+        gpu.write(buffer, (run[0] as usize * each * size_of::<T>()) as u64, &values);
+    }
+}
+
 impl Recorded for Tetrahedra {
     fn shared(&self) -> Arrays {
         self.shared.clone()
@@ -144,6 +157,32 @@ impl Recorded for Tetrahedra {
         list.extend(self.corner_forces(gpu, arrays, &of_all)?);
         list.push((arrays.bind(gpu, &tetrahedra_forces::SOURCE, &[("params", main)])?, self.threads()[0]));
         Ok(list)
+    }
+
+    fn points(&self, gpu: &Gpu, main: &Buffer, u: &Buffer, to: &Buffer) -> Result<Option<Dispatch>> {
+        let list = [("params", main), ("u", u), ("point_u", to)];
+        Ok(Some((self.shared.bind(gpu, &tetrahedra_centres::SOURCE, &list)?, self.threads()[1])))
+    }
+
+    fn split(&self) -> Option<(Buffer, Vec<u32>)> {
+        self.corners.clone()
+    }
+
+    /// Writes what has changed, and all of the lists of nodes and domains; the corners are the table of split nodes.
+    fn take(&self, gpu: &Gpu, removal: &Removal) {
+        let Some((operator, changes)) = &removal.operator else { return };
+        let own = |name: &str| self.shared.get(name).unwrap_or_else(|| unreachable!("the body has {name}"));
+        write(gpu, &own("gradients"), &changes.tetrahedra, 3, |at| operator.gradients[at].map(|c| c as f32));
+        write(gpu, &own("rest_block"), &changes.nodes, 2, |at| operator.rest_block[at].map(|c| c as f32));
+        gpu.write(&own("first_of_node"), 0, &operator.first_of_node);
+        gpu.write(&own("of_node"), 0, &operator.of_node);
+        if self.smoothed {
+            write(gpu, &own("per_volume"), &changes.nodes, 1, |at| operator.per_volume[at] as f32);
+            write(gpu, &own("shear"), &changes.domains, 1, |at| operator.shear[at].map(|c| c as f32));
+            write(gpu, &own("domains"), &changes.tetrahedra, 6, |at| operator.domains[at]);
+            gpu.write(&own("first_of_domain"), 0, &operator.first_of_domain);
+            gpu.write(&own("of_domain"), 0, &operator.of_domain);
+        }
     }
 
     fn blocks(&self, gpu: &Gpu, arrays: &Arrays, more: &[(&'static str, &Buffer)]) -> Result<Bound> {

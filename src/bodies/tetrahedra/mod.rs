@@ -6,15 +6,21 @@
 //! scenes/skin_tetra.toml on irregular meshes of 768, 2592 and 6144 tetrahedra (tests/engine/meshes.rs), %: smoothed +24, +9, −2; plain, on the
 //! last, +45.
 //!
+//! A blade severs the links between tetrahedra of a mesh, or removes tetrahedra, and tools carve them ([`crate::mesh::TetrahedralParts`]).
+//! Those of a grid are neither cut nor carved.
+//!
 //! In a grid, contact, loads and probes see the faces of the cells, whose shape functions share the tetrahedra's nodes, and masses are those
 //! of the cells. Of a mesh they see the triangles of its outside, and each tetrahedron gives its corners a quarter of its mass.
 
 pub mod cpu;
+mod cut;
 mod gpu;
 pub mod operator;
 
 use super::gpu::{Maker, Recorded};
-use super::{Elements, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Wound};
+use super::{
+    Elements, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound,
+};
 use crate::bodies::grid::element;
 use crate::bodies::grid::local::beyond;
 use crate::error::Result;
@@ -22,9 +28,11 @@ use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, V3, V4};
-use crate::mesh::{Grid, PER_CELL};
-use crate::scene::{Element, Integrator, Law, Layer, Mass, PRECONDITIONER, Preconditioner, ProbeKind, Scene};
-use operator::Arrays;
+use crate::mesh::{EDGES, Grid, PER_CELL};
+use crate::scene::{
+    Cut, Element, Integrator, Law, Layer, Mass, PRECONDITIONER, Preconditioner, ProbeKind, Scene, Skin,
+};
+use operator::{Arrays, is_removed};
 
 /// Arrays of a body of tetrahedra.
 #[derive(Clone, Debug, Default)]
@@ -35,6 +43,12 @@ pub struct Tetrahedra {
     pub corotational: bool,
     /// Smoothed elements; otherwise plain ones.
     pub smoothed: bool,
+    /// Nodes reserved for those that a cut duplicates.
+    pub reserve: usize,
+    /// Whether the scene has tools that may cut or carve the body.
+    pub can_change: bool,
+    /// `[layer]` kg/m³
+    density: Vec<f64>,
 }
 
 /// Refuses a scene of tetrahedra with what is for other elements.
@@ -64,8 +78,11 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
     if skin.layers.iter().any(|layer| layer.pre_strain != [0.0; 2]) {
         return refuse("pre_strain", "leave it out");
     }
-    if scene.tools.iter().any(|tool| tool.blade.is_some()) {
-        return refuse("a blade", "take a tool without one");
+    if skin.mesh.is_none() && scene.tools.iter().any(|tool| tool.blade.is_some()) {
+        return refuse(
+            "a blade on those of a grid",
+            "give the body a `mesh`, whose tetrahedra it cuts, or take a tool without one",
+        );
     }
     if scene.probes.iter().any(|probe| of_cells(&probe.kind)) {
         return refuse(
@@ -76,14 +93,26 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
     Ok(())
 }
 
+/// Number of nodes reserved for those that a blade duplicates.
+pub(super) fn reserve(scene: &Scene, skin: &Skin) -> usize {
+    let blade = scene.tools.iter().any(|tool| tool.blade.is_some());
+    match skin.cut {
+        Cut::Split { reserve_columns } if blade && skin.law.is_tetrahedral() => reserve_columns as usize,
+        _ => 0,
+    }
+}
+
 impl Tetrahedra {
     /// Without the arrays of the grid's size.
-    pub(super) fn of_law(law: Law) -> Self {
-        let (smoothed, corotational) = match law {
+    pub(super) fn new(scene: &Scene, body: usize) -> Self {
+        let skin = &scene.skins[body];
+        let (smoothed, corotational) = match skin.law {
             Law::Fem { element, corotational } => (element == Element::Tetra, corotational),
             _ => (true, true),
         };
-        Self { arrays: Arrays::default(), corotational, smoothed }
+        let (reserve, can_change) = (reserve(scene, skin), skin.mesh.is_some() && !scene.tools.is_empty());
+        let density = skin.layers.iter().map(|layer| layer.density).collect();
+        Self { arrays: Arrays::default(), corotational, smoothed, reserve, can_change, density }
     }
 
     /// Fills the arrays: `rest` has the nodes of the grid or of its mesh, m.
@@ -96,16 +125,29 @@ impl Tetrahedra {
             })
             .collect();
         self.arrays = Arrays::new(rest, &grid.tetrahedra(), &moduli, self.smoothed);
+        self.arrays.reserve(self.reserve, EDGES * self.reserve);
     }
 
-    /// Number of domains of the deviator: edges, once per material; none of plain elements.
+    /// Number of domains of the deviator: edges, once per material, with the room for those that cuts divide; none of plain elements.
     pub(super) fn domain_count(&self, grid: &Grid) -> usize {
         match self.smoothed {
             false => 0,
             // a model of sizes has no arrays
-            true if self.arrays.shear.is_empty() => grid.tetrahedron_edges(),
+            true if self.arrays.shear.is_empty() => grid.tetrahedron_edges() + EDGES * self.reserve,
             true => self.arrays.shear.len(),
         }
+    }
+}
+
+impl Tetrahedra {
+    /// The operator of the body as it is cut now.
+    fn now<'a>(&'a self, wound: &'a Wound) -> &'a Arrays<f64> {
+        wound.operator.as_deref().unwrap_or(&self.arrays)
+    }
+
+    /// Mass that a tetrahedron gives each of its corners, kg.
+    fn quarter(&self, model: &Model, e: usize) -> f64 {
+        0.25 * self.density[model.grid.tetrahedron_layer(e)] * self.arrays.volume(e)
     }
 }
 
@@ -114,28 +156,40 @@ impl Mechanics for Tetrahedra {
         Elements { tetrahedron_count: model.grid.tetrahedron_count(), ..Elements::default() }
     }
 
+    /// Cuts find the tetrahedra around nodes themselves.
     fn around_nodes(&self, _: &Model) -> Vec<u32> {
-        self.arrays.first_of_node.windows(2).map(|w| w[1] - w[0]).collect()
+        vec![]
     }
 
     fn rotation_count(&self, _: &Model) -> usize {
         0
     }
 
+    /// Links over the faces that tetrahedra of a mesh share, between their centroids.
     fn segments(&self, model: &Model) -> Segments {
-        Segments { ends: vec![], rest: model.rest.clone() }
+        let Some(of) = model.unstructured() else { return Segments::default() };
+        let centroid = |corners: &[u32; 4]| {
+            let sum = corners.iter().fold(V3::zero(), |sum, node| sum + V3::of(model.rest[*node as usize]));
+            (sum * 0.25).f64()
+        };
+        let ends = (0..of.links.sides.len()).map(|link| of.links.ends(link).map(|e| e as u32)).collect();
+        Segments { ends, rest: of.mesh.tetrahedra().iter().map(centroid).collect() }
     }
 
-    fn segment_count(&self, _: &Model) -> usize {
-        0
+    fn segment_count(&self, model: &Model) -> usize {
+        model.unstructured().map_or(0, |of| of.links.sides.len())
     }
 
     fn point_count(&self, model: &Model) -> usize {
-        model.own_nodes()
+        model.unstructured().map_or(0, |of| of.mesh.tetrahedra().len())
     }
 
     fn extra_columns(&self) -> usize {
         0
+    }
+
+    fn extra_nodes(&self, _: &Model) -> usize {
+        self.reserve
     }
 
     fn corotational(&self) -> u32 {
@@ -143,7 +197,7 @@ impl Mechanics for Tetrahedra {
     }
 
     fn product_groups(&self, model: &Model) -> usize {
-        model.own_nodes().div_ceil(GROUP as usize)
+        model.node_count().div_ceil(GROUP as usize)
     }
 
     fn exact(&self) -> Kind {
@@ -151,7 +205,7 @@ impl Mechanics for Tetrahedra {
     }
 
     fn host_bytes(&self, model: &Model) -> usize {
-        let (nodes, count) = (model.own_nodes(), model.grid.tetrahedron_count());
+        let (nodes, count) = (model.node_count(), model.grid.tetrahedron_count());
         // corners and gradients; lists of the nodes, 1/volume and block
         let of_elements = size_of::<[u32; 4]>() + 3 * size_of::<V4<f64>>() + 4 * size_of::<u32>();
         let of_nodes = size_of::<u32>() + size_of::<f64>() + 2 * size_of::<V4<f64>>();
@@ -164,8 +218,8 @@ impl Mechanics for Tetrahedra {
         own + lists + self.domain_count(&model.grid) * (size_of::<[f64; 2]>() + size_of::<u32>())
     }
 
-    fn energy(&self, _: &Model, u: &[V4<f64>], _: &[V4<f64>], _: &[u32], _: &[V4<f64>]) -> f64 {
-        self.arrays.energy(u, self.corotational)
+    fn energy(&self, _: &Model, u: &[V4<f64>], _: &[V4<f64>], split: &[u32], _: &[V4<f64>]) -> f64 {
+        self.arrays.by_corners(split).energy(u, self.corotational)
     }
 
     fn linearised(&self, _: &Model) -> bool {
@@ -181,10 +235,11 @@ impl Mechanics for Tetrahedra {
     ) -> [Vec<V4<f64>>; 2] {
         let zeros = vec![[0.0; 4]; at.len()];
         let (mut f, mut w) = (zeros.clone(), zeros);
-        let rotations = self.arrays.rotations(&solved.start.u, self.corotational);
-        let scratch = &mut self.arrays.scratch();
-        self.arrays.forces(at, &rotations, &mut f, scratch);
-        self.arrays.system_product(&model.params(), in_system, &solved.dx, &rotations, &mut w, scratch);
+        let arrays = self.arrays.by_corners(&solved.start.split);
+        let rotations = arrays.rotations(&solved.start.u, self.corotational);
+        let scratch = &mut arrays.scratch();
+        arrays.forces(at, &rotations, &mut f, scratch);
+        arrays.system_product(&model.params(), in_system, &solved.dx, &rotations, &mut w, scratch);
         [f, w]
     }
 
@@ -193,13 +248,15 @@ impl Mechanics for Tetrahedra {
     }
 
     /// Of the whole body, since the volume at a node depends on nodes two elements away: scenes that ask for fewer nodes are refused.
-    fn forces_at(&self, model: &Model, _: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
-        let (u, v): (Vec<_>, Vec<_>) = (0..model.own_nodes()).map(moved).map(|[u, v]| (u.pad(0.0), v.pad(0.0))).unzip();
-        let rotations = self.arrays.rotations(&u, self.corotational);
+    fn forces_at(&self, model: &Model, wound: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
+        let (u, v): (Vec<_>, Vec<_>) =
+            (0..model.node_count()).map(moved).map(|[u, v]| (u.pad(0.0), v.pad(0.0))).unzip();
+        let arrays = self.now(wound);
+        let rotations = arrays.rotations(&u, self.corotational);
         let (mut f, mut damping) = (vec![[0.0; 4]; u.len()], vec![[0.0; 4]; u.len()]);
-        let scratch = &mut self.arrays.scratch();
-        self.arrays.forces(&u, &rotations, &mut f, scratch);
-        self.arrays.product(&v, &rotations, &mut damping, scratch);
+        let scratch = &mut arrays.scratch();
+        arrays.forces(&u, &rotations, &mut f, scratch);
+        arrays.product(&v, &rotations, &mut damping, scratch);
         let sum = |node: &u32| {
             let i = *node as usize;
             (V3::from4(f[i]) + V3::from4(damping[i]) * model.step.rayleigh_stiffness).f64()
@@ -212,8 +269,8 @@ impl Mechanics for Tetrahedra {
     }
 
     /// Of a cell of a grid the means over its tetrahedra.
-    fn strains_and_stresses(&self, model: &Model, _: &Wound, u: &[V4<f64>]) -> Vec<[M3<f64>; 2]> {
-        let all = self.arrays.strains_and_stresses(u, self.corotational);
+    fn strains_and_stresses(&self, model: &Model, wound: &Wound, u: &[V4<f64>]) -> Vec<[M3<f64>; 2]> {
+        let all = self.now(wound).strains_and_stresses(u, self.corotational);
         if model.unstructured().is_some() {
             return all;
         }
@@ -224,14 +281,17 @@ impl Mechanics for Tetrahedra {
         six.iter().map(mean).collect()
     }
 
-    /// Nothing cuts or carves them.
-    fn alive_share(&self, _: &Model, _: &Wound, _: usize) -> f64 {
-        1.0
+    /// Nothing cuts or carves those of a grid.
+    fn alive_share(&self, model: &Model, wound: &Wound, cell: usize) -> f64 {
+        if model.unstructured().is_some() { wound.surface.linked_share(cell) } else { 1.0 }
     }
 
     fn count_cells(&self, model: &Model, state: &Snapshot, holds: &Holds) -> u32 {
-        let gradients = self.arrays.displacement_gradients(&state.u);
-        let of = |(e, h): &(usize, &M3<f64>)| holds(model.grid.tetrahedron_layer(*e), M3::identity() + **h);
+        let arrays = self.arrays.by_corners(&state.split);
+        let gradients = arrays.displacement_gradients(&state.u);
+        let of = |(e, h): &(usize, &M3<f64>)| {
+            !is_removed(&arrays.corners[*e]) && holds(model.grid.tetrahedron_layer(*e), M3::identity() + **h)
+        };
         gradients.iter().enumerate().filter(of).count() as u32
     }
 
@@ -239,24 +299,37 @@ impl Mechanics for Tetrahedra {
         beyond(gradient - M3::identity(), self.corotational)
     }
 
-    fn stays(&self, _: &Model, _: &[V4<f64>], _: &[V4<f64>], _: usize) -> bool {
-        true
+    fn stays<'a>(&'a self, _: &'a Model, _: &'a [V4<f64>], split: &[u32], _: &'a [V4<f64>]) -> Stays<'a> {
+        let (corners, _) = split.as_chunks();
+        let mut has = vec![corners.is_empty(); self.arrays.per_volume.len()];
+        let present = corners.iter().filter(|corners| !is_removed(corners));
+        present.flatten().for_each(|node| has[*node as usize] = true);
+        Box::new(move |node| has[node])
     }
 
-    fn cut(&self, _: &Model, _: &mut Wound, _: &[Hit<f64>]) -> Removal {
-        Removal::default()
+    fn cut(&self, model: &Model, wound: &mut Wound, hits: &[Hit<f64>]) -> Removal {
+        if self.reserve == 0 { wound.remove_crossed(model, self, hits) } else { wound.split_nodes(model, self, hits) }
     }
 
-    fn pieces(&self, _: &Wound) -> Option<usize> {
-        None
+    fn carve(&self, model: &Model, wound: &mut Wound, cells: &[u32]) -> Removal {
+        wound.carve_tetrahedra(model, self, cells)
     }
 
-    fn mass_left(&self, _: &Model, wound: &Wound) -> f64 {
-        wound.mass_of_nodes()
+    fn pieces(&self, wound: &Wound) -> Option<usize> {
+        Some(wound.surface.tetrahedra()?.pieces())
     }
 
-    fn splitting(&self, _: &Layer) -> f64 {
-        f64::INFINITY
+    fn mass_left(&self, model: &Model, wound: &Wound) -> f64 {
+        if model.mass == Mass::Uniform || model.unstructured().is_none() {
+            return wound.mass_of_nodes();
+        }
+        let present = wound.surface.present().iter().enumerate().filter(|(_, here)| **here);
+        present.map(|(e, _)| 4.0 * self.quarter(model, e)).sum()
+    }
+
+    /// As of hexahedra, of the same material.
+    fn splitting(&self, layer: &Layer) -> f64 {
+        element::splitting(layer)
     }
 
     fn recorded(&self, _: &Model, made: &mut Maker, _: &Buffer, params: &Params<f32>) -> Result<Box<dyn Recorded>> {

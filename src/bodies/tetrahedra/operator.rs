@@ -1,4 +1,9 @@
 //! Arrays of the elastic operator of a mesh of linear tetrahedra, and its passes on the CPU path ([`crate::kernels::tetrahedra`]).
+//!
+//! A cut gives tetrahedra other nodes or removes them ([`Arrays::change`]). An edge whose tetrahedra have parted is then two domains. Volumes,
+//! domains and blocks are found anew around the change alone; the lists of nodes and domains are put in order anew for the whole body. A
+//! removed tetrahedron stays in its arrays, with one node as all of its corners, without gradients, volume or moduli, and in no list: it
+//! takes part in every pass and adds nothing.
 
 use crate::bodies::grid::element::green_lagrange;
 use crate::kernels::tetrahedra::{deviator, displacement_gradient, matrix};
@@ -9,6 +14,7 @@ use crate::kernels::{
 use crate::math::{M3, Real, V3, V4, rotation_matrix, round};
 use crate::mesh::PAIRS;
 use rayon::prelude::*;
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Tetrahedron: corners in positive orientation, layer.
@@ -39,6 +45,25 @@ pub struct Arrays<R> {
     pub domains: Vec<u32>,
     /// `[node × 2]` node's own block of the stiffness matrix at rest, N/m: xx xy xz yy; yz zz.
     pub rest_block: Vec<V4<R>>,
+}
+
+/// Parts of the arrays that a cut has changed, each in ascending order; the lists of nodes and domains may have changed everywhere.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Changes {
+    /// Tetrahedra with other corners or domains, or that were removed.
+    pub tetrahedra: Vec<u32>,
+    /// Nodes with another volume or block.
+    pub nodes: Vec<u32>,
+    /// Domains with other tetrahedra.
+    pub domains: Vec<u32>,
+}
+
+/// Volume, m³, and modulus, Pa, of a domain that is not in use: without a modulus it has no stress.
+const UNUSED: [f64; 2] = [1.0, 0.0];
+
+/// True for the corners of a removed tetrahedron.
+pub fn is_removed(corners: &[u32; 4]) -> bool {
+    corners[0] == corners[1]
 }
 
 /// Rotations of the tetrahedra and of the domains, as quaternions.
@@ -92,6 +117,124 @@ impl Arrays<f64> {
         let blocks: Vec<[V4<f64>; 2]> = (0..rest.len()).into_par_iter().map(|i| out.block(i)).collect();
         out.rest_block = blocks.into_flattened();
         out
+    }
+
+    /// Room for the nodes and domains that cuts add, which are not in use.
+    pub fn reserve(&mut self, nodes: usize, domains: usize) {
+        let count = self.per_volume.len() + nodes;
+        self.first_of_node.resize(count + 1, self.of_node.len() as u32);
+        self.per_volume.resize(count, 0.0);
+        self.rest_block.resize(2 * count, [0.0; 4]);
+        if self.smoothed {
+            let count = self.shear.len() + domains;
+            self.first_of_domain.resize(count + 1, self.of_domain.len() as u32);
+            self.shear.resize(count, UNUSED);
+        }
+    }
+
+    /// Gives tetrahedra other corners, or removes them (all corners the same).
+    pub fn change(&mut self, changes: &[(u32, [u32; 4])]) -> Changes {
+        let mut touched: BTreeSet<u32> = BTreeSet::new(); // nodes
+        for (e, corners) in changes {
+            let at = *e as usize;
+            touched.extend(self.corners[at].iter().chain(corners));
+            self.corners[at] = *corners;
+            if is_removed(corners) {
+                self.gradients[3 * at..3 * at + 3].fill([0.0; 4]);
+            }
+        }
+        let mut tetrahedra: BTreeSet<u32> = changes.iter().map(|(e, _)| *e).collect();
+        let domains = if self.smoothed { self.divide_domains(&mut tetrahedra) } else { vec![] };
+        self.set_lists();
+        for i in &touched {
+            let volume: f64 = self.around(*i as usize).map(|(e, _)| self.volume(e)).sum();
+            self.per_volume[*i as usize] = if volume > 0.0 { volume.recip() } else { 0.0 };
+        }
+        // a block depends on the nodes of the tetrahedra around its own
+        let around = touched.iter().flat_map(|i| self.around(*i as usize)).flat_map(|(e, _)| self.corners[e]);
+        let nodes: BTreeSet<u32> = around.chain(touched.iter().copied()).collect();
+        Changes { tetrahedra: tetrahedra.into_iter().collect(), nodes: nodes.into_iter().collect(), domains }
+    }
+
+    /// Finds the blocks of some nodes anew.
+    pub fn set_blocks(&mut self, nodes: &[u32]) {
+        let blocks: Vec<[V4<f64>; 2]> = nodes.par_iter().map(|i| self.block(*i as usize)).collect();
+        for (i, block) in nodes.iter().zip(blocks) {
+            self.rest_block[2 * *i as usize..2 * *i as usize + 2].copy_from_slice(&block);
+        }
+    }
+
+    /// The operator by the corners of all tetrahedra; by those of the body as it is if there are none.
+    pub fn by_corners(&self, corners: &[u32]) -> Cow<'_, Self> {
+        let (corners, _) = corners.as_chunks();
+        let other = (0u32..).zip(corners).zip(&self.corners).filter(|((_, now), own)| now != own);
+        let changes: Vec<(u32, [u32; 4])> = other.map(|((e, now), _)| (e, *now)).collect();
+        if changes.is_empty() {
+            return Cow::Borrowed(self);
+        }
+        let mut out = self.clone();
+        out.change(&changes);
+        Cow::Owned(out)
+    }
+
+    /// Puts the lists of the nodes and of the domains in order.
+    fn set_lists(&mut self) {
+        let present = || self.corners.iter().enumerate().filter(|(_, corners)| !is_removed(corners));
+        let corner = |(e, corners): (usize, &[u32; 4])| {
+            let of = *corners;
+            (0..4).map(move |a| (of[a], (4 * e + a) as u32))
+        };
+        let around: Vec<(u32, u32)> = present().flat_map(corner).collect();
+        let of_nodes = lists(self.per_volume.len(), &around);
+        if self.smoothed {
+            let edge = |(e, _): (usize, &[u32; 4])| (0..6).map(move |k| (6 * e + k, 4 * e as u32));
+            let members: Vec<(u32, u32)> =
+                present().flat_map(edge).map(|(at, entry)| (self.domains[at], entry)).collect();
+            (self.first_of_domain, self.of_domain) = lists(self.shear.len(), &members);
+        }
+        (self.first_of_node, self.of_node) = of_nodes;
+    }
+
+    /// Divides the domains of tetrahedra with other corners by the edges that they are now; returns those with other members, and adds the
+    /// tetrahedra that are of others.
+    fn divide_domains(&mut self, changed: &mut BTreeSet<u32>) -> Vec<u32> {
+        let mut out: BTreeSet<u32> =
+            changed.iter().flat_map(|e| &self.domains[6 * *e as usize..6 * (*e as usize + 1)]).copied().collect();
+        let in_use = self.first_of_domain.windows(2).rposition(|w| w[0] < w[1]).map_or(0, |k| k + 1);
+        let mut next = in_use as u32;
+        for domain in out.clone() {
+            let modulus = self.shear[domain as usize][1];
+            let members =
+                self.first_of_domain[domain as usize] as usize..self.first_of_domain[domain as usize + 1] as usize;
+            let mut numbers: Vec<([u32; 2], u32)> = vec![];
+            self.shear[domain as usize] = UNUSED;
+            for at in members {
+                let e = (self.of_domain[at] / 4) as usize;
+                if is_removed(&self.corners[e]) {
+                    continue;
+                }
+                let own = (6 * e..6 * e + 6).find(|at| self.domains[*at] == domain);
+                let own = own.unwrap_or_else(|| unreachable!("it is a member"));
+                let [a, b] = PAIRS[own - 6 * e].map(|a| self.corners[e][a]);
+                let key = [a.min(b), a.max(b)];
+                let known = numbers.iter().find(|(of, _)| *of == key).map(|known| known.1);
+                let number = known.unwrap_or_else(|| {
+                    // the first edge keeps the number
+                    let number = if numbers.is_empty() { domain } else { next };
+                    next += u32::from(!numbers.is_empty());
+                    numbers.push((key, number));
+                    assert!((number as usize) < self.shear.len(), "a cut divides no more edges than it has room for");
+                    self.shear[number as usize] = [0.0, modulus];
+                    number
+                });
+                self.shear[number as usize][0] += self.volume(e);
+                if std::mem::replace(&mut self.domains[own], number) != number {
+                    changed.insert(e as u32);
+                    out.insert(number);
+                }
+            }
+        }
+        out.into_iter().collect()
     }
 
     /// Domains: edges of one material each.
@@ -225,6 +368,9 @@ impl Arrays<f64> {
         let mut scratch = self.scratch();
         let forces = self.corner_forces(1, u, &rotations, &mut scratch);
         let of = |(e, moved): (usize, M3<f64>)| {
+            if is_removed(&self.corners[e]) {
+                return [M3::zero(); 2];
+            }
             // the forces at corners 1 to 3 are V P ∇N_a
             let stress = matrix(forces, e) * matrix(&self.gradients, e).inverse();
             let turned = stress * rotation_matrix(rotations.element[e]).transpose();
@@ -240,6 +386,26 @@ fn of_deviator(b: V3<f64>) -> M3<f64> {
 }
 
 impl<R: Real> Arrays<R> {
+    /// Takes what a cut has changed in the same arrays in f64.
+    pub fn take(&mut self, from: &Arrays<f64>, changes: &Changes) {
+        for e in changes.tetrahedra.iter().map(|e| *e as usize) {
+            self.corners[e] = from.corners[e];
+            (3 * e..3 * e + 3).for_each(|at| self.gradients[at] = round(&from.gradients[at]));
+            if self.smoothed {
+                self.domains[6 * e..6 * e + 6].copy_from_slice(&from.domains[6 * e..6 * e + 6]);
+            }
+        }
+        for i in changes.nodes.iter().map(|i| *i as usize) {
+            self.per_volume[i] = R::of(from.per_volume[i]);
+            (2 * i..2 * i + 2).for_each(|at| self.rest_block[at] = round(&from.rest_block[at]));
+        }
+        changes.domains.iter().for_each(|k| self.shear[*k as usize] = round(&from.shear[*k as usize]));
+        self.first_of_node.clone_from(&from.first_of_node);
+        self.of_node.clone_from(&from.of_node);
+        self.first_of_domain.clone_from(&from.first_of_domain);
+        self.of_domain.clone_from(&from.of_domain);
+    }
+
     /// Tetrahedra around a node, with the node's corner.
     pub fn around(&self, node: usize) -> impl Iterator<Item = (usize, usize)> {
         let own = &self.of_node[self.first_of_node[node] as usize..self.first_of_node[node + 1] as usize];
