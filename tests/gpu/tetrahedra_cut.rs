@@ -89,7 +89,7 @@ fn cut_alike(gpu: &Gpu) -> Result<(), Failure> {
         let worst = apart.iter().copied().fold(0.0, f64::max);
         super::report(gpu, &format!("{element:?}: {worst:.1e} apart at most"));
         // written so that NaN fails it
-        if !(worst <= APART) || apart.iter().any(|apart| apart.is_nan()) {
+        if worst > APART || worst.is_nan() || apart.iter().any(|apart| apart.is_nan()) {
             return Err(format!("{element:?}: {apart:?}").into());
         }
     }
