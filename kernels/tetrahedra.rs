@@ -24,6 +24,44 @@ pub const WGSL: &str = include_str!("tetrahedra.wgsl");
 /// Fewest tetrahedra, domains or nodes per thread of a pass on the CPU path.
 pub const FEWEST: usize = 1024;
 
+/// Arrays of a mesh, as the kernels read them; a cut changes them ([`crate::bodies::tetrahedra::operator`]).
+#[derive(Clone, Debug, Default)]
+pub struct Arrays<R> {
+    /// Volume averaged at nodes, deviator over edges; otherwise plain elements, whose arrays of domains are empty.
+    pub smoothed: bool,
+    /// `[tetrahedron]` nodes.
+    pub corners: Vec<[u32; 4]>,
+    /// `[tetrahedron × 3]` gradients of the shape functions of corners 1 to 3, 1/m; fourth numbers: volume m³, bulk and shear modulus Pa.
+    pub gradients: Vec<V4<R>>,
+    /// `[node + 1]` CSR offsets into `of_node`.
+    pub first_of_node: Vec<u32>,
+    /// Tetrahedra around each node: 4 × tetrahedron + the node's corner.
+    pub of_node: Vec<u32>,
+    /// `[node]` 1 / sum of the volumes around it, 1/m³.
+    pub per_volume: Vec<R>,
+    /// `[domain + 1]` CSR offsets into `of_domain`.
+    pub first_of_domain: Vec<u32>,
+    /// Tetrahedra of each domain: 4 × tetrahedron.
+    pub of_domain: Vec<u32>,
+    /// `[domain]` sum of the volumes, m³, and shear modulus, Pa.
+    pub shear: Vec<[R; 2]>,
+    /// `[tetrahedron × 6]` domains of each tetrahedron.
+    pub domains: Vec<u32>,
+    /// `[node × 2]` node's own block of the stiffness matrix at rest, N/m: xx xy xz yy; yz zz.
+    pub rest_block: Vec<V4<R>>,
+}
+
+/// Parts of the arrays that a cut has changed, each in ascending order; the lists of nodes and domains may have changed everywhere.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Changes {
+    /// Tetrahedra with other corners or domains, or that were removed.
+    pub tetrahedra: Vec<u32>,
+    /// Nodes with another volume or block.
+    pub nodes: Vec<u32>,
+    /// Domains with other tetrahedra.
+    pub domains: Vec<u32>,
+}
+
 /// Three columns of a matrix in an array, 48 bytes.
 #[inline(always)]
 pub fn matrix<R: Real>(columns: &[V4<R>], at: usize) -> M3<R> {

@@ -3,8 +3,8 @@
 //! Lumped and consistent masses belong to the cells; a uniform mass belongs to the node, as in SOFA's UniformMass by default.
 
 use super::Model;
-use super::tetrahedra::operator::{Arrays, Changes};
 use crate::kernels::cut::Hit;
+use crate::kernels::tetrahedra::{Arrays, Changes};
 use crate::math::V4;
 use crate::mesh::Surface;
 use std::sync::Arc;

@@ -297,7 +297,7 @@ fn room_of_mesh(nodes: usize) -> u32 {
 
 fn cut(scene: &SceneText, word: &Option<At<String>>, reserve: &Option<At<u32>>, law: &Law, enough: u32) -> Result<Cut> {
     if matches!(law, Law::Springs { .. }) {
-        let why = "a blade removes springs; only hexahedra and tetrahedra are split";
+        let why = "a blade removes springs, of a `mesh` too; only hexahedra and tetrahedra are split";
         scene.needless("cut", word, why)?;
         scene.needless("cut_reserve_columns", reserve, why)?;
         return Ok(Cut::Remove);

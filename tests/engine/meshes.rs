@@ -515,7 +515,7 @@ fn keys_that_do_not_go_with_a_mesh_are_refused() {
     for (said, words) in [
         (with("cells = [4, 4]"), "`cells` has no effect"),
         (with("size_mm = [4.0, 4.0]"), "`size_mm` has no effect"),
-        (with("cut = \"split\""), "are not cut"),
+        (with("cut = \"split\"\ncut_reserve_columns = 0"), "cut_reserve_columns = 0"),
         (with("element = \"bbar\""), "tetra, plain_tetra"),
         (with("law = \"neo_hookean\""), "corotational"),
         (with("mass = \"consistent\""), "take \"lumped\""),

@@ -21,8 +21,11 @@ pub const TESTS: &[(&str, Test)] = &[
     ("cut_tetrahedra_go_on_from_their_state_bit_for_bit", goes_on),
 ];
 
-/// Difference of the displacements, of the largest: what the solver's tolerance leaves, times what slender rests of the body make of it.
-const APART: f64 = 1e-3;
+/// Difference of the displacements, of the largest: what the solver's tolerance leaves, times what free pieces make of it, which resist a
+/// residual by inertia alone.
+const APART: f64 = 5e-3;
+/// The same after the first cut, when nothing is free.
+const FIRST: f64 = 1e-5;
 /// Steps with a change each.
 const ROUNDS: usize = 24;
 
@@ -89,7 +92,7 @@ fn cut_alike(gpu: &Gpu) -> Result<(), Failure> {
         let worst = apart.iter().copied().fold(0.0, f64::max);
         super::report(gpu, &format!("{element:?}: {worst:.1e} apart at most"));
         // written so that NaN fails it
-        if worst > APART || worst.is_nan() || apart.iter().any(|apart| apart.is_nan()) {
+        if apart[0].is_nan() || apart[0] > FIRST || !apart.iter().all(|apart| *apart <= APART) {
             return Err(format!("{element:?}: {apart:?}").into());
         }
     }
@@ -97,8 +100,8 @@ fn cut_alike(gpu: &Gpu) -> Result<(), Failure> {
 }
 
 fn a_lost_link_is_noticed(gpu: &Gpu) -> Result<(), Failure> {
-    let apart = rounds(gpu, Element::Tetra, 20)?;
-    match apart[0] > APART {
+    let apart = rounds(gpu, Element::Tetra, 10)?;
+    match apart[0] > 10.0 * FIRST {
         true => Ok(()),
         false => Err(format!("{apart:?}").into()),
     }

@@ -17,46 +17,11 @@ use rayon::prelude::*;
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 
+/// The arrays, as the kernels read them.
+pub use crate::kernels::tetrahedra::{Arrays, Changes};
+
 /// Tetrahedron: corners in positive orientation, layer.
 pub type Tetrahedron = ([u32; 4], usize);
-
-/// Constant arrays, as the kernels read them.
-#[derive(Clone, Debug, Default)]
-pub struct Arrays<R> {
-    /// Volume averaged at nodes, deviator over edges; otherwise plain elements, whose arrays of domains are empty.
-    pub smoothed: bool,
-    /// `[tetrahedron]` nodes.
-    pub corners: Vec<[u32; 4]>,
-    /// `[tetrahedron × 3]` gradients of the shape functions of corners 1 to 3, 1/m; fourth numbers: volume m³, bulk and shear modulus Pa.
-    pub gradients: Vec<V4<R>>,
-    /// `[node + 1]` CSR offsets into `of_node`.
-    pub first_of_node: Vec<u32>,
-    /// Tetrahedra around each node: 4 × tetrahedron + the node's corner.
-    pub of_node: Vec<u32>,
-    /// `[node]` 1 / sum of the volumes around it, 1/m³.
-    pub per_volume: Vec<R>,
-    /// `[domain + 1]` CSR offsets into `of_domain`.
-    pub first_of_domain: Vec<u32>,
-    /// Tetrahedra of each domain: 4 × tetrahedron.
-    pub of_domain: Vec<u32>,
-    /// `[domain]` sum of the volumes, m³, and shear modulus, Pa.
-    pub shear: Vec<[R; 2]>,
-    /// `[tetrahedron × 6]` domains of each tetrahedron.
-    pub domains: Vec<u32>,
-    /// `[node × 2]` node's own block of the stiffness matrix at rest, N/m: xx xy xz yy; yz zz.
-    pub rest_block: Vec<V4<R>>,
-}
-
-/// Parts of the arrays that a cut has changed, each in ascending order; the lists of nodes and domains may have changed everywhere.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Changes {
-    /// Tetrahedra with other corners or domains, or that were removed.
-    pub tetrahedra: Vec<u32>,
-    /// Nodes with another volume or block.
-    pub nodes: Vec<u32>,
-    /// Domains with other tetrahedra.
-    pub domains: Vec<u32>,
-}
 
 /// Volume, m³, and modulus, Pa, of a domain that is not in use: without a modulus it has no stress.
 const UNUSED: [f64; 2] = [1.0, 0.0];
