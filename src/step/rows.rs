@@ -62,6 +62,11 @@ impl<'a> Rows<'a> {
         out
     }
 
+    /// True if two points of one body touch each other.
+    pub fn has_lips(&self) -> bool {
+        self.contacts.iter().any(|contact| contact.on[0] == contact.on[1])
+    }
+
     /// Sign and side of a body in a row's contact; `None` for other bodies.
     pub fn side(&self, row: usize, who: BodyId) -> Option<(f64, usize)> {
         let side = self.contact(row).0.on.iter().position(|on| *on == who)?;
@@ -223,8 +228,8 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// `|λᵀ W λ|`, N·m: a `W` of loosely solved columns may be negative along some forces, and along those a change counts as along others.
+/// `λᵀ W λ`, N·m; 0 along forces for which a `W` of loosely solved columns is negative.
 pub(super) fn energy(w: &[f64], lambda: &[f64]) -> f64 {
     let rows = w.chunks_exact(lambda.len().max(1)).zip(lambda);
-    rows.map(|(line, l)| l * line.iter().zip(lambda).map(|(w, m)| w * m).sum::<f64>()).sum::<f64>().abs()
+    rows.map(|(line, l)| l * line.iter().zip(lambda).map(|(w, m)| w * m).sum::<f64>()).sum::<f64>().max(0.0)
 }
