@@ -139,21 +139,18 @@ pub fn contacts(
             *size += normal.length();
         }
     }
-    let normal_at = |node: &u32| {
-        let (sum, size) = normals[node];
-        if sum.length() > LEAST_NORMAL * size { sum.normalize_or_zero() } else { DVec3::ZERO }
+    let unit = |(node, (sum, size)): (u32, (DVec3, f64))| {
+        (node, if sum.length() > LEAST_NORMAL * size { sum.normalize_or_zero() } else { DVec3::ZERO })
     };
+    let normals: BTreeMap<u32, DVec3> = normals.into_iter().map(unit).collect();
     // faces in ascending order of x, so that those near a node follow each other
     placed.sort_by(|a, b| a.low.x.total_cmp(&b.low.x).then(a.nodes.cmp(&b.nodes)));
     let widest = placed.iter().map(|face| face.high.x - face.low.x).fold(0.0, f64::max);
     let reach = placed.iter().map(|face| face.diagonal).fold(alarm, f64::max);
     let mut out = vec![];
     let mut met = BTreeSet::new();
-    for node in normals.keys().filter(|node| free(**node)) {
-        let ([at, rest], own) = (position(*node), normal_at(node));
-        if own == DVec3::ZERO {
-            continue;
-        }
+    for (node, own) in normals.iter().filter(|(node, own)| free(**node) && **own != DVec3::ZERO) {
+        let ([at, rest], own) = (position(*node), *own);
         let first = placed.partition_point(|face| face.low.x < at.x - reach - widest);
         let mut best: Option<(f64, Contact)> = None;
         for face in placed[first..].iter().take_while(|face| face.low.x < at.x + reach) {
@@ -163,7 +160,7 @@ pub fn contacts(
                 continue;
             }
             let weights = face.nearest(at);
-            let outward: DVec3 = face.nodes.iter().zip(weights).map(|(node, w)| normal_at(node) * w).sum();
+            let outward: DVec3 = face.nodes.iter().zip(weights).map(|(node, w)| normals[node] * w).sum();
             let away = at - mix(&face.now, weights);
             let distance = away.length();
             let Some(normal) = (outward - own).try_normalize() else { continue };

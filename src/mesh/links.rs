@@ -40,6 +40,12 @@ impl Links {
         self.sides[link].map(|side| side as usize / 4)
     }
 
+    /// Tetrahedron on the other side of a face.
+    pub fn beyond(&self, e: usize, opposite: usize) -> Option<usize> {
+        let [a, b] = self.ends(self.over(e, opposite)?);
+        Some(if a == e { b } else { a })
+    }
+
     /// Size of the arrays, bytes.
     pub fn bytes(&self) -> usize {
         size_of_val(&self.sides[..]) + size_of_val(&self.of_face[..])

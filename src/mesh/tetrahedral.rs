@@ -151,9 +151,8 @@ impl TetrahedralParts {
 
     /// Tetrahedron beyond a face that an intact link joins.
     pub fn beyond(&self, e: usize, opposite: usize) -> Option<usize> {
-        let link = self.of.links.over(e, opposite).filter(|link| !self.severed[*link])?;
-        let [a, b] = self.of.links.ends(link);
-        Some(if a == e { b } else { a }).filter(|other| self.present[*other])
+        self.of.links.over(e, opposite).filter(|link| !self.severed[*link])?;
+        self.of.links.beyond(e, opposite).filter(|other| self.present[*other])
     }
 
     /// Tetrahedra that intact links join to one over faces that hold all of some of its nodes, up to a number of them; sorted.

@@ -72,10 +72,7 @@ impl Unstructured {
             corners.iter().for_each(|id| around[*id as usize] += 0.25 * mesh.volume(e));
         }
         let links = Links::new(mesh);
-        let beyond = |e: usize, opposite: usize| {
-            let [a, b] = links.ends(links.over(e, opposite)?);
-            Some(if a == e { b } else { a })
-        };
+        let beyond = |e: usize, opposite: usize| links.beyond(e, opposite);
         let outward =
             |e: usize, opposite: usize| (formats::Face([0; 3], (4 * e + opposite) as u64).outward(tetrahedra), false);
         let outside = Outside::found(mesh, |_| true, beyond, outward);

@@ -10,9 +10,7 @@ pub(super) use known::Known;
 pub use start::{needs, start};
 
 use super::{Part, StepReport};
-use crate::backend::{
-    Backend, CORRECTION, CpuBackend, Device, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target,
-};
+use crate::backend::{Backend, CORRECTION, Device, FREE, GpuBackend, Query, Snapshot, SolveRequest, Target, on_cpu};
 use crate::bodies::{self, Model, Solved, Totals, Wound, law_residual, out_of_balance, residual};
 use crate::collide::broad::Boxes;
 use crate::collide::lips::Faces;
@@ -193,8 +191,7 @@ impl Body {
         let (cap, floor) = (scene.solver.max_iterations, scene.solver.floor);
         let backend: Box<dyn Backend> = match gpu {
             Some(gpu) => Box::new(GpuBackend::new(gpu.clone(), &model, needs, cap, floor, &start)?),
-            None if single => Box::new(CpuBackend::<f32>::new(&model, needs, cap, floor, &start)),
-            None => Box::new(CpuBackend::<f64>::new(&model, needs, cap, floor, &start)),
+            None => on_cpu(single, &model, needs, cap, floor, &start),
         };
         // a floating body falls, and its columns take a tighter tolerance
         let part = scene.time.part();
