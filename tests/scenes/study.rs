@@ -339,16 +339,6 @@ fn a_step_that_is_not_listed_is_compared_at_the_same_times() {
 }
 
 #[test]
-fn longer_steps_are_ranked_by_the_time_that_they_cover() {
-    let axes = "[study]\nprobes = [\"top\"]\nsteps_ms = [4.0, 0.5]\nreference_grid = 1\n";
-    studied("ranked", &with(axes), false, |study, _| {
-        let marked = |step: f64| study.rows.iter().any(|r| r.pareto && r.setting.step == step);
-        // eight short steps take longer than a long one, whatever the clock says of each
-        assert!(marked(4e-3) && marked(0.5e-3), "{:?}", study.rows);
-    });
-}
-
-#[test]
 fn what_cannot_run_is_told_and_the_rest_is_kept() {
     let axes =
         "[study]\nprobes = [\"top\"]\nintegrators = [\"implicit_euler\", \"symplectic_euler\"]\nreference_grid = 1\n";

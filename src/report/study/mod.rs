@@ -397,4 +397,16 @@ mod tests {
         let marked: Vec<bool> = rows.iter().map(|r| r.pareto).collect();
         assert_eq!(marked, [true, true, false, false, false]);
     }
+
+    #[test]
+    fn longer_steps_are_ranked_by_the_time_that_they_cover() {
+        // as long a step for the clock: the longer one covers more of the scene, with a larger error
+        let mut rows = [row(1.0, Some(0.2)), row(1.0, Some(0.1))];
+        rows[0].setting.step = 8.0 * rows[1].setting.step;
+        mark_front(&mut rows);
+        assert!(rows[0].pareto && rows[1].pareto);
+        rows[0].setting.step = rows[1].setting.step;
+        mark_front(&mut rows);
+        assert!(!rows[0].pareto && rows[1].pareto);
+    }
 }
