@@ -12,6 +12,10 @@
 //! In a grid, contact, loads and probes see the faces of the cells, whose shape functions share the tetrahedra's nodes, and masses are those
 //! of the cells. Of a mesh they see the triangles of its outside, and each tetrahedron gives its corners a quarter of its mass.
 
+//! A probe of a strain or stress is of the tetrahedra that contain its point, by volume: the strain is that of their own deformation gradients,
+//! the stress the one that their forces come from ([`Arrays::strains_and_stresses`]), of smoothed elements the means over edges and nodes.
+//! A probe of a reaction takes the passes of the whole body on the host, once a step.
+
 pub mod cpu;
 mod cut;
 mod gpu;
@@ -19,7 +23,7 @@ pub mod operator;
 
 use super::gpu::{Maker, Recorded};
 use super::{
-    Elements, Holds, Kind, Mechanics, Model, Moved, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound,
+    Elements, Holds, Kind, Mechanics, Model, Moved, Place, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound,
 };
 use crate::bodies::grid::element;
 use crate::bodies::grid::local::beyond;
@@ -29,9 +33,7 @@ use crate::kernels::cut::Hit;
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, V3, V4};
 use crate::mesh::{EDGES, Grid, PER_CELL};
-use crate::scene::{
-    Cut, Element, Integrator, Law, Layer, Mass, PRECONDITIONER, Preconditioner, ProbeKind, Scene, Skin,
-};
+use crate::scene::{Cut, Element, Integrator, Law, Layer, Mass, PRECONDITIONER, Preconditioner, Scene, Skin};
 use operator::{Arrays, is_removed};
 
 /// Arrays of a body of tetrahedra.
@@ -59,12 +61,6 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
     let skin = &scene.skins[body];
     let of_key = |key, what, fix| Err(Refused::Tetrahedra { key, what, fix }.into());
     let refuse = |what, fix| of_key("", what, fix);
-    let of_cells = |kind: &ProbeKind| match kind {
-        ProbeKind::Reaction { body: of, .. }
-        | ProbeKind::Strain { body: of, .. }
-        | ProbeKind::Stress { body: of, .. } => *of == body,
-        _ => false,
-    };
     match scene.solver.preconditioner {
         Preconditioner::None | Preconditioner::Jacobi | Preconditioner::Block => {}
         _ => return of_key(PRECONDITIONER, "this preconditioner", "take \"block\""),
@@ -82,12 +78,6 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
         return refuse(
             "a blade on those of a grid",
             "give the body a `mesh`, whose tetrahedra it cuts, or take a tool without one",
-        );
-    }
-    if scene.probes.iter().any(|probe| of_cells(&probe.kind)) {
-        return refuse(
-            "a probe of a reaction, strain or stress",
-            "probe displacements or the tools' forces, or save the field by [output] fields",
         );
     }
     Ok(())
@@ -247,7 +237,13 @@ impl Mechanics for Tetrahedra {
         vec![]
     }
 
-    /// Of the whole body, since the volume at a node depends on nodes two elements away: scenes that ask for fewer nodes are refused.
+    /// Of smoothed elements three elements away: a pressure is a mean over volume strains, these are means over their nodes', and those over
+    /// the tetrahedra around.
+    fn reached(&self, _: &Model, wound: &Wound, nodes: &[u32]) -> Vec<u32> {
+        self.now(wound).reached(nodes.to_vec(), if self.smoothed { 3 } else { 1 })
+    }
+
+    /// By the passes over the whole body, in which nodes that were not asked for do not count.
     fn forces_at(&self, model: &Model, wound: &Wound, nodes: &[u32], moved: &Moved) -> Vec<[f64; 3]> {
         let (u, v): (Vec<_>, Vec<_>) =
             (0..model.node_count()).map(moved).map(|[u, v]| (u.pad(0.0), v.pad(0.0))).unzip();
@@ -265,7 +261,36 @@ impl Mechanics for Tetrahedra {
     }
 
     fn strain_and_stress(&self, _: &Model, _: usize, _: &[V3<f64>; 8], _: [f64; 3]) -> [M3<f64>; 2] {
-        unreachable!("scenes with probes of strain and stress in tetrahedra are refused")
+        unreachable!("tetrahedra have those of their own places")
+    }
+
+    fn places(&self, model: &Model, wound: &Wound, point: [f64; 3]) -> Vec<Place> {
+        let at = V3::of([0, 1, 2].map(|n| point[n] + model.position[n]));
+        let layer = |e: usize| model.grid.tetrahedron_layer(e);
+        let mut places = self.now(wound).places(&wound.rest, at);
+        let upper = places.iter().map(|(e, _)| layer(*e)).max();
+        places.retain(|(e, _)| Some(layer(*e)) == upper);
+        places
+    }
+
+    /// Of smoothed elements two elements away from the corners.
+    fn reached_from(&self, _: &Model, wound: &Wound, places: &[Place]) -> Vec<u32> {
+        let arrays = self.now(wound);
+        let corners = places.iter().flat_map(|(e, _)| arrays.corners[*e]).collect();
+        arrays.reached(corners, if self.smoothed { 2 } else { 0 })
+    }
+
+    /// Means by volume: at a node those over the tetrahedra around it.
+    fn strain_and_stress_at(&self, model: &Model, wound: &Wound, places: &[Place], moved: &Moved) -> [M3<f64>; 2] {
+        let arrays = self.now(wound);
+        let u: Vec<V4<f64>> = (0..model.node_count()).map(|node| moved(node)[0].pad(0.0)).collect();
+        let all = arrays.strains_and_stresses(&u, self.corotational);
+        let volume: f64 = places.iter().map(|(e, _)| arrays.volume(*e)).sum();
+        let mean = |k: usize| {
+            let add = |sum, (e, _): &Place| sum + all[*e][k] * (arrays.volume(*e) / volume);
+            places.iter().fold(M3::zero(), add)
+        };
+        [0, 1].map(mean)
     }
 
     /// Of a cell of a grid the means over its tetrahedra.

@@ -5,6 +5,7 @@
 //! removed tetrahedron stays in its arrays, with one node as all of its corners, without gradients, volume or moduli, and in no list: it
 //! takes part in every pass and adds nothing.
 
+use crate::bodies::Place;
 use crate::bodies::grid::element::green_lagrange;
 use crate::kernels::tetrahedra::{deviator, displacement_gradient, matrix};
 use crate::kernels::{
@@ -22,6 +23,9 @@ pub use crate::kernels::tetrahedra::{Arrays, Changes};
 
 /// Tetrahedron: corners in positive orientation, layer.
 pub type Tetrahedron = ([u32; 4], usize);
+
+/// Part of a height by which a point may lie outside a tetrahedron that contains it: twice that by which a scene's may lie outside a mesh.
+const OUTSIDE: f64 = 2e-6;
 
 /// Volume, m³, and modulus, Pa, of a domain that is not in use: without a modulus it has no stress.
 const UNUSED: [f64; 2] = [1.0, 0.0];
@@ -223,6 +227,26 @@ impl Arrays<f64> {
     /// Volume of a tetrahedron, m³.
     pub fn volume(&self, e: usize) -> f64 {
         self.gradients[3 * e][3]
+    }
+
+    /// Nodes and those of as many rings of tetrahedra around them, in ascending order.
+    pub fn reached(&self, nodes: Vec<u32>, rings: usize) -> Vec<u32> {
+        let mut all: BTreeSet<u32> = nodes.into_iter().collect();
+        for _ in 0..rings {
+            all = all.iter().flat_map(|i| self.around(*i as usize)).flat_map(|(e, _)| self.corners[e]).collect();
+        }
+        all.into_iter().collect()
+    }
+
+    /// Tetrahedra that contain a rest position, with the weights of their corners 1 to 3 there; `rest` `[node]` m.
+    pub fn places(&self, rest: &[[f64; 3]], at: V3<f64>) -> Vec<Place> {
+        let inside = |(e, corners): (usize, &[u32; 4])| {
+            let from = at - V3::of(rest[corners[0] as usize]);
+            let weights = matrix(&self.gradients, e).0.map(|gradient| gradient.dot(from));
+            let least = weights.iter().fold(1.0 - weights.iter().sum::<f64>(), |least, weight| least.min(*weight));
+            (least >= -OUTSIDE && !is_removed(corners)).then_some((e, weights))
+        };
+        self.corners.iter().enumerate().filter_map(inside).collect()
     }
 
     /// Gradient of the shape function of a corner, 1/m.
