@@ -342,11 +342,11 @@ impl Model {
                 springs::check(scene, body)?;
                 Kind::Springs(Box::default())
             }
-            Law::Fem { .. } if skin.law.is_tetrahedral() => {
+            Law::Fem { .. } | Law::LargeTetra { .. } if skin.law.is_tetrahedral() => {
                 tetrahedra::check(scene, body)?;
                 Kind::Tetrahedra(Box::new(Tetrahedra::new(scene, body)))
             }
-            Law::Fem { .. } | Law::Hyperelastic(_) => {
+            Law::Fem { .. } | Law::Hyperelastic(_) | Law::LargeTetra { .. } => {
                 Kind::Hexahedra(Box::new(Hexahedra::new(scene, body, &grid, extra_columns)))
             }
         };

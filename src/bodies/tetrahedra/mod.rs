@@ -1,5 +1,5 @@
 //! Linear tetrahedra: of a mesh file, or six to each cell of a grid, with the same nodes ([`Grid::tetrahedra`]). Smoothed elements, which do
-//! not lock, and plain ones, which do ([`crate::kernels::tetrahedra`]).
+//! not lock, and plain ones, which do ([`crate::kernels::tetrahedra`]), of small strains or a hyperelastic law ([`law`]).
 //!
 //! Error of the skin block's centre displacement on 20×20×5 cells (tests/verify/tetrahedra.rs), %, at ν 0.45, 0.49, 0.499:
 //! smoothed +9, +7, −2; plain −26, −54, −88. Hexahedra of mean dilatation have +2, +2, +1. Error of the force on the probe of
@@ -14,27 +14,31 @@
 
 //! A probe of a strain or stress is of the tetrahedra that contain its point, by volume: the strain is that of their own deformation gradients,
 //! the stress the one that their forces come from ([`Arrays::strains_and_stresses`]), of smoothed elements the means over edges and nodes.
+//! On the linear skin block at ν 0.49 the root mean square of their errors inside is 38 % of 20×20×5 cells and 18 % of 40×40×8 for strains, 22 and
+//! 16 % for stresses (against hexahedra of mean dilatation; strains by the stresses' means would have 17 and 11 %).
 //! A probe of a reaction takes the passes of the whole body on the host, once a step.
 
 pub mod cpu;
 mod cut;
 mod gpu;
+pub mod law;
 pub mod operator;
 
 use super::gpu::{Maker, Recorded};
 use super::{
     Elements, Holds, Kind, Mechanics, Model, Moved, Place, Refused, Removal, Segments, Snapshot, Solved, Stays, Wound,
 };
-use crate::bodies::grid::element;
 use crate::bodies::grid::local::beyond;
+use crate::bodies::grid::{constants, element};
 use crate::error::Result;
 use crate::gpu::Buffer;
 use crate::kernels::cut::Hit;
+use crate::kernels::hyperelastic::STIFFENED;
 use crate::kernels::{GROUP, Params};
 use crate::math::{M3, V3, V4};
 use crate::mesh::{EDGES, Grid, PER_CELL};
-use crate::scene::{Cut, Element, Integrator, Law, Layer, Mass, PRECONDITIONER, Preconditioner, Scene, Skin};
-use operator::{Arrays, is_removed};
+use crate::scene::{Cut, Element, Integrator, Law, Layer, Mass, Material, PRECONDITIONER, Preconditioner, Scene, Skin};
+use operator::{Arrays, For, is_removed};
 
 /// Arrays of a body of tetrahedra.
 #[derive(Clone, Debug, Default)]
@@ -45,6 +49,8 @@ pub struct Tetrahedra {
     pub corotational: bool,
     /// Smoothed elements; otherwise plain ones.
     pub smoothed: bool,
+    /// Hyperelastic law; none of small strains.
+    pub law: Option<Material>,
     /// Nodes reserved for those that a cut duplicates.
     pub reserve: usize,
     /// Whether the scene has tools that may cut or carve the body.
@@ -67,6 +73,9 @@ pub(super) fn check(scene: &Scene, body: usize) -> Result<()> {
     }
     if scene.time.integrator == Integrator::SymplecticEuler {
         return refuse("integrator = \"symplectic_euler\"", "take \"implicit_euler\"");
+    }
+    if let Law::LargeTetra { material: Material::Holzapfel, .. } = skin.law {
+        return refuse("law = \"holzapfel\"", "take \"neo_hookean\"");
     }
     if skin.mass == Mass::Consistent {
         return refuse("mass = \"consistent\"", "take \"lumped\"");
@@ -96,13 +105,14 @@ impl Tetrahedra {
     /// Without the arrays of the grid's size.
     pub(super) fn new(scene: &Scene, body: usize) -> Self {
         let skin = &scene.skins[body];
-        let (smoothed, corotational) = match skin.law {
-            Law::Fem { element, corotational } => (element == Element::Tetra, corotational),
-            _ => (true, true),
+        let (smoothed, corotational, law) = match skin.law {
+            Law::Fem { element, corotational } => (element == Element::Tetra, corotational, None),
+            Law::LargeTetra { material, element } => (element == Element::Tetra, true, Some(material)),
+            _ => (true, true, None),
         };
         let (reserve, can_change) = (reserve(scene, skin), skin.mesh.is_some() && !scene.tools.is_empty());
         let density = skin.layers.iter().map(|layer| layer.density).collect();
-        Self { arrays: Arrays::default(), corotational, smoothed, reserve, can_change, density }
+        Self { arrays: Arrays::default(), corotational, smoothed, law, reserve, can_change, density }
     }
 
     /// Fills the arrays: `rest` has the nodes of the grid or of its mesh, m.
@@ -114,13 +124,20 @@ impl Tetrahedra {
                 [lambda + 2.0 / 3.0 * mu, mu]
             })
             .collect();
-        self.arrays = Arrays::new(rest, &grid.tetrahedra(), &moduli, self.smoothed);
+        self.arrays = match self.law {
+            None => Arrays::new(rest, &grid.tetrahedra(), &moduli, self.smoothed),
+            Some(material) => {
+                let laws: Vec<V4<f64>> = layers.iter().map(|layer| constants(material, layer)).collect();
+                Arrays::hyperelastic(rest, &grid.tetrahedra(), &laws, self.smoothed)
+            }
+        };
         self.arrays.reserve(self.reserve, EDGES * self.reserve);
     }
 
     /// Number of domains of the deviator: edges, once per material, with the room for those that cuts divide; none of plain elements.
     pub(super) fn domain_count(&self, grid: &Grid) -> usize {
         match self.smoothed {
+            false if self.law.is_some() => grid.tetrahedron_count(),
             false => 0,
             // a model of sizes has no arrays
             true if self.arrays.shear.is_empty() => grid.tetrahedron_edges() + EDGES * self.reserve,
@@ -183,7 +200,7 @@ impl Mechanics for Tetrahedra {
     }
 
     fn corotational(&self) -> u32 {
-        u32::from(self.corotational)
+        if self.law.is_some() { STIFFENED } else { u32::from(self.corotational) }
     }
 
     fn product_groups(&self, model: &Model) -> usize {
@@ -199,9 +216,12 @@ impl Mechanics for Tetrahedra {
         // corners and gradients; lists of the nodes, 1/volume and block
         let of_elements = size_of::<[u32; 4]>() + 3 * size_of::<V4<f64>>() + 4 * size_of::<u32>();
         let of_nodes = size_of::<u32>() + size_of::<f64>() + 2 * size_of::<V4<f64>>();
-        let own = count * of_elements + nodes * of_nodes + size_of::<u32>();
+        let laws = if self.law.is_some() { model.shape.len() * size_of::<V4<f64>>() } else { 0 };
+        let own = count * of_elements + nodes * of_nodes + size_of::<u32>() + laws;
         if !self.smoothed {
-            return own;
+            // domains and patches of a hyperelastic law: volume and modulus, lists; patches, lists, 1/volume
+            let more = count * (size_of::<[f64; 3]>() + 14 * size_of::<u32>()) + 2 * size_of::<u32>();
+            return own + if self.law.is_some() { more } else { 0 };
         }
         // lists of the domains, both ways; volume and modulus
         let lists = count * 12 * size_of::<u32>() + size_of::<u32>();
@@ -213,7 +233,7 @@ impl Mechanics for Tetrahedra {
     }
 
     fn linearised(&self, _: &Model) -> bool {
-        false
+        self.law.is_some()
     }
 
     fn forces_and_product(
@@ -226,10 +246,30 @@ impl Mechanics for Tetrahedra {
         let zeros = vec![[0.0; 4]; at.len()];
         let (mut f, mut w) = (zeros.clone(), zeros);
         let arrays = self.arrays.by_corners(&solved.start.split);
-        let rotations = arrays.rotations(&solved.start.u, self.corotational);
+        let mut params = model.params::<f64>();
+        let rotations = match self.law {
+            None => arrays.rotations(&solved.start.u, self.corotational),
+            Some(_) if solved.exact => arrays.linearised(&solved.start.u, For::Damping),
+            Some(_) => arrays.linearised(&solved.start.u, For::Steps(params.stiffness_factor)),
+        };
         let scratch = &mut arrays.scratch();
         arrays.forces(at, &rotations, &mut f, scratch);
-        arrays.system_product(&model.params(), in_system, &solved.dx, &rotations, &mut w, scratch);
+        // damping alone, and the change of the law's own forces
+        let exact = self.law.is_some() && solved.exact;
+        if exact {
+            params.stiffness_factor -= model.step.elastic_at();
+        }
+        arrays.system_product(&params, in_system, &solved.dx, &rotations, &mut w, scratch);
+        if exact {
+            let elastic_at = solved.elastic_at.unwrap_or(model.step.elastic_at());
+            let moved = |(u, d): (&V4<f64>, &V4<f64>)| std::array::from_fn(|n| u[n] + elastic_at * d[n]);
+            let end: Vec<V4<f64>> = solved.start.u.iter().zip(&solved.dx).map(moved).collect();
+            let mut after = f.clone();
+            arrays.forces(&end, &rotations, &mut after, scratch);
+            for (((sum, after), before), free) in w.iter_mut().zip(&after).zip(&f).zip(&solved.start.free) {
+                (0..3).for_each(|n| sum[n] += (after[n] - before[n]) * free[n]);
+            }
+        }
         [f, w]
     }
 
@@ -248,7 +288,10 @@ impl Mechanics for Tetrahedra {
         let (u, v): (Vec<_>, Vec<_>) =
             (0..model.node_count()).map(moved).map(|[u, v]| (u.pad(0.0), v.pad(0.0))).unzip();
         let arrays = self.now(wound);
-        let rotations = arrays.rotations(&u, self.corotational);
+        let rotations = match self.law {
+            None => arrays.rotations(&u, self.corotational),
+            Some(_) => arrays.linearised(&u, For::Damping),
+        };
         let (mut f, mut damping) = (vec![[0.0; 4]; u.len()], vec![[0.0; 4]; u.len()]);
         let scratch = &mut arrays.scratch();
         arrays.forces(&u, &rotations, &mut f, scratch);
@@ -321,7 +364,7 @@ impl Mechanics for Tetrahedra {
     }
 
     fn beyond_law(&self, _: usize, gradient: M3<f64>) -> bool {
-        beyond(gradient - M3::identity(), self.corotational)
+        self.law.is_none() && beyond(gradient - M3::identity(), self.corotational)
     }
 
     fn stays<'a>(&'a self, _: &'a Model, _: &'a [V4<f64>], split: &[u32], _: &'a [V4<f64>]) -> Stays<'a> {
